@@ -1,0 +1,168 @@
+//! Cost points, dominance, and the Pareto frontier of one camera with its two binary searches.
+//!
+//! Wang et al. 2016, equations 3.2 and 3.3, section 3.4.1.
+
+use bevy::reflect::Reflect;
+use serde::{Deserialize, Serialize};
+
+use crate::knobs::RenderSettings;
+use crate::units::Watts;
+
+/// What settings cost at one camera.
+#[derive(Clone, Copy, Debug, PartialEq, Reflect, Serialize, Deserialize)]
+pub struct CostPoint {
+    /// Power at the target frame rate.
+    pub power: Watts,
+    /// 1 − SSIM against the same camera at the best settings: 0 is equal, 1 has nothing in common, 2 is the worst possible.
+    pub error: f64,
+}
+
+impl CostPoint {
+    /// A cost point.
+    pub const fn new(power_w: f64, error: f64) -> Self {
+        Self { power: Watts(power_w), error }
+    }
+
+    /// Whether both numbers can be compared.
+    pub fn is_finite(self) -> bool {
+        self.power.0.is_finite() && self.error.is_finite()
+    }
+
+    /// Whether this is better in one and at least as good in the other (Wang et al. 2016, section 3.4.1). NaN dominates nothing.
+    pub fn dominates(self, other: Self) -> bool {
+        (self.power <= other.power && self.error < other.error) || (self.power < other.power && self.error <= other.error)
+    }
+}
+
+/// Settings with what they cost.
+#[derive(Clone, Copy, Debug, PartialEq, Reflect, Serialize, Deserialize)]
+pub struct FrontierPoint {
+    /// The settings.
+    pub settings: RenderSettings,
+    /// Their power and error.
+    pub cost: CostPoint,
+}
+
+/// Settings none of which is beaten in both power and error: power strictly rises, error strictly falls.
+#[derive(Clone, Debug, Default, PartialEq, Reflect)]
+pub struct Frontier {
+    points: Vec<FrontierPoint>,
+}
+
+impl Frontier {
+    /// The frontier of any points. Those that are not finite, and all but one of equal cost, are dropped.
+    pub fn from_points(points: impl IntoIterator<Item = FrontierPoint>) -> Self {
+        let mut points: Vec<_> = points.into_iter().filter(|point| point.cost.is_finite()).collect();
+        // Equal costs keep the smallest settings, so that the result does not depend on the order of the input.
+        points.sort_by(|a, b| {
+            let cost = a.cost.power.0.total_cmp(&b.cost.power.0).then(a.cost.error.total_cmp(&b.cost.error));
+            cost.then(a.settings.cmp(&b.settings))
+        });
+        let mut least_error = f64::INFINITY;
+        points.retain(|point| {
+            let better = point.cost.error < least_error;
+            if better {
+                least_error = point.cost.error;
+            }
+            better
+        });
+        Self { points }
+    }
+
+    /// The points, cheapest first.
+    pub fn points(&self) -> &[FrontierPoint] {
+        &self.points
+    }
+
+    /// Whether nothing is known of this camera.
+    pub fn is_empty(&self) -> bool {
+        self.points.is_empty()
+    }
+
+    /// The least error with power at most `budget`: `None` where nothing is that cheap, or `budget` is NaN.
+    pub fn least_error_within(&self, budget: Watts) -> Option<&FrontierPoint> {
+        let within = self.points.partition_point(|point| point.cost.power <= budget);
+        self.points[..within].last()
+    }
+
+    /// The least power with error at most `budget`: `None` where nothing is that good, or `budget` is NaN.
+    pub fn least_power_within(&self, budget: f64) -> Option<&FrontierPoint> {
+        if budget.is_nan() {
+            return None;
+        }
+        let worse = self.points.partition_point(|point| point.cost.error > budget);
+        self.points.get(worse)
+    }
+
+    /// The area that the frontier dominates, bounded by `reference`, in watts (error has no unit). Larger is better.
+    pub fn hypervolume(&self, reference: CostPoint) -> f64 {
+        let inside = self.points.iter().filter(|p| p.cost.power < reference.power && p.cost.error < reference.error);
+        let mut area = 0.0;
+        let mut error = reference.error;
+        for point in inside {
+            area += (reference.power.0 - point.cost.power.0) * (error - point.cost.error);
+            error = point.cost.error;
+        }
+        area
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn point(bits: u64, power: f64, error: f64) -> FrontierPoint {
+        FrontierPoint { settings: RenderSettings::from_bits(bits), cost: CostPoint::new(power, error) }
+    }
+
+    fn staircase() -> Frontier {
+        Frontier::from_points([
+            point(0, 1.0, 0.5),
+            point(1, 2.0, 0.3),
+            point(2, 2.5, 0.3), // beaten
+            point(3, 4.0, 0.0),
+            point(4, f64::NAN, 0.0),
+            point(5, 3.0, f64::NAN),
+            point(6, f64::INFINITY, 0.0),
+        ])
+    }
+
+    #[test]
+    fn beaten_and_non_finite_points_are_dropped() {
+        let kept: Vec<_> = staircase().points().iter().map(|p| p.settings.bits()).collect();
+        assert_eq!(kept, [0, 1, 3]);
+    }
+
+    #[test]
+    fn both_searches_take_the_best_within_the_budget() {
+        let frontier = staircase();
+        let by_power = |watts| frontier.least_error_within(Watts(watts)).map(|p| p.settings.bits());
+        assert_eq!([0.0, 0.999, 1.0, 3.9, 4.0, f64::INFINITY].map(by_power), [None, None, Some(0), Some(1), Some(3), Some(3)]);
+        assert_eq!([f64::NAN, f64::NEG_INFINITY, -1.0].map(by_power), [None; 3]);
+        let by_error = |error| frontier.least_power_within(error).map(|p| p.settings.bits());
+        assert_eq!([0.0, 0.29, 0.3, 0.5, f64::INFINITY].map(by_error), [Some(3), Some(3), Some(1), Some(0), Some(0)]);
+        assert_eq!([f64::NAN, f64::NEG_INFINITY, -1.0].map(by_error), [None; 3]);
+        assert_eq!(Frontier::default().least_error_within(Watts(1.0)), None);
+        assert_eq!(Frontier::default().least_power_within(1.0), None);
+    }
+
+    #[test]
+    fn hypervolume_of_a_staircase_is_the_area_of_its_steps() {
+        // (5 - 1) * 0.5 + (5 - 2) * 0.2 + (5 - 4) * 0.3 with the reference at (5, 1).
+        let area = staircase().hypervolume(CostPoint::new(5.0, 1.0));
+        assert!((area - (4.0 * 0.5 + 3.0 * 0.2 + 1.0 * 0.3)).abs() < 1e-12, "{area}");
+        // A reference that cuts points off counts only what is inside.
+        let area = staircase().hypervolume(CostPoint::new(3.0, 0.4));
+        assert!((area - (3.0 - 2.0) * 0.1).abs() < 1e-12, "{area}");
+    }
+
+    #[test]
+    fn dominance_is_strict_and_ignores_nan() {
+        let a = CostPoint::new(1.0, 0.1);
+        assert!(!a.dominates(a));
+        assert!(a.dominates(CostPoint::new(1.0, 0.2)));
+        assert!(a.dominates(CostPoint::new(2.0, 0.1)));
+        assert!(!a.dominates(CostPoint::new(0.5, 0.2)));
+        assert!(!CostPoint::new(f64::NAN, 0.0).dominates(a));
+    }
+}

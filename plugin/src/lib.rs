@@ -1,0 +1,7 @@
+//! Power-aware real-time global illumination for Bevy.
+pub mod control;
+pub mod frontier;
+pub mod gi;
+pub mod knobs;
+pub mod power;
+pub mod units;

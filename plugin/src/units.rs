@@ -1,0 +1,46 @@
+//! Physical units that the public interface speaks in, as types, so that watts and joules cannot be mixed up.
+
+use std::fmt;
+use std::ops::{Add, Div, Mul, Sub};
+
+use bevy::reflect::Reflect;
+use serde::{Deserialize, Serialize};
+
+/// Power, in watts (J/s). Finite and non-negative where it is a reading; a budget may be infinite.
+#[derive(Clone, Copy, Debug, Default, PartialEq, PartialOrd, Reflect, Serialize, Deserialize)]
+#[serde(transparent)]
+pub struct Watts(pub f64);
+
+/// Energy, in joules.
+#[derive(Clone, Copy, Debug, Default, PartialEq, PartialOrd, Reflect, Serialize, Deserialize)]
+#[serde(transparent)]
+pub struct Joules(pub f64);
+
+impl Joules {
+    /// Mean power when this energy is spent in `seconds`. Not finite when `seconds` is zero.
+    pub fn per_seconds(self, seconds: f64) -> Watts {
+        Watts(self.0 / seconds)
+    }
+}
+
+impl fmt::Display for Watts {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{:.*} W", f.precision().unwrap_or(2), self.0)
+    }
+}
+
+impl fmt::Display for Joules {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{:.*} J", f.precision().unwrap_or(2), self.0)
+    }
+}
+
+macro_rules! linear_unit {
+    ($($unit:ident),*) => {$(
+        impl Add for $unit { type Output = Self; fn add(self, other: Self) -> Self { Self(self.0 + other.0) } }
+        impl Sub for $unit { type Output = Self; fn sub(self, other: Self) -> Self { Self(self.0 - other.0) } }
+        impl Mul<f64> for $unit { type Output = Self; fn mul(self, factor: f64) -> Self { Self(self.0 * factor) } }
+        impl Div<f64> for $unit { type Output = Self; fn div(self, divisor: f64) -> Self { Self(self.0 / divisor) } }
+    )*};
+}
+linear_unit!(Watts, Joules);
