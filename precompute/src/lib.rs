@@ -1,1 +1,7 @@
-//! x
+//! The `frugal` tool as a library: scene → stage → measure → search → frontier map, and what reads one back.
+pub mod evaluate;
+pub mod metrics;
+pub mod report;
+pub mod scene;
+pub mod search;
+pub mod subdivide;

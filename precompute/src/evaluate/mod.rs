@@ -1,0 +1,1 @@
+//! Plays a camera path under a budget beside fixed presets.

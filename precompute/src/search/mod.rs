@@ -1,0 +1,3 @@
+//! Finds one camera's Pareto frontier.
+mod evaluator;
+pub use evaluator::{Evaluate, SampleCamera};
