@@ -4,4 +4,5 @@ pub mod frontier;
 pub mod gi;
 pub mod knobs;
 pub mod power;
+pub mod resolution;
 pub mod units;

@@ -1,1 +1,143 @@
-//! gi
+//! Global illumination: one bounce from virtual point lights sampled in reflective shadow maps.
+//!
+//! Dachsbacher and Stamminger 2005 ("Reflective Shadow Maps") for where light arrives, Keller 1997 ("Instant Radiosity") for how it goes on.
+//! Data flows one way:
+//!
+//! | folder | world | job |
+//! |---|---|---|
+//! | [`rsm`](self) | main | keeps a hidden camera per light (and per cube face, and per GI camera for directional lights) |
+//! | `rsm` | render | turns each such camera's G-buffer into texels of position, normal and reflected flux |
+//! | `vpl` | render | draws every GI camera's virtual point lights from those texels |
+//! | `gather` | render | sums the VPLs at a share of the camera's pixels |
+//! | `composite` | render | interpolates along surfaces and adds the reflected light before tone mapping |
+
+mod composite;
+mod gather;
+mod rsm;
+mod settings;
+mod vpl;
+
+use bevy::app::{App, Plugin};
+use bevy::asset::embedded_asset;
+use bevy::camera::Camera3d;
+use bevy::core_pipeline::core_3d::{main_opaque_pass_3d, main_transparent_pass_3d};
+use bevy::core_pipeline::prepass::DeferredPrepass;
+use bevy::core_pipeline::schedule::{Core3d, Core3dSystems};
+use bevy::ecs::prelude::*;
+use bevy::log::warn;
+use bevy::pbr::deferred::deferred_lighting;
+use bevy::pbr::{DefaultOpaqueRendererMethod, main_transmissive_pass_3d};
+use bevy::render::extract_component::{ExtractComponentPlugin, UniformComponentPlugin};
+use bevy::render::renderer::RenderDevice;
+use bevy::render::{GpuResourceAppExt, Render, RenderApp, RenderSystems};
+use bevy::shader::load_shader_library;
+
+pub use composite::GiPixelsGathered;
+pub use rsm::RsmView;
+pub use settings::{FrugalGi, GiLimits, GiOutput, GiPixelFraction};
+
+/// Where GI's passes lie in the `Core3d` schedule, for those who must order theirs.
+#[derive(SystemSet, Clone, Debug, PartialEq, Eq, Hash)]
+pub enum GiSystems {
+    /// In a light's own view: its G-buffer becomes texels. After the prepass, before the main pass.
+    Resolve,
+    /// In a GI camera's view: VPLs are drawn and gathered. After the prepass, before the main pass.
+    Gather,
+    /// In a GI camera's view: indirect light is added to the picture. After opaque meshes, before transmissive and transparent ones.
+    Composite,
+}
+
+/// Adds [`FrugalGi`] to an app, and makes deferred rendering its default.
+///
+/// Every `Camera3d` then gets a `DeferredPrepass`: without one, Bevy draws no deferred mesh to a camera that has no prepass, and panics at one
+/// that has another prepass.
+#[derive(Clone, Debug, Default)]
+pub struct GiPlugin;
+
+impl Plugin for GiPlugin {
+    fn build(&self, app: &mut App) {
+        load_shader_library!(app, "surface.wgsl");
+        load_shader_library!(app, "rsm/texel.wgsl");
+        load_shader_library!(app, "vpl/vpl.wgsl");
+        embedded_asset!(app, "rsm/resolve.wgsl");
+        embedded_asset!(app, "vpl/sample.wgsl");
+        embedded_asset!(app, "gather/gather.wgsl");
+        embedded_asset!(app, "composite/composite.wgsl");
+
+        app.insert_resource(DefaultOpaqueRendererMethod::deferred())
+            .init_resource::<GiLimits>()
+            .register_type::<FrugalGi>()
+            .register_type::<GiLimits>()
+            .register_type::<RsmView>();
+        // Required components cover cameras that are spawned later, too; it must be said before the first camera.
+        if app.try_register_required_components::<Camera3d, DeferredPrepass>().is_err() {
+            warn!("a Camera3d was spawned before GiPlugin was added, or already requires a DeferredPrepass: give every Camera3d one");
+        }
+        app.add_plugins((
+            ExtractComponentPlugin::<FrugalGi>::default(),
+            ExtractComponentPlugin::<RsmView>::default(),
+            ExtractComponentPlugin::<rsm::RsmLight>::default(),
+            UniformComponentPlugin::<rsm::RsmLight>::default(),
+        ));
+        rsm::build(app);
+    }
+
+    fn finish(&self, app: &mut App) {
+        let Some(render_app) = app.get_sub_app_mut(RenderApp) else { return };
+        let Some(device) = render_app.world().get_resource::<RenderDevice>() else { return };
+        let lacking = lacking_limits(&device.limits());
+        if !lacking.is_empty() {
+            warn!("global illumination stays off: this GPU lacks {}", lacking.join(", "));
+            return;
+        }
+        render_app
+            .init_gpu_resource::<rsm::RsmPipelines>()
+            .init_gpu_resource::<rsm::RsmStore>()
+            .init_gpu_resource::<vpl::VplPipelines>()
+            .init_gpu_resource::<gather::GatherPipelines>()
+            .init_gpu_resource::<composite::CompositePipelines>()
+            .configure_sets(
+                Core3d,
+                (
+                    (GiSystems::Resolve, GiSystems::Gather).chain().after(Core3dSystems::Prepass).before(Core3dSystems::MainPass),
+                    // Need the opaque pass to be over: alpha-masked deferred meshes are drawn again in it, over deferred lighting's result.
+                    GiSystems::Composite
+                        .in_set(Core3dSystems::MainPass)
+                        .after(deferred_lighting)
+                        .after(main_opaque_pass_3d)
+                        .before(main_transmissive_pass_3d)
+                        .before(main_transparent_pass_3d),
+                ),
+            )
+            .add_systems(
+                Render,
+                (
+                    rsm::drop_main_phases.in_set(RenderSystems::CreateViews),
+                    (rsm::prepare_store, gather::prepare_cameras).chain().in_set(RenderSystems::PrepareResources),
+                    (composite::prepare_pipelines).in_set(RenderSystems::Prepare),
+                ),
+            )
+            .add_systems(
+                Core3d,
+                (
+                    rsm::resolve.in_set(GiSystems::Resolve),
+                    (vpl::sample, gather::gather).chain().in_set(GiSystems::Gather),
+                    composite::composite.in_set(GiSystems::Composite),
+                ),
+            );
+    }
+}
+
+/// Names of the limits that GI needs and the device is short of.
+fn lacking_limits(limits: &bevy::render::settings::WgpuLimits) -> Vec<&'static str> {
+    let vpl_bytes = u64::from(FrugalGi::MAX_VPL_COUNT) * vpl::VPL_BYTES;
+    [
+        (limits.max_compute_invocations_per_workgroup < 64, "compute workgroups of 64"),
+        (limits.max_storage_buffers_per_shader_stage < 6, "6 storage buffers per stage"),
+        (limits.max_storage_textures_per_shader_stage < 1, "storage textures"),
+        ((limits.max_uniform_buffer_binding_size as u64) < vpl_bytes, "uniform buffers of 48 KiB"),
+    ]
+    .into_iter()
+    .filter_map(|(lacks, name)| lacks.then_some(name))
+    .collect()
+}

@@ -1,0 +1,60 @@
+// Interpolates gathered irradiance along surfaces and adds what each pixel reflects of it: a joint bilateral upsampling (Kopf et al. 2007) by
+// distance from the pixel's tangent plane and by normal.
+
+#import bevy_core_pipeline::fullscreen_vertex_shader::FullscreenVertexOutput
+#import bevy_render::view::View
+#import bevy_frugal_gi::gi::surface::{pixel_position, surface_albedo, surface_normal}
+
+@group(0) @binding(0) var g_buffer: texture_2d<u32>;
+@group(0) @binding(1) var depth_buffer: texture_depth_2d;
+@group(0) @binding(2) var<uniform> view: View;
+@group(0) @binding(3) var irradiance: texture_2d<f32>;
+
+const CELL: vec2<u32> = vec2(#{CELL_WIDTH}u, #{CELL_HEIGHT}u);
+
+fn upsample(pixel: vec2<u32>, size: vec2<u32>, position: vec3<f32>, normal: vec3<f32>) -> vec3<f32> {
+    let cells = textureDimensions(irradiance);
+    // Cell centres lie at `cell * CELL + CELL / 2`.
+    let place = (vec2<f32>(pixel) - vec2<f32>(CELL / 2u)) / vec2<f32>(CELL);
+    let corner = floor(place);
+    let along = place - corner;
+    // One pixel at this distance, in metres: what counts as off the plane grows with it.
+    let reach = length(position - view.world_position);
+    let tolerance = 0.02 * reach + 1e-6;
+    var sum = vec3(0.0);
+    var weights = 0.0;
+    for (var i = 0u; i < 4u; i++) {
+        let offset = vec2(i & 1u, i >> 1u);
+        let cell = vec2<u32>(clamp(vec2<i32>(corner) + vec2<i32>(offset), vec2(0), vec2<i32>(cells) - 1));
+        let other = min(cell * CELL + CELL / 2u, size - 1u);
+        let depth = textureLoad(depth_buffer, other, 0);
+        let away = pixel_position(other, size, max(depth, 1e-30), view.world_from_clip) - position;
+        let off_plane = abs(dot(away, normal)) / tolerance;
+        let alike = max(dot(surface_normal(textureLoad(g_buffer, other, 0)), normal), 0.0);
+        let near = select(1.0 - along, along, offset == vec2(1u));
+        let shared_plane = exp(-off_plane * off_plane) * pow(alike, 8.0);
+        // The small constant picks the nearest cell where none lies on this surface; cells of the sky never count.
+        let weight = select(0.0, near.x * near.y * (shared_plane + 1e-4) + 1e-7, depth > 0.0);
+        sum += weight * textureLoad(irradiance, cell, 0).rgb;
+        weights += weight;
+    }
+    return sum / max(weights, 1e-12);
+}
+
+@fragment
+fn composite(in: FullscreenVertexOutput) -> @location(0) vec4<f32> {
+    let size = textureDimensions(g_buffer);
+    let pixel = min(vec2<u32>(in.position.xy), size - 1u);
+    let depth = textureLoad(depth_buffer, pixel, 0);
+    if depth == 0.0 {
+        return vec4(0.0);
+    }
+    let texel = textureLoad(g_buffer, pixel, 0);
+#ifdef FULL_RESOLUTION
+    let received = textureLoad(irradiance, pixel, 0).rgb;
+#else
+    let position = pixel_position(pixel, size, depth, view.world_from_clip);
+    let received = upsample(pixel, size, position, surface_normal(texel));
+#endif
+    return vec4(received * surface_albedo(texel) * 0.31830987, 0.0);
+}

@@ -1,0 +1,187 @@
+//! The composite: gathered irradiance, interpolated along surfaces, times albedo, added to the picture before tone mapping.
+
+use bevy::asset::{Handle, load_embedded_asset};
+use bevy::core_pipeline::FullscreenShader;
+use bevy::core_pipeline::prepass::ViewPrepassTextures;
+use bevy::ecs::prelude::*;
+use bevy::render::camera::ExtractedCamera;
+use bevy::render::diagnostic::RecordDiagnostics;
+use bevy::render::render_resource::binding_types::{texture_2d, texture_depth_2d, uniform_buffer};
+use bevy::render::render_resource::*;
+use bevy::render::renderer::{RenderContext, ViewQuery};
+use bevy::render::view::{ExtractedView, ViewTarget, ViewUniform, ViewUniformOffset, ViewUniforms};
+use bevy::shader::Shader;
+use bevy::utils::default;
+
+use super::gather::{GiCamera, cell_definitions};
+use super::rsm::RsmStore;
+use super::settings::{FrugalGi, GiOutput, GiPixelFraction};
+
+/// What GI did in the last frame, for diagnostics and tests. A resource of the render world.
+#[derive(Resource, Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct GiPixelsGathered {
+    /// Cameras that gathered.
+    pub cameras: u32,
+    /// VPL–pixel pairs evaluated.
+    pub pairs: u64,
+    /// Bytes of GPU memory that GI holds.
+    pub bytes: u64,
+}
+
+#[derive(Resource)]
+pub(super) struct CompositePipelines {
+    layout: BindGroupLayoutDescriptor,
+    shader: Handle<Shader>,
+    vertex: VertexState,
+}
+
+impl FromWorld for CompositePipelines {
+    fn from_world(world: &mut World) -> Self {
+        let layout = BindGroupLayoutDescriptor::new(
+            "bevy_frugal_gi/composite",
+            &BindGroupLayoutEntries::sequential(
+                ShaderStages::FRAGMENT,
+                (
+                    texture_2d(TextureSampleType::Uint),
+                    texture_depth_2d(),
+                    uniform_buffer::<ViewUniform>(true),
+                    texture_2d(TextureSampleType::Float { filterable: false }),
+                ),
+            ),
+        );
+        world.init_resource::<SpecializedRenderPipelines<CompositePipelines>>();
+        world.init_resource::<GiPixelsGathered>();
+        let vertex = world.resource::<FullscreenShader>().to_vertex_state();
+        Self { layout, vertex, shader: load_embedded_asset!(world, "composite.wgsl") }
+    }
+}
+
+/// What a composite pipeline is compiled for.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub(super) struct CompositeKey {
+    fraction: GiPixelFraction,
+    target_format: TextureFormat,
+}
+
+impl SpecializedRenderPipeline for CompositePipelines {
+    type Key = CompositeKey;
+
+    fn specialize(&self, key: CompositeKey) -> RenderPipelineDescriptor {
+        let mut shader_defs = cell_definitions(key.fraction);
+        if key.fraction == GiPixelFraction::Full {
+            shader_defs.push("FULL_RESOLUTION".into());
+        }
+        let add = BlendComponent { src_factor: BlendFactor::One, dst_factor: BlendFactor::One, operation: BlendOperation::Add };
+        let keep = BlendComponent { src_factor: BlendFactor::Zero, dst_factor: BlendFactor::One, operation: BlendOperation::Add };
+        RenderPipelineDescriptor {
+            label: Some("bevy_frugal_gi/composite".into()),
+            layout: vec![self.layout.clone()],
+            vertex: self.vertex.clone(),
+            fragment: Some(FragmentState {
+                shader: self.shader.clone(),
+                shader_defs,
+                entry_point: Some("composite".into()),
+                targets: vec![Some(ColorTargetState {
+                    format: key.target_format,
+                    blend: Some(BlendState { color: add, alpha: keep }),
+                    write_mask: ColorWrites::ALL,
+                })],
+            }),
+            ..default()
+        }
+    }
+}
+
+/// The pipeline of one camera.
+#[derive(Component)]
+pub(super) struct CompositePipelineId(CachedRenderPipelineId);
+
+pub(super) fn prepare_pipelines(
+    mut commands: Commands,
+    mut specialized: ResMut<SpecializedRenderPipelines<CompositePipelines>>,
+    mut gathered: ResMut<GiPixelsGathered>,
+    pipelines: Res<CompositePipelines>,
+    cache: Res<PipelineCache>,
+    store: Res<RsmStore>,
+    cameras: Query<(Entity, &FrugalGi, &ExtractedView)>,
+    gathering: Query<&GiCamera>,
+) {
+    for (entity, gi, view) in &cameras {
+        let key = CompositeKey { fraction: gi.pixel_fraction, target_format: view.target_format };
+        let pipeline = specialized.specialize(&cache, &pipelines, key);
+        commands.entity(entity).insert(CompositePipelineId(pipeline));
+    }
+    let pairs = gathering.iter().map(|camera| {
+        let size = camera.irradiance.texture.size();
+        u64::from(size.width) * u64::from(size.height) * u64::from(camera.vpl_count)
+    });
+    *gathered = GiPixelsGathered {
+        cameras: gathering.iter().count() as u32,
+        pairs: pairs.sum(),
+        bytes: store.bytes() + gathering.iter().map(GiCamera::bytes).sum::<u64>(),
+    };
+}
+
+/// In a GI camera's view, after opaque meshes.
+pub(super) fn composite(
+    view: ViewQuery<(
+        &FrugalGi,
+        &ExtractedCamera,
+        &ViewTarget,
+        &ViewPrepassTextures,
+        &ViewUniformOffset,
+        &CompositePipelineId,
+        Option<&GiCamera>,
+    )>,
+    pipelines: Res<CompositePipelines>,
+    cache: Res<PipelineCache>,
+    view_uniforms: Res<ViewUniforms>,
+    mut context: RenderContext,
+) {
+    let (gi, camera, target, prepass, view_offset, pipeline, gathered) = view.into_inner();
+    let alone = gi.output == GiOutput::IndirectOnly;
+    let bind_group = (|| {
+        let gathered = gathered?;
+        let entries = BindGroupEntries::sequential((
+            prepass.deferred_view()?,
+            prepass.depth_view()?,
+            view_uniforms.uniforms.binding()?,
+            &gathered.irradiance.default_view,
+        ));
+        let layout = cache.get_bind_group_layout(&pipelines.layout);
+        Some(context.render_device().create_bind_group("bevy_frugal_gi/composite", &layout, &entries))
+    })();
+    let drawn = bind_group.zip(cache.get_render_pipeline(pipeline.0));
+    if drawn.is_none() && !alone {
+        return;
+    }
+    // The fraction may have changed while its pipeline is compiled: cells of another size would be read wrongly.
+    let drawn = drawn.filter(|_| gathered.is_some_and(|gathered| gathered.fraction == gi.pixel_fraction));
+
+    let mut attachment = target.get_color_attachment();
+    if alone {
+        attachment.ops.load = LoadOp::Clear(default());
+    }
+    let diagnostics = context.diagnostic_recorder();
+    let diagnostics = diagnostics.as_deref();
+    let span = diagnostics.time_span(context.command_encoder(), "bevy_frugal_gi/composite");
+    {
+        let mut pass = context.begin_tracked_render_pass(RenderPassDescriptor {
+            label: Some("bevy_frugal_gi/composite"),
+            color_attachments: &[Some(attachment)],
+            depth_stencil_attachment: None,
+            timestamp_writes: None,
+            occlusion_query_set: None,
+            multiview_mask: None,
+        });
+        if let Some((bind_group, pipeline)) = &drawn {
+            if let Some(viewport) = &camera.viewport {
+                pass.set_camera_viewport(viewport);
+            }
+            pass.set_render_pipeline(pipeline);
+            pass.set_bind_group(0, bind_group, &[view_offset.offset]);
+            pass.draw(0..3, 0..1);
+        }
+    }
+    span.end(context.command_encoder());
+}

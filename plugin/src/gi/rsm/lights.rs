@@ -1,0 +1,154 @@
+//! The lights that bounce, and what the shader must know of each.
+
+use bevy::color::{Color, ColorToComponents};
+use bevy::ecs::prelude::*;
+use bevy::light::{DirectionalLight, PointLight, SpotLight};
+use bevy::math::{Quat, Vec3};
+use bevy::render::extract_component::ExtractComponent;
+use bevy::render::render_resource::ShaderType;
+
+/// What `rsm/resolve.wgsl` calls `Light`: one map's light and its place in the store.
+#[derive(Component, ExtractComponent, ShaderType, Clone, Copy, Debug, Default, PartialEq)]
+pub(in crate::gi) struct RsmLight {
+    /// Linear RGB: lux of parallel light, else candela.
+    pub intensity: Vec3,
+    /// m² or sr of a texel.
+    pub texel_measure: f32,
+    /// World space, metres.
+    pub position: Vec3,
+    /// 1/m².
+    pub inverse_range_squared: f32,
+    /// World space, unit length.
+    pub direction: Vec3,
+    /// Spot: attenuation is saturate(cos · scale + offset)².
+    pub cone_scale: f32,
+    /// See `cone_scale`.
+    pub cone_offset: f32,
+    /// First texel in the store.
+    pub texel_offset: u32,
+    /// First row in the store.
+    pub row_offset: u32,
+}
+
+/// A light's emission and shape, without its map.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) enum Emitter {
+    /// Parallel rays.
+    Directional,
+    /// A cone of `outer` radians half angle.
+    Spot {
+        /// Radians.
+        inner: f32,
+        /// Radians, below π/2.
+        outer: f32,
+    },
+    /// All around.
+    Point,
+}
+
+/// A light that bounces.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct BouncingLight {
+    pub entity: Entity,
+    pub emitter: Emitter,
+    /// Linear RGB, lux or candela.
+    pub intensity: Vec3,
+    pub position: Vec3,
+    pub rotation: Quat,
+    /// Metres; infinite where parallel.
+    pub range: f32,
+}
+
+/// Lumens of a point or spot light to candela: Bevy divides both by 4π, so that a spot is as bright in its cone as a point light.
+const CANDELA_PER_LUMEN: f32 = 1.0 / (4.0 * std::f32::consts::PI);
+
+impl BouncingLight {
+    pub fn directional(entity: Entity, light: &DirectionalLight, rotation: Quat) -> Option<Self> {
+        let intensity = linear(light.color) * light.illuminance;
+        Self { entity, emitter: Emitter::Directional, intensity, position: Vec3::ZERO, rotation, range: f32::INFINITY }.sound()
+    }
+
+    pub fn spot(entity: Entity, light: &SpotLight, position: Vec3, rotation: Quat) -> Option<Self> {
+        // As Bevy clamps it.
+        let outer = light.outer_angle.min(std::f32::consts::FRAC_PI_2 - 1e-4);
+        let emitter = Emitter::Spot { inner: light.inner_angle.min(outer), outer };
+        let intensity = linear(light.color) * light.intensity * CANDELA_PER_LUMEN;
+        Self { entity, emitter, intensity, position, rotation, range: light.range }.sound()
+    }
+
+    pub fn point(entity: Entity, light: &PointLight, position: Vec3) -> Option<Self> {
+        let intensity = linear(light.color) * light.intensity * CANDELA_PER_LUMEN;
+        Self { entity, emitter: Emitter::Point, intensity, position, rotation: Quat::IDENTITY, range: light.range }.sound()
+    }
+
+    /// Nothing for a light that is dark, negative or not finite: it costs nothing.
+    fn sound(self) -> Option<Self> {
+        let lit = self.intensity.is_finite() && self.intensity.min_element() >= 0.0 && self.intensity.max_element() > 0.0;
+        let placed = self.position.is_finite() && self.rotation.is_finite() && self.range > 0.0;
+        (lit && placed).then_some(self)
+    }
+
+    /// How much it may light the surroundings of `camera`, in lux at the camera: what lights are ranked by when there are too many.
+    pub fn importance(&self, camera: Vec3) -> f32 {
+        let brightest = self.intensity.max_element();
+        match self.emitter {
+            Emitter::Directional => brightest,
+            _ => brightest / self.position.distance_squared(camera).max(1.0),
+        }
+    }
+
+    /// How many maps it takes.
+    pub fn faces(&self) -> u8 {
+        if self.emitter == Emitter::Point { 6 } else { 1 }
+    }
+
+    /// Texels along the edge of each of its maps when a single one has `resolution`.
+    pub fn resolution(&self, resolution: u32) -> u32 {
+        // Six faces of half the size hold one and a half times the texels, which is fair for six times the directions.
+        if self.emitter == Emitter::Point { (resolution / 2).max(8) } else { resolution }
+    }
+
+    /// `saturate(cos · scale + offset)²` is the cone's attenuation.
+    pub fn cone(&self) -> (f32, f32) {
+        match self.emitter {
+            Emitter::Spot { inner, outer } => {
+                let scale = 1.0 / (inner.cos() - outer.cos()).max(1e-4);
+                (scale, -outer.cos() * scale)
+            }
+            _ => (0.0, 1.0),
+        }
+    }
+
+    /// 1/m², 0 where the range has no end.
+    pub fn inverse_range_squared(&self) -> f32 {
+        (self.range * self.range).recip()
+    }
+}
+
+fn linear(color: Color) -> Vec3 {
+    color.to_linear().to_vec3()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn dark_and_broken_lights_do_not_bounce() {
+        let entity = Entity::PLACEHOLDER;
+        let point = |intensity| BouncingLight::point(entity, &PointLight { intensity, ..Default::default() }, Vec3::ZERO).is_some();
+        assert_eq!([0.0, -1.0, f32::NAN, f32::INFINITY, 1e-20, 1e20].map(point), [false, false, false, false, true, true]);
+        let placed = |position| BouncingLight::point(entity, &PointLight::default(), position).is_some();
+        assert!(!placed(Vec3::NAN) && placed(Vec3::splat(1e6)));
+    }
+
+    #[test]
+    fn a_spot_is_full_inside_and_dark_outside_its_cone() {
+        let light = SpotLight { inner_angle: 0.3, outer_angle: 0.6, ..Default::default() };
+        let light = BouncingLight::spot(Entity::PLACEHOLDER, &light, Vec3::ZERO, Quat::IDENTITY).expect("a lit spot");
+        let (scale, offset) = light.cone();
+        let attenuation = |angle: f32| (angle.cos() * scale + offset).clamp(0.0, 1.0).powi(2);
+        assert!((attenuation(0.3) - 1.0).abs() < 1e-5 && attenuation(0.6) < 1e-5);
+        assert!((0.01..0.99).contains(&attenuation(0.45)));
+    }
+}

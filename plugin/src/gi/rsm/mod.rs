@@ -1,0 +1,39 @@
+//! Reflective shadow maps: what each light sees, as texels of position, normal and reflected flux.
+//!
+//! Options for rendering one: (1) a hidden camera with a deferred prepass; (2) an own phase in an own render-world view; (3) an own phase in
+//! Bevy's shadow views. We use 1: textures, alpha masks, skins, morphs and extended materials come with it, and it needs no shadow map.
+//! Its side effects are kept small: the camera has no clusters, so Bevy gives it no cascades and no light lists, and no main phases.
+
+mod lights;
+mod region;
+mod resolve;
+mod views;
+
+use bevy::app::{App, PostUpdate};
+use bevy::camera::CameraUpdateSystems;
+use bevy::ecs::prelude::*;
+use bevy::reflect::Reflect;
+use bevy::render::extract_component::ExtractComponent;
+
+pub(super) use lights::RsmLight;
+pub(super) use resolve::{RsmPipelines, RsmStore, drop_main_phases, prepare_store, resolve};
+
+/// Marks a hidden camera that renders what a light sees. Filter your own camera queries with `Without<RsmView>` if they mean visible cameras.
+#[derive(Component, ExtractComponent, Reflect, Clone, Copy, Debug, PartialEq, Eq, Hash)]
+#[reflect(Component, Clone, PartialEq, Hash)]
+pub struct RsmView {
+    /// The light.
+    pub light: Entity,
+    /// The GI camera whose surroundings it covers; none where the map serves all cameras.
+    pub camera: Option<Entity>,
+    /// Cube face of a point light, 0 to 5.
+    pub face: u8,
+}
+
+pub(super) fn build(app: &mut App) {
+    app.init_resource::<region::SceneBox>().add_systems(
+        PostUpdate,
+        // Need to come before cameras are updated: sizes, projections and transforms written here are picked up in the same frame.
+        (region::update_scene_box, views::maintain).chain().before(CameraUpdateSystems),
+    );
+}

@@ -1,0 +1,94 @@
+// Turns a light's G-buffer into flux: Dachsbacher and Stamminger 2005, "Reflective Shadow Maps", section 3.1, in photometric units.
+//
+// One pipeline for lights with parallel rays (PARALLEL) and one for those with a position. No control flow depends on a uniform: software
+// Vulkan drivers compile a shader anew for each value of such a uniform.
+
+#import bevy_render::view::View
+#import bevy_frugal_gi::gi::rsm::texel::Texel
+#import bevy_frugal_gi::gi::surface::read_surface
+
+struct Light {
+    /// Parallel: lux. Otherwise candela. Linear RGB.
+    intensity: vec3<f32>,
+    /// World area that a texel covers across the rays (m²), or solid angle of a texel in the middle of the view (sr).
+    texel_measure: f32,
+    /// World space, metres; unused for parallel light.
+    position: vec3<f32>,
+    /// 1/m².
+    inverse_range_squared: f32,
+    /// World space, unit length.
+    direction: vec3<f32>,
+    /// Spot: attenuation is saturate(cos · scale + offset)². Point: 0 and 1.
+    cone_scale: f32,
+    cone_offset: f32,
+    /// First texel of this map in the store.
+    texel_offset: u32,
+    /// First row of this map in the store.
+    row_offset: u32,
+}
+
+@group(0) @binding(0) var g_buffer: texture_2d<u32>;
+@group(0) @binding(1) var depth_buffer: texture_depth_2d;
+@group(0) @binding(2) var<uniform> view: View;
+@group(0) @binding(3) var<uniform> light: Light;
+@group(0) @binding(4) var<storage, read_write> texels: array<Texel>;
+@group(0) @binding(5) var<storage, read_write> texel_cdf: array<f32>;
+@group(0) @binding(6) var<storage, read_write> row_sums: array<f32>;
+
+/// Largest finite f32, with room to add. NaN compares false with everything.
+const LARGEST: f32 = 1e30;
+
+fn is_sound(value: vec3<f32>) -> bool {
+    return all(abs(value) < vec3(LARGEST));
+}
+
+@compute @workgroup_size(8, 8)
+fn resolve(@builtin(global_invocation_id) id: vec3<u32>) {
+    let size = textureDimensions(g_buffer);
+    if any(id.xy >= size) {
+        return;
+    }
+    let depth = textureLoad(depth_buffer, id.xy, 0);
+    let surface = read_surface(textureLoad(g_buffer, id.xy, 0), id.xy, size, depth, view.world_from_clip);
+
+#ifdef PARALLEL
+    let light_flux = light.intensity * light.texel_measure;
+#else
+    let ray = surface.position - light.position;
+    let distance_squared = max(dot(ray, ray), 1e-12);
+    let axis = view.world_from_view[2].xyz;
+    // A texel off the axis is seen smaller by cos³: once for its distance, twice for the tilt of a flat sensor.
+    let cos_axis = max(-dot(ray, axis) * inverseSqrt(distance_squared), 0.0);
+    let cos_cone = dot(ray, light.direction) * inverseSqrt(distance_squared);
+    let cone = saturate(cos_cone * light.cone_scale + light.cone_offset);
+    let range_term = distance_squared * light.inverse_range_squared;
+    let window = saturate(1.0 - range_term * range_term);
+    let light_flux = light.intensity * (light.texel_measure * cos_axis * cos_axis * cos_axis * cone * cone * window * window);
+#endif
+
+    let flux = light_flux * surface.albedo;
+    let lit = depth > 0.0 && is_sound(surface.position) && is_sound(surface.normal) && is_sound(flux);
+    var texel: Texel;
+    texel.position = select(vec3(0.0), surface.position, lit);
+    texel.normal = select(vec3(0.0, 1.0, 0.0), surface.normal, lit);
+    texel.flux = select(vec3(0.0), flux, lit);
+    // Rec. 709.
+    texel.weight = dot(texel.flux, vec3(0.2126, 0.7152, 0.0722));
+    texels[light.texel_offset + id.y * size.x + id.x] = texel;
+}
+
+/// Cumulative weights along each row; one thread per row.
+@compute @workgroup_size(64)
+fn accumulate_rows(@builtin(global_invocation_id) id: vec3<u32>) {
+    let size = textureDimensions(g_buffer);
+    if id.x >= size.y {
+        return;
+    }
+    let first = light.texel_offset + id.x * size.x;
+    var sum = 0.0;
+    for (var column = 0u; column < size.x; column++) {
+        sum += texels[first + column].weight;
+        texel_cdf[first + column] = sum;
+    }
+    row_sums[light.row_offset + id.x] = sum;
+}

@@ -1,0 +1,250 @@
+//! Keeps one hidden camera per map: spawns, moves, resizes and despawns them as lights and GI cameras come, move and go.
+
+use bevy::camera::visibility::{InheritedVisibility, RenderLayers};
+use bevy::camera::{Camera, Camera3d, OrthographicProjection, PerspectiveProjection, Projection, RenderTarget, ScalingMode};
+use bevy::core_pipeline::prepass::DeferredPrepass;
+use bevy::ecs::prelude::*;
+use bevy::light::cluster::Clusters;
+use bevy::light::{DirectionalLight, PointLight, SpotLight};
+use bevy::math::{Mat3, Quat, UVec2, Vec3};
+use bevy::platform::collections::HashMap;
+use bevy::render::render_resource::TextureUsages;
+use bevy::render::view::Msaa;
+use bevy::transform::components::Transform;
+use bevy::transform::helper::TransformHelper;
+
+use super::lights::{BouncingLight, Emitter, RsmLight};
+use super::region::{SceneBox, cover};
+use super::RsmView;
+use crate::gi::settings::{FrugalGi, GiLimits};
+
+/// Lights' maps come before every camera that an app would order by hand; each has its own number.
+const FIRST_ORDER: isize = isize::MIN / 2;
+
+/// A map that should exist in this frame.
+struct Wanted {
+    view: RsmView,
+    resolution: u32,
+    transform: Transform,
+    projection: Projection,
+    light: RsmLight,
+    layers: Option<RenderLayers>,
+}
+
+impl Wanted {
+    /// Unique, since rows are: cameras of equal order and target are ambiguous to Bevy.
+    fn order(&self) -> isize {
+        FIRST_ORDER + self.light.row_offset as isize
+    }
+}
+
+/// The GI cameras of this frame.
+struct GiEye {
+    entity: Entity,
+    position: Vec3,
+    range: f32,
+    resolution: u32,
+}
+
+pub(super) fn maintain(
+    mut commands: Commands,
+    limits: Res<GiLimits>,
+    scene: Res<SceneBox>,
+    transforms: TransformHelper,
+    cameras: Query<(Entity, &Camera, &FrugalGi), Without<RsmView>>,
+    suns: Query<(Entity, &DirectionalLight, &InheritedVisibility, Option<&RenderLayers>)>,
+    spots: Query<(Entity, &SpotLight, &InheritedVisibility, Option<&RenderLayers>)>,
+    points: Query<(Entity, &PointLight, &InheritedVisibility, Option<&RenderLayers>)>,
+    mut existing: Query<(Entity, &RsmView, &mut Camera, &mut RenderTarget, &mut Projection, &mut Transform, &mut RsmLight), Without<FrugalGi>>,
+) {
+    let place = |entity| transforms.compute_global_transform(entity).ok().map(|t| t.compute_transform());
+    let eyes: Vec<GiEye> = cameras
+        .iter()
+        .filter(|(_, camera, gi)| camera.is_active && gi.vpl_count > 0)
+        .filter_map(|(entity, _, gi)| {
+            let resolution = gi.rsm_resolution.clamp(16, 2048);
+            Some(GiEye { entity, position: place(entity)?.translation, range: gi.range, resolution })
+        })
+        .collect();
+
+    let mut wanted = Vec::new();
+    if let (Some(scene), false) = (scene.0, eyes.is_empty()) {
+        let layers = |layers: Option<&RenderLayers>| layers.cloned();
+        let mut lights: Vec<(BouncingLight, Option<RenderLayers>)> = Vec::new();
+        lights.extend(suns.iter().filter(|(_, _, visible, _)| visible.get()).filter_map(|(entity, light, _, mask)| {
+            Some((BouncingLight::directional(entity, light, place(entity)?.rotation)?, layers(mask)))
+        }));
+        lights.extend(spots.iter().filter(|(_, _, visible, _)| visible.get()).filter_map(|(entity, light, _, mask)| {
+            let at = place(entity)?;
+            Some((BouncingLight::spot(entity, light, at.translation, at.rotation)?, layers(mask)))
+        }));
+        lights.extend(points.iter().filter(|(_, _, visible, _)| visible.get()).filter_map(|(entity, light, _, mask)| {
+            Some((BouncingLight::point(entity, light, place(entity)?.translation)?, layers(mask)))
+        }));
+        wanted = choose(&lights, &eyes, scene, limits.max_rsm_count);
+    }
+    lay_out(&mut wanted);
+
+    let mut missing: HashMap<RsmView, Wanted> = wanted.into_iter().map(|w| (w.view, w)).collect();
+    for (entity, view, mut camera, mut target, mut projection, mut transform, mut light) in &mut existing {
+        let Some(wanted) = missing.remove(view) else {
+            commands.entity(entity).despawn();
+            continue;
+        };
+        let size = UVec2::splat(wanted.resolution);
+        let resized = !matches!(*target, RenderTarget::None { size: old } if old == size);
+        if resized {
+            *target = RenderTarget::None { size };
+        }
+        if camera.order != wanted.order() {
+            camera.order = wanted.order();
+        }
+        // Bevy looks at a target without texture only when the projection was touched.
+        if resized || !same_projection(&projection, &wanted.projection) {
+            *projection = wanted.projection;
+        }
+        transform.set_if_neq(wanted.transform);
+        light.set_if_neq(wanted.light);
+    }
+    for (_, wanted) in missing {
+        spawn(&mut commands, wanted);
+    }
+}
+
+/// The maps of the lights that matter most, as many as `most` allows.
+fn choose(lights: &[(BouncingLight, Option<RenderLayers>)], eyes: &[GiEye], scene: (Vec3, Vec3), most: usize) -> Vec<Wanted> {
+    let mut ranked: Vec<_> = lights
+        .iter()
+        .map(|(light, layers)| {
+            let importance = eyes.iter().map(|eye| light.importance(eye.position)).fold(0.0, f32::max);
+            (importance, light, layers)
+        })
+        .collect();
+    // Equal importance falls back on the entity, so that the choice does not flicker.
+    ranked.sort_by(|a, b| b.0.total_cmp(&a.0).then(a.1.entity.cmp(&b.1.entity)));
+
+    let finest = eyes.iter().map(|eye| eye.resolution).max().unwrap_or(0);
+    let mut wanted = Vec::new();
+    for (_, light, layers) in ranked {
+        let copies = if light.emitter == Emitter::Directional { eyes.len() } else { usize::from(light.faces()) };
+        if wanted.len() + copies > most {
+            continue;
+        }
+        match light.emitter {
+            Emitter::Directional => wanted.extend(eyes.iter().map(|eye| parallel_map(light, eye, scene, layers))),
+            _ => wanted.extend((0..light.faces()).map(|face| perspective_map(light, face, finest, layers))),
+        }
+    }
+    wanted
+}
+
+fn parallel_map(light: &BouncingLight, eye: &GiEye, scene: (Vec3, Vec3), layers: &Option<RenderLayers>) -> Wanted {
+    let region = cover(scene, Mat3::from_quat(light.rotation), eye.position, eye.range, eye.resolution);
+    let texels = (eye.resolution * eye.resolution) as f32;
+    Wanted {
+        view: RsmView { light: light.entity, camera: Some(eye.entity), face: 0 },
+        resolution: eye.resolution,
+        transform: Transform::from_translation(region.origin).with_rotation(light.rotation),
+        projection: Projection::Orthographic(OrthographicProjection {
+            near: 0.0,
+            far: region.depth,
+            scaling_mode: ScalingMode::Fixed { width: region.size.x, height: region.size.y },
+            ..OrthographicProjection::default_3d()
+        }),
+        light: RsmLight {
+            intensity: light.intensity,
+            texel_measure: region.size.x * region.size.y / texels,
+            direction: light.rotation * Vec3::NEG_Z,
+            cone_offset: 1.0,
+            ..Default::default()
+        },
+        layers: layers.clone(),
+    }
+}
+
+fn perspective_map(light: &BouncingLight, face: u8, resolution: u32, layers: &Option<RenderLayers>) -> Wanted {
+    let half_angle = match light.emitter {
+        Emitter::Spot { outer, .. } => outer,
+        _ => std::f32::consts::FRAC_PI_4,
+    };
+    let resolution = light.resolution(resolution);
+    let rotation = if light.emitter == Emitter::Point { cube_face(face) } else { light.rotation };
+    let edge = 2.0 * half_angle.tan() / resolution as f32;
+    let (cone_scale, cone_offset) = light.cone();
+    Wanted {
+        view: RsmView { light: light.entity, camera: None, face },
+        resolution,
+        transform: Transform::from_translation(light.position).with_rotation(rotation),
+        projection: Projection::Perspective(PerspectiveProjection {
+            fov: 2.0 * half_angle,
+            aspect_ratio: 1.0,
+            // What touches the lamp does not light the scene; nearer walls than this would be seen from inside.
+            near: 0.02,
+            far: light.range,
+            ..Default::default()
+        }),
+        light: RsmLight {
+            intensity: light.intensity,
+            texel_measure: edge * edge,
+            position: light.position,
+            inverse_range_squared: light.inverse_range_squared(),
+            direction: light.rotation * Vec3::NEG_Z,
+            cone_scale,
+            cone_offset,
+            ..Default::default()
+        },
+        layers: layers.clone(),
+    }
+}
+
+/// Rotation of a camera that looks through the cube's `face`.
+fn cube_face(face: u8) -> Quat {
+    crate::frontier::ViewDirection::ALL[usize::from(face) % 6].rotation()
+}
+
+/// Gives every map its place in the store, in an order that does not depend on how entities are iterated.
+fn lay_out(wanted: &mut [Wanted]) {
+    wanted.sort_by_key(|w| (w.view.light, w.view.camera, w.view.face));
+    let (mut texel, mut row) = (0, 0);
+    for map in wanted {
+        map.light.texel_offset = texel;
+        map.light.row_offset = row;
+        texel += map.resolution * map.resolution;
+        row += map.resolution;
+    }
+}
+
+fn same_projection(a: &Projection, b: &Projection) -> bool {
+    match (a, b) {
+        (Projection::Perspective(a), Projection::Perspective(b)) => (a.fov, a.near, a.far) == (b.fov, b.near, b.far),
+        (Projection::Orthographic(a), Projection::Orthographic(b)) => {
+            let size = |p: &OrthographicProjection| match p.scaling_mode {
+                ScalingMode::Fixed { width, height } => Some((width, height)),
+                _ => None,
+            };
+            size(a) == size(b) && (a.near, a.far) == (b.near, b.far)
+        }
+        _ => false,
+    }
+}
+
+fn spawn(commands: &mut Commands, wanted: Wanted) {
+    let depth_texture_usages = (TextureUsages::RENDER_ATTACHMENT | TextureUsages::TEXTURE_BINDING).into();
+    let mut camera = commands.spawn((
+        wanted.view,
+        wanted.light,
+        Camera3d { depth_texture_usages, ..Default::default() },
+        Camera { order: wanted.order(), ..Default::default() },
+        RenderTarget::None { size: UVec2::splat(wanted.resolution) },
+        Msaa::Off,
+        DeferredPrepass,
+        wanted.projection,
+        wanted.transform,
+    ));
+    if let Some(layers) = wanted.layers {
+        camera.insert(layers);
+    }
+    // Without clusters Bevy builds no cascades, light lists or mesh-view bind groups for it. In the same flush as the spawn: the render world
+    // must never have seen them.
+    camera.remove::<Clusters>();
+}

@@ -1,0 +1,121 @@
+//! What an app says of a camera's global illumination.
+
+use bevy::camera::{Camera3d, Hdr};
+use bevy::core_pipeline::prepass::{DeferredPrepass, DepthPrepass};
+use bevy::ecs::prelude::*;
+use bevy::prelude::ReflectDefault;
+use bevy::reflect::Reflect;
+use bevy::render::extract_component::ExtractComponent;
+use bevy::render::view::Msaa;
+
+use super::gather::GiCamera;
+
+/// Global illumination on this camera: one diffuse bounce of every directional, spot and point light, from virtual point lights (VPLs) drawn
+/// in reflective shadow maps.
+///
+/// Needs the deferred renderer, which [`GiPlugin`](super::GiPlugin) makes the default, and no multisampling. A camera without this component
+/// pays nothing.
+#[derive(Component, ExtractComponent, Reflect, Clone, Debug, PartialEq)]
+#[reflect(Component, Default, Clone, PartialEq)]
+#[require(Camera3d, Hdr, Msaa::Off, DepthPrepass, DeferredPrepass)]
+#[extract_component_sync_target((Self, GiCamera))]
+pub struct FrugalGi {
+    /// Virtual point lights for the whole picture. Higher values: smoother and nearer the truth, at a cost of one evaluation per pixel and VPL.
+    /// Lower values: blotchier. 0 turns GI off, and nothing is rendered, allocated or dispatched for it. At most
+    /// [`MAX_VPL_COUNT`](Self::MAX_VPL_COUNT).
+    pub vpl_count: u32,
+    /// Share of pixels at which the VPLs are gathered; the others are interpolated along surfaces. Higher values: finer indirect detail, at
+    /// proportional cost. Lower values: indirect light blurs across small features.
+    pub pixel_fraction: GiPixelFraction,
+    /// Texels along the edge of a directional or spot light's reflective shadow map (a point light's six faces have half as many). Higher
+    /// values: smaller lit features are found, and the light's rasterisation costs more. In 16 to 2048.
+    pub rsm_resolution: u32,
+    /// Distance in metres within which a VPL's contribution stops growing: the geometry term cosθ·cosθ′/d² is clamped to 1/`clamp_distance`².
+    /// Higher values: fewer bright splotches where surfaces meet, and darker corners. Lower values: the opposite. 0 never clamps. No cost.
+    pub clamp_distance: f32,
+    /// How far around the camera, in metres, directional lights bounce. Scenes smaller than twice that are covered whole. Higher values: more
+    /// distant bounces, fewer texels on near surfaces.
+    pub range: f32,
+    /// What is written into the picture.
+    pub output: GiOutput,
+}
+
+impl FrugalGi {
+    /// As many VPLs of 48 bytes as fit into the 64 KiB of a uniform buffer that every GPU binds.
+    pub const MAX_VPL_COUNT: u32 = 1024;
+}
+
+impl Default for FrugalGi {
+    fn default() -> Self {
+        Self {
+            vpl_count: 256,
+            pixel_fraction: GiPixelFraction::Quarter,
+            rsm_resolution: 128,
+            clamp_distance: 0.25,
+            range: 40.0,
+            output: GiOutput::Added,
+        }
+    }
+}
+
+/// Share of the pixels at which indirect light is gathered.
+#[derive(Reflect, Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
+#[reflect(Default, Clone, PartialEq, Hash)]
+pub enum GiPixelFraction {
+    /// One pixel in 4 × 4.
+    Sixteenth,
+    /// One pixel in 2 × 2.
+    #[default]
+    Quarter,
+    /// Every other column.
+    Half,
+    /// Every pixel.
+    Full,
+}
+
+impl GiPixelFraction {
+    /// All, cheapest first.
+    pub const ALL: [Self; 4] = [Self::Sixteenth, Self::Quarter, Self::Half, Self::Full];
+
+    /// Size in pixels of the cell that shares one gather.
+    pub const fn cell(self) -> (u32, u32) {
+        match self {
+            Self::Sixteenth => (4, 4),
+            Self::Quarter => (2, 2),
+            Self::Half => (2, 1),
+            Self::Full => (1, 1),
+        }
+    }
+
+    /// Share of pixels gathered, in (0, 1].
+    pub const fn share(self) -> f64 {
+        let (width, height) = self.cell();
+        1.0 / (width * height) as f64
+    }
+}
+
+/// What GI writes into the picture.
+#[derive(Reflect, Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
+#[reflect(Default, Clone, PartialEq, Hash)]
+pub enum GiOutput {
+    /// Indirect light is added to what the renderer has drawn.
+    #[default]
+    Added,
+    /// Indirect light alone, over black: for measuring and looking at it.
+    IndirectOnly,
+}
+
+/// Limits that hold for the whole app.
+#[derive(Resource, Reflect, Clone, Debug, PartialEq)]
+#[reflect(Resource, Default, Clone, PartialEq)]
+pub struct GiLimits {
+    /// Most reflective shadow maps rendered in a frame (a point light takes six). Where lights need more, those that light the surroundings
+    /// of a GI camera most keep theirs. Higher values: more lights bounce, each map costs about one shadow map.
+    pub max_rsm_count: usize,
+}
+
+impl Default for GiLimits {
+    fn default() -> Self {
+        Self { max_rsm_count: 24 }
+    }
+}

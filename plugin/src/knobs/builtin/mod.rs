@@ -1,0 +1,17 @@
+//! The knobs that come with the plugin, one file each.
+
+mod ambient_occlusion;
+mod antialiasing;
+mod gi;
+mod post_processing;
+mod resolution_scale;
+mod shadows;
+mod texture_detail;
+
+pub(super) use ambient_occlusion::AmbientOcclusion;
+pub(super) use antialiasing::Antialiasing;
+pub(super) use gi::{GiPixelShare, GiVplCount, RsmResolution};
+pub(super) use post_processing::PostProcessing;
+pub(super) use resolution_scale::ResolutionScaleKnob;
+pub(super) use shadows::{ShadowCascades, ShadowMapResolution};
+pub(super) use texture_detail::TextureDetail;

@@ -1,0 +1,20 @@
+//! How sharp a mip level textures are sampled at.
+
+use bevy::ecs::prelude::*;
+use bevy::render::camera::MipBias;
+
+use crate::knobs::{Knob, KnobDriver, Level};
+
+/// Mip bias +2 to 0. Saves bandwidth, not memory: the finer mip levels stay resident.
+pub struct TextureDetail;
+
+impl KnobDriver for TextureDetail {
+    fn knob(&self) -> Knob {
+        // The value is the negative bias, so that it rises with quality as every other knob's does.
+        Knob::labelled("texture_detail", [(-2.0, "+2"), (-1.0, "+1"), (-0.5, "+0.5"), (0.0, "0")])
+    }
+
+    fn apply(&self, world: &mut World, camera: Entity, level: &Level) {
+        world.entity_mut(camera).insert(MipBias(-level.value as f32));
+    }
+}
