@@ -1,5 +1,7 @@
 //! What a power meter is: cumulative energy, and an honest word on where the number comes from.
 
+use std::time::Duration;
+
 use bevy::reflect::Reflect;
 use serde::{Deserialize, Serialize};
 
@@ -54,6 +56,33 @@ pub enum MeterError {
         /// What it did.
         reason: String,
     },
+    /// The window is shorter than the counter's own step, so that its energy says nothing about power.
+    #[error("{meter}: window too short: {elapsed:?}, where the counter needs {least:?}")]
+    WindowTooShort {
+        /// The meter.
+        meter: String,
+        /// Length of the window.
+        elapsed: Duration,
+        /// Shortest window that means something.
+        least: Duration,
+    },
+}
+
+impl MeterError {
+    /// The device, driver or counter is not there. Name the remedy in `reason` where there is one.
+    pub fn unavailable(meter: impl Into<String>, reason: impl Into<String>) -> Self {
+        Self::Unavailable { meter: meter.into(), reason: reason.into() }
+    }
+
+    /// The counter is there but cannot be read.
+    pub fn unreadable(meter: impl Into<String>, reason: impl Into<String>) -> Self {
+        Self::Unreadable { meter: meter.into(), reason: reason.into() }
+    }
+
+    /// The counter can be read but does not do what an energy counter does.
+    pub fn broken(meter: impl Into<String>, reason: impl Into<String>) -> Self {
+        Self::Broken { meter: meter.into(), reason: reason.into() }
+    }
 }
 
 /// A source of cumulative energy.
