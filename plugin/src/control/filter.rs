@@ -74,8 +74,8 @@ impl SettingsFilter {
     /// once; NaN means the default, [`ControlSettings::TRANSITION_SECONDS`](super::ControlSettings::TRANSITION_SECONDS). A step that is negative or NaN
     /// counts as none.
     pub fn step(&mut self, space: &KnobSpace, target: RenderSettings, delta_seconds: f64, transition_seconds: f64) -> RenderSettings {
-        // `max` takes the number where the other is NaN.
-        let delta_seconds = delta_seconds.max(0.0).min(LONGEST_STEP);
+        // Not `clamp` alone, which lets NaN pass.
+        let delta_seconds = if delta_seconds > 0.0 { delta_seconds.min(LONGEST_STEP) } else { 0.0 };
         let transition_seconds = if transition_seconds.is_nan() { super::ControlSettings::TRANSITION_SECONDS } else { transition_seconds };
         let target = space.from_levels(|knob, _| target.level(knob));
         if !self.smooth {
