@@ -1,7 +1,19 @@
 //! Pareto frontiers and the map that holds one for every sample camera.
+mod asset;
+mod map;
+mod map_error;
 mod octree;
 mod pareto;
+mod pareto_serde;
+mod store;
+#[cfg(test)]
+pub(crate) mod testing;
 mod view;
-pub use octree::{Corner, Octree};
+mod view_cube;
+pub use asset::{FrontierMapLoadError, FrontierMapLoader, FrontierMapPlugin};
+pub use map::{Bounds, Capture, FrontierMap, SceneIdentity, Thresholds};
+pub use map_error::FrontierMapError;
+pub use octree::{Corner, CornerNumberError, Leaf, Octree, OctreeError};
 pub use pareto::{CostPoint, Frontier, FrontierPoint};
+pub use store::{FrontierStore, SampleCamera, SampleRef};
 pub use view::{CameraView, ViewDirection};

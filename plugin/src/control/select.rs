@@ -1,0 +1,160 @@
+//! Which point of a frontier a budget buys.
+//!
+//! Wang et al. 2016, equations 3.2 (least error within a power) and 3.3 (least power within an error), each one binary search.
+
+use bevy::reflect::Reflect;
+
+use super::Budget;
+use crate::frontier::{CostPoint, Frontier, FrontierPoint};
+use crate::knobs::RenderSettings;
+
+/// Whether the budget could be kept, and what was taken where it could not.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Reflect)]
+pub enum Outcome {
+    /// Every limit is met.
+    Met,
+    /// Even the cheapest settings take more power: those are taken, whatever their error.
+    PowerCannotBeMet,
+    /// Even the best settings have more error, and nothing limits power: those are taken.
+    ErrorCannotBeMet,
+    /// The power limit is met, but nothing within it meets the error limit too: the least error within the power is taken.
+    ErrorGivesWay,
+}
+
+/// A point of a frontier, and how well it meets the budget.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Choice {
+    /// The settings.
+    pub settings: RenderSettings,
+    /// What they cost at the sample camera.
+    pub cost: CostPoint,
+    /// Whether the budget is kept.
+    pub outcome: Outcome,
+}
+
+/// Picks the point of `frontier` that `budget` buys. `None` where the frontier is empty or the budget not [valid](Budget::validate).
+///
+/// An infinite limit is met by every point: power without limit buys the best settings, error without limit the cheapest. No limit at all gives the
+/// best settings. On a frontier every watt buys some error, so nothing is ever spent in vain.
+pub fn select(frontier: &Frontier, budget: &Budget) -> Option<Choice> {
+    budget.validate().ok()?;
+    let cheapest = frontier.points().first()?;
+    let best = frontier.points().last()?;
+    let choice = |point: &FrontierPoint, outcome| Some(Choice { settings: point.settings, cost: point.cost, outcome });
+    match (budget.power, budget.error) {
+        (None, None) => choice(best, Outcome::Met),
+        (None, Some(limit)) => match frontier.least_power_within(limit) {
+            Some(point) => choice(point, Outcome::Met),
+            None => choice(best, Outcome::ErrorCannotBeMet),
+        },
+        (Some(limit), error) => match frontier.least_error_within(limit) {
+            // With both limits, the least error within the power is the answer whether it meets the error's limit or not.
+            Some(point) if error.is_none_or(|error| point.cost.error <= error) => choice(point, Outcome::Met),
+            Some(point) => choice(point, Outcome::ErrorGivesWay),
+            None => choice(cheapest, Outcome::PowerCannotBeMet),
+        },
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use proptest::prelude::*;
+
+    use super::*;
+    use crate::frontier::testing;
+    use crate::units::Watts;
+
+    fn picked(budget: Budget) -> Option<(f64, Outcome)> {
+        // Points at 1 W / 0.2, 2 W / 0.05 and 4 W / 0.
+        select(&testing::frontier(1.0), &budget).map(|choice| (choice.cost.power.0, choice.outcome))
+    }
+
+    #[test]
+    fn power_alone_buys_the_least_error() {
+        assert_eq!(picked(Budget::power(Watts(1.0))), Some((1.0, Outcome::Met)));
+        assert_eq!(picked(Budget::power(Watts(3.999))), Some((2.0, Outcome::Met)));
+        assert_eq!(picked(Budget::power(Watts(f64::INFINITY))), Some((4.0, Outcome::Met)));
+        assert_eq!(picked(Budget::power(Watts(0.0))), Some((1.0, Outcome::PowerCannotBeMet)));
+        assert_eq!(picked(Budget::power(Watts(0.999))), Some((1.0, Outcome::PowerCannotBeMet)));
+    }
+
+    #[test]
+    fn error_alone_takes_the_least_power() {
+        assert_eq!(picked(Budget::error(0.0)), Some((4.0, Outcome::Met)));
+        assert_eq!(picked(Budget::error(0.05)), Some((2.0, Outcome::Met)));
+        assert_eq!(picked(Budget::error(0.199)), Some((2.0, Outcome::Met)));
+        assert_eq!(picked(Budget::error(f64::INFINITY)), Some((1.0, Outcome::Met)));
+        let never_exact = Frontier::from_points(testing::frontier(1.0).points()[..2].iter().copied());
+        let choice = select(&never_exact, &Budget::error(0.01)).expect("a choice");
+        assert_eq!((choice.cost.power.0, choice.outcome), (2.0, Outcome::ErrorCannotBeMet));
+    }
+
+    #[test]
+    fn of_both_power_binds() {
+        assert_eq!(picked(Budget::both(Watts(3.0), 0.1)), Some((2.0, Outcome::Met)));
+        assert_eq!(picked(Budget::both(Watts(9.0), 0.1)), Some((4.0, Outcome::Met)), "the least error within the power");
+        assert_eq!(picked(Budget::both(Watts(1.5), 0.1)), Some((1.0, Outcome::ErrorGivesWay)));
+        assert_eq!(picked(Budget::both(Watts(0.5), 0.3)), Some((1.0, Outcome::PowerCannotBeMet)));
+        assert_eq!(picked(Budget::both(Watts(f64::INFINITY), f64::INFINITY)), Some((4.0, Outcome::Met)));
+    }
+
+    #[test]
+    fn no_limit_buys_the_best_and_no_sense_buys_nothing() {
+        assert_eq!(picked(Budget::default()), Some((4.0, Outcome::Met)));
+        for limit in [f64::NAN, -1.0, f64::NEG_INFINITY] {
+            assert_eq!(picked(Budget::power(Watts(limit))), None);
+            assert_eq!(picked(Budget::error(limit)), None);
+        }
+        assert_eq!(select(&Frontier::default(), &Budget::power(Watts(1.0))), None);
+    }
+
+    fn any_frontier() -> impl Strategy<Value = Frontier> {
+        prop::collection::vec((0.0..20.0_f64, 0.0..1.0_f64), 1..60).prop_map(|costs| {
+            Frontier::from_points(costs.iter().enumerate().map(|(bits, (power, error))| FrontierPoint {
+                settings: RenderSettings::from_bits(bits as u64),
+                cost: CostPoint::new(*power, *error),
+            }))
+        })
+    }
+
+    proptest! {
+        #[test]
+        fn more_power_never_gives_more_error(frontier in any_frontier(), a in 0.0..25.0_f64, b in 0.0..25.0_f64, error in prop::option::of(0.0..1.0_f64)) {
+            let at = |power: f64| select(&frontier, &Budget { power: Some(Watts(power)), error }).expect("a choice");
+            let (less, more) = (at(a.min(b)), at(a.max(b)));
+            prop_assert!(more.cost.error <= less.cost.error && more.cost.power >= less.cost.power);
+        }
+
+        #[test]
+        fn more_error_never_takes_more_power(frontier in any_frontier(), a in 0.0..1.5_f64, b in 0.0..1.5_f64) {
+            let at = |error: f64| select(&frontier, &Budget::error(error)).expect("a choice");
+            prop_assert!(at(a.max(b)).cost.power <= at(a.min(b)).cost.power);
+        }
+
+        #[test]
+        fn nothing_within_the_budget_is_better(frontier in any_frontier(), power in prop::option::of(0.0..25.0_f64), error in prop::option::of(0.0..1.5_f64)) {
+            let budget = Budget { power: power.map(Watts), error };
+            let choice = select(&frontier, &budget).expect("a choice");
+            prop_assert_eq!(select(&frontier, &budget), Some(choice));
+            let fits_power = |cost: CostPoint| power.is_none_or(|limit| cost.power.0 <= limit);
+            let fits_error = |cost: CostPoint| error.is_none_or(|limit| cost.error <= limit);
+            for point in frontier.points() {
+                let cost = point.cost;
+                prop_assert!(!cost.dominates(choice.cost));
+                match choice.outcome {
+                    Outcome::Met => {
+                        prop_assert!(fits_power(choice.cost) && fits_error(choice.cost));
+                        if power.is_some() || error.is_none() {
+                            prop_assert!(!fits_power(cost) || cost.error >= choice.cost.error);
+                        } else {
+                            prop_assert!(!fits_error(cost) || cost.power >= choice.cost.power);
+                        }
+                    }
+                    Outcome::PowerCannotBeMet => prop_assert!(!fits_power(cost) && cost.power >= choice.cost.power),
+                    Outcome::ErrorCannotBeMet => prop_assert!(!fits_error(cost) && cost.error >= choice.cost.error),
+                    Outcome::ErrorGivesWay => prop_assert!(!(fits_power(cost) && fits_error(cost)) && fits_power(choice.cost)),
+                }
+            }
+        }
+    }
+}

@@ -1,0 +1,219 @@
+//! The controller's systems: look up, select, filter, write.
+
+use std::collections::HashMap;
+use std::sync::Arc;
+
+use bevy::asset::{AssetEvent, AssetId, AssetServer, Assets, LoadState};
+use bevy::camera::{Camera, Projection};
+use bevy::ecs::prelude::*;
+use bevy::log::warn;
+use bevy::time::{Real, Time};
+use bevy::transform::components::GlobalTransform;
+
+use super::{
+    Budget, ControlSettings, ControlStatus, FrontierMapHandle, FrontierSource, KnownKnobs, OffReason, Selection, SettingsFilter, select,
+};
+use crate::frontier::{CameraView, FrontierMap, FrontierStore};
+use crate::knobs::{KnobSettings, KnobSpace, RenderSettings};
+
+/// Field of view, in radians, that stands for the parallel rays of an orthographic camera.
+const PARALLEL_FOV: f32 = 0.001;
+
+/// What is worked out once per map: its knobs, shared by all cameras, or why it cannot be used.
+type Prepared = Result<Arc<KnobSpace>, (OffReason, String)>;
+
+/// The maps that were seen, so that nothing is validated or allocated per frame.
+#[derive(Resource, Default)]
+pub(super) struct PreparedMaps(HashMap<AssetId<FrontierMap>, Prepared>);
+
+impl PreparedMaps {
+    fn get(&mut self, id: AssetId<FrontierMap>, map: &FrontierMap, known: Option<&KnownKnobs>) -> &Prepared {
+        self.0.entry(id).or_insert_with(|| {
+            map.validate().map_err(|error| (OffReason::MapInvalid, error.to_string()))?;
+            check_known(&map.knobs, known)?;
+            Ok(Arc::new(map.knobs.clone()))
+        })
+    }
+}
+
+fn check_known(space: &KnobSpace, known: Option<&KnownKnobs>) -> Result<(), (OffReason, String)> {
+    match known.and_then(|known| known.first_unknown(space)) {
+        None => Ok(()),
+        Some(name) => {
+            let reason = format!("the map sets knob `{name}`, which this app does not have: register it, or precompute without it");
+            Err((OffReason::UnknownKnobs, reason))
+        }
+    }
+}
+
+/// Drops what was worked out for maps that changed or went, or for another set of knobs.
+pub(super) fn forget_changed_maps(
+    mut events: MessageReader<AssetEvent<FrontierMap>>,
+    known: Option<Res<KnownKnobs>>,
+    mut prepared: ResMut<PreparedMaps>,
+) {
+    for event in events.read() {
+        match event {
+            AssetEvent::Added { id } | AssetEvent::Modified { id } | AssetEvent::Removed { id } | AssetEvent::Unused { id } => {
+                prepared.0.remove(id);
+            }
+            AssetEvent::LoadedWithDependencies { .. } => {}
+        }
+    }
+    if known.is_some_and(|known| known.is_changed()) {
+        prepared.0.clear();
+    }
+}
+
+/// Picks every controlled camera's settings and applies them.
+pub(super) fn select_settings(
+    mut commands: Commands,
+    time: Res<Time<Real>>,
+    settings: Res<ControlSettings>,
+    known: Option<Res<KnownKnobs>>,
+    maps: Res<Assets<FrontierMap>>,
+    server: Option<Res<AssetServer>>,
+    mut prepared: ResMut<PreparedMaps>,
+    mut cameras: Query<(
+        Entity,
+        AnyOf<(&FrontierMapHandle, &FrontierSource)>,
+        Option<&Budget>,
+        &GlobalTransform,
+        Option<&Projection>,
+        Option<&Camera>,
+        &mut Selection,
+        &mut SettingsFilter,
+        Option<&mut KnobSettings>,
+    )>,
+) {
+    let known = known.as_deref();
+    for (entity, (handle, source), budget, transform, projection, camera, mut selection, mut filter, knobs) in &mut cameras {
+        if camera.is_some_and(|camera| !camera.is_active) {
+            continue;
+        }
+        let unlimited = Budget::default();
+        let budget = budget.unwrap_or(&unlimited);
+        let view = camera_view(transform, projection);
+
+        let (store, space): (&dyn FrontierStore, &Arc<KnobSpace>) = if let Some(source) = source {
+            if let Err((reason, message)) = check_known(source.space(), known) {
+                turn_off(entity, &mut selection, reason, &message);
+                continue;
+            }
+            (source.store(), source.space())
+        } else if let Some(handle) = handle {
+            let id = handle.0.id();
+            let Some(map) = maps.get(id) else {
+                match server.as_ref().and_then(|server| server.get_load_state(id)) {
+                    Some(LoadState::Failed(error)) => turn_off(entity, &mut selection, OffReason::MapNotLoaded, &error),
+                    _ => stand_by(&mut selection, ControlStatus::Waiting),
+                }
+                continue;
+            };
+            match prepared.get(id, map, known) {
+                Ok(space) => (map, space),
+                Err((reason, message)) => {
+                    turn_off(entity, &mut selection, *reason, message);
+                    continue;
+                }
+            }
+        } else {
+            continue;
+        };
+
+        if let Err(error) = budget.validate() {
+            turn_off(entity, &mut selection, OffReason::InvalidBudget, &error);
+            continue;
+        }
+        let Some((sample, choice)) = store.look_up(&view).and_then(|found| Some((found.camera, select(found.frontier, budget)?))) else {
+            let message = "no sample camera of the map has a frontier: is its scene empty, or do its bounds lie in a wall?";
+            turn_off(entity, &mut selection, OffReason::NothingKnown, &message);
+            continue;
+        };
+
+        match &knobs {
+            // Somebody else wrote them since: go on from there. Not at the start, where the app's own settings are no picture to be gentle to.
+            Some(knobs) if same_space(&knobs.space, space) => {
+                if filter.is_smooth() && knobs.settings != filter.applied() {
+                    filter.resume_from(knobs.settings);
+                }
+            }
+            // Levels of other knobs say nothing about these.
+            _ => filter.cut(),
+        }
+        let delta = time.delta_secs_f64();
+        // The filter's clock runs every frame; nobody needs to be told.
+        let applied = filter.bypass_change_detection().step(space, choice.settings, delta, settings.transition_seconds);
+        let status = ControlStatus::Active(choice.outcome);
+        let predicted = Some(choice.cost);
+        selection.set_if_neq(Selection { status, target: choice.settings, applied, predicted, sample: Some(sample) });
+        match knobs {
+            Some(knobs) => write(knobs, space, applied),
+            None => {
+                commands.entity(entity).try_insert(KnobSettings { space: Arc::clone(space), settings: applied });
+            }
+        }
+    }
+}
+
+/// Whether two spaces are equal. Compares contents only where the pointers differ, which [`write`] then ends.
+fn same_space(a: &Arc<KnobSpace>, b: &Arc<KnobSpace>) -> bool {
+    Arc::ptr_eq(a, b) || a == b
+}
+
+/// Writes what differs, and says that it changed only if it means something else.
+fn write(mut knobs: Mut<KnobSettings>, space: &Arc<KnobSpace>, applied: RenderSettings) {
+    let same = same_space(&knobs.space, space);
+    if !same || knobs.settings != applied {
+        *knobs = KnobSettings { space: Arc::clone(space), settings: applied };
+    } else if !Arc::ptr_eq(&knobs.space, space) {
+        knobs.bypass_change_detection().space = Arc::clone(space);
+    }
+}
+
+/// Leaves the camera's settings as they are, and says why unless that was said before.
+fn turn_off(camera: Entity, selection: &mut Mut<Selection>, reason: OffReason, message: &dyn std::fmt::Display) {
+    let status = ControlStatus::Off(reason);
+    if selection.status != status {
+        warn!("the power controller leaves camera {camera} alone: {message}");
+    }
+    stand_by(selection, status);
+}
+
+fn stand_by(selection: &mut Mut<Selection>, status: ControlStatus) {
+    let kept = **selection;
+    selection.set_if_neq(Selection { status, predicted: None, sample: None, ..kept });
+}
+
+/// What a look-up needs to know of a Bevy camera. Without a projection, a square picture of Bevy's default field of view.
+fn camera_view(transform: &GlobalTransform, projection: Option<&Projection>) -> CameraView {
+    let (_, rotation, position) = transform.to_scale_rotation_translation();
+    let (vertical_fov, aspect) = match projection {
+        Some(Projection::Perspective(perspective)) => (perspective.fov, perspective.aspect_ratio),
+        Some(Projection::Orthographic(orthographic)) => (PARALLEL_FOV, orthographic.area.width() / orthographic.area.height()),
+        Some(Projection::Custom(custom)) => {
+            // A perspective matrix has cot(fov / 2) as its second diagonal element, and that divided by the aspect as its first.
+            let clip_from_view = custom.get_clip_from_view();
+            (2.0 * clip_from_view.y_axis.y.abs().recip().atan(), (clip_from_view.y_axis.y / clip_from_view.x_axis.x).abs())
+        }
+        None => (std::f32::consts::FRAC_PI_4, 1.0),
+    };
+    CameraView { position, rotation, vertical_fov, aspect }
+}
+
+/// Takes the controller's state off a camera that left it. Its [`KnobSettings`] stay: from here on they are the app's.
+pub(super) fn forget_camera<C: Component>(
+    removed: On<Remove, C>,
+    mut commands: Commands,
+    cameras: Query<AnyOf<(&FrontierMapHandle, &FrontierSource)>>,
+) {
+    // The component that goes is still there now. Where the other kind is there too, the camera stays under control.
+    if let Ok((Some(_), Some(_))) = cameras.get(removed.entity) {
+        return;
+    }
+    commands.entity(removed.entity).try_remove::<(Selection, SettingsFilter)>();
+}
+
+#[cfg(test)]
+#[path = "systems_tests.rs"]
+mod tests;

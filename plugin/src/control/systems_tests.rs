@@ -1,0 +1,296 @@
+//! Tests of the controller in a Bevy app without a renderer.
+
+use std::path::Path;
+use std::time::Duration;
+
+use bevy::MinimalPlugins;
+use bevy::app::{App, Update};
+use bevy::asset::io::memory::{Dir, MemoryAssetReader};
+use bevy::asset::io::{AssetSourceBuilder, AssetSourceId};
+use bevy::asset::{AssetApp, AssetPlugin, Handle};
+use bevy::camera::PerspectiveProjection;
+use bevy::math::Vec3;
+use bevy::time::TimeUpdateStrategy;
+use bevy::transform::components::Transform;
+
+use super::*;
+use crate::control::{ControlPlugin, Outcome};
+use crate::frontier::{Corner, FrontierMapPlugin, SampleRef, ViewDirection, testing};
+use crate::units::Watts;
+
+const FRAME: Duration = Duration::from_millis(125);
+
+/// How often somebody found the settings changed.
+#[derive(Resource, Default)]
+struct Changes(usize);
+
+fn app_with(files: Dir) -> App {
+    let mut app = App::new();
+    let reader = move || Box::new(MemoryAssetReader { root: files.clone() }) as _;
+    app.register_asset_source(AssetSourceId::Default, AssetSourceBuilder::new(reader));
+    app.add_plugins((MinimalPlugins, AssetPlugin::default(), FrontierMapPlugin, ControlPlugin));
+    app.insert_resource(TimeUpdateStrategy::ManualDuration(FRAME)).init_resource::<Changes>();
+    let count = |changed: Query<(), Changed<KnobSettings>>, mut changes: ResMut<Changes>| changes.0 += changed.iter().count();
+    app.add_systems(Update, count);
+    app.finish();
+    app.cleanup();
+    app
+}
+
+/// An app with a map whose look-ups along −Z find points at 6 W / 0.2, 7 W / 0.05 and 9 W / 0, and a camera that looks that way.
+fn scene(budget: Budget) -> (App, Entity, Handle<FrontierMap>) {
+    let mut app = app_with(Dir::default());
+    let map = app.world_mut().resource_mut::<Assets<FrontierMap>>().add(testing::map(1));
+    let camera = app.world_mut().spawn((FrontierMapHandle(map.clone()), budget, lens(), GlobalTransform::IDENTITY)).id();
+    (app, camera, map)
+}
+
+fn lens() -> Projection {
+    Projection::Perspective(PerspectiveProjection::default())
+}
+
+fn selection(app: &App, camera: Entity) -> Selection {
+    *app.world().get::<Selection>(camera).expect("a selection")
+}
+
+fn applied(app: &App, camera: Entity) -> RenderSettings {
+    app.world().get::<KnobSettings>(camera).expect("settings").settings
+}
+
+fn at(samples: usize, scale: usize) -> RenderSettings {
+    RenderSettings::default().with_level(0, samples).with_level(1, scale)
+}
+
+fn run(app: &mut App, frames: usize) {
+    (0..frames).for_each(|_| app.update());
+}
+
+fn set_budget(app: &mut App, camera: Entity, budget: Budget) {
+    app.world_mut().entity_mut(camera).insert(budget);
+}
+
+#[test]
+fn the_first_frame_applies_what_the_budget_buys_at_once() {
+    let (mut app, camera, map) = scene(Budget::power(Watts(7.5)));
+    app.update();
+    let picked = selection(&app, camera);
+    assert_eq!(picked.status, ControlStatus::Active(Outcome::Met));
+    assert_eq!((picked.target, picked.applied, applied(&app, camera)), (at(2, 0), at(2, 0), at(2, 0)));
+    assert_eq!(picked.predicted.map(|cost| (cost.power.0, cost.error)), Some((7.0, 0.05)));
+    let sample = picked.sample.expect("a sample camera");
+    assert_eq!(sample.direction, ViewDirection::NegativeZ);
+    let maps = app.world().resource::<Assets<FrontierMap>>();
+    let space = &app.world().get::<KnobSettings>(camera).expect("settings").space;
+    assert_eq!(**space, maps.get(&map).expect("the map").knobs);
+}
+
+#[test]
+fn a_new_budget_is_approached_in_two_seconds_and_cuts_act_at_once() {
+    let (mut app, camera, _) = scene(Budget::power(Watts(6.0)));
+    run(&mut app, 3);
+    assert_eq!(applied(&app, camera), at(0, 0));
+    set_budget(&mut app, camera, Budget::default());
+    // Frames of 1/8 s; the first sees the new target at t = 0. Levels of (0, 0) on the way to (4, 2), over 2 s:
+    let mut seen = Vec::new();
+    for frame in 0..=16 {
+        app.update();
+        let share = f64::from(frame) / 16.0;
+        assert_eq!(applied(&app, camera), at((share * 4.0).round() as usize, (share * 2.0).round() as usize), "frame {frame}");
+        assert_eq!(selection(&app, camera).target, at(4, 2));
+        assert_eq!(selection(&app, camera).applied, applied(&app, camera));
+        seen.push(applied(&app, camera));
+    }
+    assert_eq!(seen.last(), Some(&at(4, 2)));
+    set_budget(&mut app, camera, Budget::power(Watts(6.0)));
+    app.world_mut().get_mut::<SettingsFilter>(camera).expect("a filter").cut();
+    app.update();
+    assert_eq!(applied(&app, camera), at(0, 0));
+    app.world_mut().resource_mut::<ControlSettings>().transition_seconds = 0.0;
+    set_budget(&mut app, camera, Budget::default());
+    app.update();
+    assert_eq!(applied(&app, camera), at(4, 2));
+}
+
+#[test]
+fn settings_are_changed_only_when_they_change() {
+    let (mut app, camera, _) = scene(Budget::power(Watts(7.5)));
+    run(&mut app, 20);
+    assert_eq!(app.world().resource::<Changes>().0, 1, "the insertion");
+    let space = app.world().get::<KnobSettings>(camera).expect("settings").space.clone();
+    set_budget(&mut app, camera, Budget::power(Watts(8.0)));
+    run(&mut app, 20);
+    assert_eq!(app.world().resource::<Changes>().0, 1, "another budget that buys the same");
+    assert!(Arc::ptr_eq(&space, &app.world().get::<KnobSettings>(camera).expect("settings").space));
+    set_budget(&mut app, camera, Budget::default());
+    run(&mut app, 40);
+    // Two levels of samples and two of scale, which change in the same two frames.
+    assert_eq!(app.world().resource::<Changes>().0, 3);
+}
+
+#[test]
+fn cameras_get_their_own_settings_where_they_look() {
+    let (mut app, camera, map) = scene(Budget::power(Watts(6.5)));
+    // Along +X the same settings cost 1, 2 and 4 W.
+    let look = GlobalTransform::from(Transform::from_xyz(3.0, 1.5, -3.0).looking_to(Vec3::X, Vec3::Y));
+    let other = app.world_mut().spawn((FrontierMapHandle(map), Budget::power(Watts(6.5)), lens(), look)).id();
+    app.update();
+    assert_eq!((applied(&app, camera), applied(&app, other)), (at(0, 0), at(4, 2)));
+    assert_eq!(selection(&app, other).sample.map(|sample| sample.position), Some(Vec3::new(4.0, 2.0, -4.0)));
+}
+
+#[test]
+fn budgets_that_cannot_be_met_say_so_and_senseless_ones_keep_the_settings() {
+    let (mut app, camera, _) = scene(Budget::power(Watts(0.0)));
+    app.update();
+    assert_eq!(selection(&app, camera).status, ControlStatus::Active(Outcome::PowerCannotBeMet));
+    assert_eq!(applied(&app, camera), at(0, 0));
+    for nonsense in [Budget::power(Watts(f64::NAN)), Budget::power(Watts(-1.0)), Budget::error(f64::NAN)] {
+        set_budget(&mut app, camera, nonsense);
+        run(&mut app, 20);
+        assert_eq!(selection(&app, camera).status, ControlStatus::Off(OffReason::InvalidBudget));
+        assert_eq!((applied(&app, camera), selection(&app, camera).predicted), (at(0, 0), None));
+    }
+    set_budget(&mut app, camera, Budget::power(Watts(f64::INFINITY)));
+    run(&mut app, 20);
+    assert_eq!(selection(&app, camera).status, ControlStatus::Active(Outcome::Met));
+    assert_eq!(applied(&app, camera), at(4, 2));
+}
+
+#[test]
+fn a_map_with_knobs_that_the_app_lacks_is_not_used() {
+    let (mut app, camera, _) = scene(Budget::default());
+    app.insert_resource(KnownKnobs(["samples".to_owned()].into()));
+    app.update();
+    assert_eq!(selection(&app, camera).status, ControlStatus::Off(OffReason::UnknownKnobs));
+    assert!(app.world().get::<KnobSettings>(camera).is_none());
+    app.world_mut().resource_mut::<KnownKnobs>().0.insert("scale".to_owned());
+    app.update();
+    assert_eq!(selection(&app, camera).status, ControlStatus::Active(Outcome::Met));
+    assert_eq!(applied(&app, camera), at(4, 2));
+}
+
+#[test]
+fn invalid_and_empty_maps_are_not_used_and_recover_when_they_change() {
+    let (mut app, camera, map) = scene(Budget::default());
+    let change = |app: &mut App, new: FrontierMap| {
+        let mut maps = app.world_mut().resource_mut::<Assets<FrontierMap>>();
+        *maps.get_mut(&map).expect("the map") = new;
+        app.update();
+        selection(app, camera).status
+    };
+    app.update();
+    let newer = FrontierMap { version: FrontierMap::VERSION + 1, ..testing::map(1) };
+    assert_eq!(change(&mut app, newer), ControlStatus::Off(OffReason::MapInvalid));
+    assert_eq!(applied(&app, camera), at(4, 2), "settings stay as they were");
+    let mut empty = testing::map(1);
+    empty.octree.corners.iter_mut().for_each(|corner| corner.frontiers = [Corner::UNKNOWN; 6]);
+    assert_eq!(change(&mut app, empty), ControlStatus::Off(OffReason::NothingKnown));
+    assert_eq!(change(&mut app, testing::map(1)), ControlStatus::Active(Outcome::Met));
+    // Other knobs: their levels are no levels of the old ones, so there is no way from one to the other.
+    let mut other = testing::map(1);
+    other.knobs = KnobSpace::new(testing::space().knobs().iter().cloned().chain([crate::knobs::Knob::new("new", [0.0, 1.0])]).collect())
+        .expect("a space");
+    assert_eq!(change(&mut app, other.clone()), ControlStatus::Active(Outcome::Met));
+    assert_eq!(*app.world().get::<KnobSettings>(camera).expect("settings").space, other.knobs);
+}
+
+#[test]
+fn a_camera_that_leaves_keeps_its_settings_and_may_come_back() {
+    let (mut app, camera, map) = scene(Budget::power(Watts(6.0)));
+    app.update();
+    app.world_mut().entity_mut(camera).remove::<FrontierMapHandle>();
+    app.update();
+    assert!(app.world().get::<Selection>(camera).is_none() && app.world().get::<SettingsFilter>(camera).is_none());
+    assert_eq!(applied(&app, camera), at(0, 0));
+    app.world_mut().get_mut::<KnobSettings>(camera).expect("settings").settings = at(3, 1);
+    run(&mut app, 3);
+    assert_eq!(applied(&app, camera), at(3, 1), "the app's own settings");
+    app.world_mut().entity_mut(camera).insert(FrontierMapHandle(map));
+    app.update();
+    assert_eq!(applied(&app, camera), at(0, 0));
+    // Settings that somebody writes over the controller's are left step by step.
+    app.world_mut().get_mut::<KnobSettings>(camera).expect("settings").settings = at(4, 2);
+    app.update();
+    assert_eq!(applied(&app, camera), at(4, 2));
+    run(&mut app, 17);
+    assert_eq!(applied(&app, camera), at(0, 0));
+    app.world_mut().despawn(camera);
+    app.update();
+}
+
+#[test]
+fn inactive_cameras_are_left_alone() {
+    let (mut app, camera, _) = scene(Budget::default());
+    app.world_mut().entity_mut(camera).insert(Camera { is_active: false, ..Default::default() });
+    app.update();
+    assert_eq!(selection(&app, camera), Selection::default());
+}
+
+#[test]
+fn any_store_can_stand_in_for_the_map() {
+    struct OneForAll(FrontierMap);
+    impl FrontierStore for OneForAll {
+        fn look_up(&self, view: &CameraView) -> Option<SampleRef<'_>> {
+            self.0.look_up(&CameraView { position: Vec3::ZERO, ..*view })
+        }
+        fn knobs(&self) -> &KnobSpace {
+            &self.0.knobs
+        }
+    }
+    let (mut app, camera, map) = scene(Budget::power(Watts(6.5)));
+    app.world_mut().resource_mut::<Assets<FrontierMap>>().remove(&map);
+    app.world_mut().entity_mut(camera).insert(FrontierSource::new(OneForAll(testing::map(0))));
+    app.update();
+    assert_eq!((selection(&app, camera).status, applied(&app, camera)), (ControlStatus::Active(Outcome::Met), at(0, 0)));
+    app.world_mut().entity_mut(camera).remove::<FrontierSource>();
+    app.update();
+    assert_eq!(selection(&app, camera).status, ControlStatus::Waiting, "the map's handle is still there");
+}
+
+/// Runs frames until the camera's status is no longer `from`.
+fn run_while(app: &mut App, camera: Entity, from: ControlStatus) -> ControlStatus {
+    for _ in 0..2_000 {
+        app.update();
+        if selection(app, camera).status != from {
+            break;
+        }
+        std::thread::sleep(Duration::from_millis(1));
+    }
+    selection(app, camera).status
+}
+
+#[test]
+fn maps_are_loaded_from_files_and_reloaded_when_those_change() {
+    let files = Dir::default();
+    let path = Path::new("maps/courtyard.pareto.ron");
+    files.insert_asset_text(path, &testing::map(1).to_ron().expect("writable"));
+    let mut app = app_with(files.clone());
+    let server = app.world().resource::<AssetServer>().clone();
+    let handle = FrontierMapHandle(server.load("maps/courtyard.pareto.ron"));
+    let camera = app.world_mut().spawn((handle, Budget::power(Watts(6.5)), lens(), GlobalTransform::IDENTITY)).id();
+    assert_eq!(run_while(&mut app, camera, ControlStatus::Waiting), ControlStatus::Active(Outcome::Met));
+    assert_eq!(applied(&app, camera), at(0, 0));
+    // The new file's frontiers all cost more than the budget.
+    let mut dear = testing::map(1);
+    dear.octree.frontiers.iter_mut().for_each(|frontier| *frontier = testing::frontier(50.0));
+    files.insert_asset_text(path, &dear.to_ron().expect("writable"));
+    server.reload("maps/courtyard.pareto.ron");
+    let after = run_while(&mut app, camera, ControlStatus::Active(Outcome::Met));
+    assert_eq!(after, ControlStatus::Active(Outcome::PowerCannotBeMet));
+}
+
+#[test]
+fn files_that_do_not_load_turn_the_controller_off() {
+    let files = Dir::default();
+    let text = testing::map(1).to_ron().expect("writable");
+    files.insert_asset_text(Path::new("half.pareto.ron"), &text[..text.len() / 2]);
+    files.insert_asset_text(Path::new("newer.pareto.ron"), &text.replace("version:1", "version:99"));
+    files.insert_asset(Path::new("binary.pareto.ron"), vec![0xff_u8; 40]);
+    for file in ["half.pareto.ron", "newer.pareto.ron", "binary.pareto.ron", "missing.pareto.ron"] {
+        let mut app = app_with(files.clone());
+        let handle = FrontierMapHandle(app.world().resource::<AssetServer>().load(file));
+        let camera = app.world_mut().spawn((handle, lens(), GlobalTransform::IDENTITY)).id();
+        assert_eq!(run_while(&mut app, camera, ControlStatus::Waiting), ControlStatus::Off(OffReason::MapNotLoaded), "{file}");
+        assert!(app.world().get::<KnobSettings>(camera).is_none());
+    }
+}

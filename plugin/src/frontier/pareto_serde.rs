@@ -1,0 +1,129 @@
+//! How a frontier is written: a list of `(settings, watts, error)`.
+//!
+//! Field names would make a map's file several times longer. Watts keep four significant digits and errors six decimals: both are finer than any
+//! meter or picture comparison that fills a map (Wang et al. 2016, section 3.7.1, quote ±5 % for theirs).
+
+use serde::de::{Deserialize, Deserializer, Error as _, SeqAccess, Visitor};
+use serde::ser::{Serialize, SerializeSeq, Serializer};
+
+use super::{CostPoint, Frontier, FrontierPoint};
+use crate::knobs::RenderSettings;
+
+/// The most points that are believed before they are read, so that a forged length allocates little.
+const BELIEVED_POINTS: usize = 1024;
+
+impl Frontier {
+    /// The frontier as a file keeps it: watts rounded to four significant digits, errors to six decimals. Points that rounding makes equal or beaten
+    /// are dropped. Rounding again changes nothing.
+    #[must_use]
+    pub fn rounded(&self) -> Self {
+        Self::from_points(self.points().iter().map(|point| {
+            // Printing rounds correctly in decimal, which multiplying and dividing by powers of ten does not. Both texts are numbers.
+            let power = format!("{:.3e}", point.cost.power.0).parse().unwrap_or(point.cost.power.0);
+            let error: f64 = format!("{:.6}", point.cost.error).parse().unwrap_or(point.cost.error);
+            // Adding zero turns −0, which prints as such, into 0.
+            FrontierPoint { settings: point.settings, cost: CostPoint::new(power, error + 0.0) }
+        }))
+    }
+}
+
+impl Serialize for Frontier {
+    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        let rounded = self.rounded();
+        let mut list = serializer.serialize_seq(Some(rounded.points().len()))?;
+        for point in rounded.points() {
+            list.serialize_element(&(point.settings, point.cost.power, point.cost.error))?;
+        }
+        list.end()
+    }
+}
+
+impl<'de> Deserialize<'de> for Frontier {
+    /// Refuses points that are not finite, or not in the order of rising power and falling error: such a file was not written by this crate, and
+    /// sorting it out silently would hide that.
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+        deserializer.deserialize_seq(Points)
+    }
+}
+
+struct Points;
+
+impl<'de> Visitor<'de> for Points {
+    type Value = Frontier;
+
+    fn expecting(&self, formatter: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        formatter.write_str("a list of (settings, watts, error)")
+    }
+
+    fn visit_seq<A: SeqAccess<'de>>(self, mut list: A) -> Result<Frontier, A::Error> {
+        let mut points: Vec<FrontierPoint> = Vec::with_capacity(list.size_hint().unwrap_or(0).min(BELIEVED_POINTS));
+        while let Some((settings, power, error)) = list.next_element::<(RenderSettings, f64, f64)>()? {
+            let cost = CostPoint::new(power, error);
+            if !cost.is_finite() {
+                return Err(A::Error::custom(format_args!("a frontier point of {power} W and error {error}: both must be finite")));
+            }
+            if points.last().is_some_and(|last| last.cost.power >= cost.power || last.cost.error <= cost.error) {
+                let message = format_args!("a frontier point of {power} W and error {error} is beaten by the one before, or out of order");
+                return Err(A::Error::custom(message));
+            }
+            points.push(FrontierPoint { settings, cost });
+        }
+        Ok(Frontier::from_points(points))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use proptest::prelude::*;
+
+    use super::*;
+
+    fn point(bits: u64, power: f64, error: f64) -> FrontierPoint {
+        FrontierPoint { settings: RenderSettings::from_bits(bits), cost: CostPoint::new(power, error) }
+    }
+
+    #[test]
+    fn points_are_short_tuples() {
+        let frontier = Frontier::from_points([point(3, 7.123_449, 0.123_456_7), point(17, 1_234.56, 0.0)]);
+        assert_eq!(ron::to_string(&frontier), Ok("[(3,7.123,0.123457),(17,1235.0,0.0)]".into()));
+    }
+
+    #[test]
+    fn points_that_rounding_makes_equal_are_written_once() {
+        let frontier = Frontier::from_points([point(1, 7.000_1, 0.2), point(2, 7.000_2, 0.1), point(3, 8.0, 0.099_999_9)]);
+        let text = ron::to_string(&frontier).expect("serialisable");
+        assert_eq!(text, "[(2,7.0,0.1)]");
+        assert_eq!(ron::from_str::<Frontier>(&text), Ok(frontier.rounded()));
+    }
+
+    #[test]
+    fn what_is_no_frontier_is_refused() {
+        for (bad, why) in [
+            ("[(0,2.0,0.1),(1,1.0,0.2)]", "out of order"),
+            ("[(0,1.0,0.1),(1,2.0,0.2)]", "beaten"),
+            ("[(0,1.0,0.1),(1,1.0,0.1)]", "beaten"),
+            ("[(0,NaN,0.1)]", "finite"),
+            ("[(0,1.0,inf)]", "finite"),
+            ("[(0,1.0)]", ""),
+        ] {
+            let error = ron::from_str::<Frontier>(bad).expect_err(bad).to_string();
+            assert!(error.contains(why), "{bad}: {error}");
+        }
+    }
+
+    proptest! {
+        #[test]
+        fn what_is_written_is_read_back(costs in prop::collection::vec((0.0..500.0_f64, 0.0..2.0_f64), 0..40)) {
+            let points = costs.iter().enumerate().map(|(bits, (power, error))| point(bits as u64, *power, *error));
+            let frontier = Frontier::from_points(points);
+            let text = ron::to_string(&frontier).expect("serialisable");
+            let back: Frontier = ron::from_str(&text).expect("what was written");
+            prop_assert_eq!(&back, &frontier.rounded());
+            prop_assert_eq!(ron::to_string(&back), Ok(text));
+            for (kept, original) in back.points().iter().filter_map(|p| Some((p, frontier.points().iter().find(|o| o.settings == p.settings)?))) {
+                prop_assert!((kept.cost.power.0 - original.cost.power.0).abs() <= 0.000_501 * original.cost.power.0);
+                prop_assert!((kept.cost.error - original.cost.error).abs() <= 0.000_000_501);
+            }
+        }
+    }
+}
