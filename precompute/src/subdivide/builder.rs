@@ -23,6 +23,9 @@ pub struct Subdivision {
 
 /// Finds the frontiers of `cameras` in `space`, divided where they differ.
 ///
+/// The distance compares what the settings of both frontiers cost at the same camera. So it is large where other settings are best, and not where the same
+/// settings merely cost more watts as a whole; the source means it so (section 3.5.2).
+///
 /// Rules that the source leaves open:
 /// - A camera that shares a parent's frontier stands for that parent: comparing it compares the cameras that were searched. So only searched cameras
 ///   are ever rendered, and views whose corners all share one frontier can never ask for a division.

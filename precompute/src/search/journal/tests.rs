@@ -5,6 +5,7 @@ use std::convert::Infallible;
 use std::fs;
 
 use bevy::math::Vec3;
+use bevy_frugal_gi::frontier::ViewDirection;
 use bevy_frugal_gi::knobs::{Knob, KnobSpace};
 use bevy_frugal_gi::units::Watts;
 
@@ -22,7 +23,9 @@ impl Evaluate for Field {
     type Error = Infallible;
 
     fn sees(&mut self, camera: SampleCamera) -> Result<bool, Infallible> {
-        Ok(camera.view == bevy_frugal_gi::frontier::ViewDirection::PositiveX)
+        // One view along one edge: a small journal, so that every byte of it can be tried.
+        let along_x = camera.position.y == 0.0 && camera.position.z == 0.0;
+        Ok(along_x && camera.view == ViewDirection::PositiveX)
     }
 
     fn evaluate(&mut self, camera: SampleCamera, settings: RenderSettings) -> Result<CostPoint, Infallible> {
@@ -61,7 +64,7 @@ fn a_run_killed_at_any_byte_ends_with_the_same_map() {
     let folder = tempfile::tempdir().expect("a folder");
     let path = folder.path().join("run.journal");
     let (whole, calls) = map(Journal::create(&path, &header()).expect("a fresh journal"));
-    assert!(whole.octree.levels == 1 && calls > 100);
+    assert!(whole.octree.levels == 1 && calls > 15);
     let bytes = fs::read(&path).expect("the journal");
     let mut records_seen = BTreeSet::new();
     for end in 0..=bytes.len() {
@@ -86,7 +89,7 @@ fn a_changed_or_missing_byte_is_an_error_or_a_clean_continuation() {
     let (whole, _) = map(Journal::create(&path, &header()).expect("a fresh journal"));
     let bytes = fs::read(&path).expect("the journal");
     let first_line = bytes.iter().position(|byte| *byte == b'\n').expect("a header");
-    for index in (0..bytes.len()).step_by(7) {
+    for index in (0..bytes.len()).step_by(3) {
         let flipped: Vec<u8> = bytes.iter().enumerate().map(|(at, byte)| if at == index { byte ^ 1 } else { *byte }).collect();
         let without: Vec<u8> = bytes.iter().enumerate().filter(|(at, _)| *at != index).map(|(_, byte)| *byte).collect();
         for damaged in [flipped, without] {
@@ -161,7 +164,7 @@ fn allowances_are_repeated_and_failures_are_not_recorded() {
     }
     let folder = tempfile::tempdir().expect("a folder");
     let path = folder.path().join("run.journal");
-    let camera = SampleCamera { position: Vec3::ZERO, view: bevy_frugal_gi::frontier::ViewDirection::PositiveX };
+    let camera = SampleCamera { position: Vec3::ZERO, view: ViewDirection::PositiveX };
     let mut journaled = Journaled::new(Failing, Journal::create(&path, &header()).expect("a fresh journal"));
     assert!(matches!(journaled.allowance(camera, 31), Ok(31)));
     assert!(matches!(journaled.allowance(camera, 99), Ok(31)));
