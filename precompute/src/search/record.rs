@@ -90,7 +90,7 @@ pub(super) fn write(question: Question, answer: Answer) -> String {
     format!("{kind} {x:08x} {y:08x} {z:08x} {} {:x} {first:016x} {second:016x}", camera.view.index(), settings.bits())
 }
 
-/// What [`write`] wrote.
+/// What [`write()`] wrote.
 pub(super) fn read(text: &str) -> Option<(Question, Answer)> {
     let mut words = text.split(' ');
     let kind = words.next()?;
