@@ -1,5 +1,6 @@
 //! The `frugal` tool as a library: scene → stage → measure → search → frontier map, and what reads one back.
 pub mod evaluate;
+pub mod files;
 pub mod metrics;
 pub mod report;
 pub mod scene;

@@ -1,0 +1,97 @@
+//! Mutation of levels: mostly a creep to a neighbour, now and then a jump (Davis 1991, "Handbook of Genetic Algorithms", chapter 5, creep).
+//!
+//! Levels are ordered, and neighbours cost almost the same: steps of one keep what a parent has found, jumps leave local optima.
+
+use bevy_frugal_gi::knobs::{KnobSpace, RenderSettings};
+use rand::{Rng, RngExt};
+
+/// Share of changes that go to any other level and not to a neighbour.
+const JUMP: f64 = 0.2;
+
+/// `settings` with each knob changed with `probability`.
+pub(crate) fn mutate(space: &KnobSpace, settings: RenderSettings, probability: f64, random: &mut impl Rng) -> RenderSettings {
+    (0..space.len()).fold(settings, |settings, knob| {
+        if random.random_bool(probability.clamp(0.0, 1.0)) { change(space, settings, knob, random) } else { settings }
+    })
+}
+
+/// `settings` with one knob changed: never the same, unless no knob has two levels.
+pub(crate) fn mutate_one(space: &KnobSpace, settings: RenderSettings, random: &mut impl Rng) -> RenderSettings {
+    let movable = || (0..space.len()).filter(|knob| space.knobs()[*knob].levels.len() > 1);
+    let count = movable().count();
+    if count == 0 {
+        return settings;
+    }
+    movable().nth(random.random_range(0..count)).map_or(settings, |knob| change(space, settings, knob, random))
+}
+
+/// Every level drawn evenly.
+pub(crate) fn any(space: &KnobSpace, random: &mut impl Rng) -> RenderSettings {
+    space.from_levels(|_, knob| random.random_range(0..knob.levels.len()))
+}
+
+fn change(space: &KnobSpace, settings: RenderSettings, knob: usize, random: &mut impl Rng) -> RenderSettings {
+    let top = space.knobs()[knob].levels.len() - 1;
+    let level = settings.level(knob);
+    if top == 0 {
+        return settings;
+    }
+    let changed = if random.random_bool(JUMP) {
+        // One of the `top` other levels.
+        let other = random.random_range(0..top);
+        other + usize::from(other >= level)
+    } else if level == 0 || (level < top && random.random_bool(0.5)) {
+        level + 1
+    } else {
+        level - 1
+    };
+    settings.with_level(knob, changed)
+}
+
+#[cfg(test)]
+mod tests {
+    use bevy_frugal_gi::knobs::Knob;
+    use rand::SeedableRng;
+    use rand_chacha::ChaCha8Rng;
+
+    use super::*;
+
+    fn space() -> KnobSpace {
+        KnobSpace::new(vec![Knob::new("a", [0.0]), Knob::new("b", [0.0, 1.0]), Knob::new("c", (0..16).map(f64::from))])
+            .expect("a valid space")
+    }
+
+    #[test]
+    fn one_mutation_changes_one_knob_and_mostly_by_one_level() {
+        let space = space();
+        let mut random = ChaCha8Rng::seed_from_u64(2);
+        let (mut settings, mut steps, mut jumps) = (space.preset(0.5), 0, 0);
+        for _ in 0..2000 {
+            let changed = mutate_one(&space, settings, &mut random);
+            assert!(space.contains(changed));
+            let moved: Vec<_> = (0..3).map(|knob| changed.level(knob).abs_diff(settings.level(knob))).collect();
+            assert_eq!(moved.iter().filter(|levels| **levels > 0).count(), 1, "{moved:?}");
+            if moved[2] == 1 {
+                steps += 1;
+            } else if moved[2] > 1 {
+                jumps += 1;
+            }
+            settings = changed;
+        }
+        assert!(steps > 3 * jumps && jumps > 100, "{steps} steps, {jumps} jumps");
+    }
+
+    #[test]
+    fn probability_zero_changes_nothing_and_one_everything_movable() {
+        let space = space();
+        let mut random = ChaCha8Rng::seed_from_u64(3);
+        for _ in 0..100 {
+            assert_eq!(mutate(&space, space.lowest(), 0.0, &mut random), space.lowest());
+            let all = mutate(&space, space.lowest(), 1.0, &mut random);
+            assert!(all.level(0) == 0 && all.level(1) == 1 && all.level(2) > 0);
+            assert!(space.contains(any(&space, &mut random)));
+        }
+        let fixed = KnobSpace::new(vec![Knob::new("a", [0.0])]).expect("a valid space");
+        assert_eq!(mutate_one(&fixed, fixed.lowest(), &mut random), fixed.lowest());
+    }
+}
