@@ -34,8 +34,8 @@ pub trait Player {
     /// Why there is no frame.
     type Error;
 
-    /// A run called `name` starts at `pose` with `settings`: forget what earlier frames left behind, warm up what would make the first frame cost more
-    /// than the others. The run's first frame follows.
+    /// A run called `name` starts at `pose` with `settings`: forget what earlier frames left behind, warm up what would make the first
+    /// frame cost more than the others. The run's first frame follows.
     ///
     /// # Errors
     /// When it cannot start.
@@ -125,8 +125,8 @@ impl PathPlan {
     /// The longest path, in frames: an hour at 60 frames per second.
     pub const MAX_FRAMES: usize = 216_000;
 
-    /// The path called `name`, `duration` seconds long, at `fps` frames per second: round(duration × fps) frames, at least one, the camera of
-    /// frame i being `pose_at(i / fps)`.
+    /// The path called `name`, `duration` seconds long, at `fps` frames per second: round(duration × fps) frames, at least one, the camera
+    /// of frame i being `pose_at(i / fps)`.
     ///
     /// # Errors
     /// When the frame rate is not above 0 and finite, or the duration negative, not a number, or too long.

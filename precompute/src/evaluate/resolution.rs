@@ -7,17 +7,18 @@ use super::result::{mean_error, mean_power};
 /// Name of the knob that this rival turns.
 pub const RESOLUTION_KNOB: &str = "resolution_scale";
 
-/// The level that was found, and what playing it gave: none where it is the highest, whose run the caller has.
+/// What playing the level that was found gave: none where it is the highest, whose run the caller has.
 pub(super) struct Found<T> {
-    pub(super) level: usize,
     pub(super) played: Option<(Vec<FrameRecord>, T)>,
     pub(super) met: bool,
 }
 
-/// Binary search over levels 0 to `highest` for the one that meets `budget`; `at_highest` are the frames of the highest, `play` gives those of another.
+/// Binary search over levels 0 to `highest` for the one that meets `budget`; `at_highest` are the frames of the highest, `play` gives
+/// those of another.
 ///
-/// Under a power budget, also beside an error budget: the highest level with mean power within it. Under an error budget alone: the lowest level with
-/// mean error within it. Where no level meets it, the closest, which is the lowest for power. Power is taken to rise and error to fall with the level.
+/// Under a power budget, also beside an error budget: the highest level with mean power within it. Under an error budget alone: the
+/// lowest level with mean error within it. Where no level meets it, the closest, which is the lowest for power. Power is taken to rise
+/// and error to fall with the level.
 pub(super) fn search<T, E>(
     highest: usize,
     at_highest: &[FrameRecord],
@@ -25,7 +26,7 @@ pub(super) fn search<T, E>(
     mut play: impl FnMut(usize) -> Result<(Vec<FrameRecord>, T), E>,
 ) -> Result<Found<T>, E> {
     let keeps = |series: &[FrameRecord]| budget.keeps(mean_power(series), mean_error(series));
-    let mut best: Option<(usize, (Vec<FrameRecord>, T))> = None;
+    let mut best = None;
     // Levels from `low` up to but not including `high` are undecided.
     let (mut low, mut high) = (0, highest);
     match (budget.power_w, budget.error) {
@@ -35,10 +36,10 @@ pub(super) fn search<T, E>(
                 let middle = low.midpoint(high);
                 let played = play(middle)?;
                 if mean_power(&played.0) <= limit {
-                    best = Some((middle, played));
+                    best = Some(played);
                     low = middle + 1;
                 } else {
-                    lowest_played = Some((middle, played));
+                    lowest_played = Some(played);
                     high = middle;
                 }
             }
@@ -50,7 +51,7 @@ pub(super) fn search<T, E>(
                 let middle = low.midpoint(high);
                 let played = play(middle)?;
                 if mean_error(&played.0) <= limit {
-                    best = Some((middle, played));
+                    best = Some(played);
                     high = middle;
                 } else {
                     low = middle + 1;
@@ -60,8 +61,8 @@ pub(super) fn search<T, E>(
         _ => {}
     }
     Ok(match best {
-        Some((level, played)) => Found { level, met: keeps(&played.0), played: Some(played) },
-        None => Found { level: highest, met: keeps(at_highest), played: None },
+        Some(played) => Found { met: keeps(&played.0), played: Some(played) },
+        None => Found { met: keeps(at_highest), played: None },
     })
 }
 
@@ -88,8 +89,9 @@ mod tests {
             Ok::<_, std::convert::Infallible>((series(level), ()))
         })
         .unwrap();
-        assert_eq!(found.played.is_none(), found.level == HIGHEST);
-        (found.level, found.met, plays)
+        // A level takes one watt more than its number.
+        let level = found.played.map_or(HIGHEST, |(series, ())| series[0].power.0 as usize - 1);
+        (level, found.met, plays)
     }
 
     #[test]

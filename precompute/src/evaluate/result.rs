@@ -54,7 +54,8 @@ pub struct RunResult {
     pub settings: Option<String>,
     /// Median over the frames.
     pub median_power_w: Watts,
-    /// By how many watts the 99th percentile of the frames' power exceeds the power budget: 0 where it keeps it, none without a power budget.
+    /// By how many watts the 99th percentile of the frames' power exceeds the power budget: 0 where it keeps it, none without a power
+    /// budget.
     pub p99_overshoot_w: Option<Watts>,
     /// Whether mean power and mean error keep the budget.
     pub met: bool,

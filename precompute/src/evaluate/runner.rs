@@ -86,10 +86,12 @@ pub struct Evaluation {
     pub pictures: Vec<FramePicture>,
 }
 
-/// Plays `plan`'s path at the maximum and at the minimum, which gives a percentage its meaning; then under the policy that `controller` makes of the
-/// budget in watts; then the presets in between and resolution alone; and the maximum once more, to see how far the machine drifted meanwhile.
+/// Plays `plan`'s path at the maximum and at the minimum, which gives a percentage its meaning; then under the policy that `controller`
+/// makes of the budget in watts; then the presets in between and resolution alone; and the maximum once more, to see how far the machine
+/// drifted meanwhile.
 ///
-/// The maximum's pictures are the references: they stay in memory, 16 bytes a pixel and frame. `on_frame` is told of every frame; breaking ends it all.
+/// The maximum's pictures are the references: they stay in memory, 16 bytes a pixel and frame. `on_frame` is told of every frame; breaking
+/// ends it all.
 ///
 /// # Errors
 /// When the player fails, gives pictures of several sizes or a power that is negative or not finite, or `on_frame` breaks.

@@ -75,8 +75,8 @@ pub fn table(result: &EvaluationResult) -> String {
     text
 }
 
-/// Writes a row for every frame of every run: run, frame, time in seconds, power in watts, error, the forecast of both (empty without one), settings
-/// packed and in words.
+/// Writes a row for every frame of every run: run, frame, time in seconds, power in watts, error, the forecast of both (empty without one),
+/// settings packed and in words.
 ///
 /// # Errors
 /// When `to` cannot be written.

@@ -122,8 +122,9 @@ impl Picture {
 
     /// Luma of every pixel, 0 to 255: Rec. 709's weights on the 8-bit values as they are.
     ///
-    /// On the display-referred values, not on linear light: the eye's response is close to the transfer curve's, and Wang et al. defined SSIM's
-    /// constants for such values. In linear light a difference in the shadows, which anyone sees, would weigh a hundredth of what it should.
+    /// On the display-referred values, not on linear light: the eye's response is close to the transfer curve's, and Wang et al. defined
+    /// SSIM's constants for such values. In linear light a difference in the shadows, which anyone sees, would weigh a hundredth of what it
+    /// should.
     pub fn luma(&self) -> Vec<f32> {
         self.rgb.iter().map(|&[red, green, blue]| 0.2126 * f32::from(red) + 0.7152 * f32::from(green) + 0.0722 * f32::from(blue)).collect()
     }

@@ -1,20 +1,20 @@
 //! Structural similarity: Wang, Bovik, Sheikh, Simoncelli 2004, "Image Quality Assessment: From Error Visibility to Structural Similarity",
 //! <https://doi.org/10.1109/TIP.2003.819861>.
 //!
-//! Exactly what scikit-image calls `structural_similarity(…, gaussian_weights=True, sigma=1.5, use_sample_covariance=False, data_range=255)` on the
-//! pictures' [luma](Picture::luma): an 11 × 11 Gaussian window with σ = 1.5, K₁ = 0.01, K₂ = 0.03, population covariance, and the mean over the
-//! windows that lie wholly inside the picture, which crops 5 pixels at every border. `ssim_fixtures.py` beside this file writes the numbers that the
-//! tests hold it to.
+//! Exactly what scikit-image calls `structural_similarity(…, gaussian_weights=True, sigma=1.5, use_sample_covariance=False,
+//! data_range=255)` on the pictures' [luma](Picture::luma): an 11 × 11 Gaussian window with σ = 1.5, K₁ = 0.01, K₂ = 0.03, population
+//! covariance, and the mean over the windows that lie wholly inside the picture, which crops 5 pixels at every border. `ssim_fixtures.py`
+//! beside this file writes the numbers that the tests hold it to.
 //!
-//! What we changed: only windows inside the picture are computed at all, so there is no border rule to choose. A picture that is less than 11 pixels wide or
-//! high has no such window; it is compared in **one** window that covers it whole and weighs every pixel alike.
+//! What we changed: only windows inside the picture are computed at all, so there is no border rule to choose. A picture that is less than
+//! 11 pixels wide or high has no such window; it is compared in **one** window that covers it whole and weighs every pixel alike.
 //!
-//! Luma and variances are kept in single precision, all sums run in double: a variance is the small difference of two large numbers, and in single
-//! precision faint noise on white was off by 2 × 10⁻⁵, a hundredth of its own error.
+//! Luma and variances are kept in single precision, all sums run in double: a variance is the small difference of two large numbers, and in
+//! single precision faint noise on white was off by 2 × 10⁻⁵, a hundredth of its own error.
 //!
-//! Options for who computes it: 1. the crate `image-compare`, whose windows are 8 × 8, do not overlap, and divide the covariance by no count, so that
-//! faint noise in a dark picture counts thirty times what it should; 2. `dssim`, another metric under a licence that we cannot use; 3. these lines. We
-//! use 3.
+//! Options for who computes it: 1. the crate `image-compare`, whose windows are 8 × 8, do not overlap, and divide the covariance by no
+//! count, so that faint noise in a dark picture counts thirty times what it should; 2. `dssim`, another metric under a licence that we
+//! cannot use; 3. these lines. We use 3.
 
 use super::Picture;
 
@@ -158,8 +158,8 @@ impl Reference {
     }
 }
 
-/// SSIM of one window. Its covariance is rounded as the variances are, so that for equal statistics the quotient's halves are the same number and it is
-/// exactly 1.
+/// SSIM of one window. Its covariance is rounded as the variances are, so that for equal statistics the quotient's halves are the same
+/// number and it is exactly 1.
 #[inline]
 fn window_similarity(mean_a: f64, mean_b: f64, variance_a: f32, variance_b: f32, covariance: f64) -> f64 {
     let (a, b, covariance) = (mean_a, mean_b, f64::from(covariance as f32));
@@ -187,7 +187,8 @@ fn mean_and_covariance(a: &[f32], b: &[f32]) -> (f64, f64) {
     (mean_b, covariance)
 }
 
-/// Runs the Gaussian window over `N` quantities at once. `fill` writes them for one row of the picture, `emit` takes them for one row of windows.
+/// Runs the Gaussian window over `N` quantities at once. `fill` writes them for one row of the picture, `emit` takes them for one row of
+/// windows.
 ///
 /// Only the eleven rows that a window needs are kept, filtered along the row, so that all of it stays in cache.
 fn filter<const N: usize>(

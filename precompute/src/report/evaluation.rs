@@ -76,7 +76,8 @@ fn summary(result: &EvaluationResult) -> Option<String> {
     let named = |name: &str| result.runs.iter().find(|run| run.name == name);
     let frugal = named("frugal")?;
     let mut text = format!(
-        "Under the budget, frugal took {:.2} W on average with a mean error of {:.4}, changed settings {} times, and exceeded the budget in {} of {} frames.",
+        "Under the budget, frugal took {:.2} W on average with a mean error of {:.4}, changed settings {} times, \
+         and exceeded the budget in {} of {} frames.",
         frugal.mean_power_w.0, frugal.mean_error, frugal.switches, frugal.frames_over_budget, result.frames
     );
     if let Some(maximum) = named("maximum").filter(|run| run.mean_power_w.0 > 0.0) {
@@ -118,7 +119,7 @@ fn plots(result: &EvaluationResult) -> Result<Vec<(&'static str, String)>, Repor
     let watts = budget.power_w.map(|watts| watts.0);
     let over_time = |value: fn(&FrameRecord) -> f64| -> Vec<Curve> {
         let points = |run: &RunResult| run.series.iter().map(|frame| (frame.time, value(frame))).collect();
-        let width = |index: usize| if index == 0 { 3 } else { 1 };
+        let width = |index: usize| if index == 0 { 3 } else { 2 };
         result.runs.iter().enumerate().map(|(index, run)| Curve { color: color(index), width: width(index), points: points(run) }).collect()
     };
     let each = |value: fn(&RunResult) -> f64| -> Vec<Bar> {

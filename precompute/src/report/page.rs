@@ -144,7 +144,8 @@ impl Section {
         self
     }
 
-    /// Plots beside each other where there is room: a caption and the SVG of each, as the functions of this module draw them. The SVG goes in as it is.
+    /// Plots beside each other where there is room: a caption and the SVG of each, as the functions of this module draw them. The SVG goes
+    /// in as it is.
     pub fn plots(&mut self, plots: &[(&str, String)]) -> &mut Self {
         self.body.push_str("<div class=\"plots\">\n");
         for (caption, svg) in plots {

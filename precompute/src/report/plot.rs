@@ -1,7 +1,7 @@
 //! Plots as SVG.
 //!
-//! Text and axes are drawn in the colour of the page's own text, and the data in middle tones that stand out from white as well as from near black
-//! (contrast 3 : 1 or more on both), so that one drawing serves light and dark pages.
+//! Text and axes are drawn in the colour of the page's own text, and the data in middle tones that stand out from white as well as from
+//! near black (contrast 3 : 1 or more on both), so that one drawing serves light and dark pages.
 
 use bevy_frugal_gi::frontier::Frontier;
 use plotters::coord::Shift;
@@ -149,7 +149,8 @@ pub fn bars(label: &str, axis: &str, bars: &[Bar], decimals: usize, limit: Optio
         _ => String::new(),
     };
     draw(label, |area| {
-        let mut chart = chart(area, 132).build_cartesian_2d(low..high, (0..count).into_segmented()).map_err(failed)?;
+        // Both ends of the range are rows.
+        let mut chart = chart(area, 132).build_cartesian_2d(low..high, (0..count - 1).into_segmented()).map_err(failed)?;
         chart
             .configure_mesh()
             .disable_y_mesh()
@@ -164,9 +165,15 @@ pub fn bars(label: &str, axis: &str, bars: &[Bar], decimals: usize, limit: Optio
             .y_label_formatter(&name)
             .draw()
             .map_err(failed)?;
+        if let Some(limit) = limit.filter(|limit| limit.is_finite()) {
+            let ends = [(limit, SegmentValue::Exact(0)), (limit, SegmentValue::Last)];
+            let style = Color::RED.rgb().stroke_width(2);
+            chart.draw_series(DashedLineSeries::new(ends, 7, 5, style)).map_err(failed)?;
+        }
         for (index, bar) in bars.iter().enumerate().filter(|(_, bar)| bar.value.is_finite()) {
             let row = count - 1 - index;
-            let ends = [(0.0, SegmentValue::Exact(row)), (bar.value, SegmentValue::Exact(row + 1))];
+            let above = if index == 0 { SegmentValue::Last } else { SegmentValue::Exact(row + 1) };
+            let ends = [(0.0, SegmentValue::Exact(row)), (bar.value, above)];
             let mut body = Rectangle::new(ends, bar.color.rgb().filled());
             body.set_margin(6, 6, 0, 0);
             let middle = (bar.value, SegmentValue::CenterOf(row));
@@ -174,11 +181,6 @@ pub fn bars(label: &str, axis: &str, bars: &[Bar], decimals: usize, limit: Optio
             let text = EmptyElement::at(middle) + Text::new(value, (6, -7), FONT.into_font().color(&BLACK));
             chart.draw_series([body]).map_err(failed)?;
             chart.draw_series([text]).map_err(failed)?;
-        }
-        if let Some(limit) = limit.filter(|limit| limit.is_finite()) {
-            let ends = [(limit, SegmentValue::Exact(0)), (limit, SegmentValue::Exact(count))];
-            let style = Color::RED.rgb().stroke_width(2);
-            chart.draw_series(DashedLineSeries::new(ends, 7, 5, style)).map_err(failed)?;
         }
         Ok(())
     })
