@@ -168,7 +168,6 @@ fn what_cannot_be_compared_is_refused() {
 /// Prints the throughput. The aim is 50 megapixels a second on one core; shared machines are too noisy to assert it.
 #[test]
 #[ignore = "a measurement, not a check"]
-#[expect(clippy::print_stdout, reason = "the figure is the point")]
 fn throughput() {
     for (width, height) in [(320, 180), (1920, 1080)] {
         let (first, second) = (build("texture", width, height), build("texture+noise8", width, height));
