@@ -1,3 +1,5 @@
 //! Pictures and how different two of them are.
 mod picture;
-pub use picture::Picture;
+pub mod ssim;
+pub use picture::{Picture, PictureError};
+pub use ssim::{CompareError, Reference};

@@ -1,1 +1,71 @@
-//! report
+//! Reports for people: one self-contained HTML file each, with plots and pictures inside, readable in the dark and on a phone.
+//!
+//! A [`Report`] is a title and [`Section`]s. The commands' own reports are one section each; a page of several is a matter of adding more.
+//!
+//! | part | job |
+//! |---|---|
+//! | `page` | the page: headings, tables, figures, escaping, style |
+//! | `plot` | SVG plots: power-error clouds, series over time, bars |
+//! | `evaluation` | `frugal evaluate` |
+//! | `survey`, `map` | `frugal inspect`: what an octree holds, and the section on it |
+//! | `sweep` | `frugal sweep`, also as CSV |
+mod evaluation;
+mod map;
+mod page;
+mod plot;
+mod survey;
+mod sweep;
+
+pub use evaluation::{captioned, evaluation_report, evaluation_section};
+pub use map::{MapSummary, map_report, map_section};
+pub use page::{Report, Section, escape};
+pub use plot::{Bar, Color, Curve, bars, cloud, curves, staircase};
+pub use survey::Survey;
+pub use sweep::{SweepSummary, sweep_csv, sweep_report, sweep_section};
+
+use bevy_frugal_gi::frontier::FrontierPoint;
+use bevy_frugal_gi::knobs::KnobSpace;
+use bevy_frugal_gi::power::{MeterInfo, Provenance};
+
+/// Why there is no report.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum ReportError {
+    /// A plot could not be drawn.
+    #[error("a plot could not be drawn: {0}")]
+    Plot(String),
+    /// A picture could not be encoded.
+    #[error(transparent)]
+    Picture(#[from] crate::metrics::PictureError),
+}
+
+/// Where the watts of a page come from, in a sentence.
+fn provenance(meter: &MeterInfo) -> String {
+    match meter.provenance {
+        Provenance::Measured => format!("Power was measured, by the meter {}: {}.", meter.name, meter.description),
+        Provenance::Modelled => {
+            format!("Power was not measured. It was worked out by the model {}: {}.", meter.name, meter.description)
+        }
+    }
+}
+
+/// Rows for a table of cost points, and what all of them share: only knobs that differ between them get a column.
+fn knob_table(space: &KnobSpace, points: &[FrontierPoint]) -> (Vec<String>, Vec<Vec<String>>, String) {
+    let differs = |knob: usize| points.windows(2).any(|pair| pair[0].settings.level(knob) != pair[1].settings.level(knob));
+    let label = |knob: usize, point: &FrontierPoint| {
+        space.knobs()[knob].levels.get(point.settings.level(knob)).map_or("?", |level| level.label.as_str()).to_owned()
+    };
+    let (varying, same): (Vec<usize>, Vec<usize>) = (0..space.len()).partition(|&knob| differs(knob));
+    let headers = ["power, W", "error"].map(str::to_owned).into_iter().chain(varying.iter().map(|&knob| space.knobs()[knob].name.clone()));
+    let rows = points.iter().map(|point| {
+        let cost = [format!("{:.3}", point.cost.power.0), format!("{:.4}", point.cost.error)];
+        cost.into_iter().chain(varying.iter().map(|&knob| label(knob, point))).collect()
+    });
+    let shared = match points.first() {
+        Some(point) => {
+            same.iter().map(|&knob| format!("{}={}", space.knobs()[knob].name, label(knob, point))).collect::<Vec<_>>().join(", ")
+        }
+        None => String::new(),
+    };
+    (headers.collect(), rows.collect(), shared)
+}

@@ -1,0 +1,186 @@
+//! Budgets as people write them, and what a percentage means on a path.
+
+use std::fmt;
+use std::str::FromStr;
+
+use bevy_frugal_gi::units::Watts;
+use serde::{Deserialize, Serialize};
+
+/// Why a text is not a budget: wrong use of the tool, exit status 2.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+#[non_exhaustive]
+pub enum BudgetError {
+    /// Not a number with a unit.
+    #[error(
+        "`{0}` is not a power budget: write watts as `7W` or `7`, or a percentage between the lowest and the highest settings as `60%`"
+    )]
+    NotPower(String),
+    /// Watts that no frame can be held to.
+    #[error("a power budget of `{0}` cannot be kept: it must be above 0 W and finite")]
+    PowerRange(String),
+    /// A percentage outside the range that it divides.
+    #[error("a power budget of `{0}` is out of range: a percentage lies above 0% (the lowest settings) and at most at 100% (the highest)")]
+    ShareRange(String),
+    /// Not a number.
+    #[error("`{0}` is not an error budget: write a number such as `0.02`")]
+    NotError(String),
+    /// An error that no picture has.
+    #[error("an error budget of `{0}` is out of range: 1 − SSIM lies above 0 and at most at 2")]
+    ErrorRange(String),
+}
+
+/// A limit on power as asked for.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum PowerBudget {
+    /// In watts, above 0 and finite.
+    Power(Watts),
+    /// A share, above 0 and at most 1, of the way from the lowest settings' mean power to the highest's.
+    Share(f64),
+}
+
+impl FromStr for PowerBudget {
+    type Err = BudgetError;
+
+    /// Reads `7W`, `7 W`, `7` or `60%`.
+    fn from_str(text: &str) -> Result<Self, BudgetError> {
+        let trimmed = text.trim();
+        let (number, percent) = match trimmed.strip_suffix('%') {
+            Some(number) => (number, true),
+            None => (trimmed.strip_suffix(['W', 'w']).unwrap_or(trimmed), false),
+        };
+        let number: f64 = number.trim_end().parse().map_err(|_| BudgetError::NotPower(text.to_owned()))?;
+        if percent {
+            // Written so that NaN fails.
+            let right = number > 0.0 && number <= 100.0;
+            return if right { Ok(Self::Share(number / 100.0)) } else { Err(BudgetError::ShareRange(text.to_owned())) };
+        }
+        let right = number > 0.0 && number.is_finite();
+        if right { Ok(Self::Power(Watts(number))) } else { Err(BudgetError::PowerRange(text.to_owned())) }
+    }
+}
+
+impl fmt::Display for PowerBudget {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Power(watts) => write!(f, "{} W", watts.0),
+            // Percentages are typed by people: what rounding added is cut off.
+            Self::Share(share) => write!(f, "{}%", (share * 1e8).round() / 1e6),
+        }
+    }
+}
+
+/// Reads an error budget, 1 − SSIM: above 0 and at most 2.
+///
+/// # Errors
+/// When the text is not a number in that range.
+pub fn parse_error_budget(text: &str) -> Result<f64, BudgetError> {
+    let number: f64 = text.trim().parse().map_err(|_| BudgetError::NotError(text.to_owned()))?;
+    let right = number > 0.0 && number <= 2.0;
+    if right { Ok(number) } else { Err(BudgetError::ErrorRange(text.to_owned())) }
+}
+
+/// What was asked for: a limit on power, on error, on both, or on neither.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct BudgetRequest {
+    /// Limit on power.
+    pub power: Option<PowerBudget>,
+    /// Limit on error, 1 − SSIM.
+    pub error: Option<f64>,
+}
+
+impl BudgetRequest {
+    /// The budget in watts, where `lowest` and `highest` are the mean powers of the cheapest and the best settings on the path.
+    pub fn resolve(&self, lowest: Watts, highest: Watts) -> ResolvedBudget {
+        let power = self.power.map(|power| match power {
+            PowerBudget::Power(watts) => watts,
+            PowerBudget::Share(share) => lowest + (highest - lowest) * share,
+        });
+        ResolvedBudget { power_w: power, error: self.error }
+    }
+}
+
+impl fmt::Display for BudgetRequest {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match (self.power, self.error) {
+            (Some(power), Some(error)) => write!(f, "power at most {power}, error at most {error}"),
+            (Some(power), None) => write!(f, "power at most {power}"),
+            (None, Some(error)) => write!(f, "error at most {error}"),
+            (None, None) => write!(f, "no limit"),
+        }
+    }
+}
+
+/// A budget in absolute terms.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct ResolvedBudget {
+    /// Limit on power.
+    pub power_w: Option<Watts>,
+    /// Limit on error, 1 − SSIM.
+    pub error: Option<f64>,
+}
+
+impl ResolvedBudget {
+    /// Whether `power` and `error` keep it. NaN keeps nothing that is limited.
+    pub fn keeps(&self, power: Watts, error: f64) -> bool {
+        self.power_w.is_none_or(|limit| power <= limit) && self.error.is_none_or(|limit| error <= limit)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn watts_and_percentages_are_read() {
+        for text in ["7W", "7", " 7 W ", "7w", "7.0", "0.7e1W"] {
+            assert_eq!(text.parse(), Ok(PowerBudget::Power(Watts(7.0))), "{text}");
+        }
+        assert_eq!("60%".parse(), Ok(PowerBudget::Share(0.6)));
+        assert_eq!("100 %".parse(), Ok(PowerBudget::Share(1.0)));
+        assert_eq!(parse_error_budget(" 0.02"), Ok(0.02));
+    }
+
+    #[test]
+    fn nonsense_is_refused_with_the_text_that_was_given() {
+        for text in ["", "W", "%", "seven", "7 kW", "7V", "-", "6 0%", "60%W"] {
+            assert_eq!(text.parse::<PowerBudget>(), Err(BudgetError::NotPower(text.to_owned())), "{text}");
+        }
+        for text in ["0", "-1W", "nan", "NaN W", "inf", "-inf", "1e999", "0W", "-0"] {
+            assert_eq!(text.parse::<PowerBudget>(), Err(BudgetError::PowerRange(text.to_owned())), "{text}");
+        }
+        for text in ["0%", "-5%", "101%", "nan%", "inf%"] {
+            assert_eq!(text.parse::<PowerBudget>(), Err(BudgetError::ShareRange(text.to_owned())), "{text}");
+        }
+        for text in ["", "2%", "little"] {
+            assert_eq!(parse_error_budget(text), Err(BudgetError::NotError(text.to_owned())), "{text}");
+        }
+        for text in ["0", "-0.1", "nan", "inf", "2.01"] {
+            assert_eq!(parse_error_budget(text), Err(BudgetError::ErrorRange(text.to_owned())), "{text}");
+        }
+    }
+
+    #[test]
+    fn a_percentage_lies_between_the_lowest_and_the_highest() {
+        let request = BudgetRequest { power: Some(PowerBudget::Share(0.6)), error: None };
+        let power = request.resolve(Watts(2.0), Watts(7.0)).power_w.unwrap();
+        assert!((power.0 - 5.0).abs() < 1e-12);
+        assert_eq!(BudgetRequest::default().resolve(Watts(2.0), Watts(7.0)), ResolvedBudget::default());
+    }
+
+    #[test]
+    fn a_budget_is_kept_up_to_its_limit_and_never_by_nan() {
+        let budget = ResolvedBudget { power_w: Some(Watts(3.0)), error: Some(0.1) };
+        assert!(budget.keeps(Watts(3.0), 0.1));
+        assert!(!budget.keeps(Watts(3.0001), 0.1) && !budget.keeps(Watts(3.0), 0.1001));
+        assert!(!budget.keeps(Watts(f64::NAN), 0.0) && !budget.keeps(Watts(0.0), f64::NAN));
+        assert!(ResolvedBudget::default().keeps(Watts(f64::NAN), f64::NAN));
+    }
+
+    #[test]
+    fn requests_print_as_they_are_typed() {
+        let request = BudgetRequest { power: Some("60%".parse().unwrap()), error: Some(0.02) };
+        assert_eq!(request.to_string(), "power at most 60%, error at most 0.02");
+        assert_eq!("57%".parse::<PowerBudget>().unwrap().to_string(), "57%");
+        assert_eq!("7W".parse::<PowerBudget>().unwrap().to_string(), "7 W");
+    }
+}

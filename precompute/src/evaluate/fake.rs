@@ -1,0 +1,74 @@
+//! A player whose power and error are formulas, for tests.
+
+use bevy::math::{Quat, Vec3};
+use bevy_frugal_gi::knobs::{Knob, KnobSpace, RenderSettings};
+use bevy_frugal_gi::power::{MeterInfo, Provenance};
+use bevy_frugal_gi::units::Watts;
+
+use super::{PathPlan, Player, Pose, Shot};
+use crate::metrics::Picture;
+
+/// Power: 1 W + 0.5 W, 0.4 W and 0.2 W for each level of the three knobs, + 0.01 W for each metre along X. Pictures are evenly grey: 200
+/// less 10 for each level that is missing.
+#[derive(Default)]
+pub(crate) struct Fake {
+    /// Names of the runs begun.
+    pub(crate) runs: Vec<String>,
+    /// Watts that each run takes more than the one before.
+    pub(crate) drift: f64,
+    /// The frame, counted over all runs, that takes NaN watts.
+    pub(crate) broken_at: Option<usize>,
+    /// Frames played over all runs.
+    pub(crate) frames: usize,
+}
+
+pub(crate) fn space() -> KnobSpace {
+    KnobSpace::new(vec![
+        Knob::new("gi_vpl_count", [0.0, 32.0, 64.0]),
+        Knob::labelled("resolution_scale", [(0.5, "50%"), (0.6, "60%"), (0.7, "70%"), (0.8, "80%"), (0.9, "90%"), (1.0, "100%")]),
+        Knob::labelled("antialiasing", [(0.0, "off"), (1.0, "FXAA")]),
+    ])
+    .unwrap()
+}
+
+pub(crate) fn meter() -> MeterInfo {
+    MeterInfo { name: "formula".into(), provenance: Provenance::Modelled, description: "a formula over the levels".into() }
+}
+
+pub(crate) fn path() -> PathPlan {
+    PathPlan::sample("tour", 2.0, 5.0, |time| Pose { position: Vec3::X * time as f32, rotation: Quat::IDENTITY }).unwrap()
+}
+
+/// Power at x = 0 without drift.
+pub(crate) fn power(settings: RenderSettings) -> f64 {
+    1.0 + 0.5 * settings.level(0) as f64 + 0.4 * settings.level(1) as f64 + 0.2 * settings.level(2) as f64
+}
+
+/// 1 − SSIM of two even greys.
+pub(crate) fn error(settings: RenderSettings) -> f64 {
+    let (a, b) = (200.0, f64::from(grey(settings)));
+    1.0 - (2.0 * a * b + 6.5025) / (a * a + b * b + 6.5025)
+}
+
+fn grey(settings: RenderSettings) -> u8 {
+    let levels = (0..3).map(|knob| settings.level(knob) as u8).sum::<u8>();
+    200 - 10 * (8 - levels)
+}
+
+impl Player for Fake {
+    type Error = std::fmt::Error;
+
+    fn begin_run(&mut self, name: &str, _: &Pose, _: RenderSettings) -> Result<(), Self::Error> {
+        self.runs.push(name.to_owned());
+        Ok(())
+    }
+
+    fn play(&mut self, pose: &Pose, settings: RenderSettings) -> Result<Shot, Self::Error> {
+        let mut watts = power(settings) + 0.01 * f64::from(pose.position.x) + self.drift * (self.runs.len() - 1) as f64;
+        if self.broken_at == Some(self.frames) {
+            watts = f64::NAN;
+        }
+        self.frames += 1;
+        Ok(Shot { picture: Picture::from_fn(16, 12, |_, _| [grey(settings); 3]), power: Watts(watts) })
+    }
+}

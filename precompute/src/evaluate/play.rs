@@ -1,0 +1,266 @@
+//! One run along a path: what plays it, what decides its settings, and what is written down of every frame.
+
+use std::ops::ControlFlow;
+
+use bevy::math::{Quat, Vec3};
+use bevy_frugal_gi::frontier::CostPoint;
+use bevy_frugal_gi::knobs::RenderSettings;
+use bevy_frugal_gi::units::Watts;
+
+use crate::metrics::{Picture, Reference};
+
+use super::EvaluationError;
+
+/// Where a camera is.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Pose {
+    /// World position, metres.
+    pub position: Vec3,
+    /// World rotation; the camera looks along its own −Z.
+    pub rotation: Quat,
+}
+
+/// A frame that was rendered.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Shot {
+    /// What the screen would show.
+    pub picture: Picture,
+    /// Power at the target frame rate: idle + this frame's energy × frames per second.
+    pub power: Watts,
+}
+
+/// Renders and meters frames: the headless stage, or a formula in tests.
+pub trait Player {
+    /// Why there is no frame.
+    type Error;
+
+    /// A run called `name` starts at `pose` with `settings`: forget what earlier frames left behind, warm up what would make the first
+    /// frame cost more than the others. The run's first frame follows.
+    ///
+    /// # Errors
+    /// When it cannot start.
+    fn begin_run(&mut self, name: &str, pose: &Pose, settings: RenderSettings) -> Result<(), Self::Error>;
+
+    /// Renders the next frame, at `pose` with `settings`. All frames are of one size.
+    ///
+    /// # Errors
+    /// When the rendering or the metering fails. Never is 0 W said for "don't know".
+    fn play(&mut self, pose: &Pose, settings: RenderSettings) -> Result<Shot, Self::Error>;
+}
+
+/// What a policy picked for a frame.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Choice {
+    /// The settings.
+    pub settings: RenderSettings,
+    /// What they are expected to cost, where the policy has a forecast.
+    pub predicted: Option<CostPoint>,
+}
+
+impl From<RenderSettings> for Choice {
+    fn from(settings: RenderSettings) -> Self {
+        Self { settings, predicted: None }
+    }
+}
+
+/// Decides the settings of every frame of a run.
+pub trait Policy {
+    /// The settings of frame number `frame`, `dt` seconds after the one before, seen from `pose`. Asked once for each frame, in order.
+    fn decide(&mut self, frame: usize, dt: f64, pose: &Pose) -> Choice;
+}
+
+/// The same settings throughout.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Fixed(pub RenderSettings);
+
+impl Policy for Fixed {
+    fn decide(&mut self, _: usize, _: f64, _: &Pose) -> Choice {
+        self.0.into()
+    }
+}
+
+/// Settings from a function of the frame's number, the seconds since the frame before, and the pose: a controller over a frontier map.
+pub struct Controlled<F>(pub F);
+
+impl<F: FnMut(usize, f64, &Pose) -> Choice> Policy for Controlled<F> {
+    fn decide(&mut self, frame: usize, dt: f64, pose: &Pose) -> Choice {
+        (self.0)(frame, dt, pose)
+    }
+}
+
+/// Why a path cannot be played.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+#[non_exhaustive]
+pub enum PathError {
+    /// A frame rate that no clock has.
+    #[error("{0} frames per second: the frame rate must be above 0 and finite")]
+    FrameRate(f64),
+    /// A length that no path has.
+    #[error("path `{name}` lasts {seconds} s: a path must last 0 s or more")]
+    Duration {
+        /// The path.
+        name: String,
+        /// Its length.
+        seconds: f64,
+    },
+    /// More frames than anybody waits for.
+    #[error("path `{name}` has {frames} frames, where at most {most} are played", most = PathPlan::MAX_FRAMES)]
+    TooLong {
+        /// The path.
+        name: String,
+        /// Its length.
+        frames: f64,
+    },
+}
+
+/// A path as the frames that are played.
+#[derive(Clone, Debug, PartialEq)]
+pub struct PathPlan {
+    name: String,
+    fps: f64,
+    poses: Vec<Pose>,
+}
+
+impl PathPlan {
+    /// The longest path, in frames: an hour at 60 frames per second.
+    pub const MAX_FRAMES: usize = 216_000;
+
+    /// The path called `name`, `duration` seconds long, at `fps` frames per second: round(duration × fps) frames, at least one, the camera
+    /// of frame i being `pose_at(i / fps)`.
+    ///
+    /// # Errors
+    /// When the frame rate is not above 0 and finite, or the duration negative, not a number, or too long.
+    pub fn sample(name: &str, duration: f64, fps: f64, mut pose_at: impl FnMut(f64) -> Pose) -> Result<Self, PathError> {
+        if !(fps > 0.0 && fps.is_finite()) {
+            return Err(PathError::FrameRate(fps));
+        }
+        if duration.is_nan() || duration < 0.0 {
+            return Err(PathError::Duration { name: name.to_owned(), seconds: duration });
+        }
+        let frames = (duration * fps).round().max(1.0);
+        if frames > Self::MAX_FRAMES as f64 {
+            return Err(PathError::TooLong { name: name.to_owned(), frames });
+        }
+        let poses = (0..frames as usize).map(|frame| pose_at(frame as f64 / fps)).collect();
+        Ok(Self { name: name.to_owned(), fps, poses })
+    }
+
+    /// What the scene calls it.
+    pub fn name(&self) -> &str {
+        &self.name
+    }
+
+    /// Frames per second.
+    pub fn fps(&self) -> f64 {
+        self.fps
+    }
+
+    /// The camera of every frame; at least one.
+    pub fn poses(&self) -> &[Pose] {
+        &self.poses
+    }
+}
+
+/// How far an evaluation is.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Progress<'a> {
+    /// The run that is playing.
+    pub run: &'a str,
+    /// Frames of all runs played so far, this one included.
+    pub frames_done: usize,
+    /// Frames of all runs. An upper bound: the search for the resolution may end early.
+    pub frames_total: usize,
+}
+
+/// What is known of one frame of a run.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct FrameRecord {
+    /// Seconds since the path's start.
+    pub time: f64,
+    /// What it was rendered with.
+    pub settings: RenderSettings,
+    /// Power at the target frame rate.
+    pub power: Watts,
+    /// 1 − SSIM against the same frame at the best settings.
+    pub error: f64,
+    /// The policy's forecast.
+    pub predicted: Option<CostPoint>,
+}
+
+/// What is done with a run's pictures.
+pub(super) enum Against<'a> {
+    /// They become the references.
+    Collect(&'a mut Vec<Reference>),
+    /// They are compared with these.
+    Compare(&'a [Reference]),
+}
+
+/// Plays all of `path`; `keep` sees every picture. `on_frame` is told of every frame, and can stop the run.
+pub(super) fn play<P: Player>(
+    player: &mut P,
+    path: &PathPlan,
+    name: &str,
+    policy: &mut dyn Policy,
+    mut against: Against<'_>,
+    keep: &mut dyn FnMut(usize, Picture),
+    on_frame: &mut dyn FnMut() -> ControlFlow<()>,
+) -> Result<Vec<FrameRecord>, EvaluationError<P::Error>> {
+    let dt = path.fps.recip();
+    let mut records = Vec::with_capacity(path.poses.len());
+    for (frame, pose) in path.poses.iter().enumerate() {
+        let choice = policy.decide(frame, dt, pose);
+        if frame == 0 {
+            player.begin_run(name, pose, choice.settings).map_err(EvaluationError::Player)?;
+        }
+        let shot = player.play(pose, choice.settings).map_err(EvaluationError::Player)?;
+        let watts = shot.power.0;
+        if !(watts.is_finite() && watts >= 0.0) {
+            return Err(EvaluationError::BadPower { run: name.to_owned(), frame, watts });
+        }
+        let at_frame = |source| EvaluationError::Compare { run: name.to_owned(), frame, source };
+        let error = match &mut against {
+            Against::Collect(references) => {
+                references.push(Reference::new(&shot.picture).map_err(at_frame)?);
+                0.0
+            }
+            Against::Compare(references) => references[frame].error(&shot.picture).map_err(at_frame)?,
+        };
+        let time = frame as f64 * dt;
+        records.push(FrameRecord { time, settings: choice.settings, power: shot.power, error, predicted: choice.predicted });
+        keep(frame, shot.picture);
+        if on_frame().is_break() {
+            return Err(EvaluationError::Interrupted);
+        }
+    }
+    Ok(records)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn still(_: f64) -> Pose {
+        Pose { position: Vec3::ZERO, rotation: Quat::IDENTITY }
+    }
+
+    #[test]
+    fn a_path_has_as_many_frames_as_its_length_says() {
+        let frames = |duration, fps| PathPlan::sample("tour", duration, fps, still).unwrap().poses().len();
+        assert_eq!(frames(6.0, 30.0), 180);
+        assert_eq!(frames(0.99, 2.0), 2);
+        assert_eq!(frames(0.0, 30.0), 1, "a still camera is a path too");
+        let path = PathPlan::sample("tour", 1.0, 4.0, |time| Pose { position: Vec3::X * time as f32, rotation: Quat::IDENTITY }).unwrap();
+        assert_eq!(path.poses().iter().map(|pose| pose.position.x).collect::<Vec<_>>(), [0.0, 0.25, 0.5, 0.75]);
+    }
+
+    #[test]
+    fn impossible_paths_are_refused() {
+        for fps in [0.0, -1.0, f64::NAN, f64::INFINITY] {
+            assert!(matches!(PathPlan::sample("tour", 1.0, fps, still), Err(PathError::FrameRate(_))), "{fps}");
+        }
+        for seconds in [-1.0, f64::NAN, f64::NEG_INFINITY] {
+            assert!(matches!(PathPlan::sample("tour", seconds, 30.0, still), Err(PathError::Duration { .. })), "{seconds}");
+        }
+        assert!(matches!(PathPlan::sample("tour", f64::INFINITY, 30.0, still), Err(PathError::TooLong { .. })));
+    }
+}

@@ -1,0 +1,208 @@
+//! What an evaluation found, in the form that `--json` writes.
+
+use bevy_frugal_gi::knobs::{KnobSpace, RenderSettings};
+use bevy_frugal_gi::power::MeterInfo;
+use bevy_frugal_gi::units::Watts;
+use serde::{Deserialize, Serialize, Serializer};
+
+use super::{FrameRecord, ResolvedBudget};
+
+/// What one path cost and looked like under every policy.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct EvaluationResult {
+    /// The scene, as named on the command line.
+    pub scene: String,
+    /// The path.
+    pub path: String,
+    /// Frames that each run played.
+    pub frames: usize,
+    /// Target frame rate: what all watts refer to.
+    #[serde(serialize_with = "whole_where_whole")]
+    pub fps: f64,
+    /// Width and height of the pictures, pixels.
+    pub size: [u32; 2],
+    /// Where the watts come from.
+    pub meter: MeterInfo,
+    /// The limits in absolute terms.
+    pub budget: ResolvedBudget,
+    /// The limits as asked for, in words.
+    pub asked: String,
+    /// Every run: the controller's first, then its rivals from the best to the cheapest, then resolution alone.
+    pub runs: Vec<RunResult>,
+    /// How much the machine changed meanwhile.
+    pub drift: Drift,
+    /// What the reader must know before believing the rest.
+    pub warnings: Vec<String>,
+}
+
+/// One run along the path.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct RunResult {
+    /// `frugal`, `maximum`, `max-mid`, `mid-min`, `minimum` or `resolution-only`.
+    pub name: String,
+    /// Mean over the frames.
+    pub mean_power_w: Watts,
+    /// Mean over the frames of 1 − SSIM.
+    pub mean_error: f64,
+    /// The worst frame's error.
+    pub max_error: f64,
+    /// Frames whose power or error exceeds a limit.
+    pub frames_over_budget: usize,
+    /// Frames whose settings differ from the frame's before.
+    pub switches: usize,
+    /// The settings in words, where they never changed.
+    pub settings: Option<String>,
+    /// Median over the frames.
+    pub median_power_w: Watts,
+    /// By how many watts the 99th percentile of the frames' power exceeds the power budget: 0 where it keeps it, none without a power
+    /// budget.
+    pub p99_overshoot_w: Option<Watts>,
+    /// Whether mean power and mean error keep the budget.
+    pub met: bool,
+    /// What is special about this run.
+    pub note: Option<String>,
+    /// Every frame. Not in the JSON: `frames.csv` holds it.
+    #[serde(skip)]
+    pub series: Vec<FrameRecord>,
+}
+
+/// The maximum run once more, after all others: what changed is the machine's doing.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct Drift {
+    /// Mean power of the first maximum run.
+    pub first_mean_power_w: Watts,
+    /// Mean power of the last.
+    pub last_mean_power_w: Watts,
+    /// (last − first) ÷ first; 0 where the first is 0 W.
+    pub relative: f64,
+    /// Mean error of the last run's pictures against the first's: what of any run's error is noise. 0 where rendering repeats exactly.
+    pub repeat_mean_error: f64,
+    /// The worst frame of the same.
+    pub repeat_max_error: f64,
+}
+
+impl Drift {
+    pub(super) fn between(first: &[FrameRecord], last: &[FrameRecord]) -> Self {
+        let (before, after) = (mean_power(first), mean_power(last));
+        Self {
+            first_mean_power_w: before,
+            last_mean_power_w: after,
+            relative: if before.0 > 0.0 { after.0 / before.0 - 1.0 } else { 0.0 },
+            repeat_mean_error: mean_error(last),
+            repeat_max_error: max_error(last),
+        }
+    }
+}
+
+impl RunResult {
+    /// Sums up the frames of a run; `series` is not empty.
+    pub(super) fn new(name: &str, series: Vec<FrameRecord>, budget: &ResolvedBudget, space: &KnobSpace) -> Self {
+        let mut powers: Vec<f64> = series.iter().map(|frame| frame.power.0).collect();
+        powers.sort_by(f64::total_cmp);
+        let mut result = Self {
+            name: name.to_owned(),
+            mean_power_w: mean_power(&series),
+            mean_error: mean_error(&series),
+            max_error: max_error(&series),
+            frames_over_budget: 0,
+            switches: series.windows(2).filter(|pair| pair[0].settings != pair[1].settings).count(),
+            settings: None,
+            median_power_w: Watts(quantile(&powers, 0.5)),
+            p99_overshoot_w: None,
+            met: false,
+            note: None,
+            series,
+        };
+        if result.switches == 0 {
+            result.settings = result.series.first().map(|frame| space.describe(frame.settings));
+        }
+        result.judge(budget, &powers);
+        result
+    }
+
+    fn judge(&mut self, budget: &ResolvedBudget, sorted_powers: &[f64]) {
+        self.frames_over_budget = self.series.iter().filter(|frame| !budget.keeps(frame.power, frame.error)).count();
+        self.p99_overshoot_w = budget.power_w.map(|limit| Watts((quantile(sorted_powers, 0.99) - limit.0).max(0.0)));
+        self.met = budget.keeps(self.mean_power_w, self.mean_error);
+    }
+
+    /// The settings of frame number `frame`.
+    pub fn settings_at(&self, frame: usize) -> Option<RenderSettings> {
+        self.series.get(frame).map(|record| record.settings)
+    }
+}
+
+pub(super) fn mean_power(series: &[FrameRecord]) -> Watts {
+    Watts(mean(series.iter().map(|frame| frame.power.0)))
+}
+
+pub(super) fn mean_error(series: &[FrameRecord]) -> f64 {
+    mean(series.iter().map(|frame| frame.error))
+}
+
+fn max_error(series: &[FrameRecord]) -> f64 {
+    series.iter().map(|frame| frame.error).fold(0.0, f64::max)
+}
+
+fn mean(values: impl ExactSizeIterator<Item = f64>) -> f64 {
+    let count = values.len().max(1) as f64;
+    values.sum::<f64>() / count
+}
+
+/// Between the two nearest values, in proportion; 0 of nothing.
+fn quantile(sorted: &[f64], share: f64) -> f64 {
+    let Some(last) = sorted.len().checked_sub(1) else { return 0.0 };
+    let place = share * last as f64;
+    let below = place.floor() as usize;
+    let above = (below + 1).min(last);
+    sorted[below] + (sorted[above] - sorted[below]) * (place - below as f64)
+}
+
+/// 30 frames per second are written `30`, as people type them.
+fn whole_where_whole<S: Serializer>(value: &f64, serializer: S) -> Result<S::Ok, S::Error> {
+    if value.fract() == 0.0 && value.abs() < 1e9 { serializer.serialize_i64(*value as i64) } else { serializer.serialize_f64(*value) }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn frame(settings: u64, power: f64, error: f64) -> FrameRecord {
+        let settings = RenderSettings::from_bits(settings);
+        FrameRecord { time: 0.0, settings, power: Watts(power), error, predicted: None }
+    }
+
+    #[test]
+    fn quantiles_lie_between_neighbours() {
+        assert_eq!(quantile(&[1.0, 2.0, 3.0, 10.0], 0.5), 2.5);
+        assert_eq!(quantile(&[1.0], 0.99), 1.0);
+        assert_eq!(quantile(&[], 0.5), 0.0);
+        let hundred: Vec<f64> = (0..=100).map(f64::from).collect();
+        assert_eq!(quantile(&hundred, 0.99), 99.0);
+    }
+
+    #[test]
+    fn a_run_is_summed_up() {
+        let series = vec![frame(0, 1.0, 0.0), frame(1, 3.0, 0.2), frame(1, 3.0, 0.0), frame(0, 5.0, 0.0)];
+        let budget = ResolvedBudget { power_w: Some(Watts(3.0)), error: Some(0.1) };
+        let run = RunResult::new("frugal", series, &budget, &KnobSpace::default());
+        assert_eq!((run.mean_power_w, run.median_power_w), (Watts(3.0), Watts(3.0)));
+        assert_eq!((run.frames_over_budget, run.switches), (2, 2), "one frame exceeds by error, one by power");
+        assert_eq!((run.mean_error, run.max_error, run.met), (0.05, 0.2, true));
+        assert!((run.p99_overshoot_w.unwrap().0 - 1.94).abs() < 1e-12);
+        assert_eq!(run.settings, None, "they changed");
+    }
+
+    #[test]
+    fn without_a_budget_nothing_is_over_it() {
+        let run = RunResult::new("minimum", vec![frame(0, 1.0, 2.0)], &ResolvedBudget::default(), &KnobSpace::default());
+        assert_eq!((run.frames_over_budget, run.p99_overshoot_w, run.met), (0, None, true));
+        assert_eq!(run.settings.as_deref(), Some(""));
+    }
+
+    #[test]
+    fn drift_of_a_machine_that_uses_nothing_is_nothing() {
+        assert_eq!(Drift::between(&[frame(0, 0.0, 0.0)], &[frame(0, 0.0, 0.0)]).relative, 0.0);
+        assert!((Drift::between(&[frame(0, 2.0, 0.0)], &[frame(0, 2.1, 0.0)]).relative - 0.05).abs() < 1e-12);
+    }
+}

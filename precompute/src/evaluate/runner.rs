@@ -1,0 +1,219 @@
+//! Which runs an evaluation plays, in which order, and what they are compared with.
+
+use std::ops::ControlFlow;
+
+use bevy_frugal_gi::knobs::KnobSpace;
+use bevy_frugal_gi::power::MeterInfo;
+
+use crate::metrics::{CompareError, Picture, Reference};
+
+use super::play::{Against, play};
+use super::resolution::{self, RESOLUTION_KNOB};
+use super::result::mean_power;
+use super::{BudgetRequest, Drift, EvaluationResult, Fixed, PathPlan, Player, Policy, PowerBudget, Progress, ResolvedBudget, RunResult};
+
+/// From here on, drift is worth a warning: relative change of the maximum run's mean power.
+const NOTABLE_DRIFT: f64 = 0.05;
+/// From here on, noise is: mean error between two runs at the same settings. Half the smallest error step that subdivision looks at.
+const NOTABLE_NOISE: f64 = 0.001;
+
+/// Why there is no result. `E` is the [`Player`]'s.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum EvaluationError<E> {
+    /// Rendering or metering failed.
+    #[error("{0}")]
+    Player(E),
+    /// A frame's picture cannot be compared with its reference.
+    #[error("run `{run}`, frame {frame}: {source}")]
+    Compare {
+        /// The run.
+        run: String,
+        /// The frame's number.
+        frame: usize,
+        /// Why.
+        source: CompareError,
+    },
+    /// A power that no frame takes.
+    #[error("run `{run}`, frame {frame}: the meter gave {watts} W")]
+    BadPower {
+        /// The run.
+        run: String,
+        /// The frame's number.
+        frame: usize,
+        /// What was given.
+        watts: f64,
+    },
+    /// Stopped from outside.
+    #[error("interrupted")]
+    Interrupted,
+}
+
+/// What to evaluate.
+#[derive(Clone, Debug)]
+pub struct EvaluationPlan<'a> {
+    /// The scene's name, for the record.
+    pub scene: &'a str,
+    /// The knobs that settings refer to.
+    pub space: &'a KnobSpace,
+    /// The camera's path.
+    pub path: &'a PathPlan,
+    /// The player's meter, for the record.
+    pub meter: MeterInfo,
+    /// The limits.
+    pub budget: BudgetRequest,
+    /// Numbers of the frames whose pictures are handed back from every run; those beyond the path are ignored.
+    pub keep_frames: &'a [usize],
+}
+
+/// A picture that was handed back.
+#[derive(Clone, Debug, PartialEq)]
+pub struct FramePicture {
+    /// The run.
+    pub run: String,
+    /// The frame's number.
+    pub frame: usize,
+    /// What the screen would show.
+    pub picture: Picture,
+}
+
+/// What came out.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Evaluation {
+    /// The figures.
+    pub result: EvaluationResult,
+    /// The pictures asked for, run by run in the result's order.
+    pub pictures: Vec<FramePicture>,
+}
+
+/// Plays `plan`'s path at the maximum and at the minimum, which gives a percentage its meaning; then under the policy that `controller`
+/// makes of the budget in watts; then the presets in between and resolution alone; and the maximum once more, to see how far the machine
+/// drifted meanwhile.
+///
+/// The maximum's pictures are the references: they stay in memory, 16 bytes a pixel and frame. `on_frame` is told of every frame; breaking
+/// ends it all.
+///
+/// # Errors
+/// When the player fails, gives pictures of several sizes or a power that is negative or not finite, or `on_frame` breaks.
+pub fn evaluate<'c, P: Player>(
+    player: &mut P,
+    plan: &EvaluationPlan<'_>,
+    controller: impl FnOnce(&ResolvedBudget) -> Box<dyn Policy + 'c>,
+    on_frame: &mut dyn FnMut(&Progress<'_>) -> ControlFlow<()>,
+) -> Result<Evaluation, EvaluationError<P::Error>> {
+    let (space, path) = (plan.space, plan.path);
+    let resolution_knob = space.index_of(RESOLUTION_KNOB);
+    let levels = resolution_knob.map_or(0, |knob| space.knobs()[knob].levels.len());
+    // Six runs, and the binary search's.
+    let runs = 6 + levels.checked_ilog2().unwrap_or(0) as usize + 1;
+    let mut stage = Stage { player, plan, on_frame, references: Vec::new(), frames_done: 0, frames_total: runs * path.poses().len() };
+
+    let highest = space.highest();
+    let maximum = stage.run("maximum", &mut Fixed(highest))?;
+    let minimum = stage.run("minimum", &mut Fixed(space.lowest()))?;
+    let (p_min, p_max) = (mean_power(&minimum.0), mean_power(&maximum.0));
+    let budget = plan.budget.resolve(p_min, p_max);
+    let frugal = stage.run("frugal", controller(&budget).as_mut())?;
+    let max_mid = stage.run("max-mid", &mut Fixed(space.preset(2.0 / 3.0)))?;
+    let mid_min = stage.run("mid-min", &mut Fixed(space.preset(1.0 / 3.0)))?;
+    let resolution_only = match resolution_knob {
+        Some(knob) => Some(resolution::search(levels - 1, &maximum.0, &budget, |level| {
+            stage.run("resolution-only", &mut Fixed(highest.with_level(knob, level)))
+        })?),
+        None => None,
+    };
+    let again = stage.run("maximum again", &mut Fixed(highest))?;
+    let drift = Drift::between(&maximum.0, &again.0);
+
+    let mut warnings = warnings(&plan.budget, p_min.0, p_max.0, &drift);
+    let mut pictures = Vec::new();
+    let size = stage.references.first().map_or((0, 0), Reference::size);
+    let mut add = |name: &str, (series, kept): (Vec<_>, Vec<FramePicture>)| {
+        pictures.extend(kept);
+        RunResult::new(name, series, &budget, space)
+    };
+    let maximum_frames = maximum.clone();
+    let mut runs =
+        vec![add("frugal", frugal), add("maximum", maximum), add("max-mid", max_mid), add("mid-min", mid_min), add("minimum", minimum)];
+    match resolution_only {
+        Some(found) => {
+            let mut renamed = maximum_frames;
+            renamed.1.iter_mut().for_each(|picture| picture.run = "resolution-only".to_owned());
+            let mut run = add("resolution-only", found.played.unwrap_or(renamed));
+            run.note = (!found.met).then(|| "no resolution meets the budget: this is the closest".to_owned());
+            runs.push(run);
+        }
+        None => warnings.push(format!("the run resolution-only is missing: this scene's knobs lack `{RESOLUTION_KNOB}`")),
+    }
+    let result = EvaluationResult {
+        scene: plan.scene.to_owned(),
+        path: path.name().to_owned(),
+        frames: path.poses().len(),
+        fps: path.fps(),
+        size: size.into(),
+        meter: plan.meter.clone(),
+        budget,
+        asked: plan.budget.to_string(),
+        runs,
+        drift,
+        warnings,
+    };
+    Ok(Evaluation { result, pictures })
+}
+
+fn warnings(request: &BudgetRequest, p_min: f64, p_max: f64, drift: &Drift) -> Vec<String> {
+    let mut warnings = Vec::new();
+    if p_max <= p_min {
+        let meaning =
+            if matches!(request.power, Some(PowerBudget::Share(_))) { ", so that a percentage between them means nothing" } else { "" };
+        warnings.push(format!("the highest settings took no more power ({p_max:.3} W) than the lowest ({p_min:.3} W){meaning}"));
+    }
+    if drift.relative.abs() > NOTABLE_DRIFT {
+        let percent = 100.0 * drift.relative;
+        warnings
+            .push(format!("the same settings took {percent:+.1}% power at the end: smaller differences between runs are the machine's"));
+    }
+    if drift.repeat_mean_error > NOTABLE_NOISE {
+        let error = drift.repeat_mean_error;
+        warnings.push(format!("the same settings rendered twice differ by an error of {error:.4}: smaller errors are noise"));
+    }
+    warnings
+}
+
+/// Everything that runs share.
+struct Stage<'a, 'p, P> {
+    player: &'a mut P,
+    plan: &'a EvaluationPlan<'p>,
+    on_frame: &'a mut dyn FnMut(&Progress<'_>) -> ControlFlow<()>,
+    references: Vec<Reference>,
+    frames_done: usize,
+    frames_total: usize,
+}
+
+impl<P: Player> Stage<'_, '_, P> {
+    /// The first run makes the references.
+    fn run(
+        &mut self,
+        name: &str,
+        policy: &mut dyn Policy,
+    ) -> Result<(Vec<super::FrameRecord>, Vec<FramePicture>), EvaluationError<P::Error>> {
+        let mut kept = Vec::new();
+        let mut keep = |frame: usize, picture: Picture| {
+            if self.plan.keep_frames.contains(&frame) {
+                kept.push(FramePicture { run: name.to_owned(), frame, picture });
+            }
+        };
+        let mut told = || {
+            self.frames_done += 1;
+            (self.on_frame)(&Progress { run: name, frames_done: self.frames_done, frames_total: self.frames_total })
+        };
+        let first = self.references.is_empty();
+        let against = if first { Against::Collect(&mut self.references) } else { Against::Compare(&self.references) };
+        let series = play(self.player, self.plan.path, name, policy, against, &mut keep, &mut told)?;
+        Ok((series, kept))
+    }
+}
+
+#[cfg(test)]
+#[path = "runner_tests.rs"]
+mod tests;

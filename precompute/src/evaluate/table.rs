@@ -1,0 +1,156 @@
+//! An evaluation as text: the table at the end of `frugal evaluate`, and every frame as CSV.
+
+use std::fmt::Write as _;
+use std::io;
+
+use bevy_frugal_gi::knobs::KnobSpace;
+use bevy_frugal_gi::power::Provenance;
+
+use super::EvaluationResult;
+
+const HEADERS: [&str; 8] = ["run", "mean W", "median W", "mean error", "max error", "over budget", "switches", "met"];
+
+/// What `result` says, in lines of plain text that end with a line break.
+pub fn table(result: &EvaluationResult) -> String {
+    let rows: Vec<[String; 8]> = result
+        .runs
+        .iter()
+        .map(|run| {
+            [
+                run.name.clone(),
+                format!("{:.3}", run.mean_power_w.0),
+                format!("{:.3}", run.median_power_w.0),
+                format!("{:.4}", run.mean_error),
+                format!("{:.4}", run.max_error),
+                run.frames_over_budget.to_string(),
+                run.switches.to_string(),
+                if run.met { "yes" } else { "no" }.to_owned(),
+            ]
+        })
+        .collect();
+    let width = |column: usize| rows.iter().map(|row| row[column].len()).chain([HEADERS[column].len()]).max().unwrap_or(0);
+    let widths: [usize; 8] = std::array::from_fn(width);
+    let line = |cells: &dyn Fn(usize) -> String| {
+        let cells = (0..8).map(|column| {
+            let (cell, width) = (cells(column), widths[column]);
+            // Names and words to the left, numbers to the right.
+            if column == 0 || column == 7 { format!("{cell:<width$}") } else { format!("{cell:>width$}") }
+        });
+        format!("{}\n", cells.collect::<Vec<_>>().join("  ").trim_end())
+    };
+
+    let how = match result.meter.provenance {
+        Provenance::Measured => "measured",
+        Provenance::Modelled => "modelled",
+    };
+    let [pixels_wide, pixels_high] = result.size;
+    let mut text = format!(
+        "{}, path {}: {} frames at {} fps, {pixels_wide}×{pixels_high}. Power is {how} by {}. Budget: {}",
+        result.scene, result.path, result.frames, result.fps, result.meter.name, result.asked
+    );
+    if let Some(limit) = result.budget.power_w {
+        let _ = write!(text, " (power {:.3} W)", limit.0);
+    }
+    text.push_str(".\n\n");
+    text.push_str(&line(&|column| HEADERS[column].to_owned()));
+    text.push_str(&line(&|column| "-".repeat(widths[column])));
+    for row in &rows {
+        text.push_str(&line(&|column| row[column].clone()));
+    }
+    let drift = &result.drift;
+    let _ = writeln!(
+        text,
+        "\nThe maximum played again at the end: {:+.1}% power, mean error {:.4} against itself.",
+        100.0 * drift.relative,
+        drift.repeat_mean_error
+    );
+    for run in &result.runs {
+        if let Some(note) = &run.note {
+            let _ = writeln!(text, "{}: {note}.", run.name);
+        }
+    }
+    for warning in &result.warnings {
+        let _ = writeln!(text, "warning: {warning}");
+    }
+    text
+}
+
+/// Writes a row for every frame of every run: run, frame, time in seconds, power in watts, error, the forecast of both (empty without one),
+/// settings packed and in words.
+///
+/// # Errors
+/// When `to` cannot be written.
+pub fn frames_csv(result: &EvaluationResult, space: &KnobSpace, to: impl io::Write) -> Result<(), csv::Error> {
+    let mut writer = csv::Writer::from_writer(to);
+    writer.write_record([
+        "run",
+        "frame",
+        "time_s",
+        "power_w",
+        "error",
+        "predicted_power_w",
+        "predicted_error",
+        "settings_bits",
+        "settings",
+    ])?;
+    for run in &result.runs {
+        for (number, frame) in run.series.iter().enumerate() {
+            let predicted = |value: Option<f64>| value.map(|value| value.to_string()).unwrap_or_default();
+            writer.write_record([
+                run.name.clone(),
+                number.to_string(),
+                frame.time.to_string(),
+                frame.power.0.to_string(),
+                frame.error.to_string(),
+                predicted(frame.predicted.map(|cost| cost.power.0)),
+                predicted(frame.predicted.map(|cost| cost.error)),
+                frame.settings.bits().to_string(),
+                space.describe(frame.settings),
+            ])?;
+        }
+    }
+    writer.flush()?;
+    Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use std::ops::ControlFlow;
+
+    use super::*;
+    use crate::evaluate::fake::{Fake, meter, path, space};
+    use crate::evaluate::{BudgetRequest, EvaluationPlan, Fixed, PowerBudget, evaluate};
+
+    fn result() -> EvaluationResult {
+        let (space, path) = (space(), path());
+        let budget = BudgetRequest { power: Some(PowerBudget::Share(0.1)), error: None };
+        let plan = EvaluationPlan { scene: "court.scene.ron", space: &space, path: &path, meter: meter(), budget, keep_frames: &[] };
+        evaluate(&mut Fake::default(), &plan, |_| Box::new(Fixed(space.lowest())), &mut |_| ControlFlow::Continue(())).unwrap().result
+    }
+
+    #[test]
+    fn columns_are_aligned_and_nothing_is_left_out() {
+        let text = table(&result());
+        let lines: Vec<&str> = text.lines().collect();
+        assert!(lines[0].contains("10 frames at 5 fps, 16×12. Power is modelled by formula"), "{text}");
+        assert!(lines[0].contains("power at most 10% (power 1.329 W)"), "{text}");
+        let ends = |line: &str| line.find("error").map(|at| at + "error".len());
+        assert_eq!(lines[2].len(), lines[3].len());
+        assert_eq!(ends(lines[2]), Some("resolution-only  mean W  median W  mean error".len()));
+        assert_eq!(lines[4..10].iter().map(|line| line.split_whitespace().count()).collect::<Vec<_>>(), [8; 6]);
+        assert!(lines[4].starts_with("frugal            1.009     1.009"), "{text}");
+        assert!(text.contains("resolution-only: no resolution meets the budget"), "{text}");
+        assert!(lines.iter().all(|line| line.trim_end() == *line));
+    }
+
+    #[test]
+    fn csv_has_a_row_for_every_frame() {
+        let mut bytes = Vec::new();
+        frames_csv(&result(), &space(), &mut bytes).unwrap();
+        let mut reader = csv::Reader::from_reader(&bytes[..]);
+        let rows: Vec<csv::StringRecord> = reader.records().map(Result::unwrap).collect();
+        assert_eq!(rows.len(), 60);
+        assert_eq!((&rows[0][0], &rows[0][8]), ("frugal", "gi_vpl_count=0,resolution_scale=50%,antialiasing=off"));
+        assert_eq!(&rows[0][5], "", "a fixed policy predicts nothing");
+    }
+}

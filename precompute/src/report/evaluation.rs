@@ -1,0 +1,207 @@
+//! The report of `frugal evaluate`.
+
+use crate::evaluate::{Evaluation, EvaluationResult, FrameRecord, RunResult};
+use crate::metrics::Picture;
+
+use super::{Bar, Color, Curve, Report, ReportError, Section, bars, curves, provenance};
+
+/// A page on `result`: `facts` say what the figures were taken on (machine, device, date), `pictures` are frames with captions.
+///
+/// # Errors
+/// When a plot or a picture fails.
+pub fn evaluation_report(
+    result: &EvaluationResult,
+    pictures: &[(String, &Picture)],
+    facts: &[(String, String)],
+) -> Result<String, ReportError> {
+    let mut report = Report::new(&format!("Power and error along {} in {}", result.path, result.scene));
+    report.facts(facts);
+    report.section(evaluation_section(result, pictures)?);
+    Ok(report.render())
+}
+
+/// The pictures that an evaluation kept, captioned by run and frame and what that frame cost.
+pub fn captioned(evaluation: &Evaluation) -> Vec<(String, &Picture)> {
+    let caption = |run: &str, frame: usize| {
+        let record = evaluation.result.runs.iter().find(|result| result.name == run).and_then(|result| result.series.get(frame));
+        let cost = record.map_or(String::new(), |record| format!(": {:.2} W, error {:.4}", record.power.0, record.error));
+        format!("{run}, frame {frame}{cost}")
+    };
+    evaluation.pictures.iter().map(|kept| (caption(&kept.run, kept.frame), &kept.picture)).collect()
+}
+
+/// The same as a section of a larger page.
+///
+/// # Errors
+/// As [`evaluation_report`].
+pub fn evaluation_section(result: &EvaluationResult, pictures: &[(String, &Picture)]) -> Result<Section, ReportError> {
+    let mut section = Section::new(&format!("{}, path {}: {}", result.scene, result.path, result.asked));
+    if let Some(summary) = summary(result) {
+        section.paragraph(&summary);
+    }
+    section.paragraph(&format!(
+        "{} Watts are power at the target frame rate. Error is 1 − SSIM of a frame against the same frame at the highest settings: 0 is equal.",
+        provenance(&result.meter)
+    ));
+    result.warnings.iter().for_each(|warning| {
+        section.warning(warning);
+    });
+    section.facts(&facts(result));
+    section.legend(result.runs.iter().enumerate().map(|(index, run)| (run.name.as_str(), color(index))).chain(limit_entry(result)));
+    section.plots(&plots(result)?);
+    let (headers, rows) = table(result);
+    section.table("Every run played the same frames.", &headers, &rows);
+    for run in &result.runs {
+        if let Some(note) = &run.note {
+            section.paragraph(&format!("{}: {note}.", run.name));
+        }
+    }
+    if !pictures.is_empty() {
+        section.heading("The same frames under each");
+        section.pictures(pictures)?;
+    }
+    Ok(section)
+}
+
+fn color(run: usize) -> Color {
+    Color::SERIES[run % Color::SERIES.len()]
+}
+
+fn limit_entry(result: &EvaluationResult) -> Option<(&'static str, Color)> {
+    (result.budget.power_w.is_some() || result.budget.error.is_some()).then_some(("budget (dashed)", Color::RED))
+}
+
+/// What the controller achieved, and what its rivals would have, in two or three sentences.
+fn summary(result: &EvaluationResult) -> Option<String> {
+    let named = |name: &str| result.runs.iter().find(|run| run.name == name);
+    let frugal = named("frugal")?;
+    let mut text = format!(
+        "Under the budget, frugal took {:.2} W on average with a mean error of {:.4}, changed settings {} times, \
+         and exceeded the budget in {} of {} frames.",
+        frugal.mean_power_w.0, frugal.mean_error, frugal.switches, frugal.frames_over_budget, result.frames
+    );
+    if let Some(maximum) = named("maximum").filter(|run| run.mean_power_w.0 > 0.0) {
+        let share = 100.0 * frugal.mean_power_w.0 / maximum.mean_power_w.0;
+        text += &format!(" That is {share:.0}% of the power of the highest settings, {:.2} W.", maximum.mean_power_w.0);
+    }
+    if let Some(rival) = named("resolution-only") {
+        text += &format!(
+            " Scaling nothing but the resolution took {:.2} W with a mean error of {:.4}{}.",
+            rival.mean_power_w.0,
+            rival.mean_error,
+            if rival.met { "" } else { ", and did not keep the budget" }
+        );
+    }
+    Some(text)
+}
+
+fn facts(result: &EvaluationResult) -> Vec<(String, String)> {
+    let [width, height] = result.size;
+    let mut facts = vec![
+        ("Picture".to_owned(), format!("{width} × {height} pixels")),
+        ("Frames".to_owned(), format!("{} at {} per second", result.frames, result.fps)),
+        ("Budget as asked".to_owned(), result.asked.clone()),
+    ];
+    if let Some(power) = result.budget.power_w {
+        facts.push(("Power budget".to_owned(), format!("{:.3} W", power.0)));
+    }
+    if let Some(error) = result.budget.error {
+        facts.push(("Error budget".to_owned(), error.to_string()));
+    }
+    let drift = &result.drift;
+    facts.push(("Maximum played again at the end".to_owned(), format!("{:+.1}% power", 100.0 * drift.relative)));
+    facts.push(("… and against itself".to_owned(), format!("mean error {:.5}", drift.repeat_mean_error)));
+    facts
+}
+
+fn plots(result: &EvaluationResult) -> Result<Vec<(&'static str, String)>, ReportError> {
+    let budget = &result.budget;
+    let watts = budget.power_w.map(|watts| watts.0);
+    let over_time = |value: fn(&FrameRecord) -> f64| -> Vec<Curve> {
+        let points = |run: &RunResult| run.series.iter().map(|frame| (frame.time, value(frame))).collect();
+        let width = |index: usize| if index == 0 { 3 } else { 2 };
+        result.runs.iter().enumerate().map(|(index, run)| Curve { color: color(index), width: width(index), points: points(run) }).collect()
+    };
+    let each = |value: fn(&RunResult) -> f64| -> Vec<Bar> {
+        result.runs.iter().enumerate().map(|(index, run)| Bar { name: run.name.clone(), value: value(run), color: color(index) }).collect()
+    };
+    let mut plots = Vec::new();
+    if result.runs.iter().any(|run| !run.series.is_empty()) {
+        let power = over_time(|frame| frame.power.0);
+        let error = over_time(|frame| frame.error);
+        plots.push(("Power along the path", curves("Power along the path", ["time, s", "power, W"], &power, watts)?));
+        plots.push(("Error along the path", curves("Error along the path", ["time, s", "error, 1 − SSIM"], &error, budget.error)?));
+    }
+    let power = each(|run| run.mean_power_w.0);
+    let error = each(|run| run.mean_error);
+    plots.push(("Mean power of each run", bars("Mean power of each run", "mean power, W", &power, 2, watts)?));
+    plots.push(("Mean error of each run", bars("Mean error of each run", "mean error, 1 − SSIM", &error, 4, budget.error)?));
+    Ok(plots)
+}
+
+fn table(result: &EvaluationResult) -> (Vec<&'static str>, Vec<Vec<String>>) {
+    let headers = vec![
+        "run",
+        "mean W",
+        "median W",
+        "99% over by, W",
+        "mean error",
+        "max error",
+        "frames over budget",
+        "switches",
+        "budget met",
+        "settings",
+    ];
+    let row = |run: &RunResult| {
+        vec![
+            run.name.clone(),
+            format!("{:.3}", run.mean_power_w.0),
+            format!("{:.3}", run.median_power_w.0),
+            run.p99_overshoot_w.map_or("–".to_owned(), |watts| format!("{:.3}", watts.0)),
+            format!("{:.4}", run.mean_error),
+            format!("{:.4}", run.max_error),
+            run.frames_over_budget.to_string(),
+            run.switches.to_string(),
+            if run.met { "yes" } else { "no" }.to_owned(),
+            run.settings.as_ref().map_or("vary".to_owned(), |settings| settings.replace(',', ", ")),
+        ]
+    };
+    (headers, result.runs.iter().map(row).collect())
+}
+
+#[cfg(test)]
+mod tests {
+    use std::ops::ControlFlow;
+
+    use super::*;
+    use crate::evaluate::fake::{Fake, meter, path, space};
+    use crate::evaluate::{BudgetRequest, EvaluationPlan, Fixed, PowerBudget, evaluate};
+
+    #[test]
+    fn a_report_says_what_was_asked_found_and_how() {
+        let (space, path) = (space(), path());
+        let budget = BudgetRequest { power: Some(PowerBudget::Share(0.6)), error: Some(0.05) };
+        let plan = EvaluationPlan { scene: "<court>", space: &space, path: &path, meter: meter(), budget, keep_frames: &[4] };
+        let evaluation =
+            evaluate(&mut Fake::default(), &plan, |_| Box::new(Fixed(space.lowest())), &mut |_| ControlFlow::Continue(())).unwrap();
+        let pictures = captioned(&evaluation);
+        assert_eq!(pictures[0].0, "frugal, frame 4: 1.01 W, error 0.1176");
+        let html = evaluation_report(&evaluation.result, &pictures, &[("Machine".into(), "a test".into())]).unwrap();
+        for text in [
+            "power at most 60%, error at most 0.05",
+            "was not measured. It was worked out by the model formula",
+            "&lt;court&gt;",
+            "resolution-only",
+            "10 at 5 per second",
+            "16 × 12 pixels",
+            "a test",
+        ] {
+            assert!(html.contains(text), "{text}");
+        }
+        assert_eq!((html.matches("<svg ").count(), html.matches("<img ").count()), (4, 6));
+        // Read back from JSON, an evaluation has no frames, and still a report.
+        let json = serde_json::to_string(&evaluation.result).unwrap();
+        let bare = evaluation_report(&serde_json::from_str(&json).unwrap(), &[], &[]).unwrap();
+        assert_eq!((bare.matches("<svg ").count(), bare.matches("<img ").count()), (2, 0));
+    }
+}

@@ -1,0 +1,242 @@
+//! The page: one HTML file that needs nothing else.
+
+use std::fmt::Write as _;
+
+use base64::Engine as _;
+use base64::engine::general_purpose::STANDARD;
+
+use crate::metrics::Picture;
+
+use super::{Color, ReportError};
+
+/// Light and dark by the reader's preference; one column on a phone; wide things scroll inside themselves.
+const STYLE: &str = include_str!("style.css");
+
+/// `text` as HTML text or as the value of a quoted attribute.
+pub fn escape(text: &str) -> String {
+    let mut escaped = String::with_capacity(text.len());
+    for character in text.chars() {
+        match character {
+            '&' => escaped.push_str("&amp;"),
+            '<' => escaped.push_str("&lt;"),
+            '>' => escaped.push_str("&gt;"),
+            '"' => escaped.push_str("&quot;"),
+            '\'' => escaped.push_str("&#39;"),
+            // Not allowed in HTML whatever they are written as.
+            '\0'..='\u{8}' | '\u{b}' | '\u{c}' | '\u{e}'..='\u{1f}' => escaped.push('\u{fffd}'),
+            _ => escaped.push(character),
+        }
+    }
+    escaped
+}
+
+/// A page under construction.
+#[derive(Clone, Debug)]
+pub struct Report {
+    title: String,
+    body: String,
+    contents: Vec<String>,
+}
+
+impl Report {
+    /// An empty page. All texts that are given to a report are plain: they are escaped here.
+    pub fn new(title: &str) -> Self {
+        Self { title: title.to_owned(), body: String::new(), contents: Vec::new() }
+    }
+
+    /// A paragraph before the next section.
+    pub fn paragraph(&mut self, text: &str) -> &mut Self {
+        let _ = writeln!(self.body, "<p>{}</p>", escape(text));
+        self
+    }
+
+    /// Names and values before the next section: the machine, the date, the device.
+    pub fn facts(&mut self, facts: &[(String, String)]) -> &mut Self {
+        self.body.push_str(&facts_html(facts));
+        self
+    }
+
+    /// The next section.
+    pub fn section(&mut self, section: Section) -> &mut Self {
+        let number = self.contents.len() + 1;
+        let heading = escape(&section.heading);
+        let _ = writeln!(self.body, "<section id=\"s{number}\">\n<h2>{heading}</h2>\n{}</section>", section.body);
+        self.contents.push(heading);
+        self
+    }
+
+    /// The HTML file. With more than one section it starts with a list of them.
+    pub fn render(&self) -> String {
+        let title = escape(&self.title);
+        let mut contents = String::new();
+        if self.contents.len() > 1 {
+            contents.push_str("<nav><ul>\n");
+            for (index, heading) in self.contents.iter().enumerate() {
+                let _ = writeln!(contents, "<li><a href=\"#s{}\">{heading}</a></li>", index + 1);
+            }
+            contents.push_str("</ul></nav>\n");
+        }
+        format!(
+            "<!doctype html>\n<html lang=\"en\">\n<head>\n<meta charset=\"utf-8\">\n\
+             <meta name=\"viewport\" content=\"width=device-width, initial-scale=1\">\n<title>{title}</title>\n<style>\n{STYLE}</style>\n</head>\n\
+             <body>\n<main>\n<h1>{title}</h1>\n{contents}{}</main>\n</body>\n</html>\n",
+            self.body
+        )
+    }
+}
+
+/// Part of a page, under one heading.
+#[derive(Clone, Debug)]
+pub struct Section {
+    heading: String,
+    body: String,
+}
+
+impl Section {
+    /// An empty section.
+    pub fn new(heading: &str) -> Self {
+        Self { heading: heading.to_owned(), body: String::new() }
+    }
+
+    /// A heading of the second order.
+    pub fn heading(&mut self, text: &str) -> &mut Self {
+        let _ = writeln!(self.body, "<h3>{}</h3>", escape(text));
+        self
+    }
+
+    /// A paragraph.
+    pub fn paragraph(&mut self, text: &str) -> &mut Self {
+        let _ = writeln!(self.body, "<p>{}</p>", escape(text));
+        self
+    }
+
+    /// A paragraph that must not be missed.
+    pub fn warning(&mut self, text: &str) -> &mut Self {
+        let _ = writeln!(self.body, "<p class=\"warning\"><strong>Note:</strong> {}</p>", escape(text));
+        self
+    }
+
+    /// Names and values.
+    pub fn facts(&mut self, facts: &[(String, String)]) -> &mut Self {
+        self.body.push_str(&facts_html(facts));
+        self
+    }
+
+    /// A table. Cells that are numbers are aligned to the right; the first column names the row.
+    pub fn table<S: AsRef<str>>(&mut self, caption: &str, headers: &[S], rows: &[Vec<String>]) -> &mut Self {
+        let numeric = |text: &str| text.parse::<f64>().is_ok();
+        let is_number = |column: usize| !rows.is_empty() && rows.iter().all(|row| row.get(column).is_some_and(|cell| numeric(cell)));
+        let class = |column: usize| if is_number(column) { " class=\"number\"" } else { "" };
+        let classes: Vec<&str> = (0..headers.len()).map(class).collect();
+        let _ = write!(self.body, "<div class=\"scroll\"><table>\n<caption>{}</caption>\n<thead><tr>", escape(caption));
+        for (header, class) in headers.iter().zip(&classes) {
+            let _ = write!(self.body, "<th scope=\"col\"{class}>{}</th>", escape(header.as_ref()));
+        }
+        self.body.push_str("</tr></thead>\n<tbody>\n");
+        for row in rows {
+            self.body.push_str("<tr>");
+            for (cell, class) in row.iter().zip(&classes) {
+                let _ = write!(self.body, "<td{class}>{}</td>", escape(cell));
+            }
+            self.body.push_str("</tr>\n");
+        }
+        self.body.push_str("</tbody></table></div>\n");
+        self
+    }
+
+    /// Plots beside each other where there is room: a caption and the SVG of each, as the functions of this module draw them. The SVG goes
+    /// in as it is.
+    pub fn plots(&mut self, plots: &[(&str, String)]) -> &mut Self {
+        self.body.push_str("<div class=\"plots\">\n");
+        for (caption, svg) in plots {
+            let _ = writeln!(self.body, "<figure><div class=\"scroll\">{svg}</div><figcaption>{}</figcaption></figure>", escape(caption));
+        }
+        self.body.push_str("</div>\n");
+        self
+    }
+
+    /// Which colour is what.
+    pub fn legend<'a>(&mut self, entries: impl IntoIterator<Item = (&'a str, Color)>) -> &mut Self {
+        self.body.push_str("<ul class=\"legend\">\n");
+        for (name, color) in entries {
+            let _ = writeln!(self.body, "<li><span style=\"background:{}\"></span>{}</li>", color.css(), escape(name));
+        }
+        self.body.push_str("</ul>\n");
+        self
+    }
+
+    /// Pictures with captions, inside the page as PNG.
+    ///
+    /// # Errors
+    /// When one cannot be encoded; the section then lacks all of them.
+    pub fn pictures(&mut self, pictures: &[(String, &Picture)]) -> Result<&mut Self, ReportError> {
+        let mut html = String::from("<div class=\"pictures\">\n");
+        for (caption, picture) in pictures {
+            let (caption, data) = (escape(caption), STANDARD.encode(picture.to_png()?));
+            let (width, height) = (picture.width, picture.height);
+            let _ = writeln!(
+                html,
+                "<figure><img alt=\"{caption}\" width=\"{width}\" height=\"{height}\" src=\"data:image/png;base64,{data}\">\
+                 <figcaption>{caption}</figcaption></figure>"
+            );
+        }
+        self.body.push_str(&html);
+        self.body.push_str("</div>\n");
+        Ok(self)
+    }
+}
+
+fn facts_html(facts: &[(String, String)]) -> String {
+    let mut html = String::from("<dl>\n");
+    for (name, value) in facts {
+        let _ = writeln!(html, "<div><dt>{}</dt><dd>{}</dd></div>", escape(name), escape(value));
+    }
+    html.push_str("</dl>\n");
+    html
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const NASTY: &str = "<script>alert(\"1\" & '2')</script>\0";
+
+    #[test]
+    fn nothing_that_is_given_becomes_markup() {
+        let mut section = Section::new(NASTY);
+        section.heading(NASTY).paragraph(NASTY).warning(NASTY).facts(&[(NASTY.into(), NASTY.into())]);
+        section.table(NASTY, &[NASTY], &[vec![NASTY.into()]]).legend([(NASTY, Color::BLUE)]);
+        section.pictures(&[(NASTY.into(), &Picture::from_fn(2, 2, |_, _| [9; 3]))]).unwrap();
+        let mut report = Report::new(NASTY);
+        report.paragraph(NASTY).facts(&[(NASTY.into(), NASTY.into())]).section(section);
+        let html = report.render();
+        assert!(!html.contains("<script") && !html.contains("alert(\"") && !html.contains('\0'));
+        assert_eq!(html.matches("&lt;script&gt;alert(&quot;1&quot; &amp; &#39;2&#39;)").count(), 17);
+    }
+
+    #[test]
+    fn the_page_needs_nothing_else() {
+        let mut report = Report::new("Report");
+        let mut section = Section::new("Pictures");
+        section.pictures(&[("grey".into(), &Picture::from_fn(3, 2, |_, _| [9; 3]))]).unwrap();
+        report.section(section).section(Section::new("Second"));
+        let html = report.render();
+        assert!(html.starts_with("<!doctype html>") && html.contains("prefers-color-scheme: dark") && html.contains("name=\"viewport\""));
+        assert!(!html.contains("http://") && !html.contains("https://") && !html.contains("@import") && !html.contains("<link"));
+        assert!(html.contains("<a href=\"#s2\">Second</a>"), "several sections get a list");
+        let data = html.split("base64,").nth(1).unwrap().split('"').next().unwrap();
+        assert_eq!(Picture::from_png(&STANDARD.decode(data).unwrap()).unwrap().width, 3);
+    }
+
+    #[test]
+    fn numbers_stand_to_the_right_and_words_to_the_left() {
+        let mut section = Section::new("Table");
+        section.table("t", &["run", "watts"], &[vec!["7".into(), "1.5".into()], vec!["max".into(), "-2".into()]]);
+        assert!(section.body.contains("<th scope=\"col\">run</th><th scope=\"col\" class=\"number\">watts</th>"));
+    }
+
+    #[test]
+    fn a_picture_that_is_none_is_an_error() {
+        assert!(Section::new("").pictures(&[(String::new(), &Picture::default())]).is_err());
+    }
+}

@@ -1,0 +1,137 @@
+//! The report of `frugal sweep`, and its CSV.
+
+use std::io;
+
+use bevy::math::Vec3;
+use bevy_frugal_gi::frontier::{Frontier, FrontierPoint};
+use bevy_frugal_gi::knobs::KnobSpace;
+use bevy_frugal_gi::power::MeterInfo;
+
+use super::{Color, Curve, Report, ReportError, Section, cloud, knob_table, provenance, staircase};
+
+/// What one camera's sweep found.
+#[derive(Clone, Debug)]
+pub struct SweepSummary<'a> {
+    /// The scene's name.
+    pub scene: &'a str,
+    /// The knobs that settings refer to.
+    pub space: &'a KnobSpace,
+    /// Every combination with its cost.
+    pub points: &'a [FrontierPoint],
+    /// Where the watts come from.
+    pub meter: &'a MeterInfo,
+    /// Width and height, pixels.
+    pub size: [u32; 2],
+    /// Target frame rate.
+    pub fps: f64,
+    /// The camera, metres.
+    pub position: Vec3,
+    /// What it looks at, metres.
+    pub look_at: Vec3,
+}
+
+/// A page on a sweep; `facts` say what the figures were taken on.
+///
+/// # Errors
+/// When plotting fails.
+pub fn sweep_report(summary: &SweepSummary<'_>, facts: &[(String, String)]) -> Result<String, ReportError> {
+    let mut report = Report::new(&format!("Every combination at one camera in {}", summary.scene));
+    report.facts(facts).section(sweep_section(summary)?);
+    Ok(report.render())
+}
+
+/// The same as a section of a larger page.
+///
+/// # Errors
+/// When plotting fails.
+pub fn sweep_section(summary: &SweepSummary<'_>) -> Result<Section, ReportError> {
+    let frontier = Frontier::from_points(summary.points.iter().copied());
+    let points: Vec<(f64, f64)> = summary.points.iter().map(|point| (point.cost.power.0, point.cost.error)).collect();
+    let mut section = Section::new(&format!("{}: power and error of {} combinations", summary.scene, points.len()));
+    section.paragraph(&format!(
+        "Each point is one combination of knob levels at the same camera. The line is the Pareto frontier: {} combinations that no other \
+         beats in both power and error. {} Error is 1 − SSIM against the highest settings.",
+        frontier.points().len(),
+        provenance(summary.meter)
+    ));
+    let broken = points.iter().filter(|(power, error)| !(power.is_finite() && error.is_finite())).count();
+    if broken > 0 {
+        section.warning(&format!("{broken} combinations have no finite cost and are not shown"));
+    }
+    let Vec3 { x, y, z } = summary.position;
+    let to = summary.look_at;
+    section.facts(&[
+        ("Picture".to_owned(), format!("{} × {} pixels", summary.size[0], summary.size[1])),
+        ("Target frame rate".to_owned(), format!("{} per second", summary.fps)),
+        ("Camera at".to_owned(), format!("{x}, {y}, {z} m")),
+        ("Looks at".to_owned(), format!("{}, {}, {} m", to.x, to.y, to.z)),
+    ]);
+    let line = Curve { color: Color::BLUE, width: 2, points: staircase(&frontier) };
+    let svg = cloud("Power and error of every combination", ["power, W", "error, 1 − SSIM"], &points, &[line])?;
+    section.legend([("combinations", Color::GREY), ("frontier", Color::BLUE)]);
+    section.plots(&[("Power and error of every combination, with the frontier", svg)]);
+    let (headers, rows, shared) = knob_table(summary.space, frontier.points());
+    section.table("The frontier, cheapest first", &headers, &rows);
+    if !shared.is_empty() {
+        section.paragraph(&format!("All of it has {shared}."));
+    }
+    Ok(section)
+}
+
+/// Writes a row for every point: the settings packed, each knob's level by its label, power in watts, error.
+///
+/// # Errors
+/// When `to` cannot be written.
+pub fn sweep_csv(space: &KnobSpace, points: &[FrontierPoint], to: impl io::Write) -> Result<(), csv::Error> {
+    let mut writer = csv::Writer::from_writer(to);
+    let names = space.knobs().iter().map(|knob| knob.name.as_str());
+    writer.write_record(["settings_bits"].into_iter().chain(names).chain(["power_w", "error"]))?;
+    for point in points {
+        writer.write_field(point.settings.bits().to_string())?;
+        for (index, knob) in space.knobs().iter().enumerate() {
+            writer.write_field(knob.levels.get(point.settings.level(index)).map_or("?", |level| level.label.as_str()))?;
+        }
+        writer.write_field(point.cost.power.0.to_string())?;
+        writer.write_field(point.cost.error.to_string())?;
+        writer.write_record(None::<&[u8]>)?;
+    }
+    writer.flush()?;
+    Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use bevy_frugal_gi::frontier::CostPoint;
+
+    use super::*;
+    use crate::evaluate::fake::{error, meter, power, space};
+
+    fn points() -> Vec<FrontierPoint> {
+        space().iter().map(|settings| FrontierPoint { settings, cost: CostPoint::new(power(settings), error(settings)) }).collect()
+    }
+
+    #[test]
+    fn csv_has_a_row_for_every_point_and_reads_back() {
+        let mut bytes = Vec::new();
+        sweep_csv(&space(), &points(), &mut bytes).unwrap();
+        let text = String::from_utf8(bytes).unwrap();
+        let lines: Vec<&str> = text.lines().collect();
+        assert_eq!(lines[0], "settings_bits,gi_vpl_count,resolution_scale,antialiasing,power_w,error");
+        assert_eq!(lines.len(), 37);
+        assert!(lines[1].starts_with("0,0,50%,off,1,0.1"), "{}", lines[1]);
+    }
+
+    #[test]
+    fn a_sweep_is_drawn_with_its_frontier() {
+        let (space, meter, mut points) = (space(), meter(), points());
+        let broken = FrontierPoint { cost: CostPoint::new(f64::NAN, 0.0), ..points[0] };
+        points.push(broken);
+        let (position, look_at) = (Vec3::new(0.0, 1.5, 4.0), Vec3::ZERO);
+        let summary =
+            SweepSummary { scene: "court", space: &space, points: &points, meter: &meter, size: [320, 180], fps: 30.0, position, look_at };
+        let html = sweep_report(&summary, &[]).unwrap();
+        assert!(html.contains("1 combinations have no finite cost") && html.contains("0, 1.5, 4 m"));
+        let none = SweepSummary { points: &[], ..summary };
+        assert!(sweep_report(&none, &[]).unwrap().contains("<svg "));
+    }
+}
