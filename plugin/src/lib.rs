@@ -1,4 +1,29 @@
 //! Power-aware real-time global illumination for Bevy.
+//!
+//! Dynamic indirect light on any GPU, without ray-tracing hardware, and a controller that spends no more power on a frame than it is told to:
+//!
+//! ```no_run
+//! use bevy::prelude::*;
+//! use bevy_frugal_gi::prelude::*;
+//!
+//! App::new()
+//!     .add_plugins((DefaultPlugins, FrugalGiPlugins))
+//!     .add_systems(Startup, |mut commands: Commands, assets: Res<AssetServer>| {
+//!         commands.spawn((
+//!             Camera3d::default(),
+//!             FrugalGi::default(),                                                // global illumination on this camera
+//!             FrontierMapHandle(assets.load("maps/courtyard.pareto.ron")),        // and the controller
+//!             Budget::power(Watts(7.0)),
+//!         ));
+//!     })
+//!     .run();
+//! ```
+//!
+//! Without a map, [`FrugalGi`](gi::FrugalGi) is global illumination with the settings that you give it. The map comes from the `frugal` tool:
+//! `frugal precompute courtyard.scene.ron`.
+//!
+//! Data flows one way: `frontier` (what is known) → `control` (what is chosen) → `knobs` (what is set) → `gi`, `resolution` and Bevy's renderer.
+
 pub mod control;
 pub mod frontier;
 pub mod gi;
@@ -6,3 +31,42 @@ pub mod knobs;
 pub mod power;
 pub mod resolution;
 pub mod units;
+
+use bevy::app::{PluginGroup, PluginGroupBuilder};
+
+/// Everything, each part of which can be disabled or replaced.
+///
+/// | plugin | job |
+/// |---|---|
+/// | [`GiPlugin`](gi::GiPlugin) | global illumination on cameras with [`FrugalGi`](gi::FrugalGi); makes deferred rendering the default |
+/// | [`ResolutionPlugin`](resolution::ResolutionPlugin) | a camera's own resolution scale, with a filtered upscale |
+/// | [`KnobPlugin`](knobs::KnobPlugin) | the registry of knobs, and [`KnobSettings`](knobs::KnobSettings) taking effect |
+/// | [`FrontierMapPlugin`](frontier::FrontierMapPlugin) | the `*.pareto.ron` asset |
+/// | [`ControlPlugin`](control::ControlPlugin) | picks settings from a camera's map under its [`Budget`](control::Budget) |
+/// | [`PowerPlugin`](power::PowerPlugin) | meters power in the background |
+#[derive(Clone, Copy, Debug, Default)]
+pub struct FrugalGiPlugins;
+
+impl PluginGroup for FrugalGiPlugins {
+    fn build(self) -> PluginGroupBuilder {
+        PluginGroupBuilder::start::<Self>()
+            .add(gi::GiPlugin)
+            .add(resolution::ResolutionPlugin)
+            .add(knobs::KnobPlugin)
+            .add(frontier::FrontierMapPlugin)
+            .add(control::ControlPlugin)
+            .add(power::PowerPlugin::default())
+    }
+}
+
+/// What an app names.
+pub mod prelude {
+    pub use crate::FrugalGiPlugins;
+    pub use crate::control::{Budget, FrontierMapHandle, Selection};
+    pub use crate::frontier::FrontierMap;
+    pub use crate::gi::{FrugalGi, GiPixelFraction};
+    pub use crate::knobs::{KnobRegistry, KnobSettings, RegisterKnob};
+    pub use crate::power::MeteredPower;
+    pub use crate::resolution::ResolutionScale;
+    pub use crate::units::Watts;
+}

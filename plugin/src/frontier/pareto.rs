@@ -44,7 +44,7 @@ pub struct FrontierPoint {
 }
 
 /// Settings none of which is beaten in both power and error: power strictly rises, error strictly falls.
-#[derive(Clone, Debug, Default, PartialEq, Reflect, Serialize, Deserialize)]
+#[derive(Clone, Debug, Default, PartialEq, Reflect)]
 pub struct Frontier {
     points: Vec<FrontierPoint>,
 }

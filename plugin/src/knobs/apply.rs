@@ -7,6 +7,7 @@ use bevy::log::warn_once;
 use bevy::platform::collections::HashMap;
 
 use super::builtin;
+use crate::control::KnownKnobs;
 use super::{KnobRegistry, KnobScope, KnobSettings, RegisterKnob, RenderSettings};
 
 /// Adds the built-in knobs and the system that applies [`KnobSettings`].
@@ -35,6 +36,14 @@ impl Plugin for KnobPlugin {
             .register_type::<RenderSettings>()
             .configure_sets(PostUpdate, KnobSystems::Apply.before(CameraUpdateSystems))
             .add_systems(PostUpdate, apply_settings.run_if(any_settings_changed).in_set(KnobSystems::Apply));
+    }
+
+    fn finish(&self, app: &mut App) {
+        // By now every plugin has registered its knobs: a map that asks for others is refused by the controller.
+        let known = app.world().get_resource::<KnobRegistry>().and_then(|registry| registry.space().ok());
+        if let Some(space) = known {
+            app.insert_resource(KnownKnobs(space.knobs().iter().map(|knob| knob.name.clone()).collect()));
+        }
     }
 }
 

@@ -76,9 +76,9 @@ impl Plugin for ResolutionPlugin {
     }
 }
 
-/// On cameras whose picture is rendered smaller in this frame.
+/// In the render world, on cameras whose picture is rendered smaller in this frame.
 #[derive(Component)]
-pub(crate) struct UpscalePipelineId(CachedRenderPipelineId);
+pub struct UpscalePipelineId(CachedRenderPipelineId);
 
 fn shrink_views(mut views: Query<(&mut ExtractedCamera, &mut ExtractedView, &ResolutionScale)>) {
     for (mut camera, mut view, scale) in &mut views {

@@ -15,6 +15,8 @@ use bevy::ecs::prelude::*;
 use bevy::reflect::Reflect;
 use bevy::render::extract_component::ExtractComponent;
 
+use crate::knobs::KnobSystems;
+
 pub(super) use lights::RsmLight;
 pub(super) use resolve::{RsmPipelines, RsmStore, drop_main_phases, prepare_store, resolve};
 
@@ -33,7 +35,8 @@ pub struct RsmView {
 pub(super) fn build(app: &mut App) {
     app.init_resource::<region::SceneBox>().add_systems(
         PostUpdate,
-        // Need to come before cameras are updated: sizes, projections and transforms written here are picked up in the same frame.
-        (region::update_scene_box, views::maintain).chain().before(CameraUpdateSystems),
+        // Need to come before cameras are updated: sizes, projections and transforms written here are picked up in the same frame. Need the
+        // knobs' levels, for the same reason.
+        (region::update_scene_box, views::maintain).chain().after(KnobSystems::Apply).before(CameraUpdateSystems),
     );
 }
