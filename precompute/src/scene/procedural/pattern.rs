@@ -73,7 +73,7 @@ pub(super) fn stone() -> Option<SceneTexture> {
 pub(super) fn cloth(cutoff: f32) -> Option<SceneTexture> {
     paint(256, 512, Some(cutoff), |x, y| {
         let (warp, weft) = (x * 64.0, y * 128.0);
-        let over = (warp as u32 + weft as u32) % 2 == 0;
+        let over = (warp as u32 + weft as u32).is_multiple_of(2);
         let round = |t: f32| 1.0 - (2.0 * t.fract() - 1.0).powi(2);
         let thread = if over { round(warp) } else { round(weft) };
         let weave = 0.55 + 0.4 * thread + 0.12 * (hash(warp as u32, weft as u32, 7) - 0.5);
@@ -84,7 +84,7 @@ pub(super) fn cloth(cutoff: f32) -> Option<SceneTexture> {
             within(from, to) && u.abs() + v.abs() < size
         };
         let pierced = diamond(8.0, 0.12, 0.18, 0.36) || diamond(4.0, 0.66, 0.78, 0.34) || diamond(8.0, 0.80, 0.85, 0.36);
-        let fringe = y > 0.94 && (x * 32.0 + 0.3 * hash(x.mul_add(32.0, 0.0) as u32, 0, 9)).fract() > 0.55;
+        let fringe = y > 0.94 && (x * 32.0 + 0.3 * hash((x * 32.0) as u32, 0, 9)).fract() > 0.55;
         let gold = within(0.09, 0.105) || within(0.195, 0.21) || within(0.63, 0.65) || within(0.87, 0.895);
         let alpha = if pierced || fringe { 0.0 } else { 1.0 };
         let light = weave * fold;
