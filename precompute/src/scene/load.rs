@@ -1,0 +1,218 @@
+//! Reads a `*.scene.ron` file and checks all that it says.
+
+use super::check::{self, Problem};
+use super::description::{Environment, Geometry, SceneDescription};
+use super::fingerprint::Fingerprint;
+use super::{SceneGeometry, gltf, locate, procedural};
+use ron::error::SpannedError;
+use ron::extensions::Extensions;
+use std::path::{Path, PathBuf};
+use thiserror::Error;
+
+/// Why a scene cannot be used.
+#[derive(Debug, Error)]
+#[non_exhaustive]
+pub enum SceneError {
+    /// The description cannot be read.
+    #[error("cannot read {file}: {source}; check the path", file = file.display())]
+    Unreadable {
+        /// The description.
+        file: PathBuf,
+        /// What the system says.
+        source: std::io::Error,
+    },
+    /// The description is wrong.
+    #[error("{file}:{line}:{column}: {field}: {problem}; {remedy}", file = file.display(), field = if field.is_empty() { "scene" } else { field })]
+    Invalid {
+        /// The description.
+        file: PathBuf,
+        /// From 1.
+        line: usize,
+        /// From 1, in characters.
+        column: usize,
+        /// The field, such as `lights[0].direction` or `paths["tour"][1].time`; empty for the whole.
+        field: String,
+        /// What is wrong.
+        problem: String,
+        /// What would be right.
+        remedy: String,
+    },
+}
+
+/// Reads the scene description at `path` and checks it, with the files that it names.
+///
+/// # Errors
+/// [`SceneError`], which names the file, the line, the column, the field, what is wrong and what would be right.
+pub fn load(path: impl AsRef<Path>) -> Result<SceneDescription, SceneError> {
+    let path = path.as_ref();
+    let text = std::fs::read_to_string(path).map_err(|source| SceneError::Unreadable { file: path.to_path_buf(), source })?;
+    let description = parse(&text, path)?;
+    let at_field = |problem| locate_problem(&text, path, problem);
+    if let Geometry::Gltf(_) = description.geometry {
+        description.build_geometry().map_err(at_field)?;
+    }
+    if let Environment::Map(name, _) = &description.environment {
+        read_environment(&description, name).map_err(at_field)?;
+    }
+    Ok(description)
+}
+
+/// Reads a description from `text` and checks it, but not the files that it names; `path` is named in errors and where those files are
+/// relative to.
+///
+/// # Errors
+/// As [`load`].
+pub fn parse(text: &str, path: &Path) -> Result<SceneDescription, SceneError> {
+    let options = ron::Options::default().with_default_extension(Extensions::IMPLICIT_SOME);
+    let mut description: SceneDescription = options.from_str(text).map_err(|error| explain(text, path, &error))?;
+    description.source = path.to_path_buf();
+    check::check(&description).map_err(|problem| locate_problem(text, path, problem))?;
+    Ok(description)
+}
+
+impl SceneDescription {
+    /// Reads or makes what the scene draws, merged to as few materials as possible.
+    ///
+    /// # Errors
+    /// [`SceneError::Invalid`] at the geometry's field, when its file is missing or broken.
+    pub fn geometry(&self) -> Result<SceneGeometry, SceneError> {
+        self.build_geometry().map(SceneGeometry::merge).map_err(|problem| self.locate(problem))
+    }
+
+    /// The scene's identity: 32 hexadecimal digits, the same on every machine, that change with whatever changes a picture or where
+    /// cameras may be: the values of this description (but not its paths, its layout or its name), the bytes of the files that it names,
+    /// the revision of a procedural scene. Pictures beside a `.gltf` are not looked at; those in a `.glb` are.
+    ///
+    /// # Errors
+    /// [`SceneError::Invalid`] at the field whose file cannot be read.
+    pub fn fingerprint(&self) -> Result<String, SceneError> {
+        let mut fingerprint = Fingerprint::new();
+        fingerprint.description(self);
+        match &self.geometry {
+            Geometry::Gltf(name) => {
+                let path = self.resolve(name);
+                let unreadable = |source| gltf::GltfError::Unreadable { file: path.clone(), source };
+                let contents = std::fs::read(&path).map_err(unreadable).and_then(|bytes| {
+                    let buffers = gltf::buffer_contents(&bytes, &path)?;
+                    Ok((bytes, buffers))
+                });
+                let (bytes, buffers) = contents.map_err(|error| self.locate(geometry_problem(name, &error)))?;
+                fingerprint.bytes(&bytes);
+                buffers.iter().for_each(|buffer| {
+                    fingerprint.bytes(buffer);
+                });
+            }
+            Geometry::Procedural(name) => {
+                fingerprint.bytes(&procedural::revision(name).to_le_bytes());
+            }
+        }
+        if let Environment::Map(name, _) = &self.environment {
+            fingerprint.bytes(&read_environment(self, name).map_err(|problem| self.locate(problem))?);
+        }
+        Ok(fingerprint.digits())
+    }
+
+    fn build_geometry(&self) -> Result<SceneGeometry, Problem> {
+        match &self.geometry {
+            Geometry::Gltf(name) => gltf::load(&self.resolve(name)).map_err(|error| geometry_problem(name, &error)),
+            Geometry::Procedural(name) => procedural::build(name).ok_or_else(|| Problem {
+                field: "geometry[0]".into(),
+                problem: format!("no procedural scene is called \"{name}\""),
+                remedy: format!("use one of {}", procedural::NAMES.join(", ")),
+            }),
+        }
+    }
+
+    /// The error's place in the file that this was read from; line 1 where that file is gone.
+    fn locate(&self, problem: Problem) -> SceneError {
+        let text = std::fs::read_to_string(&self.source).unwrap_or_default();
+        locate_problem(&text, &self.source, problem)
+    }
+}
+
+fn geometry_problem(name: &str, error: &gltf::GltfError) -> Problem {
+    let remedy = match error {
+        gltf::GltfError::Unreadable { .. } => "give a file relative to the description",
+        _ => "give a sound .glb or .gltf file",
+    };
+    Problem { field: "geometry[0]".into(), problem: format!("\"{name}\" cannot be used: {error}"), remedy: remedy.into() }
+}
+
+fn read_environment(description: &SceneDescription, name: &str) -> Result<Vec<u8>, Problem> {
+    let path = description.resolve(name);
+    std::fs::read(&path).map_err(|error| Problem {
+        field: "environment[0]".into(),
+        problem: format!("cannot read {}: {error}", path.display()),
+        remedy: "give an equirectangular picture relative to the description".into(),
+    })
+}
+
+fn locate_problem(text: &str, path: &Path, Problem { field, problem, remedy }: Problem) -> SceneError {
+    // A field that has its default is not in the text: then the nearest one around it that is.
+    let values = locate::values(text);
+    let mut sought = field.as_str();
+    let start = loop {
+        match values.iter().find(|value| value.field == sought) {
+            Some(value) => break value.start,
+            None if sought.is_empty() => break 0,
+            None => sought = &sought[..sought.rfind(['.', '[']).unwrap_or(0)],
+        }
+    };
+    let (line, column) = locate::line_and_column(text, start);
+    SceneError::Invalid { file: path.to_path_buf(), line, column, field, problem, remedy }
+}
+
+/// Names the field and the remedy of what ron could not read.
+fn explain(text: &str, path: &Path, error: &SpannedError) -> SceneError {
+    let position = match error.code {
+        // Here ron has read past the name that is wrong.
+        ron::Error::NoSuchStructField { .. } | ron::Error::NoSuchEnumVariant { .. } => error.span.start,
+        _ => error.span.end,
+    };
+    let (line, column) = (position.line, position.col);
+    // ron misses a field when it meets the bracket that ends its struct, and that is not a place in the value before it.
+    let with_end = !matches!(error.code, ron::Error::MissingStructField { .. });
+    let around = locate::field_at(text, line, column, with_end);
+    let (field, remedy) = match &error.code {
+        ron::Error::NoSuchStructField { expected, found, .. } => (found.clone(), known("fields", found, expected)),
+        ron::Error::NoSuchEnumVariant { expected, found, .. } => (around, known("names", found, expected)),
+        ron::Error::MissingStructField { field, .. } => {
+            let inside = if around.is_empty() { String::new() } else { format!("{around}.") };
+            (format!("{inside}{field}"), format!("add {field}: …"))
+        }
+        ron::Error::DuplicateStructField { field, .. } => ((*field).to_owned(), "give it once".to_owned()),
+        _ => (around, "see the scene files that come with this for the form".to_owned()),
+    };
+    let problem = lower_first(&error.code.to_string());
+    SceneError::Invalid { file: path.to_path_buf(), line, column, field, problem, remedy }
+}
+
+fn lower_first(sentence: &str) -> String {
+    let mut characters = sentence.chars();
+    characters.next().map(|first| first.to_lowercase().chain(characters).collect()).unwrap_or_default()
+}
+
+fn known(what: &str, found: &str, expected: &[&str]) -> String {
+    let nearest = expected.iter().min_by_key(|name| distance(found, name)).filter(|name| distance(found, name) <= 3);
+    let guess = nearest.map(|name| format!("did you mean {name}? ")).unwrap_or_default();
+    format!("{guess}known {what}: {}", expected.join(", "))
+}
+
+/// Letters to change, add or take away to make one word of the other (Levenshtein 1966).
+fn distance(a: &str, b: &str) -> usize {
+    let b: Vec<char> = b.chars().collect();
+    let mut row: Vec<usize> = (0..=b.len()).collect();
+    for (i, letter) in a.chars().enumerate() {
+        let mut diagonal = std::mem::replace(&mut row[0], i + 1);
+        for (j, other) in b.iter().enumerate() {
+            let changed = diagonal + usize::from(letter != *other);
+            diagonal = row[j + 1];
+            row[j + 1] = changed.min(row[j] + 1).min(diagonal + 1);
+        }
+    }
+    row[b.len()]
+}
+
+#[cfg(test)]
+#[path = "load_tests.rs"]
+mod tests;

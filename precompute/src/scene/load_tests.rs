@@ -1,0 +1,173 @@
+use super::*;
+use crate::scene::{Bounds, Environment, Light};
+use bevy::math::Vec3;
+
+/// A whole description, as the documentation writes it; each test spoils one value.
+const SOUND: &str = r#"(
+    geometry: Procedural("cornell"),
+    lights: [
+        Directional(direction: (-0.45, -1.0, -0.3), illuminance: 50000.0, color: (1.0, 0.95, 0.88)), // lux
+        Point(position: (0.0, 3.0, 0.0), luminous_power: 4000.0, range: 31.0),
+        Spot(position: (0.0, 3.0, 0.0), direction: (0.0, -1.0, 0.0), luminous_power: 4000.0,
+             inner_angle: 20.0, outer_angle: 35.0),
+    ],
+    environment: Constant((200.0, 220.0, 260.0)),
+    exposure_ev100: 12.0,
+    camera: (vertical_fov: 61.0, near: 0.1, far: 200.0),
+    bounds: (min: (-8.0, 0.5, -8.0), max: (8.0, 6.0, 8.0)),
+    paths: {
+        "tour": [
+            (time: 0.0, position: (0.0, 1.7, 6.0), look_at: (0.0, 1.5, 0.0)),
+            (time: 2.5, position: (0.0, 1.7, 5.0), look_at: (0.0, 1.5, 0.0)),
+        ],
+    },
+)"#;
+
+fn sound() -> SceneDescription {
+    parse(SOUND, Path::new("a.scene.ron")).unwrap()
+}
+
+/// Replaces `from` in the sound text and checks place, field and words of the error: it must point at `anchor` in its line.
+fn spoiled(from: &str, to: &str, (line, anchor): (usize, &str), field: &str, words: &[&str]) {
+    assert_eq!(SOUND.matches(from).count(), 1, "{from}");
+    let text = SOUND.replace(from, to);
+    let column = text.lines().nth(line - 1).unwrap().find(anchor).unwrap() + 1;
+    let error = parse(&text, Path::new("dir/a.scene.ron")).expect_err(to);
+    let message = error.to_string();
+    let SceneError::Invalid { line: found_line, column: found_column, field: found_field, .. } = &error else { panic!("{error:?}") };
+    assert_eq!((*found_line, found_field.as_str()), (line, field), "{message}");
+    assert_eq!(*found_column, column, "{message}");
+    assert!(message.starts_with(&format!("dir/a.scene.ron:{line}:")), "{message}");
+    for word in words {
+        assert!(message.contains(word), "{message} lacks {word}");
+    }
+}
+
+#[test]
+fn the_documented_form_is_read() {
+    let description = sound();
+    assert_eq!(description.lights.len(), 3);
+    assert_eq!(description.environment, Environment::Constant([200.0, 220.0, 260.0]));
+    assert_eq!(description.bounds, Some(Bounds { min: Vec3::new(-8.0, 0.5, -8.0), max: Vec3::new(8.0, 6.0, 8.0) }));
+    assert_eq!(description.paths["tour"].duration(), 2.5);
+    let Light::Spot { range, color, .. } = description.lights[2] else { panic!() };
+    assert_eq!((range, color), (30.0, [1.0; 3]));
+    assert!(description.geometry().unwrap().triangle_count() > 0);
+}
+
+#[test]
+fn everything_but_the_geometry_has_a_default() {
+    let description = parse("(geometry: Procedural(\"furnace\"))", Path::new("f.scene.ron")).unwrap();
+    let mut expected = SceneDescription::new(Geometry::Procedural("furnace".into()));
+    expected.source = "f.scene.ron".into();
+    assert_eq!(description, expected);
+    let bounds = description.camera_bounds(description.geometry().unwrap().bounds());
+    assert!((bounds.max.x - 1.6).abs() < 0.01 && (bounds.min.y + 1.6).abs() < 0.01, "{bounds:?}");
+    let partial = parse("(geometry: Procedural(\"furnace\"), camera: (far: 9.0))", Path::new("f.scene.ron")).unwrap();
+    assert_eq!((partial.camera.far, partial.camera.near), (9.0, 0.1));
+}
+
+#[test]
+fn wrong_values_are_named_with_line_column_and_field() {
+    spoiled("\"cornell\"", "\"cornel\"", (2, "\"cornel\""), "geometry[0]", &["\"cornel\"", "courtyard", "furnace"]);
+    spoiled("(-0.45, -1.0, -0.3)", "(0, 0, 0)", (4, "(0, 0, 0)"), "lights[0].direction", &["zero"]);
+    spoiled("50000.0", "NaN", (4, "NaN"), "lights[0].illuminance", &["NaN", "at least 0 lux"]);
+    spoiled("50000.0", "-1", (4, "-1,"), "lights[0].illuminance", &["-1"]);
+    spoiled("50000.0", "1e99", (4, "1e99"), "lights[0].illuminance", &["inf"]);
+    spoiled("0.95, 0.88", "-0.95, 0.88", (4, "-0.95, 0.88"), "lights[0].color[1]", &["at least 0"]);
+    spoiled("31.0", "-31.0", (5, "-31"), "lights[1].range", &["greater than 0"]);
+    spoiled("35.0", "15.0", (7, "15.0"), "lights[2].outer_angle", &["inner_angle"]);
+    spoiled("35.0", "95.0", (7, "95.0"), "lights[2].outer_angle", &["90"]);
+    spoiled("220.0", "inf", (9, "inf"), "environment[0][1]", &["nits"]);
+    spoiled("12.0", "99", (10, "99"), "exposure_ev100", &["-20 to 30"]);
+    spoiled("61.0", "180.0", (11, "180.0"), "camera.vertical_fov", &["between 0 and 180"]);
+    spoiled("near: 0.1", "near: 0", (11, "0, far"), "camera.near", &["greater than 0"]);
+    spoiled("200.0)", "0.1)", (11, "0.1)"), "camera.far", &["near"]);
+    spoiled("6.0, 8.0", "0.5, 8.0", (12, "0.5, 8.0"), "bounds.max[1]", &["empty", "min y is 0.5"]);
+    spoiled("-8.0, 0.5", "NaN, 0.5", (12, "NaN"), "bounds.min[0]", &["NaN"]);
+    spoiled("2.5", "0.0", (16, "0.0, position"), "paths[\"tour\"][1].time", &["later"]);
+    spoiled("1.7, 5.0", "1.7, inf", (16, "inf"), "paths[\"tour\"][1].position[2]", &["inf"]);
+    let keys = &SOUND[SOUND.find("(time: 0.0").unwrap()..SOUND.find("],\n    },").unwrap()];
+    spoiled(keys, "", (14, "["), "paths[\"tour\"]", &["no keys"]);
+}
+
+#[test]
+fn wrong_words_are_named_with_what_is_known() {
+    let at = |from: &str, to: &str| match parse(&SOUND.replace(from, to), Path::new("a.scene.ron")).expect_err(to) {
+        SceneError::Invalid { line, field, problem, remedy, .. } => (line, field, problem, remedy),
+        other => panic!("{other}"),
+    };
+    let (line, field, _, remedy) = at("exposure_ev100", "exposure_ev10");
+    assert_eq!((line, field.as_str()), (10, "exposure_ev10"));
+    assert!(remedy.contains("did you mean exposure_ev100?") && remedy.contains("environment"), "{remedy}");
+    let (line, field, _, remedy) = at("range: 31", "reach: 31");
+    assert_eq!((line, field.as_str()), (5, "reach"));
+    assert!(remedy.contains("luminous_power"), "{remedy}");
+    let (line, .., remedy) = at("Point(", "Pint(");
+    assert!(line == 5 && remedy.contains("did you mean Point?"), "{line} {remedy}");
+    let (line, field, ..) = at("illuminance: 50000.0, ", "");
+    assert_eq!((line, field.as_str()), (4, "lights[0].illuminance"));
+    let (line, field, problem, _) = at("61.0", "\"wide\"");
+    assert_eq!((line, field.as_str()), (11, "camera.vertical_fov"), "{problem}");
+    let (line, ..) = at("near: 0.1,", "near: 0.1");
+    assert_eq!(line, 11);
+    assert!(matches!(parse("", Path::new("a")), Err(SceneError::Invalid { line: 1, .. })));
+    assert!(matches!(parse("(lights: [])", Path::new("a")), Err(SceneError::Invalid { field, .. }) if field == "geometry"));
+}
+
+#[test]
+fn missing_and_broken_files_are_named_at_their_field() {
+    let folder = tempfile::tempdir().unwrap();
+    let file = folder.path().join("a.scene.ron");
+    let missing = load(&file).expect_err("missing").to_string();
+    assert!(missing.contains("a.scene.ron"), "{missing}");
+    let write = |geometry: &str| std::fs::write(&file, SOUND.replace("Procedural(\"cornell\")", geometry)).unwrap();
+    let fails = |words: &[&str]| match load(&file).expect_err("broken") {
+        error @ SceneError::Invalid { line: 2, column: 20, .. } => {
+            let message = error.to_string();
+            assert!(words.iter().all(|word| message.contains(word)), "{message}");
+        }
+        error => panic!("{error}"),
+    };
+    write("Gltf(\"a.glb\")");
+    fails(&["a.scene.ron:2:20", "a.glb", "cannot read"]);
+    let glb = crate::scene::gltf::tests::quad_glb();
+    std::fs::write(folder.path().join("a.glb"), &glb[..glb.len() - 7]).unwrap();
+    fails(&["cut short"]);
+    std::fs::write(folder.path().join("a.glb"), b"no").unwrap();
+    fails(&["glTF"]);
+    std::fs::write(folder.path().join("a.glb"), &glb).unwrap();
+    assert_eq!(load(&file).unwrap().geometry().unwrap().triangle_count(), 2);
+    let text = SOUND.replace("Constant((200.0, 220.0, 260.0))", "Map(\"sky.hdr\", 1000.0)");
+    std::fs::write(&file, text).unwrap();
+    assert!(matches!(load(&file), Err(SceneError::Invalid { line: 9, field, .. }) if field == "environment[0]"));
+}
+
+#[test]
+fn the_fingerprint_follows_content_and_nothing_else() {
+    let folder = tempfile::tempdir().unwrap();
+    let file = folder.path().join("a.scene.ron");
+    let glb = folder.path().join("a.glb");
+    std::fs::write(&glb, crate::scene::gltf::tests::quad_glb()).unwrap();
+    let text = SOUND.replace("Procedural(\"cornell\")", "Gltf(\"a.glb\")");
+    let print = |text: &str| {
+        std::fs::write(&file, text).unwrap();
+        load(&file).unwrap().fingerprint().unwrap()
+    };
+    let first = print(&text);
+    assert_eq!(first.len(), 32);
+    assert_eq!(print(&text.replace("// lux", "").replace("    ", "\t")), first, "layout");
+    assert_eq!(print(&text.replace("2.5", "2.75")), first, "paths");
+    for (from, to) in
+        [("12.0", "12.5"), ("-0.3)", "-0.31)"), ("31.0", "32.0"), ("61.0", "62.0"), ("(-8.0, 0.5", "(-8.0, 0.6"), ("260", "261")]
+    {
+        assert_ne!(print(&text.replace(from, to)), first, "{from}");
+    }
+    let mut bytes = std::fs::read(&glb).unwrap();
+    // The last byte of the binary chunk belongs to a position.
+    *bytes.last_mut().unwrap() ^= 1;
+    std::fs::write(&glb, bytes).unwrap();
+    assert_ne!(print(&text), first, "geometry");
+    // The same number on every machine and for ever, or maps lose their scenes.
+    assert_eq!(sound().fingerprint().unwrap(), "c4e97abaeaae18b0d1e5b8ab90639a90");
+}

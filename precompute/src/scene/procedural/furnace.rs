@@ -1,0 +1,23 @@
+//! The inside of a closed white sphere. With albedo ρ and a lamp of Φ lumens in its middle, the wall's direct illuminance is Φ ÷ 4πr² and
+//! every bounce adds ρ times the one before, everywhere alike: a test of energy that needs no reference picture.
+
+use crate::scene::builder::MeshBuilder;
+use crate::scene::{SceneGeometry, SceneMaterial};
+use bevy::math::Vec3;
+
+/// Reflectance of the wall.
+const ALBEDO: f32 = 0.8;
+/// Metres.
+const RADIUS: f32 = 2.0;
+
+pub(super) fn build() -> SceneGeometry {
+    let mut builder = MeshBuilder::new();
+    // Four splits: 5,120 triangles.
+    builder.tint([ALBEDO; 3]).icosphere(Vec3::ZERO, RADIUS, 4, true);
+    SceneGeometry {
+        meshes: vec![builder.finish(0)],
+        // No specular reflection at all, so that the wall is a Lambertian reflector.
+        materials: vec![SceneMaterial { reflectance: 0.0, ..SceneMaterial::default() }],
+        ..SceneGeometry::default()
+    }
+}

@@ -1,0 +1,186 @@
+//! Ray queries over a scene's triangles: closest and any hit, what a camera sees, whether a place is inside a solid.
+//!
+//! The tree is obvhs's compressed eight-wide one (Ylitie et al. 2017, "Efficient Incoherent Ray Traversal on GPUs Through Compressed
+//! Wide BVHs"); the triangle test is ours (Möller and Trumbore 1997) in double precision with a slightly widened triangle, because a
+//! ray that slips through the seam of a closed solid would make an inside look open.
+
+use super::{SceneGeometry, Triangle};
+use bevy::math::{DVec3, Quat, Vec3};
+use obvhs::BvhBuildParams;
+use obvhs::cwbvh::{CwBvh, builder::build_cwbvh_from_tris};
+use obvhs::ray::{Ray, RayHit};
+use std::time::Duration;
+
+/// How far, in barycentric units, a triangle reaches beyond its edges.
+const EDGE_TOLERANCE: f64 = 1e-6;
+/// Triangles with a smaller area, m², have no side to tell and are left out.
+const LEAST_AREA: f64 = 1e-14;
+/// Positions beyond this, metres, are left out: the tree's box arithmetic would overflow.
+const GREATEST_COORDINATE: f32 = 1e15;
+/// Columns and rows of the rays that stand for a camera's picture.
+const VIEW_GRID: (u32, u32) = (24, 14);
+/// Rays that stand for all directions.
+const SPHERE_RAY_COUNT: u32 = 64;
+
+/// Which side of a triangle a ray met.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Side {
+    /// The side from which its corners go counter-clockwise.
+    Front,
+    /// The other.
+    Back,
+}
+
+/// Where a ray met the scene.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Hit {
+    /// Distance along the ray in lengths of its direction: metres when that is a unit vector.
+    pub distance: f32,
+    /// Which side was met.
+    pub side: Side,
+    /// The triangle.
+    pub triangle: Triangle,
+    /// Weights of the triangle's corners at the hit; they sum to 1.
+    pub weights: [f32; 3],
+}
+
+/// Triangles in a tree. Alpha is not looked at: a cut-out counts as solid.
+#[derive(Debug)]
+pub struct RayScene {
+    triangles: Vec<Triangle>,
+    /// `None` when there are no triangles.
+    tree: Option<CwBvh>,
+}
+
+impl RayScene {
+    /// Builds the tree. Triangles without area, with corners that are not finite, or absurdly far away are left out.
+    pub fn new(triangles: impl IntoIterator<Item = Triangle>) -> Self {
+        let triangles: Vec<Triangle> = triangles.into_iter().filter(is_usable).collect();
+        let boxes: Vec<obvhs::triangle::Triangle> = triangles
+            .iter()
+            .map(|triangle| {
+                let [v0, v1, v2] = triangle.corners.map(|corner| corner.to_array().into());
+                obvhs::triangle::Triangle { v0, v1, v2 }
+            })
+            .collect();
+        let tree = (!boxes.is_empty()).then(|| build_cwbvh_from_tris(&boxes, BvhBuildParams::medium_build(), &mut Duration::default()));
+        Self { triangles, tree }
+    }
+
+    /// The tree of all triangles of `geometry`.
+    pub fn from_geometry(geometry: &SceneGeometry) -> Self {
+        Self::new(geometry.triangles())
+    }
+
+    /// Number of triangles in the tree.
+    pub fn triangle_count(&self) -> usize {
+        self.triangles.len()
+    }
+
+    /// The first triangle that the ray meets in (0, `greatest_distance`], from either side. `None` also for a ray whose origin or
+    /// direction is not finite, or whose direction is zero. Distances are in lengths of `direction`.
+    pub fn closest(&self, origin: Vec3, direction: Vec3, greatest_distance: f32) -> Option<Hit> {
+        let (tree, ray) = self.ray(origin, direction, greatest_distance)?;
+        let mut nearest = RayHit::none();
+        tree.ray_traverse(ray, &mut nearest, |ray, id| self.test(tree, id, ray).map_or(f32::INFINITY, |(distance, ..)| distance));
+        if nearest.t > greatest_distance || !nearest.t.is_finite() {
+            return None;
+        }
+        let (distance, side, weights) = self.test(tree, nearest.primitive_id as usize, &ray)?;
+        let triangle = self.triangles[tree.primitive_indices[nearest.primitive_id as usize] as usize];
+        Some(Hit { distance, side, triangle, weights })
+    }
+
+    /// Whether the ray meets any triangle in (0, `greatest_distance`); arguments as for [`closest`](Self::closest).
+    pub fn any(&self, origin: Vec3, direction: Vec3, greatest_distance: f32) -> bool {
+        self.ray(origin, direction, greatest_distance).is_some_and(|(tree, ray)| {
+            !tree.ray_traverse_miss(ray, |ray, id| self.test(tree, id, ray).map_or(f32::INFINITY, |(distance, ..)| distance))
+        })
+    }
+
+    /// Whether a camera sees any triangle: at least one of a grid of 24 × 14 rays through its picture meets one. Things thinner than a
+    /// grid cell may be missed. `vertical_fov` in radians, `aspect` is width ÷ height.
+    pub fn sees_geometry(&self, position: Vec3, rotation: Quat, vertical_fov: f32, aspect: f32) -> bool {
+        let (columns, rows) = VIEW_GRID;
+        let half_height = (vertical_fov * 0.5).tan();
+        (0..rows).any(|row| {
+            (0..columns).any(|column| {
+                let x = (column as f32 + 0.5) / columns as f32 * 2.0 - 1.0;
+                let y = (row as f32 + 0.5) / rows as f32 * 2.0 - 1.0;
+                self.any(position, rotation * Vec3::new(x * half_height * aspect, y * half_height, -1.0), f32::INFINITY)
+            })
+        })
+    }
+
+    /// Whether `position` is inside solid matter, where a camera would see nothing but back faces.
+    ///
+    /// Of 64 rays spread evenly over all directions, at least 90 % must meet something and at least 70 % of those must meet a back
+    /// face first. Inside a closed solid all do; other solids that stick into it cost a few. Behind a single sheet, such as a drape, at
+    /// most about half do, however near it is; in a room whose walls face inward none do; outdoors most rays meet nothing. Only the
+    /// winding of triangles counts, not whether their material is double-sided. A place that double sheets or a closed curtain wrap on
+    /// all sides, backs inward, cannot be told from a solid and counts as one.
+    pub fn inside_geometry(&self, position: Vec3) -> bool {
+        let (mut hits, mut backs) = (0_u32, 0_u32);
+        for direction in sphere_directions(SPHERE_RAY_COUNT) {
+            if let Some(hit) = self.closest(position, direction, f32::INFINITY) {
+                hits += 1;
+                backs += u32::from(hit.side == Side::Back);
+            }
+        }
+        hits * 10 >= SPHERE_RAY_COUNT * 9 && backs * 10 >= hits * 7
+    }
+
+    fn ray(&self, origin: Vec3, direction: Vec3, greatest_distance: f32) -> Option<(&CwBvh, Ray)> {
+        let tree = self.tree.as_ref()?;
+        let sound = origin.is_finite() && origin.abs().max_element() < GREATEST_COORDINATE && direction.is_finite();
+        // The tree's slab test divides by the direction, and so wants it neither tiny nor huge.
+        let length = direction.length_squared();
+        let sound = sound && (1e-12..=1e12).contains(&length) && greatest_distance > 0.0;
+        // A negative zero would be negative to the tree's reciprocal and not to its octants, and the ray would miss boxes: make it positive.
+        let direction = direction + Vec3::ZERO;
+        sound.then(|| (tree, Ray::new(origin.to_array().into(), direction.to_array().into(), 0.0, greatest_distance)))
+    }
+
+    /// Distance, side and corner weights, if the ray meets the triangle within its range.
+    fn test(&self, tree: &CwBvh, id: usize, ray: &Ray) -> Option<(f32, Side, [f32; 3])> {
+        let triangle = &self.triangles[*tree.primitive_indices.get(id)? as usize];
+        let [a, b, c] = triangle.corners.map(|corner| corner.as_dvec3());
+        let (origin, direction) = (DVec3::from(ray.origin.to_array().map(f64::from)), DVec3::from(ray.direction.to_array().map(f64::from)));
+        let (ab, ac) = (b - a, c - a);
+        let determinant = -direction.dot(ab.cross(ac));
+        let inverse = 1.0 / determinant;
+        let offset = origin - a;
+        let turned = offset.cross(direction);
+        let (v, w) = (ac.dot(turned) * inverse, -ab.dot(turned) * inverse);
+        let distance = offset.dot(ab.cross(ac)) * inverse;
+        // A ray in the triangle's plane makes these infinite or NaN, and every comparison with NaN is false.
+        let within = v >= -EDGE_TOLERANCE && w >= -EDGE_TOLERANCE && v + w <= 1.0 + EDGE_TOLERANCE;
+        let distance = distance as f32;
+        (within && distance > ray.tmin && distance <= ray.tmax).then(|| {
+            let side = if determinant > 0.0 { Side::Front } else { Side::Back };
+            (distance, side, [(1.0 - v - w) as f32, v as f32, w as f32])
+        })
+    }
+}
+
+fn is_usable(triangle: &Triangle) -> bool {
+    let [a, b, c] = triangle.corners;
+    let finite = [a, b, c].iter().all(|corner| corner.is_finite() && corner.abs().max_element() < GREATEST_COORDINATE);
+    let area: DVec3 = (b.as_dvec3() - a.as_dvec3()).cross(c.as_dvec3() - a.as_dvec3());
+    finite && area.length() * 0.5 > LEAST_AREA
+}
+
+/// `count` unit vectors spread evenly over the sphere: a Fibonacci spiral (Swinbank and Purser 2006), points in the middle of equal-area bands.
+pub fn sphere_directions(count: u32) -> impl Iterator<Item = Vec3> {
+    let golden_angle = std::f32::consts::PI * (3.0 - 5.0_f32.sqrt());
+    (0..count).map(move |i| {
+        let y = 1.0 - (i as f32 + 0.5) / count as f32 * 2.0;
+        let radius = (1.0 - y * y).max(0.0).sqrt();
+        let angle = golden_angle * i as f32;
+        Vec3::new(radius * angle.cos(), y, radius * angle.sin())
+    })
+}
+
+#[cfg(test)]
+#[path = "rays_tests.rs"]
+mod tests;
