@@ -1,8 +1,10 @@
 //! The `frugal` tool as a library: scene → stage → measure → search → frontier map, and what reads one back.
+pub mod cli;
 pub mod evaluate;
 pub mod files;
 pub mod metrics;
 pub mod report;
 pub mod scene;
 pub mod search;
+pub mod stage;
 pub mod subdivide;

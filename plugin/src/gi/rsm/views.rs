@@ -50,13 +50,14 @@ pub(super) fn maintain(
     mut commands: Commands,
     limits: Res<GiLimits>,
     scene: Res<SceneBox>,
-    transforms: TransformHelper,
     cameras: Query<(Entity, &Camera, &FrugalGi), Without<RsmView>>,
     suns: Query<(Entity, &DirectionalLight, &InheritedVisibility, Option<&RenderLayers>)>,
     spots: Query<(Entity, &SpotLight, &InheritedVisibility, Option<&RenderLayers>)>,
     points: Query<(Entity, &PointLight, &InheritedVisibility, Option<&RenderLayers>)>,
-    mut existing: Query<(Entity, &RsmView, &mut Camera, &mut RenderTarget, &mut Projection, &mut Transform, &mut RsmLight), Without<FrugalGi>>,
+    // Both touch transforms: first those of lights and cameras are read, then those of maps are written.
+    mut placed: ParamSet<(TransformHelper, Query<(Entity, &RsmView, &mut Camera, &mut RenderTarget, &mut Projection, &mut Transform, &mut RsmLight), Without<FrugalGi>>)>,
 ) {
+    let transforms = placed.p0();
     let place = |entity| transforms.compute_global_transform(entity).ok().map(|t| t.compute_transform());
     let eyes: Vec<GiEye> = cameras
         .iter()
@@ -86,7 +87,7 @@ pub(super) fn maintain(
     lay_out(&mut wanted);
 
     let mut missing: HashMap<RsmView, Wanted> = wanted.into_iter().map(|w| (w.view, w)).collect();
-    for (entity, view, mut camera, mut target, mut projection, mut transform, mut light) in &mut existing {
+    for (entity, view, mut camera, mut target, mut projection, mut transform, mut light) in &mut placed.p1() {
         let Some(wanted) = missing.remove(view) else {
             commands.entity(entity).despawn();
             continue;

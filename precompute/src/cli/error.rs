@@ -1,0 +1,70 @@
+//! What ends a command, and with which exit status.
+
+use crate::files::FileError;
+use crate::report::ReportError;
+use crate::scene::SceneError;
+use crate::stage::StageError;
+
+/// Why a command did not do its work.
+#[derive(Debug, thiserror::Error)]
+pub enum CliError {
+    /// Wrong use or bad input: nothing was written.
+    #[error("{0}")]
+    Usage(String),
+    /// It began, and could not be finished.
+    #[error("{0}")]
+    Failed(String),
+}
+
+impl CliError {
+    /// Wrong use or bad input.
+    pub fn usage(error: impl ToString) -> Self {
+        Self::Usage(error.to_string())
+    }
+
+    /// Failed on the way.
+    pub fn failed(error: impl ToString) -> Self {
+        Self::Failed(error.to_string())
+    }
+
+    /// The process's exit status.
+    pub fn status(&self) -> u8 {
+        match self {
+            Self::Usage(_) => 2,
+            Self::Failed(_) => 1,
+        }
+    }
+}
+
+impl From<SceneError> for CliError {
+    fn from(error: SceneError) -> Self {
+        Self::usage(error)
+    }
+}
+
+impl From<StageError> for CliError {
+    fn from(error: StageError) -> Self {
+        match error {
+            StageError::NoAdapter
+            | StageError::Size(..)
+            | StageError::FrameRate(_)
+            | StageError::Scene(_)
+            | StageError::Knob(_)
+            | StageError::OpenMeter(_)
+            | StageError::Environment { .. } => Self::usage(error),
+            _ => Self::failed(error),
+        }
+    }
+}
+
+impl From<FileError> for CliError {
+    fn from(error: FileError) -> Self {
+        Self::failed(error)
+    }
+}
+
+impl From<ReportError> for CliError {
+    fn from(error: ReportError) -> Self {
+        Self::failed(error)
+    }
+}

@@ -1,0 +1,67 @@
+//! The command line: one file a command.
+//!
+//! Exit status: 0 done, 2 wrong use or bad input (one message, nothing written), 1 failed.
+
+mod arguments;
+mod demo;
+mod error;
+mod evaluate;
+mod inspect;
+mod meters;
+mod precompute;
+mod progress;
+mod render;
+mod sweep;
+
+use std::process::ExitCode;
+
+use clap::{Parser, Subcommand};
+
+pub use error::CliError;
+
+/// Finds which rendering settings are Pareto-optimal in power and error at every place of a scene.
+#[derive(Parser, Debug)]
+#[command(name = "frugal", version, about, max_term_width = 120)]
+struct Cli {
+    #[command(subcommand)]
+    command: Command,
+}
+
+#[derive(Subcommand, Debug)]
+enum Command {
+    /// Searches a scene's camera space and writes its frontier map
+    Precompute(precompute::Arguments),
+    /// Plays a camera path under a budget beside the fixed presets
+    Evaluate(evaluate::Arguments),
+    /// Renders every combination of settings at one camera: the whole power-error cloud
+    Sweep(sweep::Arguments),
+    /// Renders one picture
+    Render(render::Arguments),
+    /// Tells what a map holds
+    Inspect(inspect::Arguments),
+    /// Lists the power meters of this machine, each tested under load
+    Meters(meters::Arguments),
+    /// The main job in one go: precompute, evaluate under a power and an error budget, one report
+    Demo(demo::Arguments),
+}
+
+/// Runs the command line that the process was given.
+pub fn run() -> ExitCode {
+    let cli = Cli::parse();
+    let result = match &cli.command {
+        Command::Precompute(arguments) => precompute::run(arguments),
+        Command::Evaluate(arguments) => evaluate::run(arguments),
+        Command::Sweep(arguments) => sweep::run(arguments),
+        Command::Render(arguments) => render::run(arguments),
+        Command::Inspect(arguments) => inspect::run(arguments),
+        Command::Meters(arguments) => meters::run(arguments),
+        Command::Demo(arguments) => demo::run(arguments),
+    };
+    match result {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(error) => {
+            eprintln!("frugal: {error}");
+            ExitCode::from(error.status())
+        }
+    }
+}

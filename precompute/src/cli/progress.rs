@@ -1,0 +1,33 @@
+//! Progress bars, and the interrupt key.
+
+use std::sync::OnceLock;
+use std::sync::atomic::{AtomicBool, Ordering};
+
+use indicatif::{ProgressBar, ProgressStyle};
+
+static INTERRUPTED: AtomicBool = AtomicBool::new(false);
+static HANDLER: OnceLock<()> = OnceLock::new();
+
+/// Whether the user wants the command to end. A second interrupt ends it at once.
+pub(super) fn interrupted() -> bool {
+    HANDLER.get_or_init(|| {
+        let handler = || {
+            if INTERRUPTED.swap(true, Ordering::Relaxed) {
+                std::process::exit(130);
+            }
+            eprintln!("\nfinishing the step in hand; interrupt again to stop at once");
+        };
+        // Where no handler can be set, the interrupt ends the process; what was journaled is kept all the same.
+        let _ = ctrlc::set_handler(handler);
+    });
+    INTERRUPTED.load(Ordering::Relaxed)
+}
+
+/// A bar with a time left.
+pub(super) fn bar(total: u64) -> ProgressBar {
+    let bar = ProgressBar::new(total);
+    if let Ok(style) = ProgressStyle::with_template("{bar:30} {pos}/{len} {msg} [{elapsed} < {eta}]") {
+        bar.set_style(style);
+    }
+    bar
+}

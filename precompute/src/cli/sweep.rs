@@ -1,0 +1,96 @@
+//! `frugal sweep`: every combination at one camera.
+
+use std::path::PathBuf;
+
+use bevy_frugal_gi::frontier::{CostPoint, Frontier, FrontierPoint};
+use indicatif::ProgressBar;
+
+use super::arguments::{CameraArguments, CaptureArguments, check_outputs, open_scene, write, write_report};
+use super::{CliError, progress};
+use crate::metrics::Reference;
+use crate::report::{SweepSummary, sweep_csv, sweep_report};
+use crate::stage::Stage;
+
+#[derive(clap::Args, Debug)]
+pub(super) struct Arguments {
+    /// The scene
+    #[arg(value_name = "SCENE")]
+    scene: PathBuf,
+    #[command(flatten)]
+    camera: CameraArguments,
+    #[command(flatten)]
+    capture: CaptureArguments,
+    /// Table to write
+    #[arg(long, value_name = "FILE")]
+    csv: Option<PathBuf>,
+    /// Folder for a page with the cloud and its frontier
+    #[arg(long, value_name = "DIR")]
+    report: Option<PathBuf>,
+}
+
+/// Frames metered for each combination: a sweep is an oracle, so it reads longer than a search.
+const METERED_FRAMES: u32 = 4;
+
+pub(super) fn run(arguments: &Arguments) -> Result<(), CliError> {
+    let (scene, name) = open_scene(&arguments.scene)?;
+    check_outputs([arguments.csv.as_ref()])?;
+    let mut stage = Stage::open(&scene, arguments.capture.options())?;
+    let pose = arguments.camera.pose();
+    stage.place(pose.position, pose.rotation);
+    let space = stage.space().clone();
+    stage.apply(space.highest());
+    stage.get_ready()?;
+    let reference = Reference::new(&stage.picture()?).map_err(CliError::failed)?;
+
+    let bar = progress::bar(space.combinations());
+    let points = measure(&mut stage, &reference, &bar)?;
+    bar.finish_and_clear();
+
+    let frontier = Frontier::from_points(points.iter().copied());
+    let worst = CostPoint::new(
+        points.iter().map(|p| p.cost.power.0).fold(0.0, f64::max) * 1.01,
+        points.iter().map(|p| p.cost.error).fold(0.0, f64::max) * 1.01,
+    );
+    println!("{} combinations, {} on the frontier", points.len(), frontier.points().len());
+    println!("hypervolume {:.6} W at reference ({:.4} W, {:.5})", frontier.hypervolume(worst), worst.power.0, worst.error);
+    for point in frontier.points() {
+        println!("{:8.4} W  {:.5}  {}", point.cost.power.0, point.cost.error, space.describe(point.settings));
+    }
+    if let Some(path) = &arguments.csv {
+        let mut table = Vec::new();
+        sweep_csv(&space, &points, &mut table).map_err(CliError::failed)?;
+        write(path, &table)?;
+    }
+    if let Some(folder) = &arguments.report {
+        let size = arguments.capture.size;
+        let summary = SweepSummary {
+            scene: &name,
+            space: &space,
+            points: &points,
+            meter: &stage.meter(),
+            size: [size.x, size.y],
+            fps: arguments.capture.fps,
+            position: arguments.camera.position,
+            look_at: arguments.camera.look_at,
+        };
+        write_report(folder, &sweep_report(&summary, &[])?)?;
+    }
+    Ok(())
+}
+
+fn measure(stage: &mut Stage, reference: &Reference, bar: &ProgressBar) -> Result<Vec<FrontierPoint>, CliError> {
+    let space = stage.space().clone();
+    let mut points = Vec::new();
+    for settings in space.iter() {
+        if progress::interrupted() {
+            return Err(CliError::failed("interrupted: nothing was written"));
+        }
+        stage.apply(settings);
+        stage.frame();
+        let power = stage.metered_frames_at_least(METERED_FRAMES)?;
+        let error = reference.error(&stage.picture()?).map_err(CliError::failed)?;
+        points.push(FrontierPoint { settings, cost: CostPoint { power, error } });
+        bar.inc(1);
+    }
+    Ok(points)
+}

@@ -1,0 +1,27 @@
+//! Which adapter Bevy will render on, found out before Bevy is started, since Bevy panics without one.
+
+use bevy_frugal_gi::power::{Adapter, AdapterKind};
+
+/// The adapter that the renderer will choose, or none.
+pub fn adapter() -> Option<Adapter> {
+    let mut descriptor = wgpu::InstanceDescriptor::new_without_display_handle();
+    descriptor.backends = wgpu::Backends::from_env().unwrap_or(wgpu::Backends::PRIMARY | wgpu::Backends::SECONDARY);
+    let instance = wgpu::Instance::new(descriptor);
+    let options = wgpu::RequestAdapterOptions {
+        power_preference: wgpu::PowerPreference::from_env().unwrap_or(wgpu::PowerPreference::HighPerformance),
+        ..Default::default()
+    };
+    let adapter = bevy::tasks::block_on(instance.request_adapter(&options)).ok()?;
+    let info = adapter.get_info();
+    let kind = match info.device_type {
+        wgpu::DeviceType::Cpu => AdapterKind::Software,
+        wgpu::DeviceType::Other => AdapterKind::Unknown,
+        _ => AdapterKind::Hardware,
+    };
+    Some(Adapter { kind, name: info.name, pci_bus_id: info.device_pci_bus_id })
+}
+
+/// Whether the renderer would run on the CPU.
+pub fn software_adapter() -> bool {
+    adapter().is_some_and(|adapter| adapter.kind == AdapterKind::Software)
+}

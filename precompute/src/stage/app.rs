@@ -1,0 +1,47 @@
+//! The Bevy app of a stage.
+
+use std::time::Duration;
+
+use bevy::DefaultPlugins;
+use bevy::app::{App, PluginGroup, TerminalCtrlCHandlerPlugin};
+use bevy::log::LogPlugin;
+use bevy::render::RenderPlugin;
+use bevy::render::pipelined_rendering::PipelinedRenderingPlugin;
+use bevy::time::TimeUpdateStrategy;
+use bevy::ui::UiPlugin;
+use bevy::ui_render::UiRenderPlugin;
+use bevy::window::{ExitCondition, WindowPlugin};
+use bevy::winit::WinitPlugin;
+use bevy_frugal_gi::FrugalGiPlugins;
+use bevy_frugal_gi::knobs::{KnobPlugin, KnobRegistry, KnobSpace, KnobSpaceError};
+use bevy_frugal_gi::power::PowerPlugin;
+
+/// An app without window, log, signal handler and interface, whose clock steps by one frame an update.
+pub(super) fn build(frames_per_second: f64) -> App {
+    let mut app = App::new();
+    app.add_plugins(
+        DefaultPlugins
+            .set(WindowPlugin { primary_window: None, exit_condition: ExitCondition::DontExit, ..Default::default() })
+            .set(RenderPlugin { synchronous_pipeline_compilation: true, ..Default::default() })
+            .disable::<WinitPlugin>()
+            .disable::<LogPlugin>()
+            .disable::<TerminalCtrlCHandlerPlugin>()
+            .disable::<UiPlugin>()
+            .disable::<UiRenderPlugin>()
+            // Need each update to return with its own frame.
+            .disable::<PipelinedRenderingPlugin>(),
+    )
+    // The stage reads its meter around each frame itself.
+    .add_plugins(FrugalGiPlugins.build().disable::<PowerPlugin>())
+    .insert_resource(TimeUpdateStrategy::ManualDuration(Duration::from_secs_f64(1.0 / frames_per_second)));
+    app.finish();
+    app.cleanup();
+    app
+}
+
+/// Every knob that a stage has, without starting one.
+pub(super) fn knobs() -> Result<KnobSpace, KnobSpaceError> {
+    let mut app = App::new();
+    app.add_plugins(KnobPlugin);
+    app.world().resource::<KnobRegistry>().space()
+}

@@ -1,0 +1,126 @@
+//! Reads pictures back from the GPU.
+
+use bevy::asset::Handle;
+use bevy::ecs::world::World;
+use bevy::image::Image;
+use bevy::render::render_asset::RenderAssets;
+use bevy::render::render_resource::{
+    BufferDescriptor, BufferUsages, CommandEncoderDescriptor, MapMode, PollType, TexelCopyBufferInfo, TexelCopyBufferLayout, Texture,
+};
+use bevy::render::renderer::{RenderDevice, RenderQueue};
+use bevy::render::texture::GpuImage;
+
+use super::StageError;
+use crate::metrics::Picture;
+
+/// Linear radiance in nits.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Radiance {
+    /// Pixels in a row.
+    pub width: u32,
+    /// Rows.
+    pub height: u32,
+    /// Row by row from the top: red, green, blue.
+    pub rgb: Vec<[f32; 3]>,
+}
+
+impl Radiance {
+    /// Mean over all pixels and the three channels.
+    pub fn mean(&self) -> f64 {
+        self.rgb.iter().flatten().map(|value| f64::from(*value)).sum::<f64>() / (3 * self.rgb.len()).max(1) as f64
+    }
+
+    /// Writes an OpenEXR file of three float channels.
+    ///
+    /// # Errors
+    /// When it cannot be encoded.
+    pub fn to_exr(&self) -> Result<Vec<u8>, image::ImageError> {
+        let values: Vec<f32> = self.rgb.iter().flatten().copied().collect();
+        let picture = image::Rgb32FImage::from_raw(self.width, self.height, values).unwrap_or_default();
+        let mut bytes = std::io::Cursor::new(Vec::new());
+        picture.write_to(&mut bytes, image::ImageFormat::OpenExr)?;
+        Ok(bytes.into_inner())
+    }
+}
+
+pub(super) fn picture(world: &World, target: &Handle<Image>) -> Result<Picture, StageError> {
+    let (texture, rows) = read(world, target, 4)?;
+    let rgb = rows.chunks_exact(4).map(|texel| [texel[0], texel[1], texel[2]]).collect();
+    Picture::new(texture.0, texture.1, rgb).map_err(|error| StageError::ReadBack(error.to_string()))
+}
+
+pub(super) fn radiance(world: &World, target: &Handle<Image>, exposure: f32) -> Result<Radiance, StageError> {
+    let ((width, height), rows) = read(world, target, 8)?;
+    let channel = |bytes: &[u8]| half_to_float(u16::from_le_bytes([bytes[0], bytes[1]])) / exposure;
+    let rgb = rows.chunks_exact(8).map(|texel| [channel(&texel[0..2]), channel(&texel[2..4]), channel(&texel[4..6])]).collect();
+    Ok(Radiance { width, height, rgb })
+}
+
+/// IEEE 754 binary16.
+fn half_to_float(bits: u16) -> f32 {
+    let sign = if bits & 0x8000 == 0 { 1.0 } else { -1.0 };
+    let exponent = i32::from((bits >> 10) & 0x1f);
+    let fraction = f32::from(bits & 0x3ff);
+    sign * match exponent {
+        0 => fraction * (-24f32).exp2(),
+        31 if fraction == 0.0 => f32::INFINITY,
+        31 => f32::NAN,
+        _ => (1.0 + fraction / 1024.0) * ((exponent - 15) as f32).exp2(),
+    }
+}
+
+/// Size of the target, and its texels without the padding that rows have in a buffer.
+fn read(world: &World, target: &Handle<Image>, texel_bytes: u32) -> Result<((u32, u32), Vec<u8>), StageError> {
+    let fail = |problem: &str| StageError::ReadBack(problem.to_owned());
+    let image = world.resource::<RenderAssets<GpuImage>>().get(target).ok_or_else(|| fail("there is no picture yet"))?;
+    let texture: &Texture = &image.texture;
+    let bytes_of_format = texture.format().block_copy_size(None).ok_or_else(|| fail("an unreadable format"))?;
+    if bytes_of_format != texel_bytes {
+        return Err(fail("the stage was opened for another kind of picture"));
+    }
+    let (device, queue) = (world.resource::<RenderDevice>(), world.resource::<RenderQueue>());
+    let size = texture.size();
+    let row = size.width * texel_bytes;
+    let padded = RenderDevice::align_copy_bytes_per_row(row as usize) as u32;
+    let buffer = device.create_buffer(&BufferDescriptor {
+        label: Some("frugal/stage/read_back"),
+        size: u64::from(padded) * u64::from(size.height),
+        usage: BufferUsages::COPY_DST | BufferUsages::MAP_READ,
+        mapped_at_creation: false,
+    });
+    let mut encoder = device.create_command_encoder(&CommandEncoderDescriptor { label: Some("frugal/stage/read_back") });
+    encoder.copy_texture_to_buffer(
+        texture.as_image_copy(),
+        TexelCopyBufferInfo {
+            buffer: &buffer,
+            layout: TexelCopyBufferLayout { offset: 0, bytes_per_row: Some(padded), rows_per_image: None },
+        },
+        size,
+    );
+    queue.submit([encoder.finish()]);
+    let (sender, receiver) = std::sync::mpsc::channel();
+    let slice = buffer.slice(..);
+    slice.map_async(MapMode::Read, move |result| drop(sender.send(result)));
+    device.poll(PollType::wait_indefinitely()).map_err(|error| StageError::ReadBack(error.to_string()))?;
+    receiver
+        .recv()
+        .map_err(|error| StageError::ReadBack(error.to_string()))?
+        .map_err(|error| StageError::ReadBack(error.to_string()))?;
+    let mapped = slice.get_mapped_range();
+    let texels = mapped.chunks_exact(padded as usize).flat_map(|padded| &padded[..row as usize]).copied().collect();
+    Ok(((size.width, size.height), texels))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn halves_convert_exactly() {
+        let pairs = [(0x3c00, 1.0), (0xc000, -2.0), (0x7bff, 65504.0), (0x0001, 5.960_464_5e-8), (0x0000, 0.0), (0x7c00, f32::INFINITY)];
+        for (bits, value) in pairs {
+            assert_eq!(half_to_float(bits), value);
+        }
+        assert!(half_to_float(0x7e00).is_nan());
+    }
+}

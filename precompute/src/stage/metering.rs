@@ -1,0 +1,71 @@
+//! Energy of frames, and the power that they would take at the target frame rate.
+//!
+//! p = idle + energy per frame × frames per second. A meter that covers the whole device counts its idle power in every window: it is measured
+//! once, while nothing is rendered, and taken out again.
+
+use std::time::{Duration, Instant};
+
+use bevy_frugal_gi::power::{EnergyWindow, MeterError, Provenance};
+use bevy_frugal_gi::units::{Joules, Watts};
+
+use super::{Stage, StageError};
+
+/// Frames of a measurement, at the least.
+const LEAST_FRAMES: u32 = 2;
+
+/// Steps of the meter's counter that a window must span for an error of a few per cent.
+const STEPS_PER_WINDOW: f64 = 10.0;
+
+impl Stage {
+    /// Power at the target frame rate for an energy of `spent` over `frames` frames that took `seconds`.
+    fn power(&self, spent: Joules, frames: u32, seconds: f64) -> Watts {
+        let measured = self.meter.info().provenance == Provenance::Measured;
+        let idle_energy = if measured { self.idle * seconds } else { Watts(0.0) };
+        let per_frame = ((spent.0 - idle_energy.0) / f64::from(frames)).max(0.0);
+        self.idle + Watts(per_frame * self.options.frames_per_second)
+    }
+
+    /// Renders frames of the present settings until the meter can tell their power.
+    ///
+    /// # Errors
+    /// When the meter cannot be read.
+    pub fn metered_frames(&mut self) -> Result<Watts, StageError> {
+        self.metered_frames_at_least(LEAST_FRAMES)
+    }
+
+    /// The same over at least `least` frames.
+    ///
+    /// # Errors
+    /// When the meter cannot be read.
+    pub fn metered_frames_at_least(&mut self, least: u32) -> Result<Watts, StageError> {
+        let least_seconds = if self.meter.window_seconds() < 0.01 { 0.0 } else { STEPS_PER_WINDOW * self.meter.window_seconds() };
+        let window = EnergyWindow::start(self.meter.as_mut())?;
+        let start = Instant::now();
+        let mut frames = 0;
+        while frames < least || start.elapsed().as_secs_f64() < least_seconds {
+            self.frame();
+            frames += 1;
+        }
+        let (spent, elapsed) = window.finish(self.meter.as_mut())?;
+        sound(self.power(spent, frames, elapsed.as_secs_f64()), &self.meter.info().name)
+    }
+
+    /// Power while nothing is rendered, where the meter covers the whole device; else what the meter says.
+    pub(super) fn measure_idle(&mut self) -> Result<Watts, StageError> {
+        if self.meter.info().provenance != Provenance::Measured {
+            return Ok(self.meter.idle());
+        }
+        let window = EnergyWindow::start(self.meter.as_mut())?;
+        std::thread::sleep(Duration::from_secs_f64((STEPS_PER_WINDOW * self.meter.window_seconds()).max(2.0)));
+        let (spent, elapsed) = window.finish(self.meter.as_mut())?;
+        Ok(spent.per_seconds(elapsed.as_secs_f64()))
+    }
+}
+
+fn sound(power: Watts, meter: &str) -> Result<Watts, StageError> {
+    if power.0.is_finite() && power.0 > 0.0 {
+        Ok(power)
+    } else {
+        Err(MeterError::broken(meter, format!("gave {power} for rendered frames")).into())
+    }
+}

@@ -1,0 +1,328 @@
+//! The stage: a headless Bevy app that shows a scene to one camera, one finished frame at a time.
+//!
+//! Nothing is shared with a window: time steps by hand, pipelines compile before they are needed, and a frame is over when the GPU is done.
+
+mod adapter;
+mod app;
+mod capture;
+mod environment;
+mod evaluator;
+mod metering;
+mod player;
+mod useful;
+mod world;
+
+use std::sync::Arc;
+
+use bevy::app::App;
+use bevy::asset::Handle;
+use bevy::ecs::entity::Entity;
+use bevy::image::Image;
+use bevy::math::{Quat, UVec2, Vec3};
+use bevy::render::RenderApp;
+use bevy::render::render_resource::{CachedPipelineState, PipelineCache, PollType};
+use bevy::render::renderer::RenderDevice;
+use bevy::transform::components::Transform;
+use bevy_frugal_gi::gi::{FrugalGi, GiOutput};
+use bevy_frugal_gi::knobs::{KnobRegistry, KnobSettings, KnobSpace, RenderSettings};
+use bevy_frugal_gi::power::{MeterInfo, PowerMeter};
+use bevy_frugal_gi::units::Watts;
+
+use crate::metrics::Picture;
+use crate::scene::{Bounds, RayScene, SceneDescription, SceneError};
+
+pub use adapter::{adapter, software_adapter};
+pub use capture::Radiance;
+pub use evaluator::StageEvaluator;
+pub use player::StagePlayer;
+pub use useful::useful_knobs;
+
+/// What is drawn into.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Output {
+    /// What a screen would show: 8-bit sRGB, tone-mapped.
+    #[default]
+    Display,
+    /// Linear radiance in nits, before exposure; without antialiasing and post-processing, which belong to a display.
+    Radiance,
+}
+
+/// Which light a picture holds.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, clap::ValueEnum)]
+pub enum Component {
+    /// All of it.
+    #[default]
+    Full,
+    /// What the renderer shows without global illumination.
+    Direct,
+    /// What global illumination adds.
+    Indirect,
+}
+
+/// How a scene is staged.
+#[derive(Clone, Debug, PartialEq)]
+pub struct StageOptions {
+    /// Width and height, pixels.
+    pub size: UVec2,
+    /// Target frame rate, which turns energy per frame into power.
+    pub frames_per_second: f64,
+    /// What is drawn into.
+    pub output: Output,
+    /// Which light.
+    pub component: Component,
+    /// Names of the knobs to offer; all where none are given. The others stand at their best.
+    pub knobs: Option<Vec<String>>,
+    /// Meter by name; the one that suits the adapter where none is given.
+    pub meter: Option<String>,
+}
+
+impl Default for StageOptions {
+    fn default() -> Self {
+        Self {
+            size: UVec2::new(320, 180),
+            frames_per_second: 30.0,
+            output: Output::Display,
+            component: Component::Full,
+            knobs: None,
+            meter: None,
+        }
+    }
+}
+
+/// Why a scene cannot be staged, or a frame not be rendered.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum StageError {
+    /// There is no GPU, nor a software one.
+    #[error(
+        "no graphics adapter: install a Vulkan driver for the GPU, or a software one (on Debian: apt install mesa-vulkan-drivers), and try again"
+    )]
+    NoAdapter,
+    /// A size of 0, or larger than a texture can be.
+    #[error("size {0}x{1}: must be 1x1 to 8192x8192")]
+    Size(u32, u32),
+    /// Not a positive number.
+    #[error("frame rate {0}: must be a finite number above 0")]
+    FrameRate(f64),
+    /// The scene file, or one that it names.
+    #[error(transparent)]
+    Scene(#[from] SceneError),
+    /// A knob that does not exist.
+    #[error(transparent)]
+    Knob(#[from] bevy_frugal_gi::knobs::KnobSpaceError),
+    /// The meter.
+    #[error(transparent)]
+    OpenMeter(#[from] bevy_frugal_gi::power::OpenMeterError),
+    /// A reading.
+    #[error(transparent)]
+    Meter(#[from] bevy_frugal_gi::power::MeterError),
+    /// The environment map.
+    #[error("environment map {file}: {problem}: give a Radiance .hdr or OpenEXR file in latitude-longitude form")]
+    Environment {
+        /// The file.
+        file: String,
+        /// What is wrong.
+        problem: String,
+    },
+    /// A pipeline that does not compile, or never gets ready.
+    #[error("the renderer did not get ready: {0}")]
+    NotReady(String),
+    /// The picture could not be read back.
+    #[error("the picture could not be read back: {0}")]
+    ReadBack(String),
+    /// The comparison of pictures.
+    #[error(transparent)]
+    Compare(#[from] crate::metrics::CompareError),
+}
+
+/// A scene on a headless renderer.
+pub struct Stage {
+    app: App,
+    camera: Entity,
+    target: Handle<Image>,
+    options: StageOptions,
+    space: Arc<KnobSpace>,
+    meter: Box<dyn PowerMeter>,
+    idle: Watts,
+    rays: RayScene,
+    bounds: Option<Bounds>,
+    exposure: f32,
+    vertical_fov_degrees: f32,
+}
+
+impl Stage {
+    /// Stages `scene`, and waits until the first finished frame.
+    ///
+    /// # Errors
+    /// When there is no adapter, the options make no sense, the scene's files cannot be read, or the renderer does not get ready.
+    pub fn open(scene: &SceneDescription, options: StageOptions) -> Result<Self, StageError> {
+        if options.size.min_element() == 0 || options.size.max_element() > 8192 {
+            return Err(StageError::Size(options.size.x, options.size.y));
+        }
+        if !(options.frames_per_second.is_finite() && options.frames_per_second > 0.0) {
+            return Err(StageError::FrameRate(options.frames_per_second));
+        }
+        let adapter = adapter().ok_or(StageError::NoAdapter)?;
+        let meter = match &options.meter {
+            Some(name) => bevy_frugal_gi::power::open(name)?,
+            None => bevy_frugal_gi::power::detect(&adapter)?,
+        };
+        let geometry = scene.geometry()?;
+        let rays = RayScene::from_geometry(&geometry);
+        let bounds = geometry.bounds();
+        let mut app = app::build(options.frames_per_second);
+        let (camera, target) = world::spawn(&mut app, scene, geometry, &options)?;
+
+        let registry = app.world().resource::<KnobRegistry>().clone();
+        let all = registry.space()?;
+        let space = match &options.knobs {
+            Some(names) => all.subset(names.iter().map(String::as_str))?,
+            None => all.clone(),
+        };
+        let mut stage = Self {
+            app,
+            camera,
+            target,
+            space: Arc::new(space),
+            idle: Watts(0.0),
+            meter,
+            rays,
+            bounds,
+            exposure: 1.0 / (1.2 * scene.exposure_ev100.exp2()),
+            vertical_fov_degrees: scene.camera.vertical_fov,
+            options,
+        };
+        // Knobs that are not offered stand at their best, in this stage and so in every figure that it gives.
+        let best = all.highest();
+        stage.insert_settings(Arc::new(all), best);
+        stage.get_ready()?;
+        stage.idle = stage.measure_idle()?;
+        Ok(stage)
+    }
+
+    /// The knobs on offer.
+    pub fn space(&self) -> &Arc<KnobSpace> {
+        &self.space
+    }
+
+    /// Offers only the knobs called `names`; the others stay as they stand.
+    ///
+    /// # Errors
+    /// When one is unknown.
+    pub fn restrict(&mut self, space: KnobSpace) {
+        self.space = Arc::new(space);
+    }
+
+    /// How it was staged.
+    pub fn options(&self) -> &StageOptions {
+        &self.options
+    }
+
+    /// The meter's name and provenance.
+    pub fn meter(&self) -> MeterInfo {
+        self.meter.info()
+    }
+
+    /// Triangles for questions that need no picture.
+    pub fn rays(&self) -> &RayScene {
+        &self.rays
+    }
+
+    /// The box around the geometry, where there is any.
+    pub fn bounds(&self) -> Option<Bounds> {
+        self.bounds
+    }
+
+    /// Vertical field of view, degrees.
+    pub fn vertical_fov_degrees(&self) -> f32 {
+        self.vertical_fov_degrees
+    }
+
+    /// The world, for tests that change the scene.
+    pub fn world_mut(&mut self) -> &mut bevy::ecs::world::World {
+        self.app.world_mut()
+    }
+
+    /// The render world, for tests that read what the GPU holds.
+    pub fn render_world(&self) -> &bevy::ecs::world::World {
+        self.app.sub_app(RenderApp).world()
+    }
+
+    /// Moves the camera.
+    pub fn place(&mut self, position: Vec3, rotation: Quat) {
+        if let Some(mut transform) = self.app.world_mut().get_mut::<Transform>(self.camera) {
+            *transform = Transform { translation: position, rotation, ..Default::default() };
+        }
+    }
+
+    /// Sets the knobs on offer.
+    pub fn apply(&mut self, settings: RenderSettings) {
+        let space = Arc::clone(&self.space);
+        self.insert_settings(space, settings);
+    }
+
+    fn insert_settings(&mut self, space: Arc<KnobSpace>, settings: RenderSettings) {
+        let wanted = KnobSettings { space, settings };
+        let mut camera = self.app.world_mut().entity_mut(self.camera);
+        if camera.get::<KnobSettings>() != Some(&wanted) {
+            camera.insert(wanted);
+        }
+        if self.options.component == Component::Direct
+            && let Some(mut gi) = camera.get_mut::<FrugalGi>()
+        {
+            gi.output = GiOutput::Added;
+        }
+    }
+
+    /// Renders one frame to its end.
+    pub fn frame(&mut self) {
+        if self.options.output == Output::Radiance || self.options.component == Component::Direct {
+            world::hold_overrides(self.app.world_mut(), self.camera, &self.options);
+        }
+        self.app.update();
+        let device = self.app.sub_app(RenderApp).world().resource::<RenderDevice>();
+        // Fails only when the device is lost, which the next frame reports better.
+        let _ = device.poll(PollType::wait_indefinitely());
+    }
+
+    /// Renders frames until every pipeline that the frame needs is there.
+    ///
+    /// # Errors
+    /// When a shader does not compile, or it takes more than 600 frames.
+    pub fn get_ready(&mut self) -> Result<(), StageError> {
+        let mut quiet = 0;
+        for _ in 0..600 {
+            self.frame();
+            let cache = self.render_world().resource::<PipelineCache>();
+            for pipeline in cache.pipelines() {
+                if let CachedPipelineState::Err(error) = &pipeline.state
+                    && !error.to_string().contains("not loaded")
+                {
+                    return Err(StageError::NotReady(error.to_string()));
+                }
+            }
+            // The count lags a frame behind the picture.
+            quiet = if cache.waiting_pipelines().next().is_none() { quiet + 1 } else { 0 };
+            if quiet >= 4 {
+                return Ok(());
+            }
+        }
+        Err(StageError::NotReady("pipelines still missing after 600 frames".to_owned()))
+    }
+
+    /// What the last frame shows.
+    ///
+    /// # Errors
+    /// When it cannot be read back.
+    pub fn picture(&self) -> Result<Picture, StageError> {
+        capture::picture(self.render_world(), &self.target)
+    }
+
+    /// The last frame's radiance, in nits.
+    ///
+    /// # Errors
+    /// When it cannot be read back, or the stage's output is no radiance.
+    pub fn radiance(&self) -> Result<Radiance, StageError> {
+        capture::radiance(self.render_world(), &self.target, self.exposure)
+    }
+}

@@ -1,0 +1,29 @@
+//! Which knobs a scene has a use for.
+
+use bevy_frugal_gi::knobs::KnobSpaceError;
+
+use super::StageError;
+use crate::scene::{Light, SceneDescription};
+
+/// Names of the built-in knobs that can change a picture of `scene`. The others' levels all look and cost the same, and would only make the
+/// search longer.
+///
+/// # Errors
+/// When the scene's geometry cannot be read.
+pub fn useful_knobs(scene: &SceneDescription) -> Result<Vec<String>, StageError> {
+    let geometry = scene.geometry()?;
+    let has_light = !scene.lights.is_empty();
+    let has_sun = scene.lights.iter().any(|light| matches!(light, Light::Directional { .. }));
+    let has_texture = geometry.materials.iter().any(|material| material.base_color_texture.is_some());
+    let lit_from_around = !matches!(scene.environment, crate::scene::Environment::None);
+    let useful = |name: &str| match name {
+        "gi_vpl_count" | "gi_pixel_fraction" | "rsm_resolution" | "shadow_map_resolution" => has_light,
+        "shadow_cascades" => has_sun,
+        "texture_detail" => has_texture,
+        // It darkens ambient light alone.
+        "ambient_occlusion" => lit_from_around,
+        _ => true,
+    };
+    let all = super::app::knobs().map_err(|error: KnobSpaceError| StageError::Knob(error))?;
+    Ok(all.knobs().iter().map(|knob| knob.name.clone()).filter(|name| useful(name)).collect())
+}

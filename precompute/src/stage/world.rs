@@ -1,0 +1,221 @@
+//! Puts a scene's geometry, lights, sky and camera into the app.
+
+use bevy::app::App;
+use bevy::asset::{Assets, Handle, RenderAssetUsages};
+use bevy::camera::{Camera, Camera3d, ClearColorConfig, Exposure, PerspectiveProjection, Projection, RenderTarget};
+use bevy::color::{Color, LinearRgba};
+use bevy::core_pipeline::tonemapping::{DebandDither, Tonemapping};
+use bevy::ecs::entity::Entity;
+use bevy::ecs::world::World;
+use bevy::image::{Image, ImageAddressMode, ImageFilterMode, ImageSampler, ImageSamplerDescriptor};
+use bevy::light::{CascadeShadowConfigBuilder, DirectionalLight, GlobalAmbientLight, PointLight, SpotLight};
+use bevy::math::Vec3;
+use bevy::mesh::{Indices, Mesh, Mesh3d, PrimitiveTopology};
+use bevy::pbr::{MeshMaterial3d, StandardMaterial};
+use bevy::prelude::AlphaMode;
+use bevy::render::render_resource::{Extent3d, Face, TextureDescriptor, TextureDimension, TextureFormat, TextureUsages};
+use bevy::transform::components::Transform;
+use bevy_frugal_gi::gi::{FrugalGi, GiOutput};
+
+use super::{Component, Output, StageError, StageOptions, environment};
+use crate::scene::{Environment, Light, SceneDescription, SceneGeometry, SceneMaterial, SceneMesh, SceneTexture};
+
+/// Returns the camera and the image that it draws into.
+pub(super) fn spawn(
+    app: &mut App,
+    scene: &SceneDescription,
+    geometry: SceneGeometry,
+    options: &StageOptions,
+) -> Result<(Entity, Handle<Image>), StageError> {
+    let world = app.world_mut();
+    let reach = geometry.bounds().map_or(scene.camera.far, |b| b.size().length().min(scene.camera.far));
+    spawn_geometry(world, geometry);
+    for light in &scene.lights {
+        spawn_light(world, light, reach);
+    }
+    let target = world.resource_mut::<Assets<Image>>().add(target_image(options));
+    let camera = spawn_camera(world, scene, options, target.clone());
+    let exposure = 1.0 / (1.2 * scene.exposure_ev100.exp2());
+    match &scene.environment {
+        Environment::None => world.insert_resource(GlobalAmbientLight::NONE),
+        Environment::Constant(radiance) => environment::constant(world, camera, *radiance, exposure),
+        Environment::Map(file, intensity) => environment::map(world, camera, &scene.resolve(file), *intensity)?,
+    }
+    Ok((camera, target))
+}
+
+fn target_image(options: &StageOptions) -> Image {
+    let format = match options.output {
+        Output::Display => TextureFormat::Rgba8UnormSrgb,
+        Output::Radiance => TextureFormat::Rgba16Float,
+    };
+    let size = Extent3d { width: options.size.x, height: options.size.y, depth_or_array_layers: 1 };
+    let mut image = Image::new_uninit(size, TextureDimension::D2, format, RenderAssetUsages::RENDER_WORLD | RenderAssetUsages::MAIN_WORLD);
+    image.texture_descriptor = TextureDescriptor {
+        label: Some("frugal/stage/target"),
+        usage: TextureUsages::RENDER_ATTACHMENT | TextureUsages::COPY_SRC | TextureUsages::TEXTURE_BINDING,
+        ..image.texture_descriptor
+    };
+    image
+}
+
+fn spawn_camera(world: &mut World, scene: &SceneDescription, options: &StageOptions, target: Handle<Image>) -> Entity {
+    let tonemapping = match options.output {
+        Output::Display => Tonemapping::TonyMcMapface,
+        Output::Radiance => Tonemapping::None,
+    };
+    let output = if options.component == Component::Indirect { GiOutput::IndirectOnly } else { GiOutput::Added };
+    let projection = PerspectiveProjection {
+        fov: scene.camera.vertical_fov.to_radians(),
+        near: scene.camera.near,
+        far: scene.camera.far,
+        aspect_ratio: options.size.x as f32 / options.size.y as f32,
+        ..Default::default()
+    };
+    world
+        .spawn((
+            Camera3d::default(),
+            Camera { clear_color: ClearColorConfig::Custom(Color::BLACK), ..Default::default() },
+            RenderTarget::Image(target.into()),
+            Projection::Perspective(projection),
+            Exposure { ev100: scene.exposure_ev100 },
+            tonemapping,
+            DebandDither::Disabled,
+            FrugalGi { output, ..Default::default() },
+            Transform::default(),
+        ))
+        .id()
+}
+
+/// Takes away what a measurement of radiance, or of direct light alone, must not contain, whatever the knobs say.
+pub(super) fn hold_overrides(world: &mut World, camera: Entity, options: &StageOptions) {
+    let mut camera = world.entity_mut(camera);
+    if options.component == Component::Direct
+        && let Some(mut gi) = camera.get_mut::<FrugalGi>()
+        && gi.vpl_count != 0
+    {
+        gi.vpl_count = 0;
+    }
+    if options.output == Output::Radiance {
+        camera.remove::<bevy::post_process::bloom::Bloom>();
+        camera.remove::<bevy::anti_alias::smaa::Smaa>();
+        camera.remove::<bevy::anti_alias::fxaa::Fxaa>();
+    }
+}
+
+fn spawn_geometry(world: &mut World, geometry: SceneGeometry) {
+    let textures: Vec<Handle<Image>> =
+        geometry.textures.iter().map(|texture| world.resource_mut::<Assets<Image>>().add(image(texture))).collect();
+    let materials: Vec<_> = geometry
+        .materials
+        .iter()
+        .map(|material| world.resource_mut::<Assets<StandardMaterial>>().add(standard_material(material, &textures)))
+        .collect();
+    for mesh in geometry.meshes {
+        let Some(material) = materials.get(mesh.material).cloned() else { continue };
+        let handle = world.resource_mut::<Assets<Mesh>>().add(bevy_mesh(mesh));
+        world.spawn((Mesh3d(handle), MeshMaterial3d(material), Transform::default()));
+    }
+}
+
+fn bevy_mesh(mesh: SceneMesh) -> Mesh {
+    let usage = RenderAssetUsages::RENDER_WORLD | RenderAssetUsages::MAIN_WORLD;
+    let positions: Vec<[f32; 3]> = mesh.positions.iter().map(|p| p.to_array()).collect();
+    let normals: Vec<[f32; 3]> = mesh.normals.iter().map(|n| n.to_array()).collect();
+    let uvs: Vec<[f32; 2]> = mesh.uvs.iter().map(|uv| uv.to_array()).collect();
+    Mesh::new(PrimitiveTopology::TriangleList, usage)
+        .with_inserted_attribute(Mesh::ATTRIBUTE_POSITION, positions)
+        .with_inserted_attribute(Mesh::ATTRIBUTE_NORMAL, normals)
+        .with_inserted_attribute(Mesh::ATTRIBUTE_UV_0, uvs)
+        .with_inserted_attribute(Mesh::ATTRIBUTE_COLOR, mesh.colors)
+        .with_inserted_indices(Indices::U32(mesh.indices))
+}
+
+fn standard_material(material: &SceneMaterial, textures: &[Handle<Image>]) -> StandardMaterial {
+    let [red, green, blue, alpha] = material.base_color;
+    StandardMaterial {
+        base_color: Color::LinearRgba(LinearRgba::new(red, green, blue, alpha)),
+        base_color_texture: material.base_color_texture.and_then(|index| textures.get(index).cloned()),
+        perceptual_roughness: material.perceptual_roughness,
+        metallic: material.metallic,
+        reflectance: material.reflectance,
+        emissive: LinearRgba::rgb(material.emissive[0], material.emissive[1], material.emissive[2]),
+        // Nits: exposed as every other light is.
+        emissive_exposure_weight: 1.0,
+        alpha_mode: match material.alpha {
+            crate::scene::AlphaMode::Opaque => AlphaMode::Opaque,
+            crate::scene::AlphaMode::Mask(cutoff) => AlphaMode::Mask(cutoff),
+        },
+        double_sided: material.double_sided,
+        cull_mode: (!material.double_sided).then_some(Face::Back),
+        ..Default::default()
+    }
+}
+
+fn image(texture: &SceneTexture) -> Image {
+    let size = Extent3d { width: texture.width, height: texture.height, depth_or_array_layers: 1 };
+    let mut image = Image::new_uninit(size, TextureDimension::D2, TextureFormat::Rgba8UnormSrgb, RenderAssetUsages::RENDER_WORLD);
+    image.texture_descriptor.mip_level_count = texture.mips.len() as u32;
+    image.data = Some(texture.mips.concat());
+    image.sampler = ImageSampler::Descriptor(ImageSamplerDescriptor {
+        address_mode_u: ImageAddressMode::Repeat,
+        address_mode_v: ImageAddressMode::Repeat,
+        mipmap_filter: ImageFilterMode::Linear,
+        ..ImageSamplerDescriptor::linear()
+    });
+    image
+}
+
+fn linear([red, green, blue]: [f32; 3]) -> Color {
+    Color::LinearRgba(LinearRgba::rgb(red, green, blue))
+}
+
+fn spawn_light(world: &mut World, light: &Light, reach: f32) {
+    match light {
+        Light::Directional { direction, illuminance, color } => {
+            let cascades = CascadeShadowConfigBuilder {
+                num_cascades: 4,
+                minimum_distance: 0.1,
+                maximum_distance: reach.max(1.0),
+                first_cascade_far_bound: (reach / 12.0).max(0.5),
+                ..Default::default()
+            };
+            world.spawn((
+                DirectionalLight { color: linear(*color), illuminance: *illuminance, shadow_maps_enabled: true, ..Default::default() },
+                cascades.build(),
+                toward(Vec3::ZERO, *direction),
+            ));
+        }
+        Light::Point { position, luminous_power, range, color } => {
+            world.spawn((
+                PointLight {
+                    color: linear(*color),
+                    intensity: *luminous_power,
+                    range: *range,
+                    shadow_maps_enabled: true,
+                    ..Default::default()
+                },
+                Transform::from_translation(*position),
+            ));
+        }
+        Light::Spot { position, direction, luminous_power, range, inner_angle, outer_angle, color } => {
+            world.spawn((
+                SpotLight {
+                    color: linear(*color),
+                    intensity: *luminous_power,
+                    range: *range,
+                    inner_angle: inner_angle.to_radians(),
+                    outer_angle: outer_angle.to_radians(),
+                    shadow_maps_enabled: true,
+                    ..Default::default()
+                },
+                toward(*position, *direction),
+            ));
+        }
+    }
+}
+
+fn toward(position: Vec3, direction: Vec3) -> Transform {
+    let direction = direction.normalize_or(Vec3::NEG_Y);
+    Transform::from_translation(position).looking_to(direction, direction.any_orthonormal_vector())
+}
