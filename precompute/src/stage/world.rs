@@ -113,22 +113,25 @@ fn spawn_geometry(world: &mut World, geometry: SceneGeometry) {
         .collect();
     for mesh in geometry.meshes {
         let Some(material) = materials.get(mesh.material).cloned() else { continue };
-        let handle = world.resource_mut::<Assets<Mesh>>().add(bevy_mesh(mesh));
+        let textured = geometry.materials[mesh.material].base_color_texture.is_some();
+        let handle = world.resource_mut::<Assets<Mesh>>().add(bevy_mesh(mesh, textured));
         world.spawn((Mesh3d(handle), MeshMaterial3d(material), Transform::default()));
     }
 }
 
-fn bevy_mesh(mesh: SceneMesh) -> Mesh {
+/// Coordinates that no texture reads are left out: with them, the material's shader asks its uniform of every texture that it might have, which
+/// software Vulkan drivers answer by compiling the shader anew in every frame.
+fn bevy_mesh(mesh: SceneMesh, textured: bool) -> Mesh {
     let usage = RenderAssetUsages::RENDER_WORLD | RenderAssetUsages::MAIN_WORLD;
     let positions: Vec<[f32; 3]> = mesh.positions.iter().map(|p| p.to_array()).collect();
     let normals: Vec<[f32; 3]> = mesh.normals.iter().map(|n| n.to_array()).collect();
     let uvs: Vec<[f32; 2]> = mesh.uvs.iter().map(|uv| uv.to_array()).collect();
-    Mesh::new(PrimitiveTopology::TriangleList, usage)
+    let bare = Mesh::new(PrimitiveTopology::TriangleList, usage)
         .with_inserted_attribute(Mesh::ATTRIBUTE_POSITION, positions)
         .with_inserted_attribute(Mesh::ATTRIBUTE_NORMAL, normals)
-        .with_inserted_attribute(Mesh::ATTRIBUTE_UV_0, uvs)
         .with_inserted_attribute(Mesh::ATTRIBUTE_COLOR, mesh.colors)
-        .with_inserted_indices(Indices::U32(mesh.indices))
+        .with_inserted_indices(Indices::U32(mesh.indices));
+    if textured { bare.with_inserted_attribute(Mesh::ATTRIBUTE_UV_0, uvs) } else { bare }
 }
 
 fn standard_material(material: &SceneMaterial, textures: &[Handle<Image>]) -> StandardMaterial {
