@@ -9,7 +9,7 @@ use clap::Args;
 use super::CliError;
 use crate::files;
 use crate::scene::{self, CameraPose, SceneDescription};
-use crate::stage::StageOptions;
+use crate::stage::{StageOptions, StageRequest};
 
 /// How pictures are made.
 #[derive(Args, Debug, Clone)]
@@ -29,6 +29,17 @@ pub(super) struct CaptureArguments {
 }
 
 impl CaptureArguments {
+    /// For a stage in a process of its own.
+    pub fn request(&self, scene: &Path) -> StageRequest {
+        StageRequest {
+            scene: scene.to_owned(),
+            size: self.size.to_array(),
+            frames_per_second: self.fps,
+            knobs: self.knobs.clone(),
+            meter: self.meter.clone(),
+        }
+    }
+
     pub fn options(&self) -> StageOptions {
         StageOptions {
             size: self.size,

@@ -36,7 +36,7 @@ pub(super) fn run(arguments: &Arguments) -> Result<(), CliError> {
     let folder = &arguments.output;
     std::fs::create_dir_all(folder).map_err(|error| CliError::usage(format!("cannot make the folder {}: {error}", folder.display())))?;
 
-    let mut stage = open_stage(&scene, &arguments.capture)?;
+    let mut stage = open_stage(&scene, &arguments.scene, &arguments.capture)?;
     let map_path = folder.join(format!("{name}.pareto.ron"));
     let journal = journal_path(&map_path);
     let (map, statistics) = search(&mut stage, &scene, &name, &arguments.search, &journal, false)?;

@@ -3,7 +3,7 @@
 use crate::files::FileError;
 use crate::report::ReportError;
 use crate::scene::SceneError;
-use crate::stage::StageError;
+use crate::stage::{RemoteError, StageError};
 
 /// Why a command did not do its work.
 #[derive(Debug, thiserror::Error)]
@@ -44,16 +44,13 @@ impl From<SceneError> for CliError {
 
 impl From<StageError> for CliError {
     fn from(error: StageError) -> Self {
-        match error {
-            StageError::NoAdapter
-            | StageError::Size(..)
-            | StageError::FrameRate(_)
-            | StageError::Scene(_)
-            | StageError::Knob(_)
-            | StageError::OpenMeter(_)
-            | StageError::Environment { .. } => Self::usage(error),
-            _ => Self::failed(error),
-        }
+        if error.is_usage() { Self::usage(error) } else { Self::failed(error) }
+    }
+}
+
+impl From<RemoteError> for CliError {
+    fn from(error: RemoteError) -> Self {
+        if error.usage { Self::usage(error) } else { Self::failed(error) }
     }
 }
 

@@ -14,7 +14,7 @@ use crate::evaluate::{
 };
 use crate::report::{captioned, evaluation_report};
 use crate::scene::SceneDescription;
-use crate::stage::{Stage, StageOptions, StagePlayer};
+use crate::stage::{RemoteStage, StageRequest};
 
 #[derive(clap::Args, Debug)]
 pub(super) struct Arguments {
@@ -63,7 +63,7 @@ pub(super) fn run(arguments: &Arguments) -> Result<(), CliError> {
     let path = plan_path(&scene, &arguments.path, map.capture.frames_per_second)?;
     check_outputs([arguments.json.as_ref(), arguments.csv.as_ref()])?;
 
-    let mut stage = open_stage(&scene, &map, arguments.meter.clone())?;
+    let mut stage = open_stage(&scene, &arguments.scene, &map, arguments.meter.clone())?;
     let label = arguments.scene.display().to_string();
     let evaluation = play(&mut stage, &map, &label, &path, budget)?;
     println!("{}", table(&evaluation.result));
@@ -109,28 +109,29 @@ pub(super) fn plan_path(scene: &SceneDescription, name: &str, fps: f64) -> Resul
 }
 
 /// Stages `scene` as `map` was captured.
-pub(super) fn open_stage(scene: &SceneDescription, map: &FrontierMap, meter: Option<String>) -> Result<Stage, CliError> {
-    let mut stage = Stage::open(
-        scene,
-        StageOptions {
-            size: map.capture.size.into(),
-            frames_per_second: map.capture.frames_per_second,
-            meter: meter.or_else(|| Some(map.meter.name.clone())),
-            ..Default::default()
-        },
-    )?;
-    for knob in map.knobs.knobs() {
-        if stage.space().index_of(&knob.name).is_none() {
-            return Err(CliError::usage(format!("the map's knob `{}` does not exist here: run frugal precompute again", knob.name)));
-        }
+pub(super) fn open_stage(
+    scene: &SceneDescription,
+    path: &Path,
+    map: &FrontierMap,
+    meter: Option<String>,
+) -> Result<RemoteStage, CliError> {
+    let request = StageRequest {
+        scene: path.to_owned(),
+        size: map.capture.size,
+        frames_per_second: map.capture.frames_per_second,
+        knobs: Some(map.knobs.knobs().iter().map(|knob| knob.name.clone()).collect()),
+        meter: meter.or_else(|| Some(map.meter.name.clone())),
+    };
+    let stage = RemoteStage::open(scene, request)?;
+    if *stage.space() != map.knobs {
+        return Err(CliError::usage("the map's knobs have other levels than this version's: run frugal precompute again"));
     }
-    stage.restrict(map.knobs.clone());
     Ok(stage)
 }
 
 /// Plays all runs.
 pub(super) fn play(
-    stage: &mut Stage,
+    stage: &mut RemoteStage,
     map: &FrontierMap,
     scene: &str,
     path: &PathPlan,
@@ -139,13 +140,13 @@ pub(super) fn play(
     let frames = path.poses().len();
     let keep = [frames / 4, frames / 2, 3 * frames / 4];
     let plan = EvaluationPlan { scene, space: &map.knobs, path, meter: stage.meter(), budget, keep_frames: &keep };
-    let size = stage.options().size.as_vec2();
-    let (fov, aspect) = (stage.vertical_fov_degrees().to_radians(), size.x / size.y);
-    warm(stage, map)?;
+    let [width, height] = stage.size();
+    let (fov, aspect) = (stage.vertical_fov_degrees().to_radians(), width as f32 / height as f32);
+    stage.warm()?;
 
     let bar = progress::bar(0);
     let result = evaluate(
-        &mut StagePlayer::new(stage),
+        stage,
         &plan,
         |budget| controller(map, *budget, fov, aspect),
         &mut |progress| {
@@ -157,19 +158,6 @@ pub(super) fn play(
     );
     bar.finish_and_clear();
     result.map_err(CliError::failed)
-}
-
-/// Shows every level of every knob once: what a level has to compile is compiled before anything is metered.
-fn warm(stage: &mut Stage, map: &FrontierMap) -> Result<(), CliError> {
-    let highest = map.knobs.highest();
-    for (index, knob) in map.knobs.knobs().iter().enumerate() {
-        for level in 0..knob.levels.len() {
-            stage.apply(highest.with_level(index, level));
-            stage.frame();
-        }
-    }
-    stage.apply(highest);
-    Ok(stage.get_ready()?)
 }
 
 /// The controller that an app has, without an app around it.

@@ -43,6 +43,9 @@ enum Command {
     Meters(meters::Arguments),
     /// The main job in one go: precompute, evaluate under a power and an error budget, one report
     Demo(demo::Arguments),
+    /// Renders for a parent process
+    #[command(hide = true)]
+    StageWorker,
 }
 
 /// Runs the command line that the process was given.
@@ -56,6 +59,7 @@ pub fn run() -> ExitCode {
         Command::Inspect(arguments) => inspect::run(arguments),
         Command::Meters(arguments) => meters::run(arguments),
         Command::Demo(arguments) => demo::run(arguments),
+        Command::StageWorker => crate::stage::serve().map_err(CliError::failed),
     };
     match result {
         Ok(()) => ExitCode::SUCCESS,

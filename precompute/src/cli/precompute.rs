@@ -11,7 +11,7 @@ use super::arguments::{CaptureArguments, check_outputs, duration, open_scene, wr
 use super::{CliError, progress};
 use crate::scene::SceneDescription;
 use crate::search::{Journal, JournalHeader, Journaled, SearchConfig, Stage as Step, SubdivisionProgress, Watch, knob_space_hash};
-use crate::stage::{Stage, StageEvaluator};
+use crate::stage::RemoteStage;
 use crate::subdivide::{CameraSpace, Statistics, SubdivideConfig, Subdivision, Threshold, subdivide};
 
 #[derive(clap::Args, Debug)]
@@ -87,7 +87,7 @@ pub(super) fn run(arguments: &Arguments) -> Result<(), CliError> {
     let output = arguments.output.clone().unwrap_or_else(|| arguments.scene.with_file_name(format!("{name}.pareto.ron")));
     check_outputs([Some(&output)])?;
     arguments.search.config()?;
-    let mut stage = open_stage(&scene, &arguments.capture)?;
+    let mut stage = open_stage(&scene, &arguments.scene, &arguments.capture)?;
     let journal = journal_path(&output);
     let (map, statistics) = search(&mut stage, &scene, &name, &arguments.search, &journal, arguments.resume)?;
     write(&output, map.to_ron().map_err(CliError::failed)?.as_bytes())?;
@@ -113,17 +113,17 @@ pub(super) fn journal_path(map: &Path) -> PathBuf {
 }
 
 /// Stages `scene` with the knobs that were asked for, or with those that it has a use for.
-pub(super) fn open_stage(scene: &SceneDescription, capture: &CaptureArguments) -> Result<Stage, CliError> {
-    let mut options = capture.options();
-    if options.knobs.is_none() {
-        options.knobs = Some(crate::stage::useful_knobs(scene)?);
+pub(super) fn open_stage(scene: &SceneDescription, path: &Path, capture: &CaptureArguments) -> Result<RemoteStage, CliError> {
+    let mut request = capture.request(path);
+    if request.knobs.is_none() {
+        request.knobs = Some(crate::stage::useful_knobs(scene)?);
     }
-    Ok(Stage::open(scene, options)?)
+    Ok(RemoteStage::open(scene, request)?)
 }
 
 /// Searches the scene's camera space.
 pub(super) fn search(
-    stage: &mut Stage,
+    stage: &mut RemoteStage,
     scene: &SceneDescription,
     name: &str,
     arguments: &SearchArguments,
@@ -131,13 +131,12 @@ pub(super) fn search(
     resume: bool,
 ) -> Result<(FrontierMap, Statistics), CliError> {
     let config = arguments.config()?;
-    let space = stage.space().as_ref().clone();
+    let space = stage.space().clone();
     let bounds = scene.camera_bounds(stage.bounds());
     let identity = SceneIdentity { name: name.to_owned(), fingerprint: scene.fingerprint()? };
-    let size = stage.options().size;
     let capture = Capture {
-        size: [size.x, size.y],
-        frames_per_second: stage.options().frames_per_second,
+        size: stage.size(),
+        frames_per_second: stage.frames_per_second(),
         vertical_fov: scene.camera.vertical_fov,
         exposure_ev100: scene.exposure_ev100,
     };
@@ -157,7 +156,7 @@ pub(super) fn search(
 
     let bar = progress::bar(0);
     let mut watch = Watch::start(arguments.time_limit, progress::interrupted, |p: &SubdivisionProgress| show(&bar, p));
-    let mut evaluator = Journaled::new(StageEvaluator::new(stage), journal);
+    let mut evaluator = Journaled::new(&mut *stage, journal);
     let camera_space = CameraSpace { min: bounds.min, max: bounds.max };
     let found = subdivide(&space, camera_space, &config, &mut evaluator, &mut watch);
     bar.finish_and_clear();

@@ -6,10 +6,11 @@ use bevy_frugal_gi::frontier::{CostPoint, Frontier, FrontierPoint};
 use indicatif::ProgressBar;
 
 use super::arguments::{CameraArguments, CaptureArguments, check_outputs, open_scene, write, write_report};
+use super::precompute::open_stage;
 use super::{CliError, progress};
-use crate::metrics::Reference;
 use crate::report::{SweepSummary, sweep_csv, sweep_report};
-use crate::stage::Stage;
+use crate::scene::CameraPose;
+use crate::stage::RemoteStage;
 
 #[derive(clap::Args, Debug)]
 pub(super) struct Arguments {
@@ -34,16 +35,12 @@ const METERED_FRAMES: u32 = 4;
 pub(super) fn run(arguments: &Arguments) -> Result<(), CliError> {
     let (scene, name) = open_scene(&arguments.scene)?;
     check_outputs([arguments.csv.as_ref()])?;
-    let mut stage = Stage::open(&scene, arguments.capture.options())?;
-    let pose = arguments.camera.pose();
-    stage.place(pose.position, pose.rotation);
+    let mut stage = open_stage(&scene, &arguments.scene, &arguments.capture)?;
+    stage.warm()?;
     let space = stage.space().clone();
-    stage.apply(space.highest());
-    stage.get_ready()?;
-    let reference = Reference::new(&stage.picture()?).map_err(CliError::failed)?;
-
+    let pose = arguments.camera.pose();
     let bar = progress::bar(space.combinations());
-    let points = measure(&mut stage, &reference, &bar)?;
+    let points = measure(&mut stage, &pose, &bar)?;
     bar.finish_and_clear();
 
     let frontier = Frontier::from_points(points.iter().copied());
@@ -78,18 +75,14 @@ pub(super) fn run(arguments: &Arguments) -> Result<(), CliError> {
     Ok(())
 }
 
-fn measure(stage: &mut Stage, reference: &Reference, bar: &ProgressBar) -> Result<Vec<FrontierPoint>, CliError> {
+fn measure(stage: &mut RemoteStage, pose: &CameraPose, bar: &ProgressBar) -> Result<Vec<FrontierPoint>, CliError> {
     let space = stage.space().clone();
     let mut points = Vec::new();
     for settings in space.iter() {
         if progress::interrupted() {
             return Err(CliError::failed("interrupted: nothing was written"));
         }
-        stage.apply(settings);
-        stage.frame();
-        let power = stage.metered_frames_at_least(METERED_FRAMES)?;
-        let error = reference.error(&stage.picture()?).map_err(CliError::failed)?;
-        points.push(FrontierPoint { settings, cost: CostPoint { power, error } });
+        points.push(FrontierPoint { settings, cost: stage.measure(pose.position, pose.rotation, settings, METERED_FRAMES)? });
         bar.inc(1);
     }
     Ok(points)

@@ -29,6 +29,26 @@ pub struct CameraKey {
     pub view: ViewDirection,
 }
 
+impl<E: Evaluate> Evaluate for &mut E {
+    type Error = E::Error;
+
+    fn sees(&mut self, camera: SampleCamera) -> Result<bool, E::Error> {
+        (**self).sees(camera)
+    }
+
+    fn evaluate(&mut self, camera: SampleCamera, settings: RenderSettings) -> Result<CostPoint, E::Error> {
+        (**self).evaluate(camera, settings)
+    }
+
+    fn refine(&mut self, camera: SampleCamera, settings: RenderSettings, so_far: CostPoint) -> Result<CostPoint, E::Error> {
+        (**self).refine(camera, settings, so_far)
+    }
+
+    fn allowance(&mut self, camera: SampleCamera, proposed: usize) -> Result<usize, E::Error> {
+        (**self).allowance(camera, proposed)
+    }
+}
+
 /// Something that knows what settings cost: the headless stage, a recorded table, a synthetic field in tests.
 pub trait Evaluate {
     /// Why there is no answer.

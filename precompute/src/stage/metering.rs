@@ -10,9 +10,6 @@ use bevy_frugal_gi::units::{Joules, Watts};
 
 use super::{Stage, StageError};
 
-/// Frames of a measurement, at the least.
-const LEAST_FRAMES: u32 = 2;
-
 /// Steps of the meter's counter that a window must span for an error of a few per cent.
 const STEPS_PER_WINDOW: f64 = 10.0;
 
@@ -25,24 +22,16 @@ impl Stage {
         self.idle + Watts(per_frame * self.options.frames_per_second)
     }
 
-    /// Renders frames of the present settings until the meter can tell their power.
+    /// Power of the present settings, over at least `least` frames, and as many more as the meter needs to tell.
     ///
     /// # Errors
     /// When the meter cannot be read.
-    pub fn metered_frames(&mut self) -> Result<Watts, StageError> {
-        self.metered_frames_at_least(LEAST_FRAMES)
-    }
-
-    /// The same over at least `least` frames.
-    ///
-    /// # Errors
-    /// When the meter cannot be read.
-    pub fn metered_frames_at_least(&mut self, least: u32) -> Result<Watts, StageError> {
+    pub fn metered_frames(&mut self, least: u32) -> Result<Watts, StageError> {
         let least_seconds = if self.meter.window_seconds() < 0.01 { 0.0 } else { STEPS_PER_WINDOW * self.meter.window_seconds() };
         let window = EnergyWindow::start(self.meter.as_mut())?;
         let start = Instant::now();
         let mut frames = 0;
-        while frames < least || start.elapsed().as_secs_f64() < least_seconds {
+        while frames < least.max(1) || start.elapsed().as_secs_f64() < least_seconds {
             self.frame();
             frames += 1;
         }

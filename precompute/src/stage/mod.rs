@@ -9,6 +9,7 @@ mod environment;
 mod evaluator;
 mod metering;
 mod player;
+mod remote;
 mod useful;
 mod world;
 
@@ -33,8 +34,10 @@ use crate::scene::{Bounds, RayScene, SceneDescription, SceneError};
 
 pub use adapter::{adapter, software_adapter};
 pub use capture::Radiance;
+pub(crate) use evaluator::sees;
 pub use evaluator::StageEvaluator;
 pub use player::StagePlayer;
+pub use remote::{RemoteError, RemoteStage, StageRequest, serve};
 pub use useful::useful_knobs;
 
 /// What is drawn into.
@@ -135,6 +138,22 @@ pub enum StageError {
     Compare(#[from] crate::metrics::CompareError),
 }
 
+impl StageError {
+    /// Whether the input is to blame, rather than the rendering.
+    pub fn is_usage(&self) -> bool {
+        match self {
+            Self::NoAdapter
+            | Self::Size(..)
+            | Self::FrameRate(_)
+            | Self::Scene(_)
+            | Self::Knob(_)
+            | Self::OpenMeter(_)
+            | Self::Environment { .. } => true,
+            Self::Meter(_) | Self::NotReady(_) | Self::ReadBack(_) | Self::Compare(_) => false,
+        }
+    }
+}
+
 /// A scene on a headless renderer.
 pub struct Stage {
     app: App,
@@ -203,14 +222,6 @@ impl Stage {
     /// The knobs on offer.
     pub fn space(&self) -> &Arc<KnobSpace> {
         &self.space
-    }
-
-    /// Offers only the knobs called `names`; the others stay as they stand.
-    ///
-    /// # Errors
-    /// When one is unknown.
-    pub fn restrict(&mut self, space: KnobSpace) {
-        self.space = Arc::new(space);
     }
 
     /// How it was staged.
@@ -308,6 +319,23 @@ impl Stage {
             }
         }
         Err(StageError::NotReady("pipelines still missing after 600 frames".to_owned()))
+    }
+
+    /// Shows every level of every knob on offer once: what a level has to compile is compiled before anything is metered.
+    ///
+    /// # Errors
+    /// When the renderer does not get ready.
+    pub fn warm(&mut self) -> Result<(), StageError> {
+        let highest = self.space.highest();
+        let levels: Vec<usize> = self.space.knobs().iter().map(|knob| knob.levels.len()).collect();
+        for (knob, levels) in levels.into_iter().enumerate() {
+            for level in 0..levels {
+                self.apply(highest.with_level(knob, level));
+                self.frame();
+            }
+        }
+        self.apply(highest);
+        self.get_ready()
     }
 
     /// What the last frame shows.

@@ -31,7 +31,7 @@ impl Player for StagePlayer<'_> {
     fn play(&mut self, pose: &Pose, settings: RenderSettings) -> Result<Shot, StageError> {
         self.stage.place(pose.position, pose.rotation);
         self.stage.apply(settings);
-        let power = self.stage.metered_frames_at_least(1)?;
+        let power = self.stage.metered_frames(1)?;
         Ok(Shot { picture: self.stage.picture()?, power })
     }
 }

@@ -1,0 +1,258 @@
+//! The parent: starts the child, asks, and replaces it when it has grown too large or died.
+
+use std::io::{BufReader, Read};
+use std::process::{Child, ChildStdin, ChildStdout, Command, Stdio};
+
+use bevy::math::{Quat, Vec3};
+use bevy_frugal_gi::frontier::CostPoint;
+use bevy_frugal_gi::knobs::{KnobSpace, RenderSettings};
+use bevy_frugal_gi::power::MeterInfo;
+
+use super::protocol::{Answer, Reply, Request, StageRequest, receive, send};
+use crate::evaluate::{Player, Pose, Shot};
+use crate::metrics::Picture;
+use crate::scene::{Bounds, RayScene, SceneDescription};
+use crate::search::{Evaluate, SampleCamera};
+use crate::stage::evaluator::{EVALUATING_FRAMES, REFINING_FRAMES};
+
+/// A child larger than this is replaced. Well above what a scene's own textures take, well below what a small machine has.
+const LARGEST_BYTES: u64 = 4 << 30;
+
+/// What the hidden command of the child is called.
+pub(crate) const CHILD_COMMAND: &str = "stage-worker";
+
+/// Why a remote stage gave no answer.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+#[error("{message}")]
+pub struct RemoteError {
+    /// Whether the input is to blame, rather than the rendering.
+    pub usage: bool,
+    /// What happened, and what to do.
+    pub message: String,
+}
+
+impl RemoteError {
+    fn failed(message: impl ToString) -> Self {
+        Self { usage: false, message: message.to_string() }
+    }
+}
+
+/// A child with its pipes.
+struct Worker {
+    child: Child,
+    input: ChildStdin,
+    output: BufReader<ChildStdout>,
+    resident_bytes: u64,
+}
+
+impl Drop for Worker {
+    fn drop(&mut self) {
+        // It holds nothing that must be saved.
+        let _ = self.child.kill();
+        let _ = self.child.wait();
+    }
+}
+
+/// A stage in a child process.
+pub struct RemoteStage {
+    request: StageRequest,
+    worker: Option<Worker>,
+    space: KnobSpace,
+    meter: MeterInfo,
+    rays: RayScene,
+    bounds: Option<Bounds>,
+    vertical_fov_degrees: f32,
+    warm: bool,
+    restarts: u32,
+}
+
+impl RemoteStage {
+    /// Starts a child with `scene`, which was read from `request.scene`.
+    ///
+    /// # Errors
+    /// When the scene's geometry cannot be read, the child cannot be started, or its stage cannot be opened.
+    pub fn open(scene: &SceneDescription, request: StageRequest) -> Result<Self, RemoteError> {
+        let geometry = scene.geometry().map_err(|error| RemoteError { usage: true, message: error.to_string() })?;
+        let mut stage = Self {
+            request,
+            worker: None,
+            space: KnobSpace::default(),
+            meter: MeterInfo {
+                name: String::new(),
+                provenance: bevy_frugal_gi::power::Provenance::Modelled,
+                description: String::new(),
+            },
+            rays: RayScene::from_geometry(&geometry),
+            bounds: geometry.bounds(),
+            vertical_fov_degrees: scene.camera.vertical_fov,
+            warm: false,
+            restarts: 0,
+        };
+        stage.start()?;
+        Ok(stage)
+    }
+
+    /// The knobs on offer.
+    pub fn space(&self) -> &KnobSpace {
+        &self.space
+    }
+
+    /// The meter's name and provenance.
+    pub fn meter(&self) -> MeterInfo {
+        self.meter.clone()
+    }
+
+    /// The box around the geometry, where there is any.
+    pub fn bounds(&self) -> Option<Bounds> {
+        self.bounds
+    }
+
+    /// Vertical field of view, degrees.
+    pub fn vertical_fov_degrees(&self) -> f32 {
+        self.vertical_fov_degrees
+    }
+
+    /// Width and height, pixels.
+    pub fn size(&self) -> [u32; 2] {
+        self.request.size
+    }
+
+    /// Target frame rate.
+    pub fn frames_per_second(&self) -> f64 {
+        self.request.frames_per_second
+    }
+
+    /// How often the child was replaced.
+    pub fn restarts(&self) -> u32 {
+        self.restarts
+    }
+
+    /// Shows every level of every knob once, in this child and in every later one: nothing metered then pays for compiling.
+    ///
+    /// # Errors
+    /// When the child fails.
+    pub fn warm(&mut self) -> Result<(), RemoteError> {
+        self.warm = true;
+        self.ask(&Request::Warm).map(drop)
+    }
+
+    fn start(&mut self) -> Result<(), RemoteError> {
+        let program = std::env::current_exe().map_err(RemoteError::failed)?;
+        let mut command = Command::new(program);
+        command.arg(CHILD_COMMAND).stdin(Stdio::piped()).stdout(Stdio::piped());
+        // The interrupt key is the parent's to answer: a child in the same group would die of it in mid-frame.
+        #[cfg(unix)]
+        std::os::unix::process::CommandExt::process_group(&mut command, 0);
+        let mut child = command.spawn().map_err(|error| RemoteError::failed(format!("cannot start the renderer's process: {error}")))?;
+        let (Some(input), Some(output)) = (child.stdin.take(), child.stdout.take()) else {
+            return Err(RemoteError::failed("the renderer's process has no pipes"));
+        };
+        self.worker = Some(Worker { child, input, output: BufReader::new(output), resident_bytes: 0 });
+        match self.exchange(&Request::Open(self.request.clone()))? {
+            (Answer::Opened { space, meter }, _) => (self.space, self.meter) = (space, meter),
+            other => return Err(RemoteError::failed(format!("the renderer's process answered out of turn: {other:?}"))),
+        }
+        if self.warm {
+            self.exchange(&Request::Warm)?;
+        }
+        Ok(())
+    }
+
+    /// Asks, after replacing a child that has grown too large; and once more, of a fresh child, when it died on the way.
+    fn ask(&mut self, request: &Request) -> Result<(Answer, Option<Picture>), RemoteError> {
+        if self.worker.as_ref().is_some_and(|worker| worker.resident_bytes > LARGEST_BYTES) {
+            self.restarts += 1;
+            self.worker = None;
+        }
+        if self.worker.is_none() {
+            self.start()?;
+            self.prepare(request)?;
+        }
+        match self.exchange(request) {
+            Err(error) if self.worker.is_none() => {
+                self.restarts += 1;
+                self.start().map_err(|again| RemoteError { usage: again.usage, message: format!("{error}; then {again}") })?;
+                self.prepare(request)?;
+                self.exchange(request)
+            }
+            result => result,
+        }
+    }
+
+    /// Puts a fresh child where the old one was: a run's frame must not pay for the first sight of its place.
+    fn prepare(&mut self, request: &Request) -> Result<(), RemoteError> {
+        if let Request::Play { position, rotation, settings } = *request {
+            self.exchange(&Request::Begin { position, rotation, settings })?;
+        }
+        Ok(())
+    }
+
+    fn exchange(&mut self, request: &Request) -> Result<(Answer, Option<Picture>), RemoteError> {
+        let Some(worker) = &mut self.worker else { return Err(RemoteError::failed("the renderer's process is not running")) };
+        let reply = send(&mut worker.input, request)
+            .and_then(|()| std::io::Write::flush(&mut worker.input))
+            .and_then(|()| receive::<Reply>(&mut worker.output))
+            .and_then(|reply| {
+                let Answer::Frame { width, height, .. } = reply.answer else { return Ok((reply, None)) };
+                let mut bytes = vec![0; width as usize * height as usize * 3];
+                worker.output.read_exact(&mut bytes)?;
+                let rgb = bytes.chunks_exact(3).map(|pixel| [pixel[0], pixel[1], pixel[2]]).collect();
+                Ok((reply, Some((width, height, rgb))))
+            });
+        match reply {
+            Ok((Reply { answer: Answer::Failed { usage, message }, .. }, _)) => Err(RemoteError { usage, message }),
+            Ok((reply, picture)) => {
+                worker.resident_bytes = reply.resident_bytes;
+                let picture = picture.map(|(width, height, rgb)| Picture::new(width, height, rgb)).transpose();
+                Ok((reply.answer, picture.map_err(RemoteError::failed)?))
+            }
+            Err(error) => {
+                self.worker = None;
+                Err(RemoteError::failed(format!("the renderer's process broke off ({error}): it crashed, or ran out of memory")))
+            }
+        }
+    }
+
+    /// Power and error of `settings` at a camera, metered over at least `frames` frames.
+    ///
+    /// # Errors
+    /// When the child fails.
+    pub fn measure(&mut self, position: Vec3, rotation: Quat, settings: RenderSettings, frames: u32) -> Result<CostPoint, RemoteError> {
+        match self.ask(&Request::Measure { position, rotation, settings, frames })? {
+            (Answer::Cost(cost), _) => Ok(cost),
+            other => Err(RemoteError::failed(format!("the renderer's process answered out of turn: {other:?}"))),
+        }
+    }
+}
+
+impl Evaluate for RemoteStage {
+    type Error = RemoteError;
+
+    fn sees(&mut self, camera: SampleCamera) -> Result<bool, RemoteError> {
+        let [width, height] = self.request.size;
+        Ok(crate::stage::sees(&self.rays, camera, self.vertical_fov_degrees, width as f32 / height as f32))
+    }
+
+    fn evaluate(&mut self, camera: SampleCamera, settings: RenderSettings) -> Result<CostPoint, RemoteError> {
+        self.measure(camera.position, camera.view.rotation(), settings, EVALUATING_FRAMES)
+    }
+
+    fn refine(&mut self, camera: SampleCamera, settings: RenderSettings, _: CostPoint) -> Result<CostPoint, RemoteError> {
+        self.measure(camera.position, camera.view.rotation(), settings, REFINING_FRAMES)
+    }
+}
+
+impl Player for RemoteStage {
+    type Error = RemoteError;
+
+    fn begin_run(&mut self, _: &str, pose: &Pose, settings: RenderSettings) -> Result<(), RemoteError> {
+        self.ask(&Request::Begin { position: pose.position, rotation: pose.rotation, settings }).map(drop)
+    }
+
+    fn play(&mut self, pose: &Pose, settings: RenderSettings) -> Result<Shot, RemoteError> {
+        match self.ask(&Request::Play { position: pose.position, rotation: pose.rotation, settings })? {
+            (Answer::Frame { power, .. }, Some(picture)) => Ok(Shot { picture, power }),
+            other => Err(RemoteError::failed(format!("the renderer's process answered out of turn: {:?}", other.0))),
+        }
+    }
+}

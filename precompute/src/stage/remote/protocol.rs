@@ -1,0 +1,101 @@
+//! What parent and child say to each other.
+
+use std::io::{self, Read, Write};
+use std::path::PathBuf;
+
+use bevy::math::{Quat, Vec3};
+use bevy_frugal_gi::frontier::CostPoint;
+use bevy_frugal_gi::knobs::{KnobSpace, RenderSettings};
+use bevy_frugal_gi::power::MeterInfo;
+use bevy_frugal_gi::units::Watts;
+use serde::{Deserialize, Serialize, de::DeserializeOwned};
+
+/// What a child is started with.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct StageRequest {
+    /// The scene file.
+    pub scene: PathBuf,
+    /// Width and height, pixels.
+    pub size: [u32; 2],
+    /// Target frame rate.
+    pub frames_per_second: f64,
+    /// Names of the knobs on offer; all where none are given.
+    pub knobs: Option<Vec<String>>,
+    /// Meter by name.
+    pub meter: Option<String>,
+}
+
+/// What the parent asks.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub(super) enum Request {
+    /// Comes first.
+    Open(StageRequest),
+    /// Shows every level of every knob once.
+    Warm,
+    /// Cost of settings at a camera, metered over at least so many frames.
+    Measure { position: Vec3, rotation: Quat, settings: RenderSettings, frames: u32 },
+    /// A run begins.
+    Begin { position: Vec3, rotation: Quat, settings: RenderSettings },
+    /// One frame of a run.
+    Play { position: Vec3, rotation: Quat, settings: RenderSettings },
+}
+
+/// What the child answers, with the memory that it holds.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub(super) struct Reply {
+    /// Resident bytes; 0 where the system does not tell.
+    pub resident_bytes: u64,
+    /// The answer.
+    pub answer: Answer,
+}
+
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub(super) enum Answer {
+    Opened { space: KnobSpace, meter: MeterInfo },
+    Done,
+    Cost(CostPoint),
+    /// Followed by width × height × 3 bytes.
+    Frame { power: Watts, width: u32, height: u32 },
+    Failed { usage: bool, message: String },
+}
+
+/// Longest message: nothing here comes near it, so whatever claims more is not ours.
+const LONGEST: u32 = 1 << 20;
+
+pub(super) fn send(to: &mut impl Write, message: &impl Serialize) -> io::Result<()> {
+    let bytes = serde_json::to_vec(message)?;
+    to.write_all(&(bytes.len() as u32).to_le_bytes())?;
+    to.write_all(&bytes)
+}
+
+pub(super) fn receive<T: DeserializeOwned>(from: &mut impl Read) -> io::Result<T> {
+    let mut length = [0; 4];
+    from.read_exact(&mut length)?;
+    let length = u32::from_le_bytes(length);
+    if length > LONGEST {
+        return Err(io::Error::new(io::ErrorKind::InvalidData, "not a stage's message"));
+    }
+    let mut bytes = vec![0; length as usize];
+    from.read_exact(&mut bytes)?;
+    Ok(serde_json::from_slice(&bytes)?)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn messages_survive_the_pipe_and_strangers_are_refused() {
+        let request = Request::Measure {
+            position: Vec3::new(0.1, -2.0, 1e6),
+            rotation: Quat::IDENTITY,
+            settings: RenderSettings::from_bits(u64::MAX),
+            frames: 2,
+        };
+        let mut pipe = Vec::new();
+        send(&mut pipe, &request).expect("a vector takes it");
+        assert_eq!(receive::<Request>(&mut pipe.as_slice()).expect("what was sent"), request);
+        assert!(receive::<Request>(&mut &pipe[..pipe.len() - 1]).is_err());
+        assert!(receive::<Request>(&mut [0xff; 8].as_slice()).is_err());
+    }
+}

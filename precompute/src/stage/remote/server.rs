@@ -1,0 +1,76 @@
+//! The child: a stage that answers on its standard output.
+
+use std::io::{self, Write};
+
+use super::protocol::{Answer, Reply, Request, receive, send};
+use crate::evaluate::{Player, Pose};
+use crate::metrics::Picture;
+use crate::scene;
+use crate::stage::{Stage, StageError, StageEvaluator, StageOptions, StagePlayer};
+
+/// Answers the parent's requests until it closes the pipe.
+///
+/// # Errors
+/// When the pipe breaks.
+pub fn serve() -> io::Result<()> {
+    let mut input = io::stdin().lock();
+    let mut output = io::BufWriter::new(io::stdout().lock());
+    let mut stage = None;
+    loop {
+        let request = match receive(&mut input) {
+            Ok(request) => request,
+            // The parent is gone, or has closed the pipe: nothing is left to do.
+            Err(error) if error.kind() == io::ErrorKind::UnexpectedEof => return Ok(()),
+            Err(error) => return Err(error),
+        };
+        let (answer, picture) = answer(&mut stage, request).unwrap_or_else(|error| {
+            let usage = error.is_usage();
+            (Answer::Failed { usage, message: error.to_string() }, None)
+        });
+        send(&mut output, &Reply { resident_bytes: resident_bytes(), answer })?;
+        if let Some(picture) = picture {
+            picture.rgb.iter().try_for_each(|pixel| output.write_all(pixel))?;
+        }
+        output.flush()?;
+    }
+}
+
+fn answer(stage: &mut Option<StageEvaluator>, request: Request) -> Result<(Answer, Option<Picture>), StageError> {
+    if let Request::Open(request) = request {
+        let options = StageOptions {
+            size: request.size.into(),
+            frames_per_second: request.frames_per_second,
+            knobs: request.knobs,
+            meter: request.meter,
+            ..Default::default()
+        };
+        let opened = Stage::open(&scene::load(&request.scene)?, options)?;
+        let answer = Answer::Opened { space: opened.space().as_ref().clone(), meter: opened.meter() };
+        *stage = Some(StageEvaluator::new(opened));
+        return Ok((answer, None));
+    }
+    let Some(stage) = stage else { return Err(StageError::NotReady("no scene was opened".to_owned())) };
+    match request {
+        Request::Open(_) => unreachable!("handled above"),
+        Request::Warm => stage.stage().warm()?,
+        Request::Measure { position, rotation, settings, frames } => {
+            return Ok((Answer::Cost(stage.measure(position, rotation, settings, frames)?), None));
+        }
+        Request::Begin { position, rotation, settings } => {
+            StagePlayer::new(stage.stage()).begin_run("", &Pose { position, rotation }, settings)?;
+        }
+        Request::Play { position, rotation, settings } => {
+            let shot = StagePlayer::new(stage.stage()).play(&Pose { position, rotation }, settings)?;
+            let Picture { width, height, .. } = shot.picture;
+            return Ok((Answer::Frame { power: shot.power, width, height }, Some(shot.picture)));
+        }
+    }
+    Ok((Answer::Done, None))
+}
+
+/// From Linux's own account; other systems' drivers are not known to leak.
+fn resident_bytes() -> u64 {
+    let status = std::fs::read_to_string("/proc/self/status").unwrap_or_default();
+    let line = status.lines().find_map(|line| line.strip_prefix("VmRSS:"));
+    line.and_then(|line| line.split_whitespace().next()?.parse::<u64>().ok()).map_or(0, |kilobytes| kilobytes * 1024)
+}
