@@ -8,15 +8,15 @@
 #   make clean-demo   removes what the demo wrote
 
 # What the demo shows, and for how long it searches: make demo SIZE=320x180 TIME_LIMIT=20m
-SCENE ?= assets/scenes/courtyard.scene.ron
-OUTPUT ?= target/demo
-SIZE ?= 192x108
-FPS ?= 30
-TIME_LIMIT ?= 4m
-POWER_BUDGET ?= 60%
-ERROR_BUDGET ?= 0.02
+SCENE = assets/scenes/courtyard.scene.ron
+OUTPUT = target/demo
+SIZE = 192x108
+FPS = 30
+TIME_LIMIT = 4m
+POWER_BUDGET = 60%
+ERROR_BUDGET = 0.02
 
-EXAMPLE ?= minimal
+EXAMPLE = minimal
 
 # One folder for all clones on this machine, so that the demo, the tests and CI share one build of Bevy, which takes most of an hour of processor
 # time. For the same reason every command below says --workspace: Cargo unifies features for each selection of packages, and another
@@ -60,4 +60,4 @@ ci:
 	.ci/run
 
 clean-demo:
-	rm -rf "$(OUTPUT)"
+	rm -rf target/demo
