@@ -135,7 +135,7 @@ fn lacking_limits(limits: &bevy::render::settings::WgpuLimits) -> Vec<&'static s
         (limits.max_compute_invocations_per_workgroup < 64, "compute workgroups of 64"),
         (limits.max_storage_buffers_per_shader_stage < 6, "6 storage buffers per stage"),
         (limits.max_storage_textures_per_shader_stage < 1, "storage textures"),
-        ((limits.max_uniform_buffer_binding_size as u64) < vpl_bytes, "uniform buffers of 48 KiB"),
+        (limits.max_uniform_buffer_binding_size < vpl_bytes, "uniform buffers of 48 KiB"),
     ]
     .into_iter()
     .filter_map(|(lacks, name)| lacks.then_some(name))

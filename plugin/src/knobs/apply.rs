@@ -7,8 +7,8 @@ use bevy::log::warn_once;
 use bevy::platform::collections::HashMap;
 
 use super::builtin;
-use crate::control::KnownKnobs;
 use super::{KnobRegistry, KnobScope, KnobSettings, RegisterKnob, RenderSettings};
+use crate::control::KnownKnobs;
 
 /// Adds the built-in knobs and the system that applies [`KnobSettings`].
 #[derive(Clone, Debug, Default)]

@@ -47,7 +47,12 @@ pub(super) fn run(arguments: &Arguments) -> Result<(), CliError> {
     println!("power      {:?}, {}: {}", map.meter.provenance, map.meter.name, map.meter.description);
     println!("knobs      {}, {} combinations", map.knobs.len(), map.knobs.combinations());
     println!("octree     {} nodes, {} corners, {} levels", map.octree.nodes.len(), map.octree.corners.len(), map.octree.levels);
-    println!("frontiers  {}, {points} points; {} of {} views see nothing", map.octree.frontiers.len(), survey.empty_views, survey.known_views + survey.empty_views);
+    println!(
+        "frontiers  {}, {points} points; {} of {} views see nothing",
+        map.octree.frontiers.len(),
+        survey.empty_views,
+        survey.known_views + survey.empty_views
+    );
     println!("thresholds {:.4} W, {}", map.thresholds.power_w, map.thresholds.error);
     println!("file       {} bytes", text.len());
     if let Some(folder) = &arguments.report {

@@ -200,7 +200,8 @@ fn show(bar: &ProgressBar, progress: &SubdivisionProgress) {
 }
 
 pub(super) fn print_statistics(statistics: &Statistics, map: &FrontierMap) {
-    let Statistics { searched, inherited, blind, unfinished, evaluations, cache_hits, refinements, nodes, corners, levels, .. } = statistics;
+    let Statistics { searched, inherited, blind, unfinished, evaluations, cache_hits, refinements, nodes, corners, levels, .. } =
+        statistics;
     println!("{searched} cameras searched, {inherited} inherited, {blind} see nothing, {unfinished} left for lack of time");
     println!("{evaluations} evaluations, {cache_hits} known already, {refinements} measured again");
     println!("{nodes} nodes, {corners} corners, {levels} levels, {} frontiers", map.octree.frontiers.len());

@@ -2,8 +2,8 @@
 
 use std::path::PathBuf;
 
-use super::arguments::{self, CameraArguments, CaptureArguments, check_outputs, open_scene, write};
 use super::CliError;
+use super::arguments::{self, CameraArguments, CaptureArguments, check_outputs, open_scene, write};
 use crate::stage::{Component, Output, Stage, StageOptions};
 
 #[derive(clap::Args, Debug)]

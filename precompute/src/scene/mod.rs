@@ -3,7 +3,7 @@
 //! | module | job |
 //! |---|---|
 //! | [`description`] | what a `*.scene.ron` file says |
-//! | [`load`] | reads and checks such a file; errors name file, line, column, field and remedy |
+//! | [`mod@load`] | reads and checks such a file; errors name file, line, column, field and remedy |
 //! | [`path`] | moves a camera along a path's keys |
 //! | [`mesh`], [`builder`], [`texture`] | renderer-free geometry, and how to make it by code |
 //! | [`gltf`] | geometry out of a `.glb` or `.gltf` file |

@@ -102,10 +102,7 @@ fn read(world: &World, target: &Handle<Image>, texel_bytes: u32) -> Result<((u32
     let slice = buffer.slice(..);
     slice.map_async(MapMode::Read, move |result| drop(sender.send(result)));
     device.poll(PollType::wait_indefinitely()).map_err(|error| StageError::ReadBack(error.to_string()))?;
-    receiver
-        .recv()
-        .map_err(|error| StageError::ReadBack(error.to_string()))?
-        .map_err(|error| StageError::ReadBack(error.to_string()))?;
+    receiver.recv().map_err(|error| StageError::ReadBack(error.to_string()))?.map_err(|error| StageError::ReadBack(error.to_string()))?;
     let mapped = slice.get_mapped_range();
     let texels = mapped.chunks_exact(padded as usize).flat_map(|padded| &padded[..row as usize]).copied().collect();
     Ok(((size.width, size.height), texels))

@@ -226,12 +226,9 @@ pub(super) fn gather(
     mut context: RenderContext,
 ) {
     let (camera, prepass, view_offset) = view.into_inner();
-    let (Some(g_buffer), Some(depth), Some(views), Some(pipeline)) = (
-        prepass.deferred_view(),
-        prepass.depth_view(),
-        view_uniforms.uniforms.binding(),
-        cache.get_compute_pipeline(camera.pipeline),
-    ) else {
+    let (Some(g_buffer), Some(depth), Some(views), Some(pipeline)) =
+        (prepass.deferred_view(), prepass.depth_view(), view_uniforms.uniforms.binding(), cache.get_compute_pipeline(camera.pipeline))
+    else {
         return;
     };
     let bind_group = context.render_device().create_bind_group(

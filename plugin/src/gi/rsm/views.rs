@@ -13,9 +13,9 @@ use bevy::render::view::Msaa;
 use bevy::transform::components::Transform;
 use bevy::transform::helper::TransformHelper;
 
+use super::RsmView;
 use super::lights::{BouncingLight, Emitter, RsmLight};
 use super::region::{SceneBox, cover};
-use super::RsmView;
 use crate::gi::settings::{FrugalGi, GiLimits};
 
 /// Lights' maps come before every camera that an app would order by hand; each has its own number.
@@ -55,7 +55,10 @@ pub(super) fn maintain(
     spots: Query<(Entity, &SpotLight, &InheritedVisibility, Option<&RenderLayers>)>,
     points: Query<(Entity, &PointLight, &InheritedVisibility, Option<&RenderLayers>)>,
     // Both touch transforms: first those of lights and cameras are read, then those of maps are written.
-    mut placed: ParamSet<(TransformHelper, Query<(Entity, &RsmView, &mut Camera, &mut RenderTarget, &mut Projection, &mut Transform, &mut RsmLight), Without<FrugalGi>>)>,
+    mut placed: ParamSet<(
+        TransformHelper,
+        Query<(Entity, &RsmView, &mut Camera, &mut RenderTarget, &mut Projection, &mut Transform, &mut RsmLight), Without<FrugalGi>>,
+    )>,
 ) {
     let transforms = placed.p0();
     let place = |entity| transforms.compute_global_transform(entity).ok().map(|t| t.compute_transform());
@@ -79,9 +82,11 @@ pub(super) fn maintain(
             let at = place(entity)?;
             Some((BouncingLight::spot(entity, light, at.translation, at.rotation)?, layers(mask)))
         }));
-        lights.extend(points.iter().filter(|(_, _, visible, _)| visible.get()).filter_map(|(entity, light, _, mask)| {
-            Some((BouncingLight::point(entity, light, place(entity)?.translation)?, layers(mask)))
-        }));
+        lights.extend(
+            points.iter().filter(|(_, _, visible, _)| visible.get()).filter_map(|(entity, light, _, mask)| {
+                Some((BouncingLight::point(entity, light, place(entity)?.translation)?, layers(mask)))
+            }),
+        );
         wanted = choose(&lights, &eyes, scene, limits.max_rsm_count);
     }
     lay_out(&mut wanted);

@@ -68,11 +68,9 @@ pub(super) fn sample(
     mut context: RenderContext,
 ) {
     let camera = view.into_inner();
-    let (Some(buffers), Some(accumulate), Some(sample)) = (
-        &store.buffers,
-        cache.get_compute_pipeline(pipelines.accumulate_maps),
-        cache.get_compute_pipeline(pipelines.sample),
-    ) else {
+    let (Some(buffers), Some(accumulate), Some(sample)) =
+        (&store.buffers, cache.get_compute_pipeline(pipelines.accumulate_maps), cache.get_compute_pipeline(pipelines.sample))
+    else {
         return;
     };
     let bind_group = context.render_device().create_bind_group(

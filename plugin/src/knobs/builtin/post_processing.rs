@@ -35,7 +35,8 @@ impl KnobDriver for PostProcessing {
         let largest = (f64::from(height) * f64::from(scale) * level.value).clamp(8.0, 512.0);
         // Bloom halves it down to 2: powers of two leave nothing over.
         let max_mip_dimension = 1 << (largest as u32).ilog2();
-        let bloom = camera.take::<ParkedBloom>().map(|parked| parked.0).or_else(|| camera.get::<Bloom>().cloned()).unwrap_or(Bloom::NATURAL);
+        let bloom =
+            camera.take::<ParkedBloom>().map(|parked| parked.0).or_else(|| camera.get::<Bloom>().cloned()).unwrap_or(Bloom::NATURAL);
         camera.insert(Bloom { max_mip_dimension, ..bloom });
     }
 }

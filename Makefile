@@ -1,0 +1,63 @@
+# Two front doors: `make demo` and `make test`. Each makes the machine ready first (scripts/setup), says what it installs, and asks for nothing.
+#
+#   make demo     precomputes a scene, plays it under a power and an error budget, writes a report to target/demo
+#   make test     every test
+#   make run      an example: make run EXAMPLE=budget
+#   make check    formatting, lints, documentation; warnings are errors
+#   make ci       checks and tests, as .ci/run does
+#   make clean-demo   removes what the demo wrote
+
+# What the demo shows, and for how long it searches: make demo SIZE=320x180 TIME_LIMIT=20m
+SCENE = assets/scenes/courtyard.scene.ron
+OUTPUT = target/demo
+SIZE = 192x108
+FPS = 30
+TIME_LIMIT = 4m
+POWER_BUDGET = 60%
+ERROR_BUDGET = 0.02
+
+EXAMPLE = minimal
+
+# One folder for all clones on this machine, so that the demo, the tests and CI share one build of Bevy, which takes most of an hour of processor
+# time. For the same reason every command below says --workspace: Cargo unifies features for each selection of packages, and another
+# selection compiles another Bevy.
+ifneq ($(HOME),)
+export CARGO_TARGET_DIR ?= $(HOME)/.cache/frugal-gi/build
+else
+export CARGO_TARGET_DIR ?= $(CURDIR)/target
+endif
+
+FRUGAL = $(CARGO_TARGET_DIR)/debug/frugal
+
+.PHONY: help demo test run check ci setup build clean-demo
+
+help:
+	@sed -n '3,8s/^# *//p' Makefile
+
+setup:
+	@scripts/setup
+
+build: setup
+	cargo build --workspace
+
+demo: build
+	scripts/run "$(FRUGAL)" demo "$(SCENE)" --output "$(OUTPUT)" --size $(SIZE) --fps $(FPS) --time-limit $(TIME_LIMIT) \
+		--power-budget $(POWER_BUDGET) --error-budget $(ERROR_BUDGET)
+
+test: setup
+	scripts/test
+
+# At the workspace's root this, too, selects the whole workspace.
+run: setup
+	scripts/run cargo run --example $(EXAMPLE)
+
+check: setup
+	cargo fmt --all --check
+	cargo clippy --workspace --all-targets -- -D warnings
+	RUSTDOCFLAGS="-D warnings" cargo doc --workspace --no-deps
+
+ci:
+	.ci/run
+
+clean-demo:
+	rm -rf target/demo
