@@ -36,6 +36,7 @@ pub use capture::Radiance;
 pub use evaluator::StageEvaluator;
 pub use player::StagePlayer;
 pub use useful::useful_knobs;
+pub use world::populate;
 
 /// What is drawn into.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
