@@ -66,7 +66,7 @@ struct NoMap(String);
 
 fn read_map(path: &Path, scene: &SceneDescription) -> Result<FrontierMap, String> {
     let file = path.display();
-    let text = std::fs::read_to_string(path).map_err(|error| format!("no map: {file}: {error}\n`make demo` makes one"))?;
+    let text = std::fs::read_to_string(path).map_err(|error| format!("no map: {file}\n{error}\n`make demo` makes one"))?;
     let map = FrontierMap::from_ron(&text).map_err(|error| format!("no map: {file}: {error}"))?;
     let fingerprint = scene.fingerprint().map_err(|error| error.to_string())?;
     let identity = SceneIdentity { name: scene.source.display().to_string(), fingerprint };
@@ -170,7 +170,7 @@ fn spawn_text(mut commands: Commands) {
         CameraOutputMode::Write { blend_state: Some(BlendState::PREMULTIPLIED_ALPHA_BLENDING), clear_color: ClearColorConfig::None };
     let camera = Camera { order: 1, clear_color: ClearColorConfig::Custom(Color::NONE), output_mode, ..default() };
     commands.spawn((Camera2d, camera, Msaa::Off, IsDefaultUiCamera));
-    let panel = Node { position_type: PositionType::Absolute, padding: UiRect::axes(px(8), px(6)), ..default() };
+    let panel = Node { position_type: PositionType::Absolute, max_width: percent(100), padding: UiRect::axes(px(8), px(6)), ..default() };
     commands
         .spawn((Curtain, panel, BackgroundColor(SHADE)))
         .with_child((Text::default(), TextFont { font_size: FontSize::Px(11.0), ..default() }));
@@ -197,8 +197,8 @@ fn write_text(
         lines.push(format!("warming up… {:.0} %", 100.0 * warming.progress()));
     } else {
         lines.extend(no_map.map(|no_map| no_map.0.clone()));
-        if let (Some(controlled), Some(selection)) = (controlled, selection) {
-            lines.push(format!("budget       {}", budget_line(&controlled)));
+        if let (Some(controlled), Some(selection)) = (&controlled, selection) {
+            lines.push(format!("budget       {}", budget_line(controlled)));
             lines.push(format!("predicted    {}", predicted_line(selection, maps.get(&controlled.map))));
             lines.push(format!("state        {}", status_line(selection.status)));
         }
@@ -208,7 +208,8 @@ fn write_text(
             lines.extend(settings_lines(settings, selection));
         }
         lines.push(String::new());
-        lines.push("Up, Down: budget   P: power   E: error\nSpace: pause   C: cut".to_owned());
+        lines.extend(controlled.map(|_| "Up, Down: budget   P: power   E: error".to_owned()));
+        lines.push("Space: pause   C: cut".to_owned());
     }
     let lines = lines.join("\n");
     if text.0 != lines {

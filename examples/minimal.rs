@@ -16,20 +16,21 @@ fn main() -> AppExit {
 }
 
 fn set_up(mut commands: Commands, mut meshes: ResMut<Assets<Mesh>>, mut materials: ResMut<Assets<StandardMaterial>>) {
-    let (grey, red, green) = (Color::srgb(0.8, 0.8, 0.8), Color::srgb(0.9, 0.1, 0.1), Color::srgb(0.1, 0.8, 0.2));
+    let (grey, slate) = (Color::srgb(0.8, 0.8, 0.8), Color::srgb(0.3, 0.3, 0.35));
+    let (red, green) = (Color::srgb(0.9, 0.1, 0.1), Color::srgb(0.1, 0.8, 0.2));
     let mut block = |size: Vec3, centre: Vec3, color: Color| {
         let surface = StandardMaterial { base_color: color, perceptual_roughness: 1.0, reflectance: 0.0, ..default() };
         let cuboid = meshes.add(Cuboid::from_size(size));
         commands.spawn((Mesh3d(cuboid), MeshMaterial3d(materials.add(surface)), Transform::from_translation(centre)));
     };
-    block(vec3(4.0, 0.1, 3.0), vec3(0.0, -0.05, 0.0), grey);
+    block(vec3(4.0, 0.1, 3.0), vec3(0.0, -0.05, 0.0), slate);
     block(vec3(4.0, 0.1, 3.0), vec3(0.0, 2.45, 0.0), grey);
     block(vec3(4.0, 2.4, 0.1), vec3(0.0, 1.2, -1.55), grey);
     block(vec3(0.1, 2.4, 3.0), vec3(-2.05, 1.2, 0.0), red);
     block(vec3(0.1, 2.4, 3.0), vec3(2.05, 1.2, 0.0), green);
     block(vec3(0.8, 1.2, 0.8), vec3(-0.9, 0.6, -0.5), grey);
     block(vec3(0.8, 0.5, 0.8), vec3(0.9, 0.25, 0.2), grey);
-    let lamp = SpotLight { intensity: 250_000.0, inner_angle: 1.0, outer_angle: 1.5, shadow_maps_enabled: true, ..default() };
+    let lamp = SpotLight { intensity: 350_000.0, inner_angle: 1.0, outer_angle: 1.5, shadow_maps_enabled: true, ..default() };
     commands.spawn((lamp, Transform::from_xyz(0.0, 2.3, 0.2).looking_to(Vec3::NEG_Y, Vec3::X)));
     // Deferred rendering has no multisampling.
     let view = Transform::from_xyz(0.0, 1.3, 4.6).looking_at(vec3(0.0, 1.15, 0.0), Vec3::Y);

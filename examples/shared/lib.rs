@@ -16,9 +16,9 @@ pub use tour::{Tour, travel};
 
 /// A file of the workspace, wherever the example is started.
 pub fn workspace_file(path: &str) -> PathBuf {
-    let file = Path::new(env!("CARGO_MANIFEST_DIR")).join("..").join(path);
-    // So that messages show no `..`.
-    file.canonicalize().unwrap_or(file)
+    let workspace = Path::new(env!("CARGO_MANIFEST_DIR")).join("..");
+    // So that messages show no `..`, whether the file exists or not.
+    workspace.canonicalize().unwrap_or(workspace).join(path)
 }
 
 /// Add it after `DefaultPlugins`.

@@ -13,7 +13,7 @@ use bevy::platform::time::Instant;
 use bevy::render::render_resource::PipelineCache;
 use bevy::render::{Render, RenderApp, RenderSystems};
 
-use super::{Knob, KnobSettings, KnobSpace, KnobSystems, RenderSettings};
+use super::{KnobSettings, KnobSpace, KnobSystems, RenderSettings};
 
 /// Frames in a row without a pipeline in work after which all are there: what the renderer says lags up to two frames behind the settings, and
 /// what one pass draws may call for the next one's pipeline.
@@ -173,7 +173,7 @@ mod tests {
     use bevy::MinimalPlugins;
 
     use super::*;
-    use crate::knobs::{KnobDriver, KnobPlugin, Level, RegisterKnob};
+    use crate::knobs::{Knob, KnobDriver, KnobPlugin, Level, RegisterKnob};
 
     /// Notes the levels that it was set to.
     struct Noting;
