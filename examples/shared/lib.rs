@@ -1,6 +1,6 @@
 //! What the windowed examples share: the size of their window, a way for CI to look at them, and a tour of a scene.
 //!
-//! With `FRUGAL_EXAMPLE_FRAMES=N` in the environment an example ends after N frames, those of a knobs' warm-up not counted; with
+//! With `FRUGAL_EXAMPLE_FRAMES=N` in the environment an example ends after N frames, counted from when its shaders are there and its knobs warm; with
 //! `FRUGAL_EXAMPLE_SCREENSHOT=picture.png` it takes a picture of its window before. It exits with 0 when all of that went well.
 
 mod tour;
@@ -10,7 +10,8 @@ use std::path::{Path, PathBuf};
 use bevy::prelude::*;
 use bevy::render::view::screenshot::{Screenshot, ScreenshotCaptured, save_to_disk};
 use bevy::window::PrimaryWindow;
-use bevy_frugal_gi::knobs::WarmKnobs;
+use bevy_frugal_gi::gi::FrugalGi;
+use bevy_frugal_gi::knobs::{KnobSpace, WarmKnobs};
 
 pub use tour::{Tour, travel};
 
@@ -48,7 +49,14 @@ impl Plugin for ExamplePlugin {
             return;
         };
         let screenshot = std::env::var_os("FRUGAL_EXAMPLE_SCREENSHOT").map(PathBuf::from);
-        app.insert_resource(Rehearsal { frames_left, screenshot }).add_systems(Last, rehearse);
+        app.insert_resource(Rehearsal { frames_left, screenshot }).add_systems(PostStartup, wait_for_shaders).add_systems(Last, rehearse);
+    }
+}
+
+/// Frames without their shaders are empty: warming no knob at all waits for them.
+fn wait_for_shaders(mut commands: Commands, cameras: Query<Entity, (With<FrugalGi>, Without<WarmKnobs>)>) {
+    for camera in &cameras {
+        commands.entity(camera).insert(WarmKnobs::new(KnobSpace::default()));
     }
 }
 
