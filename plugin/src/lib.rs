@@ -65,7 +65,7 @@ pub mod prelude {
     pub use crate::control::{Budget, FrontierMapHandle, Selection};
     pub use crate::frontier::FrontierMap;
     pub use crate::gi::{FrugalGi, GiPixelFraction};
-    pub use crate::knobs::{KnobRegistry, KnobSettings, RegisterKnob};
+    pub use crate::knobs::{KnobRegistry, KnobSettings, RegisterKnob, WarmKnobs};
     pub use crate::power::MeteredPower;
     pub use crate::resolution::ResolutionScale;
     pub use crate::units::Watts;

@@ -6,11 +6,11 @@ use bevy::ecs::prelude::*;
 use bevy::log::warn_once;
 use bevy::platform::collections::HashMap;
 
-use super::builtin;
 use super::{KnobRegistry, KnobScope, KnobSettings, RegisterKnob, RenderSettings};
+use super::{builtin, warm};
 use crate::control::KnownKnobs;
 
-/// Adds the built-in knobs and the system that applies [`KnobSettings`].
+/// Adds the built-in knobs and the systems that apply [`KnobSettings`] and [warm](super::WarmKnobs) them.
 #[derive(Clone, Debug, Default)]
 pub struct KnobPlugin;
 
@@ -36,9 +36,11 @@ impl Plugin for KnobPlugin {
             .register_type::<RenderSettings>()
             .configure_sets(PostUpdate, KnobSystems::Apply.before(CameraUpdateSystems))
             .add_systems(PostUpdate, apply_settings.run_if(any_settings_changed).in_set(KnobSystems::Apply));
+        warm::build(app);
     }
 
     fn finish(&self, app: &mut App) {
+        warm::finish(app);
         // By now every plugin has registered its knobs: a map that asks for others is refused by the controller.
         let known = app.world().get_resource::<KnobRegistry>().and_then(|registry| registry.space().ok());
         if let Some(space) = known {

@@ -1,15 +1,18 @@
 //! Quality knobs: what can be set ([`KnobSpace`]), what is set ([`KnobSettings`]), and how a level reaches a camera ([`KnobDriver`]).
 //!
 //! To add a knob, write a [`KnobDriver`] and register it with [`RegisterKnob::register_knob`]; the built-in ones are one file each under
-//! `builtin/` and are listed in one place, [`KnobPlugin`].
+//! `builtin/` and are listed in one place, [`KnobPlugin`]. [`WarmKnobs`] goes through all levels behind a loading screen, so that no later switch
+//! waits for a shader compiler.
 
 mod apply;
 mod builtin;
 mod driver;
 mod settings;
 mod space;
+mod warm;
 
 pub use apply::{AppliedKnobs, KnobPlugin, KnobSystems};
 pub use driver::{KnobDriver, KnobRegistry, KnobScope, RegisterKnob};
 pub use settings::KnobSettings;
 pub use space::{Knob, KnobSpace, KnobSpaceError, Level, Need, RenderSettings};
+pub use warm::WarmKnobs;

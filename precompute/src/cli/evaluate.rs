@@ -83,8 +83,9 @@ pub(super) fn run(arguments: &Arguments) -> Result<(), CliError> {
 
 /// Reads a map and holds it against the scene.
 pub(super) fn read_map(path: &Path, scene: &SceneDescription, name: &str) -> Result<FrontierMap, CliError> {
-    let text = std::fs::read_to_string(path)
-        .map_err(|error| CliError::usage(format!("{}: cannot be read: {error}; give a map written by frugal precompute", path.display())))?;
+    let text = std::fs::read_to_string(path).map_err(|error| {
+        CliError::usage(format!("{}: cannot be read: {error}; give a map written by frugal precompute", path.display()))
+    })?;
     let map = FrontierMap::from_ron(&text).map_err(|error| CliError::usage(format!("{}: {error}", path.display())))?;
     let identity = SceneIdentity { name: name.to_owned(), fingerprint: scene.fingerprint()? };
     map.matches_scene(&identity).map_err(|error| CliError::usage(format!("{}: {error}", path.display())))?;
@@ -99,22 +100,16 @@ pub(super) fn plan_path(scene: &SceneDescription, name: &str, fps: f64) -> Resul
     };
     let start = path.start();
     let pose_at = |seconds: f64| {
-        let pose = path.sample(start + seconds as f32).unwrap_or(crate::scene::CameraPose {
-            position: bevy::math::Vec3::ZERO,
-            rotation: bevy::math::Quat::IDENTITY,
-        });
+        let pose = path
+            .sample(start + seconds as f32)
+            .unwrap_or(crate::scene::CameraPose { position: bevy::math::Vec3::ZERO, rotation: bevy::math::Quat::IDENTITY });
         Pose { position: pose.position, rotation: pose.rotation }
     };
     PathPlan::sample(name, f64::from(path.duration()), fps, pose_at).map_err(CliError::usage)
 }
 
 /// Stages `scene` as `map` was captured.
-pub(super) fn open_stage(
-    scene: &SceneDescription,
-    path: &Path,
-    map: &FrontierMap,
-    meter: Option<String>,
-) -> Result<RemoteStage, CliError> {
+pub(super) fn open_stage(scene: &SceneDescription, path: &Path, map: &FrontierMap, meter: Option<String>) -> Result<RemoteStage, CliError> {
     let request = StageRequest {
         scene: path.to_owned(),
         size: map.capture.size,
@@ -145,17 +140,12 @@ pub(super) fn play(
     stage.warm()?;
 
     let bar = progress::bar(0);
-    let result = evaluate(
-        stage,
-        &plan,
-        |budget| controller(map, *budget, fov, aspect),
-        &mut |progress| {
-            bar.set_length(progress.frames_total as u64);
-            bar.set_position(progress.frames_done as u64);
-            bar.set_message(format!("frames, {}", progress.run));
-            if super::progress::interrupted() { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
-        },
-    );
+    let result = evaluate(stage, &plan, |budget| controller(map, *budget, fov, aspect), &mut |progress| {
+        bar.set_length(progress.frames_total as u64);
+        bar.set_position(progress.frames_done as u64);
+        bar.set_message(format!("frames, {}", progress.run));
+        if super::progress::interrupted() { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
+    });
     bar.finish_and_clear();
     result.map_err(CliError::failed)
 }

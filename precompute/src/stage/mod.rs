@@ -34,11 +34,12 @@ use crate::scene::{Bounds, RayScene, SceneDescription, SceneError};
 
 pub use adapter::{adapter, software_adapter};
 pub use capture::Radiance;
-pub(crate) use evaluator::sees;
 pub use evaluator::StageEvaluator;
+pub(crate) use evaluator::sees;
 pub use player::StagePlayer;
 pub use remote::{RemoteError, RemoteStage, StageRequest, serve};
 pub use useful::useful_knobs;
+pub use world::populate;
 
 /// What is drawn into.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]

@@ -1,4 +1,4 @@
-//! Puts a scene's geometry, lights, sky and camera into the app.
+//! Puts a scene's geometry, lights, sky and camera into an app.
 
 use bevy::app::App;
 use bevy::asset::{Assets, Handle, RenderAssetUsages};
@@ -20,6 +20,48 @@ use bevy_frugal_gi::gi::{FrugalGi, GiOutput};
 use super::{Component, Output, StageError, StageOptions, environment};
 use crate::scene::{Environment, Light, SceneDescription, SceneGeometry, SceneMaterial, SceneMesh, SceneTexture};
 
+/// Shows `scene` to `camera`: spawns its geometry and lights, sets the surroundings of the whole app, and gives the camera the scene's lens, exposure
+/// and background. What else the camera has, and where it is, stays as it is.
+///
+/// `camera` must be a `Camera3d`, and the world that of an app with Bevy's 3D renderer.
+///
+/// # Errors
+/// When a file that the scene names cannot be read. Some of the scene may be there by then.
+pub fn populate(world: &mut World, scene: &SceneDescription, camera: Entity) -> Result<(), StageError> {
+    populate_with(world, scene, scene.geometry()?, camera)
+}
+
+/// [`populate`], for those who have had a look at the geometry already.
+pub(super) fn populate_with(
+    world: &mut World,
+    scene: &SceneDescription,
+    geometry: SceneGeometry,
+    camera: Entity,
+) -> Result<(), StageError> {
+    let reach = geometry.bounds().map_or(scene.camera.far, |b| b.size().length().min(scene.camera.far));
+    spawn_geometry(world, geometry);
+    for light in &scene.lights {
+        spawn_light(world, light, reach);
+    }
+    let lens = PerspectiveProjection {
+        fov: scene.camera.vertical_fov.to_radians(),
+        near: scene.camera.near,
+        far: scene.camera.far,
+        ..Default::default()
+    };
+    world.entity_mut(camera).insert((Projection::Perspective(lens), Exposure { ev100: scene.exposure_ev100 }));
+    if let Some(mut camera) = world.get_mut::<Camera>(camera) {
+        camera.clear_color = ClearColorConfig::Custom(Color::BLACK);
+    }
+    let exposure = 1.0 / (1.2 * scene.exposure_ev100.exp2());
+    match &scene.environment {
+        Environment::None => world.insert_resource(GlobalAmbientLight::NONE),
+        Environment::Constant(radiance) => environment::constant(world, camera, *radiance, exposure),
+        Environment::Map(file, intensity) => environment::map(world, camera, &scene.resolve(file), *intensity)?,
+    }
+    Ok(())
+}
+
 /// Returns the camera and the image that it draws into.
 pub(super) fn spawn(
     app: &mut App,
@@ -28,19 +70,9 @@ pub(super) fn spawn(
     options: &StageOptions,
 ) -> Result<(Entity, Handle<Image>), StageError> {
     let world = app.world_mut();
-    let reach = geometry.bounds().map_or(scene.camera.far, |b| b.size().length().min(scene.camera.far));
-    spawn_geometry(world, geometry);
-    for light in &scene.lights {
-        spawn_light(world, light, reach);
-    }
     let target = world.resource_mut::<Assets<Image>>().add(target_image(options));
-    let camera = spawn_camera(world, scene, options, target.clone());
-    let exposure = 1.0 / (1.2 * scene.exposure_ev100.exp2());
-    match &scene.environment {
-        Environment::None => world.insert_resource(GlobalAmbientLight::NONE),
-        Environment::Constant(radiance) => environment::constant(world, camera, *radiance, exposure),
-        Environment::Map(file, intensity) => environment::map(world, camera, &scene.resolve(file), *intensity)?,
-    }
+    let camera = spawn_camera(world, options, target.clone());
+    populate_with(world, scene, geometry, camera)?;
     Ok((camera, target))
 }
 
@@ -59,26 +91,16 @@ fn target_image(options: &StageOptions) -> Image {
     image
 }
 
-fn spawn_camera(world: &mut World, scene: &SceneDescription, options: &StageOptions, target: Handle<Image>) -> Entity {
+fn spawn_camera(world: &mut World, options: &StageOptions, target: Handle<Image>) -> Entity {
     let tonemapping = match options.output {
         Output::Display => Tonemapping::TonyMcMapface,
         Output::Radiance => Tonemapping::None,
     };
     let output = if options.component == Component::Indirect { GiOutput::IndirectOnly } else { GiOutput::Added };
-    let projection = PerspectiveProjection {
-        fov: scene.camera.vertical_fov.to_radians(),
-        near: scene.camera.near,
-        far: scene.camera.far,
-        aspect_ratio: options.size.x as f32 / options.size.y as f32,
-        ..Default::default()
-    };
     world
         .spawn((
             Camera3d::default(),
-            Camera { clear_color: ClearColorConfig::Custom(Color::BLACK), ..Default::default() },
             RenderTarget::Image(target.into()),
-            Projection::Perspective(projection),
-            Exposure { ev100: scene.exposure_ev100 },
             tonemapping,
             DebandDither::Disabled,
             FrugalGi { output, ..Default::default() },

@@ -77,11 +77,7 @@ impl RemoteStage {
             request,
             worker: None,
             space: KnobSpace::default(),
-            meter: MeterInfo {
-                name: String::new(),
-                provenance: bevy_frugal_gi::power::Provenance::Modelled,
-                description: String::new(),
-            },
+            meter: MeterInfo { name: String::new(), provenance: bevy_frugal_gi::power::Provenance::Modelled, description: String::new() },
             rays: RayScene::from_geometry(&geometry),
             bounds: geometry.bounds(),
             vertical_fov_degrees: scene.camera.vertical_fov,

@@ -51,12 +51,22 @@ pub(super) struct Reply {
 
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub(super) enum Answer {
-    Opened { space: KnobSpace, meter: MeterInfo },
+    Opened {
+        space: KnobSpace,
+        meter: MeterInfo,
+    },
     Done,
     Cost(CostPoint),
     /// Followed by width × height × 3 bytes.
-    Frame { power: Watts, width: u32, height: u32 },
-    Failed { usage: bool, message: String },
+    Frame {
+        power: Watts,
+        width: u32,
+        height: u32,
+    },
+    Failed {
+        usage: bool,
+        message: String,
+    },
 }
 
 /// Longest message: nothing here comes near it, so whatever claims more is not ours.
