@@ -13,6 +13,7 @@
 
 mod composite;
 mod gather;
+pub mod inspect;
 mod rsm;
 mod settings;
 mod vpl;
