@@ -2,7 +2,6 @@
 //!
 //! Pictures are tiny and settings low: the tests also run on a software adapter.
 
-pub mod cli;
 pub mod golden;
 pub mod gpu;
 pub mod kernel;

@@ -40,7 +40,7 @@ pub fn bare(lights: Vec<Light>, options: StageOptions) -> Stage {
     let mut stage = open(&scene, options);
     let world = stage.world_mut();
     let meshes: Vec<Entity> = world.query_filtered::<Entity, With<Mesh3d>>().iter(world).collect();
-    meshes.into_iter().for_each(|mesh| drop(world.despawn(mesh)));
+    meshes.into_iter().for_each(|mesh| assert!(world.despawn(mesh)));
     stage
 }
 

@@ -11,6 +11,7 @@ macro_rules! tests {
 
 mod cli;
 mod cli_journal;
+mod command;
 mod contracts;
 mod control;
 mod furnace;

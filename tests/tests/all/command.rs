@@ -1,20 +1,11 @@
 //! Runs the `frugal` command.
 
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::process::{Command, Output, Stdio};
-
-/// The built `frugal`.
-pub fn binary() -> PathBuf {
-    let test = std::env::current_exe().unwrap_or_else(|error| panic!("{error}"));
-    let folder = test.ancestors().nth(2).unwrap_or(Path::new("."));
-    let binary = folder.join(format!("frugal{}", std::env::consts::EXE_SUFFIX));
-    assert!(binary.is_file(), "{} is missing: build it with `cargo build --workspace` (or run `cargo test --workspace`)", binary.display());
-    binary
-}
 
 /// `frugal` with arguments, in `folder`, with nothing on its input.
 pub fn command(folder: &Path, arguments: &[&str]) -> Command {
-    let mut command = Command::new(binary());
+    let mut command = Command::new(env!("CARGO_BIN_EXE_frugal_cli"));
     // Drivers complain where the variable is missing, and these complaints are not ours.
     command.args(arguments).current_dir(folder).env("XDG_RUNTIME_DIR", folder).stdin(Stdio::null());
     command.stdout(Stdio::piped()).stderr(Stdio::piped());
