@@ -22,6 +22,7 @@ use bevy::math::{Quat, UVec2, Vec3};
 use bevy::render::RenderApp;
 use bevy::render::render_resource::{CachedPipelineState, PipelineCache, PollType};
 use bevy::render::renderer::RenderDevice;
+use bevy::shader::ShaderCacheError;
 use bevy::transform::components::Transform;
 use bevy_frugal_gi::gi::{FrugalGi, GiOutput};
 use bevy_frugal_gi::knobs::{KnobRegistry, KnobSettings, KnobSpace, RenderSettings};
@@ -296,7 +297,8 @@ impl Stage {
             let cache = self.render_world().resource::<PipelineCache>();
             for pipeline in cache.pipelines() {
                 if let CachedPipelineState::Err(error) = &pipeline.state
-                    && !error.to_string().contains("not loaded")
+                    // Shaders load in the background, and Bevy asks again in the next frame.
+                    && !matches!(error, ShaderCacheError::ShaderNotLoaded(_) | ShaderCacheError::ShaderImportNotYetAvailable)
                 {
                     return Err(StageError::NotReady(error.to_string()));
                 }

@@ -28,7 +28,7 @@ pub fn sun(direction: Vec3) -> Light {
 }
 
 /// Low settings with every pixel gathered.
-pub const PLAIN: &str = "min,gi_vpl_count=64,gi_pixel_fraction=1/1";
+pub const PLAIN: &str = "min,gi_vpl_count=64,gi_pixel_fraction=1/1,resolution_scale=100%";
 
 /// A white floor, lit from above, and a grey wall that sees it and faces the camera.
 pub fn corner(lights: Vec<Light>) -> Stage {
@@ -59,7 +59,7 @@ fn no_vpls_no_cost() {
     let mut stage = corner(vec![sun(Vec3::NEG_Y)]);
     assert!(set::radiance(&mut stage).mean() > 1.0);
     assert_at_work(&mut stage, 1);
-    set::apply(&mut stage, "min");
+    set::apply(&mut stage, &format!("{PLAIN},gi_vpl_count=0"));
     assert_eq!(set::radiance(&mut stage).mean(), 0.0);
     assert_costs_nothing(&mut stage);
 }
@@ -132,7 +132,7 @@ fn moving_the_light_moves_the_bounce() {
 fn moving_an_object_changes_the_bounce() {
     let mut stage = corner(vec![sun(Vec3::NEG_Y)]);
     let lid = meshes::spawn_box(&mut stage, Vec3::new(0.0, 6.0, 30.0), Vec3::new(6.0, 0.1, 6.0), meshes::matt(0.0, 0.0, 0.0));
-    set::apply(&mut stage, "min,gi_vpl_count=64,gi_pixel_fraction=1/1,rsm_resolution=128");
+    set::apply(&mut stage, &format!("{PLAIN},rsm_resolution=128"));
     let open = set::radiance(&mut stage);
     stage.world_mut().get_mut::<Transform>(lid).expect("the lid").translation.z = 0.0;
     let closed = set::radiance(&mut stage).mean();

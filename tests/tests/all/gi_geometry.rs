@@ -55,7 +55,7 @@ fn a_skin_bounces_where_its_joint_is() {
     let joint = skinned(&mut stage);
     // Keeps the map where the skin goes: skins are not looked at vertex by vertex.
     meshes::spawn_box(&mut stage, Vec3::new(0.0, 6.0, 30.0), Vec3::new(0.1, 0.1, 0.1), meshes::matt(0.0, 0.0, 0.0));
-    set::apply(&mut stage, "min,gi_vpl_count=64,gi_pixel_fraction=1/1,rsm_resolution=128");
+    set::apply(&mut stage, &format!("{PLAIN},rsm_resolution=128"));
     let open = set::radiance(&mut stage).mean();
     stage.world_mut().get_mut::<Transform>(joint).expect("the joint").translation = Vec3::new(0.0, 3.0, 0.0);
     let covered = set::radiance(&mut stage).mean();
