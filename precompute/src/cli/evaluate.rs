@@ -63,7 +63,7 @@ pub(super) fn run(arguments: &Arguments) -> Result<(), CliError> {
     let path = plan_path(&scene, &arguments.path, map.capture.frames_per_second)?;
     check_outputs([arguments.json.as_ref(), arguments.csv.as_ref()])?;
 
-    let mut stage = open_stage(&scene, &map, arguments.meter.clone())?;
+    let mut stage = open_stage(&scene, &map, &arguments.map, arguments.meter.clone())?;
     let label = arguments.scene.display().to_string();
     let evaluation = play(&mut stage, &map, &label, &path, budget)?;
     println!("{}", table(&evaluation.result));
@@ -109,7 +109,7 @@ pub(super) fn plan_path(scene: &SceneDescription, name: &str, fps: f64) -> Resul
 }
 
 /// Stages `scene` as `map` was captured.
-pub(super) fn open_stage(scene: &SceneDescription, map: &FrontierMap, meter: Option<String>) -> Result<Stage, CliError> {
+pub(super) fn open_stage(scene: &SceneDescription, map: &FrontierMap, path: &Path, meter: Option<String>) -> Result<Stage, CliError> {
     let mut stage = Stage::open(
         scene,
         StageOptions {
@@ -121,7 +121,8 @@ pub(super) fn open_stage(scene: &SceneDescription, map: &FrontierMap, meter: Opt
     )?;
     for knob in map.knobs.knobs() {
         if stage.space().index_of(&knob.name).is_none() {
-            return Err(CliError::usage(format!("the map's knob `{}` does not exist here: run frugal precompute again", knob.name)));
+            let (path, name) = (path.display(), &knob.name);
+            return Err(CliError::usage(format!("{path}: its knob `{name}` does not exist here: run frugal precompute again")));
         }
     }
     stage.restrict(map.knobs.clone());

@@ -13,6 +13,7 @@ mod useful;
 mod world;
 
 use std::sync::Arc;
+use std::time::Duration;
 
 use bevy::app::App;
 use bevy::asset::Handle;
@@ -305,6 +306,10 @@ impl Stage {
             }
             // The count lags a frame behind the picture.
             quiet = if cache.waiting_pipelines().next().is_none() { quiet + 1 } else { 0 };
+            if quiet == 0 {
+                // What is waited for loads in other threads, which small pictures would leave no time.
+                std::thread::sleep(Duration::from_millis(5));
+            }
             if quiet >= 4 {
                 return Ok(());
             }

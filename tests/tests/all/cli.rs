@@ -68,7 +68,7 @@ fn scenes_that_cannot_be_read_are_named() {
     refused_scene("missing.scene.ron", None, &["missing.scene.ron"]);
     refused_scene(name, Some(""), &[name]);
     refused_scene(name, Some(&SCENE[..SCENE.len() / 2]), &[name]);
-    refused_scene(name, Some(&SCENE.replace("bounds:", "bonds:")), &[name, "bonds", "line", "bounds"]);
+    refused_scene(name, Some(&SCENE.replace("bounds:", "bonds:")), &[name, ":4:", "bonds", "bounds"]);
     refused_scene(name, Some(&SCENE.replace("20000.0", "NaN")), &[name, "luminous_power"]);
     refused_scene(name, Some(&SCENE.replace("20000.0", "-1.0")), &[name, "luminous_power"]);
     refused_scene(name, Some(&SCENE.replace("max: (0.9, 0.9, 0.9)", "max: (0.9, -0.9, 0.9)")), &[name, "bounds"]);
@@ -76,7 +76,7 @@ fn scenes_that_cannot_be_read_are_named() {
 }
 
 /// A sound GLB of one triangle.
-fn triangle() -> Vec<u8> {
+pub fn triangle() -> Vec<u8> {
     let json = r#"{"asset":{"version":"2.0"},"scene":0,"scenes":[{"nodes":[0]}],"nodes":[{"mesh":0}],
         "meshes":[{"primitives":[{"attributes":{"POSITION":0}}]}],
         "accessors":[{"bufferView":0,"componentType":5126,"count":3,"type":"VEC3","min":[0,0,0],"max":[1,1,0]}],
@@ -127,7 +127,7 @@ fn maps_that_cannot_be_used_are_named() {
     let map = scene_with_map(folder.path());
     let text = map.to_ron().expect("text");
     let budget = ["--power-budget", "60%"];
-    let mut check = |text: Option<&str>, words: &[&str]| {
+    let check = |text: Option<&str>, words: &[&str]| {
         match text {
             Some(text) => write(folder.path(), "a.pareto.ron", text),
             None => fs::remove_file(folder.path().join("a.pareto.ron")).expect("was there"),
@@ -180,11 +180,13 @@ fn arguments_that_make_no_sense_are_named() {
     write(folder.path(), "a.scene.ron", SCENE);
     for (arguments, words) in [
         (&["precompute", "a.scene.ron", "--error-threshold", "NaN"][..], &["--error-threshold"][..]),
+        (&["precompute", "a.scene.ron", "--error-threshold", "-0.1"], &["--error-threshold"]),
         (&["precompute", "a.scene.ron", "--levels", "16"], &["--levels"]),
         (&["precompute", "a.scene.ron", "--power-threshold", "-1W"], &["--power-threshold"]),
         (&["precompute", "a.scene.ron", "--time-limit", "0s"], &["--time-limit"]),
         (&["precompute", "a.scene.ron", "--size", "0x9"], &["--size"]),
         (&["precompute", "a.scene.ron", "--fps", "0"], &["frame rate"]),
+        (&["precompute", "a.scene.ron", "--fps", "-30"], &["frame rate"]),
         (&["precompute", "a.scene.ron", "--knobs", "sharpness"], &["sharpness", "gi_vpl_count"]),
         (&["precompute", "a.scene.ron", "--meter", "crystal-ball"], &["crystal-ball"]),
         (&["inspect", "missing.pareto.ron"], &["missing.pareto.ron"]),

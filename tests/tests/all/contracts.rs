@@ -173,7 +173,7 @@ fn the_gather_is_finite_at_the_extremes() {
     let mut stage = stage();
     let gather = Gather::new(&mut stage);
     let at = |position: [f32; 3], flux: f32| Point { position, normal: [0.0, -1.0, 0.0], flux: [flux; 3] };
-    let mut check = |label: &str, center: [f32; 3], vpl: Point, largest: f32| {
+    let check = |label: &str, center: [f32; 3], vpl: Point, largest: f32| {
         let found = gather.run(&stage, center, &[vpl; COUNT], largest);
         let sound = found.iter().flatten().all(|value| value.is_finite() && *value >= 0.0);
         assert!(sound, "{label}: {:?}", found.iter().find(|texel| texel.iter().any(|value| !value.is_finite() || *value < 0.0)));

@@ -35,8 +35,8 @@ fn control(stage: &mut Stage, knobs: KnobSpace, budget: Budget, seconds: f64) {
 fn budget(stage: &mut Stage, budget: Budget) {
     let camera = set::camera(stage);
     stage.world_mut().entity_mut(camera).insert(budget);
-    // The controller writes settings at the end of a frame or in the middle: two frames are enough either way.
-    (0..2).for_each(|_| stage.frame());
+    // The controller may write settings after they are applied: then they take one frame more.
+    (0..3).for_each(|_| stage.frame());
 }
 
 fn selection(stage: &mut Stage) -> Selection {
