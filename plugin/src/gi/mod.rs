@@ -13,6 +13,7 @@
 
 mod composite;
 mod gather;
+pub mod inspect;
 mod rsm;
 mod settings;
 mod vpl;
@@ -114,7 +115,8 @@ impl Plugin for GiPlugin {
                 (
                     rsm::drop_main_phases.in_set(RenderSystems::CreateViews),
                     (rsm::prepare_store, gather::prepare_cameras).chain().in_set(RenderSystems::PrepareResources),
-                    (composite::prepare_pipelines).in_set(RenderSystems::Prepare),
+                    // Counts what the cameras hold, so it needs them as they are in this frame.
+                    composite::prepare_pipelines.in_set(RenderSystems::Prepare).after(gather::prepare_cameras),
                 ),
             )
             .add_systems(

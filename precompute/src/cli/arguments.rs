@@ -18,7 +18,7 @@ pub(super) struct CaptureArguments {
     #[arg(long, value_name = "WxH", default_value = "320x180", value_parser = size)]
     pub size: UVec2,
     /// Frame rate that watts refer to
-    #[arg(long, value_name = "N", default_value_t = 30.0)]
+    #[arg(long, value_name = "N", default_value_t = 30.0, allow_hyphen_values = true)]
     pub fps: f64,
     /// Knobs to use, by name; without it, all that the scene has a use for
     #[arg(long, value_name = "K1,K2,…", value_delimiter = ',')]

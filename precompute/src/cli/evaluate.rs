@@ -63,7 +63,7 @@ pub(super) fn run(arguments: &Arguments) -> Result<(), CliError> {
     let path = plan_path(&scene, &arguments.path, map.capture.frames_per_second)?;
     check_outputs([arguments.json.as_ref(), arguments.csv.as_ref()])?;
 
-    let mut stage = open_stage(&scene, &arguments.scene, &map, arguments.meter.clone())?;
+    let mut stage = open_stage(&scene, &arguments.scene, &map, &arguments.map, arguments.meter.clone())?;
     let label = arguments.scene.display().to_string();
     let evaluation = play(&mut stage, &map, &label, &path, budget)?;
     println!("{}", table(&evaluation.result));
@@ -109,18 +109,32 @@ pub(super) fn plan_path(scene: &SceneDescription, name: &str, fps: f64) -> Resul
 }
 
 /// Stages `scene` as `map` was captured.
-pub(super) fn open_stage(scene: &SceneDescription, path: &Path, map: &FrontierMap, meter: Option<String>) -> Result<RemoteStage, CliError> {
+pub(super) fn open_stage(
+    scene: &SceneDescription,
+    scene_path: &Path,
+    map: &FrontierMap,
+    map_path: &Path,
+    meter: Option<String>,
+) -> Result<RemoteStage, CliError> {
+    let here = crate::stage::knobs()?;
+    for knob in map.knobs.knobs() {
+        let (path, name) = (map_path.display(), &knob.name);
+        match here.index_of(name).map(|index| &here.knobs()[index]) {
+            None => return Err(CliError::usage(format!("{path}: its knob `{name}` does not exist here: run frugal precompute again"))),
+            Some(other) if other.levels != knob.levels => {
+                return Err(CliError::usage(format!("{path}: its knob `{name}` has other levels here: run frugal precompute again")));
+            }
+            Some(_) => {}
+        }
+    }
     let request = StageRequest {
-        scene: path.to_owned(),
+        scene: scene_path.to_owned(),
         size: map.capture.size,
         frames_per_second: map.capture.frames_per_second,
         knobs: Some(map.knobs.knobs().iter().map(|knob| knob.name.clone()).collect()),
         meter: meter.or_else(|| Some(map.meter.name.clone())),
     };
     let stage = RemoteStage::open(scene, request)?;
-    if *stage.space() != map.knobs {
-        return Err(CliError::usage("the map's knobs have other levels than this version's: run frugal precompute again"));
-    }
     Ok(stage)
 }
 

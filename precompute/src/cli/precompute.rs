@@ -35,10 +35,10 @@ pub(super) struct Arguments {
 #[derive(clap::Args, Debug, Clone)]
 pub(super) struct SearchArguments {
     /// Neighbouring frontiers further apart than this are subdivided: watts, or a share of the power range
-    #[arg(long, value_name = "W|%", default_value = "10%", value_parser = threshold)]
+    #[arg(long, value_name = "W|%", default_value = "10%", value_parser = threshold, allow_hyphen_values = true)]
     pub power_threshold: Threshold,
     /// The same in error (1 − SSIM)
-    #[arg(long, value_name = "E", default_value_t = 0.005)]
+    #[arg(long, value_name = "E", default_value_t = 0.005, allow_hyphen_values = true)]
     pub error_threshold: f64,
     /// How often the camera space may be halved
     #[arg(long, value_name = "N", default_value_t = 4)]

@@ -14,6 +14,7 @@ mod useful;
 mod world;
 
 use std::sync::Arc;
+use std::time::Duration;
 
 use bevy::app::App;
 use bevy::asset::Handle;
@@ -23,6 +24,7 @@ use bevy::math::{Quat, UVec2, Vec3};
 use bevy::render::RenderApp;
 use bevy::render::render_resource::{CachedPipelineState, PipelineCache, PollType};
 use bevy::render::renderer::RenderDevice;
+use bevy::shader::ShaderCacheError;
 use bevy::transform::components::Transform;
 use bevy_frugal_gi::gi::{FrugalGi, GiOutput};
 use bevy_frugal_gi::knobs::{KnobRegistry, KnobSettings, KnobSpace, RenderSettings};
@@ -38,7 +40,7 @@ pub use evaluator::StageEvaluator;
 pub(crate) use evaluator::sees;
 pub use player::StagePlayer;
 pub use remote::{RemoteError, RemoteStage, StageRequest, serve};
-pub use useful::useful_knobs;
+pub use useful::{knobs, useful_knobs};
 pub use world::populate;
 
 /// What is drawn into.
@@ -308,13 +310,18 @@ impl Stage {
             let cache = self.render_world().resource::<PipelineCache>();
             for pipeline in cache.pipelines() {
                 if let CachedPipelineState::Err(error) = &pipeline.state
-                    && !error.to_string().contains("not loaded")
+                    // Shaders load in the background, and Bevy asks again in the next frame.
+                    && !matches!(error, ShaderCacheError::ShaderNotLoaded(_) | ShaderCacheError::ShaderImportNotYetAvailable)
                 {
                     return Err(StageError::NotReady(error.to_string()));
                 }
             }
             // The count lags a frame behind the picture.
             quiet = if cache.waiting_pipelines().next().is_none() { quiet + 1 } else { 0 };
+            if quiet == 0 {
+                // What is waited for loads in other threads, which small pictures would leave no time.
+                std::thread::sleep(Duration::from_millis(5));
+            }
             if quiet >= 4 {
                 return Ok(());
             }

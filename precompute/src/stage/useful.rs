@@ -1,6 +1,6 @@
 //! Which knobs a scene has a use for.
 
-use bevy_frugal_gi::knobs::KnobSpaceError;
+use bevy_frugal_gi::knobs::KnobSpace;
 
 use super::StageError;
 use crate::scene::{Light, SceneDescription};
@@ -24,6 +24,13 @@ pub fn useful_knobs(scene: &SceneDescription) -> Result<Vec<String>, StageError>
         "ambient_occlusion" => lit_from_around,
         _ => true,
     };
-    let all = super::app::knobs().map_err(|error: KnobSpaceError| StageError::Knob(error))?;
-    Ok(all.knobs().iter().map(|knob| knob.name.clone()).filter(|name| useful(name)).collect())
+    Ok(knobs()?.knobs().iter().map(|knob| knob.name.clone()).filter(|name| useful(name)).collect())
+}
+
+/// Every knob that a stage has.
+///
+/// # Errors
+/// Never, as long as the built-in knobs are sound.
+pub fn knobs() -> Result<KnobSpace, StageError> {
+    Ok(super::app::knobs()?)
 }

@@ -18,7 +18,7 @@ use bevy::render::extract_component::ExtractComponent;
 use crate::knobs::KnobSystems;
 
 pub(super) use lights::RsmLight;
-pub(super) use resolve::{RsmPipelines, RsmStore, drop_main_phases, prepare_store, resolve};
+pub(super) use resolve::{RsmPipelines, RsmStore, TEXEL_BYTES, drop_main_phases, prepare_store, resolve};
 
 /// Marks a hidden camera that renders what a light sees. Filter your own camera queries with `Without<RsmView>` if they mean visible cameras.
 #[derive(Component, ExtractComponent, Reflect, Clone, Copy, Debug, PartialEq, Eq, Hash)]

@@ -1,0 +1,51 @@
+//! What global illumination holds on the GPU, for tests and debuggers.
+
+use bevy::ecs::prelude::*;
+use bevy::render::render_resource::{Buffer, ShaderSize, Texture};
+use bevy::render::sync_world::MainEntity;
+
+use super::gather::GiCamera;
+use super::rsm::{RsmLight, RsmStore, TEXEL_BYTES};
+use super::vpl::{MapRow, VPL_BYTES};
+
+/// Bytes that the plugin counts with for the shaders' structs: name, and size of one in a buffer.
+pub const STRUCT_BYTES: [(&str, u64); 4] = [
+    ("Texel", TEXEL_BYTES),
+    ("Vpl", VPL_BYTES),
+    ("Row", size_of::<MapRow>() as u64),
+    ("Light", <RsmLight as ShaderSize>::SHADER_SIZE.get()),
+];
+
+/// The buffers of the last frame. Handles, not copies: the GPU goes on writing them.
+#[derive(Clone, Debug)]
+pub struct GiGpuState {
+    /// Texels of every reflective shadow map (`rsm/texel.wgsl`), where there are any.
+    pub texels: Option<Buffer>,
+    /// Every camera that gathers.
+    pub cameras: Vec<GiCameraState>,
+}
+
+/// What one camera holds.
+#[derive(Clone, Debug)]
+pub struct GiCameraState {
+    /// The camera in the main world.
+    pub camera: Entity,
+    /// Its virtual point lights (`vpl/vpl.wgsl`).
+    pub vpls: Buffer,
+    /// Irradiance of each gathered pixel, exposed.
+    pub irradiance: Texture,
+}
+
+/// Looks at a render world.
+pub fn gpu_state(render_world: &World) -> GiGpuState {
+    let texels = render_world.get_resource::<RsmStore>().and_then(|store| Some(store.buffers.as_ref()?.texels.clone()));
+    let cameras = render_world.try_query::<(&MainEntity, &GiCamera)>().map_or_else(Vec::new, |mut cameras| {
+        let state = |(main, camera): (&MainEntity, &GiCamera)| GiCameraState {
+            camera: main.id(),
+            vpls: camera.vpls.clone(),
+            irradiance: camera.irradiance.texture.clone(),
+        };
+        cameras.iter(render_world).map(state).collect()
+    });
+    GiGpuState { texels, cameras }
+}

@@ -1,0 +1,89 @@
+//! What the controller costs when nothing changes, and how much memory global illumination holds at its largest.
+
+use std::hint::black_box;
+use std::time::Duration;
+
+use bevy::MinimalPlugins;
+use bevy::app::App;
+use bevy::asset::{AssetPlugin, Assets};
+use bevy::math::{Quat, Vec3};
+use bevy::transform::components::{GlobalTransform, Transform};
+use bevy_frugal_gi::control::{Budget, ControlPlugin, FrontierMapHandle, select};
+use bevy_frugal_gi::frontier::{CameraView, FrontierMap, FrontierMapPlugin, FrontierStore};
+use bevy_frugal_gi::knobs::{Knob, KnobSpace};
+use bevy_frugal_gi::units::Watts;
+use criterion::{Criterion, criterion_group, criterion_main};
+use frugal::scene::Light;
+use frugal_tests::{map, meshes, set};
+
+fn knobs() -> KnobSpace {
+    let knob = |number: u32| Knob::new(&format!("knob_{number}"), [0.0, 1.0, 2.0, 3.0]);
+    KnobSpace::new((0..10).map(knob).collect()).expect("a space")
+}
+
+fn app(cameras: u32) -> App {
+    let mut app = App::new();
+    app.add_plugins((MinimalPlugins, AssetPlugin::default(), FrontierMapPlugin, ControlPlugin));
+    app.finish();
+    app.cleanup();
+    let map = app.world_mut().resource_mut::<Assets<FrontierMap>>().add(map::one_cube(knobs()));
+    for number in 0..cameras {
+        let place = Transform::from_xyz(number as f32 % 9.0 - 4.0, 1.0, 0.5);
+        app.world_mut().spawn((place, GlobalTransform::from(place), FrontierMapHandle(map.clone()), Budget::power(Watts(2.5))));
+    }
+    // Until settings have reached their target.
+    (0..10).for_each(|_| app.update());
+    app
+}
+
+fn controller(criterion: &mut Criterion) {
+    let map = map::one_cube(knobs());
+    let view = CameraView { position: Vec3::new(1.0, 2.0, 3.0), rotation: Quat::from_rotation_y(0.3), vertical_fov: 1.0, aspect: 1.8 };
+    let budget = Budget::power(Watts(2.5));
+    criterion.bench_function("look up and select", |bencher| {
+        bencher.iter(|| {
+            let found = map.look_up(black_box(&view))?;
+            select(found.frontier, black_box(&budget))
+        });
+    });
+    for cameras in [0, 1, 4, 64] {
+        let mut app = app(cameras);
+        criterion.bench_function(&format!("update of an app with {cameras} still cameras"), |bencher| bencher.iter(|| app.update()));
+    }
+}
+
+/// Printed, not timed.
+fn memory(_: &mut Criterion) {
+    if frugal::stage::adapter().is_none() {
+        println!("no graphics adapter: memory is not measured");
+        return;
+    }
+    let lights = vec![
+        Light::Directional { direction: Vec3::NEG_Y, illuminance: 1e4, color: [1.0; 3] },
+        Light::Point { position: Vec3::Y, luminous_power: 1e4, range: 30.0, color: [1.0; 3] },
+        Light::Spot {
+            position: Vec3::Y,
+            direction: Vec3::NEG_Y,
+            luminous_power: 1e4,
+            range: 30.0,
+            inner_angle: 20.0,
+            outer_angle: 30.0,
+            color: [1.0; 3],
+        },
+    ];
+    for (width, height) in [(320, 180), (1920, 1080)] {
+        let mut stage = set::bare(lights.clone(), set::options(width, height));
+        meshes::spawn_box(&mut stage, Vec3::ZERO, Vec3::new(4.0, 0.2, 4.0), meshes::matt(0.8, 0.8, 0.8));
+        set::apply(&mut stage, "min,gi_vpl_count=1024,gi_pixel_fraction=1/1,rsm_resolution=512,resolution_scale=100%");
+        (0..3).for_each(|_| stage.frame());
+        let gathered = set::gathered(&stage);
+        println!("GI memory at {width}x{height}, largest settings, sun + spot + point: {:.1} MiB", gathered.bytes as f64 / 1048576.0);
+    }
+}
+
+criterion_group! {
+    name = costs;
+    config = Criterion::default().warm_up_time(Duration::from_millis(500)).measurement_time(Duration::from_secs(2));
+    targets = controller, memory
+}
+criterion_main!(costs);

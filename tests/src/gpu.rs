@@ -1,0 +1,121 @@
+//! Reads back what the GPU holds.
+
+use bevy::ecs::world::World;
+use bevy::render::render_resource::{
+    Buffer, BufferDescriptor, BufferUsages, CommandEncoderDescriptor, MapMode, PollType, TexelCopyBufferInfo, TexelCopyBufferLayout, Texture,
+};
+use bevy::render::renderer::{RenderDevice, RenderQueue};
+use bevy_frugal_gi::gi::inspect;
+use frugal::stage::Stage;
+
+/// A point of light on a surface: a texel of a reflective shadow map, or a virtual point light.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Point {
+    /// World space, metres.
+    pub position: [f32; 3],
+    /// World space, unit length.
+    pub normal: [f32; 3],
+    /// Lumens.
+    pub flux: [f32; 3],
+}
+
+impl Point {
+    /// Bytes of one in a buffer.
+    pub const BYTES: usize = 48;
+
+    /// As a buffer holds it.
+    pub fn to_words(self) -> [f32; 12] {
+        let ([px, py, pz], [nx, ny, nz], [r, g, b]) = (self.position, self.normal, self.flux);
+        [px, py, pz, 0.0, nx, ny, nz, 0.0, r, g, b, 0.0]
+    }
+
+    fn from_words(words: &[f32]) -> Self {
+        Self { position: [words[0], words[1], words[2]], normal: [words[4], words[5], words[6]], flux: [words[8], words[9], words[10]] }
+    }
+
+    /// Rec. 709 luminance of the flux.
+    pub fn luminance(&self) -> f64 {
+        self.flux.iter().zip([0.2126, 0.7152, 0.0722]).map(|(flux, weight)| f64::from(*flux) * weight).sum()
+    }
+}
+
+/// Sum over points of each channel's flux.
+pub fn total_flux(points: &[Point]) -> [f64; 3] {
+    [0, 1, 2].map(|channel| points.iter().map(|point| f64::from(point.flux[channel])).sum())
+}
+
+/// Every texel of every reflective shadow map of the last frame.
+pub fn rsm_texels(stage: &Stage) -> Vec<Point> {
+    let state = inspect::gpu_state(stage.render_world());
+    state.texels.map_or_else(Vec::new, |buffer| points(&read_buffer(stage.render_world(), &buffer)))
+}
+
+/// The virtual point lights of the first camera that gathers.
+pub fn vpls(stage: &Stage) -> Vec<Point> {
+    let state = inspect::gpu_state(stage.render_world());
+    state.cameras.first().map_or_else(Vec::new, |camera| points(&read_buffer(stage.render_world(), &camera.vpls)))
+}
+
+/// Points out of a buffer's bytes.
+pub fn points(bytes: &[u8]) -> Vec<Point> {
+    floats(bytes).chunks_exact(Point::BYTES / 4).map(Point::from_words).collect()
+}
+
+/// 32-bit floats out of bytes.
+pub fn floats(bytes: &[u8]) -> Vec<f32> {
+    bytes.as_chunks::<4>().0.iter().map(|bytes| f32::from_le_bytes(*bytes)).collect()
+}
+
+/// Bytes of 32-bit floats.
+pub fn bytes(floats: &[f32]) -> Vec<u8> {
+    floats.iter().flat_map(|value| value.to_le_bytes()).collect()
+}
+
+/// A half float's value.
+pub fn half(bits: u16) -> f64 {
+    let (sign, exponent, fraction) = (bits >> 15, i32::from(bits >> 10 & 31), f64::from(bits & 1023));
+    let magnitude = match exponent {
+        0 => fraction * (-24f64).exp2(),
+        31 if fraction == 0.0 => f64::INFINITY,
+        31 => f64::NAN,
+        _ => (1024.0 + fraction) * f64::from(exponent - 25).exp2(),
+    };
+    if sign == 1 { -magnitude } else { magnitude }
+}
+
+fn mapped(world: &World, buffer: &Buffer) -> Vec<u8> {
+    let slice = buffer.slice(..);
+    slice.map_async(MapMode::Read, |result| result.unwrap_or_else(|error| panic!("a buffer cannot be read back: {error}")));
+    world.resource::<RenderDevice>().poll(PollType::wait_indefinitely()).unwrap_or_else(|error| panic!("{error}"));
+    slice.get_mapped_range().to_vec()
+}
+
+fn landing(device: &RenderDevice, size: u64) -> Buffer {
+    let usage = BufferUsages::COPY_DST | BufferUsages::MAP_READ;
+    device.create_buffer(&BufferDescriptor { label: Some("frugal_tests/read_back"), size, usage, mapped_at_creation: false })
+}
+
+/// A buffer's bytes.
+pub fn read_buffer(world: &World, buffer: &Buffer) -> Vec<u8> {
+    let device = world.resource::<RenderDevice>();
+    let landing = landing(device, buffer.size());
+    let mut encoder = device.create_command_encoder(&CommandEncoderDescriptor { label: Some("frugal_tests/read_back") });
+    encoder.copy_buffer_to_buffer(buffer, 0, &landing, 0, buffer.size());
+    world.resource::<RenderQueue>().submit([encoder.finish()]);
+    mapped(world, &landing)
+}
+
+/// Texels of a two-dimensional texture of four half floats, row by row.
+pub fn read_halves(world: &World, texture: &Texture) -> Vec<[f64; 4]> {
+    let device = world.resource::<RenderDevice>();
+    let (size, row) = (texture.size(), texture.size().width * 8);
+    let padded = row.next_multiple_of(256);
+    let landing = landing(device, u64::from(padded) * u64::from(size.height));
+    let mut encoder = device.create_command_encoder(&CommandEncoderDescriptor { label: Some("frugal_tests/read_back") });
+    let layout = TexelCopyBufferLayout { offset: 0, bytes_per_row: Some(padded), rows_per_image: None };
+    encoder.copy_texture_to_buffer(texture.as_image_copy(), TexelCopyBufferInfo { buffer: &landing, layout }, size);
+    world.resource::<RenderQueue>().submit([encoder.finish()]);
+    let bytes = mapped(world, &landing);
+    let texels = bytes.chunks_exact(padded as usize).flat_map(|line| line[..row as usize].as_chunks::<8>().0);
+    texels.map(|texel| [0, 2, 4, 6].map(|at| half(u16::from_le_bytes([texel[at], texel[at + 1]])))).collect()
+}

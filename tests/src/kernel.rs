@@ -1,0 +1,73 @@
+//! Runs one of the plugin's shipped compute shaders on buffers of the test's own.
+
+use bevy::asset::{AssetServer, Handle};
+use bevy::render::render_resource::{
+    BindGroupEntry, BindGroupLayoutDescriptor, BindGroupLayoutEntry, Buffer, BufferInitDescriptor, BufferUsages, CachedComputePipelineId,
+    CommandEncoderDescriptor, ComputePassDescriptor, ComputePipelineDescriptor, PipelineCache,
+};
+use bevy::render::renderer::{RenderDevice, RenderQueue};
+use bevy::shader::{Shader, ShaderDefVal};
+use frugal::stage::Stage;
+
+/// A compiled compute shader.
+pub struct Kernel {
+    layout: BindGroupLayoutDescriptor,
+    pipeline: CachedComputePipelineId,
+    // Dropped, the shader would be unloaded.
+    _shader: Handle<Shader>,
+}
+
+impl Kernel {
+    /// Compiles the plugin's file at `path` (under its `src`).
+    pub fn new(
+        stage: &mut Stage,
+        path: &str,
+        entry_point: &'static str,
+        shader_defs: Vec<ShaderDefVal>,
+        layout: &[BindGroupLayoutEntry],
+    ) -> Self {
+        let shader: Handle<Shader> = stage.world_mut().resource::<AssetServer>().load(format!("embedded://bevy_frugal_gi/{path}"));
+        let layout = BindGroupLayoutDescriptor::new("frugal_tests/kernel", layout);
+        let pipeline = stage.render_world().resource::<PipelineCache>().queue_compute_pipeline(ComputePipelineDescriptor {
+            label: Some(entry_point.into()),
+            layout: vec![layout.clone()],
+            shader: shader.clone(),
+            shader_defs,
+            entry_point: Some(entry_point.into()),
+            ..Default::default()
+        });
+        for _ in 0..20 {
+            stage.frame();
+            if stage.render_world().resource::<PipelineCache>().get_compute_pipeline(pipeline).is_some() {
+                return Self { layout, pipeline, _shader: shader };
+            }
+        }
+        let state = format!("{:?}", stage.render_world().resource::<PipelineCache>().get_compute_pipeline_state(pipeline));
+        panic!("{path} was not compiled: {state}");
+    }
+
+    /// Runs it once, over `groups` workgroups, and waits for nothing: reading back does.
+    pub fn run(&self, stage: &Stage, bindings: &[BindGroupEntry], groups: (u32, u32)) {
+        let world = stage.render_world();
+        let (device, cache) = (world.resource::<RenderDevice>(), world.resource::<PipelineCache>());
+        let bind_group = device.create_bind_group("frugal_tests/kernel", &cache.get_bind_group_layout(&self.layout), bindings);
+        let mut encoder = device.create_command_encoder(&CommandEncoderDescriptor { label: Some("frugal_tests/kernel") });
+        {
+            let mut pass = encoder.begin_compute_pass(&ComputePassDescriptor { label: Some("frugal_tests/kernel"), timestamp_writes: None });
+            let pipeline = cache.get_compute_pipeline(self.pipeline).unwrap_or_else(|| panic!("the kernel was compiled before"));
+            pass.set_pipeline(pipeline);
+            pass.set_bind_group(0, &bind_group, &[]);
+            pass.dispatch_workgroups(groups.0, groups.1, 1);
+        }
+        world.resource::<RenderQueue>().submit([encoder.finish()]);
+    }
+}
+
+/// A buffer with contents, for any use that a kernel has.
+pub fn buffer(stage: &Stage, contents: &[u8]) -> Buffer {
+    stage.render_world().resource::<RenderDevice>().create_buffer_with_data(&BufferInitDescriptor {
+        label: Some("frugal_tests/buffer"),
+        contents,
+        usage: BufferUsages::STORAGE | BufferUsages::UNIFORM | BufferUsages::COPY_SRC,
+    })
+}

@@ -1,0 +1,85 @@
+//! Stages with little on them.
+
+use std::path::PathBuf;
+
+use bevy::ecs::entity::Entity;
+use bevy::ecs::query::With;
+use bevy::math::{UVec2, Vec3};
+use bevy::mesh::Mesh3d;
+use bevy_frugal_gi::gi::{FrugalGi, GiPixelsGathered};
+use bevy_frugal_gi::knobs::RenderSettings;
+use frugal::scene::{self, CameraPose, Geometry, Light, SceneDescription};
+use frugal::stage::{Component, Output, Radiance, Stage, StageOptions};
+
+/// A scene of the repository by its name.
+pub fn scene(name: &str) -> SceneDescription {
+    let file = PathBuf::from(env!("CARGO_MANIFEST_DIR")).join(format!("../assets/scenes/{name}.scene.ron"));
+    scene::load(&file).unwrap_or_else(|error| panic!("{error}"))
+}
+
+/// Options for a picture of `width` × `height`.
+pub fn options(width: u32, height: u32) -> StageOptions {
+    StageOptions { size: UVec2::new(width, height), ..Default::default() }
+}
+
+/// Options for the radiance of one component.
+pub fn radiance_options(width: u32, height: u32, component: Component) -> StageOptions {
+    StageOptions { output: Output::Radiance, component, ..options(width, height) }
+}
+
+/// Opens a stage.
+pub fn open(scene: &SceneDescription, options: StageOptions) -> Stage {
+    Stage::open(scene, options).unwrap_or_else(|error| panic!("{error}"))
+}
+
+/// A stage that holds `lights` and nothing else.
+pub fn bare(lights: Vec<Light>, options: StageOptions) -> Stage {
+    let mut scene = SceneDescription::new(Geometry::Procedural("furnace".into()));
+    (scene.lights, scene.exposure_ev100) = (lights, 8.0);
+    scene.camera.near = 0.01;
+    let mut stage = open(&scene, options);
+    let world = stage.world_mut();
+    let meshes: Vec<Entity> = world.query_filtered::<Entity, With<Mesh3d>>().iter(world).collect();
+    meshes.into_iter().for_each(|mesh| assert!(world.despawn(mesh)));
+    stage
+}
+
+/// Settings from text, as the command line reads them.
+pub fn settings(stage: &Stage, text: &str) -> RenderSettings {
+    stage.space().parse(text).unwrap_or_else(|error| panic!("{error}"))
+}
+
+/// Applies settings given as text.
+pub fn apply(stage: &mut Stage, text: &str) {
+    let settings = settings(stage, text);
+    stage.apply(settings);
+}
+
+/// Puts the camera at `position`, looking at `target`.
+pub fn look(stage: &mut Stage, position: Vec3, target: Vec3) {
+    let pose = CameraPose::looking_at(position, target);
+    stage.place(pose.position, pose.rotation);
+}
+
+/// The stage's camera.
+pub fn camera(stage: &mut Stage) -> Entity {
+    let world = stage.world_mut();
+    world.query_filtered::<Entity, With<FrugalGi>>().single(world).unwrap_or_else(|error| panic!("the stage's camera: {error}"))
+}
+
+/// What GI did in the last frame.
+pub fn gathered(stage: &Stage) -> GiPixelsGathered {
+    stage.render_world().get_resource::<GiPixelsGathered>().copied().unwrap_or_default()
+}
+
+/// Renders until everything that changed is in the picture, and reads it.
+pub fn radiance(stage: &mut Stage) -> Radiance {
+    stage.get_ready().unwrap_or_else(|error| panic!("{error}"));
+    stage.radiance().unwrap_or_else(|error| panic!("{error}"))
+}
+
+/// Mean of each channel.
+pub fn channel_means(radiance: &Radiance) -> [f64; 3] {
+    let mean = |channel: usize| radiance.rgb.iter().map(|rgb| f64::from(rgb[channel])).sum::<f64>() / radiance.rgb.len() as f64;
+    [mean(0), mean(1), mean(2)]
+}

@@ -1,0 +1,214 @@
+//! Wrong use and bad input: exit status 2, one message that names what is wrong, no output touched, no panic.
+
+use std::fs;
+use std::path::Path;
+
+use bevy_frugal_gi::frontier::{FrontierMap, SceneIdentity};
+use bevy_frugal_gi::knobs::{Knob, KnobSpace};
+use frugal::scene;
+use frugal_tests::map;
+use tempfile::TempDir;
+
+use super::command::{assert_refused, command, run};
+
+tests!(
+    scenes_that_cannot_be_read_are_named,
+    models_that_cannot_be_read_are_named,
+    maps_that_cannot_be_used_are_named,
+    budgets_that_make_no_sense_are_named,
+    outputs_that_cannot_be_written_are_named_before_the_work,
+    arguments_that_make_no_sense_are_named,
+    no_adapter_is_said_plainly,
+);
+
+const SCENE: &str = r#"(
+    geometry: Procedural("furnace"),
+    lights: [Point(position: (0.0, 0.0, 0.0), luminous_power: 20000.0, range: 100.0)],
+    bounds: (min: (-0.9, -0.9, -0.9), max: (0.9, 0.9, 0.9)),
+    paths: { "tour": [
+        (time: 0.0, position: (0.0, 0.0, 0.5), look_at: (0.0, 0.0, -2.0)),
+        (time: 0.2, position: (0.1, 0.0, 0.5), look_at: (0.0, 0.0, -2.0)),
+    ] },
+)"#;
+
+const AT: [&str; 4] = ["--position", "0,0,0.5", "--look-at", "0,0,-2"];
+const OUTPUT: &str = "out.png";
+
+fn folder() -> TempDir {
+    tempfile::tempdir().expect("a folder")
+}
+
+fn write(folder: &Path, name: &str, text: &str) {
+    fs::write(folder.join(name), text).expect("can be written");
+}
+
+/// Renders `scene` over an output that exists, and asserts that it is refused and the output untouched.
+fn refused_scene(name: &str, text: Option<&str>, words: &[&str]) {
+    let folder = folder();
+    if let Some(text) = text {
+        write(folder.path(), name, text);
+    }
+    write(folder.path(), OUTPUT, "precious");
+    let before = entries(folder.path());
+    let arguments = [&["render", name][..], &AT, &["-o", OUTPUT]].concat();
+    assert_refused(&run(folder.path(), &arguments), words);
+    assert_eq!(entries(folder.path()), before, "files appeared");
+    assert_eq!(fs::read_to_string(folder.path().join(OUTPUT)).expect("still there"), "precious");
+}
+
+fn entries(folder: &Path) -> Vec<String> {
+    let files = fs::read_dir(folder).expect("a folder").map(|entry| entry.expect("an entry").file_name().to_string_lossy().into_owned());
+    let mut files: Vec<_> = files.collect();
+    files.sort();
+    files
+}
+
+fn scenes_that_cannot_be_read_are_named() {
+    let name = "bad.scene.ron";
+    refused_scene("missing.scene.ron", None, &["missing.scene.ron"]);
+    refused_scene(name, Some(""), &[name]);
+    refused_scene(name, Some(&SCENE[..SCENE.len() / 2]), &[name]);
+    refused_scene(name, Some(&SCENE.replace("bounds:", "bonds:")), &[name, ":4:", "bonds", "bounds"]);
+    refused_scene(name, Some(&SCENE.replace("20000.0", "NaN")), &[name, "luminous_power"]);
+    refused_scene(name, Some(&SCENE.replace("20000.0", "-1.0")), &[name, "luminous_power"]);
+    refused_scene(name, Some(&SCENE.replace("max: (0.9, 0.9, 0.9)", "max: (0.9, -0.9, 0.9)")), &[name, "bounds"]);
+    refused_scene(name, Some(&SCENE.replace("furnace", "oven")), &[name, "oven", "furnace"]);
+}
+
+/// A sound GLB of one triangle.
+pub fn triangle() -> Vec<u8> {
+    let json = r#"{"asset":{"version":"2.0"},"scene":0,"scenes":[{"nodes":[0]}],"nodes":[{"mesh":0}],
+        "meshes":[{"primitives":[{"attributes":{"POSITION":0}}]}],
+        "accessors":[{"bufferView":0,"componentType":5126,"count":3,"type":"VEC3","min":[0,0,0],"max":[1,1,0]}],
+        "bufferViews":[{"buffer":0,"byteLength":36}],"buffers":[{"byteLength":36}]}"#;
+    let mut json = json.as_bytes().to_vec();
+    json.resize(json.len().next_multiple_of(4), b' ');
+    let positions: Vec<u8> = [0.0f32, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0, 0.0].iter().flat_map(|value| value.to_le_bytes()).collect();
+    let word = |value: usize| (value as u32).to_le_bytes();
+    let total = 12 + 8 + json.len() + 8 + positions.len();
+    [b"glTF", &word(2), &word(total), &word(json.len()), b"JSON", &json[..], &word(positions.len()), b"BIN\0", &positions[..]].concat()
+}
+
+fn models_that_cannot_be_read_are_named() {
+    let folder = folder();
+    write(folder.path(), "a.scene.ron", r#"(geometry: Gltf("a.glb"))"#);
+    let render = || run(folder.path(), &[&["render", "a.scene.ron"][..], &AT, &["-o", OUTPUT]].concat());
+    assert_refused(&render(), &["a.glb"]);
+    let whole = triangle();
+    for length in [0, 3, 11, 40, whole.len() / 2, whole.len() - 1] {
+        fs::write(folder.path().join("a.glb"), &whole[..length]).expect("can be written");
+        assert_refused(&render(), &["a.glb"]);
+        assert_eq!(entries(folder.path()), ["a.glb", "a.scene.ron"], "cut to {length} bytes");
+    }
+    fs::write(folder.path().join("a.glb"), &whole).expect("can be written");
+    assert!(scene::load(folder.path().join("a.scene.ron")).expect("a scene").geometry().is_ok(), "whole, it is sound");
+}
+
+/// A scene and a map of it, in files.
+fn scene_with_map(folder: &Path) -> FrontierMap {
+    write(folder, "a.scene.ron", SCENE);
+    let knobs = KnobSpace::new(vec![Knob::new("gi_vpl_count", [0.0, 32.0, 64.0, 128.0, 256.0, 512.0, 1024.0])]).expect("a space");
+    let fingerprint = scene::load(folder.join("a.scene.ron")).expect("a scene").fingerprint().expect("a fingerprint");
+    let map = FrontierMap { scene: SceneIdentity { name: "a".into(), fingerprint }, ..map::one_cube(knobs) };
+    write(folder, "a.pareto.ron", &map.to_ron().expect("text"));
+    map
+}
+
+/// Evaluates with more arguments, and asserts that it is refused and writes nothing.
+fn refused_evaluation(folder: &Path, more: &[&str], words: &[&str]) {
+    let before = entries(folder);
+    let arguments = [&["evaluate", "a.scene.ron", "--map", "a.pareto.ron", "--json", "out.json"][..], more].concat();
+    assert_refused(&run(folder, &arguments), words);
+    assert_eq!(entries(folder), before, "{more:?}: files appeared");
+}
+
+fn maps_that_cannot_be_used_are_named() {
+    let folder = folder();
+    let map = scene_with_map(folder.path());
+    let text = map.to_ron().expect("text");
+    let budget = ["--power-budget", "60%"];
+    let check = |text: Option<&str>, words: &[&str]| {
+        match text {
+            Some(text) => write(folder.path(), "a.pareto.ron", text),
+            None => fs::remove_file(folder.path().join("a.pareto.ron")).expect("was there"),
+        }
+        refused_evaluation(folder.path(), &budget, &[&["a.pareto.ron"][..], words].concat());
+    };
+    check(None, &[]);
+    check(Some(&text[..text.len() / 2]), &["cut off"]);
+    check(Some(&text.replacen("version:1", "version:2", 1).replacen("version: 1", "version: 2", 1)), &["version 2"]);
+    check(Some(&text.replace(&map.scene.fingerprint, "another")), &["another"]);
+    check(Some(&text.replace("gi_vpl_count", "sharpness")), &["sharpness"]);
+    check(Some(&text.replace("360", "0")), &[]);
+}
+
+fn budgets_that_make_no_sense_are_named() {
+    let folder = folder();
+    scene_with_map(folder.path());
+    for budget in ["0", "0W", "-3W", "NaN", "NaNW", "inf", "-inf", "0%", "101%", "-5%", "NaN%", "7J", ""] {
+        refused_evaluation(folder.path(), &["--power-budget", budget], &["budget"]);
+    }
+    for budget in ["0", "-1", "NaN", "inf", "2.5", "x"] {
+        refused_evaluation(folder.path(), &["--error-budget", budget], &["budget"]);
+    }
+    refused_evaluation(folder.path(), &[], &["--power-budget", "--error-budget"]);
+    refused_evaluation(folder.path(), &["--power-budget", "60%", "--path", "walk"], &["walk", "tour"]);
+}
+
+fn outputs_that_cannot_be_written_are_named_before_the_work() {
+    let folder = folder();
+    scene_with_map(folder.path());
+    write(folder.path(), "file", "precious");
+    let before = entries(folder.path());
+    for output in ["no/such/out", "file/out", "."] {
+        for arguments in [
+            [&["render", "a.scene.ron"][..], &AT, &["-o", output]].concat(),
+            [&["render", "a.scene.ron"][..], &AT, &["--hdr", output]].concat(),
+            [&["sweep", "a.scene.ron"][..], &AT, &["--csv", output]].concat(),
+            [&["precompute", "a.scene.ron"][..], &["-o", output]].concat(),
+            [&["evaluate", "a.scene.ron", "--map", "a.pareto.ron", "--power-budget", "60%"][..], &["--csv", output]].concat(),
+            [&["evaluate", "a.scene.ron", "--map", "a.pareto.ron", "--power-budget", "60%"][..], &["--json", output]].concat(),
+        ] {
+            assert_refused(&run(folder.path(), &arguments), &[&format!("`{output}`")]);
+        }
+    }
+    assert_eq!(entries(folder.path()), before, "files appeared");
+}
+
+fn arguments_that_make_no_sense_are_named() {
+    let folder = folder();
+    write(folder.path(), "a.scene.ron", SCENE);
+    for (arguments, words) in [
+        (&["precompute", "a.scene.ron", "--error-threshold", "NaN"][..], &["--error-threshold"][..]),
+        (&["precompute", "a.scene.ron", "--error-threshold", "-0.1"], &["--error-threshold"]),
+        (&["precompute", "a.scene.ron", "--levels", "16"], &["--levels"]),
+        (&["precompute", "a.scene.ron", "--power-threshold", "-1W"], &["--power-threshold"]),
+        (&["precompute", "a.scene.ron", "--time-limit", "0s"], &["--time-limit"]),
+        (&["precompute", "a.scene.ron", "--size", "0x9"], &["--size"]),
+        (&["precompute", "a.scene.ron", "--fps", "0"], &["frame rate"]),
+        (&["precompute", "a.scene.ron", "--fps", "-30"], &["frame rate"]),
+        (&["precompute", "a.scene.ron", "--knobs", "sharpness"], &["sharpness", "gi_vpl_count"]),
+        (&["precompute", "a.scene.ron", "--meter", "crystal-ball"], &["crystal-ball"]),
+        (&["inspect", "missing.pareto.ron"], &["missing.pareto.ron"]),
+        (&["bake", "a.scene.ron"], &["bake"]),
+    ] {
+        assert_refused(&run(folder.path(), arguments), words);
+    }
+    assert_eq!(entries(folder.path()), ["a.scene.ron"], "files appeared");
+}
+
+fn no_adapter_is_said_plainly() {
+    let folder = folder();
+    scene_with_map(folder.path());
+    let before = entries(folder.path());
+    for arguments in [
+        [&["render", "a.scene.ron"][..], &AT].concat(),
+        vec!["precompute", "a.scene.ron"],
+        vec!["evaluate", "a.scene.ron", "--map", "a.pareto.ron", "--power-budget", "60%"],
+    ] {
+        let mut command = command(folder.path(), &arguments);
+        command.envs([("VK_ICD_FILENAMES", "/nonexistent"), ("VK_DRIVER_FILES", "/nonexistent"), ("WGPU_BACKEND", "vulkan")]);
+        assert_refused(&command.output().expect("starts"), &["no graphics adapter", "mesa-vulkan-drivers"]);
+    }
+    assert_eq!(entries(folder.path()), before, "files appeared");
+}

@@ -1,0 +1,65 @@
+//! A search that is killed goes on where it was.
+
+use std::fs;
+use std::path::Path;
+use std::time::{Duration, Instant};
+
+use bevy_frugal_gi::frontier::FrontierMap;
+
+use super::command::{assert_refused, command, run, stderr};
+
+tests!(a_killed_search_is_resumed);
+
+const MAP: &str = "a.pareto.ron";
+
+/// One triangle without light: few views see it, and a frame takes milliseconds.
+const SCENE: &str = r#"(geometry: Gltf("a.glb"), environment: Constant((900.0, 900.0, 900.0)), camera: (vertical_fov: 50.0),
+    bounds: (min: (0.1, 0.1, 0.8), max: (0.6, 0.5, 1.4)))"#;
+
+fn arguments(resume: bool) -> Vec<&'static str> {
+    let knobs = ["--knobs", "antialiasing,post_processing"];
+    let mut arguments = [&["precompute", "a.scene.ron", "-o", MAP, "--size", "32x32", "--levels", "0"][..], &knobs].concat();
+    arguments.extend(resume.then_some("--resume"));
+    arguments
+}
+
+/// Lines of the journal that are finished.
+fn lines(journal: &Path) -> usize {
+    fs::read_to_string(journal).map_or(0, |text| text.matches('\n').count())
+}
+
+fn a_killed_search_is_resumed() {
+    let folder = tempfile::tempdir().expect("a folder");
+    fs::write(folder.path().join("a.scene.ron"), SCENE).expect("can be written");
+    fs::write(folder.path().join("a.glb"), super::cli::triangle()).expect("can be written");
+    let journal = folder.path().join(format!("{MAP}.journal"));
+    let mut child = command(folder.path(), &arguments(false)).stderr(std::process::Stdio::null()).spawn().expect("starts");
+    let start = Instant::now();
+    while lines(&journal) < 20 {
+        assert!(start.elapsed() < Duration::from_secs(60), "no journal after a minute");
+        assert!(child.try_wait().expect("a child").is_none(), "over before it could be killed");
+        std::thread::sleep(Duration::from_millis(20));
+    }
+    // SIGKILL: nothing can be tidied up.
+    child.kill().expect("can be killed");
+    child.wait().expect("ends");
+    assert!(!folder.path().join(MAP).exists(), "no map before the end");
+    let kept = lines(&journal) - 1;
+
+    // Another seed is another search.
+    let other = [&arguments(true)[..], &["--seed", "9"]].concat();
+    assert_refused(&run(folder.path(), &other), &["seed"]);
+
+    let resumed = run(folder.path(), &arguments(true));
+    let said = stderr(&resumed);
+    assert!(resumed.status.success(), "{said}");
+    let told = said.lines().find_map(|line| line.strip_prefix("resuming after ")?.split(' ').next()?.parse::<usize>().ok());
+    println!("    {kept} lines kept, {told:?} evaluations replayed");
+    // The kill may have cut the last line.
+    assert!(told.is_some_and(|told| told > 0 && told <= kept && told + 2 >= kept), "{told:?} of {kept}: {said}");
+    let text = fs::read_to_string(folder.path().join(MAP)).expect("a map");
+    let map = FrontierMap::from_ron(&text).expect("a valid map");
+    assert_eq!(map.octree.corners.len(), 8);
+    assert!(map.octree.frontiers.iter().all(|frontier| !frontier.is_empty()) && !map.octree.frontiers.is_empty());
+    assert!(!journal.exists(), "nothing is left to resume");
+}

@@ -1,0 +1,121 @@
+//! A camera under the controller, with a map made by hand.
+
+use bevy::asset::Assets;
+use bevy::math::Vec3;
+use bevy_frugal_gi::control::{Budget, ControlSettings, ControlStatus, FrontierMapHandle, OffReason, Outcome, Selection};
+use bevy_frugal_gi::frontier::FrontierMap;
+use bevy_frugal_gi::gi::FrugalGi;
+use bevy_frugal_gi::knobs::{Knob, KnobSettings, KnobSpace};
+use bevy_frugal_gi::units::Watts;
+use frugal::stage::Stage;
+use frugal_tests::{map, set};
+
+tests!(a_budget_reaches_the_picture, budgets_without_sense_change_nothing, a_map_of_unknown_knobs_is_refused, settings_move_smoothly);
+
+const KNOBS: [&str; 2] = ["gi_vpl_count", "gi_pixel_fraction"];
+
+fn stage() -> Stage {
+    let mut stage = set::open(&set::scene("two_rooms"), set::options(32, 18));
+    set::look(&mut stage, Vec3::new(-0.8, 1.7, 2.0), Vec3::new(-3.2, 1.0, -1.6));
+    set::apply(&mut stage, "min,gi_vpl_count=32");
+    stage.frame();
+    stage
+}
+
+/// Hands the camera over to the controller.
+fn control(stage: &mut Stage, knobs: KnobSpace, budget: Budget, seconds: f64) {
+    let camera = set::camera(stage);
+    let world = stage.world_mut();
+    world.insert_resource(ControlSettings { transition_seconds: seconds });
+    let map = world.resource_mut::<Assets<FrontierMap>>().add(map::one_cube(knobs));
+    world.entity_mut(camera).insert((FrontierMapHandle(map), budget));
+    (0..2).for_each(|_| stage.frame());
+}
+
+fn budget(stage: &mut Stage, budget: Budget) {
+    let camera = set::camera(stage);
+    stage.world_mut().entity_mut(camera).insert(budget);
+    // The controller may write settings after they are applied: then they take one frame more.
+    (0..3).for_each(|_| stage.frame());
+}
+
+fn selection(stage: &mut Stage) -> Selection {
+    let camera = set::camera(stage);
+    *stage.world_mut().get::<Selection>(camera).expect("a controlled camera")
+}
+
+fn gi(stage: &mut Stage) -> FrugalGi {
+    let camera = set::camera(stage);
+    stage.world_mut().get::<FrugalGi>(camera).expect("a GI camera").clone()
+}
+
+fn space(stage: &Stage) -> KnobSpace {
+    stage.space().subset(KNOBS).expect("built-in knobs")
+}
+
+fn a_budget_reaches_the_picture() {
+    let mut stage = stage();
+    let knobs = space(&stage);
+    control(&mut stage, knobs, Budget::power(Watts(2.5)), 0.0);
+    for (limit, count, outcome, power) in [
+        (2.5, 128, Outcome::Met, 2.0),
+        (9.0, 1024, Outcome::Met, 4.0),
+        (1.0, 0, Outcome::Met, 1.0),
+        (f64::INFINITY, 1024, Outcome::Met, 4.0),
+        (0.5, 0, Outcome::PowerCannotBeMet, 1.0),
+        (0.0, 0, Outcome::PowerCannotBeMet, 1.0),
+    ] {
+        budget(&mut stage, Budget::power(Watts(limit)));
+        let found = selection(&mut stage);
+        assert_eq!(found.status, ControlStatus::Active(outcome), "{limit} W");
+        assert_eq!(found.predicted.map(|cost| cost.power.0), Some(power), "{limit} W");
+        assert_eq!(gi(&mut stage).vpl_count, count, "{limit} W");
+        let gathered = set::gathered(&stage);
+        assert_eq!(gathered.pairs > 0, count > 0, "{limit} W: {gathered:?}");
+    }
+    budget(&mut stage, Budget::error(0.1));
+    assert_eq!((selection(&mut stage).status, gi(&mut stage).vpl_count), (ControlStatus::Active(Outcome::Met), 128));
+}
+
+fn budgets_without_sense_change_nothing() {
+    let mut stage = stage();
+    let knobs = space(&stage);
+    control(&mut stage, knobs, Budget::power(Watts(2.5)), 0.0);
+    for limit in [f64::NAN, -1.0, f64::NEG_INFINITY] {
+        for wrong in [Budget::power(Watts(limit)), Budget::error(limit), Budget::both(Watts(1.0), limit)] {
+            budget(&mut stage, wrong);
+            let found = selection(&mut stage);
+            assert_eq!(found.status, ControlStatus::Off(OffReason::InvalidBudget), "{wrong:?}");
+            assert_eq!((found.predicted, gi(&mut stage).vpl_count), (None, 128), "{wrong:?}");
+        }
+    }
+    budget(&mut stage, Budget::power(Watts(4.0)));
+    assert_eq!((selection(&mut stage).status, gi(&mut stage).vpl_count), (ControlStatus::Active(Outcome::Met), 1024), "back in charge");
+}
+
+fn a_map_of_unknown_knobs_is_refused() {
+    let mut stage = stage();
+    let before = gi(&mut stage);
+    let knobs = KnobSpace::new(vec![Knob::new("gi_vpl_count", [0.0, 32.0]), Knob::new("sharpness", [0.0, 1.0])]).expect("a space");
+    control(&mut stage, knobs, Budget::default(), 0.0);
+    assert_eq!(selection(&mut stage).status, ControlStatus::Off(OffReason::UnknownKnobs));
+    assert_eq!(gi(&mut stage), before);
+}
+
+fn settings_move_smoothly() {
+    let mut stage = stage();
+    let knobs = space(&stage);
+    control(&mut stage, knobs, Budget::power(Watts(1.0)), 0.0);
+    // The stage's clock steps by 1/30 s: a second is 30 frames.
+    stage.world_mut().insert_resource(ControlSettings { transition_seconds: 1.0 });
+    let camera = set::camera(&mut stage);
+    stage.world_mut().entity_mut(camera).insert(Budget::power(Watts(4.0)));
+    let mut levels = Vec::new();
+    for _ in 0..40 {
+        stage.frame();
+        let settings = stage.world_mut().get::<KnobSettings>(camera).expect("settings").settings;
+        levels.push(settings.level(0));
+    }
+    assert!(levels.is_sorted() && levels.windows(2).all(|pair| pair[1] - pair[0] <= 1), "no level is skipped: {levels:?}");
+    assert!(levels[0] <= 1 && levels[10] < 6 && levels[39] == 6, "{levels:?}");
+}

@@ -1,0 +1,177 @@
+//! When global illumination is there, what it follows, and when it costs nothing.
+
+use bevy::ecs::entity::Entity;
+use bevy::ecs::query::With;
+use bevy::light::{PointLight, SpotLight};
+use bevy::math::{Quat, Vec3};
+use bevy::transform::components::Transform;
+use bevy_frugal_gi::gi::{FrugalGi, GiPixelsGathered, RsmView, inspect};
+use frugal::scene::Light;
+use frugal::stage::{Component, Stage};
+use frugal_tests::{meshes, set};
+
+tests!(
+    no_vpls_no_cost,
+    no_lights_no_cost,
+    an_empty_scene_costs_nothing,
+    a_camera_without_gi_costs_nothing,
+    gi_comes_back_as_it_was,
+    moving_the_light_moves_the_bounce,
+    moving_an_object_changes_the_bounce,
+    a_still_scene_gives_the_same_frame_for_ever,
+    two_stages_of_a_scene_agree,
+    lights_that_are_no_numbers_are_left_out,
+);
+
+pub fn sun(direction: Vec3) -> Light {
+    Light::Directional { direction, illuminance: 10_000.0, color: [1.0; 3] }
+}
+
+/// Low settings with every pixel gathered.
+pub const PLAIN: &str = "min,gi_vpl_count=64,gi_pixel_fraction=1/1,resolution_scale=100%";
+
+/// A white floor, lit from above, and a grey wall that sees it and faces the camera.
+pub fn corner(lights: Vec<Light>) -> Stage {
+    let mut stage = set::bare(lights, set::radiance_options(48, 27, Component::Indirect));
+    meshes::spawn_box(&mut stage, Vec3::new(0.0, -0.1, 0.0), Vec3::new(4.0, 0.2, 4.0), meshes::matt(0.8, 0.8, 0.8));
+    meshes::spawn_box(&mut stage, Vec3::new(0.0, 1.0, -2.0), Vec3::new(4.0, 2.0, 0.2), meshes::matt(0.5, 0.5, 0.5));
+    set::look(&mut stage, Vec3::new(0.0, 1.2, 3.0), Vec3::new(0.0, 0.8, -2.0));
+    set::apply(&mut stage, PLAIN);
+    stage
+}
+
+fn assert_costs_nothing(stage: &mut Stage) {
+    assert_eq!(set::gathered(stage), GiPixelsGathered::default(), "GiPixelsGathered");
+    let state = inspect::gpu_state(stage.render_world());
+    assert!(state.cameras.is_empty() && state.texels.is_none(), "{state:?}");
+    let world = stage.world_mut();
+    assert_eq!(world.query_filtered::<Entity, With<RsmView>>().iter(world).count(), 0, "hidden cameras");
+}
+
+fn assert_at_work(stage: &mut Stage, maps: usize) {
+    let gathered = set::gathered(stage);
+    assert!(gathered.cameras == 1 && gathered.pairs == 48 * 27 * 64 && gathered.bytes > 0, "{gathered:?}");
+    let world = stage.world_mut();
+    assert_eq!(world.query_filtered::<Entity, With<RsmView>>().iter(world).count(), maps, "hidden cameras");
+}
+
+fn no_vpls_no_cost() {
+    let mut stage = corner(vec![sun(Vec3::NEG_Y)]);
+    assert!(set::radiance(&mut stage).mean() > 1.0);
+    assert_at_work(&mut stage, 1);
+    set::apply(&mut stage, &format!("{PLAIN},gi_vpl_count=0"));
+    assert_eq!(set::radiance(&mut stage).mean(), 0.0);
+    assert_costs_nothing(&mut stage);
+}
+
+fn no_lights_no_cost() {
+    let mut stage = corner(vec![]);
+    assert_eq!(set::radiance(&mut stage).mean(), 0.0);
+    assert_costs_nothing(&mut stage);
+    // A light that is switched on later bounces; a point light takes six maps.
+    let light = stage.world_mut().spawn((PointLight::default(), Transform::from_xyz(0.0, 1.0, 0.0))).id();
+    assert!(set::radiance(&mut stage).mean() > 0.0);
+    assert_at_work(&mut stage, 6);
+    stage.world_mut().despawn(light);
+    assert_eq!(set::radiance(&mut stage).mean(), 0.0);
+    assert_costs_nothing(&mut stage);
+}
+
+fn an_empty_scene_costs_nothing() {
+    let mut stage = set::bare(vec![sun(Vec3::NEG_Y)], set::radiance_options(48, 27, Component::Full));
+    set::apply(&mut stage, PLAIN);
+    assert_eq!(set::radiance(&mut stage).mean(), 0.0);
+    assert_costs_nothing(&mut stage);
+}
+
+fn a_camera_without_gi_costs_nothing() {
+    let mut stage = corner(vec![sun(Vec3::NEG_Y)]);
+    set::radiance(&mut stage);
+    let camera = set::camera(&mut stage);
+    stage.world_mut().entity_mut(camera).remove::<FrugalGi>();
+    assert!(set::radiance(&mut stage).mean() > 1.0, "direct light is still there");
+    assert_costs_nothing(&mut stage);
+}
+
+fn gi_comes_back_as_it_was() {
+    let mut stage = corner(vec![sun(Vec3::NEG_Y)]);
+    let before = set::radiance(&mut stage);
+    set::apply(&mut stage, "min");
+    set::radiance(&mut stage);
+    set::apply(&mut stage, PLAIN);
+    assert!(set::radiance(&mut stage) == before);
+}
+
+fn spot(position: Vec3) -> Light {
+    let (inner_angle, outer_angle) = (30.0, 40.0);
+    Light::Spot { position, direction: Vec3::NEG_Y, luminous_power: 50_000.0, range: 30.0, inner_angle, outer_angle, color: [1.0; 3] }
+}
+
+/// Mean of the left and of the right third.
+fn sides(stage: &mut Stage) -> (f64, f64) {
+    let radiance = set::radiance(stage);
+    let third = |from: usize, to: usize| {
+        let pixels = radiance.rgb.chunks_exact(48).flat_map(|row| &row[from..to]);
+        pixels.map(|rgb| f64::from(rgb[1])).sum::<f64>() / (27 * (to - from)) as f64
+    };
+    (third(0, 16), third(32, 48))
+}
+
+fn moving_the_light_moves_the_bounce() {
+    let mut stage = corner(vec![spot(Vec3::new(-1.2, 1.0, -1.0))]);
+    let (left, right) = sides(&mut stage);
+    assert!(left > 2.0 * right && right > 0.0, "{left} {right}");
+    let world = stage.world_mut();
+    let mut light = world.query_filtered::<&mut Transform, With<SpotLight>>().single_mut(world).expect("the spot");
+    light.translation.x = 1.2;
+    let (moved_left, moved_right) = sides(&mut stage);
+    // The room is its own mirror image; the VPLs' sequence is not, so a tenth may differ.
+    assert!((moved_right / left - 1.0).abs() < 0.1 && (moved_left / right - 1.0).abs() < 0.25, "{left} {right}, {moved_left} {moved_right}");
+}
+
+fn moving_an_object_changes_the_bounce() {
+    let mut stage = corner(vec![sun(Vec3::NEG_Y)]);
+    let lid = meshes::spawn_box(&mut stage, Vec3::new(0.0, 6.0, 30.0), Vec3::new(6.0, 0.1, 6.0), meshes::matt(0.0, 0.0, 0.0));
+    set::apply(&mut stage, &format!("{PLAIN},rsm_resolution=128"));
+    let open = set::radiance(&mut stage);
+    stage.world_mut().get_mut::<Transform>(lid).expect("the lid").translation.z = 0.0;
+    let closed = set::radiance(&mut stage).mean();
+    assert!(closed < 0.001 * open.mean() && open.mean() > 1.0, "under the lid {closed}, without it {}", open.mean());
+    stage.world_mut().get_mut::<Transform>(lid).expect("the lid").translation.z = 30.0;
+    assert!(set::radiance(&mut stage) == open, "taken away, all is as before");
+}
+
+fn a_still_scene_gives_the_same_frame_for_ever() {
+    let mut stage = set::open(&set::scene("cornell"), set::options(64, 36));
+    set::look(&mut stage, Vec3::new(0.0, 2.7, 7.8), Vec3::new(0.0, 2.7, 0.0));
+    set::apply(&mut stage, "max,rsm_resolution=128,gi_vpl_count=128,shadow_map_resolution=512");
+    stage.get_ready().expect("a ready stage");
+    let first = stage.picture().expect("a picture");
+    for frame in 0..4 {
+        stage.frame();
+        assert!(stage.picture().expect("a picture") == first, "frame {frame} differs");
+    }
+}
+
+fn two_stages_of_a_scene_agree() {
+    let render = || {
+        let mut stage = set::open(&set::scene("two_rooms"), set::options(64, 36));
+        stage.place(Vec3::new(-0.8, 1.7, 2.0), Quat::from_rotation_y(0.5));
+        set::apply(&mut stage, "max,rsm_resolution=128,gi_vpl_count=128,shadow_map_resolution=512");
+        stage.get_ready().expect("a ready stage");
+        stage.picture().expect("a picture")
+    };
+    assert!(render() == render());
+}
+
+fn lights_that_are_no_numbers_are_left_out() {
+    let mut stage = corner(vec![sun(Vec3::NEG_Y)]);
+    let expected = set::radiance(&mut stage);
+    for (intensity, color) in [(f32::NAN, 1.0), (1e5, f32::NAN), (f32::INFINITY, 1.0), (-1e5, 1.0)] {
+        let light = PointLight { intensity, color: bevy::color::Color::linear_rgb(color, 1.0, 1.0), ..Default::default() };
+        let light = stage.world_mut().spawn((light, Transform::from_xyz(0.0, 1.0, 0.0))).id();
+        assert!(set::radiance(&mut stage) == expected, "{intensity}, {color}");
+        assert_at_work(&mut stage, 1);
+        stage.world_mut().despawn(light);
+    }
+}

@@ -1,0 +1,162 @@
+//! Every level of every built-in knob does what it says, and going back leaves no trace.
+
+use std::collections::BTreeMap;
+
+use bevy::anti_alias::fxaa::Fxaa;
+use bevy::anti_alias::smaa::{Smaa, SmaaPreset};
+use bevy::light::{CascadeShadowConfig, DirectionalLight, DirectionalLightShadowMap, PointLightShadowMap};
+use bevy::math::{UVec2, Vec3};
+use bevy::pbr::{ScreenSpaceAmbientOcclusion, ScreenSpaceAmbientOcclusionQualityLevel};
+use bevy::post_process::bloom::Bloom;
+use bevy::render::camera::MipBias;
+use bevy_frugal_gi::gi::{FrugalGi, RsmView};
+use bevy_frugal_gi::knobs::{AppliedKnobs, RenderSettings};
+use bevy_frugal_gi::resolution::ResolutionScale;
+use frugal::metrics::Picture;
+use frugal::scene::Environment;
+use frugal::stage::Stage;
+use frugal_tests::set;
+
+tests!(every_level_is_applied_and_shows_and_leaves_no_trace, cheaper_levels_evaluate_fewer_pairs);
+
+const SIZE: UVec2 = UVec2::new(64, 36);
+
+/// A sunlit, textured, ambient-lit scene in which every knob has something to do.
+fn stage() -> Stage {
+    let mut scene = set::scene("courtyard");
+    scene.environment = Environment::Constant([900.0; 3]);
+    let mut stage = set::open(&scene, set::options(SIZE.x, SIZE.y));
+    set::look(&mut stage, Vec3::new(4.9, 2.0, 2.2), Vec3::new(-4.0, 1.8, -3.4));
+    stage
+}
+
+fn picture(stage: &mut Stage) -> Picture {
+    stage.frame();
+    stage.picture().expect("a picture")
+}
+
+fn luma(picture: &Picture) -> f64 {
+    picture.luma().iter().map(|luma| f64::from(*luma)).sum::<f64>() / picture.rgb.len() as f64
+}
+
+/// Asserts that the app's state is what knob `name` at `value` asks for.
+fn assert_applied(stage: &mut Stage, name: &str, value: f64) {
+    let camera = set::camera(stage);
+    let world = stage.world_mut();
+    let gi = world.get::<FrugalGi>(camera).expect("a GI camera").clone();
+    match name {
+        "gi_vpl_count" => assert_eq!(f64::from(gi.vpl_count), value),
+        "gi_pixel_fraction" => assert_eq!(gi.pixel_fraction.share(), value),
+        "rsm_resolution" => {
+            assert_eq!(f64::from(gi.rsm_resolution), value);
+            assert_eq!(world.query::<&RsmView>().iter(world).count(), 1);
+        }
+        "shadow_map_resolution" => {
+            assert_eq!(world.resource::<DirectionalLightShadowMap>().size as f64, value);
+            assert_eq!(world.resource::<PointLightShadowMap>().size as f64, value / 2.0);
+        }
+        "shadow_cascades" => {
+            let mut lights = world.query_filtered::<&CascadeShadowConfig, bevy::ecs::query::With<DirectionalLight>>();
+            assert!(lights.iter(world).all(|cascades| cascades.bounds.len() as f64 == value));
+        }
+        "ambient_occlusion" => {
+            let samples = world.get::<ScreenSpaceAmbientOcclusion>(camera).map_or(0, |occlusion| match occlusion.quality_level {
+                ScreenSpaceAmbientOcclusionQualityLevel::Custom { slice_count, samples_per_slice_side } => {
+                    slice_count * samples_per_slice_side * 2
+                }
+                _ => u32::MAX,
+            });
+            assert_eq!(f64::from(samples), value);
+        }
+        "antialiasing" => {
+            let steps = match world.get::<Smaa>(camera).map(|smaa| smaa.preset) {
+                None => f64::from(u8::from(world.get::<Fxaa>(camera).is_some())),
+                Some(SmaaPreset::Low) => 4.0,
+                Some(SmaaPreset::Medium) => 8.0,
+                Some(SmaaPreset::High) => 16.0,
+                Some(SmaaPreset::Ultra) => 32.0,
+            };
+            assert_eq!(steps, value);
+        }
+        "texture_detail" => assert_eq!(world.get::<MipBias>(camera).map(|bias| f64::from(bias.0)), Some(-value)),
+        "post_processing" => {
+            let texture = world.get::<Bloom>(camera).map(|bloom| f64::from(bloom.max_mip_dimension));
+            assert!(if value == 0.0 { texture.is_none() } else { texture.is_some_and(|size| size <= f64::from(SIZE.y) * value) });
+        }
+        "resolution_scale" => assert_eq!(world.get::<ResolutionScale>(camera), Some(&ResolutionScale(value as f32))),
+        _ => panic!("knob {name} has no test of its own: add what it sets"),
+    }
+}
+
+fn every_level_is_applied_and_shows_and_leaves_no_trace() {
+    let mut stage = stage();
+    let space = stage.space().clone();
+    let best = space.highest();
+    let at = |knob: usize, level: usize| best.with_level(knob, level);
+    // The sweep that an app makes before it switches: each level once.
+    for (index, knob) in space.knobs().iter().enumerate() {
+        for level in 0..knob.levels.len() {
+            stage.apply(at(index, level));
+            stage.frame();
+        }
+    }
+    stage.apply(best);
+    stage.get_ready().expect("a ready stage");
+    let reference = stage.picture().expect("a picture");
+    let mut changed: BTreeMap<&str, usize> = BTreeMap::new();
+    for (index, knob) in space.knobs().iter().enumerate() {
+        for (number, level) in knob.levels.iter().enumerate() {
+            stage.apply(at(index, number));
+            let first = picture(&mut stage);
+            assert_applied(&mut stage, &knob.name, level.value);
+            let settled = picture(&mut stage);
+            // Half of it: where deferred lighting is late, the mean falls to about half.
+            assert!(luma(&first) >= 0.5 * luma(&settled) && luma(&settled) > 10.0, "{}={}", knob.name, level.label);
+            *changed.entry(&knob.name).or_default() += usize::from(settled != reference);
+        }
+        let camera = set::camera(&mut stage);
+        let last = knob.levels.len() - 1;
+        if let Some(level) = stage.world_mut().get::<AppliedKnobs>(camera).and_then(|applied| applied.level(&knob.name)) {
+            assert_eq!(level, last, "{}", knob.name);
+        }
+        stage.apply(best);
+        stage.frame();
+        let back = picture(&mut stage);
+        let differing = back.rgb.iter().zip(&reference.rgb).filter(|(a, b)| a != b).count();
+        assert_eq!(differing, 0, "back from {}, that many pixels differ", knob.name);
+    }
+    println!("    levels whose picture differs from the best: {changed:?}");
+    assert!(changed.iter().all(|(_, count)| *count > 0), "a knob changes nothing: {changed:?}");
+}
+
+/// Pairs that a frame at `settings` evaluates: gathered pixels × virtual point lights.
+fn predicted_pairs(stage: &Stage, settings: RenderSettings) -> u64 {
+    let value = |name: &str| stage.space().value(settings, name).expect("a built-in knob");
+    let size = ResolutionScale(value("resolution_scale") as f32).apply(SIZE);
+    let (width, height) = match value("gi_pixel_fraction") {
+        share if share > 0.9 => (1, 1),
+        share if share > 0.4 => (2, 1),
+        share if share > 0.2 => (2, 2),
+        _ => (4, 4),
+    };
+    u64::from(size.x.div_ceil(width)) * u64::from(size.y.div_ceil(height)) * value("gi_vpl_count") as u64
+}
+
+fn cheaper_levels_evaluate_fewer_pairs() {
+    let mut stage = stage();
+    let space = stage.space().clone();
+    let base = space.parse("min,gi_vpl_count=1024,gi_pixel_fraction=1/1,resolution_scale=100%").expect("settings");
+    for name in ["gi_vpl_count", "gi_pixel_fraction", "resolution_scale"] {
+        let index = space.index_of(name).expect("a built-in knob");
+        let mut before = None;
+        for level in 0..space.knobs()[index].levels.len() {
+            let settings = base.with_level(index, level);
+            stage.apply(settings);
+            stage.frame();
+            let pairs = set::gathered(&stage).pairs;
+            assert_eq!(pairs, predicted_pairs(&stage, settings), "{}", space.describe(settings));
+            assert!(before.is_none_or(|before| pairs > before), "{name} {level}: {pairs} after {before:?}");
+            before = Some(pairs);
+        }
+    }
+}

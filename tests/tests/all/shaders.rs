@@ -1,0 +1,37 @@
+//! Structs of the shaders have the sizes that the plugin counts with.
+
+use bevy_frugal_gi::gi::inspect::STRUCT_BYTES;
+
+tests!(structs_have_the_sizes_that_buffers_are_made_for, the_check_sees_a_grown_struct);
+
+const SHADERS: [&str; 4] = [
+    include_str!("../../../plugin/src/gi/rsm/texel.wgsl"),
+    include_str!("../../../plugin/src/gi/vpl/vpl.wgsl"),
+    include_str!("../../../plugin/src/gi/vpl/sample.wgsl"),
+    include_str!("../../../plugin/src/gi/rsm/resolve.wgsl"),
+];
+
+/// Bytes of the struct called `name` in a buffer, by the shader compiler. Cut out of its file, for the imports around it are not WGSL.
+fn size(name: &str, sources: &[&str]) -> u32 {
+    let start = format!("struct {name} {{");
+    let text = sources.iter().find_map(|source| source.find(&start).map(|at| &source[at..]));
+    let text = text.unwrap_or_else(|| panic!("no shader has a struct {name}"));
+    let text = &text[..=text.find("\n}").unwrap_or_else(|| panic!("struct {name} has no end")) + 1];
+    let module = naga::front::wgsl::parse_str(text).unwrap_or_else(|error| panic!("{name}: {error}"));
+    module.types.iter().find_map(|(_, kind)| match &kind.inner {
+        // In an array, each starts at a multiple of its alignment.
+        naga::TypeInner::Struct { span, .. } => Some(*span),
+        _ => None,
+    }).unwrap_or_else(|| panic!("struct {name} is gone"))
+}
+
+fn structs_have_the_sizes_that_buffers_are_made_for() {
+    for (name, bytes) in STRUCT_BYTES {
+        assert_eq!(u64::from(size(name, &SHADERS)), bytes, "{name}");
+    }
+}
+
+fn the_check_sees_a_grown_struct() {
+    let grown = SHADERS[1].replace("padding_3: f32,", "padding_3: f32,\n    more: f32,");
+    assert_eq!(size("Vpl", &[&grown]), 64);
+}
