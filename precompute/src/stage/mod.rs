@@ -21,7 +21,7 @@ use bevy::ecs::entity::Entity;
 use bevy::image::Image;
 use bevy::math::{Quat, UVec2, Vec3};
 use bevy::render::RenderApp;
-use bevy::render::render_resource::{CachedPipelineState, PipelineCache, PollType};
+use bevy::render::render_resource::{CachedPipelineState, PipelineCache, PipelineDescriptor, PollType};
 use bevy::render::renderer::RenderDevice;
 use bevy::shader::ShaderCacheError;
 use bevy::transform::components::Transform;
@@ -100,8 +100,8 @@ pub enum StageError {
         "no graphics adapter: install a Vulkan driver for the GPU, or a software one (on Debian: apt install mesa-vulkan-drivers), and try again"
     )]
     NoAdapter,
-    /// A size of 0, or larger than a texture can be.
-    #[error("size {0}x{1}: must be 1x1 to 8192x8192")]
+    /// A size of 0, too small for some of the passes, or larger than a texture can be.
+    #[error("size {0}x{1}: must be 32 pixels or more along one side at least, and no more than 8192 along either")]
     Size(u32, u32),
     /// Not a positive number.
     #[error("frame rate {0}: must be a finite number above 0")]
@@ -137,6 +137,14 @@ pub enum StageError {
     Compare(#[from] crate::metrics::CompareError),
 }
 
+fn label(descriptor: &PipelineDescriptor) -> &str {
+    let label = match descriptor {
+        PipelineDescriptor::RenderPipelineDescriptor(descriptor) => descriptor.label.as_deref(),
+        PipelineDescriptor::ComputePipelineDescriptor(descriptor) => descriptor.label.as_deref(),
+    };
+    label.unwrap_or("a pipeline without a name")
+}
+
 /// A scene on a headless renderer.
 pub struct Stage {
     app: App,
@@ -158,7 +166,8 @@ impl Stage {
     /// # Errors
     /// When there is no adapter, the options make no sense, the scene's files cannot be read, or the renderer does not get ready.
     pub fn open(scene: &SceneDescription, options: StageOptions) -> Result<Self, StageError> {
-        if options.size.min_element() == 0 || options.size.max_element() > 8192 {
+        // Ambient occlusion makes five mip levels of the view, also at half the resolution. Where there is no room for them, Bevy ends rendering.
+        if options.size.min_element() == 0 || !(32..=8192).contains(&options.size.max_element()) {
             return Err(StageError::Size(options.size.x, options.size.y));
         }
         if !(options.frames_per_second.is_finite() && options.frames_per_second > 0.0) {
@@ -314,7 +323,11 @@ impl Stage {
                 return Ok(());
             }
         }
-        Err(StageError::NotReady("pipelines still missing after 600 frames".to_owned()))
+        let waiting = self.render_world().resource::<PipelineCache>().pipelines().filter_map(|pipeline| match &pipeline.state {
+            CachedPipelineState::Ok(_) => None,
+            state => Some(format!("{} ({state:?})", label(&pipeline.descriptor))),
+        });
+        Err(StageError::NotReady(format!("after 600 frames these are still missing: {}", waiting.collect::<Vec<_>>().join(", "))))
     }
 
     /// What the last frame shows.
