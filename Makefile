@@ -10,9 +10,9 @@
 # What the demo shows, and for how long it searches: make demo SIZE=320x180 TIME_LIMIT=20m
 SCENE = assets/scenes/courtyard.scene.ron
 OUTPUT = target/demo
-SIZE = 192x108
-FPS = 30
-TIME_LIMIT = 4m
+SIZE = 160x90
+FPS = 15
+TIME_LIMIT = 5m
 POWER_BUDGET = 60%
 ERROR_BUDGET = 0.02
 

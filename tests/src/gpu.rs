@@ -2,7 +2,8 @@
 
 use bevy::ecs::world::World;
 use bevy::render::render_resource::{
-    Buffer, BufferDescriptor, BufferUsages, CommandEncoderDescriptor, MapMode, PollType, TexelCopyBufferInfo, TexelCopyBufferLayout, Texture,
+    Buffer, BufferDescriptor, BufferUsages, CommandEncoderDescriptor, MapMode, PollType, TexelCopyBufferInfo, TexelCopyBufferLayout,
+    Texture,
 };
 use bevy::render::renderer::{RenderDevice, RenderQueue};
 use bevy_frugal_gi::gi::inspect;

@@ -53,7 +53,8 @@ impl Kernel {
         let bind_group = device.create_bind_group("frugal_tests/kernel", &cache.get_bind_group_layout(&self.layout), bindings);
         let mut encoder = device.create_command_encoder(&CommandEncoderDescriptor { label: Some("frugal_tests/kernel") });
         {
-            let mut pass = encoder.begin_compute_pass(&ComputePassDescriptor { label: Some("frugal_tests/kernel"), timestamp_writes: None });
+            let mut pass =
+                encoder.begin_compute_pass(&ComputePassDescriptor { label: Some("frugal_tests/kernel"), timestamp_writes: None });
             let pipeline = cache.get_compute_pipeline(self.pipeline).unwrap_or_else(|| panic!("the kernel was compiled before"));
             pass.set_pipeline(pipeline);
             pass.set_bind_group(0, &bind_group, &[]);

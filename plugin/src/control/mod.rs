@@ -31,8 +31,8 @@ use crate::frontier::FrontierMap;
 /// When the controller runs.
 #[derive(SystemSet, Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum ControlSystems {
-    /// Part of `PostUpdate`, after transform propagation: writes [`Selection`] and [`KnobSettings`](crate::knobs::KnobSettings). What applies settings
-    /// runs after it.
+    /// Part of `PostUpdate`, after transform propagation: writes [`Selection`] and [`KnobSettings`](crate::knobs::KnobSettings). Settings are
+    /// applied before cameras are updated, which Bevy does earlier in the schedule: a selection is in the next frame's picture.
     Select,
 }
 

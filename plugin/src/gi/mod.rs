@@ -30,6 +30,7 @@ use bevy::pbr::deferred::deferred_lighting;
 use bevy::pbr::{DefaultOpaqueRendererMethod, main_transmissive_pass_3d};
 use bevy::render::extract_component::{ExtractComponentPlugin, UniformComponentPlugin};
 use bevy::render::renderer::RenderDevice;
+use bevy::render::view::Msaa;
 use bevy::render::{GpuResourceAppExt, Render, RenderApp, RenderSystems};
 use bevy::shader::load_shader_library;
 
@@ -80,6 +81,10 @@ impl Plugin for GiPlugin {
             ExtractComponentPlugin::<rsm::RsmLight>::default(),
             UniformComponentPlugin::<rsm::RsmLight>::default(),
         ));
+        // A camera that comes with multisampling keeps it in spite of the requirement: Bevy would switch it off with a warning in each frame.
+        app.add_observer(|added: On<Add, FrugalGi>, mut commands: Commands| {
+            commands.entity(added.entity).insert(Msaa::Off);
+        });
         rsm::build(app);
     }
 

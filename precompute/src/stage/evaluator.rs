@@ -16,7 +16,7 @@ const SETTLING_FRAMES: u32 = 1;
 pub(super) const EVALUATING_FRAMES: u32 = 2;
 
 /// Frames of a second, closer one. It replaces the first, which was selected for being low.
-pub(super) const REFINING_FRAMES: u32 = 6;
+pub(super) const REFINING_FRAMES: u32 = 4;
 
 /// Renders and meters on a [`Stage`], against the best settings' picture at the same camera.
 pub struct StageEvaluator {

@@ -22,7 +22,7 @@ use bevy::ecs::entity::Entity;
 use bevy::image::Image;
 use bevy::math::{Quat, UVec2, Vec3};
 use bevy::render::RenderApp;
-use bevy::render::render_resource::{CachedPipelineState, PipelineCache, PollType};
+use bevy::render::render_resource::{CachedPipelineState, PipelineCache, PipelineDescriptor, PollType};
 use bevy::render::renderer::RenderDevice;
 use bevy::shader::ShaderCacheError;
 use bevy::transform::components::Transform;
@@ -104,8 +104,8 @@ pub enum StageError {
         "no graphics adapter: install a Vulkan driver for the GPU, or a software one (on Debian: apt install mesa-vulkan-drivers), and try again"
     )]
     NoAdapter,
-    /// A size of 0, or larger than a texture can be.
-    #[error("size {0}x{1}: must be 1x1 to 8192x8192")]
+    /// A size of 0, too small for some of the passes, or larger than a texture can be.
+    #[error("size {0}x{1}: must be 32 pixels or more along one side at least, and no more than 8192 along either")]
     Size(u32, u32),
     /// Not a positive number.
     #[error("frame rate {0}: must be a finite number above 0")]
@@ -157,6 +157,14 @@ impl StageError {
     }
 }
 
+fn label(descriptor: &PipelineDescriptor) -> &str {
+    let label = match descriptor {
+        PipelineDescriptor::RenderPipelineDescriptor(descriptor) => descriptor.label.as_deref(),
+        PipelineDescriptor::ComputePipelineDescriptor(descriptor) => descriptor.label.as_deref(),
+    };
+    label.unwrap_or("a pipeline without a name")
+}
+
 /// A scene on a headless renderer.
 pub struct Stage {
     app: App,
@@ -178,7 +186,8 @@ impl Stage {
     /// # Errors
     /// When there is no adapter, the options make no sense, the scene's files cannot be read, or the renderer does not get ready.
     pub fn open(scene: &SceneDescription, options: StageOptions) -> Result<Self, StageError> {
-        if options.size.min_element() == 0 || options.size.max_element() > 8192 {
+        // Ambient occlusion makes five mip levels of the view, also at half the resolution. Where there is no room for them, Bevy ends rendering.
+        if options.size.min_element() == 0 || !(32..=8192).contains(&options.size.max_element()) {
             return Err(StageError::Size(options.size.x, options.size.y));
         }
         if !(options.frames_per_second.is_finite() && options.frames_per_second > 0.0) {
@@ -326,7 +335,11 @@ impl Stage {
                 return Ok(());
             }
         }
-        Err(StageError::NotReady("pipelines still missing after 600 frames".to_owned()))
+        let waiting = self.render_world().resource::<PipelineCache>().pipelines().filter_map(|pipeline| match &pipeline.state {
+            CachedPipelineState::Ok(_) => None,
+            state => Some(format!("{} ({state:?})", label(&pipeline.descriptor))),
+        });
+        Err(StageError::NotReady(format!("after 600 frames these are still missing: {}", waiting.collect::<Vec<_>>().join(", "))))
     }
 
     /// Shows every level of every knob on offer once: what a level has to compile is compiled before anything is metered.
@@ -334,15 +347,20 @@ impl Stage {
     /// # Errors
     /// When the renderer does not get ready.
     pub fn warm(&mut self) -> Result<(), StageError> {
-        let highest = self.space.highest();
-        let levels: Vec<usize> = self.space.knobs().iter().map(|knob| knob.levels.len()).collect();
-        for (knob, levels) in levels.into_iter().enumerate() {
-            for level in 0..levels {
-                self.apply(highest.with_level(knob, level));
-                self.frame();
+        // The others at their cheapest, so that it does not take long. A knob that acts only with another is shown with each of the other's
+        // levels: one pipeline may serve a pair.
+        let space = Arc::clone(&self.space);
+        for (index, knob) in space.knobs().iter().enumerate() {
+            let needed = knob.needs.as_ref().and_then(|need| Some((space.index_of(&need.knob)?, need.at_least)));
+            let (other, levels) = needed.map_or((index, 0..1), |(other, least)| (other, least..space.knobs()[other].levels.len()));
+            for other_level in levels {
+                for level in 0..knob.levels.len() {
+                    self.apply(space.lowest().with_level(other, other_level).with_level(index, level));
+                    self.frame();
+                }
             }
         }
-        self.apply(highest);
+        self.apply(space.highest());
         self.get_ready()
     }
 

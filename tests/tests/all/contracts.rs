@@ -14,7 +14,7 @@ use frugal_tests::set;
 tests!(the_gather_is_the_sum_over_vpls, the_gather_is_finite_at_the_extremes, drawing_follows_flux, drawing_from_nothing_gives_nothing);
 
 fn stage() -> Stage {
-    set::bare(vec![], set::radiance_options(4, 4, Component::Indirect))
+    set::bare(vec![], set::radiance_options(32, 18, Component::Indirect))
 }
 
 /// Receivers: 8 × 8 pixels whose centres lie 1 m apart around `center`, all in the plane y = `center`.y.
@@ -72,7 +72,8 @@ impl Gather {
         let g_buffer = texture(stage, TextureFormat::Rgba32Uint, TextureUsages::TEXTURE_BINDING | TextureUsages::COPY_DST);
         let depth = texture(stage, TextureFormat::Depth32Float, TextureUsages::TEXTURE_BINDING | TextureUsages::RENDER_ATTACHMENT);
         let irradiance = texture(stage, TextureFormat::Rgba16Float, TextureUsages::STORAGE_BINDING);
-        let gather = Self { kernel, g_buffer: g_buffer.create_view(&Default::default()), depth: depth.create_view(&Default::default()), irradiance };
+        let gather =
+            Self { kernel, g_buffer: g_buffer.create_view(&Default::default()), depth: depth.create_view(&Default::default()), irradiance };
         gather.fill(stage, &g_buffer);
         gather
     }
@@ -196,7 +197,8 @@ fn the_gather_is_finite_at_the_extremes() {
 fn draw(stage: &mut Stage, texels: &[Point], length: u32, count: usize) -> Vec<Point> {
     let (read, write) = (|| storage_buffer_read_only_sized(false, None), || storage_buffer_sized(false, None));
     let layout = BindGroupLayoutEntries::sequential(ShaderStages::COMPUTE, (read(), read(), read(), read(), write(), write()));
-    let [accumulate, sample] = ["accumulate_maps", "sample_vpls"].map(|entry| Kernel::new(stage, "gi/vpl/sample.wgsl", entry, vec![], &layout));
+    let [accumulate, sample] =
+        ["accumulate_maps", "sample_vpls"].map(|entry| Kernel::new(stage, "gi/vpl/sample.wgsl", entry, vec![], &layout));
     let row_count = texels.len() as u32 / length;
     let (mut words, mut cdf, mut sums) = (Vec::new(), Vec::new(), Vec::new());
     for row in texels.chunks_exact(length as usize) {

@@ -34,7 +34,11 @@ fn check(component: Component, expected: f64) {
     for (eye, target) in [(Vec3::new(0.3, -0.2, 0.5), Vec3::new(0.0, 0.4, -2.0)), (Vec3::new(-0.8, 0.6, 0.1), Vec3::new(-2.0, 1.0, 0.5))] {
         set::look(&mut stage, eye, target);
         let (most, mean) = deviation(&set::radiance(&mut stage), expected);
-        println!("    {component:?} from {eye}: {expected:.3} nits, off by at most {:.2} %, {:.2} % in the mean", most * 100.0, mean * 100.0);
+        println!(
+            "    {component:?} from {eye}: {expected:.3} nits, off by at most {:.2} %, {:.2} % in the mean",
+            most * 100.0,
+            mean * 100.0
+        );
         assert!(most <= TOLERANCE, "{most}");
     }
 }

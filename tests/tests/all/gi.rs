@@ -21,6 +21,7 @@ tests!(
     a_still_scene_gives_the_same_frame_for_ever,
     two_stages_of_a_scene_agree,
     lights_that_are_no_numbers_are_left_out,
+    pictures_too_small_are_refused,
 );
 
 pub fn sun(direction: Vec3) -> Light {
@@ -126,7 +127,10 @@ fn moving_the_light_moves_the_bounce() {
     light.translation.x = 1.2;
     let (moved_left, moved_right) = sides(&mut stage);
     // The room is its own mirror image; the VPLs' sequence is not, so a tenth may differ.
-    assert!((moved_right / left - 1.0).abs() < 0.1 && (moved_left / right - 1.0).abs() < 0.25, "{left} {right}, {moved_left} {moved_right}");
+    assert!(
+        (moved_right / left - 1.0).abs() < 0.1 && (moved_left / right - 1.0).abs() < 0.25,
+        "{left} {right}, {moved_left} {moved_right}"
+    );
 }
 
 fn moving_an_object_changes_the_bounce() {
@@ -174,4 +178,13 @@ fn lights_that_are_no_numbers_are_left_out() {
         assert_at_work(&mut stage, 1);
         stage.world_mut().despawn(light);
     }
+}
+
+fn pictures_too_small_are_refused() {
+    for (width, height) in [(0, 32), (1, 1), (31, 31), (9000, 32)] {
+        let refused = Stage::open(&set::scene("furnace"), set::options(width, height)).err().map(|error| error.to_string());
+        assert!(refused.is_some_and(|message| message.contains(&format!("size {width}x{height}"))), "{width}x{height}");
+    }
+    let stage = set::open(&set::scene("furnace"), set::options(32, 1));
+    assert_eq!(stage.picture().expect("a picture").rgb.len(), 32);
 }

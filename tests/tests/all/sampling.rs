@@ -29,7 +29,7 @@ fn sun_flux_of_a_box_is_the_closed_form() {
     let size = Vec3::new(2.0, 1.0, 1.5);
     for (direction, rotation) in [(Vec3::NEG_Y, Quat::IDENTITY), (Vec3::new(-0.5, -1.0, -0.3), Quat::from_rotation_y(0.4))] {
         let light = Light::Directional { direction, illuminance: LUX, color: [1.0, 0.5, 0.25] };
-        let mut stage = set::bare(vec![light], set::radiance_options(16, 9, Component::Indirect));
+        let mut stage = set::bare(vec![light], set::radiance_options(32, 18, Component::Indirect));
         let place = Transform::from_xyz(0.3, 2.0, 0.1).with_rotation(rotation);
         meshes::spawn(&mut stage, bevy::prelude::Cuboid::from_size(size).into(), meshes::matt(0.8, 0.4, 0.2), place);
         // Black, so that the map also covers what reflects nothing.
@@ -49,7 +49,7 @@ fn sun_flux_of_a_box_is_the_closed_form() {
 }
 
 fn a_point_light_gives_a_closed_room_all_its_flux() {
-    let mut stage = set::open(&set::scene("furnace"), set::radiance_options(16, 9, Component::Indirect));
+    let mut stage = set::open(&set::scene("furnace"), set::radiance_options(32, 18, Component::Indirect));
     set::apply(&mut stage, "min,gi_vpl_count=32,rsm_resolution=128");
     set::radiance(&mut stage);
     let [red, green, blue] = gpu::total_flux(&gpu::rsm_texels(&stage));
@@ -110,7 +110,7 @@ fn any_brightness_bounces_in_proportion() {
 
 fn far_from_the_origin_all_stays_finite() {
     for offset in [1e4f32, 1e6] {
-        let mut stage = set::bare(vec![super::gi::sun(Vec3::NEG_Y)], set::radiance_options(16, 9, Component::Full));
+        let mut stage = set::bare(vec![super::gi::sun(Vec3::NEG_Y)], set::radiance_options(32, 18, Component::Full));
         let at = Vec3::splat(offset);
         meshes::spawn_box(&mut stage, at, Vec3::new(4.0, 0.2, 4.0), meshes::matt(0.8, 0.8, 0.8));
         meshes::spawn_box(&mut stage, at + Vec3::new(0.0, 1.0, -2.0), Vec3::new(4.0, 2.0, 0.2), meshes::matt(0.5, 0.5, 0.5));

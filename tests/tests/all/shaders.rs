@@ -18,11 +18,15 @@ fn size(name: &str, sources: &[&str]) -> u32 {
     let text = text.unwrap_or_else(|| panic!("no shader has a struct {name}"));
     let text = &text[..=text.find("\n}").unwrap_or_else(|| panic!("struct {name} has no end")) + 1];
     let module = naga::front::wgsl::parse_str(text).unwrap_or_else(|error| panic!("{name}: {error}"));
-    module.types.iter().find_map(|(_, kind)| match &kind.inner {
-        // In an array, each starts at a multiple of its alignment.
-        naga::TypeInner::Struct { span, .. } => Some(*span),
-        _ => None,
-    }).unwrap_or_else(|| panic!("struct {name} is gone"))
+    module
+        .types
+        .iter()
+        .find_map(|(_, kind)| match &kind.inner {
+            // In an array, each starts at a multiple of its alignment.
+            naga::TypeInner::Struct { span, .. } => Some(*span),
+            _ => None,
+        })
+        .unwrap_or_else(|| panic!("struct {name} is gone"))
 }
 
 fn structs_have_the_sizes_that_buffers_are_made_for() {
