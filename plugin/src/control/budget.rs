@@ -5,6 +5,7 @@ use bevy::ecs::reflect::ReflectComponent;
 use bevy::prelude::ReflectDefault;
 use bevy::reflect::Reflect;
 
+use crate::frontier::Correction;
 use crate::units::Watts;
 
 /// A limit on a camera's power, on its error, or on both. Without any, quality is the best that there is.
@@ -44,6 +45,12 @@ impl Budget {
         Self { power: None, error: Some(error) }
     }
 
+    /// The budget to hold against a frontier's costs, so that the app's, which are `correction` times as high, keep this one.
+    #[must_use]
+    pub fn tightened(self, correction: Correction) -> Self {
+        Self { power: self.power.map(|power| power / correction.power), error: self.error.map(|error| error / correction.error) }
+    }
+
     /// Both limits. Power binds where they conflict.
     pub const fn both(power: Watts, error: f64) -> Self {
         Self { power: Some(power), error: Some(error) }
@@ -67,6 +74,14 @@ impl Budget {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_map_that_promises_too_much_tightens_the_budget() {
+        let correction = Correction { power: 1.25, error: 2.0, samples: 9 };
+        assert_eq!(Budget::both(Watts(5.0), 0.02).tightened(correction), Budget::both(Watts(4.0), 0.01));
+        assert_eq!(Budget::default().tightened(correction), Budget::default());
+        assert_eq!(Budget::power(Watts(f64::INFINITY)).tightened(correction), Budget::power(Watts(f64::INFINITY)));
+    }
 
     #[test]
     fn zero_and_infinity_are_limits_while_nan_and_negative_numbers_are_not() {

@@ -5,7 +5,7 @@ use bevy::math::Vec3;
 use bevy::reflect::Reflect;
 use serde::{Deserialize, Serialize};
 
-use super::{FrontierMapError, Octree};
+use super::{Correction, FrontierMapError, Octree};
 use crate::knobs::KnobSpace;
 use crate::power::MeterInfo;
 
@@ -95,6 +95,9 @@ pub struct FrontierMap {
     pub knobs: KnobSpace,
     /// Where cameras go.
     pub bounds: Bounds,
+    /// How far the frontiers were off between sample cameras.
+    #[serde(default)]
+    pub correction: Correction,
     /// The frontiers.
     pub octree: Octree,
 }
@@ -155,6 +158,8 @@ impl FrontierMap {
         check("bounds.max", max, max.iter().all(|coordinate| coordinate.is_finite()), "finite")?;
         let extent = self.bounds.extent();
         check("bounds", self.bounds, extent.is_finite() && extent.min_element() > 0.0, "of an extent above 0 on each axis")?;
+        let Correction { power, error, .. } = self.correction;
+        check("correction", [power, error], self.correction.is_sound(), "two factors from 1 to 8")?;
         self.octree.validate()?;
         self.validate_frontiers()
     }

@@ -1,5 +1,6 @@
 //! Pareto frontiers and the map that holds one for every sample camera.
 mod asset;
+mod correction;
 mod map;
 mod map_error;
 mod octree;
@@ -11,6 +12,7 @@ pub(crate) mod testing;
 mod view;
 mod view_cube;
 pub use asset::{FrontierMapLoadError, FrontierMapLoader, FrontierMapPlugin};
+pub use correction::Correction;
 pub use map::{Bounds, Capture, FrontierMap, SceneIdentity, Thresholds};
 pub use map_error::FrontierMapError;
 pub use octree::{Corner, CornerNumberError, Leaf, Octree, OctreeError};

@@ -4,7 +4,7 @@ use bevy::math::Vec3;
 use bevy::reflect::Reflect;
 
 use super::view_cube::directions_by_coverage;
-use super::{CameraView, Frontier, FrontierMap, ViewDirection};
+use super::{CameraView, Correction, Frontier, FrontierMap, ViewDirection};
 use crate::knobs::KnobSpace;
 
 /// Where frontiers come from: [`FrontierMap`], with its octree and view cubes, or any other structure over a scene's cameras.
@@ -16,6 +16,11 @@ pub trait FrontierStore: Send + Sync {
 
     /// The knobs that the frontiers' settings set.
     fn knobs(&self) -> &KnobSpace;
+
+    /// How far costs in the app are above the frontiers' own. None, unless the store knows better.
+    fn correction(&self) -> Correction {
+        Correction::default()
+    }
 }
 
 /// A camera at which a frontier was found.
@@ -65,6 +70,10 @@ impl FrontierStore for FrontierMap {
 
     fn knobs(&self) -> &KnobSpace {
         &self.knobs
+    }
+
+    fn correction(&self) -> Correction {
+        self.correction
     }
 }
 

@@ -2,7 +2,9 @@
 
 use std::collections::BTreeSet;
 
-use super::{Bounds, Capture, Corner, CostPoint, Frontier, FrontierMap, FrontierPoint, Leaf, Octree, SceneIdentity, Thresholds};
+use super::{
+    Bounds, Capture, Corner, Correction, CostPoint, Frontier, FrontierMap, FrontierPoint, Leaf, Octree, SceneIdentity, Thresholds,
+};
 use crate::knobs::{Knob, KnobSpace, RenderSettings};
 use crate::power::{MeterInfo, Provenance};
 
@@ -63,6 +65,7 @@ pub(crate) fn map(levels: u8) -> FrontierMap {
         scene: SceneIdentity { name: "courtyard".into(), fingerprint: "00ff".into() },
         capture: Capture { size: [320, 180], frames_per_second: 30.0, vertical_fov: 60.0, exposure_ev100: 12.0 },
         meter: MeterInfo { name: "cpu-time".into(), provenance: Provenance::Modelled, description: "a model".into() },
+        correction: Correction::default(),
         thresholds: Thresholds { power_w: 0.5, error: 0.005 },
         seed: 7,
         knobs: space(),

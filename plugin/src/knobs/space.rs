@@ -241,7 +241,7 @@ impl KnobSpace {
         self.index_of(&need.knob).is_none_or(|other| settings.level(other) >= need.at_least)
     }
 
-    /// How many different settings there are, knobs without effect not counted.
+    /// How many different settings there are, knobs without effect not counted; `u64::MAX` where there are more than that.
     pub fn combinations(&self) -> u64 {
         // Needs nest at most one deep in practice; counting by enumeration would be exact too, but spaces reach millions.
         fn count(space: &KnobSpace, index: usize, settings: RenderSettings) -> u64 {
@@ -251,10 +251,10 @@ impl KnobSpace {
                     && !space.knobs[from..].iter().any(|k| space.knobs.iter().any(|o| o.needs.as_ref().is_some_and(|n| n.knob == k.name)))
             };
             if independent(index) {
-                return space.knobs[index..].iter().map(|k| k.levels.len() as u64).product();
+                return space.knobs[index..].iter().fold(1, |product, k| product.saturating_mul(k.levels.len() as u64));
             }
             let levels = if space.acts(settings, knob) { knob.levels.len() } else { 1 };
-            (0..levels).map(|level| count(space, index + 1, settings.with_level(index, level))).sum()
+            (0..levels).fold(0, |sum, level| sum.saturating_add(count(space, index + 1, settings.with_level(index, level))))
         }
         count(self, 0, self.highest())
     }
@@ -374,6 +374,12 @@ mod tests {
         assert!(matches!(space.parse("sharpness=3"), Err(KnobSpaceError::Unknown { .. })));
         assert!(matches!(space.parse("antialiasing=MSAA"), Err(KnobSpaceError::UnknownLevel { .. })));
         assert!(matches!(space.parse("best"), Err(KnobSpaceError::NotAnAssignment(_))));
+    }
+
+    #[test]
+    fn the_largest_space_is_counted_without_overflow() {
+        let knobs = (0..16).map(|i| Knob::new(&format!("k{i}"), (0..16).map(f64::from))).collect();
+        assert_eq!(KnobSpace::new(knobs).expect("as large as settings pack").combinations(), u64::MAX);
     }
 
     #[test]

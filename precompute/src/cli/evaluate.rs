@@ -166,7 +166,8 @@ pub(super) fn play(
 
 /// The controller that an app has, without an app around it.
 fn controller(map: &FrontierMap, budget: ResolvedBudget, vertical_fov: f32, aspect: f32) -> Box<dyn Policy + '_> {
-    let budget = Budget { power: budget.power_w, error: budget.error };
+    let correction = map.correction();
+    let budget = Budget { power: budget.power_w, error: budget.error }.tightened(correction);
     let mut filter = SettingsFilter::default();
     let mut last = map.knobs.highest();
     Box::new(Controlled(move |_: usize, dt: f64, pose: &Pose| {
@@ -175,6 +176,6 @@ fn controller(map: &FrontierMap, budget: ResolvedBudget, vertical_fov: f32, aspe
             return Choice::from(last);
         };
         last = filter.step(&map.knobs, choice.settings, dt, TRANSITION_SECONDS);
-        Choice { settings: last, predicted: Some(choice.cost) }
+        Choice { settings: last, predicted: Some(correction.predict(choice.cost)) }
     }))
 }

@@ -12,6 +12,7 @@ mod precompute;
 mod progress;
 mod render;
 mod sweep;
+mod verify;
 
 use std::process::ExitCode;
 

@@ -3,12 +3,12 @@
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
-use bevy_frugal_gi::frontier::{Bounds, Capture, FrontierMap, SceneIdentity, Thresholds};
+use bevy_frugal_gi::frontier::{Bounds, Capture, Correction, FrontierMap, SceneIdentity, Thresholds};
 use bevy_frugal_gi::units::Watts;
 use indicatif::ProgressBar;
 
 use super::arguments::{CaptureArguments, check_outputs, duration, open_scene, write};
-use super::{CliError, progress};
+use super::{CliError, progress, verify};
 use crate::scene::SceneDescription;
 use crate::search::{Journal, JournalHeader, Journaled, SearchConfig, Stage as Step, SubdivisionProgress, Watch, knob_space_hash};
 use crate::stage::RemoteStage;
@@ -167,7 +167,7 @@ pub(super) fn search(
         Threshold::Absolute(watts) => watts.0,
         Threshold::Relative(share) => share * mean_power_range(&octree),
     };
-    let map = FrontierMap {
+    let mut map = FrontierMap {
         version: FrontierMap::VERSION,
         scene: identity,
         capture,
@@ -177,8 +177,12 @@ pub(super) fn search(
         knobs: space,
         bounds: Bounds { min: bounds.min.to_array(), max: bounds.max.to_array() },
         octree,
+        correction: Correction::default(),
     };
     map.validate().map_err(CliError::failed)?;
+    map.correction = verify::correction(stage, &map, arguments.seed)?;
+    let Correction { power, error, samples } = map.correction;
+    eprintln!("between the sample cameras: power × {power:.3}, error × {error:.3} of what they promise ({samples} measurements)");
     Ok((map, statistics))
 }
 

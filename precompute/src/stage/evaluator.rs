@@ -57,9 +57,8 @@ impl StageEvaluator {
 }
 
 /// Whether a camera has geometry before it and none around it.
-pub(crate) fn sees(rays: &RayScene, camera: SampleCamera, vertical_fov_degrees: f32, aspect: f32) -> bool {
-    rays.sees_geometry(camera.position, camera.view.rotation(), vertical_fov_degrees.to_radians(), aspect)
-        && !rays.inside_geometry(camera.position)
+pub(crate) fn sees(rays: &RayScene, position: Vec3, rotation: Quat, vertical_fov_degrees: f32, aspect: f32) -> bool {
+    rays.sees_geometry(position, rotation, vertical_fov_degrees.to_radians(), aspect) && !rays.inside_geometry(position)
 }
 
 impl Evaluate for StageEvaluator {
@@ -67,7 +66,7 @@ impl Evaluate for StageEvaluator {
 
     fn sees(&mut self, camera: SampleCamera) -> Result<bool, StageError> {
         let size = self.stage.options.size.as_vec2();
-        Ok(sees(&self.stage.rays, camera, self.stage.vertical_fov_degrees, size.x / size.y))
+        Ok(sees(&self.stage.rays, camera.position, camera.view.rotation(), self.stage.vertical_fov_degrees, size.x / size.y))
     }
 
     fn evaluate(&mut self, camera: SampleCamera, settings: RenderSettings) -> Result<CostPoint, StageError> {

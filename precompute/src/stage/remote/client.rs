@@ -118,6 +118,12 @@ impl RemoteStage {
         self.request.frames_per_second
     }
 
+    /// Whether a camera has geometry before it and none around it. Asks no child.
+    pub fn sees_from(&self, position: Vec3, rotation: Quat) -> bool {
+        let [width, height] = self.request.size;
+        crate::stage::sees(&self.rays, position, rotation, self.vertical_fov_degrees, width as f32 / height as f32)
+    }
+
     /// How often the child was replaced.
     pub fn restarts(&self) -> u32 {
         self.restarts
@@ -225,8 +231,7 @@ impl Evaluate for RemoteStage {
     type Error = RemoteError;
 
     fn sees(&mut self, camera: SampleCamera) -> Result<bool, RemoteError> {
-        let [width, height] = self.request.size;
-        Ok(crate::stage::sees(&self.rays, camera, self.vertical_fov_degrees, width as f32 / height as f32))
+        Ok(self.sees_from(camera.position, camera.view.rotation()))
     }
 
     fn evaluate(&mut self, camera: SampleCamera, settings: RenderSettings) -> Result<CostPoint, RemoteError> {
