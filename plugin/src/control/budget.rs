@@ -45,10 +45,10 @@ impl Budget {
         Self { power: None, error: Some(error) }
     }
 
-    /// The budget to hold against a frontier's costs, so that the app's, which are `correction` times as high, keep this one.
+    /// The budget to hold against a frontier's costs, so that the app's errors, which are up to `correction` times as high, keep this one.
     #[must_use]
     pub fn tightened(self, correction: Correction) -> Self {
-        Self { power: self.power.map(|power| power / correction.power), error: self.error.map(|error| error / correction.error) }
+        Self { error: self.error.map(|error| error / correction.error), ..self }
     }
 
     /// Both limits. Power binds where they conflict.
@@ -77,8 +77,8 @@ mod tests {
 
     #[test]
     fn a_map_that_promises_too_much_tightens_the_budget() {
-        let correction = Correction { power: 1.25, error: 2.0, samples: 9 };
-        assert_eq!(Budget::both(Watts(5.0), 0.02).tightened(correction), Budget::both(Watts(4.0), 0.01));
+        let correction = Correction { error: 2.0, samples: 9 };
+        assert_eq!(Budget::both(Watts(5.0), 0.02).tightened(correction), Budget::both(Watts(5.0), 0.01));
         assert_eq!(Budget::default().tightened(correction), Budget::default());
         assert_eq!(Budget::power(Watts(f64::INFINITY)).tightened(correction), Budget::power(Watts(f64::INFINITY)));
     }

@@ -158,8 +158,7 @@ impl FrontierMap {
         check("bounds.max", max, max.iter().all(|coordinate| coordinate.is_finite()), "finite")?;
         let extent = self.bounds.extent();
         check("bounds", self.bounds, extent.is_finite() && extent.min_element() > 0.0, "of an extent above 0 on each axis")?;
-        let Correction { power, error, .. } = self.correction;
-        check("correction", [power, error], self.correction.is_sound(), "two factors from 1 to 8")?;
+        check("correction.error", self.correction.error, self.correction.is_sound(), "a factor from 1 to 8")?;
         self.octree.validate()?;
         self.validate_frontiers()
     }

@@ -17,7 +17,7 @@ pub trait FrontierStore: Send + Sync {
     /// The knobs that the frontiers' settings set.
     fn knobs(&self) -> &KnobSpace;
 
-    /// How far costs in the app are above the frontiers' own. None, unless the store knows better.
+    /// How far errors in the app are above the frontiers' own. Not at all, unless the store knows better.
     fn correction(&self) -> Correction {
         Correction::default()
     }

@@ -181,8 +181,8 @@ pub(super) fn search(
     };
     map.validate().map_err(CliError::failed)?;
     map.correction = verify::correction(stage, &map, arguments.seed)?;
-    let Correction { power, error, samples } = map.correction;
-    eprintln!("between the sample cameras: power × {power:.3}, error × {error:.3} of what they promise ({samples} measurements)");
+    let Correction { error, samples } = map.correction;
+    eprintln!("between the sample cameras, errors are up to {error:.2} times what they promise ({samples} measurements)");
     Ok((map, statistics))
 }
 

@@ -14,13 +14,13 @@ const CAMERAS: usize = 16;
 /// Places tried for them.
 const TRIES: usize = 40 * CAMERAS;
 
-/// Frames metered at each.
-const METERED_FRAMES: u32 = 2;
+/// The picture is all that is wanted.
+const METERED_FRAMES: u32 = 1;
 
 /// Largest angle of a view above or below the horizon, radians: apps look ahead more than up or down.
 const PITCH: f32 = 0.5;
 
-/// Predicted and measured costs of a few frontier points at random cameras inside the map's bounds.
+/// Predicted and measured errors of a few frontier points at random cameras inside the map's bounds.
 pub(super) fn correction(stage: &mut RemoteStage, map: &FrontierMap, seed: u64) -> Result<Correction, CliError> {
     let mut random = ChaCha8Rng::seed_from_u64(seed ^ 0x5EED_CA3E_7A00);
     let [width, height] = stage.size();
@@ -40,7 +40,8 @@ pub(super) fn correction(stage: &mut RemoteStage, map: &FrontierMap, seed: u64) 
         }
         let Some(found) = map.look_up(&CameraView { position, rotation, vertical_fov, aspect }) else { continue };
         for point in quarters(found.frontier.points()) {
-            pairs.push((point.cost, stage.measure(position, rotation, point.settings, METERED_FRAMES)?));
+            let measured = stage.measure(position, rotation, point.settings, METERED_FRAMES)?;
+            pairs.push((point.cost.error, measured.error));
         }
         cameras += 1;
     }
