@@ -26,7 +26,6 @@ use bevy::render::render_resource::{CachedPipelineState, PipelineCache, Pipeline
 use bevy::render::renderer::RenderDevice;
 use bevy::shader::ShaderCacheError;
 use bevy::transform::components::Transform;
-use bevy_frugal_gi::gi::{FrugalGi, GiOutput};
 use bevy_frugal_gi::knobs::{KnobRegistry, KnobSettings, KnobSpace, RenderSettings};
 use bevy_frugal_gi::power::{MeterInfo, PowerMeter};
 use bevy_frugal_gi::units::Watts;
@@ -289,11 +288,6 @@ impl Stage {
         let mut camera = self.app.world_mut().entity_mut(self.camera);
         if camera.get::<KnobSettings>() != Some(&wanted) {
             camera.insert(wanted);
-        }
-        if self.options.component == Component::Direct
-            && let Some(mut gi) = camera.get_mut::<FrugalGi>()
-        {
-            gi.output = GiOutput::Added;
         }
     }
 
