@@ -78,7 +78,10 @@ fn memory(_: &mut Criterion) {
     for (width, height) in [(320, 180), (1920, 1080)] {
         let mut stage = set::bare(lights.clone(), set::options(width, height));
         meshes::spawn_box(&mut stage, Vec3::ZERO, Vec3::new(4.0, 0.2, 4.0), meshes::matt(0.8, 0.8, 0.8));
-        set::apply(&mut stage, "min,gi_vpl_count=1024,gi_pixel_fraction=1/1,rsm_resolution=512,resolution_scale=100%");
+        set::apply(
+            &mut stage,
+            "min,gi_vpl_count=4096,gi_interleave=2x2,gi_visibility=fine,gi_pixel_fraction=1/1,rsm_resolution=512,resolution_scale=100%",
+        );
         (0..3).for_each(|_| stage.frame());
         let gathered = set::gathered(&stage);
         println!("GI memory at {width}x{height}, largest settings, sun + spot + point: {:.1} MiB", gathered.bytes as f64 / 1048576.0);

@@ -51,10 +51,15 @@ pub fn rsm_texels(stage: &Stage) -> Vec<Point> {
     state.texels.map_or_else(Vec::new, |buffer| points(&read_buffer(stage.render_world(), &buffer)))
 }
 
-/// The virtual point lights of the first camera that gathers.
+/// The virtual point lights of the first camera that gathers, each with its share of the flux that all of them carry together.
 pub fn vpls(stage: &Stage) -> Vec<Point> {
     let state = inspect::gpu_state(stage.render_world());
-    state.cameras.first().map_or_else(Vec::new, |camera| points(&read_buffer(stage.render_world(), &camera.vpls)))
+    let Some(camera) = state.cameras.first() else { return Vec::new() };
+    let slots = points(&read_buffer(stage.render_world(), &camera.vpls));
+    let (sets, per_set, stride) = (camera.sets as usize, camera.per_set as usize, camera.stride as usize);
+    let members = (0..sets).flat_map(|set| slots[set * stride..].iter().take(per_set));
+    // Every set stands for all light on its own.
+    members.map(|vpl| Point { flux: vpl.flux.map(|flux| flux / sets as f32), ..*vpl }).collect()
 }
 
 /// Points out of a buffer's bytes.

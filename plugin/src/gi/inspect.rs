@@ -4,14 +4,19 @@ use bevy::ecs::prelude::*;
 use bevy::render::render_resource::{Buffer, ShaderSize, Texture};
 use bevy::render::sync_world::MainEntity;
 
-use super::gather::GiCamera;
+use super::gather::{GatherSettings, GiCamera, VplPlan};
 use super::rsm::{RsmLight, RsmStore, TEXEL_BYTES};
 use super::vpl::{MapRow, VPL_BYTES};
 
 /// Bytes that the plugin counts with for the shaders' structs: name, and size of one in a buffer.
-pub const STRUCT_BYTES: [(&str, u64); 4] = [
+pub const STRUCT_BYTES: [(&str, u64); 9] = [
     ("Texel", TEXEL_BYTES),
     ("Vpl", VPL_BYTES),
+    super::visibility::STRUCT_BYTES[0],
+    super::visibility::STRUCT_BYTES[1],
+    super::visibility::STRUCT_BYTES[2],
+    ("Plan", size_of::<VplPlan>() as u64),
+    ("Gather", size_of::<GatherSettings>() as u64),
     ("Row", size_of::<MapRow>() as u64),
     ("Light", <RsmLight as ShaderSize>::SHADER_SIZE.get()),
 ];
@@ -30,9 +35,15 @@ pub struct GiGpuState {
 pub struct GiCameraState {
     /// The camera in the main world.
     pub camera: Entity,
-    /// Its virtual point lights (`vpl/vpl.wgsl`).
+    /// Its virtual point lights (`vpl/vpl.wgsl`), in sets that each carry all light.
     pub vpls: Buffer,
-    /// Irradiance of each gathered pixel, exposed.
+    /// Sets of VPLs.
+    pub sets: u32,
+    /// VPLs in each set.
+    pub per_set: u32,
+    /// VPLs from the beginning of one set to that of the next.
+    pub stride: u32,
+    /// Irradiance of each gathered pixel, exposed, as it is composited.
     pub irradiance: Texture,
 }
 
@@ -43,7 +54,10 @@ pub fn gpu_state(render_world: &World) -> GiGpuState {
         let state = |(main, camera): (&MainEntity, &GiCamera)| GiCameraState {
             camera: main.id(),
             vpls: camera.vpls.clone(),
-            irradiance: camera.irradiance.texture.clone(),
+            sets: camera.plan.sets,
+            per_set: camera.plan.per_set,
+            stride: camera.plan.stride,
+            irradiance: camera.shown().texture.clone(),
         };
         cameras.iter(render_world).map(state).collect()
     });

@@ -8,14 +8,18 @@
 //! | [`rsm`](self) | main | keeps a hidden camera per light (and per cube face, and per GI camera for directional lights) |
 //! | `rsm` | render | turns each such camera's G-buffer into texels of position, normal and reflected flux |
 //! | `vpl` | render | draws every GI camera's virtual point lights from those texels |
+//! | `visibility` | both | keeps the scene's triangles in a tree on the GPU, for rays between surfaces and VPLs |
 //! | `gather` | render | sums the VPLs at a share of the camera's pixels |
+//! | `filter` | render | joins what neighbouring pixels found with different VPLs and rays |
 //! | `composite` | render | interpolates along surfaces and adds the reflected light before tone mapping |
 
 mod composite;
+mod filter;
 mod gather;
 pub mod inspect;
 mod rsm;
 mod settings;
+mod visibility;
 mod vpl;
 
 use bevy::app::{App, Plugin};
@@ -36,7 +40,8 @@ use bevy::shader::load_shader_library;
 
 pub use composite::GiPixelsGathered;
 pub use rsm::RsmView;
-pub use settings::{FrugalGi, GiLimits, GiOutput, GiPixelFraction};
+pub use settings::{FrugalGi, GiInterleave, GiLimits, GiOutput, GiPixelFraction, GiVisibility};
+pub use visibility::GiOccluders;
 
 /// Where GI's passes lie in the `Core3d` schedule, for those who must order theirs.
 #[derive(SystemSet, Clone, Debug, PartialEq, Eq, Hash)]
@@ -61,9 +66,13 @@ impl Plugin for GiPlugin {
         load_shader_library!(app, "surface.wgsl");
         load_shader_library!(app, "rsm/texel.wgsl");
         load_shader_library!(app, "vpl/vpl.wgsl");
+        load_shader_library!(app, "vpl/plan.wgsl");
+        load_shader_library!(app, "gather/settings.wgsl");
+        load_shader_library!(app, "visibility/trace.wgsl");
         embedded_asset!(app, "rsm/resolve.wgsl");
         embedded_asset!(app, "vpl/sample.wgsl");
         embedded_asset!(app, "gather/gather.wgsl");
+        embedded_asset!(app, "filter/filter.wgsl");
         embedded_asset!(app, "composite/composite.wgsl");
 
         app.insert_resource(DefaultOpaqueRendererMethod::deferred())
@@ -86,6 +95,7 @@ impl Plugin for GiPlugin {
             commands.entity(added.entity).insert(Msaa::Off);
         });
         rsm::build(app);
+        visibility::build(app);
     }
 
     fn finish(&self, app: &mut App) {
@@ -100,7 +110,9 @@ impl Plugin for GiPlugin {
             .init_gpu_resource::<rsm::RsmPipelines>()
             .init_gpu_resource::<rsm::RsmStore>()
             .init_gpu_resource::<vpl::VplPipelines>()
+            .init_gpu_resource::<visibility::OccluderBuffers>()
             .init_gpu_resource::<gather::GatherPipelines>()
+            .init_gpu_resource::<filter::FilterPipelines>()
             .init_gpu_resource::<composite::CompositePipelines>()
             .configure_sets(
                 Core3d,
@@ -119,7 +131,9 @@ impl Plugin for GiPlugin {
                 Render,
                 (
                     rsm::drop_main_phases.in_set(RenderSystems::CreateViews),
-                    (rsm::prepare_store, gather::prepare_cameras).chain().in_set(RenderSystems::PrepareResources),
+                    (rsm::prepare_store, visibility::prepare_buffers, gather::prepare_cameras)
+                        .chain()
+                        .in_set(RenderSystems::PrepareResources),
                     // Counts what the cameras hold, so it needs them as they are in this frame.
                     composite::prepare_pipelines.in_set(RenderSystems::Prepare).after(gather::prepare_cameras),
                 ),
@@ -128,7 +142,7 @@ impl Plugin for GiPlugin {
                 Core3d,
                 (
                     rsm::resolve.in_set(GiSystems::Resolve),
-                    (vpl::sample, gather::gather).chain().in_set(GiSystems::Gather),
+                    (vpl::sample, gather::gather, filter::filter).chain().in_set(GiSystems::Gather),
                     composite::composite.in_set(GiSystems::Composite),
                 ),
             );
@@ -137,10 +151,10 @@ impl Plugin for GiPlugin {
 
 /// Names of the limits that GI needs and the device is short of.
 fn lacking_limits(limits: &bevy::render::settings::WgpuLimits) -> Vec<&'static str> {
-    let vpl_bytes = u64::from(FrugalGi::MAX_VPL_COUNT) * vpl::VPL_BYTES;
+    let vpl_bytes = u64::from(FrugalGi::MAX_VPLS_PER_PIXEL) * vpl::VPL_BYTES;
     [
         (limits.max_compute_invocations_per_workgroup < 64, "compute workgroups of 64"),
-        (limits.max_storage_buffers_per_shader_stage < 6, "6 storage buffers per stage"),
+        (limits.max_storage_buffers_per_shader_stage < 7, "7 storage buffers per stage"),
         (limits.max_storage_textures_per_shader_stage < 1, "storage textures"),
         (limits.max_uniform_buffer_binding_size < vpl_bytes, "uniform buffers of 48 KiB"),
     ]

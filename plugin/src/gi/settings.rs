@@ -20,10 +20,15 @@ use super::gather::GiCamera;
 #[require(Camera3d, Hdr, Msaa::Off, DepthPrepass, DeferredPrepass)]
 #[extract_component_sync_target((Self, GiCamera))]
 pub struct FrugalGi {
-    /// Virtual point lights for the whole picture. Higher values: smoother and nearer the truth, at a cost of one evaluation per pixel and VPL.
-    /// Lower values: blotchier. 0 turns GI off, and nothing is rendered, allocated or dispatched for it. At most
-    /// [`MAX_VPL_COUNT`](Self::MAX_VPL_COUNT).
+    /// Virtual point lights for the whole picture. Higher values: smoother and nearer the truth; every gathered pixel evaluates its
+    /// [interleaved](Self::interleave) share of them. Lower values: blotchier. 0 turns GI off, and nothing is rendered, allocated or dispatched
+    /// for it. At most [`MAX_VPL_COUNT`](Self::MAX_VPL_COUNT), and at most [`MAX_VPLS_PER_PIXEL`](Self::MAX_VPLS_PER_PIXEL) for a pixel.
     pub vpl_count: u32,
+    /// Side of the square of gathered pixels that share the VPLs out among them. Wider: cheaper by its area, and softer, since
+    /// a filter along surfaces then joins what the pixels found. Narrower: more for the same cost at edges and on small things.
+    pub interleave: GiInterleave,
+    /// Whether what stands between a surface and a VPL is found. Finer: less noise in indirect shadow, more rays.
+    pub visibility: GiVisibility,
     /// Share of pixels at which the VPLs are gathered; the others are interpolated along surfaces. Higher values: finer indirect detail, at
     /// proportional cost. Lower values: indirect light blurs across small features.
     pub pixel_fraction: GiPixelFraction,
@@ -41,14 +46,23 @@ pub struct FrugalGi {
 }
 
 impl FrugalGi {
-    /// As many VPLs of 48 bytes as fit into the 64 KiB of a uniform buffer that every GPU binds.
-    pub const MAX_VPL_COUNT: u32 = 1024;
+    /// Most VPLs of a picture.
+    pub const MAX_VPL_COUNT: u32 = 16_384;
+    /// Most VPLs that one pixel evaluates: as many of 48 bytes as fit into the 64 KiB of a uniform buffer that every GPU binds.
+    pub const MAX_VPLS_PER_PIXEL: u32 = 1024;
+
+    /// Whether rays are traced for this camera.
+    pub(super) fn traces(&self) -> bool {
+        self.vpl_count > 0 && self.visibility.rays() > 0
+    }
 }
 
 impl Default for FrugalGi {
     fn default() -> Self {
         Self {
-            vpl_count: 256,
+            vpl_count: 1024,
+            interleave: GiInterleave::Four,
+            visibility: GiVisibility::Coarse,
             pixel_fraction: GiPixelFraction::Quarter,
             rsm_resolution: 128,
             clamp_distance: 0.25,
@@ -91,6 +105,63 @@ impl GiPixelFraction {
     pub const fn share(self) -> f64 {
         let (width, height) = self.cell();
         1.0 / (width * height) as f64
+    }
+}
+
+/// How many gathered pixels share the VPLs out among them (Keller and Heidrich 2001, "Interleaved Sampling").
+#[derive(Reflect, Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
+#[reflect(Default, Clone, PartialEq, Hash)]
+pub enum GiInterleave {
+    /// Each of 8 × 8 pixels evaluates a 64th of the VPLs.
+    Eight,
+    /// Each of 4 × 4 pixels evaluates a 16th.
+    #[default]
+    Four,
+    /// Each of 2 × 2 pixels evaluates a quarter.
+    Two,
+    /// Every pixel evaluates all.
+    One,
+}
+
+impl GiInterleave {
+    /// All, cheapest first.
+    pub const ALL: [Self; 4] = [Self::Eight, Self::Four, Self::Two, Self::One];
+
+    /// Pixels along the side of the square.
+    pub const fn side(self) -> u32 {
+        match self {
+            Self::Eight => 8,
+            Self::Four => 4,
+            Self::Two => 2,
+            Self::One => 1,
+        }
+    }
+}
+
+/// Whether what stands between a surface and a VPL is found.
+#[derive(Reflect, Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
+#[reflect(Default, Clone, PartialEq, Hash)]
+pub enum GiVisibility {
+    /// Nothing does: light goes through walls, and a real level gets about a third too much of it.
+    None,
+    /// Two rays per gathered pixel.
+    #[default]
+    Coarse,
+    /// Eight rays per gathered pixel.
+    Fine,
+}
+
+impl GiVisibility {
+    /// All, cheapest first.
+    pub const ALL: [Self; 3] = [Self::None, Self::Coarse, Self::Fine];
+
+    /// Rays per gathered pixel.
+    pub const fn rays(self) -> u32 {
+        match self {
+            Self::None => 0,
+            Self::Coarse => 2,
+            Self::Fine => 8,
+        }
     }
 }
 

@@ -35,3 +35,21 @@ fn surface_albedo(texel: vec4<u32>) -> vec3<f32> {
 fn read_surface(texel: vec4<u32>, pixel: vec2<u32>, size: vec2<u32>, depth: f32, world_from_clip: mat4x4<f32>) -> Surface {
     return Surface(pixel_position(pixel, size, depth, world_from_clip), surface_normal(texel), surface_albedo(texel));
 }
+
+/// How much what was found at one point of a surface says of another, 0 to 1: whether it lies in the other's tangent plane, to within
+/// `tolerance` metres, and faces the same way.
+fn surface_affinity(way: vec3<f32>, normal: vec3<f32>, other_normal: vec3<f32>, tolerance: f32) -> f32 {
+    let off_plane = abs(dot(way, normal)) / tolerance;
+    let alike = max(dot(other_normal, normal), 0.0);
+    return exp(-off_plane * off_plane) * pow(alike, 8.0);
+}
+
+/// What counts as in a plane, metres, at a distance from the eye: it grows as pixels do.
+fn plane_tolerance(distance_to_eye: f32) -> f32 {
+    return 0.02 * distance_to_eye + 1e-6;
+}
+
+/// The pixel that stands for a cell of several.
+fn representative(cell: vec2<u32>, step: vec2<u32>, size: vec2<u32>) -> vec2<u32> {
+    return min(cell * step + step / 2u, size - 1u);
+}

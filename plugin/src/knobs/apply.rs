@@ -25,6 +25,8 @@ impl Plugin for KnobPlugin {
     fn build(&self, app: &mut App) {
         app.register_knob(builtin::GiVplCount)
             .register_knob(builtin::GiPixelShare)
+            .register_knob(builtin::GiInterleaving)
+            .register_knob(builtin::GiRays)
             .register_knob(builtin::RsmResolution)
             .register_knob(builtin::ShadowMapResolution)
             .register_knob(builtin::ShadowCascades)

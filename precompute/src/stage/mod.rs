@@ -26,6 +26,7 @@ use bevy::render::render_resource::{CachedPipelineState, PipelineCache, Pipeline
 use bevy::render::renderer::RenderDevice;
 use bevy::shader::ShaderCacheError;
 use bevy::transform::components::Transform;
+use bevy_frugal_gi::gi::GiOccluders;
 use bevy_frugal_gi::knobs::{KnobRegistry, KnobSettings, KnobSpace, RenderSettings};
 use bevy_frugal_gi::power::{MeterInfo, PowerMeter};
 use bevy_frugal_gi::units::Watts;
@@ -319,8 +320,9 @@ impl Stage {
                     return Err(StageError::NotReady(error.to_string()));
                 }
             }
+            let waiting = cache.waiting_pipelines().next().is_some() || self.app.world().resource::<GiOccluders>().waiting() > 0;
             // The count lags a frame behind the picture.
-            quiet = if cache.waiting_pipelines().next().is_none() { quiet + 1 } else { 0 };
+            quiet = if waiting { 0 } else { quiet + 1 };
             if quiet == 0 {
                 // What is waited for loads in other threads, which small pictures would leave no time.
                 std::thread::sleep(Duration::from_millis(5));

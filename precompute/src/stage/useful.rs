@@ -17,7 +17,8 @@ pub fn useful_knobs(scene: &SceneDescription) -> Result<Vec<String>, StageError>
     let has_texture = geometry.materials.iter().any(|material| material.base_color_texture.is_some());
     let lit_from_around = !matches!(scene.environment, crate::scene::Environment::None);
     let useful = |name: &str| match name {
-        "gi_vpl_count" | "gi_pixel_fraction" | "rsm_resolution" | "shadow_map_resolution" => has_light,
+        "rsm_resolution" | "shadow_map_resolution" => has_light,
+        name if name.starts_with("gi_") => has_light,
         "shadow_cascades" => has_sun,
         "texture_detail" => has_texture,
         // It darkens ambient light alone.

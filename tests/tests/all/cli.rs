@@ -107,7 +107,7 @@ fn models_that_cannot_be_read_are_named() {
 /// A scene and a map of it, in files.
 fn scene_with_map(folder: &Path) -> FrontierMap {
     write(folder, "a.scene.ron", SCENE);
-    let knobs = KnobSpace::new(vec![Knob::new("gi_vpl_count", [0.0, 32.0, 64.0, 128.0, 256.0, 512.0, 1024.0])]).expect("a space");
+    let knobs = KnobSpace::new(vec![Knob::new("gi_vpl_count", [0.0, 64.0, 128.0, 256.0, 512.0, 1024.0, 2048.0, 4096.0])]).expect("a space");
     let fingerprint = scene::load(folder.join("a.scene.ron")).expect("a scene").fingerprint().expect("a fingerprint");
     let map = FrontierMap { scene: SceneIdentity { name: "a".into(), fingerprint }, ..map::one_cube(knobs) };
     write(folder, "a.pareto.ron", &map.to_ron().expect("text"));

@@ -5,7 +5,7 @@ use bevy::render::render_resource::binding_types::{
 };
 use bevy::render::render_resource::*;
 use bevy::render::renderer::{RenderDevice, RenderQueue};
-use bevy::shader::ShaderDefVal;
+use bevy_frugal_gi::gi::FrugalGi;
 use frugal::stage::{Component, Stage};
 use frugal_tests::gpu::{self, Point};
 use frugal_tests::kernel::{self, Kernel};
@@ -63,12 +63,11 @@ impl Gather {
                 uniform_buffer_sized(false, None),
                 uniform_buffer_sized(false, None),
                 uniform_buffer_sized(false, None),
+                storage_buffer_read_only_sized(false, None),
                 texture_storage_2d(TextureFormat::Rgba16Float, StorageTextureAccess::WriteOnly),
             ),
         );
-        let define = |name: &str, value: u32| ShaderDefVal::UInt(name.into(), value);
-        let defs = vec![define("CELL_WIDTH", 1), define("CELL_HEIGHT", 1), define("VPL_COUNT", COUNT as u32)];
-        let kernel = Kernel::new(stage, "gi/gather/gather.wgsl", "gather_vpls", defs, &layout);
+        let kernel = Kernel::new(stage, "gi/gather/gather.wgsl", "gather_vpls", vec![], &layout);
         let g_buffer = texture(stage, TextureFormat::Rgba32Uint, TextureUsages::TEXTURE_BINDING | TextureUsages::COPY_DST);
         let depth = texture(stage, TextureFormat::Depth32Float, TextureUsages::TEXTURE_BINDING | TextureUsages::RENDER_ATTACHMENT);
         let irradiance = texture(stage, TextureFormat::Rgba16Float, TextureUsages::STORAGE_BINDING);
@@ -106,8 +105,12 @@ impl Gather {
         let half = EDGE as f32 / 2.0;
         view[32..48].copy_from_slice(&[half, 0.0, 0.0, 0.0, 0.0, 0.0, half, 0.0, 0.0, 0.0, 0.0, 0.0, center[0], center[1], center[2], 1.0]);
         view[115] = EXPOSURE;
-        let words: Vec<f32> = vpls.iter().flat_map(|vpl| vpl.to_words()).collect();
-        let [view, vpls, settings] = [view, words, vec![largest, 0.0, 0.0, 0.0]].map(|words| kernel::buffer(stage, &gpu::bytes(&words)));
+        let mut words: Vec<f32> = vpls.iter().flat_map(|vpl| vpl.to_words()).collect();
+        words.resize(12 * FrugalGi::MAX_VPLS_PER_PIXEL as usize, 0.0);
+        let [view, vpls] = [view, words].map(|words| kernel::buffer(stage, &gpu::bytes(&words)));
+        // Cells of one pixel; one set for all of them.
+        let settings = kernel::buffer(stage, &[largest.to_bits(), 1, 1, 0, 0, 0, 0, 0].map(u32::to_le_bytes).concat());
+        let plan = kernel::buffer(stage, &[1, 1, COUNT as u32, 16].map(u32::to_le_bytes).concat());
         let output = self.irradiance.create_view(&Default::default());
         let bindings = BindGroupEntries::sequential((
             &self.g_buffer,
@@ -115,6 +118,7 @@ impl Gather {
             view.as_entire_binding(),
             vpls.as_entire_binding(),
             settings.as_entire_binding(),
+            plan.as_entire_binding(),
             &output,
         ));
         self.kernel.run(stage, &bindings, (1, 1));
@@ -196,7 +200,7 @@ fn the_gather_is_finite_at_the_extremes() {
 
 fn draw(stage: &mut Stage, texels: &[Point], length: u32, count: usize) -> Vec<Point> {
     let (read, write) = (|| storage_buffer_read_only_sized(false, None), || storage_buffer_sized(false, None));
-    let layout = BindGroupLayoutEntries::sequential(ShaderStages::COMPUTE, (read(), read(), read(), read(), write(), write()));
+    let layout = BindGroupLayoutEntries::sequential(ShaderStages::COMPUTE, (read(), read(), read(), read(), write(), write(), read()));
     let [accumulate, sample] =
         ["accumulate_maps", "sample_vpls"].map(|entry| Kernel::new(stage, "gi/vpl/sample.wgsl", entry, vec![], &layout));
     let row_count = texels.len() as u32 / length;
@@ -213,11 +217,13 @@ fn draw(stage: &mut Stage, texels: &[Point], length: u32, count: usize) -> Vec<P
         sums.push(sum);
     }
     let rows: Vec<u8> = (0..row_count).flat_map(|row| [row, row * length, length].map(u32::to_le_bytes)).flatten().collect();
+    // One set that holds them all.
+    let plan = [1, 1, count as u32, count as u32].map(u32::to_le_bytes).concat();
     let zeros = |floats: usize| gpu::bytes(&vec![0.0; floats]);
-    let contents = [gpu::bytes(&words), gpu::bytes(&cdf), gpu::bytes(&sums), rows, zeros(row_count as usize), zeros(count * 12)];
+    let contents = [gpu::bytes(&words), gpu::bytes(&cdf), gpu::bytes(&sums), rows, zeros(row_count as usize), zeros(count * 12), plan];
     let buffers = contents.map(|contents| kernel::buffer(stage, &contents));
-    let [a, b, c, d, e, f] = buffers.each_ref().map(|buffer| buffer.as_entire_binding());
-    let bindings = BindGroupEntries::sequential((a, b, c, d, e, f));
+    let [a, b, c, d, e, f, g] = buffers.each_ref().map(|buffer| buffer.as_entire_binding());
+    let bindings = BindGroupEntries::sequential((a, b, c, d, e, f, g));
     accumulate.run(stage, &bindings, (1, 1));
     sample.run(stage, &bindings, (count.div_ceil(64) as u32, 1));
     gpu::points(&gpu::read_buffer(stage.render_world(), &buffers[5]))

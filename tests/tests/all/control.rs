@@ -17,7 +17,7 @@ const KNOBS: [&str; 2] = ["gi_vpl_count", "gi_pixel_fraction"];
 fn stage() -> Stage {
     let mut stage = set::open(&set::scene("two_rooms"), set::options(32, 18));
     set::look(&mut stage, Vec3::new(-0.8, 1.7, 2.0), Vec3::new(-3.2, 1.0, -1.6));
-    set::apply(&mut stage, "min,gi_vpl_count=32");
+    set::apply(&mut stage, "min,gi_vpl_count=64");
     stage.frame();
     stage
 }
@@ -58,10 +58,10 @@ fn a_budget_reaches_the_picture() {
     let knobs = space(&stage);
     control(&mut stage, knobs, Budget::power(Watts(2.5)), 0.0);
     for (limit, count, outcome, power) in [
-        (2.5, 128, Outcome::Met, 2.0),
-        (9.0, 1024, Outcome::Met, 4.0),
+        (2.5, 512, Outcome::Met, 2.0),
+        (9.0, 4096, Outcome::Met, 4.0),
         (1.0, 0, Outcome::Met, 1.0),
-        (f64::INFINITY, 1024, Outcome::Met, 4.0),
+        (f64::INFINITY, 4096, Outcome::Met, 4.0),
         (0.5, 0, Outcome::PowerCannotBeMet, 1.0),
         (0.0, 0, Outcome::PowerCannotBeMet, 1.0),
     ] {
@@ -74,7 +74,7 @@ fn a_budget_reaches_the_picture() {
         assert_eq!(gathered.pairs > 0, count > 0, "{limit} W: {gathered:?}");
     }
     budget(&mut stage, Budget::error(0.1));
-    assert_eq!((selection(&mut stage).status, gi(&mut stage).vpl_count), (ControlStatus::Active(Outcome::Met), 128));
+    assert_eq!((selection(&mut stage).status, gi(&mut stage).vpl_count), (ControlStatus::Active(Outcome::Met), 512));
 }
 
 fn budgets_without_sense_change_nothing() {
@@ -86,11 +86,11 @@ fn budgets_without_sense_change_nothing() {
             budget(&mut stage, wrong);
             let found = selection(&mut stage);
             assert_eq!(found.status, ControlStatus::Off(OffReason::InvalidBudget), "{wrong:?}");
-            assert_eq!((found.predicted, gi(&mut stage).vpl_count), (None, 128), "{wrong:?}");
+            assert_eq!((found.predicted, gi(&mut stage).vpl_count), (None, 512), "{wrong:?}");
         }
     }
     budget(&mut stage, Budget::power(Watts(4.0)));
-    assert_eq!((selection(&mut stage).status, gi(&mut stage).vpl_count), (ControlStatus::Active(Outcome::Met), 1024), "back in charge");
+    assert_eq!((selection(&mut stage).status, gi(&mut stage).vpl_count), (ControlStatus::Active(Outcome::Met), 4096), "back in charge");
 }
 
 fn a_map_of_unknown_knobs_is_refused() {
@@ -117,5 +117,5 @@ fn settings_move_smoothly() {
         levels.push(settings.level(0));
     }
     assert!(levels.is_sorted() && levels.windows(2).all(|pair| pair[1] - pair[0] <= 1), "no level is skipped: {levels:?}");
-    assert!(levels[0] <= 1 && levels[10] < 6 && levels[39] == 6, "{levels:?}");
+    assert!(levels[0] <= 1 && levels[10] < 7 && levels[39] == 7, "{levels:?}");
 }

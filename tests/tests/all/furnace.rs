@@ -55,7 +55,12 @@ fn the_bounce_does_not_depend_on_settings() {
     let mut stage = set::open(&set::scene("furnace"), set::radiance_options(48, 27, Component::Indirect));
     set::look(&mut stage, Vec3::new(0.3, -0.2, 0.5), Vec3::new(0.0, 0.4, -2.0));
     let expected = ALBEDO * direct_radiance() * (meshes::stored_albedo(ALBEDO) / ALBEDO).powi(2);
-    for settings in ["min,gi_vpl_count=32", "min,gi_vpl_count=1024,gi_pixel_fraction=1/2", "min,gi_vpl_count=64,rsm_resolution=256"] {
+    for settings in [
+        "min,gi_vpl_count=64",
+        "min,gi_vpl_count=1024,gi_pixel_fraction=1/2",
+        "min,gi_vpl_count=128,gi_interleave=4x4,gi_visibility=coarse",
+        "min,gi_vpl_count=64,rsm_resolution=256",
+    ] {
         set::apply(&mut stage, settings);
         let (most, mean) = deviation(&set::radiance(&mut stage), expected);
         println!("    {settings}: off by at most {:.2} %, {:.2} % in the mean", most * 100.0, mean * 100.0);

@@ -46,6 +46,8 @@ fn assert_applied(stage: &mut Stage, name: &str, value: f64) {
     let gi = world.get::<FrugalGi>(camera).expect("a GI camera").clone();
     match name {
         "gi_vpl_count" => assert_eq!(f64::from(gi.vpl_count), value),
+        "gi_interleave" => assert_eq!(f64::from(gi.interleave.side()), value),
+        "gi_visibility" => assert_eq!(f64::from(gi.visibility.rays()), value),
         "gi_pixel_fraction" => assert_eq!(gi.pixel_fraction.share(), value),
         "rsm_resolution" => {
             assert_eq!(f64::from(gi.rsm_resolution), value);
@@ -139,14 +141,16 @@ fn predicted_pairs(stage: &Stage, settings: RenderSettings) -> u64 {
         share if share > 0.2 => (2, 2),
         _ => (4, 4),
     };
-    u64::from(size.x.div_ceil(width)) * u64::from(size.y.div_ceil(height)) * value("gi_vpl_count") as u64
+    let sharing = value("gi_interleave") * value("gi_interleave");
+    let per_pixel = (value("gi_vpl_count") / sharing).ceil().min(1024.0) as u64;
+    u64::from(size.x.div_ceil(width)) * u64::from(size.y.div_ceil(height)) * per_pixel
 }
 
 fn cheaper_levels_evaluate_fewer_pairs() {
     let mut stage = stage();
     let space = stage.space().clone();
     let base = space.parse("min,gi_vpl_count=1024,gi_pixel_fraction=1/1,resolution_scale=100%").expect("settings");
-    for name in ["gi_vpl_count", "gi_pixel_fraction", "resolution_scale"] {
+    for name in ["gi_vpl_count", "gi_interleave", "gi_pixel_fraction", "resolution_scale"] {
         let index = space.index_of(name).expect("a built-in knob");
         let mut before = None;
         for level in 0..space.knobs()[index].levels.len() {

@@ -21,9 +21,10 @@ mod golden;
 mod knobs;
 mod sampling;
 mod shaders;
+mod visibility;
 
 /// Tests by module, and whether they need an adapter.
-const MODULES: [(&str, &[(&str, fn())], bool); 11] = [
+const MODULES: [(&str, &[(&str, fn())], bool); 12] = [
     ("cli", cli::TESTS, false),
     ("cli_journal", cli_journal::TESTS, true),
     ("contracts", contracts::TESTS, true),
@@ -35,6 +36,7 @@ const MODULES: [(&str, &[(&str, fn())], bool); 11] = [
     ("knobs", knobs::TESTS, true),
     ("sampling", sampling::TESTS, true),
     ("shaders", shaders::TESTS, false),
+    ("visibility", visibility::TESTS, true),
 ];
 
 fn main() {

@@ -34,7 +34,7 @@ fn sun_flux_of_a_box_is_the_closed_form() {
         meshes::spawn(&mut stage, bevy::prelude::Cuboid::from_size(size).into(), meshes::matt(0.8, 0.4, 0.2), place);
         // Black, so that the map also covers what reflects nothing.
         meshes::spawn_box(&mut stage, Vec3::ZERO, Vec3::new(6.0, 0.1, 6.0), meshes::matt(0.0, 0.0, 0.0));
-        set::apply(&mut stage, "min,gi_vpl_count=32,rsm_resolution=512");
+        set::apply(&mut stage, "min,gi_vpl_count=64,rsm_resolution=512");
         set::radiance(&mut stage);
         let found = gpu::total_flux(&gpu::rsm_texels(&stage));
         let albedo = [0.8, 0.4, 0.2].map(meshes::stored_albedo);
@@ -50,7 +50,7 @@ fn sun_flux_of_a_box_is_the_closed_form() {
 
 fn a_point_light_gives_a_closed_room_all_its_flux() {
     let mut stage = set::open(&set::scene("furnace"), set::radiance_options(32, 18, Component::Indirect));
-    set::apply(&mut stage, "min,gi_vpl_count=32,rsm_resolution=128");
+    set::apply(&mut stage, "min,gi_vpl_count=64,rsm_resolution=128");
     set::radiance(&mut stage);
     let [red, green, blue] = gpu::total_flux(&gpu::rsm_texels(&stage));
     let expected = 20_000.0 * meshes::stored_albedo(0.8);
@@ -71,8 +71,8 @@ fn drawing_keeps_the_flux() {
         Light::Point { position: Vec3::new(0.5, 1.0, -0.5), luminous_power: 9000.0, range: 30.0, color: [0.5, 0.7, 1.0] },
     ];
     let mut stage = corner(lights);
-    for count in [32, 64, 1024] {
-        set::apply(&mut stage, &format!("min,gi_vpl_count={count},rsm_resolution=128"));
+    for (count, interleave) in [(64, "2x2"), (256, "4x4"), (1024, "8x8"), (4096, "2x2")] {
+        set::apply(&mut stage, &format!("min,gi_vpl_count={count},gi_interleave={interleave},rsm_resolution=128"));
         set::radiance(&mut stage);
         let (vpls, texels) = (gpu::vpls(&stage), gpu::rsm_texels(&stage));
         assert_eq!((vpls.len(), texels.len()), (count, 128 * 128 + 6 * 64 * 64));

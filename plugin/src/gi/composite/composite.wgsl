@@ -3,7 +3,9 @@
 
 #import bevy_core_pipeline::fullscreen_vertex_shader::FullscreenVertexOutput
 #import bevy_render::view::View
-#import bevy_frugal_gi::gi::surface::{pixel_position, surface_albedo, surface_normal}
+#import bevy_frugal_gi::gi::surface::{
+    pixel_position, plane_tolerance, representative, surface_affinity, surface_albedo, surface_normal,
+}
 
 @group(0) @binding(0) var g_buffer: texture_2d<u32>;
 @group(0) @binding(1) var depth_buffer: texture_depth_2d;
@@ -18,21 +20,17 @@ fn upsample(pixel: vec2<u32>, size: vec2<u32>, position: vec3<f32>, normal: vec3
     let place = (vec2<f32>(pixel) - vec2<f32>(CELL / 2u)) / vec2<f32>(CELL);
     let corner = floor(place);
     let along = place - corner;
-    // One pixel at this distance, in metres: what counts as off the plane grows with it.
-    let reach = length(position - view.world_position);
-    let tolerance = 0.02 * reach + 1e-6;
+    let tolerance = plane_tolerance(distance(position, view.world_position));
     var sum = vec3(0.0);
     var weights = 0.0;
     for (var i = 0u; i < 4u; i++) {
         let offset = vec2(i & 1u, i >> 1u);
         let cell = vec2<u32>(clamp(vec2<i32>(corner) + vec2<i32>(offset), vec2(0), vec2<i32>(cells) - 1));
-        let other = min(cell * CELL + CELL / 2u, size - 1u);
+        let other = representative(cell, CELL, size);
         let depth = textureLoad(depth_buffer, other, 0);
         let away = pixel_position(other, size, max(depth, 1e-30), view.world_from_clip) - position;
-        let off_plane = abs(dot(away, normal)) / tolerance;
-        let alike = max(dot(surface_normal(textureLoad(g_buffer, other, 0)), normal), 0.0);
+        let shared_plane = surface_affinity(away, normal, surface_normal(textureLoad(g_buffer, other, 0)), tolerance);
         let near = select(1.0 - along, along, offset == vec2(1u));
-        let shared_plane = exp(-off_plane * off_plane) * pow(alike, 8.0);
         // The small constant picks the nearest cell where none lies on this surface; cells of the sky never count.
         let weight = select(0.0, near.x * near.y * (shared_plane + 1e-4) + 1e-7, depth > 0.0);
         sum += weight * textureLoad(irradiance, cell, 0).rgb;

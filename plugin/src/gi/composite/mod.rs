@@ -10,12 +10,13 @@ use bevy::render::render_resource::binding_types::{texture_2d, texture_depth_2d,
 use bevy::render::render_resource::*;
 use bevy::render::renderer::{RenderContext, ViewQuery};
 use bevy::render::view::{ExtractedView, ViewTarget, ViewUniform, ViewUniformOffset, ViewUniforms};
-use bevy::shader::Shader;
+use bevy::shader::{Shader, ShaderDefVal};
 use bevy::utils::default;
 
-use super::gather::{GiCamera, cell_definitions};
+use super::gather::GiCamera;
 use super::rsm::RsmStore;
 use super::settings::{FrugalGi, GiOutput, GiPixelFraction};
+use super::visibility::OccluderBuffers;
 
 /// What GI did in the last frame, for diagnostics and tests. A resource of the render world.
 #[derive(Resource, Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -24,6 +25,8 @@ pub struct GiPixelsGathered {
     pub cameras: u32,
     /// VPL–pixel pairs evaluated.
     pub pairs: u64,
+    /// Rays traced, at most: a hand of VPLs that send nothing takes none.
+    pub rays: u64,
     /// Bytes of GPU memory that GI holds.
     pub bytes: u64,
 }
@@ -67,7 +70,8 @@ impl SpecializedRenderPipeline for CompositePipelines {
     type Key = CompositeKey;
 
     fn specialize(&self, key: CompositeKey) -> RenderPipelineDescriptor {
-        let mut shader_defs = cell_definitions(key.fraction);
+        let (width, height) = key.fraction.cell();
+        let mut shader_defs = vec![ShaderDefVal::UInt("CELL_WIDTH".into(), width), ShaderDefVal::UInt("CELL_HEIGHT".into(), height)];
         if key.fraction == GiPixelFraction::Full {
             shader_defs.push("FULL_RESOLUTION".into());
         }
@@ -103,6 +107,7 @@ pub(super) fn prepare_pipelines(
     pipelines: Res<CompositePipelines>,
     cache: Res<PipelineCache>,
     store: Res<RsmStore>,
+    occluders: Res<OccluderBuffers>,
     cameras: Query<(Entity, &FrugalGi, &ExtractedView)>,
     gathering: Query<&GiCamera>,
 ) {
@@ -111,14 +116,11 @@ pub(super) fn prepare_pipelines(
         let pipeline = specialized.specialize(&cache, &pipelines, key);
         commands.entity(entity).insert(CompositePipelineId(pipeline));
     }
-    let pairs = gathering.iter().map(|camera| {
-        let size = camera.irradiance.texture.size();
-        u64::from(size.width) * u64::from(size.height) * u64::from(camera.vpl_count)
-    });
     *gathered = GiPixelsGathered {
         cameras: gathering.iter().count() as u32,
-        pairs: pairs.sum(),
-        bytes: store.bytes() + gathering.iter().map(GiCamera::bytes).sum::<u64>(),
+        pairs: gathering.iter().map(GiCamera::pairs).sum(),
+        rays: gathering.iter().map(GiCamera::rays).sum(),
+        bytes: store.bytes() + occluders.bytes() + gathering.iter().map(GiCamera::bytes).sum::<u64>(),
     };
 }
 
@@ -146,7 +148,7 @@ pub(super) fn composite(
             prepass.deferred_view()?,
             prepass.depth_view()?,
             view_uniforms.uniforms.binding()?,
-            &gathered.irradiance.default_view,
+            &gathered.shown().default_view,
         ));
         let layout = cache.get_bind_group_layout(&pipelines.layout);
         Some(context.render_device().create_bind_group("bevy_frugal_gi/composite", &layout, &entries))

@@ -1,29 +1,29 @@
-// Sums what a camera's virtual point lights send to its pixels: one thread per gathered pixel, all VPLs.
+// Sums what a camera's virtual point lights send to its pixels: one thread per gathered pixel and its set of VPLs, one dispatch per set.
 //
-// The VPLs lie in a uniform array whose length is compiled in: on the software adapter 1.75 times as fast as a storage buffer and twice as fast
-// as a copy in workgroup memory, and a loop bound taken from a uniform would be compiled anew in each frame there.
+// The VPLs of a set lie in a uniform array: on the software adapter 1.75 times as fast as a storage buffer and twice as fast as a copy in workgroup
+// memory. A dynamic offset chooses the set.
+//
+// Visibility, where it is asked for (RAYS): the set is dealt into as many hands as there are rays. From each hand one VPL is drawn in proportion to
+// the luminance of what it would send, and stands for the hand: with what it sends divided by its probability where the ray to it is free, and
+// with nothing where not. The expectation is the sum of what is visible, whatever hides the rest, and rays go where light comes from. It
+// is one step of resampled importance sampling (Talbot et al. 2005) with its proposals in a fixed order.
 
 #import bevy_render::view::View
-#import bevy_frugal_gi::gi::surface::{pixel_position, surface_normal}
+#import bevy_frugal_gi::gi::gather::settings::Gather
+#import bevy_frugal_gi::gi::surface::{pixel_position, representative, surface_normal}
+#import bevy_frugal_gi::gi::vpl::plan::Plan
 #import bevy_frugal_gi::gi::vpl::vpl::Vpl
-
-struct Gather {
-    /// Most that the geometry term cosθ·cosθ′/d² may be, 1/m².
-    largest_geometry_term: f32,
-}
+#ifdef RAYS
+#import bevy_frugal_gi::gi::visibility::trace::{is_occluded, surface_offset}
+#endif
 
 @group(0) @binding(0) var g_buffer: texture_2d<u32>;
 @group(0) @binding(1) var depth_buffer: texture_depth_2d;
 @group(0) @binding(2) var<uniform> view: View;
-@group(0) @binding(3) var<uniform> vpls: array<Vpl, #{VPL_COUNT}>;
+@group(0) @binding(3) var<uniform> vpls: array<Vpl, 1024>;
 @group(0) @binding(4) var<uniform> gather: Gather;
-@group(0) @binding(5) var irradiance: texture_storage_2d<rgba16float, write>;
-
-/// The pixel that stands for a cell.
-fn representative(cell: vec2<u32>, size: vec2<u32>) -> vec2<u32> {
-    let step = vec2(#{CELL_WIDTH}u, #{CELL_HEIGHT}u);
-    return min(cell * step + step / 2u, size - 1u);
-}
+@group(0) @binding(5) var<storage, read> plan: Plan;
+@group(0) @binding(6) var irradiance: texture_storage_2d<rgba16float, write>;
 
 /// Irradiance from one VPL, without the factor 1/π that its cosine lobe and the sum share. Lux · π.
 fn from_vpl(vpl: Vpl, position: vec3<f32>, normal: vec3<f32>, largest: f32) -> vec3<f32> {
@@ -35,26 +35,69 @@ fn from_vpl(vpl: Vpl, position: vec3<f32>, normal: vec3<f32>, largest: f32) -> v
     return vpl.flux * min(receiver * emitter, largest);
 }
 
+#ifdef RAYS
+fn luminance(light: vec3<f32>) -> f32 {
+    // Rec. 709. Bounded, so that a sum of a thousand is finite.
+    return min(dot(light, vec3(0.2126, 0.7152, 0.0722)), 1e30);
+}
+
+fn gathered(cell: vec2<u32>, position: vec3<f32>, normal: vec3<f32>) -> vec3<f32> {
+    let largest = gather.largest_geometry_term;
+    let origin = position + normal * surface_offset(position, distance(position, view.world_position));
+    // Interleaved gradient noise (Jimenez 2014): what a small filter joins has every value about once. Fixed, so that a still picture is still.
+    let noise = fract(52.9829189 * fract(dot(vec2<f32>(cell), vec2(0.06711056, 0.00583715))));
+    var sum = vec3(0.0);
+    for (var hand = 0u; hand < #{RAYS}u; hand++) {
+        // One number draws from the whole hand: what is left of it after each draw is again evenly spread (Chao 1982, with the number reused).
+        var number = fract(noise + f32(hand) * 0.618034);
+        var total = 0.0;
+        var drawn = 0u;
+        var drawn_luminance = 0.0;
+        for (var i = hand; i < plan.per_set; i += #{RAYS}u) {
+            let sent = luminance(from_vpl(vpls[i], position, normal, largest));
+            total += sent;
+            let probability = sent / max(total, 1e-35);
+            let taken = number < probability;
+            number = select((number - probability) / (1.0 - probability), number / probability, taken);
+            drawn = select(drawn, i, taken);
+            drawn_luminance = select(drawn_luminance, sent, taken);
+        }
+        if drawn_luminance > 0.0 {
+            let vpl = vpls[drawn];
+            let end = vpl.position + vpl.normal * surface_offset(vpl.position, distance(vpl.position, view.world_position));
+            if !is_occluded(origin, end) {
+                sum += from_vpl(vpl, position, normal, largest) * (total / drawn_luminance);
+            }
+        }
+    }
+    return sum;
+}
+#else
+fn gathered(cell: vec2<u32>, position: vec3<f32>, normal: vec3<f32>) -> vec3<f32> {
+    var sum = vec3(0.0);
+    for (var i = 0u; i < plan.per_set; i++) {
+        sum += from_vpl(vpls[i], position, normal, gather.largest_geometry_term);
+    }
+    return sum;
+}
+#endif
+
 @compute @workgroup_size(8, 8)
 fn gather_vpls(@builtin(global_invocation_id) id: vec3<u32>) {
-    let cells = textureDimensions(irradiance);
-    if any(id.xy >= cells) {
+    let cell = id.xy * plan.interleave + gather.residue;
+    if any(cell >= textureDimensions(irradiance)) {
         return;
     }
     let size = textureDimensions(g_buffer);
-    let pixel = representative(id.xy, size);
+    let pixel = representative(cell, vec2(gather.cell_width, gather.cell_height), size);
     let depth = textureLoad(depth_buffer, pixel, 0);
     if depth == 0.0 {
-        textureStore(irradiance, id.xy, vec4(0.0));
+        textureStore(irradiance, cell, vec4(0.0));
         return;
     }
     let position = pixel_position(pixel, size, depth, view.world_from_clip);
     let normal = surface_normal(textureLoad(g_buffer, pixel, 0));
-    var sum = vec3(0.0);
-    for (var i = 0u; i < #{VPL_COUNT}u; i++) {
-        sum += from_vpl(vpls[i], position, normal, gather.largest_geometry_term);
-    }
     // Exposed before it is stored, so that half floats hold any scene; what is brighter than they can hold is white anyway.
-    let exposed = min(sum * (view.exposure * 0.31830987), vec3(65000.0));
-    textureStore(irradiance, id.xy, vec4(exposed, 1.0));
+    let exposed = min(gathered(cell, position, normal) * (view.exposure * 0.31830987), vec3(65000.0));
+    textureStore(irradiance, cell, vec4(exposed, 1.0));
 }

@@ -1,4 +1,6 @@
-//! The gather: irradiance from all of a camera's VPLs at a share of its pixels.
+//! The gather: irradiance from a camera's VPLs at a share of its pixels.
+
+mod plan;
 
 use bevy::asset::{Handle, load_embedded_asset};
 use bevy::core_pipeline::prepass::ViewPrepassTextures;
@@ -6,7 +8,7 @@ use bevy::ecs::prelude::*;
 use bevy::render::camera::ExtractedCamera;
 use bevy::render::diagnostic::RecordDiagnostics;
 use bevy::render::render_resource::binding_types::{
-    texture_2d, texture_depth_2d, texture_storage_2d, uniform_buffer, uniform_buffer_sized,
+    storage_buffer_read_only_sized, texture_2d, texture_depth_2d, texture_storage_2d, uniform_buffer, uniform_buffer_sized,
 };
 use bevy::render::render_resource::*;
 use bevy::render::renderer::{RenderContext, RenderDevice, RenderQueue, ViewQuery};
@@ -16,38 +18,73 @@ use bevy::render::view::{ViewUniform, ViewUniformOffset, ViewUniforms};
 use bevy::shader::{Shader, ShaderDefVal};
 use bevy::utils::default;
 
+use super::filter;
 use super::rsm::{RsmLight, RsmStore, RsmView};
-use super::settings::{FrugalGi, GiPixelFraction};
+use super::settings::{FrugalGi, GiPixelFraction, GiVisibility};
+use super::visibility::OccluderBuffers;
 use super::vpl::{MapRow, VPL_BYTES};
+pub(super) use plan::{GatherSettings, VplPlan};
 
 /// What a GI camera holds in the render world, while it has VPLs to gather.
 #[derive(Component)]
 pub struct GiCamera {
-    /// How many VPLs its buffer holds.
-    pub(super) vpl_count: u32,
+    /// How its VPLs are shared out.
+    pub(super) plan: VplPlan,
+    pub(super) plan_buffer: Buffer,
     pub(super) vpls: Buffer,
     pub(super) rows: Buffer,
     pub(super) row_cdf: Buffer,
+    /// What each cell gathered.
     pub(super) irradiance: CachedTexture,
+    /// The same after the filter, where there is one.
+    pub(super) filtered: Option<CachedTexture>,
     pub(super) fraction: GiPixelFraction,
+    pub(super) filter_window: u32,
     settings: Buffer,
-    pipeline: CachedComputePipelineId,
+    visibility: GiVisibility,
     map_rows: Vec<MapRow>,
-    largest_geometry_term: f32,
+    clamp_distance: f32,
 }
 
 impl GiCamera {
     /// Bytes held on the GPU for this camera.
     pub(super) fn bytes(&self) -> u64 {
-        let size = self.irradiance.texture.size();
-        self.vpls.size() + self.rows.size() + self.row_cdf.size() + u64::from(size.width) * u64::from(size.height) * 8
+        let textures = [Some(&self.irradiance), self.filtered.as_ref()].into_iter().flatten();
+        let texels = textures.map(|texture| u64::from(texture.texture.width()) * u64::from(texture.texture.height()) * 8).sum::<u64>();
+        texels + [&self.vpls, &self.rows, &self.row_cdf, &self.plan_buffer, &self.settings].map(|buffer| buffer.size()).iter().sum::<u64>()
     }
+
+    /// What the composite shows.
+    pub(super) fn shown(&self) -> &CachedTexture {
+        self.filtered.as_ref().unwrap_or(&self.irradiance)
+    }
+
+    /// The settings of the first set, to which a dynamic offset may be added.
+    pub(super) fn first_settings(&self) -> BindingResource<'_> {
+        first_of(&self.settings, size_of::<GatherSettings>() as u64)
+    }
+
+    /// Pairs of pixel and VPL that are evaluated in a frame.
+    pub(super) fn pairs(&self) -> u64 {
+        u64::from(self.irradiance.texture.width()) * u64::from(self.irradiance.texture.height()) * u64::from(self.plan.per_set)
+    }
+
+    /// Rays that are traced in a frame, at most.
+    pub(super) fn rays(&self) -> u64 {
+        let cells = u64::from(self.irradiance.texture.width()) * u64::from(self.irradiance.texture.height());
+        cells * u64::from(self.visibility.rays().min(self.plan.per_set))
+    }
+}
+
+fn first_of(buffer: &Buffer, size: u64) -> BindingResource<'_> {
+    BindingResource::Buffer(BufferBinding { buffer, offset: 0, size: BufferSize::new(size) })
 }
 
 #[derive(Resource)]
 pub(super) struct GatherPipelines {
     layout: BindGroupLayoutDescriptor,
-    shader: Handle<Shader>,
+    /// One for each way to see, in the order of [`GiVisibility::ALL`].
+    pipelines: [CachedComputePipelineId; 3],
 }
 
 impl FromWorld for GatherPipelines {
@@ -60,60 +97,35 @@ impl FromWorld for GatherPipelines {
                     texture_2d(TextureSampleType::Uint),
                     texture_depth_2d(),
                     uniform_buffer::<ViewUniform>(true),
-                    uniform_buffer_sized(false, None),
-                    uniform_buffer_sized(false, None),
+                    uniform_buffer_sized(true, BufferSize::new(u64::from(FrugalGi::MAX_VPLS_PER_PIXEL) * VPL_BYTES)),
+                    uniform_buffer_sized(true, BufferSize::new(size_of::<GatherSettings>() as u64)),
+                    storage_buffer_read_only_sized(false, None),
                     texture_storage_2d(TextureFormat::Rgba16Float, StorageTextureAccess::WriteOnly),
                 ),
             ),
         );
-        world.init_resource::<SpecializedComputePipelines<GatherPipelines>>();
-        Self { layout, shader: load_embedded_asset!(world, "gather.wgsl") }
+        let occluders = world.resource::<OccluderBuffers>().layout().clone();
+        let shader: Handle<Shader> = load_embedded_asset!(world, "gather.wgsl");
+        let cache = world.resource::<PipelineCache>();
+        let pipelines = GiVisibility::ALL.map(|visibility| {
+            let rays = visibility.rays();
+            cache.queue_compute_pipeline(ComputePipelineDescriptor {
+                label: Some(format!("bevy_frugal_gi/gather/{visibility:?}").into()),
+                layout: if rays == 0 { vec![layout.clone()] } else { vec![layout.clone(), occluders.clone()] },
+                shader: shader.clone(),
+                shader_defs: if rays == 0 { vec![] } else { vec![ShaderDefVal::UInt("RAYS".into(), rays)] },
+                entry_point: Some("gather_vpls".into()),
+                ..default()
+            })
+        });
+        Self { layout, pipelines }
     }
 }
 
-/// What a gather pipeline is compiled for.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
-pub(super) struct GatherKey {
-    vpl_count: u32,
-    fraction: GiPixelFraction,
-}
-
-/// Shader definitions of the cell that shares one gather.
-pub(super) fn cell_definitions(fraction: GiPixelFraction) -> Vec<ShaderDefVal> {
-    let (width, height) = fraction.cell();
-    vec![ShaderDefVal::UInt("CELL_WIDTH".into(), width), ShaderDefVal::UInt("CELL_HEIGHT".into(), height)]
-}
-
-impl SpecializedComputePipeline for GatherPipelines {
-    type Key = GatherKey;
-
-    fn specialize(&self, key: GatherKey) -> ComputePipelineDescriptor {
-        let mut shader_defs = cell_definitions(key.fraction);
-        shader_defs.push(ShaderDefVal::UInt("VPL_COUNT".into(), key.vpl_count));
-        ComputePipelineDescriptor {
-            label: Some("bevy_frugal_gi/gather".into()),
-            layout: vec![self.layout.clone()],
-            shader: self.shader.clone(),
-            shader_defs,
-            entry_point: Some("gather_vpls".into()),
-            ..default()
-        }
-    }
-}
-
-/// 1/m² for a clamping distance in metres; as good as unbounded for 0, and for what is no distance.
-fn largest_geometry_term(clamp_distance: f32) -> f32 {
-    let term = (clamp_distance * clamp_distance).recip();
-    if term.is_finite() && clamp_distance > 0.0 { term.max(1e-30) } else { 1e30 }
-}
-
-/// Gives every GI camera that has maps its VPL buffers, its irradiance texture and its pipeline, and takes them from the others.
+/// Gives every GI camera that has maps its VPL buffers and its textures, and takes them from the others.
 pub(super) fn prepare_cameras(
     mut commands: Commands,
     mut textures: ResMut<TextureCache>,
-    mut specialized: ResMut<SpecializedComputePipelines<GatherPipelines>>,
-    pipelines: Res<GatherPipelines>,
-    cache: Res<PipelineCache>,
     device: Res<RenderDevice>,
     queue: Res<RenderQueue>,
     store: Res<RsmStore>,
@@ -126,79 +138,68 @@ pub(super) fn prepare_cameras(
         commands.entity(entity).remove::<GiCamera>();
     }
     for (entity, main_entity, gi, camera) in &cameras {
-        let vpl_count = gi.vpl_count.min(FrugalGi::MAX_VPL_COUNT);
         let map_rows = rows_of(main_entity.id(), &maps);
         let Some(size) = camera.physical_viewport_size.filter(|size| size.min_element() > 0) else { continue };
-        if vpl_count == 0 || map_rows.is_empty() || store.buffers.is_none() {
+        if gi.vpl_count == 0 || map_rows.is_empty() || store.buffers.is_none() {
             if held.contains(entity) {
                 commands.entity(entity).remove::<GiCamera>();
             }
             continue;
         }
+        let plan = VplPlan::new(gi.vpl_count, gi.interleave);
         let (width, height) = gi.pixel_fraction.cell();
-        let irradiance = textures.get(
-            &device,
-            TextureDescriptor {
-                label: Some("bevy_frugal_gi/irradiance"),
-                size: Extent3d { width: size.x.div_ceil(width), height: size.y.div_ceil(height), depth_or_array_layers: 1 },
-                mip_level_count: 1,
-                sample_count: 1,
-                dimension: TextureDimension::D2,
-                format: TextureFormat::Rgba16Float,
-                usage: TextureUsages::STORAGE_BINDING | TextureUsages::TEXTURE_BINDING | TextureUsages::COPY_SRC,
-                view_formats: &[],
-            },
-        );
-        let key = GatherKey { vpl_count, fraction: gi.pixel_fraction };
-        let pipeline = specialized.specialize(&cache, &pipelines, key);
-        let largest = largest_geometry_term(gi.clamp_distance);
+        let mut texture = |label| {
+            textures.get(
+                &device,
+                TextureDescriptor {
+                    label: Some(label),
+                    size: Extent3d { width: size.x.div_ceil(width), height: size.y.div_ceil(height), depth_or_array_layers: 1 },
+                    mip_level_count: 1,
+                    sample_count: 1,
+                    dimension: TextureDimension::D2,
+                    format: TextureFormat::Rgba16Float,
+                    usage: TextureUsages::STORAGE_BINDING | TextureUsages::TEXTURE_BINDING | TextureUsages::COPY_SRC,
+                    view_formats: &[],
+                },
+            )
+        };
+        let irradiance = texture("bevy_frugal_gi/irradiance");
+        let filter_window = filter::window(gi);
+        let filtered = (filter_window > 1).then(|| texture("bevy_frugal_gi/filtered"));
         if let Ok(mut held) = held.get_mut(entity)
-            && held.vpl_count == vpl_count
+            && held.plan == plan
             && held.map_rows == map_rows
         {
-            held.irradiance = irradiance;
-            held.fraction = gi.pixel_fraction;
-            held.pipeline = pipeline;
-            if held.largest_geometry_term != largest {
-                held.largest_geometry_term = largest;
-                queue.write_buffer(&held.settings, 0, bytemuck::bytes_of(&[largest, 0.0, 0.0, 0.0]));
+            if held.fraction != gi.pixel_fraction || held.clamp_distance.to_bits() != gi.clamp_distance.to_bits() {
+                queue.write_buffer(&held.settings, 0, &plan::settings_bytes(&plan, gi.pixel_fraction, gi.clamp_distance));
             }
+            (held.irradiance, held.filtered, held.filter_window) = (irradiance, filtered, filter_window);
+            (held.fraction, held.visibility, held.clamp_distance) = (gi.pixel_fraction, gi.visibility, gi.clamp_distance);
             continue;
         }
+        let empty =
+            |label, size, usage| device.create_buffer(&BufferDescriptor { label: Some(label), size, usage, mapped_at_creation: false });
+        let filled =
+            |label, contents: &[u8], usage| device.create_buffer_with_data(&BufferInitDescriptor { label: Some(label), contents, usage });
         let vpl_usage = BufferUsages::STORAGE | BufferUsages::UNIFORM | BufferUsages::COPY_SRC;
-        let vpls = device.create_buffer(&BufferDescriptor {
-            label: Some("bevy_frugal_gi/vpls"),
-            size: u64::from(vpl_count) * VPL_BYTES,
-            usage: vpl_usage,
-            mapped_at_creation: false,
-        });
-        let row_cdf = device.create_buffer(&BufferDescriptor {
-            label: Some("bevy_frugal_gi/row_cdf"),
-            size: map_rows.len() as u64 * 4,
-            usage: BufferUsages::STORAGE,
-            mapped_at_creation: false,
-        });
-        let rows = device.create_buffer_with_data(&BufferInitDescriptor {
-            label: Some("bevy_frugal_gi/rows"),
-            contents: bytemuck::cast_slice(&map_rows),
-            usage: BufferUsages::STORAGE,
-        });
-        let settings = device.create_buffer_with_data(&BufferInitDescriptor {
-            label: Some("bevy_frugal_gi/gather_settings"),
-            contents: bytemuck::bytes_of(&[largest, 0.0, 0.0, 0.0]),
-            usage: BufferUsages::UNIFORM | BufferUsages::COPY_DST,
-        });
         commands.entity(entity).insert(GiCamera {
-            vpl_count,
-            vpls,
-            rows,
-            row_cdf,
+            plan,
+            plan_buffer: filled("bevy_frugal_gi/vpl_plan", bytemuck::bytes_of(&plan), BufferUsages::STORAGE),
+            vpls: empty("bevy_frugal_gi/vpls", plan.buffer_bytes(), vpl_usage),
+            rows: filled("bevy_frugal_gi/rows", bytemuck::cast_slice(&map_rows), BufferUsages::STORAGE),
+            row_cdf: empty("bevy_frugal_gi/row_cdf", map_rows.len() as u64 * 4, BufferUsages::STORAGE),
             irradiance,
+            filtered,
+            filter_window,
             fraction: gi.pixel_fraction,
-            settings,
-            pipeline,
+            settings: filled(
+                "bevy_frugal_gi/gather_settings",
+                &plan::settings_bytes(&plan, gi.pixel_fraction, gi.clamp_distance),
+                BufferUsages::UNIFORM | BufferUsages::COPY_DST,
+            ),
+            visibility: gi.visibility,
             map_rows,
-            largest_geometry_term: largest,
+            clamp_distance: gi.clamp_distance,
         });
     }
 }
@@ -217,20 +218,26 @@ fn rows_of(camera: Entity, maps: &Query<(&RsmView, &RsmLight, &ExtractedCamera)>
     rows.collect()
 }
 
-/// In a GI camera's view: gathers.
+/// In a GI camera's view: gathers, set by set.
 pub(super) fn gather(
     view: ViewQuery<(&GiCamera, &ViewPrepassTextures, &ViewUniformOffset)>,
     pipelines: Res<GatherPipelines>,
+    occluders: Res<OccluderBuffers>,
     cache: Res<PipelineCache>,
     view_uniforms: Res<ViewUniforms>,
     mut context: RenderContext,
 ) {
     let (camera, prepass, view_offset) = view.into_inner();
-    let (Some(g_buffer), Some(depth), Some(views), Some(pipeline)) =
-        (prepass.deferred_view(), prepass.depth_view(), view_uniforms.uniforms.binding(), cache.get_compute_pipeline(camera.pipeline))
-    else {
+    let kind = GiVisibility::ALL.iter().position(|kind| *kind == camera.visibility).unwrap_or(0);
+    let (Some(g_buffer), Some(depth), Some(views), Some(pipeline)) = (
+        prepass.deferred_view(),
+        prepass.depth_view(),
+        view_uniforms.uniforms.binding(),
+        cache.get_compute_pipeline(pipelines.pipelines[kind]),
+    ) else {
         return;
     };
+    let traced = if camera.visibility == GiVisibility::None { None } else { occluders.bind_group() };
     let bind_group = context.render_device().create_bind_group(
         "bevy_frugal_gi/gather",
         &cache.get_bind_group_layout(&pipelines.layout),
@@ -238,8 +245,9 @@ pub(super) fn gather(
             g_buffer,
             depth,
             views,
-            camera.vpls.as_entire_binding(),
-            camera.settings.as_entire_binding(),
+            first_of(&camera.vpls, u64::from(FrugalGi::MAX_VPLS_PER_PIXEL) * VPL_BYTES),
+            camera.first_settings(),
+            camera.plan_buffer.as_entire_binding(),
             &camera.irradiance.default_view,
         )),
     );
@@ -252,22 +260,15 @@ pub(super) fn gather(
             .command_encoder()
             .begin_compute_pass(&ComputePassDescriptor { label: Some("bevy_frugal_gi/gather"), timestamp_writes: None });
         pass.set_pipeline(pipeline);
-        pass.set_bind_group(0, &bind_group, &[view_offset.offset]);
-        pass.dispatch_workgroups(size.width.div_ceil(8), size.height.div_ceil(8), 1);
+        if let Some(traced) = traced {
+            pass.set_bind_group(1, traced, &[]);
+        }
+        let across = 8 * camera.plan.interleave;
+        for set in 0..camera.plan.sets {
+            let settings = set * plan::SETTINGS_STRIDE as u32;
+            pass.set_bind_group(0, &bind_group, &[view_offset.offset, camera.plan.offset(set), settings]);
+            pass.dispatch_workgroups(size.width.div_ceil(across), size.height.div_ceil(across), 1);
+        }
     }
     span.end(context.command_encoder());
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn any_clamping_distance_gives_a_finite_positive_bound() {
-        for distance in [0.0, -1.0, 1e-30, 1e-20, 0.25, 1e20, f32::NAN, f32::INFINITY] {
-            let term = largest_geometry_term(distance);
-            assert!(term.is_finite() && term > 0.0, "{distance}: {term}");
-        }
-        assert_eq!(largest_geometry_term(0.5), 4.0);
-    }
 }

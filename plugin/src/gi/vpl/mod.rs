@@ -40,7 +40,7 @@ impl FromWorld for VplPipelines {
         let write = || storage_buffer_sized(false, None);
         let layout = BindGroupLayoutDescriptor::new(
             "bevy_frugal_gi/vpl",
-            &BindGroupLayoutEntries::sequential(ShaderStages::COMPUTE, (read(), read(), read(), read(), write(), write())),
+            &BindGroupLayoutEntries::sequential(ShaderStages::COMPUTE, (read(), read(), read(), read(), write(), write(), read())),
         );
         let shader = load_embedded_asset!(world, "sample.wgsl");
         let cache = world.resource::<PipelineCache>();
@@ -83,6 +83,7 @@ pub(super) fn sample(
             camera.rows.as_entire_binding(),
             camera.row_cdf.as_entire_binding(),
             camera.vpls.as_entire_binding(),
+            camera.plan_buffer.as_entire_binding(),
         )),
     );
     let diagnostics = context.diagnostic_recorder();
@@ -96,7 +97,7 @@ pub(super) fn sample(
         pass.set_pipeline(accumulate);
         pass.dispatch_workgroups(1, 1, 1);
         pass.set_pipeline(sample);
-        pass.dispatch_workgroups(camera.vpl_count.div_ceil(64), 1, 1);
+        pass.dispatch_workgroups(camera.plan.slots().div_ceil(64), 1, 1);
     }
     span.end(context.command_encoder());
 }

@@ -1,9 +1,12 @@
 // Draws a camera's virtual point lights from the texels of its reflective shadow maps, in proportion to flux.
 //
-// The sequence is fixed (Hammersley), so a still scene has still VPLs. Rows are stratified by the first coordinate; the radical inverse places
-// the texel in its row. Every VPL carries total · flux / (weight · count): the sum over VPLs is the sum over texels.
+// The sequence is fixed, so a still scene has still VPLs. Each set of VPLs (see `plan.wgsl`) is a Hammersley set of its own: the first coordinate
+// stratifies rows, the radical inverse places the texel in its row. Sets are shifted against each other, rows by a part of a stratum and texels
+// by multiples of the golden ratio, so that together they are one set of all VPLs. Every VPL carries total · flux / (weight · count of its
+// set): the sum over a set is the sum over texels.
 
 #import bevy_frugal_gi::gi::rsm::texel::Texel
+#import bevy_frugal_gi::gi::vpl::plan::Plan
 #import bevy_frugal_gi::gi::vpl::vpl::Vpl
 
 /// A row of one of the camera's maps.
@@ -22,6 +25,7 @@ struct Row {
 @group(0) @binding(3) var<storage, read> rows: array<Row>;
 @group(0) @binding(4) var<storage, read_write> row_cdf: array<f32>;
 @group(0) @binding(5) var<storage, read_write> vpls: array<Vpl>;
+@group(0) @binding(6) var<storage, read> plan: Plan;
 
 const LANES: u32 = 64u;
 var<workgroup> lane_sums: array<f32, LANES>;
@@ -81,22 +85,26 @@ fn find_texel(first: u32, length: u32, wanted: f32) -> u32 {
 
 @compute @workgroup_size(64)
 fn sample_vpls(@builtin(global_invocation_id) id: vec3<u32>) {
-    let count = arrayLength(&vpls);
-    if id.x >= count {
+    let which = id.x / plan.stride;
+    let member = id.x % plan.stride;
+    if which >= plan.sets {
         return;
     }
     let total = row_cdf[arrayLength(&row_cdf) - 1u];
-    let along_rows = (f32(id.x) + 0.5) / f32(count);
-    // 2^-32, and never 1.
-    let along_row = min(f32(reverseBits(id.x)) * 2.3283064e-10, 0.99999994);
+    let count = f32(plan.per_set);
+    let along_rows = (f32(member) + (f32(which) + 0.5) / f32(plan.sets)) / count;
+    // 2^-32; and never 1.
+    let along_row = min(fract(f32(reverseBits(member)) * 2.3283064e-10 + f32(which) * 0.618034), 0.99999994);
     let row = rows[find_row(along_rows * total)];
     let texel = texels[find_texel(row.first_texel, row.length, along_row * row_sums[row.row])];
 
-    // The last row or texel may be reached by rounding with nothing in it; then it carries nothing.
-    let share = total / (max(texel.weight, 1e-30) * f32(count));
+    // The last row or texel may be reached by rounding with nothing in it; then it carries nothing. So does what only fills up the set's stride.
+    let share = total / (max(texel.weight, 1e-30) * count);
+    let carries = texel.weight > 0.0 && share < 1e30 && member < plan.per_set;
     var vpl: Vpl;
     vpl.position = texel.position;
     vpl.normal = texel.normal;
-    vpl.flux = select(vec3(0.0), texel.flux * share, texel.weight > 0.0 && share < 1e30);
+    // Bounded, so that it cannot meet a distance at which infinity times nothing is no number.
+    vpl.flux = select(vec3(0.0), min(texel.flux * share, vec3(1e30)), carries);
     vpls[id.x] = vpl;
 }

@@ -1,10 +1,10 @@
-//! Three knobs over [`FrugalGi`]. A camera without it is left alone.
+//! Knobs over [`FrugalGi`]. A camera without it is left alone.
 //!
-//! Switching the count or the fraction takes a pipeline of its own, compiled at first use; the resolution reallocates the maps.
+//! Switching the fraction takes a pipeline of its own for the composite, compiled at first use; the resolution reallocates the maps.
 
 use bevy::ecs::prelude::*;
 
-use crate::gi::{FrugalGi, GiPixelFraction};
+use crate::gi::{FrugalGi, GiInterleave, GiPixelFraction, GiVisibility};
 use crate::knobs::{Knob, KnobDriver, Level};
 
 fn change(world: &mut World, camera: Entity, change: impl FnOnce(&mut FrugalGi)) {
@@ -18,7 +18,7 @@ pub struct GiVplCount;
 
 impl KnobDriver for GiVplCount {
     fn knob(&self) -> Knob {
-        Knob::new("gi_vpl_count", [0.0, 32.0, 64.0, 128.0, 256.0, 512.0, 1024.0])
+        Knob::new("gi_vpl_count", [0.0, 64.0, 128.0, 256.0, 512.0, 1024.0, 2048.0, 4096.0])
     }
 
     fn apply(&self, world: &mut World, camera: Entity, level: &Level) {
@@ -38,6 +38,41 @@ impl KnobDriver for GiPixelShare {
     fn apply(&self, world: &mut World, camera: Entity, level: &Level) {
         let fraction = GiPixelFraction::ALL.into_iter().find(|fraction| fraction.share() >= level.value).unwrap_or(GiPixelFraction::Full);
         change(world, camera, |gi| gi.pixel_fraction = fraction);
+    }
+}
+
+/// How many pixels share the VPLs out among them. Without sharing, the most VPLs that a pixel can evaluate would be the most that there are: fewer
+/// than at the level before it, and no nearer the truth. So that is no level.
+pub struct GiInterleaving;
+
+impl GiInterleaving {
+    const LEVELS: [GiInterleave; 3] = [GiInterleave::Eight, GiInterleave::Four, GiInterleave::Two];
+}
+
+impl KnobDriver for GiInterleaving {
+    fn knob(&self) -> Knob {
+        let levels = Self::LEVELS.map(|level| (f64::from(level.side()), format!("{0}x{0}", level.side())));
+        Knob::labelled("gi_interleave", levels).needing("gi_vpl_count", 1)
+    }
+
+    fn apply(&self, world: &mut World, camera: Entity, level: &Level) {
+        let found = Self::LEVELS.into_iter().find(|interleave| f64::from(interleave.side()) <= level.value);
+        change(world, camera, |gi| gi.interleave = found.unwrap_or(GiInterleave::Two));
+    }
+}
+
+/// Rays between surfaces and VPLs.
+pub struct GiRays;
+
+impl KnobDriver for GiRays {
+    fn knob(&self) -> Knob {
+        let levels = GiVisibility::ALL.map(|level| (f64::from(level.rays()), format!("{level:?}").to_lowercase()));
+        Knob::labelled("gi_visibility", levels).needing("gi_vpl_count", 1)
+    }
+
+    fn apply(&self, world: &mut World, camera: Entity, level: &Level) {
+        let found = GiVisibility::ALL.into_iter().find(|visibility| f64::from(visibility.rays()) >= level.value);
+        change(world, camera, |gi| gi.visibility = found.unwrap_or(GiVisibility::Fine));
     }
 }
 

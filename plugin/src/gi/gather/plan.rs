@@ -1,0 +1,125 @@
+//! How a camera's VPLs are shared out among its pixels: plain arithmetic, no renderer.
+
+use bevy::math::UVec2;
+use bytemuck::{Pod, Zeroable};
+
+use crate::gi::settings::{FrugalGi, GiInterleave, GiPixelFraction};
+use crate::gi::vpl::VPL_BYTES;
+
+/// Sets begin at multiples of so many VPLs: the least common multiple of their 48 bytes and the 256 that uniform offsets are multiples of.
+const STRIDE: u32 = 16;
+/// Bytes from one dispatch's settings to the next.
+pub(super) const SETTINGS_STRIDE: u64 = 256;
+
+/// `vpl/plan.wgsl`'s `Plan`.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Pod, Zeroable)]
+#[repr(C)]
+pub(in crate::gi) struct VplPlan {
+    /// Side of the square of pixels that share the VPLs out.
+    pub interleave: u32,
+    /// Sets of VPLs.
+    pub sets: u32,
+    /// In each set: 1 to 1024.
+    pub per_set: u32,
+    /// From one set to the next in the buffer.
+    pub stride: u32,
+}
+
+impl VplPlan {
+    /// At least `vpl_count` VPLs, as evenly as it goes, no more than a pixel can evaluate.
+    pub fn new(vpl_count: u32, interleave: GiInterleave) -> Self {
+        let side = interleave.side();
+        let sets = side * side;
+        let per_set = vpl_count.min(FrugalGi::MAX_VPL_COUNT).div_ceil(sets).clamp(1, FrugalGi::MAX_VPLS_PER_PIXEL);
+        Self { interleave: side, sets, per_set, stride: per_set.next_multiple_of(STRIDE) }
+    }
+
+    /// VPLs that the buffer has room for, sets' padding included.
+    pub fn slots(&self) -> u32 {
+        self.sets * self.stride
+    }
+
+    /// Bytes of the buffer of VPLs: from every set on there are as many as the shader's array is long.
+    pub fn buffer_bytes(&self) -> u64 {
+        u64::from((self.sets - 1) * self.stride + FrugalGi::MAX_VPLS_PER_PIXEL) * VPL_BYTES
+    }
+
+    /// Byte offset of a set.
+    pub fn offset(&self, set: u32) -> u32 {
+        set * self.stride * VPL_BYTES as u32
+    }
+
+    /// Place of a set's pixels in the square.
+    pub fn residue(&self, set: u32) -> UVec2 {
+        UVec2::new(set % self.interleave, set / self.interleave)
+    }
+}
+
+/// `gather/gather.wgsl`'s `Gather`.
+#[derive(Clone, Copy, Debug, PartialEq, Pod, Zeroable)]
+#[repr(C)]
+pub(in crate::gi) struct GatherSettings {
+    pub largest_geometry_term: f32,
+    pub cell_width: u32,
+    pub cell_height: u32,
+    pub padding: u32,
+    pub residue: [u32; 2],
+    pub padding_2: [u32; 2],
+}
+
+/// The settings of every set's dispatch, each at its dynamic offset.
+pub(super) fn settings_bytes(plan: &VplPlan, fraction: GiPixelFraction, clamp_distance: f32) -> Vec<u8> {
+    let (cell_width, cell_height) = fraction.cell();
+    let mut bytes = vec![0; plan.sets as usize * SETTINGS_STRIDE as usize];
+    for (set, chunk) in (0..).zip(bytes.chunks_exact_mut(SETTINGS_STRIDE as usize)) {
+        let settings = GatherSettings {
+            largest_geometry_term: largest_geometry_term(clamp_distance),
+            cell_width,
+            cell_height,
+            padding: 0,
+            residue: plan.residue(set).to_array(),
+            padding_2: [0; 2],
+        };
+        chunk[..size_of::<GatherSettings>()].copy_from_slice(bytemuck::bytes_of(&settings));
+    }
+    bytes
+}
+
+/// 1/m² for a clamping distance in metres; as good as unbounded for 0, and for what is no distance.
+fn largest_geometry_term(clamp_distance: f32) -> f32 {
+    let term = (clamp_distance * clamp_distance).recip();
+    if term.is_finite() && clamp_distance > 0.0 { term.max(1e-30) } else { 1e30 }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn any_clamping_distance_gives_a_finite_positive_bound() {
+        for distance in [0.0, -1.0, 1e-30, 1e-20, 0.25, 1e20, f32::NAN, f32::INFINITY] {
+            let term = largest_geometry_term(distance);
+            assert!(term.is_finite() && term > 0.0, "{distance}: {term}");
+        }
+        assert_eq!(largest_geometry_term(0.5), 4.0);
+    }
+
+    #[test]
+    fn sets_share_out_all_vpls_and_lie_where_uniform_offsets_may() {
+        for interleave in GiInterleave::ALL {
+            for count in [1, 2, 31, 32, 100, 1024, 4096, FrugalGi::MAX_VPL_COUNT, u32::MAX] {
+                let plan = VplPlan::new(count, interleave);
+                assert!((1..=FrugalGi::MAX_VPLS_PER_PIXEL).contains(&plan.per_set) && plan.per_set <= plan.stride);
+                let wanted = count.min(FrugalGi::MAX_VPL_COUNT).min(plan.sets * FrugalGi::MAX_VPLS_PER_PIXEL);
+                assert!((wanted..wanted + plan.sets).contains(&(plan.sets * plan.per_set)), "{count} {plan:?}");
+                let places: std::collections::HashSet<_> = (0..plan.sets).map(|set| plan.residue(set)).collect();
+                assert_eq!(places.len() as u32, plan.sets);
+                for set in 0..plan.sets {
+                    assert_eq!(plan.offset(set) % 256, 0);
+                    let end = u64::from(plan.offset(set)) + u64::from(FrugalGi::MAX_VPLS_PER_PIXEL) * VPL_BYTES;
+                    assert!(end <= plan.buffer_bytes());
+                }
+            }
+        }
+    }
+}

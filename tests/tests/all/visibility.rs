@@ -1,0 +1,105 @@
+//! What stands between surfaces and virtual point lights hides them.
+
+use bevy::ecs::entity::Entity;
+use bevy::light::NotShadowCaster;
+use bevy::math::Vec3;
+use bevy::mesh::Mesh3d;
+use bevy::prelude::AlphaMode;
+use bevy::transform::components::Transform;
+use bevy_frugal_gi::gi::GiOccluders;
+use frugal::stage::{Component, Stage};
+use frugal_tests::{meshes, set};
+
+use super::gi::{PLAIN, corner, sun};
+
+tests!(
+    the_dark_room_is_dark,
+    a_screen_hides_the_bounce_and_follows_its_transform,
+    what_hides_no_light_is_left_out,
+    coarse_and_fine_expect_the_same,
+    nothing_is_kept_without_rays,
+);
+
+/// Mean indirect radiance of a view, nits.
+fn mean(stage: &mut Stage, visibility: &str) -> f64 {
+    set::apply(stage, &format!("{PLAIN},gi_visibility={visibility}"));
+    set::radiance(stage).mean()
+}
+
+fn the_dark_room_is_dark() {
+    let mut stage = set::open(&set::scene("two_rooms"), set::radiance_options(64, 36, Component::Indirect));
+    set::look(&mut stage, Vec3::new(0.8, 1.7, 2.0), Vec3::new(3.2, 1.0, -1.6));
+    let [none, coarse, fine] = ["none", "coarse", "fine"].map(|visibility| mean(&mut stage, visibility));
+    set::look(&mut stage, Vec3::new(-0.8, 1.7, 2.0), Vec3::new(-3.2, 1.0, -1.6));
+    let lit = mean(&mut stage, "fine");
+    println!("    dark room: {none:.3} nits without rays, {coarse:.5} coarse, {fine:.5} fine; lit room {lit:.2}");
+    assert!(none > 0.05 * lit, "without rays it leaks, or this test sees nothing: {none}");
+    assert!(coarse < 1e-4 * lit && fine < 1e-4 * lit, "{coarse} {fine}");
+}
+
+/// A lit floor, a wall that it lights, and a black screen close before the wall.
+fn screened() -> (Stage, Entity) {
+    let mut stage = corner(vec![sun(Vec3::NEG_Y)]);
+    let screen = meshes::spawn_box(&mut stage, Vec3::new(0.0, 1.0, -1.85), Vec3::new(4.5, 2.1, 0.02), meshes::matt(0.0, 0.0, 0.0));
+    // Only what is behind the screen is looked at.
+    set::look(&mut stage, Vec3::new(0.0, 1.2, -1.87), Vec3::new(0.0, 0.8, -2.0));
+    (stage, screen)
+}
+
+fn a_screen_hides_the_bounce_and_follows_its_transform() {
+    let (mut stage, screen) = screened();
+    let (leaking, hidden) = (mean(&mut stage, "none"), mean(&mut stage, "fine"));
+    stage.world_mut().get_mut::<Transform>(screen).expect("the screen").translation.y = -50.0;
+    let open = mean(&mut stage, "fine");
+    println!("    behind the screen {hidden:.3} nits, without rays {leaking:.2}, taken away {open:.2}");
+    assert!(leaking > 1.0 && hidden < 0.05 * leaking, "{leaking} {hidden}");
+    assert!((open / leaking - 1.0).abs() < 0.05, "nothing hides any more: {open} {leaking}");
+    stage.world_mut().get_mut::<Transform>(screen).expect("the screen").translation.y = 1.0;
+    let back = mean(&mut stage, "fine");
+    assert!((back - hidden).abs() < 1e-3 * leaking, "{back} {hidden}");
+}
+
+fn what_hides_no_light_is_left_out() {
+    let (mut stage, screen) = screened();
+    let hidden = mean(&mut stage, "fine");
+    stage.world_mut().entity_mut(screen).insert(NotShadowCaster);
+    let open = mean(&mut stage, "fine");
+    assert!(open > 10.0 * hidden.max(0.05), "{open} {hidden}");
+    stage.world_mut().entity_mut(screen).remove::<NotShadowCaster>();
+    assert!(mean(&mut stage, "fine") < 0.1 * open);
+    let material = stage.world_mut().get::<bevy::pbr::MeshMaterial3d<bevy::pbr::StandardMaterial>>(screen).expect("a material").0.clone();
+    let mut materials = stage.world_mut().resource_mut::<bevy::asset::Assets<bevy::pbr::StandardMaterial>>();
+    materials.get_mut(&material).expect("the material").alpha_mode = AlphaMode::Blend;
+    assert!(mean(&mut stage, "fine") > 0.5 * open, "glass hides nothing");
+}
+
+fn coarse_and_fine_expect_the_same() {
+    let mut stage = corner(vec![sun(Vec3::new(0.3, -1.0, -0.2))]);
+    meshes::spawn_box(&mut stage, Vec3::new(0.3, 0.5, -0.9), Vec3::new(0.8, 0.9, 0.2), meshes::matt(0.3, 0.3, 0.3));
+    let [none, coarse, fine] = ["none", "coarse", "fine"].map(|visibility| mean(&mut stage, visibility));
+    println!("    {none:.3} nits without rays, {coarse:.3} coarse, {fine:.3} fine");
+    assert!((coarse / fine - 1.0).abs() < 0.02, "drawing must not shift the mean: {coarse} {fine}");
+    assert!(fine < 0.95 * none, "{fine} {none}");
+}
+
+fn nothing_is_kept_without_rays() {
+    let mut stage = corner(vec![sun(Vec3::NEG_Y)]);
+    let held = |stage: &mut Stage| {
+        let occluders = stage.world_mut().resource::<GiOccluders>();
+        (occluders.instance_count(), occluders.triangle_count())
+    };
+    set::radiance(&mut stage);
+    let (without, rays) = (held(&mut stage), set::gathered(&stage).rays);
+    assert_eq!((without, rays), ((0, 0), 0));
+    mean(&mut stage, "coarse");
+    assert_eq!(held(&mut stage), (2, 24), "two boxes");
+    assert_eq!(set::gathered(&stage).rays, 48 * 27 * 2);
+    // A mesh that goes takes its tree with it.
+    let world = stage.world_mut();
+    let meshes: Vec<Entity> = world.query_filtered::<Entity, bevy::ecs::query::With<Mesh3d>>().iter(world).collect();
+    world.despawn(meshes[0]);
+    mean(&mut stage, "coarse");
+    assert_eq!(held(&mut stage).0, 1);
+    mean(&mut stage, "none");
+    assert_eq!(held(&mut stage), (0, 0));
+}
