@@ -6,15 +6,16 @@ use bevy::render::sync_world::MainEntity;
 
 use super::gather::{GatherSettings, GiCamera, VplPlan};
 use super::rsm::{RsmLight, RsmStore, TEXEL_BYTES};
-use super::vpl::{MapRow, VPL_BYTES};
+use super::vpl::{MapRow, RECEIVER_BYTES, VPL_BYTES};
 
 /// Bytes that the plugin counts with for the shaders' structs: name, and size of one in a buffer.
-pub const STRUCT_BYTES: [(&str, u64); 9] = [
+pub const STRUCT_BYTES: [(&str, u64); 10] = [
     ("Texel", TEXEL_BYTES),
     ("Vpl", VPL_BYTES),
     super::visibility::STRUCT_BYTES[0],
     super::visibility::STRUCT_BYTES[1],
     super::visibility::STRUCT_BYTES[2],
+    ("Receiver", RECEIVER_BYTES),
     ("Plan", size_of::<VplPlan>() as u64),
     ("Gather", size_of::<GatherSettings>() as u64),
     ("Row", size_of::<MapRow>() as u64),
@@ -49,7 +50,7 @@ pub struct GiCameraState {
 
 /// Looks at a render world.
 pub fn gpu_state(render_world: &World) -> GiGpuState {
-    let texels = render_world.get_resource::<RsmStore>().and_then(|store| Some(store.buffers.as_ref()?.texels.clone()));
+    let texels = render_world.get_resource::<RsmStore>().and_then(|store| store.texels.clone());
     let cameras = render_world.try_query::<(&MainEntity, &GiCamera)>().map_or_else(Vec::new, |mut cameras| {
         let state = |(main, camera): (&MainEntity, &GiCamera)| GiCameraState {
             camera: main.id(),

@@ -67,9 +67,11 @@ impl Plugin for GiPlugin {
         load_shader_library!(app, "rsm/texel.wgsl");
         load_shader_library!(app, "vpl/vpl.wgsl");
         load_shader_library!(app, "vpl/plan.wgsl");
+        load_shader_library!(app, "vpl/rows.wgsl");
         load_shader_library!(app, "gather/settings.wgsl");
         load_shader_library!(app, "visibility/trace.wgsl");
         embedded_asset!(app, "rsm/resolve.wgsl");
+        embedded_asset!(app, "vpl/weigh.wgsl");
         embedded_asset!(app, "vpl/sample.wgsl");
         embedded_asset!(app, "gather/gather.wgsl");
         embedded_asset!(app, "filter/filter.wgsl");

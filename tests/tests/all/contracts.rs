@@ -11,7 +11,13 @@ use frugal_tests::gpu::{self, Point};
 use frugal_tests::kernel::{self, Kernel};
 use frugal_tests::set;
 
-tests!(the_gather_is_the_sum_over_vpls, the_gather_is_finite_at_the_extremes, drawing_follows_flux, drawing_from_nothing_gives_nothing);
+tests!(
+    the_gather_is_the_sum_over_vpls,
+    the_gather_is_finite_at_the_extremes,
+    drawing_follows_flux,
+    drawing_by_importance_keeps_the_expectation,
+    drawing_from_nothing_gives_nothing
+);
 
 fn stage() -> Stage {
     set::bare(vec![], set::radiance_options(32, 18, Component::Indirect))
@@ -198,34 +204,27 @@ fn the_gather_is_finite_at_the_extremes() {
     }
 }
 
-fn draw(stage: &mut Stage, texels: &[Point], length: u32, count: usize) -> Vec<Point> {
+/// Draws from maps of equally long rows, the texels' weights being their luminance times what `importance` says of their index.
+fn draw(stage: &mut Stage, texels: &[Point], length: u32, count: usize, importance: impl Fn(usize) -> f32) -> Vec<Point> {
     let (read, write) = (|| storage_buffer_read_only_sized(false, None), || storage_buffer_sized(false, None));
-    let layout = BindGroupLayoutEntries::sequential(ShaderStages::COMPUTE, (read(), read(), read(), read(), write(), write(), read()));
-    let [accumulate, sample] =
-        ["accumulate_maps", "sample_vpls"].map(|entry| Kernel::new(stage, "gi/vpl/sample.wgsl", entry, vec![], &layout));
+    let layout = BindGroupLayoutEntries::sequential(ShaderStages::COMPUTE, (read(), read(), read(), write(), write(), write(), read()));
+    let kernels =
+        ["accumulate_rows", "accumulate_maps", "sample_vpls"].map(|entry| Kernel::new(stage, "gi/vpl/sample.wgsl", entry, vec![], &layout));
     let row_count = texels.len() as u32 / length;
-    let (mut words, mut cdf, mut sums) = (Vec::new(), Vec::new(), Vec::new());
-    for row in texels.chunks_exact(length as usize) {
-        let mut sum = 0.0f32;
-        for texel in row {
-            let mut texel_words = texel.to_words();
-            texel_words[3] = texel.luminance() as f32;
-            sum += texel_words[3];
-            words.extend(texel_words);
-            cdf.push(sum);
-        }
-        sums.push(sum);
-    }
-    let rows: Vec<u8> = (0..row_count).flat_map(|row| [row, row * length, length].map(u32::to_le_bytes)).flatten().collect();
+    let words: Vec<f32> = texels.iter().flat_map(|texel| texel.to_words()).collect();
+    let weights: Vec<f32> = texels.iter().enumerate().map(|(index, texel)| texel.luminance() as f32 * importance(index)).collect();
+    let rows: Vec<u8> = (0..row_count).flat_map(|row| [row * length, row * length, length].map(u32::to_le_bytes)).flatten().collect();
     // One set that holds them all.
     let plan = [1, 1, count as u32, count as u32].map(u32::to_le_bytes).concat();
     let zeros = |floats: usize| gpu::bytes(&vec![0.0; floats]);
-    let contents = [gpu::bytes(&words), gpu::bytes(&cdf), gpu::bytes(&sums), rows, zeros(row_count as usize), zeros(count * 12), plan];
+    let contents =
+        [gpu::bytes(&words), rows, gpu::bytes(&weights), zeros(texels.len()), zeros(row_count as usize), zeros(count * 12), plan];
     let buffers = contents.map(|contents| kernel::buffer(stage, &contents));
     let [a, b, c, d, e, f, g] = buffers.each_ref().map(|buffer| buffer.as_entire_binding());
     let bindings = BindGroupEntries::sequential((a, b, c, d, e, f, g));
-    accumulate.run(stage, &bindings, (1, 1));
-    sample.run(stage, &bindings, (count.div_ceil(64) as u32, 1));
+    for (kernel, groups) in kernels.iter().zip([row_count.div_ceil(64), 1, count.div_ceil(64) as u32]) {
+        kernel.run(stage, &bindings, (groups, 1));
+    }
     gpu::points(&gpu::read_buffer(stage.render_world(), &buffers[5]))
 }
 
@@ -244,7 +243,7 @@ fn drawing_follows_flux() {
     let mut stage = stage();
     for scale in [1.0, 1e-20, 1e20] {
         let texels = texels(100, 32, scale);
-        let vpls = draw(&mut stage, &texels, 32, 1024);
+        let vpls = draw(&mut stage, &texels, 32, 1024, |_| 1.0);
         let (drawn, all) = (gpu::total_flux(&vpls), gpu::total_flux(&texels));
         let off = drawn[1] / all[1] - 1.0;
         println!("    fluxes of {scale:e}: off by {off:+.1e}");
@@ -263,8 +262,29 @@ fn drawing_follows_flux() {
     }
 }
 
+fn drawing_by_importance_keeps_the_expectation() {
+    let mut stage = stage();
+    let texels = texels(100, 32, 1.0);
+    // The middle matters a hundred times as much.
+    let matters = |index: usize| (1200..2000).contains(&index);
+    let vpls = draw(&mut stage, &texels, 32, 1024, |index| if matters(index) { 100.0 } else { 1.0 });
+    let sum = |points: &[Point], inside: bool| {
+        points.iter().filter(|p| matters(p.position[0] as usize) == inside).map(|p| f64::from(p.flux[1])).sum::<f64>()
+    };
+    let inside = vpls.iter().filter(|vpl| matters(vpl.position[0] as usize)).count();
+    let off = [true, false].map(|inside| sum(&vpls, inside) / sum(&texels, inside) - 1.0);
+    println!(
+        "    {inside} of 1024 drawn where it matters; flux there off by {:+.2} %, elsewhere by {:+.1} %",
+        off[0] * 100.0,
+        off[1] * 100.0
+    );
+    assert!(inside > 950, "{inside}");
+    // About 30 VPLs stand for the rest.
+    assert!(off[0].abs() < 0.01 && off[1].abs() < 0.2, "{off:?}");
+}
+
 fn drawing_from_nothing_gives_nothing() {
     let mut stage = stage();
-    let vpls = draw(&mut stage, &texels(64, 16, 0.0), 16, 64);
+    let vpls = draw(&mut stage, &texels(64, 16, 0.0), 16, 64, |_| 1.0);
     assert!(vpls.iter().all(|vpl| vpl.flux == [0.0; 3] && vpl.position.iter().all(|value| value.is_finite())));
 }

@@ -55,16 +55,19 @@ fn the_bounce_does_not_depend_on_settings() {
     let mut stage = set::open(&set::scene("furnace"), set::radiance_options(48, 27, Component::Indirect));
     set::look(&mut stage, Vec3::new(0.3, -0.2, 0.5), Vec3::new(0.0, 0.4, -2.0));
     let expected = ALBEDO * direct_radiance() * (meshes::stored_albedo(ALBEDO) / ALBEDO).powi(2);
-    for settings in [
-        "min,gi_vpl_count=64",
-        "min,gi_vpl_count=1024,gi_pixel_fraction=1/2",
-        "min,gi_vpl_count=128,gi_interleave=4x4,gi_visibility=coarse",
-        "min,gi_vpl_count=64,rsm_resolution=256",
+    // VPLs are drawn by what the camera could receive of them and carry different shares, so few of them add up less exactly.
+    for (count, more) in [
+        (64, ""),
+        (1024, "gi_pixel_fraction=1/2"),
+        (128, "gi_interleave=4x4,gi_visibility=coarse"),
+        (64, "rsm_resolution=256"),
+        (4096, "gi_interleave=2x2"),
     ] {
-        set::apply(&mut stage, settings);
+        let settings = format!("min,gi_vpl_count={count},{more}");
+        set::apply(&mut stage, settings.trim_end_matches(','));
         let (most, mean) = deviation(&set::radiance(&mut stage), expected);
         println!("    {settings}: off by at most {:.2} %, {:.2} % in the mean", most * 100.0, mean * 100.0);
         // 32 texels along a face instead of 64 add 0.1 %.
-        assert!(most <= TOLERANCE, "{settings}: {most}");
+        assert!(most <= TOLERANCE + 0.4 / f64::from(count).sqrt() && mean <= TOLERANCE, "{settings}: {most} {mean}");
     }
 }

@@ -78,8 +78,9 @@ fn drawing_keeps_the_flux() {
         assert_eq!((vpls.len(), texels.len()), (count, 128 * 128 + 6 * 64 * 64));
         let off = relative_difference(&vpls, &texels);
         println!("    {count} VPLs: off by {off:+.1e}");
-        // Each VPL's share is rounded once, and sums along rows and maps are 32-bit floats.
-        assert!(off.abs() < 1e-4, "{count}: {off}");
+        // VPLs are drawn by what the camera could receive of them, and carry between nothing and four times the mean: the sum is right in
+        // expectation. A set of independent ones would be off by 1/√count; these are stratified.
+        assert!(off.abs() < 0.5 / (count as f64).sqrt(), "{count}: {off}");
         let unit = |point: &Point| (Vec3::from_array(point.normal).length() - 1.0).abs() < 1e-3;
         assert!(vpls.iter().all(|point| unit(point) && point.flux.iter().all(|flux| *flux >= 0.0)));
     }

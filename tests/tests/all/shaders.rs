@@ -4,10 +4,11 @@ use bevy_frugal_gi::gi::inspect::STRUCT_BYTES;
 
 tests!(structs_have_the_sizes_that_buffers_are_made_for, the_check_sees_a_grown_struct);
 
-const SHADERS: [&str; 7] = [
+const SHADERS: [&str; 8] = [
     include_str!("../../../plugin/src/gi/rsm/texel.wgsl"),
     include_str!("../../../plugin/src/gi/vpl/vpl.wgsl"),
-    include_str!("../../../plugin/src/gi/vpl/sample.wgsl"),
+    include_str!("../../../plugin/src/gi/vpl/rows.wgsl"),
+    include_str!("../../../plugin/src/gi/vpl/weigh.wgsl"),
     include_str!("../../../plugin/src/gi/vpl/plan.wgsl"),
     include_str!("../../../plugin/src/gi/gather/settings.wgsl"),
     include_str!("../../../plugin/src/gi/visibility/trace.wgsl"),

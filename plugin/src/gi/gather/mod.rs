@@ -22,7 +22,7 @@ use super::filter;
 use super::rsm::{RsmLight, RsmStore, RsmView};
 use super::settings::{FrugalGi, GiPixelFraction, GiVisibility};
 use super::visibility::OccluderBuffers;
-use super::vpl::{MapRow, VPL_BYTES};
+use super::vpl::{DrawingBuffers, MapRow, VPL_BYTES};
 pub(super) use plan::{GatherSettings, VplPlan};
 
 /// What a GI camera holds in the render world, while it has VPLs to gather.
@@ -32,8 +32,7 @@ pub struct GiCamera {
     pub(super) plan: VplPlan,
     pub(super) plan_buffer: Buffer,
     pub(super) vpls: Buffer,
-    pub(super) rows: Buffer,
-    pub(super) row_cdf: Buffer,
+    pub(super) drawing: DrawingBuffers,
     /// What each cell gathered.
     pub(super) irradiance: CachedTexture,
     /// The same after the filter, where there is one.
@@ -42,7 +41,6 @@ pub struct GiCamera {
     pub(super) filter_window: u32,
     settings: Buffer,
     visibility: GiVisibility,
-    map_rows: Vec<MapRow>,
     clamp_distance: f32,
 }
 
@@ -51,7 +49,7 @@ impl GiCamera {
     pub(super) fn bytes(&self) -> u64 {
         let textures = [Some(&self.irradiance), self.filtered.as_ref()].into_iter().flatten();
         let texels = textures.map(|texture| u64::from(texture.texture.width()) * u64::from(texture.texture.height()) * 8).sum::<u64>();
-        texels + [&self.vpls, &self.rows, &self.row_cdf, &self.plan_buffer, &self.settings].map(|buffer| buffer.size()).iter().sum::<u64>()
+        texels + self.drawing.bytes() + [&self.vpls, &self.plan_buffer, &self.settings].map(|buffer| buffer.size()).iter().sum::<u64>()
     }
 
     /// What the composite shows.
@@ -140,7 +138,7 @@ pub(super) fn prepare_cameras(
     for (entity, main_entity, gi, camera) in &cameras {
         let map_rows = rows_of(main_entity.id(), &maps);
         let Some(size) = camera.physical_viewport_size.filter(|size| size.min_element() > 0) else { continue };
-        if gi.vpl_count == 0 || map_rows.is_empty() || store.buffers.is_none() {
+        if gi.vpl_count == 0 || map_rows.is_empty() || store.texels.is_none() {
             if held.contains(entity) {
                 commands.entity(entity).remove::<GiCamera>();
             }
@@ -168,7 +166,7 @@ pub(super) fn prepare_cameras(
         let filtered = (filter_window > 1).then(|| texture("bevy_frugal_gi/filtered"));
         if let Ok(mut held) = held.get_mut(entity)
             && held.plan == plan
-            && held.map_rows == map_rows
+            && held.drawing.rows == map_rows
         {
             if held.fraction != gi.pixel_fraction || held.clamp_distance.to_bits() != gi.clamp_distance.to_bits() {
                 queue.write_buffer(&held.settings, 0, &plan::settings_bytes(&plan, gi.pixel_fraction, gi.clamp_distance));
@@ -186,8 +184,7 @@ pub(super) fn prepare_cameras(
             plan,
             plan_buffer: filled("bevy_frugal_gi/vpl_plan", bytemuck::bytes_of(&plan), BufferUsages::STORAGE),
             vpls: empty("bevy_frugal_gi/vpls", plan.buffer_bytes(), vpl_usage),
-            rows: filled("bevy_frugal_gi/rows", bytemuck::cast_slice(&map_rows), BufferUsages::STORAGE),
-            row_cdf: empty("bevy_frugal_gi/row_cdf", map_rows.len() as u64 * 4, BufferUsages::STORAGE),
+            drawing: DrawingBuffers::new(&device, map_rows),
             irradiance,
             filtered,
             filter_window,
@@ -198,7 +195,6 @@ pub(super) fn prepare_cameras(
                 BufferUsages::UNIFORM | BufferUsages::COPY_DST,
             ),
             visibility: gi.visibility,
-            map_rows,
             clamp_distance: gi.clamp_distance,
         });
     }
@@ -211,11 +207,16 @@ fn rows_of(camera: Entity, maps: &Query<(&RsmView, &RsmLight, &ExtractedCamera)>
         .filter(|(map, ..)| map.camera.is_none_or(|owner| owner == camera))
         .filter_map(|(_, light, camera)| Some((light, camera.physical_target_size?)))
         .collect();
-    serving.sort_by_key(|(light, _)| light.row_offset);
-    let rows = serving.iter().flat_map(|(light, size)| {
-        (0..size.y).map(|y| MapRow { row: light.row_offset + y, first_texel: light.texel_offset + y * size.x, length: size.x })
-    });
-    rows.collect()
+    serving.sort_by_key(|(light, _)| light.texel_offset);
+    let mut first_weight = 0;
+    let mut rows = Vec::new();
+    for (light, size) in serving {
+        for row in 0..size.y {
+            rows.push(MapRow { first_texel: light.texel_offset + row * size.x, first_weight, length: size.x });
+            first_weight += size.x;
+        }
+    }
+    rows
 }
 
 /// In a GI camera's view: gathers, set by set.

@@ -26,8 +26,6 @@ pub(in crate::gi) struct RsmLight {
     pub cone_offset: f32,
     /// First texel in the store.
     pub texel_offset: u32,
-    /// First row in the store.
-    pub row_offset: u32,
 }
 
 /// A light's emission and shape, without its map.

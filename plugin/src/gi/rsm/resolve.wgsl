@@ -23,8 +23,6 @@ struct Light {
     cone_offset: f32,
     /// First texel of this map in the store.
     texel_offset: u32,
-    /// First row of this map in the store.
-    row_offset: u32,
 }
 
 @group(0) @binding(0) var g_buffer: texture_2d<u32>;
@@ -32,8 +30,6 @@ struct Light {
 @group(0) @binding(2) var<uniform> view: View;
 @group(0) @binding(3) var<uniform> light: Light;
 @group(0) @binding(4) var<storage, read_write> texels: array<Texel>;
-@group(0) @binding(5) var<storage, read_write> texel_cdf: array<f32>;
-@group(0) @binding(6) var<storage, read_write> row_sums: array<f32>;
 
 /// Largest finite f32, with room to add. NaN compares false with everything.
 const LARGEST: f32 = 1e30;
@@ -75,20 +71,4 @@ fn resolve(@builtin(global_invocation_id) id: vec3<u32>) {
     // Rec. 709.
     texel.weight = dot(texel.flux, vec3(0.2126, 0.7152, 0.0722));
     texels[light.texel_offset + id.y * size.x + id.x] = texel;
-}
-
-/// Cumulative weights along each row; one thread per row.
-@compute @workgroup_size(64)
-fn accumulate_rows(@builtin(global_invocation_id) id: vec3<u32>) {
-    let size = textureDimensions(g_buffer);
-    if id.x >= size.y {
-        return;
-    }
-    let first = light.texel_offset + id.x * size.x;
-    var sum = 0.0;
-    for (var column = 0u; column < size.x; column++) {
-        sum += texels[first + column].weight;
-        texel_cdf[first + column] = sum;
-    }
-    row_sums[light.row_offset + id.x] = sum;
 }

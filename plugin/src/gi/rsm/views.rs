@@ -32,9 +32,9 @@ struct Wanted {
 }
 
 impl Wanted {
-    /// Unique, since rows are: cameras of equal order and target are ambiguous to Bevy.
+    /// Unique, since places in the store are: cameras of equal order and target are ambiguous to Bevy.
     fn order(&self) -> isize {
-        FIRST_ORDER + self.light.row_offset as isize
+        FIRST_ORDER + self.light.texel_offset as isize
     }
 }
 
@@ -211,12 +211,10 @@ fn cube_face(face: u8) -> Quat {
 /// Gives every map its place in the store, in an order that does not depend on how entities are iterated.
 fn lay_out(wanted: &mut [Wanted]) {
     wanted.sort_by_key(|w| (w.view.light, w.view.camera, w.view.face));
-    let (mut texel, mut row) = (0, 0);
+    let mut texel = 0;
     for map in wanted {
         map.light.texel_offset = texel;
-        map.light.row_offset = row;
         texel += map.resolution * map.resolution;
-        row += map.resolution;
     }
 }
 

@@ -1,35 +1,34 @@
 //! Virtual point lights: drawn for each GI camera from the texels of its maps.
 
+mod buffers;
+
 use bevy::asset::load_embedded_asset;
+use bevy::core_pipeline::prepass::ViewPrepassTextures;
 use bevy::ecs::prelude::*;
 use bevy::render::diagnostic::RecordDiagnostics;
-use bevy::render::render_resource::binding_types::{storage_buffer_read_only_sized, storage_buffer_sized};
+use bevy::render::render_resource::binding_types::{
+    storage_buffer_read_only_sized, storage_buffer_sized, texture_2d, texture_depth_2d, uniform_buffer,
+};
 use bevy::render::render_resource::*;
 use bevy::render::renderer::{RenderContext, ViewQuery};
+use bevy::render::view::{ViewUniform, ViewUniformOffset, ViewUniforms};
 use bevy::utils::default;
-use bytemuck::{Pod, Zeroable};
 
 use super::gather::GiCamera;
 use super::rsm::RsmStore;
+pub(super) use buffers::{DrawingBuffers, MapRow, RECEIVER_BYTES};
 
 /// Bytes of `vpl/vpl.wgsl`'s `Vpl`. A test holds it against the shader.
 pub(super) const VPL_BYTES: u64 = 48;
 
-/// `vpl/sample.wgsl`'s `Row`: one row of one of a camera's maps.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Pod, Zeroable)]
-#[repr(C)]
-pub(super) struct MapRow {
-    /// Index into the row sums.
-    pub row: u32,
-    /// Index of its first texel.
-    pub first_texel: u32,
-    /// Texels in it.
-    pub length: u32,
-}
-
 #[derive(Resource)]
 pub(super) struct VplPipelines {
-    pub layout: BindGroupLayoutDescriptor,
+    weigh_layout: BindGroupLayoutDescriptor,
+    pick_receivers: CachedComputePipelineId,
+    find_floor: CachedComputePipelineId,
+    weigh_texels: CachedComputePipelineId,
+    draw_layout: BindGroupLayoutDescriptor,
+    accumulate_rows: CachedComputePipelineId,
     accumulate_maps: CachedComputePipelineId,
     sample: CachedComputePipelineId,
 }
@@ -38,13 +37,28 @@ impl FromWorld for VplPipelines {
     fn from_world(world: &mut World) -> Self {
         let read = || storage_buffer_read_only_sized(false, None);
         let write = || storage_buffer_sized(false, None);
-        let layout = BindGroupLayoutDescriptor::new(
-            "bevy_frugal_gi/vpl",
-            &BindGroupLayoutEntries::sequential(ShaderStages::COMPUTE, (read(), read(), read(), read(), write(), write(), read())),
+        let weigh_layout = BindGroupLayoutDescriptor::new(
+            "bevy_frugal_gi/vpl/weigh",
+            &BindGroupLayoutEntries::sequential(
+                ShaderStages::COMPUTE,
+                (
+                    texture_2d(TextureSampleType::Uint),
+                    texture_depth_2d(),
+                    uniform_buffer::<ViewUniform>(true),
+                    read(),
+                    read(),
+                    write(),
+                    write(),
+                ),
+            ),
         );
-        let shader = load_embedded_asset!(world, "sample.wgsl");
+        let draw_layout = BindGroupLayoutDescriptor::new(
+            "bevy_frugal_gi/vpl/draw",
+            &BindGroupLayoutEntries::sequential(ShaderStages::COMPUTE, (read(), read(), read(), write(), write(), write(), read())),
+        );
+        let (weigh, sample) = (load_embedded_asset!(world, "weigh.wgsl"), load_embedded_asset!(world, "sample.wgsl"));
         let cache = world.resource::<PipelineCache>();
-        let queue = |entry_point: &'static str| {
+        let queue = |shader: &bevy::asset::Handle<bevy::shader::Shader>, layout: &BindGroupLayoutDescriptor, entry_point: &'static str| {
             cache.queue_compute_pipeline(ComputePipelineDescriptor {
                 label: Some(format!("bevy_frugal_gi/vpl/{entry_point}").into()),
                 layout: vec![layout.clone()],
@@ -53,39 +67,73 @@ impl FromWorld for VplPipelines {
                 ..default()
             })
         };
-        let accumulate_maps = queue("accumulate_maps");
-        let sample = queue("sample_vpls");
-        Self { accumulate_maps, sample, layout }
+        Self {
+            pick_receivers: queue(&weigh, &weigh_layout, "pick_receivers"),
+            find_floor: queue(&weigh, &weigh_layout, "find_floor"),
+            weigh_texels: queue(&weigh, &weigh_layout, "weigh_texels"),
+            accumulate_rows: queue(&sample, &draw_layout, "accumulate_rows"),
+            accumulate_maps: queue(&sample, &draw_layout, "accumulate_maps"),
+            sample: queue(&sample, &draw_layout, "sample_vpls"),
+            weigh_layout,
+            draw_layout,
+        }
     }
 }
 
-/// In a GI camera's view: draws its VPLs.
+/// In a GI camera's view: weighs the texels of its maps and draws its VPLs.
 pub(super) fn sample(
-    view: ViewQuery<&GiCamera>,
+    view: ViewQuery<(&GiCamera, &ViewPrepassTextures, &ViewUniformOffset)>,
     pipelines: Res<VplPipelines>,
     store: Res<RsmStore>,
     cache: Res<PipelineCache>,
+    view_uniforms: Res<ViewUniforms>,
     mut context: RenderContext,
 ) {
-    let camera = view.into_inner();
-    let (Some(buffers), Some(accumulate), Some(sample)) =
-        (&store.buffers, cache.get_compute_pipeline(pipelines.accumulate_maps), cache.get_compute_pipeline(pipelines.sample))
+    let (camera, prepass, view_offset) = view.into_inner();
+    let ready = |id| cache.get_compute_pipeline(id);
+    let (Some(pick), Some(find_floor), Some(weigh)) =
+        (ready(pipelines.pick_receivers), ready(pipelines.find_floor), ready(pipelines.weigh_texels))
     else {
         return;
     };
-    let bind_group = context.render_device().create_bind_group(
-        "bevy_frugal_gi/vpl",
-        &cache.get_bind_group_layout(&pipelines.layout),
+    let (Some(accumulate_rows), Some(accumulate_maps), Some(sample), Some(texels)) =
+        (ready(pipelines.accumulate_rows), ready(pipelines.accumulate_maps), ready(pipelines.sample), &store.texels)
+    else {
+        return;
+    };
+    let (Some(g_buffer), Some(depth), Some(views)) = (prepass.deferred_view(), prepass.depth_view(), view_uniforms.uniforms.binding())
+    else {
+        return;
+    };
+    let buffers = &camera.drawing;
+    let device = context.render_device();
+    let weighing = device.create_bind_group(
+        "bevy_frugal_gi/vpl/weigh",
+        &cache.get_bind_group_layout(&pipelines.weigh_layout),
         &BindGroupEntries::sequential((
-            buffers.texels.as_entire_binding(),
+            g_buffer,
+            depth,
+            views,
+            texels.as_entire_binding(),
+            buffers.row_table.as_entire_binding(),
+            buffers.receivers.as_entire_binding(),
+            buffers.weights.as_entire_binding(),
+        )),
+    );
+    let drawing = device.create_bind_group(
+        "bevy_frugal_gi/vpl/draw",
+        &cache.get_bind_group_layout(&pipelines.draw_layout),
+        &BindGroupEntries::sequential((
+            texels.as_entire_binding(),
+            buffers.row_table.as_entire_binding(),
+            buffers.weights.as_entire_binding(),
             buffers.texel_cdf.as_entire_binding(),
-            buffers.row_sums.as_entire_binding(),
-            camera.rows.as_entire_binding(),
-            camera.row_cdf.as_entire_binding(),
+            buffers.row_cdf.as_entire_binding(),
             camera.vpls.as_entire_binding(),
             camera.plan_buffer.as_entire_binding(),
         )),
     );
+    let rows = buffers.rows.len() as u32;
     let diagnostics = context.diagnostic_recorder();
     let diagnostics = diagnostics.as_deref();
     let span = diagnostics.time_span(context.command_encoder(), "bevy_frugal_gi/vpl");
@@ -93,8 +141,17 @@ pub(super) fn sample(
         let mut pass = context
             .command_encoder()
             .begin_compute_pass(&ComputePassDescriptor { label: Some("bevy_frugal_gi/vpl"), timestamp_writes: None });
-        pass.set_bind_group(0, &bind_group, &[]);
-        pass.set_pipeline(accumulate);
+        pass.set_bind_group(0, &weighing, &[view_offset.offset]);
+        pass.set_pipeline(pick);
+        pass.dispatch_workgroups(1, 1, 1);
+        pass.set_pipeline(find_floor);
+        pass.dispatch_workgroups(1, 1, 1);
+        pass.set_pipeline(weigh);
+        pass.dispatch_workgroups(buffers.longest_row.div_ceil(64), rows, 1);
+        pass.set_bind_group(0, &drawing, &[]);
+        pass.set_pipeline(accumulate_rows);
+        pass.dispatch_workgroups(rows.div_ceil(64), 1, 1);
+        pass.set_pipeline(accumulate_maps);
         pass.dispatch_workgroups(1, 1, 1);
         pass.set_pipeline(sample);
         pass.dispatch_workgroups(camera.plan.slots().div_ceil(64), 1, 1);

@@ -1,36 +1,44 @@
-// Draws a camera's virtual point lights from the texels of its reflective shadow maps, in proportion to flux.
+// Draws a camera's virtual point lights from the texels of its reflective shadow maps, in proportion to their weights (see
+// `weigh.wgsl`).
 //
 // The sequence is fixed, so a still scene has still VPLs. Each set of VPLs (see `plan.wgsl`) is a Hammersley set of its own: the first coordinate
 // stratifies rows, the radical inverse places the texel in its row. Sets are shifted against each other, rows by a part of a stratum and texels
 // by multiples of the golden ratio, so that together they are one set of all VPLs. Every VPL carries total · flux / (weight · count of its
-// set): the sum over a set is the sum over texels.
+// set): the expectation of the sum over a set is the sum over texels, and is met exactly where weights are proportional to flux.
 
 #import bevy_frugal_gi::gi::rsm::texel::Texel
 #import bevy_frugal_gi::gi::vpl::plan::Plan
+#import bevy_frugal_gi::gi::vpl::rows::Row
 #import bevy_frugal_gi::gi::vpl::vpl::Vpl
 
-/// A row of one of the camera's maps.
-struct Row {
-    /// Index into the row sums.
-    row: u32,
-    /// Index of its first texel.
-    first_texel: u32,
-    /// Texels in it.
-    length: u32,
-}
-
 @group(0) @binding(0) var<storage, read> texels: array<Texel>;
-@group(0) @binding(1) var<storage, read> texel_cdf: array<f32>;
-@group(0) @binding(2) var<storage, read> row_sums: array<f32>;
-@group(0) @binding(3) var<storage, read> rows: array<Row>;
+@group(0) @binding(1) var<storage, read> rows: array<Row>;
+@group(0) @binding(2) var<storage, read> weights: array<f32>;
+@group(0) @binding(3) var<storage, read_write> texel_cdf: array<f32>;
 @group(0) @binding(4) var<storage, read_write> row_cdf: array<f32>;
 @group(0) @binding(5) var<storage, read_write> vpls: array<Vpl>;
 @group(0) @binding(6) var<storage, read> plan: Plan;
 
+/// Cumulative weights along each row; one thread per row, which leaves its sum in `row_cdf`.
+@compute @workgroup_size(64)
+fn accumulate_rows(@builtin(global_invocation_id) id: vec3<u32>) {
+    if id.x >= arrayLength(&row_cdf) {
+        return;
+    }
+    let row = rows[id.x];
+    var sum = 0.0;
+    for (var column = 0u; column < row.length; column++) {
+        sum += weights[row.first_weight + column];
+        texel_cdf[row.first_weight + column] = sum;
+    }
+    row_cdf[id.x] = sum;
+}
+
 const LANES: u32 = 64u;
 var<workgroup> lane_sums: array<f32, LANES>;
 
-/// Cumulative sums over all rows of the camera's maps, in one workgroup: each lane sums a run of rows, then adds what lies before it.
+/// Cumulative sums over all rows of the camera's maps in place of their sums, in one workgroup: each lane sums a run of rows, then adds what lies
+/// before it.
 @compute @workgroup_size(64)
 fn accumulate_maps(@builtin(local_invocation_index) lane: u32) {
     let count = arrayLength(&row_cdf);
@@ -39,7 +47,7 @@ fn accumulate_maps(@builtin(local_invocation_index) lane: u32) {
     let end = min(first + run, count);
     var sum = 0.0;
     for (var i = first; i < end; i++) {
-        sum += row_sums[rows[i].row];
+        sum += row_cdf[i];
     }
     lane_sums[lane] = sum;
     workgroupBarrier();
@@ -48,7 +56,7 @@ fn accumulate_maps(@builtin(local_invocation_index) lane: u32) {
         before += lane_sums[i];
     }
     for (var i = first; i < end; i++) {
-        before += row_sums[rows[i].row];
+        before += row_cdf[i];
         row_cdf[i] = before;
     }
 }
@@ -96,11 +104,14 @@ fn sample_vpls(@builtin(global_invocation_id) id: vec3<u32>) {
     // 2^-32; and never 1.
     let along_row = min(fract(f32(reverseBits(member)) * 2.3283064e-10 + f32(which) * 0.618034), 0.99999994);
     let row = rows[find_row(along_rows * total)];
-    let texel = texels[find_texel(row.first_texel, row.length, along_row * row_sums[row.row])];
+    let last = row.first_weight + row.length - 1u;
+    let place = find_texel(row.first_weight, row.length, along_row * texel_cdf[last]);
+    let texel = texels[row.first_texel + place - row.first_weight];
+    let weight = weights[place];
 
     // The last row or texel may be reached by rounding with nothing in it; then it carries nothing. So does what only fills up the set's stride.
-    let share = total / (max(texel.weight, 1e-30) * count);
-    let carries = texel.weight > 0.0 && share < 1e30 && member < plan.per_set;
+    let share = total / (max(weight, 1e-36) * count);
+    let carries = weight > 0.0 && share < 1e30 && member < plan.per_set;
     var vpl: Vpl;
     vpl.position = texel.position;
     vpl.normal = texel.normal;

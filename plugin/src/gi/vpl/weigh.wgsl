@@ -1,0 +1,116 @@
+// How much each texel of a camera's reflective shadow maps matters to its picture: flux times what the camera's surfaces could receive of it.
+//
+// A few receivers stand for all that the camera sees. Virtual point lights drawn by flux alone go to wherever the sun shines; on a large level
+// few of them would light anything in view. The idea is that of light-path guiding (importance from the eye decides where light paths go). Any
+// weight above zero keeps the estimate unbiased, so the receivers may be few and blind to what stands between. A floor of a quarter of the mean
+// keeps it tame: no VPL carries more than four times what it would carry if all were drawn by flux.
+
+#import bevy_render::view::View
+#import bevy_frugal_gi::gi::rsm::texel::Texel
+#import bevy_frugal_gi::gi::surface::{pixel_position, surface_normal}
+#import bevy_frugal_gi::gi::vpl::rows::Row
+
+struct Receiver {
+    /// World space, metres.
+    position: vec3<f32>,
+    /// Square of the radius that it stands for, m²; 0 for none.
+    radius_squared: f32,
+    /// World space, unit length.
+    normal: vec3<f32>,
+    padding: f32,
+}
+
+struct Receivers {
+    /// Added to what any texel sends to the receivers, 1/m².
+    floor: f32,
+    points: array<Receiver, 32>,
+}
+
+const COLUMNS: u32 = 8u;
+const ROWS: u32 = 4u;
+const RECEIVERS: u32 = COLUMNS * ROWS;
+
+@group(0) @binding(0) var g_buffer: texture_2d<u32>;
+@group(0) @binding(1) var depth_buffer: texture_depth_2d;
+@group(0) @binding(2) var<uniform> view: View;
+@group(0) @binding(3) var<storage, read> texels: array<Texel>;
+@group(0) @binding(4) var<storage, read> rows: array<Row>;
+@group(0) @binding(5) var<storage, read_write> receivers: Receivers;
+@group(0) @binding(6) var<storage, read_write> weights: array<f32>;
+
+/// One thread per receiver: the pixels in the middle of a grid's cells, every other row shifted by half a cell.
+@compute @workgroup_size(RECEIVERS)
+fn pick_receivers(@builtin(local_invocation_index) index: u32) {
+    let size = textureDimensions(g_buffer);
+    let cell = vec2<f32>(vec2(index % COLUMNS, index / COLUMNS));
+    let shift = 0.25 + 0.5 * (f32(index / COLUMNS) - 2.0 * floor(f32(index / COLUMNS) * 0.5));
+    let place = (cell + vec2(shift, 0.5)) / vec2(f32(COLUMNS), f32(ROWS));
+    let pixel = min(vec2<u32>(place * vec2<f32>(size)), size - 1u);
+    let depth = textureLoad(depth_buffer, pixel, 0);
+    var receiver: Receiver;
+    receiver.position = pixel_position(pixel, size, max(depth, 1e-30), view.world_from_clip);
+    receiver.normal = surface_normal(textureLoad(g_buffer, pixel, 0));
+    // What a cell of the grid covers of a surface, more or less: nothing nearer than that can be told apart.
+    let way = receiver.position - view.world_position;
+    receiver.radius_squared = select(0.0, clamp(0.02 * dot(way, way), 1e-12, 1e18), depth > 0.0);
+    receivers.points[index] = receiver;
+}
+
+/// What the receivers would get of a texel's light if nothing stood between, 1/m².
+fn received(texel: Texel) -> f32 {
+    var sum = 0.0;
+    for (var i = 0u; i < RECEIVERS; i++) {
+        let receiver = receivers.points[i];
+        let way = texel.position - receiver.position;
+        let square = clamp(dot(way, way), 1e-18, 1e30);
+        let cosines = max(dot(receiver.normal, way), 0.0) * max(-dot(texel.normal, way), 0.0) / square;
+        sum += select(0.0, cosines / (square + receiver.radius_squared), receiver.radius_squared > 0.0);
+    }
+    return min(sum, 1e6);
+}
+
+const LANES: u32 = 64u;
+/// Texels that each lane looks at.
+const PROBES: u32 = 16u;
+var<workgroup> lane_flux: array<f32, LANES>;
+var<workgroup> lane_received: array<f32, LANES>;
+
+/// The floor, from a thousand texels spread over all maps; one workgroup.
+@compute @workgroup_size(LANES)
+fn find_floor(@builtin(local_invocation_index) lane: u32) {
+    let count = arrayLength(&rows);
+    var flux = 0.0;
+    var light = 0.0;
+    for (var i = 0u; i < PROBES; i++) {
+        let probe = lane * PROBES + i;
+        let row = rows[probe * count / (LANES * PROBES)];
+        let column = min(u32(fract(f32(probe) * 0.618034) * f32(row.length)), row.length - 1u);
+        let texel = texels[row.first_texel + column];
+        flux += texel.weight * 1e-3;
+        light += texel.weight * 1e-3 * received(texel);
+    }
+    lane_flux[lane] = flux;
+    lane_received[lane] = light;
+    workgroupBarrier();
+    if lane == 0u {
+        for (var i = 1u; i < LANES; i++) {
+            flux += lane_flux[i];
+            light += lane_received[i];
+        }
+        // Where nothing is received, or no probe met light, flux alone decides.
+        receivers.floor = clamp(0.25 * light / max(flux, 1e-36), 1e-9, 1e6);
+    }
+}
+
+/// One thread per texel, a row of workgroups for each row of the camera's maps.
+@compute @workgroup_size(64)
+fn weigh_texels(@builtin(global_invocation_id) id: vec3<u32>) {
+    let row = rows[id.y];
+    if id.x >= row.length {
+        return;
+    }
+    let texel = texels[row.first_texel + id.x];
+    // Within what a sum over all texels can hold, whatever the flux.
+    let weight = clamp(texel.weight * (received(texel) + receivers.floor), 1e-36, 1e30);
+    weights[row.first_weight + id.x] = select(0.0, weight, texel.weight > 0.0);
+}
