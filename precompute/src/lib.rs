@@ -1,4 +1,5 @@
 //! The `frugal` tool as a library: scene → stage → measure → search → frontier map, and what reads one back.
+pub mod cells;
 pub mod cli;
 pub mod evaluate;
 pub mod files;

@@ -8,9 +8,10 @@ use super::CostPoint;
 /// Measured ÷ predicted error at cameras that are no sample cameras.
 ///
 /// A camera of an app stands between corners and looks between axes, and so do its costs; Wang et al. 2016 leave that to finer subdivision. A map
-/// made in minutes has few corners. What its nearest corner promises is off by a factor that can be measured when the map is made, and then an
-/// error budget be tightened by it. It never loosens a budget: a map that promises too little is already safe. Power has no such factor: the app
-/// can meter it, and correct itself, while nobody sees the error of a frame that was not also rendered at its best.
+/// made in minutes has few corners. `frugal precompute` therefore gives a frontier the mean costs of the cameras that it serves, and measures at
+/// further cameras by which factor most of them stay below; an error budget is tightened by it. It never loosens a budget: a map that promises too
+/// little is already safe. Power has no such factor: the app can meter it, and correct itself, while nobody sees the error of a frame that was not
+/// also rendered at its best.
 #[derive(Clone, Copy, Debug, PartialEq, Reflect, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Correction {
@@ -34,7 +35,7 @@ impl Correction {
     pub const QUANTILE: f64 = 0.9;
 
     /// Errors below this look the same; a ratio to a smaller one says nothing.
-    const LEAST_ERROR: f64 = 1e-3;
+    pub const LEAST_ERROR: f64 = 1e-3;
 
     /// From pairs of predicted and measured error. Pairs that are not finite are left out.
     pub fn fit(pairs: &[(f64, f64)]) -> Self {

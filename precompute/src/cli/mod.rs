@@ -3,6 +3,7 @@
 //! Exit status: 0 done, 2 wrong use or bad input (one message, nothing written), 1 failed.
 
 mod arguments;
+mod cells;
 mod demo;
 mod error;
 mod evaluate;
@@ -12,7 +13,6 @@ mod precompute;
 mod progress;
 mod render;
 mod sweep;
-mod verify;
 
 use std::process::ExitCode;
 

@@ -8,9 +8,12 @@ use bevy_frugal_gi::units::Watts;
 use indicatif::ProgressBar;
 
 use super::arguments::{CaptureArguments, check_outputs, duration, open_scene, write};
-use super::{CliError, progress, verify};
+use super::cells::{Clock, measure_cells};
+use super::{CliError, progress};
 use crate::scene::SceneDescription;
-use crate::search::{Journal, JournalHeader, Journaled, SearchConfig, Stage as Step, SubdivisionProgress, Watch, knob_space_hash};
+use crate::search::{
+    Journal, JournalHeader, Journaled, Monitor as _, SearchConfig, Stage as Step, SubdivisionProgress, Watch, knob_space_hash,
+};
 use crate::stage::RemoteStage;
 use crate::subdivide::{CameraSpace, Statistics, SubdivideConfig, Subdivision, Threshold, subdivide};
 
@@ -46,7 +49,7 @@ pub(super) struct SearchArguments {
     /// Seed of every random choice
     #[arg(long, value_name = "N", default_value_t = 0)]
     pub seed: u64,
-    /// Ends with the best map so far: 90s, 10m, 1h
+    /// Ends with the best map so far: 90s, 10m, 1h. The last quarter is for measuring it where it is used
     #[arg(long, value_name = "TIME", value_parser = duration)]
     pub time_limit: Option<Duration>,
 }
@@ -92,14 +95,15 @@ pub(super) fn run(arguments: &Arguments) -> Result<(), CliError> {
     let (map, statistics) = search(&mut stage, &scene, &name, &arguments.search, &journal, arguments.resume)?;
     write(&output, map.to_ron().map_err(CliError::failed)?.as_bytes())?;
     print_statistics(&statistics, &map);
-    if statistics.complete {
-        // Nothing is left to resume.
-        let _ = std::fs::remove_file(&journal);
-    } else if progress::interrupted() {
+    // An interrupt may have come after the search.
+    if progress::interrupted() {
         return Err(CliError::failed(format!(
             "interrupted: {} holds what was found so far; the same command with --resume goes on",
             output.display()
         )));
+    } else if statistics.complete {
+        // Nothing is left to resume.
+        let _ = std::fs::remove_file(&journal);
     } else {
         eprintln!("time is up: the map is complete as far as it goes; the same command with --resume refines it");
     }
@@ -121,7 +125,7 @@ pub(super) fn open_stage(scene: &SceneDescription, path: &Path, capture: &Captur
     Ok(RemoteStage::open(scene, request)?)
 }
 
-/// Searches the scene's camera space.
+/// Searches the scene's camera space, and measures the map where it is used.
 pub(super) fn search(
     stage: &mut RemoteStage,
     scene: &SceneDescription,
@@ -155,13 +159,17 @@ pub(super) fn search(
     eprintln!("{} knobs, {} combinations; power by {}", space.len(), space.combinations(), stage.meter().description);
 
     let bar = progress::bar(0);
-    let mut watch = Watch::start(arguments.time_limit, progress::interrupted, |p: &SubdivisionProgress| show(&bar, p));
+    let clock = Clock::start(arguments.time_limit);
+    let answered = journal.len();
+    let mut watch = Watch::start(clock.search(), progress::interrupted, |p: &SubdivisionProgress| show(&bar, p));
     let mut evaluator = Journaled::new(&mut *stage, journal);
     let camera_space = CameraSpace { min: bounds.min, max: bounds.max };
     let found = subdivide(&space, camera_space, &config, &mut evaluator, &mut watch);
     bar.finish_and_clear();
     let Subdivision { octree, statistics } = found.map_err(CliError::failed)?;
     drop(evaluator);
+    let asked = (statistics.evaluations + statistics.refinements).saturating_sub(answered);
+    let pace = (asked > 0).then(|| watch.seconds() / asked as f64);
 
     let power_w = match config.power_threshold {
         Threshold::Absolute(watts) => watts.0,
@@ -180,9 +188,8 @@ pub(super) fn search(
         correction: Correction::default(),
     };
     map.validate().map_err(CliError::failed)?;
-    map.correction = verify::correction(stage, &map, arguments.seed)?;
-    let Correction { error, samples } = map.correction;
-    eprintln!("between the sample cameras, errors are up to {error:.2} times what they promise ({samples} measurements)");
+    measure_cells(stage, &mut map, arguments.seed, pace, clock)?;
+    map.validate().map_err(CliError::failed)?;
     Ok((map, statistics))
 }
 

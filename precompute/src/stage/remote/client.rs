@@ -9,9 +9,10 @@ use bevy_frugal_gi::knobs::{KnobSpace, RenderSettings};
 use bevy_frugal_gi::power::MeterInfo;
 
 use super::protocol::{Answer, Reply, Request, StageRequest, receive, send};
+use crate::cells::Measure;
 use crate::evaluate::{Player, Pose, Shot};
 use crate::metrics::Picture;
-use crate::scene::{Bounds, RayScene, SceneDescription};
+use crate::scene::{Bounds, CameraPose, RayScene, SceneDescription};
 use crate::search::{Evaluate, SampleCamera};
 use crate::stage::evaluator::{EVALUATING_FRAMES, REFINING_FRAMES};
 
@@ -240,6 +241,19 @@ impl Evaluate for RemoteStage {
 
     fn refine(&mut self, camera: SampleCamera, settings: RenderSettings, _: CostPoint) -> Result<CostPoint, RemoteError> {
         self.measure(camera.position, camera.view.rotation(), settings, REFINING_FRAMES)
+    }
+}
+
+impl Measure for RemoteStage {
+    type Error = RemoteError;
+
+    fn sees(&self, camera: &CameraPose) -> bool {
+        self.sees_from(camera.position, camera.rotation)
+    }
+
+    /// No longer than a first reading: readings that nothing selects are not flattered, and several cameras average out what one of them misreads.
+    fn measure(&mut self, camera: &CameraPose, settings: RenderSettings) -> Result<CostPoint, RemoteError> {
+        RemoteStage::measure(self, camera.position, camera.rotation, settings, EVALUATING_FRAMES)
     }
 }
 
