@@ -11,7 +11,7 @@
 //!
 //! Costs become *means* over the cell, in error as in power. A budget limits the mean of a run, and means over cells add up to the mean of a run;
 //! quantiles do not. That single frames are worse than their cell's mean is left to the map's
-//! [`Correction`](bevy_frugal_gi::frontier::Correction), which covers nine in ten frames and would count that spread twice if costs had it already.
+//! [`Correction`](bevy_frugal_gi::frontier::Correction), which covers most frames and would count that spread twice if costs had it already.
 mod adjust;
 mod anchors;
 mod cameras;
