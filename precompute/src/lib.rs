@@ -4,6 +4,7 @@ pub mod cli;
 pub mod evaluate;
 pub mod files;
 pub mod metrics;
+pub mod reference;
 pub mod report;
 pub mod scene;
 pub mod search;

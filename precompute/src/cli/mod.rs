@@ -4,6 +4,7 @@
 
 mod arguments;
 mod cells;
+mod compare;
 mod demo;
 mod error;
 mod evaluate;
@@ -11,6 +12,7 @@ mod inspect;
 mod meters;
 mod precompute;
 mod progress;
+mod reference;
 mod render;
 mod sweep;
 
@@ -38,6 +40,10 @@ enum Command {
     Sweep(sweep::Arguments),
     /// Renders one picture
     Render(render::Arguments),
+    /// Path-traces one picture on the processor: the truth that `render` is held to
+    Reference(reference::Arguments),
+    /// Compares the linear radiance of two pictures
+    Compare(compare::Arguments),
     /// Tells what a map holds
     Inspect(inspect::Arguments),
     /// Lists the power meters of this machine, each tested under load
@@ -57,6 +63,8 @@ pub fn run() -> ExitCode {
         Command::Evaluate(arguments) => evaluate::run(arguments),
         Command::Sweep(arguments) => sweep::run(arguments),
         Command::Render(arguments) => render::run(arguments),
+        Command::Reference(arguments) => reference::run(arguments),
+        Command::Compare(arguments) => compare::run(arguments),
         Command::Inspect(arguments) => inspect::run(arguments),
         Command::Meters(arguments) => meters::run(arguments),
         Command::Demo(arguments) => demo::run(arguments),

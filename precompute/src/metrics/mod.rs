@@ -1,5 +1,10 @@
 //! Pictures and how different two of them are.
+pub mod difference;
 mod picture;
+mod radiance;
 pub mod ssim;
+pub mod tone;
+pub use difference::{Difference, DifferenceError};
 pub use picture::{Picture, PictureError};
+pub use radiance::{Radiance, RadianceError};
 pub use ssim::{CompareError, Reference};

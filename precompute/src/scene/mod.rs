@@ -8,6 +8,7 @@
 //! | [`mesh`], [`builder`], [`texture`] | renderer-free geometry, and how to make it by code |
 //! | [`gltf`] | geometry out of a `.glb` or `.gltf` file |
 //! | [`procedural`] | geometry that we make by code |
+//! | [`sky`] | a latitude-longitude picture of the surroundings |
 //! | [`rays`] | ray queries: what a camera sees, and whether it is inside a solid |
 pub mod bounds;
 pub mod builder;
@@ -22,6 +23,7 @@ pub mod mesh;
 pub mod path;
 pub mod procedural;
 pub mod rays;
+pub mod sky;
 pub mod texture;
 
 pub use bounds::Bounds;
@@ -29,5 +31,6 @@ pub use description::{Camera, Environment, Geometry, Light, SceneDescription};
 pub use load::{SceneError, load};
 pub use mesh::{AlphaMode, SceneGeometry, SceneMaterial, SceneMesh, Triangle};
 pub use path::{CameraKey, CameraPath, CameraPose};
-pub use rays::{RayScene, Side};
+pub use rays::{Hit, RayScene, Side};
+pub use sky::SkyMap;
 pub use texture::SceneTexture;

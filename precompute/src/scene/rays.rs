@@ -44,7 +44,10 @@ pub struct Hit {
     pub weights: [f32; 3],
 }
 
-/// Triangles in a tree. Alpha is not looked at: a cut-out counts as solid.
+/// Distance, side, and weights of the corners.
+type Met = (f32, Side, [f32; 3]);
+
+/// Triangles in a tree. Alpha is not looked at, unless a filter does: a cut-out counts as solid.
 #[derive(Debug)]
 pub struct RayScene {
     triangles: Vec<Triangle>,
@@ -80,22 +83,31 @@ impl RayScene {
     /// The first triangle that the ray meets in (0, `greatest_distance`], from either side. `None` also for a ray whose origin or
     /// direction is not finite, or whose direction is zero. Distances are in lengths of `direction`.
     pub fn closest(&self, origin: Vec3, direction: Vec3, greatest_distance: f32) -> Option<Hit> {
+        self.closest_where(origin, direction, greatest_distance, |_| true)
+    }
+
+    /// [`closest`](Self::closest) among the hits that `accepts` takes; the ray goes on through the others. It is asked of hits in any order,
+    /// and of some that are not the closest.
+    pub fn closest_where(&self, origin: Vec3, direction: Vec3, greatest_distance: f32, accepts: impl Fn(&Hit) -> bool) -> Option<Hit> {
         let (tree, ray) = self.ray(origin, direction, greatest_distance)?;
         let mut nearest = RayHit::none();
-        tree.ray_traverse(ray, &mut nearest, |ray, id| self.test(tree, id, ray).map_or(f32::INFINITY, |(distance, ..)| distance));
+        tree.ray_traverse(ray, &mut nearest, |ray, id| self.distance_where(tree, id, ray, &accepts));
         if nearest.t > greatest_distance || !nearest.t.is_finite() {
             return None;
         }
-        let (distance, side, weights) = self.test(tree, nearest.primitive_id as usize, &ray)?;
-        let triangle = self.triangles[tree.primitive_indices[nearest.primitive_id as usize] as usize];
-        Some(Hit { distance, side, triangle, weights })
+        let id = nearest.primitive_id as usize;
+        Some(self.hit(tree, id, self.test(tree, id, &ray)?))
     }
 
     /// Whether the ray meets any triangle in (0, `greatest_distance`); arguments as for [`closest`](Self::closest).
     pub fn any(&self, origin: Vec3, direction: Vec3, greatest_distance: f32) -> bool {
-        self.ray(origin, direction, greatest_distance).is_some_and(|(tree, ray)| {
-            !tree.ray_traverse_miss(ray, |ray, id| self.test(tree, id, ray).map_or(f32::INFINITY, |(distance, ..)| distance))
-        })
+        self.any_where(origin, direction, greatest_distance, |_| true)
+    }
+
+    /// [`any`](Self::any) among the hits that `accepts` takes.
+    pub fn any_where(&self, origin: Vec3, direction: Vec3, greatest_distance: f32, accepts: impl Fn(&Hit) -> bool) -> bool {
+        self.ray(origin, direction, greatest_distance)
+            .is_some_and(|(tree, ray)| !tree.ray_traverse_miss(ray, |ray, id| self.distance_where(tree, id, ray, &accepts)))
     }
 
     /// Whether a camera sees any triangle: at least one of a grid of 24 × 14 rays through its picture meets one. Things thinner than a
@@ -141,8 +153,18 @@ impl RayScene {
         sound.then(|| (tree, Ray::new(origin.to_array().into(), direction.to_array().into(), 0.0, greatest_distance)))
     }
 
+    fn hit(&self, tree: &CwBvh, id: usize, (distance, side, weights): Met) -> Hit {
+        Hit { distance, side, triangle: self.triangles[tree.primitive_indices[id] as usize], weights }
+    }
+
+    /// Distance of an accepted hit, else infinity. Only a filter that reads the hit pays for making it.
+    #[inline]
+    fn distance_where(&self, tree: &CwBvh, id: usize, ray: &Ray, accepts: &impl Fn(&Hit) -> bool) -> f32 {
+        self.test(tree, id, ray).filter(|met| accepts(&self.hit(tree, id, *met))).map_or(f32::INFINITY, |(distance, ..)| distance)
+    }
+
     /// Distance, side and corner weights, if the ray meets the triangle within its range.
-    fn test(&self, tree: &CwBvh, id: usize, ray: &Ray) -> Option<(f32, Side, [f32; 3])> {
+    fn test(&self, tree: &CwBvh, id: usize, ray: &Ray) -> Option<Met> {
         let triangle = &self.triangles[*tree.primitive_indices.get(id)? as usize];
         let [a, b, c] = triangle.corners.map(|corner| corner.as_dvec3());
         let (origin, direction) = (DVec3::from(ray.origin.to_array().map(f64::from)), DVec3::from(ray.direction.to_array().map(f64::from)));

@@ -50,6 +50,24 @@ fn the_tree_agrees_with_trying_every_triangle() {
 }
 
 #[test]
+fn a_filter_lets_rays_through_what_it_refuses() {
+    let scene = scene(|builder| builder.cuboid(Vec3::splat(-1.0), Vec3::ONE, Faces::ALL));
+    let (origin, direction) = (Vec3::new(0.25, 0.5, 5.0), Vec3::NEG_Z);
+    let back = scene.closest_where(origin, direction, f32::INFINITY, |hit| hit.side == Side::Back).unwrap();
+    assert_eq!((back.distance, back.side), (6.0, Side::Back));
+    assert_eq!(scene.closest_where(origin, direction, 5.9, |hit| hit.side == Side::Back), None);
+    assert!(scene.any_where(origin, direction, 6.1, |hit| hit.side == Side::Back));
+    assert!(!scene.any_where(origin, direction, 5.9, |hit| hit.side == Side::Back));
+    assert_eq!(scene.closest_where(origin, direction, f32::INFINITY, |_| false), None);
+    // What the filter is shown is what would be returned.
+    let shown = scene.closest_where(origin, direction, f32::INFINITY, |hit| {
+        let point: Vec3 = hit.triangle.corners.iter().zip(hit.weights).map(|(corner, weight)| *corner * weight).sum();
+        point.distance(origin + direction * hit.distance) < 1e-5
+    });
+    assert_eq!(shown, scene.closest(origin, direction, f32::INFINITY));
+}
+
+#[test]
 fn a_closed_sphere_has_no_holes() {
     let scene = scene(|builder| builder.icosphere(Vec3::ZERO, 2.0, 3, true));
     for direction in sphere_directions(20_000) {

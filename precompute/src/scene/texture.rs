@@ -1,5 +1,10 @@
 //! A texture with its mip chain, filtered in linear light.
 
+use std::sync::LazyLock;
+
+/// Linear light of the 256 values that a texel's channel can have.
+static DECODED: LazyLock<[f32; 256]> = LazyLock::new(|| std::array::from_fn(|value| linear_from_srgb(value as f32 / 255.0)));
+
 /// An 8-bit sRGB texture with a full mip chain. It repeats in both directions.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct SceneTexture {
@@ -23,11 +28,10 @@ impl SceneTexture {
         if texels == 0 || rgba8.len() != texels.checked_mul(4)? {
             return None;
         }
-        let linear_from_srgb: [f32; 256] = std::array::from_fn(|value| linear_from_srgb(value as f32 / 255.0));
         let mut level: Vec<[f32; 4]> = rgba8
             .chunks_exact(4)
             .map(|texel| {
-                let color = |i: usize| linear_from_srgb[texel[i] as usize];
+                let color = |i: usize| DECODED[texel[i] as usize];
                 [color(0), color(1), color(2), f32::from(texel[3]) / 255.0]
             })
             .collect();
@@ -42,6 +46,29 @@ impl SceneTexture {
             mips.push(level.iter().flat_map(|texel| encode(texel, scale)).collect());
         }
         Some(Self { width, height, mips })
+    }
+
+    /// Colour in linear light and alpha, each in [0, 1], at a texture coordinate: level 0, the four nearest texels weighed bilinearly after
+    /// decoding, repeating, as the stage's sampler magnifies. (0, 0) is the upper left corner. A coordinate that is not finite reads as 0.
+    pub fn sample(&self, u: f32, v: f32) -> [f32; 4] {
+        // One neighbour on either side of the place, and the weight of the second; texel centres are at halves.
+        let neighbours = |coordinate: f32, size: u32| {
+            let coordinate = if coordinate.is_finite() { f64::from(coordinate) } else { 0.0 };
+            let place = coordinate.rem_euclid(1.0) * f64::from(size) - 0.5;
+            let first = (place.floor() as i64).rem_euclid(i64::from(size)) as usize;
+            ([first, (first + 1) % size as usize], (place - place.floor()) as f32)
+        };
+        let ((columns, right), (rows, down)) = (neighbours(u, self.width), neighbours(v, self.height));
+        let mut sum = [0.0; 4];
+        for (row, row_weight) in rows.into_iter().zip([1.0 - down, down]) {
+            for (column, column_weight) in columns.into_iter().zip([1.0 - right, right]) {
+                let texel = &self.mips[0][(row * self.width as usize + column) * 4..][..4];
+                let linear = [0, 1, 2].map(|channel| DECODED[texel[channel] as usize]);
+                let values = [linear[0], linear[1], linear[2], f32::from(texel[3]) / 255.0];
+                (0..4).for_each(|channel| sum[channel] += values[channel] * row_weight * column_weight);
+            }
+        }
+        sum
     }
 
     /// Width and height of mip `level`, texels.
@@ -149,6 +176,27 @@ mod tests {
         }
         let passing = texture.mips[1].chunks_exact(4).filter(|texel| texel[3] >= 128).count();
         assert!(passing > 0, "the threads vanished");
+    }
+
+    #[test]
+    fn samples_blend_neighbours_in_linear_light_and_repeat() {
+        let data =
+            filled(
+                4,
+                2,
+                |x, y| if y == 1 { [0, 0, 0, 0] } else { [[255, 0, 0, 255], [0, 255, 0, 255], [0, 0, 255, 255], [188; 4]][x as usize] },
+            );
+        let texture = SceneTexture::from_rgba8(4, 2, data, None).unwrap();
+        assert_eq!(texture.sample(0.125, 0.25), [1.0, 0.0, 0.0, 1.0]);
+        assert_eq!(texture.sample(0.25, 0.25), [0.5, 0.5, 0.0, 1.0]);
+        assert_eq!(texture.sample(0.375, 0.5), [0.0, 0.5, 0.0, 0.5]);
+        // Half a texel left of the first is half of the last; repeats are all alike.
+        let edge = texture.sample(0.0, 0.25);
+        assert!((edge[0] - 0.5 - linear_from_srgb(188.0 / 255.0) / 2.0).abs() < 1e-6, "{edge:?}");
+        assert_eq!((texture.sample(1.0, 1.25), texture.sample(-3.0, -0.75)), (edge, edge));
+        for wild in [f32::NAN, f32::INFINITY, f32::MAX, f32::MIN, -1e-30, 0.999_999_94] {
+            assert!(texture.sample(wild, wild).into_iter().all(|value| (0.0..=1.000_001).contains(&value)), "{wild}");
+        }
     }
 
     #[test]

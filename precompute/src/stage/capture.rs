@@ -11,37 +11,7 @@ use bevy::render::renderer::{RenderDevice, RenderQueue};
 use bevy::render::texture::GpuImage;
 
 use super::StageError;
-use crate::metrics::Picture;
-
-/// Linear radiance in nits.
-#[derive(Clone, Debug, PartialEq)]
-pub struct Radiance {
-    /// Pixels in a row.
-    pub width: u32,
-    /// Rows.
-    pub height: u32,
-    /// Row by row from the top: red, green, blue.
-    pub rgb: Vec<[f32; 3]>,
-}
-
-impl Radiance {
-    /// Mean over all pixels and the three channels.
-    pub fn mean(&self) -> f64 {
-        self.rgb.iter().flatten().map(|value| f64::from(*value)).sum::<f64>() / (3 * self.rgb.len()).max(1) as f64
-    }
-
-    /// Writes an OpenEXR file of three float channels.
-    ///
-    /// # Errors
-    /// When it cannot be encoded.
-    pub fn to_exr(&self) -> Result<Vec<u8>, image::ImageError> {
-        let values: Vec<f32> = self.rgb.iter().flatten().copied().collect();
-        let picture = image::Rgb32FImage::from_raw(self.width, self.height, values).unwrap_or_default();
-        let mut bytes = std::io::Cursor::new(Vec::new());
-        picture.write_to(&mut bytes, image::ImageFormat::OpenExr)?;
-        Ok(bytes.into_inner())
-    }
-}
+use crate::metrics::{Picture, Radiance};
 
 pub(super) fn picture(world: &World, target: &Handle<Image>) -> Result<Picture, StageError> {
     let (texture, rows) = read(world, target, 4)?;

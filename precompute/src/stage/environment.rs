@@ -15,6 +15,7 @@ use bevy::math::Vec3;
 use bevy::render::render_resource::{Extent3d, TextureDimension, TextureFormat, TextureViewDescriptor, TextureViewDimension};
 
 use super::StageError;
+use crate::scene::SkyMap;
 
 /// Texels along the edge of a sky cube's face.
 const FACE: u32 = 256;
@@ -40,21 +41,14 @@ fn ambient(world: &mut World, radiance: [f32; 3]) {
 
 /// A latitude-longitude picture, times `intensity`, in nits.
 pub(super) fn map(world: &mut World, camera: Entity, file: &Path, intensity: f32) -> Result<(), StageError> {
-    let fail = |problem: String| StageError::Environment { file: file.display().to_string(), problem };
-    let picture = image::open(file).map_err(|error| fail(error.to_string()))?.into_rgb32f();
-    if picture.width() == 0 || picture.height() == 0 {
-        return Err(fail("it is empty".to_owned()));
-    }
-    if picture.iter().any(|value| !value.is_finite() || *value < 0.0) {
-        return Err(fail("it holds values that are negative or not finite".to_owned()));
-    }
-    ambient(world, mean_radiance(&picture).map(|nits| nits * intensity));
+    let picture = SkyMap::read(file)?;
+    ambient(world, picture.mean_radiance().map(|nits| nits * intensity));
 
     let mut faces = Vec::with_capacity((FACE * FACE * 6 * 16) as usize);
     for face in 0..6 {
         for y in 0..FACE {
             for x in 0..FACE {
-                let [red, green, blue] = look_up(&picture, cube_direction(face, x, y));
+                let [red, green, blue] = picture.look_up(cube_direction(face, x, y));
                 faces.extend([red, green, blue, 1.0].into_iter().flat_map(f32::to_le_bytes));
             }
         }
@@ -65,20 +59,6 @@ pub(super) fn map(world: &mut World, camera: Entity, file: &Path, intensity: f32
     let sky = world.resource_mut::<Assets<Image>>().add(sky);
     world.entity_mut(camera).insert(Skybox { image: Some(sky), brightness: intensity, ..Default::default() });
     Ok(())
-}
-
-/// Mean over directions: rows near the poles stand for less of the sphere.
-fn mean_radiance(picture: &image::Rgb32FImage) -> [f32; 3] {
-    let mut sum = [0.0f64; 3];
-    let mut weights = 0.0;
-    for (_, y, pixel) in picture.enumerate_pixels() {
-        let weight = (std::f64::consts::PI * (f64::from(y) + 0.5) / f64::from(picture.height())).sin();
-        weights += weight;
-        for (sum, value) in sum.iter_mut().zip(pixel.0) {
-            *sum += weight * f64::from(value);
-        }
-    }
-    sum.map(|sum| (sum / weights) as f32)
 }
 
 /// Direction through a texel's centre, in the order of faces that GPUs use (+X, −X, +Y, −Y, +Z, −Z; left-handed).
@@ -95,33 +75,4 @@ fn cube_direction(face: u32, x: u32, y: u32) -> Vec3 {
     };
     // Bevy samples its sky with z turned round.
     (direction * Vec3::new(1.0, 1.0, -1.0)).normalize()
-}
-
-fn look_up(picture: &image::Rgb32FImage, direction: Vec3) -> [f32; 3] {
-    let u = 0.5 + direction.x.atan2(-direction.z) / std::f32::consts::TAU;
-    let v = direction.y.clamp(-1.0, 1.0).acos() / std::f32::consts::PI;
-    let x = ((u * picture.width() as f32) as u32).min(picture.width() - 1);
-    let y = ((v * picture.height() as f32) as u32).min(picture.height() - 1);
-    picture.get_pixel(x, y).0
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn a_uniform_sky_has_its_own_mean() {
-        let picture = image::Rgb32FImage::from_pixel(16, 8, image::Rgb([1.0, 2.0, 3.0]));
-        let mean = mean_radiance(&picture);
-        assert!(mean.iter().zip([1.0, 2.0, 3.0]).all(|(a, b): (&f32, f32)| (a - b).abs() < 1e-5));
-    }
-
-    #[test]
-    fn up_is_the_first_row_and_ahead_the_middle() {
-        let mut picture = image::Rgb32FImage::from_pixel(16, 8, image::Rgb([0.0; 3]));
-        picture.put_pixel(8, 4, image::Rgb([5.0, 0.0, 0.0]));
-        (0..16).for_each(|x| picture.put_pixel(x, 0, image::Rgb([0.0, 7.0, 0.0])));
-        assert_eq!(look_up(&picture, Vec3::Y), [0.0, 7.0, 0.0]);
-        assert_eq!(look_up(&picture, Vec3::new(0.01, -0.01, -1.0).normalize()), [5.0, 0.0, 0.0]);
-    }
 }

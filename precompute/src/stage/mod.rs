@@ -34,8 +34,8 @@ use bevy_frugal_gi::units::Watts;
 use crate::metrics::Picture;
 use crate::scene::{Bounds, RayScene, SceneDescription, SceneError};
 
+pub use crate::metrics::Radiance;
 pub use adapter::{adapter, software_adapter};
-pub use capture::Radiance;
 pub use evaluator::StageEvaluator;
 pub(crate) use evaluator::sees;
 pub use player::StagePlayer;
@@ -123,13 +123,8 @@ pub enum StageError {
     #[error(transparent)]
     Meter(#[from] bevy_frugal_gi::power::MeterError),
     /// The environment map.
-    #[error("environment map {file}: {problem}: give a Radiance .hdr or OpenEXR file in latitude-longitude form")]
-    Environment {
-        /// The file.
-        file: String,
-        /// What is wrong.
-        problem: String,
-    },
+    #[error(transparent)]
+    Environment(#[from] crate::scene::sky::SkyError),
     /// A pipeline that does not compile, or never gets ready.
     #[error("the renderer did not get ready: {0}")]
     NotReady(String),
@@ -151,7 +146,7 @@ impl StageError {
             | Self::Scene(_)
             | Self::Knob(_)
             | Self::OpenMeter(_)
-            | Self::Environment { .. } => true,
+            | Self::Environment(_) => true,
             Self::Meter(_) | Self::NotReady(_) | Self::ReadBack(_) | Self::Compare(_) => false,
         }
     }

@@ -19,6 +19,7 @@ tests!(
     outputs_that_cannot_be_written_are_named_before_the_work,
     arguments_that_make_no_sense_are_named,
     no_adapter_is_said_plainly,
+    pictures_are_traced_and_compared_without_an_adapter,
 );
 
 const SCENE: &str = r#"(
@@ -190,6 +191,12 @@ fn arguments_that_make_no_sense_are_named() {
         (&["precompute", "a.scene.ron", "--fps", "-30"], &["frame rate"]),
         (&["precompute", "a.scene.ron", "--knobs", "sharpness"], &["sharpness", "gi_vpl_count"]),
         (&["precompute", "a.scene.ron", "--meter", "crystal-ball"], &["crystal-ball"]),
+        (&[&["reference", "a.scene.ron", "--bounces", "-1"][..], &AT].concat(), &["--bounces", "all"]),
+        (&[&["reference", "a.scene.ron", "--spp", "0"][..], &AT].concat(), &["--spp"]),
+        (&[&["reference", "missing.scene.ron"][..], &AT].concat(), &["missing.scene.ron"]),
+        (&[&["reference", "a.scene.ron", "--hdr", "no/such/folder.exr"][..], &AT].concat(), &["no/such/folder.exr"]),
+        (&["compare", "missing.exr", "a.scene.ron"], &["missing.exr"]),
+        (&["compare", "a.scene.ron", "a.scene.ron"], &["a.scene.ron", "OpenEXR"]),
         (&["inspect", "missing.pareto.ron"], &["missing.pareto.ron"]),
         (&["bake", "a.scene.ron"], &["bake"]),
     ] {
@@ -212,4 +219,31 @@ fn no_adapter_is_said_plainly() {
         assert_refused(&command.output().expect("starts"), &["no graphics adapter", "mesa-vulkan-drivers"]);
     }
     assert_eq!(entries(folder.path()), before, "files appeared");
+}
+
+fn pictures_are_traced_and_compared_without_an_adapter() {
+    let folder = folder();
+    write(folder.path(), "a.scene.ron", SCENE);
+    let run = |arguments: &[&str]| {
+        let mut command = command(folder.path(), arguments);
+        command.envs([("VK_ICD_FILENAMES", "/nonexistent"), ("VK_DRIVER_FILES", "/nonexistent"), ("WGPU_BACKEND", "vulkan")]);
+        let output = command.output().expect("starts");
+        assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+        String::from_utf8_lossy(&output.stdout).into_owned()
+    };
+    let trace = |rest: &[&str]| run(&[&["reference", "a.scene.ron", "--lambertian", "--spp", "16"][..], &AT, rest].concat());
+    trace(&["--size", "32x18", "--component", "direct", "--hdr", "direct.exr"]);
+    trace(&["--size", "32x18", "--component", "indirect", "--bounces", "1", "--hdr", "once.exr", "-o", "once.png"]);
+    trace(&["--size", "16x16", "--hdr", "small.exr"]);
+    // The furnace's walls reflect 80 %: so much of the direct light comes once more.
+    run(&["compare", "once.exr", "direct.exr", "--json", "difference.json"]);
+    let json = fs::read_to_string(folder.path().join("difference.json")).expect("was written");
+    let ratio = json.lines().find_map(|line| line.trim().strip_prefix("\"mean_ratio\": ")).expect("is there");
+    let ratio: f64 = ratio.trim_end_matches(',').parse().expect("a number");
+    assert!((ratio - 0.8).abs() < 0.005, "{json}");
+    assert_refused(
+        &super::command::run(folder.path(), &["compare", "small.exr", "once.exr", "--json", "none.json"]),
+        &["small.exr", "32×18", "16×16"],
+    );
+    assert_eq!(entries(folder.path()), ["a.scene.ron", "difference.json", "direct.exr", "once.exr", "once.png", "small.exr"]);
 }

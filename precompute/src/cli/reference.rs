@@ -1,0 +1,122 @@
+//! `frugal reference`: one picture, path-traced on the processor.
+
+use std::path::PathBuf;
+use std::time::Instant;
+
+use bevy::math::UVec2;
+
+use super::arguments::{CameraArguments, check_outputs, open_scene, size, write};
+use super::{CliError, progress};
+use crate::metrics::tone;
+use crate::reference::{ReferenceError, ReferenceScene, Settings, Shading, View, Watch, render};
+use crate::stage::Component;
+
+#[derive(clap::Args, Debug)]
+pub(super) struct Arguments {
+    /// The scene
+    #[arg(value_name = "SCENE")]
+    scene: PathBuf,
+    #[command(flatten)]
+    camera: CameraArguments,
+    /// Size of the picture in pixels
+    #[arg(long, value_name = "WxH", default_value = "320x180", value_parser = size)]
+    size: UVec2,
+    /// Which light
+    #[arg(long, value_enum, default_value_t = Component::Full)]
+    component: Component,
+    /// Indirect bounces: a number, or `all`
+    #[arg(long, value_name = "N|all", default_value = "all", value_parser = bounces, allow_hyphen_values = true)]
+    bounces: Bounces,
+    /// Paths per pixel; powers of two are best
+    #[arg(long, value_name = "N", default_value_t = 256, value_parser = clap::value_parser!(u32).range(1..=1 << 24), allow_hyphen_values = true)]
+    spp: u32,
+    /// Seed of every random choice
+    #[arg(long, value_name = "N", default_value_t = 0)]
+    seed: u64,
+    /// Makes every surface scatter evenly, as virtual point lights do: base colour × (1 − metallic), no highlights
+    #[arg(long)]
+    lambertian: bool,
+    /// Picture to write, tone-mapped at the scene's exposure
+    #[arg(short, long, value_name = "PNG")]
+    output: Option<PathBuf>,
+    /// Linear radiance to write, in nits before exposure
+    #[arg(long, value_name = "EXR")]
+    hdr: Option<PathBuf>,
+}
+
+/// How often light may bounce; no limit where there is none.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+struct Bounces(Option<u32>);
+
+fn bounces(text: &str) -> Result<Bounces, String> {
+    match text.trim() {
+        "all" => Ok(Bounces(None)),
+        number => number.parse().map(|count| Bounces(Some(count))).map_err(|_| "expected a whole number, 0 or above, or `all`".to_owned()),
+    }
+}
+
+impl From<ReferenceError> for CliError {
+    fn from(error: ReferenceError) -> Self {
+        Self::usage(error)
+    }
+}
+
+pub(super) fn run(arguments: &Arguments) -> Result<(), CliError> {
+    let (description, name) = open_scene(&arguments.scene)?;
+    let png = match (&arguments.output, &arguments.hdr) {
+        (None, None) => Some(PathBuf::from(format!("{name}.png"))),
+        (png, _) => png.clone(),
+    };
+    check_outputs([png.as_ref(), arguments.hdr.as_ref()])?;
+    let scene = ReferenceScene::new(&description)?;
+    let view = View {
+        pose: arguments.camera.pose(),
+        vertical_fov_degrees: description.camera.vertical_fov,
+        near: description.camera.near,
+        size: arguments.size,
+    };
+    let settings = Settings {
+        samples: arguments.spp,
+        // What is not asked for need not be traced.
+        bounces: if arguments.component == Component::Direct { Some(0) } else { arguments.bounces.0 },
+        seed: arguments.seed,
+        shading: if arguments.lambertian { Shading::Lambertian } else { Shading::Standard },
+        ..Default::default()
+    };
+
+    let started = Instant::now();
+    let bar = progress::bar(u64::from(arguments.size.y)).with_message("rows");
+    bar.tick();
+    let rendering = render(&scene, &view, &settings, Watch { row_done: &|| bar.inc(1), interrupted: &progress::interrupted });
+    bar.finish_and_clear();
+    let rendering = rendering.ok_or_else(|| CliError::failed("interrupted: nothing was written"))?;
+    let radiance = match arguments.component {
+        Component::Full => rendering.full(),
+        Component::Direct => rendering.direct,
+        Component::Indirect => rendering.indirect,
+    };
+    println!("mean radiance {:.3} nits", radiance.mean());
+    println!(
+        "{} triangles, {} paths a pixel, {:.1} s; {} paths dropped as not finite",
+        scene.triangle_count(),
+        arguments.spp,
+        started.elapsed().as_secs_f64(),
+        rendering.dropped
+    );
+    // Both are made before either is written.
+    let picture = png.map(|path| tone::display(&radiance, description.exposure_ev100).to_png().map(|bytes| (path, bytes)));
+    let hdr = arguments.hdr.as_ref().map(|path| radiance.to_exr().map(|bytes| (path.clone(), bytes)));
+    let files = [picture.transpose().map_err(CliError::failed)?, hdr.transpose().map_err(CliError::failed)?];
+    files.iter().flatten().try_for_each(|(path, bytes)| write(path, bytes))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn bounces_are_a_number_or_all() {
+        assert_eq!([bounces("all"), bounces("0"), bounces(" 3 ")], [Ok(Bounces(None)), Ok(Bounces(Some(0))), Ok(Bounces(Some(3)))]);
+        assert!(["", "-1", "1.5", "none", "99999999999"].into_iter().all(|text| bounces(text).is_err()));
+    }
+}

@@ -1,0 +1,73 @@
+//! Triangles that glow, and how to draw points on them.
+
+use bevy::math::DVec3;
+
+use super::{color, luminance};
+use crate::scene::rays::Hit;
+use crate::scene::{SceneGeometry, Side, Triangle};
+
+/// All glowing triangles, drawn by power: area × luminance.
+#[derive(Debug, Default)]
+pub(super) struct Emitters {
+    triangles: Vec<Triangle>,
+    /// Running sum of power.
+    cumulative: Vec<f64>,
+}
+
+/// A point on a glowing triangle.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct EmitterPoint {
+    /// Metres.
+    pub(super) position: DVec3,
+    /// Probability density, per m².
+    pub(super) density: f64,
+    /// Its place in the geometry, for what stands for a hit there, seen from its front.
+    pub(super) hit: Hit,
+}
+
+impl Emitters {
+    /// Those of `geometry`, which must be valid.
+    pub(super) fn new(geometry: &SceneGeometry) -> Self {
+        let mut emitters = Self::default();
+        let mut power = 0.0;
+        for triangle in geometry.triangles() {
+            let [a, b, c] = triangle.corners.map(|corner| corner.as_dvec3());
+            let area = 0.5 * (b - a).cross(c - a).length();
+            let own = area * luminance(color(geometry.materials[geometry.meshes[triangle.mesh].material].emissive));
+            if own > 0.0 && own.is_finite() {
+                power += own;
+                emitters.triangles.push(triangle);
+                emitters.cumulative.push(power);
+            }
+        }
+        emitters
+    }
+
+    /// Whether nothing glows.
+    pub(super) fn is_empty(&self) -> bool {
+        self.triangles.is_empty()
+    }
+
+    /// Density with which a point of a triangle that emits `radiance` is drawn, per m²: the power of a square metre of it ÷ all power.
+    pub(super) fn density(&self, radiance: DVec3) -> f64 {
+        self.cumulative.last().map_or(0.0, |power| luminance(radiance) / power)
+    }
+
+    /// Draws a point; `None` where nothing glows.
+    pub(super) fn sample(&self, geometry: &SceneGeometry, choice: f64, [u1, u2]: [f64; 2]) -> Option<EmitterPoint> {
+        let power = *self.cumulative.last()?;
+        let index = self.cumulative.partition_point(|sum| *sum <= choice * power).min(self.triangles.len() - 1);
+        let triangle = self.triangles[index];
+        // Uniform over the triangle: Turk 1990, "Generating Random Points in Triangles".
+        let root = u1.sqrt();
+        let (second, third) = (root * (1.0 - u2), root * u2);
+        let [a, b, c] = triangle.corners.map(|corner| corner.as_dvec3());
+        let radiance = color(geometry.materials[geometry.meshes[triangle.mesh].material].emissive);
+        let weights = [1.0 - second - third, second, third].map(|weight| weight as f32);
+        Some(EmitterPoint {
+            position: a + (b - a) * second + (c - a) * third,
+            density: self.density(radiance),
+            hit: Hit { distance: 0.0, side: Side::Front, triangle, weights },
+        })
+    }
+}

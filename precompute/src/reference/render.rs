@@ -1,0 +1,144 @@
+//! A camera's picture.
+
+use bevy::math::{DVec3, UVec2, Vec3};
+use rayon::prelude::*;
+
+use super::bsdf::Shading;
+use super::path::{Strategy, trace};
+use super::sampler::Sampler;
+use super::scene::ReferenceScene;
+use crate::metrics::Radiance;
+use crate::scene::CameraPose;
+
+/// What a camera takes in.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct View {
+    /// Where it is, and how it is turned.
+    pub pose: CameraPose,
+    /// Vertical field of view, degrees, in (0, 180).
+    pub vertical_fov_degrees: f32,
+    /// What is nearer than this plane, metres, is not seen, as in the renderer. There is no far plane: Bevy's cuts nothing off.
+    pub near: f32,
+    /// Width and height, pixels.
+    pub size: UVec2,
+}
+
+/// How a picture is path-traced.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Settings {
+    /// Paths per pixel, at least 1. Noise falls with its square root, and faster where light is smooth; time rises with it. Powers of two are best.
+    pub samples: u32,
+    /// Indirect bounces; without a limit where there is none. 0 is direct light alone. Costs a ray or more each.
+    pub bounces: Option<u32>,
+    /// Seed of all random numbers: another seed is another picture of the same mean.
+    pub seed: u64,
+    /// Reflection model.
+    pub shading: Shading,
+    /// How light with extent is found.
+    pub strategy: Strategy,
+}
+
+impl Default for Settings {
+    fn default() -> Self {
+        Self { samples: 256, bounces: None, seed: 0, shading: Shading::default(), strategy: Strategy::default() }
+    }
+}
+
+/// What hears of a picture's progress and may end it; both are called from many threads.
+#[derive(Clone, Copy)]
+pub struct Watch<'a> {
+    /// Called after each row.
+    pub row_done: &'a (dyn Fn() + Sync),
+    /// Asked before each pixel whether to give up.
+    pub interrupted: &'a (dyn Fn() -> bool + Sync),
+}
+
+impl Default for Watch<'_> {
+    /// Hears nothing and ends nothing.
+    fn default() -> Self {
+        Self { row_done: &|| (), interrupted: &|| false }
+    }
+}
+
+/// A path-traced picture. The two parts are estimated apart, so that neither has the noise of a difference.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Rendering {
+    /// Light that one surface at most scattered, glowing surfaces and surroundings seen included.
+    pub direct: Radiance,
+    /// Light that more surfaces scattered: what a global illumination adds.
+    pub indirect: Radiance,
+    /// Paths that gave infinite light or none that is a number; they count as not traced.
+    pub dropped: u64,
+}
+
+impl Rendering {
+    /// All light.
+    #[must_use]
+    pub fn full(&self) -> Radiance {
+        let rgb = self.direct.rgb.iter().zip(&self.indirect.rgb).map(|(a, b)| [a[0] + b[0], a[1] + b[1], a[2] + b[2]]).collect();
+        Radiance { rgb, ..self.direct }
+    }
+}
+
+/// Direct and indirect light of one pixel, and how many of its samples were dropped.
+type Pixel = ([f32; 3], [f32; 3], u64);
+
+/// Path-traces `view` of `scene` on all threads of rayon's pool; `None` if `watch` gave up. The result depends on the arguments alone, not
+/// on the number of threads.
+///
+/// Pixels are boxes: each is the mean over its own area.
+pub fn render(scene: &ReferenceScene, view: &View, settings: &Settings, watch: Watch) -> Option<Rendering> {
+    let UVec2 { x: width, y: height } = view.size;
+    let rows: Vec<Vec<Pixel>> = (0..height)
+        .into_par_iter()
+        .map(|y| {
+            let row = (0..width).map(|x| (!(watch.interrupted)()).then(|| pixel(scene, view, settings, x, y))).collect::<Option<Vec<_>>>();
+            (watch.row_done)();
+            row
+        })
+        .collect::<Option<_>>()?;
+    let pixels = rows.into_iter().flatten();
+    let mut rendering = Rendering {
+        direct: Radiance { width, height, rgb: Vec::with_capacity((width * height) as usize) },
+        indirect: Radiance { width, height, rgb: Vec::with_capacity((width * height) as usize) },
+        dropped: 0,
+    };
+    for (direct, indirect, dropped) in pixels {
+        rendering.direct.rgb.push(direct);
+        rendering.indirect.rgb.push(indirect);
+        rendering.dropped += dropped;
+    }
+    Some(rendering)
+}
+
+fn pixel(scene: &ReferenceScene, view: &View, settings: &Settings, x: u32, y: u32) -> Pixel {
+    let (mut direct, mut indirect, mut dropped) = (DVec3::ZERO, DVec3::ZERO, 0);
+    let number = u64::from(y) * u64::from(view.size.x) + u64::from(x);
+    for sample in 0..settings.samples {
+        let mut sampler = Sampler::new(settings.seed, number, sample);
+        let [right, down] = sampler.pair();
+        let (origin, direction) = view.ray(f64::from(x) + right, f64::from(y) + down);
+        let estimate = trace(scene, settings, origin, direction, &mut sampler);
+        if estimate.is_sound() {
+            direct += estimate.direct;
+            indirect += estimate.indirect;
+        } else {
+            dropped += 1;
+        }
+    }
+    let count = f64::from(settings.samples - dropped.min(settings.samples)).max(1.0);
+    let mean = |sum: DVec3| (sum / count).as_vec3().to_array();
+    (mean(direct), mean(indirect), u64::from(dropped))
+}
+
+impl View {
+    /// Start and unit direction of the ray through a place of the picture, in pixels from its upper left corner.
+    fn ray(&self, x: f64, y: f64) -> (Vec3, DVec3) {
+        let size = self.size.as_dvec2();
+        let half_height = (f64::from(self.vertical_fov_degrees).to_radians() * 0.5).tan();
+        let half_width = half_height * size.x / size.y;
+        let ahead = DVec3::new((2.0 * x / size.x - 1.0) * half_width, (1.0 - 2.0 * y / size.y) * half_height, -1.0);
+        let ray = self.pose.rotation.as_dquat() * ahead;
+        ((self.pose.position.as_dvec3() + ray * f64::from(self.near)).as_vec3(), ray.normalize())
+    }
+}

@@ -1,0 +1,114 @@
+//! Geometry and light, ready for paths; and what a ray meets of them.
+
+use bevy::math::{DVec3, Vec3};
+
+use super::color;
+use super::emitters::Emitters;
+use super::lights::{Arrival, PointLike};
+use super::sky::Sky;
+use super::surface::is_cut_out;
+use crate::scene::mesh::GeometryError;
+use crate::scene::rays::Hit;
+use crate::scene::sky::SkyError;
+use crate::scene::{AlphaMode, Environment, Light, RayScene, SceneDescription, SceneError, SceneGeometry, Side, SkyMap};
+
+/// Share of the way to a light that must be free: the glowing triangle at its end is not in its own way.
+const FREE_SHARE: f64 = 1.0 - 1e-5;
+
+/// Why a scene cannot be path-traced.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum ReferenceError {
+    /// The scene's file, or one that it names.
+    #[error(transparent)]
+    Scene(#[from] SceneError),
+    /// The environment map.
+    #[error(transparent)]
+    Sky(#[from] SkyError),
+    /// The geometry.
+    #[error("the geometry cannot be used: {0}")]
+    Geometry(#[from] GeometryError),
+}
+
+/// A scene for [`render`](super::render()).
+#[derive(Debug)]
+pub struct ReferenceScene {
+    pub(super) geometry: SceneGeometry,
+    pub(super) lights: Vec<PointLike>,
+    pub(super) emitters: Emitters,
+    pub(super) sky: Sky,
+    rays: RayScene,
+    /// Whether every hit on a material counts, from either side: most do, and then no ray asks for more.
+    is_solid: Vec<bool>,
+}
+
+impl ReferenceScene {
+    /// Reads what `description` names and builds its ray tree.
+    ///
+    /// # Errors
+    /// When a file that it names cannot be read or is broken.
+    pub fn new(description: &SceneDescription) -> Result<Self, ReferenceError> {
+        let sky = match &description.environment {
+            Environment::None => Sky::Black,
+            Environment::Constant(radiance) if *radiance == [0.0; 3] => Sky::Black,
+            Environment::Constant(radiance) => Sky::Constant(color(*radiance)),
+            Environment::Map(file, intensity) => Sky::map(SkyMap::read(&description.resolve(file))?, *intensity),
+        };
+        Self::from_parts(description.geometry()?, &description.lights, sky)
+    }
+
+    /// A scene of parts that are there already.
+    pub(super) fn from_parts(geometry: SceneGeometry, lights: &[Light], sky: Sky) -> Result<Self, ReferenceError> {
+        geometry.validate()?;
+        Ok(Self {
+            rays: RayScene::from_geometry(&geometry),
+            lights: lights.iter().filter_map(PointLike::new).collect(),
+            emitters: Emitters::new(&geometry),
+            is_solid: geometry.materials.iter().map(|material| material.double_sided && material.alpha == AlphaMode::Opaque).collect(),
+            sky,
+            geometry,
+        })
+    }
+
+    /// Number of triangles that rays can meet.
+    pub fn triangle_count(&self) -> usize {
+        self.rays.triangle_count()
+    }
+
+    /// The first thing that a path meets.
+    ///
+    /// Bevy draws no back faces of single-sided materials, so a path goes through them, at the camera and at every bounce alike: what cannot be
+    /// seen gives no light either. A cut-out is not there at all.
+    pub(super) fn closest(&self, origin: Vec3, direction: DVec3) -> Option<Hit> {
+        self.rays.closest_where(origin, direction.as_vec3(), f32::INFINITY, |hit| self.is_there(hit, Side::Back))
+    }
+
+    /// Whether light from a glowing triangle or the sky reaches `origin`: what a path in that direction would go through does not hide it, since
+    /// the same light is also found by such paths.
+    pub(super) fn is_open(&self, origin: Vec3, direction: DVec3, distance: f64) -> bool {
+        let reach = (distance * FREE_SHARE) as f32;
+        !self.rays.any_where(origin, direction.as_vec3(), reach, |hit| self.is_there(hit, Side::Back))
+    }
+
+    /// Whether a lamp or a sun reaches `origin`.
+    ///
+    /// As in Bevy's shadow maps and the plugin's light maps, which are pictures that the **light** takes: a single-sided triangle whose back is
+    /// turned to the light does not hide anything from it. This ray comes from the other end, and so goes through what it meets
+    /// from the front. Closed solids hide the same either way; sheets and rooms that only have an inside do not, and there the direct light must be
+    /// the renderer's.
+    pub(super) fn is_lit(&self, origin: Vec3, light: &Arrival) -> bool {
+        let reach = (light.distance * FREE_SHARE) as f32;
+        !self.rays.any_where(origin, light.direction.as_vec3(), reach, |hit| self.is_there(hit, Side::Front))
+    }
+
+    /// Whether anything gives light that paths can meet.
+    pub(super) fn has_extended_light(&self) -> bool {
+        !self.emitters.is_empty() || self.sky.is_lit()
+    }
+
+    fn is_there(&self, hit: &Hit, culled: Side) -> bool {
+        let material = self.geometry.meshes[hit.triangle.mesh].material;
+        self.is_solid[material]
+            || ((hit.side != culled || self.geometry.materials[material].double_sided) && !is_cut_out(&self.geometry, hit))
+    }
+}

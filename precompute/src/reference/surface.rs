@@ -1,0 +1,95 @@
+//! From a hit on a triangle to what is there.
+
+use bevy::math::{DVec3, Vec3};
+
+use crate::scene::rays::Hit;
+use crate::scene::{AlphaMode, SceneGeometry, SceneMaterial, Side};
+
+/// How far above a surface rays start, in steps between neighbouring numbers of single precision at its greatest coordinate. The ray's start is
+/// rounded to single precision and nothing else is: half a step on each axis.
+const DEPARTURE_STEPS: f64 = 4.0;
+/// The same where coordinates are next to 0, metres.
+const LEAST_DEPARTURE: f64 = 1e-9;
+
+/// A point of a surface, seen from one side.
+pub(super) struct Surface<'a> {
+    /// World space, metres.
+    pub(super) position: DVec3,
+    /// The triangle's own normal on the side that was met, unit length.
+    pub(super) geometric_normal: DVec3,
+    /// The interpolated normal on that side, unit length. Always on the same side of the triangle as the geometric one.
+    pub(super) normal: DVec3,
+    /// Linear RGB: material times vertex times texture.
+    pub(super) base_color: DVec3,
+    /// What it is made of.
+    pub(super) material: &'a SceneMaterial,
+}
+
+impl<'a> Surface<'a> {
+    /// What `hit` met; the geometry must be [valid](SceneGeometry::validate).
+    pub(super) fn new(geometry: &'a SceneGeometry, hit: &Hit) -> Self {
+        let corners = hit.triangle.corners.map(|corner| corner.as_dvec3());
+        let mesh = &geometry.meshes[hit.triangle.mesh];
+        let weights = weights(hit);
+        let sign = if hit.side == Side::Front { 1.0 } else { -1.0 };
+        let geometric_normal = (corners[1] - corners[0]).cross(corners[2] - corners[0]).normalize_or(DVec3::Y) * sign;
+        let corner_normals = corner_indices(geometry, hit).map(|corner| mesh.normals[corner].as_dvec3());
+        let normal = blend(corner_normals, weights).normalize_or_zero() * sign;
+        // A normal that points through its own triangle, or none at all: light would come through. Not so a normal that merely faces away
+        // from the viewer, as at the outline of a faceted sphere: there the diffuse light is that of Bevy's.
+        let normal = if normal.is_finite() && normal.dot(geometric_normal) > 0.0 { normal } else { geometric_normal };
+        let [red, green, blue, _] = base_color(geometry, hit);
+        Self {
+            // From the first corner, so that rounding of the weights moves the point in the triangle's plane and never out of it.
+            position: corners[0] + (corners[1] - corners[0]) * weights[1] + (corners[2] - corners[0]) * weights[2],
+            geometric_normal,
+            normal,
+            base_color: DVec3::new(red, green, blue),
+            material: &geometry.materials[mesh.material],
+        }
+    }
+
+    /// Where rays from the surface start: a hair above it, on the side that was met.
+    pub(super) fn departure(&self) -> Vec3 {
+        let step = self.position.abs().max_element() * f64::from(f32::EPSILON);
+        (self.position + self.geometric_normal * (DEPARTURE_STEPS * step + LEAST_DEPARTURE)).as_vec3()
+    }
+}
+
+/// Whether the alpha mask leaves out the place that `hit` met.
+pub(super) fn is_cut_out(geometry: &SceneGeometry, hit: &Hit) -> bool {
+    match geometry.materials[geometry.meshes[hit.triangle.mesh].material].alpha {
+        AlphaMode::Opaque => false,
+        AlphaMode::Mask(cutoff) => base_color(geometry, hit)[3] < f64::from(cutoff),
+    }
+}
+
+/// Base colour and alpha: material × vertex × texture.
+fn base_color(geometry: &SceneGeometry, hit: &Hit) -> [f64; 4] {
+    let mesh = &geometry.meshes[hit.triangle.mesh];
+    let material = &geometry.materials[mesh.material];
+    let (corners, weights) = (corner_indices(geometry, hit), weights(hit));
+    let vertex = |channel: usize| (0..3).map(|i| f64::from(mesh.colors[corners[i]][channel]) * weights[i]).sum::<f64>();
+    let texel = material.base_color_texture.map(|texture| {
+        let uv = |axis: usize| (0..3).map(|i| f64::from(mesh.uvs[corners[i]][axis]) * weights[i]).sum::<f64>() as f32;
+        geometry.textures[texture].sample(uv(0), uv(1))
+    });
+    std::array::from_fn(|channel| {
+        f64::from(material.base_color[channel]) * vertex(channel) * texel.map_or(1.0, |texel| f64::from(texel[channel]))
+    })
+}
+
+fn corner_indices(geometry: &SceneGeometry, hit: &Hit) -> [usize; 3] {
+    let indices = &geometry.meshes[hit.triangle.mesh].indices;
+    [0, 1, 2].map(|corner| indices[hit.triangle.index * 3 + corner] as usize)
+}
+
+/// Of the corners; they sum to 1 in double precision.
+fn weights(hit: &Hit) -> [f64; 3] {
+    let [_, second, third] = hit.weights.map(f64::from);
+    [1.0 - second - third, second, third]
+}
+
+fn blend(values: [DVec3; 3], weights: [f64; 3]) -> DVec3 {
+    values[0] * weights[0] + values[1] * weights[1] + values[2] * weights[2]
+}

@@ -1,0 +1,121 @@
+//! A sky: a latitude-longitude picture of all directions.
+
+use std::path::Path;
+
+use bevy::math::Vec3;
+
+/// Why a picture is no sky.
+#[derive(Debug, thiserror::Error)]
+#[error("environment map {file}: {problem}: give a Radiance .hdr or OpenEXR file in latitude-longitude form")]
+pub struct SkyError {
+    /// The file.
+    pub file: String,
+    /// What is wrong.
+    pub problem: String,
+}
+
+/// Radiance of all directions. Its first row is straight up, the middle of a row is −Z, and −X is left of it. Texels are constant in themselves.
+#[derive(Clone, Debug, PartialEq)]
+pub struct SkyMap {
+    /// Texels in a row, at least 1.
+    width: u32,
+    /// Rows, at least 1.
+    height: u32,
+    /// Row by row; finite and not negative.
+    texels: Vec<[f32; 3]>,
+}
+
+impl SkyMap {
+    /// Reads a picture. Its values are linear, in whatever unit the scene's intensity gives them.
+    ///
+    /// # Errors
+    /// When it cannot be read, is empty, or holds values that are negative or not finite.
+    pub fn read(file: &Path) -> Result<Self, SkyError> {
+        let fail = |problem: String| SkyError { file: file.display().to_string(), problem };
+        let picture = image::open(file).map_err(|error| fail(error.to_string()))?.into_rgb32f();
+        let texels = picture.as_raw().as_chunks().0.to_vec();
+        Self::new(picture.width(), picture.height(), texels).map_err(|problem| fail(problem.to_owned()))
+    }
+
+    /// A sky of `width` × `height` texels, row by row.
+    ///
+    /// # Errors
+    /// What is wrong with it, as [`read`](Self::read).
+    pub fn new(width: u32, height: u32, texels: Vec<[f32; 3]>) -> Result<Self, &'static str> {
+        if width == 0 || height == 0 || texels.len() as u64 != u64::from(width) * u64::from(height) {
+            return Err("it is empty");
+        }
+        if texels.iter().flatten().any(|value| !value.is_finite() || *value < 0.0) {
+            return Err("it holds values that are negative or not finite");
+        }
+        Ok(Self { width, height, texels })
+    }
+
+    /// Texels in a row, and rows.
+    pub fn size(&self) -> (u32, u32) {
+        (self.width, self.height)
+    }
+
+    /// The texels, row by row.
+    pub fn texels(&self) -> &[[f32; 3]] {
+        &self.texels
+    }
+
+    /// Mean over directions: rows near the poles stand for less of the sphere.
+    pub fn mean_radiance(&self) -> [f32; 3] {
+        let mut sum = [0.0f64; 3];
+        let mut weights = 0.0;
+        for (y, row) in self.texels.chunks_exact(self.width as usize).enumerate() {
+            let weight = (std::f64::consts::PI * (y as f64 + 0.5) / f64::from(self.height)).sin();
+            for texel in row {
+                weights += weight;
+                for (sum, value) in sum.iter_mut().zip(texel) {
+                    *sum += weight * f64::from(*value);
+                }
+            }
+        }
+        sum.map(|sum| (sum / weights) as f32)
+    }
+
+    /// The texel that `direction`, a unit vector, points at: its place in [`texels`](Self::texels).
+    pub fn index(&self, direction: Vec3) -> usize {
+        let u = 0.5 + direction.x.atan2(-direction.z) / std::f32::consts::TAU;
+        let v = direction.y.clamp(-1.0, 1.0).acos() / std::f32::consts::PI;
+        let x = ((u * self.width as f32) as u32).min(self.width - 1);
+        let y = ((v * self.height as f32) as u32).min(self.height - 1);
+        y as usize * self.width as usize + x as usize
+    }
+
+    /// Radiance in a direction, which is a unit vector.
+    pub fn look_up(&self, direction: Vec3) -> [f32; 3] {
+        self.texels[self.index(direction)]
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_uniform_sky_has_its_own_mean() {
+        let mean = SkyMap::new(16, 8, vec![[1.0, 2.0, 3.0]; 128]).unwrap().mean_radiance();
+        assert!(mean.iter().zip([1.0, 2.0, 3.0]).all(|(a, b): (&f32, f32)| (a - b).abs() < 1e-5));
+    }
+
+    #[test]
+    fn up_is_the_first_row_and_ahead_the_middle() {
+        let mut texels = vec![[0.0; 3]; 128];
+        texels[4 * 16 + 8] = [5.0, 0.0, 0.0];
+        texels[..16].fill([0.0, 7.0, 0.0]);
+        let sky = SkyMap::new(16, 8, texels).unwrap();
+        assert_eq!(sky.look_up(Vec3::Y), [0.0, 7.0, 0.0]);
+        assert_eq!(sky.look_up(Vec3::new(0.01, -0.01, -1.0).normalize()), [5.0, 0.0, 0.0]);
+    }
+
+    #[test]
+    fn skies_that_are_none_are_refused() {
+        assert!(SkyMap::new(0, 0, vec![]).is_err() && SkyMap::new(2, 2, vec![[1.0; 3]; 3]).is_err());
+        assert!(SkyMap::new(1, 1, vec![[f32::NAN, 0.0, 0.0]]).is_err() && SkyMap::new(1, 1, vec![[-1.0, 0.0, 0.0]]).is_err());
+        assert!(SkyMap::read(Path::new("no/such.hdr")).unwrap_err().to_string().contains("no/such.hdr"));
+    }
+}
