@@ -17,6 +17,12 @@ const EDGE_TOLERANCE: f64 = 1e-6;
 const LEAST_AREA: f64 = 1e-14;
 /// Positions beyond this, metres, are left out: the tree's box arithmetic would overflow.
 const GREATEST_COORDINATE: f32 = 1e15;
+/// Greatest coordinate in the tree. The tree passes over boxes that end less than 0.0001 of its units ahead of a ray's start, which in a small
+/// or finely modelled scene lets rays through walls: so its unit is a fraction of a metre, chosen so that the scene just fits. A power of
+/// two: coordinates are scaled without rounding.
+const TREE_EXTENT: f32 = 16_777_216.0;
+/// The same of smaller scenes, metres: scaled up any further, far rays would overflow in the tree's box arithmetic.
+const LEAST_EXTENT: f32 = 1e-6;
 /// Columns and rows of the rays that stand for a camera's picture.
 const VIEW_GRID: (u32, u32) = (24, 14);
 /// Rays that stand for all directions.
@@ -51,23 +57,27 @@ type Met = (f32, Side, [f32; 3]);
 #[derive(Debug)]
 pub struct RayScene {
     triangles: Vec<Triangle>,
-    /// `None` when there are no triangles.
+    /// Of triangles times `scale`; `None` when there are none.
     tree: Option<CwBvh>,
+    /// The tree's units in a metre, a power of two.
+    scale: f32,
 }
 
 impl RayScene {
     /// Builds the tree. Triangles without area, with corners that are not finite, or absurdly far away are left out.
     pub fn new(triangles: impl IntoIterator<Item = Triangle>) -> Self {
         let triangles: Vec<Triangle> = triangles.into_iter().filter(is_usable).collect();
+        let extent = triangles.iter().flat_map(|triangle| triangle.corners).map(|corner| corner.abs().max_element()).fold(0.0, f32::max);
+        let scale = 2.0_f32.powi((TREE_EXTENT / extent.max(LEAST_EXTENT)).log2().floor() as i32);
         let boxes: Vec<obvhs::triangle::Triangle> = triangles
             .iter()
             .map(|triangle| {
-                let [v0, v1, v2] = triangle.corners.map(|corner| corner.to_array().into());
+                let [v0, v1, v2] = triangle.corners.map(|corner| (corner * scale).to_array().into());
                 obvhs::triangle::Triangle { v0, v1, v2 }
             })
             .collect();
         let tree = (!boxes.is_empty()).then(|| build_cwbvh_from_tris(&boxes, BvhBuildParams::medium_build(), &mut Duration::default()));
-        Self { triangles, tree }
+        Self { triangles, tree, scale }
     }
 
     /// The tree of all triangles of `geometry`.
@@ -92,7 +102,7 @@ impl RayScene {
         let (tree, ray) = self.ray(origin, direction, greatest_distance)?;
         let mut nearest = RayHit::none();
         tree.ray_traverse(ray, &mut nearest, |ray, id| self.distance_where(tree, id, ray, &accepts));
-        if nearest.t > greatest_distance || !nearest.t.is_finite() {
+        if nearest.t > ray.tmax || !nearest.t.is_finite() {
             return None;
         }
         let id = nearest.primitive_id as usize;
@@ -150,24 +160,28 @@ impl RayScene {
         let sound = sound && (1e-12..=1e12).contains(&length) && greatest_distance > 0.0;
         // A negative zero would be negative to the tree's reciprocal and not to its octants, and the ray would miss boxes: make it positive.
         let direction = direction + Vec3::ZERO;
-        sound.then(|| (tree, Ray::new(origin.to_array().into(), direction.to_array().into(), 0.0, greatest_distance)))
+        let origin = origin * self.scale;
+        sound.then(|| (tree, Ray::new(origin.to_array().into(), direction.to_array().into(), 0.0, greatest_distance * self.scale)))
     }
 
     fn hit(&self, tree: &CwBvh, id: usize, (distance, side, weights): Met) -> Hit {
         Hit { distance, side, triangle: self.triangles[tree.primitive_indices[id] as usize], weights }
     }
 
-    /// Distance of an accepted hit, else infinity. Only a filter that reads the hit pays for making it.
+    /// Distance of an accepted hit in the tree's units, else infinity. Only a filter that reads the hit pays for making it.
     #[inline]
     fn distance_where(&self, tree: &CwBvh, id: usize, ray: &Ray, accepts: &impl Fn(&Hit) -> bool) -> f32 {
-        self.test(tree, id, ray).filter(|met| accepts(&self.hit(tree, id, *met))).map_or(f32::INFINITY, |(distance, ..)| distance)
+        let met = self.test(tree, id, ray).filter(|met| accepts(&self.hit(tree, id, *met)));
+        met.map_or(f32::INFINITY, |(distance, ..)| distance * self.scale)
     }
 
-    /// Distance, side and corner weights, if the ray meets the triangle within its range.
+    /// Distance in metres, side and corner weights, if the ray, which is in the tree's units, meets the triangle within its range.
     fn test(&self, tree: &CwBvh, id: usize, ray: &Ray) -> Option<Met> {
         let triangle = &self.triangles[*tree.primitive_indices.get(id)? as usize];
         let [a, b, c] = triangle.corners.map(|corner| corner.as_dvec3());
-        let (origin, direction) = (DVec3::from(ray.origin.to_array().map(f64::from)), DVec3::from(ray.direction.to_array().map(f64::from)));
+        let metres = f64::from(self.scale.recip());
+        let (origin, direction) =
+            (DVec3::from(ray.origin.to_array().map(f64::from)) * metres, DVec3::from(ray.direction.to_array().map(f64::from)));
         let (ab, ac) = (b - a, c - a);
         let determinant = -direction.dot(ab.cross(ac));
         let inverse = 1.0 / determinant;
@@ -178,7 +192,7 @@ impl RayScene {
         // A ray in the triangle's plane makes these infinite or NaN, and every comparison with NaN is false.
         let within = v >= -EDGE_TOLERANCE && w >= -EDGE_TOLERANCE && v + w <= 1.0 + EDGE_TOLERANCE;
         let distance = distance as f32;
-        (within && distance > ray.tmin && distance <= ray.tmax).then(|| {
+        (within && distance > ray.tmin && distance * self.scale <= ray.tmax).then(|| {
             let side = if determinant > 0.0 { Side::Front } else { Side::Back };
             (distance, side, [(1.0 - v - w) as f32, v as f32, w as f32])
         })

@@ -68,6 +68,20 @@ fn a_filter_lets_rays_through_what_it_refuses() {
 }
 
 #[test]
+fn walls_stop_rays_however_near_and_small_they_are() {
+    // In scenes from a tenth of a millimetre to a thousand kilometres. Nearer than a millionth, rounding in the tree's boxes lets rays through.
+    for size in [1e-4_f32, 1.0, 100.0, 1e6] {
+        let scene = scene(|builder| builder.room(Vec3::splat(-size), Vec3::splat(size)));
+        for gap in [size * 1e-5, size * 1e-4, size * 1e-3] {
+            for direction in sphere_directions(200) {
+                let hit = scene.closest(Vec3::new(0.3 * size, 0.2 * size, size - gap), direction, f32::INFINITY);
+                assert!(hit.is_some_and(|hit| hit.side == Side::Front), "{direction} in {size} m, {gap} m from the wall");
+            }
+        }
+    }
+}
+
+#[test]
 fn a_closed_sphere_has_no_holes() {
     let scene = scene(|builder| builder.icosphere(Vec3::ZERO, 2.0, 3, true));
     for direction in sphere_directions(20_000) {

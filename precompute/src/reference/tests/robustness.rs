@@ -106,7 +106,9 @@ fn far_away_and_very_small_the_light_is_the_same() {
     };
     let here = relative(Vec3::ZERO, 1.0);
     // Sizes and offsets that single precision holds exactly.
-    for (offset, size) in [(Vec3::splat(4096.0), 1.0), (Vec3::new(-65536.0, 0.0, 65536.0), 16.0), (Vec3::ZERO, 16384.0)] {
+    for (offset, size) in
+        [(Vec3::splat(4096.0), 1.0), (Vec3::new(-65536.0, 0.0, 65536.0), 16.0), (Vec3::ZERO, 16384.0), (Vec3::ZERO, 1.0 / 65536.0)]
+    {
         let there = relative(offset, size);
         for (one, other) in here.iter().zip(there) {
             assert!((other / one - 1.0).abs() < 5e-3, "at {offset} of {size} m: {there:?} for {here:?}");
