@@ -11,6 +11,7 @@ mod evaluate;
 mod inspect;
 mod meters;
 mod precompute;
+mod price;
 mod progress;
 mod reference;
 mod render;
@@ -44,6 +45,8 @@ enum Command {
     Reference(reference::Arguments),
     /// Compares the linear radiance of two pictures
     Compare(compare::Arguments),
+    /// Prices each level of the global illumination's knobs: cost, and error against path tracing
+    Price(price::Arguments),
     /// Tells what a map holds
     Inspect(inspect::Arguments),
     /// Lists the power meters of this machine, each tested under load
@@ -65,6 +68,7 @@ pub fn run() -> ExitCode {
         Command::Render(arguments) => render::run(arguments),
         Command::Reference(arguments) => reference::run(arguments),
         Command::Compare(arguments) => compare::run(arguments),
+        Command::Price(arguments) => price::run(arguments),
         Command::Inspect(arguments) => inspect::run(arguments),
         Command::Meters(arguments) => meters::run(arguments),
         Command::Demo(arguments) => demo::run(arguments),

@@ -8,11 +8,13 @@
 //! | `plot` | SVG plots: power-error clouds, series over time, bars |
 //! | `evaluation` | `frugal evaluate` |
 //! | `survey`, `map` | `frugal inspect`: what an octree holds, and the section on it |
+//! | `price` | `frugal price`, also as CSV |
 //! | `sweep` | `frugal sweep`, also as CSV |
 mod evaluation;
 mod map;
 mod page;
 mod plot;
+mod price;
 mod survey;
 mod sweep;
 
@@ -20,6 +22,7 @@ pub use evaluation::{captioned, evaluation_report, evaluation_section};
 pub use map::{MapSummary, map_report, map_section};
 pub use page::{Report, Section, escape};
 pub use plot::{Bar, Color, Curve, bars, cloud, curves, staircase};
+pub use price::{LevelPrice, PriceSummary, price_csv, price_report};
 pub use survey::Survey;
 pub use sweep::{SweepSummary, sweep_csv, sweep_report, sweep_section};
 

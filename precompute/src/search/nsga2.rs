@@ -16,6 +16,10 @@ use super::crossover::swap_levels;
 use super::crowding::{fitness, survivors};
 use super::{Cached, Evaluate, Monitor, SampleCamera, SearchConfig, SearchProgress, gaps, mutation, seeding, settle};
 
+/// Most of the allowance that goes into inherited settings, as a ratio. A neighbour's frontier is the best guess there is; a small allowance is
+/// best spent on it.
+const INHERITED: (usize, usize) = (2, 3);
+
 /// Probability that two parents swap levels and are not only mutated (Deb et al. 2002, section V).
 const CROSSOVER: f64 = 0.9;
 /// Share of the evaluations for the frontier's gaps.
@@ -137,7 +141,7 @@ impl<E: Evaluate> Run<'_, '_, '_, E> {
         // The ends first: without them a frontier cut short says nothing about the range of budgets.
         self.measure(space.highest())?;
         self.measure(space.lowest())?;
-        for settings in seeding::spread(space, inherit, self.limit / 2) {
+        for settings in seeding::spread(space, inherit, self.limit * INHERITED.0 / INHERITED.1) {
             self.measure(settings)?;
         }
         if self.search.combinations <= self.limit as u64 {

@@ -9,6 +9,10 @@ use super::{Cached, Evaluate, Monitor, SampleCamera};
 /// Only refined points are on it, so that a lucky first reading does not take the place of an honest second one. Points that were refined before
 /// are not refined again. When `monitor` says stop, the readings so far stand.
 ///
+/// Under a time limit nothing is refined: more than half of a short run's time would go into it, and a map's costs are measured again afterwards, where its
+/// frontiers are used (see [`cells`](crate::cells)). What is left of the luck of first readings is a few per cent of power; what a frontier
+/// lacks for want of evaluations is more.
+///
 /// # Errors
 /// When a refinement fails.
 pub fn settle<E: Evaluate>(
@@ -18,6 +22,9 @@ pub fn settle<E: Evaluate>(
     monitor: &mut dyn Monitor,
 ) -> Result<Frontier, E::Error> {
     let frontier = Frontier::from_points(cached.points(camera));
+    if monitor.remaining_seconds().is_some() {
+        return Ok(frontier);
+    }
     let near = near(&frontier, cached.points(camera), margin);
     let mut refined = Vec::new();
     for point in frontier.points().iter().chain(&near) {

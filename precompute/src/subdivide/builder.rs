@@ -191,7 +191,7 @@ impl<E: Evaluate> Builder<'_, '_, E> {
             }
             self.report(Stage::Searching, done, total);
             if inherit.is_empty() {
-                inherit = self.nearest(at, view).map(|index| settings(&self.found[index as usize].frontier)).unwrap_or_default();
+                inherit = self.neighbourly(at, view);
             }
             self.search_one(at, view, &inherit, total - done)?;
         }
@@ -226,6 +226,21 @@ impl<E: Evaluate> Builder<'_, '_, E> {
             self.set(at, view, View::Blind);
         }
         Ok(())
+    }
+
+    /// Settings to start from where there is no parent, the cheapest first: those of the nearest frontier, and of the one with the most points. A
+    /// frontier that was itself found with little passes on less than it was given; the richest keeps the chain from thinning out.
+    fn neighbourly(&self, at: At, view: ViewDirection) -> Vec<RenderSettings> {
+        let nearest = self.nearest(at, view).map(|index| &self.found[index as usize].frontier);
+        // The first of the richest: it had the longest search.
+        let richest = self.found.iter().map(|found| &found.frontier).rev().max_by_key(|frontier| frontier.points().len());
+        let mut shares: Vec<(f64, RenderSettings)> = Vec::new();
+        for points in [nearest, richest].into_iter().flatten().map(Frontier::points) {
+            let most = points.last().map_or(1.0, |point| point.cost.power.0);
+            shares.extend(points.iter().map(|point| (point.cost.power.0 / most, point.settings)));
+        }
+        shares.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
+        shares.into_iter().map(|(_, settings)| settings).collect()
     }
 
     /// The nearest searched camera of the same view, or else of another; of equally near ones that which was searched first.

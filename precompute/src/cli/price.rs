@@ -1,0 +1,186 @@
+//! `frugal price`: what each level of the global illumination's knobs costs, and how far from the truth it is.
+
+use std::path::PathBuf;
+
+use bevy::math::UVec2;
+use bevy_frugal_gi::knobs::{KnobSpace, RenderSettings};
+
+use super::arguments::{CameraArguments, check_outputs, open_scene, size, write, write_report};
+use super::{CliError, progress};
+use crate::metrics::{Difference, Radiance};
+use crate::reference::{ReferenceScene, Settings, Shading, View, Watch, render};
+use crate::report::{LevelPrice, PriceSummary, price_csv, price_report};
+use crate::scene::SceneDescription;
+use crate::stage::{Component, Output, Stage, StageOptions};
+
+#[derive(clap::Args, Debug)]
+pub(super) struct Arguments {
+    /// The scene
+    #[arg(value_name = "SCENE")]
+    scene: PathBuf,
+    #[command(flatten)]
+    camera: CameraArguments,
+    /// Size of the picture in pixels
+    #[arg(long, value_name = "WxH", default_value = "320x180", value_parser = size)]
+    size: UVec2,
+    /// Paths per pixel of the truth, one bounce
+    #[arg(long, value_name = "N", default_value_t = 256, value_parser = clap::value_parser!(u32).range(1..=1 << 24))]
+    spp: u32,
+    /// Power meter, as `frugal meters` names it; without it, the one that suits the adapter
+    #[arg(long, value_name = "NAME")]
+    meter: Option<String>,
+    /// Table to write
+    #[arg(long, value_name = "FILE")]
+    csv: Option<PathBuf>,
+    /// Folder for a page with the table and a plot
+    #[arg(long, value_name = "DIR")]
+    report: Option<PathBuf>,
+}
+
+/// Frames metered for a reading.
+const METERED_FRAMES: u32 = 3;
+/// Readings of each setting, in turn with all others: their median is its cost, so that a machine that drifts costs all alike.
+const ROUNDS: usize = 3;
+
+/// Knobs that make the global illumination.
+fn is_gi(name: &str) -> bool {
+    name.starts_with("gi_") || name.starts_with("rsm_")
+}
+
+pub(super) fn run(arguments: &Arguments) -> Result<(), CliError> {
+    let (scene, name) = open_scene(&arguments.scene)?;
+    check_outputs([arguments.csv.as_ref()])?;
+    let options = StageOptions {
+        size: arguments.size,
+        output: Output::Radiance,
+        component: Component::Indirect,
+        meter: arguments.meter.clone(),
+        ..Default::default()
+    };
+    let mut stage = Stage::open(&scene, options)?;
+    let truth = truth(&scene, arguments)?;
+    let pose = arguments.camera.pose();
+    stage.place(pose.position, pose.rotation);
+    stage.warm()?;
+
+    let space = stage.space().as_ref().clone();
+    let off = space.parse("max,gi_vpl_count=0").map_err(CliError::failed)?;
+    let wanted = levels(&space);
+    let mut readings = vec![Vec::new(); wanted.len() + 1];
+    let mut differences = Vec::new();
+    let bar = progress::bar((ROUNDS * readings.len()) as u64).with_message("readings");
+    for round in 0..ROUNDS {
+        for (index, readings) in readings.iter_mut().enumerate() {
+            if progress::interrupted() {
+                return Err(CliError::failed("interrupted: nothing was written"));
+            }
+            stage.apply(wanted.get(index).map_or(off, |level| level.settings));
+            stage.get_ready()?;
+            readings.push(stage.metered_frames(METERED_FRAMES)?.0);
+            if round == 0 && index < wanted.len() {
+                differences.push(Difference::new(&stage.radiance()?, &truth, None).map_err(CliError::usage)?);
+            }
+            bar.inc(1);
+        }
+    }
+    bar.finish_and_clear();
+
+    let power: Vec<f64> = readings.into_iter().map(median).collect();
+    let without = power[wanted.len()];
+    let best = wanted.iter().position(|level| level.settings == space.highest()).map_or(0.0, |index| power[index]) - without;
+    let prices: Vec<LevelPrice> = wanted
+        .into_iter()
+        .zip(power)
+        .zip(differences)
+        .map(|((level, power), difference)| LevelPrice {
+            knob: level.knob,
+            label: level.label,
+            power_w: power - without,
+            cost_share: (power - without) / best,
+            difference,
+        })
+        .collect();
+
+    println!("{:18} {:>8} {:>10} {:>11} {:>11} {:>12}", "knob", "level", "cost", "mean ratio", "relative L1", "of 4x4 means");
+    for price in &prices {
+        let LevelPrice { knob, label, cost_share, difference, .. } = price;
+        let Difference { mean_ratio, relative_l1, relative_l1_boxes, .. } = difference;
+        println!("{knob:18} {label:>8} {:8.1} % {mean_ratio:11.3} {relative_l1:11.3} {relative_l1_boxes:12.3}", 100.0 * cost_share);
+    }
+    println!(
+        "the best costs {best:.3} W of {:.3} W at {} frames per second, {}",
+        best + without,
+        stage.options().frames_per_second,
+        stage.meter().description
+    );
+    if let Some(path) = &arguments.csv {
+        let mut table = Vec::new();
+        price_csv(&prices, &mut table).map_err(CliError::failed)?;
+        write(path, &table)?;
+    }
+    if let Some(folder) = &arguments.report {
+        let summary = PriceSummary { scene: &name, size: arguments.size.to_array(), prices: &prices, meter: &stage.meter(), best_w: best };
+        write_report(folder, &price_report(&summary)?)?;
+    }
+    Ok(())
+}
+
+/// One bounce between surfaces that scatter evenly: what the knobs are to come near to.
+fn truth(scene: &SceneDescription, arguments: &Arguments) -> Result<Radiance, CliError> {
+    let view = View {
+        pose: arguments.camera.pose(),
+        vertical_fov_degrees: scene.camera.vertical_fov,
+        near: scene.camera.near,
+        size: arguments.size,
+    };
+    // Light from all around bounces in the truth and not in the renderer, which is another matter than the price of a level.
+    let lamps_only = SceneDescription { environment: crate::scene::Environment::None, ..scene.clone() };
+    let settings = Settings { samples: arguments.spp, bounces: Some(1), shading: Shading::Lambertian, ..Default::default() };
+    let bar = progress::bar(u64::from(arguments.size.y)).with_message("rows of the truth");
+    let watch = Watch { row_done: &|| bar.inc(1), interrupted: &progress::interrupted };
+    let rendering = render(&ReferenceScene::new(&lamps_only)?, &view, &settings, watch);
+    bar.finish_and_clear();
+    rendering.map(|rendering| rendering.indirect).ok_or_else(|| CliError::failed("interrupted: nothing was written"))
+}
+
+/// A level of a knob, the others at their best.
+struct Wanted {
+    knob: String,
+    label: String,
+    settings: RenderSettings,
+}
+
+/// Every level of every knob of the global illumination at which it is there, the best first.
+fn levels(space: &KnobSpace) -> Vec<Wanted> {
+    let mut wanted = Vec::new();
+    for (index, knob) in space.knobs().iter().enumerate().filter(|(_, knob)| is_gi(&knob.name)) {
+        for (level, described) in knob.levels.iter().enumerate().rev() {
+            if knob.name == "gi_vpl_count" && described.value == 0.0 {
+                continue;
+            }
+            let settings = space.highest().with_level(index, level);
+            wanted.push(Wanted { knob: knob.name.clone(), label: described.label.clone(), settings });
+        }
+    }
+    wanted
+}
+
+fn median(mut values: Vec<f64>) -> f64 {
+    values.sort_by(f64::total_cmp);
+    values[values.len() / 2]
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_level_at_which_there_is_gi_is_priced_the_best_first() {
+        let space = crate::stage::knobs().unwrap();
+        let wanted = levels(&space);
+        let count = |name: &str| wanted.iter().filter(|level| level.knob == name).count();
+        assert_eq!((count("gi_vpl_count"), count("gi_interleave"), count("gi_visibility"), count("antialiasing")), (7, 3, 3, 0));
+        assert_eq!(wanted[0].settings, space.highest());
+        assert_eq!(median(vec![3.0, 1.0, 2.0]), 2.0);
+    }
+}
