@@ -63,6 +63,11 @@ pub fn subdivide<E: Evaluate>(
     builder.run().map_err(SubdivideError::Evaluate)
 }
 
+/// Cameras that are searched before the others, and longer.
+const SCOUTS: usize = 3;
+/// Share of a time limit that goes into them.
+const SCOUTS_SHARE: f64 = 0.3;
+
 /// What is known of one view at a corner.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum View {
@@ -179,7 +184,46 @@ impl<E: Evaluate> Builder<'_, '_, E> {
                 wanted.push(Wanted { at, view, inherit: Vec::new() });
             }
         }
+        let wanted = self.scout(wanted)?;
         self.search_all(wanted)
+    }
+
+    /// Under a time limit, searches a few cameras longer than the others can be, and gives back those that are left: what the few find is what all
+    /// the others start from. They lie far apart in the order of corners and views, for one may stand before a wall.
+    fn scout(&mut self, mut wanted: Vec<Wanted>) -> Result<Vec<Wanted>, E::Error> {
+        let Some(limit) = self.monitor.remaining_seconds() else { return Ok(wanted) };
+        let total = wanted.len();
+        if total < 4 * SCOUTS {
+            return Ok(wanted);
+        }
+        // From the back, so that the places of the others stay.
+        for place in (0..SCOUTS).rev().map(|scout| scout * total / SCOUTS) {
+            if !self.go_on() {
+                break;
+            }
+            let Wanted { at, view, inherit } = wanted.remove(place);
+            let started = self.monitor.seconds();
+            self.search_one(at, view, &inherit, total)?;
+            let View::Known(index) = self.view(at, view) else { continue };
+            // How many evaluations that was says how many more its share of the time holds.
+            let left = SCOUTS_SHARE / SCOUTS as f64 * limit - (self.monitor.seconds() - started);
+            let more = self.pace.within(left);
+            if more < 2 {
+                continue;
+            }
+            let started = self.monitor.seconds();
+            let more = self.cached.allowance(self.camera(at, view), more)?;
+            let inherit = settings(&self.found[index as usize].frontier);
+            let camera = self.camera(at, view);
+            let task = SearchTask { camera, at: lattice::finest(self.config.levels, at), inherit: &inherit, max_evaluations: Some(more) };
+            let outcome = self.search.run(&mut self.cached, task, self.monitor)?;
+            let seconds = self.monitor.seconds() - started;
+            self.pace.add(outcome.evaluations, seconds);
+            self.statistics.searching_seconds += seconds;
+            self.statistics.complete &= outcome.complete;
+            self.found[index as usize].frontier = outcome.frontier;
+        }
+        Ok(wanted)
     }
 
     /// Searches the wanted cameras, until the monitor says stop.

@@ -17,6 +17,11 @@ impl Pace {
         self.seconds += seconds;
     }
 
+    /// Evaluations that `seconds` hold; 0 before anything is measured.
+    pub(super) fn within(&self, seconds: f64) -> usize {
+        if self.seconds > 0.0 { (seconds.max(0.0) * self.evaluations as f64 / self.seconds) as usize } else { 0 }
+    }
+
     /// Evaluations for the next of `cameras` cameras with `remaining` seconds left: at least 2.
     ///
     /// `least` is what each camera gets first, out of all the time there is, because a map needs all its cameras more than any of them needs a better
@@ -47,5 +52,6 @@ mod tests {
         assert_eq!(pace.allowance(2400.0, 48, 24, false), 125);
         assert_eq!(pace.allowance(120.0, 48, 24, false), 12, "less than the least, the same for all");
         assert_eq!(pace.allowance(-1.0, 48, 24, false), 2);
+        assert_eq!((pace.within(10.0), pace.within(-1.0), Pace::default().within(1e9)), (50, 0, 0));
     }
 }
