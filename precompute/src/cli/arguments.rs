@@ -51,9 +51,12 @@ impl CaptureArguments {
     }
 }
 
-/// Where one picture is taken from.
+/// What one picture shows, and from where.
 #[derive(Args, Debug, Clone)]
 pub(super) struct CameraArguments {
+    /// The scene
+    #[arg(value_name = "SCENE")]
+    pub scene: PathBuf,
     /// World position, metres
     #[arg(long, value_name = "X,Y,Z", value_parser = vector, allow_hyphen_values = true)]
     pub position: Vec3,
@@ -65,6 +68,29 @@ pub(super) struct CameraArguments {
 impl CameraArguments {
     pub fn pose(&self) -> CameraPose {
         CameraPose::looking_at(self.position, self.look_at)
+    }
+}
+
+/// Where one picture goes.
+#[derive(Args, Debug, Clone)]
+pub(super) struct PictureArguments {
+    /// Picture to write, tone-mapped at the scene's exposure
+    #[arg(short, long, value_name = "PNG")]
+    output: Option<PathBuf>,
+    /// Linear radiance to write, in nits before exposure
+    #[arg(long, value_name = "EXR")]
+    pub hdr: Option<PathBuf>,
+}
+
+impl PictureArguments {
+    /// The PNG to write: where nothing is asked for, the one called as the scene. Refuses either file where it cannot be written.
+    pub fn png(&self, scene_name: &str) -> Result<Option<PathBuf>, CliError> {
+        let png = match (&self.output, &self.hdr) {
+            (None, None) => Some(PathBuf::from(format!("{scene_name}.png"))),
+            (png, _) => png.clone(),
+        };
+        check_outputs([png.as_ref(), self.hdr.as_ref()])?;
+        Ok(png)
     }
 }
 

@@ -15,9 +15,6 @@ use crate::stage::{Component, Output, Stage, StageOptions};
 
 #[derive(clap::Args, Debug)]
 pub(super) struct Arguments {
-    /// The scene
-    #[arg(value_name = "SCENE")]
-    scene: PathBuf,
     #[command(flatten)]
     camera: CameraArguments,
     /// Size of the picture in pixels
@@ -48,7 +45,7 @@ fn is_gi(name: &str) -> bool {
 }
 
 pub(super) fn run(arguments: &Arguments) -> Result<(), CliError> {
-    let (scene, name) = open_scene(&arguments.scene)?;
+    let (scene, name) = open_scene(&arguments.camera.scene)?;
     check_outputs([arguments.csv.as_ref()])?;
     let options = StageOptions {
         size: arguments.size,
@@ -127,12 +124,7 @@ pub(super) fn run(arguments: &Arguments) -> Result<(), CliError> {
 
 /// One bounce between surfaces that scatter evenly: what the knobs are to come near to.
 fn truth(scene: &SceneDescription, arguments: &Arguments) -> Result<Radiance, CliError> {
-    let view = View {
-        pose: arguments.camera.pose(),
-        vertical_fov_degrees: scene.camera.vertical_fov,
-        near: scene.camera.near,
-        size: arguments.size,
-    };
+    let view = View::new(scene, arguments.camera.pose(), arguments.size);
     // Light from all around bounces in the truth and not in the renderer, which is another matter than the price of a level.
     let lamps_only = SceneDescription { environment: crate::scene::Environment::None, ..scene.clone() };
     let settings = Settings { samples: arguments.spp, bounces: Some(1), shading: Shading::Lambertian, ..Default::default() };

@@ -1,11 +1,10 @@
 //! `frugal reference`: one picture, path-traced on the processor.
 
-use std::path::PathBuf;
 use std::time::Instant;
 
 use bevy::math::UVec2;
 
-use super::arguments::{CameraArguments, check_outputs, open_scene, size, write};
+use super::arguments::{CameraArguments, PictureArguments, open_scene, size, write};
 use super::{CliError, progress};
 use crate::metrics::tone;
 use crate::reference::{ReferenceError, ReferenceScene, Settings, Shading, View, Watch, render};
@@ -13,9 +12,6 @@ use crate::stage::Component;
 
 #[derive(clap::Args, Debug)]
 pub(super) struct Arguments {
-    /// The scene
-    #[arg(value_name = "SCENE")]
-    scene: PathBuf,
     #[command(flatten)]
     camera: CameraArguments,
     /// Size of the picture in pixels
@@ -36,12 +32,8 @@ pub(super) struct Arguments {
     /// Makes every surface scatter evenly, as virtual point lights do: base colour × (1 − metallic), no highlights
     #[arg(long)]
     lambertian: bool,
-    /// Picture to write, tone-mapped at the scene's exposure
-    #[arg(short, long, value_name = "PNG")]
-    output: Option<PathBuf>,
-    /// Linear radiance to write, in nits before exposure
-    #[arg(long, value_name = "EXR")]
-    hdr: Option<PathBuf>,
+    #[command(flatten)]
+    picture: PictureArguments,
 }
 
 /// How often light may bounce; no limit where there is none.
@@ -62,19 +54,10 @@ impl From<ReferenceError> for CliError {
 }
 
 pub(super) fn run(arguments: &Arguments) -> Result<(), CliError> {
-    let (description, name) = open_scene(&arguments.scene)?;
-    let png = match (&arguments.output, &arguments.hdr) {
-        (None, None) => Some(PathBuf::from(format!("{name}.png"))),
-        (png, _) => png.clone(),
-    };
-    check_outputs([png.as_ref(), arguments.hdr.as_ref()])?;
+    let (description, name) = open_scene(&arguments.camera.scene)?;
+    let png = arguments.picture.png(&name)?;
     let scene = ReferenceScene::new(&description)?;
-    let view = View {
-        pose: arguments.camera.pose(),
-        vertical_fov_degrees: description.camera.vertical_fov,
-        near: description.camera.near,
-        size: arguments.size,
-    };
+    let view = View::new(&description, arguments.camera.pose(), arguments.size);
     let settings = Settings {
         samples: arguments.spp,
         // What is not asked for need not be traced.
@@ -105,7 +88,7 @@ pub(super) fn run(arguments: &Arguments) -> Result<(), CliError> {
     );
     // Both are made before either is written.
     let picture = png.map(|path| tone::display(&radiance, description.exposure_ev100).to_png().map(|bytes| (path, bytes)));
-    let hdr = arguments.hdr.as_ref().map(|path| radiance.to_exr().map(|bytes| (path.clone(), bytes)));
+    let hdr = arguments.picture.hdr.as_ref().map(|path| radiance.to_exr().map(|bytes| (path.clone(), bytes)));
     let files = [picture.transpose().map_err(CliError::failed)?, hdr.transpose().map_err(CliError::failed)?];
     files.iter().flatten().try_for_each(|(path, bytes)| write(path, bytes))
 }

@@ -1,16 +1,11 @@
 //! `frugal render`: one picture.
 
-use std::path::PathBuf;
-
 use super::CliError;
-use super::arguments::{self, CameraArguments, CaptureArguments, check_outputs, open_scene, write};
+use super::arguments::{CameraArguments, CaptureArguments, PictureArguments, open_scene, write};
 use crate::stage::{Component, Output, Stage, StageOptions};
 
 #[derive(clap::Args, Debug)]
 pub(super) struct Arguments {
-    /// The scene
-    #[arg(value_name = "SCENE")]
-    scene: PathBuf,
     #[command(flatten)]
     camera: CameraArguments,
     #[command(flatten)]
@@ -21,21 +16,13 @@ pub(super) struct Arguments {
     /// Which light
     #[arg(long, value_enum, default_value_t = Component::Full)]
     component: Component,
-    /// Picture to write, tone-mapped
-    #[arg(short, long, value_name = "PNG")]
-    output: Option<PathBuf>,
-    /// Linear radiance to write, in nits before exposure
-    #[arg(long, value_name = "EXR")]
-    hdr: Option<PathBuf>,
+    #[command(flatten)]
+    picture: PictureArguments,
 }
 
 pub(super) fn run(arguments: &Arguments) -> Result<(), CliError> {
-    let (scene, name) = open_scene(&arguments.scene)?;
-    let png = match (&arguments.output, &arguments.hdr) {
-        (None, None) => Some(PathBuf::from(format!("{name}.png"))),
-        (png, _) => png.clone(),
-    };
-    check_outputs([png.as_ref(), arguments.hdr.as_ref()])?;
+    let (scene, name) = open_scene(&arguments.camera.scene)?;
+    let png = arguments.picture.png(&name)?;
     let take = |output: Output| -> Result<Stage, CliError> {
         let options = StageOptions { output, component: arguments.component, ..arguments.capture.options() };
         let mut stage = Stage::open(&scene, options)?;
@@ -50,10 +37,10 @@ pub(super) fn run(arguments: &Arguments) -> Result<(), CliError> {
         let picture = take(Output::Display)?.picture()?;
         write(&path, &picture.to_png().map_err(CliError::failed)?)?;
     }
-    if let Some(path) = &arguments.hdr {
+    if let Some(path) = &arguments.picture.hdr {
         let radiance = take(Output::Radiance)?.radiance()?;
         println!("mean radiance {:.3} nits", radiance.mean());
-        arguments::write(path, &radiance.to_exr().map_err(CliError::failed)?)?;
+        write(path, &radiance.to_exr().map_err(CliError::failed)?)?;
     }
     Ok(())
 }

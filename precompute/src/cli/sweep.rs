@@ -18,9 +18,6 @@ use crate::stage::RemoteStage;
 
 #[derive(clap::Args, Debug)]
 pub(super) struct Arguments {
-    /// The scene
-    #[arg(value_name = "SCENE")]
-    scene: PathBuf,
     #[command(flatten)]
     camera: CameraArguments,
     #[command(flatten)]
@@ -40,9 +37,9 @@ pub(super) struct Arguments {
 const METERED_FRAMES: u32 = 4;
 
 pub(super) fn run(arguments: &Arguments) -> Result<(), CliError> {
-    let (scene, name) = open_scene(&arguments.scene)?;
+    let (scene, name) = open_scene(&arguments.camera.scene)?;
     check_outputs([arguments.csv.as_ref()])?;
-    let mut stage = open_stage(&scene, &arguments.scene, &arguments.capture)?;
+    let mut stage = open_stage(&scene, &arguments.camera.scene, &arguments.capture)?;
     stage.warm()?;
     let space = stage.space().clone();
     let pose = arguments.camera.pose();

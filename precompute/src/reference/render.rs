@@ -8,7 +8,7 @@ use super::path::{Strategy, trace};
 use super::sampler::Sampler;
 use super::scene::ReferenceScene;
 use crate::metrics::Radiance;
-use crate::scene::CameraPose;
+use crate::scene::{CameraPose, SceneDescription};
 
 /// What a camera takes in.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -21,6 +21,13 @@ pub struct View {
     pub near: f32,
     /// Width and height, pixels.
     pub size: UVec2,
+}
+
+impl View {
+    /// A picture of `size` with the scene's own lens.
+    pub fn new(scene: &SceneDescription, pose: CameraPose, size: UVec2) -> Self {
+        Self { pose, vertical_fov_degrees: scene.camera.vertical_fov, near: scene.camera.near, size }
+    }
 }
 
 /// How a picture is path-traced.

@@ -10,7 +10,7 @@ use super::config::{CameraSpace, Statistics, SubdivideConfig, SubdivideError, Th
 use super::distance::{Distance, half_distance};
 use super::lattice::{self, At, NewCorner, Node};
 use super::schedule::Pace;
-use crate::search::{Cached, Evaluate, Monitor, SampleCamera, Search, SearchTask, Stage, SubdivisionProgress, settle};
+use crate::search::{Cached, Evaluate, Monitor, SampleCamera, Search, SearchOutcome, SearchTask, Stage, SubdivisionProgress, settle};
 
 /// A map and how it came about.
 #[derive(Clone, Debug, PartialEq)]
@@ -211,16 +211,9 @@ impl<E: Evaluate> Builder<'_, '_, E> {
             if more < 2 {
                 continue;
             }
-            let started = self.monitor.seconds();
             let more = self.cached.allowance(self.camera(at, view), more)?;
             let inherit = settings(&self.found[index as usize].frontier);
-            let camera = self.camera(at, view);
-            let task = SearchTask { camera, at: lattice::finest(self.config.levels, at), inherit: &inherit, max_evaluations: Some(more) };
-            let outcome = self.search.run(&mut self.cached, task, self.monitor)?;
-            let seconds = self.monitor.seconds() - started;
-            self.pace.add(outcome.evaluations, seconds);
-            self.statistics.searching_seconds += seconds;
-            self.statistics.complete &= outcome.complete;
+            let outcome = self.timed_search(at, view, &inherit, Some(more))?;
             self.found[index as usize].frontier = outcome.frontier;
         }
         Ok(wanted)
@@ -253,13 +246,7 @@ impl<E: Evaluate> Builder<'_, '_, E> {
             }
             None => None,
         };
-        let started = self.monitor.seconds();
-        let task = SearchTask { camera, at: lattice::finest(self.config.levels, at), inherit, max_evaluations };
-        let outcome = self.search.run(&mut self.cached, task, self.monitor)?;
-        let seconds = self.monitor.seconds() - started;
-        self.pace.add(outcome.evaluations, seconds);
-        self.statistics.searching_seconds += seconds;
-        self.statistics.complete &= outcome.complete;
+        let outcome = self.timed_search(at, view, inherit, max_evaluations)?;
         if !outcome.frontier.is_empty() {
             let index = self.found.len() as u32;
             self.found.push(Found { camera, at, frontier: outcome.frontier });
@@ -270,6 +257,24 @@ impl<E: Evaluate> Builder<'_, '_, E> {
             self.set(at, view, View::Blind);
         }
         Ok(())
+    }
+
+    /// A search at one camera, counted.
+    fn timed_search(
+        &mut self,
+        at: At,
+        view: ViewDirection,
+        inherit: &[RenderSettings],
+        max_evaluations: Option<usize>,
+    ) -> Result<SearchOutcome, E::Error> {
+        let started = self.monitor.seconds();
+        let task = SearchTask { camera: self.camera(at, view), at: lattice::finest(self.config.levels, at), inherit, max_evaluations };
+        let outcome = self.search.run(&mut self.cached, task, self.monitor)?;
+        let seconds = self.monitor.seconds() - started;
+        self.pace.add(outcome.evaluations, seconds);
+        self.statistics.searching_seconds += seconds;
+        self.statistics.complete &= outcome.complete;
+        Ok(outcome)
     }
 
     /// Settings to start from where there is no parent, the cheapest first: those of the nearest frontier, and of the one with the most points. A
