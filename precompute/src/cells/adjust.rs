@@ -12,10 +12,12 @@ pub(super) fn error_ratio(promised: f64, measured: f64) -> f64 {
     (measured + Correction::LEAST_ERROR) / (promised + Correction::LEAST_ERROR)
 }
 
-/// `points` with their costs multiplied by ratios that are known at some of them, as a frontier.
+/// `points` with the costs that are known of some of them, as a frontier.
 ///
-/// Between two points with a ratio it is interpolated along `positions`; beyond the outermost it stays. Without any, costs stay. `best` has no
-/// error, whatever its neighbours do and however noisy its reading was: it is what errors are measured against. Points that become beaten are dropped.
+/// Between two known points what is known is interpolated along `positions`; beyond the outermost it stays. Power changes by a factor. Error changes
+/// by a factor where it is less than promised and by an amount where it is more, and the amount goes to nothing at `best`: which has no
+/// error, whatever its neighbours do and however noisy its reading was, since it is what errors are measured against. A factor above 1 would make much
+/// of what is next to nothing, an amount below 0 nothing of what is something. Without anything known, costs stay. Points that become beaten are dropped.
 pub(super) fn adjust(
     points: &[FrontierPoint],
     positions: &[f64],
@@ -23,26 +25,40 @@ pub(super) fn adjust(
     error: &[(usize, f64)],
     best: RenderSettings,
 ) -> Frontier {
+    let promised = |index: usize| points[index].cost;
+    let less = |(index, known): &(usize, f64)| (*index, (known / promised(*index).error.max(f64::MIN_POSITIVE)).min(1.0));
+    let more = |(index, known): &(usize, f64)| (*index, (known - promised(*index).error).max(0.0));
+    let watts: Vec<_> = power.iter().map(|(index, known)| (*index, known / promised(*index).power.0)).collect();
+    let factors: Vec<_> = error.iter().map(less).collect();
+    let mut amounts: Vec<_> = error.iter().map(more).collect();
+    let best_point = points.iter().position(|point| point.settings == best);
+    // What is known of errors never includes the best point's.
+    amounts.extend(best_point.filter(|_| !error.is_empty()).map(|index| (index, 0.0)));
+    amounts.sort_unstable_by_key(|(index, _)| *index);
     Frontier::from_points(points.iter().enumerate().map(|(index, point)| {
-        let CostPoint { power: Watts(watts), error: promised } = point.cost;
-        // Written so that a ratio of 1 changes nothing, to the last bit.
-        let more = (promised + Correction::LEAST_ERROR) * (interpolate(positions, error, index) - 1.0);
-        let error = if point.settings == best { 0.0 } else { (promised + more).clamp(0.0, 1.0) };
-        FrontierPoint { settings: point.settings, cost: CostPoint::new(watts * interpolate(positions, power, index), error) }
+        let CostPoint { power: Watts(power), error } = point.cost;
+        let error = (error * interpolate(positions, &factors, index).unwrap_or(1.0)
+            + interpolate(positions, &amounts, index).unwrap_or(0.0))
+        .clamp(0.0, 1.0);
+        let error = if point.settings == best { 0.0 } else { error };
+        FrontierPoint {
+            settings: point.settings,
+            cost: CostPoint::new(power * interpolate(positions, &watts, index).unwrap_or(1.0), error),
+        }
     }))
 }
 
-fn interpolate(positions: &[f64], ratios: &[(usize, f64)], index: usize) -> f64 {
-    let above = ratios.partition_point(|(anchor, _)| *anchor < index);
-    match (above.checked_sub(1).map(|below| ratios[below]), ratios.get(above)) {
-        (_, Some((anchor, ratio))) if *anchor == index => *ratio,
+fn interpolate(positions: &[f64], known: &[(usize, f64)], index: usize) -> Option<f64> {
+    let above = known.partition_point(|(anchor, _)| *anchor < index);
+    match (above.checked_sub(1).map(|below| known[below]), known.get(above)) {
+        (_, Some((anchor, value))) if *anchor == index => Some(*value),
         (Some((low, from)), Some((high, to))) => {
             let range = positions[*high] - positions[low];
             let share = if range > 0.0 { (positions[index] - positions[low]) / range } else { 0.5 };
-            from + share * (to - from)
+            Some(from + share * (to - from))
         }
-        (Some((_, ratio)), None) | (None, Some(&(_, ratio))) => ratio,
-        (None, None) => 1.0,
+        (Some((_, value)), None) | (None, Some(&(_, value))) => Some(value),
+        (None, None) => None,
     }
 }
 
@@ -67,16 +83,29 @@ mod tests {
     const POSITIONS: [f64; 4] = [0.0, 1.0, 2.0, 4.0];
 
     #[test]
-    fn ratios_are_interpolated_between_anchors_and_held_beyond() {
-        let adjusted = adjust(&points(), &POSITIONS, &[(0, 1.0), (3, 2.0)], &[(1, 2.0)], BEST);
-        assert_eq!(costs(&adjusted), [(0, 1.0, 0.801), (1, 2.5, 0.401), (2, 4.5, 0.201), (9, 8.0, 0.0)]);
+    fn what_is_known_is_interpolated_between_anchors_and_held_beyond() {
+        // Half as much again is drawn at the first point, twice as much at the last; the second has 0.1 more error than promised.
+        let adjusted = adjust(&points(), &POSITIONS, &[(0, 1.5), (3, 8.0)], &[(1, 0.3)], BEST);
+        assert_eq!(costs(&adjusted), [(0, 1.5, 0.5), (1, 3.25, 0.3), (2, 5.25, 0.166667), (9, 8.0, 0.0)]);
         assert_eq!(adjust(&points(), &POSITIONS, &[], &[], BEST), Frontier::from_points(points()));
+    }
+
+    #[test]
+    fn errors_shrink_in_proportion_and_grow_by_what_was_seen() {
+        let smaller = adjust(&points(), &POSITIONS, &[], &[(1, 0.1)], BEST);
+        assert_eq!(costs(&smaller), [(0, 1.0, 0.2), (1, 2.0, 0.1), (2, 3.0, 0.05), (9, 4.0, 0.0)]);
+        // Next to nothing was promised and 0.05 found: the next point is not a hundred times as bad as promised.
+        let mut nothing = points();
+        nothing[1].cost.error = 0.0005;
+        nothing[2].cost.error = 0.0004;
+        let larger = adjust(&nothing, &POSITIONS, &[], &[(0, 0.4), (1, 0.0505)], BEST);
+        assert_eq!(costs(&larger), [(0, 1.0, 0.4), (1, 2.0, 0.0505), (2, 3.0, 0.033733), (9, 4.0, 0.0)]);
     }
 
     #[test]
     fn beaten_points_go_and_errors_stay_in_range() {
         // The best settings turn out the cheapest of all.
-        let adjusted = adjust(&points(), &POSITIONS, &[(2, 1.0), (3, 0.1)], &[], BEST);
+        let adjusted = adjust(&points(), &POSITIONS, &[(2, 3.0), (3, 0.4)], &[], BEST);
         assert_eq!(costs(&adjusted), [(9, 0.4, 0.0)]);
         let adjusted = adjust(&points(), &POSITIONS, &[], &[(0, 1e6), (2, 1e-6)], BEST);
         assert!(adjusted.points().iter().all(|point| (0.0..=1.0).contains(&point.cost.error)), "{adjusted:?}");

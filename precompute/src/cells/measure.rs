@@ -3,10 +3,10 @@
 use bevy_frugal_gi::frontier::{CostPoint, Frontier, FrontierMap, FrontierPoint};
 use bevy_frugal_gi::knobs::RenderSettings;
 
-use super::adjust::{adjust, error_ratio};
+use super::adjust::adjust;
 use super::anchors::{anchors, positions};
 use super::cameras::{RandomCameras, find_cells};
-use super::pooling::{Reading, pool};
+use super::pooling::{Anchor, Reading, pool};
 use crate::scene::CameraPose;
 use crate::search::Monitor;
 
@@ -130,11 +130,11 @@ pub fn remeasure<M: Measure>(
             let measured = measure.measure(pose, settings)?;
             done.cameras += usize::from(number == 0);
             done.measurements += 1;
-            let reading = |ratio: f64| Some(Reading { cell, camera, point, slot, ratio }).filter(|_| ratio.is_finite() && ratio > 0.0);
-            power.extend(reading(measured.power.0 / promised.power.0));
-            if settings != best {
-                error.extend(reading(error_ratio(promised.error, measured.error)));
-            }
+            let reading = |promised: f64, measured: f64| Reading { cell, camera, point, slot, promised, measured };
+            let (watts, wrong) = (measured.power.0, measured.error);
+            power.extend((watts.is_finite() && watts > 0.0).then(|| reading(promised.power.0, watts)));
+            let counts = settings != best && wrong.is_finite() && wrong >= 0.0;
+            error.extend(counts.then(|| reading(promised.error, wrong)));
         }
     }
     progress(done.measurements, total);
@@ -145,7 +145,14 @@ pub fn remeasure<M: Measure>(
         if probe.added && !power.has(index, probe.points.len() - 1) {
             probe.points.pop();
         }
-        let (of_power, of_error) = (power.of_cell(index, probe.anchors()), error.of_cell(index, probe.anchors()));
+        let promised = |cost: fn(CostPoint) -> f64| {
+            let anchors = probe.anchors().filter_map(|(point, slot)| Some((point, slot, probe.points.get(point)?.cost)));
+            anchors.map(move |(point, slot, promised)| Anchor { point, slot, promised: cost(promised) })
+        };
+        let of_power = power.of_cell(index, promised(|cost| cost.power.0));
+        let mut of_error = error.of_cell(index, promised(|cost| cost.error));
+        // It was the best of some cell, which has another last point.
+        of_error.retain(|(point, _)| probe.points[*point].settings != best);
         let adjusted = adjust(&probe.points, &probe.positions, &of_power, &of_error, best);
         // Where nothing was measured at all this is the frontier as it was.
         map.octree.frontiers[cell.frontier] = adjusted;

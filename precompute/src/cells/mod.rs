@@ -6,8 +6,8 @@
 //! only their *costs* are measured once more, at a few random cameras that the run time will give this very frontier: its cell. That takes about
 //! ten measurements a frontier, where a search takes a hundred.
 //!
-//! Cameras are drawn (`cameras`), a few points spread along each frontier are measured there (`measure`, `anchors`), the ratios of measured to
-//! promised are averaged (`pooling`) and applied to all points (`adjust`). `promise` holds the outcome against further cameras.
+//! Cameras are drawn (`cameras`), a few points spread along each frontier are measured there (`measure`, `anchors`), what was
+//! measured is averaged (`pooling`) and carried over to all points (`adjust`). `promise` holds the outcome against further cameras.
 //!
 //! Costs become *means* over the cell, in error as in power. A budget limits the mean of a run, and means over cells add up to the mean of a run;
 //! quantiles do not. That single frames are worse than their cell's mean is left to the map's
