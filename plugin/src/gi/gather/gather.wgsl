@@ -4,9 +4,11 @@
 // memory. A dynamic offset chooses the set.
 //
 // Visibility, where it is asked for (RAYS): the set is dealt into as many hands as there are rays. From each hand one VPL is drawn in proportion to
-// the luminance of what it would send, and stands for the hand: with what it sends divided by its probability where the ray to it is free, and
-// with nothing where not. The expectation is the sum of what is visible, whatever hides the rest, and rays go where light comes from. It
-// is one step of resampled importance sampling (Talbot et al. 2005) with its proposals in a fixed order.
+// the luminance of what it would send, and stands for the hand: with all that the hand would send where the ray to it is free, and with nothing where
+// not. In luminance the expectation is the sum of what is visible, whatever hides the rest, and rays go where light comes from: one step of
+// resampled importance sampling (Talbot et al. 2005) with its proposals in a fixed order. The hue is the hand's and not the drawn VPL's, which
+// would be right in each channel but speckle every wall in the colours of whatever lights it; so, where nothing is hidden, there is no noise at all,
+// and where only one colour of light is hidden, some of it stays in the hue.
 
 #import bevy_render::view::View
 #import bevy_frugal_gi::gi::gather::settings::Gather
@@ -50,23 +52,24 @@ fn gathered(cell: vec2<u32>, position: vec3<f32>, normal: vec3<f32>) -> vec3<f32
     for (var hand = 0u; hand < #{RAYS}u; hand++) {
         // One number draws from the whole hand: what is left of it after each draw is again evenly spread (Chao 1982, with the number reused).
         var number = fract(noise + f32(hand) * 0.618034);
+        var sent_by_hand = vec3(0.0);
         var total = 0.0;
         var drawn = 0u;
-        var drawn_luminance = 0.0;
         for (var i = hand; i < plan.per_set; i += #{RAYS}u) {
-            let sent = luminance(from_vpl(vpls[i], position, normal, largest));
-            total += sent;
-            let probability = sent / max(total, 1e-35);
+            let sent = from_vpl(vpls[i], position, normal, largest);
+            let weight = luminance(sent);
+            sent_by_hand += sent;
+            total += weight;
+            let probability = weight / max(total, 1e-35);
             let taken = number < probability;
             number = select((number - probability) / (1.0 - probability), number / probability, taken);
             drawn = select(drawn, i, taken);
-            drawn_luminance = select(drawn_luminance, sent, taken);
         }
-        if drawn_luminance > 0.0 {
+        if total > 0.0 {
             let vpl = vpls[drawn];
             let end = vpl.position + vpl.normal * surface_offset(vpl.position, distance(vpl.position, view.world_position));
             if !is_occluded(origin, end) {
-                sum += from_vpl(vpl, position, normal, largest) * (total / drawn_luminance);
+                sum += sent_by_hand;
             }
         }
     }
