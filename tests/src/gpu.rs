@@ -18,26 +18,63 @@ pub struct Point {
     pub normal: [f32; 3],
     /// Lumens.
     pub flux: [f32; 3],
+    /// m²: the area of a texel's surface, the squared radius of a virtual point light's disk.
+    pub extent: f32,
 }
 
 impl Point {
-    /// Bytes of one in a buffer.
-    pub const BYTES: usize = 48;
+    /// Words of a virtual point light in a buffer.
+    pub const VPL_WORDS: usize = 12;
 
-    /// As a buffer holds it.
-    pub fn to_words(self) -> [f32; 12] {
+    /// Words of a texel in a buffer.
+    pub const TEXEL_WORDS: usize = 8;
+
+    /// A virtual point light as a buffer holds it.
+    pub fn to_vpl(self) -> [f32; Self::VPL_WORDS] {
         let ([px, py, pz], [nx, ny, nz], [r, g, b]) = (self.position, self.normal, self.flux);
-        [px, py, pz, 0.0, nx, ny, nz, 0.0, r, g, b, 0.0]
+        [px, py, pz, self.extent, nx, ny, nz, 0.0, r, g, b, 0.0]
     }
 
-    fn from_words(words: &[f32]) -> Self {
-        Self { position: [words[0], words[1], words[2]], normal: [words[4], words[5], words[6]], flux: [words[8], words[9], words[10]] }
+    /// A texel as a buffer holds it: its normal in octahedral coordinates of 16 bits.
+    pub fn to_texel(self) -> [f32; Self::TEXEL_WORDS] {
+        let ([px, py, pz], [r, g, b]) = (self.position, self.flux);
+        [px, py, pz, self.extent, r, g, b, f32::from_bits(pack_normal(self.normal))]
+    }
+
+    fn from_vpl(words: &[f32]) -> Self {
+        let three = |at: usize| [words[at], words[at + 1], words[at + 2]];
+        Self { position: three(0), extent: words[3], normal: three(4), flux: three(8) }
+    }
+
+    fn from_texel(words: &[f32]) -> Self {
+        let three = |at: usize| [words[at], words[at + 1], words[at + 2]];
+        Self { position: three(0), extent: words[3], flux: three(4), normal: unpack_normal(words[7].to_bits()) }
     }
 
     /// Rec. 709 luminance of the flux.
     pub fn luminance(&self) -> f64 {
         self.flux.iter().zip([0.2126, 0.7152, 0.0722]).map(|(flux, weight)| f64::from(*flux) * weight).sum()
     }
+}
+
+/// Octahedral coordinates (Cigolle et al. 2014), 16 bits each: the twin of `rsm/texel.wgsl`'s `pack_normal`.
+pub fn pack_normal([x, y, z]: [f32; 3]) -> u32 {
+    let length = x.abs() + y.abs() + z.abs();
+    let (x, y, z) = (x / length, y / length, z / length);
+    let wrap = |own: f32, other: f32| (1.0 - other.abs()) * if own > 0.0 { 1.0 } else { -1.0 };
+    let (x, y) = if z >= 0.0 { (x, y) } else { (wrap(x, y), wrap(y, x)) };
+    let bits = |value: f32| ((value * 0.5 + 0.5).clamp(0.0, 1.0) * 65535.0).round() as u32;
+    bits(x) | bits(y) << 16
+}
+
+/// The unit vector of [`pack_normal`].
+pub fn unpack_normal(packed: u32) -> [f32; 3] {
+    let [x, y] = [packed & 0xFFFF, packed >> 16].map(|bits| bits as f32 / 65535.0 * 2.0 - 1.0);
+    let z = 1.0 - x.abs() - y.abs();
+    let fold = (-z).clamp(0.0, 1.0);
+    let [x, y] = [x, y].map(|value| if value >= 0.0 { value - fold } else { value + fold });
+    let length = (x * x + y * y + z * z).sqrt();
+    [x / length, y / length, z / length]
 }
 
 /// Sum over points of each channel's flux.
@@ -48,23 +85,28 @@ pub fn total_flux(points: &[Point]) -> [f64; 3] {
 /// Every texel of every reflective shadow map of the last frame.
 pub fn rsm_texels(stage: &Stage) -> Vec<Point> {
     let state = inspect::gpu_state(stage.render_world());
-    state.texels.map_or_else(Vec::new, |buffer| points(&read_buffer(stage.render_world(), &buffer)))
+    state.texels.map_or_else(Vec::new, |buffer| texels(&read_buffer(stage.render_world(), &buffer)))
 }
 
 /// The virtual point lights of the first camera that gathers, each with its share of the flux that all of them carry together.
 pub fn vpls(stage: &Stage) -> Vec<Point> {
     let state = inspect::gpu_state(stage.render_world());
     let Some(camera) = state.cameras.first() else { return Vec::new() };
-    let slots = points(&read_buffer(stage.render_world(), &camera.vpls));
+    let slots = vpl_slots(&read_buffer(stage.render_world(), &camera.vpls));
     let (sets, per_set, stride) = (camera.sets as usize, camera.per_set as usize, camera.stride as usize);
     let members = (0..sets).flat_map(|set| slots[set * stride..].iter().take(per_set));
     // Every set stands for all light on its own.
     members.map(|vpl| Point { flux: vpl.flux.map(|flux| flux / sets as f32), ..*vpl }).collect()
 }
 
-/// Points out of a buffer's bytes.
-pub fn points(bytes: &[u8]) -> Vec<Point> {
-    floats(bytes).chunks_exact(Point::BYTES / 4).map(Point::from_words).collect()
+/// Virtual point lights out of a buffer's bytes.
+pub fn vpl_slots(bytes: &[u8]) -> Vec<Point> {
+    floats(bytes).chunks_exact(Point::VPL_WORDS).map(Point::from_vpl).collect()
+}
+
+/// Texels out of a buffer's bytes.
+pub fn texels(bytes: &[u8]) -> Vec<Point> {
+    floats(bytes).chunks_exact(Point::TEXEL_WORDS).map(Point::from_texel).collect()
 }
 
 /// 32-bit floats out of bytes.

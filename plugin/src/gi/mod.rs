@@ -156,7 +156,7 @@ fn lacking_limits(limits: &bevy::render::settings::WgpuLimits) -> Vec<&'static s
     let vpl_bytes = u64::from(FrugalGi::MAX_VPLS_PER_PIXEL) * vpl::VPL_BYTES;
     [
         (limits.max_compute_invocations_per_workgroup < 64, "compute workgroups of 64"),
-        (limits.max_storage_buffers_per_shader_stage < 7, "7 storage buffers per stage"),
+        (limits.max_storage_buffers_per_shader_stage < 6, "6 storage buffers per stage"),
         (limits.max_storage_textures_per_shader_stage < 1, "storage textures"),
         (limits.max_uniform_buffer_binding_size < vpl_bytes, "uniform buffers of 48 KiB"),
     ]

@@ -35,9 +35,6 @@ pub struct FrugalGi {
     /// Texels along the edge of a directional or spot light's reflective shadow map (a point light's six faces have half as many). Higher
     /// values: smaller lit features are found, and the light's rasterisation costs more. In 16 to 2048.
     pub rsm_resolution: u32,
-    /// Distance in metres within which a VPL's contribution stops growing: the geometry term cosθ·cosθ′/d² is clamped to 1/`clamp_distance`².
-    /// Higher values: fewer bright splotches where surfaces meet, and darker corners. Lower values: the opposite. 0 never clamps. No cost.
-    pub clamp_distance: f32,
     /// How far around the camera, in metres, directional lights bounce. Scenes smaller than twice that are covered whole. Higher values: more
     /// distant bounces, fewer texels on near surfaces.
     pub range: f32,
@@ -65,7 +62,6 @@ impl Default for FrugalGi {
             visibility: GiVisibility::Coarse,
             pixel_fraction: GiPixelFraction::Quarter,
             rsm_resolution: 128,
-            clamp_distance: 0.25,
             range: 40.0,
             output: GiOutput::Added,
         }

@@ -105,17 +105,17 @@ impl Gather {
         queue.submit([encoder.finish()]);
     }
 
-    fn run(&self, stage: &Stage, center: [f32; 3], vpls: &[Point; COUNT], largest: f32) -> Vec<[f64; 4]> {
+    fn run(&self, stage: &Stage, center: [f32; 3], vpls: &[Point; COUNT]) -> Vec<[f64; 4]> {
         // Of Bevy's view, the shader reads world_from_clip (third matrix) and exposure (after seven matrices and a position).
         let mut view = vec![0.0f32; 256];
         let half = EDGE as f32 / 2.0;
         view[32..48].copy_from_slice(&[half, 0.0, 0.0, 0.0, 0.0, 0.0, half, 0.0, 0.0, 0.0, 0.0, 0.0, center[0], center[1], center[2], 1.0]);
         view[115] = EXPOSURE;
-        let mut words: Vec<f32> = vpls.iter().flat_map(|vpl| vpl.to_words()).collect();
+        let mut words: Vec<f32> = vpls.iter().flat_map(|vpl| vpl.to_vpl()).collect();
         words.resize(12 * FrugalGi::MAX_VPLS_PER_PIXEL as usize, 0.0);
         let [view, vpls] = [view, words].map(|words| kernel::buffer(stage, &gpu::bytes(&words)));
         // Cells of one pixel; one set for all of them.
-        let settings = kernel::buffer(stage, &[largest.to_bits(), 1, 1, 0, 0, 0, 0, 0].map(u32::to_le_bytes).concat());
+        let settings = kernel::buffer(stage, &[1, 1, 0, 0].map(u32::to_le_bytes).concat());
         let plan = kernel::buffer(stage, &[1, 1, COUNT as u32, 16].map(u32::to_le_bytes).concat());
         let output = self.irradiance.create_view(&Default::default());
         let bindings = BindGroupEntries::sequential((
@@ -133,7 +133,7 @@ impl Gather {
 }
 
 /// Exposed irradiance of one pixel, in 64-bit floats.
-fn twin(pixel: usize, center: [f32; 3], vpls: &[Point], largest: f64) -> [f64; 3] {
+fn twin(pixel: usize, center: [f32; 3], vpls: &[Point]) -> [f64; 3] {
     let (x, y) = (pixel as u32 % EDGE, pixel as u32 / EDGE);
     let offset = |n: u32| f64::from(n) + 0.5 - f64::from(EDGE) / 2.0;
     // Rows go down and clip space goes up.
@@ -145,27 +145,29 @@ fn twin(pixel: usize, center: [f32; 3], vpls: &[Point], largest: f64) -> [f64; 3
         let dot = |a: &[f64; 3], b: &[f64; 3]| (0..3).map(|axis| a[axis] * b[axis]).sum::<f64>();
         let squared = dot(&way, &way);
         let emitter = -dot(&vpl.normal.map(f64::from), &way);
-        let geometry = (dot(&normal, &way).max(0.0) * emitter.max(0.0) / (squared * squared)).min(largest);
+        let bound = squared.max(f64::from(vpl.extent));
+        let geometry = dot(&normal, &way).max(0.0) * emitter.max(0.0) / (squared * bound);
         (0..3).for_each(|channel| sum[channel] += f64::from(vpl.flux[channel]) * geometry);
     }
     sum.map(|sum| sum * f64::from(EXPOSURE) / std::f64::consts::PI)
 }
 
 const VPLS: [Point; COUNT] = [
-    Point { position: [0.3, 2.0, 1.5], normal: [0.0, -1.0, 0.0], flux: [900.0, 400.0, 50.0] },
-    Point { position: [-2.0, 0.7, 3.0], normal: [0.6, 0.0, -0.8], flux: [10.0, 800.0, 300.0] },
-    Point { position: [0.6, 0.2, 0.4], normal: [0.0, -0.6, -0.8], flux: [3000.0, 2000.0, 1000.0] },
-    Point { position: [1.0, -1.0, -4.0], normal: [0.0, 1.0, 0.0], flux: [70_000.0, 500.0, 20.0] },
+    Point { position: [0.3, 2.0, 1.5], normal: [0.0, -1.0, 0.0], flux: [900.0, 400.0, 50.0], extent: 1e-4 },
+    Point { position: [-2.0, 0.7, 3.0], normal: [0.6, 0.0, -0.8], flux: [10.0, 800.0, 300.0], extent: 0.3 },
+    Point { position: [0.6, 0.2, 0.4], normal: [0.0, -0.6, -0.8], flux: [3000.0, 2000.0, 1000.0], extent: 2.0 },
+    Point { position: [1.0, -1.0, -4.0], normal: [0.0, 1.0, 0.0], flux: [70_000.0, 500.0, 20.0], extent: 1e-10 },
 ];
 
 fn the_gather_is_the_sum_over_vpls() {
     let mut stage = stage();
     let gather = Gather::new(&mut stage);
-    for (center, largest) in [([0.0; 3], 16.0), ([0.0; 3], 0.05), ([0.25, 0.5, -1.0], 1e30)] {
-        let found = gather.run(&stage, center, &VPLS, largest);
+    for (center, scale) in [([0.0; 3], 1.0), ([0.0; 3], 100.0), ([0.25, 0.5, -1.0], 1e-6)] {
+        let vpls = VPLS.map(|vpl| Point { extent: vpl.extent * scale, ..vpl });
+        let found = gather.run(&stage, center, &vpls);
         let (mut worst, mut lit) = (0.0f64, 0);
         for (pixel, found) in found.iter().enumerate() {
-            let expected = twin(pixel, center, &VPLS, f64::from(largest));
+            let expected = twin(pixel, center, &vpls);
             for channel in 0..3 {
                 // Below the smallest normal half, 6e-5, the format rounds more coarsely.
                 if expected[channel] > 1e-4 {
@@ -174,7 +176,7 @@ fn the_gather_is_the_sum_over_vpls() {
                 }
             }
         }
-        println!("    clamp {largest}: off by at most {worst:.1e} over {lit} values");
+        println!("    disks of {scale} times their area: off by at most {worst:.1e} over {lit} values");
         // Half floats round to 4.9e-4.
         assert!(worst < 1e-3 && lit > 100, "{worst}, {lit}");
     }
@@ -183,49 +185,49 @@ fn the_gather_is_the_sum_over_vpls() {
 fn the_gather_is_finite_at_the_extremes() {
     let mut stage = stage();
     let gather = Gather::new(&mut stage);
-    let at = |position: [f32; 3], flux: f32| Point { position, normal: [0.0, -1.0, 0.0], flux: [flux; 3] };
-    let check = |label: &str, center: [f32; 3], vpl: Point, largest: f32| {
-        let found = gather.run(&stage, center, &[vpl; COUNT], largest);
+    let at = |position: [f32; 3], flux: f32| Point { position, normal: [0.0, -1.0, 0.0], flux: [flux; 3], extent: 0.0 };
+    let check = |label: &str, center: [f32; 3], vpl: Point, extent: f32| {
+        let found = gather.run(&stage, center, &[Point { extent, ..vpl }; COUNT]);
         let sound = found.iter().flatten().all(|value| value.is_finite() && *value >= 0.0);
         assert!(sound, "{label}: {:?}", found.iter().find(|texel| texel.iter().any(|value| !value.is_finite() || *value < 0.0)));
         found.iter().map(|texel| texel[1]).fold(0.0, f64::max)
     };
-    for largest in [16.0, 1e30] {
-        assert_eq!(check("tiny flux", [0.0; 3], at([0.0, 1.0, 1.0], 1e-20), largest), 0.0);
-        assert!(check("huge flux", [0.0; 3], at([0.0, 1.0, 1.0], 1e20), largest) >= 64_000.0);
-        check("largest flux", [0.0; 3], at([0.0, 1.0, 1.0], 1e30), largest);
+    for extent in [0.05, 1e-10] {
+        assert_eq!(check("tiny flux", [0.0; 3], at([0.0, 1.0, 1.0], 1e-20), extent), 0.0);
+        assert!(check("huge flux", [0.0; 3], at([0.0, 1.0, 1.0], 1e20), extent) >= 64_000.0);
+        check("largest flux", [0.0; 3], at([0.0, 1.0, 1.0], 1e30), extent);
         // Pixel centres lie at halves.
-        check("no distance", [0.0; 3], at([0.5, 0.0, 0.5], 1e20), largest);
-        check("hardly any distance", [0.0; 3], at([0.5, 1e-19, 0.5], 1e20), largest);
-        check("1e-6 m", [0.0; 3], at([0.5, 1e-6, 0.5], 1e20), largest);
-        check("a thousand kilometres away", [0.0; 3], at([0.0, 1e6, 1e6], 1e20), largest);
-        check("far from the origin", [1e6, 1e6, 1e6], at([1e6, 1e6 + 1.0, 1e6], 1e5), largest);
-        check("beyond the squares of 32-bit floats", [0.0; 3], at([0.0, 1e20, 1e20], 1e30), largest);
+        check("no distance", [0.0; 3], at([0.5, 0.0, 0.5], 1e20), extent);
+        check("hardly any distance", [0.0; 3], at([0.5, 1e-19, 0.5], 1e20), extent);
+        check("1e-6 m", [0.0; 3], at([0.5, 1e-6, 0.5], 1e20), extent);
+        check("a thousand kilometres away", [0.0; 3], at([0.0, 1e6, 1e6], 1e20), extent);
+        check("far from the origin", [1e6, 1e6, 1e6], at([1e6, 1e6 + 1.0, 1e6], 1e5), extent);
+        check("beyond the squares of 32-bit floats", [0.0; 3], at([0.0, 1e20, 1e20], 1e30), extent);
     }
 }
 
 /// Draws from maps of equally long rows, the texels' weights being their luminance times what `importance` says of their index.
 fn draw(stage: &mut Stage, texels: &[Point], length: u32, count: usize, importance: impl Fn(usize) -> f32) -> Vec<Point> {
     let (read, write) = (|| storage_buffer_read_only_sized(false, None), || storage_buffer_sized(false, None));
-    let layout = BindGroupLayoutEntries::sequential(ShaderStages::COMPUTE, (read(), read(), read(), write(), write(), write(), read()));
+    let layout = BindGroupLayoutEntries::sequential(ShaderStages::COMPUTE, (read(), read(), write(), write(), write(), read()));
     let kernels =
         ["accumulate_rows", "accumulate_maps", "sample_vpls"].map(|entry| Kernel::new(stage, "gi/vpl/sample.wgsl", entry, vec![], &layout));
     let row_count = texels.len() as u32 / length;
-    let words: Vec<f32> = texels.iter().flat_map(|texel| texel.to_words()).collect();
+    let words: Vec<f32> = texels.iter().flat_map(|texel| texel.to_texel()).collect();
     let weights: Vec<f32> = texels.iter().enumerate().map(|(index, texel)| texel.luminance() as f32 * importance(index)).collect();
     let rows: Vec<u8> = (0..row_count).flat_map(|row| [row * length, row * length, length].map(u32::to_le_bytes)).flatten().collect();
     // One set that holds them all.
     let plan = [1, 1, count as u32, count as u32].map(u32::to_le_bytes).concat();
     let zeros = |floats: usize| gpu::bytes(&vec![0.0; floats]);
     let contents =
-        [gpu::bytes(&words), rows, gpu::bytes(&weights), zeros(texels.len()), zeros(row_count as usize), zeros(count * 12), plan];
+        [gpu::bytes(&words), rows, gpu::bytes(&weights), zeros(row_count as usize), zeros(count * 12), plan];
     let buffers = contents.map(|contents| kernel::buffer(stage, &contents));
-    let [a, b, c, d, e, f, g] = buffers.each_ref().map(|buffer| buffer.as_entire_binding());
-    let bindings = BindGroupEntries::sequential((a, b, c, d, e, f, g));
+    let [a, b, c, d, e, f] = buffers.each_ref().map(|buffer| buffer.as_entire_binding());
+    let bindings = BindGroupEntries::sequential((a, b, c, d, e, f));
     for (kernel, groups) in kernels.iter().zip([row_count.div_ceil(64), 1, count.div_ceil(64) as u32]) {
         kernel.run(stage, &bindings, (groups, 1));
     }
-    gpu::points(&gpu::read_buffer(stage.render_world(), &buffers[5]))
+    gpu::vpl_slots(&gpu::read_buffer(stage.render_world(), &buffers[4]))
 }
 
 /// A map of `rows` rows, in which every texel tells its place.
@@ -234,7 +236,7 @@ fn texels(rows: u32, length: u32, scale: f32) -> Vec<Point> {
         // Anything but regular; some are dark.
         let weight = (index.wrapping_mul(2_654_435_761) >> 24) as f32;
         let flux = if index.is_multiple_of(3) { 0.0 } else { weight * scale };
-        Point { position: [index as f32, 0.0, 0.0], normal: [0.0, 1.0, 0.0], flux: [flux, 0.5 * flux, 2.0 * flux] }
+        Point { position: [index as f32, 0.0, 0.0], normal: [0.0, 1.0, 0.0], flux: [flux, 0.5 * flux, 2.0 * flux], extent: 1e-4 }
     };
     (0..rows * length).map(texel).collect()
 }

@@ -28,13 +28,17 @@
 @group(0) @binding(6) var irradiance: texture_storage_2d<rgba16float, write>;
 
 /// Irradiance from one VPL, without the factor 1/π that its cosine lobe and the sum share. Lux · π.
-fn from_vpl(vpl: Vpl, position: vec3<f32>, normal: vec3<f32>, largest: f32) -> vec3<f32> {
+///
+/// A point within reach of a surface would be a spike. A VPL stands for the piece of surface that its neighbours leave to it: nearer than that
+/// piece's radius its light stops growing, so that it never sends more than an endless plane of its radiosity would. Where many VPLs are drawn
+/// the pieces are small, and what is lost in corners goes to nothing with them; a fixed bound (Dachsbacher and Stamminger 2005) stays.
+fn from_vpl(vpl: Vpl, position: vec3<f32>, normal: vec3<f32>) -> vec3<f32> {
     let way = vpl.position - position;
     // Two divisions by d² rather than one by d⁴ keep every distance from 1e-9 m to 1e19 m in range; at distance 0 both cosines are 0.
-    let inverse = 1.0 / clamp(dot(way, way), 1e-18, 1e38);
-    let receiver = max(dot(normal, way), 0.0) * inverse;
-    let emitter = max(-dot(vpl.normal, way), 0.0) * inverse;
-    return vpl.flux * min(receiver * emitter, largest);
+    let square = clamp(dot(way, way), 1e-18, 1e38);
+    let receiver = max(dot(normal, way), 0.0) / square;
+    let emitter = max(-dot(vpl.normal, way), 0.0) / max(square, vpl.radius_squared);
+    return vpl.flux * (receiver * emitter);
 }
 
 #ifdef RAYS
@@ -44,7 +48,6 @@ fn luminance(light: vec3<f32>) -> f32 {
 }
 
 fn gathered(cell: vec2<u32>, position: vec3<f32>, normal: vec3<f32>) -> vec3<f32> {
-    let largest = gather.largest_geometry_term;
     let origin = position + normal * surface_offset(position, distance(position, view.world_position));
     // Interleaved gradient noise (Jimenez 2014): what a small filter joins has every value about once. Fixed, so that a still picture is still.
     let noise = fract(52.9829189 * fract(dot(vec2<f32>(cell), vec2(0.06711056, 0.00583715))));
@@ -56,7 +59,7 @@ fn gathered(cell: vec2<u32>, position: vec3<f32>, normal: vec3<f32>) -> vec3<f32
         var total = 0.0;
         var drawn = 0u;
         for (var i = hand; i < plan.per_set; i += #{RAYS}u) {
-            let sent = from_vpl(vpls[i], position, normal, largest);
+            let sent = from_vpl(vpls[i], position, normal);
             let weight = luminance(sent);
             sent_by_hand += sent;
             total += weight;
@@ -79,7 +82,7 @@ fn gathered(cell: vec2<u32>, position: vec3<f32>, normal: vec3<f32>) -> vec3<f32
 fn gathered(cell: vec2<u32>, position: vec3<f32>, normal: vec3<f32>) -> vec3<f32> {
     var sum = vec3(0.0);
     for (var i = 0u; i < plan.per_set; i++) {
-        sum += from_vpl(vpls[i], position, normal, gather.largest_geometry_term);
+        sum += from_vpl(vpls[i], position, normal);
     }
     return sum;
 }

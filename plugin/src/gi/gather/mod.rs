@@ -41,7 +41,6 @@ pub struct GiCamera {
     pub(super) filter_window: u32,
     settings: Buffer,
     visibility: GiVisibility,
-    clamp_distance: f32,
 }
 
 impl GiCamera {
@@ -168,11 +167,11 @@ pub(super) fn prepare_cameras(
             && held.plan == plan
             && held.drawing.rows == map_rows
         {
-            if held.fraction != gi.pixel_fraction || held.clamp_distance.to_bits() != gi.clamp_distance.to_bits() {
-                queue.write_buffer(&held.settings, 0, &plan::settings_bytes(&plan, gi.pixel_fraction, gi.clamp_distance));
+            if held.fraction != gi.pixel_fraction {
+                queue.write_buffer(&held.settings, 0, &plan::settings_bytes(&plan, gi.pixel_fraction));
             }
             (held.irradiance, held.filtered, held.filter_window) = (irradiance, filtered, filter_window);
-            (held.fraction, held.visibility, held.clamp_distance) = (gi.pixel_fraction, gi.visibility, gi.clamp_distance);
+            (held.fraction, held.visibility) = (gi.pixel_fraction, gi.visibility);
             continue;
         }
         let empty =
@@ -191,11 +190,10 @@ pub(super) fn prepare_cameras(
             fraction: gi.pixel_fraction,
             settings: filled(
                 "bevy_frugal_gi/gather_settings",
-                &plan::settings_bytes(&plan, gi.pixel_fraction, gi.clamp_distance),
+                &plan::settings_bytes(&plan, gi.pixel_fraction),
                 BufferUsages::UNIFORM | BufferUsages::COPY_DST,
             ),
             visibility: gi.visibility,
-            clamp_distance: gi.clamp_distance,
         });
     }
 }

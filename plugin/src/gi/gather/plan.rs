@@ -56,53 +56,28 @@ impl VplPlan {
 }
 
 /// `gather/gather.wgsl`'s `Gather`.
-#[derive(Clone, Copy, Debug, PartialEq, Pod, Zeroable)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Pod, Zeroable)]
 #[repr(C)]
 pub(in crate::gi) struct GatherSettings {
-    pub largest_geometry_term: f32,
     pub cell_width: u32,
     pub cell_height: u32,
-    pub padding: u32,
     pub residue: [u32; 2],
-    pub padding_2: [u32; 2],
 }
 
 /// The settings of every set's dispatch, each at its dynamic offset.
-pub(super) fn settings_bytes(plan: &VplPlan, fraction: GiPixelFraction, clamp_distance: f32) -> Vec<u8> {
+pub(super) fn settings_bytes(plan: &VplPlan, fraction: GiPixelFraction) -> Vec<u8> {
     let (cell_width, cell_height) = fraction.cell();
     let mut bytes = vec![0; plan.sets as usize * SETTINGS_STRIDE as usize];
     for (set, chunk) in (0..).zip(bytes.chunks_exact_mut(SETTINGS_STRIDE as usize)) {
-        let settings = GatherSettings {
-            largest_geometry_term: largest_geometry_term(clamp_distance),
-            cell_width,
-            cell_height,
-            padding: 0,
-            residue: plan.residue(set).to_array(),
-            padding_2: [0; 2],
-        };
+        let settings = GatherSettings { cell_width, cell_height, residue: plan.residue(set).to_array() };
         chunk[..size_of::<GatherSettings>()].copy_from_slice(bytemuck::bytes_of(&settings));
     }
     bytes
 }
 
-/// 1/m² for a clamping distance in metres; as good as unbounded for 0, and for what is no distance.
-fn largest_geometry_term(clamp_distance: f32) -> f32 {
-    let term = (clamp_distance * clamp_distance).recip();
-    if term.is_finite() && clamp_distance > 0.0 { term.max(1e-30) } else { 1e30 }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    #[test]
-    fn any_clamping_distance_gives_a_finite_positive_bound() {
-        for distance in [0.0, -1.0, 1e-30, 1e-20, 0.25, 1e20, f32::NAN, f32::INFINITY] {
-            let term = largest_geometry_term(distance);
-            assert!(term.is_finite() && term > 0.0, "{distance}: {term}");
-        }
-        assert_eq!(largest_geometry_term(0.5), 4.0);
-    }
 
     #[test]
     fn sets_share_out_all_vpls_and_lie_where_uniform_offsets_may() {

@@ -19,7 +19,7 @@ use super::lights::RsmLight;
 use crate::gi::settings::FrugalGi;
 
 /// Bytes of `rsm/texel.wgsl`'s `Texel`. A test holds it against the shader.
-pub(in crate::gi) const TEXEL_BYTES: u64 = 48;
+pub(in crate::gi) const TEXEL_BYTES: u64 = 32;
 
 /// Texels of every map, one after another. Empty while no light bounces.
 #[derive(Resource, Default)]

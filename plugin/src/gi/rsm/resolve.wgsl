@@ -4,7 +4,7 @@
 // Vulkan drivers compile a shader anew for each value of such a uniform.
 
 #import bevy_render::view::View
-#import bevy_frugal_gi::gi::rsm::texel::Texel
+#import bevy_frugal_gi::gi::rsm::texel::{Texel, pack_normal}
 #import bevy_frugal_gi::gi::surface::read_surface
 
 struct Light {
@@ -49,6 +49,8 @@ fn resolve(@builtin(global_invocation_id) id: vec3<u32>) {
 
 #ifdef PARALLEL
     let light_flux = light.intensity * light.texel_measure;
+    let across = light.texel_measure;
+    let cosine = -dot(surface.normal, light.direction);
 #else
     let ray = surface.position - light.position;
     let distance_squared = max(dot(ray, ray), 1e-12);
@@ -59,16 +61,19 @@ fn resolve(@builtin(global_invocation_id) id: vec3<u32>) {
     let cone = saturate(cos_cone * light.cone_scale + light.cone_offset);
     let range_term = distance_squared * light.inverse_range_squared;
     let window = saturate(1.0 - range_term * range_term);
-    let light_flux = light.intensity * (light.texel_measure * cos_axis * cos_axis * cos_axis * cone * cone * window * window);
+    let solid_angle = light.texel_measure * cos_axis * cos_axis * cos_axis;
+    let light_flux = light.intensity * (solid_angle * cone * cone * window * window);
+    let across = solid_angle * distance_squared;
+    let cosine = -dot(surface.normal, ray) * inverseSqrt(distance_squared);
 #endif
 
     let flux = light_flux * surface.albedo;
     let lit = depth > 0.0 && is_sound(surface.position) && is_sound(surface.normal) && is_sound(flux);
     var texel: Texel;
     texel.position = select(vec3(0.0), surface.position, lit);
-    texel.normal = select(vec3(0.0, 1.0, 0.0), surface.normal, lit);
+    texel.packed_normal = pack_normal(select(vec3(0.0, 1.0, 0.0), surface.normal, lit));
+    // Grazing light may cover any length of a surface; and a normal map may turn it away.
+    texel.area = select(0.0, across / max(cosine, 0.1), lit);
     texel.flux = select(vec3(0.0), flux, lit);
-    // Rec. 709.
-    texel.weight = dot(texel.flux, vec3(0.2126, 0.7152, 0.0722));
     texels[light.texel_offset + id.y * size.x + id.x] = texel;
 }

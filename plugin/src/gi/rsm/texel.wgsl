@@ -1,15 +1,30 @@
-// What reflective shadow maps leave behind for the sampling of virtual point lights.
+// What reflective shadow maps leave behind for the sampling of virtual point lights: 32 bytes a texel, since they are most of what GI holds.
 #define_import_path bevy_frugal_gi::gi::rsm::texel
+
+#import bevy_pbr::utils::{octahedral_decode, octahedral_encode}
 
 struct Texel {
     /// World space, metres.
     position: vec3<f32>,
-    /// Luminance of `flux`: the texel's importance. 0 where nothing is lit, or where anything was not finite.
-    weight: f32,
-    /// World space, unit length.
-    normal: vec3<f32>,
-    padding: f32,
-    /// Reflected flux, lumens: light through the texel × albedo.
+    /// Of the surface that the texel covers, m².
+    area: f32,
+    /// Reflected flux, lumens: light through the texel × albedo. 0 where nothing is lit, or where anything was not finite.
     flux: vec3<f32>,
-    padding_2: f32,
+    /// See `texel_normal`.
+    packed_normal: u32,
+}
+
+/// To 16 bits an axis, which is 16 times as fine as the G-buffer.
+fn pack_normal(normal: vec3<f32>) -> u32 {
+    return pack2x16unorm(octahedral_encode(normal));
+}
+
+/// World space, unit length.
+fn texel_normal(texel: Texel) -> vec3<f32> {
+    return octahedral_decode(unpack2x16unorm(texel.packed_normal));
+}
+
+/// Luminance of the flux (Rec. 709).
+fn texel_luminance(texel: Texel) -> f32 {
+    return dot(texel.flux, vec3(0.2126, 0.7152, 0.0722));
 }

@@ -32,9 +32,7 @@ pub(in crate::gi) struct DrawingBuffers {
     pub longest_row: u32,
     pub row_table: Buffer,
     pub receivers: Buffer,
-    /// How much each texel matters to this camera.
-    pub weights: Buffer,
-    /// Cumulative weights along each row.
+    /// How much each texel matters to this camera, then cumulative along each row.
     pub texel_cdf: Buffer,
     /// Cumulative sums of rows.
     pub row_cdf: Buffer,
@@ -54,7 +52,6 @@ impl DrawingBuffers {
                 usage: BufferUsages::STORAGE,
             }),
             receivers: empty("bevy_frugal_gi/vpl/receivers", RECEIVERS_BYTES),
-            weights: empty("bevy_frugal_gi/vpl/weights", texels * 4),
             texel_cdf: empty("bevy_frugal_gi/vpl/texel_cdf", texels * 4),
             row_cdf: empty("bevy_frugal_gi/vpl/row_cdf", rows.len() as u64 * 4),
             longest_row: rows.iter().map(|row| row.length).max().unwrap_or(0),
@@ -64,6 +61,6 @@ impl DrawingBuffers {
 
     /// Bytes held on the GPU.
     pub fn bytes(&self) -> u64 {
-        [&self.row_table, &self.receivers, &self.weights, &self.texel_cdf, &self.row_cdf].map(|buffer| buffer.size()).iter().sum()
+        [&self.row_table, &self.receivers, &self.texel_cdf, &self.row_cdf].map(|buffer| buffer.size()).iter().sum()
     }
 }

@@ -54,7 +54,7 @@ impl FromWorld for VplPipelines {
         );
         let draw_layout = BindGroupLayoutDescriptor::new(
             "bevy_frugal_gi/vpl/draw",
-            &BindGroupLayoutEntries::sequential(ShaderStages::COMPUTE, (read(), read(), read(), write(), write(), write(), read())),
+            &BindGroupLayoutEntries::sequential(ShaderStages::COMPUTE, (read(), read(), write(), write(), write(), read())),
         );
         let (weigh, sample) = (load_embedded_asset!(world, "weigh.wgsl"), load_embedded_asset!(world, "sample.wgsl"));
         let cache = world.resource::<PipelineCache>();
@@ -117,7 +117,7 @@ pub(super) fn sample(
             texels.as_entire_binding(),
             buffers.row_table.as_entire_binding(),
             buffers.receivers.as_entire_binding(),
-            buffers.weights.as_entire_binding(),
+            buffers.texel_cdf.as_entire_binding(),
         )),
     );
     let drawing = device.create_bind_group(
@@ -126,7 +126,6 @@ pub(super) fn sample(
         &BindGroupEntries::sequential((
             texels.as_entire_binding(),
             buffers.row_table.as_entire_binding(),
-            buffers.weights.as_entire_binding(),
             buffers.texel_cdf.as_entire_binding(),
             buffers.row_cdf.as_entire_binding(),
             camera.vpls.as_entire_binding(),

@@ -6,20 +6,20 @@
 // by multiples of the golden ratio, so that together they are one set of all VPLs. Every VPL carries total · flux / (weight · count of its
 // set): the expectation of the sum over a set is the sum over texels, and is met exactly where weights are proportional to flux.
 
-#import bevy_frugal_gi::gi::rsm::texel::Texel
+#import bevy_frugal_gi::gi::rsm::texel::{Texel, texel_normal}
 #import bevy_frugal_gi::gi::vpl::plan::Plan
 #import bevy_frugal_gi::gi::vpl::rows::Row
 #import bevy_frugal_gi::gi::vpl::vpl::Vpl
 
 @group(0) @binding(0) var<storage, read> texels: array<Texel>;
 @group(0) @binding(1) var<storage, read> rows: array<Row>;
-@group(0) @binding(2) var<storage, read> weights: array<f32>;
-@group(0) @binding(3) var<storage, read_write> texel_cdf: array<f32>;
-@group(0) @binding(4) var<storage, read_write> row_cdf: array<f32>;
-@group(0) @binding(5) var<storage, read_write> vpls: array<Vpl>;
-@group(0) @binding(6) var<storage, read> plan: Plan;
+/// Weights, which the first pass turns into cumulative weights along each row.
+@group(0) @binding(2) var<storage, read_write> texel_cdf: array<f32>;
+@group(0) @binding(3) var<storage, read_write> row_cdf: array<f32>;
+@group(0) @binding(4) var<storage, read_write> vpls: array<Vpl>;
+@group(0) @binding(5) var<storage, read> plan: Plan;
 
-/// Cumulative weights along each row; one thread per row, which leaves its sum in `row_cdf`.
+/// Cumulative weights along each row in place of its weights; one thread per row, which leaves its sum in `row_cdf`.
 @compute @workgroup_size(64)
 fn accumulate_rows(@builtin(global_invocation_id) id: vec3<u32>) {
     if id.x >= arrayLength(&row_cdf) {
@@ -28,7 +28,7 @@ fn accumulate_rows(@builtin(global_invocation_id) id: vec3<u32>) {
     let row = rows[id.x];
     var sum = 0.0;
     for (var column = 0u; column < row.length; column++) {
-        sum += weights[row.first_weight + column];
+        sum += texel_cdf[row.first_weight + column];
         texel_cdf[row.first_weight + column] = sum;
     }
     row_cdf[id.x] = sum;
@@ -91,6 +91,10 @@ fn find_texel(first: u32, length: u32, wanted: f32) -> u32 {
     return low;
 }
 
+/// Bounds, lumens and m², with which the light of a thousand VPLs is finite at any distance.
+const MOST_FLUX: f32 = 1e25;
+const LEAST_RADIUS_SQUARED: f32 = 1e-10;
+
 @compute @workgroup_size(64)
 fn sample_vpls(@builtin(global_invocation_id) id: vec3<u32>) {
     let which = id.x / plan.stride;
@@ -107,15 +111,18 @@ fn sample_vpls(@builtin(global_invocation_id) id: vec3<u32>) {
     let last = row.first_weight + row.length - 1u;
     let place = find_texel(row.first_weight, row.length, along_row * texel_cdf[last]);
     let texel = texels[row.first_texel + place - row.first_weight];
-    let weight = weights[place];
+    // The step of the cumulative sum rather than the weight that was added: this is what the texel was drawn by, rounding included.
+    let weight = texel_cdf[place] - select(0.0, texel_cdf[max(place, 1u) - 1u], place > row.first_weight);
 
     // The last row or texel may be reached by rounding with nothing in it; then it carries nothing. So does what only fills up the set's stride.
     let share = total / (max(weight, 1e-36) * count);
     let carries = weight > 0.0 && share < 1e30 && member < plan.per_set;
     var vpl: Vpl;
     vpl.position = texel.position;
-    vpl.normal = texel.normal;
-    // Bounded, so that it cannot meet a distance at which infinity times nothing is no number.
-    vpl.flux = select(vec3(0.0), min(texel.flux * share, vec3(1e30)), carries);
+    vpl.normal = texel_normal(texel);
+    // As many texels as it stands for among all sets' VPLs, and never less than its own; as a disk.
+    let disk = texel.area * max(share / f32(plan.sets), 1.0) * 0.31830987;
+    vpl.radius_squared = clamp(disk, LEAST_RADIUS_SQUARED, 1e18);
+    vpl.flux = select(vec3(0.0), min(texel.flux * share, vec3(MOST_FLUX)), carries);
     vpls[id.x] = vpl;
 }

@@ -6,7 +6,7 @@
 // keeps it tame: no VPL carries more than four times what it would carry if all were drawn by flux.
 
 #import bevy_render::view::View
-#import bevy_frugal_gi::gi::rsm::texel::Texel
+#import bevy_frugal_gi::gi::rsm::texel::{Texel, texel_luminance, texel_normal}
 #import bevy_frugal_gi::gi::surface::{pixel_position, surface_normal}
 #import bevy_frugal_gi::gi::vpl::rows::Row
 
@@ -58,12 +58,13 @@ fn pick_receivers(@builtin(local_invocation_index) index: u32) {
 
 /// What the receivers would get of a texel's light if nothing stood between, 1/m².
 fn received(texel: Texel) -> f32 {
+    let normal = texel_normal(texel);
     var sum = 0.0;
     for (var i = 0u; i < RECEIVERS; i++) {
         let receiver = receivers.points[i];
         let way = texel.position - receiver.position;
         let square = clamp(dot(way, way), 1e-18, 1e30);
-        let cosines = max(dot(receiver.normal, way), 0.0) * max(-dot(texel.normal, way), 0.0) / square;
+        let cosines = max(dot(receiver.normal, way), 0.0) * max(-dot(normal, way), 0.0) / square;
         sum += select(0.0, cosines / (square + receiver.radius_squared), receiver.radius_squared > 0.0);
     }
     return min(sum, 1e6);
@@ -86,8 +87,8 @@ fn find_floor(@builtin(local_invocation_index) lane: u32) {
         let row = rows[probe * count / (LANES * PROBES)];
         let column = min(u32(fract(f32(probe) * 0.618034) * f32(row.length)), row.length - 1u);
         let texel = texels[row.first_texel + column];
-        flux += texel.weight * 1e-3;
-        light += texel.weight * 1e-3 * received(texel);
+        flux += texel_luminance(texel) * 1e-3;
+        light += texel_luminance(texel) * 1e-3 * received(texel);
     }
     lane_flux[lane] = flux;
     lane_received[lane] = light;
@@ -111,6 +112,7 @@ fn weigh_texels(@builtin(global_invocation_id) id: vec3<u32>) {
     }
     let texel = texels[row.first_texel + id.x];
     // Within what a sum over all texels can hold, whatever the flux.
-    let weight = clamp(texel.weight * (received(texel) + receivers.floor), 1e-36, 1e30);
-    weights[row.first_weight + id.x] = select(0.0, weight, texel.weight > 0.0);
+    let luminance = texel_luminance(texel);
+    let weight = clamp(luminance * (received(texel) + receivers.floor), 1e-36, 1e30);
+    weights[row.first_weight + id.x] = select(0.0, weight, luminance > 0.0);
 }
