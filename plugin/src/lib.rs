@@ -28,6 +28,7 @@ pub mod control;
 pub mod frontier;
 pub mod gi;
 pub mod knobs;
+mod pipelines;
 pub mod power;
 pub mod resolution;
 pub mod units;
@@ -64,7 +65,7 @@ pub mod prelude {
     pub use crate::FrugalGiPlugins;
     pub use crate::control::{Budget, FrontierMapHandle, Selection};
     pub use crate::frontier::FrontierMap;
-    pub use crate::gi::{FrugalGi, GiPixelFraction};
+    pub use crate::gi::{FrugalGi, GiPixelFraction, GiRefresh};
     pub use crate::knobs::{KnobRegistry, KnobSettings, RegisterKnob, WarmKnobs};
     pub use crate::power::MeteredPower;
     pub use crate::resolution::ResolutionScale;

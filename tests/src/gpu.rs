@@ -18,7 +18,7 @@ pub struct Point {
     pub normal: [f32; 3],
     /// Lumens.
     pub flux: [f32; 3],
-    /// m²: the area of a texel's surface, the squared radius of a virtual point light's disk.
+    /// The area of a texel's surface, m²; the largest geometry term of a virtual point light, 1/m².
     pub extent: f32,
 }
 

@@ -6,7 +6,7 @@ use bevy::ecs::entity::Entity;
 use bevy::ecs::query::With;
 use bevy::math::{UVec2, Vec3};
 use bevy::mesh::Mesh3d;
-use bevy_frugal_gi::gi::{FrugalGi, GiPixelsGathered};
+use bevy_frugal_gi::gi::{FrugalGi, GiCounts};
 use bevy_frugal_gi::knobs::RenderSettings;
 use frugal::scene::{self, CameraPose, Geometry, Light, SceneDescription};
 use frugal::stage::{Component, Output, Radiance, Stage, StageOptions};
@@ -68,8 +68,8 @@ pub fn camera(stage: &mut Stage) -> Entity {
 }
 
 /// What GI did in the last frame.
-pub fn gathered(stage: &Stage) -> GiPixelsGathered {
-    stage.render_world().get_resource::<GiPixelsGathered>().copied().unwrap_or_default()
+pub fn gathered(stage: &Stage) -> GiCounts {
+    stage.render_world().get_resource::<GiCounts>().copied().unwrap_or_default()
 }
 
 /// Renders until everything that changed is in the picture, and reads it.

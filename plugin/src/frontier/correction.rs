@@ -9,15 +9,18 @@ use super::CostPoint;
 ///
 /// A camera of an app stands between corners and looks between axes, and so do its costs; Wang et al. 2016 leave that to finer subdivision. A map
 /// made in minutes has few corners. `frugal precompute` therefore gives a frontier the mean costs of the cameras that it serves, and measures at
-/// further cameras by which factor most of them stay below; an error budget is tightened by it. It never loosens a budget: a map that promises too
-/// little is already safe. Power has no such factor: the app can meter it, and correct itself, while nobody sees the error of a frame that was not
-/// also rendered at its best.
+/// further cameras what error budgets get there; an error budget is tightened by the factor by which their mean is over. It never loosens a budget: a
+/// map that promises too little is already safe. Power has no such factor: the app can meter it, and correct itself, while nobody sees the error
+/// of a frame that was not also rendered at its best.
+///
+/// It is the *mean* error of a run that is held, as it is mean power. A factor that covers nine frames in ten leaves so little of a budget that it buys
+/// nothing but the best settings.
 #[derive(Clone, Copy, Debug, PartialEq, Reflect, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Correction {
-    /// Factor on error that covers [`QUANTILE`](Self::QUANTILE) of the measurements; 1 to [`MAX`](Self::MAX).
+    /// Factor on error; 1 to [`MAX`](Self::MAX).
     pub error: f64,
-    /// Measurements that it comes from; 0 where none were made.
+    /// Cameras that it comes from; 0 where none were asked.
     pub samples: u32,
 }
 
@@ -31,21 +34,24 @@ impl Correction {
     /// Largest factor: beyond it, something else is wrong with the map.
     pub const MAX: f64 = 8.0;
 
-    /// A budget is a limit, so most frames should keep it, not the mean alone. Three in four are not enough: on an indoor level the mean then went
-    /// over by two fifths, since frames that are over are over by much.
-    pub const QUANTILE: f64 = 0.9;
-
     /// Errors below this look the same; a ratio to a smaller one says nothing.
     pub const LEAST_ERROR: f64 = 1e-3;
 
-    /// From pairs of predicted and measured error. Pairs that are not finite are left out.
-    pub fn fit(pairs: &[(f64, f64)]) -> Self {
-        let sound = pairs.iter().filter(|(predicted, measured)| predicted.is_finite() && measured.is_finite());
-        let mut factors: Vec<f64> = sound.map(|(predicted, measured)| measured / predicted.max(Self::LEAST_ERROR)).collect();
-        factors.sort_by(f64::total_cmp);
-        let covering = (Self::QUANTILE * factors.len() as f64).ceil() as usize;
-        let factor = covering.checked_sub(1).and_then(|index| factors.get(index)).copied().unwrap_or(1.0);
-        Self { error: factor.clamp(1.0, Self::MAX), samples: factors.len() as u32 }
+    /// From each camera's predicted and measured error, in any unit that all share. Cameras with errors that are not finite are left out.
+    ///
+    /// The mean that was measured, and its standard error on top, ÷ the mean that was predicted: few cameras that differ much say little, and make
+    /// the factor larger.
+    pub fn fit(cameras: &[(f64, f64)]) -> Self {
+        let sound: Vec<_> = cameras.iter().filter(|(predicted, measured)| predicted.is_finite() && measured.is_finite()).collect();
+        let count = sound.len() as f64;
+        let predicted = sound.iter().map(|camera| camera.0).sum::<f64>() / count;
+        let measured = sound.iter().map(|camera| camera.1).sum::<f64>() / count;
+        let squares: f64 = sound.iter().map(|camera| (camera.1 - measured).powi(2)).sum();
+        let standard_error = if count > 1.0 { (squares / (count * (count - 1.0))).sqrt() } else { 0.0 };
+        let factor = (measured + standard_error) / predicted.max(Self::LEAST_ERROR);
+        // Of no cameras it is not a number.
+        let factor = if factor.is_finite() { factor } else { 1.0 };
+        Self { error: factor.clamp(1.0, Self::MAX), samples: sound.len() as u32 }
     }
 
     /// Whether the factor is what it must be.
@@ -65,15 +71,15 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_factor_covers_most_measurements_and_never_loosens() {
-        // Nine ratios of 1 to 3 and one of 100.
-        let mut pairs: Vec<_> = (0..9).map(|i| (0.01, 0.01 * (1.0 + 0.25 * f64::from(i)))).collect();
-        pairs.push((0.01, 1.0));
-        pairs.push((f64::NAN, 1.0));
-        let fitted = Correction::fit(&pairs);
-        assert!((fitted.error - 3.0).abs() < 1e-12 && fitted.samples == 10, "{fitted:?}");
-        assert_eq!(fitted.predict(CostPoint::new(3.0, 0.01)).power, CostPoint::new(3.0, 0.03).power);
-        assert_eq!(Correction::fit(&[(0.1, 0.01)]).error, 1.0);
+    fn the_factor_is_that_of_the_means_and_their_uncertainty() {
+        let alike = Correction::fit(&[(0.01, 0.02); 9]);
+        assert!((alike.error - 2.0).abs() < 1e-12 && alike.samples == 9, "{alike:?}");
+        // Means of 0.01 and 0.02; a standard deviation of 0.02 over the root of 4.
+        let spread = Correction::fit(&[(0.01, 0.0), (0.01, 0.0), (0.01, 0.04), (0.01, 0.04), (f64::NAN, 1.0)]);
+        let standard_error = (4.0 * 0.0004f64 / 3.0).sqrt() / 2.0;
+        assert!((spread.error - (2.0 + 100.0 * standard_error)).abs() < 1e-9 && spread.samples == 4, "{spread:?}");
+        assert_eq!(alike.predict(CostPoint::new(3.0, 0.01)), CostPoint::new(3.0, 0.02));
+        assert_eq!(Correction::fit(&[(0.1, 0.01)]).error, 1.0, "never loosens");
     }
 
     #[test]

@@ -7,6 +7,7 @@
 //! |---|---|---|
 //! | [`rsm`](self) | main | keeps a hidden camera per light (and per cube face, and per GI camera for directional lights) |
 //! | `rsm` | render | turns each such camera's G-buffer into texels of position, normal and reflected flux |
+//! | `refresh` | main | decides which of this a frame has to do again |
 //! | `vpl` | render | draws every GI camera's virtual point lights from those texels |
 //! | `visibility` | both | keeps the scene's triangles in a tree on the GPU, for rays between surfaces and VPLs |
 //! | `gather` | render | sums the VPLs at a share of the camera's pixels |
@@ -14,9 +15,11 @@
 //! | `composite` | render | interpolates along surfaces and adds the reflected light before tone mapping |
 
 mod composite;
+mod diagnostics;
 mod filter;
 mod gather;
 pub mod inspect;
+mod refresh;
 mod rsm;
 mod settings;
 mod visibility;
@@ -38,7 +41,8 @@ use bevy::render::view::Msaa;
 use bevy::render::{GpuResourceAppExt, Render, RenderApp, RenderSystems};
 use bevy::shader::load_shader_library;
 
-pub use composite::GiPixelsGathered;
+pub use diagnostics::{GI_DIAGNOSTICS, GiCounts};
+pub use refresh::GiRefresh;
 pub use rsm::RsmView;
 pub use settings::{FrugalGi, GiInterleave, GiLimits, GiOutput, GiPixelFraction, GiVisibility};
 pub use visibility::GiOccluders;
@@ -97,10 +101,12 @@ impl Plugin for GiPlugin {
             commands.entity(added.entity).insert(Msaa::Off);
         });
         rsm::build(app);
+        refresh::build(app);
         visibility::build(app);
     }
 
     fn finish(&self, app: &mut App) {
+        crate::pipelines::finish(app);
         let Some(render_app) = app.get_sub_app_mut(RenderApp) else { return };
         let Some(device) = render_app.world().get_resource::<RenderDevice>() else { return };
         let lacking = lacking_limits(&device.limits());
@@ -108,7 +114,11 @@ impl Plugin for GiPlugin {
             warn!("global illumination stays off: this GPU lacks {}", lacking.join(", "));
             return;
         }
+        let counts = diagnostics::build(app);
+        let Some(render_app) = app.get_sub_app_mut(RenderApp) else { return };
         render_app
+            .insert_resource(counts)
+            .init_resource::<diagnostics::GiCounts>()
             .init_gpu_resource::<rsm::RsmPipelines>()
             .init_gpu_resource::<rsm::RsmStore>()
             .init_gpu_resource::<vpl::VplPipelines>()
@@ -136,8 +146,8 @@ impl Plugin for GiPlugin {
                     (rsm::prepare_store, visibility::prepare_buffers, gather::prepare_cameras)
                         .chain()
                         .in_set(RenderSystems::PrepareResources),
-                    // Counts what the cameras hold, so it needs them as they are in this frame.
-                    composite::prepare_pipelines.in_set(RenderSystems::Prepare).after(gather::prepare_cameras),
+                    composite::prepare_pipelines.in_set(RenderSystems::Prepare),
+                    diagnostics::count.in_set(RenderSystems::PrepareBindGroups).after(gather::prepare_cameras),
                 ),
             )
             .add_systems(

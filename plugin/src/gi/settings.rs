@@ -35,6 +35,10 @@ pub struct FrugalGi {
     /// Texels along the edge of a directional or spot light's reflective shadow map (a point light's six faces have half as many). Higher
     /// values: smaller lit features are found, and the light's rasterisation costs more. In 16 to 2048.
     pub rsm_resolution: u32,
+    /// Frames from one rendering of the maps, and drawing of VPLs, to the next while something moves. Higher values: light that moves, or on what
+    /// moves, lags behind by as many frames, and the maps cost that much less. 1 never lags. Where nothing moves nothing is rendered again, whatever
+    /// this says; see [`GiRefresh`](super::GiRefresh). Cameras that share lights share the smallest.
+    pub refresh_period: u32,
     /// How far around the camera, in metres, directional lights bounce. Scenes smaller than twice that are covered whole. Higher values: more
     /// distant bounces, fewer texels on near surfaces.
     pub range: f32,
@@ -62,6 +66,7 @@ impl Default for FrugalGi {
             visibility: GiVisibility::Coarse,
             pixel_fraction: GiPixelFraction::Quarter,
             rsm_resolution: 128,
+            refresh_period: 1,
             range: 40.0,
             output: GiOutput::Added,
         }

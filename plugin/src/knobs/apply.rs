@@ -28,6 +28,7 @@ impl Plugin for KnobPlugin {
             .register_knob(builtin::GiInterleaving)
             .register_knob(builtin::GiRays)
             .register_knob(builtin::RsmResolution)
+            .register_knob(builtin::GiRefreshPeriod)
             .register_knob(builtin::ShadowMapResolution)
             .register_knob(builtin::ShadowCascades)
             .register_knob(builtin::AmbientOcclusion)
@@ -42,7 +43,7 @@ impl Plugin for KnobPlugin {
     }
 
     fn finish(&self, app: &mut App) {
-        warm::finish(app);
+        crate::pipelines::finish(app);
         // By now every plugin has registered its knobs: a map that asks for others is refused by the controller.
         let known = app.world().get_resource::<KnobRegistry>().and_then(|registry| registry.space().ok());
         if let Some(space) = known {

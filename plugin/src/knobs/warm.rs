@@ -3,17 +3,15 @@
 //! While a pipeline is not compiled, Bevy leaves out what it draws: the first switch to a level would show a picture with parts missing, or black.
 
 use std::sync::Arc;
-use std::sync::atomic::{AtomicBool, Ordering};
 
 use bevy::app::{App, PostUpdate};
 use bevy::camera::Camera;
 use bevy::ecs::prelude::*;
 use bevy::log::warn;
 use bevy::platform::time::Instant;
-use bevy::render::render_resource::PipelineCache;
-use bevy::render::{Render, RenderApp, RenderSystems};
 
 use super::{KnobSettings, KnobSpace, KnobSystems, RenderSettings};
+use crate::pipelines::PipelinesBusy;
 
 /// Frames in a row without a pipeline in work after which all are there: what the renderer says lags up to two frames behind the settings, and
 /// what one pass draws may call for the next one's pipeline.
@@ -124,27 +122,9 @@ fn levels_to_show(space: &KnobSpace) -> Vec<RenderSettings> {
     shown
 }
 
-/// Whether the renderer has pipelines to compile; the render world writes it. Without a renderer there is none of this, and nothing to wait for.
-#[derive(Resource, Clone)]
-struct PipelinesBusy(Arc<AtomicBool>);
-
 pub(super) fn build(app: &mut App) {
     // Need the settings in place before they are applied, so that every frame shows one step.
     app.add_systems(PostUpdate, warm_knobs.before(KnobSystems::Apply));
-}
-
-pub(super) fn finish(app: &mut App) {
-    let Some(render_app) = app.get_sub_app_mut(RenderApp) else { return };
-    // Busy until the renderer says otherwise.
-    let busy = PipelinesBusy(Arc::new(AtomicBool::new(true)));
-    render_app
-        .insert_resource(busy.clone())
-        .add_systems(Render, tell_whether_busy.in_set(RenderSystems::Cleanup).run_if(resource_exists::<PipelineCache>));
-    app.insert_resource(busy);
-}
-
-fn tell_whether_busy(cache: Res<PipelineCache>, busy: Res<PipelinesBusy>) {
-    busy.0.store(cache.waiting_pipelines().next().is_some(), Ordering::Relaxed);
 }
 
 fn warm_knobs(
@@ -152,7 +132,7 @@ fn warm_knobs(
     busy: Option<Res<PipelinesBusy>>,
     mut cameras: Query<(Entity, &Camera, &mut WarmKnobs, Option<&KnobSettings>)>,
 ) {
-    let busy = busy.is_some_and(|busy| busy.0.load(Ordering::Relaxed));
+    let busy = busy.is_some_and(|busy| busy.get());
     for (entity, camera, mut warm, settings) in &mut cameras {
         if !camera.is_active {
             continue;
@@ -194,7 +174,7 @@ mod tests {
     fn run(before: Option<RenderSettings>, busy: impl Fn(usize) -> bool) -> (Vec<f64>, Option<RenderSettings>, usize) {
         let mut app = App::new();
         app.add_plugins((MinimalPlugins, KnobPlugin)).register_knob(Noting);
-        let says = PipelinesBusy(Arc::new(AtomicBool::new(true)));
+        let says = PipelinesBusy::new(true);
         app.insert_resource(says.clone());
         let all = app.world().resource::<crate::knobs::KnobRegistry>().space().expect("a sound registry");
         let space = Arc::new(all.subset(["noting"]).expect("the knob above"));
@@ -204,7 +184,7 @@ mod tests {
         }
         let mut frames = 0;
         while app.world().get::<WarmKnobs>(camera).is_some() {
-            says.0.store(busy(frames), Ordering::Relaxed);
+            says.set(busy(frames));
             app.update();
             frames += 1;
             assert!(frames < 100, "the warm-up never ends");

@@ -31,15 +31,16 @@ pub(super) fn adjust(
     let watts: Vec<_> = power.iter().map(|(index, known)| (*index, known / promised(*index).power.0)).collect();
     let factors: Vec<_> = error.iter().map(less).collect();
     let mut amounts: Vec<_> = error.iter().map(more).collect();
+    // Along promised errors: what is more in proportion stays so.
+    let errors: Vec<f64> = points.iter().map(|point| -point.cost.error).collect();
     let best_point = points.iter().position(|point| point.settings == best);
     // What is known of errors never includes the best point's.
     amounts.extend(best_point.filter(|_| !error.is_empty()).map(|index| (index, 0.0)));
     amounts.sort_unstable_by_key(|(index, _)| *index);
     Frontier::from_points(points.iter().enumerate().map(|(index, point)| {
         let CostPoint { power: Watts(power), error } = point.cost;
-        let error = (error * interpolate(positions, &factors, index).unwrap_or(1.0)
-            + interpolate(positions, &amounts, index).unwrap_or(0.0))
-        .clamp(0.0, 1.0);
+        let error = (error * interpolate(positions, &factors, index).unwrap_or(1.0) + interpolate(&errors, &amounts, index).unwrap_or(0.0))
+            .clamp(0.0, 1.0);
         let error = if point.settings == best { 0.0 } else { error };
         FrontierPoint {
             settings: point.settings,
@@ -86,7 +87,7 @@ mod tests {
     fn what_is_known_is_interpolated_between_anchors_and_held_beyond() {
         // Half as much again is drawn at the first point, twice as much at the last; the second has 0.1 more error than promised.
         let adjusted = adjust(&points(), &POSITIONS, &[(0, 1.5), (3, 8.0)], &[(1, 0.3)], BEST);
-        assert_eq!(costs(&adjusted), [(0, 1.5, 0.5), (1, 3.25, 0.3), (2, 5.25, 0.166667), (9, 8.0, 0.0)]);
+        assert_eq!(costs(&adjusted), [(0, 1.5, 0.5), (1, 3.25, 0.3), (2, 5.25, 0.15), (9, 8.0, 0.0)]);
         assert_eq!(adjust(&points(), &POSITIONS, &[], &[], BEST), Frontier::from_points(points()));
     }
 
@@ -94,12 +95,12 @@ mod tests {
     fn errors_shrink_in_proportion_and_grow_by_what_was_seen() {
         let smaller = adjust(&points(), &POSITIONS, &[], &[(1, 0.1)], BEST);
         assert_eq!(costs(&smaller), [(0, 1.0, 0.2), (1, 2.0, 0.1), (2, 3.0, 0.05), (9, 4.0, 0.0)]);
-        // Next to nothing was promised and 0.05 found: the next point is not a hundred times as bad as promised.
+        // Next to nothing was promised and 0.05 found: the next point has no more than that.
         let mut nothing = points();
         nothing[1].cost.error = 0.0005;
         nothing[2].cost.error = 0.0004;
         let larger = adjust(&nothing, &POSITIONS, &[], &[(0, 0.4), (1, 0.0505)], BEST);
-        assert_eq!(costs(&larger), [(0, 1.0, 0.4), (1, 2.0, 0.0505), (2, 3.0, 0.033733), (9, 4.0, 0.0)]);
+        assert_eq!(costs(&larger), [(0, 1.0, 0.4), (1, 2.0, 0.0505), (2, 3.0, 0.0404), (9, 4.0, 0.0)]);
     }
 
     #[test]

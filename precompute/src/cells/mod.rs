@@ -10,8 +10,7 @@
 //! measured is averaged (`pooling`) and carried over to all points (`adjust`). `promise` holds the outcome against further cameras.
 //!
 //! Costs become *means* over the cell, in error as in power. A budget limits the mean of a run, and means over cells add up to the mean of a run;
-//! quantiles do not. That single frames are worse than their cell's mean is left to the map's
-//! [`Correction`](bevy_frugal_gi::frontier::Correction), which covers most frames and would count that spread twice if costs had it already.
+//! quantiles do not. What error budgets get at still other cameras becomes the map's [`Correction`](bevy_frugal_gi::frontier::Correction).
 mod adjust;
 mod anchors;
 mod cameras;

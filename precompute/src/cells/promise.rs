@@ -1,6 +1,7 @@
 //! What a map promises, beside what cameras measure that it never saw.
 
 use bevy_frugal_gi::frontier::{Correction, CostPoint, Frontier, FrontierMap, FrontierPoint};
+use bevy_frugal_gi::knobs::RenderSettings;
 
 use super::adjust::error_ratio;
 use super::cameras::{RandomCameras, frontier_at};
@@ -13,9 +14,16 @@ const SALT: u64 = 0x5EED_CA3E_7A00;
 /// Places tried for each camera that is wanted; in a scene that is mostly walls there may be fewer.
 const TRIES_PER_CAMERA: usize = 40;
 
-/// One setting at one camera: promised and measured.
+/// Error budgets that a map is held to: from one that is hardly seen to one that is.
+pub const BUDGETS: [f64; 3] = [0.01, 0.02, 0.04];
+
+/// The settings that an error budget picks at one camera: promised and measured.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Promise {
+    /// Which camera.
+    pub camera: u64,
+    /// The budget.
+    pub budget: f64,
     /// What the search found at the corner; `None` for settings that it did not find.
     pub searched: Option<CostPoint>,
     /// What the map says now.
@@ -24,7 +32,7 @@ pub struct Promise {
     pub measured: CostPoint,
 }
 
-/// A few points of the frontiers that `cameras` random cameras are given, each measured there.
+/// What [`BUDGETS`] pick at `cameras` random cameras, measured there. The best settings are left out: they are what errors are measured against.
 ///
 /// `searched` are the frontiers as they were found, in the order of `map`'s. `progress` is told of each camera.
 ///
@@ -38,8 +46,9 @@ pub fn hold_to_promise<M: Measure>(
     monitor: &mut dyn Monitor,
     progress: &mut dyn FnMut(u64),
 ) -> Result<Vec<Promise>, M::Error> {
+    let best = map.knobs.highest();
     let mut random = RandomCameras::new(map.bounds, seed ^ SALT);
-    let mut promises = Vec::new();
+    let mut promises: Vec<Promise> = Vec::new();
     let mut found = 0;
     for _ in 0..TRIES_PER_CAMERA as u64 * cameras {
         if found == cameras || !monitor.keep_going() {
@@ -51,10 +60,17 @@ pub fn hold_to_promise<M: Measure>(
         }
         let Some(index) = frontier_at(map, &camera) else { continue };
         let before = searched.get(index).map(Frontier::points).unwrap_or_default();
-        for FrontierPoint { settings, cost: promised } in quarters(map.octree.frontiers[index].points()) {
-            let measured = measure.measure(&camera, *settings)?;
+        let mut known: Vec<(RenderSettings, CostPoint)> = Vec::new();
+        for budget in BUDGETS {
+            let picked = map.octree.frontiers[index].least_power_within(budget);
+            let Some(FrontierPoint { settings, cost: promised }) = picked.filter(|point| point.settings != best) else { continue };
+            let measured = match known.iter().find(|(known, _)| known == settings) {
+                Some((_, measured)) => *measured,
+                None => measure.measure(&camera, *settings)?,
+            };
+            known.push((*settings, measured));
             let searched = before.iter().find(|point| point.settings == *settings).map(|point| point.cost);
-            promises.push(Promise { searched, promised: *promised, measured });
+            promises.push(Promise { camera: found, budget, searched, promised: *promised, measured });
         }
         found += 1;
         progress(found);
@@ -62,17 +78,16 @@ pub fn hold_to_promise<M: Measure>(
     Ok(promises)
 }
 
-/// The points a quarter, half and three quarters along a frontier: its ends are in no doubt, or nobody's choice.
-fn quarters(points: &[FrontierPoint]) -> impl Iterator<Item = &FrontierPoint> {
-    let mut indices: Vec<usize> = [1, 2, 3].into_iter().map(|quarter| quarter * points.len().saturating_sub(1) / 4).collect();
-    indices.dedup();
-    indices.into_iter().filter_map(|index| points.get(index))
-}
-
 /// What the map still promises too much.
+///
+/// Each camera counts once: with the mean of its errors as shares of their budgets.
 pub fn correction(promises: &[Promise]) -> Correction {
-    let errors: Vec<(f64, f64)> = promises.iter().map(|promise| (promise.promised.error, promise.measured.error)).collect();
-    Correction::fit(&errors)
+    let mut cameras: Vec<(f64, f64)> = Vec::new();
+    for of_camera in promises.chunk_by(|a, b| a.camera == b.camera) {
+        let mean = |error: fn(&Promise) -> f64| of_camera.iter().map(|p| error(p) / p.budget).sum::<f64>() / of_camera.len() as f64;
+        cameras.push((mean(|p| p.promised.error), mean(|p| p.measured.error)));
+    }
+    Correction::fit(&cameras)
 }
 
 /// Measured ÷ promised, of many.

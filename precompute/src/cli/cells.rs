@@ -10,7 +10,7 @@ use crate::search::{SubdivisionProgress, Watch};
 use crate::stage::RemoteStage;
 
 /// Cameras that the map is held against.
-const CAMERAS: u64 = 16;
+const CAMERAS: u64 = 24;
 
 /// A time limit, and who gets how much of it.
 #[derive(Clone, Copy, Debug)]
@@ -88,10 +88,10 @@ pub(super) fn measure_cells(
 fn print_promises(promises: &[Promise], Correction { error, samples }: Correction) {
     let searched = promises.iter().filter_map(|promise| Some((promise.searched?, promise.measured)));
     let now = promises.iter().map(|promise| (promise.promised, promise.measured));
-    eprintln!("measured ÷ promised at other cameras, median ({samples} measurements):");
+    eprintln!("measured ÷ promised of what error budgets pick at {samples} other cameras, median:");
     for (name, [power, error]) in [("as searched", Spread::of(searched)), ("as measured in cells", Spread::of(now))] {
         let text = |spread: Option<Spread>| spread.map_or_else(|| "unknown".to_owned(), |spread| spread.to_string());
         eprintln!("  {name}: power {}, error {}", text(power), text(error));
     }
-    eprintln!("error budgets are tightened by the factor {error:.2}");
+    eprintln!("error budgets are tightened by the factor {error:.2}, so that they hold in the mean");
 }

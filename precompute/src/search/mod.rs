@@ -19,6 +19,7 @@ mod record;
 mod seeding;
 mod settle;
 mod sorting;
+mod worth;
 
 pub use cached::{Cached, Counts};
 pub use config::SearchConfig;
@@ -28,3 +29,4 @@ pub use monitor::{Monitor, SearchProgress, Stage, SubdivisionProgress, Unwatched
 pub use nsga2::{Search, SearchOutcome, SearchTask};
 pub use record::knob_space_hash;
 pub use settle::settle;
+pub use worth::{LevelWorth, level_worth};

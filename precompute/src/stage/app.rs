@@ -13,6 +13,7 @@ use bevy::ui_render::UiRenderPlugin;
 use bevy::window::{ExitCondition, WindowPlugin};
 use bevy::winit::WinitPlugin;
 use bevy_frugal_gi::FrugalGiPlugins;
+use bevy_frugal_gi::gi::GiRefresh;
 use bevy_frugal_gi::knobs::{KnobPlugin, KnobRegistry, KnobSpace, KnobSpaceError};
 use bevy_frugal_gi::power::PowerPlugin;
 
@@ -33,6 +34,8 @@ pub(super) fn build(frames_per_second: f64) -> App {
     )
     // The stage reads its meter around each frame itself.
     .add_plugins(FrugalGiPlugins.build().disable::<PowerPlugin>())
+    // A stage's camera stands still where an app's walks by: it must not be cheaper.
+    .insert_resource(GiRefresh::AsIfCamerasMoved)
     .insert_resource(TimeUpdateStrategy::ManualDuration(Duration::from_secs_f64(1.0 / frames_per_second)));
     app.finish();
     app.cleanup();

@@ -17,6 +17,8 @@ pub fn useful_knobs(scene: &SceneDescription) -> Result<Vec<String>, StageError>
     let has_texture = geometry.materials.iter().any(|material| material.base_color_texture.is_some());
     let lit_from_around = !matches!(scene.environment, crate::scene::Environment::None);
     let useful = |name: &str| match name {
+        // Nothing in a scene file moves but the camera.
+        "gi_refresh_period" => false,
         "rsm_resolution" | "shadow_map_resolution" => has_light,
         name if name.starts_with("gi_") => has_light,
         "shadow_cascades" => has_sun,

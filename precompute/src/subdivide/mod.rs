@@ -5,8 +5,10 @@
 mod builder;
 mod config;
 mod distance;
+mod dividing;
 mod lattice;
 mod schedule;
+mod searching;
 #[cfg(test)]
 mod tests;
 

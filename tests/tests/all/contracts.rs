@@ -145,24 +145,23 @@ fn twin(pixel: usize, center: [f32; 3], vpls: &[Point]) -> [f64; 3] {
         let dot = |a: &[f64; 3], b: &[f64; 3]| (0..3).map(|axis| a[axis] * b[axis]).sum::<f64>();
         let squared = dot(&way, &way);
         let emitter = -dot(&vpl.normal.map(f64::from), &way);
-        let bound = squared.max(f64::from(vpl.extent));
-        let geometry = dot(&normal, &way).max(0.0) * emitter.max(0.0) / (squared * bound);
+        let geometry = (dot(&normal, &way).max(0.0) * emitter.max(0.0) / (squared * squared)).min(f64::from(vpl.extent));
         (0..3).for_each(|channel| sum[channel] += f64::from(vpl.flux[channel]) * geometry);
     }
     sum.map(|sum| sum * f64::from(EXPOSURE) / std::f64::consts::PI)
 }
 
 const VPLS: [Point; COUNT] = [
-    Point { position: [0.3, 2.0, 1.5], normal: [0.0, -1.0, 0.0], flux: [900.0, 400.0, 50.0], extent: 1e-4 },
-    Point { position: [-2.0, 0.7, 3.0], normal: [0.6, 0.0, -0.8], flux: [10.0, 800.0, 300.0], extent: 0.3 },
-    Point { position: [0.6, 0.2, 0.4], normal: [0.0, -0.6, -0.8], flux: [3000.0, 2000.0, 1000.0], extent: 2.0 },
-    Point { position: [1.0, -1.0, -4.0], normal: [0.0, 1.0, 0.0], flux: [70_000.0, 500.0, 20.0], extent: 1e-10 },
+    Point { position: [0.3, 2.0, 1.5], normal: [0.0, -1.0, 0.0], flux: [900.0, 400.0, 50.0], extent: 1e10 },
+    Point { position: [-2.0, 0.7, 3.0], normal: [0.6, 0.0, -0.8], flux: [10.0, 800.0, 300.0], extent: 0.05 },
+    Point { position: [0.6, 0.2, 0.4], normal: [0.0, -0.6, -0.8], flux: [3000.0, 2000.0, 1000.0], extent: 0.5 },
+    Point { position: [1.0, -1.0, -4.0], normal: [0.0, 1.0, 0.0], flux: [70_000.0, 500.0, 20.0], extent: 1e10 },
 ];
 
 fn the_gather_is_the_sum_over_vpls() {
     let mut stage = stage();
     let gather = Gather::new(&mut stage);
-    for (center, scale) in [([0.0; 3], 1.0), ([0.0; 3], 100.0), ([0.25, 0.5, -1.0], 1e-6)] {
+    for (center, scale) in [([0.0; 3], 1.0), ([0.0; 3], 1e-2), ([0.25, 0.5, -1.0], 1e6)] {
         let vpls = VPLS.map(|vpl| Point { extent: vpl.extent * scale, ..vpl });
         let found = gather.run(&stage, center, &vpls);
         let (mut worst, mut lit) = (0.0f64, 0);
@@ -176,7 +175,7 @@ fn the_gather_is_the_sum_over_vpls() {
                 }
             }
         }
-        println!("    disks of {scale} times their area: off by at most {worst:.1e} over {lit} values");
+        println!("    bounds of {scale} times their own: off by at most {worst:.1e} over {lit} values");
         // Half floats round to 4.9e-4.
         assert!(worst < 1e-3 && lit > 100, "{worst}, {lit}");
     }
@@ -192,7 +191,7 @@ fn the_gather_is_finite_at_the_extremes() {
         assert!(sound, "{label}: {:?}", found.iter().find(|texel| texel.iter().any(|value| !value.is_finite() || *value < 0.0)));
         found.iter().map(|texel| texel[1]).fold(0.0, f64::max)
     };
-    for extent in [0.05, 1e-10] {
+    for extent in [16.0, 1e10] {
         assert_eq!(check("tiny flux", [0.0; 3], at([0.0, 1.0, 1.0], 1e-20), extent), 0.0);
         assert!(check("huge flux", [0.0; 3], at([0.0, 1.0, 1.0], 1e20), extent) >= 64_000.0);
         check("largest flux", [0.0; 3], at([0.0, 1.0, 1.0], 1e30), extent);
@@ -219,8 +218,7 @@ fn draw(stage: &mut Stage, texels: &[Point], length: u32, count: usize, importan
     // One set that holds them all.
     let plan = [1, 1, count as u32, count as u32].map(u32::to_le_bytes).concat();
     let zeros = |floats: usize| gpu::bytes(&vec![0.0; floats]);
-    let contents =
-        [gpu::bytes(&words), rows, gpu::bytes(&weights), zeros(row_count as usize), zeros(count * 12), plan];
+    let contents = [gpu::bytes(&words), rows, gpu::bytes(&weights), zeros(row_count as usize), zeros(count * 12), plan];
     let buffers = contents.map(|contents| kernel::buffer(stage, &contents));
     let [a, b, c, d, e, f] = buffers.each_ref().map(|buffer| buffer.as_entire_binding());
     let bindings = BindGroupEntries::sequential((a, b, c, d, e, f));
@@ -253,7 +251,9 @@ fn drawing_follows_flux() {
         assert!(off.abs() < 1e-4, "{scale}: {off}");
         for vpl in &vpls {
             let source = &texels[vpl.position[0] as usize];
-            assert!(source.flux[0] > 0.0 && source.normal == vpl.normal, "a dark texel was drawn: {vpl:?}");
+            let turned = (0..3).map(|axis| (source.normal[axis] - vpl.normal[axis]).abs()).fold(0.0, f32::max);
+            // Normals are packed to 16 bits an axis.
+            assert!(source.flux[0] > 0.0 && turned < 5e-5, "a dark texel was drawn: {vpl:?}");
         }
         // Rows are drawn as often as their share of the flux says, up to one VPL at each end.
         for (row, texels_of_row) in texels.chunks_exact(32).enumerate() {

@@ -5,7 +5,7 @@ use bevy::ecs::query::With;
 use bevy::light::{PointLight, SpotLight};
 use bevy::math::{Quat, Vec3};
 use bevy::transform::components::Transform;
-use bevy_frugal_gi::gi::{FrugalGi, GiPixelsGathered, RsmView, inspect};
+use bevy_frugal_gi::gi::{FrugalGi, GiCounts, RsmView, inspect};
 use frugal::scene::Light;
 use frugal::stage::{Component, Stage};
 use frugal_tests::{meshes, set};
@@ -29,7 +29,7 @@ pub fn sun(direction: Vec3) -> Light {
 }
 
 /// Low settings with every pixel gathered, each with 64 VPLs.
-pub const PLAIN: &str = "min,gi_vpl_count=256,gi_interleave=2x2,gi_pixel_fraction=1/1,resolution_scale=100%";
+pub const PLAIN: &str = "min,gi_refresh_period=1,gi_vpl_count=256,gi_interleave=2x2,gi_pixel_fraction=1/1,resolution_scale=100%";
 
 /// A white floor, lit from above, and a grey wall that sees it and faces the camera.
 pub fn corner(lights: Vec<Light>) -> Stage {
@@ -42,7 +42,7 @@ pub fn corner(lights: Vec<Light>) -> Stage {
 }
 
 fn assert_costs_nothing(stage: &mut Stage) {
-    assert_eq!(set::gathered(stage), GiPixelsGathered::default(), "GiPixelsGathered");
+    assert_eq!(set::gathered(stage), GiCounts::default(), "GiCounts");
     let state = inspect::gpu_state(stage.render_world());
     assert!(state.cameras.is_empty() && state.texels.is_none(), "{state:?}");
     let world = stage.world_mut();
@@ -120,7 +120,7 @@ fn sides(stage: &mut Stage) -> (f64, f64) {
 
 fn moving_the_light_moves_the_bounce() {
     let mut stage = corner(vec![spot(Vec3::new(-1.2, 1.0, -1.0))]);
-    set::apply(&mut stage, "min,gi_vpl_count=4096,gi_interleave=2x2,gi_pixel_fraction=1/1,resolution_scale=100%");
+    set::apply(&mut stage, "min,gi_refresh_period=1,gi_vpl_count=4096,gi_interleave=2x2,gi_pixel_fraction=1/1,resolution_scale=100%");
     let (left, right) = sides(&mut stage);
     assert!(left > 2.0 * right && right > 0.0, "{left} {right}");
     let world = stage.world_mut();

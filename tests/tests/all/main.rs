@@ -19,12 +19,13 @@ mod gi;
 mod gi_geometry;
 mod golden;
 mod knobs;
+mod refresh;
 mod sampling;
 mod shaders;
 mod visibility;
 
 /// Tests by module, and whether they need an adapter.
-const MODULES: [(&str, &[(&str, fn())], bool); 12] = [
+const MODULES: [(&str, &[(&str, fn())], bool); 13] = [
     ("cli", cli::TESTS, false),
     ("cli_journal", cli_journal::TESTS, true),
     ("contracts", contracts::TESTS, true),
@@ -34,6 +35,7 @@ const MODULES: [(&str, &[(&str, fn())], bool); 12] = [
     ("gi_geometry", gi_geometry::TESTS, true),
     ("golden", golden::TESTS, true),
     ("knobs", knobs::TESTS, true),
+    ("refresh", refresh::TESTS, true),
     ("sampling", sampling::TESTS, true),
     ("shaders", shaders::TESTS, false),
     ("visibility", visibility::TESTS, true),

@@ -14,22 +14,7 @@ use bevy::shader::{Shader, ShaderDefVal};
 use bevy::utils::default;
 
 use super::gather::GiCamera;
-use super::rsm::RsmStore;
 use super::settings::{FrugalGi, GiOutput, GiPixelFraction};
-use super::visibility::OccluderBuffers;
-
-/// What GI did in the last frame, for diagnostics and tests. A resource of the render world.
-#[derive(Resource, Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct GiPixelsGathered {
-    /// Cameras that gathered.
-    pub cameras: u32,
-    /// VPL–pixel pairs evaluated.
-    pub pairs: u64,
-    /// Rays traced, at most: a hand of VPLs that send nothing takes none.
-    pub rays: u64,
-    /// Bytes of GPU memory that GI holds.
-    pub bytes: u64,
-}
 
 #[derive(Resource)]
 pub(super) struct CompositePipelines {
@@ -53,7 +38,6 @@ impl FromWorld for CompositePipelines {
             ),
         );
         world.init_resource::<SpecializedRenderPipelines<CompositePipelines>>();
-        world.init_resource::<GiPixelsGathered>();
         let vertex = world.resource::<FullscreenShader>().to_vertex_state();
         Self { layout, vertex, shader: load_embedded_asset!(world, "composite.wgsl") }
     }
@@ -103,25 +87,15 @@ pub(super) struct CompositePipelineId(CachedRenderPipelineId);
 pub(super) fn prepare_pipelines(
     mut commands: Commands,
     mut specialized: ResMut<SpecializedRenderPipelines<CompositePipelines>>,
-    mut gathered: ResMut<GiPixelsGathered>,
     pipelines: Res<CompositePipelines>,
     cache: Res<PipelineCache>,
-    store: Res<RsmStore>,
-    occluders: Res<OccluderBuffers>,
     cameras: Query<(Entity, &FrugalGi, &ExtractedView)>,
-    gathering: Query<&GiCamera>,
 ) {
     for (entity, gi, view) in &cameras {
         let key = CompositeKey { fraction: gi.pixel_fraction, target_format: view.target_format };
         let pipeline = specialized.specialize(&cache, &pipelines, key);
         commands.entity(entity).insert(CompositePipelineId(pipeline));
     }
-    *gathered = GiPixelsGathered {
-        cameras: gathering.iter().count() as u32,
-        pairs: gathering.iter().map(GiCamera::pairs).sum(),
-        rays: gathering.iter().map(GiCamera::rays).sum(),
-        bytes: store.bytes() + occluders.bytes() + gathering.iter().map(GiCamera::bytes).sum::<u64>(),
-    };
 }
 
 /// In a GI camera's view, after opaque meshes.

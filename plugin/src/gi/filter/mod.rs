@@ -74,7 +74,7 @@ pub(super) fn filter(
     mut context: RenderContext,
 ) {
     let (camera, prepass, view_offset) = view.into_inner();
-    let Some(filtered) = &camera.filtered else { return };
+    let Some(filtered) = camera.filtered.as_ref().filter(|_| camera.work.gather) else { return };
     let pipeline = WINDOWS.iter().position(|window| *window == camera.filter_window).map(|index| pipelines.pipelines[index]);
     let (Some(g_buffer), Some(depth), Some(views), Some(pipeline)) = (
         prepass.deferred_view(),

@@ -26,6 +26,8 @@ pub(in crate::gi) struct RsmLight {
     pub cone_offset: f32,
     /// First texel in the store.
     pub texel_offset: u32,
+    /// Texels along its edge. The map's texels stay while it is not rendered.
+    pub resolution: u32,
 }
 
 /// A light's emission and shape, without its map.

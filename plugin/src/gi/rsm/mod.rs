@@ -19,6 +19,7 @@ use crate::knobs::KnobSystems;
 
 pub(super) use lights::RsmLight;
 pub(super) use resolve::{RsmPipelines, RsmStore, TEXEL_BYTES, drop_main_phases, prepare_store, resolve};
+pub(super) use views::MapsTouched;
 
 /// Marks a hidden camera that renders what a light sees. Filter your own camera queries with `Without<RsmView>` if they mean visible cameras.
 #[derive(Component, ExtractComponent, Reflect, Clone, Copy, Debug, PartialEq, Eq, Hash)]
@@ -32,11 +33,22 @@ pub struct RsmView {
     pub face: u8,
 }
 
+/// In the main world.
+#[derive(SystemSet, Clone, Debug, PartialEq, Eq, Hash)]
+pub(super) enum RsmSystems {
+    /// Maps' cameras come, move and go.
+    Maintain,
+}
+
 pub(super) fn build(app: &mut App) {
-    app.init_resource::<region::SceneBox>().add_systems(
+    app.init_resource::<region::SceneBox>().init_resource::<MapsTouched>().add_systems(
         PostUpdate,
         // Need to come before cameras are updated: sizes, projections and transforms written here are picked up in the same frame. Need the
         // knobs' levels, for the same reason.
-        (region::update_scene_box, views::maintain).chain().after(KnobSystems::Apply).before(CameraUpdateSystems),
+        (region::update_scene_box, views::maintain)
+            .chain()
+            .in_set(RsmSystems::Maintain)
+            .after(KnobSystems::Apply)
+            .before(CameraUpdateSystems),
     );
 }

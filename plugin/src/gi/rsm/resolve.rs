@@ -96,13 +96,12 @@ pub(in crate::gi) fn drop_main_phases(
 pub(in crate::gi) fn prepare_store(
     mut store: ResMut<RsmStore>,
     device: Res<RenderDevice>,
-    maps: Query<(&RsmLight, &bevy::render::camera::ExtractedCamera), With<RsmView>>,
+    maps: Query<&RsmLight, With<RsmView>>,
     cameras: Query<(), With<FrugalGi>>,
 ) {
     let mut texels = 0;
-    for (light, camera) in &maps {
-        let Some(size) = camera.physical_target_size else { continue };
-        texels = texels.max(u64::from(light.texel_offset) + u64::from(size.x) * u64::from(size.y));
+    for light in &maps {
+        texels = texels.max(u64::from(light.texel_offset) + u64::from(light.resolution).pow(2));
     }
     if texels == 0 || cameras.is_empty() {
         store.texels = None;

@@ -23,6 +23,7 @@ struct Light {
     cone_offset: f32,
     /// First texel of this map in the store.
     texel_offset: u32,
+    resolution: u32,
 }
 
 @group(0) @binding(0) var g_buffer: texture_2d<u32>;

@@ -46,8 +46,18 @@ struct GiEye {
     resolution: u32,
 }
 
+/// What happened to maps in this frame.
+#[derive(Resource, Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub(in crate::gi) struct MapsTouched {
+    /// One came, went or got another size: texels are no longer where they were.
+    pub laid_out: bool,
+    /// One shows something else: its light or its region moved or changed.
+    pub moved: bool,
+}
+
 pub(super) fn maintain(
     mut commands: Commands,
+    mut touched: ResMut<MapsTouched>,
     limits: Res<GiLimits>,
     scene: Res<SceneBox>,
     cameras: Query<(Entity, &Camera, &FrugalGi), Without<RsmView>>,
@@ -92,11 +102,14 @@ pub(super) fn maintain(
     lay_out(&mut wanted);
 
     let mut missing: HashMap<RsmView, Wanted> = wanted.into_iter().map(|w| (w.view, w)).collect();
+    *touched = MapsTouched::default();
     for (entity, view, mut camera, mut target, mut projection, mut transform, mut light) in &mut placed.p1() {
         let Some(wanted) = missing.remove(view) else {
             commands.entity(entity).despawn();
+            touched.laid_out = true;
             continue;
         };
+        touched.laid_out |= (light.texel_offset, light.resolution) != (wanted.light.texel_offset, wanted.light.resolution);
         let size = UVec2::splat(wanted.resolution);
         let resized = !matches!(*target, RenderTarget::None { size: old } if old == size);
         if resized {
@@ -108,10 +121,12 @@ pub(super) fn maintain(
         // Bevy looks at a target without texture only when the projection was touched.
         if resized || !same_projection(&projection, &wanted.projection) {
             *projection = wanted.projection;
+            touched.moved = true;
         }
-        transform.set_if_neq(wanted.transform);
-        light.set_if_neq(wanted.light);
+        touched.moved |= transform.set_if_neq(wanted.transform);
+        touched.moved |= light.set_if_neq(wanted.light);
     }
+    touched.laid_out |= !missing.is_empty();
     for (_, wanted) in missing {
         spawn(&mut commands, wanted);
     }
@@ -214,6 +229,7 @@ fn lay_out(wanted: &mut [Wanted]) {
     let mut texel = 0;
     for map in wanted {
         map.light.texel_offset = texel;
+        map.light.resolution = map.resolution;
         texel += map.resolution * map.resolution;
     }
 }

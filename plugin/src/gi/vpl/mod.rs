@@ -90,6 +90,9 @@ pub(super) fn sample(
     mut context: RenderContext,
 ) {
     let (camera, prepass, view_offset) = view.into_inner();
+    if !camera.work.draw {
+        return;
+    }
     let ready = |id| cache.get_compute_pipeline(id);
     let (Some(pick), Some(find_floor), Some(weigh)) =
         (ready(pipelines.pick_receivers), ready(pipelines.find_floor), ready(pipelines.weigh_texels))

@@ -122,7 +122,7 @@ fn sample_vpls(@builtin(global_invocation_id) id: vec3<u32>) {
     vpl.normal = texel_normal(texel);
     // As many texels as it stands for among all sets' VPLs, and never less than its own; as a disk.
     let disk = texel.area * max(share / f32(plan.sets), 1.0) * 0.31830987;
-    vpl.radius_squared = clamp(disk, LEAST_RADIUS_SQUARED, 1e18);
+    vpl.largest_geometry_term = 1.0 / clamp(disk, LEAST_RADIUS_SQUARED, 1e18);
     vpl.flux = select(vec3(0.0), min(texel.flux * share, vec3(MOST_FLUX)), carries);
     vpls[id.x] = vpl;
 }

@@ -4,8 +4,8 @@
 struct Vpl {
     /// World space, metres.
     position: vec3<f32>,
-    /// Of the disk that it stands for, m²; above 0.
-    radius_squared: f32,
+    /// Most that the geometry term cosθ·cosθ′/d² may be, 1/m²: 1/r² of the disk that it stands for.
+    largest_geometry_term: f32,
     /// World space, unit length: the side that emits.
     normal: vec3<f32>,
     padding_2: f32,

@@ -88,3 +88,18 @@ impl KnobDriver for RsmResolution {
         change(world, camera, |gi| gi.rsm_resolution = level.value as u32);
     }
 }
+
+/// Frames from one rendering of the maps to the next, while something moves.
+pub struct GiRefreshPeriod;
+
+impl KnobDriver for GiRefreshPeriod {
+    fn knob(&self) -> Knob {
+        // By its frequency, since levels rise with quality.
+        let levels = [8u32, 4, 2, 1].map(|period| (1.0 / f64::from(period), period.to_string()));
+        Knob::labelled("gi_refresh_period", levels).needing("gi_vpl_count", 1)
+    }
+
+    fn apply(&self, world: &mut World, camera: Entity, level: &Level) {
+        change(world, camera, |gi| gi.refresh_period = level.value.recip().round() as u32);
+    }
+}

@@ -1,5 +1,7 @@
 //! `frugal price`: what each level of the global illumination's knobs costs, and how far from the truth it is.
 
+mod combinations;
+
 use std::path::PathBuf;
 
 use bevy::math::UVec2;
@@ -26,6 +28,9 @@ pub(super) struct Arguments {
     /// Power meter, as `frugal meters` names it; without it, the one that suits the adapter
     #[arg(long, value_name = "NAME")]
     meter: Option<String>,
+    /// Measures every combination of levels instead, and tells which levels are worth having
+    #[arg(long, conflicts_with = "report")]
+    combinations: bool,
     /// Table to write
     #[arg(long, value_name = "FILE")]
     csv: Option<PathBuf>,
@@ -42,6 +47,11 @@ const ROUNDS: usize = 3;
 /// Knobs that make the global illumination.
 fn is_gi(name: &str) -> bool {
     name.starts_with("gi_") || name.starts_with("rsm_")
+}
+
+/// Knobs of it that change neither cost nor picture where nothing moves.
+fn is_still(name: &str) -> bool {
+    name == "gi_refresh_period"
 }
 
 pub(super) fn run(arguments: &Arguments) -> Result<(), CliError> {
@@ -62,6 +72,9 @@ pub(super) fn run(arguments: &Arguments) -> Result<(), CliError> {
 
     let space = stage.space().as_ref().clone();
     let off = space.parse("max,gi_vpl_count=0").map_err(CliError::failed)?;
+    if arguments.combinations {
+        return combinations::run(&mut stage, &truth, off, arguments.csv.as_deref());
+    }
     let wanted = levels(&space);
     let mut readings = vec![Vec::new(); wanted.len() + 1];
     let mut differences = Vec::new();
@@ -145,7 +158,7 @@ struct Wanted {
 /// Every level of every knob of the global illumination at which it is there, the best first.
 fn levels(space: &KnobSpace) -> Vec<Wanted> {
     let mut wanted = Vec::new();
-    for (index, knob) in space.knobs().iter().enumerate().filter(|(_, knob)| is_gi(&knob.name)) {
+    for (index, knob) in space.knobs().iter().enumerate().filter(|(_, knob)| is_gi(&knob.name) && !is_still(&knob.name)) {
         for (level, described) in knob.levels.iter().enumerate().rev() {
             if knob.name == "gi_vpl_count" && described.value == 0.0 {
                 continue;

@@ -1,0 +1,192 @@
+//! What a GI camera holds, and what it has to do in a frame.
+
+use bevy::ecs::prelude::*;
+use bevy::math::UVec2;
+use bevy::render::camera::{ExtractedCamera, TemporalJitter};
+use bevy::render::render_resource::*;
+use bevy::render::renderer::{RenderDevice, RenderQueue};
+use bevy::render::sync_world::MainEntity;
+use bevy::render::texture::CachedTexture;
+use bevy::render::view::ExtractedView;
+
+use super::plan::{self, GatherSettings, VplPlan};
+use super::work::{Seen, Work};
+use crate::gi::filter;
+use crate::gi::refresh::{GiFrame, GiRefresh};
+use crate::gi::rsm::{RsmLight, RsmStore, RsmView};
+use crate::gi::settings::{FrugalGi, GiPixelFraction, GiVisibility};
+use crate::gi::vpl::{DrawingBuffers, MapRow};
+
+/// What a GI camera holds in the render world, while it has VPLs to gather.
+#[derive(Component)]
+pub struct GiCamera {
+    /// What is done for it in this frame.
+    pub(in crate::gi) work: Work,
+    /// What it was last gathered for.
+    seen: Seen,
+    /// How its VPLs are shared out.
+    pub(in crate::gi) plan: VplPlan,
+    pub(in crate::gi) plan_buffer: Buffer,
+    pub(in crate::gi) vpls: Buffer,
+    pub(in crate::gi) drawing: DrawingBuffers,
+    /// What each cell gathered.
+    pub(in crate::gi) irradiance: CachedTexture,
+    /// The same after the filter, where there is one.
+    pub(in crate::gi) filtered: Option<CachedTexture>,
+    pub(in crate::gi) fraction: GiPixelFraction,
+    pub(in crate::gi) filter_window: u32,
+    settings: Buffer,
+    pub(super) visibility: GiVisibility,
+}
+
+impl GiCamera {
+    /// Bytes held on the GPU for this camera.
+    pub(in crate::gi) fn bytes(&self) -> u64 {
+        let textures = [Some(&self.irradiance), self.filtered.as_ref()].into_iter().flatten();
+        let texels = textures.map(|texture| u64::from(texture.texture.width()) * u64::from(texture.texture.height()) * 8).sum::<u64>();
+        texels + self.drawing.bytes() + [&self.vpls, &self.plan_buffer, &self.settings].map(|buffer| buffer.size()).iter().sum::<u64>()
+    }
+
+    /// Gathered pixels along both axes.
+    fn cells(&self) -> UVec2 {
+        UVec2::new(self.irradiance.texture.width(), self.irradiance.texture.height())
+    }
+
+    /// What the composite shows.
+    pub(in crate::gi) fn shown(&self) -> &CachedTexture {
+        self.filtered.as_ref().unwrap_or(&self.irradiance)
+    }
+
+    /// The settings of the first set, to which a dynamic offset may be added.
+    pub(in crate::gi) fn first_settings(&self) -> BindingResource<'_> {
+        first_of(&self.settings, size_of::<GatherSettings>() as u64)
+    }
+
+    /// VPLs that are drawn in this frame.
+    pub(in crate::gi) fn vpls_drawn(&self) -> u64 {
+        if self.work.draw { u64::from(self.plan.sets) * u64::from(self.plan.per_set) } else { 0 }
+    }
+
+    /// Pairs of pixel and VPL that are evaluated in this frame.
+    pub(in crate::gi) fn pairs(&self) -> u64 {
+        self.gathered_pixels() * u64::from(self.plan.per_set)
+    }
+
+    /// Rays that are traced in this frame, at most.
+    pub(in crate::gi) fn rays(&self) -> u64 {
+        self.gathered_pixels() * u64::from(self.visibility.rays().min(self.plan.per_set))
+    }
+
+    fn gathered_pixels(&self) -> u64 {
+        let cells = self.cells().as_u64vec2();
+        if self.work.gather { cells.x * cells.y } else { 0 }
+    }
+}
+
+/// A texture of the camera's own: those of Bevy's cache may be another's in the next frame, and what was gathered must stay.
+fn irradiance_texture(device: &RenderDevice, label: &'static str, size: UVec2) -> CachedTexture {
+    let texture = device.create_texture(&TextureDescriptor {
+        label: Some(label),
+        size: Extent3d { width: size.x, height: size.y, depth_or_array_layers: 1 },
+        mip_level_count: 1,
+        sample_count: 1,
+        dimension: TextureDimension::D2,
+        format: TextureFormat::Rgba16Float,
+        usage: TextureUsages::STORAGE_BINDING | TextureUsages::TEXTURE_BINDING | TextureUsages::COPY_SRC,
+        view_formats: &[],
+    });
+    let default_view = texture.create_view(&TextureViewDescriptor::default());
+    CachedTexture { texture, default_view }
+}
+
+pub(super) fn first_of(buffer: &Buffer, size: u64) -> BindingResource<'_> {
+    BindingResource::Buffer(BufferBinding { buffer, offset: 0, size: BufferSize::new(size) })
+}
+
+/// Gives every GI camera that has maps its VPL buffers and its textures, and takes them from the others; and finds out what it has to do.
+pub(in crate::gi) fn prepare_cameras(
+    mut commands: Commands,
+    device: Res<RenderDevice>,
+    queue: Res<RenderQueue>,
+    store: Res<RsmStore>,
+    frame: Res<GiFrame>,
+    policy: Res<GiRefresh>,
+    maps: Query<(&RsmView, &RsmLight)>,
+    cameras: Query<(Entity, &MainEntity, &FrugalGi, &ExtractedCamera, &ExtractedView, Has<TemporalJitter>)>,
+    mut held: Query<&mut GiCamera>,
+    stale: Query<Entity, (With<GiCamera>, Or<(Without<FrugalGi>, Without<ExtractedCamera>)>)>,
+) {
+    for entity in &stale {
+        commands.entity(entity).remove::<GiCamera>();
+    }
+    for (entity, main_entity, gi, camera, view, jitters) in &cameras {
+        let map_rows = rows_of(main_entity.id(), &maps);
+        let Some(size) = camera.physical_viewport_size.filter(|size| size.min_element() > 0) else { continue };
+        if gi.vpl_count == 0 || map_rows.is_empty() || store.texels.is_none() {
+            if held.contains(entity) {
+                commands.entity(entity).remove::<GiCamera>();
+            }
+            continue;
+        }
+        let plan = VplPlan::new(gi.vpl_count, gi.interleave);
+        let (width, height) = gi.pixel_fraction.cell();
+        let cells = UVec2::new(size.x.div_ceil(width), size.y.div_ceil(height));
+        let filter_window = filter::window(gi);
+        let seen = Seen::new(gi, camera, view);
+        let period = gi.refresh_period.max(1);
+        if let Ok(mut held) = held.get_mut(entity)
+            && held.plan == plan
+            && held.drawing.rows == map_rows
+            && held.cells() == cells
+            && held.filtered.is_some() == (filter_window > 1)
+        {
+            if held.fraction != gi.pixel_fraction {
+                queue.write_buffer(&held.settings, 0, &plan::settings_bytes(&plan, gi.pixel_fraction));
+            }
+            held.work = held.work.next(held.seen != seen, jitters, &frame, *policy, period);
+            (held.seen, held.filter_window) = (seen, filter_window);
+            (held.fraction, held.visibility) = (gi.pixel_fraction, gi.visibility);
+            continue;
+        }
+        let empty =
+            |label, size, usage| device.create_buffer(&BufferDescriptor { label: Some(label), size, usage, mapped_at_creation: false });
+        let filled =
+            |label, contents: &[u8], usage| device.create_buffer_with_data(&BufferInitDescriptor { label: Some(label), contents, usage });
+        let vpl_usage = BufferUsages::STORAGE | BufferUsages::UNIFORM | BufferUsages::COPY_SRC;
+        commands.entity(entity).insert(GiCamera {
+            // Its buffers are empty, whatever the period says.
+            work: Work { draw: true, gather: true, quiet: 0 },
+            seen,
+            plan,
+            plan_buffer: filled("bevy_frugal_gi/vpl_plan", bytemuck::bytes_of(&plan), BufferUsages::STORAGE),
+            vpls: empty("bevy_frugal_gi/vpls", plan.buffer_bytes(), vpl_usage),
+            drawing: DrawingBuffers::new(&device, map_rows),
+            irradiance: irradiance_texture(&device, "bevy_frugal_gi/irradiance", cells),
+            filtered: (filter_window > 1).then(|| irradiance_texture(&device, "bevy_frugal_gi/filtered", cells)),
+            filter_window,
+            fraction: gi.pixel_fraction,
+            settings: filled(
+                "bevy_frugal_gi/gather_settings",
+                &plan::settings_bytes(&plan, gi.pixel_fraction),
+                BufferUsages::UNIFORM | BufferUsages::COPY_DST,
+            ),
+            visibility: gi.visibility,
+        });
+    }
+}
+
+/// Rows of every map that serves `camera`, in the order of the store.
+fn rows_of(camera: Entity, maps: &Query<(&RsmView, &RsmLight)>) -> Vec<MapRow> {
+    let mut serving: Vec<_> =
+        maps.iter().filter(|(map, _)| map.camera.is_none_or(|owner| owner == camera)).map(|(_, light)| light).collect();
+    serving.sort_by_key(|light| light.texel_offset);
+    let mut first_weight = 0;
+    let mut rows = Vec::new();
+    for RsmLight { texel_offset, resolution, .. } in serving {
+        for row in 0..*resolution {
+            rows.push(MapRow { first_texel: texel_offset + row * resolution, first_weight, length: *resolution });
+            first_weight += resolution;
+        }
+    }
+    rows
+}

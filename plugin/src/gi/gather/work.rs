@@ -1,0 +1,92 @@
+//! What a camera's frame takes: plain arithmetic over what changed.
+
+use bevy::math::{Affine3A, Mat4};
+use bevy::render::camera::ExtractedCamera;
+use bevy::render::view::ExtractedView;
+
+use crate::gi::refresh::{GiFrame, GiRefresh};
+use crate::gi::settings::FrugalGi;
+
+/// What a camera's frame takes, beside the composite.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub(in crate::gi) struct Work {
+    /// Drawing VPLs.
+    pub draw: bool,
+    /// Gathering and filtering.
+    pub gather: bool,
+    /// Frames since anything changed that decides about them.
+    pub(super) quiet: u32,
+}
+
+impl Work {
+    /// The next frame's. `changed`: the camera or its settings are others. `jitters`: its pixels never stay where they are.
+    pub(super) fn next(self, changed: bool, jitters: bool, frame: &GiFrame, policy: GiRefresh, period: u32) -> Self {
+        let quiet = if changed { 0 } else { self.quiet.saturating_add(1) };
+        // A whole period from the last change on: in one frame of it VPLs are drawn for where the camera is now.
+        let gather = frame.gather || jitters || policy != GiRefresh::OnChange || quiet < period;
+        Self { quiet, gather, draw: gather && (frame.maps || frame.number.is_multiple_of(period)) }
+    }
+}
+
+/// What decides about a camera's VPLs and what they send to it, beside the scene.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) struct Seen {
+    gi: FrugalGi,
+    exposure: f32,
+    world_from_view: Affine3A,
+    clip_from_view: Mat4,
+}
+
+impl Seen {
+    pub(super) fn new(gi: &FrugalGi, camera: &ExtractedCamera, view: &ExtractedView) -> Self {
+        let (world_from_view, clip_from_view) = (view.world_from_view.affine(), view.clip_from_view);
+        Self { gi: gi.clone(), exposure: camera.exposure, world_from_view, clip_from_view }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn frame(number: u32, moving: bool) -> GiFrame {
+        GiFrame { number, maps: moving, gather: moving, ..Default::default() }
+    }
+
+    fn resting() -> Work {
+        Work { quiet: 99, ..Default::default() }
+    }
+
+    #[test]
+    fn a_still_camera_in_a_still_scene_rests() {
+        let gathers = |changed, moving, policy| resting().next(changed, false, &frame(1, moving), policy, 1).gather;
+        assert!(!gathers(false, false, GiRefresh::OnChange));
+        assert!(gathers(true, false, GiRefresh::OnChange) && gathers(false, true, GiRefresh::OnChange));
+        assert!(gathers(false, false, GiRefresh::AsIfCamerasMoved));
+        assert!(resting().next(false, true, &frame(1, false), GiRefresh::OnChange, 1).gather, "jittered");
+    }
+
+    #[test]
+    fn after_a_camera_s_last_move_vpls_are_drawn_once_more() {
+        for period in 1..=8 {
+            for start in 0..period {
+                let mut work = resting();
+                let drawn = (0..20).filter(|number| {
+                    work = work.next(*number == 0, false, &frame(start + number, false), GiRefresh::OnChange, period);
+                    work.draw
+                });
+                assert_eq!(drawn.count(), 1, "period {period} from {start}");
+                assert!(!work.gather);
+            }
+        }
+    }
+
+    #[test]
+    fn drawing_follows_the_period_and_the_maps() {
+        let draws = |number, maps| {
+            let frame = GiFrame { number, maps, gather: true, ..Default::default() };
+            Work::default().next(true, false, &frame, GiRefresh::OnChange, 4).draw
+        };
+        assert_eq!([0, 1, 2, 3, 4].map(|number| draws(number, false)), [true, false, false, false, true]);
+        assert!(draws(1, true), "what was drawn from is no longer there");
+    }
+}

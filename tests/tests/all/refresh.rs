@@ -1,0 +1,141 @@
+//! What nobody moved is not done twice, and what was moved is done at once.
+
+use bevy::ecs::query::With;
+use bevy::light::DirectionalLight;
+use bevy::math::{Quat, Vec3};
+use bevy::transform::components::Transform;
+use bevy_frugal_gi::gi::{FrugalGi, GiRefresh};
+use frugal::stage::Stage;
+use frugal_tests::{meshes, set};
+
+use super::gi::{corner, sun};
+
+tests!(
+    nothing_is_redone_in_a_still_picture,
+    what_changes_is_in_the_next_frame,
+    a_walk_through_a_still_scene_renders_no_map,
+    with_a_period_moving_light_is_followed_that_often,
+);
+
+/// A corner under the sun that has come to rest.
+fn at_rest(policy: GiRefresh) -> Stage {
+    let mut stage = corner(vec![sun(Vec3::new(-0.3, -1.0, -0.2))]);
+    stage.world_mut().insert_resource(policy);
+    set::radiance(&mut stage);
+    (0..16).for_each(|_| stage.frame());
+    stage
+}
+
+fn nothing_is_redone_in_a_still_picture() {
+    let mut stage = at_rest(GiRefresh::OnChange);
+    let before = stage.radiance().expect("a picture");
+    assert!(before.mean() > 1.0);
+    for frame in 0..30 {
+        stage.frame();
+        let done = set::gathered(&stage);
+        assert_eq!((done.maps, done.cameras, done.pairs, done.rays), (0, 0, 0, 0), "frame {frame}");
+        assert!(done.bytes > 0, "what was gathered is kept");
+    }
+    assert!(stage.radiance().expect("a picture") == before);
+
+    let mut stage = at_rest(GiRefresh::EveryFrame);
+    stage.frame();
+    let done = set::gathered(&stage);
+    assert!((done.maps, done.cameras) == (1, 1) && done.pairs > 0, "{done:?}");
+    assert!(stage.radiance().expect("a picture") == before, "redone, it is the same");
+}
+
+/// The picture after one frame, and after many of which each did everything.
+fn at_once_and_settled(stage: &mut Stage, what: &str) -> bool {
+    stage.frame();
+    let at_once = stage.radiance().expect("a picture");
+    assert_eq!(set::gathered(stage).cameras, 1, "{what}");
+    stage.world_mut().insert_resource(GiRefresh::EveryFrame);
+    (0..3).for_each(|_| stage.frame());
+    let settled = stage.radiance().expect("a picture");
+    stage.world_mut().insert_resource(GiRefresh::OnChange);
+    (0..16).for_each(|_| stage.frame());
+    assert_eq!(set::gathered(stage).cameras, 0, "at rest again");
+    at_once == settled
+}
+
+fn what_changes_is_in_the_next_frame() {
+    let mut stage = at_rest(GiRefresh::OnChange);
+    // Within the box around all meshes, which the map covers whole.
+    let mesh = meshes::spawn_box(&mut stage, Vec3::new(0.5, 0.5, 0.0), Vec3::splat(0.4), meshes::matt(0.8, 0.2, 0.2));
+    (0..16).for_each(|_| stage.frame());
+    let mut before = stage.radiance().expect("a picture");
+    let mut changes = |stage: &mut Stage, what: &str| {
+        assert!(at_once_and_settled(stage, what), "{what}");
+        let now = stage.radiance().expect("a picture");
+        assert!(now != before, "{what} changed nothing");
+        before = now;
+    };
+    let world = stage.world_mut();
+    world.query_filtered::<&mut Transform, With<DirectionalLight>>().single_mut(world).expect("the sun").rotation *=
+        Quat::from_rotation_x(0.2);
+    changes(&mut stage, "a light that turns");
+
+    let world = stage.world_mut();
+    world.query::<&mut DirectionalLight>().single_mut(world).expect("the sun").illuminance *= 0.5;
+    changes(&mut stage, "a light that fades");
+
+    stage.world_mut().get_mut::<Transform>(mesh).expect("placed").translation.y += 0.2;
+    changes(&mut stage, "a mesh that moves");
+
+    let camera = set::camera(&mut stage);
+    stage.world_mut().get_mut::<Transform>(camera).expect("placed").translation.x += 0.2;
+    changes(&mut stage, "a camera that moves");
+
+    stage.world_mut().get_mut::<FrugalGi>(camera).expect("GI").vpl_count = 512;
+    changes(&mut stage, "more virtual lights");
+
+    let material = meshes::matt(0.1, 0.9, 0.1);
+    let world = stage.world_mut();
+    let mut materials = world.resource_mut::<bevy::asset::Assets<bevy::pbr::StandardMaterial>>();
+    let ids: Vec<_> = materials.ids().collect();
+    for id in ids {
+        drop(materials.insert(id, material.clone()));
+    }
+    // Bevy tells of assets after cameras are updated: what they change is a frame late.
+    stage.frame();
+    changes(&mut stage, "materials of another colour");
+
+    assert!(stage.world_mut().despawn(mesh));
+    changes(&mut stage, "a mesh that goes");
+}
+
+fn a_walk_through_a_still_scene_renders_no_map() {
+    let mut stage = at_rest(GiRefresh::OnChange);
+    for step in 0..8 {
+        set::look(&mut stage, Vec3::new(0.05 * (step + 1) as f32, 1.2, 3.0), Vec3::new(0.0, 0.8, -2.0));
+        stage.frame();
+        let done = set::gathered(&stage);
+        assert!((done.maps, done.cameras) == (0, 1) && done.pairs > 0, "{done:?}");
+    }
+}
+
+fn with_a_period_moving_light_is_followed_that_often() {
+    let mut stage = at_rest(GiRefresh::OnChange);
+    let camera = set::camera(&mut stage);
+    for period in [1, 2, 4, 8] {
+        stage.world_mut().get_mut::<FrugalGi>(camera).expect("GI").refresh_period = period;
+        (0..16).for_each(|_| stage.frame());
+        let mut rendered = 0;
+        for _ in 0..16 {
+            let world = stage.world_mut();
+            let mut lights = world.query_filtered::<&mut Transform, With<DirectionalLight>>();
+            lights.single_mut(world).expect("the sun").rotation *= Quat::from_rotation_x(0.01);
+            stage.frame();
+            rendered += set::gathered(&stage).maps;
+        }
+        assert_eq!(rendered, 16 / period, "every {period}th frame");
+        // The last change is not forgotten.
+        (0..16).for_each(|_| stage.frame());
+        let rested = stage.radiance().expect("a picture");
+        stage.world_mut().insert_resource(GiRefresh::EveryFrame);
+        (0..9).for_each(|_| stage.frame());
+        assert!(stage.radiance().expect("a picture") == rested, "period {period}");
+        stage.world_mut().insert_resource(GiRefresh::OnChange);
+    }
+}
