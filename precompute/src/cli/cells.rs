@@ -93,5 +93,5 @@ fn print_promises(promises: &[Promise], Correction { error, samples }: Correctio
         let text = |spread: Option<Spread>| spread.map_or_else(|| "unknown".to_owned(), |spread| spread.to_string());
         eprintln!("  {name}: power {}, error {}", text(power), text(error));
     }
-    eprintln!("error budgets are tightened by the factor {error:.2}, so that they hold in the mean");
+    eprintln!("error budgets are tightened by the factor {error:.2}");
 }
