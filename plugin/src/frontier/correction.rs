@@ -38,9 +38,12 @@ impl Correction {
     /// Errors below this look the same; a ratio to a smaller one says nothing.
     pub const LEAST_ERROR: f64 = 1e-3;
 
-    /// From each camera's predicted and measured error, in any unit that all share. Cameras with errors that are not finite are left out.
+    /// From each camera's predicted and measured error as shares of the budget that picked its settings, so that no prediction is above 1. Cameras with
+    /// errors that are not finite are left out.
     ///
-    /// The factor covers [`QUANTILE`](Self::QUANTILE) of the cameras, and the mean of all with its standard error on top.
+    /// The factor covers [`QUANTILE`](Self::QUANTILE) of the cameras' shares of the budget; and the mean of all, with its standard error on top, by the
+    /// mean that was predicted. Not the quantile of measured ÷ predicted: what is promised next to nothing is off by any factor, and still
+    /// within the budget.
     pub fn fit(cameras: &[(f64, f64)]) -> Self {
         let sound: Vec<_> = cameras.iter().filter(|(predicted, measured)| predicted.is_finite() && measured.is_finite()).collect();
         let count = sound.len() as f64;
@@ -50,13 +53,12 @@ impl Correction {
         let standard_error = if count > 1.0 { (squares / (count * (count - 1.0))).sqrt() } else { 0.0 };
         let of_mean = (measured + standard_error) / predicted.max(Self::LEAST_ERROR);
 
-        let mut factors: Vec<f64> = sound.iter().map(|(predicted, measured)| measured / predicted.max(Self::LEAST_ERROR)).collect();
-        factors.sort_by(f64::total_cmp);
+        let mut shares: Vec<f64> = sound.iter().map(|camera| camera.1).collect();
+        shares.sort_by(f64::total_cmp);
         let covering = (Self::QUANTILE * count).ceil() as usize;
-        let of_most = covering.checked_sub(1).and_then(|index| factors.get(index)).copied().unwrap_or(1.0);
+        let of_most = covering.checked_sub(1).and_then(|index| shares.get(index)).copied().unwrap_or(1.0);
         // Of no cameras the mean is not a number, which `max` leaves out.
-        let factor = of_mean.max(of_most);
-        Self { error: factor.clamp(1.0, Self::MAX), samples: sound.len() as u32 }
+        Self { error: of_mean.max(of_most).clamp(1.0, Self::MAX), samples: sound.len() as u32 }
     }
 
     /// Whether the factor is what it must be.
@@ -77,15 +79,17 @@ mod tests {
 
     #[test]
     fn the_factor_covers_most_cameras_and_the_mean() {
-        // Nine ratios of 1 to 3 and one of 4: the mean is 2.2, and most are below 3.
-        let mut cameras: Vec<_> = (0..9).map(|i| (0.01, 0.01 * (1.0 + 0.25 * f64::from(i)))).collect();
-        cameras.extend([(0.01, 0.04), (f64::NAN, 1.0)]);
+        // Nine of 1 to 3 budgets and one of 4: the mean is 2.2, and most are below 3.
+        let mut cameras: Vec<_> = (0..9).map(|i| (1.0, 1.0 + 0.25 * f64::from(i))).collect();
+        cameras.extend([(1.0, 4.0), (f64::NAN, 1.0)]);
         let most = Correction::fit(&cameras);
         assert!((most.error - 3.0).abs() < 1e-12 && most.samples == 10, "{most:?}");
-        // A mean that one camera makes is covered, too: 0.01, and a standard error of as much.
-        cameras = vec![(0.01, 0.0); 19];
-        cameras.push((0.01, 0.2));
+        // A mean that one camera makes is covered, too: 1 budget, and a standard error of as much.
+        cameras = vec![(1.0, 0.0); 19];
+        cameras.push((1.0, 20.0));
         assert!((Correction::fit(&cameras).error - 2.0).abs() < 1e-9, "{:?}", Correction::fit(&cameras));
+        // Where half a budget was promised, a mean of a whole one is twice too much.
+        assert!((Correction::fit(&[(0.5, 1.0); 9]).error - 2.0).abs() < 1e-12);
         assert_eq!(most.predict(CostPoint::new(3.0, 0.01)).power, CostPoint::new(3.0, 0.01).power);
         assert_eq!(Correction::fit(&[(0.1, 0.01)]).error, 1.0, "never loosens");
     }

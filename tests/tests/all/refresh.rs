@@ -90,6 +90,12 @@ fn what_changes_is_in_the_next_frame() {
     stage.world_mut().get_mut::<FrugalGi>(camera).expect("GI").vpl_count = 512;
     changes(&mut stage, "more virtual lights");
 
+    stage.world_mut().get_mut::<FrugalGi>(camera).expect("GI").rsm_resolution = 128;
+    changes(&mut stage, "finer maps");
+
+    stage.world_mut().get_mut::<FrugalGi>(camera).expect("GI").visibility = bevy_frugal_gi::gi::GiVisibility::Fine;
+    changes(&mut stage, "rays");
+
     let material = meshes::matt(0.1, 0.9, 0.1);
     let world = stage.world_mut();
     let mut materials = world.resource_mut::<bevy::asset::Assets<bevy::pbr::StandardMaterial>>();

@@ -117,9 +117,12 @@ pub(super) fn update(
         }
     }
     if !cameras.iter().any(|(camera, gi)| camera.is_active && gi.traces()) {
-        // The trees may be gone before what was made of them: their meshes' removal comes first.
-        if !trees.trees.is_empty() || !trees.placed.is_empty() {
-            (*trees, *occluders) = Default::default();
+        // The trees stay: made again in the background, they would be missing in the frames after rays are back. What was made of them goes, and with
+        // it the buffers.
+        if !trees.placed.is_empty() || occluders.waiting > 0 {
+            *occluders = GiOccluders::default();
+            trees.placed.clear();
+            trees.changed = true;
         }
         return;
     }
