@@ -11,7 +11,8 @@ use frugal::stage::Stage;
 
 /// A compiled compute shader.
 pub struct Kernel {
-    layout: BindGroupLayoutDescriptor,
+    /// One for each group.
+    layouts: Vec<BindGroupLayoutDescriptor>,
     pipeline: CachedComputePipelineId,
     // Dropped, the shader would be unloaded.
     _shader: Handle<Shader>,
@@ -26,11 +27,22 @@ impl Kernel {
         shader_defs: Vec<ShaderDefVal>,
         layout: &[BindGroupLayoutEntry],
     ) -> Self {
+        Self::with_groups(stage, path, entry_point, shader_defs, &[layout])
+    }
+
+    /// The same for a shader with several groups of bindings.
+    pub fn with_groups(
+        stage: &mut Stage,
+        path: &str,
+        entry_point: &'static str,
+        shader_defs: Vec<ShaderDefVal>,
+        layouts: &[&[BindGroupLayoutEntry]],
+    ) -> Self {
         let shader: Handle<Shader> = stage.world_mut().resource::<AssetServer>().load(format!("embedded://bevy_frugal_gi/{path}"));
-        let layout = BindGroupLayoutDescriptor::new("frugal_tests/kernel", layout);
+        let layouts: Vec<_> = layouts.iter().map(|layout| BindGroupLayoutDescriptor::new("frugal_tests/kernel", layout)).collect();
         let pipeline = stage.render_world().resource::<PipelineCache>().queue_compute_pipeline(ComputePipelineDescriptor {
             label: Some(entry_point.into()),
-            layout: vec![layout.clone()],
+            layout: layouts.clone(),
             shader: shader.clone(),
             shader_defs,
             entry_point: Some(entry_point.into()),
@@ -39,7 +51,7 @@ impl Kernel {
         for _ in 0..20 {
             stage.frame();
             if stage.render_world().resource::<PipelineCache>().get_compute_pipeline(pipeline).is_some() {
-                return Self { layout, pipeline, _shader: shader };
+                return Self { layouts, pipeline, _shader: shader };
             }
         }
         let state = format!("{:?}", stage.render_world().resource::<PipelineCache>().get_compute_pipeline_state(pipeline));
@@ -48,16 +60,28 @@ impl Kernel {
 
     /// Runs it once, over `groups` workgroups, and waits for nothing: reading back does.
     pub fn run(&self, stage: &Stage, bindings: &[BindGroupEntry], groups: (u32, u32)) {
+        self.run_with_groups(stage, &[bindings], groups);
+    }
+
+    /// The same for a shader with several groups of bindings.
+    pub fn run_with_groups(&self, stage: &Stage, bindings: &[&[BindGroupEntry]], groups: (u32, u32)) {
         let world = stage.render_world();
         let (device, cache) = (world.resource::<RenderDevice>(), world.resource::<PipelineCache>());
-        let bind_group = device.create_bind_group("frugal_tests/kernel", &cache.get_bind_group_layout(&self.layout), bindings);
+        let bind_groups = self
+            .layouts
+            .iter()
+            .zip(bindings)
+            .map(|(layout, bindings)| device.create_bind_group("frugal_tests/kernel", &cache.get_bind_group_layout(layout), bindings));
+        let bind_groups: Vec<_> = bind_groups.collect();
         let mut encoder = device.create_command_encoder(&CommandEncoderDescriptor { label: Some("frugal_tests/kernel") });
         {
             let mut pass =
                 encoder.begin_compute_pass(&ComputePassDescriptor { label: Some("frugal_tests/kernel"), timestamp_writes: None });
             let pipeline = cache.get_compute_pipeline(self.pipeline).unwrap_or_else(|| panic!("the kernel was compiled before"));
             pass.set_pipeline(pipeline);
-            pass.set_bind_group(0, &bind_group, &[]);
+            for (index, bind_group) in (0..).zip(&bind_groups) {
+                pass.set_bind_group(index, bind_group, &[]);
+            }
             pass.dispatch_workgroups(groups.0, groups.1, 1);
         }
         world.resource::<RenderQueue>().submit([encoder.finish()]);

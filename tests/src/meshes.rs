@@ -1,13 +1,15 @@
 //! Things to put on a stage.
 
-use bevy::asset::{Assets, RenderAssetUsages};
+use bevy::asset::{Assets, Handle, RenderAssetUsages};
+use bevy::camera::visibility::NoFrustumCulling;
 use bevy::color::{Color, LinearRgba};
 use bevy::ecs::entity::Entity;
 use bevy::image::{Image, ImageSampler};
-use bevy::math::Vec3;
-use bevy::mesh::{Mesh, Mesh3d};
-use bevy::pbr::{MeshMaterial3d, StandardMaterial};
-use bevy::prelude::Cuboid;
+use bevy::math::{Mat4, Vec3};
+use bevy::mesh::skinning::{SkinnedMesh, SkinnedMeshInverseBindposes};
+use bevy::mesh::{Mesh, Mesh3d, Meshable, VertexAttributeValues};
+use bevy::pbr::{Material, MeshMaterial3d, StandardMaterial};
+use bevy::prelude::{Cuboid, Plane3d};
 use bevy::render::render_resource::{Extent3d, TextureDimension, TextureFormat};
 use bevy::transform::components::Transform;
 use frugal::stage::Stage;
@@ -24,10 +26,10 @@ pub fn matt(red: f32, green: f32, blue: f32) -> StandardMaterial {
 }
 
 /// Puts a mesh on the stage.
-pub fn spawn(stage: &mut Stage, mesh: Mesh, material: StandardMaterial, transform: Transform) -> Entity {
+pub fn spawn<M: Material>(stage: &mut Stage, mesh: Mesh, material: M, transform: Transform) -> Entity {
     let world = stage.world_mut();
     let mesh = world.resource_mut::<Assets<Mesh>>().add(mesh);
-    let material = world.resource_mut::<Assets<StandardMaterial>>().add(material);
+    let material = world.resource_mut::<Assets<M>>().add(material);
     world.spawn((Mesh3d(mesh), MeshMaterial3d(material), transform)).id()
 }
 
@@ -36,10 +38,38 @@ pub fn spawn_box(stage: &mut Stage, center: Vec3, size: Vec3, material: Standard
     spawn(stage, Cuboid::from_size(size).into(), material, Transform::from_translation(center))
 }
 
-/// A sharp-edged texture of `width` × `height` sRGB texels.
-pub fn texture(stage: &mut Stage, width: u32, height: u32, texels: &[[u8; 4]]) -> bevy::asset::Handle<Image> {
+/// A square of 1 m in the plane y = 0, facing up. Texture coordinates begin at −x, −z.
+///
+/// Without `coordinates` for a texture, since a software driver compiles the shader of every mesh that has some anew in each frame.
+pub fn plate(coordinates: bool) -> Mesh {
+    let mut mesh: Mesh = Plane3d::default().mesh().size(1.0, 1.0).into();
+    if !coordinates {
+        mesh.remove_attribute(Mesh::ATTRIBUTE_UV_0);
+    }
+    mesh
+}
+
+/// The same mesh with a skin of one joint, which moves it as a transform would.
+pub fn with_one_joint(mesh: Mesh) -> Mesh {
+    let count = mesh.count_vertices();
+    mesh.with_inserted_attribute(Mesh::ATTRIBUTE_JOINT_INDEX, VertexAttributeValues::Uint16x4(vec![[0; 4]; count]))
+        .with_inserted_attribute(Mesh::ATTRIBUTE_JOINT_WEIGHT, vec![[1.0f32, 0.0, 0.0, 0.0]; count])
+}
+
+/// Gives a mesh [`with_one_joint`] its joint, and returns it.
+pub fn add_joint(stage: &mut Stage, skin: Entity) -> Entity {
+    let world = stage.world_mut();
+    let joint = world.spawn(Transform::default()).id();
+    let bind: SkinnedMeshInverseBindposes = vec![Mat4::IDENTITY].into();
+    let inverse_bindposes = world.resource_mut::<Assets<SkinnedMeshInverseBindposes>>().add(bind);
+    world.entity_mut(skin).insert((SkinnedMesh { inverse_bindposes, joints: vec![joint] }, NoFrustumCulling));
+    joint
+}
+
+/// A sharp-edged texture of `width` × `height` texels of [`TextureFormat::Rgba8UnormSrgb`], or [`TextureFormat::Rgba8Unorm`] for what is no colour.
+pub fn texture(stage: &mut Stage, format: TextureFormat, width: u32, height: u32, texels: &[[u8; 4]]) -> Handle<Image> {
     let size = Extent3d { width, height, depth_or_array_layers: 1 };
-    let mut image = Image::new(size, TextureDimension::D2, texels.concat(), TextureFormat::Rgba8UnormSrgb, RenderAssetUsages::RENDER_WORLD);
+    let mut image = Image::new(size, TextureDimension::D2, texels.concat(), format, RenderAssetUsages::RENDER_WORLD);
     image.sampler = ImageSampler::nearest();
     stage.world_mut().resource_mut::<Assets<Image>>().add(image)
 }

@@ -2,6 +2,7 @@
 
 use std::path::PathBuf;
 
+use bevy::app::App;
 use bevy::ecs::entity::Entity;
 use bevy::ecs::query::With;
 use bevy::math::{UVec2, Vec3};
@@ -10,6 +11,8 @@ use bevy_frugal_gi::gi::{FrugalGi, GiCounts};
 use bevy_frugal_gi::knobs::RenderSettings;
 use frugal::scene::{self, CameraPose, Geometry, Light, SceneDescription};
 use frugal::stage::{Component, Output, Radiance, Stage, StageOptions};
+
+use crate::naive_rsm::NaiveRsmPlugin;
 
 /// A scene of the repository by its name.
 pub fn scene(name: &str) -> SceneDescription {
@@ -27,17 +30,31 @@ pub fn radiance_options(width: u32, height: u32, component: Component) -> StageO
     StageOptions { output: Output::Radiance, component, ..options(width, height) }
 }
 
-/// Opens a stage.
+/// Opens a stage, on which the baseline can be shown too.
 pub fn open(scene: &SceneDescription, options: StageOptions) -> Stage {
-    Stage::open(scene, options).unwrap_or_else(|error| panic!("{error}"))
+    open_with(scene, options, |_| {})
+}
+
+/// The same with plugins of its own, which `extend` adds.
+fn open_with(scene: &SceneDescription, options: StageOptions, extend: impl FnOnce(&mut App)) -> Stage {
+    let extend = |app: &mut App| {
+        app.add_plugins(NaiveRsmPlugin);
+        extend(app);
+    };
+    Stage::open_with(scene, options, extend).unwrap_or_else(|error| panic!("{error}"))
 }
 
 /// A stage that holds `lights` and nothing else.
 pub fn bare(lights: Vec<Light>, options: StageOptions) -> Stage {
+    bare_with(lights, options, |_| {})
+}
+
+/// The same with plugins of its own, which `extend` adds.
+pub fn bare_with(lights: Vec<Light>, options: StageOptions, extend: impl FnOnce(&mut App)) -> Stage {
     let mut scene = SceneDescription::new(Geometry::Procedural("furnace".into()));
     (scene.lights, scene.exposure_ev100) = (lights, 8.0);
     scene.camera.near = 0.01;
-    let mut stage = open(&scene, options);
+    let mut stage = open_with(&scene, options, extend);
     let world = stage.world_mut();
     let meshes: Vec<Entity> = world.query_filtered::<Entity, With<Mesh3d>>().iter(world).collect();
     meshes.into_iter().for_each(|mesh| assert!(world.despawn(mesh)));

@@ -1,11 +1,15 @@
 //! What global illumination holds on the GPU, for tests and debuggers.
 
 use bevy::ecs::prelude::*;
+use bevy::math::{Mat4, Vec3};
 use bevy::render::render_resource::{Buffer, ShaderSize, Texture};
 use bevy::render::sync_world::MainEntity;
+use bevy::render::view::ExtractedView;
 
+use super::RsmView;
 use super::gather::{GatherSettings, GiCamera, VplPlan};
 use super::rsm::{RsmLight, RsmStore, TEXEL_BYTES};
+use super::visibility::OccluderBuffers;
 use super::vpl::{MapRow, RECEIVER_BYTES, VPL_BYTES};
 
 /// Bytes that the plugin counts with for the shaders' structs: name, and size of one in a buffer.
@@ -27,8 +31,27 @@ pub const STRUCT_BYTES: [(&str, u64); 10] = [
 pub struct GiGpuState {
     /// Texels of every reflective shadow map (`rsm/texel.wgsl`), where there are any.
     pub texels: Option<Buffer>,
+    /// What rays may meet, in the order of the bindings of `visibility/trace.wgsl`, while a camera traces.
+    pub occluders: Option<[Buffer; 4]>,
+    /// Every map that was rendered, in the order of its texels. Those that rest are not here: their texels are as they were.
+    pub maps: Vec<GiMapState>,
     /// Every camera that gathers.
     pub cameras: Vec<GiCameraState>,
+}
+
+/// One reflective shadow map.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct GiMapState {
+    /// Its light, the camera that it serves, and its face.
+    pub view: RsmView,
+    /// Its projection: the middle of texel (x, y) lies at clip position (2 (x + ½) ÷ resolution − 1, 1 − 2 (y + ½) ÷ resolution) · w.
+    pub clip_from_world: Mat4,
+    /// Texels along its side.
+    pub resolution: u32,
+    /// Index of its first texel in [`texels`](GiGpuState::texels); row by row from the top.
+    pub texel_offset: u32,
+    /// Where its light is, world space, metres; the origin where light is parallel.
+    pub light_position: Vec3,
 }
 
 /// What one camera holds.
@@ -51,6 +74,7 @@ pub struct GiCameraState {
 /// Looks at a render world.
 pub fn gpu_state(render_world: &World) -> GiGpuState {
     let texels = render_world.get_resource::<RsmStore>().and_then(|store| store.texels.clone());
+    let occluders = render_world.get_resource::<OccluderBuffers>().and_then(|occluders| occluders.buffers().cloned());
     let cameras = render_world.try_query::<(&MainEntity, &GiCamera)>().map_or_else(Vec::new, |mut cameras| {
         let state = |(main, camera): (&MainEntity, &GiCamera)| GiCameraState {
             camera: main.id(),
@@ -62,5 +86,22 @@ pub fn gpu_state(render_world: &World) -> GiGpuState {
         };
         cameras.iter(render_world).map(state).collect()
     });
-    GiGpuState { texels, cameras }
+    GiGpuState { texels, occluders, maps: maps(render_world), cameras }
+}
+
+fn maps(render_world: &World) -> Vec<GiMapState> {
+    let Some(mut maps) = render_world.try_query::<(&RsmView, &RsmLight, &ExtractedView)>() else { return Vec::new() };
+    let state = |(view, light, extracted): (&RsmView, &RsmLight, &ExtractedView)| {
+        let clip_from_world = || extracted.clip_from_view * extracted.world_from_view.to_matrix().inverse();
+        GiMapState {
+            view: *view,
+            clip_from_world: extracted.clip_from_world.unwrap_or_else(clip_from_world),
+            resolution: light.resolution,
+            texel_offset: light.texel_offset,
+            light_position: light.position,
+        }
+    };
+    let mut maps: Vec<_> = maps.iter(render_world).map(state).collect();
+    maps.sort_by_key(|map| map.texel_offset);
+    maps
 }

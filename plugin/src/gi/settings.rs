@@ -52,9 +52,14 @@ impl FrugalGi {
     /// Most VPLs that one pixel evaluates: as many of 48 bytes as fit into the 64 KiB of a uniform buffer that every GPU binds.
     pub const MAX_VPLS_PER_PIXEL: u32 = 1024;
 
+    /// Whether VPLs are drawn and gathered for this camera.
+    pub(super) fn gathers(&self) -> bool {
+        self.vpl_count > 0 && self.output != GiOutput::MapsOnly
+    }
+
     /// Whether rays are traced for this camera.
     pub(super) fn traces(&self) -> bool {
-        self.vpl_count > 0 && self.visibility.rays() > 0
+        self.gathers() && self.visibility.rays() > 0
     }
 }
 
@@ -175,6 +180,9 @@ pub enum GiOutput {
     Added,
     /// Indirect light alone, over black: for measuring and looking at it.
     IndirectOnly,
+    /// Nothing, and nothing is drawn from the reflective shadow maps or gathered: they are rendered, for passes of the app's own that read them
+    /// (see [`inspect`](super::inspect)).
+    MapsOnly,
 }
 
 /// Limits that hold for the whole app.

@@ -43,11 +43,23 @@ pub struct Settings {
     pub shading: Shading,
     /// How light with extent is found.
     pub strategy: Strategy,
+    /// Where in a pixel its paths start.
+    pub pixels: Pixels,
+}
+
+/// Where in a pixel its paths start.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Pixels {
+    /// All over it: the pixel is the mean over its own area.
+    #[default]
+    Area,
+    /// In its middle, where a renderer without antialiasing looks: edges are the same stairs in both.
+    Middle,
 }
 
 impl Default for Settings {
     fn default() -> Self {
-        Self { samples: 256, bounces: None, seed: 0, shading: Shading::default(), strategy: Strategy::default() }
+        Self { samples: 256, bounces: None, seed: 0, shading: Shading::default(), strategy: Strategy::default(), pixels: Pixels::default() }
     }
 }
 
@@ -93,7 +105,7 @@ type Pixel = ([f32; 3], [f32; 3], u64);
 /// Path-traces `view` of `scene` on all threads of rayon's pool; `None` if `watch` gave up. The result depends on the arguments alone, not
 /// on the number of threads.
 ///
-/// Pixels are boxes: each is the mean over its own area.
+/// Pixels are boxes: each is the mean over its own area, unless [`Settings::pixels`] says otherwise.
 pub fn render(scene: &ReferenceScene, view: &View, settings: &Settings, watch: Watch) -> Option<Rendering> {
     let UVec2 { x: width, y: height } = view.size;
     let rows: Vec<Vec<Pixel>> = (0..height)
@@ -123,7 +135,9 @@ fn pixel(scene: &ReferenceScene, view: &View, settings: &Settings, x: u32, y: u3
     let number = u64::from(y) * u64::from(view.size.x) + u64::from(x);
     for sample in 0..settings.samples {
         let mut sampler = Sampler::new(settings.seed, number, sample);
-        let [right, down] = sampler.pair();
+        // Drawn in either case, so that the rest of the path is the same.
+        let place = sampler.pair();
+        let [right, down] = if settings.pixels == Pixels::Middle { [0.5; 2] } else { place };
         let (origin, direction) = view.ray(f64::from(x) + right, f64::from(y) + down);
         let estimate = trace(scene, settings, origin, direction, &mut sampler);
         if estimate.is_sound() {

@@ -48,13 +48,21 @@ impl ReferenceScene {
     /// # Errors
     /// When a file that it names cannot be read or is broken.
     pub fn new(description: &SceneDescription) -> Result<Self, ReferenceError> {
+        Self::with_geometry(description, description.geometry()?)
+    }
+
+    /// The same with geometry that is there already, in place of what `description` names.
+    ///
+    /// # Errors
+    /// When the environment cannot be read or the geometry is broken.
+    pub fn with_geometry(description: &SceneDescription, geometry: SceneGeometry) -> Result<Self, ReferenceError> {
         let sky = match &description.environment {
             Environment::None => Sky::Black,
             Environment::Constant(radiance) if *radiance == [0.0; 3] => Sky::Black,
             Environment::Constant(radiance) => Sky::Constant(color(*radiance)),
             Environment::Map(file, intensity) => Sky::map(SkyMap::read(&description.resolve(file))?, *intensity),
         };
-        Self::from_parts(description.geometry()?, &description.lights, sky)
+        Self::from_parts(geometry, &description.lights, sky)
     }
 
     /// A scene of parts that are there already.

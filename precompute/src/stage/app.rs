@@ -17,8 +17,8 @@ use bevy_frugal_gi::gi::GiRefresh;
 use bevy_frugal_gi::knobs::{KnobPlugin, KnobRegistry, KnobSpace, KnobSpaceError};
 use bevy_frugal_gi::power::PowerPlugin;
 
-/// An app without window, log, signal handler and interface, whose clock steps by one frame an update.
-pub(super) fn build(frames_per_second: f64) -> App {
+/// An app without window, log, signal handler and interface, whose clock steps by one frame an update. `extend` adds to it before it is finished.
+pub(super) fn build(frames_per_second: f64, extend: impl FnOnce(&mut App)) -> App {
     let mut app = App::new();
     app.add_plugins(
         DefaultPlugins
@@ -37,6 +37,7 @@ pub(super) fn build(frames_per_second: f64) -> App {
     // A stage's camera stands still where an app's walks by: it must not be cheaper.
     .insert_resource(GiRefresh::AsIfCamerasMoved)
     .insert_resource(TimeUpdateStrategy::ManualDuration(Duration::from_secs_f64(1.0 / frames_per_second)));
+    extend(&mut app);
     app.finish();
     app.cleanup();
     app

@@ -181,6 +181,14 @@ impl Stage {
     /// # Errors
     /// When there is no adapter, the options make no sense, the scene's files cannot be read, or the renderer does not get ready.
     pub fn open(scene: &SceneDescription, options: StageOptions) -> Result<Self, StageError> {
+        Self::open_with(scene, options, |_| ())
+    }
+
+    /// [`open`](Self::open), in an app to which `extend` adds plugins: for materials that are not Bevy's, and passes that are compared with ours.
+    ///
+    /// # Errors
+    /// As [`open`](Self::open).
+    pub fn open_with(scene: &SceneDescription, options: StageOptions, extend: impl FnOnce(&mut App)) -> Result<Self, StageError> {
         // Ambient occlusion makes five mip levels of the view, also at half the resolution. Where there is no room for them, Bevy ends rendering.
         if options.size.min_element() == 0 || !(32..=8192).contains(&options.size.max_element()) {
             return Err(StageError::Size(options.size.x, options.size.y));
@@ -196,7 +204,7 @@ impl Stage {
         let geometry = scene.geometry()?;
         let rays = RayScene::from_geometry(&geometry);
         let bounds = geometry.bounds();
-        let mut app = app::build(options.frames_per_second);
+        let mut app = app::build(options.frames_per_second, extend);
         let (camera, target) = world::spawn(&mut app, scene, geometry, &options)?;
 
         let registry = app.world().resource::<KnobRegistry>().clone();

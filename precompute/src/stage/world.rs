@@ -39,7 +39,8 @@ pub(super) fn populate_with(
     camera: Entity,
 ) -> Result<(), StageError> {
     let reach = geometry.bounds().map_or(scene.camera.far, |b| b.size().length().min(scene.camera.far));
-    spawn_geometry(world, geometry);
+    let exposure = 1.0 / (1.2 * scene.exposure_ev100.exp2());
+    spawn_geometry(world, geometry, exposure);
     for light in &scene.lights {
         spawn_light(world, light, reach);
     }
@@ -53,7 +54,6 @@ pub(super) fn populate_with(
     if let Some(mut camera) = world.get_mut::<Camera>(camera) {
         camera.clear_color = ClearColorConfig::Custom(Color::BLACK);
     }
-    let exposure = 1.0 / (1.2 * scene.exposure_ev100.exp2());
     match &scene.environment {
         Environment::None => world.insert_resource(GlobalAmbientLight::NONE),
         Environment::Constant(radiance) => environment::constant(world, camera, *radiance, exposure),
@@ -125,13 +125,13 @@ pub(super) fn hold_overrides(world: &mut World, camera: Entity, options: &StageO
     }
 }
 
-fn spawn_geometry(world: &mut World, geometry: SceneGeometry) {
+fn spawn_geometry(world: &mut World, geometry: SceneGeometry, exposure: f32) {
     let textures: Vec<Handle<Image>> =
         geometry.textures.iter().map(|texture| world.resource_mut::<Assets<Image>>().add(image(texture))).collect();
     let materials: Vec<_> = geometry
         .materials
         .iter()
-        .map(|material| world.resource_mut::<Assets<StandardMaterial>>().add(standard_material(material, &textures)))
+        .map(|material| world.resource_mut::<Assets<StandardMaterial>>().add(standard_material(material, &textures, exposure)))
         .collect();
     for mesh in geometry.meshes {
         let Some(material) = materials.get(mesh.material).cloned() else { continue };
@@ -156,17 +156,17 @@ fn bevy_mesh(mesh: SceneMesh, textured: bool) -> Mesh {
     if textured { bare.with_inserted_attribute(Mesh::ATTRIBUTE_UV_0, uvs) } else { bare }
 }
 
-fn standard_material(material: &SceneMaterial, textures: &[Handle<Image>]) -> StandardMaterial {
+fn standard_material(material: &SceneMaterial, textures: &[Handle<Image>], exposure: f32) -> StandardMaterial {
     let [red, green, blue, alpha] = material.base_color;
+    // Nits: exposed as every other light is. Bevy 0.19 forgets `emissive_exposure_weight` on the way through the G-buffer.
+    let glow = material.emissive.map(|radiance| radiance * exposure);
     StandardMaterial {
         base_color: Color::LinearRgba(LinearRgba::new(red, green, blue, alpha)),
         base_color_texture: material.base_color_texture.and_then(|index| textures.get(index).cloned()),
         perceptual_roughness: material.perceptual_roughness,
         metallic: material.metallic,
         reflectance: material.reflectance,
-        emissive: LinearRgba::rgb(material.emissive[0], material.emissive[1], material.emissive[2]),
-        // Nits: exposed as every other light is.
-        emissive_exposure_weight: 1.0,
+        emissive: LinearRgba::rgb(glow[0], glow[1], glow[2]),
         alpha_mode: match material.alpha {
             crate::scene::AlphaMode::Opaque => AlphaMode::Opaque,
             crate::scene::AlphaMode::Mask(cutoff) => AlphaMode::Mask(cutoff),

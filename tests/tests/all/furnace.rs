@@ -11,18 +11,18 @@ tests!(direct_light_is_the_closed_form, one_bounce_is_the_closed_form, the_bounc
 
 const LUMENS: f64 = 20_000.0;
 const RADIUS: f64 = 2.0;
-const ALBEDO: f64 = 0.8;
+pub const ALBEDO: f64 = 0.8;
 
 /// Of the closed form. The G-buffer's eight bits take 0.4 %, facets of the sphere 0.3 % of R², half floats 0.05 %.
-const TOLERANCE: f64 = 0.02;
+pub const TOLERANCE: f64 = 0.02;
 
-fn direct_radiance() -> f64 {
+pub fn direct_radiance() -> f64 {
     let candela = LUMENS / (4.0 * std::f64::consts::PI);
     ALBEDO / std::f64::consts::PI * candela / (RADIUS * RADIUS)
 }
 
 /// Largest and mean relative deviation of any pixel and channel.
-fn deviation(radiance: &Radiance, expected: f64) -> (f64, f64) {
+pub fn deviation(radiance: &Radiance, expected: f64) -> (f64, f64) {
     let off: Vec<f64> = radiance.rgb.iter().flatten().map(|value| (f64::from(*value) / expected - 1.0).abs()).collect();
     assert!(off.iter().all(|value| value.is_finite()), "a pixel is not finite");
     (off.iter().copied().fold(0.0, f64::max), off.iter().sum::<f64>() / off.len() as f64)

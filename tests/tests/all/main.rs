@@ -14,30 +14,46 @@ mod cli_journal;
 mod command;
 mod contracts;
 mod control;
+mod extremes;
 mod furnace;
 mod gi;
-mod gi_geometry;
 mod golden;
 mod knobs;
+mod materials;
+mod naive;
 mod refresh;
 mod sampling;
 mod shaders;
+mod stability;
 mod visibility;
 
 /// Tests by module, and whether they need an adapter.
-const MODULES: [(&str, &[(&str, fn())], bool); 13] = [
+const MODULES: &[(&str, &[(&str, fn())], bool)] = &[
     ("cli", cli::TESTS, false),
     ("cli_journal", cli_journal::TESTS, true),
     ("contracts", contracts::TESTS, true),
     ("control", control::TESTS, true),
+    ("extremes::counts", extremes::counts::TESTS, true),
+    ("extremes::energy", extremes::energy::TESTS, true),
+    ("extremes::filter", extremes::filter::TESTS, true),
+    ("extremes::gather", extremes::gather::TESTS, true),
+    ("extremes::lights", extremes::lights::TESTS, true),
+    ("extremes::maps", extremes::maps::TESTS, true),
+    ("extremes::rays", extremes::rays::TESTS, true),
+    ("extremes::scenes", extremes::scenes::TESTS, true),
+    ("extremes::views", extremes::views::TESTS, true),
     ("furnace", furnace::TESTS, true),
     ("gi", gi::TESTS, true),
-    ("gi_geometry", gi_geometry::TESTS, true),
     ("golden", golden::TESTS, true),
     ("knobs", knobs::TESTS, true),
+    ("materials::custom", materials::custom::TESTS, true),
+    ("materials::shaped", materials::shaped::TESTS, true),
+    ("materials::standard", materials::standard::TESTS, true),
+    ("naive", naive::TESTS, true),
     ("refresh", refresh::TESTS, true),
     ("sampling", sampling::TESTS, true),
     ("shaders", shaders::TESTS, false),
+    ("stability", stability::TESTS, true),
     ("visibility", visibility::TESTS, true),
 ];
 
@@ -49,7 +65,7 @@ fn main() {
     if no_adapter {
         eprintln!("no graphics adapter: the tests that need one are ignored");
     }
-    let trials = MODULES.into_iter().flat_map(|(module, tests, needs_adapter)| {
+    let trials = MODULES.iter().copied().flat_map(|(module, tests, needs_adapter)| {
         tests.iter().map(move |(name, test)| {
             let test = *test;
             let run = move || {

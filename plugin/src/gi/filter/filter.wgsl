@@ -19,7 +19,7 @@ const GROUP: u32 = 8u;
 const WINDOW: u32 = #{WINDOW}u;
 const TILE: u32 = GROUP + WINDOW;
 
-/// Position, and whether there is a surface.
+/// Position, and whether there is a surface: 1 where there is, −1 where what it gathered is no number or infinite.
 var<workgroup> positions: array<vec4<f32>, TILE * TILE>;
 var<workgroup> normals: array<vec3<f32>, TILE * TILE>;
 var<workgroup> light: array<vec3<f32>, TILE * TILE>;
@@ -41,9 +41,12 @@ fn filter_gathered(
         let pixel = representative(cell, vec2(gather.cell_width, gather.cell_height), size);
         let depth = textureLoad(depth_buffer, pixel, 0);
         let position = pixel_position(pixel, size, max(depth, 1e-30), view.world_from_clip);
-        positions[i] = vec4(position, select(0.0, 1.0, inside && depth > 0.0));
+        let found = textureLoad(gathered, cell, 0).rgb;
+        // The largest half float. What is no number compares false.
+        let sound = all(found >= vec3(0.0)) && all(found <= vec3(65504.0));
+        positions[i] = vec4(position, select(0.0, select(-1.0, 1.0, sound), inside && depth > 0.0));
         normals[i] = surface_normal(textureLoad(g_buffer, pixel, 0));
-        light[i] = textureLoad(gathered, cell, 0).rgb;
+        light[i] = select(vec3(0.0), found, sound);
     }
     workgroupBarrier();
     let center = (local.y + WINDOW / 2u) * TILE + local.x + WINDOW / 2u;
@@ -57,7 +60,7 @@ fn filter_gathered(
             let other = (local.y + y) * TILE + local.x + x;
             let there = positions[other];
             let share = select(1.0, 0.5, x == 0u || x == WINDOW) * select(1.0, 0.5, y == 0u || y == WINDOW);
-            let weight = share * there.w * surface_affinity(there.xyz - position.xyz, normal, normals[other], tolerance);
+            let weight = share * max(there.w, 0.0) * surface_affinity(there.xyz - position.xyz, normal, normals[other], tolerance);
             // A weight of nothing must not let through what is no number.
             sum += select(vec3(0.0), weight * light[other], weight > 0.0);
             weights += weight;
@@ -66,6 +69,6 @@ fn filter_gathered(
     if any(id.xy >= cells) {
         return;
     }
-    // The pixel's own weight is 1, but where there is no surface.
-    textureStore(filtered, id.xy, vec4(select(vec3(0.0), sum / max(weights, 1e-12), position.w > 0.0), 1.0));
+    // The pixel's own weight is 1, but where there is no surface. Where what it gathered is no number, it gets what its neighbours found.
+    textureStore(filtered, id.xy, vec4(select(vec3(0.0), sum / max(weights, 1e-12), position.w != 0.0), 1.0));
 }

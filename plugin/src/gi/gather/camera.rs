@@ -122,7 +122,7 @@ pub(in crate::gi) fn prepare_cameras(
     for (entity, main_entity, gi, camera, view, jitters) in &cameras {
         let map_rows = rows_of(main_entity.id(), &maps);
         let Some(size) = camera.physical_viewport_size.filter(|size| size.min_element() > 0) else { continue };
-        if gi.vpl_count == 0 || map_rows.is_empty() || store.texels.is_none() {
+        if !gi.gathers() || map_rows.is_empty() || store.texels.is_none() {
             if held.contains(entity) {
                 commands.entity(entity).remove::<GiCamera>();
             }

@@ -49,7 +49,7 @@ impl FromWorld for GatherPipelines {
                 ),
             ),
         );
-        let occluders = world.resource::<OccluderBuffers>().layout().clone();
+        let occluders = OccluderBuffers::layout();
         let shader: Handle<Shader> = load_embedded_asset!(world, "gather.wgsl");
         let cache = world.resource::<PipelineCache>();
         let pipelines = GiVisibility::ALL.map(|visibility| {

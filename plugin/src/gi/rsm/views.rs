@@ -2,7 +2,7 @@
 
 use bevy::camera::visibility::{InheritedVisibility, RenderLayers};
 use bevy::camera::{Camera, Camera3d, OrthographicProjection, PerspectiveProjection, Projection, RenderTarget, ScalingMode};
-use bevy::core_pipeline::prepass::DeferredPrepass;
+use bevy::core_pipeline::prepass::{DeferredPrepass, DepthPrepass};
 use bevy::ecs::prelude::*;
 use bevy::light::cluster::Clusters;
 use bevy::light::{DirectionalLight, PointLight, SpotLight};
@@ -257,6 +257,8 @@ fn spawn(commands: &mut Commands, wanted: Wanted) {
         Camera { order: wanted.order(), ..Default::default() },
         RenderTarget::None { size: UVec2::splat(wanted.resolution) },
         Msaa::Off,
+        // For what is rendered forward: it leaves its depth alone, and so meets the light as something black.
+        DepthPrepass,
         DeferredPrepass,
         wanted.projection,
         wanted.transform,

@@ -26,21 +26,26 @@ struct Held {
 
 impl FromWorld for OccluderBuffers {
     fn from_world(_: &mut World) -> Self {
-        let read = || storage_buffer_read_only_sized(false, None);
-        let entries = BindGroupLayoutEntries::sequential(ShaderStages::COMPUTE, (read(), read(), read(), read()));
-        Self { layout: BindGroupLayoutDescriptor::new("bevy_frugal_gi/visibility", &entries), held: None }
+        Self { layout: Self::layout(), held: None }
     }
 }
 
 impl OccluderBuffers {
-    /// Layout of group 1.
-    pub fn layout(&self) -> &BindGroupLayoutDescriptor {
-        &self.layout
+    /// Layout of group 1. Not the resource's own: Bevy makes GPU resources in an order that other plugins change, so none may need another.
+    pub fn layout() -> BindGroupLayoutDescriptor {
+        let read = || storage_buffer_read_only_sized(false, None);
+        let entries = BindGroupLayoutEntries::sequential(ShaderStages::COMPUTE, (read(), read(), read(), read()));
+        BindGroupLayoutDescriptor::new("bevy_frugal_gi/visibility", &entries)
     }
 
     /// Group 1, while a camera traces.
     pub fn bind_group(&self) -> Option<&BindGroup> {
         self.held.as_ref().map(|held| &held.bind_group)
+    }
+
+    /// The buffers of group 1, in the order of its bindings.
+    pub fn buffers(&self) -> Option<&[Buffer; 4]> {
+        self.held.as_ref().map(|held| &held.buffers)
     }
 
     /// Bytes held on the GPU.

@@ -136,4 +136,9 @@ fn the_picture_is_upright_and_pixels_are_boxes() {
     assert_eq!(rendering.direct.rgb, expected, "256 stratified samples know a half and a quarter exactly");
     assert_eq!((rendering.direct.width, rendering.direct.height, rendering.dropped), (5, 3, 0));
     assert_eq!(rendering.full(), rendering.direct);
+    // Moved a little up and to the right, no pixel's middle lies on an edge: each is lit or not.
+    let moved = View { pose: CameraPose { position: Vec3::new(0.1, 0.1, 0.0), ..view.pose }, ..view };
+    let rendering = picture(&scene, &moved, &Settings { pixels: Pixels::Middle, samples: 4, ..settings });
+    let expected = [8, 8, 0, 0, 0, 8, 8, 0, 0, 0, 0, 0, 0, 0, 0].map(|value| [value as f32; 3]);
+    assert_eq!(rendering.direct.rgb, expected);
 }

@@ -1,0 +1,164 @@
+//! How much a picture changes that should not, and does not change that should, while light or camera moves: the plugin against `naive-rsm`.
+//!
+//! `cargo bench --workspace --bench stability --profile dev -- [--size WxH] [--spp N] [--count FRAMES] [light | camera]…`
+//!
+//! `courtyard` with its sun alone and without its textures. Temporal error: mean over successive frames, pixels and channels of |Δframe − Δtruth| ÷ mean of the truth, where the truth is
+//! path-traced with the same random numbers in every frame, so that most of its noise is in no difference. What is left of it is measured with a
+//! second seed; the truth is the mean of both. Error of the first frame: relative L1 of 4x4 means.
+
+use bevy::ecs::query::With;
+use bevy::light::DirectionalLight;
+use bevy::math::{Quat, UVec2};
+use bevy::transform::components::Transform;
+use frugal::metrics::{Difference, Radiance};
+use frugal::reference::Pixels;
+use frugal::scene::{CameraPose, Light, SceneDescription};
+use frugal::stage::{Component, Stage, adapter};
+use frugal_tests::arguments::Arguments;
+use frugal_tests::method::Method;
+use frugal_tests::naive_rsm::{NaiveRsm, Weights};
+use frugal_tests::set;
+use frugal_tests::table::markdown;
+use frugal_tests::truth::{self, Tracing, mean_absolute_difference};
+
+/// Of the sun around the vertical, degrees a frame: 3 degrees a second at 30 frames.
+const SUN_STEP_DEGREES: f32 = 0.1;
+/// Of the time on the camera's path: its three metres a second become six decimetres at 30 frames a second, two centimetres a frame.
+const PATH_STEP_SECONDS: f32 = 0.0067;
+
+fn methods() -> Vec<Method> {
+    let naive = |radius, weights| Method::naive(NaiveRsm { radius, weights, ..Default::default() }, 128);
+    vec![
+        naive(0.1, Weights::Exact),
+        naive(0.3, Weights::Exact),
+        naive(0.3, Weights::Published),
+        Method::ours(256, "8x8", "none", "1/16", 64),
+        Method::ours(1024, "8x8", "coarse", "1/16", 128),
+        Method::ours(1024, "4x4", "coarse", "1/4", 128),
+        Method::ours(4096, "8x8", "fine", "1/4", 128),
+        Method::ours(4096, "4x4", "fine", "1/1", 256),
+        Method::ours(4096, "2x2", "fine", "1/1", 512),
+    ]
+}
+
+/// What moves.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Motion {
+    Light,
+    Camera,
+}
+
+impl Motion {
+    /// Turn of the sun and pose of the camera in a frame.
+    fn at(self, scene: &SceneDescription, frame: u32) -> (Quat, CameraPose) {
+        let turn = if self == Self::Light { frame as f32 * SUN_STEP_DEGREES.to_radians() } else { 0.0 };
+        let time = if self == Self::Camera { frame as f32 * PATH_STEP_SECONDS } else { 0.0 };
+        let pose = scene.paths["tour"].sample(time).unwrap_or_else(|| panic!("courtyard has a path"));
+        (Quat::from_rotation_y(turn), pose)
+    }
+}
+
+fn main() {
+    let Some(adapter) = adapter() else {
+        println!("no graphics adapter: nothing is measured");
+        return;
+    };
+    let options = Arguments { size: UVec2::new(96, 54), samples: 256, count: 8, names: vec![] }.read();
+    println!(
+        "Adapter: {}. `courtyard`, sun alone, no textures, {}x{}, {} steps.\n",
+        adapter.name, options.size.x, options.size.y, options.count
+    );
+    for (motion, name) in [(Motion::Light, "light"), (Motion::Camera, "camera")] {
+        if options.wants(name) {
+            measure(motion, name, &options);
+        }
+    }
+}
+
+fn turned(scene: &SceneDescription, turn: Quat) -> SceneDescription {
+    let mut scene = scene.clone();
+    for light in &mut scene.lights {
+        if let Light::Directional { direction, .. } = light {
+            *direction = turn * *direction;
+        }
+    }
+    scene
+}
+
+fn differences(frames: &[Radiance]) -> Vec<Vec<[f32; 3]>> {
+    let difference = |pair: &[Radiance]| pair[0].rgb.iter().zip(&pair[1].rgb).map(|(a, b)| [0, 1, 2].map(|i| b[i] - a[i])).collect();
+    frames.windows(2).map(difference).collect()
+}
+
+/// Mean over steps of the mean absolute difference of two sequences' steps.
+fn temporal_error(a: &[Vec<[f32; 3]>], b: &[Vec<[f32; 3]>]) -> f64 {
+    a.iter().zip(b).map(|(a, b)| mean_absolute_difference(a, b)).sum::<f64>() / a.len() as f64
+}
+
+fn measure(motion: Motion, name: &str, options: &Arguments) {
+    let scene = truth::lamps_only(&set::scene("courtyard"));
+    let started = std::time::Instant::now();
+    let traced = |seed: u64| -> Vec<Radiance> {
+        let frame = |frame| {
+            let (turn, pose) = motion.at(&scene, frame);
+            let tracing = Tracing { size: options.size, samples: options.samples, seed, pixels: Pixels::Middle };
+            truth::one_bounce_untextured(&turned(&scene, turn), pose, tracing)
+        };
+        (0..=options.count).map(frame).collect()
+    };
+    let (frames, second) = (traced(0), traced(1));
+    let start = &frames[0];
+    let mean = start.mean();
+    let (first, second) = (differences(&frames), differences(&second));
+    let truth: Vec<Vec<[f32; 3]>> =
+        first.iter().zip(&second).map(|(a, b)| a.iter().zip(b).map(|(a, b)| [0, 1, 2].map(|i| 0.5 * (a[i] + b[i]))).collect()).collect();
+    let still = vec![vec![[0.0; 3]; truth[0].len()]; truth.len()];
+    let percent = |value: f64| format!("{:.3} %", 100.0 * value / mean);
+    println!("## The {name} moves\n");
+    println!(
+        "Truth: twice {} paths a pixel, {:.0} s. Its own noise: {} of the mean; a picture that never changes errs by {}.\n",
+        options.samples,
+        started.elapsed().as_secs_f64(),
+        percent(0.5 * temporal_error(&first, &second)),
+        percent(temporal_error(&still, &truth))
+    );
+    let mut stage = set::open(&scene, set::radiance_options(options.size.x, options.size.y, Component::Indirect));
+    truth::strip_textures(&mut stage);
+    let rest = sun(&mut stage);
+    let mut found = Vec::new();
+    for method in methods() {
+        move_to(&mut stage, motion.at(&scene, 0), rest);
+        let mut frames = vec![method.radiance(&mut stage)];
+        for frame in 1..=options.count {
+            move_to(&mut stage, motion.at(&scene, frame), rest);
+            stage.frame();
+            frames.push(stage.radiance().unwrap_or_else(|error| panic!("{error}")));
+        }
+        let picture = Difference::new(&frames[0], start, None).unwrap_or_else(|error| panic!("{error}"));
+        found.push((method, picture.relative_l1_boxes, temporal_error(&differences(&frames), &truth)));
+    }
+    // What is dark hardly changes: the baseline is not the variant that is stillest, but the one that is nearest to the truth.
+    let naive = found.iter().filter(|(method, ..)| method.is_naive()).min_by(|a, b| a.1.total_cmp(&b.1));
+    let naive = naive.unwrap_or_else(|| panic!("there are some")).2;
+    let row = |(method, picture, temporal): &(Method, f64, f64)| {
+        vec![method.name.clone(), format!("{picture:.3}"), percent(*temporal), format!("{:.2}", temporal / naive)]
+    };
+    let headers = ["method", "error of the first frame", "temporal error", "of the nearest naive-rsm's"];
+    println!("{}\n", markdown(&headers, &found.iter().map(row).collect::<Vec<_>>()));
+}
+
+/// The sun's direction of travel at rest.
+fn sun(stage: &mut Stage) -> Quat {
+    let world = stage.world_mut();
+    let sun = world.query_filtered::<&Transform, With<DirectionalLight>>().single(world);
+    sun.unwrap_or_else(|error| panic!("courtyard's sun: {error}")).rotation
+}
+
+fn move_to(stage: &mut Stage, (turn, pose): (Quat, CameraPose), rest: Quat) {
+    stage.place(pose.position, pose.rotation);
+    let world = stage.world_mut();
+    let mut suns = world.query_filtered::<&mut Transform, With<DirectionalLight>>();
+    for mut sun in suns.iter_mut(world) {
+        sun.rotation = turn * rest;
+    }
+}

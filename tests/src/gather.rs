@@ -1,0 +1,116 @@
+//! The shipped gather on pixels and virtual point lights of a test's own, and its twin in 64-bit floats.
+
+use bevy::math::DVec3;
+use bevy::render::render_resource::binding_types::{
+    storage_buffer_read_only_sized, texture_2d, texture_depth_2d, texture_storage_2d, uniform_buffer_sized,
+};
+use bevy::render::render_resource::{
+    BindGroupEntries, BindGroupEntry, BindGroupLayoutEntries, BindGroupLayoutEntry, Buffer, ShaderStages, StorageTextureAccess,
+    TextureFormat, TextureSampleType,
+};
+use bevy::shader::ShaderDefVal;
+use bevy_frugal_gi::gi::FrugalGi;
+use frugal::stage::Stage;
+
+use crate::gpu::{self, Point};
+use crate::kernel::{self, Kernel};
+use crate::pixels::{Pixels, Plane};
+
+/// `gather/gather.wgsl`, compiled.
+pub struct Gather {
+    kernel: Kernel,
+}
+
+impl Gather {
+    /// Without rays, or with as many a pixel.
+    pub fn new(stage: &mut Stage, rays: u32) -> Self {
+        let pixels = BindGroupLayoutEntries::sequential(
+            ShaderStages::COMPUTE,
+            (
+                texture_2d(TextureSampleType::Uint),
+                texture_depth_2d(),
+                uniform_buffer_sized(false, None),
+                uniform_buffer_sized(false, None),
+                uniform_buffer_sized(false, None),
+                storage_buffer_read_only_sized(false, None),
+                texture_storage_2d(TextureFormat::Rgba16Float, StorageTextureAccess::WriteOnly),
+            ),
+        );
+        let read = || storage_buffer_read_only_sized(false, None);
+        let occluders = BindGroupLayoutEntries::sequential(ShaderStages::COMPUTE, (read(), read(), read(), read()));
+        let both: [&[BindGroupLayoutEntry]; 2] = [&pixels, &occluders];
+        let (defs, groups) = if rays == 0 { (vec![], &both[..1]) } else { (vec![ShaderDefVal::UInt("RAYS".into(), rays)], &both[..]) };
+        Self { kernel: Kernel::with_groups(stage, "gi/gather/gather.wgsl", "gather_vpls", defs, groups) }
+    }
+
+    /// Exposed irradiance of every pixel from one set of `vpls`, as stored.
+    pub fn run(&self, stage: &Stage, pixels: &Pixels, plane: &Plane, vpls: &[Point]) -> Vec<[f64; 4]> {
+        self.run_with(stage, pixels, plane, vpls, None)
+    }
+
+    /// The same with what rays may meet.
+    pub fn run_with(
+        &self,
+        stage: &Stage,
+        pixels: &Pixels,
+        plane: &Plane,
+        vpls: &[Point],
+        occluders: Option<&[Buffer; 4]>,
+    ) -> Vec<[f64; 4]> {
+        let mut words: Vec<f32> = vpls.iter().flat_map(|vpl| vpl.to_vpl()).collect();
+        words.resize(Point::VPL_WORDS * FrugalGi::MAX_VPLS_PER_PIXEL as usize, 0.0);
+        let (view, vpl_buffer) = (pixels.view(stage, plane), kernel::buffer(stage, &gpu::bytes(&words)));
+        let (settings, plan) = (settings(stage), plan(stage, vpls.len() as u32));
+        let texture = pixels.output(stage);
+        let output = texture.create_view(&Default::default());
+        let bindings = BindGroupEntries::sequential((
+            &pixels.g_buffer,
+            &pixels.depth,
+            view.as_entire_binding(),
+            vpl_buffer.as_entire_binding(),
+            settings.as_entire_binding(),
+            plan.as_entire_binding(),
+            &output,
+        ));
+        let workgroups = (pixels.size[0].div_ceil(8), pixels.size[1].div_ceil(8));
+        match occluders {
+            None => self.kernel.run(stage, &bindings, workgroups),
+            Some(occluders) => {
+                let [a, b, c, d] = occluders.each_ref().map(|buffer| buffer.as_entire_binding());
+                let occluders = BindGroupEntries::sequential((a, b, c, d));
+                let both: [&[BindGroupEntry]; 2] = [&bindings, &occluders];
+                self.kernel.run_with_groups(stage, &both, workgroups);
+            }
+        }
+        gpu::read_halves(stage.render_world(), &texture)
+    }
+}
+
+/// `Gather` for cells of one pixel, all of the first set.
+pub fn settings(stage: &Stage) -> Buffer {
+    kernel::buffer(stage, &[1, 1, 0, 0].map(u32::to_le_bytes).concat())
+}
+
+/// `Plan` of one set.
+pub fn plan(stage: &Stage, count: u32) -> Buffer {
+    kernel::buffer(stage, &[1, 1, count, count.next_multiple_of(16)].map(u32::to_le_bytes).concat())
+}
+
+/// Exposed irradiance of one point, in 64-bit floats: the twin of `gather.wgsl`, but for halves.
+pub fn irradiance(vpls: &[Point], position: DVec3, normal: DVec3, exposure: f32) -> [f64; 3] {
+    let mut sum = [0.0; 3];
+    for vpl in vpls {
+        let geometry = geometry(vpl, position, normal);
+        (0..3).for_each(|channel| sum[channel] += f64::from(vpl.flux[channel]) * geometry);
+    }
+    sum.map(|sum| sum * f64::from(exposure) / std::f64::consts::PI)
+}
+
+/// The geometry term between a point and a piece of surface, 1/m².
+pub fn geometry(vpl: &Point, position: DVec3, normal: DVec3) -> f64 {
+    let [from, facing] = [vpl.position, vpl.normal].map(|vector| DVec3::from_array(vector.map(f64::from)));
+    let way = from - position;
+    let square = way.length_squared().max(1e-18);
+    let cosines = normal.dot(way).max(0.0) / square * (-facing.dot(way)).max(0.0) / square;
+    cosines.min(f64::from(vpl.extent))
+}

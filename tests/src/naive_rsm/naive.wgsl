@@ -1,0 +1,113 @@
+// Dachsbacher and Stamminger 2005, "Reflective Shadow Maps": a pixel sums a few hundred texels around its own projection into a light's map.
+//
+// One draw for each light, added to the picture. With CUBE the map has six faces and the samples lie on the sphere of directions around the
+// lamp; the method as published knows maps of one face.
+
+#import bevy_core_pipeline::fullscreen_vertex_shader::FullscreenVertexOutput
+#import bevy_render::view::View
+#import bevy_frugal_gi::gi::rsm::texel::{Texel, texel_normal}
+#import bevy_frugal_gi::gi::surface::{Surface, read_surface}
+
+struct Face {
+    clip_from_world: mat4x4<f32>,
+    /// First texel in the store.
+    texel_offset: u32,
+}
+
+struct Map {
+    /// Those of a cube by the axis that they look along: +X, −X, +Y, −Y, +Z, −Z. Else the first alone.
+    faces: array<Face, 6>,
+    /// Of the lamp, world space, metres.
+    light_position: vec3<f32>,
+    /// Texels along the side of a face.
+    side: f32,
+    /// Most that the geometry term cosθ·cosθ′/d² may be, 1/m².
+    largest_geometry_term: f32,
+}
+
+@group(0) @binding(0) var g_buffer: texture_2d<u32>;
+@group(0) @binding(1) var depth_buffer: texture_depth_2d;
+@group(0) @binding(2) var<uniform> view: View;
+@group(0) @binding(3) var<storage, read> texels: array<Texel>;
+@group(0) @binding(4) var<uniform> pattern: array<vec4<f32>, #{SAMPLES}>;
+@group(0) @binding(5) var<uniform> map: Map;
+
+/// A texel, and how many it stands for.
+struct Chosen {
+    index: u32,
+    count: f32,
+}
+
+/// Place on a face that a clip position projects to, in texels from the upper left corner.
+fn place_on(clip: vec4<f32>) -> vec2<f32> {
+    // What lies beside or behind a lamp has no projection; it is taken to the border in its direction.
+    return (clip.xy / max(clip.w, 1e-4) * vec2(0.5, -0.5) + 0.5) * map.side;
+}
+
+fn index_of(face: u32, place: vec2<f32>) -> u32 {
+    let texel = vec2<u32>(clamp(place, vec2(0.0), vec2(map.side - 1.0)));
+    return map.faces[face].texel_offset + texel.y * u32(map.side) + texel.x;
+}
+
+#ifdef CUBE
+/// Axes whose third is along the way from the lamp to the pixel.
+fn frame_of(position: vec3<f32>) -> mat3x3<f32> {
+    let way = position - map.light_position;
+    let along = way * inverseSqrt(max(dot(way, way), 1e-24));
+    let other = select(vec3(0.0, 1.0, 0.0), vec3(1.0, 0.0, 0.0), abs(along.y) > 0.9);
+    let across = normalize(cross(other, along));
+    return mat3x3(across, cross(along, across), along);
+}
+
+fn choose(drawn: vec4<f32>, frame: mat3x3<f32>) -> Chosen {
+    let direction = frame * drawn.xyz;
+    let size = abs(direction);
+    let is_x = size.x >= size.y && size.x >= size.z;
+    let is_y = size.y >= size.z;
+    let along = select(select(direction.z, direction.y, is_y), direction.x, is_x);
+    let face = select(select(4u, 2u, is_y), 0u, is_x) + select(0u, 1u, along < 0.0);
+    let place = place_on(map.faces[face].clip_from_world * vec4(map.light_position + direction, 1.0));
+    // A texel's solid angle is (2 ÷ side)² cos³θ, θ from the axis of its face.
+    let cosine = max(abs(along), 0.5);
+    return Chosen(index_of(face, place), drawn.w * map.side * map.side * 0.25 / (cosine * cosine * cosine));
+}
+#else
+fn frame_of(position: vec3<f32>) -> vec2<f32> {
+    return clamp(place_on(map.faces[0].clip_from_world * vec4(position, 1.0)), vec2(0.0), vec2(map.side));
+}
+
+fn choose(drawn: vec4<f32>, center: vec2<f32>) -> Chosen {
+    let place = center + drawn.xy * map.side;
+    let is_on_map = all(place >= vec2(0.0)) && all(place < vec2(map.side));
+    return Chosen(index_of(0u, place), select(0.0, drawn.z * map.side * map.side, is_on_map));
+}
+#endif
+
+/// Irradiance from one texel, without the factor 1/π that its cosine lobe and the sum share. Lux · π.
+fn from_texel(texel: Texel, surface: Surface) -> vec3<f32> {
+    let way = texel.position - surface.position;
+    let inverse = 1.0 / clamp(dot(way, way), 1e-18, 1e38);
+    let receiver = max(dot(surface.normal, way), 0.0) * inverse;
+    let emitter = max(-dot(texel_normal(texel), way), 0.0) * inverse;
+    return texel.flux * min(receiver * emitter, map.largest_geometry_term);
+}
+
+@fragment
+fn naive_rsm(in: FullscreenVertexOutput) -> @location(0) vec4<f32> {
+    let size = textureDimensions(g_buffer);
+    let pixel = min(vec2<u32>(in.position.xy), size - 1u);
+    let depth = textureLoad(depth_buffer, pixel, 0);
+    if depth == 0.0 {
+        return vec4(0.0);
+    }
+    let surface = read_surface(textureLoad(g_buffer, pixel, 0), pixel, size, depth, view.world_from_clip);
+    let frame = frame_of(surface.position);
+    var sum = vec3(0.0);
+    for (var i = 0u; i < #{SAMPLES}u; i++) {
+        let chosen = choose(pattern[i], frame);
+        sum += chosen.count * from_texel(texels[chosen.index], surface);
+    }
+    // As the plugin's gather and composite have it.
+    let received = min(sum * (view.exposure * 0.31830987), vec3(65000.0));
+    return vec4(received * surface.albedo * 0.31830987, 0.0);
+}

@@ -1,0 +1,69 @@
+//! What pictures are held against: path tracing on the processor.
+
+use bevy::asset::Assets;
+use bevy::math::UVec2;
+use bevy::pbr::StandardMaterial;
+use bevy::prelude::AlphaMode;
+use frugal::metrics::Radiance;
+use frugal::reference::{Pixels, ReferenceScene, Settings, Shading, View, Watch, render};
+use frugal::scene::{CameraPose, Environment, SceneDescription};
+use frugal::stage::Stage;
+
+/// `scene` without the light from all around: it bounces in the truth and not in what is measured.
+pub fn lamps_only(scene: &SceneDescription) -> SceneDescription {
+    SceneDescription { environment: Environment::None, ..scene.clone() }
+}
+
+/// How a truth is traced.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Tracing {
+    /// Width and height, pixels.
+    pub size: UVec2,
+    /// Paths per pixel.
+    pub samples: u32,
+    /// Seed of all random numbers.
+    pub seed: u64,
+    /// Where in a pixel paths start.
+    pub pixels: Pixels,
+}
+
+/// One bounce of the scene's lamps and suns between surfaces that scatter evenly, nits.
+pub fn one_bounce(scene: &SceneDescription, pose: CameraPose, tracing: Tracing) -> Radiance {
+    let traced = ReferenceScene::new(&lamps_only(scene)).unwrap_or_else(|error| panic!("{error}"));
+    trace(&traced, &View::new(scene, pose, tracing.size), tracing)
+}
+
+/// [`one_bounce`] on surfaces without their textures, as [`strip_textures`] leaves them: path tracing takes texels as they are and the renderer
+/// filters them, so that pixel by pixel textures differ more than light does.
+pub fn one_bounce_untextured(scene: &SceneDescription, pose: CameraPose, tracing: Tracing) -> Radiance {
+    let mut geometry = scene.geometry().unwrap_or_else(|error| panic!("{error}"));
+    geometry.textures.clear();
+    for material in &mut geometry.materials {
+        (material.base_color_texture, material.alpha) = (None, frugal::scene::AlphaMode::Opaque);
+    }
+    let traced = ReferenceScene::with_geometry(&lamps_only(scene), geometry).unwrap_or_else(|error| panic!("{error}"));
+    trace(&traced, &View::new(scene, pose, tracing.size), tracing)
+}
+
+/// Takes the textures from everything on a stage, and with them what they cut out.
+pub fn strip_textures(stage: &mut Stage) {
+    let mut materials = stage.world_mut().resource_mut::<Assets<StandardMaterial>>();
+    for (_, material) in materials.iter_mut() {
+        (material.base_color_texture, material.alpha_mode) = (None, AlphaMode::Opaque);
+    }
+}
+
+fn trace(scene: &ReferenceScene, view: &View, Tracing { samples, seed, pixels, .. }: Tracing) -> Radiance {
+    let settings = Settings { samples, bounces: Some(1), seed, shading: Shading::Lambertian, pixels, ..Default::default() };
+    render(scene, view, &settings, Watch::default()).unwrap_or_else(|| panic!("nothing interrupts")).indirect
+}
+
+/// Mean over pixels and channels of |a − b|.
+pub fn mean_absolute_difference<'a>(a: impl IntoIterator<Item = &'a [f32; 3]>, b: impl IntoIterator<Item = &'a [f32; 3]>) -> f64 {
+    let (mut sum, mut count) = (0.0, 0u32);
+    for (a, b) in a.into_iter().flatten().zip(b.into_iter().flatten()) {
+        sum += (f64::from(*a) - f64::from(*b)).abs();
+        count += 1;
+    }
+    sum / f64::from(count.max(1))
+}

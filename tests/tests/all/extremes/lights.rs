@@ -1,0 +1,97 @@
+//! None, one, and hundreds of lights.
+
+use std::collections::HashSet;
+
+use bevy::ecs::entity::Entity;
+use bevy::light::{PointLight, SpotLight};
+use bevy::math::Vec3;
+use bevy::transform::components::Transform;
+use bevy_frugal_gi::gi::{FrugalGi, GiLimits, RsmView};
+use frugal::stage::Stage;
+use frugal_tests::{gpu, set};
+
+use super::Random;
+use crate::gi::{corner, sun};
+
+tests!(probe_cost, of_hundreds_of_lights_those_bounce_that_light_the_camera_s_surroundings);
+
+/// Lights that have maps, and how many maps there are.
+fn bouncing(stage: &mut Stage) -> (HashSet<Entity>, usize) {
+    let world = stage.world_mut();
+    let maps: Vec<Entity> = world.query::<&RsmView>().iter(world).map(|view| view.light).collect();
+    (maps.iter().copied().collect(), maps.len())
+}
+
+fn of_hundreds_of_lights_those_bounce_that_light_the_camera_s_surroundings() {
+    let mut stage = corner(vec![]);
+    // The knobs' levels first, which would overwrite what follows.
+    stage.frame();
+    let camera = set::camera(&mut stage);
+    stage.world_mut().get_mut::<FrugalGi>(camera).expect("a GI camera").rsm_resolution = 16;
+    let eye = stage.world_mut().get::<Transform>(camera).expect("a place").translation;
+    let mut random = Random(23);
+    // 200 spots and 100 points of light, without shadow maps, which are none of GI's.
+    let mut lights = Vec::new();
+    for index in 0..300 {
+        let position = random.inside(Vec3::new(-40.0, 0.5, -40.0), Vec3::new(40.0, 3.0, 40.0));
+        let intensity = 10.0 * 10f32.powf(4.0 * random.next());
+        let at = Transform::from_translation(position).looking_to(Vec3::NEG_Y, Vec3::X);
+        let (entity, maps) = if index % 3 == 0 {
+            (stage.world_mut().spawn((PointLight { intensity, ..Default::default() }, at)).id(), 6)
+        } else {
+            (stage.world_mut().spawn((SpotLight { intensity, ..Default::default() }, at)).id(), 1)
+        };
+        // Lux at the eye, nearer than a metre as at a metre.
+        let importance = f64::from(intensity) / f64::from(position.distance_squared(eye).max(1.0));
+        lights.push((entity, importance, maps));
+    }
+    let found = set::radiance(&mut stage);
+    assert!(found.rgb.iter().flatten().all(|value| value.is_finite()));
+    lights.sort_by(|a, b| b.1.total_cmp(&a.1));
+    let expect = |most: usize| {
+        let mut left = most;
+        let mut chosen = HashSet::new();
+        for (entity, _, maps) in &lights {
+            if *maps <= left {
+                left -= maps;
+                chosen.insert(*entity);
+            }
+        }
+        (chosen, most - left)
+    };
+    let default = GiLimits::default().max_rsm_count;
+    let (chosen, maps) = bouncing(&mut stage);
+    println!("    {} of {} lights bounce, in {maps} maps of at most {default}", chosen.len(), lights.len());
+    assert_eq!((chosen, maps), expect(default));
+    assert!(maps == default && set::gathered(&stage).bytes < 1 << 20, "{maps} {:?}", set::gathered(&stage));
+
+    // None, one, and one that does not fit.
+    for most in [0, 1, 5] {
+        stage.world_mut().insert_resource(GiLimits { max_rsm_count: most });
+        let found = set::radiance(&mut stage).mean();
+        let (chosen, maps) = bouncing(&mut stage);
+        assert_eq!((chosen, maps), expect(most), "at most {most}");
+        assert!(maps == most && (most > 0 || found == 0.0), "{most}: {found}");
+    }
+    // The sun outshines them all.
+    let sun = sun(Vec3::NEG_Y);
+    let frugal::scene::Light::Directional { illuminance, .. } = sun else { panic!("a sun") };
+    let down = Transform::default().looking_to(Vec3::NEG_Y, Vec3::X);
+    let sun = stage.world_mut().spawn((bevy::light::DirectionalLight { illuminance, ..Default::default() }, down)).id();
+    stage.world_mut().insert_resource(GiLimits { max_rsm_count: 1 });
+    set::radiance(&mut stage);
+    assert_eq!(bouncing(&mut stage), (HashSet::from([sun]), 1));
+    assert!(gpu::total_flux(&gpu::vpls(&stage))[0] > 0.0);
+}
+
+fn probe_cost() {
+    let mut stage = set::open(&set::scene("courtyard"), set::options(64, 36));
+    set::apply(&mut stage, "min,gi_refresh_period=1,gi_vpl_count=64,rsm_resolution=512");
+    stage.get_ready().expect("ready");
+    stage.world_mut().insert_resource(bevy_frugal_gi::gi::GiRefresh::EveryFrame);
+    for _ in 0..3 {
+        let start = std::time::Instant::now();
+        (0..60).for_each(|_| stage.frame());
+        println!("PROBE {:.3} ms per frame, {:?}", start.elapsed().as_secs_f64() / 60.0 * 1e3, set::gathered(&stage));
+    }
+}

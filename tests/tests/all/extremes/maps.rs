@@ -1,0 +1,305 @@
+//! From a light's G-buffer to weights of its texels: `rsm/resolve.wgsl` and `vpl/weigh.wgsl` against their twins.
+
+use bevy::math::{DVec3, Vec3};
+use bevy::render::render_resource::binding_types::{
+    storage_buffer_read_only_sized, storage_buffer_sized, texture_2d, texture_depth_2d, uniform_buffer_sized,
+};
+use bevy::render::render_resource::{BindGroupEntries, BindGroupLayoutEntries, ShaderStages, TextureSampleType};
+use bevy::shader::ShaderDefVal;
+use frugal::stage::Stage;
+use frugal_tests::gpu::{self, Point};
+use frugal_tests::kernel::{self, Kernel};
+use frugal_tests::meshes::stored_albedo;
+use frugal_tests::pixels::{Pixels, Plane, g_buffer_normal};
+
+use super::{Random, stage};
+
+tests!(texels_hold_the_flux_of_any_lamp, texels_hold_the_flux_of_any_sun, weights_follow_what_is_received_at_any_scale);
+
+const SIZE: [u32; 2] = [8, 8];
+
+/// `resolve.wgsl`'s `Light`.
+#[derive(Clone, Copy)]
+struct Light {
+    intensity: Vec3,
+    texel_measure: f32,
+    position: Vec3,
+    inverse_range_squared: f32,
+    direction: Vec3,
+    cone: [f32; 2],
+}
+
+impl Light {
+    fn words(&self) -> Vec<f32> {
+        let ([ix, iy, iz], [px, py, pz], [dx, dy, dz]) = (self.intensity.to_array(), self.position.to_array(), self.direction.to_array());
+        let [scale, offset] = self.cone;
+        vec![ix, iy, iz, self.texel_measure, px, py, pz, self.inverse_range_squared, dx, dy, dz, scale, offset, 0.0, 0.0, 0.0]
+    }
+}
+
+struct Resolve(Kernel);
+
+impl Resolve {
+    fn new(stage: &mut Stage, defs: Vec<ShaderDefVal>) -> Self {
+        let layout = BindGroupLayoutEntries::sequential(
+            ShaderStages::COMPUTE,
+            (
+                texture_2d(TextureSampleType::Uint),
+                texture_depth_2d(),
+                uniform_buffer_sized(false, None),
+                uniform_buffer_sized(false, None),
+                storage_buffer_sized(false, None),
+            ),
+        );
+        Self(Kernel::new(stage, "gi/rsm/resolve.wgsl", "resolve", defs, &layout))
+    }
+
+    fn run(&self, stage: &Stage, pixels: &Pixels, plane: &Plane, light: &Light) -> Vec<Point> {
+        let texels = kernel::buffer(stage, &gpu::bytes(&[0.0; 64 * Point::TEXEL_WORDS]));
+        let (view, light) = (pixels.view(stage, plane), kernel::buffer(stage, &gpu::bytes(&light.words())));
+        let bindings = BindGroupEntries::sequential((
+            &pixels.g_buffer,
+            &pixels.depth,
+            view.as_entire_binding(),
+            light.as_entire_binding(),
+            texels.as_entire_binding(),
+        ));
+        self.0.run(stage, &bindings, (1, 1));
+        gpu::texels(&gpu::read_buffer(stage.render_world(), &texels))
+    }
+}
+
+/// Black, white, grey, coloured and metallic surfaces that face up or nearly, and their albedos.
+fn surfaces() -> (Vec<[u32; 4]>, Vec<[f64; 3]>, Vec<DVec3>) {
+    let mut random = Random(29);
+    let mut texels = (Vec::new(), Vec::new(), Vec::new());
+    for index in 0..64 {
+        let (color, metallic) = match index % 5 {
+            0 => ([0.0; 3], 0.0),
+            1 => ([1.0; 3], 0.0),
+            2 => ([0.5; 3], 0.0),
+            3 => ([0.9, 0.04, 0.3], 0.0),
+            _ => ([1.0, 0.6, 0.2], 0.4),
+        };
+        let bits = color.map(|channel: f64| (channel.powf(1.0 / 2.2) * 255.0).round() as u32);
+        let (packed, normal) = g_buffer_normal((Vec3::Y + 0.5 * random.direction()).normalize());
+        // 102 of 255 are 0.4.
+        texels.0.push([bits[0] | bits[1] << 8 | bits[2] << 16, 0, if metallic > 0.0 { 102 << 8 } else { 0 }, packed]);
+        texels.1.push(color.map(|channel| stored_albedo(channel) * (1.0 - metallic)));
+        texels.2.push(normal);
+    }
+    texels
+}
+
+/// Holds texels against what they should be: light through each, and the area that it covers.
+fn check(label: &str, found: &[Point], albedos: &[[f64; 3]], intensity: Vec3, measure: impl Fn(usize) -> (f64, f64)) -> f64 {
+    let mut worst = 0.0f64;
+    for (pixel, texel) in found.iter().enumerate() {
+        let (share, area) = measure(pixel);
+        for channel in 0..3 {
+            let expected = share * albedos[pixel][channel] * f64::from(intensity[channel]);
+            let found = f64::from(texel.flux[channel]);
+            assert!(found.is_finite() && found >= 0.0, "{label}, pixel {pixel}: {found}");
+            // What is below the smallest float is nothing, and what is above the bound is left out.
+            if !(1e-37..=1e30).contains(&expected) {
+                assert!(found <= 1e-36, "{label}, pixel {pixel}: {found}, {expected} expected");
+            } else {
+                worst = worst.max((found / expected - 1.0).abs());
+            }
+        }
+        worst = worst.max(if area > 0.0 { (f64::from(texel.extent) / area - 1.0).abs() } else { 0.0 });
+    }
+    worst
+}
+
+fn texels_hold_the_flux_of_any_lamp() {
+    let mut stage = stage();
+    let resolve = Resolve::new(&mut stage, vec![]);
+    let (texels, albedos, normals) = surfaces();
+    let pixels = Pixels::with_texels(&stage, SIZE, &texels, 0.5);
+    let (mut worst, mut cases) = (0.0f64, 0);
+    for far in [0.0f32, 1e6] {
+        let plane = Plane { center: Vec3::new(far, 0.0, -far), ..Plane::ORIGIN };
+        // Above the middle of pixel (4, 3), from within its surface to a thousand kilometres.
+        for height in [0.0, 1e-6, 1e-3, 1.0, 30.0, 1e3, 1e6f32] {
+            for brightness in [1e-20, 1.0, 1e20f32] {
+                // A point light, and a spot from 45° to 60° that ends at 50 m.
+                for (cone, range) in [([0.0, 1.0], f32::INFINITY), ([4.828_427, -2.414_213_6], 50.0)] {
+                    let light = Light {
+                        intensity: Vec3::new(1.0, 0.5, 0.25) * brightness,
+                        texel_measure: 0.001,
+                        position: plane.center + Vec3::new(0.5, height, 0.5),
+                        inverse_range_squared: (range * range).recip(),
+                        direction: Vec3::NEG_Y,
+                        cone,
+                    };
+                    let measure = |pixel: usize| {
+                        let at = plane.position(SIZE, pixel as u32 % 8, pixel as u32 / 8);
+                        let ray = at - light.position.as_dvec3();
+                        let square = ray.length_squared().max(1e-12);
+                        let below = (-ray.y / square.sqrt()).max(0.0);
+                        let cone = (below * f64::from(cone[0]) + f64::from(cone[1])).clamp(0.0, 1.0);
+                        let window = (1.0 - (square * f64::from(light.inverse_range_squared)).powi(2)).clamp(0.0, 1.0);
+                        let solid_angle = f64::from(light.texel_measure) * below.powi(3);
+                        let cosine = -normals[pixel].dot(ray) / square.sqrt();
+                        (solid_angle * cone * cone * window * window, solid_angle * square / cosine.max(0.1))
+                    };
+                    let label = format!("{far} m away, {height} m above, {brightness} cd");
+                    let found = resolve.run(&stage, &pixels, &plane, &light);
+                    let off = check(&label, &found, &albedos, light.intensity, measure);
+                    worst = worst.max(off);
+                    assert!(off < 1e-3, "{label}: {off}");
+                    cases += 1;
+                }
+            }
+        }
+    }
+    println!("    {cases} lamps: off by at most {worst:.1e}");
+}
+
+fn texels_hold_the_flux_of_any_sun() {
+    let mut stage = stage();
+    let resolve = Resolve::new(&mut stage, vec!["PARALLEL".into()]);
+    let (texels, albedos, normals) = surfaces();
+    let pixels = Pixels::with_texels(&stage, SIZE, &texels, 0.5);
+    let mut worst = 0.0f64;
+    for brightness in [1e-20, 1.0, 1e20, 1e29, 1e31f32] {
+        for (direction, texel_measure) in [(Vec3::NEG_Y, 0.01), (Vec3::new(0.8, -0.6, 0.0), 1e-8), (Vec3::Y, 1e6), (Vec3::X, 1.0)] {
+            let light = Light {
+                intensity: Vec3::new(1.0, 0.5, 0.25) * brightness,
+                texel_measure,
+                position: Vec3::ZERO,
+                inverse_range_squared: 0.0,
+                direction,
+                cone: [0.0, 1.0],
+            };
+            let measure = |pixel: usize| {
+                let cosine = -normals[pixel].dot(direction.as_dvec3());
+                (f64::from(texel_measure), f64::from(texel_measure) / cosine.max(0.1))
+            };
+            let found = resolve.run(&stage, &pixels, &Plane::ORIGIN, &light);
+            // Where one channel is out of bounds, the texel is left out.
+            let sound = |pixel: usize| albedos[pixel][0] * f64::from(brightness * texel_measure) < 0.9e30;
+            let kept: Vec<usize> = (0..64).filter(|pixel| sound(*pixel)).collect();
+            let points: Vec<Point> = kept.iter().map(|pixel| found[*pixel]).collect();
+            let kept_albedos: Vec<_> = kept.iter().map(|pixel| albedos[*pixel]).collect();
+            let label = format!("{brightness} lux along {direction}");
+            let off = check(&label, &points, &kept_albedos, light.intensity, |index| measure(kept[index]));
+            assert!(off < 1e-3, "{label}: {off}");
+            assert!((0..64).all(|pixel| sound(pixel) || found[pixel].flux == [0.0; 3]), "{label}: left out");
+            worst = worst.max(off);
+        }
+    }
+    // Where there is no surface there is no light.
+    let sky = Pixels::with_texels(&stage, SIZE, &texels, 0.0);
+    let sun = Light {
+        intensity: Vec3::ONE,
+        texel_measure: 1.0,
+        position: Vec3::ZERO,
+        inverse_range_squared: 0.0,
+        direction: Vec3::NEG_Y,
+        cone: [0.0, 1.0],
+    };
+    assert!(resolve.run(&stage, &sky, &Plane::ORIGIN, &sun).iter().all(|texel| texel.flux == [0.0; 3] && texel.extent == 0.0));
+    println!("    off by at most {worst:.1e}");
+}
+
+const ROWS: u32 = 12;
+const LENGTH: u32 = 80;
+
+/// Runs the three passes of `weigh.wgsl` over maps of equally long rows.
+fn weigh(stage: &mut Stage, pixels: &Pixels, plane: &Plane, texels: &[Point]) -> Vec<f32> {
+    let (read, write) = (|| storage_buffer_read_only_sized(false, None), || storage_buffer_sized(false, None));
+    let layout = BindGroupLayoutEntries::sequential(
+        ShaderStages::COMPUTE,
+        (texture_2d(TextureSampleType::Uint), texture_depth_2d(), uniform_buffer_sized(false, None), read(), read(), write(), write()),
+    );
+    let kernels =
+        ["pick_receivers", "find_floor", "weigh_texels"].map(|entry| Kernel::new(stage, "gi/vpl/weigh.wgsl", entry, vec![], &layout));
+    let words: Vec<f32> = texels.iter().flat_map(|texel| texel.to_texel()).collect();
+    let rows: Vec<u8> = (0..ROWS).flat_map(|row| [row * LENGTH, row * LENGTH, LENGTH].map(u32::to_le_bytes)).flatten().collect();
+    let contents = [gpu::bytes(&words), rows, gpu::bytes(&[0.0; 4 + 32 * 8]), gpu::bytes(&vec![0.0; texels.len()])];
+    let buffers = contents.map(|contents| kernel::buffer(stage, &contents));
+    let [a, b, c, d] = buffers.each_ref().map(|buffer| buffer.as_entire_binding());
+    let view = pixels.view(stage, plane);
+    let bindings = BindGroupEntries::sequential((&pixels.g_buffer, &pixels.depth, view.as_entire_binding(), a, b, c, d));
+    for (kernel, groups) in kernels.iter().zip([(1, 1), (1, 1), (LENGTH.div_ceil(64), ROWS)]) {
+        kernel.run(stage, &bindings, groups);
+    }
+    gpu::floats(&gpu::read_buffer(stage.render_world(), &buffers[3]))
+}
+
+/// The twin: what 32 pixels in the middle of a grid's cells get of each texel, and a floor of a quarter of its mean.
+fn weights(plane: &Plane, normal: DVec3, texels: &[Point]) -> Vec<f64> {
+    let receivers: Vec<(DVec3, f64)> = (0..32u32)
+        .map(|index| {
+            let (column, row) = (f64::from(index % 8), f64::from(index / 8));
+            let place = [(column + 0.25 + 0.5 * (row % 2.0)) / 8.0, (row + 0.5) / 4.0];
+            let at = plane.position(SIZE, (place[0] * 8.0) as u32, (place[1] * 8.0) as u32);
+            (at, (0.02 * at.distance_squared(plane.eye.as_dvec3())).clamp(1e-12, 1e18))
+        })
+        .collect();
+    let received = |texel: &Point| {
+        let [from, facing] = [texel.position, texel.normal].map(|vector| DVec3::from_array(vector.map(f64::from)));
+        let one = |(at, radius_squared): &(DVec3, f64)| {
+            let way = from - *at;
+            let square = way.length_squared().max(1e-18);
+            normal.dot(way).max(0.0) * (-facing.dot(way)).max(0.0) / square / (square + radius_squared)
+        };
+        receivers.iter().map(one).sum::<f64>().min(1e6)
+    };
+    let (mut flux, mut light) = (0.0, 0.0);
+    for probe in 0..1024u32 {
+        // As the shader finds it, in its own precision.
+        let column = (((probe as f32 * 0.618_034).fract() * LENGTH as f32) as u32).min(LENGTH - 1);
+        let texel = &texels[(probe * ROWS / 1024 * LENGTH + column) as usize];
+        flux += texel.luminance();
+        light += texel.luminance() * received(texel);
+    }
+    let floor = (0.25 * light / flux.max(1e-36)).clamp(1e-9, 1e6);
+    texels.iter().map(|texel| texel.luminance() * (received(texel) + floor)).collect()
+}
+
+fn weights_follow_what_is_received_at_any_scale() {
+    let mut stage = stage();
+    let (packed, normal) = g_buffer_normal(Vec3::Y);
+    let pixels = Pixels::new(&stage, SIZE, &[packed; 64]);
+    for (label, far, spread, flux) in [
+        ("a room", 0.0f32, 4.0f32, 1.0f32),
+        ("a dark room", 0.0, 4.0, 1e-20),
+        ("a bright room", 0.0, 4.0, 1e20),
+        ("a dolls' house", 0.0, 1e-3, 1.0),
+        ("a country", 0.0, 1e6, 1.0),
+        ("a room a thousand kilometres away", 1e6, 4.0, 1.0),
+    ] {
+        let plane = Plane {
+            center: Vec3::new(far, -far, far),
+            spacing: spread / 4.0,
+            eye: Vec3::new(far, -far, far) + Vec3::new(0.5, 1.0, 1.0) * spread,
+            exposure: 1.0,
+        };
+        let mut random = Random(31);
+        let texel = |index: u32| {
+            let position = plane.center + random.inside(Vec3::new(-2.0, 0.0, -2.0), Vec3::new(2.0, 1.5, 2.0)) * spread;
+            // Some at a receiver, some dark; as the store keeps their normals.
+            let position = if index % 50 == 7 { plane.position(SIZE, index % 8, 3).as_vec3() } else { position };
+            let normal = gpu::unpack_normal(gpu::pack_normal(random.direction().to_array()));
+            let flux = if index.is_multiple_of(11) { 0.0 } else { flux * (0.1 + random.next()) };
+            Point { position: position.to_array(), normal, flux: [flux, 0.5 * flux, 2.0 * flux], extent: 1e-3 }
+        };
+        let texels: Vec<Point> = (0..ROWS * LENGTH).map(texel).collect();
+        let found = weigh(&mut stage, &pixels, &plane, &texels);
+        let expected = weights(&plane, normal, &texels);
+        let mut worst = 0.0f64;
+        for (index, (found, expected)) in found.iter().zip(&expected).enumerate() {
+            assert!(found.is_finite(), "{label}, texel {index}: {found}");
+            assert_eq!(*found > 0.0, *expected > 0.0, "{label}, texel {index}: a dark texel is never drawn, and any other may be");
+            if *expected > 0.0 {
+                worst = worst.max((f64::from(*found) / expected - 1.0).abs());
+            }
+        }
+        println!("    {label}: off by at most {worst:.1e}");
+        // 32-bit floats, and cosines that cancel.
+        assert!(worst < 1e-3, "{label}: {worst}");
+    }
+}

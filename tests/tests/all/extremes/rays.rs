@@ -1,0 +1,220 @@
+//! The gather with rays, through the tree that the plugin builds, against trying every triangle in 64-bit floats.
+
+use bevy::asset::RenderAssetUsages;
+use bevy::math::{DAffine3, DVec3, Quat, Vec3};
+use bevy::mesh::{Indices, Mesh, PrimitiveTopology};
+use bevy::render::render_resource::Buffer;
+use bevy::transform::components::Transform;
+use bevy_frugal_gi::gi::{GiOccluders, inspect};
+use frugal::stage::Stage;
+use frugal_tests::gather::{Gather, irradiance};
+use frugal_tests::gpu::Point;
+use frugal_tests::pixels::{Pixels, Plane, g_buffer_normal};
+use frugal_tests::{meshes, set};
+
+use super::{Random, Worst, stage};
+
+tests!(rays_meet_what_trying_every_triangle_meets, surfaces_do_not_shade_themselves, hands_of_lights_are_summed_or_left_out);
+
+const SIZE: [u32; 2] = [16, 16];
+const COUNT: usize = (SIZE[0] * SIZE[1]) as usize;
+
+type Triangle = [DVec3; 3];
+
+/// The occluders of a stage on the GPU, and their triangles in the world.
+struct Scene {
+    stage: Stage,
+    triangles: Vec<Triangle>,
+}
+
+impl Scene {
+    fn new() -> Self {
+        Self { stage: stage(), triangles: Vec::new() }
+    }
+
+    /// Puts triangles on the stage, given in the mesh's own space.
+    fn add(&mut self, corners: &[[Vec3; 3]], transform: Transform) {
+        let positions: Vec<[f32; 3]> = corners.iter().flatten().map(|corner| corner.to_array()).collect();
+        let count = positions.len();
+        let mesh = Mesh::new(PrimitiveTopology::TriangleList, RenderAssetUsages::all())
+            .with_inserted_attribute(Mesh::ATTRIBUTE_NORMAL, vec![[0.0f32, 1.0, 0.0]; count])
+            .with_inserted_attribute(Mesh::ATTRIBUTE_POSITION, positions)
+            .with_inserted_indices(Indices::U32((0..count as u32).collect()));
+        meshes::spawn(&mut self.stage, mesh, meshes::matt(0.5, 0.5, 0.5), transform);
+        let affine = transform.compute_affine();
+        let affine = DAffine3::from_mat3_translation(affine.matrix3.as_dmat3(), affine.translation.as_dvec3());
+        self.triangles.extend(corners.iter().map(|triangle| triangle.map(|corner| affine.transform_point3(corner.as_dvec3()))));
+    }
+
+    /// The buffers that the plugin made of them.
+    fn occluders(&mut self) -> [Buffer; 4] {
+        set::apply(&mut self.stage, "min,gi_refresh_period=1,gi_vpl_count=64,gi_visibility=fine");
+        self.stage.get_ready().expect("a ready stage");
+        inspect::gpu_state(self.stage.render_world()).occluders.expect("a camera that traces")
+    }
+}
+
+/// Möller and Trumbore 1997, from either side; no triangle without area is met.
+fn meets(triangle: &Triangle, origin: DVec3, direction: DVec3) -> bool {
+    let [a, ab, ac] = [triangle[0], triangle[1] - triangle[0], triangle[2] - triangle[0]];
+    let p = direction.cross(ac);
+    let determinant = ab.dot(p);
+    let offset = origin - a;
+    let (u, q) = (offset.dot(p) / determinant, offset.cross(ab));
+    let (v, t) = (direction.dot(q) / determinant, ac.dot(q) / determinant);
+    u >= 0.0 && v >= 0.0 && u + v <= 1.0 && t > 0.0 && t < 1.0
+}
+
+/// How far off a surface a ray starts or ends, metres: `trace.wgsl`'s `surface_offset`.
+fn offset(position: DVec3, eye: DVec3) -> f64 {
+    5e-4 + 2e-4 * position.distance(eye) + 4e-7 * position.abs().max_element()
+}
+
+/// Whether the segment between two surface points is free; none where a hundredth of a millimetre decides.
+fn is_free(triangles: &[Triangle], plane: &Plane, [from, normal]: [DVec3; 2], vpl: &Point) -> Option<bool> {
+    let eye = plane.eye.as_dvec3();
+    let [at, facing] = [vpl.position, vpl.normal].map(|vector| DVec3::from_array(vector.map(f64::from)));
+    let (origin, end) = (from + normal * offset(from, eye), at + facing * offset(at, eye));
+    let free = |shift: DVec3, other: DVec3| {
+        let (origin, end) = (origin + shift, end + other);
+        !triangles.iter().any(|triangle| meets(triangle, origin, end - origin))
+    };
+    let straight = free(DVec3::ZERO, DVec3::ZERO);
+    let [x, y, z] = [DVec3::X, DVec3::Y, DVec3::Z].map(|axis| axis * 1e-5 * from.abs().max_element().max(1.0));
+    let shifts = [(x, x), (-x, -x), (y, y), (-y, -y), (z, z), (-z, -z), (x, -x), (y, -y), (z, -z)];
+    shifts.iter().all(|(shift, other)| free(*shift, *other) == straight).then_some(straight)
+}
+
+/// Triangles of about 2 m in a box, some of which are none: without area, folded to a line, needles.
+fn soup(random: &mut Random, count: usize) -> Vec<[Vec3; 3]> {
+    let mut triangle = |index: usize| {
+        let center = random.inside(Vec3::new(-6.0, 0.3, -6.0), Vec3::new(6.0, 3.0, 6.0));
+        let mut corner = || center + random.direction();
+        let [a, b, c] = [corner(), corner(), corner()];
+        match index % 8 {
+            0 => [a, a, a],
+            1 => [a, b, b],
+            2 => [a, b, a],
+            // A needle of 0.1 mm.
+            3 => [a, b, b + (c - b) * 1e-4],
+            _ => [a, b, c],
+        }
+    };
+    (0..count).map(&mut triangle).collect()
+}
+
+fn rays_meet_what_trying_every_triangle_meets() {
+    let mut scene = Scene::new();
+    let mut random = Random(5);
+    scene.add(&soup(&mut random, 40), Transform::default());
+    // Turned, stretched, mirrored; scaled to nothing; and far larger in its own space.
+    let turned = Quat::from_axis_angle(Vec3::new(0.48, 0.6, 0.64), 1.1);
+    scene.add(&soup(&mut random, 40), Transform::from_xyz(0.5, 1.0, -0.5).with_rotation(turned).with_scale(Vec3::new(0.4, -0.3, 0.6)));
+    scene.add(&soup(&mut random, 8), Transform::from_xyz(0.0, 1.0, 0.0).with_scale(Vec3::ZERO));
+    let large: Vec<_> = soup(&mut random, 24).into_iter().map(|triangle| triangle.map(|corner| corner * 1e4)).collect();
+    scene.add(&large, Transform::from_scale(Vec3::splat(1e-4)));
+    let occluders = scene.occluders();
+    let stage = &mut scene.stage;
+    // Of each eight triangles, three are none; those of the mesh that is scaled to nothing are kept, for its tree knows nothing of that.
+    let kept = stage.world_mut().resource::<GiOccluders>();
+    assert_eq!((kept.triangle_count(), kept.instance_count()), (112 / 8 * 5, 3), "what hides nothing is left out");
+
+    let gather = Gather::new(stage, 2);
+    let (packed, normal) = g_buffer_normal(Vec3::Y);
+    let pixels = Pixels::new(stage, SIZE, &[packed; COUNT]);
+    let plane = Plane { spacing: 0.75, eye: Vec3::new(0.0, 3.0, 5.0), exposure: 0.1, ..Plane::ORIGIN };
+    let (mut worst, mut rays, mut hidden, mut unclear) = (Worst::default(), 0, 0, 0);
+    for _ in 0..24 {
+        let position = random.inside(Vec3::new(-5.0, 0.5, -5.0), Vec3::new(5.0, 4.0, 5.0));
+        let facing = (random.direction() + 1.5 * Vec3::NEG_Y).normalize();
+        let vpl = Point { position: position.to_array(), normal: facing.to_array(), flux: [1e4, 1e3, 1e2], extent: 100.0 };
+        // One light: the first hand holds it, and the other is empty.
+        for (pixel, found) in (0..).zip(gather.run_with(stage, &pixels, &plane, &[vpl], Some(&occluders))) {
+            let at = plane.position(SIZE, pixel % SIZE[0], pixel / SIZE[0]);
+            let open = irradiance(&[vpl], at, normal, plane.exposure)[0];
+            if open < 0.01 {
+                continue;
+            }
+            rays += 1;
+            let Some(free) = is_free(&scene.triangles, &plane, [at, normal], &vpl) else {
+                unclear += 1;
+                continue;
+            };
+            hidden += usize::from(!free);
+            worst.check(&format!("pixel {pixel} at {at}, light at {position}"), found[0], if free { open } else { 0.0 }, 1e-5 * open);
+        }
+    }
+    println!("    {rays} rays, {hidden} of them hidden, {unclear} too near an edge to tell");
+    worst.report("rays", 1000);
+    assert!(hidden > 200 && unclear < rays / 50, "{hidden} {unclear} of {rays}");
+}
+
+/// Receivers and lights on the very triangles that rays might meet.
+fn surfaces_do_not_shade_themselves() {
+    for far in [0.0f32, 1e4] {
+        let mut scene = Scene::new();
+        let base = Vec3::new(far, 0.0, -far);
+        let quad = |a: Vec3, b: Vec3, c: Vec3| [[a, b, c], [c, b, b + c - a]];
+        // A floor, and two walls that lean over it: nothing lies between any two points of theirs that see each other.
+        let floor = quad(Vec3::new(-4.0, 0.0, -4.0), Vec3::new(4.0, 0.0, -4.0), Vec3::new(-4.0, 0.0, 4.0));
+        let wall = quad(Vec3::new(-4.0, 0.0, -4.0), Vec3::new(4.0, 0.0, -4.0), Vec3::new(-4.0, 3.0, -3.5));
+        let side = quad(Vec3::new(4.0, 0.0, -4.0), Vec3::new(4.0, 0.0, 4.0), Vec3::new(3.5, 3.0, -4.0));
+        scene.add(&[floor, wall, side].concat(), Transform::from_translation(base));
+        let occluders = scene.occluders();
+        let stage = &mut scene.stage;
+        let gather = Gather::new(stage, 2);
+        let (packed, normal) = g_buffer_normal(Vec3::Y);
+        let pixels = Pixels::new(stage, SIZE, &[packed; COUNT]);
+        let plane = Plane { center: base, spacing: 0.5, eye: base + Vec3::new(0.0, 2.0, 3.0), exposure: 0.1 };
+        let mut worst = Worst::default();
+        let mut random = Random(17);
+        for index in 0..16 {
+            let [a, b, c] = if index % 2 == 0 { wall[0] } else { side[0] };
+            // Not where the two walls cross.
+            let (u, v) = (0.1 + 0.7 * random.next(), 0.05 + 0.9 * random.next());
+            let facing = (b - a).cross(c - a).normalize();
+            let inwards = facing * facing.dot(Vec3::Y - a).signum();
+            let position = base + a + u * (b - a) + v * (c - a);
+            let vpl = Point { position: position.to_array(), normal: inwards.to_array(), flux: [1e4; 3], extent: 1e3 };
+            for (pixel, found) in (0..).zip(gather.run_with(stage, &pixels, &plane, &[vpl], Some(&occluders))) {
+                let at = plane.position(SIZE, pixel % SIZE[0], pixel / SIZE[0]);
+                let open = irradiance(&[vpl], at, normal, plane.exposure)[0];
+                // Between the walls, and not so near to either that the other side of it is nearer than rays start off.
+                let inside = (at - base.as_dvec3()).abs().max_element() < 3.4;
+                if open > 0.01 && inside {
+                    worst.check(&format!("{far} m away, light at {position}, pixel {pixel} at {at}"), found[0], open, 0.0);
+                }
+            }
+        }
+        worst.report(&format!("{far} m from the origin, no shade where nothing lies between"), 1000);
+    }
+}
+
+/// A hand of lights stands or falls with the one that is drawn: all of it where nothing hides, nothing where all is hidden.
+fn hands_of_lights_are_summed_or_left_out() {
+    let mut scene = Scene::new();
+    let lid = [[Vec3::new(-50.0, 1.0, -50.0), Vec3::new(50.0, 1.0, -50.0), Vec3::new(0.0, 1.0, 90.0)]];
+    scene.add(&lid, Transform::default());
+    let occluders = scene.occluders();
+    let stage = &mut scene.stage;
+    let (packed, normal) = g_buffer_normal(Vec3::Y);
+    let pixels = Pixels::new(stage, SIZE, &[packed; COUNT]);
+    let plane = Plane { spacing: 0.5, eye: Vec3::new(0.0, 0.5, 5.0), ..Plane::ORIGIN };
+    let mut random = Random(19);
+    for rays in [2, 8] {
+        let gather = Gather::new(stage, rays);
+        // Fewer lights than hands, as many, and many.
+        for count in [1, 2, 8, 100] {
+            for (height, free) in [(0.2, true), (1.3, false)] {
+                let mut light = || random.inside(Vec3::new(-3.0, height, -3.0), Vec3::new(3.0, height + 0.5, 3.0));
+                let vpls: Vec<_> = (0..count).map(|_| super::facing_down(light(), 1000.0, 0.01)).collect();
+                let mut worst = Worst::default();
+                for (pixel, found) in (0..).zip(gather.run_with(stage, &pixels, &plane, &vpls, Some(&occluders))) {
+                    let open = irradiance(&vpls, plane.position(SIZE, pixel % SIZE[0], pixel / SIZE[0]), normal, plane.exposure)[0];
+                    worst.check(&format!("{rays} rays, {count} lights at {height} m"), found[0], if free { open } else { 0.0 }, 0.0);
+                }
+                worst.report(&format!("{rays} rays, {count} lights, {}", if free { "free" } else { "hidden" }), if free { 100 } else { 0 });
+            }
+        }
+    }
+}

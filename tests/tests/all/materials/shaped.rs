@@ -1,0 +1,160 @@
+//! What changes a mesh's shape or the look of it: normal maps, alpha masks, skins and morphs.
+
+use bevy::camera::visibility::NoFrustumCulling;
+use bevy::ecs::entity::Entity;
+use bevy::math::{Vec2, Vec3};
+use bevy::mesh::Mesh;
+use bevy::mesh::morph::{MeshMorphWeights, MorphAttributes};
+use bevy::pbr::StandardMaterial;
+use bevy::prelude::AlphaMode;
+use bevy::render::render_resource::TextureFormat;
+use frugal_tests::meshes;
+
+use super::{Bench, GREY, Place, on_bench};
+
+tests!(
+    a_normal_map_turns_what_is_sent_and_received,
+    holes_of_a_mask_let_light_through_but_not_rays,
+    a_skin_is_where_its_joint_is_but_hides_nothing,
+    a_morph_is_where_it_is_drawn_but_hides_where_it_was,
+);
+
+fn grey() -> StandardMaterial {
+    meshes::matt(GREY, GREY, GREY)
+}
+
+/// A plate whose normal map turns its normal by `tilt` (sines along x and z), and what that normal is after eight bits.
+fn tilted(bench: &mut Bench, tilt: Vec2) -> (Entity, Vec3) {
+    // Texture coordinates run along x and z, and a normal map's second axis against the second of them.
+    let wanted = Vec3::new(tilt.x, -tilt.y, (1.0 - tilt.length_squared()).sqrt());
+    let bits = wanted.to_array().map(|value| ((0.5 * value + 0.5) * 255.0).round() as u8);
+    let stored = Vec3::from_array(bits.map(|bits| f32::from(bits) / 255.0 * 2.0 - 1.0)).normalize();
+    let texture = meshes::texture(&mut bench.stage, TextureFormat::Rgba8Unorm, 2, 2, &[[bits[0], bits[1], bits[2], 255]; 4]);
+    let mesh = meshes::plate(true).with_generated_tangents().expect("tangents of a plate");
+    let plate = bench.sample(mesh, StandardMaterial { normal_map_texture: Some(texture), ..grey() });
+    (plate, Vec3::new(stored.x, stored.z, -stored.y))
+}
+
+fn a_normal_map_turns_what_is_sent_and_received() {
+    on_bench(|bench| {
+        // More VPLs than elsewhere: another normal draws others.
+        let settings = format!("{},gi_vpl_count=2048", super::SETTINGS);
+        let mut received = Vec::new();
+        for tilt in [Vec2::ZERO, Vec2::new(0.0, 0.6), Vec2::new(0.0, 0.8)] {
+            let (plate, normal) = tilted(bench, tilt);
+            let source = bench.as_source(plate, Place::Floor);
+            let reference = bench.reference();
+            let sent = source.flux[1] / reference.source.flux[1];
+            println!("    tilt {tilt}: normal {}, sends {sent:.4}, wall {:.3}", source.normal, source.wall[1] / reference.source.wall[1]);
+            assert!(source.normal.abs_diff_eq(normal, 2e-3), "{} is not {normal}", source.normal);
+            // As much light as without the map, and turned away from the wall.
+            assert!(source.covered == 1.0 && (sent - 1.0).abs() < 1e-4, "{source:?}");
+            assert!(tilt.y == 0.0 || source.wall[1] < 0.9 * reference.source.wall[1], "{source:?}");
+            bench.put(plate, Place::Wall);
+            // Upright, +z of the plate points down, to the floor.
+            received.push((normal, bench.look_at_wall(&settings)[1]));
+            if tilt.y == 0.8 {
+                let hidden = bench.as_occluder(plate);
+                assert!(hidden > 0.95, "{hidden}");
+            }
+            bench.clear(plate);
+        }
+        // All light comes from before and below both tilted planes and the flat one: irradiance is linear in the normal.
+        let [(_, flat), (once, found), (twice, more)] = received[..] else { panic!("three normals") };
+        let below = (found - f64::from(once.y) * flat) / f64::from(once.z);
+        let expected = f64::from(twice.y) * flat + f64::from(twice.z) * below;
+        println!("    received {flat:.2}, {found:.2} and {more:.2} nits; {expected:.2} expected of the last");
+        assert!(found > 1.05 * flat && (more / expected - 1.0).abs() < 0.03, "{received:?}, {expected}");
+    });
+}
+
+fn holes_of_a_mask_let_light_through_but_not_rays() {
+    on_bench(|bench| {
+        let mut masked = |label: &str, alphas: [u8; 4]| {
+            let texels = alphas.map(|alpha| [128, 128, 128, alpha]);
+            let texture = meshes::texture(&mut bench.stage, TextureFormat::Rgba8UnormSrgb, 2, 2, &texels);
+            let material = StandardMaterial {
+                base_color_texture: Some(texture),
+                alpha_mode: AlphaMode::Mask(0.5),
+                double_sided: true,
+                cull_mode: None,
+                ..meshes::matt(1.0, 1.0, 1.0)
+            };
+            let plate = bench.sample(meshes::plate(true), material);
+            let effect = bench.measure(plate);
+            bench.clear(plate);
+            bench.relative(label, effect)
+        };
+        // 128 of sRGB.
+        let albedo = [0.215_860_5; 3];
+        let solid = masked("a mask without holes", [255; 4]);
+        solid.assert_matt("a mask without holes", albedo);
+        let half = masked("a mask with half of it holes", [255, 0, 0, 255]);
+        let all = masked("a mask that is all hole", [0; 4]);
+        // The middle's texels, 26 or so a side, may lie one row more on one side.
+        assert!((half.covered - 0.5).abs() < 0.03, "{}", half.covered);
+        assert!((half.sent[1] - solid.sent[1]).abs() < 1e-4, "what is there sends as much: {:?}", half.sent);
+        // In the holes the floor, which is lighter, lights the wall. Half of each does, but not as near to it.
+        let open = all.wall[1];
+        assert!((half.wall[1] / (0.5 * (solid.wall[1] + open)) - 1.0).abs() < 0.05, "{:?} {open}", half.wall);
+        half.assert_hides("rays take it for solid", true);
+        assert_eq!(all.covered, 0.0);
+        all.assert_hides("rays take it for solid", true);
+    });
+}
+
+fn a_skin_is_where_its_joint_is_but_hides_nothing() {
+    on_bench(|bench| {
+        let skin = bench.sample(meshes::with_one_joint(meshes::plate(false)), grey());
+        let joint = meshes::add_joint(&mut bench.stage, skin);
+        let effect = bench.measure(joint);
+        bench.clear(skin);
+        bench.clear(joint);
+        let found = bench.relative("skin", effect);
+        found.assert_covers("skin", 1.0);
+        found.assert_sends("skin", [f64::from(GREY); 3]);
+        found.assert_receives("skin", [f64::from(GREY); 3]);
+        found.assert_hides("skin", false);
+    });
+}
+
+/// A plate that stands `offset` (in its own space) from where its mesh says.
+fn morphed(bench: &mut Bench, offset: Vec3) -> Entity {
+    let mut mesh: Mesh = meshes::plate(false);
+    mesh.set_morph_targets(vec![MorphAttributes::new(offset, Vec3::ZERO, Vec3::ZERO); mesh.count_vertices()]);
+    let plate = bench.sample(mesh, grey());
+    bench.stage.world_mut().entity_mut(plate).insert((MeshMorphWeights::Value { weights: vec![1.0] }, NoFrustumCulling));
+    plate
+}
+
+fn a_morph_is_where_it_is_drawn_but_hides_where_it_was() {
+    on_bench(|bench| {
+        // 30 cm above the floor; before the wall, it moves 30 cm towards the eye.
+        let plate = morphed(bench, Vec3::new(0.0, 0.3, 0.0));
+        let source = bench.as_source(plate, Place::Floor);
+        let (texels, _) = bench.middle();
+        let height = texels.iter().map(|texel| texel.position[1]).sum::<f32>() / texels.len() as f32;
+        let sent = source.flux[1] / bench.reference().source.flux[1];
+        println!("    covers {}, at {height:.4} m, sends {sent:.4}", source.covered);
+        assert!(source.covered == 1.0 && (height - 0.35).abs() < 1e-4 && (sent - 1.0).abs() < 1e-4, "{source:?} {height}");
+        let received = bench.as_receiver(plate)[1];
+        let hidden = bench.as_occluder(plate);
+        bench.clear(plate);
+
+        // One whose mesh stands 30 cm behind, in the wall, is drawn where the grey plate stands.
+        let plate = morphed(bench, Vec3::new(0.0, 0.3, 0.0));
+        let behind = |bench: &mut Bench| {
+            let mut transform = Place::Wall.transform();
+            transform.translation.z -= 0.3;
+            *bench.stage.world_mut().get_mut(plate).expect("a plate") = transform;
+        };
+        bench.as_occluder(plate);
+        behind(bench);
+        let drawn = bench.look_at_wall(super::SETTINGS)[1] / bench.reference().received[1];
+        let still_open = 1.0 - bench.behind() / super::OPEN_WALL.get().expect("measured above");
+        bench.clear(plate);
+        println!("    receives {received:.2} nits nearer; hides {hidden:.3} where its mesh is, {still_open:.3} where it is drawn");
+        assert!(hidden > 0.95 && still_open.abs() < 0.02, "{hidden} {still_open}");
+        assert!((drawn - 1.0).abs() < 4e-3, "{drawn}");
+    });
+}
