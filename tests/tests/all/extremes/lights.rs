@@ -13,7 +13,7 @@ use frugal_tests::{gpu, set};
 use super::Random;
 use crate::gi::{corner, sun};
 
-tests!(probe_cost, of_hundreds_of_lights_those_bounce_that_light_the_camera_s_surroundings);
+tests!(of_hundreds_of_lights_those_bounce_that_light_the_camera_s_surroundings);
 
 /// Lights that have maps, and how many maps there are.
 fn bouncing(stage: &mut Stage) -> (HashSet<Entity>, usize) {
@@ -82,16 +82,4 @@ fn of_hundreds_of_lights_those_bounce_that_light_the_camera_s_surroundings() {
     set::radiance(&mut stage);
     assert_eq!(bouncing(&mut stage), (HashSet::from([sun]), 1));
     assert!(gpu::total_flux(&gpu::vpls(&stage))[0] > 0.0);
-}
-
-fn probe_cost() {
-    let mut stage = set::open(&set::scene("courtyard"), set::options(64, 36));
-    set::apply(&mut stage, "min,gi_refresh_period=1,gi_vpl_count=64,rsm_resolution=512");
-    stage.get_ready().expect("ready");
-    stage.world_mut().insert_resource(bevy_frugal_gi::gi::GiRefresh::EveryFrame);
-    for _ in 0..3 {
-        let start = std::time::Instant::now();
-        (0..60).for_each(|_| stage.frame());
-        println!("PROBE {:.3} ms per frame, {:?}", start.elapsed().as_secs_f64() / 60.0 * 1e3, set::gathered(&stage));
-    }
 }
