@@ -9,6 +9,7 @@ use bevy::render::camera::ExtractedCamera;
 
 use super::gather::GiCamera;
 use super::rsm::{RsmStore, RsmView};
+use super::sources::SkyCamera;
 use super::visibility::OccluderBuffers;
 
 /// What GI did in the last frame. A resource of the render world; the main world has it, a frame or two later, as diagnostics.
@@ -20,9 +21,9 @@ pub struct GiCounts {
     pub cameras: u32,
     /// Virtual point lights drawn.
     pub vpls: u64,
-    /// VPL–pixel pairs evaluated.
+    /// VPL–pixel pairs evaluated, samples of the sky included.
     pub pairs: u64,
-    /// Rays traced, at most: a hand of VPLs that send nothing takes none.
+    /// Rays traced from pixels, at most: a hand of VPLs that send nothing takes none.
     pub rays: u64,
     /// Bytes of GPU memory that GI holds.
     pub bytes: u64,
@@ -68,6 +69,7 @@ pub(super) fn count(
     store: Res<RsmStore>,
     occluders: Res<OccluderBuffers>,
     cameras: Query<&GiCamera>,
+    skies: Query<&SkyCamera>,
     maps: Query<(), (With<RsmView>, With<ExtractedCamera>)>,
 ) {
     *counts = GiCounts {
@@ -76,7 +78,10 @@ pub(super) fn count(
         vpls: cameras.iter().map(GiCamera::vpls_drawn).sum(),
         pairs: cameras.iter().map(GiCamera::pairs).sum(),
         rays: cameras.iter().map(GiCamera::rays).sum(),
-        bytes: store.bytes() + occluders.bytes() + cameras.iter().map(GiCamera::bytes).sum::<u64>(),
+        bytes: store.bytes()
+            + occluders.bytes()
+            + cameras.iter().map(GiCamera::bytes).sum::<u64>()
+            + skies.iter().map(SkyCamera::bytes).sum::<u64>(),
     };
     *shared.0.lock().unwrap_or_else(PoisonError::into_inner) = *counts;
 }

@@ -10,10 +10,11 @@ use super::RsmView;
 use super::gather::{GatherSettings, GiCamera, VplPlan};
 use super::rsm::{RsmLight, RsmStore, TEXEL_BYTES};
 use super::visibility::OccluderBuffers;
+use super::sources::{SKY_LIGHT_BYTES, SkyCamera, SkyPlan, SkyReading};
 use super::vpl::{MapRow, RECEIVER_BYTES, VPL_BYTES};
 
 /// Bytes that the plugin counts with for the shaders' structs: name, and size of one in a buffer.
-pub const STRUCT_BYTES: [(&str, u64); 10] = [
+pub const STRUCT_BYTES: [(&str, u64); 13] = [
     ("Texel", TEXEL_BYTES),
     ("Vpl", VPL_BYTES),
     super::visibility::STRUCT_BYTES[0],
@@ -24,12 +25,15 @@ pub const STRUCT_BYTES: [(&str, u64); 10] = [
     ("Gather", size_of::<GatherSettings>() as u64),
     ("Row", size_of::<MapRow>() as u64),
     ("Light", <RsmLight as ShaderSize>::SHADER_SIZE.get()),
+    ("SkyLight", SKY_LIGHT_BYTES),
+    ("SkyPlan", size_of::<SkyPlan>() as u64),
+    ("SkySource", size_of::<SkyReading>() as u64),
 ];
 
 /// The buffers of the last frame. Handles, not copies: the GPU goes on writing them.
 #[derive(Clone, Debug)]
 pub struct GiGpuState {
-    /// Texels of every reflective shadow map (`rsm/texel.wgsl`), where there are any.
+    /// Texels of every reflective shadow map and then of what glows (`rsm/texel.wgsl`), where there are any.
     pub texels: Option<Buffer>,
     /// What rays may meet, in the order of the bindings of `visibility/trace.wgsl`, while a camera traces.
     pub occluders: Option<[Buffer; 4]>,
@@ -37,6 +41,8 @@ pub struct GiGpuState {
     pub maps: Vec<GiMapState>,
     /// Every camera that gathers.
     pub cameras: Vec<GiCameraState>,
+    /// Cameras whose sky is held.
+    pub skies: usize,
 }
 
 /// One reflective shadow map.
@@ -86,7 +92,8 @@ pub fn gpu_state(render_world: &World) -> GiGpuState {
         };
         cameras.iter(render_world).map(state).collect()
     });
-    GiGpuState { texels, occluders, maps: maps(render_world), cameras }
+    let skies = render_world.try_query::<&SkyCamera>().map_or(0, |mut skies| skies.iter(render_world).count());
+    GiGpuState { texels, occluders, maps: maps(render_world), cameras, skies }
 }
 
 fn maps(render_world: &World) -> Vec<GiMapState> {

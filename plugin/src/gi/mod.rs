@@ -1,4 +1,4 @@
-//! Global illumination: one bounce from virtual point lights sampled in reflective shadow maps.
+//! Global illumination: one bounce from virtual point lights sampled in reflective shadow maps, and light of glowing surfaces and of the sky.
 //!
 //! Dachsbacher and Stamminger 2005 ("Reflective Shadow Maps") for where light arrives, Keller 1997 ("Instant Radiosity") for how it goes on.
 //! Data flows one way:
@@ -8,7 +8,8 @@
 //! | [`rsm`](self) | main | keeps a hidden camera per light (and per cube face, and per GI camera for directional lights) |
 //! | `rsm` | render | turns each such camera's G-buffer into texels of position, normal and reflected flux |
 //! | `refresh` | main | decides which of this a frame has to do again |
-//! | `vpl` | render | draws every GI camera's virtual point lights from those texels |
+//! | `sources` | both | adds texels of glowing surfaces, and draws samples of the sky |
+//! | `vpl` | render | draws every GI camera's virtual point lights from all texels |
 //! | `visibility` | both | keeps the scene's triangles in a tree on the GPU, for rays between surfaces and VPLs |
 //! | `gather` | render | sums the VPLs at a share of the camera's pixels |
 //! | `filter` | render | joins what neighbouring pixels found with different VPLs and rays |
@@ -22,6 +23,8 @@ pub mod inspect;
 mod refresh;
 mod rsm;
 mod settings;
+mod sources;
+mod triangles;
 mod visibility;
 mod vpl;
 
@@ -38,13 +41,14 @@ use bevy::pbr::{DefaultOpaqueRendererMethod, main_transmissive_pass_3d};
 use bevy::render::extract_component::{ExtractComponentPlugin, UniformComponentPlugin};
 use bevy::render::renderer::RenderDevice;
 use bevy::render::view::Msaa;
-use bevy::render::{GpuResourceAppExt, Render, RenderApp, RenderSystems};
+use bevy::render::{ExtractSchedule, GpuResourceAppExt, Render, RenderApp, RenderSystems};
 use bevy::shader::load_shader_library;
 
 pub use diagnostics::{GI_DIAGNOSTICS, GiCounts};
 pub use refresh::GiRefresh;
 pub use rsm::RsmView;
 pub use settings::{FrugalGi, GiInterleave, GiLimits, GiOutput, GiPixelFraction, GiVisibility};
+pub use sources::GiEmitters;
 pub use visibility::GiOccluders;
 
 /// Where GI's passes lie in the `Core3d` schedule, for those who must order theirs.
@@ -74,9 +78,13 @@ impl Plugin for GiPlugin {
         load_shader_library!(app, "vpl/rows.wgsl");
         load_shader_library!(app, "gather/settings.wgsl");
         load_shader_library!(app, "visibility/trace.wgsl");
+        load_shader_library!(app, "sources/sky.wgsl");
         embedded_asset!(app, "rsm/resolve.wgsl");
         embedded_asset!(app, "vpl/weigh.wgsl");
         embedded_asset!(app, "vpl/sample.wgsl");
+        embedded_asset!(app, "sources/sky_fill.wgsl");
+        embedded_asset!(app, "sources/sky_weigh.wgsl");
+        embedded_asset!(app, "sources/sky_draw.wgsl");
         embedded_asset!(app, "gather/gather.wgsl");
         embedded_asset!(app, "filter/filter.wgsl");
         embedded_asset!(app, "composite/composite.wgsl");
@@ -103,6 +111,7 @@ impl Plugin for GiPlugin {
         rsm::build(app);
         refresh::build(app);
         visibility::build(app);
+        sources::build(app);
     }
 
     fn finish(&self, app: &mut App) {
@@ -123,6 +132,8 @@ impl Plugin for GiPlugin {
             .init_gpu_resource::<rsm::RsmStore>()
             .init_gpu_resource::<vpl::VplPipelines>()
             .init_gpu_resource::<visibility::OccluderBuffers>()
+            .init_gpu_resource::<sources::SkyPipelines>()
+            .init_gpu_resource::<sources::BlackCubes>()
             .init_gpu_resource::<gather::GatherPipelines>()
             .init_gpu_resource::<filter::FilterPipelines>()
             .init_gpu_resource::<composite::CompositePipelines>()
@@ -139,11 +150,20 @@ impl Plugin for GiPlugin {
                         .before(main_transparent_pass_3d),
                 ),
             )
+            .add_systems(ExtractSchedule, sources::extract_sources)
             .add_systems(
                 Render,
                 (
                     rsm::drop_main_phases.in_set(RenderSystems::CreateViews),
-                    (rsm::prepare_store, visibility::prepare_buffers, gather::prepare_cameras)
+                    (
+                        rsm::prepare_store,
+                        sources::upload_emitters,
+                        visibility::prepare_buffers,
+                        sources::prepare_skies,
+                        gather::prepare_cameras,
+                        // Need to know whose sky is gathered in this frame, before Bevy binds the maps.
+                        sources::take_out_diffuse,
+                    )
                         .chain()
                         .in_set(RenderSystems::PrepareResources),
                     composite::prepare_pipelines.in_set(RenderSystems::Prepare),
@@ -154,7 +174,7 @@ impl Plugin for GiPlugin {
                 Core3d,
                 (
                     rsm::resolve.in_set(GiSystems::Resolve),
-                    (vpl::sample, gather::gather, filter::filter).chain().in_set(GiSystems::Gather),
+                    (vpl::sample, sources::sample_sky, gather::gather, filter::filter).chain().in_set(GiSystems::Gather),
                     composite::composite.in_set(GiSystems::Composite),
                 ),
             );

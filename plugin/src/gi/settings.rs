@@ -9,16 +9,18 @@ use bevy::render::extract_component::ExtractComponent;
 use bevy::render::view::Msaa;
 
 use super::gather::GiCamera;
+use super::sources::{SkyCamera, SkySource};
 
 /// Global illumination on this camera: one diffuse bounce of every directional, spot and point light, from virtual point lights (VPLs) drawn
-/// in reflective shadow maps.
+/// in reflective shadow maps; the light of [glowing surfaces](super::GiEmitters); and that of the camera's
+/// [`EnvironmentMapLight`](bevy::light::EnvironmentMapLight), shadowed.
 ///
 /// Needs the deferred renderer, which [`GiPlugin`](super::GiPlugin) makes the default, and no multisampling. A camera without this component
 /// pays nothing.
 #[derive(Component, ExtractComponent, Reflect, Clone, Debug, PartialEq)]
 #[reflect(Component, Default, Clone, PartialEq)]
 #[require(Camera3d, Hdr, Msaa::Off, DepthPrepass, DeferredPrepass)]
-#[extract_component_sync_target((Self, GiCamera))]
+#[extract_component_sync_target((Self, GiCamera, SkyCamera, SkySource))]
 pub struct FrugalGi {
     /// Virtual point lights for the whole picture. Higher values: smoother and nearer the truth; every gathered pixel evaluates its
     /// [interleaved](Self::interleave) share of them. Lower values: blotchier. 0 turns GI off, and nothing is rendered, allocated or dispatched
@@ -29,6 +31,15 @@ pub struct FrugalGi {
     pub interleave: GiInterleave,
     /// Whether what stands between a surface and a VPL is found. Finer: less noise in indirect shadow, more rays.
     pub visibility: GiVisibility,
+    /// Samples of the sky that every gathered pixel evaluates, where the camera has an
+    /// [`EnvironmentMapLight`](bevy::light::EnvironmentMapLight): directions drawn by how bright the map is there and how much of it the picture
+    /// could receive, each a set of [`interleave`](Self::interleave)² pixels' own. As many rays again as [`visibility`](Self::visibility) says find what
+    /// hides them. Higher values: less noise in the sky's shadows, and a finer map. 0, or no rays: Bevy's own diffuse light of the map stays,
+    /// which nothing shadows. Else ours replaces it (its reflections stay), also on meshes that are not deferred, to which no global illumination is
+    /// added. At most [`MAX_ENVIRONMENT_SAMPLES`](Self::MAX_ENVIRONMENT_SAMPLES).
+    pub environment_samples: u32,
+    /// Whether [glowing surfaces](super::GiEmitters) light others. Costs nothing where there are none.
+    pub emissive: bool,
     /// Share of pixels at which the VPLs are gathered; the others are interpolated along surfaces. Higher values: finer indirect detail, at
     /// proportional cost. Lower values: indirect light blurs across small features.
     pub pixel_fraction: GiPixelFraction,
@@ -52,6 +63,9 @@ impl FrugalGi {
     /// Most VPLs that one pixel evaluates: as many of 48 bytes as fit into the 64 KiB of a uniform buffer that every GPU binds.
     pub const MAX_VPLS_PER_PIXEL: u32 = 1024;
 
+    /// Most samples of the sky that one pixel evaluates.
+    pub const MAX_ENVIRONMENT_SAMPLES: u32 = 32;
+
     /// Whether VPLs are drawn and gathered for this camera.
     pub(super) fn gathers(&self) -> bool {
         self.vpl_count > 0 && self.output != GiOutput::MapsOnly
@@ -69,6 +83,8 @@ impl Default for FrugalGi {
             vpl_count: 1024,
             interleave: GiInterleave::Four,
             visibility: GiVisibility::Coarse,
+            environment_samples: 16,
+            emissive: true,
             pixel_fraction: GiPixelFraction::Quarter,
             rsm_resolution: 128,
             refresh_period: 1,
@@ -163,6 +179,15 @@ impl GiVisibility {
 
     /// Rays per gathered pixel.
     pub const fn rays(self) -> u32 {
+        match self {
+            Self::None => 0,
+            Self::Coarse => 2,
+            Self::Fine => 8,
+        }
+    }
+
+    /// Rays to the sky per gathered pixel, where that is gathered.
+    pub const fn sky_rays(self) -> u32 {
         match self {
             Self::None => 0,
             Self::Coarse => 2,

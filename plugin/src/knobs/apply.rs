@@ -27,6 +27,7 @@ impl Plugin for KnobPlugin {
             .register_knob(builtin::GiPixelShare)
             .register_knob(builtin::GiInterleaving)
             .register_knob(builtin::GiRays)
+            .register_knob(builtin::GiEnvironmentSamples)
             .register_knob(builtin::RsmResolution)
             .register_knob(builtin::GiRefreshPeriod)
             .register_knob(builtin::ShadowMapResolution)

@@ -236,14 +236,34 @@ impl KnobSpace {
     }
 
     fn acts(&self, settings: RenderSettings, knob: &Knob) -> bool {
-        let Some(need) = &knob.needs else { return true };
-        // A knob that is not in this space is held at its best, so it meets every need.
-        self.index_of(&need.knob).is_none_or(|other| settings.level(other) >= need.at_least)
+        self.needed(knob).all(|(other, at_least)| settings.level(other) >= at_least)
+    }
+
+    /// Positions and least levels of the knob that `knob` needs, of the one which that needs, and so on. A knob that is not in this space is held at
+    /// its best, so it meets every need. Ends even where knobs need each other in a circle.
+    fn needed<'a>(&'a self, knob: &'a Knob) -> impl Iterator<Item = (usize, usize)> + 'a {
+        let next = |knob: &'a Knob| {
+            let need = knob.needs.as_ref()?;
+            Some((self.index_of(&need.knob)?, need.at_least))
+        };
+        std::iter::successors(next(knob), move |(other, _)| next(&self.knobs[*other])).take(self.len())
+    }
+
+    /// The cheapest settings at which `knob` does something: one for each level of the knob that it needs, or the cheapest alone where it needs none.
+    /// Who shows a knob's levels at each of them has shown every pair of the two.
+    pub fn cheapest_with(&self, knob: &Knob) -> Vec<RenderSettings> {
+        let mut needed = self.needed(knob);
+        let first = needed.next();
+        let base = needed.fold(self.lowest(), |settings, (other, at_least)| {
+            settings.with_level(other, at_least.min(self.knobs[other].levels.len() - 1))
+        });
+        let Some((other, at_least)) = first else { return vec![base] };
+        (at_least..self.knobs[other].levels.len()).map(|level| base.with_level(other, level)).collect()
     }
 
     /// How many different settings there are, knobs without effect not counted; `u64::MAX` where there are more than that.
     pub fn combinations(&self) -> u64 {
-        // Needs nest at most one deep in practice; counting by enumeration would be exact too, but spaces reach millions.
+        // What needs another knob comes after it in practice; counting by enumeration would be exact too, but spaces reach millions.
         fn count(space: &KnobSpace, index: usize, settings: RenderSettings) -> u64 {
             let Some(knob) = space.knobs.get(index) else { return 1 };
             let independent = |from: usize| {
@@ -362,6 +382,27 @@ mod tests {
         assert_eq!(space.combinations(), 10);
         assert!(all.iter().all(|s| space.contains(*s) && space.canonical(*s) == *s));
         assert_eq!(all.iter().collect::<std::collections::HashSet<_>>().len(), 10);
+    }
+
+    #[test]
+    fn needs_nest() {
+        let knobs = vec![
+            Knob::new("count", [0.0, 1.0, 2.0]),
+            Knob::new("rays", [0.0, 2.0, 8.0]).needing("count", 1),
+            Knob::new("sky", [0.0, 8.0]).needing("rays", 1),
+        ];
+        let space = KnobSpace::new(knobs).expect("a valid space");
+        let all: Vec<_> = space.iter().collect();
+        // Without a count nothing else matters, and without rays no sky: 1 + 2 * (1 + 2 * 2).
+        assert_eq!((all.len(), space.combinations()), (11, 11));
+        let dark = RenderSettings::default().with_level(1, 2).with_level(2, 1);
+        assert_eq!(space.canonical(dark), space.lowest());
+        let shown: Vec<_> = space.cheapest_with(&space.knobs()[2]).iter().map(|s| [s.level(0), s.level(1), s.level(2)]).collect();
+        assert_eq!(shown, [[1, 1, 0], [1, 2, 0]]);
+        assert_eq!(space.cheapest_with(&space.knobs()[0]), [space.lowest()]);
+        let circle = vec![Knob::new("a", [0.0, 1.0]).needing("b", 1), Knob::new("b", [0.0, 1.0]).needing("a", 1)];
+        let space = KnobSpace::new(circle).expect("a valid space");
+        assert_eq!(space.canonical(space.highest()), space.highest());
     }
 
     #[test]

@@ -107,15 +107,9 @@ impl WarmKnobs {
 /// Every level of every knob, the other knobs at their cheapest, which keeps the warm-up short. A knob that needs another one is shown with each level
 /// of that one: the two may share a pipeline.
 fn levels_to_show(space: &KnobSpace) -> Vec<RenderSettings> {
-    let lowest = space.lowest();
     let mut shown = Vec::new();
     for (index, knob) in space.knobs().iter().enumerate() {
-        let needed = knob.needs.as_ref().and_then(|need| Some((space.index_of(&need.knob)?, need.at_least)));
-        let bases = match needed {
-            Some((other, at_least)) => (at_least..space.knobs()[other].levels.len()).map(|level| lowest.with_level(other, level)).collect(),
-            None => vec![lowest],
-        };
-        for base in bases {
+        for base in space.cheapest_with(knob) {
             shown.extend((0..knob.levels.len()).map(|level| base.with_level(index, level)));
         }
     }

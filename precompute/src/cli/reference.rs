@@ -77,6 +77,7 @@ pub(super) fn run(arguments: &Arguments) -> Result<(), CliError> {
         Component::Full => rendering.full(),
         Component::Direct => rendering.direct,
         Component::Indirect => rendering.indirect,
+        Component::Global => rendering.global(),
     };
     println!("mean radiance {:.3} nits", radiance.mean());
     println!(

@@ -44,6 +44,8 @@ impl Strategy {
 pub(super) struct Estimate {
     /// By paths that meet one surface at most: light → surface → eye, and what is seen of glowing surfaces and of the sky.
     pub(super) direct: DVec3,
+    /// Of that, by paths from a glowing surface or the sky that meet one surface: what lamps do not send.
+    pub(super) extended: DVec3,
     /// By all longer paths.
     pub(super) indirect: DVec3,
 }
@@ -56,9 +58,17 @@ impl Estimate {
         fits(self.direct) && fits(self.indirect)
     }
 
-    /// `surfaces` is how many surfaces scattered the light.
+    /// `surfaces` is how many surfaces scattered the light of a lamp.
     fn add(&mut self, surfaces: u32, light: DVec3) {
         if surfaces <= 1 { self.direct += light } else { self.indirect += light }
+    }
+
+    /// The same of what glows.
+    fn add_extended(&mut self, surfaces: u32, light: DVec3) {
+        self.add(surfaces, light);
+        if surfaces == 1 {
+            self.extended += light;
+        }
     }
 }
 
@@ -77,7 +87,7 @@ pub(super) fn trace(
     for surfaces in 0.. {
         let Some(hit) = scene.closest(origin, direction) else {
             let weight = density.map_or(1.0, |own| settings.strategy.weight(false, own, scene.sky.density(direction)));
-            estimate.add(surfaces, throughput * scene.sky.radiance(direction) * weight);
+            estimate.add_extended(surfaces, throughput * scene.sky.radiance(direction) * weight);
             break;
         };
         let surface = Surface::new(&scene.geometry, &hit);
@@ -88,15 +98,15 @@ pub(super) fn trace(
                     per_steradian(scene.emitters.density(emitted), surface.position - origin.as_dvec3(), surface.geometric_normal);
                 settings.strategy.weight(false, own, per_steradian)
             });
-            estimate.add(surfaces, throughput * emitted * weight);
+            estimate.add_extended(surfaces, throughput * emitted * weight);
         }
         if settings.bounces.is_some_and(|bounces| surfaces > bounces) {
             break;
         }
         let bsdf = Bsdf::new(&surface, -direction, settings.shading);
         origin = surface.departure();
-        let received = lamps(scene, &bsdf, &surface, origin) + extended(scene, settings, &bsdf, origin, sampler);
-        estimate.add(surfaces + 1, throughput * received);
+        estimate.add(surfaces + 1, throughput * lamps(scene, &bsdf, &surface, origin));
+        estimate.add_extended(surfaces + 1, throughput * extended(scene, settings, &bsdf, origin, sampler));
         // After the last surface a path can only meet a light.
         if settings.bounces == Some(surfaces) && !scene.has_extended_light() {
             break;

@@ -79,12 +79,14 @@ impl Default for Watch<'_> {
     }
 }
 
-/// A path-traced picture. The two parts are estimated apart, so that neither has the noise of a difference.
+/// A path-traced picture. Its parts are estimated apart, so that none has the noise of a difference.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Rendering {
     /// Light that one surface at most scattered, glowing surfaces and surroundings seen included.
     pub direct: Radiance,
-    /// Light that more surfaces scattered: what a global illumination adds.
+    /// Of that, light of glowing surfaces and surroundings that one surface scattered.
+    pub extended: Radiance,
+    /// Light that more surfaces scattered.
     pub indirect: Radiance,
     /// Paths that gave infinite light or none that is a number; they count as not traced.
     pub dropped: u64,
@@ -94,13 +96,23 @@ impl Rendering {
     /// All light.
     #[must_use]
     pub fn full(&self) -> Radiance {
-        let rgb = self.direct.rgb.iter().zip(&self.indirect.rgb).map(|(a, b)| [a[0] + b[0], a[1] + b[1], a[2] + b[2]]).collect();
-        Radiance { rgb, ..self.direct }
+        sum(&self.direct, &self.indirect)
+    }
+
+    /// What a global illumination gives: indirect light, and what glowing surfaces and surroundings send, but not they themselves.
+    #[must_use]
+    pub fn global(&self) -> Radiance {
+        sum(&self.extended, &self.indirect)
     }
 }
 
-/// Direct and indirect light of one pixel, and how many of its samples were dropped.
-type Pixel = ([f32; 3], [f32; 3], u64);
+fn sum(a: &Radiance, b: &Radiance) -> Radiance {
+    let rgb = a.rgb.iter().zip(&b.rgb).map(|(a, b)| [a[0] + b[0], a[1] + b[1], a[2] + b[2]]).collect();
+    Radiance { rgb, ..*a }
+}
+
+/// Direct, extended and indirect light of one pixel, and how many of its samples were dropped.
+type Pixel = ([[f32; 3]; 3], u64);
 
 /// Path-traces `view` of `scene` on all threads of rayon's pool; `None` if `watch` gave up. The result depends on the arguments alone, not
 /// on the number of threads.
@@ -117,13 +129,11 @@ pub fn render(scene: &ReferenceScene, view: &View, settings: &Settings, watch: W
         })
         .collect::<Option<_>>()?;
     let pixels = rows.into_iter().flatten();
-    let mut rendering = Rendering {
-        direct: Radiance { width, height, rgb: Vec::with_capacity((width * height) as usize) },
-        indirect: Radiance { width, height, rgb: Vec::with_capacity((width * height) as usize) },
-        dropped: 0,
-    };
-    for (direct, indirect, dropped) in pixels {
+    let empty = || Radiance { width, height, rgb: Vec::with_capacity((width * height) as usize) };
+    let mut rendering = Rendering { direct: empty(), extended: empty(), indirect: empty(), dropped: 0 };
+    for ([direct, extended, indirect], dropped) in pixels {
         rendering.direct.rgb.push(direct);
+        rendering.extended.rgb.push(extended);
         rendering.indirect.rgb.push(indirect);
         rendering.dropped += dropped;
     }
@@ -131,7 +141,7 @@ pub fn render(scene: &ReferenceScene, view: &View, settings: &Settings, watch: W
 }
 
 fn pixel(scene: &ReferenceScene, view: &View, settings: &Settings, x: u32, y: u32) -> Pixel {
-    let (mut direct, mut indirect, mut dropped) = (DVec3::ZERO, DVec3::ZERO, 0);
+    let (mut parts, mut dropped) = ([DVec3::ZERO; 3], 0);
     let number = u64::from(y) * u64::from(view.size.x) + u64::from(x);
     for sample in 0..settings.samples {
         let mut sampler = Sampler::new(settings.seed, number, sample);
@@ -141,15 +151,14 @@ fn pixel(scene: &ReferenceScene, view: &View, settings: &Settings, x: u32, y: u3
         let (origin, direction) = view.ray(f64::from(x) + right, f64::from(y) + down);
         let estimate = trace(scene, settings, origin, direction, &mut sampler);
         if estimate.is_sound() {
-            direct += estimate.direct;
-            indirect += estimate.indirect;
+            let own = [estimate.direct, estimate.extended, estimate.indirect];
+            parts.iter_mut().zip(own).for_each(|(sum, own)| *sum += own);
         } else {
             dropped += 1;
         }
     }
     let count = f64::from(settings.samples - dropped.min(settings.samples)).max(1.0);
-    let mean = |sum: DVec3| (sum / count).as_vec3().to_array();
-    (mean(direct), mean(indirect), u64::from(dropped))
+    (parts.map(|sum| (sum / count).as_vec3().to_array()), u64::from(dropped))
 }
 
 impl View {

@@ -9,6 +9,7 @@ mod environment;
 mod evaluator;
 mod metering;
 mod player;
+mod prefilter;
 mod remote;
 mod useful;
 mod world;
@@ -59,10 +60,12 @@ pub enum Component {
     /// All of it.
     #[default]
     Full,
-    /// What the renderer shows without global illumination.
+    /// What the renderer shows without global illumination; of a path-traced picture, what one surface at most scattered.
     Direct,
-    /// What global illumination adds.
+    /// What lamps light by way of other surfaces; of a path-traced picture, what more than one surface scattered.
     Indirect,
+    /// What global illumination gives: indirect light, and that of glowing surfaces and of the sky on others.
+    Global,
 }
 
 /// How a scene is staged.
@@ -297,7 +300,7 @@ impl Stage {
 
     /// Renders one frame to its end.
     pub fn frame(&mut self) {
-        if self.options.output == Output::Radiance || self.options.component == Component::Direct {
+        if self.options.output == Output::Radiance || self.options.component != Component::Full {
             world::hold_overrides(self.app.world_mut(), self.camera, &self.options);
         }
         self.app.update();
@@ -350,11 +353,9 @@ impl Stage {
         // levels: one pipeline may serve a pair.
         let space = Arc::clone(&self.space);
         for (index, knob) in space.knobs().iter().enumerate() {
-            let needed = knob.needs.as_ref().and_then(|need| Some((space.index_of(&need.knob)?, need.at_least)));
-            let (other, levels) = needed.map_or((index, 0..1), |(other, least)| (other, least..space.knobs()[other].levels.len()));
-            for other_level in levels {
+            for base in space.cheapest_with(knob) {
                 for level in 0..knob.levels.len() {
-                    self.apply(space.lowest().with_level(other, other_level).with_level(index, level));
+                    self.apply(base.with_level(index, level));
                     self.frame();
                 }
             }

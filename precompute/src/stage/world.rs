@@ -54,8 +54,9 @@ pub(super) fn populate_with(
     if let Some(mut camera) = world.get_mut::<Camera>(camera) {
         camera.clear_color = ClearColorConfig::Custom(Color::BLACK);
     }
+    world.insert_resource(GlobalAmbientLight::NONE);
     match &scene.environment {
-        Environment::None => world.insert_resource(GlobalAmbientLight::NONE),
+        Environment::None => {}
         Environment::Constant(radiance) => environment::constant(world, camera, *radiance, exposure),
         Environment::Map(file, intensity) => environment::map(world, camera, &scene.resolve(file), *intensity)?,
     }
@@ -96,7 +97,10 @@ fn spawn_camera(world: &mut World, options: &StageOptions, target: Handle<Image>
         Output::Display => Tonemapping::TonyMcMapface,
         Output::Radiance => Tonemapping::None,
     };
-    let output = if options.component == Component::Indirect { GiOutput::IndirectOnly } else { GiOutput::Added };
+    let output = match options.component {
+        Component::Indirect | Component::Global => GiOutput::IndirectOnly,
+        Component::Full | Component::Direct => GiOutput::Added,
+    };
     world
         .spawn((
             Camera3d::default(),
@@ -117,6 +121,12 @@ pub(super) fn hold_overrides(world: &mut World, camera: Entity, options: &StageO
         && gi.vpl_count != 0
     {
         gi.vpl_count = 0;
+    }
+    if options.component == Component::Indirect
+        && let Some(mut gi) = camera.get_mut::<FrugalGi>()
+        && (gi.emissive || gi.environment_samples != 0)
+    {
+        (gi.emissive, gi.environment_samples) = (false, 0);
     }
     if options.output == Output::Radiance {
         camera.remove::<bevy::post_process::bloom::Bloom>();
@@ -158,15 +168,16 @@ fn bevy_mesh(mesh: SceneMesh, textured: bool) -> Mesh {
 
 fn standard_material(material: &SceneMaterial, textures: &[Handle<Image>], exposure: f32) -> StandardMaterial {
     let [red, green, blue, alpha] = material.base_color;
-    // Nits: exposed as every other light is. Bevy 0.19 forgets `emissive_exposure_weight` on the way through the G-buffer.
-    let glow = material.emissive.map(|radiance| radiance * exposure);
+    // Bevy 0.19's G-buffer has no room for the weight by which exposure counts: nits are exposed here.
+    let emissive = material.emissive.map(|nits| nits * exposure);
     StandardMaterial {
         base_color: Color::LinearRgba(LinearRgba::new(red, green, blue, alpha)),
         base_color_texture: material.base_color_texture.and_then(|index| textures.get(index).cloned()),
         perceptual_roughness: material.perceptual_roughness,
         metallic: material.metallic,
         reflectance: material.reflectance,
-        emissive: LinearRgba::rgb(glow[0], glow[1], glow[2]),
+        emissive: LinearRgba::rgb(emissive[0], emissive[1], emissive[2]),
+        emissive_exposure_weight: 0.0,
         alpha_mode: match material.alpha {
             crate::scene::AlphaMode::Opaque => AlphaMode::Opaque,
             crate::scene::AlphaMode::Mask(cutoff) => AlphaMode::Mask(cutoff),

@@ -41,7 +41,7 @@ pub fn corner(lights: Vec<Light>) -> Stage {
     stage
 }
 
-fn assert_costs_nothing(stage: &mut Stage) {
+pub fn assert_costs_nothing(stage: &mut Stage) {
     assert_eq!(set::gathered(stage), GiCounts::default(), "GiCounts");
     let state = inspect::gpu_state(stage.render_world());
     assert!(state.cameras.is_empty() && state.texels.is_none(), "{state:?}");
@@ -109,7 +109,7 @@ fn spot(position: Vec3) -> Light {
 }
 
 /// Mean of the left and of the right third.
-fn sides(stage: &mut Stage) -> (f64, f64) {
+pub fn sides(stage: &mut Stage) -> (f64, f64) {
     let radiance = set::radiance(stage);
     let third = |from: usize, to: usize| {
         let pixels = radiance.rgb.chunks_exact(48).flat_map(|row| &row[from..to]);

@@ -48,6 +48,7 @@ fn assert_applied(stage: &mut Stage, name: &str, value: f64) {
         "gi_vpl_count" => assert_eq!(f64::from(gi.vpl_count), value),
         "gi_interleave" => assert_eq!(f64::from(gi.interleave.side()), value),
         "gi_visibility" => assert_eq!(f64::from(gi.visibility.rays()), value),
+        "gi_environment_samples" => assert_eq!(f64::from(gi.environment_samples), value),
         "gi_pixel_fraction" => assert_eq!(gi.pixel_fraction.share(), value),
         "gi_refresh_period" => assert_eq!(f64::from(gi.refresh_period), value.recip()),
         "rsm_resolution" => {

@@ -17,6 +17,7 @@ mod control;
 mod extremes;
 mod furnace;
 mod gi;
+mod gi_sources;
 mod golden;
 mod knobs;
 mod materials;
@@ -44,6 +45,7 @@ const MODULES: &[(&str, &[(&str, fn())], bool)] = &[
     ("extremes::views", extremes::views::TESTS, true),
     ("furnace", furnace::TESTS, true),
     ("gi", gi::TESTS, true),
+    ("gi_sources", gi_sources::TESTS, true),
     ("golden", golden::TESTS, true),
     ("knobs", knobs::TESTS, true),
     ("materials::custom", materials::custom::TESTS, true),

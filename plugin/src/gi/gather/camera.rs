@@ -15,6 +15,7 @@ use crate::gi::filter;
 use crate::gi::refresh::{GiFrame, GiRefresh};
 use crate::gi::rsm::{RsmLight, RsmStore, RsmView};
 use crate::gi::settings::{FrugalGi, GiPixelFraction, GiVisibility};
+use crate::gi::sources::{GiEmitters, SkyCamera};
 use crate::gi::vpl::{DrawingBuffers, MapRow};
 
 /// What a GI camera holds in the render world, while it has VPLs to gather.
@@ -28,7 +29,8 @@ pub struct GiCamera {
     pub(in crate::gi) plan: VplPlan,
     pub(in crate::gi) plan_buffer: Buffer,
     pub(in crate::gi) vpls: Buffer,
-    pub(in crate::gi) drawing: DrawingBuffers,
+    /// None where there is nothing to draw VPLs from, but a sky.
+    pub(in crate::gi) drawing: Option<DrawingBuffers>,
     /// What each cell gathered.
     pub(in crate::gi) irradiance: CachedTexture,
     /// The same after the filter, where there is one.
@@ -37,6 +39,8 @@ pub struct GiCamera {
     pub(in crate::gi) filter_window: u32,
     settings: Buffer,
     pub(super) visibility: GiVisibility,
+    /// Samples of the sky that each cell evaluates.
+    pub(super) sky_samples: u32,
 }
 
 impl GiCamera {
@@ -44,7 +48,9 @@ impl GiCamera {
     pub(in crate::gi) fn bytes(&self) -> u64 {
         let textures = [Some(&self.irradiance), self.filtered.as_ref()].into_iter().flatten();
         let texels = textures.map(|texture| u64::from(texture.texture.width()) * u64::from(texture.texture.height()) * 8).sum::<u64>();
-        texels + self.drawing.bytes() + [&self.vpls, &self.plan_buffer, &self.settings].map(|buffer| buffer.size()).iter().sum::<u64>()
+        texels
+            + self.drawing.as_ref().map_or(0, DrawingBuffers::bytes)
+            + [&self.vpls, &self.plan_buffer, &self.settings].map(|buffer| buffer.size()).iter().sum::<u64>()
     }
 
     /// Gathered pixels along both axes.
@@ -67,14 +73,14 @@ impl GiCamera {
         if self.work.draw { u64::from(self.plan.sets) * u64::from(self.plan.per_set) } else { 0 }
     }
 
-    /// Pairs of pixel and VPL that are evaluated in this frame.
+    /// Pairs of pixel and VPL, or sample of the sky, that are evaluated in this frame.
     pub(in crate::gi) fn pairs(&self) -> u64 {
-        self.gathered_pixels() * u64::from(self.plan.per_set)
+        self.gathered_pixels() * u64::from(self.plan.per_set + self.sky_samples)
     }
 
-    /// Rays that are traced in this frame, at most.
+    /// Rays that are traced from pixels in this frame, at most.
     pub(in crate::gi) fn rays(&self) -> u64 {
-        self.gathered_pixels() * u64::from(self.visibility.rays().min(self.plan.per_set))
+        self.gathered_pixels() * u64::from(self.visibility.rays().min(self.plan.per_set) + self.visibility.sky_rays().min(self.sky_samples))
     }
 
     fn gathered_pixels(&self) -> u64 {
@@ -103,7 +109,7 @@ pub(super) fn first_of(buffer: &Buffer, size: u64) -> BindingResource<'_> {
     BindingResource::Buffer(BufferBinding { buffer, offset: 0, size: BufferSize::new(size) })
 }
 
-/// Gives every GI camera that has maps its VPL buffers and its textures, and takes them from the others; and finds out what it has to do.
+/// Gives every GI camera that has light to gather its VPL buffers and its textures, and takes them from the others; and finds out what it has to do.
 pub(in crate::gi) fn prepare_cameras(
     mut commands: Commands,
     device: Res<RenderDevice>,
@@ -112,40 +118,51 @@ pub(in crate::gi) fn prepare_cameras(
     frame: Res<GiFrame>,
     policy: Res<GiRefresh>,
     maps: Query<(&RsmView, &RsmLight)>,
-    cameras: Query<(Entity, &MainEntity, &FrugalGi, &ExtractedCamera, &ExtractedView, Has<TemporalJitter>)>,
+    emitters: Res<GiEmitters>,
+    cameras: Query<(Entity, &MainEntity, &FrugalGi, &ExtractedCamera, &ExtractedView, Has<TemporalJitter>, Option<&SkyCamera>)>,
     mut held: Query<&mut GiCamera>,
     stale: Query<Entity, (With<GiCamera>, Or<(Without<FrugalGi>, Without<ExtractedCamera>)>)>,
 ) {
     for entity in &stale {
         commands.entity(entity).remove::<GiCamera>();
     }
-    for (entity, main_entity, gi, camera, view, jitters) in &cameras {
-        let map_rows = rows_of(main_entity.id(), &maps);
+    for (entity, main_entity, gi, camera, view, jitters, sky) in &cameras {
+        let mut rows = rows_of(main_entity.id(), &maps);
+        if gi.emissive {
+            emitters.add_rows(camera.exposure, store.map_texels, &mut rows);
+        }
+        if store.texels.is_none() {
+            rows.clear();
+        }
+        let sky = sky.and_then(SkyCamera::seen);
+        let sky_samples = sky.as_ref().map_or(0, |sky| sky.samples());
         let Some(size) = camera.physical_viewport_size.filter(|size| size.min_element() > 0) else { continue };
-        if !gi.gathers() || map_rows.is_empty() || store.texels.is_none() {
+        if !gi.gathers() || (rows.is_empty() && sky.is_none()) {
             if held.contains(entity) {
                 commands.entity(entity).remove::<GiCamera>();
             }
             continue;
         }
         let plan = VplPlan::new(gi.vpl_count, gi.interleave);
+        let plan = if rows.is_empty() { plan.without_vpls() } else { plan };
         let (width, height) = gi.pixel_fraction.cell();
         let cells = UVec2::new(size.x.div_ceil(width), size.y.div_ceil(height));
         let filter_window = filter::window(gi);
-        let seen = Seen::new(gi, camera, view);
+        let always = jitters || sky.as_ref().is_some_and(|sky| sky.is_generated());
+        let seen = Seen::new(gi, camera, view, sky);
         let period = gi.refresh_period.max(1);
         if let Ok(mut held) = held.get_mut(entity)
             && held.plan == plan
-            && held.drawing.rows == map_rows
+            && held.drawing.as_ref().map_or(&[][..], |drawing| &drawing.rows) == rows
             && held.cells() == cells
             && held.filtered.is_some() == (filter_window > 1)
         {
             if held.fraction != gi.pixel_fraction {
                 queue.write_buffer(&held.settings, 0, &plan::settings_bytes(&plan, gi.pixel_fraction));
             }
-            held.work = held.work.next(held.seen != seen, jitters, &frame, *policy, period);
+            held.work = held.work.next(held.seen != seen, always, &frame, *policy, period);
             (held.seen, held.filter_window) = (seen, filter_window);
-            (held.fraction, held.visibility) = (gi.pixel_fraction, gi.visibility);
+            (held.fraction, held.visibility, held.sky_samples) = (gi.pixel_fraction, gi.visibility, sky_samples);
             continue;
         }
         let empty =
@@ -160,7 +177,7 @@ pub(in crate::gi) fn prepare_cameras(
             plan,
             plan_buffer: filled("bevy_frugal_gi/vpl_plan", bytemuck::bytes_of(&plan), BufferUsages::STORAGE),
             vpls: empty("bevy_frugal_gi/vpls", plan.buffer_bytes(), vpl_usage),
-            drawing: DrawingBuffers::new(&device, map_rows),
+            drawing: (!rows.is_empty()).then(|| DrawingBuffers::new(&device, rows)),
             irradiance: irradiance_texture(&device, "bevy_frugal_gi/irradiance", cells),
             filtered: (filter_window > 1).then(|| irradiance_texture(&device, "bevy_frugal_gi/filtered", cells)),
             filter_window,
@@ -171,6 +188,7 @@ pub(in crate::gi) fn prepare_cameras(
                 BufferUsages::UNIFORM | BufferUsages::COPY_DST,
             ),
             visibility: gi.visibility,
+            sky_samples,
         });
     }
 }

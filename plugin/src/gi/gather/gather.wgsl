@@ -16,7 +16,10 @@
 #import bevy_frugal_gi::gi::vpl::plan::Plan
 #import bevy_frugal_gi::gi::vpl::vpl::Vpl
 #ifdef RAYS
-#import bevy_frugal_gi::gi::visibility::trace::{is_occluded, surface_offset}
+#import bevy_frugal_gi::gi::visibility::trace::{is_occluded, is_open, surface_offset}
+#endif
+#ifdef SKY_RAYS
+#import bevy_frugal_gi::gi::sources::sky::{SkyLight, SkyPlan}
 #endif
 
 @group(0) @binding(0) var g_buffer: texture_2d<u32>;
@@ -26,6 +29,10 @@
 @group(0) @binding(4) var<uniform> gather: Gather;
 @group(0) @binding(5) var<storage, read> plan: Plan;
 @group(0) @binding(6) var irradiance: texture_storage_2d<rgba16float, write>;
+#ifdef SKY_RAYS
+@group(0) @binding(7) var<uniform> sky_samples: array<SkyLight, 32>;
+@group(0) @binding(8) var<storage, read> sky_plan: SkyPlan;
+#endif
 
 /// Irradiance from one VPL, without the factor 1/π that its cosine lobe and the sum share. Lux · π.
 ///
@@ -88,6 +95,38 @@ fn gathered(cell: vec2<u32>, position: vec3<f32>, normal: vec3<f32>) -> vec3<f32
 }
 #endif
 
+#ifdef SKY_RAYS
+/// The same from the sky: its samples are dealt into hands of their own, since where the sky is bright and hidden a ray for both would nearly always
+/// be spent on it.
+fn gathered_sky(cell: vec2<u32>, position: vec3<f32>, normal: vec3<f32>) -> vec3<f32> {
+    let origin = position + normal * surface_offset(position, distance(position, view.world_position));
+    let noise = fract(52.9829189 * fract(dot(vec2<f32>(cell), vec2(0.00583715, 0.06711056))));
+    var sum = vec3(0.0);
+    for (var hand = 0u; hand < #{SKY_RAYS}u; hand++) {
+        var number = fract(noise + f32(hand) * 0.618034);
+        var sent_by_hand = vec3(0.0);
+        var total = 0.0;
+        var drawn = 0u;
+        for (var i = hand; i < sky_plan.samples; i += #{SKY_RAYS}u) {
+            let sent = sky_samples[i].light * max(dot(normal, sky_samples[i].direction), 0.0);
+            let weight = luminance(sent);
+            sent_by_hand += sent;
+            total += weight;
+            let probability = weight / max(total, 1e-35);
+            let taken = number < probability;
+            number = select((number - probability) / (1.0 - probability), number / probability, taken);
+            drawn = select(drawn, i, taken);
+        }
+        if total > 0.0 {
+            if is_open(origin, sky_samples[drawn].direction) {
+                sum += sent_by_hand;
+            }
+        }
+    }
+    return sum;
+}
+#endif
+
 @compute @workgroup_size(8, 8)
 fn gather_vpls(@builtin(global_invocation_id) id: vec3<u32>) {
     let cell = id.xy * plan.interleave + gather.residue;
@@ -103,7 +142,11 @@ fn gather_vpls(@builtin(global_invocation_id) id: vec3<u32>) {
     }
     let position = pixel_position(pixel, size, depth, view.world_from_clip);
     let normal = surface_normal(textureLoad(g_buffer, pixel, 0));
+    var light = gathered(cell, position, normal);
+#ifdef SKY_RAYS
+    light += gathered_sky(cell, position, normal);
+#endif
     // Exposed before it is stored, so that half floats hold any scene; what is brighter than they can hold is white anyway.
-    let exposed = min(gathered(cell, position, normal) * (view.exposure * 0.31830987), vec3(65000.0));
+    let exposed = min(light * (view.exposure * 0.31830987), vec3(65000.0));
     textureStore(irradiance, cell, vec4(exposed, 1.0));
 }

@@ -19,7 +19,7 @@ pub(in crate::gi) struct VplPlan {
     pub interleave: u32,
     /// Sets of VPLs.
     pub sets: u32,
-    /// In each set: 1 to 1024.
+    /// In each set: 1 to 1024, and 0 where there is nothing to draw from.
     pub per_set: u32,
     /// From one set to the next in the buffer.
     pub stride: u32,
@@ -32,6 +32,12 @@ impl VplPlan {
         let sets = side * side;
         let per_set = vpl_count.min(FrugalGi::MAX_VPL_COUNT).div_ceil(sets).clamp(1, FrugalGi::MAX_VPLS_PER_PIXEL);
         Self { interleave: side, sets, per_set, stride: per_set.next_multiple_of(STRIDE) }
+    }
+
+    /// No VPLs, where there is nothing to draw them from.
+    #[must_use]
+    pub fn without_vpls(self) -> Self {
+        Self { per_set: 0, ..self }
     }
 
     /// VPLs that the buffer has room for, sets' padding included.

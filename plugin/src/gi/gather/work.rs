@@ -6,6 +6,7 @@ use bevy::render::view::ExtractedView;
 
 use crate::gi::refresh::{GiFrame, GiRefresh};
 use crate::gi::settings::FrugalGi;
+use crate::gi::sources::SkySeen;
 
 /// What a camera's frame takes, beside the composite.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -19,11 +20,12 @@ pub(in crate::gi) struct Work {
 }
 
 impl Work {
-    /// The next frame's. `changed`: the camera or its settings are others. `jitters`: its pixels never stay where they are.
-    pub(super) fn next(self, changed: bool, jitters: bool, frame: &GiFrame, policy: GiRefresh, period: u32) -> Self {
+    /// The next frame's. `changed`: the camera, its sky or its settings are others. `always`: its pixels never stay where they are, or its sky is
+    /// made anew in each frame.
+    pub(super) fn next(self, changed: bool, always: bool, frame: &GiFrame, policy: GiRefresh, period: u32) -> Self {
         let quiet = if changed { 0 } else { self.quiet.saturating_add(1) };
         // A whole period from the last change on: in one frame of it VPLs are drawn for where the camera is now.
-        let gather = frame.gather || jitters || policy != GiRefresh::OnChange || quiet < period;
+        let gather = frame.gather || always || policy != GiRefresh::OnChange || quiet < period;
         Self { quiet, gather, draw: gather && (frame.maps || frame.number.is_multiple_of(period)) }
     }
 }
@@ -35,12 +37,13 @@ pub(super) struct Seen {
     exposure: f32,
     world_from_view: Affine3A,
     clip_from_view: Mat4,
+    sky: Option<SkySeen>,
 }
 
 impl Seen {
-    pub(super) fn new(gi: &FrugalGi, camera: &ExtractedCamera, view: &ExtractedView) -> Self {
+    pub(super) fn new(gi: &FrugalGi, camera: &ExtractedCamera, view: &ExtractedView, sky: Option<SkySeen>) -> Self {
         let (world_from_view, clip_from_view) = (view.world_from_view.affine(), view.clip_from_view);
-        Self { gi: gi.clone(), exposure: camera.exposure, world_from_view, clip_from_view }
+        Self { gi: gi.clone(), exposure: camera.exposure, world_from_view, clip_from_view, sky }
     }
 }
 

@@ -10,22 +10,25 @@ use bevy::render::extract_component::{ComponentUniforms, DynamicUniformIndex};
 use bevy::render::render_phase::{ViewBinnedRenderPhases, ViewSortedRenderPhases};
 use bevy::render::render_resource::binding_types::{storage_buffer_sized, texture_2d, texture_depth_2d, uniform_buffer};
 use bevy::render::render_resource::*;
-use bevy::render::renderer::{RenderContext, RenderDevice, ViewQuery};
+use bevy::render::renderer::{RenderContext, RenderDevice, RenderQueue, ViewQuery};
 use bevy::render::view::{ExtractedView, ViewDepthTexture, ViewUniform, ViewUniformOffset, ViewUniforms};
 use bevy::utils::default;
 
 use super::RsmView;
 use super::lights::RsmLight;
 use crate::gi::settings::FrugalGi;
+use crate::gi::sources::GiEmitters;
 
 /// Bytes of `rsm/texel.wgsl`'s `Texel`. A test holds it against the shader.
-pub(in crate::gi) const TEXEL_BYTES: u64 = 32;
+pub(in crate::gi) const TEXEL_BYTES: u64 = size_of::<super::Texel>() as u64;
 
-/// Texels of every map, one after another. Empty while no light bounces.
+/// Texels of every map, one after another, and then those of what glows. Empty while there is no light.
 #[derive(Resource, Default)]
 pub(in crate::gi) struct RsmStore {
-    /// `Texel` each; present while there are maps.
+    /// `Texel` each; present while there are any.
     pub texels: Option<Buffer>,
+    /// Those of maps.
+    pub map_texels: u32,
 }
 
 impl RsmStore {
@@ -92,29 +95,41 @@ pub(in crate::gi) fn drop_main_phases(
     }
 }
 
-/// Fits the store to the maps of this frame; lets it go where there are none.
+/// Fits the store to the maps of this frame and what glows; lets it go where there is neither.
 pub(in crate::gi) fn prepare_store(
     mut store: ResMut<RsmStore>,
     device: Res<RenderDevice>,
+    queue: Res<RenderQueue>,
     maps: Query<&RsmLight, With<RsmView>>,
+    emitters: Res<GiEmitters>,
     cameras: Query<(), With<FrugalGi>>,
 ) {
     let mut texels = 0;
+    let old_map_texels = store.map_texels;
     for light in &maps {
         texels = texels.max(u64::from(light.texel_offset) + u64::from(light.resolution).pow(2));
     }
+    store.map_texels = texels as u32;
+    texels += emitters.texel_count() as u64;
     if texels == 0 || cameras.is_empty() {
         store.texels = None;
         return;
     }
     let size = texels * TEXEL_BYTES;
     if store.texels.as_ref().is_none_or(|old| old.size() != size) {
-        store.texels = Some(device.create_buffer(&BufferDescriptor {
+        let new = device.create_buffer(&BufferDescriptor {
             label: Some("bevy_frugal_gi/rsm/texels"),
             size,
-            usage: BufferUsages::STORAGE | BufferUsages::COPY_SRC,
+            usage: BufferUsages::STORAGE | BufferUsages::COPY_SRC | BufferUsages::COPY_DST,
             mapped_at_creation: false,
-        }));
+        });
+        // Where only what glows needs more room or less, maps that rest are not rendered again.
+        if let Some(old) = store.texels.as_ref().filter(|_| store.map_texels > 0 && store.map_texels == old_map_texels) {
+            let mut encoder = device.create_command_encoder(&CommandEncoderDescriptor { label: Some("bevy_frugal_gi/rsm/keep") });
+            encoder.copy_buffer_to_buffer(old, 0, &new, 0, u64::from(old_map_texels) * TEXEL_BYTES);
+            queue.submit([encoder.finish()]);
+        }
+        store.texels = Some(new);
     }
 }
 

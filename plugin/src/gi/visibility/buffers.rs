@@ -11,9 +11,8 @@ use super::bvh::Node;
 use super::occluders::{GiOccluders, InstanceData, MeshData};
 
 /// Buffers of the tree over instances, the instances, the meshes' trees and their triangles: group 1 of every shader that traces.
-#[derive(Resource)]
+#[derive(Resource, Default)]
 pub(in crate::gi) struct OccluderBuffers {
-    layout: BindGroupLayoutDescriptor,
     held: Option<Held>,
 }
 
@@ -24,14 +23,8 @@ struct Held {
     bind_group: BindGroup,
 }
 
-impl FromWorld for OccluderBuffers {
-    fn from_world(_: &mut World) -> Self {
-        Self { layout: Self::layout(), held: None }
-    }
-}
-
 impl OccluderBuffers {
-    /// Layout of group 1. Not the resource's own: Bevy makes GPU resources in an order that other plugins change, so none may need another.
+    /// Layout of group 1. No part of the resource: what else the renderer makes when it starts is made in no particular order.
     pub fn layout() -> BindGroupLayoutDescriptor {
         let read = || storage_buffer_read_only_sized(false, None);
         let entries = BindGroupLayoutEntries::sequential(ShaderStages::COMPUTE, (read(), read(), read(), read()));
@@ -104,7 +97,7 @@ pub(in crate::gi) fn prepare_buffers(
     let [a, b, c, d] = entries;
     let bind_group = device.create_bind_group(
         "bevy_frugal_gi/visibility",
-        &cache.get_bind_group_layout(&buffers.layout),
+        &cache.get_bind_group_layout(&OccluderBuffers::layout()),
         &BindGroupEntries::sequential((a, b, c, d)),
     );
     buffers.held = Some(Held { meshes, instances, buffers: new, bind_group });

@@ -11,7 +11,7 @@ use bevy::log::warn_once;
 use bevy::material::AlphaMode;
 use bevy::math::{Affine3A, Vec3};
 use bevy::mesh::skinning::SkinnedMesh;
-use bevy::mesh::{Indices, Mesh, Mesh3d, PrimitiveTopology, VertexAttributeValues};
+use bevy::mesh::{Mesh, Mesh3d};
 use bevy::pbr::{MeshMaterial3d, StandardMaterial};
 use bevy::platform::collections::{HashMap, HashSet};
 use bevy::render::extract_resource::ExtractResource;
@@ -190,18 +190,8 @@ fn build_trees(trees: &mut MeshTrees, used: impl Iterator<Item = AssetId<Mesh>>,
 
 /// Every triangle in the mesh's own space; `None` where they cannot be read.
 fn triangles(mesh: &Mesh) -> Option<Vec<[Vec3; 3]>> {
-    if mesh.primitive_topology() != PrimitiveTopology::TriangleList {
-        return None;
-    }
-    let VertexAttributeValues::Float32x3(positions) = mesh.try_attribute_option(Mesh::ATTRIBUTE_POSITION).ok()?? else { return None };
-    let corner = |index: usize| positions.get(index).copied().map(Vec3::from);
-    let triangle = |[a, b, c]: [usize; 3]| Some([corner(a)?, corner(b)?, corner(c)?]);
-    let list = match mesh.try_indices_option().ok()? {
-        None => (0..positions.len() / 3).filter_map(|i| triangle([3 * i, 3 * i + 1, 3 * i + 2])).collect(),
-        Some(Indices::U16(indices)) => indices.as_chunks::<3>().0.iter().filter_map(|i| triangle(i.map(usize::from))).collect(),
-        Some(Indices::U32(indices)) => indices.as_chunks::<3>().0.iter().filter_map(|i| triangle(i.map(|i| i as usize))).collect(),
-    };
-    Some(list)
+    let (positions, corners) = crate::gi::triangles::read(mesh)?;
+    Some(corners.into_iter().map(|triangle| triangle.map(|corner| Vec3::from(positions[corner]))).collect())
 }
 
 /// Everything in its place. The meshes' data is made anew only when a tree changed.

@@ -115,6 +115,14 @@ fn is_occluded(origin: vec3<f32>, end: vec3<f32>) -> bool {
     return false;
 }
 
+/// Whether nothing lies in a direction (unit length), however far.
+fn is_open(origin: vec3<f32>, direction: vec3<f32>) -> bool {
+    // Beyond everything: no farther than the middle of it all and then its size.
+    let all = instance_nodes[0];
+    let reach = distance(origin, 0.5 * (all.min + all.max)) + distance(all.min, all.max);
+    return !is_occluded(origin, origin + direction * reach);
+}
+
 /// How far from a surface a ray starts or ends, metres: beyond what positions out of a depth buffer are uncertain by.
 ///
 /// Higher values lose contact shadows and let light through thin walls; lower ones make surfaces shade themselves.

@@ -108,7 +108,7 @@ pub(super) fn sample(
     else {
         return;
     };
-    let buffers = &camera.drawing;
+    let Some(buffers) = &camera.drawing else { return };
     let device = context.render_device();
     let weighing = device.create_bind_group(
         "bevy_frugal_gi/vpl/weigh",

@@ -76,6 +76,20 @@ impl KnobDriver for GiRays {
     }
 }
 
+/// Samples of the sky, where the camera has an environment map: 0 leaves it to Bevy, unshadowed.
+pub struct GiEnvironmentSamples;
+
+impl KnobDriver for GiEnvironmentSamples {
+    fn knob(&self) -> Knob {
+        // Which takes virtual point lights in its turn.
+        Knob::new("gi_environment_samples", [0.0, 8.0, 16.0, 32.0]).needing("gi_visibility", 1)
+    }
+
+    fn apply(&self, world: &mut World, camera: Entity, level: &Level) {
+        change(world, camera, |gi| gi.environment_samples = level.value as u32);
+    }
+}
+
 /// Texels along the edge of each reflective shadow map.
 pub struct RsmResolution;
 

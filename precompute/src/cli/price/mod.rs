@@ -10,9 +10,9 @@ use bevy_frugal_gi::knobs::{KnobSpace, RenderSettings};
 use super::arguments::{CameraArguments, check_outputs, open_scene, size, write, write_report};
 use super::{CliError, progress};
 use crate::metrics::{Difference, Radiance};
-use crate::reference::{ReferenceScene, Settings, Shading, View, Watch, render};
+use crate::reference::{ReferenceScene, Rendering, Settings, Shading, View, Watch, render};
 use crate::report::{LevelPrice, PriceSummary, price_csv, price_report};
-use crate::scene::SceneDescription;
+use crate::scene::{Environment, SceneDescription};
 use crate::stage::{Component, Output, Stage, StageOptions};
 
 #[derive(clap::Args, Debug)]
@@ -31,6 +31,9 @@ pub(super) struct Arguments {
     /// Measures every combination of levels instead, and tells which levels are worth having
     #[arg(long, conflicts_with = "report")]
     combinations: bool,
+    /// Prices the sky instead: the scene without its lamps, all light that reaches the camera straight from the sky or by one surface
+    #[arg(long, conflicts_with = "combinations")]
+    sky: bool,
     /// Table to write
     #[arg(long, value_name = "FILE")]
     csv: Option<PathBuf>,
@@ -44,10 +47,18 @@ const METERED_FRAMES: u32 = 3;
 /// Readings of each setting, in turn with all others: their median is its cost, so that a machine that drifts costs all alike.
 const ROUNDS: usize = 3;
 
-/// Knobs that make the global illumination.
+/// Knobs that make bounced light.
 fn is_gi(name: &str) -> bool {
-    name.starts_with("gi_") || name.starts_with("rsm_")
+    (name.starts_with("gi_") || name.starts_with("rsm_")) && name != SKY
 }
+
+/// Knobs that make the sky's.
+fn is_sky(name: &str) -> bool {
+    [SKY, "gi_visibility", "gi_interleave", "gi_pixel_fraction"].contains(&name)
+}
+
+/// The knob of the sky alone.
+const SKY: &str = "gi_environment_samples";
 
 /// Knobs of it that change neither cost nor picture where nothing moves.
 fn is_still(name: &str) -> bool {
@@ -55,12 +66,19 @@ fn is_still(name: &str) -> bool {
 }
 
 pub(super) fn run(arguments: &Arguments) -> Result<(), CliError> {
-    let (scene, name) = open_scene(&arguments.camera.scene)?;
+    let (mut scene, name) = open_scene(&arguments.camera.scene)?;
     check_outputs([arguments.csv.as_ref()])?;
+    if arguments.sky {
+        if matches!(scene.environment, Environment::None) {
+            return Err(CliError::usage(format!("--sky: {name} has no environment")));
+        }
+        scene.lights.clear();
+    }
     let options = StageOptions {
         size: arguments.size,
         output: Output::Radiance,
-        component: Component::Indirect,
+        // Of the sky everything is shown, since where its samples end Bevy's own light begins.
+        component: if arguments.sky { Component::Full } else { Component::Indirect },
         meter: arguments.meter.clone(),
         ..Default::default()
     };
@@ -75,7 +93,7 @@ pub(super) fn run(arguments: &Arguments) -> Result<(), CliError> {
     if arguments.combinations {
         return combinations::run(&mut stage, &truth, off, arguments.csv.as_deref());
     }
-    let wanted = levels(&space);
+    let wanted = levels(&space, if arguments.sky { is_sky } else { is_gi });
     let mut readings = vec![Vec::new(); wanted.len() + 1];
     let mut differences = Vec::new();
     let bar = progress::bar((ROUNDS * readings.len()) as u64).with_message("readings");
@@ -135,17 +153,23 @@ pub(super) fn run(arguments: &Arguments) -> Result<(), CliError> {
     Ok(())
 }
 
-/// One bounce between surfaces that scatter evenly: what the knobs are to come near to.
+/// One bounce between surfaces that scatter evenly, or what one surface scatters of the sky: what the knobs are to come near to.
 fn truth(scene: &SceneDescription, arguments: &Arguments) -> Result<Radiance, CliError> {
     let view = View::new(scene, arguments.camera.pose(), arguments.size);
-    // Light from all around bounces in the truth and not in the renderer, which is another matter than the price of a level.
-    let lamps_only = SceneDescription { environment: crate::scene::Environment::None, ..scene.clone() };
-    let settings = Settings { samples: arguments.spp, bounces: Some(1), shading: Shading::Lambertian, ..Default::default() };
+    let samples = arguments.spp;
+    let (scene, settings) = if arguments.sky {
+        (scene.clone(), Settings { samples, bounces: Some(0), ..Default::default() })
+    } else {
+        // Light from all around bounces in the truth and not in the renderer, which is another matter than the price of a level.
+        let lamps_only = SceneDescription { environment: Environment::None, ..scene.clone() };
+        (lamps_only, Settings { samples, bounces: Some(1), shading: Shading::Lambertian, ..Default::default() })
+    };
     let bar = progress::bar(u64::from(arguments.size.y)).with_message("rows of the truth");
     let watch = Watch { row_done: &|| bar.inc(1), interrupted: &progress::interrupted };
-    let rendering = render(&ReferenceScene::new(&lamps_only)?, &view, &settings, watch);
+    let rendering = render(&ReferenceScene::new(&scene)?, &view, &settings, watch);
     bar.finish_and_clear();
-    rendering.map(|rendering| rendering.indirect).ok_or_else(|| CliError::failed("interrupted: nothing was written"))
+    let shown = |rendering: Rendering| if arguments.sky { rendering.full() } else { rendering.indirect };
+    rendering.map(shown).ok_or_else(|| CliError::failed("interrupted: nothing was written"))
 }
 
 /// A level of a knob, the others at their best.
@@ -155,10 +179,10 @@ struct Wanted {
     settings: RenderSettings,
 }
 
-/// Every level of every knob of the global illumination at which it is there, the best first.
-fn levels(space: &KnobSpace) -> Vec<Wanted> {
+/// Every level at which there is global illumination of every knob that counts, the best first.
+fn levels(space: &KnobSpace, counts: impl Fn(&str) -> bool) -> Vec<Wanted> {
     let mut wanted = Vec::new();
-    for (index, knob) in space.knobs().iter().enumerate().filter(|(_, knob)| is_gi(&knob.name) && !is_still(&knob.name)) {
+    for (index, knob) in space.knobs().iter().enumerate().filter(|(_, knob)| counts(&knob.name) && !is_still(&knob.name)) {
         for (level, described) in knob.levels.iter().enumerate().rev() {
             if knob.name == "gi_vpl_count" && described.value == 0.0 {
                 continue;
@@ -182,10 +206,12 @@ mod tests {
     #[test]
     fn every_level_at_which_there_is_gi_is_priced_the_best_first() {
         let space = crate::stage::knobs().unwrap();
-        let wanted = levels(&space);
+        let wanted = levels(&space, is_gi);
         let count = |name: &str| wanted.iter().filter(|level| level.knob == name).count();
         assert_eq!((count("gi_vpl_count"), count("gi_interleave"), count("gi_visibility"), count("antialiasing")), (7, 3, 3, 0));
         assert_eq!(wanted[0].settings, space.highest());
+        let sky = levels(&space, is_sky);
+        assert!(sky.iter().any(|level| (level.knob.as_str(), level.label.as_str()) == (SKY, "0")));
         assert_eq!(median(vec![3.0, 1.0, 2.0]), 2.0);
     }
 }

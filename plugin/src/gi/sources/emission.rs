@@ -1,0 +1,135 @@
+//! What a material gives off, in nits: what a camera sees of it.
+
+use bevy::asset::AssetId;
+use bevy::image::Image;
+use bevy::material::OpaqueRendererMethod;
+use bevy::math::{Affine2, DVec3, Vec3};
+use bevy::mesh::{Mesh, MeshVertexAttribute, UvChannel};
+use bevy::pbr::StandardMaterial;
+use bevy::prelude::AlphaMode;
+use bevy::render::render_resource::Face;
+
+use super::surface::Sides;
+
+/// How an emissive texture lies on a mesh.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub(super) struct TextureUse {
+    pub image: AssetId<Image>,
+    /// The second set of coordinates rather than the first.
+    second: bool,
+    /// Bits of the matrix by columns: so that it can be a key.
+    transform: [u32; 6],
+}
+
+impl TextureUse {
+    /// The mesh's attribute that holds its coordinates.
+    pub fn attribute(&self) -> MeshVertexAttribute {
+        if self.second { Mesh::ATTRIBUTE_UV_1 } else { Mesh::ATTRIBUTE_UV_0 }
+    }
+
+    /// From the mesh's coordinates to the texture's.
+    pub fn transform(&self) -> Affine2 {
+        Affine2::from_cols_array(&self.transform.map(f32::from_bits))
+    }
+}
+
+/// What a material gives off.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Emission {
+    /// Linear RGB, nits.
+    exposed: Vec3,
+    /// Linear RGB as it is on screen, whatever the camera's exposure: times 1 ÷ exposure, it is nits.
+    pub unexposed: Vec3,
+    pub sides: Sides,
+    pub texture: Option<TextureUse>,
+}
+
+impl Emission {
+    /// Nits, linear RGB, times the texture's colour, as seen by a camera of `exposure`.
+    pub fn radiance(&self, exposure: Option<f32>) -> DVec3 {
+        let unexposed = exposure.filter(|exposure| *exposure > 0.0).map_or(DVec3::ZERO, |e| self.unexposed.as_dvec3() / f64::from(e));
+        self.exposed.as_dvec3() + unexposed
+    }
+}
+
+/// What `material` gives off; nothing where that is black, negative or no number.
+pub(super) fn emission(material: &StandardMaterial) -> Option<Emission> {
+    let color = Vec3::new(material.emissive.red, material.emissive.green, material.emissive.blue);
+    let alpha = material.base_color.to_linear().alpha.clamp(0.0, 1.0);
+    // As Bevy 0.19 does it: once by the shader, and once more as it blends.
+    let opacity = match material.alpha_mode {
+        AlphaMode::Opaque | AlphaMode::Mask(_) | AlphaMode::AlphaToCoverage => 1.0,
+        AlphaMode::Premultiplied => alpha,
+        AlphaMode::Blend | AlphaMode::Add => alpha * alpha,
+        AlphaMode::Multiply => 0.0,
+    };
+    let color = color * opacity;
+    if material.unlit || !color.is_finite() || color.min_element() < 0.0 || color.max_element() <= 0.0 {
+        return None;
+    }
+    // The G-buffer has no room for the weight: Bevy 0.19 takes it for 0 there.
+    let weight = if is_deferred(material) { 0.0 } else { material.emissive_exposure_weight.clamp(0.0, 1.0) };
+    let sides = match material.cull_mode {
+        Some(Face::Back) => Sides::Front,
+        Some(Face::Front) => Sides::Back,
+        None => Sides::Both,
+    };
+    let texture = material.emissive_texture.as_ref().map(|image| TextureUse {
+        image: image.id(),
+        second: material.emissive_channel == UvChannel::Uv1,
+        transform: material.uv_transform.to_cols_array().map(f32::to_bits),
+    });
+    Some(Emission { exposed: color * weight, unexposed: color * (1.0 - weight), sides, texture })
+}
+
+/// Whether what the camera shows of it comes out of the G-buffer. Cut-outs are drawn to it and then drawn again over it.
+fn is_deferred(material: &StandardMaterial) -> bool {
+    let is_opaque = matches!(material.alpha_mode, AlphaMode::Opaque | AlphaMode::AlphaToCoverage);
+    let method = match material.opaque_render_method {
+        // As Bevy decides; deferred is the app's default by `GiPlugin`.
+        OpaqueRendererMethod::Auto => material.diffuse_transmission <= 0.0,
+        method => method == OpaqueRendererMethod::Deferred,
+    };
+    is_opaque && method && material.specular_transmission <= 0.0
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use bevy::color::LinearRgba;
+
+    fn glowing(red: f32, green: f32, blue: f32) -> StandardMaterial {
+        StandardMaterial { emissive: LinearRgba::rgb(red, green, blue), ..Default::default() }
+    }
+
+    #[test]
+    fn dark_negative_and_broken_colours_give_off_nothing() {
+        for color in [[0.0; 3], [-1.0, 5.0, 5.0], [f32::NAN, 1.0, 1.0], [f32::INFINITY, 1.0, 1.0]] {
+            assert_eq!(emission(&glowing(color[0], color[1], color[2])), None);
+        }
+        assert!(
+            emission(&glowing(1e20, 0.0, 0.0)).is_some() && emission(&StandardMaterial { unlit: true, ..glowing(1.0, 1.0, 1.0) }).is_none()
+        );
+        assert!(emission(&StandardMaterial { alpha_mode: AlphaMode::Multiply, ..glowing(1.0, 1.0, 1.0) }).is_none());
+    }
+
+    #[test]
+    fn nits_are_what_the_camera_shows() {
+        let exposure = Some(0.001);
+        let red = |material: &StandardMaterial| emission(material).unwrap().radiance(exposure).x;
+        // Deferred: as bright on screen at any exposure.
+        assert!((red(&glowing(2.0, 0.0, 0.0)) - 2000.0).abs() < 1e-3);
+        let weighted = StandardMaterial { emissive_exposure_weight: 1.0, ..glowing(2.0, 0.0, 0.0) };
+        assert!((red(&weighted) - 2000.0).abs() < 1e-3, "the G-buffer knows no weight");
+        let forward = StandardMaterial { opaque_render_method: OpaqueRendererMethod::Forward, ..weighted };
+        assert!((red(&forward) - 2.0).abs() < 1e-6);
+        let half = StandardMaterial { emissive_exposure_weight: 0.5, ..forward };
+        assert!((red(&half) - 1001.0).abs() < 1e-3);
+    }
+
+    #[test]
+    fn what_is_culled_does_not_glow() {
+        let sides = |cull_mode| emission(&StandardMaterial { cull_mode, ..glowing(1.0, 1.0, 1.0) }).unwrap().sides;
+        assert_eq!([Some(Face::Back), Some(Face::Front), None].map(sides), [Sides::Front, Sides::Back, Sides::Both]);
+    }
+}

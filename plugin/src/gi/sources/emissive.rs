@@ -1,0 +1,306 @@
+//! Glowing surfaces: which meshes give off light, and the texels that stand for them.
+//!
+//! Texels are made by the processor and not from a picture: a glowing surface has no view of its own from which a reflective shadow map could be
+//! taken, and a thousand points are few enough. They join the maps' texels in the store, so that they are weighed by what the camera sees, drawn,
+//! gathered, hidden and filtered as light that bounced is.
+
+use std::sync::Arc;
+
+use bevy::asset::{AssetEvent, AssetId, Assets};
+use bevy::camera::visibility::InheritedVisibility;
+use bevy::camera::{Camera, Exposure};
+use bevy::color::ColorToComponents;
+use bevy::ecs::prelude::*;
+use bevy::image::Image;
+use bevy::log::warn_once;
+use bevy::math::{Affine2, Affine3A, DVec3, Vec2, Vec3};
+use bevy::mesh::skinning::SkinnedMesh;
+use bevy::mesh::{Mesh, Mesh3d, VertexAttributeValues};
+use bevy::pbr::{MeshMaterial3d, StandardMaterial};
+use bevy::platform::collections::{HashMap, HashSet};
+use bevy::render::extract_resource::ExtractResource;
+use bevy::transform::components::GlobalTransform;
+
+use super::emission::{Emission, TextureUse, emission};
+use super::surface::{GlowingSurface, Place};
+use crate::gi::rsm::Texel;
+use crate::gi::settings::FrugalGi;
+use crate::gi::triangles;
+use crate::gi::vpl::MapRow;
+
+/// Texels that all glowing surfaces share, more or less: each has a power of two of them, so that a lamp that flickers does not deal all others'
+/// anew.
+const TEXELS: usize = 1024;
+/// Most surfaces that glow; the most powerful ones do.
+const MOST_SURFACES: usize = 4096;
+/// Points of a textured surface for each that becomes a texel: where the texture is dark, none does.
+const TEXTURED_POINTS: usize = 16;
+/// Texels in a row, as drawing wants them: in short rows, so that both of its coordinates are of use.
+const ROW: u32 = 32;
+
+/// Texels of everything that glows, for cameras of one exposure.
+#[derive(Clone, Debug, Default)]
+struct EmitterSet {
+    /// The cameras' exposure; none where it makes no difference.
+    exposure: Option<f32>,
+    texels: Arc<Vec<Texel>>,
+}
+
+/// What glows, kept while a camera has global illumination and empty else.
+///
+/// Every visible mesh with a [`StandardMaterial`] whose `emissive` is not black does, on the sides that its `cull_mode` shows, but: unlit and
+/// multiplying ones, skinned ones (their triangles here are those of the bind pose), and those whose mesh is kept for the GPU alone (a warning says
+/// so). An emissive texture is read where its image is there for the processor in a format without compression, and taken for white else (another
+/// warning). Holes of alpha masks, morphs, shaders that move vertices, other kinds of material and render layers are not looked at.
+#[derive(Resource, ExtractResource, Clone, Debug, Default)]
+pub struct GiEmitters {
+    sets: Vec<EmitterSet>,
+    surfaces: usize,
+}
+
+impl GiEmitters {
+    /// Surfaces that glow.
+    pub fn surface_count(&self) -> usize {
+        self.surfaces
+    }
+
+    /// Texels that stand for them.
+    pub fn texel_count(&self) -> usize {
+        self.sets.iter().map(|set| set.texels.len()).sum()
+    }
+
+    /// All texels, as they lie in the store.
+    pub(super) fn texels(&self) -> impl Iterator<Item = &Arc<Vec<Texel>>> {
+        self.sets.iter().map(|set| &set.texels)
+    }
+
+    /// Adds the rows of what glows for a camera of `exposure` to those of its maps. The first texel of all sets is the store's `first`.
+    pub(in crate::gi) fn add_rows(&self, exposure: f32, first: u32, rows: &mut Vec<MapRow>) {
+        let mut first_weight = rows.last().map_or(0, |row| row.first_weight + row.length);
+        let mut first_texel = first;
+        for set in &self.sets {
+            let count = set.texels.len() as u32;
+            if set.exposure.is_none_or(|own| own == exposure) {
+                for row in (0..count).step_by(ROW as usize) {
+                    let length = ROW.min(count - row);
+                    rows.push(MapRow { first_texel: first_texel + row, first_weight: first_weight + row, length });
+                }
+                first_weight += count;
+            }
+            first_texel += count;
+        }
+    }
+}
+
+/// Whose points are whose: a mesh and how a texture lies on it.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+struct SurfaceKey {
+    mesh: AssetId<Mesh>,
+    texture: Option<TextureUse>,
+}
+
+/// A surface in its place.
+#[derive(Clone, Debug, PartialEq)]
+struct Placed {
+    entity: Entity,
+    key: SurfaceKey,
+    affine: Affine3A,
+    emission: Emission,
+}
+
+/// What the present [`GiEmitters`] was made of.
+#[derive(Resource, Default)]
+pub(super) struct Glow {
+    /// Materials that glow.
+    materials: HashMap<AssetId<StandardMaterial>, Emission>,
+    /// None where a mesh has no triangles that can be read.
+    surfaces: HashMap<SurfaceKey, Option<GlowingSurface>>,
+    placed: Vec<Placed>,
+    exposures: Vec<Option<f32>>,
+    /// Set when a mesh or a texture changed.
+    stale: bool,
+}
+
+/// The assets that surfaces are made of.
+#[derive(bevy::ecs::system::SystemParam)]
+pub(super) struct Sources<'w> {
+    meshes: Res<'w, Assets<Mesh>>,
+    images: Option<Res<'w, Assets<Image>>>,
+    materials: Option<Res<'w, Assets<StandardMaterial>>>,
+}
+
+pub(super) fn update(
+    mut glow: ResMut<Glow>,
+    mut emitters: ResMut<GiEmitters>,
+    (mut material_events, mut mesh_events, mut image_events): (
+        Option<MessageReader<AssetEvent<StandardMaterial>>>,
+        Option<MessageReader<AssetEvent<Mesh>>>,
+        Option<MessageReader<AssetEvent<Image>>>,
+    ),
+    sources: Sources,
+    cameras: Query<(&Camera, &FrugalGi, Option<&Exposure>)>,
+    meshes: Query<(Entity, &Mesh3d, &MeshMaterial3d<StandardMaterial>, &GlobalTransform, &InheritedVisibility), Without<SkinnedMesh>>,
+) {
+    let glow = &mut *glow;
+    for event in material_events.iter_mut().flat_map(MessageReader::read) {
+        let (AssetEvent::Added { id } | AssetEvent::Modified { id } | AssetEvent::Removed { id }) = event else { continue };
+        match sources.materials.as_ref().and_then(|materials| emission(materials.get(*id)?)) {
+            Some(emission) => glow.materials.insert(*id, emission),
+            None => glow.materials.remove(id),
+        };
+    }
+    for event in mesh_events.iter_mut().flat_map(MessageReader::read) {
+        let (AssetEvent::Modified { id } | AssetEvent::Removed { id }) = event else { continue };
+        glow.forget(|key| key.mesh == *id);
+    }
+    for event in image_events.iter_mut().flat_map(MessageReader::read) {
+        let (AssetEvent::Modified { id } | AssetEvent::Removed { id }) = event else { continue };
+        glow.forget(|key| key.texture.is_some_and(|texture| texture.image == *id));
+    }
+    let exposures: Vec<f32> = cameras
+        .iter()
+        .filter(|(camera, gi, _)| camera.is_active && gi.vpl_count > 0 && gi.emissive)
+        .map(|(_, _, exposure)| exposure.copied().unwrap_or_default().exposure())
+        .collect();
+    if exposures.is_empty() || glow.materials.is_empty() {
+        if !glow.placed.is_empty() || !glow.surfaces.is_empty() {
+            (glow.surfaces, glow.placed, glow.exposures) = Default::default();
+            *emitters = GiEmitters::default();
+        }
+        return;
+    }
+    let mut now: Vec<Placed> = meshes
+        .iter()
+        .filter(|(.., transform, visible)| visible.get() && transform.affine().is_finite())
+        .filter_map(|(entity, mesh, material, transform, _)| {
+            let emission = *glow.materials.get(&material.id())?;
+            let key = SurfaceKey { mesh: mesh.id(), texture: emission.texture };
+            Some(Placed { entity, key, affine: transform.affine(), emission })
+        })
+        .collect();
+    // Entities come in no particular order, and texels should lie the same in every run.
+    now.sort_unstable_by_key(|placed| placed.entity);
+    let used: HashSet<SurfaceKey> = now.iter().map(|placed| placed.key).collect();
+    glow.surfaces.retain(|key, _| used.contains(key));
+    for key in used {
+        if !glow.surfaces.contains_key(&key)
+            && let Some(surface) = surface(&key, initial_points(&key), &sources)
+        {
+            glow.surfaces.insert(key, surface);
+            glow.stale = true;
+        }
+    }
+    let exposures = distinct_exposures(&now, exposures);
+    if glow.stale || glow.placed != now || glow.exposures != exposures {
+        let sets = exposures.iter().map(|exposure| assemble(&mut glow.surfaces, &now, *exposure, &sources)).collect();
+        *emitters =
+            GiEmitters { sets, surfaces: now.iter().filter(|placed| matches!(glow.surfaces.get(&placed.key), Some(Some(_)))).count() };
+        (glow.placed, glow.exposures, glow.stale) = (now, exposures, false);
+    }
+}
+
+impl Glow {
+    fn forget(&mut self, is_gone: impl Fn(&SurfaceKey) -> bool) {
+        let before = self.surfaces.len();
+        self.surfaces.retain(|key, _| !is_gone(key));
+        self.stale |= self.surfaces.len() != before;
+    }
+}
+
+/// The exposures for which texels differ: one for each camera's where a surface glows as brightly on screen at any exposure, as Bevy's do by default.
+fn distinct_exposures(placed: &[Placed], mut exposures: Vec<f32>) -> Vec<Option<f32>> {
+    if placed.iter().all(|placed| placed.emission.unexposed == Vec3::ZERO) {
+        return vec![None];
+    }
+    exposures.sort_unstable_by(f32::total_cmp);
+    exposures.dedup();
+    exposures.into_iter().map(Some).collect()
+}
+
+/// Points for a first look at a surface.
+fn initial_points(key: &SurfaceKey) -> usize {
+    if key.texture.is_some() { 64 * TEXTURED_POINTS } else { 64 }
+}
+
+/// Points of a surface; `None` while its assets are not there, and `Some(None)` where they cannot be read.
+fn surface(key: &SurfaceKey, points: usize, sources: &Sources) -> Option<Option<GlowingSurface>> {
+    let mesh = sources.meshes.get(key.mesh)?;
+    let image = match key.texture {
+        Some(texture) => Some(sources.images.as_ref()?.get(texture.image)?),
+        None => None,
+    };
+    let Some((positions, corners)) = triangles::read(mesh) else {
+        warn_once!(
+            "a glowing mesh is kept for the GPU alone or is no triangle list: it lights nothing (RenderAssetUsages::MAIN_WORLD keeps it readable)"
+        );
+        return Some(None);
+    };
+    let list: Vec<[Vec3; 3]> = corners.iter().map(|triangle| triangle.map(|corner| Vec3::from(positions[corner]))).collect();
+    let Some((texture, image)) = key.texture.zip(image) else { return Some(GlowingSurface::new(&list, points, |_| Vec3::ONE)) };
+    let coordinates = match mesh.try_attribute_option(texture.attribute()).ok().flatten() {
+        Some(VertexAttributeValues::Float32x2(coordinates)) => coordinates.as_slice(),
+        // Bevy reads no texture then.
+        _ => return Some(GlowingSurface::new(&list, points, |_| Vec3::ONE)),
+    };
+    let transform = texture.transform();
+    Some(GlowingSurface::new(&list, points, |Place { triangle, weights }| {
+        let corner = |index: usize| coordinates.get(corners[triangle][index]).copied().map_or(Vec2::ZERO, Vec2::from);
+        let (first, second, third) = (corner(0), corner(1), corner(2));
+        color_at(image, transform, first + (second - first) * weights[0] + (third - first) * weights[1])
+    }))
+}
+
+/// Linear colour of the texel at `place`, white where it cannot be read.
+fn color_at(image: &Image, transform: Affine2, place: Vec2) -> Vec3 {
+    let (width, height) = (image.width().max(1), image.height().max(1));
+    let place = transform.transform_point2(place);
+    // Repeated, which is what textures that leave the unit square are for.
+    let texel = (place - place.floor()) * Vec2::new(width as f32, height as f32);
+    let (x, y) = ((texel.x as u32).min(width - 1), (texel.y as u32).min(height - 1));
+    let Ok(color) = image.get_color_at(x, y) else {
+        warn_once!("an emissive texture is kept for the GPU alone or is compressed: what it lights is lit as if it were white");
+        return Vec3::ONE;
+    };
+    let color = color.to_linear().to_vec3();
+    if color.is_finite() { color.max(Vec3::ZERO) } else { Vec3::ZERO }
+}
+
+/// The texels of all surfaces, as cameras of `exposure` see them glow.
+fn assemble(
+    surfaces: &mut HashMap<SurfaceKey, Option<GlowingSurface>>,
+    placed: &[Placed],
+    exposure: Option<f32>,
+    sources: &Sources,
+) -> EmitterSet {
+    let mut glowing: Vec<(&Placed, DVec3, f64)> = placed
+        .iter()
+        .filter_map(|placed| {
+            let surface = surfaces.get(&placed.key)?.as_ref()?;
+            let radiance = placed.emission.radiance(exposure);
+            let power = surface.power(&placed.affine, radiance) * placed.emission.sides.count() as f64;
+            (power > 0.0 && power.is_finite()).then_some((placed, radiance, power))
+        })
+        .collect();
+    if glowing.len() > MOST_SURFACES {
+        warn_once!("{} surfaces glow: only the {MOST_SURFACES} most powerful ones light others", glowing.len());
+        glowing.sort_by(|a, b| b.2.total_cmp(&a.2).then(a.0.entity.cmp(&b.0.entity)));
+        glowing.truncate(MOST_SURFACES);
+        glowing.sort_unstable_by_key(|(placed, ..)| placed.entity);
+    }
+    let total: f64 = glowing.iter().map(|(.., power)| power).sum();
+    let mut texels = Vec::new();
+    for (placed, radiance, power) in glowing {
+        let sides = placed.emission.sides;
+        let share = (TEXELS as f64 * power / total / sides.count() as f64).ceil() as usize;
+        let count = share.clamp(1, TEXELS).next_power_of_two();
+        let needed = count * if placed.key.texture.is_some() { TEXTURED_POINTS } else { 1 };
+        let Some(Some(points)) = surfaces.get_mut(&placed.key) else { continue };
+        if points.len() < needed
+            && let Some(Some(finer)) = surface(&placed.key, needed, sources)
+        {
+            *points = finer;
+        }
+        points.add_texels(&placed.affine, radiance, sides, count, &mut texels);
+    }
+    EmitterSet { exposure, texels: Arc::new(texels) }
+}
