@@ -9,8 +9,8 @@ use bevy::render::view::ExtractedView;
 use super::RsmView;
 use super::gather::{GatherSettings, GiCamera, VplPlan};
 use super::rsm::{RsmLight, RsmStore, TEXEL_BYTES};
-use super::visibility::OccluderBuffers;
 use super::sources::{SKY_LIGHT_BYTES, SkyCamera, SkyPlan, SkyReading};
+use super::visibility::OccluderBuffers;
 use super::vpl::{MapRow, RECEIVER_BYTES, VPL_BYTES};
 
 /// Bytes that the plugin counts with for the shaders' structs: name, and size of one in a buffer.

@@ -18,7 +18,7 @@ tests!(
     a_texture_sends_and_receives_its_colours_where_they_are,
     vertex_colours_tint_what_is_sent_and_received,
     metals_take_no_part_but_hide,
-    emission_lights_nothing_else,
+    emission_lights_the_wall_as_the_sun_s_light_does,
     a_scene_s_emission_is_in_nits,
     unlit_materials_take_no_part_but_hide,
     sides_are_those_that_are_drawn,
@@ -118,13 +118,19 @@ fn metals_take_no_part_but_hide() {
     });
 }
 
-fn emission_lights_nothing_else() {
+fn emission_lights_the_wall_as_the_sun_s_light_does() {
     on_bench(|bench| {
         // 100 nits, exposed as the bench is: Bevy's deferred renderer leaves `emissive_exposure_weight` out. They send on 314 lm/m², a sixteenth of
-        // what the plate does of the sun's light, and would be seen on the wall.
+        // what the plate does of the sun's light.
         let emissive = LinearRgba::rgb(100.0 / (1.2 * 256.0), 0.0, 0.0);
+        let added = 100.0 * std::f64::consts::PI / bench.reference().source.flux[0];
         let found = bench.measure_plate("emissive", StandardMaterial { emissive, ..grey() });
-        found.assert_matt("emissive", [f64::from(GREY); 3]);
+        found.assert_covers("emissive", 1.0);
+        found.assert_hides("emissive", true);
+        assert!((found.wall[0] / found.wall[1] - 1.0 - added).abs() < 0.1 * added, "{added} {:?}", found.wall);
+        found.assert_receives("emissive", [f64::from(GREY); 3]);
+        // Other VPLs are drawn than without.
+        assert!((found.wall[2] - 1.0).abs() < 0.03, "{:?}", found.wall);
     });
 }
 
