@@ -76,10 +76,12 @@ impl Plugin for GiPlugin {
         load_shader_library!(app, "vpl/vpl.wgsl");
         load_shader_library!(app, "vpl/plan.wgsl");
         load_shader_library!(app, "vpl/rows.wgsl");
+        load_shader_library!(app, "vpl/receivers.wgsl");
         load_shader_library!(app, "gather/settings.wgsl");
         load_shader_library!(app, "visibility/trace.wgsl");
         load_shader_library!(app, "sources/sky.wgsl");
         embedded_asset!(app, "rsm/resolve.wgsl");
+        embedded_asset!(app, "vpl/see.wgsl");
         embedded_asset!(app, "vpl/weigh.wgsl");
         embedded_asset!(app, "vpl/sample.wgsl");
         embedded_asset!(app, "sources/sky_fill.wgsl");
@@ -87,6 +89,7 @@ impl Plugin for GiPlugin {
         embedded_asset!(app, "sources/sky_draw.wgsl");
         embedded_asset!(app, "gather/gather.wgsl");
         embedded_asset!(app, "filter/filter.wgsl");
+        embedded_asset!(app, "filter/smooth.wgsl");
         embedded_asset!(app, "composite/composite.wgsl");
 
         app.insert_resource(DefaultOpaqueRendererMethod::deferred())
@@ -102,6 +105,7 @@ impl Plugin for GiPlugin {
             ExtractComponentPlugin::<FrugalGi>::default(),
             ExtractComponentPlugin::<RsmView>::default(),
             ExtractComponentPlugin::<rsm::RsmLight>::default(),
+            ExtractComponentPlugin::<rsm::RsmCut>::default(),
             UniformComponentPlugin::<rsm::RsmLight>::default(),
         ));
         // A camera that comes with multisampling keeps it in spite of the requirement: Bevy would switch it off with a warning in each frame.

@@ -8,7 +8,7 @@ const SHADERS: [&str; 10] = [
     include_str!("../../../plugin/src/gi/rsm/texel.wgsl"),
     include_str!("../../../plugin/src/gi/vpl/vpl.wgsl"),
     include_str!("../../../plugin/src/gi/vpl/rows.wgsl"),
-    include_str!("../../../plugin/src/gi/vpl/weigh.wgsl"),
+    include_str!("../../../plugin/src/gi/vpl/receivers.wgsl"),
     include_str!("../../../plugin/src/gi/vpl/plan.wgsl"),
     include_str!("../../../plugin/src/gi/gather/settings.wgsl"),
     include_str!("../../../plugin/src/gi/visibility/trace.wgsl"),

@@ -24,6 +24,11 @@ var<workgroup> positions: array<vec4<f32>, TILE * TILE>;
 var<workgroup> normals: array<vec3<f32>, TILE * TILE>;
 var<workgroup> light: array<vec3<f32>, TILE * TILE>;
 
+fn luminance(light: vec3<f32>) -> f32 {
+    // Rec. 709.
+    return dot(light, vec3(0.2126, 0.7152, 0.0722));
+}
+
 @compute @workgroup_size(GROUP, GROUP)
 fn filter_gathered(
     @builtin(global_invocation_id) id: vec3<u32>,
@@ -55,6 +60,9 @@ fn filter_gathered(
     let tolerance = plane_tolerance(distance(position.xyz, view.world_position));
     var sum = vec3(0.0);
     var weights = 0.0;
+    var first = 0.0;
+    var second = 0.0;
+    let own = luminance(light[center]);
     for (var y = 0u; y <= WINDOW; y++) {
         for (var x = 0u; x <= WINDOW; x++) {
             let other = (local.y + y) * TILE + local.x + x;
@@ -64,11 +72,19 @@ fn filter_gathered(
             // A weight of nothing must not let through what is no number.
             sum += select(vec3(0.0), weight * light[other], weight > 0.0);
             weights += weight;
+            // Moments about the pixel's own value, which lose less to rounding.
+            let away = select(0.0, luminance(light[other]) - own, weight > 0.0);
+            first += weight * away;
+            second += weight * away * away;
         }
     }
     if any(id.xy >= cells) {
         return;
     }
     // The pixel's own weight is 1, but where there is no surface. Where what it gathered is no number, it gets what its neighbours found.
-    textureStore(filtered, id.xy, vec4(select(vec3(0.0), sum / max(weights, 1e-12), position.w != 0.0), 1.0));
+    // The standard error of a mean of as many values as have weight.
+    let count = max(weights, 1e-12);
+    let variance = max(second / count - (first / count) * (first / count), 0.0);
+    let error = min(sqrt(variance / max(weights, 1.0)), 65504.0);
+    textureStore(filtered, id.xy, vec4(select(vec3(0.0), sum / count, position.w != 0.0), error));
 }

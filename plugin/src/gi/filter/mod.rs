@@ -27,10 +27,16 @@ pub(super) fn window(gi: &FrugalGi) -> u32 {
     gi.interleave.side().max(rays)
 }
 
+/// Whether what the filter leaves of the noise of rays is joined over a wider window.
+pub(super) fn smooths(gi: &FrugalGi) -> bool {
+    gi.visibility != GiVisibility::None
+}
+
 #[derive(Resource)]
 pub(super) struct FilterPipelines {
     layout: BindGroupLayoutDescriptor,
     pipelines: [CachedComputePipelineId; 3],
+    smooth: CachedComputePipelineId,
 }
 
 impl FromWorld for FilterPipelines {
@@ -61,7 +67,14 @@ impl FromWorld for FilterPipelines {
                 ..default()
             })
         });
-        Self { layout, pipelines }
+        let smooth = cache.queue_compute_pipeline(ComputePipelineDescriptor {
+            label: Some("bevy_frugal_gi/filter/smooth".into()),
+            layout: vec![layout.clone()],
+            shader: load_embedded_asset!(world, "smooth.wgsl"),
+            entry_point: Some("smooth_filtered".into()),
+            ..default()
+        });
+        Self { layout, pipelines, smooth }
     }
 }
 
@@ -84,18 +97,16 @@ pub(super) fn filter(
     ) else {
         return;
     };
-    let bind_group = context.render_device().create_bind_group(
-        "bevy_frugal_gi/filter",
-        &cache.get_bind_group_layout(&pipelines.layout),
-        &BindGroupEntries::sequential((
-            g_buffer,
-            depth,
-            views,
-            camera.first_settings(),
-            &camera.irradiance.default_view,
-            &filtered.default_view,
-        )),
-    );
+    let smooth = if camera.smooths { cache.get_compute_pipeline(pipelines.smooth) } else { None };
+    // From what was gathered into the other texture, and back.
+    let textures = [(&camera.irradiance, filtered), (filtered, &camera.irradiance)];
+    let bind_groups = textures.map(|(from, to)| {
+        context.render_device().create_bind_group(
+            "bevy_frugal_gi/filter",
+            &cache.get_bind_group_layout(&pipelines.layout),
+            &BindGroupEntries::sequential((g_buffer, depth, views.clone(), camera.first_settings(), &from.default_view, &to.default_view)),
+        )
+    });
     let size = filtered.texture.size();
     let diagnostics = context.diagnostic_recorder();
     let diagnostics = diagnostics.as_deref();
@@ -105,8 +116,13 @@ pub(super) fn filter(
             .command_encoder()
             .begin_compute_pass(&ComputePassDescriptor { label: Some("bevy_frugal_gi/filter"), timestamp_writes: None });
         pass.set_pipeline(pipeline);
-        pass.set_bind_group(0, &bind_group, &[view_offset.offset]);
+        pass.set_bind_group(0, &bind_groups[0], &[view_offset.offset]);
         pass.dispatch_workgroups(size.width.div_ceil(8), size.height.div_ceil(8), 1);
+        if let Some(smooth) = smooth {
+            pass.set_pipeline(smooth);
+            pass.set_bind_group(0, &bind_groups[1], &[view_offset.offset]);
+            pass.dispatch_workgroups(size.width.div_ceil(8), size.height.div_ceil(8), 1);
+        }
     }
     span.end(context.command_encoder());
 }

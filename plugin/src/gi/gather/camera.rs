@@ -13,7 +13,7 @@ use super::plan::{self, GatherSettings, VplPlan};
 use super::work::{Seen, Work};
 use crate::gi::filter;
 use crate::gi::refresh::{GiFrame, GiRefresh};
-use crate::gi::rsm::{RsmLight, RsmStore, RsmView};
+use crate::gi::rsm::{RsmCut, RsmLight, RsmStore, RsmView};
 use crate::gi::settings::{FrugalGi, GiPixelFraction, GiVisibility};
 use crate::gi::sources::{GiEmitters, SkyCamera};
 use crate::gi::vpl::{DrawingBuffers, MapRow};
@@ -37,8 +37,10 @@ pub struct GiCamera {
     pub(in crate::gi) filtered: Option<CachedTexture>,
     pub(in crate::gi) fraction: GiPixelFraction,
     pub(in crate::gi) filter_window: u32,
+    /// Whether a wider filter follows, which writes back to where was gathered.
+    pub(in crate::gi) smooths: bool,
     settings: Buffer,
-    pub(super) visibility: GiVisibility,
+    pub(in crate::gi) visibility: GiVisibility,
     /// Samples of the sky that each cell evaluates.
     pub(super) sky_samples: u32,
 }
@@ -60,7 +62,7 @@ impl GiCamera {
 
     /// What the composite shows.
     pub(in crate::gi) fn shown(&self) -> &CachedTexture {
-        self.filtered.as_ref().unwrap_or(&self.irradiance)
+        self.filtered.as_ref().filter(|_| !self.smooths).unwrap_or(&self.irradiance)
     }
 
     /// The settings of the first set, to which a dynamic offset may be added.
@@ -117,7 +119,7 @@ pub(in crate::gi) fn prepare_cameras(
     store: Res<RsmStore>,
     frame: Res<GiFrame>,
     policy: Res<GiRefresh>,
-    maps: Query<(&RsmView, &RsmLight)>,
+    maps: Query<(&RsmView, &RsmLight, &RsmCut)>,
     emitters: Res<GiEmitters>,
     cameras: Query<(Entity, &MainEntity, &FrugalGi, &ExtractedCamera, &ExtractedView, Has<TemporalJitter>, Option<&SkyCamera>)>,
     mut held: Query<&mut GiCamera>,
@@ -153,15 +155,20 @@ pub(in crate::gi) fn prepare_cameras(
         let period = gi.refresh_period.max(1);
         if let Ok(mut held) = held.get_mut(entity)
             && held.plan == plan
-            && held.drawing.as_ref().map_or(&[][..], |drawing| &drawing.rows) == rows
+            && held.drawing.as_ref().map_or(rows.is_empty(), |drawing| drawing.fits(&rows))
             && held.cells() == cells
             && held.filtered.is_some() == (filter_window > 1)
         {
             if held.fraction != gi.pixel_fraction {
                 queue.write_buffer(&held.settings, 0, &plan::settings_bytes(&plan, gi.pixel_fraction));
             }
-            held.work = held.work.next(held.seen != seen, always, &frame, *policy, period);
-            (held.seen, held.filter_window) = (seen, filter_window);
+            let others = held.drawing.as_mut().filter(|drawing| drawing.rows != rows);
+            let laid_out = others.is_some();
+            if let Some(drawing) = others {
+                drawing.set_rows(&queue, rows);
+            }
+            held.work = held.work.next(held.seen != seen || laid_out, always, &frame, *policy, period);
+            (held.seen, held.filter_window, held.smooths) = (seen, filter_window, filter::smooths(gi));
             (held.fraction, held.visibility, held.sky_samples) = (gi.pixel_fraction, gi.visibility, sky_samples);
             continue;
         }
@@ -181,6 +188,7 @@ pub(in crate::gi) fn prepare_cameras(
             irradiance: irradiance_texture(&device, "bevy_frugal_gi/irradiance", cells),
             filtered: (filter_window > 1).then(|| irradiance_texture(&device, "bevy_frugal_gi/filtered", cells)),
             filter_window,
+            smooths: filter::smooths(gi),
             fraction: gi.pixel_fraction,
             settings: filled(
                 "bevy_frugal_gi/gather_settings",
@@ -194,17 +202,13 @@ pub(in crate::gi) fn prepare_cameras(
 }
 
 /// Rows of every map that serves `camera`, in the order of the store.
-fn rows_of(camera: Entity, maps: &Query<(&RsmView, &RsmLight)>) -> Vec<MapRow> {
+fn rows_of(camera: Entity, maps: &Query<(&RsmView, &RsmLight, &RsmCut)>) -> Vec<MapRow> {
     let mut serving: Vec<_> =
-        maps.iter().filter(|(map, _)| map.camera.is_none_or(|owner| owner == camera)).map(|(_, light)| light).collect();
-    serving.sort_by_key(|light| light.texel_offset);
-    let mut first_weight = 0;
+        maps.iter().filter(|(map, ..)| map.camera.is_none_or(|owner| owner == camera)).map(|(_, light, cut)| (light, *cut)).collect();
+    serving.sort_by_key(|(light, _)| light.texel_offset);
     let mut rows = Vec::new();
-    for RsmLight { texel_offset, resolution, .. } in serving {
-        for row in 0..*resolution {
-            rows.push(MapRow { first_texel: texel_offset + row * resolution, first_weight, length: *resolution });
-            first_weight += resolution;
-        }
+    for (RsmLight { texel_offset, resolution, .. }, cut) in serving {
+        MapRow::add_map(&mut rows, *texel_offset, *resolution, *resolution, cut);
     }
     rows
 }

@@ -59,6 +59,9 @@ fn gathered(cell: vec2<u32>, position: vec3<f32>, normal: vec3<f32>) -> vec3<f32
     // Interleaved gradient noise (Jimenez 2014): what a small filter joins has every value about once. Fixed, so that a still picture is still.
     let noise = fract(52.9829189 * fract(dot(vec2<f32>(cell), vec2(0.06711056, 0.00583715))));
     var sum = vec3(0.0);
+    var sum_drawn = vec3(0.0);
+    var all = 0.0;
+    var free = 0.0;
     for (var hand = 0u; hand < #{RAYS}u; hand++) {
         // One number draws from the whole hand: what is left of it after each draw is again evenly spread (Chao 1982, with the number reused).
         var number = fract(noise + f32(hand) * 0.618034);
@@ -75,15 +78,19 @@ fn gathered(cell: vec2<u32>, position: vec3<f32>, normal: vec3<f32>) -> vec3<f32
             number = select((number - probability) / (1.0 - probability), number / probability, taken);
             drawn = select(drawn, i, taken);
         }
+        all += total;
         if total > 0.0 {
             let vpl = vpls[drawn];
             let end = vpl.position + vpl.normal * surface_offset(vpl.position, distance(vpl.position, view.world_position));
             if !is_occluded(origin, end) {
                 sum += sent_by_hand;
+                sum_drawn += vpl.flux * (total / max(luminance(vpl.flux), 1e-35));
+                free += total;
             }
         }
     }
-    return sum;
+    let hidden = 1.0 - free / max(all, 1e-35);
+    return mix(sum, sum_drawn, min(2.0 * hidden, 1.0));
 }
 #else
 fn gathered(cell: vec2<u32>, position: vec3<f32>, normal: vec3<f32>) -> vec3<f32> {

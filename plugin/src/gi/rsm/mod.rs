@@ -19,6 +19,7 @@ use bevy::render::extract_component::ExtractComponent;
 use crate::knobs::KnobSystems;
 
 pub(super) use lights::RsmLight;
+pub(super) use region::RsmCut;
 pub(super) use resolve::{RsmPipelines, RsmStore, TEXEL_BYTES, drop_main_phases, prepare_store, resolve};
 pub(super) use texel::Texel;
 pub(super) use views::MapsTouched;
@@ -31,7 +32,7 @@ pub struct RsmView {
     pub light: Entity,
     /// The GI camera whose surroundings it covers; none where the map serves all cameras.
     pub camera: Option<Entity>,
-    /// Cube face of a point light, 0 to 5.
+    /// Cube face of a point light, 0 to 5. Of a directional light's maps, 0 is that of the surroundings and 1 that of what is near the camera.
     pub face: u8,
 }
 

@@ -4,11 +4,28 @@ use bevy::camera::primitives::Aabb;
 use bevy::ecs::prelude::*;
 use bevy::math::{Mat3, Vec2, Vec3, Vec3A};
 use bevy::mesh::Mesh3d;
+use bevy::render::extract_component::ExtractComponent;
 use bevy::transform::components::GlobalTransform;
 
 /// The box around every mesh of the world.
 #[derive(Resource, Clone, Copy, Debug, Default, PartialEq)]
 pub(super) struct SceneBox(pub Option<(Vec3, Vec3)>);
+
+/// Steps of a region that follows the camera along its side.
+const STEPS: u32 = 16;
+/// How far around the camera its own map goes, as a share of how far light bounces at all.
+const NEAR_SHARE: f32 = 0.3;
+/// Where the camera's own map would be larger than this share of the other's side, one map does for both.
+const LARGEST_NEAR: f32 = 0.6;
+
+/// Texels of a map that another one covers more finely: nothing is drawn from them.
+#[derive(Component, ExtractComponent, Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub(in crate::gi) struct RsmCut {
+    /// First column and the one after the last.
+    pub columns: [u32; 2],
+    /// The same of rows, counted from the top.
+    pub rows: [u32; 2],
+}
 
 /// Redone only when a mesh appeared, moved or went away.
 pub(super) fn update_scene_box(
@@ -49,7 +66,8 @@ pub(super) struct LightRegion {
 /// What a map of `texels` × `texels` must cover for a camera at `camera`: the whole scene where it is small, else a square of twice `range`
 /// around the camera. Along the rays it always holds the whole scene, since whatever stands in the light shades what is near.
 ///
-/// The region moves in steps of whole texels and grows in steps of an eighth, so that VPLs stay put while the camera or a mesh moves a little.
+/// The region moves in steps of a sixteenth, which are whole texels, and grows in steps of an eighth: VPLs stay put while the camera or a mesh moves, and
+/// the map is seldom rendered for that.
 pub(super) fn cover(scene: (Vec3, Vec3), rotation: Mat3, camera: Vec3, range: f32, texels: u32) -> LightRegion {
     let world_from_light = rotation;
     let light_from_world = rotation.transpose();
@@ -67,8 +85,8 @@ pub(super) fn cover(scene: (Vec3, Vec3), rotation: Mat3, camera: Vec3, range: f3
             (0.5 * (low + high), (high - low).max(step))
         } else {
             let size = 2.0 * range;
-            let texel = size / texels as f32;
-            ((eye / texel).round() * texel, size)
+            let step = size / texels as f32 * (texels / STEPS).max(1) as f32;
+            ((eye / step).round() * step, size)
         }
     };
     let (x, width) = axis(center.x, spread.x, eye.x);
@@ -76,6 +94,34 @@ pub(super) fn cover(scene: (Vec3, Vec3), rotation: Mat3, camera: Vec3, range: f3
     let margin = 0.01 * spread.z + 0.01;
     let near = center.z + spread.z + margin;
     LightRegion { origin: world_from_light * Vec3::new(x, y, near), size: Vec2::new(width, height), depth: 2.0 * (spread.z + margin) }
+}
+
+/// What of `far`, a region of `texels` × `texels`, a second map covers more finely: what is near the camera, and so lights what fills the picture.
+/// None where that would be most of it. Whole texels of the first, so that light is in one of the two.
+pub(super) fn near(far: &LightRegion, rotation: Mat3, camera: Vec3, range: f32, texels: u32) -> Option<(LightRegion, RsmCut)> {
+    let light_from_world = rotation.transpose();
+    let (center, eye) = (light_from_world * far.origin, light_from_world * camera);
+    if !(eye.is_finite() && center.is_finite()) {
+        return None;
+    }
+    let axis = |center: f32, size: f32, eye: f32| -> Option<(u32, u32)> {
+        let texel = size / texels as f32;
+        let count = (2.0 * NEAR_SHARE * range / texel).ceil();
+        if !(count >= 1.0 && count <= LARGEST_NEAR * texels as f32) {
+            return None;
+        }
+        let step = (count / 8.0).floor().max(1.0);
+        let first = ((eye - (center - 0.5 * size)) / texel - 0.5 * count) / step;
+        Some(((first.round() * step).clamp(0.0, texels as f32 - count) as u32, count as u32))
+    };
+    let (left, width) = axis(center.x, far.size.x, eye.x)?;
+    let (bottom, height) = axis(center.y, far.size.y, eye.y)?;
+    let texel = far.size / texels as f32;
+    let low = center.truncate() - 0.5 * far.size;
+    let middle = low + texel * (Vec2::new(left as f32, bottom as f32) + 0.5 * Vec2::new(width as f32, height as f32));
+    let region =
+        LightRegion { origin: rotation * middle.extend(center.z), size: texel * Vec2::new(width as f32, height as f32), depth: far.depth };
+    Some((region, RsmCut { columns: [left, left + width], rows: [texels - bottom - height, texels - bottom] }))
 }
 
 fn power_of_two_above(value: f32) -> f32 {
@@ -102,14 +148,46 @@ mod tests {
     }
 
     #[test]
-    fn a_large_scene_is_followed_in_whole_texels() {
+    fn a_large_scene_is_followed_in_steps_of_whole_texels() {
         let large = (Vec3::splat(-1000.0), Vec3::splat(1000.0));
         let a = cover(large, down(), Vec3::new(10.0, 0.0, 10.0), 32.0, 64);
-        let b = cover(large, down(), Vec3::new(10.4, 0.0, 10.4), 32.0, 64);
-        assert_eq!(a, b, "less than half a texel is no step");
-        let c = cover(large, down(), Vec3::new(11.0, 0.0, 10.0), 32.0, 64);
-        assert_eq!((c.origin - a.origin).length(), 1.0);
+        let b = cover(large, down(), Vec3::new(11.4, 0.0, 9.0), 32.0, 64);
+        assert_eq!(a, b, "less than half a step is none");
+        let c = cover(large, down(), Vec3::new(15.0, 0.0, 10.0), 32.0, 64);
+        assert_eq!((c.origin - a.origin).length(), 4.0);
         assert_eq!(a.size, Vec2::splat(64.0));
+    }
+
+    #[test]
+    fn what_is_near_has_a_map_of_its_own_of_whole_texels_of_the_other() {
+        let scene = (Vec3::new(-30.0, 0.0, -30.0), Vec3::new(30.0, 3.0, 30.0));
+        let texels = 128;
+        for camera in [Vec3::ZERO, Vec3::new(11.0, 1.0, -17.3), Vec3::new(29.0, 2.0, 29.0), Vec3::splat(-500.0)] {
+            let far = cover(scene, down(), camera, 40.0, texels);
+            let (near, cut) = near(&far, down(), camera, 40.0, texels).expect("a large scene");
+            let texel = far.size / texels as f32;
+            for (axis, cut) in [(0, cut.columns), (1, cut.rows)] {
+                assert!(cut[1] <= texels && near.size[axis] >= 24.0 && near.size[axis] < 26.0, "{near:?} {cut:?}");
+                assert!(((cut[1] - cut[0]) as f32 * texel[axis] - near.size[axis]).abs() < 1e-3);
+            }
+            // The light's x is the world's, and its y the world's −z: rows count along z.
+            let low = near.origin - Vec3::new(0.5 * near.size.x, 0.0, 0.5 * near.size.y);
+            let corner = far.origin - Vec3::new(0.5 * far.size.x, 0.0, 0.5 * far.size.y);
+            let expected = corner + Vec3::new(cut.columns[0] as f32 * texel.x, 0.0, cut.rows[0] as f32 * texel.y);
+            assert!(low.abs_diff_eq(expected, 1e-3), "{camera}: {low} {expected}");
+            let inside = (camera - near.origin).abs();
+            let is_in_scene = camera.abs().max_element() < 30.0;
+            assert!(!is_in_scene || inside.x <= 0.5 * near.size.x && inside.z <= 0.5 * near.size.y, "{camera}: {near:?}");
+        }
+    }
+
+    #[test]
+    fn a_small_scene_has_one_map() {
+        let far = cover(SCENE, down(), Vec3::ZERO, 40.0, 128);
+        assert_eq!(near(&far, down(), Vec3::ZERO, 40.0, 128), None);
+        for (camera, range) in [(Vec3::NAN, 40.0), (Vec3::ZERO, f32::NAN), (Vec3::ZERO, f32::INFINITY), (Vec3::ZERO, 0.0)] {
+            assert_eq!(near(&far, down(), camera, range, 128), None);
+        }
     }
 
     #[test]

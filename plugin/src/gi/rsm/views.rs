@@ -15,7 +15,7 @@ use bevy::transform::helper::TransformHelper;
 
 use super::RsmView;
 use super::lights::{BouncingLight, Emitter, RsmLight};
-use super::region::{SceneBox, cover};
+use super::region::{LightRegion, RsmCut, SceneBox, cover, near};
 use crate::gi::settings::{FrugalGi, GiLimits};
 
 /// Lights' maps come before every camera that an app would order by hand; each has its own number.
@@ -28,6 +28,7 @@ struct Wanted {
     transform: Transform,
     projection: Projection,
     light: RsmLight,
+    cut: RsmCut,
     layers: Option<RenderLayers>,
 }
 
@@ -67,7 +68,10 @@ pub(super) fn maintain(
     // Both touch transforms: first those of lights and cameras are read, then those of maps are written.
     mut placed: ParamSet<(
         TransformHelper,
-        Query<(Entity, &RsmView, &mut Camera, &mut RenderTarget, &mut Projection, &mut Transform, &mut RsmLight), Without<FrugalGi>>,
+        Query<
+            (Entity, &RsmView, &mut Camera, &mut RenderTarget, &mut Projection, &mut Transform, &mut RsmLight, &mut RsmCut),
+            Without<FrugalGi>,
+        >,
     )>,
 ) {
     let transforms = placed.p0();
@@ -103,7 +107,7 @@ pub(super) fn maintain(
 
     let mut missing: HashMap<RsmView, Wanted> = wanted.into_iter().map(|w| (w.view, w)).collect();
     *touched = MapsTouched::default();
-    for (entity, view, mut camera, mut target, mut projection, mut transform, mut light) in &mut placed.p1() {
+    for (entity, view, mut camera, mut target, mut projection, mut transform, mut light, mut cut) in &mut placed.p1() {
         let Some(wanted) = missing.remove(view) else {
             commands.entity(entity).despawn();
             touched.laid_out = true;
@@ -125,6 +129,8 @@ pub(super) fn maintain(
         }
         touched.moved |= transform.set_if_neq(wanted.transform);
         touched.moved |= light.set_if_neq(wanted.light);
+        // What is drawn from which map changes now, so both must be there now.
+        touched.laid_out |= cut.set_if_neq(wanted.cut);
     }
     touched.laid_out |= !missing.is_empty();
     for (_, wanted) in missing {
@@ -147,24 +153,50 @@ fn choose(lights: &[(BouncingLight, Option<RenderLayers>)], eyes: &[GiEye], scen
     let finest = eyes.iter().map(|eye| eye.resolution).max().unwrap_or(0);
     let mut wanted = Vec::new();
     for (_, light, layers) in ranked {
-        let copies = if light.emitter == Emitter::Directional { eyes.len() } else { usize::from(light.faces()) };
-        if wanted.len() + copies > most {
-            continue;
-        }
-        match light.emitter {
-            Emitter::Directional => wanted.extend(eyes.iter().map(|eye| parallel_map(light, eye, scene, layers))),
-            _ => wanted.extend((0..light.faces()).map(|face| perspective_map(light, face, finest, layers))),
+        let mut maps: Vec<Wanted> = match light.emitter {
+            Emitter::Directional => eyes.iter().flat_map(|eye| parallel_maps(light, eye, scene, layers)).collect(),
+            _ => (0..light.faces()).map(|face| perspective_map(light, face, finest, layers)).collect(),
+        };
+        if wanted.len() + maps.len() <= most {
+            wanted.append(&mut maps);
         }
     }
     wanted
 }
 
-fn parallel_map(light: &BouncingLight, eye: &GiEye, scene: (Vec3, Vec3), layers: &Option<RenderLayers>) -> Wanted {
-    let region = cover(scene, Mat3::from_quat(light.rotation), eye.position, eye.range, eye.resolution);
-    let texels = (eye.resolution * eye.resolution) as f32;
+/// One map where the scene is small; else one of the surroundings and, on about as many texels together, one of what is near.
+///
+/// Seen from afar, a level is mostly ground that lights nothing in the picture: of a hall of 17 m in the middle of 100 m of ground, a single map of 512 × 512
+/// texels had 2,400 on what the sun lights inside, 21 cm each, and the hall's light was 5 % short.
+fn parallel_maps(light: &BouncingLight, eye: &GiEye, scene: (Vec3, Vec3), layers: &Option<RenderLayers>) -> Vec<Wanted> {
+    let rotation = Mat3::from_quat(light.rotation);
+    let shared = shared_resolution(eye.resolution);
+    let far = cover(scene, rotation, eye.position, eye.range, shared);
+    if let Some((near, cut)) = near(&far, rotation, eye.position, eye.range, shared) {
+        let maps = [(far, cut), (near, RsmCut::default())];
+        return (0..).zip(maps).map(|(face, (region, cut))| parallel_map(light, eye, face, shared, region, cut, layers)).collect();
+    }
+    let whole = cover(scene, rotation, eye.position, eye.range, eye.resolution);
+    vec![parallel_map(light, eye, 0, eye.resolution, whole, RsmCut::default(), layers)]
+}
+
+/// Texels along the side of each of two maps that stand in for one of `resolution`.
+fn shared_resolution(resolution: u32) -> u32 {
+    (resolution * 11 / 16).next_multiple_of(4)
+}
+
+fn parallel_map(
+    light: &BouncingLight,
+    eye: &GiEye,
+    face: u8,
+    resolution: u32,
+    region: LightRegion,
+    cut: RsmCut,
+    layers: &Option<RenderLayers>,
+) -> Wanted {
     Wanted {
-        view: RsmView { light: light.entity, camera: Some(eye.entity), face: 0 },
-        resolution: eye.resolution,
+        view: RsmView { light: light.entity, camera: Some(eye.entity), face },
+        resolution,
         transform: Transform::from_translation(region.origin).with_rotation(light.rotation),
         projection: Projection::Orthographic(OrthographicProjection {
             near: 0.0,
@@ -174,11 +206,12 @@ fn parallel_map(light: &BouncingLight, eye: &GiEye, scene: (Vec3, Vec3), layers:
         }),
         light: RsmLight {
             intensity: light.intensity,
-            texel_measure: region.size.x * region.size.y / texels,
+            texel_measure: region.size.x * region.size.y / (resolution * resolution) as f32,
             direction: light.rotation * Vec3::NEG_Z,
             cone_offset: 1.0,
             ..Default::default()
         },
+        cut,
         layers: layers.clone(),
     }
 }
@@ -214,6 +247,7 @@ fn perspective_map(light: &BouncingLight, face: u8, resolution: u32, layers: &Op
             cone_offset,
             ..Default::default()
         },
+        cut: RsmCut::default(),
         layers: layers.clone(),
     }
 }
@@ -253,6 +287,7 @@ fn spawn(commands: &mut Commands, wanted: Wanted) {
     let mut camera = commands.spawn((
         wanted.view,
         wanted.light,
+        wanted.cut,
         Camera3d { depth_texture_usages, ..Default::default() },
         Camera { order: wanted.order(), ..Default::default() },
         RenderTarget::None { size: UVec2::splat(wanted.resolution) },

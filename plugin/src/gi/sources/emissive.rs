@@ -23,7 +23,7 @@ use bevy::transform::components::GlobalTransform;
 
 use super::emission::{Emission, TextureUse, emission};
 use super::surface::{GlowingSurface, Place};
-use crate::gi::rsm::Texel;
+use crate::gi::rsm::{RsmCut, Texel};
 use crate::gi::settings::FrugalGi;
 use crate::gi::triangles;
 use crate::gi::vpl::MapRow;
@@ -76,16 +76,14 @@ impl GiEmitters {
 
     /// Adds the rows of what glows for a camera of `exposure` to those of its maps. The first texel of all sets is the store's `first`.
     pub(in crate::gi) fn add_rows(&self, exposure: f32, first: u32, rows: &mut Vec<MapRow>) {
-        let mut first_weight = rows.last().map_or(0, |row| row.first_weight + row.length);
         let mut first_texel = first;
         for set in &self.sets {
             let count = set.texels.len() as u32;
             if set.exposure.is_none_or(|own| own == exposure) {
+                // Each a map of its own: what glows may lie anywhere, and the next row in another room.
                 for row in (0..count).step_by(ROW as usize) {
-                    let length = ROW.min(count - row);
-                    rows.push(MapRow { first_texel: first_texel + row, first_weight: first_weight + row, length });
+                    MapRow::add_map(rows, first_texel + row, ROW.min(count - row), 1, RsmCut::default());
                 }
-                first_weight += count;
             }
             first_texel += count;
         }

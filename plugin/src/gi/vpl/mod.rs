@@ -2,7 +2,7 @@
 
 mod buffers;
 
-use bevy::asset::load_embedded_asset;
+use bevy::asset::{Handle, load_embedded_asset};
 use bevy::core_pipeline::prepass::ViewPrepassTextures;
 use bevy::ecs::prelude::*;
 use bevy::render::diagnostic::RecordDiagnostics;
@@ -12,21 +12,30 @@ use bevy::render::render_resource::binding_types::{
 use bevy::render::render_resource::*;
 use bevy::render::renderer::{RenderContext, ViewQuery};
 use bevy::render::view::{ViewUniform, ViewUniformOffset, ViewUniforms};
+use bevy::shader::Shader;
 use bevy::utils::default;
 
 use super::gather::GiCamera;
 use super::rsm::RsmStore;
+use super::visibility::OccluderBuffers;
+use buffers::TILE;
 pub(super) use buffers::{DrawingBuffers, MapRow, RECEIVER_BYTES};
 
 /// Bytes of `vpl/vpl.wgsl`'s `Vpl`. A test holds it against the shader.
 pub(super) const VPL_BYTES: u64 = 48;
 
+/// Threads in a workgroup of `see.wgsl`.
+const SEE_GROUP: u32 = 32;
+
 #[derive(Resource)]
 pub(super) struct VplPipelines {
     weigh_layout: BindGroupLayoutDescriptor,
     pick_receivers: CachedComputePipelineId,
-    find_floor: CachedComputePipelineId,
-    weigh_texels: CachedComputePipelineId,
+    /// Without a look at what hides texels, and with one.
+    find_floor: [CachedComputePipelineId; 2],
+    weigh_texels: [CachedComputePipelineId; 2],
+    see_layout: BindGroupLayoutDescriptor,
+    see_tiles: CachedComputePipelineId,
     draw_layout: BindGroupLayoutDescriptor,
     accumulate_rows: CachedComputePipelineId,
     accumulate_maps: CachedComputePipelineId,
@@ -49,7 +58,15 @@ impl FromWorld for VplPipelines {
                     read(),
                     write(),
                     write(),
+                    read(),
                 ),
+            ),
+        );
+        let see_layout = BindGroupLayoutDescriptor::new(
+            "bevy_frugal_gi/vpl/see",
+            &BindGroupLayoutEntries::sequential(
+                ShaderStages::COMPUTE,
+                (uniform_buffer::<ViewUniform>(true), read(), read(), read(), write()),
             ),
         );
         let draw_layout = BindGroupLayoutDescriptor::new(
@@ -57,24 +74,29 @@ impl FromWorld for VplPipelines {
             &BindGroupLayoutEntries::sequential(ShaderStages::COMPUTE, (read(), read(), write(), write(), write(), read())),
         );
         let (weigh, sample) = (load_embedded_asset!(world, "weigh.wgsl"), load_embedded_asset!(world, "sample.wgsl"));
+        let see = load_embedded_asset!(world, "see.wgsl");
         let cache = world.resource::<PipelineCache>();
-        let queue = |shader: &bevy::asset::Handle<bevy::shader::Shader>, layout: &BindGroupLayoutDescriptor, entry_point: &'static str| {
-            cache.queue_compute_pipeline(ComputePipelineDescriptor {
-                label: Some(format!("bevy_frugal_gi/vpl/{entry_point}").into()),
-                layout: vec![layout.clone()],
-                shader: shader.clone(),
-                entry_point: Some(entry_point.into()),
-                ..default()
-            })
-        };
+        let queue =
+            |shader: &Handle<Shader>, layout: &[&BindGroupLayoutDescriptor], entry_point: &'static str, definition: Option<&str>| {
+                cache.queue_compute_pipeline(ComputePipelineDescriptor {
+                    label: Some(format!("bevy_frugal_gi/vpl/{entry_point}").into()),
+                    layout: layout.iter().map(|layout| (*layout).clone()).collect(),
+                    shader: shader.clone(),
+                    shader_defs: definition.map(Into::into).into_iter().collect(),
+                    entry_point: Some(entry_point.into()),
+                    ..default()
+                })
+            };
         Self {
-            pick_receivers: queue(&weigh, &weigh_layout, "pick_receivers"),
-            find_floor: queue(&weigh, &weigh_layout, "find_floor"),
-            weigh_texels: queue(&weigh, &weigh_layout, "weigh_texels"),
-            accumulate_rows: queue(&sample, &draw_layout, "accumulate_rows"),
-            accumulate_maps: queue(&sample, &draw_layout, "accumulate_maps"),
-            sample: queue(&sample, &draw_layout, "sample_vpls"),
+            pick_receivers: queue(&weigh, &[&weigh_layout], "pick_receivers", None),
+            find_floor: [None, Some("SEEING")].map(|seeing| queue(&weigh, &[&weigh_layout], "find_floor", seeing)),
+            weigh_texels: [None, Some("SEEING")].map(|seeing| queue(&weigh, &[&weigh_layout], "weigh_texels", seeing)),
+            see_tiles: queue(&see, &[&see_layout, &OccluderBuffers::layout()], "see_tiles", None),
+            accumulate_rows: queue(&sample, &[&draw_layout], "accumulate_rows", None),
+            accumulate_maps: queue(&sample, &[&draw_layout], "accumulate_maps", None),
+            sample: queue(&sample, &[&draw_layout], "sample_vpls", None),
             weigh_layout,
+            see_layout,
             draw_layout,
         }
     }
@@ -85,6 +107,7 @@ pub(super) fn sample(
     view: ViewQuery<(&GiCamera, &ViewPrepassTextures, &ViewUniformOffset)>,
     pipelines: Res<VplPipelines>,
     store: Res<RsmStore>,
+    occluders: Res<OccluderBuffers>,
     cache: Res<PipelineCache>,
     view_uniforms: Res<ViewUniforms>,
     mut context: RenderContext,
@@ -94,9 +117,14 @@ pub(super) fn sample(
         return;
     }
     let ready = |id| cache.get_compute_pipeline(id);
-    let (Some(pick), Some(find_floor), Some(weigh)) =
-        (ready(pipelines.pick_receivers), ready(pipelines.find_floor), ready(pipelines.weigh_texels))
-    else {
+    let traced = occluders.bind_group().filter(|_| camera.visibility.rays() > 0);
+    let kind = usize::from(traced.is_some());
+    let (Some(pick), Some(find_floor), Some(weigh), Some(see)) = (
+        ready(pipelines.pick_receivers),
+        ready(pipelines.find_floor[kind]),
+        ready(pipelines.weigh_texels[kind]),
+        ready(pipelines.see_tiles),
+    ) else {
         return;
     };
     let (Some(accumulate_rows), Some(accumulate_maps), Some(sample), Some(texels)) =
@@ -116,11 +144,23 @@ pub(super) fn sample(
         &BindGroupEntries::sequential((
             g_buffer,
             depth,
-            views,
+            views.clone(),
             texels.as_entire_binding(),
             buffers.row_table.as_entire_binding(),
             buffers.receivers.as_entire_binding(),
             buffers.texel_cdf.as_entire_binding(),
+            buffers.hidden.as_entire_binding(),
+        )),
+    );
+    let seeing = device.create_bind_group(
+        "bevy_frugal_gi/vpl/see",
+        &cache.get_bind_group_layout(&pipelines.see_layout),
+        &BindGroupEntries::sequential((
+            views,
+            texels.as_entire_binding(),
+            buffers.row_table.as_entire_binding(),
+            buffers.receivers.as_entire_binding(),
+            buffers.hidden.as_entire_binding(),
         )),
     );
     let drawing = device.create_bind_group(
@@ -139,6 +179,9 @@ pub(super) fn sample(
     let diagnostics = context.diagnostic_recorder();
     let diagnostics = diagnostics.as_deref();
     let span = diagnostics.time_span(context.command_encoder(), "bevy_frugal_gi/vpl");
+    if traced.is_some() {
+        context.command_encoder().clear_buffer(&buffers.hidden, 0, None);
+    }
     {
         let mut pass = context
             .command_encoder()
@@ -146,6 +189,13 @@ pub(super) fn sample(
         pass.set_bind_group(0, &weighing, &[view_offset.offset]);
         pass.set_pipeline(pick);
         pass.dispatch_workgroups(1, 1, 1);
+        if let Some(traced) = traced {
+            pass.set_bind_group(0, &seeing, &[view_offset.offset]);
+            pass.set_bind_group(1, traced, &[]);
+            pass.set_pipeline(see);
+            pass.dispatch_workgroups(buffers.longest_row.div_ceil(TILE).div_ceil(SEE_GROUP), rows, 1);
+            pass.set_bind_group(0, &weighing, &[view_offset.offset]);
+        }
         pass.set_pipeline(find_floor);
         pass.dispatch_workgroups(1, 1, 1);
         pass.set_pipeline(weigh);

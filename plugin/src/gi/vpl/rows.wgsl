@@ -8,4 +8,19 @@ struct Row {
     first_weight: u32,
     /// Texels in it.
     length: u32,
+    /// Index of the first tile that it runs through.
+    first_tile: u32,
+    /// Its place among the rows of that tile, and how many they are.
+    place: u32,
+    tile_rows: u32,
+    /// First column that nothing is drawn from, and the one after the last: another map has them.
+    cut: vec2<u32>,
 }
+
+/// Whether another map has what a column shows.
+fn is_cut(row: Row, column: u32) -> bool {
+    return column >= row.cut.x && column < row.cut.y;
+}
+
+/// Columns of a tile, and most rows of one: neighbouring texels of which one look may tell whether they are seen.
+const TILE: u32 = 16u;

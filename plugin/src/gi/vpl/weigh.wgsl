@@ -2,33 +2,15 @@
 //
 // A few receivers stand for all that the camera sees. Virtual point lights drawn by flux alone go to wherever the sun shines; on a large level
 // few of them would light anything in view. The idea is that of light-path guiding (importance from the eye decides where light paths go). Any
-// weight above zero keeps the estimate unbiased, so the receivers may be few and blind to what stands between. A floor of a quarter of the mean
-// keeps it tame: no VPL carries more than four times what it would carry if all were drawn by flux.
+// weight above zero keeps the estimate unbiased, so the receivers may be few, and what stands between may be known by tiles of texels alone (`see.wgsl`,
+// where rays are traced; SEEING) or not at all. A floor of a quarter of the mean keeps it tame: no VPL carries more than four times what it would
+// carry if all were drawn by flux.
 
 #import bevy_render::view::View
 #import bevy_frugal_gi::gi::rsm::texel::{Texel, texel_luminance, texel_normal}
 #import bevy_frugal_gi::gi::surface::{pixel_position, surface_normal}
-#import bevy_frugal_gi::gi::vpl::rows::Row
-
-struct Receiver {
-    /// World space, metres.
-    position: vec3<f32>,
-    /// Square of the radius that it stands for, m²; 0 for none.
-    radius_squared: f32,
-    /// World space, unit length.
-    normal: vec3<f32>,
-    padding: f32,
-}
-
-struct Receivers {
-    /// Added to what any texel sends to the receivers, 1/m².
-    floor: f32,
-    points: array<Receiver, 32>,
-}
-
-const COLUMNS: u32 = 8u;
-const ROWS: u32 = 4u;
-const RECEIVERS: u32 = COLUMNS * ROWS;
+#import bevy_frugal_gi::gi::vpl::receivers::{COLUMNS, RECEIVERS, ROWS, Receiver, Receivers, from_point}
+#import bevy_frugal_gi::gi::vpl::rows::{Row, TILE, is_cut}
 
 @group(0) @binding(0) var g_buffer: texture_2d<u32>;
 @group(0) @binding(1) var depth_buffer: texture_depth_2d;
@@ -37,6 +19,8 @@ const RECEIVERS: u32 = COLUMNS * ROWS;
 @group(0) @binding(4) var<storage, read> rows: array<Row>;
 @group(0) @binding(5) var<storage, read_write> receivers: Receivers;
 @group(0) @binding(6) var<storage, read_write> weights: array<f32>;
+/// As `see.wgsl` left it.
+@group(0) @binding(7) var<storage, read> hidden: array<u32>;
 
 /// One thread per receiver: the pixels in the middle of a grid's cells, every other row shifted by half a cell.
 @compute @workgroup_size(RECEIVERS)
@@ -56,16 +40,23 @@ fn pick_receivers(@builtin(local_invocation_index) index: u32) {
     receivers.points[index] = receiver;
 }
 
-/// What the receivers would get of a texel's light if nothing stood between, 1/m².
-fn received(texel: Texel) -> f32 {
+/// What of its light a tile may send to a receiver that does not see the one texel of it that was looked at.
+const HIDDEN_SHARE: f32 = 0.05;
+
+/// What the receivers would get of a texel's light, 1/m². The texel lies in a column of a row.
+fn received(row: Row, column: u32, texel: Texel) -> f32 {
     let normal = texel_normal(texel);
+#ifdef SEEING
+    let unseen = hidden[row.first_tile + column / TILE];
+#endif
     var sum = 0.0;
     for (var i = 0u; i < RECEIVERS; i++) {
-        let receiver = receivers.points[i];
-        let way = texel.position - receiver.position;
-        let square = clamp(dot(way, way), 1e-18, 1e30);
-        let cosines = max(dot(receiver.normal, way), 0.0) * max(-dot(normal, way), 0.0) / square;
-        sum += select(0.0, cosines / (square + receiver.radius_squared), receiver.radius_squared > 0.0);
+        let light = from_point(receivers.points[i], texel.position, normal);
+#ifdef SEEING
+        sum += light * select(1.0, HIDDEN_SHARE, (unseen & (1u << i)) != 0u);
+#else
+        sum += light;
+#endif
     }
     return min(sum, 1e6);
 }
@@ -87,8 +78,9 @@ fn find_floor(@builtin(local_invocation_index) lane: u32) {
         let row = rows[probe * count / (LANES * PROBES)];
         let column = min(u32(fract(f32(probe) * 0.618034) * f32(row.length)), row.length - 1u);
         let texel = texels[row.first_texel + column];
-        flux += texel_luminance(texel) * 1e-3;
-        light += texel_luminance(texel) * 1e-3 * received(texel);
+        let luminance = select(texel_luminance(texel) * 1e-3, 0.0, is_cut(row, column));
+        flux += luminance;
+        light += luminance * received(row, column, texel);
     }
     lane_flux[lane] = flux;
     lane_received[lane] = light;
@@ -113,6 +105,6 @@ fn weigh_texels(@builtin(global_invocation_id) id: vec3<u32>) {
     let texel = texels[row.first_texel + id.x];
     // Within what a sum over all texels can hold, whatever the flux.
     let luminance = texel_luminance(texel);
-    let weight = clamp(luminance * (received(texel) + receivers.floor), 1e-36, 1e30);
-    weights[row.first_weight + id.x] = select(0.0, weight, luminance > 0.0);
+    let weight = clamp(luminance * (received(row, id.x, texel) + receivers.floor), 1e-36, 1e30);
+    weights[row.first_weight + id.x] = select(0.0, weight, luminance > 0.0 && !is_cut(row, id.x));
 }

@@ -212,17 +212,27 @@ fn weigh(stage: &mut Stage, pixels: &Pixels, plane: &Plane, texels: &[Point]) ->
     let (read, write) = (|| storage_buffer_read_only_sized(false, None), || storage_buffer_sized(false, None));
     let layout = BindGroupLayoutEntries::sequential(
         ShaderStages::COMPUTE,
-        (texture_2d(TextureSampleType::Uint), texture_depth_2d(), uniform_buffer_sized(false, None), read(), read(), write(), write()),
+        (
+            texture_2d(TextureSampleType::Uint),
+            texture_depth_2d(),
+            uniform_buffer_sized(false, None),
+            read(),
+            read(),
+            write(),
+            write(),
+            read(),
+        ),
     );
     let kernels =
         ["pick_receivers", "find_floor", "weigh_texels"].map(|entry| Kernel::new(stage, "gi/vpl/weigh.wgsl", entry, vec![], &layout));
     let words: Vec<f32> = texels.iter().flat_map(|texel| texel.to_texel()).collect();
-    let rows: Vec<u8> = (0..ROWS).flat_map(|row| [row * LENGTH, row * LENGTH, LENGTH].map(u32::to_le_bytes)).flatten().collect();
-    let contents = [gpu::bytes(&words), rows, gpu::bytes(&[0.0; 4 + 32 * 8]), gpu::bytes(&vec![0.0; texels.len()])];
+    let rows: Vec<u8> =
+        (0..ROWS).flat_map(|row| [row * LENGTH, row * LENGTH, LENGTH, 0, 0, 1, 0, 0].map(u32::to_le_bytes)).flatten().collect();
+    let contents = [gpu::bytes(&words), rows, gpu::bytes(&[0.0; 4 + 32 * 8]), gpu::bytes(&vec![0.0; texels.len()]), vec![0; 4]];
     let buffers = contents.map(|contents| kernel::buffer(stage, &contents));
-    let [a, b, c, d] = buffers.each_ref().map(|buffer| buffer.as_entire_binding());
+    let [a, b, c, d, e] = buffers.each_ref().map(|buffer| buffer.as_entire_binding());
     let view = pixels.view(stage, plane);
-    let bindings = BindGroupEntries::sequential((&pixels.g_buffer, &pixels.depth, view.as_entire_binding(), a, b, c, d));
+    let bindings = BindGroupEntries::sequential((&pixels.g_buffer, &pixels.depth, view.as_entire_binding(), a, b, c, d, e));
     for (kernel, groups) in kernels.iter().zip([(1, 1), (1, 1), (LENGTH.div_ceil(64), ROWS)]) {
         kernel.run(stage, &bindings, groups);
     }

@@ -1,0 +1,56 @@
+// Which tiles of a camera's reflective shadow maps its receivers see: a ray for each tile and receiver.
+//
+// From indoors nearly all that the sun lights is hidden. Weights that do not look at that spend VPLs, and then the rays to them, on light that never
+// arrives. A tile is seen by a receiver where the ray to one of its texels is free; other receivers look at other texels of it. That is coarse, but
+// it only decides about weights: whatever they are, as long as none is 0, the estimate stays unbiased.
+
+#import bevy_render::view::View
+#import bevy_frugal_gi::gi::rsm::texel::{Texel, texel_luminance, texel_normal}
+#import bevy_frugal_gi::gi::visibility::trace::{is_occluded, surface_offset}
+#import bevy_frugal_gi::gi::vpl::receivers::{RECEIVERS, Receivers, from_point}
+#import bevy_frugal_gi::gi::vpl::rows::{Row, TILE, is_cut}
+
+@group(0) @binding(0) var<uniform> view: View;
+@group(0) @binding(1) var<storage, read> texels: array<Texel>;
+@group(0) @binding(2) var<storage, read> rows: array<Row>;
+@group(0) @binding(3) var<storage, read> receivers: Receivers;
+/// A bit for each receiver and tile: set where the receiver does not see the tile.
+@group(0) @binding(4) var<storage, read_write> hidden: array<atomic<u32>>;
+
+/// Texels that are tried until one is lit.
+const TRIES: u32 = 4u;
+
+/// One thread per row and tile's width of it, a row of workgroups per row of the maps. The rows of a tile share its receivers out.
+@compute @workgroup_size(32)
+fn see_tiles(@builtin(global_invocation_id) id: vec3<u32>) {
+    let row = rows[id.y];
+    let first = id.x * TILE;
+    if first >= row.length {
+        return;
+    }
+    let width = min(row.length - first, TILE);
+    var found = 0u;
+    for (var i = row.place; i < RECEIVERS; i += row.tile_rows) {
+        let receiver = receivers.points[i];
+        for (var j = 0u; j < TRIES; j++) {
+            // Any four columns, others for each receiver.
+            let column = (i * 7u + id.x * 3u + row.place * 5u + j * 11u) % width;
+            let texel = texels[row.first_texel + first + column];
+            if texel_luminance(texel) > 0.0 && !is_cut(row, first + column) {
+                let normal = texel_normal(texel);
+                // What a receiver gets nothing of would say nothing of the rest of the tile.
+                if from_point(receiver, texel.position, normal) > 0.0 {
+                    let start = receiver.position + receiver.normal * offset_at(receiver.position);
+                    let end = texel.position + normal * offset_at(texel.position);
+                    found |= select(0u, 1u << i, is_occluded(start, end));
+                }
+                break;
+            }
+        }
+    }
+    atomicOr(&hidden[row.first_tile + id.x], found);
+}
+
+fn offset_at(position: vec3<f32>) -> f32 {
+    return surface_offset(position, distance(position, view.world_position));
+}
