@@ -20,6 +20,7 @@ mod diagnostics;
 mod filter;
 mod gather;
 pub mod inspect;
+mod masks;
 mod refresh;
 mod rsm;
 mod settings;
@@ -121,6 +122,8 @@ impl Plugin for GiPlugin {
     fn finish(&self, app: &mut App) {
         crate::pipelines::finish(app);
         let Some(render_app) = app.get_sub_app_mut(RenderApp) else { return };
+        // With or without light that bounces, since cameras are deferred.
+        render_app.add_systems(Render, masks::draw_once.in_set(RenderSystems::Specialize));
         let Some(device) = render_app.world().get_resource::<RenderDevice>() else { return };
         let lacking = lacking_limits(&device.limits());
         if !lacking.is_empty() {
@@ -190,7 +193,7 @@ fn lacking_limits(limits: &bevy::render::settings::WgpuLimits) -> Vec<&'static s
     let vpl_bytes = u64::from(FrugalGi::MAX_VPLS_PER_PIXEL) * vpl::VPL_BYTES;
     [
         (limits.max_compute_invocations_per_workgroup < 64, "compute workgroups of 64"),
-        (limits.max_storage_buffers_per_shader_stage < 6, "6 storage buffers per stage"),
+        (limits.max_storage_buffers_per_shader_stage < 8, "8 storage buffers per stage"),
         (limits.max_storage_textures_per_shader_stage < 1, "storage textures"),
         (limits.max_uniform_buffer_binding_size < vpl_bytes, "uniform buffers of 48 KiB"),
     ]
