@@ -48,7 +48,7 @@ use bevy::shader::load_shader_library;
 pub use diagnostics::{GI_DIAGNOSTICS, GiCounts};
 pub use refresh::GiRefresh;
 pub use rsm::RsmView;
-pub use settings::{FrugalGi, GiInterleave, GiLimits, GiOutput, GiPixelFraction, GiVisibility};
+pub use settings::{FrugalGi, GiInterleave, GiLimits, GiOutput, GiPixelFraction, GiShading, GiVisibility};
 pub use sources::GiEmitters;
 pub use visibility::GiOccluders;
 
@@ -107,6 +107,7 @@ impl Plugin for GiPlugin {
             ExtractComponentPlugin::<RsmView>::default(),
             ExtractComponentPlugin::<rsm::RsmLight>::default(),
             ExtractComponentPlugin::<rsm::RsmCut>::default(),
+            ExtractComponentPlugin::<GiShading>::default(),
             UniformComponentPlugin::<rsm::RsmLight>::default(),
         ));
         // A camera that comes with multisampling keeps it in spite of the requirement: Bevy would switch it off with a warning in each frame.

@@ -53,6 +53,8 @@ pub struct FrugalGi {
     /// How far around the camera, in metres, directional lights bounce. Scenes smaller than twice that are covered whole. Higher values: more
     /// distant bounces, fewer texels on near surfaces.
     pub range: f32,
+    /// How surfaces scatter light that bounces. Free.
+    pub shading: GiShading,
     /// What is written into the picture.
     pub output: GiOutput,
 }
@@ -89,6 +91,7 @@ impl Default for FrugalGi {
             rsm_resolution: 128,
             refresh_period: 1,
             range: 40.0,
+            shading: GiShading::Standard,
             output: GiOutput::Added,
         }
     }
@@ -194,6 +197,21 @@ impl GiVisibility {
             Self::Fine => 8,
         }
     }
+}
+
+/// How surfaces scatter light that bounces.
+///
+/// The directions from which light arrives at a pixel are not kept: what depends on them is averaged over all.
+#[derive(Component, ExtractComponent, Reflect, Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
+#[reflect(Component, Default, Clone, PartialEq, Hash)]
+pub enum GiShading {
+    /// As matt surfaces of their base colour; metals take no part. For measuring against references of that kind.
+    Lambertian,
+    /// With as much light as Bevy's own shading scatters where it arrives evenly: its diffuse term, which sends more back at grazing angles the rougher
+    /// a surface is, and its specular term, by which metals take part. That is right in the mean and blurred in the picture: highlights of
+    /// single bright spots are missing, and what is smoother than a perceptual roughness of 0.2 to 0.4 is left to reflections on screen.
+    #[default]
+    Standard,
 }
 
 /// What GI writes into the picture.

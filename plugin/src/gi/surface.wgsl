@@ -9,8 +9,6 @@ struct Surface {
     position: vec3<f32>,
     /// World space, unit length, on the side that was seen.
     normal: vec3<f32>,
-    /// Share of light scattered diffusely, 0 to 1.
-    albedo: vec3<f32>,
 }
 
 /// World position of a pixel's centre at `depth` (reverse z, 0 is infinitely far).
@@ -25,15 +23,38 @@ fn surface_normal(texel: vec4<u32>) -> vec3<f32> {
     return octahedral_decode(unpack_24bit_normal(texel.a));
 }
 
-/// Metals scatter nothing diffusely; unlit surfaces have no base colour here.
-fn surface_albedo(texel: vec4<u32>) -> vec3<f32> {
-    let base_color = pow(unpack_unorm4x8_(texel.r).rgb, vec3(2.2));
-    let metallic = unpack_unorm4x8_(texel.b).g;
+/// Share of light that a surface scatters in all directions together, if it arrives at `cosine` to its normal; or what it scatters towards there of light
+/// that arrives evenly from everywhere, which is the same. Unlit surfaces have no base colour here.
+///
+/// LAMBERTIAN: as a matt surface; metals scatter nothing. Else as Bevy's: Burley 2012 ("Physically Based Shading at Disney", 5.3) by a fit of ours,
+/// within 0.015 but for the last degrees; and its specular term (Karis 2014, "Physically Based Shading on Mobile"), left out of smooth surfaces, which
+/// scatter nothing but mirror.
+fn scattered_share(texel: vec4<u32>, cosine: f32) -> vec3<f32> {
+    let color = unpack_unorm4x8_(texel.r);
+    let properties = unpack_unorm4x8_(texel.b);
+    let base_color = pow(color.rgb, vec3(2.2));
+    let metallic = properties.g;
+#ifdef LAMBERTIAN
     return base_color * (1.0 - metallic);
+#else
+    let roughness = color.a;
+    let way = clamp(cosine, 0.0, 1.0);
+    let slope = roughness * roughness;
+    let grazing = pow(1.0 - way, 5.0);
+    let diffuse = 0.9762 + 0.0508 * slope + 0.0392 * slope * (1.0 - way) + (1.0236 * slope - 0.4988) * grazing;
+    let at_normal = mix(vec3(0.16 * properties.r * properties.r), base_color, metallic);
+    let r = roughness * vec4(-1.0, -0.0275, -0.572, 0.022) + vec4(1.0, 0.0425, 1.04, -0.04);
+    let a = min(r.x * r.x, exp2(-9.28 * way)) * r.x + r.y;
+    let specular = max(at_normal * (-1.04 * a + r.z) + (1.04 * a + r.w), vec3(0.0));
+    // Unlit surfaces have neither colour nor a specular term.
+    let is_lit = any(base_color > vec3(0.0)) || properties.r > 0.0;
+    let scattered = base_color * (1.0 - metallic) * diffuse + specular * smoothstep(0.2, 0.4, roughness);
+    return select(vec3(0.0), scattered, is_lit);
+#endif
 }
 
 fn read_surface(texel: vec4<u32>, pixel: vec2<u32>, size: vec2<u32>, depth: f32, world_from_clip: mat4x4<f32>) -> Surface {
-    return Surface(pixel_position(pixel, size, depth, world_from_clip), surface_normal(texel), surface_albedo(texel));
+    return Surface(pixel_position(pixel, size, depth, world_from_clip), surface_normal(texel));
 }
 
 /// How much what was found at one point of a surface says of another, 0 to 1: whether it lies in the other's tangent plane, to within

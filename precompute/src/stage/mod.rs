@@ -62,7 +62,7 @@ pub enum Component {
     Full,
     /// What the renderer shows without global illumination; of a path-traced picture, what one surface at most scattered.
     Direct,
-    /// What lamps light by way of other surfaces; of a path-traced picture, what more than one surface scattered.
+    /// What lamps light by way of other surfaces, all of them matt; of a path-traced picture, what more than one surface scattered.
     Indirect,
     /// What global illumination gives: indirect light, and that of glowing surfaces and of the sky on others.
     Global,

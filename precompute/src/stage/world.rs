@@ -15,7 +15,7 @@ use bevy::pbr::{MeshMaterial3d, StandardMaterial};
 use bevy::prelude::AlphaMode;
 use bevy::render::render_resource::{Extent3d, Face, TextureDescriptor, TextureDimension, TextureFormat, TextureUsages};
 use bevy::transform::components::Transform;
-use bevy_frugal_gi::gi::{FrugalGi, GiOutput};
+use bevy_frugal_gi::gi::{FrugalGi, GiOutput, GiShading};
 
 use super::{Component, Output, StageError, StageOptions, environment};
 use crate::scene::{Environment, Light, SceneDescription, SceneGeometry, SceneMaterial, SceneMesh, SceneTexture};
@@ -124,9 +124,9 @@ pub(super) fn hold_overrides(world: &mut World, camera: Entity, options: &StageO
     }
     if options.component == Component::Indirect
         && let Some(mut gi) = camera.get_mut::<FrugalGi>()
-        && (gi.emissive || gi.environment_samples != 0)
+        && (gi.emissive || gi.environment_samples != 0 || gi.shading != GiShading::Lambertian)
     {
-        (gi.emissive, gi.environment_samples) = (false, 0);
+        (gi.emissive, gi.environment_samples, gi.shading) = (false, 0, GiShading::Lambertian);
     }
     if options.output == Output::Radiance {
         camera.remove::<bevy::post_process::bloom::Bloom>();

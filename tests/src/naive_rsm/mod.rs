@@ -53,14 +53,16 @@ impl Default for NaiveRsm {
 pub fn show(stage: &mut Stage, naive: Option<NaiveRsm>, output: GiOutput) {
     let camera = crate::set::camera(stage);
     let mut camera = stage.world_mut().entity_mut(camera);
+    // The baseline has one map for the whole scene, as it would have elsewhere; the plugin else has one for what is near, too.
+    let range = if naive.is_some() { f32::MAX } else { FrugalGi::default().range };
     match naive {
         Some(naive) => camera.insert(naive),
         None => camera.remove::<NaiveRsm>(),
     };
     if let Some(mut gi) = camera.get_mut::<FrugalGi>()
-        && gi.output != output
+        && (gi.output != output || gi.range != range)
     {
-        gi.output = output;
+        (gi.output, gi.range) = (output, range);
     }
 }
 

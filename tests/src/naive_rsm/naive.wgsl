@@ -6,7 +6,7 @@
 #import bevy_core_pipeline::fullscreen_vertex_shader::FullscreenVertexOutput
 #import bevy_render::view::View
 #import bevy_frugal_gi::gi::rsm::texel::{Texel, texel_normal}
-#import bevy_frugal_gi::gi::surface::{Surface, read_surface}
+#import bevy_frugal_gi::gi::surface::{Surface, read_surface, scattered_share}
 
 struct Face {
     clip_from_world: mat4x4<f32>,
@@ -100,7 +100,8 @@ fn naive_rsm(in: FullscreenVertexOutput) -> @location(0) vec4<f32> {
     if depth == 0.0 {
         return vec4(0.0);
     }
-    let surface = read_surface(textureLoad(g_buffer, pixel, 0), pixel, size, depth, view.world_from_clip);
+    let texel = textureLoad(g_buffer, pixel, 0);
+    let surface = read_surface(texel, pixel, size, depth, view.world_from_clip);
     let frame = frame_of(surface.position);
     var sum = vec3(0.0);
     for (var i = 0u; i < #{SAMPLES}u; i++) {
@@ -109,5 +110,5 @@ fn naive_rsm(in: FullscreenVertexOutput) -> @location(0) vec4<f32> {
     }
     // As the plugin's gather and composite have it.
     let received = min(sum * (view.exposure * 0.31830987), vec3(65000.0));
-    return vec4(received * surface.albedo * 0.31830987, 0.0);
+    return vec4(received * scattered_share(texel, 1.0) * 0.31830987, 0.0);
 }

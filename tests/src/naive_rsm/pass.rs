@@ -62,7 +62,7 @@ impl SpecializedRenderPipeline for NaivePipelines {
     type Key = NaiveKey;
 
     fn specialize(&self, key: NaiveKey) -> RenderPipelineDescriptor {
-        let mut shader_defs = vec![ShaderDefVal::UInt("SAMPLES".into(), key.samples)];
+        let mut shader_defs = vec![ShaderDefVal::UInt("SAMPLES".into(), key.samples), "LAMBERTIAN".into()];
         if key.is_cube {
             shader_defs.push("CUBE".into());
         }

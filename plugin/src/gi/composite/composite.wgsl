@@ -4,7 +4,7 @@
 #import bevy_core_pipeline::fullscreen_vertex_shader::FullscreenVertexOutput
 #import bevy_render::view::View
 #import bevy_frugal_gi::gi::surface::{
-    pixel_position, plane_tolerance, representative, surface_affinity, surface_albedo, surface_normal,
+    pixel_position, plane_tolerance, representative, scattered_share, surface_affinity, surface_normal,
 }
 
 @group(0) @binding(0) var g_buffer: texture_2d<u32>;
@@ -48,11 +48,14 @@ fn composite(in: FullscreenVertexOutput) -> @location(0) vec4<f32> {
         return vec4(0.0);
     }
     let texel = textureLoad(g_buffer, pixel, 0);
+    let position = pixel_position(pixel, size, depth, view.world_from_clip);
+    let normal = surface_normal(texel);
 #ifdef FULL_RESOLUTION
     let received = textureLoad(irradiance, pixel, 0).rgb;
 #else
-    let position = pixel_position(pixel, size, depth, view.world_from_clip);
-    let received = upsample(pixel, size, position, surface_normal(texel));
+    let received = upsample(pixel, size, position, normal);
 #endif
-    return vec4(received * surface_albedo(texel) * 0.31830987, 0.0);
+    // Where the projection is parallel, the eye is as far away as it gets.
+    let toward_eye = normalize(mix(view.world_position - position, view.world_from_view[2].xyz, vec3(view.clip_from_view[3].w)));
+    return vec4(received * scattered_share(texel, dot(normal, toward_eye)) * 0.31830987, 0.0);
 }

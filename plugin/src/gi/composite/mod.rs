@@ -14,7 +14,7 @@ use bevy::shader::{Shader, ShaderDefVal};
 use bevy::utils::default;
 
 use super::gather::GiCamera;
-use super::settings::{FrugalGi, GiOutput, GiPixelFraction};
+use super::settings::{FrugalGi, GiOutput, GiPixelFraction, GiShading};
 
 #[derive(Resource)]
 pub(super) struct CompositePipelines {
@@ -47,6 +47,7 @@ impl FromWorld for CompositePipelines {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub(super) struct CompositeKey {
     fraction: GiPixelFraction,
+    shading: GiShading,
     target_format: TextureFormat,
 }
 
@@ -58,6 +59,9 @@ impl SpecializedRenderPipeline for CompositePipelines {
         let mut shader_defs = vec![ShaderDefVal::UInt("CELL_WIDTH".into(), width), ShaderDefVal::UInt("CELL_HEIGHT".into(), height)];
         if key.fraction == GiPixelFraction::Full {
             shader_defs.push("FULL_RESOLUTION".into());
+        }
+        if key.shading == GiShading::Lambertian {
+            shader_defs.push("LAMBERTIAN".into());
         }
         let add = BlendComponent { src_factor: BlendFactor::One, dst_factor: BlendFactor::One, operation: BlendOperation::Add };
         let keep = BlendComponent { src_factor: BlendFactor::Zero, dst_factor: BlendFactor::One, operation: BlendOperation::Add };
@@ -92,7 +96,7 @@ pub(super) fn prepare_pipelines(
     cameras: Query<(Entity, &FrugalGi, &ExtractedView)>,
 ) {
     for (entity, gi, view) in &cameras {
-        let key = CompositeKey { fraction: gi.pixel_fraction, target_format: view.target_format };
+        let key = CompositeKey { fraction: gi.pixel_fraction, shading: gi.shading, target_format: view.target_format };
         let pipeline = specialized.specialize(&cache, &pipelines, key);
         commands.entity(entity).insert(CompositePipelineId(pipeline));
     }

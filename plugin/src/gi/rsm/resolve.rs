@@ -16,7 +16,7 @@ use bevy::utils::default;
 
 use super::RsmView;
 use super::lights::RsmLight;
-use crate::gi::settings::FrugalGi;
+use crate::gi::settings::{FrugalGi, GiShading};
 use crate::gi::sources::GiEmitters;
 
 /// Bytes of `rsm/texel.wgsl`'s `Texel`. A test holds it against the shader.
@@ -41,8 +41,8 @@ impl RsmStore {
 #[derive(Resource)]
 pub(in crate::gi) struct RsmPipelines {
     layout: BindGroupLayoutDescriptor,
-    resolve_parallel: CachedComputePipelineId,
-    resolve_positioned: CachedComputePipelineId,
+    /// By whether light is parallel, and by shading.
+    resolve: [[CachedComputePipelineId; 2]; 2],
 }
 
 impl FromWorld for RsmPipelines {
@@ -72,9 +72,12 @@ impl FromWorld for RsmPipelines {
                 ..default()
             })
         };
-        let resolve_parallel = queue(vec!["PARALLEL".into()]);
-        let resolve_positioned = queue(vec![]);
-        Self { resolve_parallel, resolve_positioned, layout }
+        let by_shading = |light: Option<&str>| {
+            let kinds = [None, Some("LAMBERTIAN")];
+            kinds.map(|shading| queue(light.into_iter().chain(shading).map(Into::into).collect()))
+        };
+        let resolve = [None, Some("PARALLEL")].map(by_shading);
+        Self { resolve, layout }
     }
 }
 
@@ -137,6 +140,7 @@ pub(in crate::gi) fn prepare_store(
 pub(in crate::gi) fn resolve(
     view: ViewQuery<(
         &RsmView,
+        &GiShading,
         &DynamicUniformIndex<RsmLight>,
         &ExtractedView,
         &ViewPrepassTextures,
@@ -150,9 +154,8 @@ pub(in crate::gi) fn resolve(
     lights: Res<ComponentUniforms<RsmLight>>,
     mut context: RenderContext,
 ) {
-    let (map, light_index, extracted, prepass, depth, view_offset) = view.into_inner();
-    let parallel = map.camera.is_some();
-    let resolve = if parallel { pipelines.resolve_parallel } else { pipelines.resolve_positioned };
+    let (map, shading, light_index, extracted, prepass, depth, view_offset) = view.into_inner();
+    let resolve = pipelines.resolve[usize::from(map.camera.is_some())][usize::from(*shading == GiShading::Lambertian)];
     let (Some(texels), Some(g_buffer), Some(views), Some(lights), Some(resolve)) = (
         &store.texels,
         prepass.deferred_view(),

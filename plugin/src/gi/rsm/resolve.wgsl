@@ -5,7 +5,7 @@
 
 #import bevy_render::view::View
 #import bevy_frugal_gi::gi::rsm::texel::{Texel, pack_normal}
-#import bevy_frugal_gi::gi::surface::read_surface
+#import bevy_frugal_gi::gi::surface::{read_surface, scattered_share}
 
 struct Light {
     /// Parallel: lux. Otherwise candela. Linear RGB.
@@ -46,7 +46,8 @@ fn resolve(@builtin(global_invocation_id) id: vec3<u32>) {
         return;
     }
     let depth = textureLoad(depth_buffer, id.xy, 0);
-    let surface = read_surface(textureLoad(g_buffer, id.xy, 0), id.xy, size, depth, view.world_from_clip);
+    let shown = textureLoad(g_buffer, id.xy, 0);
+    let surface = read_surface(shown, id.xy, size, depth, view.world_from_clip);
 
 #ifdef PARALLEL
     let light_flux = light.intensity * light.texel_measure;
@@ -68,7 +69,7 @@ fn resolve(@builtin(global_invocation_id) id: vec3<u32>) {
     let cosine = -dot(surface.normal, ray) * inverseSqrt(distance_squared);
 #endif
 
-    let flux = light_flux * surface.albedo;
+    let flux = light_flux * scattered_share(shown, cosine);
     let lit = depth > 0.0 && is_sound(surface.position) && is_sound(surface.normal) && is_sound(flux);
     var texel: Texel;
     texel.position = select(vec3(0.0), surface.position, lit);

@@ -4,6 +4,7 @@ use bevy::camera::visibility::{InheritedVisibility, RenderLayers};
 use bevy::camera::{Camera, Camera3d, OrthographicProjection, PerspectiveProjection, Projection, RenderTarget, ScalingMode};
 use bevy::core_pipeline::prepass::{DeferredPrepass, DepthPrepass};
 use bevy::ecs::prelude::*;
+use bevy::ecs::query::QueryData;
 use bevy::light::cluster::Clusters;
 use bevy::light::{DirectionalLight, PointLight, SpotLight};
 use bevy::math::{Mat3, Quat, UVec2, Vec3};
@@ -16,7 +17,7 @@ use bevy::transform::helper::TransformHelper;
 use super::RsmView;
 use super::lights::{BouncingLight, Emitter, RsmLight};
 use super::region::{LightRegion, RsmCut, SceneBox, cover, near};
-use crate::gi::settings::{FrugalGi, GiLimits};
+use crate::gi::settings::{FrugalGi, GiLimits, GiShading};
 
 /// Lights' maps come before every camera that an app would order by hand; each has its own number.
 const FIRST_ORDER: isize = isize::MIN / 2;
@@ -29,6 +30,7 @@ struct Wanted {
     projection: Projection,
     light: RsmLight,
     cut: RsmCut,
+    shading: GiShading,
     layers: Option<RenderLayers>,
 }
 
@@ -45,6 +47,7 @@ struct GiEye {
     position: Vec3,
     range: f32,
     resolution: u32,
+    shading: GiShading,
 }
 
 /// What happened to maps in this frame.
@@ -66,13 +69,7 @@ pub(super) fn maintain(
     spots: Query<(Entity, &SpotLight, &InheritedVisibility, Option<&RenderLayers>)>,
     points: Query<(Entity, &PointLight, &InheritedVisibility, Option<&RenderLayers>)>,
     // Both touch transforms: first those of lights and cameras are read, then those of maps are written.
-    mut placed: ParamSet<(
-        TransformHelper,
-        Query<
-            (Entity, &RsmView, &mut Camera, &mut RenderTarget, &mut Projection, &mut Transform, &mut RsmLight, &mut RsmCut),
-            Without<FrugalGi>,
-        >,
-    )>,
+    mut placed: ParamSet<(TransformHelper, Query<Map, Without<FrugalGi>>)>,
 ) {
     let transforms = placed.p0();
     let place = |entity| transforms.compute_global_transform(entity).ok().map(|t| t.compute_transform());
@@ -81,7 +78,7 @@ pub(super) fn maintain(
         .filter(|(_, camera, gi)| camera.is_active && gi.vpl_count > 0)
         .filter_map(|(entity, _, gi)| {
             let resolution = gi.rsm_resolution.clamp(16, 2048);
-            Some(GiEye { entity, position: place(entity)?.translation, range: gi.range, resolution })
+            Some(GiEye { entity, position: place(entity)?.translation, range: gi.range, resolution, shading: gi.shading })
         })
         .collect();
 
@@ -107,34 +104,57 @@ pub(super) fn maintain(
 
     let mut missing: HashMap<RsmView, Wanted> = wanted.into_iter().map(|w| (w.view, w)).collect();
     *touched = MapsTouched::default();
-    for (entity, view, mut camera, mut target, mut projection, mut transform, mut light, mut cut) in &mut placed.p1() {
-        let Some(wanted) = missing.remove(view) else {
-            commands.entity(entity).despawn();
-            touched.laid_out = true;
-            continue;
-        };
-        touched.laid_out |= (light.texel_offset, light.resolution) != (wanted.light.texel_offset, wanted.light.resolution);
-        let size = UVec2::splat(wanted.resolution);
-        let resized = !matches!(*target, RenderTarget::None { size: old } if old == size);
-        if resized {
-            *target = RenderTarget::None { size };
+    for map in &mut placed.p1() {
+        match missing.remove(map.view) {
+            Some(wanted) => map.become_as(wanted, &mut touched),
+            None => {
+                commands.entity(map.entity).despawn();
+                touched.laid_out = true;
+            }
         }
-        if camera.order != wanted.order() {
-            camera.order = wanted.order();
-        }
-        // Bevy looks at a target without texture only when the projection was touched.
-        if resized || !same_projection(&projection, &wanted.projection) {
-            *projection = wanted.projection;
-            touched.moved = true;
-        }
-        touched.moved |= transform.set_if_neq(wanted.transform);
-        touched.moved |= light.set_if_neq(wanted.light);
-        // What is drawn from which map changes now, so both must be there now.
-        touched.laid_out |= cut.set_if_neq(wanted.cut);
     }
     touched.laid_out |= !missing.is_empty();
     for (_, wanted) in missing {
         spawn(&mut commands, wanted);
+    }
+}
+
+/// A map that is there.
+#[derive(QueryData)]
+#[query_data(mutable)]
+pub(super) struct Map {
+    entity: Entity,
+    view: &'static RsmView,
+    camera: &'static mut Camera,
+    target: &'static mut RenderTarget,
+    projection: &'static mut Projection,
+    transform: &'static mut Transform,
+    light: &'static mut RsmLight,
+    cut: &'static mut RsmCut,
+    shading: &'static mut GiShading,
+}
+
+impl MapItem<'_, '_> {
+    /// Changes what is other than wanted.
+    fn become_as(mut self, wanted: Wanted, touched: &mut MapsTouched) {
+        touched.laid_out |= (self.light.texel_offset, self.light.resolution) != (wanted.light.texel_offset, wanted.light.resolution);
+        let size = UVec2::splat(wanted.resolution);
+        let resized = !matches!(*self.target, RenderTarget::None { size: old } if old == size);
+        if resized {
+            *self.target = RenderTarget::None { size };
+        }
+        if self.camera.order != wanted.order() {
+            self.camera.order = wanted.order();
+        }
+        // Bevy looks at a target without texture only when the projection was touched.
+        if resized || !same_projection(&self.projection, &wanted.projection) {
+            *self.projection = wanted.projection;
+            touched.moved = true;
+        }
+        touched.moved |= self.transform.set_if_neq(wanted.transform);
+        touched.moved |= self.light.set_if_neq(wanted.light) | self.shading.set_if_neq(wanted.shading);
+        // What is drawn from which map changes now, so both must be there now.
+        touched.laid_out |= self.cut.set_if_neq(wanted.cut);
     }
 }
 
@@ -150,12 +170,15 @@ fn choose(lights: &[(BouncingLight, Option<RenderLayers>)], eyes: &[GiEye], scen
     // Equal importance falls back on the entity, so that the choice does not flicker.
     ranked.sort_by(|a, b| b.0.total_cmp(&a.0).then(a.1.entity.cmp(&b.1.entity)));
 
+    // What cameras share is as the most demanding one wants it.
     let finest = eyes.iter().map(|eye| eye.resolution).max().unwrap_or(0);
+    let lambertian = eyes.iter().all(|eye| eye.shading == GiShading::Lambertian);
+    let shading = if lambertian { GiShading::Lambertian } else { GiShading::Standard };
     let mut wanted = Vec::new();
     for (_, light, layers) in ranked {
         let mut maps: Vec<Wanted> = match light.emitter {
             Emitter::Directional => eyes.iter().flat_map(|eye| parallel_maps(light, eye, scene, layers)).collect(),
-            _ => (0..light.faces()).map(|face| perspective_map(light, face, finest, layers)).collect(),
+            _ => (0..light.faces()).map(|face| perspective_map(light, face, finest, shading, layers)).collect(),
         };
         if wanted.len() + maps.len() <= most {
             wanted.append(&mut maps);
@@ -212,11 +235,12 @@ fn parallel_map(
             ..Default::default()
         },
         cut,
+        shading: eye.shading,
         layers: layers.clone(),
     }
 }
 
-fn perspective_map(light: &BouncingLight, face: u8, resolution: u32, layers: &Option<RenderLayers>) -> Wanted {
+fn perspective_map(light: &BouncingLight, face: u8, resolution: u32, shading: GiShading, layers: &Option<RenderLayers>) -> Wanted {
     let half_angle = match light.emitter {
         Emitter::Spot { outer, .. } => outer,
         _ => std::f32::consts::FRAC_PI_4,
@@ -248,6 +272,7 @@ fn perspective_map(light: &BouncingLight, face: u8, resolution: u32, layers: &Op
             ..Default::default()
         },
         cut: RsmCut::default(),
+        shading,
         layers: layers.clone(),
     }
 }
@@ -288,6 +313,7 @@ fn spawn(commands: &mut Commands, wanted: Wanted) {
         wanted.view,
         wanted.light,
         wanted.cut,
+        wanted.shading,
         Camera3d { depth_texture_usages, ..Default::default() },
         Camera { order: wanted.order(), ..Default::default() },
         RenderTarget::None { size: UVec2::splat(wanted.resolution) },
