@@ -7,7 +7,7 @@ use bevy::ecs::entity::Entity;
 use bevy::ecs::query::With;
 use bevy::math::{UVec2, Vec3};
 use bevy::mesh::Mesh3d;
-use bevy_frugal_gi::gi::{FrugalGi, GiCounts};
+use bevy_frugal_gi::gi::{FrugalGi, GiCounts, GiShading};
 use bevy_frugal_gi::knobs::RenderSettings;
 use frugal::scene::{self, CameraPose, Geometry, Light, SceneDescription};
 use frugal::stage::{Component, Output, Radiance, Stage, StageOptions};
@@ -82,6 +82,12 @@ pub fn look(stage: &mut Stage, position: Vec3, target: Vec3) {
 pub fn camera(stage: &mut Stage) -> Entity {
     let world = stage.world_mut();
     world.query_filtered::<Entity, With<FrugalGi>>().single(world).unwrap_or_else(|error| panic!("the stage's camera: {error}"))
+}
+
+/// Has light scattered as by matt surfaces, whose albedo says all.
+pub fn make_lambertian(stage: &mut Stage) {
+    let camera = camera(stage);
+    stage.world_mut().get_mut::<FrugalGi>(camera).unwrap_or_else(|| panic!("the stage's camera has GI")).shading = GiShading::Lambertian;
 }
 
 /// What GI did in the last frame.

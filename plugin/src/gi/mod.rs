@@ -149,7 +149,7 @@ impl Plugin for GiPlugin {
                 Core3d,
                 (
                     (GiSystems::Resolve, GiSystems::Gather).chain().after(Core3dSystems::Prepass).before(Core3dSystems::MainPass),
-                    // Need the opaque pass to be over: alpha-masked deferred meshes are drawn again in it, over deferred lighting's result.
+                    // Need the opaque pass to be over: what is rendered forward in it covers what is deferred.
                     GiSystems::Composite
                         .in_set(Core3dSystems::MainPass)
                         .after(deferred_lighting)

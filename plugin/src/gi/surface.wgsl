@@ -1,7 +1,7 @@
 // What a texel of Bevy's deferred G-buffer says of the surface there.
 #define_import_path bevy_frugal_gi::gi::surface
 
-#import bevy_pbr::pbr_deferred_types::{unpack_24bit_normal, unpack_unorm4x8_}
+#import bevy_pbr::pbr_deferred_types::{DEFERRED_FLAGS_UNLIT_BIT, unpack_24bit_normal, unpack_flags, unpack_unorm4x8_}
 #import bevy_pbr::utils::octahedral_decode
 
 struct Surface {
@@ -27,8 +27,8 @@ fn surface_normal(texel: vec4<u32>) -> vec3<f32> {
 /// that arrives evenly from everywhere, which is the same. Unlit surfaces have no base colour here.
 ///
 /// LAMBERTIAN: as a matt surface; metals scatter nothing. Else as Bevy's: Burley 2012 ("Physically Based Shading at Disney", 5.3) by a fit of ours,
-/// within 0.015 but for the last degrees; and its specular term (Karis 2014, "Physically Based Shading on Mobile"), left out of smooth surfaces, which
-/// scatter nothing but mirror.
+/// within 0.015 but for the last degrees; and its specular term (Karis 2014, "Physically Based Shading on Mobile"; what facets scatter among each other as in Filament's 4.7.2), left
+/// out of smooth surfaces, which do not scatter but mirror.
 fn scattered_share(texel: vec4<u32>, cosine: f32) -> vec3<f32> {
     let color = unpack_unorm4x8_(texel.r);
     let properties = unpack_unorm4x8_(texel.b);
@@ -45,11 +45,13 @@ fn scattered_share(texel: vec4<u32>, cosine: f32) -> vec3<f32> {
     let at_normal = mix(vec3(0.16 * properties.r * properties.r), base_color, metallic);
     let r = roughness * vec4(-1.0, -0.0275, -0.572, 0.022) + vec4(1.0, 0.0425, 1.04, -0.04);
     let a = min(r.x * r.x, exp2(-9.28 * way)) * r.x + r.y;
-    let specular = max(at_normal * (-1.04 * a + r.z) + (1.04 * a + r.w), vec3(0.0));
-    // Unlit surfaces have neither colour nor a specular term.
-    let is_lit = any(base_color > vec3(0.0)) || properties.r > 0.0;
+    // Below 2 % at normal incidence Bevy dims the grazing reflection, too, so that 0 has none.
+    let at_grazing = saturate(dot(at_normal, vec3(50.0 * 0.33)));
+    let fit = max(vec2(-1.04, 1.04) * a + r.zw, vec2(5e-5));
+    // What facets send to each other leaves them in the end.
+    let specular = (at_normal * fit.x + at_grazing * fit.y) * (1.0 + at_normal * (1.0 / (fit.x + fit.y) - 1.0));
     let scattered = base_color * (1.0 - metallic) * diffuse + specular * smoothstep(0.2, 0.4, roughness);
-    return select(vec3(0.0), scattered, is_lit);
+    return select(scattered, vec3(0.0), (unpack_flags(texel.a) & DEFERRED_FLAGS_UNLIT_BIT) != 0u);
 #endif
 }
 

@@ -64,7 +64,8 @@ fn draw(stage: &mut Stage, texels: &[Point], length: u32, count: usize, importan
     let row_count = texels.len() as u32 / length;
     let words: Vec<f32> = texels.iter().flat_map(|texel| texel.to_texel()).collect();
     let weights: Vec<f32> = texels.iter().enumerate().map(|(index, texel)| texel.luminance() as f32 * importance(index)).collect();
-    let rows: Vec<u8> = (0..row_count).flat_map(|row| [row * length, row * length, length].map(u32::to_le_bytes)).flatten().collect();
+    let rows: Vec<u8> =
+        (0..row_count).flat_map(|row| [row * length, row * length, length, 0, 0, 1, 0, 0].map(u32::to_le_bytes)).flatten().collect();
     // One set that holds them all.
     let plan = [1, 1, count as u32, count as u32].map(u32::to_le_bytes).concat();
     let zeros = |floats: usize| gpu::bytes(&vec![0.0; floats]);

@@ -53,6 +53,7 @@ fn albedo() -> f64 {
 fn bare(component: Component) -> Stage {
     let mut stage = set::bare(vec![], set::radiance_options(48, 27, component));
     set::apply(&mut stage, RAYS);
+    set::make_lambertian(&mut stage);
     stage
 }
 

@@ -41,6 +41,7 @@ const MODULES: &[(&str, &[(&str, fn())], bool)] = &[
     ("extremes::lights", extremes::lights::TESTS, true),
     ("extremes::maps", extremes::maps::TESTS, true),
     ("extremes::rays", extremes::rays::TESTS, true),
+    ("extremes::shading", extremes::shading::TESTS, true),
     ("extremes::scenes", extremes::scenes::TESTS, true),
     ("extremes::views", extremes::views::TESTS, true),
     ("furnace", furnace::TESTS, true),

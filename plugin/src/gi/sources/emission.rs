@@ -82,9 +82,9 @@ pub(super) fn emission(material: &StandardMaterial) -> Option<Emission> {
     Some(Emission { exposed: color * weight, unexposed: color * (1.0 - weight), sides, texture })
 }
 
-/// Whether what the camera shows of it comes out of the G-buffer. Cut-outs are drawn to it and then drawn again over it.
+/// Whether what the camera shows of it comes out of the G-buffer.
 fn is_deferred(material: &StandardMaterial) -> bool {
-    let is_opaque = matches!(material.alpha_mode, AlphaMode::Opaque | AlphaMode::AlphaToCoverage);
+    let is_opaque = matches!(material.alpha_mode, AlphaMode::Opaque | AlphaMode::Mask(_) | AlphaMode::AlphaToCoverage);
     let method = match material.opaque_render_method {
         // As Bevy decides; deferred is the app's default by `GiPlugin`.
         OpaqueRendererMethod::Auto => material.diffuse_transmission <= 0.0,

@@ -142,7 +142,7 @@ impl GlowingSurface {
             // Of what it stands for: `step` is area × luminance.
             let area = step / luminance(radiance);
             let flux = (radiance * (area * std::f64::consts::PI)).min(DVec3::splat(MOST_FLUX));
-            let (position, normal) = (affine.transform_point3(point.position), Vec3::from(spread * point.normal).normalize_or_zero());
+            let (position, normal) = (affine.transform_point3(point.position), (spread * point.normal).normalize_or_zero());
             if !(area.is_finite() && flux.is_finite() && position.is_finite() && normal != Vec3::ZERO) {
                 continue;
             }

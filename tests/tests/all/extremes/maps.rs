@@ -20,13 +20,13 @@ const SIZE: [u32; 2] = [8, 8];
 
 /// `resolve.wgsl`'s `Light`.
 #[derive(Clone, Copy)]
-struct Light {
-    intensity: Vec3,
-    texel_measure: f32,
-    position: Vec3,
-    inverse_range_squared: f32,
-    direction: Vec3,
-    cone: [f32; 2],
+pub struct Light {
+    pub intensity: Vec3,
+    pub texel_measure: f32,
+    pub position: Vec3,
+    pub inverse_range_squared: f32,
+    pub direction: Vec3,
+    pub cone: [f32; 2],
 }
 
 impl Light {
@@ -37,10 +37,11 @@ impl Light {
     }
 }
 
-struct Resolve(Kernel);
+/// The shipped pass.
+pub struct Resolve(Kernel);
 
 impl Resolve {
-    fn new(stage: &mut Stage, defs: Vec<ShaderDefVal>) -> Self {
+    pub fn new(stage: &mut Stage, defs: Vec<ShaderDefVal>) -> Self {
         let layout = BindGroupLayoutEntries::sequential(
             ShaderStages::COMPUTE,
             (
@@ -54,7 +55,7 @@ impl Resolve {
         Self(Kernel::new(stage, "gi/rsm/resolve.wgsl", "resolve", defs, &layout))
     }
 
-    fn run(&self, stage: &Stage, pixels: &Pixels, plane: &Plane, light: &Light) -> Vec<Point> {
+    pub fn run(&self, stage: &Stage, pixels: &Pixels, plane: &Plane, light: &Light) -> Vec<Point> {
         let texels = kernel::buffer(stage, &gpu::bytes(&[0.0; 64 * Point::TEXEL_WORDS]));
         let (view, light) = (pixels.view(stage, plane), kernel::buffer(stage, &gpu::bytes(&light.words())));
         let bindings = BindGroupEntries::sequential((
@@ -114,7 +115,7 @@ fn check(label: &str, found: &[Point], albedos: &[[f64; 3]], intensity: Vec3, me
 
 fn texels_hold_the_flux_of_any_lamp() {
     let mut stage = stage();
-    let resolve = Resolve::new(&mut stage, vec![]);
+    let resolve = Resolve::new(&mut stage, vec!["LAMBERTIAN".into()]);
     let (texels, albedos, normals) = surfaces();
     let pixels = Pixels::with_texels(&stage, SIZE, &texels, 0.5);
     let (mut worst, mut cases) = (0.0f64, 0);
@@ -159,7 +160,7 @@ fn texels_hold_the_flux_of_any_lamp() {
 
 fn texels_hold_the_flux_of_any_sun() {
     let mut stage = stage();
-    let resolve = Resolve::new(&mut stage, vec!["PARALLEL".into()]);
+    let resolve = Resolve::new(&mut stage, vec!["PARALLEL".into(), "LAMBERTIAN".into()]);
     let (texels, albedos, normals) = surfaces();
     let pixels = Pixels::with_texels(&stage, SIZE, &texels, 0.5);
     let mut worst = 0.0f64;

@@ -8,6 +8,7 @@ pub mod lights;
 pub mod maps;
 pub mod rays;
 pub mod scenes;
+pub mod shading;
 pub mod views;
 
 use bevy::math::{DVec3, Vec3};

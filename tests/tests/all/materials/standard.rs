@@ -7,6 +7,7 @@ use bevy::mesh::Mesh;
 use bevy::pbr::StandardMaterial;
 use bevy::prelude::AlphaMode;
 use bevy::render::render_resource::TextureFormat;
+use bevy_frugal_gi::gi::{FrugalGi, GiShading};
 use frugal::scene::{Geometry, SceneDescription};
 use frugal::stage::Component;
 use frugal_tests::{gpu, meshes, set};
@@ -20,6 +21,8 @@ tests!(
     metals_take_no_part_but_hide,
     emission_lights_the_wall_as_the_sun_s_light_does,
     a_scene_s_emission_is_in_nits,
+    rough_metals_and_gloss_take_part_as_bevy_shades_them,
+    masked_materials_are_lit_as_opaque_ones_are,
     unlit_materials_take_no_part_but_hide,
     sides_are_those_that_are_drawn,
     transparent_materials_are_not_there,
@@ -116,6 +119,54 @@ fn metals_take_no_part_but_hide() {
             }
         }
     });
+}
+
+fn rough_metals_and_gloss_take_part_as_bevy_shades_them() {
+    on_bench(|bench| {
+        // Of light that falls straight down, and by what a rough metal keeps of it; against a matt surface that does not care for shading.
+        let matt = bench.plate(StandardMaterial { perceptual_roughness: 0.7, reflectance: 0.0, ..grey() });
+        let metal = bench.plate(StandardMaterial { metallic: 1.0, perceptual_roughness: 0.7, ..grey() });
+        let gloss = bench.plate(StandardMaterial { perceptual_roughness: 0.7, reflectance: 1.0, ..grey() });
+        let sent = |bench: &mut super::Bench, plate| {
+            let flux = bench.as_source(plate, Place::Floor).flux[1];
+            bench.put(plate, Place::Away);
+            flux
+        };
+        let lambertian = [matt, metal, gloss].map(|plate| sent(bench, plate));
+        let camera = set::camera(&mut bench.stage);
+        let shade = |bench: &mut super::Bench, shading| {
+            bench.stage.world_mut().get_mut::<FrugalGi>(camera).expect("a camera with GI").shading = shading;
+        };
+        shade(bench, GiShading::Standard);
+        let standard = [matt, metal, gloss].map(|plate| sent(bench, plate));
+        shade(bench, GiShading::Lambertian);
+        println!("    sent as matt surfaces {lambertian:.0?}, as Bevy shades them {standard:.0?}");
+        let [diffuse, metallic, glossy] = [0, 1, 2].map(|plate| standard[plate] / lambertian[0]);
+        assert_eq!(lambertian[1], 0.0);
+        assert!((lambertian[2] / lambertian[0] - 1.0).abs() < 1e-6 && (diffuse - 1.0).abs() < 0.02, "{lambertian:?} {standard:?}");
+        // About as much as the matt surface of that colour, less what a rough one's facets keep; and a sixth of a half more.
+        assert!((0.7..1.0).contains(&metallic), "{metallic}");
+        assert!((1.15..1.4).contains(&glossy), "{glossy}");
+        for plate in [matt, metal, gloss] {
+            bench.clear(plate);
+        }
+    });
+}
+
+fn masked_materials_are_lit_as_opaque_ones_are() {
+    // Without GI: Bevy alone would draw what is masked a second time, over its own light.
+    let mut found = Vec::new();
+    for alpha_mode in [AlphaMode::Opaque, AlphaMode::Mask(0.5)] {
+        let mut stage = set::bare(vec![crate::gi::sun(Vec3::NEG_Y)], set::radiance_options(32, 18, Component::Direct));
+        let double = StandardMaterial { alpha_mode, double_sided: true, cull_mode: None, ..grey() };
+        let plate = meshes::spawn(&mut stage, meshes::plate(true), double, Place::Floor.transform());
+        set::apply(&mut stage, "min,resolution_scale=100%");
+        set::look(&mut stage, Vec3::new(0.0, 1.0, 0.5), Vec3::ZERO);
+        found.push(set::channel_means(&set::radiance(&mut stage)));
+        assert!(stage.world_mut().despawn(plate));
+    }
+    println!("    {:.1} and {:.1} nits", found[0][1], found[1][1]);
+    assert!(found[0][1] > 1.0 && found.iter().flatten().all(|value| (value / found[0][1] - 1.0).abs() < 1e-3), "{found:?}");
 }
 
 fn emission_lights_the_wall_as_the_sun_s_light_does() {
