@@ -11,7 +11,7 @@ use bevy::render::view::Msaa;
 use super::gather::GiCamera;
 use super::sources::{SkyCamera, SkySource};
 
-/// Global illumination on this camera: one diffuse bounce of every directional, spot and point light, from virtual point lights (VPLs) drawn
+/// Global illumination on this camera: one bounce of every directional, spot and point light, from virtual point lights (VPLs) drawn
 /// in reflective shadow maps; the light of [glowing surfaces](super::GiEmitters); and that of the camera's
 /// [`EnvironmentMapLight`](bevy::light::EnvironmentMapLight), shadowed.
 ///
@@ -50,8 +50,8 @@ pub struct FrugalGi {
     /// moves, lags behind by as many frames, and the maps cost that much less. 1 never lags. Where nothing moves nothing is rendered again, whatever
     /// this says; see [`GiRefresh`](super::GiRefresh). Cameras that share lights share the smallest.
     pub refresh_period: u32,
-    /// How far around the camera, in metres, directional lights bounce. Scenes smaller than twice that are covered whole. Higher values: more
-    /// distant bounces, fewer texels on near surfaces.
+    /// How far around the camera, in metres, directional lights bounce. Scenes smaller than twice that are covered whole. What lies within 0.3 of it
+    /// has a map of its own, where that is much less than the scene. Higher values: more distant bounces, fewer texels on near surfaces.
     pub range: f32,
     /// How surfaces scatter light that bounces. Free.
     pub shading: GiShading,
