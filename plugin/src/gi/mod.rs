@@ -90,7 +90,7 @@ impl Plugin for GiPlugin {
         embedded_asset!(app, "sources/sky_draw.wgsl");
         embedded_asset!(app, "gather/gather.wgsl");
         embedded_asset!(app, "filter/filter.wgsl");
-        embedded_asset!(app, "filter/smooth.wgsl");
+        embedded_asset!(app, "filter/settle.wgsl");
         embedded_asset!(app, "composite/composite.wgsl");
 
         app.insert_resource(DefaultOpaqueRendererMethod::deferred())

@@ -53,6 +53,9 @@ pub struct FrugalGi {
     /// How far around the camera, in metres, directional lights bounce. Scenes smaller than twice that are covered whole. What lies within 0.3 of it
     /// has a map of its own, where that is much less than the scene. Higher values: more distant bounces, fewer texels on near surfaces.
     pub range: f32,
+    /// Frames over which light that reaches a place is averaged while something moves, beside what is thrown away because it was not seen before or
+    /// because light was switched. Higher values: less flicker, and light that moves lags behind by about as many frames. 1: none. In 1 to 64; not for parallel projections, nor after a cut (more than 1 m or 30° in a frame).
+    pub history_frames: u32,
     /// How surfaces scatter light that bounces. Free.
     pub shading: GiShading,
     /// What is written into the picture.
@@ -91,6 +94,7 @@ impl Default for FrugalGi {
             rsm_resolution: 128,
             refresh_period: 1,
             range: 40.0,
+            history_frames: 16,
             shading: GiShading::Standard,
             output: GiOutput::Added,
         }

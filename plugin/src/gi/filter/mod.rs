@@ -1,4 +1,6 @@
-//! The filter: joins what neighbouring gathered pixels found with different VPLs and rays.
+//! The filter: joins what neighbouring gathered pixels found with different VPLs and rays, and then what was shown before.
+
+mod history;
 
 use bevy::asset::load_embedded_asset;
 use bevy::core_pipeline::prepass::ViewPrepassTextures;
@@ -15,6 +17,8 @@ use bevy::utils::default;
 
 use super::gather::{GatherSettings, GiCamera};
 use super::settings::{FrugalGi, GiVisibility};
+use history::Past;
+pub(super) use history::{History, PastView};
 
 /// Windows that there are pipelines for.
 const WINDOWS: [u32; 3] = [2, 4, 8];
@@ -36,7 +40,9 @@ pub(super) fn smooths(gi: &FrugalGi) -> bool {
 pub(super) struct FilterPipelines {
     layout: BindGroupLayoutDescriptor,
     pipelines: [CachedComputePipelineId; 3],
-    smooth: CachedComputePipelineId,
+    settle_layout: BindGroupLayoutDescriptor,
+    /// Without the wider window, and with it.
+    settle: [CachedComputePipelineId; 2],
 }
 
 impl FromWorld for FilterPipelines {
@@ -67,14 +73,36 @@ impl FromWorld for FilterPipelines {
                 ..default()
             })
         });
-        let smooth = cache.queue_compute_pipeline(ComputePipelineDescriptor {
-            label: Some("bevy_frugal_gi/filter/smooth".into()),
-            layout: vec![layout.clone()],
-            shader: load_embedded_asset!(world, "smooth.wgsl"),
-            entry_point: Some("smooth_filtered".into()),
-            ..default()
+        let light = || texture_2d(TextureSampleType::Float { filterable: false });
+        let settle_layout = BindGroupLayoutDescriptor::new(
+            "bevy_frugal_gi/filter/settle",
+            &BindGroupLayoutEntries::sequential(
+                ShaderStages::COMPUTE,
+                (
+                    texture_2d(TextureSampleType::Uint),
+                    texture_depth_2d(),
+                    uniform_buffer::<ViewUniform>(true),
+                    uniform_buffer_sized(false, BufferSize::new(size_of::<GatherSettings>() as u64)),
+                    light(),
+                    light(),
+                    uniform_buffer_sized(false, BufferSize::new(size_of::<Past>() as u64)),
+                    texture_storage_2d(TextureFormat::Rgba16Float, StorageTextureAccess::WriteOnly),
+                ),
+            ),
+        );
+        let shader = load_embedded_asset!(world, "settle.wgsl");
+        let cache = world.resource::<PipelineCache>();
+        let settle = [vec![], vec!["SMOOTH".into()]].map(|shader_defs| {
+            cache.queue_compute_pipeline(ComputePipelineDescriptor {
+                label: Some("bevy_frugal_gi/filter/settle".into()),
+                layout: vec![settle_layout.clone()],
+                shader: shader.clone(),
+                shader_defs,
+                entry_point: Some("settle".into()),
+                ..default()
+            })
         });
-        Self { layout, pipelines, smooth }
+        Self { layout, pipelines, settle_layout, settle }
     }
 }
 
@@ -97,15 +125,33 @@ pub(super) fn filter(
     ) else {
         return;
     };
-    let smooth = if camera.smooths { cache.get_compute_pipeline(pipelines.smooth) } else { None };
-    // From what was gathered into the other texture, and back.
-    let textures = [(&camera.irradiance, filtered), (filtered, &camera.irradiance)];
-    let bind_groups = textures.map(|(from, to)| {
-        context.render_device().create_bind_group(
-            "bevy_frugal_gi/filter",
-            &cache.get_bind_group_layout(&pipelines.layout),
-            &BindGroupEntries::sequential((g_buffer, depth, views.clone(), camera.first_settings(), &from.default_view, &to.default_view)),
-        )
+    let device = context.render_device();
+    let bind_group = device.create_bind_group(
+        "bevy_frugal_gi/filter",
+        &cache.get_bind_group_layout(&pipelines.layout),
+        &BindGroupEntries::sequential((
+            g_buffer,
+            depth,
+            views.clone(),
+            camera.first_settings(),
+            &camera.irradiance.default_view,
+            &filtered.default_view,
+        )),
+    );
+    let settle = camera.history.as_ref().zip(cache.get_compute_pipeline(pipelines.settle[usize::from(camera.smooths)]));
+    let settle = settle.map(|(history, pipeline)| {
+        let entries = BindGroupEntries::sequential((
+            g_buffer,
+            depth,
+            views,
+            camera.first_settings(),
+            &filtered.default_view,
+            &history.texture.default_view,
+            history.past.as_entire_binding(),
+            &camera.irradiance.default_view,
+        ));
+        let layout = cache.get_bind_group_layout(&pipelines.settle_layout);
+        (pipeline, device.create_bind_group("bevy_frugal_gi/filter/settle", &layout, &entries))
     });
     let size = filtered.texture.size();
     let diagnostics = context.diagnostic_recorder();
@@ -116,12 +162,13 @@ pub(super) fn filter(
             .command_encoder()
             .begin_compute_pass(&ComputePassDescriptor { label: Some("bevy_frugal_gi/filter"), timestamp_writes: None });
         pass.set_pipeline(pipeline);
-        pass.set_bind_group(0, &bind_groups[0], &[view_offset.offset]);
-        pass.dispatch_workgroups(size.width.div_ceil(8), size.height.div_ceil(8), 1);
-        if let Some(smooth) = smooth {
-            pass.set_pipeline(smooth);
-            pass.set_bind_group(0, &bind_groups[1], &[view_offset.offset]);
-            pass.dispatch_workgroups(size.width.div_ceil(8), size.height.div_ceil(8), 1);
+        let (width, height) = (size.width.div_ceil(8), size.height.div_ceil(8));
+        pass.set_bind_group(0, &bind_group, &[view_offset.offset]);
+        pass.dispatch_workgroups(width, height, 1);
+        if let Some((pipeline, bind_group)) = &settle {
+            pass.set_pipeline(pipeline);
+            pass.set_bind_group(0, bind_group, &[view_offset.offset]);
+            pass.dispatch_workgroups(width, height, 1);
         }
     }
     span.end(context.command_encoder());

@@ -11,7 +11,7 @@ use bevy::render::view::ExtractedView;
 
 use super::plan::{self, GatherSettings, VplPlan};
 use super::work::{Seen, Work};
-use crate::gi::filter;
+use crate::gi::filter::{self, History, PastView};
 use crate::gi::refresh::{GiFrame, GiRefresh};
 use crate::gi::rsm::{RsmCut, RsmLight, RsmStore, RsmView};
 use crate::gi::settings::{FrugalGi, GiPixelFraction, GiVisibility};
@@ -37,8 +37,10 @@ pub struct GiCamera {
     pub(in crate::gi) filtered: Option<CachedTexture>,
     pub(in crate::gi) fraction: GiPixelFraction,
     pub(in crate::gi) filter_window: u32,
-    /// Whether a wider filter follows, which writes back to where was gathered.
+    /// Whether a wider filter follows.
     pub(in crate::gi) smooths: bool,
+    /// What was shown before, where that is averaged with. Then what is shown is written back to where was gathered.
+    pub(in crate::gi) history: Option<History>,
     settings: Buffer,
     pub(in crate::gi) visibility: GiVisibility,
     /// Samples of the sky that each cell evaluates.
@@ -48,9 +50,11 @@ pub struct GiCamera {
 impl GiCamera {
     /// Bytes held on the GPU for this camera.
     pub(in crate::gi) fn bytes(&self) -> u64 {
-        let textures = [Some(&self.irradiance), self.filtered.as_ref()].into_iter().flatten();
+        let past = self.history.as_ref();
+        let textures = [Some(&self.irradiance), self.filtered.as_ref(), past.map(|past| &past.texture)].into_iter().flatten();
         let texels = textures.map(|texture| u64::from(texture.texture.width()) * u64::from(texture.texture.height()) * 8).sum::<u64>();
         texels
+            + past.map_or(0, History::bytes)
             + self.drawing.as_ref().map_or(0, DrawingBuffers::bytes)
             + [&self.vpls, &self.plan_buffer, &self.settings].map(|buffer| buffer.size()).iter().sum::<u64>()
     }
@@ -62,7 +66,7 @@ impl GiCamera {
 
     /// What the composite shows.
     pub(in crate::gi) fn shown(&self) -> &CachedTexture {
-        self.filtered.as_ref().filter(|_| !self.smooths).unwrap_or(&self.irradiance)
+        self.filtered.as_ref().filter(|_| self.history.is_none()).unwrap_or(&self.irradiance)
     }
 
     /// The settings of the first set, to which a dynamic offset may be added.
@@ -167,7 +171,14 @@ pub(in crate::gi) fn prepare_cameras(
             if let Some(drawing) = others {
                 drawing.set_rows(&queue, rows);
             }
-            held.work = held.work.next(held.seen != seen || laid_out, always, &frame, *policy, period);
+            let moved = held.seen != seen;
+            let same_settings = held.seen.has_settings_of(&seen);
+            held.work = held.work.next(moved || laid_out, always, &frame, *policy, period);
+            let GiCamera { history, irradiance, work, .. } = &mut *held;
+            if let Some(history) = history.as_mut().filter(|_| work.gather) {
+                let continues = same_settings && (moved || always || frame.gather);
+                history.advance(irradiance, PastView::new(camera, view), continues, gi, &queue);
+            }
             (held.seen, held.filter_window, held.smooths) = (seen, filter_window, filter::smooths(gi));
             (held.fraction, held.visibility, held.sky_samples) = (gi.pixel_fraction, gi.visibility, sky_samples);
             continue;
@@ -176,6 +187,13 @@ pub(in crate::gi) fn prepare_cameras(
             |label, size, usage| device.create_buffer(&BufferDescriptor { label: Some(label), size, usage, mapped_at_creation: false });
         let filled =
             |label, contents: &[u8], usage| device.create_buffer_with_data(&BufferInitDescriptor { label: Some(label), contents, usage });
+        let mut irradiance = irradiance_texture(&device, "bevy_frugal_gi/irradiance", cells);
+        let history = (filter_window > 1).then(|| {
+            let mut history = History::new(&device, irradiance_texture(&device, "bevy_frugal_gi/history", cells));
+            // Gathers for the first time.
+            history.advance(&mut irradiance, PastView::new(camera, view), false, gi, &queue);
+            history
+        });
         let vpl_usage = BufferUsages::STORAGE | BufferUsages::UNIFORM | BufferUsages::COPY_SRC;
         commands.entity(entity).insert(GiCamera {
             // Its buffers are empty, whatever the period says.
@@ -185,10 +203,11 @@ pub(in crate::gi) fn prepare_cameras(
             plan_buffer: filled("bevy_frugal_gi/vpl_plan", bytemuck::bytes_of(&plan), BufferUsages::STORAGE),
             vpls: empty("bevy_frugal_gi/vpls", plan.buffer_bytes(), vpl_usage),
             drawing: (!rows.is_empty()).then(|| DrawingBuffers::new(&device, rows)),
-            irradiance: irradiance_texture(&device, "bevy_frugal_gi/irradiance", cells),
             filtered: (filter_window > 1).then(|| irradiance_texture(&device, "bevy_frugal_gi/filtered", cells)),
             filter_window,
             smooths: filter::smooths(gi),
+            history,
+            irradiance,
             fraction: gi.pixel_fraction,
             settings: filled(
                 "bevy_frugal_gi/gather_settings",

@@ -47,6 +47,13 @@ impl Seen {
     }
 }
 
+impl Seen {
+    /// Whether both are of the same settings and sky, wherever the camera is.
+    pub(super) fn has_settings_of(&self, other: &Self) -> bool {
+        self.gi == other.gi && self.sky == other.sky
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
