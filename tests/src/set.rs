@@ -90,6 +90,12 @@ pub fn make_lambertian(stage: &mut Stage) {
     stage.world_mut().get_mut::<FrugalGi>(camera).unwrap_or_else(|| panic!("the stage's camera has GI")).shading = GiShading::Lambertian;
 }
 
+/// Has each frame show what was gathered in it, and nothing of what was shown before.
+pub fn forget_the_past(stage: &mut Stage) {
+    let camera = camera(stage);
+    stage.world_mut().get_mut::<FrugalGi>(camera).unwrap_or_else(|| panic!("the stage's camera has GI")).history_frames = 1;
+}
+
 /// What GI did in the last frame.
 pub fn gathered(stage: &Stage) -> GiCounts {
     stage.render_world().get_resource::<GiCounts>().copied().unwrap_or_default()

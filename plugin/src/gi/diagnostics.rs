@@ -19,6 +19,8 @@ pub struct GiCounts {
     pub maps: u32,
     /// Cameras that gathered; the others show what they gathered before.
     pub cameras: u32,
+    /// Cameras whose light is on its way from an average over frames to what was gathered last.
+    pub settling: u32,
     /// Virtual point lights drawn.
     pub vpls: u64,
     /// VPL–pixel pairs evaluated, samples of the sky included.
@@ -33,9 +35,10 @@ pub struct GiCounts {
 type Count = (DiagnosticPath, &'static str, fn(&GiCounts) -> f64);
 
 /// The diagnostics of global illumination, in Bevy's store; GPU times have `bevy_frugal_gi/…` paths in Bevy's render diagnostics.
-pub const GI_DIAGNOSTICS: [Count; 6] = [
+pub const GI_DIAGNOSTICS: [Count; 7] = [
     (DiagnosticPath::const_new("gi/maps"), "", |counts| f64::from(counts.maps)),
     (DiagnosticPath::const_new("gi/cameras"), "", |counts| f64::from(counts.cameras)),
+    (DiagnosticPath::const_new("gi/settling"), "", |counts| f64::from(counts.settling)),
     (DiagnosticPath::const_new("gi/vpls"), "", |counts| counts.vpls as f64),
     (DiagnosticPath::const_new("gi/pairs"), "", |counts| counts.pairs as f64),
     (DiagnosticPath::const_new("gi/rays"), "", |counts| counts.rays as f64),
@@ -75,6 +78,7 @@ pub(super) fn count(
     *counts = GiCounts {
         maps: maps.iter().count() as u32,
         cameras: cameras.iter().filter(|camera| camera.work.gather).count() as u32,
+        settling: cameras.iter().filter(|camera| camera.is_settling()).count() as u32,
         vpls: cameras.iter().map(GiCamera::vpls_drawn).sum(),
         pairs: cameras.iter().map(GiCamera::pairs).sum(),
         rays: cameras.iter().map(GiCamera::rays).sum(),

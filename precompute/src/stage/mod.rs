@@ -27,7 +27,7 @@ use bevy::render::render_resource::{CachedPipelineState, PipelineCache, Pipeline
 use bevy::render::renderer::RenderDevice;
 use bevy::shader::ShaderCacheError;
 use bevy::transform::components::Transform;
-use bevy_frugal_gi::gi::GiOccluders;
+use bevy_frugal_gi::gi::{GiCounts, GiOccluders};
 use bevy_frugal_gi::knobs::{KnobRegistry, KnobSettings, KnobSpace, RenderSettings};
 use bevy_frugal_gi::power::{MeterInfo, PowerMeter};
 use bevy_frugal_gi::units::Watts;
@@ -67,6 +67,9 @@ pub enum Component {
     /// What global illumination gives: indirect light, and that of glowing surfaces and of the sky on others.
     Global,
 }
+
+/// Frames that averaged light may take to come to rest.
+const MOST_SETTLING_FRAMES: u32 = 70;
 
 /// How a scene is staged.
 #[derive(Clone, Debug, PartialEq)]
@@ -333,7 +336,9 @@ impl Stage {
                 // What is waited for loads in other threads, which small pictures would leave no time.
                 std::thread::sleep(Duration::from_millis(5));
             }
-            if quiet >= 4 {
+            // Light that was averaged over frames is on its way to what a still picture shows. Where a scene never rests, it never gets there.
+            let settling = self.render_world().get_resource::<GiCounts>().is_some_and(|counts| counts.settling > 0);
+            if quiet >= if settling { MOST_SETTLING_FRAMES } else { 4 } {
                 return Ok(());
             }
         }

@@ -89,6 +89,21 @@ pub(in crate::gi) struct History {
     /// From where, for the shader.
     pub past: Buffer,
     view: Option<PastView>,
+    /// Frames until what is shown is what was gathered last, and the past is forgotten.
+    left: u32,
+    /// Whether what is shown changes in this frame.
+    pub settles: bool,
+}
+
+/// What a frame means to what was shown before.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(in crate::gi) enum Step {
+    /// Nothing is gathered.
+    Rests,
+    /// Light is gathered where nothing was shown before, or of other settings; or where nothing moves.
+    Begins,
+    /// Something moves.
+    Moves,
 }
 
 impl History {
@@ -98,16 +113,33 @@ impl History {
             contents: bytemuck::bytes_of(&Past::NONE),
             usage: BufferUsages::UNIFORM | BufferUsages::COPY_DST,
         });
-        Self { texture, past, view: None }
+        Self { texture, past, view: None, left: 0, settles: false }
     }
 
-    /// Makes what is shown the past of a frame that gathers from `now`. `continues`: what was shown is of the same settings, and something moves.
-    pub fn advance(&mut self, shown: &mut CachedTexture, now: PastView, continues: bool, gi: &FrugalGi, queue: &RenderQueue) {
+    /// Makes what is shown the past of this frame. While something moves it counts for all but one of the frames that are averaged; then less from
+    /// frame to frame, until in a still picture nothing of it is left.
+    pub fn advance(&mut self, shown: &mut CachedTexture, now: PastView, step: Step, gi: &FrugalGi, queue: &RenderQueue) {
+        let frames = gi.history_frames.clamp(1, MOST_FRAMES);
+        let share = match step {
+            Step::Begins => 1,
+            Step::Moves => frames,
+            Step::Rests => self.left,
+        };
+        self.settles = share > 0;
+        if !self.settles {
+            return;
+        }
+        self.left = share - 1;
         std::mem::swap(shown, &mut self.texture);
-        let share = (gi.history_frames.clamp(1, MOST_FRAMES) as f32).recip();
-        let past = self.view.filter(|_| continues).map_or(Past::NONE, |view| view.before(&now, share));
+        let view = self.view.filter(|_| share > 1);
+        let past = view.map_or(Past::NONE, |view| view.before(&now, (share as f32).recip()));
         queue.write_buffer(&self.past, 0, bytemuck::bytes_of(&past));
         self.view = Some(now);
+    }
+
+    /// Whether what is shown will change although nothing moves.
+    pub fn is_settling(&self) -> bool {
+        self.left > 0
     }
 
     /// Bytes held on the GPU beside the texture.

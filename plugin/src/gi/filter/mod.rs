@@ -18,7 +18,7 @@ use bevy::utils::default;
 use super::gather::{GatherSettings, GiCamera};
 use super::settings::{FrugalGi, GiVisibility};
 use history::Past;
-pub(super) use history::{History, PastView};
+pub(super) use history::{History, PastView, Step};
 
 /// Windows that there are pipelines for.
 const WINDOWS: [u32; 3] = [2, 4, 8];
@@ -115,7 +115,8 @@ pub(super) fn filter(
     mut context: RenderContext,
 ) {
     let (camera, prepass, view_offset) = view.into_inner();
-    let Some(filtered) = camera.filtered.as_ref().filter(|_| camera.work.gather) else { return };
+    let settles = camera.history.as_ref().is_some_and(|history| history.settles);
+    let Some(filtered) = camera.filtered.as_ref().filter(|_| camera.work.gather || settles) else { return };
     let pipeline = WINDOWS.iter().position(|window| *window == camera.filter_window).map(|index| pipelines.pipelines[index]);
     let (Some(g_buffer), Some(depth), Some(views), Some(pipeline)) = (
         prepass.deferred_view(),
@@ -161,10 +162,13 @@ pub(super) fn filter(
         let mut pass = context
             .command_encoder()
             .begin_compute_pass(&ComputePassDescriptor { label: Some("bevy_frugal_gi/filter"), timestamp_writes: None });
-        pass.set_pipeline(pipeline);
         let (width, height) = (size.width.div_ceil(8), size.height.div_ceil(8));
-        pass.set_bind_group(0, &bind_group, &[view_offset.offset]);
-        pass.dispatch_workgroups(width, height, 1);
+        // What was filtered stays for as long as nothing moves.
+        if camera.work.gather {
+            pass.set_pipeline(pipeline);
+            pass.set_bind_group(0, &bind_group, &[view_offset.offset]);
+            pass.dispatch_workgroups(width, height, 1);
+        }
         if let Some((pipeline, bind_group)) = &settle {
             pass.set_pipeline(pipeline);
             pass.set_bind_group(0, bind_group, &[view_offset.offset]);

@@ -57,8 +57,11 @@ fn remembered(position: vec3<f32>, normal: vec3<f32>, tolerance: f32, size: vec2
     let step = vec2(gather.cell_width, gather.cell_height);
     // Cells stand for the pixels at `cell · step + step / 2`.
     let cell = clamp((place * vec2<f32>(size) - 0.5 - vec2<f32>(step / 2u)) / vec2<f32>(step), vec2(-2.0), vec2<f32>(cells) + 2.0);
-    let corner = floor(cell);
-    let along = cell - corner;
+    // What moved by less than a hundredth of a cell is read where it is, and not between its neighbours.
+    let nearest = round(cell);
+    let read = select(cell, nearest, abs(cell - nearest) < vec2(0.01));
+    let corner = floor(read);
+    let along = read - corner;
     var sum = vec4(0.0);
     for (var i = 0u; i < 4u; i++) {
         let offset = vec2(i & 1u, i >> 1u);

@@ -11,7 +11,7 @@ use bevy::render::view::ExtractedView;
 
 use super::plan::{self, GatherSettings, VplPlan};
 use super::work::{Seen, Work};
-use crate::gi::filter::{self, History, PastView};
+use crate::gi::filter::{self, History, PastView, Step};
 use crate::gi::refresh::{GiFrame, GiRefresh};
 use crate::gi::rsm::{RsmCut, RsmLight, RsmStore, RsmView};
 use crate::gi::settings::{FrugalGi, GiPixelFraction, GiVisibility};
@@ -57,6 +57,11 @@ impl GiCamera {
             + past.map_or(0, History::bytes)
             + self.drawing.as_ref().map_or(0, DrawingBuffers::bytes)
             + [&self.vpls, &self.plan_buffer, &self.settings].map(|buffer| buffer.size()).iter().sum::<u64>()
+    }
+
+    /// Whether what it shows will change although nothing moves.
+    pub(in crate::gi) fn is_settling(&self) -> bool {
+        self.history.as_ref().is_some_and(History::is_settling)
     }
 
     /// Gathered pixels along both axes.
@@ -175,9 +180,13 @@ pub(in crate::gi) fn prepare_cameras(
             let same_settings = held.seen.has_settings_of(&seen);
             held.work = held.work.next(moved || laid_out, always, &frame, *policy, period);
             let GiCamera { history, irradiance, work, .. } = &mut *held;
-            if let Some(history) = history.as_mut().filter(|_| work.gather) {
-                let continues = same_settings && (moved || always || frame.gather);
-                history.advance(irradiance, PastView::new(camera, view), continues, gi, &queue);
+            if let Some(history) = history {
+                let step = match (work.gather, same_settings && (moved || always || frame.gather)) {
+                    (false, _) => Step::Rests,
+                    (true, false) => Step::Begins,
+                    (true, true) => Step::Moves,
+                };
+                history.advance(irradiance, PastView::new(camera, view), step, gi, &queue);
             }
             (held.seen, held.filter_window, held.smooths) = (seen, filter_window, filter::smooths(gi));
             (held.fraction, held.visibility, held.sky_samples) = (gi.pixel_fraction, gi.visibility, sky_samples);
@@ -191,7 +200,7 @@ pub(in crate::gi) fn prepare_cameras(
         let history = (filter_window > 1).then(|| {
             let mut history = History::new(&device, irradiance_texture(&device, "bevy_frugal_gi/history", cells));
             // Gathers for the first time.
-            history.advance(&mut irradiance, PastView::new(camera, view), false, gi, &queue);
+            history.advance(&mut irradiance, PastView::new(camera, view), Step::Begins, gi, &queue);
             history
         });
         let vpl_usage = BufferUsages::STORAGE | BufferUsages::UNIFORM | BufferUsages::COPY_SRC;

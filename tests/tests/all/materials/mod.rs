@@ -116,6 +116,8 @@ impl Bench {
         let mut stage = set::bare_with(vec![sun(Vec3::NEG_Y)], options, materials::add);
         // What else surfaces scatter is another test's.
         set::make_lambertian(&mut stage);
+        // Custom materials keep the scene from ever resting, and light from being what was gathered last.
+        set::forget_the_past(&mut stage);
         meshes::spawn_box(&mut stage, Vec3::new(0.0, -0.1, 0.0), Vec3::new(4.0, 0.2, 4.0), meshes::matt(0.8, 0.8, 0.8));
         meshes::spawn_box(&mut stage, Vec3::new(0.0, 1.0, -2.0), Vec3::new(4.0, 2.0, 0.2), meshes::matt(GREY, GREY, GREY));
         // The sun's map covers what meshes say that they cover, and should be the same for all samples, skins and morphs included.
