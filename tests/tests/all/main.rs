@@ -38,6 +38,7 @@ const MODULES: &[(&str, &[(&str, fn())], bool)] = &[
     ("extremes::energy", extremes::energy::TESTS, true),
     ("extremes::filter", extremes::filter::TESTS, true),
     ("extremes::gather", extremes::gather::TESTS, true),
+    ("extremes::history", extremes::history::TESTS, true),
     ("extremes::lights", extremes::lights::TESTS, true),
     ("extremes::maps", extremes::maps::TESTS, true),
     ("extremes::rays", extremes::rays::TESTS, true),

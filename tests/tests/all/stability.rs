@@ -1,12 +1,16 @@
 //! Nothing flickers where nothing moves, and nothing of the past is in the picture.
 
-use bevy::math::Vec3;
-use bevy_frugal_gi::gi::GiRefresh;
+use bevy::ecs::query::With;
+use bevy::light::DirectionalLight;
+use bevy::math::{Quat, Vec3};
+use bevy::transform::components::Transform;
+use bevy_frugal_gi::gi::{FrugalGi, GiRefresh};
+use frugal::metrics::Radiance;
 use frugal::scene::CameraPose;
 use frugal::stage::{Component, Stage};
 use frugal_tests::set;
 
-tests!(a_still_scene_is_still_for_120_frames, a_cut_leaves_no_trace);
+tests!(a_still_scene_is_still_for_120_frames, a_cut_leaves_no_trace, light_that_moves_flickers_less_for_its_past_and_comes_to_rest_without);
 
 /// Everything that could remember something.
 const RICH: &str = "max,rsm_resolution=128,gi_vpl_count=512,shadow_map_resolution=512";
@@ -62,4 +66,45 @@ fn a_cut_leaves_no_trace() {
         let worst = worst.map(|(a, b)| (a - b).abs() / b.abs().max(1e-3)).fold(0.0, f32::max);
         assert!(after == always_there, "{name}: off by up to {worst} of what is right in the first frame after the cut");
     }
+}
+
+fn turn_the_sun(stage: &mut Stage) {
+    let world = stage.world_mut();
+    let mut suns = world.query_filtered::<&mut Transform, With<DirectionalLight>>();
+    for mut place in suns.iter_mut(world) {
+        place.rotate(Quat::from_rotation_y(0.1f32.to_radians()));
+    }
+}
+
+fn light_that_moves_flickers_less_for_its_past_and_comes_to_rest_without() {
+    let shown = |frames: u32| -> (f64, Radiance) {
+        let mut stage = set::open(&set::scene("courtyard"), set::radiance_options(64, 36, Component::Indirect));
+        set::look(&mut stage, Vec3::new(4.9, 2.0, 2.2), Vec3::new(-4.0, 1.8, -3.4));
+        set::apply(&mut stage, "max,rsm_resolution=128,gi_vpl_count=512,gi_visibility=coarse");
+        stage.world_mut().insert_resource(GiRefresh::OnChange);
+        let camera = set::camera(&mut stage);
+        stage.world_mut().get_mut::<FrugalGi>(camera).expect("a camera with GI").history_frames = frames;
+        let mut last = set::radiance(&mut stage);
+        let mut change = 0.0;
+        for frame in 0..24 {
+            turn_the_sun(&mut stage);
+            stage.frame();
+            let next = stage.radiance().expect("radiance");
+            let differences = next.rgb.iter().flatten().zip(last.rgb.iter().flatten()).map(|(a, b)| f64::from((a - b).abs()));
+            // Once there is a past.
+            change += if frame < 8 { 0.0 } else { differences.sum::<f64>() / next.rgb.len() as f64 / 3.0 / next.mean() };
+            last = next;
+        }
+        assert!(frames == 1 || set::gathered(&stage).settling == 1);
+        for _ in 0..frames + 4 {
+            stage.frame();
+        }
+        let done = set::gathered(&stage);
+        assert_eq!((done.cameras, done.settling), (0, 0), "at rest");
+        (change / 16.0, stage.radiance().expect("radiance"))
+    };
+    let [(without, fresh), (with, rested)] = [1, 16].map(shown);
+    println!("    from frame to frame {:.2} % of the light changes without a past, and {:.2} % with one", 100.0 * without, 100.0 * with);
+    assert!(with < 0.34 * without, "{with} {without}");
+    assert!(rested == fresh, "nothing of the past is in a still picture");
 }

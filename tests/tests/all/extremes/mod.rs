@@ -4,6 +4,7 @@ pub mod counts;
 pub mod energy;
 pub mod filter;
 pub mod gather;
+pub mod history;
 pub mod lights;
 pub mod maps;
 pub mod rays;
