@@ -106,7 +106,7 @@ impl FromWorld for FilterPipelines {
     }
 }
 
-/// In a GI camera's view: filters what was gathered.
+/// In a GI camera's view: filters what was gathered, and lets what is shown follow it.
 pub(super) fn filter(
     view: ViewQuery<(&GiCamera, &ViewPrepassTextures, &ViewUniformOffset)>,
     pipelines: Res<FilterPipelines>,
