@@ -72,6 +72,7 @@ pub struct GiPlugin;
 
 impl Plugin for GiPlugin {
     fn build(&self, app: &mut App) {
+        load_shader_library!(app, "luminance.wgsl");
         load_shader_library!(app, "surface.wgsl");
         load_shader_library!(app, "rsm/texel.wgsl");
         load_shader_library!(app, "vpl/vpl.wgsl");

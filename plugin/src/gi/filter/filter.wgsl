@@ -6,6 +6,7 @@
 
 #import bevy_render::view::View
 #import bevy_frugal_gi::gi::gather::settings::Gather
+#import bevy_frugal_gi::gi::luminance::luminance
 #import bevy_frugal_gi::gi::surface::{pixel_position, plane_tolerance, representative, surface_affinity, surface_normal}
 
 @group(0) @binding(0) var g_buffer: texture_2d<u32>;
@@ -23,11 +24,6 @@ const TILE: u32 = GROUP + WINDOW;
 var<workgroup> positions: array<vec4<f32>, TILE * TILE>;
 var<workgroup> normals: array<vec3<f32>, TILE * TILE>;
 var<workgroup> light: array<vec3<f32>, TILE * TILE>;
-
-fn luminance(light: vec3<f32>) -> f32 {
-    // Rec. 709.
-    return dot(light, vec3(0.2126, 0.7152, 0.0722));
-}
 
 @compute @workgroup_size(GROUP, GROUP)
 fn filter_gathered(

@@ -82,8 +82,10 @@ impl Past {
     };
 }
 
-/// What a camera keeps of its past.
+/// What a camera that filters keeps of its past.
 pub(in crate::gi) struct History {
+    /// What the filter made of what was gathered last.
+    pub filtered: CachedTexture,
     /// What was shown; swapped with what is gathered into.
     pub texture: CachedTexture,
     /// From where, for the shader.
@@ -107,13 +109,13 @@ pub(in crate::gi) enum Step {
 }
 
 impl History {
-    pub fn new(device: &RenderDevice, texture: CachedTexture) -> Self {
+    pub fn new(device: &RenderDevice, filtered: CachedTexture, texture: CachedTexture) -> Self {
         let past = device.create_buffer_with_data(&BufferInitDescriptor {
             label: Some("bevy_frugal_gi/past"),
             contents: bytemuck::bytes_of(&Past::NONE),
             usage: BufferUsages::UNIFORM | BufferUsages::COPY_DST,
         });
-        Self { texture, past, view: None, left: 0, settles: false }
+        Self { filtered, texture, past, view: None, left: 0, settles: false }
     }
 
     /// Makes what is shown the past of this frame. While something moves it counts for all but one of the frames that are averaged; then less from
@@ -142,7 +144,7 @@ impl History {
         self.left > 0
     }
 
-    /// Bytes held on the GPU beside the texture.
+    /// Bytes held on the GPU beside the textures.
     pub fn bytes(&self) -> u64 {
         self.past.size()
     }

@@ -16,7 +16,7 @@ use bevy::shader::ShaderDefVal;
 use bevy::utils::default;
 
 use super::gather::{GatherSettings, GiCamera};
-use super::settings::{FrugalGi, GiVisibility};
+use super::settings::FrugalGi;
 use history::Past;
 pub(super) use history::{History, PastView, Step};
 
@@ -27,13 +27,8 @@ const RAY_WINDOW: u32 = 4;
 
 /// Side of the window in gathered pixels; 1 is no filter. It holds every set of VPLs once.
 pub(super) fn window(gi: &FrugalGi) -> u32 {
-    let rays = if gi.visibility == GiVisibility::None { 1 } else { RAY_WINDOW };
+    let rays = if gi.visibility.rays() == 0 { 1 } else { RAY_WINDOW };
     gi.interleave.side().max(rays)
-}
-
-/// Whether what the filter leaves of the noise of rays is joined over a wider window.
-pub(super) fn smooths(gi: &FrugalGi) -> bool {
-    gi.visibility != GiVisibility::None
 }
 
 #[derive(Resource)]
@@ -47,6 +42,8 @@ pub(super) struct FilterPipelines {
 
 impl FromWorld for FilterPipelines {
     fn from_world(world: &mut World) -> Self {
+        let light = || texture_2d(TextureSampleType::Float { filterable: false });
+        let settings = || uniform_buffer_sized(false, BufferSize::new(size_of::<GatherSettings>() as u64));
         let layout = BindGroupLayoutDescriptor::new(
             "bevy_frugal_gi/filter",
             &BindGroupLayoutEntries::sequential(
@@ -55,13 +52,13 @@ impl FromWorld for FilterPipelines {
                     texture_2d(TextureSampleType::Uint),
                     texture_depth_2d(),
                     uniform_buffer::<ViewUniform>(true),
-                    uniform_buffer_sized(false, BufferSize::new(size_of::<GatherSettings>() as u64)),
-                    texture_2d(TextureSampleType::Float { filterable: false }),
+                    settings(),
+                    light(),
                     texture_storage_2d(TextureFormat::Rgba16Float, StorageTextureAccess::WriteOnly),
                 ),
             ),
         );
-        let shader = load_embedded_asset!(world, "filter.wgsl");
+        let (shader, settle_shader) = (load_embedded_asset!(world, "filter.wgsl"), load_embedded_asset!(world, "settle.wgsl"));
         let cache = world.resource::<PipelineCache>();
         let pipelines = WINDOWS.map(|window| {
             cache.queue_compute_pipeline(ComputePipelineDescriptor {
@@ -73,7 +70,6 @@ impl FromWorld for FilterPipelines {
                 ..default()
             })
         });
-        let light = || texture_2d(TextureSampleType::Float { filterable: false });
         let settle_layout = BindGroupLayoutDescriptor::new(
             "bevy_frugal_gi/filter/settle",
             &BindGroupLayoutEntries::sequential(
@@ -82,7 +78,7 @@ impl FromWorld for FilterPipelines {
                     texture_2d(TextureSampleType::Uint),
                     texture_depth_2d(),
                     uniform_buffer::<ViewUniform>(true),
-                    uniform_buffer_sized(false, BufferSize::new(size_of::<GatherSettings>() as u64)),
+                    settings(),
                     light(),
                     light(),
                     uniform_buffer_sized(false, BufferSize::new(size_of::<Past>() as u64)),
@@ -90,13 +86,11 @@ impl FromWorld for FilterPipelines {
                 ),
             ),
         );
-        let shader = load_embedded_asset!(world, "settle.wgsl");
-        let cache = world.resource::<PipelineCache>();
         let settle = [vec![], vec!["SMOOTH".into()]].map(|shader_defs| {
             cache.queue_compute_pipeline(ComputePipelineDescriptor {
                 label: Some("bevy_frugal_gi/filter/settle".into()),
                 layout: vec![settle_layout.clone()],
-                shader: shader.clone(),
+                shader: settle_shader.clone(),
                 shader_defs,
                 entry_point: Some("settle".into()),
                 ..default()
@@ -115,8 +109,7 @@ pub(super) fn filter(
     mut context: RenderContext,
 ) {
     let (camera, prepass, view_offset) = view.into_inner();
-    let settles = camera.history.as_ref().is_some_and(|history| history.settles);
-    let Some(filtered) = camera.filtered.as_ref().filter(|_| camera.work.gather || settles) else { return };
+    let Some(history) = camera.history.as_ref().filter(|history| camera.work.gather || history.settles) else { return };
     let pipeline = WINDOWS.iter().position(|window| *window == camera.filter_window).map(|index| pipelines.pipelines[index]);
     let (Some(g_buffer), Some(depth), Some(views), Some(pipeline)) = (
         prepass.deferred_view(),
@@ -136,17 +129,17 @@ pub(super) fn filter(
             views.clone(),
             camera.first_settings(),
             &camera.irradiance.default_view,
-            &filtered.default_view,
+            &history.filtered.default_view,
         )),
     );
-    let settle = camera.history.as_ref().zip(cache.get_compute_pipeline(pipelines.settle[usize::from(camera.smooths)]));
-    let settle = settle.map(|(history, pipeline)| {
+    let smooths = camera.visibility.rays() > 0;
+    let settle = cache.get_compute_pipeline(pipelines.settle[usize::from(smooths)]).map(|pipeline| {
         let entries = BindGroupEntries::sequential((
             g_buffer,
             depth,
             views,
             camera.first_settings(),
-            &filtered.default_view,
+            &history.filtered.default_view,
             &history.texture.default_view,
             history.past.as_entire_binding(),
             &camera.irradiance.default_view,
@@ -154,7 +147,7 @@ pub(super) fn filter(
         let layout = cache.get_bind_group_layout(&pipelines.settle_layout);
         (pipeline, device.create_bind_group("bevy_frugal_gi/filter/settle", &layout, &entries))
     });
-    let size = filtered.texture.size();
+    let size = history.filtered.texture.size();
     let diagnostics = context.diagnostic_recorder();
     let diagnostics = diagnostics.as_deref();
     let span = diagnostics.time_span(context.command_encoder(), "bevy_frugal_gi/filter");

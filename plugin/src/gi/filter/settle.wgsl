@@ -9,6 +9,7 @@
 
 #import bevy_render::view::View
 #import bevy_frugal_gi::gi::gather::settings::Gather
+#import bevy_frugal_gi::gi::luminance::luminance
 #import bevy_frugal_gi::gi::surface::{pixel_position, plane_tolerance, representative, surface_affinity, surface_normal}
 
 @group(0) @binding(0) var g_buffer: texture_2d<u32>;
@@ -39,11 +40,6 @@ const STEP: i32 = 4;
 const REACH: i32 = 2;
 /// How many standard errors count as noise. Higher values: smoother, and shadows' edges are softer.
 const ERRORS: f32 = 2.0;
-
-fn luminance(light: vec3<f32>) -> f32 {
-    // Rec. 709.
-    return dot(light, vec3(0.2126, 0.7152, 0.0722));
-}
 
 /// A cubic B-spline at whole numbers, 1 in its middle.
 fn spline(x: i32) -> f32 {

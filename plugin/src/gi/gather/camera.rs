@@ -33,13 +33,9 @@ pub struct GiCamera {
     pub(in crate::gi) drawing: Option<DrawingBuffers>,
     /// What each cell gathered.
     pub(in crate::gi) irradiance: CachedTexture,
-    /// The same after the filter, where there is one.
-    pub(in crate::gi) filtered: Option<CachedTexture>,
     pub(in crate::gi) fraction: GiPixelFraction,
     pub(in crate::gi) filter_window: u32,
-    /// Whether a wider filter follows.
-    pub(in crate::gi) smooths: bool,
-    /// What was shown before, where that is averaged with. Then what is shown is written back to where was gathered.
+    /// What was filtered and what was shown before, where there is a filter. What is shown is then written back to where was gathered.
     pub(in crate::gi) history: Option<History>,
     settings: Buffer,
     pub(in crate::gi) visibility: GiVisibility,
@@ -51,7 +47,7 @@ impl GiCamera {
     /// Bytes held on the GPU for this camera.
     pub(in crate::gi) fn bytes(&self) -> u64 {
         let past = self.history.as_ref();
-        let textures = [Some(&self.irradiance), self.filtered.as_ref(), past.map(|past| &past.texture)].into_iter().flatten();
+        let textures = [Some(&self.irradiance), past.map(|past| &past.filtered), past.map(|past| &past.texture)].into_iter().flatten();
         let texels = textures.map(|texture| u64::from(texture.texture.width()) * u64::from(texture.texture.height()) * 8).sum::<u64>();
         texels
             + past.map_or(0, History::bytes)
@@ -71,7 +67,7 @@ impl GiCamera {
 
     /// What the composite shows.
     pub(in crate::gi) fn shown(&self) -> &CachedTexture {
-        self.filtered.as_ref().filter(|_| self.history.is_none()).unwrap_or(&self.irradiance)
+        &self.irradiance
     }
 
     /// The settings of the first set, to which a dynamic offset may be added.
@@ -166,7 +162,7 @@ pub(in crate::gi) fn prepare_cameras(
             && held.plan == plan
             && held.drawing.as_ref().map_or(rows.is_empty(), |drawing| drawing.fits(&rows))
             && held.cells() == cells
-            && held.filtered.is_some() == (filter_window > 1)
+            && held.history.is_some() == (filter_window > 1)
         {
             if held.fraction != gi.pixel_fraction {
                 queue.write_buffer(&held.settings, 0, &plan::settings_bytes(&plan, gi.pixel_fraction));
@@ -188,7 +184,7 @@ pub(in crate::gi) fn prepare_cameras(
                 };
                 history.advance(irradiance, PastView::new(camera, view), step, gi, &queue);
             }
-            (held.seen, held.filter_window, held.smooths) = (seen, filter_window, filter::smooths(gi));
+            (held.seen, held.filter_window) = (seen, filter_window);
             (held.fraction, held.visibility, held.sky_samples) = (gi.pixel_fraction, gi.visibility, sky_samples);
             continue;
         }
@@ -198,7 +194,9 @@ pub(in crate::gi) fn prepare_cameras(
             |label, contents: &[u8], usage| device.create_buffer_with_data(&BufferInitDescriptor { label: Some(label), contents, usage });
         let mut irradiance = irradiance_texture(&device, "bevy_frugal_gi/irradiance", cells);
         let history = (filter_window > 1).then(|| {
-            let mut history = History::new(&device, irradiance_texture(&device, "bevy_frugal_gi/history", cells));
+            let [filtered, shown] =
+                ["bevy_frugal_gi/filtered", "bevy_frugal_gi/history"].map(|label| irradiance_texture(&device, label, cells));
+            let mut history = History::new(&device, filtered, shown);
             // Gathers for the first time.
             history.advance(&mut irradiance, PastView::new(camera, view), Step::Begins, gi, &queue);
             history
@@ -212,9 +210,7 @@ pub(in crate::gi) fn prepare_cameras(
             plan_buffer: filled("bevy_frugal_gi/vpl_plan", bytemuck::bytes_of(&plan), BufferUsages::STORAGE),
             vpls: empty("bevy_frugal_gi/vpls", plan.buffer_bytes(), vpl_usage),
             drawing: (!rows.is_empty()).then(|| DrawingBuffers::new(&device, rows)),
-            filtered: (filter_window > 1).then(|| irradiance_texture(&device, "bevy_frugal_gi/filtered", cells)),
             filter_window,
-            smooths: filter::smooths(gi),
             history,
             irradiance,
             fraction: gi.pixel_fraction,

@@ -12,6 +12,7 @@
 
 #import bevy_render::view::View
 #import bevy_frugal_gi::gi::gather::settings::Gather
+#import bevy_frugal_gi::gi::luminance::luminance
 #import bevy_frugal_gi::gi::surface::{pixel_position, representative, surface_normal}
 #import bevy_frugal_gi::gi::vpl::plan::Plan
 #import bevy_frugal_gi::gi::vpl::vpl::Vpl
@@ -49,9 +50,9 @@ fn from_vpl(vpl: Vpl, position: vec3<f32>, normal: vec3<f32>) -> vec3<f32> {
 }
 
 #ifdef RAYS
-fn luminance(light: vec3<f32>) -> f32 {
-    // Rec. 709. Bounded, so that a sum of a thousand is finite.
-    return min(dot(light, vec3(0.2126, 0.7152, 0.0722)), 1e30);
+fn weight_of(light: vec3<f32>) -> f32 {
+    // So that a sum of a thousand is finite.
+    return min(luminance(light), 1e30);
 }
 
 fn gathered(cell: vec2<u32>, position: vec3<f32>, normal: vec3<f32>) -> vec3<f32> {
@@ -70,7 +71,7 @@ fn gathered(cell: vec2<u32>, position: vec3<f32>, normal: vec3<f32>) -> vec3<f32
         var drawn = 0u;
         for (var i = hand; i < plan.per_set; i += #{RAYS}u) {
             let sent = from_vpl(vpls[i], position, normal);
-            let weight = luminance(sent);
+            let weight = weight_of(sent);
             sent_by_hand += sent;
             total += weight;
             let probability = weight / max(total, 1e-35);
@@ -84,7 +85,7 @@ fn gathered(cell: vec2<u32>, position: vec3<f32>, normal: vec3<f32>) -> vec3<f32
             let end = vpl.position + vpl.normal * surface_offset(vpl.position, distance(vpl.position, view.world_position));
             if !is_occluded(origin, end) {
                 sum += sent_by_hand;
-                sum_drawn += vpl.flux * (total / max(luminance(vpl.flux), 1e-35));
+                sum_drawn += vpl.flux * (total / max(weight_of(vpl.flux), 1e-35));
                 free += total;
             }
         }
@@ -116,7 +117,7 @@ fn gathered_sky(cell: vec2<u32>, position: vec3<f32>, normal: vec3<f32>) -> vec3
         var drawn = 0u;
         for (var i = hand; i < sky_plan.samples; i += #{SKY_RAYS}u) {
             let sent = sky_samples[i].light * max(dot(normal, sky_samples[i].direction), 0.0);
-            let weight = luminance(sent);
+            let weight = weight_of(sent);
             sent_by_hand += sent;
             total += weight;
             let probability = weight / max(total, 1e-35);

@@ -2,6 +2,7 @@
 #define_import_path bevy_frugal_gi::gi::rsm::texel
 
 #import bevy_pbr::utils::{octahedral_decode, octahedral_encode}
+#import bevy_frugal_gi::gi::luminance::luminance
 
 struct Texel {
     /// World space, metres.
@@ -24,7 +25,7 @@ fn texel_normal(texel: Texel) -> vec3<f32> {
     return octahedral_decode(unpack2x16unorm(texel.packed_normal));
 }
 
-/// Luminance of the flux (Rec. 709).
+/// Luminance of the flux.
 fn texel_luminance(texel: Texel) -> f32 {
-    return dot(texel.flux, vec3(0.2126, 0.7152, 0.0722));
+    return luminance(texel.flux);
 }

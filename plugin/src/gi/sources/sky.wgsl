@@ -51,8 +51,3 @@ fn sky_direction(place: vec2<f32>) -> vec3<f32> {
     let flat = around * vec2(cos(angle), sin(angle)) * select(vec2(-1.0), vec2(1.0), from_middle >= vec2(0.0));
     return vec3(flat.x, (1.0 - radius * radius) * select(-1.0, 1.0, above >= 0.0), flat.y);
 }
-
-fn sky_luminance(light: vec3<f32>) -> f32 {
-    // Rec. 709.
-    return dot(light, vec3(0.2126, 0.7152, 0.0722));
-}

@@ -4,7 +4,8 @@
 // may. Parts lie in Morton order, so that equal steps through their running sum are spread over the sky; each set takes as many steps as it
 // has samples, and sets are shifted against each other by a part of a step.
 
-#import bevy_frugal_gi::gi::sources::sky::{SKY_PARTS, SKY_STRIDE, SkyLight, SkyPlan, sky_luminance}
+#import bevy_frugal_gi::gi::luminance::luminance
+#import bevy_frugal_gi::gi::sources::sky::{SKY_PARTS, SKY_STRIDE, SkyLight, SkyPlan}
 
 @group(0) @binding(0) var<storage, read> parts: array<SkyLight>;
 @group(0) @binding(1) var<storage, read> received: array<f32>;
@@ -41,7 +42,7 @@ fn draw_sky(@builtin(local_invocation_index) lane: u32) {
     var light = 0.0;
     var seen = 0.0;
     for (var i = first; i < first + RUN; i++) {
-        let luminance = sky_luminance(parts[i].light);
+        let luminance = luminance(parts[i].light);
         light += luminance;
         seen += luminance * received[i];
     }
@@ -58,7 +59,7 @@ fn draw_sky(@builtin(local_invocation_index) lane: u32) {
     let floor = max(0.25 * seen / max(light, 1e-36), 1e-3);
     var sum = 0.0;
     for (var i = first; i < first + RUN; i++) {
-        sum += sky_luminance(parts[i].light) * (received[i] + floor);
+        sum += luminance(parts[i].light) * (received[i] + floor);
         cumulative[i] = sum;
     }
     lane_weight[lane] = sum;

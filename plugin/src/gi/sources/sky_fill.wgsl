@@ -2,7 +2,8 @@
 //
 // A part's light comes from the middle of what is bright in it, so that a small sun keeps its place however coarse the parts are.
 
-#import bevy_frugal_gi::gi::sources::sky::{SKY_PARTS, SKY_SIDE, SkyLight, sky_direction, sky_luminance, sky_place}
+#import bevy_frugal_gi::gi::luminance::luminance
+#import bevy_frugal_gi::gi::sources::sky::{SKY_PARTS, SKY_SIDE, SkyLight, sky_direction, sky_place}
 
 struct SkySource {
     /// Quaternion that takes world directions to the map's.
@@ -44,7 +45,7 @@ fn fill_sky(@builtin(global_invocation_id) id: vec3<u32>) {
             let radiance = select(vec3(0.0), min(found, vec3(MOST_RADIANCE)), found >= vec3(0.0));
             light += radiance;
             // Bounded, so that the square of the sum is finite.
-            toward += direction * min(sky_luminance(radiance), 1e15);
+            toward += direction * min(luminance(radiance), 1e15);
         }
     }
     let middle = sky_direction((corner + 0.5) / f32(SKY_SIDE));
