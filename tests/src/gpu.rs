@@ -8,6 +8,7 @@ use bevy::render::render_resource::{
 use bevy::render::renderer::{RenderDevice, RenderQueue};
 use bevy_frugal_gi::gi::inspect;
 use frugal::stage::Stage;
+use half::f16;
 
 /// A point of light on a surface: a texel of a reflective shadow map, or a virtual point light.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -121,14 +122,7 @@ pub fn bytes(floats: &[f32]) -> Vec<u8> {
 
 /// A half float's value.
 pub fn half(bits: u16) -> f64 {
-    let (sign, exponent, fraction) = (bits >> 15, i32::from(bits >> 10 & 31), f64::from(bits & 1023));
-    let magnitude = match exponent {
-        0 => fraction * (-24f64).exp2(),
-        31 if fraction == 0.0 => f64::INFINITY,
-        31 => f64::NAN,
-        _ => (1024.0 + fraction) * f64::from(exponent - 25).exp2(),
-    };
-    if sign == 1 { -magnitude } else { magnitude }
+    f16::from_bits(bits).to_f64()
 }
 
 fn mapped(world: &World, buffer: &Buffer) -> Vec<u8> {

@@ -13,19 +13,23 @@ use bevy::image::{Image, ImageSampler};
 use bevy::light::{EnvironmentMapLight, Skybox};
 use bevy::render::render_resource::{Extent3d, TextureDimension, TextureFormat, TextureViewDescriptor, TextureViewDimension};
 
+use half::f16;
+
 use super::StageError;
 use super::prefilter::{Cube, Pyramid};
 use crate::scene::SkyMap;
 
 /// Texels along the edge of a face of the sky that is seen.
 const SEEN_EDGE: u32 = 256;
+/// Below the greatest half float.
+const BRIGHTEST_TEXEL: f32 = 60_000.0;
 
 /// The same radiance (nits, linear RGB) everywhere.
 pub(super) fn constant(world: &mut World, camera: Entity, radiance: [f32; 3], exposure: f32) {
     // Maps hold shares of the brightest channel, so that no radiance is too great for them.
     let intensity = radiance.into_iter().fold(0.0, f32::max);
     if intensity > 0.0 {
-        let map = add_cube(world, &Cube::constant(radiance.map(|nits| nits / intensity)));
+        let map = add_cube(world, &Cube::constant(radiance.map(|nits| nits / intensity)), 1.0);
         world.entity_mut(camera).insert(EnvironmentMapLight {
             diffuse_map: map.clone(),
             specular_map: map,
@@ -43,21 +47,25 @@ pub(super) fn constant(world: &mut World, camera: Entity, radiance: [f32; 3], ex
 pub(super) fn map(world: &mut World, camera: Entity, file: &Path, intensity: f32) -> Result<(), StageError> {
     let picture = SkyMap::read(file)?;
     let pyramid = Pyramid::new(&picture);
-    let diffuse_map = add_cube(world, &pyramid.diffuse());
-    let specular_map = add_cube(world, &pyramid.specular());
-    let sky = add_cube(world, &Cube::new(&[SEEN_EDGE], |_, direction| picture.look_up(direction)));
+    let cubes = [pyramid.diffuse(), pyramid.specular(), Cube::new(&[SEEN_EDGE], |_, direction| picture.look_up(direction))];
+    let brightest = cubes.iter().flat_map(|cube| cube.texels.iter().flatten()).fold(0.0, |a: f32, b| a.max(*b));
+    // No map is brighter than half floats hold.
+    let unit = (brightest / BRIGHTEST_TEXEL).max(1.0);
+    let [diffuse_map, specular_map, sky] = cubes.map(|cube| add_cube(world, &cube, unit));
     world.entity_mut(camera).insert((
-        EnvironmentMapLight { diffuse_map, specular_map, intensity, ..Default::default() },
-        Skybox { image: Some(sky), brightness: intensity, ..Default::default() },
+        EnvironmentMapLight { diffuse_map, specular_map, intensity: intensity * unit, ..Default::default() },
+        Skybox { image: Some(sky), brightness: intensity * unit, ..Default::default() },
     ));
     Ok(())
 }
 
-fn add_cube(world: &mut World, cube: &Cube) -> Handle<Image> {
+/// A cube map whose 1 stands for `unit`. In half floats: many phones' GPUs do not filter longer ones.
+fn add_cube(world: &mut World, cube: &Cube, unit: f32) -> Handle<Image> {
     let size = Extent3d { width: cube.edge, height: cube.edge, depth_or_array_layers: 6 };
-    let mut image = Image::new_uninit(size, TextureDimension::D2, TextureFormat::Rgba32Float, RenderAssetUsages::RENDER_WORLD);
+    let mut image = Image::new_uninit(size, TextureDimension::D2, TextureFormat::Rgba16Float, RenderAssetUsages::RENDER_WORLD);
     image.texture_descriptor.mip_level_count = cube.levels;
-    image.data = Some(cube.texels.iter().flat_map(|[red, green, blue]| [*red, *green, *blue, 1.0]).flat_map(f32::to_le_bytes).collect());
+    let halves = cube.texels.iter().flat_map(|[red, green, blue]| [red / unit, green / unit, blue / unit, 1.0]).map(f16::from_f32);
+    image.data = Some(halves.flat_map(f16::to_le_bytes).collect());
     image.texture_view_descriptor = Some(TextureViewDescriptor { dimension: Some(TextureViewDimension::Cube), ..Default::default() });
     image.sampler = ImageSampler::linear();
     world.resource_mut::<Assets<Image>>().add(image)

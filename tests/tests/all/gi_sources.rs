@@ -17,6 +17,7 @@ use bevy::transform::components::Transform;
 use bevy_frugal_gi::gi::{FrugalGi, GiEmitters, inspect};
 use frugal::stage::{Component, Radiance, Stage};
 use frugal_tests::{gpu, meshes, set};
+use half::f16;
 
 use super::gi::{assert_costs_nothing, sides, sun};
 
@@ -50,6 +51,10 @@ fn albedo() -> f64 {
     meshes::stored_albedo(0.8)
 }
 
+/// Along a floor's side.
+const FLOOR_TILES: u32 = 31;
+const FLOOR_TRIANGLES: u32 = 2 * FLOOR_TILES * FLOOR_TILES;
+
 fn bare(component: Component) -> Stage {
     let mut stage = set::bare(vec![], set::radiance_options(48, 27, component));
     set::apply(&mut stage, RAYS);
@@ -69,8 +74,12 @@ fn spawn_panel(stage: &mut Stage, center: Vec3, size: Vec2, material: StandardMa
     meshes::spawn(stage, mesh, material, Transform::from_translation(center).with_rotation(turned))
 }
 
+/// Of tiles: a software rasteriser loses the depth of triangles that are thousands of times as large as what is seen of them (SwiftShader by half a
+/// pixel's width).
 fn spawn_floor(stage: &mut Stage, size: f32) {
-    meshes::spawn_box(stage, Vec3::new(0.0, -0.1, 0.0), Vec3::new(size, 0.2, size), meshes::matt(0.8, 0.8, 0.8));
+    let mut mesh = Plane3d::new(Vec3::Y, Vec2::splat(0.5 * size)).mesh().subdivisions(FLOOR_TILES - 1).build();
+    mesh.remove_attribute(Mesh::ATTRIBUTE_UV_0);
+    meshes::spawn(stage, mesh, meshes::matt(0.8, 0.8, 0.8), Transform::default());
 }
 
 /// A few centimetres of floor around the origin.
@@ -300,11 +309,14 @@ fn glow_that_is_no_number_or_huge_stays_finite() {
     assert_sound("a line", &mut stage);
 }
 
-/// Gives the stage's camera an environment map of six faces of one texel (+X, −X, +Y, −Y, +Z, −Z).
+/// Gives the stage's camera an environment map of six even faces (+X, −X, +Y, −Y, +Z, −Z), which holds shares of `intensity`.
 fn surround(stage: &mut Stage, faces: [[f32; 3]; 6], intensity: f32, rotation: Quat) {
-    let texels = faces.iter().flat_map(|[red, green, blue]| [*red, *green, *blue, 1.0]).flat_map(f32::to_le_bytes).collect();
-    let size = Extent3d { width: 1, height: 1, depth_or_array_layers: 6 };
-    let mut image = Image::new(size, TextureDimension::D2, texels, TextureFormat::Rgba32Float, RenderAssetUsages::RENDER_WORLD);
+    const EDGE: u32 = 4;
+    let face = |[red, green, blue]: &[f32; 3]| vec![[*red, *green, *blue, 1.0]; (EDGE * EDGE) as usize];
+    // Half floats, which every GPU filters.
+    let texels = faces.iter().flat_map(face).flatten().flat_map(|value| f16::from_f32(value).to_le_bytes()).collect();
+    let size = Extent3d { width: EDGE, height: EDGE, depth_or_array_layers: 6 };
+    let mut image = Image::new(size, TextureDimension::D2, texels, TextureFormat::Rgba16Float, RenderAssetUsages::RENDER_WORLD);
     image.texture_view_descriptor = Some(TextureViewDescriptor { dimension: Some(TextureViewDimension::Cube), ..Default::default() });
     let map = stage.world_mut().resource_mut::<Assets<Image>>().add(image);
     let camera = set::camera(stage);
@@ -330,7 +342,8 @@ fn a_floor_under_an_even_sky_is_lit_by_all_of_it() {
     }
     let gathered = set::gathered(&stage);
     assert_eq!((gathered.pairs, gathered.rays), (48 * 27 * 32, 48 * 27 * 8), "no lamps, no virtual lights");
-    assert!(gathered.bytes < 256 * 1024, "{}", gathered.bytes);
+    let occluders = FLOOR_TRIANGLES * 75;
+    assert!(gathered.bytes < 256 * 1024 + u64::from(occluders), "{}", gathered.bytes);
     // Shown along with what Bevy draws, it takes the place of Bevy's own and is not added to it.
     let mut stage = bare(Component::Full);
     spawn_floor(&mut stage, 20.0);
@@ -346,7 +359,7 @@ fn a_floor_under_an_even_sky_is_lit_by_all_of_it() {
 
 fn a_wall_hides_half_the_sky() {
     let mut stage = bare(Component::Global);
-    spawn_floor(&mut stage, 1000.0);
+    spawn_floor(&mut stage, 20.0);
     meshes::spawn_box(&mut stage, Vec3::new(0.0, 100.0, -1.5), Vec3::new(1000.0, 200.0, 1.0), meshes::matt(0.0, 0.0, 0.0));
     surround(&mut stage, [[1.0; 3]; 6], NITS, Quat::IDENTITY);
     look_at_floor(&mut stage);
@@ -465,8 +478,8 @@ fn a_sky_that_is_no_number_or_huge_stays_finite() {
         ("black", [dark; 6], 1.0),
         ("NaN and infinity", [[f32::NAN; 3], [f32::INFINITY; 3], [1.0; 3], [-1.0; 3], [1e30; 3], dark], 1000.0),
         ("faint", [[1e-20; 3]; 6], 1.0),
-        ("bright", [[1e20; 3]; 6], 1.0),
-        ("brighter", [[1e20; 3]; 6], 1e18),
+        ("bright", [[5e4; 3]; 6], 1e16),
+        ("brighter", [[5e4; 3]; 6], 1e34),
         ("no intensity", [[1.0; 3]; 6], 0.0),
         ("broken intensity", [[1.0; 3]; 6], f32::NAN),
     ] {

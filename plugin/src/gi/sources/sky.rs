@@ -23,7 +23,7 @@ use bevy::render::camera::ExtractedCamera;
 use bevy::render::diagnostic::RecordDiagnostics;
 use bevy::render::render_asset::RenderAssets;
 use bevy::render::render_resource::binding_types::{
-    sampler, storage_buffer_read_only_sized, storage_buffer_sized, texture_2d, texture_cube, texture_depth_2d, uniform_buffer,
+    storage_buffer_read_only_sized, storage_buffer_sized, texture_2d, texture_2d_array, texture_depth_2d, uniform_buffer,
 };
 use bevy::render::render_resource::*;
 use bevy::render::renderer::{RenderContext, RenderDevice, RenderQueue, ViewQuery};
@@ -75,7 +75,7 @@ pub(in crate::gi) struct SkyPlan {
 pub(in crate::gi) struct SkyReading {
     rotation: [f32; 4],
     intensity: f32,
-    level: f32,
+    level: u32,
     padding: [f32; 2],
 }
 
@@ -141,9 +141,9 @@ impl FromWorld for SkyPipelines {
     fn from_world(world: &mut World) -> Self {
         let read = || storage_buffer_read_only_sized(false, None);
         let write = || storage_buffer_sized(false, None);
-        let cube = texture_cube(TextureSampleType::Float { filterable: true });
+        let faces = texture_2d_array(TextureSampleType::Float { filterable: false });
         let compute = ShaderStages::COMPUTE;
-        let fill = BindGroupLayoutEntries::sequential(compute, (cube, sampler(SamplerBindingType::Filtering), read(), write()));
+        let fill = BindGroupLayoutEntries::sequential(compute, (faces, read(), write()));
         let weigh = BindGroupLayoutEntries::sequential(
             compute,
             (texture_2d(TextureSampleType::Uint), texture_depth_2d(), uniform_buffer::<ViewUniform>(true), read(), write()),
@@ -282,7 +282,7 @@ pub(in crate::gi) fn prepare_cameras(
 fn reading(source: &SkySource, image: &GpuImage) -> SkyReading {
     // Texels of the level that is read are as large as the steps: 6 edge² of them cover the sphere, and so do PARTS · STEPS² steps.
     let edge = (PARTS as f32 / 6.0).sqrt() * STEPS as f32;
-    let level = (image.texture_descriptor.size.width as f32 / edge).log2().max(0.0);
+    let level = (image.texture_descriptor.size.width as f32 / edge).log2().max(0.0) as u32;
     // Bevy turns the map by the rotation, and so directions into the map by its inverse.
     SkyReading { rotation: source.rotation.inverse().to_array(), intensity: source.intensity, level, padding: [0.0; 2] }
 }
@@ -311,15 +311,11 @@ pub(in crate::gi) fn sample(
     let (Some(image), Some(traced), true) = (images.get(source.specular), occluders.bind_group(), camera.is_active) else { return };
     let device = context.render_device();
     let [fill_layout, weigh_layout, draw_layout] = pipelines.layouts.each_ref().map(|layout| cache.get_bind_group_layout(layout));
+    let faces = image.texture.create_view(&TextureViewDescriptor { dimension: Some(TextureViewDimension::D2Array), ..default() });
     let filling = device.create_bind_group(
         "bevy_frugal_gi/sky/fill",
         &fill_layout,
-        &BindGroupEntries::sequential((
-            &image.texture_view,
-            &image.sampler,
-            camera.reading_buffer.as_entire_binding(),
-            camera.parts.as_entire_binding(),
-        )),
+        &BindGroupEntries::sequential((&faces, camera.reading_buffer.as_entire_binding(), camera.parts.as_entire_binding())),
     );
     let weighing = device.create_bind_group(
         "bevy_frugal_gi/sky/weigh",

@@ -9,6 +9,7 @@ use frugal::stage::Stage;
 use frugal_tests::kernel::{self, Kernel};
 use frugal_tests::pixels::{Pixels, Plane, g_buffer_normal};
 use frugal_tests::{gather, gpu};
+use half::f16;
 
 use super::{Random, stage};
 
@@ -76,11 +77,9 @@ impl Settle {
     }
 }
 
-/// The half float of a value in the range of normal ones.
+/// The half float of a value.
 fn half(value: f64) -> u16 {
-    let exponent = value.log2().floor();
-    let mantissa = ((value / exponent.exp2() - 1.0) * 1024.0).round() as u16;
-    (((exponent as i32 + 15) as u16) << 10) + mantissa
+    f16::from_f64(value).to_bits()
 }
 
 /// How far from the eye a pixel's surface is, times a factor.
