@@ -89,6 +89,8 @@ impl Pixels {
         let Vec3 { x, y, z } = plane.center;
         words[32..48].copy_from_slice(&[width, 0.0, 0.0, 0.0, 0.0, 0.0, height, 0.0, 0.0, 0.0, 0.0, 0.0, x, y, z, 1.0]);
         words[57] = 1.0;
+        // Parallel: a pixel is as wide at any distance.
+        (words[85], words[95]) = (1.0 / height, 1.0);
         words[112..115].copy_from_slice(&plane.eye.to_array());
         words[115] = plane.exposure;
         kernel::buffer(stage, &gpu::bytes(&words))

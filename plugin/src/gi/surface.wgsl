@@ -19,6 +19,12 @@ fn pixel_position(pixel: vec2<u32>, size: vec2<u32>, depth: f32, world_from_clip
     return world.xyz / world.w;
 }
 
+/// Width of a pixel across the view at a distance from the eye, metres.
+fn pixel_width(clip_from_view: mat4x4<f32>, height: u32, distance_to_eye: f32) -> f32 {
+    // Parallel projections have 1 in the last place.
+    return 2.0 * mix(distance_to_eye, 1.0, clip_from_view[3][3]) / (clip_from_view[1][1] * f32(height));
+}
+
 fn surface_normal(texel: vec4<u32>) -> vec3<f32> {
     return octahedral_decode(unpack_24bit_normal(texel.a));
 }

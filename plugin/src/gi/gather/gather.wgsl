@@ -13,7 +13,7 @@
 #import bevy_render::view::View
 #import bevy_frugal_gi::gi::gather::settings::Gather
 #import bevy_frugal_gi::gi::luminance::luminance
-#import bevy_frugal_gi::gi::surface::{pixel_position, representative, surface_normal}
+#import bevy_frugal_gi::gi::surface::{pixel_position, pixel_width, representative, surface_normal}
 #import bevy_frugal_gi::gi::vpl::plan::Plan
 #import bevy_frugal_gi::gi::vpl::vpl::Vpl
 #ifdef RAYS
@@ -50,13 +50,20 @@ fn from_vpl(vpl: Vpl, position: vec3<f32>, normal: vec3<f32>) -> vec3<f32> {
 }
 
 #ifdef RAYS
+/// Where a pixel's rays start.
+fn departure(position: vec3<f32>, normal: vec3<f32>) -> vec3<f32> {
+    let eye = distance(position, view.world_position);
+    let width = pixel_width(view.clip_from_view, textureDimensions(g_buffer).y, eye);
+    return position + normal * surface_offset(position, eye, width);
+}
+
 fn weight_of(light: vec3<f32>) -> f32 {
     // So that a sum of a thousand is finite.
     return min(luminance(light), 1e30);
 }
 
 fn gathered(cell: vec2<u32>, position: vec3<f32>, normal: vec3<f32>) -> vec3<f32> {
-    let origin = position + normal * surface_offset(position, distance(position, view.world_position));
+    let origin = departure(position, normal);
     // Interleaved gradient noise (Jimenez 2014): what a small filter joins has every value about once. Fixed, so that a still picture is still.
     let noise = fract(52.9829189 * fract(dot(vec2<f32>(cell), vec2(0.06711056, 0.00583715))));
     var sum = vec3(0.0);
@@ -82,7 +89,7 @@ fn gathered(cell: vec2<u32>, position: vec3<f32>, normal: vec3<f32>) -> vec3<f32
         all += total;
         if total > 0.0 {
             let vpl = vpls[drawn];
-            let end = vpl.position + vpl.normal * surface_offset(vpl.position, distance(vpl.position, view.world_position));
+            let end = vpl.position + vpl.normal * surface_offset(vpl.position, distance(vpl.position, view.world_position), vpl.texel_width);
             if !is_occluded(origin, end) {
                 sum += sent_by_hand;
                 sum_drawn += vpl.flux * (total / max(weight_of(vpl.flux), 1e-35));
@@ -107,7 +114,7 @@ fn gathered(cell: vec2<u32>, position: vec3<f32>, normal: vec3<f32>) -> vec3<f32
 /// The same from the sky: its samples are dealt into hands of their own, since where the sky is bright and hidden a ray for both would nearly always
 /// be spent on it.
 fn gathered_sky(cell: vec2<u32>, position: vec3<f32>, normal: vec3<f32>) -> vec3<f32> {
-    let origin = position + normal * surface_offset(position, distance(position, view.world_position));
+    let origin = departure(position, normal);
     let noise = fract(52.9829189 * fract(dot(vec2<f32>(cell), vec2(0.00583715, 0.06711056))));
     var sum = vec3(0.0);
     for (var hand = 0u; hand < #{SKY_RAYS}u; hand++) {

@@ -6,7 +6,7 @@
 
 #import bevy_render::view::View
 #import bevy_frugal_gi::gi::sources::sky::{SKY_SHARED, SkyLight}
-#import bevy_frugal_gi::gi::surface::{pixel_position, surface_normal}
+#import bevy_frugal_gi::gi::surface::{pixel_position, pixel_width, surface_normal}
 #import bevy_frugal_gi::gi::visibility::trace::{is_open, surface_offset}
 
 @group(0) @binding(0) var g_buffer: texture_2d<u32>;
@@ -40,7 +40,8 @@ fn weigh_sky(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_
     }
     // Neighbouring points send their rays to different ones of the four.
     let direction = parts[first + (lane + lane / COLUMNS) % SKY_SHARED].direction;
-    let origin = position + normal * surface_offset(position, distance(position, view.world_position));
+    let eye = distance(position, view.world_position);
+    let origin = position + normal * surface_offset(position, eye, pixel_width(view.clip_from_view, size.y, eye));
     let reaches = depth > 0.0 && dot(normal, direction) > 0.0 && is_open(origin, direction);
     cosines[lane] = select(vec4(0.0), own, reaches);
     workgroupBarrier();

@@ -123,10 +123,15 @@ fn is_open(origin: vec3<f32>, direction: vec3<f32>) -> bool {
     return !is_occluded(origin, origin + direction * reach);
 }
 
-/// How far from a surface a ray starts or ends, metres: beyond what positions out of a depth buffer are uncertain by.
+/// Of a pixel's width, how far rasterised depth may lie off its surface: Vulkan lets corners of triangles be snapped to sixteenths of a pixel (PowerVR and
+/// SwiftShader do, others to 256ths), which shifts a slope by up to √2 ÷ 32 of a pixel's width along its normal.
+const SNAPPED: f32 = 0.045;
+
+/// How far from a surface a ray starts or ends, metres: beyond what positions out of a depth buffer are uncertain by. `width`: of the pixel or texel that
+/// the position comes from, metres.
 ///
 /// Higher values lose contact shadows and let light through thin walls; lower ones make surfaces shade themselves.
-fn surface_offset(position: vec3<f32>, distance_to_eye: f32) -> f32 {
+fn surface_offset(position: vec3<f32>, distance_to_eye: f32, width: f32) -> f32 {
     let size = max(max(abs(position.x), abs(position.y)), abs(position.z));
-    return 5e-4 + 2e-4 * distance_to_eye + 4e-7 * size;
+    return 5e-4 + 2e-4 * distance_to_eye + 4e-7 * size + SNAPPED * width;
 }

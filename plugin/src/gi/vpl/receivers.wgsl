@@ -8,7 +8,8 @@ struct Receiver {
     radius_squared: f32,
     /// World space, unit length.
     normal: vec3<f32>,
-    padding: f32,
+    /// Of the pixel that shows it, metres.
+    pixel_width: f32,
 }
 
 /// Columns and rows of the grid over the picture, in whose cells they lie.

@@ -120,6 +120,7 @@ fn sample_vpls(@builtin(global_invocation_id) id: vec3<u32>) {
     var vpl: Vpl;
     vpl.position = texel.position;
     vpl.normal = texel_normal(texel);
+    vpl.texel_width = sqrt(clamp(texel.area, 0.0, 1e18));
     // As many texels as it stands for among all sets' VPLs, and never less than its own; as a disk.
     let disk = texel.area * max(share / f32(plan.sets), 1.0) * 0.31830987;
     vpl.largest_geometry_term = 1.0 / clamp(disk, LEAST_RADIUS_SQUARED, 1e18);

@@ -40,8 +40,8 @@ fn see_tiles(@builtin(global_invocation_id) id: vec3<u32>) {
                 let normal = texel_normal(texel);
                 // What a receiver gets nothing of would say nothing of the rest of the tile.
                 if from_point(receiver, texel.position, normal) > 0.0 {
-                    let start = receiver.position + receiver.normal * offset_at(receiver.position);
-                    let end = texel.position + normal * offset_at(texel.position);
+                    let start = receiver.position + receiver.normal * offset_at(receiver.position, receiver.pixel_width);
+                    let end = texel.position + normal * offset_at(texel.position, sqrt(texel.area));
                     found |= select(0u, 1u << i, is_occluded(start, end));
                 }
                 break;
@@ -51,6 +51,6 @@ fn see_tiles(@builtin(global_invocation_id) id: vec3<u32>) {
     atomicOr(&hidden[row.first_tile + id.x], found);
 }
 
-fn offset_at(position: vec3<f32>) -> f32 {
-    return surface_offset(position, distance(position, view.world_position));
+fn offset_at(position: vec3<f32>, width: f32) -> f32 {
+    return surface_offset(position, distance(position, view.world_position), width);
 }

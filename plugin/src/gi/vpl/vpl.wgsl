@@ -8,7 +8,8 @@ struct Vpl {
     largest_geometry_term: f32,
     /// World space, unit length: the side that emits.
     normal: vec3<f32>,
-    padding_2: f32,
+    /// Width of the texel that it was drawn from, metres.
+    texel_width: f32,
     /// Reflected flux, lumens. Intensity along a direction at θ from the normal is flux · cosθ / π candela.
     flux: vec3<f32>,
     padding_3: f32,

@@ -8,7 +8,7 @@
 
 #import bevy_render::view::View
 #import bevy_frugal_gi::gi::rsm::texel::{Texel, texel_luminance, texel_normal}
-#import bevy_frugal_gi::gi::surface::{pixel_position, surface_normal}
+#import bevy_frugal_gi::gi::surface::{pixel_position, pixel_width, surface_normal}
 #import bevy_frugal_gi::gi::vpl::receivers::{COLUMNS, RECEIVERS, ROWS, Receiver, Receivers, from_point}
 #import bevy_frugal_gi::gi::vpl::rows::{Row, TILE, is_cut}
 
@@ -37,6 +37,7 @@ fn pick_receivers(@builtin(local_invocation_index) index: u32) {
     // What a cell of the grid covers of a surface, more or less: nothing nearer than that can be told apart.
     let way = receiver.position - view.world_position;
     receiver.radius_squared = select(0.0, clamp(0.02 * dot(way, way), 1e-12, 1e18), depth > 0.0);
+    receiver.pixel_width = pixel_width(view.clip_from_view, size.y, sqrt(clamp(dot(way, way), 0.0, 1e30)));
     receivers.points[index] = receiver;
 }
 

@@ -66,15 +66,15 @@ fn meets(triangle: &Triangle, origin: DVec3, direction: DVec3) -> bool {
 }
 
 /// How far off a surface a ray starts or ends, metres: `trace.wgsl`'s `surface_offset`.
-fn offset(position: DVec3, eye: DVec3) -> f64 {
-    5e-4 + 2e-4 * position.distance(eye) + 4e-7 * position.abs().max_element()
+fn offset(position: DVec3, eye: DVec3, width: f32) -> f64 {
+    5e-4 + 2e-4 * position.distance(eye) + 4e-7 * position.abs().max_element() + 0.045 * f64::from(width)
 }
 
 /// Whether the segment between two surface points is free; none where a hundredth of a millimetre decides.
 fn is_free(triangles: &[Triangle], plane: &Plane, [from, normal]: [DVec3; 2], vpl: &Point) -> Option<bool> {
     let eye = plane.eye.as_dvec3();
     let [at, facing] = [vpl.position, vpl.normal].map(|vector| DVec3::from_array(vector.map(f64::from)));
-    let (origin, end) = (from + normal * offset(from, eye), at + facing * offset(at, eye));
+    let (origin, end) = (from + normal * offset(from, eye, plane.spacing), at + facing * offset(at, eye, 0.0));
     let free = |shift: DVec3, other: DVec3| {
         let (origin, end) = (origin + shift, end + other);
         !triangles.iter().any(|triangle| meets(triangle, origin, end - origin))
