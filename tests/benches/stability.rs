@@ -4,14 +4,16 @@
 //!
 //! `courtyard` with its sun alone and without its textures. Temporal error: mean over successive frames, pixels and channels of |Δframe − Δtruth| ÷ mean of the truth, where the truth is
 //! path-traced with the same random numbers in every frame, so that most of its noise is in no difference. What is left of it is measured with a
-//! second seed; the truth is the mean of both. Error of the first frame: relative L1 of 4x4 means.
+//! second seed; the truth is the mean of both. Along surfaces: the same over pixels that show the same surface in both frames; elsewhere the difference
+//! is that of two surfaces, and where edges run through pixels decides. Error of the first and the last frame: relative L1 of 4x4 means; what light that is averaged over frames
+//! lags behind is in the last.
 
 use bevy::ecs::query::With;
 use bevy::light::DirectionalLight;
-use bevy::math::{Quat, UVec2};
+use bevy::math::{Quat, UVec2, Vec3};
 use bevy::transform::components::Transform;
 use frugal::metrics::{Difference, Radiance};
-use frugal::reference::Pixels;
+use frugal::reference::{Pixels, Seen};
 use frugal::scene::{CameraPose, Light, SceneDescription};
 use frugal::stage::{Component, Stage, adapter};
 use frugal_tests::arguments::Arguments;
@@ -37,7 +39,7 @@ fn methods() -> Vec<Method> {
         Method::ours(1024, "4x4", "coarse", "1/4", 128),
         Method::ours(4096, "8x8", "fine", "1/4", 128),
         Method::ours(4096, "4x4", "fine", "1/1", 256),
-        Method::ours(4096, "2x2", "fine", "1/1", 512),
+        Method::ours(4096, "2x2", "fine", "1/1", 256),
     ]
 }
 
@@ -90,9 +92,25 @@ fn differences(frames: &[Radiance]) -> Vec<Vec<[f32; 3]>> {
     frames.windows(2).map(difference).collect()
 }
 
-/// Mean over steps of the mean absolute difference of two sequences' steps.
-fn temporal_error(a: &[Vec<[f32; 3]>], b: &[Vec<[f32; 3]>]) -> f64 {
-    a.iter().zip(b).map(|(a, b)| mean_absolute_difference(a, b)).sum::<f64>() / a.len() as f64
+/// Mean over steps of the mean absolute difference of two sequences' steps, where `counts` holds.
+fn temporal_error(a: &[Vec<[f32; 3]>], b: &[Vec<[f32; 3]>], counts: &[Vec<bool>]) -> f64 {
+    let step = |((a, b), counts): ((&Vec<[f32; 3]>, &Vec<[f32; 3]>), &Vec<bool>)| {
+        let counted =
+            |step: &[[f32; 3]]| step.iter().zip(counts).filter(|(_, counts)| **counts).map(|(value, _)| *value).collect::<Vec<_>>();
+        mean_absolute_difference(&counted(a), &counted(b))
+    };
+    a.iter().zip(b).zip(counts).map(step).sum::<f64>() / a.len() as f64
+}
+
+/// Which pixels show the same surface in two frames: each point lies in the other's tangent plane, more or less, and near it.
+fn stay(before: &[Option<Seen>], after: &[Option<Seen>], eye: Vec3) -> Vec<bool> {
+    let stays = |(before, after): (&Option<Seen>, &Option<Seen>)| {
+        let (Some(before), Some(after)) = (before, after) else { return before.is_none() == after.is_none() };
+        let (way, far) = (after.position - before.position, before.position.distance(eye.as_dvec3()));
+        let off_plane = way.dot(before.normal).abs().max(way.dot(after.normal).abs());
+        before.normal.dot(after.normal) > 0.95 && off_plane < 2e-3 * far && way.length() < 0.2 * far
+    };
+    before.iter().zip(after).map(stays).collect()
 }
 
 fn measure(motion: Motion, name: &str, options: &Arguments) {
@@ -107,20 +125,29 @@ fn measure(motion: Motion, name: &str, options: &Arguments) {
         (0..=options.count).map(frame).collect()
     };
     let (frames, second) = (traced(0), traced(1));
-    let start = &frames[0];
+    let (start, last) = (&frames[0], &frames[frames.len() - 1]);
     let mean = start.mean();
     let (first, second) = (differences(&frames), differences(&second));
     let truth: Vec<Vec<[f32; 3]>> =
         first.iter().zip(&second).map(|(a, b)| a.iter().zip(b).map(|(a, b)| [0, 1, 2].map(|i| 0.5 * (a[i] + b[i]))).collect()).collect();
+    let everywhere = vec![vec![true; truth[0].len()]; truth.len()];
+    let shown: Vec<_> =
+        (0..=options.count).map(|frame| truth::surfaces_untextured(&scene, motion.at(&scene, frame).1, options.size)).collect();
+    let eye = motion.at(&scene, 0).1.position;
+    let along: Vec<_> = shown.windows(2).map(|pair| stay(&pair[0], &pair[1], eye)).collect();
     let still = vec![vec![[0.0; 3]; truth[0].len()]; truth.len()];
     let percent = |value: f64| format!("{:.3} %", 100.0 * value / mean);
     println!("## The {name} moves\n");
     println!(
-        "Truth: twice {} paths a pixel, {:.0} s. Its own noise: {} of the mean; a picture that never changes errs by {}.\n",
+        "Truth: twice {} paths a pixel, {:.0} s. Its own noise: {} of the mean, {} along surfaces; a picture that never changes errs by {}, {} along \
+         surfaces, which {:.1} % of the pixels show.\n",
         options.samples,
         started.elapsed().as_secs_f64(),
-        percent(0.5 * temporal_error(&first, &second)),
-        percent(temporal_error(&still, &truth))
+        percent(0.5 * temporal_error(&first, &second, &everywhere)),
+        percent(0.5 * temporal_error(&first, &second, &along)),
+        percent(temporal_error(&still, &truth, &everywhere)),
+        percent(temporal_error(&still, &truth, &along)),
+        100.0 * along.iter().flatten().filter(|stays| **stays).count() as f64 / along.iter().flatten().count() as f64
     );
     let mut stage = set::open(&scene, set::radiance_options(options.size.x, options.size.y, Component::Indirect));
     truth::strip_textures(&mut stage);
@@ -134,16 +161,22 @@ fn measure(motion: Motion, name: &str, options: &Arguments) {
             stage.frame();
             frames.push(stage.radiance().unwrap_or_else(|error| panic!("{error}")));
         }
-        let picture = Difference::new(&frames[0], start, None).unwrap_or_else(|error| panic!("{error}"));
-        found.push((method, picture.relative_l1_boxes, temporal_error(&differences(&frames), &truth)));
+        let error = |own: &Radiance, truth: &Radiance| {
+            Difference::new(own, truth, None).unwrap_or_else(|error| panic!("{error}")).relative_l1_boxes
+        };
+        let pictures = [error(&frames[0], start), error(&frames[frames.len() - 1], last)];
+        let steps = differences(&frames);
+        found.push((method, pictures, [&everywhere, &along].map(|counts| temporal_error(&steps, &truth, counts))));
     }
     // What is dark hardly changes: the baseline is not the variant that is stillest, but the one that is nearest to the truth.
-    let naive = found.iter().filter(|(method, ..)| method.is_naive()).min_by(|a, b| a.1.total_cmp(&b.1));
+    let naive = found.iter().filter(|(method, ..)| method.is_naive()).min_by(|a, b| a.1[0].total_cmp(&b.1[0]));
     let naive = naive.unwrap_or_else(|| panic!("there are some")).2;
-    let row = |(method, picture, temporal): &(Method, f64, f64)| {
-        vec![method.name.clone(), format!("{picture:.3}"), percent(*temporal), format!("{:.2}", temporal / naive)]
+    let row = |(method, pictures, temporal): &(Method, [f64; 2], [f64; 2])| {
+        let of_naive = |index: usize| format!("{} ({:.2})", percent(temporal[index]), temporal[index] / naive[index]);
+        vec![method.name.clone(), pictures.map(|error| format!("{error:.3}")).join(", "), of_naive(0), of_naive(1)]
     };
-    let headers = ["method", "error of the first frame", "temporal error", "of the nearest naive-rsm's"];
+    let headers =
+        ["method", "error of the first frame, the last", "temporal error (of the nearest naive-rsm's)", "along surfaces (the same)"];
     println!("{}\n", markdown(&headers, &found.iter().map(row).collect::<Vec<_>>()));
 }
 

@@ -5,7 +5,7 @@ use bevy::math::UVec2;
 use bevy::pbr::StandardMaterial;
 use bevy::prelude::AlphaMode;
 use frugal::metrics::Radiance;
-use frugal::reference::{Pixels, ReferenceScene, Settings, Shading, View, Watch, render};
+use frugal::reference::{Pixels, ReferenceScene, Seen, Settings, Shading, View, Watch, render, surfaces};
 use frugal::scene::{CameraPose, Environment, SceneDescription};
 use frugal::stage::Stage;
 
@@ -36,13 +36,21 @@ pub fn one_bounce(scene: &SceneDescription, pose: CameraPose, tracing: Tracing) 
 /// [`one_bounce`] on surfaces without their textures, as [`strip_textures`] leaves them: path tracing takes texels as they are and the renderer
 /// filters them, so that pixel by pixel textures differ more than light does.
 pub fn one_bounce_untextured(scene: &SceneDescription, pose: CameraPose, tracing: Tracing) -> Radiance {
+    trace(&untextured(scene), &View::new(scene, pose, tracing.size), tracing)
+}
+
+/// What the middle of each pixel shows where nothing is cut out of surfaces.
+pub fn surfaces_untextured(scene: &SceneDescription, pose: CameraPose, size: UVec2) -> Vec<Option<Seen>> {
+    surfaces(&untextured(scene), &View::new(scene, pose, size))
+}
+
+fn untextured(scene: &SceneDescription) -> ReferenceScene {
     let mut geometry = scene.geometry().unwrap_or_else(|error| panic!("{error}"));
     geometry.textures.clear();
     for material in &mut geometry.materials {
         (material.base_color_texture, material.alpha) = (None, frugal::scene::AlphaMode::Opaque);
     }
-    let traced = ReferenceScene::with_geometry(&lamps_only(scene), geometry).unwrap_or_else(|error| panic!("{error}"));
-    trace(&traced, &View::new(scene, pose, tracing.size), tracing)
+    ReferenceScene::with_geometry(&lamps_only(scene), geometry).unwrap_or_else(|error| panic!("{error}"))
 }
 
 /// Takes the textures from everything on a stage, and with them what they cut out.

@@ -43,7 +43,7 @@ pub struct FrugalGi {
     /// Share of pixels at which the VPLs are gathered; the others are interpolated along surfaces. Higher values: finer indirect detail, at
     /// proportional cost. Lower values: indirect light blurs across small features.
     pub pixel_fraction: GiPixelFraction,
-    /// Texels along the edge of a directional or spot light's reflective shadow map (a point light's six faces have half as many). Higher
+    /// Texels along the edge of a directional or spot light's reflective shadow map (a point light's six faces have a quarter as many, but 32 where that is less and half is more). Higher
     /// values: smaller lit features are found, and the light's rasterisation costs more. In 16 to 2048.
     pub rsm_resolution: u32,
     /// Frames from one rendering of the maps, and drawing of VPLs, to the next while something moves. Higher values: light that moves, or on what
@@ -94,7 +94,7 @@ impl Default for FrugalGi {
             rsm_resolution: 128,
             refresh_period: 1,
             range: 40.0,
-            history_frames: 16,
+            history_frames: 32,
             shading: GiShading::Standard,
             output: GiOutput::Added,
         }

@@ -26,7 +26,7 @@ mod surface;
 
 pub use bsdf::Shading;
 pub use path::Strategy;
-pub use render::{Pixels, Rendering, Settings, View, Watch, render};
+pub use render::{Pixels, Rendering, Seen, Settings, View, Watch, render, surfaces};
 pub use scene::{ReferenceError, ReferenceScene};
 
 use bevy::math::DVec3;

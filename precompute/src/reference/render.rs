@@ -7,6 +7,7 @@ use super::bsdf::Shading;
 use super::path::{Strategy, trace};
 use super::sampler::Sampler;
 use super::scene::ReferenceScene;
+use super::surface::Surface;
 use crate::metrics::Radiance;
 use crate::scene::{CameraPose, SceneDescription};
 
@@ -159,6 +160,25 @@ fn pixel(scene: &ReferenceScene, view: &View, settings: &Settings, x: u32, y: u3
     }
     let count = f64::from(settings.samples - dropped.min(settings.samples)).max(1.0);
     (parts.map(|sum| (sum / count).as_vec3().to_array()), u64::from(dropped))
+}
+
+/// A point of a surface, and how the surface lies there.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Seen {
+    /// World space, metres.
+    pub position: DVec3,
+    /// The triangle's own normal on the side that is seen, unit length.
+    pub normal: DVec3,
+}
+
+/// What the middle of each pixel shows, row by row; `None` where there is no surface.
+pub fn surfaces(scene: &ReferenceScene, view: &View) -> Vec<Option<Seen>> {
+    let pixel = |index: u32| {
+        let (origin, direction) = view.ray(f64::from(index % view.size.x) + 0.5, f64::from(index / view.size.x) + 0.5);
+        let surface = Surface::new(&scene.geometry, &scene.closest(origin, direction)?);
+        Some(Seen { position: surface.position, normal: surface.geometric_normal })
+    };
+    (0..view.size.element_product()).into_par_iter().map(pixel).collect()
 }
 
 impl View {

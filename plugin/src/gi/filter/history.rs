@@ -131,11 +131,12 @@ impl History {
         if !self.settles {
             return;
         }
-        self.left = share - 1;
         std::mem::swap(shown, &mut self.texture);
         let view = self.view.filter(|_| share > 1);
         let past = view.map_or(Past::NONE, |view| view.before(&now, (share as f32).recip()));
         queue.write_buffer(&self.past, 0, bytemuck::bytes_of(&past));
+        // Without a past there is nothing to get rid of.
+        self.left = if past == Past::NONE { 0 } else { share - 1 };
         self.view = Some(now);
     }
 

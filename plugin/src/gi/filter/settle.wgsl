@@ -76,6 +76,11 @@ fn remembered(position: vec3<f32>, normal: vec3<f32>, tolerance: f32, size: vec2
     return sum;
 }
 
+/// 0 where one value of light may be another with noise, 1 where it is other light.
+fn otherness(is: f32, was: f32) -> f32 {
+    return smoothstep(0.95, 0.995, abs(is - was) / max(max(is, was), 1e-9));
+}
+
 @compute @workgroup_size(8, 8)
 fn settle(@builtin(global_invocation_id) id: vec3<u32>) {
     let size = textureDimensions(g_buffer);
@@ -93,6 +98,9 @@ fn settle(@builtin(global_invocation_id) id: vec3<u32>) {
     let light = luminance(own.rgb);
     var sum = own.rgb;
     var weights = 1.0;
+    // The same without a look at noise.
+    var around = light;
+    var there_are = 1.0;
 #ifdef SMOOTH
     for (var y = -REACH; y <= REACH; y++) {
         for (var x = -REACH; x <= REACH; x++) {
@@ -111,6 +119,9 @@ fn settle(@builtin(global_invocation_id) id: vec3<u32>) {
             let counts = inside && there_depth > 0.0 && weight > 0.0;
             sum += select(vec3(0.0), weight * found.rgb, counts);
             weights += select(0.0, weight, counts);
+            let wide = select(0.0, spline(x) * spline(y) * alike, inside && there_depth > 0.0);
+            around += wide * luminance(found.rgb);
+            there_are += wide;
         }
     }
 #endif
@@ -119,8 +130,7 @@ fn settle(@builtin(global_invocation_id) id: vec3<u32>) {
     let before = found.rgb / max(found.a, 1e-6) * past.exposure;
     // Light that was switched is not averaged: the past counts less the more of the light is other than it was.
     let was = luminance(before);
-    let is = luminance(present);
-    let changed = smoothstep(0.8, 0.98, abs(is - was) / max(max(is, was), 1e-9));
+    let changed = min(otherness(luminance(present), was), otherness(around / there_are, was));
     let share = mix(1.0, max(past.share_of_present, changed), select(0.0, found.a, found.a > 0.01));
     let shown = select(present, mix(before, present, share), share < 1.0);
     let away = min(distance(position, view.world_position), 60000.0);
