@@ -80,7 +80,7 @@ fn memory(_: &mut Criterion) {
         meshes::spawn_box(&mut stage, Vec3::ZERO, Vec3::new(4.0, 0.2, 4.0), meshes::matt(0.8, 0.8, 0.8));
         set::apply(
             &mut stage,
-            "min,gi_vpl_count=4096,gi_interleave=2x2,gi_visibility=fine,gi_pixel_fraction=1/1,rsm_resolution=512,resolution_scale=100%",
+            "min,gi_vpl_count=4096,gi_interleave=2x2,gi_visibility=fine,gi_pixel_fraction=1/1,rsm_resolution=256,resolution_scale=100%",
         );
         (0..3).for_each(|_| stage.frame());
         let gathered = set::gathered(&stage);
