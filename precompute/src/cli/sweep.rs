@@ -71,6 +71,7 @@ pub(super) fn run(arguments: &Arguments) -> Result<(), CliError> {
             scene: &name,
             space: &space,
             points: &points,
+            error: "1 − SSIM against the highest settings",
             meter: &stage.meter(),
             size: [size.x, size.y],
             fps: arguments.capture.fps,

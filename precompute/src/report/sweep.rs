@@ -18,6 +18,8 @@ pub struct SweepSummary<'a> {
     pub space: &'a KnobSpace,
     /// Every combination with its cost.
     pub points: &'a [FrontierPoint],
+    /// What its errors are.
+    pub error: &'a str,
     /// Where the watts come from.
     pub meter: &'a MeterInfo,
     /// Width and height, pixels.
@@ -50,9 +52,10 @@ pub fn sweep_section(summary: &SweepSummary<'_>) -> Result<Section, ReportError>
     let mut section = Section::new(&format!("{}: power and error of {} combinations", summary.scene, points.len()));
     section.paragraph(&format!(
         "Each point is one combination of knob levels at the same camera. The line is the Pareto frontier: {} combinations that no other \
-         beats in both power and error. {} Error is 1 − SSIM against the highest settings.",
+         beats in both power and error. {} Error is {}.",
         frontier.points().len(),
-        provenance(summary.meter)
+        provenance(summary.meter),
+        summary.error
     ));
     let broken = points.iter().filter(|(power, error)| !(power.is_finite() && error.is_finite())).count();
     if broken > 0 {
@@ -67,7 +70,7 @@ pub fn sweep_section(summary: &SweepSummary<'_>) -> Result<Section, ReportError>
         ("Looks at".to_owned(), format!("{}, {}, {} m", to.x, to.y, to.z)),
     ]);
     let line = Curve { color: Color::BLUE, width: 2, points: staircase(&frontier) };
-    let svg = cloud("Power and error of every combination", ["power, W", "error, 1 − SSIM"], &points, &[line])?;
+    let svg = cloud("Power and error of every combination", ["power, W", "error"], &points, &[line])?;
     section.legend([("combinations", Color::GREY), ("frontier", Color::BLUE)]);
     section.plots(&[("Power and error of every combination, with the frontier", svg)]);
     let (headers, rows, shared) = knob_table(summary.space, frontier.points());
@@ -127,8 +130,17 @@ mod tests {
         let broken = FrontierPoint { cost: CostPoint::new(f64::NAN, 0.0), ..points[0] };
         points.push(broken);
         let (position, look_at) = (Vec3::new(0.0, 1.5, 4.0), Vec3::ZERO);
-        let summary =
-            SweepSummary { scene: "court", space: &space, points: &points, meter: &meter, size: [320, 180], fps: 30.0, position, look_at };
+        let summary = SweepSummary {
+            scene: "court",
+            space: &space,
+            points: &points,
+            error: "of some kind",
+            meter: &meter,
+            size: [320, 180],
+            fps: 30.0,
+            position,
+            look_at,
+        };
         let html = sweep_report(&summary, &[]).unwrap();
         assert!(html.contains("1 combinations have no finite cost") && html.contains("0, 1.5, 4 m"));
         let none = SweepSummary { points: &[], ..summary };

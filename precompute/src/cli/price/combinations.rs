@@ -1,24 +1,28 @@
 //! Every combination of the global illumination's levels: which levels are worth having at all.
 
-use std::path::Path;
-
 use bevy_frugal_gi::frontier::{CostPoint, FrontierPoint};
 use bevy_frugal_gi::knobs::{KnobSpace, RenderSettings};
 
-use super::{is_gi, is_still};
-use crate::cli::arguments::write;
+use super::{Arguments, is_gi, is_still};
+use crate::cli::arguments::{write, write_report};
 use crate::cli::{CliError, progress};
 use crate::metrics::{Difference, Radiance};
-use crate::report::sweep_csv;
-use crate::search::level_worth;
+use crate::report::{Report, SweepSummary, sweep_csv, sweep_section};
+use crate::search::{LevelWorth, level_worth};
 use crate::stage::Stage;
 
 /// Frames metered for each combination.
 const METERED_FRAMES: u32 = 2;
 
-/// Measures all of them at the stage's camera, prints what each level is good for, and writes the table to `csv`, if any: power that the global
+/// Measures all of them at the stage's camera, prints what each level is good for, and writes table and page, if asked to: power that the global
 /// illumination adds, and the relative L1 of 4 × 4 means against `truth` as the error.
-pub(super) fn run(stage: &mut Stage, truth: &Radiance, without: RenderSettings, csv: Option<&Path>) -> Result<(), CliError> {
+pub(super) fn run(
+    stage: &mut Stage,
+    truth: &Radiance,
+    without: RenderSettings,
+    scene: &str,
+    arguments: &Arguments,
+) -> Result<(), CliError> {
     let whole = stage.space().as_ref().clone();
     let wanted = combinations(&whole)?;
     let bar = progress::bar(wanted.len() as u64).with_message("combinations");
@@ -46,14 +50,38 @@ pub(super) fn run(stage: &mut Stage, truth: &Radiance, without: RenderSettings, 
 
     println!("{} combinations of the global illumination's levels; cost in watts that it adds, error against the truth", table.len());
     println!("{:20} {:>8} {:>9} {:>10}", "knob", "level", "unbeaten", "beaten by");
-    for worth in level_worth(&whole, &table).into_iter().filter(|worth| is_gi(&worth.knob) && !is_still(&worth.knob)) {
+    let worths = level_worth(&whole, &table).into_iter().filter(|worth| is_gi(&worth.knob) && !is_still(&worth.knob));
+    let worths: Vec<LevelWorth> = worths.collect();
+    for worth in &worths {
         println!("{:20} {:>8} {:9} {:10.3}", worth.knob, worth.label, worth.unbeaten, worth.beaten_by);
     }
-    if let Some(path) = csv {
-        let points: Vec<_> = table.into_iter().map(|(settings, cost)| FrontierPoint { settings, cost }).collect();
+    let points: Vec<_> = table.into_iter().map(|(settings, cost)| FrontierPoint { settings, cost }).collect();
+    if let Some(path) = &arguments.csv {
         let mut text = Vec::new();
         sweep_csv(&whole, &points, &mut text).map_err(CliError::failed)?;
         write(path, &text)?;
+    }
+    if let Some(folder) = &arguments.report {
+        let summary = SweepSummary {
+            scene,
+            space: &whole,
+            points: &points,
+            error: "the relative L1 of means over 4 × 4 pixels of indirect light, against one path-traced bounce; power is what global illumination adds",
+            meter: &stage.meter(),
+            size: arguments.size.to_array(),
+            fps: stage.options().frames_per_second,
+            position: arguments.camera.position,
+            look_at: arguments.camera.look_at,
+        };
+        let mut section = sweep_section(&summary)?;
+        let row = |worth: &LevelWorth| {
+            vec![worth.knob.clone(), worth.label.clone(), worth.unbeaten.to_string(), format!("{:.3}", worth.beaten_by)]
+        };
+        let headers = ["knob", "level", "of the frontier have it", "its best combination is beaten by a factor of"].map(String::from);
+        section.table("What levels are worth", &headers, &worths.iter().map(row).collect::<Vec<_>>());
+        let mut report = Report::new(&format!("Every combination of global illumination's levels in {scene}"));
+        report.section(section);
+        write_report(folder, &report.render())?;
     }
     Ok(())
 }
@@ -80,7 +108,7 @@ mod tests {
     fn all_levels_meet_all_others_and_other_knobs_stay_at_their_best() {
         let whole = crate::stage::knobs().unwrap();
         let all = combinations(&whole).unwrap();
-        assert_eq!(all.len(), 7 * 3 * 3 * 4 * 4);
+        assert_eq!(all.len(), 7 * 3 * 3 * 4 * 3);
         let antialiasing = whole.index_of("antialiasing").unwrap();
         assert!(all.iter().all(|settings| settings.level(antialiasing) == whole.highest().level(antialiasing)));
         assert!(all.contains(&whole.highest()));

@@ -29,7 +29,7 @@ pub(super) struct Arguments {
     #[arg(long, value_name = "NAME")]
     meter: Option<String>,
     /// Measures every combination of levels instead, and tells which levels are worth having
-    #[arg(long, conflicts_with = "report")]
+    #[arg(long)]
     combinations: bool,
     /// Prices the sky instead: the scene without its lamps, all light that reaches the camera straight from the sky or by one surface
     #[arg(long, conflicts_with = "combinations")]
@@ -91,7 +91,7 @@ pub(super) fn run(arguments: &Arguments) -> Result<(), CliError> {
     let space = stage.space().as_ref().clone();
     let off = space.parse("max,gi_vpl_count=0").map_err(CliError::failed)?;
     if arguments.combinations {
-        return combinations::run(&mut stage, &truth, off, arguments.csv.as_deref());
+        return combinations::run(&mut stage, &truth, off, &name, arguments);
     }
     let wanted = levels(&space, if arguments.sky { is_sky } else { is_gi });
     let mut readings = vec![Vec::new(); wanted.len() + 1];
