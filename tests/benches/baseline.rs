@@ -1,6 +1,6 @@
 //! The plugin against `naive-rsm` (see `frugal_tests::naive_rsm`) in one run: error against path tracing, cost, and how both costs grow.
 //!
-//! `cargo bench --workspace --bench baseline --profile dev -- [--size WxH] [--spp N] [--count ROUNDS] [cornell | courtyard | two_rooms | growth]…`
+//! `cargo bench --workspace --bench baseline --profile dev -- [--size WxH] [--spp N] [--count ROUNDS] [cornell | courtyard | two_rooms | growth | passes]…`
 //!
 //! Without names, everything. Tables are Markdown. Cost is what a frame takes above one without global illumination, all other knobs at their
 //! cheapest: processor time on a software adapter, time to the finished frame on a GPU. Both methods' maps are rendered in every frame while
@@ -10,12 +10,14 @@ use bevy::math::{UVec2, Vec3};
 use bevy::mesh::{Mesh, Meshable};
 use bevy::prelude::{Cuboid, Sphere};
 use bevy::transform::components::Transform;
+use bevy_frugal_gi::gi::GiRefresh;
+use bevy_frugal_gi::gi::inspect::{self, GiPass, RepeatedPass};
 use frugal::metrics::{Difference, Radiance};
 use frugal::reference::Pixels;
 use frugal::scene::Light;
 use frugal::stage::{Component, Stage, adapter};
 use frugal_tests::arguments::Arguments;
-use frugal_tests::cost::{Clock, Moving, Readings, above_none};
+use frugal_tests::cost::{Clock, Moving, Readings, above_none, median};
 use frugal_tests::method::Method;
 use frugal_tests::naive_rsm::{NaiveRsm, Weights};
 use frugal_tests::table::markdown;
@@ -37,7 +39,7 @@ fn ladder() -> Vec<Method> {
         Method::ours(1024, "4x4", "coarse", "1/4", 128),
         Method::ours(4096, "8x8", "fine", "1/4", 128),
         Method::ours(4096, "4x4", "fine", "1/1", 256),
-        Method::ours(4096, "2x2", "fine", "1/1", 512),
+        Method::ours(4096, "2x2", "fine", "1/1", 256),
     ]
 }
 
@@ -50,7 +52,7 @@ fn naives() -> Vec<Method> {
         }
     }
     methods.push(Method::naive(NaiveRsm { clamp_distance: 0.01, ..Default::default() }, 128));
-    methods.push(Method::naive(NaiveRsm::default(), 512));
+    methods.push(Method::naive(NaiveRsm::default(), 256));
     methods
 }
 
@@ -64,6 +66,9 @@ fn main() {
     SCENES.into_iter().filter(|name| options.wants(name)).for_each(|name| compare(name, &options));
     if options.wants("growth") {
         growth(&options);
+    }
+    if options.wants("passes") {
+        passes(&options);
     }
 }
 
@@ -176,6 +181,54 @@ fn priced(stage: &mut Stage, methods: &[Method], moving: Moving, options: &Argum
         method.radiance(stage);
     }
     above_none(stage, methods, moving, readings(options))
+}
+
+/// What each pass takes: by how much a frame takes longer in which it runs twice.
+fn passes(options: &Arguments) {
+    println!(
+        "## Passes, courtyard with its sky, {}x{}: {} a frame, everything moves\n",
+        options.size.x,
+        options.size.y,
+        Clock::suitable().label()
+    );
+    let scene = set::scene("courtyard");
+    let mut stage =
+        set::open_with(&scene, set::radiance_options(options.size.x, options.size.y, Component::Global), inspect::allow_repeats);
+    let pose = scene.paths["tour"].sample(0.0).unwrap_or_else(|| panic!("courtyard has a path"));
+    stage.place(pose.position, pose.rotation);
+    let methods = [Method::ours(1024, "4x4", "coarse", "1/4", 128), Method::ours(4096, "2x2", "fine", "1/1", 256)];
+    let mut rows = Vec::new();
+    for method in methods {
+        let method = method.with("gi_environment_samples=16");
+        method.radiance(&mut stage);
+        stage.world_mut().insert_resource(GiRefresh::EveryFrame);
+        let mut read = |method: &Method, pass: Option<GiPass>| {
+            method.apply(&mut stage);
+            stage.world_mut().insert_resource(RepeatedPass(pass));
+            (0..3).for_each(|_| stage.frame());
+            Clock::suitable().frames_ms(&mut stage, readings(options).frames)
+        };
+        let (mut gains, mut whole) = (vec![Vec::new(); GiPass::ALL.len()], Vec::new());
+        for _ in 0..readings(options).rounds {
+            let once = read(&method, None);
+            whole.push(once - read(&Method::none(), None));
+            for (pass, gains) in GiPass::ALL.into_iter().zip(&mut gains) {
+                gains.push(read(&method, Some(pass)) - once);
+            }
+        }
+        let whole = median(whole);
+        let mut rest = whole;
+        let mut row =
+            |what: &str, cost: f64| rows.push(vec![method.name.clone(), what.into(), ms(cost), format!("{:.0} %", 100.0 * cost / whole)]);
+        for (pass, gains) in GiPass::ALL.into_iter().zip(gains) {
+            let cost = median(gains);
+            rest -= cost;
+            row(pass.name(), cost);
+        }
+        row("the rest: maps' G-buffers, occluders", rest);
+        row("all", whole);
+    }
+    println!("{}", markdown(&["settings", "pass", "takes", "share"], &rows));
 }
 
 fn growth(options: &Arguments) {

@@ -36,6 +36,12 @@ impl Method {
         Self { name, settings, output: GiOutput::IndirectOnly, naive: None }
     }
 
+    /// With more settings.
+    #[must_use]
+    pub fn with(self, more: &str) -> Self {
+        Self { settings: format!("{},{more}", self.settings), ..self }
+    }
+
     /// The baseline, on maps of so many texels along their side.
     pub fn naive(naive: NaiveRsm, rsm: u32) -> Self {
         let weights = match naive.weights {

@@ -36,7 +36,7 @@ pub fn open(scene: &SceneDescription, options: StageOptions) -> Stage {
 }
 
 /// The same with plugins of its own, which `extend` adds.
-fn open_with(scene: &SceneDescription, options: StageOptions, extend: impl FnOnce(&mut App)) -> Stage {
+pub fn open_with(scene: &SceneDescription, options: StageOptions, extend: impl FnOnce(&mut App)) -> Stage {
     let extend = |app: &mut App| {
         app.add_plugins(NaiveRsmPlugin);
         extend(app);

@@ -1,17 +1,21 @@
-//! What global illumination holds on the GPU, for tests and debuggers.
+//! What global illumination holds on the GPU, and what its passes take: for tests, benchmarks and debuggers.
 
+use bevy::app::App;
+use bevy::core_pipeline::schedule::Core3d;
 use bevy::ecs::prelude::*;
 use bevy::math::{Mat4, Vec3};
+use bevy::render::RenderApp;
+use bevy::render::extract_resource::{ExtractResource, ExtractResourcePlugin};
 use bevy::render::render_resource::{Buffer, ShaderSize, Texture};
 use bevy::render::sync_world::MainEntity;
 use bevy::render::view::ExtractedView;
 
-use super::RsmView;
 use super::gather::{GatherSettings, GiCamera, VplPlan};
 use super::rsm::{RsmLight, RsmStore, TEXEL_BYTES};
 use super::sources::{SKY_LIGHT_BYTES, SkyCamera, SkyPlan, SkyReading};
 use super::visibility::OccluderBuffers;
 use super::vpl::{MapRow, RECEIVER_BYTES, VPL_BYTES};
+use super::{GiSystems, RsmView, composite, filter, gather, rsm, sources, vpl};
 
 /// Bytes that the plugin counts with for the shaders' structs: name, and size of one in a buffer.
 pub const STRUCT_BYTES: [(&str, u64); 13] = [
@@ -111,4 +115,58 @@ fn maps(render_world: &World) -> Vec<GiMapState> {
     let mut maps: Vec<_> = maps.iter(render_world).map(state).collect();
     maps.sort_by_key(|map| map.texel_offset);
     maps
+}
+
+/// A pass of global illumination, or several that one system encodes.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum GiPass {
+    /// Maps' G-buffers to texels.
+    Resolve,
+    /// Weighing texels and drawing VPLs.
+    Vpl,
+    /// Weighing the sky and drawing its samples.
+    Sky,
+    /// Gathering.
+    Gather,
+    /// Filtering, and averaging with what was shown before.
+    Filter,
+    /// Adding to the picture.
+    Composite,
+}
+
+impl GiPass {
+    /// In the order of a frame.
+    pub const ALL: [Self; 6] = [Self::Resolve, Self::Vpl, Self::Sky, Self::Gather, Self::Filter, Self::Composite];
+
+    /// The name of its span among Bevy's render diagnostics, behind `bevy_frugal_gi/`.
+    pub fn name(self) -> &'static str {
+        ["rsm", "vpl", "sky", "gather", "filter", "composite"][self as usize]
+    }
+}
+
+/// Which pass runs twice in a frame: what it costs is by how much the frame then takes longer, on devices without time stamps that mean anything, too. Light
+/// that is composited twice is there twice. A resource of the main world; see [`allow_repeats`].
+#[derive(Resource, ExtractResource, Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct RepeatedPass(pub Option<GiPass>);
+
+/// Puts every pass into the frame a second time, to run while [`RepeatedPass`] says so.
+pub fn allow_repeats(app: &mut App) {
+    app.init_resource::<RepeatedPass>().add_plugins(ExtractResourcePlugin::<RepeatedPass>::default());
+    let Some(render_app) = app.get_sub_app_mut(RenderApp) else { return };
+    let is = |pass: GiPass| move |repeated: Option<Res<RepeatedPass>>| repeated.is_some_and(|repeated| repeated.0 == Some(pass));
+    render_app.add_systems(
+        Core3d,
+        (
+            rsm::resolve.in_set(GiSystems::Resolve).run_if(is(GiPass::Resolve)),
+            (
+                vpl::sample.run_if(is(GiPass::Vpl)),
+                sources::sample_sky.run_if(is(GiPass::Sky)),
+                gather::gather.run_if(is(GiPass::Gather)),
+                filter::filter.run_if(is(GiPass::Filter)),
+            )
+                .chain()
+                .in_set(GiSystems::Gather),
+            composite::composite.in_set(GiSystems::Composite).run_if(is(GiPass::Composite)),
+        ),
+    );
 }
