@@ -79,11 +79,14 @@ pub struct Readings {
 /// Every method must have been ready once, so that nothing is compiled any more.
 pub fn above_none(stage: &mut Stage, methods: &[Method], moving: Moving, readings: Readings) -> (Vec<f64>, f64) {
     let clock = Clock::suitable();
-    stage.world_mut().insert_resource(moving.policy());
     let read = |stage: &mut Stage, method: &Method| {
+        // At rest: where everything moves, averaged light never gets to what a still picture shows, and is waited for in vain.
+        stage.world_mut().insert_resource(GiRefresh::OnChange);
         method.apply(stage);
         // Trees of triangles are built in the background when rays are asked for again: their cost is no frame's.
         stage.get_ready().unwrap_or_else(|error| panic!("{error}"));
+        stage.world_mut().insert_resource(moving.policy());
+        stage.frame();
         clock.frames_ms(stage, readings.frames)
     };
     let (mut above, mut none) = (vec![Vec::new(); methods.len()], Vec::new());

@@ -114,7 +114,7 @@ fn facts(summary: &MapSummary<'_>, survey: &Survey) -> Vec<(String, String)> {
         fact("Pictures", format!("{} × {} pixels", summary.size[0], summary.size[1])),
         fact("Target frame rate", format!("{} per second", summary.fps)),
         fact("Cameras between", format!("({}, {}, {}) and ({}, {}, {}) m", low.x, low.y, low.z, high.x, high.y, high.z)),
-        fact("Subdivided above", format!("{} W or an error of {}", summary.power_threshold.0, summary.error_threshold)),
+        fact("Subdivided above", format!("{} W or an error of {}", rounded(summary.power_threshold.0), rounded(summary.error_threshold))),
         fact("Leaves", survey.leaves.iter().sum::<usize>().to_string()),
         fact("Corners", octree.corners.len().to_string()),
         fact("Views with a frontier", format!("{} of {}", survey.known_views, 6 * octree.corners.len())),
@@ -171,6 +171,11 @@ fn plan(summary: &MapSummary<'_>, survey: &Survey) -> String {
     }
     svg.push_str("</svg>");
     svg
+}
+
+/// To ten thousandths: a share of a range has as many digits as a float.
+fn rounded(value: f64) -> f64 {
+    (value * 1e4).round() / 1e4
 }
 
 #[cfg(test)]

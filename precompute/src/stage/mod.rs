@@ -27,7 +27,7 @@ use bevy::render::render_resource::{CachedPipelineState, PipelineCache, Pipeline
 use bevy::render::renderer::RenderDevice;
 use bevy::shader::ShaderCacheError;
 use bevy::transform::components::Transform;
-use bevy_frugal_gi::gi::{GiCounts, GiOccluders, GiRefresh};
+use bevy_frugal_gi::gi::{GiCounts, GiOccluders};
 use bevy_frugal_gi::knobs::{KnobRegistry, KnobSettings, KnobSpace, RenderSettings};
 use bevy_frugal_gi::power::{MeterInfo, PowerMeter};
 use bevy_frugal_gi::units::Watts;
@@ -337,9 +337,7 @@ impl Stage {
                 std::thread::sleep(Duration::from_millis(5));
             }
             // Light that was averaged over frames is on its way to what a still picture shows. Where a scene never rests, it never gets there.
-            // Nor where everything is taken to move in every frame.
-            let rests = self.app.world().get_resource::<GiRefresh>().is_none_or(|policy| *policy == GiRefresh::OnChange);
-            let settling = rests && self.render_world().get_resource::<GiCounts>().is_some_and(|counts| counts.settling > 0);
+            let settling = self.render_world().get_resource::<GiCounts>().is_some_and(|counts| counts.settling > 0);
             if quiet >= if settling { MOST_SETTLING_FRAMES } else { 4 } {
                 return Ok(());
             }

@@ -217,7 +217,13 @@ fn spawn_light(world: &mut World, light: &Light, reach: f32) {
                 ..Default::default()
             };
             world.spawn((
-                DirectionalLight { color: linear(*color), illuminance: *illuminance, shadow_maps_enabled: true, shadow_normal_bias: 1.0, ..Default::default() },
+                DirectionalLight {
+                    color: linear(*color),
+                    illuminance: *illuminance,
+                    shadow_maps_enabled: true,
+                    shadow_normal_bias: 1.0,
+                    ..Default::default()
+                },
                 cascades.build(),
                 toward(Vec3::ZERO, *direction),
             ));
