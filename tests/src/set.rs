@@ -5,6 +5,7 @@ use std::path::PathBuf;
 use bevy::app::App;
 use bevy::ecs::entity::Entity;
 use bevy::ecs::query::With;
+use bevy::ecs::world::Mut;
 use bevy::math::{UVec2, Vec3};
 use bevy::mesh::Mesh3d;
 use bevy_frugal_gi::gi::{FrugalGi, GiCounts, GiShading};
@@ -84,16 +85,20 @@ pub fn camera(stage: &mut Stage) -> Entity {
     world.query_filtered::<Entity, With<FrugalGi>>().single(world).unwrap_or_else(|error| panic!("the stage's camera: {error}"))
 }
 
+/// Its global illumination's settings, those that no knob sets among them.
+pub fn gi(stage: &mut Stage) -> Mut<'_, FrugalGi> {
+    let camera = camera(stage);
+    stage.world_mut().get_mut::<FrugalGi>(camera).unwrap_or_else(|| panic!("the stage's camera has GI"))
+}
+
 /// Has light scattered as by matt surfaces, whose albedo says all.
 pub fn make_lambertian(stage: &mut Stage) {
-    let camera = camera(stage);
-    stage.world_mut().get_mut::<FrugalGi>(camera).unwrap_or_else(|| panic!("the stage's camera has GI")).shading = GiShading::Lambertian;
+    gi(stage).shading = GiShading::Lambertian;
 }
 
 /// Has each frame show what was gathered in it, and nothing of what was shown before.
 pub fn forget_the_past(stage: &mut Stage) {
-    let camera = camera(stage);
-    stage.world_mut().get_mut::<FrugalGi>(camera).unwrap_or_else(|| panic!("the stage's camera has GI")).history_frames = 1;
+    gi(stage).history_frames = 1;
 }
 
 /// What GI did in the last frame.

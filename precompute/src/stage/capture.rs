@@ -9,6 +9,7 @@ use bevy::render::render_resource::{
 };
 use bevy::render::renderer::{RenderDevice, RenderQueue};
 use bevy::render::texture::GpuImage;
+use half::f16;
 
 use super::StageError;
 use crate::metrics::{Picture, Radiance};
@@ -28,15 +29,7 @@ pub(super) fn radiance(world: &World, target: &Handle<Image>, exposure: f32) -> 
 
 /// IEEE 754 binary16.
 fn half_to_float(bits: u16) -> f32 {
-    let sign = if bits & 0x8000 == 0 { 1.0 } else { -1.0 };
-    let exponent = i32::from((bits >> 10) & 0x1f);
-    let fraction = f32::from(bits & 0x3ff);
-    sign * match exponent {
-        0 => fraction * (-24f32).exp2(),
-        31 if fraction == 0.0 => f32::INFINITY,
-        31 => f32::NAN,
-        _ => (1.0 + fraction / 1024.0) * ((exponent - 15) as f32).exp2(),
-    }
+    f16::from_bits(bits).to_f32()
 }
 
 /// Size of the target, and its texels without the padding that rows have in a buffer.

@@ -12,7 +12,6 @@ use bevy::ecs::world::World;
 use bevy::image::{Image, ImageSampler};
 use bevy::light::{EnvironmentMapLight, Skybox};
 use bevy::render::render_resource::{Extent3d, TextureDimension, TextureFormat, TextureViewDescriptor, TextureViewDimension};
-
 use half::f16;
 
 use super::StageError;

@@ -2,7 +2,6 @@
 
 use bevy::math::{Quat, Vec3};
 use bevy::transform::components::Transform;
-use bevy_frugal_gi::gi::FrugalGi;
 use frugal::scene::Light;
 use frugal::stage::{Component, Stage};
 use frugal_tests::gpu::{self, Point};
@@ -37,8 +36,7 @@ fn sun_flux_of_a_box_is_the_closed_form() {
         meshes::spawn_box(&mut stage, Vec3::ZERO, Vec3::new(6.0, 0.1, 6.0), meshes::matt(0.0, 0.0, 0.0));
         set::apply(&mut stage, "min,gi_vpl_count=64,rsm_resolution=256");
         // Finer than any level.
-        let camera = set::camera(&mut stage);
-        stage.world_mut().get_mut::<FrugalGi>(camera).expect("a camera with GI").rsm_resolution = 512;
+        set::gi(&mut stage).rsm_resolution = 512;
         set::radiance(&mut stage);
         let found = gpu::total_flux(&gpu::rsm_texels(&stage));
         let albedo = [0.8, 0.4, 0.2].map(meshes::stored_albedo);

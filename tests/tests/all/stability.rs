@@ -4,7 +4,7 @@ use bevy::ecs::query::With;
 use bevy::light::DirectionalLight;
 use bevy::math::{Quat, Vec3};
 use bevy::transform::components::Transform;
-use bevy_frugal_gi::gi::{FrugalGi, GiRefresh};
+use bevy_frugal_gi::gi::GiRefresh;
 use frugal::metrics::Radiance;
 use frugal::scene::CameraPose;
 use frugal::stage::{Component, Stage};
@@ -82,8 +82,7 @@ fn light_that_moves_flickers_less_for_its_past_and_comes_to_rest_without() {
         set::look(&mut stage, Vec3::new(4.9, 2.0, 2.2), Vec3::new(-4.0, 1.8, -3.4));
         set::apply(&mut stage, "max,rsm_resolution=128,gi_vpl_count=512,gi_visibility=coarse");
         stage.world_mut().insert_resource(GiRefresh::OnChange);
-        let camera = set::camera(&mut stage);
-        stage.world_mut().get_mut::<FrugalGi>(camera).expect("a camera with GI").history_frames = frames;
+        set::gi(&mut stage).history_frames = frames;
         let mut last = set::radiance(&mut stage);
         let mut change = 0.0;
         for frame in 0..24 {

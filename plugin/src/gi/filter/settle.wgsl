@@ -115,11 +115,11 @@ fn settle(@builtin(global_invocation_id) id: vec3<u32>) {
             let difference = luminance(found.rgb) - light;
             let noise = ERRORS * ERRORS * (own.a * own.a + found.a * found.a);
             let explained = exp(-difference * difference / max(noise, 1e-12));
-            let weight = spline(x) * spline(y) * alike * explained;
-            let counts = inside && there_depth > 0.0 && weight > 0.0;
+            let wide = select(0.0, spline(x) * spline(y) * alike, inside && there_depth > 0.0);
+            let weight = wide * explained;
+            let counts = weight > 0.0;
             sum += select(vec3(0.0), weight * found.rgb, counts);
             weights += select(0.0, weight, counts);
-            let wide = select(0.0, spline(x) * spline(y) * alike, inside && there_depth > 0.0);
             around += wide * luminance(found.rgb);
             there_are += wide;
         }
