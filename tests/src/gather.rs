@@ -39,7 +39,8 @@ impl Gather {
         let read = || storage_buffer_read_only_sized(false, None);
         let occluders = BindGroupLayoutEntries::sequential(ShaderStages::COMPUTE, (read(), read(), read(), read()));
         let both: [&[BindGroupLayoutEntry]; 2] = [&pixels, &occluders];
-        let (defs, groups) = if rays == 0 { (vec![], &both[..1]) } else { (vec![ShaderDefVal::UInt("RAYS".into(), rays)], &both[..]) };
+        let (defs, groups) =
+            if rays == 0 { (vec![], &both[..1]) } else { (vec![ShaderDefVal::UInt("RAYS".into(), rays), "MASKS".into()], &both[..]) };
         Self { kernel: Kernel::with_groups(stage, "gi/gather/gather.wgsl", "gather_vpls", defs, groups) }
     }
 

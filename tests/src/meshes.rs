@@ -69,9 +69,15 @@ pub fn add_joint(stage: &mut Stage, skin: Entity) -> Entity {
 /// A sharp-edged texture of `width` × `height` texels of [`TextureFormat::Rgba8UnormSrgb`], or [`TextureFormat::Rgba8Unorm`] for what is no colour.
 pub fn texture(stage: &mut Stage, format: TextureFormat, width: u32, height: u32, texels: &[[u8; 4]]) -> Handle<Image> {
     let size = Extent3d { width, height, depth_or_array_layers: 1 };
-    let mut image = Image::new(size, TextureDimension::D2, texels.concat(), format, RenderAssetUsages::RENDER_WORLD);
+    let mut image = Image::new(size, TextureDimension::D2, texels.concat(), format, RenderAssetUsages::all());
     image.sampler = ImageSampler::nearest();
     stage.world_mut().resource_mut::<Assets<Image>>().add(image)
+}
+
+/// Has a texture that no frame has shown yet kept for the GPU alone.
+pub fn keep_for_the_gpu(stage: &mut Stage, texture: &Handle<Image>) {
+    let mut images = stage.world_mut().resource_mut::<Assets<Image>>();
+    images.get_mut(texture).unwrap_or_else(|| panic!("a texture of the stage")).asset_usage = RenderAssetUsages::RENDER_WORLD;
 }
 
 /// The albedo that a G-buffer of eight bits with gamma 2.2 keeps of `albedo`.

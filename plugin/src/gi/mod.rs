@@ -16,6 +16,7 @@
 //! | `composite` | render | interpolates along surfaces and adds the reflected light before tone mapping |
 
 mod composite;
+mod cutout;
 mod diagnostics;
 mod filter;
 mod gather;
@@ -25,6 +26,7 @@ mod refresh;
 mod rsm;
 mod settings;
 mod sources;
+mod texture;
 mod triangles;
 mod visibility;
 mod vpl;
@@ -170,6 +172,7 @@ impl Plugin for GiPlugin {
                         visibility::prepare_buffers,
                         sources::prepare_skies,
                         gather::prepare_cameras,
+                        gather::prepare_pipelines,
                         // Need to know whose sky is gathered in this frame, before Bevy binds the maps.
                         sources::take_out_diffuse,
                     )

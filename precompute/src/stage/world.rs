@@ -190,7 +190,7 @@ fn standard_material(material: &SceneMaterial, textures: &[Handle<Image>], expos
 
 fn image(texture: &SceneTexture) -> Image {
     let size = Extent3d { width: texture.width, height: texture.height, depth_or_array_layers: 1 };
-    let mut image = Image::new_uninit(size, TextureDimension::D2, TextureFormat::Rgba8UnormSrgb, RenderAssetUsages::RENDER_WORLD);
+    let mut image = Image::new_uninit(size, TextureDimension::D2, TextureFormat::Rgba8UnormSrgb, RenderAssetUsages::all());
     image.texture_descriptor.mip_level_count = texture.mips.len() as u32;
     image.data = Some(texture.mips.concat());
     image.sampler = ImageSampler::Descriptor(ImageSamplerDescriptor {

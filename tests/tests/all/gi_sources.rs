@@ -2,8 +2,8 @@
 
 use std::f64::consts::PI;
 
-use bevy::asset::{Assets, RenderAssetUsages};
-use bevy::color::{Alpha, LinearRgba};
+use bevy::asset::{Assets, Handle, RenderAssetUsages};
+use bevy::color::{Alpha, Color, LinearRgba};
 use bevy::ecs::entity::Entity;
 use bevy::image::Image;
 use bevy::light::EnvironmentMapLight;
@@ -28,6 +28,7 @@ tests!(
     what_glows_lights_beside_lamps,
     light_follows_what_glows,
     light_comes_from_the_bright_part_of_a_texture,
+    light_comes_from_what_a_mask_leaves,
     what_does_not_glow_costs_nothing,
     glow_that_is_no_number_or_huge_stays_finite,
     a_floor_under_an_even_sky_is_lit_by_all_of_it,
@@ -228,15 +229,30 @@ fn light_follows_what_glows() {
 }
 
 fn light_comes_from_the_bright_part_of_a_texture() {
+    // White where u is below a quarter, black elsewhere.
+    lights_by_a_quarter([255, 0, 0, 255], [0, 0, 0, 255], |texture| StandardMaterial {
+        emissive_texture: Some(texture),
+        ..glowing(4.0 * NITS)
+    });
+}
+
+fn light_comes_from_what_a_mask_leaves() {
+    let red = LinearRgba { green: 0.0, blue: 0.0, ..glowing(4.0 * NITS).emissive };
+    lights_by_a_quarter([0, 0, 0, 200], [0, 0, 0, 100], |texture| StandardMaterial {
+        base_color: Color::WHITE,
+        base_color_texture: Some(texture),
+        alpha_mode: AlphaMode::Mask(0.5),
+        emissive: red,
+        ..glowing(0.0)
+    });
+}
+
+/// Light of a panel of which one quarter is to glow red, by a texture of these texels.
+fn lights_by_a_quarter(quarter: [u8; 4], rest: [u8; 4], material: impl FnOnce(Handle<Image>) -> StandardMaterial) {
     let mut stage = bare(Component::Global);
     spawn_floor(&mut stage, 8.0);
-    // White where u is below a quarter, black elsewhere; kept for the processor, too.
-    let texels: Vec<u8> = (0..4).flat_map(|x| [if x == 0 { 255 } else { 0 }, 0, 0, 255]).collect();
-    let size = Extent3d { width: 4, height: 1, depth_or_array_layers: 1 };
-    let image = Image::new(size, TextureDimension::D2, texels, TextureFormat::Rgba8UnormSrgb, RenderAssetUsages::default());
-    let texture = stage.world_mut().resource_mut::<Assets<Image>>().add(image);
-    let material = StandardMaterial { emissive_texture: Some(texture), ..glowing(4.0 * NITS) };
-    spawn_panel(&mut stage, Vec3::new(0.0, 1.0, -1.0), Vec2::new(4.0, 0.4), material);
+    let texture = meshes::texture(&mut stage, TextureFormat::Rgba8UnormSrgb, 4, 1, &[quarter, rest, rest, rest]);
+    spawn_panel(&mut stage, Vec3::new(0.0, 1.0, -1.0), Vec2::new(4.0, 0.4), material(texture));
     set::look(&mut stage, Vec3::new(0.0, 1.5, 3.0), Vec3::new(0.0, 0.0, -1.0));
     let radiance = set::radiance(&mut stage);
     let [red, green, blue] = set::channel_means(&radiance);

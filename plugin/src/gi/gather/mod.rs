@@ -7,6 +7,7 @@ mod work;
 use bevy::asset::{Handle, load_embedded_asset};
 use bevy::core_pipeline::prepass::ViewPrepassTextures;
 use bevy::ecs::prelude::*;
+use bevy::platform::collections::HashMap;
 use bevy::render::diagnostic::RecordDiagnostics;
 use bevy::render::render_resource::binding_types::{
     storage_buffer_read_only_sized, texture_2d, texture_depth_2d, texture_storage_2d, uniform_buffer, uniform_buffer_sized,
@@ -26,13 +27,23 @@ use camera::first_of;
 pub(super) use camera::prepare_cameras;
 pub(super) use plan::{GatherSettings, VplPlan};
 
-/// One pipeline for each way to see, in the order of [`GiVisibility::ALL`], without a sky and with one.
+/// What pipelines differ by.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub(super) struct GatherKind {
+    pub visibility: GiVisibility,
+    /// Takes rays.
+    pub has_sky: bool,
+    /// Whether rays look for holes.
+    pub has_masks: bool,
+}
+
+/// Those of plain kinds are there from the beginning; with a sky or with holes once a camera has asked for them.
 #[derive(Resource)]
 pub(super) struct GatherPipelines {
+    /// Without a sky and with one.
     layouts: [BindGroupLayoutDescriptor; 2],
     shader: Handle<Shader>,
-    /// Without a sky they are there from the beginning, and with one once a camera has asked for it.
-    pipelines: [[Option<CachedComputePipelineId>; 2]; 3],
+    pipelines: HashMap<GatherKind, CachedComputePipelineId>,
 }
 
 impl FromWorld for GatherPipelines {
@@ -56,29 +67,35 @@ impl FromWorld for GatherPipelines {
         };
         let cache = world.resource::<PipelineCache>();
         for visibility in GiVisibility::ALL {
-            pipelines.demand(cache, visibility, false);
+            pipelines.demand(cache, GatherKind { visibility, has_sky: false, has_masks: false });
         }
         pipelines
     }
 }
 
 impl GatherPipelines {
-    /// The pipeline for a way to see; compiled from now on where it was not asked for before. A sky takes rays.
-    pub(super) fn demand(&mut self, cache: &PipelineCache, visibility: GiVisibility, has_sky: bool) -> CachedComputePipelineId {
+    /// The pipeline of a kind; compiled from now on where it was not asked for before.
+    pub(super) fn demand(&mut self, cache: &PipelineCache, kind: GatherKind) -> CachedComputePipelineId {
         let Self { layouts, shader, pipelines } = self;
-        let kind = GiVisibility::ALL.iter().position(|kind| *kind == visibility).unwrap_or(0);
-        *pipelines[kind][usize::from(has_sky)].get_or_insert_with(|| {
+        let GatherKind { visibility, has_sky, has_masks } = kind;
+        *pipelines.entry(kind).or_insert_with(|| {
             let mut layout = vec![layouts[usize::from(has_sky)].clone()];
             let mut shader_defs = Vec::new();
+            let mut label = format!("bevy_frugal_gi/gather/{visibility:?}");
             if visibility.rays() > 0 {
                 layout.push(OccluderBuffers::layout());
                 shader_defs.push(ShaderDefVal::UInt("RAYS".into(), visibility.rays()));
             }
             if has_sky {
                 shader_defs.push(ShaderDefVal::UInt("SKY_RAYS".into(), visibility.sky_rays()));
+                label += "/sky";
+            }
+            if has_masks {
+                shader_defs.push("MASKS".into());
+                label += "/masks";
             }
             cache.queue_compute_pipeline(ComputePipelineDescriptor {
-                label: Some(format!("bevy_frugal_gi/gather/{visibility:?}{}", if has_sky { "/sky" } else { "" }).into()),
+                label: Some(label.into()),
                 layout,
                 shader: shader.clone(),
                 shader_defs,
@@ -86,6 +103,30 @@ impl GatherPipelines {
                 ..default()
             })
         })
+    }
+
+    /// The pipeline of a kind, if it is compiled; until then, one that takes all that rays meet for solid.
+    fn get<'a>(&self, cache: &'a PipelineCache, kind: GatherKind) -> Option<&'a ComputePipeline> {
+        let compiled = |kind| cache.get_compute_pipeline(*self.pipelines.get(&kind)?);
+        compiled(kind).or_else(|| compiled(GatherKind { has_masks: false, ..kind }))
+    }
+}
+
+/// Asks for the pipelines that look for holes, where there are any.
+pub(super) fn prepare_pipelines(
+    mut pipelines: ResMut<GatherPipelines>,
+    occluders: Res<OccluderBuffers>,
+    cache: Res<PipelineCache>,
+    cameras: Query<(&FrugalGi, Has<SkyCamera>)>,
+) {
+    if !occluders.are_masked() {
+        return;
+    }
+    for (gi, has_sky) in cameras.iter().filter(|(gi, _)| gi.traces()) {
+        // A sky may turn out to send nothing.
+        for has_sky in [false, has_sky] {
+            pipelines.demand(&cache, GatherKind { visibility: gi.visibility, has_sky, has_masks: true });
+        }
     }
 }
 
@@ -103,16 +144,14 @@ pub(super) fn gather(
         return;
     }
     let sky = sky.filter(|_| camera.sky_samples > 0);
-    let kind = GiVisibility::ALL.iter().position(|kind| *kind == camera.visibility).unwrap_or(0);
-    let (Some(g_buffer), Some(depth), Some(views), Some(pipeline)) = (
-        prepass.deferred_view(),
-        prepass.depth_view(),
-        view_uniforms.uniforms.binding(),
-        pipelines.pipelines[kind][usize::from(sky.is_some())].and_then(|pipeline| cache.get_compute_pipeline(pipeline)),
-    ) else {
+    let is_traced = camera.visibility != GiVisibility::None;
+    let kind = GatherKind { visibility: camera.visibility, has_sky: sky.is_some(), has_masks: is_traced && occluders.are_masked() };
+    let (Some(g_buffer), Some(depth), Some(views), Some(pipeline)) =
+        (prepass.deferred_view(), prepass.depth_view(), view_uniforms.uniforms.binding(), pipelines.get(&cache, kind))
+    else {
         return;
     };
-    let traced = if camera.visibility == GiVisibility::None { None } else { occluders.bind_group() };
+    let traced = if is_traced { occluders.bind_group() } else { None };
     let entries = DynamicBindGroupEntries::sequential((
         g_buffer,
         depth,

@@ -1,37 +1,14 @@
 //! What a material gives off, in nits: what a camera sees of it.
 
-use bevy::asset::AssetId;
-use bevy::image::Image;
 use bevy::material::OpaqueRendererMethod;
-use bevy::math::{Affine2, DVec3, Vec3};
-use bevy::mesh::{Mesh, MeshVertexAttribute, UvChannel};
+use bevy::math::{DVec3, Vec3};
 use bevy::pbr::StandardMaterial;
 use bevy::prelude::AlphaMode;
 use bevy::render::render_resource::Face;
 
 use super::surface::Sides;
-
-/// How an emissive texture lies on a mesh.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
-pub(super) struct TextureUse {
-    pub image: AssetId<Image>,
-    /// The second set of coordinates rather than the first.
-    second: bool,
-    /// Bits of the matrix by columns: so that it can be a key.
-    transform: [u32; 6],
-}
-
-impl TextureUse {
-    /// The mesh's attribute that holds its coordinates.
-    pub fn attribute(&self) -> MeshVertexAttribute {
-        if self.second { Mesh::ATTRIBUTE_UV_1 } else { Mesh::ATTRIBUTE_UV_0 }
-    }
-
-    /// From the mesh's coordinates to the texture's.
-    pub fn transform(&self) -> Affine2 {
-        Affine2::from_cols_array(&self.transform.map(f32::from_bits))
-    }
-}
+use crate::gi::cutout::Mask;
+use crate::gi::texture::TextureUse;
 
 /// What a material gives off.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -42,6 +19,8 @@ pub(super) struct Emission {
     pub unexposed: Vec3,
     pub sides: Sides,
     pub texture: Option<TextureUse>,
+    /// Where it has holes.
+    pub mask: Option<Mask>,
 }
 
 impl Emission {
@@ -74,12 +53,9 @@ pub(super) fn emission(material: &StandardMaterial) -> Option<Emission> {
         Some(Face::Front) => Sides::Back,
         None => Sides::Both,
     };
-    let texture = material.emissive_texture.as_ref().map(|image| TextureUse {
-        image: image.id(),
-        second: material.emissive_channel == UvChannel::Uv1,
-        transform: material.uv_transform.to_cols_array().map(f32::to_bits),
-    });
-    Some(Emission { exposed: color * weight, unexposed: color * (1.0 - weight), sides, texture })
+    let texture = material.emissive_texture.as_ref();
+    let texture = texture.map(|image| TextureUse::new(image, &material.emissive_channel, material.uv_transform));
+    Some(Emission { exposed: color * weight, unexposed: color * (1.0 - weight), sides, texture, mask: Mask::new(material) })
 }
 
 /// Whether what the camera shows of it comes out of the G-buffer.

@@ -13,18 +13,20 @@ use bevy::color::ColorToComponents;
 use bevy::ecs::prelude::*;
 use bevy::image::Image;
 use bevy::log::warn_once;
-use bevy::math::{Affine2, Affine3A, DVec3, Vec2, Vec3};
+use bevy::math::{Affine3A, DVec3, Vec2, Vec3};
 use bevy::mesh::skinning::SkinnedMesh;
-use bevy::mesh::{Mesh, Mesh3d, VertexAttributeValues};
+use bevy::mesh::{Mesh, Mesh3d};
 use bevy::pbr::{MeshMaterial3d, StandardMaterial};
 use bevy::platform::collections::{HashMap, HashSet};
 use bevy::render::extract_resource::ExtractResource;
 use bevy::transform::components::GlobalTransform;
 
-use super::emission::{Emission, TextureUse, emission};
+use super::emission::{Emission, emission};
 use super::surface::{GlowingSurface, Place};
+use crate::gi::cutout::{Cutout, Mask};
 use crate::gi::rsm::{RsmCut, Texel};
 use crate::gi::settings::FrugalGi;
+use crate::gi::texture::{self, TextureUse};
 use crate::gi::triangles;
 use crate::gi::vpl::MapRow;
 
@@ -33,8 +35,8 @@ use crate::gi::vpl::MapRow;
 const TEXELS: usize = 1024;
 /// Most surfaces that glow; the most powerful ones do.
 const MOST_SURFACES: usize = 4096;
-/// Points of a textured surface for each that becomes a texel: where the texture is dark, none does.
-const TEXTURED_POINTS: usize = 16;
+/// Points of a surface with a texture or a mask for each that becomes a texel: where the texture is dark, or a hole, none does.
+const PATTERNED_POINTS: usize = 16;
 /// Texels in a row, as drawing wants them: in short rows, so that both of its coordinates are of use.
 const ROW: u32 = 32;
 
@@ -51,7 +53,7 @@ struct EmitterSet {
 /// Every visible mesh with a [`StandardMaterial`] whose `emissive` is not black does, on the sides that its `cull_mode` shows, but: unlit and
 /// multiplying ones, skinned ones (their triangles here are those of the bind pose), and those whose mesh is kept for the GPU alone (a warning says
 /// so). An emissive texture is read where its image is there for the processor in a format without compression, and taken for white else (another
-/// warning). Holes of alpha masks, morphs, shaders that move vertices, other kinds of material and render layers are not looked at.
+/// warning). Holes of alpha masks do not glow. Morphs, shaders that move vertices, other kinds of material and render layers are not looked at.
 #[derive(Resource, ExtractResource, Clone, Debug, Default)]
 pub struct GiEmitters {
     sets: Vec<EmitterSet>,
@@ -90,11 +92,19 @@ impl GiEmitters {
     }
 }
 
-/// Whose points are whose: a mesh and how a texture lies on it.
+/// Whose points are whose: a mesh, how a texture lies on it, and where it has holes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 struct SurfaceKey {
     mesh: AssetId<Mesh>,
     texture: Option<TextureUse>,
+    mask: Option<Mask>,
+}
+
+impl SurfaceKey {
+    /// Points for each that becomes a texel.
+    fn points_per_texel(&self) -> usize {
+        if self.texture.is_some() || self.mask.is_some() { PATTERNED_POINTS } else { 1 }
+    }
 }
 
 /// A surface in its place.
@@ -153,7 +163,7 @@ pub(super) fn update(
     }
     for event in image_events.iter_mut().flat_map(MessageReader::read) {
         let (AssetEvent::Modified { id } | AssetEvent::Removed { id }) = event else { continue };
-        glow.forget(|key| key.texture.is_some_and(|texture| texture.image == *id));
+        glow.forget(|key| key.texture.is_some_and(|texture| texture.image == *id) || key.mask.is_some_and(|mask| mask.reads(*id)));
     }
     let exposures: Vec<f32> = cameras
         .iter()
@@ -172,7 +182,7 @@ pub(super) fn update(
         .filter(|(.., transform, visible)| visible.get() && transform.affine().is_finite())
         .filter_map(|(entity, mesh, material, transform, _)| {
             let emission = *glow.materials.get(&material.id())?;
-            let key = SurfaceKey { mesh: mesh.id(), texture: emission.texture };
+            let key = SurfaceKey { mesh: mesh.id(), texture: emission.texture, mask: emission.mask };
             Some(Placed { entity, key, affine: transform.affine(), emission })
         })
         .collect();
@@ -182,7 +192,7 @@ pub(super) fn update(
     glow.surfaces.retain(|key, _| used.contains(key));
     for key in used {
         if !glow.surfaces.contains_key(&key)
-            && let Some(surface) = surface(&key, initial_points(&key), &sources)
+            && let Some(surface) = surface(&key, FIRST_TEXELS, &sources)
         {
             glow.surfaces.insert(key, surface);
             glow.stale = true;
@@ -215,16 +225,18 @@ fn distinct_exposures(placed: &[Placed], mut exposures: Vec<f32>) -> Vec<Option<
     exposures.into_iter().map(Some).collect()
 }
 
-/// Points for a first look at a surface.
-fn initial_points(key: &SurfaceKey) -> usize {
-    if key.texture.is_some() { 64 * TEXTURED_POINTS } else { 64 }
-}
+/// Texels' worth of points for a first look at a surface.
+const FIRST_TEXELS: usize = 64;
 
-/// Points of a surface; `None` while its assets are not there, and `Some(None)` where they cannot be read.
-fn surface(key: &SurfaceKey, points: usize, sources: &Sources) -> Option<Option<GlowingSurface>> {
+/// Points of a surface for so many texels; `None` while its assets are not there, and `Some(None)` where they cannot be read.
+fn surface(key: &SurfaceKey, texels: usize, sources: &Sources) -> Option<Option<GlowingSurface>> {
     let mesh = sources.meshes.get(key.mesh)?;
-    let image = match key.texture {
-        Some(texture) => Some(sources.images.as_ref()?.get(texture.image)?),
+    let texture = match key.texture {
+        Some(texture) => Some((texture, sources.images.as_ref()?.get(texture.image)?)),
+        None => None,
+    };
+    let cutout = match &key.mask {
+        Some(mask) => Some(Cutout::new(mask, mesh, sources.images.as_deref())?),
         None => None,
     };
     let Some((positions, corners)) = triangles::read(mesh) else {
@@ -234,32 +246,27 @@ fn surface(key: &SurfaceKey, points: usize, sources: &Sources) -> Option<Option<
         return Some(None);
     };
     let list: Vec<[Vec3; 3]> = corners.iter().map(|triangle| triangle.map(|corner| Vec3::from(positions[corner]))).collect();
-    let Some((texture, image)) = key.texture.zip(image) else { return Some(GlowingSurface::new(&list, points, |_| Vec3::ONE)) };
-    let coordinates = match mesh.try_attribute_option(texture.attribute()).ok().flatten() {
-        Some(VertexAttributeValues::Float32x2(coordinates)) => coordinates.as_slice(),
-        // Bevy reads no texture then.
-        _ => return Some(GlowingSurface::new(&list, points, |_| Vec3::ONE)),
+    // Bevy reads no texture where there are no coordinates for it.
+    let texture = texture.and_then(|(texture, image)| Some((image, texture.coordinates(mesh)?, texture.transform())));
+    let color = |Place { triangle, weights }| {
+        if cutout.as_ref().is_some_and(|cutout| !cutout.is_there(corners[triangle], weights)) {
+            return Vec3::ZERO;
+        }
+        texture.map_or(Vec3::ONE, |(image, coordinates, transform)| {
+            let [a, b, c] = corners[triangle].map(|corner| coordinates.get(corner).copied().map_or(Vec2::ZERO, Vec2::from));
+            color_at(image, transform.transform_point2(a + (b - a) * weights[0] + (c - a) * weights[1]))
+        })
     };
-    let transform = texture.transform();
-    Some(GlowingSurface::new(&list, points, |Place { triangle, weights }| {
-        let corner = |index: usize| coordinates.get(corners[triangle][index]).copied().map_or(Vec2::ZERO, Vec2::from);
-        let (first, second, third) = (corner(0), corner(1), corner(2));
-        color_at(image, transform, first + (second - first) * weights[0] + (third - first) * weights[1])
-    }))
+    Some(GlowingSurface::new(&list, texels * key.points_per_texel(), color))
 }
 
 /// Linear colour of the texel at `place`, white where it cannot be read.
-fn color_at(image: &Image, transform: Affine2, place: Vec2) -> Vec3 {
-    let (width, height) = (image.width().max(1), image.height().max(1));
-    let place = transform.transform_point2(place);
-    // Repeated, which is what textures that leave the unit square are for.
-    let texel = (place - place.floor()) * Vec2::new(width as f32, height as f32);
-    let (x, y) = ((texel.x as u32).min(width - 1), (texel.y as u32).min(height - 1));
-    let Ok(color) = image.get_color_at(x, y) else {
+fn color_at(image: &Image, place: Vec2) -> Vec3 {
+    let Some(color) = texture::texel(image, place) else {
         warn_once!("an emissive texture is kept for the GPU alone or is compressed: what it lights is lit as if it were white");
         return Vec3::ONE;
     };
-    let color = color.to_linear().to_vec3();
+    let color = color.to_vec3();
     if color.is_finite() { color.max(Vec3::ZERO) } else { Vec3::ZERO }
 }
 
@@ -291,10 +298,9 @@ fn assemble(
         let sides = placed.emission.sides;
         let share = (TEXELS as f64 * power / total / sides.count() as f64).ceil() as usize;
         let count = share.clamp(1, TEXELS).next_power_of_two();
-        let needed = count * if placed.key.texture.is_some() { TEXTURED_POINTS } else { 1 };
         let Some(Some(points)) = surfaces.get_mut(&placed.key) else { continue };
-        if points.len() < needed
-            && let Some(Some(finer)) = surface(&placed.key, needed, sources)
+        if points.len() < count * placed.key.points_per_texel()
+            && let Some(Some(finer)) = surface(&placed.key, count, sources)
         {
             *points = finer;
         }

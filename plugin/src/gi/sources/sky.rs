@@ -34,7 +34,7 @@ use bevy::shader::Shader;
 use bevy::utils::default;
 use bytemuck::{Pod, Zeroable};
 
-use crate::gi::gather::{GatherPipelines, GiCamera};
+use crate::gi::gather::{GatherKind, GatherPipelines, GiCamera};
 use crate::gi::settings::FrugalGi;
 use crate::gi::visibility::OccluderBuffers;
 
@@ -236,7 +236,7 @@ pub(in crate::gi) fn prepare_cameras(
         };
         let is_active = {
             let mut needed = pipelines.demand(&cache).to_vec();
-            needed.push(gather.demand(&cache, gi.visibility, true));
+            needed.push(gather.demand(&cache, GatherKind { visibility: gi.visibility, has_sky: true, has_masks: false }));
             needed.into_iter().all(|pipeline| cache.get_compute_pipeline(pipeline).is_some())
         };
         let plan = SkyPlan { samples, sets: gi.interleave.side().pow(2) };

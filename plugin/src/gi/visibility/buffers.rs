@@ -36,6 +36,11 @@ impl OccluderBuffers {
         self.held.as_ref().map(|held| &held.bind_group)
     }
 
+    /// Whether anything in it has holes, which shaders only look for where MASKS is defined.
+    pub fn are_masked(&self) -> bool {
+        self.held.as_ref().is_some_and(|held| held.meshes.is_masked)
+    }
+
     /// The buffers of group 1, in the order of its bindings.
     pub fn buffers(&self) -> Option<&[Buffer; 4]> {
         self.held.as_ref().map(|held| &held.buffers)

@@ -48,8 +48,34 @@ impl Node {
     }
 }
 
-/// A triangle as a corner and two edges; `visibility/trace.wgsl` reads three of these vectors. The fourth components are not used.
-pub type TriangleWords = [[f32; 4]; 3];
+/// `visibility/trace.wgsl`'s `Triangle`: a corner and two edges, with which parts of it are there (see `micromap`).
+#[derive(Clone, Copy, Debug, PartialEq, Pod, Zeroable)]
+#[repr(C)]
+pub struct TriangleWords {
+    /// The first corner.
+    pub corner: [f32; 3],
+    padding: u32,
+    /// From there to the second.
+    pub edge_1: [f32; 3],
+    /// The micromap's lower half.
+    map_low: u32,
+    /// From the first corner to the third.
+    pub edge_2: [f32; 3],
+    /// Its upper half.
+    map_high: u32,
+}
+
+impl TriangleWords {
+    fn new([a, b, c]: [Vec3; 3], map: u64) -> Self {
+        let [corner, edge_1, edge_2] = [a, b - a, c - a].map(|v| v.to_array());
+        Self { corner, padding: 0, edge_1, map_low: map as u32, edge_2, map_high: (map >> 32) as u32 }
+    }
+
+    /// Its micromap.
+    pub fn map(&self) -> u64 {
+        u64::from(self.map_high) << 32 | u64::from(self.map_low)
+    }
+}
 
 /// Nodes in depth-first order, and the primitives in the order in which leaves name them.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -117,14 +143,15 @@ pub struct MeshBvh {
 }
 
 impl MeshBvh {
-    /// A tree of triangles. Those without area, or with corners that are not finite or absurdly far away, are left out.
-    pub fn new(triangles: impl IntoIterator<Item = [Vec3; 3]>) -> Self {
-        let triangles: Vec<[Vec3; 3]> = triangles.into_iter().filter(is_usable).collect();
-        let boxes: Vec<_> = triangles.iter().map(|[a, b, c]| (a.min(*b).min(*c).into(), a.max(*b).max(*c).into())).collect();
+    /// A tree of triangles, each with its micromap. Those that are all hole or without area, or with corners that are not finite or absurdly
+    /// far away, are left out.
+    pub fn new(triangles: impl IntoIterator<Item = ([Vec3; 3], u64)>) -> Self {
+        let triangles: Vec<_> = triangles.into_iter().filter(|(triangle, map)| *map != 0 && is_usable(triangle)).collect();
+        let boxes: Vec<_> = triangles.iter().map(|([a, b, c], _)| (a.min(*b).min(*c).into(), a.max(*b).max(*c).into())).collect();
         let FlatBvh { nodes, order } = FlatBvh::new(&boxes);
         let words = |index: &u32| {
-            let [a, b, c] = triangles[*index as usize];
-            [a, b - a, c - a].map(|v| [v.x, v.y, v.z, 0.0])
+            let (triangle, map) = triangles[*index as usize];
+            TriangleWords::new(triangle, map)
         };
         Self { triangles: order.iter().map(words).collect(), nodes }
     }

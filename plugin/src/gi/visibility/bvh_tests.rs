@@ -1,15 +1,16 @@
 use bevy::math::{DVec3, Quat};
 use proptest::prelude::*;
 
+use super::super::micromap::SOLID;
 use super::*;
 
-fn dvec(v: [f32; 4]) -> DVec3 {
+fn dvec(v: [f32; 3]) -> DVec3 {
     DVec3::new(f64::from(v[0]), f64::from(v[1]), f64::from(v[2]))
 }
 
 /// Whether the segment from `origin` along the whole of `direction` meets the triangle, and by which share of its size the nearest edge is missed.
 fn meets(triangle: &TriangleWords, origin: DVec3, direction: DVec3) -> bool {
-    let [a, ab, ac] = triangle.map(dvec);
+    let [a, ab, ac] = [triangle.corner, triangle.edge_1, triangle.edge_2].map(dvec);
     let p = direction.cross(ac);
     let determinant = ab.dot(p);
     let offset = origin - a;
@@ -45,6 +46,10 @@ fn walk(bvh: &MeshBvh, origin: DVec3, direction: DVec3) -> bool {
     false
 }
 
+fn solid(triangles: impl IntoIterator<Item = [Vec3; 3]>) -> MeshBvh {
+    MeshBvh::new(triangles.into_iter().map(|triangle| (triangle, SOLID)))
+}
+
 fn soup(count: usize, seed: u32) -> Vec<[Vec3; 3]> {
     let mut state = seed | 1;
     let mut random = move || {
@@ -61,7 +66,7 @@ fn soup(count: usize, seed: u32) -> Vec<[Vec3; 3]> {
 #[test]
 fn the_walk_finds_what_trying_every_triangle_finds() {
     for count in [1, 2, 3, 7, 50, 1000] {
-        let bvh = MeshBvh::new(soup(count, count as u32));
+        let bvh = solid(soup(count, count as u32));
         assert_eq!(bvh.triangles.len(), count);
         let mut found = 0;
         for ray in 0..400u32 {
@@ -98,16 +103,26 @@ fn what_is_no_triangle_is_left_out() {
         [Vec3::INFINITY, Vec3::X, Vec3::Y],
         [Vec3::splat(1e20), Vec3::X, Vec3::Y],
     ];
-    assert_eq!(MeshBvh::new(bad), MeshBvh::default());
-    assert_eq!(MeshBvh::new(bad.into_iter().chain([good])).triangles.len(), 1);
+    assert_eq!(solid(bad), MeshBvh::default());
+    assert_eq!(solid(bad.into_iter().chain([good])).triangles.len(), 1);
     // Small is not degenerate.
-    assert_eq!(MeshBvh::new([good.map(|corner| corner * 1e-15)]).triangles.len(), 1);
+    assert_eq!(solid([good.map(|corner| corner * 1e-15)]).triangles.len(), 1);
     assert_eq!(MeshBvh::default().bounds(&Affine3A::IDENTITY), None);
 }
 
 #[test]
+fn a_triangle_that_is_all_hole_is_left_out_and_others_keep_their_holes() {
+    let triangle = [Vec3::ZERO, Vec3::X, Vec3::Y];
+    let map = 0x0123_4567_89ab_cdef;
+    let bvh = MeshBvh::new([(triangle, 0), (triangle, map), (triangle, SOLID)]);
+    let maps: Vec<u64> = bvh.triangles.iter().map(TriangleWords::map).collect();
+    assert!(maps.len() == 2 && maps.contains(&map) && maps.contains(&SOLID), "{maps:x?}");
+    assert_eq!(MeshBvh::new([(triangle, 0)]), MeshBvh::default());
+}
+
+#[test]
 fn many_triangles_in_one_place_are_split_among_leaves() {
-    let bvh = MeshBvh::new([[Vec3::ZERO, Vec3::X, Vec3::Y]; 100]);
+    let bvh = solid([[Vec3::ZERO, Vec3::X, Vec3::Y]; 100]);
     assert_eq!(bvh.triangles.len(), 100);
     assert_eq!(bvh.nodes.iter().filter(|node| node.leaf > 0).map(|node| node.primitives().len()).sum::<usize>(), 100);
 }
@@ -117,7 +132,7 @@ proptest! {
     fn a_moved_tree_s_box_holds_its_corners(seed in 1u32.., angle in -3.0f32..3.0, scale in 0.01f32..100.0) {
         let triangles = soup(20, seed);
         let affine = Affine3A::from_scale_rotation_translation(Vec3::splat(scale), Quat::from_rotation_y(angle), Vec3::new(1.0, -2.0, 3.0));
-        let (min, max) = MeshBvh::new(triangles.clone()).bounds(&affine).unwrap();
+        let (min, max) = solid(triangles.clone()).bounds(&affine).unwrap();
         let slack = Vec3A::splat(1e-4 * (1.0 + scale * 10.0));
         for corner in triangles.iter().flatten() {
             let moved = affine.transform_point3a((*corner).into());

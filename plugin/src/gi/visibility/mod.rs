@@ -3,6 +3,7 @@
 //! | file | world | job |
 //! |---|---|---|
 //! | `bvh` | none | a mesh's triangles as a tree that a GPU walks without a stack |
+//! | `micromap` | none | which parts of a triangle an alpha mask leaves |
 //! | `occluders` | main | keeps a tree for every mesh that hides light, and the list of where it stands |
 //! | `buffers` | render | keeps both on the GPU |
 //! | `trace.wgsl` | | whether anything lies between two points |
@@ -14,6 +15,7 @@
 
 mod buffers;
 mod bvh;
+mod micromap;
 mod occluders;
 
 use bevy::app::{App, PostUpdate};

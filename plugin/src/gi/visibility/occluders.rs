@@ -6,6 +6,7 @@ use bevy::asset::{AssetEvent, AssetId, Assets};
 use bevy::camera::Camera;
 use bevy::camera::visibility::InheritedVisibility;
 use bevy::ecs::prelude::*;
+use bevy::image::Image;
 use bevy::light::NotShadowCaster;
 use bevy::log::warn_once;
 use bevy::material::AlphaMode;
@@ -21,10 +22,14 @@ use bevy::transform::components::GlobalTransform;
 use bytemuck::{Pod, Zeroable};
 
 use super::bvh::{FlatBvh, MeshBvh, Node, TriangleWords};
+use super::micromap::{SOLID, micromap};
+use crate::gi::cutout::{Cutout, Mask};
 use crate::gi::settings::FrugalGi;
 
 /// Meshes of up to so many triangles get their tree at once, in about a millisecond; larger ones in the background.
 const TRIANGLES_AT_ONCE: usize = 4096;
+/// What a triangle with an alpha mask counts for: its mask is looked at in 512 places.
+const MASKED_TRIANGLE: usize = 64;
 
 /// `visibility/trace.wgsl`'s `Instance`.
 #[derive(Clone, Copy, Debug, PartialEq, Pod, Zeroable)]
@@ -42,6 +47,8 @@ pub(super) struct Instance {
 pub(super) struct MeshData {
     pub nodes: Vec<Node>,
     pub triangles: Vec<TriangleWords>,
+    /// Whether any triangle has holes.
+    pub is_masked: bool,
 }
 
 /// Meshes in their places, and the tree over them.
@@ -54,9 +61,10 @@ pub(super) struct InstanceData {
 /// What hides indirect light, kept while a camera asks for [`GiVisibility`](crate::gi::GiVisibility) and empty else.
 ///
 /// Every visible mesh does but: transparent and transmissive ones, those with [`NotShadowCaster`], skinned ones (their triangles here are those of
-/// the bind pose), and those whose asset is kept for the GPU alone (a warning says so). Alpha-masked meshes hide as if they were solid; morphs
-/// and shaders that move vertices are not followed. Meshes of more than 4096 triangles are prepared in the background and hide nothing
-/// until then.
+/// the bind pose), and those whose asset is kept for the GPU alone (a warning says so). Alpha masks of [`StandardMaterial`] have holes for rays
+/// too, in 64 parts of each triangle, where the mask's image is there for the processor in a format without compression (another warning, and no
+/// holes, where it is not); an image that changes in every frame has all that it lies on prepared in every frame. Morphs and shaders that move vertices
+/// are not followed. Meshes of more than 4096 triangles, or 64 with a mask, are prepared in the background and hide nothing until then.
 #[derive(Resource, ExtractResource, Clone, Debug, Default)]
 pub struct GiOccluders {
     pub(super) meshes: Arc<MeshData>,
@@ -88,33 +96,59 @@ enum Tree {
     Unreadable,
 }
 
-/// A tree per mesh, and what the present [`GiOccluders`] was made of.
+/// A mesh and where it has holes.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+struct TreeKey {
+    mesh: AssetId<Mesh>,
+    mask: Option<Mask>,
+}
+
+/// A tree per mesh and mask, and what the present [`GiOccluders`] was made of.
 #[derive(Resource, Default)]
 pub(super) struct MeshTrees {
-    trees: HashMap<AssetId<Mesh>, Tree>,
-    placed: Vec<(Entity, AssetId<Mesh>, Affine3A)>,
-    /// First node and number of nodes of each mesh in the present data.
-    ranges: HashMap<AssetId<Mesh>, [u32; 2]>,
+    trees: HashMap<TreeKey, Tree>,
+    placed: Vec<(Entity, TreeKey, Affine3A)>,
+    /// First node and the one after the last of each tree in the present data.
+    ranges: HashMap<TreeKey, [u32; 2]>,
     /// Set when a tree was added, changed or dropped.
     changed: bool,
+}
+
+impl MeshTrees {
+    fn forget(&mut self, is_gone: impl Fn(&TreeKey) -> bool) {
+        let before = self.trees.len();
+        self.trees.retain(|key, _| !is_gone(key));
+        self.changed |= self.trees.len() != before;
+    }
+}
+
+/// The assets that trees are made of.
+#[derive(bevy::ecs::system::SystemParam)]
+pub(super) struct Sources<'w> {
+    meshes: Res<'w, Assets<Mesh>>,
+    images: Option<Res<'w, Assets<Image>>>,
+    materials: Option<Res<'w, Assets<StandardMaterial>>>,
 }
 
 pub(super) fn update(
     mut trees: ResMut<MeshTrees>,
     mut occluders: ResMut<GiOccluders>,
-    mut events: MessageReader<AssetEvent<Mesh>>,
-    meshes: Res<Assets<Mesh>>,
-    materials: Option<Res<Assets<StandardMaterial>>>,
+    (mut mesh_events, mut image_events): (MessageReader<AssetEvent<Mesh>>, Option<MessageReader<AssetEvent<Image>>>),
+    sources: Sources,
     cameras: Query<(&Camera, &FrugalGi)>,
     placed: Query<
         (Entity, &Mesh3d, &GlobalTransform, &InheritedVisibility, Option<&MeshMaterial3d<StandardMaterial>>),
         (Without<NotShadowCaster>, Without<SkinnedMesh>),
     >,
 ) {
-    for event in events.read() {
-        if let AssetEvent::Modified { id } | AssetEvent::Removed { id } = event {
-            trees.changed |= trees.trees.remove(id).is_some();
-        }
+    let trees = &mut *trees;
+    for event in mesh_events.read() {
+        let (AssetEvent::Modified { id } | AssetEvent::Removed { id }) = event else { continue };
+        trees.forget(|key| key.mesh == *id);
+    }
+    for event in image_events.iter_mut().flat_map(MessageReader::read) {
+        let (AssetEvent::Modified { id } | AssetEvent::Removed { id }) = event else { continue };
+        trees.forget(|key| key.mask.is_some_and(|mask| mask.reads(*id)));
     }
     if !cameras.iter().any(|(camera, gi)| camera.is_active && gi.traces()) {
         // The trees stay: made again in the background, they would be missing in the frames after rays are back. What was made of them goes, and with
@@ -126,22 +160,19 @@ pub(super) fn update(
         }
         return;
     }
-    let is_solid = |material: Option<&MeshMaterial3d<StandardMaterial>>| {
-        // A material of another kind is taken for solid: nothing is known of it.
-        let Some(material) = material.zip(materials.as_ref()).and_then(|(handle, all)| all.get(handle)) else { return true };
-        matches!(material.alpha_mode, AlphaMode::Opaque | AlphaMode::Mask(_) | AlphaMode::AlphaToCoverage)
-            && material.specular_transmission <= 0.0
-            && material.diffuse_transmission <= 0.0
-    };
     let mut now: Vec<_> = placed
         .iter()
-        .filter(|(_, _, _, visible, material)| visible.get() && is_solid(*material))
-        .map(|(entity, mesh, transform, ..)| (entity, mesh.id(), transform.affine()))
+        .filter(|(_, _, _, visible, _)| visible.get())
+        .filter_map(|(entity, mesh, transform, _, material)| {
+            // A material of another kind is taken for solid: nothing is known of it.
+            let material = material.zip(sources.materials.as_ref()).and_then(|(handle, all)| all.get(handle));
+            let mask = material.and_then(Mask::new);
+            material.is_none_or(hides).then(|| (entity, TreeKey { mesh: mesh.id(), mask }, transform.affine()))
+        })
         .collect();
     // Entities come in no particular order, and the tree over them should be the same in every run.
     now.sort_unstable_by_key(|(entity, ..)| *entity);
-    let trees = &mut *trees;
-    build_trees(trees, now.iter().map(|(_, mesh, _)| *mesh), &meshes);
+    build_trees(trees, now.iter().map(|(_, key, _)| *key), &sources);
     let waiting = trees.trees.values().filter(|tree| matches!(tree, Tree::Building(_))).count();
     if trees.changed || trees.placed != now {
         *occluders = assemble(trees, &now, &occluders);
@@ -153,56 +184,77 @@ pub(super) fn update(
     }
 }
 
+/// Whether a material lets no light through but by its mask's holes.
+fn hides(material: &StandardMaterial) -> bool {
+    matches!(material.alpha_mode, AlphaMode::Opaque | AlphaMode::Mask(_) | AlphaMode::AlphaToCoverage)
+        && material.specular_transmission <= 0.0
+        && material.diffuse_transmission <= 0.0
+}
+
 /// Starts trees for new meshes, takes those that are done, and drops those of meshes that are gone.
-fn build_trees(trees: &mut MeshTrees, used: impl Iterator<Item = AssetId<Mesh>>, meshes: &Assets<Mesh>) {
+fn build_trees(trees: &mut MeshTrees, used: impl Iterator<Item = TreeKey>, sources: &Sources) {
     let used: HashSet<_> = used.collect();
-    let before = trees.trees.len();
-    trees.trees.retain(|mesh, _| used.contains(mesh));
-    trees.changed |= trees.trees.len() != before;
-    for mesh in used {
-        match trees.trees.get_mut(&mesh) {
+    trees.forget(|key| !used.contains(key));
+    for key in used {
+        match trees.trees.get_mut(&key) {
             Some(Tree::Building(task)) => {
                 if let Some(tree) = check_ready(task) {
-                    trees.trees.insert(mesh, Tree::Ready(Arc::new(tree)));
+                    trees.trees.insert(key, Tree::Ready(Arc::new(tree)));
                     trees.changed = true;
                 }
             }
             Some(_) => {}
             // An asset that is still loading is asked for again.
             None => {
-                let Some(asset) = meshes.get(mesh) else { continue };
-                let tree = match triangles(asset) {
-                    None => {
-                        warn_once!(
-                            "a mesh is kept for the GPU alone or is no triangle list: it hides no indirect light (RenderAssetUsages::MAIN_WORLD keeps it readable)"
-                        );
-                        Tree::Unreadable
-                    }
-                    Some(triangles) if triangles.len() <= TRIANGLES_AT_ONCE => Tree::Ready(Arc::new(MeshBvh::new(triangles))),
-                    Some(triangles) => Tree::Building(AsyncComputeTaskPool::get().spawn(async move { MeshBvh::new(triangles) })),
-                };
-                trees.trees.insert(mesh, tree);
-                trees.changed = true;
+                if let Some(tree) = start(&key, sources) {
+                    trees.trees.insert(key, tree);
+                    trees.changed = true;
+                }
             }
         }
     }
 }
 
-/// Every triangle in the mesh's own space; `None` where they cannot be read.
-fn triangles(mesh: &Mesh) -> Option<Vec<[Vec3; 3]>> {
-    let (positions, corners) = crate::gi::triangles::read(mesh)?;
-    Some(corners.into_iter().map(|triangle| triangle.map(|corner| Vec3::from(positions[corner]))).collect())
+/// A mesh's tree, at once or in the background; `None` while its assets are not there.
+fn start(key: &TreeKey, sources: &Sources) -> Option<Tree> {
+    let mesh = sources.meshes.get(key.mesh)?;
+    let cutout = match &key.mask {
+        Some(mask) => Some(Cutout::new(mask, mesh, sources.images.as_deref())?),
+        None => None,
+    };
+    let Some((positions, corners)) = crate::gi::triangles::read(mesh) else {
+        warn_once!(
+            "a mesh is kept for the GPU alone or is no triangle list: it hides no indirect light (RenderAssetUsages::MAIN_WORLD keeps it readable)"
+        );
+        return Some(Tree::Unreadable);
+    };
+    let work = corners.len() * if cutout.is_some() { MASKED_TRIANGLE } else { 1 };
+    let triangles: Vec<[Vec3; 3]> = corners.iter().map(|triangle| triangle.map(|corner| Vec3::from(positions[corner]))).collect();
+    let build = move || MeshBvh::new(triangles.into_iter().zip(corners.into_iter().map(|corners| holes(cutout.as_ref(), corners))));
+    Some(if work <= TRIANGLES_AT_ONCE {
+        Tree::Ready(Arc::new(build()))
+    } else {
+        Tree::Building(AsyncComputeTaskPool::get().spawn(async move { build() }))
+    })
+}
+
+/// A triangle's micromap.
+fn holes(cutout: Option<&Cutout>, corners: [usize; 3]) -> u64 {
+    match cutout {
+        Some(cutout) if cutout.may_pierce(corners) => micromap(|place| cutout.is_there(corners, place)),
+        _ => SOLID,
+    }
 }
 
 /// Everything in its place. The meshes' data is made anew only when a tree changed.
-fn assemble(trees: &mut MeshTrees, placed: &[(Entity, AssetId<Mesh>, Affine3A)], before: &GiOccluders) -> GiOccluders {
+fn assemble(trees: &mut MeshTrees, placed: &[(Entity, TreeKey, Affine3A)], before: &GiOccluders) -> GiOccluders {
     let mut meshes = Arc::clone(&before.meshes);
     if trees.changed {
         let mut data = MeshData::default();
         trees.ranges.clear();
-        for (_, mesh, _) in placed {
-            let Some(Tree::Ready(tree)) = trees.trees.get(mesh) else { continue };
-            trees.ranges.entry(*mesh).or_insert_with(|| {
+        for (_, key, _) in placed {
+            let Some(Tree::Ready(tree)) = trees.trees.get(key) else { continue };
+            trees.ranges.entry(*key).or_insert_with(|| {
                 let (first, first_triangle) = (data.nodes.len() as u32, data.triangles.len() as u32);
                 let moved = |node: &Node| {
                     let leaf = if node.leaf == 0 { 0 } else { node.leaf + (first_triangle << 3) };
@@ -210,14 +262,15 @@ fn assemble(trees: &mut MeshTrees, placed: &[(Entity, AssetId<Mesh>, Affine3A)],
                 };
                 data.nodes.extend(tree.nodes.iter().map(moved));
                 data.triangles.extend(&tree.triangles);
+                data.is_masked |= tree.triangles.iter().any(|triangle| triangle.map() != SOLID);
                 [first, data.nodes.len() as u32]
             });
         }
         meshes = Arc::new(data);
     }
     let (mut boxes, mut instances) = (Vec::new(), Vec::new());
-    for (_, mesh, affine) in placed {
-        let (Some(Tree::Ready(tree)), Some(nodes)) = (trees.trees.get(mesh), trees.ranges.get(mesh)) else { continue };
+    for (_, key, affine) in placed {
+        let (Some(Tree::Ready(tree)), Some(nodes)) = (trees.trees.get(key), trees.ranges.get(key)) else { continue };
         let inverse = affine.inverse();
         // Scaled to nothing, or so far away that nothing can be told: it hides nothing.
         let Some(bounds) = tree.bounds(affine).filter(|_| inverse.is_finite()) else { continue };

@@ -2,6 +2,8 @@
 //
 // No stack: nodes lie in depth-first order, and each knows where to go on when its box is missed. Instances are walked in the world, their
 // triangles in the mesh's own space; the ray's parameter is the same in both.
+//
+// Holes of alpha masks count where MASKS is defined: a software driver takes a tenth longer for looking at them, whether there are any or not.
 #define_import_path bevy_frugal_gi::gi::visibility::trace
 
 struct Node {
@@ -23,11 +25,14 @@ struct Instance {
     padding: vec2<u32>,
 }
 
-/// A corner and two edges.
+/// A corner and two edges, and which of its 64 parts are there (see `visibility/micromap.rs`).
 struct Triangle {
-    corner: vec4<f32>,
-    edge_1: vec4<f32>,
-    edge_2: vec4<f32>,
+    corner: vec3<f32>,
+    padding: u32,
+    edge_1: vec3<f32>,
+    map_low: u32,
+    edge_2: vec3<f32>,
+    map_high: u32,
 }
 
 @group(1) @binding(0) var<storage, read> instance_nodes: array<Node>;
@@ -52,18 +57,35 @@ fn meets_box(node: Node, origin: vec3<f32>, inverse: vec3<f32>) -> bool {
     return near <= far * 1.0000004;
 }
 
+#ifdef MASKS
+/// Whether what a triangle's alpha mask leaves of it holds the point of these weights of its second and third corner.
+fn is_there(triangle: Triangle, second: f32, third: f32) -> bool {
+    let across = second * 8.0;
+    let along = third * 8.0;
+    let row = u32(across);
+    // The row begins at part row · (16 − row), and its columns have two parts each, of which the sum of both fractions tells: with
+    // ⌊across + along⌋ = row + column + (0 or 1), that is this. The farthest corner and rounding on the longest side may name a neighbour.
+    let part = row * (15u - row) + u32(along) + u32(across + along);
+    return (select(triangle.map_low, triangle.map_high, part >= 32u) >> (part & 31u) & 1u) == 1u;
+}
+#else
+fn is_there(triangle: Triangle, second: f32, third: f32) -> bool {
+    return true;
+}
+#endif
+
 /// Möller and Trumbore 1997, from either side.
 fn meets_triangle(triangle: Triangle, origin: vec3<f32>, direction: vec3<f32>) -> bool {
-    let p = cross(direction, triangle.edge_2.xyz);
-    let determinant = dot(triangle.edge_1.xyz, p);
+    let p = cross(direction, triangle.edge_2);
+    let determinant = dot(triangle.edge_1, p);
     let inverse = 1.0 / determinant;
-    let offset = origin - triangle.corner.xyz;
+    let offset = origin - triangle.corner;
     let u = dot(offset, p) * inverse;
-    let q = cross(offset, triangle.edge_1.xyz);
+    let q = cross(offset, triangle.edge_1);
     let v = dot(direction, q) * inverse;
-    let t = dot(triangle.edge_2.xyz, q) * inverse;
+    let t = dot(triangle.edge_2, q) * inverse;
     // A ray in the triangle's plane makes these infinite or NaN, and meets nothing.
-    return u >= 0.0 && v >= 0.0 && u + v <= 1.0 && t > 0.0 && t < 1.0;
+    return u >= 0.0 && v >= 0.0 && u + v <= 1.0 && t > 0.0 && t < 1.0 && is_there(triangle, u, v);
 }
 
 fn meets_mesh(instance: Instance, world_origin: vec3<f32>, world_direction: vec3<f32>) -> bool {

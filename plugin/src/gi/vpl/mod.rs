@@ -91,7 +91,7 @@ impl FromWorld for VplPipelines {
             pick_receivers: queue(&weigh, &[&weigh_layout], "pick_receivers", None),
             find_floor: [None, Some("SEEING")].map(|seeing| queue(&weigh, &[&weigh_layout], "find_floor", seeing)),
             weigh_texels: [None, Some("SEEING")].map(|seeing| queue(&weigh, &[&weigh_layout], "weigh_texels", seeing)),
-            see_tiles: queue(&see, &[&see_layout, &OccluderBuffers::layout()], "see_tiles", None),
+            see_tiles: queue(&see, &[&see_layout, &OccluderBuffers::layout()], "see_tiles", Some("MASKS")),
             accumulate_rows: queue(&sample, &[&draw_layout], "accumulate_rows", None),
             accumulate_maps: queue(&sample, &[&draw_layout], "accumulate_maps", None),
             sample: queue(&sample, &[&draw_layout], "sample_vpls", None),

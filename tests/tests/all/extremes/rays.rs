@@ -1,9 +1,12 @@
 //! The gather with rays, through the tree that the plugin builds, against trying every triangle in 64-bit floats.
 
 use bevy::asset::RenderAssetUsages;
+use bevy::color::Color;
 use bevy::math::{DAffine3, DVec3, Quat, Vec3};
 use bevy::mesh::{Indices, Mesh, PrimitiveTopology};
-use bevy::render::render_resource::Buffer;
+use bevy::pbr::StandardMaterial;
+use bevy::prelude::AlphaMode;
+use bevy::render::render_resource::{Buffer, TextureFormat};
 use bevy::transform::components::Transform;
 use bevy_frugal_gi::gi::{GiOccluders, inspect};
 use frugal::stage::Stage;
@@ -14,12 +17,22 @@ use frugal_tests::{meshes, set};
 
 use super::{Random, Worst, stage};
 
-tests!(rays_meet_what_trying_every_triangle_meets, surfaces_do_not_shade_themselves, hands_of_lights_are_summed_or_left_out);
+tests!(
+    rays_meet_what_trying_every_triangle_meets,
+    rays_pass_where_masks_have_holes,
+    surfaces_do_not_shade_themselves,
+    hands_of_lights_are_summed_or_left_out,
+);
 
 const SIZE: [u32; 2] = [16, 16];
 const COUNT: usize = (SIZE[0] * SIZE[1]) as usize;
 
-type Triangle = [DVec3; 3];
+/// A triangle and which of its eight strips are there: between weights of the second corner of 0, 1/8, 2/8 and so on.
+#[derive(Clone, Copy)]
+struct Triangle {
+    corners: [DVec3; 3],
+    strips: u8,
+}
 
 /// The occluders of a stage on the GPU, and their triangles in the world.
 struct Scene {
@@ -34,16 +47,37 @@ impl Scene {
 
     /// Puts triangles on the stage, given in the mesh's own space.
     fn add(&mut self, corners: &[[Vec3; 3]], transform: Transform) {
+        self.add_with(corners, transform, meshes::matt(0.5, 0.5, 0.5), u8::MAX);
+    }
+
+    /// The same with holes.
+    fn add_strips(&mut self, corners: &[[Vec3; 3]], transform: Transform, strips: u8) {
+        let texels: Vec<[u8; 4]> = (0..8).map(|strip| [255, 255, 255, if strips >> strip & 1 == 1 { 200 } else { 100 }]).collect();
+        let texture = meshes::texture(&mut self.stage, TextureFormat::Rgba8UnormSrgb, 8, 1, &texels);
+        // Of the material's alpha, too: 200 of 255 reach half of 0.75, and 100 do not.
+        let base_color = Color::linear_rgba(0.5, 0.5, 0.5, 0.75);
+        let material = StandardMaterial {
+            base_color,
+            base_color_texture: Some(texture),
+            alpha_mode: AlphaMode::Mask(0.5),
+            ..meshes::matt(0.5, 0.5, 0.5)
+        };
+        self.add_with(corners, transform, material, strips);
+    }
+
+    fn add_with(&mut self, corners: &[[Vec3; 3]], transform: Transform, material: StandardMaterial, strips: u8) {
         let positions: Vec<[f32; 3]> = corners.iter().flatten().map(|corner| corner.to_array()).collect();
         let count = positions.len();
         let mesh = Mesh::new(PrimitiveTopology::TriangleList, RenderAssetUsages::all())
             .with_inserted_attribute(Mesh::ATTRIBUTE_NORMAL, vec![[0.0f32, 1.0, 0.0]; count])
             .with_inserted_attribute(Mesh::ATTRIBUTE_POSITION, positions)
+            .with_inserted_attribute(Mesh::ATTRIBUTE_UV_0, [[0.0f32, 0.0], [1.0, 0.0], [0.0, 1.0]].repeat(corners.len()))
             .with_inserted_indices(Indices::U32((0..count as u32).collect()));
-        meshes::spawn(&mut self.stage, mesh, meshes::matt(0.5, 0.5, 0.5), transform);
+        meshes::spawn(&mut self.stage, mesh, material, transform);
         let affine = transform.compute_affine();
         let affine = DAffine3::from_mat3_translation(affine.matrix3.as_dmat3(), affine.translation.as_dvec3());
-        self.triangles.extend(corners.iter().map(|triangle| triangle.map(|corner| affine.transform_point3(corner.as_dvec3()))));
+        let placed = |triangle: &[Vec3; 3]| triangle.map(|corner| affine.transform_point3(corner.as_dvec3()));
+        self.triangles.extend(corners.iter().map(|triangle| Triangle { corners: placed(triangle), strips }));
     }
 
     /// The buffers that the plugin made of them.
@@ -52,17 +86,77 @@ impl Scene {
         self.stage.get_ready().expect("a ready stage");
         inspect::gpu_state(self.stage.render_world()).occluders.expect("a camera that traces")
     }
+
+    /// Lights above a floor, as the comparison has them.
+    fn lights() -> Vec<Point> {
+        let mut random = Random(29);
+        let mut light = || {
+            let position = random.inside(Vec3::new(-5.0, 0.5, -5.0), Vec3::new(5.0, 4.0, 5.0));
+            let facing = (random.direction() + 1.5 * Vec3::NEG_Y).normalize();
+            Point { position: position.to_array(), normal: facing.to_array(), flux: [1e4, 1e3, 1e2], extent: 100.0 }
+        };
+        (0..24).map(|_| light()).collect()
+    }
+
+    /// The plane that they light.
+    fn plane() -> Plane {
+        Plane { spacing: 0.75, eye: Vec3::new(0.0, 3.0, 5.0), exposure: 0.1, ..Plane::ORIGIN }
+    }
+
+    /// Of each light and pixel that lies before it: which, where, what it gets if nothing hides, and whether nothing does.
+    fn pairs(&self) -> impl Iterator<Item = (Point, u32, DVec3, f64, Option<bool>)> {
+        let plane = Self::plane();
+        let (_, normal) = g_buffer_normal(Vec3::Y);
+        Self::lights().into_iter().flat_map(move |vpl| (0..COUNT as u32).map(move |pixel| (vpl, pixel))).filter_map(move |(vpl, pixel)| {
+            let at = plane.position(SIZE, pixel % SIZE[0], pixel / SIZE[0]);
+            let open = irradiance(&[vpl], at, normal, plane.exposure)[0];
+            (open >= 0.01).then(|| (vpl, pixel, at, open, is_free(&self.triangles, &plane, [at, normal], &vpl)))
+        })
+    }
+
+    /// Rays that are hidden, by trying every triangle.
+    fn count_hidden(&self) -> usize {
+        self.pairs().filter(|(.., free)| *free == Some(false)).count()
+    }
+
+    /// Holds the gather against trying every triangle; how many rays were hidden.
+    fn compare(&mut self, occluders: &[Buffer; 4], label: &str) -> usize {
+        let (packed, _) = g_buffer_normal(Vec3::Y);
+        let gather = Gather::new(&mut self.stage, 2);
+        let pixels = Pixels::new(&self.stage, SIZE, &[packed; COUNT]);
+        // One light at a time: the first hand holds it, and the other is empty.
+        let lights = Self::lights();
+        let run = |vpl: &Point| gather.run_with(&self.stage, &pixels, &Self::plane(), &[*vpl], Some(occluders));
+        let found: Vec<_> = lights.iter().map(run).collect();
+        let (mut worst, mut rays, mut hidden, mut unclear) = (Worst::default(), 0, 0, 0);
+        for (vpl, pixel, at, open, free) in self.pairs() {
+            rays += 1;
+            let Some(free) = free else {
+                unclear += 1;
+                continue;
+            };
+            hidden += usize::from(!free);
+            let light = lights.iter().position(|light| light.position == vpl.position).expect("one of them");
+            let found = found[light][pixel as usize][0];
+            worst.check(&format!("pixel {pixel} at {at}, light {light}"), found, if free { open } else { 0.0 }, 1e-5 * open);
+        }
+        println!("    {rays} rays, {hidden} of them hidden, {unclear} too near an edge to tell");
+        worst.report(label, 1000);
+        assert!(unclear < rays / 50, "{unclear} of {rays}");
+        hidden
+    }
 }
 
 /// Möller and Trumbore 1997, from either side; no triangle without area is met.
 fn meets(triangle: &Triangle, origin: DVec3, direction: DVec3) -> bool {
-    let [a, ab, ac] = [triangle[0], triangle[1] - triangle[0], triangle[2] - triangle[0]];
+    let [a, b, c] = triangle.corners;
+    let (ab, ac) = (b - a, c - a);
     let p = direction.cross(ac);
     let determinant = ab.dot(p);
     let offset = origin - a;
     let (u, q) = (offset.dot(p) / determinant, offset.cross(ab));
     let (v, t) = (direction.dot(q) / determinant, ac.dot(q) / determinant);
-    u >= 0.0 && v >= 0.0 && u + v <= 1.0 && t > 0.0 && t < 1.0
+    u >= 0.0 && v >= 0.0 && u + v <= 1.0 && t > 0.0 && t < 1.0 && triangle.strips >> ((u * 8.0) as u32).min(7) & 1 == 1
 }
 
 /// How far off a surface a ray starts or ends, metres: `trace.wgsl`'s `surface_offset`.
@@ -114,39 +208,36 @@ fn rays_meet_what_trying_every_triangle_meets() {
     let large: Vec<_> = soup(&mut random, 24).into_iter().map(|triangle| triangle.map(|corner| corner * 1e4)).collect();
     scene.add(&large, Transform::from_scale(Vec3::splat(1e-4)));
     let occluders = scene.occluders();
-    let stage = &mut scene.stage;
     // Of each eight triangles, three are none; those of the mesh that is scaled to nothing are kept, for its tree knows nothing of that.
-    let kept = stage.world_mut().resource::<GiOccluders>();
+    let kept = scene.stage.world_mut().resource::<GiOccluders>();
     assert_eq!((kept.triangle_count(), kept.instance_count()), (112 / 8 * 5, 3), "what hides nothing is left out");
+    let hidden = scene.compare(&occluders, "rays");
+    assert!(hidden > 200, "{hidden}");
+}
 
-    let gather = Gather::new(stage, 2);
-    let (packed, normal) = g_buffer_normal(Vec3::Y);
-    let pixels = Pixels::new(stage, SIZE, &[packed; COUNT]);
-    let plane = Plane { spacing: 0.75, eye: Vec3::new(0.0, 3.0, 5.0), exposure: 0.1, ..Plane::ORIGIN };
-    let (mut worst, mut rays, mut hidden, mut unclear) = (Worst::default(), 0, 0, 0);
-    for _ in 0..24 {
-        let position = random.inside(Vec3::new(-5.0, 0.5, -5.0), Vec3::new(5.0, 4.0, 5.0));
-        let facing = (random.direction() + 1.5 * Vec3::NEG_Y).normalize();
-        let vpl = Point { position: position.to_array(), normal: facing.to_array(), flux: [1e4, 1e3, 1e2], extent: 100.0 };
-        // One light: the first hand holds it, and the other is empty.
-        for (pixel, found) in (0..).zip(gather.run_with(stage, &pixels, &plane, &[vpl], Some(&occluders))) {
-            let at = plane.position(SIZE, pixel % SIZE[0], pixel / SIZE[0]);
-            let open = irradiance(&[vpl], at, normal, plane.exposure)[0];
-            if open < 0.01 {
-                continue;
-            }
-            rays += 1;
-            let Some(free) = is_free(&scene.triangles, &plane, [at, normal], &vpl) else {
-                unclear += 1;
-                continue;
-            };
-            hidden += usize::from(!free);
-            worst.check(&format!("pixel {pixel} at {at}, light at {position}"), found[0], if free { open } else { 0.0 }, 1e-5 * open);
-        }
+/// Holes that end where parts of a triangle do, so that 64 of them hold all that there is to know.
+fn rays_pass_where_masks_have_holes() {
+    let mut scene = Scene::new();
+    let mut random = Random(6);
+    for strips in [0b1010_0101, 0b0000_0001, 0b1111_1110, 0b0110_0000] {
+        scene.add_strips(&soup(&mut random, 24), Transform::from_xyz(0.0, 0.2, 0.0), strips);
     }
-    println!("    {rays} rays, {hidden} of them hidden, {unclear} too near an edge to tell");
-    worst.report("rays", 1000);
-    assert!(hidden > 200 && unclear < rays / 50, "{hidden} {unclear} of {rays}");
+    scene.add_strips(&soup(&mut random, 24), Transform::default(), 0);
+    // The same mesh twice, with holes and without.
+    let small: Vec<_> = soup(&mut random, 16).into_iter().map(|triangle| triangle.map(|corner| corner * 0.3)).collect();
+    scene.add_strips(&small, Transform::from_scale(Vec3::new(3.0, -2.0, 3.0)).with_translation(Vec3::Y * 4.0), 0b0011_0011);
+    scene.add(&small, Transform::from_xyz(0.0, 1.0, 0.0));
+    let occluders = scene.occluders();
+    let kept = scene.stage.world_mut().resource::<GiOccluders>();
+    assert_eq!((kept.triangle_count(), kept.instance_count()), (128 / 8 * 5, 6), "what is all hole is left out");
+    let hidden = scene.compare(&occluders, "rays through holes");
+    // As many would be hidden by the same triangles without holes as show that holes count.
+    for triangle in &mut scene.triangles {
+        triangle.strips = u8::MAX;
+    }
+    let solid = scene.count_hidden();
+    println!("    {hidden} rays hidden; {solid} if there were no holes");
+    assert!(hidden > 100 && solid > hidden + 200, "{hidden} {solid}");
 }
 
 /// Receivers and lights on the very triangles that rays might meet.

@@ -14,7 +14,7 @@ use super::{Bench, GREY, Place, on_bench};
 
 tests!(
     a_normal_map_turns_what_is_sent_and_received,
-    holes_of_a_mask_let_light_through_but_not_rays,
+    holes_of_a_mask_let_light_and_rays_through,
     a_skin_is_where_its_joint_is_but_hides_nothing,
     a_morph_is_where_it_is_drawn_but_hides_where_it_was,
 );
@@ -68,11 +68,14 @@ fn a_normal_map_turns_what_is_sent_and_received() {
     });
 }
 
-fn holes_of_a_mask_let_light_through_but_not_rays() {
+fn holes_of_a_mask_let_light_and_rays_through() {
     on_bench(|bench| {
-        let mut masked = |label: &str, alphas: [u8; 4]| {
+        let mut masked = |label: &str, alphas: [u8; 4], is_readable: bool| {
             let texels = alphas.map(|alpha| [128, 128, 128, alpha]);
             let texture = meshes::texture(&mut bench.stage, TextureFormat::Rgba8UnormSrgb, 2, 2, &texels);
+            if !is_readable {
+                meshes::keep_for_the_gpu(&mut bench.stage, &texture);
+            }
             let material = StandardMaterial {
                 base_color_texture: Some(texture),
                 alpha_mode: AlphaMode::Mask(0.5),
@@ -87,19 +90,22 @@ fn holes_of_a_mask_let_light_through_but_not_rays() {
         };
         // 128 of sRGB.
         let albedo = [0.215_860_5; 3];
-        let solid = masked("a mask without holes", [255; 4]);
+        let solid = masked("a mask without holes", [255; 4], true);
         solid.assert_matt("a mask without holes", albedo);
-        let half = masked("a mask with half of it holes", [255, 0, 0, 255]);
-        let all = masked("a mask that is all hole", [0; 4]);
+        let half = masked("a mask with half of it holes", [255, 0, 0, 255], true);
+        let all = masked("a mask that is all hole", [0; 4], true);
         // The middle's texels, 26 or so a side, may lie one row more on one side.
         assert!((half.covered - 0.5).abs() < 0.03, "{}", half.covered);
         assert!((half.sent[1] - solid.sent[1]).abs() < 1e-4, "what is there sends as much: {:?}", half.sent);
         // In the holes the floor, which is lighter, lights the wall. Half of each does, but not as near to it.
         let open = all.wall[1];
         assert!((half.wall[1] / (0.5 * (solid.wall[1] + open)) - 1.0).abs() < 0.05, "{:?} {open}", half.wall);
-        half.assert_hides("rays take it for solid", true);
+        // What one side hides, the other's mirror image lets through.
+        assert!((half.hidden - 0.5 * solid.hidden).abs() < 0.02, "{} {}", half.hidden, solid.hidden);
         assert_eq!(all.covered, 0.0);
-        all.assert_hides("rays take it for solid", true);
+        all.assert_hides("what is not there", false);
+        let unread = masked("a mask with half of it holes, kept for the GPU", [255, 0, 0, 255], false);
+        unread.assert_hides("what cannot be read is taken for solid", true);
     });
 }
 

@@ -1,0 +1,199 @@
+//! What alpha masks leave of meshes, as far as the main world can read it.
+
+use bevy::asset::{AssetId, Assets};
+use bevy::color::Alpha;
+use bevy::image::Image;
+use bevy::log::warn_once;
+use bevy::material::AlphaMode;
+use bevy::math::{Affine2, Vec2};
+use bevy::mesh::{Mesh, VertexAttributeValues};
+use bevy::pbr::StandardMaterial;
+
+use super::texture::{self, TextureUse};
+
+/// What of a material decides where a mesh has holes: meshes with the same one have the same holes.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub(super) struct Mask {
+    texture: Option<TextureUse>,
+    /// Bits of the base colour's alpha and of what it must reach: so that they can be a key.
+    alpha: u32,
+    cutoff: u32,
+}
+
+impl Mask {
+    /// That of a material; none where nothing can be a hole.
+    pub fn new(material: &StandardMaterial) -> Option<Self> {
+        let cutoff = match material.alpha_mode {
+            AlphaMode::Mask(cutoff) => cutoff,
+            // As Bevy 0.19 draws it where nothing is multisampled.
+            AlphaMode::AlphaToCoverage => 0.5,
+            _ => return None,
+        };
+        let texture = material.base_color_texture.as_ref();
+        let texture = texture.map(|image| TextureUse::new(image, &material.base_color_channel, material.uv_transform));
+        // A cutoff that is no number makes a hole of everything.
+        if cutoff <= 0.0 {
+            return None;
+        }
+        Some(Self { texture, alpha: material.base_color.alpha().to_bits(), cutoff: cutoff.to_bits() })
+    }
+
+    /// Whether it changes when this image does.
+    pub fn reads(&self, image: AssetId<Image>) -> bool {
+        self.texture.is_some_and(|texture| texture.image == image)
+    }
+}
+
+/// A mask on a mesh, with all that it takes to look at it: it may be looked at in the background.
+pub(super) struct Cutout {
+    /// Of the material.
+    alpha: f32,
+    cutoff: f32,
+    /// Of the texture: the mesh's coordinates, and from these to the image's.
+    texture: Option<(Image, Vec<[f32; 2]>, Affine2)>,
+    /// Alpha of the mesh's corners; empty for 1.
+    corner_alpha: Vec<f32>,
+}
+
+impl Cutout {
+    /// Copies what it needs; `None` while the mask's image is not there.
+    pub fn new(mask: &Mask, mesh: &Mesh, images: Option<&Assets<Image>>) -> Option<Self> {
+        let texture = match mask.texture {
+            Some(texture) => {
+                let image = images?.get(texture.image)?;
+                if texture::texel(image, Vec2::ZERO).is_some() {
+                    texture.coordinates(mesh).map(|coordinates| (image.clone(), coordinates.to_vec(), texture.transform()))
+                } else {
+                    warn_once!(
+                        "the texture of an alpha mask is kept for the GPU alone or is compressed: what it lies on hides indirect light as if it had no holes (RenderAssetUsages::MAIN_WORLD keeps it readable)"
+                    );
+                    None
+                }
+            }
+            None => None,
+        };
+        let corner_alpha = match mesh.try_attribute_option(Mesh::ATTRIBUTE_COLOR).ok().flatten() {
+            Some(VertexAttributeValues::Float32x4(colors)) => colors.iter().map(|color| color[3]).collect(),
+            Some(VertexAttributeValues::Unorm8x4(colors)) => colors.iter().map(|color| f32::from(color[3]) / 255.0).collect(),
+            Some(VertexAttributeValues::Unorm16x4(colors)) => colors.iter().map(|color| f32::from(color[3]) / 65535.0).collect(),
+            _ => Vec::new(),
+        };
+        Some(Self { alpha: f32::from_bits(mask.alpha), cutoff: f32::from_bits(mask.cutoff), texture, corner_alpha })
+    }
+
+    /// Whether a triangle, by the places of its corners in the mesh, may have holes at all.
+    pub fn may_pierce(&self, corners: [usize; 3]) -> bool {
+        self.texture.is_some() || !corners.iter().all(|corner| self.alpha_of(*corner) >= self.cutoff)
+    }
+
+    /// Whether the triangle is there at a place: weights of its second and third corner.
+    pub fn is_there(&self, corners: [usize; 3], [second, third]: [f32; 2]) -> bool {
+        let alphas = corners.map(|corner| self.alpha_of(corner));
+        let alpha = alphas[0] + (alphas[1] - alphas[0]) * second + (alphas[2] - alphas[0]) * third;
+        let texel = self.texture.as_ref().map_or(1.0, |(image, coordinates, transform)| {
+            let [a, b, c] = corners.map(|corner| coordinates.get(corner).copied().map_or(Vec2::ZERO, Vec2::from));
+            let place = transform.transform_point2(a + (b - a) * second + (c - a) * third);
+            texture::texel(image, place).map_or(1.0, |color| color.alpha)
+        });
+        // What is no number compares false, and is a hole in Bevy's picture too.
+        alpha * texel >= self.cutoff
+    }
+
+    fn alpha_of(&self, corner: usize) -> f32 {
+        self.alpha * self.corner_alpha.get(corner).copied().unwrap_or(1.0)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use bevy::asset::RenderAssetUsages;
+    use bevy::color::Color;
+    use bevy::mesh::PrimitiveTopology;
+    use bevy::render::render_resource::{Extent3d, TextureDimension, TextureFormat};
+
+    use super::*;
+
+    const CORNERS: [usize; 3] = [0, 1, 2];
+
+    fn triangle() -> Mesh {
+        Mesh::new(PrimitiveTopology::TriangleList, RenderAssetUsages::all())
+            .with_inserted_attribute(Mesh::ATTRIBUTE_POSITION, vec![[0.0f32; 3], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]])
+            .with_inserted_attribute(Mesh::ATTRIBUTE_UV_0, vec![[0.0f32, 0.0], [1.0, 0.0], [0.0, 1.0]])
+    }
+
+    /// A texture whose left half is clear.
+    fn half_clear() -> Image {
+        let size = Extent3d { width: 2, height: 1, depth_or_array_layers: 1 };
+        Image::new(
+            size,
+            TextureDimension::D2,
+            vec![255, 255, 255, 0, 255, 255, 255, 255],
+            TextureFormat::Rgba8Unorm,
+            RenderAssetUsages::all(),
+        )
+    }
+
+    fn masked(alpha_mode: AlphaMode) -> StandardMaterial {
+        StandardMaterial { alpha_mode, ..Default::default() }
+    }
+
+    fn cutout(material: &StandardMaterial, mesh: &Mesh, images: &Assets<Image>) -> Cutout {
+        Cutout::new(&Mask::new(material).unwrap(), mesh, Some(images)).unwrap()
+    }
+
+    #[test]
+    fn only_masks_have_holes_and_only_where_something_is_cut_off() {
+        for alpha_mode in
+            [AlphaMode::Opaque, AlphaMode::Blend, AlphaMode::Mask(0.0), AlphaMode::Mask(-1.0), AlphaMode::Mask(f32::NEG_INFINITY)]
+        {
+            assert_eq!(Mask::new(&masked(alpha_mode)), None, "{alpha_mode:?}");
+        }
+        let images = Assets::default();
+        for (alpha_mode, alpha, there) in [
+            (AlphaMode::Mask(0.5), 0.5, true),
+            (AlphaMode::Mask(0.5), 0.49, false),
+            (AlphaMode::AlphaToCoverage, 0.5, true),
+            (AlphaMode::AlphaToCoverage, 0.49, false),
+            (AlphaMode::Mask(f32::NAN), 1.0, false),
+            (AlphaMode::Mask(f32::INFINITY), 1.0, false),
+            (AlphaMode::Mask(0.5), f32::NAN, false),
+        ] {
+            let material = StandardMaterial { base_color: Color::linear_rgba(1.0, 1.0, 1.0, alpha), ..masked(alpha_mode) };
+            let cutout = cutout(&material, &triangle(), &images);
+            assert_eq!(cutout.is_there(CORNERS, [0.2, 0.2]), there, "{alpha_mode:?} {alpha}");
+            assert_eq!(cutout.may_pierce(CORNERS), !there, "nothing has to be looked at: {alpha_mode:?} {alpha}");
+        }
+    }
+
+    #[test]
+    fn texture_vertices_and_material_each_have_a_say() {
+        let mut images = Assets::default();
+        let texture = images.add(half_clear());
+        let material = StandardMaterial { base_color_texture: Some(texture), ..masked(AlphaMode::Mask(0.5)) };
+        let left_and_right = |material: &StandardMaterial, mesh: &Mesh| {
+            let cutout = cutout(material, mesh, &images);
+            [0.2, 0.7].map(|across| cutout.is_there(CORNERS, [across, 0.2]))
+        };
+        assert_eq!(left_and_right(&material, &triangle()), [false, true]);
+        let turned = StandardMaterial { uv_transform: Affine2::from_translation(Vec2::new(-7.5, 3.0)), ..material.clone() };
+        assert_eq!(left_and_right(&turned, &triangle()), [true, false], "repeats");
+        let mut faded = triangle();
+        faded.insert_attribute(Mesh::ATTRIBUTE_COLOR, vec![[1.0f32; 4], [1.0, 1.0, 1.0, 0.2], [1.0; 4]]);
+        assert_eq!(left_and_right(&material, &faded), [false, false]);
+        assert!(cutout(&material, &faded, &images).is_there(CORNERS, [0.55, 0.2]), "less towards the second corner");
+        let mut bare = triangle();
+        bare.remove_attribute(Mesh::ATTRIBUTE_UV_0);
+        assert_eq!(left_and_right(&material, &bare), [true, true], "Bevy reads no texture without coordinates");
+    }
+
+    #[test]
+    fn a_texture_that_is_missing_is_waited_for_and_one_that_cannot_be_read_has_no_holes() {
+        let mut images = Assets::<Image>::default();
+        let later = images.reserve_handle();
+        let material = StandardMaterial { base_color_texture: Some(later), ..masked(AlphaMode::Mask(0.5)) };
+        assert!(Cutout::new(&Mask::new(&material).unwrap(), &triangle(), Some(&images)).is_none());
+        let unread = images.add(Image { data: None, ..half_clear() });
+        let material = StandardMaterial { base_color_texture: Some(unread), ..masked(AlphaMode::Mask(0.5)) };
+        assert!(!cutout(&material, &triangle(), &images).may_pierce(CORNERS));
+    }
+}

@@ -1,0 +1,47 @@
+//! How textures lie on meshes and what they say, as far as the main world can read them.
+
+use bevy::asset::{AssetId, Handle};
+use bevy::color::LinearRgba;
+use bevy::image::Image;
+use bevy::math::{Affine2, Vec2};
+use bevy::mesh::{Mesh, MeshVertexAttribute, UvChannel, VertexAttributeValues};
+
+/// How a texture lies on a mesh.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub(super) struct TextureUse {
+    pub image: AssetId<Image>,
+    /// The second set of coordinates rather than the first.
+    second: bool,
+    /// Bits of the matrix by columns: so that it can be a key.
+    transform: [u32; 6],
+}
+
+impl TextureUse {
+    /// A material's texture, by its channel and `uv_transform`.
+    pub fn new(image: &Handle<Image>, channel: &UvChannel, transform: Affine2) -> Self {
+        Self { image: image.id(), second: *channel == UvChannel::Uv1, transform: transform.to_cols_array().map(f32::to_bits) }
+    }
+
+    /// The mesh's coordinates of it, which [`Self::transform`] takes to the texture's. Bevy reads no texture where there are none.
+    pub fn coordinates(self, mesh: &Mesh) -> Option<&[[f32; 2]]> {
+        let attribute: MeshVertexAttribute = if self.second { Mesh::ATTRIBUTE_UV_1 } else { Mesh::ATTRIBUTE_UV_0 };
+        match mesh.try_attribute_option(attribute).ok()?? {
+            VertexAttributeValues::Float32x2(coordinates) => Some(coordinates),
+            _ => None,
+        }
+    }
+
+    /// From the mesh's coordinates to the texture's.
+    pub fn transform(self) -> Affine2 {
+        Affine2::from_cols_array(&self.transform.map(f32::from_bits))
+    }
+}
+
+/// Linear colour of the texel at `place`; `None` where the processor cannot read it: an image that is kept for the GPU alone, or compressed.
+pub(super) fn texel(image: &Image, place: Vec2) -> Option<LinearRgba> {
+    let (width, height) = (image.width().max(1), image.height().max(1));
+    // Repeated, which is what textures that leave the unit square are for.
+    let texel = (place - place.floor()) * Vec2::new(width as f32, height as f32);
+    let (x, y) = ((texel.x as u32).min(width - 1), (texel.y as u32).min(height - 1));
+    image.get_color_at(x, y).ok().map(|color| color.to_linear())
+}

@@ -1,0 +1,140 @@
+//! Which parts of a triangle an alpha mask leaves: plain Rust, no renderer.
+//!
+//! A triangle is cut into 8 × 8 equal smaller ones, and a bit for each says whether it is there (Gruen, Benthin and Woop 2020, "Sub-triangle
+//! Opacity Masks for Faster Ray Tracing of Transparent Objects"). The 64 bits lie where a triangle's three vectors are padded, so that holes cost
+//! no memory, no texture to read while rays are traced, and nothing at all to rays that meet no triangle.
+
+/// Parts along each side of a triangle.
+const SIDE: u32 = 8;
+/// Places that are looked at in each part. Higher values follow textures better that have many holes in one triangle, and take longer.
+const PLACES: u32 = 8;
+
+/// All of a triangle is there.
+pub const SOLID: u64 = u64::MAX;
+
+/// The parts that are there, by asking of places: weights of the second and third corner, each in [0, 1], together at most 1.
+///
+/// A part that is partly there either is or is not, such that the triangle's share of holes stays what it is: what a part was rounded by is
+/// carried on to the next.
+pub fn micromap(mut is_there: impl FnMut([f32; 2]) -> bool) -> u64 {
+    let (mut map, mut carried, mut number) = (0, 0, 0);
+    for (index, part) in parts().enumerate() {
+        let mut count = 0;
+        for _ in 0..PLACES {
+            number += 1;
+            count += i32::from(is_there(part.place(spread(number))));
+        }
+        carried += count;
+        if 2 * carried >= PLACES as i32 {
+            map |= 1 << index;
+            carried -= PLACES as i32;
+        }
+    }
+    map
+}
+
+/// A part: its row and column, and whether it is the one of the two there that is turned over.
+struct Part {
+    row: u32,
+    column: u32,
+    turned: bool,
+}
+
+impl Part {
+    fn place(&self, [across, along]: [f32; 2]) -> [f32; 2] {
+        let [row, column] = [self.row as f32, self.column as f32];
+        let (across, along) = if across + along > 1.0 { (1.0 - across, 1.0 - along) } else { (across, along) };
+        let place = if self.turned { [row + 1.0 - across, column + 1.0 - along] } else { [row + across, column + along] };
+        place.map(|weight| weight / SIDE as f32)
+    }
+}
+
+/// All parts in the order of their bits: `trace.wgsl` counts the same way.
+fn parts() -> impl Iterator<Item = Part> {
+    (0..SIDE).flat_map(|row| (0..2 * (SIDE - row) - 1).map(move |i| Part { row, column: i / 2, turned: i % 2 == 1 }))
+}
+
+/// Evenly spread over the unit square, and in no step with a texture that repeats: Roberts 2018, "The Unreasonable Effectiveness of Quasirandom
+/// Sequences".
+fn spread(number: u32) -> [f32; 2] {
+    [0.754_877_666_246_692_8, 0.569_840_290_998_053_3].map(|step: f64| (f64::from(number) * step).fract() as f32)
+}
+
+/// Whether the part at a place is there: the twin of `trace.wgsl`'s.
+#[cfg(test)]
+pub fn is_there(map: u64, [second, third]: [f64; 2]) -> bool {
+    let side = f64::from(SIDE);
+    let row = ((second * side) as u64).min(7);
+    let column = ((third * side) as u64).min(7 - row);
+    let turned = second * side - row as f64 + third * side - column as f64 > 1.0 && column < 7 - row;
+    map >> (row * (16 - row) + 2 * column + u64::from(turned)) & 1 == 1
+}
+
+#[cfg(test)]
+mod tests {
+    use proptest::prelude::*;
+
+    use super::*;
+
+    #[test]
+    fn what_is_all_there_is_solid_and_what_is_all_hole_is_nothing() {
+        assert_eq!(micromap(|_| true), SOLID);
+        assert_eq!(micromap(|_| false), 0);
+    }
+
+    #[test]
+    fn each_bit_is_one_part_of_the_triangle() {
+        let places: Vec<[f32; 2]> = parts().map(|part| part.place([0.3, 0.3])).collect();
+        assert_eq!(places.len(), 64);
+        for (index, place) in places.iter().enumerate() {
+            assert!(place[0] + place[1] < 1.0 && place.iter().all(|weight| *weight > 0.0), "{place:?}");
+            for other in 0..64 {
+                assert_eq!(is_there(1 << other, place.map(f64::from)), other == index, "bit {other} at {place:?}");
+            }
+        }
+        // Corners and edges belong to some part.
+        for corner in [[0.0, 0.0], [1.0, 0.0], [0.0, 1.0], [0.5, 0.5], [0.875, 0.125]] {
+            assert!(is_there(SOLID, corner) && !is_there(0, corner));
+        }
+    }
+
+    #[test]
+    fn fine_holes_keep_their_share() {
+        // A mesh of wires, ever finer; also in step with the parts.
+        for repeats in [3.0f32, 8.0, 16.0, 37.0, 64.0] {
+            for share in [0.1f32, 0.5, 0.9] {
+                let map = micromap(|[u, v]| (u * repeats).fract() < share && (v * repeats).fract() >= 0.0);
+                let found = map.count_ones() as f32 / 64.0;
+                assert!((found - share).abs() < 0.08, "{found} of {share}, repeated {repeats} times");
+            }
+        }
+    }
+
+    proptest! {
+        /// A mask that a straight line cuts: only parts on the line may be wrong.
+        #[test]
+        fn coarse_holes_are_where_they_are(angle in 0.0f64..6.3, at in 0.1f64..0.6, u in 0.0f64..1.0, v in 0.0f64..1.0) {
+            let (u, v) = if u + v > 1.0 { (1.0 - u, 1.0 - v) } else { (u, v) };
+            let side = |u: f64, v: f64| (u - at) * angle.cos() + (v - 0.5 * at) * angle.sin();
+            let map = micromap(|[u, v]| side(f64::from(u), f64::from(v)) > 0.0);
+            // Farther from the line than a part's longest side.
+            if side(u, v).abs() > 0.18 {
+                prop_assert_eq!(is_there(map, [u, v]), side(u, v) > 0.0);
+            }
+        }
+
+        #[test]
+        fn the_share_that_is_there_is_kept(share in 0.0f32..1.0, seed in 0u32..1000) {
+            let mut state = seed;
+            let mut count = 0;
+            let map = micromap(|_| {
+                state = state.wrapping_mul(747_796_405).wrapping_add(2_891_336_453);
+                let there = ((state >> 8) as f32) < share * (1 << 24) as f32;
+                count += u32::from(there);
+                there
+            });
+            let exact = count as f32 / PLACES as f32;
+            prop_assert!((map.count_ones() as f32 - exact).abs() <= 0.5, "{} parts of {exact}", map.count_ones());
+        }
+    }
+}
