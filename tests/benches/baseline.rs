@@ -32,6 +32,8 @@ fn ladder() -> Vec<Method> {
         Method::ours(64, "2x2", "none", "1/16", 64),
         Method::ours(64, "4x4", "coarse", "1/16", 64),
         Method::ours(128, "2x2", "coarse", "1/16", 64),
+        Method::ours(128, "2x2", "coarse", "1/16", 64).every(4),
+        Method::ours(128, "2x2", "coarse", "1/16", 64).every(8),
         Method::ours(256, "4x4", "coarse", "1/16", 64),
         Method::ours(1024, "4x4", "coarse", "1/16", 64),
         Method::ours(1024, "4x4", "coarse", "1/16", 128),

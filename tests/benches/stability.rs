@@ -2,7 +2,7 @@
 //!
 //! `cargo bench --workspace --bench stability --profile dev -- [--size WxH] [--spp N] [--count FRAMES] [light | camera]…`
 //!
-//! `courtyard` with its sun alone and without its textures. Temporal error: mean over successive frames, pixels and channels of |Δframe − Δtruth| ÷ mean of the truth, where the truth is
+//! `courtyard` with its sun alone and without its textures, after 32 frames of the same motion. Temporal error: mean over successive frames, pixels and channels of |Δframe − Δtruth| ÷ mean of the truth, where the truth is
 //! path-traced with the same random numbers in every frame, so that most of its noise is in no difference. What is left of it is measured with a
 //! second seed; the truth is the mean of both. Along surfaces: the same over pixels that show the same surface in both frames; elsewhere the difference
 //! is that of two surfaces, and where edges run through pixels decides. Error of the first and the last frame: relative L1 of 4x4 means; what light that is averaged over frames
@@ -27,6 +27,8 @@ use frugal_tests::truth::{self, Tracing, mean_absolute_difference};
 const SUN_STEP_DEGREES: f32 = 0.1;
 /// Of the time on the camera's path: its three metres a second become six decimetres at 30 frames a second, two centimetres a frame.
 const PATH_STEP_SECONDS: f32 = 0.0067;
+/// Frames of the same motion before the first that is looked at: as many as are averaged, so that none of them is a start.
+const FRAMES_BEFORE: i32 = 32;
 
 fn methods() -> Vec<Method> {
     let naive = |radius, weights| Method::naive(NaiveRsm { radius, weights, ..Default::default() }, 128);
@@ -35,6 +37,9 @@ fn methods() -> Vec<Method> {
         naive(0.3, Weights::Exact),
         naive(0.3, Weights::Published),
         Method::ours(256, "8x8", "none", "1/16", 64),
+        Method::ours(128, "2x2", "coarse", "1/16", 64),
+        Method::ours(128, "2x2", "coarse", "1/16", 64).every(4),
+        Method::ours(128, "2x2", "coarse", "1/16", 64).every(8),
         Method::ours(1024, "8x8", "coarse", "1/16", 128),
         Method::ours(1024, "4x4", "coarse", "1/4", 128),
         Method::ours(4096, "8x8", "fine", "1/4", 128),
@@ -51,8 +56,9 @@ enum Motion {
 }
 
 impl Motion {
-    /// Turn of the sun and pose of the camera in a frame.
-    fn at(self, scene: &SceneDescription, frame: u32) -> (Quat, CameraPose) {
+    /// Turn of the sun and pose of the camera in a frame, of which there are [`FRAMES_BEFORE`] before frame 0.
+    fn at(self, scene: &SceneDescription, frame: i32) -> (Quat, CameraPose) {
+        let frame = frame + FRAMES_BEFORE;
         let turn = if self == Self::Light { frame as f32 * SUN_STEP_DEGREES.to_radians() } else { 0.0 };
         let time = if self == Self::Camera { frame as f32 * PATH_STEP_SECONDS } else { 0.0 };
         let pose = scene.paths["tour"].sample(time).unwrap_or_else(|| panic!("courtyard has a path"));
@@ -115,14 +121,15 @@ fn stay(before: &[Option<Seen>], after: &[Option<Seen>], eye: Vec3) -> Vec<bool>
 
 fn measure(motion: Motion, name: &str, options: &Arguments) {
     let scene = truth::lamps_only(&set::scene("courtyard"));
+    let count = options.count as i32;
     let started = std::time::Instant::now();
     let traced = |seed: u64| -> Vec<Radiance> {
-        let frame = |frame| {
+        let frame = |frame: i32| {
             let (turn, pose) = motion.at(&scene, frame);
             let tracing = Tracing { size: options.size, samples: options.samples, seed, pixels: Pixels::Middle };
             truth::one_bounce_untextured(&turned(&scene, turn), pose, tracing)
         };
-        (0..=options.count).map(frame).collect()
+        (0..=count).map(frame).collect()
     };
     let (frames, second) = (traced(0), traced(1));
     let (start, last) = (&frames[0], &frames[frames.len() - 1]);
@@ -131,8 +138,7 @@ fn measure(motion: Motion, name: &str, options: &Arguments) {
     let truth: Vec<Vec<[f32; 3]>> =
         first.iter().zip(&second).map(|(a, b)| a.iter().zip(b).map(|(a, b)| [0, 1, 2].map(|i| 0.5 * (a[i] + b[i]))).collect()).collect();
     let everywhere = vec![vec![true; truth[0].len()]; truth.len()];
-    let shown: Vec<_> =
-        (0..=options.count).map(|frame| truth::surfaces_untextured(&scene, motion.at(&scene, frame).1, options.size)).collect();
+    let shown: Vec<_> = (0..=count).map(|frame| truth::surfaces_untextured(&scene, motion.at(&scene, frame).1, options.size)).collect();
     let eye = motion.at(&scene, 0).1.position;
     let along: Vec<_> = shown.windows(2).map(|pair| stay(&pair[0], &pair[1], eye)).collect();
     let still = vec![vec![[0.0; 3]; truth[0].len()]; truth.len()];
@@ -154,12 +160,15 @@ fn measure(motion: Motion, name: &str, options: &Arguments) {
     let rest = sun(&mut stage);
     let mut found = Vec::new();
     for method in methods() {
-        move_to(&mut stage, motion.at(&scene, 0), rest);
-        let mut frames = vec![method.radiance(&mut stage)];
-        for frame in 1..=options.count {
+        move_to(&mut stage, motion.at(&scene, -FRAMES_BEFORE), rest);
+        method.radiance(&mut stage);
+        let mut frames = Vec::new();
+        for frame in 1 - FRAMES_BEFORE..=count {
             move_to(&mut stage, motion.at(&scene, frame), rest);
             stage.frame();
-            frames.push(stage.radiance().unwrap_or_else(|error| panic!("{error}")));
+            if frame >= 0 {
+                frames.push(stage.radiance().unwrap_or_else(|error| panic!("{error}")));
+            }
         }
         let error = |own: &Radiance, truth: &Radiance| {
             Difference::new(own, truth, None).unwrap_or_else(|error| panic!("{error}")).relative_l1_boxes

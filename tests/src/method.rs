@@ -42,6 +42,13 @@ impl Method {
         Self { settings: format!("{},{more}", self.settings), ..self }
     }
 
+    /// With maps and VPLs of every so-many-th frame alone.
+    #[must_use]
+    pub fn every(self, period: u32) -> Self {
+        let name = format!("{}, maps of every {period}th frame", self.name);
+        Self { name, ..self.with(&format!("gi_refresh_period={period}")) }
+    }
+
     /// The baseline, on maps of so many texels along their side.
     pub fn naive(naive: NaiveRsm, rsm: u32) -> Self {
         let weights = match naive.weights {

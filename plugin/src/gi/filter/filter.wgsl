@@ -81,6 +81,9 @@ fn filter_gathered(
     // The standard error of a mean of as many values as have weight.
     let count = max(weights, 1e-12);
     let variance = max(second / count - (first / count) * (first / count), 0.0);
-    let error = min(sqrt(variance / max(weights, 1.0)), 65504.0);
-    textureStore(filtered, id.xy, vec4(select(vec3(0.0), sum / count, position.w != 0.0), error));
+    let mean = sum / count;
+    // Few values say little of how they vary: of one alone, as much as it is itself is uncertain.
+    let unknown = luminance(mean) / max(count * count * count, 1.0);
+    let error = min(sqrt(variance / max(weights - 1.0, 1.0) + unknown * unknown), 65504.0);
+    textureStore(filtered, id.xy, vec4(select(vec3(0.0), mean, position.w != 0.0), error));
 }

@@ -76,9 +76,9 @@ fn remembered(position: vec3<f32>, normal: vec3<f32>, tolerance: f32, size: vec2
     return sum;
 }
 
-/// 0 where one value of light may be another with noise, 1 where it is other light.
-fn otherness(is: f32, was: f32) -> f32 {
-    return smoothstep(0.95, 0.995, abs(is - was) / max(max(is, was), 1e-9));
+/// 0 where one value of light may be another with noise, of which it has so much itself, 1 where it is other light.
+fn otherness(is: f32, was: f32, noise: f32) -> f32 {
+    return smoothstep(0.95, 0.995, max(abs(is - was) - noise, 0.0) / max(max(is, was), 1e-9));
 }
 
 @compute @workgroup_size(8, 8)
@@ -130,7 +130,7 @@ fn settle(@builtin(global_invocation_id) id: vec3<u32>) {
     let before = found.rgb / max(found.a, 1e-6) * past.exposure;
     // Light that was switched is not averaged: the past counts less the more of the light is other than it was.
     let was = luminance(before);
-    let changed = min(otherness(luminance(present), was), otherness(around / there_are, was));
+    let changed = min(otherness(luminance(present), was, ERRORS * own.a), otherness(around / there_are, was, ERRORS * own.a));
     let share = mix(1.0, max(past.share_of_present, changed), select(0.0, found.a, found.a > 0.01));
     let shown = select(present, mix(before, present, share), share < 1.0);
     let away = min(distance(position, view.world_position), 60000.0);
