@@ -15,6 +15,7 @@
 //! | `filter` | render | joins what neighbouring pixels found with different VPLs and rays |
 //! | `composite` | render | interpolates along surfaces and adds the reflected light before tone mapping |
 
+mod assets;
 mod composite;
 mod cutout;
 mod diagnostics;

@@ -6,7 +6,7 @@
 
 use std::sync::Arc;
 
-use bevy::asset::{AssetEvent, AssetId, Assets};
+use bevy::asset::{AssetEvent, AssetId};
 use bevy::camera::visibility::InheritedVisibility;
 use bevy::camera::{Camera, Exposure};
 use bevy::color::ColorToComponents;
@@ -23,6 +23,7 @@ use bevy::transform::components::GlobalTransform;
 
 use super::emission::{Emission, emission};
 use super::surface::{GlowingSurface, Place};
+use crate::gi::assets::SurfaceAssets;
 use crate::gi::cutout::{Cutout, Mask};
 use crate::gi::rsm::{RsmCut, Texel};
 use crate::gi::settings::FrugalGi;
@@ -129,14 +130,6 @@ pub(super) struct Glow {
     stale: bool,
 }
 
-/// The assets that surfaces are made of.
-#[derive(bevy::ecs::system::SystemParam)]
-pub(super) struct Sources<'w> {
-    meshes: Res<'w, Assets<Mesh>>,
-    images: Option<Res<'w, Assets<Image>>>,
-    materials: Option<Res<'w, Assets<StandardMaterial>>>,
-}
-
 pub(super) fn update(
     mut glow: ResMut<Glow>,
     mut emitters: ResMut<GiEmitters>,
@@ -145,14 +138,14 @@ pub(super) fn update(
         Option<MessageReader<AssetEvent<Mesh>>>,
         Option<MessageReader<AssetEvent<Image>>>,
     ),
-    sources: Sources,
+    assets: SurfaceAssets,
     cameras: Query<(&Camera, &FrugalGi, Option<&Exposure>)>,
     meshes: Query<(Entity, &Mesh3d, &MeshMaterial3d<StandardMaterial>, &GlobalTransform, &InheritedVisibility), Without<SkinnedMesh>>,
 ) {
     let glow = &mut *glow;
     for event in material_events.iter_mut().flat_map(MessageReader::read) {
         let (AssetEvent::Added { id } | AssetEvent::Modified { id } | AssetEvent::Removed { id }) = event else { continue };
-        match sources.materials.as_ref().and_then(|materials| emission(materials.get(*id)?)) {
+        match assets.materials.as_ref().and_then(|materials| emission(materials.get(*id)?)) {
             Some(emission) => glow.materials.insert(*id, emission),
             None => glow.materials.remove(id),
         };
@@ -192,7 +185,7 @@ pub(super) fn update(
     glow.surfaces.retain(|key, _| used.contains(key));
     for key in used {
         if !glow.surfaces.contains_key(&key)
-            && let Some(surface) = surface(&key, FIRST_TEXELS, &sources)
+            && let Some(surface) = surface(&key, FIRST_TEXELS, &assets)
         {
             glow.surfaces.insert(key, surface);
             glow.stale = true;
@@ -200,7 +193,7 @@ pub(super) fn update(
     }
     let exposures = distinct_exposures(&now, exposures);
     if glow.stale || glow.placed != now || glow.exposures != exposures {
-        let sets = exposures.iter().map(|exposure| assemble(&mut glow.surfaces, &now, *exposure, &sources)).collect();
+        let sets = exposures.iter().map(|exposure| assemble(&mut glow.surfaces, &now, *exposure, &assets)).collect();
         *emitters =
             GiEmitters { sets, surfaces: now.iter().filter(|placed| matches!(glow.surfaces.get(&placed.key), Some(Some(_)))).count() };
         (glow.placed, glow.exposures, glow.stale) = (now, exposures, false);
@@ -229,14 +222,14 @@ fn distinct_exposures(placed: &[Placed], mut exposures: Vec<f32>) -> Vec<Option<
 const FIRST_TEXELS: usize = 64;
 
 /// Points of a surface for so many texels; `None` while its assets are not there, and `Some(None)` where they cannot be read.
-fn surface(key: &SurfaceKey, texels: usize, sources: &Sources) -> Option<Option<GlowingSurface>> {
-    let mesh = sources.meshes.get(key.mesh)?;
+fn surface(key: &SurfaceKey, texels: usize, assets: &SurfaceAssets) -> Option<Option<GlowingSurface>> {
+    let mesh = assets.meshes.get(key.mesh)?;
     let texture = match key.texture {
-        Some(texture) => Some((texture, sources.images.as_ref()?.get(texture.image)?)),
+        Some(texture) => Some((texture, assets.images.as_ref()?.get(texture.image)?)),
         None => None,
     };
     let cutout = match &key.mask {
-        Some(mask) => Some(Cutout::new(mask, mesh, sources.images.as_deref())?),
+        Some(mask) => Some(Cutout::new(mask, mesh, assets.images.as_deref())?),
         None => None,
     };
     let Some((positions, corners)) = triangles::read(mesh) else {
@@ -275,7 +268,7 @@ fn assemble(
     surfaces: &mut HashMap<SurfaceKey, Option<GlowingSurface>>,
     placed: &[Placed],
     exposure: Option<f32>,
-    sources: &Sources,
+    assets: &SurfaceAssets,
 ) -> EmitterSet {
     let mut glowing: Vec<(&Placed, DVec3, f64)> = placed
         .iter()
@@ -300,7 +293,7 @@ fn assemble(
         let count = share.clamp(1, TEXELS).next_power_of_two();
         let Some(Some(points)) = surfaces.get_mut(&placed.key) else { continue };
         if points.len() < count * placed.key.points_per_texel()
-            && let Some(Some(finer)) = surface(&placed.key, count, sources)
+            && let Some(Some(finer)) = surface(&placed.key, count, assets)
         {
             *points = finer;
         }

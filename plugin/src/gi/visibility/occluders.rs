@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use bevy::asset::{AssetEvent, AssetId, Assets};
+use bevy::asset::{AssetEvent, AssetId};
 use bevy::camera::Camera;
 use bevy::camera::visibility::InheritedVisibility;
 use bevy::ecs::prelude::*;
@@ -23,6 +23,7 @@ use bytemuck::{Pod, Zeroable};
 
 use super::bvh::{FlatBvh, MeshBvh, Node, TriangleWords};
 use super::micromap::{SOLID, micromap};
+use crate::gi::assets::SurfaceAssets;
 use crate::gi::cutout::{Cutout, Mask};
 use crate::gi::settings::FrugalGi;
 
@@ -122,19 +123,11 @@ impl MeshTrees {
     }
 }
 
-/// The assets that trees are made of.
-#[derive(bevy::ecs::system::SystemParam)]
-pub(super) struct Sources<'w> {
-    meshes: Res<'w, Assets<Mesh>>,
-    images: Option<Res<'w, Assets<Image>>>,
-    materials: Option<Res<'w, Assets<StandardMaterial>>>,
-}
-
 pub(super) fn update(
     mut trees: ResMut<MeshTrees>,
     mut occluders: ResMut<GiOccluders>,
     (mut mesh_events, mut image_events): (MessageReader<AssetEvent<Mesh>>, Option<MessageReader<AssetEvent<Image>>>),
-    sources: Sources,
+    assets: SurfaceAssets,
     cameras: Query<(&Camera, &FrugalGi)>,
     placed: Query<
         (Entity, &Mesh3d, &GlobalTransform, &InheritedVisibility, Option<&MeshMaterial3d<StandardMaterial>>),
@@ -165,14 +158,14 @@ pub(super) fn update(
         .filter(|(_, _, _, visible, _)| visible.get())
         .filter_map(|(entity, mesh, transform, _, material)| {
             // A material of another kind is taken for solid: nothing is known of it.
-            let material = material.zip(sources.materials.as_ref()).and_then(|(handle, all)| all.get(handle));
+            let material = material.zip(assets.materials.as_ref()).and_then(|(handle, all)| all.get(handle));
             let mask = material.and_then(Mask::new);
             material.is_none_or(hides).then(|| (entity, TreeKey { mesh: mesh.id(), mask }, transform.affine()))
         })
         .collect();
     // Entities come in no particular order, and the tree over them should be the same in every run.
     now.sort_unstable_by_key(|(entity, ..)| *entity);
-    build_trees(trees, now.iter().map(|(_, key, _)| *key), &sources);
+    build_trees(trees, now.iter().map(|(_, key, _)| *key), &assets);
     let waiting = trees.trees.values().filter(|tree| matches!(tree, Tree::Building(_))).count();
     if trees.changed || trees.placed != now {
         *occluders = assemble(trees, &now, &occluders);
@@ -192,7 +185,7 @@ fn hides(material: &StandardMaterial) -> bool {
 }
 
 /// Starts trees for new meshes, takes those that are done, and drops those of meshes that are gone.
-fn build_trees(trees: &mut MeshTrees, used: impl Iterator<Item = TreeKey>, sources: &Sources) {
+fn build_trees(trees: &mut MeshTrees, used: impl Iterator<Item = TreeKey>, assets: &SurfaceAssets) {
     let used: HashSet<_> = used.collect();
     trees.forget(|key| !used.contains(key));
     for key in used {
@@ -206,7 +199,7 @@ fn build_trees(trees: &mut MeshTrees, used: impl Iterator<Item = TreeKey>, sourc
             Some(_) => {}
             // An asset that is still loading is asked for again.
             None => {
-                if let Some(tree) = start(&key, sources) {
+                if let Some(tree) = start(&key, assets) {
                     trees.trees.insert(key, tree);
                     trees.changed = true;
                 }
@@ -216,10 +209,10 @@ fn build_trees(trees: &mut MeshTrees, used: impl Iterator<Item = TreeKey>, sourc
 }
 
 /// A mesh's tree, at once or in the background; `None` while its assets are not there.
-fn start(key: &TreeKey, sources: &Sources) -> Option<Tree> {
-    let mesh = sources.meshes.get(key.mesh)?;
+fn start(key: &TreeKey, assets: &SurfaceAssets) -> Option<Tree> {
+    let mesh = assets.meshes.get(key.mesh)?;
     let cutout = match &key.mask {
-        Some(mask) => Some(Cutout::new(mask, mesh, sources.images.as_deref())?),
+        Some(mask) => Some(Cutout::new(mask, mesh, assets.images.as_deref())?),
         None => None,
     };
     let Some((positions, corners)) = crate::gi::triangles::read(mesh) else {
