@@ -91,8 +91,7 @@ impl Cutout {
         let alphas = corners.map(|corner| self.alpha_of(corner));
         let alpha = alphas[0] + (alphas[1] - alphas[0]) * second + (alphas[2] - alphas[0]) * third;
         let texel = self.texture.as_ref().map_or(1.0, |(image, coordinates, transform)| {
-            let [a, b, c] = corners.map(|corner| coordinates.get(corner).copied().map_or(Vec2::ZERO, Vec2::from));
-            let place = transform.transform_point2(a + (b - a) * second + (c - a) * third);
+            let place = transform.transform_point2(texture::interpolated(coordinates, corners, [second, third]));
             texture::texel(image, place).map_or(1.0, |color| color.alpha)
         });
         // What is no number compares false, and is a hole in Bevy's picture too.

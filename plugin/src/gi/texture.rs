@@ -37,6 +37,12 @@ impl TextureUse {
     }
 }
 
+/// Coordinates at a place of a triangle: weights of its second and third corner. Corners without coordinates have (0, 0).
+pub(super) fn interpolated(coordinates: &[[f32; 2]], corners: [usize; 3], [second, third]: [f32; 2]) -> Vec2 {
+    let [a, b, c] = corners.map(|corner| coordinates.get(corner).copied().map_or(Vec2::ZERO, Vec2::from));
+    a + (b - a) * second + (c - a) * third
+}
+
 /// Linear colour of the texel at `place`; `None` where the processor cannot read it: an image that is kept for the GPU alone, or compressed.
 pub(super) fn texel(image: &Image, place: Vec2) -> Option<LinearRgba> {
     let (width, height) = (image.width().max(1), image.height().max(1));

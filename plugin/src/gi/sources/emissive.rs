@@ -246,8 +246,7 @@ fn surface(key: &SurfaceKey, texels: usize, assets: &SurfaceAssets) -> Option<Op
             return Vec3::ZERO;
         }
         texture.map_or(Vec3::ONE, |(image, coordinates, transform)| {
-            let [a, b, c] = corners[triangle].map(|corner| coordinates.get(corner).copied().map_or(Vec2::ZERO, Vec2::from));
-            color_at(image, transform.transform_point2(a + (b - a) * weights[0] + (c - a) * weights[1]))
+            color_at(image, transform.transform_point2(texture::interpolated(coordinates, corners[triangle], weights)))
         })
     };
     Some(GlowingSurface::new(&list, texels * key.points_per_texel(), color))

@@ -104,13 +104,15 @@ impl Scene {
     }
 
     /// Of each light and pixel that lies before it: which, where, what it gets if nothing hides, and whether nothing does.
-    fn pairs(&self) -> impl Iterator<Item = (Point, u32, DVec3, f64, Option<bool>)> {
+    fn pairs(&self) -> impl Iterator<Item = (usize, usize, DVec3, f64, Option<bool>)> {
         let plane = Self::plane();
         let (_, normal) = g_buffer_normal(Vec3::Y);
-        Self::lights().into_iter().flat_map(move |vpl| (0..COUNT as u32).map(move |pixel| (vpl, pixel))).filter_map(move |(vpl, pixel)| {
-            let at = plane.position(SIZE, pixel % SIZE[0], pixel / SIZE[0]);
-            let open = irradiance(&[vpl], at, normal, plane.exposure)[0];
-            (open >= 0.01).then(|| (vpl, pixel, at, open, is_free(&self.triangles, &plane, [at, normal], &vpl)))
+        let lights = Self::lights();
+        (0..lights.len() * COUNT).map(|pair| (pair / COUNT, pair % COUNT)).filter_map(move |(light, pixel)| {
+            let (vpl, place) = (&lights[light], pixel as u32);
+            let at = plane.position(SIZE, place % SIZE[0], place / SIZE[0]);
+            let open = irradiance(&[*vpl], at, normal, plane.exposure)[0];
+            (open >= 0.01).then(|| (light, pixel, at, open, is_free(&self.triangles, &plane, [at, normal], vpl)))
         })
     }
 
@@ -125,19 +127,17 @@ impl Scene {
         let gather = Gather::new(&mut self.stage, 2);
         let pixels = Pixels::new(&self.stage, SIZE, &[packed; COUNT]);
         // One light at a time: the first hand holds it, and the other is empty.
-        let lights = Self::lights();
-        let run = |vpl: &Point| gather.run_with(&self.stage, &pixels, &Self::plane(), &[*vpl], Some(occluders));
-        let found: Vec<_> = lights.iter().map(run).collect();
+        let run = |vpl: Point| gather.run_with(&self.stage, &pixels, &Self::plane(), &[vpl], Some(occluders));
+        let found: Vec<_> = Self::lights().into_iter().map(run).collect();
         let (mut worst, mut rays, mut hidden, mut unclear) = (Worst::default(), 0, 0, 0);
-        for (vpl, pixel, at, open, free) in self.pairs() {
+        for (light, pixel, at, open, free) in self.pairs() {
             rays += 1;
             let Some(free) = free else {
                 unclear += 1;
                 continue;
             };
             hidden += usize::from(!free);
-            let light = lights.iter().position(|light| light.position == vpl.position).expect("one of them");
-            let found = found[light][pixel as usize][0];
+            let found = found[light][pixel][0];
             worst.check(&format!("pixel {pixel} at {at}, light {light}"), found, if free { open } else { 0.0 }, 1e-5 * open);
         }
         println!("    {rays} rays, {hidden} of them hidden, {unclear} too near an edge to tell");
