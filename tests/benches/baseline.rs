@@ -201,7 +201,7 @@ fn passes(options: &Arguments) {
     let methods = [Method::ours(1024, "4x4", "coarse", "1/4", 128), Method::ours(4096, "2x2", "fine", "1/1", 256)];
     let mut rows = Vec::new();
     for method in methods {
-        let method = method.with("gi_environment_samples=16");
+        let method = method.with("gi_environment_samples=16").with("gi_bounces=2");
         method.radiance(&mut stage);
         stage.world_mut().insert_resource(GiRefresh::EveryFrame);
         let mut read = |method: &Method, pass: Option<GiPass>| {

@@ -69,8 +69,7 @@ pub fn settings(stage: &Stage, text: &str) -> RenderSettings {
 
 /// Applies settings given as text.
 pub fn apply(stage: &mut Stage, text: &str) {
-    let settings = settings(stage, text);
-    stage.apply(settings);
+    stage.apply_text(text).unwrap_or_else(|error| panic!("{error}"));
 }
 
 /// Puts the camera at `position`, looking at `target`.

@@ -29,14 +29,19 @@ pub struct Tracing {
 
 /// One bounce of the scene's lamps and suns between surfaces that scatter evenly, nits.
 pub fn one_bounce(scene: &SceneDescription, pose: CameraPose, tracing: Tracing) -> Radiance {
+    bounces(scene, pose, tracing, 1)
+}
+
+/// The same of so many bounces at the most.
+pub fn bounces(scene: &SceneDescription, pose: CameraPose, tracing: Tracing, most: u32) -> Radiance {
     let traced = ReferenceScene::new(&lamps_only(scene)).unwrap_or_else(|error| panic!("{error}"));
-    trace(&traced, &View::new(scene, pose, tracing.size), tracing)
+    trace(&traced, &View::new(scene, pose, tracing.size), tracing, most)
 }
 
 /// [`one_bounce`] on surfaces without their textures, as [`strip_textures`] leaves them: path tracing takes texels as they are and the renderer
 /// filters them, so that pixel by pixel textures differ more than light does.
 pub fn one_bounce_untextured(scene: &SceneDescription, pose: CameraPose, tracing: Tracing) -> Radiance {
-    trace(&untextured(scene), &View::new(scene, pose, tracing.size), tracing)
+    trace(&untextured(scene), &View::new(scene, pose, tracing.size), tracing, 1)
 }
 
 /// What the middle of each pixel shows where nothing is cut out of surfaces.
@@ -61,8 +66,8 @@ pub fn strip_textures(stage: &mut Stage) {
     }
 }
 
-fn trace(scene: &ReferenceScene, view: &View, Tracing { samples, seed, pixels, .. }: Tracing) -> Radiance {
-    let settings = Settings { samples, bounces: Some(1), seed, shading: Shading::Lambertian, pixels, ..Default::default() };
+fn trace(scene: &ReferenceScene, view: &View, Tracing { samples, seed, pixels, .. }: Tracing, bounces: u32) -> Radiance {
+    let settings = Settings { samples, bounces: Some(bounces), seed, shading: Shading::Lambertian, pixels, ..Default::default() };
     render(scene, view, &settings, Watch::default()).unwrap_or_else(|| panic!("nothing interrupts")).indirect
 }
 

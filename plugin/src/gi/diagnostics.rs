@@ -7,6 +7,7 @@ use bevy::diagnostic::{Diagnostic, DiagnosticPath, Diagnostics, RegisterDiagnost
 use bevy::ecs::prelude::*;
 use bevy::render::camera::ExtractedCamera;
 
+use super::bounces::BounceCamera;
 use super::gather::GiCamera;
 use super::rsm::{RsmStore, RsmView};
 use super::sources::SkyCamera;
@@ -21,6 +22,8 @@ pub struct GiCounts {
     pub cameras: u32,
     /// Cameras whose light is on its way from an average over frames to what was gathered last.
     pub settling: u32,
+    /// Patches that reflect light once more, each as often as it does.
+    pub patches: u64,
     /// Virtual point lights drawn.
     pub vpls: u64,
     /// VPL–pixel pairs evaluated, samples of the sky included.
@@ -35,10 +38,11 @@ pub struct GiCounts {
 type Count = (DiagnosticPath, &'static str, fn(&GiCounts) -> f64);
 
 /// The diagnostics of global illumination, in Bevy's store; GPU times have `bevy_frugal_gi/…` paths in Bevy's render diagnostics.
-pub const GI_DIAGNOSTICS: [Count; 7] = [
+pub const GI_DIAGNOSTICS: [Count; 8] = [
     (DiagnosticPath::const_new("gi/maps"), "", |counts| f64::from(counts.maps)),
     (DiagnosticPath::const_new("gi/cameras"), "", |counts| f64::from(counts.cameras)),
     (DiagnosticPath::const_new("gi/settling"), "", |counts| f64::from(counts.settling)),
+    (DiagnosticPath::const_new("gi/patches"), "", |counts| counts.patches as f64),
     (DiagnosticPath::const_new("gi/vpls"), "", |counts| counts.vpls as f64),
     (DiagnosticPath::const_new("gi/pairs"), "", |counts| counts.pairs as f64),
     (DiagnosticPath::const_new("gi/rays"), "", |counts| counts.rays as f64),
@@ -73,19 +77,22 @@ pub(super) fn count(
     occluders: Res<OccluderBuffers>,
     cameras: Query<&GiCamera>,
     skies: Query<&SkyCamera>,
+    bounces: Query<(&GiCamera, &BounceCamera)>,
     maps: Query<(), (With<RsmView>, With<ExtractedCamera>)>,
 ) {
     *counts = GiCounts {
         maps: maps.iter().count() as u32,
         cameras: cameras.iter().filter(|camera| camera.work.gather).count() as u32,
         settling: cameras.iter().filter(|camera| camera.is_settling()).count() as u32,
+        patches: bounces.iter().filter(|(camera, _)| camera.work.draw).map(|(_, bounces)| bounces.patches_due()).sum(),
         vpls: cameras.iter().map(GiCamera::vpls_drawn).sum(),
         pairs: cameras.iter().map(GiCamera::pairs).sum(),
         rays: cameras.iter().map(GiCamera::rays).sum(),
         bytes: store.bytes()
             + occluders.bytes()
             + cameras.iter().map(GiCamera::bytes).sum::<u64>()
-            + skies.iter().map(SkyCamera::bytes).sum::<u64>(),
+            + skies.iter().map(SkyCamera::bytes).sum::<u64>()
+            + bounces.iter().map(|(_, bounces)| bounces.bytes()).sum::<u64>(),
     };
     *shared.0.lock().unwrap_or_else(PoisonError::into_inner) = *counts;
 }

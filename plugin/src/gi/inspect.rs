@@ -1,5 +1,7 @@
 //! What global illumination holds on the GPU, and what its passes take: for tests, benchmarks and debuggers.
 
+use std::ops::Range;
+
 use bevy::app::App;
 use bevy::core_pipeline::schedule::Core3d;
 use bevy::ecs::prelude::*;
@@ -10,21 +12,24 @@ use bevy::render::render_resource::{Buffer, ShaderSize, Texture};
 use bevy::render::sync_world::MainEntity;
 use bevy::render::view::ExtractedView;
 
+use super::bounces::{AROUND_BYTES, BounceCamera, Patch};
 use super::gather::{GatherSettings, GiCamera, VplPlan};
 use super::rsm::{RsmLight, RsmStore, TEXEL_BYTES};
 use super::sources::{SKY_LIGHT_BYTES, SkyCamera, SkyPlan, SkyReading};
 use super::visibility::OccluderBuffers;
 use super::vpl::{MapRow, RECEIVER_BYTES, VPL_BYTES};
-use super::{GiSystems, RsmView, composite, filter, gather, rsm, sources, vpl};
+use super::{GiSystems, RsmView, bounces, composite, filter, gather, rsm, sources, vpl};
 
 /// Bytes that the plugin counts with for the shaders' structs: name, and size of one in a buffer.
-pub const STRUCT_BYTES: [(&str, u64); 13] = [
+pub const STRUCT_BYTES: [(&str, u64); 15] = [
     ("Texel", TEXEL_BYTES),
     ("Vpl", VPL_BYTES),
     super::visibility::STRUCT_BYTES[0],
     super::visibility::STRUCT_BYTES[1],
     super::visibility::STRUCT_BYTES[2],
     ("Receiver", RECEIVER_BYTES),
+    ("Patch", size_of::<Patch>() as u64),
+    ("Around", AROUND_BYTES),
     ("Plan", size_of::<VplPlan>() as u64),
     ("Gather", size_of::<GatherSettings>() as u64),
     ("Row", size_of::<MapRow>() as u64),
@@ -79,20 +84,32 @@ pub struct GiCameraState {
     pub stride: u32,
     /// Irradiance of each gathered pixel, exposed, as it is composited.
     pub irradiance: Texture,
+    /// While its light is reflected more than once.
+    pub bounces: Option<GiBouncesState>,
+}
+
+/// What a camera holds for light that is reflected more than once.
+#[derive(Clone, Debug)]
+pub struct GiBouncesState {
+    /// The virtual point lights that light its patches (`vpl/vpl.wgsl`): one set, as the last round drew it.
+    pub carriers: Buffer,
+    /// Its patches' texels in [`texels`](GiGpuState::texels).
+    pub texels: Range<u32>,
 }
 
 /// Looks at a render world.
 pub fn gpu_state(render_world: &World) -> GiGpuState {
     let texels = render_world.get_resource::<RsmStore>().and_then(|store| store.texels.clone());
     let occluders = render_world.get_resource::<OccluderBuffers>().and_then(|occluders| occluders.buffers().cloned());
-    let cameras = render_world.try_query::<(&MainEntity, &GiCamera)>().map_or_else(Vec::new, |mut cameras| {
-        let state = |(main, camera): (&MainEntity, &GiCamera)| GiCameraState {
+    let cameras = render_world.try_query::<(&MainEntity, &GiCamera, Option<&BounceCamera>)>().map_or_else(Vec::new, |mut cameras| {
+        let state = |(main, camera, bounces): (&MainEntity, &GiCamera, Option<&BounceCamera>)| GiCameraState {
             camera: main.id(),
             vpls: camera.vpls.clone(),
             sets: camera.plan.sets,
             per_set: camera.plan.per_set,
             stride: camera.plan.stride,
             irradiance: camera.shown().texture.clone(),
+            bounces: bounces.map(BounceCamera::state),
         };
         cameras.iter(render_world).map(state).collect()
     });
@@ -122,10 +139,12 @@ fn maps(render_world: &World) -> Vec<GiMapState> {
 pub enum GiPass {
     /// Maps' G-buffers to texels.
     Resolve,
-    /// Weighing texels and drawing VPLs.
-    Vpl,
     /// Weighing the sky and drawing its samples.
     Sky,
+    /// Lighting patches.
+    Bounces,
+    /// Weighing texels and drawing VPLs.
+    Vpl,
     /// Gathering.
     Gather,
     /// Filtering, and averaging with what was shown before.
@@ -136,11 +155,11 @@ pub enum GiPass {
 
 impl GiPass {
     /// In the order of a frame.
-    pub const ALL: [Self; 6] = [Self::Resolve, Self::Vpl, Self::Sky, Self::Gather, Self::Filter, Self::Composite];
+    pub const ALL: [Self; 7] = [Self::Resolve, Self::Sky, Self::Bounces, Self::Vpl, Self::Gather, Self::Filter, Self::Composite];
 
     /// The name of its span among Bevy's render diagnostics, behind `bevy_frugal_gi/`.
     pub fn name(self) -> &'static str {
-        ["rsm", "vpl", "sky", "gather", "filter", "composite"][self as usize]
+        ["rsm", "sky", "bounces", "vpl", "gather", "filter", "composite"][self as usize]
     }
 }
 
@@ -159,8 +178,9 @@ pub fn allow_repeats(app: &mut App) {
         (
             rsm::resolve.in_set(GiSystems::Resolve).run_if(is(GiPass::Resolve)),
             (
-                vpl::sample.run_if(is(GiPass::Vpl)),
                 sources::sample_sky.run_if(is(GiPass::Sky)),
+                bounces::reflect.run_if(is(GiPass::Bounces)),
+                vpl::sample.run_if(is(GiPass::Vpl)),
                 gather::gather.run_if(is(GiPass::Gather)),
                 filter::filter.run_if(is(GiPass::Filter)),
             )

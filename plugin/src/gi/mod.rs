@@ -1,4 +1,4 @@
-//! Global illumination: one bounce from virtual point lights sampled in reflective shadow maps, and light of glowing surfaces and of the sky.
+//! Global illumination: bounces from virtual point lights sampled in reflective shadow maps, and light of glowing surfaces and of the sky.
 //!
 //! Dachsbacher and Stamminger 2005 ("Reflective Shadow Maps") for where light arrives, Keller 1997 ("Instant Radiosity") for how it goes on.
 //! Data flows one way:
@@ -9,26 +9,26 @@
 //! | `rsm` | render | turns each such camera's G-buffer into texels of position, normal and reflected flux |
 //! | `refresh` | main | decides which of this a frame has to do again |
 //! | `sources` | both | adds texels of glowing surfaces, and draws samples of the sky |
+//! | `bounces` | both | lights patches of the scene's surfaces, whose reflected light joins the texels |
 //! | `vpl` | render | draws every GI camera's virtual point lights from all texels |
 //! | `visibility` | both | keeps the scene's triangles in a tree on the GPU, for rays between surfaces and VPLs |
 //! | `gather` | render | sums the VPLs at a share of the camera's pixels |
 //! | `filter` | render | joins what neighbouring pixels found with different VPLs and rays |
 //! | `composite` | render | interpolates along surfaces and adds the reflected light before tone mapping |
 
-mod assets;
+mod bounces;
 mod composite;
-mod cutout;
 mod diagnostics;
 mod filter;
 mod gather;
 pub mod inspect;
 mod masks;
+mod presence;
 mod refresh;
 mod rsm;
 mod settings;
 mod sources;
-mod texture;
-mod triangles;
+mod surfaces;
 mod visibility;
 mod vpl;
 
@@ -48,6 +48,7 @@ use bevy::render::view::Msaa;
 use bevy::render::{ExtractSchedule, GpuResourceAppExt, Render, RenderApp, RenderSystems};
 use bevy::shader::load_shader_library;
 
+pub use bounces::GiPatches;
 pub use diagnostics::{GI_DIAGNOSTICS, GiCounts};
 pub use refresh::GiRefresh;
 pub use rsm::RsmView;
@@ -78,7 +79,9 @@ impl Plugin for GiPlugin {
         load_shader_library!(app, "luminance.wgsl");
         load_shader_library!(app, "surface.wgsl");
         load_shader_library!(app, "rsm/texel.wgsl");
+        load_shader_library!(app, "bounces/patch.wgsl");
         load_shader_library!(app, "vpl/vpl.wgsl");
+        load_shader_library!(app, "vpl/hand.wgsl");
         load_shader_library!(app, "vpl/plan.wgsl");
         load_shader_library!(app, "vpl/rows.wgsl");
         load_shader_library!(app, "vpl/receivers.wgsl");
@@ -92,6 +95,8 @@ impl Plugin for GiPlugin {
         embedded_asset!(app, "sources/sky_fill.wgsl");
         embedded_asset!(app, "sources/sky_weigh.wgsl");
         embedded_asset!(app, "sources/sky_draw.wgsl");
+        embedded_asset!(app, "bounces/weigh.wgsl");
+        embedded_asset!(app, "bounces/reflect.wgsl");
         embedded_asset!(app, "gather/gather.wgsl");
         embedded_asset!(app, "filter/filter.wgsl");
         embedded_asset!(app, "filter/settle.wgsl");
@@ -122,6 +127,7 @@ impl Plugin for GiPlugin {
         refresh::build(app);
         visibility::build(app);
         sources::build(app);
+        bounces::build(app);
     }
 
     fn finish(&self, app: &mut App) {
@@ -146,6 +152,7 @@ impl Plugin for GiPlugin {
             .init_gpu_resource::<visibility::OccluderBuffers>()
             .init_gpu_resource::<sources::SkyPipelines>()
             .init_gpu_resource::<sources::BlackCubes>()
+            .init_gpu_resource::<bounces::BouncePipelines>()
             .init_gpu_resource::<gather::GatherPipelines>()
             .init_gpu_resource::<filter::FilterPipelines>()
             .init_gpu_resource::<composite::CompositePipelines>()
@@ -172,6 +179,7 @@ impl Plugin for GiPlugin {
                         sources::upload_emitters,
                         visibility::prepare_buffers,
                         sources::prepare_skies,
+                        bounces::prepare_bounces,
                         gather::prepare_cameras,
                         gather::prepare_pipelines,
                         // Need to know whose sky is gathered in this frame, before Bevy binds the maps.
@@ -187,7 +195,7 @@ impl Plugin for GiPlugin {
                 Core3d,
                 (
                     rsm::resolve.in_set(GiSystems::Resolve),
-                    (vpl::sample, sources::sample_sky, gather::gather, filter::filter).chain().in_set(GiSystems::Gather),
+                    (sources::sample_sky, bounces::reflect, vpl::sample, gather::gather, filter::filter).chain().in_set(GiSystems::Gather),
                     composite::composite.in_set(GiSystems::Composite),
                 ),
             );

@@ -8,10 +8,11 @@ use bevy::reflect::Reflect;
 use bevy::render::extract_component::ExtractComponent;
 use bevy::render::view::Msaa;
 
+use super::bounces::BounceCamera;
 use super::gather::GiCamera;
 use super::sources::{SkyCamera, SkySource};
 
-/// Global illumination on this camera: one bounce of every directional, spot and point light, from virtual point lights (VPLs) drawn
+/// Global illumination on this camera: one [bounce](Self::bounces), or more, of every directional, spot and point light, from virtual point lights (VPLs) drawn
 /// in reflective shadow maps; the light of [glowing surfaces](super::GiEmitters); and that of the camera's
 /// [`EnvironmentMapLight`](bevy::light::EnvironmentMapLight), shadowed.
 ///
@@ -20,7 +21,7 @@ use super::sources::{SkyCamera, SkySource};
 #[derive(Component, ExtractComponent, Reflect, Clone, Debug, PartialEq)]
 #[reflect(Component, Default, Clone, PartialEq)]
 #[require(Camera3d, Hdr, Msaa::Off, DepthPrepass, DeferredPrepass)]
-#[extract_component_sync_target((Self, GiCamera, SkyCamera, SkySource))]
+#[extract_component_sync_target((Self, GiCamera, SkyCamera, SkySource, BounceCamera))]
 pub struct FrugalGi {
     /// Virtual point lights for the whole picture. Higher values: smoother and nearer the truth; every gathered pixel evaluates its
     /// [interleaved](Self::interleave) share of them. Lower values: blotchier. 0 turns GI off, and nothing is rendered, allocated or dispatched
@@ -38,6 +39,11 @@ pub struct FrugalGi {
     /// which nothing shadows. Else ours replaces it (its reflections stay), also on meshes that are not deferred, to which no global illumination is
     /// added. At most [`MAX_ENVIRONMENT_SAMPLES`](Self::MAX_ENVIRONMENT_SAMPLES).
     pub environment_samples: u32,
+    /// Times that light of lamps is reflected on its way to what the camera sees; that of glowing surfaces and of the sky one time less. Needs
+    /// [`visibility`](Self::visibility), or it is 1. Higher values: lighter shadows and rooms, nearer to all the light that there is (where surfaces
+    /// reflect half of it, 1 finds half of what is indirect, 2 three quarters); each costs a pass over the maps' texels and 16,384 rays, but only in
+    /// frames in which the maps are rendered. At most [`MAX_BOUNCES`](Self::MAX_BOUNCES). See [`GiPatches`](super::GiPatches).
+    pub bounces: u32,
     /// Whether [glowing surfaces](super::GiEmitters) light others. Costs nothing where there are none.
     pub emissive: bool,
     /// Share of pixels at which the VPLs are gathered; the others are interpolated along surfaces. Higher values: finer indirect detail, at
@@ -71,6 +77,9 @@ impl FrugalGi {
     /// Most samples of the sky that one pixel evaluates.
     pub const MAX_ENVIRONMENT_SAMPLES: u32 = 32;
 
+    /// Most bounces.
+    pub const MAX_BOUNCES: u32 = 8;
+
     /// Whether VPLs are drawn and gathered for this camera.
     pub(super) fn gathers(&self) -> bool {
         self.vpl_count > 0 && self.output != GiOutput::MapsOnly
@@ -79,6 +88,11 @@ impl FrugalGi {
     /// Whether rays are traced for this camera.
     pub(super) fn traces(&self) -> bool {
         self.gathers() && self.visibility.rays() > 0
+    }
+
+    /// Whether light is reflected more than once for this camera.
+    pub(super) fn reflects(&self) -> bool {
+        self.traces() && self.bounces > 1
     }
 }
 
@@ -89,6 +103,7 @@ impl Default for FrugalGi {
             interleave: GiInterleave::Four,
             visibility: GiVisibility::Coarse,
             environment_samples: 16,
+            bounces: 1,
             emissive: true,
             pixel_fraction: GiPixelFraction::Quarter,
             rsm_resolution: 128,

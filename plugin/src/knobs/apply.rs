@@ -28,6 +28,7 @@ impl Plugin for KnobPlugin {
             .register_knob(builtin::GiInterleaving)
             .register_knob(builtin::GiRays)
             .register_knob(builtin::GiEnvironmentSamples)
+            .register_knob(builtin::GiBounces)
             .register_knob(builtin::RsmResolution)
             .register_knob(builtin::GiRefreshPeriod)
             .register_knob(builtin::ShadowMapResolution)
@@ -46,7 +47,7 @@ impl Plugin for KnobPlugin {
     fn finish(&self, app: &mut App) {
         crate::pipelines::finish(app);
         // By now every plugin has registered its knobs: a map that asks for others is refused by the controller.
-        let known = app.world().get_resource::<KnobRegistry>().and_then(|registry| registry.space().ok());
+        let known = app.world().get_resource::<KnobRegistry>().and_then(|registry| registry.space_with(|_| true).ok());
         if let Some(space) = known {
             app.insert_resource(KnownKnobs(space.knobs().iter().map(|knob| knob.name.clone()).collect()));
         }

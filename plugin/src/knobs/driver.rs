@@ -26,6 +26,12 @@ pub trait KnobDriver: Send + Sync + 'static {
         KnobScope::Camera
     }
 
+    /// Whether the knob is only turned where somebody names it: because it changes what a picture aims at rather than how near it comes. A map, a search
+    /// and the best settings leave it alone otherwise.
+    fn is_by_name_only(&self) -> bool {
+        false
+    }
+
     /// Sets `level`. Called only when the level differs from the last one applied to `camera`.
     ///
     /// `camera` exists and has a camera. Must not panic when what the knob works on is missing: it then has no effect.
@@ -54,12 +60,21 @@ impl KnobRegistry {
         self.drivers.iter().find(|driver| driver.knob().name == name)
     }
 
-    /// All knobs, in the order of registration.
+    /// The knobs that need not be named, in the order of registration.
     ///
     /// # Errors
     /// When there are too many, or one has no sound levels.
     pub fn space(&self) -> Result<KnobSpace, KnobSpaceError> {
-        KnobSpace::new(self.drivers.iter().map(|driver| driver.knob()).collect())
+        self.space_with(|_| false)
+    }
+
+    /// The same, and of the others those whose names `is_named` says are.
+    ///
+    /// # Errors
+    /// When there are too many, or one has no sound levels.
+    pub fn space_with(&self, is_named: impl Fn(&str) -> bool) -> Result<KnobSpace, KnobSpaceError> {
+        let offered = self.drivers.iter().map(|driver| (driver.knob(), driver.is_by_name_only()));
+        KnobSpace::new(offered.filter(|(knob, by_name)| !by_name || is_named(&knob.name)).map(|(knob, _)| knob).collect())
     }
 }
 

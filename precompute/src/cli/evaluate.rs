@@ -116,7 +116,7 @@ pub(super) fn open_stage(
     map_path: &Path,
     meter: Option<String>,
 ) -> Result<RemoteStage, CliError> {
-    let here = crate::stage::knobs()?;
+    let here = crate::stage::every_knob()?;
     for knob in map.knobs.knobs() {
         let (path, name) = (map_path.display(), &knob.name);
         match here.index_of(name).map(|index| &here.knobs()[index]) {

@@ -10,7 +10,7 @@ pub(super) struct Arguments {
     camera: CameraArguments,
     #[command(flatten)]
     capture: CaptureArguments,
-    /// `max`, `min`, or knob=level pairs, which lower the best settings
+    /// `max`, `min`, or knob=level pairs, which change the best settings
     #[arg(long, value_name = "SETTINGS", default_value = "max")]
     settings: String,
     /// Which light
@@ -26,10 +26,9 @@ pub(super) fn run(arguments: &Arguments) -> Result<(), CliError> {
     let take = |output: Output| -> Result<Stage, CliError> {
         let options = StageOptions { output, component: arguments.component, ..arguments.capture.options() };
         let mut stage = Stage::open(&scene, options)?;
-        let settings = stage.space().parse(&arguments.settings).map_err(CliError::usage)?;
         let pose = arguments.camera.pose();
         stage.place(pose.position, pose.rotation);
-        stage.apply(settings);
+        stage.apply_text(&arguments.settings)?;
         stage.get_ready()?;
         Ok(stage)
     };

@@ -31,6 +31,8 @@ pub struct PriceSummary<'a> {
     pub size: [u32; 2],
     /// Levels, knob by knob, the best first.
     pub prices: &'a [LevelPrice],
+    /// What the radiance is held against.
+    pub truth: &'a str,
     /// Where watts come from.
     pub meter: &'a MeterInfo,
     /// What the global illumination adds at its best, watts.
@@ -46,11 +48,12 @@ pub fn price_report(summary: &PriceSummary) -> Result<String, ReportError> {
     section.facts(&[
         ("Picture".to_owned(), format!("{} × {} pixels", summary.size[0], summary.size[1])),
         ("Global illumination at its best".to_owned(), format!("{:.3} W", summary.best_w)),
+        ("Truth".to_owned(), summary.truth.to_owned()),
         ("Meter".to_owned(), summary.meter.description.clone()),
     ]);
     section.paragraph(
         "One knob lowered at a time, the others at their best. Cost is what the global illumination adds to a frame, as a share of what it adds at its best; error is the mean absolute \
-         difference of indirect radiance from a path-traced picture of one bounce, over squares of 4 × 4 pixels, as a share of the mean.",
+         difference of radiance from the path-traced truth, over squares of 4 × 4 pixels, as a share of the mean.",
     );
     let mut lines: Vec<(&str, Curve)> = Vec::new();
     for price in summary.prices {
@@ -122,7 +125,15 @@ mod tests {
     fn a_line_for_each_knob_and_a_row_for_each_level() {
         let prices = [price("gi_vpl_count", "4096", 1.0), price("gi_vpl_count", "64", 0.2), price("gi_visibility", "fine", 1.0)];
         let meter = crate::evaluate::fake::meter();
-        let html = price_report(&PriceSummary { scene: "court", size: [320, 180], prices: &prices, meter: &meter, best_w: 4.0 }).unwrap();
+        let html = price_report(&PriceSummary {
+            scene: "court",
+            size: [320, 180],
+            prices: &prices,
+            truth: "one bounce",
+            meter: &meter,
+            best_w: 4.0,
+        })
+        .unwrap();
         assert!(html.contains("<svg ") && html.contains("20.0 %") && html.contains("gi_visibility"));
         let mut bytes = Vec::new();
         price_csv(&prices, &mut bytes).unwrap();

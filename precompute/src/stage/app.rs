@@ -43,9 +43,9 @@ pub(super) fn build(frames_per_second: f64, extend: impl FnOnce(&mut App)) -> Ap
     app
 }
 
-/// Every knob that a stage has, without starting one.
-pub(super) fn knobs() -> Result<KnobSpace, KnobSpaceError> {
+/// Every knob that a stage has and that need not be named, or all of them; without starting one.
+pub(super) fn knobs(named_too: bool) -> Result<KnobSpace, KnobSpaceError> {
     let mut app = App::new();
     app.add_plugins(KnobPlugin);
-    app.world().resource::<KnobRegistry>().space()
+    app.world().resource::<KnobRegistry>().space_with(|_| named_too)
 }

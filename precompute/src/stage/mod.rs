@@ -41,7 +41,7 @@ pub use evaluator::StageEvaluator;
 pub(crate) use evaluator::sees;
 pub use player::StagePlayer;
 pub use remote::{RemoteError, RemoteStage, StageRequest, serve};
-pub use useful::{knobs, useful_knobs};
+pub use useful::{every_knob, knobs, useful_knobs};
 pub use world::populate;
 
 /// What is drawn into.
@@ -82,7 +82,7 @@ pub struct StageOptions {
     pub output: Output,
     /// Which light.
     pub component: Component,
-    /// Names of the knobs to offer; all where none are given. The others stand at their best.
+    /// Names of the knobs to offer; where none are given, all that need not be named. The others stand at their best.
     pub knobs: Option<Vec<String>>,
     /// Meter by name; the one that suits the adapter where none is given.
     pub meter: Option<String>,
@@ -216,7 +216,7 @@ impl Stage {
         let registry = app.world().resource::<KnobRegistry>().clone();
         let all = registry.space()?;
         let space = match &options.knobs {
-            Some(names) => all.subset(names.iter().map(String::as_str))?,
+            Some(names) => registry.space_with(|name| names.iter().any(|other| other == name))?.subset(names.iter().map(String::as_str))?,
             None => all.clone(),
         };
         let mut stage = Self {
@@ -291,6 +291,22 @@ impl Stage {
     pub fn apply(&mut self, settings: RenderSettings) {
         let space = Arc::clone(&self.space);
         self.insert_settings(space, settings);
+    }
+
+    /// Sets the knobs that a text tells of, and those on offer that it does not at their best: `max`, `min`, or `knob=level` pairs. Knobs that must be
+    /// named are among them where it does.
+    ///
+    /// # Errors
+    /// When the text is of another form, or names a knob or a level that is not there.
+    pub fn apply_text(&mut self, text: &str) -> Result<(), StageError> {
+        let names = || text.split(',').filter_map(|part| Some(part.split_once('=')?.0.trim()));
+        let all = self.app.world().resource::<KnobRegistry>().space_with(|name| names().any(|other| other == name))?;
+        let offered = self.space.knobs().iter().map(|knob| knob.name.as_str());
+        let named = names().filter(|name| self.space.index_of(name).is_none() && all.index_of(name).is_some());
+        let space = all.subset(offered.chain(named))?;
+        let settings = space.parse(text)?;
+        self.insert_settings(Arc::new(space), settings);
+        Ok(())
     }
 
     fn insert_settings(&mut self, space: Arc<KnobSpace>, settings: RenderSettings) {

@@ -36,10 +36,18 @@ pub fn useful_knobs(scene: &SceneDescription) -> Result<Vec<String>, StageError>
     Ok(knobs()?.knobs().iter().map(|knob| knob.name.clone()).filter(|name| useful(name)).collect())
 }
 
-/// Every knob that a stage has.
+/// Every knob that a stage has and that need not be named.
 ///
 /// # Errors
 /// Never, as long as the built-in knobs are sound.
 pub fn knobs() -> Result<KnobSpace, StageError> {
-    Ok(super::app::knobs()?)
+    Ok(super::app::knobs(false)?)
+}
+
+/// Every knob that a stage has.
+///
+/// # Errors
+/// Never, as long as the built-in knobs are sound.
+pub fn every_knob() -> Result<KnobSpace, StageError> {
+    Ok(super::app::knobs(true)?)
 }

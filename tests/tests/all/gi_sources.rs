@@ -326,7 +326,7 @@ fn glow_that_is_no_number_or_huge_stays_finite() {
 }
 
 /// Gives the stage's camera an environment map of six even faces (+X, −X, +Y, −Y, +Z, −Z), which holds shares of `intensity`.
-fn surround(stage: &mut Stage, faces: [[f32; 3]; 6], intensity: f32, rotation: Quat) {
+pub fn surround(stage: &mut Stage, faces: [[f32; 3]; 6], intensity: f32, rotation: Quat) {
     const EDGE: u32 = 4;
     let face = |[red, green, blue]: &[f32; 3]| vec![[*red, *green, *blue, 1.0]; (EDGE * EDGE) as usize];
     // Half floats, which every GPU filters.

@@ -9,6 +9,7 @@ macro_rules! tests {
     };
 }
 
+mod bounces;
 mod cli;
 mod cli_journal;
 mod command;
@@ -30,6 +31,7 @@ mod visibility;
 
 /// Tests by module, and whether they need an adapter.
 const MODULES: &[(&str, &[(&str, fn())], bool)] = &[
+    ("bounces", bounces::TESTS, true),
     ("cli", cli::TESTS, false),
     ("cli_journal", cli_journal::TESTS, true),
     ("contracts", contracts::TESTS, true),

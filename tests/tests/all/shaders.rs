@@ -4,7 +4,7 @@ use bevy_frugal_gi::gi::inspect::STRUCT_BYTES;
 
 tests!(structs_have_the_sizes_that_buffers_are_made_for, the_check_sees_a_grown_struct);
 
-const SHADERS: [&str; 10] = [
+const SHADERS: [&str; 11] = [
     include_str!("../../../plugin/src/gi/rsm/texel.wgsl"),
     include_str!("../../../plugin/src/gi/vpl/vpl.wgsl"),
     include_str!("../../../plugin/src/gi/vpl/rows.wgsl"),
@@ -13,6 +13,7 @@ const SHADERS: [&str; 10] = [
     include_str!("../../../plugin/src/gi/gather/settings.wgsl"),
     include_str!("../../../plugin/src/gi/visibility/trace.wgsl"),
     include_str!("../../../plugin/src/gi/rsm/resolve.wgsl"),
+    include_str!("../../../plugin/src/gi/bounces/patch.wgsl"),
     include_str!("../../../plugin/src/gi/sources/sky.wgsl"),
     include_str!("../../../plugin/src/gi/sources/sky_fill.wgsl"),
 ];
@@ -42,6 +43,6 @@ fn structs_have_the_sizes_that_buffers_are_made_for() {
 }
 
 fn the_check_sees_a_grown_struct() {
-    let grown = SHADERS[1].replace("padding_3: f32,", "padding_3: f32,\n    more: f32,");
+    let grown = SHADERS[1].replace("padding: f32,", "padding: f32,\n    more: f32,");
     assert_eq!(size("Vpl", &[&grown]), 64);
 }

@@ -11,6 +11,7 @@ use bevy::render::view::ExtractedView;
 
 use super::plan::{self, GatherSettings, VplPlan};
 use super::work::{Seen, Work};
+use crate::gi::bounces::BounceCamera;
 use crate::gi::filter::{self, History, PastView, Step};
 use crate::gi::refresh::{GiFrame, GiRefresh};
 use crate::gi::rsm::{RsmCut, RsmLight, RsmStore, RsmView};
@@ -126,17 +127,29 @@ pub(in crate::gi) fn prepare_cameras(
     policy: Res<GiRefresh>,
     maps: Query<(&RsmView, &RsmLight, &RsmCut)>,
     emitters: Res<GiEmitters>,
-    cameras: Query<(Entity, &MainEntity, &FrugalGi, &ExtractedCamera, &ExtractedView, Has<TemporalJitter>, Option<&SkyCamera>)>,
+    cameras: Query<(
+        Entity,
+        &MainEntity,
+        &FrugalGi,
+        &ExtractedCamera,
+        &ExtractedView,
+        Has<TemporalJitter>,
+        Option<&SkyCamera>,
+        Option<&BounceCamera>,
+    )>,
     mut held: Query<&mut GiCamera>,
     stale: Query<Entity, (With<GiCamera>, Or<(Without<FrugalGi>, Without<ExtractedCamera>)>)>,
 ) {
     for entity in &stale {
         commands.entity(entity).remove::<GiCamera>();
     }
-    for (entity, main_entity, gi, camera, view, jitters, sky) in &cameras {
+    for (entity, main_entity, gi, camera, view, jitters, sky, bounces) in &cameras {
         let mut rows = rows_of(main_entity.id(), &maps);
         if gi.emissive {
             emitters.add_rows(camera.exposure, store.map_texels, &mut rows);
+        }
+        if let Some(bounces) = bounces {
+            bounces.add_rows(&mut rows);
         }
         if store.texels.is_none() {
             rows.clear();

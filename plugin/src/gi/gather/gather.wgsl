@@ -3,20 +3,17 @@
 // The VPLs of a set lie in a uniform array: on the software adapter 1.75 times as fast as a storage buffer and twice as fast as a copy in workgroup
 // memory. A dynamic offset chooses the set.
 //
-// Visibility, where it is asked for (RAYS): the set is dealt into as many hands as there are rays. From each hand one VPL is drawn in proportion to
-// the luminance of what it would send, and stands for the hand: with all that the hand would send where the ray to it is free, and with nothing where
-// not. In luminance the expectation is the sum of what is visible, whatever hides the rest, and rays go where light comes from: one step of
-// resampled importance sampling (Talbot et al. 2005) with its proposals in a fixed order. The hue is the hand's and not the drawn VPL's, which
-// would be right in each channel but speckle every wall in the colours of whatever lights it; so, where nothing is hidden, there is no noise at all,
-// and where only one colour of light is hidden, some of it stays in the hue.
+// Visibility, where it is asked for (RAYS): the set is dealt into as many hands (`vpl/hand.wgsl`) as there are rays. The hue is the hand's and not the
+// drawn VPL's, which would be right in each channel but speckle every wall in the colours of whatever lights it; so, where nothing is hidden, there is
+// no noise at all, and where only one colour of light is hidden, some of it stays in the hue.
 
 #import bevy_render::view::View
 #import bevy_frugal_gi::gi::gather::settings::Gather
-#import bevy_frugal_gi::gi::luminance::luminance
 #import bevy_frugal_gi::gi::surface::{pixel_position, pixel_width, representative, surface_normal}
 #import bevy_frugal_gi::gi::vpl::plan::Plan
-#import bevy_frugal_gi::gi::vpl::vpl::Vpl
+#import bevy_frugal_gi::gi::vpl::vpl::{Vpl, from_vpl}
 #ifdef RAYS
+#import bevy_frugal_gi::gi::vpl::hand::{dealt, empty_hand, weight_of}
 #import bevy_frugal_gi::gi::visibility::trace::{is_occluded, is_open, surface_offset}
 #endif
 #ifdef SKY_RAYS
@@ -35,31 +32,12 @@
 @group(0) @binding(8) var<storage, read> sky_plan: SkyPlan;
 #endif
 
-/// Irradiance from one VPL, without the factor 1/π that its cosine lobe and the sum share. Lux · π.
-///
-/// A point within reach of a surface would be a spike. A VPL stands for the piece of surface that its neighbours leave to it: it never sends more than
-/// an endless plane of that piece's radiosity would. Where many VPLs are drawn the pieces are small, and what is lost in corners goes to nothing
-/// with them; a bound for the whole scene (Dachsbacher and Stamminger 2005) stays.
-fn from_vpl(vpl: Vpl, position: vec3<f32>, normal: vec3<f32>) -> vec3<f32> {
-    let way = vpl.position - position;
-    // Two divisions by d² rather than one by d⁴ keep every distance from 1e-9 m to 1e19 m in range; at distance 0 both cosines are 0.
-    let inverse = 1.0 / clamp(dot(way, way), 1e-18, 1e38);
-    let receiver = max(dot(normal, way), 0.0) * inverse;
-    let emitter = max(-dot(vpl.normal, way), 0.0) * inverse;
-    return vpl.flux * min(receiver * emitter, vpl.largest_geometry_term);
-}
-
 #ifdef RAYS
 /// Where a pixel's rays start.
 fn departure(position: vec3<f32>, normal: vec3<f32>) -> vec3<f32> {
     let eye = distance(position, view.world_position);
     let width = pixel_width(view.clip_from_view, textureDimensions(g_buffer).y, eye);
     return position + normal * surface_offset(position, eye, width);
-}
-
-fn weight_of(light: vec3<f32>) -> f32 {
-    // So that a sum of a thousand is finite.
-    return min(luminance(light), 1e30);
 }
 
 fn gathered(cell: vec2<u32>, position: vec3<f32>, normal: vec3<f32>) -> vec3<f32> {
@@ -70,30 +48,19 @@ fn gathered(cell: vec2<u32>, position: vec3<f32>, normal: vec3<f32>) -> vec3<f32
     var sum_drawn = vec3(0.0);
     var all = 0.0;
     var free = 0.0;
-    for (var hand = 0u; hand < #{RAYS}u; hand++) {
-        // One number draws from the whole hand: what is left of it after each draw is again evenly spread (Chao 1982, with the number reused).
-        var number = fract(noise + f32(hand) * 0.618034);
-        var sent_by_hand = vec3(0.0);
-        var total = 0.0;
-        var drawn = 0u;
-        for (var i = hand; i < plan.per_set; i += #{RAYS}u) {
-            let sent = from_vpl(vpls[i], position, normal);
-            let weight = weight_of(sent);
-            sent_by_hand += sent;
-            total += weight;
-            let probability = weight / max(total, 1e-35);
-            let taken = number < probability;
-            number = select((number - probability) / (1.0 - probability), number / probability, taken);
-            drawn = select(drawn, i, taken);
+    for (var which = 0u; which < #{RAYS}u; which++) {
+        var hand = empty_hand(fract(noise + f32(which) * 0.618034));
+        for (var i = which; i < plan.per_set; i += #{RAYS}u) {
+            hand = dealt(hand, i, from_vpl(vpls[i], position, normal));
         }
-        all += total;
-        if total > 0.0 {
-            let vpl = vpls[drawn];
+        all += hand.total;
+        if hand.total > 0.0 {
+            let vpl = vpls[hand.drawn];
             let end = vpl.position + vpl.normal * surface_offset(vpl.position, distance(vpl.position, view.world_position), vpl.texel_width);
             if !is_occluded(origin, end) {
-                sum += sent_by_hand;
-                sum_drawn += vpl.flux * (total / max(weight_of(vpl.flux), 1e-35));
-                free += total;
+                sum += hand.sent;
+                sum_drawn += vpl.flux * (hand.total / max(weight_of(vpl.flux), 1e-35));
+                free += hand.total;
             }
         }
     }
@@ -117,24 +84,14 @@ fn gathered_sky(cell: vec2<u32>, position: vec3<f32>, normal: vec3<f32>) -> vec3
     let origin = departure(position, normal);
     let noise = fract(52.9829189 * fract(dot(vec2<f32>(cell), vec2(0.00583715, 0.06711056))));
     var sum = vec3(0.0);
-    for (var hand = 0u; hand < #{SKY_RAYS}u; hand++) {
-        var number = fract(noise + f32(hand) * 0.618034);
-        var sent_by_hand = vec3(0.0);
-        var total = 0.0;
-        var drawn = 0u;
-        for (var i = hand; i < sky_plan.samples; i += #{SKY_RAYS}u) {
-            let sent = sky_samples[i].light * max(dot(normal, sky_samples[i].direction), 0.0);
-            let weight = weight_of(sent);
-            sent_by_hand += sent;
-            total += weight;
-            let probability = weight / max(total, 1e-35);
-            let taken = number < probability;
-            number = select((number - probability) / (1.0 - probability), number / probability, taken);
-            drawn = select(drawn, i, taken);
+    for (var which = 0u; which < #{SKY_RAYS}u; which++) {
+        var hand = empty_hand(fract(noise + f32(which) * 0.618034));
+        for (var i = which; i < sky_plan.samples; i += #{SKY_RAYS}u) {
+            hand = dealt(hand, i, sky_samples[i].light * max(dot(normal, sky_samples[i].direction), 0.0));
         }
-        if total > 0.0 {
-            if is_open(origin, sky_samples[drawn].direction) {
-                sum += sent_by_hand;
+        if hand.total > 0.0 {
+            if is_open(origin, sky_samples[hand.drawn].direction) {
+                sum += hand.sent;
             }
         }
     }

@@ -21,7 +21,7 @@ use crate::knobs::KnobSystems;
 pub(super) use lights::RsmLight;
 pub(super) use region::RsmCut;
 pub(super) use resolve::{RsmPipelines, RsmStore, TEXEL_BYTES, drop_main_phases, prepare_store, resolve};
-pub(super) use texel::Texel;
+pub(super) use texel::{Texel, pack_normal};
 pub(super) use views::MapsTouched;
 
 /// Marks a hidden camera that renders what a light sees. Filter your own camera queries with `Without<RsmView>` if they mean visible cameras.

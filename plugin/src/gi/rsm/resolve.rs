@@ -16,6 +16,7 @@ use bevy::utils::default;
 
 use super::RsmView;
 use super::lights::RsmLight;
+use crate::gi::bounces::GiPatches;
 use crate::gi::settings::{FrugalGi, GiShading};
 use crate::gi::sources::GiEmitters;
 
@@ -98,13 +99,13 @@ pub(in crate::gi) fn drop_main_phases(
     }
 }
 
-/// Fits the store to the maps of this frame and what glows; lets it go where there is neither.
+/// Fits the store to the maps of this frame, what glows and what reflects again; lets it go where there is none of them.
 pub(in crate::gi) fn prepare_store(
     mut store: ResMut<RsmStore>,
     device: Res<RenderDevice>,
     queue: Res<RenderQueue>,
     maps: Query<&RsmLight, With<RsmView>>,
-    emitters: Res<GiEmitters>,
+    (emitters, patches): (Res<GiEmitters>, Res<GiPatches>),
     cameras: Query<(), With<FrugalGi>>,
 ) {
     let mut texels = 0;
@@ -113,7 +114,7 @@ pub(in crate::gi) fn prepare_store(
         texels = texels.max(u64::from(light.texel_offset) + u64::from(light.resolution).pow(2));
     }
     store.map_texels = texels as u32;
-    texels += emitters.texel_count() as u64;
+    texels += (emitters.texel_count() + patches.texel_count()) as u64;
     if texels == 0 || cameras.is_empty() {
         store.texels = None;
         return;
@@ -126,7 +127,7 @@ pub(in crate::gi) fn prepare_store(
             usage: BufferUsages::STORAGE | BufferUsages::COPY_SRC | BufferUsages::COPY_DST,
             mapped_at_creation: false,
         });
-        // Where only what glows needs more room or less, maps that rest are not rendered again.
+        // Where only what lies behind them needs more room or less, maps that rest are not rendered again.
         if let Some(old) = store.texels.as_ref().filter(|_| store.map_texels > 0 && store.map_texels == old_map_texels) {
             let mut encoder = device.create_command_encoder(&CommandEncoderDescriptor { label: Some("bevy_frugal_gi/rsm/keep") });
             encoder.copy_buffer_to_buffer(old, 0, &new, 0, u64::from(old_map_texels) * TEXEL_BYTES);

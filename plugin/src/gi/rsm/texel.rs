@@ -24,7 +24,7 @@ impl Texel {
 }
 
 /// Octahedral coordinates (Cigolle et al. 2014) of 16 bits each: what `rsm/texel.wgsl`'s function of that name gives.
-fn pack_normal(normal: Vec3) -> u32 {
+pub(in crate::gi) fn pack_normal(normal: Vec3) -> u32 {
     let Vec3 { x, y, z } = normal / (normal.x.abs() + normal.y.abs() + normal.z.abs());
     let folded = |own: f32, other: f32| (1.0 - other.abs()) * if own > 0.0 { 1.0 } else { -1.0 };
     let (x, y) = if z >= 0.0 { (x, y) } else { (folded(x, y), folded(y, x)) };

@@ -4,11 +4,8 @@ use bevy::material::OpaqueRendererMethod;
 use bevy::math::{DVec3, Vec3};
 use bevy::pbr::StandardMaterial;
 use bevy::prelude::AlphaMode;
-use bevy::render::render_resource::Face;
 
-use super::surface::Sides;
-use crate::gi::cutout::Mask;
-use crate::gi::texture::TextureUse;
+use crate::gi::surfaces::{Mask, Sides, TextureUse};
 
 /// What a material gives off.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -48,11 +45,7 @@ pub(super) fn emission(material: &StandardMaterial) -> Option<Emission> {
     }
     // The G-buffer has no room for the weight: Bevy 0.19 takes it for 0 there.
     let weight = if is_deferred(material) { 0.0 } else { material.emissive_exposure_weight.clamp(0.0, 1.0) };
-    let sides = match material.cull_mode {
-        Some(Face::Back) => Sides::Front,
-        Some(Face::Front) => Sides::Back,
-        None => Sides::Both,
-    };
+    let sides = Sides::shown(material.cull_mode);
     let texture = material.emissive_texture.as_ref();
     let texture = texture.map(|image| TextureUse::new(image, &material.emissive_channel, material.uv_transform));
     Some(Emission { exposed: color * weight, unexposed: color * (1.0 - weight), sides, texture, mask: Mask::new(material) })
@@ -73,6 +66,7 @@ fn is_deferred(material: &StandardMaterial) -> bool {
 mod tests {
     use super::*;
     use bevy::color::LinearRgba;
+    use bevy::render::render_resource::Face;
 
     fn glowing(red: f32, green: f32, blue: f32) -> StandardMaterial {
         StandardMaterial { emissive: LinearRgba::rgb(red, green, blue), ..Default::default() }

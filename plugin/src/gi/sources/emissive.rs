@@ -13,7 +13,7 @@ use bevy::color::ColorToComponents;
 use bevy::ecs::prelude::*;
 use bevy::image::Image;
 use bevy::log::warn_once;
-use bevy::math::{Affine3A, DVec3, Vec2, Vec3};
+use bevy::math::{Affine3A, DVec3, Vec3};
 use bevy::mesh::skinning::SkinnedMesh;
 use bevy::mesh::{Mesh, Mesh3d};
 use bevy::pbr::{MeshMaterial3d, StandardMaterial};
@@ -22,13 +22,10 @@ use bevy::render::extract_resource::ExtractResource;
 use bevy::transform::components::GlobalTransform;
 
 use super::emission::{Emission, emission};
-use super::surface::{GlowingSurface, Place};
-use crate::gi::assets::SurfaceAssets;
-use crate::gi::cutout::{Cutout, Mask};
+use super::surface::GlowingSurface;
 use crate::gi::rsm::{RsmCut, Texel};
 use crate::gi::settings::FrugalGi;
-use crate::gi::texture::{self, TextureUse};
-use crate::gi::triangles;
+use crate::gi::surfaces::{Cutout, Mask, Place, SurfaceAssets, SurfacePoints, TextureUse, Triangles, triangles};
 use crate::gi::vpl::MapRow;
 
 /// Texels that all glowing surfaces share, more or less: each has a power of two of them, so that a lamp that flickers does not deal all others'
@@ -225,41 +222,32 @@ const FIRST_TEXELS: usize = 64;
 fn surface(key: &SurfaceKey, texels: usize, assets: &SurfaceAssets) -> Option<Option<GlowingSurface>> {
     let mesh = assets.meshes.get(key.mesh)?;
     let texture = match key.texture {
-        Some(texture) => Some((texture, assets.images.as_ref()?.get(texture.image)?)),
+        Some(texture) => texture.on(mesh, assets.images.as_deref())?,
         None => None,
     };
     let cutout = match &key.mask {
         Some(mask) => Some(Cutout::new(mask, mesh, assets.images.as_deref())?),
         None => None,
     };
-    let Some((positions, corners)) = triangles::read(mesh) else {
+    let Some(Triangles { corners, positions }) = triangles(mesh) else {
         warn_once!(
             "a glowing mesh is kept for the GPU alone or is no triangle list: it lights nothing (RenderAssetUsages::MAIN_WORLD keeps it readable)"
         );
         return Some(None);
     };
-    let list: Vec<[Vec3; 3]> = corners.iter().map(|triangle| triangle.map(|corner| Vec3::from(positions[corner]))).collect();
-    // Bevy reads no texture where there are no coordinates for it.
-    let texture = texture.and_then(|(texture, image)| Some((image, texture.coordinates(mesh)?, texture.transform())));
     let color = |Place { triangle, weights }| {
         if cutout.as_ref().is_some_and(|cutout| !cutout.is_there(corners[triangle], weights)) {
             return Vec3::ZERO;
         }
-        texture.map_or(Vec3::ONE, |(image, coordinates, transform)| {
-            color_at(image, transform.transform_point2(texture::interpolated(coordinates, corners[triangle], weights)))
-        })
+        let Some(texture) = &texture else { return Vec3::ONE };
+        let Some(color) = texture.color(corners[triangle], weights) else {
+            warn_once!("an emissive texture is kept for the GPU alone or is compressed: what it lights is lit as if it were white");
+            return Vec3::ONE;
+        };
+        let color = color.to_vec3();
+        if color.is_finite() { color.max(Vec3::ZERO) } else { Vec3::ZERO }
     };
-    Some(GlowingSurface::new(&list, texels * key.points_per_texel(), color))
-}
-
-/// Linear colour of the texel at `place`, white where it cannot be read.
-fn color_at(image: &Image, place: Vec2) -> Vec3 {
-    let Some(color) = texture::texel(image, place) else {
-        warn_once!("an emissive texture is kept for the GPU alone or is compressed: what it lights is lit as if it were white");
-        return Vec3::ONE;
-    };
-    let color = color.to_vec3();
-    if color.is_finite() { color.max(Vec3::ZERO) } else { Vec3::ZERO }
+    Some(SurfacePoints::new(&positions, texels * key.points_per_texel(), color).map(GlowingSurface))
 }
 
 /// The texels of all surfaces, as cameras of `exposure` see them glow.

@@ -31,6 +31,10 @@ pub(super) use sky::{SET_BYTES, SKY_LIGHT_BYTES, SkyCamera, SkyPipelines, SkyPla
 pub(super) use sky::{prepare_cameras as prepare_skies, sample as sample_sky};
 pub(super) use upload::upload_emitters;
 
+/// In the main world's `PostUpdate`: [`GiEmitters`] is kept.
+#[derive(SystemSet, Clone, Debug, PartialEq, Eq, Hash)]
+pub(super) struct EmittersSystems;
+
 pub(super) fn build(app: &mut App) {
     app.init_resource::<GiEmitters>()
         .init_resource::<emissive::Glow>()
@@ -39,6 +43,7 @@ pub(super) fn build(app: &mut App) {
             PostUpdate,
             // Need this frame's asset events: what begins to glow lights others in the same frame.
             emissive::update
+                .in_set(EmittersSystems)
                 .after(KnobSystems::Apply)
                 .after(AssetEventSystems)
                 .after(TransformSystems::Propagate)

@@ -1,4 +1,5 @@
 use super::*;
+use crate::gi::surfaces::Place;
 use bevy::math::{Quat, Vec3A};
 
 /// A rectangle of 2 m × 1 m in the plane z = 0 that faces +Z, in two triangles.
@@ -9,6 +10,10 @@ const PANEL: [[Vec3; 3]; 2] = [
 
 fn white(_: Place) -> Vec3 {
     Vec3::ONE
+}
+
+fn glowing(triangles: &[[Vec3; 3]], count: usize, color: impl Fn(Place) -> Vec3) -> Option<GlowingSurface> {
+    SurfacePoints::new(triangles, count, color).map(GlowingSurface)
 }
 
 fn texels(surface: &GlowingSurface, affine: Affine3A, emission: DVec3, sides: Sides, count: usize) -> Vec<Texel> {
@@ -24,7 +29,7 @@ fn flux(texels: &[Texel]) -> [f64; 3] {
 #[test]
 fn all_light_is_there_wherever_the_surface_stands() {
     let emission = DVec3::new(100.0, 50.0, 10.0);
-    let surface = GlowingSurface::new(&PANEL, 1024, white).unwrap();
+    let surface = glowing(&PANEL, 1024, white).unwrap();
     let places = [
         (Affine3A::IDENTITY, 2.0),
         (Affine3A::from_scale_rotation_translation(Vec3::splat(3.0), Quat::from_rotation_x(1.0), Vec3::new(5.0, -2.0, 1e4)), 18.0),
@@ -48,7 +53,7 @@ fn all_light_is_there_wherever_the_surface_stands() {
 
 #[test]
 fn points_lie_evenly_and_consecutive_ones_together() {
-    let surface = GlowingSurface::new(&PANEL, 1024, white).unwrap();
+    let surface = glowing(&PANEL, 1024, white).unwrap();
     for count in [64usize, 256, 1024] {
         let texels = texels(&surface, Affine3A::IDENTITY, DVec3::ONE, Sides::Front, count);
         // Each of 8 × 4 equal parts of the panel has its share, to within half of it.
@@ -68,7 +73,7 @@ fn points_lie_evenly_and_consecutive_ones_together() {
 
 #[test]
 fn points_stay_where_they_are_on_a_surface_that_moves() {
-    let surface = GlowingSurface::new(&PANEL, 1024, white).unwrap();
+    let surface = glowing(&PANEL, 1024, white).unwrap();
     let before = texels(&surface, Affine3A::IDENTITY, DVec3::ONE, Sides::Front, 512);
     for (turn, way) in [(0.3, Vec3::X), (2.0, Vec3::splat(17.0))] {
         let affine = Affine3A::from_rotation_translation(Quat::from_axis_angle(Vec3::ONE.normalize(), turn), way);
@@ -82,7 +87,7 @@ fn points_stay_where_they_are_on_a_surface_that_moves() {
 #[test]
 fn points_are_where_the_texture_is_bright() {
     // The second triangle is dark but for one part in a hundred of its light.
-    let surface = GlowingSurface::new(&PANEL, 4096, |place| if place.triangle == 0 { Vec3::ONE } else { Vec3::splat(0.01) }).unwrap();
+    let surface = glowing(&PANEL, 4096, |place| if place.triangle == 0 { Vec3::ONE } else { Vec3::splat(0.01) }).unwrap();
     let texels = texels(&surface, Affine3A::IDENTITY, DVec3::ONE, Sides::Front, 202);
     let bright = texels.iter().filter(|texel| texel.position[1] < 0.5 * texel.position[0]).count();
     assert!((199..=201).contains(&bright), "{bright}");
@@ -92,7 +97,7 @@ fn points_are_where_the_texture_is_bright() {
 
 #[test]
 fn the_lit_side_is_the_one_that_is_seen() {
-    let surface = GlowingSurface::new(&PANEL, 16, white).unwrap();
+    let surface = glowing(&PANEL, 16, white).unwrap();
     let mut normals = Vec::new();
     for (sides, affine) in [
         (Sides::Front, Affine3A::IDENTITY),
@@ -112,9 +117,9 @@ fn hostile_surfaces_give_nothing_or_something_finite() {
     let point = [[Vec3::ONE; 3]];
     let line = [[Vec3::ZERO, Vec3::X, Vec3::X * 2.0]];
     let broken = [[Vec3::NAN, Vec3::X, Vec3::Y], [Vec3::INFINITY, Vec3::X, Vec3::Y], [Vec3::splat(1e30), Vec3::X, Vec3::Y]];
-    assert!([&point[..], &line, &broken, &[]].iter().all(|triangles| GlowingSurface::new(triangles, 16, white).is_none()));
+    assert!([&point[..], &line, &broken, &[]].iter().all(|triangles| glowing(triangles, 16, white).is_none()));
     let mixed = [broken[0], PANEL[0]];
-    let surface = GlowingSurface::new(&mixed, 16, white).unwrap();
+    let surface = glowing(&mixed, 16, white).unwrap();
     for emission in [1e-30, 1e20, 1e38, 1e300] {
         for affine in [Affine3A::IDENTITY, Affine3A::from_scale(Vec3::splat(1e15)), Affine3A::from_scale(Vec3::splat(1e-15))] {
             let texels = texels(&surface, affine, DVec3::splat(emission), Sides::Both, 8);

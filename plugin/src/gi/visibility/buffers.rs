@@ -52,16 +52,15 @@ impl OccluderBuffers {
     }
 }
 
-/// Brings what changed to the GPU; lets go of everything while no camera traces.
+/// Brings what changed to the GPU; lets go of everything while no camera traces light.
 pub(in crate::gi) fn prepare_buffers(
     mut buffers: ResMut<OccluderBuffers>,
     occluders: Res<GiOccluders>,
-    cameras: Query<&crate::gi::FrugalGi>,
     device: Res<RenderDevice>,
     queue: Res<RenderQueue>,
     cache: Res<PipelineCache>,
 ) {
-    if !cameras.iter().any(crate::gi::FrugalGi::traces) {
+    if !occluders.is_kept {
         buffers.held = None;
         return;
     }

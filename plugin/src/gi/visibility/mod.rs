@@ -24,6 +24,8 @@ use bevy::ecs::prelude::*;
 use bevy::render::extract_resource::ExtractResourcePlugin;
 use bevy::transform::TransformSystems;
 
+use super::rsm::RsmSystems;
+use super::sources::EmittersSystems;
 use crate::knobs::KnobSystems;
 
 pub(super) use buffers::{OccluderBuffers, prepare_buffers};
@@ -42,6 +44,12 @@ pub(super) fn build(app: &mut App) {
         .add_plugins(ExtractResourcePlugin::<GiOccluders>::default())
         .add_systems(
             PostUpdate,
-            occluders::update.after(KnobSystems::Apply).after(TransformSystems::Propagate).after(VisibilitySystems::VisibilityPropagate),
+            // Needs to know whether there is light, and where everything is.
+            occluders::update
+                .after(KnobSystems::Apply)
+                .after(RsmSystems::Maintain)
+                .after(EmittersSystems)
+                .after(TransformSystems::Propagate)
+                .after(VisibilitySystems::VisibilityPropagate),
         );
 }

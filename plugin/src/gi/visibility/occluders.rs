@@ -7,10 +7,9 @@ use bevy::camera::Camera;
 use bevy::camera::visibility::InheritedVisibility;
 use bevy::ecs::prelude::*;
 use bevy::image::Image;
-use bevy::light::NotShadowCaster;
+use bevy::light::{EnvironmentMapLight, NotShadowCaster};
 use bevy::log::warn_once;
-use bevy::material::AlphaMode;
-use bevy::math::{Affine3A, Vec3};
+use bevy::math::Affine3A;
 use bevy::mesh::skinning::SkinnedMesh;
 use bevy::mesh::{Mesh, Mesh3d};
 use bevy::pbr::{MeshMaterial3d, StandardMaterial};
@@ -23,9 +22,9 @@ use bytemuck::{Pod, Zeroable};
 
 use super::bvh::{FlatBvh, MeshBvh, Node, TriangleWords};
 use super::micromap::{SOLID, micromap};
-use crate::gi::assets::SurfaceAssets;
-use crate::gi::cutout::{Cutout, Mask};
+use crate::gi::presence::LightPresence;
 use crate::gi::settings::FrugalGi;
+use crate::gi::surfaces::{Cutout, Mask, SurfaceAssets, Triangles, hides, triangles};
 
 /// Meshes of up to so many triangles get their tree at once, in about a millisecond; larger ones in the background.
 const TRIANGLES_AT_ONCE: usize = 4096;
@@ -59,7 +58,7 @@ pub(super) struct InstanceData {
     pub instances: Vec<Instance>,
 }
 
-/// What hides indirect light, kept while a camera asks for [`GiVisibility`](crate::gi::GiVisibility) and empty else.
+/// What hides indirect light, kept while there is light and a camera asks for [`GiVisibility`](crate::gi::GiVisibility), and empty else.
 ///
 /// Every visible mesh does but: transparent and transmissive ones, those with [`NotShadowCaster`], skinned ones (their triangles here are those of
 /// the bind pose), and those whose asset is kept for the GPU alone (a warning says so). Alpha masks of [`StandardMaterial`] have holes for rays
@@ -71,6 +70,8 @@ pub struct GiOccluders {
     pub(super) meshes: Arc<MeshData>,
     pub(super) instances: Arc<InstanceData>,
     waiting: usize,
+    /// Whether a camera traces, and there is light to trace.
+    pub(super) is_kept: bool,
 }
 
 impl GiOccluders {
@@ -128,7 +129,8 @@ pub(super) fn update(
     mut occluders: ResMut<GiOccluders>,
     (mut mesh_events, mut image_events): (MessageReader<AssetEvent<Mesh>>, Option<MessageReader<AssetEvent<Image>>>),
     assets: SurfaceAssets,
-    cameras: Query<(&Camera, &FrugalGi)>,
+    light: LightPresence,
+    cameras: Query<(&Camera, &FrugalGi, Has<EnvironmentMapLight>)>,
     placed: Query<
         (Entity, &Mesh3d, &GlobalTransform, &InheritedVisibility, Option<&MeshMaterial3d<StandardMaterial>>),
         (Without<NotShadowCaster>, Without<SkinnedMesh>),
@@ -143,10 +145,10 @@ pub(super) fn update(
         let (AssetEvent::Modified { id } | AssetEvent::Removed { id }) = event else { continue };
         trees.forget(|key| key.mask.is_some_and(|mask| mask.reads(*id)));
     }
-    if !cameras.iter().any(|(camera, gi)| camera.is_active && gi.traces()) {
+    if !cameras.iter().any(|(camera, gi, has_map)| camera.is_active && gi.traces() && light.lights(gi, has_map)) {
         // The trees stay: made again in the background, they would be missing in the frames after rays are back. What was made of them goes, and with
         // it the buffers.
-        if !trees.placed.is_empty() || occluders.waiting > 0 {
+        if occluders.is_kept {
             *occluders = GiOccluders::default();
             trees.placed.clear();
             trees.changed = true;
@@ -167,7 +169,7 @@ pub(super) fn update(
     now.sort_unstable_by_key(|(entity, ..)| *entity);
     build_trees(trees, now.iter().map(|(_, key, _)| *key), &assets);
     let waiting = trees.trees.values().filter(|tree| matches!(tree, Tree::Building(_))).count();
-    if trees.changed || trees.placed != now {
+    if trees.changed || trees.placed != now || !occluders.is_kept {
         *occluders = assemble(trees, &now, &occluders);
         trees.placed = now;
         trees.changed = false;
@@ -175,13 +177,6 @@ pub(super) fn update(
     if occluders.waiting != waiting {
         occluders.waiting = waiting;
     }
-}
-
-/// Whether a material lets no light through but by its mask's holes.
-fn hides(material: &StandardMaterial) -> bool {
-    matches!(material.alpha_mode, AlphaMode::Opaque | AlphaMode::Mask(_) | AlphaMode::AlphaToCoverage)
-        && material.specular_transmission <= 0.0
-        && material.diffuse_transmission <= 0.0
 }
 
 /// Starts trees for new meshes, takes those that are done, and drops those of meshes that are gone.
@@ -215,15 +210,14 @@ fn start(key: &TreeKey, assets: &SurfaceAssets) -> Option<Tree> {
         Some(mask) => Some(Cutout::new(mask, mesh, assets.images.as_deref())?),
         None => None,
     };
-    let Some((positions, corners)) = crate::gi::triangles::read(mesh) else {
+    let Some(Triangles { corners, positions }) = triangles(mesh) else {
         warn_once!(
             "a mesh is kept for the GPU alone or is no triangle list: it hides no indirect light (RenderAssetUsages::MAIN_WORLD keeps it readable)"
         );
         return Some(Tree::Unreadable);
     };
     let work = corners.len() * if cutout.is_some() { MASKED_TRIANGLE } else { 1 };
-    let triangles: Vec<[Vec3; 3]> = corners.iter().map(|triangle| triangle.map(|corner| Vec3::from(positions[corner]))).collect();
-    let build = move || MeshBvh::new(triangles.into_iter().zip(corners.into_iter().map(|corners| holes(cutout.as_ref(), corners))));
+    let build = move || MeshBvh::new(positions.into_iter().zip(corners.into_iter().map(|corners| holes(cutout.as_ref(), corners))));
     Some(if work <= TRIANGLES_AT_ONCE {
         Tree::Ready(Arc::new(build()))
     } else {
@@ -275,5 +269,5 @@ fn assemble(trees: &mut MeshTrees, placed: &[(Entity, TreeKey, Affine3A)], befor
     }
     let FlatBvh { nodes, order } = FlatBvh::new(&boxes);
     let instances = order.iter().map(|index| instances[*index as usize]).collect();
-    GiOccluders { meshes, instances: Arc::new(InstanceData { nodes, instances }), waiting: before.waiting }
+    GiOccluders { meshes, instances: Arc::new(InstanceData { nodes, instances }), waiting: before.waiting, is_kept: true }
 }

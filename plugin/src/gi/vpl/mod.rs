@@ -10,7 +10,7 @@ use bevy::render::render_resource::binding_types::{
     storage_buffer_read_only_sized, storage_buffer_sized, texture_2d, texture_depth_2d, uniform_buffer,
 };
 use bevy::render::render_resource::*;
-use bevy::render::renderer::{RenderContext, ViewQuery};
+use bevy::render::renderer::{RenderContext, RenderDevice, ViewQuery};
 use bevy::render::view::{ViewUniform, ViewUniformOffset, ViewUniforms};
 use bevy::shader::Shader;
 use bevy::utils::default;
@@ -102,6 +102,61 @@ impl FromWorld for VplPipelines {
     }
 }
 
+/// The passes from weights to VPLs.
+pub(super) struct Drawing<'a> {
+    accumulate_rows: &'a ComputePipeline,
+    accumulate_maps: &'a ComputePipeline,
+    sample: &'a ComputePipeline,
+}
+
+impl Drawing<'_> {
+    /// Draws VPLs for so many slots of a plan.
+    pub fn dispatch(&self, pass: &mut ComputePass, bind_group: &BindGroup, buffers: &DrawingBuffers, slots: u32) {
+        pass.set_bind_group(0, bind_group, &[]);
+        pass.set_pipeline(self.accumulate_rows);
+        pass.dispatch_workgroups((buffers.rows.len() as u32).div_ceil(64), 1, 1);
+        pass.set_pipeline(self.accumulate_maps);
+        pass.dispatch_workgroups(1, 1, 1);
+        pass.set_pipeline(self.sample);
+        pass.dispatch_workgroups(slots.div_ceil(64), 1, 1);
+    }
+}
+
+impl VplPipelines {
+    /// What draws, once it is compiled.
+    pub fn drawing<'a>(&self, cache: &'a PipelineCache) -> Option<Drawing<'a>> {
+        Some(Drawing {
+            accumulate_rows: cache.get_compute_pipeline(self.accumulate_rows)?,
+            accumulate_maps: cache.get_compute_pipeline(self.accumulate_maps)?,
+            sample: cache.get_compute_pipeline(self.sample)?,
+        })
+    }
+
+    /// From the weights in `buffers` into `vpls`, as `plan` shares them out.
+    pub fn bind_drawing(
+        &self,
+        device: &RenderDevice,
+        cache: &PipelineCache,
+        texels: &Buffer,
+        buffers: &DrawingBuffers,
+        vpls: &Buffer,
+        plan: &Buffer,
+    ) -> BindGroup {
+        device.create_bind_group(
+            "bevy_frugal_gi/vpl/draw",
+            &cache.get_bind_group_layout(&self.draw_layout),
+            &BindGroupEntries::sequential((
+                texels.as_entire_binding(),
+                buffers.row_table.as_entire_binding(),
+                buffers.texel_cdf.as_entire_binding(),
+                buffers.row_cdf.as_entire_binding(),
+                vpls.as_entire_binding(),
+                plan.as_entire_binding(),
+            )),
+        )
+    }
+}
+
 /// In a GI camera's view: weighs the texels of its maps and draws its VPLs.
 pub(super) fn sample(
     view: ViewQuery<(&GiCamera, &ViewPrepassTextures, &ViewUniformOffset)>,
@@ -127,11 +182,7 @@ pub(super) fn sample(
     ) else {
         return;
     };
-    let (Some(accumulate_rows), Some(accumulate_maps), Some(sample), Some(texels)) =
-        (ready(pipelines.accumulate_rows), ready(pipelines.accumulate_maps), ready(pipelines.sample), &store.texels)
-    else {
-        return;
-    };
+    let (Some(draw), Some(texels)) = (pipelines.drawing(&cache), &store.texels) else { return };
     let (Some(g_buffer), Some(depth), Some(views)) = (prepass.deferred_view(), prepass.depth_view(), view_uniforms.uniforms.binding())
     else {
         return;
@@ -163,18 +214,7 @@ pub(super) fn sample(
             buffers.hidden.as_entire_binding(),
         )),
     );
-    let drawing = device.create_bind_group(
-        "bevy_frugal_gi/vpl/draw",
-        &cache.get_bind_group_layout(&pipelines.draw_layout),
-        &BindGroupEntries::sequential((
-            texels.as_entire_binding(),
-            buffers.row_table.as_entire_binding(),
-            buffers.texel_cdf.as_entire_binding(),
-            buffers.row_cdf.as_entire_binding(),
-            camera.vpls.as_entire_binding(),
-            camera.plan_buffer.as_entire_binding(),
-        )),
-    );
+    let drawing = pipelines.bind_drawing(device, &cache, texels, buffers, &camera.vpls, &camera.plan_buffer);
     let rows = buffers.rows.len() as u32;
     let diagnostics = context.diagnostic_recorder();
     let diagnostics = diagnostics.as_deref();
@@ -200,13 +240,7 @@ pub(super) fn sample(
         pass.dispatch_workgroups(1, 1, 1);
         pass.set_pipeline(weigh);
         pass.dispatch_workgroups(buffers.longest_row.div_ceil(64), rows, 1);
-        pass.set_bind_group(0, &drawing, &[]);
-        pass.set_pipeline(accumulate_rows);
-        pass.dispatch_workgroups(rows.div_ceil(64), 1, 1);
-        pass.set_pipeline(accumulate_maps);
-        pass.dispatch_workgroups(1, 1, 1);
-        pass.set_pipeline(sample);
-        pass.dispatch_workgroups(camera.plan.slots().div_ceil(64), 1, 1);
+        draw.dispatch(&mut pass, &drawing, buffers, camera.plan.slots());
     }
     span.end(context.command_encoder());
 }

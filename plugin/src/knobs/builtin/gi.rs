@@ -76,6 +76,24 @@ impl KnobDriver for GiRays {
     }
 }
 
+/// Times that light of lamps is reflected. By name only: with more bounces all of a picture is lighter, and how near the cheaper settings of the other knobs
+/// come to one bounce would drown in that.
+pub struct GiBounces;
+
+impl KnobDriver for GiBounces {
+    fn knob(&self) -> Knob {
+        Knob::new("gi_bounces", [1.0, 2.0, 3.0]).needing("gi_visibility", 1)
+    }
+
+    fn is_by_name_only(&self) -> bool {
+        true
+    }
+
+    fn apply(&self, world: &mut World, camera: Entity, level: &Level) {
+        change(world, camera, |gi| gi.bounces = level.value as u32);
+    }
+}
+
 /// Samples of the sky, where the camera has an environment map: 0 leaves it to Bevy, unshadowed.
 pub struct GiEnvironmentSamples;
 

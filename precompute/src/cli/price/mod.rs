@@ -5,6 +5,7 @@ mod combinations;
 use std::path::PathBuf;
 
 use bevy::math::UVec2;
+use bevy_frugal_gi::gi::GiRefresh;
 use bevy_frugal_gi::knobs::{KnobSpace, RenderSettings};
 
 use super::arguments::{CameraArguments, check_outputs, open_scene, size, write, write_report};
@@ -22,7 +23,7 @@ pub(super) struct Arguments {
     /// Size of the picture in pixels
     #[arg(long, value_name = "WxH", default_value = "320x180", value_parser = size)]
     size: UVec2,
-    /// Paths per pixel of the truth, one bounce
+    /// Paths per pixel of the truth
     #[arg(long, value_name = "N", default_value_t = 256, value_parser = clap::value_parser!(u32).range(1..=1 << 24))]
     spp: u32,
     /// Power meter, as `frugal meters` names it; without it, the one that suits the adapter
@@ -34,6 +35,10 @@ pub(super) struct Arguments {
     /// Prices the sky instead: the scene without its lamps, all light that reaches the camera straight from the sky or by one surface
     #[arg(long, conflicts_with = "combinations")]
     sky: bool,
+    /// Bounces of the truth, and of the global illumination but where fewer are priced: 1 to 3. With more than 1, everything is done again in each
+    /// frame, since further bounces cost nothing where only the camera moves
+    #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u32).range(1..=3), conflicts_with_all = ["combinations", "sky"])]
+    bounces: u32,
     /// Table to write
     #[arg(long, value_name = "FILE")]
     csv: Option<PathBuf>,
@@ -60,6 +65,15 @@ fn is_sky(name: &str) -> bool {
 /// The knob of the sky alone.
 const SKY: &str = "gi_environment_samples";
 
+/// The knob that decides how much light there is to come near to.
+const BOUNCES: &str = "gi_bounces";
+
+/// The knobs that need not be named, and [`BOUNCES`].
+fn with_bounces() -> Result<Vec<String>, CliError> {
+    let names = crate::stage::knobs()?.knobs().iter().map(|knob| knob.name.clone()).collect::<Vec<_>>();
+    Ok(names.into_iter().chain([BOUNCES.to_owned()]).collect())
+}
+
 /// Knobs of it that change neither cost nor picture where nothing moves.
 fn is_still(name: &str) -> bool {
     name == "gi_refresh_period"
@@ -80,20 +94,28 @@ pub(super) fn run(arguments: &Arguments) -> Result<(), CliError> {
         // Of the sky everything is shown, since where its samples end Bevy's own light begins.
         component: if arguments.sky { Component::Full } else { Component::Indirect },
         meter: arguments.meter.clone(),
+        knobs: (arguments.bounces > 1).then(with_bounces).transpose()?,
         ..Default::default()
     };
     let mut stage = Stage::open(&scene, options)?;
+    if arguments.bounces > 1 {
+        stage.world_mut().insert_resource(GiRefresh::EveryFrame);
+    }
     let truth = truth(&scene, arguments)?;
     let pose = arguments.camera.pose();
     stage.place(pose.position, pose.rotation);
     stage.warm()?;
 
     let space = stage.space().as_ref().clone();
+    let best = match space.index_of(BOUNCES) {
+        Some(_) => space.parse(&format!("max,{BOUNCES}={}", arguments.bounces)).map_err(CliError::failed)?,
+        None => space.highest(),
+    };
     let off = space.parse("max,gi_vpl_count=0").map_err(CliError::failed)?;
     if arguments.combinations {
         return combinations::run(&mut stage, &truth, off, &name, arguments);
     }
-    let wanted = levels(&space, if arguments.sky { is_sky } else { is_gi });
+    let wanted = levels(&space, best, if arguments.sky { is_sky } else { is_gi });
     let mut readings = vec![Vec::new(); wanted.len() + 1];
     let mut differences = Vec::new();
     let bar = progress::bar((ROUNDS * readings.len()) as u64).with_message("readings");
@@ -115,7 +137,7 @@ pub(super) fn run(arguments: &Arguments) -> Result<(), CliError> {
 
     let power: Vec<f64> = readings.into_iter().map(median).collect();
     let without = power[wanted.len()];
-    let best = wanted.iter().position(|level| level.settings == space.highest()).map_or(0.0, |index| power[index]) - without;
+    let best = wanted.iter().position(|level| level.settings == best).map_or(0.0, |index| power[index]) - without;
     let prices: Vec<LevelPrice> = wanted
         .into_iter()
         .zip(power)
@@ -147,13 +169,19 @@ pub(super) fn run(arguments: &Arguments) -> Result<(), CliError> {
         write(path, &table)?;
     }
     if let Some(folder) = &arguments.report {
-        let summary = PriceSummary { scene: &name, size: arguments.size.to_array(), prices: &prices, meter: &stage.meter(), best_w: best };
+        let aim = match (arguments.sky, arguments.bounces) {
+            (true, _) => "light of the sky that one surface scatters".to_owned(),
+            (false, 1) => "indirect light of lamps, one bounce".to_owned(),
+            (false, bounces) => format!("indirect light of lamps, {bounces} bounces"),
+        };
+        let (scene, size, meter) = (name.as_str(), arguments.size.to_array(), &stage.meter());
+        let summary = PriceSummary { scene, size, prices: &prices, truth: &aim, meter, best_w: best };
         write_report(folder, &price_report(&summary)?)?;
     }
     Ok(())
 }
 
-/// One bounce between surfaces that scatter evenly, or what one surface scatters of the sky: what the knobs are to come near to.
+/// Bounces between surfaces that scatter evenly, or what one surface scatters of the sky: what the knobs are to come near to.
 fn truth(scene: &SceneDescription, arguments: &Arguments) -> Result<Radiance, CliError> {
     let view = View::new(scene, arguments.camera.pose(), arguments.size);
     let samples = arguments.spp;
@@ -162,7 +190,7 @@ fn truth(scene: &SceneDescription, arguments: &Arguments) -> Result<Radiance, Cl
     } else {
         // Light from all around bounces in the truth and not in the renderer, which is another matter than the price of a level.
         let lamps_only = SceneDescription { environment: Environment::None, ..scene.clone() };
-        (lamps_only, Settings { samples, bounces: Some(1), shading: Shading::Lambertian, ..Default::default() })
+        (lamps_only, Settings { samples, bounces: Some(arguments.bounces), shading: Shading::Lambertian, ..Default::default() })
     };
     let bar = progress::bar(u64::from(arguments.size.y)).with_message("rows of the truth");
     let watch = Watch { row_done: &|| bar.inc(1), interrupted: &progress::interrupted };
@@ -179,15 +207,15 @@ struct Wanted {
     settings: RenderSettings,
 }
 
-/// Every level at which there is global illumination of every knob that counts, the best first.
-fn levels(space: &KnobSpace, counts: impl Fn(&str) -> bool) -> Vec<Wanted> {
+/// Every level at which there is global illumination of every knob that counts, the best first: of those up to that of `best`, at which the others are.
+fn levels(space: &KnobSpace, best: RenderSettings, counts: impl Fn(&str) -> bool) -> Vec<Wanted> {
     let mut wanted = Vec::new();
     for (index, knob) in space.knobs().iter().enumerate().filter(|(_, knob)| counts(&knob.name) && !is_still(&knob.name)) {
-        for (level, described) in knob.levels.iter().enumerate().rev() {
+        for (level, described) in knob.levels.iter().enumerate().take(best.level(index) + 1).rev() {
             if knob.name == "gi_vpl_count" && described.value == 0.0 {
                 continue;
             }
-            let settings = space.highest().with_level(index, level);
+            let settings = best.with_level(index, level);
             wanted.push(Wanted { knob: knob.name.clone(), label: described.label.clone(), settings });
         }
     }
@@ -206,11 +234,16 @@ mod tests {
     #[test]
     fn every_level_at_which_there_is_gi_is_priced_the_best_first() {
         let space = crate::stage::knobs().unwrap();
-        let wanted = levels(&space, is_gi);
+        let wanted = levels(&space, space.highest(), is_gi);
         let count = |name: &str| wanted.iter().filter(|level| level.knob == name).count();
         assert_eq!((count("gi_vpl_count"), count("gi_interleave"), count("gi_visibility"), count("antialiasing")), (7, 3, 3, 0));
         assert_eq!(wanted[0].settings, space.highest());
-        let sky = levels(&space, is_sky);
+        let space_with_bounces = crate::stage::every_knob().unwrap().subset(with_bounces().unwrap().iter().map(String::as_str)).unwrap();
+        let two = space_with_bounces.parse("max,gi_bounces=2").unwrap();
+        let bounces: Vec<_> = levels(&space_with_bounces, two, is_gi).into_iter().filter(|level| level.knob == BOUNCES).collect();
+        assert_eq!(bounces.iter().map(|level| level.label.as_str()).collect::<Vec<_>>(), ["2", "1"]);
+        assert_eq!(bounces[0].settings, two);
+        let sky = levels(&space, space.highest(), is_sky);
         assert!(sky.iter().any(|level| (level.knob.as_str(), level.label.as_str()) == (SKY, "0")));
         assert_eq!(median(vec![3.0, 1.0, 2.0]), 2.0);
     }

@@ -2,6 +2,7 @@
 
 use bevy::asset::RenderAssetUsages;
 use bevy::color::Color;
+use bevy::light::DirectionalLight;
 use bevy::math::{DAffine3, DVec3, Quat, Vec3};
 use bevy::mesh::{Indices, Mesh, PrimitiveTopology};
 use bevy::pbr::StandardMaterial;
@@ -82,6 +83,8 @@ impl Scene {
 
     /// The buffers that the plugin made of them.
     fn occluders(&mut self) -> [Buffer; 4] {
+        // They are kept while there is a lamp.
+        self.stage.world_mut().spawn((DirectionalLight::default(), Transform::default()));
         set::apply(&mut self.stage, "min,gi_refresh_period=1,gi_vpl_count=64,gi_visibility=fine");
         self.stage.get_ready().expect("a ready stage");
         inspect::gpu_state(self.stage.render_world()).occluders.expect("a camera that traces")

@@ -6,14 +6,15 @@ use bevy::image::Image;
 use bevy::log::warn_once;
 use bevy::material::AlphaMode;
 use bevy::math::{Affine2, Vec2};
-use bevy::mesh::{Mesh, VertexAttributeValues};
+use bevy::mesh::Mesh;
 use bevy::pbr::StandardMaterial;
 
 use super::texture::{self, TextureUse};
+use super::vertex_colors::vertex_colors;
 
 /// What of a material decides where a mesh has holes: meshes with the same one have the same holes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
-pub(super) struct Mask {
+pub(in crate::gi) struct Mask {
     texture: Option<TextureUse>,
     /// Bits of the base colour's alpha and of what it must reach: so that they can be a key.
     alpha: u32,
@@ -45,7 +46,7 @@ impl Mask {
 }
 
 /// A mask on a mesh, with all that it takes to look at it: it may be looked at in the background.
-pub(super) struct Cutout {
+pub(in crate::gi) struct Cutout {
     /// Of the material.
     alpha: f32,
     cutoff: f32,
@@ -72,12 +73,7 @@ impl Cutout {
             }
             None => None,
         };
-        let corner_alpha = match mesh.try_attribute_option(Mesh::ATTRIBUTE_COLOR).ok().flatten() {
-            Some(VertexAttributeValues::Float32x4(colors)) => colors.iter().map(|color| color[3]).collect(),
-            Some(VertexAttributeValues::Unorm8x4(colors)) => colors.iter().map(|color| f32::from(color[3]) / 255.0).collect(),
-            Some(VertexAttributeValues::Unorm16x4(colors)) => colors.iter().map(|color| f32::from(color[3]) / 65535.0).collect(),
-            _ => Vec::new(),
-        };
+        let corner_alpha = vertex_colors(mesh).into_iter().map(|[.., alpha]| alpha).collect();
         Some(Self { alpha: f32::from_bits(mask.alpha), cutoff: f32::from_bits(mask.cutoff), texture, corner_alpha })
     }
 

@@ -9,7 +9,7 @@ use bevy::pbr::StandardMaterial;
 
 /// For systems that look at surfaces in the main world.
 #[derive(SystemParam)]
-pub(super) struct SurfaceAssets<'w> {
+pub(in crate::gi) struct SurfaceAssets<'w> {
     pub meshes: Res<'w, Assets<Mesh>>,
     /// None in an app without images, or without Bevy's materials.
     pub images: Option<Res<'w, Assets<Image>>>,

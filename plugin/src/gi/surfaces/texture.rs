@@ -1,6 +1,6 @@
 //! How textures lie on meshes and what they say, as far as the main world can read them.
 
-use bevy::asset::{AssetId, Handle};
+use bevy::asset::{AssetId, Assets, Handle};
 use bevy::color::LinearRgba;
 use bevy::image::Image;
 use bevy::math::{Affine2, Vec2};
@@ -8,7 +8,7 @@ use bevy::mesh::{Mesh, MeshVertexAttribute, UvChannel, VertexAttributeValues};
 
 /// How a texture lies on a mesh.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
-pub(super) struct TextureUse {
+pub(in crate::gi) struct TextureUse {
     pub image: AssetId<Image>,
     /// The second set of coordinates rather than the first.
     second: bool,
@@ -31,20 +31,41 @@ impl TextureUse {
         }
     }
 
+    /// As it lies on `mesh`: `None` while the image is not there, and `Some(None)` where the mesh has no coordinates for it.
+    pub fn on<'a>(self, mesh: &'a Mesh, images: Option<&'a Assets<Image>>) -> Option<Option<PlacedTexture<'a>>> {
+        let image = images?.get(self.image)?;
+        Some(self.coordinates(mesh).map(|coordinates| PlacedTexture { image, coordinates, transform: self.transform() }))
+    }
+
     /// From the mesh's coordinates to the texture's.
     pub fn transform(self) -> Affine2 {
         Affine2::from_cols_array(&self.transform.map(f32::from_bits))
     }
 }
 
+/// A texture on a mesh.
+#[derive(Clone, Copy, Debug)]
+pub(in crate::gi) struct PlacedTexture<'a> {
+    image: &'a Image,
+    coordinates: &'a [[f32; 2]],
+    transform: Affine2,
+}
+
+impl PlacedTexture<'_> {
+    /// Linear colour at a place of a triangle: its corners, and weights of the second and third. `None` where the processor cannot read it.
+    pub fn color(&self, corners: [usize; 3], weights: [f32; 2]) -> Option<LinearRgba> {
+        texel(self.image, self.transform.transform_point2(interpolated(self.coordinates, corners, weights)))
+    }
+}
+
 /// Coordinates at a place of a triangle: weights of its second and third corner. Corners without coordinates have (0, 0).
-pub(super) fn interpolated(coordinates: &[[f32; 2]], corners: [usize; 3], [second, third]: [f32; 2]) -> Vec2 {
+pub(in crate::gi) fn interpolated(coordinates: &[[f32; 2]], corners: [usize; 3], [second, third]: [f32; 2]) -> Vec2 {
     let [a, b, c] = corners.map(|corner| coordinates.get(corner).copied().map_or(Vec2::ZERO, Vec2::from));
     a + (b - a) * second + (c - a) * third
 }
 
 /// Linear colour of the texel at `place`; `None` where the processor cannot read it: an image that is kept for the GPU alone, or compressed.
-pub(super) fn texel(image: &Image, place: Vec2) -> Option<LinearRgba> {
+pub(in crate::gi) fn texel(image: &Image, place: Vec2) -> Option<LinearRgba> {
     let (width, height) = (image.width().max(1), image.height().max(1));
     // Repeated, which is what textures that leave the unit square are for.
     let texel = (place - place.floor()) * Vec2::new(width as f32, height as f32);

@@ -1,0 +1,174 @@
+//! What a GI camera holds whose light is reflected more than once.
+
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+
+use bevy::ecs::prelude::*;
+use bevy::math::Vec3;
+use bevy::render::camera::ExtractedCamera;
+use bevy::render::render_resource::*;
+use bevy::render::renderer::{RenderDevice, RenderQueue};
+use bevy::render::sync_world::MainEntity;
+
+use super::patch::Patch;
+use super::patches::{Around, GiPatches};
+use super::{BouncePipelines, PATCHES, ReflectKind};
+use crate::gi::gather::VplPlan;
+use crate::gi::inspect::GiBouncesState;
+use crate::gi::refresh::GiFrame;
+use crate::gi::rsm::{RsmCut, RsmStore, TEXEL_BYTES};
+use crate::gi::settings::{FrugalGi, GiShading};
+use crate::gi::sources::{GiEmitters, SkyCamera, SkySeen};
+use crate::gi::visibility::OccluderBuffers;
+use crate::gi::vpl::{MapRow, VPL_BYTES};
+
+/// Every patch looks at all carriers. As many as `bounces/reflect.wgsl` has.
+pub(super) const CARRIERS: VplPlan = VplPlan { interleave: 1, sets: 1, per_set: 512, stride: 512 };
+/// Texels in a row of patches: short rows, as for what glows.
+const ROW: u32 = 32;
+
+/// Bytes of `bounces/patch.wgsl`'s `Around`. A test holds it against the shader.
+pub(in crate::gi) const AROUND_BYTES: u64 = 32;
+
+/// What decides about the light of patches, beside the scene.
+#[derive(Clone, Debug, PartialEq)]
+struct Lit {
+    gi: FrugalGi,
+    exposure: f32,
+    sky: Option<SkySeen>,
+    /// Which buffer the texels lie in, and where.
+    store: (BufferId, u32),
+    around: Around,
+}
+
+/// What a GI camera holds in the render world while its light is reflected more than once.
+#[derive(Component)]
+pub struct BounceCamera {
+    /// What `patches` holds.
+    held: Arc<Vec<Patch>>,
+    pub(super) patches: Buffer,
+    /// VPLs that light patches.
+    pub(super) carriers: Buffer,
+    pub(super) plan: Buffer,
+    /// `bounces/patch.wgsl`'s `Around`.
+    pub(super) around: Buffer,
+    lit: Lit,
+    /// Whether patches reflect in this frame, if the camera draws VPLs.
+    pub(super) is_due: bool,
+    /// Whether they have done so since.
+    pub(super) is_done: AtomicBool,
+    pub(super) kind: ReflectKind,
+}
+
+impl BounceCamera {
+    /// Index of the first patch's texel in the store.
+    pub(super) fn first_texel(&self) -> u32 {
+        self.lit.store.1
+    }
+
+    /// Times that patches reflect: once for two bounces.
+    pub(super) fn rounds(&self) -> u32 {
+        self.lit.gi.bounces.clamp(1, FrugalGi::MAX_BOUNCES) - 1
+    }
+
+    /// Patches that will reflect in this frame, if the camera draws VPLs; those that only fill up included.
+    pub(in crate::gi) fn patches_due(&self) -> u64 {
+        if self.is_due { PATCHES as u64 * u64::from(self.rounds()) } else { 0 }
+    }
+
+    /// For tests and debuggers.
+    pub(in crate::gi) fn state(&self) -> GiBouncesState {
+        GiBouncesState { carriers: self.carriers.clone(), texels: self.first_texel()..self.first_texel() + PATCHES as u32 }
+    }
+
+    /// Bytes held on the GPU for this camera's patches, but for their texels.
+    pub fn bytes(&self) -> u64 {
+        [&self.patches, &self.carriers, &self.plan, &self.around].map(|buffer| buffer.size()).iter().sum()
+    }
+
+    /// Adds the rows of this camera's patches to those of its maps and of what glows.
+    pub(in crate::gi) fn add_rows(&self, rows: &mut Vec<MapRow>) {
+        for row in (0..PATCHES as u32).step_by(ROW as usize) {
+            MapRow::add_map(rows, self.first_texel() + row, ROW, 1, RsmCut::default());
+        }
+    }
+}
+
+/// Gives every camera with patches its buffers, and takes them from the others; finds out whether its patches have to reflect again.
+pub(in crate::gi) fn prepare_cameras(
+    mut commands: Commands,
+    mut pipelines: ResMut<BouncePipelines>,
+    (device, queue, cache): (Res<RenderDevice>, Res<RenderQueue>, Res<PipelineCache>),
+    (store, emitters, patches, occluders): (Res<RsmStore>, Res<GiEmitters>, Res<GiPatches>, Res<OccluderBuffers>),
+    frame: Res<GiFrame>,
+    cameras: Query<(Entity, &MainEntity, &FrugalGi, &ExtractedCamera, Option<&SkyCamera>)>,
+    mut held: Query<&mut BounceCamera>,
+    stale: Query<Entity, (With<BounceCamera>, Or<(Without<FrugalGi>, Without<ExtractedCamera>)>)>,
+) {
+    for entity in &stale {
+        commands.entity(entity).remove::<BounceCamera>();
+    }
+    for (entity, main_entity, gi, camera, sky) in &cameras {
+        let found = patches.of(main_entity.id()).filter(|_| gi.reflects());
+        let (Some((set, before)), Some(texels)) = (found, &store.texels) else {
+            if held.contains(entity) {
+                commands.entity(entity).remove::<BounceCamera>();
+            }
+            continue;
+        };
+        let patches = &set.patches;
+        let first_texel = store.map_texels + emitters.texel_count() as u32 + before;
+        let sky = sky.and_then(SkyCamera::seen);
+        let kind =
+            ReflectKind { has_sky: sky.is_some(), has_masks: occluders.are_masked(), is_lambertian: gi.shading == GiShading::Lambertian };
+        pipelines.demand(&cache, kind);
+        let always = sky.as_ref().is_some_and(SkySeen::is_generated);
+        let lit = Lit { gi: gi.clone(), exposure: camera.exposure, sky, store: (texels.id(), first_texel), around: set.around };
+        let size = PATCHES as u64 * TEXEL_BYTES;
+        if let Ok(mut held) = held.get_mut(entity) {
+            if !Arc::ptr_eq(&held.held, patches) {
+                queue.write_buffer(&held.patches, 0, bytemuck::cast_slice(patches));
+            }
+            if held.lit.store != lit.store {
+                // What lay there before is none of ours, and is drawn from if the patches cannot reflect in this frame.
+                queue.write_buffer(texels, u64::from(first_texel) * TEXEL_BYTES, &vec![0; size as usize]);
+            }
+            if (held.lit.store, held.lit.around) != (lit.store, lit.around) {
+                queue.write_buffer(&held.around, 0, &around(&set.around, first_texel));
+            }
+            let is_same = Arc::ptr_eq(&held.held, patches) && held.lit == lit && held.kind == kind;
+            let is_done = held.is_done.load(Ordering::Relaxed);
+            held.is_due = frame.maps || always || !is_same || !is_done;
+            held.is_done.store(!held.is_due, Ordering::Relaxed);
+            (held.held, held.lit, held.kind) = (Arc::clone(patches), lit, kind);
+            continue;
+        }
+        queue.write_buffer(texels, u64::from(first_texel) * TEXEL_BYTES, &vec![0; size as usize]);
+        let filled = |label, contents: &[u8], usage| {
+            device.create_buffer_with_data(&BufferInitDescriptor { label: Some(label), contents, usage: usage | BufferUsages::COPY_DST })
+        };
+        commands.entity(entity).insert(BounceCamera {
+            held: Arc::clone(patches),
+            patches: filled("bevy_frugal_gi/bounces/patches", bytemuck::cast_slice(patches), BufferUsages::STORAGE),
+            carriers: device.create_buffer(&BufferDescriptor {
+                label: Some("bevy_frugal_gi/bounces/carriers"),
+                size: u64::from(CARRIERS.slots()) * VPL_BYTES,
+                usage: BufferUsages::STORAGE | BufferUsages::UNIFORM | BufferUsages::COPY_SRC,
+                mapped_at_creation: false,
+            }),
+            plan: filled("bevy_frugal_gi/bounces/plan", bytemuck::bytes_of(&CARRIERS), BufferUsages::STORAGE),
+            around: filled("bevy_frugal_gi/bounces/around", &around(&set.around, first_texel), BufferUsages::UNIFORM),
+            lit,
+            is_due: true,
+            is_done: AtomicBool::new(false),
+            kind,
+        });
+    }
+}
+
+/// `bounces/patch.wgsl`'s `Around`, padded to the size that it has there.
+fn around(around: &Around, first_texel: u32) -> [u8; AROUND_BYTES as usize] {
+    let Vec3 { x, y, z } = around.center;
+    let words = [x, y, z, around.near].map(f32::to_bits);
+    bytemuck::cast([words[0], words[1], words[2], words[3], first_texel, 0, 0, 0])
+}

@@ -1,0 +1,223 @@
+//! Further bounces: what the scene's surfaces reflect of light that was reflected before.
+//!
+//! Points all over the scene's surfaces stand for pieces of them, as in radiosity: *patches*. When the maps are rendered, VPLs drawn by flux alone light
+//! each patch, and so does the camera's sky; what it reflects of that becomes a texel behind those of the maps and of what glows. From there on
+//! it is light like theirs: weighed by what the camera sees, drawn, gathered, hidden and filtered. Each further bounce is one more round of
+//! the same (Jacobi's iteration of the radiosity equation: Goral et al. 1984).
+//!
+//! | file | world | job |
+//! |---|---|---|
+//! | `patch` | none | a patch as the GPU reads it |
+//! | `choice` | none | which points become patches |
+//! | `patches` | main | keeps every camera's patches: points of all surfaces, denser near the camera |
+//! | `camera` | render | a camera's buffers, and whether its patches have to reflect again |
+//! | `weigh.wgsl`, `reflect.wgsl` | render | draw the VPLs that light patches, and light them |
+//!
+//! Options: (1) this; (2) maps' texels that gather light from each other, which leaves dark whatever no lamp shines on: a ceiling, or a room's shady
+//! half; (3) rays from the camera's surfaces to where they meet others (Segovia et al. 2006, "Bidirectional Instant Radiosity"), which spends all on
+//! what is seen but finds other points whenever the camera moves, and would need materials in the tree of triangles. We use 1.
+
+mod camera;
+mod choice;
+mod patch;
+mod patches;
+
+use std::sync::atomic::Ordering;
+
+use bevy::app::{App, PostUpdate};
+use bevy::asset::{AssetEventSystems, Handle, load_embedded_asset};
+use bevy::camera::visibility::VisibilitySystems;
+use bevy::ecs::prelude::*;
+use bevy::platform::collections::HashMap;
+use bevy::render::diagnostic::RecordDiagnostics;
+use bevy::render::extract_resource::ExtractResourcePlugin;
+use bevy::render::render_resource::binding_types::{
+    storage_buffer_read_only_sized, storage_buffer_sized, uniform_buffer, uniform_buffer_sized,
+};
+use bevy::render::render_resource::*;
+use bevy::render::renderer::{RenderContext, ViewQuery};
+use bevy::render::view::{ViewUniform, ViewUniformOffset, ViewUniforms};
+use bevy::shader::Shader;
+use bevy::transform::TransformSystems;
+use bevy::utils::default;
+
+use super::gather::GiCamera;
+use super::rsm::{RsmStore, RsmSystems, TEXEL_BYTES};
+use super::sources::{EmittersSystems, SkyCamera};
+use super::visibility::OccluderBuffers;
+use super::vpl::VplPipelines;
+pub use camera::BounceCamera;
+pub(super) use camera::{AROUND_BYTES, prepare_cameras as prepare_bounces};
+pub(super) use patch::Patch;
+pub use patches::GiPatches;
+
+/// Patches of a camera. Fewer: blotchier second bounces; more: as many rays more, eight each.
+pub(super) const PATCHES: usize = 2048;
+
+pub(super) fn build(app: &mut App) {
+    app.init_resource::<GiPatches>()
+        .init_resource::<patches::Surfaces>()
+        .add_plugins(ExtractResourcePlugin::<GiPatches>::default())
+        .add_systems(
+            PostUpdate,
+            // Need to know what lights the scene in this frame, where everything is, and this frame's assets.
+            patches::update
+                .after(RsmSystems::Maintain)
+                .after(EmittersSystems)
+                .after(AssetEventSystems)
+                .after(TransformSystems::Propagate)
+                .after(VisibilitySystems::VisibilityPropagate),
+        );
+}
+
+/// What pipelines differ by.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub(super) struct ReflectKind {
+    /// Whether patches are lit by the camera's sky, too.
+    has_sky: bool,
+    /// Whether rays look for holes.
+    has_masks: bool,
+    is_lambertian: bool,
+}
+
+/// The passes' layouts; their pipelines are there once a camera has asked for them.
+#[derive(Resource)]
+pub(super) struct BouncePipelines {
+    weigh_layout: BindGroupLayoutDescriptor,
+    /// Without a sky and with one.
+    reflect_layouts: [BindGroupLayoutDescriptor; 2],
+    weigh_shader: Handle<Shader>,
+    reflect_shader: Handle<Shader>,
+    weigh: Option<CachedComputePipelineId>,
+    reflect: HashMap<ReflectKind, CachedComputePipelineId>,
+}
+
+impl FromWorld for BouncePipelines {
+    fn from_world(world: &mut World) -> Self {
+        let read = || storage_buffer_read_only_sized(false, None);
+        let write = || storage_buffer_sized(false, None);
+        let uniform = || uniform_buffer_sized(false, None);
+        let compute = ShaderStages::COMPUTE;
+        let weigh = BindGroupLayoutEntries::sequential(compute, (read(), read(), write(), uniform()));
+        let view = uniform_buffer::<ViewUniform>(true);
+        let without_sky = BindGroupLayoutEntries::sequential(compute, (view, uniform(), uniform(), read(), write()));
+        let with_sky = BindGroupLayoutEntries::sequential(compute, (view, uniform(), uniform(), read(), write(), read(), read()));
+        Self {
+            weigh_layout: BindGroupLayoutDescriptor::new("bevy_frugal_gi/bounces/weigh", &weigh),
+            reflect_layouts: [
+                BindGroupLayoutDescriptor::new("bevy_frugal_gi/bounces/reflect", &without_sky),
+                BindGroupLayoutDescriptor::new("bevy_frugal_gi/bounces/reflect/sky", &with_sky),
+            ],
+            weigh_shader: load_embedded_asset!(world, "weigh.wgsl"),
+            reflect_shader: load_embedded_asset!(world, "reflect.wgsl"),
+            weigh: None,
+            reflect: default(),
+        }
+    }
+}
+
+impl BouncePipelines {
+    /// Has the pipelines of a kind compiled, where that was not asked for before.
+    fn demand(&mut self, cache: &PipelineCache, kind: ReflectKind) {
+        let Self { weigh_layout, reflect_layouts, weigh_shader, reflect_shader, weigh, reflect } = self;
+        weigh.get_or_insert_with(|| {
+            cache.queue_compute_pipeline(ComputePipelineDescriptor {
+                label: Some("bevy_frugal_gi/bounces/weigh".into()),
+                layout: vec![weigh_layout.clone()],
+                shader: weigh_shader.clone(),
+                entry_point: Some("weigh_flux".into()),
+                ..default()
+            })
+        });
+        reflect.entry(kind).or_insert_with(|| {
+            let ReflectKind { has_sky, has_masks, is_lambertian } = kind;
+            let definitions = [(has_sky, "SKY"), (has_masks, "MASKS"), (is_lambertian, "LAMBERTIAN")];
+            let shader_defs = definitions.into_iter().filter(|(is_so, _)| *is_so).map(|(_, name)| name.into()).collect();
+            cache.queue_compute_pipeline(ComputePipelineDescriptor {
+                label: Some(format!("bevy_frugal_gi/bounces/reflect/{kind:?}").into()),
+                layout: vec![reflect_layouts[usize::from(has_sky)].clone(), OccluderBuffers::layout()],
+                shader: reflect_shader.clone(),
+                shader_defs,
+                entry_point: Some("reflect_patches".into()),
+                ..default()
+            })
+        });
+    }
+}
+
+/// In a GI camera's view: lights its patches, as often as light is reflected beyond the first time.
+pub(super) fn reflect(
+    view: ViewQuery<(&BounceCamera, &GiCamera, Option<&SkyCamera>, &ViewUniformOffset)>,
+    pipelines: Res<BouncePipelines>,
+    vpl_pipelines: Res<VplPipelines>,
+    store: Res<RsmStore>,
+    occluders: Res<OccluderBuffers>,
+    cache: Res<PipelineCache>,
+    view_uniforms: Res<ViewUniforms>,
+    mut context: RenderContext,
+) {
+    let (camera, gi_camera, sky, view_offset) = view.into_inner();
+    if !gi_camera.work.draw || !camera.is_due {
+        return;
+    }
+    let ready = |id: Option<&CachedComputePipelineId>| cache.get_compute_pipeline(*id?);
+    let (Some(weigh), Some(reflect), Some(draw)) =
+        (ready(pipelines.weigh.as_ref()), ready(pipelines.reflect.get(&camera.kind)), vpl_pipelines.drawing(&cache))
+    else {
+        return;
+    };
+    let (Some(texels), Some(traced), Some(views), Some(buffers)) =
+        (&store.texels, occluders.bind_group(), view_uniforms.uniforms.binding(), &gi_camera.drawing)
+    else {
+        return;
+    };
+    let sky = sky.filter(|_| camera.kind.has_sky);
+    let device = context.render_device();
+    let weighing = device.create_bind_group(
+        "bevy_frugal_gi/bounces/weigh",
+        &cache.get_bind_group_layout(&pipelines.weigh_layout),
+        &BindGroupEntries::sequential((
+            texels.as_entire_binding(),
+            buffers.row_table.as_entire_binding(),
+            buffers.texel_cdf.as_entire_binding(),
+            camera.around.as_entire_binding(),
+        )),
+    );
+    let drawing = vpl_pipelines.bind_drawing(device, &cache, texels, buffers, &camera.carriers, &camera.plan);
+    let entries = DynamicBindGroupEntries::sequential((
+        views,
+        camera.carriers.as_entire_binding(),
+        camera.around.as_entire_binding(),
+        camera.patches.as_entire_binding(),
+        texels.as_entire_binding(),
+    ));
+    let entries = match sky {
+        Some(sky) => entries.extend_sequential((sky.samples.as_entire_binding(), sky.plan_buffer.as_entire_binding())),
+        None => entries,
+    };
+    let layout = cache.get_bind_group_layout(&pipelines.reflect_layouts[usize::from(sky.is_some())]);
+    let reflecting = device.create_bind_group("bevy_frugal_gi/bounces/reflect", &layout, &entries);
+    let diagnostics = context.diagnostic_recorder();
+    let diagnostics = diagnostics.as_deref();
+    let span = diagnostics.time_span(context.command_encoder(), "bevy_frugal_gi/bounces");
+    // In the first round patches send nothing yet.
+    let first_byte = u64::from(camera.first_texel()) * TEXEL_BYTES;
+    context.command_encoder().clear_buffer(texels, first_byte, Some(PATCHES as u64 * TEXEL_BYTES));
+    {
+        let mut pass = context
+            .command_encoder()
+            .begin_compute_pass(&ComputePassDescriptor { label: Some("bevy_frugal_gi/bounces"), timestamp_writes: None });
+        for _ in 0..camera.rounds() {
+            pass.set_bind_group(0, &weighing, &[]);
+            pass.set_pipeline(weigh);
+            pass.dispatch_workgroups(buffers.longest_row.div_ceil(64), buffers.rows.len() as u32, 1);
+            draw.dispatch(&mut pass, &drawing, buffers, camera::CARRIERS.slots());
+            pass.set_bind_group(0, &reflecting, &[view_offset.offset]);
+            pass.set_bind_group(1, traced, &[]);
+            pass.set_pipeline(reflect);
+            pass.dispatch_workgroups(PATCHES.div_ceil(64) as u32, 1, 1);
+        }
+    }
+    span.end(context.command_encoder());
+    camera.is_done.store(true, Ordering::Relaxed);
+}

@@ -1,0 +1,52 @@
+//! A patch: a piece of surface that reflects what it is lit by.
+
+use bevy::math::Vec3;
+use bytemuck::{Pod, Zeroable};
+
+use crate::gi::rsm::pack_normal;
+use crate::gi::surfaces::Paint;
+
+/// `bounces/patch.wgsl`'s `Patch`.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
+#[repr(C)]
+pub(in crate::gi) struct Patch {
+    /// World space, metres.
+    pub position: [f32; 3],
+    /// m².
+    pub area: f32,
+    /// Colour and roughness, and the rest, as Bevy's G-buffer packs them.
+    color: u32,
+    properties: u32,
+    packed_normal: u32,
+    padding: u32,
+}
+
+impl Patch {
+    /// A patch; `normal` is a unit vector in world space.
+    pub fn new(position: Vec3, area: f32, normal: Vec3, paint: &Paint) -> Self {
+        let byte = |value: f32| (value * 255.0).round() as u32;
+        let pack = |values: [f32; 4]| values.into_iter().rev().fold(0, |packed, value| packed << 8 | byte(value));
+        let [red, green, blue] = paint.color.to_array().map(|linear| linear.powf(1.0 / 2.2));
+        Self {
+            position: position.to_array(),
+            area,
+            color: pack([red, green, blue, paint.roughness]),
+            properties: pack([paint.reflectance, paint.metallic, 0.0, 0.0]),
+            packed_normal: pack_normal(normal),
+            padding: 0,
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_first_value_lies_in_the_lowest_byte() {
+        let paint = Paint { color: Vec3::new(1.0, 0.0, 0.5), roughness: 0.2, metallic: 1.0, reflectance: 0.5 };
+        let patch = Patch::new(Vec3::ZERO, 1.0, Vec3::Y, &paint);
+        assert_eq!(patch.color.to_le_bytes(), [255, 0, 186, 51]);
+        assert_eq!(patch.properties.to_le_bytes(), [128, 255, 0, 0]);
+    }
+}

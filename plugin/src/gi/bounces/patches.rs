@@ -1,0 +1,297 @@
+//! The patches of every camera whose light is reflected more than once.
+
+use std::sync::Arc;
+
+use bevy::asset::{AssetEvent, AssetId};
+use bevy::camera::Camera;
+use bevy::camera::visibility::InheritedVisibility;
+use bevy::ecs::prelude::*;
+use bevy::image::Image;
+use bevy::light::{EnvironmentMapLight, NotShadowCaster};
+use bevy::log::warn_once;
+use bevy::math::{Affine3A, Vec3};
+use bevy::mesh::skinning::SkinnedMesh;
+use bevy::mesh::{Mesh, Mesh3d};
+use bevy::pbr::{MeshMaterial3d, StandardMaterial};
+use bevy::platform::collections::{HashMap, HashSet};
+use bevy::render::extract_resource::ExtractResource;
+use bevy::transform::components::GlobalTransform;
+
+use super::PATCHES;
+use super::choice::{Candidate, choose, density, rank};
+use super::patch::Patch;
+use crate::gi::presence::LightPresence;
+use crate::gi::settings::FrugalGi;
+use crate::gi::surfaces::{Paint, Place, Reflectance, SurfaceAssets, SurfacePoint, SurfacePoints, Triangles, area_matrix, triangles};
+
+/// Points of all surfaces, more or less, of which a camera's patches are chosen: what lies near it can have eight times as many patches as the rest.
+const POINTS: usize = 8 * PATCHES;
+/// Most of one surface.
+const MOST_POINTS: usize = 8192;
+/// Points of a surface before its size is known.
+const FIRST_POINTS: usize = 64;
+/// Places of a patterned surface that are looked at for each point.
+const LOOKS: usize = 8;
+/// How far from the camera patches are half as dense as at it, as a share of how far light bounces.
+const NEAR_SHARE: f32 = 0.1;
+/// Steps in which that place moves with the camera, as a share of the radius: patches stay while the camera moves within one.
+const STEP_SHARE: f32 = 0.25;
+
+/// A camera's patches.
+#[derive(Clone, Debug)]
+pub(super) struct PatchSet {
+    pub around: Around,
+    /// [`PATCHES`], filled up with such as reflect nothing.
+    pub patches: Arc<Vec<Patch>>,
+}
+
+/// Patches of each camera whose light is reflected more than once, kept while there is one and light for it.
+///
+/// Every visible mesh with a [`StandardMaterial`] reflects that hides light and is lit: not unlit, transparent and transmissive ones, those with
+/// [`NotShadowCaster`], and skinned ones, whose triangles here are those of the bind pose. Morphs, shaders that move vertices and other kinds of
+/// material are not looked at. Textures of base colour, metal and roughness are read where their images are there for the processor in formats without
+/// compression; a warning says where they are not, and something grey takes their place.
+#[derive(Resource, ExtractResource, Clone, Debug, Default)]
+pub struct GiPatches {
+    sets: Vec<PatchSet>,
+}
+
+impl GiPatches {
+    /// Patches of all cameras that reflect anything.
+    pub fn patch_count(&self) -> usize {
+        self.sets.iter().flat_map(|set| set.patches.iter()).filter(|patch| patch.area > 0.0).count()
+    }
+
+    /// Texels that all cameras' patches take in the store.
+    pub(in crate::gi) fn texel_count(&self) -> usize {
+        self.sets.len() * PATCHES
+    }
+
+    /// A camera's patches, and how many texels of other cameras' lie before theirs.
+    pub(super) fn of(&self, camera: Entity) -> Option<(&PatchSet, u32)> {
+        let place = self.sets.iter().position(|set| set.around.camera == camera)?;
+        Some((&self.sets[place], (place * PATCHES) as u32))
+    }
+}
+
+/// Whose points are whose.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+struct SurfaceKey {
+    mesh: AssetId<Mesh>,
+    reflectance: Reflectance,
+}
+
+/// A surface in its place.
+#[derive(Clone, Copy, Debug, PartialEq)]
+struct Placed {
+    entity: Entity,
+    key: SurfaceKey,
+    affine: Affine3A,
+}
+
+/// What a camera's patches are chosen by: where it is, in steps, and how far from there they are dense, metres.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Around {
+    pub camera: Entity,
+    pub center: Vec3,
+    pub near: f32,
+}
+
+impl Around {
+    fn new(camera: Entity, position: Vec3, range: f32) -> Self {
+        // What is no number compares false.
+        let near = if range * NEAR_SHARE > 0.1 { (range * NEAR_SHARE).min(1e6) } else { 0.1 };
+        let step = near * STEP_SHARE;
+        let center = (position / step).round() * step;
+        Self { camera, center: if center.is_finite() { center } else { Vec3::ZERO }, near }
+    }
+}
+
+/// Points of a surface. A hole is a point without paint.
+type Points = SurfacePoints<Option<Paint>>;
+
+/// What the present [`GiPatches`] was made of.
+#[derive(Resource, Default)]
+pub(super) struct Surfaces {
+    /// None where a mesh has no triangles that can be read.
+    points: HashMap<SurfaceKey, Option<Points>>,
+    placed: Vec<Placed>,
+    around: Vec<Around>,
+    /// Set when a mesh or a texture came or changed.
+    stale: bool,
+}
+
+impl Surfaces {
+    fn forget(&mut self, is_gone: impl Fn(&SurfaceKey) -> bool) {
+        let before = self.points.len();
+        self.points.retain(|key, _| !is_gone(key));
+        self.stale |= self.points.len() != before;
+    }
+}
+
+pub(super) fn update(
+    mut surfaces: ResMut<Surfaces>,
+    mut patches: ResMut<GiPatches>,
+    (mut mesh_events, mut image_events): (Option<MessageReader<AssetEvent<Mesh>>>, Option<MessageReader<AssetEvent<Image>>>),
+    assets: SurfaceAssets,
+    light: LightPresence,
+    cameras: Query<(Entity, &Camera, &FrugalGi, &GlobalTransform, Has<EnvironmentMapLight>)>,
+    meshes: Query<
+        (Entity, &Mesh3d, &MeshMaterial3d<StandardMaterial>, &GlobalTransform, &InheritedVisibility),
+        (Without<SkinnedMesh>, Without<NotShadowCaster>),
+    >,
+) {
+    let surfaces = &mut *surfaces;
+    for event in mesh_events.iter_mut().flat_map(MessageReader::read) {
+        let (AssetEvent::Modified { id } | AssetEvent::Removed { id }) = event else { continue };
+        surfaces.forget(|key| key.mesh == *id);
+    }
+    for event in image_events.iter_mut().flat_map(MessageReader::read) {
+        let (AssetEvent::Modified { id } | AssetEvent::Removed { id }) = event else { continue };
+        surfaces.forget(|key| key.reflectance.reads(*id));
+    }
+    let mut around: Vec<Around> = cameras
+        .iter()
+        .filter(|(_, camera, gi, _, has_map)| camera.is_active && gi.reflects() && light.lights(gi, *has_map))
+        .map(|(entity, _, gi, transform, _)| Around::new(entity, transform.translation(), gi.range))
+        .collect();
+    if around.is_empty() {
+        if !surfaces.around.is_empty() {
+            *surfaces = Surfaces::default();
+            *patches = GiPatches::default();
+        }
+        return;
+    }
+    // Entities come in no particular order, and patches should lie the same in every run.
+    around.sort_unstable_by_key(|around| around.camera);
+    let materials = assets.materials.as_deref();
+    let mut now: Vec<Placed> = meshes
+        .iter()
+        .filter(|(.., transform, visible)| visible.get() && transform.affine().is_finite())
+        .filter_map(|(entity, mesh, material, transform, _)| {
+            let reflectance = Reflectance::new(materials?.get(material.id())?)?;
+            Some(Placed { entity, key: SurfaceKey { mesh: mesh.id(), reflectance }, affine: transform.affine() })
+        })
+        .collect();
+    now.sort_unstable_by_key(|placed| placed.entity);
+    let used: HashSet<SurfaceKey> = now.iter().map(|placed| placed.key).collect();
+    surfaces.points.retain(|key, _| used.contains(key));
+    for key in used {
+        if !surfaces.points.contains_key(&key)
+            && let Some(points) = points(&key, FIRST_POINTS, &assets)
+        {
+            surfaces.points.insert(key, points);
+            surfaces.stale = true;
+        }
+    }
+    if surfaces.stale || surfaces.placed != now || surfaces.around != around {
+        refine(&mut surfaces.points, &now, &around, &assets);
+        let set = |around: &Around| PatchSet { around: *around, patches: Arc::new(chosen(&surfaces.points, &now, around)) };
+        let sets = around.iter().map(set).collect();
+        *patches = GiPatches { sets };
+        (surfaces.placed, surfaces.around, surfaces.stale) = (now, around, false);
+    }
+}
+
+/// So many points of a surface; `None` while its assets are not there, and `Some(None)` where they cannot be read.
+fn points(key: &SurfaceKey, count: usize, assets: &SurfaceAssets) -> Option<Option<Points>> {
+    let mesh = assets.meshes.get(key.mesh)?;
+    let painted = key.reflectance.on(mesh, assets)?;
+    let Some(Triangles { corners, positions }) = triangles(mesh) else {
+        warn_once!(
+            "a mesh is kept for the GPU alone or is no triangle list: it does not reflect light a second time (RenderAssetUsages::MAIN_WORLD keeps it readable)"
+        );
+        return Some(None);
+    };
+    let looks = if key.reflectance.is_patterned() { LOOKS } else { 1 };
+    let paint = |Place { triangle, weights }| painted.at(corners[triangle], weights);
+    Some(SurfacePoints::new(&positions, count * looks, paint).map(|fine| coarse(&fine, looks)))
+}
+
+/// Every run of so many points as one in its middle, with the mean of what they are like; a hole where the middle is one.
+fn coarse(fine: &Points, looks: usize) -> Points {
+    if looks == 1 {
+        return fine.clone();
+    }
+    let points = fine.points.chunks(looks).map(|run| {
+        let middle = &run[run.len() / 2];
+        let there: Vec<Paint> = run.iter().filter_map(|point| point.paint).collect();
+        let mean = |value: fn(&Paint) -> f32| there.iter().map(value).sum::<f32>() / there.len() as f32;
+        // As many points stay as places are there.
+        let paint = middle.paint.map(|_| Paint {
+            color: there.iter().map(|paint| paint.color).sum::<Vec3>() / there.len() as f32,
+            roughness: mean(|paint| paint.roughness),
+            metallic: mean(|paint| paint.metallic),
+            reflectance: mean(|paint| paint.reflectance),
+        });
+        SurfacePoint { paint, ..*middle }
+    });
+    Points { points: points.collect(), area: fine.area * looks as f64 }
+}
+
+/// Gives every surface as many points as its share of all that matters to some camera, in powers of two: more where it has too few, fewer where it has far
+/// too many.
+fn refine(held: &mut HashMap<SurfaceKey, Option<Points>>, placed: &[Placed], around: &[Around], assets: &SurfaceAssets) {
+    let mut worth: HashMap<SurfaceKey, f64> = HashMap::default();
+    let mut total = 0.0;
+    for placed in placed {
+        let Some(Some(points)) = held.get(&placed.key) else { continue };
+        let spread = area_matrix(&placed.affine);
+        let own: f64 = points
+            .points
+            .iter()
+            .map(|point| {
+                let position = placed.affine.transform_point3(point.position);
+                let densest = around.iter().map(|around| density(position, around.center, around.near)).fold(0.0, f32::max);
+                points.area * f64::from((spread * point.normal).length() * densest)
+            })
+            .sum();
+        if own > 0.0 && own.is_finite() {
+            total += own;
+            let most = worth.entry(placed.key).or_default();
+            *most = most.max(own);
+        }
+    }
+    for (key, worth) in worth {
+        let wanted = (POINTS as f64 * worth / total).ceil().clamp(1.0, MOST_POINTS as f64) as usize;
+        let wanted = wanted.next_power_of_two();
+        let Some(Some(points)) = held.get_mut(&key) else { continue };
+        if (points.points.len() < wanted || points.points.len() > 8 * wanted.max(FIRST_POINTS))
+            && let Some(Some(finer)) = self::points(&key, wanted, assets)
+        {
+            *points = finer;
+        }
+    }
+}
+
+/// A camera's patches.
+fn chosen(held: &HashMap<SurfaceKey, Option<Points>>, placed: &[Placed], around: &Around) -> Vec<Patch> {
+    let mut candidates = Vec::new();
+    for placed in placed {
+        let Some(Some(points)) = held.get(&placed.key) else { continue };
+        let spread = area_matrix(&placed.affine);
+        // Its own, as long as it lives: a golden step for each entity.
+        let seed = placed.entity.index_u32().wrapping_mul(2_654_435_769);
+        for (index, point) in points.points.iter().enumerate() {
+            let Some(paint) = point.paint else { continue };
+            let facing = spread * point.normal;
+            let position = placed.affine.transform_point3(point.position);
+            let area = (points.area * f64::from(facing.length())) as f32;
+            let normal = facing.normalize_or_zero();
+            if !position.is_finite() || normal == Vec3::ZERO {
+                continue;
+            }
+            let density = density(position, around.center, around.near);
+            for (side, sign) in (0..).zip(placed.key.reflectance.sides.signs()) {
+                let rank = rank(index, seed.wrapping_add(side << 31));
+                candidates.push(Candidate { area, density, rank, point: (position, normal * *sign, paint) });
+            }
+        }
+    }
+    let mut patches: Vec<Patch> = choose(candidates, PATCHES)
+        .into_iter()
+        .map(|((position, normal, paint), area)| Patch::new(position, area, normal, &paint))
+        .collect();
+    patches.resize(PATCHES, Patch::default());
+    patches
+}

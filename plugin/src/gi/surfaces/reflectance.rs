@@ -1,0 +1,179 @@
+//! What surfaces reflect, as far as the main world can read it.
+
+use bevy::asset::AssetId;
+use bevy::color::{ColorToComponents, LinearRgba};
+use bevy::image::Image;
+use bevy::log::warn_once;
+use bevy::material::AlphaMode;
+use bevy::math::Vec3;
+use bevy::mesh::Mesh;
+use bevy::pbr::StandardMaterial;
+
+use super::assets::SurfaceAssets;
+use super::cutout::{Cutout, Mask};
+use super::sides::Sides;
+use super::texture::{PlacedTexture, TextureUse};
+use super::vertex_colors::vertex_colors;
+
+/// Whether a material lets no light through but by its mask's holes.
+pub(in crate::gi) fn hides(material: &StandardMaterial) -> bool {
+    matches!(material.alpha_mode, AlphaMode::Opaque | AlphaMode::Mask(_) | AlphaMode::AlphaToCoverage)
+        && material.specular_transmission <= 0.0
+        && material.diffuse_transmission <= 0.0
+}
+
+/// What of a material decides about the light that its surfaces reflect: meshes with the same one reflect the same.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub(in crate::gi) struct Reflectance {
+    /// Bits, so that they can be a key: linear RGB, perceptual roughness, metallic, reflectance.
+    values: [u32; 6],
+    color: Option<TextureUse>,
+    metallic_roughness: Option<TextureUse>,
+    pub mask: Option<Mask>,
+    pub sides: Sides,
+}
+
+/// What a surface is like at a place.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(in crate::gi) struct Paint {
+    /// Linear RGB, each in 0 to 1.
+    pub color: Vec3,
+    /// Perceptual, in 0 to 1.
+    pub roughness: f32,
+    /// In 0 to 1.
+    pub metallic: f32,
+    /// Of Bevy's materials, in 0 to 1.
+    pub reflectance: f32,
+}
+
+impl Reflectance {
+    /// That of a material; none where it reflects no light onto others: unlit and (partly) transparent ones.
+    pub fn new(material: &StandardMaterial) -> Option<Self> {
+        if material.unlit || !hides(material) {
+            return None;
+        }
+        let transform = material.uv_transform;
+        let [red, green, blue, _] = material.base_color.to_linear().to_f32_array();
+        let color = material.base_color_texture.as_ref();
+        let metallic_roughness = material.metallic_roughness_texture.as_ref();
+        Some(Self {
+            values: [red, green, blue, material.perceptual_roughness, material.metallic, material.reflectance].map(f32::to_bits),
+            color: color.map(|image| TextureUse::new(image, &material.base_color_channel, transform)),
+            metallic_roughness: metallic_roughness.map(|image| TextureUse::new(image, &material.metallic_roughness_channel, transform)),
+            mask: Mask::new(material),
+            sides: Sides::shown(material.cull_mode),
+        })
+    }
+
+    /// Whether it changes when this image does.
+    pub fn reads(&self, image: AssetId<Image>) -> bool {
+        let textures = [self.color, self.metallic_roughness];
+        textures.iter().flatten().any(|texture| texture.image == image) || self.mask.is_some_and(|mask| mask.reads(image))
+    }
+
+    /// Whether it differs from place to place.
+    pub fn is_patterned(&self) -> bool {
+        self.color.is_some() || self.metallic_roughness.is_some() || self.mask.is_some()
+    }
+
+    /// On a mesh; `None` while an image is not there.
+    pub fn on<'a>(&self, mesh: &'a Mesh, assets: &'a SurfaceAssets) -> Option<PaintedMesh<'a>> {
+        let images = assets.images.as_deref();
+        let placed = |texture: Option<TextureUse>| match texture {
+            Some(texture) => texture.on(mesh, images),
+            None => Some(None),
+        };
+        Some(PaintedMesh {
+            values: self.values.map(f32::from_bits),
+            color: placed(self.color)?,
+            metallic_roughness: placed(self.metallic_roughness)?,
+            vertex_colors: vertex_colors(mesh),
+            cutout: match &self.mask {
+                Some(mask) => Some(Cutout::new(mask, mesh, images)?),
+                None => None,
+            },
+        })
+    }
+}
+
+/// A mesh with all that says what it reflects where.
+pub(in crate::gi) struct PaintedMesh<'a> {
+    values: [f32; 6],
+    color: Option<PlacedTexture<'a>>,
+    metallic_roughness: Option<PlacedTexture<'a>>,
+    vertex_colors: Vec<[f32; 4]>,
+    cutout: Option<Cutout>,
+}
+
+/// For textures that the processor cannot read: a colour in the middle of what surfaces have, half rough and no metal.
+const UNREAD_COLOR: LinearRgba = LinearRgba::rgb(0.4, 0.4, 0.4);
+const UNREAD_METALLIC_ROUGHNESS: LinearRgba = LinearRgba::rgb(0.0, 0.5, 0.0);
+
+impl PaintedMesh<'_> {
+    /// What it is like at a place of a triangle: its corners, and weights of the second and third. None in a hole.
+    pub fn at(&self, corners: [usize; 3], weights: [f32; 2]) -> Option<Paint> {
+        if self.cutout.as_ref().is_some_and(|cutout| !cutout.is_there(corners, weights)) {
+            return None;
+        }
+        let read = |texture: &Option<PlacedTexture>, unread: LinearRgba| {
+            texture.as_ref().map_or(LinearRgba::WHITE, |texture| {
+                texture.color(corners, weights).unwrap_or_else(|| {
+                    warn_once!(
+                        "a texture is kept for the GPU alone or is compressed: what it lies on reflects light on to others as if it were grey (RenderAssetUsages::MAIN_WORLD keeps it readable)"
+                    );
+                    unread
+                })
+            })
+        };
+        let [red, green, blue, roughness, metallic, reflectance] = self.values;
+        let texel = read(&self.color, UNREAD_COLOR);
+        // Linear values, whatever the image's format says of its colours.
+        let properties = read(&self.metallic_roughness, UNREAD_METALLIC_ROUGHNESS);
+        let color = Vec3::new(red, green, blue) * texel.to_vec3() * self.vertex_color(corners, weights);
+        // What is no number compares false.
+        let share = |value: f32| if value > 0.0 { value.min(1.0) } else { 0.0 };
+        Some(Paint {
+            color: Vec3::from_array(color.to_array().map(share)),
+            roughness: share(roughness * properties.green),
+            metallic: share(metallic * properties.blue),
+            reflectance: share(reflectance),
+        })
+    }
+
+    fn vertex_color(&self, corners: [usize; 3], [second, third]: [f32; 2]) -> Vec3 {
+        let [a, b, c] = corners.map(|corner| self.vertex_colors.get(corner).map_or(Vec3::ONE, |[r, g, b, _]| Vec3::new(*r, *g, *b)));
+        a + (b - a) * second + (c - a) * third
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use bevy::color::Color;
+    use bevy::prelude::AlphaMode;
+    use bevy::render::render_resource::Face;
+
+    use super::*;
+
+    #[test]
+    fn what_is_unlit_or_lets_light_through_reflects_none() {
+        let reflects = |material: StandardMaterial| Reflectance::new(&material).is_some();
+        assert!(reflects(StandardMaterial::default()));
+        assert!(reflects(StandardMaterial { alpha_mode: AlphaMode::Mask(0.5), ..Default::default() }));
+        assert!(!reflects(StandardMaterial { unlit: true, ..Default::default() }));
+        assert!(!reflects(StandardMaterial { alpha_mode: AlphaMode::Blend, ..Default::default() }));
+        assert!(!reflects(StandardMaterial { specular_transmission: 0.5, ..Default::default() }));
+    }
+
+    #[test]
+    fn materials_that_reflect_alike_have_one_key() {
+        let red = |roughness| {
+            let material =
+                StandardMaterial { base_color: Color::linear_rgb(0.5, 0.1, 0.1), perceptual_roughness: roughness, ..Default::default() };
+            Reflectance::new(&material)
+        };
+        assert_eq!(red(0.5), red(0.5));
+        assert_ne!(red(0.5), red(0.6));
+        let sided = StandardMaterial { cull_mode: Some(Face::Front), ..Default::default() };
+        assert_eq!(Reflectance::new(&sided).unwrap().sides, Sides::Back);
+    }
+}
