@@ -12,7 +12,7 @@ use bevy::render::render_resource::{Buffer, ShaderSize, Texture};
 use bevy::render::sync_world::MainEntity;
 use bevy::render::view::ExtractedView;
 
-use super::bounces::{AROUND_BYTES, BounceCamera, Patch};
+use super::bounces::{BounceCamera, Patch};
 use super::gather::{GatherSettings, GiCamera, VplPlan};
 use super::rsm::{RsmLight, RsmStore, TEXEL_BYTES};
 use super::sources::{SKY_LIGHT_BYTES, SkyCamera, SkyPlan, SkyReading};
@@ -21,7 +21,7 @@ use super::vpl::{MapRow, RECEIVER_BYTES, VPL_BYTES};
 use super::{GiSystems, RsmView, bounces, composite, filter, gather, rsm, sources, vpl};
 
 /// Bytes that the plugin counts with for the shaders' structs: name, and size of one in a buffer.
-pub const STRUCT_BYTES: [(&str, u64); 15] = [
+pub const STRUCT_BYTES: [(&str, u64); 14] = [
     ("Texel", TEXEL_BYTES),
     ("Vpl", VPL_BYTES),
     super::visibility::STRUCT_BYTES[0],
@@ -29,7 +29,6 @@ pub const STRUCT_BYTES: [(&str, u64); 15] = [
     super::visibility::STRUCT_BYTES[2],
     ("Receiver", RECEIVER_BYTES),
     ("Patch", size_of::<Patch>() as u64),
-    ("Around", AROUND_BYTES),
     ("Plan", size_of::<VplPlan>() as u64),
     ("Gather", size_of::<GatherSettings>() as u64),
     ("Row", size_of::<MapRow>() as u64),

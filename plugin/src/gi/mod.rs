@@ -95,7 +95,7 @@ impl Plugin for GiPlugin {
         embedded_asset!(app, "sources/sky_fill.wgsl");
         embedded_asset!(app, "sources/sky_weigh.wgsl");
         embedded_asset!(app, "sources/sky_draw.wgsl");
-        embedded_asset!(app, "bounces/weigh.wgsl");
+        embedded_asset!(app, "bounces/pick.wgsl");
         embedded_asset!(app, "bounces/reflect.wgsl");
         embedded_asset!(app, "gather/gather.wgsl");
         embedded_asset!(app, "filter/filter.wgsl");

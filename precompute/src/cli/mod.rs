@@ -60,6 +60,7 @@ enum Command {
 
 /// Runs the command line that the process was given.
 pub fn run() -> ExitCode {
+    end_when_nobody_reads();
     let cli = Cli::parse();
     let result = match &cli.command {
         Command::Precompute(arguments) => precompute::run(arguments),
@@ -81,4 +82,17 @@ pub fn run() -> ExitCode {
             ExitCode::from(error.status())
         }
     }
+}
+
+/// Ends the process quietly when what it prints to is closed (`frugal compare … | head -1`), where Rust would panic. The signal that ends other programs
+/// then would end this one, too, when a stage's process dies, which is to be told.
+fn end_when_nobody_reads() {
+    let otherwise = std::panic::take_hook();
+    std::panic::set_hook(Box::new(move |panic| {
+        let message = panic.payload_as_str().unwrap_or_default();
+        if message.starts_with("failed printing to stdout") && message.contains("Broken pipe") {
+            std::process::exit(0);
+        }
+        otherwise(panic);
+    }));
 }

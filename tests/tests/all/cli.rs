@@ -20,6 +20,7 @@ tests!(
     arguments_that_make_no_sense_are_named,
     no_adapter_is_said_plainly,
     pictures_are_traced_and_compared_without_an_adapter,
+    a_reader_that_goes_away_is_no_panic,
 );
 
 const SCENE: &str = r#"(
@@ -246,4 +247,15 @@ fn pictures_are_traced_and_compared_without_an_adapter() {
         &["small.exr", "32×18", "16×16"],
     );
     assert_eq!(entries(folder.path()), ["a.scene.ron", "difference.json", "direct.exr", "once.exr", "once.png", "small.exr"]);
+}
+
+fn a_reader_that_goes_away_is_no_panic() {
+    let folder = folder();
+    write(folder.path(), "a.scene.ron", SCENE);
+    let arguments = [&["reference", "a.scene.ron", "--size", "16x16", "--spp", "1", "--hdr", "a.exr"][..], &AT].concat();
+    let mut process = command(folder.path(), &arguments).spawn().expect("starts");
+    drop(process.stdout.take());
+    let output = process.wait_with_output().expect("ends");
+    let message = String::from_utf8_lossy(&output.stderr);
+    assert!(output.status.success() && !message.contains("panicked"), "{:?}: {message}", output.status);
 }

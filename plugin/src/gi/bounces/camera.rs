@@ -4,14 +4,13 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 
 use bevy::ecs::prelude::*;
-use bevy::math::Vec3;
 use bevy::render::camera::ExtractedCamera;
 use bevy::render::render_resource::*;
 use bevy::render::renderer::{RenderDevice, RenderQueue};
 use bevy::render::sync_world::MainEntity;
 
 use super::patch::Patch;
-use super::patches::{Around, GiPatches};
+use super::patches::GiPatches;
 use super::{BouncePipelines, PATCHES, ReflectKind};
 use crate::gi::gather::VplPlan;
 use crate::gi::inspect::GiBouncesState;
@@ -20,15 +19,12 @@ use crate::gi::rsm::{RsmCut, RsmStore, TEXEL_BYTES};
 use crate::gi::settings::{FrugalGi, GiShading};
 use crate::gi::sources::{GiEmitters, SkyCamera, SkySeen};
 use crate::gi::visibility::OccluderBuffers;
-use crate::gi::vpl::{MapRow, VPL_BYTES};
+use crate::gi::vpl::{MapRow, RECEIVERS_BYTES, VPL_BYTES};
 
 /// Every patch looks at all carriers. As many as `bounces/reflect.wgsl` has.
 pub(super) const CARRIERS: VplPlan = VplPlan { interleave: 1, sets: 1, per_set: 512, stride: 512 };
 /// Texels in a row of patches: short rows, as for what glows.
 const ROW: u32 = 32;
-
-/// Bytes of `bounces/patch.wgsl`'s `Around`. A test holds it against the shader.
-pub(in crate::gi) const AROUND_BYTES: u64 = 32;
 
 /// What decides about the light of patches, beside the scene.
 #[derive(Clone, Debug, PartialEq)]
@@ -38,7 +34,6 @@ struct Lit {
     sky: Option<SkySeen>,
     /// Which buffer the texels lie in, and where.
     store: (BufferId, u32),
-    around: Around,
 }
 
 /// What a GI camera holds in the render world while its light is reflected more than once.
@@ -50,8 +45,10 @@ pub struct BounceCamera {
     /// VPLs that light patches.
     pub(super) carriers: Buffer,
     pub(super) plan: Buffer,
-    /// `bounces/patch.wgsl`'s `Around`.
-    pub(super) around: Buffer,
+    /// `vpl/receivers.wgsl`'s `Receivers`: patches that stand for all.
+    pub(super) receivers: Buffer,
+    /// `bounces/patch.wgsl`'s `Place`.
+    pub(super) place: Buffer,
     lit: Lit,
     /// Whether patches reflect in this frame, if the camera draws VPLs.
     pub(super) is_due: bool,
@@ -83,7 +80,7 @@ impl BounceCamera {
 
     /// Bytes held on the GPU for this camera's patches, but for their texels.
     pub fn bytes(&self) -> u64 {
-        [&self.patches, &self.carriers, &self.plan, &self.around].map(|buffer| buffer.size()).iter().sum()
+        [&self.patches, &self.carriers, &self.plan, &self.receivers, &self.place].map(|buffer| buffer.size()).iter().sum()
     }
 
     /// Adds the rows of this camera's patches to those of its maps and of what glows.
@@ -110,20 +107,19 @@ pub(in crate::gi) fn prepare_cameras(
     }
     for (entity, main_entity, gi, camera, sky) in &cameras {
         let found = patches.of(main_entity.id()).filter(|_| gi.reflects());
-        let (Some((set, before)), Some(texels)) = (found, &store.texels) else {
+        let (Some((patches, before)), Some(texels)) = (found, &store.texels) else {
             if held.contains(entity) {
                 commands.entity(entity).remove::<BounceCamera>();
             }
             continue;
         };
-        let patches = &set.patches;
         let first_texel = store.map_texels + emitters.texel_count() as u32 + before;
         let sky = sky.and_then(SkyCamera::seen);
         let kind =
             ReflectKind { has_sky: sky.is_some(), has_masks: occluders.are_masked(), is_lambertian: gi.shading == GiShading::Lambertian };
         pipelines.demand(&cache, kind);
         let always = sky.as_ref().is_some_and(SkySeen::is_generated);
-        let lit = Lit { gi: gi.clone(), exposure: camera.exposure, sky, store: (texels.id(), first_texel), around: set.around };
+        let lit = Lit { gi: gi.clone(), exposure: camera.exposure, sky, store: (texels.id(), first_texel) };
         let size = PATCHES as u64 * TEXEL_BYTES;
         if let Ok(mut held) = held.get_mut(entity) {
             if !Arc::ptr_eq(&held.held, patches) {
@@ -132,9 +128,7 @@ pub(in crate::gi) fn prepare_cameras(
             if held.lit.store != lit.store {
                 // What lay there before is none of ours, and is drawn from if the patches cannot reflect in this frame.
                 queue.write_buffer(texels, u64::from(first_texel) * TEXEL_BYTES, &vec![0; size as usize]);
-            }
-            if (held.lit.store, held.lit.around) != (lit.store, lit.around) {
-                queue.write_buffer(&held.around, 0, &around(&set.around, first_texel));
+                queue.write_buffer(&held.place, 0, &place(first_texel));
             }
             let is_same = Arc::ptr_eq(&held.held, patches) && held.lit == lit && held.kind == kind;
             let is_done = held.is_done.load(Ordering::Relaxed);
@@ -144,20 +138,22 @@ pub(in crate::gi) fn prepare_cameras(
             continue;
         }
         queue.write_buffer(texels, u64::from(first_texel) * TEXEL_BYTES, &vec![0; size as usize]);
+        let empty =
+            |label, size, usage| device.create_buffer(&BufferDescriptor { label: Some(label), size, usage, mapped_at_creation: false });
         let filled = |label, contents: &[u8], usage| {
             device.create_buffer_with_data(&BufferInitDescriptor { label: Some(label), contents, usage: usage | BufferUsages::COPY_DST })
         };
         commands.entity(entity).insert(BounceCamera {
             held: Arc::clone(patches),
             patches: filled("bevy_frugal_gi/bounces/patches", bytemuck::cast_slice(patches), BufferUsages::STORAGE),
-            carriers: device.create_buffer(&BufferDescriptor {
-                label: Some("bevy_frugal_gi/bounces/carriers"),
-                size: u64::from(CARRIERS.slots()) * VPL_BYTES,
-                usage: BufferUsages::STORAGE | BufferUsages::UNIFORM | BufferUsages::COPY_SRC,
-                mapped_at_creation: false,
-            }),
+            carriers: empty(
+                "bevy_frugal_gi/bounces/carriers",
+                u64::from(CARRIERS.slots()) * VPL_BYTES,
+                BufferUsages::STORAGE | BufferUsages::UNIFORM | BufferUsages::COPY_SRC,
+            ),
             plan: filled("bevy_frugal_gi/bounces/plan", bytemuck::bytes_of(&CARRIERS), BufferUsages::STORAGE),
-            around: filled("bevy_frugal_gi/bounces/around", &around(&set.around, first_texel), BufferUsages::UNIFORM),
+            receivers: empty("bevy_frugal_gi/bounces/receivers", RECEIVERS_BYTES, BufferUsages::STORAGE),
+            place: filled("bevy_frugal_gi/bounces/place", &place(first_texel), BufferUsages::UNIFORM),
             lit,
             is_due: true,
             is_done: AtomicBool::new(false),
@@ -166,9 +162,7 @@ pub(in crate::gi) fn prepare_cameras(
     }
 }
 
-/// `bounces/patch.wgsl`'s `Around`, padded to the size that it has there.
-fn around(around: &Around, first_texel: u32) -> [u8; AROUND_BYTES as usize] {
-    let Vec3 { x, y, z } = around.center;
-    let words = [x, y, z, around.near].map(f32::to_bits);
-    bytemuck::cast([words[0], words[1], words[2], words[3], first_texel, 0, 0, 0])
+/// `bounces/patch.wgsl`'s `Place`, padded to what uniforms are multiples of.
+fn place(first_texel: u32) -> [u8; 16] {
+    bytemuck::cast([first_texel, 0, 0, 0])
 }

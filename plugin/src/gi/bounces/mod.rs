@@ -1,6 +1,6 @@
 //! Further bounces: what the scene's surfaces reflect of light that was reflected before.
 //!
-//! Points all over the scene's surfaces stand for pieces of them, as in radiosity: *patches*. When the maps are rendered, VPLs drawn by flux alone light
+//! Points all over the scene's surfaces stand for pieces of them, as in radiosity: *patches*. When the maps are rendered, VPLs drawn by flux and by what patches could receive light
 //! each patch, and so does the camera's sky; what it reflects of that becomes a texel behind those of the maps and of what glows. From there on
 //! it is light like theirs: weighed by what the camera sees, drawn, gathered, hidden and filtered. Each further bounce is one more round of
 //! the same (Jacobi's iteration of the radiosity equation: Goral et al. 1984).
@@ -11,7 +11,7 @@
 //! | `choice` | none | which points become patches |
 //! | `patches` | main | keeps every camera's patches: points of all surfaces, denser near the camera |
 //! | `camera` | render | a camera's buffers, and whether its patches have to reflect again |
-//! | `weigh.wgsl`, `reflect.wgsl` | render | draw the VPLs that light patches, and light them |
+//! | `pick.wgsl`, `reflect.wgsl` | render | what decides which VPLs light patches; and what these reflect |
 //!
 //! Options: (1) this; (2) maps' texels that gather light from each other, which leaves dark whatever no lamp shines on: a ceiling, or a room's shady
 //! half; (3) rays from the camera's surfaces to where they meet others (Segovia et al. 2006, "Bidirectional Instant Radiosity"), which spends all on
@@ -27,6 +27,7 @@ use std::sync::atomic::Ordering;
 use bevy::app::{App, PostUpdate};
 use bevy::asset::{AssetEventSystems, Handle, load_embedded_asset};
 use bevy::camera::visibility::VisibilitySystems;
+use bevy::core_pipeline::prepass::ViewPrepassTextures;
 use bevy::ecs::prelude::*;
 use bevy::platform::collections::HashMap;
 use bevy::render::diagnostic::RecordDiagnostics;
@@ -45,9 +46,9 @@ use super::gather::GiCamera;
 use super::rsm::{RsmStore, RsmSystems, TEXEL_BYTES};
 use super::sources::{EmittersSystems, SkyCamera};
 use super::visibility::OccluderBuffers;
-use super::vpl::VplPipelines;
+use super::vpl::{Drawn, VplPipelines};
 pub use camera::BounceCamera;
-pub(super) use camera::{AROUND_BYTES, prepare_cameras as prepare_bounces};
+pub(super) use camera::prepare_cameras as prepare_bounces;
 pub(super) use patch::Patch;
 pub use patches::GiPatches;
 
@@ -83,12 +84,12 @@ pub(super) struct ReflectKind {
 /// The passes' layouts; their pipelines are there once a camera has asked for them.
 #[derive(Resource)]
 pub(super) struct BouncePipelines {
-    weigh_layout: BindGroupLayoutDescriptor,
+    pick_layout: BindGroupLayoutDescriptor,
     /// Without a sky and with one.
     reflect_layouts: [BindGroupLayoutDescriptor; 2],
-    weigh_shader: Handle<Shader>,
+    pick_shader: Handle<Shader>,
     reflect_shader: Handle<Shader>,
-    weigh: Option<CachedComputePipelineId>,
+    pick: Option<CachedComputePipelineId>,
     reflect: HashMap<ReflectKind, CachedComputePipelineId>,
 }
 
@@ -98,19 +99,19 @@ impl FromWorld for BouncePipelines {
         let write = || storage_buffer_sized(false, None);
         let uniform = || uniform_buffer_sized(false, None);
         let compute = ShaderStages::COMPUTE;
-        let weigh = BindGroupLayoutEntries::sequential(compute, (read(), read(), write(), uniform()));
+        let pick = BindGroupLayoutEntries::sequential(compute, (read(), write()));
         let view = uniform_buffer::<ViewUniform>(true);
         let without_sky = BindGroupLayoutEntries::sequential(compute, (view, uniform(), uniform(), read(), write()));
         let with_sky = BindGroupLayoutEntries::sequential(compute, (view, uniform(), uniform(), read(), write(), read(), read()));
         Self {
-            weigh_layout: BindGroupLayoutDescriptor::new("bevy_frugal_gi/bounces/weigh", &weigh),
+            pick_layout: BindGroupLayoutDescriptor::new("bevy_frugal_gi/bounces/pick", &pick),
             reflect_layouts: [
                 BindGroupLayoutDescriptor::new("bevy_frugal_gi/bounces/reflect", &without_sky),
                 BindGroupLayoutDescriptor::new("bevy_frugal_gi/bounces/reflect/sky", &with_sky),
             ],
-            weigh_shader: load_embedded_asset!(world, "weigh.wgsl"),
+            pick_shader: load_embedded_asset!(world, "pick.wgsl"),
             reflect_shader: load_embedded_asset!(world, "reflect.wgsl"),
-            weigh: None,
+            pick: None,
             reflect: default(),
         }
     }
@@ -119,13 +120,13 @@ impl FromWorld for BouncePipelines {
 impl BouncePipelines {
     /// Has the pipelines of a kind compiled, where that was not asked for before.
     fn demand(&mut self, cache: &PipelineCache, kind: ReflectKind) {
-        let Self { weigh_layout, reflect_layouts, weigh_shader, reflect_shader, weigh, reflect } = self;
-        weigh.get_or_insert_with(|| {
+        let Self { pick_layout, reflect_layouts, pick_shader, reflect_shader, pick, reflect } = self;
+        pick.get_or_insert_with(|| {
             cache.queue_compute_pipeline(ComputePipelineDescriptor {
-                label: Some("bevy_frugal_gi/bounces/weigh".into()),
-                layout: vec![weigh_layout.clone()],
-                shader: weigh_shader.clone(),
-                entry_point: Some("weigh_flux".into()),
+                label: Some("bevy_frugal_gi/bounces/pick".into()),
+                layout: vec![pick_layout.clone()],
+                shader: pick_shader.clone(),
+                entry_point: Some("pick_patches".into()),
                 ..default()
             })
         });
@@ -147,7 +148,7 @@ impl BouncePipelines {
 
 /// In a GI camera's view: lights its patches, as often as light is reflected beyond the first time.
 pub(super) fn reflect(
-    view: ViewQuery<(&BounceCamera, &GiCamera, Option<&SkyCamera>, &ViewUniformOffset)>,
+    view: ViewQuery<(&BounceCamera, &GiCamera, Option<&SkyCamera>, &ViewPrepassTextures, &ViewUniformOffset)>,
     pipelines: Res<BouncePipelines>,
     vpl_pipelines: Res<VplPipelines>,
     store: Res<RsmStore>,
@@ -156,38 +157,43 @@ pub(super) fn reflect(
     view_uniforms: Res<ViewUniforms>,
     mut context: RenderContext,
 ) {
-    let (camera, gi_camera, sky, view_offset) = view.into_inner();
+    let (camera, gi_camera, sky, prepass, view_offset) = view.into_inner();
     if !gi_camera.work.draw || !camera.is_due {
         return;
     }
     let ready = |id: Option<&CachedComputePipelineId>| cache.get_compute_pipeline(*id?);
-    let (Some(weigh), Some(reflect), Some(draw)) =
-        (ready(pipelines.weigh.as_ref()), ready(pipelines.reflect.get(&camera.kind)), vpl_pipelines.drawing(&cache))
-    else {
-        return;
-    };
+    let (Some(pick), Some(reflect)) = (ready(pipelines.pick.as_ref()), ready(pipelines.reflect.get(&camera.kind))) else { return };
     let (Some(texels), Some(traced), Some(views), Some(buffers)) =
         (&store.texels, occluders.bind_group(), view_uniforms.uniforms.binding(), &gi_camera.drawing)
     else {
         return;
     };
+    // Weighing has them in its layout, and does not read them here.
+    let (Some(g_buffer), Some(depth)) = (prepass.deferred_view(), prepass.depth_view()) else { return };
+    let drawn = Drawn {
+        g_buffer,
+        depth,
+        views: views.clone(),
+        view_offset: view_offset.offset,
+        texels,
+        buffers,
+        receivers: &camera.receivers,
+        vpls: &camera.carriers,
+        plan: (&camera.plan, camera::CARRIERS.slots()),
+    };
+    // A look at what hides texels from patches would take as many rays as for the picture, and gains nothing that could be measured.
+    let Some(steps) = vpl_pipelines.steps(context.render_device(), &cache, false, drawn) else { return };
     let sky = sky.filter(|_| camera.kind.has_sky);
     let device = context.render_device();
-    let weighing = device.create_bind_group(
-        "bevy_frugal_gi/bounces/weigh",
-        &cache.get_bind_group_layout(&pipelines.weigh_layout),
-        &BindGroupEntries::sequential((
-            texels.as_entire_binding(),
-            buffers.row_table.as_entire_binding(),
-            buffers.texel_cdf.as_entire_binding(),
-            camera.around.as_entire_binding(),
-        )),
+    let picking = device.create_bind_group(
+        "bevy_frugal_gi/bounces/pick",
+        &cache.get_bind_group_layout(&pipelines.pick_layout),
+        &BindGroupEntries::sequential((camera.patches.as_entire_binding(), camera.receivers.as_entire_binding())),
     );
-    let drawing = vpl_pipelines.bind_drawing(device, &cache, texels, buffers, &camera.carriers, &camera.plan);
     let entries = DynamicBindGroupEntries::sequential((
         views,
         camera.carriers.as_entire_binding(),
-        camera.around.as_entire_binding(),
+        camera.place.as_entire_binding(),
         camera.patches.as_entire_binding(),
         texels.as_entire_binding(),
     ));
@@ -207,11 +213,12 @@ pub(super) fn reflect(
         let mut pass = context
             .command_encoder()
             .begin_compute_pass(&ComputePassDescriptor { label: Some("bevy_frugal_gi/bounces"), timestamp_writes: None });
+        pass.set_bind_group(0, &picking, &[]);
+        pass.set_pipeline(pick);
+        pass.dispatch_workgroups(1, 1, 1);
         for _ in 0..camera.rounds() {
-            pass.set_bind_group(0, &weighing, &[]);
-            pass.set_pipeline(weigh);
-            pass.dispatch_workgroups(buffers.longest_row.div_ceil(64), buffers.rows.len() as u32, 1);
-            draw.dispatch(&mut pass, &drawing, buffers, camera::CARRIERS.slots());
+            steps.weigh(&mut pass);
+            steps.draw(&mut pass);
             pass.set_bind_group(0, &reflecting, &[view_offset.offset]);
             pass.set_bind_group(1, traced, &[]);
             pass.set_pipeline(reflect);

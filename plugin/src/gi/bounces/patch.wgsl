@@ -13,11 +13,7 @@ struct Patch {
     padding: u32,
 }
 
-struct Around {
-    /// Where they are densest, world space, metres.
-    center: vec3<f32>,
-    /// How far from there their density is half as much, metres.
-    near: f32,
+struct Place {
     /// Index of the first patch's texel in the store.
     first_texel: u32,
 }

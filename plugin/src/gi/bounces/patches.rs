@@ -39,10 +39,10 @@ const STEP_SHARE: f32 = 0.25;
 
 /// A camera's patches.
 #[derive(Clone, Debug)]
-pub(super) struct PatchSet {
-    pub around: Around,
+struct PatchSet {
+    camera: Entity,
     /// [`PATCHES`], filled up with such as reflect nothing.
-    pub patches: Arc<Vec<Patch>>,
+    patches: Arc<Vec<Patch>>,
 }
 
 /// Patches of each camera whose light is reflected more than once, kept while there is one and light for it.
@@ -68,9 +68,9 @@ impl GiPatches {
     }
 
     /// A camera's patches, and how many texels of other cameras' lie before theirs.
-    pub(super) fn of(&self, camera: Entity) -> Option<(&PatchSet, u32)> {
-        let place = self.sets.iter().position(|set| set.around.camera == camera)?;
-        Some((&self.sets[place], (place * PATCHES) as u32))
+    pub(super) fn of(&self, camera: Entity) -> Option<(&Arc<Vec<Patch>>, u32)> {
+        let place = self.sets.iter().position(|set| set.camera == camera)?;
+        Some((&self.sets[place].patches, (place * PATCHES) as u32))
     }
 }
 
@@ -91,10 +91,10 @@ struct Placed {
 
 /// What a camera's patches are chosen by: where it is, in steps, and how far from there they are dense, metres.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) struct Around {
-    pub camera: Entity,
-    pub center: Vec3,
-    pub near: f32,
+struct Around {
+    camera: Entity,
+    center: Vec3,
+    near: f32,
 }
 
 impl Around {
@@ -186,7 +186,7 @@ pub(super) fn update(
     }
     if surfaces.stale || surfaces.placed != now || surfaces.around != around {
         refine(&mut surfaces.points, &now, &around, &assets);
-        let set = |around: &Around| PatchSet { around: *around, patches: Arc::new(chosen(&surfaces.points, &now, around)) };
+        let set = |around: &Around| PatchSet { camera: around.camera, patches: Arc::new(chosen(&surfaces.points, &now, around)) };
         let sets = around.iter().map(set).collect();
         *patches = GiPatches { sets };
         (surfaces.placed, surfaces.around, surfaces.stale) = (now, around, false);

@@ -6,7 +6,7 @@
 // its sky (SKY), patches are lit by that, too.
 
 #import bevy_render::view::View
-#import bevy_frugal_gi::gi::bounces::patch::{Around, Patch}
+#import bevy_frugal_gi::gi::bounces::patch::{Patch, Place}
 #import bevy_frugal_gi::gi::rsm::texel::{Texel, texel_normal}
 #import bevy_frugal_gi::gi::surface::scattered_share
 #import bevy_frugal_gi::gi::visibility::trace::{is_occluded, is_open, surface_offset}
@@ -18,7 +18,7 @@
 
 @group(0) @binding(0) var<uniform> view: View;
 @group(0) @binding(1) var<uniform> carriers: array<Vpl, CARRIERS>;
-@group(0) @binding(2) var<uniform> around: Around;
+@group(0) @binding(2) var<uniform> place: Place;
 @group(0) @binding(3) var<storage, read> patches: array<Patch>;
 @group(0) @binding(4) var<storage, read_write> texels: array<Texel>;
 #ifdef SKY
@@ -85,5 +85,5 @@ fn reflect_patches(@builtin(global_invocation_id) id: vec3<u32>) {
         let flux = light * 0.31830987 * own.area * share;
         texel.flux = select(vec3(0.0), min(flux, vec3(MOST_FLUX)), flux >= vec3(0.0));
     }
-    texels[around.first_texel + index] = texel;
+    texels[place.first_texel + index] = texel;
 }

@@ -12,7 +12,7 @@ const RECEIVERS: u64 = 32;
 pub(in crate::gi) const RECEIVER_BYTES: u64 = 32;
 
 /// Bytes of its `Receivers`.
-const RECEIVERS_BYTES: u64 = 16 + RECEIVERS * RECEIVER_BYTES;
+pub(in crate::gi) const RECEIVERS_BYTES: u64 = 16 + RECEIVERS * RECEIVER_BYTES;
 
 /// `vpl/rows.wgsl`'s `Row`: one row of one of a camera's maps.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Pod, Zeroable)]

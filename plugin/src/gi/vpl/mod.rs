@@ -1,6 +1,7 @@
 //! Virtual point lights: drawn for each GI camera from the texels of its maps.
 
 mod buffers;
+mod steps;
 
 use bevy::asset::{Handle, load_embedded_asset};
 use bevy::core_pipeline::prepass::ViewPrepassTextures;
@@ -10,7 +11,7 @@ use bevy::render::render_resource::binding_types::{
     storage_buffer_read_only_sized, storage_buffer_sized, texture_2d, texture_depth_2d, uniform_buffer,
 };
 use bevy::render::render_resource::*;
-use bevy::render::renderer::{RenderContext, RenderDevice, ViewQuery};
+use bevy::render::renderer::{RenderContext, ViewQuery};
 use bevy::render::view::{ViewUniform, ViewUniformOffset, ViewUniforms};
 use bevy::shader::Shader;
 use bevy::utils::default;
@@ -18,8 +19,8 @@ use bevy::utils::default;
 use super::gather::GiCamera;
 use super::rsm::RsmStore;
 use super::visibility::OccluderBuffers;
-use buffers::TILE;
-pub(super) use buffers::{DrawingBuffers, MapRow, RECEIVER_BYTES};
+pub(super) use buffers::{DrawingBuffers, MapRow, RECEIVER_BYTES, RECEIVERS_BYTES};
+pub(super) use steps::Drawn;
 
 /// Bytes of `vpl/vpl.wgsl`'s `Vpl`. A test holds it against the shader.
 pub(super) const VPL_BYTES: u64 = 48;
@@ -102,61 +103,6 @@ impl FromWorld for VplPipelines {
     }
 }
 
-/// The passes from weights to VPLs.
-pub(super) struct Drawing<'a> {
-    accumulate_rows: &'a ComputePipeline,
-    accumulate_maps: &'a ComputePipeline,
-    sample: &'a ComputePipeline,
-}
-
-impl Drawing<'_> {
-    /// Draws VPLs for so many slots of a plan.
-    pub fn dispatch(&self, pass: &mut ComputePass, bind_group: &BindGroup, buffers: &DrawingBuffers, slots: u32) {
-        pass.set_bind_group(0, bind_group, &[]);
-        pass.set_pipeline(self.accumulate_rows);
-        pass.dispatch_workgroups((buffers.rows.len() as u32).div_ceil(64), 1, 1);
-        pass.set_pipeline(self.accumulate_maps);
-        pass.dispatch_workgroups(1, 1, 1);
-        pass.set_pipeline(self.sample);
-        pass.dispatch_workgroups(slots.div_ceil(64), 1, 1);
-    }
-}
-
-impl VplPipelines {
-    /// What draws, once it is compiled.
-    pub fn drawing<'a>(&self, cache: &'a PipelineCache) -> Option<Drawing<'a>> {
-        Some(Drawing {
-            accumulate_rows: cache.get_compute_pipeline(self.accumulate_rows)?,
-            accumulate_maps: cache.get_compute_pipeline(self.accumulate_maps)?,
-            sample: cache.get_compute_pipeline(self.sample)?,
-        })
-    }
-
-    /// From the weights in `buffers` into `vpls`, as `plan` shares them out.
-    pub fn bind_drawing(
-        &self,
-        device: &RenderDevice,
-        cache: &PipelineCache,
-        texels: &Buffer,
-        buffers: &DrawingBuffers,
-        vpls: &Buffer,
-        plan: &Buffer,
-    ) -> BindGroup {
-        device.create_bind_group(
-            "bevy_frugal_gi/vpl/draw",
-            &cache.get_bind_group_layout(&self.draw_layout),
-            &BindGroupEntries::sequential((
-                texels.as_entire_binding(),
-                buffers.row_table.as_entire_binding(),
-                buffers.texel_cdf.as_entire_binding(),
-                buffers.row_cdf.as_entire_binding(),
-                vpls.as_entire_binding(),
-                plan.as_entire_binding(),
-            )),
-        )
-    }
-}
-
 /// In a GI camera's view: weighs the texels of its maps and draws its VPLs.
 pub(super) fn sample(
     view: ViewQuery<(&GiCamera, &ViewPrepassTextures, &ViewUniformOffset)>,
@@ -171,51 +117,25 @@ pub(super) fn sample(
     if !camera.work.draw {
         return;
     }
-    let ready = |id| cache.get_compute_pipeline(id);
     let traced = occluders.bind_group().filter(|_| camera.visibility.rays() > 0);
-    let kind = usize::from(traced.is_some());
-    let (Some(pick), Some(find_floor), Some(weigh), Some(see)) = (
-        ready(pipelines.pick_receivers),
-        ready(pipelines.find_floor[kind]),
-        ready(pipelines.weigh_texels[kind]),
-        ready(pipelines.see_tiles),
-    ) else {
-        return;
-    };
-    let (Some(draw), Some(texels)) = (pipelines.drawing(&cache), &store.texels) else { return };
     let (Some(g_buffer), Some(depth), Some(views)) = (prepass.deferred_view(), prepass.depth_view(), view_uniforms.uniforms.binding())
     else {
         return;
     };
-    let Some(buffers) = &camera.drawing else { return };
-    let device = context.render_device();
-    let weighing = device.create_bind_group(
-        "bevy_frugal_gi/vpl/weigh",
-        &cache.get_bind_group_layout(&pipelines.weigh_layout),
-        &BindGroupEntries::sequential((
-            g_buffer,
-            depth,
-            views.clone(),
-            texels.as_entire_binding(),
-            buffers.row_table.as_entire_binding(),
-            buffers.receivers.as_entire_binding(),
-            buffers.texel_cdf.as_entire_binding(),
-            buffers.hidden.as_entire_binding(),
-        )),
-    );
-    let seeing = device.create_bind_group(
-        "bevy_frugal_gi/vpl/see",
-        &cache.get_bind_group_layout(&pipelines.see_layout),
-        &BindGroupEntries::sequential((
-            views,
-            texels.as_entire_binding(),
-            buffers.row_table.as_entire_binding(),
-            buffers.receivers.as_entire_binding(),
-            buffers.hidden.as_entire_binding(),
-        )),
-    );
-    let drawing = pipelines.bind_drawing(device, &cache, texels, buffers, &camera.vpls, &camera.plan_buffer);
-    let rows = buffers.rows.len() as u32;
+    let (Some(texels), Some(buffers)) = (&store.texels, &camera.drawing) else { return };
+    let drawn = Drawn {
+        g_buffer,
+        depth,
+        views,
+        view_offset: view_offset.offset,
+        texels,
+        buffers,
+        receivers: &buffers.receivers,
+        vpls: &camera.vpls,
+        plan: (&camera.plan_buffer, camera.plan.slots()),
+    };
+    let steps = pipelines.steps(context.render_device(), &cache, traced.is_some(), drawn);
+    let (Some(pick), Some(steps)) = (cache.get_compute_pipeline(pipelines.pick_receivers), steps) else { return };
     let diagnostics = context.diagnostic_recorder();
     let diagnostics = diagnostics.as_deref();
     let span = diagnostics.time_span(context.command_encoder(), "bevy_frugal_gi/vpl");
@@ -226,21 +146,14 @@ pub(super) fn sample(
         let mut pass = context
             .command_encoder()
             .begin_compute_pass(&ComputePassDescriptor { label: Some("bevy_frugal_gi/vpl"), timestamp_writes: None });
-        pass.set_bind_group(0, &weighing, &[view_offset.offset]);
+        pass.set_bind_group(0, steps.weighing(), &[view_offset.offset]);
         pass.set_pipeline(pick);
         pass.dispatch_workgroups(1, 1, 1);
         if let Some(traced) = traced {
-            pass.set_bind_group(0, &seeing, &[view_offset.offset]);
-            pass.set_bind_group(1, traced, &[]);
-            pass.set_pipeline(see);
-            pass.dispatch_workgroups(buffers.longest_row.div_ceil(TILE).div_ceil(SEE_GROUP), rows, 1);
-            pass.set_bind_group(0, &weighing, &[view_offset.offset]);
+            steps.see(&mut pass, traced);
         }
-        pass.set_pipeline(find_floor);
-        pass.dispatch_workgroups(1, 1, 1);
-        pass.set_pipeline(weigh);
-        pass.dispatch_workgroups(buffers.longest_row.div_ceil(64), rows, 1);
-        draw.dispatch(&mut pass, &drawing, buffers, camera.plan.slots());
+        steps.weigh(&mut pass);
+        steps.draw(&mut pass);
     }
     span.end(context.command_encoder());
 }

@@ -98,9 +98,6 @@ pub(super) fn run(arguments: &Arguments) -> Result<(), CliError> {
         ..Default::default()
     };
     let mut stage = Stage::open(&scene, options)?;
-    if arguments.bounces > 1 {
-        stage.world_mut().insert_resource(GiRefresh::EveryFrame);
-    }
     let truth = truth(&scene, arguments)?;
     let pose = arguments.camera.pose();
     stage.place(pose.position, pose.rotation);
@@ -126,10 +123,15 @@ pub(super) fn run(arguments: &Arguments) -> Result<(), CliError> {
             }
             stage.apply(wanted.get(index).map_or(off, |level| level.settings));
             stage.get_ready()?;
-            readings.push(stage.metered_frames(METERED_FRAMES)?.0);
             if round == 0 && index < wanted.len() {
                 differences.push(Difference::new(&stage.radiance()?, &truth, None).map_err(CliError::usage)?);
             }
+            if arguments.bounces > 1 {
+                stage.world_mut().insert_resource(GiRefresh::EveryFrame);
+                stage.frame();
+            }
+            readings.push(stage.metered_frames(METERED_FRAMES)?.0);
+            stage.world_mut().insert_resource(GiRefresh::AsIfCamerasMoved);
             bar.inc(1);
         }
     }
