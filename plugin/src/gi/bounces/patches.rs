@@ -295,3 +295,52 @@ fn chosen(held: &HashMap<SurfaceKey, Option<Points>>, placed: &[Placed], around:
     patches.resize(PATCHES, Patch::default());
     patches
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const SQUARE: [[Vec3; 3]; 2] = [[Vec3::ZERO, Vec3::X, Vec3::new(1.0, 1.0, 0.0)], [Vec3::ZERO, Vec3::new(1.0, 1.0, 0.0), Vec3::Y]];
+
+    fn grey(color: f32) -> Paint {
+        Paint { color: Vec3::splat(color), roughness: 1.0, metallic: 0.0, reflectance: 0.5 }
+    }
+
+    #[test]
+    fn coarse_points_are_as_many_and_as_bright_as_the_fine_ones_and_keep_the_area() {
+        // A chequered square: of each two looks, one is white.
+        let number = std::cell::Cell::new(0);
+        let next = || number.replace(number.get() + 1);
+        let fine = SurfacePoints::new(&SQUARE, 64 * LOOKS, |_| Some(grey((next() % 2) as f32))).unwrap();
+        let coarse = coarse(&fine, LOOKS);
+        assert_eq!(coarse.points.len(), 64);
+        assert!((coarse.area * 64.0 - 1.0).abs() < 1e-9);
+        let mean = coarse.points.iter().map(|point| point.paint.unwrap().color.x).sum::<f32>() / 64.0;
+        assert!((mean - 0.5).abs() < 1e-6, "{mean}");
+    }
+
+    #[test]
+    fn as_many_points_are_holes_as_places_are() {
+        // Its left third is cut out.
+        let paint = |place: Place| {
+            let [second, third] = place.weights;
+            let x = if place.triangle == 0 { second + third } else { second };
+            (x > 1.0 / 3.0).then(|| grey(0.5))
+        };
+        let fine = SurfacePoints::new(&SQUARE, 256 * LOOKS, paint).unwrap();
+        let there = coarse(&fine, LOOKS).points.iter().filter(|point| point.paint.is_some()).count();
+        assert!((there as f32 / 256.0 - 2.0 / 3.0).abs() < 0.04, "{there} of 256");
+    }
+
+    #[test]
+    fn patches_stay_while_a_camera_moves_within_a_step() {
+        let at = |x: f32, range: f32| Around::new(Entity::PLACEHOLDER, Vec3::new(x, 2.0, -3.0), range);
+        assert_eq!(at(0.1, 40.0), at(0.4, 40.0));
+        assert_ne!(at(0.1, 40.0), at(1.4, 40.0));
+        for (position, range) in [(f32::NAN, 40.0), (1e30, 40.0), (f32::INFINITY, 0.0), (1.0, f32::NAN), (1.0, f32::INFINITY), (1.0, -1.0)]
+        {
+            let around = at(position, range);
+            assert!(around.center.is_finite() && around.near.is_finite() && around.near > 0.0, "{around:?}");
+        }
+    }
+}

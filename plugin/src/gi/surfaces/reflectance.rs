@@ -176,4 +176,22 @@ mod tests {
         let sided = StandardMaterial { cull_mode: Some(Face::Front), ..Default::default() };
         assert_eq!(Reflectance::new(&sided).unwrap().sides, Sides::Back);
     }
+
+    #[test]
+    fn numbers_out_of_range_are_brought_into_it() {
+        let mesh = Mesh::new(bevy::mesh::PrimitiveTopology::TriangleList, bevy::asset::RenderAssetUsages::all())
+            .with_inserted_attribute(Mesh::ATTRIBUTE_POSITION, vec![[0.0f32; 3]; 3])
+            .with_inserted_attribute(Mesh::ATTRIBUTE_COLOR, vec![[1.0f32, 0.5, 0.0, 1.0], [1.0, 0.5, 1.0, 1.0], [1.0, 0.5, 0.0, 1.0]]);
+        let painted = |values: [f32; 6]| {
+            let mesh = PaintedMesh { values, color: None, metallic_roughness: None, vertex_colors: vertex_colors(&mesh), cutout: None };
+            mesh.at([0, 1, 2], [0.25, 0.5]).unwrap()
+        };
+        let paint = painted([0.5, 0.5, 0.5, 0.7, 0.2, 0.5]);
+        assert_eq!((paint.color, paint.roughness, paint.metallic), (Vec3::new(0.5, 0.25, 0.125), 0.7, 0.2));
+        for odd in [f32::NAN, f32::INFINITY, -1.0, 1e30] {
+            let paint = painted([odd; 6]);
+            let values = [paint.color.x, paint.color.y, paint.color.z, paint.roughness, paint.metallic, paint.reflectance];
+            assert!(values.iter().all(|value| (0.0..=1.0).contains(value)), "{odd}: {paint:?}");
+        }
+    }
 }
