@@ -41,7 +41,7 @@ pub const STRUCT_BYTES: [(&str, u64); 14] = [
 /// The buffers of the last frame. Handles, not copies: the GPU goes on writing them.
 #[derive(Clone, Debug)]
 pub struct GiGpuState {
-    /// Texels of every reflective shadow map and then of what glows (`rsm/texel.wgsl`), where there are any.
+    /// Texels of every reflective shadow map, then of what glows, then of cameras' patches (`rsm/texel.wgsl`), where there are any.
     pub texels: Option<Buffer>,
     /// What rays may meet, in the order of the bindings of `visibility/trace.wgsl`, while a camera traces.
     pub occluders: Option<[Buffer; 4]>,

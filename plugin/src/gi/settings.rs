@@ -41,8 +41,9 @@ pub struct FrugalGi {
     pub environment_samples: u32,
     /// Times that light of lamps is reflected on its way to what the camera sees; that of glowing surfaces and of the sky one time less. Needs
     /// [`visibility`](Self::visibility), or it is 1. Higher values: lighter shadows and rooms, nearer to all the light that there is (where surfaces
-    /// reflect half of it, 1 finds half of what is indirect, 2 three quarters); each costs a pass over the maps' texels and 16,384 rays, but only in
-    /// frames in which the maps are rendered. At most [`MAX_BOUNCES`](Self::MAX_BOUNCES). See [`GiPatches`](super::GiPatches).
+    /// reflect half of it, 1 finds half of what is indirect, 2 three quarters); each costs a pass over the maps' texels and
+    /// 16,384 rays (20,480 with a sky), but not in every frame: when the maps are rendered, when the sky or these settings change, and when the camera
+    /// has gone a fortieth of [`range`](Self::range). At most [`MAX_BOUNCES`](Self::MAX_BOUNCES). See [`GiPatches`](super::GiPatches).
     pub bounces: u32,
     /// Whether [glowing surfaces](super::GiEmitters) light others. Costs nothing where there are none.
     pub emissive: bool,

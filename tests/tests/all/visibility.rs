@@ -1,12 +1,15 @@
 //! What stands between surfaces and virtual point lights hides them.
 
+use bevy::app::Last;
 use bevy::ecs::entity::Entity;
+use bevy::ecs::resource::Resource;
+use bevy::ecs::system::{Commands, Query, Res};
 use bevy::light::NotShadowCaster;
 use bevy::math::Vec3;
 use bevy::mesh::Mesh3d;
 use bevy::prelude::AlphaMode;
 use bevy::transform::components::Transform;
-use bevy_frugal_gi::gi::GiOccluders;
+use bevy_frugal_gi::gi::{FrugalGi, GiOccluders, GiRefresh, GiVisibility};
 use frugal::stage::{Component, Stage};
 use frugal_tests::{meshes, set};
 
@@ -18,6 +21,7 @@ tests!(
     what_hides_no_light_is_left_out,
     coarse_and_fine_expect_the_same,
     nothing_is_kept_without_rays,
+    rays_that_are_asked_for_late_are_there_a_frame_later,
 );
 
 /// Mean indirect radiance of a view, nits.
@@ -102,4 +106,40 @@ fn nothing_is_kept_without_rays() {
     assert_eq!(held(&mut stage).0, 1);
     mean(&mut stage, "none");
     assert_eq!(held(&mut stage), (0, 0));
+}
+
+/// What the app does at the end of a frame, after all that the plugin looks at.
+#[derive(Resource)]
+struct AskForRays;
+
+fn rays_that_are_asked_for_late_are_there_a_frame_later() {
+    let ask = |asked: Option<Res<AskForRays>>, mut cameras: Query<&mut FrugalGi>, mut commands: Commands| {
+        if asked.is_some() {
+            cameras.iter_mut().for_each(|mut gi| gi.visibility = GiVisibility::Fine);
+            commands.remove_resource::<AskForRays>();
+        }
+    };
+    let options = set::radiance_options(48, 27, Component::Indirect);
+    let mut stage = set::bare_with(vec![sun(Vec3::NEG_Y)], options, |app| {
+        app.add_systems(Last, ask);
+    });
+    meshes::spawn_box(&mut stage, Vec3::new(0.0, -0.1, 0.0), Vec3::new(4.0, 0.2, 4.0), meshes::matt(0.8, 0.8, 0.8));
+    meshes::spawn_box(&mut stage, Vec3::new(0.0, 1.0, -2.0), Vec3::new(4.0, 2.0, 0.2), meshes::matt(0.5, 0.5, 0.5));
+    meshes::spawn_box(&mut stage, Vec3::new(0.0, 1.0, -1.85), Vec3::new(4.5, 2.1, 0.02), meshes::matt(0.0, 0.0, 0.0));
+    set::look(&mut stage, Vec3::new(0.0, 1.2, -1.87), Vec3::new(0.0, 0.8, -2.0));
+    // What rays take is compiled and prepared.
+    let hidden = mean(&mut stage, "fine");
+    let leaking = mean(&mut stage, "none");
+    set::forget_the_past(&mut stage);
+    stage.world_mut().insert_resource(GiRefresh::OnChange);
+    (0..16).for_each(|_| stage.frame());
+    stage.world_mut().insert_resource(AskForRays);
+    let found: Vec<f64> = (0..3)
+        .map(|_| {
+            stage.frame();
+            stage.radiance().expect("a picture").mean()
+        })
+        .collect();
+    println!("    {leaking:.3} nits without rays, {hidden:.3} with them; the frames after: {found:.3?}");
+    assert!(found[1] < 0.05 * leaking && found[2] == found[1], "{found:?}");
 }

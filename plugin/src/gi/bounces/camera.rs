@@ -29,7 +29,8 @@ const ROW: u32 = 32;
 /// What decides about the light of patches, beside the scene.
 #[derive(Clone, Debug, PartialEq)]
 struct Lit {
-    gi: FrugalGi,
+    rounds: u32,
+    emissive: bool,
     exposure: f32,
     sky: Option<SkySeen>,
     /// Which buffer the texels lie in, and where.
@@ -65,7 +66,7 @@ impl BounceCamera {
 
     /// Times that patches reflect: once for two bounces.
     pub(super) fn rounds(&self) -> u32 {
-        self.lit.gi.bounces.clamp(1, FrugalGi::MAX_BOUNCES) - 1
+        self.lit.rounds
     }
 
     /// Patches that will reflect in this frame, if the camera draws VPLs; those that only fill up included.
@@ -119,7 +120,8 @@ pub(in crate::gi) fn prepare_cameras(
             ReflectKind { has_sky: sky.is_some(), has_masks: occluders.are_masked(), is_lambertian: gi.shading == GiShading::Lambertian };
         pipelines.demand(&cache, kind);
         let always = sky.as_ref().is_some_and(SkySeen::is_generated);
-        let lit = Lit { gi: gi.clone(), exposure: camera.exposure, sky, store: (texels.id(), first_texel) };
+        let rounds = gi.bounces.clamp(1, FrugalGi::MAX_BOUNCES) - 1;
+        let lit = Lit { rounds, emissive: gi.emissive, exposure: camera.exposure, sky, store: (texels.id(), first_texel) };
         let size = PATCHES as u64 * TEXEL_BYTES;
         if let Ok(mut held) = held.get_mut(entity) {
             if !Arc::ptr_eq(&held.held, patches) {

@@ -118,6 +118,12 @@ impl FromWorld for BouncePipelines {
 }
 
 impl BouncePipelines {
+    /// The pipeline of a kind, if it is compiled; until then, one that takes all that rays meet for solid.
+    fn get<'a>(&self, cache: &'a PipelineCache, kind: ReflectKind) -> Option<&'a ComputePipeline> {
+        let compiled = |kind| cache.get_compute_pipeline(*self.reflect.get(&kind)?);
+        compiled(kind).or_else(|| compiled(ReflectKind { has_masks: false, ..kind }))
+    }
+
     /// Has the pipelines of a kind compiled, where that was not asked for before.
     fn demand(&mut self, cache: &PipelineCache, kind: ReflectKind) {
         let Self { pick_layout, reflect_layouts, pick_shader, reflect_shader, pick, reflect } = self;
@@ -162,7 +168,7 @@ pub(super) fn reflect(
         return;
     }
     let ready = |id: Option<&CachedComputePipelineId>| cache.get_compute_pipeline(*id?);
-    let (Some(pick), Some(reflect)) = (ready(pipelines.pick.as_ref()), ready(pipelines.reflect.get(&camera.kind))) else { return };
+    let (Some(pick), Some(reflect)) = (ready(pipelines.pick.as_ref()), pipelines.get(&cache, camera.kind)) else { return };
     let (Some(texels), Some(traced), Some(views), Some(buffers)) =
         (&store.texels, occluders.bind_group(), view_uniforms.uniforms.binding(), &gi_camera.drawing)
     else {

@@ -28,6 +28,8 @@ use crate::gi::surfaces::{Paint, Place, Reflectance, SurfaceAssets, SurfacePoint
 const POINTS: usize = 8 * PATCHES;
 /// Most of one surface.
 const MOST_POINTS: usize = 8192;
+/// How many times as many points as it should have a surface keeps.
+const TOO_MANY: usize = 8;
 /// Points of a surface before its size is known.
 const FIRST_POINTS: usize = 64;
 /// Places of a patterned surface that are looked at for each point.
@@ -48,8 +50,8 @@ struct PatchSet {
 /// Patches of each camera whose light is reflected more than once, kept while there is one and light for it.
 ///
 /// Every visible mesh with a [`StandardMaterial`] reflects that hides light and is lit: not unlit, transparent and transmissive ones, those with
-/// [`NotShadowCaster`], and skinned ones, whose triangles here are those of the bind pose. Morphs, shaders that move vertices and other kinds of
-/// material are not looked at. Textures of base colour, metal and roughness are read where their images are there for the processor in formats without
+/// [`NotShadowCaster`], those rendered forward, and skinned ones, whose triangles here are those of the bind pose. Morphs, shaders that move vertices, other kinds of
+/// material and ranges of visibility are not looked at: of a mesh in several levels of detail all reflect that are not hidden by each other. Textures of base colour, metal and roughness are read where their images are there for the processor in formats without
 /// compression; a warning says where they are not, and something grey takes their place.
 #[derive(Resource, ExtractResource, Clone, Debug, Default)]
 pub struct GiPatches {
@@ -98,10 +100,16 @@ struct Around {
 }
 
 impl Around {
-    fn new(camera: Entity, position: Vec3, range: f32) -> Self {
+    /// `before`: where it was the last time.
+    fn new(camera: Entity, position: Vec3, range: f32, before: Option<&Self>) -> Self {
         // What is no number compares false.
         let near = if range * NEAR_SHARE > 0.1 { (range * NEAR_SHARE).min(1e6) } else { 0.1 };
         let step = near * STEP_SHARE;
+        // A camera that goes to and fro over the border of a step changes nothing.
+        let is_near = |before: &&Self| before.near == near && (position - before.center).abs().max_element() <= 0.75 * step;
+        if let Some(before) = before.filter(is_near) {
+            return *before;
+        }
         let center = (position / step).round() * step;
         Self { camera, center: if center.is_finite() { center } else { Vec3::ZERO }, near }
     }
@@ -153,11 +161,16 @@ pub(super) fn update(
     let mut around: Vec<Around> = cameras
         .iter()
         .filter(|(_, camera, gi, _, has_map)| camera.is_active && gi.reflects() && light.lights(gi, *has_map))
-        .map(|(entity, _, gi, transform, _)| Around::new(entity, transform.translation(), gi.range))
+        .map(|(entity, _, gi, transform, _)| {
+            let before = surfaces.around.iter().find(|around| around.camera == entity);
+            Around::new(entity, transform.translation(), gi.range, before)
+        })
         .collect();
     if around.is_empty() {
         if !surfaces.around.is_empty() {
-            *surfaces = Surfaces::default();
+            // Points stay: they take longer to make than patches.
+            surfaces.placed.clear();
+            surfaces.around.clear();
             *patches = GiPatches::default();
         }
         return;
@@ -186,7 +199,13 @@ pub(super) fn update(
     }
     if surfaces.stale || surfaces.placed != now || surfaces.around != around {
         refine(&mut surfaces.points, &now, &around, &assets);
-        let set = |around: &Around| PatchSet { camera: around.camera, patches: Arc::new(chosen(&surfaces.points, &now, around)) };
+        let set = |around: &Around| {
+            let camera = around.camera;
+            let chosen = chosen(&surfaces.points, &now, around);
+            // Another camera's step, or what happened far away: these reflect what they did.
+            let same = patches.sets.iter().find(|set| set.camera == camera && *set.patches == chosen);
+            PatchSet { camera, patches: same.map_or_else(|| Arc::new(chosen), |set| Arc::clone(&set.patches)) }
+        };
         let sets = around.iter().map(set).collect();
         *patches = GiPatches { sets };
         (surfaces.placed, surfaces.around, surfaces.stale) = (now, around, false);
@@ -256,7 +275,11 @@ fn refine(held: &mut HashMap<SurfaceKey, Option<Points>>, placed: &[Placed], aro
         let wanted = (POINTS as f64 * worth / total).ceil().clamp(1.0, MOST_POINTS as f64) as usize;
         let wanted = wanted.next_power_of_two();
         let Some(Some(points)) = held.get_mut(&key) else { continue };
-        if (points.points.len() < wanted || points.points.len() > 8 * wanted.max(FIRST_POINTS))
+        let count = points.points.len();
+        if count > TOO_MANY * wanted {
+            let empty = Points { points: Vec::new(), area: 0.0 };
+            *points = std::mem::replace(points, empty).thinned(count / wanted);
+        } else if count < wanted
             && let Some(Some(finer)) = self::points(&key, wanted, assets)
         {
             *points = finer;
@@ -328,15 +351,24 @@ mod tests {
             (x > 1.0 / 3.0).then(|| grey(0.5))
         };
         let fine = SurfacePoints::new(&SQUARE, 256 * LOOKS, paint).unwrap();
+        let area = |points: &Points| points.area * points.points.len() as f64;
+        assert!((area(&fine.clone().thinned(16)) - area(&fine)).abs() < 1e-9);
         let there = coarse(&fine, LOOKS).points.iter().filter(|point| point.paint.is_some()).count();
         assert!((there as f32 / 256.0 - 2.0 / 3.0).abs() < 0.04, "{there} of 256");
     }
 
     #[test]
     fn patches_stay_while_a_camera_moves_within_a_step() {
-        let at = |x: f32, range: f32| Around::new(Entity::PLACEHOLDER, Vec3::new(x, 2.0, -3.0), range);
+        let from = |x: f32, range: f32, before: Option<&Around>| Around::new(Entity::PLACEHOLDER, Vec3::new(x, 2.0, -3.0), range, before);
+        let at = |x: f32, range: f32| from(x, range, None);
         assert_eq!(at(0.1, 40.0), at(0.4, 40.0));
         assert_ne!(at(0.1, 40.0), at(1.4, 40.0));
+        // Steps are of 1 m: over the border and back, and then beyond.
+        let before = at(0.45, 40.0);
+        assert_ne!(at(0.55, 40.0), before);
+        assert_eq!(from(0.55, 40.0, Some(&before)), before);
+        assert_ne!(from(0.8, 40.0, Some(&before)), before);
+        assert_ne!(from(0.45, 80.0, Some(&before)), before, "another range");
         for (position, range) in [(f32::NAN, 40.0), (1e30, 40.0), (f32::INFINITY, 0.0), (1.0, f32::NAN), (1.0, f32::INFINITY), (1.0, -1.0)]
         {
             let around = at(position, range);

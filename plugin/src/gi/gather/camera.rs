@@ -17,6 +17,7 @@ use crate::gi::refresh::{GiFrame, GiRefresh};
 use crate::gi::rsm::{RsmCut, RsmLight, RsmStore, RsmView};
 use crate::gi::settings::{FrugalGi, GiPixelFraction, GiVisibility};
 use crate::gi::sources::{GiEmitters, SkyCamera};
+use crate::gi::visibility::GiOccluders;
 use crate::gi::vpl::{DrawingBuffers, MapRow};
 
 /// What a GI camera holds in the render world, while it has VPLs to gather.
@@ -126,7 +127,7 @@ pub(in crate::gi) fn prepare_cameras(
     frame: Res<GiFrame>,
     policy: Res<GiRefresh>,
     maps: Query<(&RsmView, &RsmLight, &RsmCut)>,
-    emitters: Res<GiEmitters>,
+    (emitters, occluders): (Res<GiEmitters>, Res<GiOccluders>),
     cameras: Query<(
         Entity,
         &MainEntity,
@@ -169,7 +170,7 @@ pub(in crate::gi) fn prepare_cameras(
         let cells = UVec2::new(size.x.div_ceil(width), size.y.div_ceil(height));
         let filter_window = filter::window(gi);
         let always = jitters || sky.as_ref().is_some_and(|sky| sky.is_generated());
-        let seen = Seen::new(gi, camera, view, sky);
+        let seen = Seen::new(gi, camera, view, sky, occluders.is_kept());
         let period = gi.refresh_period.max(1);
         if let Ok(mut held) = held.get_mut(entity)
             && held.plan == plan

@@ -38,12 +38,14 @@ pub(super) struct Seen {
     world_from_view: Affine3A,
     clip_from_view: Mat4,
     sky: Option<SkySeen>,
+    /// Whether what rays may meet was there. It is not in the frame in which an app asks for rays after it was collected.
+    has_occluders: bool,
 }
 
 impl Seen {
-    pub(super) fn new(gi: &FrugalGi, camera: &ExtractedCamera, view: &ExtractedView, sky: Option<SkySeen>) -> Self {
+    pub(super) fn new(gi: &FrugalGi, camera: &ExtractedCamera, view: &ExtractedView, sky: Option<SkySeen>, has_occluders: bool) -> Self {
         let (world_from_view, clip_from_view) = (view.world_from_view.affine(), view.clip_from_view);
-        Self { gi: gi.clone(), exposure: camera.exposure, world_from_view, clip_from_view, sky }
+        Self { gi: gi.clone(), exposure: camera.exposure, world_from_view, clip_from_view, sky, has_occluders }
     }
 }
 

@@ -23,7 +23,7 @@ use crate::gi::sources::GiEmitters;
 /// Bytes of `rsm/texel.wgsl`'s `Texel`. A test holds it against the shader.
 pub(in crate::gi) const TEXEL_BYTES: u64 = size_of::<super::Texel>() as u64;
 
-/// Texels of every map, one after another, and then those of what glows. Empty while there is no light.
+/// Texels of every map, one after another, those of what glows, and those of cameras' patches. Empty while there is no light.
 #[derive(Resource, Default)]
 pub(in crate::gi) struct RsmStore {
     /// `Texel` each; present while there are any.

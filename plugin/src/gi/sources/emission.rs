@@ -1,11 +1,10 @@
 //! What a material gives off, in nits: what a camera sees of it.
 
-use bevy::material::OpaqueRendererMethod;
 use bevy::math::{DVec3, Vec3};
 use bevy::pbr::StandardMaterial;
 use bevy::prelude::AlphaMode;
 
-use crate::gi::surfaces::{Mask, Sides, TextureUse};
+use crate::gi::surfaces::{Mask, Sides, TextureUse, is_deferred};
 
 /// What a material gives off.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -51,21 +50,11 @@ pub(super) fn emission(material: &StandardMaterial) -> Option<Emission> {
     Some(Emission { exposed: color * weight, unexposed: color * (1.0 - weight), sides, texture, mask: Mask::new(material) })
 }
 
-/// Whether what the camera shows of it comes out of the G-buffer.
-fn is_deferred(material: &StandardMaterial) -> bool {
-    let is_opaque = matches!(material.alpha_mode, AlphaMode::Opaque | AlphaMode::Mask(_) | AlphaMode::AlphaToCoverage);
-    let method = match material.opaque_render_method {
-        // As Bevy decides; deferred is the app's default by `GiPlugin`.
-        OpaqueRendererMethod::Auto => material.diffuse_transmission <= 0.0,
-        method => method == OpaqueRendererMethod::Deferred,
-    };
-    is_opaque && method && material.specular_transmission <= 0.0
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
     use bevy::color::LinearRgba;
+    use bevy::material::OpaqueRendererMethod;
     use bevy::render::render_resource::Face;
 
     fn glowing(red: f32, green: f32, blue: f32) -> StandardMaterial {

@@ -14,7 +14,7 @@ mod vertex_colors;
 pub(super) use assets::SurfaceAssets;
 pub(super) use cutout::{Cutout, Mask};
 pub(super) use points::{Place, SurfacePoint, SurfacePoints, area_matrix};
-pub(super) use reflectance::{Paint, Reflectance, hides};
+pub(super) use reflectance::{Paint, Reflectance, hides, is_deferred};
 pub(super) use sides::Sides;
 pub(super) use texture::TextureUse;
 pub(super) use triangles::{Triangles, triangles};

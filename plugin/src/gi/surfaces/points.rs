@@ -71,6 +71,14 @@ impl<Paint> SurfacePoints<Paint> {
         sort_by_place(&mut points);
         Some(Self { points, area: total / count as f64 })
     }
+
+    /// Every `step`-th of them, each for as many. Neighbours in the list are neighbours in space, so that these are evenly spread, too.
+    #[must_use]
+    pub fn thinned(self, step: usize) -> Self {
+        let step = step.max(1);
+        let points = self.points.into_iter().skip(step / 2).step_by(step).collect();
+        Self { points, area: self.area * step as f64 }
+    }
 }
 
 /// Normal × area, m².

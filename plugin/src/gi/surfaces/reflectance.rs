@@ -4,7 +4,7 @@ use bevy::asset::AssetId;
 use bevy::color::{ColorToComponents, LinearRgba};
 use bevy::image::Image;
 use bevy::log::warn_once;
-use bevy::material::AlphaMode;
+use bevy::material::{AlphaMode, OpaqueRendererMethod};
 use bevy::math::Vec3;
 use bevy::mesh::Mesh;
 use bevy::pbr::StandardMaterial;
@@ -20,6 +20,17 @@ pub(in crate::gi) fn hides(material: &StandardMaterial) -> bool {
     matches!(material.alpha_mode, AlphaMode::Opaque | AlphaMode::Mask(_) | AlphaMode::AlphaToCoverage)
         && material.specular_transmission <= 0.0
         && material.diffuse_transmission <= 0.0
+}
+
+/// Whether what the camera shows of it comes out of the G-buffer.
+pub(in crate::gi) fn is_deferred(material: &StandardMaterial) -> bool {
+    let is_opaque = matches!(material.alpha_mode, AlphaMode::Opaque | AlphaMode::Mask(_) | AlphaMode::AlphaToCoverage);
+    let method = match material.opaque_render_method {
+        // As Bevy decides; deferred is the app's default by `GiPlugin`.
+        OpaqueRendererMethod::Auto => material.diffuse_transmission <= 0.0,
+        method => method == OpaqueRendererMethod::Deferred,
+    };
+    is_opaque && method && material.specular_transmission <= 0.0
 }
 
 /// What of a material decides about the light that its surfaces reflect: meshes with the same one reflect the same.
@@ -47,9 +58,10 @@ pub(in crate::gi) struct Paint {
 }
 
 impl Reflectance {
-    /// That of a material; none where it reflects no light onto others: unlit and (partly) transparent ones.
+    /// That of a material; none where it reflects no light onto others: unlit and (partly) transparent ones, and what is
+    /// rendered forward.
     pub fn new(material: &StandardMaterial) -> Option<Self> {
-        if material.unlit || !hides(material) {
+        if material.unlit || !hides(material) || !is_deferred(material) {
             return None;
         }
         let transform = material.uv_transform;
@@ -162,6 +174,7 @@ mod tests {
         assert!(!reflects(StandardMaterial { unlit: true, ..Default::default() }));
         assert!(!reflects(StandardMaterial { alpha_mode: AlphaMode::Blend, ..Default::default() }));
         assert!(!reflects(StandardMaterial { specular_transmission: 0.5, ..Default::default() }));
+        assert!(!reflects(StandardMaterial { opaque_render_method: OpaqueRendererMethod::Forward, ..Default::default() }));
     }
 
     #[test]

@@ -9,6 +9,9 @@ use bevy::render::renderer::{RenderDevice, RenderQueue};
 
 use super::bvh::Node;
 use super::occluders::{GiOccluders, InstanceData, MeshData};
+use crate::gi::rsm::RsmStore;
+use crate::gi::settings::FrugalGi;
+use crate::gi::sources::SkySource;
 
 /// Buffers of the tree over instances, the instances, the meshes' trees and their triangles: group 1 of every shader that traces.
 #[derive(Resource, Default)]
@@ -56,11 +59,15 @@ impl OccluderBuffers {
 pub(in crate::gi) fn prepare_buffers(
     mut buffers: ResMut<OccluderBuffers>,
     occluders: Res<GiOccluders>,
+    store: Res<RsmStore>,
+    cameras: Query<(&FrugalGi, Has<SkySource>)>,
     device: Res<RenderDevice>,
     queue: Res<RenderQueue>,
     cache: Res<PipelineCache>,
 ) {
-    if !occluders.is_kept {
+    // By what is gathered in this frame, and not by what the main world keeps: a camera that was changed after that was made traces what there is.
+    let is_lit = |gi: &FrugalGi, has_sky: bool| store.texels.is_some() || has_sky && gi.environment_samples > 0;
+    if !cameras.iter().any(|(gi, has_sky)| gi.traces() && is_lit(gi, has_sky)) {
         buffers.held = None;
         return;
     }

@@ -70,11 +70,15 @@ pub struct GiOccluders {
     pub(super) meshes: Arc<MeshData>,
     pub(super) instances: Arc<InstanceData>,
     waiting: usize,
-    /// Whether a camera traces, and there is light to trace.
-    pub(super) is_kept: bool,
+    is_kept: bool,
 }
 
 impl GiOccluders {
+    /// Whether what hides light is collected: a camera traces, and there is light to trace.
+    pub(in crate::gi) fn is_kept(&self) -> bool {
+        self.is_kept
+    }
+
     /// Meshes that are still being prepared.
     pub fn waiting(&self) -> usize {
         self.waiting
