@@ -7,6 +7,7 @@
 //! |---|---|---|
 //! | [`rsm`](self) | main | keeps a hidden camera per light (and per cube face, and per GI camera for directional lights) |
 //! | `rsm` | render | turns each such camera's G-buffer into texels of position, normal and reflected flux |
+//! | `surfaces` | main | reads what meshes and materials say of surfaces that no picture shows |
 //! | `refresh` | main | decides which of this a frame has to do again |
 //! | `sources` | both | adds texels of glowing surfaces, and draws samples of the sky |
 //! | `bounces` | both | lights patches of the scene's surfaces, whose reflected light joins the texels |
