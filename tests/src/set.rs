@@ -9,7 +9,6 @@ use bevy::ecs::world::Mut;
 use bevy::math::{UVec2, Vec3};
 use bevy::mesh::Mesh3d;
 use bevy_frugal_gi::gi::{FrugalGi, GiCounts, GiShading};
-use bevy_frugal_gi::knobs::RenderSettings;
 use frugal::scene::{self, CameraPose, Geometry, Light, SceneDescription};
 use frugal::stage::{Component, Output, Radiance, Stage, StageOptions};
 
@@ -62,12 +61,7 @@ pub fn bare_with(lights: Vec<Light>, options: StageOptions, extend: impl FnOnce(
     stage
 }
 
-/// Settings from text, as the command line reads them.
-pub fn settings(stage: &Stage, text: &str) -> RenderSettings {
-    stage.space().parse(text).unwrap_or_else(|error| panic!("{error}"))
-}
-
-/// Applies settings given as text.
+/// Applies settings given as text, as the command line reads them.
 pub fn apply(stage: &mut Stage, text: &str) {
     stage.apply_text(text).unwrap_or_else(|error| panic!("{error}"));
 }

@@ -2,7 +2,6 @@
 
 use bevy::asset::{Assets, RenderAssetUsages};
 use bevy::color::{Color, LinearRgba};
-use bevy::ecs::query::With;
 use bevy::image::Image;
 use bevy::light::{DirectionalLight, NotShadowCaster};
 use bevy::math::primitives::Plane3d;
@@ -24,6 +23,7 @@ use frugal_tests::{gpu, meshes, set};
 use super::furnace::{ALBEDO, deviation, direct_radiance};
 use super::gi::{assert_costs_nothing, corner, sun};
 use super::gi_sources::surround;
+use super::refresh::{at_once_and_settled, turn_the_sun};
 
 tests!(
     every_bounce_in_a_furnace_adds_its_albedo_times_the_last,
@@ -235,12 +235,6 @@ fn at_rest() -> Stage {
     stage
 }
 
-fn turn_the_sun(stage: &mut Stage, angle: f32) {
-    let world = stage.world_mut();
-    world.query_filtered::<&mut Transform, With<DirectionalLight>>().single_mut(world).expect("the sun").rotation *=
-        Quat::from_rotation_x(angle);
-}
-
 fn patches_rest_when_nothing_changes() {
     let mut stage = at_rest();
     let before = stage.radiance().expect("a picture");
@@ -266,14 +260,7 @@ fn what_changes_is_reflected_at_once() {
     let mesh = meshes::spawn_box(&mut stage, Vec3::new(0.5, 0.5, 0.0), Vec3::splat(0.4), meshes::matt(0.8, 0.2, 0.2));
     (0..16).for_each(|_| stage.frame());
     let check = |stage: &mut Stage, what: &str| {
-        stage.frame();
-        let at_once = stage.radiance().expect("a picture");
-        stage.world_mut().insert_resource(GiRefresh::EveryFrame);
-        (0..3).for_each(|_| stage.frame());
-        let settled = stage.radiance().expect("a picture");
-        stage.world_mut().insert_resource(GiRefresh::OnChange);
-        (0..16).for_each(|_| stage.frame());
-        assert!(at_once == settled, "{what}");
+        assert!(at_once_and_settled(stage, what), "{what}");
         assert_eq!(set::gathered(stage).patches, 0, "{what}: at rest again");
     };
     turn_the_sun(&mut stage, 0.2);

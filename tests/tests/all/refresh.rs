@@ -47,8 +47,15 @@ fn nothing_is_redone_in_a_still_picture() {
     assert!(stage.radiance().expect("a picture") == before, "redone, it is the same");
 }
 
-/// The picture after one frame, and after many of which each did everything.
-fn at_once_and_settled(stage: &mut Stage, what: &str) -> bool {
+/// Turns the only sun, radians.
+pub fn turn_the_sun(stage: &mut Stage, angle: f32) {
+    let world = stage.world_mut();
+    world.query_filtered::<&mut Transform, With<DirectionalLight>>().single_mut(world).expect("the sun").rotation *=
+        Quat::from_rotation_x(angle);
+}
+
+/// Whether the picture after one frame is that after many of which each did everything.
+pub fn at_once_and_settled(stage: &mut Stage, what: &str) -> bool {
     stage.frame();
     let at_once = stage.radiance().expect("a picture");
     assert_eq!(set::gathered(stage).cameras, 1, "{what}");
@@ -73,9 +80,7 @@ fn what_changes_is_in_the_next_frame() {
         assert!(now != before, "{what} changed nothing");
         before = now;
     };
-    let world = stage.world_mut();
-    world.query_filtered::<&mut Transform, With<DirectionalLight>>().single_mut(world).expect("the sun").rotation *=
-        Quat::from_rotation_x(0.2);
+    turn_the_sun(&mut stage, 0.2);
     changes(&mut stage, "a light that turns");
 
     let world = stage.world_mut();
@@ -131,9 +136,7 @@ fn with_a_period_moving_light_is_followed_that_often() {
         (0..16).for_each(|_| stage.frame());
         let mut rendered = 0;
         for _ in 0..16 {
-            let world = stage.world_mut();
-            let mut lights = world.query_filtered::<&mut Transform, With<DirectionalLight>>();
-            lights.single_mut(world).expect("the sun").rotation *= Quat::from_rotation_x(0.01);
+            turn_the_sun(&mut stage, 0.01);
             stage.frame();
             rendered += set::gathered(&stage).maps;
         }

@@ -15,7 +15,7 @@ use super::{BouncePipelines, PATCHES, ReflectKind};
 use crate::gi::gather::VplPlan;
 use crate::gi::inspect::GiBouncesState;
 use crate::gi::refresh::GiFrame;
-use crate::gi::rsm::{RsmCut, RsmStore, TEXEL_BYTES};
+use crate::gi::rsm::{RsmStore, TEXEL_BYTES};
 use crate::gi::settings::{FrugalGi, GiShading};
 use crate::gi::sources::{GiEmitters, SkyCamera, SkySeen};
 use crate::gi::visibility::OccluderBuffers;
@@ -23,8 +23,6 @@ use crate::gi::vpl::{MapRow, RECEIVERS_BYTES, VPL_BYTES};
 
 /// Every patch looks at all carriers. As many as `bounces/reflect.wgsl` has.
 pub(super) const CARRIERS: VplPlan = VplPlan { interleave: 1, sets: 1, per_set: 512, stride: 512 };
-/// Texels in a row of patches: short rows, as for what glows.
-const ROW: u32 = 32;
 
 /// What decides about the light of patches, beside the scene.
 #[derive(Clone, Debug, PartialEq)]
@@ -86,9 +84,7 @@ impl BounceCamera {
 
     /// Adds the rows of this camera's patches to those of its maps and of what glows.
     pub(in crate::gi) fn add_rows(&self, rows: &mut Vec<MapRow>) {
-        for row in (0..PATCHES as u32).step_by(ROW as usize) {
-            MapRow::add_map(rows, self.first_texel() + row, ROW, 1, RsmCut::default());
-        }
+        MapRow::add_scattered(rows, self.first_texel(), PATCHES as u32);
     }
 }
 

@@ -23,9 +23,9 @@ use bevy::transform::components::GlobalTransform;
 
 use super::emission::{Emission, emission};
 use super::surface::GlowingSurface;
-use crate::gi::rsm::{RsmCut, Texel};
+use crate::gi::rsm::Texel;
 use crate::gi::settings::FrugalGi;
-use crate::gi::surfaces::{Cutout, Mask, Place, SurfaceAssets, SurfacePoints, TextureUse, Triangles, triangles};
+use crate::gi::surfaces::{Cutout, Mask, Place, PlacedTexture, SurfaceAssets, SurfacePoints, TextureUse, Triangles, triangles};
 use crate::gi::vpl::MapRow;
 
 /// Texels that all glowing surfaces share, more or less: each has a power of two of them, so that a lamp that flickers does not deal all others'
@@ -35,8 +35,6 @@ const TEXELS: usize = 1024;
 const MOST_SURFACES: usize = 4096;
 /// Points of a surface with a texture or a mask for each that becomes a texel: where the texture is dark, or a hole, none does.
 const PATTERNED_POINTS: usize = 16;
-/// Texels in a row, as drawing wants them: in short rows, so that both of its coordinates are of use.
-const ROW: u32 = 32;
 
 /// Texels of everything that glows, for cameras of one exposure.
 #[derive(Clone, Debug, Default)]
@@ -80,10 +78,7 @@ impl GiEmitters {
         for set in &self.sets {
             let count = set.texels.len() as u32;
             if set.exposure.is_none_or(|own| own == exposure) {
-                // Each a map of its own: what glows may lie anywhere, and the next row in another room.
-                for row in (0..count).step_by(ROW as usize) {
-                    MapRow::add_map(rows, first_texel + row, ROW.min(count - row), 1, RsmCut::default());
-                }
+                MapRow::add_scattered(rows, first_texel, count);
             }
             first_texel += count;
         }
@@ -221,14 +216,8 @@ const FIRST_TEXELS: usize = 64;
 /// Points of a surface for so many texels; `None` while its assets are not there, and `Some(None)` where they cannot be read.
 fn surface(key: &SurfaceKey, texels: usize, assets: &SurfaceAssets) -> Option<Option<GlowingSurface>> {
     let mesh = assets.meshes.get(key.mesh)?;
-    let texture = match key.texture {
-        Some(texture) => texture.on(mesh, assets.images.as_deref())?,
-        None => None,
-    };
-    let cutout = match &key.mask {
-        Some(mask) => Some(Cutout::new(mask, mesh, assets.images.as_deref())?),
-        None => None,
-    };
+    let texture = PlacedTexture::new(key.texture, mesh, assets.images.as_deref())?;
+    let cutout = Cutout::new(key.mask.as_ref(), mesh, assets.images.as_deref())?;
     let Some(Triangles { corners, positions }) = triangles(mesh) else {
         warn_once!(
             "a glowing mesh is kept for the GPU alone or is no triangle list: it lights nothing (RenderAssetUsages::MAIN_WORLD keeps it readable)"

@@ -5,11 +5,11 @@ use bevy::color::Alpha;
 use bevy::image::Image;
 use bevy::log::warn_once;
 use bevy::material::AlphaMode;
-use bevy::math::{Affine2, Vec2};
 use bevy::mesh::Mesh;
 use bevy::pbr::StandardMaterial;
 
-use super::texture::{self, TextureUse};
+use super::points::interpolated;
+use super::texture::{PlacedTexture, TextureUse};
 use super::vertex_colors::vertex_colors;
 
 /// What of a material decides where a mesh has holes: meshes with the same one have the same holes.
@@ -45,36 +45,34 @@ impl Mask {
     }
 }
 
-/// A mask on a mesh, with all that it takes to look at it: it may be looked at in the background.
-pub(in crate::gi) struct Cutout {
+/// A mask on a mesh, with all that it takes to look at it.
+pub(in crate::gi) struct Cutout<'a> {
     /// Of the material.
     alpha: f32,
     cutoff: f32,
-    /// Of the texture: the mesh's coordinates, and from these to the image's.
-    texture: Option<(Image, Vec<[f32; 2]>, Affine2)>,
+    texture: Option<PlacedTexture<'a>>,
     /// Alpha of the mesh's corners; empty for 1.
     corner_alpha: Vec<f32>,
 }
 
-impl Cutout {
-    /// Copies what it needs; `None` while the mask's image is not there.
-    pub fn new(mask: &Mask, mesh: &Mesh, images: Option<&Assets<Image>>) -> Option<Self> {
-        let texture = match mask.texture {
-            Some(texture) => {
-                let image = images?.get(texture.image)?;
-                if texture::texel(image, Vec2::ZERO).is_some() {
-                    texture.coordinates(mesh).map(|coordinates| (image.clone(), coordinates.to_vec(), texture.transform()))
-                } else {
-                    warn_once!(
-                        "the texture of an alpha mask is kept for the GPU alone or is compressed: what it lies on hides indirect light as if it had no holes (RenderAssetUsages::MAIN_WORLD keeps it readable)"
-                    );
-                    None
-                }
-            }
-            None => None,
-        };
+impl<'a> Cutout<'a> {
+    /// `None` while the mask's image is not there, and `Some(None)` without a mask.
+    pub fn new(mask: Option<&Mask>, mesh: &'a Mesh, images: Option<&'a Assets<Image>>) -> Option<Option<Self>> {
+        let Some(mask) = mask else { return Some(None) };
+        let texture = PlacedTexture::new(mask.texture, mesh, images)?;
+        if texture.as_ref().is_some_and(|texture| !texture.is_readable()) {
+            warn_once!(
+                "the texture of an alpha mask is kept for the GPU alone or is compressed: what it lies on hides indirect light as if it had no holes (RenderAssetUsages::MAIN_WORLD keeps it readable)"
+            );
+        }
+        let texture = texture.filter(PlacedTexture::is_readable);
         let corner_alpha = vertex_colors(mesh).into_iter().map(|[.., alpha]| alpha).collect();
-        Some(Self { alpha: f32::from_bits(mask.alpha), cutoff: f32::from_bits(mask.cutoff), texture, corner_alpha })
+        Some(Some(Self { alpha: f32::from_bits(mask.alpha), cutoff: f32::from_bits(mask.cutoff), texture, corner_alpha }))
+    }
+
+    /// With copies of its own of all that it reads: for looking at it in the background.
+    pub fn into_owned(self) -> Cutout<'static> {
+        Cutout { texture: self.texture.map(PlacedTexture::into_owned), ..self }
     }
 
     /// Whether a triangle, by the places of its corners in the mesh, may have holes at all.
@@ -83,13 +81,9 @@ impl Cutout {
     }
 
     /// Whether the triangle is there at a place: weights of its second and third corner.
-    pub fn is_there(&self, corners: [usize; 3], [second, third]: [f32; 2]) -> bool {
-        let alphas = corners.map(|corner| self.alpha_of(corner));
-        let alpha = alphas[0] + (alphas[1] - alphas[0]) * second + (alphas[2] - alphas[0]) * third;
-        let texel = self.texture.as_ref().map_or(1.0, |(image, coordinates, transform)| {
-            let place = transform.transform_point2(texture::interpolated(coordinates, corners, [second, third]));
-            texture::texel(image, place).map_or(1.0, |color| color.alpha)
-        });
+    pub fn is_there(&self, corners: [usize; 3], weights: [f32; 2]) -> bool {
+        let alpha = interpolated(corners.map(|corner| self.alpha_of(corner)), weights);
+        let texel = self.texture.as_ref().and_then(|texture| texture.color(corners, weights)).map_or(1.0, |color| color.alpha);
         // What is no number compares false, and is a hole in Bevy's picture too.
         alpha * texel >= self.cutoff
     }
@@ -103,6 +97,7 @@ impl Cutout {
 mod tests {
     use bevy::asset::RenderAssetUsages;
     use bevy::color::Color;
+    use bevy::math::{Affine2, Vec2};
     use bevy::mesh::PrimitiveTopology;
     use bevy::render::render_resource::{Extent3d, TextureDimension, TextureFormat};
 
@@ -132,8 +127,8 @@ mod tests {
         StandardMaterial { alpha_mode, ..Default::default() }
     }
 
-    fn cutout(material: &StandardMaterial, mesh: &Mesh, images: &Assets<Image>) -> Cutout {
-        Cutout::new(&Mask::new(material).unwrap(), mesh, Some(images)).unwrap()
+    fn cutout<'a>(material: &StandardMaterial, mesh: &'a Mesh, images: &'a Assets<Image>) -> Cutout<'a> {
+        Cutout::new(Some(&Mask::new(material).unwrap()), mesh, Some(images)).unwrap().unwrap()
     }
 
     #[test]
@@ -154,7 +149,8 @@ mod tests {
             (AlphaMode::Mask(0.5), f32::NAN, false),
         ] {
             let material = StandardMaterial { base_color: Color::linear_rgba(1.0, 1.0, 1.0, alpha), ..masked(alpha_mode) };
-            let cutout = cutout(&material, &triangle(), &images);
+            let triangle = triangle();
+            let cutout = cutout(&material, &triangle, &images);
             assert_eq!(cutout.is_there(CORNERS, [0.2, 0.2]), there, "{alpha_mode:?} {alpha}");
             assert_eq!(cutout.may_pierce(CORNERS), !there, "nothing has to be looked at: {alpha_mode:?} {alpha}");
         }
@@ -186,7 +182,7 @@ mod tests {
         let mut images = Assets::<Image>::default();
         let later = images.reserve_handle();
         let material = StandardMaterial { base_color_texture: Some(later), ..masked(AlphaMode::Mask(0.5)) };
-        assert!(Cutout::new(&Mask::new(&material).unwrap(), &triangle(), Some(&images)).is_none());
+        assert!(Cutout::new(Some(&Mask::new(&material).unwrap()), &triangle(), Some(&images)).is_none());
         let unread = images.add(Image { data: None, ..half_clear() });
         let material = StandardMaterial { base_color_texture: Some(unread), ..masked(AlphaMode::Mask(0.5)) };
         assert!(!cutout(&material, &triangle(), &images).may_pierce(CORNERS));

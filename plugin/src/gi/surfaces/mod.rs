@@ -16,5 +16,5 @@ pub(super) use cutout::{Cutout, Mask};
 pub(super) use points::{Place, SurfacePoint, SurfacePoints, area_matrix};
 pub(super) use reflectance::{Paint, Reflectance, hides, is_deferred};
 pub(super) use sides::Sides;
-pub(super) use texture::TextureUse;
+pub(super) use texture::{PlacedTexture, TextureUse};
 pub(super) use triangles::{Triangles, triangles};

@@ -3,7 +3,7 @@
 //! Laid out once in the mesh's own space, evenly by area and in Morton order (neighbours in space are neighbours in the list): the same surface keeps
 //! its points while it or anything else moves.
 
-use bevy::math::{Affine3A, DVec3, Mat3A, Vec3};
+use bevy::math::{Affine3A, DVec3, Mat3A, Vec3, VectorSpace};
 
 /// Triangles beyond this, metres, are left out: their areas would leave the range of a float.
 const GREATEST_COORDINATE: f32 = 1e15;
@@ -15,6 +15,11 @@ pub(in crate::gi) struct Place {
     pub triangle: usize,
     /// Weights of its second and third corner.
     pub weights: [f32; 2],
+}
+
+/// What the corners of a triangle have, at a place: weights of the second and third.
+pub(super) fn interpolated<V: VectorSpace<Scalar = f32>>([a, b, c]: [V; 3], [second, third]: [f32; 2]) -> V {
+    a + (b - a) * second + (c - a) * third
 }
 
 /// A point of a surface, in the mesh's own space.
@@ -62,9 +67,8 @@ impl<Paint> SurfacePoints<Paint> {
                 // Uniform over the triangle: Turk 1990, "Generating Random Points in Triangles".
                 let root = along.sqrt();
                 let weights = [(root * (1.0 - across)) as f32, (root * across) as f32];
-                let [a, b, c] = triangles[triangle];
                 let normal = area_vector(&triangles[triangle]).try_normalize()?.as_vec3();
-                let position = a + (b - a) * weights[0] + (c - a) * weights[1];
+                let position = interpolated(triangles[triangle], weights);
                 Some(SurfacePoint { position, normal, paint: paint(Place { triangle, weights }) })
             })
             .collect();
@@ -72,12 +76,10 @@ impl<Paint> SurfacePoints<Paint> {
         Some(Self { points, area: total / count as f64 })
     }
 
-    /// Every `step`-th of them, each for as many. Neighbours in the list are neighbours in space, so that these are evenly spread, too.
-    #[must_use]
-    pub fn thinned(self, step: usize) -> Self {
-        let step = step.max(1);
-        let points = self.points.into_iter().skip(step / 2).step_by(step).collect();
-        Self { points, area: self.area * step as f64 }
+    /// Leaves every `step`-th of them, 1 or more, each for as many. Neighbours in the list are neighbours in space, so that these are evenly spread, too.
+    pub fn thin(&mut self, step: usize) {
+        self.points = std::mem::take(&mut self.points).into_iter().skip(step / 2).step_by(step).collect();
+        self.area *= step as f64;
     }
 }
 

@@ -11,6 +11,7 @@ use bevy::pbr::StandardMaterial;
 
 use super::assets::SurfaceAssets;
 use super::cutout::{Cutout, Mask};
+use super::points::interpolated;
 use super::sides::Sides;
 use super::texture::{PlacedTexture, TextureUse};
 use super::vertex_colors::vertex_colors;
@@ -91,19 +92,12 @@ impl Reflectance {
     /// On a mesh; `None` while an image is not there.
     pub fn on<'a>(&self, mesh: &'a Mesh, assets: &'a SurfaceAssets) -> Option<PaintedMesh<'a>> {
         let images = assets.images.as_deref();
-        let placed = |texture: Option<TextureUse>| match texture {
-            Some(texture) => texture.on(mesh, images),
-            None => Some(None),
-        };
         Some(PaintedMesh {
             values: self.values.map(f32::from_bits),
-            color: placed(self.color)?,
-            metallic_roughness: placed(self.metallic_roughness)?,
+            color: PlacedTexture::new(self.color, mesh, images)?,
+            metallic_roughness: PlacedTexture::new(self.metallic_roughness, mesh, images)?,
             vertex_colors: vertex_colors(mesh),
-            cutout: match &self.mask {
-                Some(mask) => Some(Cutout::new(mask, mesh, images)?),
-                None => None,
-            },
+            cutout: Cutout::new(self.mask.as_ref(), mesh, images)?,
         })
     }
 }
@@ -114,7 +108,7 @@ pub(in crate::gi) struct PaintedMesh<'a> {
     color: Option<PlacedTexture<'a>>,
     metallic_roughness: Option<PlacedTexture<'a>>,
     vertex_colors: Vec<[f32; 4]>,
-    cutout: Option<Cutout>,
+    cutout: Option<Cutout<'a>>,
 }
 
 /// For textures that the processor cannot read: a colour in the middle of what surfaces have, half rough and no metal.
@@ -152,9 +146,9 @@ impl PaintedMesh<'_> {
         })
     }
 
-    fn vertex_color(&self, corners: [usize; 3], [second, third]: [f32; 2]) -> Vec3 {
-        let [a, b, c] = corners.map(|corner| self.vertex_colors.get(corner).map_or(Vec3::ONE, |[r, g, b, _]| Vec3::new(*r, *g, *b)));
-        a + (b - a) * second + (c - a) * third
+    fn vertex_color(&self, corners: [usize; 3], weights: [f32; 2]) -> Vec3 {
+        let color = |corner: usize| self.vertex_colors.get(corner).map_or(Vec3::ONE, |[r, g, b, _]| Vec3::new(*r, *g, *b));
+        interpolated(corners.map(color), weights)
     }
 }
 

@@ -1,10 +1,14 @@
 //! How textures lie on meshes and what they say, as far as the main world can read them.
 
+use std::borrow::Cow;
+
 use bevy::asset::{AssetId, Assets, Handle};
 use bevy::color::LinearRgba;
 use bevy::image::Image;
 use bevy::math::{Affine2, Vec2};
 use bevy::mesh::{Mesh, MeshVertexAttribute, UvChannel, VertexAttributeValues};
+
+use super::points::interpolated;
 
 /// How a texture lies on a mesh.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
@@ -22,50 +26,56 @@ impl TextureUse {
         Self { image: image.id(), second: *channel == UvChannel::Uv1, transform: transform.to_cols_array().map(f32::to_bits) }
     }
 
-    /// The mesh's coordinates of it, which [`Self::transform`] takes to the texture's. Bevy reads no texture where there are none.
-    pub fn coordinates(self, mesh: &Mesh) -> Option<&[[f32; 2]]> {
+    /// The mesh's coordinates of it. Bevy reads no texture where there are none.
+    fn coordinates(self, mesh: &Mesh) -> Option<&[[f32; 2]]> {
         let attribute: MeshVertexAttribute = if self.second { Mesh::ATTRIBUTE_UV_1 } else { Mesh::ATTRIBUTE_UV_0 };
         match mesh.try_attribute_option(attribute).ok()?? {
             VertexAttributeValues::Float32x2(coordinates) => Some(coordinates),
             _ => None,
         }
     }
-
-    /// As it lies on `mesh`: `None` while the image is not there, and `Some(None)` where the mesh has no coordinates for it.
-    pub fn on<'a>(self, mesh: &'a Mesh, images: Option<&'a Assets<Image>>) -> Option<Option<PlacedTexture<'a>>> {
-        let image = images?.get(self.image)?;
-        Some(self.coordinates(mesh).map(|coordinates| PlacedTexture { image, coordinates, transform: self.transform() }))
-    }
-
-    /// From the mesh's coordinates to the texture's.
-    pub fn transform(self) -> Affine2 {
-        Affine2::from_cols_array(&self.transform.map(f32::from_bits))
-    }
 }
 
 /// A texture on a mesh.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Debug)]
 pub(in crate::gi) struct PlacedTexture<'a> {
-    image: &'a Image,
-    coordinates: &'a [[f32; 2]],
+    image: Cow<'a, Image>,
+    coordinates: Cow<'a, [[f32; 2]]>,
+    /// From the mesh's coordinates to the texture's.
     transform: Affine2,
 }
 
-impl PlacedTexture<'_> {
+impl<'a> PlacedTexture<'a> {
+    /// As it lies on `mesh`: `None` while the image is not there, and `Some(None)` where there is no texture, or the mesh has no coordinates for it.
+    pub fn new(texture: Option<TextureUse>, mesh: &'a Mesh, images: Option<&'a Assets<Image>>) -> Option<Option<Self>> {
+        let Some(texture) = texture else { return Some(None) };
+        let image = images?.get(texture.image)?;
+        let transform = Affine2::from_cols_array(&texture.transform.map(f32::from_bits));
+        let placed = |coordinates| Self { image: Cow::Borrowed(image), coordinates: Cow::Borrowed(coordinates), transform };
+        Some(texture.coordinates(mesh).map(placed))
+    }
+
+    /// With copies of its own of all that it reads.
+    pub fn into_owned(self) -> PlacedTexture<'static> {
+        let Self { image, coordinates, transform } = self;
+        PlacedTexture { image: Cow::Owned(image.into_owned()), coordinates: Cow::Owned(coordinates.into_owned()), transform }
+    }
+
+    /// Whether the processor can read the image at all.
+    pub fn is_readable(&self) -> bool {
+        texel(&self.image, Vec2::ZERO).is_some()
+    }
+
     /// Linear colour at a place of a triangle: its corners, and weights of the second and third. `None` where the processor cannot read it.
     pub fn color(&self, corners: [usize; 3], weights: [f32; 2]) -> Option<LinearRgba> {
-        texel(self.image, self.transform.transform_point2(interpolated(self.coordinates, corners, weights)))
+        // Corners without coordinates have (0, 0).
+        let coordinates = corners.map(|corner| self.coordinates.get(corner).copied().map_or(Vec2::ZERO, Vec2::from));
+        texel(&self.image, self.transform.transform_point2(interpolated(coordinates, weights)))
     }
 }
 
-/// Coordinates at a place of a triangle: weights of its second and third corner. Corners without coordinates have (0, 0).
-pub(in crate::gi) fn interpolated(coordinates: &[[f32; 2]], corners: [usize; 3], [second, third]: [f32; 2]) -> Vec2 {
-    let [a, b, c] = corners.map(|corner| coordinates.get(corner).copied().map_or(Vec2::ZERO, Vec2::from));
-    a + (b - a) * second + (c - a) * third
-}
-
 /// Linear colour of the texel at `place`; `None` where the processor cannot read it: an image that is kept for the GPU alone, or compressed.
-pub(in crate::gi) fn texel(image: &Image, place: Vec2) -> Option<LinearRgba> {
+fn texel(image: &Image, place: Vec2) -> Option<LinearRgba> {
     let (width, height) = (image.width().max(1), image.height().max(1));
     // Repeated, which is what textures that leave the unit square are for.
     let texel = (place - place.floor()) * Vec2::new(width as f32, height as f32);

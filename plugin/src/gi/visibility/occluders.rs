@@ -210,10 +210,7 @@ fn build_trees(trees: &mut MeshTrees, used: impl Iterator<Item = TreeKey>, asset
 /// A mesh's tree, at once or in the background; `None` while its assets are not there.
 fn start(key: &TreeKey, assets: &SurfaceAssets) -> Option<Tree> {
     let mesh = assets.meshes.get(key.mesh)?;
-    let cutout = match &key.mask {
-        Some(mask) => Some(Cutout::new(mask, mesh, assets.images.as_deref())?),
-        None => None,
-    };
+    let cutout = Cutout::new(key.mask.as_ref(), mesh, assets.images.as_deref())?.map(Cutout::into_owned);
     let Some(Triangles { corners, positions }) = triangles(mesh) else {
         warn_once!(
             "a mesh is kept for the GPU alone or is no triangle list: it hides no indirect light (RenderAssetUsages::MAIN_WORLD keeps it readable)"

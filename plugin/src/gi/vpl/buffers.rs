@@ -36,6 +36,9 @@ pub(in crate::gi) struct MapRow {
 /// Columns of a tile, and most rows of one, as `vpl/rows.wgsl` has them.
 pub(super) const TILE: u32 = 16;
 
+/// Texels in a row of those that no map shows: short, so that both coordinates of drawing are of use.
+const SCATTERED_ROW: u32 = 32;
+
 impl MapRow {
     /// Adds `count` rows of `length` texels, that lie beside each other and one after another in the store from `first_texel` on.
     pub fn add_map(rows: &mut Vec<Self>, first_texel: u32, length: u32, count: u32, cut: RsmCut) {
@@ -52,6 +55,14 @@ impl MapRow {
                 cut: if (cut.rows[0]..cut.rows[1]).contains(&index) { cut.columns } else { [0; 2] },
             }
         }));
+    }
+
+    /// Adds rows for `count` texels one after another in the store that no map shows: each row a map of its own, since the next one may lie in another
+    /// room.
+    pub fn add_scattered(rows: &mut Vec<Self>, first_texel: u32, count: u32) {
+        for row in (0..count).step_by(SCATTERED_ROW as usize) {
+            Self::add_map(rows, first_texel + row, SCATTERED_ROW.min(count - row), 1, RsmCut::default());
+        }
     }
 
     /// One after the last tile that it runs through.
