@@ -37,7 +37,8 @@ has_device() {
     return 1
 }
 
-# Installed drivers that can work here, because their library is there and a device for it: "hardware PATH" or "software PATH" each.
+# Installed drivers that can work here, because their library is there and a device for it: a line "hardware PATH" or
+# "software PATH" for each.
 usable_drivers() {
     data=${XDG_DATA_HOME:-${HOME:-}/.local/share}
     for manifest in /usr/share/vulkan/icd.d/*.json /usr/local/share/vulkan/icd.d/*.json /etc/vulkan/icd.d/*.json \
@@ -65,16 +66,15 @@ usable_drivers() {
 software_driver() {
     ! named_by_hand || return 1
     drivers=$(usable_drivers)
-    case $drivers in
-    *hardware* | '') return 1 ;;
-    esac
+    ! echo "$drivers" | grep -q -e '^hardware ' -e '^$' || return 1
     echo "$drivers" | sed -n '1s/^software //p'
 }
 
 # Prints the version of Mesa that a driver's library is from, and nothing for other drivers.
 mesa_version() { LC_ALL=C grep -a -o -m 1 'Mesa [0-9][0-9.]*' "$1" 2>/dev/null | sed -n '1s/Mesa //p'; }
 
-# Prints where the newer driver is kept: beside the builds, one for each release and architecture, since it uses the system's libraries.
+# Prints where the newer driver is kept: beside the builds, one for each release and architecture, since it uses the
+# system's libraries.
 newer_driver() {
     if [ -n "${XDG_CACHE_HOME:-}${HOME:-}" ]; then
         cache=${XDG_CACHE_HOME:-$HOME/.cache}/frugal-gi
