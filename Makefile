@@ -3,6 +3,7 @@
 #   make demo     precomputes a scene, plays it under a power and an error budget, writes a report to target/demo
 #   make test     every test
 #   make run      an example: make run EXAMPLE=budget
+#   make bench    a benchmark: make bench BENCH=baseline ARGS='--size 320x180'
 #   make check    formatting, lints, documentation; warnings are errors
 #   make ci       checks and tests, as .ci/run does
 #   make clean-demo   removes what the demo wrote
@@ -17,6 +18,8 @@ POWER_BUDGET = 60%
 ERROR_BUDGET = 0.02
 
 EXAMPLE = minimal
+BENCH = baseline
+ARGS =
 
 # One folder for all clones on this machine, so that the demo, the tests and CI share one build of Bevy, which takes most of an hour of processor
 # time. For the same reason every command below says --workspace: Cargo unifies features for each selection of packages, and another
@@ -29,10 +32,10 @@ endif
 
 FRUGAL = $(CARGO_TARGET_DIR)/debug/frugal
 
-.PHONY: help demo test run check ci setup build clean-demo
+.PHONY: help demo test run bench check ci setup build clean-demo
 
 help:
-	@sed -n '3,8s/^# *//p' Makefile
+	@sed -n '3,9s/^# *//p' Makefile
 
 setup:
 	@scripts/setup
@@ -50,6 +53,10 @@ test: setup
 # At the workspace's root this, too, selects the whole workspace.
 run: setup
 	scripts/run cargo run --example $(EXAMPLE)
+
+# In the profile of everything else, Bevy is not compiled once more.
+bench: setup
+	scripts/run cargo bench --workspace --bench $(BENCH) --profile dev -- $(ARGS)
 
 check: setup
 	cargo fmt --all --check

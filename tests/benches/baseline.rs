@@ -1,6 +1,6 @@
 //! The plugin against `naive-rsm` (see `frugal_tests::naive_rsm`) in one run: error against path tracing, cost, and how both costs grow.
 //!
-//! `cargo bench --workspace --bench baseline --profile dev -- [--size WxH] [--spp N] [--count ROUNDS] [cornell | courtyard | two_rooms | growth | passes]…`
+//! `make bench BENCH=baseline ARGS='…'`: `[--size WxH] [--spp N] [--count ROUNDS] [cornell | courtyard | two_rooms | growth | passes]…`
 //!
 //! Without names, everything. Tables are Markdown. Cost is what a frame takes above one without global illumination, all other knobs at their
 //! cheapest: processor time on a software adapter, time to the finished frame on a GPU. Both methods' maps are rendered in every frame while

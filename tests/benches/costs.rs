@@ -1,6 +1,6 @@
 //! What the controller costs when nothing changes, and how much memory global illumination holds at its largest.
 //!
-//! `cargo bench --workspace --bench costs --profile dev`: in the profile of everything else, Bevy is not compiled once more.
+//! `make bench BENCH=costs`
 
 #![expect(missing_docs, reason = "the macros of criterion make public functions")]
 

@@ -1,6 +1,6 @@
 //! How much a picture changes that should not, and does not change that should, while light or camera moves: the plugin against `naive-rsm`.
 //!
-//! `cargo bench --workspace --bench stability --profile dev -- [--size WxH] [--spp N] [--count FRAMES] [light | camera]…`
+//! `make bench BENCH=stability ARGS='…'`: `[--size WxH] [--spp N] [--count FRAMES] [light | camera]…`
 //!
 //! `courtyard` with its sun alone and without its textures, after 32 frames of the same motion. Temporal error: mean over successive frames, pixels and channels of |Δframe − Δtruth| ÷ mean of the truth, where the truth is
 //! path-traced with the same random numbers in every frame, so that most of its noise is in no difference. What is left of it is measured with a
