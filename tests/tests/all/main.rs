@@ -65,8 +65,9 @@ const MODULES: &[(&str, &[(&str, fn())], bool)] = &[
 
 /// Set to the number of a part: the tests of that part alone.
 const PART: &str = "FRUGAL_TESTS_PART";
-/// Processes that a run of all tests is shared out among, one after another: Mesa 22's software driver keeps memory of every frame that was
-/// drawn, and one process for all would need more than `scripts/run` grants.
+/// Processes that a run of all tests is shared out among, one after another. Mesa 22's software driver keeps memory of
+/// every frame that was drawn. Where no newer one could be brought, one process for all would need more than
+/// `scripts/run` grants.
 const PARTS: usize = 4;
 
 fn main() {
