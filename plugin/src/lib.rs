@@ -30,6 +30,7 @@ pub mod gi;
 pub mod knobs;
 mod pipelines;
 pub mod power;
+pub mod recording;
 pub mod resolution;
 pub mod units;
 
@@ -45,6 +46,9 @@ use bevy::app::{PluginGroup, PluginGroupBuilder};
 /// | [`FrontierMapPlugin`](frontier::FrontierMapPlugin) | the `*.pareto.ron` asset |
 /// | [`ControlPlugin`](control::ControlPlugin) | picks settings from a camera's map under its [`Budget`](control::Budget) |
 /// | [`PowerPlugin`](power::PowerPlugin) | meters power in the background |
+///
+/// [`CameraRecorderPlugin`](recording::CameraRecorderPlugin) is none of them: an app adds it to record where its
+/// cameras go.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct FrugalGiPlugins;
 
@@ -68,6 +72,7 @@ pub mod prelude {
     pub use crate::gi::{FrugalGi, GiPixelFraction, GiRefresh};
     pub use crate::knobs::{KnobRegistry, KnobSettings, RegisterKnob, WarmKnobs};
     pub use crate::power::MeteredPower;
+    pub use crate::recording::{CameraRecorderPlugin, RecordCamera};
     pub use crate::resolution::ResolutionScale;
     pub use crate::units::Watts;
 }

@@ -16,9 +16,6 @@ use super::{
 use crate::frontier::{CameraView, FrontierMap, FrontierStore};
 use crate::knobs::{KnobSettings, KnobSpace, RenderSettings};
 
-/// Field of view, in radians, that stands for the parallel rays of an orthographic camera.
-const PARALLEL_FOV: f32 = 0.001;
-
 /// What is worked out once per map: its knobs, shared by all cameras, or why it cannot be used.
 type Prepared = Result<Arc<KnobSpace>, (OffReason, String)>;
 
@@ -93,7 +90,7 @@ pub(super) fn select_settings(
         }
         let unlimited = Budget::default();
         let budget = budget.unwrap_or(&unlimited);
-        let view = camera_view(transform, projection);
+        let view = CameraView::from_camera(transform, projection);
 
         let (store, space): (&dyn FrontierStore, &Arc<KnobSpace>) = if let Some(source) = source {
             if let Err((reason, message)) = check_known(source.space(), known) {
@@ -185,22 +182,6 @@ fn turn_off(camera: Entity, selection: &mut Mut<Selection>, reason: OffReason, m
 fn stand_by(selection: &mut Mut<Selection>, status: ControlStatus) {
     let kept = **selection;
     selection.set_if_neq(Selection { status, predicted: None, sample: None, ..kept });
-}
-
-/// What a look-up needs to know of a Bevy camera. Without a projection, a square picture of Bevy's default field of view.
-fn camera_view(transform: &GlobalTransform, projection: Option<&Projection>) -> CameraView {
-    let (_, rotation, position) = transform.to_scale_rotation_translation();
-    let (vertical_fov, aspect) = match projection {
-        Some(Projection::Perspective(perspective)) => (perspective.fov, perspective.aspect_ratio),
-        Some(Projection::Orthographic(orthographic)) => (PARALLEL_FOV, orthographic.area.width() / orthographic.area.height()),
-        Some(Projection::Custom(custom)) => {
-            // A perspective matrix has cot(fov / 2) as its second diagonal element, and that divided by the aspect as its first.
-            let clip_from_view = custom.get_clip_from_view();
-            (2.0 * clip_from_view.y_axis.y.abs().recip().atan(), (clip_from_view.y_axis.y / clip_from_view.x_axis.x).abs())
-        }
-        None => (std::f32::consts::FRAC_PI_4, 1.0),
-    };
-    CameraView { position, rotation, vertical_fov, aspect }
 }
 
 /// Takes the controller's state off a camera that left it. Its [`KnobSettings`] stay: from here on they are the app's.

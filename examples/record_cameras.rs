@@ -1,0 +1,55 @@
+//! Records where the camera goes: `record_cameras [SCENE] [FILE]`.
+//!
+//! Look at the text: the number of samples grows while the camera tours the scene and stands still while the tour does
+//! (Space pauses it, C cuts to another place). Look at the file, `target/cameras.txt` where no other is named, while
+//! this runs: each line is a place. A second run appends to it.
+
+use std::path::PathBuf;
+
+use bevy::prelude::*;
+use bevy_frugal_gi::prelude::*;
+use bevy_frugal_gi::recording::CameraRecorder;
+use frugal::scene;
+use frugal_examples::{ExamplePlugin, Tour, travel, workspace_file};
+
+fn main() -> AppExit {
+    match build() {
+        Ok(mut app) => app.run(),
+        Err(message) => {
+            eprintln!("{message}");
+            AppExit::from_code(2)
+        }
+    }
+}
+
+fn build() -> Result<App, String> {
+    let mut arguments = std::env::args_os().skip(1).map(PathBuf::from);
+    let scene = arguments.next().unwrap_or_else(|| workspace_file("assets/scenes/courtyard.scene.ron"));
+    let file = arguments.next().unwrap_or_else(|| workspace_file("target").join("cameras.txt"));
+    let scene = scene::load(scene).map_err(|error| error.to_string())?;
+    let path = scene.paths.get("tour").or_else(|| scene.paths.values().next());
+    let tour = Tour::new(path.ok_or_else(|| format!("{}: no camera path", scene.source.display()))?);
+
+    let mut app = App::new();
+    let example = ExamplePlugin { title: "record_cameras" };
+    app.add_plugins((DefaultPlugins, FrugalGiPlugins, CameraRecorderPlugin::new(&file), example));
+    let camera = (Camera3d::default(), Msaa::Off, FrugalGi::default(), RecordCamera, tour.transform());
+    let camera = app.world_mut().spawn(camera).id();
+    frugal::stage::populate(app.world_mut(), &scene, camera).map_err(|error| error.to_string())?;
+    let write_text = move |recorder: Res<CameraRecorder>, mut text: Single<&mut Text>| {
+        let state = if recorder.is_recording() { "in" } else { "no longer recorded in" };
+        let line = format!("{} samples {state}\n{}", recorder.samples(), file.display());
+        if text.0 != line {
+            text.0 = line;
+        }
+    };
+    app.insert_resource(tour).add_systems(Startup, spawn_text).add_systems(Update, (travel, write_text));
+    Ok(app)
+}
+
+fn spawn_text(mut commands: Commands) {
+    let panel = Node { position_type: PositionType::Absolute, padding: UiRect::axes(px(8), px(6)), ..default() };
+    commands
+        .spawn((panel, BackgroundColor(Color::srgba(0.0, 0.0, 0.0, 0.65))))
+        .with_child((Text::default(), TextFont { font_size: FontSize::Px(11.0), ..default() }));
+}

@@ -1,0 +1,52 @@
+//! Where an app's cameras go, written into a file, so that settings can be trained where they are needed.
+//!
+//! `frugal precompute --cameras FILE` reads such a file. [`CameraRecorderPlugin`] writes it; it is no part of
+//! [`FrugalGiPlugins`](crate::FrugalGiPlugins), so add it to the builds that are played for a recording:
+//!
+//! ```no_run
+//! use bevy::prelude::*;
+//! use bevy_frugal_gi::prelude::*;
+//!
+//! App::new()
+//!     .add_plugins((DefaultPlugins, FrugalGiPlugins, CameraRecorderPlugin::new("cameras.txt")))
+//!     .add_systems(Startup, |mut commands: Commands| {
+//!         commands.spawn((Camera3d::default(), FrugalGi::default(), RecordCamera));
+//!     })
+//!     .run();
+//! ```
+//!
+//! # The file
+//!
+//! Text, in lines that are only ever appended, so that a crash costs the last of them at most. The first line is name
+//! and version, the second the names of the columns, and each further one a sample:
+//!
+//! ```text
+//! frugal-cameras 1
+//! time_s,camera,x_m,y_m,z_m,qx,qy,qz,qw,vertical_fov_rad,aspect
+//! 0.25,0,0.0,1.7,6.0,0.0,0.0,0.0,1.0,1.0471976,1.7777778
+//! ```
+//!
+//! | column | meaning | valid |
+//! |---|---|---|
+//! | `time_s` | seconds since the app began | finite, from 0 |
+//! | `camera` | number of the camera | whole, 0 to 2³² − 1 |
+//! | `x_m`, `y_m`, `z_m` | world position, metres | −10⁷ to 10⁷ |
+//! | `qx`, `qy`, `qz`, `qw` | world rotation; the camera looks along its own −Z | length at least 10⁻⁶ |
+//! | `vertical_fov_rad` | vertical field of view, radians | between 0 and π, both excluded |
+//! | `aspect` | width ÷ height of the picture | finite, above 0 |
+//!
+//! A later run of the app appends to the file. Its clock begins at 0 again and its cameras have new numbers: lines of
+//! one number are one camera in one run, in order of time. A camera that stands still writes nothing.
+//!
+//! [`parse`] and [`to_text`] know of no app and no renderer.
+mod error;
+mod file;
+mod plugin;
+mod sample;
+#[cfg(test)]
+mod testing;
+mod writer;
+pub use error::{CameraFileError, InvalidSample};
+pub use file::{COLUMNS, VERSION, parse, to_text};
+pub use plugin::{CameraRecorder, CameraRecorderPlugin, RecordCamera, RecordingSystems};
+pub use sample::CameraSample;

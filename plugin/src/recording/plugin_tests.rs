@@ -1,0 +1,230 @@
+//! Tests of the recorder in a Bevy app without a renderer.
+
+use std::path::Path;
+
+use bevy::camera::{OrthographicProjection, PerspectiveProjection};
+use bevy::time::TimeUpdateStrategy;
+
+use super::*;
+use crate::recording::parse;
+use crate::recording::testing::{TestFolder, read};
+
+/// An app that looks at its cameras in every second frame.
+fn app_with(plugin: CameraRecorderPlugin) -> App {
+    let mut app = App::new();
+    app.add_plugins((MinimalPlugins, TransformPlugin, plugin));
+    app.insert_resource(TimeUpdateStrategy::ManualDuration(Duration::from_millis(125)));
+    app.finish();
+    app.cleanup();
+    app
+}
+
+fn lens(fov: f32, aspect_ratio: f32) -> Projection {
+    Projection::Perspective(PerspectiveProjection { fov, aspect_ratio, ..default() })
+}
+
+fn spawn_camera(app: &mut App, transform: Transform) -> Entity {
+    app.world_mut().spawn((Camera::default(), lens(1.0, 1.5), transform, RecordCamera)).id()
+}
+
+fn place(app: &mut App, camera: Entity, transform: Transform) {
+    app.world_mut().entity_mut(camera).insert(transform);
+}
+
+fn insert(camera: &mut EntityWorldMut, bundle: impl Bundle) {
+    camera.insert(bundle);
+}
+
+fn run(app: &mut App, frames: usize) {
+    (0..frames).for_each(|_| app.update());
+}
+
+/// Ends the app, and reads what it recorded.
+fn end(app: App, path: &Path) -> Vec<CameraSample> {
+    drop(app);
+    parse(&read(path)).expect("a recording")
+}
+
+fn recorder(app: &App) -> &CameraRecorder {
+    app.world().resource::<CameraRecorder>()
+}
+
+#[test]
+fn a_moving_camera_leaves_its_way_in_the_file() {
+    let folder = TestFolder::new();
+    let path = folder.file("cameras.txt");
+    let mut app = app_with(CameraRecorderPlugin::new(&path));
+    let camera = spawn_camera(&mut app, Transform::IDENTITY);
+    let mut ways = Vec::new();
+    for frame in 0..20 {
+        let way = Transform::from_xyz(frame as f32, 1.7, -0.5).looking_to(Vec3::X, Vec3::Y);
+        place(&mut app, camera, way);
+        app.update();
+        ways.push(way);
+    }
+    assert_eq!((recorder(&app).samples(), recorder(&app).is_recording()), (10, true));
+    let samples = end(app, &path);
+    assert_eq!(samples.len(), 10);
+    for (index, sample) in samples.iter().enumerate() {
+        let way = ways[2 * index];
+        assert_eq!((sample.camera, sample.position), (0, way.translation));
+        assert!(sample.rotation.angle_between(way.rotation) < 1e-3);
+        assert_eq!((sample.vertical_fov, sample.aspect), (1.0, 1.5));
+        assert_eq!(sample.time_s - samples[0].time_s, 0.25 * index as f64);
+    }
+}
+
+#[test]
+fn only_what_changes_the_picture_is_written() {
+    let folder = TestFolder::new();
+    let path = folder.file("cameras.txt");
+    let mut app = app_with(CameraRecorderPlugin { interval: Duration::ZERO, ..CameraRecorderPlugin::new(&path) });
+    let camera = spawn_camera(&mut app, Transform::IDENTITY);
+    run(&mut app, 10);
+    assert_eq!(recorder(&app).samples(), 1);
+    // Slow motion adds up: 12 steps of 2 cm are 4 of 6 cm, where 5 are wanted.
+    for step in 1..=12 {
+        place(&mut app, camera, Transform::from_xyz(0.02 * step as f32, 0.0, 0.0));
+        app.update();
+    }
+    assert_eq!(recorder(&app).samples(), 5);
+    let mut changes = |change: &dyn Fn(&mut EntityWorldMut), written: usize, what: &str| {
+        let before = recorder(&app).samples();
+        change(&mut app.world_mut().entity_mut(camera));
+        run(&mut app, 3);
+        assert_eq!(recorder(&app).samples() - before, written, "{what}");
+    };
+    let place = Transform::from_xyz(0.24, 0.0, 0.0);
+    let turned = |degrees: f32| place.with_rotation(Quat::from_rotation_y(degrees.to_radians()));
+    changes(&|camera| insert(camera, turned(1.0)), 0, "one degree");
+    changes(&|camera| insert(camera, turned(3.0)), 1, "three degrees");
+    changes(&|camera| insert(camera, lens(1.01, 1.5)), 0, "half a degree of the lens");
+    changes(&|camera| insert(camera, lens(1.1, 1.5)), 1, "six degrees of the lens");
+    changes(&|camera| insert(camera, lens(1.1, 1.8)), 1, "a wider window");
+}
+
+#[test]
+fn cameras_that_are_inactive_or_not_marked_are_left_out() {
+    let folder = TestFolder::new();
+    let path = folder.file("cameras.txt");
+    let mut app = app_with(CameraRecorderPlugin::new(&path));
+    let inactive = Camera { is_active: false, ..default() };
+    app.world_mut().spawn((inactive, Transform::IDENTITY, RecordCamera));
+    app.world_mut().spawn((Camera::default(), Transform::IDENTITY));
+    app.world_mut().spawn((Transform::IDENTITY, RecordCamera));
+    run(&mut app, 10);
+    assert_eq!(recorder(&app).samples(), 0);
+    assert_eq!(end(app, &path), Vec::new());
+}
+
+#[test]
+fn each_camera_has_its_number_also_after_another_went() {
+    let folder = TestFolder::new();
+    let path = folder.file("cameras.txt");
+    let mut app = app_with(CameraRecorderPlugin::new(&path));
+    let first = spawn_camera(&mut app, Transform::from_xyz(1.0, 0.0, 0.0));
+    // A child's place is that in the world.
+    let parent = app.world_mut().spawn(Transform::from_xyz(10.0, 0.0, 0.0)).id();
+    let second = spawn_camera(&mut app, Transform::from_xyz(2.0, 0.0, 0.0));
+    app.world_mut().entity_mut(second).insert(ChildOf(parent));
+    run(&mut app, 4);
+    app.world_mut().despawn(first);
+    run(&mut app, 4);
+    spawn_camera(&mut app, Transform::from_xyz(3.0, 0.0, 0.0));
+    run(&mut app, 4);
+    let mut seen: Vec<_> = end(app, &path).iter().map(|sample| (sample.camera, sample.position.x)).collect();
+    seen[..2].sort_by(|a, b| a.1.total_cmp(&b.1));
+    let numbers: Vec<_> = seen.iter().map(|(camera, _)| *camera).collect();
+    assert_eq!(seen.iter().map(|(_, x)| *x).collect::<Vec<_>>(), [1.0, 12.0, 3.0]);
+    assert!(numbers[0] != numbers[1] && numbers[..2].iter().all(|number| *number < 2), "{numbers:?}");
+    assert_eq!(numbers[2], 2);
+}
+
+#[test]
+fn cameras_that_cannot_be_are_left_out_until_they_can() {
+    let folder = TestFolder::new();
+    let path = folder.file("cameras.txt");
+    let mut app = app_with(CameraRecorderPlugin { interval: Duration::ZERO, ..CameraRecorderPlugin::new(&path) });
+    let camera = spawn_camera(&mut app, Transform::from_translation(Vec3::NAN));
+    app.update();
+    let far = Transform::from_xyz(0.0, 1e8, 0.0);
+    let nowhere = Transform::from_rotation(Quat::from_xyzw(f32::NAN, 0.0, 0.0, 1.0));
+    for transform in [far, nowhere, Transform::from_scale(Vec3::ZERO)] {
+        place(&mut app, camera, transform);
+        app.update();
+    }
+    place(&mut app, camera, Transform::IDENTITY);
+    let none = OrthographicProjection { area: Rect::default(), ..OrthographicProjection::default_3d() };
+    let none = Projection::Orthographic(none);
+    for projection in [lens(f32::NAN, 1.0), lens(0.0, 1.0), lens(1.0, f32::INFINITY), lens(4.0, 1.0), none] {
+        app.world_mut().entity_mut(camera).insert(projection);
+        app.update();
+    }
+    assert_eq!(recorder(&app).samples(), 0);
+    app.world_mut().entity_mut(camera).remove::<Projection>();
+    run(&mut app, 3);
+    place(&mut app, camera, Transform::from_xyz(9.9e6, -9.9e6, 1e-30).with_scale(Vec3::splat(1e-3)));
+    run(&mut app, 3);
+    assert_eq!(end(app, &path).len(), 2);
+}
+
+#[test]
+fn a_path_that_cannot_be_written_turns_the_recorder_off() {
+    let folder = TestFolder::new();
+    let file = folder.file("file");
+    std::fs::write(&file, "no folder").expect("a file");
+    for path in [file.join("cameras.txt"), file.clone(), PathBuf::new()] {
+        let settings = CameraRecorderPlugin::new(path);
+        let mut app = app_with(CameraRecorderPlugin { interval: Duration::ZERO, min_distance: f32::NAN, ..settings });
+        spawn_camera(&mut app, Transform::IDENTITY);
+        app.update();
+        while recorder(&app).is_recording() {
+            std::thread::yield_now();
+        }
+        run(&mut app, 3);
+        assert!(recorder(&app).writer.is_none());
+        assert!(recorder(&app).samples() <= 1);
+    }
+    assert_eq!(read(&file), "no folder");
+}
+
+#[test]
+fn a_full_file_ends_the_recording_and_not_the_app() {
+    let folder = TestFolder::new();
+    let path = folder.file("cameras.txt");
+    let settings = CameraRecorderPlugin::new(&path);
+    let every = CameraRecorderPlugin { interval: Duration::ZERO, min_angle: -1.0, max_samples: 7, ..settings };
+    let mut app = app_with(every);
+    spawn_camera(&mut app, Transform::IDENTITY);
+    run(&mut app, 20);
+    while recorder(&app).is_recording() {
+        std::thread::yield_now();
+    }
+    run(&mut app, 20);
+    assert_eq!(end(app, &path).len(), 7);
+}
+
+#[test]
+fn without_a_clock_nothing_is_recorded_and_nothing_breaks() {
+    let folder = TestFolder::new();
+    let path = folder.file("cameras.txt");
+    let mut app = App::new();
+    app.add_plugins((TransformPlugin, CameraRecorderPlugin::new(&path)));
+    app.finish();
+    app.cleanup();
+    spawn_camera(&mut app, Transform::IDENTITY);
+    run(&mut app, 3);
+    drop(app);
+    assert!(!path.exists());
+}
+
+#[test]
+fn an_endless_interval_is_one_look() {
+    let folder = TestFolder::new();
+    let path = folder.file("cameras.txt");
+    let settings = CameraRecorderPlugin::new(&path);
+    let mut app = app_with(CameraRecorderPlugin { interval: Duration::MAX, min_distance: f32::NAN, ..settings });
+    spawn_camera(&mut app, Transform::IDENTITY);
+    run(&mut app, 5);
+    assert_eq!(end(app, &path).len(), 1);
+}
