@@ -120,7 +120,7 @@ proptest! {
         camera: u32,
         position in prop::array::uniform3((-1.0_f32..1.0, -44..8)),
         rotation in prop::array::uniform4(-1.0_f32..1.0),
-        vertical_fov in 1e-6_f32..3.14,
+        vertical_fov in 1e-6_f32..3.1,
         aspect in prop::num::f32::POSITIVE,
     ) {
         // Of every magnitude.
