@@ -1,11 +1,21 @@
 //! Temporal filter: settings move to new ones level by level, so that quality never jumps.
 //!
-//! Wang et al. 2016, equation 3.8: s = round((1 − t/T)·s_old + (t/T)·s_new) for each knob, t seconds after the settings were to change, T = 2 s.
+//! Wang et al. 2016, equation 3.8: s = round((1 − t/T)·s_old + (t/T)·s_new) for each knob, t seconds after the settings
+//! were to change, T = 2 s. A target that stays is followed just so.
 //!
-//! What to do when the target changes before T has passed is left open there. Options: 1. start all knobs anew: while the camera turns, knobs whose
-//! target stays the same would never arrive. 2. go on from the unrounded value: a target that flips back and forth at a leaf's border would hold it near
-//! one half, where every flip changes the level. 3. start anew, from the level that is applied, only those knobs whose own target changed. We use 3:
-//! steady knobs arrive in time, and a knob whose target flips faster than it can follow stays where it is.
+//! The equation leaves open what happens when the target changes before T has passed. Options:
+//! 1. Start all knobs anew. While the camera turns, knobs whose target stays would never arrive.
+//! 2. Start anew, from the applied level, the knobs whose own target changed. A target that alternates between two
+//!    levels far below never lets the knob go: the budget stays broken.
+//! 3. Go on from the unrounded position. Nothing starves, but a target that alternates at a leaf's border holds the
+//!    position near one half, where each flip changes the level.
+//!
+//! We use 3 with hysteresis: a level that changed one way goes back only `REVERSAL_MARGIN` beyond the half-way point.
+//! The position is then a running mean of the target. A knob on its way keeps its pace when its target moves but stays
+//! on the same side, so that it reaches the range of its targets within T whatever they do there.
+//!
+//! T may differ up and down ([`TransitionTimes`]): a broken budget is mended quickly, what it has to spare is spent
+//! slowly.
 
 use bevy::ecs::component::Component;
 use bevy::ecs::reflect::ReflectComponent;
@@ -17,18 +27,114 @@ use crate::knobs::{KnobSpace, RenderSettings};
 /// The longest step that is believed, in seconds; anything longer ends every transition all the same.
 const LONGEST_STEP: f64 = 1e9;
 
+/// How far beyond the half-way point a position must be to take back the last change of its level, in levels.
+///
+/// Higher values hold a level longer against a target that alternates. It must stay below one half: a knob at rest
+/// stands at its target. A target that alternates between neighbours then moves the level only if it stays at each for
+/// more than half a transition. One that alternates between levels A apart, h seconds at each, makes the position swing
+/// by A·r·f / (r + f − r·f) levels, r and f being h in transitions up and down; up to two margins, the level comes to
+/// rest.
+const REVERSAL_MARGIN: f64 = 0.25;
+
+/// How long a knob takes to its new level. Levels are ordered cheapest first: falling saves power, rising mends errors.
+///
+/// Unit: seconds, 0 to infinity. Higher values change quality more gently and hold a broken budget's excess longer. 0
+/// and negative values mean at once, infinity never; NaN means the default, which is
+/// [`ControlSettings::TRANSITION_SECONDS`](super::ControlSettings::TRANSITION_SECONDS) both ways.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct TransitionTimes {
+    /// To a dearer level. Lower values make quality follow sooner, and visibly; higher values save power meanwhile.
+    pub rise_seconds: f64,
+    /// To a cheaper level. Lower values cut power sooner, and visibly; higher values spend it on quality meanwhile.
+    pub fall_seconds: f64,
+}
+
+impl TransitionTimes {
+    /// `seconds` both ways: the closed form of Wang et al.
+    pub const fn both(seconds: f64) -> Self {
+        Self { rise_seconds: seconds, fall_seconds: seconds }
+    }
+
+    /// How much of a transition `delta_seconds` are, 0 to 1, for a knob that has `way` levels to go.
+    fn share(self, delta_seconds: f64, way: f64) -> f64 {
+        let seconds = if way > 0.0 { self.rise_seconds } else { self.fall_seconds };
+        let seconds = if seconds.is_nan() { super::ControlSettings::TRANSITION_SECONDS } else { seconds };
+        if seconds <= 0.0 { 1.0 } else { (delta_seconds / seconds).min(1.0) }
+    }
+}
+
+impl Default for TransitionTimes {
+    fn default() -> Self {
+        Self::both(super::ControlSettings::TRANSITION_SECONDS)
+    }
+}
+
+/// Which way a level changed last, since its knob was at rest.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Reflect)]
+enum Change {
+    #[default]
+    None,
+    Up,
+    Down,
+}
+
 /// One knob on its way.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Reflect)]
 struct Transition {
-    from: u8,
+    /// Where the knob is, in levels, before rounding.
+    position: f64,
     to: u8,
-    /// How much of the way is done, 0 to 1: t/T. Not t, so that a change of T never takes a knob back.
-    share: f64,
+    /// Levels per transition, at least what is left of the way. Not per second, so that times may change on the way.
+    pace: f64,
+    /// The applied level.
+    level: u8,
+    last: Change,
 }
 
 impl Transition {
-    fn level(self) -> usize {
-        ((1.0 - self.share) * f64::from(self.from) + self.share * f64::from(self.to)).round() as usize
+    fn at_rest(level: u8) -> Self {
+        Self { position: f64::from(level), to: level, pace: 0.0, level, last: Change::None }
+    }
+
+    /// Levels that are left to go; negative downwards.
+    fn way(&self) -> f64 {
+        f64::from(self.to) - self.position
+    }
+
+    fn advance(&mut self, delta_seconds: f64, times: TransitionTimes) {
+        let way = self.way();
+        let step = self.pace * times.share(delta_seconds, way);
+        // Exactly there at the end: rounding errors must not keep a knob on its way for ever.
+        self.position = if way.abs() <= step { f64::from(self.to) } else { self.position + step.copysign(way) };
+    }
+
+    fn turn_to(&mut self, to: u8) {
+        let before = self.way();
+        self.to = to;
+        let after = self.way();
+        // Who slows down at each change of the target's distance never arrives.
+        let goes_on = before * after > 0.0;
+        self.pace = if goes_on { self.pace.max(after.abs()) } else { after.abs() };
+        if before == 0.0 {
+            self.last = Change::None;
+        }
+    }
+
+    /// Rounds the position as the closed form does, but for changes back.
+    fn round(&mut self) {
+        let margin = |taken_back| if self.last == taken_back { REVERSAL_MARGIN } else { 0.0 };
+        let (up, down) = (0.5 + margin(Change::Down), 0.5 + margin(Change::Up));
+        let offset = self.position - f64::from(self.level);
+        // A tie rounds up, as `f64::round` does for positions, which are never negative.
+        let change = if offset >= up {
+            Change::Up
+        } else if offset < -down {
+            Change::Down
+        } else {
+            return;
+        };
+        self.level = self.position.round() as u8;
+        self.last = change;
     }
 }
 
@@ -62,7 +168,7 @@ impl SettingsFilter {
     /// Goes on from `settings`, which something else has applied, at the start of a full transition.
     pub fn resume_from(&mut self, settings: RenderSettings) {
         for (knob, transition) in self.transitions.iter_mut().enumerate() {
-            *transition = Transition { from: settings.level(knob) as u8, to: settings.level(knob) as u8, share: 0.0 };
+            *transition = Transition::at_rest(settings.level(knob) as u8);
         }
         self.applied = settings;
         self.smooth = true;
@@ -70,32 +176,31 @@ impl SettingsFilter {
 
     /// Goes on by `delta_seconds` towards `target`, and returns the settings to apply, which are always of `space`.
     ///
-    /// A whole transition takes `transition_seconds`; higher values are smoother, and longer over or under the budget. 0 and negative values mean at
-    /// once; NaN means the default, [`ControlSettings::TRANSITION_SECONDS`](super::ControlSettings::TRANSITION_SECONDS). A step that is negative or NaN
-    /// counts as none.
-    pub fn step(&mut self, space: &KnobSpace, target: RenderSettings, delta_seconds: f64, transition_seconds: f64) -> RenderSettings {
+    /// A transition from rest takes one of `times`, whatever its length in levels. The step itself belongs to the
+    /// target that stood until now: a new one starts at t = 0. A step that is negative or NaN counts as none.
+    pub fn step(&mut self, space: &KnobSpace, target: RenderSettings, delta_seconds: f64, times: TransitionTimes) -> RenderSettings {
         // Not `clamp` alone, which lets NaN pass.
         let delta_seconds = if delta_seconds > 0.0 { delta_seconds.min(LONGEST_STEP) } else { 0.0 };
-        let transition_seconds = if transition_seconds.is_nan() { super::ControlSettings::TRANSITION_SECONDS } else { transition_seconds };
         let target = space.from_levels(|knob, _| target.level(knob));
         if !self.smooth {
             self.resume_from(target);
             return target;
         }
-        let at_once = transition_seconds <= 0.0;
-        let progress = if at_once { 1.0 } else { delta_seconds / transition_seconds };
-        let applied = self.applied;
         let transitions = &mut self.transitions;
-        self.applied = space.from_levels(|knob, _| {
-            let transition = &mut transitions[knob];
-            let to = target.level(knob) as u8;
-            if transition.to == to {
-                transition.share = (transition.share + progress).min(1.0);
-            } else {
-                // t = 0 on the frame of the change.
-                *transition = Transition { from: applied.level(knob) as u8, to, share: if at_once { 1.0 } else { 0.0 } };
+        self.applied = space.from_levels(|index, knob| {
+            let transition = &mut transitions[index];
+            let highest = (knob.levels.len() - 1) as f64;
+            transition.advance(delta_seconds, times);
+            // Settings to go on from may be of a larger space. `max` also keeps NaN out, which reflection may write.
+            transition.position = transition.position.max(0.0).min(highest);
+            let to = target.level(index) as u8;
+            if transition.to != to {
+                transition.turn_to(to);
+                // Goes all the way where times say at once.
+                transition.advance(0.0, times);
             }
-            transition.level()
+            transition.round();
+            usize::from(transition.level)
         });
         self.applied
     }
@@ -107,15 +212,40 @@ mod tests {
 
     use super::*;
     use crate::frontier::testing::space;
+    use crate::knobs::Knob;
+
+    const TWO: TransitionTimes = TransitionTimes::both(2.0);
+    /// What power limits get by default.
+    const QUICK_FALL: TransitionTimes = TransitionTimes { rise_seconds: 2.0, fall_seconds: 0.5 };
+    const QUICK_RISE: TransitionTimes = TransitionTimes { rise_seconds: 0.5, fall_seconds: 2.0 };
+    const FRAME: f64 = 1.0 / 60.0;
 
     fn settings(samples: usize, scale: usize) -> RenderSettings {
         RenderSettings::default().with_level(0, samples).with_level(1, scale)
     }
 
+    /// One knob of 16 levels and one of 8.
+    fn long_space() -> KnobSpace {
+        let knob = |name, levels: usize| Knob::new(name, (0..levels).map(|level| level as f64));
+        KnobSpace::new(vec![knob("long", 16), knob("shorter", 8)]).expect("a valid space")
+    }
+
     fn started(at: RenderSettings) -> SettingsFilter {
         let mut filter = SettingsFilter::default();
-        assert_eq!(filter.step(&space(), at, 0.1, 2.0), at, "the first step is not smoothed");
+        assert_eq!(filter.step(&long_space(), at, 0.1, TWO), at, "the first step is not smoothed");
         filter
+    }
+
+    /// The first knob's levels, a frame each, with targets that alternate, from the first on, `frames` frames each.
+    fn alternate(from: usize, targets: [usize; 2], frames: usize, seconds: f64, times: TransitionTimes) -> Vec<usize> {
+        let mut filter = started(settings(from, 0));
+        let count = (seconds / FRAME).round() as usize;
+        let step = |frame| filter.step(&long_space(), settings(targets[frame / frames % 2], 0), FRAME, times).level(0);
+        (0..count).map(step).collect()
+    }
+
+    fn changes(levels: &[usize]) -> usize {
+        levels.windows(2).filter(|pair| pair[0] != pair[1]).count()
     }
 
     #[test]
@@ -124,7 +254,7 @@ mod tests {
             let mut filter = started(old);
             for frame in 0..200 {
                 // The first frame sees the new target at t = 0.
-                let got = filter.step(&space(), new, 1.0 / 64.0, 2.0);
+                let got = filter.step(&space(), new, 1.0 / 64.0, TWO);
                 let share = (f64::from(frame) / 64.0 / 2.0).min(1.0);
                 let level = |knob| ((1.0 - share) * old.level(knob) as f64 + share * new.level(knob) as f64).round() as usize;
                 assert_eq!(got, settings(level(0), level(1)), "frame {frame}");
@@ -134,11 +264,25 @@ mod tests {
     }
 
     #[test]
+    fn it_is_the_closed_form_again_after_a_rest() {
+        let mut filter = started(settings(0, 0));
+        for target in [settings(4, 2), settings(0, 0), settings(3, 1), settings(1, 2)] {
+            let old = filter.applied();
+            for frame in 0..=128 {
+                let got = filter.step(&space(), target, 1.0 / 64.0, TWO);
+                let share = f64::from(frame) / 64.0 / 2.0;
+                let level = |knob| ((1.0 - share) * old.level(knob) as f64 + share * target.level(knob) as f64).round() as usize;
+                assert_eq!(got, settings(level(0), level(1)), "frame {frame}");
+            }
+        }
+    }
+
+    #[test]
     fn levels_change_one_by_one() {
         let mut filter = started(settings(0, 0));
         let mut last = filter.applied();
         for _ in 0..200 {
-            let next = filter.step(&space(), settings(4, 2), 1.0 / 60.0, 2.0);
+            let next = filter.step(&space(), settings(4, 2), FRAME, TWO);
             assert!((0..2).all(|knob| next.level(knob) - last.level(knob) <= 1));
             last = next;
         }
@@ -146,67 +290,234 @@ mod tests {
     }
 
     #[test]
-    fn a_changed_target_starts_from_what_is_applied() {
+    fn a_changed_target_starts_from_where_the_knob_is() {
         let mut filter = started(settings(0, 0));
-        filter.step(&space(), settings(4, 2), 0.0, 2.0);
-        assert_eq!(filter.step(&space(), settings(4, 2), 1.0, 2.0), settings(2, 1));
-        // The samples turn round at level 2; the scale goes on and arrives on time.
-        assert_eq!(filter.step(&space(), settings(0, 2), 0.0, 2.0), settings(2, 1));
-        assert_eq!(filter.step(&space(), settings(0, 2), 0.75, 2.0), settings(1, 2));
-        assert_eq!(filter.step(&space(), settings(0, 2), 0.25, 2.0), settings(1, 2));
-        assert_eq!(filter.step(&space(), settings(0, 2), 1.0, 2.0), settings(0, 2));
+        filter.step(&space(), settings(4, 2), 0.0, TWO);
+        assert_eq!(filter.step(&space(), settings(4, 2), 1.125, TWO), settings(2, 1));
+        // The samples turn round at 2.25, 2 s away from 0; the scale goes on and arrives on time.
+        assert_eq!(filter.step(&space(), settings(0, 2), 0.0, TWO), settings(2, 1));
+        assert_eq!(filter.step(&space(), settings(0, 2), 0.375, TWO), settings(2, 2), "1.83: level 2 holds down to 1.25");
+        assert_eq!(filter.step(&space(), settings(0, 2), 0.500, TWO), settings(2, 2), "1.27");
+        assert_eq!(filter.step(&space(), settings(0, 2), 0.125, TWO), settings(1, 2), "1.13");
+        assert_eq!(filter.step(&space(), settings(0, 2), 0.500, TWO), settings(1, 2), "0.56");
+        assert_eq!(filter.step(&space(), settings(0, 2), 0.125, TWO), settings(0, 2), "0.42: no margin the second time");
+        // A farther target on the same side quickens the knob.
+        filter.resume_from(settings(0, 0));
+        filter.step(&space(), settings(2, 0), 0.0, TWO);
+        assert_eq!(filter.step(&space(), settings(4, 0), 0.5, TWO), settings(1, 0), "0.5, with 3.5 to go");
+        assert_eq!(filter.step(&space(), settings(4, 0), 1.0, TWO), settings(2, 0), "2.25");
+        // A nearer one does not slow it down.
+        assert_eq!(filter.step(&space(), settings(3, 0), 0.0, TWO), settings(2, 0));
+        assert_eq!(filter.step(&space(), settings(3, 0), 0.25, TWO), settings(3, 0), "2.69");
+    }
+
+    #[test]
+    fn a_target_that_alternates_does_not_starve_the_knob() {
+        for (times, seconds) in [(TWO, 2.0), (QUICK_FALL, 0.5), (QUICK_RISE, 2.0)] {
+            // 0.2 s each; also a frame each, the camera on a leaf's border.
+            for frames in [12, 1] {
+                for targets in [[2, 3], [3, 2]] {
+                    let levels = alternate(7, targets, frames, 60.0, times);
+                    // The first frame is t = 0.
+                    let arrived = 1 + (seconds / FRAME).round() as usize;
+                    assert_eq!(levels[0], 7);
+                    assert!(levels.is_sorted_by(|a, b| a >= b), "it only falls: {levels:?}");
+                    assert!(levels[arrived..].iter().all(|level| [2, 3].contains(level)), "{times:?}: {levels:?}");
+                    assert!(changes(&levels) <= 5, "{times:?}: {levels:?}");
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn rising_and_falling_take_their_own_times() {
+        for (times, up, down) in [(QUICK_FALL, 2.0, 0.5), (QUICK_RISE, 0.5, 2.0)] {
+            // Levels of 0 and 4 cross over: one knob rises while the other falls.
+            let mut filter = started(settings(0, 4));
+            for frame in 0..=128 {
+                let got = filter.step(&long_space(), settings(4, 0), 1.0 / 64.0, times);
+                let share = |seconds: f64| (f64::from(frame) / 64.0 / seconds).min(1.0);
+                let expected = settings((4.0 * share(up)).round() as usize, (4.0 - 4.0 * share(down)).round() as usize);
+                assert_eq!(got, expected, "{times:?}, frame {frame}");
+            }
+        }
     }
 
     #[test]
     fn a_target_that_flips_does_not_make_the_level_flip() {
-        let mut filter = started(settings(1, 0));
-        for frame in 0..600 {
-            let got = filter.step(&space(), settings(frame / 6 % 2, 0), 1.0 / 60.0, 2.0);
-            assert_eq!(got, settings(1, 0), "frame {frame}");
+        for times in [TWO, QUICK_FALL, QUICK_RISE] {
+            for (from, targets) in [(1, [0, 1]), (1, [1, 0]), (0, [0, 1]), (0, [1, 0])] {
+                // 0.1 s each. The position comes to swing about the target's mean, 0.04 levels wide at most. On its way
+                // it may pass one half, once; to pass it again takes a swing of half a level.
+                let levels = alternate(from, targets, 6, 10.0, times);
+                assert!(changes(&levels) <= 1, "{times:?}, {from}, {targets:?}: {levels:?}");
+            }
+            // Just under half of the longer duration each: the longest that must not matter.
+            let levels = alternate(1, [0, 1], 59, 60.0, times);
+            assert!(changes(&levels) <= 1, "{times:?}: {levels:?}");
+        }
+        // Over many levels the way to the mean takes several changes, and none back. So it does frame by frame.
+        for frames in [6, 1] {
+            let levels = alternate(7, [0, 7], frames, 10.0, TWO);
+            assert!(levels.is_sorted_by(|a, b| a >= b), "{levels:?}");
+            assert!([3, 4].contains(&levels[levels.len() - 1]), "{levels:?}");
+        }
+    }
+
+    #[test]
+    fn a_target_that_stays_long_enough_is_followed_each_time() {
+        for times in [TWO, QUICK_FALL, QUICK_RISE] {
+            let levels = alternate(1, [0, 1], 121, 121.0 * 10.0 * FRAME, times);
+            assert_eq!(changes(&levels), 10, "{times:?}: {levels:?}");
         }
     }
 
     #[test]
     fn cuts_and_transitions_of_no_length_act_at_once() {
+        let [now, before, default, long] = [0.0, -1.0, f64::NAN, 1e6].map(TransitionTimes::both);
         let mut filter = started(settings(0, 0));
-        filter.step(&space(), settings(4, 2), 0.1, 2.0);
+        filter.step(&space(), settings(4, 2), 0.1, TWO);
         filter.cut();
-        assert_eq!(filter.step(&space(), settings(4, 0), 0.0, 2.0), settings(4, 0));
-        assert_eq!(filter.step(&space(), settings(0, 0), 0.0, 2.0), settings(4, 0), "a cut is over after one step");
-        assert_eq!(filter.step(&space(), settings(3, 1), 0.0, 0.0), settings(3, 1));
-        assert_eq!(filter.step(&space(), settings(1, 2), 0.0, -1.0), settings(1, 2));
-        assert_eq!(filter.step(&space(), settings(2, 2), 0.0, f64::NAN), settings(1, 2), "NaN is the default length");
-        assert_eq!(filter.step(&space(), settings(2, 2), 0.9, f64::NAN), settings(1, 2));
-        assert_eq!(filter.step(&space(), settings(2, 2), 0.1, f64::NAN), settings(2, 2));
-        assert_eq!(filter.step(&space(), settings(2, 2), 0.0, 1e6), settings(2, 2), "a longer transition takes nothing back");
+        assert!(!filter.is_smooth());
+        assert_eq!(filter.step(&space(), settings(4, 0), 0.0, TWO), settings(4, 0));
+        assert_eq!(filter.step(&space(), settings(0, 0), 0.0, TWO), settings(4, 0), "a cut is over after one step");
+        assert_eq!(filter.step(&space(), settings(3, 1), 0.0, now), settings(3, 1));
+        assert_eq!(filter.step(&space(), settings(1, 2), 0.0, before), settings(1, 2));
+        assert_eq!(filter.step(&space(), settings(2, 2), 0.0, default), settings(1, 2), "NaN is the default length");
+        assert_eq!(filter.step(&space(), settings(2, 2), 0.75, default), settings(1, 2));
+        assert_eq!(filter.step(&space(), settings(2, 2), 0.25, default), settings(2, 2));
+        assert_eq!(filter.step(&space(), settings(2, 2), 0.0, long), settings(2, 2), "a longer transition takes nothing back");
         filter.resume_from(settings(0, 2));
-        assert_eq!(filter.step(&space(), settings(2, 2), 9.0, 2.0), settings(0, 2), "t = 0 on the frame of the change");
+        assert_eq!(filter.step(&space(), settings(2, 2), 9.0, TWO), settings(0, 2), "t = 0 on the frame of the change");
+        // One way at once, the other way not.
+        let falls = TransitionTimes { rise_seconds: 2.0, fall_seconds: 0.0 };
+        filter.resume_from(settings(0, 2));
+        assert_eq!(filter.step(&space(), settings(2, 0), 0.0, falls), settings(0, 0));
+        assert_eq!(filter.step(&space(), settings(2, 0), 2.0, falls), settings(2, 0));
     }
 
     #[test]
     fn strange_steps_are_harmless() {
+        let never = TransitionTimes::both(f64::INFINITY);
         let mut filter = started(settings(0, 0));
-        filter.step(&space(), settings(4, 2), 0.0, 2.0);
+        filter.step(&space(), settings(4, 2), 0.0, TWO);
         for delta in [f64::NAN, -5.0, f64::NEG_INFINITY, 0.0] {
-            assert_eq!(filter.step(&space(), settings(4, 2), delta, 2.0), settings(0, 0));
+            assert_eq!(filter.step(&space(), settings(4, 2), delta, TWO), settings(0, 0));
         }
-        assert_eq!(filter.step(&space(), settings(4, 2), f64::INFINITY, f64::INFINITY), settings(0, 0));
-        assert_eq!(filter.step(&space(), settings(4, 2), f64::INFINITY, 2.0), settings(4, 2));
+        for delta in [f64::INFINITY, 1e300, 1.0] {
+            assert_eq!(filter.step(&space(), settings(4, 2), delta, never), settings(0, 0), "infinity never moves");
+            assert_eq!(filter.step(&space(), settings(3, 1), delta, never), settings(0, 0));
+        }
+        filter.step(&space(), settings(4, 2), 0.0, never);
+        assert_eq!(filter.step(&space(), settings(4, 2), f64::INFINITY, TWO), settings(4, 2), "and breaks nothing");
+        // The shortest transitions that there are, and steps that are nothing beside them.
+        let least = TransitionTimes::both(f64::from_bits(1));
+        assert_eq!(filter.step(&space(), settings(3, 1), 0.0, least), settings(4, 2));
+        assert_eq!(filter.step(&space(), settings(3, 1), 1.0, least), settings(3, 1));
+        filter.resume_from(settings(3, 1));
+        assert_eq!(filter.step(&space(), settings(3, 1), 1.0, least), settings(3, 1), "nothing times infinity");
+    }
+
+    #[test]
+    fn settings_of_a_larger_space_are_left_from_its_own_highest_level() {
+        let mut filter = started(settings(0, 0));
+        filter.resume_from(settings(15, 15));
+        assert_eq!(filter.step(&space(), settings(0, 2), 0.0, TWO), settings(4, 2));
+        assert_eq!(filter.step(&space(), settings(0, 2), 1.0, TWO), settings(2, 2), "half of the way from 4");
+    }
+
+    /// Seconds per transition: all that can be, with plenty of what is usual.
+    fn any_seconds() -> impl Strategy<Value = f64> {
+        prop_oneof![prop::num::f64::ANY, 0.0..4.0]
+    }
+
+    fn usual_times() -> impl Strategy<Value = TransitionTimes> {
+        (0.1..4.0, 0.1..4.0).prop_map(|(rise_seconds, fall_seconds)| TransitionTimes { rise_seconds, fall_seconds })
+    }
+
+    /// A filter after any way.
+    fn on_its_way() -> impl Strategy<Value = SettingsFilter> {
+        (usual_times(), prop::collection::vec((any::<u64>(), 0.0..0.5), 1..20)).prop_map(|(times, steps)| {
+            let mut filter = SettingsFilter::default();
+            for (bits, delta) in steps {
+                filter.step(&long_space(), RenderSettings::from_bits(bits), delta, times);
+            }
+            filter
+        })
     }
 
     proptest! {
         #[test]
-        fn what_it_gives_is_always_of_the_space(steps in prop::collection::vec((any::<u64>(), prop::num::f64::ANY, prop::num::f64::ANY, any::<bool>()), 0..50)) {
+        fn what_it_gives_is_always_of_the_space(
+            steps in prop::collection::vec((any::<u64>(), any_seconds(), any_seconds(), any_seconds(), any::<bool>()), 0..50),
+        ) {
             let mut filter = SettingsFilter::default();
-            for (bits, delta, transition, cut) in steps {
-                if cut {
+            for (bits, delta, rise_seconds, fall_seconds, cut) in steps {
+                if cut && bits % 3 == 0 {
                     filter.cut();
                 } else if bits % 7 == 0 {
                     filter.resume_from(RenderSettings::from_bits(!bits));
                 }
-                let given = filter.step(&space(), RenderSettings::from_bits(bits), delta, transition);
-                prop_assert!(space().contains(given));
+                let space = if bits % 5 == 0 { long_space() } else { space() };
+                let given = filter.step(&space, RenderSettings::from_bits(bits), delta, TransitionTimes { rise_seconds, fall_seconds });
+                prop_assert!(space.contains(given));
                 prop_assert_eq!(given, filter.applied());
+                for transition in &filter.transitions {
+                    prop_assert!((0.0..=15.0).contains(&transition.position) && transition.pace.is_finite(), "{transition:?}");
+                }
+            }
+        }
+
+        #[test]
+        fn a_knob_enters_its_targets_range_in_time_and_stays_inside(
+            mut filter in on_its_way(),
+            times in usual_times(),
+            targets in prop::collection::vec((any::<u64>(), 0.0..0.2, 1_usize..9), 1..100),
+            low in 0_usize..16,
+            width in 0_usize..4,
+        ) {
+            let space = long_space();
+            let high = (low + width).min(15);
+            let longest = times.rise_seconds.max(times.fall_seconds);
+            let target = |bits: u64| space.from_levels(|knob, _| low + bits as usize / (1 + 99 * knob) % (high - low + 1));
+            // t = 0: this step belongs to what was before.
+            filter.step(&space, target(targets[0].0), 0.3, times);
+            let mut elapsed = 0.0;
+            let mut inside = [false; 2];
+            for (bits, delta, frames) in targets {
+                for _ in 0..frames {
+                    let given = filter.step(&space, target(bits), delta, times);
+                    elapsed += delta;
+                    for (knob, inside) in inside.iter_mut().enumerate() {
+                        let highest = space.knobs()[knob].levels.len() - 1;
+                        let is = (low.min(highest)..=high.min(highest)).contains(&given.level(knob));
+                        prop_assert!(is || !*inside, "knob {knob} left again after {elapsed} s: {given:?}");
+                        prop_assert!(is || elapsed < longest * (1.0 + 1e-9), "knob {knob} is late after {elapsed} s: {given:?}");
+                        *inside = is;
+                    }
+                }
+            }
+        }
+
+        #[test]
+        fn towards_a_steady_target_it_only_comes_closer(
+            mut filter in on_its_way(),
+            times in usual_times(),
+            bits in any::<u64>(),
+            deltas in prop::collection::vec(0.0..0.2, 1..100),
+        ) {
+            let space = long_space();
+            let target = space.from_levels(|knob, _| RenderSettings::from_bits(bits).level(knob));
+            filter.step(&space, target, 0.0, times);
+            for delta in deltas {
+                let before = filter.clone();
+                let given = filter.step(&space, target, delta, times);
+                for knob in 0..2 {
+                    let (was, is, to) = (before.applied.level(knob), given.level(knob), target.level(knob));
+                    prop_assert!((was..=to).contains(&is) || (to..=was).contains(&is), "{was}, {is}, to {to}");
+                    let (was, is) = (before.transitions[knob].way(), filter.transitions[knob].way());
+                    prop_assert!(is.abs() <= was.abs(), "{was}, {is}");
+                }
             }
         }
     }

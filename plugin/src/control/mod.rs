@@ -15,7 +15,7 @@ mod select;
 mod selection;
 mod systems;
 pub use budget::{Budget, BudgetError};
-pub use filter::SettingsFilter;
+pub use filter::{SettingsFilter, TransitionTimes};
 pub use select::{Choice, Outcome, select};
 pub use selection::{ControlSettings, ControlStatus, FrontierMapHandle, FrontierSource, KnownKnobs, OffReason, Selection};
 

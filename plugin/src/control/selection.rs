@@ -10,7 +10,7 @@ use bevy::ecs::resource::Resource;
 use bevy::prelude::ReflectDefault;
 use bevy::reflect::Reflect;
 
-use super::{Budget, Outcome, SettingsFilter};
+use super::{Budget, Outcome, SettingsFilter, TransitionTimes};
 use crate::frontier::{CostPoint, FrontierMap, FrontierStore, SampleCamera};
 use crate::knobs::{KnobSpace, RenderSettings};
 
@@ -104,22 +104,48 @@ pub struct Selection {
 }
 
 /// How the controller works, for all cameras.
+///
+/// A budget that broke is mended quickly, and what it has to spare is spent slowly: [`times`](Self::times) says which
+/// way is which. Both fields are in seconds of real time, 0 to infinity. 0 and negative values mean at once, infinity
+/// never; NaN means the default.
 #[derive(Resource, Clone, Copy, Debug, PartialEq, Reflect)]
 #[reflect(Resource, Default, Clone, Debug, PartialEq)]
 pub struct ControlSettings {
-    /// How long settings take to change, in seconds of real time. Higher values are smoother and follow the budget later; 0 is at once, NaN the
-    /// default.
+    /// How long settings take to change where no budget hurries them: to dearer ones under a power limit, to cheaper
+    /// ones under an error limit alone, both ways without a limit. Higher values change quality more gently, hold it
+    /// steadier while the target alternates, and use what the budget has to spare later. Default: 2 s.
     pub transition_seconds: f64,
+    /// How long settings take to fall to cheaper ones under a power limit; under an error limit alone, to rise to
+    /// dearer ones. Lower values end an excess over the limit sooner and change quality more visibly. Default: 0.5 s.
+    pub fall_seconds: f64,
 }
 
 impl ControlSettings {
-    /// The default transition: 2 s, as Wang et al. 2016, equation 3.8.
+    /// The default of [`transition_seconds`](Self::transition_seconds): 2 s, as Wang et al. 2016, equation 3.8.
     pub const TRANSITION_SECONDS: f64 = 2.0;
+    /// The default of [`fall_seconds`](Self::fall_seconds). Each level on the way still stays for several frames.
+    pub const FALL_SECONDS: f64 = 0.5;
+
+    /// How long settings take under `budget`. Never NaN. An infinite limit is none; of two limits, power decides, as it
+    /// does where they conflict.
+    pub fn times(&self, budget: &Budget) -> TransitionTimes {
+        let or = |seconds: f64, default| if seconds.is_nan() { default } else { seconds };
+        let slow = or(self.transition_seconds, Self::TRANSITION_SECONDS);
+        let quick = or(self.fall_seconds, Self::FALL_SECONDS);
+        let limits = |limit: Option<f64>| limit.is_some_and(|limit| limit < f64::INFINITY);
+        if limits(budget.power.map(|power| power.0)) {
+            TransitionTimes { rise_seconds: slow, fall_seconds: quick }
+        } else if limits(budget.error) {
+            TransitionTimes { rise_seconds: quick, fall_seconds: slow }
+        } else {
+            TransitionTimes::both(slow)
+        }
+    }
 }
 
 impl Default for ControlSettings {
     fn default() -> Self {
-        Self { transition_seconds: Self::TRANSITION_SECONDS }
+        Self { transition_seconds: Self::TRANSITION_SECONDS, fall_seconds: Self::FALL_SECONDS }
     }
 }
 
@@ -132,5 +158,37 @@ impl KnownKnobs {
     /// The first knob of `space` that this app does not have.
     pub fn first_unknown<'a>(&self, space: &'a KnobSpace) -> Option<&'a str> {
         space.knobs().iter().map(|knob| knob.name.as_str()).find(|name| !self.0.contains(*name))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::units::Watts;
+
+    #[test]
+    fn what_mends_the_budget_is_quick() {
+        let settings = ControlSettings { transition_seconds: 3.0, fall_seconds: 0.25 };
+        let power = TransitionTimes { rise_seconds: 3.0, fall_seconds: 0.25 };
+        let error = TransitionTimes { rise_seconds: 0.25, fall_seconds: 3.0 };
+        assert_eq!(settings.times(&Budget::power(Watts(5.0))), power);
+        assert_eq!(settings.times(&Budget::power(Watts(0.0))), power);
+        assert_eq!(settings.times(&Budget::both(Watts(5.0), 0.1)), power);
+        assert_eq!(settings.times(&Budget::error(0.1)), error);
+        assert_eq!(settings.times(&Budget::both(Watts(f64::INFINITY), 0.1)), error, "no limit on power");
+        assert_eq!(settings.times(&Budget::default()), TransitionTimes::both(3.0));
+        assert_eq!(settings.times(&Budget::both(Watts(f64::INFINITY), f64::INFINITY)), TransitionTimes::both(3.0));
+        assert_eq!(ControlSettings::default().times(&Budget::default()), TransitionTimes::default());
+    }
+
+    #[test]
+    fn nan_is_the_default_of_its_own_field() {
+        let nan = ControlSettings { transition_seconds: f64::NAN, fall_seconds: f64::NAN };
+        for budget in [Budget::default(), Budget::power(Watts(5.0)), Budget::error(0.1)] {
+            assert_eq!(nan.times(&budget), ControlSettings::default().times(&budget));
+        }
+        let at_once = ControlSettings { transition_seconds: -1.0, fall_seconds: f64::NAN };
+        let expected = TransitionTimes { rise_seconds: -1.0, fall_seconds: ControlSettings::FALL_SECONDS };
+        assert_eq!(at_once.times(&Budget::power(Watts(5.0))), expected);
     }
 }

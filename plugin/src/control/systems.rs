@@ -142,7 +142,7 @@ pub(super) fn select_settings(
         }
         let delta = time.delta_secs_f64();
         // The filter's clock runs every frame; nobody needs to be told.
-        let applied = filter.bypass_change_detection().step(space, choice.settings, delta, settings.transition_seconds);
+        let applied = filter.bypass_change_detection().step(space, choice.settings, delta, settings.times(budget));
         let status = ControlStatus::Active(choice.outcome);
         let predicted = Some(correction.predict(choice.cost));
         selection.set_if_neq(Selection { status, target: choice.settings, applied, predicted, sample: Some(sample) });

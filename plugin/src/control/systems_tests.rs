@@ -112,6 +112,30 @@ fn a_new_budget_is_approached_in_two_seconds_and_cuts_act_at_once() {
 }
 
 #[test]
+fn a_broken_budget_is_mended_in_half_a_second() {
+    // Frames that lead from one end to the other; the first sees the new target at t = 0.
+    let frames_from = |app: &mut App, camera, to| (0..100).take_while(|_| (app.update(), applied(app, camera) != to).1).count();
+    let (mut app, camera, _) = scene(Budget::default());
+    app.update();
+    set_budget(&mut app, camera, Budget::power(Watts(6.0)));
+    assert_eq!(frames_from(&mut app, camera, at(0, 0)), 4, "power falls quickly");
+    set_budget(&mut app, camera, Budget::power(Watts(9.0)));
+    // The scale arrives at 1.5 of 2 levels, samples at 3.5 of 4: 1.75 s.
+    assert_eq!(frames_from(&mut app, camera, at(4, 2)), 14, "and is spent slowly");
+    run(&mut app, 10);
+    set_budget(&mut app, camera, Budget::error(0.2));
+    assert_eq!(frames_from(&mut app, camera, at(0, 0)), 15, "quality falls slowly");
+    run(&mut app, 10);
+    set_budget(&mut app, camera, Budget::error(0.0));
+    assert_eq!(frames_from(&mut app, camera, at(4, 2)), 4, "and rises quickly");
+    // Other durations.
+    *app.world_mut().resource_mut::<ControlSettings>() = ControlSettings { transition_seconds: 4.0, fall_seconds: 0.0 };
+    set_budget(&mut app, camera, Budget::power(Watts(6.0)));
+    app.update();
+    assert_eq!(applied(&app, camera), at(0, 0));
+}
+
+#[test]
 fn settings_are_changed_only_when_they_change() {
     let (mut app, camera, _) = scene(Budget::power(Watts(7.5)));
     run(&mut app, 20);
@@ -212,8 +236,11 @@ fn a_camera_that_leaves_keeps_its_settings_and_may_come_back() {
     app.world_mut().get_mut::<KnobSettings>(camera).expect("settings").settings = at(4, 2);
     app.update();
     assert_eq!(applied(&app, camera), at(4, 2));
-    run(&mut app, 17);
-    assert_eq!(applied(&app, camera), at(0, 0));
+    // A power limit has them fall in 0.5 s, four frames.
+    for expected in [at(3, 2), at(2, 1), at(1, 1), at(0, 0)] {
+        app.update();
+        assert_eq!(applied(&app, camera), expected);
+    }
     app.world_mut().despawn(camera);
     app.update();
 }

@@ -3,7 +3,7 @@
 use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
 
-use bevy_frugal_gi::control::{Budget, SettingsFilter, select};
+use bevy_frugal_gi::control::{Budget, ControlSettings, SettingsFilter, select};
 use bevy_frugal_gi::frontier::{CameraView, FrontierMap, FrontierStore, SceneIdentity};
 
 use super::arguments::{check_outputs, json, open_scene, write, write_report};
@@ -46,9 +46,6 @@ pub(super) struct Arguments {
     #[arg(long, value_name = "DIR")]
     report: Option<PathBuf>,
 }
-
-/// Seconds in which settings move from one selection to the next (Wang et al. 2016, equation 3.8).
-const TRANSITION_SECONDS: f64 = 2.0;
 
 pub(super) fn run(arguments: &Arguments) -> Result<(), CliError> {
     let budget = BudgetRequest {
@@ -168,6 +165,7 @@ pub(super) fn play(
 fn controller(map: &FrontierMap, budget: ResolvedBudget, vertical_fov: f32, aspect: f32) -> Box<dyn Policy + '_> {
     let correction = map.correction();
     let budget = Budget { power: budget.power_w, error: budget.error }.tightened(correction);
+    let times = ControlSettings::default().times(&budget);
     let mut filter = SettingsFilter::default();
     let mut last = map.knobs.highest();
     Box::new(Controlled(move |_: usize, dt: f64, pose: &Pose| {
@@ -175,7 +173,7 @@ fn controller(map: &FrontierMap, budget: ResolvedBudget, vertical_fov: f32, aspe
         let Some(choice) = map.look_up(&view).and_then(|sample| select(sample.frontier, &budget)) else {
             return Choice::from(last);
         };
-        last = filter.step(&map.knobs, choice.settings, dt, TRANSITION_SECONDS);
+        last = filter.step(&map.knobs, choice.settings, dt, times);
         Choice { settings: last, predicted: Some(correction.predict(choice.cost)) }
     }))
 }

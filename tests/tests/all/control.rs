@@ -26,7 +26,7 @@ fn stage() -> Stage {
 fn control(stage: &mut Stage, knobs: KnobSpace, budget: Budget, seconds: f64) {
     let camera = set::camera(stage);
     let world = stage.world_mut();
-    world.insert_resource(ControlSettings { transition_seconds: seconds });
+    world.insert_resource(ControlSettings { transition_seconds: seconds, fall_seconds: seconds });
     let map = world.resource_mut::<Assets<FrontierMap>>().add(map::one_cube(knobs));
     world.entity_mut(camera).insert((FrontierMapHandle(map), budget));
     (0..2).for_each(|_| stage.frame());
@@ -107,7 +107,7 @@ fn settings_move_smoothly() {
     let knobs = space(&stage);
     control(&mut stage, knobs, Budget::power(Watts(1.0)), 0.0);
     // The stage's clock steps by 1/30 s: a second is 30 frames.
-    stage.world_mut().insert_resource(ControlSettings { transition_seconds: 1.0 });
+    stage.world_mut().insert_resource(ControlSettings { transition_seconds: 1.0, ..Default::default() });
     let camera = set::camera(&mut stage);
     stage.world_mut().entity_mut(camera).insert(Budget::power(Watts(4.0)));
     let mut levels = Vec::new();
