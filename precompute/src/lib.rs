@@ -1,12 +1,17 @@
-//! The `frugal` tool as a library: scene → stage → measure → search → frontier map, and what reads one back.
-pub mod cells;
+//! The `frugal` tool as a library: scene → cameras → stage → table → pool → fit → map, and what reads one back.
+pub mod cameras;
 pub mod cli;
+pub mod cost;
 pub mod evaluate;
 pub mod files;
+pub mod fit;
+pub mod journal;
 pub mod metrics;
+pub mod pipeline;
+pub mod pool;
 pub mod reference;
 pub mod report;
 pub mod scene;
 pub mod search;
 pub mod stage;
-pub mod subdivide;
+pub mod table;

@@ -1,7 +1,7 @@
 //! A frontier map made by hand.
 
 use bevy_frugal_gi::frontier::{
-    Bounds, Capture, Corner, Correction, CostPoint, Frontier, FrontierMap, FrontierPoint, Octree, SceneIdentity, Thresholds,
+    Bounds, Capture, Corner, CostPoint, ErrorRates, Frontier, FrontierMap, FrontierPoint, Octree, SceneIdentity, Thresholds, WorkPrices,
 };
 use bevy_frugal_gi::knobs::KnobSpace;
 use bevy_frugal_gi::power::{MeterInfo, Provenance};
@@ -19,7 +19,9 @@ pub fn one_cube(knobs: KnobSpace) -> FrontierMap {
         scene: SceneIdentity { name: "by hand".into(), fingerprint: "0123456789abcdef".into() },
         capture: Capture { size: [64, 36], frames_per_second: 30.0, vertical_fov: 60.0, exposure_ev100: 8.0 },
         meter: MeterInfo { name: "cpu-time".into(), provenance: Provenance::Modelled, description: "by hand".into() },
-        correction: Correction::default(),
+        shared: Frontier::default(),
+        error_rates: ErrorRates::default(),
+        work_prices: WorkPrices::default(),
         thresholds: Thresholds { power_w: 0.5, error: 0.005 },
         seed: 0,
         knobs,

@@ -5,20 +5,21 @@ use bevy::ecs::reflect::ReflectComponent;
 use bevy::prelude::ReflectDefault;
 use bevy::reflect::Reflect;
 
-use crate::frontier::Correction;
 use crate::units::Watts;
 
 /// A limit on a camera's power, on its error, or on both. Without any, quality is the best that there is.
 ///
-/// Power alone: the least error within it. Error alone: the least power within it (Wang et al. 2016, equations 3.2 and 3.3). Both: the least error
-/// within the power, and where the two conflict, power binds.
+/// Power alone: the least error within it, in every frame. Error alone: the least power for which the mean error keeps it (Wang et al. 2016,
+/// equations 3.2 and 3.3; for the mean see [`ErrorRates`](crate::frontier::ErrorRates)). Both: the least error within the power, and
+/// where the two conflict, power binds.
 #[derive(Component, Clone, Copy, Debug, Default, PartialEq, Reflect)]
 #[reflect(Component, Default, Clone, Debug, PartialEq)]
 pub struct Budget {
     /// Most power, in watts, at the frame rate that the frontier map was made for. Higher values give better pictures. At least 0; infinity is no
     /// limit. No settings cost 0 W: the cheapest are taken, and the [selection](super::Selection) says that the budget cannot be met.
     pub power: Option<Watts>,
-    /// Most error: 1 − SSIM against the best settings, 0 to 2. Higher values cost less power. At least 0; infinity is no limit.
+    /// Most error in the mean over frames: 1 − SSIM against the best settings, 0 to 2. Higher values cost less power. At least 0; infinity is no limit.
+    /// A frame in which error is dear to remove may have [more](super::MOST_OVER_MEAN), others have less.
     pub error: Option<f64>,
 }
 
@@ -45,12 +46,6 @@ impl Budget {
         Self { power: None, error: Some(error) }
     }
 
-    /// The budget to hold against a frontier's costs, so that the app's errors, which are up to `correction` times as high, keep this one.
-    #[must_use]
-    pub fn tightened(self, correction: Correction) -> Self {
-        Self { error: self.error.map(|error| error / correction.error), ..self }
-    }
-
     /// Both limits. Power binds where they conflict.
     pub const fn both(power: Watts, error: f64) -> Self {
         Self { power: Some(power), error: Some(error) }
@@ -74,14 +69,6 @@ impl Budget {
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    #[test]
-    fn a_map_that_promises_too_much_tightens_the_budget() {
-        let correction = Correction { error: 2.0, samples: 9 };
-        assert_eq!(Budget::both(Watts(5.0), 0.02).tightened(correction), Budget::both(Watts(5.0), 0.01));
-        assert_eq!(Budget::default().tightened(correction), Budget::default());
-        assert_eq!(Budget::power(Watts(f64::INFINITY)).tightened(correction), Budget::power(Watts(f64::INFINITY)));
-    }
 
     #[test]
     fn zero_and_infinity_are_limits_while_nan_and_negative_numbers_are_not() {

@@ -16,7 +16,7 @@ mod selection;
 mod systems;
 pub use budget::{Budget, BudgetError};
 pub use filter::{SettingsFilter, TransitionTimes};
-pub use select::{Choice, Outcome, select};
+pub use select::{Choice, MOST_OVER_MEAN, Outcome, select};
 pub use selection::{ControlSettings, ControlStatus, FrontierMapHandle, FrontierSource, KnownKnobs, OffReason, Selection};
 
 use bevy::app::{App, Plugin, PostUpdate};

@@ -32,21 +32,36 @@ pub struct Choice {
     pub outcome: Outcome,
 }
 
+/// The most error that a frame may be predicted to have, in error budgets.
+///
+/// A mean is kept with views that have more than it. Higher values save more power where the views of a path are like those that the map was
+/// calibrated on; lower ones hold the mean on paths of views that are harder than those.
+pub const MOST_OVER_MEAN: f64 = 1.3;
+
 /// Picks the point of `frontier` that `budget` buys. `None` where the frontier is empty or the budget not [valid](Budget::validate).
+///
+/// `rate`: watts that a unit of error is worth under an error budget, where the map says so
+/// ([`FrontierStore::error_rate`](crate::frontier::FrontierStore::error_rate)); without it each frame keeps the error budget.
 ///
 /// An infinite limit is met by every point: power without limit buys the best settings, error without limit the cheapest. No limit at all gives the
 /// best settings. On a frontier every watt buys some error, so nothing is ever spent in vain.
-pub fn select(frontier: &Frontier, budget: &Budget) -> Option<Choice> {
+pub fn select(frontier: &Frontier, budget: &Budget, rate: Option<f64>) -> Option<Choice> {
     budget.validate().ok()?;
     let cheapest = frontier.points().first()?;
     let best = frontier.points().last()?;
     let choice = |point: &FrontierPoint, outcome| Some(Choice { settings: point.settings, cost: point.cost, outcome });
     match (budget.power, budget.error) {
         (None, None) => choice(best, Outcome::Met),
-        (None, Some(limit)) => match frontier.least_power_within(limit) {
-            Some(point) => choice(point, Outcome::Met),
-            None => choice(best, Outcome::ErrorCannotBeMet),
-        },
+        (None, Some(limit)) => {
+            let weighted = rate.filter(|_| limit.is_finite()).and_then(|rate| frontier.least_weighted(rate));
+            let within = frontier.least_power_within(if weighted.is_some() { MOST_OVER_MEAN * limit } else { limit });
+            match (weighted, within) {
+                // The better of the two: points rise in power and fall in error together.
+                (Some(weighted), Some(within)) if within.cost.power <= weighted.cost.power => choice(weighted, Outcome::Met),
+                (_, Some(within)) => choice(within, Outcome::Met),
+                (_, None) => choice(best, Outcome::ErrorCannotBeMet),
+            }
+        }
         (Some(limit), error) => match frontier.least_error_within(limit) {
             // With both limits, the least error within the power is the answer whether it meets the error's limit or not.
             Some(point) if error.is_none_or(|error| point.cost.error <= error) => choice(point, Outcome::Met),
@@ -66,7 +81,7 @@ mod tests {
 
     fn picked(budget: Budget) -> Option<(f64, Outcome)> {
         // Points at 1 W / 0.2, 2 W / 0.05 and 4 W / 0.
-        select(&testing::frontier(1.0), &budget).map(|choice| (choice.cost.power.0, choice.outcome))
+        select(&testing::frontier(1.0), &budget, None).map(|choice| (choice.cost.power.0, choice.outcome))
     }
 
     #[test]
@@ -85,8 +100,23 @@ mod tests {
         assert_eq!(picked(Budget::error(0.199)), Some((2.0, Outcome::Met)));
         assert_eq!(picked(Budget::error(f64::INFINITY)), Some((1.0, Outcome::Met)));
         let never_exact = Frontier::from_points(testing::frontier(1.0).points()[..2].iter().copied());
-        let choice = select(&never_exact, &Budget::error(0.01)).expect("a choice");
+        let choice = select(&never_exact, &Budget::error(0.01), None).expect("a choice");
         assert_eq!((choice.cost.power.0, choice.outcome), (2.0, Outcome::ErrorCannotBeMet));
+    }
+
+    #[test]
+    fn a_rate_holds_the_mean_and_no_frame_is_given_up() {
+        // Points at 1 W / 0.2, 2 W / 0.05 and 4 W / 0: the first step removes 0.15 of error for 1 W, the second 0.025 a watt.
+        let picked =
+            |limit: f64, rate: f64| select(&testing::frontier(1.0), &Budget::error(limit), Some(rate)).map(|choice| choice.cost.power.0);
+        assert_eq!(
+            [6.0, 7.0, 39.0, 41.0, f64::INFINITY].map(|rate| picked(0.16, rate)),
+            [Some(1.0), Some(2.0), Some(2.0), Some(4.0), Some(4.0)]
+        );
+        assert_eq!(picked(0.15, 0.0), Some(2.0), "0.2 is more than 1.3 budgets");
+        assert_eq!(picked(0.01, 0.0), Some(4.0));
+        assert_eq!(picked(f64::INFINITY, 1e9), Some(1.0), "no limit is no limit");
+        assert_eq!(picked(0.05, f64::NAN), Some(2.0), "as without a rate");
     }
 
     #[test]
@@ -105,7 +135,7 @@ mod tests {
             assert_eq!(picked(Budget::power(Watts(limit))), None);
             assert_eq!(picked(Budget::error(limit)), None);
         }
-        assert_eq!(select(&Frontier::default(), &Budget::power(Watts(1.0))), None);
+        assert_eq!(select(&Frontier::default(), &Budget::power(Watts(1.0)), None), None);
     }
 
     fn any_frontier() -> impl Strategy<Value = Frontier> {
@@ -120,22 +150,22 @@ mod tests {
     proptest! {
         #[test]
         fn more_power_never_gives_more_error(frontier in any_frontier(), a in 0.0..25.0_f64, b in 0.0..25.0_f64, error in prop::option::of(0.0..1.0_f64)) {
-            let at = |power: f64| select(&frontier, &Budget { power: Some(Watts(power)), error }).expect("a choice");
+            let at = |power: f64| select(&frontier, &Budget { power: Some(Watts(power)), error }, None).expect("a choice");
             let (less, more) = (at(a.min(b)), at(a.max(b)));
             prop_assert!(more.cost.error <= less.cost.error && more.cost.power >= less.cost.power);
         }
 
         #[test]
         fn more_error_never_takes_more_power(frontier in any_frontier(), a in 0.0..1.5_f64, b in 0.0..1.5_f64) {
-            let at = |error: f64| select(&frontier, &Budget::error(error)).expect("a choice");
+            let at = |error: f64| select(&frontier, &Budget::error(error), None).expect("a choice");
             prop_assert!(at(a.max(b)).cost.power <= at(a.min(b)).cost.power);
         }
 
         #[test]
         fn nothing_within_the_budget_is_better(frontier in any_frontier(), power in prop::option::of(0.0..25.0_f64), error in prop::option::of(0.0..1.5_f64)) {
             let budget = Budget { power: power.map(Watts), error };
-            let choice = select(&frontier, &budget).expect("a choice");
-            prop_assert_eq!(select(&frontier, &budget), Some(choice));
+            let choice = select(&frontier, &budget, None).expect("a choice");
+            prop_assert_eq!(select(&frontier, &budget, None), Some(choice));
             let fits_power = |cost: CostPoint| power.is_none_or(|limit| cost.power.0 <= limit);
             let fits_error = |cost: CostPoint| error.is_none_or(|limit| cost.error <= limit);
             for point in frontier.points() {

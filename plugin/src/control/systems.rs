@@ -122,9 +122,9 @@ pub(super) fn select_settings(
             turn_off(entity, &mut selection, OffReason::InvalidBudget, &error);
             continue;
         }
-        let correction = store.correction();
-        let budget = &budget.tightened(correction);
-        let Some((sample, choice)) = store.look_up(&view).and_then(|found| Some((found.camera, select(found.frontier, budget)?))) else {
+        let rate = budget.error.and_then(|error| store.error_rate(error));
+        let Some((sample, choice)) = store.look_up(&view).and_then(|found| Some((found.camera, select(found.frontier, budget, rate)?)))
+        else {
             let message = "no sample camera of the map has a frontier: is its scene empty, or do its bounds lie in a wall?";
             turn_off(entity, &mut selection, OffReason::NothingKnown, &message);
             continue;
@@ -144,7 +144,7 @@ pub(super) fn select_settings(
         // The filter's clock runs every frame; nobody needs to be told.
         let applied = filter.bypass_change_detection().step(space, choice.settings, delta, settings.times(budget));
         let status = ControlStatus::Active(choice.outcome);
-        let predicted = Some(correction.predict(choice.cost));
+        let predicted = Some(choice.cost);
         selection.set_if_neq(Selection { status, target: choice.settings, applied, predicted, sample: Some(sample) });
         match knobs {
             Some(knobs) => write(knobs, space, applied),

@@ -5,9 +5,10 @@ use bevy::math::Vec3;
 use bevy::reflect::Reflect;
 use serde::{Deserialize, Serialize};
 
-use super::{Correction, FrontierMapError, Octree};
+use super::{ErrorRates, Frontier, FrontierMapError, Octree};
 use crate::knobs::KnobSpace;
 use crate::power::MeterInfo;
+use crate::units::Watts;
 
 /// Which scene a map was made for.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Reflect, Serialize, Deserialize)]
@@ -72,12 +73,38 @@ impl Bounds {
     }
 }
 
+/// Prices of a frame's work on one device: what turns work into energy.
+///
+/// A frontier's energy per frame is that of its settings' work at these prices, times what its cameras have in common beyond that. At another device's
+/// prices, another size or another frame rate, the map needs no new search: `frugal reprice` works its power out anew.
+#[derive(Clone, Debug, Default, PartialEq, Reflect, Serialize, Deserialize)]
+pub struct WorkPrices {
+    /// Kinds of work, by name: pixels, rays, shadow texels and so on, counted in each frame.
+    pub kinds: Vec<String>,
+    /// Joules for one of each; finite, at least 0.
+    pub joules: Vec<f64>,
+    /// Power of the device while nothing is rendered, as far as the map's watts hold it; finite, at least 0.
+    pub idle: Watts,
+    /// Reflective shadow maps of the scene.
+    pub maps: u32,
+    /// Whether a sky is gathered.
+    pub has_sky: bool,
+}
+
+impl WorkPrices {
+    fn is_sound(&self) -> bool {
+        let number = |value: f64| value.is_finite() && value >= 0.0;
+        self.kinds.len() == self.joules.len() && self.joules.iter().all(|joules| number(*joules)) && number(self.idle.0)
+    }
+}
+
 /// Pareto frontiers of sample cameras all over a scene (Wang et al. 2016, section 3.5), with what they were measured on.
 ///
 /// Written by `frugal precompute` as `*.pareto.ron`, loaded as a Bevy asset. The fields are open so that tools can build and inspect maps; a map that
 /// did not come from [`from_ron`](Self::from_ron) should be [validated](Self::validate). Look-ups never panic, valid or not.
+///
+/// Fields that a later version adds are passed over by an earlier one, and those that an earlier one lacks have defaults.
 #[derive(Asset, Clone, Debug, PartialEq, Reflect, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
 pub struct FrontierMap {
     /// Version of the format: [`VERSION`](Self::VERSION).
     pub version: u32,
@@ -95,9 +122,15 @@ pub struct FrontierMap {
     pub knobs: KnobSpace,
     /// Where cameras go.
     pub bounds: Bounds,
-    /// How far the frontiers were off between sample cameras.
+    /// The frontier of all training cameras together: what holds where nothing better is known. Empty in maps of earlier versions.
     #[serde(default)]
-    pub correction: Correction,
+    pub shared: Frontier,
+    /// What error is worth under an error budget. Empty in maps of earlier versions, whose error budgets limit every frame.
+    #[serde(default)]
+    pub error_rates: ErrorRates,
+    /// Prices of work on the device that the map was made on. Empty in maps of earlier versions.
+    #[serde(default)]
+    pub work_prices: WorkPrices,
     /// The frontiers.
     pub octree: Octree,
 }
@@ -158,13 +191,16 @@ impl FrontierMap {
         check("bounds.max", max, max.iter().all(|coordinate| coordinate.is_finite()), "finite")?;
         let extent = self.bounds.extent();
         check("bounds", self.bounds, extent.is_finite() && extent.min_element() > 0.0, "of an extent above 0 on each axis")?;
-        check("correction.error", self.correction.error, self.correction.is_sound(), "a factor from 1 to 8")?;
+        let sound = self.error_rates.is_sound();
+        check("error_rates", &self.error_rates, sound, "budgets that rise, with finite rates of at least 0 that do not")?;
+        let sound = self.work_prices.is_sound();
+        check("work_prices", &self.work_prices, sound, "as many kinds as prices, all finite and at least 0")?;
         self.octree.validate()?;
         self.validate_frontiers()
     }
 
     fn validate_frontiers(&self) -> Result<(), FrontierMapError> {
-        for (frontier, points) in self.octree.frontiers.iter().enumerate() {
+        for (frontier, points) in self.octree.frontiers.iter().chain([&self.shared]).enumerate() {
             for point in points.points() {
                 let bits = point.settings.bits();
                 if !self.knobs.contains(point.settings) {

@@ -64,10 +64,15 @@ fn a_file_cut_anywhere_is_refused_and_names_the_line() {
 }
 
 #[test]
-fn an_unknown_field_is_refused() {
-    let text = testing::map(1).to_ron().expect("writable").replace("seed:7", "seed:7,sead:8");
-    let error = FrontierMap::from_ron(&text).expect_err("an unknown field").to_string();
-    assert!(error.contains("sead"), "{error}");
+fn a_misspelt_field_is_refused_and_one_of_another_version_passed_over() {
+    let text = testing::map(1).to_ron().expect("writable");
+    let error = FrontierMap::from_ron(&text.replace("seed:7", "sead:7")).expect_err("a misspelt field").to_string();
+    assert!(error.contains("seed"), "{error}");
+    let error = FrontierMap::from_ron(&text.replace("vertical_fov", "vertical_fow")).expect_err("a misspelt field").to_string();
+    assert!(error.contains("vertical_fow"), "{error}");
+    // As maps had it before error budgets were calibrated.
+    let older = text.replace("seed:7", "seed:7,correction:(error:1.3,samples:24)");
+    assert_eq!(FrontierMap::from_ron(&older).expect("a map of an earlier version"), testing::map(1));
 }
 
 #[test]

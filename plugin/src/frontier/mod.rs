@@ -1,6 +1,6 @@
 //! Pareto frontiers and the map that holds one for every sample camera.
 mod asset;
-mod correction;
+mod error_rates;
 mod map;
 mod map_error;
 mod octree;
@@ -12,10 +12,10 @@ pub(crate) mod testing;
 mod view;
 mod view_cube;
 pub use asset::{FrontierMapLoadError, FrontierMapLoader, FrontierMapPlugin};
-pub use correction::Correction;
-pub use map::{Bounds, Capture, FrontierMap, SceneIdentity, Thresholds};
+pub use error_rates::{ErrorRate, ErrorRates};
+pub use map::{Bounds, Capture, FrontierMap, SceneIdentity, Thresholds, WorkPrices};
 pub use map_error::FrontierMapError;
 pub use octree::{Corner, CornerNumberError, Leaf, Octree, OctreeError};
 pub use pareto::{CostPoint, Frontier, FrontierPoint};
-pub use store::{FrontierStore, SampleCamera, SampleRef};
+pub use store::{Address, FrontierStore, SampleCamera, SampleRef, address_in, look_up_in};
 pub use view::{CameraView, ViewDirection};

@@ -3,7 +3,8 @@
 use std::collections::BTreeSet;
 
 use super::{
-    Bounds, Capture, Corner, Correction, CostPoint, Frontier, FrontierMap, FrontierPoint, Leaf, Octree, SceneIdentity, Thresholds,
+    Bounds, Capture, Corner, CostPoint, ErrorRates, Frontier, FrontierMap, FrontierPoint, Leaf, Octree, SceneIdentity, Thresholds,
+    WorkPrices,
 };
 use crate::knobs::{Knob, KnobSpace, RenderSettings};
 use crate::power::{MeterInfo, Provenance};
@@ -65,7 +66,9 @@ pub(crate) fn map(levels: u8) -> FrontierMap {
         scene: SceneIdentity { name: "courtyard".into(), fingerprint: "00ff".into() },
         capture: Capture { size: [320, 180], frames_per_second: 30.0, vertical_fov: 60.0, exposure_ev100: 12.0 },
         meter: MeterInfo { name: "cpu-time".into(), provenance: Provenance::Modelled, description: "a model".into() },
-        correction: Correction::default(),
+        shared: Frontier::default(),
+        error_rates: ErrorRates::default(),
+        work_prices: WorkPrices::default(),
         thresholds: Thresholds { power_w: 0.5, error: 0.005 },
         seed: 7,
         knobs: space(),

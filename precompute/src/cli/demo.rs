@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 
 use super::arguments::{CaptureArguments, json, open_scene, write};
 use super::evaluate::{plan_path, play};
-use super::precompute::{SearchArguments, journal_path, open_stage, print_statistics, search};
+use super::precompute::{SearchArguments, Searched, journal_path, open_stage, print_outcome, search};
 use super::{CliError, inspect};
 use crate::evaluate::{BudgetRequest, PowerBudget, table};
 use crate::report::{Report, captioned, evaluation_section, map_section};
@@ -36,13 +36,15 @@ pub(super) fn run(arguments: &Arguments) -> Result<(), CliError> {
     let folder = &arguments.output;
     std::fs::create_dir_all(folder).map_err(|error| CliError::usage(format!("cannot make the folder {}: {error}", folder.display())))?;
 
+    arguments.search.check()?;
+    let tracks = arguments.search.tracks(&scene, arguments.capture.fps)?;
     let mut stage = open_stage(&scene, &arguments.scene, &arguments.capture)?;
     let map_path = folder.join(format!("{name}.pareto.ron"));
-    let journal = journal_path(&map_path);
-    let (map, statistics) = search(&mut stage, &scene, &name, &arguments.search, &journal, false)?;
+    let journal = journal_path(&map_path, None);
+    let Searched { map, outcome } = search(&mut stage, &scene, &name, &tracks, &arguments.search, &journal, false)?;
     let _ = std::fs::remove_file(&journal);
     write(&map_path, map.to_ron().map_err(CliError::failed)?.as_bytes())?;
-    print_statistics(&statistics, &map);
+    print_outcome(&map, &outcome);
 
     let mut report = Report::new(&format!("frugal: {name}"));
     report.facts(&facts(&arguments.scene));
@@ -52,7 +54,14 @@ pub(super) fn run(arguments: &Arguments) -> Result<(), CliError> {
         ("error", BudgetRequest { power: None, error: Some(error) }),
     ];
     for (kind, budget) in budgets {
-        let evaluation = play(&mut stage, &map, &arguments.scene.display().to_string(), &path, budget)?;
+        let evaluation = play(
+            &mut stage,
+            &map,
+            &arguments.scene.display().to_string(),
+            &path,
+            budget,
+            bevy_frugal_gi::control::ControlSettings::default(),
+        )?;
         println!("\n{}", table(&evaluation.result));
         write(&folder.join(format!("evaluate-{kind}.json")), &json(&evaluation.result)?)?;
         report.section(evaluation_section(&evaluation.result, &captioned(&evaluation))?);

@@ -1,17 +1,19 @@
-//! `frugal evaluate`: a camera path under a budget, beside the fixed presets.
+//! `frugal evaluate`: plays a path under budgets beside baselines.
 
 use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
 
-use bevy_frugal_gi::control::{Budget, ControlSettings, SettingsFilter, select};
-use bevy_frugal_gi::frontier::{CameraView, FrontierMap, FrontierStore, SceneIdentity};
+use bevy_frugal_gi::control::ControlSettings;
+use bevy_frugal_gi::frontier::{FrontierMap, SceneIdentity};
 
 use super::arguments::{check_outputs, json, open_scene, write, write_report};
+use super::precompute::journal_header;
 use super::{CliError, progress};
 use crate::evaluate::{
-    BudgetRequest, Choice, Controlled, Evaluation, EvaluationPlan, PathPlan, Policy, Pose, PowerBudget, ResolvedBudget, evaluate,
-    frames_csv, parse_error_budget, table,
+    BudgetRequest, Controller, Evaluation, EvaluationPlan, EvaluationResult, Judged, PathPlan, PathRecord, Policy, Pose, PowerBudget,
+    SpotCheck, evaluate, frames_csv, judge, judged_table, parse_error_budget, settings_to_record, table,
 };
+use crate::journal::{Journal, hash};
 use crate::report::{captioned, evaluation_report};
 use crate::scene::SceneDescription;
 use crate::stage::{RemoteStage, StageRequest};
@@ -27,12 +29,25 @@ pub(super) struct Arguments {
     /// Which of the scene's paths to play
     #[arg(long, value_name = "NAME", default_value = "tour")]
     path: String,
-    /// Limit in watts, or as a share of the way from the cheapest settings' power to the best ones'
+    /// Limit in watts, or as a share of the way from the cheapest settings' power to the best ones'. One of each kind is one budget; several are
+    /// one budget each
     #[arg(long, value_name = "7W|60%", allow_hyphen_values = true)]
-    power_budget: Option<String>,
-    /// Limit on the error, 1 − SSIM
+    power_budget: Vec<String>,
+    /// Limit on the mean error, 1 − SSIM
     #[arg(long, value_name = "E", allow_hyphen_values = true)]
-    error_budget: Option<String>,
+    error_budget: Vec<String>,
+    /// What ours is compared with: all baselines, from a record of the path; presets and resolution, played for real; nothing
+    #[arg(long, value_name = "WHICH", default_value = "quick")]
+    baselines: Baselines,
+    /// Record of the path to go on with, and to keep: every setting's power and error in every frame
+    #[arg(long, value_name = "FILE")]
+    record: Option<PathBuf>,
+    /// With a record: how many of the budgets, from the first, are played for real as well
+    #[arg(long, value_name = "N", default_value_t = 0)]
+    spot_checks: usize,
+    /// Seconds in which settings move to new ones, up and down; without it, as in an app: 2 s, and 0.5 s where that mends the budget
+    #[arg(long, value_name = "S", value_parser = transition, allow_hyphen_values = true)]
+    transition: Option<f64>,
     /// Power meter; without it, the map's
     #[arg(long, value_name = "NAME")]
     meter: Option<String>,
@@ -47,35 +62,178 @@ pub(super) struct Arguments {
     report: Option<PathBuf>,
 }
 
-pub(super) fn run(arguments: &Arguments) -> Result<(), CliError> {
-    let budget = BudgetRequest {
-        power: arguments.power_budget.as_deref().map(str::parse::<PowerBudget>).transpose().map_err(CliError::usage)?,
-        error: arguments.error_budget.as_deref().map(parse_error_budget).transpose().map_err(CliError::usage)?,
-    };
-    if budget.power.is_none() && budget.error.is_none() {
-        return Err(CliError::usage("give --power-budget, --error-budget, or both"));
+/// How much ours is compared with.
+#[derive(clap::ValueEnum, Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Baselines {
+    /// Constants, oracles, the reactive ladder, presets, resolution: from a record of the path
+    All,
+    /// Presets and resolution, played for real
+    Quick,
+    /// Nothing: ours alone, from a record
+    None,
+}
+
+fn transition(text: &str) -> Result<f64, String> {
+    text.parse().ok().filter(|seconds: &f64| *seconds >= 0.0).ok_or_else(|| "expected seconds, 0 or more".to_owned())
+}
+
+impl Arguments {
+    fn control(&self) -> ControlSettings {
+        self.transition
+            .map_or_else(ControlSettings::default, |seconds| ControlSettings { transition_seconds: seconds, fall_seconds: seconds })
     }
+
+    fn budgets(&self) -> Result<Vec<BudgetRequest>, CliError> {
+        let power = |text: &String| text.parse::<PowerBudget>().map_err(CliError::usage);
+        let error = |text: &String| parse_error_budget(text).map_err(CliError::usage);
+        if let ([one], [other]) = (&self.power_budget[..], &self.error_budget[..]) {
+            return Ok(vec![BudgetRequest { power: Some(power(one)?), error: Some(error(other)?) }]);
+        }
+        let mut budgets = Vec::new();
+        for text in &self.power_budget {
+            budgets.push(BudgetRequest { power: Some(power(text)?), error: None });
+        }
+        for text in &self.error_budget {
+            budgets.push(BudgetRequest { power: None, error: Some(error(text)?) });
+        }
+        if budgets.is_empty() { Err(CliError::usage("give --power-budget, --error-budget, or both")) } else { Ok(budgets) }
+    }
+}
+
+pub(super) fn run(arguments: &Arguments) -> Result<(), CliError> {
+    let budgets = arguments.budgets()?;
     let (scene, name) = open_scene(&arguments.scene)?;
     let map = read_map(&arguments.map, &scene, &name)?;
     let path = plan_path(&scene, &arguments.path, map.capture.frames_per_second)?;
-    check_outputs([arguments.json.as_ref(), arguments.csv.as_ref()])?;
+    check_outputs([arguments.json.as_ref(), arguments.csv.as_ref(), arguments.record.as_ref()])?;
+    if arguments.baselines == Baselines::Quick && budgets.len() > 1 {
+        return Err(CliError::usage("several budgets are played from a record: add --baselines all, or give one budget"));
+    }
 
     let mut stage = open_stage(&scene, &arguments.scene, &map, &arguments.map, arguments.meter.clone())?;
     let label = arguments.scene.display().to_string();
-    let evaluation = play(&mut stage, &map, &label, &path, budget)?;
-    println!("{}", table(&evaluation.result));
-    if let Some(path) = &arguments.json {
-        write(path, &json(&evaluation.result)?)?;
+    if arguments.baselines == Baselines::Quick {
+        let evaluation = play(&mut stage, &map, &label, &path, budgets[0], arguments.control())?;
+        println!("{}", table(&evaluation.result));
+        return outputs(arguments, &map, std::slice::from_ref(&evaluation.result), Some(&evaluation));
     }
-    if let Some(path) = &arguments.csv {
+    let identity = SceneIdentity { name, fingerprint: scene.fingerprint()? };
+    let record = record(&mut stage, &map, &identity, &path, arguments)?;
+    let lens = stage.lens();
+    let mut judged: Vec<Judged> = budgets.iter().map(|budget| judge(&record, &map, lens, budget, arguments.control())).collect();
+    if arguments.baselines == Baselines::None {
+        judged.iter_mut().for_each(|judged| judged.runs.truncate(1));
+    }
+    println!("{}", judged_table(&judged));
+    let checks = spot_checks(&mut stage, &record, &map, &judged, arguments)?;
+    let mut results: Vec<EvaluationResult> = judged.into_iter().map(|judged| result(judged, &label, &path, &stage)).collect();
+    for (result, check) in results.iter_mut().zip(checks) {
+        println!(
+            "{}, for real: {:.3} W, {:.4}; by the record: {:.3} W, {:.4}",
+            result.asked, check.mean_power_w.0, check.mean_error, check.recorded_mean_power_w.0, check.recorded_mean_error
+        );
+        result.spot_check = Some(check);
+    }
+    outputs(arguments, &map, &results, None)
+}
+
+/// Ours under the first budgets, played for real.
+fn spot_checks(
+    stage: &mut RemoteStage,
+    record: &PathRecord,
+    map: &FrontierMap,
+    judged: &[Judged],
+    arguments: &Arguments,
+) -> Result<Vec<SpotCheck>, CliError> {
+    let checked = &judged[..arguments.spot_checks.min(judged.len())];
+    if checked.is_empty() {
+        return Ok(Vec::new());
+    }
+    stage.warm()?;
+    let (lens, control) = (stage.lens(), arguments.control());
+    let policy = |judged: &Judged| -> Box<dyn Policy + '_> { Box::new(Controller::new(map, &judged.budget, lens, control)) };
+    let mut policies: Vec<_> = checked.iter().map(policy).collect();
+    let bar = progress::bar(0);
+    let played = record.play_for_real(stage, &mut policies, &mut |progress| {
+        bar.set_length(progress.frames_total as u64);
+        bar.set_position(progress.frames_done as u64);
+        bar.set_message("frames, played for real");
+        if super::progress::interrupted() { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
+    });
+    bar.finish_and_clear();
+    let played = played.map_err(CliError::failed)?;
+    let ours = checked.iter().filter_map(|judged| judged.runs.first());
+    Ok(played.iter().zip(ours).map(|(real, recorded)| SpotCheck::new(real, recorded)).collect())
+}
+
+fn result(judged: Judged, scene: &str, path: &PathPlan, stage: &RemoteStage) -> EvaluationResult {
+    EvaluationResult {
+        scene: scene.to_owned(),
+        path: path.name().to_owned(),
+        frames: path.poses().len(),
+        fps: path.fps(),
+        size: stage.size(),
+        meter: stage.meter(),
+        budget: judged.budget,
+        asked: judged.asked,
+        runs: judged.runs,
+        drift: Default::default(),
+        warnings: vec!["runs are played from a record of the path: settings that a filter passes through are interpolated".to_owned()],
+        gap_closed: judged.gap_closed,
+        dominated_by: judged.dominated_by,
+        spot_check: None,
+    }
+}
+
+fn outputs(arguments: &Arguments, map: &FrontierMap, results: &[EvaluationResult], played: Option<&Evaluation>) -> Result<(), CliError> {
+    if let Some(path) = &arguments.json {
+        match results {
+            [one] => write(path, &json(one)?)?,
+            all => write(path, &json(&serde_json::json!({ "evaluations": all }))?)?,
+        }
+    }
+    if let (Some(path), [result]) = (&arguments.csv, results) {
         let mut rows = Vec::new();
-        frames_csv(&evaluation.result, &map.knobs, &mut rows).map_err(CliError::failed)?;
+        frames_csv(result, &map.knobs, &mut rows).map_err(CliError::failed)?;
         write(path, &rows)?;
     }
-    if let Some(folder) = &arguments.report {
-        write_report(folder, &evaluation_report(&evaluation.result, &captioned(&evaluation), &[])?)?;
+    if let (Some(folder), [result]) = (&arguments.report, results) {
+        let pictures = played.map(captioned).unwrap_or_default();
+        write_report(folder, &evaluation_report(result, &pictures, &[])?)?;
     }
     Ok(())
+}
+
+/// The path's record, with every setting of the map: read, completed, and kept.
+fn record(
+    stage: &mut RemoteStage,
+    map: &FrontierMap,
+    identity: &SceneIdentity,
+    path: &PathPlan,
+    arguments: &Arguments,
+) -> Result<PathRecord, CliError> {
+    let mut file = arguments.map.as_os_str().to_owned();
+    file.push(format!(".{}.record", path.name()));
+    let file = arguments.record.clone().unwrap_or_else(|| file.into());
+    let header = journal_header(identity, &map.knobs, &map.capture, &stage.meter().name)?
+        .with("path", format!("{} {:016x}", path.name(), hash(&format!("{:?}", path.poses()))));
+    let (mut journal, lines) = Journal::resume(&file, &header).map_err(CliError::usage)?;
+    let mut record = PathRecord::restore(path, &map.knobs, &lines);
+    let settings = settings_to_record(map);
+    let bar = progress::bar(0);
+    if settings.iter().any(|settings| record.table.column(*settings).is_none()) {
+        stage.warm()?;
+    }
+    let recorded = record.extend(stage, &settings, &mut journal, &mut |progress| {
+        bar.set_length(progress.frames_total as u64);
+        bar.set_position(progress.frames_done as u64);
+        bar.set_message("frames of the path's record");
+        if super::progress::interrupted() { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
+    });
+    bar.finish_and_clear();
+    recorded.map_err(CliError::failed)?;
+    eprintln!("{}: {} settings at {} frames", file.display(), record.table.settings().len(), record.table.rows());
+    Ok(record)
 }
 
 /// Reads a map and holds it against the scene.
@@ -97,10 +255,7 @@ pub(super) fn plan_path(scene: &SceneDescription, name: &str, fps: f64) -> Resul
     };
     let start = path.start();
     let pose_at = |seconds: f64| {
-        let pose = path
-            .sample(start + seconds as f32)
-            .unwrap_or(crate::scene::CameraPose { position: bevy::math::Vec3::ZERO, rotation: bevy::math::Quat::IDENTITY });
-        Pose { position: pose.position, rotation: pose.rotation }
+        path.sample(start + seconds as f32).unwrap_or(Pose { position: bevy::math::Vec3::ZERO, rotation: bevy::math::Quat::IDENTITY })
     };
     PathPlan::sample(name, f64::from(path.duration()), fps, pose_at).map_err(CliError::usage)
 }
@@ -135,23 +290,23 @@ pub(super) fn open_stage(
     Ok(stage)
 }
 
-/// Plays all runs.
+/// Plays all runs for real.
 pub(super) fn play(
     stage: &mut RemoteStage,
     map: &FrontierMap,
     scene: &str,
     path: &PathPlan,
     budget: BudgetRequest,
+    control: ControlSettings,
 ) -> Result<Evaluation, CliError> {
     let frames = path.poses().len();
     let keep = [frames / 4, frames / 2, 3 * frames / 4];
     let plan = EvaluationPlan { scene, space: &map.knobs, path, meter: stage.meter(), budget, keep_frames: &keep };
-    let [width, height] = stage.size();
-    let (fov, aspect) = (stage.vertical_fov_degrees().to_radians(), width as f32 / height as f32);
+    let lens = stage.lens();
     stage.warm()?;
 
     let bar = progress::bar(0);
-    let result = evaluate(stage, &plan, |budget| controller(map, *budget, fov, aspect), &mut |progress| {
+    let result = evaluate(stage, &plan, |budget| Box::new(Controller::new(map, budget, lens, control)), &mut |progress| {
         bar.set_length(progress.frames_total as u64);
         bar.set_position(progress.frames_done as u64);
         bar.set_message(format!("frames, {}", progress.run));
@@ -159,21 +314,4 @@ pub(super) fn play(
     });
     bar.finish_and_clear();
     result.map_err(CliError::failed)
-}
-
-/// The controller that an app has, without an app around it.
-fn controller(map: &FrontierMap, budget: ResolvedBudget, vertical_fov: f32, aspect: f32) -> Box<dyn Policy + '_> {
-    let correction = map.correction();
-    let budget = Budget { power: budget.power_w, error: budget.error }.tightened(correction);
-    let times = ControlSettings::default().times(&budget);
-    let mut filter = SettingsFilter::default();
-    let mut last = map.knobs.highest();
-    Box::new(Controlled(move |_: usize, dt: f64, pose: &Pose| {
-        let view = CameraView { position: pose.position, rotation: pose.rotation, vertical_fov, aspect };
-        let Some(choice) = map.look_up(&view).and_then(|sample| select(sample.frontier, &budget)) else {
-            return Choice::from(last);
-        };
-        last = filter.step(&map.knobs, choice.settings, dt, times);
-        Choice { settings: last, predicted: Some(correction.predict(choice.cost)) }
-    }))
 }

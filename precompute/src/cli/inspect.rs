@@ -1,6 +1,6 @@
 //! `frugal inspect`: what a map holds.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use bevy::math::Vec3;
 use bevy_frugal_gi::frontier::FrontierMap;
@@ -35,10 +35,15 @@ pub(super) fn summary(map: &FrontierMap) -> MapSummary<'_> {
     }
 }
 
+/// A map and its text.
+pub(super) fn read(path: &Path) -> Result<(FrontierMap, String), CliError> {
+    let text = std::fs::read_to_string(path).map_err(|error| CliError::usage(format!("{}: cannot be read: {error}", path.display())))?;
+    let map = FrontierMap::from_ron(&text).map_err(|error| CliError::usage(format!("{}: {error}", path.display())))?;
+    Ok((map, text))
+}
+
 pub(super) fn run(arguments: &Arguments) -> Result<(), CliError> {
-    let text = std::fs::read_to_string(&arguments.map)
-        .map_err(|error| CliError::usage(format!("{}: cannot be read: {error}", arguments.map.display())))?;
-    let map = FrontierMap::from_ron(&text).map_err(|error| CliError::usage(format!("{}: {error}", arguments.map.display())))?;
+    let (map, text) = read(&arguments.map)?;
     let survey = Survey::new(&map.octree);
     let points: usize = map.octree.frontiers.iter().map(|frontier| frontier.points().len()).sum();
     let [width, height] = map.capture.size;

@@ -3,18 +3,20 @@
 //! Exit status: 0 done, 2 wrong use or bad input (one message, nothing written), 1 failed.
 
 mod arguments;
-mod cells;
+mod calibrate;
 mod compare;
 mod demo;
 mod error;
 mod evaluate;
 mod inspect;
+mod merge;
 mod meters;
 mod precompute;
 mod price;
 mod progress;
 mod reference;
 mod render;
+mod reprice;
 mod sweep;
 
 use std::process::ExitCode;
@@ -49,6 +51,12 @@ enum Command {
     Price(price::Arguments),
     /// Tells what a map holds
     Inspect(inspect::Arguments),
+    /// Fits what work costs on this device, for maps that were made elsewhere
+    Calibrate(calibrate::Arguments),
+    /// Works a map's power out anew, for another device, size or frame rate
+    Reprice(reprice::Arguments),
+    /// Joins the journals of a run's shards
+    Merge(merge::Arguments),
     /// Lists the power meters of this machine, each tested under load
     Meters(meters::Arguments),
     /// The main job in one go: precompute, evaluate under a power and an error budget, one report
@@ -71,6 +79,9 @@ pub fn run() -> ExitCode {
         Command::Compare(arguments) => compare::run(arguments),
         Command::Price(arguments) => price::run(arguments),
         Command::Inspect(arguments) => inspect::run(arguments),
+        Command::Calibrate(arguments) => calibrate::run(arguments),
+        Command::Reprice(arguments) => reprice::run(arguments),
+        Command::Merge(arguments) => merge::run(arguments),
         Command::Meters(arguments) => meters::run(arguments),
         Command::Demo(arguments) => demo::run(arguments),
         Command::StageWorker => crate::stage::serve().map_err(CliError::failed),

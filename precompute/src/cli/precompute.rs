@@ -1,21 +1,20 @@
 //! `frugal precompute`: a scene's frontier map.
 
+use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
-use bevy_frugal_gi::frontier::{Bounds, Capture, Correction, FrontierMap, SceneIdentity, Thresholds};
+use bevy_frugal_gi::frontier::{Bounds, Capture, FrontierMap, SceneIdentity, Thresholds, WorkPrices};
 use bevy_frugal_gi::units::Watts;
-use indicatif::ProgressBar;
 
 use super::arguments::{CaptureArguments, check_outputs, duration, open_scene, write};
-use super::cells::{Clock, measure_cells};
 use super::{CliError, progress};
-use crate::scene::SceneDescription;
-use crate::search::{
-    Journal, JournalHeader, Journaled, Monitor as _, SearchConfig, Stage as Step, SubdivisionProgress, Watch, knob_space_hash,
-};
-use crate::stage::RemoteStage;
-use crate::subdivide::{CameraSpace, Statistics, SubdivideConfig, Subdivision, Threshold, subdivide};
+use crate::cameras::{CameraMix, CameraSet, TrackSample, recorded, tracks_of};
+use crate::cost::FrameLayout;
+use crate::journal::{Journal, JournalHeader, hash};
+use crate::pipeline::{Outcome, PipelineConfig, PipelineError, Progress, Setup, Subject, describe, run as run_pipeline};
+use crate::scene::{Environment, SceneDescription};
+use crate::stage::{RemoteStage, adapter};
 
 #[derive(clap::Args, Debug)]
 pub(super) struct Arguments {
@@ -34,14 +33,23 @@ pub(super) struct Arguments {
     resume: bool,
 }
 
-/// How far and how long the search goes.
+/// Which cameras are trained on, and how far and how long the search goes.
 #[derive(clap::Args, Debug, Clone)]
 pub(super) struct SearchArguments {
-    /// Neighbouring frontiers further apart than this are subdivided: watts, or a share of the power range
-    #[arg(long, value_name = "W|%", default_value = "10%", value_parser = threshold, allow_hyphen_values = true)]
+    /// Recorded cameras to train on, beside the scene's paths; as the plugin's recorder writes them
+    #[arg(long, value_name = "FILE")]
+    pub cameras: Vec<PathBuf>,
+    /// Paths of the scene to train on; without it, all
+    #[arg(long = "path", value_name = "NAME")]
+    pub paths: Vec<String>,
+    /// Training cameras; a sixth as many more calibrate error budgets
+    #[arg(long, value_name = "N", default_value_t = 96)]
+    pub training: usize,
+    /// Addresses whose power differs by less than this are not told apart: watts, or a share of the power range
+    #[arg(long, value_name = "W|%", default_value = "1%", value_parser = threshold, allow_hyphen_values = true)]
     pub power_threshold: Threshold,
-    /// The same in error (1 − SSIM)
-    #[arg(long, value_name = "E", default_value_t = 0.005, allow_hyphen_values = true)]
+    /// The same in error (1 − SSIM): a node is divided where either is exceeded, and dividing pays
+    #[arg(long, value_name = "E", default_value_t = 0.001, allow_hyphen_values = true)]
     pub error_threshold: f64,
     /// How often the camera space may be halved
     #[arg(long, value_name = "N", default_value_t = 4)]
@@ -49,9 +57,19 @@ pub(super) struct SearchArguments {
     /// Seed of every random choice
     #[arg(long, value_name = "N", default_value_t = 0)]
     pub seed: u64,
-    /// Ends with the best map so far: 90s, 10m, 1h. The last quarter is for measuring it where it is used
+    /// Ends with the best map so far: 90s, 10m, 1h
     #[arg(long, value_name = "TIME", value_parser = duration)]
     pub time_limit: Option<Duration>,
+    /// Render only every N-th job of each batch, beginning with the I-th: 0/4, 1/4, …; frugal merge joins the journals
+    #[arg(long, value_name = "I/N", value_parser = shard)]
+    pub shard: Option<(usize, usize)>,
+}
+
+/// A limit in watts, or as a share of the range of power.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) enum Threshold {
+    Watts(f64),
+    Share(f64),
 }
 
 fn threshold(text: &str) -> Result<Threshold, String> {
@@ -61,27 +79,62 @@ fn threshold(text: &str) -> Result<Threshold, String> {
         None => (text.strip_suffix(['W', 'w']).unwrap_or(text), false),
     };
     match number.trim().parse::<f64>() {
-        Ok(value) if value.is_finite() && value >= 0.0 && relative => Ok(Threshold::Relative(value / 100.0)),
-        Ok(value) if value.is_finite() && value >= 0.0 => Ok(Threshold::Absolute(Watts(value))),
+        Ok(value) if value.is_finite() && value >= 0.0 && relative => Ok(Threshold::Share(value / 100.0)),
+        Ok(value) if value.is_finite() && value >= 0.0 => Ok(Threshold::Watts(value)),
         _ => Err("expected watts or a share, as in 0.5W or 10%".to_owned()),
     }
 }
 
+fn shard(text: &str) -> Result<(usize, usize), String> {
+    let parts = text.split_once('/').and_then(|(index, count)| Some((index.trim().parse().ok()?, count.trim().parse().ok()?)));
+    match parts {
+        Some((index, count)) if index < count => Ok((index, count)),
+        _ => Err("expected a shard's number and how many there are, as in 0/4 to 3/4".to_owned()),
+    }
+}
+
 impl SearchArguments {
-    pub fn config(&self) -> Result<SubdivideConfig, CliError> {
+    pub fn check(&self) -> Result<(), CliError> {
         if !(self.error_threshold.is_finite() && self.error_threshold >= 0.0) {
             return Err(CliError::usage(format!("--error-threshold {}: must be a finite number, 0 or above", self.error_threshold)));
         }
-        if self.levels > 15 {
-            return Err(CliError::usage(format!("--levels {}: must be 0 to 15", self.levels)));
+        if self.levels > 6 {
+            return Err(CliError::usage(format!("--levels {}: must be 0 to 6", self.levels)));
         }
-        Ok(SubdivideConfig {
-            levels: self.levels,
-            power_threshold: self.power_threshold,
-            error_threshold: self.error_threshold,
-            search: SearchConfig { seed: self.seed, ..Default::default() },
-            ..Default::default()
-        })
+        if !(1..=100_000).contains(&self.training) {
+            return Err(CliError::usage(format!("--training {}: must be 1 to 100000", self.training)));
+        }
+        Ok(())
+    }
+
+    fn config(&self) -> PipelineConfig {
+        let mut config = PipelineConfig { seed: self.seed, ..PipelineConfig::default() };
+        config.fit.levels = self.levels;
+        config.fit.error_threshold = self.error_threshold;
+        match self.power_threshold {
+            Threshold::Watts(watts) => config.fit.power_threshold_w = watts,
+            Threshold::Share(share) => config.fit.power_threshold_share = share,
+        }
+        config
+    }
+
+    /// Tracks of the scene's paths and of recordings.
+    pub fn tracks(&self, scene: &SceneDescription, fps: f64) -> Result<Vec<Vec<TrackSample>>, CliError> {
+        let mut paths = Vec::new();
+        for name in &self.paths {
+            paths.push(scene.paths.get(name).ok_or_else(|| {
+                let known: Vec<_> = scene.paths.keys().map(String::as_str).collect();
+                CliError::usage(format!("{}: no path `{name}`; it has: {}", scene.source.display(), known.join(", ")))
+            })?);
+        }
+        if self.paths.is_empty() {
+            paths.extend(scene.paths.values());
+        }
+        let mut tracks = tracks_of(paths, fps);
+        for file in &self.cameras {
+            tracks.extend(recorded(file).map_err(CliError::usage)?);
+        }
+        Ok(tracks)
     }
 }
 
@@ -89,29 +142,23 @@ pub(super) fn run(arguments: &Arguments) -> Result<(), CliError> {
     let (scene, name) = open_scene(&arguments.scene)?;
     let output = arguments.output.clone().unwrap_or_else(|| arguments.scene.with_file_name(format!("{name}.pareto.ron")));
     check_outputs([Some(&output)])?;
-    arguments.search.config()?;
+    arguments.search.check()?;
+    let tracks = arguments.search.tracks(&scene, arguments.capture.fps)?;
     let mut stage = open_stage(&scene, &arguments.scene, &arguments.capture)?;
-    let journal = journal_path(&output);
-    let (map, statistics) = search(&mut stage, &scene, &name, &arguments.search, &journal, arguments.resume)?;
+    let journal = journal_path(&output, arguments.search.shard);
+    let Searched { map, outcome } = search(&mut stage, &scene, &name, &tracks, &arguments.search, &journal, arguments.resume)?;
     write(&output, map.to_ron().map_err(CliError::failed)?.as_bytes())?;
-    print_statistics(&statistics, &map);
-    // An interrupt may have come after the search.
-    if progress::interrupted() {
-        return Err(CliError::failed(format!(
-            "interrupted: {} holds what was found so far; the same command with --resume goes on",
-            output.display()
-        )));
-    } else if statistics.complete {
-        // Nothing is left to resume.
-        let _ = std::fs::remove_file(&journal);
-    } else {
-        eprintln!("time is up: the map is complete as far as it goes; the same command with --resume refines it");
-    }
+    print_outcome(&map, &outcome);
+    // Nothing is left to resume.
+    let _ = std::fs::remove_file(&journal);
     Ok(())
 }
 
-pub(super) fn journal_path(map: &Path) -> PathBuf {
+pub(super) fn journal_path(map: &Path, shard: Option<(usize, usize)>) -> PathBuf {
     let mut path = map.as_os_str().to_owned();
+    if let Some((index, count)) = shard.filter(|(_, count)| *count > 1) {
+        path.push(format!(".{index}-of-{count}"));
+    }
     path.push(".journal");
     path.into()
 }
@@ -125,99 +172,175 @@ pub(super) fn open_stage(scene: &SceneDescription, path: &Path, capture: &Captur
     Ok(RemoteStage::open(scene, request)?)
 }
 
-/// Searches the scene's camera space, and measures the map where it is used.
+/// A map, and how it came about.
+pub(super) struct Searched {
+    pub map: FrontierMap,
+    pub outcome: Outcome,
+}
+
+/// Draws cameras and runs the pipeline.
 pub(super) fn search(
     stage: &mut RemoteStage,
     scene: &SceneDescription,
     name: &str,
+    tracks: &[Vec<TrackSample>],
     arguments: &SearchArguments,
     journal: &Path,
     resume: bool,
-) -> Result<(FrontierMap, Statistics), CliError> {
-    let config = arguments.config()?;
+) -> Result<Searched, CliError> {
+    let config = arguments.config();
     let space = stage.space().clone();
     let bounds = scene.camera_bounds(stage.bounds());
-    let identity = SceneIdentity { name: name.to_owned(), fingerprint: scene.fingerprint()? };
+    let lens = stage.lens();
+    let counts = [arguments.training, arguments.training.div_ceil(6)];
+    let cameras = CameraSet::draw(stage.rays(), &bounds, tracks, counts, &CameraMix::default(), lens, arguments.seed);
     let capture = Capture {
         size: stage.size(),
         frames_per_second: stage.frames_per_second(),
         vertical_fov: scene.camera.vertical_fov,
         exposure_ev100: scene.exposure_ev100,
     };
-    let header = JournalHeader {
-        scene: identity.fingerprint.clone(),
-        knob_space: knob_space_hash(&space).map_err(CliError::failed)?,
-        capture: format!("{capture:?}"),
-        meter: stage.meter().name,
-        seed: arguments.seed,
-    };
-    let opened = if resume { Journal::resume(journal, &header) } else { Journal::create(journal, &header) };
+    let identity = SceneIdentity { name: name.to_owned(), fingerprint: scene.fingerprint()? };
+    let header = journal_header(&identity, &space, &capture, &stage.meter().name)?
+        .with("seed", arguments.seed)
+        .with("cameras", format!("{:016x}", hash(&format!("{cameras:?}"))))
+        .with("settings", format!("{config:?} {:?}", arguments.time_limit));
+    let opened =
+        if resume { Journal::resume(journal, &header) } else { Journal::create(journal, &header).map(|journal| (journal, Vec::new())) };
     let journal = opened.map_err(CliError::usage)?;
     if resume {
-        eprintln!("resuming after {} evaluations", journal.len());
+        eprintln!("resuming after {} records", journal.1.len());
     }
-    eprintln!("{} knobs, {} combinations; power by {}", space.len(), space.combinations(), stage.meter().description);
+    eprintln!(
+        "{} knobs, {} combinations; {} training and {} calibration cameras; power by {}",
+        space.len(),
+        space.combinations(),
+        cameras.training.len(),
+        cameras.calibration.len(),
+        stage.meter().description
+    );
+    // What compiles and loads is compiled and loaded before anything is metered.
+    stage.warm()?;
 
+    let layout = layout(scene, stage.size());
+    let map_bounds = Bounds { min: bounds.min.to_array(), max: bounds.max.to_array() };
     let bar = progress::bar(0);
-    let clock = Clock::start(arguments.time_limit);
-    let answered = journal.len();
-    let mut watch = Watch::start(clock.search(), progress::interrupted, |p: &SubdivisionProgress| show(&bar, p));
-    let mut evaluator = Journaled::new(&mut *stage, journal);
-    let camera_space = CameraSpace { min: bounds.min, max: bounds.max };
-    let found = subdivide(&space, camera_space, &config, &mut evaluator, &mut watch);
-    bar.finish_and_clear();
-    let Subdivision { octree, statistics } = found.map_err(CliError::failed)?;
-    drop(evaluator);
-    let asked = (statistics.evaluations + statistics.refinements).saturating_sub(answered);
-    let pace = (asked > 0).then(|| watch.seconds() / asked as f64);
-
-    let power_w = match config.power_threshold {
-        Threshold::Absolute(watts) => watts.0,
-        Threshold::Relative(share) => share * mean_power_range(&octree),
+    let mut report = |progress: &Progress<'_>| {
+        bar.set_length(progress.total as u64);
+        bar.set_position(progress.done as u64);
+        bar.set_message(format!("renderings, {}", progress.stage));
+        if progress::interrupted() { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
     };
-    let mut map = FrontierMap {
+    let setup = Setup {
+        measure: stage,
+        journal,
+        cameras: &cameras,
+        clip: (CLIP_FRAMES, capture.frames_per_second),
+        shard: arguments.shard.unwrap_or((0, 1)),
+        limit: arguments.time_limit,
+        report: &mut report,
+    };
+    let subject = Subject { space: &space, layout: &layout, bounds: &map_bounds, lens };
+    let outcome = run_pipeline(&subject, &config, setup);
+    bar.finish_and_clear();
+    let outcome = outcome.map_err(|error| match error {
+        PipelineError::Interrupted => CliError::failed("interrupted: the same command with --resume goes on"),
+        PipelineError::NoCameras => CliError::usage(format!("{}: {error}", scene.source.display())),
+        error => CliError::failed(error),
+    })?;
+    let map = FrontierMap {
         version: FrontierMap::VERSION,
         scene: identity,
         capture,
         meter: stage.meter(),
-        thresholds: Thresholds { power_w, error: config.error_threshold },
+        thresholds: Thresholds { power_w: outcome.fitted.report.power_threshold_w, error: arguments.error_threshold },
         seed: arguments.seed,
+        shared: outcome.fitted.shared.rounded(),
+        error_rates: outcome.error_rates.clone(),
+        work_prices: prices(&outcome.cost, &space, &layout, capture.frames_per_second, stage.idle()),
         knobs: space,
-        bounds: Bounds { min: bounds.min.to_array(), max: bounds.max.to_array() },
-        octree,
-        correction: Correction::default(),
+        bounds: map_bounds,
+        octree: outcome.fitted.octree.clone(),
     };
     map.validate().map_err(CliError::failed)?;
-    measure_cells(stage, &mut map, arguments.seed, pace, clock)?;
-    map.validate().map_err(CliError::failed)?;
-    Ok((map, statistics))
+    Ok(Searched { map, outcome })
 }
 
-fn mean_power_range(octree: &bevy_frugal_gi::frontier::Octree) -> f64 {
-    let range = |points: &[bevy_frugal_gi::frontier::FrontierPoint]| Some(points.last()?.cost.power.0 - points.first()?.cost.power.0);
-    let ranges: Vec<f64> = octree.frontiers.iter().filter_map(|frontier| range(frontier.points())).collect();
-    ranges.iter().sum::<f64>() / ranges.len().max(1) as f64
+/// Frames of a clip: one that is not metered, and one that is. Of longer clips errors are lower by little, and cameras would be fewer.
+const CLIP_FRAMES: u32 = 2;
+
+/// What every journal of renderings belongs to.
+pub(super) fn journal_header(
+    scene: &SceneIdentity,
+    space: &bevy_frugal_gi::knobs::KnobSpace,
+    capture: &Capture,
+    meter: &str,
+) -> Result<JournalHeader, CliError> {
+    let knobs = serde_json::to_string(space).map_err(CliError::failed)?;
+    let adapter = adapter().map_or_else(|| "none".to_owned(), |adapter| adapter.name);
+    Ok(JournalHeader::default()
+        .with("scene", &scene.fingerprint)
+        .with("knobs", format!("{:016x}", hash(&knobs)))
+        .with("capture", format!("{capture:?}"))
+        .with("meter", meter)
+        .with("adapter", adapter))
 }
 
-fn show(bar: &ProgressBar, progress: &SubdivisionProgress) {
-    let step = match progress.stage {
-        Step::Searching => "cameras searched",
-        Step::Comparing => "nodes compared",
-        Step::Settling => "frontiers settled",
+/// A model's prices as energy, for a map or a device file. The model's watts include what the device takes when idle, in the price of a frame.
+pub(super) fn prices(
+    model: &crate::cost::CostModel,
+    space: &bevy_frugal_gi::knobs::KnobSpace,
+    layout: &FrameLayout,
+    frames_per_second: f64,
+    idle: Watts,
+) -> WorkPrices {
+    let kinds = crate::cost::work_names(space);
+    let mut joules: Vec<f64> = model.prices.iter().map(|watts| watts / frames_per_second).collect();
+    joules.resize(kinds.len(), 0.0);
+    // Work comes with at least one frame: its price holds the idle power.
+    let idle = idle.0.clamp(0.0, joules.first().copied().unwrap_or(0.0) * frames_per_second);
+    if let Some(frame) = joules.first_mut() {
+        *frame -= idle / frames_per_second;
+    }
+    WorkPrices { kinds, joules, idle: Watts(idle), maps: layout.maps, has_sky: layout.has_sky }
+}
+
+/// What a frame's work depends on beside its settings.
+pub(super) fn layout(scene: &SceneDescription, size: [u32; 2]) -> FrameLayout {
+    let has_sky = match &scene.environment {
+        Environment::None => false,
+        Environment::Constant(radiance) => *radiance != [0.0; 3],
+        Environment::Map(_, intensity) => *intensity > 0.0,
     };
-    bar.set_length(progress.total as u64);
-    bar.set_position(progress.done as u64);
-    bar.set_message(format!("{step} at level {}, {} evaluations", progress.level, progress.evaluations));
+    FrameLayout { size, maps: scene.lights.len().max(1) as u32, has_sky }
 }
 
-pub(super) fn print_statistics(statistics: &Statistics, map: &FrontierMap) {
-    let Statistics { searched, inherited, blind, unfinished, evaluations, cache_hits, refinements, nodes, corners, levels, .. } =
-        statistics;
-    println!("{searched} cameras searched, {inherited} inherited, {blind} see nothing, {unfinished} left for lack of time");
-    println!("{evaluations} evaluations, {cache_hits} known already, {refinements} measured again");
-    println!("{nodes} nodes, {corners} corners, {levels} levels, {} frontiers", map.octree.frontiers.len());
+pub(super) fn print_outcome(map: &FrontierMap, outcome: &Outcome) {
+    let (made, seconds) = outcome.effort;
     println!(
-        "{:.0} s searching, {:.0} s comparing, {:.0} s settling",
-        statistics.searching_seconds, statistics.comparing_seconds, statistics.settling_seconds
+        "{} renderings ({made} in this run, {seconds:.0} s) at {} training and {} calibration cameras; a pool of {} settings",
+        outcome.renderings,
+        outcome.cameras[0],
+        outcome.cameras[1],
+        outcome.pool.len()
     );
+    println!("{}", describe(&outcome.fitted.report));
+    println!("{} nodes, {} corners, {} frontiers", map.octree.nodes.len(), map.octree.corners.len(), map.octree.frontiers.len());
+    let quality = outcome.cost_quality;
+    println!(
+        "power is the cost model's: at readings that it was not fitted to it is off by {:.1} % in the mean, {:.1} % at nine in ten",
+        100.0 * quality.mean_absolute_error,
+        100.0 * quality.ninth_decile
+    );
+    let fixed: Vec<&str> = outcome.screening.without_effect.iter().map(|knob| map.knobs.knobs()[*knob].name.as_str()).collect();
+    if !fixed.is_empty() {
+        println!("without effect on any picture, and so at their cheapest: {}", fixed.join(", "));
+    }
+    match map.error_rates.0.first() {
+        Some(least) => println!(
+            "error budgets from {} up are calibrated; the best settings rendered twice differ by {:.4}",
+            least.budget, outcome.noise
+        ),
+        None => println!("no error budget is calibrated: each frame's error is limited instead"),
+    }
 }

@@ -3,8 +3,7 @@
 use std::collections::HashMap;
 use std::path::PathBuf;
 
-use bevy::math::Vec3;
-use bevy_frugal_gi::frontier::{CostPoint, Frontier, FrontierPoint, ViewDirection};
+use bevy_frugal_gi::frontier::{CostPoint, Frontier, FrontierPoint};
 use bevy_frugal_gi::knobs::{KnobSpace, RenderSettings};
 use indicatif::ProgressBar;
 
@@ -13,8 +12,9 @@ use super::precompute::open_stage;
 use super::{CliError, progress};
 use crate::report::{SweepSummary, sweep_csv, sweep_report};
 use crate::scene::CameraPose;
-use crate::search::{Cached, Evaluate, SampleCamera, Search, SearchConfig, SearchTask, Unwatched};
+use crate::search::{Evaluate, Search, SearchConfig};
 use crate::stage::RemoteStage;
+use crate::table::Measure as _;
 
 #[derive(clap::Args, Debug)]
 pub(super) struct Arguments {
@@ -34,7 +34,7 @@ pub(super) struct Arguments {
 }
 
 /// Frames metered for each combination: a sweep is an oracle, so it reads longer than a search.
-const METERED_FRAMES: u32 = 4;
+const METERED_FRAMES: usize = 4;
 
 pub(super) fn run(arguments: &Arguments) -> Result<(), CliError> {
     let (scene, name) = open_scene(&arguments.camera.scene)?;
@@ -90,7 +90,7 @@ fn measure(stage: &mut RemoteStage, pose: &CameraPose, bar: &ProgressBar) -> Res
         if progress::interrupted() {
             return Err(CliError::failed("interrupted: nothing was written"));
         }
-        points.push(FrontierPoint { settings, cost: stage.measure(pose.position, pose.rotation, settings, METERED_FRAMES)? });
+        points.push(FrontierPoint { settings, cost: stage.measure(&[*pose; 1 + METERED_FRAMES], settings)? });
         bar.inc(1);
     }
     Ok(points)
@@ -102,11 +102,7 @@ struct Table(HashMap<RenderSettings, CostPoint>);
 impl Evaluate for Table {
     type Error = CliError;
 
-    fn sees(&mut self, _: SampleCamera) -> Result<bool, CliError> {
-        Ok(true)
-    }
-
-    fn evaluate(&mut self, _: SampleCamera, settings: RenderSettings) -> Result<CostPoint, CliError> {
+    fn evaluate(&mut self, settings: RenderSettings) -> Result<CostPoint, CliError> {
         self.0.get(&settings).copied().ok_or_else(|| CliError::failed("the search asked for settings that were not swept"))
     }
 }
@@ -114,7 +110,6 @@ impl Evaluate for Table {
 /// Median over the seeds of the hypervolume that the genetic search finds in the table, as a share of the whole table's.
 fn compare_search(space: &KnobSpace, points: &[FrontierPoint], worst: CostPoint, seeds: u64) -> Result<(), CliError> {
     let whole = Frontier::from_points(points.iter().copied()).hypervolume(worst);
-    let camera = SampleCamera { position: Vec3::ZERO, view: ViewDirection::PositiveX };
     println!(
         "NSGA-II in this table, median of {seeds} seeds: evaluations, share of the combinations, share of the hypervolume (worst seed)"
     );
@@ -124,9 +119,7 @@ fn compare_search(space: &KnobSpace, points: &[FrontierPoint], worst: CostPoint,
         for seed in 0..seeds {
             let mut table = Table(points.iter().map(|point| (point.settings, point.cost)).collect());
             let config = SearchConfig { seed, max_evaluations: Some(limit.max(4)), ..Default::default() };
-            let task = SearchTask { camera, at: [0; 3], inherit: &[], max_evaluations: None };
-            let mut cached = Cached::new(&mut table);
-            let found = Search::new(space, config).run(&mut cached, task, &mut Unwatched)?;
+            let found = Search::new(space, config).run(&mut table, &[], &mut |_| true)?;
             used = used.max(found.evaluations);
             shares.push(found.frontier.hypervolume(worst) / whole);
         }

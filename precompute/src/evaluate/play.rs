@@ -2,7 +2,6 @@
 
 use std::ops::ControlFlow;
 
-use bevy::math::{Quat, Vec3};
 use bevy_frugal_gi::frontier::CostPoint;
 use bevy_frugal_gi::knobs::RenderSettings;
 use bevy_frugal_gi::units::Watts;
@@ -12,13 +11,7 @@ use crate::metrics::{Picture, Reference};
 use super::EvaluationError;
 
 /// Where a camera is.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Pose {
-    /// World position, metres.
-    pub position: Vec3,
-    /// World rotation; the camera looks along its own −Z.
-    pub rotation: Quat,
-}
+pub type Pose = crate::scene::CameraPose;
 
 /// A frame that was rendered.
 #[derive(Clone, Debug, PartialEq)]
@@ -53,13 +46,15 @@ pub trait Player {
 pub struct Choice {
     /// The settings.
     pub settings: RenderSettings,
-    /// What they are expected to cost, where the policy has a forecast.
+    /// Where they lead: other than `settings` while a filter is on its way.
+    pub target: RenderSettings,
+    /// What the target is expected to cost, where the policy has a forecast.
     pub predicted: Option<CostPoint>,
 }
 
 impl From<RenderSettings> for Choice {
     fn from(settings: RenderSettings) -> Self {
-        Self { settings, predicted: None }
+        Self { settings, target: settings, predicted: None }
     }
 }
 
@@ -67,6 +62,11 @@ impl From<RenderSettings> for Choice {
 pub trait Policy {
     /// The settings of frame number `frame`, `dt` seconds after the one before, seen from `pose`. Asked once for each frame, in order.
     fn decide(&mut self, frame: usize, dt: f64, pose: &Pose) -> Choice;
+
+    /// What the frame that was decided last came to: for policies that react to a meter.
+    fn observe(&mut self, cost: CostPoint) {
+        let _ = cost;
+    }
 }
 
 /// The same settings throughout.
@@ -226,6 +226,7 @@ pub(super) fn play<P: Player>(
             Against::Compare(references) => references[frame].error(&shot.picture).map_err(at_frame)?,
         };
         let time = frame as f64 * dt;
+        policy.observe(CostPoint { power: shot.power, error });
         records.push(FrameRecord { time, settings: choice.settings, power: shot.power, error, predicted: choice.predicted });
         keep(frame, shot.picture);
         if on_frame().is_break() {
@@ -237,6 +238,8 @@ pub(super) fn play<P: Player>(
 
 #[cfg(test)]
 mod tests {
+    use bevy::math::{Quat, Vec3};
+
     use super::*;
 
     fn still(_: f64) -> Pose {

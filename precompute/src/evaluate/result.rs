@@ -33,6 +33,28 @@ pub struct EvaluationResult {
     pub drift: Drift,
     /// What the reader must know before believing the rest.
     pub warnings: Vec<String>,
+    /// Of runs played from a record: which share of what lies between the best constant and the oracle ours gains.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub gap_closed: Option<f64>,
+    /// Of runs played from a record: baselines that know no more than ours and dominate it, with 95 % confidence.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub dominated_by: Vec<String>,
+    /// Of runs played from a record: what a real run of ours came to.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub spot_check: Option<SpotCheck>,
+}
+
+/// Ours played for real, beside what the record says of it.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct SpotCheck {
+    /// Mean power of the real run.
+    pub mean_power_w: Watts,
+    /// Its mean error.
+    pub mean_error: f64,
+    /// Mean power by the record.
+    pub recorded_mean_power_w: Watts,
+    /// Mean error by the record.
+    pub recorded_mean_error: f64,
 }
 
 /// One run along the path.
@@ -59,6 +81,9 @@ pub struct RunResult {
     pub p99_overshoot_w: Option<Watts>,
     /// Whether mean power and mean error keep the budget.
     pub met: bool,
+    /// Share of the windows of one second whose mean power exceeds the power budget by more than 2 %; none without a power budget.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub windows_over: Option<f64>,
     /// What is special about this run.
     pub note: Option<String>,
     /// Every frame. Not in the JSON: `frames.csv` holds it.
@@ -94,6 +119,18 @@ impl Drift {
     }
 }
 
+impl SpotCheck {
+    /// A real run, which is not empty, beside the recorded one.
+    pub fn new(real: &[FrameRecord], recorded: &RunResult) -> Self {
+        Self {
+            mean_power_w: mean_power(real),
+            mean_error: mean_error(real),
+            recorded_mean_power_w: recorded.mean_power_w,
+            recorded_mean_error: recorded.mean_error,
+        }
+    }
+}
+
 impl RunResult {
     /// Sums up the frames of a run; `series` is not empty.
     pub(super) fn new(name: &str, series: Vec<FrameRecord>, budget: &ResolvedBudget, space: &KnobSpace) -> Self {
@@ -110,6 +147,7 @@ impl RunResult {
             median_power_w: Watts(quantile(&powers, 0.5)),
             p99_overshoot_w: None,
             met: false,
+            windows_over: None,
             note: None,
             series,
         };
@@ -124,6 +162,19 @@ impl RunResult {
         self.frames_over_budget = self.series.iter().filter(|frame| !budget.keeps(frame.power, frame.error)).count();
         self.p99_overshoot_w = budget.power_w.map(|limit| Watts((quantile(sorted_powers, 0.99) - limit.0).max(0.0)));
         self.met = budget.keeps(self.mean_power_w, self.mean_error);
+    }
+
+    /// The same run with its windows of a second held against the power budget.
+    #[must_use]
+    pub(super) fn with_windows(mut self, budget: &ResolvedBudget, fps: f64) -> Self {
+        let frames = (fps.round() as usize).clamp(1, self.series.len().max(1));
+        self.windows_over = budget.power_w.map(|limit| {
+            let windows = self.series.windows(frames);
+            let count = windows.len().max(1);
+            let over = windows.filter(|window| mean_power(window).0 > 1.02 * limit.0).count();
+            over as f64 / count as f64
+        });
+        self
     }
 
     /// The settings of frame number `frame`.

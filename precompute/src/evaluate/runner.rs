@@ -130,7 +130,7 @@ pub fn evaluate<'c, P: Player>(
     let size = stage.references.first().map_or((0, 0), Reference::size);
     let mut add = |name: &str, (series, kept): (Vec<_>, Vec<FramePicture>)| {
         pictures.extend(kept);
-        RunResult::new(name, series, &budget, space)
+        RunResult::new(name, series, &budget, space).with_windows(&budget, path.fps())
     };
     let maximum_frames = maximum.clone();
     let mut runs =
@@ -157,6 +157,9 @@ pub fn evaluate<'c, P: Player>(
         runs,
         drift,
         warnings,
+        gap_closed: None,
+        dominated_by: Vec::new(),
+        spot_check: None,
     };
     Ok(Evaluation { result, pictures })
 }

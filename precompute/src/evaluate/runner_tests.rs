@@ -23,7 +23,7 @@ fn evaluated(player: &mut Fake, power: Option<&str>, error: Option<f64>) -> Resu
                 (None, limit) => frontier.least_power_within(limit.unwrap_or(0.0)),
             };
             let point = point.or(frontier.points().first()).unwrap();
-            Choice { settings: point.settings, predicted: Some(point.cost) }
+            Choice { settings: point.settings, target: point.settings, predicted: Some(point.cost) }
         }))
     };
     evaluate(player, &plan, controller, &mut |_| ControlFlow::Continue(()))

@@ -6,7 +6,7 @@ use std::io;
 use bevy_frugal_gi::knobs::KnobSpace;
 use bevy_frugal_gi::power::Provenance;
 
-use super::EvaluationResult;
+use super::{EvaluationResult, Judged};
 
 const HEADERS: [&str; 8] = ["run", "mean W", "median W", "mean error", "max error", "over budget", "switches", "met"];
 
@@ -71,6 +71,32 @@ pub fn table(result: &EvaluationResult) -> String {
     }
     for warning in &result.warnings {
         let _ = writeln!(text, "warning: {warning}");
+    }
+    text
+}
+
+/// Several budgets on one path in a few lines each: what ours comes to beside the baselines, by mean power and mean error.
+pub fn judged_table(all: &[Judged]) -> String {
+    let mut text = String::new();
+    for judged in all {
+        let limit = match (judged.budget.power_w, judged.budget.error) {
+            (Some(power), _) => format!(" ({:.3} W)", power.0),
+            _ => String::new(),
+        };
+        let gap = judged.gap_closed.map_or("no gap".to_owned(), |gap| format!("{:.0} % of the gap closed", 100.0 * gap));
+        let _ = writeln!(text, "{}{limit}: {gap}", judged.asked);
+        for run in &judged.runs {
+            let over = run.windows_over.map_or(String::new(), |share| format!("  {:4.1} % of seconds over", 100.0 * share));
+            let met = if run.met { "" } else { "  not met" };
+            let _ = writeln!(
+                text,
+                "  {:24} {:8.3} W  {:.4}  {:3} switches{over}{met}",
+                run.name, run.mean_power_w.0, run.mean_error, run.switches
+            );
+        }
+        if !judged.dominated_by.is_empty() {
+            let _ = writeln!(text, "  ours is dominated by {}", judged.dominated_by.join(", "));
+        }
     }
     text
 }

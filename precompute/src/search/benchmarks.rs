@@ -7,15 +7,13 @@
 use std::convert::Infallible;
 use std::f64::consts::{FRAC_PI_2, PI};
 
-use bevy::math::Vec3;
-use bevy_frugal_gi::frontier::{CostPoint, Frontier, FrontierPoint, ViewDirection};
+use bevy_frugal_gi::frontier::{CostPoint, Frontier, FrontierPoint};
 use bevy_frugal_gi::knobs::{Knob, KnobSpace, RenderSettings};
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 
 use super::*;
 
-const CAMERA: SampleCamera = SampleCamera { position: Vec3::ZERO, view: ViewDirection::PositiveX };
 const KNOBS: usize = 16;
 const LEVELS: usize = 16;
 const REFERENCE: CostPoint = CostPoint::new(1.0, 1.0);
@@ -34,11 +32,7 @@ impl Problem {
 impl Evaluate for Problem {
     type Error = Infallible;
 
-    fn sees(&mut self, _: SampleCamera) -> Result<bool, Infallible> {
-        Ok(true)
-    }
-
-    fn evaluate(&mut self, _: SampleCamera, settings: RenderSettings) -> Result<CostPoint, Infallible> {
+    fn evaluate(&mut self, settings: RenderSettings) -> Result<CostPoint, Infallible> {
         self.evaluated.push(settings);
         Ok((self.cost)(settings))
     }
@@ -97,9 +91,7 @@ fn exact(cost: fn(RenderSettings) -> CostPoint) -> Frontier {
 }
 
 fn search(space: &KnobSpace, problem: &mut Problem, inherit: &[RenderSettings], config: SearchConfig) -> SearchOutcome {
-    let mut cached = Cached::new(problem);
-    let task = SearchTask { camera: CAMERA, at: [0; 3], inherit, max_evaluations: None };
-    let Ok(outcome) = Search::new(space, config).run(&mut cached, task, &mut Unwatched);
+    let Ok(outcome) = Search::new(space, config).run(problem, inherit, &mut |_| true);
     outcome
 }
 
@@ -302,28 +294,17 @@ fn costs_that_are_not_finite_are_survived() {
     assert!(found.points().len() > 5 && found.points().iter().all(|point| point.cost.is_finite()));
 }
 
-/// Stops after a number of questions.
-struct Patience(usize);
-
-impl Monitor for Patience {
-    fn keep_going(&mut self) -> bool {
-        self.0 = self.0.saturating_sub(1);
-        self.0 > 0
-    }
-
-    fn seconds(&mut self) -> f64 {
-        0.0
-    }
-}
-
 #[test]
 fn it_stops_anywhere_with_the_best_so_far() {
     let space = rendering_space();
-    for patience in [0, 1, 2, 3, 10, 25, 40, 100] {
+    for patience in [0usize, 1, 2, 3, 10, 25, 40, 100] {
         let mut problem = Problem::new(rendering);
-        let mut cached = Cached::new(&mut problem);
-        let task = SearchTask { camera: CAMERA, at: [0; 3], inherit: &[], max_evaluations: None };
-        let Ok(outcome) = Search::new(&space, SearchConfig::default()).run(&mut cached, task, &mut Patience(patience));
+        let mut asked = 0;
+        let mut keep_going = |_: usize| {
+            asked += 1;
+            asked < patience
+        };
+        let Ok(outcome) = Search::new(&space, SearchConfig::default()).run(&mut problem, &[], &mut keep_going);
         assert_eq!(outcome.evaluations, patience.saturating_sub(1));
         assert!(!outcome.complete);
         assert_eq!(outcome.frontier, frontier_of(problem.evaluated, rendering));

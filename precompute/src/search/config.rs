@@ -13,18 +13,15 @@ pub struct SearchConfig {
     pub generations: Option<usize>,
     /// Probability, 0 to 1, that a knob of an offspring changes; by default one knob per offspring on average (Deb et al. 2002, 1/n).
     pub mutation_probability: Option<f64>,
-    /// Most evaluations at one camera; at least the highest and the lowest settings are always evaluated. `None`: the generations decide.
+    /// Most evaluations; at least the highest and the lowest settings are always evaluated. `None`: the generations decide.
     pub max_evaluations: Option<usize>,
-    /// Points that miss the frontier by no more than this share of its range of power or error are [refined](super::Evaluate::refine) with it, at most
-    /// as many as it has points. Higher values repair more of a noisy meter's mistakes and take more measurements.
-    pub refine_margin: f64,
     /// Seeds every random choice. The same seed gives the same frontiers wherever costs are reproducible.
     pub seed: u64,
 }
 
 impl Default for SearchConfig {
     fn default() -> Self {
-        Self { population: 24, generations: None, mutation_probability: None, max_evaluations: None, refine_margin: 0.01, seed: 0 }
+        Self { population: 24, generations: None, mutation_probability: None, max_evaluations: None, seed: 0 }
     }
 }
 

@@ -1,4 +1,4 @@
-//! NSGA-II (Deb, Pratap, Agarwal, Meyarivan 2002, "A fast and elitist multiobjective genetic algorithm: NSGA-II", section III-C) at one camera.
+//! NSGA-II (Deb, Pratap, Agarwal, Meyarivan 2002, "A fast and elitist multiobjective genetic algorithm: NSGA-II", section III-C).
 //!
 //! What differs from the paper, because an evaluation is a rendering: offspring that are known already are replaced by unseen ones; the frontier is
 //! taken from everything evaluated and not from the last population; with a small allowance generations are smaller, so that there are several;
@@ -6,19 +6,19 @@
 
 use std::collections::HashSet;
 
-use bevy_frugal_gi::frontier::{Frontier, FrontierPoint, ViewDirection};
+use bevy_frugal_gi::frontier::{Frontier, FrontierPoint};
 use bevy_frugal_gi::knobs::{KnobSpace, RenderSettings};
 use rand::seq::SliceRandom;
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
+use super::cached::Cached;
 use super::crossover::swap_levels;
 use super::crowding::{fitness, survivors};
-use super::{Cached, Evaluate, Monitor, SampleCamera, SearchConfig, SearchProgress, gaps, mutation, seeding, settle};
+use super::{Evaluate, SearchConfig, gaps, mutation, seeding};
 
-/// Most of the allowance that goes into inherited settings, as a ratio. A neighbour's frontier is the best guess there is; a small allowance is
-/// best spent on it.
-const INHERITED: (usize, usize) = (2, 3);
+/// Most of the evaluations that go into inherited settings, as a ratio.
+const INHERITED: (usize, usize) = (1, 2);
 
 /// Probability that two parents swap levels and are not only mutated (Deb et al. 2002, section V).
 const CROSSOVER: f64 = 0.9;
@@ -29,31 +29,18 @@ const COUNTABLE: u64 = 1 << 22;
 /// Tries at mutating a known offspring into an unseen one before others are drawn, and tries at drawing one.
 const TRIES: usize = 16;
 
-/// What to search.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct SearchTask<'a> {
-    /// The camera.
-    pub camera: SampleCamera,
-    /// Where it is on the finest lattice (2¹⁵ steps along an edge of the octree's root): with the seed and the view, what its random numbers come from.
-    pub at: [u16; 3],
-    /// Settings to evaluate first: frontiers of neighbours or parents, the most trusted first. Others' settings that are not of the space are left out.
-    pub inherit: &'a [RenderSettings],
-    /// Most evaluations here, where that is less than the configuration's.
-    pub max_evaluations: Option<usize>,
-}
-
 /// What a search found.
 #[derive(Clone, Debug, PartialEq)]
 pub struct SearchOutcome {
-    /// Of everything evaluated at the camera. Empty only when no evaluation was finite, or the monitor stopped the search before the first.
+    /// Of everything evaluated. Empty only when no evaluation was finite, or the search was stopped before the first.
     pub frontier: Frontier,
-    /// Evaluations that were made, cached ones not counted.
+    /// Evaluations that were made.
     pub evaluations: usize,
-    /// Whether the monitor let the search end by itself.
+    /// Whether the search ended by itself.
     pub complete: bool,
 }
 
-/// Searches cameras of one knob space.
+/// Searches a knob space.
 #[derive(Clone, Debug)]
 pub struct Search<'a> {
     space: &'a KnobSpace,
@@ -67,16 +54,6 @@ impl<'a> Search<'a> {
         Self { space, config, combinations: combinations(space) }
     }
 
-    /// The space.
-    pub fn space(&self) -> &'a KnobSpace {
-        self.space
-    }
-
-    /// The configuration.
-    pub fn config(&self) -> &SearchConfig {
-        &self.config
-    }
-
     /// Most evaluations that a search takes by itself.
     pub fn limit(&self) -> usize {
         let evolving = self.config.evaluations(self.combinations);
@@ -86,23 +63,23 @@ impl<'a> Search<'a> {
         if all <= limit { all } else { limit.min(evolving).max(2) }
     }
 
-    /// Finds the frontier at a camera. What `cached` knows of it already takes part and costs nothing.
+    /// Finds the frontier. Those of `inherit` that are of the space are evaluated first; `keep_going` is asked before every evaluation.
     ///
     /// # Errors
-    /// When an evaluation fails. What was evaluated stays in `cached`.
+    /// When an evaluation fails.
     pub fn run<E: Evaluate>(
         &self,
-        cached: &mut Cached<'_, E>,
-        task: SearchTask<'_>,
-        monitor: &mut dyn Monitor,
+        evaluator: &mut E,
+        inherit: &[RenderSettings],
+        keep_going: &mut dyn FnMut(usize) -> bool,
     ) -> Result<SearchOutcome, E::Error> {
-        let limit = self.limit().min(task.max_evaluations.unwrap_or(usize::MAX)).max(2);
-        let random = camera_random(self.config.seed, task.at, task.camera.view);
-        let mut run = Run { search: self, cached, camera: task.camera, random, limit, spent: 0, complete: true, monitor };
-        run.explore(task.inherit)?;
-        let (evaluations, complete) = (run.spent, run.complete);
-        let frontier = settle(cached, task.camera, self.config.refine_margin, monitor)?;
-        Ok(SearchOutcome { frontier, evaluations, complete })
+        let mut key = [0; 32];
+        key[..8].copy_from_slice(&self.config.seed.to_le_bytes());
+        let random = ChaCha8Rng::from_seed(key);
+        let cached = Cached::new(evaluator);
+        let mut run = Run { search: self, cached, random, limit: self.limit(), complete: true, keep_going };
+        run.explore(inherit)?;
+        Ok(SearchOutcome { frontier: Frontier::from_points(run.cached.points()), evaluations: run.cached.len(), complete: run.complete })
     }
 }
 
@@ -113,26 +90,13 @@ fn combinations(space: &KnobSpace) -> u64 {
     if names > COUNTABLE { names } else { space.combinations() }
 }
 
-/// Random numbers of one camera: they do not depend on which cameras were searched before.
-fn camera_random(seed: u64, at: [u16; 3], view: ViewDirection) -> ChaCha8Rng {
-    let mut key = [0; 32];
-    key[..8].copy_from_slice(&seed.to_le_bytes());
-    for (bytes, coordinate) in key[8..14].chunks_exact_mut(2).zip(at) {
-        bytes.copy_from_slice(&coordinate.to_le_bytes());
-    }
-    key[14] = view as u8;
-    ChaCha8Rng::from_seed(key)
-}
-
 struct Run<'r, 's, 'e, E> {
     search: &'r Search<'s>,
-    cached: &'r mut Cached<'e, E>,
-    camera: SampleCamera,
+    cached: Cached<'e, E>,
     random: ChaCha8Rng,
     limit: usize,
-    spent: usize,
     complete: bool,
-    monitor: &'r mut dyn Monitor,
+    keep_going: &'r mut dyn FnMut(usize) -> bool,
 }
 
 impl<E: Evaluate> Run<'_, '_, '_, E> {
@@ -165,7 +129,7 @@ impl<E: Evaluate> Run<'_, '_, '_, E> {
         let probes = seeding::probes(space);
         let Some(highest) = self.measure(space.highest())? else { return Ok(()) };
         // Probes pay when there is enough left to use what they say.
-        if self.spent + 2 * probes.len() > self.limit {
+        if self.cached.len() + 2 * probes.len() > self.limit {
             return Ok(());
         }
         let mut probed = Vec::new();
@@ -191,9 +155,9 @@ impl<E: Evaluate> Run<'_, '_, '_, E> {
             population.extend(self.measure(settings)?);
         }
         // As in the paper where there is time for many generations; smaller ones, which learn sooner, where there is not.
-        let batch = capacity.min((until.saturating_sub(self.spent) / 8).max(4));
+        let batch = capacity.min((until.saturating_sub(self.cached.len()) / 8).max(4));
         while self.may_spend(until) {
-            let offspring = self.offspring(&population, batch.min(until - self.spent));
+            let offspring = self.offspring(&population, batch.min(until - self.cached.len()));
             if offspring.is_empty() {
                 return Ok(());
             }
@@ -208,9 +172,8 @@ impl<E: Evaluate> Run<'_, '_, '_, E> {
     fn fill_gaps(&mut self) -> Result<(), E::Error> {
         while self.may_spend(self.limit) {
             let frontier = Frontier::from_points(self.points());
-            let (cached, camera) = (&*self.cached, self.camera);
-            let taken = |settings| cached.known(camera, settings).is_some();
-            let proposed = gaps::propose(self.search.space, &frontier, &mut self.random, taken);
+            let cached = &self.cached;
+            let proposed = gaps::propose(self.search.space, &frontier, &mut self.random, |settings| cached.knows(settings));
             let settings = match proposed {
                 Some(settings) => settings,
                 None => {
@@ -257,12 +220,12 @@ impl<E: Evaluate> Run<'_, '_, '_, E> {
         offspring
     }
 
-    /// `settings`, or else something near them, or else anything, that is neither known at this camera nor `planned`. `None` when there is no more.
+    /// `settings`, or else something near them, or else anything, that is neither known nor `planned`. `None` when there is no more.
     fn unseen(&mut self, settings: RenderSettings, planned: &HashSet<RenderSettings>) -> Option<RenderSettings> {
         let space = self.search.space;
-        let (cached, camera, random) = (&*self.cached, self.camera, &mut self.random);
-        let new = |settings: RenderSettings| cached.known(camera, settings).is_none() && !planned.contains(&settings);
-        if (cached.known_count(camera) + planned.len()) as u64 >= self.search.combinations {
+        let (cached, random) = (&self.cached, &mut self.random);
+        let new = |settings: RenderSettings| !cached.knows(settings) && !planned.contains(&settings);
+        if (cached.len() + planned.len()) as u64 >= self.search.combinations {
             return None;
         }
         let mut candidate = space.canonical(settings);
@@ -283,28 +246,26 @@ impl<E: Evaluate> Run<'_, '_, '_, E> {
     }
 
     fn points(&self) -> Vec<FrontierPoint> {
-        self.cached.points(self.camera).filter(|point| point.cost.is_finite()).collect()
+        self.cached.points().collect()
     }
 
-    fn may_spend(&mut self, until: usize) -> bool {
-        self.spent < until && self.complete
+    fn may_spend(&self, until: usize) -> bool {
+        self.cached.len() < until && self.complete
     }
 
     /// The cost of `settings`, evaluated unless known. `None` where that is not finite, or nothing more may be evaluated.
     fn measure(&mut self, settings: RenderSettings) -> Result<Option<FrontierPoint>, E::Error> {
         let settings = self.search.space.canonical(settings);
-        if self.cached.known(self.camera, settings).is_none() {
-            if self.spent >= self.limit || !self.complete {
+        if !self.cached.knows(settings) {
+            if self.cached.len() >= self.limit || !self.complete {
                 return Ok(None);
             }
-            if !self.monitor.keep_going() {
+            if !(self.keep_going)(self.cached.len()) {
                 self.complete = false;
                 return Ok(None);
             }
-            self.spent += 1;
         }
-        let cost = self.cached.evaluate(self.camera, settings)?;
-        self.monitor.searched(&SearchProgress { evaluations: self.spent, limit: self.limit });
+        let cost = self.cached.evaluate(settings)?;
         Ok(cost.is_finite().then_some(FrontierPoint { settings, cost }))
     }
 }

@@ -5,6 +5,7 @@
 
 use std::time::{Duration, Instant};
 
+use bevy::math::{Quat, Vec3};
 use bevy_frugal_gi::power::{EnergyWindow, MeterError, Provenance};
 use bevy_frugal_gi::units::{Joules, Watts};
 
@@ -27,11 +28,19 @@ impl Stage {
     /// # Errors
     /// When the meter cannot be read.
     pub fn metered_frames(&mut self, least: u32) -> Result<Watts, StageError> {
+        self.metered(|_| None, least)
+    }
+
+    /// The same with a moving camera: `pose` is where it is in each frame, none where it stays.
+    pub(super) fn metered(&mut self, pose: impl Fn(usize) -> Option<(Vec3, Quat)>, least: u32) -> Result<Watts, StageError> {
         let least_seconds = if self.meter.window_seconds() < 0.01 { 0.0 } else { STEPS_PER_WINDOW * self.meter.window_seconds() };
         let window = EnergyWindow::start(self.meter.as_mut())?;
         let start = Instant::now();
         let mut frames = 0;
         while frames < least.max(1) || start.elapsed().as_secs_f64() < least_seconds {
+            if let Some((position, rotation)) = pose(frames as usize) {
+                self.place(position, rotation);
+            }
             self.frame();
             frames += 1;
         }

@@ -38,7 +38,6 @@ use crate::scene::{Bounds, RayScene, SceneDescription, SceneError};
 pub use crate::metrics::Radiance;
 pub use adapter::{adapter, software_adapter};
 pub use evaluator::StageEvaluator;
-pub(crate) use evaluator::sees;
 pub use player::StagePlayer;
 pub use remote::{RemoteError, RemoteStage, StageRequest, serve};
 pub use useful::{every_knob, knobs, useful_knobs};
@@ -253,6 +252,11 @@ impl Stage {
     /// The meter's name and provenance.
     pub fn meter(&self) -> MeterInfo {
         self.meter.info()
+    }
+
+    /// Power while nothing is rendered, as far as the meter covers it.
+    pub fn idle(&self) -> Watts {
+        self.idle
     }
 
     /// Triangles for questions that need no picture.

@@ -199,6 +199,14 @@ fn arguments_that_make_no_sense_are_named() {
         (&["compare", "missing.exr", "a.scene.ron"], &["missing.exr"]),
         (&["compare", "a.scene.ron", "a.scene.ron"], &["a.scene.ron", "OpenEXR"]),
         (&["inspect", "missing.pareto.ron"], &["missing.pareto.ron"]),
+        (&["reprice", "missing.pareto.ron", "--fps", "60"], &["missing.pareto.ron"]),
+        (&["merge", "missing.journal"], &["missing.journal"]),
+        (&["merge", "a.scene.ron"], &["a.scene.ron", "not a journal"]),
+        (&["calibrate", "a.scene.ron", "--time-limit", "0s"], &["--time-limit"]),
+        (&["precompute", "a.scene.ron", "--shard", "4/4"], &["--shard"]),
+        (&["precompute", "a.scene.ron", "--path", "walk"], &["walk", "tour"]),
+        (&["precompute", "a.scene.ron", "--cameras", "missing.txt"], &["missing.txt"]),
+        (&["precompute", "a.scene.ron", "--cameras", "a.scene.ron"], &["a.scene.ron", "CameraRecorderPlugin"]),
         (&["bake", "a.scene.ron"], &["bake"]),
     ] {
         assert_refused(&run(folder.path(), arguments), words);

@@ -8,7 +8,7 @@ use crate::cli::arguments::{write, write_report};
 use crate::cli::{CliError, progress};
 use crate::metrics::{Difference, Radiance};
 use crate::report::{Report, SweepSummary, sweep_csv, sweep_section};
-use crate::search::{LevelWorth, level_worth};
+use crate::search::{LevelDominance, level_dominance};
 use crate::stage::Stage;
 
 /// Frames metered for each combination.
@@ -49,11 +49,11 @@ pub(super) fn run(
     bar.finish_and_clear();
 
     println!("{} combinations of the global illumination's levels; cost in watts that it adds, error against the truth", table.len());
-    println!("{:20} {:>8} {:>9} {:>10}", "knob", "level", "unbeaten", "beaten by");
-    let worths = level_worth(&whole, &table).into_iter().filter(|worth| is_gi(&worth.knob) && !is_still(&worth.knob));
-    let worths: Vec<LevelWorth> = worths.collect();
+    println!("{:20} {:>8} {:>14} {:>12}", "knob", "level", "Pareto-optimal", "dominated by");
+    let worths = level_dominance(&whole, &table).into_iter().filter(|worth| is_gi(&worth.knob) && !is_still(&worth.knob));
+    let worths: Vec<LevelDominance> = worths.collect();
     for worth in &worths {
-        println!("{:20} {:>8} {:9} {:10.3}", worth.knob, worth.label, worth.unbeaten, worth.beaten_by);
+        println!("{:20} {:>8} {:14} {:12.3}", worth.knob, worth.label, worth.non_dominated, worth.dominated_by);
     }
     let points: Vec<_> = table.into_iter().map(|(settings, cost)| FrontierPoint { settings, cost }).collect();
     if let Some(path) = &arguments.csv {
@@ -74,8 +74,8 @@ pub(super) fn run(
             look_at: arguments.camera.look_at,
         };
         let mut section = sweep_section(&summary)?;
-        let row = |worth: &LevelWorth| {
-            vec![worth.knob.clone(), worth.label.clone(), worth.unbeaten.to_string(), format!("{:.3}", worth.beaten_by)]
+        let row = |worth: &LevelDominance| {
+            vec![worth.knob.clone(), worth.label.clone(), worth.non_dominated.to_string(), format!("{:.3}", worth.dominated_by)]
         };
         let headers = ["knob", "level", "of the frontier have it", "its best combination is beaten by a factor of"].map(String::from);
         section.table("What levels are worth", &headers, &worths.iter().map(row).collect::<Vec<_>>());

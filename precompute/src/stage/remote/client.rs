@@ -3,18 +3,16 @@
 use std::io::{BufReader, Read};
 use std::process::{Child, ChildStdin, ChildStdout, Command, Stdio};
 
-use bevy::math::{Quat, Vec3};
 use bevy_frugal_gi::frontier::CostPoint;
 use bevy_frugal_gi::knobs::{KnobSpace, RenderSettings};
 use bevy_frugal_gi::power::MeterInfo;
+use bevy_frugal_gi::units::Watts;
 
 use super::protocol::{Answer, Reply, Request, StageRequest, receive, send};
-use crate::cells::Measure;
 use crate::evaluate::{Player, Pose, Shot};
 use crate::metrics::Picture;
 use crate::scene::{Bounds, CameraPose, RayScene, SceneDescription};
-use crate::search::{Evaluate, SampleCamera};
-use crate::stage::evaluator::{EVALUATING_FRAMES, REFINING_FRAMES};
+use crate::table::Measure;
 
 /// A child larger than this is replaced. Well above what a scene's own textures take, well below what a small machine has.
 const LARGEST_BYTES: u64 = 4 << 30;
@@ -60,6 +58,7 @@ pub struct RemoteStage {
     worker: Option<Worker>,
     space: KnobSpace,
     meter: MeterInfo,
+    idle: Watts,
     rays: RayScene,
     bounds: Option<Bounds>,
     vertical_fov_degrees: f32,
@@ -79,6 +78,7 @@ impl RemoteStage {
             worker: None,
             space: KnobSpace::default(),
             meter: MeterInfo { name: String::new(), provenance: bevy_frugal_gi::power::Provenance::Modelled, description: String::new() },
+            idle: Watts(0.0),
             rays: RayScene::from_geometry(&geometry),
             bounds: geometry.bounds(),
             vertical_fov_degrees: scene.camera.vertical_fov,
@@ -97,6 +97,11 @@ impl RemoteStage {
     /// The meter's name and provenance.
     pub fn meter(&self) -> MeterInfo {
         self.meter.clone()
+    }
+
+    /// Power while nothing is rendered, as far as the meter covers it.
+    pub fn idle(&self) -> Watts {
+        self.idle
     }
 
     /// The box around the geometry, where there is any.
@@ -119,10 +124,15 @@ impl RemoteStage {
         self.request.frames_per_second
     }
 
-    /// Whether a camera has geometry before it and none around it. Asks no child.
-    pub fn sees_from(&self, position: Vec3, rotation: Quat) -> bool {
+    /// Triangles for questions that need no picture.
+    pub fn rays(&self) -> &RayScene {
+        &self.rays
+    }
+
+    /// Vertical field of view in radians, and width ÷ height.
+    pub fn lens(&self) -> (f32, f32) {
         let [width, height] = self.request.size;
-        crate::stage::sees(&self.rays, position, rotation, self.vertical_fov_degrees, width as f32 / height as f32)
+        (self.vertical_fov_degrees.to_radians(), width as f32 / height as f32)
     }
 
     /// How often the child was replaced.
@@ -152,7 +162,7 @@ impl RemoteStage {
         };
         self.worker = Some(Worker { child, input, output: BufReader::new(output), resident_bytes: 0 });
         match self.exchange(&Request::Open(self.request.clone()))? {
-            (Answer::Opened { space, meter }, _) => (self.space, self.meter) = (space, meter),
+            (Answer::Opened { space, meter, idle }, _) => (self.space, self.meter, self.idle) = (space, meter, idle),
             other => return Err(RemoteError::failed(format!("the renderer's process answered out of turn: {other:?}"))),
         }
         if self.warm {
@@ -215,45 +225,18 @@ impl RemoteStage {
             }
         }
     }
-
-    /// Power and error of `settings` at a camera, metered over at least `frames` frames.
-    ///
-    /// # Errors
-    /// When the child fails.
-    pub fn measure(&mut self, position: Vec3, rotation: Quat, settings: RenderSettings, frames: u32) -> Result<CostPoint, RemoteError> {
-        match self.ask(&Request::Measure { position, rotation, settings, frames })? {
-            (Answer::Cost(cost), _) => Ok(cost),
-            other => Err(RemoteError::failed(format!("the renderer's process answered out of turn: {other:?}"))),
-        }
-    }
-}
-
-impl Evaluate for RemoteStage {
-    type Error = RemoteError;
-
-    fn sees(&mut self, camera: SampleCamera) -> Result<bool, RemoteError> {
-        Ok(self.sees_from(camera.position, camera.view.rotation()))
-    }
-
-    fn evaluate(&mut self, camera: SampleCamera, settings: RenderSettings) -> Result<CostPoint, RemoteError> {
-        self.measure(camera.position, camera.view.rotation(), settings, EVALUATING_FRAMES)
-    }
-
-    fn refine(&mut self, camera: SampleCamera, settings: RenderSettings, _: CostPoint) -> Result<CostPoint, RemoteError> {
-        self.measure(camera.position, camera.view.rotation(), settings, REFINING_FRAMES)
-    }
 }
 
 impl Measure for RemoteStage {
     type Error = RemoteError;
 
-    fn sees(&self, camera: &CameraPose) -> bool {
-        self.sees_from(camera.position, camera.rotation)
-    }
-
-    /// No longer than a first reading: readings that nothing selects are not flattered, and several cameras average out what one of them misreads.
-    fn measure(&mut self, camera: &CameraPose, settings: RenderSettings) -> Result<CostPoint, RemoteError> {
-        RemoteStage::measure(self, camera.position, camera.rotation, settings, EVALUATING_FRAMES)
+    /// Power is the mean of all frames but the first.
+    fn measure(&mut self, clip: &[CameraPose], settings: RenderSettings) -> Result<CostPoint, RemoteError> {
+        let clip = clip.iter().map(|pose| (pose.position, pose.rotation)).collect();
+        match self.ask(&Request::Measure { clip, settings })? {
+            (Answer::Cost(cost), _) => Ok(cost),
+            other => Err(RemoteError::failed(format!("the renderer's process answered out of turn: {other:?}"))),
+        }
     }
 }
 

@@ -32,8 +32,8 @@ pub(super) enum Request {
     Open(StageRequest),
     /// Shows every level of every knob once.
     Warm,
-    /// Cost of settings at a camera, metered over at least so many frames.
-    Measure { position: Vec3, rotation: Quat, settings: RenderSettings, frames: u32 },
+    /// Cost of settings over a clip: the poses of consecutive frames.
+    Measure { clip: Vec<(Vec3, Quat)>, settings: RenderSettings },
     /// A run begins.
     Begin { position: Vec3, rotation: Quat, settings: RenderSettings },
     /// One frame of a run.
@@ -54,6 +54,7 @@ pub(super) enum Answer {
     Opened {
         space: KnobSpace,
         meter: MeterInfo,
+        idle: Watts,
     },
     Done,
     Cost(CostPoint),
@@ -96,12 +97,8 @@ mod tests {
 
     #[test]
     fn messages_survive_the_pipe_and_strangers_are_refused() {
-        let request = Request::Measure {
-            position: Vec3::new(0.1, -2.0, 1e6),
-            rotation: Quat::IDENTITY,
-            settings: RenderSettings::from_bits(u64::MAX),
-            frames: 2,
-        };
+        let clip = vec![(Vec3::new(0.1, -2.0, 1e6), Quat::IDENTITY); 2];
+        let request = Request::Measure { clip, settings: RenderSettings::from_bits(u64::MAX) };
         let mut pipe = Vec::new();
         send(&mut pipe, &request).expect("a vector takes it");
         assert_eq!(receive::<Request>(&mut pipe.as_slice()).expect("what was sent"), request);

@@ -45,7 +45,7 @@ fn answer(stage: &mut Option<StageEvaluator>, request: Request) -> Result<(Answe
             ..Default::default()
         };
         let opened = Stage::open(&scene::load(&request.scene)?, options)?;
-        let answer = Answer::Opened { space: opened.space().as_ref().clone(), meter: opened.meter() };
+        let answer = Answer::Opened { space: opened.space().as_ref().clone(), meter: opened.meter(), idle: opened.idle() };
         *stage = Some(StageEvaluator::new(opened));
         return Ok((answer, None));
     }
@@ -53,8 +53,9 @@ fn answer(stage: &mut Option<StageEvaluator>, request: Request) -> Result<(Answe
     match request {
         Request::Open(_) => unreachable!("handled above"),
         Request::Warm => stage.stage().warm()?,
-        Request::Measure { position, rotation, settings, frames } => {
-            return Ok((Answer::Cost(stage.measure(position, rotation, settings, frames)?), None));
+        Request::Measure { clip, settings } => {
+            let clip: Vec<Pose> = clip.into_iter().map(|(position, rotation)| Pose { position, rotation }).collect();
+            return Ok((Answer::Cost(stage.measure(&clip, settings)?), None));
         }
         Request::Begin { position, rotation, settings } => {
             StagePlayer::new(stage.stage()).begin_run("", &Pose { position, rotation }, settings)?;

@@ -1,0 +1,46 @@
+//! A camera that moves.
+
+use bevy::math::{Quat, Vec3};
+
+use crate::scene::CameraPose;
+
+/// A camera at one moment, and how it moves.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct MovingCamera {
+    /// Where it is.
+    pub pose: CameraPose,
+    /// Metres per second.
+    pub velocity: Vec3,
+    /// Rotation per second: axis times radians, in world space.
+    pub turn: Vec3,
+    /// Cameras near each other in time or space have the same number: they are kept or held out together.
+    pub group: u32,
+}
+
+impl MovingCamera {
+    /// The pose `seconds` later, or earlier where negative.
+    pub fn at(&self, seconds: f32) -> CameraPose {
+        let rotation = (Quat::from_scaled_axis(self.turn * seconds) * self.pose.rotation).normalize();
+        CameraPose { position: self.pose.position + self.velocity * seconds, rotation }
+    }
+
+    /// The last `frames` poses at `frames_per_second`, the present one last.
+    pub fn clip(&self, frames: u32, frames_per_second: f64) -> Vec<CameraPose> {
+        (0..frames.max(1)).rev().map(|back| self.at(-(f64::from(back) / frames_per_second) as f32)).collect()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_clip_ends_where_the_camera_is() {
+        let pose = CameraPose { position: Vec3::new(1.0, 2.0, 3.0), rotation: Quat::IDENTITY };
+        let camera = MovingCamera { pose, velocity: Vec3::X * 3.0, turn: Vec3::Y, group: 0 };
+        let clip = camera.clip(4, 30.0);
+        assert_eq!((clip.len(), clip[3]), (4, pose));
+        assert!((clip[0].position.x - 0.7).abs() < 1e-6 && clip[0].rotation.y < 0.0);
+        assert_eq!(camera.clip(0, 30.0).len(), 1);
+    }
+}

@@ -1,0 +1,101 @@
+//! `frugal calibrate`: what work costs on this device.
+
+use std::path::PathBuf;
+use std::time::{Duration, Instant};
+
+use super::arguments::{CaptureArguments, check_outputs, duration, open_scene, write};
+use super::precompute::{layout, open_stage, prices};
+use super::{CliError, progress};
+use crate::cameras::{CameraMix, CameraSet, tracks_of};
+use crate::cost::{CostModel, CostReading, DeviceModel, Work};
+use crate::pool::screening_settings;
+use crate::table::Measure as _;
+
+#[derive(clap::Args, Debug)]
+pub(super) struct Arguments {
+    /// A scene like those that maps are made for
+    #[arg(value_name = "SCENE")]
+    scene: PathBuf,
+    /// Prices to write
+    #[arg(short, long, value_name = "FILE", default_value = "device.prices.ron")]
+    output: PathBuf,
+    #[command(flatten)]
+    capture: CaptureArguments,
+    /// How long readings are taken
+    #[arg(long, value_name = "TIME", default_value = "2m", value_parser = duration)]
+    time_limit: Duration,
+    /// Seed of the cameras
+    #[arg(long, value_name = "N", default_value_t = 0)]
+    seed: u64,
+}
+
+/// Cameras that readings are taken at.
+const CAMERAS: usize = 6;
+/// Parts in which settings are held out in turn.
+const FOLDS: usize = 5;
+/// Fewest readings that prices are fitted to.
+const FEWEST: usize = 40;
+
+pub(super) fn run(arguments: &Arguments) -> Result<(), CliError> {
+    let (scene, _) = open_scene(&arguments.scene)?;
+    check_outputs([Some(&arguments.output)])?;
+    let mut stage = open_stage(&scene, &arguments.scene, &arguments.capture)?;
+    let space = stage.space().clone();
+    let bounds = scene.camera_bounds(stage.bounds());
+    let fps = arguments.capture.fps;
+    let tracks = tracks_of(scene.paths.values(), fps);
+    let cameras =
+        CameraSet::draw(stage.rays(), &bounds, &tracks, [CAMERAS, 0], &CameraMix::default(), stage.lens(), arguments.seed).training;
+    if cameras.is_empty() {
+        return Err(CliError::usage(format!("{}: no camera stands free and sees the scene", arguments.scene.display())));
+    }
+    stage.warm()?;
+    let settings = screening_settings(&space);
+    let layout = layout(&scene, stage.size());
+    let bar = progress::bar(arguments.time_limit.as_secs());
+    bar.set_message("seconds of readings");
+    let started = Instant::now();
+    let mut readings = Vec::new();
+    // Round after round, forwards and backwards in turn: what drifts does not favour some settings.
+    'rounds: for round in 0.. {
+        for (camera, place) in cameras.iter().enumerate() {
+            for step in 0..settings.len() {
+                if started.elapsed() >= arguments.time_limit || progress::interrupted() {
+                    break 'rounds;
+                }
+                let settings = settings[if round % 2 == 0 { step } else { settings.len() - 1 - step }];
+                let cost = stage.measure(&place.clip(2, fps), settings)?;
+                readings.push(CostReading { camera, work: Work::of(&space, settings, &layout), power_w: cost.power.0 });
+                bar.set_position(started.elapsed().as_secs());
+            }
+        }
+    }
+    bar.finish_and_clear();
+    if readings.len() < FEWEST {
+        return Err(CliError::failed(format!(
+            "{} readings in {:.0} s are too few to fit prices to: give --time-limit more, or --size less",
+            readings.len(),
+            started.elapsed().as_secs_f64()
+        )));
+    }
+    let quality = CostModel::cross_validated(&readings, FOLDS);
+    let model = CostModel::fit(&readings);
+    let device = DeviceModel {
+        adapter: crate::stage::adapter().map_or_else(|| "none".to_owned(), |adapter| adapter.name),
+        meter: stage.meter(),
+        mean_absolute_error: quality.mean_absolute_error,
+        prices: prices(&model, &space, &layout, fps, stage.idle()),
+    };
+    let text = ron::ser::to_string_pretty(&device, ron::ser::PrettyConfig::new()).map_err(CliError::failed)?;
+    write(&arguments.output, text.as_bytes())?;
+    println!("{} readings at {} cameras in {:.0} s, on {}", readings.len(), cameras.len(), started.elapsed().as_secs_f64(), device.adapter);
+    println!(
+        "held-out readings are off by {:.1} % in the mean, {:.1} % at nine in ten; a reading of one frame is itself off by several",
+        100.0 * quality.mean_absolute_error,
+        100.0 * quality.ninth_decile
+    );
+    for (kind, joules) in device.prices.kinds.iter().zip(&device.prices.joules).filter(|(_, joules)| **joules > 0.0) {
+        println!("  {kind:32} {joules:.3e} J");
+    }
+    Ok(())
+}

@@ -1,0 +1,57 @@
+//! `frugal reprice`: a map's power on another device, at another size or frame rate.
+
+use std::path::PathBuf;
+
+use bevy::math::UVec2;
+
+use super::CliError;
+use super::arguments::{check_outputs, size, write};
+use super::inspect::read;
+use crate::cost::{DeviceModel, NewConditions, reprice};
+
+#[derive(clap::Args, Debug)]
+pub(super) struct Arguments {
+    /// The map
+    #[arg(value_name = "MAP")]
+    map: PathBuf,
+    /// Prices of the device, as frugal calibrate writes them; without it, the map's own
+    #[arg(long, value_name = "FILE")]
+    prices: Option<PathBuf>,
+    /// Size of the pictures
+    #[arg(long, value_name = "WxH", value_parser = size)]
+    size: Option<UVec2>,
+    /// Frame rate
+    #[arg(long, value_name = "N", allow_hyphen_values = true)]
+    fps: Option<f64>,
+    /// Map to write; without it, over the old one
+    #[arg(short, long, value_name = "MAP")]
+    output: Option<PathBuf>,
+}
+
+pub(super) fn run(arguments: &Arguments) -> Result<(), CliError> {
+    let (map, _) = read(&arguments.map)?;
+    if let Some(fps) = arguments.fps.filter(|fps| !(fps.is_finite() && *fps > 0.0)) {
+        return Err(CliError::usage(format!("--fps {fps}: must be a finite number above 0")));
+    }
+    let output = arguments.output.as_ref().unwrap_or(&arguments.map);
+    check_outputs([Some(output)])?;
+    let device = arguments.prices.as_ref().map(|path| {
+        let named = |error: &dyn std::fmt::Display| {
+            CliError::usage(format!("{}: {error}; give a file that frugal calibrate wrote", path.display()))
+        };
+        let text = std::fs::read_to_string(path).map_err(|error| named(&error))?;
+        ron::from_str::<DeviceModel>(&text).map_err(|error| named(&error))
+    });
+    let to =
+        NewConditions { device: device.transpose()?, size: arguments.size.map(|size| size.to_array()), frames_per_second: arguments.fps };
+    let repriced = reprice(&map, &to).map_err(|error| CliError::usage(format!("{}: {error}", arguments.map.display())))?;
+    repriced.validate().map_err(|error| CliError::usage(format!("{}: repriced, {error}", arguments.map.display())))?;
+    write(output, repriced.to_ron().map_err(CliError::failed)?.as_bytes())?;
+    let range = |map: &bevy_frugal_gi::frontier::FrontierMap| {
+        let points = map.shared.points();
+        points.first().zip(points.last()).map_or((0.0, 0.0), |(first, last)| (first.cost.power.0, last.cost.power.0))
+    };
+    let (before, after) = (range(&map), range(&repriced));
+    println!("the shared frontier went from {:.2} to {:.2} W; now {:.2} to {:.2} W", before.0, before.1, after.0, after.1);
+    Ok(())
+}

@@ -1,0 +1,212 @@
+//! A map's power at other prices, another size, or another frame rate, without a new search.
+
+use bevy_frugal_gi::frontier::{CostPoint, Frontier, FrontierMap, FrontierPoint, WorkPrices};
+use bevy_frugal_gi::knobs::KnobSpace;
+use bevy_frugal_gi::power::MeterInfo;
+use bevy_frugal_gi::units::Watts;
+use serde::{Deserialize, Serialize};
+
+use super::{FrameLayout, Work};
+
+/// What `frugal calibrate` writes: prices of work on one device.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct DeviceModel {
+    /// The adapter's name.
+    pub adapter: String,
+    /// Where the watts come from.
+    pub meter: MeterInfo,
+    /// Mean of |predicted ÷ read − 1| at readings that the prices were not fitted to.
+    pub mean_absolute_error: f64,
+    /// The prices.
+    pub prices: WorkPrices,
+}
+
+/// Why a map cannot be repriced.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+#[non_exhaustive]
+pub enum RepriceError {
+    /// A map of an earlier version.
+    #[error("the map holds no prices of work: make it anew with `frugal precompute`")]
+    NoPrices,
+    /// Work of the map's settings that the device model has no price for.
+    #[error("the device model has no price for `{0}`: calibrate with the map's knobs")]
+    MissingPrice(String),
+    /// Settings that cost nothing at the map's own prices.
+    #[error("settings {0:#x} cost nothing at the map's own prices: the file was changed")]
+    FreeSettings(u64),
+}
+
+/// Another size, rate or device; what is `None` stays.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct NewConditions {
+    /// Another device.
+    pub device: Option<DeviceModel>,
+    /// Width and height, pixels.
+    pub size: Option<[u32; 2]>,
+    /// Hertz.
+    pub frames_per_second: Option<f64>,
+}
+
+/// `map` under other conditions. Errors stay as they are: they are those of the size that the map was made at.
+///
+/// Energy of a point = work of its settings at the device's prices × what its cameras had beyond the map's own prices.
+///
+/// # Errors
+/// When the map has no prices, or the device none for some of its work.
+pub fn reprice(map: &FrontierMap, to: &NewConditions) -> Result<FrontierMap, RepriceError> {
+    let old = &map.work_prices;
+    if old.kinds.is_empty() {
+        return Err(RepriceError::NoPrices);
+    }
+    let new = to.device.as_ref().map_or_else(|| Ok(old.clone()), |device| matched(old, &device.prices))?;
+    let mut repriced = map.clone();
+    repriced.capture.size = to.size.unwrap_or(map.capture.size);
+    repriced.capture.frames_per_second = to.frames_per_second.unwrap_or(map.capture.frames_per_second);
+    if let Some(device) = &to.device {
+        repriced.meter = device.meter.clone();
+    }
+    let layout = |size| FrameLayout { size, maps: old.maps, has_sky: old.has_sky };
+    let (before, after) = (layout(map.capture.size), layout(repriced.capture.size));
+    let (old_rate, new_rate) = (map.capture.frames_per_second, repriced.capture.frames_per_second);
+    let space = &map.knobs;
+    let frontier = |frontier: &Frontier| -> Result<Frontier, RepriceError> {
+        let point = |point: &FrontierPoint| {
+            let energy = |prices: &WorkPrices, layout: &FrameLayout| energy(space, point, prices, layout);
+            let own = energy(old, &before);
+            let spent = (point.cost.power.0 - old.idle.0).max(0.0) / old_rate;
+            if own <= 0.0 {
+                return Err(RepriceError::FreeSettings(point.settings.bits()));
+            }
+            let power = new.idle.0 + new_rate * energy(&new, &after) * (spent / own);
+            Ok(FrontierPoint { settings: point.settings, cost: CostPoint { power: Watts(power), ..point.cost } })
+        };
+        Ok(Frontier::from_points(frontier.points().iter().map(point).collect::<Result<Vec<_>, _>>()?).rounded())
+    };
+    repriced.octree.frontiers = map.octree.frontiers.iter().map(frontier).collect::<Result<_, _>>()?;
+    repriced.shared = frontier(&map.shared)?;
+    // A unit of error is worth as many watts more as the whole frontier costs more.
+    let top = |frontier: &Frontier| frontier.points().last().map_or(1.0, |point| point.cost.power.0);
+    let scale = top(&repriced.shared) / top(&map.shared);
+    repriced.error_rates.0.iter_mut().for_each(|rate| rate.watts_per_error *= scale);
+    repriced.thresholds.power_w *= scale;
+    repriced.work_prices = new;
+    Ok(repriced)
+}
+
+fn energy(space: &KnobSpace, point: &FrontierPoint, prices: &WorkPrices, layout: &FrameLayout) -> f64 {
+    Work::of(space, point.settings, layout).0.iter().zip(&prices.joules).map(|(work, joules)| work * joules).sum()
+}
+
+/// `prices` in the order of the map's kinds of work.
+fn matched(map: &WorkPrices, prices: &WorkPrices) -> Result<WorkPrices, RepriceError> {
+    let price = |kind: &String| {
+        let at = prices.kinds.iter().position(|other| other == kind);
+        at.and_then(|at| prices.joules.get(at)).copied().ok_or_else(|| RepriceError::MissingPrice(kind.clone()))
+    };
+    let joules = map.kinds.iter().map(price).collect::<Result<_, _>>()?;
+    Ok(WorkPrices { joules, idle: prices.idle, ..map.clone() })
+}
+
+#[cfg(test)]
+mod tests {
+    use bevy_frugal_gi::frontier::{Bounds, Capture, ErrorRate, ErrorRates, Octree, SceneIdentity, Thresholds};
+    use bevy_frugal_gi::power::Provenance;
+
+    use super::*;
+    use crate::cost::work_names;
+
+    const FPS: f64 = 30.0;
+    const LAYOUT: FrameLayout = FrameLayout { size: [160, 90], maps: 1, has_sky: true };
+
+    fn space() -> KnobSpace {
+        crate::stage::knobs().expect("the built-in knobs")
+    }
+
+    fn prices(frame: f64, ray: f64) -> WorkPrices {
+        let kinds = work_names(&space());
+        let joules = kinds
+            .iter()
+            .map(|kind| {
+                if kind == "frame" {
+                    frame
+                } else if kind == "rays" {
+                    ray
+                } else {
+                    1e-7
+                }
+            })
+            .collect();
+        WorkPrices { kinds, joules, idle: Watts(2.0), maps: LAYOUT.maps, has_sky: LAYOUT.has_sky }
+    }
+
+    /// Cameras cost 1.2 times what the prices say.
+    fn map(prices: &WorkPrices, layout: &FrameLayout, fps: f64) -> FrontierMap {
+        let space = space();
+        let point = |share: f64| {
+            let settings = space.canonical(space.preset(share));
+            let joules: f64 = Work::of(&space, settings, layout).0.iter().zip(&prices.joules).map(|(work, price)| work * price).sum();
+            FrontierPoint { settings, cost: CostPoint::new(prices.idle.0 + fps * 1.2 * joules, 0.3 * (1.0 - share)) }
+        };
+        let shared = Frontier::from_points([0.0, 0.4, 0.7, 1.0].map(point));
+        FrontierMap {
+            version: FrontierMap::VERSION,
+            scene: SceneIdentity { name: "court".into(), fingerprint: "1f".into() },
+            capture: Capture { size: layout.size, frames_per_second: fps, vertical_fov: 60.0, exposure_ev100: 12.0 },
+            meter: MeterInfo { name: "formula".into(), provenance: Provenance::Modelled, description: "a formula".into() },
+            thresholds: Thresholds { power_w: 0.1, error: 0.001 },
+            seed: 0,
+            bounds: Bounds { min: [0.0; 3], max: [1.0; 3] },
+            error_rates: ErrorRates(vec![ErrorRate { budget: 0.01, watts_per_error: 100.0 }]),
+            octree: Octree { levels: 0, nodes: vec![0], corners: vec![], frontiers: vec![shared.clone()] },
+            shared,
+            work_prices: prices.clone(),
+            knobs: space,
+        }
+    }
+
+    fn agree(a: &FrontierMap, b: &FrontierMap) {
+        assert_eq!(a.shared.points().len(), b.shared.points().len());
+        for (a, b) in a.shared.points().iter().zip(b.shared.points()) {
+            let (a_power, b_power) = (a.cost.power.0, b.cost.power.0);
+            assert!(a.settings == b.settings && (a_power / b_power - 1.0).abs() < 2e-3, "{a_power} and {b_power}");
+        }
+    }
+
+    #[test]
+    fn a_repriced_map_is_the_map_that_would_have_been_made_there() {
+        let (here, there) = (prices(0.01, 2e-6), prices(0.05, 5e-7));
+        let original = map(&here, &LAYOUT, FPS);
+        let device = DeviceModel {
+            adapter: "another".into(),
+            meter: MeterInfo { name: "nvml".into(), provenance: Provenance::Measured, description: "a counter".into() },
+            mean_absolute_error: 0.03,
+            prices: there.clone(),
+        };
+        let large = FrameLayout { size: [640, 360], ..LAYOUT };
+        let conditions = NewConditions { device: Some(device), size: Some(large.size), frames_per_second: Some(60.0) };
+        let repriced = reprice(&original, &conditions).expect("a map");
+        agree(&repriced, &map(&there, &large, 60.0));
+        assert_eq!((repriced.meter.name.as_str(), repriced.capture.size), ("nvml", [640, 360]));
+        assert!(repriced.error_rates.is_sound() && repriced.error_rates.0[0].watts_per_error > 100.0);
+        // The same conditions are the same map.
+        agree(&reprice(&original, &NewConditions::default()).expect("a map"), &original);
+    }
+
+    #[test]
+    fn what_cannot_be_repriced_says_why() {
+        let original = map(&prices(0.01, 2e-6), &LAYOUT, FPS);
+        let old = FrontierMap { work_prices: WorkPrices::default(), ..original.clone() };
+        assert_eq!(reprice(&old, &NewConditions::default()), Err(RepriceError::NoPrices));
+        let mut few = prices(0.01, 2e-6);
+        few.kinds[5] = "something else".into();
+        let device = DeviceModel { adapter: String::new(), meter: original.meter.clone(), mean_absolute_error: 0.0, prices: few };
+        let error = reprice(&original, &NewConditions { device: Some(device), ..NewConditions::default() });
+        assert!(matches!(error, Err(RepriceError::MissingPrice(kind)) if kind == "pairs"));
+        let free = FrontierMap { work_prices: WorkPrices { joules: vec![0.0; few_len()], ..prices(0.0, 0.0) }, ..original };
+        assert!(matches!(reprice(&free, &NewConditions::default()), Err(RepriceError::FreeSettings(_))));
+    }
+
+    fn few_len() -> usize {
+        work_names(&space()).len()
+    }
+}

@@ -1,0 +1,180 @@
+//! The work of a frame, from its settings.
+
+use bevy_frugal_gi::gi::{FrugalGi, GiVisibility};
+use bevy_frugal_gi::knobs::{KnobSpace, RenderSettings};
+
+/// What a frame's work depends on beside its settings.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct FrameLayout {
+    /// Width and height, pixels.
+    pub size: [u32; 2],
+    /// Reflective shadow maps that are rendered.
+    pub maps: u32,
+    /// Whether a sky is gathered.
+    pub has_sky: bool,
+}
+
+/// Kinds of work that every frame is asked for, in the order of [`Work`]'s values. Levels of knobs that are not known here follow.
+const KINDS: [&str; 21] = [
+    "frame",
+    "pixels",
+    "upscaled pixels",
+    "gathering frames",
+    "gathered pixels",
+    "pairs",
+    "rays",
+    "filter taps",
+    "VPLs",
+    "weighed texels",
+    "map texels",
+    "maps",
+    "tile rays",
+    "shadow texels",
+    "cascades",
+    "occlusion pixels",
+    "occlusion samples",
+    "FXAA pixels",
+    "SMAA pixels",
+    "SMAA steps",
+    "bloom texels",
+];
+
+/// Names of all kinds of work in `space`.
+pub fn work_names(space: &KnobSpace) -> Vec<String> {
+    let others = other_levels(space).map(|(knob, level)| {
+        let knob = &space.knobs()[knob];
+        format!("{}={} pixels", knob.name, knob.levels[level].label)
+    });
+    KINDS.iter().map(|kind| (*kind).to_owned()).chain(others).collect()
+}
+
+/// Knobs that [`Work`] knows.
+const KNOWN: [&str; 13] = [
+    "resolution_scale",
+    "gi_vpl_count",
+    "gi_pixel_fraction",
+    "gi_interleave",
+    "gi_visibility",
+    "gi_environment_samples",
+    "rsm_resolution",
+    "gi_refresh_period",
+    "shadow_map_resolution",
+    "shadow_cascades",
+    "ambient_occlusion",
+    "antialiasing",
+    "post_processing",
+];
+
+/// Levels above the lowest of the knobs that are not known here: each has a price of its own.
+fn other_levels(space: &KnobSpace) -> impl Iterator<Item = (usize, usize)> + '_ {
+    let others = space.knobs().iter().enumerate().filter(|(_, knob)| !KNOWN.contains(&knob.name.as_str()));
+    others.flat_map(|(index, knob)| (1..knob.levels.len()).map(move |level| (index, level)))
+}
+
+/// How much of each kind of work a frame takes: counts, 0 or more, by [`work_names`].
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Work(pub Vec<f64>);
+
+impl Work {
+    /// The work of `settings`. Knobs that `space` lacks stand at their best.
+    pub fn of(space: &KnobSpace, settings: RenderSettings, layout: &FrameLayout) -> Self {
+        let settings = space.canonical(settings);
+        let value = |name: &str, best: f64| space.value(settings, name).unwrap_or(best);
+        let [width, height] = layout.size.map(f64::from);
+        let scale = value("resolution_scale", 1.0);
+        let pixels = (width * scale).round() * (height * scale).round();
+        let mut work = vec![1.0, pixels, if scale < 1.0 { width * height } else { 0.0 }];
+        work.extend(indirect(&value, pixels, layout));
+        let (shadow, cascades) = (value("shadow_map_resolution", 2048.0), value("shadow_cascades", 4.0));
+        work.extend([shadow * shadow * cascades, cascades]);
+        let samples = value("ambient_occlusion", 32.0);
+        work.extend([if samples > 0.0 { pixels } else { 0.0 }, samples * pixels]);
+        let antialiasing = value("antialiasing", 32.0);
+        let is = |condition: bool| if condition { pixels } else { 0.0 };
+        work.extend([is(antialiasing == 1.0), is(antialiasing > 1.0), if antialiasing > 1.0 { antialiasing * pixels } else { 0.0 }]);
+        work.push(bloom(value("post_processing", 1.0), [width * scale, height * scale]));
+        work.extend(other_levels(space).map(|(knob, level)| is(settings.level(knob) == level)));
+        Self(work)
+    }
+}
+
+/// From gathering frames to rays per tile.
+fn indirect(value: &impl Fn(&str, f64) -> f64, pixels: f64, layout: &FrameLayout) -> [f64; 10] {
+    let vpls = value("gi_vpl_count", 4096.0);
+    if vpls == 0.0 {
+        return [0.0; 10];
+    }
+    let gathered = pixels * value("gi_pixel_fraction", 1.0);
+    let side = value("gi_interleave", 2.0);
+    let per_set = (vpls / (side * side)).ceil().clamp(1.0, f64::from(FrugalGi::MAX_VPLS_PER_PIXEL));
+    let rays = value("gi_visibility", 8.0);
+    let visibility = GiVisibility::ALL.into_iter().find(|level| f64::from(level.rays()) >= rays).unwrap_or(GiVisibility::Fine);
+    let sky = if layout.has_sky && rays > 0.0 { value("gi_environment_samples", 32.0) } else { 0.0 };
+    let traced = rays.min(per_set) + f64::from(visibility.sky_rays()).min(sky);
+    let resolution = value("rsm_resolution", 256.0);
+    let texels = resolution * resolution * f64::from(layout.maps);
+    // Maps are rendered in one frame of a period.
+    let rendered = value("gi_refresh_period", 1.0);
+    let radius = if rays > 0.0 { side.max(4.0) } else { side };
+    let taps = (radius + 1.0).powi(2) + if rays > 0.0 { 25.0 } else { 0.0 };
+    [
+        1.0,
+        gathered,
+        gathered * (per_set + sky),
+        gathered * traced,
+        gathered * taps,
+        per_set * side * side,
+        texels,
+        texels * rendered,
+        f64::from(layout.maps) * rendered,
+        if rays > 0.0 { texels / 256.0 * 32.0 } else { 0.0 },
+    ]
+}
+
+/// Texels of bloom's chain, as the knob makes it.
+fn bloom(share: f64, [width, height]: [f64; 2]) -> f64 {
+    if share == 0.0 || width <= 0.0 || height <= 0.0 {
+        return 0.0;
+    }
+    let rows = (height * share).clamp(8.0, 512.0).log2().floor().exp2();
+    rows * rows * width / height * 4.0 / 3.0
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const LAYOUT: FrameLayout = FrameLayout { size: [160, 90], maps: 2, has_sky: true };
+
+    fn named(space: &KnobSpace, settings: RenderSettings, name: &str) -> f64 {
+        let at = work_names(space).iter().position(|kind| kind == name).expect("a kind of work");
+        Work::of(space, settings, &LAYOUT).0[at]
+    }
+
+    #[test]
+    fn work_follows_the_settings() {
+        let space = crate::stage::knobs().expect("the built-in knobs");
+        let best = space.highest();
+        assert_eq!(Work::of(&space, best, &LAYOUT).0.len(), work_names(&space).len());
+        assert_eq!(named(&space, best, "pixels"), 160.0 * 90.0);
+        // 4,096 VPLs in four sets, and 32 samples of the sky.
+        assert_eq!(named(&space, best, "pairs"), 160.0 * 90.0 * (1024.0 + 32.0));
+        let quarter = space.parse("max,gi_pixel_fraction=1/4").or_else(|_| space.parse("gi_pixel_fraction=1/4")).expect("settings");
+        assert_eq!(named(&space, quarter, "rays"), named(&space, best, "rays") / 4.0);
+        let off = space.parse("gi_vpl_count=0").expect("settings");
+        for kind in ["pairs", "rays", "gathered pixels", "map texels", "tile rays", "gathering frames"] {
+            assert_eq!(named(&space, off, kind), 0.0, "{kind}");
+        }
+        let half = space.parse("resolution_scale=50%").expect("settings");
+        assert_eq!((named(&space, half, "pixels"), named(&space, half, "upscaled pixels")), (80.0 * 45.0, 160.0 * 90.0));
+        assert!(Work::of(&space, space.lowest(), &LAYOUT).0.iter().all(|count| count.is_finite() && *count >= 0.0));
+    }
+
+    #[test]
+    fn a_knob_of_somebody_else_has_a_price_of_its_own() {
+        use bevy_frugal_gi::knobs::Knob;
+        let space = KnobSpace::new(vec![Knob::new("hair_strands", [0.0, 10.0, 100.0])]).expect("a valid space");
+        assert_eq!(named(&space, space.highest(), "hair_strands=100 pixels"), 160.0 * 90.0);
+        assert_eq!(named(&space, space.highest(), "hair_strands=10 pixels"), 0.0);
+    }
+}

@@ -1,0 +1,61 @@
+//! What ours is compared with, played from a [`PathRecord`](super::PathRecord): constants, oracles, and the ladder that engines ship.
+//!
+//! | run | what it knows |
+//! |---|---|
+//! | `best-constant` | this path: the best single settings for the budget |
+//! | `best-constant-elsewhere` | other cameras: the best single settings there |
+//! | `oracle` | every frame before it is shown: a bound, no method |
+//! | `oracle-filtered` | the same, through the temporal filter |
+//! | `reactive` | what the meter said of the frames before |
+//! | `default` | nothing: `FrugalGi::default()`, all else at its best |
+mod constant;
+mod oracle;
+mod reactive;
+
+pub use constant::{best_constant, best_of};
+pub use oracle::{Oracle, oracle};
+pub use reactive::{Reactive, ladder};
+
+use bevy_frugal_gi::gi::FrugalGi;
+use bevy_frugal_gi::knobs::{KnobSpace, RenderSettings};
+
+/// `FrugalGi::default()`, all else at its best: what an app gets that sets nothing.
+pub fn default_settings(space: &KnobSpace) -> RenderSettings {
+    let gi = FrugalGi::default();
+    let authored = |name: &str| match name {
+        "gi_vpl_count" => Some(f64::from(gi.vpl_count)),
+        "gi_pixel_fraction" => Some(gi.pixel_fraction.share()),
+        "gi_interleave" => Some(f64::from(gi.interleave.side())),
+        "gi_visibility" => Some(f64::from(gi.visibility.rays())),
+        "gi_environment_samples" => Some(f64::from(gi.environment_samples)),
+        "gi_bounces" => Some(f64::from(gi.bounces)),
+        "rsm_resolution" => Some(f64::from(gi.rsm_resolution)),
+        "gi_refresh_period" => Some(f64::from(gi.refresh_period).recip()),
+        _ => None,
+    };
+    space.from_levels(|_, knob| {
+        let nearest = authored(&knob.name).and_then(|value| {
+            let far = |level: &usize| (knob.levels[*level].value - value).abs();
+            (0..knob.levels.len()).min_by(|a, b| far(a).total_cmp(&far(b)))
+        });
+        nearest.unwrap_or(knob.levels.len() - 1)
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_default_is_the_app_s_own() {
+        let space = crate::stage::every_knob().expect("the built-in knobs");
+        let text = space.describe(default_settings(&space));
+        for part in ["gi_vpl_count=1024", "gi_pixel_fraction=1/4", "gi_interleave=4x4", "gi_visibility=coarse", "gi_environment_samples=16"]
+        {
+            assert!(text.contains(part), "{part} in {text}");
+        }
+        for part in ["rsm_resolution=128", "gi_bounces=1", "gi_refresh_period=1", "resolution_scale=100%"] {
+            assert!(text.contains(part), "{part} in {text}");
+        }
+    }
+}

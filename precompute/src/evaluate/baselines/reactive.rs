@@ -1,0 +1,151 @@
+//! The ladder that engines ship: constants, stepped by what a meter says.
+
+use bevy_frugal_gi::frontier::{CostPoint, Frontier};
+use bevy_frugal_gi::knobs::RenderSettings;
+
+use crate::evaluate::{Choice, Policy, Pose, ResolvedBudget};
+
+/// Rungs of the ladder.
+const RUNGS: usize = 8;
+/// Seconds over which the meter is averaged before a step down.
+const WINDOW_SECONDS: f64 = 0.5;
+/// Share of the budget below which there is room for a step up.
+const ROOM: f64 = 0.85;
+/// Seconds for which there must be room.
+const ROOM_SECONDS: f64 = 1.0;
+/// Seconds between two steps.
+const DWELL_SECONDS: f64 = 0.5;
+
+/// Up to eight non-dominated settings, evenly spread over the logarithm of power, the cheapest first.
+pub fn ladder(frontier: &Frontier) -> Vec<RenderSettings> {
+    let points = frontier.points();
+    let (Some(first), Some(last)) = (points.first(), points.last()) else { return Vec::new() };
+    let (low, high) = (first.cost.power.0.max(1e-9).ln(), last.cost.power.0.max(1e-9).ln());
+    let mut rungs = Vec::new();
+    for rung in 0..RUNGS {
+        let wanted = low + (high - low) * rung as f64 / (RUNGS - 1) as f64;
+        let far = |power: f64| (power.max(1e-9).ln() - wanted).abs();
+        let nearest = points.iter().min_by(|a, b| far(a.cost.power.0).total_cmp(&far(b.cost.power.0)));
+        rungs.extend(nearest.map(|point| point.settings));
+    }
+    rungs.dedup();
+    rungs
+}
+
+/// Steps down a ladder when the mean of half a second exceeds the budget, and up when there was room for a second.
+///
+/// Under an error budget it is the error that is metered, which no app can: a generous baseline.
+#[derive(Clone, Debug)]
+pub struct Reactive {
+    ladder: Vec<RenderSettings>,
+    rung: usize,
+    budget: ResolvedBudget,
+    dt: f64,
+    /// Load of each frame since the last step: what was spent, as a share of the budget.
+    loads: Vec<f64>,
+}
+
+impl Reactive {
+    /// Starts at the best rung. `ladder`: the cheapest settings first.
+    pub fn new(ladder: Vec<RenderSettings>, budget: ResolvedBudget) -> Self {
+        Self { rung: ladder.len().saturating_sub(1), ladder, budget, dt: 0.0, loads: Vec::new() }
+    }
+
+    /// Mean load of the last `seconds`; `None` before that much has passed since the last step.
+    fn load(&self, seconds: f64) -> Option<f64> {
+        let frames = ((seconds / self.dt).round() as usize).max(1);
+        let from = self.loads.len().checked_sub(frames)?;
+        Some(self.loads[from..].iter().sum::<f64>() / frames as f64)
+    }
+
+    fn step_to(&mut self, rung: usize) {
+        if rung != self.rung && rung < self.ladder.len() {
+            self.rung = rung;
+            self.loads.clear();
+        }
+    }
+}
+
+impl Policy for Reactive {
+    fn decide(&mut self, _: usize, dt: f64, _: &Pose) -> Choice {
+        self.dt = dt;
+        let saves_power = self.budget.power_w.is_some();
+        let rested = self.loads.len() as f64 * dt >= DWELL_SECONDS;
+        let is_over = rested && self.load(WINDOW_SECONDS).is_some_and(|load| load > 1.0);
+        let has_room = self.load(ROOM_SECONDS).is_some_and(|load| load < ROOM);
+        // Over a power budget means down the ladder; over an error budget, up.
+        match (is_over, has_room) {
+            (true, _) => self.step_to(if saves_power { self.rung.saturating_sub(1) } else { self.rung + 1 }),
+            (false, true) => self.step_to(if saves_power { self.rung + 1 } else { self.rung.saturating_sub(1) }),
+            (false, false) => {}
+        }
+        self.ladder.get(self.rung).copied().unwrap_or_default().into()
+    }
+
+    fn observe(&mut self, cost: CostPoint) {
+        let load = match (self.budget.power_w, self.budget.error) {
+            (Some(limit), _) => cost.power.0 / limit.0,
+            (None, Some(limit)) => cost.error / limit,
+            (None, None) => ROOM,
+        };
+        self.loads.push(load);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use bevy_frugal_gi::frontier::FrontierPoint;
+    use bevy_frugal_gi::units::Watts;
+
+    use super::*;
+    use crate::evaluate::fake::path;
+
+    fn frontier() -> Frontier {
+        Frontier::from_points((0..20u64).map(|bits| FrontierPoint {
+            settings: RenderSettings::from_bits(bits),
+            cost: CostPoint::new(1.3f64.powi(bits as i32), 0.5 / (bits + 1) as f64),
+        }))
+    }
+
+    #[test]
+    fn the_ladder_spans_the_frontier() {
+        let rungs = ladder(&frontier());
+        assert_eq!((rungs.len(), rungs[0].bits(), rungs[7].bits()), (8, 0, 19));
+        assert!(rungs.windows(2).all(|two| two[0] < two[1]));
+        assert!(ladder(&Frontier::default()).is_empty());
+    }
+
+    fn settled(budget: ResolvedBudget) -> (u64, usize) {
+        let (mut policy, pose) = (Reactive::new(ladder(&frontier()), budget), path().poses()[0]);
+        let mut last = None;
+        let mut switches = 0;
+        for frame in 0..600 {
+            let settings = policy.decide(frame, 1.0 / 30.0, &pose).settings;
+            switches += usize::from(last.is_some_and(|last| last != settings));
+            last = Some(settings);
+            let level = settings.bits();
+            policy.observe(CostPoint::new(1.3f64.powi(level as i32), 0.5 / (level + 1) as f64));
+        }
+        (last.map_or(0, RenderSettings::bits), switches)
+    }
+
+    #[test]
+    fn it_finds_a_rung_within_the_budget() {
+        let (rung, switches) = settled(ResolvedBudget { power_w: Some(Watts(30.0)), error: None });
+        // Where a rung is too dear and the next one leaves room, a ladder goes up and down every second and a half.
+        assert!(1.3f64.powi(rung as i32) <= 30.0 && switches < 30, "{rung}, {switches} switches");
+        let (rung, _) = settled(ResolvedBudget { power_w: None, error: Some(0.1) });
+        // Within the budget, or on the way back to it.
+        assert!(0.5 / (rung + 1) as f64 <= 0.13, "{rung}");
+        assert_eq!(settled(ResolvedBudget { power_w: Some(Watts(0.1)), error: None }).0, 0, "no lower than the cheapest");
+    }
+
+    #[test]
+    fn an_empty_ladder_is_harmless() {
+        let mut policy = Reactive::new(Vec::new(), ResolvedBudget::default());
+        for frame in 0..100 {
+            policy.observe(CostPoint::new(f64::NAN, f64::NAN));
+            assert_eq!(policy.decide(frame, 0.1, &path().poses()[0]).settings, RenderSettings::default());
+        }
+    }
+}

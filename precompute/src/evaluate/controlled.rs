@@ -1,0 +1,42 @@
+//! The controller that an app has, without an app around it.
+
+use bevy_frugal_gi::control::{Budget, ControlSettings, SettingsFilter, select};
+use bevy_frugal_gi::frontier::{CameraView, FrontierStore};
+use bevy_frugal_gi::knobs::RenderSettings;
+
+use super::{Choice, Policy, Pose, ResolvedBudget};
+
+/// Picks settings from frontiers under a budget, through the temporal filter.
+pub struct Controller<'a> {
+    store: &'a dyn FrontierStore,
+    budget: Budget,
+    lens: (f32, f32),
+    filter: SettingsFilter,
+    settings: ControlSettings,
+    last: RenderSettings,
+}
+
+impl<'a> Controller<'a> {
+    /// `lens`: vertical field of view in radians, and width ÷ height. `settings`: how settings move.
+    pub fn new(store: &'a dyn FrontierStore, budget: &ResolvedBudget, lens: (f32, f32), settings: ControlSettings) -> Self {
+        Self {
+            store,
+            budget: Budget { power: budget.power_w, error: budget.error },
+            lens,
+            filter: SettingsFilter::default(),
+            settings,
+            last: store.knobs().highest(),
+        }
+    }
+}
+
+impl Policy for Controller<'_> {
+    fn decide(&mut self, _: usize, dt: f64, pose: &Pose) -> Choice {
+        let view = CameraView { position: pose.position, rotation: pose.rotation, vertical_fov: self.lens.0, aspect: self.lens.1 };
+        let rate = self.budget.error.and_then(|error| self.store.error_rate(error));
+        let found = self.store.look_up(&view).and_then(|sample| select(sample.frontier, &self.budget, rate));
+        let Some(found) = found else { return Choice::from(self.last) };
+        self.last = self.filter.step(self.store.knobs(), found.settings, dt, self.settings.times(&self.budget));
+        Choice { settings: self.last, target: found.settings, predicted: Some(found.cost) }
+    }
+}

@@ -1,0 +1,249 @@
+//! A path played once with each of many settings: what policies are played from without rendering again.
+//!
+//! Two things differ from real play. A frame's history is of its own settings throughout; and settings that were not
+//! recorded, which a temporal filter passes through, are interpolated between the recorded ones before and after.
+//! [`EvaluationResult`](super::EvaluationResult) says by a real run how much that matters.
+
+use std::ops::ControlFlow;
+
+use bevy_frugal_gi::frontier::CostPoint;
+use bevy_frugal_gi::knobs::{KnobSpace, RenderSettings};
+
+use super::play::{Against, play};
+use super::{Choice, EvaluationError, Fixed, FrameRecord, PathPlan, Player, Policy, Progress};
+use crate::journal::{Journal, JournalError};
+use crate::metrics::Reference;
+use crate::table::CostTable;
+
+/// Costs of settings at every frame of a path.
+#[derive(Clone, Debug, PartialEq)]
+pub struct PathRecord {
+    /// The path.
+    pub path: PathPlan,
+    /// The knobs that settings refer to.
+    pub space: KnobSpace,
+    /// A row for each frame.
+    pub table: CostTable,
+}
+
+/// Why a path was not recorded. `E` is the player's.
+#[derive(Debug, thiserror::Error)]
+pub enum RecordError<E> {
+    /// Rendering failed, or was interrupted. What was recorded before is kept.
+    #[error(transparent)]
+    Play(#[from] EvaluationError<E>),
+    /// The record could not be kept.
+    #[error(transparent)]
+    Journal(#[from] JournalError),
+}
+
+impl PathRecord {
+    /// A record of `path` from what a journal holds; lines of other kinds, and runs that were cut off, are left out.
+    pub fn restore(path: &PathPlan, space: &KnobSpace, records: &[String]) -> Self {
+        let mut table = CostTable::new(path.poses().len());
+        for (settings, frame, cost) in records.iter().filter_map(|record| read_line(record)) {
+            table.set(frame, settings, cost);
+        }
+        let complete: Vec<_> = (0..table.settings().len()).filter(|column| table.is_complete(*column)).collect();
+        let complete: Vec<_> = complete.into_iter().map(|column| table.settings()[column]).collect();
+        Self { path: path.clone(), space: space.clone(), table: table.with_columns(|settings| complete.contains(&settings)) }
+    }
+
+    /// Plays each of `settings` that is not recorded yet along the whole path, and keeps what each frame cost.
+    ///
+    /// The best settings are played first, whether recorded or not: their pictures are the references.
+    ///
+    /// # Errors
+    /// When the player fails, the journal cannot be written, or `on_frame` breaks.
+    pub fn extend<P: Player>(
+        &mut self,
+        player: &mut P,
+        settings: &[RenderSettings],
+        journal: &mut Journal,
+        on_frame: &mut dyn FnMut(&Progress<'_>) -> ControlFlow<()>,
+    ) -> Result<(), RecordError<P::Error>> {
+        let mut missing: Vec<RenderSettings> = Vec::new();
+        for settings in settings.iter().map(|settings| self.space.canonical(*settings)) {
+            if self.table.column(settings).is_none() && !missing.contains(&settings) {
+                missing.push(settings);
+            }
+        }
+        if missing.is_empty() {
+            return Ok(());
+        }
+        let best = self.space.canonical(self.space.highest());
+        missing.retain(|settings| *settings != best);
+        let frames_total = (1 + missing.len()) * self.path.poses().len();
+        let mut frames_done = 0;
+        let mut references: Vec<Reference> = Vec::new();
+        for settings in std::iter::once(best).chain(missing) {
+            let run = self.space.describe(settings);
+            let mut told = || {
+                frames_done += 1;
+                on_frame(&Progress { run: &run, frames_done, frames_total })
+            };
+            let against = if references.is_empty() { Against::Collect(&mut references) } else { Against::Compare(&references) };
+            let series = play(player, &self.path, &run, &mut Fixed(settings), against, &mut |_, _| (), &mut told)?;
+            let known = self.table.column(settings).is_some();
+            for (frame, FrameRecord { power, error, .. }) in series.into_iter().enumerate() {
+                if !known {
+                    journal.append(&write_line(settings, frame, CostPoint { power, error }))?;
+                    self.table.set(frame, settings, CostPoint { power, error });
+                }
+            }
+        }
+        Ok(())
+    }
+
+    /// Plays policies for real, after the best settings, whose pictures are the references: how far the record is off.
+    ///
+    /// # Errors
+    /// When the player fails or `on_frame` breaks.
+    pub fn play_for_real<P: Player>(
+        &self,
+        player: &mut P,
+        policies: &mut [Box<dyn Policy + '_>],
+        on_frame: &mut dyn FnMut(&Progress<'_>) -> ControlFlow<()>,
+    ) -> Result<Vec<Vec<FrameRecord>>, EvaluationError<P::Error>> {
+        let frames_total = (1 + policies.len()) * self.path.poses().len();
+        let mut frames_done = 0;
+        let mut told = || {
+            frames_done += 1;
+            on_frame(&Progress { run: "for real", frames_done, frames_total })
+        };
+        let mut references: Vec<Reference> = Vec::new();
+        let best = &mut Fixed(self.space.highest());
+        play(player, &self.path, "maximum", best, Against::Collect(&mut references), &mut |_, _| (), &mut told)?;
+        let mut all = Vec::new();
+        for policy in policies {
+            all.push(play(player, &self.path, "frugal", policy.as_mut(), Against::Compare(&references), &mut |_, _| (), &mut told)?);
+        }
+        Ok(all)
+    }
+
+    /// What a policy's run comes to by this record.
+    pub fn play(&self, policy: &mut dyn Policy) -> Vec<FrameRecord> {
+        let dt = self.path.fps().recip();
+        let mut last = None;
+        let frames = self.path.poses().iter().enumerate();
+        let records = frames.map(|(frame, pose)| {
+            let Choice { settings, target, predicted } = policy.decide(frame, dt, pose);
+            let cost = self.cost(frame, settings, target, &mut last);
+            policy.observe(cost);
+            FrameRecord { time: frame as f64 * dt, settings, power: cost.power, error: cost.error, predicted }
+        });
+        records.collect()
+    }
+
+    /// Cost of `settings` at a frame. `last`: the last recorded settings that were played; what lies between them and `target` is interpolated
+    /// by the share of the levels that are done, powers and errors in the logarithm.
+    fn cost(&self, frame: usize, settings: RenderSettings, target: RenderSettings, last: &mut Option<RenderSettings>) -> CostPoint {
+        let canonical = self.space.canonical(settings);
+        if let Some(cost) = self.table.get(frame, canonical) {
+            *last = Some(canonical);
+            return cost;
+        }
+        let target = self.space.canonical(target);
+        let to = self.table.get(frame, target).map(|cost| (cost, self.steps(settings, target)));
+        let from = last.and_then(|last| Some((self.table.get(frame, last)?, self.steps(last, settings))));
+        match (from, to) {
+            (Some((from, done)), Some((to, left))) => {
+                let share = done as f64 / (done + left).max(1) as f64;
+                let between = |a: f64, b: f64| ((1.0 - share) * (a + LEAST).ln() + share * (b + LEAST).ln()).exp() - LEAST;
+                CostPoint::new(between(from.power.0, to.power.0), between(from.error, to.error).max(0.0))
+            }
+            (Some((cost, _)), None) | (None, Some((cost, _))) => cost,
+            (None, None) => CostPoint::new(f64::NAN, f64::NAN),
+        }
+    }
+
+    fn steps(&self, a: RenderSettings, b: RenderSettings) -> usize {
+        (0..self.space.len()).map(|knob| a.level(knob).abs_diff(b.level(knob))).sum()
+    }
+}
+
+/// Keeps logarithms of errors of 0 finite.
+const LEAST: f64 = 1e-4;
+
+/// Bit by bit, so that a resumed record is the same to the last digit.
+fn write_line(settings: RenderSettings, frame: usize, cost: CostPoint) -> String {
+    format!("frame {:x} {frame:x} {:016x} {:016x}", settings.bits(), cost.power.0.to_bits(), cost.error.to_bits())
+}
+
+fn read_line(record: &str) -> Option<(RenderSettings, usize, CostPoint)> {
+    let mut words = record.strip_prefix("frame ")?.split(' ');
+    let mut number = || u64::from_str_radix(words.next()?, 16).ok();
+    let (settings, frame) = (RenderSettings::from_bits(number()?), usize::try_from(number()?).ok()?);
+    Some((settings, frame, CostPoint::new(f64::from_bits(number()?), f64::from_bits(number()?))))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::evaluate::Controlled;
+    use crate::evaluate::fake::{Fake, path, space};
+    use crate::journal::JournalHeader;
+
+    fn recorded(settings: &[RenderSettings]) -> PathRecord {
+        let folder = tempfile::tempdir().expect("a folder");
+        let mut journal = Journal::create(&folder.path().join("journal"), &JournalHeader::default()).expect("a journal");
+        let mut record = PathRecord::restore(&path(), &space(), &[]);
+        record.extend(&mut Fake::default(), settings, &mut journal, &mut |_| ControlFlow::Continue(())).expect("plays");
+        record
+    }
+
+    #[test]
+    fn constants_cost_in_the_record_what_they_cost_in_play() {
+        let (low, high) = (space().canonical(space().lowest()), space().highest());
+        let record = recorded(&[low, high, low]);
+        assert_eq!(record.table.settings(), [high, low], "once each, the references first");
+        for settings in [low, high] {
+            let mut references = Vec::new();
+            let mut player = Fake::default();
+            let mut run = |settings, against: Against<'_>| {
+                play(&mut player, &path(), "run", &mut Fixed(settings), against, &mut |_, _| (), &mut || ControlFlow::Continue(()))
+                    .expect("plays")
+            };
+            run(high, Against::Collect(&mut references));
+            let real = run(settings, Against::Compare(&references));
+            assert_eq!(record.play(&mut Fixed(settings)), real);
+        }
+    }
+
+    #[test]
+    fn a_record_that_is_cut_off_goes_on_with_what_is_missing() {
+        let (low, high) = (space().canonical(space().lowest()), space().highest());
+        let folder = tempfile::tempdir().expect("a folder");
+        let file = folder.path().join("journal");
+        let mut journal = Journal::create(&file, &JournalHeader::default()).expect("a journal");
+        let mut record = PathRecord::restore(&path(), &space(), &[]);
+        let mut frames = 0;
+        let stopped = record.extend(&mut Fake::default(), &[low], &mut journal, &mut |_| {
+            frames += 1;
+            if frames == 15 { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
+        });
+        assert!(matches!(stopped, Err(RecordError::Play(EvaluationError::Interrupted))));
+        drop(journal);
+        let (mut journal, lines) = Journal::resume(&file, &JournalHeader::default()).expect("resumes");
+        let mut again = PathRecord::restore(&path(), &space(), &lines);
+        assert_eq!(again.table.settings(), [high]);
+        again.extend(&mut Fake::default(), &[low], &mut journal, &mut |_| ControlFlow::Continue(())).expect("plays");
+        assert_eq!(again, recorded(&[low]));
+    }
+
+    #[test]
+    fn what_a_filter_passes_through_lies_between() {
+        let (low, high) = (space().canonical(space().lowest()), space().highest());
+        let record = recorded(&[low]);
+        let half = space().preset(0.5);
+        let mut way = Controlled(|frame: usize, _: f64, _: &_| {
+            let settings = [high, half, low][frame.min(2)];
+            Choice { settings, target: low, predicted: None }
+        });
+        let series = record.play(&mut way);
+        assert!(series[1].power < series[0].power && series[1].power > series[2].power);
+        assert!(series[1].error > series[0].error && series[1].error < series[2].error);
+        let unknown = record.play(&mut Fixed(half));
+        assert!(unknown[0].power.0.is_nan(), "nothing is made up");
+    }
+}

@@ -1,0 +1,167 @@
+//! Estimates of what settings cost, by address.
+
+use std::collections::BTreeMap;
+
+use bevy_frugal_gi::frontier::{Address, Bounds, CameraView, CostPoint, Frontier, FrontierPoint, Leaf, address_in};
+use bevy_frugal_gi::knobs::RenderSettings;
+
+use super::smooth::{Place, Smoother};
+use crate::cameras::MovingCamera;
+use crate::table::CostTable;
+
+/// The table that a map is made from: every camera's costs of every setting of the pool.
+#[derive(Clone, Debug)]
+pub struct Training {
+    settings: Vec<RenderSettings>,
+    /// By camera, then by setting.
+    costs: Vec<Vec<CostPoint>>,
+    groups: Vec<u32>,
+}
+
+impl Training {
+    /// The cameras of `table` at which all of `settings` are known.
+    pub fn new(table: &CostTable, cameras: &[MovingCamera], settings: &[RenderSettings]) -> (Self, Vec<usize>) {
+        let mut training = Self { settings: settings.to_vec(), costs: Vec::new(), groups: Vec::new() };
+        let mut rows = Vec::new();
+        for (row, camera) in cameras.iter().enumerate().take(table.rows()) {
+            let costs: Option<Vec<CostPoint>> = settings.iter().map(|settings| table.get(row, *settings)).collect();
+            if let Some(costs) = costs.filter(|costs| costs.iter().all(|cost| cost.power.0 > 0.0 && cost.error >= 0.0)) {
+                training.costs.push(costs);
+                training.groups.push(camera.group);
+                rows.push(row);
+            }
+        }
+        (training, rows)
+    }
+
+    /// Number of cameras.
+    pub fn cameras(&self) -> usize {
+        self.costs.len()
+    }
+
+    /// What each setting costs at a camera.
+    pub fn costs(&self, camera: usize) -> &[CostPoint] {
+        &self.costs[camera]
+    }
+
+    /// Cameras with the same number are held out together.
+    pub fn group(&self, camera: usize) -> u32 {
+        self.groups[camera]
+    }
+
+    /// Mean costs over `cameras`; of none, nothing.
+    pub fn mean(&self, cameras: &[usize]) -> Estimate {
+        let count = cameras.len().max(1) as f64;
+        let mean = |setting: usize| {
+            let sum = |value: fn(&CostPoint) -> f64| cameras.iter().map(|camera| value(&self.costs[*camera][setting])).sum::<f64>() / count;
+            CostPoint::new(sum(|cost| cost.power.0), sum(|cost| cost.error))
+        };
+        Estimate {
+            costs: if cameras.is_empty() { Vec::new() } else { (0..self.settings.len()).map(mean).collect() },
+            weight: cameras.len() as f64,
+        }
+    }
+
+    /// The frontier of an estimate.
+    pub fn frontier(&self, estimate: &Estimate) -> Frontier {
+        let points = self.settings.iter().zip(&estimate.costs);
+        Frontier::from_points(points.map(|(settings, cost)| FrontierPoint { settings: *settings, cost: *cost }))
+    }
+}
+
+/// What each setting of the pool costs at cameras of one address.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Estimate {
+    /// By setting.
+    pub costs: Vec<CostPoint>,
+    /// How much cameras near it say, where one at the very place says 1.
+    pub weight: f64,
+}
+
+/// Each camera's address at every depth of an octree that is divided everywhere.
+#[derive(Clone, Debug)]
+pub struct Keys {
+    /// By depth, then by camera.
+    pub addresses: Vec<Vec<Address>>,
+    /// Position of each camera, with the bounds at 0 to 1.
+    pub positions: Vec<bevy::math::Vec3>,
+    bounds: Bounds,
+    levels: u8,
+}
+
+impl Keys {
+    /// Addresses of `views` in an octree of up to `levels` levels over `bounds`.
+    pub fn new(bounds: &Bounds, levels: u8, views: &[CameraView]) -> Self {
+        let positions: Vec<_> = views.iter().map(|view| bounds.to_unit(view.position)).collect();
+        let at_depth = |depth: u8| {
+            let address = |view: &CameraView| address_in(bounds, levels, leaf_at(levels, depth, bounds.to_unit(view.position)), view);
+            views.iter().map(address).collect()
+        };
+        Self { addresses: (0..=levels).map(at_depth).collect(), positions, bounds: *bounds, levels }
+    }
+
+    /// Where an address itself is.
+    pub fn place(&self, address: Address) -> Place {
+        let unit = bevy::math::Vec3::from_array(address.at.map(f32::from)) / f32::from(1_u16 << self.levels);
+        let rotation = address.direction.rotation();
+        Place::from(&CameraView { position: self.bounds.from_unit(unit), rotation, vertical_fov: 1.0, aspect: 1.0 })
+    }
+}
+
+/// The cube of depth `depth` that holds `position`.
+pub(super) fn leaf_at(levels: u8, depth: u8, position: bevy::math::Vec3) -> Leaf {
+    let (lattice, size) = (1_u16 << levels, 1_u16 << (levels - depth));
+    let min = position.to_array().map(|unit| (((unit * f32::from(lattice)) as u16).min(lattice - 1) / size) * size);
+    Leaf { min, size }
+}
+
+/// Estimates at every depth, from some of the cameras: of all together, and of each address that has one of them.
+#[derive(Clone, Debug)]
+pub(super) struct Pyramid<'a> {
+    smoother: &'a Smoother<'a>,
+    cameras: Vec<usize>,
+    pub shared: Estimate,
+    /// Cameras of each address, by depth.
+    members: Vec<BTreeMap<Address, Vec<usize>>>,
+}
+
+impl<'a> Pyramid<'a> {
+    pub fn new(training: &Training, smoother: &'a Smoother<'a>, keys: &Keys, cameras: &[usize]) -> Self {
+        let of_depth = |addresses: &Vec<Address>| {
+            let mut members: BTreeMap<Address, Vec<usize>> = BTreeMap::new();
+            cameras.iter().for_each(|camera| members.entry(addresses[*camera]).or_default().push(*camera));
+            members
+        };
+        let members = keys.addresses.iter().map(of_depth).collect();
+        Self { smoother, cameras: cameras.to_vec(), shared: training.mean(cameras), members }
+    }
+
+    /// What is known at an address: by the places of its cameras, or by its own where it has none.
+    pub fn address(&self, keys: &Keys, address: Address, depth: usize) -> Estimate {
+        let places: Vec<Place> = match self.members[depth].get(&address) {
+            Some(members) => members.iter().map(|camera| self.smoother.place(*camera)).collect(),
+            None => vec![keys.place(address)],
+        };
+        self.smoother.at(&places, &self.cameras, &self.shared)
+    }
+
+    /// The same for several cameras' places at once.
+    pub fn places(&self, cameras: &[usize]) -> Estimate {
+        let places: Vec<Place> = cameras.iter().map(|camera| self.smoother.place(*camera)).collect();
+        self.smoother.at(&places, &self.cameras, &self.shared)
+    }
+
+    /// How much finer estimates differ from those of `depth`, in the mean over `cameras` and settings.
+    pub fn distance(&self, keys: &Keys, cameras: &[usize], depth: usize) -> CostPoint {
+        let (mut power, mut error, mut count) = (0.0, 0.0, 0.0_f64);
+        for camera in cameras {
+            let at = |depth: usize| self.address(keys, keys.addresses[depth][*camera], depth);
+            for (coarse, fine) in at(depth).costs.iter().zip(&at(depth + 1).costs) {
+                power += (coarse.power.0 - fine.power.0).abs();
+                error += (coarse.error - fine.error).abs();
+                count += 1.0;
+            }
+        }
+        CostPoint::new(power / count.max(1.0), error / count.max(1.0))
+    }
+}

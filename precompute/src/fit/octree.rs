@@ -1,0 +1,218 @@
+//! The octree: divided where that pays, with a frontier for every address of its leaves.
+
+use std::collections::{BTreeMap, BTreeSet};
+
+use bevy_frugal_gi::frontier::{Address, Bounds, CameraView, Corner, Frontier, Leaf, Octree, ViewDirection};
+
+use super::estimate::{Estimate, Keys, Pyramid, Training, leaf_at};
+use super::validate::held_out;
+use super::{Losses, Smoother};
+
+/// An address without cameras whose neighbours say less than this has the frontier that all share.
+const LEAST_WEIGHT: f64 = 0.5;
+
+/// How an octree is fitted.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct FitConfig {
+    /// How often the camera space may be halved, at most 6.
+    pub levels: u8,
+    /// Least number of cameras in a node that is divided.
+    pub least_cameras: usize,
+    /// By how many standard errors dividing must pay. Higher values give smaller maps.
+    pub standard_errors: f64,
+    /// A node is divided only where what its parts' estimates say differs by more than this: watts, in the mean over settings.
+    pub power_threshold_w: f64,
+    /// The same as a share of the range of power of the frontier that all share.
+    pub power_threshold_share: f64,
+    /// Or by more than this: 1 − SSIM.
+    pub error_threshold: f64,
+}
+
+impl Default for FitConfig {
+    fn default() -> Self {
+        Self {
+            levels: 4,
+            least_cameras: 8,
+            standard_errors: 1.0,
+            power_threshold_w: 0.0,
+            power_threshold_share: 0.01,
+            error_threshold: 0.001,
+        }
+    }
+}
+
+/// What a fit came to.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct FitReport {
+    /// Cameras that it comes from.
+    pub cameras: usize,
+    /// Cross-validated loss of the frontier that all cameras share, as a share of the least cost.
+    pub shared_loss: f64,
+    /// The same of the octree.
+    pub octree_loss: f64,
+    /// Addresses with cameras of their own.
+    pub addresses: usize,
+    /// The threshold in power that was used, watts.
+    pub power_threshold_w: f64,
+}
+
+/// An octree with its frontiers.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Fitted {
+    /// The octree.
+    pub octree: Octree,
+    /// The frontier of all cameras together.
+    pub shared: Frontier,
+    /// What it came to.
+    pub report: FitReport,
+    /// For each training camera the frontier that it would be given, had it and its group taken no part.
+    pub held_out: Vec<Frontier>,
+}
+
+/// Fits an octree over `bounds` to `training`, whose cameras have these `views`.
+pub fn fit(training: &Training, views: &[CameraView], bounds: &Bounds, config: &FitConfig) -> Fitted {
+    let levels = config.levels.min(6);
+    let keys = Keys::new(bounds, levels, views);
+    let all: Vec<usize> = (0..training.cameras()).collect();
+    let smoother = Smoother::new(training, views);
+    let pyramid = Pyramid::new(training, &smoother, &keys, &all);
+    let losses = Losses::cross_validated(training, &smoother, &keys);
+    let mean = |losses: &[f64]| losses.iter().sum::<f64>() / losses.len().max(1) as f64;
+    let shared = training.frontier(&pyramid.shared);
+    let mut report = FitReport { cameras: all.len(), shared_loss: mean(&losses.shared), ..FitReport::default() };
+
+    let range = |frontier: &Frontier| {
+        let points = frontier.points();
+        points.last().zip(points.first()).map_or(0.0, |(last, first)| last.cost.power.0 - first.cost.power.0)
+    };
+    report.power_threshold_w = config.power_threshold_w.max(config.power_threshold_share * range(&shared));
+    let differs = |depth: usize, cameras: &[usize]| {
+        let distance = pyramid.distance(&keys, cameras, depth);
+        distance.power.0 > report.power_threshold_w || distance.error > config.error_threshold
+    };
+    let mut tree = Tree { octree: Octree { levels, nodes: vec![0], ..Octree::default() }, leaves: Vec::new() };
+    let pays = |coarse: &[f64], fine: &[f64], cameras: &[usize]| {
+        let (saving, error) = Losses::saving(coarse, fine, cameras);
+        cameras.len() >= config.least_cameras && saving > config.standard_errors * error
+    };
+    // The first question is whether addresses pay at all.
+    let is_divided = pays(&losses.shared, &losses.by_depth[0], &all);
+    if is_divided {
+        tree.divide(
+            0,
+            0,
+            Leaf { min: [0; 3], size: 1 << levels },
+            &all,
+            &mut |depth, cameras| {
+                depth < usize::from(levels)
+                    && differs(depth, cameras)
+                    && pays(&losses.by_depth[depth], &losses.by_depth[depth + 1], cameras)
+            },
+            &keys,
+        );
+    } else {
+        tree.leaves.push((Leaf { min: [0; 3], size: 1 << levels }, 0, all.clone()));
+    }
+    report.octree_loss = if is_divided { tree.loss(&losses) } else { report.shared_loss };
+    let Tree { mut octree, leaves } = tree;
+    let estimates = if is_divided { estimates(&keys, &pyramid, &leaves) } else { BTreeMap::new() };
+    report.addresses = estimates.len();
+    let depths = is_divided.then(|| {
+        let mut depths = vec![0; all.len()];
+        leaves.iter().for_each(|(_, depth, cameras)| cameras.iter().for_each(|camera| depths[*camera] = *depth));
+        depths
+    });
+    let held_out = held_out(training, &smoother, &keys, depths.as_deref());
+    fill(&mut octree, &leaves, &Known { training, keys: &keys, pyramid: &pyramid, estimates: &estimates, shared: &shared });
+    Fitted { octree, shared, report, held_out }
+}
+
+struct Tree {
+    octree: Octree,
+    /// Leaf, depth, cameras.
+    leaves: Vec<(Leaf, usize, Vec<usize>)>,
+}
+
+impl Tree {
+    fn divide(
+        &mut self,
+        node: usize,
+        depth: usize,
+        leaf: Leaf,
+        cameras: &[usize],
+        pays: &mut dyn FnMut(usize, &[usize]) -> bool,
+        keys: &Keys,
+    ) {
+        if leaf.size == 1 || !pays(depth, cameras) {
+            self.leaves.push((leaf, depth, cameras.to_vec()));
+            return;
+        }
+        let first = self.octree.nodes.len();
+        self.octree.nodes[node] = first as u32;
+        self.octree.nodes.extend([0; 8]);
+        let half = Leaf { size: leaf.size / 2, ..leaf };
+        for child in 0..8 {
+            let part = Leaf { min: half.corner(child), size: half.size };
+            let levels = self.octree.levels;
+            let inside = cameras.iter().filter(|camera| leaf_at(levels, depth as u8 + 1, keys.positions[**camera]) == part);
+            let inside: Vec<usize> = inside.copied().collect();
+            self.divide(first + child, depth + 1, part, &inside, pays, keys);
+        }
+    }
+
+    fn loss(&self, losses: &Losses) -> f64 {
+        let all = self.leaves.iter().flat_map(|(_, depth, cameras)| cameras.iter().map(|camera| losses.by_depth[*depth][*camera]));
+        let (sum, count) = all.fold((0.0, 0.0_f64), |(sum, count), loss| (sum + loss, count + 1.0));
+        sum / count.max(1.0)
+    }
+}
+
+/// Estimates of the addresses that cameras fall into: corners on the border of two leaves have cameras of both.
+fn estimates(keys: &Keys, pyramid: &Pyramid<'_>, leaves: &[(Leaf, usize, Vec<usize>)]) -> BTreeMap<Address, Estimate> {
+    let mut members: BTreeMap<Address, Vec<usize>> = BTreeMap::new();
+    for (_, depth, cameras) in leaves {
+        for camera in cameras {
+            members.entry(keys.addresses[*depth][*camera]).or_default().push(*camera);
+        }
+    }
+    members.iter().map(|(address, members)| (*address, pyramid.places(members))).collect()
+}
+
+/// Everything that tells what a corner's frontier is.
+struct Known<'a> {
+    training: &'a Training,
+    keys: &'a Keys,
+    pyramid: &'a Pyramid<'a>,
+    estimates: &'a BTreeMap<Address, Estimate>,
+    shared: &'a Frontier,
+}
+
+impl Known<'_> {
+    /// The frontier of an address: by its cameras, or by those around it.
+    fn frontier(&self, address: Address) -> Frontier {
+        if self.estimates.is_empty() {
+            return self.shared.clone();
+        }
+        if let Some(estimate) = self.estimates.get(&address) {
+            return self.training.frontier(estimate);
+        }
+        let around = self.pyramid.address(self.keys, address, 0);
+        if around.weight < LEAST_WEIGHT { self.shared.clone() } else { self.training.frontier(&around) }
+    }
+}
+
+/// Gives every corner of every leaf its six frontiers; equal ones are stored once.
+fn fill(octree: &mut Octree, leaves: &[(Leaf, usize, Vec<usize>)], known: &Known<'_>) {
+    let corners: BTreeSet<[u16; 3]> = leaves.iter().flat_map(|(leaf, ..)| (0..8).map(|number| leaf.corner(number))).collect();
+    for at in corners {
+        let frontiers = ViewDirection::ALL.map(|direction| {
+            let frontier = known.frontier(Address { at, direction }).rounded();
+            let index = octree.frontiers.iter().position(|other| *other == frontier).unwrap_or_else(|| {
+                octree.frontiers.push(frontier);
+                octree.frontiers.len() - 1
+            });
+            index as u32
+        });
+        octree.corners.push(Corner { at, frontiers });
+    }
+}

@@ -1,0 +1,50 @@
+//! Why there is no journal.
+
+use std::io;
+use std::path::PathBuf;
+
+/// Why there is no journal.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum JournalError {
+    /// The file system refused.
+    #[error("cannot {action} the journal `{path}`: {source}; make room or give it another place", path = path.display())]
+    File {
+        /// What was tried.
+        action: &'static str,
+        /// The journal.
+        path: PathBuf,
+        /// What the system says.
+        source: io::Error,
+    },
+    /// The file is something else, or its first line is damaged.
+    #[error("`{path}` is not a journal of this version: move it away, or run without --resume to start anew", path = path.display())]
+    NotAJournal {
+        /// The file.
+        path: PathBuf,
+    },
+    /// The journal belongs to another run.
+    #[error(
+        "the journal `{path}` is of another run: its {field} is `{found}`, here it is `{expected}`; resume with the same, or run without --resume to start anew",
+        path = path.display()
+    )]
+    OtherRun {
+        /// The journal.
+        path: PathBuf,
+        /// What differs.
+        field: String,
+        /// What the journal has.
+        found: String,
+        /// What this run has.
+        expected: String,
+    },
+    /// Another process is at it.
+    #[error("the journal `{path}` is in use: wait for the other run, or give this one another output", path = path.display())]
+    InUse {
+        /// The journal.
+        path: PathBuf,
+    },
+    /// The header cannot be written as text.
+    #[error("the journal's header cannot be written: {0}")]
+    Header(#[from] serde_json::Error),
+}

@@ -1,0 +1,327 @@
+//! From cameras to a map, in one place: screening, pool, blocks of cameras, fit, calibration.
+//!
+//! Everything that costs a rendering goes through [`Renderings`], and so into the journal. What follows from renderings alone is computed again when a
+//! run is resumed. Knows no renderer: [`Measure`] renders.
+mod pilots;
+mod renderings;
+#[cfg(test)]
+mod tests;
+
+use bevy_frugal_gi::frontier::{Bounds, CameraView, CostPoint, ErrorRates, look_up_in};
+use bevy_frugal_gi::knobs::{KnobSpace, RenderSettings};
+
+use crate::cameras::{CameraSet, MovingCamera};
+use crate::cost::{CostModel, CostReading, FitQuality, FrameLayout, Work};
+use crate::fit::{Calibration, FitConfig, FitReport, Fitted, Training, calibrate, fit};
+use crate::journal::JournalError;
+use crate::pool::{Proposal, Screening, portfolio, propose, screening_settings};
+use crate::table::{CostTable, Measure};
+
+pub use renderings::{Job, Progress, Purpose, Renderings, Setup};
+
+/// Share of a time limit after which the pool is settled, and the rest goes into cameras.
+const POOL_SHARE: f64 = 0.4;
+/// Share of a time limit after which no block of cameras is begun.
+const CAMERAS_SHARE: f64 = 0.97;
+
+/// How much is rendered.
+#[derive(Clone, Debug, PartialEq)]
+pub struct PipelineConfig {
+    /// Pilot cameras: each proposal is rendered at all of them. Higher values make the pool fit more kinds of views.
+    pub pilots: usize,
+    /// Rounds of proposals, at most.
+    pub rounds: usize,
+    /// Settings proposed in a round.
+    pub batch: usize,
+    /// Settings that every camera renders, at most.
+    pub pool: usize,
+    /// Training cameras between two looks at the clock; a sixth as many calibration cameras come along.
+    pub block: usize,
+    /// The fit.
+    pub fit: FitConfig,
+    /// Seeds every random choice.
+    pub seed: u64,
+}
+
+impl Default for PipelineConfig {
+    fn default() -> Self {
+        Self { pilots: 2, rounds: 6, batch: 8, pool: 18, block: 6, fit: FitConfig::default(), seed: 0 }
+    }
+}
+
+/// Why there is no map.
+#[derive(Debug, thiserror::Error)]
+pub enum PipelineError<E> {
+    /// Rendering failed.
+    #[error("{0}")]
+    Measure(E),
+    /// The renderings cannot be kept.
+    #[error(transparent)]
+    Journal(#[from] JournalError),
+    /// Stopped from outside: what was rendered is kept.
+    #[error("interrupted")]
+    Interrupted,
+    /// This shard has rendered its part of the batch; others have not.
+    #[error("this shard's part is rendered: merge the shards' journals with `frugal merge`, then run every shard again")]
+    NeedsMerge,
+    /// Nowhere could a camera stand that sees anything.
+    #[error("no camera was found that stands free and sees the scene: check its bounds and paths")]
+    NoCameras,
+}
+
+/// What a run came to.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Outcome {
+    /// Octree and shared frontier.
+    pub fitted: Fitted,
+    /// Exchange rates of error budgets.
+    pub error_rates: ErrorRates,
+    /// The pool.
+    pub pool: Vec<RenderSettings>,
+    /// What single knobs do.
+    pub screening: Screening,
+    /// Prices of work, from all readings.
+    pub cost: CostModel,
+    /// How well they tell readings that they were not fitted to.
+    pub cost_quality: FitQuality,
+    /// Training and calibration cameras whose renderings are in the map.
+    pub cameras: [usize; 2],
+    /// Renderings in the map, and those made in this run with their seconds.
+    pub renderings: usize,
+    /// Made in this run.
+    pub effort: (usize, f64),
+    /// Mean error of the best settings rendered twice: nothing below it means anything.
+    pub noise: f64,
+    /// Costs at training cameras, of the pool; power as the model has it.
+    pub table: CostTable,
+}
+
+/// What is searched.
+#[derive(Clone, Copy, Debug)]
+pub struct Subject<'a> {
+    /// The knobs.
+    pub space: &'a KnobSpace,
+    /// What work depends on beside them.
+    pub layout: &'a FrameLayout,
+    /// The octree's root.
+    pub bounds: &'a Bounds,
+    /// Vertical field of view, radians, and width ÷ height.
+    pub lens: (f32, f32),
+}
+
+/// Runs the pipeline.
+///
+/// # Errors
+/// When rendering fails or is stopped; what was rendered before is in the journal.
+pub fn run<M: Measure>(subject: &Subject<'_>, config: &PipelineConfig, setup: Setup<'_, M>) -> Result<Outcome, PipelineError<M::Error>> {
+    let cameras = setup.cameras;
+    if cameras.training.is_empty() {
+        return Err(PipelineError::NoCameras);
+    }
+    let mut renderings = Renderings::new(setup);
+    let pilots = pilots::choose(&cameras.training, config.pilots);
+    let (screening, candidates) = find_pool(subject, config, &pilots, &mut renderings)?;
+    let (pool, counts) = render_cameras(subject, config, cameras, &pilots, &candidates, &mut renderings)?;
+    Ok(finish(subject, config, cameras, screening, pool, counts, &renderings))
+}
+
+/// Screening and rounds of proposals at the pilot cameras: the knobs' effects, and everything worth rendering elsewhere.
+fn find_pool<M: Measure>(
+    subject: &Subject<'_>,
+    config: &PipelineConfig,
+    pilots: &[usize],
+    renderings: &mut Renderings<'_, M>,
+) -> Result<(Screening, Vec<RenderSettings>), PipelineError<M::Error>> {
+    let Subject { space, layout, .. } = *subject;
+    let jobs = |settings: &[RenderSettings]| -> Vec<Job> {
+        pilots.iter().map(|camera| Job { purpose: Purpose::Training, camera: *camera, settings: settings.to_vec() }).collect()
+    };
+    let mut rendered = screening_settings(space);
+    renderings.batch("screening", &jobs(&rendered))?;
+    let screening = Screening::of(space, &table(renderings, Purpose::Training, pilots, &rendered));
+    for round in 0..config.rounds {
+        let more = config.batch * pilots.len();
+        if !renderings.decide(&format!("round {round}"), |renderings| renderings.has_time(more, POOL_SHARE))? {
+            break;
+        }
+        let table = table(renderings, Purpose::Training, pilots, &rendered);
+        let cost = CostModel::fit(&readings(subject, &table));
+        // In turn for all pilots together and for each half of them: the pool must suit different views.
+        let halves: [Vec<usize>; 3] = [(0..table.rows()).collect(), part(table.rows(), 0), part(table.rows(), 1)];
+        let rows = &halves[round % 3];
+        let mean = |column: usize| table.mean(column, rows.iter().copied()).map_or(f64::NAN, |cost| cost.error);
+        let errors: Vec<_> = table.settings().iter().enumerate().map(|(column, settings)| (*settings, mean(column))).collect();
+        let proposal = Proposal { space, screening: &screening, cost: &cost, layout, errors: &errors };
+        let proposed = propose(&proposal, config.batch, config.seed.wrapping_mul(1000).wrapping_add(round as u64));
+        if proposed.is_empty() {
+            break;
+        }
+        renderings.batch("proposals", &jobs(&proposed))?;
+        rendered.extend(proposed);
+    }
+    Ok((screening, rendered))
+}
+
+/// Every other row; all where there is one.
+fn part(rows: usize, which: usize) -> Vec<usize> {
+    if rows < 2 { (0..rows).collect() } else { (which..rows).step_by(2).collect() }
+}
+
+/// Renders the pool at blocks of training and calibration cameras. Returns the pool, and how many cameras of each purpose have it.
+fn render_cameras<M: Measure>(
+    subject: &Subject<'_>,
+    config: &PipelineConfig,
+    cameras: &CameraSet,
+    pilots: &[usize],
+    candidates: &[RenderSettings],
+    renderings: &mut Renderings<'_, M>,
+) -> Result<(Vec<RenderSettings>, [usize; 2]), PipelineError<M::Error>> {
+    let space = subject.space;
+    let ends = [space.highest(), space.lowest()].map(|settings| space.canonical(settings));
+    let pool = portfolio(&modelled(subject, &table(renderings, Purpose::Training, pilots, candidates)).0, config.pool, &ends);
+    // Pilots have everything already.
+    let order: Vec<usize> = pilots.iter().copied().chain((0..cameras.training.len()).filter(|camera| !pilots.contains(camera))).collect();
+    let mut counts = [pilots.len().min(order.len()), 0];
+    while counts[0] < order.len() || counts[1] < cameras.calibration.len() {
+        let training = &order[counts[0]..(counts[0] + config.block).min(order.len())];
+        let sixth = if training.is_empty() { config.block } else { (config.block / 6).max(1) };
+        let calibration = counts[1]..(counts[1] + sixth).min(cameras.calibration.len());
+        let job = |purpose: Purpose, camera: usize| Job { purpose, camera, settings: pool.clone() };
+        let mut jobs: Vec<Job> = training.iter().map(|camera| job(Purpose::Training, *camera)).collect();
+        jobs.extend(calibration.clone().map(|camera| job(Purpose::Calibration, camera)));
+        // And the best settings' picture at each.
+        let more = jobs.iter().map(|job| job.settings.len() + 2).sum();
+        let name = format!("block {} {}", counts[0], counts[1]);
+        if !renderings.decide(&name, |renderings| renderings.has_time(more, CAMERAS_SHARE))? {
+            break;
+        }
+        renderings.batch("cameras", &jobs)?;
+        counts = [counts[0] + training.len(), calibration.end];
+    }
+    Ok((pool, counts))
+}
+
+fn table<M: Measure>(renderings: &Renderings<'_, M>, purpose: Purpose, cameras: &[usize], settings: &[RenderSettings]) -> CostTable {
+    let mut table = CostTable::new(cameras.len());
+    for (row, camera) in cameras.iter().enumerate() {
+        for settings in settings {
+            if let Some(cost) = renderings.get(purpose, *camera, *settings) {
+                table.set(row, *settings, cost);
+            }
+        }
+    }
+    table
+}
+
+fn readings(subject: &Subject<'_>, table: &CostTable) -> Vec<CostReading> {
+    let columns = table.settings().iter().enumerate();
+    let of = columns.flat_map(|(column, settings)| {
+        let work = Work::of(subject.space, *settings, subject.layout);
+        (0..table.rows())
+            .filter_map(move |row| Some(CostReading { camera: row, work: work.clone(), power_w: table.at(row, column)?.power.0 }))
+    });
+    of.collect()
+}
+
+/// Readings that a setting's own deviation from the model counts as already there, at none.
+const SETTING_PRIOR: f64 = 3.0;
+
+/// The table with power from the fitted model instead of single readings: price of the work, times the camera's factor, times what the setting's readings
+/// have in common beyond that. Errors stay. Also the model, and how well it tells readings that it was not fitted to.
+fn modelled(subject: &Subject<'_>, table: &CostTable) -> (CostTable, CostModel) {
+    let readings = readings(subject, table);
+    let model = CostModel::fit(&readings);
+    let mut smooth = CostTable::new(table.rows());
+    for (column, settings) in table.settings().iter().enumerate() {
+        let work = Work::of(subject.space, *settings, subject.layout);
+        let known = || (0..table.rows()).filter_map(|row| Some((row, table.at(row, column)?)));
+        let beyond: Vec<f64> =
+            known().map(|(row, cost)| (cost.power.0 / model.power_at(row, &work)).ln()).filter(|ln| ln.is_finite()).collect();
+        let factor = (beyond.iter().sum::<f64>() / (beyond.len() as f64 + SETTING_PRIOR)).exp();
+        for (row, cost) in known() {
+            smooth.set(row, *settings, CostPoint::new(model.power_at(row, &work) * factor, cost.error));
+        }
+    }
+    (smooth, model)
+}
+
+fn views(cameras: &[MovingCamera], lens: (f32, f32)) -> Vec<CameraView> {
+    let view = |camera: &MovingCamera| CameraView {
+        position: camera.pose.position,
+        rotation: camera.pose.rotation,
+        vertical_fov: lens.0,
+        aspect: lens.1,
+    };
+    cameras.iter().map(view).collect()
+}
+
+/// Fits and calibrates.
+fn finish<M: Measure>(
+    subject: &Subject<'_>,
+    config: &PipelineConfig,
+    cameras: &CameraSet,
+    screening: Screening,
+    pool: Vec<RenderSettings>,
+    counts: [usize; 2],
+    renderings: &Renderings<'_, M>,
+) -> Outcome {
+    let all: Vec<usize> = (0..cameras.training.len()).collect();
+    let raw = table(renderings, Purpose::Training, &all, &pool);
+    let apart = table(renderings, Purpose::Calibration, &(0..counts[1]).collect::<Vec<_>>(), &pool);
+    let (smooth, cost) = modelled(subject, &raw);
+    let (training, rows) = Training::new(&smooth, &cameras.training, &pool);
+    let used: Vec<MovingCamera> = rows.iter().map(|row| cameras.training[*row]).collect();
+    let fitted = fit(&training, &views(&used, subject.lens), subject.bounds, &config.fit);
+    let error_rates = calibrated(subject, cameras, &fitted, (&smooth, &rows), &apart);
+    let best = subject.space.canonical(subject.space.highest());
+    let repeated: Vec<f64> = (0..raw.rows()).filter_map(|row| Some(raw.get(row, best)?.error)).collect();
+    Outcome {
+        error_rates,
+        pool,
+        screening,
+        cost_quality: CostModel::cross_validated(&readings(subject, &raw), 5),
+        cost,
+        cameras: [used.len(), counts[1]],
+        renderings: renderings.count(),
+        effort: renderings.effort(),
+        noise: repeated.iter().sum::<f64>() / repeated.len().max(1) as f64,
+        table: smooth.with_rows(&rows),
+        fitted,
+    }
+}
+
+/// `trained`: costs at training cameras, and the numbers of those in the fit; `apart`: costs at calibration cameras.
+fn calibrated(
+    subject: &Subject<'_>,
+    cameras: &CameraSet,
+    fitted: &Fitted,
+    (trained, rows): (&CostTable, &[usize]),
+    apart: &CostTable,
+) -> ErrorRates {
+    let error = |table: &'_ CostTable, row: usize, settings: RenderSettings| Some(table.get(row, settings)?.error);
+    let views = views(&cameras.calibration, subject.lens);
+    let apart = views
+        .iter()
+        .enumerate()
+        .take(apart.rows())
+        .filter_map(|(row, view)| Some((look_up_in(&fitted.octree, subject.bounds, view)?.frontier, apart, row)));
+    let crossed = fitted.held_out.iter().zip(rows).map(|(frontier, row)| (frontier, trained, *row));
+    let all: Vec<_> = apart
+        .chain(crossed)
+        .filter(|(frontier, ..)| !frontier.is_empty())
+        .map(|(frontier, table, row)| (frontier, move |settings: RenderSettings| error(table, row, settings)))
+        .collect();
+    let cameras: Vec<Calibration<'_>> = all.iter().map(|(frontier, error)| Calibration { frontier, error }).collect();
+    calibrate(&cameras, true)
+}
+
+/// What a fit reports, for messages.
+pub fn describe(report: &FitReport) -> String {
+    format!(
+        "{} cameras, {} addresses; picks at unseen cameras cost {:.1} % more than the best, {:.1} % from one frontier for all",
+        report.cameras,
+        report.addresses,
+        100.0 * report.octree_loss,
+        100.0 * report.shared_loss
+    )
+}

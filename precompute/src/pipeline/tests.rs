@@ -1,0 +1,245 @@
+//! The pipeline on a made-up renderer: kills, shards, limits, and whether the map is any good.
+
+use std::convert::Infallible;
+use std::ops::ControlFlow;
+use std::path::Path;
+use std::time::Duration;
+
+use bevy::math::{Quat, Vec3};
+use bevy_frugal_gi::knobs::Knob;
+
+use super::*;
+use crate::journal::{Journal, JournalHeader, merge_journals};
+use crate::scene::CameraPose;
+
+const BOUNDS: Bounds = Bounds { min: [0.0; 3], max: [8.0; 3] };
+
+fn space() -> KnobSpace {
+    let levels = |count: u32| (0..count).map(f64::from);
+    KnobSpace::new(vec![
+        Knob::new("gi_vpl_count", [0.0, 64.0, 256.0, 1024.0, 4096.0]),
+        Knob::new("gi_pixel_fraction", [0.0625, 0.25, 0.5, 1.0]).needing("gi_vpl_count", 1),
+        Knob::new("shadow_map_resolution", [256.0, 512.0, 1024.0, 2048.0]),
+        Knob::new("fur", levels(3)),
+        Knob::new("idle", levels(3)),
+    ])
+    .expect("a valid space")
+}
+
+fn layout() -> FrameLayout {
+    FrameLayout { size: [160, 90], maps: 1, has_sky: false }
+}
+
+/// Power follows work; indirect light matters where x < 4, shadows elsewhere.
+struct Formula {
+    space: KnobSpace,
+    renderings: usize,
+}
+
+fn cost(space: &KnobSpace, pose: &CameraPose, settings: RenderSettings) -> CostPoint {
+    let settings = space.canonical(settings);
+    let names = crate::cost::work_names(space);
+    let price = |name: &str| match name {
+        "frame" => 1.0,
+        "pairs" => 4e-7,
+        "rays" => 3e-5,
+        "gathered pixels" => 5e-5,
+        "shadow texels" => 2e-7,
+        "fur=1 pixels" => 2e-5,
+        "fur=2 pixels" => 6e-5,
+        _ => 0.0,
+    };
+    let power: f64 = Work::of(space, settings, &layout()).0.iter().zip(&names).map(|(work, name)| work * price(name)).sum();
+    let missing = |knob: usize| {
+        let top = space.knobs()[knob].levels.len() - 1;
+        (top - settings.level(knob)) as f64 / top as f64
+    };
+    let dark = if pose.position.x < 4.0 { 3.0 } else { 0.5 };
+    let indirect = if settings.level(0) == 0 { 0.2 } else { 0.05 * missing(0).powi(2) + 0.02 * missing(1).powi(2) };
+    CostPoint::new(
+        power * if pose.position.x < 4.0 { 1.1 } else { 0.9 },
+        dark * indirect + 0.03 / dark * missing(2).powi(2) + 0.01 * missing(3),
+    )
+}
+
+impl Measure for Formula {
+    type Error = Infallible;
+
+    fn measure(&mut self, clip: &[CameraPose], settings: RenderSettings) -> Result<CostPoint, Infallible> {
+        self.renderings += 1;
+        Ok(cost(&self.space, clip.last().expect("a pose"), settings))
+    }
+}
+
+fn cameras() -> CameraSet {
+    let camera = |index: usize| {
+        let unit = |prime: usize| (index * prime % 101) as f32 / 101.0 * 7.8 + 0.1;
+        let pose = CameraPose { position: Vec3::new(unit(37), unit(53), unit(71)), rotation: Quat::from_rotation_y(index as f32) };
+        MovingCamera { pose, velocity: Vec3::ZERO, turn: Vec3::ZERO, group: index as u32 }
+    };
+    CameraSet { training: (0..40).map(camera).collect(), calibration: (100..130).map(camera).collect() }
+}
+
+struct Run<'a> {
+    journal: &'a Path,
+    shard: (usize, usize),
+    /// Renderings after which the run is stopped.
+    patience: usize,
+    limit: Option<Duration>,
+}
+
+fn run_once(setup: &Run<'_>) -> (Result<Outcome, PipelineError<Infallible>>, usize) {
+    let (space, cameras) = (space(), cameras());
+    let mut formula = Formula { space: space.clone(), renderings: 0 };
+    let journal = Journal::resume(setup.journal, &JournalHeader::default().with("seed", 0)).expect("a journal");
+    let mut left = setup.patience;
+    let mut report = |_: &Progress<'_>| {
+        left = left.saturating_sub(1);
+        if left == 0 { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
+    };
+    let subject = Subject { space: &space, layout: &layout(), bounds: &BOUNDS, lens: (1.0, 1.5) };
+    let config = PipelineConfig::default();
+    let outcome = run(
+        &subject,
+        &config,
+        Setup {
+            measure: &mut formula,
+            journal,
+            cameras: &cameras,
+            clip: (2, 15.0),
+            shard: setup.shard,
+            limit: setup.limit,
+            report: &mut report,
+        },
+    );
+    (outcome, formula.renderings)
+}
+
+fn whole(journal: &Path) -> Run<'_> {
+    Run { journal, shard: (0, 1), patience: usize::MAX, limit: None }
+}
+
+/// What must not depend on how a run came about.
+fn product(outcome: &Outcome) -> (Fitted, ErrorRates, Vec<RenderSettings>, [usize; 2], usize) {
+    (outcome.fitted.clone(), outcome.error_rates.clone(), outcome.pool.clone(), outcome.cameras, outcome.renderings)
+}
+
+#[test]
+fn a_run_that_is_killed_again_and_again_ends_with_the_same_map() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let (outcome, all) = run_once(&whole(&folder.path().join("whole")));
+    let reference = outcome.expect("a map");
+    assert!(reference.screening.without_effect == [4], "the idle knob: {:?}", reference.screening.without_effect);
+    assert_eq!(reference.cameras, [40, 30]);
+    let file = folder.path().join("killed");
+    let mut made = 0;
+    for patience in (1..).map(|round: usize| 1 + round * 7 % 23) {
+        let (outcome, renderings) = run_once(&Run { patience, ..whole(&file) });
+        made += renderings;
+        // Torn as a kill tears it, every other time.
+        let length = std::fs::metadata(&file).expect("a journal").len();
+        match outcome {
+            Ok(outcome) => {
+                assert_eq!(product(&outcome), product(&reference));
+                break;
+            }
+            Err(PipelineError::Interrupted) if patience % 2 == 0 => {
+                std::fs::OpenOptions::new().write(true).open(&file).expect("opens").set_len(length - 3).expect("shortened");
+                made -= 1;
+            }
+            Err(PipelineError::Interrupted) => {}
+            Err(error) => panic!("{error}"),
+        }
+    }
+    assert_eq!(made, all, "what was kept is not rendered again");
+}
+
+#[test]
+fn shards_that_are_merged_make_the_same_map() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let reference = run_once(&whole(&folder.path().join("whole"))).0.expect("a map");
+    for count in [2, 5] {
+        let files: Vec<_> = (0..count).map(|index| folder.path().join(format!("{index}-of-{count}"))).collect();
+        let mut renderings = vec![0; count];
+        let outcome = loop {
+            let mut last = None;
+            for (index, file) in files.iter().enumerate() {
+                let (outcome, made) = run_once(&Run { shard: (index, count), ..whole(file) });
+                renderings[index] += made;
+                match outcome {
+                    Ok(outcome) => last = Some(outcome),
+                    Err(PipelineError::NeedsMerge) => {}
+                    Err(error) => panic!("{error}"),
+                }
+            }
+            if let Some(outcome) = last {
+                break outcome;
+            }
+            let merged = folder.path().join("merged");
+            merge_journals(&files, &merged).expect("one run's");
+            for file in &files {
+                std::fs::copy(&merged, file).expect("a copy");
+            }
+        };
+        assert_eq!(product(&outcome), product(&reference));
+        let total: usize = renderings.iter().sum();
+        assert!(renderings.iter().all(|share| *share * count > total / 2), "work is shared: {renderings:?}");
+    }
+}
+
+#[test]
+fn the_map_beats_the_best_constant_where_views_differ() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let (outcome, renderings) = run_once(&whole(&folder.path().join("journal")));
+    let outcome = outcome.expect("a map");
+    assert!(outcome.fitted.report.octree_loss < outcome.fitted.report.shared_loss, "{:?}", outcome.fitted.report);
+    assert!(outcome.cost_quality.mean_absolute_error < 0.02, "{:?}", outcome.cost_quality);
+    assert!(outcome.error_rates.is_sound() && outcome.error_rates.0.len() > 6, "{:?}", outcome.error_rates);
+    assert!(renderings < 70 * 45, "{renderings}");
+    let space = space();
+    assert!(outcome.pool.contains(&space.canonical(space.highest())) && outcome.pool.contains(&space.canonical(space.lowest())));
+    // Nothing of the pool is worse than half as good as the best of all combinations, at a typical exchange rate, at fresh cameras.
+    for x in [1.0, 3.5, 4.5, 7.0] {
+        let pose = CameraPose { position: Vec3::new(x, 3.3, 2.2), rotation: Quat::IDENTITY };
+        let value = |settings: RenderSettings| {
+            let cost = cost(&space, &pose, settings);
+            cost.power.0 + 200.0 * cost.error
+        };
+        let least = |all: &mut dyn Iterator<Item = RenderSettings>| all.map(value).fold(f64::INFINITY, f64::min);
+        let (pool, all) = (least(&mut outcome.pool.iter().copied()), least(&mut space.iter()));
+        assert!(pool < 1.1 * all, "{pool} against {all} at x = {x}");
+    }
+}
+
+#[test]
+fn a_time_limit_ends_with_a_map_whenever_it_strikes() {
+    let folder = tempfile::tempdir().expect("a folder");
+    for (number, limit) in [Duration::ZERO, Duration::from_micros(300), Duration::from_secs(3600)].into_iter().enumerate() {
+        let file = folder.path().join(number.to_string());
+        let (outcome, _) = run_once(&Run { limit: Some(limit), ..whole(&file) });
+        let outcome = outcome.expect("a map");
+        assert!(!outcome.fitted.shared.is_empty() && outcome.fitted.octree.validate() == Ok(()));
+        // Resumed, the clock's decisions stand.
+        let again = run_once(&Run { limit: Some(Duration::from_secs(9)), ..whole(&file) }).0.expect("a map");
+        assert_eq!(product(&again), product(&outcome));
+    }
+}
+
+#[test]
+fn without_cameras_there_is_one_clear_error() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let space = space();
+    let mut formula = Formula { space: space.clone(), renderings: 0 };
+    let subject = Subject { space: &space, layout: &layout(), bounds: &BOUNDS, lens: (1.0, 1.5) };
+    let setup = Setup {
+        measure: &mut formula,
+        journal: Journal::resume(&folder.path().join("journal"), &JournalHeader::default()).expect("a journal"),
+        cameras: &CameraSet::default(),
+        clip: (2, 15.0),
+        shard: (0, 1),
+        limit: None,
+        report: &mut |_| ControlFlow::Continue(()),
+    };
+    let error = run(&subject, &PipelineConfig::default(), setup).expect_err("no cameras").to_string();
+    assert!(error.contains("bounds and paths"), "{error}");
+}

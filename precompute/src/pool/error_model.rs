@@ -1,0 +1,184 @@
+//! What error settings will have that were not rendered.
+//!
+//! The prior adds up what each lowered knob does alone. A Gaussian process over what is left learns which knobs hide or
+//! worsen each other (Rasmussen and Williams 2006, "Gaussian Processes for Machine Learning", algorithm 2.1). Distances
+//! between settings count a knob's levels by what they do, so levels that look alike are near.
+
+use bevy_frugal_gi::knobs::{KnobSpace, RenderSettings};
+
+use super::{LEAST_ERROR, Screening};
+
+/// Standard deviation of the logarithm of an error about the sum of single effects.
+const SPREAD: f64 = 0.6;
+/// Standard deviation of a reading's logarithm.
+const NOISE: f64 = 0.05;
+/// Length scales that are tried, in units of the logarithm of a knob's effect.
+const LENGTHS: [f64; 4] = [1.0, 2.0, 4.0, 8.0];
+
+/// Predicts the logarithm of a mean error.
+#[derive(Clone, Debug)]
+pub struct ErrorModel<'a> {
+    space: &'a KnobSpace,
+    screening: &'a Screening,
+    length: f64,
+    known: Vec<Vec<f64>>,
+    /// K⁻¹ (y − prior).
+    weights: Vec<f64>,
+    /// The lower triangle of K's Cholesky decomposition.
+    factor: Vec<Vec<f64>>,
+}
+
+impl<'a> ErrorModel<'a> {
+    /// Fits mean errors of settings. Those that are not finite are left out.
+    pub fn fit(space: &'a KnobSpace, screening: &'a Screening, readings: &[(RenderSettings, f64)]) -> Self {
+        let sound: Vec<_> = readings.iter().filter(|(_, error)| error.is_finite()).collect();
+        let known: Vec<Vec<f64>> = sound.iter().map(|(settings, _)| place(space, screening, *settings)).collect();
+        let left: Vec<f64> =
+            sound.iter().map(|(settings, error)| (error.max(0.0) + LEAST_ERROR).ln() - prior(space, screening, *settings)).collect();
+        let fits = LENGTHS.iter().map(|length| {
+            let factor = cholesky(&covariance(&known, *length));
+            let weights = solve(&factor, &left);
+            // Evidence, but for a constant: how likely these readings are.
+            let fit: f64 = left.iter().zip(&weights).map(|(y, weight)| y * weight).sum();
+            let volume: f64 = factor.iter().enumerate().map(|(index, row)| row[index].ln()).sum();
+            (0.5 * fit + volume, *length, weights, factor)
+        });
+        let best = fits.min_by(|a, b| a.0.total_cmp(&b.0));
+        let (_, length, weights, factor) = best.unwrap_or((0.0, 1.0, Vec::new(), Vec::new()));
+        Self { space, screening, length, known, weights, factor }
+    }
+
+    /// Mean and standard deviation of ln(error + [`LEAST_ERROR`]).
+    pub fn predict(&self, settings: RenderSettings) -> (f64, f64) {
+        let at = place(self.space, self.screening, settings);
+        let near: Vec<f64> = self.known.iter().map(|known| kernel(known, &at, self.length)).collect();
+        let mean = prior(self.space, self.screening, settings) + near.iter().zip(&self.weights).map(|(k, weight)| k * weight).sum::<f64>();
+        let explained: f64 = forward(&self.factor, &near).iter().map(|v| v * v).sum();
+        (mean, (SPREAD * SPREAD - explained).max(0.0).sqrt())
+    }
+
+    /// The error itself, at the mean.
+    pub fn error(&self, settings: RenderSettings) -> f64 {
+        (self.predict(settings).0.exp() - LEAST_ERROR).max(0.0)
+    }
+}
+
+/// Effects of the knobs that act, by knob.
+fn effects<'s>(space: &'s KnobSpace, screening: &'s Screening, settings: RenderSettings) -> impl Iterator<Item = f64> + 's {
+    let canonical = space.canonical(settings);
+    (0..space.len()).map(move |knob| {
+        let levels = space.knobs()[knob].levels.len();
+        // A knob that does nothing here is at level 0, whichever it is set to.
+        let acts = canonical.level(knob) > 0 || levels > 1 && space.canonical(canonical.with_level(knob, 1)) != canonical;
+        if acts { screening.effects[knob].get(canonical.level(knob)).copied().unwrap_or(0.0) } else { 0.0 }
+    })
+}
+
+fn prior(space: &KnobSpace, screening: &Screening, settings: RenderSettings) -> f64 {
+    (effects(space, screening, settings).sum::<f64>() + LEAST_ERROR).ln()
+}
+
+/// Where settings lie: a coordinate for each knob.
+fn place(space: &KnobSpace, screening: &Screening, settings: RenderSettings) -> Vec<f64> {
+    effects(space, screening, settings).map(|effect| (1.0 + effect / LEAST_ERROR).ln()).collect()
+}
+
+fn kernel(a: &[f64], b: &[f64], length: f64) -> f64 {
+    let distance: f64 = a.iter().zip(b).map(|(a, b)| (a - b).abs()).sum();
+    SPREAD * SPREAD * (-distance / length).exp()
+}
+
+fn covariance(places: &[Vec<f64>], length: f64) -> Vec<Vec<f64>> {
+    let row = |a: usize| -> Vec<f64> {
+        (0..=a).map(|b| kernel(&places[a], &places[b], length) + if a == b { NOISE * NOISE } else { 0.0 }).collect()
+    };
+    (0..places.len()).map(row).collect()
+}
+
+/// L with L Lᵀ = K, of the lower triangle of a symmetric positive definite K.
+fn cholesky(matrix: &[Vec<f64>]) -> Vec<Vec<f64>> {
+    let mut factor: Vec<Vec<f64>> = Vec::with_capacity(matrix.len());
+    for (a, row) in matrix.iter().enumerate() {
+        let mut next = vec![0.0; a + 1];
+        for b in 0..=a {
+            let above: &[f64] = if b == a { &[] } else { &factor[b] };
+            let done: f64 = (0..b).map(|k| next[k] * if b == a { next[k] } else { above[k] }).sum();
+            next[b] = if b == a { (row[b] - done).max(1e-12).sqrt() } else { (row[b] - done) / above[b] };
+        }
+        factor.push(next);
+    }
+    factor
+}
+
+/// The x of L x = y.
+fn forward(factor: &[Vec<f64>], right: &[f64]) -> Vec<f64> {
+    let mut solution: Vec<f64> = Vec::with_capacity(right.len());
+    for (row, y) in factor.iter().zip(right) {
+        let done: f64 = row.iter().zip(&solution).map(|(l, x)| l * x).sum();
+        solution.push((y - done) / row[solution.len()]);
+    }
+    solution
+}
+
+/// The x of L Lᵀ x = y.
+fn solve(factor: &[Vec<f64>], right: &[f64]) -> Vec<f64> {
+    let mut solution = forward(factor, right);
+    for a in (0..solution.len()).rev() {
+        let done: f64 = (a + 1..solution.len()).map(|b| factor[b][a] * solution[b]).sum();
+        solution[a] = (solution[a] - done) / factor[a][a];
+    }
+    solution
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use bevy_frugal_gi::frontier::CostPoint;
+    use bevy_frugal_gi::knobs::Knob;
+
+    use crate::pool::screening_settings;
+    use crate::table::CostTable;
+
+    fn space() -> KnobSpace {
+        KnobSpace::new((0..5).map(|knob| Knob::new(&format!("k{knob}"), [0.0, 1.0, 2.0, 3.0])).collect()).expect("a valid space")
+    }
+
+    /// Effects add up, but for the first two knobs, which are worse together.
+    fn truth(settings: RenderSettings) -> f64 {
+        let missing = |knob: usize| (3 - settings.level(knob)) as f64;
+        let single: f64 = (0..5).map(|knob| missing(knob).powi(2) * [4e-3, 2e-3, 1e-3, 5e-4, 0.0][knob]).sum();
+        single * (1.0 + 0.3 * missing(0) * missing(1) / 3.0)
+    }
+
+    #[test]
+    fn a_few_readings_tell_what_knobs_do_together() {
+        let space = space();
+        let mut table = CostTable::new(1);
+        for settings in screening_settings(&space) {
+            table.set(0, settings, CostPoint::new(1.0, truth(settings)));
+        }
+        let screening = Screening::of(&space, &table);
+        let single: Vec<_> = table.settings().iter().map(|settings| (*settings, truth(*settings))).collect();
+        let more: Vec<_> = space.iter().step_by(23).map(|settings| (settings, truth(settings))).chain(single.clone()).collect();
+        let spread = |model: &ErrorModel<'_>| {
+            let errors = space.iter().step_by(7).map(|s| (model.predict(s).0 - (truth(s) + LEAST_ERROR).ln()).powi(2));
+            let (sum, count) = errors.fold((0.0, 0.0_f64), |(sum, count), error| (sum + error, count + 1.0));
+            (sum / count).sqrt()
+        };
+        let (before, after) = (ErrorModel::fit(&space, &screening, &single), ErrorModel::fit(&space, &screening, &more));
+        assert!(spread(&after) < 0.1 && spread(&after) < 0.5 * spread(&before), "{} and {}", spread(&before), spread(&after));
+        // What was rendered is known, and known to be known.
+        let (mean, deviation) = after.predict(single[1].0);
+        assert!((mean - (single[1].1 + LEAST_ERROR).ln()).abs() < 0.03 && deviation < 0.1);
+    }
+
+    #[test]
+    fn nothing_known_and_nonsense_are_no_panic() {
+        let space = space();
+        let screening = Screening::of(&space, &CostTable::new(1));
+        for readings in [vec![], vec![(space.lowest(), f64::NAN)], vec![(space.lowest(), -1.0), (space.lowest(), 1e20)]] {
+            let model = ErrorModel::fit(&space, &screening, &readings);
+            assert!(model.error(space.lowest()).is_finite() && model.predict(space.highest()).1.is_finite());
+        }
+    }
+}

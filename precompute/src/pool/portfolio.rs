@@ -1,0 +1,131 @@
+//! Which settings of many are worth keeping.
+
+use bevy_frugal_gi::frontier::CostPoint;
+use bevy_frugal_gi::knobs::RenderSettings;
+
+use super::LEAST_ERROR;
+use crate::table::CostTable;
+
+/// Exchange rates at which settings are judged, in units of the best settings' power per unit of error: from budgets of an error of a few
+/// hundredths to those of a few thousandths.
+pub(super) const RATES: [f64; 10] = [0.5, 1.0, 2.0, 4.0, 8.0, 16.0, 32.0, 64.0, 128.0, 256.0];
+/// Power budgets at which they are judged, evenly spread over the logarithm of power.
+const BUDGETS: usize = 12;
+/// How much the error at a power budget counts beside the cost at an exchange rate.
+const BUDGET_WEIGHT: f64 = 0.25;
+/// Gains below this share are no reason to keep one more.
+const LEAST_GAIN: f64 = 1e-5;
+
+/// Losses of settings at one camera: a number for each exchange rate and power budget, lower is better.
+fn losses(costs: &[CostPoint], best_power: f64, range: (f64, f64)) -> Vec<Vec<f64>> {
+    let rates = RATES.iter().map(|rate| {
+        let sum = |cost: &CostPoint| cost.power.0 / best_power + rate * cost.error;
+        let least = costs.iter().map(sum).fold(f64::INFINITY, f64::min);
+        costs.iter().map(|cost| sum(cost) / least - 1.0).collect()
+    });
+    let budgets = (0..BUDGETS).map(|step| {
+        let limit = (range.0.ln() + (range.1.ln() - range.0.ln()) * step as f64 / (BUDGETS - 1) as f64).exp() * (1.0 + 1e-9);
+        let error = |cost: &CostPoint| if cost.power.0 <= limit { (cost.error + LEAST_ERROR).ln() } else { LEAST_ERROR.ln() + 8.0 };
+        let least = costs.iter().map(error).fold(f64::INFINITY, f64::min);
+        costs.iter().map(|cost| BUDGET_WEIGHT * (error(cost) - least)).collect()
+    });
+    rates.chain(budgets).collect()
+}
+
+/// Every camera's losses, a row for each.
+fn all_losses(table: &CostTable, columns: &[usize]) -> Vec<Vec<f64>> {
+    let mut rows = Vec::new();
+    for row in 0..table.rows() {
+        let costs: Option<Vec<CostPoint>> = columns.iter().map(|column| table.at(row, *column)).collect();
+        let Some(costs) = costs.filter(|costs| costs.iter().all(|cost| cost.power.0 > 0.0)) else { continue };
+        let power = |pick: fn(f64, f64) -> f64, start: f64| costs.iter().map(|cost| cost.power.0).fold(start, pick);
+        let range = (power(f64::min, f64::INFINITY), power(f64::max, 0.0));
+        rows.extend(losses(&costs, range.1, range));
+    }
+    rows
+}
+
+/// At most `most` settings of `table` that together come nearest to what all of them could do, those of `always` first. Greedily: each takes
+/// most of the loss away that is left. Settings that are not known at every camera are left out.
+pub fn portfolio(table: &CostTable, most: usize, always: &[RenderSettings]) -> Vec<RenderSettings> {
+    let columns: Vec<usize> = (0..table.settings().len()).filter(|column| table.is_complete(*column)).collect();
+    let rows = all_losses(table, &columns);
+    let mut left: Vec<f64> = vec![f64::INFINITY; rows.len()];
+    let mut kept: Vec<usize> = Vec::new();
+    let mut take = |place: usize, left: &mut Vec<f64>| {
+        left.iter_mut().zip(&rows).for_each(|(left, row)| *left = left.min(row[place]));
+        kept.push(place);
+    };
+    for settings in always {
+        if let Some(place) = columns.iter().position(|column| table.settings()[*column] == *settings) {
+            take(place, &mut left);
+        }
+    }
+    let mut taken: Vec<bool> = (0..columns.len()).map(|place| always.contains(&table.settings()[columns[place]])).collect();
+    for _ in 0..most.saturating_sub(taken.iter().filter(|taken| **taken).count()) {
+        // Before anything is taken every loss is infinite: then the least total counts, later the greatest gain.
+        let total = |place: usize| -> f64 { left.iter().zip(&rows).map(|(left, row)| left.min(row[place])).sum() };
+        let now: f64 = left.iter().sum();
+        let best = (0..columns.len()).filter(|place| !taken[*place]).min_by(|a, b| total(*a).total_cmp(&total(*b)));
+        let Some(best) = best else { break };
+        if now.is_finite() && now - total(best) <= LEAST_GAIN * rows.len() as f64 {
+            break;
+        }
+        taken[best] = true;
+        take(best, &mut left);
+    }
+    kept.into_iter().map(|place| table.settings()[columns[place]]).collect()
+}
+
+/// What is lost when only `kept` are left of all that `table` holds: mean over cameras, exchange rates and budgets.
+pub fn regret(table: &CostTable, kept: &[RenderSettings]) -> f64 {
+    let columns: Vec<usize> = (0..table.settings().len()).filter(|column| table.is_complete(*column)).collect();
+    let places: Vec<usize> = (0..columns.len()).filter(|place| kept.contains(&table.settings()[columns[*place]])).collect();
+    let rows = all_losses(table, &columns);
+    let least = |row: &Vec<f64>| places.iter().map(|place| row[*place]).fold(f64::INFINITY, f64::min);
+    rows.iter().map(least).sum::<f64>() / rows.len().max(1) as f64
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Two kinds of cameras, each with its own good settings; even bits suit the first, odd ones the second.
+    fn table() -> CostTable {
+        let mut table = CostTable::new(6);
+        for row in 0..6 {
+            for bits in 0..40u64 {
+                let quality = (bits / 2) as f64 / 19.0;
+                let suits = bits % 2 == row as u64 % 2;
+                let error = 0.2 * (1.0 - quality).powi(2) * if suits { 1.0 } else { 3.0 };
+                table.set(row, RenderSettings::from_bits(bits), CostPoint::new(1.0 + 9.0 * quality, error));
+            }
+        }
+        table
+    }
+
+    #[test]
+    fn both_kinds_of_cameras_are_served_and_more_settings_serve_better() {
+        let table = table();
+        let best = RenderSettings::from_bits(39);
+        let mut last = f64::INFINITY;
+        for most in [2, 6, 12, 20] {
+            let kept = portfolio(&table, most, &[best]);
+            assert!(kept.len() <= most && kept[0] == best);
+            let lost = regret(&table, &kept);
+            assert!(lost < last, "{most}: {lost} after {last}");
+            last = lost;
+        }
+        assert!(last < 0.05, "{last}");
+        let kept = portfolio(&table, 12, &[]);
+        assert!(kept.iter().filter(|s| s.bits() % 2 == 0).count().abs_diff(6) <= 2, "{kept:?}");
+        assert!(regret(&table, table.settings()) < 1e-12);
+    }
+
+    #[test]
+    fn tables_without_rows_or_columns_are_no_panic() {
+        assert!(portfolio(&CostTable::new(0), 5, &[]).is_empty());
+        assert!(portfolio(&CostTable::new(3), 5, &[RenderSettings::default()]).is_empty());
+        assert_eq!(regret(&CostTable::new(0), &[]), 0.0);
+    }
+}

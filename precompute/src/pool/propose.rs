@@ -1,0 +1,170 @@
+//! What to render next: NSGA-II on the models, which costs nothing.
+
+use std::convert::Infallible;
+
+use bevy_frugal_gi::frontier::{CostPoint, FrontierPoint};
+use bevy_frugal_gi::knobs::{KnobSpace, RenderSettings};
+
+use super::portfolio::RATES;
+use super::{ErrorModel, LEAST_ERROR, Screening};
+use crate::cost::{CostModel, FrameLayout, Work};
+use crate::search::{Evaluate, Search, SearchConfig};
+
+/// Errors beyond this are no budget's: settings that have more are only worth it for their power.
+const GREATEST_ERROR: f64 = 0.3;
+/// How many standard deviations a proposal may be better than it is expected to be: some room for what is not known.
+const OPTIMISM: f64 = 0.5;
+/// Gains below this, summed over the rates, are no reason to render.
+const LEAST_GAIN: f64 = 1e-3;
+/// Evaluations of the models.
+const EVALUATIONS: usize = 4000;
+
+/// What proposals are made from.
+#[derive(Clone, Copy, Debug)]
+pub struct Proposal<'a> {
+    /// The knobs.
+    pub space: &'a KnobSpace,
+    /// What knobs do alone.
+    pub screening: &'a Screening,
+    /// Prices of work.
+    pub cost: &'a CostModel,
+    /// What work depends on.
+    pub layout: &'a FrameLayout,
+    /// Mean errors of what was rendered.
+    pub errors: &'a [(RenderSettings, f64)],
+}
+
+/// Both models, as something to search: logarithms, so that crowding and dominance count where budgets live.
+struct Models<'a> {
+    proposal: &'a Proposal<'a>,
+    error: ErrorModel<'a>,
+}
+
+impl Evaluate for Models<'_> {
+    type Error = Infallible;
+
+    fn evaluate(&mut self, settings: RenderSettings) -> Result<CostPoint, Infallible> {
+        let Proposal { space, screening, cost, layout, .. } = self.proposal;
+        let power = cost.power(&Work::of(space, settings, layout)).max(1e-9).ln();
+        // A knob without effect is never worth its power, however little that is.
+        if screening.fixed(space, settings) != space.canonical(settings) {
+            return Ok(CostPoint::new(power + 1.0, GREATEST_ERROR.ln() + 1.0));
+        }
+        let (mean, deviation) = self.error.predict(settings);
+        Ok(CostPoint::new(power, (mean - OPTIMISM * deviation).clamp(LEAST_ERROR.ln(), (GREATEST_ERROR + LEAST_ERROR).ln())))
+    }
+}
+
+/// Up to `count` settings that were not rendered yet and are expected to gain most, where error budgets live. The same `seed` proposes the same
+/// ones.
+pub fn propose(proposal: &Proposal<'_>, count: usize, seed: u64) -> Vec<RenderSettings> {
+    let mut models = Models { proposal, error: ErrorModel::fit(proposal.space, proposal.screening, proposal.errors) };
+    let config = SearchConfig {
+        population: 48,
+        generations: Some(EVALUATIONS / 48),
+        max_evaluations: Some(EVALUATIONS),
+        seed,
+        ..Default::default()
+    };
+    let known: Vec<RenderSettings> =
+        proposal.errors.iter().map(|(settings, _)| proposal.screening.fixed(proposal.space, *settings)).collect();
+    let Ok(found) = Search::new(proposal.space, config).run(&mut models, &known, &mut |_| true);
+    let rendered = proposal.errors.iter().filter(|(_, error)| error.is_finite());
+    let power = |settings: RenderSettings| proposal.cost.power(&Work::of(proposal.space, settings, proposal.layout));
+    let best_power = power(proposal.space.highest()).max(1e-9);
+    let rendered: Vec<(RenderSettings, CostPoint)> =
+        rendered.map(|(settings, error)| (*settings, CostPoint::new(power(*settings) / best_power, *error))).collect();
+    let point = |point: &FrontierPoint| {
+        let error = (point.cost.error.exp() - LEAST_ERROR).max(0.0);
+        (point.settings, CostPoint::new(point.cost.power.0.exp() / best_power, error))
+    };
+    let candidates: Vec<_> = found.frontier.points().iter().map(point).collect();
+    greatest_gains(&rendered, &candidates, count)
+}
+
+/// Of `candidates` those that lower the least power + rate × error of `rendered` most, summed over exchange rates and relative to it; each
+/// after those before it. Then, where none gains any more, those in the widest gaps of the logarithm of power.
+fn greatest_gains(
+    rendered: &[(RenderSettings, CostPoint)],
+    candidates: &[(RenderSettings, CostPoint)],
+    count: usize,
+) -> Vec<RenderSettings> {
+    let value = |rate: f64, cost: &CostPoint| cost.power.0 + rate * cost.error;
+    let mut least: Vec<f64> =
+        RATES.iter().map(|rate| rendered.iter().map(|(_, cost)| value(*rate, cost)).fold(f64::INFINITY, f64::min)).collect();
+    let mut near: Vec<f64> = rendered.iter().map(|(_, cost)| cost.power.0.max(1e-9).ln()).collect();
+    let mut open: Vec<&(RenderSettings, CostPoint)> =
+        candidates.iter().filter(|(settings, _)| rendered.iter().all(|(other, _)| other != settings)).collect();
+    let mut taken = Vec::new();
+    while taken.len() < count && !open.is_empty() {
+        let gain =
+            |cost: &CostPoint| -> f64 { RATES.iter().zip(&least).map(|(rate, least)| (1.0 - value(*rate, cost) / least).max(0.0)).sum() };
+        let gap = |cost: &CostPoint| near.iter().map(|other| (other - cost.power.0.max(1e-9).ln()).abs()).fold(f64::INFINITY, f64::min);
+        let score = |cost: &CostPoint| (gain(cost) > LEAST_GAIN, if gain(cost) > LEAST_GAIN { gain(cost) } else { gap(cost) });
+        let better = |a: &CostPoint, b: &CostPoint| {
+            let (a, b) = (score(a), score(b));
+            a.0.cmp(&b.0).then(a.1.total_cmp(&b.1))
+        };
+        let Some(next) = (0..open.len()).max_by(|a, b| better(&open[*a].1, &open[*b].1)) else { break };
+        let (settings, cost) = *open.swap_remove(next);
+        least.iter_mut().zip(&RATES).for_each(|(least, rate)| *least = least.min(value(*rate, &cost)));
+        near.push(cost.power.0.max(1e-9).ln());
+        taken.push(settings);
+    }
+    taken
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::cost::CostReading;
+    use crate::pool::screening_settings;
+    use crate::table::CostTable;
+
+    #[test]
+    fn proposals_are_new_and_better_than_one_knob_at_a_time() {
+        let space = crate::stage::knobs().expect("the built-in knobs");
+        let layout = FrameLayout { size: [160, 90], maps: 2, has_sky: true };
+        let names = crate::cost::work_names(&space);
+        let price = |name: &str| match name {
+            "frame" => 1.0,
+            "rays" => 4e-5,
+            "pairs" => 5e-7,
+            "shadow texels" => 1e-7,
+            "occlusion samples" => 2e-6,
+            "pixels" => 5e-5,
+            _ => 1e-9,
+        };
+        let power = |settings| Work::of(&space, settings, &layout).0.iter().zip(&names).map(|(work, name)| work * price(name)).sum::<f64>();
+        let error = |settings: RenderSettings| {
+            let settings = space.canonical(settings);
+            (0..space.len())
+                .map(|knob| {
+                    let top = space.knobs()[knob].levels.len() - 1;
+                    let missing = (top - settings.level(knob)) as f64 / top as f64;
+                    0.002 * missing * (1.0 + knob as f64)
+                })
+                .sum::<f64>()
+        };
+        let mut table = CostTable::new(1);
+        let mut readings = Vec::new();
+        for settings in screening_settings(&space) {
+            table.set(0, settings, CostPoint::new(power(settings), error(settings)));
+            readings.push(CostReading { camera: 0, work: Work::of(&space, settings, &layout), power_w: power(settings) });
+        }
+        let screening = Screening::of(&space, &table);
+        let cost = CostModel::fit(&readings);
+        let errors: Vec<_> = table.settings().iter().map(|settings| (*settings, error(*settings))).collect();
+        let proposal = Proposal { space: &space, screening: &screening, cost: &cost, layout: &layout, errors: &errors };
+        let proposed = propose(&proposal, 12, 1);
+        assert_eq!(proposed, propose(&proposal, 12, 1));
+        assert_eq!(proposed.len(), 12);
+        assert!(proposed.iter().all(|settings| table.column(*settings).is_none() && space.canonical(*settings) == *settings));
+        let least = |all: &[RenderSettings], rate: f64| {
+            let loss = |settings: &RenderSettings| power(*settings) / power(space.highest()) + rate * error(*settings);
+            all.iter().map(loss).fold(f64::INFINITY, f64::min)
+        };
+        let ratios = [4.0, 16.0, 64.0].map(|rate| least(&proposed, rate) / least(table.settings(), rate));
+        assert!(ratios.iter().sum::<f64>() / 3.0 < 0.95, "{ratios:?}");
+    }
+}

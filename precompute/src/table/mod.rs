@@ -1,0 +1,131 @@
+//! What settings cost at cameras: the table that searches fill, frontiers are fitted to, and policies are played from.
+//!
+//! A row is a camera, or a frame of a path; a column is a combination of settings. Knows no renderer.
+
+mod measure;
+mod text;
+
+use std::collections::HashMap;
+
+use bevy_frugal_gi::frontier::CostPoint;
+use bevy_frugal_gi::knobs::RenderSettings;
+
+pub use measure::Measure;
+pub use text::{TableError, read_csv, write_csv};
+
+/// Power and error by camera and settings. What was not rendered is not known.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct CostTable {
+    rows: usize,
+    settings: Vec<RenderSettings>,
+    columns: HashMap<RenderSettings, usize>,
+    /// By column, then by row; NaN where nothing is known.
+    costs: Vec<Vec<CostPoint>>,
+}
+
+impl CostTable {
+    const UNKNOWN: CostPoint = CostPoint::new(f64::NAN, f64::NAN);
+
+    /// A table of `rows` cameras, of which nothing is known.
+    pub fn new(rows: usize) -> Self {
+        Self { rows, ..Self::default() }
+    }
+
+    /// Number of cameras.
+    pub fn rows(&self) -> usize {
+        self.rows
+    }
+
+    /// Every settings of which something is known, in the order in which they came.
+    pub fn settings(&self) -> &[RenderSettings] {
+        &self.settings
+    }
+
+    /// Column of `settings`.
+    pub fn column(&self, settings: RenderSettings) -> Option<usize> {
+        self.columns.get(&settings).copied()
+    }
+
+    /// Sets what `settings` cost at camera `row`. Rows beyond the table are ignored.
+    pub fn set(&mut self, row: usize, settings: RenderSettings, cost: CostPoint) {
+        let column = *self.columns.entry(settings).or_insert_with(|| {
+            self.settings.push(settings);
+            self.costs.push(vec![Self::UNKNOWN; self.rows]);
+            self.settings.len() - 1
+        });
+        if let Some(known) = self.costs[column].get_mut(row) {
+            *known = cost;
+        }
+    }
+
+    /// What `settings` cost at camera `row`, where that is known.
+    pub fn get(&self, row: usize, settings: RenderSettings) -> Option<CostPoint> {
+        self.at(row, self.column(settings)?)
+    }
+
+    /// The same by column.
+    pub fn at(&self, row: usize, column: usize) -> Option<CostPoint> {
+        self.costs.get(column)?.get(row).copied().filter(|cost| cost.is_finite())
+    }
+
+    /// Mean of a column over `rows`; `None` where one of them is unknown, or there is none.
+    pub fn mean(&self, column: usize, rows: impl IntoIterator<Item = usize>) -> Option<CostPoint> {
+        let (mut power, mut error, mut count) = (0.0, 0.0, 0.0);
+        for row in rows {
+            let cost = self.at(row, column)?;
+            power += cost.power.0;
+            error += cost.error;
+            count += 1.0;
+        }
+        (count > 0.0).then(|| CostPoint::new(power / count, error / count))
+    }
+
+    /// Whether all of a column is known.
+    pub fn is_complete(&self, column: usize) -> bool {
+        (0..self.rows).all(|row| self.at(row, column).is_some())
+    }
+
+    /// The table of the columns that `keep` accepts.
+    #[must_use]
+    pub fn with_columns(&self, mut keep: impl FnMut(RenderSettings) -> bool) -> Self {
+        let mut kept = Self::new(self.rows);
+        for (column, settings) in self.settings.iter().enumerate().filter(|(_, settings)| keep(**settings)) {
+            kept.columns.insert(*settings, kept.settings.len());
+            kept.settings.push(*settings);
+            kept.costs.push(self.costs[column].clone());
+        }
+        kept
+    }
+
+    /// The table of the cameras in `rows`, in that order.
+    #[must_use]
+    pub fn with_rows(&self, rows: &[usize]) -> Self {
+        let mut kept = Self { rows: rows.len(), ..self.clone() };
+        for (column, costs) in kept.costs.iter_mut().zip(&self.costs) {
+            *column = rows.iter().map(|row| costs.get(*row).copied().unwrap_or(Self::UNKNOWN)).collect();
+        }
+        kept
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_was_not_set_is_unknown() {
+        let mut table = CostTable::new(2);
+        let [a, b] = [0, 1].map(RenderSettings::from_bits);
+        table.set(1, a, CostPoint::new(2.0, 0.1));
+        table.set(9, b, CostPoint::new(1.0, 0.0));
+        assert_eq!((table.rows(), table.settings()), (2, &[a, b][..]));
+        assert_eq!((table.get(0, a), table.get(1, a), table.get(1, b)), (None, Some(CostPoint::new(2.0, 0.1)), None));
+        assert_eq!((table.mean(0, [0, 1]), table.mean(0, [1]), table.mean(0, [])), (None, Some(CostPoint::new(2.0, 0.1)), None));
+        assert!(!table.is_complete(0));
+        table.set(0, a, CostPoint::new(4.0, 0.3));
+        assert!(table.is_complete(0));
+        assert_eq!(table.mean(0, [0, 1]), Some(CostPoint::new(3.0, 0.2)));
+        let part = table.with_columns(|settings| settings == a).with_rows(&[1]);
+        assert_eq!((part.rows(), part.settings().len(), part.get(0, a)), (1, 1, Some(CostPoint::new(2.0, 0.1))));
+    }
+}
