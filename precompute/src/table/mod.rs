@@ -3,7 +3,6 @@
 //! A row is a camera, or a frame of a path; a column is a combination of settings. Knows no renderer.
 
 mod measure;
-mod text;
 
 use std::collections::HashMap;
 
@@ -11,7 +10,6 @@ use bevy_frugal_gi::frontier::CostPoint;
 use bevy_frugal_gi::knobs::RenderSettings;
 
 pub use measure::Measure;
-pub use text::{TableError, read_csv, write_csv};
 
 /// Power and error by camera and settings. What was not rendered is not known.
 #[derive(Clone, Debug, Default, PartialEq)]
