@@ -235,6 +235,12 @@ impl KnobSpace {
         self.from_levels(|index, knob| if self.acts(settings, knob) { settings.level(index) } else { 0 })
     }
 
+    /// Each of `settings` once, in its [canonical](Self::canonical) form, in the order of first appearance.
+    pub fn canonical_once(&self, settings: impl IntoIterator<Item = RenderSettings>) -> Vec<RenderSettings> {
+        let mut seen = std::collections::HashSet::new();
+        settings.into_iter().map(|settings| self.canonical(settings)).filter(|settings| seen.insert(*settings)).collect()
+    }
+
     fn acts(&self, settings: RenderSettings, knob: &Knob) -> bool {
         self.needed(knob).all(|(other, at_least)| settings.level(other) >= at_least)
     }

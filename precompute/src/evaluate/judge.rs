@@ -39,13 +39,7 @@ pub fn settings_to_record(map: &FrontierMap) -> Vec<RenderSettings> {
     all.extend(hand_written(space));
     let frontiers = map.octree.frontiers.iter().chain([&map.shared]);
     all.extend(frontiers.flat_map(|frontier| frontier.points().iter().map(|point| point.settings)));
-    let mut unique: Vec<RenderSettings> = Vec::new();
-    for settings in all.into_iter().map(|settings| space.canonical(settings)) {
-        if !unique.contains(&settings) {
-            unique.push(settings);
-        }
-    }
-    unique
+    space.canonical_once(all)
 }
 
 /// Constants that anybody would write by hand: everything at its best, indirect light gathered at fewer pixels.

@@ -62,12 +62,8 @@ impl PathRecord {
         journal: &mut Journal,
         on_frame: &mut dyn FnMut(&Progress<'_>) -> ControlFlow<()>,
     ) -> Result<(), RecordError<P::Error>> {
-        let mut missing: Vec<RenderSettings> = Vec::new();
-        for settings in settings.iter().map(|settings| self.space.canonical(*settings)) {
-            if self.table.column(settings).is_none() && !missing.contains(&settings) {
-                missing.push(settings);
-            }
-        }
+        let mut missing = self.space.canonical_once(settings.iter().copied());
+        missing.retain(|settings| self.table.column(*settings).is_none());
         if missing.is_empty() {
             return Ok(());
         }

@@ -1,6 +1,6 @@
 //! Which exchange rate keeps which error budget.
 
-use bevy_frugal_gi::control::MOST_OVER_MEAN;
+use bevy_frugal_gi::control::{Budget, select};
 use bevy_frugal_gi::frontier::{ErrorRate, ErrorRates, Frontier};
 use bevy_frugal_gi::knobs::RenderSettings;
 
@@ -33,10 +33,8 @@ pub fn calibrate(cameras: &[Calibration<'_>], is_conformal: bool) -> ErrorRates 
     for budget in budgets.filter(|budget| (RANGE.0..=RANGE.1).contains(budget)) {
         let risk = |rate: f64| {
             let losses = cameras.iter().filter_map(|camera| {
-                let weighted = camera.frontier.least_weighted(rate)?;
-                // As the controller picks: no frame is predicted far over the mean.
-                let within = camera.frontier.least_power_within(MOST_OVER_MEAN * budget).or(camera.frontier.points().last())?;
-                let picked = if within.cost.power > weighted.cost.power { within } else { weighted };
+                // As the controller picks.
+                let picked = select(camera.frontier, &Budget::error(budget), Some(rate))?;
                 Some((camera.error)(picked.settings)?.min(BOUND * budget))
             });
             let (sum, known) = losses.fold((0.0, 0.0), |(sum, known), loss| (sum + loss, known + 1.0));

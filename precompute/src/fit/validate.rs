@@ -28,11 +28,7 @@ impl Losses {
         let mut losses = Self { shared: vec![0.0; count], by_depth: vec![vec![0.0; count]; depths] };
         let power = |camera: usize| training.costs(camera).iter().map(|cost| cost.power.0).fold(0.0, f64::max);
         let scale = (0..count).map(power).sum::<f64>() / count.max(1) as f64;
-        for held_out in 0..FOLDS {
-            let (out, kept): (Vec<usize>, Vec<usize>) = (0..count).partition(|camera| fold(training, *camera) == held_out);
-            if kept.is_empty() {
-                continue;
-            }
+        for (out, kept) in folds(training) {
             let pyramid = Pyramid::new(training, smoother, keys, &kept);
             for camera in out {
                 losses.shared[camera] = loss(training, camera, &pyramid.shared, scale);
@@ -57,19 +53,17 @@ impl Losses {
     }
 }
 
-/// Which part of the cameras is held out together with this one.
-fn fold(training: &Training, camera: usize) -> u32 {
-    training.group(camera).wrapping_mul(2_654_435_769) >> 16 & (FOLDS - 1)
+/// Cameras that are held out, and those that are kept, in turn; whole groups, and never all of them.
+fn folds(training: &Training) -> impl Iterator<Item = (Vec<usize>, Vec<usize>)> + '_ {
+    let fold = |camera: usize| training.group(camera).wrapping_mul(2_654_435_769) >> 16 & (FOLDS - 1);
+    let parts = (0..FOLDS).map(move |part| (0..training.cameras()).partition(|camera| fold(*camera) == part));
+    parts.filter(|(out, kept): &(Vec<usize>, Vec<usize>)| !out.is_empty() && !kept.is_empty())
 }
 
 /// For each camera the frontier of its address at its depth, from the cameras of other folds; from all of them together without depths.
 pub(super) fn held_out(training: &Training, smoother: &Smoother<'_>, keys: &Keys, depths: Option<&[usize]>) -> Vec<Frontier> {
     let mut frontiers = vec![Frontier::default(); training.cameras()];
-    for held_out in 0..FOLDS {
-        let (out, kept): (Vec<usize>, Vec<usize>) = (0..training.cameras()).partition(|camera| fold(training, *camera) == held_out);
-        if kept.is_empty() || out.is_empty() {
-            continue;
-        }
+    for (out, kept) in folds(training) {
         let pyramid = Pyramid::new(training, smoother, keys, &kept);
         for camera in out {
             let estimate = depths.map(|depths| depths[camera]).map(|depth| pyramid.address(keys, keys.addresses[depth][camera], depth));

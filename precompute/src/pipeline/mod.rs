@@ -86,14 +86,12 @@ pub struct Outcome {
     pub cost_quality: FitQuality,
     /// Training and calibration cameras whose renderings are in the map.
     pub cameras: [usize; 2],
-    /// Renderings in the map, and those made in this run with their seconds.
+    /// Renderings in the journal.
     pub renderings: usize,
-    /// Made in this run.
+    /// Those made in this run, and the seconds that they took.
     pub effort: (usize, f64),
     /// Mean error of the best settings rendered twice: nothing below it means anything.
     pub noise: f64,
-    /// Costs at training cameras, of the pool; power as the model has it.
-    pub table: CostTable,
 }
 
 /// What is searched.
@@ -285,7 +283,6 @@ fn finish<M: Measure>(
         renderings: renderings.count(),
         effort: renderings.effort(),
         noise: repeated.iter().sum::<f64>() / repeated.len().max(1) as f64,
-        table: smooth.with_rows(&rows),
         fitted,
     }
 }

@@ -22,13 +22,7 @@ pub fn screening_settings(space: &KnobSpace) -> Vec<RenderSettings> {
         all.extend(levels.into_iter().map(|level| best.with_level(index, level)));
     }
     all.extend([2.0 / 3.0, 1.0 / 3.0, 0.0].map(|share| space.preset(share)));
-    let mut unique: Vec<RenderSettings> = Vec::new();
-    for settings in all.into_iter().map(|settings| space.canonical(settings)) {
-        if !unique.contains(&settings) {
-            unique.push(settings);
-        }
-    }
-    unique
+    space.canonical_once(all)
 }
 
 /// What lowering each knob alone does.

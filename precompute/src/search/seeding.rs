@@ -10,12 +10,7 @@ use bevy_frugal_gi::knobs::{KnobSpace, RenderSettings};
 
 /// At most `count` of `settings`, each once, spread evenly over the list.
 pub(crate) fn spread(space: &KnobSpace, settings: &[RenderSettings], count: usize) -> Vec<RenderSettings> {
-    let mut unique: Vec<RenderSettings> = Vec::new();
-    for settings in settings.iter().filter(|settings| space.contains(**settings)).map(|settings| space.canonical(*settings)) {
-        if !unique.contains(&settings) {
-            unique.push(settings);
-        }
-    }
+    let unique = space.canonical_once(settings.iter().copied().filter(|settings| space.contains(*settings)));
     if unique.len() <= count {
         return unique;
     }
