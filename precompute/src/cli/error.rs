@@ -14,6 +14,9 @@ pub enum CliError {
     /// It began, and could not be finished.
     #[error("{0}")]
     Failed(String),
+    /// It was done, and what it was asked to guard does not hold.
+    #[error("{0}")]
+    Regressed(String),
 }
 
 impl CliError {
@@ -32,6 +35,7 @@ impl CliError {
         match self {
             Self::Usage(_) => 2,
             Self::Failed(_) => 1,
+            Self::Regressed(_) => 3,
         }
     }
 }

@@ -1,4 +1,4 @@
-//! `frugal inspect`: what a map holds.
+//! `frugal inspect`: what a map holds, presets from it, and whether it costs more power than an older one.
 
 use std::path::{Path, PathBuf};
 
@@ -7,7 +7,8 @@ use bevy_frugal_gi::frontier::FrontierMap;
 use bevy_frugal_gi::units::Watts;
 
 use super::CliError;
-use super::arguments::write_report;
+use super::arguments::{check_outputs, json, write, write_report};
+use crate::inspect::{MapComparison, compare, comparison_table, presets, presets_table};
 use crate::report::{MapSummary, Survey, map_report};
 
 #[derive(clap::Args, Debug)]
@@ -18,6 +19,36 @@ pub(super) struct Arguments {
     /// Folder for a page with pictures
     #[arg(long, value_name = "DIR")]
     report: Option<PathBuf>,
+    /// Presets to write: battery, low, medium, high and ultra, from the map's shared frontier
+    #[arg(long, value_name = "FILE")]
+    presets: Option<PathBuf>,
+    /// Older map to compare power at equal error with; the exit status is 3 where it rose by more than the tolerance
+    #[arg(long, value_name = "OLD", conflicts_with_all = ["report", "presets"])]
+    compare: Option<PathBuf>,
+    /// By how much power at equal error may rise
+    #[arg(long, value_name = "P%", default_value = "1%", value_parser = tolerance, requires = "compare", allow_hyphen_values = true)]
+    tolerance: f64,
+    /// Comparison for programs
+    #[arg(long, value_name = "FILE", requires = "compare")]
+    json: Option<PathBuf>,
+}
+
+/// `1.5%`, as a share.
+fn tolerance(text: &str) -> Result<f64, String> {
+    let percent = text.trim().strip_suffix('%').and_then(|number| number.trim().parse::<f64>().ok());
+    let share = percent.filter(|percent| (0.0..=100.0).contains(percent)).map(|percent| percent / 100.0);
+    share.ok_or_else(|| "expected a percentage from 0% to 100%, as in 1%".to_owned())
+}
+
+/// The comparison for programs.
+#[derive(serde::Serialize)]
+struct Gate<'a> {
+    old: &'a Path,
+    new: &'a Path,
+    tolerance: f64,
+    rose: bool,
+    #[serde(flatten)]
+    comparison: &'a MapComparison,
 }
 
 pub(super) fn summary(map: &FrontierMap) -> MapSummary<'_> {
@@ -43,7 +74,37 @@ pub(super) fn read(path: &Path) -> Result<(FrontierMap, String), CliError> {
 }
 
 pub(super) fn run(arguments: &Arguments) -> Result<(), CliError> {
+    check_outputs([arguments.presets.as_ref(), arguments.json.as_ref()])?;
+    match &arguments.compare {
+        Some(old) => guard(arguments, old),
+        None => tell(arguments),
+    }
+}
+
+/// Prints what the map holds, and writes what is asked for.
+fn tell(arguments: &Arguments) -> Result<(), CliError> {
     let (map, text) = read(&arguments.map)?;
+    // Before anything is printed or written: a map without presets is wrong use.
+    let presets = arguments.presets.as_ref().map(|path| presets_of(&map, &arguments.map).map(|both| (path, both))).transpose()?;
+    print_facts(&map, &text);
+    if let Some((path, (table, file))) = presets {
+        print!("\n{table}");
+        write(path, file.as_bytes())?;
+    }
+    if let Some(folder) = &arguments.report {
+        write_report(folder, &map_report(&summary(&map), &[("file".to_owned(), arguments.map.display().to_string())])?)?;
+    }
+    Ok(())
+}
+
+/// The map's presets as a table and as a file.
+fn presets_of(map: &FrontierMap, path: &Path) -> Result<(String, String), CliError> {
+    let presets = presets(map).map_err(|error| CliError::usage(format!("{}: {error}", path.display())))?;
+    let file = presets.to_ron().map_err(CliError::failed)?;
+    Ok((presets_table(&presets), file))
+}
+
+fn print_facts(map: &FrontierMap, text: &str) {
     let survey = Survey::new(&map.octree);
     let points: usize = map.octree.frontiers.iter().map(|frontier| frontier.points().len()).sum();
     let [width, height] = map.capture.size;
@@ -60,8 +121,36 @@ pub(super) fn run(arguments: &Arguments) -> Result<(), CliError> {
     );
     println!("thresholds {:.4} W, {}", map.thresholds.power_w, map.thresholds.error);
     println!("file       {} bytes", text.len());
-    if let Some(folder) = &arguments.report {
-        write_report(folder, &map_report(&summary(&map), &[("file".to_owned(), arguments.map.display().to_string())])?)?;
+}
+
+/// Compares the map with an older one; power that rose is an error of its own exit status, after everything is written.
+fn guard(arguments: &Arguments, old: &Path) -> Result<(), CliError> {
+    let ((old_map, _), (new_map, _)) = (read(old)?, read(&arguments.map)?);
+    let comparison = compare(&old_map, &new_map)
+        .map_err(|error| CliError::usage(format!("{} and {}: {error}", old.display(), arguments.map.display())))?;
+    print!("{}", comparison_table(&comparison));
+    if old_map.meter.description != new_map.meter.description {
+        println!("the watts are of two devices or models: {}; {}", old_map.meter.description, new_map.meter.description);
     }
+    let (tolerance, rose) = (arguments.tolerance, comparison.rose_beyond(arguments.tolerance));
+    if let Some(path) = &arguments.json {
+        write(path, &json(&Gate { old, new: &arguments.map, tolerance, rose, comparison: &comparison })?)?;
+    }
+    let (percent, tolerated) = (100.0 * comparison.change, format!("{:.2} %", 100.0 * tolerance));
+    if rose {
+        return Err(CliError::Regressed(format!("power at equal error rose by {percent:.2} %, more than the {tolerated} tolerated")));
+    }
+    println!("power at equal error changed by {percent:+.2} %; a rise of {tolerated} is tolerated");
     Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn tolerances_are_percentages() {
+        assert_eq!([" 1%", "0%", "2.5 %", "100%"].map(tolerance), [Ok(0.01), Ok(0.0), Ok(0.025), Ok(1.0)]);
+        assert!(["", "%", "1", "0.01", "-1%", "NaN%", "inf%", "101%", "one%"].into_iter().all(|text| tolerance(text).is_err()));
+    }
 }

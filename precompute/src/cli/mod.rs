@@ -1,6 +1,6 @@
 //! The command line: one file a command.
 //!
-//! Exit status: 0 done, 2 wrong use or bad input (one message, nothing written), 1 failed.
+//! Exit status: 0 done, 2 wrong use or bad input (one message, nothing written), 1 failed, 3 power rose (`inspect --compare`).
 
 mod arguments;
 mod calibrate;
@@ -17,6 +17,7 @@ mod progress;
 mod reference;
 mod render;
 mod reprice;
+mod search;
 mod sweep;
 
 use std::process::ExitCode;
@@ -41,6 +42,8 @@ enum Command {
     Evaluate(evaluate::Arguments),
     /// Renders every combination of settings at one camera: the whole power-error cloud
     Sweep(sweep::Arguments),
+    /// Searches recorded sweeps, and counts the renderings that each method needs
+    Search(search::Arguments),
     /// Renders one picture
     Render(render::Arguments),
     /// Path-traces one picture on the processor: the truth that `render` is held to
@@ -49,7 +52,7 @@ enum Command {
     Compare(compare::Arguments),
     /// Prices each level of the global illumination's knobs: cost, and error against path tracing
     Price(price::Arguments),
-    /// Tells what a map holds
+    /// Tells what a map holds, takes presets from it, or compares its power with an older map's
     Inspect(inspect::Arguments),
     /// Fits what work costs on this device, for maps that were made elsewhere
     Calibrate(calibrate::Arguments),
@@ -74,6 +77,7 @@ pub fn run() -> ExitCode {
         Command::Precompute(arguments) => precompute::run(arguments),
         Command::Evaluate(arguments) => evaluate::run(arguments),
         Command::Sweep(arguments) => sweep::run(arguments),
+        Command::Search(arguments) => search::run(arguments),
         Command::Render(arguments) => render::run(arguments),
         Command::Reference(arguments) => reference::run(arguments),
         Command::Compare(arguments) => compare::run(arguments),

@@ -9,7 +9,7 @@
 //! | `evaluation` | `frugal evaluate` |
 //! | `survey`, `map` | `frugal inspect`: what an octree holds, and the section on it |
 //! | `price` | `frugal price`, also as CSV |
-//! | `sweep` | `frugal sweep`, also as CSV |
+//! | `sweep` | `frugal sweep` |
 mod evaluation;
 mod map;
 mod page;
@@ -24,7 +24,7 @@ pub use page::{Report, Section, escape};
 pub use plot::{Bar, Color, Curve, bars, cloud, curves, staircase};
 pub use price::{LevelPrice, PriceSummary, price_csv, price_report};
 pub use survey::Survey;
-pub use sweep::{SweepSummary, sweep_csv, sweep_report, sweep_section};
+pub use sweep::{SweepSummary, sweep_report, sweep_section};
 
 use bevy_frugal_gi::frontier::FrontierPoint;
 use bevy_frugal_gi::knobs::KnobSpace;

@@ -1,6 +1,4 @@
-//! The report of `frugal sweep`, and its CSV.
-
-use std::io;
+//! The report of `frugal sweep`.
 
 use bevy::math::Vec3;
 use bevy_frugal_gi::frontier::{Frontier, FrontierPoint};
@@ -81,27 +79,6 @@ pub fn sweep_section(summary: &SweepSummary<'_>) -> Result<Section, ReportError>
     Ok(section)
 }
 
-/// Writes a row for every point: the settings packed, each knob's level by its label, power in watts, error.
-///
-/// # Errors
-/// When `to` cannot be written.
-pub fn sweep_csv(space: &KnobSpace, points: &[FrontierPoint], to: impl io::Write) -> Result<(), csv::Error> {
-    let mut writer = csv::Writer::from_writer(to);
-    let names = space.knobs().iter().map(|knob| knob.name.as_str());
-    writer.write_record(["settings_bits"].into_iter().chain(names).chain(["power_w", "error"]))?;
-    for point in points {
-        writer.write_field(point.settings.bits().to_string())?;
-        for (index, knob) in space.knobs().iter().enumerate() {
-            writer.write_field(knob.levels.get(point.settings.level(index)).map_or("?", |level| level.label.as_str()))?;
-        }
-        writer.write_field(point.cost.power.0.to_string())?;
-        writer.write_field(point.cost.error.to_string())?;
-        writer.write_record(None::<&[u8]>)?;
-    }
-    writer.flush()?;
-    Ok(())
-}
-
 #[cfg(test)]
 mod tests {
     use bevy_frugal_gi::frontier::CostPoint;
@@ -111,17 +88,6 @@ mod tests {
 
     fn points() -> Vec<FrontierPoint> {
         space().iter().map(|settings| FrontierPoint { settings, cost: CostPoint::new(power(settings), error(settings)) }).collect()
-    }
-
-    #[test]
-    fn csv_has_a_row_for_every_point_and_reads_back() {
-        let mut bytes = Vec::new();
-        sweep_csv(&space(), &points(), &mut bytes).unwrap();
-        let text = String::from_utf8(bytes).unwrap();
-        let lines: Vec<&str> = text.lines().collect();
-        assert_eq!(lines[0], "settings_bits,gi_vpl_count,resolution_scale,antialiasing,power_w,error");
-        assert_eq!(lines.len(), 37);
-        assert!(lines[1].starts_with("0,0,50%,off,1,0.1"), "{}", lines[1]);
     }
 
     #[test]

@@ -3,6 +3,7 @@
 //! A row is a camera, or a frame of a path; a column is a combination of settings. Knows no renderer.
 
 mod measure;
+mod sweep;
 
 use std::collections::HashMap;
 
@@ -10,6 +11,7 @@ use bevy_frugal_gi::frontier::CostPoint;
 use bevy_frugal_gi::knobs::RenderSettings;
 
 pub use measure::Measure;
+pub use sweep::{ASSUMED_LAYOUT, SweepFacts, SweepTable, SweepTableError};
 
 /// Power and error by camera and settings. What was not rendered is not known.
 #[derive(Clone, Debug, Default, PartialEq)]

@@ -3,13 +3,14 @@
 use std::fs;
 use std::path::Path;
 
-use bevy_frugal_gi::frontier::{Capture, FrontierMap, SceneIdentity};
-use bevy_frugal_gi::knobs::{Knob, KnobSpace};
+use bevy_frugal_gi::frontier::{Capture, CostPoint, Frontier, FrontierMap, FrontierPoint, Octree, SceneIdentity};
+use bevy_frugal_gi::knobs::{Knob, KnobSpace, RenderSettings};
 use frugal::scene;
+use frugal::table::{SweepFacts, SweepTable};
 use frugal_tests::map;
 use tempfile::TempDir;
 
-use super::command::{assert_refused, command, run};
+use super::command::{assert_refused, command, run, stderr};
 
 tests!(
     scenes_that_cannot_be_read_are_named,
@@ -20,7 +21,10 @@ tests!(
     arguments_that_make_no_sense_are_named,
     no_adapter_is_said_plainly,
     pictures_are_traced_and_compared_without_an_adapter,
+    recorded_tables_are_searched_without_an_adapter,
     a_reader_that_goes_away_is_no_panic,
+    maps_that_cost_more_have_their_own_exit_status,
+    presets_come_from_a_map,
 );
 
 const SCENE: &str = r#"(
@@ -199,6 +203,9 @@ fn arguments_that_make_no_sense_are_named() {
         (&["compare", "missing.exr", "a.scene.ron"], &["missing.exr"]),
         (&["compare", "a.scene.ron", "a.scene.ron"], &["a.scene.ron", "OpenEXR"]),
         (&["inspect", "missing.pareto.ron"], &["missing.pareto.ron"]),
+        (&["inspect", "--compare", "missing.pareto.ron", "a.scene.ron"], &["missing.pareto.ron"]),
+        (&["inspect", "--compare", "a.scene.ron", "a.scene.ron", "--tolerance", "1"], &["--tolerance", "1%"]),
+        (&["inspect", "a.scene.ron", "--json", "out.json"], &["--compare"]),
         (&["reprice", "missing.pareto.ron", "--fps", "60"], &["missing.pareto.ron"]),
         (&["merge", "missing.journal"], &["missing.journal"]),
         (&["merge", "a.scene.ron"], &["a.scene.ron", "not a journal"]),
@@ -257,6 +264,56 @@ fn pictures_are_traced_and_compared_without_an_adapter() {
     assert_eq!(entries(folder.path()), ["a.scene.ron", "difference.json", "direct.exr", "once.exr", "once.png", "small.exr"]);
 }
 
+/// A table of two knobs in a file; `worst` is the error of the lowest settings.
+fn sweep_table(folder: &Path, name: &str, knobs: [&str; 2], worst: f64) {
+    let space = frugal::stage::every_knob().expect("the built-in knobs").subset(knobs).expect("built-in");
+    let point = |settings| {
+        let [a, b] = [0, 1].map(|knob| RenderSettings::level(settings, knob) as f64);
+        FrontierPoint { settings, cost: CostPoint::new(1.0 + a + b, worst / (1.0 + a + 2.0 * b)) }
+    };
+    let table = SweepTable { facts: SweepFacts::default(), points: space.iter().map(point).collect(), space: space.clone() };
+    let mut text = Vec::new();
+    table.write(&mut text).expect("written");
+    fs::write(folder.join(name), text).expect("can be written");
+}
+
+fn recorded_tables_are_searched_without_an_adapter() {
+    let folder = folder();
+    let knobs = ["gi_vpl_count", "shadow_map_resolution"];
+    sweep_table(folder.path(), "a.csv", knobs, 0.1);
+    sweep_table(folder.path(), "b.csv", knobs, 0.2);
+    sweep_table(folder.path(), "c.csv", ["gi_vpl_count", "antialiasing"], 0.2);
+    let search = |rest: &[&str]| run(folder.path(), &[&["search"][..], rest].concat());
+    let output = search(&["a.csv", "--known", "b.csv", "--seeds", "3", "--errors", "0.02,0.04", "--json", "out.json"]);
+    let printed = String::from_utf8_lossy(&output.stdout).into_owned();
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    for word in ["32 of 32 combinations", "random", "nsga2", "frugal-cold", "frugal-warm", "100 %", "0.04"] {
+        assert!(printed.contains(word), "`{word}` is missing in: {printed}");
+    }
+    let json = fs::read_to_string(folder.path().join("out.json")).expect("was written");
+    for key in ["\"best_w\"", "\"median\"", "\"reached\": 1.0", "\"renderings\"", "\"method\": \"frugal-warm\""] {
+        assert!(json.contains(key), "`{key}` is missing in: {json}");
+    }
+    let text = fs::read_to_string(folder.path().join("a.csv")).expect("was written");
+    write(folder.path(), "nan.csv", &text.replacen(",2,", ",NaN,", 1));
+    write(folder.path(), "cut.csv", text.rsplit_once(',').map_or("", |(whole, _)| whole));
+    let before = entries(folder.path());
+    for (arguments, words) in [
+        (&["missing.csv"][..], &["missing.csv", "frugal sweep --csv"][..]),
+        (&["nan.csv"], &["nan.csv:", "power_w", "NaN"]),
+        (&["cut.csv"], &["cut.csv:34: row:", "cut off"]),
+        (&["a.csv", "--known", "c.csv"], &["c.csv", "antialiasing", "shadow_map_resolution"]),
+        (&["a.csv", "--errors", "0.001"], &["a.csv", "0.001", "--errors"]),
+        (&["a.csv", "--errors", "NaN"], &["--errors"]),
+        (&["a.csv", "--within", "-5%"], &["--within"]),
+        (&["a.csv", "--seeds", "0"], &["--seeds"]),
+        (&["a.csv", "--json", "no/such/out.json"], &["no/such/out.json"]),
+    ] {
+        assert_refused(&search(arguments), words);
+    }
+    assert_eq!(entries(folder.path()), before, "files appeared");
+}
+
 fn a_reader_that_goes_away_is_no_panic() {
     let folder = folder();
     write(folder.path(), "a.scene.ron", SCENE);
@@ -266,4 +323,51 @@ fn a_reader_that_goes_away_is_no_panic() {
     let output = process.wait_with_output().expect("ends");
     let message = String::from_utf8_lossy(&output.stderr);
     assert!(output.status.success() && !message.contains("panicked"), "{:?}: {message}", output.status);
+}
+
+/// A map with a shared frontier, whose power is `scale` times that of any other.
+fn map_of_cost(scale: f64) -> FrontierMap {
+    let map = map::one_cube(KnobSpace::new(vec![Knob::new("gi_vpl_count", [0.0, 64.0, 4096.0])]).expect("a space"));
+    let scaled = |point: &FrontierPoint| FrontierPoint { cost: CostPoint::new(scale * point.cost.power.0, point.cost.error), ..*point };
+    let shared = Frontier::from_points(map.octree.frontiers[0].points().iter().map(scaled));
+    FrontierMap { octree: Octree { frontiers: vec![shared.clone()], ..map.octree }, shared, ..map }
+}
+
+fn maps_that_cost_more_have_their_own_exit_status() {
+    let folder = folder();
+    let save = |name: &str, map: &FrontierMap| write(folder.path(), name, &map.to_ron().expect("text"));
+    let map = map_of_cost(1.0);
+    save("old.pareto.ron", &map);
+    save("same.pareto.ron", &map);
+    save("worse.pareto.ron", &map_of_cost(1.02));
+    save("faster.pareto.ron", &FrontierMap { capture: Capture { frames_per_second: 60.0, ..map.capture }, ..map.clone() });
+    let compare = |new: &str, more: &[&str]| run(folder.path(), &[&["inspect", "--compare", "old.pareto.ron", new][..], more].concat());
+
+    let same = compare("same.pareto.ron", &[]);
+    assert_eq!(same.status.code(), Some(0), "{}", stderr(&same));
+    assert!(String::from_utf8_lossy(&same.stdout).contains("+0.00 %"));
+    let worse = compare("worse.pareto.ron", &["--json", "gate.json"]);
+    let message = stderr(&worse);
+    assert_eq!(worse.status.code(), Some(3), "{message}");
+    assert!(message.contains("rose by 2.00 %, more than the 1.00 % tolerated"), "{message}");
+    let json = fs::read_to_string(folder.path().join("gate.json")).expect("was written");
+    assert!(["\"rose\": true", "\"old_w\"", "\"error\": 0.005", "\"tolerance\": 0.01"].iter().all(|part| json.contains(part)), "{json}");
+    assert_eq!(compare("worse.pareto.ron", &["--tolerance", "3%"]).status.code(), Some(0));
+    assert_refused(&compare("faster.pareto.ron", &["--json", "none.json"]), &["old.pareto.ron", "faster.pareto.ron", "60 Hz", "--fps"]);
+    assert!(!folder.path().join("none.json").exists());
+}
+
+fn presets_come_from_a_map() {
+    let folder = folder();
+    write(folder.path(), "a.pareto.ron", &map_of_cost(1.0).to_ron().expect("text"));
+    let inspect = |map: &str| run(folder.path(), &["inspect", map, "--presets", "presets.ron"]);
+    let output = inspect("a.pareto.ron");
+    assert!(output.status.success(), "{}", stderr(&output));
+    let text = fs::read_to_string(folder.path().join("presets.ron")).expect("was written");
+    let order: Vec<_> = ["battery", "low", "medium", "high", "ultra"].iter().map(|name| text.find(&format!("\"{name}\""))).collect();
+    assert!(order.iter().all(Option::is_some) && order.is_sorted(), "{text}");
+    assert!(text.contains("\"gi_vpl_count\": \"4096\""), "{text}");
+    write(folder.path(), "old.pareto.ron", &FrontierMap { shared: Frontier::default(), ..map_of_cost(1.0) }.to_ron().expect("text"));
+    assert_refused(&inspect("old.pareto.ron"), &["old.pareto.ron", "shared frontier", "frugal precompute"]);
+    assert_eq!(fs::read_to_string(folder.path().join("presets.ron")).expect("still there"), text);
 }

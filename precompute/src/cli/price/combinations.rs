@@ -7,9 +7,10 @@ use super::{Arguments, is_gi, is_still};
 use crate::cli::arguments::{write, write_report};
 use crate::cli::{CliError, progress};
 use crate::metrics::{Difference, Radiance};
-use crate::report::{Report, SweepSummary, sweep_csv, sweep_section};
+use crate::report::{Report, SweepSummary, sweep_section};
 use crate::search::{LevelDominance, level_dominance};
 use crate::stage::Stage;
+use crate::table::{SweepFacts, SweepTable};
 
 /// Frames metered for each combination.
 const METERED_FRAMES: u32 = 2;
@@ -57,8 +58,10 @@ pub(super) fn run(
     }
     let points: Vec<_> = table.into_iter().map(|(settings, cost)| FrontierPoint { settings, cost }).collect();
     if let Some(path) = &arguments.csv {
+        // Power is what global illumination adds, and not that of whole frames: their size has no place in the table.
+        let facts = SweepFacts { scene: Some(scene.to_owned()), meter: Some(stage.meter()), ..SweepFacts::default() };
         let mut text = Vec::new();
-        sweep_csv(&whole, &points, &mut text).map_err(CliError::failed)?;
+        SweepTable { facts, space: whole.clone(), points: points.clone() }.write(&mut text).map_err(CliError::failed)?;
         write(path, &text)?;
     }
     if let Some(folder) = &arguments.report {

@@ -1,0 +1,190 @@
+//! Whether the watts and errors of two maps mean the same.
+
+use bevy_frugal_gi::frontier::{FrontierMap, FrontierMapError, SceneIdentity};
+use bevy_frugal_gi::knobs::KnobSpace;
+use bevy_frugal_gi::power::MeterInfo;
+
+/// Why two maps cannot be compared.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+#[non_exhaustive]
+pub enum CompareError {
+    /// A map that contradicts itself.
+    #[error("the {which} map: {source}")]
+    Broken {
+        /// `old` or `new`.
+        which: &'static str,
+        /// What is wrong with it.
+        source: FrontierMapError,
+    },
+    /// Two scenes, or one before and after it changed.
+    #[error(
+        "the maps are of different scenes, `{}` ({}) and `{}` ({}): run `frugal precompute` on one scene with both builds",
+        old.name, old.fingerprint, new.name, new.fingerprint
+    )]
+    OtherScene {
+        /// The old map's scene.
+        old: SceneIdentity,
+        /// The new map's scene.
+        new: SceneIdentity,
+    },
+    /// Settings that do not mean the same.
+    #[error("the maps have different knobs: {difference}; run `frugal precompute` with the same --knobs for both")]
+    OtherKnobs {
+        /// The first knobs that differ.
+        difference: String,
+    },
+    /// Pictures that were rendered otherwise.
+    #[error("the maps differ in {what}, {old} and {new}: {remedy}")]
+    OtherCapture {
+        /// The condition.
+        what: &'static str,
+        /// The old map's.
+        old: String,
+        /// The new map's.
+        new: String,
+        /// What to do about it.
+        remedy: &'static str,
+    },
+    /// Watts of two meters.
+    #[error("the maps' watts are of different meters, `{old}` and `{new}`: run `frugal precompute` with the same --meter for both")]
+    OtherMeter {
+        /// The old map's meter.
+        old: String,
+        /// The new map's meter.
+        new: String,
+    },
+    /// No error level that both frontiers reach.
+    #[error("the maps' frontiers have no error from {least} to {most} in common: run `frugal precompute` again for both, with more time")]
+    NothingInCommon {
+        /// The least error that was looked at.
+        least: f64,
+        /// The greatest.
+        most: f64,
+    },
+}
+
+/// Refuses two maps whose watts or errors do not mean the same.
+pub(super) fn check(old: &FrontierMap, new: &FrontierMap) -> Result<(), CompareError> {
+    old.validate().map_err(|source| CompareError::Broken { which: "old", source })?;
+    new.validate().map_err(|source| CompareError::Broken { which: "new", source })?;
+    if old.scene.fingerprint != new.scene.fingerprint {
+        return Err(CompareError::OtherScene { old: old.scene.clone(), new: new.scene.clone() });
+    }
+    check_capture(old, new)?;
+    if !same_meter(&old.meter, &new.meter) {
+        let name = |meter: &MeterInfo| format!("{}, {:?}", meter.name, meter.provenance).to_lowercase();
+        return Err(CompareError::OtherMeter { old: name(&old.meter), new: name(&new.meter) });
+    }
+    difference(&old.knobs, &new.knobs).map_or(Ok(()), |difference| Err(CompareError::OtherKnobs { difference }))
+}
+
+fn check_capture(old: &FrontierMap, new: &FrontierMap) -> Result<(), CompareError> {
+    let same = |what, old: String, new: String, remedy| {
+        if old == new { Ok(()) } else { Err(CompareError::OtherCapture { what, old, new, remedy }) }
+    };
+    let (old, new) = (&old.capture, &new.capture);
+    let size = |[width, height]: [u32; 2]| format!("{width}x{height}");
+    same("size", size(old.size), size(new.size), "run `frugal precompute` with the same --size for both")?;
+    let rate = |fps: f64| format!("{fps} Hz");
+    let (old_rate, new_rate) = (rate(old.frames_per_second), rate(new.frames_per_second));
+    same("frame rate", old_rate, new_rate, "run `frugal precompute` with the same --fps for both, or `frugal reprice` one of them")?;
+    let fov = |degrees: f32| format!("{degrees} degrees");
+    let remedy = "run `frugal precompute` again for the older one";
+    same("field of view", fov(old.vertical_fov), fov(new.vertical_fov), remedy)?;
+    same("exposure", format!("EV {}", old.exposure_ev100), format!("EV {}", new.exposure_ev100), remedy)
+}
+
+/// One kind of meter. What follows `=` in a name is the meter's option, as a file of prices. Two builds may have two of
+/// those: a difference to be found, not refused.
+fn same_meter(old: &MeterInfo, new: &MeterInfo) -> bool {
+    let kind = |name: &str| name.split('=').next().unwrap_or_default().trim().to_owned();
+    old.provenance == new.provenance && kind(&old.name) == kind(&new.name)
+}
+
+/// How two spaces differ, in words; `None` where they do not.
+fn difference(old: &KnobSpace, new: &KnobSpace) -> Option<String> {
+    if old == new {
+        return None;
+    }
+    let only_in = |one: &KnobSpace, other: &KnobSpace| {
+        let names = one.knobs().iter().filter(|knob| other.index_of(&knob.name).is_none()).map(|knob| format!("`{}`", knob.name));
+        names.collect::<Vec<_>>().join(", ")
+    };
+    let (gone, added) = (only_in(old, new), only_in(new, old));
+    let mut parts = Vec::new();
+    if !gone.is_empty() {
+        parts.push(format!("only the old one has {gone}"));
+    }
+    if !added.is_empty() {
+        parts.push(format!("only the new one has {added}"));
+    }
+    let changed = old.knobs().iter().find(|knob| new.knobs().iter().any(|other| other.name == knob.name && other != *knob));
+    if let Some(knob) = changed {
+        parts.push(format!("`{}` has other levels", knob.name));
+    }
+    Some(if parts.is_empty() { "they come in another order".to_owned() } else { parts.join(", ") })
+}
+
+#[cfg(test)]
+mod tests {
+    use bevy_frugal_gi::frontier::Capture;
+    use bevy_frugal_gi::knobs::Knob;
+    use bevy_frugal_gi::power::Provenance;
+
+    use super::super::testing::map;
+    use super::*;
+
+    fn refused(change: impl FnOnce(&mut FrontierMap)) -> String {
+        let (old, mut new) = (map(), map());
+        change(&mut new);
+        check(&old, &new).expect_err("maps that differ").to_string()
+    }
+
+    #[test]
+    fn what_differs_is_named_with_a_remedy() {
+        let capture = map().capture;
+        for (message, words) in [
+            (refused(|map| map.scene.fingerprint = "beef".into()), ["different scenes", "00ff", "beef"]),
+            (refused(|map| map.capture = Capture { size: [64, 36], ..capture }), ["size", "64x36", "--size"]),
+            (refused(|map| map.capture = Capture { frames_per_second: 60.0, ..capture }), ["frame rate", "60 Hz", "--fps"]),
+            (refused(|map| map.capture = Capture { vertical_fov: 90.0, ..capture }), ["field of view", "90 degrees", "again"]),
+            (refused(|map| map.capture = Capture { exposure_ev100: 9.0, ..capture }), ["exposure", "EV 9", "again"]),
+            (refused(|map| map.meter.name = "nvml".into()), ["work, modelled", "nvml, modelled", "--meter"]),
+            (refused(|map| map.meter.provenance = Provenance::Measured), ["work, modelled", "work, measured", "--meter"]),
+        ] {
+            words.iter().for_each(|word| assert!(message.contains(word), "`{word}` is missing in: {message}"));
+        }
+    }
+
+    #[test]
+    fn knobs_that_differ_are_named() {
+        let knobs = |knobs: Vec<Knob>| refused(|map| map.knobs = KnobSpace::new(knobs).expect("a space"));
+        let (samples, scale) = (map().knobs.knobs()[0].clone(), map().knobs.knobs()[1].clone());
+        let message = knobs(vec![samples.clone(), scale.clone(), Knob::new("sharpness", [0.0, 1.0])]);
+        assert!(message.contains("only the new one has `sharpness`") && message.contains("--knobs"), "{message}");
+        let renamed = Knob { name: "size".into(), ..scale.clone() };
+        let message = knobs(vec![samples.clone(), renamed]);
+        assert!(message.contains("only the old one has `scale`, only the new one has `size`"), "{message}");
+        let finer = Knob::new("scale", [0.5, 0.75, 1.0]);
+        assert!(knobs(vec![samples, finer]).contains("`scale` has other levels"));
+    }
+
+    #[test]
+    fn names_and_options_may_differ() {
+        let (old, mut new) = (map(), map());
+        new.scene.name = "renamed".into();
+        new.meter.name = "work=new.prices.ron".into();
+        new.meter.description = "another price".into();
+        new.seed = 99;
+        assert_eq!(check(&old, &new), Ok(()));
+    }
+
+    #[test]
+    fn numbers_that_are_none_are_refused() {
+        assert!(refused(|map| map.capture.frames_per_second = f64::NAN).contains("the new map: "));
+        assert!(refused(|map| map.work_prices.idle.0 = f64::NAN).contains("work_prices"));
+        let mut old = map();
+        old.thresholds.error = f64::NAN;
+        assert!(matches!(check(&old, &map()), Err(CompareError::Broken { which: "old", .. })));
+    }
+}

@@ -1,0 +1,19 @@
+//! What is read out of finished maps: how the power of two differs at equal error, and presets for a settings menu.
+//! Renders nothing.
+//!
+//! | item | job |
+//! |---|---|
+//! | [`compare`], [`MapComparison`] | power at equal error, old against new: an energy gate |
+//! | [`presets`], [`Presets`] | battery, low, medium, high and ultra, from the shared frontier |
+//! | [`comparison_table`], [`presets_table`] | both as text |
+mod comparable;
+mod compare;
+mod presets;
+mod table;
+#[cfg(test)]
+mod testing;
+
+pub use comparable::CompareError;
+pub use compare::{Change, ERRORS, ErrorLevel, MapComparison, compare};
+pub use presets::{PRESET_NAMES, Preset, Presets, PresetsError, presets};
+pub use table::{comparison_table, presets_table};

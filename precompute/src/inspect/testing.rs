@@ -1,0 +1,74 @@
+//! A map made by hand, and the same with noise.
+
+use bevy_frugal_gi::frontier::{
+    Bounds, Capture, Corner, CostPoint, ErrorRates, Frontier, FrontierMap, FrontierPoint, Octree, SceneIdentity, Thresholds, WorkPrices,
+};
+use bevy_frugal_gi::knobs::{Knob, KnobSpace, RenderSettings};
+use bevy_frugal_gi::power::{MeterInfo, Provenance};
+use rand::{RngExt as _, SeedableRng as _};
+use rand_chacha::ChaCha8Rng;
+
+/// Points of each frontier.
+const POINTS: usize = 18;
+
+/// A frontier of `count` points whose power is `scale` times that of the map's shared one: errors from 0.1 down by a
+/// fifth each, the last 0.
+pub(super) fn frontier(scale: f64, count: usize) -> Frontier {
+    let point = |number: usize| {
+        let error = 0.1 * 0.8_f64.powi(number as i32);
+        let power = scale * 5.0 * (0.1 / error).powf(0.4);
+        let settings = RenderSettings::default().with_level(0, number % 16).with_level(1, number / 16 % 2);
+        let error = if number + 1 == count { 0.0 } else { error };
+        FrontierPoint { settings, cost: CostPoint::new(power, error) }
+    };
+    Frontier::from_points((0..count).map(point))
+}
+
+/// A valid map: one cube, with a frontier of its own at each of its 48 addresses.
+pub(super) fn map() -> FrontierMap {
+    let knobs = vec![Knob::new("samples", (0..16).map(f64::from)), Knob::labelled("scale", [(0.5, "50%"), (1.0, "100%")])];
+    let mut corners: Vec<Corner> = (0..8_u16)
+        .map(|number| Corner {
+            at: [number & 1, number >> 1 & 1, number >> 2 & 1],
+            frontiers: std::array::from_fn(|view| u32::from(number) * 6 + view as u32),
+        })
+        .collect();
+    corners.sort_by_key(|corner| corner.at);
+    let frontiers = (0..48).map(|number| frontier(0.8 + 0.01 * f64::from(number), POINTS)).collect();
+    FrontierMap {
+        version: FrontierMap::VERSION,
+        scene: SceneIdentity { name: "courtyard".into(), fingerprint: "00ff".into() },
+        capture: Capture { size: [320, 180], frames_per_second: 30.0, vertical_fov: 60.0, exposure_ev100: 12.0 },
+        meter: MeterInfo { name: "work".into(), provenance: Provenance::Modelled, description: "by hand".into() },
+        thresholds: Thresholds { power_w: 0.1, error: 0.001 },
+        seed: 0,
+        knobs: KnobSpace::new(knobs).expect("a valid space"),
+        bounds: Bounds { min: [0.0; 3], max: [1.0; 3] },
+        shared: frontier(1.0, POINTS),
+        error_rates: ErrorRates::default(),
+        work_prices: WorkPrices::default(),
+        octree: Octree { levels: 0, nodes: vec![0], corners, frontiers },
+    }
+}
+
+/// `map` with `change` made to what every setting costs.
+pub(super) fn with_costs(map: &FrontierMap, mut change: impl FnMut(CostPoint) -> CostPoint) -> FrontierMap {
+    let mut changed = map.clone();
+    for frontier in changed.octree.frontiers.iter_mut().chain([&mut changed.shared]) {
+        let points = frontier.points().iter().map(|point| FrontierPoint { cost: change(point.cost), ..*point });
+        *frontier = Frontier::from_points(points);
+    }
+    changed
+}
+
+/// `map` with every power times `factor`.
+pub(super) fn with_power(map: &FrontierMap, factor: f64) -> FrontierMap {
+    with_costs(map, |cost| CostPoint::new(cost.power.0 * factor, cost.error))
+}
+
+/// `map` with every power and every error off by up to `amplitude`.
+pub(super) fn with_noise(map: &FrontierMap, amplitude: f64, seed: u64) -> FrontierMap {
+    let mut rng = ChaCha8Rng::seed_from_u64(seed);
+    let mut noise = || 1.0 + rng.random_range(-amplitude..=amplitude);
+    with_costs(map, |cost| CostPoint::new(cost.power.0 * noise(), cost.error * noise()))
+}

@@ -1,0 +1,66 @@
+//! The project's own search at one camera, as it is part of making a map: screening, then rounds of proposals on models
+//! of power and error.
+
+use bevy_frugal_gi::frontier::CostPoint;
+use bevy_frugal_gi::knobs::RenderSettings;
+
+use super::Recorded;
+use super::lookup::Lookup;
+use super::others::Others;
+use crate::cost::{CostModel, CostReading, Work};
+use crate::pool::{Proposal, Screening, propose, screening_settings};
+
+/// With nothing known.
+pub(super) fn cold(recorded: &Recorded, batch: usize, seed: u64, lookup: &mut Lookup<'_>) {
+    lookup.ask_all(screening_settings(&recorded.space));
+    let screening = Screening::of(&recorded.space, &lookup.known);
+    rounds(recorded, &screening, batch, seed, lookup);
+}
+
+/// With other cameras known: they say what knobs do, so that nothing is screened, and what settings cost, but for what
+/// this camera has of its own. When they have nothing left to propose, the search goes on as at a camera of which
+/// nothing is known.
+pub(super) fn warm(recorded: &Recorded, others: &Others, batch: usize, seed: u64, lookup: &mut Lookup<'_>) {
+    for round in 0.. {
+        let proposed = others.propose(&recorded.space, lookup, batch, round_seed(seed, round));
+        if proposed.is_empty() {
+            break;
+        }
+        lookup.ask_all(proposed);
+        if lookup.is_done() {
+            return;
+        }
+    }
+    rounds(recorded, others.screening(), batch, seed, lookup);
+}
+
+/// Rounds of proposals, until all goals are reached or nothing more is proposed.
+fn rounds(recorded: &Recorded, screening: &Screening, batch: usize, seed: u64, lookup: &mut Lookup<'_>) {
+    let Recorded { space, layout, .. } = recorded;
+    for round in 0.. {
+        if lookup.is_done() {
+            return;
+        }
+        let readings = lookup.readings();
+        let reading = |(settings, cost): &(RenderSettings, CostPoint)| CostReading {
+            camera: 0,
+            work: Work::of(space, *settings, layout),
+            power_w: cost.power.0,
+        };
+        let cost = CostModel::fit(&readings.iter().map(reading).collect::<Vec<_>>());
+        let errors: Vec<_> = readings.iter().map(|(settings, cost)| (*settings, cost.error)).collect();
+        let proposal = Proposal { space, screening, cost: &cost, layout, errors: &errors };
+        // What the table lacks has no reading, and so is proposed again.
+        let proposed = propose(&proposal, batch + lookup.missing(), round_seed(seed, round));
+        let fresh: Vec<_> = proposed.into_iter().filter(|settings| !lookup.is_known(*settings)).take(batch).collect();
+        if fresh.is_empty() {
+            return;
+        }
+        lookup.ask_all(fresh);
+    }
+}
+
+/// As the pipeline's, so that every round draws anew.
+fn round_seed(seed: u64, round: u64) -> u64 {
+    seed.wrapping_mul(1000).wrapping_add(round)
+}

@@ -1,0 +1,91 @@
+//! Answers from a table, and counts.
+
+use bevy_frugal_gi::frontier::CostPoint;
+use bevy_frugal_gi::knobs::RenderSettings;
+
+use super::Recorded;
+use super::run::Goal;
+use crate::search::Evaluate;
+use crate::table::CostTable;
+
+/// What a table does not hold is never chosen.
+const MISSING: CostPoint = CostPoint::new(f64::INFINITY, f64::INFINITY);
+
+/// A camera of which only what was asked for is known.
+#[derive(Debug)]
+pub(super) struct Lookup<'a> {
+    recorded: &'a Recorded,
+    goals: &'a [Goal],
+    /// One row: what was asked for, in that order. What the table lacks is in it, without a finite cost.
+    pub known: CostTable,
+    /// Renderings until each goal was reached.
+    pub reached: Vec<Option<usize>>,
+    renderings: usize,
+}
+
+impl<'a> Lookup<'a> {
+    pub fn new(recorded: &'a Recorded, goals: &'a [Goal]) -> Self {
+        Self { recorded, goals, known: CostTable::new(1), reached: vec![None; goals.len()], renderings: 0 }
+    }
+
+    /// What `settings` cost. The first time it is a rendering, unless the table lacks them.
+    pub fn ask(&mut self, settings: RenderSettings) -> CostPoint {
+        let settings = self.recorded.space.canonical(settings);
+        if self.is_known(settings) {
+            return self.known.get(0, settings).unwrap_or(MISSING);
+        }
+        let cost = self.recorded.costs.get(&settings).copied();
+        self.known.set(0, settings, cost.unwrap_or(MISSING));
+        let Some(cost) = cost else { return MISSING };
+        self.renderings += 1;
+        for (goal, reached) in self.goals.iter().zip(&mut self.reached) {
+            if cost.error <= goal.error && cost.power.0 <= goal.enough_w {
+                reached.get_or_insert(self.renderings);
+            }
+        }
+        cost
+    }
+
+    /// The same one after the other, until all goals are reached.
+    pub fn ask_all(&mut self, settings: impl IntoIterator<Item = RenderSettings>) {
+        for settings in settings {
+            if self.is_done() {
+                return;
+            }
+            self.ask(settings);
+        }
+    }
+
+    /// Whether `settings` were asked for.
+    pub fn is_known(&self, settings: RenderSettings) -> bool {
+        self.known.column(settings).is_some()
+    }
+
+    /// Whether all goals are reached.
+    pub fn is_done(&self) -> bool {
+        self.reached.iter().all(Option::is_some)
+    }
+
+    /// Combinations that were asked for and that the table lacks.
+    pub fn missing(&self) -> usize {
+        self.known.settings().len() - self.renderings
+    }
+
+    /// What was asked for and is in the table.
+    pub fn readings(&self) -> Vec<(RenderSettings, CostPoint)> {
+        self.known.settings().iter().filter_map(|settings| Some((*settings, self.known.get(0, *settings)?))).collect()
+    }
+}
+
+/// All goals are reached: ends a search that would go on.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Done;
+
+impl Evaluate for Lookup<'_> {
+    type Error = Done;
+
+    fn evaluate(&mut self, settings: RenderSettings) -> Result<CostPoint, Done> {
+        let cost = self.ask(settings);
+        if self.is_done() { Err(Done) } else { Ok(cost) }
+    }
+}

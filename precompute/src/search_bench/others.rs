@@ -1,0 +1,133 @@
+//! What other cameras tell of one: every settings' error and power there, and which knobs act.
+//!
+//! ln e = mean over the other cameras of ln e, plus a Gaussian process over what is left here. ln p likewise, plus one
+//! number for the camera.
+
+use std::collections::HashMap;
+use std::convert::Infallible;
+
+use bevy_frugal_gi::frontier::CostPoint;
+use bevy_frugal_gi::knobs::{KnobSpace, RenderSettings};
+
+use super::Recorded;
+use super::lookup::Lookup;
+use crate::pool::{ErrorModel, LEAST_ERROR, Screening, portfolio};
+use crate::search::{Evaluate, Search, SearchConfig};
+use crate::table::CostTable;
+
+/// Errors beyond this are no budget's.
+const GREATEST_ERROR: f64 = 0.3;
+/// How many standard deviations settings may be better than they are expected to be.
+const OPTIMISM: f64 = 0.5;
+/// Evaluations of the models in a round, and survivors of a generation.
+const EVALUATIONS: usize = 4000;
+const POPULATION: usize = 48;
+/// Readings that this camera's own power counts as already there, at that of the others.
+const CAMERA_PRIOR: f64 = 1.0;
+
+/// Mean logarithms over the other cameras.
+#[derive(Clone, Copy, Debug)]
+struct Mean {
+    power: f64,
+    error: f64,
+}
+
+/// What other cameras tell.
+#[derive(Debug)]
+pub(super) struct Others {
+    screening: Screening,
+    means: HashMap<RenderSettings, Mean>,
+}
+
+/// Both models at this camera, as something to search.
+struct Models<'a> {
+    others: &'a Others,
+    /// Without readings: what the error model says before.
+    before: ErrorModel<'a>,
+    /// Of readings that differ from `before` as those here differ from the other cameras' mean.
+    after: ErrorModel<'a>,
+    power: f64,
+}
+
+impl Others {
+    /// `None` where there is no other camera.
+    pub fn of(recorded: &Recorded) -> Option<Self> {
+        let table = &recorded.others;
+        let mean = |settings: &RenderSettings| {
+            let costs: Vec<CostPoint> = (0..table.rows()).filter_map(|row| table.get(row, *settings)).collect();
+            let mean = |value: fn(&CostPoint) -> f64| costs.iter().map(value).sum::<f64>() / costs.len() as f64;
+            let mean = Mean { power: mean(|cost| cost.power.0.ln()), error: mean(|cost| logarithm(cost.error)) };
+            (!costs.is_empty()).then_some((*settings, mean))
+        };
+        let means: HashMap<_, _> = table.settings().iter().filter_map(mean).collect();
+        (!means.is_empty()).then(|| Self { screening: Screening::of(&recorded.space, table), means })
+    }
+
+    pub fn screening(&self) -> &Screening {
+        &self.screening
+    }
+
+    /// Up to `count` settings that were not asked for yet: those that together gain most over what is known here, by
+    /// what is expected of them; then those on the expected frontier that lie farthest in power from all that is known.
+    pub fn propose(&self, space: &KnobSpace, lookup: &Lookup<'_>, count: usize, seed: u64) -> Vec<RenderSettings> {
+        let readings = lookup.readings();
+        let mut models = self.models(space, &readings);
+        let config = SearchConfig {
+            population: POPULATION,
+            generations: Some(EVALUATIONS / POPULATION),
+            max_evaluations: Some(EVALUATIONS),
+            seed,
+            ..Default::default()
+        };
+        let known: Vec<RenderSettings> = readings.iter().map(|(settings, _)| *settings).collect();
+        let Ok(found) = Search::new(space, config).run(&mut models, &known, &mut |_| true);
+        let mut table = CostTable::new(1);
+        readings.iter().for_each(|(settings, cost)| table.set(0, *settings, *cost));
+        for point in found.frontier.points().iter().filter(|point| !lookup.is_known(point.settings)) {
+            let error = (point.cost.error.exp() - LEAST_ERROR).max(0.0);
+            table.set(0, point.settings, CostPoint::new(point.cost.power.0.exp(), error));
+        }
+        let mut chosen = portfolio(&table, known.len() + count, &known);
+        while chosen.len() < known.len() + count {
+            let Some(next) = farthest(&table, &chosen) else { break };
+            chosen.push(next);
+        }
+        chosen.split_off(known.len().min(chosen.len()))
+    }
+
+    fn models<'a>(&'a self, space: &'a KnobSpace, readings: &[(RenderSettings, CostPoint)]) -> Models<'a> {
+        let before = ErrorModel::fit(space, &self.screening, &[]);
+        let both = || readings.iter().filter_map(|(settings, cost)| Some((*settings, *cost, *self.means.get(settings)?)));
+        let beyond = |(settings, cost, mean): (RenderSettings, CostPoint, Mean)| {
+            (settings, (before.predict(settings).0 + logarithm(cost.error) - mean.error).exp() - LEAST_ERROR)
+        };
+        let after = ErrorModel::fit(space, &self.screening, &both().map(beyond).collect::<Vec<_>>());
+        let (sum, count) =
+            both().fold((0.0, CAMERA_PRIOR), |(sum, count), (_, cost, mean)| (sum + cost.power.0.ln() - mean.power, count + 1.0));
+        Models { others: self, before, after, power: sum / count }
+    }
+}
+
+impl Evaluate for Models<'_> {
+    type Error = Infallible;
+
+    fn evaluate(&mut self, settings: RenderSettings) -> Result<CostPoint, Infallible> {
+        let Some(mean) = self.others.means.get(&settings) else { return Ok(CostPoint::new(f64::INFINITY, f64::INFINITY)) };
+        let (after, deviation) = self.after.predict(settings);
+        let error = mean.error + after - self.before.predict(settings).0 - OPTIMISM * deviation;
+        Ok(CostPoint::new(mean.power + self.power, error.clamp(LEAST_ERROR.ln(), logarithm(GREATEST_ERROR))))
+    }
+}
+
+/// Those in `table` that are not `chosen` and farthest from them in the logarithm of power.
+fn farthest(table: &CostTable, chosen: &[RenderSettings]) -> Option<RenderSettings> {
+    let power = |settings: &RenderSettings| table.get(0, *settings).map_or(f64::NAN, |cost| cost.power.0.ln());
+    let near: Vec<f64> = chosen.iter().map(power).collect();
+    let gap = |settings: &RenderSettings| near.iter().map(|other| (other - power(settings)).abs()).fold(f64::INFINITY, f64::min);
+    let open = table.settings().iter().filter(|settings| !chosen.contains(settings));
+    open.copied().max_by(|a, b| gap(a).total_cmp(&gap(b)))
+}
+
+fn logarithm(error: f64) -> f64 {
+    (error.max(0.0) + LEAST_ERROR).ln()
+}
