@@ -92,7 +92,8 @@ pub struct WorkPrices {
 }
 
 impl WorkPrices {
-    fn is_sound(&self) -> bool {
+    /// Whether there is one finite price, 0 or above, for each kind of work.
+    pub fn is_sound(&self) -> bool {
         let number = |value: f64| value.is_finite() && value >= 0.0;
         self.kinds.len() == self.joules.len() && self.joules.iter().all(|joules| number(*joules)) && number(self.idle.0)
     }

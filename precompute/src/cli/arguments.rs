@@ -23,7 +23,8 @@ pub(super) struct CaptureArguments {
     /// Knobs to use, by name; without it, all that the scene has a use for
     #[arg(long, value_name = "K1,K2,…", value_delimiter = ',')]
     pub knobs: Option<Vec<String>>,
-    /// Power meter, as `frugal meters` names it; without it, the one that suits the adapter
+    /// Power meter, as `frugal meters` names it; without it, the one that suits the adapter. `work` counts each frame's work at
+    /// fixed prices and is the same in every run; `work=FILE`: at those of `frugal calibrate`
     #[arg(long, value_name = "NAME")]
     pub meter: Option<String>,
 }

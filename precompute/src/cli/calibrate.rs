@@ -3,11 +3,13 @@
 use std::path::PathBuf;
 use std::time::{Duration, Instant};
 
+use bevy_frugal_gi::knobs::{KnobSpace, RenderSettings};
+
 use super::arguments::{CaptureArguments, check_outputs, duration, open_scene, write};
-use super::precompute::{layout, open_stage, prices};
+use super::precompute::{open_stage, prices};
 use super::{CliError, progress};
 use crate::cameras::{CameraMix, CameraSet, tracks_of};
-use crate::cost::{CostModel, CostReading, DeviceModel, Work};
+use crate::cost::{CostModel, CostReading, DeviceModel, FrameLayout, Work};
 use crate::pool::screening_settings;
 use crate::table::Measure as _;
 
@@ -36,6 +38,19 @@ const FOLDS: usize = 5;
 /// Fewest readings that prices are fitted to.
 const FEWEST: usize = 40;
 
+/// The best settings with one knob lowered, and the cheapest with one knob raised: prices must hold at both ends.
+fn calibration_settings(space: &KnobSpace) -> Vec<RenderSettings> {
+    let raised = (0..space.len()).flat_map(|knob| (1..space.knobs()[knob].levels.len()).map(move |level| (knob, level)));
+    let raised = raised.map(|(knob, level)| space.lowest().with_level(knob, level));
+    // In turn, so that whatever ends early has seen both.
+    let (lowered, raised) = (screening_settings(space), space.canonical_once(raised));
+    let mut all = Vec::new();
+    for step in 0..lowered.len().max(raised.len()) {
+        all.extend([lowered.get(step), raised.get(step)].into_iter().flatten());
+    }
+    space.canonical_once(all)
+}
+
 pub(super) fn run(arguments: &Arguments) -> Result<(), CliError> {
     let (scene, _) = open_scene(&arguments.scene)?;
     check_outputs([Some(&arguments.output)])?;
@@ -50,8 +65,8 @@ pub(super) fn run(arguments: &Arguments) -> Result<(), CliError> {
         return Err(CliError::usage(format!("{}: no camera stands free and sees the scene", arguments.scene.display())));
     }
     stage.warm()?;
-    let settings = screening_settings(&space);
-    let layout = layout(&scene, stage.size());
+    let settings = calibration_settings(&space);
+    let layout = FrameLayout::of(&scene, stage.size());
     let bar = progress::bar(arguments.time_limit.as_secs());
     bar.set_message("seconds of readings");
     let started = Instant::now();

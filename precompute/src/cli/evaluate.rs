@@ -45,10 +45,10 @@ pub(super) struct Arguments {
     /// With a record: how many of the budgets, from the first, are played for real as well
     #[arg(long, value_name = "N", default_value_t = 0)]
     spot_checks: usize,
-    /// Seconds in which settings move to new ones, up and down; without it, as in an app: 2 s, and 0.5 s where that mends the budget
+    /// Seconds in which settings move to new ones, up and down; without it, as in an app: 1 s, and 0.5 s down under a power limit
     #[arg(long, value_name = "S", value_parser = transition, allow_hyphen_values = true)]
     transition: Option<f64>,
-    /// Power meter; without it, the map's
+    /// Power meter; without it, the map's. `work`: prices of work, the same in every run
     #[arg(long, value_name = "NAME")]
     meter: Option<String>,
     /// Result for programs
@@ -215,7 +215,7 @@ fn record(
     let mut file = arguments.map.as_os_str().to_owned();
     file.push(format!(".{}.record", path.name()));
     let file = arguments.record.clone().unwrap_or_else(|| file.into());
-    let header = journal_header(identity, &map.knobs, &map.capture, &stage.meter().name)?
+    let header = journal_header(identity, &map.knobs, &map.capture, &stage.meter())?
         .with("path", format!("{} {:016x}", path.name(), hash(&format!("{:?}", path.poses()))));
     let (mut journal, lines) = Journal::resume(&file, &header).map_err(CliError::usage)?;
     let mut record = PathRecord::restore(path, &map.knobs, &lines);

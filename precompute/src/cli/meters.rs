@@ -3,6 +3,7 @@
 use bevy_frugal_gi::power::{Provenance, Verdict, busy_cpu_load, self_test, survey};
 
 use super::CliError;
+use crate::cost::WORK_METER;
 
 #[derive(clap::Args, Debug)]
 pub(super) struct Arguments {}
@@ -33,5 +34,7 @@ pub(super) fn run(_: &Arguments) -> Result<(), CliError> {
             Verdict::Failed(error) => println!("  FAILED: {error}"),
         }
     }
+    println!("{WORK_METER}   (--meter {WORK_METER}, {WORK_METER}=FILE; for frugal's own commands)");
+    println!("  modelled: the work of each frame at fixed prices; the same in every run, whatever the machine does");
     Ok(())
 }

@@ -5,6 +5,7 @@ use std::path::{Path, PathBuf};
 use std::time::Duration;
 
 use bevy_frugal_gi::frontier::{Bounds, Capture, FrontierMap, SceneIdentity, Thresholds, WorkPrices};
+use bevy_frugal_gi::power::MeterInfo;
 use bevy_frugal_gi::units::Watts;
 
 use super::arguments::{CaptureArguments, check_outputs, duration, open_scene, write};
@@ -13,7 +14,7 @@ use crate::cameras::{CameraMix, CameraSet, TrackSample, recorded, tracks_of};
 use crate::cost::FrameLayout;
 use crate::journal::{Journal, JournalHeader, hash};
 use crate::pipeline::{Outcome, PipelineConfig, PipelineError, Progress, Setup, Subject, describe, run as run_pipeline};
-use crate::scene::{Environment, SceneDescription};
+use crate::scene::SceneDescription;
 use crate::stage::{RemoteStage, adapter};
 
 #[derive(clap::Args, Debug)]
@@ -201,7 +202,7 @@ pub(super) fn search(
         exposure_ev100: scene.exposure_ev100,
     };
     let identity = SceneIdentity { name: name.to_owned(), fingerprint: scene.fingerprint()? };
-    let header = journal_header(&identity, &space, &capture, &stage.meter().name)?
+    let header = journal_header(&identity, &space, &capture, &stage.meter())?
         .with("seed", arguments.seed)
         .with("cameras", format!("{:016x}", hash(&format!("{cameras:?}"))))
         .with("settings", format!("{config:?} {:?}", arguments.time_limit));
@@ -222,7 +223,7 @@ pub(super) fn search(
     // What compiles and loads is compiled and loaded before anything is metered.
     stage.warm()?;
 
-    let layout = layout(scene, stage.size());
+    let layout = FrameLayout::of(scene, stage.size());
     let map_bounds = Bounds { min: bounds.min.to_array(), max: bounds.max.to_array() };
     let bar = progress::bar(0);
     let mut report = |progress: &Progress<'_>| {
@@ -274,7 +275,7 @@ pub(super) fn journal_header(
     scene: &SceneIdentity,
     space: &bevy_frugal_gi::knobs::KnobSpace,
     capture: &Capture,
-    meter: &str,
+    meter: &MeterInfo,
 ) -> Result<JournalHeader, CliError> {
     let knobs = serde_json::to_string(space).map_err(CliError::failed)?;
     let adapter = adapter().map_or_else(|| "none".to_owned(), |adapter| adapter.name);
@@ -282,7 +283,7 @@ pub(super) fn journal_header(
         .with("scene", &scene.fingerprint)
         .with("knobs", format!("{:016x}", hash(&knobs)))
         .with("capture", format!("{capture:?}"))
-        .with("meter", meter)
+        .with("meter", format!("{}: {}", meter.name, meter.description))
         .with("adapter", adapter))
 }
 
@@ -303,16 +304,6 @@ pub(super) fn prices(
         *frame -= idle / frames_per_second;
     }
     WorkPrices { kinds, joules, idle: Watts(idle), maps: layout.maps, has_sky: layout.has_sky }
-}
-
-/// What a frame's work depends on beside its settings.
-pub(super) fn layout(scene: &SceneDescription, size: [u32; 2]) -> FrameLayout {
-    let has_sky = match &scene.environment {
-        Environment::None => false,
-        Environment::Constant(radiance) => *radiance != [0.0; 3],
-        Environment::Map(_, intensity) => *intensity > 0.0,
-    };
-    FrameLayout { size, maps: scene.lights.len().max(1) as u32, has_sky }
 }
 
 pub(super) fn print_outcome(map: &FrontierMap, outcome: &Outcome) {

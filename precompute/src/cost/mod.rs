@@ -7,7 +7,9 @@ mod model;
 mod nnls;
 mod reprice;
 mod work;
+mod work_meter;
 
 pub use model::{CostModel, CostReading, FitQuality};
 pub use reprice::{DeviceModel, NewConditions, RepriceError, reprice};
 pub use work::{FrameLayout, Work, work_names};
+pub use work_meter::{WORK_METER, WorkLedger, WorkMeter, is_work_meter};

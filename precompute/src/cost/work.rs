@@ -3,6 +3,8 @@
 use bevy_frugal_gi::gi::{FrugalGi, GiVisibility};
 use bevy_frugal_gi::knobs::{KnobSpace, RenderSettings};
 
+use crate::scene::{Environment, SceneDescription};
+
 /// What a frame's work depends on beside its settings.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct FrameLayout {
@@ -12,6 +14,18 @@ pub struct FrameLayout {
     pub maps: u32,
     /// Whether a sky is gathered.
     pub has_sky: bool,
+}
+
+impl FrameLayout {
+    /// Of frames of `size` pixels of a scene.
+    pub fn of(scene: &SceneDescription, size: [u32; 2]) -> Self {
+        let has_sky = match &scene.environment {
+            Environment::None => false,
+            Environment::Constant(radiance) => *radiance != [0.0; 3],
+            Environment::Map(_, intensity) => *intensity > 0.0,
+        };
+        Self { size, maps: scene.lights.len().max(1) as u32, has_sky }
+    }
 }
 
 /// Kinds of work that every frame is asked for, in the order of [`Work`]'s values. Levels of knobs that are not known here follow.

@@ -29,9 +29,10 @@ use bevy::shader::ShaderCacheError;
 use bevy::transform::components::Transform;
 use bevy_frugal_gi::gi::{GiCounts, GiOccluders};
 use bevy_frugal_gi::knobs::{KnobRegistry, KnobSettings, KnobSpace, RenderSettings};
-use bevy_frugal_gi::power::{MeterInfo, PowerMeter};
+use bevy_frugal_gi::power::{Adapter, MeterInfo, PowerMeter};
 use bevy_frugal_gi::units::Watts;
 
+use crate::cost::{FrameLayout, WorkLedger, WorkMeter, is_work_meter};
 use crate::metrics::Picture;
 use crate::scene::{Bounds, RayScene, SceneDescription, SceneError};
 
@@ -165,6 +166,19 @@ fn label(descriptor: &PipelineDescriptor) -> &str {
     label.unwrap_or("a pipeline without a name")
 }
 
+fn open_meter(
+    scene: &SceneDescription,
+    options: &StageOptions,
+    adapter: &Adapter,
+) -> Result<(Box<dyn PowerMeter>, Option<WorkLedger>), StageError> {
+    let Some(name) = &options.meter else { return Ok((bevy_frugal_gi::power::detect(adapter)?, None)) };
+    if let Some(file) = is_work_meter(name) {
+        let (meter, ledger) = WorkMeter::open(file, FrameLayout::of(scene, options.size.to_array()))?;
+        return Ok((Box::new(meter), Some(ledger)));
+    }
+    Ok((bevy_frugal_gi::power::open(name)?, None))
+}
+
 /// A scene on a headless renderer.
 pub struct Stage {
     app: App,
@@ -173,6 +187,8 @@ pub struct Stage {
     options: StageOptions,
     space: Arc<KnobSpace>,
     meter: Box<dyn PowerMeter>,
+    /// Where the meter counts work: what it is told of.
+    ledger: Option<WorkLedger>,
     idle: Watts,
     rays: RayScene,
     bounds: Option<Bounds>,
@@ -202,10 +218,7 @@ impl Stage {
             return Err(StageError::FrameRate(options.frames_per_second));
         }
         let adapter = adapter().ok_or(StageError::NoAdapter)?;
-        let meter = match &options.meter {
-            Some(name) => bevy_frugal_gi::power::open(name)?,
-            None => bevy_frugal_gi::power::detect(&adapter)?,
-        };
+        let (meter, ledger) = open_meter(scene, &options, &adapter)?;
         let geometry = scene.geometry()?;
         let rays = RayScene::from_geometry(&geometry);
         let bounds = geometry.bounds();
@@ -225,6 +238,7 @@ impl Stage {
             space: Arc::new(space),
             idle: Watts(0.0),
             meter,
+            ledger,
             rays,
             bounds,
             exposure: 1.0 / (1.2 * scene.exposure_ev100.exp2()),
@@ -330,6 +344,9 @@ impl Stage {
         let device = self.app.sub_app(RenderApp).world().resource::<RenderDevice>();
         // Fails only when the device is lost, which the next frame reports better.
         let _ = device.poll(PollType::wait_indefinitely());
+        if let (Some(ledger), Some(shown)) = (&self.ledger, self.app.world().get::<KnobSettings>(self.camera)) {
+            ledger.count(&shown.space, shown.settings);
+        }
     }
 
     /// Renders frames until every pipeline that the frame needs is there.
