@@ -1,7 +1,7 @@
 //! Temporal filter: settings move to new ones level by level, so that quality never jumps.
 //!
 //! Wang et al. 2016, equation 3.8: s = round((1 − t/T)·s_old + (t/T)·s_new) for each knob, t seconds after the settings
-//! were to change, T = 2 s. A target that stays is followed just so.
+//! were to change; T is 2 s there, 1 s here. A target that stays is followed just so.
 //!
 //! The equation leaves open what happens when the target changes before T has passed. Options:
 //! 1. Start all knobs anew. While the camera turns, knobs whose target stays would never arrive.
@@ -14,8 +14,8 @@
 //! The position is then a running mean of the target. A knob on its way keeps its pace when its target moves but stays
 //! on the same side, so that it reaches the range of its targets within T whatever they do there.
 //!
-//! T may differ up and down ([`TransitionTimes`]): a broken budget is mended quickly, what it has to spare is spent
-//! slowly.
+//! T may differ up and down ([`TransitionTimes`]): a power limit that broke is mended quickly, what it has to spare is
+//! spent slowly.
 
 use bevy::ecs::component::Component;
 use bevy::ecs::reflect::ReflectComponent;
@@ -384,8 +384,8 @@ mod tests {
         assert_eq!(filter.step(&space(), settings(3, 1), 0.0, now), settings(3, 1));
         assert_eq!(filter.step(&space(), settings(1, 2), 0.0, before), settings(1, 2));
         assert_eq!(filter.step(&space(), settings(2, 2), 0.0, default), settings(1, 2), "NaN is the default length");
-        assert_eq!(filter.step(&space(), settings(2, 2), 0.75, default), settings(1, 2));
-        assert_eq!(filter.step(&space(), settings(2, 2), 0.25, default), settings(2, 2));
+        assert_eq!(filter.step(&space(), settings(2, 2), 0.375, default), settings(1, 2));
+        assert_eq!(filter.step(&space(), settings(2, 2), 0.125, default), settings(2, 2));
         assert_eq!(filter.step(&space(), settings(2, 2), 0.0, long), settings(2, 2), "a longer transition takes nothing back");
         filter.resume_from(settings(0, 2));
         assert_eq!(filter.step(&space(), settings(2, 2), 9.0, TWO), settings(0, 2), "t = 0 on the frame of the change");

@@ -5,17 +5,20 @@
 //! | [`FrontierMapHandle`] or [`FrontierSource`] | the app | where its frontiers come from |
 //! | [`Budget`] | the app | what it may cost |
 //! | [`Selection`] | the controller | what was picked, what it should cost, and whether the budget is kept |
+//! | [`ErrorPace`] | the controller | how far views are from those that error budgets were calibrated on |
 //! | [`SettingsFilter`] | the controller | the way from old settings to new ones; the app calls [`cut`](SettingsFilter::cut) on it |
 //! | [`KnobSettings`](crate::knobs::KnobSettings) | the controller | the settings to apply |
 //!
-//! [`select`] and [`SettingsFilter`] know nothing of Bevy's schedule, and can be used without it.
+//! [`choose`], [`select`] and [`SettingsFilter`] know nothing of Bevy's schedule, and can be used without it.
 mod budget;
 mod filter;
+mod pace;
 mod select;
 mod selection;
 mod systems;
 pub use budget::{Budget, BudgetError};
 pub use filter::{SettingsFilter, TransitionTimes};
+pub use pace::{ErrorPace, choose};
 pub use select::{Choice, MOST_OVER_MEAN, Outcome, select};
 pub use selection::{ControlSettings, ControlStatus, FrontierMapHandle, FrontierSource, KnownKnobs, OffReason, Selection};
 
@@ -47,6 +50,7 @@ impl Plugin for ControlPlugin {
             .register_type::<Budget>()
             .register_type::<ControlSettings>()
             .register_type::<ControlStatus>()
+            .register_type::<ErrorPace>()
             .register_type::<FrontierMapHandle>()
             .register_type::<KnownKnobs>()
             .register_type::<OffReason>()

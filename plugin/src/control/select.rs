@@ -36,7 +36,7 @@ pub struct Choice {
 ///
 /// A mean is kept with views that have more than it. Higher values save more power where the views of a path are like those that the map was
 /// calibrated on; lower ones hold the mean on paths of views that are harder than those.
-pub const MOST_OVER_MEAN: f64 = 1.3;
+pub const MOST_OVER_MEAN: f64 = 2.0;
 
 /// Picks the point of `frontier` that `budget` buys. `None` where the frontier is empty or the budget not [valid](Budget::validate).
 ///
@@ -113,7 +113,7 @@ mod tests {
             [6.0, 7.0, 39.0, 41.0, f64::INFINITY].map(|rate| picked(0.16, rate)),
             [Some(1.0), Some(2.0), Some(2.0), Some(4.0), Some(4.0)]
         );
-        assert_eq!(picked(0.15, 0.0), Some(2.0), "0.2 is more than 1.3 budgets");
+        assert_eq!(picked(0.09, 0.0), Some(2.0), "0.2 is more than two budgets");
         assert_eq!(picked(0.01, 0.0), Some(4.0));
         assert_eq!(picked(f64::INFINITY, 1e9), Some(1.0), "no limit is no limit");
         assert_eq!(picked(0.05, f64::NAN), Some(2.0), "as without a rate");

@@ -11,7 +11,8 @@ use bevy::time::{Real, Time};
 use bevy::transform::components::GlobalTransform;
 
 use super::{
-    Budget, ControlSettings, ControlStatus, FrontierMapHandle, FrontierSource, KnownKnobs, OffReason, Selection, SettingsFilter, select,
+    Budget, ControlSettings, ControlStatus, ErrorPace, FrontierMapHandle, FrontierSource, KnownKnobs, OffReason, Selection, SettingsFilter,
+    choose,
 };
 use crate::frontier::{CameraView, FrontierMap, FrontierStore};
 use crate::knobs::{KnobSettings, KnobSpace, RenderSettings};
@@ -79,12 +80,12 @@ pub(super) fn select_settings(
         Option<&Projection>,
         Option<&Camera>,
         &mut Selection,
-        &mut SettingsFilter,
+        (&mut SettingsFilter, &mut ErrorPace),
         Option<&mut KnobSettings>,
     )>,
 ) {
     let known = known.as_deref();
-    for (entity, (handle, source), budget, transform, projection, camera, mut selection, mut filter, knobs) in &mut cameras {
+    for (entity, (handle, source), budget, transform, projection, camera, mut selection, (mut filter, mut pace), knobs) in &mut cameras {
         if camera.is_some_and(|camera| !camera.is_active) {
             continue;
         }
@@ -122,9 +123,9 @@ pub(super) fn select_settings(
             turn_off(entity, &mut selection, OffReason::InvalidBudget, &error);
             continue;
         }
-        let rate = budget.error.and_then(|error| store.error_rate(error));
-        let Some((sample, choice)) = store.look_up(&view).and_then(|found| Some((found.camera, select(found.frontier, budget, rate)?)))
-        else {
+        let delta = time.delta_secs_f64();
+        // As the filter's below: its clock runs every frame, and nobody needs to be told.
+        let Some((sample, choice)) = choose(store, &view, budget, pace.bypass_change_detection(), delta) else {
             let message = "no sample camera of the map has a frontier: is its scene empty, or do its bounds lie in a wall?";
             turn_off(entity, &mut selection, OffReason::NothingKnown, &message);
             continue;
@@ -140,7 +141,6 @@ pub(super) fn select_settings(
             // Levels of other knobs say nothing about these.
             _ => filter.cut(),
         }
-        let delta = time.delta_secs_f64();
         // The filter's clock runs every frame; nobody needs to be told.
         let applied = filter.bypass_change_detection().step(space, choice.settings, delta, settings.times(budget));
         let status = ControlStatus::Active(choice.outcome);
@@ -194,7 +194,7 @@ pub(super) fn forget_camera<C: Component>(
     if let Ok((Some(_), Some(_))) = cameras.get(removed.entity) {
         return;
     }
-    commands.entity(removed.entity).try_remove::<(Selection, SettingsFilter)>();
+    commands.entity(removed.entity).try_remove::<(Selection, SettingsFilter, ErrorPace)>();
 }
 
 #[cfg(test)]

@@ -17,6 +17,10 @@ pub struct ErrorRate {
     pub budget: f64,
     /// λ: watts that a unit of error is worth; 0 or more. Higher values buy better pictures.
     pub watts_per_error: f64,
+    /// Mean error that the map predicts where the budget is just kept: what the controller holds the mean of its predictions
+    /// at. Above 0; `None` in maps that do not say, where the rate stays as it is.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub predicted: Option<f64>,
 }
 
 /// Exchange rates by budget: budgets strictly rise, rates never rise.
@@ -36,10 +40,21 @@ impl ErrorRates {
         Some(within.checked_sub(1).and_then(|last| self.0.get(last)).map_or(f64::INFINITY, |known| known.watts_per_error))
     }
 
+    /// The mean of predicted errors at which `budget` is just kept: that of the greatest calibrated budget within it, in
+    /// proportion. `None` where that is not known, or no rate is finite.
+    pub fn target(&self, budget: f64) -> Option<f64> {
+        if !budget.is_finite() {
+            return None;
+        }
+        let known = self.0.partition_point(|known| known.budget <= budget).checked_sub(1).and_then(|last| self.0.get(last))?;
+        known.predicted.map(|predicted| predicted * budget / known.budget)
+    }
+
     /// Whether budgets rise, rates do not, and all are numbers of their range.
     pub fn is_sound(&self) -> bool {
         let number = |rate: &ErrorRate| {
-            rate.budget > 0.0 && rate.budget.is_finite() && rate.watts_per_error >= 0.0 && rate.watts_per_error.is_finite()
+            let predicted = rate.predicted.is_none_or(|error| error > 0.0 && error.is_finite());
+            rate.budget > 0.0 && rate.budget.is_finite() && rate.watts_per_error >= 0.0 && rate.watts_per_error.is_finite() && predicted
         };
         self.0.iter().all(number)
             && self.0.windows(2).all(|two| two[0].budget < two[1].budget && two[0].watts_per_error >= two[1].watts_per_error)
@@ -51,7 +66,12 @@ mod tests {
     use super::*;
 
     fn rates(pairs: &[(f64, f64)]) -> ErrorRates {
-        ErrorRates(pairs.iter().map(|(budget, watts_per_error)| ErrorRate { budget: *budget, watts_per_error: *watts_per_error }).collect())
+        ErrorRates(
+            pairs
+                .iter()
+                .map(|(budget, watts_per_error)| ErrorRate { budget: *budget, watts_per_error: *watts_per_error, predicted: None })
+                .collect(),
+        )
     }
 
     #[test]
@@ -61,6 +81,10 @@ mod tests {
         assert_eq!([0.01, 0.0399, 0.04, 0.05].map(|budget| rates.rate(budget)), [Some(1000.0), Some(1000.0), Some(10.0), Some(10.0)]);
         assert_eq!((rates.rate(0.5), rates.rate(f64::INFINITY)), (Some(0.0), Some(0.0)));
         assert_eq!([0.005, 0.0, -1.0].map(|budget| rates.rate(budget)), [Some(f64::INFINITY); 3]);
+        let mut with_target = rates.clone();
+        with_target.0[0].predicted = Some(0.008);
+        assert_eq!([0.005, 0.01, 0.02, 0.05].map(|budget| with_target.target(budget)), [None, Some(0.008), Some(0.016), None]);
+        assert_eq!([f64::NAN, f64::INFINITY].map(|budget| with_target.target(budget)), [None, None]);
         assert_eq!((rates.rate(f64::NAN), ErrorRates::default().rate(0.1)), (None, None));
     }
 

@@ -23,6 +23,12 @@ pub trait FrontierStore: Send + Sync {
         let _ = budget;
         None
     }
+
+    /// Mean of predicted errors at which an error budget is just kept. `None` where the store does not know: the rate then stays as it is.
+    fn error_target(&self, budget: f64) -> Option<f64> {
+        let _ = budget;
+        None
+    }
 }
 
 /// Where a look-up begins: an octree corner, and a view direction.
@@ -82,6 +88,10 @@ impl FrontierStore for FrontierMap {
 
     fn error_rate(&self, budget: f64) -> Option<f64> {
         self.error_rates.rate(budget)
+    }
+
+    fn error_target(&self, budget: f64) -> Option<f64> {
+        self.error_rates.target(budget)
     }
 }
 

@@ -17,7 +17,15 @@ pub struct MovingCamera {
     pub group: u32,
 }
 
+/// Set in the [`group`](MovingCamera::group) of cameras in free space: no app's camera was there.
+pub(super) const FREE: u32 = 1 << 31;
+
 impl MovingCamera {
+    /// Whether an app's camera was at or near its place: on a path or a recording.
+    pub fn is_on_track(&self) -> bool {
+        self.group & FREE == 0
+    }
+
     /// The pose `seconds` later, or earlier where negative.
     pub fn at(&self, seconds: f32) -> CameraPose {
         let rotation = (Quat::from_scaled_axis(self.turn * seconds) * self.pose.rotation).normalize();

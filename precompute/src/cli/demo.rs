@@ -36,12 +36,17 @@ pub(super) fn run(arguments: &Arguments) -> Result<(), CliError> {
     let folder = &arguments.output;
     std::fs::create_dir_all(folder).map_err(|error| CliError::usage(format!("cannot make the folder {}: {error}", folder.display())))?;
 
-    arguments.search.check()?;
-    let tracks = arguments.search.tracks(&scene, arguments.capture.fps)?;
+    let mut search_arguments = arguments.search.clone();
+    if search_arguments.paths.is_empty() {
+        // The path that it plays.
+        search_arguments.paths.push("tour".to_owned());
+    }
+    search_arguments.check()?;
+    let tracks = search_arguments.tracks(&scene, arguments.capture.fps)?;
     let mut stage = open_stage(&scene, &arguments.scene, &arguments.capture)?;
     let map_path = folder.join(format!("{name}.pareto.ron"));
     let journal = journal_path(&map_path, None);
-    let Searched { map, outcome } = search(&mut stage, &scene, &name, &tracks, &arguments.search, &journal, false)?;
+    let Searched { map, outcome } = search(&mut stage, &scene, &name, &tracks, &search_arguments, &journal, false)?;
     let _ = std::fs::remove_file(&journal);
     write(&map_path, map.to_ron().map_err(CliError::failed)?.as_bytes())?;
     print_outcome(&map, &outcome);

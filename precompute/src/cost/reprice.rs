@@ -156,7 +156,7 @@ mod tests {
             thresholds: Thresholds { power_w: 0.1, error: 0.001 },
             seed: 0,
             bounds: Bounds { min: [0.0; 3], max: [1.0; 3] },
-            error_rates: ErrorRates(vec![ErrorRate { budget: 0.01, watts_per_error: 100.0 }]),
+            error_rates: ErrorRates(vec![ErrorRate { budget: 0.01, watts_per_error: 100.0, predicted: None }]),
             octree: Octree { levels: 0, nodes: vec![0], corners: vec![], frontiers: vec![shared.clone()] },
             shared,
             work_prices: prices.clone(),

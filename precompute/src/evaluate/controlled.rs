@@ -1,6 +1,6 @@
 //! The controller that an app has, without an app around it.
 
-use bevy_frugal_gi::control::{Budget, ControlSettings, SettingsFilter, select};
+use bevy_frugal_gi::control::{Budget, ControlSettings, ErrorPace, SettingsFilter, choose};
 use bevy_frugal_gi::frontier::{CameraView, FrontierStore};
 use bevy_frugal_gi::knobs::RenderSettings;
 
@@ -11,6 +11,7 @@ pub struct Controller<'a> {
     store: &'a dyn FrontierStore,
     budget: Budget,
     lens: (f32, f32),
+    pace: ErrorPace,
     filter: SettingsFilter,
     settings: ControlSettings,
     last: RenderSettings,
@@ -23,6 +24,7 @@ impl<'a> Controller<'a> {
             store,
             budget: Budget { power: budget.power_w, error: budget.error },
             lens,
+            pace: ErrorPace::default(),
             filter: SettingsFilter::default(),
             settings,
             last: store.knobs().highest(),
@@ -33,9 +35,8 @@ impl<'a> Controller<'a> {
 impl Policy for Controller<'_> {
     fn decide(&mut self, _: usize, dt: f64, pose: &Pose) -> Choice {
         let view = CameraView { position: pose.position, rotation: pose.rotation, vertical_fov: self.lens.0, aspect: self.lens.1 };
-        let rate = self.budget.error.and_then(|error| self.store.error_rate(error));
-        let found = self.store.look_up(&view).and_then(|sample| select(sample.frontier, &self.budget, rate));
-        let Some(found) = found else { return Choice::from(self.last) };
+        let found = choose(self.store, &view, &self.budget, &mut self.pace, dt);
+        let Some((_, found)) = found else { return Choice::from(self.last) };
         self.last = self.filter.step(self.store.knobs(), found.settings, dt, self.settings.times(&self.budget));
         Choice { settings: self.last, target: found.settings, predicted: Some(found.cost) }
     }

@@ -11,8 +11,10 @@ const BUDGETS: [f64; 23] =
 const RANGE: (f64, f64) = (0.0015, 0.2);
 /// Rates that are tried, per decade.
 const STEPS: i32 = 40;
+/// How much more than at a calibrated rate the mean may become where that rate leaves some of the budget.
+const MOST_LEFT: f64 = 1.25;
 /// Errors beyond this many budgets count as this many: what conformal risk control calls B.
-const BOUND: f64 = 4.0;
+const BOUND: f64 = 2.0;
 
 /// One calibration camera: the frontier that the map gives it, and the error that each of its settings has there.
 pub struct Calibration<'a> {
@@ -31,22 +33,29 @@ pub fn calibrate(cameras: &[Calibration<'_>], is_conformal: bool) -> ErrorRates 
     let mut supported: Vec<ErrorRate> = Vec::new();
     let budgets = [1000.0, 100.0, 10.0].into_iter().flat_map(|part| BUDGETS.map(|budget| budget / part));
     for budget in budgets.filter(|budget| (RANGE.0..=RANGE.1).contains(budget)) {
-        let risk = |rate: f64| {
+        // Risk, and the mean of what was predicted.
+        let played = |rate: f64| {
             let losses = cameras.iter().filter_map(|camera| {
                 // As the controller picks.
                 let picked = select(camera.frontier, &Budget::error(budget), Some(rate))?;
-                Some((camera.error)(picked.settings)?.min(BOUND * budget))
+                Some(((camera.error)(picked.settings)?.min(BOUND * budget), picked.cost.error))
             });
-            let (sum, known) = losses.fold((0.0, 0.0), |(sum, known), loss| (sum + loss, known + 1.0));
-            if is_conformal { (sum + BOUND * budget) / (known + 1.0) } else { sum / f64::max(known, 1.0) }
+            let add = |(loss, predicted, known): (f64, f64, f64), camera: (f64, f64)| (loss + camera.0, predicted + camera.1, known + 1.0);
+            let (sum, predicted, known) = losses.fold((0.0, 0.0, 0.0), add);
+            let risk = if is_conformal { (sum + BOUND * budget) / (known + 1.0) } else { sum / f64::max(known, 1.0) };
+            (risk, predicted / f64::max(known, 1.0))
         };
         if count == 0.0 {
             continue;
         }
         // Risk falls as the rate rises, but for noise: the least rate from which on every greater one keeps the budget.
-        let kept = rates.iter().rev().take_while(|rate| risk(**rate) <= budget).last();
+        let kept = rates.iter().rev().take_while(|rate| played(**rate).0 <= budget).last();
         if let Some(rate) = kept {
-            supported.push(ErrorRate { budget, watts_per_error: *rate });
+            let (risk, predicted) = played(*rate);
+            // Rates come in steps, the mean that the controller holds need not.
+            let predicted = predicted * (budget / risk).min(MOST_LEFT);
+            let predicted = (predicted.is_finite() && predicted > 0.0).then_some(predicted);
+            supported.push(ErrorRate { budget, watts_per_error: *rate, predicted });
         }
     }
     // Since no frame is predicted far over its budget, a smaller one may need the lower rate. It then has the greater one's: a better picture, never a

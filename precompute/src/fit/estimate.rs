@@ -9,6 +9,9 @@ use super::smooth::{Place, Smoother};
 use crate::cameras::MovingCamera;
 use crate::table::CostTable;
 
+/// Fewest cameras on tracks that speak for all.
+const LEAST_ON_TRACK: usize = 6;
+
 /// The table that a map is made from: every camera's costs of every setting of the pool.
 #[derive(Clone, Debug)]
 pub struct Training {
@@ -16,16 +19,20 @@ pub struct Training {
     /// By camera, then by setting.
     costs: Vec<Vec<CostPoint>>,
     groups: Vec<u32>,
+    on_track: Vec<usize>,
 }
 
 impl Training {
     /// The cameras of `table` at which all of `settings` are known.
     pub fn new(table: &CostTable, cameras: &[MovingCamera], settings: &[RenderSettings]) -> (Self, Vec<usize>) {
-        let mut training = Self { settings: settings.to_vec(), costs: Vec::new(), groups: Vec::new() };
+        let mut training = Self { settings: settings.to_vec(), costs: Vec::new(), groups: Vec::new(), on_track: Vec::new() };
         let mut rows = Vec::new();
         for (row, camera) in cameras.iter().enumerate().take(table.rows()) {
             let costs: Option<Vec<CostPoint>> = settings.iter().map(|settings| table.get(row, *settings)).collect();
             if let Some(costs) = costs.filter(|costs| costs.iter().all(|cost| cost.power.0 > 0.0 && cost.error >= 0.0)) {
+                if camera.is_on_track() {
+                    training.on_track.push(training.costs.len());
+                }
                 training.costs.push(costs);
                 training.groups.push(camera.group);
                 rows.push(row);
@@ -47,6 +54,11 @@ impl Training {
     /// Cameras with the same number are held out together.
     pub fn group(&self, camera: usize) -> u32 {
         self.groups[camera]
+    }
+
+    /// Cameras where an app's cameras were; all of them where there are few of those.
+    pub fn representative(&self) -> Vec<usize> {
+        if self.on_track.len() >= LEAST_ON_TRACK { self.on_track.clone() } else { (0..self.cameras()).collect() }
     }
 
     /// Mean costs over `cameras`; of none, nothing.

@@ -16,10 +16,8 @@ const LEAST_WEIGHT: f64 = 0.5;
 pub struct FitConfig {
     /// How often the camera space may be halved, at most 6.
     pub levels: u8,
-    /// Least number of cameras in a node that is divided.
+    /// Least number of cameras in a node that is divided. Higher values give smaller maps.
     pub least_cameras: usize,
-    /// By how many standard errors dividing must pay. Higher values give smaller maps.
-    pub standard_errors: f64,
     /// A node is divided only where what its parts' estimates say differs by more than this: watts, in the mean over settings.
     pub power_threshold_w: f64,
     /// The same as a share of the range of power of the frontier that all share.
@@ -30,14 +28,7 @@ pub struct FitConfig {
 
 impl Default for FitConfig {
     fn default() -> Self {
-        Self {
-            levels: 4,
-            least_cameras: 8,
-            standard_errors: 1.0,
-            power_threshold_w: 0.0,
-            power_threshold_share: 0.01,
-            error_threshold: 0.001,
-        }
+        Self { levels: 4, least_cameras: 2, power_threshold_w: 0.0, power_threshold_share: 0.01, error_threshold: 0.001 }
     }
 }
 
@@ -46,10 +37,13 @@ impl Default for FitConfig {
 pub struct FitReport {
     /// Cameras that it comes from.
     pub cameras: usize,
-    /// Cross-validated loss of the frontier that all cameras share, as a share of the least cost.
+    /// Cross-validated loss of the frontier that all cameras share, as a share of the least cost; in the mean over cameras on
+    /// tracks, where there are enough of them.
     pub shared_loss: f64,
     /// The same of the octree.
     pub octree_loss: f64,
+    /// The same of octrees that are divided everywhere, by depth.
+    pub depth_losses: Vec<f64>,
     /// Addresses with cameras of their own.
     pub addresses: usize,
     /// The threshold in power that was used, watts.
@@ -77,7 +71,8 @@ pub fn fit(training: &Training, views: &[CameraView], bounds: &Bounds, config: &
     let smoother = Smoother::new(training, views);
     let pyramid = Pyramid::new(training, &smoother, &keys, &all);
     let losses = Losses::cross_validated(training, &smoother, &keys);
-    let mean = |losses: &[f64]| losses.iter().sum::<f64>() / losses.len().max(1) as f64;
+    let representative = training.representative();
+    let mean = |losses: &[f64]| representative.iter().map(|camera| losses[*camera]).sum::<f64>() / representative.len().max(1) as f64;
     let shared = training.frontier(&pyramid.shared);
     let mut report = FitReport { cameras: all.len(), shared_loss: mean(&losses.shared), ..FitReport::default() };
 
@@ -91,23 +86,18 @@ pub fn fit(training: &Training, views: &[CameraView], bounds: &Bounds, config: &
         distance.power.0 > report.power_threshold_w || distance.error > config.error_threshold
     };
     let mut tree = Tree { octree: Octree { levels, nodes: vec![0], ..Octree::default() }, leaves: Vec::new() };
-    let pays = |coarse: &[f64], fine: &[f64], cameras: &[usize]| {
-        let (saving, error) = Losses::saving(coarse, fine, cameras);
-        cameras.len() >= config.least_cameras && saving > config.standard_errors * error
-    };
-    // The first question is whether addresses pay at all.
-    let is_divided = pays(&losses.shared, &losses.by_depth[0], &all);
+    let by_depth: Vec<f64> = losses.by_depth.iter().map(|losses| mean(losses)).collect();
+    let depth = losses.deepest(&representative);
+    report.depth_losses = by_depth;
+    let is_divided = depth.is_some();
+    let depth = depth.unwrap_or(0);
     if is_divided {
         tree.divide(
             0,
             0,
             Leaf { min: [0; 3], size: 1 << levels },
             &all,
-            &mut |depth, cameras| {
-                depth < usize::from(levels)
-                    && differs(depth, cameras)
-                    && pays(&losses.by_depth[depth], &losses.by_depth[depth + 1], cameras)
-            },
+            &mut |at, cameras| at < depth && cameras.len() >= config.least_cameras && differs(at, cameras),
             &keys,
         );
     } else {

@@ -11,6 +11,9 @@ const FOLDS: u32 = 8;
 /// hundredths to a few thousandths.
 const RATES: [f64; 7] = [2.0, 4.0, 8.0, 16.0, 32.0, 64.0, 128.0];
 
+/// What the best depth must save to be worth a larger map: standard errors, and a share of what one frontier for all loses.
+const LEAST_SAVING: (f64, f64) = (1.0, 0.1);
+
 /// What picks cost at held-out cameras: how far above the best pick, as a share of it.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Losses {
@@ -40,17 +43,41 @@ impl Losses {
         losses
     }
 
-    /// Mean and standard error of what `cameras` save where they go from `coarse` to `fine` losses.
-    pub(super) fn saving(coarse: &[f64], fine: &[f64], cameras: &[usize]) -> (f64, f64) {
-        let savings: Vec<f64> = cameras.iter().map(|camera| coarse[*camera] - fine[*camera]).collect();
-        let count = savings.len() as f64;
-        if count < 2.0 {
-            return (0.0, f64::INFINITY);
+    /// The greatest depth whose loss at `cameras` is within one standard error of the least, and no more than that of one
+    /// frontier for all; `None` where that one is as good.
+    ///
+    /// One question for many cameras: a node alone has too few of them to tell. The deepest, since estimates are smoothed
+    /// over cameras: what is divided too finely loses little. At cameras on tracks, where they are near each other as they
+    /// are at run time: those in free space have nobody beside them, and say of every depth that it does not help.
+    pub(super) fn deepest(&self, cameras: &[usize]) -> Option<usize> {
+        let among = |losses: &Vec<f64>| cameras.iter().filter_map(|camera| losses.get(*camera).copied()).collect::<Vec<f64>>();
+        let by_depth: Vec<Vec<f64>> = self.by_depth.iter().map(among).collect();
+        let shared = among(&self.shared);
+        let all = || std::iter::once(&shared).chain(&by_depth);
+        let mean = |losses: &[f64]| losses.iter().sum::<f64>() / losses.len().max(1) as f64;
+        let best = all().min_by(|a, b| mean(a).total_cmp(&mean(b)))?;
+        let (saved, uncertainty) = difference(&shared, best);
+        if saved < (LEAST_SAVING.0 * uncertainty).max(LEAST_SAVING.1 * mean(&shared)) {
+            return None;
         }
-        let mean = savings.iter().sum::<f64>() / count;
-        let squares: f64 = savings.iter().map(|saving| (saving - mean).powi(2)).sum();
-        (mean, (squares / (count - 1.0) / count).sqrt())
+        let is_near = |losses: &Vec<f64>| {
+            let (more, error) = difference(losses, best);
+            more <= error && mean(losses) <= mean(&shared)
+        };
+        (0..by_depth.len()).rev().find(|depth| is_near(&by_depth[*depth]))
     }
+}
+
+/// Mean by which losses are above others at the same cameras, and its standard error.
+fn difference(losses: &[f64], others: &[f64]) -> (f64, f64) {
+    let differences: Vec<f64> = losses.iter().zip(others).map(|(loss, other)| loss - other).collect();
+    let count = differences.len() as f64;
+    if count < 2.0 {
+        return (0.0, 0.0);
+    }
+    let mean = differences.iter().sum::<f64>() / count;
+    let squares: f64 = differences.iter().map(|difference| (difference - mean).powi(2)).sum();
+    (mean, (squares / (count - 1.0) / count).sqrt())
 }
 
 /// Cameras that are held out, and those that are kept, in turn; whole groups, and never all of them.
@@ -86,4 +113,31 @@ fn loss(training: &Training, camera: usize, estimate: &Estimate, scale: f64) -> 
         }
     };
     RATES.iter().map(|rate| at_rate(*rate)).sum::<f64>() / RATES.len() as f64
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const ALL: [usize; 4] = [0, 1, 2, 3];
+
+    /// Losses of four cameras that vary by a tenth about these means.
+    fn losses(shared: f64, by_depth: &[f64]) -> Losses {
+        let vary = |mean: &f64| [-0.1, 0.05, 0.1, -0.05].iter().map(|part| mean * (1.0 + part)).collect::<Vec<f64>>();
+        // Each depth's the other way round from the one before, so that differences have a spread.
+        let depth = |(index, mean): (usize, &f64)| {
+            let mut losses = vary(mean);
+            losses.rotate_left(index);
+            losses
+        };
+        Losses { shared: vary(&shared), by_depth: by_depth.iter().enumerate().map(depth).collect() }
+    }
+
+    #[test]
+    fn the_octree_is_as_deep_as_losses_allow() {
+        assert_eq!(losses(0.2, &[0.1, 0.1, 0.1]).deepest(&ALL), Some(2), "equal depths: the deepest");
+        assert_eq!(losses(0.2, &[0.1, 0.101, 0.3]).deepest(&ALL), Some(1), "a depth that costs much more is too deep");
+        assert_eq!(losses(0.1, &[0.3, 0.3]).deepest(&ALL), None, "one frontier for all is far better");
+        assert_eq!(Losses { shared: vec![], by_depth: vec![vec![]; 2] }.deepest(&[]), Some(1), "no cameras: no evidence");
+    }
 }

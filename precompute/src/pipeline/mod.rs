@@ -20,7 +20,7 @@ use crate::table::{CostTable, Measure};
 pub use renderings::{Job, Progress, Purpose, Renderings, Setup};
 
 /// Share of a time limit after which the pool is settled, and the rest goes into cameras.
-const POOL_SHARE: f64 = 0.4;
+const POOL_SHARE: f64 = 0.3;
 /// Share of a time limit after which no block of cameras is begun.
 const CAMERAS_SHARE: f64 = 0.97;
 
@@ -45,7 +45,7 @@ pub struct PipelineConfig {
 
 impl Default for PipelineConfig {
     fn default() -> Self {
-        Self { pilots: 2, rounds: 6, batch: 8, pool: 18, block: 6, fit: FitConfig::default(), seed: 0 }
+        Self { pilots: 2, rounds: 6, batch: 8, pool: 20, block: 6, fit: FitConfig::default(), seed: 0 }
     }
 }
 
@@ -315,10 +315,11 @@ fn calibrated(
 /// What a fit reports, for messages.
 pub fn describe(report: &FitReport) -> String {
     format!(
-        "{} cameras, {} addresses; picks at unseen cameras cost {:.1} % more than the best, {:.1} % from one frontier for all",
+        "{} cameras, {} addresses; picks at unseen cameras cost {:.1} % more than the best, {:.1} % from one frontier for all; by depth {}",
         report.cameras,
         report.addresses,
         100.0 * report.octree_loss,
-        100.0 * report.shared_loss
+        100.0 * report.shared_loss,
+        report.depth_losses.iter().map(|loss| format!("{:.1}", 100.0 * loss)).collect::<Vec<_>>().join(" ")
     )
 }

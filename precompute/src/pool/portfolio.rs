@@ -8,13 +8,21 @@ use crate::table::CostTable;
 
 /// Exchange rates at which settings are judged, in units of the best settings' power per unit of error: from budgets of an error of a few
 /// hundredths to those of a few thousandths.
-pub(super) const RATES: [f64; 10] = [0.5, 1.0, 2.0, 4.0, 8.0, 16.0, 32.0, 64.0, 128.0, 256.0];
-/// Power budgets at which they are judged, evenly spread over the logarithm of power.
-const BUDGETS: usize = 12;
+pub(super) const RATES: [f64; 8] = [4.0, 8.0, 16.0, 32.0, 64.0, 128.0, 256.0, 512.0];
+/// Power budgets at which they are judged, evenly spread over the range of power, as budgets are asked for.
+pub(super) const BUDGETS: usize = 19;
+/// The least of them, as a share of the range: what is cheaper has errors that nobody ships.
+const LEAST_BUDGET: f64 = 0.1;
 /// How much the error at a power budget counts beside the cost at an exchange rate.
-const BUDGET_WEIGHT: f64 = 0.25;
+pub(super) const BUDGET_WEIGHT: f64 = 0.25;
 /// Gains below this share are no reason to keep one more.
 const LEAST_GAIN: f64 = 1e-5;
+
+/// The power budget of number `step` within a range of power.
+pub(super) fn budget(range: (f64, f64), step: usize) -> f64 {
+    let share = LEAST_BUDGET + (1.0 - LEAST_BUDGET) * step as f64 / (BUDGETS - 1) as f64;
+    (range.0 + (range.1 - range.0) * share) * (1.0 + 1e-9)
+}
 
 /// Losses of settings at one camera: a number for each exchange rate and power budget, lower is better.
 fn losses(costs: &[CostPoint], best_power: f64, range: (f64, f64)) -> Vec<Vec<f64>> {
@@ -24,7 +32,7 @@ fn losses(costs: &[CostPoint], best_power: f64, range: (f64, f64)) -> Vec<Vec<f6
         costs.iter().map(|cost| sum(cost) / least - 1.0).collect()
     });
     let budgets = (0..BUDGETS).map(|step| {
-        let limit = (range.0.ln() + (range.1.ln() - range.0.ln()) * step as f64 / (BUDGETS - 1) as f64).exp() * (1.0 + 1e-9);
+        let limit = budget(range, step);
         let error = |cost: &CostPoint| if cost.power.0 <= limit { (cost.error + LEAST_ERROR).ln() } else { LEAST_ERROR.ln() + 8.0 };
         let least = costs.iter().map(error).fold(f64::INFINITY, f64::min);
         costs.iter().map(|cost| BUDGET_WEIGHT * (error(cost) - least)).collect()

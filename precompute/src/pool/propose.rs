@@ -5,7 +5,7 @@ use std::convert::Infallible;
 use bevy_frugal_gi::frontier::{CostPoint, FrontierPoint};
 use bevy_frugal_gi::knobs::{KnobSpace, RenderSettings};
 
-use super::portfolio::RATES;
+use super::portfolio::{BUDGET_WEIGHT, BUDGETS, RATES, budget};
 use super::{ErrorModel, LEAST_ERROR, Screening};
 use crate::cost::{CostModel, FrameLayout, Work};
 use crate::search::{Evaluate, Search, SearchConfig};
@@ -14,7 +14,7 @@ use crate::search::{Evaluate, Search, SearchConfig};
 const GREATEST_ERROR: f64 = 0.3;
 /// How many standard deviations a proposal may be better than it is expected to be: some room for what is not known.
 const OPTIMISM: f64 = 0.5;
-/// Gains below this, summed over the rates, are no reason to render.
+/// Gains below this, summed over rates and budgets, are no reason to render.
 const LEAST_GAIN: f64 = 1e-3;
 /// Evaluations of the models.
 const EVALUATIONS: usize = 4000;
@@ -79,36 +79,61 @@ pub fn propose(proposal: &Proposal<'_>, count: usize, seed: u64) -> Vec<RenderSe
         (point.settings, CostPoint::new(point.cost.power.0.exp() / best_power, error))
     };
     let candidates: Vec<_> = found.frontier.points().iter().map(point).collect();
-    greatest_gains(&rendered, &candidates, count)
+    greatest_gains(&rendered, &candidates, power(proposal.space.lowest()) / best_power, count)
 }
 
-/// Of `candidates` those that lower the least power + rate × error of `rendered` most, summed over exchange rates and relative to it; each
-/// after those before it. Then, where none gains any more, those in the widest gaps of the logarithm of power.
+/// What is to be had from settings that were rendered: the least power + rate × error at each exchange rate, and the least
+/// error within each power budget. Powers are shares of the best settings'.
+struct Reached {
+    weighted: Vec<f64>,
+    range: (f64, f64),
+    within: Vec<f64>,
+}
+
+impl Reached {
+    /// `cheapest`: the least power of all settings.
+    fn new(rendered: &[(RenderSettings, CostPoint)], cheapest: f64) -> Self {
+        let mut reached =
+            Self { weighted: vec![f64::INFINITY; RATES.len()], range: (cheapest, 1.0), within: vec![GREATEST_ERROR; BUDGETS] };
+        rendered.iter().for_each(|(_, cost)| reached.add(cost));
+        reached
+    }
+
+    fn add(&mut self, cost: &CostPoint) {
+        self.weighted.iter_mut().zip(&RATES).for_each(|(least, rate)| *least = least.min(cost.power.0 + rate * cost.error));
+        for (step, least) in self.within.iter_mut().enumerate() {
+            if cost.power.0 <= budget(self.range, step) {
+                *least = least.min(cost.error);
+            }
+        }
+    }
+
+    /// By how much a cost would improve on that, summed over rates and budgets.
+    fn gain(&self, cost: &CostPoint) -> f64 {
+        let weighted = RATES.iter().zip(&self.weighted).map(|(rate, least)| (1.0 - (cost.power.0 + rate * cost.error) / least).max(0.0));
+        let error = (cost.error + LEAST_ERROR).ln();
+        let within = self.within.iter().enumerate().filter(|(step, _)| cost.power.0 <= budget(self.range, *step));
+        let within = within.map(|(_, least)| ((least + LEAST_ERROR).ln() - error).max(0.0));
+        weighted.sum::<f64>() + BUDGET_WEIGHT * within.sum::<f64>()
+    }
+}
+
+/// Of `candidates` those that gain most, each after those before it.
 fn greatest_gains(
     rendered: &[(RenderSettings, CostPoint)],
     candidates: &[(RenderSettings, CostPoint)],
+    cheapest: f64,
     count: usize,
 ) -> Vec<RenderSettings> {
-    let value = |rate: f64, cost: &CostPoint| cost.power.0 + rate * cost.error;
-    let mut least: Vec<f64> =
-        RATES.iter().map(|rate| rendered.iter().map(|(_, cost)| value(*rate, cost)).fold(f64::INFINITY, f64::min)).collect();
-    let mut near: Vec<f64> = rendered.iter().map(|(_, cost)| cost.power.0.max(1e-9).ln()).collect();
+    let mut reached = Reached::new(rendered, cheapest);
     let mut open: Vec<&(RenderSettings, CostPoint)> =
         candidates.iter().filter(|(settings, _)| rendered.iter().all(|(other, _)| other != settings)).collect();
     let mut taken = Vec::new();
-    while taken.len() < count && !open.is_empty() {
-        let gain =
-            |cost: &CostPoint| -> f64 { RATES.iter().zip(&least).map(|(rate, least)| (1.0 - value(*rate, cost) / least).max(0.0)).sum() };
-        let gap = |cost: &CostPoint| near.iter().map(|other| (other - cost.power.0.max(1e-9).ln()).abs()).fold(f64::INFINITY, f64::min);
-        let score = |cost: &CostPoint| (gain(cost) > LEAST_GAIN, if gain(cost) > LEAST_GAIN { gain(cost) } else { gap(cost) });
-        let better = |a: &CostPoint, b: &CostPoint| {
-            let (a, b) = (score(a), score(b));
-            a.0.cmp(&b.0).then(a.1.total_cmp(&b.1))
-        };
-        let Some(next) = (0..open.len()).max_by(|a, b| better(&open[*a].1, &open[*b].1)) else { break };
+    while taken.len() < count {
+        let gains = open.iter().map(|(_, cost)| reached.gain(cost)).enumerate();
+        let Some((next, _)) = gains.filter(|(_, gain)| *gain > LEAST_GAIN).max_by(|a, b| a.1.total_cmp(&b.1)) else { break };
         let (settings, cost) = *open.swap_remove(next);
-        least.iter_mut().zip(&RATES).for_each(|(least, rate)| *least = least.min(value(*rate, &cost)));
-        near.push(cost.power.0.max(1e-9).ln());
+        reached.add(&cost);
         taken.push(settings);
     }
     taken
