@@ -215,7 +215,7 @@ mod tests {
     use crate::knobs::Knob;
 
     const TWO: TransitionTimes = TransitionTimes::both(2.0);
-    /// What power limits get by default.
+    /// As under power limits: falls are quicker.
     const QUICK_FALL: TransitionTimes = TransitionTimes { rise_seconds: 2.0, fall_seconds: 0.5 };
     const QUICK_RISE: TransitionTimes = TransitionTimes { rise_seconds: 0.5, fall_seconds: 2.0 };
     const FRAME: f64 = 1.0 / 60.0;

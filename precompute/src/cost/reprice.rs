@@ -97,12 +97,15 @@ fn energy(space: &KnobSpace, point: &FrontierPoint, prices: &WorkPrices, layout:
     Work::of(space, point.settings, layout).0.iter().zip(&prices.joules).map(|(work, joules)| work * joules).sum()
 }
 
+/// Joules for one of a kind of work; `None` where `prices` lack it.
+pub(super) fn price(prices: &WorkPrices, kind: &str) -> Option<f64> {
+    let at = prices.kinds.iter().position(|other| other == kind)?;
+    prices.joules.get(at).copied()
+}
+
 /// `prices` in the order of the map's kinds of work.
 fn matched(map: &WorkPrices, prices: &WorkPrices) -> Result<WorkPrices, RepriceError> {
-    let price = |kind: &String| {
-        let at = prices.kinds.iter().position(|other| other == kind);
-        at.and_then(|at| prices.joules.get(at)).copied().ok_or_else(|| RepriceError::MissingPrice(kind.clone()))
-    };
+    let price = |kind: &String| price(prices, kind).ok_or_else(|| RepriceError::MissingPrice(kind.clone()));
     let joules = map.kinds.iter().map(price).collect::<Result<_, _>>()?;
     Ok(WorkPrices { joules, idle: prices.idle, ..map.clone() })
 }

@@ -8,6 +8,7 @@ use bevy_frugal_gi::knobs::{KnobSpace, RenderSettings};
 use bevy_frugal_gi::power::{MeterError, MeterInfo, PowerMeter, Provenance};
 use bevy_frugal_gi::units::{Joules, Watts};
 
+use super::reprice::price;
 use super::{DeviceModel, FrameLayout, Work, work_names};
 use crate::journal::hash;
 
@@ -96,9 +97,8 @@ impl WorkLedger {
 
     /// Energy of a frame at `settings`, without what the device takes when idle. Kinds of work without a price are free.
     pub fn joules(&self, space: &KnobSpace, settings: RenderSettings) -> f64 {
-        let prices = &self.device.prices;
-        let price = |kind: &String| prices.kinds.iter().position(|other| other == kind).map_or(0.0, |at| prices.joules[at]);
         let work = Work::of(space, settings, &self.layout);
+        let price = |kind: &String| price(&self.device.prices, kind).unwrap_or(0.0);
         work_names(space).iter().zip(&work.0).map(|(kind, work)| price(kind) * work).sum()
     }
 }

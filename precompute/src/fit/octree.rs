@@ -103,7 +103,6 @@ pub fn fit(training: &Training, views: &[CameraView], bounds: &Bounds, config: &
     } else {
         tree.leaves.push((Leaf { min: [0; 3], size: 1 << levels }, 0, all.clone()));
     }
-    report.octree_loss = if is_divided { tree.loss(&losses) } else { report.shared_loss };
     let Tree { mut octree, leaves } = tree;
     let estimates = if is_divided { estimates(&keys, &pyramid, &leaves) } else { BTreeMap::new() };
     report.addresses = estimates.len();
@@ -112,6 +111,10 @@ pub fn fit(training: &Training, views: &[CameraView], bounds: &Bounds, config: &
         leaves.iter().for_each(|(_, depth, cameras)| cameras.iter().for_each(|camera| depths[*camera] = *depth));
         depths
     });
+    // Over the same cameras as the loss that it is held against.
+    let of_octree =
+        |depths: &Vec<usize>| mean(&depths.iter().zip(&all).map(|(depth, camera)| losses.by_depth[*depth][*camera]).collect::<Vec<_>>());
+    report.octree_loss = depths.as_ref().map_or(report.shared_loss, of_octree);
     let held_out = held_out(training, &smoother, &keys, depths.as_deref());
     fill(&mut octree, &leaves, &Known { training, keys: &keys, pyramid: &pyramid, estimates: &estimates, shared: &shared });
     Fitted { octree, shared, report, held_out }
@@ -148,12 +151,6 @@ impl Tree {
             let inside: Vec<usize> = inside.copied().collect();
             self.divide(first + child, depth + 1, part, &inside, pays, keys);
         }
-    }
-
-    fn loss(&self, losses: &Losses) -> f64 {
-        let all = self.leaves.iter().flat_map(|(_, depth, cameras)| cameras.iter().map(|camera| losses.by_depth[*depth][*camera]));
-        let (sum, count) = all.fold((0.0, 0.0_f64), |(sum, count), loss| (sum + loss, count + 1.0));
-        sum / count.max(1.0)
     }
 }
 

@@ -53,22 +53,6 @@ impl<'a> Smoother<'a> {
         Self { training, places: views.iter().map(Place::from).collect() }
     }
 
-    /// How much each of the cameras `from` counts at `place`.
-    fn weights(&self, place: &Place, from: &[usize]) -> Vec<f64> {
-        let steps: Vec<f32> = from.iter().map(|camera| place.steps(&self.places[*camera])).collect();
-        let mut sorted = steps.clone();
-        sorted.sort_by(f32::total_cmp);
-        let second = sorted.get(1).or(sorted.first()).copied().unwrap_or(REACH.1);
-        let reach = second.clamp(REACH.0, REACH.1);
-        steps.iter().map(|steps| f64::from((-steps / reach).exp())).collect()
-    }
-
-    /// How many cameras are at `places`, in the mean: one a step away counts for 1/e, however rare cameras are there.
-    fn presence(&self, places: &[Place], from: &[usize]) -> f64 {
-        let at = |place: &Place| from.iter().map(|camera| f64::from((-place.steps(&self.places[*camera])).exp())).sum::<f64>();
-        places.iter().map(at).sum::<f64>() / places.len().max(1) as f64
-    }
-
     /// Where a training camera is.
     pub fn place(&self, camera: usize) -> Place {
         self.places[camera]
@@ -78,8 +62,13 @@ impl<'a> Smoother<'a> {
     pub fn at(&self, places: &[Place], from: &[usize], shared: &Estimate) -> Estimate {
         let count = places.len().max(1) as f64;
         let mut sums = vec![0.0; from.len()];
+        // How many cameras are here: one a step away counts for 1/e, however rare cameras are.
+        let mut presence = 0.0;
         for place in places {
-            sums.iter_mut().zip(self.weights(place, from)).for_each(|(sum, weight)| *sum += weight / count);
+            let steps: Vec<f32> = from.iter().map(|camera| place.steps(&self.places[*camera])).collect();
+            presence += steps.iter().map(|steps| f64::from((-steps).exp())).sum::<f64>();
+            let reach = reach(&steps);
+            sums.iter_mut().zip(&steps).for_each(|(sum, steps)| *sum += f64::from((-steps / reach).exp()) / count);
         }
         let weights: Vec<(usize, f64)> = from.iter().copied().zip(sums).filter(|(_, weight)| *weight > 1e-4).collect();
         let total = SHARED_WEIGHT + weights.iter().map(|(_, weight)| weight).sum::<f64>();
@@ -91,6 +80,14 @@ impl<'a> Smoother<'a> {
             let power = mean(setting, |cost| cost.power.0.max(1e-9).ln(), cost.power.0.max(1e-9).ln()).exp();
             CostPoint::new(power, mean(setting, |cost| cost.error, cost.error))
         };
-        Estimate { costs: shared.costs.iter().enumerate().map(blend).collect(), weight: self.presence(places, from) }
+        Estimate { costs: shared.costs.iter().enumerate().map(blend).collect(), weight: presence / count }
     }
+}
+
+/// Steps at which a camera counts for 1/e, where cameras are this many steps away.
+fn reach(steps: &[f32]) -> f32 {
+    let mut sorted = steps.to_vec();
+    sorted.sort_by(f32::total_cmp);
+    let second = sorted.get(1).or(sorted.first()).copied().unwrap_or(REACH.1);
+    second.clamp(REACH.0, REACH.1)
 }

@@ -14,7 +14,7 @@ use crate::cameras::{CameraSet, MovingCamera};
 use crate::cost::{CostModel, CostReading, FitQuality, FrameLayout, Work};
 use crate::fit::{Calibration, FitConfig, FitReport, Fitted, Training, calibrate, fit};
 use crate::journal::JournalError;
-use crate::pool::{Proposal, Screening, portfolio, propose, screening_settings};
+use crate::pool::{Proposal, Screening, portfolio, propose, round_seed, screening_settings};
 use crate::table::{CostTable, Measure};
 
 pub use renderings::{Job, Progress, Purpose, Renderings, Setup};
@@ -150,7 +150,7 @@ fn find_pool<M: Measure>(
         let mean = |column: usize| table.mean(column, rows.iter().copied()).map_or(f64::NAN, |cost| cost.error);
         let errors: Vec<_> = table.settings().iter().enumerate().map(|(column, settings)| (*settings, mean(column))).collect();
         let proposal = Proposal { space, screening: &screening, cost: &cost, layout, errors: &errors };
-        let proposed = propose(&proposal, config.batch, config.seed.wrapping_mul(1000).wrapping_add(round as u64));
+        let proposed = propose(&proposal, config.batch, round_seed(config.seed, round as u64));
         if proposed.is_empty() {
             break;
         }

@@ -10,6 +10,7 @@ mod screening;
 
 pub use error_model::ErrorModel;
 pub use portfolio::{portfolio, regret};
+pub(crate) use propose::{GREATEST_ERROR, OPTIMISM, model_search, round_seed};
 pub use propose::{Proposal, propose};
 pub use screening::{Screening, screening_settings};
 

@@ -11,13 +11,30 @@ use crate::cost::{CostModel, FrameLayout, Work};
 use crate::search::{Evaluate, Search, SearchConfig};
 
 /// Errors beyond this are no budget's: settings that have more are only worth it for their power.
-const GREATEST_ERROR: f64 = 0.3;
+pub(crate) const GREATEST_ERROR: f64 = 0.3;
 /// How many standard deviations a proposal may be better than it is expected to be: some room for what is not known.
-const OPTIMISM: f64 = 0.5;
+pub(crate) const OPTIMISM: f64 = 0.5;
 /// Gains below this, summed over rates and budgets, are no reason to render.
 const LEAST_GAIN: f64 = 1e-3;
-/// Evaluations of the models.
+/// Evaluations of the models in a round, and survivors of a generation.
 const EVALUATIONS: usize = 4000;
+const POPULATION: usize = 48;
+
+/// How models are searched, which costs nothing.
+pub(crate) fn model_search(seed: u64) -> SearchConfig {
+    SearchConfig {
+        population: POPULATION,
+        generations: Some(EVALUATIONS / POPULATION),
+        max_evaluations: Some(EVALUATIONS),
+        seed,
+        ..Default::default()
+    }
+}
+
+/// The seed of a round of proposals: every round draws anew.
+pub(crate) fn round_seed(seed: u64, round: u64) -> u64 {
+    seed.wrapping_mul(1000).wrapping_add(round)
+}
 
 /// What proposals are made from.
 #[derive(Clone, Copy, Debug)]
@@ -59,16 +76,9 @@ impl Evaluate for Models<'_> {
 /// ones.
 pub fn propose(proposal: &Proposal<'_>, count: usize, seed: u64) -> Vec<RenderSettings> {
     let mut models = Models { proposal, error: ErrorModel::fit(proposal.space, proposal.screening, proposal.errors) };
-    let config = SearchConfig {
-        population: 48,
-        generations: Some(EVALUATIONS / 48),
-        max_evaluations: Some(EVALUATIONS),
-        seed,
-        ..Default::default()
-    };
     let known: Vec<RenderSettings> =
         proposal.errors.iter().map(|(settings, _)| proposal.screening.fixed(proposal.space, *settings)).collect();
-    let Ok(found) = Search::new(proposal.space, config).run(&mut models, &known, &mut |_| true);
+    let Ok(found) = Search::new(proposal.space, model_search(seed)).run(&mut models, &known, &mut |_| true);
     let rendered = proposal.errors.iter().filter(|(_, error)| error.is_finite());
     let power = |settings: RenderSettings| proposal.cost.power(&Work::of(proposal.space, settings, proposal.layout));
     let best_power = power(proposal.space.highest()).max(1e-9);

@@ -8,7 +8,7 @@ use super::Recorded;
 use super::lookup::Lookup;
 use super::others::Others;
 use crate::cost::{CostModel, CostReading, Work};
-use crate::pool::{Proposal, Screening, propose, screening_settings};
+use crate::pool::{Proposal, Screening, propose, round_seed, screening_settings};
 
 /// With nothing known.
 pub(super) fn cold(recorded: &Recorded, batch: usize, seed: u64, lookup: &mut Lookup<'_>) {
@@ -58,9 +58,4 @@ fn rounds(recorded: &Recorded, screening: &Screening, batch: usize, seed: u64, l
         }
         lookup.ask_all(fresh);
     }
-}
-
-/// As the pipeline's, so that every round draws anew.
-fn round_seed(seed: u64, round: u64) -> u64 {
-    seed.wrapping_mul(1000).wrapping_add(round)
 }

@@ -11,17 +11,10 @@ use bevy_frugal_gi::knobs::{KnobSpace, RenderSettings};
 
 use super::Recorded;
 use super::lookup::Lookup;
-use crate::pool::{ErrorModel, LEAST_ERROR, Screening, portfolio};
-use crate::search::{Evaluate, Search, SearchConfig};
+use crate::pool::{ErrorModel, GREATEST_ERROR, LEAST_ERROR, OPTIMISM, Screening, model_search, portfolio};
+use crate::search::{Evaluate, Search};
 use crate::table::CostTable;
 
-/// Errors beyond this are no budget's.
-const GREATEST_ERROR: f64 = 0.3;
-/// How many standard deviations settings may be better than they are expected to be.
-const OPTIMISM: f64 = 0.5;
-/// Evaluations of the models in a round, and survivors of a generation.
-const EVALUATIONS: usize = 4000;
-const POPULATION: usize = 48;
 /// Readings that this camera's own power counts as already there, at that of the others.
 const CAMERA_PRIOR: f64 = 1.0;
 
@@ -72,15 +65,8 @@ impl Others {
     pub fn propose(&self, space: &KnobSpace, lookup: &Lookup<'_>, count: usize, seed: u64) -> Vec<RenderSettings> {
         let readings = lookup.readings();
         let mut models = self.models(space, &readings);
-        let config = SearchConfig {
-            population: POPULATION,
-            generations: Some(EVALUATIONS / POPULATION),
-            max_evaluations: Some(EVALUATIONS),
-            seed,
-            ..Default::default()
-        };
         let known: Vec<RenderSettings> = readings.iter().map(|(settings, _)| *settings).collect();
-        let Ok(found) = Search::new(space, config).run(&mut models, &known, &mut |_| true);
+        let Ok(found) = Search::new(space, model_search(seed)).run(&mut models, &known, &mut |_| true);
         let mut table = CostTable::new(1);
         readings.iter().for_each(|(settings, cost)| table.set(0, *settings, *cost));
         for point in found.frontier.points().iter().filter(|point| !lookup.is_known(point.settings)) {
