@@ -8,7 +8,7 @@ use bevy::ecs::query::With;
 use bevy::ecs::world::Mut;
 use bevy::math::{UVec2, Vec3};
 use bevy::mesh::Mesh3d;
-use bevy_frugal_gi::gi::{FrugalGi, GiCounts, GiShading};
+use bevy_frugal_gi::gi::{CameraCut, FrugalGi, GiCounts, GiShading};
 use frugal::scene::{self, CameraPose, Geometry, Light, SceneDescription};
 use frugal::stage::{Component, Output, Radiance, Stage, StageOptions};
 
@@ -64,6 +64,13 @@ pub fn bare_with(lights: Vec<Light>, options: StageOptions, extend: impl FnOnce(
 /// Applies settings given as text, as the command line reads them.
 pub fn apply(stage: &mut Stage, text: &str) {
     stage.apply_text(text).unwrap_or_else(|error| panic!("{error}"));
+}
+
+/// The same in the midst of play, without a cut.
+pub fn switch(stage: &mut Stage, text: &str) {
+    apply(stage, text);
+    let camera = camera(stage);
+    stage.world_mut().entity_mut(camera).remove::<CameraCut>();
 }
 
 /// Puts the camera at `position`, looking at `target`.

@@ -19,6 +19,7 @@
 
 mod bounces;
 mod composite;
+mod cut;
 mod diagnostics;
 mod filter;
 mod gather;
@@ -50,6 +51,7 @@ use bevy::render::{ExtractSchedule, GpuResourceAppExt, Render, RenderApp, Render
 use bevy::shader::load_shader_library;
 
 pub use bounces::GiPatches;
+pub use cut::CameraCut;
 pub use diagnostics::{GI_DIAGNOSTICS, GiCounts};
 pub use refresh::GiRefresh;
 pub use rsm::RsmView;
@@ -124,6 +126,7 @@ impl Plugin for GiPlugin {
         app.add_observer(|added: On<Add, FrugalGi>, mut commands: Commands| {
             commands.entity(added.entity).insert(Msaa::Off);
         });
+        cut::build(app);
         rsm::build(app);
         refresh::build(app);
         visibility::build(app);

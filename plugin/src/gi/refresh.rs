@@ -21,6 +21,7 @@ use bevy::reflect::Reflect;
 use bevy::render::extract_resource::{ExtractResource, ExtractResourcePlugin};
 use bevy::transform::components::{GlobalTransform, Transform};
 
+use super::cut::CameraCut;
 use super::rsm::{MapsTouched, RsmSystems, RsmView};
 use super::settings::FrugalGi;
 use super::visibility::GiOccluders;
@@ -46,7 +47,7 @@ const ARRIVAL: u32 = 4;
 /// What this frame does.
 #[derive(Resource, ExtractResource, Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(super) struct GiFrame {
-    /// Counts frames.
+    /// Counts frames since the last camera cut: what follows a cut does not depend on when it came.
     pub number: u32,
     /// Whether maps are rendered.
     pub maps: bool,
@@ -111,6 +112,8 @@ struct Happened {
     always: bool,
     /// Texels are no longer where they were.
     laid_out: bool,
+    /// A camera is cut.
+    cut: bool,
 }
 
 impl SceneChanges<'_, '_> {
@@ -131,6 +134,7 @@ fn decide(
     busy: Option<Res<PipelinesBusy>>,
     occluders: Res<GiOccluders>,
     cameras: Query<(&Camera, &FrugalGi)>,
+    cuts: Query<(), With<CameraCut>>,
     other_materials: Query<(), (With<Mesh3d>, Without<MeshMaterial3d<StandardMaterial>>)>,
     mut scene: SceneChanges,
 ) {
@@ -140,6 +144,7 @@ fn decide(
     happened.missing = busy;
     happened.changed |= maps.moved;
     happened.laid_out = maps.laid_out;
+    happened.cut = !cuts.is_empty();
     happened.always = *policy == GiRefresh::EveryFrame || !other_materials.is_empty();
     if happened.always && *policy != GiRefresh::EveryFrame {
         info_once!(
@@ -152,7 +157,7 @@ fn decide(
 
 impl GiFrame {
     fn next(self, happened: Happened, period: u32) -> Self {
-        let number = self.number.wrapping_add(1);
+        let number = if happened.cut { 0 } else { self.number.wrapping_add(1) };
         let quiet = if happened.changed || happened.laid_out { 0 } else { self.quiet.saturating_add(1) };
         let arriving = if happened.arrived { ARRIVAL } else { self.arriving.saturating_sub(1).max(u32::from(happened.missing)) };
         // A whole period from the last change on: one frame in it renders maps.
@@ -175,7 +180,7 @@ fn wake_maps(frame: Res<GiFrame>, mut maps: Query<&mut Camera, With<RsmView>>) {
 mod tests {
     use super::*;
 
-    const NOTHING: Happened = Happened { changed: false, arrived: false, missing: false, always: false, laid_out: false };
+    const NOTHING: Happened = Happened { changed: false, arrived: false, missing: false, always: false, laid_out: false, cut: false };
     const CHANGE: Happened = Happened { changed: true, ..NOTHING };
 
     #[test]
@@ -225,6 +230,22 @@ mod tests {
         assert!(frame.next(Happened { arrived: true, ..NOTHING }, 8).maps);
         assert!(frame.next(Happened { missing: true, ..NOTHING }, 8).maps);
         assert!(frame.next(Happened { laid_out: true, ..NOTHING }, 8).maps);
+    }
+
+    #[test]
+    fn a_cut_begins_a_period() {
+        for number in 0..8 {
+            let cut = GiFrame { number, quiet: 99, ..Default::default() }.next(Happened { cut: true, ..CHANGE }, 4);
+            assert!(cut.maps && cut.gather);
+            let mut frame = cut;
+            let rendered: Vec<_> = std::iter::from_fn(|| {
+                frame = frame.next(CHANGE, 4);
+                Some(frame.maps)
+            })
+            .take(5)
+            .collect();
+            assert_eq!(rendered, [false, false, false, true, false], "from {number}");
+        }
     }
 
     #[test]

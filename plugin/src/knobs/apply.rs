@@ -41,6 +41,7 @@ impl Plugin for KnobPlugin {
             .register_type::<RenderSettings>()
             .configure_sets(PostUpdate, KnobSystems::Apply.before(CameraUpdateSystems))
             .add_systems(PostUpdate, apply_settings.run_if(any_settings_changed).in_set(KnobSystems::Apply));
+        builtin::build(app);
         warm::build(app);
     }
 

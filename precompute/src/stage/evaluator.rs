@@ -29,7 +29,8 @@ impl StageEvaluator {
     }
 
     /// Power and error of `settings` over a clip: the poses of consecutive frames. Power is the mean of all but the first frame, error that of
-    /// the last one, against the last frame of the same clip at the best settings. The same pose several times is a still camera.
+    /// the last one, against the last frame of the same clip at the best settings. The same pose several times is a still camera. Every clip begins
+    /// with a cut: what it costs does not depend on what was rendered before.
     ///
     /// # Errors
     /// When the rendering or the metering fails.
@@ -38,10 +39,11 @@ impl StageEvaluator {
             let best = self.stage.space.highest();
             self.stage.apply(best);
             if let Some(first) = clip.first() {
-                // The first shows the new place with what the old one left behind.
+                // Some of what the scene prepares for a camera follows it a frame late.
                 self.stage.place(first.position, first.rotation);
                 self.stage.frame();
             }
+            self.stage.apply(best);
             self.play(clip)?;
             self.reference = Some((clip.to_vec(), Reference::new(&self.stage.picture()?)?));
         }

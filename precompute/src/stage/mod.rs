@@ -27,7 +27,7 @@ use bevy::render::render_resource::{CachedPipelineState, PipelineCache, Pipeline
 use bevy::render::renderer::RenderDevice;
 use bevy::shader::ShaderCacheError;
 use bevy::transform::components::Transform;
-use bevy_frugal_gi::gi::{GiCounts, GiOccluders};
+use bevy_frugal_gi::gi::{CameraCut, GiCounts, GiOccluders};
 use bevy_frugal_gi::knobs::{KnobRegistry, KnobSettings, KnobSpace, RenderSettings};
 use bevy_frugal_gi::power::{Adapter, MeterInfo, PowerMeter};
 use bevy_frugal_gi::units::Watts;
@@ -305,8 +305,14 @@ impl Stage {
         }
     }
 
-    /// Sets the knobs on offer.
+    /// Sets the knobs on offer, as of a camera cut: the next frame owes nothing to those before.
     pub fn apply(&mut self, settings: RenderSettings) {
+        self.switch(settings);
+        self.app.world_mut().entity_mut(self.camera).insert(CameraCut);
+    }
+
+    /// Sets the knobs on offer in the midst of play, as a controller does.
+    pub fn switch(&mut self, settings: RenderSettings) {
         let space = Arc::clone(&self.space);
         self.insert_settings(space, settings);
     }
@@ -324,6 +330,7 @@ impl Stage {
         let space = all.subset(offered.chain(named))?;
         let settings = space.parse(text)?;
         self.insert_settings(Arc::new(space), settings);
+        self.app.world_mut().entity_mut(self.camera).insert(CameraCut);
         Ok(())
     }
 

@@ -30,7 +30,7 @@ impl Player for StagePlayer<'_> {
     /// One frame, metered with whatever its switch costs: that is part of what an app pays.
     fn play(&mut self, pose: &Pose, settings: RenderSettings) -> Result<Shot, StageError> {
         self.stage.place(pose.position, pose.rotation);
-        self.stage.apply(settings);
+        self.stage.switch(settings);
         let power = self.stage.metered_frames(1)?;
         Ok(Shot { picture: self.stage.picture()?, power })
     }

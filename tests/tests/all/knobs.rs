@@ -17,7 +17,7 @@ use frugal::scene::Environment;
 use frugal::stage::Stage;
 use frugal_tests::set;
 
-tests!(every_level_is_applied_and_shows_and_leaves_no_trace, cheaper_levels_evaluate_fewer_pairs);
+tests!(every_level_is_applied_and_shows_and_leaves_no_trace, bloom_follows_the_resolution_scale, cheaper_levels_evaluate_fewer_pairs);
 
 const SIZE: UVec2 = UVec2::new(64, 36);
 
@@ -149,6 +149,19 @@ fn predicted_pairs(stage: &Stage, settings: RenderSettings) -> u64 {
     let sharing = value("gi_interleave") * value("gi_interleave");
     let per_pixel = (value("gi_vpl_count") / sharing).ceil().min(1024.0) as u64;
     u64::from(size.x.div_ceil(width)) * u64::from(size.y.div_ceil(height)) * per_pixel
+}
+
+fn bloom_follows_the_resolution_scale() {
+    let mut stage = stage();
+    let camera = set::camera(&mut stage);
+    let mut largest = |text: &str| {
+        set::apply(&mut stage, text);
+        stage.frame();
+        stage.world_mut().get::<Bloom>(camera).expect("bloom").max_mip_dimension
+    };
+    let (whole, half) = (largest("max"), largest("max,resolution_scale=50%"));
+    assert!(half < whole, "{half} of {whole}");
+    assert_eq!(largest("max"), whole);
 }
 
 fn cheaper_levels_evaluate_fewer_pairs() {

@@ -7,10 +7,16 @@ use bevy::transform::components::Transform;
 use bevy_frugal_gi::gi::GiRefresh;
 use frugal::metrics::Radiance;
 use frugal::scene::CameraPose;
-use frugal::stage::{Component, Stage};
+use frugal::stage::{Component, Stage, StageEvaluator, StageOptions};
 use frugal_tests::set;
 
-tests!(a_still_scene_is_still_for_120_frames, a_cut_leaves_no_trace, light_that_moves_flickers_less_for_its_past_and_comes_to_rest_without);
+tests!(
+    a_still_scene_is_still_for_120_frames,
+    a_cut_leaves_no_trace,
+    light_that_moves_flickers_less_for_its_past_and_comes_to_rest_without,
+    history_outlives_a_switch_of_settings,
+    a_clip_costs_the_same_whatever_was_rendered_before
+);
 
 /// Everything that could remember something.
 const RICH: &str = "max,rsm_resolution=128,gi_vpl_count=512,shadow_map_resolution=512";
@@ -106,4 +112,71 @@ fn light_that_moves_flickers_less_for_its_past_and_comes_to_rest_without() {
     println!("    from frame to frame {:.2} % of the light changes without a past, and {:.2} % with one", 100.0 * without, 100.0 * with);
     assert!(with < 0.34 * without, "{with} {without}");
     assert!(rested == fresh, "nothing of the past is in a still picture");
+}
+
+/// Mean change of the light from one picture to another, as a share of the light.
+fn change(last: &Radiance, next: &Radiance) -> f64 {
+    let differences = next.rgb.iter().flatten().zip(last.rgb.iter().flatten()).map(|(a, b)| f64::from((a - b).abs()));
+    differences.sum::<f64>() / next.rgb.len() as f64 / 3.0 / next.mean()
+}
+
+fn history_outlives_a_switch_of_settings() {
+    let settings = |vpls: u32, interleave: &str, fraction: &str| {
+        let rest = "max,rsm_resolution=128,gi_visibility=coarse";
+        format!("{rest},gi_vpl_count={vpls},gi_interleave={interleave},gi_pixel_fraction={fraction}")
+    };
+    // Other VPLs; and other cells, to which the history is carried over.
+    // Coarser cells cannot show what finer ones did.
+    for (vpls, interleave, fraction, most) in
+        [(256, "2x2", "1/4", 0.5), (512, "8x8", "1/4", 0.5), (512, "2x2", "1/16", 0.6), (512, "2x2", "1/2", 0.5)]
+    {
+        let (from, to) = (settings(512, "2x2", "1/4"), settings(vpls, interleave, fraction));
+        let shown = |cuts: bool| -> (f64, Radiance) {
+            let mut stage = set::open(&set::scene("courtyard"), set::radiance_options(64, 36, Component::Indirect));
+            set::look(&mut stage, Vec3::new(4.9, 2.0, 2.2), Vec3::new(-4.0, 1.8, -3.4));
+            stage.world_mut().insert_resource(GiRefresh::OnChange);
+            set::apply(&mut stage, &from);
+            let mut last = set::radiance(&mut stage);
+            for _ in 0..12 {
+                turn_the_sun(&mut stage);
+                stage.frame();
+                last = stage.radiance().expect("radiance");
+            }
+            if cuts {
+                set::apply(&mut stage, &to)
+            } else {
+                set::switch(&mut stage, &to)
+            }
+            turn_the_sun(&mut stage);
+            stage.frame();
+            let step = change(&last, &stage.radiance().expect("radiance"));
+            (step, set::radiance(&mut stage))
+        };
+        let [(dropped, fresh), (kept, rested)] = [true, false].map(shown);
+        println!("    {to}: {:.1} % of the light changes at the switch, {:.1} % without history", 100.0 * kept, 100.0 * dropped);
+        assert!(kept < most * dropped, "{to}: {kept} {dropped}");
+        assert!(rested == fresh, "{to}: nothing of the history is in a still picture");
+    }
+}
+
+fn a_clip_costs_the_same_whatever_was_rendered_before() {
+    let clip =
+        |x: f32| [0.0, 0.03].map(|step| CameraPose::looking_at(Vec3::new(x + step, 1.0, 2.2), Vec3::new(x + step, 1.0, 0.0))).to_vec();
+    let mut stage =
+        StageEvaluator::new(set::open(&set::scene("cornell"), StageOptions { meter: Some("work".into()), ..set::options(64, 36) }));
+    stage.stage().warm().expect("a ready stage");
+    let space = stage.stage().space().clone();
+    let levels = |drop: &dyn Fn(usize) -> bool| {
+        let best = space.highest();
+        (0..space.len())
+            .fold(best, |settings, knob| if drop(knob) { settings.with_level(knob, settings.level(knob) - 1) } else { settings })
+    };
+    let (best, lowest, middle) = (space.highest(), space.lowest(), levels(&|_| true));
+    let mut costs = Vec::new();
+    for before in [lowest, best, middle, levels(&|knob| knob % 2 == 0), levels(&|knob| knob % 2 == 1)] {
+        stage.measure(&clip(0.5), before).expect("a measurement");
+        assert_eq!(stage.measure(&clip(0.1), best).expect("a measurement").error, 0.0, "the best settings, rendered twice");
+        costs.push(stage.measure(&clip(0.1), middle).expect("a measurement"));
+    }
+    assert!(costs[0].error > 0.0 && costs.iter().all(|cost| *cost == costs[0]), "{costs:?}");
 }

@@ -18,7 +18,7 @@ use bevy::utils::default;
 use super::gather::{GatherSettings, GiCamera};
 use super::settings::FrugalGi;
 use history::Past;
-pub(super) use history::{History, PastView, Step};
+pub(super) use history::{History, PastView, Step, bytes_of_texture, gathered_texture, size_of_texture};
 
 /// Windows that there are pipelines for.
 const WINDOWS: [u32; 3] = [2, 4, 8];

@@ -33,6 +33,9 @@ struct Past {
     share_of_present: f32,
     /// What 1 of the history is now: cameras' exposures may change.
     exposure: f32,
+    /// Pixels of the picture, and of the cells that shared a gather: both may have been others than now.
+    size: vec2<u32>,
+    cell: vec2<u32>,
 }
 
 /// Cells from one tap to the next: the width of the filter's window, whose results share nothing.
@@ -47,12 +50,12 @@ fn spline(x: i32) -> f32 {
 }
 
 /// What was shown of a surface, and how much of it was found: 0 to 1.
-fn remembered(position: vec3<f32>, normal: vec3<f32>, tolerance: f32, size: vec2<u32>, cells: vec2<u32>) -> vec4<f32> {
+fn remembered(position: vec3<f32>, normal: vec3<f32>, tolerance: f32) -> vec4<f32> {
+    let cells = textureDimensions(history);
     let clip = past.clip_from_world * vec4(position, 1.0);
     let place = clip.xy / max(clip.w, 1e-9) * vec2(0.5, -0.5) + 0.5;
-    let step = vec2(gather.cell_width, gather.cell_height);
-    // Cells stand for the pixels at `cell · step + step / 2`.
-    let cell = clamp((place * vec2<f32>(size) - 0.5 - vec2<f32>(step / 2u)) / vec2<f32>(step), vec2(-2.0), vec2<f32>(cells) + 2.0);
+    // Cells stand for the pixels at `cell · past.cell + past.cell / 2`.
+    let cell = clamp((place * vec2<f32>(past.size) - 0.5 - vec2<f32>(past.cell / 2u)) / vec2<f32>(past.cell), vec2(-2.0), vec2<f32>(cells) + 2.0);
     // What moved by less than a hundredth of a cell is read where it is, and not between its neighbours.
     let nearest = round(cell);
     let read = select(cell, nearest, abs(cell - nearest) < vec2(0.01));
@@ -65,7 +68,7 @@ fn remembered(position: vec3<f32>, normal: vec3<f32>, tolerance: f32, size: vec2
         let inside = all(tap >= vec2(0)) && all(tap < vec2<i32>(cells)) && clip.w > 0.0;
         let at = vec2<u32>(clamp(tap, vec2(0), vec2<i32>(cells) - 1));
         let shown = textureLoad(history, at, 0);
-        let far = pixel_position(representative(at, step, size), size, 0.5, past.world_from_clip);
+        let far = pixel_position(representative(at, past.cell, past.size), past.size, 0.5, past.world_from_clip);
         let there = past.eye + normalize(far - past.eye) * shown.a;
         // What is no number compares false, and is not added.
         let sound = all(shown.rgb >= vec3(0.0)) && all(shown.rgb <= vec3(65504.0)) && shown.a > 0.0;
@@ -126,7 +129,7 @@ fn settle(@builtin(global_invocation_id) id: vec3<u32>) {
     }
 #endif
     let present = sum / weights;
-    let found = remembered(position, normal, tolerance, size, cells);
+    let found = remembered(position, normal, tolerance);
     let before = found.rgb / max(found.a, 1e-6) * past.exposure;
     // Light that was switched is not averaged: the past counts less the more of the light is other than it was.
     let was = luminance(before);

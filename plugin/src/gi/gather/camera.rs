@@ -12,6 +12,7 @@ use bevy::render::view::ExtractedView;
 use super::plan::{self, GatherSettings, VplPlan};
 use super::work::{Seen, Work};
 use crate::gi::bounces::BounceCamera;
+use crate::gi::cut::CutCameras;
 use crate::gi::filter::{self, History, PastView, Step};
 use crate::gi::refresh::{GiFrame, GiRefresh};
 use crate::gi::rsm::{RsmCut, RsmLight, RsmStore, RsmView};
@@ -48,11 +49,8 @@ pub struct GiCamera {
 impl GiCamera {
     /// Bytes held on the GPU for this camera.
     pub(in crate::gi) fn bytes(&self) -> u64 {
-        let past = self.history.as_ref();
-        let textures = [Some(&self.irradiance), past.map(|past| &past.filtered), past.map(|past| &past.texture)].into_iter().flatten();
-        let texels = textures.map(|texture| u64::from(texture.texture.width()) * u64::from(texture.texture.height()) * 8).sum::<u64>();
-        texels
-            + past.map_or(0, History::bytes)
+        filter::bytes_of_texture(&self.irradiance)
+            + self.history.as_ref().map_or(0, History::bytes)
             + self.drawing.as_ref().map_or(0, DrawingBuffers::bytes)
             + [&self.vpls, &self.plan_buffer, &self.settings].map(|buffer| buffer.size()).iter().sum::<u64>()
     }
@@ -64,7 +62,7 @@ impl GiCamera {
 
     /// Gathered pixels along both axes.
     fn cells(&self) -> UVec2 {
-        UVec2::new(self.irradiance.texture.width(), self.irradiance.texture.height())
+        filter::size_of_texture(&self.irradiance)
     }
 
     /// What the composite shows.
@@ -98,34 +96,128 @@ impl GiCamera {
     }
 }
 
-/// A texture of the camera's own: those of Bevy's cache may be another's in the next frame, and what was gathered must stay.
-fn irradiance_texture(device: &RenderDevice, label: &'static str, size: UVec2) -> CachedTexture {
-    let texture = device.create_texture(&TextureDescriptor {
-        label: Some(label),
-        size: Extent3d { width: size.x, height: size.y, depth_or_array_layers: 1 },
-        mip_level_count: 1,
-        sample_count: 1,
-        dimension: TextureDimension::D2,
-        format: TextureFormat::Rgba16Float,
-        usage: TextureUsages::STORAGE_BINDING | TextureUsages::TEXTURE_BINDING | TextureUsages::COPY_SRC,
-        view_formats: &[],
-    });
-    let default_view = texture.create_view(&TextureViewDescriptor::default());
-    CachedTexture { texture, default_view }
-}
-
 pub(super) fn first_of(buffer: &Buffer, size: u64) -> BindingResource<'_> {
     BindingResource::Buffer(BufferBinding { buffer, offset: 0, size: BufferSize::new(size) })
+}
+
+/// What a GI camera's buffers and textures are made for.
+#[derive(Clone, Copy, Debug, PartialEq)]
+struct Layout {
+    plan: VplPlan,
+    /// Pixels of the picture.
+    size: UVec2,
+    fraction: GiPixelFraction,
+    filter_window: u32,
+}
+
+impl Layout {
+    fn new(gi: &FrugalGi, size: UVec2, has_rows: bool) -> Self {
+        let plan = VplPlan::new(gi.vpl_count, gi.interleave);
+        let plan = if has_rows { plan } else { plan.without_vpls() };
+        Self { plan, size, fraction: gi.pixel_fraction, filter_window: filter::window(gi) }
+    }
+
+    /// Gathered pixels along both axes.
+    fn cells(&self) -> UVec2 {
+        let (width, height) = self.fraction.cell();
+        UVec2::new(self.size.x.div_ceil(width), self.size.y.div_ceil(height))
+    }
+}
+
+/// What is made for a plan: the plan itself, room for its VPLs, and the settings of its dispatches.
+fn plan_buffers(device: &RenderDevice, plan: &VplPlan, fraction: GiPixelFraction) -> [Buffer; 3] {
+    let filled =
+        |label, contents: &[u8], usage| device.create_buffer_with_data(&BufferInitDescriptor { label: Some(label), contents, usage });
+    let vpls = BufferDescriptor {
+        label: Some("bevy_frugal_gi/vpls"),
+        size: plan.buffer_bytes(),
+        usage: BufferUsages::STORAGE | BufferUsages::UNIFORM | BufferUsages::COPY_SRC,
+        mapped_at_creation: false,
+    };
+    [
+        filled("bevy_frugal_gi/vpl_plan", bytemuck::bytes_of(plan), BufferUsages::STORAGE),
+        device.create_buffer(&vpls),
+        filled("bevy_frugal_gi/gather_settings", &plan::settings_bytes(plan, fraction), BufferUsages::UNIFORM | BufferUsages::COPY_DST),
+    ]
+}
+
+impl GiCamera {
+    /// One that has gathered nothing.
+    fn new(device: &RenderDevice, layout: &Layout, rows: Vec<MapRow>, seen: Seen) -> Self {
+        let [plan_buffer, vpls, settings] = plan_buffers(device, &layout.plan, layout.fraction);
+        Self {
+            // Its buffers are empty, whatever the period says.
+            work: Work { draw: true, gather: true, quiet: 0 },
+            seen,
+            plan: layout.plan,
+            plan_buffer,
+            vpls,
+            drawing: (!rows.is_empty()).then(|| DrawingBuffers::new(device, rows)),
+            irradiance: filter::gathered_texture(device, layout.cells()),
+            fraction: layout.fraction,
+            filter_window: layout.filter_window,
+            history: (layout.filter_window > 1).then(|| History::new(device, layout.cells())),
+            settings,
+            visibility: GiVisibility::None,
+            sky_samples: 0,
+        }
+    }
+
+    /// Makes anew what another layout or other maps need, and keeps the rest, so that what was shown outlives a switch of the settings.
+    fn fit(&mut self, device: &RenderDevice, queue: &RenderQueue, layout: &Layout, rows: Vec<MapRow>) -> Fit {
+        let mut fit = Fit::Same;
+        if self.plan != layout.plan {
+            [self.plan_buffer, self.vpls, self.settings] = plan_buffers(device, &layout.plan, layout.fraction);
+            (self.plan, fit) = (layout.plan, Fit::Empty);
+        } else if self.fraction != layout.fraction {
+            queue.write_buffer(&self.settings, 0, &plan::settings_bytes(&layout.plan, layout.fraction));
+        }
+        match &mut self.drawing {
+            Some(drawing) if !drawing.fits(&rows) => {
+                (self.drawing, fit) = ((!rows.is_empty()).then(|| DrawingBuffers::new(device, rows)), Fit::Empty);
+            }
+            Some(drawing) if drawing.rows != rows => {
+                drawing.set_rows(queue, rows);
+                fit = fit.max(Fit::LaidOut);
+            }
+            None if !rows.is_empty() => (self.drawing, fit) = (Some(DrawingBuffers::new(device, rows)), Fit::Empty),
+            _ => (),
+        }
+        let cells = layout.cells();
+        if self.cells() != cells {
+            fit = fit.max(Fit::LaidOut);
+        }
+        if layout.filter_window == 1 {
+            self.history = None;
+            if self.cells() != cells {
+                self.irradiance = filter::gathered_texture(device, cells);
+            }
+        } else if self.history.is_none() {
+            self.history = Some(History::new(device, cells));
+            fit = fit.max(Fit::LaidOut);
+        }
+        (self.fraction, self.filter_window) = (layout.fraction, layout.filter_window);
+        fit
+    }
+}
+
+/// What of a camera's buffers still serves.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+enum Fit {
+    /// All of it.
+    Same,
+    /// Its VPLs are sampled and gathered anew, when their period says so.
+    LaidOut,
+    /// Nothing was sampled into its buffers.
+    Empty,
 }
 
 /// Gives every GI camera that has light to gather its VPL buffers and its textures, and takes them from the others; and finds out what it has to do.
 pub(in crate::gi) fn prepare_cameras(
     mut commands: Commands,
-    device: Res<RenderDevice>,
-    queue: Res<RenderQueue>,
+    (device, queue): (Res<RenderDevice>, Res<RenderQueue>),
     store: Res<RsmStore>,
-    frame: Res<GiFrame>,
-    policy: Res<GiRefresh>,
+    (frame, policy, cuts): (Res<GiFrame>, Res<GiRefresh>, Res<CutCameras>),
     maps: Query<(&RsmView, &RsmLight, &RsmCut)>,
     (emitters, occluders): (Res<GiEmitters>, Res<GiOccluders>),
     cameras: Query<(
@@ -164,78 +256,41 @@ pub(in crate::gi) fn prepare_cameras(
             }
             continue;
         }
-        let plan = VplPlan::new(gi.vpl_count, gi.interleave);
-        let plan = if rows.is_empty() { plan.without_vpls() } else { plan };
-        let (width, height) = gi.pixel_fraction.cell();
-        let cells = UVec2::new(size.x.div_ceil(width), size.y.div_ceil(height));
-        let filter_window = filter::window(gi);
+        let layout = Layout::new(gi, size, !rows.is_empty());
         let always = jitters || sky.as_ref().is_some_and(|sky| sky.is_generated());
         let seen = Seen::new(gi, camera, view, sky, occluders.is_kept());
-        let period = gi.refresh_period.max(1);
-        if let Ok(mut held) = held.get_mut(entity)
-            && held.plan == plan
-            && held.drawing.as_ref().map_or(rows.is_empty(), |drawing| drawing.fits(&rows))
-            && held.cells() == cells
-            && held.history.is_some() == (filter_window > 1)
-        {
-            if held.fraction != gi.pixel_fraction {
-                queue.write_buffer(&held.settings, 0, &plan::settings_bytes(&plan, gi.pixel_fraction));
-            }
-            let others = held.drawing.as_mut().filter(|drawing| drawing.rows != rows);
-            let laid_out = others.is_some();
-            if let Some(drawing) = others {
-                drawing.set_rows(&queue, rows);
-            }
-            let moved = held.seen != seen;
-            let same_settings = held.seen.has_settings_of(&seen);
-            held.work = held.work.next(moved || laid_out, always, &frame, *policy, period);
-            let GiCamera { history, irradiance, work, .. } = &mut *held;
-            if let Some(history) = history {
-                let step = match (work.gather, same_settings && (moved || always || frame.gather)) {
-                    (false, _) => Step::Rests,
-                    (true, false) => Step::Begins,
-                    (true, true) => Step::Moves,
+        let now = PastView::new(camera, view, size, gi.pixel_fraction);
+        let mut new = None;
+        let (giving, step) = match held.get_mut(entity) {
+            Ok(held) => {
+                let held = held.into_inner();
+                let is_cut = cuts.0.contains(&main_entity.id());
+                let fit = held.fit(&device, &queue, &layout, rows);
+                let moved = held.seen != seen || is_cut;
+                held.work = match fit {
+                    Fit::Empty => Work { draw: true, gather: true, quiet: 0 },
+                    _ => held.work.next(moved || fit == Fit::LaidOut, always, &frame, *policy, gi.refresh_period.max(1)),
                 };
-                history.advance(irradiance, PastView::new(camera, view), step, gi, &queue);
+                let step = match held.work.gather {
+                    false => Step::Rests,
+                    true if is_cut => Step::Begins,
+                    true if !held.seen.has_settings_of(&seen) => Step::Switches,
+                    true if moved || fit > Fit::Same || always || frame.gather => Step::Moves,
+                    true => Step::Begins,
+                };
+                held.seen = seen;
+                (held, step)
             }
-            (held.seen, held.filter_window) = (seen, filter_window);
-            (held.fraction, held.visibility, held.sky_samples) = (gi.pixel_fraction, gi.visibility, sky_samples);
-            continue;
+            Err(_) => (new.insert(GiCamera::new(&device, &layout, rows, seen)), Step::Begins),
+        };
+        (giving.visibility, giving.sky_samples) = (gi.visibility, sky_samples);
+        let GiCamera { history, irradiance, .. } = &mut *giving;
+        if let Some(history) = history {
+            history.advance(irradiance, now, step, gi, (&device, &queue));
         }
-        let empty =
-            |label, size, usage| device.create_buffer(&BufferDescriptor { label: Some(label), size, usage, mapped_at_creation: false });
-        let filled =
-            |label, contents: &[u8], usage| device.create_buffer_with_data(&BufferInitDescriptor { label: Some(label), contents, usage });
-        let mut irradiance = irradiance_texture(&device, "bevy_frugal_gi/irradiance", cells);
-        let history = (filter_window > 1).then(|| {
-            let [filtered, shown] =
-                ["bevy_frugal_gi/filtered", "bevy_frugal_gi/history"].map(|label| irradiance_texture(&device, label, cells));
-            let mut history = History::new(&device, filtered, shown);
-            // Gathers for the first time.
-            history.advance(&mut irradiance, PastView::new(camera, view), Step::Begins, gi, &queue);
-            history
-        });
-        let vpl_usage = BufferUsages::STORAGE | BufferUsages::UNIFORM | BufferUsages::COPY_SRC;
-        commands.entity(entity).insert(GiCamera {
-            // Its buffers are empty, whatever the period says.
-            work: Work { draw: true, gather: true, quiet: 0 },
-            seen,
-            plan,
-            plan_buffer: filled("bevy_frugal_gi/vpl_plan", bytemuck::bytes_of(&plan), BufferUsages::STORAGE),
-            vpls: empty("bevy_frugal_gi/vpls", plan.buffer_bytes(), vpl_usage),
-            drawing: (!rows.is_empty()).then(|| DrawingBuffers::new(&device, rows)),
-            filter_window,
-            history,
-            irradiance,
-            fraction: gi.pixel_fraction,
-            settings: filled(
-                "bevy_frugal_gi/gather_settings",
-                &plan::settings_bytes(&plan, gi.pixel_fraction),
-                BufferUsages::UNIFORM | BufferUsages::COPY_DST,
-            ),
-            visibility: gi.visibility,
-            sky_samples,
-        });
+        if let Some(new) = new {
+            commands.entity(entity).insert(new);
+        }
     }
 }
 

@@ -15,3 +15,8 @@ pub(super) use post_processing::PostProcessing;
 pub(super) use resolution_scale::ResolutionScaleKnob;
 pub(super) use shadows::{ShadowCascades, ShadowMapResolution};
 pub(super) use texture_detail::TextureDetail;
+
+/// Systems of knobs whose levels follow the view.
+pub(super) fn build(app: &mut bevy::app::App) {
+    post_processing::build(app);
+}

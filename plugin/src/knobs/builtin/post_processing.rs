@@ -1,6 +1,7 @@
 //! Bloom, by the size of its chain of textures.
 
-use bevy::camera::Camera;
+use bevy::app::{App, PostUpdate};
+use bevy::camera::{Camera, CameraUpdateSystems};
 use bevy::ecs::prelude::*;
 use bevy::post_process::bloom::Bloom;
 
@@ -8,10 +9,14 @@ use crate::knobs::{Knob, KnobDriver, Level};
 use crate::resolution::ResolutionScale;
 
 /// Off, low, medium or high. The value is the largest share of the view's height that bloom's first texture may have.
-///
-/// Bevy makes that texture `max_mip_dimension` high whatever the view's size is, so the number follows the view: in a small view a fixed one
-/// costs more than all the rest of the frame.
 pub struct PostProcessing;
+
+/// The largest share of the view's height that bloom's first texture may have.
+///
+/// Bevy makes that texture `max_mip_dimension` high whatever the view's size is. In a small view a fixed number costs more than all the rest of
+/// the frame, so it follows the view.
+#[derive(Component, Clone, Copy)]
+struct BloomShare(f64);
 
 /// What the app had asked for, while bloom is off.
 #[derive(Component)]
@@ -23,7 +28,6 @@ impl KnobDriver for PostProcessing {
     }
 
     fn apply(&self, world: &mut World, camera: Entity, level: &Level) {
-        let height = world.get::<Camera>(camera).and_then(Camera::physical_viewport_size).map_or(720, |size| size.y);
         let mut camera = world.entity_mut(camera);
         if level.value == 0.0 {
             if let Some(bloom) = camera.take::<Bloom>() {
@@ -31,12 +35,27 @@ impl KnobDriver for PostProcessing {
             }
             return;
         }
-        let scale = camera.get::<ResolutionScale>().copied().unwrap_or_default().0;
-        let largest = (f64::from(height) * f64::from(scale) * level.value).clamp(8.0, 512.0);
-        // Bloom halves it down to 2: powers of two leave nothing over.
-        let max_mip_dimension = 1 << (largest as u32).ilog2();
         let bloom =
             camera.take::<ParkedBloom>().map(|parked| parked.0).or_else(|| camera.get::<Bloom>().cloned()).unwrap_or(Bloom::NATURAL);
-        camera.insert(Bloom { max_mip_dimension, ..bloom });
+        camera.insert((bloom, BloomShare(level.value)));
+    }
+}
+
+pub(super) fn build(app: &mut App) {
+    // Needs the camera's size in this frame, and its resolution scale.
+    app.add_systems(PostUpdate, fit_bloom.after(CameraUpdateSystems));
+}
+
+/// Not when the knob is turned: the window and the resolution scale change without it.
+fn fit_bloom(mut cameras: Query<(&Camera, &BloomShare, &mut Bloom, Option<&ResolutionScale>)>) {
+    for (camera, share, mut bloom, scale) in &mut cameras {
+        let height = camera.physical_viewport_size().map_or(720, |size| size.y);
+        let scale = scale.copied().unwrap_or_default().0;
+        let largest = (f64::from(height) * f64::from(scale) * share.0).clamp(8.0, 512.0);
+        // Bloom halves it down to 2: powers of two leave nothing over.
+        let max_mip_dimension = 1 << (largest as u32).ilog2();
+        if bloom.max_mip_dimension != max_mip_dimension {
+            bloom.max_mip_dimension = max_mip_dimension;
+        }
     }
 }

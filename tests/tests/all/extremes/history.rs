@@ -55,7 +55,9 @@ impl Settle {
         let words = [
             1.0 / half.x, 0.0, 0.0, 0.0,  0.0, 0.0, 0.0, 0.0,  0.0, 1.0 / half.y, 0.0, 0.0,  right, 0.0, 0.0, 1.0,
             half.x, 0.0, 0.0, 0.0,  0.0, 0.0, half.y, 0.0,  0.0, 0.0, 0.0, 0.0,  -right * half.x, 0.0, 0.0, 1.0,
-            PLANE.eye.x, PLANE.eye.y, PLANE.eye.z, share, exposure, 0.0, 0.0, 0.0,
+            PLANE.eye.x, PLANE.eye.y, PLANE.eye.z, share, exposure, 0.0,
+            // Pixels of the picture and of a cell.
+            f32::from_bits(SIZE[0]), f32::from_bits(SIZE[1]), f32::from_bits(1), f32::from_bits(1), 0.0, 0.0,
         ];
         let light = |of: &[[u16; 2]]| of.iter().map(|[light, alpha]| [*light, *light, *light, *alpha]).collect::<Vec<_>>();
         let (view, settings, past_words) =
