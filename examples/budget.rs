@@ -1,9 +1,11 @@
 //! A scene under a budget: `budget [SCENE] [MAP]`.
 //!
-//! Look at the text: settings follow the budget while the camera tours the scene, and the picture hardly changes. Up and Down change the budget by
-//! 5 % of the map's range, P makes it one of power and E one of error, Space pauses the tour, C cuts to another place.
+//! Look at the text: settings follow the budget while the camera tours the scene, and the picture
+//! hardly changes. Up and Down change the budget by 5 % of the map's range, P makes it one of power
+//! and E one of error, Space pauses the tour, C cuts to another place.
 //!
-//! Without a map nothing controls the settings; `make demo` writes the one that is looked for, `target/demo/courtyard.pareto.ron`.
+//! Without a map nothing controls the settings; `make demo` writes the one that is looked for,
+//! `target/demo/courtyard.pareto.ron`.
 
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -22,8 +24,10 @@ use frugal_examples::{ExamplePlugin, Tour, travel, workspace_file};
 
 fn main() -> AppExit {
     let mut arguments = std::env::args_os().skip(1).map(PathBuf::from);
-    let scene = arguments.next().unwrap_or_else(|| workspace_file("assets/scenes/courtyard.scene.ron"));
-    let map = arguments.next().unwrap_or_else(|| workspace_file("target/demo/courtyard.pareto.ron"));
+    let scene =
+        arguments.next().unwrap_or_else(|| workspace_file("assets/scenes/courtyard.scene.ron"));
+    let map =
+        arguments.next().unwrap_or_else(|| workspace_file("target/demo/courtyard.pareto.ron"));
     match build(&scene, &map) {
         Ok(mut app) => app.run(),
         Err(message) => {
@@ -36,27 +40,36 @@ fn main() -> AppExit {
 fn build(scene: &Path, map: &Path) -> Result<App, String> {
     let scene = scene::load(scene).map_err(|error| error.to_string())?;
     let path = scene.paths.get("tour").or_else(|| scene.paths.values().next());
-    let tour = Tour::new(path.ok_or_else(|| format!("{}: no camera path", scene.source.display()))?);
+    let tour =
+        Tour::new(path.ok_or_else(|| format!("{}: no camera path", scene.source.display()))?);
     let map = read_map(map, &scene);
 
     let mut app = App::new();
     app.add_plugins((DefaultPlugins, FrugalGiPlugins, ExamplePlugin { title: "budget" }));
-    let camera = app.world_mut().spawn((Camera3d::default(), Msaa::Off, FrugalGi::default(), tour.transform())).id();
+    let camera = app
+        .world_mut()
+        .spawn((Camera3d::default(), Msaa::Off, FrugalGi::default(), tour.transform()))
+        .id();
     frugal::stage::populate(app.world_mut(), &scene, camera).map_err(|error| error.to_string())?;
     match map {
         Ok(map) => {
-            // The first switch to a level compiles its shaders: all of that happens here, behind the curtain.
+            // The first switch to a level compiles its shaders: all of that happens here, behind
+            // the curtain.
             app.world_mut().entity_mut(camera).insert(WarmKnobs::new(Arc::new(map.knobs.clone())));
             let range = BudgetRange::of(&map);
             let period = Duration::from_secs_f64(1.0 / map.capture.frames_per_second);
             let map = app.world_mut().resource_mut::<Assets<FrontierMap>>().add(map);
             app.insert_resource(Controlled { map, range, kind: BudgetKind::Power, share: 0.6 })
                 .add_systems(Update, (start_controller, change_budget).chain())
-                .add_systems(Last, move |mut last: Local<Option<Instant>>| hold_frame_rate(&mut last, period));
+                .add_systems(Last, move |mut last: Local<Option<Instant>>| {
+                    hold_frame_rate(&mut last, period)
+                });
         }
         Err(problem) => drop(app.insert_resource(NoMap(problem))),
     }
-    app.insert_resource(tour).add_systems(Startup, spawn_text).add_systems(Update, (travel, write_text.after(change_budget), draw_curtain));
+    app.insert_resource(tour)
+        .add_systems(Startup, spawn_text)
+        .add_systems(Update, (travel, write_text.after(change_budget), draw_curtain));
     Ok(app)
 }
 
@@ -66,7 +79,8 @@ struct NoMap(String);
 
 fn read_map(path: &Path, scene: &SceneDescription) -> Result<FrontierMap, String> {
     let file = path.display();
-    let text = std::fs::read_to_string(path).map_err(|error| format!("no map: {file}\n{error}\n`make demo` makes one"))?;
+    let text = std::fs::read_to_string(path)
+        .map_err(|error| format!("no map: {file}\n{error}\n`make demo` makes one"))?;
     let map = FrontierMap::from_ron(&text).map_err(|error| format!("no map: {file}: {error}"))?;
     let fingerprint = scene.fingerprint().map_err(|error| error.to_string())?;
     let identity = SceneIdentity { name: scene.source.display().to_string(), fingerprint };
@@ -101,8 +115,12 @@ impl BudgetRange {
     fn of(map: &FrontierMap) -> Self {
         let points = || map.octree.frontiers.iter().flat_map(|frontier| frontier.points());
         Self {
-            least_power: Watts(points().map(|point| point.cost.power.0).reduce(f64::min).unwrap_or(0.0)),
-            most_power: Watts(points().map(|point| point.cost.power.0).reduce(f64::max).unwrap_or(0.0)),
+            least_power: Watts(
+                points().map(|point| point.cost.power.0).reduce(f64::min).unwrap_or(0.0),
+            ),
+            most_power: Watts(
+                points().map(|point| point.cost.power.0).reduce(f64::max).unwrap_or(0.0),
+            ),
             most_error: points().map(|point| point.cost.error).reduce(f64::max).unwrap_or(0.0),
         }
     }
@@ -112,7 +130,9 @@ impl Controlled {
     fn budget(&self) -> Budget {
         let BudgetRange { least_power, most_power, most_error } = self.range;
         match self.kind {
-            BudgetKind::Power => Budget::power(least_power + (most_power - least_power) * self.share),
+            BudgetKind::Power => {
+                Budget::power(least_power + (most_power - least_power) * self.share)
+            }
             // Finer towards 0, where differences are seen.
             BudgetKind::Error => Budget::error(most_error * self.share * self.share),
         }
@@ -126,7 +146,9 @@ fn start_controller(
     cameras: Query<Entity, (With<FrugalGi>, Without<WarmKnobs>, Without<FrontierMapHandle>)>,
 ) {
     for camera in &cameras {
-        commands.entity(camera).insert((FrontierMapHandle(controlled.map.clone()), controlled.budget()));
+        commands
+            .entity(camera)
+            .insert((FrontierMapHandle(controlled.map.clone()), controlled.budget()));
     }
 }
 
@@ -149,7 +171,8 @@ fn change_budget(
     }
 }
 
-/// Watts are energy per frame times frames per second: the map's hold at the map's frame rate, and a device that runs faster spends more.
+/// Watts are energy per frame times frames per second: the map's hold at the map's frame rate, and
+/// a device that runs faster spends more.
 fn hold_frame_rate(last: &mut Option<Instant>, period: Duration) {
     if let Some(rest) = last.and_then(|last| period.checked_sub(last.elapsed())) {
         std::thread::sleep(rest);
@@ -164,21 +187,37 @@ struct Curtain;
 const SHADE: Color = Color::srgba(0.0, 0.0, 0.0, 0.65);
 
 fn spawn_text(mut commands: Commands) {
-    // A camera of its own, which the resolution scale of the other one leaves alone. Not HDR: cameras that share a format share textures, and so
-    // must have one size.
-    let output_mode =
-        CameraOutputMode::Write { blend_state: Some(BlendState::PREMULTIPLIED_ALPHA_BLENDING), clear_color: ClearColorConfig::None };
-    let camera = Camera { order: 1, clear_color: ClearColorConfig::Custom(Color::NONE), output_mode, ..default() };
+    // A camera of its own, which the resolution scale of the other one leaves alone. Not HDR:
+    // cameras that share a format share textures, and so must have one size.
+    let output_mode = CameraOutputMode::Write {
+        blend_state: Some(BlendState::PREMULTIPLIED_ALPHA_BLENDING),
+        clear_color: ClearColorConfig::None,
+    };
+    let camera = Camera {
+        order: 1,
+        clear_color: ClearColorConfig::Custom(Color::NONE),
+        output_mode,
+        ..default()
+    };
     commands.spawn((Camera2d, camera, Msaa::Off, IsDefaultUiCamera));
-    let panel = Node { position_type: PositionType::Absolute, max_width: percent(100), padding: UiRect::axes(px(8), px(6)), ..default() };
+    let panel = Node {
+        position_type: PositionType::Absolute,
+        max_width: percent(100),
+        padding: UiRect::axes(px(8), px(6)),
+        ..default()
+    };
     commands
         .spawn((Curtain, panel, BackgroundColor(SHADE)))
         .with_child((Text::default(), TextFont { font_size: FontSize::Px(11.0), ..default() }));
 }
 
-fn draw_curtain(warming: Query<(), With<WarmKnobs>>, mut curtain: Single<(&mut Node, &mut BackgroundColor), With<Curtain>>) {
+fn draw_curtain(
+    warming: Query<(), With<WarmKnobs>>,
+    mut curtain: Single<(&mut Node, &mut BackgroundColor), With<Curtain>>,
+) {
     let (node, color) = &mut *curtain;
-    let (size, shade) = if warming.is_empty() { (Val::Auto, SHADE) } else { (percent(100), Color::BLACK) };
+    let (size, shade) =
+        if warming.is_empty() { (Val::Auto, SHADE) } else { (percent(100), Color::BLACK) };
     node.set_if_neq(Node { width: size, height: size, ..node.clone() });
     color.set_if_neq(BackgroundColor(shade));
 }
@@ -199,7 +238,10 @@ fn write_text(
         lines.extend(no_map.map(|no_map| no_map.0.clone()));
         if let (Some(controlled), Some(selection)) = (&controlled, selection) {
             lines.push(format!("budget       {}", budget_line(controlled)));
-            lines.push(format!("predicted    {}", predicted_line(selection, maps.get(&controlled.map))));
+            lines.push(format!(
+                "predicted    {}",
+                predicted_line(selection, maps.get(&controlled.map))
+            ));
             lines.push(format!("state        {}", status_line(selection.status)));
         }
         lines.push(format!("metered      {}", metered_line(&power)));
@@ -236,8 +278,12 @@ fn status_line(status: ControlStatus) -> String {
     match status {
         ControlStatus::Waiting => "waiting for the map".to_owned(),
         ControlStatus::Active(Outcome::Met) => "budget met".to_owned(),
-        ControlStatus::Active(Outcome::PowerCannotBeMet) => "no settings are that cheap: the cheapest".to_owned(),
-        ControlStatus::Active(Outcome::ErrorCannotBeMet) => "no settings are that good: the best".to_owned(),
+        ControlStatus::Active(Outcome::PowerCannotBeMet) => {
+            "no settings are that cheap: the cheapest".to_owned()
+        }
+        ControlStatus::Active(Outcome::ErrorCannotBeMet) => {
+            "no settings are that good: the best".to_owned()
+        }
         ControlStatus::Active(Outcome::ErrorGivesWay) => "power met, error not".to_owned(),
         ControlStatus::Off(reason) => format!("off: {reason:?}"),
     }
@@ -253,7 +299,9 @@ fn metered_line(power: &MeteredPower) -> String {
             };
             format!("{mean}, {provenance} ({})", info.name)
         }
-        (MeterState::Lost { reason } | MeterState::Unavailable { reason }, ..) => format!("unknown: {reason}"),
+        (MeterState::Lost { reason } | MeterState::Unavailable { reason }, ..) => {
+            format!("unknown: {reason}")
+        }
         _ => "not yet".to_owned(),
     }
 }
@@ -261,7 +309,9 @@ fn metered_line(power: &MeteredPower) -> String {
 /// A line per knob: where it stands, and where it is going.
 fn settings_lines(settings: &KnobSettings, selection: &Selection) -> Vec<String> {
     let line = |(index, knob): (usize, &Knob)| {
-        let label = |settings: RenderSettings| knob.levels.get(settings.level(index)).map_or("?", |level| &level.label);
+        let label = |settings: RenderSettings| {
+            knob.levels.get(settings.level(index)).map_or("?", |level| &level.label)
+        };
         let (now, target) = (label(settings.settings), label(selection.target));
         let way = if now == target { String::new() } else { format!(" -> {target}") };
         format!("{:<23}{now}{way}", knob.name.replace('_', " "))

@@ -1,6 +1,7 @@
 //! Renders a scene file into a PNG without a window: `headless [SCENE] [PICTURE]`.
 //!
-//! Look at the picture, `target/headless.png` where no other is named: the camera stands where the scene's first path begins.
+//! Look at the picture, `target/headless.png` where no other is named: the camera stands where the
+//! scene's first path begins.
 
 use std::error::Error;
 use std::path::PathBuf;
@@ -11,11 +12,19 @@ use frugal_examples::workspace_file;
 
 fn main() -> Result<(), Box<dyn Error>> {
     let mut arguments = std::env::args_os().skip(1).map(PathBuf::from);
-    let scene = scene::load(arguments.next().unwrap_or_else(|| workspace_file("assets/scenes/cornell.scene.ron")))?;
+    let scene = scene::load(
+        arguments.next().unwrap_or_else(|| workspace_file("assets/scenes/cornell.scene.ron")),
+    )?;
     let picture = arguments.next().unwrap_or_else(|| workspace_file("target").join("headless.png"));
-    let start = scene.paths.values().next().and_then(|path| path.sample(path.start())).ok_or("the scene has no camera path")?;
+    let start = scene
+        .paths
+        .values()
+        .next()
+        .and_then(|path| path.sample(path.start()))
+        .ok_or("the scene has no camera path")?;
 
-    let mut stage = Stage::open(&scene, StageOptions { size: (640, 360).into(), ..Default::default() })?;
+    let mut stage =
+        Stage::open(&scene, StageOptions { size: (640, 360).into(), ..Default::default() })?;
     stage.place(start.position, start.rotation);
     stage.get_ready()?;
     if let Some(folder) = picture.parent() {

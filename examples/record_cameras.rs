@@ -1,8 +1,9 @@
 //! Records where the camera goes: `record_cameras [SCENE] [FILE]`.
 //!
-//! Look at the text: the number of samples grows while the camera tours the scene and stands still while the tour does
-//! (Space pauses it, C cuts to another place). Look at the file, `target/cameras.txt` where no other is named, while
-//! this runs: each line is a place. A second run appends to it.
+//! Look at the text: the number of samples grows while the camera tours the scene and stands still
+//! while the tour does (Space pauses it, C cuts to another place). Look at the file,
+//! `target/cameras.txt` where no other is named, while this runs: each line is a place. A second
+//! run appends to it.
 
 use std::path::PathBuf;
 
@@ -24,16 +25,19 @@ fn main() -> AppExit {
 
 fn build() -> Result<App, String> {
     let mut arguments = std::env::args_os().skip(1).map(PathBuf::from);
-    let scene = arguments.next().unwrap_or_else(|| workspace_file("assets/scenes/courtyard.scene.ron"));
+    let scene =
+        arguments.next().unwrap_or_else(|| workspace_file("assets/scenes/courtyard.scene.ron"));
     let file = arguments.next().unwrap_or_else(|| workspace_file("target").join("cameras.txt"));
     let scene = scene::load(scene).map_err(|error| error.to_string())?;
     let path = scene.paths.get("tour").or_else(|| scene.paths.values().next());
-    let tour = Tour::new(path.ok_or_else(|| format!("{}: no camera path", scene.source.display()))?);
+    let tour =
+        Tour::new(path.ok_or_else(|| format!("{}: no camera path", scene.source.display()))?);
 
     let mut app = App::new();
     let example = ExamplePlugin { title: "record_cameras" };
     app.add_plugins((DefaultPlugins, FrugalGiPlugins, CameraRecorderPlugin::new(&file), example));
-    let camera = (Camera3d::default(), Msaa::Off, FrugalGi::default(), RecordCamera, tour.transform());
+    let camera =
+        (Camera3d::default(), Msaa::Off, FrugalGi::default(), RecordCamera, tour.transform());
     let camera = app.world_mut().spawn(camera).id();
     frugal::stage::populate(app.world_mut(), &scene, camera).map_err(|error| error.to_string())?;
     let write_text = move |recorder: Res<CameraRecorder>, mut text: Single<&mut Text>| {
@@ -43,12 +47,18 @@ fn build() -> Result<App, String> {
             text.0 = line;
         }
     };
-    app.insert_resource(tour).add_systems(Startup, spawn_text).add_systems(Update, (travel, write_text));
+    app.insert_resource(tour)
+        .add_systems(Startup, spawn_text)
+        .add_systems(Update, (travel, write_text));
     Ok(app)
 }
 
 fn spawn_text(mut commands: Commands) {
-    let panel = Node { position_type: PositionType::Absolute, padding: UiRect::axes(px(8), px(6)), ..default() };
+    let panel = Node {
+        position_type: PositionType::Absolute,
+        padding: UiRect::axes(px(8), px(6)),
+        ..default()
+    };
     commands
         .spawn((panel, BackgroundColor(Color::srgba(0.0, 0.0, 0.0, 0.65))))
         .with_child((Text::default(), TextFont { font_size: FontSize::Px(11.0), ..default() }));

@@ -1,7 +1,9 @@
-//! What the windowed examples share: the size of their window, a way for CI to look at them, and a tour of a scene.
+//! What the windowed examples share: the size of their window, a way for CI to look at them, and a
+//! tour of a scene.
 //!
-//! With `FRUGAL_EXAMPLE_FRAMES=N` in the environment an example ends after N frames, counted from when its shaders are there and its knobs warm; with
-//! `FRUGAL_EXAMPLE_SCREENSHOT=picture.png` it takes a picture of its window before. It exits with 0 when all of that went well.
+//! With `FRUGAL_EXAMPLE_FRAMES=N` in the environment an example ends after N frames, counted from
+//! when its shaders are there and its knobs warm; with `FRUGAL_EXAMPLE_SCREENSHOT=picture.png` it
+//! takes a picture of its window before. It exits with 0 when all of that went well.
 
 mod tour;
 
@@ -38,7 +40,8 @@ struct Rehearsal {
 impl Plugin for ExamplePlugin {
     fn build(&self, app: &mut App) {
         let world = app.world_mut();
-        for mut window in world.query_filtered::<&mut Window, With<PrimaryWindow>>().iter_mut(world) {
+        for mut window in world.query_filtered::<&mut Window, With<PrimaryWindow>>().iter_mut(world)
+        {
             window.title = self.title.to_owned();
             window.resolution = (640, 360).into();
         }
@@ -49,12 +52,17 @@ impl Plugin for ExamplePlugin {
             return;
         };
         let screenshot = std::env::var_os("FRUGAL_EXAMPLE_SCREENSHOT").map(PathBuf::from);
-        app.insert_resource(Rehearsal { frames_left, screenshot }).add_systems(PostStartup, wait_for_shaders).add_systems(Last, rehearse);
+        app.insert_resource(Rehearsal { frames_left, screenshot })
+            .add_systems(PostStartup, wait_for_shaders)
+            .add_systems(Last, rehearse);
     }
 }
 
 /// Frames without their shaders are empty: warming no knob at all waits for them.
-fn wait_for_shaders(mut commands: Commands, cameras: Query<Entity, (With<FrugalGi>, Without<WarmKnobs>)>) {
+fn wait_for_shaders(
+    mut commands: Commands,
+    cameras: Query<Entity, (With<FrugalGi>, Without<WarmKnobs>)>,
+) {
     for camera in &cameras {
         commands.entity(camera).insert(WarmKnobs::new(KnobSpace::default()));
     }
@@ -83,8 +91,10 @@ fn rehearse(
     // An older picture must not pass for this one.
     let _ = std::fs::remove_file(&path);
     let mut save = save_to_disk(path.clone());
-    commands.spawn(Screenshot::primary_window()).observe(move |captured: On<ScreenshotCaptured>, mut exit: MessageWriter<AppExit>| {
-        save(captured);
-        exit.write(if path.is_file() { AppExit::Success } else { AppExit::error() });
-    });
+    commands.spawn(Screenshot::primary_window()).observe(
+        move |captured: On<ScreenshotCaptured>, mut exit: MessageWriter<AppExit>| {
+            save(captured);
+            exit.write(if path.is_file() { AppExit::Success } else { AppExit::error() });
+        },
+    );
 }

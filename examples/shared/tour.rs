@@ -6,7 +6,8 @@ use bevy_frugal_gi::gi::FrugalGi;
 use bevy_frugal_gi::knobs::WarmKnobs;
 use frugal::scene::CameraPath;
 
-/// Scene paths are made for measuring, many metres a second: a person wants to see something on the way.
+/// Scene paths are made for measuring, many metres a second: a person wants to see something on the
+/// way.
 const PACE: f32 = 0.25;
 /// Share of the path that a cut leaps over.
 const LEAP: f32 = 0.4;
@@ -29,7 +30,11 @@ impl Tour {
     /// Where the camera is.
     pub fn transform(&self) -> Transform {
         let pose = self.path.sample(self.path.start() + self.time);
-        pose.map_or(Transform::default(), |pose| Transform { translation: pose.position, rotation: pose.rotation, ..default() })
+        pose.map_or(Transform::default(), |pose| Transform {
+            translation: pose.position,
+            rotation: pose.rotation,
+            ..default()
+        })
     }
 
     /// Goes on by `seconds` of the path's. Whether the camera has jumped back to the start.
@@ -46,7 +51,10 @@ pub fn travel(
     keys: Res<ButtonInput<KeyCode>>,
     time: Res<Time>,
     mut tour: ResMut<Tour>,
-    cameras: Single<(&mut Transform, Option<&mut SettingsFilter>), (With<FrugalGi>, Without<WarmKnobs>)>,
+    cameras: Single<
+        (&mut Transform, Option<&mut SettingsFilter>),
+        (With<FrugalGi>, Without<WarmKnobs>),
+    >,
 ) {
     let (mut transform, filter) = cameras.into_inner();
     if keys.just_pressed(KeyCode::Space) {

@@ -1,6 +1,7 @@
 //! Power-aware real-time global illumination for Bevy.
 //!
-//! Dynamic indirect light on any GPU, without ray-tracing hardware, and a controller that spends no more power on a frame than it is told to:
+//! Dynamic indirect light on any GPU, without ray-tracing hardware, and a controller that spends no
+//! more power on a frame than it is told to:
 //!
 //! ```no_run
 //! use bevy::prelude::*;
@@ -19,10 +20,11 @@
 //!     .run();
 //! ```
 //!
-//! Without a map, [`FrugalGi`](gi::FrugalGi) is global illumination with the settings that you give it. The map comes from the `frugal` tool:
-//! `frugal precompute courtyard.scene.ron`.
+//! Without a map, [`FrugalGi`](gi::FrugalGi) is global illumination with the settings that you give
+//! it. The map comes from the `frugal` tool: `frugal precompute courtyard.scene.ron`.
 //!
-//! Data flows one way: `frontier` (what is known) → `control` (what is chosen) → `knobs` (what is set) → `gi`, `resolution` and Bevy's renderer.
+//! Data flows one way: `frontier` (what is known) → `control` (what is chosen) → `knobs` (what is
+//! set) → `gi`, `resolution` and Bevy's renderer.
 
 pub mod control;
 pub mod frontier;
@@ -47,8 +49,8 @@ use bevy::app::{PluginGroup, PluginGroupBuilder};
 /// | [`ControlPlugin`](control::ControlPlugin) | picks settings from a camera's map under its [`Budget`](control::Budget) |
 /// | [`PowerPlugin`](power::PowerPlugin) | meters power in the background |
 ///
-/// [`CameraRecorderPlugin`](recording::CameraRecorderPlugin) is none of them: an app adds it to record where its
-/// cameras go.
+/// [`CameraRecorderPlugin`](recording::CameraRecorderPlugin) is none of them: an app adds it to
+/// record where its cameras go.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct FrugalGiPlugins;
 

@@ -8,7 +8,8 @@ use bevy::ecs::prelude::*;
 use bevy::render::render_resource::PipelineCache;
 use bevy::render::{Render, RenderApp, RenderSystems};
 
-/// In both worlds; the render world writes it at the end of each of its frames. Without a renderer there is none of this, and nothing to wait for.
+/// In both worlds; the render world writes it at the end of each of its frames. Without a renderer
+/// there is none of this, and nothing to wait for.
 #[derive(Resource, Clone, Debug)]
 pub(crate) struct PipelinesBusy(Arc<AtomicBool>);
 
@@ -39,9 +40,10 @@ pub(crate) fn finish(app: &mut App) {
     let Some(render_app) = app.get_sub_app_mut(RenderApp) else { return };
     // Busy until the renderer says otherwise.
     let busy = PipelinesBusy(Arc::new(AtomicBool::new(true)));
-    render_app
-        .insert_resource(busy.clone())
-        .add_systems(Render, tell_whether_busy.in_set(RenderSystems::Cleanup).run_if(resource_exists::<PipelineCache>));
+    render_app.insert_resource(busy.clone()).add_systems(
+        Render,
+        tell_whether_busy.in_set(RenderSystems::Cleanup).run_if(resource_exists::<PipelineCache>),
+    );
     app.insert_resource(busy);
 }
 

@@ -1,4 +1,5 @@
-//! Physical units that the public interface speaks in, as types, so that watts and joules cannot be mixed up.
+//! Physical units that the public interface speaks in, as types, so that watts and joules cannot be
+//! mixed up.
 
 use std::fmt;
 use std::ops::{Add, Div, Mul, Sub};

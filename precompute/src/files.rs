@@ -24,8 +24,12 @@ impl FileError {
     fn new(action: &'static str, path: &Path, source: io::Error) -> Self {
         let remedy = match source.kind() {
             io::ErrorKind::NotFound => "create its folder first",
-            io::ErrorKind::PermissionDenied | io::ErrorKind::ReadOnlyFilesystem => "allow writing there, or give another output",
-            io::ErrorKind::StorageFull | io::ErrorKind::QuotaExceeded => "free some space, then run again",
+            io::ErrorKind::PermissionDenied | io::ErrorKind::ReadOnlyFilesystem => {
+                "allow writing there, or give another output"
+            }
+            io::ErrorKind::StorageFull | io::ErrorKind::QuotaExceeded => {
+                "free some space, then run again"
+            }
             io::ErrorKind::IsADirectory => "give a file's name",
             _ => "give another output",
         };
@@ -33,13 +37,19 @@ impl FileError {
     }
 }
 
-/// Writes `path` so that at any time it holds either what it held before or all that `write` writes, whatever kills the process or the machine.
+/// Writes `path` so that at any time it holds either what it held before or all that `write`
+/// writes, whatever kills the process or the machine.
 ///
-/// A temporary file in the same folder is written, brought to disk, and renamed. Where `path` is a link, the file that it points to is replaced.
+/// A temporary file in the same folder is written, brought to disk, and renamed. Where `path` is a
+/// link, the file that it points to is replaced.
 ///
 /// # Errors
-/// When `write` fails or the file cannot be written; `path` is then as before, and the temporary file is gone.
-pub fn write_atomically(path: &Path, write: impl FnOnce(&mut dyn Write) -> io::Result<()>) -> Result<(), FileError> {
+/// When `write` fails or the file cannot be written; `path` is then as before, and the temporary
+/// file is gone.
+pub fn write_atomically(
+    path: &Path,
+    write: impl FnOnce(&mut dyn Write) -> io::Result<()>,
+) -> Result<(), FileError> {
     let failed = |source| FileError::new("write", path, source);
     let target = target(path).map_err(failed)?;
     let mut temporary = temporary_beside(&target).map_err(failed)?;
@@ -54,7 +64,8 @@ pub fn write_atomically(path: &Path, write: impl FnOnce(&mut dyn Write) -> io::R
 /// Whether [`write_atomically`] has a chance at `path`: to be asked before long work, not after.
 ///
 /// # Errors
-/// When the folder is not there or cannot be written in, or `path` is a folder or a file marked read-only. Nothing is left behind.
+/// When the folder is not there or cannot be written in, or `path` is a folder or a file marked
+/// read-only. Nothing is left behind.
 pub fn check_writable(path: &Path) -> Result<(), FileError> {
     let failed = |source| FileError::new("write", path, source);
     let target = target(path).map_err(failed)?;
@@ -72,7 +83,9 @@ fn target(path: &Path) -> io::Result<PathBuf> {
     match fs::metadata(&target) {
         Ok(metadata) if metadata.is_dir() => Err(io::ErrorKind::IsADirectory.into()),
         // A rename would replace it all the same, but its owner has said not to.
-        Ok(metadata) if metadata.permissions().readonly() => Err(io::ErrorKind::PermissionDenied.into()),
+        Ok(metadata) if metadata.permissions().readonly() => {
+            Err(io::ErrorKind::PermissionDenied.into())
+        }
         _ => Ok(target),
     }
 }
@@ -85,7 +98,8 @@ fn folder(target: &Path) -> &Path {
 fn temporary_beside(target: &Path) -> io::Result<NamedTempFile> {
     let mut builder = tempfile::Builder::new();
     builder.prefix(".frugal-").suffix(".part");
-    // What any program gives a new file; temporary files are private otherwise, and the rename would keep that.
+    // What any program gives a new file; temporary files are private otherwise, and the rename
+    // would keep that.
     #[cfg(unix)]
     builder.permissions(std::os::unix::fs::PermissionsExt::from_mode(0o666));
     builder.tempfile_in(folder(target))
@@ -102,7 +116,10 @@ mod tests {
     use super::*;
 
     fn names(folder: &Path) -> Vec<String> {
-        fs::read_dir(folder).expect("a folder").map(|entry| entry.expect("an entry").file_name().to_string_lossy().into_owned()).collect()
+        fs::read_dir(folder)
+            .expect("a folder")
+            .map(|entry| entry.expect("an entry").file_name().to_string_lossy().into_owned())
+            .collect()
     }
 
     #[test]
@@ -110,7 +127,9 @@ mod tests {
         let folder = tempfile::tempdir().expect("a folder");
         let path = folder.path().join("map.ron");
         write_atomically(&path, |file| file.write_all(b"old")).expect("can be written");
-        let failure = write_atomically(&path, |file| file.write_all(b"half").and(Err(io::Error::other("out of ideas"))));
+        let failure = write_atomically(&path, |file| {
+            file.write_all(b"half").and(Err(io::Error::other("out of ideas")))
+        });
         let message = failure.expect_err("the writer failed").to_string();
         assert!(message.contains("map.ron") && message.contains("out of ideas"), "{message}");
         assert_eq!(fs::read(&path).expect("still there"), b"old");
@@ -125,9 +144,19 @@ mod tests {
         let path = folder.path().join("map.ron");
         check_writable(&path).expect("a fresh name in a folder");
         assert_eq!(names(folder.path()), [""; 0], "nothing is left behind");
-        let missing = check_writable(&folder.path().join("no/such/map.ron")).expect_err("no folder").to_string();
-        assert!(missing.contains("no/such/map.ron") && missing.contains("create its folder"), "{missing}");
-        assert!(check_writable(folder.path()).expect_err("a folder").to_string().contains("give a file's name"));
+        let missing = check_writable(&folder.path().join("no/such/map.ron"))
+            .expect_err("no folder")
+            .to_string();
+        assert!(
+            missing.contains("no/such/map.ron") && missing.contains("create its folder"),
+            "{missing}"
+        );
+        assert!(
+            check_writable(folder.path())
+                .expect_err("a folder")
+                .to_string()
+                .contains("give a file's name")
+        );
         fs::write(&path, b"precious").expect("can be written");
         let mut permissions = fs::metadata(&path).expect("there").permissions();
         permissions.set_readonly(true);
@@ -141,7 +170,8 @@ mod tests {
     fn outputs_are_as_readable_as_other_files_and_links_stay_links() {
         use std::os::unix::fs::PermissionsExt;
         let folder = tempfile::tempdir().expect("a folder");
-        let (plain, ours, link) = (folder.path().join("plain"), folder.path().join("ours"), folder.path().join("link"));
+        let (plain, ours, link) =
+            (folder.path().join("plain"), folder.path().join("ours"), folder.path().join("link"));
         fs::write(&plain, b"").expect("can be written");
         write_atomically(&ours, |_| Ok(())).expect("can be written");
         let mode = |path: &Path| fs::metadata(path).expect("there").permissions().mode();

@@ -1,9 +1,12 @@
-//! The plugin against `naive-rsm` (see `frugal_tests::naive_rsm`) in one run: error against path tracing, cost, and how both costs grow.
+//! The plugin against `naive-rsm` (see `frugal_tests::naive_rsm`) in one run: error against path
+//! tracing, cost, and how both costs grow.
 //!
-//! `make bench BENCH=baseline ARGS='…'`: `[--size WxH] [--spp N] [--count ROUNDS] [cornell | courtyard | two_rooms | growth | passes]…`
+//! `make bench BENCH=baseline ARGS='…'`: `[--size WxH] [--spp N] [--count ROUNDS] [cornell |
+//! courtyard | two_rooms | growth | passes]…`
 //!
-//! Without names, everything. Tables are Markdown. Cost is what a frame takes above one without global illumination, all other knobs at their
-//! cheapest: processor time on a software adapter, time to the finished frame on a GPU. Both methods' maps are rendered in every frame while
+//! Without names, everything. Tables are Markdown. Cost is what a frame takes above one without
+//! global illumination, all other knobs at their cheapest: processor time on a software adapter,
+//! time to the finished frame on a GPU. Both methods' maps are rendered in every frame while
 //! everything moves, and in none while only the camera does.
 
 use bevy::math::{UVec2, Vec3};
@@ -45,7 +48,8 @@ fn ladder() -> Vec<Method> {
     ]
 }
 
-/// The baseline with everything that its publication leaves to the user: its best is what we are held against.
+/// The baseline with everything that its publication leaves to the user: its best is what we are
+/// held against.
 fn naives() -> Vec<Method> {
     let mut methods = Vec::new();
     for weights in [Weights::Exact, Weights::Published] {
@@ -63,8 +67,13 @@ fn main() {
         println!("no graphics adapter: nothing is measured");
         return;
     };
-    let options = Arguments { size: UVec2::new(160, 90), samples: 1024, count: 5, names: vec![] }.read();
-    println!("Adapter: {}. Cost: {} per frame above a frame without global illumination.\n", adapter.name, Clock::suitable().label());
+    let options =
+        Arguments { size: UVec2::new(160, 90), samples: 1024, count: 5, names: vec![] }.read();
+    println!(
+        "Adapter: {}. Cost: {} per frame above a frame without global illumination.\n",
+        adapter.name,
+        Clock::suitable().label()
+    );
     SCENES.into_iter().filter(|name| options.wants(name)).for_each(|name| compare(name, &options));
     if options.wants("growth") {
         growth(&options);
@@ -82,7 +91,8 @@ fn ms(value: f64) -> String {
     format!("{value:.2}")
 }
 
-/// A method, its error and, where they were measured, its costs: while everything moves, and while the camera does.
+/// A method, its error and, where they were measured, its costs: while everything moves, and while
+/// the camera does.
 struct Row {
     method: Method,
     difference: Option<Difference>,
@@ -95,23 +105,47 @@ impl Row {
     }
 
     fn cells(&self, rival: [f64; 2]) -> Vec<String> {
-        let error = |pick: fn(&Difference) -> f64| self.difference.as_ref().map_or_else(String::new, |found| format!("{:.3}", pick(found)));
-        let mut cells = vec![self.method.name.clone(), error(|d| d.mean_ratio), error(|d| d.relative_l1), error(|d| d.relative_l1_boxes)];
-        cells.extend(self.costs_ms.iter().flatten().zip(rival).flat_map(|(cost, rival)| [ms(*cost), format!("{:.1}", rival / cost)]));
+        let error = |pick: fn(&Difference) -> f64| {
+            self.difference.as_ref().map_or_else(String::new, |found| format!("{:.3}", pick(found)))
+        };
+        let mut cells = vec![
+            self.method.name.clone(),
+            error(|d| d.mean_ratio),
+            error(|d| d.relative_l1),
+            error(|d| d.relative_l1_boxes),
+        ];
+        cells.extend(
+            self.costs_ms
+                .iter()
+                .flatten()
+                .zip(rival)
+                .flat_map(|(cost, rival)| [ms(*cost), format!("{:.1}", rival / cost)]),
+        );
         cells
     }
 }
 
-const HEADERS: [&str; 8] =
-    ["method", "mean ratio", "relative L1", "of 4x4 means", "all moves", "times cheaper", "camera moves", "times cheaper"];
+const HEADERS: [&str; 8] = [
+    "method",
+    "mean ratio",
+    "relative L1",
+    "of 4x4 means",
+    "all moves",
+    "times cheaper",
+    "camera moves",
+    "times cheaper",
+];
 
 fn compare(name: &str, options: &Arguments) {
     let scene = truth::lamps_only(&set::scene(name));
     let pose = scene.paths["tour"].sample(0.0).unwrap_or_else(|| panic!("{name} has a path"));
     let started = std::time::Instant::now();
-    let tracing = |seed| Tracing { size: options.size, samples: options.samples, seed, pixels: Pixels::Area };
+    let tracing =
+        |seed| Tracing { size: options.size, samples: options.samples, seed, pixels: Pixels::Area };
     let [truth, other] = [0, 1].map(|seed| truth::one_bounce(&scene, pose, tracing(seed)));
-    let against = |radiance: &Radiance| Difference::new(radiance, &truth, None).unwrap_or_else(|error| panic!("{error}"));
+    let against = |radiance: &Radiance| {
+        Difference::new(radiance, &truth, None).unwrap_or_else(|error| panic!("{error}"))
+    };
     let noise = against(&other);
     println!("## {name}, {}x{}\n", options.size.x, options.size.y);
     println!(
@@ -121,7 +155,10 @@ fn compare(name: &str, options: &Arguments) {
         noise.relative_l1,
         noise.relative_l1_boxes
     );
-    let mut stage = set::open(&scene, set::radiance_options(options.size.x, options.size.y, Component::Indirect));
+    let mut stage = set::open(
+        &scene,
+        set::radiance_options(options.size.x, options.size.y, Component::Indirect),
+    );
     stage.place(pose.position, pose.rotation);
     let mut shown = |method: Method| {
         let difference = against(&method.radiance(&mut stage));
@@ -130,12 +167,20 @@ fn compare(name: &str, options: &Arguments) {
     let naives: Vec<Row> = naives().into_iter().map(&mut shown).collect();
     let ours: Vec<Row> = ladder().into_iter().map(&mut shown).collect();
     let maps = [64, 128].map(|rsm| Row::new(Method::maps(rsm), None));
-    println!("{}\n", markdown(&HEADERS[..4], &naives.iter().map(|row| row.cells([0.0; 2])).collect::<Vec<_>>()));
+    println!(
+        "{}\n",
+        markdown(&HEADERS[..4], &naives.iter().map(|row| row.cells([0.0; 2])).collect::<Vec<_>>())
+    );
 
-    // Two rivals: as a user would leave it, and what nobody could choose who does not have the truth.
+    // Two rivals: as a user would leave it, and what nobody could choose who does not have the
+    // truth.
     let usual = Method::naive(NaiveRsm::default(), 128);
-    let best = naives.iter().min_by(|a, b| boxes(a).total_cmp(&boxes(b))).map(|row| row.method.clone());
-    let rivals: Vec<Row> = naives.into_iter().filter(|row| row.method == usual || Some(&row.method) == best.as_ref()).collect();
+    let best =
+        naives.iter().min_by(|a, b| boxes(a).total_cmp(&boxes(b))).map(|row| row.method.clone());
+    let rivals: Vec<Row> = naives
+        .into_iter()
+        .filter(|row| row.method == usual || Some(&row.method) == best.as_ref())
+        .collect();
     let mut rows: Vec<Row> = rivals.into_iter().chain(ours).chain(maps).collect();
     let methods: Vec<Method> = rows.iter().map(|row| row.method.clone()).collect();
     let (all, none_ms) = priced(&mut stage, &methods, Moving::Everything, options);
@@ -143,10 +188,18 @@ fn compare(name: &str, options: &Arguments) {
     for (row, costs) in rows.iter_mut().zip(all.into_iter().zip(camera)) {
         row.costs_ms = Some(costs.into());
     }
-    let (rivals, others): (Vec<&Row>, Vec<&Row>) = rows.iter().partition(|row| row.method.is_naive());
-    println!("A frame without global illumination: {} {}.\n", ms(none_ms), Clock::suitable().label());
+    let (rivals, others): (Vec<&Row>, Vec<&Row>) =
+        rows.iter().partition(|row| row.method.is_naive());
+    println!(
+        "A frame without global illumination: {} {}.\n",
+        ms(none_ms),
+        Clock::suitable().label()
+    );
     let of = |row: &Row| row.costs_ms.unwrap_or([f64::INFINITY; 2]);
-    println!("{}\n", markdown(&HEADERS, &rows.iter().map(|row| row.cells(of(rivals[0]))).collect::<Vec<_>>()));
+    println!(
+        "{}\n",
+        markdown(&HEADERS, &rows.iter().map(|row| row.cells(of(rivals[0]))).collect::<Vec<_>>())
+    );
     for rival in rivals {
         for (index, what) in ["everything moves", "the camera moves"].into_iter().enumerate() {
             conclude(rival, &others, what, |row| of(row)[index]);
@@ -161,12 +214,18 @@ fn boxes(row: &Row) -> f64 {
 /// Says which of ours is the cheapest that errs no more than a rival, by both errors.
 fn conclude(rival: &Row, ours: &[&Row], what: &str, cost: impl Fn(&Row) -> f64) {
     let Some(least) = rival.difference else { return };
-    let errs_no_more = |found: Difference| found.relative_l1 <= least.relative_l1 && found.relative_l1_boxes <= least.relative_l1_boxes;
+    let errs_no_more = |found: Difference| {
+        found.relative_l1 <= least.relative_l1 && found.relative_l1_boxes <= least.relative_l1_boxes
+    };
     let enough = ours.iter().filter(|row| row.difference.is_some_and(errs_no_more));
     let name = &rival.method.name;
     match enough.min_by(|a, b| cost(a).total_cmp(&cost(b))) {
         Some(row) => {
-            println!("While {what}: no worse than {name}, and {:.1} times cheaper: {}.\n", cost(rival) / cost(row), row.method.name)
+            println!(
+                "While {what}: no worse than {name}, and {:.1} times cheaper: {}.\n",
+                cost(rival) / cost(row),
+                row.method.name
+            )
         }
         None => println!("While {what}: none of ours is as near the truth as {name}.\n"),
     }
@@ -178,7 +237,12 @@ fn default_and_naive() -> [Method; 2] {
 }
 
 /// Costs of methods on a stage.
-fn priced(stage: &mut Stage, methods: &[Method], moving: Moving, options: &Arguments) -> (Vec<f64>, f64) {
+fn priced(
+    stage: &mut Stage,
+    methods: &[Method],
+    moving: Moving,
+    options: &Arguments,
+) -> (Vec<f64>, f64) {
     for method in methods {
         method.radiance(stage);
     }
@@ -194,11 +258,17 @@ fn passes(options: &Arguments) {
         Clock::suitable().label()
     );
     let scene = set::scene("courtyard");
-    let mut stage =
-        set::open_with(&scene, set::radiance_options(options.size.x, options.size.y, Component::Global), inspect::allow_repeats);
+    let mut stage = set::open_with(
+        &scene,
+        set::radiance_options(options.size.x, options.size.y, Component::Global),
+        inspect::allow_repeats,
+    );
     let pose = scene.paths["tour"].sample(0.0).unwrap_or_else(|| panic!("courtyard has a path"));
     stage.place(pose.position, pose.rotation);
-    let methods = [Method::ours(1024, "4x4", "coarse", "1/4", 128), Method::ours(4096, "2x2", "fine", "1/1", 256)];
+    let methods = [
+        Method::ours(1024, "4x4", "coarse", "1/4", 128),
+        Method::ours(4096, "2x2", "fine", "1/1", 256),
+    ];
     let mut rows = Vec::new();
     for method in methods {
         let method = method.with("gi_environment_samples=16").with("gi_bounces=2");
@@ -220,8 +290,14 @@ fn passes(options: &Arguments) {
         }
         let whole = median(whole);
         let mut rest = whole;
-        let mut row =
-            |what: &str, cost: f64| rows.push(vec![method.name.clone(), what.into(), ms(cost), format!("{:.0} %", 100.0 * cost / whole)]);
+        let mut row = |what: &str, cost: f64| {
+            rows.push(vec![
+                method.name.clone(),
+                what.into(),
+                ms(cost),
+                format!("{:.0} %", 100.0 * cost / whole),
+            ])
+        };
         for (pass, gains) in GiPass::ALL.into_iter().zip(gains) {
             let cost = median(gains);
             rest -= cost;
@@ -237,7 +313,12 @@ fn growth(options: &Arguments) {
     println!("## Growth of cost, {}x{} unless said otherwise\n", options.size.x, options.size.y);
     let mut rows = Vec::new();
     let mut row = |what: &str, method: &str, (small, large): (f64, f64)| {
-        rows.push(vec![format!("{what}: {method}"), ms(small), ms(large), format!("{:.2}", large / small)]);
+        rows.push(vec![
+            format!("{what}: {method}"),
+            ms(small),
+            ms(large),
+            format!("{:.2}", large / small),
+        ]);
     };
     let mut both = |what: &str, mut small: Stage, mut large: Stage| {
         let methods = default_and_naive();
@@ -253,8 +334,11 @@ fn growth(options: &Arguments) {
     both("triangles x10", spheres((20, 9), options), spheres((64, 26), options));
     let mut stage = courtyard(options.size);
     let vpls = [(64, 256), (256, 1024), (1024, 4096)];
-    let methods: Vec<Method> =
-        vpls.iter().flat_map(|(few, many)| [*few, *many]).map(|count| Method::ours(count, "4x4", "coarse", "1/4", 128)).collect();
+    let methods: Vec<Method> = vpls
+        .iter()
+        .flat_map(|(few, many)| [*few, *many])
+        .map(|count| Method::ours(count, "4x4", "coarse", "1/4", 128))
+        .collect();
     let (costs, _) = priced(&mut stage, &methods, Moving::Everything, options);
     for ((few, many), costs) in vpls.iter().zip(costs.chunks_exact(2)) {
         row("VPLs x4", &format!("ours, {few} to {many}"), (costs[0], costs[1]));
@@ -281,35 +365,57 @@ fn hall(lights: usize, options: &Arguments) -> Stage {
         outer_angle: 45.0,
         color: [1.0; 3],
     };
-    let mut stage = set::bare((0..lights).map(spot).collect(), set::radiance_options(options.size.x, options.size.y, Component::Indirect));
+    let mut stage = set::bare(
+        (0..lights).map(spot).collect(),
+        set::radiance_options(options.size.x, options.size.y, Component::Indirect),
+    );
     let boxes = [
         (Vec3::new(0.0, -0.1, 0.0), Vec3::new(12.0, 0.2, 6.0)),
         (Vec3::new(0.0, 4.1, 0.0), Vec3::new(12.0, 0.2, 6.0)),
         (Vec3::new(0.0, 2.0, -3.1), Vec3::new(12.0, 4.0, 0.2)),
     ];
-    spawn_all(&mut stage, boxes.into_iter().map(|(center, size)| Mesh::from(Cuboid::from_size(size)).translated_by(center)));
+    spawn_all(
+        &mut stage,
+        boxes
+            .into_iter()
+            .map(|(center, size)| Mesh::from(Cuboid::from_size(size)).translated_by(center)),
+    );
     set::look(&mut stage, Vec3::new(0.0, 2.0, 6.0), Vec3::new(0.0, 1.8, -3.0));
     stage
 }
 
-/// Puts meshes on the stage as one of one material, and without the coordinates that no texture reads: software Vulkan drivers make those cost more
-/// than everything that is measured here.
+/// Puts meshes on the stage as one of one material, and without the coordinates that no texture
+/// reads: software Vulkan drivers make those cost more than everything that is measured here.
 fn spawn_all(stage: &mut Stage, meshes: impl Iterator<Item = Mesh>) {
     let joined = meshes.reduce(|mut all, mesh| {
         all.merge(&mesh).unwrap_or_else(|error| panic!("{error}"));
         all
     });
-    let joined = joined.unwrap_or_else(|| panic!("there are some")).with_removed_attribute(Mesh::ATTRIBUTE_UV_0);
+    let joined = joined
+        .unwrap_or_else(|| panic!("there are some"))
+        .with_removed_attribute(Mesh::ATTRIBUTE_UV_0);
     meshes::spawn(stage, joined, meshes::matt(0.7, 0.65, 0.6), Transform::default());
 }
 
 /// Ten spheres of so many sectors and stacks on a floor in the sun.
 fn spheres((sectors, stacks): (u32, u32), options: &Arguments) -> Stage {
-    let sun = Light::Directional { direction: Vec3::new(-0.4, -1.0, -0.3), illuminance: 50_000.0, color: [1.0; 3] };
-    let mut stage = set::bare(vec![sun], set::radiance_options(options.size.x, options.size.y, Component::Indirect));
+    let sun = Light::Directional {
+        direction: Vec3::new(-0.4, -1.0, -0.3),
+        illuminance: 50_000.0,
+        color: [1.0; 3],
+    };
+    let mut stage = set::bare(
+        vec![sun],
+        set::radiance_options(options.size.x, options.size.y, Component::Indirect),
+    );
     let sphere = Sphere::new(0.8).mesh().uv(sectors, stacks);
-    let spheres =
-        (0..10).map(|index| sphere.clone().translated_by(Vec3::new(2.0 * (index % 5) as f32 - 4.0, 0.8, -2.5 * (index / 5) as f32)));
+    let spheres = (0..10).map(|index| {
+        sphere.clone().translated_by(Vec3::new(
+            2.0 * (index % 5) as f32 - 4.0,
+            0.8,
+            -2.5 * (index / 5) as f32,
+        ))
+    });
     let floor = Mesh::from(Cuboid::new(14.0, 0.2, 10.0)).translated_by(Vec3::new(0.0, -0.1, 0.0));
     spawn_all(&mut stage, spheres.chain([floor]));
     set::look(&mut stage, Vec3::new(0.0, 2.5, 6.0), Vec3::new(0.0, 0.8, -1.0));

@@ -1,4 +1,5 @@
-//! What the controller costs when nothing changes, and how much memory global illumination holds at its largest.
+//! What the controller costs when nothing changes, and how much memory global illumination holds at
+//! its largest.
 //!
 //! `make bench BENCH=costs`
 
@@ -33,7 +34,12 @@ fn app(cameras: u32) -> App {
     let map = app.world_mut().resource_mut::<Assets<FrontierMap>>().add(map::one_cube(knobs()));
     for number in 0..cameras {
         let place = Transform::from_xyz(number as f32 % 9.0 - 4.0, 1.0, 0.5);
-        app.world_mut().spawn((place, GlobalTransform::from(place), FrontierMapHandle(map.clone()), Budget::power(Watts(2.5))));
+        app.world_mut().spawn((
+            place,
+            GlobalTransform::from(place),
+            FrontierMapHandle(map.clone()),
+            Budget::power(Watts(2.5)),
+        ));
     }
     // Until settings have reached their target.
     (0..10).for_each(|_| app.update());
@@ -42,7 +48,12 @@ fn app(cameras: u32) -> App {
 
 fn controller(criterion: &mut Criterion) {
     let map = map::one_cube(knobs());
-    let view = CameraView { position: Vec3::new(1.0, 2.0, 3.0), rotation: Quat::from_rotation_y(0.3), vertical_fov: 1.0, aspect: 1.8 };
+    let view = CameraView {
+        position: Vec3::new(1.0, 2.0, 3.0),
+        rotation: Quat::from_rotation_y(0.3),
+        vertical_fov: 1.0,
+        aspect: 1.8,
+    };
     let budget = Budget::power(Watts(2.5));
     criterion.bench_function("look up and select", |bencher| {
         bencher.iter(|| {
@@ -52,7 +63,10 @@ fn controller(criterion: &mut Criterion) {
     });
     for cameras in [0, 1, 4, 64] {
         let mut app = app(cameras);
-        criterion.bench_function(&format!("update of an app with {cameras} still cameras"), |bencher| bencher.iter(|| app.update()));
+        criterion
+            .bench_function(&format!("update of an app with {cameras} still cameras"), |bencher| {
+                bencher.iter(|| app.update())
+            });
     }
 }
 
@@ -77,14 +91,22 @@ fn memory(_: &mut Criterion) {
     ];
     for (width, height) in [(320, 180), (1920, 1080)] {
         let mut stage = set::bare(lights.clone(), set::options(width, height));
-        meshes::spawn_box(&mut stage, Vec3::ZERO, Vec3::new(4.0, 0.2, 4.0), meshes::matt(0.8, 0.8, 0.8));
+        meshes::spawn_box(
+            &mut stage,
+            Vec3::ZERO,
+            Vec3::new(4.0, 0.2, 4.0),
+            meshes::matt(0.8, 0.8, 0.8),
+        );
         set::apply(
             &mut stage,
             "min,gi_vpl_count=4096,gi_interleave=2x2,gi_visibility=fine,gi_pixel_fraction=1/1,rsm_resolution=256,resolution_scale=100%",
         );
         (0..3).for_each(|_| stage.frame());
         let gathered = set::gathered(&stage);
-        println!("GI memory at {width}x{height}, largest settings, sun + spot + point: {:.1} MiB", gathered.bytes as f64 / 1048576.0);
+        println!(
+            "GI memory at {width}x{height}, largest settings, sun + spot + point: {:.1} MiB",
+            gathered.bytes as f64 / 1048576.0
+        );
     }
 }
 

@@ -1,12 +1,17 @@
-//! How much a picture changes that should not, and does not change that should, while light or camera moves: the plugin against `naive-rsm`.
+//! How much a picture changes that should not, and does not change that should, while light or
+//! camera moves: the plugin against `naive-rsm`.
 //!
-//! `make bench BENCH=stability ARGS='…'`: `[--size WxH] [--spp N] [--count FRAMES] [light | camera]…`
+//! `make bench BENCH=stability ARGS='…'`: `[--size WxH] [--spp N] [--count FRAMES] [light |
+//! camera]…`
 //!
-//! `courtyard` with its sun alone and without its textures, after 32 frames of the same motion. Temporal error: mean over successive frames, pixels and channels of |Δframe − Δtruth| ÷ mean of the truth, where the truth is
-//! path-traced with the same random numbers in every frame, so that most of its noise is in no difference. What is left of it is measured with a
-//! second seed; the truth is the mean of both. Along surfaces: the same over pixels that show the same surface in both frames; elsewhere the difference
-//! is that of two surfaces, and where edges run through pixels decides. Error of the first and the last frame: relative L1 of 4x4 means; what light that is averaged over frames
-//! lags behind is in the last.
+//! `courtyard` with its sun alone and without its textures, after 32 frames of the same motion.
+//! Temporal error: mean over successive frames, pixels and channels of |Δframe − Δtruth| ÷ mean of
+//! the truth, where the truth is path-traced with the same random numbers in every frame, so that
+//! most of its noise is in no difference. What is left of it is measured with a second seed; the
+//! truth is the mean of both. Along surfaces: the same over pixels that show the same surface in
+//! both frames; elsewhere the difference is that of two surfaces, and where edges run through
+//! pixels decides. Error of the first and the last frame: relative L1 of 4x4 means; what light that
+//! is averaged over frames lags behind is in the last.
 
 use bevy::ecs::query::With;
 use bevy::light::DirectionalLight;
@@ -25,13 +30,16 @@ use frugal_tests::truth::{self, Tracing, mean_absolute_difference};
 
 /// Of the sun around the vertical, degrees a frame: 3 degrees a second at 30 frames.
 const SUN_STEP_DEGREES: f32 = 0.1;
-/// Of the time on the camera's path: its three metres a second become six decimetres at 30 frames a second, two centimetres a frame.
+/// Of the time on the camera's path: its three metres a second become six decimetres at 30 frames a
+/// second, two centimetres a frame.
 const PATH_STEP_SECONDS: f32 = 0.0067;
-/// Frames of the same motion before the first that is looked at: as many as are averaged, so that none of them is a start.
+/// Frames of the same motion before the first that is looked at: as many as are averaged, so that
+/// none of them is a start.
 const FRAMES_BEFORE: i32 = 32;
 
 fn methods() -> Vec<Method> {
-    let naive = |radius, weights| Method::naive(NaiveRsm { radius, weights, ..Default::default() }, 128);
+    let naive =
+        |radius, weights| Method::naive(NaiveRsm { radius, weights, ..Default::default() }, 128);
     vec![
         naive(0.1, Weights::Exact),
         naive(0.3, Weights::Exact),
@@ -56,12 +64,15 @@ enum Motion {
 }
 
 impl Motion {
-    /// Turn of the sun and pose of the camera in a frame, of which there are [`FRAMES_BEFORE`] before frame 0.
+    /// Turn of the sun and pose of the camera in a frame, of which there are [`FRAMES_BEFORE`]
+    /// before frame 0.
     fn at(self, scene: &SceneDescription, frame: i32) -> (Quat, CameraPose) {
         let frame = frame + FRAMES_BEFORE;
-        let turn = if self == Self::Light { frame as f32 * SUN_STEP_DEGREES.to_radians() } else { 0.0 };
+        let turn =
+            if self == Self::Light { frame as f32 * SUN_STEP_DEGREES.to_radians() } else { 0.0 };
         let time = if self == Self::Camera { frame as f32 * PATH_STEP_SECONDS } else { 0.0 };
-        let pose = scene.paths["tour"].sample(time).unwrap_or_else(|| panic!("courtyard has a path"));
+        let pose =
+            scene.paths["tour"].sample(time).unwrap_or_else(|| panic!("courtyard has a path"));
         (Quat::from_rotation_y(turn), pose)
     }
 }
@@ -71,7 +82,8 @@ fn main() {
         println!("no graphics adapter: nothing is measured");
         return;
     };
-    let options = Arguments { size: UVec2::new(96, 54), samples: 256, count: 8, names: vec![] }.read();
+    let options =
+        Arguments { size: UVec2::new(96, 54), samples: 256, count: 8, names: vec![] }.read();
     println!(
         "Adapter: {}. `courtyard`, sun alone, no textures, {}x{}, {} steps.\n",
         adapter.name, options.size.x, options.size.y, options.count
@@ -94,25 +106,36 @@ fn turned(scene: &SceneDescription, turn: Quat) -> SceneDescription {
 }
 
 fn differences(frames: &[Radiance]) -> Vec<Vec<[f32; 3]>> {
-    let difference = |pair: &[Radiance]| pair[0].rgb.iter().zip(&pair[1].rgb).map(|(a, b)| [0, 1, 2].map(|i| b[i] - a[i])).collect();
+    let difference = |pair: &[Radiance]| {
+        pair[0].rgb.iter().zip(&pair[1].rgb).map(|(a, b)| [0, 1, 2].map(|i| b[i] - a[i])).collect()
+    };
     frames.windows(2).map(difference).collect()
 }
 
 /// Mean over steps of the mean absolute difference of two sequences' steps, where `counts` holds.
 fn temporal_error(a: &[Vec<[f32; 3]>], b: &[Vec<[f32; 3]>], counts: &[Vec<bool>]) -> f64 {
     let step = |((a, b), counts): ((&Vec<[f32; 3]>, &Vec<[f32; 3]>), &Vec<bool>)| {
-        let counted =
-            |step: &[[f32; 3]]| step.iter().zip(counts).filter(|(_, counts)| **counts).map(|(value, _)| *value).collect::<Vec<_>>();
+        let counted = |step: &[[f32; 3]]| {
+            step.iter()
+                .zip(counts)
+                .filter(|(_, counts)| **counts)
+                .map(|(value, _)| *value)
+                .collect::<Vec<_>>()
+        };
         mean_absolute_difference(&counted(a), &counted(b))
     };
     a.iter().zip(b).zip(counts).map(step).sum::<f64>() / a.len() as f64
 }
 
-/// Which pixels show the same surface in two frames: each point lies in the other's tangent plane, more or less, and near it.
+/// Which pixels show the same surface in two frames: each point lies in the other's tangent plane,
+/// more or less, and near it.
 fn stay(before: &[Option<Seen>], after: &[Option<Seen>], eye: Vec3) -> Vec<bool> {
     let stays = |(before, after): (&Option<Seen>, &Option<Seen>)| {
-        let (Some(before), Some(after)) = (before, after) else { return before.is_none() == after.is_none() };
-        let (way, far) = (after.position - before.position, before.position.distance(eye.as_dvec3()));
+        let (Some(before), Some(after)) = (before, after) else {
+            return before.is_none() == after.is_none();
+        };
+        let (way, far) =
+            (after.position - before.position, before.position.distance(eye.as_dvec3()));
         let off_plane = way.dot(before.normal).abs().max(way.dot(after.normal).abs());
         before.normal.dot(after.normal) > 0.95 && off_plane < 2e-3 * far && way.length() < 0.2 * far
     };
@@ -126,7 +149,12 @@ fn measure(motion: Motion, name: &str, options: &Arguments) {
     let traced = |seed: u64| -> Vec<Radiance> {
         let frame = |frame: i32| {
             let (turn, pose) = motion.at(&scene, frame);
-            let tracing = Tracing { size: options.size, samples: options.samples, seed, pixels: Pixels::Middle };
+            let tracing = Tracing {
+                size: options.size,
+                samples: options.samples,
+                seed,
+                pixels: Pixels::Middle,
+            };
             truth::one_bounce_untextured(&turned(&scene, turn), pose, tracing)
         };
         (0..=count).map(frame).collect()
@@ -135,10 +163,17 @@ fn measure(motion: Motion, name: &str, options: &Arguments) {
     let (start, last) = (&frames[0], &frames[frames.len() - 1]);
     let mean = start.mean();
     let (first, second) = (differences(&frames), differences(&second));
-    let truth: Vec<Vec<[f32; 3]>> =
-        first.iter().zip(&second).map(|(a, b)| a.iter().zip(b).map(|(a, b)| [0, 1, 2].map(|i| 0.5 * (a[i] + b[i]))).collect()).collect();
+    let truth: Vec<Vec<[f32; 3]>> = first
+        .iter()
+        .zip(&second)
+        .map(|(a, b)| {
+            a.iter().zip(b).map(|(a, b)| [0, 1, 2].map(|i| 0.5 * (a[i] + b[i]))).collect()
+        })
+        .collect();
     let everywhere = vec![vec![true; truth[0].len()]; truth.len()];
-    let shown: Vec<_> = (0..=count).map(|frame| truth::surfaces_untextured(&scene, motion.at(&scene, frame).1, options.size)).collect();
+    let shown: Vec<_> = (0..=count)
+        .map(|frame| truth::surfaces_untextured(&scene, motion.at(&scene, frame).1, options.size))
+        .collect();
     let eye = motion.at(&scene, 0).1.position;
     let along: Vec<_> = shown.windows(2).map(|pair| stay(&pair[0], &pair[1], eye)).collect();
     let still = vec![vec![[0.0; 3]; truth[0].len()]; truth.len()];
@@ -153,9 +188,13 @@ fn measure(motion: Motion, name: &str, options: &Arguments) {
         percent(0.5 * temporal_error(&first, &second, &along)),
         percent(temporal_error(&still, &truth, &everywhere)),
         percent(temporal_error(&still, &truth, &along)),
-        100.0 * along.iter().flatten().filter(|stays| **stays).count() as f64 / along.iter().flatten().count() as f64
+        100.0 * along.iter().flatten().filter(|stays| **stays).count() as f64
+            / along.iter().flatten().count() as f64
     );
-    let mut stage = set::open(&scene, set::radiance_options(options.size.x, options.size.y, Component::Indirect));
+    let mut stage = set::open(
+        &scene,
+        set::radiance_options(options.size.x, options.size.y, Component::Indirect),
+    );
     truth::strip_textures(&mut stage);
     let rest = sun(&mut stage);
     let mut found = Vec::new();
@@ -171,21 +210,42 @@ fn measure(motion: Motion, name: &str, options: &Arguments) {
             }
         }
         let error = |own: &Radiance, truth: &Radiance| {
-            Difference::new(own, truth, None).unwrap_or_else(|error| panic!("{error}")).relative_l1_boxes
+            Difference::new(own, truth, None)
+                .unwrap_or_else(|error| panic!("{error}"))
+                .relative_l1_boxes
         };
         let pictures = [error(&frames[0], start), error(&frames[frames.len() - 1], last)];
         let steps = differences(&frames);
-        found.push((method, pictures, [&everywhere, &along].map(|counts| temporal_error(&steps, &truth, counts))));
+        found.push((
+            method,
+            pictures,
+            [&everywhere, &along].map(|counts| temporal_error(&steps, &truth, counts)),
+        ));
     }
-    // What is dark hardly changes: the baseline is not the variant that is stillest, but the one that is nearest to the truth.
-    let naive = found.iter().filter(|(method, ..)| method.is_naive()).min_by(|a, b| a.1[0].total_cmp(&b.1[0]));
+    // What is dark hardly changes: the baseline is not the variant that is stillest, but the one
+    // that is nearest to the truth.
+    let naive = found
+        .iter()
+        .filter(|(method, ..)| method.is_naive())
+        .min_by(|a, b| a.1[0].total_cmp(&b.1[0]));
     let naive = naive.unwrap_or_else(|| panic!("there are some")).2;
     let row = |(method, pictures, temporal): &(Method, [f64; 2], [f64; 2])| {
-        let of_naive = |index: usize| format!("{} ({:.2})", percent(temporal[index]), temporal[index] / naive[index]);
-        vec![method.name.clone(), pictures.map(|error| format!("{error:.3}")).join(", "), of_naive(0), of_naive(1)]
+        let of_naive = |index: usize| {
+            format!("{} ({:.2})", percent(temporal[index]), temporal[index] / naive[index])
+        };
+        vec![
+            method.name.clone(),
+            pictures.map(|error| format!("{error:.3}")).join(", "),
+            of_naive(0),
+            of_naive(1),
+        ]
     };
-    let headers =
-        ["method", "error of the first frame, the last", "temporal error (of the nearest naive-rsm's)", "along surfaces (the same)"];
+    let headers = [
+        "method",
+        "error of the first frame, the last",
+        "temporal error (of the nearest naive-rsm's)",
+        "along surfaces (the same)",
+    ];
     println!("{}\n", markdown(&headers, &found.iter().map(row).collect::<Vec<_>>()));
 }
 

@@ -27,12 +27,15 @@ impl Arguments {
 
     fn over(mut self, mut arguments: impl Iterator<Item = String>) -> Self {
         while let Some(argument) = arguments.next() {
-            let mut value = || arguments.next().unwrap_or_else(|| panic!("{argument} needs a value"));
-            let number = |text: &str| text.parse::<u32>().unwrap_or_else(|error| panic!("{text}: {error}"));
+            let mut value =
+                || arguments.next().unwrap_or_else(|| panic!("{argument} needs a value"));
+            let number =
+                |text: &str| text.parse::<u32>().unwrap_or_else(|error| panic!("{text}: {error}"));
             match argument.as_str() {
                 "--size" => {
                     let text = value();
-                    let (width, height) = text.split_once('x').unwrap_or_else(|| panic!("{text} is no WxH"));
+                    let (width, height) =
+                        text.split_once('x').unwrap_or_else(|| panic!("{text} is no WxH"));
                     self.size = UVec2::new(number(width), number(height));
                 }
                 "--spp" => self.samples = number(&value()),
@@ -57,12 +60,21 @@ mod tests {
 
     #[test]
     fn arguments_change_the_defaults_that_they_name() {
-        let defaults = Arguments { size: UVec2::new(160, 90), samples: 256, count: 5, names: vec![] };
+        let defaults =
+            Arguments { size: UVec2::new(160, 90), samples: 256, count: 5, names: vec![] };
         let read = |text: &str| defaults.clone().over(text.split_whitespace().map(str::to_owned));
         assert_eq!(read("--bench"), defaults);
         assert!(defaults.wants("anything"));
         let asked = read("--bench --size 64x36 cornell --spp 16");
-        assert_eq!(asked, Arguments { size: UVec2::new(64, 36), samples: 16, names: vec!["cornell".into()], ..defaults });
+        assert_eq!(
+            asked,
+            Arguments {
+                size: UVec2::new(64, 36),
+                samples: 16,
+                names: vec!["cornell".into()],
+                ..defaults
+            }
+        );
         assert!(asked.wants("cornell") && !asked.wants("courtyard"));
     }
 }

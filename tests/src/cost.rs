@@ -35,7 +35,8 @@ impl Clock {
     pub fn frames_ms(self, stage: &mut Stage, frames: u32) -> f64 {
         let mut meter = CpuTimeMeter::default();
         let watts = meter.watts_per_core().0;
-        let mut processor_seconds = || meter.energy().unwrap_or_else(|error| panic!("{error}")).0 / watts;
+        let mut processor_seconds =
+            || meter.energy().unwrap_or_else(|error| panic!("{error}")).0 / watts;
         let (start, processor_start) = (Instant::now(), processor_seconds());
         (0..frames).for_each(|_| stage.frame());
         let seconds = match self {
@@ -73,17 +74,25 @@ pub struct Readings {
     pub frames: u32,
 }
 
-/// Milliseconds that a frame of each method takes above one without global illumination, while so much moves: the median over rounds of differences
-/// within a round; and what a frame without it takes.
+/// Milliseconds that a frame of each method takes above one without global illumination, while so
+/// much moves: the median over rounds of differences within a round; and what a frame without it
+/// takes.
 ///
 /// Every method must have been ready once, so that nothing is compiled any more.
-pub fn above_none(stage: &mut Stage, methods: &[Method], moving: Moving, readings: Readings) -> (Vec<f64>, f64) {
+pub fn above_none(
+    stage: &mut Stage,
+    methods: &[Method],
+    moving: Moving,
+    readings: Readings,
+) -> (Vec<f64>, f64) {
     let clock = Clock::suitable();
     let read = |stage: &mut Stage, method: &Method| {
-        // At rest: where everything moves, averaged light never gets to what a still picture shows, and is waited for in vain.
+        // At rest: where everything moves, averaged light never gets to what a still picture shows,
+        // and is waited for in vain.
         stage.world_mut().insert_resource(GiRefresh::OnChange);
         method.apply(stage);
-        // Trees of triangles are built in the background when rays are asked for again: their cost is no frame's.
+        // Trees of triangles are built in the background when rays are asked for again: their cost
+        // is no frame's.
         stage.get_ready().unwrap_or_else(|error| panic!("{error}"));
         stage.world_mut().insert_resource(moving.policy());
         stage.frame();

@@ -1,12 +1,14 @@
-//! The shipped gather on pixels and virtual point lights of a test's own, and its twin in 64-bit floats.
+//! The shipped gather on pixels and virtual point lights of a test's own, and its twin in 64-bit
+//! floats.
 
 use bevy::math::DVec3;
 use bevy::render::render_resource::binding_types::{
-    storage_buffer_read_only_sized, texture_2d, texture_depth_2d, texture_storage_2d, uniform_buffer_sized,
+    storage_buffer_read_only_sized, texture_2d, texture_depth_2d, texture_storage_2d,
+    uniform_buffer_sized,
 };
 use bevy::render::render_resource::{
-    BindGroupEntries, BindGroupEntry, BindGroupLayoutEntries, BindGroupLayoutEntry, Buffer, ShaderStages, StorageTextureAccess,
-    TextureFormat, TextureSampleType,
+    BindGroupEntries, BindGroupEntry, BindGroupLayoutEntries, BindGroupLayoutEntry, Buffer,
+    ShaderStages, StorageTextureAccess, TextureFormat, TextureSampleType,
 };
 use bevy::shader::ShaderDefVal;
 use bevy_frugal_gi::gi::FrugalGi;
@@ -37,15 +39,35 @@ impl Gather {
             ),
         );
         let read = || storage_buffer_read_only_sized(false, None);
-        let occluders = BindGroupLayoutEntries::sequential(ShaderStages::COMPUTE, (read(), read(), read(), read()));
+        let occluders = BindGroupLayoutEntries::sequential(
+            ShaderStages::COMPUTE,
+            (read(), read(), read(), read()),
+        );
         let both: [&[BindGroupLayoutEntry]; 2] = [&pixels, &occluders];
-        let (defs, groups) =
-            if rays == 0 { (vec![], &both[..1]) } else { (vec![ShaderDefVal::UInt("RAYS".into(), rays), "MASKS".into()], &both[..]) };
-        Self { kernel: Kernel::with_groups(stage, "gi/gather/gather.wgsl", "gather_vpls", defs, groups) }
+        let (defs, groups) = if rays == 0 {
+            (vec![], &both[..1])
+        } else {
+            (vec![ShaderDefVal::UInt("RAYS".into(), rays), "MASKS".into()], &both[..])
+        };
+        Self {
+            kernel: Kernel::with_groups(
+                stage,
+                "gi/gather/gather.wgsl",
+                "gather_vpls",
+                defs,
+                groups,
+            ),
+        }
     }
 
     /// Exposed irradiance of every pixel from one set of `vpls`, as stored.
-    pub fn run(&self, stage: &Stage, pixels: &Pixels, plane: &Plane, vpls: &[Point]) -> Vec<[f64; 4]> {
+    pub fn run(
+        &self,
+        stage: &Stage,
+        pixels: &Pixels,
+        plane: &Plane,
+        vpls: &[Point],
+    ) -> Vec<[f64; 4]> {
         self.run_with(stage, pixels, plane, vpls, None)
     }
 
@@ -60,7 +82,8 @@ impl Gather {
     ) -> Vec<[f64; 4]> {
         let mut words: Vec<f32> = vpls.iter().flat_map(|vpl| vpl.to_vpl()).collect();
         words.resize(Point::VPL_WORDS * FrugalGi::MAX_VPLS_PER_PIXEL as usize, 0.0);
-        let (view, vpl_buffer) = (pixels.view(stage, plane), kernel::buffer(stage, &gpu::bytes(&words)));
+        let (view, vpl_buffer) =
+            (pixels.view(stage, plane), kernel::buffer(stage, &gpu::bytes(&words)));
         let (settings, plan) = (settings(stage), plan(stage, vpls.len() as u32));
         let texture = pixels.output(stage);
         let output = texture.create_view(&Default::default());
@@ -109,7 +132,8 @@ pub fn irradiance(vpls: &[Point], position: DVec3, normal: DVec3, exposure: f32)
 
 /// The geometry term between a point and a piece of surface, 1/m².
 pub fn geometry(vpl: &Point, position: DVec3, normal: DVec3) -> f64 {
-    let [from, facing] = [vpl.position, vpl.normal].map(|vector| DVec3::from_array(vector.map(f64::from)));
+    let [from, facing] =
+        [vpl.position, vpl.normal].map(|vector| DVec3::from_array(vector.map(f64::from)));
     let way = from - position;
     let square = way.length_squared().max(1e-18);
     let cosines = normal.dot(way).max(0.0) / square * (-facing.dot(way)).max(0.0) / square;

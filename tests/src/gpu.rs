@@ -2,8 +2,8 @@
 
 use bevy::ecs::world::World;
 use bevy::render::render_resource::{
-    Buffer, BufferDescriptor, BufferUsages, CommandEncoderDescriptor, MapMode, PollType, TexelCopyBufferInfo, TexelCopyBufferLayout,
-    Texture,
+    Buffer, BufferDescriptor, BufferUsages, CommandEncoderDescriptor, MapMode, PollType,
+    TexelCopyBufferInfo, TexelCopyBufferLayout, Texture,
 };
 use bevy::render::renderer::{RenderDevice, RenderQueue};
 use bevy_frugal_gi::gi::inspect;
@@ -49,16 +49,26 @@ impl Point {
 
     fn from_texel(words: &[f32]) -> Self {
         let three = |at: usize| [words[at], words[at + 1], words[at + 2]];
-        Self { position: three(0), extent: words[3], flux: three(4), normal: unpack_normal(words[7].to_bits()) }
+        Self {
+            position: three(0),
+            extent: words[3],
+            flux: three(4),
+            normal: unpack_normal(words[7].to_bits()),
+        }
     }
 
     /// Rec. 709 luminance of the flux.
     pub fn luminance(&self) -> f64 {
-        self.flux.iter().zip([0.2126, 0.7152, 0.0722]).map(|(flux, weight)| f64::from(*flux) * weight).sum()
+        self.flux
+            .iter()
+            .zip([0.2126, 0.7152, 0.0722])
+            .map(|(flux, weight)| f64::from(*flux) * weight)
+            .sum()
     }
 }
 
-/// Octahedral coordinates (Cigolle et al. 2014), 16 bits each: the twin of `rsm/texel.wgsl`'s `pack_normal`.
+/// Octahedral coordinates (Cigolle et al. 2014), 16 bits each: the twin of `rsm/texel.wgsl`'s
+/// `pack_normal`.
 pub fn pack_normal([x, y, z]: [f32; 3]) -> u32 {
     let length = x.abs() + y.abs() + z.abs();
     let (x, y, z) = (x / length, y / length, z / length);
@@ -89,12 +99,14 @@ pub fn rsm_texels(stage: &Stage) -> Vec<Point> {
     state.texels.map_or_else(Vec::new, |buffer| texels(&read_buffer(stage.render_world(), &buffer)))
 }
 
-/// The virtual point lights of the first camera that gathers, each with its share of the flux that all of them carry together.
+/// The virtual point lights of the first camera that gathers, each with its share of the flux that
+/// all of them carry together.
 pub fn vpls(stage: &Stage) -> Vec<Point> {
     let state = inspect::gpu_state(stage.render_world());
     let Some(camera) = state.cameras.first() else { return Vec::new() };
     let slots = vpl_slots(&read_buffer(stage.render_world(), &camera.vpls));
-    let (sets, per_set, stride) = (camera.sets as usize, camera.per_set as usize, camera.stride as usize);
+    let (sets, per_set, stride) =
+        (camera.sets as usize, camera.per_set as usize, camera.stride as usize);
     let members = (0..sets).flat_map(|set| slots[set * stride..].iter().take(per_set));
     // Every set stands for all light on its own.
     members.map(|vpl| Point { flux: vpl.flux.map(|flux| flux / sets as f32), ..*vpl }).collect()
@@ -127,21 +139,33 @@ pub fn half(bits: u16) -> f64 {
 
 fn mapped(world: &World, buffer: &Buffer) -> Vec<u8> {
     let slice = buffer.slice(..);
-    slice.map_async(MapMode::Read, |result| result.unwrap_or_else(|error| panic!("a buffer cannot be read back: {error}")));
-    world.resource::<RenderDevice>().poll(PollType::wait_indefinitely()).unwrap_or_else(|error| panic!("{error}"));
+    slice.map_async(MapMode::Read, |result| {
+        result.unwrap_or_else(|error| panic!("a buffer cannot be read back: {error}"))
+    });
+    world
+        .resource::<RenderDevice>()
+        .poll(PollType::wait_indefinitely())
+        .unwrap_or_else(|error| panic!("{error}"));
     slice.get_mapped_range().to_vec()
 }
 
 fn landing(device: &RenderDevice, size: u64) -> Buffer {
     let usage = BufferUsages::COPY_DST | BufferUsages::MAP_READ;
-    device.create_buffer(&BufferDescriptor { label: Some("frugal_tests/read_back"), size, usage, mapped_at_creation: false })
+    device.create_buffer(&BufferDescriptor {
+        label: Some("frugal_tests/read_back"),
+        size,
+        usage,
+        mapped_at_creation: false,
+    })
 }
 
 /// A buffer's bytes.
 pub fn read_buffer(world: &World, buffer: &Buffer) -> Vec<u8> {
     let device = world.resource::<RenderDevice>();
     let landing = landing(device, buffer.size());
-    let mut encoder = device.create_command_encoder(&CommandEncoderDescriptor { label: Some("frugal_tests/read_back") });
+    let mut encoder = device.create_command_encoder(&CommandEncoderDescriptor {
+        label: Some("frugal_tests/read_back"),
+    });
     encoder.copy_buffer_to_buffer(buffer, 0, &landing, 0, buffer.size());
     world.resource::<RenderQueue>().submit([encoder.finish()]);
     mapped(world, &landing)
@@ -153,11 +177,22 @@ pub fn read_halves(world: &World, texture: &Texture) -> Vec<[f64; 4]> {
     let (size, row) = (texture.size(), texture.size().width * 8);
     let padded = row.next_multiple_of(256);
     let landing = landing(device, u64::from(padded) * u64::from(size.height));
-    let mut encoder = device.create_command_encoder(&CommandEncoderDescriptor { label: Some("frugal_tests/read_back") });
-    let layout = TexelCopyBufferLayout { offset: 0, bytes_per_row: Some(padded), rows_per_image: None };
-    encoder.copy_texture_to_buffer(texture.as_image_copy(), TexelCopyBufferInfo { buffer: &landing, layout }, size);
+    let mut encoder = device.create_command_encoder(&CommandEncoderDescriptor {
+        label: Some("frugal_tests/read_back"),
+    });
+    let layout =
+        TexelCopyBufferLayout { offset: 0, bytes_per_row: Some(padded), rows_per_image: None };
+    encoder.copy_texture_to_buffer(
+        texture.as_image_copy(),
+        TexelCopyBufferInfo { buffer: &landing, layout },
+        size,
+    );
     world.resource::<RenderQueue>().submit([encoder.finish()]);
     let bytes = mapped(world, &landing);
-    let texels = bytes.chunks_exact(padded as usize).flat_map(|line| line[..row as usize].as_chunks::<8>().0);
-    texels.map(|texel| [0, 2, 4, 6].map(|at| half(u16::from_le_bytes([texel[at], texel[at + 1]])))).collect()
+    let texels = bytes
+        .chunks_exact(padded as usize)
+        .flat_map(|line| line[..row as usize].as_chunks::<8>().0);
+    texels
+        .map(|texel| [0, 2, 4, 6].map(|at| half(u16::from_le_bytes([texel[at], texel[at + 1]]))))
+        .collect()
 }

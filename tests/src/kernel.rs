@@ -2,8 +2,9 @@
 
 use bevy::asset::{AssetServer, Handle};
 use bevy::render::render_resource::{
-    BindGroupEntry, BindGroupLayoutDescriptor, BindGroupLayoutEntry, Buffer, BufferInitDescriptor, BufferUsages, CachedComputePipelineId,
-    CommandEncoderDescriptor, ComputePassDescriptor, ComputePipelineDescriptor, PipelineCache,
+    BindGroupEntry, BindGroupLayoutDescriptor, BindGroupLayoutEntry, Buffer, BufferInitDescriptor,
+    BufferUsages, CachedComputePipelineId, CommandEncoderDescriptor, ComputePassDescriptor,
+    ComputePipelineDescriptor, PipelineCache,
 };
 use bevy::render::renderer::{RenderDevice, RenderQueue};
 use bevy::shader::{Shader, ShaderDefVal};
@@ -38,23 +39,39 @@ impl Kernel {
         shader_defs: Vec<ShaderDefVal>,
         layouts: &[&[BindGroupLayoutEntry]],
     ) -> Self {
-        let shader: Handle<Shader> = stage.world_mut().resource::<AssetServer>().load(format!("embedded://bevy_frugal_gi/{path}"));
-        let layouts: Vec<_> = layouts.iter().map(|layout| BindGroupLayoutDescriptor::new("frugal_tests/kernel", layout)).collect();
-        let pipeline = stage.render_world().resource::<PipelineCache>().queue_compute_pipeline(ComputePipelineDescriptor {
-            label: Some(entry_point.into()),
-            layout: layouts.clone(),
-            shader: shader.clone(),
-            shader_defs,
-            entry_point: Some(entry_point.into()),
-            ..Default::default()
-        });
+        let shader: Handle<Shader> = stage
+            .world_mut()
+            .resource::<AssetServer>()
+            .load(format!("embedded://bevy_frugal_gi/{path}"));
+        let layouts: Vec<_> = layouts
+            .iter()
+            .map(|layout| BindGroupLayoutDescriptor::new("frugal_tests/kernel", layout))
+            .collect();
+        let pipeline = stage.render_world().resource::<PipelineCache>().queue_compute_pipeline(
+            ComputePipelineDescriptor {
+                label: Some(entry_point.into()),
+                layout: layouts.clone(),
+                shader: shader.clone(),
+                shader_defs,
+                entry_point: Some(entry_point.into()),
+                ..Default::default()
+            },
+        );
         for _ in 0..20 {
             stage.frame();
-            if stage.render_world().resource::<PipelineCache>().get_compute_pipeline(pipeline).is_some() {
+            if stage
+                .render_world()
+                .resource::<PipelineCache>()
+                .get_compute_pipeline(pipeline)
+                .is_some()
+            {
                 return Self { layouts, pipeline, _shader: shader };
             }
         }
-        let state = format!("{:?}", stage.render_world().resource::<PipelineCache>().get_compute_pipeline_state(pipeline));
+        let state = format!(
+            "{:?}",
+            stage.render_world().resource::<PipelineCache>().get_compute_pipeline_state(pipeline)
+        );
         panic!("{path} was not compiled: {state}");
     }
 
@@ -64,20 +81,33 @@ impl Kernel {
     }
 
     /// The same for a shader with several groups of bindings.
-    pub fn run_with_groups(&self, stage: &Stage, bindings: &[&[BindGroupEntry]], groups: (u32, u32)) {
+    pub fn run_with_groups(
+        &self,
+        stage: &Stage,
+        bindings: &[&[BindGroupEntry]],
+        groups: (u32, u32),
+    ) {
         let world = stage.render_world();
         let (device, cache) = (world.resource::<RenderDevice>(), world.resource::<PipelineCache>());
-        let bind_groups = self
-            .layouts
-            .iter()
-            .zip(bindings)
-            .map(|(layout, bindings)| device.create_bind_group("frugal_tests/kernel", &cache.get_bind_group_layout(layout), bindings));
+        let bind_groups = self.layouts.iter().zip(bindings).map(|(layout, bindings)| {
+            device.create_bind_group(
+                "frugal_tests/kernel",
+                &cache.get_bind_group_layout(layout),
+                bindings,
+            )
+        });
         let bind_groups: Vec<_> = bind_groups.collect();
-        let mut encoder = device.create_command_encoder(&CommandEncoderDescriptor { label: Some("frugal_tests/kernel") });
+        let mut encoder = device.create_command_encoder(&CommandEncoderDescriptor {
+            label: Some("frugal_tests/kernel"),
+        });
         {
-            let mut pass =
-                encoder.begin_compute_pass(&ComputePassDescriptor { label: Some("frugal_tests/kernel"), timestamp_writes: None });
-            let pipeline = cache.get_compute_pipeline(self.pipeline).unwrap_or_else(|| panic!("the kernel was compiled before"));
+            let mut pass = encoder.begin_compute_pass(&ComputePassDescriptor {
+                label: Some("frugal_tests/kernel"),
+                timestamp_writes: None,
+            });
+            let pipeline = cache
+                .get_compute_pipeline(self.pipeline)
+                .unwrap_or_else(|| panic!("the kernel was compiled before"));
             pass.set_pipeline(pipeline);
             for (index, bind_group) in (0..).zip(&bind_groups) {
                 pass.set_bind_group(index, bind_group, &[]);

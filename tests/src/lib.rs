@@ -1,5 +1,5 @@
-//! The harness of the integration tests: scenes on a headless renderer, what they show, and what the GPU holds; and the baseline that the plugin is
-//! measured against.
+//! The harness of the integration tests: scenes on a headless renderer, what they show, and what
+//! the GPU holds; and the baseline that the plugin is measured against.
 //!
 //! Pictures are tiny and settings low: the tests also run on a software adapter.
 

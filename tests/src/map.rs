@@ -1,24 +1,39 @@
 //! A frontier map made by hand.
 
 use bevy_frugal_gi::frontier::{
-    Bounds, Capture, Corner, CostPoint, ErrorRates, Frontier, FrontierMap, FrontierPoint, Octree, SceneIdentity, Thresholds, WorkPrices,
+    Bounds, Capture, Corner, CostPoint, ErrorRates, Frontier, FrontierMap, FrontierPoint, Octree,
+    SceneIdentity, Thresholds, WorkPrices,
 };
 use bevy_frugal_gi::knobs::KnobSpace;
 use bevy_frugal_gi::power::{MeterInfo, Provenance};
 
-/// One cube of 20 m around the origin. Every view of every corner knows three settings: the lowest for 1 W, the middle for 2 W and the highest
-/// for 4 W, with errors of 0.2, 0.05 and 0.
+/// One cube of 20 m around the origin. Every view of every corner knows three settings: the lowest
+/// for 1 W, the middle for 2 W and the highest for 4 W, with errors of 0.2, 0.05 and 0.
 pub fn one_cube(knobs: KnobSpace) -> FrontierMap {
-    let points = [(0.0, 1.0, 0.2), (0.5, 2.0, 0.05), (1.0, 4.0, 0.0)]
-        .map(|(share, power, error)| FrontierPoint { settings: knobs.preset(share), cost: CostPoint::new(power, error) });
-    let corner = |number: u16| Corner { at: [number & 1, number >> 1 & 1, number >> 2 & 1], frontiers: [0; 6] };
+    let points =
+        [(0.0, 1.0, 0.2), (0.5, 2.0, 0.05), (1.0, 4.0, 0.0)].map(|(share, power, error)| {
+            FrontierPoint { settings: knobs.preset(share), cost: CostPoint::new(power, error) }
+        });
+    let corner = |number: u16| Corner {
+        at: [number & 1, number >> 1 & 1, number >> 2 & 1],
+        frontiers: [0; 6],
+    };
     let mut corners: Vec<Corner> = (0..8).map(corner).collect();
     corners.sort_by_key(|corner| corner.at);
     FrontierMap {
         version: FrontierMap::VERSION,
         scene: SceneIdentity { name: "by hand".into(), fingerprint: "0123456789abcdef".into() },
-        capture: Capture { size: [64, 36], frames_per_second: 30.0, vertical_fov: 60.0, exposure_ev100: 8.0 },
-        meter: MeterInfo { name: "cpu-time".into(), provenance: Provenance::Modelled, description: "by hand".into() },
+        capture: Capture {
+            size: [64, 36],
+            frames_per_second: 30.0,
+            vertical_fov: 60.0,
+            exposure_ev100: 8.0,
+        },
+        meter: MeterInfo {
+            name: "cpu-time".into(),
+            provenance: Provenance::Modelled,
+            description: "by hand".into(),
+        },
         shared: Frontier::default(),
         error_rates: ErrorRates::default(),
         work_prices: WorkPrices::default(),
@@ -26,6 +41,11 @@ pub fn one_cube(knobs: KnobSpace) -> FrontierMap {
         seed: 0,
         knobs,
         bounds: Bounds { min: [-10.0; 3], max: [10.0; 3] },
-        octree: Octree { levels: 0, nodes: vec![0], corners, frontiers: vec![Frontier::from_points(points)] },
+        octree: Octree {
+            levels: 0,
+            nodes: vec![0],
+            corners,
+            frontiers: vec![Frontier::from_points(points)],
+        },
     }
 }

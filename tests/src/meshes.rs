@@ -26,7 +26,12 @@ pub fn matt(red: f32, green: f32, blue: f32) -> StandardMaterial {
 }
 
 /// Puts a mesh on the stage.
-pub fn spawn<M: Material>(stage: &mut Stage, mesh: Mesh, material: M, transform: Transform) -> Entity {
+pub fn spawn<M: Material>(
+    stage: &mut Stage,
+    mesh: Mesh,
+    material: M,
+    transform: Transform,
+) -> Entity {
     let world = stage.world_mut();
     let mesh = world.resource_mut::<Assets<Mesh>>().add(mesh);
     let material = world.resource_mut::<Assets<M>>().add(material);
@@ -34,13 +39,19 @@ pub fn spawn<M: Material>(stage: &mut Stage, mesh: Mesh, material: M, transform:
 }
 
 /// Puts a box on the stage, its sides along the axes.
-pub fn spawn_box(stage: &mut Stage, center: Vec3, size: Vec3, material: StandardMaterial) -> Entity {
+pub fn spawn_box(
+    stage: &mut Stage,
+    center: Vec3,
+    size: Vec3,
+    material: StandardMaterial,
+) -> Entity {
     spawn(stage, Cuboid::from_size(size).into(), material, Transform::from_translation(center))
 }
 
 /// A square of 1 m in the plane y = 0, facing up. Texture coordinates begin at −x, −z.
 ///
-/// Without `coordinates` for a texture, since a software driver compiles the shader of every mesh that has some anew in each frame.
+/// Without `coordinates` for a texture, since a software driver compiles the shader of every mesh
+/// that has some anew in each frame.
 pub fn plate(coordinates: bool) -> Mesh {
     let mut mesh: Mesh = Plane3d::default().mesh().size(1.0, 1.0).into();
     if !coordinates {
@@ -52,8 +63,11 @@ pub fn plate(coordinates: bool) -> Mesh {
 /// The same mesh with a skin of one joint, which moves it as a transform would.
 pub fn with_one_joint(mesh: Mesh) -> Mesh {
     let count = mesh.count_vertices();
-    mesh.with_inserted_attribute(Mesh::ATTRIBUTE_JOINT_INDEX, VertexAttributeValues::Uint16x4(vec![[0; 4]; count]))
-        .with_inserted_attribute(Mesh::ATTRIBUTE_JOINT_WEIGHT, vec![[1.0f32, 0.0, 0.0, 0.0]; count])
+    mesh.with_inserted_attribute(
+        Mesh::ATTRIBUTE_JOINT_INDEX,
+        VertexAttributeValues::Uint16x4(vec![[0; 4]; count]),
+    )
+    .with_inserted_attribute(Mesh::ATTRIBUTE_JOINT_WEIGHT, vec![[1.0f32, 0.0, 0.0, 0.0]; count])
 }
 
 /// Gives a mesh [`with_one_joint`] its joint, and returns it.
@@ -62,14 +76,24 @@ pub fn add_joint(stage: &mut Stage, skin: Entity) -> Entity {
     let joint = world.spawn(Transform::default()).id();
     let bind: SkinnedMeshInverseBindposes = vec![Mat4::IDENTITY].into();
     let inverse_bindposes = world.resource_mut::<Assets<SkinnedMeshInverseBindposes>>().add(bind);
-    world.entity_mut(skin).insert((SkinnedMesh { inverse_bindposes, joints: vec![joint] }, NoFrustumCulling));
+    world
+        .entity_mut(skin)
+        .insert((SkinnedMesh { inverse_bindposes, joints: vec![joint] }, NoFrustumCulling));
     joint
 }
 
-/// A sharp-edged texture of `width` × `height` texels of [`TextureFormat::Rgba8UnormSrgb`], or [`TextureFormat::Rgba8Unorm`] for what is no colour.
-pub fn texture(stage: &mut Stage, format: TextureFormat, width: u32, height: u32, texels: &[[u8; 4]]) -> Handle<Image> {
+/// A sharp-edged texture of `width` × `height` texels of [`TextureFormat::Rgba8UnormSrgb`], or
+/// [`TextureFormat::Rgba8Unorm`] for what is no colour.
+pub fn texture(
+    stage: &mut Stage,
+    format: TextureFormat,
+    width: u32,
+    height: u32,
+    texels: &[[u8; 4]],
+) -> Handle<Image> {
     let size = Extent3d { width, height, depth_or_array_layers: 1 };
-    let mut image = Image::new(size, TextureDimension::D2, texels.concat(), format, RenderAssetUsages::all());
+    let mut image =
+        Image::new(size, TextureDimension::D2, texels.concat(), format, RenderAssetUsages::all());
     image.sampler = ImageSampler::nearest();
     stage.world_mut().resource_mut::<Assets<Image>>().add(image)
 }
@@ -77,7 +101,8 @@ pub fn texture(stage: &mut Stage, format: TextureFormat, width: u32, height: u32
 /// Has a texture that no frame has shown yet kept for the GPU alone.
 pub fn keep_for_the_gpu(stage: &mut Stage, texture: &Handle<Image>) {
     let mut images = stage.world_mut().resource_mut::<Assets<Image>>();
-    images.get_mut(texture).unwrap_or_else(|| panic!("a texture of the stage")).asset_usage = RenderAssetUsages::RENDER_WORLD;
+    images.get_mut(texture).unwrap_or_else(|| panic!("a texture of the stage")).asset_usage =
+        RenderAssetUsages::RENDER_WORLD;
 }
 
 /// The albedo that a G-buffer of eight bits with gamma 2.2 keeps of `albedo`.

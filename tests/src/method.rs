@@ -7,7 +7,8 @@ use frugal::stage::Stage;
 use crate::naive_rsm::{self, NaiveRsm, Weights};
 use crate::set;
 
-/// What all methods have in common: no part of the frame that is not compared costs more than it must.
+/// What all methods have in common: no part of the frame that is not compared costs more than it
+/// must.
 const REST: &str = "min,resolution_scale=100%,gi_refresh_period=1";
 
 /// A way to light a stage indirectly. Shown alone, over black.
@@ -23,16 +24,22 @@ pub struct Method {
 impl Method {
     /// No global illumination.
     pub fn none() -> Self {
-        Self { name: "none".into(), settings: format!("{REST},gi_vpl_count=0"), output: GiOutput::IndirectOnly, naive: None }
+        Self {
+            name: "none".into(),
+            settings: format!("{REST},gi_vpl_count=0"),
+            output: GiOutput::IndirectOnly,
+            naive: None,
+        }
     }
 
-    /// The plugin's: VPLs, shared out among squares of so many pixels, rays, share of the pixels, texels along the side of a map. As the knobs' levels
-    /// are called.
+    /// The plugin's: VPLs, shared out among squares of so many pixels, rays, share of the pixels,
+    /// texels along the side of a map. As the knobs' levels are called.
     pub fn ours(vpls: u32, interleave: &str, visibility: &str, fraction: &str, rsm: u32) -> Self {
         let settings = format!(
             "{REST},gi_vpl_count={vpls},gi_interleave={interleave},gi_visibility={visibility},gi_pixel_fraction={fraction},rsm_resolution={rsm}"
         );
-        let name = format!("{vpls} VPLs, {interleave}, {visibility}, {fraction} of the pixels, RSM {rsm}");
+        let name =
+            format!("{vpls} VPLs, {interleave}, {visibility}, {fraction} of the pixels, RSM {rsm}");
         Self { name, settings, output: GiOutput::IndirectOnly, naive: None }
     }
 
@@ -56,7 +63,10 @@ impl Method {
             Weights::Published => "published",
         };
         Self {
-            name: format!("naive-rsm, radius {}, {weights} weights, bound {} m, RSM {rsm}", naive.radius, naive.clamp_distance),
+            name: format!(
+                "naive-rsm, radius {}, {weights} weights, bound {} m, RSM {rsm}",
+                naive.radius, naive.clamp_distance
+            ),
             settings: format!("{REST},gi_vpl_count=64,rsm_resolution={rsm}"),
             output: GiOutput::MapsOnly,
             naive: Some(NaiveRsm { alone: true, ..naive }),
@@ -66,7 +76,12 @@ impl Method {
     /// Maps of so many texels along their side, of which nothing is made.
     pub fn maps(rsm: u32) -> Self {
         let settings = format!("{REST},gi_vpl_count=64,rsm_resolution={rsm}");
-        Self { name: format!("the maps alone, RSM {rsm}"), settings, output: GiOutput::MapsOnly, naive: None }
+        Self {
+            name: format!("the maps alone, RSM {rsm}"),
+            settings,
+            output: GiOutput::MapsOnly,
+            naive: None,
+        }
     }
 
     /// Whether it is the baseline.

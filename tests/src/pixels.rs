@@ -2,15 +2,17 @@
 
 use bevy::math::{DVec3, Vec3};
 use bevy::render::render_resource::{
-    Buffer, CommandEncoderDescriptor, Extent3d, LoadOp, Operations, RenderPassDepthStencilAttachment, RenderPassDescriptor, StoreOp,
-    TexelCopyBufferLayout, Texture, TextureDescriptor, TextureDimension, TextureFormat, TextureUsages, TextureView,
+    Buffer, CommandEncoderDescriptor, Extent3d, LoadOp, Operations,
+    RenderPassDepthStencilAttachment, RenderPassDescriptor, StoreOp, TexelCopyBufferLayout,
+    Texture, TextureDescriptor, TextureDimension, TextureFormat, TextureUsages, TextureView,
 };
 use bevy::render::renderer::{RenderDevice, RenderQueue};
 use frugal::stage::Stage;
 
 use crate::{gpu, kernel};
 
-/// Where pixels lie in the world: their centres are `spacing` apart around `center`, columns along x and rows against z.
+/// Where pixels lie in the world: their centres are `spacing` apart around `center`, columns along
+/// x and rows against z.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Plane {
     /// World space, metres.
@@ -25,11 +27,14 @@ pub struct Plane {
 
 impl Plane {
     /// Pixels 1 m apart around the origin, looked at from there.
-    pub const ORIGIN: Self = Self { center: Vec3::ZERO, spacing: 1.0, eye: Vec3::ZERO, exposure: 0.01 };
+    pub const ORIGIN: Self =
+        Self { center: Vec3::ZERO, spacing: 1.0, eye: Vec3::ZERO, exposure: 0.01 };
 
     /// Centre of pixel (x, y) of a picture.
     pub fn position(&self, [width, height]: [u32; 2], x: u32, y: u32) -> DVec3 {
-        let offset = |at: u32, size: u32| (f64::from(at) + 0.5 - f64::from(size) / 2.0) * f64::from(self.spacing);
+        let offset = |at: u32, size: u32| {
+            (f64::from(at) + 0.5 - f64::from(size) / 2.0) * f64::from(self.spacing)
+        };
         // Rows go down and clip space goes up.
         self.center.as_dvec3() + DVec3::new(offset(x, width), 0.0, -offset(y, height))
     }
@@ -59,12 +64,27 @@ impl Pixels {
 
     /// Any surfaces, as Bevy packs them.
     pub fn with_texels(stage: &Stage, size: [u32; 2], texels: &[[u32; 4]], depth: f32) -> Self {
-        let g_buffer = texture(stage, size, TextureFormat::Rgba32Uint, TextureUsages::TEXTURE_BINDING | TextureUsages::COPY_DST);
-        write(stage, &g_buffer, &texels.iter().flatten().flat_map(|word| word.to_le_bytes()).collect::<Vec<_>>());
+        let g_buffer = texture(
+            stage,
+            size,
+            TextureFormat::Rgba32Uint,
+            TextureUsages::TEXTURE_BINDING | TextureUsages::COPY_DST,
+        );
+        write(
+            stage,
+            &g_buffer,
+            &texels.iter().flatten().flat_map(|word| word.to_le_bytes()).collect::<Vec<_>>(),
+        );
         let usage = TextureUsages::TEXTURE_BINDING | TextureUsages::RENDER_ATTACHMENT;
-        let view = texture(stage, size, TextureFormat::Depth32Float, usage).create_view(&Default::default());
-        let (device, queue) = (stage.render_world().resource::<RenderDevice>(), stage.render_world().resource::<RenderQueue>());
-        let mut encoder = device.create_command_encoder(&CommandEncoderDescriptor { label: Some("frugal_tests/depth") });
+        let view = texture(stage, size, TextureFormat::Depth32Float, usage)
+            .create_view(&Default::default());
+        let (device, queue) = (
+            stage.render_world().resource::<RenderDevice>(),
+            stage.render_world().resource::<RenderQueue>(),
+        );
+        let mut encoder = device.create_command_encoder(&CommandEncoderDescriptor {
+            label: Some("frugal_tests/depth"),
+        });
         encoder.begin_render_pass(&RenderPassDescriptor {
             label: Some("frugal_tests/depth"),
             color_attachments: &[],
@@ -81,13 +101,16 @@ impl Pixels {
         Self { size, g_buffer: g_buffer.create_view(&Default::default()), depth: view }
     }
 
-    /// Bevy's view uniform, of which the kernels read `world_from_clip` (the third matrix), the axis against which the eye looks (in the fourth:
-    /// here up), the eye and the exposure (after seven matrices).
+    /// Bevy's view uniform, of which the kernels read `world_from_clip` (the third matrix), the
+    /// axis against which the eye looks (in the fourth: here up), the eye and the exposure (after
+    /// seven matrices).
     pub fn view(&self, stage: &Stage, plane: &Plane) -> Buffer {
         let mut words = vec![0.0f32; 256];
         let [width, height] = self.size.map(|size| size as f32 / 2.0 * plane.spacing);
         let Vec3 { x, y, z } = plane.center;
-        words[32..48].copy_from_slice(&[width, 0.0, 0.0, 0.0, 0.0, 0.0, height, 0.0, 0.0, 0.0, 0.0, 0.0, x, y, z, 1.0]);
+        words[32..48].copy_from_slice(&[
+            width, 0.0, 0.0, 0.0, 0.0, 0.0, height, 0.0, 0.0, 0.0, 0.0, 0.0, x, y, z, 1.0,
+        ]);
         words[57] = 1.0;
         // Parallel: a pixel is as wide at any distance.
         (words[85], words[95]) = (1.0 / height, 1.0);
@@ -103,13 +126,27 @@ impl Pixels {
 
     /// The same with contents, for a kernel to read.
     pub fn input(&self, stage: &Stage, halves: &[[u16; 4]]) -> TextureView {
-        let texture = texture(stage, self.size, TextureFormat::Rgba16Float, TextureUsages::TEXTURE_BINDING | TextureUsages::COPY_DST);
-        write(stage, &texture, &halves.iter().flatten().flat_map(|half| half.to_le_bytes()).collect::<Vec<_>>());
+        let texture = texture(
+            stage,
+            self.size,
+            TextureFormat::Rgba16Float,
+            TextureUsages::TEXTURE_BINDING | TextureUsages::COPY_DST,
+        );
+        write(
+            stage,
+            &texture,
+            &halves.iter().flatten().flat_map(|half| half.to_le_bytes()).collect::<Vec<_>>(),
+        );
         texture.create_view(&Default::default())
     }
 }
 
-fn texture(stage: &Stage, [width, height]: [u32; 2], format: TextureFormat, usage: TextureUsages) -> Texture {
+fn texture(
+    stage: &Stage,
+    [width, height]: [u32; 2],
+    format: TextureFormat,
+    usage: TextureUsages,
+) -> Texture {
     stage.render_world().resource::<RenderDevice>().create_texture(&TextureDescriptor {
         label: Some("frugal_tests/texture"),
         size: Extent3d { width, height, depth_or_array_layers: 1 },
@@ -124,15 +161,26 @@ fn texture(stage: &Stage, [width, height]: [u32; 2], format: TextureFormat, usag
 
 fn write(stage: &Stage, texture: &Texture, bytes: &[u8]) {
     let row = bytes.len() as u32 / texture.height();
-    let layout = TexelCopyBufferLayout { offset: 0, bytes_per_row: Some(row), rows_per_image: None };
-    stage.render_world().resource::<RenderQueue>().write_texture(texture.as_image_copy(), bytes, layout, texture.size());
+    let layout =
+        TexelCopyBufferLayout { offset: 0, bytes_per_row: Some(row), rows_per_image: None };
+    stage.render_world().resource::<RenderQueue>().write_texture(
+        texture.as_image_copy(),
+        bytes,
+        layout,
+        texture.size(),
+    );
 }
 
-/// A normal as the G-buffer holds it, 12 bits an axis in octahedral coordinates, and what it then is.
+/// A normal as the G-buffer holds it, 12 bits an axis in octahedral coordinates, and what it then
+/// is.
 pub fn g_buffer_normal(normal: Vec3) -> (u32, DVec3) {
     let normal = normal.as_dvec3() / f64::from(normal.abs().element_sum());
     let wrap = |own: f64, other: f64| (1.0 - other.abs()) * if own > 0.0 { 1.0 } else { -1.0 };
-    let (x, y) = if normal.z >= 0.0 { (normal.x, normal.y) } else { (wrap(normal.x, normal.y), wrap(normal.y, normal.x)) };
+    let (x, y) = if normal.z >= 0.0 {
+        (normal.x, normal.y)
+    } else {
+        (wrap(normal.x, normal.y), wrap(normal.y, normal.x))
+    };
     let [x, y] = [x, y].map(|value| ((value * 0.5 + 0.5).clamp(0.0, 1.0) * 4095.0).round() as u32);
     let [fx, fy] = [x, y].map(|bits| f64::from(bits) / 4095.0 * 2.0 - 1.0);
     let z = 1.0 - fx.abs() - fy.abs();

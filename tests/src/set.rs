@@ -16,7 +16,8 @@ use crate::naive_rsm::NaiveRsmPlugin;
 
 /// A scene of the repository by its name.
 pub fn scene(name: &str) -> SceneDescription {
-    let file = PathBuf::from(env!("CARGO_MANIFEST_DIR")).join(format!("../assets/scenes/{name}.scene.ron"));
+    let file = PathBuf::from(env!("CARGO_MANIFEST_DIR"))
+        .join(format!("../assets/scenes/{name}.scene.ron"));
     scene::load(&file).unwrap_or_else(|error| panic!("{error}"))
 }
 
@@ -36,7 +37,11 @@ pub fn open(scene: &SceneDescription, options: StageOptions) -> Stage {
 }
 
 /// The same with plugins of its own, which `extend` adds.
-pub fn open_with(scene: &SceneDescription, options: StageOptions, extend: impl FnOnce(&mut App)) -> Stage {
+pub fn open_with(
+    scene: &SceneDescription,
+    options: StageOptions,
+    extend: impl FnOnce(&mut App),
+) -> Stage {
     let extend = |app: &mut App| {
         app.add_plugins(NaiveRsmPlugin);
         extend(app);
@@ -50,7 +55,11 @@ pub fn bare(lights: Vec<Light>, options: StageOptions) -> Stage {
 }
 
 /// The same with plugins of its own, which `extend` adds.
-pub fn bare_with(lights: Vec<Light>, options: StageOptions, extend: impl FnOnce(&mut App)) -> Stage {
+pub fn bare_with(
+    lights: Vec<Light>,
+    options: StageOptions,
+    extend: impl FnOnce(&mut App),
+) -> Stage {
     let mut scene = SceneDescription::new(Geometry::Procedural("furnace".into()));
     (scene.lights, scene.exposure_ev100) = (lights, 8.0);
     scene.camera.near = 0.01;
@@ -82,13 +91,19 @@ pub fn look(stage: &mut Stage, position: Vec3, target: Vec3) {
 /// The stage's camera.
 pub fn camera(stage: &mut Stage) -> Entity {
     let world = stage.world_mut();
-    world.query_filtered::<Entity, With<FrugalGi>>().single(world).unwrap_or_else(|error| panic!("the stage's camera: {error}"))
+    world
+        .query_filtered::<Entity, With<FrugalGi>>()
+        .single(world)
+        .unwrap_or_else(|error| panic!("the stage's camera: {error}"))
 }
 
 /// Its global illumination's settings, those that no knob sets among them.
 pub fn gi(stage: &mut Stage) -> Mut<'_, FrugalGi> {
     let camera = camera(stage);
-    stage.world_mut().get_mut::<FrugalGi>(camera).unwrap_or_else(|| panic!("the stage's camera has GI"))
+    stage
+        .world_mut()
+        .get_mut::<FrugalGi>(camera)
+        .unwrap_or_else(|| panic!("the stage's camera has GI"))
 }
 
 /// Has light scattered as by matt surfaces, whose albedo says all.
@@ -114,6 +129,9 @@ pub fn radiance(stage: &mut Stage) -> Radiance {
 
 /// Mean of each channel.
 pub fn channel_means(radiance: &Radiance) -> [f64; 3] {
-    let mean = |channel: usize| radiance.rgb.iter().map(|rgb| f64::from(rgb[channel])).sum::<f64>() / radiance.rgb.len() as f64;
+    let mean = |channel: usize| {
+        radiance.rgb.iter().map(|rgb| f64::from(rgb[channel])).sum::<f64>()
+            / radiance.rgb.len() as f64
+    };
     [mean(0), mean(1), mean(2)]
 }

@@ -5,7 +5,9 @@ use bevy::math::UVec2;
 use bevy::pbr::StandardMaterial;
 use bevy::prelude::AlphaMode;
 use frugal::metrics::Radiance;
-use frugal::reference::{Pixels, ReferenceScene, Seen, Settings, Shading, View, Watch, render, surfaces};
+use frugal::reference::{
+    Pixels, ReferenceScene, Seen, Settings, Shading, View, Watch, render, surfaces,
+};
 use frugal::scene::{CameraPose, Environment, SceneDescription};
 use frugal::stage::Stage;
 
@@ -33,19 +35,33 @@ pub fn one_bounce(scene: &SceneDescription, pose: CameraPose, tracing: Tracing) 
 }
 
 /// The same of so many bounces at the most.
-pub fn bounces(scene: &SceneDescription, pose: CameraPose, tracing: Tracing, most: u32) -> Radiance {
+pub fn bounces(
+    scene: &SceneDescription,
+    pose: CameraPose,
+    tracing: Tracing,
+    most: u32,
+) -> Radiance {
     let traced = ReferenceScene::new(&lamps_only(scene)).unwrap_or_else(|error| panic!("{error}"));
     trace(&traced, &View::new(scene, pose, tracing.size), tracing, most)
 }
 
-/// [`one_bounce`] on surfaces without their textures, as [`strip_textures`] leaves them: path tracing takes texels as they are and the renderer
-/// filters them, so that pixel by pixel textures differ more than light does.
-pub fn one_bounce_untextured(scene: &SceneDescription, pose: CameraPose, tracing: Tracing) -> Radiance {
+/// [`one_bounce`] on surfaces without their textures, as [`strip_textures`] leaves them: path
+/// tracing takes texels as they are and the renderer filters them, so that pixel by pixel textures
+/// differ more than light does.
+pub fn one_bounce_untextured(
+    scene: &SceneDescription,
+    pose: CameraPose,
+    tracing: Tracing,
+) -> Radiance {
     trace(&untextured(scene), &View::new(scene, pose, tracing.size), tracing, 1)
 }
 
 /// What the middle of each pixel shows where nothing is cut out of surfaces.
-pub fn surfaces_untextured(scene: &SceneDescription, pose: CameraPose, size: UVec2) -> Vec<Option<Seen>> {
+pub fn surfaces_untextured(
+    scene: &SceneDescription,
+    pose: CameraPose,
+    size: UVec2,
+) -> Vec<Option<Seen>> {
     surfaces(&untextured(scene), &View::new(scene, pose, size))
 }
 
@@ -55,7 +71,8 @@ fn untextured(scene: &SceneDescription) -> ReferenceScene {
     for material in &mut geometry.materials {
         (material.base_color_texture, material.alpha) = (None, frugal::scene::AlphaMode::Opaque);
     }
-    ReferenceScene::with_geometry(&lamps_only(scene), geometry).unwrap_or_else(|error| panic!("{error}"))
+    ReferenceScene::with_geometry(&lamps_only(scene), geometry)
+        .unwrap_or_else(|error| panic!("{error}"))
 }
 
 /// Takes the textures from everything on a stage, and with them what they cut out.
@@ -66,13 +83,30 @@ pub fn strip_textures(stage: &mut Stage) {
     }
 }
 
-fn trace(scene: &ReferenceScene, view: &View, Tracing { samples, seed, pixels, .. }: Tracing, bounces: u32) -> Radiance {
-    let settings = Settings { samples, bounces: Some(bounces), seed, shading: Shading::Lambertian, pixels, ..Default::default() };
-    render(scene, view, &settings, Watch::default()).unwrap_or_else(|| panic!("nothing interrupts")).indirect
+fn trace(
+    scene: &ReferenceScene,
+    view: &View,
+    Tracing { samples, seed, pixels, .. }: Tracing,
+    bounces: u32,
+) -> Radiance {
+    let settings = Settings {
+        samples,
+        bounces: Some(bounces),
+        seed,
+        shading: Shading::Lambertian,
+        pixels,
+        ..Default::default()
+    };
+    render(scene, view, &settings, Watch::default())
+        .unwrap_or_else(|| panic!("nothing interrupts"))
+        .indirect
 }
 
 /// Mean over pixels and channels of |a − b|.
-pub fn mean_absolute_difference<'a>(a: impl IntoIterator<Item = &'a [f32; 3]>, b: impl IntoIterator<Item = &'a [f32; 3]>) -> f64 {
+pub fn mean_absolute_difference<'a>(
+    a: impl IntoIterator<Item = &'a [f32; 3]>,
+    b: impl IntoIterator<Item = &'a [f32; 3]>,
+) -> f64 {
     let (mut sum, mut count) = (0.0, 0u32);
     for (a, b) in a.into_iter().flatten().zip(b.into_iter().flatten()) {
         sum += (f64::from(*a) - f64::from(*b)).abs();

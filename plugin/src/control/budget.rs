@@ -7,19 +7,23 @@ use bevy::reflect::Reflect;
 
 use crate::units::Watts;
 
-/// A limit on a camera's power, on its error, or on both. Without any, quality is the best that there is.
+/// A limit on a camera's power, on its error, or on both. Without any, quality is the best that
+/// there is.
 ///
-/// Power alone: the least error within it, in every frame. Error alone: the least power for which the mean error keeps it (Wang et al. 2016,
-/// equations 3.2 and 3.3; for the mean see [`ErrorRates`](crate::frontier::ErrorRates)). Both: the least error within the power, and
-/// where the two conflict, power binds.
+/// Power alone: the least error within it, in every frame. Error alone: the least power for which
+/// the mean error keeps it (Wang et al. 2016, equations 3.2 and 3.3; for the mean see
+/// [`ErrorRates`](crate::frontier::ErrorRates)). Both: the least error within the power, and where
+/// the two conflict, power binds.
 #[derive(Component, Clone, Copy, Debug, Default, PartialEq, Reflect)]
 #[reflect(Component, Default, Clone, Debug, PartialEq)]
 pub struct Budget {
-    /// Most power, in watts, at the frame rate that the frontier map was made for. Higher values give better pictures. At least 0; infinity is no
-    /// limit. No settings cost 0 W: the cheapest are taken, and the [selection](super::Selection) says that the budget cannot be met.
+    /// Most power, in watts, at the frame rate that the frontier map was made for. Higher values
+    /// give better pictures. At least 0; infinity is no limit. No settings cost 0 W: the cheapest
+    /// are taken, and the [selection](super::Selection) says that the budget cannot be met.
     pub power: Option<Watts>,
-    /// Most error in the mean over frames: 1 − SSIM against the best settings, 0 to 2. Higher values cost less power. At least 0; infinity is no limit.
-    /// A frame in which error is dear to remove may have [more](super::MOST_OVER_MEAN), others have less.
+    /// Most error in the mean over frames: 1 − SSIM against the best settings, 0 to 2. Higher
+    /// values cost less power. At least 0; infinity is no limit. A frame in which error is dear to
+    /// remove may have [more](super::MOST_OVER_MEAN), others have less.
     pub error: Option<f64>,
 }
 
@@ -28,10 +32,14 @@ pub struct Budget {
 #[non_exhaustive]
 pub enum BudgetError {
     /// NaN or a negative number of watts.
-    #[error("power budget of {0} W: give a number of watts that is 0 or more, or none for no limit")]
+    #[error(
+        "power budget of {0} W: give a number of watts that is 0 or more, or none for no limit"
+    )]
     Power(f64),
     /// NaN or a negative error.
-    #[error("error budget of {0}: give a number that is 0 or more (1 - SSIM), or none for no limit")]
+    #[error(
+        "error budget of {0}: give a number that is 0 or more (1 - SSIM), or none for no limit"
+    )]
     Error(f64),
 }
 
@@ -80,14 +88,18 @@ mod tests {
         for limit in [f64::NAN, -1e-300, -7.0, f64::NEG_INFINITY] {
             assert!(matches!(Budget::power(Watts(limit)).validate(), Err(BudgetError::Power(_))));
             assert!(matches!(Budget::error(limit).validate(), Err(BudgetError::Error(_))));
-            assert!(matches!(Budget::both(Watts(1.0), limit).validate(), Err(BudgetError::Error(_))));
+            assert!(matches!(
+                Budget::both(Watts(1.0), limit).validate(),
+                Err(BudgetError::Error(_))
+            ));
         }
         assert_eq!(Budget::default().validate(), Ok(()));
     }
 
     #[test]
     fn the_message_tells_the_value_and_the_remedy() {
-        let message = Budget::power(Watts(-2.0)).validate().expect_err("a negative budget").to_string();
+        let message =
+            Budget::power(Watts(-2.0)).validate().expect_err("a negative budget").to_string();
         assert!(message.contains("-2 W") && message.contains("0 or more"), "{message}");
     }
 }

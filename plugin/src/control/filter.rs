@@ -1,21 +1,23 @@
 //! Temporal filter: settings move to new ones level by level, so that quality never jumps.
 //!
-//! Wang et al. 2016, equation 3.8: s = round((1 − t/T)·s_old + (t/T)·s_new) for each knob, t seconds after the settings
-//! were to change; T is 2 s there, 1 s here. A target that stays is followed just so.
+//! Wang et al. 2016, equation 3.8: s = round((1 − t/T)·s_old + (t/T)·s_new) for each knob, t
+//! seconds after the settings were to change; T is 2 s there, 1 s here. A target that stays is
+//! followed just so.
 //!
 //! The equation leaves open what happens when the target changes before T has passed. Options:
 //! 1. Start all knobs anew. While the camera turns, knobs whose target stays would never arrive.
-//! 2. Start anew, from the applied level, the knobs whose own target changed. A target that alternates between two
-//!    levels far below never lets the knob go: the budget stays broken.
-//! 3. Go on from the unrounded position. Nothing starves, but a target that alternates at a leaf's border holds the
-//!    position near one half, where each flip changes the level.
+//! 2. Start anew, from the applied level, the knobs whose own target changed. A target that
+//!    alternates between two levels far below never lets the knob go: the budget stays broken.
+//! 3. Go on from the unrounded position. Nothing starves, but a target that alternates at a leaf's
+//!    border holds the position near one half, where each flip changes the level.
 //!
-//! We use 3 with hysteresis: a level that changed one way goes back only `REVERSAL_MARGIN` beyond the half-way point.
-//! The position is then a running mean of the target. A knob on its way keeps its pace when its target moves but stays
-//! on the same side, so that it reaches the range of its targets within T whatever they do there.
+//! We use 3 with hysteresis: a level that changed one way goes back only `REVERSAL_MARGIN` beyond
+//! the half-way point. The position is then a running mean of the target. A knob on its way keeps
+//! its pace when its target moves but stays on the same side, so that it reaches the range of its
+//! targets within T whatever they do there.
 //!
-//! T may differ up and down ([`TransitionTimes`]): a power limit that broke is mended quickly, what it has to spare is
-//! spent slowly.
+//! T may differ up and down ([`TransitionTimes`]): a power limit that broke is mended quickly, what
+//! it has to spare is spent slowly.
 
 use bevy::ecs::component::Component;
 use bevy::ecs::reflect::ReflectComponent;
@@ -24,28 +26,34 @@ use bevy::reflect::Reflect;
 
 use crate::knobs::{KnobSpace, RenderSettings};
 
-/// The longest step that is believed, in seconds; anything longer ends every transition all the same.
+/// The longest step that is believed, in seconds; anything longer ends every transition all the
+/// same.
 const LONGEST_STEP: f64 = 1e9;
 
-/// How far beyond the half-way point a position must be to take back the last change of its level, in levels.
+/// How far beyond the half-way point a position must be to take back the last change of its level,
+/// in levels.
 ///
-/// Higher values hold a level longer against a target that alternates. It must stay below one half: a knob at rest
-/// stands at its target. A target that alternates between neighbours then moves the level only if it stays at each for
-/// more than half a transition. One that alternates between levels A apart, h seconds at each, makes the position swing
-/// by A·r·f / (r + f − r·f) levels, r and f being h in transitions up and down; up to two margins, the level comes to
-/// rest.
+/// Higher values hold a level longer against a target that alternates. It must stay below one half:
+/// a knob at rest stands at its target. A target that alternates between neighbours then moves the
+/// level only if it stays at each for more than half a transition. One that alternates between
+/// levels A apart, h seconds at each, makes the position swing by A·r·f / (r + f − r·f) levels, r
+/// and f being h in transitions up and down; up to two margins, the level comes to rest.
 const REVERSAL_MARGIN: f64 = 0.25;
 
-/// How long a knob takes to its new level. Levels are ordered cheapest first: falling saves power, rising mends errors.
+/// How long a knob takes to its new level. Levels are ordered cheapest first: falling saves power,
+/// rising mends errors.
 ///
-/// Unit: seconds, 0 to infinity. Higher values change quality more gently and hold a broken budget's excess longer. 0
-/// and negative values mean at once, infinity never; NaN means the default, which is
+/// Unit: seconds, 0 to infinity. Higher values change quality more gently and hold a broken
+/// budget's excess longer. 0 and negative values mean at once, infinity never; NaN means the
+/// default, which is
 /// [`ControlSettings::TRANSITION_SECONDS`](super::ControlSettings::TRANSITION_SECONDS) both ways.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct TransitionTimes {
-    /// To a dearer level. Lower values make quality follow sooner, and visibly; higher values save power meanwhile.
+    /// To a dearer level. Lower values make quality follow sooner, and visibly; higher values save
+    /// power meanwhile.
     pub rise_seconds: f64,
-    /// To a cheaper level. Lower values cut power sooner, and visibly; higher values spend it on quality meanwhile.
+    /// To a cheaper level. Lower values cut power sooner, and visibly; higher values spend it on
+    /// quality meanwhile.
     pub fall_seconds: f64,
 }
 
@@ -55,10 +63,12 @@ impl TransitionTimes {
         Self { rise_seconds: seconds, fall_seconds: seconds }
     }
 
-    /// How much of a transition `delta_seconds` are, 0 to 1, for a knob that has `way` levels to go.
+    /// How much of a transition `delta_seconds` are, 0 to 1, for a knob that has `way` levels to
+    /// go.
     fn share(self, delta_seconds: f64, way: f64) -> f64 {
         let seconds = if way > 0.0 { self.rise_seconds } else { self.fall_seconds };
-        let seconds = if seconds.is_nan() { super::ControlSettings::TRANSITION_SECONDS } else { seconds };
+        let seconds =
+            if seconds.is_nan() { super::ControlSettings::TRANSITION_SECONDS } else { seconds };
         if seconds <= 0.0 { 1.0 } else { (delta_seconds / seconds).min(1.0) }
     }
 }
@@ -84,7 +94,8 @@ struct Transition {
     /// Where the knob is, in levels, before rounding.
     position: f64,
     to: u8,
-    /// Levels per transition, at least what is left of the way. Not per second, so that times may change on the way.
+    /// Levels per transition, at least what is left of the way. Not per second, so that times may
+    /// change on the way.
     pace: f64,
     /// The applied level.
     level: u8,
@@ -105,7 +116,8 @@ impl Transition {
         let way = self.way();
         let step = self.pace * times.share(delta_seconds, way);
         // Exactly there at the end: rounding errors must not keep a knob on its way for ever.
-        self.position = if way.abs() <= step { f64::from(self.to) } else { self.position + step.copysign(way) };
+        self.position =
+            if way.abs() <= step { f64::from(self.to) } else { self.position + step.copysign(way) };
     }
 
     fn turn_to(&mut self, to: u8) {
@@ -154,18 +166,20 @@ impl SettingsFilter {
         self.applied
     }
 
-    /// Makes the next step go straight to its target. Call it when the camera cuts to another place: there is no old picture to be gentle to. A filter
-    /// that was never stepped does so too.
+    /// Makes the next step go straight to its target. Call it when the camera cuts to another
+    /// place: there is no old picture to be gentle to. A filter that was never stepped does so too.
     pub fn cut(&mut self) {
         self.smooth = false;
     }
 
-    /// Whether the next step goes on from what is applied: not after a [cut](Self::cut), nor before the first step.
+    /// Whether the next step goes on from what is applied: not after a [cut](Self::cut), nor before
+    /// the first step.
     pub fn is_smooth(&self) -> bool {
         self.smooth
     }
 
-    /// Goes on from `settings`, which something else has applied, at the start of a full transition.
+    /// Goes on from `settings`, which something else has applied, at the start of a full
+    /// transition.
     pub fn resume_from(&mut self, settings: RenderSettings) {
         for (knob, transition) in self.transitions.iter_mut().enumerate() {
             *transition = Transition::at_rest(settings.level(knob) as u8);
@@ -174,11 +188,19 @@ impl SettingsFilter {
         self.smooth = true;
     }
 
-    /// Goes on by `delta_seconds` towards `target`, and returns the settings to apply, which are always of `space`.
+    /// Goes on by `delta_seconds` towards `target`, and returns the settings to apply, which are
+    /// always of `space`.
     ///
-    /// A transition from rest takes one of `times`, whatever its length in levels. The step itself belongs to the
-    /// target that stood until now: a new one starts at t = 0. A step that is negative or NaN counts as none.
-    pub fn step(&mut self, space: &KnobSpace, target: RenderSettings, delta_seconds: f64, times: TransitionTimes) -> RenderSettings {
+    /// A transition from rest takes one of `times`, whatever its length in levels. The step itself
+    /// belongs to the target that stood until now: a new one starts at t = 0. A step that is
+    /// negative or NaN counts as none.
+    pub fn step(
+        &mut self,
+        space: &KnobSpace,
+        target: RenderSettings,
+        delta_seconds: f64,
+        times: TransitionTimes,
+    ) -> RenderSettings {
         // Not `clamp` alone, which lets NaN pass.
         let delta_seconds = if delta_seconds > 0.0 { delta_seconds.min(LONGEST_STEP) } else { 0.0 };
         let target = space.from_levels(|knob, _| target.level(knob));
@@ -191,7 +213,8 @@ impl SettingsFilter {
             let transition = &mut transitions[index];
             let highest = (knob.levels.len() - 1) as f64;
             transition.advance(delta_seconds, times);
-            // Settings to go on from may be of a larger space. `max` also keeps NaN out, which reflection may write.
+            // Settings to go on from may be of a larger space. `max` also keeps NaN out, which
+            // reflection may write.
             transition.position = transition.position.max(0.0).min(highest);
             let to = target.level(index) as u8;
             if transition.to != to {
@@ -236,11 +259,22 @@ mod tests {
         filter
     }
 
-    /// The first knob's levels, a frame each, with targets that alternate, from the first on, `frames` frames each.
-    fn alternate(from: usize, targets: [usize; 2], frames: usize, seconds: f64, times: TransitionTimes) -> Vec<usize> {
+    /// The first knob's levels, a frame each, with targets that alternate, from the first on,
+    /// `frames` frames each.
+    fn alternate(
+        from: usize,
+        targets: [usize; 2],
+        frames: usize,
+        seconds: f64,
+        times: TransitionTimes,
+    ) -> Vec<usize> {
         let mut filter = started(settings(from, 0));
         let count = (seconds / FRAME).round() as usize;
-        let step = |frame| filter.step(&long_space(), settings(targets[frame / frames % 2], 0), FRAME, times).level(0);
+        let step = |frame| {
+            filter
+                .step(&long_space(), settings(targets[frame / frames % 2], 0), FRAME, times)
+                .level(0)
+        };
         (0..count).map(step).collect()
     }
 
@@ -250,13 +284,20 @@ mod tests {
 
     #[test]
     fn it_is_the_closed_form() {
-        for (old, new) in [(settings(0, 0), settings(4, 2)), (settings(4, 2), settings(0, 1)), (settings(1, 2), settings(3, 0))] {
+        for (old, new) in [
+            (settings(0, 0), settings(4, 2)),
+            (settings(4, 2), settings(0, 1)),
+            (settings(1, 2), settings(3, 0)),
+        ] {
             let mut filter = started(old);
             for frame in 0..200 {
                 // The first frame sees the new target at t = 0.
                 let got = filter.step(&space(), new, 1.0 / 64.0, TWO);
                 let share = (f64::from(frame) / 64.0 / 2.0).min(1.0);
-                let level = |knob| ((1.0 - share) * old.level(knob) as f64 + share * new.level(knob) as f64).round() as usize;
+                let level = |knob| {
+                    ((1.0 - share) * old.level(knob) as f64 + share * new.level(knob) as f64)
+                        .round() as usize
+                };
                 assert_eq!(got, settings(level(0), level(1)), "frame {frame}");
             }
             assert_eq!(filter.applied(), new);
@@ -271,7 +312,10 @@ mod tests {
             for frame in 0..=128 {
                 let got = filter.step(&space(), target, 1.0 / 64.0, TWO);
                 let share = f64::from(frame) / 64.0 / 2.0;
-                let level = |knob| ((1.0 - share) * old.level(knob) as f64 + share * target.level(knob) as f64).round() as usize;
+                let level = |knob| {
+                    ((1.0 - share) * old.level(knob) as f64 + share * target.level(knob) as f64)
+                        .round() as usize
+                };
                 assert_eq!(got, settings(level(0), level(1)), "frame {frame}");
             }
         }
@@ -296,15 +340,27 @@ mod tests {
         assert_eq!(filter.step(&space(), settings(4, 2), 1.125, TWO), settings(2, 1));
         // The samples turn round at 2.25, 2 s away from 0; the scale goes on and arrives on time.
         assert_eq!(filter.step(&space(), settings(0, 2), 0.0, TWO), settings(2, 1));
-        assert_eq!(filter.step(&space(), settings(0, 2), 0.375, TWO), settings(2, 2), "1.83: level 2 holds down to 1.25");
+        assert_eq!(
+            filter.step(&space(), settings(0, 2), 0.375, TWO),
+            settings(2, 2),
+            "1.83: level 2 holds down to 1.25"
+        );
         assert_eq!(filter.step(&space(), settings(0, 2), 0.500, TWO), settings(2, 2), "1.27");
         assert_eq!(filter.step(&space(), settings(0, 2), 0.125, TWO), settings(1, 2), "1.13");
         assert_eq!(filter.step(&space(), settings(0, 2), 0.500, TWO), settings(1, 2), "0.56");
-        assert_eq!(filter.step(&space(), settings(0, 2), 0.125, TWO), settings(0, 2), "0.42: no margin the second time");
+        assert_eq!(
+            filter.step(&space(), settings(0, 2), 0.125, TWO),
+            settings(0, 2),
+            "0.42: no margin the second time"
+        );
         // A farther target on the same side quickens the knob.
         filter.resume_from(settings(0, 0));
         filter.step(&space(), settings(2, 0), 0.0, TWO);
-        assert_eq!(filter.step(&space(), settings(4, 0), 0.5, TWO), settings(1, 0), "0.5, with 3.5 to go");
+        assert_eq!(
+            filter.step(&space(), settings(4, 0), 0.5, TWO),
+            settings(1, 0),
+            "0.5, with 3.5 to go"
+        );
         assert_eq!(filter.step(&space(), settings(4, 0), 1.0, TWO), settings(2, 0), "2.25");
         // A nearer one does not slow it down.
         assert_eq!(filter.step(&space(), settings(3, 0), 0.0, TWO), settings(2, 0));
@@ -322,7 +378,10 @@ mod tests {
                     let arrived = 1 + (seconds / FRAME).round() as usize;
                     assert_eq!(levels[0], 7);
                     assert!(levels.is_sorted_by(|a, b| a >= b), "it only falls: {levels:?}");
-                    assert!(levels[arrived..].iter().all(|level| [2, 3].contains(level)), "{times:?}: {levels:?}");
+                    assert!(
+                        levels[arrived..].iter().all(|level| [2, 3].contains(level)),
+                        "{times:?}: {levels:?}"
+                    );
                     assert!(changes(&levels) <= 5, "{times:?}: {levels:?}");
                 }
             }
@@ -337,7 +396,10 @@ mod tests {
             for frame in 0..=128 {
                 let got = filter.step(&long_space(), settings(4, 0), 1.0 / 64.0, times);
                 let share = |seconds: f64| (f64::from(frame) / 64.0 / seconds).min(1.0);
-                let expected = settings((4.0 * share(up)).round() as usize, (4.0 - 4.0 * share(down)).round() as usize);
+                let expected = settings(
+                    (4.0 * share(up)).round() as usize,
+                    (4.0 - 4.0 * share(down)).round() as usize,
+                );
                 assert_eq!(got, expected, "{times:?}, frame {frame}");
             }
         }
@@ -347,8 +409,9 @@ mod tests {
     fn a_target_that_flips_does_not_make_the_level_flip() {
         for times in [TWO, QUICK_FALL, QUICK_RISE] {
             for (from, targets) in [(1, [0, 1]), (1, [1, 0]), (0, [0, 1]), (0, [1, 0])] {
-                // 0.1 s each. The position comes to swing about the target's mean, 0.04 levels wide at most. On its way
-                // it may pass one half, once; to pass it again takes a swing of half a level.
+                // 0.1 s each. The position comes to swing about the target's mean, 0.04 levels wide
+                // at most. On its way it may pass one half, once; to pass it again takes a swing of
+                // half a level.
                 let levels = alternate(from, targets, 6, 10.0, times);
                 assert!(changes(&levels) <= 1, "{times:?}, {from}, {targets:?}: {levels:?}");
             }
@@ -356,7 +419,8 @@ mod tests {
             let levels = alternate(1, [0, 1], 59, 60.0, times);
             assert!(changes(&levels) <= 1, "{times:?}: {levels:?}");
         }
-        // Over many levels the way to the mean takes several changes, and none back. So it does frame by frame.
+        // Over many levels the way to the mean takes several changes, and none back. So it does
+        // frame by frame.
         for frames in [6, 1] {
             let levels = alternate(7, [0, 7], frames, 10.0, TWO);
             assert!(levels.is_sorted_by(|a, b| a >= b), "{levels:?}");
@@ -380,15 +444,31 @@ mod tests {
         filter.cut();
         assert!(!filter.is_smooth());
         assert_eq!(filter.step(&space(), settings(4, 0), 0.0, TWO), settings(4, 0));
-        assert_eq!(filter.step(&space(), settings(0, 0), 0.0, TWO), settings(4, 0), "a cut is over after one step");
+        assert_eq!(
+            filter.step(&space(), settings(0, 0), 0.0, TWO),
+            settings(4, 0),
+            "a cut is over after one step"
+        );
         assert_eq!(filter.step(&space(), settings(3, 1), 0.0, now), settings(3, 1));
         assert_eq!(filter.step(&space(), settings(1, 2), 0.0, before), settings(1, 2));
-        assert_eq!(filter.step(&space(), settings(2, 2), 0.0, default), settings(1, 2), "NaN is the default length");
+        assert_eq!(
+            filter.step(&space(), settings(2, 2), 0.0, default),
+            settings(1, 2),
+            "NaN is the default length"
+        );
         assert_eq!(filter.step(&space(), settings(2, 2), 0.375, default), settings(1, 2));
         assert_eq!(filter.step(&space(), settings(2, 2), 0.125, default), settings(2, 2));
-        assert_eq!(filter.step(&space(), settings(2, 2), 0.0, long), settings(2, 2), "a longer transition takes nothing back");
+        assert_eq!(
+            filter.step(&space(), settings(2, 2), 0.0, long),
+            settings(2, 2),
+            "a longer transition takes nothing back"
+        );
         filter.resume_from(settings(0, 2));
-        assert_eq!(filter.step(&space(), settings(2, 2), 9.0, TWO), settings(0, 2), "t = 0 on the frame of the change");
+        assert_eq!(
+            filter.step(&space(), settings(2, 2), 9.0, TWO),
+            settings(0, 2),
+            "t = 0 on the frame of the change"
+        );
         // One way at once, the other way not.
         let falls = TransitionTimes { rise_seconds: 2.0, fall_seconds: 0.0 };
         filter.resume_from(settings(0, 2));
@@ -405,17 +485,29 @@ mod tests {
             assert_eq!(filter.step(&space(), settings(4, 2), delta, TWO), settings(0, 0));
         }
         for delta in [f64::INFINITY, 1e300, 1.0] {
-            assert_eq!(filter.step(&space(), settings(4, 2), delta, never), settings(0, 0), "infinity never moves");
+            assert_eq!(
+                filter.step(&space(), settings(4, 2), delta, never),
+                settings(0, 0),
+                "infinity never moves"
+            );
             assert_eq!(filter.step(&space(), settings(3, 1), delta, never), settings(0, 0));
         }
         filter.step(&space(), settings(4, 2), 0.0, never);
-        assert_eq!(filter.step(&space(), settings(4, 2), f64::INFINITY, TWO), settings(4, 2), "and breaks nothing");
+        assert_eq!(
+            filter.step(&space(), settings(4, 2), f64::INFINITY, TWO),
+            settings(4, 2),
+            "and breaks nothing"
+        );
         // The shortest transitions that there are, and steps that are nothing beside them.
         let least = TransitionTimes::both(f64::from_bits(1));
         assert_eq!(filter.step(&space(), settings(3, 1), 0.0, least), settings(4, 2));
         assert_eq!(filter.step(&space(), settings(3, 1), 1.0, least), settings(3, 1));
         filter.resume_from(settings(3, 1));
-        assert_eq!(filter.step(&space(), settings(3, 1), 1.0, least), settings(3, 1), "nothing times infinity");
+        assert_eq!(
+            filter.step(&space(), settings(3, 1), 1.0, least),
+            settings(3, 1),
+            "nothing times infinity"
+        );
     }
 
     #[test]
@@ -423,7 +515,11 @@ mod tests {
         let mut filter = started(settings(0, 0));
         filter.resume_from(settings(15, 15));
         assert_eq!(filter.step(&space(), settings(0, 2), 0.0, TWO), settings(4, 2));
-        assert_eq!(filter.step(&space(), settings(0, 2), 1.0, TWO), settings(2, 2), "half of the way from 4");
+        assert_eq!(
+            filter.step(&space(), settings(0, 2), 1.0, TWO),
+            settings(2, 2),
+            "half of the way from 4"
+        );
     }
 
     /// Seconds per transition: all that can be, with plenty of what is usual.
@@ -432,18 +528,21 @@ mod tests {
     }
 
     fn usual_times() -> impl Strategy<Value = TransitionTimes> {
-        (0.1..4.0, 0.1..4.0).prop_map(|(rise_seconds, fall_seconds)| TransitionTimes { rise_seconds, fall_seconds })
+        (0.1..4.0, 0.1..4.0)
+            .prop_map(|(rise_seconds, fall_seconds)| TransitionTimes { rise_seconds, fall_seconds })
     }
 
     /// A filter after any way.
     fn on_its_way() -> impl Strategy<Value = SettingsFilter> {
-        (usual_times(), prop::collection::vec((any::<u64>(), 0.0..0.5), 1..20)).prop_map(|(times, steps)| {
-            let mut filter = SettingsFilter::default();
-            for (bits, delta) in steps {
-                filter.step(&long_space(), RenderSettings::from_bits(bits), delta, times);
-            }
-            filter
-        })
+        (usual_times(), prop::collection::vec((any::<u64>(), 0.0..0.5), 1..20)).prop_map(
+            |(times, steps)| {
+                let mut filter = SettingsFilter::default();
+                for (bits, delta) in steps {
+                    filter.step(&long_space(), RenderSettings::from_bits(bits), delta, times);
+                }
+                filter
+            },
+        )
     }
 
     proptest! {

@@ -1,4 +1,5 @@
-//! The controller: picks every camera's knob settings from its frontiers under its budget, and moves there smoothly.
+//! The controller: picks every camera's knob settings from its frontiers under its budget, and
+//! moves there smoothly.
 //!
 //! | component of a camera | written by | holds |
 //! |---|---|---|
@@ -9,7 +10,8 @@
 //! | [`SettingsFilter`] | the controller | the way from old settings to new ones; the app calls [`cut`](SettingsFilter::cut) on it |
 //! | [`KnobSettings`](crate::knobs::KnobSettings) | the controller | the settings to apply |
 //!
-//! [`choose`], [`select`] and [`SettingsFilter`] know nothing of Bevy's schedule, and can be used without it.
+//! [`choose`], [`select`] and [`SettingsFilter`] know nothing of Bevy's schedule, and can be used
+//! without it.
 mod budget;
 mod filter;
 mod pace;
@@ -20,7 +22,10 @@ pub use budget::{Budget, BudgetError};
 pub use filter::{SettingsFilter, TransitionTimes};
 pub use pace::{ErrorPace, choose};
 pub use select::{Choice, MOST_OVER_MEAN, Outcome, select};
-pub use selection::{ControlSettings, ControlStatus, FrontierMapHandle, FrontierSource, KnownKnobs, OffReason, Selection};
+pub use selection::{
+    ControlSettings, ControlStatus, FrontierMapHandle, FrontierSource, KnownKnobs, OffReason,
+    Selection,
+};
 
 use bevy::app::{App, Plugin, PostUpdate};
 use bevy::asset::{AssetEventSystems, Assets};
@@ -34,12 +39,15 @@ use crate::frontier::FrontierMap;
 /// When the controller runs.
 #[derive(SystemSet, Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum ControlSystems {
-    /// Part of `PostUpdate`, after transform propagation: writes [`Selection`] and [`KnobSettings`](crate::knobs::KnobSettings). Settings are
-    /// applied before cameras are updated, which Bevy does earlier in the schedule: a selection is in the next frame's picture.
+    /// Part of `PostUpdate`, after transform propagation: writes [`Selection`] and
+    /// [`KnobSettings`](crate::knobs::KnobSettings). Settings are applied before cameras are
+    /// updated, which Bevy does earlier in the schedule: a selection is in the next frame's
+    /// picture.
     Select,
 }
 
-/// The controller. Needs [`FrontierMapPlugin`](crate::frontier::FrontierMapPlugin) and Bevy's `TimePlugin`; without the former it stays off.
+/// The controller. Needs [`FrontierMapPlugin`](crate::frontier::FrontierMapPlugin) and Bevy's
+/// `TimePlugin`; without the former it stays off.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct ControlPlugin;
 
@@ -64,7 +72,8 @@ impl Plugin for ControlPlugin {
                 (systems::forget_changed_maps, systems::select_settings)
                     .chain()
                     .in_set(ControlSystems::Select)
-                    // Need this frame's changes of maps, so that no map is read with the knobs of its predecessor.
+                    // Need this frame's changes of maps, so that no map is read with the knobs of
+                    // its predecessor.
                     .after(AssetEventSystems)
                     // Need where cameras are in this frame.
                     .after(TransformSystems::Propagate)
@@ -74,7 +83,9 @@ impl Plugin for ControlPlugin {
 
     fn finish(&self, app: &mut App) {
         if !app.world().contains_resource::<Assets<FrontierMap>>() {
-            warn!("ControlPlugin stays off: frontier maps are no assets of this app, add FrontierMapPlugin");
+            warn!(
+                "ControlPlugin stays off: frontier maps are no assets of this app, add FrontierMapPlugin"
+            );
         }
     }
 }

@@ -1,8 +1,9 @@
 //! Keeps the mean of an error budget where views are not those that the map was calibrated on.
 //!
-//! Dual ascent (Arrow, Hurwicz and Uzawa 1958; Boyd and Vandenberghe 2004, section 5.4): while frames are predicted to
-//! have more error than the mean that was asked for, what error is worth rises; while they have less, it falls. A
-//! walk through easy views then costs less power, and one through hard views keeps its mean.
+//! Dual ascent (Arrow, Hurwicz and Uzawa 1958; Boyd and Vandenberghe 2004, section 5.4): while
+//! frames are predicted to have more error than the mean that was asked for, what error is worth
+//! rises; while they have less, it falls. A walk through easy views then costs less power, and one
+//! through hard views keeps its mean.
 
 use bevy::ecs::component::Component;
 use bevy::ecs::reflect::ReflectComponent;
@@ -12,15 +13,17 @@ use bevy::reflect::Reflect;
 use super::{Budget, Choice, select};
 use crate::frontier::{CameraView, FrontierStore, SampleCamera};
 
-/// Seconds in which twice the error that was asked for changes its worth by a factor of e. Higher values hold settings
-/// steadier; lower ones hold the mean over shorter stretches.
+/// Seconds in which twice the error that was asked for changes its worth by a factor of e. Higher
+/// values hold settings steadier; lower ones hold the mean over shorter stretches.
 const PACE_SECONDS: f64 = 2.0;
-/// Greatest factor on the calibrated worth, either way: what goes beyond is no error budget's doing.
+/// Greatest factor on the calibrated worth, either way: what goes beyond is no error budget's
+/// doing.
 const MOST: f64 = 16.0;
 /// The longest frame that counts, seconds: a pause is no evidence.
 const LONGEST_FRAME: f64 = 0.25;
 
-/// How far a camera's views are from those that the map's error budgets were calibrated on. Written by the controller.
+/// How far a camera's views are from those that the map's error budgets were calibrated on. Written
+/// by the controller.
 #[derive(Component, Clone, Copy, Debug, Default, PartialEq, Reflect)]
 #[reflect(Component, Default, Clone, Debug, PartialEq)]
 pub struct ErrorPace {
@@ -45,8 +48,8 @@ impl ErrorPace {
     }
 }
 
-/// What `budget` buys at `view`, and the sample camera that says so: [`select`] at the exchange rate that keeps the mean
-/// of an error budget. The same for apps and for `frugal evaluate`.
+/// What `budget` buys at `view`, and the sample camera that says so: [`select`] at the exchange
+/// rate that keeps the mean of an error budget. The same for apps and for `frugal evaluate`.
 ///
 /// `None` where no frontier is known there, or the budget is not valid.
 pub fn choose(
@@ -60,9 +63,12 @@ pub fn choose(
         *pace = ErrorPace { logarithm: 0.0, budget: budget.error };
     }
     let found = store.look_up(view)?;
-    let rate = budget.error.and_then(|error| store.error_rate(error)).map(|rate| rate * pace.factor());
+    let rate =
+        budget.error.and_then(|error| store.error_rate(error)).map(|rate| rate * pace.factor());
     let choice = select(found.frontier, budget, rate)?;
-    if let (None, Some(target)) = (budget.power, budget.error.and_then(|error| store.error_target(error))) {
+    if let (None, Some(target)) =
+        (budget.power, budget.error.and_then(|error| store.error_target(error)))
+    {
         pace.observe(choice.cost.error, target, delta_seconds);
     }
     Some((found.camera, choice))
@@ -73,27 +79,41 @@ mod tests {
     use bevy::math::{Quat, Vec3};
 
     use super::*;
-    use crate::frontier::{CostPoint, ErrorRate, ErrorRates, Frontier, FrontierPoint, SampleRef, ViewDirection};
+    use crate::frontier::{
+        CostPoint, ErrorRate, ErrorRates, Frontier, FrontierPoint, SampleRef, ViewDirection,
+    };
     use crate::knobs::{KnobSpace, RenderSettings};
 
-    /// Easy views where x is below 0, hard ones elsewhere: an error of 0.015 or 0.1 at 1 W, falling as 1 / W.
+    /// Easy views where x is below 0, hard ones elsewhere: an error of 0.015 or 0.1 at 1 W, falling
+    /// as 1 / W.
     struct TwoViews(KnobSpace, [Frontier; 2], ErrorRates);
 
     fn store(target: Option<f64>) -> TwoViews {
         let frontier = |error: f64| {
             let point = |level: u64| {
                 let power = 1.0 + 0.1 * level as f64;
-                FrontierPoint { settings: RenderSettings::from_bits(level), cost: CostPoint::new(power, error / power.powi(2)) }
+                FrontierPoint {
+                    settings: RenderSettings::from_bits(level),
+                    cost: CostPoint::new(power, error / power.powi(2)),
+                }
             };
             Frontier::from_points((0..100).map(point))
         };
         let rate = ErrorRate { budget: 0.02, watts_per_error: 50.0, predicted: target };
-        TwoViews(KnobSpace::new(Vec::new()).expect("no knobs"), [frontier(0.015), frontier(0.1)], ErrorRates(vec![rate]))
+        TwoViews(
+            KnobSpace::new(Vec::new()).expect("no knobs"),
+            [frontier(0.015), frontier(0.1)],
+            ErrorRates(vec![rate]),
+        )
     }
 
     impl FrontierStore for TwoViews {
         fn look_up(&self, view: &CameraView) -> Option<SampleRef<'_>> {
-            let camera = SampleCamera { corner: 0, position: Vec3::ZERO, direction: ViewDirection::PositiveX };
+            let camera = SampleCamera {
+                corner: 0,
+                position: Vec3::ZERO,
+                direction: ViewDirection::PositiveX,
+            };
             Some(SampleRef { camera, frontier: &self.1[usize::from(view.position.x >= 0.0)] })
         }
         fn knobs(&self) -> &KnobSpace {
@@ -108,14 +128,30 @@ mod tests {
     }
 
     fn view(x: f32) -> CameraView {
-        CameraView { position: Vec3::X * x, rotation: Quat::IDENTITY, vertical_fov: 1.0, aspect: 1.0 }
+        CameraView {
+            position: Vec3::X * x,
+            rotation: Quat::IDENTITY,
+            vertical_fov: 1.0,
+            aspect: 1.0,
+        }
     }
 
     /// Mean error and power of 20 s at 30 Hz.
-    fn played(store: &TwoViews, x: impl Fn(usize) -> f32, budget: Budget, delta: f64) -> (f64, f64) {
+    fn played(
+        store: &TwoViews,
+        x: impl Fn(usize) -> f32,
+        budget: Budget,
+        delta: f64,
+    ) -> (f64, f64) {
         let mut pace = ErrorPace::default();
-        let costs: Vec<CostPoint> =
-            (0..600).map(|frame| choose(store, &view(x(frame)), &budget, &mut pace, delta).expect("a frontier").1.cost).collect();
+        let costs: Vec<CostPoint> = (0..600)
+            .map(|frame| {
+                choose(store, &view(x(frame)), &budget, &mut pace, delta)
+                    .expect("a frontier")
+                    .1
+                    .cost
+            })
+            .collect();
         let mean = |value: fn(&CostPoint) -> f64| costs.iter().map(value).sum::<f64>() / 600.0;
         (mean(|cost| cost.error), mean(|cost| cost.power.0))
     }

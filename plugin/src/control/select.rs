@@ -1,6 +1,7 @@
 //! Which point of a frontier a budget buys.
 //!
-//! Wang et al. 2016, equations 3.2 (least error within a power) and 3.3 (least power within an error), each one binary search.
+//! Wang et al. 2016, equations 3.2 (least error within a power) and 3.3 (least power within an
+//! error), each one binary search.
 
 use bevy::reflect::Reflect;
 
@@ -17,7 +18,8 @@ pub enum Outcome {
     PowerCannotBeMet,
     /// Even the best settings have more error, and nothing limits power: those are taken.
     ErrorCannotBeMet,
-    /// The power limit is met, but nothing within it meets the error limit too: the least error within the power is taken.
+    /// The power limit is met, but nothing within it meets the error limit too: the least error
+    /// within the power is taken.
     ErrorGivesWay,
 }
 
@@ -34,37 +36,53 @@ pub struct Choice {
 
 /// The most error that a frame may be predicted to have, in error budgets.
 ///
-/// A mean is kept with views that have more than it. Higher values save more power where the views of a path are like those that the map was
-/// calibrated on; lower ones hold the mean on paths of views that are harder than those.
+/// A mean is kept with views that have more than it. Higher values save more power where the views
+/// of a path are like those that the map was calibrated on; lower ones hold the mean on paths of
+/// views that are harder than those.
 pub const MOST_OVER_MEAN: f64 = 2.0;
 
-/// Picks the point of `frontier` that `budget` buys. `None` where the frontier is empty or the budget not [valid](Budget::validate).
+/// Picks the point of `frontier` that `budget` buys. `None` where the frontier is empty or the
+/// budget not [valid](Budget::validate).
 ///
 /// `rate`: watts that a unit of error is worth under an error budget, where the map says so
-/// ([`FrontierStore::error_rate`](crate::frontier::FrontierStore::error_rate)); without it each frame keeps the error budget.
+/// ([`FrontierStore::error_rate`](crate::frontier::FrontierStore::error_rate)); without it each
+/// frame keeps the error budget.
 ///
-/// An infinite limit is met by every point: power without limit buys the best settings, error without limit the cheapest. No limit at all gives the
-/// best settings. On a frontier every watt buys some error, so nothing is ever spent in vain.
+/// An infinite limit is met by every point: power without limit buys the best settings, error
+/// without limit the cheapest. No limit at all gives the best settings. On a frontier every watt
+/// buys some error, so nothing is ever spent in vain.
 pub fn select(frontier: &Frontier, budget: &Budget, rate: Option<f64>) -> Option<Choice> {
     budget.validate().ok()?;
     let cheapest = frontier.points().first()?;
     let best = frontier.points().last()?;
-    let choice = |point: &FrontierPoint, outcome| Some(Choice { settings: point.settings, cost: point.cost, outcome });
+    let choice = |point: &FrontierPoint, outcome| {
+        Some(Choice { settings: point.settings, cost: point.cost, outcome })
+    };
     match (budget.power, budget.error) {
         (None, None) => choice(best, Outcome::Met),
         (None, Some(limit)) => {
-            let weighted = rate.filter(|_| limit.is_finite()).and_then(|rate| frontier.least_weighted(rate));
-            let within = frontier.least_power_within(if weighted.is_some() { MOST_OVER_MEAN * limit } else { limit });
+            let weighted =
+                rate.filter(|_| limit.is_finite()).and_then(|rate| frontier.least_weighted(rate));
+            let within = frontier.least_power_within(if weighted.is_some() {
+                MOST_OVER_MEAN * limit
+            } else {
+                limit
+            });
             match (weighted, within) {
                 // The better of the two: points rise in power and fall in error together.
-                (Some(weighted), Some(within)) if within.cost.power <= weighted.cost.power => choice(weighted, Outcome::Met),
+                (Some(weighted), Some(within)) if within.cost.power <= weighted.cost.power => {
+                    choice(weighted, Outcome::Met)
+                }
                 (_, Some(within)) => choice(within, Outcome::Met),
                 (_, None) => choice(best, Outcome::ErrorCannotBeMet),
             }
         }
         (Some(limit), error) => match frontier.least_error_within(limit) {
-            // With both limits, the least error within the power is the answer whether it meets the error's limit or not.
-            Some(point) if error.is_none_or(|error| point.cost.error <= error) => choice(point, Outcome::Met),
+            // With both limits, the least error within the power is the answer whether it meets the
+            // error's limit or not.
+            Some(point) if error.is_none_or(|error| point.cost.error <= error) => {
+                choice(point, Outcome::Met)
+            }
             Some(point) => choice(point, Outcome::ErrorGivesWay),
             None => choice(cheapest, Outcome::PowerCannotBeMet),
         },
@@ -81,7 +99,8 @@ mod tests {
 
     fn picked(budget: Budget) -> Option<(f64, Outcome)> {
         // Points at 1 W / 0.2, 2 W / 0.05 and 4 W / 0.
-        select(&testing::frontier(1.0), &budget, None).map(|choice| (choice.cost.power.0, choice.outcome))
+        select(&testing::frontier(1.0), &budget, None)
+            .map(|choice| (choice.cost.power.0, choice.outcome))
     }
 
     #[test]
@@ -99,16 +118,20 @@ mod tests {
         assert_eq!(picked(Budget::error(0.05)), Some((2.0, Outcome::Met)));
         assert_eq!(picked(Budget::error(0.199)), Some((2.0, Outcome::Met)));
         assert_eq!(picked(Budget::error(f64::INFINITY)), Some((1.0, Outcome::Met)));
-        let never_exact = Frontier::from_points(testing::frontier(1.0).points()[..2].iter().copied());
+        let never_exact =
+            Frontier::from_points(testing::frontier(1.0).points()[..2].iter().copied());
         let choice = select(&never_exact, &Budget::error(0.01), None).expect("a choice");
         assert_eq!((choice.cost.power.0, choice.outcome), (2.0, Outcome::ErrorCannotBeMet));
     }
 
     #[test]
     fn a_rate_holds_the_mean_and_no_frame_is_given_up() {
-        // Points at 1 W / 0.2, 2 W / 0.05 and 4 W / 0: the first step removes 0.15 of error for 1 W, the second 0.025 a watt.
-        let picked =
-            |limit: f64, rate: f64| select(&testing::frontier(1.0), &Budget::error(limit), Some(rate)).map(|choice| choice.cost.power.0);
+        // Points at 1 W / 0.2, 2 W / 0.05 and 4 W / 0: the first step removes 0.15 of error for 1
+        // W, the second 0.025 a watt.
+        let picked = |limit: f64, rate: f64| {
+            select(&testing::frontier(1.0), &Budget::error(limit), Some(rate))
+                .map(|choice| choice.cost.power.0)
+        };
         assert_eq!(
             [6.0, 7.0, 39.0, 41.0, f64::INFINITY].map(|rate| picked(0.16, rate)),
             [Some(1.0), Some(2.0), Some(2.0), Some(4.0), Some(4.0)]
@@ -122,10 +145,17 @@ mod tests {
     #[test]
     fn of_both_power_binds() {
         assert_eq!(picked(Budget::both(Watts(3.0), 0.1)), Some((2.0, Outcome::Met)));
-        assert_eq!(picked(Budget::both(Watts(9.0), 0.1)), Some((4.0, Outcome::Met)), "the least error within the power");
+        assert_eq!(
+            picked(Budget::both(Watts(9.0), 0.1)),
+            Some((4.0, Outcome::Met)),
+            "the least error within the power"
+        );
         assert_eq!(picked(Budget::both(Watts(1.5), 0.1)), Some((1.0, Outcome::ErrorGivesWay)));
         assert_eq!(picked(Budget::both(Watts(0.5), 0.3)), Some((1.0, Outcome::PowerCannotBeMet)));
-        assert_eq!(picked(Budget::both(Watts(f64::INFINITY), f64::INFINITY)), Some((4.0, Outcome::Met)));
+        assert_eq!(
+            picked(Budget::both(Watts(f64::INFINITY), f64::INFINITY)),
+            Some((4.0, Outcome::Met))
+        );
     }
 
     #[test]
@@ -140,9 +170,11 @@ mod tests {
 
     fn any_frontier() -> impl Strategy<Value = Frontier> {
         prop::collection::vec((0.0..20.0_f64, 0.0..1.0_f64), 1..60).prop_map(|costs| {
-            Frontier::from_points(costs.iter().enumerate().map(|(bits, (power, error))| FrontierPoint {
-                settings: RenderSettings::from_bits(bits as u64),
-                cost: CostPoint::new(*power, *error),
+            Frontier::from_points(costs.iter().enumerate().map(|(bits, (power, error))| {
+                FrontierPoint {
+                    settings: RenderSettings::from_bits(bits as u64),
+                    cost: CostPoint::new(*power, *error),
+                }
             }))
         })
     }

@@ -11,8 +11,8 @@ use bevy::time::{Real, Time};
 use bevy::transform::components::GlobalTransform;
 
 use super::{
-    Budget, ControlSettings, ControlStatus, ErrorPace, FrontierMapHandle, FrontierSource, KnownKnobs, OffReason, Selection, SettingsFilter,
-    choose,
+    Budget, ControlSettings, ControlStatus, ErrorPace, FrontierMapHandle, FrontierSource,
+    KnownKnobs, OffReason, Selection, SettingsFilter, choose,
 };
 use crate::frontier::{CameraView, FrontierMap, FrontierStore};
 use crate::knobs::{KnobSettings, KnobSpace, RenderSettings};
@@ -25,7 +25,12 @@ type Prepared = Result<Arc<KnobSpace>, (OffReason, String)>;
 pub(super) struct PreparedMaps(HashMap<AssetId<FrontierMap>, Prepared>);
 
 impl PreparedMaps {
-    fn get(&mut self, id: AssetId<FrontierMap>, map: &FrontierMap, known: Option<&KnownKnobs>) -> &Prepared {
+    fn get(
+        &mut self,
+        id: AssetId<FrontierMap>,
+        map: &FrontierMap,
+        known: Option<&KnownKnobs>,
+    ) -> &Prepared {
         self.0.entry(id).or_insert_with(|| {
             map.validate().map_err(|error| (OffReason::MapInvalid, error.to_string()))?;
             check_known(&map.knobs, known)?;
@@ -38,7 +43,9 @@ fn check_known(space: &KnobSpace, known: Option<&KnownKnobs>) -> Result<(), (Off
     match known.and_then(|known| known.first_unknown(space)) {
         None => Ok(()),
         Some(name) => {
-            let reason = format!("the map sets knob `{name}`, which this app does not have: register it, or precompute without it");
+            let reason = format!(
+                "the map sets knob `{name}`, which this app does not have: register it, or precompute without it"
+            );
             Err((OffReason::UnknownKnobs, reason))
         }
     }
@@ -52,7 +59,10 @@ pub(super) fn forget_changed_maps(
 ) {
     for event in events.read() {
         match event {
-            AssetEvent::Added { id } | AssetEvent::Modified { id } | AssetEvent::Removed { id } | AssetEvent::Unused { id } => {
+            AssetEvent::Added { id }
+            | AssetEvent::Modified { id }
+            | AssetEvent::Removed { id }
+            | AssetEvent::Unused { id } => {
                 prepared.0.remove(id);
             }
             AssetEvent::LoadedWithDependencies { .. } => {}
@@ -85,7 +95,18 @@ pub(super) fn select_settings(
     )>,
 ) {
     let known = known.as_deref();
-    for (entity, (handle, source), budget, transform, projection, camera, mut selection, (mut filter, mut pace), knobs) in &mut cameras {
+    for (
+        entity,
+        (handle, source),
+        budget,
+        transform,
+        projection,
+        camera,
+        mut selection,
+        (mut filter, mut pace),
+        knobs,
+    ) in &mut cameras
+    {
         if camera.is_some_and(|camera| !camera.is_active) {
             continue;
         }
@@ -103,7 +124,9 @@ pub(super) fn select_settings(
             let id = handle.0.id();
             let Some(map) = maps.get(id) else {
                 match server.as_ref().and_then(|server| server.get_load_state(id)) {
-                    Some(LoadState::Failed(error)) => turn_off(entity, &mut selection, OffReason::MapNotLoaded, &error),
+                    Some(LoadState::Failed(error)) => {
+                        turn_off(entity, &mut selection, OffReason::MapNotLoaded, &error)
+                    }
                     _ => stand_by(&mut selection, ControlStatus::Waiting),
                 }
                 continue;
@@ -125,14 +148,17 @@ pub(super) fn select_settings(
         }
         let delta = time.delta_secs_f64();
         // As the filter's below: its clock runs every frame, and nobody needs to be told.
-        let Some((sample, choice)) = choose(store, &view, budget, pace.bypass_change_detection(), delta) else {
+        let Some((sample, choice)) =
+            choose(store, &view, budget, pace.bypass_change_detection(), delta)
+        else {
             let message = "no sample camera of the map has a frontier: is its scene empty, or do its bounds lie in a wall?";
             turn_off(entity, &mut selection, OffReason::NothingKnown, &message);
             continue;
         };
 
         match &knobs {
-            // Somebody else wrote them since: go on from there. Not at the start, where the app's own settings are no picture to be gentle to.
+            // Somebody else wrote them since: go on from there. Not at the start, where the app's
+            // own settings are no picture to be gentle to.
             Some(knobs) if same_space(&knobs.space, space) => {
                 if filter.is_smooth() && knobs.settings != filter.applied() {
                     filter.resume_from(knobs.settings);
@@ -142,20 +168,34 @@ pub(super) fn select_settings(
             _ => filter.cut(),
         }
         // The filter's clock runs every frame; nobody needs to be told.
-        let applied = filter.bypass_change_detection().step(space, choice.settings, delta, settings.times(budget));
+        let applied = filter.bypass_change_detection().step(
+            space,
+            choice.settings,
+            delta,
+            settings.times(budget),
+        );
         let status = ControlStatus::Active(choice.outcome);
         let predicted = Some(choice.cost);
-        selection.set_if_neq(Selection { status, target: choice.settings, applied, predicted, sample: Some(sample) });
+        selection.set_if_neq(Selection {
+            status,
+            target: choice.settings,
+            applied,
+            predicted,
+            sample: Some(sample),
+        });
         match knobs {
             Some(knobs) => write(knobs, space, applied),
             None => {
-                commands.entity(entity).try_insert(KnobSettings { space: Arc::clone(space), settings: applied });
+                commands
+                    .entity(entity)
+                    .try_insert(KnobSettings { space: Arc::clone(space), settings: applied });
             }
         }
     }
 }
 
-/// Whether two spaces are equal. Compares contents only where the pointers differ, which [`write`] then ends.
+/// Whether two spaces are equal. Compares contents only where the pointers differ, which [`write`]
+/// then ends.
 fn same_space(a: &Arc<KnobSpace>, b: &Arc<KnobSpace>) -> bool {
     Arc::ptr_eq(a, b) || a == b
 }
@@ -171,7 +211,12 @@ fn write(mut knobs: Mut<KnobSettings>, space: &Arc<KnobSpace>, applied: RenderSe
 }
 
 /// Leaves the camera's settings as they are, and says why unless that was said before.
-fn turn_off(camera: Entity, selection: &mut Mut<Selection>, reason: OffReason, message: &dyn std::fmt::Display) {
+fn turn_off(
+    camera: Entity,
+    selection: &mut Mut<Selection>,
+    reason: OffReason,
+    message: &dyn std::fmt::Display,
+) {
     let status = ControlStatus::Off(reason);
     if selection.status != status {
         warn!("the power controller leaves camera {camera} alone: {message}");
@@ -184,13 +229,15 @@ fn stand_by(selection: &mut Mut<Selection>, status: ControlStatus) {
     selection.set_if_neq(Selection { status, predicted: None, sample: None, ..kept });
 }
 
-/// Takes the controller's state off a camera that left it. Its [`KnobSettings`] stay: from here on they are the app's.
+/// Takes the controller's state off a camera that left it. Its [`KnobSettings`] stay: from here on
+/// they are the app's.
 pub(super) fn forget_camera<C: Component>(
     removed: On<Remove, C>,
     mut commands: Commands,
     cameras: Query<AnyOf<(&FrontierMapHandle, &FrontierSource)>>,
 ) {
-    // The component that goes is still there now. Where the other kind is there too, the camera stays under control.
+    // The component that goes is still there now. Where the other kind is there too, the camera
+    // stays under control.
     if let Ok((Some(_), Some(_))) = cameras.get(removed.entity) {
         return;
     }

@@ -30,18 +30,24 @@ fn app_with(files: Dir) -> App {
     app.register_asset_source(AssetSourceId::Default, AssetSourceBuilder::new(reader));
     app.add_plugins((MinimalPlugins, AssetPlugin::default(), FrontierMapPlugin, ControlPlugin));
     app.insert_resource(TimeUpdateStrategy::ManualDuration(FRAME)).init_resource::<Changes>();
-    let count = |changed: Query<(), Changed<KnobSettings>>, mut changes: ResMut<Changes>| changes.0 += changed.iter().count();
+    let count = |changed: Query<(), Changed<KnobSettings>>, mut changes: ResMut<Changes>| {
+        changes.0 += changed.iter().count()
+    };
     app.add_systems(Update, count);
     app.finish();
     app.cleanup();
     app
 }
 
-/// An app with a map whose look-ups along −Z find points at 6 W / 0.2, 7 W / 0.05 and 9 W / 0, and a camera that looks that way.
+/// An app with a map whose look-ups along −Z find points at 6 W / 0.2, 7 W / 0.05 and 9 W / 0, and
+/// a camera that looks that way.
 fn scene(budget: Budget) -> (App, Entity, Handle<FrontierMap>) {
     let mut app = app_with(Dir::default());
     let map = app.world_mut().resource_mut::<Assets<FrontierMap>>().add(testing::map(1));
-    let camera = app.world_mut().spawn((FrontierMapHandle(map.clone()), budget, lens(), GlobalTransform::IDENTITY)).id();
+    let camera = app
+        .world_mut()
+        .spawn((FrontierMapHandle(map.clone()), budget, lens(), GlobalTransform::IDENTITY))
+        .id();
     (app, camera, map)
 }
 
@@ -75,7 +81,10 @@ fn the_first_frame_applies_what_the_budget_buys_at_once() {
     app.update();
     let picked = selection(&app, camera);
     assert_eq!(picked.status, ControlStatus::Active(Outcome::Met));
-    assert_eq!((picked.target, picked.applied, applied(&app, camera)), (at(2, 0), at(2, 0), at(2, 0)));
+    assert_eq!(
+        (picked.target, picked.applied, applied(&app, camera)),
+        (at(2, 0), at(2, 0), at(2, 0))
+    );
     assert_eq!(picked.predicted.map(|cost| (cost.power.0, cost.error)), Some((7.0, 0.05)));
     let sample = picked.sample.expect("a sample camera");
     assert_eq!(sample.direction, ViewDirection::NegativeZ);
@@ -90,12 +99,17 @@ fn a_new_budget_is_approached_in_a_second_and_cuts_act_at_once() {
     run(&mut app, 3);
     assert_eq!(applied(&app, camera), at(0, 0));
     set_budget(&mut app, camera, Budget::default());
-    // Frames of 1/8 s; the first sees the new target at t = 0. Levels of (0, 0) on the way to (4, 2), over 1 s:
+    // Frames of 1/8 s; the first sees the new target at t = 0. Levels of (0, 0) on the way to (4,
+    // 2), over 1 s:
     let mut seen = Vec::new();
     for frame in 0..=8 {
         app.update();
         let share = f64::from(frame) / 8.0;
-        assert_eq!(applied(&app, camera), at((share * 4.0).round() as usize, (share * 2.0).round() as usize), "frame {frame}");
+        assert_eq!(
+            applied(&app, camera),
+            at((share * 4.0).round() as usize, (share * 2.0).round() as usize),
+            "frame {frame}"
+        );
         assert_eq!(selection(&app, camera).target, at(4, 2));
         assert_eq!(selection(&app, camera).applied, applied(&app, camera));
         seen.push(applied(&app, camera));
@@ -114,7 +128,9 @@ fn a_new_budget_is_approached_in_a_second_and_cuts_act_at_once() {
 #[test]
 fn a_broken_power_budget_is_mended_in_half_a_second() {
     // Frames that lead from one end to the other; the first sees the new target at t = 0.
-    let frames_from = |app: &mut App, camera, to| (0..100).take_while(|_| (app.update(), applied(app, camera) != to).1).count();
+    let frames_from = |app: &mut App, camera, to| {
+        (0..100).take_while(|_| (app.update(), applied(app, camera) != to).1).count()
+    };
     let (mut app, camera, _) = scene(Budget::default());
     app.update();
     set_budget(&mut app, camera, Budget::power(Watts(6.0)));
@@ -129,7 +145,8 @@ fn a_broken_power_budget_is_mended_in_half_a_second() {
     set_budget(&mut app, camera, Budget::error(0.0));
     assert_eq!(frames_from(&mut app, camera, at(4, 2)), 7, "and rises at the same pace");
     // Other durations.
-    *app.world_mut().resource_mut::<ControlSettings>() = ControlSettings { transition_seconds: 4.0, fall_seconds: 0.0 };
+    *app.world_mut().resource_mut::<ControlSettings>() =
+        ControlSettings { transition_seconds: 4.0, fall_seconds: 0.0 };
     set_budget(&mut app, camera, Budget::power(Watts(6.0)));
     app.update();
     assert_eq!(applied(&app, camera), at(0, 0));
@@ -155,11 +172,18 @@ fn settings_are_changed_only_when_they_change() {
 fn cameras_get_their_own_settings_where_they_look() {
     let (mut app, camera, map) = scene(Budget::power(Watts(6.5)));
     // Along +X the same settings cost 1, 2 and 4 W.
-    let look = GlobalTransform::from(Transform::from_xyz(3.0, 1.5, -3.0).looking_to(Vec3::X, Vec3::Y));
-    let other = app.world_mut().spawn((FrontierMapHandle(map), Budget::power(Watts(6.5)), lens(), look)).id();
+    let look =
+        GlobalTransform::from(Transform::from_xyz(3.0, 1.5, -3.0).looking_to(Vec3::X, Vec3::Y));
+    let other = app
+        .world_mut()
+        .spawn((FrontierMapHandle(map), Budget::power(Watts(6.5)), lens(), look))
+        .id();
     app.update();
     assert_eq!((applied(&app, camera), applied(&app, other)), (at(0, 0), at(4, 2)));
-    assert_eq!(selection(&app, other).sample.map(|sample| sample.position), Some(Vec3::new(4.0, 2.0, -4.0)));
+    assert_eq!(
+        selection(&app, other).sample.map(|sample| sample.position),
+        Some(Vec3::new(4.0, 2.0, -4.0))
+    );
 }
 
 #[test]
@@ -168,7 +192,9 @@ fn budgets_that_cannot_be_met_say_so_and_senseless_ones_keep_the_settings() {
     app.update();
     assert_eq!(selection(&app, camera).status, ControlStatus::Active(Outcome::PowerCannotBeMet));
     assert_eq!(applied(&app, camera), at(0, 0));
-    for nonsense in [Budget::power(Watts(f64::NAN)), Budget::power(Watts(-1.0)), Budget::error(f64::NAN)] {
+    for nonsense in
+        [Budget::power(Watts(f64::NAN)), Budget::power(Watts(-1.0)), Budget::error(f64::NAN)]
+    {
         set_budget(&mut app, camera, nonsense);
         run(&mut app, 20);
         assert_eq!(selection(&app, camera).status, ControlStatus::Off(OffReason::InvalidBudget));
@@ -210,10 +236,18 @@ fn invalid_and_empty_maps_are_not_used_and_recover_when_they_change() {
     empty.octree.corners.iter_mut().for_each(|corner| corner.frontiers = [Corner::UNKNOWN; 6]);
     assert_eq!(change(&mut app, empty), ControlStatus::Off(OffReason::NothingKnown));
     assert_eq!(change(&mut app, testing::map(1)), ControlStatus::Active(Outcome::Met));
-    // Other knobs: their levels are no levels of the old ones, so there is no way from one to the other.
+    // Other knobs: their levels are no levels of the old ones, so there is no way from one to the
+    // other.
     let mut other = testing::map(1);
-    other.knobs = KnobSpace::new(testing::space().knobs().iter().cloned().chain([crate::knobs::Knob::new("new", [0.0, 1.0])]).collect())
-        .expect("a space");
+    other.knobs = KnobSpace::new(
+        testing::space()
+            .knobs()
+            .iter()
+            .cloned()
+            .chain([crate::knobs::Knob::new("new", [0.0, 1.0])])
+            .collect(),
+    )
+    .expect("a space");
     assert_eq!(change(&mut app, other.clone()), ControlStatus::Active(Outcome::Met));
     assert_eq!(*app.world().get::<KnobSettings>(camera).expect("settings").space, other.knobs);
 }
@@ -224,7 +258,10 @@ fn a_camera_that_leaves_keeps_its_settings_and_may_come_back() {
     app.update();
     app.world_mut().entity_mut(camera).remove::<FrontierMapHandle>();
     app.update();
-    assert!(app.world().get::<Selection>(camera).is_none() && app.world().get::<SettingsFilter>(camera).is_none());
+    assert!(
+        app.world().get::<Selection>(camera).is_none()
+            && app.world().get::<SettingsFilter>(camera).is_none()
+    );
     assert_eq!(applied(&app, camera), at(0, 0));
     app.world_mut().get_mut::<KnobSettings>(camera).expect("settings").settings = at(3, 1);
     run(&mut app, 3);
@@ -268,10 +305,17 @@ fn any_store_can_stand_in_for_the_map() {
     app.world_mut().resource_mut::<Assets<FrontierMap>>().remove(&map);
     app.world_mut().entity_mut(camera).insert(FrontierSource::new(OneForAll(testing::map(0))));
     app.update();
-    assert_eq!((selection(&app, camera).status, applied(&app, camera)), (ControlStatus::Active(Outcome::Met), at(0, 0)));
+    assert_eq!(
+        (selection(&app, camera).status, applied(&app, camera)),
+        (ControlStatus::Active(Outcome::Met), at(0, 0))
+    );
     app.world_mut().entity_mut(camera).remove::<FrontierSource>();
     app.update();
-    assert_eq!(selection(&app, camera).status, ControlStatus::Waiting, "the map's handle is still there");
+    assert_eq!(
+        selection(&app, camera).status,
+        ControlStatus::Waiting,
+        "the map's handle is still there"
+    );
 }
 
 /// Runs frames until the camera's status is no longer `from`.
@@ -294,8 +338,14 @@ fn maps_are_loaded_from_files_and_reloaded_when_those_change() {
     let mut app = app_with(files.clone());
     let server = app.world().resource::<AssetServer>().clone();
     let handle = FrontierMapHandle(server.load("maps/courtyard.pareto.ron"));
-    let camera = app.world_mut().spawn((handle, Budget::power(Watts(6.5)), lens(), GlobalTransform::IDENTITY)).id();
-    assert_eq!(run_while(&mut app, camera, ControlStatus::Waiting), ControlStatus::Active(Outcome::Met));
+    let camera = app
+        .world_mut()
+        .spawn((handle, Budget::power(Watts(6.5)), lens(), GlobalTransform::IDENTITY))
+        .id();
+    assert_eq!(
+        run_while(&mut app, camera, ControlStatus::Waiting),
+        ControlStatus::Active(Outcome::Met)
+    );
     assert_eq!(applied(&app, camera), at(0, 0));
     // The new file's frontiers all cost more than the budget.
     let mut dear = testing::map(1);
@@ -311,13 +361,18 @@ fn files_that_do_not_load_turn_the_controller_off() {
     let files = Dir::default();
     let text = testing::map(1).to_ron().expect("writable");
     files.insert_asset_text(Path::new("half.pareto.ron"), &text[..text.len() / 2]);
-    files.insert_asset_text(Path::new("newer.pareto.ron"), &text.replace("version:1", "version:99"));
+    files
+        .insert_asset_text(Path::new("newer.pareto.ron"), &text.replace("version:1", "version:99"));
     files.insert_asset(Path::new("binary.pareto.ron"), vec![0xff_u8; 40]);
     for file in ["half.pareto.ron", "newer.pareto.ron", "binary.pareto.ron", "missing.pareto.ron"] {
         let mut app = app_with(files.clone());
         let handle = FrontierMapHandle(app.world().resource::<AssetServer>().load(file));
         let camera = app.world_mut().spawn((handle, lens(), GlobalTransform::IDENTITY)).id();
-        assert_eq!(run_while(&mut app, camera, ControlStatus::Waiting), ControlStatus::Off(OffReason::MapNotLoaded), "{file}");
+        assert_eq!(
+            run_while(&mut app, camera, ControlStatus::Waiting),
+            ControlStatus::Off(OffReason::MapNotLoaded),
+            "{file}"
+        );
         assert!(app.world().get::<KnobSettings>(camera).is_none());
     }
 }

@@ -5,7 +5,9 @@ use bevy::asset::io::Reader;
 use bevy::asset::{AssetApp, AssetLoader, LoadContext};
 use bevy::reflect::TypePath;
 
-use super::{Bounds, Capture, FrontierMap, FrontierMapError, SampleCamera, SceneIdentity, Thresholds};
+use super::{
+    Bounds, Capture, FrontierMap, FrontierMapError, SampleCamera, SceneIdentity, Thresholds,
+};
 
 /// Loads [`FrontierMap`]s from `*.pareto.ron` files.
 #[derive(Default, TypePath)]
@@ -31,7 +33,12 @@ impl AssetLoader for FrontierMapLoader {
     type Settings = ();
     type Error = FrontierMapLoadError;
 
-    async fn load(&self, reader: &mut dyn Reader, _: &(), _: &mut LoadContext<'_>) -> Result<FrontierMap, FrontierMapLoadError> {
+    async fn load(
+        &self,
+        reader: &mut dyn Reader,
+        _: &(),
+        _: &mut LoadContext<'_>,
+    ) -> Result<FrontierMap, FrontierMapLoadError> {
         let mut bytes = Vec::new();
         reader.read_to_end(&mut bytes).await?;
         Ok(FrontierMap::from_ron(std::str::from_utf8(&bytes)?)?)
@@ -42,7 +49,8 @@ impl AssetLoader for FrontierMapLoader {
     }
 }
 
-/// Makes [`FrontierMap`] an asset that the asset server loads and reloads. Needs Bevy's `AssetPlugin`, added before.
+/// Makes [`FrontierMap`] an asset that the asset server loads and reloads. Needs Bevy's
+/// `AssetPlugin`, added before.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct FrontierMapPlugin;
 

@@ -1,11 +1,13 @@
 //! What error is worth under an error budget.
 //!
-//! An error budget limits the mean error of the frames that are shown. The least power for a mean is had when a watt buys the same error
-//! everywhere: each camera minimises P + λe with one exchange rate λ (Everett 1963, "Generalized Lagrange multiplier method for
-//! solving problems of optimum allocation of resources"). A limit on every frame's error (Wang et al. 2016, equation 3.3) spends most where error is
-//! dearest to remove. Which λ keeps which budget is calibrated on cameras that took no part in making the map, by conformal risk
-//! control (Angelopoulos, Bates, Fisch, Lei, Schuster 2022): the greatest mean that n cameras support is b where
-//! (n R̂ + B) / (n + 1) ≤ b, for errors that count up to B.
+//! An error budget limits the mean error of the frames that are shown. The least power for a mean
+//! is had when a watt buys the same error everywhere: each camera minimises P + λe with one
+//! exchange rate λ (Everett 1963, "Generalized Lagrange multiplier method for solving problems of
+//! optimum allocation of resources"). A limit on every frame's error (Wang et al. 2016, equation
+//! 3.3) spends most where error is dearest to remove. Which λ keeps which budget is calibrated on
+//! cameras that took no part in making the map, by conformal risk control (Angelopoulos, Bates,
+//! Fisch, Lei, Schuster 2022): the greatest mean that n cameras support is b where (n R̂ + B) / (n
+//! + 1) ≤ b, for errors that count up to B.
 
 use bevy::reflect::Reflect;
 use serde::{Deserialize, Serialize};
@@ -17,8 +19,9 @@ pub struct ErrorRate {
     pub budget: f64,
     /// λ: watts that a unit of error is worth; 0 or more. Higher values buy better pictures.
     pub watts_per_error: f64,
-    /// Mean error that the map predicts where the budget is just kept: what the controller holds the mean of its predictions
-    /// at. Above 0; `None` in maps that do not say, where the rate stays as it is.
+    /// Mean error that the map predicts where the budget is just kept: what the controller holds
+    /// the mean of its predictions at. Above 0; `None` in maps that do not say, where the rate
+    /// stays as it is.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub predicted: Option<f64>,
 }
@@ -29,24 +32,34 @@ pub struct ErrorRate {
 pub struct ErrorRates(pub Vec<ErrorRate>);
 
 impl ErrorRates {
-    /// The rate of the greatest calibrated budget that is no more than `budget`: between two of them nothing is known, since a frontier's
-    /// errors come in steps. Infinite below the least budget that was supported: only the best settings are safe there. `None` where
-    /// nothing was calibrated, or `budget` is NaN.
+    /// The rate of the greatest calibrated budget that is no more than `budget`: between two of
+    /// them nothing is known, since a frontier's errors come in steps. Infinite below the least
+    /// budget that was supported: only the best settings are safe there. `None` where nothing was
+    /// calibrated, or `budget` is NaN.
     pub fn rate(&self, budget: f64) -> Option<f64> {
         if self.0.is_empty() || budget.is_nan() {
             return None;
         }
         let within = self.0.partition_point(|known| known.budget <= budget);
-        Some(within.checked_sub(1).and_then(|last| self.0.get(last)).map_or(f64::INFINITY, |known| known.watts_per_error))
+        Some(
+            within
+                .checked_sub(1)
+                .and_then(|last| self.0.get(last))
+                .map_or(f64::INFINITY, |known| known.watts_per_error),
+        )
     }
 
-    /// The mean of predicted errors at which `budget` is just kept: that of the greatest calibrated budget within it, in
-    /// proportion. `None` where that is not known, or no rate is finite.
+    /// The mean of predicted errors at which `budget` is just kept: that of the greatest calibrated
+    /// budget within it, in proportion. `None` where that is not known, or no rate is finite.
     pub fn target(&self, budget: f64) -> Option<f64> {
         if !budget.is_finite() {
             return None;
         }
-        let known = self.0.partition_point(|known| known.budget <= budget).checked_sub(1).and_then(|last| self.0.get(last))?;
+        let known = self
+            .0
+            .partition_point(|known| known.budget <= budget)
+            .checked_sub(1)
+            .and_then(|last| self.0.get(last))?;
         known.predicted.map(|predicted| predicted * budget / known.budget)
     }
 
@@ -54,10 +67,16 @@ impl ErrorRates {
     pub fn is_sound(&self) -> bool {
         let number = |rate: &ErrorRate| {
             let predicted = rate.predicted.is_none_or(|error| error > 0.0 && error.is_finite());
-            rate.budget > 0.0 && rate.budget.is_finite() && rate.watts_per_error >= 0.0 && rate.watts_per_error.is_finite() && predicted
+            rate.budget > 0.0
+                && rate.budget.is_finite()
+                && rate.watts_per_error >= 0.0
+                && rate.watts_per_error.is_finite()
+                && predicted
         };
         self.0.iter().all(number)
-            && self.0.windows(2).all(|two| two[0].budget < two[1].budget && two[0].watts_per_error >= two[1].watts_per_error)
+            && self.0.windows(2).all(|two| {
+                two[0].budget < two[1].budget && two[0].watts_per_error >= two[1].watts_per_error
+            })
     }
 }
 
@@ -69,7 +88,11 @@ mod tests {
         ErrorRates(
             pairs
                 .iter()
-                .map(|(budget, watts_per_error)| ErrorRate { budget: *budget, watts_per_error: *watts_per_error, predicted: None })
+                .map(|(budget, watts_per_error)| ErrorRate {
+                    budget: *budget,
+                    watts_per_error: *watts_per_error,
+                    predicted: None,
+                })
                 .collect(),
         )
     }
@@ -78,13 +101,22 @@ mod tests {
     fn a_budget_has_the_rate_of_the_next_lower_one() {
         let rates = rates(&[(0.01, 1000.0), (0.04, 10.0), (0.1, 0.0)]);
         assert!(rates.is_sound());
-        assert_eq!([0.01, 0.0399, 0.04, 0.05].map(|budget| rates.rate(budget)), [Some(1000.0), Some(1000.0), Some(10.0), Some(10.0)]);
+        assert_eq!(
+            [0.01, 0.0399, 0.04, 0.05].map(|budget| rates.rate(budget)),
+            [Some(1000.0), Some(1000.0), Some(10.0), Some(10.0)]
+        );
         assert_eq!((rates.rate(0.5), rates.rate(f64::INFINITY)), (Some(0.0), Some(0.0)));
         assert_eq!([0.005, 0.0, -1.0].map(|budget| rates.rate(budget)), [Some(f64::INFINITY); 3]);
         let mut with_target = rates.clone();
         with_target.0[0].predicted = Some(0.008);
-        assert_eq!([0.005, 0.01, 0.02, 0.05].map(|budget| with_target.target(budget)), [None, Some(0.008), Some(0.016), None]);
-        assert_eq!([f64::NAN, f64::INFINITY].map(|budget| with_target.target(budget)), [None, None]);
+        assert_eq!(
+            [0.005, 0.01, 0.02, 0.05].map(|budget| with_target.target(budget)),
+            [None, Some(0.008), Some(0.016), None]
+        );
+        assert_eq!(
+            [f64::NAN, f64::INFINITY].map(|budget| with_target.target(budget)),
+            [None, None]
+        );
         assert_eq!((rates.rate(f64::NAN), ErrorRates::default().rate(0.1)), (None, None));
     }
 

@@ -7,7 +7,9 @@ use super::{FrontierMap, OctreeError, SceneIdentity};
 #[non_exhaustive]
 pub enum FrontierMapError {
     /// The text is no frontier map, or only a part of one.
-    #[error("line {line}, column {column}: {reason}: the file is cut off or was changed, run `frugal precompute` again")]
+    #[error(
+        "line {line}, column {column}: {reason}: the file is cut off or was changed, run `frugal precompute` again"
+    )]
     Parse {
         /// Line, from 1.
         line: usize,
@@ -32,7 +34,9 @@ pub enum FrontierMapError {
         found: u32,
     },
     /// A number that cannot be.
-    #[error("frontier map with {field} = {value}, which must be {expected}: correct it, or run `frugal precompute` again")]
+    #[error(
+        "frontier map with {field} = {value}, which must be {expected}: correct it, or run `frugal precompute` again"
+    )]
     OutOfRange {
         /// Path of the field.
         field: &'static str,
@@ -45,7 +49,9 @@ pub enum FrontierMapError {
     #[error("broken frontier map: {0}: run `frugal precompute` again")]
     Octree(#[from] OctreeError),
     /// Settings with a level that the map's knobs do not have.
-    #[error("frontier {frontier} has settings {bits}, which the map's knobs do not have: run `frugal precompute` again")]
+    #[error(
+        "frontier {frontier} has settings {bits}, which the map's knobs do not have: run `frugal precompute` again"
+    )]
     UnknownSettings {
         /// Index of the frontier.
         frontier: usize,
@@ -53,7 +59,9 @@ pub enum FrontierMapError {
         bits: u64,
     },
     /// A power below 0, or an error outside 0 to 2.
-    #[error("frontier {frontier} has a point of {power_w} W and error {error}, which cannot be: run `frugal precompute` again")]
+    #[error(
+        "frontier {frontier} has a point of {power_w} W and error {error}, which cannot be: run `frugal precompute` again"
+    )]
     ImpossibleCost {
         /// Index of the frontier.
         frontier: usize,
@@ -94,6 +102,10 @@ impl FrontierMapError {
 impl From<ron::error::SpannedError> for FrontierMapError {
     fn from(error: ron::error::SpannedError) -> Self {
         // The end of the span is where the parser stood: for a file that is cut off, its last line.
-        Self::Parse { line: error.span.end.line, column: error.span.end.col, reason: error.code.to_string() }
+        Self::Parse {
+            line: error.span.end.line,
+            column: error.span.end.col,
+            reason: error.code.to_string(),
+        }
     }
 }

@@ -33,13 +33,18 @@ fn a_few_hundred_frontiers_take_tens_of_kilobytes() {
     let text = map.to_ron().expect("writable");
     assert!(text.len() < 50_000, "{} bytes", text.len());
     // Every corner and every frontier has a line to itself.
-    assert!(text.lines().filter(|line| line.starts_with("[(")).count() == map.octree.frontiers.len(), "{text}");
+    assert!(
+        text.lines().filter(|line| line.starts_with("[(")).count() == map.octree.frontiers.len(),
+        "{text}"
+    );
 }
 
 #[test]
 fn a_newer_version_is_called_newer_whatever_else_it_holds() {
     let text = testing::map(1).to_ron().expect("writable");
-    let newer = text.replace("version:1", "version:2").replace("seed:7", "seed:Some(Tree(of: [1, \"x\"])), weather: { \"rain\": 0.5 }");
+    let newer = text
+        .replace("version:1", "version:2")
+        .replace("seed:7", "seed:Some(Tree(of: [1, \"x\"])), weather: { \"rain\": 0.5 }");
     assert_ne!(newer, text);
     assert_eq!(FrontierMap::from_ron(&newer), Err(FrontierMapError::Newer { found: 2 }));
     assert_eq!(refusal(|map| map.version = 0), FrontierMapError::Older { found: 0 });
@@ -54,7 +59,10 @@ fn a_file_cut_anywhere_is_refused_and_names_the_line() {
         let last_line = 1 + part.matches('\n').count();
         match FrontierMap::from_ron(part) {
             Err(FrontierMapError::Parse { line, .. }) => {
-                assert!(line <= last_line && line + 1 >= last_line, "cut at {cut}: {line}, not {last_line}")
+                assert!(
+                    line <= last_line && line + 1 >= last_line,
+                    "cut at {cut}: {line}, not {last_line}"
+                )
             }
             other => panic!("cut at {cut}: {other:?}"),
         }
@@ -66,13 +74,20 @@ fn a_file_cut_anywhere_is_refused_and_names_the_line() {
 #[test]
 fn a_misspelt_field_is_refused_and_one_of_another_version_passed_over() {
     let text = testing::map(1).to_ron().expect("writable");
-    let error = FrontierMap::from_ron(&text.replace("seed:7", "sead:7")).expect_err("a misspelt field").to_string();
+    let error = FrontierMap::from_ron(&text.replace("seed:7", "sead:7"))
+        .expect_err("a misspelt field")
+        .to_string();
     assert!(error.contains("seed"), "{error}");
-    let error = FrontierMap::from_ron(&text.replace("vertical_fov", "vertical_fow")).expect_err("a misspelt field").to_string();
+    let error = FrontierMap::from_ron(&text.replace("vertical_fov", "vertical_fow"))
+        .expect_err("a misspelt field")
+        .to_string();
     assert!(error.contains("vertical_fow"), "{error}");
     // As maps had it before error budgets were calibrated.
     let older = text.replace("seed:7", "seed:7,correction:(error:1.3,samples:24)");
-    assert_eq!(FrontierMap::from_ron(&older).expect("a map of an earlier version"), testing::map(1));
+    assert_eq!(
+        FrontierMap::from_ron(&older).expect("a map of an earlier version"),
+        testing::map(1)
+    );
 }
 
 #[test]
@@ -82,7 +97,10 @@ fn numbers_out_of_range_are_refused_by_name() {
         other => panic!("{other}"),
     };
     assert_eq!(field(|map| map.capture.size[1] = 0), "capture.size");
-    assert_eq!(field(|map| map.capture.frames_per_second = f64::INFINITY), "capture.frames_per_second");
+    assert_eq!(
+        field(|map| map.capture.frames_per_second = f64::INFINITY),
+        "capture.frames_per_second"
+    );
     assert_eq!(field(|map| map.capture.vertical_fov = f32::NAN), "capture.vertical_fov");
     assert_eq!(field(|map| map.capture.vertical_fov = 180.0), "capture.vertical_fov");
     assert_eq!(field(|map| map.capture.exposure_ev100 = f32::NAN), "capture.exposure_ev100");
@@ -90,7 +108,10 @@ fn numbers_out_of_range_are_refused_by_name() {
     assert_eq!(field(|map| map.thresholds.error = f64::NAN), "thresholds.error");
     assert_eq!(field(|map| map.bounds.min[2] = f32::NEG_INFINITY), "bounds.min");
     assert_eq!(field(|map| map.bounds.max[0] = map.bounds.min[0]), "bounds");
-    assert_eq!(field(|map| map.bounds = Bounds { min: [f32::MIN; 3], max: [f32::MAX; 3] }), "bounds");
+    assert_eq!(
+        field(|map| map.bounds = Bounds { min: [f32::MIN; 3], max: [f32::MAX; 3] }),
+        "bounds"
+    );
 }
 
 #[test]
@@ -98,7 +119,10 @@ fn broken_octrees_and_strange_settings_are_refused() {
     let missing = refusal(|map| map.octree.corners.truncate(26));
     assert_eq!(missing, FrontierMapError::Octree(OctreeError::CornerMissing([2; 3])));
     let point = |bits, power, error| {
-        Frontier::from_points([FrontierPoint { settings: RenderSettings::from_bits(bits), cost: CostPoint::new(power, error) }])
+        Frontier::from_points([FrontierPoint {
+            settings: RenderSettings::from_bits(bits),
+            cost: CostPoint::new(power, error),
+        }])
     };
     let with = |frontier: Frontier| {
         let mut map = testing::map(0);
@@ -106,9 +130,18 @@ fn broken_octrees_and_strange_settings_are_refused() {
         map.validate()
     };
     assert_eq!(with(point(0x24, 1.0, 0.0)), Ok(()));
-    assert_eq!(with(point(0x05, 1.0, 0.0)), Err(FrontierMapError::UnknownSettings { frontier: 3, bits: 5 }));
-    assert_eq!(with(point(0x100, 1.0, 0.0)), Err(FrontierMapError::UnknownSettings { frontier: 3, bits: 256 }));
-    assert!(matches!(with(point(0, -1.0, 0.0)), Err(FrontierMapError::ImpossibleCost { frontier: 3, .. })));
+    assert_eq!(
+        with(point(0x05, 1.0, 0.0)),
+        Err(FrontierMapError::UnknownSettings { frontier: 3, bits: 5 })
+    );
+    assert_eq!(
+        with(point(0x100, 1.0, 0.0)),
+        Err(FrontierMapError::UnknownSettings { frontier: 3, bits: 256 })
+    );
+    assert!(matches!(
+        with(point(0, -1.0, 0.0)),
+        Err(FrontierMapError::ImpossibleCost { frontier: 3, .. })
+    ));
     assert!(matches!(with(point(0, 1.0, 2.1)), Err(FrontierMapError::ImpossibleCost { .. })));
 }
 
@@ -120,7 +153,12 @@ fn scenes_are_told_apart_by_fingerprint() {
     assert_eq!(map.matches_scene(&scene), Ok(()));
     scene.fingerprint = "00fe".into();
     let message = map.matches_scene(&scene).expect_err("another scene").to_string();
-    assert!(message.contains("courtyard") && message.contains("renamed") && message.contains("frugal precompute"), "{message}");
+    assert!(
+        message.contains("courtyard")
+            && message.contains("renamed")
+            && message.contains("frugal precompute"),
+        "{message}"
+    );
 }
 
 #[test]
@@ -128,7 +166,12 @@ fn positions_map_to_the_unit_cube_and_clamp() {
     let bounds = testing::map(0).bounds;
     assert_eq!(bounds.to_unit(Vec3::new(-4.0, 0.0, 2.0)), Vec3::new(0.0, 0.5, 0.75));
     assert_eq!(bounds.from_unit(Vec3::new(0.0, 0.5, 0.75)), Vec3::new(-4.0, 0.0, 2.0));
-    assert_eq!(bounds.to_unit(Vec3::new(f32::NAN, f32::INFINITY, f32::NEG_INFINITY)), Vec3::new(0.0, 1.0, 0.0));
+    assert_eq!(
+        bounds.to_unit(Vec3::new(f32::NAN, f32::INFINITY, f32::NEG_INFINITY)),
+        Vec3::new(0.0, 1.0, 0.0)
+    );
     let empty = Bounds { min: [1.0; 3], max: [1.0; 3] };
-    assert!(empty.to_unit(Vec3::splat(5.0)).is_finite() && empty.to_unit(Vec3::splat(1.0)).is_finite());
+    assert!(
+        empty.to_unit(Vec3::splat(5.0)).is_finite() && empty.to_unit(Vec3::splat(1.0)).is_finite()
+    );
 }

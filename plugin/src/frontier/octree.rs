@@ -1,6 +1,7 @@
 //! The octree over camera positions: its leaves' corners carry six frontiers each.
 //!
-//! Wang et al. 2016, "Real-Time Rendering on a Power Budget", sections 3.5.3 (how it is built) and 3.6 (how it is read).
+//! Wang et al. 2016, "Real-Time Rendering on a Power Budget", sections 3.5.3 (how it is built) and
+//! 3.6 (how it is read).
 
 use bevy::math::Vec3;
 use bevy::reflect::Reflect;
@@ -10,14 +11,16 @@ use super::{Frontier, ViewDirection};
 
 /// One position at which frontiers are known.
 ///
-/// Serialised as nine whole numbers in a row: `at`, then `frontiers` with −1 for [`UNKNOWN`](Self::UNKNOWN). A map has hundreds of corners, and
-/// field names would be most of its file.
+/// Serialised as nine whole numbers in a row: `at`, then `frontiers` with −1 for
+/// [`UNKNOWN`](Self::UNKNOWN). A map has hundreds of corners, and field names would be most of its
+/// file.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Reflect, Serialize, Deserialize)]
 #[serde(try_from = "[i64; 9]", into = "[i64; 9]")]
 pub struct Corner {
     /// Lattice coordinates: the root spans 0 to 2^`levels` on each axis.
     pub at: [u16; 3],
-    /// Index into [`Octree::frontiers`] for each [`ViewDirection`]; [`Corner::UNKNOWN`] where the view shows nothing.
+    /// Index into [`Octree::frontiers`] for each [`ViewDirection`]; [`Corner::UNKNOWN`] where the
+    /// view shows nothing.
     pub frontiers: [u32; 6],
 }
 
@@ -28,7 +31,9 @@ impl Corner {
 
 /// A number in a serialised [`Corner`] that is no lattice coordinate, frontier index or −1.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
-#[error("{0} in an octree corner: coordinates are 0 to 65535, frontiers are -1 (unknown) or an index")]
+#[error(
+    "{0} in an octree corner: coordinates are 0 to 65535, frontiers are -1 (unknown) or an index"
+)]
 pub struct CornerNumberError(i64);
 
 impl TryFrom<[i64; 9]> for Corner {
@@ -41,7 +46,10 @@ impl TryFrom<[i64; 9]> for Corner {
         }
         for (to, number) in corner.frontiers.iter_mut().zip(&numbers[3..]) {
             if *number != -1 {
-                *to = u32::try_from(*number).ok().filter(|index| *index != Self::UNKNOWN).ok_or(CornerNumberError(*number))?;
+                *to = u32::try_from(*number)
+                    .ok()
+                    .filter(|index| *index != Self::UNKNOWN)
+                    .ok_or(CornerNumberError(*number))?;
             }
         }
         Ok(corner)
@@ -69,8 +77,9 @@ impl From<Corner> for [i64; 9] {
 pub struct Octree {
     /// Depth of the lattice: a corner's coordinates go from 0 to 2^`levels`. At most 15.
     pub levels: u8,
-    /// `nodes[0]` is the root. 0 marks a leaf; anything else is the index of the first of eight children, which lie in a row in the order
-    /// x + 2y + 4z (x = 1 is the upper half along X, and so on).
+    /// `nodes[0]` is the root. 0 marks a leaf; anything else is the index of the first of eight
+    /// children, which lie in a row in the order x + 2y + 4z (x = 1 is the upper half along X, and
+    /// so on).
     pub nodes: Vec<u32>,
     /// Every corner of every leaf once, sorted by `at` (lexicographically, as the array compares).
     pub corners: Vec<Corner>,
@@ -88,9 +97,16 @@ pub struct Leaf {
 }
 
 impl Leaf {
-    /// Lattice coordinates of one of the eight corners, numbered x + 2y + 4z as children are. Bits of `number` above the third are ignored.
+    /// Lattice coordinates of one of the eight corners, numbered x + 2y + 4z as children are. Bits
+    /// of `number` above the third are ignored.
     pub fn corner(self, number: usize) -> [u16; 3] {
-        std::array::from_fn(|axis| if number >> axis & 1 == 1 { self.min[axis].saturating_add(self.size) } else { self.min[axis] })
+        std::array::from_fn(|axis| {
+            if number >> axis & 1 == 1 {
+                self.min[axis].saturating_add(self.size)
+            } else {
+                self.min[axis]
+            }
+        })
     }
 }
 
@@ -158,13 +174,15 @@ impl Octree {
         1 << self.levels.min(Self::MAX_LEVELS)
     }
 
-    /// The leaf that holds `position`, given with the root at 0 to 1 on each axis. Anything outside is clamped to the root, and NaN counts as 0.
+    /// The leaf that holds `position`, given with the root at 0 to 1 on each axis. Anything outside
+    /// is clamped to the root, and NaN counts as 0.
     ///
-    /// A position on the border of two leaves belongs to the one further along the axis. Needs no valid octree: it stops where the data stop making
-    /// sense, and visits at most 15 nodes.
+    /// A position on the border of two leaves belongs to the one further along the axis. Needs no
+    /// valid octree: it stops where the data stop making sense, and visits at most 15 nodes.
     pub fn leaf_at(&self, position: Vec3) -> Leaf {
         let size = self.lattice();
-        // Float to integer conversion saturates and takes NaN to 0. Multiplying by a power of two is exact, so borders are where they should be.
+        // Float to integer conversion saturates and takes NaN to 0. Multiplying by a power of two
+        // is exact, so borders are where they should be.
         let cell = position.to_array().map(|unit| ((unit * f32::from(size)) as u16).min(size - 1));
         let mut leaf = Leaf { min: [0; 3], size };
         let mut node = 0;
@@ -190,10 +208,13 @@ impl Octree {
 
     /// The frontier of one view of a corner: `None` where it is unknown or empty.
     pub fn frontier(&self, corner: &Corner, direction: ViewDirection) -> Option<&Frontier> {
-        self.frontiers.get(corner.frontiers[direction.index()] as usize).filter(|frontier| !frontier.is_empty())
+        self.frontiers
+            .get(corner.frontiers[direction.index()] as usize)
+            .filter(|frontier| !frontier.is_empty())
     }
 
-    /// Checks everything that reading relies on. Takes time linear in the octree's size (times the logarithm of its corners), whatever the data.
+    /// Checks everything that reading relies on. Takes time linear in the octree's size (times the
+    /// logarithm of its corners), whatever the data.
     ///
     /// # Errors
     /// The first contradiction that it meets.
@@ -231,14 +252,17 @@ impl Octree {
         if count == 0 {
             return Err(OctreeError::NoRoot);
         }
-        // Each node is marked before it is stacked and never stacked twice, so this ends on any data.
+        // Each node is marked before it is stacked and never stacked twice, so this ends on any
+        // data.
         let mut reached = vec![false; count];
         reached[0] = true;
         let mut open = vec![(0_u32, Leaf { min: [0; 3], size: self.lattice() })];
         while let Some((node, cube)) = open.pop() {
             let first = self.nodes[node as usize];
             if first == 0 {
-                let missing = (0..8).map(|number| cube.corner(number)).find(|at| self.corner_index(*at).is_none());
+                let missing = (0..8)
+                    .map(|number| cube.corner(number))
+                    .find(|at| self.corner_index(*at).is_none());
                 match missing {
                     Some(at) => return Err(OctreeError::CornerMissing(at)),
                     None => continue,
@@ -259,7 +283,10 @@ impl Octree {
                 open.push((child, Leaf { min: half.corner(octant as usize), size: half.size }));
             }
         }
-        reached.iter().position(|reached| !reached).map_or(Ok(()), |node| Err(OctreeError::Unreachable(node)))
+        reached
+            .iter()
+            .position(|reached| !reached)
+            .map_or(Ok(()), |node| Err(OctreeError::Unreachable(node)))
     }
 }
 

@@ -21,15 +21,25 @@ fn every_contradiction_is_found() {
     };
     assert_eq!(broken(|o| o.levels = 16), OctreeError::TooDeep(16));
     assert_eq!(broken(|o| o.nodes.clear()), OctreeError::NoRoot);
-    assert!(matches!(broken(|o| o.nodes[0] = 2), OctreeError::ChildOutOfRange { node: 0, first: 2, count: 9 }));
+    assert!(matches!(
+        broken(|o| o.nodes[0] = 2),
+        OctreeError::ChildOutOfRange { node: 0, first: 2, count: 9 }
+    ));
     assert!(matches!(broken(|o| o.nodes[0] = u32::MAX), OctreeError::ChildOutOfRange { .. }));
     assert_eq!(broken(|o| o.nodes.push(0)), OctreeError::Unreachable(9));
     assert_eq!(broken(|o| o.levels = 0), OctreeError::CornerOutside { at: [0, 0, 2], limit: 1 });
     assert_eq!(broken(|o| o.corners.swap(3, 4)), OctreeError::CornersUnsorted([0, 1, 0]));
-    assert_eq!(broken(|o| o.corners.insert(5, o.corners[4])), OctreeError::CornersUnsorted([0, 1, 1]));
+    assert_eq!(
+        broken(|o| o.corners.insert(5, o.corners[4])),
+        OctreeError::CornersUnsorted([0, 1, 1])
+    );
     assert_eq!(broken(|o| o.corners.truncate(26)), OctreeError::CornerMissing([2, 2, 2]));
-    assert!(matches!(broken(|o| o.corners[7].frontiers[2] = 1_000_000), OctreeError::FrontierOutOfRange { index: 1_000_000, .. }));
-    // A leaf of level 1 that says that its children are the root's: a cycle, one level too deep or not.
+    assert!(matches!(
+        broken(|o| o.corners[7].frontiers[2] = 1_000_000),
+        OctreeError::FrontierOutOfRange { index: 1_000_000, .. }
+    ));
+    // A leaf of level 1 that says that its children are the root's: a cycle, one level too deep or
+    // not.
     assert_eq!(broken(|o| o.nodes[8] = 1), OctreeError::BelowLastLevel(8));
     let mut cycle = subdivided(1);
     cycle.levels = 2;
@@ -42,7 +52,11 @@ fn look_up_clamps_hostile_positions() {
     let octree = subdivided(1);
     let at = |x, y, z| octree.leaf_at(Vec3::new(x, y, z));
     assert_eq!(at(0.2, 0.7, 0.2), Leaf { min: [0, 1, 0], size: 1 });
-    assert_eq!(at(0.5, 0.5, 0.499), Leaf { min: [1, 1, 0], size: 1 }, "a border belongs to the leaf beyond it");
+    assert_eq!(
+        at(0.5, 0.5, 0.499),
+        Leaf { min: [1, 1, 0], size: 1 },
+        "a border belongs to the leaf beyond it"
+    );
     assert_eq!(at(1.0, 2.0, f32::INFINITY), Leaf { min: [1; 3], size: 1 });
     assert_eq!(at(f32::NAN, -1.0, f32::NEG_INFINITY), Leaf { min: [0; 3], size: 1 });
     assert_eq!(Octree::default().leaf_at(Vec3::ONE), Leaf { min: [0; 3], size: 1 });
@@ -50,11 +64,18 @@ fn look_up_clamps_hostile_positions() {
 
 #[test]
 fn corners_serialise_as_nine_numbers_and_refuse_others() {
-    let corner = Corner { at: [0, 3, 32768], frontiers: [0, 7, Corner::UNKNOWN, 1, 2, Corner::UNKNOWN] };
+    let corner =
+        Corner { at: [0, 3, 32768], frontiers: [0, 7, Corner::UNKNOWN, 1, 2, Corner::UNKNOWN] };
     let text = ron::to_string(&corner).expect("serialisable");
     assert_eq!(text, "(0,3,32768,0,7,-1,1,2,-1)");
     assert_eq!(ron::from_str::<Corner>(&text), Ok(corner));
-    for bad in ["(-1,0,0,0,0,0,0,0,0)", "(65536,0,0,0,0,0,0,0,0)", "(0,0,0,-2,0,0,0,0,0)", "(0,0,0,4294967295,0,0,0,0,0)", "(0,0,0)"] {
+    for bad in [
+        "(-1,0,0,0,0,0,0,0,0)",
+        "(65536,0,0,0,0,0,0,0,0)",
+        "(0,0,0,-2,0,0,0,0,0)",
+        "(0,0,0,4294967295,0,0,0,0,0)",
+        "(0,0,0)",
+    ] {
         assert!(ron::from_str::<Corner>(bad).is_err(), "{bad}");
     }
 }

@@ -13,7 +13,8 @@ use crate::units::Watts;
 pub struct CostPoint {
     /// Power at the target frame rate.
     pub power: Watts,
-    /// 1 − SSIM against the same camera at the best settings: 0 is equal, 1 has nothing in common, 2 is the worst possible.
+    /// 1 − SSIM against the same camera at the best settings: 0 is equal, 1 has nothing in common,
+    /// 2 is the worst possible.
     pub error: f64,
 }
 
@@ -28,9 +29,11 @@ impl CostPoint {
         self.power.0.is_finite() && self.error.is_finite()
     }
 
-    /// Whether this is better in one and at least as good in the other (Wang et al. 2016, section 3.4.1). NaN dominates nothing.
+    /// Whether this is better in one and at least as good in the other (Wang et al. 2016, section
+    /// 3.4.1). NaN dominates nothing.
     pub fn dominates(self, other: Self) -> bool {
-        (self.power <= other.power && self.error < other.error) || (self.power < other.power && self.error <= other.error)
+        (self.power <= other.power && self.error < other.error)
+            || (self.power < other.power && self.error <= other.error)
     }
 }
 
@@ -43,19 +46,28 @@ pub struct FrontierPoint {
     pub cost: CostPoint,
 }
 
-/// Settings none of which is beaten in both power and error: power strictly rises, error strictly falls.
+/// Settings none of which is beaten in both power and error: power strictly rises, error strictly
+/// falls.
 #[derive(Clone, Debug, Default, PartialEq, Reflect)]
 pub struct Frontier {
     points: Vec<FrontierPoint>,
 }
 
 impl Frontier {
-    /// The frontier of any points. Those that are not finite, and all but one of equal cost, are dropped.
+    /// The frontier of any points. Those that are not finite, and all but one of equal cost, are
+    /// dropped.
     pub fn from_points(points: impl IntoIterator<Item = FrontierPoint>) -> Self {
-        let mut points: Vec<_> = points.into_iter().filter(|point| point.cost.is_finite()).collect();
-        // Equal costs keep the smallest settings, so that the result does not depend on the order of the input.
+        let mut points: Vec<_> =
+            points.into_iter().filter(|point| point.cost.is_finite()).collect();
+        // Equal costs keep the smallest settings, so that the result does not depend on the order
+        // of the input.
         points.sort_by(|a, b| {
-            let cost = a.cost.power.0.total_cmp(&b.cost.power.0).then(a.cost.error.total_cmp(&b.cost.error));
+            let cost = a
+                .cost
+                .power
+                .0
+                .total_cmp(&b.cost.power.0)
+                .then(a.cost.error.total_cmp(&b.cost.error));
             cost.then(a.settings.cmp(&b.settings))
         });
         let mut least_error = f64::INFINITY;
@@ -79,13 +91,15 @@ impl Frontier {
         self.points.is_empty()
     }
 
-    /// The least error with power at most `budget`: `None` where nothing is that cheap, or `budget` is NaN.
+    /// The least error with power at most `budget`: `None` where nothing is that cheap, or `budget`
+    /// is NaN.
     pub fn least_error_within(&self, budget: Watts) -> Option<&FrontierPoint> {
         let within = self.points.partition_point(|point| point.cost.power <= budget);
         self.points[..within].last()
     }
 
-    /// The least power with error at most `budget`: `None` where nothing is that good, or `budget` is NaN.
+    /// The least power with error at most `budget`: `None` where nothing is that good, or `budget`
+    /// is NaN.
     pub fn least_power_within(&self, budget: f64) -> Option<&FrontierPoint> {
         if budget.is_nan() {
             return None;
@@ -94,10 +108,11 @@ impl Frontier {
         self.points.get(worse)
     }
 
-    /// The least power + `rate` × error, `rate` in watts per unit of error: the best settings where it is infinite. `None` where nothing is known, or
-    /// `rate` is NaN.
+    /// The least power + `rate` × error, `rate` in watts per unit of error: the best settings where
+    /// it is infinite. `None` where nothing is known, or `rate` is NaN.
     ///
-    /// A walk over all points, which are a few dozen: a binary search would need the convex hull, and save some nanoseconds.
+    /// A walk over all points, which are a few dozen: a binary search would need the convex hull,
+    /// and save some nanoseconds.
     pub fn least_weighted(&self, rate: f64) -> Option<&FrontierPoint> {
         if rate.is_nan() {
             return None;
@@ -109,9 +124,13 @@ impl Frontier {
         self.points.iter().min_by(|a, b| sum(a).total_cmp(&sum(b)))
     }
 
-    /// The area that the frontier dominates, bounded by `reference`, in watts (error has no unit). Larger is better.
+    /// The area that the frontier dominates, bounded by `reference`, in watts (error has no unit).
+    /// Larger is better.
     pub fn hypervolume(&self, reference: CostPoint) -> f64 {
-        let inside = self.points.iter().filter(|p| p.cost.power < reference.power && p.cost.error < reference.error);
+        let inside = self
+            .points
+            .iter()
+            .filter(|p| p.cost.power < reference.power && p.cost.error < reference.error);
         let mut area = 0.0;
         let mut error = reference.error;
         for point in inside {
@@ -127,7 +146,10 @@ mod tests {
     use super::*;
 
     fn point(bits: u64, power: f64, error: f64) -> FrontierPoint {
-        FrontierPoint { settings: RenderSettings::from_bits(bits), cost: CostPoint::new(power, error) }
+        FrontierPoint {
+            settings: RenderSettings::from_bits(bits),
+            cost: CostPoint::new(power, error),
+        }
     }
 
     fn staircase() -> Frontier {
@@ -152,10 +174,16 @@ mod tests {
     fn both_searches_take_the_best_within_the_budget() {
         let frontier = staircase();
         let by_power = |watts| frontier.least_error_within(Watts(watts)).map(|p| p.settings.bits());
-        assert_eq!([0.0, 0.999, 1.0, 3.9, 4.0, f64::INFINITY].map(by_power), [None, None, Some(0), Some(1), Some(3), Some(3)]);
+        assert_eq!(
+            [0.0, 0.999, 1.0, 3.9, 4.0, f64::INFINITY].map(by_power),
+            [None, None, Some(0), Some(1), Some(3), Some(3)]
+        );
         assert_eq!([f64::NAN, f64::NEG_INFINITY, -1.0].map(by_power), [None; 3]);
         let by_error = |error| frontier.least_power_within(error).map(|p| p.settings.bits());
-        assert_eq!([0.0, 0.29, 0.3, 0.5, f64::INFINITY].map(by_error), [Some(3), Some(3), Some(1), Some(0), Some(0)]);
+        assert_eq!(
+            [0.0, 0.29, 0.3, 0.5, f64::INFINITY].map(by_error),
+            [Some(3), Some(3), Some(1), Some(0), Some(0)]
+        );
         assert_eq!([f64::NAN, f64::NEG_INFINITY, -1.0].map(by_error), [None; 3]);
         assert_eq!(Frontier::default().least_error_within(Watts(1.0)), None);
         assert_eq!(Frontier::default().least_power_within(1.0), None);
@@ -166,8 +194,14 @@ mod tests {
         let frontier = staircase();
         let at = |rate| frontier.least_weighted(rate).map(|p| p.settings.bits());
         // From 1 W to 2 W each watt removes 0.2 of error, from 2 W to 4 W 0.15.
-        assert_eq!([0.0, 4.9, 5.1, 6.6, 6.7, f64::INFINITY].map(at), [Some(0), Some(0), Some(1), Some(1), Some(3), Some(3)]);
-        assert_eq!((at(f64::NAN), at(-1.0), Frontier::default().least_weighted(1.0)), (None, Some(0), None));
+        assert_eq!(
+            [0.0, 4.9, 5.1, 6.6, 6.7, f64::INFINITY].map(at),
+            [Some(0), Some(0), Some(1), Some(1), Some(3), Some(3)]
+        );
+        assert_eq!(
+            (at(f64::NAN), at(-1.0), Frontier::default().least_weighted(1.0)),
+            (None, Some(0), None)
+        );
     }
 
     #[test]

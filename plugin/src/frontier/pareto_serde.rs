@@ -1,7 +1,8 @@
 //! How a frontier is written: a list of `(settings, watts, error)`.
 //!
-//! Field names would make a map's file several times longer. Watts keep four significant digits and errors six decimals: both are finer than any
-//! meter or picture comparison that fills a map (Wang et al. 2016, section 3.7.1, quote ±5 % for theirs).
+//! Field names would make a map's file several times longer. Watts keep four significant digits and
+//! errors six decimals: both are finer than any meter or picture comparison that fills a map (Wang
+//! et al. 2016, section 3.7.1, quote ±5 % for theirs).
 
 use serde::de::{Deserialize, Deserializer, Error as _, SeqAccess, Visitor};
 use serde::ser::{Serialize, SerializeSeq, Serializer};
@@ -9,16 +10,19 @@ use serde::ser::{Serialize, SerializeSeq, Serializer};
 use super::{CostPoint, Frontier, FrontierPoint};
 use crate::knobs::RenderSettings;
 
-/// The most points that are believed before they are read, so that a forged length allocates little.
+/// The most points that are believed before they are read, so that a forged length allocates
+/// little.
 const BELIEVED_POINTS: usize = 1024;
 
 impl Frontier {
-    /// The frontier as a file keeps it: watts rounded to four significant digits, errors to six decimals. Points that rounding makes equal or beaten
-    /// are dropped. Rounding again changes nothing.
+    /// The frontier as a file keeps it: watts rounded to four significant digits, errors to six
+    /// decimals. Points that rounding makes equal or beaten are dropped. Rounding again changes
+    /// nothing.
     #[must_use]
     pub fn rounded(&self) -> Self {
         Self::from_points(self.points().iter().map(|point| {
-            // Printing rounds correctly in decimal, which multiplying and dividing by powers of ten does not. Both texts are numbers.
+            // Printing rounds correctly in decimal, which multiplying and dividing by powers of ten
+            // does not. Both texts are numbers.
             let power = format!("{:.3e}", point.cost.power.0).parse().unwrap_or(point.cost.power.0);
             let error: f64 = format!("{:.6}", point.cost.error).parse().unwrap_or(point.cost.error);
             // Adding zero turns −0, which prints as such, into 0.
@@ -39,8 +43,8 @@ impl Serialize for Frontier {
 }
 
 impl<'de> Deserialize<'de> for Frontier {
-    /// Refuses points that are not finite, or not in the order of rising power and falling error: such a file was not written by this crate, and
-    /// sorting it out silently would hide that.
+    /// Refuses points that are not finite, or not in the order of rising power and falling error:
+    /// such a file was not written by this crate, and sorting it out silently would hide that.
     fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
         deserializer.deserialize_seq(Points)
     }
@@ -56,14 +60,24 @@ impl<'de> Visitor<'de> for Points {
     }
 
     fn visit_seq<A: SeqAccess<'de>>(self, mut list: A) -> Result<Frontier, A::Error> {
-        let mut points: Vec<FrontierPoint> = Vec::with_capacity(list.size_hint().unwrap_or(0).min(BELIEVED_POINTS));
-        while let Some((settings, power, error)) = list.next_element::<(RenderSettings, f64, f64)>()? {
+        let mut points: Vec<FrontierPoint> =
+            Vec::with_capacity(list.size_hint().unwrap_or(0).min(BELIEVED_POINTS));
+        while let Some((settings, power, error)) =
+            list.next_element::<(RenderSettings, f64, f64)>()?
+        {
             let cost = CostPoint::new(power, error);
             if !cost.is_finite() {
-                return Err(A::Error::custom(format_args!("a frontier point of {power} W and error {error}: both must be finite")));
+                return Err(A::Error::custom(format_args!(
+                    "a frontier point of {power} W and error {error}: both must be finite"
+                )));
             }
-            if points.last().is_some_and(|last| last.cost.power >= cost.power || last.cost.error <= cost.error) {
-                let message = format_args!("a frontier point of {power} W and error {error} is beaten by the one before, or out of order");
+            if points
+                .last()
+                .is_some_and(|last| last.cost.power >= cost.power || last.cost.error <= cost.error)
+            {
+                let message = format_args!(
+                    "a frontier point of {power} W and error {error} is beaten by the one before, or out of order"
+                );
                 return Err(A::Error::custom(message));
             }
             points.push(FrontierPoint { settings, cost });
@@ -79,18 +93,26 @@ mod tests {
     use super::*;
 
     fn point(bits: u64, power: f64, error: f64) -> FrontierPoint {
-        FrontierPoint { settings: RenderSettings::from_bits(bits), cost: CostPoint::new(power, error) }
+        FrontierPoint {
+            settings: RenderSettings::from_bits(bits),
+            cost: CostPoint::new(power, error),
+        }
     }
 
     #[test]
     fn points_are_short_tuples() {
-        let frontier = Frontier::from_points([point(3, 7.123_449, 0.123_456_7), point(17, 1_234.56, 0.0)]);
+        let frontier =
+            Frontier::from_points([point(3, 7.123_449, 0.123_456_7), point(17, 1_234.56, 0.0)]);
         assert_eq!(ron::to_string(&frontier), Ok("[(3,7.123,0.123457),(17,1235.0,0.0)]".into()));
     }
 
     #[test]
     fn points_that_rounding_makes_equal_are_written_once() {
-        let frontier = Frontier::from_points([point(1, 7.000_1, 0.2), point(2, 7.000_2, 0.1), point(3, 8.0, 0.099_999_9)]);
+        let frontier = Frontier::from_points([
+            point(1, 7.000_1, 0.2),
+            point(2, 7.000_2, 0.1),
+            point(3, 8.0, 0.099_999_9),
+        ]);
         let text = ron::to_string(&frontier).expect("serialisable");
         assert_eq!(text, "[(2,7.0,0.1)]");
         assert_eq!(ron::from_str::<Frontier>(&text), Ok(frontier.rounded()));

@@ -40,7 +40,9 @@ fn outside_the_bounds_the_nearest_position_inside_counts() {
 fn an_unknown_view_is_taken_from_the_next_corner_then_from_the_next_view() {
     let mut map = testing::map(0);
     let camera = view(Vec3::new(-3.0, -1.8, -3.5), ViewDirection::NegativeZ);
-    let look_up = |map: &FrontierMap| map.look_up(&camera).map(|sample| (sample.camera.position, sample.camera.direction));
+    let look_up = |map: &FrontierMap| {
+        map.look_up(&camera).map(|sample| (sample.camera.position, sample.camera.direction))
+    };
     assert_eq!(look_up(&map), Some((Vec3::new(-4.0, -2.0, -4.0), ViewDirection::NegativeZ)));
     // The nearest corner does not know: the next along Y, where the box is short.
     map.octree.corners[0].frontiers[ViewDirection::NegativeZ.index()] = Corner::UNKNOWN;
@@ -51,10 +53,16 @@ fn an_unknown_view_is_taken_from_the_next_corner_then_from_the_next_view() {
     let third = look_up(&map).expect("a sample");
     assert_eq!(third, (Vec3::new(4.0, -2.0, -4.0), ViewDirection::NegativeZ));
     // No corner knows: the nearest corner again, another view.
-    map.octree.corners.iter_mut().for_each(|corner| corner.frontiers[ViewDirection::NegativeZ.index()] = Corner::UNKNOWN);
+    map.octree
+        .corners
+        .iter_mut()
+        .for_each(|corner| corner.frontiers[ViewDirection::NegativeZ.index()] = Corner::UNKNOWN);
     let (position, direction) = look_up(&map).expect("a sample");
     assert_eq!(position, Vec3::new(-4.0, -2.0, -4.0));
-    assert!(direction != ViewDirection::NegativeZ && direction != ViewDirection::PositiveZ, "{direction:?}");
+    assert!(
+        direction != ViewDirection::NegativeZ && direction != ViewDirection::PositiveZ,
+        "{direction:?}"
+    );
     // Nobody knows anything.
     map.octree.corners.iter_mut().for_each(|corner| corner.frontiers = [Corner::UNKNOWN; 6]);
     assert_eq!(look_up(&map), None);
@@ -83,7 +91,10 @@ fn a_look_up_takes_less_than_a_microsecond() {
         .map(|step| {
             let turn = step as f32 * 0.01;
             let position = Vec3::new(turn.sin() * 4.0, turn.cos() * 2.0, (turn * 1.7).sin() * 4.0);
-            let camera = CameraView { rotation: Quat::from_rotation_y(turn), ..view(position, ViewDirection::PositiveX) };
+            let camera = CameraView {
+                rotation: Quat::from_rotation_y(turn),
+                ..view(position, ViewDirection::PositiveX)
+            };
             let start = std::time::Instant::now();
             assert!(std::hint::black_box(map.look_up(std::hint::black_box(&camera))).is_some());
             start.elapsed().as_nanos()

@@ -3,8 +3,8 @@
 use std::collections::BTreeSet;
 
 use super::{
-    Bounds, Capture, Corner, CostPoint, ErrorRates, Frontier, FrontierMap, FrontierPoint, Leaf, Octree, SceneIdentity, Thresholds,
-    WorkPrices,
+    Bounds, Capture, Corner, CostPoint, ErrorRates, Frontier, FrontierMap, FrontierPoint, Leaf,
+    Octree, SceneIdentity, Thresholds, WorkPrices,
 };
 use crate::knobs::{Knob, KnobSpace, RenderSettings};
 use crate::power::{MeterInfo, Provenance};
@@ -14,9 +14,11 @@ pub(crate) fn corners_of(leaf: Leaf) -> impl Iterator<Item = [u16; 3]> {
     (0..8).map(move |number| leaf.corner(number))
 }
 
-/// An octree whose last child of each level is subdivided, down to `levels`, so that leaves of every size meet.
+/// An octree whose last child of each level is subdivided, down to `levels`, so that leaves of
+/// every size meet.
 ///
-/// Every view of every corner has its own frontier, which tells the corner by its number and the view by its cheapest power.
+/// Every view of every corner has its own frontier, which tells the corner by its number and the
+/// view by its cheapest power.
 pub(crate) fn subdivided(levels: u8) -> Octree {
     let mut octree = Octree { levels, nodes: vec![0], ..Default::default() };
     let mut node = 0;
@@ -30,7 +32,9 @@ pub(crate) fn subdivided(levels: u8) -> Octree {
     let mut cube = Leaf { min: [0; 3], size: 1 << levels };
     while cube.size > 1 {
         let half = Leaf { size: cube.size / 2, ..cube };
-        (0..8).for_each(|child| corners.extend(corners_of(Leaf { min: half.corner(child), size: half.size })));
+        (0..8).for_each(|child| {
+            corners.extend(corners_of(Leaf { min: half.corner(child), size: half.size }))
+        });
         cube = Leaf { min: half.corner(7), size: half.size };
     }
     corners.extend(corners_of(cube));
@@ -42,10 +46,13 @@ pub(crate) fn subdivided(levels: u8) -> Octree {
     octree
 }
 
-/// A frontier of three points, which costs `base`, `base` + 1 and `base` + 3 watts with errors of 0.2, 0.05 and 0.
+/// A frontier of three points, which costs `base`, `base` + 1 and `base` + 3 watts with errors of
+/// 0.2, 0.05 and 0.
 pub(crate) fn frontier(base: f64) -> Frontier {
-    let settings = |samples, scale| RenderSettings::default().with_level(0, samples).with_level(1, scale);
-    let point = |settings, power, error| FrontierPoint { settings, cost: CostPoint::new(power, error) };
+    let settings =
+        |samples, scale| RenderSettings::default().with_level(0, samples).with_level(1, scale);
+    let point =
+        |settings, power, error| FrontierPoint { settings, cost: CostPoint::new(power, error) };
     Frontier::from_points([
         point(settings(0, 0), base, 0.2),
         point(settings(2, 0), base + 1.0, 0.05),
@@ -55,7 +62,10 @@ pub(crate) fn frontier(base: f64) -> Frontier {
 
 /// The knobs that [`frontier`] sets.
 pub(crate) fn space() -> KnobSpace {
-    let knobs = vec![Knob::new("samples", [0.0, 4.0, 8.0, 16.0, 32.0]), Knob::new("scale", [0.5, 0.75, 1.0])];
+    let knobs = vec![
+        Knob::new("samples", [0.0, 4.0, 8.0, 16.0, 32.0]),
+        Knob::new("scale", [0.5, 0.75, 1.0]),
+    ];
     KnobSpace::new(knobs).expect("a valid space")
 }
 
@@ -64,8 +74,17 @@ pub(crate) fn map(levels: u8) -> FrontierMap {
     FrontierMap {
         version: FrontierMap::VERSION,
         scene: SceneIdentity { name: "courtyard".into(), fingerprint: "00ff".into() },
-        capture: Capture { size: [320, 180], frames_per_second: 30.0, vertical_fov: 60.0, exposure_ev100: 12.0 },
-        meter: MeterInfo { name: "cpu-time".into(), provenance: Provenance::Modelled, description: "a model".into() },
+        capture: Capture {
+            size: [320, 180],
+            frames_per_second: 30.0,
+            vertical_fov: 60.0,
+            exposure_ev100: 12.0,
+        },
+        meter: MeterInfo {
+            name: "cpu-time".into(),
+            provenance: Provenance::Modelled,
+            description: "a model".into(),
+        },
         shared: Frontier::default(),
         error_rates: ErrorRates::default(),
         work_prices: WorkPrices::default(),

@@ -9,8 +9,11 @@ use serde::{Deserialize, Serialize};
 /// Field of view, in radians, that stands for the parallel rays of an orthographic camera.
 const PARALLEL_FOV: f32 = 0.001;
 
-/// Where a sample camera looks. The number of each is its index wherever six things are stored in a row.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord, Reflect, Serialize, Deserialize)]
+/// Where a sample camera looks. The number of each is its index wherever six things are stored in a
+/// row.
+#[derive(
+    Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord, Reflect, Serialize, Deserialize,
+)]
 pub enum ViewDirection {
     /// Along +X.
     PositiveX,
@@ -28,7 +31,14 @@ pub enum ViewDirection {
 
 impl ViewDirection {
     /// All six, in index order.
-    pub const ALL: [Self; 6] = [Self::PositiveX, Self::NegativeX, Self::PositiveY, Self::NegativeY, Self::PositiveZ, Self::NegativeZ];
+    pub const ALL: [Self; 6] = [
+        Self::PositiveX,
+        Self::NegativeX,
+        Self::PositiveY,
+        Self::NegativeY,
+        Self::PositiveZ,
+        Self::NegativeZ,
+    ];
 
     /// Position in [`ALL`](Self::ALL).
     pub const fn index(self) -> usize {
@@ -77,19 +87,22 @@ pub struct CameraView {
 }
 
 impl CameraView {
-    /// What a Bevy camera sees. Without a projection, a square picture of Bevy's default field of view; an orthographic
-    /// camera has a field of view of 0.001. Numbers of a broken camera, such as one of no size, may be NaN.
+    /// What a Bevy camera sees. Without a projection, a square picture of Bevy's default field of
+    /// view; an orthographic camera has a field of view of 0.001. Numbers of a broken camera, such
+    /// as one of no size, may be NaN.
     pub fn from_camera(transform: &GlobalTransform, projection: Option<&Projection>) -> Self {
         let (_, rotation, position) = transform.to_scale_rotation_translation();
         let (vertical_fov, aspect) = match projection {
-            Some(Projection::Perspective(perspective)) => (perspective.fov, perspective.aspect_ratio),
+            Some(Projection::Perspective(perspective)) => {
+                (perspective.fov, perspective.aspect_ratio)
+            }
             Some(Projection::Orthographic(orthographic)) => {
                 let size = orthographic.area.size();
                 (PARALLEL_FOV, size.x / size.y)
             }
             Some(Projection::Custom(custom)) => {
-                // A perspective matrix has cot(fov / 2) as its second diagonal element, and that divided by the aspect
-                // as its first.
+                // A perspective matrix has cot(fov / 2) as its second diagonal element, and that
+                // divided by the aspect as its first.
                 let clip_from_view = custom.get_clip_from_view();
                 let (x, y) = (clip_from_view.x_axis.x, clip_from_view.y_axis.y);
                 (2.0 * y.abs().recip().atan(), (y / x).abs())
@@ -110,20 +123,36 @@ mod tests {
 
     #[test]
     fn a_bevy_camera_is_seen_as_it_stands_whatever_its_scale() {
-        let transform = Transform::from_xyz(1.0, 2.0, 3.0).looking_to(Vec3::X, Vec3::Y).with_scale(Vec3::splat(5.0));
-        let perspective = PerspectiveProjection { fov: 1.2, aspect_ratio: 2.0, ..Default::default() };
-        let view = CameraView::from_camera(&transform.into(), Some(&Projection::Perspective(perspective.clone())));
-        assert_eq!((view.position, view.vertical_fov, view.aspect), (Vec3::new(1.0, 2.0, 3.0), 1.2, 2.0));
+        let transform = Transform::from_xyz(1.0, 2.0, 3.0)
+            .looking_to(Vec3::X, Vec3::Y)
+            .with_scale(Vec3::splat(5.0));
+        let perspective =
+            PerspectiveProjection { fov: 1.2, aspect_ratio: 2.0, ..Default::default() };
+        let view = CameraView::from_camera(
+            &transform.into(),
+            Some(&Projection::Perspective(perspective.clone())),
+        );
+        assert_eq!(
+            (view.position, view.vertical_fov, view.aspect),
+            (Vec3::new(1.0, 2.0, 3.0), 1.2, 2.0)
+        );
         assert!(view.rotation.angle_between(transform.rotation) < 1e-3);
-        let custom = CameraView::from_camera(&transform.into(), Some(&Projection::custom(perspective)));
-        assert!((custom.vertical_fov - 1.2).abs() < 1e-5 && (custom.aspect - 2.0).abs() < 1e-5, "{custom:?}");
+        let custom =
+            CameraView::from_camera(&transform.into(), Some(&Projection::custom(perspective)));
+        assert!(
+            (custom.vertical_fov - 1.2).abs() < 1e-5 && (custom.aspect - 2.0).abs() < 1e-5,
+            "{custom:?}"
+        );
     }
 
     #[test]
     fn parallel_rays_are_a_field_of_view_of_next_to_nothing() {
         let area = Rect::new(-3.0, -1.0, 3.0, 1.0);
         let projection = OrthographicProjection { area, ..OrthographicProjection::default_3d() };
-        let view = CameraView::from_camera(&GlobalTransform::IDENTITY, Some(&Projection::Orthographic(projection)));
+        let view = CameraView::from_camera(
+            &GlobalTransform::IDENTITY,
+            Some(&Projection::Orthographic(projection)),
+        );
         assert_eq!((view.vertical_fov, view.aspect), (PARALLEL_FOV, 3.0));
         let bare = CameraView::from_camera(&GlobalTransform::IDENTITY, None);
         assert_eq!((bare.vertical_fov, bare.aspect), (std::f32::consts::FRAC_PI_4, 1.0));

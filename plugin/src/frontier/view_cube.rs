@@ -1,15 +1,19 @@
 //! Which of the six view directions a camera's picture covers most.
 //!
-//! Wang et al. 2016, section 3.6, project the view frustum on the cube map that the leaf's sides form, and take the side with the largest part of it.
-//! We send a fixed grid of rays through the picture and count the side by which each leaves the cube: the share of the picture, which needs no
-//! polygon clipping.
+//! Wang et al. 2016, section 3.6, project the view frustum on the cube map that the leaf's sides
+//! form, and take the side with the largest part of it. We send a fixed grid of rays through the
+//! picture and count the side by which each leaves the cube: the share of the picture, which needs
+//! no polygon clipping.
 //!
 //! Two things differ from the letter of it, so that the answer does not jump:
-//! - The eye stands half as far from the cube's centre as the camera does. From a camera on a side, half of the picture leaves by that side at no
-//!   distance, whatever it looks along; one step further, in the next leaf, it would be the opposite side. Halved, a camera anywhere in the leaf that
-//!   looks along an axis gets that axis's view (up to a field of view of about 65 by 95 degrees), as its sample camera does.
-//! - A leaf counts as a cube even where its box is not: sample cameras look along the axes, so directions count, and in a long corridor a box would
-//!   give nearly all of the picture to the walls.
+//! - The eye stands half as far from the cube's centre as the camera does. From a camera on a side,
+//!   half of the picture leaves by that side at no distance, whatever it looks along; one step
+//!   further, in the next leaf, it would be the opposite side. Halved, a camera anywhere in the
+//!   leaf that looks along an axis gets that axis's view (up to a field of view of about 65 by 95
+//!   degrees), as its sample camera does.
+//! - A leaf counts as a cube even where its box is not: sample cameras look along the axes, so
+//!   directions count, and in a long corridor a box would give nearly all of the picture to the
+//!   walls.
 
 use bevy::math::{Quat, Vec3};
 
@@ -26,16 +30,19 @@ const FALLBACK_FOV: f32 = std::f32::consts::FRAC_PI_3;
 
 /// The six view directions, the one that the picture covers most first.
 ///
-/// `in_leaf` is the camera's position with the leaf at 0 to 1 on each axis. Any view is answered: what is not a number, or out of its range, is
-/// replaced by something sensible.
+/// `in_leaf` is the camera's position with the leaf at 0 to 1 on each axis. Any view is answered:
+/// what is not a number, or out of its range, is replaced by something sensible.
 pub(crate) fn directions_by_coverage(in_leaf: Vec3, view: &CameraView) -> [ViewDirection; 6] {
     let rotation = sane_rotation(view.rotation);
     let tangent = (sane_or(view.vertical_fov, FALLBACK_FOV).clamp(1e-3, 3.1) * 0.5).tan();
-    let (half_height, half_width) = (tangent, tangent * sane_or(view.aspect, 1.0).clamp(0.01, 100.0));
-    let (right, up, forward) = (rotation * Vec3::X * half_width, rotation * Vec3::Y * half_height, rotation * Vec3::NEG_Z);
+    let (half_height, half_width) =
+        (tangent, tangent * sane_or(view.aspect, 1.0).clamp(0.01, 100.0));
+    let (right, up, forward) =
+        (rotation * Vec3::X * half_width, rotation * Vec3::Y * half_height, rotation * Vec3::NEG_Z);
 
-    // A ray leaves by the side whose distance ÷ speed is least; speed ÷ distance needs no division per ray. The eye is at least a quarter of the
-    // cube away from every side, so the reciprocals are finite.
+    // A ray leaves by the side whose distance ÷ speed is least; speed ÷ distance needs no division
+    // per ray. The eye is at least a quarter of the cube away from every side, so the reciprocals
+    // are finite.
     let eye = (in_leaf.clamp(Vec3::ZERO, Vec3::ONE) - 0.5) * PARALLAX;
     let to_upper = (0.5 - eye).recip();
     let to_lower = (0.5 + eye).recip();
@@ -48,10 +55,13 @@ pub(crate) fn directions_by_coverage(in_leaf: Vec3, view: &CameraView) -> [ViewD
         }
     }
     // Equal shares, above all none, are ranked by how far the camera looks that way.
-    let score = |direction: ViewDirection| f32::from(counts[direction.index()]) + 0.4 * forward.dot(direction.forward());
+    let score = |direction: ViewDirection| {
+        f32::from(counts[direction.index()]) + 0.4 * forward.dot(direction.forward())
+    };
     let mut directions = ViewDirection::ALL;
     let scores = directions.map(score);
-    directions.sort_unstable_by(|a, b| scores[b.index()].total_cmp(&scores[a.index()]).then(a.cmp(b)));
+    directions
+        .sort_unstable_by(|a, b| scores[b.index()].total_cmp(&scores[a.index()]).then(a.cmp(b)));
     directions
 }
 
@@ -60,9 +70,12 @@ fn offset(index: usize) -> f32 {
     (2 * index + 1) as f32 / RAYS as f32 - 1.0
 }
 
-/// Index of the side by which a ray leaves. A ray through an edge leaves by the side of the first axis.
+/// Index of the side by which a ray leaves. A ray through an edge leaves by the side of the first
+/// axis.
 fn side(ray: Vec3, to_upper: Vec3, to_lower: Vec3) -> usize {
-    let rate = |axis: usize| if ray[axis] < 0.0 { -ray[axis] * to_lower[axis] } else { ray[axis] * to_upper[axis] };
+    let rate = |axis: usize| {
+        if ray[axis] < 0.0 { -ray[axis] * to_lower[axis] } else { ray[axis] * to_upper[axis] }
+    };
     let (x, y, z) = (rate(0), rate(1), rate(2));
     let axis = if x >= y && x >= z {
         0
@@ -80,7 +93,11 @@ fn sane_or(value: f32, otherwise: f32) -> f32 {
 
 fn sane_rotation(rotation: Quat) -> Quat {
     let length_squared = rotation.length_squared();
-    if length_squared.is_finite() && length_squared > 1e-12 { rotation * length_squared.sqrt().recip() } else { Quat::IDENTITY }
+    if length_squared.is_finite() && length_squared > 1e-12 {
+        rotation * length_squared.sqrt().recip()
+    } else {
+        Quat::IDENTITY
+    }
 }
 
 #[cfg(test)]
@@ -90,7 +107,12 @@ mod tests {
     use super::*;
 
     fn looking(rotation: Quat) -> CameraView {
-        CameraView { position: Vec3::ZERO, rotation, vertical_fov: 60_f32.to_radians(), aspect: 16.0 / 9.0 }
+        CameraView {
+            position: Vec3::ZERO,
+            rotation,
+            vertical_fov: 60_f32.to_radians(),
+            aspect: 16.0 / 9.0,
+        }
     }
 
     #[test]
@@ -98,16 +120,25 @@ mod tests {
         let steps = [0.0, 1e-6, 0.25, 0.5, 0.9, 1.0];
         for direction in ViewDirection::ALL {
             for number in 0..steps.len().pow(3) {
-                let in_leaf = Vec3::new(steps[number % 6], steps[number / 6 % 6], steps[number / 36]);
-                assert_eq!(directions_by_coverage(in_leaf, &looking(direction.rotation()))[0], direction, "at {in_leaf}");
+                let in_leaf =
+                    Vec3::new(steps[number % 6], steps[number / 6 % 6], steps[number / 36]);
+                assert_eq!(
+                    directions_by_coverage(in_leaf, &looking(direction.rotation()))[0],
+                    direction,
+                    "at {in_leaf}"
+                );
             }
         }
     }
 
     #[test]
     fn from_the_centre_the_share_is_that_of_a_cube_map() {
-        // Turned 40 degrees from −Z towards +X, a picture 60 degrees wide shows −Z up to 45 degrees: 35 of its 60 degrees, and the rest is +X.
-        let square = |degrees: f32| CameraView { aspect: 1.0, ..looking(Quat::from_rotation_y(-degrees.to_radians())) };
+        // Turned 40 degrees from −Z towards +X, a picture 60 degrees wide shows −Z up to 45
+        // degrees: 35 of its 60 degrees, and the rest is +X.
+        let square = |degrees: f32| CameraView {
+            aspect: 1.0,
+            ..looking(Quat::from_rotation_y(-degrees.to_radians()))
+        };
         let order = directions_by_coverage(Vec3::splat(0.5), &square(40.0));
         assert_eq!(order[..2], [ViewDirection::NegativeZ, ViewDirection::PositiveX]);
         let order = directions_by_coverage(Vec3::splat(0.5), &square(50.0));
@@ -119,7 +150,10 @@ mod tests {
 
     #[test]
     fn views_without_a_share_are_ranked_by_direction() {
-        let order = directions_by_coverage(Vec3::splat(0.5), &CameraView { vertical_fov: 0.01, ..looking(Quat::from_rotation_x(0.1)) });
+        let order = directions_by_coverage(
+            Vec3::splat(0.5),
+            &CameraView { vertical_fov: 0.01, ..looking(Quat::from_rotation_x(0.1)) },
+        );
         assert_eq!(order[0], ViewDirection::NegativeZ);
         assert_eq!(order[1], ViewDirection::PositiveY, "the camera is tilted up");
         assert_eq!(order[5], ViewDirection::PositiveZ);

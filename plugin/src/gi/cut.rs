@@ -7,15 +7,17 @@ use bevy::prelude::ReflectDefault;
 use bevy::reflect::Reflect;
 use bevy::render::{ExtractSchedule, MainWorld, RenderApp};
 
-/// Marks a camera whose next frame is a cut: a teleport, another scene. Its history is dropped, and its VPLs are sampled anew whatever
-/// [`refresh_period`](super::FrugalGi::refresh_period) says. Removed as soon as that frame is extracted.
+/// Marks a camera whose next frame is a cut: a teleport, another scene. Its history is dropped, and
+/// its VPLs are sampled anew whatever [`refresh_period`](super::FrugalGi::refresh_period) says.
+/// Removed as soon as that frame is extracted.
 ///
 /// A cut of more than 1 m or 30° from one frame to the next is found without it.
 #[derive(Component, Reflect, Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[reflect(Component, Default, Clone, PartialEq)]
 pub struct CameraCut;
 
-/// The cameras that are cut in this frame, by their entities of the main world. A resource of the render world.
+/// The cameras that are cut in this frame, by their entities of the main world. A resource of the
+/// render world.
 #[derive(Resource, Default)]
 pub(super) struct CutCameras(pub EntityHashSet);
 

@@ -13,7 +13,8 @@ use super::rsm::{RsmStore, RsmView};
 use super::sources::SkyCamera;
 use super::visibility::OccluderBuffers;
 
-/// What GI did in the last frame. A resource of the render world; the main world has it, a frame or two later, as diagnostics.
+/// What GI did in the last frame. A resource of the render world; the main world has it, a frame or
+/// two later, as diagnostics.
 #[derive(Resource, Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct GiCounts {
     /// Reflective shadow maps rendered.
@@ -37,7 +38,8 @@ pub struct GiCounts {
 /// A diagnostic and its part of the counts.
 type Count = (DiagnosticPath, &'static str, fn(&GiCounts) -> f64);
 
-/// The diagnostics of global illumination, in Bevy's store; GPU times have `bevy_frugal_gi/…` paths in Bevy's render diagnostics.
+/// The diagnostics of global illumination, in Bevy's store; GPU times have `bevy_frugal_gi/…` paths
+/// in Bevy's render diagnostics.
 pub const GI_DIAGNOSTICS: [Count; 8] = [
     (DiagnosticPath::const_new("gi/maps"), "", |counts| f64::from(counts.maps)),
     (DiagnosticPath::const_new("gi/cameras"), "", |counts| f64::from(counts.cameras)),
@@ -84,7 +86,11 @@ pub(super) fn count(
         maps: maps.iter().count() as u32,
         cameras: cameras.iter().filter(|camera| camera.work.gather).count() as u32,
         settling: cameras.iter().filter(|camera| camera.is_settling()).count() as u32,
-        patches: bounces.iter().filter(|(camera, _)| camera.work.draw).map(|(_, bounces)| bounces.patches_due()).sum(),
+        patches: bounces
+            .iter()
+            .filter(|(camera, _)| camera.work.draw)
+            .map(|(_, bounces)| bounces.patches_due())
+            .sum(),
         vpls: cameras.iter().map(GiCamera::vpls_drawn).sum(),
         pairs: cameras.iter().map(GiCamera::pairs).sum(),
         rays: cameras.iter().map(GiCamera::rays).sum(),

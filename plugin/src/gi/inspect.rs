@@ -1,4 +1,5 @@
-//! What global illumination holds on the GPU, and what its passes take: for tests, benchmarks and debuggers.
+//! What global illumination holds on the GPU, and what its passes take: for tests, benchmarks and
+//! debuggers.
 
 use std::ops::Range;
 
@@ -41,11 +42,14 @@ pub const STRUCT_BYTES: [(&str, u64); 14] = [
 /// The buffers of the last frame. Handles, not copies: the GPU goes on writing them.
 #[derive(Clone, Debug)]
 pub struct GiGpuState {
-    /// Texels of every reflective shadow map, then of what glows, then of cameras' patches (`rsm/texel.wgsl`), where there are any.
+    /// Texels of every reflective shadow map, then of what glows, then of cameras' patches
+    /// (`rsm/texel.wgsl`), where there are any.
     pub texels: Option<Buffer>,
-    /// What rays may meet, in the order of the bindings of `visibility/trace.wgsl`, while a camera traces.
+    /// What rays may meet, in the order of the bindings of `visibility/trace.wgsl`, while a camera
+    /// traces.
     pub occluders: Option<[Buffer; 4]>,
-    /// Every map that was rendered, in the order of its texels. Those that rest are not here: their texels are as they were.
+    /// Every map that was rendered, in the order of its texels. Those that rest are not here: their
+    /// texels are as they were.
     pub maps: Vec<GiMapState>,
     /// Every camera that gathers.
     pub cameras: Vec<GiCameraState>,
@@ -58,7 +62,8 @@ pub struct GiGpuState {
 pub struct GiMapState {
     /// Its light, the camera that it serves, and its face.
     pub view: RsmView,
-    /// Its projection: the middle of texel (x, y) lies at clip position (2 (x + ½) ÷ resolution − 1, 1 − 2 (y + ½) ÷ resolution) · w.
+    /// Its projection: the middle of texel (x, y) lies at clip position (2 (x + ½) ÷ resolution −
+    /// 1, 1 − 2 (y + ½) ÷ resolution) · w.
     pub clip_from_world: Mat4,
     /// Texels along its side.
     pub resolution: u32,
@@ -90,7 +95,8 @@ pub struct GiCameraState {
 /// What a camera holds for light that is reflected more than once.
 #[derive(Clone, Debug)]
 pub struct GiBouncesState {
-    /// The virtual point lights that light its patches (`vpl/vpl.wgsl`): one set, as the last round drew it.
+    /// The virtual point lights that light its patches (`vpl/vpl.wgsl`): one set, as the last round
+    /// drew it.
     pub carriers: Buffer,
     /// Its patches' texels in [`texels`](GiGpuState::texels).
     pub texels: Range<u32>,
@@ -99,27 +105,39 @@ pub struct GiBouncesState {
 /// Looks at a render world.
 pub fn gpu_state(render_world: &World) -> GiGpuState {
     let texels = render_world.get_resource::<RsmStore>().and_then(|store| store.texels.clone());
-    let occluders = render_world.get_resource::<OccluderBuffers>().and_then(|occluders| occluders.buffers().cloned());
-    let cameras = render_world.try_query::<(&MainEntity, &GiCamera, Option<&BounceCamera>)>().map_or_else(Vec::new, |mut cameras| {
-        let state = |(main, camera, bounces): (&MainEntity, &GiCamera, Option<&BounceCamera>)| GiCameraState {
-            camera: main.id(),
-            vpls: camera.vpls.clone(),
-            sets: camera.plan.sets,
-            per_set: camera.plan.per_set,
-            stride: camera.plan.stride,
-            irradiance: camera.shown().texture.clone(),
-            bounces: bounces.map(BounceCamera::state),
-        };
-        cameras.iter(render_world).map(state).collect()
-    });
-    let skies = render_world.try_query::<&SkyCamera>().map_or(0, |mut skies| skies.iter(render_world).count());
+    let occluders = render_world
+        .get_resource::<OccluderBuffers>()
+        .and_then(|occluders| occluders.buffers().cloned());
+    let cameras = render_world
+        .try_query::<(&MainEntity, &GiCamera, Option<&BounceCamera>)>()
+        .map_or_else(Vec::new, |mut cameras| {
+            let state =
+                |(main, camera, bounces): (&MainEntity, &GiCamera, Option<&BounceCamera>)| {
+                    GiCameraState {
+                        camera: main.id(),
+                        vpls: camera.vpls.clone(),
+                        sets: camera.plan.sets,
+                        per_set: camera.plan.per_set,
+                        stride: camera.plan.stride,
+                        irradiance: camera.shown().texture.clone(),
+                        bounces: bounces.map(BounceCamera::state),
+                    }
+                };
+            cameras.iter(render_world).map(state).collect()
+        });
+    let skies = render_world
+        .try_query::<&SkyCamera>()
+        .map_or(0, |mut skies| skies.iter(render_world).count());
     GiGpuState { texels, occluders, maps: maps(render_world), cameras, skies }
 }
 
 fn maps(render_world: &World) -> Vec<GiMapState> {
-    let Some(mut maps) = render_world.try_query::<(&RsmView, &RsmLight, &ExtractedView)>() else { return Vec::new() };
+    let Some(mut maps) = render_world.try_query::<(&RsmView, &RsmLight, &ExtractedView)>() else {
+        return Vec::new();
+    };
     let state = |(view, light, extracted): (&RsmView, &RsmLight, &ExtractedView)| {
-        let clip_from_world = || extracted.clip_from_view * extracted.world_from_view.to_matrix().inverse();
+        let clip_from_world =
+            || extracted.clip_from_view * extracted.world_from_view.to_matrix().inverse();
         GiMapState {
             view: *view,
             clip_from_world: extracted.clip_from_world.unwrap_or_else(clip_from_world),
@@ -154,7 +172,15 @@ pub enum GiPass {
 
 impl GiPass {
     /// In the order of a frame.
-    pub const ALL: [Self; 7] = [Self::Resolve, Self::Sky, Self::Bounces, Self::Vpl, Self::Gather, Self::Filter, Self::Composite];
+    pub const ALL: [Self; 7] = [
+        Self::Resolve,
+        Self::Sky,
+        Self::Bounces,
+        Self::Vpl,
+        Self::Gather,
+        Self::Filter,
+        Self::Composite,
+    ];
 
     /// The name of its span among Bevy's render diagnostics, behind `bevy_frugal_gi/`.
     pub fn name(self) -> &'static str {
@@ -162,16 +188,22 @@ impl GiPass {
     }
 }
 
-/// Which pass runs twice in a frame: what it costs is by how much the frame then takes longer, on devices without time stamps that mean anything, too. Light
-/// that is composited twice is there twice. A resource of the main world; see [`allow_repeats`].
+/// Which pass runs twice in a frame: what it costs is by how much the frame then takes longer, on
+/// devices without time stamps that mean anything, too. Light that is composited twice is there
+/// twice. A resource of the main world; see [`allow_repeats`].
 #[derive(Resource, ExtractResource, Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct RepeatedPass(pub Option<GiPass>);
 
 /// Puts every pass into the frame a second time, to run while [`RepeatedPass`] says so.
 pub fn allow_repeats(app: &mut App) {
-    app.init_resource::<RepeatedPass>().add_plugins(ExtractResourcePlugin::<RepeatedPass>::default());
+    app.init_resource::<RepeatedPass>()
+        .add_plugins(ExtractResourcePlugin::<RepeatedPass>::default());
     let Some(render_app) = app.get_sub_app_mut(RenderApp) else { return };
-    let is = |pass: GiPass| move |repeated: Option<Res<RepeatedPass>>| repeated.is_some_and(|repeated| repeated.0 == Some(pass));
+    let is = |pass: GiPass| {
+        move |repeated: Option<Res<RepeatedPass>>| {
+            repeated.is_some_and(|repeated| repeated.0 == Some(pass))
+        }
+    };
     render_app.add_systems(
         Core3d,
         (

@@ -1,7 +1,8 @@
-//! Global illumination: bounces from virtual point lights sampled in reflective shadow maps, and light of glowing surfaces and of the sky.
+//! Global illumination: bounces from virtual point lights sampled in reflective shadow maps, and
+//! light of glowing surfaces and of the sky.
 //!
-//! Dachsbacher and Stamminger 2005 ("Reflective Shadow Maps") for where light arrives, Keller 1997 ("Instant Radiosity") for how it goes on.
-//! Data flows one way:
+//! Dachsbacher and Stamminger 2005 ("Reflective Shadow Maps") for where light arrives, Keller 1997
+//! ("Instant Radiosity") for how it goes on. Data flows one way:
 //!
 //! | folder | world | job |
 //! |---|---|---|
@@ -55,7 +56,9 @@ pub use cut::CameraCut;
 pub use diagnostics::{GI_DIAGNOSTICS, GiCounts};
 pub use refresh::GiRefresh;
 pub use rsm::RsmView;
-pub use settings::{FrugalGi, GiInterleave, GiLimits, GiOutput, GiPixelFraction, GiShading, GiVisibility};
+pub use settings::{
+    FrugalGi, GiInterleave, GiLimits, GiOutput, GiPixelFraction, GiShading, GiVisibility,
+};
 pub use sources::GiEmitters;
 pub use visibility::GiOccluders;
 
@@ -66,14 +69,15 @@ pub enum GiSystems {
     Resolve,
     /// In a GI camera's view: VPLs are drawn and gathered. After the prepass, before the main pass.
     Gather,
-    /// In a GI camera's view: indirect light is added to the picture. After opaque meshes, before transmissive and transparent ones.
+    /// In a GI camera's view: indirect light is added to the picture. After opaque meshes, before
+    /// transmissive and transparent ones.
     Composite,
 }
 
 /// Adds [`FrugalGi`] to an app, and makes deferred rendering its default.
 ///
-/// Every `Camera3d` then gets a `DeferredPrepass`: without one, Bevy draws no deferred mesh to a camera that has no prepass, and panics at one
-/// that has another prepass.
+/// Every `Camera3d` then gets a `DeferredPrepass`: without one, Bevy draws no deferred mesh to a
+/// camera that has no prepass, and panics at one that has another prepass.
 #[derive(Clone, Debug, Default)]
 pub struct GiPlugin;
 
@@ -110,9 +114,12 @@ impl Plugin for GiPlugin {
             .register_type::<FrugalGi>()
             .register_type::<GiLimits>()
             .register_type::<RsmView>();
-        // Required components cover cameras that are spawned later, too; it must be said before the first camera.
+        // Required components cover cameras that are spawned later, too; it must be said before the
+        // first camera.
         if app.try_register_required_components::<Camera3d, DeferredPrepass>().is_err() {
-            warn!("a Camera3d was spawned before GiPlugin was added, or already requires a DeferredPrepass: give every Camera3d one");
+            warn!(
+                "a Camera3d was spawned before GiPlugin was added, or already requires a DeferredPrepass: give every Camera3d one"
+            );
         }
         app.add_plugins((
             ExtractComponentPlugin::<FrugalGi>::default(),
@@ -122,7 +129,8 @@ impl Plugin for GiPlugin {
             ExtractComponentPlugin::<GiShading>::default(),
             UniformComponentPlugin::<rsm::RsmLight>::default(),
         ));
-        // A camera that comes with multisampling keeps it in spite of the requirement: Bevy would switch it off with a warning in each frame.
+        // A camera that comes with multisampling keeps it in spite of the requirement: Bevy would
+        // switch it off with a warning in each frame.
         app.add_observer(|added: On<Add, FrugalGi>, mut commands: Commands| {
             commands.entity(added.entity).insert(Msaa::Off);
         });
@@ -163,8 +171,12 @@ impl Plugin for GiPlugin {
             .configure_sets(
                 Core3d,
                 (
-                    (GiSystems::Resolve, GiSystems::Gather).chain().after(Core3dSystems::Prepass).before(Core3dSystems::MainPass),
-                    // Need the opaque pass to be over: what is rendered forward in it covers what is deferred.
+                    (GiSystems::Resolve, GiSystems::Gather)
+                        .chain()
+                        .after(Core3dSystems::Prepass)
+                        .before(Core3dSystems::MainPass),
+                    // Need the opaque pass to be over: what is rendered forward in it covers what
+                    // is deferred.
                     GiSystems::Composite
                         .in_set(Core3dSystems::MainPass)
                         .after(deferred_lighting)
@@ -186,20 +198,31 @@ impl Plugin for GiPlugin {
                         bounces::prepare_bounces,
                         gather::prepare_cameras,
                         gather::prepare_pipelines,
-                        // Need to know whose sky is gathered in this frame, before Bevy binds the maps.
+                        // Need to know whose sky is gathered in this frame, before Bevy binds the
+                        // maps.
                         sources::take_out_diffuse,
                     )
                         .chain()
                         .in_set(RenderSystems::PrepareResources),
                     composite::prepare_pipelines.in_set(RenderSystems::Prepare),
-                    diagnostics::count.in_set(RenderSystems::PrepareBindGroups).after(gather::prepare_cameras),
+                    diagnostics::count
+                        .in_set(RenderSystems::PrepareBindGroups)
+                        .after(gather::prepare_cameras),
                 ),
             )
             .add_systems(
                 Core3d,
                 (
                     rsm::resolve.in_set(GiSystems::Resolve),
-                    (sources::sample_sky, bounces::reflect, vpl::sample, gather::gather, filter::filter).chain().in_set(GiSystems::Gather),
+                    (
+                        sources::sample_sky,
+                        bounces::reflect,
+                        vpl::sample,
+                        gather::gather,
+                        filter::filter,
+                    )
+                        .chain()
+                        .in_set(GiSystems::Gather),
                     composite::composite.in_set(GiSystems::Composite),
                 ),
             );

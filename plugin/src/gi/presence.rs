@@ -7,7 +7,8 @@ use super::rsm::RsmView;
 use super::settings::FrugalGi;
 use super::sources::GiEmitters;
 
-/// What lights the scene, in the main world. Systems that ask must come after [`RsmSystems::Maintain`](super::rsm::RsmSystems) and
+/// What lights the scene, in the main world. Systems that ask must come after
+/// [`RsmSystems::Maintain`](super::rsm::RsmSystems) and
 /// [`EmittersSystems`](super::sources::EmittersSystems).
 #[derive(SystemParam)]
 pub(super) struct LightPresence<'w, 's> {
@@ -16,8 +17,11 @@ pub(super) struct LightPresence<'w, 's> {
 }
 
 impl LightPresence<'_, '_> {
-    /// Whether a camera has light to gather, be it of lamps, of what glows, or of its environment map where it has one.
+    /// Whether a camera has light to gather, be it of lamps, of what glows, or of its environment
+    /// map where it has one.
     pub fn lights(&self, gi: &FrugalGi, has_environment_map: bool) -> bool {
-        !self.maps.is_empty() || gi.emissive && self.emitters.texel_count() > 0 || has_environment_map && gi.environment_samples > 0
+        !self.maps.is_empty()
+            || gi.emissive && self.emitters.texel_count() > 0
+            || has_environment_map && gi.environment_samples > 0
     }
 }

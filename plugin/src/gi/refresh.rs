@@ -1,7 +1,8 @@
 //! What has to be done again in a frame: light that nobody moved is not gathered twice.
 //!
-//! Maps are rendered while something that they show changes; after a mesh, a texture or a material has come, for a few frames more, since it may not
-//! be drawn in its first. A camera gathers while its maps change or it moves. In a still picture nothing is left but the composite, which adds
+//! Maps are rendered while something that they show changes; after a mesh, a texture or a material
+//! has come, for a few frames more, since it may not be drawn in its first. A camera gathers while
+//! its maps change or it moves. In a still picture nothing is left but the composite, which adds
 //! what was gathered.
 
 use bevy::app::{App, PostUpdate};
@@ -31,17 +32,23 @@ use crate::pipelines::PipelinesBusy;
 #[derive(Resource, ExtractResource, Reflect, Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[reflect(Resource, Default, Clone, PartialEq)]
 pub enum GiRefresh {
-    /// When something moved or changed: meshes, their materials' handles, standard materials, images, lights, skins, morphs; for the gather, the
-    /// camera, too. What a changed material or mesh asset sends on is a frame late, as Bevy tells of assets after cameras. While a mesh has a material of another kind it is as [`EveryFrame`](Self::EveryFrame), since such a material may change by itself.
+    /// When something moved or changed: meshes, their materials' handles, standard materials,
+    /// images, lights, skins, morphs; for the gather, the camera, too. What a changed material or
+    /// mesh asset sends on is a frame late, as Bevy tells of assets after cameras. While a mesh has
+    /// a material of another kind it is as [`EveryFrame`](Self::EveryFrame), since such a material
+    /// may change by itself.
     #[default]
     OnChange,
-    /// As `OnChange`, but that cameras gather in every frame, as if they moved: what a walk through a still scene costs. For measuring.
+    /// As `OnChange`, but that cameras gather in every frame, as if they moved: what a walk through
+    /// a still scene costs. For measuring.
     AsIfCamerasMoved,
-    /// All of it in every frame. For what changes unseen: vertex shaders that move by the clock, buffers that the GPU writes.
+    /// All of it in every frame. For what changes unseen: vertex shaders that move by the clock,
+    /// buffers that the GPU writes.
     EveryFrame,
 }
 
-/// Frames for which an asset counts as arriving. It is prepared in its first frame or the next, what is made of it in the one after, and drawn then.
+/// Frames for which an asset counts as arriving. It is prepared in its first frame or the next,
+/// what is made of it in the one after, and drawn then.
 const ARRIVAL: u32 = 4;
 
 /// What this frame does.
@@ -63,8 +70,14 @@ pub(super) fn build(app: &mut App) {
     app.init_resource::<GiRefresh>()
         .init_resource::<GiFrame>()
         .register_type::<GiRefresh>()
-        .add_plugins((ExtractResourcePlugin::<GiRefresh>::default(), ExtractResourcePlugin::<GiFrame>::default()))
-        .add_systems(PostUpdate, (decide, wake_maps).chain().after(RsmSystems::Maintain).before(CameraUpdateSystems));
+        .add_plugins((
+            ExtractResourcePlugin::<GiRefresh>::default(),
+            ExtractResourcePlugin::<GiFrame>::default(),
+        ))
+        .add_systems(
+            PostUpdate,
+            (decide, wake_maps).chain().after(RsmSystems::Maintain).before(CameraUpdateSystems),
+        );
 }
 
 type Touched = Or<(
@@ -82,7 +95,8 @@ type Touched = Or<(
 #[derive(bevy::ecs::system::SystemParam)]
 struct SceneChanges<'w, 's> {
     meshes: Query<'w, 's, (), (With<Mesh3d>, Touched)>,
-    // A child's place is only known after transforms have been propagated, which may be later in the frame.
+    // A child's place is only known after transforms have been propagated, which may be later in
+    // the frame.
     parents: Query<'w, 's, (), (With<Children>, Without<Camera>, Changed<Transform>)>,
     skins: Query<'w, 's, &'static SkinnedMesh>,
     moved: Query<'w, 's, (), Or<(Changed<Transform>, Changed<GlobalTransform>)>>,
@@ -94,7 +108,9 @@ struct SceneChanges<'w, 's> {
 }
 
 fn touches<A: bevy::asset::Asset>(events: &mut Option<MessageReader<AssetEvent<A>>>) -> bool {
-    let touches = |event: &AssetEvent<A>| !matches!(event, AssetEvent::Unused { .. } | AssetEvent::LoadedWithDependencies { .. });
+    let touches = |event: &AssetEvent<A>| {
+        !matches!(event, AssetEvent::Unused { .. } | AssetEvent::LoadedWithDependencies { .. })
+    };
     // All are read, or the rest would be found in the next frame.
     events.as_mut().is_some_and(|events| events.read().filter(|event| touches(event)).count() > 0)
 }
@@ -120,8 +136,14 @@ impl SceneChanges<'_, '_> {
     /// Reads everything, so that no change is seen twice.
     fn read(&mut self) -> Happened {
         let gone = self.gone.read().count() + self.unhidden.read().count() > 0;
-        let assets = [touches(&mut self.mesh_assets), touches(&mut self.image_assets), touches(&mut self.material_assets)];
-        let skins = || self.skins.iter().flat_map(|skin| &skin.joints).any(|joint| self.moved.contains(*joint));
+        let assets = [
+            touches(&mut self.mesh_assets),
+            touches(&mut self.image_assets),
+            touches(&mut self.material_assets),
+        ];
+        let skins = || {
+            self.skins.iter().flat_map(|skin| &skin.joints).any(|joint| self.moved.contains(*joint))
+        };
         let changed = gone || !self.meshes.is_empty() || !self.parents.is_empty() || skins();
         Happened { changed, arrived: assets.contains(&true), ..Default::default() }
     }
@@ -151,19 +173,34 @@ fn decide(
             "a mesh has no StandardMaterial: global illumination is refreshed in every frame, since its material may change by itself"
         );
     }
-    let periods = cameras.iter().filter(|(camera, gi)| camera.is_active && gi.vpl_count > 0).map(|(_, gi)| gi.refresh_period.max(1));
+    let periods = cameras
+        .iter()
+        .filter(|(camera, gi)| camera.is_active && gi.vpl_count > 0)
+        .map(|(_, gi)| gi.refresh_period.max(1));
     *frame = frame.next(happened, periods.min().unwrap_or(1));
 }
 
 impl GiFrame {
     fn next(self, happened: Happened, period: u32) -> Self {
         let number = if happened.cut { 0 } else { self.number.wrapping_add(1) };
-        let quiet = if happened.changed || happened.laid_out { 0 } else { self.quiet.saturating_add(1) };
-        let arriving = if happened.arrived { ARRIVAL } else { self.arriving.saturating_sub(1).max(u32::from(happened.missing)) };
+        let quiet =
+            if happened.changed || happened.laid_out { 0 } else { self.quiet.saturating_add(1) };
+        let arriving = if happened.arrived {
+            ARRIVAL
+        } else {
+            self.arriving.saturating_sub(1).max(u32::from(happened.missing))
+        };
         // A whole period from the last change on: one frame in it renders maps.
         let gather = happened.always || arriving > 0 || quiet < period;
-        // What has moved to another place in the store must be there before it is drawn from, and what was missing is not for a period to keep back.
-        Self { number, quiet, arriving, gather, maps: happened.laid_out || arriving > 0 || gather && number.is_multiple_of(period) }
+        // What has moved to another place in the store must be there before it is drawn from, and
+        // what was missing is not for a period to keep back.
+        Self {
+            number,
+            quiet,
+            arriving,
+            gather,
+            maps: happened.laid_out || arriving > 0 || gather && number.is_multiple_of(period),
+        }
     }
 }
 
@@ -180,7 +217,14 @@ fn wake_maps(frame: Res<GiFrame>, mut maps: Query<&mut Camera, With<RsmView>>) {
 mod tests {
     use super::*;
 
-    const NOTHING: Happened = Happened { changed: false, arrived: false, missing: false, always: false, laid_out: false, cut: false };
+    const NOTHING: Happened = Happened {
+        changed: false,
+        arrived: false,
+        missing: false,
+        always: false,
+        laid_out: false,
+        cut: false,
+    };
     const CHANGE: Happened = Happened { changed: true, ..NOTHING };
 
     #[test]
@@ -194,7 +238,8 @@ mod tests {
 
     #[test]
     fn what_arrives_is_waited_for() {
-        let mut frame = GiFrame { quiet: 99, ..Default::default() }.next(Happened { arrived: true, ..NOTHING }, 1);
+        let mut frame = GiFrame { quiet: 99, ..Default::default() }
+            .next(Happened { arrived: true, ..NOTHING }, 1);
         for _ in 0..ARRIVAL {
             assert!(frame.maps && frame.gather);
             frame = frame.next(NOTHING, 1);
@@ -235,7 +280,8 @@ mod tests {
     #[test]
     fn a_cut_begins_a_period() {
         for number in 0..8 {
-            let cut = GiFrame { number, quiet: 99, ..Default::default() }.next(Happened { cut: true, ..CHANGE }, 4);
+            let cut = GiFrame { number, quiet: 99, ..Default::default() }
+                .next(Happened { cut: true, ..CHANGE }, 4);
             assert!(cut.maps && cut.gather);
             let mut frame = cut;
             let rendered: Vec<_> = std::iter::from_fn(|| {

@@ -12,56 +12,76 @@ use super::bounces::BounceCamera;
 use super::gather::GiCamera;
 use super::sources::{SkyCamera, SkySource};
 
-/// Global illumination on this camera: one [bounce](Self::bounces), or more, of every directional, spot and point light, from virtual point lights (VPLs) drawn
-/// in reflective shadow maps; the light of [glowing surfaces](super::GiEmitters); and that of the camera's
+/// Global illumination on this camera: one [bounce](Self::bounces), or more, of every directional,
+/// spot and point light, from virtual point lights (VPLs) drawn in reflective shadow maps; the
+/// light of [glowing surfaces](super::GiEmitters); and that of the camera's
 /// [`EnvironmentMapLight`](bevy::light::EnvironmentMapLight), shadowed.
 ///
-/// Needs the deferred renderer, which [`GiPlugin`](super::GiPlugin) makes the default, and no multisampling. A camera without this component
-/// pays nothing.
+/// Needs the deferred renderer, which [`GiPlugin`](super::GiPlugin) makes the default, and no
+/// multisampling. A camera without this component pays nothing.
 #[derive(Component, ExtractComponent, Reflect, Clone, Debug, PartialEq)]
 #[reflect(Component, Default, Clone, PartialEq)]
 #[require(Camera3d, Hdr, Msaa::Off, DepthPrepass, DeferredPrepass)]
 #[extract_component_sync_target((Self, GiCamera, SkyCamera, SkySource, BounceCamera))]
 pub struct FrugalGi {
-    /// Virtual point lights for the whole picture. Higher values: smoother and nearer the truth; every gathered pixel evaluates its
-    /// [interleaved](Self::interleave) share of them. Lower values: blotchier. 0 turns GI off, and nothing is rendered, allocated or dispatched
-    /// for it. At most [`MAX_VPL_COUNT`](Self::MAX_VPL_COUNT), and at most [`MAX_VPLS_PER_PIXEL`](Self::MAX_VPLS_PER_PIXEL) for a pixel.
+    /// Virtual point lights for the whole picture. Higher values: smoother and nearer the truth;
+    /// every gathered pixel evaluates its [interleaved](Self::interleave) share of them. Lower
+    /// values: blotchier. 0 turns GI off, and nothing is rendered, allocated or dispatched for it.
+    /// At most [`MAX_VPL_COUNT`](Self::MAX_VPL_COUNT), and at most
+    /// [`MAX_VPLS_PER_PIXEL`](Self::MAX_VPLS_PER_PIXEL) for a pixel.
     pub vpl_count: u32,
-    /// Side of the square of gathered pixels that share the VPLs out among them. Wider: cheaper by its area, and softer, since
-    /// a filter along surfaces then joins what the pixels found. Narrower: more for the same cost at edges and on small things.
+    /// Side of the square of gathered pixels that share the VPLs out among them. Wider: cheaper by
+    /// its area, and softer, since a filter along surfaces then joins what the pixels found.
+    /// Narrower: more for the same cost at edges and on small things.
     pub interleave: GiInterleave,
-    /// Whether what stands between a surface and a VPL is found. Finer: less noise in indirect shadow, more rays.
+    /// Whether what stands between a surface and a VPL is found. Finer: less noise in indirect
+    /// shadow, more rays.
     pub visibility: GiVisibility,
     /// Samples of the sky that every gathered pixel evaluates, where the camera has an
-    /// [`EnvironmentMapLight`](bevy::light::EnvironmentMapLight): directions drawn by how bright the map is there and how much of it the picture
-    /// could receive, each a set of [`interleave`](Self::interleave)² pixels' own. As many rays again as [`visibility`](Self::visibility) says find what
-    /// hides them. Higher values: less noise in the sky's shadows, and a finer map. 0, or no rays: Bevy's own diffuse light of the map stays,
-    /// which nothing shadows. Else ours replaces it (its reflections stay), also on meshes that are not deferred, to which no global illumination is
-    /// added. At most [`MAX_ENVIRONMENT_SAMPLES`](Self::MAX_ENVIRONMENT_SAMPLES).
+    /// [`EnvironmentMapLight`](bevy::light::EnvironmentMapLight): directions drawn by how bright
+    /// the map is there and how much of it the picture could receive, each a set of
+    /// [`interleave`](Self::interleave)² pixels' own. As many rays again as
+    /// [`visibility`](Self::visibility) says find what hides them. Higher values: less noise in the
+    /// sky's shadows, and a finer map. 0, or no rays: Bevy's own diffuse light of the map stays,
+    /// which nothing shadows. Else ours replaces it (its reflections stay), also on meshes that are
+    /// not deferred, to which no global illumination is added. At most
+    /// [`MAX_ENVIRONMENT_SAMPLES`](Self::MAX_ENVIRONMENT_SAMPLES).
     pub environment_samples: u32,
-    /// Times that light of lamps is reflected on its way to what the camera sees; that of glowing surfaces and of the sky one time less. Needs
-    /// [`visibility`](Self::visibility), or it is 1. Higher values: lighter shadows and rooms, nearer to all the light that there is (where surfaces
-    /// reflect half of it, 1 finds half of what is indirect, 2 three quarters); each costs a pass over the maps' texels and
-    /// 16,384 rays (20,480 with a sky), but not in every frame: when the maps are rendered, when the sky or these settings change, and when the camera
-    /// has gone a fortieth of [`range`](Self::range). At most [`MAX_BOUNCES`](Self::MAX_BOUNCES). See [`GiPatches`](super::GiPatches).
+    /// Times that light of lamps is reflected on its way to what the camera sees; that of glowing
+    /// surfaces and of the sky one time less. Needs [`visibility`](Self::visibility), or it is 1.
+    /// Higher values: lighter shadows and rooms, nearer to all the light that there is (where
+    /// surfaces reflect half of it, 1 finds half of what is indirect, 2 three quarters); each costs
+    /// a pass over the maps' texels and 16,384 rays (20,480 with a sky), but not in every frame:
+    /// when the maps are rendered, when the sky or these settings change, and when the camera has
+    /// gone a fortieth of [`range`](Self::range). At most [`MAX_BOUNCES`](Self::MAX_BOUNCES). See
+    /// [`GiPatches`](super::GiPatches).
     pub bounces: u32,
-    /// Whether [glowing surfaces](super::GiEmitters) light others. Costs nothing where there are none.
+    /// Whether [glowing surfaces](super::GiEmitters) light others. Costs nothing where there are
+    /// none.
     pub emissive: bool,
-    /// Share of pixels at which the VPLs are gathered; the others are interpolated along surfaces. Higher values: finer indirect detail, at
-    /// proportional cost. Lower values: indirect light blurs across small features.
+    /// Share of pixels at which the VPLs are gathered; the others are interpolated along surfaces.
+    /// Higher values: finer indirect detail, at proportional cost. Lower values: indirect light
+    /// blurs across small features.
     pub pixel_fraction: GiPixelFraction,
-    /// Texels along the edge of a directional or spot light's reflective shadow map (a point light's six faces have a quarter as many, but 32 where that is less and half is more). Higher
-    /// values: smaller lit features are found, and the light's rasterisation costs more. In 16 to 2048.
+    /// Texels along the edge of a directional or spot light's reflective shadow map (a point
+    /// light's six faces have a quarter as many, but 32 where that is less and half is more).
+    /// Higher values: smaller lit features are found, and the light's rasterisation costs more. In
+    /// 16 to 2048.
     pub rsm_resolution: u32,
-    /// Frames from one rendering of the maps, and drawing of VPLs, to the next while something moves. Higher values: light that moves, or on what
-    /// moves, lags behind by as many frames, and the maps cost that much less. 1 never lags. Where nothing moves nothing is rendered again, whatever
-    /// this says; see [`GiRefresh`](super::GiRefresh). Cameras that share lights share the smallest.
+    /// Frames from one rendering of the maps, and drawing of VPLs, to the next while something
+    /// moves. Higher values: light that moves, or on what moves, lags behind by as many frames, and
+    /// the maps cost that much less. 1 never lags. Where nothing moves nothing is rendered again,
+    /// whatever this says; see [`GiRefresh`](super::GiRefresh). Cameras that share lights share the
+    /// smallest.
     pub refresh_period: u32,
-    /// How far around the camera, in metres, directional lights bounce. Scenes smaller than twice that are covered whole. What lies within 0.3 of it
-    /// has a map of its own, where that is much less than the scene. Higher values: more distant bounces, fewer texels on near surfaces.
+    /// How far around the camera, in metres, directional lights bounce. Scenes smaller than twice
+    /// that are covered whole. What lies within 0.3 of it has a map of its own, where that is much
+    /// less than the scene. Higher values: more distant bounces, fewer texels on near surfaces.
     pub range: f32,
-    /// Frames over which light that reaches a place is averaged while something moves, beside what is thrown away because it was not seen before or
-    /// because light was switched. Higher values: less flicker, and light that moves lags behind by about as many frames. 1: none. In 1 to 64; not for parallel projections, nor after a cut (more than 1 m or 30° in a frame).
+    /// Frames over which light that reaches a place is averaged while something moves, beside what
+    /// is thrown away because it was not seen before or because light was switched. Higher values:
+    /// less flicker, and light that moves lags behind by about as many frames. 1: none. In 1 to 64;
+    /// not for parallel projections, nor after a cut (more than 1 m or 30° in a frame).
     pub history_frames: u32,
     /// How surfaces scatter light that bounces. Free.
     pub shading: GiShading,
@@ -72,7 +92,8 @@ pub struct FrugalGi {
 impl FrugalGi {
     /// Most VPLs of a picture.
     pub const MAX_VPL_COUNT: u32 = 16_384;
-    /// Most VPLs that one pixel evaluates: as many of 48 bytes as fit into the 64 KiB of a uniform buffer that every GPU binds.
+    /// Most VPLs that one pixel evaluates: as many of 48 bytes as fit into the 64 KiB of a uniform
+    /// buffer that every GPU binds.
     pub const MAX_VPLS_PER_PIXEL: u32 = 1024;
 
     /// Most samples of the sky that one pixel evaluates.
@@ -153,7 +174,8 @@ impl GiPixelFraction {
     }
 }
 
-/// How many gathered pixels share the VPLs out among them (Keller and Heidrich 2001, "Interleaved Sampling").
+/// How many gathered pixels share the VPLs out among them (Keller and Heidrich 2001, "Interleaved
+/// Sampling").
 #[derive(Reflect, Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
 #[reflect(Default, Clone, PartialEq, Hash)]
 pub enum GiInterleave {
@@ -221,15 +243,21 @@ impl GiVisibility {
 
 /// How surfaces scatter light that bounces.
 ///
-/// The directions from which light arrives at a pixel are not kept: what depends on them is averaged over all.
-#[derive(Component, ExtractComponent, Reflect, Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
+/// The directions from which light arrives at a pixel are not kept: what depends on them is
+/// averaged over all.
+#[derive(
+    Component, ExtractComponent, Reflect, Clone, Copy, Debug, Default, PartialEq, Eq, Hash,
+)]
 #[reflect(Component, Default, Clone, PartialEq, Hash)]
 pub enum GiShading {
-    /// As matt surfaces of their base colour; metals take no part. For measuring against references of that kind.
+    /// As matt surfaces of their base colour; metals take no part. For measuring against references
+    /// of that kind.
     Lambertian,
-    /// With as much light as Bevy's own shading scatters where it arrives evenly: its diffuse term, which sends more back at grazing angles the rougher
-    /// a surface is, and its specular term, by which metals take part. That is right in the mean and blurred in the picture: highlights of
-    /// single bright spots are missing, and what is smoother than a perceptual roughness of 0.2 to 0.4 is left to reflections on screen.
+    /// With as much light as Bevy's own shading scatters where it arrives evenly: its diffuse term,
+    /// which sends more back at grazing angles the rougher a surface is, and its specular term, by
+    /// which metals take part. That is right in the mean and blurred in the picture: highlights of
+    /// single bright spots are missing, and what is smoother than a perceptual roughness of 0.2 to
+    /// 0.4 is left to reflections on screen.
     #[default]
     Standard,
 }
@@ -243,8 +271,8 @@ pub enum GiOutput {
     Added,
     /// Indirect light alone, over black: for measuring and looking at it.
     IndirectOnly,
-    /// Nothing, and nothing is drawn from the reflective shadow maps or gathered: they are rendered, for passes of the app's own that read them
-    /// (see [`inspect`](super::inspect)).
+    /// Nothing, and nothing is drawn from the reflective shadow maps or gathered: they are
+    /// rendered, for passes of the app's own that read them (see [`inspect`](super::inspect)).
     MapsOnly,
 }
 
@@ -252,8 +280,9 @@ pub enum GiOutput {
 #[derive(Resource, Reflect, Clone, Debug, PartialEq)]
 #[reflect(Resource, Default, Clone, PartialEq)]
 pub struct GiLimits {
-    /// Most reflective shadow maps rendered in a frame (a point light takes six). Where lights need more, those that light the surroundings
-    /// of a GI camera most keep theirs. Higher values: more lights bounce, each map costs about one shadow map.
+    /// Most reflective shadow maps rendered in a frame (a point light takes six). Where lights need
+    /// more, those that light the surroundings of a GI camera most keep theirs. Higher values: more
+    /// lights bounce, each map costs about one shadow map.
     pub max_rsm_count: usize,
 }
 

@@ -29,12 +29,14 @@ fn surface_normal(texel: vec4<u32>) -> vec3<f32> {
     return octahedral_decode(unpack_24bit_normal(texel.a));
 }
 
-/// Share of light that a surface scatters in all directions together, if it arrives at `cosine` to its normal; or what it scatters towards there of light
-/// that arrives evenly from everywhere, which is the same. Unlit surfaces have no base colour here.
+/// Share of light that a surface scatters in all directions together, if it arrives at `cosine` to
+/// its normal; or what it scatters towards there of light that arrives evenly from everywhere,
+/// which is the same. Unlit surfaces have no base colour here.
 ///
-/// LAMBERTIAN: as a matt surface; metals scatter nothing. Else as Bevy's: Burley 2012 ("Physically Based Shading at Disney", 5.3) by a fit of ours,
-/// within 0.015 but for the last degrees; and its specular term (Karis 2014, "Physically Based Shading on Mobile"; what facets scatter among each other as in Filament's 4.7.2), left
-/// out of smooth surfaces, which do not scatter but mirror.
+/// LAMBERTIAN: as a matt surface; metals scatter nothing. Else as Bevy's: Burley 2012 ("Physically
+/// Based Shading at Disney", 5.3) by a fit of ours, within 0.015 but for the last degrees; and its
+/// specular term (Karis 2014, "Physically Based Shading on Mobile"; what facets scatter among each
+/// other as in Filament's 4.7.2), left out of smooth surfaces, which do not scatter but mirror.
 fn scattered_share(texel: vec4<u32>, cosine: f32) -> vec3<f32> {
     let color = unpack_unorm4x8_(texel.r);
     let properties = unpack_unorm4x8_(texel.b);
@@ -65,8 +67,8 @@ fn read_surface(texel: vec4<u32>, pixel: vec2<u32>, size: vec2<u32>, depth: f32,
     return Surface(pixel_position(pixel, size, depth, world_from_clip), surface_normal(texel));
 }
 
-/// How much what was found at one point of a surface says of another, 0 to 1: whether it lies in the other's tangent plane, to within
-/// `tolerance` metres, and faces the same way.
+/// How much what was found at one point of a surface says of another, 0 to 1: whether it lies in
+/// the other's tangent plane, to within `tolerance` metres, and faces the same way.
 fn surface_affinity(way: vec3<f32>, normal: vec3<f32>, other_normal: vec3<f32>, tolerance: f32) -> f32 {
     let off_plane = abs(dot(way, normal)) / tolerance;
     let alike = max(dot(other_normal, normal), 0.0);

@@ -10,14 +10,16 @@ use super::{KnobRegistry, KnobScope, KnobSettings, RegisterKnob, RenderSettings}
 use super::{builtin, warm};
 use crate::control::KnownKnobs;
 
-/// Adds the built-in knobs and the systems that apply [`KnobSettings`] and [warm](super::WarmKnobs) them.
+/// Adds the built-in knobs and the systems that apply [`KnobSettings`] and [warm](super::WarmKnobs)
+/// them.
 #[derive(Clone, Debug, Default)]
 pub struct KnobPlugin;
 
 /// Where settings are applied.
 #[derive(SystemSet, Clone, Debug, PartialEq, Eq, Hash)]
 pub enum KnobSystems {
-    /// In `PostUpdate`, before cameras are updated: a level set before it is in the frame's picture.
+    /// In `PostUpdate`, before cameras are updated: a level set before it is in the frame's
+    /// picture.
     Apply,
 }
 
@@ -40,17 +42,26 @@ impl Plugin for KnobPlugin {
             .register_knob(builtin::ResolutionScaleKnob)
             .register_type::<RenderSettings>()
             .configure_sets(PostUpdate, KnobSystems::Apply.before(CameraUpdateSystems))
-            .add_systems(PostUpdate, apply_settings.run_if(any_settings_changed).in_set(KnobSystems::Apply));
+            .add_systems(
+                PostUpdate,
+                apply_settings.run_if(any_settings_changed).in_set(KnobSystems::Apply),
+            );
         builtin::build(app);
         warm::build(app);
     }
 
     fn finish(&self, app: &mut App) {
         crate::pipelines::finish(app);
-        // By now every plugin has registered its knobs: a map that asks for others is refused by the controller.
-        let known = app.world().get_resource::<KnobRegistry>().and_then(|registry| registry.space_with(|_| true).ok());
+        // By now every plugin has registered its knobs: a map that asks for others is refused by
+        // the controller.
+        let known = app
+            .world()
+            .get_resource::<KnobRegistry>()
+            .and_then(|registry| registry.space_with(|_| true).ok());
         if let Some(space) = known {
-            app.insert_resource(KnownKnobs(space.knobs().iter().map(|knob| knob.name.clone()).collect()));
+            app.insert_resource(KnownKnobs(
+                space.knobs().iter().map(|knob| knob.name.clone()).collect(),
+            ));
         }
     }
 }
@@ -68,7 +79,10 @@ impl AppliedKnobs {
     }
 }
 
-fn any_settings_changed(changed: Query<(), Changed<KnobSettings>>, mut removed: RemovedComponents<KnobSettings>) -> bool {
+fn any_settings_changed(
+    changed: Query<(), Changed<KnobSettings>>,
+    mut removed: RemovedComponents<KnobSettings>,
+) -> bool {
     // Both must be asked in each frame, or removals pile up.
     let removed = removed.read().count() > 0;
     removed || !changed.is_empty()
@@ -94,7 +108,12 @@ fn apply_settings(world: &mut World, mut last_run: Local<bevy::ecs::change_detec
 }
 
 /// Every knob of `settings` whose level differs from the one last applied.
-fn apply_to_camera(world: &mut World, registry: &KnobRegistry, entity: Entity, wanted: &KnobSettings) {
+fn apply_to_camera(
+    world: &mut World,
+    registry: &KnobRegistry,
+    entity: Entity,
+    wanted: &KnobSettings,
+) {
     let mut applied = world.get::<AppliedKnobs>(entity).cloned().unwrap_or_default();
     for (index, knob) in wanted.space.knobs().iter().enumerate() {
         let level = wanted.settings.level(index).min(knob.levels.len() - 1);
@@ -117,7 +136,11 @@ fn apply_to_camera(world: &mut World, registry: &KnobRegistry, entity: Entity, w
 struct AppliedToApp(HashMap<String, f64>);
 
 /// For every knob of the app's own state, the highest level that any active camera asks for.
-fn apply_to_app(world: &mut World, registry: &KnobRegistry, wanted: &[(Entity, bool, KnobSettings)]) {
+fn apply_to_app(
+    world: &mut World,
+    registry: &KnobRegistry,
+    wanted: &[(Entity, bool, KnobSettings)],
+) {
     let mut highest: HashMap<String, (Entity, super::Level)> = HashMap::default();
     for (entity, _, settings) in wanted {
         for (index, knob) in settings.space.knobs().iter().enumerate() {

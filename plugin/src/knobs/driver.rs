@@ -26,15 +26,17 @@ pub trait KnobDriver: Send + Sync + 'static {
         KnobScope::Camera
     }
 
-    /// Whether the knob is only turned where somebody names it: because it changes what a picture aims at rather than how near it comes. A map, a search
-    /// and the best settings leave it alone otherwise.
+    /// Whether the knob is only turned where somebody names it: because it changes what a picture
+    /// aims at rather than how near it comes. A map, a search and the best settings leave it alone
+    /// otherwise.
     fn is_by_name_only(&self) -> bool {
         false
     }
 
     /// Sets `level`. Called only when the level differs from the last one applied to `camera`.
     ///
-    /// `camera` exists and has a camera. Must not panic when what the knob works on is missing: it then has no effect.
+    /// `camera` exists and has a camera. Must not panic when what the knob works on is missing: it
+    /// then has no effect.
     fn apply(&self, world: &mut World, camera: Entity, level: &Level);
 }
 
@@ -74,7 +76,12 @@ impl KnobRegistry {
     /// When there are too many, or one has no sound levels.
     pub fn space_with(&self, is_named: impl Fn(&str) -> bool) -> Result<KnobSpace, KnobSpaceError> {
         let offered = self.drivers.iter().map(|driver| (driver.knob(), driver.is_by_name_only()));
-        KnobSpace::new(offered.filter(|(knob, by_name)| !by_name || is_named(&knob.name)).map(|(knob, _)| knob).collect())
+        KnobSpace::new(
+            offered
+                .filter(|(knob, by_name)| !by_name || is_named(&knob.name))
+                .map(|(knob, _)| knob)
+                .collect(),
+        )
     }
 }
 

@@ -6,7 +6,8 @@ use bevy::ecs::prelude::*;
 
 use super::{KnobSpace, RenderSettings};
 
-/// The levels at which this camera's knobs stand, applied whenever they change. Set by hand, or by the controller.
+/// The levels at which this camera's knobs stand, applied whenever they change. Set by hand, or by
+/// the controller.
 ///
 /// Knobs that `space` leaves out stay as the app has set them.
 #[derive(Component, Clone, Debug, PartialEq)]

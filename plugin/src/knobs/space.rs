@@ -1,6 +1,7 @@
 //! What can be set: knobs, their levels, and settings as one level per knob packed into an integer.
 //!
-//! Plain Rust: knows no renderer. How a level is applied to a camera is [`KnobDriver`](super::KnobDriver)'s business.
+//! Plain Rust: knows no renderer. How a level is applied to a camera is
+//! [`KnobDriver`](super::KnobDriver)'s business.
 
 use bevy::reflect::Reflect;
 use serde::{Deserialize, Serialize};
@@ -8,10 +9,24 @@ use serde::{Deserialize, Serialize};
 /// Bits that each knob takes in [`RenderSettings`].
 const BITS: u32 = 4;
 
-/// One level per knob of a [`KnobSpace`], four bits each, the space's first knob in the lowest bits.
+/// One level per knob of a [`KnobSpace`], four bits each, the space's first knob in the lowest
+/// bits.
 ///
 /// Wang et al. 2016, section 3.7.2, pack theirs the same way into 32 bits.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, PartialOrd, Ord, Reflect, Serialize, Deserialize)]
+#[derive(
+    Clone,
+    Copy,
+    Debug,
+    Default,
+    PartialEq,
+    Eq,
+    Hash,
+    PartialOrd,
+    Ord,
+    Reflect,
+    Serialize,
+    Deserialize,
+)]
 #[serde(transparent)]
 pub struct RenderSettings(u64);
 
@@ -36,7 +51,8 @@ impl RenderSettings {
         ((self.0 >> (knob as u32 * BITS)) & (Self::MAX_LEVELS as u64 - 1)) as usize
     }
 
-    /// These settings with the `knob`-th knob at `level`, which must be below [`MAX_LEVELS`](Self::MAX_LEVELS).
+    /// These settings with the `knob`-th knob at `level`, which must be below
+    /// [`MAX_LEVELS`](Self::MAX_LEVELS).
     #[must_use]
     pub const fn with_level(self, knob: usize, level: usize) -> Self {
         assert!(level < Self::MAX_LEVELS, "a level takes four bits");
@@ -49,7 +65,8 @@ impl RenderSettings {
 /// One position of a knob.
 #[derive(Clone, Debug, PartialEq, Reflect, Serialize, Deserialize)]
 pub struct Level {
-    /// The quantity that the level stands for, in the knob's own unit (samples, texels, a share of pixels…).
+    /// The quantity that the level stands for, in the knob's own unit (samples, texels, a share of
+    /// pixels…).
     pub value: f64,
     /// How people read it.
     pub label: String,
@@ -82,8 +99,12 @@ impl Knob {
     }
 
     /// A knob with its own labels.
-    pub fn labelled<L: Into<String>>(name: &str, levels: impl IntoIterator<Item = (f64, L)>) -> Self {
-        let levels = levels.into_iter().map(|(value, label)| Level { value, label: label.into() }).collect();
+    pub fn labelled<L: Into<String>>(
+        name: &str,
+        levels: impl IntoIterator<Item = (f64, L)>,
+    ) -> Self {
+        let levels =
+            levels.into_iter().map(|(value, label)| Level { value, label: label.into() }).collect();
         Self { name: name.to_owned(), levels, needs: None }
     }
 
@@ -156,7 +177,8 @@ impl KnobSpace {
     /// A space of `knobs`, in this order.
     ///
     /// # Errors
-    /// When they are too many, share a name, or one has no level, too many, or one with a value that is not finite.
+    /// When they are too many, share a name, or one has no level, too many, or one with a value
+    /// that is not finite.
     pub fn new(knobs: Vec<Knob>) -> Result<Self, KnobSpaceError> {
         if knobs.len() > RenderSettings::MAX_KNOBS {
             return Err(KnobSpaceError::TooManyKnobs(knobs.len()));
@@ -209,7 +231,8 @@ impl KnobSpace {
         self.preset(0.0)
     }
 
-    /// Every knob at the same `share` (0 to 1) of its levels, rounded: the fixed presets that engines ship.
+    /// Every knob at the same `share` (0 to 1) of its levels, rounded: the fixed presets that
+    /// engines ship.
     pub fn preset(&self, share: f64) -> RenderSettings {
         let share = if share.is_nan() { 0.0 } else { share.clamp(0.0, 1.0) };
         self.from_levels(|_, knob| (share * (knob.levels.len() - 1) as f64).round() as usize)
@@ -227,36 +250,50 @@ impl KnobSpace {
         settings == self.from_levels(|index, _| settings.level(index))
     }
 
-    /// The same picture at the same cost, with every knob that has no effect at level 0, so that equal settings compare equal.
+    /// The same picture at the same cost, with every knob that has no effect at level 0, so that
+    /// equal settings compare equal.
     ///
     /// Without it a search renders the same picture under many names.
     #[must_use]
     pub fn canonical(&self, settings: RenderSettings) -> RenderSettings {
-        self.from_levels(|index, knob| if self.acts(settings, knob) { settings.level(index) } else { 0 })
+        self.from_levels(
+            |index, knob| if self.acts(settings, knob) { settings.level(index) } else { 0 },
+        )
     }
 
-    /// Each of `settings` once, in its [canonical](Self::canonical) form, in the order of first appearance.
-    pub fn canonical_once(&self, settings: impl IntoIterator<Item = RenderSettings>) -> Vec<RenderSettings> {
+    /// Each of `settings` once, in its [canonical](Self::canonical) form, in the order of first
+    /// appearance.
+    pub fn canonical_once(
+        &self,
+        settings: impl IntoIterator<Item = RenderSettings>,
+    ) -> Vec<RenderSettings> {
         let mut seen = std::collections::HashSet::new();
-        settings.into_iter().map(|settings| self.canonical(settings)).filter(|settings| seen.insert(*settings)).collect()
+        settings
+            .into_iter()
+            .map(|settings| self.canonical(settings))
+            .filter(|settings| seen.insert(*settings))
+            .collect()
     }
 
     fn acts(&self, settings: RenderSettings, knob: &Knob) -> bool {
         self.needed(knob).all(|(other, at_least)| settings.level(other) >= at_least)
     }
 
-    /// Positions and least levels of the knob that `knob` needs, of the one which that needs, and so on. A knob that is not in this space is held at
-    /// its best, so it meets every need. Ends even where knobs need each other in a circle.
+    /// Positions and least levels of the knob that `knob` needs, of the one which that needs, and
+    /// so on. A knob that is not in this space is held at its best, so it meets every need. Ends
+    /// even where knobs need each other in a circle.
     fn needed<'a>(&'a self, knob: &'a Knob) -> impl Iterator<Item = (usize, usize)> + 'a {
         let next = |knob: &'a Knob| {
             let need = knob.needs.as_ref()?;
             Some((self.index_of(&need.knob)?, need.at_least))
         };
-        std::iter::successors(next(knob), move |(other, _)| next(&self.knobs[*other])).take(self.len())
+        std::iter::successors(next(knob), move |(other, _)| next(&self.knobs[*other]))
+            .take(self.len())
     }
 
-    /// The cheapest settings at which `knob` does something: one for each level of the knob that it needs, or the cheapest alone where it needs none.
-    /// Who shows a knob's levels at each of them has shown every pair of the two.
+    /// The cheapest settings at which `knob` does something: one for each level of the knob that it
+    /// needs, or the cheapest alone where it needs none. Who shows a knob's levels at each of them
+    /// has shown every pair of the two.
     pub fn cheapest_with(&self, knob: &Knob) -> Vec<RenderSettings> {
         let mut needed = self.needed(knob);
         let first = needed.next();
@@ -264,23 +301,36 @@ impl KnobSpace {
             settings.with_level(other, at_least.min(self.knobs[other].levels.len() - 1))
         });
         let Some((other, at_least)) = first else { return vec![base] };
-        (at_least..self.knobs[other].levels.len()).map(|level| base.with_level(other, level)).collect()
+        (at_least..self.knobs[other].levels.len())
+            .map(|level| base.with_level(other, level))
+            .collect()
     }
 
-    /// How many different settings there are, knobs without effect not counted; `u64::MAX` where there are more than that.
+    /// How many different settings there are, knobs without effect not counted; `u64::MAX` where
+    /// there are more than that.
     pub fn combinations(&self) -> u64 {
-        // What needs another knob comes after it in practice; counting by enumeration would be exact too, but spaces reach millions.
+        // What needs another knob comes after it in practice; counting by enumeration would be
+        // exact too, but spaces reach millions.
         fn count(space: &KnobSpace, index: usize, settings: RenderSettings) -> u64 {
             let Some(knob) = space.knobs.get(index) else { return 1 };
             let independent = |from: usize| {
                 space.knobs[from..].iter().all(|k| k.needs.is_none())
-                    && !space.knobs[from..].iter().any(|k| space.knobs.iter().any(|o| o.needs.as_ref().is_some_and(|n| n.knob == k.name)))
+                    && !space.knobs[from..].iter().any(|k| {
+                        space
+                            .knobs
+                            .iter()
+                            .any(|o| o.needs.as_ref().is_some_and(|n| n.knob == k.name))
+                    })
             };
             if independent(index) {
-                return space.knobs[index..].iter().fold(1, |product, k| product.saturating_mul(k.levels.len() as u64));
+                return space.knobs[index..]
+                    .iter()
+                    .fold(1, |product, k| product.saturating_mul(k.levels.len() as u64));
             }
             let levels = if space.acts(settings, knob) { knob.levels.len() } else { 1 };
-            (0..levels).fold(0, |sum, level| sum.saturating_add(count(space, index + 1, settings.with_level(index, level))))
+            (0..levels).fold(0, |sum, level| {
+                sum.saturating_add(count(space, index + 1, settings.with_level(index, level)))
+            })
         }
         count(self, 0, self.highest())
     }
@@ -308,20 +358,31 @@ impl KnobSpace {
         None
     }
 
-    /// The space of the knobs called `names`, in this space's order. The others are held at their best.
+    /// The space of the knobs called `names`, in this space's order. The others are held at their
+    /// best.
     ///
     /// # Errors
     /// When a name is unknown.
-    pub fn subset<'a>(&self, names: impl IntoIterator<Item = &'a str>) -> Result<Self, KnobSpaceError> {
+    pub fn subset<'a>(
+        &self,
+        names: impl IntoIterator<Item = &'a str>,
+    ) -> Result<Self, KnobSpaceError> {
         let mut chosen = vec![false; self.len()];
         for name in names {
             chosen[self.index_of(name).ok_or_else(|| self.unknown(name))?] = true;
         }
-        let knobs = self.knobs.iter().zip(chosen).filter(|(_, chosen)| *chosen).map(|(knob, _)| knob.clone()).collect();
+        let knobs = self
+            .knobs
+            .iter()
+            .zip(chosen)
+            .filter(|(_, chosen)| *chosen)
+            .map(|(knob, _)| knob.clone())
+            .collect();
         Ok(Self { knobs })
     }
 
-    /// Reads `max`, `min`, or `knob=level` pairs between commas, which change the best settings. A level is given by its label.
+    /// Reads `max`, `min`, or `knob=level` pairs between commas, which change the best settings. A
+    /// level is given by its label.
     ///
     /// # Errors
     /// When the text is of another form, or names a knob or a level that is not there.
@@ -332,15 +393,20 @@ impl KnobSpace {
                 "max" => settings = self.highest(),
                 "min" => settings = self.lowest(),
                 _ => {
-                    let (name, label) = part.split_once('=').ok_or_else(|| KnobSpaceError::NotAnAssignment(part.to_owned()))?;
+                    let (name, label) = part
+                        .split_once('=')
+                        .ok_or_else(|| KnobSpaceError::NotAnAssignment(part.to_owned()))?;
                     let (name, label) = (name.trim(), label.trim());
                     let index = self.index_of(name).ok_or_else(|| self.unknown(name))?;
                     let levels = &self.knobs[index].levels;
-                    let level = levels.iter().position(|level| level.label == label).ok_or_else(|| KnobSpaceError::UnknownLevel {
-                        knob: name.to_owned(),
-                        level: label.to_owned(),
-                        known: join(levels.iter().map(|level| level.label.as_str())),
-                    })?;
+                    let level =
+                        levels.iter().position(|level| level.label == label).ok_or_else(|| {
+                            KnobSpaceError::UnknownLevel {
+                                knob: name.to_owned(),
+                                level: label.to_owned(),
+                                known: join(levels.iter().map(|level| level.label.as_str())),
+                            }
+                        })?;
                     settings = settings.with_level(index, level);
                 }
             }
@@ -351,14 +417,18 @@ impl KnobSpace {
     /// `knob=level` pairs between commas: what [`parse`](Self::parse) reads.
     pub fn describe(&self, settings: RenderSettings) -> String {
         let pair = |(index, knob): (usize, &Knob)| {
-            let label = knob.levels.get(settings.level(index)).map_or("?", |level| level.label.as_str());
+            let label =
+                knob.levels.get(settings.level(index)).map_or("?", |level| level.label.as_str());
             format!("{}={label}", knob.name)
         };
         self.knobs.iter().enumerate().map(pair).collect::<Vec<_>>().join(",")
     }
 
     fn unknown(&self, name: &str) -> KnobSpaceError {
-        KnobSpaceError::Unknown { name: name.to_owned(), known: join(self.knobs.iter().map(|knob| knob.name.as_str())) }
+        KnobSpaceError::Unknown {
+            name: name.to_owned(),
+            known: join(self.knobs.iter().map(|knob| knob.name.as_str())),
+        }
     }
 }
 
@@ -403,10 +473,17 @@ mod tests {
         assert_eq!((all.len(), space.combinations()), (11, 11));
         let dark = RenderSettings::default().with_level(1, 2).with_level(2, 1);
         assert_eq!(space.canonical(dark), space.lowest());
-        let shown: Vec<_> = space.cheapest_with(&space.knobs()[2]).iter().map(|s| [s.level(0), s.level(1), s.level(2)]).collect();
+        let shown: Vec<_> = space
+            .cheapest_with(&space.knobs()[2])
+            .iter()
+            .map(|s| [s.level(0), s.level(1), s.level(2)])
+            .collect();
         assert_eq!(shown, [[1, 1, 0], [1, 2, 0]]);
         assert_eq!(space.cheapest_with(&space.knobs()[0]), [space.lowest()]);
-        let circle = vec![Knob::new("a", [0.0, 1.0]).needing("b", 1), Knob::new("b", [0.0, 1.0]).needing("a", 1)];
+        let circle = vec![
+            Knob::new("a", [0.0, 1.0]).needing("b", 1),
+            Knob::new("b", [0.0, 1.0]).needing("a", 1),
+        ];
         let space = KnobSpace::new(circle).expect("a valid space");
         assert_eq!(space.canonical(space.highest()), space.highest());
     }
@@ -419,14 +496,20 @@ mod tests {
         }
         assert_eq!(space.parse("min,antialiasing=FXAA").map(|s| s.level(2)), Ok(1));
         assert!(matches!(space.parse("sharpness=3"), Err(KnobSpaceError::Unknown { .. })));
-        assert!(matches!(space.parse("antialiasing=MSAA"), Err(KnobSpaceError::UnknownLevel { .. })));
+        assert!(matches!(
+            space.parse("antialiasing=MSAA"),
+            Err(KnobSpaceError::UnknownLevel { .. })
+        ));
         assert!(matches!(space.parse("best"), Err(KnobSpaceError::NotAnAssignment(_))));
     }
 
     #[test]
     fn the_largest_space_is_counted_without_overflow() {
         let knobs = (0..16).map(|i| Knob::new(&format!("k{i}"), (0..16).map(f64::from))).collect();
-        assert_eq!(KnobSpace::new(knobs).expect("as large as settings pack").combinations(), u64::MAX);
+        assert_eq!(
+            KnobSpace::new(knobs).expect("as large as settings pack").combinations(),
+            u64::MAX
+        );
     }
 
     #[test]
@@ -443,8 +526,14 @@ mod tests {
     fn bad_spaces_are_refused() {
         let twice = vec![Knob::new("a", [1.0]), Knob::new("a", [1.0])];
         assert_eq!(KnobSpace::new(twice), Err(KnobSpaceError::Duplicate("a".into())));
-        assert_eq!(KnobSpace::new(vec![Knob::new("a", [])]), Err(KnobSpaceError::BadLevels("a".into())));
-        assert_eq!(KnobSpace::new(vec![Knob::new("a", [f64::NAN])]), Err(KnobSpaceError::BadLevels("a".into())));
+        assert_eq!(
+            KnobSpace::new(vec![Knob::new("a", [])]),
+            Err(KnobSpaceError::BadLevels("a".into()))
+        );
+        assert_eq!(
+            KnobSpace::new(vec![Knob::new("a", [f64::NAN])]),
+            Err(KnobSpaceError::BadLevels("a".into()))
+        );
         let many = (0..17).map(|i| Knob::new(&format!("k{i}"), [0.0])).collect();
         assert_eq!(KnobSpace::new(many), Err(KnobSpaceError::TooManyKnobs(17)));
     }

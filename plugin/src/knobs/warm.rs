@@ -1,6 +1,7 @@
 //! Compiles what knobs' levels need before it is needed.
 //!
-//! While a pipeline is not compiled, Bevy leaves out what it draws: the first switch to a level would show a picture with parts missing, or black.
+//! While a pipeline is not compiled, Bevy leaves out what it draws: the first switch to a level
+//! would show a picture with parts missing, or black.
 
 use std::sync::Arc;
 
@@ -13,20 +14,24 @@ use bevy::platform::time::Instant;
 use super::{KnobSettings, KnobSpace, KnobSystems, RenderSettings};
 use crate::pipelines::PipelinesBusy;
 
-/// Frames in a row without a pipeline in work after which all are there: what the renderer says lags up to two frames behind the settings, and
-/// what one pass draws may call for the next one's pipeline.
+/// Frames in a row without a pipeline in work after which all are there: what the renderer says
+/// lags up to two frames behind the settings, and what one pass draws may call for the next one's
+/// pipeline.
 const QUIET_FRAMES: u32 = 4;
-/// A compiler that has not come to its end after so many seconds will not: a broken shader must not keep an app behind its loading screen.
+/// A compiler that has not come to its end after so many seconds will not: a broken shader must not
+/// keep an app behind its loading screen.
 const LONGEST_WAIT_SECONDS: f32 = 120.0;
 
-/// Shows each level of each knob on this camera, one a frame, and waits until all that they need is compiled; then puts the camera's settings
-/// back and removes itself. From then on no switch of a level shows a partial picture.
+/// Shows each level of each knob on this camera, one a frame, and waits until all that they need is
+/// compiled; then puts the camera's settings back and removes itself. From then on no switch of a
+/// level shows a partial picture.
 ///
-/// While it is there it owns the camera's [`KnobSettings`], and the picture is not fit to be seen: cover it with a loading screen, and give the camera
-/// its [map](crate::control::FrontierMapHandle) when this is gone. A camera that had no settings is left at the best ones.
+/// While it is there it owns the camera's [`KnobSettings`], and the picture is not fit to be seen:
+/// cover it with a loading screen, and give the camera its [map](crate::control::FrontierMapHandle)
+/// when this is gone. A camera that had no settings is left at the best ones.
 ///
-/// Pipelines follow what is in view: let the camera see each kind of material that the app has (opaque, alpha-masked, …). A camera that is not
-/// active waits.
+/// Pipelines follow what is in view: let the camera see each kind of material that the app has
+/// (opaque, alpha-masked, …). A camera that is not active waits.
 #[derive(Component, Clone, Debug)]
 pub struct WarmKnobs {
     space: Arc<KnobSpace>,
@@ -39,7 +44,8 @@ pub struct WarmKnobs {
 
 #[derive(Clone, Copy, Debug, PartialEq)]
 enum Phase {
-    /// The cheapest settings, until the scene itself is there: before, levels find nothing to compile for.
+    /// The cheapest settings, until the scene itself is there: before, levels find nothing to
+    /// compile for.
     Begin,
     /// The level that is shown.
     Level(usize),
@@ -52,7 +58,14 @@ impl WarmKnobs {
     pub fn new(space: impl Into<Arc<KnobSpace>>) -> Self {
         let space = space.into();
         let levels = levels_to_show(&space);
-        Self { space, levels, phase: Phase::Begin, before: None, quiet_frames: 0, waiting_since: None }
+        Self {
+            space,
+            levels,
+            phase: Phase::Begin,
+            before: None,
+            quiet_frames: 0,
+            waiting_since: None,
+        }
     }
 
     /// Share of the levels that were shown, 0 to 1. Stays at 1 while the last pipelines compile.
@@ -96,16 +109,19 @@ impl WarmKnobs {
     /// Whether nothing compiles any more, or it has taken too long.
     fn has_settled(&mut self, busy: bool) -> bool {
         self.quiet_frames = if busy { 0 } else { self.quiet_frames + 1 };
-        let too_long = self.waiting_since.get_or_insert_with(Instant::now).elapsed().as_secs_f32() > LONGEST_WAIT_SECONDS;
+        let too_long = self.waiting_since.get_or_insert_with(Instant::now).elapsed().as_secs_f32()
+            > LONGEST_WAIT_SECONDS;
         if too_long {
-            warn!("pipelines still compile after {LONGEST_WAIT_SECONDS} s: going on without, switches of knobs may flicker");
+            warn!(
+                "pipelines still compile after {LONGEST_WAIT_SECONDS} s: going on without, switches of knobs may flicker"
+            );
         }
         too_long || self.quiet_frames >= QUIET_FRAMES
     }
 }
 
-/// Every level of every knob, the other knobs at their cheapest, which keeps the warm-up short. A knob that needs another one is shown with each level
-/// of that one: the two may share a pipeline.
+/// Every level of every knob, the other knobs at their cheapest, which keeps the warm-up short. A
+/// knob that needs another one is shown with each level of that one: the two may share a pipeline.
 fn levels_to_show(space: &KnobSpace) -> Vec<RenderSettings> {
     let mut shown = Vec::new();
     for (index, knob) in space.knobs().iter().enumerate() {
@@ -135,9 +151,13 @@ fn warm_knobs(
             warm.before = settings.cloned();
         }
         match warm.step(busy) {
-            Some(wanted) if settings != Some(&wanted) => drop(commands.entity(entity).insert(wanted)),
+            Some(wanted) if settings != Some(&wanted) => {
+                commands.entity(entity).insert(wanted);
+            }
             Some(_) => {}
-            None => drop(commands.entity(entity).remove::<WarmKnobs>()),
+            None => {
+                commands.entity(entity).remove::<WarmKnobs>();
+            }
         }
     }
 }
@@ -165,14 +185,19 @@ mod tests {
         }
     }
 
-    fn run(before: Option<RenderSettings>, busy: impl Fn(usize) -> bool) -> (Vec<f64>, Option<RenderSettings>, usize) {
+    fn run(
+        before: Option<RenderSettings>,
+        busy: impl Fn(usize) -> bool,
+    ) -> (Vec<f64>, Option<RenderSettings>, usize) {
         let mut app = App::new();
         app.add_plugins((MinimalPlugins, KnobPlugin)).register_knob(Noting);
         let says = PipelinesBusy::new(true);
         app.insert_resource(says.clone());
-        let all = app.world().resource::<crate::knobs::KnobRegistry>().space().expect("a sound registry");
+        let all =
+            app.world().resource::<crate::knobs::KnobRegistry>().space().expect("a sound registry");
         let space = Arc::new(all.subset(["noting"]).expect("the knob above"));
-        let camera = app.world_mut().spawn((Camera::default(), WarmKnobs::new(Arc::clone(&space)))).id();
+        let camera =
+            app.world_mut().spawn((Camera::default(), WarmKnobs::new(Arc::clone(&space)))).id();
         if let Some(settings) = before {
             app.world_mut().entity_mut(camera).insert(KnobSettings { space, settings });
         }
@@ -204,13 +229,23 @@ mod tests {
 
     #[test]
     fn knobs_that_need_each_other_are_shown_together() {
-        let knobs =
-            vec![Knob::new("count", [0.0, 1.0, 2.0]), Knob::new("size", [1.0, 2.0]).needing("count", 1), Knob::new("other", [0.0, 1.0])];
+        let knobs = vec![
+            Knob::new("count", [0.0, 1.0, 2.0]),
+            Knob::new("size", [1.0, 2.0]).needing("count", 1),
+            Knob::new("other", [0.0, 1.0]),
+        ];
         let space = KnobSpace::new(knobs).expect("a sound space");
         let shown = levels_to_show(&space);
-        let pairs: std::collections::BTreeSet<_> = shown.iter().map(|settings| (settings.level(0), settings.level(1))).collect();
-        assert!([(1, 0), (1, 1), (2, 0), (2, 1)].iter().all(|pair| pairs.contains(pair)), "{pairs:?}");
-        assert!(shown.iter().all(|settings| space.contains(*settings)) && shown.iter().any(|settings| settings.level(2) == 1));
+        let pairs: std::collections::BTreeSet<_> =
+            shown.iter().map(|settings| (settings.level(0), settings.level(1))).collect();
+        assert!(
+            [(1, 0), (1, 1), (2, 0), (2, 1)].iter().all(|pair| pairs.contains(pair)),
+            "{pairs:?}"
+        );
+        assert!(
+            shown.iter().all(|settings| space.contains(*settings))
+                && shown.iter().any(|settings| settings.level(2) == 1)
+        );
         assert!(WarmKnobs::new(KnobSpace::default()).levels.is_empty());
     }
 

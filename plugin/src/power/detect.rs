@@ -1,4 +1,5 @@
-//! Which meters there are, and which one meters the device that renders. A new meter is one entry in [`METERS`].
+//! Which meters there are, and which one meters the device that renders. A new meter is one entry
+//! in [`METERS`].
 
 use crate::power::{CpuTimeMeter, MeterError, PowerMeter};
 use crate::units::Watts;
@@ -22,7 +23,8 @@ pub struct Adapter {
     pub kind: AdapterKind,
     /// Name as the graphics interface gives it: "NVIDIA GeForce RTX 3080". Empty where unknown.
     pub name: String,
-    /// PCI address, `domain:bus:device.function`: "0000:01:00.0". Empty where unknown. Tells twin boards apart.
+    /// PCI address, `domain:bus:device.function`: "0000:01:00.0". Empty where unknown. Tells twin
+    /// boards apart.
     pub pci_bus_id: String,
 }
 
@@ -79,8 +81,18 @@ struct MeterKind {
 
 /// All meters, in the order of detection: measured before modelled.
 const METERS: &[MeterKind] = &[
-    MeterKind { name: "nvml", usage: "nvml[=INDEX|=BOARD NAME]", open: open_nvml, open_for: open_nvml_for },
-    MeterKind { name: CpuTimeMeter::NAME, usage: "cpu-time[=WATTS_PER_CORE]", open: open_cpu_time, open_for: open_cpu_time_for },
+    MeterKind {
+        name: "nvml",
+        usage: "nvml[=INDEX|=BOARD NAME]",
+        open: open_nvml,
+        open_for: open_nvml_for,
+    },
+    MeterKind {
+        name: CpuTimeMeter::NAME,
+        usage: "cpu-time[=WATTS_PER_CORE]",
+        open: open_cpu_time,
+        open_for: open_cpu_time_for,
+    },
 ];
 
 /// How to ask [`open`] for each meter, in the order of detection.
@@ -88,10 +100,11 @@ pub fn known_meters() -> Vec<&'static str> {
     METERS.iter().map(|kind| kind.usage).collect()
 }
 
-/// Opens the first meter that covers the adapter and gives a reading. May take some hundred milliseconds: call it off the main thread.
+/// Opens the first meter that covers the adapter and gives a reading. May take some hundred
+/// milliseconds: call it off the main thread.
 ///
-/// A meter of another device is never chosen: on a machine with an NVIDIA board that renders in software or on another vendor's GPU, NVML
-/// would meter a board that idles.
+/// A meter of another device is never chosen: on a machine with an NVIDIA board that renders in
+/// software or on another vendor's GPU, NVML would meter a board that idles.
 ///
 /// # Errors
 /// `NoneSuits`, with a reason per meter.
@@ -106,8 +119,9 @@ pub fn detect(adapter: &Adapter) -> Result<Box<dyn PowerMeter>, OpenMeterError> 
     Err(OpenMeterError::NoneSuits { reasons })
 }
 
-/// Opens a meter by name, with a parameter after `=` where it takes one: `nvml`, `nvml=1`, `cpu-time`, `cpu-time=5.0`. Whether it covers the
-/// device that renders is the caller's business. May take some hundred milliseconds.
+/// Opens a meter by name, with a parameter after `=` where it takes one: `nvml`, `nvml=1`,
+/// `cpu-time`, `cpu-time=5.0`. Whether it covers the device that renders is the caller's business.
+/// May take some hundred milliseconds.
 ///
 /// # Errors
 /// When the name or the parameter is not known, or the meter gives no reading here.
@@ -127,16 +141,20 @@ pub fn survey() -> Vec<SurveyedMeter> {
     METERS
         .iter()
         .map(|kind| {
-            let meter = (kind.open)(None).and_then(|meter| Ok(proven(meter)?)).map_err(|error| match error {
-                OpenMeterError::Meter(error) => error,
-                other => MeterError::unavailable(kind.name, other.to_string()),
-            });
+            let meter =
+                (kind.open)(None).and_then(|meter| Ok(proven(meter)?)).map_err(
+                    |error| match error {
+                        OpenMeterError::Meter(error) => error,
+                        other => MeterError::unavailable(kind.name, other.to_string()),
+                    },
+                );
             SurveyedMeter { name: kind.name, usage: kind.usage, meter }
         })
         .collect()
 }
 
-/// A meter counts as there once it gave a reading: libraries exist that initialise well and then refuse every query.
+/// A meter counts as there once it gave a reading: libraries exist that initialise well and then
+/// refuse every query.
 fn proven(mut meter: Box<dyn PowerMeter>) -> Result<Box<dyn PowerMeter>, MeterError> {
     crate::power::window::read(meter.as_mut())?;
     Ok(meter)
@@ -154,7 +172,9 @@ fn open_nvml(parameter: Option<&str>) -> Result<Box<dyn PowerMeter>, OpenMeterEr
                 expected: "a board's index from 0, or its name".to_owned(),
             });
         }
-        Some(text) => text.parse().map_or_else(|_| BoardChoice::Name(text.to_owned()), BoardChoice::Index),
+        Some(text) => {
+            text.parse().map_or_else(|_| BoardChoice::Name(text.to_owned()), BoardChoice::Index)
+        }
     };
     Ok(Box::new(NvmlMeter::open(&choice)?))
 }
@@ -163,7 +183,10 @@ fn open_nvml(parameter: Option<&str>) -> Result<Box<dyn PowerMeter>, OpenMeterEr
 fn open_nvml_for(adapter: &Adapter) -> Result<Box<dyn PowerMeter>, MeterError> {
     use crate::power::NvmlMeter;
     if adapter.kind == AdapterKind::Software {
-        return Err(MeterError::unavailable(NvmlMeter::NAME, "the adapter renders on the processor, which this meter does not cover"));
+        return Err(MeterError::unavailable(
+            NvmlMeter::NAME,
+            "the adapter renders on the processor, which this meter does not cover",
+        ));
     }
     Ok(Box::new(NvmlMeter::for_adapter(adapter)?))
 }
@@ -185,20 +208,28 @@ fn without_nvml() -> MeterError {
 
 fn open_cpu_time(parameter: Option<&str>) -> Result<Box<dyn PowerMeter>, OpenMeterError> {
     let Some(text) = parameter else { return Ok(Box::new(CpuTimeMeter::default())) };
-    let invalid =
-        |expected: String| OpenMeterError::Parameter { meter: CpuTimeMeter::NAME.to_owned(), parameter: text.to_owned(), expected };
+    let invalid = |expected: String| OpenMeterError::Parameter {
+        meter: CpuTimeMeter::NAME.to_owned(),
+        parameter: text.to_owned(),
+        expected,
+    };
     let watts = text.parse().map_err(|_| invalid("watts per busy core, such as 5.0".to_owned()))?;
-    let meter = CpuTimeMeter::with_watts_per_core(Watts(watts)).map_err(|error| invalid(error.to_string()))?;
+    let meter = CpuTimeMeter::with_watts_per_core(Watts(watts))
+        .map_err(|error| invalid(error.to_string()))?;
     Ok(Box::new(meter))
 }
 
 fn open_cpu_time_for(adapter: &Adapter) -> Result<Box<dyn PowerMeter>, MeterError> {
     match adapter.kind {
         AdapterKind::Software => Ok(Box::new(CpuTimeMeter::default())),
-        AdapterKind::Hardware => Err(MeterError::unavailable(CpuTimeMeter::NAME, "the adapter is a GPU, which CPU time does not cover")),
-        AdapterKind::Unknown => {
-            Err(MeterError::unavailable(CpuTimeMeter::NAME, "not known to render on the processor; ask for this meter by name"))
-        }
+        AdapterKind::Hardware => Err(MeterError::unavailable(
+            CpuTimeMeter::NAME,
+            "the adapter is a GPU, which CPU time does not cover",
+        )),
+        AdapterKind::Unknown => Err(MeterError::unavailable(
+            CpuTimeMeter::NAME,
+            "not known to render on the processor; ask for this meter by name",
+        )),
     }
 }
 
@@ -229,14 +260,22 @@ mod tests {
     #[cfg(unix)]
     #[test]
     fn software_rendering_is_metered_on_the_processor_whatever_boards_there_are() {
-        let adapter = Adapter { kind: AdapterKind::Software, name: "llvmpipe (LLVM 19, 256 bits)".to_owned(), ..Adapter::default() };
+        let adapter = Adapter {
+            kind: AdapterKind::Software,
+            name: "llvmpipe (LLVM 19, 256 bits)".to_owned(),
+            ..Adapter::default()
+        };
         let info = detect(&adapter).expect("every unix has the clock").info();
         assert_eq!((info.name.as_str(), info.provenance), ("cpu-time", Provenance::Modelled));
     }
 
     #[test]
     fn a_gpu_of_another_vendor_gets_no_meter_but_reasons() {
-        let adapter = Adapter { kind: AdapterKind::Hardware, name: "Some Other GPU".to_owned(), ..Adapter::default() };
+        let adapter = Adapter {
+            kind: AdapterKind::Hardware,
+            name: "Some Other GPU".to_owned(),
+            ..Adapter::default()
+        };
         let message = detect(&adapter).err().expect("no meter covers it").to_string();
         assert!(message.contains("nvml:") && message.contains("cpu-time:"), "{message}");
     }

@@ -24,7 +24,8 @@ pub struct MeterInfo {
     pub name: String,
     /// Measured or modelled.
     pub provenance: Provenance,
-    /// What is covered and how it is obtained, in one line: "whole board, NVML energy counter", "process CPU time × 3.5 W per core".
+    /// What is covered and how it is obtained, in one line: "whole board, NVML energy counter",
+    /// "process CPU time × 3.5 W per core".
     pub description: String,
 }
 
@@ -56,7 +57,8 @@ pub enum MeterError {
         /// What it did.
         reason: String,
     },
-    /// The window is shorter than the counter's own step, so that its energy says nothing about power.
+    /// The window is shorter than the counter's own step, so that its energy says nothing about
+    /// power.
     #[error("{meter}: window too short: {elapsed:?}, where the counter needs {least:?}")]
     WindowTooShort {
         /// The meter.
@@ -96,11 +98,13 @@ pub trait PowerMeter: Send {
     /// When there is no reading.
     fn energy(&mut self) -> Result<Joules, MeterError>;
 
-    /// Power that flows though the app does nothing, which [`energy`](Self::energy) does not contain. 0 where the counter covers the whole device.
+    /// Power that flows though the app does nothing, which [`energy`](Self::energy) does not
+    /// contain. 0 where the counter covers the whole device.
     fn idle(&self) -> Watts {
         Watts(0.0)
     }
 
-    /// The shortest window, in seconds, over which a difference of two readings means something: the counter's own step.
+    /// The shortest window, in seconds, over which a difference of two readings means something:
+    /// the counter's own step.
     fn window_seconds(&self) -> f64;
 }

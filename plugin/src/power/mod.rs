@@ -1,5 +1,6 @@
-//! Power meters, each with its provenance: what they read, which one suits this machine, and a background sampler that publishes the
-//! app's power without ever making a frame wait for a counter.
+//! Power meters, each with its provenance: what they read, which one suits this machine, and a
+//! background sampler that publishes the app's power without ever making a frame wait for a
+//! counter.
 //!
 //! | item | job |
 //! |---|---|
@@ -12,8 +13,8 @@
 //! | [`PowerSampler`] | power over time, polled on a thread of its own |
 //! | [`PowerPlugin`] | the sampler in a Bevy app: [`MeteredPower`] and a diagnostic |
 //!
-//! No meter ever answers 0 W for "don't know": a counter that is absent, unreadable or broken is a [`MeterError`] or a [`MeterState`], with the
-//! reason.
+//! No meter ever answers 0 W for "don't know": a counter that is absent, unreadable or broken is a
+//! [`MeterError`] or a [`MeterState`], with the reason.
 
 mod cpu_time;
 mod detect;
@@ -28,11 +29,15 @@ mod tracker;
 mod window;
 
 pub use cpu_time::{CpuTimeMeter, InvalidWattsPerCore};
-pub use detect::{Adapter, AdapterKind, OpenMeterError, SurveyedMeter, detect, known_meters, open, survey};
+pub use detect::{
+    Adapter, AdapterKind, OpenMeterError, SurveyedMeter, detect, known_meters, open, survey,
+};
 pub use meter::{MeterError, MeterInfo, PowerMeter, Provenance};
 #[cfg(feature = "nvml")]
 pub use nvml::{BoardChoice, NvmlMeter};
-pub use plugin::{MeterChoice, MeterFactory, MeteredPower, POWER_DIAGNOSTIC, PowerPlugin, PowerSystems};
+pub use plugin::{
+    MeterChoice, MeterFactory, MeteredPower, POWER_DIAGNOSTIC, PowerPlugin, PowerSystems,
+};
 pub use sampler::{PowerSampler, SamplerSettings};
 pub use scripted::ScriptedMeter;
 pub use self_test::{SelfTest, Verdict, busy_cpu_load, self_test};

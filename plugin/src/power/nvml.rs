@@ -1,12 +1,14 @@
 //! Energy of an NVIDIA board by NVML's energy counter (`nvmlDeviceGetTotalEnergyConsumption`).
 //!
-//! Options: 1. `nvmlDeviceGetPowerUsage`, a trailing mean over 1 s on most boards, to be integrated by polling; 2. the instantaneous power field,
-//! sampled for only a part of the time on some boards; 3. the energy counter, which the board integrates itself. We use 3 because a
-//! difference of two readings loses nothing between them. It covers the whole board: memory, regulators and fans included, and whatever else
-//! uses it.
+//! Options: 1. `nvmlDeviceGetPowerUsage`, a trailing mean over 1 s on most boards, to be integrated
+//! by polling; 2. the instantaneous power field, sampled for only a part of the time on some
+//! boards; 3. the energy counter, which the board integrates itself. We use 3 because a difference
+//! of two readings loses nothing between them. It covers the whole board: memory, regulators and
+//! fans included, and whatever else uses it.
 //!
-//! Limits: Volta and newer; not on virtual GPUs. The counter steps about every 0.1 s (some boards: 0.01 s), so windows under a second are
-//! coarse. A call takes milliseconds: never read it on a thread that a frame waits for.
+//! Limits: Volta and newer; not on virtual GPUs. The counter steps about every 0.1 s (some boards:
+//! 0.01 s), so windows under a second are coarse. A call takes milliseconds: never read it on a
+//! thread that a frame waits for.
 
 use nvml_wrapper::Nvml;
 use nvml_wrapper::error::NvmlError;
@@ -19,14 +21,15 @@ use crate::units::Joules;
 pub enum BoardChoice {
     /// By NVML's own index, from 0. Not the order of Vulkan, nor of CUDA.
     Index(u32),
-    /// By name; case, the word "NVIDIA" and anything from the first `/` on are ignored: `GeForce RTX 3080`. The first of several alike.
+    /// By name; case, the word "NVIDIA" and anything from the first `/` on are ignored: `GeForce
+    /// RTX 3080`. The first of several alike.
     Name(String),
 }
 
 /// Measured meter: NVML's energy counter of one board.
 ///
-/// A reading costs milliseconds. The board is looked up again by its index at each one: a handle would borrow the library, and the
-/// lookup costs far less than the reading.
+/// A reading costs milliseconds. The board is looked up again by its index at each one: a handle
+/// would borrow the library, and the lookup costs far less than the reading.
 #[derive(Debug)]
 pub struct NvmlMeter {
     nvml: Nvml,
@@ -38,10 +41,12 @@ impl NvmlMeter {
     /// Identifier on the command line.
     pub const NAME: &str = "nvml";
 
-    /// Loads NVML and takes one reading, so that a board without the counter is found out here. Takes up to some hundred milliseconds.
+    /// Loads NVML and takes one reading, so that a board without the counter is found out here.
+    /// Takes up to some hundred milliseconds.
     ///
     /// # Errors
-    /// `Unavailable` without driver, board or counter, with the remedy where there is one; `Unreadable` when it is there but refuses.
+    /// `Unavailable` without driver, board or counter, with the remedy where there is one;
+    /// `Unreadable` when it is there but refuses.
     pub fn open(choice: &BoardChoice) -> Result<Self, MeterError> {
         let nvml = load()?;
         let (index, board) = match choice {
@@ -51,10 +56,12 @@ impl NvmlMeter {
         Self::checked(nvml, index, board)
     }
 
-    /// The board behind a rendering adapter: by its PCI address, or by its name where the address is unknown.
+    /// The board behind a rendering adapter: by its PCI address, or by its name where the address
+    /// is unknown.
     ///
     /// # Errors
-    /// As [`open`](Self::open), and `Unavailable` when the adapter is none of the NVIDIA boards: another vendor's, on a laptop with two.
+    /// As [`open`](Self::open), and `Unavailable` when the adapter is none of the NVIDIA boards:
+    /// another vendor's, on a laptop with two.
     pub fn for_adapter(adapter: &Adapter) -> Result<Self, MeterError> {
         let nvml = load()?;
         let (index, board) = match adapter_board(&nvml, adapter) {
@@ -77,7 +84,10 @@ impl PowerMeter for NvmlMeter {
         MeterInfo {
             name: Self::NAME.to_owned(),
             provenance: Provenance::Measured,
-            description: format!("whole board {} ({}), NVML energy counter", self.index, self.board),
+            description: format!(
+                "whole board {} ({}), NVML energy counter",
+                self.index, self.board
+            ),
         }
     }
 
@@ -94,15 +104,18 @@ impl PowerMeter for NvmlMeter {
     }
 }
 
-/// Loads the library that comes with the driver. Drivers without the development links have only the versioned name on Linux, which the wrapper
-/// does not try.
+/// Loads the library that comes with the driver. Drivers without the development links have only
+/// the versioned name on Linux, which the wrapper does not try.
 fn load() -> Result<Nvml, MeterError> {
     match Nvml::init() {
         Err(NvmlError::LibloadingError(error)) if cfg!(target_os = "linux") => {
-            // The first error is the one to report where both fail: it names the library that a reader would look for.
-            Nvml::builder().lib_path("libnvidia-ml.so.1".as_ref()).init().map_err(|second| match second {
-                NvmlError::LibloadingError(_) => meter_error(NvmlError::LibloadingError(error)),
-                other => meter_error(other),
+            // The first error is the one to report where both fail: it names the library that a
+            // reader would look for.
+            Nvml::builder().lib_path("libnvidia-ml.so.1".as_ref()).init().map_err(|second| {
+                match second {
+                    NvmlError::LibloadingError(_) => meter_error(NvmlError::LibloadingError(error)),
+                    other => meter_error(other),
+                }
             })
         }
         outcome => outcome.map_err(meter_error),
@@ -112,7 +125,10 @@ fn load() -> Result<Nvml, MeterError> {
 fn board_name(nvml: &Nvml, index: u32) -> Result<String, MeterError> {
     let count = nvml.device_count().map_err(meter_error)?;
     if index >= count {
-        return Err(MeterError::unavailable(NvmlMeter::NAME, format!("there is no board {index}: the driver knows {count}")));
+        return Err(MeterError::unavailable(
+            NvmlMeter::NAME,
+            format!("there is no board {index}: the driver knows {count}"),
+        ));
     }
     nvml.device_by_index(index).and_then(|device| device.name()).map_err(meter_error)
 }
@@ -125,21 +141,29 @@ fn board_named(nvml: &Nvml, name: &str) -> Result<(u32, String), MeterError> {
         Some(index) => Ok((index as u32, boards[index].clone())),
         None => Err(MeterError::unavailable(
             NvmlMeter::NAME,
-            format!("no NVIDIA board is called \"{name}\"; there is: {}", if count == 0 { "none".to_owned() } else { boards.join(", ") }),
+            format!(
+                "no NVIDIA board is called \"{name}\"; there is: {}",
+                if count == 0 { "none".to_owned() } else { boards.join(", ") }
+            ),
         )),
     }
 }
 
-/// The board at the adapter's PCI address. `None` when the address is unknown, or unknown to NVML; the name decides then.
+/// The board at the adapter's PCI address. `None` when the address is unknown, or unknown to NVML;
+/// the name decides then.
 fn adapter_board(nvml: &Nvml, adapter: &Adapter) -> Option<Result<(u32, String), MeterError>> {
     if adapter.pci_bus_id.is_empty() {
         return None;
     }
-    let index = nvml.device_by_pci_bus_id(adapter.pci_bus_id.as_str()).and_then(|device| device.index()).ok()?;
+    let index = nvml
+        .device_by_pci_bus_id(adapter.pci_bus_id.as_str())
+        .and_then(|device| device.index())
+        .ok()?;
     Some(board_name(nvml, index).map(|board| (index, board)))
 }
 
-/// A board's name without what drivers and interfaces disagree on: "NVIDIA GeForce RTX 3080/PCIe/SSE2" is "geforce rtx 3080".
+/// A board's name without what drivers and interfaces disagree on: "NVIDIA GeForce RTX
+/// 3080/PCIe/SSE2" is "geforce rtx 3080".
 fn plain_name(name: &str) -> String {
     let lower = name.split('/').next().unwrap_or_default().to_lowercase();
     lower.split_whitespace().filter(|word| *word != "nvidia").collect::<Vec<_>>().join(" ")
@@ -148,23 +172,35 @@ fn plain_name(name: &str) -> String {
 fn meter_error(error: NvmlError) -> MeterError {
     let name = NvmlMeter::NAME;
     match error {
-        NvmlError::NotSupported | NvmlError::FunctionNotFound | NvmlError::FailedToLoadSymbol(_) => MeterError::unavailable(
+        NvmlError::NotSupported
+        | NvmlError::FunctionNotFound
+        | NvmlError::FailedToLoadSymbol(_) => MeterError::unavailable(
             name,
             format!(
                 "{error}: the energy counter needs a Volta or newer board that is not a virtual GPU, and driver 410 or newer; choose another meter"
             ),
         ),
-        NvmlError::LibloadingError(_) | NvmlError::LibraryNotFound => {
-            MeterError::unavailable(name, format!("no NVIDIA driver library ({error}); install the driver where there is an NVIDIA board"))
+        NvmlError::LibloadingError(_) | NvmlError::LibraryNotFound => MeterError::unavailable(
+            name,
+            format!(
+                "no NVIDIA driver library ({error}); install the driver where there is an NVIDIA board"
+            ),
+        ),
+        NvmlError::DriverNotLoaded => MeterError::unavailable(
+            name,
+            format!("{error}; load it, or restart after its installation"),
+        ),
+        NvmlError::LibRmVersionMismatch => MeterError::unavailable(
+            name,
+            format!("{error}; restart the machine: the driver was updated under it"),
+        ),
+        NvmlError::NotFound | NvmlError::InvalidArg => {
+            MeterError::unavailable(name, format!("the board is not there: {error}"))
         }
-        NvmlError::DriverNotLoaded => MeterError::unavailable(name, format!("{error}; load it, or restart after its installation")),
-        NvmlError::LibRmVersionMismatch => {
-            MeterError::unavailable(name, format!("{error}; restart the machine: the driver was updated under it"))
-        }
-        NvmlError::NotFound | NvmlError::InvalidArg => MeterError::unavailable(name, format!("the board is not there: {error}")),
-        NvmlError::NoPermission => {
-            MeterError::unreadable(name, format!("{error}; allow this user the /dev/nvidia* devices, in a container too"))
-        }
+        NvmlError::NoPermission => MeterError::unreadable(
+            name,
+            format!("{error}; allow this user the /dev/nvidia* devices, in a container too"),
+        ),
         _ => MeterError::unreadable(name, error.to_string()),
     }
 }
@@ -182,17 +218,23 @@ mod tests {
     #[test]
     fn what_a_board_cannot_do_is_unavailable_and_what_it_refuses_unreadable() {
         let unsupported = meter_error(NvmlError::NotSupported);
-        assert!(matches!(unsupported, MeterError::Unavailable { .. }) && unsupported.to_string().contains("choose another meter"));
+        assert!(
+            matches!(unsupported, MeterError::Unavailable { .. })
+                && unsupported.to_string().contains("choose another meter")
+        );
         assert!(matches!(meter_error(NvmlError::DriverNotLoaded), MeterError::Unavailable { .. }));
         assert!(matches!(meter_error(NvmlError::NoPermission), MeterError::Unreadable { .. }));
         assert!(matches!(meter_error(NvmlError::GpuLost), MeterError::Unreadable { .. }));
     }
 
-    /// With a board, its counter must be readable or say why; without one, opening is an error and no panic.
+    /// With a board, its counter must be readable or say why; without one, opening is an error and
+    /// no panic.
     #[test]
     fn opening_never_panics() {
         match NvmlMeter::open(&BoardChoice::Index(0)) {
-            Ok(mut meter) => assert!(meter.energy().expect("it was read when it was opened").0 >= 0.0),
+            Ok(mut meter) => {
+                assert!(meter.energy().expect("it was read when it was opened").0 >= 0.0)
+            }
             Err(error) => assert!(!error.to_string().is_empty()),
         }
         assert!(NvmlMeter::open(&BoardChoice::Index(u32::MAX)).is_err());

@@ -1,4 +1,5 @@
-//! The sampler in a Bevy app: starts it for the device that renders, and publishes what it knows every frame.
+//! The sampler in a Bevy app: starts it for the device that renders, and publishes what it knows
+//! every frame.
 
 use std::fmt;
 use std::sync::Arc;
@@ -7,10 +8,14 @@ use bevy::diagnostic::{Diagnostic, DiagnosticPath, Diagnostics, RegisterDiagnost
 use bevy::prelude::*;
 use bevy::render::renderer::RenderAdapterInfo;
 
-use crate::power::{Adapter, AdapterKind, MeterInfo, MeterState, OpenMeterError, PowerMeter, PowerSampler, SamplerSettings, detect, open};
+use crate::power::{
+    Adapter, AdapterKind, MeterInfo, MeterState, OpenMeterError, PowerMeter, PowerSampler,
+    SamplerSettings, detect, open,
+};
 use crate::units::Watts;
 
-/// Diagnostic of the metered power, in watts: one measurement per interval of the sampler, none while the meter is lost.
+/// Diagnostic of the metered power, in watts: one measurement per interval of the sampler, none
+/// while the meter is lost.
 pub const POWER_DIAGNOSTIC: DiagnosticPath = DiagnosticPath::const_new("frugal_gi/power/board");
 
 /// Makes a meter, on the sampling thread.
@@ -56,7 +61,8 @@ pub struct PowerPlugin {
 #[derive(Resource, Clone, Debug, Default, PartialEq, Reflect)]
 #[reflect(Resource)]
 pub struct MeteredPower {
-    /// Power over the last interval of the sampler. Finite. `None` where it is not known, which is not 0 W.
+    /// Power over the last interval of the sampler. Finite. `None` where it is not known, which is
+    /// not 0 W.
     pub latest: Option<Watts>,
     /// Smoothed power. Finite. `None` where it is not known.
     pub mean: Option<Watts>,
@@ -69,7 +75,8 @@ pub struct MeteredPower {
 /// Where power is published.
 #[derive(SystemSet, Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum PowerSystems {
-    /// [`PreUpdate`]: writes [`MeteredPower`] and the diagnostic, so that everything in `Update` sees the same figures.
+    /// [`PreUpdate`]: writes [`MeteredPower`] and the diagnostic, so that everything in `Update`
+    /// sees the same figures.
     Publish,
 }
 
@@ -89,7 +96,12 @@ impl Plugin for PowerPlugin {
             .register_diagnostic(Diagnostic::new(POWER_DIAGNOSTIC).with_suffix(" W"))
             // Need Startup and not build: the adapter is chosen only when all plugins are built.
             .add_systems(Startup, start_sampler)
-            .add_systems(PreUpdate, publish_power.in_set(PowerSystems::Publish).run_if(resource_exists::<RunningSampler>));
+            .add_systems(
+                PreUpdate,
+                publish_power
+                    .in_set(PowerSystems::Publish)
+                    .run_if(resource_exists::<RunningSampler>),
+            );
     }
 }
 
@@ -107,7 +119,8 @@ fn start_sampler(
         MeterChoice::Named(name) => PowerSampler::start_with(move || open(&name), sampler),
         MeterChoice::Custom(factory) => PowerSampler::start_with(move || factory(), sampler),
         MeterChoice::Off => {
-            metered.state = MeterState::Unavailable { reason: "metering is switched off".to_owned() };
+            metered.state =
+                MeterState::Unavailable { reason: "metering is switched off".to_owned() };
             return;
         }
     };
@@ -122,7 +135,8 @@ fn start_sampler(
 
 /// The renderer's adapter in this crate's words.
 fn describe(info: &RenderAdapterInfo) -> Adapter {
-    // Bevy hands out the adapter's description but not the type of this field, and depending on the graphics library for one name is not worth it.
+    // Bevy hands out the adapter's description but not the type of this field, and depending on the
+    // graphics library for one name is not worth it.
     let kind = match format!("{:?}", info.device_type).as_str() {
         "Cpu" => AdapterKind::Software,
         "IntegratedGpu" | "DiscreteGpu" | "VirtualGpu" => AdapterKind::Hardware,
@@ -156,7 +170,12 @@ fn publish_power(
     {
         info!("power meter: {} ({:?}): {}", info.name, info.provenance, info.description);
     }
-    *metered = MeteredPower { latest: snapshot.latest, mean: snapshot.mean, info: snapshot.info, state: snapshot.state };
+    *metered = MeteredPower {
+        latest: snapshot.latest,
+        mean: snapshot.mean,
+        info: snapshot.info,
+        state: snapshot.state,
+    };
 }
 
 #[cfg(test)]
@@ -172,7 +191,8 @@ mod tests {
 
     fn app_with(meter: MeterChoice) -> App {
         let mut app = App::new();
-        let sampler = SamplerSettings { interval: Duration::from_millis(50), ..SamplerSettings::default() };
+        let sampler =
+            SamplerSettings { interval: Duration::from_millis(50), ..SamplerSettings::default() };
         app.add_plugins((MinimalPlugins, PowerPlugin { meter, sampler }));
         app
     }
@@ -197,7 +217,8 @@ mod tests {
 
     #[test]
     fn publishes_power_its_origin_and_a_diagnostic() {
-        let mut app = app_with(scripted((0..500).map(|index| Ok(Joules(f64::from(index)))).collect()));
+        let mut app =
+            app_with(scripted((0..500).map(|index| Ok(Joules(f64::from(index)))).collect()));
         let power = run_until(&mut app, "power", |power| power.latest.is_some());
         assert_eq!(power.state, MeterState::Running);
         assert_eq!(power.info.unwrap().name, ScriptedMeter::NAME);
@@ -214,14 +235,22 @@ mod tests {
         let power = run_until(&mut app, "refusal", |power| power.state != MeterState::Starting);
         assert!(matches!(power.state, MeterState::Unavailable { .. }) && power.latest.is_none());
         app.update();
-        assert!(app.world().resource::<DiagnosticsStore>().get(&POWER_DIAGNOSTIC).unwrap().value().is_none());
+        assert!(
+            app.world()
+                .resource::<DiagnosticsStore>()
+                .get(&POWER_DIAGNOSTIC)
+                .unwrap()
+                .value()
+                .is_none()
+        );
     }
 
     #[test]
     fn a_meter_without_rights_is_lost_and_says_so() {
         let denied = Err(MeterError::unreadable(ScriptedMeter::NAME, "permission denied"));
         let mut app = app_with(scripted(vec![Ok(Joules(0.0)), Ok(Joules(1.0)), denied]));
-        let power = run_until(&mut app, "loss", |power| matches!(power.state, MeterState::Lost { .. }));
+        let power =
+            run_until(&mut app, "loss", |power| matches!(power.state, MeterState::Lost { .. }));
         assert_eq!((power.latest, power.mean), (None, None));
     }
 
@@ -229,7 +258,10 @@ mod tests {
     fn switched_off_it_starts_nothing() {
         let mut app = app_with(MeterChoice::Off);
         app.update();
-        assert!(matches!(app.world().resource::<MeteredPower>().state, MeterState::Unavailable { .. }));
+        assert!(matches!(
+            app.world().resource::<MeteredPower>().state,
+            MeterState::Unavailable { .. }
+        ));
         assert!(!app.world().contains_resource::<RunningSampler>());
     }
 

@@ -1,4 +1,5 @@
-//! A meter that says what it is told to: for tests of everything that reads meters, here and in apps.
+//! A meter that says what it is told to: for tests of everything that reads meters, here and in
+//! apps.
 
 use std::collections::VecDeque;
 
@@ -18,7 +19,8 @@ impl ScriptedMeter {
     /// The name under which it reports.
     pub const NAME: &str = "scripted";
 
-    /// Plays `readings`, which may be errors and numbers that no meter should give. `Unavailable` where there are none at all.
+    /// Plays `readings`, which may be errors and numbers that no meter should give. `Unavailable`
+    /// where there are none at all.
     pub fn new(readings: impl IntoIterator<Item = Result<Joules, MeterError>>) -> Self {
         Self {
             readings: readings.into_iter().collect(),

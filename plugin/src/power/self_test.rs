@@ -1,4 +1,5 @@
-//! Whether a meter does what an energy counter does: counters exist that initialise well and then stand at 0, fall, or answer nonsense.
+//! Whether a meter does what an energy counter does: counters exist that initialise well and then
+//! stand at 0, fall, or answer nonsense.
 
 use std::hint::black_box;
 use std::thread;
@@ -14,15 +15,18 @@ const LEAST_WINDOW: Duration = Duration::from_millis(300);
 /// Windows last this many of the meter's own steps, so that one step more or less does not decide.
 const STEPS_PER_WINDOW: u32 = 2;
 
-/// How far above idle the loaded window must be to count as a response: above the steps' own error and ordinary background noise.
+/// How far above idle the loaded window must be to count as a response: above the steps' own error
+/// and ordinary background noise.
 const RESPONSE_RATIO: f64 = 1.05;
 
 /// What a self-test found.
 #[derive(Clone, Debug, PartialEq)]
 pub struct SelfTest {
-    /// Mean power while this thread slept, [`PowerMeter::idle`] included. `None` where the meter gave no two usable readings.
+    /// Mean power while this thread slept, [`PowerMeter::idle`] included. `None` where the meter
+    /// gave no two usable readings.
     pub idle: Option<Watts>,
-    /// Mean power while the load ran, [`PowerMeter::idle`] included. `None` where the meter gave no two usable readings.
+    /// Mean power while the load ran, [`PowerMeter::idle`] included. `None` where the meter gave no
+    /// two usable readings.
     pub loaded: Option<Watts>,
     /// Whether the meter can be used.
     pub verdict: Verdict,
@@ -33,7 +37,8 @@ pub struct SelfTest {
 pub enum Verdict {
     /// The counter moves, and moves faster under load.
     Works,
-    /// The counter moves, but not faster under load: the load runs on a device that the meter does not cover, or the machine was as busy before.
+    /// The counter moves, but not faster under load: the load runs on a device that the meter does
+    /// not cover, or the machine was as busy before.
     Unresponsive,
     /// There is no usable reading: the meter's own error, or `Broken` with what the counter did.
     Failed(MeterError),
@@ -41,8 +46,9 @@ pub enum Verdict {
 
 /// Reads `meter` over an idle window and over a loaded one, and judges it.
 ///
-/// `load` is called once and must keep the device that the meter covers busy for about the duration that it is given; [`busy_cpu_load`] does so for the
-/// processor. Each window is 0.3 s or twice [`PowerMeter::window_seconds`], whichever is longer. Blocks for both.
+/// `load` is called once and must keep the device that the meter covers busy for about the duration
+/// that it is given; [`busy_cpu_load`] does so for the processor. Each window is 0.3 s or twice
+/// [`PowerMeter::window_seconds`], whichever is longer. Blocks for both.
 pub fn self_test(meter: &mut dyn PowerMeter, load: &mut dyn FnMut(Duration)) -> SelfTest {
     let mut outcome = SelfTest { idle: None, loaded: None, verdict: Verdict::Works };
     outcome.verdict = match measure(meter, load, &mut outcome.idle, &mut outcome.loaded) {
@@ -66,13 +72,21 @@ fn measure(
     load(window);
     let worked = read(meter)?;
     let loaded_watts = power_between(meter, rested, worked)?;
-    // A meter of one process may rightly stand still while the process sleeps, but not while it works.
+    // A meter of one process may rightly stand still while the process sleeps, but not while it
+    // works.
     if worked.energy == rested.energy {
-        return Err(MeterError::broken(meter.info().name, format!("{} under load", did_not_move(worked.at - rested.at))));
+        return Err(MeterError::broken(
+            meter.info().name,
+            format!("{} under load", did_not_move(worked.at - rested.at)),
+        ));
     }
     *idle = Some(idle_watts);
     *loaded = Some(loaded_watts);
-    Ok(if loaded_watts.0 > idle_watts.0 * RESPONSE_RATIO { Verdict::Works } else { Verdict::Unresponsive })
+    Ok(if loaded_watts.0 > idle_watts.0 * RESPONSE_RATIO {
+        Verdict::Works
+    } else {
+        Verdict::Unresponsive
+    })
 }
 
 fn power_between(meter: &dyn PowerMeter, from: Reading, to: Reading) -> Result<Watts, MeterError> {
@@ -82,13 +96,20 @@ fn power_between(meter: &dyn PowerMeter, from: Reading, to: Reading) -> Result<W
     }
     if elapsed.is_zero() || elapsed < least_window(meter) {
         // A load that returned at once: nothing was learnt, and nothing may be divided by no time.
-        return Err(MeterError::WindowTooShort { meter: meter.info().name, elapsed, least: least_window(meter) });
+        return Err(MeterError::WindowTooShort {
+            meter: meter.info().name,
+            elapsed,
+            least: least_window(meter),
+        });
     }
     let watts = meter.idle() + (to.energy - from.energy).per_seconds(elapsed.as_secs_f64());
     if watts.0.is_finite() {
         Ok(watts)
     } else {
-        Err(MeterError::broken(meter.info().name, format!("the counter jumped from {} J to {} J", from.energy.0, to.energy.0)))
+        Err(MeterError::broken(
+            meter.info().name,
+            format!("the counter jumped from {} J to {} J", from.energy.0, to.energy.0),
+        ))
     }
 }
 
@@ -117,8 +138,14 @@ mod tests {
 
     fn failure(readings: impl IntoIterator<Item = f64>) -> String {
         let outcome = verdict(readings);
-        let Verdict::Failed(error @ MeterError::Broken { .. }) = &outcome.verdict else { panic!("{outcome:?}") };
-        assert_eq!((outcome.idle, outcome.loaded), (None, None), "no watts may be told by a broken meter");
+        let Verdict::Failed(error @ MeterError::Broken { .. }) = &outcome.verdict else {
+            panic!("{outcome:?}")
+        };
+        assert_eq!(
+            (outcome.idle, outcome.loaded),
+            (None, None),
+            "no watts may be told by a broken meter"
+        );
         error.to_string()
     }
 
@@ -127,7 +154,10 @@ mod tests {
         let good = verdict([100.0, 101.0, 105.0]);
         assert_eq!(good.verdict, Verdict::Works);
         let ratio = good.loaded.unwrap().0 / good.idle.unwrap().0;
-        assert!((2.0..8.0).contains(&ratio), "four times the energy in about the same time, not {ratio} times");
+        assert!(
+            (2.0..8.0).contains(&ratio),
+            "four times the energy in about the same time, not {ratio} times"
+        );
         assert_eq!(verdict([100.0, 101.0, 101.1]).verdict, Verdict::Unresponsive);
     }
 
@@ -157,6 +187,9 @@ mod tests {
     fn a_load_that_returns_at_once_is_no_division_by_zero() {
         let mut meter = ScriptedMeter::joules([1.0, 2.0, 3.0]).with_window_seconds(0.1);
         let outcome = self_test(&mut meter, &mut |_| ());
-        assert!(matches!(outcome.verdict, Verdict::Failed(MeterError::WindowTooShort { .. })), "{outcome:?}");
+        assert!(
+            matches!(outcome.verdict, Verdict::Failed(MeterError::WindowTooShort { .. })),
+            "{outcome:?}"
+        );
     }
 }

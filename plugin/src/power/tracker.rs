@@ -1,5 +1,5 @@
-//! From a counter's readings to power over time: what to make of readings that fall, stand still, jump or fail. No threads and no clock of
-//! its own, so that every fault can be played to it.
+//! From a counter's readings to power over time: what to make of readings that fall, stand still,
+//! jump or fail. No threads and no clock of its own, so that every fault can be played to it.
 
 use std::time::Duration;
 
@@ -15,8 +15,9 @@ const MAXIMUM_PLAUSIBLE: Watts = Watts(100_000.0);
 /// So many intervals dropped in succession and the meter is lost.
 const DROPS_IN_SUCCESSION: u32 = 3;
 
-/// A counter that has not risen for this long, or for this many of its own windows if that is longer, is stuck. Counters that step once a second
-/// or more slowly than they claim are common; a device that draws nothing for seconds is not.
+/// A counter that has not risen for this long, or for this many of its own windows if that is
+/// longer, is stuck. Counters that step once a second or more slowly than they claim are common; a
+/// device that draws nothing for seconds is not.
 const STUCK_AFTER: Duration = Duration::from_secs(5);
 const STUCK_AFTER_WINDOWS: u32 = 10;
 
@@ -28,7 +29,8 @@ pub enum MeterState {
     Starting,
     /// Readings arrive.
     Running,
-    /// Readings stopped arriving, or stopped making sense. They are still asked for, and the state is `Running` again when they return.
+    /// Readings stopped arriving, or stopped making sense. They are still asked for, and the state
+    /// is `Running` again when they return.
     Lost {
         /// What the meter said or did.
         reason: String,
@@ -47,7 +49,8 @@ pub struct PowerSnapshot {
     pub info: Option<MeterInfo>,
     /// Whether the figures mean anything.
     pub state: MeterState,
-    /// Power over the last interval, the meter's idle power included. Finite. `None` unless the state is `Running`.
+    /// Power over the last interval, the meter's idle power included. Finite. `None` unless the
+    /// state is `Running`.
     pub latest: Option<Watts>,
     /// Exponential mean of `latest`. Finite. `None` unless the state is `Running`.
     pub mean: Option<Watts>,
@@ -112,7 +115,9 @@ impl PowerTracker {
     pub fn push(&mut self, answer: Result<Joules, MeterError>, at: Duration) {
         let energy = match answer {
             Ok(energy) if energy.0.is_finite() => energy,
-            Ok(energy) => return self.lose(MeterError::broken(self.name.as_str(), not_a_number(energy))),
+            Ok(energy) => {
+                return self.lose(MeterError::broken(self.name.as_str(), not_a_number(energy)));
+            }
             Err(error) => return self.lose(error),
         };
         let now = Base { energy, at };
@@ -124,11 +129,13 @@ impl PowerTracker {
             return self.drop_interval(now, "time went backwards".to_owned());
         }
         if energy < base.energy {
-            // A wrap, a driver reload, or a fault: which one cannot be told from here, so nothing is made of the interval.
+            // A wrap, a driver reload, or a fault: which one cannot be told from here, so nothing
+            // is made of the interval.
             return self.drop_interval(now, fell(base.energy, energy));
         }
         let elapsed = at - base.at;
-        // Timers are late and early by a little: an interval that is a tenth short of the window still counts.
+        // Timers are late and early by a little: an interval that is a tenth short of the window
+        // still counts.
         if elapsed.is_zero() || elapsed < self.window.mul_f64(0.9) {
             return;
         }
@@ -150,7 +157,10 @@ impl PowerTracker {
         let power = self.idle + (energy - base.energy).per_seconds(elapsed.as_secs_f64());
         // Also catches a difference that overflowed and an idle power that is no number.
         if !(0.0..=MAXIMUM_PLAUSIBLE.0).contains(&power.0) {
-            return self.drop_interval(now, format!("the counter jumped from {} J to {} J", base.energy.0, energy.0));
+            return self.drop_interval(
+                now,
+                format!("the counter jumped from {} J to {} J", base.energy.0, energy.0),
+            );
         }
         self.base = Some(now);
         self.drops_in_succession = 0;
@@ -160,7 +170,8 @@ impl PowerTracker {
     fn publish(&mut self, power: Watts, elapsed: Duration) {
         let snapshot = &mut self.snapshot;
         snapshot.mean = Some(match snapshot.mean {
-            // The weight of an interval is its share of the time constant, so that the mean does not depend on how often we poll.
+            // The weight of an interval is its share of the time constant, so that the mean does
+            // not depend on how often we poll.
             Some(mean) if !self.smoothing.is_zero() => {
                 let weight = -(-elapsed.as_secs_f64() / self.smoothing.as_secs_f64()).exp_m1();
                 mean + (power - mean) * weight
@@ -178,7 +189,8 @@ impl PowerTracker {
         self.drops_in_succession += 1;
         if self.drops_in_succession >= DROPS_IN_SUCCESSION {
             // The figures have grown old, and more of the same is no counter.
-            let reason = format!("{DROPS_IN_SUCCESSION} intervals in succession made no sense: {note}");
+            let reason =
+                format!("{DROPS_IN_SUCCESSION} intervals in succession made no sense: {note}");
             self.lose(MeterError::broken(self.name.as_str(), reason));
         }
         self.snapshot.note = Some(note);
@@ -200,7 +212,12 @@ mod tests {
     /// A tracker with a window of 0.25 s that has seen `readings`, 0.25 s apart from 0 s on.
     fn after(readings: impl IntoIterator<Item = f64>) -> PowerTracker {
         let meter = ScriptedMeter::joules([]);
-        let mut tracker = PowerTracker::new(meter.info(), Watts(0.0), Duration::from_millis(250), Duration::from_secs(2));
+        let mut tracker = PowerTracker::new(
+            meter.info(),
+            Watts(0.0),
+            Duration::from_millis(250),
+            Duration::from_secs(2),
+        );
         for (index, joules) in readings.into_iter().enumerate() {
             tracker.push(Ok(Joules(joules)), Duration::from_millis(250) * index as u32);
         }
@@ -208,8 +225,14 @@ mod tests {
     }
 
     fn lost_reason(tracker: &PowerTracker) -> &str {
-        let MeterState::Lost { reason } = &tracker.snapshot().state else { panic!("{:?}", tracker.snapshot()) };
-        assert_eq!((tracker.snapshot().latest, tracker.snapshot().mean), (None, None), "a lost meter tells no watts");
+        let MeterState::Lost { reason } = &tracker.snapshot().state else {
+            panic!("{:?}", tracker.snapshot())
+        };
+        assert_eq!(
+            (tracker.snapshot().latest, tracker.snapshot().mean),
+            (None, None),
+            "a lost meter tells no watts"
+        );
         reason
     }
 
@@ -225,12 +248,20 @@ mod tests {
         let snapshot = tracker.snapshot();
         assert_eq!((snapshot.latest, snapshot.sample_count), (Some(Watts(16.0)), 3));
         let mean = snapshot.mean.unwrap().0;
-        assert!(mean > 8.0 && mean < 10.0, "a step of 8 W for an eighth of the time constant is about 1 W: {mean}");
+        assert!(
+            mean > 8.0 && mean < 10.0,
+            "a step of 8 W for an eighth of the time constant is about 1 W: {mean}"
+        );
     }
 
     #[test]
     fn idle_power_is_added() {
-        let mut tracker = PowerTracker::new(ScriptedMeter::joules([]).info(), Watts(3.0), Duration::ZERO, Duration::ZERO);
+        let mut tracker = PowerTracker::new(
+            ScriptedMeter::joules([]).info(),
+            Watts(3.0),
+            Duration::ZERO,
+            Duration::ZERO,
+        );
         tracker.push(Ok(Joules(0.0)), Duration::ZERO);
         tracker.push(Ok(Joules(2.0)), Duration::from_secs(1));
         assert_eq!(tracker.snapshot().latest, Some(Watts(5.0)));
@@ -240,14 +271,21 @@ mod tests {
     fn a_wrap_costs_one_interval() {
         let tracker = after([100.0, 101.0, 0.5, 1.5]);
         let snapshot = tracker.snapshot();
-        assert_eq!((snapshot.latest, snapshot.sample_count, snapshot.dropped_count), (Some(Watts(4.0)), 2, 1));
+        assert_eq!(
+            (snapshot.latest, snapshot.sample_count, snapshot.dropped_count),
+            (Some(Watts(4.0)), 2, 1)
+        );
         assert!(snapshot.note.as_deref().unwrap().contains("fell from 101 J to 0.5 J"));
     }
 
     #[test]
     fn a_counter_that_keeps_falling_is_lost() {
         assert!(lost_reason(&after([9.0, 8.0, 7.0, 6.0])).contains("fell"));
-        assert_eq!(after([9.0, 8.0, 7.0, 6.0, 7.0]).snapshot().latest, Some(Watts(4.0)), "and comes back when it rises");
+        assert_eq!(
+            after([9.0, 8.0, 7.0, 6.0, 7.0]).snapshot().latest,
+            Some(Watts(4.0)),
+            "and comes back when it rises"
+        );
     }
 
     #[test]
@@ -265,7 +303,10 @@ mod tests {
             assert_eq!(after([1.0, 2.0, nonsense, 3.0, 4.0]).snapshot().latest, Some(Watts(4.0)));
         }
         let mut tracker = after([1.0, 2.0]);
-        tracker.push(Err(MeterError::unreadable("scripted", "permission denied")), Duration::from_secs(1));
+        tracker.push(
+            Err(MeterError::unreadable("scripted", "permission denied")),
+            Duration::from_secs(1),
+        );
         assert!(lost_reason(&tracker).contains("permission denied"));
     }
 
@@ -282,7 +323,10 @@ mod tests {
     fn time_that_goes_backwards_costs_one_interval() {
         let mut tracker = after([1.0, 2.0]);
         tracker.push(Ok(Joules(3.0)), Duration::ZERO);
-        assert_eq!((tracker.snapshot().latest, tracker.snapshot().dropped_count), (Some(Watts(4.0)), 1));
+        assert_eq!(
+            (tracker.snapshot().latest, tracker.snapshot().dropped_count),
+            (Some(Watts(4.0)), 1)
+        );
     }
 
     #[test]
@@ -290,7 +334,8 @@ mod tests {
         // 4 J once a second, polled four times a second.
         let mut tracker = after([]);
         for index in 0..40_u32 {
-            tracker.push(Ok(Joules(f64::from(index / 4) * 4.0)), Duration::from_millis(250) * index);
+            tracker
+                .push(Ok(Joules(f64::from(index / 4) * 4.0)), Duration::from_millis(250) * index);
             if let Some(latest) = tracker.snapshot().latest {
                 assert_eq!(latest, Watts(4.0));
             }
@@ -305,6 +350,10 @@ mod tests {
         // It returns with a jump that holds all it missed, and goes on at 4 W.
         let back = after(stuck.chain([50.0, 51.0]));
         assert_eq!(back.snapshot().latest, Some(Watts(4.0)));
-        assert_eq!(after([0.0; 40]).snapshot().latest, None, "a counter that stands at 0 from the start never tells 0 W");
+        assert_eq!(
+            after([0.0; 40]).snapshot().latest,
+            None,
+            "a counter that stands at 0 from the start never tells 0 W"
+        );
     }
 }

@@ -12,7 +12,8 @@ pub(crate) struct Reading {
     pub at: Instant,
 }
 
-/// Reads a meter once. The moment is the middle of the call, since a driver may take milliseconds to answer.
+/// Reads a meter once. The moment is the middle of the call, since a driver may take milliseconds
+/// to answer.
 ///
 /// # Errors
 /// The meter's own, and `Broken` when the value is not a finite number.
@@ -20,7 +21,11 @@ pub(crate) fn read(meter: &mut dyn PowerMeter) -> Result<Reading, MeterError> {
     let before = Instant::now();
     let energy = meter.energy()?;
     let at = before + before.elapsed() / 2;
-    if energy.0.is_finite() { Ok(Reading { energy, at }) } else { Err(MeterError::broken(meter.info().name, not_a_number(energy))) }
+    if energy.0.is_finite() {
+        Ok(Reading { energy, at })
+    } else {
+        Err(MeterError::broken(meter.info().name, not_a_number(energy)))
+    }
 }
 
 /// What a meter did that answered NaN or infinity.
@@ -28,17 +33,22 @@ pub(crate) fn not_a_number(energy: Joules) -> String {
     format!("the counter reads {} J", energy.0)
 }
 
-/// The shortest meaningful window of `meter`, as a duration: its [`window_seconds`](PowerMeter::window_seconds), held to 0 s to 60 s, and 1 s where a
-/// meter answers nonsense.
+/// The shortest meaningful window of `meter`, as a duration: its
+/// [`window_seconds`](PowerMeter::window_seconds), held to 0 s to 60 s, and 1 s where a meter
+/// answers nonsense.
 pub(crate) fn least_window(meter: &dyn PowerMeter) -> Duration {
     let seconds = meter.window_seconds();
-    if seconds.is_nan() { Duration::from_secs(1) } else { Duration::from_secs_f64(seconds.clamp(0.0, 60.0)) }
+    if seconds.is_nan() {
+        Duration::from_secs(1)
+    } else {
+        Duration::from_secs_f64(seconds.clamp(0.0, 60.0))
+    }
 }
 
 /// Energy from [`start`](Self::start) to [`finish`](Self::finish), by the same meter.
 ///
-/// Time is the monotonic clock's. Keep windows well above the meter's own step ([`PowerMeter::window_seconds`]): the error is up to one step at
-/// either end.
+/// Time is the monotonic clock's. Keep windows well above the meter's own step
+/// ([`PowerMeter::window_seconds`]): the error is up to one step at either end.
 #[derive(Debug)]
 #[must_use = "a window measures nothing until it is finished"]
 pub struct EnergyWindow {
@@ -59,8 +69,9 @@ impl EnergyWindow {
         self.start.at.elapsed()
     }
 
-    /// Closes the window: energy spent in it, without [`PowerMeter::idle`], and its length. Both may be 0 for a window that is opened and closed at
-    /// once, so do not divide one by the other: [`finish_power`](Self::finish_power) does, with care.
+    /// Closes the window: energy spent in it, without [`PowerMeter::idle`], and its length. Both
+    /// may be 0 for a window that is opened and closed at once, so do not divide one by the other:
+    /// [`finish_power`](Self::finish_power) does, with care.
     ///
     /// # Errors
     /// When the meter gives no reading, or one that is no number or below the first.
@@ -76,7 +87,8 @@ impl EnergyWindow {
     /// Closes the window: mean power in it, [`PowerMeter::idle`] included. Finite.
     ///
     /// # Errors
-    /// As [`finish`](Self::finish); `WindowTooShort` when the window is shorter than the meter's step; `Broken` when the counter did not move.
+    /// As [`finish`](Self::finish); `WindowTooShort` when the window is shorter than the meter's
+    /// step; `Broken` when the counter did not move.
     pub fn finish_power(self, meter: &mut dyn PowerMeter) -> Result<Watts, MeterError> {
         let (energy, elapsed) = self.finish(meter)?;
         let least = least_window(meter);
@@ -122,14 +134,20 @@ mod tests {
 
     #[test]
     fn faults_are_errors() {
-        for (readings, word) in
-            [([5.0, 4.0], "fell"), ([5.0, f64::NAN], "NaN"), ([5.0, f64::INFINITY], "inf"), ([5.0, 5.0], "did not move")]
-        {
+        for (readings, word) in [
+            ([5.0, 4.0], "fell"),
+            ([5.0, f64::NAN], "NaN"),
+            ([5.0, f64::INFINITY], "inf"),
+            ([5.0, 5.0], "did not move"),
+        ] {
             let mut meter = ScriptedMeter::joules(readings).with_window_seconds(0.0);
             let window = EnergyWindow::start(&mut meter).unwrap();
             std::thread::sleep(Duration::from_millis(1));
             let error = window.finish_power(&mut meter).unwrap_err();
-            assert!(matches!(error, MeterError::Broken { .. }) && error.to_string().contains(word), "{error}");
+            assert!(
+                matches!(error, MeterError::Broken { .. }) && error.to_string().contains(word),
+                "{error}"
+            );
         }
     }
 

@@ -52,7 +52,9 @@ pub enum CameraFileError {
         found: usize,
     },
     /// A field that is no number, or no number of its kind.
-    #[error("line {line}: `{field}` is `{found}`, which is no {expected}: correct the line, or remove it")]
+    #[error(
+        "line {line}: `{field}` is `{found}`, which is no {expected}: correct the line, or remove it"
+    )]
     NotANumber {
         /// Line, from 1.
         line: usize,

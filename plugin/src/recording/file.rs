@@ -55,22 +55,28 @@ pub fn to_text<'a>(samples: impl IntoIterator<Item = &'a CameraSample>) -> Strin
     text
 }
 
-/// The samples of a file, in its order, every one [valid](CameraSample::validated). A last line without its end, which
-/// a crash or a full disk leaves behind, is passed over, as are empty lines; lines may end as on Windows.
+/// The samples of a file, in its order, every one [valid](CameraSample::validated). A last line
+/// without its end, which a crash or a full disk leaves behind, is passed over, as are empty lines;
+/// lines may end as on Windows.
 ///
 /// # Errors
 ///
-/// The text is no such file or of another version, or a line has a number that cannot be: the error names line, field
-/// and remedy.
+/// The text is no such file or of another version, or a line has a number that cannot be: the error
+/// names line, field and remedy.
 pub fn parse(text: &str) -> Result<Vec<CameraSample>, CameraFileError> {
     // Some editors put a byte order mark before what they save.
     let text = text.strip_prefix('\u{feff}').unwrap_or(text);
-    let lines = text.split_inclusive('\n').map(str::trim_end).enumerate().map(|(index, line)| (index + 1, line));
+    let lines = text
+        .split_inclusive('\n')
+        .map(str::trim_end)
+        .enumerate()
+        .map(|(index, line)| (index + 1, line));
     let mut lines = lines.take(text.matches('\n').count());
 
     let first = lines.next().map_or(text, |(_, line)| line);
     let no_header = || CameraFileError::Header { found: quote(first) };
-    let version = first.strip_prefix(NAME).and_then(|rest| rest.strip_prefix(' ')).ok_or_else(no_header)?;
+    let version =
+        first.strip_prefix(NAME).and_then(|rest| rest.strip_prefix(' ')).ok_or_else(no_header)?;
     match version.parse() {
         Ok(VERSION) => {}
         Ok(found) => return Err(CameraFileError::Version { found }),
@@ -80,7 +86,10 @@ pub fn parse(text: &str) -> Result<Vec<CameraSample>, CameraFileError> {
     if !columns.split(',').map(str::trim).eq(COLUMNS) {
         return Err(CameraFileError::Columns { found: quote(columns) });
     }
-    lines.filter(|(_, line)| !line.is_empty()).map(|(number, line)| parse_line(number, line)).collect()
+    lines
+        .filter(|(_, line)| !line.is_empty())
+        .map(|(number, line)| parse_line(number, line))
+        .collect()
 }
 
 fn parse_line(line: usize, text: &str) -> Result<CameraSample, CameraFileError> {
@@ -104,8 +113,18 @@ fn parse_line(line: usize, text: &str) -> Result<CameraSample, CameraFileError> 
     sample.validated().map_err(|number| CameraFileError::OutOfRange { line, number })
 }
 
-fn field<T: FromStr>(line: usize, column: usize, text: &str, expected: &'static str) -> Result<T, CameraFileError> {
-    let error = |_| CameraFileError::NotANumber { line, field: COLUMNS[column], found: quote(text), expected };
+fn field<T: FromStr>(
+    line: usize,
+    column: usize,
+    text: &str,
+    expected: &'static str,
+) -> Result<T, CameraFileError> {
+    let error = |_| CameraFileError::NotANumber {
+        line,
+        field: COLUMNS[column],
+        found: quote(text),
+        expected,
+    };
     text.parse().map_err(error)
 }
 

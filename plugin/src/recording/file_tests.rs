@@ -4,7 +4,8 @@ use proptest::prelude::*;
 
 use super::*;
 
-const HEADER: &str = "frugal-cameras 1\ntime_s,camera,x_m,y_m,z_m,qx,qy,qz,qw,vertical_fov_rad,aspect\n";
+const HEADER: &str =
+    "frugal-cameras 1\ntime_s,camera,x_m,y_m,z_m,qx,qy,qz,qw,vertical_fov_rad,aspect\n";
 
 fn sample() -> CameraSample {
     let rotation = Quat::from_rotation_y(0.3);
@@ -42,7 +43,8 @@ fn a_torn_last_line_costs_that_line_alone() {
 
 #[test]
 fn what_editors_do_to_a_file_does_not_matter() {
-    let text = format!("\u{feff}{}\n", to_text(&[sample()])).replace('\n', "\r\n").replace(',', ", ");
+    let text =
+        format!("\u{feff}{}\n", to_text(&[sample()])).replace('\n', "\r\n").replace(',', ", ");
     assert_eq!(parse(&text), Ok(vec![sample()]));
 }
 
@@ -66,10 +68,19 @@ fn errors_name_line_field_and_remedy() {
     let remedy = ": correct the line, or remove it";
     let few = format!("{}1.0,2\n", to_text(&[sample()]));
     assert_eq!(message(&few), format!("line 4: 2 fields where 11 should be{remedy}"));
-    assert_eq!(message(&file_with("qy", "north")), format!("line 3: `qy` is `north`, which is no number{remedy}"));
+    assert_eq!(
+        message(&file_with("qy", "north")),
+        format!("line 3: `qy` is `north`, which is no number{remedy}")
+    );
     let whole = "which is no whole number from 0 to 4294967295";
-    assert_eq!(message(&file_with("camera", "-1")), format!("line 3: `camera` is `-1`, {whole}{remedy}"));
-    assert_eq!(message(&file_with("camera", "")), format!("line 3: `camera` is ``, {whole}{remedy}"));
+    assert_eq!(
+        message(&file_with("camera", "-1")),
+        format!("line 3: `camera` is `-1`, {whole}{remedy}")
+    );
+    assert_eq!(
+        message(&file_with("camera", "")),
+        format!("line 3: `camera` is ``, {whole}{remedy}")
+    );
     let aspect = format!("line 3: `aspect` is 0, which must be finite and above 0{remedy}");
     assert_eq!(message(&file_with("aspect", "0")), aspect);
 }
@@ -91,12 +102,16 @@ fn numbers_that_cannot_be_are_refused_in_every_column() {
     for (column, values) in refused {
         for value in values {
             match parse(&file_with(column, value)) {
-                Err(CameraFileError::OutOfRange { line: 3, number }) => assert_eq!(number.field, column, "{value}"),
+                Err(CameraFileError::OutOfRange { line: 3, number }) => {
+                    assert_eq!(number.field, column, "{value}")
+                }
                 other => panic!("{column} = {value}: {other:?}"),
             }
         }
     }
-    for (column, value) in [("x_m", "-1e7"), ("vertical_fov_rad", "1e-30"), ("aspect", "1e30"), ("time_s", "1e300")] {
+    for (column, value) in
+        [("x_m", "-1e7"), ("vertical_fov_rad", "1e-30"), ("aspect", "1e30"), ("time_s", "1e300")]
+    {
         assert!(parse(&file_with(column, value)).is_ok(), "{column} = {value}");
     }
 }

@@ -1,7 +1,9 @@
-//! Where an app's cameras go, written into a file, so that settings can be trained where they are needed.
+//! Where an app's cameras go, written into a file, so that settings can be trained where they are
+//! needed.
 //!
-//! `frugal precompute --cameras FILE` reads such a file. [`CameraRecorderPlugin`] writes it; it is no part of
-//! [`FrugalGiPlugins`](crate::FrugalGiPlugins), so add it to the builds that are played for a recording:
+//! `frugal precompute --cameras FILE` reads such a file. [`CameraRecorderPlugin`] writes it; it is
+//! no part of [`FrugalGiPlugins`](crate::FrugalGiPlugins), so add it to the builds that are played
+//! for a recording:
 //!
 //! ```no_run
 //! use bevy::prelude::*;
@@ -17,8 +19,9 @@
 //!
 //! # The file
 //!
-//! Text, in lines that are only ever appended, so that a crash costs the last of them at most. The first line is name
-//! and version, the second the names of the columns, and each further one a sample:
+//! Text, in lines that are only ever appended, so that a crash costs the last of them at most. The
+//! first line is name and version, the second the names of the columns, and each further one a
+//! sample:
 //!
 //! ```text
 //! frugal-cameras 1
@@ -35,8 +38,9 @@
 //! | `vertical_fov_rad` | vertical field of view, radians | between 0 and π, both excluded |
 //! | `aspect` | width ÷ height of the picture | finite, above 0 |
 //!
-//! A later run of the app appends to the file. Its clock begins at 0 again and its cameras have new numbers: lines of
-//! one number are one camera in one run, in order of time. A camera that stands still writes nothing.
+//! A later run of the app appends to the file. Its clock begins at 0 again and its cameras have new
+//! numbers: lines of one number are one camera in one run, in order of time. A camera that stands
+//! still writes nothing.
 //!
 //! [`parse`] and [`to_text`] know of no app and no renderer.
 mod error;

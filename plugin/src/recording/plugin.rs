@@ -1,4 +1,5 @@
-//! The recorder in a Bevy app: samples the cameras that are marked, and hands what moved to the writer.
+//! The recorder in a Bevy app: samples the cameras that are marked, and hands what moved to the
+//! writer.
 
 use std::collections::HashMap;
 use std::path::PathBuf;
@@ -14,32 +15,35 @@ use super::CameraSample;
 use super::writer::{CameraWriter, Sent};
 use crate::frontier::CameraView;
 
-/// Put it on a camera whose way [`CameraRecorderPlugin`] is to record. While the camera is inactive nothing is.
+/// Put it on a camera whose way [`CameraRecorderPlugin`] is to record. While the camera is inactive
+/// nothing is.
 #[derive(Component, Clone, Copy, Debug, Default, PartialEq, Eq, Reflect)]
 #[reflect(Component, Default, Clone, Debug, PartialEq)]
 pub struct RecordCamera;
 
 /// Records where cameras with [`RecordCamera`] go into a file: see [the module](super).
 ///
-/// A file that is there already is appended to where it is a recording, and left alone where it is not. One app may
-/// write it at a time. Needs Bevy's `TimePlugin`.
+/// A file that is there already is appended to where it is a recording, and left alone where it is
+/// not. One app may write it at a time. Needs Bevy's `TimePlugin`.
 ///
-/// Nothing that happens to the file disturbs the app: frames do not wait for the disk, and where the file cannot be
-/// written, one error says why and what to do, and the recorder stays off. In a browser, which has no files, it does
-/// from the start.
+/// Nothing that happens to the file disturbs the app: frames do not wait for the disk, and where
+/// the file cannot be written, one error says why and what to do, and the recorder stays off. In a
+/// browser, which has no files, it does from the start.
 #[derive(Clone, Debug, PartialEq)]
 pub struct CameraRecorderPlugin {
     /// The file. Folders on the way to it are made.
     pub path: PathBuf,
-    /// Time between two looks at the cameras, by the wall clock. 0.25 s by default; 0 is every frame.
+    /// Time between two looks at the cameras, by the wall clock. 0.25 s by default; 0 is every
+    /// frame.
     pub interval: Duration,
-    /// Motion since the camera's last sample, metres, below which nothing is written unless the camera turned. 0.05
-    /// by default: the more, the smaller the file. 0 and less, and what is no number, write every look.
+    /// Motion since the camera's last sample, metres, below which nothing is written unless the
+    /// camera turned. 0.05 by default: the more, the smaller the file. 0 and less, and what is no
+    /// number, write every look.
     pub min_distance: f32,
     /// The same of turns and of changes of the field of view, radians. 2 degrees by default.
     pub min_angle: f32,
-    /// Samples that the file may hold, earlier runs' included; recording ends there, with a warning. 100,000 by
-    /// default: about 10 MB, or seven hours of a camera that never rests.
+    /// Samples that the file may hold, earlier runs' included; recording ends there, with a
+    /// warning. 100,000 by default: about 10 MB, or seven hours of a camera that never rests.
     pub max_samples: usize,
 }
 
@@ -103,7 +107,8 @@ impl CameraRecorder {
         let CameraView { position, rotation, vertical_fov, aspect } = view;
         // Milliseconds will do, and are easier to read.
         let time_s = (time.as_secs_f64() * 1e3).round() / 1e3;
-        let sample = CameraSample { time_s, camera: track.camera, position, rotation, vertical_fov, aspect };
+        let sample =
+            CameraSample { time_s, camera: track.camera, position, rotation, vertical_fov, aspect };
         let sample = match sample.validated() {
             Ok(sample) => sample,
             Err(number) => {
@@ -124,7 +129,10 @@ impl CameraRecorder {
             }
             Sent::LeftOut => {
                 if !std::mem::replace(&mut self.warned_of_disk, true) {
-                    warn!("{} lacks some cameras: the disk is too slow", self.settings.path.display());
+                    warn!(
+                        "{} lacks some cameras: the disk is too slow",
+                        self.settings.path.display()
+                    );
                 }
             }
             Sent::Stopped => self.writer = None,
@@ -157,7 +165,8 @@ impl Plugin for CameraRecorderPlugin {
             .after(CameraUpdateSystems)
             .after(TransformSystems::Propagate)
             .run_if(resource_exists::<CameraRecorder>);
-        app.add_systems(Startup, start.run_if(resource_exists::<Time<Real>>)).add_systems(PostUpdate, sample);
+        app.add_systems(Startup, start.run_if(resource_exists::<Time<Real>>))
+            .add_systems(PostUpdate, sample);
     }
 
     fn finish(&self, app: &mut App) {
@@ -171,7 +180,10 @@ impl Plugin for CameraRecorderPlugin {
 fn start(commands: &mut Commands, settings: &CameraRecorderPlugin) {
     let writer = CameraWriter::start(settings.path.clone(), settings.max_samples);
     if let Err(error) = &writer {
-        error!("cameras are not recorded into {}: no thread to write with: {error}", settings.path.display());
+        error!(
+            "cameras are not recorded into {}: no thread to write with: {error}",
+            settings.path.display()
+        );
     }
     commands.insert_resource(CameraRecorder {
         settings: settings.clone(),

@@ -78,7 +78,10 @@ fn a_moving_camera_leaves_its_way_in_the_file() {
 fn only_what_changes_the_picture_is_written() {
     let folder = TestFolder::new();
     let path = folder.file("cameras.txt");
-    let mut app = app_with(CameraRecorderPlugin { interval: Duration::ZERO, ..CameraRecorderPlugin::new(&path) });
+    let mut app = app_with(CameraRecorderPlugin {
+        interval: Duration::ZERO,
+        ..CameraRecorderPlugin::new(&path)
+    });
     let camera = spawn_camera(&mut app, Transform::IDENTITY);
     run(&mut app, 10);
     assert_eq!(recorder(&app).samples(), 1);
@@ -132,11 +135,15 @@ fn each_camera_has_its_number_also_after_another_went() {
     run(&mut app, 4);
     spawn_camera(&mut app, Transform::from_xyz(3.0, 0.0, 0.0));
     run(&mut app, 4);
-    let mut seen: Vec<_> = end(app, &path).iter().map(|sample| (sample.camera, sample.position.x)).collect();
+    let mut seen: Vec<_> =
+        end(app, &path).iter().map(|sample| (sample.camera, sample.position.x)).collect();
     seen[..2].sort_by(|a, b| a.1.total_cmp(&b.1));
     let numbers: Vec<_> = seen.iter().map(|(camera, _)| *camera).collect();
     assert_eq!(seen.iter().map(|(_, x)| *x).collect::<Vec<_>>(), [1.0, 12.0, 3.0]);
-    assert!(numbers[0] != numbers[1] && numbers[..2].iter().all(|number| *number < 2), "{numbers:?}");
+    assert!(
+        numbers[0] != numbers[1] && numbers[..2].iter().all(|number| *number < 2),
+        "{numbers:?}"
+    );
     assert_eq!(numbers[2], 2);
 }
 
@@ -144,7 +151,10 @@ fn each_camera_has_its_number_also_after_another_went() {
 fn cameras_that_cannot_be_are_left_out_until_they_can() {
     let folder = TestFolder::new();
     let path = folder.file("cameras.txt");
-    let mut app = app_with(CameraRecorderPlugin { interval: Duration::ZERO, ..CameraRecorderPlugin::new(&path) });
+    let mut app = app_with(CameraRecorderPlugin {
+        interval: Duration::ZERO,
+        ..CameraRecorderPlugin::new(&path)
+    });
     let camera = spawn_camera(&mut app, Transform::from_translation(Vec3::NAN));
     app.update();
     let far = Transform::from_xyz(0.0, 1e8, 0.0);
@@ -154,16 +164,23 @@ fn cameras_that_cannot_be_are_left_out_until_they_can() {
         app.update();
     }
     place(&mut app, camera, Transform::IDENTITY);
-    let none = OrthographicProjection { area: Rect::default(), ..OrthographicProjection::default_3d() };
+    let none =
+        OrthographicProjection { area: Rect::default(), ..OrthographicProjection::default_3d() };
     let none = Projection::Orthographic(none);
-    for projection in [lens(f32::NAN, 1.0), lens(0.0, 1.0), lens(1.0, f32::INFINITY), lens(4.0, 1.0), none] {
+    for projection in
+        [lens(f32::NAN, 1.0), lens(0.0, 1.0), lens(1.0, f32::INFINITY), lens(4.0, 1.0), none]
+    {
         app.world_mut().entity_mut(camera).insert(projection);
         app.update();
     }
     assert_eq!(recorder(&app).samples(), 0);
     app.world_mut().entity_mut(camera).remove::<Projection>();
     run(&mut app, 3);
-    place(&mut app, camera, Transform::from_xyz(9.9e6, -9.9e6, 1e-30).with_scale(Vec3::splat(1e-3)));
+    place(
+        &mut app,
+        camera,
+        Transform::from_xyz(9.9e6, -9.9e6, 1e-30).with_scale(Vec3::splat(1e-3)),
+    );
     run(&mut app, 3);
     assert_eq!(end(app, &path).len(), 2);
 }
@@ -175,7 +192,11 @@ fn a_path_that_cannot_be_written_turns_the_recorder_off() {
     std::fs::write(&file, "no folder").expect("a file");
     for path in [file.join("cameras.txt"), file.clone(), PathBuf::new()] {
         let settings = CameraRecorderPlugin::new(path);
-        let mut app = app_with(CameraRecorderPlugin { interval: Duration::ZERO, min_distance: f32::NAN, ..settings });
+        let mut app = app_with(CameraRecorderPlugin {
+            interval: Duration::ZERO,
+            min_distance: f32::NAN,
+            ..settings
+        });
         spawn_camera(&mut app, Transform::IDENTITY);
         app.update();
         while recorder(&app).is_recording() {
@@ -193,7 +214,12 @@ fn a_full_file_ends_the_recording_and_not_the_app() {
     let folder = TestFolder::new();
     let path = folder.file("cameras.txt");
     let settings = CameraRecorderPlugin::new(&path);
-    let every = CameraRecorderPlugin { interval: Duration::ZERO, min_angle: -1.0, max_samples: 7, ..settings };
+    let every = CameraRecorderPlugin {
+        interval: Duration::ZERO,
+        min_angle: -1.0,
+        max_samples: 7,
+        ..settings
+    };
     let mut app = app_with(every);
     spawn_camera(&mut app, Transform::IDENTITY);
     run(&mut app, 20);
@@ -223,7 +249,11 @@ fn an_endless_interval_is_one_look() {
     let folder = TestFolder::new();
     let path = folder.file("cameras.txt");
     let settings = CameraRecorderPlugin::new(&path);
-    let mut app = app_with(CameraRecorderPlugin { interval: Duration::MAX, min_distance: f32::NAN, ..settings });
+    let mut app = app_with(CameraRecorderPlugin {
+        interval: Duration::MAX,
+        min_distance: f32::NAN,
+        ..settings
+    });
     spawn_camera(&mut app, Transform::IDENTITY);
     run(&mut app, 5);
     assert_eq!(end(app, &path).len(), 1);

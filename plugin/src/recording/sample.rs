@@ -16,14 +16,16 @@ pub struct CameraSample {
     pub position: Vec3,
     /// World rotation, of unit length; the camera looks along its own −Z.
     pub rotation: Quat,
-    /// Vertical field of view, radians, in (0, π). That of an orthographic camera is next to nothing.
+    /// Vertical field of view, radians, in (0, π). That of an orthographic camera is next to
+    /// nothing.
     pub vertical_fov: f32,
     /// Width ÷ height of the picture, finite and above 0.
     pub aspect: f32,
 }
 
 impl CameraSample {
-    /// How far from the origin a coordinate may be, metres. Beyond, an `f32` tells no two places within a metre apart.
+    /// How far from the origin a coordinate may be, metres. Beyond, an `f32` tells no two places
+    /// within a metre apart.
     pub const MAX_COORDINATE: f32 = 1e7;
 
     /// Shortest quaternion that is taken for a rotation.
@@ -48,7 +50,12 @@ impl CameraSample {
         // Squares of numbers that an `f32` holds neither overflow nor vanish here.
         let rotation = DQuat::from_array(self.rotation.to_array().map(f64::from));
         let length = rotation.length();
-        check("qx,qy,qz,qw", length, length >= Self::MIN_ROTATION_LENGTH, "of a length of at least 1e-6")?;
+        check(
+            "qx,qy,qz,qw",
+            length,
+            length >= Self::MIN_ROTATION_LENGTH,
+            "of a length of at least 1e-6",
+        )?;
         let open = |value: f32, end: f32| value > 0.0 && value < end;
         let (time, fov, aspect) = (self.time_s, self.vertical_fov, self.aspect);
         check("time_s", time, time.is_finite() && time >= 0.0, "finite, from 0")?;
@@ -56,7 +63,10 @@ impl CameraSample {
         check("aspect", aspect.into(), open(aspect, f32::INFINITY), "finite and above 0")?;
         // What is of unit length but for rounding stays as it is, to the bit.
         let unit = self.rotation.is_normalized();
-        Ok(Self { rotation: if unit { self.rotation } else { (rotation / length).as_quat() }, ..self })
+        Ok(Self {
+            rotation: if unit { self.rotation } else { (rotation / length).as_quat() },
+            ..self
+        })
     }
 
     /// What the camera saw, without when.
@@ -65,8 +75,9 @@ impl CameraSample {
         CameraView { position, rotation, vertical_fov, aspect }
     }
 
-    /// Whether the picture is another than at `last`: the camera went `distance` metres or more, or it turned, or its
-    /// picture grew or shrank on a side, by `angle` radians or more. A limit that is no number is passed by any motion.
+    /// Whether the picture is another than at `last`: the camera went `distance` metres or more, or
+    /// it turned, or its picture grew or shrank on a side, by `angle` radians or more. A limit that
+    /// is no number is passed by any motion.
     pub(super) fn differs(&self, last: &Self, distance: f32, angle: f32) -> bool {
         let half_width = |sample: &Self| ((sample.vertical_fov / 2.0).tan() * sample.aspect).atan();
         let angles = [
@@ -75,7 +86,8 @@ impl CameraSample {
             2.0 * (half_width(self) - half_width(last)),
         ];
         // So written, a limit that is no number is passed.
-        let stays = self.position.distance(last.position) < distance && angles.iter().all(|a| a.abs() < angle);
+        let stays = self.position.distance(last.position) < distance
+            && angles.iter().all(|a| a.abs() < angle);
         !stays
     }
 }

@@ -10,7 +10,8 @@ impl TestFolder {
     pub(super) fn new() -> Self {
         static NEXT: AtomicUsize = AtomicUsize::new(0);
         let number = NEXT.fetch_add(1, Ordering::Relaxed);
-        let folder = std::env::temp_dir().join(format!("frugal-recording-{}-{number}", std::process::id()));
+        let folder =
+            std::env::temp_dir().join(format!("frugal-recording-{}-{number}", std::process::id()));
         std::fs::create_dir_all(&folder).expect("a folder");
         Self(folder)
     }

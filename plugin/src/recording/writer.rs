@@ -37,7 +37,8 @@ pub(super) struct CameraWriter {
 }
 
 impl CameraWriter {
-    /// Appends to the file at `path` until it holds `max_samples`. What goes wrong with the file is logged, once.
+    /// Appends to the file at `path` until it holds `max_samples`. What goes wrong with the file is
+    /// logged, once.
     ///
     /// # Errors
     ///
@@ -47,7 +48,9 @@ impl CameraWriter {
         let file = path.clone();
         let run = move || match record(&file, max_samples, &receiver) {
             Ok(()) => {}
-            Err(stop @ Stop::Full(_)) => warn!("recording of cameras into {} ends: {stop}", file.display()),
+            Err(stop @ Stop::Full(_)) => {
+                warn!("recording of cameras into {} ends: {stop}", file.display())
+            }
             Err(stop) => error!("cameras are not recorded into {}: {stop}", file.display()),
         };
         let thread = thread::Builder::new().name("camera recorder".to_owned()).spawn(run)?;
@@ -77,13 +80,19 @@ impl Drop for CameraWriter {
         let start = Instant::now();
         while !thread.is_finished() {
             if start.elapsed() > PATIENCE {
-                warn!("{} may lack the last cameras: the disk does not answer", self.path.display());
+                warn!(
+                    "{} may lack the last cameras: the disk does not answer",
+                    self.path.display()
+                );
                 return;
             }
             thread::sleep(Duration::from_millis(1));
         }
         if thread.join().is_err() {
-            error!("{} may lack the last cameras: the thread that writes it panicked", self.path.display());
+            error!(
+                "{} may lack the last cameras: the thread that writes it panicked",
+                self.path.display()
+            );
         }
     }
 }
@@ -97,9 +106,13 @@ enum Stop {
     NoFile,
     #[error("what it holds cannot be appended to: name another file, or move this one away ({0})")]
     Occupied(CameraFileError),
-    #[error("{0}: what was written until now is there; make room on the disk, and start the app again")]
+    #[error(
+        "{0}: what was written until now is there; make room on the disk, and start the app again"
+    )]
     Write(io::Error),
-    #[error("it holds {0} samples, the most that it may: raise CameraRecorderPlugin::max_samples for more")]
+    #[error(
+        "it holds {0} samples, the most that it may: raise CameraRecorderPlugin::max_samples for more"
+    )]
     Full(usize),
 }
 
@@ -116,7 +129,8 @@ fn record(path: &Path, max_samples: usize, samples: &Receiver<CameraSample>) -> 
     append(&mut file, held, max_samples, samples)
 }
 
-/// Opens or makes the file, which is ready to be appended to: a torn last line is taken off. Changes no other file.
+/// Opens or makes the file, which is ready to be appended to: a torn last line is taken off.
+/// Changes no other file.
 fn open(path: &Path) -> Result<(File, Held), Stop> {
     // What is there, folder or not, is left to `open`, whose errors say more.
     if let Some(folder) = path.parent()
@@ -147,18 +161,25 @@ fn take_up(file: &mut File) -> Result<Held, Stop> {
     let parsed = if begun { Ok(Vec::new()) } else { parse(&String::from_utf8_lossy(&bytes)) };
     let samples = parsed.map_err(Stop::Occupied)?;
 
-    let mut ends = bytes.iter().enumerate().filter(|(_, byte)| **byte == b'\n').map(|(index, _)| index + 1);
+    let mut ends =
+        bytes.iter().enumerate().filter(|(_, byte)| **byte == b'\n').map(|(index, _)| index + 1);
     let whole = if ends.clone().count() < 2 { 0 } else { ends.next_back().unwrap_or(0) };
     file.set_len(whole as u64).and_then(|()| file.seek(SeekFrom::End(0))).map_err(Stop::Write)?;
     if whole == 0 {
         file.write_all(header.as_bytes()).map_err(Stop::Write)?;
     }
-    let next_camera = samples.iter().map(|sample| sample.camera.saturating_add(1)).max().unwrap_or(0);
+    let next_camera =
+        samples.iter().map(|sample| sample.camera.saturating_add(1)).max().unwrap_or(0);
     Ok(Held { samples: samples.len(), next_camera })
 }
 
 /// Writes what comes, as soon as it comes, until nobody sends.
-fn append(out: &mut impl Write, held: Held, most: usize, samples: &Receiver<CameraSample>) -> Result<(), Stop> {
+fn append(
+    out: &mut impl Write,
+    held: Held,
+    most: usize,
+    samples: &Receiver<CameraSample>,
+) -> Result<(), Stop> {
     let mut count = held.samples;
     let mut text = String::new();
     while count < most {

@@ -60,7 +60,9 @@ fn a_file_torn_anywhere_is_mended_and_goes_on() {
         assert_eq!(read(&path), to_text(left.iter().chain([&next])), "torn at {end}");
     }
     // Saved by an editor, with its lines' ends.
-    for (text, count) in [("\u{feff}frugal-cameras 1\r\n".to_owned(), 1), (whole.replace('\n', "\r\n"), 3)] {
+    for (text, count) in
+        [("\u{feff}frugal-cameras 1\r\n".to_owned(), 1), (whole.replace('\n', "\r\n"), 3)]
+    {
         std::fs::write(&path, text).expect("a file");
         run(&path, 100, &[sample(0.0, 0)]).expect("a recording");
         assert_eq!(parse(&read(&path)).map(|samples| samples.len()), Ok(count));
@@ -91,7 +93,9 @@ fn paths_that_cannot_be_written_say_why() {
     let folder = TestFolder::new();
     let path = folder.file("file");
     std::fs::write(&path, "a file, and no folder").expect("a file");
-    for path in [path.join("cameras.txt"), path.join("deep/cameras.txt"), folder.file(""), PathBuf::new()] {
+    for path in
+        [path.join("cameras.txt"), path.join("deep/cameras.txt"), folder.file(""), PathBuf::new()]
+    {
         let stop = run(&path, 100, &[sample(0.0, 0)]).expect_err("no recording");
         assert!(matches!(stop, Stop::Open(_)), "{}: {stop}", path.display());
         assert!(stop.to_string().contains("name a file in a folder"), "{stop}");

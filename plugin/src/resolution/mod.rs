@@ -1,8 +1,11 @@
-//! Resolution scale of one camera inside its target: everything up to post-processing at a smaller size, then a filtered upscale.
+//! Resolution scale of one camera inside its target: everything up to post-processing at a smaller
+//! size, then a filtered upscale.
 //!
-//! Bevy 0.19's own ways do not serve a deferred camera: its resolution override is read by no shader, and a smaller viewport breaks ambient
-//! occlusion. So the extracted camera is given a smaller size before any of its textures is made, and our pass writes the target in place of
-//! Bevy's blit, which filters nothing. At scale 1 both are out of the way, and the picture is Bevy's bit for bit.
+//! Bevy 0.19's own ways do not serve a deferred camera: its resolution override is read by no
+//! shader, and a smaller viewport breaks ambient occlusion. So the extracted camera is given a
+//! smaller size before any of its textures is made, and our pass writes the target in place of
+//! Bevy's blit, which filters nothing. At scale 1 both are out of the way, and the picture is
+//! Bevy's bit for bit.
 
 use bevy::app::{App, Plugin};
 use bevy::asset::{embedded_asset, load_embedded_asset};
@@ -27,8 +30,9 @@ use bevy::utils::default;
 
 /// Size at which this camera is rendered, as a share of its target's width and height, in [0.1, 1].
 ///
-/// Higher values: sharper, at a cost that grows with the square. Lower values: softer. 1 is native. Has no effect on a camera with a viewport.
-/// Interface drawn by the same camera is scaled too: give it a camera of its own.
+/// Higher values: sharper, at a cost that grows with the square. Lower values: softer. 1 is native.
+/// Has no effect on a camera with a viewport. Interface drawn by the same camera is scaled too:
+/// give it a camera of its own.
 #[derive(Component, ExtractComponent, Reflect, Clone, Copy, Debug, PartialEq)]
 #[reflect(Component, Default, Clone, PartialEq)]
 #[extract_component_sync_target((Self, UpscalePipelineId))]
@@ -41,7 +45,8 @@ impl Default for ResolutionScale {
 }
 
 impl ResolutionScale {
-    /// The size rendered for a target of `size`: at least one pixel, and all of it where the scale is not a number below 1.
+    /// The size rendered for a target of `size`: at least one pixel, and all of it where the scale
+    /// is not a number below 1.
     pub fn apply(self, size: UVec2) -> UVec2 {
         let scale = if self.0.is_nan() { 1.0 } else { self.0.clamp(0.1, 1.0) };
         (size.as_vec2() * scale).round().as_uvec2().max(UVec2::ONE).min(size)
@@ -55,7 +60,8 @@ pub struct ResolutionPlugin;
 impl Plugin for ResolutionPlugin {
     fn build(&self, app: &mut App) {
         embedded_asset!(app, "upscale.wgsl");
-        app.register_type::<ResolutionScale>().add_plugins(ExtractComponentPlugin::<ResolutionScale>::default());
+        app.register_type::<ResolutionScale>()
+            .add_plugins(ExtractComponentPlugin::<ResolutionScale>::default());
     }
 
     fn finish(&self, app: &mut App) {
@@ -66,7 +72,9 @@ impl Plugin for ResolutionPlugin {
                 Render,
                 (
                     // Need the extracted sizes, before any texture is made to fit them.
-                    shrink_views.after(RenderSystems::ExtractCommands).before(RenderSystems::CreateViews),
+                    shrink_views
+                        .after(RenderSystems::ExtractCommands)
+                        .before(RenderSystems::CreateViews),
                     prepare_pipelines.in_set(RenderSystems::Prepare),
                     // Skipping before view targets are prepared would leave the camera without one.
                     take_over_output.in_set(RenderSystems::PrepareBindGroups),
@@ -111,7 +119,10 @@ impl FromWorld for UpscalePipelines {
             "bevy_frugal_gi/upscale",
             &BindGroupLayoutEntries::sequential(
                 ShaderStages::FRAGMENT,
-                (texture_2d(TextureSampleType::Float { filterable: true }), sampler(SamplerBindingType::Filtering)),
+                (
+                    texture_2d(TextureSampleType::Float { filterable: true }),
+                    sampler(SamplerBindingType::Filtering),
+                ),
             ),
         );
         world.init_resource::<SpecializedRenderPipelines<UpscalePipelines>>();
@@ -137,7 +148,11 @@ impl SpecializedRenderPipeline for UpscalePipelines {
             fragment: Some(FragmentState {
                 shader: self.shader.clone(),
                 entry_point: Some("upscale".into()),
-                targets: vec![Some(ColorTargetState { format: target_format, blend: None, write_mask: ColorWrites::ALL })],
+                targets: vec![Some(ColorTargetState {
+                    format: target_format,
+                    blend: None,
+                    write_mask: ColorWrites::ALL,
+                })],
                 ..default()
             }),
             ..default()
@@ -164,7 +179,10 @@ fn prepare_pipelines(
     }
 }
 
-fn take_over_output(cache: Res<PipelineCache>, mut views: Query<(&mut ExtractedCamera, &UpscalePipelineId)>) {
+fn take_over_output(
+    cache: Res<PipelineCache>,
+    mut views: Query<(&mut ExtractedCamera, &UpscalePipelineId)>,
+) {
     for (mut camera, pipeline) in &mut views {
         // Until our pipeline is there, Bevy's unfiltered blit shows the picture.
         if cache.get_render_pipeline(pipeline.0).is_some() {
@@ -213,9 +231,14 @@ mod tests {
     #[test]
     fn every_scale_gives_a_size_within_the_target() {
         let size = UVec2::new(321, 1);
-        for scale in [f32::NAN, f32::NEG_INFINITY, -1.0, 0.0, 0.1, 0.5, 0.999, 1.0, 2.0, f32::INFINITY] {
+        for scale in
+            [f32::NAN, f32::NEG_INFINITY, -1.0, 0.0, 0.1, 0.5, 0.999, 1.0, 2.0, f32::INFINITY]
+        {
             let scaled = ResolutionScale(scale).apply(size);
-            assert!(scaled.cmpge(UVec2::ONE).all() && scaled.cmple(size).all(), "{scale}: {scaled}");
+            assert!(
+                scaled.cmpge(UVec2::ONE).all() && scaled.cmple(size).all(),
+                "{scale}: {scaled}"
+            );
         }
         assert_eq!(ResolutionScale(0.5).apply(UVec2::new(320, 180)), UVec2::new(160, 90));
         assert_eq!(ResolutionScale(1.0).apply(size), size);

@@ -1,4 +1,5 @@
-// Catmull-Rom upscaling in nine bilinear taps, held to the range of the four nearest texels so that edges do not ring.
+// Catmull-Rom upscaling in nine bilinear taps, held to the range of the four nearest texels so that
+// edges do not ring.
 
 #import bevy_core_pipeline::fullscreen_vertex_shader::FullscreenVertexOutput
 

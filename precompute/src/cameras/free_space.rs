@@ -19,12 +19,14 @@ const MOST: usize = 60_000;
 pub struct Clearance {
     /// Least distance from any surface, metres.
     pub distance: f32,
-    /// Least and greatest height above the ground, metres. Where there is no ground below, the height is not limited.
+    /// Least and greatest height above the ground, metres. Where there is no ground below, the
+    /// height is not limited.
     pub height: (f32, f32),
 }
 
 impl Default for Clearance {
-    /// A hand's breadth and a half from walls; eyes of people who sit, stand, or stand on something.
+    /// A hand's breadth and a half from walls; eyes of people who sit, stand, or stand on
+    /// something.
     fn default() -> Self {
         Self { distance: 0.25, height: (0.9, 2.4) }
     }
@@ -33,19 +35,26 @@ impl Default for Clearance {
 impl Clearance {
     /// Whether a camera can be at `position`.
     pub fn allows(&self, rays: &RayScene, position: Vec3) -> bool {
-        is_clear(rays, position, self.distance) && !rays.inside_geometry(position) && self.height_fits(rays, position)
+        is_clear(rays, position, self.distance)
+            && !rays.inside_geometry(position)
+            && self.height_fits(rays, position)
     }
 
     fn height_fits(&self, rays: &RayScene, position: Vec3) -> bool {
-        rays.closest(position, Vec3::NEG_Y, f32::INFINITY).is_none_or(|hit| (self.height.0..=self.height.1).contains(&hit.distance))
+        rays.closest(position, Vec3::NEG_Y, f32::INFINITY)
+            .is_none_or(|hit| (self.height.0..=self.height.1).contains(&hit.distance))
     }
 }
 
-/// Whether nothing is within `distance` of `position`, by rays to the faces, edges and corners of a cube.
+/// Whether nothing is within `distance` of `position`, by rays to the faces, edges and corners of a
+/// cube.
 fn is_clear(rays: &RayScene, position: Vec3, distance: f32) -> bool {
     let steps = || -1..=1;
-    let directions = steps().flat_map(|x| steps().flat_map(move |y| steps().map(move |z| IVec3::new(x, y, z))));
-    directions.filter(|direction| *direction != IVec3::ZERO).all(|direction| !rays.any(position, direction.as_vec3().normalize(), distance))
+    let directions =
+        steps().flat_map(|x| steps().flat_map(move |y| steps().map(move |z| IVec3::new(x, y, z))));
+    directions
+        .filter(|direction| *direction != IVec3::ZERO)
+        .all(|direction| !rays.any(position, direction.as_vec3().normalize(), distance))
 }
 
 /// Places that cameras can reach.
@@ -56,23 +65,30 @@ pub struct FreeSpace {
 }
 
 impl FreeSpace {
-    /// Fills `bounds` from `seeds`, step by step over voxels between which nothing stands. Without a seed that is free, from every
-    /// free voxel of the bounds.
+    /// Fills `bounds` from `seeds`, step by step over voxels between which nothing stands. Without
+    /// a seed that is free, from every free voxel of the bounds.
     pub fn fill(rays: &RayScene, bounds: &Bounds, seeds: &[Vec3], clearance: &Clearance) -> Self {
         let voxel = VOXEL.max(bounds.size().max_element() / MOST_ALONG);
         let at = |cell: IVec3| bounds.min + (cell.as_vec3() + 0.5) * voxel;
         let cell_of = |position: Vec3| ((position - bounds.min) / voxel).floor().as_ivec3();
         let mut known: HashMap<IVec3, bool> = HashMap::new();
-        // Between places at eye height a camera may pass over a low wall or through a door: only what is reached must fit.
-        let passable = |position: Vec3| bounds.contains(position) && is_clear(rays, position, clearance.distance * 0.5);
-        let mut queue: VecDeque<IVec3> = seeds.iter().filter(|seed| seed.is_finite()).map(|seed| cell_of(*seed)).collect();
+        // Between places at eye height a camera may pass over a low wall or through a door: only
+        // what is reached must fit.
+        let passable = |position: Vec3| {
+            bounds.contains(position) && is_clear(rays, position, clearance.distance * 0.5)
+        };
+        let mut queue: VecDeque<IVec3> =
+            seeds.iter().filter(|seed| seed.is_finite()).map(|seed| cell_of(*seed)).collect();
         if !queue.iter().any(|cell| passable(at(*cell))) {
             queue = every_cell(bounds, voxel).collect();
         }
         let mut filled: HashSet<IVec3> = HashSet::new();
         let mut places = Vec::new();
         while let Some(cell) = queue.pop_front() {
-            if filled.len() >= MOST || !*known.entry(cell).or_insert_with(|| passable(at(cell))) || !filled.insert(cell) {
+            if filled.len() >= MOST
+                || !*known.entry(cell).or_insert_with(|| passable(at(cell)))
+                || !filled.insert(cell)
+            {
                 continue;
             }
             if clearance.allows(rays, at(cell)) {
@@ -106,19 +122,32 @@ impl FreeSpace {
         let position = place + Vec3::new(offset(), offset(), offset());
         // Numbered by any fixed rule.
         let block = (place / self.voxel).floor().as_ivec3();
-        let number = block.x.wrapping_mul(73_856_093) ^ block.y.wrapping_mul(19_349_663) ^ block.z.wrapping_mul(83_492_791);
+        let number = block.x.wrapping_mul(73_856_093)
+            ^ block.y.wrapping_mul(19_349_663)
+            ^ block.z.wrapping_mul(83_492_791);
         Some((position, number.cast_unsigned()))
     }
 }
 
 fn every_cell(bounds: &Bounds, voxel: f32) -> impl Iterator<Item = IVec3> {
-    let count = (bounds.size() / voxel).ceil().as_ivec3().clamp(IVec3::ONE, IVec3::splat(MOST_ALONG as i32 + 1));
-    (0..count.z).flat_map(move |z| (0..count.y).flat_map(move |y| (0..count.x).map(move |x| IVec3::new(x, y, z))))
+    let count = (bounds.size() / voxel)
+        .ceil()
+        .as_ivec3()
+        .clamp(IVec3::ONE, IVec3::splat(MOST_ALONG as i32 + 1));
+    (0..count.z).flat_map(move |z| {
+        (0..count.y).flat_map(move |y| (0..count.x).map(move |x| IVec3::new(x, y, z)))
+    })
 }
 
 /// Whether a camera sees anything, and stands where one can.
-pub(super) fn is_usable(rays: &RayScene, pose: &CameraPose, clearance: &Clearance, lens: (f32, f32)) -> bool {
-    clearance.allows(rays, pose.position) && rays.sees_geometry(pose.position, pose.rotation, lens.0, lens.1)
+pub(super) fn is_usable(
+    rays: &RayScene,
+    pose: &CameraPose,
+    clearance: &Clearance,
+    lens: (f32, f32),
+) -> bool {
+    clearance.allows(rays, pose.position)
+        && rays.sees_geometry(pose.position, pose.rotation, lens.0, lens.1)
 }
 
 #[cfg(test)]
@@ -130,10 +159,12 @@ mod tests {
     use crate::scene::SceneGeometry;
     use crate::scene::builder::{Faces, MeshBuilder};
 
-    /// A closed room of 6 × 3 × 6 m with a wall across it that has no door, inside bounds of 10 × 5 × 10 m.
+    /// A closed room of 6 × 3 × 6 m with a wall across it that has no door, inside bounds of 10 × 5
+    /// × 10 m.
     fn scene() -> RayScene {
         let mut builder = MeshBuilder::new();
-        let mut slab = |min: [f32; 3], max: [f32; 3]| builder.cuboid(min.into(), max.into(), Faces::ALL);
+        let mut slab =
+            |min: [f32; 3], max: [f32; 3]| builder.cuboid(min.into(), max.into(), Faces::ALL);
         slab([-3.2, -0.2, -3.2], [3.2, 0.0, 3.2]);
         slab([-3.2, 3.0, -3.2], [3.2, 3.2, 3.2]);
         slab([-3.2, 0.0, -3.2], [-3.0, 3.0, 3.2]);
@@ -141,7 +172,10 @@ mod tests {
         slab([-3.0, 0.0, -3.2], [3.0, 3.0, -3.0]);
         slab([-3.0, 0.0, 3.0], [3.0, 3.0, 3.2]);
         slab([-0.1, 0.0, -3.0], [0.1, 3.0, 3.0]);
-        RayScene::from_geometry(&SceneGeometry { meshes: vec![builder.finish(0)], ..SceneGeometry::default() })
+        RayScene::from_geometry(&SceneGeometry {
+            meshes: vec![builder.finish(0)],
+            ..SceneGeometry::default()
+        })
     }
 
     fn bounds() -> Bounds {
@@ -151,13 +185,20 @@ mod tests {
     #[test]
     fn only_what_a_camera_reaches_is_filled() {
         let rays = scene();
-        let space = FreeSpace::fill(&rays, &bounds(), &[Vec3::new(-1.5, 1.6, 0.0)], &Clearance::default());
+        let space =
+            FreeSpace::fill(&rays, &bounds(), &[Vec3::new(-1.5, 1.6, 0.0)], &Clearance::default());
         assert!(space.len() > 100, "{}", space.len());
         let mut random = ChaCha8Rng::seed_from_u64(1);
         for _ in 0..500 {
             let (position, _) = space.draw(&mut random).expect("places");
             // Half a voxel of play around a voxel's middle, which is clear.
-            assert!(position.x < 0.1 && position.x > -3.1 && position.z.abs() < 3.1 && (0.5..2.9).contains(&position.y), "{position}");
+            assert!(
+                position.x < 0.1
+                    && position.x > -3.1
+                    && position.z.abs() < 3.1
+                    && (0.5..2.9).contains(&position.y),
+                "{position}"
+            );
         }
     }
 
@@ -167,7 +208,10 @@ mod tests {
         let allows = |x: f32, y: f32, z: f32| clearance.allows(&rays, Vec3::new(x, y, z));
         assert!(allows(-1.5, 1.6, 0.0));
         assert!(!allows(-2.9, 1.6, 0.0), "10 cm from a wall");
-        assert!(!allows(-1.5, 0.3, 0.0) && !allows(-1.5, 2.7, 0.0), "a hand above the floor, under the ceiling");
+        assert!(
+            !allows(-1.5, 0.3, 0.0) && !allows(-1.5, 2.7, 0.0),
+            "a hand above the floor, under the ceiling"
+        );
         assert!(!allows(0.0, 1.6, 0.0) && !allows(3.1, 1.6, 0.0), "in a wall");
     }
 
@@ -175,9 +219,15 @@ mod tests {
     fn without_a_seed_all_of_the_bounds_are_tried_and_nothing_is_fine_too() {
         let rays = scene();
         let all = FreeSpace::fill(&rays, &bounds(), &[], &Clearance::default());
-        let one_side = FreeSpace::fill(&rays, &bounds(), &[Vec3::new(-1.5, 1.6, 0.0)], &Clearance::default());
+        let one_side =
+            FreeSpace::fill(&rays, &bounds(), &[Vec3::new(-1.5, 1.6, 0.0)], &Clearance::default());
         assert!(all.len() > one_side.len());
-        let nothing = FreeSpace::fill(&rays, &bounds(), &[Vec3::NAN], &Clearance { distance: 50.0, ..Clearance::default() });
+        let nothing = FreeSpace::fill(
+            &rays,
+            &bounds(),
+            &[Vec3::NAN],
+            &Clearance { distance: 50.0, ..Clearance::default() },
+        );
         assert!(nothing.is_empty() && nothing.draw(&mut ChaCha8Rng::seed_from_u64(1)).is_none());
     }
 }

@@ -13,7 +13,8 @@ pub struct MovingCamera {
     pub velocity: Vec3,
     /// Rotation per second: axis times radians, in world space.
     pub turn: Vec3,
-    /// Cameras near each other in time or space have the same number: they are kept or held out together.
+    /// Cameras near each other in time or space have the same number: they are kept or held out
+    /// together.
     pub group: u32,
 }
 
@@ -28,13 +29,17 @@ impl MovingCamera {
 
     /// The pose `seconds` later, or earlier where negative.
     pub fn at(&self, seconds: f32) -> CameraPose {
-        let rotation = (Quat::from_scaled_axis(self.turn * seconds) * self.pose.rotation).normalize();
+        let rotation =
+            (Quat::from_scaled_axis(self.turn * seconds) * self.pose.rotation).normalize();
         CameraPose { position: self.pose.position + self.velocity * seconds, rotation }
     }
 
     /// The last `frames` poses at `frames_per_second`, the present one last.
     pub fn clip(&self, frames: u32, frames_per_second: f64) -> Vec<CameraPose> {
-        (0..frames.max(1)).rev().map(|back| self.at(-(f64::from(back) / frames_per_second) as f32)).collect()
+        (0..frames.max(1))
+            .rev()
+            .map(|back| self.at(-(f64::from(back) / frames_per_second) as f32))
+            .collect()
     }
 }
 

@@ -41,8 +41,10 @@ pub enum RecordedError {
 /// # Errors
 /// When the file cannot be read, is no recording, or is empty.
 pub fn recorded(path: &Path) -> Result<Vec<Vec<TrackSample>>, RecordedError> {
-    let text = std::fs::read_to_string(path).map_err(|source| RecordedError::File { path: path.to_owned(), source })?;
-    let samples = parse(&text).map_err(|source| RecordedError::Content { path: path.to_owned(), source })?;
+    let text = std::fs::read_to_string(path)
+        .map_err(|source| RecordedError::File { path: path.to_owned(), source })?;
+    let samples =
+        parse(&text).map_err(|source| RecordedError::Content { path: path.to_owned(), source })?;
     let tracks = tracks(&samples);
     if tracks.is_empty() { Err(RecordedError::Empty { path: path.to_owned() }) } else { Ok(tracks) }
 }
@@ -51,14 +53,20 @@ fn tracks(samples: &[CameraSample]) -> Vec<Vec<TrackSample>> {
     let mut cameras: Vec<u32> = samples.iter().map(|sample| sample.camera).collect();
     cameras.sort_unstable();
     cameras.dedup();
-    let pose = |sample: &CameraSample| CameraPose { position: sample.position, rotation: sample.rotation };
+    let pose =
+        |sample: &CameraSample| CameraPose { position: sample.position, rotation: sample.rotation };
     let track = |camera: u32| {
-        let own: Vec<&CameraSample> = samples.iter().filter(|sample| sample.camera == camera).collect();
+        let own: Vec<&CameraSample> =
+            samples.iter().filter(|sample| sample.camera == camera).collect();
         let moved = (0..own.len()).map(|index| {
             let (from, to) = (own[index.saturating_sub(1)], own[index]);
             // Times that do not rise say nothing of speed.
             let seconds = (to.time_s - from.time_s) as f32;
-            if seconds > 1e-3 { sample(pose(from), pose(to), seconds) } else { sample(pose(to), pose(to), 1.0) }
+            if seconds > 1e-3 {
+                sample(pose(from), pose(to), seconds)
+            } else {
+                sample(pose(to), pose(to), 1.0)
+            }
         });
         moved.collect()
     };
@@ -82,7 +90,8 @@ mod tests {
             vertical_fov: 1.0,
             aspect: 1.5,
         };
-        let samples = [sample(0.0, 0, 0.0), sample(0.0, 1, 9.0), sample(0.5, 0, 1.0), sample(0.5, 0, 2.0)];
+        let samples =
+            [sample(0.0, 0, 0.0), sample(0.0, 1, 9.0), sample(0.5, 0, 1.0), sample(0.5, 0, 2.0)];
         let folder = tempfile::tempdir().expect("a folder");
         let file = folder.path().join("cameras.txt");
         std::fs::write(&file, to_text(&samples)).expect("room");

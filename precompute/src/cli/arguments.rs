@@ -23,8 +23,9 @@ pub(super) struct CaptureArguments {
     /// Knobs to use, by name; without it, all that the scene has a use for
     #[arg(long, value_name = "K1,K2,…", value_delimiter = ',')]
     pub knobs: Option<Vec<String>>,
-    /// Power meter, as `frugal meters` names it; without it, the one that suits the adapter. `work` counts each frame's work at
-    /// fixed prices and is the same in every run; `work=FILE`: at those of `frugal calibrate`
+    /// Power meter, as `frugal meters` names it; without it, the one that suits the adapter. `work`
+    /// counts each frame's work at fixed prices and is the same in every run; `work=FILE`: at those
+    /// of `frugal calibrate`
     #[arg(long, value_name = "NAME")]
     pub meter: Option<String>,
 }
@@ -84,7 +85,8 @@ pub(super) struct PictureArguments {
 }
 
 impl PictureArguments {
-    /// The PNG to write: where nothing is asked for, the one called as the scene. Refuses either file where it cannot be written.
+    /// The PNG to write: where nothing is asked for, the one called as the scene. Refuses either
+    /// file where it cannot be written.
     pub fn png(&self, scene_name: &str) -> Result<Option<PathBuf>, CliError> {
         let png = match (&self.output, &self.hdr) {
             (None, None) => Some(PathBuf::from(format!("{scene_name}.png"))),
@@ -98,7 +100,8 @@ impl PictureArguments {
 /// `320x180`.
 pub(super) fn size(text: &str) -> Result<UVec2, String> {
     let parse = |number: &str| number.trim().parse::<u32>().ok().filter(|n| (1..=8192).contains(n));
-    let (width, height) = text.split_once(['x', 'X']).ok_or("expected WIDTHxHEIGHT, as in 320x180")?;
+    let (width, height) =
+        text.split_once(['x', 'X']).ok_or("expected WIDTHxHEIGHT, as in 320x180")?;
     match (parse(width), parse(height)) {
         (Some(width), Some(height)) => Ok(UVec2::new(width, height)),
         _ => Err("width and height must be whole numbers from 1 to 8192".to_owned()),
@@ -107,7 +110,11 @@ pub(super) fn size(text: &str) -> Result<UVec2, String> {
 
 /// `1.5,2,-3`.
 pub(super) fn vector(text: &str) -> Result<Vec3, String> {
-    let numbers: Vec<f32> = text.split(',').filter_map(|part| part.trim().parse().ok()).filter(|n: &f32| n.is_finite()).collect();
+    let numbers: Vec<f32> = text
+        .split(',')
+        .filter_map(|part| part.trim().parse().ok())
+        .filter(|n: &f32| n.is_finite())
+        .collect();
     match numbers[..] {
         [x, y, z] if text.split(',').count() == 3 => Ok(Vec3::new(x, y, z)),
         _ => Err("expected three finite numbers, as in 1.5,2,-3".to_owned()),
@@ -123,21 +130,29 @@ pub(super) fn duration(text: &str) -> Result<Duration, String> {
         None => (text.trim(), 1.0),
     };
     let number: f64 = number.parse().map_err(|_| "expected a time, as in 90s, 10m or 1h")?;
-    let length = Duration::try_from_secs_f64(number * seconds).map_err(|_| "a time limit must be above 0 and finite")?;
+    let length = Duration::try_from_secs_f64(number * seconds)
+        .map_err(|_| "a time limit must be above 0 and finite")?;
     if length.is_zero() { Err("a time limit must be above 0".to_owned()) } else { Ok(length) }
 }
 
 /// A scene with its name.
 pub(super) fn open_scene(path: &Path) -> Result<(SceneDescription, String), CliError> {
     let scene = scene::load(path)?;
-    let file = path.file_name().map_or_else(|| path.display().to_string(), |name| name.to_string_lossy().into_owned());
+    let file = path
+        .file_name()
+        .map_or_else(|| path.display().to_string(), |name| name.to_string_lossy().into_owned());
     let name = file.strip_suffix(".scene.ron").map_or_else(|| file.clone(), str::to_owned);
     Ok((scene, name))
 }
 
 /// Refuses an output that cannot be written, before any long work.
-pub(super) fn check_outputs<'p>(paths: impl IntoIterator<Item = Option<&'p PathBuf>>) -> Result<(), CliError> {
-    paths.into_iter().flatten().try_for_each(|path| files::check_writable(path).map_err(CliError::usage))
+pub(super) fn check_outputs<'p>(
+    paths: impl IntoIterator<Item = Option<&'p PathBuf>>,
+) -> Result<(), CliError> {
+    paths
+        .into_iter()
+        .flatten()
+        .try_for_each(|path| files::check_writable(path).map_err(CliError::usage))
 }
 
 /// Writes a file whole or not at all, and says so.
@@ -149,7 +164,9 @@ pub(super) fn write(path: &Path, bytes: &[u8]) -> Result<(), CliError> {
 
 /// The same for a report in a folder, which is made where it is missing.
 pub(super) fn write_report(folder: &Path, html: &str) -> Result<(), CliError> {
-    std::fs::create_dir_all(folder).map_err(|error| CliError::failed(format!("cannot make the folder {}: {error}", folder.display())))?;
+    std::fs::create_dir_all(folder).map_err(|error| {
+        CliError::failed(format!("cannot make the folder {}: {error}", folder.display()))
+    })?;
     write(&folder.join("report.html"), html.as_bytes())
 }
 
@@ -170,10 +187,20 @@ mod tests {
         assert_eq!(duration("1.5m"), Ok(Duration::from_secs(90)));
         assert_eq!(duration("2h"), Ok(Duration::from_secs(7200)));
         assert_eq!(duration("45"), Ok(Duration::from_secs(45)));
-        assert!(["", "m", "-1s", "0", "nan", "inf", "1e300h", "ten"].into_iter().all(|text| duration(text).is_err()));
+        assert!(
+            ["", "m", "-1s", "0", "nan", "inf", "1e300h", "ten"]
+                .into_iter()
+                .all(|text| duration(text).is_err())
+        );
         assert_eq!(size("320x180"), Ok(UVec2::new(320, 180)));
-        assert!(["", "320", "0x1", "1x9000", "-1x4", "axb"].into_iter().all(|text| size(text).is_err()));
+        assert!(
+            ["", "320", "0x1", "1x9000", "-1x4", "axb"].into_iter().all(|text| size(text).is_err())
+        );
         assert_eq!(vector("1, -2.5,3"), Ok(Vec3::new(1.0, -2.5, 3.0)));
-        assert!(["", "1,2", "1,2,3,4", "1,2,nan", "a,b,c"].into_iter().all(|text| vector(text).is_err()));
+        assert!(
+            ["", "1,2", "1,2,3,4", "1,2,nan", "a,b,c"]
+                .into_iter()
+                .all(|text| vector(text).is_err())
+        );
     }
 }

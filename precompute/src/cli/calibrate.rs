@@ -38,9 +38,11 @@ const FOLDS: usize = 5;
 /// Fewest readings that prices are fitted to.
 const FEWEST: usize = 40;
 
-/// The best settings with one knob lowered, and the cheapest with one knob raised: prices must hold at both ends.
+/// The best settings with one knob lowered, and the cheapest with one knob raised: prices must hold
+/// at both ends.
 fn calibration_settings(space: &KnobSpace) -> Vec<RenderSettings> {
-    let raised = (0..space.len()).flat_map(|knob| (1..space.knobs()[knob].levels.len()).map(move |level| (knob, level)));
+    let raised = (0..space.len())
+        .flat_map(|knob| (1..space.knobs()[knob].levels.len()).map(move |level| (knob, level)));
     let raised = raised.map(|(knob, level)| space.lowest().with_level(knob, level));
     // In turn, so that whatever ends early has seen both.
     let (lowered, raised) = (screening_settings(space), space.canonical_once(raised));
@@ -59,10 +61,21 @@ pub(super) fn run(arguments: &Arguments) -> Result<(), CliError> {
     let bounds = scene.camera_bounds(stage.bounds());
     let fps = arguments.capture.fps;
     let tracks = tracks_of(scene.paths.values(), fps);
-    let cameras =
-        CameraSet::draw(stage.rays(), &bounds, &tracks, [CAMERAS, 0], &CameraMix::default(), stage.lens(), arguments.seed).training;
+    let cameras = CameraSet::draw(
+        stage.rays(),
+        &bounds,
+        &tracks,
+        [CAMERAS, 0],
+        &CameraMix::default(),
+        stage.lens(),
+        arguments.seed,
+    )
+    .training;
     if cameras.is_empty() {
-        return Err(CliError::usage(format!("{}: no camera stands free and sees the scene", arguments.scene.display())));
+        return Err(CliError::usage(format!(
+            "{}: no camera stands free and sees the scene",
+            arguments.scene.display()
+        )));
     }
     stage.warm()?;
     let settings = calibration_settings(&space);
@@ -78,9 +91,14 @@ pub(super) fn run(arguments: &Arguments) -> Result<(), CliError> {
                 if started.elapsed() >= arguments.time_limit || progress::interrupted() {
                     break 'rounds;
                 }
-                let settings = settings[if round % 2 == 0 { step } else { settings.len() - 1 - step }];
+                let settings =
+                    settings[if round % 2 == 0 { step } else { settings.len() - 1 - step }];
                 let cost = stage.measure(&place.clip(2, fps), settings)?;
-                readings.push(CostReading { camera, work: Work::of(&space, settings, &layout), power_w: cost.power.0 });
+                readings.push(CostReading {
+                    camera,
+                    work: Work::of(&space, settings, &layout),
+                    power_w: cost.power.0,
+                });
                 bar.set_position(started.elapsed().as_secs());
             }
         }
@@ -101,15 +119,24 @@ pub(super) fn run(arguments: &Arguments) -> Result<(), CliError> {
         mean_absolute_error: quality.mean_absolute_error,
         prices: prices(&model, &space, &layout, fps, stage.idle()),
     };
-    let text = ron::ser::to_string_pretty(&device, ron::ser::PrettyConfig::new()).map_err(CliError::failed)?;
+    let text = ron::ser::to_string_pretty(&device, ron::ser::PrettyConfig::new())
+        .map_err(CliError::failed)?;
     write(&arguments.output, text.as_bytes())?;
-    println!("{} readings at {} cameras in {:.0} s, on {}", readings.len(), cameras.len(), started.elapsed().as_secs_f64(), device.adapter);
+    println!(
+        "{} readings at {} cameras in {:.0} s, on {}",
+        readings.len(),
+        cameras.len(),
+        started.elapsed().as_secs_f64(),
+        device.adapter
+    );
     println!(
         "held-out readings are off by {:.1} % in the mean, {:.1} % at nine in ten; a reading of one frame is itself off by several",
         100.0 * quality.mean_absolute_error,
         100.0 * quality.ninth_decile
     );
-    for (kind, joules) in device.prices.kinds.iter().zip(&device.prices.joules).filter(|(_, joules)| **joules > 0.0) {
+    for (kind, joules) in
+        device.prices.kinds.iter().zip(&device.prices.joules).filter(|(_, joules)| **joules > 0.0)
+    {
         println!("  {kind:32} {joules:.3e} J");
     }
     Ok(())

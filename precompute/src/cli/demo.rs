@@ -4,7 +4,9 @@ use std::path::{Path, PathBuf};
 
 use super::arguments::{CaptureArguments, json, open_scene, write};
 use super::evaluate::{plan_path, play};
-use super::precompute::{SearchArguments, Searched, journal_path, open_stage, print_outcome, search};
+use super::precompute::{
+    SearchArguments, Searched, journal_path, open_stage, print_outcome, search,
+};
 use super::{CliError, inspect};
 use crate::evaluate::{BudgetRequest, PowerBudget, table};
 use crate::report::{Report, captioned, evaluation_section, map_section};
@@ -30,11 +32,14 @@ pub(super) struct Arguments {
 }
 
 pub(super) fn run(arguments: &Arguments) -> Result<(), CliError> {
-    let error = crate::evaluate::parse_error_budget(&arguments.error_budget).map_err(CliError::usage)?;
+    let error =
+        crate::evaluate::parse_error_budget(&arguments.error_budget).map_err(CliError::usage)?;
     let (scene, name) = open_scene(&arguments.scene)?;
     let path = plan_path(&scene, "tour", arguments.capture.fps)?;
     let folder = &arguments.output;
-    std::fs::create_dir_all(folder).map_err(|error| CliError::usage(format!("cannot make the folder {}: {error}", folder.display())))?;
+    std::fs::create_dir_all(folder).map_err(|error| {
+        CliError::usage(format!("cannot make the folder {}: {error}", folder.display()))
+    })?;
 
     let mut search_arguments = arguments.search.clone();
     if search_arguments.paths.is_empty() {
@@ -46,7 +51,8 @@ pub(super) fn run(arguments: &Arguments) -> Result<(), CliError> {
     let mut stage = open_stage(&scene, &arguments.scene, &arguments.capture)?;
     let map_path = folder.join(format!("{name}.pareto.ron"));
     let journal = journal_path(&map_path, None);
-    let Searched { map, outcome } = search(&mut stage, &scene, &name, &tracks, &search_arguments, &journal, false)?;
+    let Searched { map, outcome } =
+        search(&mut stage, &scene, &name, &tracks, &search_arguments, &journal, false)?;
     let _ = std::fs::remove_file(&journal);
     write(&map_path, map.to_ron().map_err(CliError::failed)?.as_bytes())?;
     print_outcome(&map, &outcome);

@@ -10,8 +10,9 @@ use super::arguments::{check_outputs, json, open_scene, write, write_report};
 use super::precompute::journal_header;
 use super::{CliError, progress};
 use crate::evaluate::{
-    BudgetRequest, Controller, Evaluation, EvaluationPlan, EvaluationResult, Judged, PathPlan, PathRecord, Policy, Pose, PowerBudget,
-    SpotCheck, evaluate, frames_csv, judge, judged_table, parse_error_budget, settings_to_record, table,
+    BudgetRequest, Controller, Evaluation, EvaluationPlan, EvaluationResult, Judged, PathPlan,
+    PathRecord, Policy, Pose, PowerBudget, SpotCheck, evaluate, frames_csv, judge, judged_table,
+    parse_error_budget, settings_to_record, table,
 };
 use crate::journal::{Journal, hash};
 use crate::report::{captioned, evaluation_report};
@@ -29,23 +30,26 @@ pub(super) struct Arguments {
     /// Which of the scene's paths to play
     #[arg(long, value_name = "NAME", default_value = "tour")]
     path: String,
-    /// Limit in watts, or as a share of the way from the cheapest settings' power to the best ones'. One of each kind is one budget; several are
-    /// one budget each
+    /// Limit in watts, or as a share of the way from the cheapest settings' power to the best
+    /// ones'. One of each kind is one budget; several are one budget each
     #[arg(long, value_name = "7W|60%", allow_hyphen_values = true)]
     power_budget: Vec<String>,
     /// Limit on the mean error, 1 − SSIM
     #[arg(long, value_name = "E", allow_hyphen_values = true)]
     error_budget: Vec<String>,
-    /// What ours is compared with: all baselines, from a record of the path; presets and resolution, played for real; nothing
+    /// What ours is compared with: all baselines, from a record of the path; presets and
+    /// resolution, played for real; nothing
     #[arg(long, value_name = "WHICH", default_value = "quick")]
     baselines: Baselines,
-    /// Record of the path to go on with, and to keep: every setting's power and error in every frame
+    /// Record of the path to go on with, and to keep: every setting's power and error in every
+    /// frame
     #[arg(long, value_name = "FILE")]
     record: Option<PathBuf>,
     /// With a record: how many of the budgets, from the first, are played for real as well
     #[arg(long, value_name = "N", default_value_t = 0)]
     spot_checks: usize,
-    /// Seconds in which settings move to new ones, up and down; without it, as in an app: 1 s, and 0.5 s down under a power limit
+    /// Seconds in which settings move to new ones, up and down; without it, as in an app: 1 s, and
+    /// 0.5 s down under a power limit
     #[arg(long, value_name = "S", value_parser = transition, allow_hyphen_values = true)]
     transition: Option<f64>,
     /// Power meter; without it, the map's. `work`: prices of work, the same in every run
@@ -74,20 +78,28 @@ pub(super) enum Baselines {
 }
 
 fn transition(text: &str) -> Result<f64, String> {
-    text.parse().ok().filter(|seconds: &f64| *seconds >= 0.0).ok_or_else(|| "expected seconds, 0 or more".to_owned())
+    text.parse()
+        .ok()
+        .filter(|seconds: &f64| *seconds >= 0.0)
+        .ok_or_else(|| "expected seconds, 0 or more".to_owned())
 }
 
 impl Arguments {
     fn control(&self) -> ControlSettings {
-        self.transition
-            .map_or_else(ControlSettings::default, |seconds| ControlSettings { transition_seconds: seconds, fall_seconds: seconds })
+        self.transition.map_or_else(ControlSettings::default, |seconds| ControlSettings {
+            transition_seconds: seconds,
+            fall_seconds: seconds,
+        })
     }
 
     fn budgets(&self) -> Result<Vec<BudgetRequest>, CliError> {
         let power = |text: &String| text.parse::<PowerBudget>().map_err(CliError::usage);
         let error = |text: &String| parse_error_budget(text).map_err(CliError::usage);
         if let ([one], [other]) = (&self.power_budget[..], &self.error_budget[..]) {
-            return Ok(vec![BudgetRequest { power: Some(power(one)?), error: Some(error(other)?) }]);
+            return Ok(vec![BudgetRequest {
+                power: Some(power(one)?),
+                error: Some(error(other)?),
+            }]);
         }
         let mut budgets = Vec::new();
         for text in &self.power_budget {
@@ -96,7 +108,11 @@ impl Arguments {
         for text in &self.error_budget {
             budgets.push(BudgetRequest { power: None, error: Some(error(text)?) });
         }
-        if budgets.is_empty() { Err(CliError::usage("give --power-budget, --error-budget, or both")) } else { Ok(budgets) }
+        if budgets.is_empty() {
+            Err(CliError::usage("give --power-budget, --error-budget, or both"))
+        } else {
+            Ok(budgets)
+        }
     }
 }
 
@@ -107,30 +123,46 @@ pub(super) fn run(arguments: &Arguments) -> Result<(), CliError> {
     let path = plan_path(&scene, &arguments.path, map.capture.frames_per_second)?;
     check_outputs([arguments.json.as_ref(), arguments.csv.as_ref(), arguments.record.as_ref()])?;
     if arguments.baselines == Baselines::Quick && budgets.len() > 1 {
-        return Err(CliError::usage("several budgets are played from a record: add --baselines all, or give one budget"));
+        return Err(CliError::usage(
+            "several budgets are played from a record: add --baselines all, or give one budget",
+        ));
     }
 
-    let mut stage = open_stage(&scene, &arguments.scene, &map, &arguments.map, arguments.meter.clone())?;
+    let mut stage =
+        open_stage(&scene, &arguments.scene, &map, &arguments.map, arguments.meter.clone())?;
     let label = arguments.scene.display().to_string();
     if arguments.baselines == Baselines::Quick {
         let evaluation = play(&mut stage, &map, &label, &path, budgets[0], arguments.control())?;
         println!("{}", table(&evaluation.result));
-        return outputs(arguments, &map, std::slice::from_ref(&evaluation.result), Some(&evaluation));
+        return outputs(
+            arguments,
+            &map,
+            std::slice::from_ref(&evaluation.result),
+            Some(&evaluation),
+        );
     }
     let identity = SceneIdentity { name, fingerprint: scene.fingerprint()? };
     let record = record(&mut stage, &map, &identity, &path, arguments)?;
     let lens = stage.lens();
-    let mut judged: Vec<Judged> = budgets.iter().map(|budget| judge(&record, &map, lens, budget, arguments.control())).collect();
+    let mut judged: Vec<Judged> = budgets
+        .iter()
+        .map(|budget| judge(&record, &map, lens, budget, arguments.control()))
+        .collect();
     if arguments.baselines == Baselines::None {
         judged.iter_mut().for_each(|judged| judged.runs.truncate(1));
     }
     println!("{}", judged_table(&judged));
     let checks = spot_checks(&mut stage, &record, &map, &judged, arguments)?;
-    let mut results: Vec<EvaluationResult> = judged.into_iter().map(|judged| result(judged, &label, &path, &stage)).collect();
+    let mut results: Vec<EvaluationResult> =
+        judged.into_iter().map(|judged| result(judged, &label, &path, &stage)).collect();
     for (result, check) in results.iter_mut().zip(checks) {
         println!(
             "{}, for real: {:.3} W, {:.4}; by the record: {:.3} W, {:.4}",
-            result.asked, check.mean_power_w.0, check.mean_error, check.recorded_mean_power_w.0, check.recorded_mean_error
+            result.asked,
+            check.mean_power_w.0,
+            check.mean_error,
+            check.recorded_mean_power_w.0,
+            check.recorded_mean_error
         );
         result.spot_check = Some(check);
     }
@@ -151,14 +183,20 @@ fn spot_checks(
     }
     stage.warm()?;
     let (lens, control) = (stage.lens(), arguments.control());
-    let policy = |judged: &Judged| -> Box<dyn Policy + '_> { Box::new(Controller::new(map, &judged.budget, lens, control)) };
+    let policy = |judged: &Judged| -> Box<dyn Policy + '_> {
+        Box::new(Controller::new(map, &judged.budget, lens, control))
+    };
     let mut policies: Vec<_> = checked.iter().map(policy).collect();
     let bar = progress::bar(0);
     let played = record.play_for_real(stage, &mut policies, &mut |progress| {
         bar.set_length(progress.frames_total as u64);
         bar.set_position(progress.frames_done as u64);
         bar.set_message("frames, played for real");
-        if super::progress::interrupted() { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
+        if super::progress::interrupted() {
+            ControlFlow::Break(())
+        } else {
+            ControlFlow::Continue(())
+        }
     });
     bar.finish_and_clear();
     let played = played.map_err(CliError::failed)?;
@@ -185,7 +223,12 @@ fn result(judged: Judged, scene: &str, path: &PathPlan, stage: &RemoteStage) -> 
     }
 }
 
-fn outputs(arguments: &Arguments, map: &FrontierMap, results: &[EvaluationResult], played: Option<&Evaluation>) -> Result<(), CliError> {
+fn outputs(
+    arguments: &Arguments,
+    map: &FrontierMap,
+    results: &[EvaluationResult],
+    played: Option<&Evaluation>,
+) -> Result<(), CliError> {
     if let Some(path) = &arguments.json {
         match results {
             [one] => write(path, &json(one)?)?,
@@ -228,34 +271,66 @@ fn record(
         bar.set_length(progress.frames_total as u64);
         bar.set_position(progress.frames_done as u64);
         bar.set_message("frames of the path's record");
-        if super::progress::interrupted() { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
+        if super::progress::interrupted() {
+            ControlFlow::Break(())
+        } else {
+            ControlFlow::Continue(())
+        }
     });
     bar.finish_and_clear();
     recorded.map_err(CliError::failed)?;
-    eprintln!("{}: {} settings at {} frames", file.display(), record.table.settings().len(), record.table.rows());
+    eprintln!(
+        "{}: {} settings at {} frames",
+        file.display(),
+        record.table.settings().len(),
+        record.table.rows()
+    );
     Ok(record)
 }
 
 /// Reads a map and holds it against the scene.
-pub(super) fn read_map(path: &Path, scene: &SceneDescription, name: &str) -> Result<FrontierMap, CliError> {
+pub(super) fn read_map(
+    path: &Path,
+    scene: &SceneDescription,
+    name: &str,
+) -> Result<FrontierMap, CliError> {
     let text = std::fs::read_to_string(path).map_err(|error| {
-        CliError::usage(format!("{}: cannot be read: {error}; give a map written by frugal precompute", path.display()))
+        CliError::usage(format!(
+            "{}: cannot be read: {error}; give a map written by frugal precompute",
+            path.display()
+        ))
     })?;
-    let map = FrontierMap::from_ron(&text).map_err(|error| CliError::usage(format!("{}: {error}", path.display())))?;
+    let map = FrontierMap::from_ron(&text)
+        .map_err(|error| CliError::usage(format!("{}: {error}", path.display())))?;
     let identity = SceneIdentity { name: name.to_owned(), fingerprint: scene.fingerprint()? };
-    map.matches_scene(&identity).map_err(|error| CliError::usage(format!("{}: {error}", path.display())))?;
+    map.matches_scene(&identity)
+        .map_err(|error| CliError::usage(format!("{}: {error}", path.display())))?;
     Ok(map)
 }
 
-pub(super) fn plan_path(scene: &SceneDescription, name: &str, fps: f64) -> Result<PathPlan, CliError> {
+pub(super) fn plan_path(
+    scene: &SceneDescription,
+    name: &str,
+    fps: f64,
+) -> Result<PathPlan, CliError> {
     let Some(path) = scene.paths.get(name) else {
         let known: Vec<_> = scene.paths.keys().map(String::as_str).collect();
-        let known = if known.is_empty() { "it has none".to_owned() } else { format!("it has {}", known.join(", ")) };
-        return Err(CliError::usage(format!("{}: no path `{name}`: {known}", scene.source.display())));
+        let known = if known.is_empty() {
+            "it has none".to_owned()
+        } else {
+            format!("it has {}", known.join(", "))
+        };
+        return Err(CliError::usage(format!(
+            "{}: no path `{name}`: {known}",
+            scene.source.display()
+        )));
     };
     let start = path.start();
     let pose_at = |seconds: f64| {
-        path.sample(start + seconds as f32).unwrap_or(Pose { position: bevy::math::Vec3::ZERO, rotation: bevy::math::Quat::IDENTITY })
+        path.sample(start + seconds as f32).unwrap_or(Pose {
+            position: bevy::math::Vec3::ZERO,
+            rotation: bevy::math::Quat::IDENTITY,
+        })
     };
     PathPlan::sample(name, f64::from(path.duration()), fps, pose_at).map_err(CliError::usage)
 }
@@ -272,9 +347,15 @@ pub(super) fn open_stage(
     for knob in map.knobs.knobs() {
         let (path, name) = (map_path.display(), &knob.name);
         match here.index_of(name).map(|index| &here.knobs()[index]) {
-            None => return Err(CliError::usage(format!("{path}: its knob `{name}` does not exist here: run frugal precompute again"))),
+            None => {
+                return Err(CliError::usage(format!(
+                    "{path}: its knob `{name}` does not exist here: run frugal precompute again"
+                )));
+            }
             Some(other) if other.levels != knob.levels => {
-                return Err(CliError::usage(format!("{path}: its knob `{name}` has other levels here: run frugal precompute again")));
+                return Err(CliError::usage(format!(
+                    "{path}: its knob `{name}` has other levels here: run frugal precompute again"
+                )));
             }
             Some(_) => {}
         }
@@ -301,17 +382,33 @@ pub(super) fn play(
 ) -> Result<Evaluation, CliError> {
     let frames = path.poses().len();
     let keep = [frames / 4, frames / 2, 3 * frames / 4];
-    let plan = EvaluationPlan { scene, space: &map.knobs, path, meter: stage.meter(), budget, keep_frames: &keep };
+    let plan = EvaluationPlan {
+        scene,
+        space: &map.knobs,
+        path,
+        meter: stage.meter(),
+        budget,
+        keep_frames: &keep,
+    };
     let lens = stage.lens();
     stage.warm()?;
 
     let bar = progress::bar(0);
-    let result = evaluate(stage, &plan, |budget| Box::new(Controller::new(map, budget, lens, control)), &mut |progress| {
-        bar.set_length(progress.frames_total as u64);
-        bar.set_position(progress.frames_done as u64);
-        bar.set_message(format!("frames, {}", progress.run));
-        if super::progress::interrupted() { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
-    });
+    let result = evaluate(
+        stage,
+        &plan,
+        |budget| Box::new(Controller::new(map, budget, lens, control)),
+        &mut |progress| {
+            bar.set_length(progress.frames_total as u64);
+            bar.set_position(progress.frames_done as u64);
+            bar.set_message(format!("frames, {}", progress.run));
+            if super::progress::interrupted() {
+                ControlFlow::Break(())
+            } else {
+                ControlFlow::Continue(())
+            }
+        },
+    );
     bar.finish_and_clear();
     result.map_err(CliError::failed)
 }

@@ -1,4 +1,5 @@
-//! `frugal inspect`: what a map holds, presets from it, and whether it costs more power than an older one.
+//! `frugal inspect`: what a map holds, presets from it, and whether it costs more power than an
+//! older one.
 
 use std::path::{Path, PathBuf};
 
@@ -22,7 +23,8 @@ pub(super) struct Arguments {
     /// Presets to write: battery, low, medium, high and ultra, from the map's shared frontier
     #[arg(long, value_name = "FILE")]
     presets: Option<PathBuf>,
-    /// Older map to compare power at equal error with; the exit status is 3 where it rose by more than the tolerance
+    /// Older map to compare power at equal error with; the exit status is 3 where it rose by more
+    /// than the tolerance
     #[arg(long, value_name = "OLD", conflicts_with_all = ["report", "presets"])]
     compare: Option<PathBuf>,
     /// By how much power at equal error may rise
@@ -35,8 +37,10 @@ pub(super) struct Arguments {
 
 /// `1.5%`, as a share.
 fn tolerance(text: &str) -> Result<f64, String> {
-    let percent = text.trim().strip_suffix('%').and_then(|number| number.trim().parse::<f64>().ok());
-    let share = percent.filter(|percent| (0.0..=100.0).contains(percent)).map(|percent| percent / 100.0);
+    let percent =
+        text.trim().strip_suffix('%').and_then(|number| number.trim().parse::<f64>().ok());
+    let share =
+        percent.filter(|percent| (0.0..=100.0).contains(percent)).map(|percent| percent / 100.0);
     share.ok_or_else(|| "expected a percentage from 0% to 100%, as in 1%".to_owned())
 }
 
@@ -68,8 +72,10 @@ pub(super) fn summary(map: &FrontierMap) -> MapSummary<'_> {
 
 /// A map and its text.
 pub(super) fn read(path: &Path) -> Result<(FrontierMap, String), CliError> {
-    let text = std::fs::read_to_string(path).map_err(|error| CliError::usage(format!("{}: cannot be read: {error}", path.display())))?;
-    let map = FrontierMap::from_ron(&text).map_err(|error| CliError::usage(format!("{}: {error}", path.display())))?;
+    let text = std::fs::read_to_string(path)
+        .map_err(|error| CliError::usage(format!("{}: cannot be read: {error}", path.display())))?;
+    let map = FrontierMap::from_ron(&text)
+        .map_err(|error| CliError::usage(format!("{}: {error}", path.display())))?;
     Ok((map, text))
 }
 
@@ -85,21 +91,32 @@ pub(super) fn run(arguments: &Arguments) -> Result<(), CliError> {
 fn tell(arguments: &Arguments) -> Result<(), CliError> {
     let (map, text) = read(&arguments.map)?;
     // Before anything is printed or written: a map without presets is wrong use.
-    let presets = arguments.presets.as_ref().map(|path| presets_of(&map, &arguments.map).map(|both| (path, both))).transpose()?;
+    let presets = arguments
+        .presets
+        .as_ref()
+        .map(|path| presets_of(&map, &arguments.map).map(|both| (path, both)))
+        .transpose()?;
     print_facts(&map, &text);
     if let Some((path, (table, file))) = presets {
         print!("\n{table}");
         write(path, file.as_bytes())?;
     }
     if let Some(folder) = &arguments.report {
-        write_report(folder, &map_report(&summary(&map), &[("file".to_owned(), arguments.map.display().to_string())])?)?;
+        write_report(
+            folder,
+            &map_report(
+                &summary(&map),
+                &[("file".to_owned(), arguments.map.display().to_string())],
+            )?,
+        )?;
     }
     Ok(())
 }
 
 /// The map's presets as a table and as a file.
 fn presets_of(map: &FrontierMap, path: &Path) -> Result<(String, String), CliError> {
-    let presets = presets(map).map_err(|error| CliError::usage(format!("{}: {error}", path.display())))?;
+    let presets =
+        presets(map).map_err(|error| CliError::usage(format!("{}: {error}", path.display())))?;
     let file = presets.to_ron().map_err(CliError::failed)?;
     Ok((presets_table(&presets), file))
 }
@@ -110,9 +127,17 @@ fn print_facts(map: &FrontierMap, text: &str) {
     let [width, height] = map.capture.size;
     println!("scene      {} ({})", map.scene.name, map.scene.fingerprint);
     println!("capture    {width}x{height} at {} frames per second", map.capture.frames_per_second);
-    println!("power      {:?}, {}: {}", map.meter.provenance, map.meter.name, map.meter.description);
+    println!(
+        "power      {:?}, {}: {}",
+        map.meter.provenance, map.meter.name, map.meter.description
+    );
     println!("knobs      {}, {} combinations", map.knobs.len(), map.knobs.combinations());
-    println!("octree     {} nodes, {} corners, {} levels", map.octree.nodes.len(), map.octree.corners.len(), map.octree.levels);
+    println!(
+        "octree     {} nodes, {} corners, {} levels",
+        map.octree.nodes.len(),
+        map.octree.corners.len(),
+        map.octree.levels
+    );
     println!(
         "frontiers  {}, {points} points; {} of {} views see nothing",
         map.octree.frontiers.len(),
@@ -123,22 +148,32 @@ fn print_facts(map: &FrontierMap, text: &str) {
     println!("file       {} bytes", text.len());
 }
 
-/// Compares the map with an older one; power that rose is an error of its own exit status, after everything is written.
+/// Compares the map with an older one; power that rose is an error of its own exit status, after
+/// everything is written.
 fn guard(arguments: &Arguments, old: &Path) -> Result<(), CliError> {
     let ((old_map, _), (new_map, _)) = (read(old)?, read(&arguments.map)?);
-    let comparison = compare(&old_map, &new_map)
-        .map_err(|error| CliError::usage(format!("{} and {}: {error}", old.display(), arguments.map.display())))?;
+    let comparison = compare(&old_map, &new_map).map_err(|error| {
+        CliError::usage(format!("{} and {}: {error}", old.display(), arguments.map.display()))
+    })?;
     print!("{}", comparison_table(&comparison));
     if old_map.meter.description != new_map.meter.description {
-        println!("the watts are of two devices or models: {}; {}", old_map.meter.description, new_map.meter.description);
+        println!(
+            "the watts are of two devices or models: {}; {}",
+            old_map.meter.description, new_map.meter.description
+        );
     }
     let (tolerance, rose) = (arguments.tolerance, comparison.rose_beyond(arguments.tolerance));
     if let Some(path) = &arguments.json {
-        write(path, &json(&Gate { old, new: &arguments.map, tolerance, rose, comparison: &comparison })?)?;
+        write(
+            path,
+            &json(&Gate { old, new: &arguments.map, tolerance, rose, comparison: &comparison })?,
+        )?;
     }
     let (percent, tolerated) = (100.0 * comparison.change, format!("{:.2} %", 100.0 * tolerance));
     if rose {
-        return Err(CliError::Regressed(format!("power at equal error rose by {percent:.2} %, more than the {tolerated} tolerated")));
+        return Err(CliError::Regressed(format!(
+            "power at equal error rose by {percent:.2} %, more than the {tolerated} tolerated"
+        )));
     }
     println!("power at equal error changed by {percent:+.2} %; a rise of {tolerated} is tolerated");
     Ok(())
@@ -150,7 +185,14 @@ mod tests {
 
     #[test]
     fn tolerances_are_percentages() {
-        assert_eq!([" 1%", "0%", "2.5 %", "100%"].map(tolerance), [Ok(0.01), Ok(0.0), Ok(0.025), Ok(1.0)]);
-        assert!(["", "%", "1", "0.01", "-1%", "NaN%", "inf%", "101%", "one%"].into_iter().all(|text| tolerance(text).is_err()));
+        assert_eq!(
+            [" 1%", "0%", "2.5 %", "100%"].map(tolerance),
+            [Ok(0.01), Ok(0.0), Ok(0.025), Ok(1.0)]
+        );
+        assert!(
+            ["", "%", "1", "0.01", "-1%", "NaN%", "inf%", "101%", "one%"]
+                .into_iter()
+                .all(|text| tolerance(text).is_err())
+        );
     }
 }

@@ -11,13 +11,17 @@ pub(super) struct Arguments {
     /// Journals of one run: MAP.0-of-4.journal, …
     #[arg(value_name = "JOURNAL", required = true)]
     journals: Vec<PathBuf>,
-    /// Where to write the whole; without it, over each of the journals, so that every shard can go on
+    /// Where to write the whole; without it, over each of the journals, so that every shard can go
+    /// on
     #[arg(short, long, value_name = "FILE")]
     output: Option<PathBuf>,
 }
 
 pub(super) fn run(arguments: &Arguments) -> Result<(), CliError> {
-    let outputs: Vec<&PathBuf> = arguments.output.as_ref().map_or_else(|| arguments.journals.iter().collect(), |output| vec![output]);
+    let outputs: Vec<&PathBuf> = arguments
+        .output
+        .as_ref()
+        .map_or_else(|| arguments.journals.iter().collect(), |output| vec![output]);
     check_outputs(outputs.iter().map(|output| Some(*output)))?;
     // All are read before the first is written over.
     let first = outputs[0];

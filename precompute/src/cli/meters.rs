@@ -26,15 +26,21 @@ pub(super) fn run(_: &Arguments) -> Result<(), CliError> {
         println!("  {provenance}: {}", info.description);
         println!("  unit W, window {} s", meter.window_seconds());
         let test = self_test(meter.as_mut(), &mut busy_cpu_load);
-        let watts = |reading: Option<bevy_frugal_gi::units::Watts>| reading.map_or("no reading".to_owned(), |watts| watts.to_string());
+        let watts = |reading: Option<bevy_frugal_gi::units::Watts>| {
+            reading.map_or("no reading".to_owned(), |watts| watts.to_string())
+        };
         println!("  idle {}, under CPU load {}", watts(test.idle), watts(test.loaded));
         match test.verdict {
             Verdict::Works => println!("  works"),
-            Verdict::Unresponsive => println!("  does not respond to a load on the CPU, as a GPU's meter need not"),
+            Verdict::Unresponsive => {
+                println!("  does not respond to a load on the CPU, as a GPU's meter need not")
+            }
             Verdict::Failed(error) => println!("  FAILED: {error}"),
         }
     }
     println!("{WORK_METER}   (--meter {WORK_METER}, {WORK_METER}=FILE; for frugal's own commands)");
-    println!("  modelled: the work of each frame at fixed prices; the same in every run, whatever the machine does");
+    println!(
+        "  modelled: the work of each frame at fixed prices; the same in every run, whatever the machine does"
+    );
     Ok(())
 }

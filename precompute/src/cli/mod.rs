@@ -1,6 +1,7 @@
 //! The command line: one file a command.
 //!
-//! Exit status: 0 done, 2 wrong use or bad input (one message, nothing written), 1 failed, 3 power rose (`inspect --compare`).
+//! Exit status: 0 done, 2 wrong use or bad input (one message, nothing written), 1 failed, 3 power
+//! rose (`inspect --compare`).
 
 mod arguments;
 mod calibrate;
@@ -99,8 +100,9 @@ pub fn run() -> ExitCode {
     }
 }
 
-/// Ends the process quietly when what it prints to is closed (`frugal compare … | head -1`), where Rust would panic. The signal that ends other programs
-/// then would end this one, too, when a stage's process dies, which is to be told.
+/// Ends the process quietly when what it prints to is closed (`frugal compare … | head -1`), where
+/// Rust would panic. The signal that ends other programs then would end this one, too, when a
+/// stage's process dies, which is to be told.
 fn end_when_nobody_reads() {
     let otherwise = std::panic::take_hook();
     std::panic::set_hook(Box::new(move |panic| {

@@ -4,7 +4,9 @@ use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
-use bevy_frugal_gi::frontier::{Bounds, Capture, FrontierMap, SceneIdentity, Thresholds, WorkPrices};
+use bevy_frugal_gi::frontier::{
+    Bounds, Capture, FrontierMap, SceneIdentity, Thresholds, WorkPrices,
+};
 use bevy_frugal_gi::power::MeterInfo;
 use bevy_frugal_gi::units::Watts;
 
@@ -13,7 +15,9 @@ use super::{CliError, progress};
 use crate::cameras::{CameraMix, CameraSet, TrackSample, recorded, tracks_of};
 use crate::cost::FrameLayout;
 use crate::journal::{Journal, JournalHeader, hash};
-use crate::pipeline::{Outcome, PipelineConfig, PipelineError, Progress, Setup, Subject, describe, run as run_pipeline};
+use crate::pipeline::{
+    Outcome, PipelineConfig, PipelineError, Progress, Setup, Subject, describe, run as run_pipeline,
+};
 use crate::scene::SceneDescription;
 use crate::stage::{RemoteStage, adapter};
 
@@ -46,7 +50,8 @@ pub(super) struct SearchArguments {
     /// Training cameras; a sixth as many more calibrate error budgets
     #[arg(long, value_name = "N", default_value_t = 96)]
     pub training: usize,
-    /// Addresses whose power differs by less than this are not told apart: watts, or a share of the power range
+    /// Addresses whose power differs by less than this are not told apart: watts, or a share of the
+    /// power range
     #[arg(long, value_name = "W|%", default_value = "1%", value_parser = threshold, allow_hyphen_values = true)]
     pub power_threshold: Threshold,
     /// The same in error (1 − SSIM): a node is divided where either is exceeded, and dividing pays
@@ -61,7 +66,8 @@ pub(super) struct SearchArguments {
     /// Ends with the best map so far: 90s, 10m, 1h
     #[arg(long, value_name = "TIME", value_parser = duration)]
     pub time_limit: Option<Duration>,
-    /// Render only every N-th job of each batch, beginning with the I-th: 0/4, 1/4, …; frugal merge joins the journals
+    /// Render only every N-th job of each batch, beginning with the I-th: 0/4, 1/4, …; frugal merge
+    /// joins the journals
     #[arg(long, value_name = "I/N", value_parser = shard)]
     pub shard: Option<(usize, usize)>,
 }
@@ -80,14 +86,18 @@ fn threshold(text: &str) -> Result<Threshold, String> {
         None => (text.strip_suffix(['W', 'w']).unwrap_or(text), false),
     };
     match number.trim().parse::<f64>() {
-        Ok(value) if value.is_finite() && value >= 0.0 && relative => Ok(Threshold::Share(value / 100.0)),
+        Ok(value) if value.is_finite() && value >= 0.0 && relative => {
+            Ok(Threshold::Share(value / 100.0))
+        }
         Ok(value) if value.is_finite() && value >= 0.0 => Ok(Threshold::Watts(value)),
         _ => Err("expected watts or a share, as in 0.5W or 10%".to_owned()),
     }
 }
 
 fn shard(text: &str) -> Result<(usize, usize), String> {
-    let parts = text.split_once('/').and_then(|(index, count)| Some((index.trim().parse().ok()?, count.trim().parse().ok()?)));
+    let parts = text
+        .split_once('/')
+        .and_then(|(index, count)| Some((index.trim().parse().ok()?, count.trim().parse().ok()?)));
     match parts {
         Some((index, count)) if index < count => Ok((index, count)),
         _ => Err("expected a shard's number and how many there are, as in 0/4 to 3/4".to_owned()),
@@ -97,13 +107,19 @@ fn shard(text: &str) -> Result<(usize, usize), String> {
 impl SearchArguments {
     pub fn check(&self) -> Result<(), CliError> {
         if !(self.error_threshold.is_finite() && self.error_threshold >= 0.0) {
-            return Err(CliError::usage(format!("--error-threshold {}: must be a finite number, 0 or above", self.error_threshold)));
+            return Err(CliError::usage(format!(
+                "--error-threshold {}: must be a finite number, 0 or above",
+                self.error_threshold
+            )));
         }
         if self.levels > 6 {
             return Err(CliError::usage(format!("--levels {}: must be 0 to 6", self.levels)));
         }
         if !(1..=100_000).contains(&self.training) {
-            return Err(CliError::usage(format!("--training {}: must be 1 to 100000", self.training)));
+            return Err(CliError::usage(format!(
+                "--training {}: must be 1 to 100000",
+                self.training
+            )));
         }
         Ok(())
     }
@@ -120,12 +136,20 @@ impl SearchArguments {
     }
 
     /// Tracks of the scene's paths and of recordings.
-    pub fn tracks(&self, scene: &SceneDescription, fps: f64) -> Result<Vec<Vec<TrackSample>>, CliError> {
+    pub fn tracks(
+        &self,
+        scene: &SceneDescription,
+        fps: f64,
+    ) -> Result<Vec<Vec<TrackSample>>, CliError> {
         let mut paths = Vec::new();
         for name in &self.paths {
             paths.push(scene.paths.get(name).ok_or_else(|| {
                 let known: Vec<_> = scene.paths.keys().map(String::as_str).collect();
-                CliError::usage(format!("{}: no path `{name}`; it has: {}", scene.source.display(), known.join(", ")))
+                CliError::usage(format!(
+                    "{}: no path `{name}`; it has: {}",
+                    scene.source.display(),
+                    known.join(", ")
+                ))
             })?);
         }
         if self.paths.is_empty() {
@@ -141,13 +165,17 @@ impl SearchArguments {
 
 pub(super) fn run(arguments: &Arguments) -> Result<(), CliError> {
     let (scene, name) = open_scene(&arguments.scene)?;
-    let output = arguments.output.clone().unwrap_or_else(|| arguments.scene.with_file_name(format!("{name}.pareto.ron")));
+    let output = arguments
+        .output
+        .clone()
+        .unwrap_or_else(|| arguments.scene.with_file_name(format!("{name}.pareto.ron")));
     check_outputs([Some(&output)])?;
     arguments.search.check()?;
     let tracks = arguments.search.tracks(&scene, arguments.capture.fps)?;
     let mut stage = open_stage(&scene, &arguments.scene, &arguments.capture)?;
     let journal = journal_path(&output, arguments.search.shard);
-    let Searched { map, outcome } = search(&mut stage, &scene, &name, &tracks, &arguments.search, &journal, arguments.resume)?;
+    let Searched { map, outcome } =
+        search(&mut stage, &scene, &name, &tracks, &arguments.search, &journal, arguments.resume)?;
     write(&output, map.to_ron().map_err(CliError::failed)?.as_bytes())?;
     print_outcome(&map, &outcome);
     // Nothing is left to resume.
@@ -165,7 +193,11 @@ pub(super) fn journal_path(map: &Path, shard: Option<(usize, usize)>) -> PathBuf
 }
 
 /// Stages `scene` with the knobs that were asked for, or with those that it has a use for.
-pub(super) fn open_stage(scene: &SceneDescription, path: &Path, capture: &CaptureArguments) -> Result<RemoteStage, CliError> {
+pub(super) fn open_stage(
+    scene: &SceneDescription,
+    path: &Path,
+    capture: &CaptureArguments,
+) -> Result<RemoteStage, CliError> {
     let mut request = capture.request(path);
     if request.knobs.is_none() {
         request.knobs = Some(crate::stage::useful_knobs(scene)?);
@@ -194,7 +226,15 @@ pub(super) fn search(
     let bounds = scene.camera_bounds(stage.bounds());
     let lens = stage.lens();
     let counts = [arguments.training, arguments.training.div_ceil(6)];
-    let cameras = CameraSet::draw(stage.rays(), &bounds, tracks, counts, &CameraMix::default(), lens, arguments.seed);
+    let cameras = CameraSet::draw(
+        stage.rays(),
+        &bounds,
+        tracks,
+        counts,
+        &CameraMix::default(),
+        lens,
+        arguments.seed,
+    );
     let capture = Capture {
         size: stage.size(),
         frames_per_second: stage.frames_per_second(),
@@ -206,8 +246,11 @@ pub(super) fn search(
         .with("seed", arguments.seed)
         .with("cameras", format!("{:016x}", hash(&format!("{cameras:?}"))))
         .with("settings", format!("{config:?} {:?}", arguments.time_limit));
-    let opened =
-        if resume { Journal::resume(journal, &header) } else { Journal::create(journal, &header).map(|journal| (journal, Vec::new())) };
+    let opened = if resume {
+        Journal::resume(journal, &header)
+    } else {
+        Journal::create(journal, &header).map(|journal| (journal, Vec::new()))
+    };
     let journal = opened.map_err(CliError::usage)?;
     if resume {
         eprintln!("resuming after {} records", journal.1.len());
@@ -245,7 +288,9 @@ pub(super) fn search(
     let outcome = run_pipeline(&subject, &config, setup);
     bar.finish_and_clear();
     let outcome = outcome.map_err(|error| match error {
-        PipelineError::Interrupted => CliError::failed("interrupted: the same command with --resume goes on"),
+        PipelineError::Interrupted => {
+            CliError::failed("interrupted: the same command with --resume goes on")
+        }
         PipelineError::NoCameras => CliError::usage(format!("{}: {error}", scene.source.display())),
         error => CliError::failed(error),
     })?;
@@ -254,11 +299,20 @@ pub(super) fn search(
         scene: identity,
         capture,
         meter: stage.meter(),
-        thresholds: Thresholds { power_w: outcome.fitted.report.power_threshold_w, error: arguments.error_threshold },
+        thresholds: Thresholds {
+            power_w: outcome.fitted.report.power_threshold_w,
+            error: arguments.error_threshold,
+        },
         seed: arguments.seed,
         shared: outcome.fitted.shared.rounded(),
         error_rates: outcome.error_rates.clone(),
-        work_prices: prices(&outcome.cost, &space, &layout, capture.frames_per_second, stage.idle()),
+        work_prices: prices(
+            &outcome.cost,
+            &space,
+            &layout,
+            capture.frames_per_second,
+            stage.idle(),
+        ),
         knobs: space,
         bounds: map_bounds,
         octree: outcome.fitted.octree.clone(),
@@ -267,7 +321,8 @@ pub(super) fn search(
     Ok(Searched { map, outcome })
 }
 
-/// Frames of a clip: one that is not metered, and one that is. Of longer clips errors are lower by little, and cameras would be fewer.
+/// Frames of a clip: one that is not metered, and one that is. Of longer clips errors are lower by
+/// little, and cameras would be fewer.
 const CLIP_FRAMES: u32 = 2;
 
 /// What every journal of renderings belongs to.
@@ -287,7 +342,8 @@ pub(super) fn journal_header(
         .with("adapter", adapter))
 }
 
-/// A model's prices as energy, for a map or a device file. The model's watts include what the device takes when idle, in the price of a frame.
+/// A model's prices as energy, for a map or a device file. The model's watts include what the
+/// device takes when idle, in the price of a frame.
 pub(super) fn prices(
     model: &crate::cost::CostModel,
     space: &bevy_frugal_gi::knobs::KnobSpace,
@@ -316,14 +372,24 @@ pub(super) fn print_outcome(map: &FrontierMap, outcome: &Outcome) {
         outcome.pool.len()
     );
     println!("{}", describe(&outcome.fitted.report));
-    println!("{} nodes, {} corners, {} frontiers", map.octree.nodes.len(), map.octree.corners.len(), map.octree.frontiers.len());
+    println!(
+        "{} nodes, {} corners, {} frontiers",
+        map.octree.nodes.len(),
+        map.octree.corners.len(),
+        map.octree.frontiers.len()
+    );
     let quality = outcome.cost_quality;
     println!(
         "power is the cost model's: at readings that it was not fitted to it is off by {:.1} % in the mean, {:.1} % at nine in ten",
         100.0 * quality.mean_absolute_error,
         100.0 * quality.ninth_decile
     );
-    let fixed: Vec<&str> = outcome.screening.without_effect.iter().map(|knob| map.knobs.knobs()[*knob].name.as_str()).collect();
+    let fixed: Vec<&str> = outcome
+        .screening
+        .without_effect
+        .iter()
+        .map(|knob| map.knobs.knobs()[*knob].name.as_str())
+        .collect();
     if !fixed.is_empty() {
         println!("without effect on any picture, and so at their cheapest: {}", fixed.join(", "));
     }

@@ -17,7 +17,8 @@ pub(super) fn interrupted() -> bool {
             }
             eprintln!("\nfinishing the step in hand; interrupt again to stop at once");
         };
-        // Where no handler can be set, the interrupt ends the process; what was journaled is kept all the same.
+        // Where no handler can be set, the interrupt ends the process; what was journaled is kept
+        // all the same.
         let _ = ctrlc::set_handler(handler);
     });
     INTERRUPTED.load(Ordering::Relaxed)
@@ -26,7 +27,9 @@ pub(super) fn interrupted() -> bool {
 /// A bar with a time left.
 pub(super) fn bar(total: u64) -> ProgressBar {
     let bar = ProgressBar::new(total);
-    if let Ok(style) = ProgressStyle::with_template("{bar:30} {pos}/{len} {msg} [{elapsed} < {eta}]") {
+    if let Ok(style) =
+        ProgressStyle::with_template("{bar:30} {pos}/{len} {msg} [{elapsed} < {eta}]")
+    {
         bar.set_style(style);
     }
     bar

@@ -29,7 +29,8 @@ pub(super) struct Arguments {
     /// Seed of every random choice
     #[arg(long, value_name = "N", default_value_t = 0)]
     seed: u64,
-    /// Makes every surface scatter evenly, as virtual point lights do: base colour × (1 − metallic), no highlights
+    /// Makes every surface scatter evenly, as virtual point lights do: base colour × (1 −
+    /// metallic), no highlights
     #[arg(long)]
     lambertian: bool,
     #[command(flatten)]
@@ -43,7 +44,10 @@ struct Bounces(Option<u32>);
 fn bounces(text: &str) -> Result<Bounces, String> {
     match text.trim() {
         "all" => Ok(Bounces(None)),
-        number => number.parse().map(|count| Bounces(Some(count))).map_err(|_| "expected a whole number, 0 or above, or `all`".to_owned()),
+        number => number
+            .parse()
+            .map(|count| Bounces(Some(count)))
+            .map_err(|_| "expected a whole number, 0 or above, or `all`".to_owned()),
     }
 }
 
@@ -61,7 +65,11 @@ pub(super) fn run(arguments: &Arguments) -> Result<(), CliError> {
     let settings = Settings {
         samples: arguments.spp,
         // What is not asked for need not be traced.
-        bounces: if arguments.component == Component::Direct { Some(0) } else { arguments.bounces.0 },
+        bounces: if arguments.component == Component::Direct {
+            Some(0)
+        } else {
+            arguments.bounces.0
+        },
         seed: arguments.seed,
         shading: if arguments.lambertian { Shading::Lambertian } else { Shading::Standard },
         ..Default::default()
@@ -70,9 +78,15 @@ pub(super) fn run(arguments: &Arguments) -> Result<(), CliError> {
     let started = Instant::now();
     let bar = progress::bar(u64::from(arguments.size.y)).with_message("rows");
     bar.tick();
-    let rendering = render(&scene, &view, &settings, Watch { row_done: &|| bar.inc(1), interrupted: &progress::interrupted });
+    let rendering = render(
+        &scene,
+        &view,
+        &settings,
+        Watch { row_done: &|| bar.inc(1), interrupted: &progress::interrupted },
+    );
     bar.finish_and_clear();
-    let rendering = rendering.ok_or_else(|| CliError::failed("interrupted: nothing was written"))?;
+    let rendering =
+        rendering.ok_or_else(|| CliError::failed("interrupted: nothing was written"))?;
     let radiance = match arguments.component {
         Component::Full => rendering.full(),
         Component::Direct => rendering.direct,
@@ -88,9 +102,18 @@ pub(super) fn run(arguments: &Arguments) -> Result<(), CliError> {
         rendering.dropped
     );
     // Both are made before either is written.
-    let picture = png.map(|path| tone::display(&radiance, description.exposure_ev100).to_png().map(|bytes| (path, bytes)));
-    let hdr = arguments.picture.hdr.as_ref().map(|path| radiance.to_exr().map(|bytes| (path.clone(), bytes)));
-    let files = [picture.transpose().map_err(CliError::failed)?, hdr.transpose().map_err(CliError::failed)?];
+    let picture = png.map(|path| {
+        tone::display(&radiance, description.exposure_ev100).to_png().map(|bytes| (path, bytes))
+    });
+    let hdr = arguments
+        .picture
+        .hdr
+        .as_ref()
+        .map(|path| radiance.to_exr().map(|bytes| (path.clone(), bytes)));
+    let files = [
+        picture.transpose().map_err(CliError::failed)?,
+        hdr.transpose().map_err(CliError::failed)?,
+    ];
     files.iter().flatten().try_for_each(|(path, bytes)| write(path, bytes))
 }
 
@@ -100,7 +123,12 @@ mod tests {
 
     #[test]
     fn bounces_are_a_number_or_all() {
-        assert_eq!([bounces("all"), bounces("0"), bounces(" 3 ")], [Ok(Bounces(None)), Ok(Bounces(Some(0))), Ok(Bounces(Some(3)))]);
-        assert!(["", "-1", "1.5", "none", "99999999999"].into_iter().all(|text| bounces(text).is_err()));
+        assert_eq!(
+            [bounces("all"), bounces("0"), bounces(" 3 ")],
+            [Ok(Bounces(None)), Ok(Bounces(Some(0))), Ok(Bounces(Some(3)))]
+        );
+        assert!(
+            ["", "-1", "1.5", "none", "99999999999"].into_iter().all(|text| bounces(text).is_err())
+        );
     }
 }

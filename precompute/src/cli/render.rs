@@ -24,7 +24,8 @@ pub(super) fn run(arguments: &Arguments) -> Result<(), CliError> {
     let (scene, name) = open_scene(&arguments.camera.scene)?;
     let png = arguments.picture.png(&name)?;
     let take = |output: Output| -> Result<Stage, CliError> {
-        let options = StageOptions { output, component: arguments.component, ..arguments.capture.options() };
+        let options =
+            StageOptions { output, component: arguments.component, ..arguments.capture.options() };
         let mut stage = Stage::open(&scene, options)?;
         let pose = arguments.camera.pose();
         stage.place(pose.position, pose.rotation);

@@ -37,21 +37,36 @@ pub(super) fn run(arguments: &Arguments) -> Result<(), CliError> {
     check_outputs([Some(output)])?;
     let device = arguments.prices.as_ref().map(|path| {
         let named = |error: &dyn std::fmt::Display| {
-            CliError::usage(format!("{}: {error}; give a file that frugal calibrate wrote", path.display()))
+            CliError::usage(format!(
+                "{}: {error}; give a file that frugal calibrate wrote",
+                path.display()
+            ))
         };
         let text = std::fs::read_to_string(path).map_err(|error| named(&error))?;
         ron::from_str::<DeviceModel>(&text).map_err(|error| named(&error))
     });
-    let to =
-        NewConditions { device: device.transpose()?, size: arguments.size.map(|size| size.to_array()), frames_per_second: arguments.fps };
-    let repriced = reprice(&map, &to).map_err(|error| CliError::usage(format!("{}: {error}", arguments.map.display())))?;
-    repriced.validate().map_err(|error| CliError::usage(format!("{}: repriced, {error}", arguments.map.display())))?;
+    let to = NewConditions {
+        device: device.transpose()?,
+        size: arguments.size.map(|size| size.to_array()),
+        frames_per_second: arguments.fps,
+    };
+    let repriced = reprice(&map, &to)
+        .map_err(|error| CliError::usage(format!("{}: {error}", arguments.map.display())))?;
+    repriced.validate().map_err(|error| {
+        CliError::usage(format!("{}: repriced, {error}", arguments.map.display()))
+    })?;
     write(output, repriced.to_ron().map_err(CliError::failed)?.as_bytes())?;
     let range = |map: &bevy_frugal_gi::frontier::FrontierMap| {
         let points = map.shared.points();
-        points.first().zip(points.last()).map_or((0.0, 0.0), |(first, last)| (first.cost.power.0, last.cost.power.0))
+        points
+            .first()
+            .zip(points.last())
+            .map_or((0.0, 0.0), |(first, last)| (first.cost.power.0, last.cost.power.0))
     };
     let (before, after) = (range(&map), range(&repriced));
-    println!("the shared frontier went from {:.2} to {:.2} W; now {:.2} to {:.2} W", before.0, before.1, after.0, after.1);
+    println!(
+        "the shared frontier went from {:.2} to {:.2} W; now {:.2} to {:.2} W",
+        before.0, before.1, after.0, after.1
+    );
     Ok(())
 }

@@ -21,7 +21,8 @@ pub(super) struct Arguments {
     /// Runs of each method, from seeds 0, 1, …
     #[arg(long, value_name = "N", default_value_t = 20, value_parser = clap::value_parser!(u64).range(1..))]
     seeds: u64,
-    /// Table of another camera of the same scene, whose readings are known before; give it again for more
+    /// Table of another camera of the same scene, whose readings are known before; give it again
+    /// for more
     #[arg(long, value_name = "TABLE")]
     known: Vec<PathBuf>,
     /// Errors at which the least known power is compared with the table's
@@ -53,8 +54,11 @@ pub(super) fn run(arguments: &Arguments) -> Result<(), CliError> {
     let read = |path: &PathBuf| SweepTable::open(path, &known_knobs).map_err(CliError::usage);
     let table = read(&arguments.table)?;
     let others = arguments.known.iter().map(read).collect::<Result<Vec<_>, _>>()?;
-    let fault = |path: &Path, error: &dyn std::fmt::Display| CliError::usage(format!("{}: {error}", path.display()));
-    let recorded = Recorded::new(&table, &others).map_err(|(number, error)| fault(&arguments.known[number], &error))?;
+    let fault = |path: &Path, error: &dyn std::fmt::Display| {
+        CliError::usage(format!("{}: {error}", path.display()))
+    };
+    let recorded = Recorded::new(&table, &others)
+        .map_err(|(number, error)| fault(&arguments.known[number], &error))?;
     let runs = SearchRuns {
         errors: arguments.errors.clone(),
         within: arguments.within,
@@ -63,7 +67,8 @@ pub(super) fn run(arguments: &Arguments) -> Result<(), CliError> {
     };
     let goals = runs.goals(&recorded).map_err(|error| fault(&arguments.table, &error))?;
     println!("{}", heading(&arguments.table, &table, &recorded));
-    let bar = progress::bar(runs.seeds * if others.is_empty() { 3 } else { 4 }).with_message("searches");
+    let bar =
+        progress::bar(runs.seeds * if others.is_empty() { 3 } else { 4 }).with_message("searches");
     let methods = run_searches(&recorded, &runs, &goals, &|| {
         bar.inc(1);
         if progress::interrupted() { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
@@ -74,13 +79,25 @@ pub(super) fn run(arguments: &Arguments) -> Result<(), CliError> {
     let Some(path) = &arguments.json else { return Ok(()) };
     let combinations = recorded.costs.len();
     let (table, known) = (&arguments.table, &arguments.known);
-    let result = SearchResult { table, known, combinations, seeds: runs.seeds, within: runs.within, goals: &goals, methods: &methods };
+    let result = SearchResult {
+        table,
+        known,
+        combinations,
+        seeds: runs.seeds,
+        within: runs.within,
+        goals: &goals,
+        methods: &methods,
+    };
     write(path, &json(&result)?)
 }
 
 fn heading(path: &Path, table: &SweepTable, recorded: &Recorded) -> String {
     let (held, all) = (recorded.costs.len(), recorded.space.combinations());
-    let mut text = format!("{}: {held} of {all} combinations of {} knobs", path.display(), recorded.space.len());
+    let mut text = format!(
+        "{}: {held} of {all} combinations of {} knobs",
+        path.display(),
+        recorded.space.len()
+    );
     if let Some(meter) = &table.facts.meter {
         let how = match meter.provenance {
             Provenance::Measured => "measured",
@@ -90,7 +107,10 @@ fn heading(path: &Path, table: &SweepTable, recorded: &Recorded) -> String {
     }
     if table.facts.layout().is_none() {
         let [width, height] = ASSUMED_LAYOUT.size;
-        let _ = write!(text, "; it does not say what it was rendered at, so work is that of {width}x{height} with one light and a sky");
+        let _ = write!(
+            text,
+            "; it does not say what it was rendered at, so work is that of {width}x{height} with one light and a sky"
+        );
     }
     text
 }
@@ -98,28 +118,44 @@ fn heading(path: &Path, table: &SweepTable, recorded: &Recorded) -> String {
 /// A row for every goal and method.
 fn text(runs: &SearchRuns, goals: &[Goal], methods: &[MethodResult]) -> String {
     let (percent, seeds) = (100.0 * runs.within, runs.seeds);
-    let mut text = format!("Renderings until the least known power is within {percent:.3} % of the table's, {seeds} seeds:\n\n");
-    let heads = ["best W", "reached", "25 %", "median", "75 %"].map(|head| format!("{head:>10}")).concat();
+    let mut text = format!(
+        "Renderings until the least known power is within {percent:.3} % of the table's, {seeds} seeds:\n\n"
+    );
+    let heads =
+        ["best W", "reached", "25 %", "median", "75 %"].map(|head| format!("{head:>10}")).concat();
     let _ = writeln!(text, "{:8}{:12}{heads}", "error", "method");
     for (index, goal) in goals.iter().enumerate() {
         for method in methods {
             let (result, name) = (&method.goals[index], method.method.name());
-            let _ = write!(text, "{:<8}{name:12}{:10.3}{:>10}", goal.error, goal.best_w, format!("{:.0} %", 100.0 * result.reached));
+            let _ = write!(
+                text,
+                "{:<8}{name:12}{:10.3}{:>10}",
+                goal.error,
+                goal.best_w,
+                format!("{:.0} %", 100.0 * result.reached)
+            );
             let Spread { lower_quartile, median, upper_quartile } = result.spread;
             let count = |count: f64| format!("{count:.1}");
-            let counts = [lower_quartile, median, upper_quartile].map(|value| format!("{:>10}", value.map_or("-".to_owned(), count)));
+            let counts = [lower_quartile, median, upper_quartile]
+                .map(|value| format!("{:>10}", value.map_or("-".to_owned(), count)));
             let _ = writeln!(text, "{}", counts.concat());
         }
     }
     for method in methods.iter().filter(|method| method.missing > 0) {
-        let _ = writeln!(text, "{} asked for up to {} combinations that the table lacks", method.method.name(), method.missing);
+        let _ = writeln!(
+            text,
+            "{} asked for up to {} combinations that the table lacks",
+            method.method.name(),
+            method.missing
+        );
     }
     text
 }
 
 /// A number above 0.
 fn error(text: &str) -> Result<f64, String> {
-    let number = text.trim().parse().ok().filter(|number: &f64| number.is_finite() && *number > 0.0);
+    let number =
+        text.trim().parse().ok().filter(|number: &f64| number.is_finite() && *number > 0.0);
     number.ok_or_else(|| "an error must be a finite number above 0".to_owned())
 }
 
@@ -127,5 +163,7 @@ fn error(text: &str) -> Result<f64, String> {
 fn share(text: &str) -> Result<f64, String> {
     let number = text.trim().strip_suffix('%').and_then(|number| number.trim().parse().ok());
     let percent = number.filter(|percent: &f64| percent.is_finite() && *percent >= 0.0);
-    percent.map(|percent| percent / 100.0).ok_or_else(|| "expected a percentage of 0 or more, as in 5%".to_owned())
+    percent
+        .map(|percent| percent / 100.0)
+        .ok_or_else(|| "expected a percentage of 0 or more, as in 5%".to_owned())
 }

@@ -5,7 +5,9 @@ use std::path::PathBuf;
 use bevy_frugal_gi::frontier::{CostPoint, Frontier, FrontierPoint};
 use indicatif::ProgressBar;
 
-use super::arguments::{CameraArguments, CaptureArguments, check_outputs, open_scene, write, write_report};
+use super::arguments::{
+    CameraArguments, CaptureArguments, check_outputs, open_scene, write, write_report,
+};
 use super::precompute::open_stage;
 use super::{CliError, progress};
 use crate::cost::FrameLayout;
@@ -48,12 +50,26 @@ pub(super) fn run(arguments: &Arguments) -> Result<(), CliError> {
         points.iter().map(|p| p.cost.error).fold(0.0, f64::max) * 1.01,
     );
     println!("{} combinations, {} on the frontier", points.len(), frontier.points().len());
-    println!("hypervolume {:.6} W at reference ({:.4} W, {:.5})", frontier.hypervolume(worst), worst.power.0, worst.error);
+    println!(
+        "hypervolume {:.6} W at reference ({:.4} W, {:.5})",
+        frontier.hypervolume(worst),
+        worst.power.0,
+        worst.error
+    );
     for point in frontier.points() {
-        println!("{:8.4} W  {:.5}  {}", point.cost.power.0, point.cost.error, space.describe(point.settings));
+        println!(
+            "{:8.4} W  {:.5}  {}",
+            point.cost.power.0,
+            point.cost.error,
+            space.describe(point.settings)
+        );
     }
     if let Some(path) = &arguments.csv {
-        let table = SweepTable { facts: facts(&scene, &name, &stage), space: space.clone(), points: points.clone() };
+        let table = SweepTable {
+            facts: facts(&scene, &name, &stage),
+            space: space.clone(),
+            points: points.clone(),
+        };
         let mut text = Vec::new();
         table.write(&mut text).map_err(CliError::failed)?;
         write(path, &text)?;
@@ -76,14 +92,21 @@ pub(super) fn run(arguments: &Arguments) -> Result<(), CliError> {
     Ok(())
 }
 
-fn measure(stage: &mut RemoteStage, pose: &CameraPose, bar: &ProgressBar) -> Result<Vec<FrontierPoint>, CliError> {
+fn measure(
+    stage: &mut RemoteStage,
+    pose: &CameraPose,
+    bar: &ProgressBar,
+) -> Result<Vec<FrontierPoint>, CliError> {
     let space = stage.space().clone();
     let mut points = Vec::new();
     for settings in space.iter() {
         if progress::interrupted() {
             return Err(CliError::failed("interrupted: nothing was written"));
         }
-        points.push(FrontierPoint { settings, cost: stage.measure(&[*pose; 1 + METERED_FRAMES], settings)? });
+        points.push(FrontierPoint {
+            settings,
+            cost: stage.measure(&[*pose; 1 + METERED_FRAMES], settings)?,
+        });
         bar.inc(1);
     }
     Ok(points)

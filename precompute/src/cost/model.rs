@@ -30,7 +30,8 @@ pub struct FitQuality {
     pub ninth_decile: f64,
 }
 
-/// P = exp(u_camera) · Σ βⱼ xⱼ: prices β ≥ 0 of work x, in watts at the target frame rate, and a factor for each camera.
+/// P = exp(u_camera) · Σ βⱼ xⱼ: prices β ≥ 0 of work x, in watts at the target frame rate, and a
+/// factor for each camera.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct CostModel {
     /// Watts for one unit of each kind of work in each frame.
@@ -40,16 +41,27 @@ pub struct CostModel {
 }
 
 impl CostModel {
-    /// Fits prices and camera factors in turn, to relative errors. Readings that are not finite and above 0 are left out.
+    /// Fits prices and camera factors in turn, to relative errors. Readings that are not finite and
+    /// above 0 are left out.
     pub fn fit(readings: &[CostReading]) -> Self {
-        let sound: Vec<_> = readings.iter().filter(|reading| reading.power_w.is_finite() && reading.power_w > 0.0).collect();
+        let sound: Vec<_> = readings
+            .iter()
+            .filter(|reading| reading.power_w.is_finite() && reading.power_w > 0.0)
+            .collect();
         let cameras = sound.iter().map(|reading| reading.camera + 1).max().unwrap_or(0);
         let mut model = Self { prices: Vec::new(), cameras: vec![1.0; cameras] };
         for _ in 0..ROUNDS {
             // Divided by the reading, so that a reading of 1 W counts as much as one of 20 W.
             let rows: Vec<Vec<f64>> = sound
                 .iter()
-                .map(|reading| reading.work.0.iter().map(|work| work * model.cameras[reading.camera] / reading.power_w).collect())
+                .map(|reading| {
+                    reading
+                        .work
+                        .0
+                        .iter()
+                        .map(|work| work * model.cameras[reading.camera] / reading.power_w)
+                        .collect()
+                })
                 .collect();
             model.prices = nonnegative_least_squares(&rows, &vec![1.0; rows.len()]);
             let mut logarithms = vec![(0.0, CAMERA_PRIOR); cameras];
@@ -60,7 +72,8 @@ impl CostModel {
                     logarithms[reading.camera].1 += 1.0;
                 }
             }
-            model.cameras = logarithms.into_iter().map(|(sum, count)| (sum / count).exp()).collect();
+            model.cameras =
+                logarithms.into_iter().map(|(sum, count)| (sum / count).exp()).collect();
         }
         model
     }
@@ -77,8 +90,12 @@ impl CostModel {
 
     /// How far `readings` are from what this model says of them.
     pub fn quality(&self, readings: &[CostReading]) -> FitQuality {
-        let mut errors: Vec<f64> =
-            readings.iter().map(|reading| (self.power_at(reading.camera, &reading.work) / reading.power_w - 1.0).abs()).collect();
+        let mut errors: Vec<f64> = readings
+            .iter()
+            .map(|reading| {
+                (self.power_at(reading.camera, &reading.work) / reading.power_w - 1.0).abs()
+            })
+            .collect();
         errors.retain(|error| error.is_finite());
         errors.sort_by(f64::total_cmp);
         let count = errors.len();
@@ -89,20 +106,27 @@ impl CostModel {
         }
     }
 
-    /// The same with prices that saw none of the readings that they are held against: one in `folds` is left out in turn, whichever camera and
-    /// settings it is of.
+    /// The same with prices that saw none of the readings that they are held against: one in
+    /// `folds` is left out in turn, whichever camera and settings it is of.
     pub fn cross_validated(readings: &[CostReading], folds: usize) -> FitQuality {
         let folds = folds.max(2);
         let part = |fold: usize, held_out: bool| -> Vec<CostReading> {
             // Not every n-th: readings come camera by camera.
-            let part = |index: usize| (index as u32).wrapping_mul(2_654_435_769) as usize >> 8 & 0xffff;
-            let readings = readings.iter().enumerate().filter(|(index, _)| (part(*index) % folds == fold) == held_out);
+            let part =
+                |index: usize| (index as u32).wrapping_mul(2_654_435_769) as usize >> 8 & 0xffff;
+            let readings = readings
+                .iter()
+                .enumerate()
+                .filter(|(index, _)| (part(*index) % folds == fold) == held_out);
             readings.map(|(_, reading)| reading.clone()).collect()
         };
-        let all: Vec<FitQuality> = (0..folds).map(|fold| Self::fit(&part(fold, false)).quality(&part(fold, true))).collect();
+        let all: Vec<FitQuality> = (0..folds)
+            .map(|fold| Self::fit(&part(fold, false)).quality(&part(fold, true)))
+            .collect();
         let count: usize = all.iter().map(|quality| quality.readings).sum();
         let mean = |value: fn(&FitQuality) -> f64| {
-            all.iter().map(|quality| value(quality) * quality.readings as f64).sum::<f64>() / count.max(1) as f64
+            all.iter().map(|quality| value(quality) * quality.readings as f64).sum::<f64>()
+                / count.max(1) as f64
         };
         FitQuality {
             readings: count,
@@ -128,7 +152,11 @@ mod tests {
             for settings in 0..40 {
                 let work = vec![1.0, (settings % 5) as f64, ((settings / 5) % 4) as f64 * 10.0];
                 let power = factor * (1.0 + 2.0 * work[1] + 0.3 * work[2]);
-                all.push(CostReading { camera, work: Work(work), power_w: power * (1.0 + 2.0 * noise * random()) });
+                all.push(CostReading {
+                    camera,
+                    work: Work(work),
+                    power_w: power * (1.0 + 2.0 * noise * random()),
+                });
             }
         }
         all
@@ -137,9 +165,17 @@ mod tests {
     #[test]
     fn prices_and_cameras_are_told_apart() {
         let model = CostModel::fit(&readings(0.0));
-        assert!(model.quality(&readings(0.0)).mean_absolute_error < 0.01, "{:?}", model.quality(&readings(0.0)));
+        assert!(
+            model.quality(&readings(0.0)).mean_absolute_error < 0.01,
+            "{:?}",
+            model.quality(&readings(0.0))
+        );
         let ratio = |a: usize, b: usize| model.cameras[a] / model.cameras[b];
-        assert!((ratio(1, 0) - 1.3).abs() < 0.02 && (ratio(2, 0) - 0.8).abs() < 0.02, "{:?}", model.cameras);
+        assert!(
+            (ratio(1, 0) - 1.3).abs() < 0.02 && (ratio(2, 0) - 0.8).abs() < 0.02,
+            "{:?}",
+            model.cameras
+        );
     }
 
     #[test]
@@ -147,7 +183,12 @@ mod tests {
         let held_out = CostModel::fit(&readings(0.1)).quality(&readings(0.0)).mean_absolute_error;
         assert!(held_out < 0.03, "{held_out}, of readings that are off by 5 % in the mean");
         let crossed = CostModel::cross_validated(&readings(0.1), 5);
-        assert!(crossed.readings == 120 && crossed.mean_absolute_error > 0.02 && crossed.mean_absolute_error < 0.08, "{crossed:?}");
+        assert!(
+            crossed.readings == 120
+                && crossed.mean_absolute_error > 0.02
+                && crossed.mean_absolute_error < 0.08,
+            "{crossed:?}"
+        );
     }
 
     #[test]

@@ -2,17 +2,21 @@
 
 /// Sweeps of coordinate descent: a few dozen kinds of work converge long before.
 const SWEEPS: usize = 3000;
-/// Share of each column's own weight by which coefficients are drawn to 0, so that columns that say the same share the price.
+/// Share of each column's own weight by which coefficients are drawn to 0, so that columns that say
+/// the same share the price.
 const RIDGE: f64 = 1e-4;
 
-/// The β ≥ 0 that minimises Σ (y − xβ)², one row of `rows` per reading, by cyclic coordinate descent on the normal equations (Franc, Hlaváč,
-/// Navara 2005). Columns of zeros get 0.
+/// The β ≥ 0 that minimises Σ (y − xβ)², one row of `rows` per reading, by cyclic coordinate
+/// descent on the normal equations (Franc, Hlaváč, Navara 2005). Columns of zeros get 0.
 pub(super) fn nonnegative_least_squares(rows: &[Vec<f64>], readings: &[f64]) -> Vec<f64> {
     let count = rows.first().map_or(0, Vec::len);
     // Columns of unit length, so that pixels and frames weigh alike.
-    let length = |column: usize| rows.iter().map(|row| row[column] * row[column]).sum::<f64>().sqrt();
+    let length =
+        |column: usize| rows.iter().map(|row| row[column] * row[column]).sum::<f64>().sqrt();
     let lengths: Vec<f64> = (0..count).map(length).collect();
-    let scaled = |row: &Vec<f64>, column: usize| if lengths[column] > 0.0 { row[column] / lengths[column] } else { 0.0 };
+    let scaled = |row: &Vec<f64>, column: usize| {
+        if lengths[column] > 0.0 { row[column] / lengths[column] } else { 0.0 }
+    };
     let mut gram = vec![vec![0.0; count]; count];
     let mut moments = vec![0.0; count];
     for (row, reading) in rows.iter().zip(readings) {
@@ -41,7 +45,11 @@ pub(super) fn nonnegative_least_squares(rows: &[Vec<f64>], readings: &[f64]) -> 
             break;
         }
     }
-    solution.iter().zip(&lengths).map(|(value, length)| if *length > 0.0 { value / length } else { 0.0 }).collect()
+    solution
+        .iter()
+        .zip(&lengths)
+        .map(|(value, length)| if *length > 0.0 { value / length } else { 0.0 })
+        .collect()
 }
 
 #[cfg(test)]
@@ -53,7 +61,10 @@ mod tests {
         let row = |i: usize| vec![1.0, (i % 7) as f64 * 1e4, (i % 3) as f64, (i * i % 11) as f64];
         let rows: Vec<_> = (0..60).map(row).collect();
         let truth = [2.0, 3e-4, 0.5, 0.0];
-        let readings: Vec<f64> = rows.iter().map(|row| row.iter().zip(&truth).map(|(x, price)| x * price).sum()).collect();
+        let readings: Vec<f64> = rows
+            .iter()
+            .map(|row| row.iter().zip(&truth).map(|(x, price)| x * price).sum())
+            .collect();
         let found = nonnegative_least_squares(&rows, &readings);
         for (found, truth) in found.iter().zip(&truth) {
             assert!((found - truth).abs() <= 0.01 * truth.max(0.1), "{found} for {truth}");

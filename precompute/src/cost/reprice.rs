@@ -47,9 +47,11 @@ pub struct NewConditions {
     pub frames_per_second: Option<f64>,
 }
 
-/// `map` under other conditions. Errors stay as they are: they are those of the size that the map was made at.
+/// `map` under other conditions. Errors stay as they are: they are those of the size that the map
+/// was made at.
 ///
-/// Energy of a point = work of its settings at the device's prices × what its cameras had beyond the map's own prices.
+/// Energy of a point = work of its settings at the device's prices × what its cameras had beyond
+/// the map's own prices.
 ///
 /// # Errors
 /// When the map has no prices, or the device none for some of its work.
@@ -58,10 +60,14 @@ pub fn reprice(map: &FrontierMap, to: &NewConditions) -> Result<FrontierMap, Rep
     if old.kinds.is_empty() {
         return Err(RepriceError::NoPrices);
     }
-    let new = to.device.as_ref().map_or_else(|| Ok(old.clone()), |device| matched(old, &device.prices))?;
+    let new = to
+        .device
+        .as_ref()
+        .map_or_else(|| Ok(old.clone()), |device| matched(old, &device.prices))?;
     let mut repriced = map.clone();
     repriced.capture.size = to.size.unwrap_or(map.capture.size);
-    repriced.capture.frames_per_second = to.frames_per_second.unwrap_or(map.capture.frames_per_second);
+    repriced.capture.frames_per_second =
+        to.frames_per_second.unwrap_or(map.capture.frames_per_second);
     if let Some(device) = &to.device {
         repriced.meter = device.meter.clone();
     }
@@ -71,21 +77,30 @@ pub fn reprice(map: &FrontierMap, to: &NewConditions) -> Result<FrontierMap, Rep
     let space = &map.knobs;
     let frontier = |frontier: &Frontier| -> Result<Frontier, RepriceError> {
         let point = |point: &FrontierPoint| {
-            let energy = |prices: &WorkPrices, layout: &FrameLayout| energy(space, point, prices, layout);
+            let energy =
+                |prices: &WorkPrices, layout: &FrameLayout| energy(space, point, prices, layout);
             let own = energy(old, &before);
             let spent = (point.cost.power.0 - old.idle.0).max(0.0) / old_rate;
             if own <= 0.0 {
                 return Err(RepriceError::FreeSettings(point.settings.bits()));
             }
             let power = new.idle.0 + new_rate * energy(&new, &after) * (spent / own);
-            Ok(FrontierPoint { settings: point.settings, cost: CostPoint { power: Watts(power), ..point.cost } })
+            Ok(FrontierPoint {
+                settings: point.settings,
+                cost: CostPoint { power: Watts(power), ..point.cost },
+            })
         };
-        Ok(Frontier::from_points(frontier.points().iter().map(point).collect::<Result<Vec<_>, _>>()?).rounded())
+        Ok(Frontier::from_points(
+            frontier.points().iter().map(point).collect::<Result<Vec<_>, _>>()?,
+        )
+        .rounded())
     };
-    repriced.octree.frontiers = map.octree.frontiers.iter().map(frontier).collect::<Result<_, _>>()?;
+    repriced.octree.frontiers =
+        map.octree.frontiers.iter().map(frontier).collect::<Result<_, _>>()?;
     repriced.shared = frontier(&map.shared)?;
     // A unit of error is worth as many watts more as the whole frontier costs more.
-    let top = |frontier: &Frontier| frontier.points().last().map_or(1.0, |point| point.cost.power.0);
+    let top =
+        |frontier: &Frontier| frontier.points().last().map_or(1.0, |point| point.cost.power.0);
     let scale = top(&repriced.shared) / top(&map.shared);
     repriced.error_rates.0.iter_mut().for_each(|rate| rate.watts_per_error *= scale);
     repriced.thresholds.power_w *= scale;
@@ -93,8 +108,18 @@ pub fn reprice(map: &FrontierMap, to: &NewConditions) -> Result<FrontierMap, Rep
     Ok(repriced)
 }
 
-fn energy(space: &KnobSpace, point: &FrontierPoint, prices: &WorkPrices, layout: &FrameLayout) -> f64 {
-    Work::of(space, point.settings, layout).0.iter().zip(&prices.joules).map(|(work, joules)| work * joules).sum()
+fn energy(
+    space: &KnobSpace,
+    point: &FrontierPoint,
+    prices: &WorkPrices,
+    layout: &FrameLayout,
+) -> f64 {
+    Work::of(space, point.settings, layout)
+        .0
+        .iter()
+        .zip(&prices.joules)
+        .map(|(work, joules)| work * joules)
+        .sum()
 }
 
 /// Joules for one of a kind of work; `None` where `prices` lack it.
@@ -105,14 +130,17 @@ pub(super) fn price(prices: &WorkPrices, kind: &str) -> Option<f64> {
 
 /// `prices` in the order of the map's kinds of work.
 fn matched(map: &WorkPrices, prices: &WorkPrices) -> Result<WorkPrices, RepriceError> {
-    let price = |kind: &String| price(prices, kind).ok_or_else(|| RepriceError::MissingPrice(kind.clone()));
+    let price =
+        |kind: &String| price(prices, kind).ok_or_else(|| RepriceError::MissingPrice(kind.clone()));
     let joules = map.kinds.iter().map(price).collect::<Result<_, _>>()?;
     Ok(WorkPrices { joules, idle: prices.idle, ..map.clone() })
 }
 
 #[cfg(test)]
 mod tests {
-    use bevy_frugal_gi::frontier::{Bounds, Capture, ErrorRate, ErrorRates, Octree, SceneIdentity, Thresholds};
+    use bevy_frugal_gi::frontier::{
+        Bounds, Capture, ErrorRate, ErrorRates, Octree, SceneIdentity, Thresholds,
+    };
     use bevy_frugal_gi::power::Provenance;
 
     use super::*;
@@ -147,20 +175,46 @@ mod tests {
         let space = space();
         let point = |share: f64| {
             let settings = space.canonical(space.preset(share));
-            let joules: f64 = Work::of(&space, settings, layout).0.iter().zip(&prices.joules).map(|(work, price)| work * price).sum();
-            FrontierPoint { settings, cost: CostPoint::new(prices.idle.0 + fps * 1.2 * joules, 0.3 * (1.0 - share)) }
+            let joules: f64 = Work::of(&space, settings, layout)
+                .0
+                .iter()
+                .zip(&prices.joules)
+                .map(|(work, price)| work * price)
+                .sum();
+            FrontierPoint {
+                settings,
+                cost: CostPoint::new(prices.idle.0 + fps * 1.2 * joules, 0.3 * (1.0 - share)),
+            }
         };
         let shared = Frontier::from_points([0.0, 0.4, 0.7, 1.0].map(point));
         FrontierMap {
             version: FrontierMap::VERSION,
             scene: SceneIdentity { name: "court".into(), fingerprint: "1f".into() },
-            capture: Capture { size: layout.size, frames_per_second: fps, vertical_fov: 60.0, exposure_ev100: 12.0 },
-            meter: MeterInfo { name: "formula".into(), provenance: Provenance::Modelled, description: "a formula".into() },
+            capture: Capture {
+                size: layout.size,
+                frames_per_second: fps,
+                vertical_fov: 60.0,
+                exposure_ev100: 12.0,
+            },
+            meter: MeterInfo {
+                name: "formula".into(),
+                provenance: Provenance::Modelled,
+                description: "a formula".into(),
+            },
             thresholds: Thresholds { power_w: 0.1, error: 0.001 },
             seed: 0,
             bounds: Bounds { min: [0.0; 3], max: [1.0; 3] },
-            error_rates: ErrorRates(vec![ErrorRate { budget: 0.01, watts_per_error: 100.0, predicted: None }]),
-            octree: Octree { levels: 0, nodes: vec![0], corners: vec![], frontiers: vec![shared.clone()] },
+            error_rates: ErrorRates(vec![ErrorRate {
+                budget: 0.01,
+                watts_per_error: 100.0,
+                predicted: None,
+            }]),
+            octree: Octree {
+                levels: 0,
+                nodes: vec![0],
+                corners: vec![],
+                frontiers: vec![shared.clone()],
+            },
             shared,
             work_prices: prices.clone(),
             knobs: space,
@@ -171,7 +225,10 @@ mod tests {
         assert_eq!(a.shared.points().len(), b.shared.points().len());
         for (a, b) in a.shared.points().iter().zip(b.shared.points()) {
             let (a_power, b_power) = (a.cost.power.0, b.cost.power.0);
-            assert!(a.settings == b.settings && (a_power / b_power - 1.0).abs() < 2e-3, "{a_power} and {b_power}");
+            assert!(
+                a.settings == b.settings && (a_power / b_power - 1.0).abs() < 2e-3,
+                "{a_power} and {b_power}"
+            );
         }
     }
 
@@ -181,16 +238,26 @@ mod tests {
         let original = map(&here, &LAYOUT, FPS);
         let device = DeviceModel {
             adapter: "another".into(),
-            meter: MeterInfo { name: "nvml".into(), provenance: Provenance::Measured, description: "a counter".into() },
+            meter: MeterInfo {
+                name: "nvml".into(),
+                provenance: Provenance::Measured,
+                description: "a counter".into(),
+            },
             mean_absolute_error: 0.03,
             prices: there.clone(),
         };
         let large = FrameLayout { size: [640, 360], ..LAYOUT };
-        let conditions = NewConditions { device: Some(device), size: Some(large.size), frames_per_second: Some(60.0) };
+        let conditions = NewConditions {
+            device: Some(device),
+            size: Some(large.size),
+            frames_per_second: Some(60.0),
+        };
         let repriced = reprice(&original, &conditions).expect("a map");
         agree(&repriced, &map(&there, &large, 60.0));
         assert_eq!((repriced.meter.name.as_str(), repriced.capture.size), ("nvml", [640, 360]));
-        assert!(repriced.error_rates.is_sound() && repriced.error_rates.0[0].watts_per_error > 100.0);
+        assert!(
+            repriced.error_rates.is_sound() && repriced.error_rates.0[0].watts_per_error > 100.0
+        );
         // The same conditions are the same map.
         agree(&reprice(&original, &NewConditions::default()).expect("a map"), &original);
     }
@@ -202,11 +269,23 @@ mod tests {
         assert_eq!(reprice(&old, &NewConditions::default()), Err(RepriceError::NoPrices));
         let mut few = prices(0.01, 2e-6);
         few.kinds[5] = "something else".into();
-        let device = DeviceModel { adapter: String::new(), meter: original.meter.clone(), mean_absolute_error: 0.0, prices: few };
-        let error = reprice(&original, &NewConditions { device: Some(device), ..NewConditions::default() });
+        let device = DeviceModel {
+            adapter: String::new(),
+            meter: original.meter.clone(),
+            mean_absolute_error: 0.0,
+            prices: few,
+        };
+        let error =
+            reprice(&original, &NewConditions { device: Some(device), ..NewConditions::default() });
         assert!(matches!(error, Err(RepriceError::MissingPrice(kind)) if kind == "pairs"));
-        let free = FrontierMap { work_prices: WorkPrices { joules: vec![0.0; few_len()], ..prices(0.0, 0.0) }, ..original };
-        assert!(matches!(reprice(&free, &NewConditions::default()), Err(RepriceError::FreeSettings(_))));
+        let free = FrontierMap {
+            work_prices: WorkPrices { joules: vec![0.0; few_len()], ..prices(0.0, 0.0) },
+            ..original
+        };
+        assert!(matches!(
+            reprice(&free, &NewConditions::default()),
+            Err(RepriceError::FreeSettings(_))
+        ));
     }
 
     fn few_len() -> usize {

@@ -28,7 +28,8 @@ impl FrameLayout {
     }
 }
 
-/// Kinds of work that every frame is asked for, in the order of [`Work`]'s values. Levels of knobs that are not known here follow.
+/// Kinds of work that every frame is asked for, in the order of [`Work`]'s values. Levels of knobs
+/// that are not known here follow.
 const KINDS: [&str; 21] = [
     "frame",
     "pixels",
@@ -81,7 +82,8 @@ const KNOWN: [&str; 13] = [
 
 /// Levels above the lowest of the knobs that are not known here: each has a price of its own.
 fn other_levels(space: &KnobSpace) -> impl Iterator<Item = (usize, usize)> + '_ {
-    let others = space.knobs().iter().enumerate().filter(|(_, knob)| !KNOWN.contains(&knob.name.as_str()));
+    let others =
+        space.knobs().iter().enumerate().filter(|(_, knob)| !KNOWN.contains(&knob.name.as_str()));
     others.flat_map(|(index, knob)| (1..knob.levels.len()).map(move |level| (index, level)))
 }
 
@@ -99,13 +101,18 @@ impl Work {
         let pixels = (width * scale).round() * (height * scale).round();
         let mut work = vec![1.0, pixels, if scale < 1.0 { width * height } else { 0.0 }];
         work.extend(indirect(&value, pixels, layout));
-        let (shadow, cascades) = (value("shadow_map_resolution", 2048.0), value("shadow_cascades", 4.0));
+        let (shadow, cascades) =
+            (value("shadow_map_resolution", 2048.0), value("shadow_cascades", 4.0));
         work.extend([shadow * shadow * cascades, cascades]);
         let samples = value("ambient_occlusion", 32.0);
         work.extend([if samples > 0.0 { pixels } else { 0.0 }, samples * pixels]);
         let antialiasing = value("antialiasing", 32.0);
         let is = |condition: bool| if condition { pixels } else { 0.0 };
-        work.extend([is(antialiasing == 1.0), is(antialiasing > 1.0), if antialiasing > 1.0 { antialiasing * pixels } else { 0.0 }]);
+        work.extend([
+            is(antialiasing == 1.0),
+            is(antialiasing > 1.0),
+            if antialiasing > 1.0 { antialiasing * pixels } else { 0.0 },
+        ]);
         work.push(bloom(value("post_processing", 1.0), [width * scale, height * scale]));
         work.extend(other_levels(space).map(|(knob, level)| is(settings.level(knob) == level)));
         Self(work)
@@ -122,8 +129,12 @@ fn indirect(value: &impl Fn(&str, f64) -> f64, pixels: f64, layout: &FrameLayout
     let side = value("gi_interleave", 2.0);
     let per_set = (vpls / (side * side)).ceil().clamp(1.0, f64::from(FrugalGi::MAX_VPLS_PER_PIXEL));
     let rays = value("gi_visibility", 8.0);
-    let visibility = GiVisibility::ALL.into_iter().find(|level| f64::from(level.rays()) >= rays).unwrap_or(GiVisibility::Fine);
-    let sky = if layout.has_sky && rays > 0.0 { value("gi_environment_samples", 32.0) } else { 0.0 };
+    let visibility = GiVisibility::ALL
+        .into_iter()
+        .find(|level| f64::from(level.rays()) >= rays)
+        .unwrap_or(GiVisibility::Fine);
+    let sky =
+        if layout.has_sky && rays > 0.0 { value("gi_environment_samples", 32.0) } else { 0.0 };
     let traced = rays.min(per_set) + f64::from(visibility.sky_rays()).min(sky);
     let resolution = value("rsm_resolution", 256.0);
     let texels = resolution * resolution * f64::from(layout.maps);
@@ -173,21 +184,35 @@ mod tests {
         assert_eq!(named(&space, best, "pixels"), 160.0 * 90.0);
         // 4,096 VPLs in four sets, and 32 samples of the sky.
         assert_eq!(named(&space, best, "pairs"), 160.0 * 90.0 * (1024.0 + 32.0));
-        let quarter = space.parse("max,gi_pixel_fraction=1/4").or_else(|_| space.parse("gi_pixel_fraction=1/4")).expect("settings");
+        let quarter = space
+            .parse("max,gi_pixel_fraction=1/4")
+            .or_else(|_| space.parse("gi_pixel_fraction=1/4"))
+            .expect("settings");
         assert_eq!(named(&space, quarter, "rays"), named(&space, best, "rays") / 4.0);
         let off = space.parse("gi_vpl_count=0").expect("settings");
-        for kind in ["pairs", "rays", "gathered pixels", "map texels", "tile rays", "gathering frames"] {
+        for kind in
+            ["pairs", "rays", "gathered pixels", "map texels", "tile rays", "gathering frames"]
+        {
             assert_eq!(named(&space, off, kind), 0.0, "{kind}");
         }
         let half = space.parse("resolution_scale=50%").expect("settings");
-        assert_eq!((named(&space, half, "pixels"), named(&space, half, "upscaled pixels")), (80.0 * 45.0, 160.0 * 90.0));
-        assert!(Work::of(&space, space.lowest(), &LAYOUT).0.iter().all(|count| count.is_finite() && *count >= 0.0));
+        assert_eq!(
+            (named(&space, half, "pixels"), named(&space, half, "upscaled pixels")),
+            (80.0 * 45.0, 160.0 * 90.0)
+        );
+        assert!(
+            Work::of(&space, space.lowest(), &LAYOUT)
+                .0
+                .iter()
+                .all(|count| count.is_finite() && *count >= 0.0)
+        );
     }
 
     #[test]
     fn a_knob_of_somebody_else_has_a_price_of_its_own() {
         use bevy_frugal_gi::knobs::Knob;
-        let space = KnobSpace::new(vec![Knob::new("hair_strands", [0.0, 10.0, 100.0])]).expect("a valid space");
+        let space = KnobSpace::new(vec![Knob::new("hair_strands", [0.0, 10.0, 100.0])])
+            .expect("a valid space");
         assert_eq!(named(&space, space.highest(), "hair_strands=100 pixels"), 160.0 * 90.0);
         assert_eq!(named(&space, space.highest(), "hair_strands=10 pixels"), 0.0);
     }

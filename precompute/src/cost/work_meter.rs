@@ -1,4 +1,5 @@
-//! A meter that reads no hardware: it counts each frame's work at fixed prices. The same frames always cost the same, on every machine.
+//! A meter that reads no hardware: it counts each frame's work at fixed prices. The same frames
+//! always cost the same, on every machine.
 
 use std::path::Path;
 use std::sync::Arc;
@@ -16,8 +17,8 @@ use crate::journal::hash;
 const LAVAPIPE: &str = include_str!("../../prices/lavapipe.prices.ron");
 /// What the meter is asked for as: `work`, or `work=FILE` with prices by `frugal calibrate`.
 pub const WORK_METER: &str = "work";
-/// Counted in whole 2⁻³⁰ J, which floating point holds exactly up to 8 MJ: the difference of two readings is the same to the
-/// last bit, whatever was counted before.
+/// Counted in whole 2⁻³⁰ J, which floating point holds exactly up to 8 MJ: the difference of two
+/// readings is the same to the last bit, whatever was counted before.
 const UNITS_PER_JOULE: f64 = (1_u64 << 30) as f64;
 
 /// Gives the energy that its [`WorkLedger`] has counted.
@@ -50,17 +51,31 @@ impl WorkMeter {
     /// # Errors
     /// When the file cannot be read, or holds no prices.
     pub fn open(file: Option<&str>, layout: FrameLayout) -> Result<(Self, WorkLedger), MeterError> {
-        let name = file.map_or_else(|| WORK_METER.to_owned(), |file| format!("{WORK_METER}={file}"));
+        let name =
+            file.map_or_else(|| WORK_METER.to_owned(), |file| format!("{WORK_METER}={file}"));
         let unavailable = |reason: String| MeterError::unavailable(name.as_str(), reason);
-        let text = file.map_or_else(|| Ok(LAVAPIPE.to_owned()), |file| std::fs::read_to_string(Path::new(file)));
-        let text = text.map_err(|error| unavailable(format!("{error}; `frugal calibrate` writes such a file")))?;
-        let device: DeviceModel =
-            ron::from_str(&text).map_err(|error| unavailable(format!("{error}; `frugal calibrate` writes such a file")))?;
+        let text = file.map_or_else(
+            || Ok(LAVAPIPE.to_owned()),
+            |file| std::fs::read_to_string(Path::new(file)),
+        );
+        let text = text.map_err(|error| {
+            unavailable(format!("{error}; `frugal calibrate` writes such a file"))
+        })?;
+        let device: DeviceModel = ron::from_str(&text).map_err(|error| {
+            unavailable(format!("{error}; `frugal calibrate` writes such a file"))
+        })?;
         if !device.prices.is_sound() {
-            return Err(unavailable("its prices are not finite numbers, 0 or above, one for each kind of work".to_owned()));
+            return Err(unavailable(
+                "its prices are not finite numbers, 0 or above, one for each kind of work"
+                    .to_owned(),
+            ));
         }
         let counted = Arc::new(AtomicU64::new(0));
-        let description = format!("work of each frame at the prices of {} ({:08x})", device.adapter, hash(&text) as u32);
+        let description = format!(
+            "work of each frame at the prices of {} ({:08x})",
+            device.adapter,
+            hash(&text) as u32
+        );
         let meter = Self {
             info: MeterInfo { name, provenance: Provenance::Modelled, description },
             idle: device.prices.idle,
@@ -95,7 +110,8 @@ impl WorkLedger {
         self.counted.fetch_add((joules * UNITS_PER_JOULE).round() as u64, Ordering::Relaxed);
     }
 
-    /// Energy of a frame at `settings`, without what the device takes when idle. Kinds of work without a price are free.
+    /// Energy of a frame at `settings`, without what the device takes when idle. Kinds of work
+    /// without a price are free.
     pub fn joules(&self, space: &KnobSpace, settings: RenderSettings) -> f64 {
         let work = Work::of(space, settings, &self.layout);
         let price = |kind: &String| price(&self.device.prices, kind).unwrap_or(0.0);
@@ -132,10 +148,15 @@ mod tests {
         let folder = tempfile::tempdir().expect("a folder");
         let file = folder.path().join("prices.ron");
         std::fs::write(&file, LAVAPIPE.replace("joules: [", "joules: [-1.0,")).expect("writes");
-        for (path, says) in [(file.clone(), "finite"), (folder.path().join("none"), "frugal calibrate")] {
+        for (path, says) in
+            [(file.clone(), "finite"), (folder.path().join("none"), "frugal calibrate")]
+        {
             let error = WorkMeter::open(path.to_str(), LAYOUT).expect_err("no prices").to_string();
             assert!(error.contains(says) && error.contains("work="), "{error}");
         }
-        assert_eq!((is_work_meter("work"), is_work_meter("work = a"), is_work_meter("nvml=1")), (Some(None), Some(Some("a")), None));
+        assert_eq!(
+            (is_work_meter("work"), is_work_meter("work = a"), is_work_meter("nvml=1")),
+            (Some(None), Some(Some("a")), None)
+        );
     }
 }

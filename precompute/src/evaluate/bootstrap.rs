@@ -1,4 +1,5 @@
-//! Whether one run is better than another by more than luck: a paired block bootstrap (Künsch 1989).
+//! Whether one run is better than another by more than luck: a paired block bootstrap (Künsch
+//! 1989).
 
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
@@ -12,7 +13,8 @@ const RESAMPLINGS: usize = 2000;
 /// Share of them that must agree.
 const CONFIDENCE: f64 = 0.95;
 
-/// Whether `one` took no more power and had no more error than `other` over the same frames, and less of one, in 95 % of resampled paths.
+/// Whether `one` took no more power and had no more error than `other` over the same frames, and
+/// less of one, in 95 % of resampled paths.
 pub fn dominates(one: &[FrameRecord], other: &[FrameRecord], fps: f64) -> bool {
     let frames = one.len().min(other.len());
     let block = ((BLOCK_SECONDS * fps).round() as usize).clamp(1, frames.max(1));
@@ -20,8 +22,11 @@ pub fn dominates(one: &[FrameRecord], other: &[FrameRecord], fps: f64) -> bool {
     if count == 0 {
         return false;
     }
-    let differences: Vec<[f64; 2]> =
-        one.iter().zip(other).map(|(one, other)| [one.power.0 - other.power.0, one.error - other.error]).collect();
+    let differences: Vec<[f64; 2]> = one
+        .iter()
+        .zip(other)
+        .map(|(one, other)| [one.power.0 - other.power.0, one.error - other.error])
+        .collect();
     let mut random = ChaCha8Rng::seed_from_u64(7);
     let mut agree = 0;
     for _ in 0..RESAMPLINGS {
@@ -47,8 +52,13 @@ mod tests {
     use super::*;
 
     fn series(power: impl Fn(usize) -> f64, error: f64) -> Vec<FrameRecord> {
-        let frame =
-            |index| FrameRecord { time: 0.0, settings: RenderSettings::default(), power: Watts(power(index)), error, predicted: None };
+        let frame = |index| FrameRecord {
+            time: 0.0,
+            settings: RenderSettings::default(),
+            power: Watts(power(index)),
+            error,
+            predicted: None,
+        };
         (0..120).map(frame).collect()
     }
 

@@ -19,7 +19,9 @@ pub enum BudgetError {
     #[error("a power budget of `{0}` cannot be kept: it must be above 0 W and finite")]
     PowerRange(String),
     /// A percentage outside the range that it divides.
-    #[error("a power budget of `{0}` is out of range: a percentage lies above 0% (the lowest settings) and at most at 100% (the highest)")]
+    #[error(
+        "a power budget of `{0}` is out of range: a percentage lies above 0% (the lowest settings) and at most at 100% (the highest)"
+    )]
     ShareRange(String),
     /// Not a number.
     #[error("`{0}` is not an error budget: write a number such as `0.02`")]
@@ -34,7 +36,8 @@ pub enum BudgetError {
 pub enum PowerBudget {
     /// In watts, above 0 and finite.
     Power(Watts),
-    /// A share, above 0 and at most 1, of the way from the lowest settings' mean power to the highest's.
+    /// A share, above 0 and at most 1, of the way from the lowest settings' mean power to the
+    /// highest's.
     Share(f64),
 }
 
@@ -48,14 +51,23 @@ impl FromStr for PowerBudget {
             Some(number) => (number, true),
             None => (trimmed.strip_suffix(['W', 'w']).unwrap_or(trimmed), false),
         };
-        let number: f64 = number.trim_end().parse().map_err(|_| BudgetError::NotPower(text.to_owned()))?;
+        let number: f64 =
+            number.trim_end().parse().map_err(|_| BudgetError::NotPower(text.to_owned()))?;
         if percent {
             // Written so that NaN fails.
             let right = number > 0.0 && number <= 100.0;
-            return if right { Ok(Self::Share(number / 100.0)) } else { Err(BudgetError::ShareRange(text.to_owned())) };
+            return if right {
+                Ok(Self::Share(number / 100.0))
+            } else {
+                Err(BudgetError::ShareRange(text.to_owned()))
+            };
         }
         let right = number > 0.0 && number.is_finite();
-        if right { Ok(Self::Power(Watts(number))) } else { Err(BudgetError::PowerRange(text.to_owned())) }
+        if right {
+            Ok(Self::Power(Watts(number)))
+        } else {
+            Err(BudgetError::PowerRange(text.to_owned()))
+        }
     }
 }
 
@@ -89,7 +101,8 @@ pub struct BudgetRequest {
 }
 
 impl BudgetRequest {
-    /// The budget in watts, where `lowest` and `highest` are the mean powers of the cheapest and the best settings on the path.
+    /// The budget in watts, where `lowest` and `highest` are the mean powers of the cheapest and
+    /// the best settings on the path.
     pub fn resolve(&self, lowest: Watts, highest: Watts) -> ResolvedBudget {
         let power = self.power.map(|power| match power {
             PowerBudget::Power(watts) => watts,
@@ -122,7 +135,8 @@ pub struct ResolvedBudget {
 impl ResolvedBudget {
     /// Whether `power` and `error` keep it. NaN keeps nothing that is limited.
     pub fn keeps(&self, power: Watts, error: f64) -> bool {
-        self.power_w.is_none_or(|limit| power <= limit) && self.error.is_none_or(|limit| error <= limit)
+        self.power_w.is_none_or(|limit| power <= limit)
+            && self.error.is_none_or(|limit| error <= limit)
     }
 }
 
@@ -143,19 +157,39 @@ mod tests {
     #[test]
     fn nonsense_is_refused_with_the_text_that_was_given() {
         for text in ["", "W", "%", "seven", "7 kW", "7V", "-", "6 0%", "60%W"] {
-            assert_eq!(text.parse::<PowerBudget>(), Err(BudgetError::NotPower(text.to_owned())), "{text}");
+            assert_eq!(
+                text.parse::<PowerBudget>(),
+                Err(BudgetError::NotPower(text.to_owned())),
+                "{text}"
+            );
         }
         for text in ["0", "-1W", "nan", "NaN W", "inf", "-inf", "1e999", "0W", "-0"] {
-            assert_eq!(text.parse::<PowerBudget>(), Err(BudgetError::PowerRange(text.to_owned())), "{text}");
+            assert_eq!(
+                text.parse::<PowerBudget>(),
+                Err(BudgetError::PowerRange(text.to_owned())),
+                "{text}"
+            );
         }
         for text in ["0%", "-5%", "101%", "nan%", "inf%"] {
-            assert_eq!(text.parse::<PowerBudget>(), Err(BudgetError::ShareRange(text.to_owned())), "{text}");
+            assert_eq!(
+                text.parse::<PowerBudget>(),
+                Err(BudgetError::ShareRange(text.to_owned())),
+                "{text}"
+            );
         }
         for text in ["", "2%", "little"] {
-            assert_eq!(parse_error_budget(text), Err(BudgetError::NotError(text.to_owned())), "{text}");
+            assert_eq!(
+                parse_error_budget(text),
+                Err(BudgetError::NotError(text.to_owned())),
+                "{text}"
+            );
         }
         for text in ["0", "-0.1", "nan", "inf", "2.01"] {
-            assert_eq!(parse_error_budget(text), Err(BudgetError::ErrorRange(text.to_owned())), "{text}");
+            assert_eq!(
+                parse_error_budget(text),
+                Err(BudgetError::ErrorRange(text.to_owned())),
+                "{text}"
+            );
         }
     }
 
@@ -164,7 +198,10 @@ mod tests {
         let request = BudgetRequest { power: Some(PowerBudget::Share(0.6)), error: None };
         let power = request.resolve(Watts(2.0), Watts(7.0)).power_w.unwrap();
         assert!((power.0 - 5.0).abs() < 1e-12);
-        assert_eq!(BudgetRequest::default().resolve(Watts(2.0), Watts(7.0)), ResolvedBudget::default());
+        assert_eq!(
+            BudgetRequest::default().resolve(Watts(2.0), Watts(7.0)),
+            ResolvedBudget::default()
+        );
     }
 
     #[test]

@@ -18,8 +18,14 @@ pub struct Controller<'a> {
 }
 
 impl<'a> Controller<'a> {
-    /// `lens`: vertical field of view in radians, and width ÷ height. `settings`: how settings move.
-    pub fn new(store: &'a dyn FrontierStore, budget: &ResolvedBudget, lens: (f32, f32), settings: ControlSettings) -> Self {
+    /// `lens`: vertical field of view in radians, and width ÷ height. `settings`: how settings
+    /// move.
+    pub fn new(
+        store: &'a dyn FrontierStore,
+        budget: &ResolvedBudget,
+        lens: (f32, f32),
+        settings: ControlSettings,
+    ) -> Self {
         Self {
             store,
             budget: Budget { power: budget.power_w, error: budget.error },
@@ -34,10 +40,20 @@ impl<'a> Controller<'a> {
 
 impl Policy for Controller<'_> {
     fn decide(&mut self, _: usize, dt: f64, pose: &Pose) -> Choice {
-        let view = CameraView { position: pose.position, rotation: pose.rotation, vertical_fov: self.lens.0, aspect: self.lens.1 };
+        let view = CameraView {
+            position: pose.position,
+            rotation: pose.rotation,
+            vertical_fov: self.lens.0,
+            aspect: self.lens.1,
+        };
         let found = choose(self.store, &view, &self.budget, &mut self.pace, dt);
         let Some((_, found)) = found else { return Choice::from(self.last) };
-        self.last = self.filter.step(self.store.knobs(), found.settings, dt, self.settings.times(&self.budget));
+        self.last = self.filter.step(
+            self.store.knobs(),
+            found.settings,
+            dt,
+            self.settings.times(&self.budget),
+        );
         Choice { settings: self.last, target: found.settings, predicted: Some(found.cost) }
     }
 }

@@ -8,8 +8,8 @@ use bevy_frugal_gi::units::Watts;
 use super::{PathPlan, Player, Pose, Shot};
 use crate::metrics::Picture;
 
-/// Power: 1 W + 0.5 W, 0.4 W and 0.2 W for each level of the three knobs, + 0.01 W for each metre along X. Pictures are evenly grey: 200
-/// less 10 for each level that is missing.
+/// Power: 1 W + 0.5 W, 0.4 W and 0.2 W for each level of the three knobs, + 0.01 W for each metre
+/// along X. Pictures are evenly grey: 200 less 10 for each level that is missing.
 #[derive(Default)]
 pub(crate) struct Fake {
     /// Names of the runs begun.
@@ -25,23 +25,36 @@ pub(crate) struct Fake {
 pub(crate) fn space() -> KnobSpace {
     KnobSpace::new(vec![
         Knob::new("gi_vpl_count", [0.0, 32.0, 64.0]),
-        Knob::labelled("resolution_scale", [(0.5, "50%"), (0.6, "60%"), (0.7, "70%"), (0.8, "80%"), (0.9, "90%"), (1.0, "100%")]),
+        Knob::labelled(
+            "resolution_scale",
+            [(0.5, "50%"), (0.6, "60%"), (0.7, "70%"), (0.8, "80%"), (0.9, "90%"), (1.0, "100%")],
+        ),
         Knob::labelled("antialiasing", [(0.0, "off"), (1.0, "FXAA")]),
     ])
     .unwrap()
 }
 
 pub(crate) fn meter() -> MeterInfo {
-    MeterInfo { name: "formula".into(), provenance: Provenance::Modelled, description: "a formula over the levels".into() }
+    MeterInfo {
+        name: "formula".into(),
+        provenance: Provenance::Modelled,
+        description: "a formula over the levels".into(),
+    }
 }
 
 pub(crate) fn path() -> PathPlan {
-    PathPlan::sample("tour", 2.0, 5.0, |time| Pose { position: Vec3::X * time as f32, rotation: Quat::IDENTITY }).unwrap()
+    PathPlan::sample("tour", 2.0, 5.0, |time| Pose {
+        position: Vec3::X * time as f32,
+        rotation: Quat::IDENTITY,
+    })
+    .unwrap()
 }
 
 /// Power at x = 0 without drift.
 pub(crate) fn power(settings: RenderSettings) -> f64 {
-    1.0 + 0.5 * settings.level(0) as f64 + 0.4 * settings.level(1) as f64 + 0.2 * settings.level(2) as f64
+    1.0 + 0.5 * settings.level(0) as f64
+        + 0.4 * settings.level(1) as f64
+        + 0.2 * settings.level(2) as f64
 }
 
 /// 1 − SSIM of two even greys.
@@ -64,11 +77,16 @@ impl Player for Fake {
     }
 
     fn play(&mut self, pose: &Pose, settings: RenderSettings) -> Result<Shot, Self::Error> {
-        let mut watts = power(settings) + 0.01 * f64::from(pose.position.x) + self.drift * (self.runs.len() - 1) as f64;
+        let mut watts = power(settings)
+            + 0.01 * f64::from(pose.position.x)
+            + self.drift * (self.runs.len() - 1) as f64;
         if self.broken_at == Some(self.frames) {
             watts = f64::NAN;
         }
         self.frames += 1;
-        Ok(Shot { picture: Picture::from_fn(16, 12, |_, _| [grey(settings); 3]), power: Watts(watts) })
+        Ok(Shot {
+            picture: Picture::from_fn(16, 12, |_, _| [grey(settings); 3]),
+            power: Watts(watts),
+        })
     }
 }

@@ -4,10 +4,13 @@ use bevy_frugal_gi::control::{Budget, ControlSettings, SettingsFilter};
 use bevy_frugal_gi::frontier::{CostPoint, FrontierMap};
 use bevy_frugal_gi::knobs::{KnobSpace, RenderSettings};
 
-use super::baselines::{Oracle, Reactive, best_constant, best_of, default_settings, ladder, oracle};
+use super::baselines::{
+    Oracle, Reactive, best_constant, best_of, default_settings, ladder, oracle,
+};
 use super::bootstrap::dominates;
 use super::{
-    BudgetRequest, Choice, Controlled, Controller, Fixed, FrameRecord, PathRecord, Policy, Pose, RESOLUTION_KNOB, ResolvedBudget, RunResult,
+    BudgetRequest, Choice, Controlled, Controller, Fixed, FrameRecord, PathRecord, Policy, Pose,
+    RESOLUTION_KNOB, ResolvedBudget, RunResult,
 };
 
 /// One budget on one path.
@@ -19,8 +22,9 @@ pub struct Judged {
     pub budget: ResolvedBudget,
     /// Every run, ours first.
     pub runs: Vec<RunResult>,
-    /// Which share of what lies between the best constant and the oracle ours gains: of error under a power budget, of power under an error budget.
-    /// `None` where there is nothing to gain, or ours breaks the budget.
+    /// Which share of what lies between the best constant and the oracle ours gains: of error under
+    /// a power budget, of power under an error budget. `None` where there is nothing to gain, or
+    /// ours breaks the budget.
     pub gap_closed: Option<f64>,
     /// Baselines that know no more than ours and dominate it, with 95 % confidence.
     pub dominated_by: Vec<String>,
@@ -29,8 +33,8 @@ pub struct Judged {
 /// Runs that know no more of the path than ours does.
 const FAIR: [&str; 4] = ["best-constant-elsewhere", "reactive", "default", "resolution-only"];
 
-/// Settings that a record needs, so that every run can be played from it: the map's, the presets', those with only the resolution or the pixels of
-/// indirect light lowered.
+/// Settings that a record needs, so that every run can be played from it: the map's, the presets',
+/// those with only the resolution or the pixels of indirect light lowered.
 pub fn settings_to_record(map: &FrontierMap) -> Vec<RenderSettings> {
     let space = &map.knobs;
     let mut all = vec![space.highest(), space.lowest(), default_settings(space)];
@@ -42,15 +46,20 @@ pub fn settings_to_record(map: &FrontierMap) -> Vec<RenderSettings> {
     space.canonical_once(all)
 }
 
-/// Constants that anybody would write by hand: everything at its best, indirect light gathered at fewer pixels.
+/// Constants that anybody would write by hand: everything at its best, indirect light gathered at
+/// fewer pixels.
 fn hand_written(space: &KnobSpace) -> Vec<RenderSettings> {
     let Some(knob) = space.index_of("gi_pixel_fraction") else { return Vec::new() };
-    (0..space.knobs()[knob].levels.len()).map(|level| space.highest().with_level(knob, level)).collect()
+    (0..space.knobs()[knob].levels.len())
+        .map(|level| space.highest().with_level(knob, level))
+        .collect()
 }
 
 fn resolutions(space: &KnobSpace) -> Vec<RenderSettings> {
     let Some(knob) = space.index_of(RESOLUTION_KNOB) else { return Vec::new() };
-    (0..space.knobs()[knob].levels.len()).map(|level| space.canonical(space.highest().with_level(knob, level))).collect()
+    (0..space.knobs()[knob].levels.len())
+        .map(|level| space.canonical(space.highest().with_level(knob, level)))
+        .collect()
 }
 
 /// A constant that somebody who knows only the map would play.
@@ -59,13 +68,22 @@ fn elsewhere(map: &FrontierMap, budget: &ResolvedBudget) -> Option<RenderSetting
     best_of(points, budget).map(|(settings, _)| settings)
 }
 
-/// Plays all runs. `lens`: vertical field of view in radians, and width ÷ height. `control`: how ours and the filtered oracle move between settings.
-pub fn judge(record: &PathRecord, map: &FrontierMap, lens: (f32, f32), request: &BudgetRequest, control: ControlSettings) -> Judged {
+/// Plays all runs. `lens`: vertical field of view in radians, and width ÷ height. `control`: how
+/// ours and the filtered oracle move between settings.
+pub fn judge(
+    record: &PathRecord,
+    map: &FrontierMap,
+    lens: (f32, f32),
+    request: &BudgetRequest,
+    control: ControlSettings,
+) -> Judged {
     let space = &record.space;
     let fixed = |settings: RenderSettings| record.play(&mut Fixed(settings));
     let mean = |settings: RenderSettings| {
         let column = record.table.column(space.canonical(settings));
-        column.and_then(|column| record.table.mean(column, 0..record.table.rows())).unwrap_or(CostPoint::new(f64::NAN, f64::NAN))
+        column
+            .and_then(|column| record.table.mean(column, 0..record.table.rows()))
+            .unwrap_or(CostPoint::new(f64::NAN, f64::NAN))
     };
     let (lowest, highest) = (mean(space.lowest()), mean(space.highest()));
     let budget = request.resolve(lowest.power, highest.power);
@@ -87,40 +105,71 @@ pub fn judge(record: &PathRecord, map: &FrontierMap, lens: (f32, f32), request: 
         runs.push(("best-constant", fixed(settings), Some("tuned on this path".to_owned())));
     }
     if let Some(settings) = elsewhere(map, &budget) {
-        runs.push(("best-constant-elsewhere", fixed(settings), Some("tuned on the training cameras".to_owned())));
+        runs.push((
+            "best-constant-elsewhere",
+            fixed(settings),
+            Some("tuned on the training cameras".to_owned()),
+        ));
     }
     let (plain, filtered) = oracles(record, &budget, control);
-    runs.push(("oracle", record.play(&mut plain.clone()), Some("knows every frame beforehand".to_owned())));
-    runs.push(("oracle-filtered", filtered, Some("the same through the temporal filter".to_owned())));
+    runs.push((
+        "oracle",
+        record.play(&mut plain.clone()),
+        Some("knows every frame beforehand".to_owned()),
+    ));
+    runs.push((
+        "oracle-filtered",
+        filtered,
+        Some("the same through the temporal filter".to_owned()),
+    ));
     runs.push(("reactive", record.play(&mut Reactive::new(ladder(&map.shared), budget)), None));
 
     let fps = record.path.fps();
     let ours = runs[0].1.clone();
     let dominated_by = runs.iter().filter(|(name, ..)| FAIR.contains(name));
-    let dominated_by = dominated_by.filter(|(_, series, _)| dominates(series, &ours, fps)).map(|(name, ..)| (*name).to_owned()).collect();
+    let dominated_by = dominated_by
+        .filter(|(_, series, _)| dominates(series, &ours, fps))
+        .map(|(name, ..)| (*name).to_owned())
+        .collect();
     let runs: Vec<RunResult> = runs
         .into_iter()
-        .map(|(name, series, note)| RunResult { note, ..RunResult::new(name, series, &budget, space).with_windows(&budget, fps) })
+        .map(|(name, series, note)| RunResult {
+            note,
+            ..RunResult::new(name, series, &budget, space).with_windows(&budget, fps)
+        })
         .collect();
     let gap_closed = gap(&runs, &budget);
     Judged { asked: request.to_string(), budget, runs, gap_closed, dominated_by }
 }
 
 /// The oracle, and how its settings do through the temporal filter.
-fn oracles(record: &PathRecord, budget: &ResolvedBudget, control: ControlSettings) -> (Oracle, Vec<FrameRecord>) {
+fn oracles(
+    record: &PathRecord,
+    budget: &ResolvedBudget,
+    control: ControlSettings,
+) -> (Oracle, Vec<FrameRecord>) {
     let limit = budget.error.unwrap_or(f64::INFINITY);
-    let mean_error = |series: &[FrameRecord]| series.iter().map(|frame| frame.error).sum::<f64>() / series.len().max(1) as f64;
-    let plain = oracle(&record.table, budget, &mut |oracle| mean_error(&record.play(&mut oracle.clone())) <= limit);
+    let mean_error = |series: &[FrameRecord]| {
+        series.iter().map(|frame| frame.error).sum::<f64>() / series.len().max(1) as f64
+    };
+    let plain = oracle(&record.table, budget, &mut |oracle| {
+        mean_error(&record.play(&mut oracle.clone())) <= limit
+    });
     let filtered = |oracle: &Oracle| {
         let mut oracle = oracle.clone();
         let mut filter = SettingsFilter::default();
         let times = control.times(&Budget { power: budget.power_w, error: budget.error });
         record.play(&mut Controlled(move |frame: usize, dt: f64, pose: &Pose| {
             let target = oracle.decide(frame, dt, pose).settings;
-            Choice { settings: filter.step(&record.space, target, dt, times), target, predicted: None }
+            Choice {
+                settings: filter.step(&record.space, target, dt, times),
+                target,
+                predicted: None,
+            }
         }))
     };
-    let through = oracle(&record.table, budget, &mut |oracle| mean_error(&filtered(oracle)) <= limit);
+    let through =
+        oracle(&record.table, budget, &mut |oracle| mean_error(&filtered(oracle)) <= limit);
     (plain, filtered(&through))
 }
 
@@ -130,7 +179,9 @@ fn gap(runs: &[RunResult], budget: &ResolvedBudget) -> Option<f64> {
     if !ours.met || !constant.met || !oracle.met {
         return None;
     }
-    let value = |run: &RunResult| if budget.power_w.is_some() { run.mean_error } else { run.mean_power_w.0 };
+    let value = |run: &RunResult| {
+        if budget.power_w.is_some() { run.mean_error } else { run.mean_power_w.0 }
+    };
     let (ours, constant, oracle) = (value(ours), value(constant), value(oracle));
     let least = if budget.power_w.is_some() { 1e-4 } else { 1e-3 * constant };
     (constant - oracle > least).then(|| (constant - ours) / (constant - oracle))

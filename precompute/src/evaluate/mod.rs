@@ -1,6 +1,8 @@
-//! Plays a camera path under a budget beside fixed presets, and says what each cost and looked like.
+//! Plays a camera path under a budget beside fixed presets, and says what each cost and looked
+//! like.
 //!
-//! Knows no renderer: a [`Player`] renders and meters, a [`Policy`] decides the settings of each frame.
+//! Knows no renderer: a [`Player`] renders and meters, a [`Policy`] decides the settings of each
+//! frame.
 //!
 //! | part | job |
 //! |---|---|
@@ -32,7 +34,10 @@ pub use bootstrap::dominates;
 pub use budget::{BudgetError, BudgetRequest, PowerBudget, ResolvedBudget, parse_error_budget};
 pub use controlled::Controller;
 pub use judge::{Judged, judge, settings_to_record};
-pub use play::{Choice, Controlled, Fixed, FrameRecord, PathError, PathPlan, Player, Policy, Pose, Progress, Shot};
+pub use play::{
+    Choice, Controlled, Fixed, FrameRecord, PathError, PathPlan, Player, Policy, Pose, Progress,
+    Shot,
+};
 pub use record::{PathRecord, RecordError};
 pub use resolution::RESOLUTION_KNOB;
 pub use result::{Drift, EvaluationResult, RunResult, SpotCheck};

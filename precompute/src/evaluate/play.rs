@@ -1,4 +1,5 @@
-//! One run along a path: what plays it, what decides its settings, and what is written down of every frame.
+//! One run along a path: what plays it, what decides its settings, and what is written down of
+//! every frame.
 
 use std::ops::ControlFlow;
 
@@ -27,12 +28,18 @@ pub trait Player {
     /// Why there is no frame.
     type Error;
 
-    /// A run called `name` starts at `pose` with `settings`: forget what earlier frames left behind, warm up what would make the first
-    /// frame cost more than the others. The run's first frame follows.
+    /// A run called `name` starts at `pose` with `settings`: forget what earlier frames left
+    /// behind, warm up what would make the first frame cost more than the others. The run's first
+    /// frame follows.
     ///
     /// # Errors
     /// When it cannot start.
-    fn begin_run(&mut self, name: &str, pose: &Pose, settings: RenderSettings) -> Result<(), Self::Error>;
+    fn begin_run(
+        &mut self,
+        name: &str,
+        pose: &Pose,
+        settings: RenderSettings,
+    ) -> Result<(), Self::Error>;
 
     /// Renders the next frame, at `pose` with `settings`. All frames are of one size.
     ///
@@ -60,7 +67,8 @@ impl From<RenderSettings> for Choice {
 
 /// Decides the settings of every frame of a run.
 pub trait Policy {
-    /// The settings of frame number `frame`, `dt` seconds after the one before, seen from `pose`. Asked once for each frame, in order.
+    /// The settings of frame number `frame`, `dt` seconds after the one before, seen from `pose`.
+    /// Asked once for each frame, in order.
     fn decide(&mut self, frame: usize, dt: f64, pose: &Pose) -> Choice;
 
     /// What the frame that was decided last came to: for policies that react to a meter.
@@ -79,7 +87,8 @@ impl Policy for Fixed {
     }
 }
 
-/// Settings from a function of the frame's number, the seconds since the frame before, and the pose: a controller over a frontier map.
+/// Settings from a function of the frame's number, the seconds since the frame before, and the
+/// pose: a controller over a frontier map.
 pub struct Controlled<F>(pub F);
 
 impl<F: FnMut(usize, f64, &Pose) -> Choice> Policy for Controlled<F> {
@@ -125,12 +134,18 @@ impl PathPlan {
     /// The longest path, in frames: an hour at 60 frames per second.
     pub const MAX_FRAMES: usize = 216_000;
 
-    /// The path called `name`, `duration` seconds long, at `fps` frames per second: round(duration × fps) frames, at least one, the camera
-    /// of frame i being `pose_at(i / fps)`.
+    /// The path called `name`, `duration` seconds long, at `fps` frames per second: round(duration
+    /// × fps) frames, at least one, the camera of frame i being `pose_at(i / fps)`.
     ///
     /// # Errors
-    /// When the frame rate is not above 0 and finite, or the duration negative, not a number, or too long.
-    pub fn sample(name: &str, duration: f64, fps: f64, mut pose_at: impl FnMut(f64) -> Pose) -> Result<Self, PathError> {
+    /// When the frame rate is not above 0 and finite, or the duration negative, not a number, or
+    /// too long.
+    pub fn sample(
+        name: &str,
+        duration: f64,
+        fps: f64,
+        mut pose_at: impl FnMut(f64) -> Pose,
+    ) -> Result<Self, PathError> {
         if !(fps > 0.0 && fps.is_finite()) {
             return Err(PathError::FrameRate(fps));
         }
@@ -195,7 +210,8 @@ pub(super) enum Against<'a> {
     Compare(&'a [Reference]),
 }
 
-/// Plays all of `path`; `keep` sees every picture. `on_frame` is told of every frame, and can stop the run.
+/// Plays all of `path`; `keep` sees every picture. `on_frame` is told of every frame, and can stop
+/// the run.
 pub(super) fn play<P: Player>(
     player: &mut P,
     path: &PathPlan,
@@ -223,11 +239,19 @@ pub(super) fn play<P: Player>(
                 references.push(Reference::new(&shot.picture).map_err(at_frame)?);
                 0.0
             }
-            Against::Compare(references) => references[frame].error(&shot.picture).map_err(at_frame)?,
+            Against::Compare(references) => {
+                references[frame].error(&shot.picture).map_err(at_frame)?
+            }
         };
         let time = frame as f64 * dt;
         policy.observe(CostPoint { power: shot.power, error });
-        records.push(FrameRecord { time, settings: choice.settings, power: shot.power, error, predicted: choice.predicted });
+        records.push(FrameRecord {
+            time,
+            settings: choice.settings,
+            power: shot.power,
+            error,
+            predicted: choice.predicted,
+        });
         keep(frame, shot.picture);
         if on_frame().is_break() {
             return Err(EvaluationError::Interrupted);
@@ -248,22 +272,42 @@ mod tests {
 
     #[test]
     fn a_path_has_as_many_frames_as_its_length_says() {
-        let frames = |duration, fps| PathPlan::sample("tour", duration, fps, still).unwrap().poses().len();
+        let frames =
+            |duration, fps| PathPlan::sample("tour", duration, fps, still).unwrap().poses().len();
         assert_eq!(frames(6.0, 30.0), 180);
         assert_eq!(frames(0.99, 2.0), 2);
         assert_eq!(frames(0.0, 30.0), 1, "a still camera is a path too");
-        let path = PathPlan::sample("tour", 1.0, 4.0, |time| Pose { position: Vec3::X * time as f32, rotation: Quat::IDENTITY }).unwrap();
-        assert_eq!(path.poses().iter().map(|pose| pose.position.x).collect::<Vec<_>>(), [0.0, 0.25, 0.5, 0.75]);
+        let path = PathPlan::sample("tour", 1.0, 4.0, |time| Pose {
+            position: Vec3::X * time as f32,
+            rotation: Quat::IDENTITY,
+        })
+        .unwrap();
+        assert_eq!(
+            path.poses().iter().map(|pose| pose.position.x).collect::<Vec<_>>(),
+            [0.0, 0.25, 0.5, 0.75]
+        );
     }
 
     #[test]
     fn impossible_paths_are_refused() {
         for fps in [0.0, -1.0, f64::NAN, f64::INFINITY] {
-            assert!(matches!(PathPlan::sample("tour", 1.0, fps, still), Err(PathError::FrameRate(_))), "{fps}");
+            assert!(
+                matches!(PathPlan::sample("tour", 1.0, fps, still), Err(PathError::FrameRate(_))),
+                "{fps}"
+            );
         }
         for seconds in [-1.0, f64::NAN, f64::NEG_INFINITY] {
-            assert!(matches!(PathPlan::sample("tour", seconds, 30.0, still), Err(PathError::Duration { .. })), "{seconds}");
+            assert!(
+                matches!(
+                    PathPlan::sample("tour", seconds, 30.0, still),
+                    Err(PathError::Duration { .. })
+                ),
+                "{seconds}"
+            );
         }
-        assert!(matches!(PathPlan::sample("tour", f64::INFINITY, 30.0, still), Err(PathError::TooLong { .. })));
+        assert!(matches!(
+            PathPlan::sample("tour", f64::INFINITY, 30.0, still),
+            Err(PathError::TooLong { .. })
+        ));
     }
 }

@@ -1,8 +1,10 @@
-//! A path played once with each of many settings: what policies are played from without rendering again.
+//! A path played once with each of many settings: what policies are played from without rendering
+//! again.
 //!
-//! Two things differ from real play. A frame's history is of its own settings throughout; and settings that were not
-//! recorded, which a temporal filter passes through, are interpolated between the recorded ones before and after.
-//! [`EvaluationResult`](super::EvaluationResult) says by a real run how much that matters.
+//! Two things differ from real play. A frame's history is of its own settings throughout; and
+//! settings that were not recorded, which a temporal filter passes through, are interpolated
+//! between the recorded ones before and after. [`EvaluationResult`](super::EvaluationResult) says
+//! by a real run how much that matters.
 
 use std::ops::ControlFlow;
 
@@ -38,20 +40,29 @@ pub enum RecordError<E> {
 }
 
 impl PathRecord {
-    /// A record of `path` from what a journal holds; lines of other kinds, and runs that were cut off, are left out.
+    /// A record of `path` from what a journal holds; lines of other kinds, and runs that were cut
+    /// off, are left out.
     pub fn restore(path: &PathPlan, space: &KnobSpace, records: &[String]) -> Self {
         let mut table = CostTable::new(path.poses().len());
         for (settings, frame, cost) in records.iter().filter_map(|record| read_line(record)) {
             table.set(frame, settings, cost);
         }
-        let complete: Vec<_> = (0..table.settings().len()).filter(|column| table.is_complete(*column)).collect();
-        let complete: Vec<_> = complete.into_iter().map(|column| table.settings()[column]).collect();
-        Self { path: path.clone(), space: space.clone(), table: table.with_columns(|settings| complete.contains(&settings)) }
+        let complete: Vec<_> =
+            (0..table.settings().len()).filter(|column| table.is_complete(*column)).collect();
+        let complete: Vec<_> =
+            complete.into_iter().map(|column| table.settings()[column]).collect();
+        Self {
+            path: path.clone(),
+            space: space.clone(),
+            table: table.with_columns(|settings| complete.contains(&settings)),
+        }
     }
 
-    /// Plays each of `settings` that is not recorded yet along the whole path, and keeps what each frame cost.
+    /// Plays each of `settings` that is not recorded yet along the whole path, and keeps what each
+    /// frame cost.
     ///
-    /// The best settings are played first, whether recorded or not: their pictures are the references.
+    /// The best settings are played first, whether recorded or not: their pictures are the
+    /// references.
     ///
     /// # Errors
     /// When the player fails, the journal cannot be written, or `on_frame` breaks.
@@ -78,8 +89,20 @@ impl PathRecord {
                 frames_done += 1;
                 on_frame(&Progress { run: &run, frames_done, frames_total })
             };
-            let against = if references.is_empty() { Against::Collect(&mut references) } else { Against::Compare(&references) };
-            let series = play(player, &self.path, &run, &mut Fixed(settings), against, &mut |_, _| (), &mut told)?;
+            let against = if references.is_empty() {
+                Against::Collect(&mut references)
+            } else {
+                Against::Compare(&references)
+            };
+            let series = play(
+                player,
+                &self.path,
+                &run,
+                &mut Fixed(settings),
+                against,
+                &mut |_, _| (),
+                &mut told,
+            )?;
             let known = self.table.column(settings).is_some();
             for (frame, FrameRecord { power, error, .. }) in series.into_iter().enumerate() {
                 if !known {
@@ -91,7 +114,8 @@ impl PathRecord {
         Ok(())
     }
 
-    /// Plays policies for real, after the best settings, whose pictures are the references: how far the record is off.
+    /// Plays policies for real, after the best settings, whose pictures are the references: how far
+    /// the record is off.
     ///
     /// # Errors
     /// When the player fails or `on_frame` breaks.
@@ -109,10 +133,26 @@ impl PathRecord {
         };
         let mut references: Vec<Reference> = Vec::new();
         let best = &mut Fixed(self.space.highest());
-        play(player, &self.path, "maximum", best, Against::Collect(&mut references), &mut |_, _| (), &mut told)?;
+        play(
+            player,
+            &self.path,
+            "maximum",
+            best,
+            Against::Collect(&mut references),
+            &mut |_, _| (),
+            &mut told,
+        )?;
         let mut all = Vec::new();
         for policy in policies {
-            all.push(play(player, &self.path, "frugal", policy.as_mut(), Against::Compare(&references), &mut |_, _| (), &mut told)?);
+            all.push(play(
+                player,
+                &self.path,
+                "frugal",
+                policy.as_mut(),
+                Against::Compare(&references),
+                &mut |_, _| (),
+                &mut told,
+            )?);
         }
         Ok(all)
     }
@@ -126,14 +166,27 @@ impl PathRecord {
             let Choice { settings, target, predicted } = policy.decide(frame, dt, pose);
             let cost = self.cost(frame, settings, target, &mut last);
             policy.observe(cost);
-            FrameRecord { time: frame as f64 * dt, settings, power: cost.power, error: cost.error, predicted }
+            FrameRecord {
+                time: frame as f64 * dt,
+                settings,
+                power: cost.power,
+                error: cost.error,
+                predicted,
+            }
         });
         records.collect()
     }
 
-    /// Cost of `settings` at a frame. `last`: the last recorded settings that were played; what lies between them and `target` is interpolated
-    /// by the share of the levels that are done, powers and errors in the logarithm.
-    fn cost(&self, frame: usize, settings: RenderSettings, target: RenderSettings, last: &mut Option<RenderSettings>) -> CostPoint {
+    /// Cost of `settings` at a frame. `last`: the last recorded settings that were played; what
+    /// lies between them and `target` is interpolated by the share of the levels that are done,
+    /// powers and errors in the logarithm.
+    fn cost(
+        &self,
+        frame: usize,
+        settings: RenderSettings,
+        target: RenderSettings,
+        last: &mut Option<RenderSettings>,
+    ) -> CostPoint {
         let canonical = self.space.canonical(settings);
         if let Some(cost) = self.table.get(frame, canonical) {
             *last = Some(canonical);
@@ -141,12 +194,18 @@ impl PathRecord {
         }
         let target = self.space.canonical(target);
         let to = self.table.get(frame, target).map(|cost| (cost, self.steps(settings, target)));
-        let from = last.and_then(|last| Some((self.table.get(frame, last)?, self.steps(last, settings))));
+        let from =
+            last.and_then(|last| Some((self.table.get(frame, last)?, self.steps(last, settings))));
         match (from, to) {
             (Some((from, done)), Some((to, left))) => {
                 let share = done as f64 / (done + left).max(1) as f64;
-                let between = |a: f64, b: f64| ((1.0 - share) * (a + LEAST).ln() + share * (b + LEAST).ln()).exp() - LEAST;
-                CostPoint::new(between(from.power.0, to.power.0), between(from.error, to.error).max(0.0))
+                let between = |a: f64, b: f64| {
+                    ((1.0 - share) * (a + LEAST).ln() + share * (b + LEAST).ln()).exp() - LEAST
+                };
+                CostPoint::new(
+                    between(from.power.0, to.power.0),
+                    between(from.error, to.error).max(0.0),
+                )
             }
             (Some((cost, _)), None) | (None, Some((cost, _))) => cost,
             (None, None) => CostPoint::new(f64::NAN, f64::NAN),
@@ -163,13 +222,19 @@ const LEAST: f64 = 1e-4;
 
 /// Bit by bit, so that a resumed record is the same to the last digit.
 fn write_line(settings: RenderSettings, frame: usize, cost: CostPoint) -> String {
-    format!("frame {:x} {frame:x} {:016x} {:016x}", settings.bits(), cost.power.0.to_bits(), cost.error.to_bits())
+    format!(
+        "frame {:x} {frame:x} {:016x} {:016x}",
+        settings.bits(),
+        cost.power.0.to_bits(),
+        cost.error.to_bits()
+    )
 }
 
 fn read_line(record: &str) -> Option<(RenderSettings, usize, CostPoint)> {
     let mut words = record.strip_prefix("frame ")?.split(' ');
     let mut number = || u64::from_str_radix(words.next()?, 16).ok();
-    let (settings, frame) = (RenderSettings::from_bits(number()?), usize::try_from(number()?).ok()?);
+    let (settings, frame) =
+        (RenderSettings::from_bits(number()?), usize::try_from(number()?).ok()?);
     Some((settings, frame, CostPoint::new(f64::from_bits(number()?), f64::from_bits(number()?))))
 }
 
@@ -182,9 +247,18 @@ mod tests {
 
     fn recorded(settings: &[RenderSettings]) -> PathRecord {
         let folder = tempfile::tempdir().expect("a folder");
-        let mut journal = Journal::create(&folder.path().join("journal"), &JournalHeader::default()).expect("a journal");
+        let mut journal =
+            Journal::create(&folder.path().join("journal"), &JournalHeader::default())
+                .expect("a journal");
         let mut record = PathRecord::restore(&path(), &space(), &[]);
-        record.extend(&mut Fake::default(), settings, &mut journal, &mut |_| ControlFlow::Continue(())).expect("plays");
+        record
+            .extend(
+                &mut Fake::default(),
+                settings,
+                &mut journal,
+                &mut |_| ControlFlow::Continue(()),
+            )
+            .expect("plays");
         record
     }
 
@@ -197,8 +271,16 @@ mod tests {
             let mut references = Vec::new();
             let mut player = Fake::default();
             let mut run = |settings, against: Against<'_>| {
-                play(&mut player, &path(), "run", &mut Fixed(settings), against, &mut |_, _| (), &mut || ControlFlow::Continue(()))
-                    .expect("plays")
+                play(
+                    &mut player,
+                    &path(),
+                    "run",
+                    &mut Fixed(settings),
+                    against,
+                    &mut |_, _| (),
+                    &mut || ControlFlow::Continue(()),
+                )
+                .expect("plays")
             };
             run(high, Against::Collect(&mut references));
             let real = run(settings, Against::Compare(&references));
@@ -220,10 +302,13 @@ mod tests {
         });
         assert!(matches!(stopped, Err(RecordError::Play(EvaluationError::Interrupted))));
         drop(journal);
-        let (mut journal, lines) = Journal::resume(&file, &JournalHeader::default()).expect("resumes");
+        let (mut journal, lines) =
+            Journal::resume(&file, &JournalHeader::default()).expect("resumes");
         let mut again = PathRecord::restore(&path(), &space(), &lines);
         assert_eq!(again.table.settings(), [high]);
-        again.extend(&mut Fake::default(), &[low], &mut journal, &mut |_| ControlFlow::Continue(())).expect("plays");
+        again
+            .extend(&mut Fake::default(), &[low], &mut journal, &mut |_| ControlFlow::Continue(()))
+            .expect("plays");
         assert_eq!(again, recorded(&[low]));
     }
 

@@ -1,4 +1,5 @@
-//! The strongest simple rival: everything at the maximum, and the resolution scaled until the budget is met.
+//! The strongest simple rival: everything at the maximum, and the resolution scaled until the
+//! budget is met.
 
 use super::ResolvedBudget;
 use super::play::FrameRecord;
@@ -7,18 +8,20 @@ use super::result::{mean_error, mean_power};
 /// Name of the knob that this rival turns.
 pub const RESOLUTION_KNOB: &str = "resolution_scale";
 
-/// What playing the level that was found gave: none where it is the highest, whose run the caller has.
+/// What playing the level that was found gave: none where it is the highest, whose run the caller
+/// has.
 pub(super) struct Found<T> {
     pub(super) played: Option<(Vec<FrameRecord>, T)>,
     pub(super) met: bool,
 }
 
-/// Binary search over levels 0 to `highest` for the one that meets `budget`; `at_highest` are the frames of the highest, `play` gives
-/// those of another.
+/// Binary search over levels 0 to `highest` for the one that meets `budget`; `at_highest` are the
+/// frames of the highest, `play` gives those of another.
 ///
-/// Under a power budget, also beside an error budget: the highest level with mean power within it. Under an error budget alone: the
-/// lowest level with mean error within it. Where no level meets it, the closest, which is the lowest for power. Power is taken to rise
-/// and error to fall with the level.
+/// Under a power budget, also beside an error budget: the highest level with mean power within it.
+/// Under an error budget alone: the lowest level with mean error within it. Where no level meets
+/// it, the closest, which is the lowest for power. Power is taken to rise and error to fall with
+/// the level.
 pub(super) fn search<T, E>(
     highest: usize,
     at_highest: &[FrameRecord],
@@ -78,7 +81,13 @@ mod tests {
     /// Level l takes l + 1 watts and has an error of (5 − l) / 10.
     fn series(level: usize) -> Vec<FrameRecord> {
         let (power, error) = (Watts(level as f64 + 1.0), (HIGHEST - level) as f64 / 10.0);
-        vec![FrameRecord { time: 0.0, settings: RenderSettings::default(), power, error, predicted: None }]
+        vec![FrameRecord {
+            time: 0.0,
+            settings: RenderSettings::default(),
+            power,
+            error,
+            predicted: None,
+        }]
     }
 
     fn found(power: Option<f64>, error: Option<f64>) -> (usize, bool, usize) {
@@ -101,7 +110,11 @@ mod tests {
             assert_eq!((at, met), (level, true));
             assert!(plays <= 3, "{plays}");
         }
-        assert_eq!(found(Some(100.0), None), (HIGHEST, true, 0), "the maximum run is known already");
+        assert_eq!(
+            found(Some(100.0), None),
+            (HIGHEST, true, 0),
+            "the maximum run is known already"
+        );
     }
 
     #[test]

@@ -27,16 +27,19 @@ pub struct EvaluationResult {
     pub budget: ResolvedBudget,
     /// The limits as asked for, in words.
     pub asked: String,
-    /// Every run: the controller's first, then its rivals from the best to the cheapest, then resolution alone.
+    /// Every run: the controller's first, then its rivals from the best to the cheapest, then
+    /// resolution alone.
     pub runs: Vec<RunResult>,
     /// How much the machine changed meanwhile.
     pub drift: Drift,
     /// What the reader must know before believing the rest.
     pub warnings: Vec<String>,
-    /// Of runs played from a record: which share of what lies between the best constant and the oracle ours gains.
+    /// Of runs played from a record: which share of what lies between the best constant and the
+    /// oracle ours gains.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub gap_closed: Option<f64>,
-    /// Of runs played from a record: baselines that know no more than ours and dominate it, with 95 % confidence.
+    /// Of runs played from a record: baselines that know no more than ours and dominate it, with 95
+    /// % confidence.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub dominated_by: Vec<String>,
     /// Of runs played from a record: what a real run of ours came to.
@@ -76,12 +79,13 @@ pub struct RunResult {
     pub settings: Option<String>,
     /// Median over the frames.
     pub median_power_w: Watts,
-    /// By how many watts the 99th percentile of the frames' power exceeds the power budget: 0 where it keeps it, none without a power
-    /// budget.
+    /// By how many watts the 99th percentile of the frames' power exceeds the power budget: 0 where
+    /// it keeps it, none without a power budget.
     pub p99_overshoot_w: Option<Watts>,
     /// Whether mean power and mean error keep the budget.
     pub met: bool,
-    /// Share of the windows of one second whose mean power exceeds the power budget by more than 2 %; none without a power budget.
+    /// Share of the windows of one second whose mean power exceeds the power budget by more than 2
+    /// %; none without a power budget.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub windows_over: Option<f64>,
     /// What is special about this run.
@@ -100,7 +104,8 @@ pub struct Drift {
     pub last_mean_power_w: Watts,
     /// (last − first) ÷ first; 0 where the first is 0 W.
     pub relative: f64,
-    /// Mean error of the last run's pictures against the first's: what of any run's error is noise. 0 where rendering repeats exactly.
+    /// Mean error of the last run's pictures against the first's: what of any run's error is noise.
+    /// 0 where rendering repeats exactly.
     pub repeat_mean_error: f64,
     /// The worst frame of the same.
     pub repeat_max_error: f64,
@@ -133,7 +138,12 @@ impl SpotCheck {
 
 impl RunResult {
     /// Sums up the frames of a run; `series` is not empty.
-    pub(super) fn new(name: &str, series: Vec<FrameRecord>, budget: &ResolvedBudget, space: &KnobSpace) -> Self {
+    pub(super) fn new(
+        name: &str,
+        series: Vec<FrameRecord>,
+        budget: &ResolvedBudget,
+        space: &KnobSpace,
+    ) -> Self {
         let mut powers: Vec<f64> = series.iter().map(|frame| frame.power.0).collect();
         powers.sort_by(f64::total_cmp);
         let mut result = Self {
@@ -159,8 +169,10 @@ impl RunResult {
     }
 
     fn judge(&mut self, budget: &ResolvedBudget, sorted_powers: &[f64]) {
-        self.frames_over_budget = self.series.iter().filter(|frame| !budget.keeps(frame.power, frame.error)).count();
-        self.p99_overshoot_w = budget.power_w.map(|limit| Watts((quantile(sorted_powers, 0.99) - limit.0).max(0.0)));
+        self.frames_over_budget =
+            self.series.iter().filter(|frame| !budget.keeps(frame.power, frame.error)).count();
+        self.p99_overshoot_w =
+            budget.power_w.map(|limit| Watts((quantile(sorted_powers, 0.99) - limit.0).max(0.0)));
         self.met = budget.keeps(self.mean_power_w, self.mean_error);
     }
 
@@ -211,7 +223,11 @@ fn quantile(sorted: &[f64], share: f64) -> f64 {
 
 /// 30 frames per second are written `30`, as people type them.
 fn whole_where_whole<S: Serializer>(value: &f64, serializer: S) -> Result<S::Ok, S::Error> {
-    if value.fract() == 0.0 && value.abs() < 1e9 { serializer.serialize_i64(*value as i64) } else { serializer.serialize_f64(*value) }
+    if value.fract() == 0.0 && value.abs() < 1e9 {
+        serializer.serialize_i64(*value as i64)
+    } else {
+        serializer.serialize_f64(*value)
+    }
 }
 
 #[cfg(test)]
@@ -234,11 +250,16 @@ mod tests {
 
     #[test]
     fn a_run_is_summed_up() {
-        let series = vec![frame(0, 1.0, 0.0), frame(1, 3.0, 0.2), frame(1, 3.0, 0.0), frame(0, 5.0, 0.0)];
+        let series =
+            vec![frame(0, 1.0, 0.0), frame(1, 3.0, 0.2), frame(1, 3.0, 0.0), frame(0, 5.0, 0.0)];
         let budget = ResolvedBudget { power_w: Some(Watts(3.0)), error: Some(0.1) };
         let run = RunResult::new("frugal", series, &budget, &KnobSpace::default());
         assert_eq!((run.mean_power_w, run.median_power_w), (Watts(3.0), Watts(3.0)));
-        assert_eq!((run.frames_over_budget, run.switches), (2, 2), "one frame exceeds by error, one by power");
+        assert_eq!(
+            (run.frames_over_budget, run.switches),
+            (2, 2),
+            "one frame exceeds by error, one by power"
+        );
         assert_eq!((run.mean_error, run.max_error, run.met), (0.05, 0.2, true));
         assert!((run.p99_overshoot_w.unwrap().0 - 1.94).abs() < 1e-12);
         assert_eq!(run.settings, None, "they changed");
@@ -246,7 +267,12 @@ mod tests {
 
     #[test]
     fn without_a_budget_nothing_is_over_it() {
-        let run = RunResult::new("minimum", vec![frame(0, 1.0, 2.0)], &ResolvedBudget::default(), &KnobSpace::default());
+        let run = RunResult::new(
+            "minimum",
+            vec![frame(0, 1.0, 2.0)],
+            &ResolvedBudget::default(),
+            &KnobSpace::default(),
+        );
         assert_eq!((run.frames_over_budget, run.p99_overshoot_w, run.met), (0, None, true));
         assert_eq!(run.settings.as_deref(), Some(""));
     }
@@ -254,6 +280,9 @@ mod tests {
     #[test]
     fn drift_of_a_machine_that_uses_nothing_is_nothing() {
         assert_eq!(Drift::between(&[frame(0, 0.0, 0.0)], &[frame(0, 0.0, 0.0)]).relative, 0.0);
-        assert!((Drift::between(&[frame(0, 2.0, 0.0)], &[frame(0, 2.1, 0.0)]).relative - 0.05).abs() < 1e-12);
+        assert!(
+            (Drift::between(&[frame(0, 2.0, 0.0)], &[frame(0, 2.1, 0.0)]).relative - 0.05).abs()
+                < 1e-12
+        );
     }
 }

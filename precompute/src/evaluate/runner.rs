@@ -10,11 +10,15 @@ use crate::metrics::{CompareError, Picture, Reference};
 use super::play::{Against, play};
 use super::resolution::{self, RESOLUTION_KNOB};
 use super::result::mean_power;
-use super::{BudgetRequest, Drift, EvaluationResult, Fixed, PathPlan, Player, Policy, PowerBudget, Progress, ResolvedBudget, RunResult};
+use super::{
+    BudgetRequest, Drift, EvaluationResult, Fixed, PathPlan, Player, Policy, PowerBudget, Progress,
+    ResolvedBudget, RunResult,
+};
 
 /// From here on, drift is worth a warning: relative change of the maximum run's mean power.
 const NOTABLE_DRIFT: f64 = 0.05;
-/// From here on, noise is: mean error between two runs at the same settings. Half the smallest error step that subdivision looks at.
+/// From here on, noise is: mean error between two runs at the same settings. Half the smallest
+/// error step that subdivision looks at.
 const NOTABLE_NOISE: f64 = 0.001;
 
 /// Why there is no result. `E` is the [`Player`]'s.
@@ -62,7 +66,8 @@ pub struct EvaluationPlan<'a> {
     pub meter: MeterInfo,
     /// The limits.
     pub budget: BudgetRequest,
-    /// Numbers of the frames whose pictures are handed back from every run; those beyond the path are ignored.
+    /// Numbers of the frames whose pictures are handed back from every run; those beyond the path
+    /// are ignored.
     pub keep_frames: &'a [usize],
 }
 
@@ -86,15 +91,17 @@ pub struct Evaluation {
     pub pictures: Vec<FramePicture>,
 }
 
-/// Plays `plan`'s path at the maximum and at the minimum, which gives a percentage its meaning; then under the policy that `controller`
-/// makes of the budget in watts; then the presets in between and resolution alone; and the maximum once more, to see how far the machine
-/// drifted meanwhile.
+/// Plays `plan`'s path at the maximum and at the minimum, which gives a percentage its meaning;
+/// then under the policy that `controller` makes of the budget in watts; then the presets in
+/// between and resolution alone; and the maximum once more, to see how far the machine drifted
+/// meanwhile.
 ///
-/// The maximum's pictures are the references: they stay in memory, 16 bytes a pixel and frame. `on_frame` is told of every frame; breaking
-/// ends it all.
+/// The maximum's pictures are the references: they stay in memory, 16 bytes a pixel and frame.
+/// `on_frame` is told of every frame; breaking ends it all.
 ///
 /// # Errors
-/// When the player fails, gives pictures of several sizes or a power that is negative or not finite, or `on_frame` breaks.
+/// When the player fails, gives pictures of several sizes or a power that is negative or not
+/// finite, or `on_frame` breaks.
 pub fn evaluate<'c, P: Player>(
     player: &mut P,
     plan: &EvaluationPlan<'_>,
@@ -106,7 +113,14 @@ pub fn evaluate<'c, P: Player>(
     let levels = resolution_knob.map_or(0, |knob| space.knobs()[knob].levels.len());
     // Six runs, and the binary search's.
     let runs = 6 + levels.checked_ilog2().unwrap_or(0) as usize + 1;
-    let mut stage = Stage { player, plan, on_frame, references: Vec::new(), frames_done: 0, frames_total: runs * path.poses().len() };
+    let mut stage = Stage {
+        player,
+        plan,
+        on_frame,
+        references: Vec::new(),
+        frames_done: 0,
+        frames_total: runs * path.poses().len(),
+    };
 
     let highest = space.highest();
     let maximum = stage.run("maximum", &mut Fixed(highest))?;
@@ -133,17 +147,25 @@ pub fn evaluate<'c, P: Player>(
         RunResult::new(name, series, &budget, space).with_windows(&budget, path.fps())
     };
     let maximum_frames = maximum.clone();
-    let mut runs =
-        vec![add("frugal", frugal), add("maximum", maximum), add("max-mid", max_mid), add("mid-min", mid_min), add("minimum", minimum)];
+    let mut runs = vec![
+        add("frugal", frugal),
+        add("maximum", maximum),
+        add("max-mid", max_mid),
+        add("mid-min", mid_min),
+        add("minimum", minimum),
+    ];
     match resolution_only {
         Some(found) => {
             let mut renamed = maximum_frames;
             renamed.1.iter_mut().for_each(|picture| picture.run = "resolution-only".to_owned());
             let mut run = add("resolution-only", found.played.unwrap_or(renamed));
-            run.note = (!found.met).then(|| "no resolution meets the budget: this is the closest".to_owned());
+            run.note = (!found.met)
+                .then(|| "no resolution meets the budget: this is the closest".to_owned());
             runs.push(run);
         }
-        None => warnings.push(format!("the run resolution-only is missing: this scene's knobs lack `{RESOLUTION_KNOB}`")),
+        None => warnings.push(format!(
+            "the run resolution-only is missing: this scene's knobs lack `{RESOLUTION_KNOB}`"
+        )),
     }
     let result = EvaluationResult {
         scene: plan.scene.to_owned(),
@@ -167,8 +189,11 @@ pub fn evaluate<'c, P: Player>(
 fn warnings(request: &BudgetRequest, p_min: f64, p_max: f64, drift: &Drift) -> Vec<String> {
     let mut warnings = Vec::new();
     if p_max <= p_min {
-        let meaning =
-            if matches!(request.power, Some(PowerBudget::Share(_))) { ", so that a percentage between them means nothing" } else { "" };
+        let meaning = if matches!(request.power, Some(PowerBudget::Share(_))) {
+            ", so that a percentage between them means nothing"
+        } else {
+            ""
+        };
         warnings.push(format!("the highest settings took no more power ({p_max:.3} W) than the lowest ({p_min:.3} W){meaning}"));
     }
     if drift.relative.abs() > NOTABLE_DRIFT {
@@ -208,11 +233,20 @@ impl<P: Player> Stage<'_, '_, P> {
         };
         let mut told = || {
             self.frames_done += 1;
-            (self.on_frame)(&Progress { run: name, frames_done: self.frames_done, frames_total: self.frames_total })
+            (self.on_frame)(&Progress {
+                run: name,
+                frames_done: self.frames_done,
+                frames_total: self.frames_total,
+            })
         };
         let first = self.references.is_empty();
-        let against = if first { Against::Collect(&mut self.references) } else { Against::Compare(&self.references) };
-        let series = play(self.player, self.plan.path, name, policy, against, &mut keep, &mut told)?;
+        let against = if first {
+            Against::Collect(&mut self.references)
+        } else {
+            Against::Compare(&self.references)
+        };
+        let series =
+            play(self.player, self.plan.path, name, policy, against, &mut keep, &mut told)?;
         Ok((series, kept))
     }
 }

@@ -9,10 +9,21 @@ use super::*;
 use crate::evaluate::fake::{Fake, error, meter, path, power, space};
 use crate::evaluate::{Choice, Controlled};
 
-fn evaluated(player: &mut Fake, power: Option<&str>, error: Option<f64>) -> Result<Evaluation, EvaluationError<std::fmt::Error>> {
+fn evaluated(
+    player: &mut Fake,
+    power: Option<&str>,
+    error: Option<f64>,
+) -> Result<Evaluation, EvaluationError<std::fmt::Error>> {
     let (space, path) = (space(), path());
     let budget = BudgetRequest { power: power.map(|text| text.parse().unwrap()), error };
-    let plan = EvaluationPlan { scene: "fake", space: &space, path: &path, meter: meter(), budget, keep_frames: &[0, 7, 99] };
+    let plan = EvaluationPlan {
+        scene: "fake",
+        space: &space,
+        path: &path,
+        meter: meter(),
+        budget,
+        keep_frames: &[0, 7, 99],
+    };
     let frontier = frontier(&space);
     let controller = move |budget: &ResolvedBudget| -> Box<dyn Policy> {
         let budget = *budget;
@@ -30,7 +41,10 @@ fn evaluated(player: &mut Fake, power: Option<&str>, error: Option<f64>) -> Resu
 }
 
 fn frontier(space: &KnobSpace) -> Frontier {
-    let point = |settings| FrontierPoint { settings, cost: CostPoint::new(power(settings), error(settings)) };
+    let point = |settings| FrontierPoint {
+        settings,
+        cost: CostPoint::new(power(settings), error(settings)),
+    };
     Frontier::from_points(space.iter().map(point))
 }
 
@@ -57,11 +71,17 @@ fn every_run_is_played_and_listed_in_order() {
 fn power_and_error_are_the_formulas() {
     let evaluation = evaluated(&mut Fake::default(), Some("60%"), None).unwrap();
     let space = space();
-    let presets = [("maximum", 1.0), ("max-mid", 2.0 / 3.0), ("mid-min", 1.0 / 3.0), ("minimum", 0.0)];
+    let presets =
+        [("maximum", 1.0), ("max-mid", 2.0 / 3.0), ("mid-min", 1.0 / 3.0), ("minimum", 0.0)];
     for (name, share) in presets {
         let (run, settings) = (run(&evaluation, name), space.preset(share));
         assert!((run.mean_power_w.0 - power(settings) - ALONG).abs() < 1e-9, "{name}");
-        assert!((run.mean_error - error(settings)).abs() < 1e-7, "{name}: {} is not {}", run.mean_error, error(settings));
+        assert!(
+            (run.mean_error - error(settings)).abs() < 1e-7,
+            "{name}: {} is not {}",
+            run.mean_error,
+            error(settings)
+        );
         assert_eq!(run.settings, Some(space.describe(settings)));
         assert_eq!(run.switches, 0);
     }
@@ -78,9 +98,14 @@ fn the_controller_keeps_the_budget_and_the_rival_takes_the_highest_resolution_th
     assert_eq!(frugal.series[3].predicted.unwrap().power, Watts(power(frugal.series[3].settings)));
     // 2.2 W + 0.4 W a level: level 3 takes 3.4 W.
     let rival = run(&evaluation, "resolution-only");
-    assert_eq!(rival.settings.as_deref(), Some("gi_vpl_count=64,resolution_scale=80%,antialiasing=FXAA"));
+    assert_eq!(
+        rival.settings.as_deref(),
+        Some("gi_vpl_count=64,resolution_scale=80%,antialiasing=FXAA")
+    );
     assert!(rival.met && rival.note.is_none());
-    assert!(!run(&evaluation, "maximum").met && run(&evaluation, "maximum").frames_over_budget == 10);
+    assert!(
+        !run(&evaluation, "maximum").met && run(&evaluation, "maximum").frames_over_budget == 10
+    );
     assert!((run(&evaluation, "maximum").p99_overshoot_w.unwrap().0 - 0.7).abs() < 0.02);
 }
 
@@ -90,7 +115,10 @@ fn an_error_budget_finds_the_lowest_resolution_that_keeps_it() {
     let at = |level| error(space.highest().with_level(1, level));
     let evaluation = evaluated(&mut Fake::default(), None, Some(at(2) + 1e-6)).unwrap();
     let rival = run(&evaluation, "resolution-only");
-    assert_eq!(rival.settings.as_deref(), Some("gi_vpl_count=64,resolution_scale=70%,antialiasing=FXAA"));
+    assert_eq!(
+        rival.settings.as_deref(),
+        Some("gi_vpl_count=64,resolution_scale=70%,antialiasing=FXAA")
+    );
     assert!(rival.met && rival.p99_overshoot_w.is_none());
     assert_eq!(evaluation.result.budget.power_w, None);
 }
@@ -99,7 +127,10 @@ fn an_error_budget_finds_the_lowest_resolution_that_keeps_it() {
 fn a_budget_that_no_resolution_meets_gives_the_closest_and_says_so() {
     let evaluation = evaluated(&mut Fake::default(), Some("1.5W"), None).unwrap();
     let rival = run(&evaluation, "resolution-only");
-    assert_eq!(rival.settings.as_deref(), Some("gi_vpl_count=64,resolution_scale=50%,antialiasing=FXAA"));
+    assert_eq!(
+        rival.settings.as_deref(),
+        Some("gi_vpl_count=64,resolution_scale=50%,antialiasing=FXAA")
+    );
     assert!(!rival.met && rival.note.as_deref().unwrap().contains("closest"));
 }
 
@@ -109,7 +140,14 @@ fn a_wide_budget_needs_no_other_resolution() {
     let evaluation = evaluated(&mut player, Some("100W"), None).unwrap();
     assert_eq!(run(&evaluation, "resolution-only").series, run(&evaluation, "maximum").series);
     assert!(!player.runs.iter().any(|run| run == "resolution-only"));
-    let of = |name: &str| evaluation.pictures.iter().filter(|picture| picture.run == name).map(|picture| picture.frame).collect::<Vec<_>>();
+    let of = |name: &str| {
+        evaluation
+            .pictures
+            .iter()
+            .filter(|picture| picture.run == name)
+            .map(|picture| picture.frame)
+            .collect::<Vec<_>>()
+    };
     assert_eq!(of("resolution-only"), [0, 7]);
     assert_eq!(of("frugal"), [0, 7], "frames beyond the path are ignored");
 }
@@ -126,16 +164,33 @@ fn drift_is_found_and_warned_of() {
 
 #[test]
 fn impossible_power_and_interruption_end_it() {
-    let broken = evaluated(&mut Fake { broken_at: Some(13), ..Fake::default() }, None, None).unwrap_err();
+    let broken =
+        evaluated(&mut Fake { broken_at: Some(13), ..Fake::default() }, None, None).unwrap_err();
     assert_eq!(broken.to_string(), "run `minimum`, frame 3: the meter gave NaN W");
     let (space, path) = (space(), path());
-    let plan = EvaluationPlan { scene: "", space: &space, path: &path, meter: meter(), budget: BudgetRequest::default(), keep_frames: &[] };
+    let plan = EvaluationPlan {
+        scene: "",
+        space: &space,
+        path: &path,
+        meter: meter(),
+        budget: BudgetRequest::default(),
+        keep_frames: &[],
+    };
     let mut seen = Vec::new();
-    let stopped = evaluate(&mut Fake::default(), &plan, |_| Box::new(Fixed(space.lowest())), &mut |progress| {
-        seen.push((progress.run.to_owned(), progress.frames_done));
-        assert!(progress.frames_done <= progress.frames_total);
-        if progress.frames_done == 25 { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
-    });
+    let stopped = evaluate(
+        &mut Fake::default(),
+        &plan,
+        |_| Box::new(Fixed(space.lowest())),
+        &mut |progress| {
+            seen.push((progress.run.to_owned(), progress.frames_done));
+            assert!(progress.frames_done <= progress.frames_total);
+            if progress.frames_done == 25 {
+                ControlFlow::Break(())
+            } else {
+                ControlFlow::Continue(())
+            }
+        },
+    );
     assert!(matches!(stopped, Err(EvaluationError::Interrupted)));
     assert_eq!(seen.last().unwrap(), &("frugal".to_owned(), 25));
 }
@@ -145,11 +200,23 @@ fn progress_never_exceeds_its_total() {
     let (space, path) = (space(), path());
     for watts in [0.5, 1.5, 2.3, 2.7, 3.1, 3.5, 3.9, 9.0] {
         let budget = BudgetRequest { power: Some(PowerBudget::Power(Watts(watts))), error: None };
-        let plan = EvaluationPlan { scene: "", space: &space, path: &path, meter: meter(), budget, keep_frames: &[] };
-        let done = evaluate(&mut Fake::default(), &plan, |_| Box::new(Fixed(space.lowest())), &mut |progress| {
-            assert!(progress.frames_done <= progress.frames_total);
-            ControlFlow::Continue(())
-        });
+        let plan = EvaluationPlan {
+            scene: "",
+            space: &space,
+            path: &path,
+            meter: meter(),
+            budget,
+            keep_frames: &[],
+        };
+        let done = evaluate(
+            &mut Fake::default(),
+            &plan,
+            |_| Box::new(Fixed(space.lowest())),
+            &mut |progress| {
+                assert!(progress.frames_done <= progress.frames_total);
+                ControlFlow::Continue(())
+            },
+        );
         assert!(done.is_ok());
     }
 }
@@ -159,10 +226,14 @@ fn json_has_the_agreed_form_and_reads_back() {
     let evaluation = evaluated(&mut Fake::default(), Some("3.5W"), None).unwrap();
     let json = serde_json::to_value(&evaluation.result).unwrap();
     assert_eq!((json["fps"].as_i64(), json["frames"].as_i64()), (Some(5), Some(10)));
-    assert_eq!((&json["meter"]["name"], &json["meter"]["provenance"]), (&"formula".into(), &"modelled".into()));
+    assert_eq!(
+        (&json["meter"]["name"], &json["meter"]["provenance"]),
+        (&"formula".into(), &"modelled".into())
+    );
     assert_eq!(json["budget"], serde_json::json!({"power_w": 3.5, "error": null}));
     assert_eq!(json["size"], serde_json::json!([16, 12]));
-    for key in ["name", "mean_power_w", "mean_error", "max_error", "frames_over_budget", "switches"] {
+    for key in ["name", "mean_power_w", "mean_error", "max_error", "frames_over_budget", "switches"]
+    {
         assert!(!json["runs"][0][key].is_null(), "{key}");
     }
     assert_eq!(json["runs"].as_array().unwrap().len(), 6);
@@ -173,11 +244,22 @@ fn json_has_the_agreed_form_and_reads_back() {
 #[test]
 fn a_scene_without_a_resolution_knob_has_no_such_run() {
     let (all, path) = (space(), path());
-    // Without the knob the fake's second knob is `antialiasing`; only which runs there are matters here.
+    // Without the knob the fake's second knob is `antialiasing`; only which runs there are matters
+    // here.
     let space = all.subset(["gi_vpl_count", "antialiasing"]).unwrap();
-    let plan = EvaluationPlan { scene: "", space: &space, path: &path, meter: meter(), budget: BudgetRequest::default(), keep_frames: &[] };
+    let plan = EvaluationPlan {
+        scene: "",
+        space: &space,
+        path: &path,
+        meter: meter(),
+        budget: BudgetRequest::default(),
+        keep_frames: &[],
+    };
     let evaluation =
-        evaluate(&mut Fake::default(), &plan, |_| Box::new(Fixed(space.lowest())), &mut |_| ControlFlow::Continue(())).unwrap();
+        evaluate(&mut Fake::default(), &plan, |_| Box::new(Fixed(space.lowest())), &mut |_| {
+            ControlFlow::Continue(())
+        })
+        .unwrap();
     assert_eq!(evaluation.result.runs.len(), 5);
     assert!(evaluation.result.warnings[0].contains("resolution_scale"));
 }

@@ -8,7 +8,8 @@ use bevy_frugal_gi::power::Provenance;
 
 use super::{EvaluationResult, Judged};
 
-const HEADERS: [&str; 8] = ["run", "mean W", "median W", "mean error", "max error", "over budget", "switches", "met"];
+const HEADERS: [&str; 8] =
+    ["run", "mean W", "median W", "mean error", "max error", "over budget", "switches", "met"];
 
 /// What `result` says, in lines of plain text that end with a line break.
 pub fn table(result: &EvaluationResult) -> String {
@@ -28,13 +29,19 @@ pub fn table(result: &EvaluationResult) -> String {
             ]
         })
         .collect();
-    let width = |column: usize| rows.iter().map(|row| row[column].len()).chain([HEADERS[column].len()]).max().unwrap_or(0);
+    let width = |column: usize| {
+        rows.iter().map(|row| row[column].len()).chain([HEADERS[column].len()]).max().unwrap_or(0)
+    };
     let widths: [usize; 8] = std::array::from_fn(width);
     let line = |cells: &dyn Fn(usize) -> String| {
         let cells = (0..8).map(|column| {
             let (cell, width) = (cells(column), widths[column]);
             // Names and words to the left, numbers to the right.
-            if column == 0 || column == 7 { format!("{cell:<width$}") } else { format!("{cell:>width$}") }
+            if column == 0 || column == 7 {
+                format!("{cell:<width$}")
+            } else {
+                format!("{cell:>width$}")
+            }
         });
         format!("{}\n", cells.collect::<Vec<_>>().join("  ").trim_end())
     };
@@ -75,7 +82,8 @@ pub fn table(result: &EvaluationResult) -> String {
     text
 }
 
-/// Several budgets on one path in a few lines each: what ours comes to beside the baselines, by mean power and mean error.
+/// Several budgets on one path in a few lines each: what ours comes to beside the baselines, by
+/// mean power and mean error.
 pub fn judged_table(all: &[Judged]) -> String {
     let mut text = String::new();
     for judged in all {
@@ -83,10 +91,14 @@ pub fn judged_table(all: &[Judged]) -> String {
             (Some(power), _) => format!(" ({:.3} W)", power.0),
             _ => String::new(),
         };
-        let gap = judged.gap_closed.map_or("no gap".to_owned(), |gap| format!("{:.0} % of the gap closed", 100.0 * gap));
+        let gap = judged
+            .gap_closed
+            .map_or("no gap".to_owned(), |gap| format!("{:.0} % of the gap closed", 100.0 * gap));
         let _ = writeln!(text, "{}{limit}: {gap}", judged.asked);
         for run in &judged.runs {
-            let over = run.windows_over.map_or(String::new(), |share| format!("  {:4.1} % of seconds over", 100.0 * share));
+            let over = run.windows_over.map_or(String::new(), |share| {
+                format!("  {:4.1} % of seconds over", 100.0 * share)
+            });
             let met = if run.met { "" } else { "  not met" };
             let _ = writeln!(
                 text,
@@ -101,12 +113,16 @@ pub fn judged_table(all: &[Judged]) -> String {
     text
 }
 
-/// Writes a row for every frame of every run: run, frame, time in seconds, power in watts, error, the forecast of both (empty without one),
-/// settings packed and in words.
+/// Writes a row for every frame of every run: run, frame, time in seconds, power in watts, error,
+/// the forecast of both (empty without one), settings packed and in words.
 ///
 /// # Errors
 /// When `to` cannot be written.
-pub fn frames_csv(result: &EvaluationResult, space: &KnobSpace, to: impl io::Write) -> Result<(), csv::Error> {
+pub fn frames_csv(
+    result: &EvaluationResult,
+    space: &KnobSpace,
+    to: impl io::Write,
+) -> Result<(), csv::Error> {
     let mut writer = csv::Writer::from_writer(to);
     writer.write_record([
         "run",
@@ -121,7 +137,8 @@ pub fn frames_csv(result: &EvaluationResult, space: &KnobSpace, to: impl io::Wri
     ])?;
     for run in &result.runs {
         for (number, frame) in run.series.iter().enumerate() {
-            let predicted = |value: Option<f64>| value.map(|value| value.to_string()).unwrap_or_default();
+            let predicted =
+                |value: Option<f64>| value.map(|value| value.to_string()).unwrap_or_default();
             writer.write_record([
                 run.name.clone(),
                 number.to_string(),
@@ -150,20 +167,37 @@ mod tests {
     fn result() -> EvaluationResult {
         let (space, path) = (space(), path());
         let budget = BudgetRequest { power: Some(PowerBudget::Share(0.1)), error: None };
-        let plan = EvaluationPlan { scene: "court.scene.ron", space: &space, path: &path, meter: meter(), budget, keep_frames: &[] };
-        evaluate(&mut Fake::default(), &plan, |_| Box::new(Fixed(space.lowest())), &mut |_| ControlFlow::Continue(())).unwrap().result
+        let plan = EvaluationPlan {
+            scene: "court.scene.ron",
+            space: &space,
+            path: &path,
+            meter: meter(),
+            budget,
+            keep_frames: &[],
+        };
+        evaluate(&mut Fake::default(), &plan, |_| Box::new(Fixed(space.lowest())), &mut |_| {
+            ControlFlow::Continue(())
+        })
+        .unwrap()
+        .result
     }
 
     #[test]
     fn columns_are_aligned_and_nothing_is_left_out() {
         let text = table(&result());
         let lines: Vec<&str> = text.lines().collect();
-        assert!(lines[0].contains("10 frames at 5 fps, 16×12. Power is modelled by formula"), "{text}");
+        assert!(
+            lines[0].contains("10 frames at 5 fps, 16×12. Power is modelled by formula"),
+            "{text}"
+        );
         assert!(lines[0].contains("power at most 10% (power 1.329 W)"), "{text}");
         let ends = |line: &str| line.find("error").map(|at| at + "error".len());
         assert_eq!(lines[2].len(), lines[3].len());
         assert_eq!(ends(lines[2]), Some("resolution-only  mean W  median W  mean error".len()));
-        assert_eq!(lines[4..10].iter().map(|line| line.split_whitespace().count()).collect::<Vec<_>>(), [8; 6]);
+        assert_eq!(
+            lines[4..10].iter().map(|line| line.split_whitespace().count()).collect::<Vec<_>>(),
+            [8; 6]
+        );
         assert!(lines[4].starts_with("frugal            1.009     1.009"), "{text}");
         assert!(text.contains("resolution-only: no resolution meets the budget"), "{text}");
         assert!(lines.iter().all(|line| line.trim_end() == *line));
@@ -176,7 +210,10 @@ mod tests {
         let mut reader = csv::Reader::from_reader(&bytes[..]);
         let rows: Vec<csv::StringRecord> = reader.records().map(Result::unwrap).collect();
         assert_eq!(rows.len(), 60);
-        assert_eq!((&rows[0][0], &rows[0][8]), ("frugal", "gi_vpl_count=0,resolution_scale=50%,antialiasing=off"));
+        assert_eq!(
+            (&rows[0][0], &rows[0][8]),
+            ("frugal", "gi_vpl_count=0,resolution_scale=50%,antialiasing=off")
+        );
         assert_eq!(&rows[0][5], "", "a fixed policy predicts nothing");
     }
 }

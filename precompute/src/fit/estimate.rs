@@ -2,7 +2,9 @@
 
 use std::collections::BTreeMap;
 
-use bevy_frugal_gi::frontier::{Address, Bounds, CameraView, CostPoint, Frontier, FrontierPoint, Leaf, address_in};
+use bevy_frugal_gi::frontier::{
+    Address, Bounds, CameraView, CostPoint, Frontier, FrontierPoint, Leaf, address_in,
+};
 use bevy_frugal_gi::knobs::RenderSettings;
 
 use super::smooth::{Place, Smoother};
@@ -24,12 +26,24 @@ pub struct Training {
 
 impl Training {
     /// The cameras of `table` at which all of `settings` are known.
-    pub fn new(table: &CostTable, cameras: &[MovingCamera], settings: &[RenderSettings]) -> (Self, Vec<usize>) {
-        let mut training = Self { settings: settings.to_vec(), costs: Vec::new(), groups: Vec::new(), on_track: Vec::new() };
+    pub fn new(
+        table: &CostTable,
+        cameras: &[MovingCamera],
+        settings: &[RenderSettings],
+    ) -> (Self, Vec<usize>) {
+        let mut training = Self {
+            settings: settings.to_vec(),
+            costs: Vec::new(),
+            groups: Vec::new(),
+            on_track: Vec::new(),
+        };
         let mut rows = Vec::new();
         for (row, camera) in cameras.iter().enumerate().take(table.rows()) {
-            let costs: Option<Vec<CostPoint>> = settings.iter().map(|settings| table.get(row, *settings)).collect();
-            if let Some(costs) = costs.filter(|costs| costs.iter().all(|cost| cost.power.0 > 0.0 && cost.error >= 0.0)) {
+            let costs: Option<Vec<CostPoint>> =
+                settings.iter().map(|settings| table.get(row, *settings)).collect();
+            if let Some(costs) = costs
+                .filter(|costs| costs.iter().all(|cost| cost.power.0 > 0.0 && cost.error >= 0.0))
+            {
                 if camera.is_on_track() {
                     training.on_track.push(training.costs.len());
                 }
@@ -58,18 +72,29 @@ impl Training {
 
     /// Cameras where an app's cameras were; all of them where there are few of those.
     pub fn representative(&self) -> Vec<usize> {
-        if self.on_track.len() >= LEAST_ON_TRACK { self.on_track.clone() } else { (0..self.cameras()).collect() }
+        if self.on_track.len() >= LEAST_ON_TRACK {
+            self.on_track.clone()
+        } else {
+            (0..self.cameras()).collect()
+        }
     }
 
     /// Mean costs over `cameras`; of none, nothing.
     pub fn mean(&self, cameras: &[usize]) -> Estimate {
         let count = cameras.len().max(1) as f64;
         let mean = |setting: usize| {
-            let sum = |value: fn(&CostPoint) -> f64| cameras.iter().map(|camera| value(&self.costs[*camera][setting])).sum::<f64>() / count;
+            let sum = |value: fn(&CostPoint) -> f64| {
+                cameras.iter().map(|camera| value(&self.costs[*camera][setting])).sum::<f64>()
+                    / count
+            };
             CostPoint::new(sum(|cost| cost.power.0), sum(|cost| cost.error))
         };
         Estimate {
-            costs: if cameras.is_empty() { Vec::new() } else { (0..self.settings.len()).map(mean).collect() },
+            costs: if cameras.is_empty() {
+                Vec::new()
+            } else {
+                (0..self.settings.len()).map(mean).collect()
+            },
             weight: cameras.len() as f64,
         }
     }
@@ -77,7 +102,9 @@ impl Training {
     /// The frontier of an estimate.
     pub fn frontier(&self, estimate: &Estimate) -> Frontier {
         let points = self.settings.iter().zip(&estimate.costs);
-        Frontier::from_points(points.map(|(settings, cost)| FrontierPoint { settings: *settings, cost: *cost }))
+        Frontier::from_points(
+            points.map(|(settings, cost)| FrontierPoint { settings: *settings, cost: *cost }),
+        )
     }
 }
 
@@ -106,7 +133,14 @@ impl Keys {
     pub fn new(bounds: &Bounds, levels: u8, views: &[CameraView]) -> Self {
         let positions: Vec<_> = views.iter().map(|view| bounds.to_unit(view.position)).collect();
         let at_depth = |depth: u8| {
-            let address = |view: &CameraView| address_in(bounds, levels, leaf_at(levels, depth, bounds.to_unit(view.position)), view);
+            let address = |view: &CameraView| {
+                address_in(
+                    bounds,
+                    levels,
+                    leaf_at(levels, depth, bounds.to_unit(view.position)),
+                    view,
+                )
+            };
             views.iter().map(address).collect()
         };
         Self { addresses: (0..=levels).map(at_depth).collect(), positions, bounds: *bounds, levels }
@@ -114,20 +148,29 @@ impl Keys {
 
     /// Where an address itself is.
     pub fn place(&self, address: Address) -> Place {
-        let unit = bevy::math::Vec3::from_array(address.at.map(f32::from)) / f32::from(1_u16 << self.levels);
+        let unit = bevy::math::Vec3::from_array(address.at.map(f32::from))
+            / f32::from(1_u16 << self.levels);
         let rotation = address.direction.rotation();
-        Place::from(&CameraView { position: self.bounds.from_unit(unit), rotation, vertical_fov: 1.0, aspect: 1.0 })
+        Place::from(&CameraView {
+            position: self.bounds.from_unit(unit),
+            rotation,
+            vertical_fov: 1.0,
+            aspect: 1.0,
+        })
     }
 }
 
 /// The cube of depth `depth` that holds `position`.
 pub(super) fn leaf_at(levels: u8, depth: u8, position: bevy::math::Vec3) -> Leaf {
     let (lattice, size) = (1_u16 << levels, 1_u16 << (levels - depth));
-    let min = position.to_array().map(|unit| (((unit * f32::from(lattice)) as u16).min(lattice - 1) / size) * size);
+    let min = position
+        .to_array()
+        .map(|unit| (((unit * f32::from(lattice)) as u16).min(lattice - 1) / size) * size);
     Leaf { min, size }
 }
 
-/// Estimates at every depth, from some of the cameras: of all together, and of each address that has one of them.
+/// Estimates at every depth, from some of the cameras: of all together, and of each address that
+/// has one of them.
 #[derive(Clone, Debug)]
 pub(super) struct Pyramid<'a> {
     smoother: &'a Smoother<'a>,
@@ -138,10 +181,17 @@ pub(super) struct Pyramid<'a> {
 }
 
 impl<'a> Pyramid<'a> {
-    pub fn new(training: &Training, smoother: &'a Smoother<'a>, keys: &Keys, cameras: &[usize]) -> Self {
+    pub fn new(
+        training: &Training,
+        smoother: &'a Smoother<'a>,
+        keys: &Keys,
+        cameras: &[usize],
+    ) -> Self {
         let of_depth = |addresses: &Vec<Address>| {
             let mut members: BTreeMap<Address, Vec<usize>> = BTreeMap::new();
-            cameras.iter().for_each(|camera| members.entry(addresses[*camera]).or_default().push(*camera));
+            cameras
+                .iter()
+                .for_each(|camera| members.entry(addresses[*camera]).or_default().push(*camera));
             members
         };
         let members = keys.addresses.iter().map(of_depth).collect();
@@ -159,11 +209,13 @@ impl<'a> Pyramid<'a> {
 
     /// The same for several cameras' places at once.
     pub fn places(&self, cameras: &[usize]) -> Estimate {
-        let places: Vec<Place> = cameras.iter().map(|camera| self.smoother.place(*camera)).collect();
+        let places: Vec<Place> =
+            cameras.iter().map(|camera| self.smoother.place(*camera)).collect();
         self.smoother.at(&places, &self.cameras, &self.shared)
     }
 
-    /// How much finer estimates differ from those of `depth`, in the mean over `cameras` and settings.
+    /// How much finer estimates differ from those of `depth`, in the mean over `cameras` and
+    /// settings.
     pub fn distance(&self, keys: &Keys, cameras: &[usize], depth: usize) -> CostPoint {
         let (mut power, mut error, mut count) = (0.0, 0.0, 0.0_f64);
         for camera in cameras {

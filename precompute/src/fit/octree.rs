@@ -2,7 +2,9 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 
-use bevy_frugal_gi::frontier::{Address, Bounds, CameraView, Corner, Frontier, Leaf, Octree, ViewDirection};
+use bevy_frugal_gi::frontier::{
+    Address, Bounds, CameraView, Corner, Frontier, Leaf, Octree, ViewDirection,
+};
 
 use super::estimate::{Estimate, Keys, Pyramid, Training, leaf_at};
 use super::validate::held_out;
@@ -18,7 +20,8 @@ pub struct FitConfig {
     pub levels: u8,
     /// Least number of cameras in a node that is divided. Higher values give smaller maps.
     pub least_cameras: usize,
-    /// A node is divided only where what its parts' estimates say differs by more than this: watts, in the mean over settings.
+    /// A node is divided only where what its parts' estimates say differs by more than this: watts,
+    /// in the mean over settings.
     pub power_threshold_w: f64,
     /// The same as a share of the range of power of the frontier that all share.
     pub power_threshold_share: f64,
@@ -28,7 +31,13 @@ pub struct FitConfig {
 
 impl Default for FitConfig {
     fn default() -> Self {
-        Self { levels: 4, least_cameras: 2, power_threshold_w: 0.0, power_threshold_share: 0.01, error_threshold: 0.001 }
+        Self {
+            levels: 4,
+            least_cameras: 2,
+            power_threshold_w: 0.0,
+            power_threshold_share: 0.01,
+            error_threshold: 0.001,
+        }
     }
 }
 
@@ -37,8 +46,8 @@ impl Default for FitConfig {
 pub struct FitReport {
     /// Cameras that it comes from.
     pub cameras: usize,
-    /// Cross-validated loss of the frontier that all cameras share, as a share of the least cost; in the mean over cameras on
-    /// tracks, where there are enough of them.
+    /// Cross-validated loss of the frontier that all cameras share, as a share of the least cost;
+    /// in the mean over cameras on tracks, where there are enough of them.
     pub shared_loss: f64,
     /// The same of the octree.
     pub octree_loss: f64,
@@ -59,12 +68,18 @@ pub struct Fitted {
     pub shared: Frontier,
     /// What it came to.
     pub report: FitReport,
-    /// For each training camera the frontier that it would be given, had it and its group taken no part.
+    /// For each training camera the frontier that it would be given, had it and its group taken no
+    /// part.
     pub held_out: Vec<Frontier>,
 }
 
 /// Fits an octree over `bounds` to `training`, whose cameras have these `views`.
-pub fn fit(training: &Training, views: &[CameraView], bounds: &Bounds, config: &FitConfig) -> Fitted {
+pub fn fit(
+    training: &Training,
+    views: &[CameraView],
+    bounds: &Bounds,
+    config: &FitConfig,
+) -> Fitted {
     let levels = config.levels.min(6);
     let keys = Keys::new(bounds, levels, views);
     let all: Vec<usize> = (0..training.cameras()).collect();
@@ -72,20 +87,29 @@ pub fn fit(training: &Training, views: &[CameraView], bounds: &Bounds, config: &
     let pyramid = Pyramid::new(training, &smoother, &keys, &all);
     let losses = Losses::cross_validated(training, &smoother, &keys);
     let representative = training.representative();
-    let mean = |losses: &[f64]| representative.iter().map(|camera| losses[*camera]).sum::<f64>() / representative.len().max(1) as f64;
+    let mean = |losses: &[f64]| {
+        representative.iter().map(|camera| losses[*camera]).sum::<f64>()
+            / representative.len().max(1) as f64
+    };
     let shared = training.frontier(&pyramid.shared);
-    let mut report = FitReport { cameras: all.len(), shared_loss: mean(&losses.shared), ..FitReport::default() };
+    let mut report =
+        FitReport { cameras: all.len(), shared_loss: mean(&losses.shared), ..FitReport::default() };
 
     let range = |frontier: &Frontier| {
         let points = frontier.points();
-        points.last().zip(points.first()).map_or(0.0, |(last, first)| last.cost.power.0 - first.cost.power.0)
+        points
+            .last()
+            .zip(points.first())
+            .map_or(0.0, |(last, first)| last.cost.power.0 - first.cost.power.0)
     };
-    report.power_threshold_w = config.power_threshold_w.max(config.power_threshold_share * range(&shared));
+    report.power_threshold_w =
+        config.power_threshold_w.max(config.power_threshold_share * range(&shared));
     let differs = |depth: usize, cameras: &[usize]| {
         let distance = pyramid.distance(&keys, cameras, depth);
         distance.power.0 > report.power_threshold_w || distance.error > config.error_threshold
     };
-    let mut tree = Tree { octree: Octree { levels, nodes: vec![0], ..Octree::default() }, leaves: Vec::new() };
+    let mut tree =
+        Tree { octree: Octree { levels, nodes: vec![0], ..Octree::default() }, leaves: Vec::new() };
     let by_depth: Vec<f64> = losses.by_depth.iter().map(|losses| mean(losses)).collect();
     let depth = losses.deepest(&representative);
     report.depth_losses = by_depth;
@@ -97,7 +121,9 @@ pub fn fit(training: &Training, views: &[CameraView], bounds: &Bounds, config: &
             0,
             Leaf { min: [0; 3], size: 1 << levels },
             &all,
-            &mut |at, cameras| at < depth && cameras.len() >= config.least_cameras && differs(at, cameras),
+            &mut |at, cameras| {
+                at < depth && cameras.len() >= config.least_cameras && differs(at, cameras)
+            },
             &keys,
         );
     } else {
@@ -108,15 +134,28 @@ pub fn fit(training: &Training, views: &[CameraView], bounds: &Bounds, config: &
     report.addresses = estimates.len();
     let depths = is_divided.then(|| {
         let mut depths = vec![0; all.len()];
-        leaves.iter().for_each(|(_, depth, cameras)| cameras.iter().for_each(|camera| depths[*camera] = *depth));
+        leaves.iter().for_each(|(_, depth, cameras)| {
+            cameras.iter().for_each(|camera| depths[*camera] = *depth)
+        });
         depths
     });
     // Over the same cameras as the loss that it is held against.
-    let of_octree =
-        |depths: &Vec<usize>| mean(&depths.iter().zip(&all).map(|(depth, camera)| losses.by_depth[*depth][*camera]).collect::<Vec<_>>());
+    let of_octree = |depths: &Vec<usize>| {
+        mean(
+            &depths
+                .iter()
+                .zip(&all)
+                .map(|(depth, camera)| losses.by_depth[*depth][*camera])
+                .collect::<Vec<_>>(),
+        )
+    };
     report.octree_loss = depths.as_ref().map_or(report.shared_loss, of_octree);
     let held_out = held_out(training, &smoother, &keys, depths.as_deref());
-    fill(&mut octree, &leaves, &Known { training, keys: &keys, pyramid: &pyramid, estimates: &estimates, shared: &shared });
+    fill(
+        &mut octree,
+        &leaves,
+        &Known { training, keys: &keys, pyramid: &pyramid, estimates: &estimates, shared: &shared },
+    );
     Fitted { octree, shared, report, held_out }
 }
 
@@ -147,15 +186,22 @@ impl Tree {
         for child in 0..8 {
             let part = Leaf { min: half.corner(child), size: half.size };
             let levels = self.octree.levels;
-            let inside = cameras.iter().filter(|camera| leaf_at(levels, depth as u8 + 1, keys.positions[**camera]) == part);
+            let inside = cameras.iter().filter(|camera| {
+                leaf_at(levels, depth as u8 + 1, keys.positions[**camera]) == part
+            });
             let inside: Vec<usize> = inside.copied().collect();
             self.divide(first + child, depth + 1, part, &inside, pays, keys);
         }
     }
 }
 
-/// Estimates of the addresses that cameras fall into: corners on the border of two leaves have cameras of both.
-fn estimates(keys: &Keys, pyramid: &Pyramid<'_>, leaves: &[(Leaf, usize, Vec<usize>)]) -> BTreeMap<Address, Estimate> {
+/// Estimates of the addresses that cameras fall into: corners on the border of two leaves have
+/// cameras of both.
+fn estimates(
+    keys: &Keys,
+    pyramid: &Pyramid<'_>,
+    leaves: &[(Leaf, usize, Vec<usize>)],
+) -> BTreeMap<Address, Estimate> {
     let mut members: BTreeMap<Address, Vec<usize>> = BTreeMap::new();
     for (_, depth, cameras) in leaves {
         for camera in cameras {
@@ -184,20 +230,26 @@ impl Known<'_> {
             return self.training.frontier(estimate);
         }
         let around = self.pyramid.address(self.keys, address, 0);
-        if around.weight < LEAST_WEIGHT { self.shared.clone() } else { self.training.frontier(&around) }
+        if around.weight < LEAST_WEIGHT {
+            self.shared.clone()
+        } else {
+            self.training.frontier(&around)
+        }
     }
 }
 
 /// Gives every corner of every leaf its six frontiers; equal ones are stored once.
 fn fill(octree: &mut Octree, leaves: &[(Leaf, usize, Vec<usize>)], known: &Known<'_>) {
-    let corners: BTreeSet<[u16; 3]> = leaves.iter().flat_map(|(leaf, ..)| (0..8).map(|number| leaf.corner(number))).collect();
+    let corners: BTreeSet<[u16; 3]> =
+        leaves.iter().flat_map(|(leaf, ..)| (0..8).map(|number| leaf.corner(number))).collect();
     for at in corners {
         let frontiers = ViewDirection::ALL.map(|direction| {
             let frontier = known.frontier(Address { at, direction }).rounded();
-            let index = octree.frontiers.iter().position(|other| *other == frontier).unwrap_or_else(|| {
-                octree.frontiers.push(frontier);
-                octree.frontiers.len() - 1
-            });
+            let index =
+                octree.frontiers.iter().position(|other| *other == frontier).unwrap_or_else(|| {
+                    octree.frontiers.push(frontier);
+                    octree.frontiers.len() - 1
+                });
             index as u32
         });
         octree.corners.push(Corner { at, frontiers });

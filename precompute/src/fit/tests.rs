@@ -20,12 +20,21 @@ fn settings() -> Vec<RenderSettings> {
 }
 
 /// Even settings suit one kind of view, odd ones the other. `noise` is relative.
-fn cost(settings: RenderSettings, kind: bool, difficulty: f64, noise: f64, random: &mut ChaCha8Rng) -> CostPoint {
+fn cost(
+    settings: RenderSettings,
+    kind: bool,
+    difficulty: f64,
+    noise: f64,
+    random: &mut ChaCha8Rng,
+) -> CostPoint {
     let quality = (settings.bits() / 2) as f64 / (SETTINGS / 2 - 1) as f64;
     let suits = settings.bits().is_multiple_of(2) == kind;
     let mut noisy = |value: f64| value * (1.0 + noise * random.random_range(-1.0..1.0));
     let power = noisy(1.0 + 9.0 * quality * quality);
-    CostPoint::new(power, noisy(difficulty * 0.1 * (1.0 - quality).powi(2) * if suits { 1.0 } else { 2.5 }))
+    CostPoint::new(
+        power,
+        noisy(difficulty * 0.1 * (1.0 - quality).powi(2) * if suits { 1.0 } else { 2.5 }),
+    )
 }
 
 struct Scene {
@@ -42,7 +51,12 @@ fn scene(count: usize, seed: u64, noise: f64, kind: impl Fn(Vec3) -> bool) -> Sc
         let position = Vec3::from_array(std::array::from_fn(|_| random.random_range(0.1..7.9)));
         let rotation = Quat::from_rotation_y(random.random_range(0.0..std::f32::consts::TAU));
         let pose = CameraPose { position, rotation };
-        scene.cameras.push(MovingCamera { pose, velocity: Vec3::ZERO, turn: Vec3::ZERO, group: row as u32 });
+        scene.cameras.push(MovingCamera {
+            pose,
+            velocity: Vec3::ZERO,
+            turn: Vec3::ZERO,
+            group: row as u32,
+        });
         scene.views.push(CameraView { position, rotation, vertical_fov: 1.0, aspect: 1.5 });
         let difficulty = random.random_range(0.7..1.4);
         for settings in settings() {
@@ -64,7 +78,12 @@ fn where_all_cameras_are_alike_they_share_one_frontier() {
     for seed in 0..5 {
         let fitted = fitted(&scene(120, seed, 0.1, |_| true));
         assert_eq!(fitted.octree.validate(), Ok(()));
-        assert!(fitted.octree.frontiers.len() <= 60 && fitted.report.octree_loss <= fitted.report.shared_loss, "{:?}", fitted.report);
+        assert!(
+            fitted.octree.frontiers.len() <= 60
+                && fitted.report.octree_loss <= fitted.report.shared_loss,
+            "{:?}",
+            fitted.report
+        );
         assert!(fitted.shared.points().len() > 5);
     }
 }
@@ -75,10 +94,12 @@ fn halves_of_a_scene_that_differ_get_frontiers_of_their_own() {
     let fitted = fitted(&scene(200, 1, 0.05, is_near));
     assert_eq!(fitted.octree.validate(), Ok(()));
     assert!(fitted.report.octree_loss < 0.4 * fitted.report.shared_loss, "{:?}", fitted.report);
-    // Of the frontiers at each end most settings are of the kind that suits it; addresses without cameras have a coarser one's.
+    // Of the frontiers at each end most settings are of the kind that suits it; addresses without
+    // cameras have a coarser one's.
     for (x, parity) in [(0, 0), (1 << fitted.octree.levels, 1)] {
         let corners = fitted.octree.corners.iter().filter(|corner| corner.at[0] == x);
-        let frontiers = corners.flat_map(|corner| ViewDirection::ALL.map(|view| fitted.octree.frontier(corner, view)));
+        let frontiers = corners
+            .flat_map(|corner| ViewDirection::ALL.map(|view| fitted.octree.frontier(corner, view)));
         let (mut suits, mut all) = (0, 0);
         for point in frontiers.flatten().flat_map(|frontier| frontier.points()) {
             suits += usize::from(point.settings.bits() % 2 == parity);
@@ -110,7 +131,8 @@ fn cameras_that_lack_a_reading_take_no_part() {
 fn played(octree: &Octree, rates: &ErrorRates, budget: f64, seed: u64) -> f64 {
     let scene = scene(400, seed, 0.02, |_| true);
     let frontier = &octree.frontiers[0];
-    let settings = select(frontier, &Budget::error(budget), rates.rate(budget)).expect("a frontier").settings;
+    let settings =
+        select(frontier, &Budget::error(budget), rates.rate(budget)).expect("a frontier").settings;
     (0..400).filter_map(|row| Some(scene.table.get(row, settings)?.error)).sum::<f64>() / 400.0
 }
 
@@ -121,10 +143,21 @@ fn calibrated_budgets_hold_at_cameras_that_were_never_seen() {
         let train = scene(60, seed, 0.02, |_| true);
         let fitted = fitted(&train);
         let held_out = scene(30, 1000 + seed, 0.02, |_| true);
-        let errors: Vec<_> =
-            (0..30).map(|row| move |settings: RenderSettings, table: &CostTable| table.get(row, settings).map(|c| c.error)).collect();
-        let lookups: Vec<_> = errors.iter().map(|error| |settings: RenderSettings| error(settings, &held_out.table)).collect();
-        let cameras: Vec<_> = lookups.iter().map(|error| Calibration { frontier: &fitted.octree.frontiers[0], error }).collect();
+        let errors: Vec<_> = (0..30)
+            .map(|row| {
+                move |settings: RenderSettings, table: &CostTable| {
+                    table.get(row, settings).map(|c| c.error)
+                }
+            })
+            .collect();
+        let lookups: Vec<_> = errors
+            .iter()
+            .map(|error| |settings: RenderSettings| error(settings, &held_out.table))
+            .collect();
+        let cameras: Vec<_> = lookups
+            .iter()
+            .map(|error| Calibration { frontier: &fitted.octree.frontiers[0], error })
+            .collect();
         let rates = calibrate(&cameras, true);
         assert!(rates.is_sound() && rates.0.len() > 8, "{rates:?}");
         for budget in [0.01, 0.02, 0.04] {
@@ -144,7 +177,10 @@ fn without_cameras_nothing_is_calibrated_and_few_support_little() {
     let error = |settings: RenderSettings| train.table.get(0, settings).map(|cost| cost.error);
     let camera = || Calibration { frontier: &fitted.shared, error: &error };
     // With three cameras the bound alone is a whole budget.
-    assert!(calibrate(&[camera(), camera(), camera()], true).0.len() <= calibrate(&[camera(), camera(), camera()], false).0.len());
+    assert!(
+        calibrate(&[camera(), camera(), camera()], true).0.len()
+            <= calibrate(&[camera(), camera(), camera()], false).0.len()
+    );
     let broken = |_: RenderSettings| None;
     let unknown = calibrate(&[Calibration { frontier: &fitted.shared, error: &broken }], true);
     assert!(unknown.is_sound());

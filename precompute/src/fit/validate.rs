@@ -7,11 +7,12 @@ use super::estimate::{Estimate, Keys, Pyramid, Training};
 
 /// Parts that the cameras are divided into.
 const FOLDS: u32 = 8;
-/// Exchange rates at which picks are judged, in units of the greatest mean power per unit of error: those of error budgets from a few
-/// hundredths to a few thousandths.
+/// Exchange rates at which picks are judged, in units of the greatest mean power per unit of error:
+/// those of error budgets from a few hundredths to a few thousandths.
 const RATES: [f64; 7] = [2.0, 4.0, 8.0, 16.0, 32.0, 64.0, 128.0];
 
-/// What the best depth must save to be worth a larger map: standard errors, and a share of what one frontier for all loses.
+/// What the best depth must save to be worth a larger map: standard errors, and a share of what one
+/// frontier for all loses.
 const LEAST_SAVING: (f64, f64) = (1.0, 0.1);
 
 /// What picks cost at held-out cameras: how far above the best pick, as a share of it.
@@ -28,29 +29,40 @@ impl Losses {
     pub fn cross_validated(training: &Training, smoother: &Smoother<'_>, keys: &Keys) -> Self {
         let count = training.cameras();
         let depths = keys.addresses.len();
-        let mut losses = Self { shared: vec![0.0; count], by_depth: vec![vec![0.0; count]; depths] };
-        let power = |camera: usize| training.costs(camera).iter().map(|cost| cost.power.0).fold(0.0, f64::max);
+        let mut losses =
+            Self { shared: vec![0.0; count], by_depth: vec![vec![0.0; count]; depths] };
+        let power = |camera: usize| {
+            training.costs(camera).iter().map(|cost| cost.power.0).fold(0.0, f64::max)
+        };
         let scale = (0..count).map(power).sum::<f64>() / count.max(1) as f64;
         for (out, kept) in folds(training) {
             let pyramid = Pyramid::new(training, smoother, keys, &kept);
             for camera in out {
                 losses.shared[camera] = loss(training, camera, &pyramid.shared, scale);
                 for (depth, by_camera) in losses.by_depth.iter_mut().enumerate() {
-                    by_camera[camera] = loss(training, camera, &pyramid.address(keys, keys.addresses[depth][camera], depth), scale);
+                    by_camera[camera] = loss(
+                        training,
+                        camera,
+                        &pyramid.address(keys, keys.addresses[depth][camera], depth),
+                        scale,
+                    );
                 }
             }
         }
         losses
     }
 
-    /// The greatest depth whose loss at `cameras` is within one standard error of the least, and no more than that of one
-    /// frontier for all; `None` where that one is as good.
+    /// The greatest depth whose loss at `cameras` is within one standard error of the least, and no
+    /// more than that of one frontier for all; `None` where that one is as good.
     ///
-    /// One question for many cameras: a node alone has too few of them to tell. The deepest, since estimates are smoothed
-    /// over cameras: what is divided too finely loses little. At cameras on tracks, where they are near each other as they
-    /// are at run time: those in free space have nobody beside them, and say of every depth that it does not help.
+    /// One question for many cameras: a node alone has too few of them to tell. The deepest, since
+    /// estimates are smoothed over cameras: what is divided too finely loses little. At cameras on
+    /// tracks, where they are near each other as they are at run time: those in free space have
+    /// nobody beside them, and say of every depth that it does not help.
     pub(super) fn deepest(&self, cameras: &[usize]) -> Option<usize> {
-        let among = |losses: &Vec<f64>| cameras.iter().filter_map(|camera| losses.get(*camera).copied()).collect::<Vec<f64>>();
+        let among = |losses: &Vec<f64>| {
+            cameras.iter().filter_map(|camera| losses.get(*camera).copied()).collect::<Vec<f64>>()
+        };
         let by_depth: Vec<Vec<f64>> = self.by_depth.iter().map(among).collect();
         let shared = among(&self.shared);
         let all = || std::iter::once(&shared).chain(&by_depth);
@@ -70,7 +82,8 @@ impl Losses {
 
 /// Mean by which losses are above others at the same cameras, and its standard error.
 fn difference(losses: &[f64], others: &[f64]) -> (f64, f64) {
-    let differences: Vec<f64> = losses.iter().zip(others).map(|(loss, other)| loss - other).collect();
+    let differences: Vec<f64> =
+        losses.iter().zip(others).map(|(loss, other)| loss - other).collect();
     let count = differences.len() as f64;
     if count < 2.0 {
         return (0.0, 0.0);
@@ -80,20 +93,31 @@ fn difference(losses: &[f64], others: &[f64]) -> (f64, f64) {
     (mean, (squares / (count - 1.0) / count).sqrt())
 }
 
-/// Cameras that are held out, and those that are kept, in turn; whole groups, and never all of them.
+/// Cameras that are held out, and those that are kept, in turn; whole groups, and never all of
+/// them.
 fn folds(training: &Training) -> impl Iterator<Item = (Vec<usize>, Vec<usize>)> + '_ {
-    let fold = |camera: usize| training.group(camera).wrapping_mul(2_654_435_769) >> 16 & (FOLDS - 1);
-    let parts = (0..FOLDS).map(move |part| (0..training.cameras()).partition(|camera| fold(*camera) == part));
+    let fold =
+        |camera: usize| training.group(camera).wrapping_mul(2_654_435_769) >> 16 & (FOLDS - 1);
+    let parts = (0..FOLDS)
+        .map(move |part| (0..training.cameras()).partition(|camera| fold(*camera) == part));
     parts.filter(|(out, kept): &(Vec<usize>, Vec<usize>)| !out.is_empty() && !kept.is_empty())
 }
 
-/// For each camera the frontier of its address at its depth, from the cameras of other folds; from all of them together without depths.
-pub(super) fn held_out(training: &Training, smoother: &Smoother<'_>, keys: &Keys, depths: Option<&[usize]>) -> Vec<Frontier> {
+/// For each camera the frontier of its address at its depth, from the cameras of other folds; from
+/// all of them together without depths.
+pub(super) fn held_out(
+    training: &Training,
+    smoother: &Smoother<'_>,
+    keys: &Keys,
+    depths: Option<&[usize]>,
+) -> Vec<Frontier> {
     let mut frontiers = vec![Frontier::default(); training.cameras()];
     for (out, kept) in folds(training) {
         let pyramid = Pyramid::new(training, smoother, keys, &kept);
         for camera in out {
-            let estimate = depths.map(|depths| depths[camera]).map(|depth| pyramid.address(keys, keys.addresses[depth][camera], depth));
+            let estimate = depths
+                .map(|depths| depths[camera])
+                .map(|depth| pyramid.address(keys, keys.addresses[depth][camera], depth));
             frontiers[camera] = training.frontier(estimate.as_ref().unwrap_or(&pyramid.shared));
         }
     }
@@ -104,9 +128,11 @@ pub(super) fn held_out(training: &Training, smoother: &Smoother<'_>, keys: &Keys
 fn loss(training: &Training, camera: usize, estimate: &Estimate, scale: f64) -> f64 {
     let costs = training.costs(camera);
     let at_rate = |rate: f64| {
-        let value = |cost: &bevy_frugal_gi::frontier::CostPoint| cost.power.0 + rate * scale * cost.error;
-        let least =
-            |costs: &[bevy_frugal_gi::frontier::CostPoint]| (0..costs.len()).min_by(|a, b| value(&costs[*a]).total_cmp(&value(&costs[*b])));
+        let value =
+            |cost: &bevy_frugal_gi::frontier::CostPoint| cost.power.0 + rate * scale * cost.error;
+        let least = |costs: &[bevy_frugal_gi::frontier::CostPoint]| {
+            (0..costs.len()).min_by(|a, b| value(&costs[*a]).total_cmp(&value(&costs[*b])))
+        };
         match (least(&estimate.costs), least(costs)) {
             (Some(picked), Some(best)) => value(&costs[picked]) / value(&costs[best]) - 1.0,
             _ => 0.0,
@@ -123,7 +149,9 @@ mod tests {
 
     /// Losses of four cameras that vary by a tenth about these means.
     fn losses(shared: f64, by_depth: &[f64]) -> Losses {
-        let vary = |mean: &f64| [-0.1, 0.05, 0.1, -0.05].iter().map(|part| mean * (1.0 + part)).collect::<Vec<f64>>();
+        let vary = |mean: &f64| {
+            [-0.1, 0.05, 0.1, -0.05].iter().map(|part| mean * (1.0 + part)).collect::<Vec<f64>>()
+        };
         // Each depth's the other way round from the one before, so that differences have a spread.
         let depth = |(index, mean): (usize, &f64)| {
             let mut losses = vary(mean);
@@ -135,9 +163,25 @@ mod tests {
 
     #[test]
     fn the_octree_is_as_deep_as_losses_allow() {
-        assert_eq!(losses(0.2, &[0.1, 0.1, 0.1]).deepest(&ALL), Some(2), "equal depths: the deepest");
-        assert_eq!(losses(0.2, &[0.1, 0.101, 0.3]).deepest(&ALL), Some(1), "a depth that costs much more is too deep");
-        assert_eq!(losses(0.1, &[0.3, 0.3]).deepest(&ALL), None, "one frontier for all is far better");
-        assert_eq!(Losses { shared: vec![], by_depth: vec![vec![]; 2] }.deepest(&[]), Some(1), "no cameras: no evidence");
+        assert_eq!(
+            losses(0.2, &[0.1, 0.1, 0.1]).deepest(&ALL),
+            Some(2),
+            "equal depths: the deepest"
+        );
+        assert_eq!(
+            losses(0.2, &[0.1, 0.101, 0.3]).deepest(&ALL),
+            Some(1),
+            "a depth that costs much more is too deep"
+        );
+        assert_eq!(
+            losses(0.1, &[0.3, 0.3]).deepest(&ALL),
+            None,
+            "one frontier for all is far better"
+        );
+        assert_eq!(
+            Losses { shared: vec![], by_depth: vec![vec![]; 2] }.deepest(&[]),
+            Some(1),
+            "no cameras: no evidence"
+        );
     }
 }

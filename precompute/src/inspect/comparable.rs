@@ -28,7 +28,9 @@ pub enum CompareError {
         new: SceneIdentity,
     },
     /// Settings that do not mean the same.
-    #[error("the maps have different knobs: {difference}; run `frugal precompute` with the same --knobs for both")]
+    #[error(
+        "the maps have different knobs: {difference}; run `frugal precompute` with the same --knobs for both"
+    )]
     OtherKnobs {
         /// The first knobs that differ.
         difference: String,
@@ -46,7 +48,9 @@ pub enum CompareError {
         remedy: &'static str,
     },
     /// Watts of two meters.
-    #[error("the maps' watts are of different meters, `{old}` and `{new}`: run `frugal precompute` with the same --meter for both")]
+    #[error(
+        "the maps' watts are of different meters, `{old}` and `{new}`: run `frugal precompute` with the same --meter for both"
+    )]
     OtherMeter {
         /// The old map's meter.
         old: String,
@@ -54,7 +58,9 @@ pub enum CompareError {
         new: String,
     },
     /// No error level that both frontiers reach.
-    #[error("the maps' frontiers have no error from {least} to {most} in common: run `frugal precompute` again for both, with more time")]
+    #[error(
+        "the maps' frontiers have no error from {least} to {most} in common: run `frugal precompute` again for both, with more time"
+    )]
     NothingInCommon {
         /// The least error that was looked at.
         least: f64,
@@ -72,10 +78,12 @@ pub(super) fn check(old: &FrontierMap, new: &FrontierMap) -> Result<(), CompareE
     }
     check_capture(old, new)?;
     if !same_meter(&old.meter, &new.meter) {
-        let name = |meter: &MeterInfo| format!("{}, {:?}", meter.name, meter.provenance).to_lowercase();
+        let name =
+            |meter: &MeterInfo| format!("{}, {:?}", meter.name, meter.provenance).to_lowercase();
         return Err(CompareError::OtherMeter { old: name(&old.meter), new: name(&new.meter) });
     }
-    difference(&old.knobs, &new.knobs).map_or(Ok(()), |difference| Err(CompareError::OtherKnobs { difference }))
+    difference(&old.knobs, &new.knobs)
+        .map_or(Ok(()), |difference| Err(CompareError::OtherKnobs { difference }))
 }
 
 fn check_capture(old: &FrontierMap, new: &FrontierMap) -> Result<(), CompareError> {
@@ -84,18 +92,33 @@ fn check_capture(old: &FrontierMap, new: &FrontierMap) -> Result<(), CompareErro
     };
     let (old, new) = (&old.capture, &new.capture);
     let size = |[width, height]: [u32; 2]| format!("{width}x{height}");
-    same("size", size(old.size), size(new.size), "run `frugal precompute` with the same --size for both")?;
+    same(
+        "size",
+        size(old.size),
+        size(new.size),
+        "run `frugal precompute` with the same --size for both",
+    )?;
     let rate = |fps: f64| format!("{fps} Hz");
     let (old_rate, new_rate) = (rate(old.frames_per_second), rate(new.frames_per_second));
-    same("frame rate", old_rate, new_rate, "run `frugal precompute` with the same --fps for both, or `frugal reprice` one of them")?;
+    same(
+        "frame rate",
+        old_rate,
+        new_rate,
+        "run `frugal precompute` with the same --fps for both, or `frugal reprice` one of them",
+    )?;
     let fov = |degrees: f32| format!("{degrees} degrees");
     let remedy = "run `frugal precompute` again for the older one";
     same("field of view", fov(old.vertical_fov), fov(new.vertical_fov), remedy)?;
-    same("exposure", format!("EV {}", old.exposure_ev100), format!("EV {}", new.exposure_ev100), remedy)
+    same(
+        "exposure",
+        format!("EV {}", old.exposure_ev100),
+        format!("EV {}", new.exposure_ev100),
+        remedy,
+    )
 }
 
-/// One kind of meter. What follows `=` in a name is the meter's option, as a file of prices. Two builds may have two of
-/// those: a difference to be found, not refused.
+/// One kind of meter. What follows `=` in a name is the meter's option, as a file of prices. Two
+/// builds may have two of those: a difference to be found, not refused.
 fn same_meter(old: &MeterInfo, new: &MeterInfo) -> bool {
     let kind = |name: &str| name.split('=').next().unwrap_or_default().trim().to_owned();
     old.provenance == new.provenance && kind(&old.name) == kind(&new.name)
@@ -107,7 +130,11 @@ fn difference(old: &KnobSpace, new: &KnobSpace) -> Option<String> {
         return None;
     }
     let only_in = |one: &KnobSpace, other: &KnobSpace| {
-        let names = one.knobs().iter().filter(|knob| other.index_of(&knob.name).is_none()).map(|knob| format!("`{}`", knob.name));
+        let names = one
+            .knobs()
+            .iter()
+            .filter(|knob| other.index_of(&knob.name).is_none())
+            .map(|knob| format!("`{}`", knob.name));
         names.collect::<Vec<_>>().join(", ")
     };
     let (gone, added) = (only_in(old, new), only_in(new, old));
@@ -118,7 +145,10 @@ fn difference(old: &KnobSpace, new: &KnobSpace) -> Option<String> {
     if !added.is_empty() {
         parts.push(format!("only the new one has {added}"));
     }
-    let changed = old.knobs().iter().find(|knob| new.knobs().iter().any(|other| other.name == knob.name && other != *knob));
+    let changed = old
+        .knobs()
+        .iter()
+        .find(|knob| new.knobs().iter().any(|other| other.name == knob.name && other != *knob));
     if let Some(knob) = changed {
         parts.push(format!("`{}` has other levels", knob.name));
     }
@@ -144,27 +174,58 @@ mod tests {
     fn what_differs_is_named_with_a_remedy() {
         let capture = map().capture;
         for (message, words) in [
-            (refused(|map| map.scene.fingerprint = "beef".into()), ["different scenes", "00ff", "beef"]),
-            (refused(|map| map.capture = Capture { size: [64, 36], ..capture }), ["size", "64x36", "--size"]),
-            (refused(|map| map.capture = Capture { frames_per_second: 60.0, ..capture }), ["frame rate", "60 Hz", "--fps"]),
-            (refused(|map| map.capture = Capture { vertical_fov: 90.0, ..capture }), ["field of view", "90 degrees", "again"]),
-            (refused(|map| map.capture = Capture { exposure_ev100: 9.0, ..capture }), ["exposure", "EV 9", "again"]),
-            (refused(|map| map.meter.name = "nvml".into()), ["work, modelled", "nvml, modelled", "--meter"]),
-            (refused(|map| map.meter.provenance = Provenance::Measured), ["work, modelled", "work, measured", "--meter"]),
+            (
+                refused(|map| map.scene.fingerprint = "beef".into()),
+                ["different scenes", "00ff", "beef"],
+            ),
+            (
+                refused(|map| map.capture = Capture { size: [64, 36], ..capture }),
+                ["size", "64x36", "--size"],
+            ),
+            (
+                refused(|map| map.capture = Capture { frames_per_second: 60.0, ..capture }),
+                ["frame rate", "60 Hz", "--fps"],
+            ),
+            (
+                refused(|map| map.capture = Capture { vertical_fov: 90.0, ..capture }),
+                ["field of view", "90 degrees", "again"],
+            ),
+            (
+                refused(|map| map.capture = Capture { exposure_ev100: 9.0, ..capture }),
+                ["exposure", "EV 9", "again"],
+            ),
+            (
+                refused(|map| map.meter.name = "nvml".into()),
+                ["work, modelled", "nvml, modelled", "--meter"],
+            ),
+            (
+                refused(|map| map.meter.provenance = Provenance::Measured),
+                ["work, modelled", "work, measured", "--meter"],
+            ),
         ] {
-            words.iter().for_each(|word| assert!(message.contains(word), "`{word}` is missing in: {message}"));
+            words.iter().for_each(|word| {
+                assert!(message.contains(word), "`{word}` is missing in: {message}")
+            });
         }
     }
 
     #[test]
     fn knobs_that_differ_are_named() {
-        let knobs = |knobs: Vec<Knob>| refused(|map| map.knobs = KnobSpace::new(knobs).expect("a space"));
+        let knobs =
+            |knobs: Vec<Knob>| refused(|map| map.knobs = KnobSpace::new(knobs).expect("a space"));
         let (samples, scale) = (map().knobs.knobs()[0].clone(), map().knobs.knobs()[1].clone());
-        let message = knobs(vec![samples.clone(), scale.clone(), Knob::new("sharpness", [0.0, 1.0])]);
-        assert!(message.contains("only the new one has `sharpness`") && message.contains("--knobs"), "{message}");
+        let message =
+            knobs(vec![samples.clone(), scale.clone(), Knob::new("sharpness", [0.0, 1.0])]);
+        assert!(
+            message.contains("only the new one has `sharpness`") && message.contains("--knobs"),
+            "{message}"
+        );
         let renamed = Knob { name: "size".into(), ..scale.clone() };
         let message = knobs(vec![samples.clone(), renamed]);
-        assert!(message.contains("only the old one has `scale`, only the new one has `size`"), "{message}");
+        assert!(
+            message.contains("only the old one has `scale`, only the new one has `size`"),
+            "{message}"
+        );
         let finer = Knob::new("scale", [0.5, 0.75, 1.0]);
         assert!(knobs(vec![samples, finer]).contains("`scale` has other levels"));
     }

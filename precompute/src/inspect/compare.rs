@@ -1,8 +1,9 @@
 //! Power at equal error: how much more the pictures of one map cost than those of another.
 //!
-//! Neither end of a frontier says so. The same settings may cost more and look better, and two searches find different
-//! settings. What a budget's owner pays is power at the error that is asked for. So that is compared: along the shared
-//! frontier, and in the mean over the addresses that both maps know.
+//! Neither end of a frontier says so. The same settings may cost more and look better, and two
+//! searches find different settings. What a budget's owner pays is power at the error that is asked
+//! for. So that is compared: along the shared frontier, and in the mean over the addresses that
+//! both maps know.
 
 use std::collections::BTreeMap;
 
@@ -15,21 +16,22 @@ use super::comparable::check;
 /// Errors at which maps are compared: where budgets live.
 pub const ERRORS: [f64; 6] = [0.005, 0.01, 0.015, 0.02, 0.03, 0.05];
 
-/// What lower errors count as between two points. A picture rendered twice may differ by as much, and 0, the best
-/// settings' own, has no logarithm. Below every one of [`ERRORS`].
+/// What lower errors count as between two points. A picture rendered twice may differ by as much,
+/// and 0, the best settings' own, has no logarithm. Below every one of [`ERRORS`].
 const LEAST_ERROR: f64 = 0.001;
 
 /// How the power of a map differs from that of an older one.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct MapComparison {
-    /// The verdict: the greater of the two changes below. 0.02 is 2 % more power than in the old map.
+    /// The verdict: the greater of the two changes below. 0.02 is 2 % more power than in the old
+    /// map.
     pub change: f64,
     /// Change along the shared frontiers, mean over the error levels.
     pub shared_change: Option<f64>,
     /// Change of the mean over common addresses, mean over the error levels.
     pub addresses_change: Option<f64>,
-    /// Power of the old map's device while nothing is rendered, in watts. No build answers for it, so all powers here
-    /// leave it out.
+    /// Power of the old map's device while nothing is rendered, in watts. No build answers for it,
+    /// so all powers here leave it out.
     pub idle_w: f64,
     /// Each error level.
     pub errors: Vec<ErrorLevel>,
@@ -42,7 +44,8 @@ pub struct ErrorLevel {
     pub error: f64,
     /// Along the shared frontiers; none where one of the maps has no settings that good.
     pub shared: Option<Change>,
-    /// Mean over the addresses whose frontiers have settings that good in both maps; none where there are none.
+    /// Mean over the addresses whose frontiers have settings that good in both maps; none where
+    /// there are none.
     pub addresses: Option<Change>,
 }
 
@@ -60,7 +63,8 @@ pub struct Change {
 }
 
 impl MapComparison {
-    /// Whether power rose by more than `tolerance`, a share. Falling is never too much. NaN tolerates nothing.
+    /// Whether power rose by more than `tolerance`, a share. Falling is never too much. NaN
+    /// tolerates nothing.
     pub fn rose_beyond(&self, tolerance: f64) -> bool {
         // `max` takes the other number where one is NaN.
         self.change > tolerance.max(0.0)
@@ -69,76 +73,110 @@ impl MapComparison {
 
 /// Compares `new` with `old`.
 ///
-/// The verdict is a mean over [`ERRORS`]. A single level rests on two points of each shared frontier, and moves with
-/// the settings that a search has found there; what a build costs more shows at all levels. Of shared frontier and
-/// addresses the worse one counts, since cameras play both.
+/// The verdict is a mean over [`ERRORS`]. A single level rests on two points of each shared
+/// frontier, and moves with the settings that a search has found there; what a build costs more
+/// shows at all levels. Of shared frontier and addresses the worse one counts, since cameras play
+/// both.
 ///
 /// # Errors
-/// When a map contradicts itself, the maps' watts or errors do not mean the same, or they have no error in common.
+/// When a map contradicts itself, the maps' watts or errors do not mean the same, or they have no
+/// error in common.
 pub fn compare(old: &FrontierMap, new: &FrontierMap) -> Result<MapComparison, CompareError> {
     check(old, new)?;
     let idle_w = old.work_prices.idle.0;
     let (shared, addresses) = ([(&old.shared, &new.shared)], common_addresses(old, new));
-    let level = |error| ErrorLevel { error, shared: Change::at(error, &shared, idle_w), addresses: Change::at(error, &addresses, idle_w) };
+    let level = |error| ErrorLevel {
+        error,
+        shared: Change::at(error, &shared, idle_w),
+        addresses: Change::at(error, &addresses, idle_w),
+    };
     let errors: Vec<ErrorLevel> = ERRORS.into_iter().map(level).collect();
     let shared_change = mean_change(errors.iter().filter_map(|level| level.shared));
     let addresses_change = mean_change(errors.iter().filter_map(|level| level.addresses));
     let worse = [shared_change, addresses_change].into_iter().flatten().reduce(f64::max);
-    let change = worse.ok_or(CompareError::NothingInCommon { least: ERRORS[0], most: ERRORS[ERRORS.len() - 1] })?;
+    let change = worse.ok_or(CompareError::NothingInCommon {
+        least: ERRORS[0],
+        most: ERRORS[ERRORS.len() - 1],
+    })?;
     Ok(MapComparison { change, shared_change, addresses_change, idle_w, errors })
 }
 
 impl Change {
-    /// Over the pairs that both reach `error`; none where there are none, or where their powers have no ratio.
+    /// Over the pairs that both reach `error`; none where there are none, or where their powers
+    /// have no ratio.
     fn at(error: f64, pairs: &[(&Frontier, &Frontier)], idle_w: f64) -> Option<Self> {
-        let powers = pairs.iter().filter_map(|(old, new)| Some((power_at(old, error)? - idle_w, power_at(new, error)? - idle_w)));
-        let (old_w, new_w, frontiers) = powers.fold((0.0, 0.0, 0), |(old, new, count), (a, b)| (old + a, new + b, count + 1));
+        let powers = pairs.iter().filter_map(|(old, new)| {
+            Some((power_at(old, error)? - idle_w, power_at(new, error)? - idle_w))
+        });
+        let (old_w, new_w, frontiers) =
+            powers.fold((0.0, 0.0, 0), |(old, new, count), (a, b)| (old + a, new + b, count + 1));
         let count = f64::from(u32::try_from(frontiers).ok().filter(|count| *count > 0)?);
         let ratio = new_w / old_w;
         let sound = old_w > 0.0 && new_w > 0.0 && ratio.is_finite() && ratio > 0.0;
-        sound.then(|| Self { old_w: old_w / count, new_w: new_w / count, change: ratio - 1.0, frontiers })
+        sound.then(|| Self {
+            old_w: old_w / count,
+            new_w: new_w / count,
+            change: ratio - 1.0,
+            frontiers,
+        })
     }
 }
 
 /// The geometric mean of the ratios: the way back is the opposite of the way there. None of none.
 fn mean_change(changes: impl Iterator<Item = Change>) -> Option<f64> {
-    let (sum, count) = changes.fold((0.0, 0.0), |(sum, count), change| (sum + change.change.ln_1p(), count + 1.0));
+    let (sum, count) =
+        changes.fold((0.0, 0.0), |(sum, count), change| (sum + change.change.ln_1p(), count + 1.0));
     (count > 0.0).then(|| (sum / count).exp_m1())
 }
 
-/// Power at which `frontier` reaches `error`: between two points, linear in the logarithm of error. Where its cheapest
-/// settings are better than that, theirs. `None` where no settings are that good.
+/// Power at which `frontier` reaches `error`: between two points, linear in the logarithm of error.
+/// Where its cheapest settings are better than that, theirs. `None` where no settings are that
+/// good.
 ///
-/// Rejected: the staircase that a controller climbs. Its steps are a tenth of the power and more, and the least noise
-/// in an error takes one or does not. Interpolated power moves as far as the points do, and by no more than it gains
-/// where only one of two searches found some settings. In the logarithm frontiers are nearly straight: halving the
-/// error costs about as much anywhere.
+/// Rejected: the staircase that a controller climbs. Its steps are a tenth of the power and more,
+/// and the least noise in an error takes one or does not. Interpolated power moves as far as the
+/// points do, and by no more than it gains where only one of two searches found some settings. In
+/// the logarithm frontiers are nearly straight: halving the error costs about as much anywhere.
 fn power_at(frontier: &Frontier, error: f64) -> Option<f64> {
     let points = frontier.points();
     let first = points.partition_point(|point| point.cost.error > error);
     let good = points.get(first)?.cost;
-    let Some(worse) = first.checked_sub(1).map(|before| points[before].cost) else { return Some(good.power.0) };
+    let Some(worse) = first.checked_sub(1).map(|before| points[before].cost) else {
+        return Some(good.power.0);
+    };
     let log = |error: f64| error.max(LEAST_ERROR).ln();
     let share = (log(worse.error) - log(error)) / (log(worse.error) - log(good.error));
     Some(worse.power.0 + share * (good.power.0 - worse.power.0))
 }
 
-/// Frontiers of the addresses that both maps know, the old map's first. None where their octrees span different boxes.
-fn common_addresses<'a>(old: &'a FrontierMap, new: &'a FrontierMap) -> Vec<(&'a Frontier, &'a Frontier)> {
+/// Frontiers of the addresses that both maps know, the old map's first. None where their octrees
+/// span different boxes.
+fn common_addresses<'a>(
+    old: &'a FrontierMap,
+    new: &'a FrontierMap,
+) -> Vec<(&'a Frontier, &'a Frontier)> {
     if old.bounds != new.bounds {
         return Vec::new();
     }
     let new = frontiers_by_address(&new.octree);
     let old = frontiers_by_address(&old.octree);
-    old.into_iter().filter_map(|(address, frontier)| Some((frontier, *new.get(&address)?))).collect()
+    old.into_iter()
+        .filter_map(|(address, frontier)| Some((frontier, *new.get(&address)?)))
+        .collect()
 }
 
 /// Frontiers by corner, on the finest lattice that any octree has, and view direction.
 fn frontiers_by_address(octree: &Octree) -> BTreeMap<([u32; 3], ViewDirection), &Frontier> {
     let finest = u32::from(Octree::MAX_LEVELS.saturating_sub(octree.levels));
-    let corners = octree.corners.iter().flat_map(|corner| ViewDirection::ALL.map(|direction| (corner, direction)));
+    let corners = octree
+        .corners
+        .iter()
+        .flat_map(|corner| ViewDirection::ALL.map(|direction| (corner, direction)));
     let known = corners.filter_map(|(corner, direction)| {
-        Some(((corner.at.map(|coordinate| u32::from(coordinate) << finest), direction), octree.frontier(corner, direction)?))
+        Some((
+            (corner.at.map(|coordinate| u32::from(coordinate) << finest), direction),
+            octree.frontier(corner, direction)?,
+        ))
     });
     known.collect()
 }

@@ -25,7 +25,8 @@ fn power_between_two_points_is_linear_in_the_logarithm_of_error() {
     let frontier = of(&[(2.0, 0.04), (6.0, 0.01), (9.0, 0.0)]);
     let at = |error| power_at(&frontier, error).expect("reached");
     assert!(close(at(0.04), 2.0) && close(at(0.02), 4.0) && close(at(0.01), 6.0));
-    // Settings that are better than asked for cost what they cost; an error of 0 counts as that of a picture rendered twice.
+    // Settings that are better than asked for cost what they cost; an error of 0 counts as that of
+    // a picture rendered twice.
     assert!(close(at(0.05), 2.0));
     assert!(close(at(0.005), 6.0 + 3.0 * 2.0_f64.ln() / 10.0_f64.ln()), "{}", at(0.005));
     assert_eq!(power_at(&of(&[(2.0, 0.04), (6.0, 0.01)]), 0.005), None);
@@ -35,22 +36,34 @@ fn power_between_two_points_is_linear_in_the_logarithm_of_error() {
 #[test]
 fn a_map_is_as_good_as_itself() {
     let comparison = compare(&map(), &map()).expect("comparable");
-    assert_eq!((comparison.change, comparison.shared_change, comparison.addresses_change), (0.0, Some(0.0), Some(0.0)));
+    assert_eq!(
+        (comparison.change, comparison.shared_change, comparison.addresses_change),
+        (0.0, Some(0.0), Some(0.0))
+    );
     assert!(!comparison.rose_beyond(0.0));
-    let counts: Vec<_> = comparison.errors.iter().filter_map(|level| Some((level.shared?.frontiers, level.addresses?.frontiers))).collect();
+    let counts: Vec<_> = comparison
+        .errors
+        .iter()
+        .filter_map(|level| Some((level.shared?.frontiers, level.addresses?.frontiers)))
+        .collect();
     assert_eq!(counts, [(1, 48); 6]);
 }
 
 #[test]
 fn two_percent_are_found_and_noise_is_not_flagged() {
     for seed in 0..20 {
-        let (old, new) = (with_noise(&map(), 0.005, 2 * seed), with_noise(&map(), 0.005, 2 * seed + 1));
+        let (old, new) =
+            (with_noise(&map(), 0.005, 2 * seed), with_noise(&map(), 0.005, 2 * seed + 1));
         let comparison = compare(&old, &new).expect("comparable");
         assert!(!comparison.rose_beyond(TOLERANCE), "seed {seed}: {}", comparison.change);
         let comparison = compare(&old, &with_power(&new, 1.02)).expect("comparable");
         assert!(comparison.rose_beyond(TOLERANCE), "seed {seed}: {}", comparison.change);
         let comparison = compare(&with_power(&new, 1.02), &old).expect("comparable");
-        assert!(comparison.change < 0.0 && !comparison.rose_beyond(0.0), "seed {seed}: {}", comparison.change);
+        assert!(
+            comparison.change < 0.0 && !comparison.rose_beyond(0.0),
+            "seed {seed}: {}",
+            comparison.change
+        );
     }
 }
 
@@ -60,14 +73,23 @@ fn settings_that_only_one_search_found_are_no_regression() {
     let thin = |which: usize| {
         let mut thin = map();
         for frontier in thin.octree.frontiers.iter_mut().chain([&mut thin.shared]) {
-            let kept = frontier.points().iter().enumerate().filter(|(index, _)| index % 3 != which).map(|(_, point)| *point);
+            let kept = frontier
+                .points()
+                .iter()
+                .enumerate()
+                .filter(|(index, _)| index % 3 != which)
+                .map(|(_, point)| *point);
             *frontier = Frontier::from_points(kept);
         }
         thin
     };
     for [old, new] in [[0, 1], [1, 0], [1, 2], [2, 1], [0, 2], [2, 0]] {
         let comparison = compare(&thin(old), &thin(new)).expect("comparable");
-        assert!(comparison.change.abs() < TOLERANCE, "without {old} and without {new}: {}", comparison.change);
+        assert!(
+            comparison.change.abs() < TOLERANCE,
+            "without {old} and without {new}: {}",
+            comparison.change
+        );
     }
 }
 
@@ -98,11 +120,17 @@ fn the_worse_of_shared_and_addresses_counts() {
     let mut new = map();
     new.shared = with_power(&map(), 1.03).shared;
     let comparison = compare(&map(), &new).expect("comparable");
-    assert!(close(comparison.change, 0.03) && comparison.addresses_change == Some(0.0), "{comparison:?}");
+    assert!(
+        close(comparison.change, 0.03) && comparison.addresses_change == Some(0.0),
+        "{comparison:?}"
+    );
     let mut new = with_power(&map(), 1.03);
     new.shared = map().shared;
     let comparison = compare(&map(), &new).expect("comparable");
-    assert!(close(comparison.change, 0.03) && comparison.shared_change == Some(0.0), "{comparison:?}");
+    assert!(
+        close(comparison.change, 0.03) && comparison.shared_change == Some(0.0),
+        "{comparison:?}"
+    );
 }
 
 #[test]
@@ -113,11 +141,19 @@ fn empty_frontiers_are_left_out() {
     for (old, new) in [(&bare, &map()), (&map(), &bare)] {
         let comparison = compare(old, new).expect("comparable");
         assert_eq!((comparison.change, comparison.shared_change), (0.0, None));
-        assert!(comparison.errors.iter().all(|level| level.addresses.is_some_and(|change| change.frontiers == 8)));
+        assert!(
+            comparison
+                .errors
+                .iter()
+                .all(|level| level.addresses.is_some_and(|change| change.frontiers == 8))
+        );
     }
     bare.octree.frontiers.fill(Frontier::default());
     let error = compare(&bare, &map()).expect_err("nothing").to_string();
-    assert!(error.contains("0.005") && error.contains("0.05") && error.contains("frugal precompute"), "{error}");
+    assert!(
+        error.contains("0.005") && error.contains("0.05") && error.contains("frugal precompute"),
+        "{error}"
+    );
 }
 
 #[test]
@@ -134,9 +170,15 @@ fn levels_that_one_map_does_not_reach_are_left_out() {
 fn octrees_of_different_depth_meet_at_their_corners() {
     let mut deep = map();
     deep.octree.levels = 3;
-    deep.octree.corners.iter_mut().for_each(|corner| corner.at = corner.at.map(|coordinate| 8 * coordinate));
+    deep.octree
+        .corners
+        .iter_mut()
+        .for_each(|corner| corner.at = corner.at.map(|coordinate| 8 * coordinate));
     let comparison = compare(&map(), &deep).expect("comparable");
-    assert_eq!((comparison.change, comparison.errors[0].addresses.map(|change| change.frontiers)), (0.0, Some(48)));
+    assert_eq!(
+        (comparison.change, comparison.errors[0].addresses.map(|change| change.frontiers)),
+        (0.0, Some(48))
+    );
     deep.bounds.max = [2.0; 3];
     let comparison = compare(&map(), &deep).expect("comparable");
     assert_eq!((comparison.shared_change, comparison.addresses_change), (Some(0.0), None));

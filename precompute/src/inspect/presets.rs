@@ -1,11 +1,13 @@
 //! Presets for a settings menu, from a map's shared frontier instead of by hand.
 //!
-//! Constants that nothing beats over the scene's cameras, for apps that want a menu beside or in place of the
-//! controller.
+//! Constants that nothing beats over the scene's cameras, for apps that want a menu beside or in
+//! place of the controller.
 
 use std::collections::BTreeMap;
 
-use bevy_frugal_gi::frontier::{Capture, FrontierMap, FrontierMapError, FrontierPoint, SceneIdentity};
+use bevy_frugal_gi::frontier::{
+    Capture, FrontierMap, FrontierMapError, FrontierPoint, SceneIdentity,
+};
 use bevy_frugal_gi::knobs::{Knob, KnobSpace, RenderSettings};
 use bevy_frugal_gi::power::MeterInfo;
 use serde::{Deserialize, Serialize};
@@ -55,7 +57,9 @@ pub enum PresetsError {
     #[error("the map has no shared frontier to take presets from: run `frugal precompute` again")]
     NoSharedFrontier,
     /// A label that tells nothing.
-    #[error("knob `{knob}` has two levels called `{label}`: give them labels of their own, then run `frugal precompute` again")]
+    #[error(
+        "knob `{knob}` has two levels called `{label}`: give them labels of their own, then run `frugal precompute` again"
+    )]
     AmbiguousLevel {
         /// The knob.
         knob: String,
@@ -72,9 +76,10 @@ pub enum PresetsError {
 
 /// The presets of `map`.
 ///
-/// `ultra` is the best that there is. `battery` is the cheapest with an error of at most 0.05, or the cheapest of all
-/// where nothing is that good. Each costs about the same share more than the one before. No two are equal where the
-/// frontier has five points or more, for which `battery` may be worse.
+/// `ultra` is the best that there is. `battery` is the cheapest with an error of at most 0.05, or
+/// the cheapest of all where nothing is that good. Each costs about the same share more than the
+/// one before. No two are equal where the frontier has five points or more, for which `battery` may
+/// be worse.
 ///
 /// # Errors
 /// When the map contradicts itself, has no shared frontier, or labels that tell nothing.
@@ -84,10 +89,21 @@ pub fn presets(map: &FrontierMap) -> Result<Presets, PresetsError> {
     let chosen = choose(points).ok_or(PresetsError::NoSharedFrontier)?;
     let preset = |(name, index): (&str, usize)| {
         let FrontierPoint { settings, cost } = points[index];
-        Ok(Preset { name: name.to_owned(), power_w: cost.power.0, error: cost.error, settings: labels(&map.knobs, settings)? })
+        Ok(Preset {
+            name: name.to_owned(),
+            power_w: cost.power.0,
+            error: cost.error,
+            settings: labels(&map.knobs, settings)?,
+        })
     };
-    let presets = PRESET_NAMES.into_iter().zip(chosen).map(preset).collect::<Result<_, PresetsError>>()?;
-    Ok(Presets { scene: map.scene.clone(), capture: map.capture, meter: map.meter.clone(), presets })
+    let presets =
+        PRESET_NAMES.into_iter().zip(chosen).map(preset).collect::<Result<_, PresetsError>>()?;
+    Ok(Presets {
+        scene: map.scene.clone(),
+        capture: map.capture,
+        meter: map.meter.clone(),
+        presets,
+    })
 }
 
 impl Presets {
@@ -97,11 +113,13 @@ impl Presets {
     /// None for these types; the serialiser's, if it has any.
     pub fn to_ron(&self) -> Result<String, PresetsError> {
         let text = ron::ser::to_string_pretty(self, ron::ser::PrettyConfig::new().new_line("\n"));
-        text.map(|text| text + "\n").map_err(|error| PresetsError::Unwritable { reason: error.to_string() })
+        text.map(|text| text + "\n")
+            .map_err(|error| PresetsError::Unwritable { reason: error.to_string() })
     }
 }
 
-/// Indices of a frontier's points, one for each name, none below the one before; `None` of an empty frontier.
+/// Indices of a frontier's points, one for each name, none below the one before; `None` of an empty
+/// frontier.
 fn choose(points: &[FrontierPoint]) -> Option<[usize; PRESET_NAMES.len()]> {
     const LAST: usize = PRESET_NAMES.len() - 1;
     let best = points.len().checked_sub(1)?;
@@ -116,8 +134,10 @@ fn choose(points: &[FrontierPoint]) -> Option<[usize; PRESET_NAMES.len()]> {
     let mut chosen = [first; LAST + 1];
     for number in 1..LAST {
         let share = number as f64 / LAST as f64;
-        // The same factor from each to the next; the same difference where nothing can be a factor of 0 W.
-        let wanted = if low > 0.0 { low * (high / low).powf(share) } else { low + share * (high - low) };
+        // The same factor from each to the next; the same difference where nothing can be a factor
+        // of 0 W.
+        let wanted =
+            if low > 0.0 { low * (high / low).powf(share) } else { low + share * (high - low) };
         // As many points are left above as there are presets to come.
         let free = chosen[number - 1] + 1..=best - (LAST - number);
         let distance = |index: &usize| (power(*index) - wanted).abs();
@@ -128,11 +148,15 @@ fn choose(points: &[FrontierPoint]) -> Option<[usize; PRESET_NAMES.len()]> {
 }
 
 /// The labels of `settings` by knob.
-fn labels(space: &KnobSpace, settings: RenderSettings) -> Result<BTreeMap<String, String>, PresetsError> {
+fn labels(
+    space: &KnobSpace,
+    settings: RenderSettings,
+) -> Result<BTreeMap<String, String>, PresetsError> {
     let pair = |(index, knob): (usize, &Knob)| {
         let label = &knob.levels.get(settings.level(index))?.label;
         let same = knob.levels.iter().filter(|level| level.label == *label).count();
-        let ambiguous = || PresetsError::AmbiguousLevel { knob: knob.name.clone(), label: label.clone() };
+        let ambiguous =
+            || PresetsError::AmbiguousLevel { knob: knob.name.clone(), label: label.clone() };
         Some(if same == 1 { Ok((knob.name.clone(), label.clone())) } else { Err(ambiguous()) })
     };
     space.knobs().iter().enumerate().filter_map(pair).collect()
@@ -157,7 +181,10 @@ mod tests {
         let presets = presets(map).expect("presets").presets;
         assert!(presets.iter().map(|preset| preset.name.as_str()).eq(PRESET_NAMES));
         let costs: Vec<_> = presets.iter().map(|preset| (preset.power_w, preset.error)).collect();
-        assert!(costs.windows(2).all(|pair| pair[0].0 <= pair[1].0 && pair[0].1 >= pair[1].1), "{costs:?}");
+        assert!(
+            costs.windows(2).all(|pair| pair[0].0 <= pair[1].0 && pair[0].1 >= pair[1].1),
+            "{costs:?}"
+        );
         costs
     }
 
@@ -167,16 +194,25 @@ mod tests {
         let (battery, ultra) = (costs[0], costs[4]);
         assert!(battery.1 <= WORST_SHIPPED && battery.1 > 0.04 && ultra.1 == 0.0, "{costs:?}");
         let even = (ultra.0 / battery.0).powf(0.25);
-        assert!(costs.windows(2).all(|pair| (pair[1].0 / pair[0].0 / even - 1.0).abs() < 0.1), "{costs:?}");
+        assert!(
+            costs.windows(2).all(|pair| (pair[1].0 / pair[0].0 / even - 1.0).abs() < 0.1),
+            "{costs:?}"
+        );
     }
 
     #[test]
     fn settings_are_labels_that_the_space_reads_back() {
         let map = map();
         for preset in presets(&map).expect("presets").presets {
-            let text: Vec<_> = preset.settings.iter().map(|(knob, level)| format!("{knob}={level}")).collect();
+            let text: Vec<_> =
+                preset.settings.iter().map(|(knob, level)| format!("{knob}={level}")).collect();
             let settings = map.knobs.parse(&text.join(",")).expect("labels of the space");
-            let point = map.shared.points().iter().find(|point| point.settings == settings).expect("a point of the frontier");
+            let point = map
+                .shared
+                .points()
+                .iter()
+                .find(|point| point.settings == settings)
+                .expect("a point of the frontier");
             assert_eq!((point.cost.power.0, point.cost.error), (preset.power_w, preset.error));
         }
     }
@@ -186,15 +222,22 @@ mod tests {
         let presets = presets(&map()).expect("presets");
         let text = presets.to_ron().expect("text");
         assert_eq!(ron::from_str(&text), Ok(presets), "{text}");
-        assert!(text.contains("name: \"battery\"") && text.contains("\"scale\": \"50%\""), "{text}");
+        assert!(
+            text.contains("name: \"battery\"") && text.contains("\"scale\": \"50%\""),
+            "{text}"
+        );
     }
 
     #[test]
     fn from_five_points_on_all_differ() {
         for count in 5..=32 {
-            // Nearly all at one power, above what can be shipped at first and below it then; and one that is dear.
+            // Nearly all at one power, above what can be shipped at first and below it then; and
+            // one that is dear.
             let crowd = (0..count).map(|i| (1.0 + 1e-6 * f64::from(i), 0.3 - 0.009 * f64::from(i)));
-            for costs in [crowd.clone().collect::<Vec<_>>(), crowd.take(count as usize - 1).chain([(100.0, 0.0)]).collect()] {
+            for costs in [
+                crowd.clone().collect::<Vec<_>>(),
+                crowd.take(count as usize - 1).chain([(100.0, 0.0)]).collect(),
+            ] {
                 let chosen = chosen(&of(&costs));
                 assert!(chosen.windows(2).all(|pair| pair[0].0 < pair[1].0), "{chosen:?}");
             }
@@ -219,14 +262,23 @@ mod tests {
             assert_eq!((chosen[0], chosen[4]), (costs[0], costs[count - 1]));
         }
         let free: Vec<_> = (0..9).map(|i| (f64::from(i), 0.04 - 0.005 * f64::from(i))).collect();
-        assert_eq!(chosen(&of(&free)).iter().map(|cost| cost.0).collect::<Vec<_>>(), [0.0, 2.0, 4.0, 6.0, 8.0]);
+        assert_eq!(
+            chosen(&of(&free)).iter().map(|cost| cost.0).collect::<Vec<_>>(),
+            [0.0, 2.0, 4.0, 6.0, 8.0]
+        );
     }
 
     #[test]
     fn maps_that_cannot_have_presets_say_why() {
         let error = presets(&of(&[])).expect_err("no frontier").to_string();
-        assert!(error.contains("shared frontier") && error.contains("frugal precompute"), "{error}");
-        let twice = vec![Knob::labelled("samples", (0..16).map(|level| (f64::from(level), "few"))), Knob::new("scale", [0.5, 1.0])];
+        assert!(
+            error.contains("shared frontier") && error.contains("frugal precompute"),
+            "{error}"
+        );
+        let twice = vec![
+            Knob::labelled("samples", (0..16).map(|level| (f64::from(level), "few"))),
+            Knob::new("scale", [0.5, 1.0]),
+        ];
         let ambiguous = FrontierMap { knobs: KnobSpace::new(twice).expect("a space"), ..map() };
         let error = presets(&ambiguous).expect_err("one label").to_string();
         assert!(error.contains("`samples`") && error.contains("`few`"), "{error}");

@@ -15,17 +15,31 @@ pub fn comparison_table(comparison: &MapComparison) -> String {
     let _ = writeln!(text, "{:6}{heads}{heads}  addresses", "error");
     for level in &comparison.errors {
         let addresses = level.addresses.map_or(0, |change| change.frontiers);
-        let _ = writeln!(text, "{:<6}{}{}{addresses:>11}", level.error, cells(level.shared), cells(level.addresses));
+        let _ = writeln!(
+            text,
+            "{:<6}{}{}{addresses:>11}",
+            level.error,
+            cells(level.shared),
+            cells(level.addresses)
+        );
     }
     let mean = |change: Option<f64>| change.map_or_else(|| "-".to_owned(), percent);
-    let _ = writeln!(text, "{:6}{:>27}{:>27}", "mean", mean(comparison.shared_change), mean(comparison.addresses_change));
+    let _ = writeln!(
+        text,
+        "{:6}{:>27}{:>27}",
+        "mean",
+        mean(comparison.shared_change),
+        mean(comparison.addresses_change)
+    );
     text
 }
 
 fn cells(change: Option<Change>) -> String {
     let cells = change.map_or_else(
         || ["-"; 3].map(str::to_owned),
-        |change| [format!("{:.3}", change.old_w), format!("{:.3}", change.new_w), percent(change.change)],
+        |change| {
+            [format!("{:.3}", change.old_w), format!("{:.3}", change.new_w), percent(change.change)]
+        },
     );
     cells.map(|cell| format!("{cell:>9}")).concat()
 }
@@ -58,8 +72,18 @@ mod tests {
         let text = comparison_table(&compare(&old, &with_power(&map(), 1.02)).expect("comparable"));
         let lines: Vec<_> = text.lines().collect();
         assert_eq!(lines.len(), 10, "{text}");
-        assert!(lines[3].starts_with("0.005") && lines[3].ends_with("48") && lines[3].contains("+2.00 %"), "{text}");
-        assert!(lines[9].starts_with("mean") && lines[9].ends_with("+2.00 %") && lines[9].contains(" - "), "{text}");
+        assert!(
+            lines[3].starts_with("0.005")
+                && lines[3].ends_with("48")
+                && lines[3].contains("+2.00 %"),
+            "{text}"
+        );
+        assert!(
+            lines[9].starts_with("mean")
+                && lines[9].ends_with("+2.00 %")
+                && lines[9].contains(" - "),
+            "{text}"
+        );
         let widths: Vec<_> = lines[2..9].iter().map(|line| line.chars().count()).collect();
         assert!(widths.iter().all(|width| *width == widths[0]), "{text}");
     }
@@ -68,6 +92,11 @@ mod tests {
     fn presets_are_a_line_each() {
         let text = presets_table(&presets(&map()).expect("presets"));
         assert_eq!(text.lines().count(), 6, "{text}");
-        assert!(text.lines().nth(5).is_some_and(|line| line.starts_with("ultra") && line.ends_with("0.0000")), "{text}");
+        assert!(
+            text.lines()
+                .nth(5)
+                .is_some_and(|line| line.starts_with("ultra") && line.ends_with("0.0000")),
+            "{text}"
+        );
     }
 }

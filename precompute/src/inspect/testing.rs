@@ -1,7 +1,8 @@
 //! A map made by hand, and the same with noise.
 
 use bevy_frugal_gi::frontier::{
-    Bounds, Capture, Corner, CostPoint, ErrorRates, Frontier, FrontierMap, FrontierPoint, Octree, SceneIdentity, Thresholds, WorkPrices,
+    Bounds, Capture, Corner, CostPoint, ErrorRates, Frontier, FrontierMap, FrontierPoint, Octree,
+    SceneIdentity, Thresholds, WorkPrices,
 };
 use bevy_frugal_gi::knobs::{Knob, KnobSpace, RenderSettings};
 use bevy_frugal_gi::power::{MeterInfo, Provenance};
@@ -11,13 +12,14 @@ use rand_chacha::ChaCha8Rng;
 /// Points of each frontier.
 const POINTS: usize = 18;
 
-/// A frontier of `count` points whose power is `scale` times that of the map's shared one: errors from 0.1 down by a
-/// fifth each, the last 0.
+/// A frontier of `count` points whose power is `scale` times that of the map's shared one: errors
+/// from 0.1 down by a fifth each, the last 0.
 pub(super) fn frontier(scale: f64, count: usize) -> Frontier {
     let point = |number: usize| {
         let error = 0.1 * 0.8_f64.powi(number as i32);
         let power = scale * 5.0 * (0.1 / error).powf(0.4);
-        let settings = RenderSettings::default().with_level(0, number % 16).with_level(1, number / 16 % 2);
+        let settings =
+            RenderSettings::default().with_level(0, number % 16).with_level(1, number / 16 % 2);
         let error = if number + 1 == count { 0.0 } else { error };
         FrontierPoint { settings, cost: CostPoint::new(power, error) }
     };
@@ -26,7 +28,10 @@ pub(super) fn frontier(scale: f64, count: usize) -> Frontier {
 
 /// A valid map: one cube, with a frontier of its own at each of its 48 addresses.
 pub(super) fn map() -> FrontierMap {
-    let knobs = vec![Knob::new("samples", (0..16).map(f64::from)), Knob::labelled("scale", [(0.5, "50%"), (1.0, "100%")])];
+    let knobs = vec![
+        Knob::new("samples", (0..16).map(f64::from)),
+        Knob::labelled("scale", [(0.5, "50%"), (1.0, "100%")]),
+    ];
     let mut corners: Vec<Corner> = (0..8_u16)
         .map(|number| Corner {
             at: [number & 1, number >> 1 & 1, number >> 2 & 1],
@@ -34,12 +39,22 @@ pub(super) fn map() -> FrontierMap {
         })
         .collect();
     corners.sort_by_key(|corner| corner.at);
-    let frontiers = (0..48).map(|number| frontier(0.8 + 0.01 * f64::from(number), POINTS)).collect();
+    let frontiers =
+        (0..48).map(|number| frontier(0.8 + 0.01 * f64::from(number), POINTS)).collect();
     FrontierMap {
         version: FrontierMap::VERSION,
         scene: SceneIdentity { name: "courtyard".into(), fingerprint: "00ff".into() },
-        capture: Capture { size: [320, 180], frames_per_second: 30.0, vertical_fov: 60.0, exposure_ev100: 12.0 },
-        meter: MeterInfo { name: "work".into(), provenance: Provenance::Modelled, description: "by hand".into() },
+        capture: Capture {
+            size: [320, 180],
+            frames_per_second: 30.0,
+            vertical_fov: 60.0,
+            exposure_ev100: 12.0,
+        },
+        meter: MeterInfo {
+            name: "work".into(),
+            provenance: Provenance::Modelled,
+            description: "by hand".into(),
+        },
         thresholds: Thresholds { power_w: 0.1, error: 0.001 },
         seed: 0,
         knobs: KnobSpace::new(knobs).expect("a valid space"),
@@ -52,10 +67,16 @@ pub(super) fn map() -> FrontierMap {
 }
 
 /// `map` with `change` made to what every setting costs.
-pub(super) fn with_costs(map: &FrontierMap, mut change: impl FnMut(CostPoint) -> CostPoint) -> FrontierMap {
+pub(super) fn with_costs(
+    map: &FrontierMap,
+    mut change: impl FnMut(CostPoint) -> CostPoint,
+) -> FrontierMap {
     let mut changed = map.clone();
     for frontier in changed.octree.frontiers.iter_mut().chain([&mut changed.shared]) {
-        let points = frontier.points().iter().map(|point| FrontierPoint { cost: change(point.cost), ..*point });
+        let points = frontier
+            .points()
+            .iter()
+            .map(|point| FrontierPoint { cost: change(point.cost), ..*point });
         *frontier = Frontier::from_points(points);
     }
     changed

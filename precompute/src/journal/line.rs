@@ -1,6 +1,7 @@
 //! A journal's lines: text with a checksum that covers everything before it.
 
-/// A checksum over everything so far: FNV-1a, 64 bits (Fowler, Noll, Vo 1991). It finds accidents, not forgeries.
+/// A checksum over everything so far: FNV-1a, 64 bits (Fowler, Noll, Vo 1991). It finds accidents,
+/// not forgeries.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct Checksum(u64);
 
@@ -8,7 +9,9 @@ impl Checksum {
     pub(super) const START: Self = Self(0xcbf2_9ce4_8422_2325);
 
     pub(super) fn with(self, text: &str) -> Self {
-        Self(text.bytes().fold(self.0, |hash, byte| (hash ^ u64::from(byte)).wrapping_mul(0x0000_0100_0000_01b3)))
+        Self(text.bytes().fold(self.0, |hash, byte| {
+            (hash ^ u64::from(byte)).wrapping_mul(0x0000_0100_0000_01b3)
+        }))
     }
 }
 
@@ -18,7 +21,8 @@ pub(super) fn line(text: &str, before: Checksum) -> (String, Checksum) {
     (format!("{text} {:016x}\n", checksum.0), checksum)
 }
 
-/// The text of a whole line (without its end) whose checksum is right, and the checksum for the next.
+/// The text of a whole line (without its end) whose checksum is right, and the checksum for the
+/// next.
 pub(super) fn checked(line: &str, before: Checksum) -> Option<(&str, Checksum)> {
     let (text, sum) = line.rsplit_once(' ')?;
     let checksum = before.with(text);

@@ -1,9 +1,11 @@
-//! The append-only journal of a run: what was rendered is never rendered again, whatever killed the run.
+//! The append-only journal of a run: what was rendered is never rendered again, whatever killed the
+//! run.
 //!
-//! Text, a line each: a header that says what the figures belong to, then one record per answer. Every line ends in a
-//! checksum over the whole file up to there, so torn, changed and missing lines are found alike. A journal is read up to
-//! its first bad line, and the rest is cut off. Whoever asks is deterministic: a resumed run asks the same questions and
-//! is answered from here until it is where it was.
+//! Text, a line each: a header that says what the figures belong to, then one record per answer.
+//! Every line ends in a checksum over the whole file up to there, so torn, changed and missing
+//! lines are found alike. A journal is read up to its first bad line, and the rest is cut off.
+//! Whoever asks is deterministic: a resumed run asks the same questions and is answered from here
+//! until it is where it was.
 
 mod error;
 mod line;
@@ -19,13 +21,15 @@ pub use error::JournalError;
 pub(crate) use line::hash;
 use line::{Checksum, checked, line};
 
-/// Records reach the operating system at once, and the disk at most this much later: a kill loses nothing, a power cut a second.
+/// Records reach the operating system at once, and the disk at most this much later: a kill loses
+/// nothing, a power cut a second.
 const SYNC: Duration = Duration::from_secs(1);
 
 /// First word of a journal, with the version of its format.
 const MAGIC: &str = "frugal-journal 2";
 
-/// What the figures of a journal belong to: names and values, the most telling first. A run with another header may not use them.
+/// What the figures of a journal belong to: names and values, the most telling first. A run with
+/// another header may not use them.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct JournalHeader(Vec<(String, String)>);
 
@@ -39,7 +43,9 @@ impl JournalHeader {
 
     /// Name and both values of the first field in which two headers differ.
     fn difference(&self, other: &Self) -> Option<(String, String, String)> {
-        let find = |header: &Self, name: &str| header.0.iter().rev().find(|(other, _)| other == name).map(|(_, value)| value.clone());
+        let find = |header: &Self, name: &str| {
+            header.0.iter().rev().find(|(other, _)| other == name).map(|(_, value)| value.clone())
+        };
         let text = |value: Option<String>| value.unwrap_or_else(|| "nothing".to_owned());
         self.0.iter().chain(&other.0).find_map(|(name, _)| {
             let (here, there) = (find(self, name), find(other, name));
@@ -77,12 +83,16 @@ impl Journal {
         Ok(journal)
     }
 
-    /// Continues the journal at `path` after its last good line; starts one where there is none. Returns its records, in the order in
-    /// which they were written.
+    /// Continues the journal at `path` after its last good line; starts one where there is none.
+    /// Returns its records, in the order in which they were written.
     ///
     /// # Errors
-    /// When the file cannot be read and written, is not a journal, belongs to a run with another header, or another run has it open.
-    pub fn resume(path: &Path, header: &JournalHeader) -> Result<(Self, Vec<String>), JournalError> {
+    /// When the file cannot be read and written, is not a journal, belongs to a run with another
+    /// header, or another run has it open.
+    pub fn resume(
+        path: &Path,
+        header: &JournalHeader,
+    ) -> Result<(Self, Vec<String>), JournalError> {
         let mut journal = Self::open(path)?;
         let mut bytes = Vec::new();
         journal.file.read_to_end(&mut bytes).map_err(|source| journal.failed("read", source))?;
@@ -92,7 +102,8 @@ impl Journal {
             journal.start(header)?;
             return Ok((journal, Vec::new()));
         }
-        let Some(Contents { header: found, records, end, checksum }) = Contents::read(&bytes) else {
+        let Some(Contents { header: found, records, end, checksum }) = Contents::read(&bytes)
+        else {
             return Err(JournalError::NotAJournal { path: path.to_owned() });
         };
         if let Some((field, found, expected)) = found.difference(header) {
@@ -100,24 +111,38 @@ impl Journal {
         }
         journal.checksum = checksum;
         journal.file.set_len(end as u64).map_err(|source| journal.failed("shorten", source))?;
-        journal.file.seek(SeekFrom::Start(end as u64)).map_err(|source| journal.failed("read", source))?;
+        journal
+            .file
+            .seek(SeekFrom::Start(end as u64))
+            .map_err(|source| journal.failed("read", source))?;
         Ok((journal, records))
     }
 
     fn open(path: &Path) -> Result<Self, JournalError> {
         let failed = |source| JournalError::File { action: "open", path: path.to_owned(), source };
-        let file = OpenOptions::new().read(true).write(true).create(true).truncate(false).open(path).map_err(failed)?;
+        let file = OpenOptions::new()
+            .read(true)
+            .write(true)
+            .create(true)
+            .truncate(false)
+            .open(path)
+            .map_err(failed)?;
         match file.try_lock() {
             // Some file systems have no locks; the run is then as safe as its user is careful.
             Ok(()) | Err(TryLockError::Error(_)) => {}
-            Err(TryLockError::WouldBlock) => return Err(JournalError::InUse { path: path.to_owned() }),
+            Err(TryLockError::WouldBlock) => {
+                return Err(JournalError::InUse { path: path.to_owned() });
+            }
         }
         Ok(Self { path: path.to_owned(), file, checksum: Checksum::START, synced: Instant::now() })
     }
 
     fn start(&mut self, header: &JournalHeader) -> Result<(), JournalError> {
         let text = header.text()?;
-        self.file.set_len(0).and_then(|()| self.file.rewind()).map_err(|source| self.failed("empty", source))?;
+        self.file
+            .set_len(0)
+            .and_then(|()| self.file.rewind())
+            .map_err(|source| self.failed("empty", source))?;
         self.append(&text)
     }
 
@@ -155,14 +180,21 @@ struct Contents {
 impl Contents {
     /// `None` where not even the header is good.
     fn read(bytes: &[u8]) -> Option<Self> {
-        let mut lines = bytes.split_inclusive(|byte| *byte == b'\n').filter(|line| line.ends_with(b"\n"));
+        let mut lines =
+            bytes.split_inclusive(|byte| *byte == b'\n').filter(|line| line.ends_with(b"\n"));
         let good = |line: &[u8], before: Checksum| {
-            let (text, checksum) = checked(std::str::from_utf8(line).ok()?.strip_suffix('\n')?, before)?;
+            let (text, checksum) =
+                checked(std::str::from_utf8(line).ok()?.strip_suffix('\n')?, before)?;
             Some((text.to_owned(), checksum))
         };
         let first = lines.next()?;
         let (text, checksum) = good(first, Checksum::START)?;
-        let mut contents = Self { header: JournalHeader::read(&text)?, records: Vec::new(), end: first.len(), checksum };
+        let mut contents = Self {
+            header: JournalHeader::read(&text)?,
+            records: Vec::new(),
+            end: first.len(),
+            checksum,
+        };
         for line in lines {
             let Some((record, checksum)) = good(line, contents.checksum) else { break };
             contents.records.push(record);
@@ -178,15 +210,22 @@ impl Contents {
 /// # Errors
 /// When the file cannot be read or is not a journal.
 pub fn read_journal(path: &Path) -> Result<(JournalHeader, Vec<String>), JournalError> {
-    let bytes = std::fs::read(path).map_err(|source| JournalError::File { action: "read", path: path.to_owned(), source })?;
-    let contents = Contents::read(&bytes).ok_or_else(|| JournalError::NotAJournal { path: path.to_owned() })?;
+    let bytes = std::fs::read(path).map_err(|source| JournalError::File {
+        action: "read",
+        path: path.to_owned(),
+        source,
+    })?;
+    let contents = Contents::read(&bytes)
+        .ok_or_else(|| JournalError::NotAJournal { path: path.to_owned() })?;
     Ok((contents.header, contents.records))
 }
 
-/// Joins journals of one run, each with a part of its records, into one at `output`: every record once, in the order in which the files have them.
+/// Joins journals of one run, each with a part of its records, into one at `output`: every record
+/// once, in the order in which the files have them.
 ///
 /// # Errors
-/// When a file cannot be read, is no journal, or belongs to another run than the first; nothing is written then.
+/// When a file cannot be read, is no journal, or belongs to another run than the first; nothing is
+/// written then.
 pub fn merge_journals(files: &[PathBuf], output: &Path) -> Result<usize, JournalError> {
     let mut header: Option<JournalHeader> = None;
     let mut seen = std::collections::HashSet::new();
@@ -201,15 +240,18 @@ pub fn merge_journals(files: &[PathBuf], output: &Path) -> Result<usize, Journal
     }
     let mut text = String::new();
     let mut checksum = Checksum::START;
-    for record in std::iter::once(header.unwrap_or_default().text()?).chain(merged.iter().cloned()) {
+    for record in std::iter::once(header.unwrap_or_default().text()?).chain(merged.iter().cloned())
+    {
         let (whole, next) = line(&record, checksum);
         text.push_str(&whole);
         checksum = next;
     }
-    crate::files::write_atomically(output, |file| file.write_all(text.as_bytes())).map_err(|error| JournalError::File {
-        action: "write",
-        path: output.to_owned(),
-        source: error.source,
-    })?;
+    crate::files::write_atomically(output, |file| file.write_all(text.as_bytes())).map_err(
+        |error| JournalError::File {
+            action: "write",
+            path: output.to_owned(),
+            source: error.source,
+        },
+    )?;
     Ok(merged.len())
 }

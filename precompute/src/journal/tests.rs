@@ -30,7 +30,11 @@ fn a_journal_cut_at_any_byte_keeps_every_whole_record() {
             journal.append(record).expect("room");
         }
         drop(journal);
-        assert_eq!(fs::read(&path).expect("the journal"), bytes, "cut at {end}: the journal is whole again");
+        assert_eq!(
+            fs::read(&path).expect("the journal"),
+            bytes,
+            "cut at {end}: the journal is whole again"
+        );
     }
 }
 
@@ -50,14 +54,28 @@ fn a_changed_byte_ends_what_is_believed() {
         match Journal::resume(&path, &header()) {
             Ok((_, records)) => {
                 assert!(at >= header_end, "the header's damage is noticed");
-                assert!(records.len() < 4 && records.iter().enumerate().all(|(number, record)| *record == format!("m {number}")));
+                assert!(
+                    records.len() < 4
+                        && records
+                            .iter()
+                            .enumerate()
+                            .all(|(number, record)| *record == format!("m {number}"))
+                );
             }
-            Err(error) => assert!(at < header_end && error.to_string().contains("run.journal"), "{at}: {error}"),
+            Err(error) => assert!(
+                at < header_end && error.to_string().contains("run.journal"),
+                "{at}: {error}"
+            ),
         }
     }
     // A line that is missing breaks the chain as well.
     let text = String::from_utf8(bytes).expect("text");
-    let without_second: String = text.split_inclusive('\n').enumerate().filter(|(number, _)| *number != 2).map(|(_, line)| line).collect();
+    let without_second: String = text
+        .split_inclusive('\n')
+        .enumerate()
+        .filter(|(number, _)| *number != 2)
+        .map(|(_, line)| line)
+        .collect();
     fs::write(&path, without_second).expect("can be written");
     assert_eq!(Journal::resume(&path, &header()).expect("resumes").1, ["m 0"]);
 }
@@ -67,13 +85,19 @@ fn other_runs_and_other_files_are_refused_with_a_reason() {
     let folder = tempfile::tempdir().expect("a folder");
     let path = folder.path().join("run.journal");
     drop(Journal::create(&path, &header()).expect("a fresh journal"));
-    let error = Journal::resume(&path, &header().with("seed", 4)).expect_err("another seed").to_string();
+    let error =
+        Journal::resume(&path, &header().with("seed", 4)).expect_err("another seed").to_string();
     assert!(error.contains("its seed is `3`, here it is `4`"), "{error}");
-    let error = Journal::resume(&path, &header().with("adapter", "llvmpipe")).expect_err("another adapter").to_string();
+    let error = Journal::resume(&path, &header().with("adapter", "llvmpipe"))
+        .expect_err("another adapter")
+        .to_string();
     assert!(error.contains("its adapter is `nothing`"), "{error}");
     fs::write(&path, "a letter to a friend\n").expect("can be written");
     assert!(matches!(Journal::resume(&path, &header()), Err(JournalError::NotAJournal { .. })));
-    assert!(matches!(Journal::create(&folder.path().join("no/folder"), &header()), Err(JournalError::File { action: "open", .. })));
+    assert!(matches!(
+        Journal::create(&folder.path().join("no/folder"), &header()),
+        Err(JournalError::File { action: "open", .. })
+    ));
 }
 
 #[test]

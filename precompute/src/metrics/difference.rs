@@ -42,11 +42,17 @@ pub enum DifferenceError {
 }
 
 impl Difference {
-    /// `picture` against `reference`; without an exposure value, the one at which the reference's median luminance is middle grey.
+    /// `picture` against `reference`; without an exposure value, the one at which the reference's
+    /// median luminance is middle grey.
     ///
     /// # Errors
-    /// When their sizes differ, one is empty or holds values that are not finite, or the reference's mean is not above 0.
-    pub fn new(picture: &Radiance, reference: &Radiance, exposure_ev100: Option<f32>) -> Result<Self, DifferenceError> {
+    /// When their sizes differ, one is empty or holds values that are not finite, or the
+    /// reference's mean is not above 0.
+    pub fn new(
+        picture: &Radiance,
+        reference: &Radiance,
+        exposure_ev100: Option<f32>,
+    ) -> Result<Self, DifferenceError> {
         for (which, radiance) in [("reference", reference), ("picture", picture)] {
             let count = radiance.rgb.iter().flatten().filter(|value| !value.is_finite()).count();
             if count > 0 {
@@ -55,7 +61,10 @@ impl Difference {
         }
         // First, for it checks sizes.
         let exposure_ev100 = exposure_ev100.unwrap_or_else(|| tone::middle_grey_ev100(reference));
-        let one_minus_ssim = ssim::error(&tone::display(reference, exposure_ev100), &tone::display(picture, exposure_ev100))?;
+        let one_minus_ssim = ssim::error(
+            &tone::display(reference, exposure_ev100),
+            &tone::display(picture, exposure_ev100),
+        )?;
         let mean = reference.mean();
         if mean <= 0.0 {
             return Err(DifferenceError::Black);
@@ -63,7 +72,10 @@ impl Difference {
         Ok(Self {
             mean_ratio: picture.mean() / mean,
             relative_l1: mean_absolute_difference(picture, reference) / mean,
-            relative_l1_boxes: mean_absolute_difference(&picture.boxes(BOX_SIDE), &reference.boxes(BOX_SIDE)) / mean,
+            relative_l1_boxes: mean_absolute_difference(
+                &picture.boxes(BOX_SIDE),
+                &reference.boxes(BOX_SIDE),
+            ) / mean,
             one_minus_ssim,
             exposure_ev100,
         })
@@ -71,7 +83,12 @@ impl Difference {
 }
 
 fn mean_absolute_difference(a: &Radiance, b: &Radiance) -> f64 {
-    let differences = a.rgb.iter().flatten().zip(b.rgb.iter().flatten()).map(|(a, b)| (f64::from(*a) - f64::from(*b)).abs());
+    let differences = a
+        .rgb
+        .iter()
+        .flatten()
+        .zip(b.rgb.iter().flatten())
+        .map(|(a, b)| (f64::from(*a) - f64::from(*b)).abs());
     differences.sum::<f64>() / (3 * a.rgb.len()).max(1) as f64
 }
 
@@ -80,28 +97,41 @@ mod tests {
     use super::*;
 
     fn radiance(width: u32, height: u32, value: impl Fn(u32, u32) -> f32) -> Radiance {
-        Radiance { width, height, rgb: (0..width * height).map(|i| [value(i % width, i / width); 3]).collect() }
+        Radiance {
+            width,
+            height,
+            rgb: (0..width * height).map(|i| [value(i % width, i / width); 3]).collect(),
+        }
     }
 
     #[test]
     fn equal_pictures_do_not_differ() {
         let picture = radiance(16, 12, |x, y| 100.0 + (x * y) as f32);
         let difference = Difference::new(&picture, &picture, None).unwrap();
-        assert_eq!((difference.mean_ratio, difference.relative_l1, difference.relative_l1_boxes), (1.0, 0.0, 0.0));
+        assert_eq!(
+            (difference.mean_ratio, difference.relative_l1, difference.relative_l1_boxes),
+            (1.0, 0.0, 0.0)
+        );
         assert_eq!(difference.one_minus_ssim, 0.0);
     }
 
     #[test]
     fn a_scale_shows_in_every_figure_and_noise_goes_from_the_boxes() {
         let reference = radiance(16, 12, |_, _| 100.0);
-        let brighter = Difference::new(&radiance(16, 12, |_, _| 110.0), &reference, Some(7.0)).unwrap();
-        for figure in [brighter.mean_ratio - 1.0, brighter.relative_l1, brighter.relative_l1_boxes] {
+        let brighter =
+            Difference::new(&radiance(16, 12, |_, _| 110.0), &reference, Some(7.0)).unwrap();
+        for figure in [brighter.mean_ratio - 1.0, brighter.relative_l1, brighter.relative_l1_boxes]
+        {
             assert!((figure - 0.1).abs() < 1e-9, "{brighter:?}");
         }
         assert!(brighter.one_minus_ssim > 0.0 && brighter.exposure_ev100 == 7.0);
         let noisy = radiance(16, 12, |x, y| if (x + y) % 2 == 0 { 130.0 } else { 70.0 });
         let noisy = Difference::new(&noisy, &reference, None).unwrap();
-        assert!((noisy.mean_ratio - 1.0).abs() < 1e-12 && (noisy.relative_l1 - 0.3).abs() < 1e-9 && noisy.relative_l1_boxes < 1e-9);
+        assert!(
+            (noisy.mean_ratio - 1.0).abs() < 1e-12
+                && (noisy.relative_l1 - 0.3).abs() < 1e-9
+                && noisy.relative_l1_boxes < 1e-9
+        );
         assert!(noisy.one_minus_ssim > brighter.one_minus_ssim);
     }
 
@@ -109,12 +139,27 @@ mod tests {
     fn what_cannot_be_compared_is_named() {
         let (small, large) = (radiance(4, 4, |_, _| 1.0), radiance(8, 4, |_, _| 1.0));
         let error = Difference::new(&small, &large, None).unwrap_err();
-        assert_eq!(error, DifferenceError::Compare(CompareError::Size { reference: (8, 4), picture: (4, 4) }));
-        assert_eq!(Difference::new(&small, &radiance(4, 4, |_, _| 0.0), None), Err(DifferenceError::Black));
+        assert_eq!(
+            error,
+            DifferenceError::Compare(CompareError::Size { reference: (8, 4), picture: (4, 4) })
+        );
+        assert_eq!(
+            Difference::new(&small, &radiance(4, 4, |_, _| 0.0), None),
+            Err(DifferenceError::Black)
+        );
         let broken = radiance(4, 4, |x, _| if x == 0 { f32::NAN } else { 1.0 });
-        assert_eq!(Difference::new(&broken, &small, None), Err(DifferenceError::NotFinite { which: "picture", count: 12 }));
-        assert_eq!(Difference::new(&small, &broken, None), Err(DifferenceError::NotFinite { which: "reference", count: 12 }));
+        assert_eq!(
+            Difference::new(&broken, &small, None),
+            Err(DifferenceError::NotFinite { which: "picture", count: 12 })
+        );
+        assert_eq!(
+            Difference::new(&small, &broken, None),
+            Err(DifferenceError::NotFinite { which: "reference", count: 12 })
+        );
         let empty = radiance(0, 0, |_, _| 1.0);
-        assert_eq!(Difference::new(&empty, &empty, None), Err(DifferenceError::Compare(CompareError::Empty)));
+        assert_eq!(
+            Difference::new(&empty, &empty, None),
+            Err(DifferenceError::Compare(CompareError::Empty))
+        );
     }
 }

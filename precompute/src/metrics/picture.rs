@@ -66,7 +66,10 @@ impl Picture {
 
     /// The picture whose pixel in column `x` of row `y` is `pixel(x, y)`.
     pub fn from_fn(width: u32, height: u32, mut pixel: impl FnMut(u32, u32) -> [u8; 3]) -> Self {
-        let rgb = (0..height).flat_map(|y| (0..width).map(move |x| (x, y))).map(|(x, y)| pixel(x, y)).collect();
+        let rgb = (0..height)
+            .flat_map(|y| (0..width).map(move |x| (x, y)))
+            .map(|(x, y)| pixel(x, y))
+            .collect();
         Self { width, height, rgb }
     }
 
@@ -75,7 +78,8 @@ impl Picture {
     /// # Errors
     /// When the file cannot be read or is not a PNG.
     pub fn read_png(path: &Path) -> Result<Self, PictureError> {
-        let bytes = std::fs::read(path).map_err(|source| PictureError::File { path: path.to_owned(), source })?;
+        let bytes = std::fs::read(path)
+            .map_err(|source| PictureError::File { path: path.to_owned(), source })?;
         Self::decode(&bytes, &path.display().to_string())
     }
 
@@ -103,7 +107,12 @@ impl Picture {
     pub fn to_png(&self) -> Result<Vec<u8>, PictureError> {
         let expected = u64::from(self.width) * u64::from(self.height);
         if self.rgb.len() as u64 != expected {
-            return Err(PictureError::PixelCount { width: self.width, height: self.height, expected, given: self.rgb.len() });
+            return Err(PictureError::PixelCount {
+                width: self.width,
+                height: self.height,
+                expected,
+                given: self.rgb.len(),
+            });
         }
         let mut bytes = Vec::new();
         PngEncoder::new(&mut bytes)
@@ -117,16 +126,22 @@ impl Picture {
     /// # Errors
     /// As [`to_png`](Self::to_png), and when the file cannot be written.
     pub fn write_png(&self, path: &Path) -> Result<(), PictureError> {
-        std::fs::write(path, self.to_png()?).map_err(|source| PictureError::File { path: path.to_owned(), source })
+        std::fs::write(path, self.to_png()?)
+            .map_err(|source| PictureError::File { path: path.to_owned(), source })
     }
 
     /// Luma of every pixel, 0 to 255: Rec. 709's weights on the 8-bit values as they are.
     ///
-    /// On the display-referred values, not on linear light: the eye's response is close to the transfer curve's, and Wang et al. defined
-    /// SSIM's constants for such values. In linear light a difference in the shadows, which anyone sees, would weigh a hundredth of what it
-    /// should.
+    /// On the display-referred values, not on linear light: the eye's response is close to the
+    /// transfer curve's, and Wang et al. defined SSIM's constants for such values. In linear light
+    /// a difference in the shadows, which anyone sees, would weigh a hundredth of what it should.
     pub fn luma(&self) -> Vec<f32> {
-        self.rgb.iter().map(|&[red, green, blue]| 0.2126 * f32::from(red) + 0.7152 * f32::from(green) + 0.0722 * f32::from(blue)).collect()
+        self.rgb
+            .iter()
+            .map(|&[red, green, blue]| {
+                0.2126 * f32::from(red) + 0.7152 * f32::from(green) + 0.0722 * f32::from(blue)
+            })
+            .collect()
     }
 }
 
@@ -168,7 +183,9 @@ mod tests {
 
     #[test]
     fn luma_weighs_green_most_and_spans_the_range() {
-        let picture = Picture::new(5, 1, vec![[0; 3], [255; 3], [255, 0, 0], [0, 255, 0], [0, 0, 255]]).unwrap();
+        let picture =
+            Picture::new(5, 1, vec![[0; 3], [255; 3], [255, 0, 0], [0, 255, 0], [0, 0, 255]])
+                .unwrap();
         let expected = [0.0, 255.0, 54.213, 182.376, 18.411];
         for (luma, expected) in picture.luma().into_iter().zip(expected) {
             assert!((luma - expected).abs() < 1e-3, "{luma} is not {expected}");

@@ -44,17 +44,23 @@ impl Radiance {
     /// # Errors
     /// When the file cannot be read or is no such picture.
     pub fn read_exr(path: &Path) -> Result<Self, RadianceError> {
-        let bytes = std::fs::read(path).map_err(|source| RadianceError::Unreadable { path: path.to_owned(), source })?;
+        let bytes = std::fs::read(path)
+            .map_err(|source| RadianceError::Unreadable { path: path.to_owned(), source })?;
         let picture = ImageReader::with_format(Cursor::new(bytes), ImageFormat::OpenExr)
             .decode()
             .map_err(|source| RadianceError::Malformed { path: path.to_owned(), source })?
             .into_rgb32f();
-        Ok(Self { width: picture.width(), height: picture.height(), rgb: picture.as_raw().as_chunks().0.to_vec() })
+        Ok(Self {
+            width: picture.width(),
+            height: picture.height(),
+            rgb: picture.as_raw().as_chunks().0.to_vec(),
+        })
     }
 
     /// Mean over all pixels and the three channels.
     pub fn mean(&self) -> f64 {
-        self.rgb.iter().flatten().map(|value| f64::from(*value)).sum::<f64>() / (3 * self.rgb.len()).max(1) as f64
+        self.rgb.iter().flatten().map(|value| f64::from(*value)).sum::<f64>()
+            / (3 * self.rgb.len()).max(1) as f64
     }
 
     /// Luminance of every pixel, nits: Rec. 709's weights.
@@ -62,23 +68,32 @@ impl Radiance {
         self.rgb.iter().map(|[red, green, blue]| 0.2126 * red + 0.7152 * green + 0.0722 * blue)
     }
 
-    /// Means of squares of `side` × `side` pixels; at the right and lower border of what there is of them.
+    /// Means of squares of `side` × `side` pixels; at the right and lower border of what there is
+    /// of them.
     #[must_use]
     pub fn boxes(&self, side: u32) -> Self {
         let side = side.max(1);
         let (width, height) = (self.width.div_ceil(side), self.height.div_ceil(side));
         let mean = |column: u32, row: u32| {
-            let (columns, rows) = (column * side..(column * side + side).min(self.width), row * side..(row * side + side).min(self.height));
+            let (columns, rows) = (
+                column * side..(column * side + side).min(self.width),
+                row * side..(row * side + side).min(self.height),
+            );
             let count = f64::from((columns.end - columns.start) * (rows.end - rows.start));
             let mut sum = [0.0f64; 3];
             for y in rows {
-                for pixel in &self.rgb[(y * self.width + columns.start) as usize..(y * self.width + columns.end) as usize] {
+                for pixel in &self.rgb[(y * self.width + columns.start) as usize
+                    ..(y * self.width + columns.end) as usize]
+                {
                     (0..3).for_each(|channel| sum[channel] += f64::from(pixel[channel]));
                 }
             }
             sum.map(|sum| (sum / count) as f32)
         };
-        let rgb = (0..height).flat_map(|row| (0..width).map(move |column| (column, row))).map(|(column, row)| mean(column, row)).collect();
+        let rgb = (0..height)
+            .flat_map(|row| (0..width).map(move |column| (column, row)))
+            .map(|(column, row)| mean(column, row))
+            .collect();
         Self { width, height, rgb }
     }
 
@@ -88,7 +103,8 @@ impl Radiance {
     /// When it cannot be encoded.
     pub fn to_exr(&self) -> Result<Vec<u8>, ImageError> {
         let values: Vec<f32> = self.rgb.iter().flatten().copied().collect();
-        let picture = image::Rgb32FImage::from_raw(self.width, self.height, values).unwrap_or_default();
+        let picture =
+            image::Rgb32FImage::from_raw(self.width, self.height, values).unwrap_or_default();
         let mut bytes = Cursor::new(Vec::new());
         picture.write_to(&mut bytes, ImageFormat::OpenExr)?;
         Ok(bytes.into_inner())
@@ -100,7 +116,11 @@ mod tests {
     use super::*;
 
     fn ramp(width: u32, height: u32) -> Radiance {
-        Radiance { width, height, rgb: (0..width * height).map(|i| [i as f32, 2.5e6, 0.001 * i as f32]).collect() }
+        Radiance {
+            width,
+            height,
+            rgb: (0..width * height).map(|i| [i as f32, 2.5e6, 0.001 * i as f32]).collect(),
+        }
     }
 
     #[test]
@@ -118,7 +138,11 @@ mod tests {
         assert!(matches!(Radiance::read_exr(&file), Err(RadianceError::Unreadable { .. })));
         std::fs::write(&file, b"not a picture").unwrap();
         let error = Radiance::read_exr(&file).unwrap_err();
-        assert!(matches!(error, RadianceError::Malformed { .. }) && error.to_string().contains("light.exr"), "{error}");
+        assert!(
+            matches!(error, RadianceError::Malformed { .. })
+                && error.to_string().contains("light.exr"),
+            "{error}"
+        );
     }
 
     #[test]
@@ -126,7 +150,10 @@ mod tests {
         let boxes = ramp(6, 5).boxes(4);
         assert_eq!((boxes.width, boxes.height, boxes.rgb.len()), (2, 2, 4));
         // Columns 0 to 3 of rows 0 to 3; columns 4 and 5; row 4 alone; and the corner.
-        assert_eq!(boxes.rgb.iter().map(|pixel| pixel[0]).collect::<Vec<_>>(), [10.5, 13.5, 25.5, 28.5]);
+        assert_eq!(
+            boxes.rgb.iter().map(|pixel| pixel[0]).collect::<Vec<_>>(),
+            [10.5, 13.5, 25.5, 28.5]
+        );
         assert!(boxes.rgb.iter().all(|pixel| pixel[1] == 2.5e6));
         assert_eq!(ramp(6, 5).boxes(1), ramp(6, 5));
     }

@@ -1,20 +1,24 @@
-//! Structural similarity: Wang, Bovik, Sheikh, Simoncelli 2004, "Image Quality Assessment: From Error Visibility to Structural Similarity",
-//! <https://doi.org/10.1109/TIP.2003.819861>.
+//! Structural similarity: Wang, Bovik, Sheikh, Simoncelli 2004, "Image Quality Assessment: From
+//! Error Visibility to Structural Similarity", <https://doi.org/10.1109/TIP.2003.819861>.
 //!
-//! Exactly what scikit-image calls `structural_similarity(…, gaussian_weights=True, sigma=1.5, use_sample_covariance=False,
-//! data_range=255)` on the pictures' [luma](Picture::luma): an 11 × 11 Gaussian window with σ = 1.5, K₁ = 0.01, K₂ = 0.03, population
-//! covariance, and the mean over the windows that lie wholly inside the picture, which crops 5 pixels at every border. `ssim_fixtures.py`
-//! beside this file writes the numbers that the tests hold it to.
+//! Exactly what scikit-image calls `structural_similarity(…, gaussian_weights=True, sigma=1.5,
+//! use_sample_covariance=False, data_range=255)` on the pictures' [luma](Picture::luma): an 11 × 11
+//! Gaussian window with σ = 1.5, K₁ = 0.01, K₂ = 0.03, population covariance, and the mean over the
+//! windows that lie wholly inside the picture, which crops 5 pixels at every border.
+//! `ssim_fixtures.py` beside this file writes the numbers that the tests hold it to.
 //!
-//! What we changed: only windows inside the picture are computed at all, so there is no border rule to choose. A picture that is less than
-//! 11 pixels wide or high has no such window; it is compared in **one** window that covers it whole and weighs every pixel alike.
+//! What we changed: only windows inside the picture are computed at all, so there is no border rule
+//! to choose. A picture that is less than 11 pixels wide or high has no such window; it is compared
+//! in **one** window that covers it whole and weighs every pixel alike.
 //!
-//! Luma and variances are kept in single precision, all sums run in double: a variance is the small difference of two large numbers, and in
-//! single precision faint noise on white was off by 2 × 10⁻⁵, a hundredth of its own error.
+//! Luma and variances are kept in single precision, all sums run in double: a variance is the small
+//! difference of two large numbers, and in single precision faint noise on white was off by 2 ×
+//! 10⁻⁵, a hundredth of its own error.
 //!
-//! Options for who computes it: 1. the crate `image-compare`, whose windows are 8 × 8, do not overlap, and divide the covariance by no
-//! count, so that faint noise in a dark picture counts thirty times what it should; 2. `dssim`, another metric under a licence that we
-//! cannot use; 3. these lines. We use 3.
+//! Options for who computes it: 1. the crate `image-compare`, whose windows are 8 × 8, do not
+//! overlap, and divide the covariance by no count, so that faint noise in a dark picture counts
+//! thirty times what it should; 2. `dssim`, another metric under a licence that we cannot use; 3.
+//! these lines. We use 3.
 
 use super::Picture;
 
@@ -53,7 +57,8 @@ pub enum CompareError {
     },
 }
 
-/// 1 − SSIM: 0 where the pictures are equal, 1 where they have nothing in common, up to 2 where one is the other's negative. Never NaN.
+/// 1 − SSIM: 0 where the pictures are equal, 1 where they have nothing in common, up to 2 where one
+/// is the other's negative. Never NaN.
 ///
 /// # Errors
 /// When the pictures differ in size, are empty, or do not have as many pixels as their size says.
@@ -61,7 +66,8 @@ pub fn error(reference: &Picture, picture: &Picture) -> Result<f64, CompareError
     Reference::new(reference)?.error(picture)
 }
 
-/// A picture that others are compared with: its means and variances are computed once, which halves the work of each comparison.
+/// A picture that others are compared with: its means and variances are computed once, which halves
+/// the work of each comparison.
 ///
 /// Takes 16 bytes a pixel.
 #[derive(Clone, Debug)]
@@ -96,7 +102,9 @@ impl Reference {
         };
         filter(width, height, fill, |_, [mean, square]| {
             means.extend_from_slice(mean);
-            variances.extend(mean.iter().zip(square).map(|(mean, square)| (square - mean * mean) as f32));
+            variances.extend(
+                mean.iter().zip(square).map(|(mean, square)| (square - mean * mean) as f32),
+            );
         });
         (reference.means, reference.variances) = (means, variances);
         Ok(reference)
@@ -113,10 +121,17 @@ impl Reference {
     /// When `picture` is of another size, or does not have as many pixels as its size says.
     pub fn error(&self, picture: &Picture) -> Result<f64, CompareError> {
         if (picture.width, picture.height) != self.size() {
-            return Err(CompareError::Size { reference: self.size(), picture: (picture.width, picture.height) });
+            return Err(CompareError::Size {
+                reference: self.size(),
+                picture: (picture.width, picture.height),
+            });
         }
         let other = checked_luma(picture)?;
-        let similarity = if self.is_small() { self.similarity_in_one_window(&other) } else { self.similarity(&other) };
+        let similarity = if self.is_small() {
+            self.similarity_in_one_window(&other)
+        } else {
+            self.similarity(&other)
+        };
         // Rounding may take the similarity of almost equal pictures past 1.
         Ok((1.0 - similarity).clamp(0.0, 2.0))
     }
@@ -145,12 +160,19 @@ impl Reference {
         filter(width, self.height, fill, |row, [mean, square, product]| {
             let reference_mean = &self.means[row * columns..][..columns];
             let reference_variance = &self.variances[row * columns..][..columns];
-            let (mean, square, product) = (&mean[..columns], &square[..columns], &product[..columns]);
+            let (mean, square, product) =
+                (&mean[..columns], &square[..columns], &product[..columns]);
             let similarities = &mut similarities[..columns];
             for i in 0..columns {
                 let variance = (square[i] - mean[i] * mean[i]) as f32;
                 let covariance = product[i] - reference_mean[i] * mean[i];
-                similarities[i] = window_similarity(reference_mean[i], mean[i], reference_variance[i], variance, covariance);
+                similarities[i] = window_similarity(
+                    reference_mean[i],
+                    mean[i],
+                    reference_variance[i],
+                    variance,
+                    covariance,
+                );
             }
             total += sum(similarities);
         });
@@ -158,10 +180,16 @@ impl Reference {
     }
 }
 
-/// SSIM of one window. Its covariance is rounded as the variances are, so that for equal statistics the quotient's halves are the same
-/// number and it is exactly 1.
+/// SSIM of one window. Its covariance is rounded as the variances are, so that for equal statistics
+/// the quotient's halves are the same number and it is exactly 1.
 #[inline]
-fn window_similarity(mean_a: f64, mean_b: f64, variance_a: f32, variance_b: f32, covariance: f64) -> f64 {
+fn window_similarity(
+    mean_a: f64,
+    mean_b: f64,
+    variance_a: f32,
+    variance_b: f32,
+    covariance: f64,
+) -> f64 {
     let (a, b, covariance) = (mean_a, mean_b, f64::from(covariance as f32));
     let like = (a * b + a * b + C1) * (covariance + covariance + C2);
     like / ((a * a + b * b + C1) * (f64::from(variance_a) + f64::from(variance_b) + C2))
@@ -183,14 +211,20 @@ fn mean_and_covariance(a: &[f32], b: &[f32]) -> (f64, f64) {
     let count = a.len() as f64;
     let mean_of = |values: &[f32]| values.iter().copied().map(f64::from).sum::<f64>() / count;
     let (mean_a, mean_b) = (mean_of(a), mean_of(b));
-    let covariance = a.iter().zip(b).map(|(&a, &b)| (f64::from(a) - mean_a) * (f64::from(b) - mean_b)).sum::<f64>() / count;
+    let covariance = a
+        .iter()
+        .zip(b)
+        .map(|(&a, &b)| (f64::from(a) - mean_a) * (f64::from(b) - mean_b))
+        .sum::<f64>()
+        / count;
     (mean_b, covariance)
 }
 
-/// Runs the Gaussian window over `N` quantities at once. `fill` writes them for one row of the picture, `emit` takes them for one row of
-/// windows.
+/// Runs the Gaussian window over `N` quantities at once. `fill` writes them for one row of the
+/// picture, `emit` takes them for one row of windows.
 ///
-/// Only the eleven rows that a window needs are kept, filtered along the row, so that all of it stays in cache.
+/// Only the eleven rows that a window needs are kept, filtered along the row, so that all of it
+/// stays in cache.
 fn filter<const N: usize>(
     width: usize,
     height: usize,
@@ -211,7 +245,11 @@ fn filter<const N: usize>(
         if row + 1 >= TAPS {
             let first = row + 1 - TAPS;
             for (quantity, output) in output.iter_mut().enumerate() {
-                weigh(&weights, std::array::from_fn(|tap| &ring[(first + tap) % TAPS][quantity][..]), output);
+                weigh(
+                    &weights,
+                    std::array::from_fn(|tap| &ring[(first + tap) % TAPS][quantity][..]),
+                    output,
+                );
             }
             emit(first, &output);
         }

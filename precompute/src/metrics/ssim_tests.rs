@@ -21,7 +21,10 @@ struct Case {
 
 /// The same as `noise` in `ssim_fixtures.py`.
 fn noise(x: u32, y: u32, seed: u32) -> i32 {
-    let mut value = x.wrapping_mul(0x9E37_79B1).wrapping_add(y.wrapping_mul(0x85EB_CA77)).wrapping_add(seed.wrapping_mul(0xC2B2_AE3D));
+    let mut value = x
+        .wrapping_mul(0x9E37_79B1)
+        .wrapping_add(y.wrapping_mul(0x85EB_CA77))
+        .wrapping_add(seed.wrapping_mul(0xC2B2_AE3D));
     value ^= value >> 15;
     value = value.wrapping_mul(0x2C1B_3C6D);
     value ^= value >> 13;
@@ -32,10 +35,15 @@ fn noise(x: u32, y: u32, seed: u32) -> i32 {
 fn pixel(name: &str, x: u32, y: u32, (width, height): (u32, u32)) -> [i32; 3] {
     let base = |name: &str, x: u32, y: u32| pixel(name, x, y, (width, height));
     match name {
-        "gradient" => [x * 255 / (width - 1), y * 255 / (height - 1), (x + y) * 255 / (width + height - 2)].map(|v| v as i32),
+        "gradient" => {
+            [x * 255 / (width - 1), y * 255 / (height - 1), (x + y) * 255 / (width + height - 2)]
+                .map(|v| v as i32)
+        }
         "texture" => {
             let gradient = base("gradient", x, y);
-            std::array::from_fn(|c| (gradient[c] / 2 + noise(x / 3, y / 2, c as u32) / 2).clamp(0, 255))
+            std::array::from_fn(|c| {
+                (gradient[c] / 2 + noise(x / 3, y / 2, c as u32) / 2).clamp(0, 255)
+            })
         }
         "dark" => [10 + (x * 50 / (width - 1)) as i32; 3],
         "static" => std::array::from_fn(|c| noise(x, y, c as u32)),
@@ -47,14 +55,21 @@ fn pixel(name: &str, x: u32, y: u32, (width, height): (u32, u32)) -> [i32; 3] {
             match change {
                 "noise1" | "noise8" => {
                     let strength: i32 = change[5..].parse().unwrap();
-                    std::array::from_fn(|c| (value[c] + noise(x, y, 7 + c as u32) * (2 * strength + 1) / 256 - strength).clamp(0, 255))
+                    std::array::from_fn(|c| {
+                        (value[c] + noise(x, y, 7 + c as u32) * (2 * strength + 1) / 256 - strength)
+                            .clamp(0, 255)
+                    })
                 }
                 "inverted" => value.map(|v| 255 - v),
                 "shifted" => base(name, x.saturating_sub(2), y.saturating_sub(1)),
                 "blurred" => {
                     let mut total = [0; 3];
                     for (dx, dy) in (0..9).map(|i| (i % 3, i / 3)) {
-                        let near = base(name, (x + dx).saturating_sub(1).min(width - 1), (y + dy).saturating_sub(1).min(height - 1));
+                        let near = base(
+                            name,
+                            (x + dx).saturating_sub(1).min(width - 1),
+                            (y + dy).saturating_sub(1).min(height - 1),
+                        );
                         total = std::array::from_fn(|c| total[c] + near[c]);
                     }
                     total.map(|v| v / 9)
@@ -69,7 +84,9 @@ fn pixel(name: &str, x: u32, y: u32, (width, height): (u32, u32)) -> [i32; 3] {
 }
 
 fn build(name: &str, width: u32, height: u32) -> Picture {
-    Picture::from_fn(width, height, |x, y| pixel(name, x, y, (width, height)).map(|v| u8::try_from(v).unwrap()))
+    Picture::from_fn(width, height, |x, y| {
+        pixel(name, x, y, (width, height)).map(|v| u8::try_from(v).unwrap())
+    })
 }
 
 fn plain(width: u32, height: u32, grey: u8) -> Picture {
@@ -82,11 +99,20 @@ fn agrees_with_scikit_image() {
     assert!(fixtures.cases.len() >= 90);
     let mut worst = (0.0, String::new());
     for case in &fixtures.cases {
-        let (first, second) = (build(&case.first, case.width, case.height), build(&case.second, case.width, case.height));
+        let (first, second) = (
+            build(&case.first, case.width, case.height),
+            build(&case.second, case.width, case.height),
+        );
         let ours = error(&first, &second).unwrap();
         let off = (ours - case.error).abs();
         if off >= worst.0 {
-            worst = (off, format!("{} / {} at {}×{}: {ours} is not {}", case.first, case.second, case.width, case.height, case.error));
+            worst = (
+                off,
+                format!(
+                    "{} / {} at {}×{}: {ours} is not {}",
+                    case.first, case.second, case.width, case.height, case.error
+                ),
+            );
         }
     }
     assert!(worst.0 < 1e-6, "off by {}: {}", worst.0, worst.1);
@@ -99,7 +125,9 @@ fn negative_similarity_is_kept() {
 
 #[test]
 fn equal_pictures_have_no_error_at_all() {
-    for (width, height) in [(1, 1), (1, 300), (10, 10), (10, 64), (11, 11), (64, 10), (33, 17), (160, 90)] {
+    for (width, height) in
+        [(1, 1), (1, 300), (10, 10), (10, 64), (11, 11), (64, 10), (33, 17), (160, 90)]
+    {
         for name in ["static", "black", "white"] {
             let picture = build(name, width, height);
             assert_eq!(error(&picture, &picture), Ok(0.0), "{name} at {width}×{height}");
@@ -110,8 +138,11 @@ fn equal_pictures_have_no_error_at_all() {
 #[test]
 fn is_symmetric_and_finite_and_within_range() {
     for (width, height) in [(1, 1), (2, 9), (10, 11), (11, 11), (40, 30)] {
-        let pictures: Vec<_> =
-            ["static", "black", "white"].into_iter().map(|name| build(name, width, height)).chain([plain(width, height, 128)]).collect();
+        let pictures: Vec<_> = ["static", "black", "white"]
+            .into_iter()
+            .map(|name| build(name, width, height))
+            .chain([plain(width, height, 128)])
+            .collect();
         for a in &pictures {
             for b in &pictures {
                 let ab = error(a, b).unwrap();
@@ -147,7 +178,8 @@ fn one_pixel_shows_wherever_a_window_reaches_it() {
 #[test]
 fn a_small_picture_is_one_window() {
     // Grey levels 0 and 255 against 255 and 0: means equal, variances 127.5², covariance −127.5².
-    let halves = |left: u8, right: u8| Picture::from_fn(2, 1, |x, _| [if x == 0 { left } else { right }; 3]);
+    let halves =
+        |left: u8, right: u8| Picture::from_fn(2, 1, |x, _| [if x == 0 { left } else { right }; 3]);
     let variance = 127.5 * 127.5;
     let expected = 1.0 - (58.5225 - 2.0 * variance) / (58.5225 + 2.0 * variance);
     assert!((error(&halves(0, 255), &halves(255, 0)).unwrap() - expected).abs() < 1e-5);
@@ -161,16 +193,21 @@ fn what_cannot_be_compared_is_refused() {
     assert_eq!(mismatch.to_string(), "the reference has 20×20 pixels, the picture 20×21");
     assert_eq!(error(&Picture::default(), &Picture::default()), Err(CompareError::Empty));
     let torn = Picture { rgb: vec![[0; 3]; 3], ..picture.clone() };
-    assert_eq!(error(&picture, &torn), Err(CompareError::Malformed { width: 20, height: 20, pixels: 3 }));
+    assert_eq!(
+        error(&picture, &torn),
+        Err(CompareError::Malformed { width: 20, height: 20, pixels: 3 })
+    );
     assert!(Reference::new(&torn).is_err());
 }
 
-/// Prints the throughput. The aim is 50 megapixels a second on one core; shared machines are too noisy to assert it.
+/// Prints the throughput. The aim is 50 megapixels a second on one core; shared machines are too
+/// noisy to assert it.
 #[test]
 #[ignore = "a measurement, not a check"]
 fn throughput() {
     for (width, height) in [(320, 180), (1920, 1080)] {
-        let (first, second) = (build("texture", width, height), build("texture+noise8", width, height));
+        let (first, second) =
+            (build("texture", width, height), build("texture+noise8", width, height));
         let reference = Reference::new(&first).unwrap();
         let best = (0..20)
             .map(|_| {
@@ -179,6 +216,10 @@ fn throughput() {
                 start.elapsed().as_secs_f64()
             })
             .fold(f64::INFINITY, f64::min);
-        println!("{width}×{height}: {:.3} ms, {:.0} MP/s", best * 1e3, f64::from(width * height) / best / 1e6);
+        println!(
+            "{width}×{height}: {:.3} ms, {:.0} MP/s",
+            best * 1e3,
+            f64::from(width * height) / best / 1e6
+        );
     }
 }

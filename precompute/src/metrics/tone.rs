@@ -1,21 +1,26 @@
 //! From radiance to what a screen shows.
 //!
-//! Narkowicz 2015, "ACES Filmic Tone Mapping Curve": a rational fit of the reference curve of the Academy Color Encoding System, on each
-//! channel, then sRGB. It is not the curve that the stage's camera has (Bevy's TonyMcMapface is a table on the GPU): pictures of the two
-//! differ in contrast and are for people, while figures come from radiance.
+//! Narkowicz 2015, "ACES Filmic Tone Mapping Curve": a rational fit of the reference curve of the
+//! Academy Color Encoding System, on each channel, then sRGB. It is not the curve that the stage's
+//! camera has (Bevy's TonyMcMapface is a table on the GPU): pictures of the two differ in contrast
+//! and are for people, while figures come from radiance.
 
 use super::{Picture, Radiance};
 use crate::scene::texture::srgb_from_linear;
 
-/// What a scene-referred value must be multiplied with at an exposure value at ISO 100, as Bevy's cameras do: 1 ÷ (1.2 · 2^EV) per nit.
+/// What a scene-referred value must be multiplied with at an exposure value at ISO 100, as Bevy's
+/// cameras do: 1 ÷ (1.2 · 2^EV) per nit.
 pub fn exposure(ev100: f32) -> f64 {
     1.0 / (1.2 * f64::from(ev100).exp2())
 }
 
-/// The exposure value at ISO 100 at which the median luminance of the pixels that are not black becomes middle grey, 0.18; 0 where all
-/// are black.
+/// The exposure value at ISO 100 at which the median luminance of the pixels that are not black
+/// becomes middle grey, 0.18; 0 where all are black.
 pub fn middle_grey_ev100(radiance: &Radiance) -> f32 {
-    let mut lit: Vec<f32> = radiance.luminance().filter(|luminance| *luminance > 0.0 && luminance.is_finite()).collect();
+    let mut lit: Vec<f32> = radiance
+        .luminance()
+        .filter(|luminance| *luminance > 0.0 && luminance.is_finite())
+        .collect();
     if lit.is_empty() {
         return 0.0;
     }
@@ -24,16 +29,24 @@ pub fn middle_grey_ev100(radiance: &Radiance) -> f32 {
     (f64::from(*median) / (1.2 * 0.18)).log2() as f32
 }
 
-/// The picture at an exposure value at ISO 100. Values that are not numbers, and negative ones, are black.
+/// The picture at an exposure value at ISO 100. Values that are not numbers, and negative ones, are
+/// black.
 pub fn display(radiance: &Radiance, ev100: f32) -> Picture {
     let exposure = exposure(ev100);
-    let byte = |nits: f32| (srgb_from_linear(curve(f64::from(nits) * exposure) as f32) * 255.0 + 0.5) as u8;
-    Picture { width: radiance.width, height: radiance.height, rgb: radiance.rgb.iter().map(|pixel| pixel.map(byte)).collect() }
+    let byte = |nits: f32| {
+        (srgb_from_linear(curve(f64::from(nits) * exposure) as f32) * 255.0 + 0.5) as u8
+    };
+    Picture {
+        width: radiance.width,
+        height: radiance.height,
+        rgb: radiance.rgb.iter().map(|pixel| pixel.map(byte)).collect(),
+    }
 }
 
 /// Exposed light in [0, ∞] to display light in [0, 1].
 fn curve(light: f64) -> f64 {
-    // So written, NaN is black. Far above the curve's end the quotient would be that of two infinities.
+    // So written, NaN is black. Far above the curve's end the quotient would be that of two
+    // infinities.
     let x = if light > 0.0 { light.min(1e6) } else { 0.0 };
     (x * (2.51 * x + 0.03) / (x * (2.43 * x + 0.59) + 0.14)).clamp(0.0, 1.0)
 }
@@ -43,7 +56,11 @@ mod tests {
     use super::*;
 
     fn grey(values: &[f32]) -> Radiance {
-        Radiance { width: values.len() as u32, height: 1, rgb: values.iter().map(|value| [*value; 3]).collect() }
+        Radiance {
+            width: values.len() as u32,
+            height: 1,
+            rgb: values.iter().map(|value| [*value; 3]).collect(),
+        }
     }
 
     #[test]

@@ -1,7 +1,8 @@
 //! From cameras to a map, in one place: screening, pool, blocks of cameras, fit, calibration.
 //!
-//! Everything that costs a rendering goes through [`Renderings`], and so into the journal. What follows from renderings alone is computed again when a
-//! run is resumed. Knows no renderer: [`Measure`] renders.
+//! Everything that costs a rendering goes through [`Renderings`], and so into the journal. What
+//! follows from renderings alone is computed again when a run is resumed. Knows no renderer:
+//! [`Measure`] renders.
 mod pilots;
 mod renderings;
 #[cfg(test)]
@@ -27,7 +28,8 @@ const CAMERAS_SHARE: f64 = 0.97;
 /// How much is rendered.
 #[derive(Clone, Debug, PartialEq)]
 pub struct PipelineConfig {
-    /// Pilot cameras: each proposal is rendered at all of them. Higher values make the pool fit more kinds of views.
+    /// Pilot cameras: each proposal is rendered at all of them. Higher values make the pool fit
+    /// more kinds of views.
     pub pilots: usize,
     /// Rounds of proposals, at most.
     pub rounds: usize,
@@ -35,7 +37,8 @@ pub struct PipelineConfig {
     pub batch: usize,
     /// Settings that every camera renders, at most.
     pub pool: usize,
-    /// Training cameras between two looks at the clock; a sixth as many calibration cameras come along.
+    /// Training cameras between two looks at the clock; a sixth as many calibration cameras come
+    /// along.
     pub block: usize,
     /// The fit.
     pub fit: FitConfig,
@@ -45,7 +48,15 @@ pub struct PipelineConfig {
 
 impl Default for PipelineConfig {
     fn default() -> Self {
-        Self { pilots: 2, rounds: 6, batch: 8, pool: 20, block: 6, fit: FitConfig::default(), seed: 0 }
+        Self {
+            pilots: 2,
+            rounds: 6,
+            batch: 8,
+            pool: 20,
+            block: 6,
+            fit: FitConfig::default(),
+            seed: 0,
+        }
     }
 }
 
@@ -62,7 +73,9 @@ pub enum PipelineError<E> {
     #[error("interrupted")]
     Interrupted,
     /// This shard has rendered its part of the batch; others have not.
-    #[error("this shard's part is rendered: merge the shards' journals with `frugal merge`, then run every shard again")]
+    #[error(
+        "this shard's part is rendered: merge the shards' journals with `frugal merge`, then run every shard again"
+    )]
     NeedsMerge,
     /// Nowhere could a camera stand that sees anything.
     #[error("no camera was found that stands free and sees the scene: check its bounds and paths")]
@@ -111,7 +124,11 @@ pub struct Subject<'a> {
 ///
 /// # Errors
 /// When rendering fails or is stopped; what was rendered before is in the journal.
-pub fn run<M: Measure>(subject: &Subject<'_>, config: &PipelineConfig, setup: Setup<'_, M>) -> Result<Outcome, PipelineError<M::Error>> {
+pub fn run<M: Measure>(
+    subject: &Subject<'_>,
+    config: &PipelineConfig,
+    setup: Setup<'_, M>,
+) -> Result<Outcome, PipelineError<M::Error>> {
     let cameras = setup.cameras;
     if cameras.training.is_empty() {
         return Err(PipelineError::NoCameras);
@@ -119,11 +136,13 @@ pub fn run<M: Measure>(subject: &Subject<'_>, config: &PipelineConfig, setup: Se
     let mut renderings = Renderings::new(setup);
     let pilots = pilots::choose(&cameras.training, config.pilots);
     let (screening, candidates) = find_pool(subject, config, &pilots, &mut renderings)?;
-    let (pool, counts) = render_cameras(subject, config, cameras, &pilots, &candidates, &mut renderings)?;
+    let (pool, counts) =
+        render_cameras(subject, config, cameras, &pilots, &candidates, &mut renderings)?;
     Ok(finish(subject, config, cameras, screening, pool, counts, &renderings))
 }
 
-/// Screening and rounds of proposals at the pilot cameras: the knobs' effects, and everything worth rendering elsewhere.
+/// Screening and rounds of proposals at the pilot cameras: the knobs' effects, and everything worth
+/// rendering elsewhere.
 fn find_pool<M: Measure>(
     subject: &Subject<'_>,
     config: &PipelineConfig,
@@ -132,24 +151,43 @@ fn find_pool<M: Measure>(
 ) -> Result<(Screening, Vec<RenderSettings>), PipelineError<M::Error>> {
     let Subject { space, layout, .. } = *subject;
     let jobs = |settings: &[RenderSettings]| -> Vec<Job> {
-        pilots.iter().map(|camera| Job { purpose: Purpose::Training, camera: *camera, settings: settings.to_vec() }).collect()
+        pilots
+            .iter()
+            .map(|camera| Job {
+                purpose: Purpose::Training,
+                camera: *camera,
+                settings: settings.to_vec(),
+            })
+            .collect()
     };
     let mut rendered = screening_settings(space);
     renderings.batch("screening", &jobs(&rendered))?;
     let screening = Screening::of(space, &table(renderings, Purpose::Training, pilots, &rendered));
     for round in 0..config.rounds {
         let more = config.batch * pilots.len();
-        if !renderings.decide(&format!("round {round}"), |renderings| renderings.has_time(more, POOL_SHARE))? {
+        if !renderings
+            .decide(&format!("round {round}"), |renderings| renderings.has_time(more, POOL_SHARE))?
+        {
             break;
         }
         let table = table(renderings, Purpose::Training, pilots, &rendered);
         let cost = CostModel::fit(&readings(subject, &table));
-        // In turn for all pilots together and for each half of them: the pool must suit different views.
-        let halves: [Vec<usize>; 3] = [(0..table.rows()).collect(), part(table.rows(), 0), part(table.rows(), 1)];
+        // In turn for all pilots together and for each half of them: the pool must suit different
+        // views.
+        let halves: [Vec<usize>; 3] =
+            [(0..table.rows()).collect(), part(table.rows(), 0), part(table.rows(), 1)];
         let rows = &halves[round % 3];
-        let mean = |column: usize| table.mean(column, rows.iter().copied()).map_or(f64::NAN, |cost| cost.error);
-        let errors: Vec<_> = table.settings().iter().enumerate().map(|(column, settings)| (*settings, mean(column))).collect();
-        let proposal = Proposal { space, screening: &screening, cost: &cost, layout, errors: &errors };
+        let mean = |column: usize| {
+            table.mean(column, rows.iter().copied()).map_or(f64::NAN, |cost| cost.error)
+        };
+        let errors: Vec<_> = table
+            .settings()
+            .iter()
+            .enumerate()
+            .map(|(column, settings)| (*settings, mean(column)))
+            .collect();
+        let proposal =
+            Proposal { space, screening: &screening, cost: &cost, layout, errors: &errors };
         let proposed = propose(&proposal, config.batch, round_seed(config.seed, round as u64));
         if proposed.is_empty() {
             break;
@@ -165,7 +203,8 @@ fn part(rows: usize, which: usize) -> Vec<usize> {
     if rows < 2 { (0..rows).collect() } else { (which..rows).step_by(2).collect() }
 }
 
-/// Renders the pool at blocks of training and calibration cameras. Returns the pool, and how many cameras of each purpose have it.
+/// Renders the pool at blocks of training and calibration cameras. Returns the pool, and how many
+/// cameras of each purpose have it.
 fn render_cameras<M: Measure>(
     subject: &Subject<'_>,
     config: &PipelineConfig,
@@ -176,16 +215,25 @@ fn render_cameras<M: Measure>(
 ) -> Result<(Vec<RenderSettings>, [usize; 2]), PipelineError<M::Error>> {
     let space = subject.space;
     let ends = [space.highest(), space.lowest()].map(|settings| space.canonical(settings));
-    let pool = portfolio(&modelled(subject, &table(renderings, Purpose::Training, pilots, candidates)).0, config.pool, &ends);
+    let pool = portfolio(
+        &modelled(subject, &table(renderings, Purpose::Training, pilots, candidates)).0,
+        config.pool,
+        &ends,
+    );
     // Pilots have everything already.
-    let order: Vec<usize> = pilots.iter().copied().chain((0..cameras.training.len()).filter(|camera| !pilots.contains(camera))).collect();
+    let order: Vec<usize> = pilots
+        .iter()
+        .copied()
+        .chain((0..cameras.training.len()).filter(|camera| !pilots.contains(camera)))
+        .collect();
     let mut counts = [pilots.len().min(order.len()), 0];
     while counts[0] < order.len() || counts[1] < cameras.calibration.len() {
         let training = &order[counts[0]..(counts[0] + config.block).min(order.len())];
         let sixth = if training.is_empty() { config.block } else { (config.block / 6).max(1) };
         let calibration = counts[1]..(counts[1] + sixth).min(cameras.calibration.len());
         let job = |purpose: Purpose, camera: usize| Job { purpose, camera, settings: pool.clone() };
-        let mut jobs: Vec<Job> = training.iter().map(|camera| job(Purpose::Training, *camera)).collect();
+        let mut jobs: Vec<Job> =
+            training.iter().map(|camera| job(Purpose::Training, *camera)).collect();
         jobs.extend(calibration.clone().map(|camera| job(Purpose::Calibration, camera)));
         // And the best settings' picture at each.
         let more = jobs.iter().map(|job| job.settings.len() + 2).sum();
@@ -199,7 +247,12 @@ fn render_cameras<M: Measure>(
     Ok((pool, counts))
 }
 
-fn table<M: Measure>(renderings: &Renderings<'_, M>, purpose: Purpose, cameras: &[usize], settings: &[RenderSettings]) -> CostTable {
+fn table<M: Measure>(
+    renderings: &Renderings<'_, M>,
+    purpose: Purpose,
+    cameras: &[usize],
+    settings: &[RenderSettings],
+) -> CostTable {
     let mut table = CostTable::new(cameras.len());
     for (row, camera) in cameras.iter().enumerate() {
         for settings in settings {
@@ -215,8 +268,13 @@ fn readings(subject: &Subject<'_>, table: &CostTable) -> Vec<CostReading> {
     let columns = table.settings().iter().enumerate();
     let of = columns.flat_map(|(column, settings)| {
         let work = Work::of(subject.space, *settings, subject.layout);
-        (0..table.rows())
-            .filter_map(move |row| Some(CostReading { camera: row, work: work.clone(), power_w: table.at(row, column)?.power.0 }))
+        (0..table.rows()).filter_map(move |row| {
+            Some(CostReading {
+                camera: row,
+                work: work.clone(),
+                power_w: table.at(row, column)?.power.0,
+            })
+        })
     });
     of.collect()
 }
@@ -224,8 +282,9 @@ fn readings(subject: &Subject<'_>, table: &CostTable) -> Vec<CostReading> {
 /// Readings that a setting's own deviation from the model counts as already there, at none.
 const SETTING_PRIOR: f64 = 3.0;
 
-/// The table with power from the fitted model instead of single readings: price of the work, times the camera's factor, times what the setting's readings
-/// have in common beyond that. Errors stay. Also the model, and how well it tells readings that it was not fitted to.
+/// The table with power from the fitted model instead of single readings: price of the work, times
+/// the camera's factor, times what the setting's readings have in common beyond that. Errors stay.
+/// Also the model, and how well it tells readings that it was not fitted to.
 fn modelled(subject: &Subject<'_>, table: &CostTable) -> (CostTable, CostModel) {
     let readings = readings(subject, table);
     let model = CostModel::fit(&readings);
@@ -233,11 +292,17 @@ fn modelled(subject: &Subject<'_>, table: &CostTable) -> (CostTable, CostModel) 
     for (column, settings) in table.settings().iter().enumerate() {
         let work = Work::of(subject.space, *settings, subject.layout);
         let known = || (0..table.rows()).filter_map(|row| Some((row, table.at(row, column)?)));
-        let beyond: Vec<f64> =
-            known().map(|(row, cost)| (cost.power.0 / model.power_at(row, &work)).ln()).filter(|ln| ln.is_finite()).collect();
+        let beyond: Vec<f64> = known()
+            .map(|(row, cost)| (cost.power.0 / model.power_at(row, &work)).ln())
+            .filter(|ln| ln.is_finite())
+            .collect();
         let factor = (beyond.iter().sum::<f64>() / (beyond.len() as f64 + SETTING_PRIOR)).exp();
         for (row, cost) in known() {
-            smooth.set(row, *settings, CostPoint::new(model.power_at(row, &work) * factor, cost.error));
+            smooth.set(
+                row,
+                *settings,
+                CostPoint::new(model.power_at(row, &work) * factor, cost.error),
+            );
         }
     }
     (smooth, model)
@@ -272,7 +337,8 @@ fn finish<M: Measure>(
     let fitted = fit(&training, &views(&used, subject.lens), subject.bounds, &config.fit);
     let error_rates = calibrated(subject, cameras, &fitted, (&smooth, &rows), &apart);
     let best = subject.space.canonical(subject.space.highest());
-    let repeated: Vec<f64> = (0..raw.rows()).filter_map(|row| Some(raw.get(row, best)?.error)).collect();
+    let repeated: Vec<f64> =
+        (0..raw.rows()).filter_map(|row| Some(raw.get(row, best)?.error)).collect();
     Outcome {
         error_rates,
         pool,
@@ -287,7 +353,8 @@ fn finish<M: Measure>(
     }
 }
 
-/// `trained`: costs at training cameras, and the numbers of those in the fit; `apart`: costs at calibration cameras.
+/// `trained`: costs at training cameras, and the numbers of those in the fit; `apart`: costs at
+/// calibration cameras.
 fn calibrated(
     subject: &Subject<'_>,
     cameras: &CameraSet,
@@ -295,20 +362,23 @@ fn calibrated(
     (trained, rows): (&CostTable, &[usize]),
     apart: &CostTable,
 ) -> ErrorRates {
-    let error = |table: &'_ CostTable, row: usize, settings: RenderSettings| Some(table.get(row, settings)?.error);
+    let error = |table: &'_ CostTable, row: usize, settings: RenderSettings| {
+        Some(table.get(row, settings)?.error)
+    };
     let views = views(&cameras.calibration, subject.lens);
-    let apart = views
-        .iter()
-        .enumerate()
-        .take(apart.rows())
-        .filter_map(|(row, view)| Some((look_up_in(&fitted.octree, subject.bounds, view)?.frontier, apart, row)));
+    let apart = views.iter().enumerate().take(apart.rows()).filter_map(|(row, view)| {
+        Some((look_up_in(&fitted.octree, subject.bounds, view)?.frontier, apart, row))
+    });
     let crossed = fitted.held_out.iter().zip(rows).map(|(frontier, row)| (frontier, trained, *row));
     let all: Vec<_> = apart
         .chain(crossed)
         .filter(|(frontier, ..)| !frontier.is_empty())
-        .map(|(frontier, table, row)| (frontier, move |settings: RenderSettings| error(table, row, settings)))
+        .map(|(frontier, table, row)| {
+            (frontier, move |settings: RenderSettings| error(table, row, settings))
+        })
         .collect();
-    let cameras: Vec<Calibration<'_>> = all.iter().map(|(frontier, error)| Calibration { frontier, error }).collect();
+    let cameras: Vec<Calibration<'_>> =
+        all.iter().map(|(frontier, error)| Calibration { frontier, error }).collect();
     calibrate(&cameras, true)
 }
 
@@ -320,6 +390,11 @@ pub fn describe(report: &FitReport) -> String {
         report.addresses,
         100.0 * report.octree_loss,
         100.0 * report.shared_loss,
-        report.depth_losses.iter().map(|loss| format!("{:.1}", 100.0 * loss)).collect::<Vec<_>>().join(" ")
+        report
+            .depth_losses
+            .iter()
+            .map(|loss| format!("{:.1}", 100.0 * loss))
+            .collect::<Vec<_>>()
+            .join(" ")
     )
 }

@@ -1,4 +1,5 @@
-//! Renderings: asked for in batches, journaled, answered from the journal where they are there, and dealt out to shards.
+//! Renderings: asked for in batches, journaled, answered from the journal where they are there, and
+//! dealt out to shards.
 
 use std::collections::HashMap;
 use std::ops::ControlFlow;
@@ -93,7 +94,15 @@ pub struct Setup<'a, M> {
 impl<'a, M: Measure> Renderings<'a, M> {
     /// Starts the clock.
     pub fn new(setup: Setup<'a, M>) -> Self {
-        let Setup { measure, journal: (journal, records), cameras, clip: (frames, frames_per_second), shard, limit, report } = setup;
+        let Setup {
+            measure,
+            journal: (journal, records),
+            cameras,
+            clip: (frames, frames_per_second),
+            shard,
+            limit,
+            report,
+        } = setup;
         let mut renderings = Self {
             measure,
             journal,
@@ -121,8 +130,9 @@ impl<'a, M: Measure> Renderings<'a, M> {
 
     /// Renders what is not known yet of `jobs`.
     ///
-    /// Every other job is rendered from its last settings to its first, so that what drifts does not favour some of them. Of a sharded run each
-    /// shard renders every N-th job; where others' are missing, the run ends with [`PipelineError::NeedsMerge`].
+    /// Every other job is rendered from its last settings to its first, so that what drifts does
+    /// not favour some of them. Of a sharded run each shard renders every N-th job; where others'
+    /// are missing, the run ends with [`PipelineError::NeedsMerge`].
     ///
     /// # Errors
     /// When rendering fails, the journal cannot be written, or the run is stopped.
@@ -132,7 +142,11 @@ impl<'a, M: Measure> Renderings<'a, M> {
         for (number, job) in jobs.iter().enumerate() {
             let is_ours = number % self.shard.1 == self.shard.0;
             let forwards = job.settings.iter();
-            let order: Vec<RenderSettings> = if number % 2 == 0 { forwards.copied().collect() } else { forwards.rev().copied().collect() };
+            let order: Vec<RenderSettings> = if number % 2 == 0 {
+                forwards.copied().collect()
+            } else {
+                forwards.rev().copied().collect()
+            };
             for settings in order {
                 done += 1;
                 let question = (job.purpose, job.camera, settings);
@@ -172,7 +186,12 @@ impl<'a, M: Measure> Renderings<'a, M> {
     }
 
     /// What settings cost at a camera, where that was rendered.
-    pub fn get(&self, purpose: Purpose, camera: usize, settings: RenderSettings) -> Option<CostPoint> {
+    pub fn get(
+        &self,
+        purpose: Purpose,
+        camera: usize,
+        settings: RenderSettings,
+    ) -> Option<CostPoint> {
         self.known.get(&(purpose, camera, settings)).copied()
     }
 
@@ -181,11 +200,16 @@ impl<'a, M: Measure> Renderings<'a, M> {
         self.known.len()
     }
 
-    /// A choice that depends on the clock, and so must be the same when the run is resumed: made once, then remembered.
+    /// A choice that depends on the clock, and so must be the same when the run is resumed: made
+    /// once, then remembered.
     ///
     /// # Errors
     /// When the journal cannot be written.
-    pub fn decide(&mut self, name: &str, choose: impl FnOnce(&Self) -> bool) -> Result<bool, PipelineError<M::Error>> {
+    pub fn decide(
+        &mut self,
+        name: &str,
+        choose: impl FnOnce(&Self) -> bool,
+    ) -> Result<bool, PipelineError<M::Error>> {
         if let Some(known) = self.decisions.get(name) {
             return Ok(*known);
         }
@@ -195,7 +219,8 @@ impl<'a, M: Measure> Renderings<'a, M> {
         Ok(yes)
     }
 
-    /// Whether `more` renderings will probably be done before `share` of the time limit is over. Always without a limit.
+    /// Whether `more` renderings will probably be done before `share` of the time limit is over.
+    /// Always without a limit.
     pub fn has_time(&self, more: usize, share: f64) -> bool {
         let Some(limit) = self.limit else { return true };
         let each = if self.made > 0 { self.seconds / self.made as f64 } else { 0.0 };
@@ -211,7 +236,13 @@ impl<'a, M: Measure> Renderings<'a, M> {
 /// Bit by bit, so that what is read back is what was rendered.
 fn write_rendering((purpose, camera, settings): Question, cost: CostPoint) -> String {
     let bits = [cost.power.0, cost.error].map(f64::to_bits);
-    format!("render {} {camera:x} {:x} {:016x} {:016x}", purpose.letter(), settings.bits(), bits[0], bits[1])
+    format!(
+        "render {} {camera:x} {:x} {:016x} {:016x}",
+        purpose.letter(),
+        settings.bits(),
+        bits[0],
+        bits[1]
+    )
 }
 
 fn read_rendering(record: &str) -> Option<(Question, CostPoint)> {
@@ -222,8 +253,12 @@ fn read_rendering(record: &str) -> Option<(Question, CostPoint)> {
         _ => return None,
     };
     let mut number = || u64::from_str_radix(words.next()?, 16).ok();
-    let (camera, settings) = (usize::try_from(number()?).ok()?, RenderSettings::from_bits(number()?));
-    Some(((purpose, camera, settings), CostPoint::new(f64::from_bits(number()?), f64::from_bits(number()?))))
+    let (camera, settings) =
+        (usize::try_from(number()?).ok()?, RenderSettings::from_bits(number()?));
+    Some((
+        (purpose, camera, settings),
+        CostPoint::new(f64::from_bits(number()?), f64::from_bits(number()?)),
+    ))
 }
 
 fn read_decision(record: &str) -> Option<(String, bool)> {

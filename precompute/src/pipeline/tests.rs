@@ -49,13 +49,22 @@ fn cost(space: &KnobSpace, pose: &CameraPose, settings: RenderSettings) -> CostP
         "fur=2 pixels" => 6e-5,
         _ => 0.0,
     };
-    let power: f64 = Work::of(space, settings, &layout()).0.iter().zip(&names).map(|(work, name)| work * price(name)).sum();
+    let power: f64 = Work::of(space, settings, &layout())
+        .0
+        .iter()
+        .zip(&names)
+        .map(|(work, name)| work * price(name))
+        .sum();
     let missing = |knob: usize| {
         let top = space.knobs()[knob].levels.len() - 1;
         (top - settings.level(knob)) as f64 / top as f64
     };
     let dark = if pose.position.x < 4.0 { 3.0 } else { 0.5 };
-    let indirect = if settings.level(0) == 0 { 0.2 } else { 0.05 * missing(0).powi(2) + 0.02 * missing(1).powi(2) };
+    let indirect = if settings.level(0) == 0 {
+        0.2
+    } else {
+        0.05 * missing(0).powi(2) + 0.02 * missing(1).powi(2)
+    };
     CostPoint::new(
         power * if pose.position.x < 4.0 { 1.1 } else { 0.9 },
         dark * indirect + 0.03 / dark * missing(2).powi(2) + 0.01 * missing(3),
@@ -65,7 +74,11 @@ fn cost(space: &KnobSpace, pose: &CameraPose, settings: RenderSettings) -> CostP
 impl Measure for Formula {
     type Error = Infallible;
 
-    fn measure(&mut self, clip: &[CameraPose], settings: RenderSettings) -> Result<CostPoint, Infallible> {
+    fn measure(
+        &mut self,
+        clip: &[CameraPose],
+        settings: RenderSettings,
+    ) -> Result<CostPoint, Infallible> {
         self.renderings += 1;
         Ok(cost(&self.space, clip.last().expect("a pose"), settings))
     }
@@ -74,10 +87,16 @@ impl Measure for Formula {
 fn cameras() -> CameraSet {
     let camera = |index: usize| {
         let unit = |prime: usize| (index * prime % 101) as f32 / 101.0 * 7.8 + 0.1;
-        let pose = CameraPose { position: Vec3::new(unit(37), unit(53), unit(71)), rotation: Quat::from_rotation_y(index as f32) };
+        let pose = CameraPose {
+            position: Vec3::new(unit(37), unit(53), unit(71)),
+            rotation: Quat::from_rotation_y(index as f32),
+        };
         MovingCamera { pose, velocity: Vec3::ZERO, turn: Vec3::ZERO, group: index as u32 }
     };
-    CameraSet { training: (0..40).map(camera).collect(), calibration: (100..130).map(camera).collect() }
+    CameraSet {
+        training: (0..40).map(camera).collect(),
+        calibration: (100..130).map(camera).collect(),
+    }
 }
 
 struct Run<'a> {
@@ -91,7 +110,8 @@ struct Run<'a> {
 fn run_once(setup: &Run<'_>) -> (Result<Outcome, PipelineError<Infallible>>, usize) {
     let (space, cameras) = (space(), cameras());
     let mut formula = Formula { space: space.clone(), renderings: 0 };
-    let journal = Journal::resume(setup.journal, &JournalHeader::default().with("seed", 0)).expect("a journal");
+    let journal = Journal::resume(setup.journal, &JournalHeader::default().with("seed", 0))
+        .expect("a journal");
     let mut left = setup.patience;
     let mut report = |_: &Progress<'_>| {
         left = left.saturating_sub(1);
@@ -121,7 +141,13 @@ fn whole(journal: &Path) -> Run<'_> {
 
 /// What must not depend on how a run came about.
 fn product(outcome: &Outcome) -> (Fitted, ErrorRates, Vec<RenderSettings>, [usize; 2], usize) {
-    (outcome.fitted.clone(), outcome.error_rates.clone(), outcome.pool.clone(), outcome.cameras, outcome.renderings)
+    (
+        outcome.fitted.clone(),
+        outcome.error_rates.clone(),
+        outcome.pool.clone(),
+        outcome.cameras,
+        outcome.renderings,
+    )
 }
 
 #[test]
@@ -129,7 +155,11 @@ fn a_run_that_is_killed_again_and_again_ends_with_the_same_map() {
     let folder = tempfile::tempdir().expect("a folder");
     let (outcome, all) = run_once(&whole(&folder.path().join("whole")));
     let reference = outcome.expect("a map");
-    assert!(reference.screening.without_effect == [4], "the idle knob: {:?}", reference.screening.without_effect);
+    assert!(
+        reference.screening.without_effect == [4],
+        "the idle knob: {:?}",
+        reference.screening.without_effect
+    );
     assert_eq!(reference.cameras, [40, 30]);
     let file = folder.path().join("killed");
     let mut made = 0;
@@ -144,7 +174,12 @@ fn a_run_that_is_killed_again_and_again_ends_with_the_same_map() {
                 break;
             }
             Err(PipelineError::Interrupted) if patience % 2 == 0 => {
-                std::fs::OpenOptions::new().write(true).open(&file).expect("opens").set_len(length - 3).expect("shortened");
+                std::fs::OpenOptions::new()
+                    .write(true)
+                    .open(&file)
+                    .expect("opens")
+                    .set_len(length - 3)
+                    .expect("shortened");
                 made -= 1;
             }
             Err(PipelineError::Interrupted) => {}
@@ -159,7 +194,8 @@ fn shards_that_are_merged_make_the_same_map() {
     let folder = tempfile::tempdir().expect("a folder");
     let reference = run_once(&whole(&folder.path().join("whole"))).0.expect("a map");
     for count in [2, 5] {
-        let files: Vec<_> = (0..count).map(|index| folder.path().join(format!("{index}-of-{count}"))).collect();
+        let files: Vec<_> =
+            (0..count).map(|index| folder.path().join(format!("{index}-of-{count}"))).collect();
         let mut renderings = vec![0; count];
         let outcome = loop {
             let mut last = None;
@@ -183,7 +219,10 @@ fn shards_that_are_merged_make_the_same_map() {
         };
         assert_eq!(product(&outcome), product(&reference));
         let total: usize = renderings.iter().sum();
-        assert!(renderings.iter().all(|share| *share * count > total / 2), "work is shared: {renderings:?}");
+        assert!(
+            renderings.iter().all(|share| *share * count > total / 2),
+            "work is shared: {renderings:?}"
+        );
     }
 }
 
@@ -192,20 +231,34 @@ fn the_map_beats_the_best_constant_where_views_differ() {
     let folder = tempfile::tempdir().expect("a folder");
     let (outcome, renderings) = run_once(&whole(&folder.path().join("journal")));
     let outcome = outcome.expect("a map");
-    assert!(outcome.fitted.report.octree_loss < outcome.fitted.report.shared_loss, "{:?}", outcome.fitted.report);
+    assert!(
+        outcome.fitted.report.octree_loss < outcome.fitted.report.shared_loss,
+        "{:?}",
+        outcome.fitted.report
+    );
     assert!(outcome.cost_quality.mean_absolute_error < 0.02, "{:?}", outcome.cost_quality);
-    assert!(outcome.error_rates.is_sound() && outcome.error_rates.0.len() > 6, "{:?}", outcome.error_rates);
+    assert!(
+        outcome.error_rates.is_sound() && outcome.error_rates.0.len() > 6,
+        "{:?}",
+        outcome.error_rates
+    );
     assert!(renderings < 70 * 45, "{renderings}");
     let space = space();
-    assert!(outcome.pool.contains(&space.canonical(space.highest())) && outcome.pool.contains(&space.canonical(space.lowest())));
-    // Nothing of the pool is worse than half as good as the best of all combinations, at a typical exchange rate, at fresh cameras.
+    assert!(
+        outcome.pool.contains(&space.canonical(space.highest()))
+            && outcome.pool.contains(&space.canonical(space.lowest()))
+    );
+    // Nothing of the pool is worse than half as good as the best of all combinations, at a typical
+    // exchange rate, at fresh cameras.
     for x in [1.0, 3.5, 4.5, 7.0] {
         let pose = CameraPose { position: Vec3::new(x, 3.3, 2.2), rotation: Quat::IDENTITY };
         let value = |settings: RenderSettings| {
             let cost = cost(&space, &pose, settings);
             cost.power.0 + 200.0 * cost.error
         };
-        let least = |all: &mut dyn Iterator<Item = RenderSettings>| all.map(value).fold(f64::INFINITY, f64::min);
+        let least = |all: &mut dyn Iterator<Item = RenderSettings>| {
+            all.map(value).fold(f64::INFINITY, f64::min)
+        };
         let (pool, all) = (least(&mut outcome.pool.iter().copied()), least(&mut space.iter()));
         assert!(pool < 1.1 * all, "{pool} against {all} at x = {x}");
     }
@@ -214,13 +267,18 @@ fn the_map_beats_the_best_constant_where_views_differ() {
 #[test]
 fn a_time_limit_ends_with_a_map_whenever_it_strikes() {
     let folder = tempfile::tempdir().expect("a folder");
-    for (number, limit) in [Duration::ZERO, Duration::from_micros(300), Duration::from_secs(3600)].into_iter().enumerate() {
+    for (number, limit) in [Duration::ZERO, Duration::from_micros(300), Duration::from_secs(3600)]
+        .into_iter()
+        .enumerate()
+    {
         let file = folder.path().join(number.to_string());
         let (outcome, _) = run_once(&Run { limit: Some(limit), ..whole(&file) });
         let outcome = outcome.expect("a map");
         assert!(!outcome.fitted.shared.is_empty() && outcome.fitted.octree.validate() == Ok(()));
         // Resumed, the clock's decisions stand.
-        let again = run_once(&Run { limit: Some(Duration::from_secs(9)), ..whole(&file) }).0.expect("a map");
+        let again = run_once(&Run { limit: Some(Duration::from_secs(9)), ..whole(&file) })
+            .0
+            .expect("a map");
         assert_eq!(product(&again), product(&outcome));
     }
 }
@@ -233,13 +291,15 @@ fn without_cameras_there_is_one_clear_error() {
     let subject = Subject { space: &space, layout: &layout(), bounds: &BOUNDS, lens: (1.0, 1.5) };
     let setup = Setup {
         measure: &mut formula,
-        journal: Journal::resume(&folder.path().join("journal"), &JournalHeader::default()).expect("a journal"),
+        journal: Journal::resume(&folder.path().join("journal"), &JournalHeader::default())
+            .expect("a journal"),
         cameras: &CameraSet::default(),
         clip: (2, 15.0),
         shard: (0, 1),
         limit: None,
         report: &mut |_| ControlFlow::Continue(()),
     };
-    let error = run(&subject, &PipelineConfig::default(), setup).expect_err("no cameras").to_string();
+    let error =
+        run(&subject, &PipelineConfig::default(), setup).expect_err("no cameras").to_string();
     assert!(error.contains("bounds and paths"), "{error}");
 }

@@ -1,8 +1,9 @@
 //! What error settings will have that were not rendered.
 //!
-//! The prior adds up what each lowered knob does alone. A Gaussian process over what is left learns which knobs hide or
-//! worsen each other (Rasmussen and Williams 2006, "Gaussian Processes for Machine Learning", algorithm 2.1). Distances
-//! between settings count a knob's levels by what they do, so levels that look alike are near.
+//! The prior adds up what each lowered knob does alone. A Gaussian process over what is left learns
+//! which knobs hide or worsen each other (Rasmussen and Williams 2006, "Gaussian Processes for
+//! Machine Learning", algorithm 2.1). Distances between settings count a knob's levels by what they
+//! do, so levels that look alike are near.
 
 use bevy_frugal_gi::knobs::{KnobSpace, RenderSettings};
 
@@ -30,11 +31,20 @@ pub struct ErrorModel<'a> {
 
 impl<'a> ErrorModel<'a> {
     /// Fits mean errors of settings. Those that are not finite are left out.
-    pub fn fit(space: &'a KnobSpace, screening: &'a Screening, readings: &[(RenderSettings, f64)]) -> Self {
+    pub fn fit(
+        space: &'a KnobSpace,
+        screening: &'a Screening,
+        readings: &[(RenderSettings, f64)],
+    ) -> Self {
         let sound: Vec<_> = readings.iter().filter(|(_, error)| error.is_finite()).collect();
-        let known: Vec<Vec<f64>> = sound.iter().map(|(settings, _)| place(space, screening, *settings)).collect();
-        let left: Vec<f64> =
-            sound.iter().map(|(settings, error)| (error.max(0.0) + LEAST_ERROR).ln() - prior(space, screening, *settings)).collect();
+        let known: Vec<Vec<f64>> =
+            sound.iter().map(|(settings, _)| place(space, screening, *settings)).collect();
+        let left: Vec<f64> = sound
+            .iter()
+            .map(|(settings, error)| {
+                (error.max(0.0) + LEAST_ERROR).ln() - prior(space, screening, *settings)
+            })
+            .collect();
         let fits = LENGTHS.iter().map(|length| {
             let factor = cholesky(&covariance(&known, *length));
             let weights = solve(&factor, &left);
@@ -51,8 +61,10 @@ impl<'a> ErrorModel<'a> {
     /// Mean and standard deviation of ln(error + [`LEAST_ERROR`]).
     pub fn predict(&self, settings: RenderSettings) -> (f64, f64) {
         let at = place(self.space, self.screening, settings);
-        let near: Vec<f64> = self.known.iter().map(|known| kernel(known, &at, self.length)).collect();
-        let mean = prior(self.space, self.screening, settings) + near.iter().zip(&self.weights).map(|(k, weight)| k * weight).sum::<f64>();
+        let near: Vec<f64> =
+            self.known.iter().map(|known| kernel(known, &at, self.length)).collect();
+        let mean = prior(self.space, self.screening, settings)
+            + near.iter().zip(&self.weights).map(|(k, weight)| k * weight).sum::<f64>();
         let explained: f64 = forward(&self.factor, &near).iter().map(|v| v * v).sum();
         (mean, (SPREAD * SPREAD - explained).max(0.0).sqrt())
     }
@@ -64,13 +76,22 @@ impl<'a> ErrorModel<'a> {
 }
 
 /// Effects of the knobs that act, by knob.
-fn effects<'s>(space: &'s KnobSpace, screening: &'s Screening, settings: RenderSettings) -> impl Iterator<Item = f64> + 's {
+fn effects<'s>(
+    space: &'s KnobSpace,
+    screening: &'s Screening,
+    settings: RenderSettings,
+) -> impl Iterator<Item = f64> + 's {
     let canonical = space.canonical(settings);
     (0..space.len()).map(move |knob| {
         let levels = space.knobs()[knob].levels.len();
         // A knob that does nothing here is at level 0, whichever it is set to.
-        let acts = canonical.level(knob) > 0 || levels > 1 && space.canonical(canonical.with_level(knob, 1)) != canonical;
-        if acts { screening.effects[knob].get(canonical.level(knob)).copied().unwrap_or(0.0) } else { 0.0 }
+        let acts = canonical.level(knob) > 0
+            || levels > 1 && space.canonical(canonical.with_level(knob, 1)) != canonical;
+        if acts {
+            screening.effects[knob].get(canonical.level(knob)).copied().unwrap_or(0.0)
+        } else {
+            0.0
+        }
     })
 }
 
@@ -90,7 +111,11 @@ fn kernel(a: &[f64], b: &[f64], length: f64) -> f64 {
 
 fn covariance(places: &[Vec<f64>], length: f64) -> Vec<Vec<f64>> {
     let row = |a: usize| -> Vec<f64> {
-        (0..=a).map(|b| kernel(&places[a], &places[b], length) + if a == b { NOISE * NOISE } else { 0.0 }).collect()
+        (0..=a)
+            .map(|b| {
+                kernel(&places[a], &places[b], length) + if a == b { NOISE * NOISE } else { 0.0 }
+            })
+            .collect()
     };
     (0..places.len()).map(row).collect()
 }
@@ -103,7 +128,8 @@ fn cholesky(matrix: &[Vec<f64>]) -> Vec<Vec<f64>> {
         for b in 0..=a {
             let above: &[f64] = if b == a { &[] } else { &factor[b] };
             let done: f64 = (0..b).map(|k| next[k] * if b == a { next[k] } else { above[k] }).sum();
-            next[b] = if b == a { (row[b] - done).max(1e-12).sqrt() } else { (row[b] - done) / above[b] };
+            next[b] =
+                if b == a { (row[b] - done).max(1e-12).sqrt() } else { (row[b] - done) / above[b] };
         }
         factor.push(next);
     }
@@ -140,13 +166,17 @@ mod tests {
     use crate::table::CostTable;
 
     fn space() -> KnobSpace {
-        KnobSpace::new((0..5).map(|knob| Knob::new(&format!("k{knob}"), [0.0, 1.0, 2.0, 3.0])).collect()).expect("a valid space")
+        KnobSpace::new(
+            (0..5).map(|knob| Knob::new(&format!("k{knob}"), [0.0, 1.0, 2.0, 3.0])).collect(),
+        )
+        .expect("a valid space")
     }
 
     /// Effects add up, but for the first two knobs, which are worse together.
     fn truth(settings: RenderSettings) -> f64 {
         let missing = |knob: usize| (3 - settings.level(knob)) as f64;
-        let single: f64 = (0..5).map(|knob| missing(knob).powi(2) * [4e-3, 2e-3, 1e-3, 5e-4, 0.0][knob]).sum();
+        let single: f64 =
+            (0..5).map(|knob| missing(knob).powi(2) * [4e-3, 2e-3, 1e-3, 5e-4, 0.0][knob]).sum();
         single * (1.0 + 0.3 * missing(0) * missing(1) / 3.0)
     }
 
@@ -158,15 +188,33 @@ mod tests {
             table.set(0, settings, CostPoint::new(1.0, truth(settings)));
         }
         let screening = Screening::of(&space, &table);
-        let single: Vec<_> = table.settings().iter().map(|settings| (*settings, truth(*settings))).collect();
-        let more: Vec<_> = space.iter().step_by(23).map(|settings| (settings, truth(settings))).chain(single.clone()).collect();
+        let single: Vec<_> =
+            table.settings().iter().map(|settings| (*settings, truth(*settings))).collect();
+        let more: Vec<_> = space
+            .iter()
+            .step_by(23)
+            .map(|settings| (settings, truth(settings)))
+            .chain(single.clone())
+            .collect();
         let spread = |model: &ErrorModel<'_>| {
-            let errors = space.iter().step_by(7).map(|s| (model.predict(s).0 - (truth(s) + LEAST_ERROR).ln()).powi(2));
-            let (sum, count) = errors.fold((0.0, 0.0_f64), |(sum, count), error| (sum + error, count + 1.0));
+            let errors = space
+                .iter()
+                .step_by(7)
+                .map(|s| (model.predict(s).0 - (truth(s) + LEAST_ERROR).ln()).powi(2));
+            let (sum, count) =
+                errors.fold((0.0, 0.0_f64), |(sum, count), error| (sum + error, count + 1.0));
             (sum / count).sqrt()
         };
-        let (before, after) = (ErrorModel::fit(&space, &screening, &single), ErrorModel::fit(&space, &screening, &more));
-        assert!(spread(&after) < 0.1 && spread(&after) < 0.5 * spread(&before), "{} and {}", spread(&before), spread(&after));
+        let (before, after) = (
+            ErrorModel::fit(&space, &screening, &single),
+            ErrorModel::fit(&space, &screening, &more),
+        );
+        assert!(
+            spread(&after) < 0.1 && spread(&after) < 0.5 * spread(&before),
+            "{} and {}",
+            spread(&before),
+            spread(&after)
+        );
         // What was rendered is known, and known to be known.
         let (mean, deviation) = after.predict(single[1].0);
         assert!((mean - (single[1].1 + LEAST_ERROR).ln()).abs() < 0.03 && deviation < 0.1);
@@ -176,9 +224,16 @@ mod tests {
     fn nothing_known_and_nonsense_are_no_panic() {
         let space = space();
         let screening = Screening::of(&space, &CostTable::new(1));
-        for readings in [vec![], vec![(space.lowest(), f64::NAN)], vec![(space.lowest(), -1.0), (space.lowest(), 1e20)]] {
+        for readings in [
+            vec![],
+            vec![(space.lowest(), f64::NAN)],
+            vec![(space.lowest(), -1.0), (space.lowest(), 1e20)],
+        ] {
             let model = ErrorModel::fit(&space, &screening, &readings);
-            assert!(model.error(space.lowest()).is_finite() && model.predict(space.highest()).1.is_finite());
+            assert!(
+                model.error(space.lowest()).is_finite()
+                    && model.predict(space.highest()).1.is_finite()
+            );
         }
     }
 }

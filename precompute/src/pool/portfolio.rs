@@ -6,10 +6,11 @@ use bevy_frugal_gi::knobs::RenderSettings;
 use super::LEAST_ERROR;
 use crate::table::CostTable;
 
-/// Exchange rates at which settings are judged, in units of the best settings' power per unit of error: from budgets of an error of a few
-/// hundredths to those of a few thousandths.
+/// Exchange rates at which settings are judged, in units of the best settings' power per unit of
+/// error: from budgets of an error of a few hundredths to those of a few thousandths.
 pub(super) const RATES: [f64; 8] = [4.0, 8.0, 16.0, 32.0, 64.0, 128.0, 256.0, 512.0];
-/// Power budgets at which they are judged, evenly spread over the range of power, as budgets are asked for.
+/// Power budgets at which they are judged, evenly spread over the range of power, as budgets are
+/// asked for.
 pub(super) const BUDGETS: usize = 19;
 /// The least of them, as a share of the range: what is cheaper has errors that nobody ships.
 const LEAST_BUDGET: f64 = 0.1;
@@ -24,7 +25,8 @@ pub(super) fn budget(range: (f64, f64), step: usize) -> f64 {
     (range.0 + (range.1 - range.0) * share) * (1.0 + 1e-9)
 }
 
-/// Losses of settings at one camera: a number for each exchange rate and power budget, lower is better.
+/// Losses of settings at one camera: a number for each exchange rate and power budget, lower is
+/// better.
 fn losses(costs: &[CostPoint], best_power: f64, range: (f64, f64)) -> Vec<Vec<f64>> {
     let rates = RATES.iter().map(|rate| {
         let sum = |cost: &CostPoint| cost.power.0 / best_power + rate * cost.error;
@@ -33,7 +35,13 @@ fn losses(costs: &[CostPoint], best_power: f64, range: (f64, f64)) -> Vec<Vec<f6
     });
     let budgets = (0..BUDGETS).map(|step| {
         let limit = budget(range, step);
-        let error = |cost: &CostPoint| if cost.power.0 <= limit { (cost.error + LEAST_ERROR).ln() } else { LEAST_ERROR.ln() + 8.0 };
+        let error = |cost: &CostPoint| {
+            if cost.power.0 <= limit {
+                (cost.error + LEAST_ERROR).ln()
+            } else {
+                LEAST_ERROR.ln() + 8.0
+            }
+        };
         let least = costs.iter().map(error).fold(f64::INFINITY, f64::min);
         costs.iter().map(|cost| BUDGET_WEIGHT * (error(cost) - least)).collect()
     });
@@ -44,19 +52,26 @@ fn losses(costs: &[CostPoint], best_power: f64, range: (f64, f64)) -> Vec<Vec<f6
 fn all_losses(table: &CostTable, columns: &[usize]) -> Vec<Vec<f64>> {
     let mut rows = Vec::new();
     for row in 0..table.rows() {
-        let costs: Option<Vec<CostPoint>> = columns.iter().map(|column| table.at(row, *column)).collect();
-        let Some(costs) = costs.filter(|costs| costs.iter().all(|cost| cost.power.0 > 0.0)) else { continue };
-        let power = |pick: fn(f64, f64) -> f64, start: f64| costs.iter().map(|cost| cost.power.0).fold(start, pick);
+        let costs: Option<Vec<CostPoint>> =
+            columns.iter().map(|column| table.at(row, *column)).collect();
+        let Some(costs) = costs.filter(|costs| costs.iter().all(|cost| cost.power.0 > 0.0)) else {
+            continue;
+        };
+        let power = |pick: fn(f64, f64) -> f64, start: f64| {
+            costs.iter().map(|cost| cost.power.0).fold(start, pick)
+        };
         let range = (power(f64::min, f64::INFINITY), power(f64::max, 0.0));
         rows.extend(losses(&costs, range.1, range));
     }
     rows
 }
 
-/// At most `most` settings of `table` that together come nearest to what all of them could do, those of `always` first. Greedily: each takes
-/// most of the loss away that is left. Settings that are not known at every camera are left out.
+/// At most `most` settings of `table` that together come nearest to what all of them could do,
+/// those of `always` first. Greedily: each takes most of the loss away that is left. Settings that
+/// are not known at every camera are left out.
 pub fn portfolio(table: &CostTable, most: usize, always: &[RenderSettings]) -> Vec<RenderSettings> {
-    let columns: Vec<usize> = (0..table.settings().len()).filter(|column| table.is_complete(*column)).collect();
+    let columns: Vec<usize> =
+        (0..table.settings().len()).filter(|column| table.is_complete(*column)).collect();
     let rows = all_losses(table, &columns);
     let mut left: Vec<f64> = vec![f64::INFINITY; rows.len()];
     let mut kept: Vec<usize> = Vec::new();
@@ -65,16 +80,25 @@ pub fn portfolio(table: &CostTable, most: usize, always: &[RenderSettings]) -> V
         kept.push(place);
     };
     for settings in always {
-        if let Some(place) = columns.iter().position(|column| table.settings()[*column] == *settings) {
+        if let Some(place) =
+            columns.iter().position(|column| table.settings()[*column] == *settings)
+        {
             take(place, &mut left);
         }
     }
-    let mut taken: Vec<bool> = (0..columns.len()).map(|place| always.contains(&table.settings()[columns[place]])).collect();
+    let mut taken: Vec<bool> = (0..columns.len())
+        .map(|place| always.contains(&table.settings()[columns[place]]))
+        .collect();
     for _ in 0..most.saturating_sub(taken.iter().filter(|taken| **taken).count()) {
-        // Before anything is taken every loss is infinite: then the least total counts, later the greatest gain.
-        let total = |place: usize| -> f64 { left.iter().zip(&rows).map(|(left, row)| left.min(row[place])).sum() };
+        // Before anything is taken every loss is infinite: then the least total counts, later the
+        // greatest gain.
+        let total = |place: usize| -> f64 {
+            left.iter().zip(&rows).map(|(left, row)| left.min(row[place])).sum()
+        };
         let now: f64 = left.iter().sum();
-        let best = (0..columns.len()).filter(|place| !taken[*place]).min_by(|a, b| total(*a).total_cmp(&total(*b)));
+        let best = (0..columns.len())
+            .filter(|place| !taken[*place])
+            .min_by(|a, b| total(*a).total_cmp(&total(*b)));
         let Some(best) = best else { break };
         if now.is_finite() && now - total(best) <= LEAST_GAIN * rows.len() as f64 {
             break;
@@ -85,12 +109,17 @@ pub fn portfolio(table: &CostTable, most: usize, always: &[RenderSettings]) -> V
     kept.into_iter().map(|place| table.settings()[columns[place]]).collect()
 }
 
-/// What is lost when only `kept` are left of all that `table` holds: mean over cameras, exchange rates and budgets.
+/// What is lost when only `kept` are left of all that `table` holds: mean over cameras, exchange
+/// rates and budgets.
 pub fn regret(table: &CostTable, kept: &[RenderSettings]) -> f64 {
-    let columns: Vec<usize> = (0..table.settings().len()).filter(|column| table.is_complete(*column)).collect();
-    let places: Vec<usize> = (0..columns.len()).filter(|place| kept.contains(&table.settings()[columns[*place]])).collect();
+    let columns: Vec<usize> =
+        (0..table.settings().len()).filter(|column| table.is_complete(*column)).collect();
+    let places: Vec<usize> = (0..columns.len())
+        .filter(|place| kept.contains(&table.settings()[columns[*place]]))
+        .collect();
     let rows = all_losses(table, &columns);
-    let least = |row: &Vec<f64>| places.iter().map(|place| row[*place]).fold(f64::INFINITY, f64::min);
+    let least =
+        |row: &Vec<f64>| places.iter().map(|place| row[*place]).fold(f64::INFINITY, f64::min);
     rows.iter().map(least).sum::<f64>() / rows.len().max(1) as f64
 }
 
@@ -98,7 +127,8 @@ pub fn regret(table: &CostTable, kept: &[RenderSettings]) -> f64 {
 mod tests {
     use super::*;
 
-    /// Two kinds of cameras, each with its own good settings; even bits suit the first, odd ones the second.
+    /// Two kinds of cameras, each with its own good settings; even bits suit the first, odd ones
+    /// the second.
     fn table() -> CostTable {
         let mut table = CostTable::new(6);
         for row in 0..6 {
@@ -106,7 +136,11 @@ mod tests {
                 let quality = (bits / 2) as f64 / 19.0;
                 let suits = bits % 2 == row as u64 % 2;
                 let error = 0.2 * (1.0 - quality).powi(2) * if suits { 1.0 } else { 3.0 };
-                table.set(row, RenderSettings::from_bits(bits), CostPoint::new(1.0 + 9.0 * quality, error));
+                table.set(
+                    row,
+                    RenderSettings::from_bits(bits),
+                    CostPoint::new(1.0 + 9.0 * quality, error),
+                );
             }
         }
         table

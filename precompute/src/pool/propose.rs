@@ -12,7 +12,8 @@ use crate::search::{Evaluate, Search, SearchConfig};
 
 /// Errors beyond this are no budget's: settings that have more are only worth it for their power.
 pub(crate) const GREATEST_ERROR: f64 = 0.3;
-/// How many standard deviations a proposal may be better than it is expected to be: some room for what is not known.
+/// How many standard deviations a proposal may be better than it is expected to be: some room for
+/// what is not known.
 pub(crate) const OPTIMISM: f64 = 0.5;
 /// Gains below this, summed over rates and budgets, are no reason to render.
 const LEAST_GAIN: f64 = 1e-3;
@@ -51,7 +52,8 @@ pub struct Proposal<'a> {
     pub errors: &'a [(RenderSettings, f64)],
 }
 
-/// Both models, as something to search: logarithms, so that crowding and dominance count where budgets live.
+/// Both models, as something to search: logarithms, so that crowding and dominance count where
+/// budgets live.
 struct Models<'a> {
     proposal: &'a Proposal<'a>,
     error: ErrorModel<'a>,
@@ -68,22 +70,36 @@ impl Evaluate for Models<'_> {
             return Ok(CostPoint::new(power + 1.0, GREATEST_ERROR.ln() + 1.0));
         }
         let (mean, deviation) = self.error.predict(settings);
-        Ok(CostPoint::new(power, (mean - OPTIMISM * deviation).clamp(LEAST_ERROR.ln(), (GREATEST_ERROR + LEAST_ERROR).ln())))
+        Ok(CostPoint::new(
+            power,
+            (mean - OPTIMISM * deviation)
+                .clamp(LEAST_ERROR.ln(), (GREATEST_ERROR + LEAST_ERROR).ln()),
+        ))
     }
 }
 
-/// Up to `count` settings that were not rendered yet and are expected to gain most, where error budgets live. The same `seed` proposes the same
-/// ones.
+/// Up to `count` settings that were not rendered yet and are expected to gain most, where error
+/// budgets live. The same `seed` proposes the same ones.
 pub fn propose(proposal: &Proposal<'_>, count: usize, seed: u64) -> Vec<RenderSettings> {
-    let mut models = Models { proposal, error: ErrorModel::fit(proposal.space, proposal.screening, proposal.errors) };
-    let known: Vec<RenderSettings> =
-        proposal.errors.iter().map(|(settings, _)| proposal.screening.fixed(proposal.space, *settings)).collect();
-    let Ok(found) = Search::new(proposal.space, model_search(seed)).run(&mut models, &known, &mut |_| true);
+    let mut models = Models {
+        proposal,
+        error: ErrorModel::fit(proposal.space, proposal.screening, proposal.errors),
+    };
+    let known: Vec<RenderSettings> = proposal
+        .errors
+        .iter()
+        .map(|(settings, _)| proposal.screening.fixed(proposal.space, *settings))
+        .collect();
+    let Ok(found) =
+        Search::new(proposal.space, model_search(seed)).run(&mut models, &known, &mut |_| true);
     let rendered = proposal.errors.iter().filter(|(_, error)| error.is_finite());
-    let power = |settings: RenderSettings| proposal.cost.power(&Work::of(proposal.space, settings, proposal.layout));
+    let power = |settings: RenderSettings| {
+        proposal.cost.power(&Work::of(proposal.space, settings, proposal.layout))
+    };
     let best_power = power(proposal.space.highest()).max(1e-9);
-    let rendered: Vec<(RenderSettings, CostPoint)> =
-        rendered.map(|(settings, error)| (*settings, CostPoint::new(power(*settings) / best_power, *error))).collect();
+    let rendered: Vec<(RenderSettings, CostPoint)> = rendered
+        .map(|(settings, error)| (*settings, CostPoint::new(power(*settings) / best_power, *error)))
+        .collect();
     let point = |point: &FrontierPoint| {
         let error = (point.cost.error.exp() - LEAST_ERROR).max(0.0);
         (point.settings, CostPoint::new(point.cost.power.0.exp() / best_power, error))
@@ -92,8 +108,9 @@ pub fn propose(proposal: &Proposal<'_>, count: usize, seed: u64) -> Vec<RenderSe
     greatest_gains(&rendered, &candidates, power(proposal.space.lowest()) / best_power, count)
 }
 
-/// What is to be had from settings that were rendered: the least power + rate × error at each exchange rate, and the least
-/// error within each power budget. Powers are shares of the best settings'.
+/// What is to be had from settings that were rendered: the least power + rate × error at each
+/// exchange rate, and the least error within each power budget. Powers are shares of the best
+/// settings'.
 struct Reached {
     weighted: Vec<f64>,
     range: (f64, f64),
@@ -103,14 +120,20 @@ struct Reached {
 impl Reached {
     /// `cheapest`: the least power of all settings.
     fn new(rendered: &[(RenderSettings, CostPoint)], cheapest: f64) -> Self {
-        let mut reached =
-            Self { weighted: vec![f64::INFINITY; RATES.len()], range: (cheapest, 1.0), within: vec![GREATEST_ERROR; BUDGETS] };
+        let mut reached = Self {
+            weighted: vec![f64::INFINITY; RATES.len()],
+            range: (cheapest, 1.0),
+            within: vec![GREATEST_ERROR; BUDGETS],
+        };
         rendered.iter().for_each(|(_, cost)| reached.add(cost));
         reached
     }
 
     fn add(&mut self, cost: &CostPoint) {
-        self.weighted.iter_mut().zip(&RATES).for_each(|(least, rate)| *least = least.min(cost.power.0 + rate * cost.error));
+        self.weighted
+            .iter_mut()
+            .zip(&RATES)
+            .for_each(|(least, rate)| *least = least.min(cost.power.0 + rate * cost.error));
         for (step, least) in self.within.iter_mut().enumerate() {
             if cost.power.0 <= budget(self.range, step) {
                 *least = least.min(cost.error);
@@ -120,9 +143,16 @@ impl Reached {
 
     /// By how much a cost would improve on that, summed over rates and budgets.
     fn gain(&self, cost: &CostPoint) -> f64 {
-        let weighted = RATES.iter().zip(&self.weighted).map(|(rate, least)| (1.0 - (cost.power.0 + rate * cost.error) / least).max(0.0));
+        let weighted = RATES
+            .iter()
+            .zip(&self.weighted)
+            .map(|(rate, least)| (1.0 - (cost.power.0 + rate * cost.error) / least).max(0.0));
         let error = (cost.error + LEAST_ERROR).ln();
-        let within = self.within.iter().enumerate().filter(|(step, _)| cost.power.0 <= budget(self.range, *step));
+        let within = self
+            .within
+            .iter()
+            .enumerate()
+            .filter(|(step, _)| cost.power.0 <= budget(self.range, *step));
         let within = within.map(|(_, least)| ((least + LEAST_ERROR).ln() - error).max(0.0));
         weighted.sum::<f64>() + BUDGET_WEIGHT * within.sum::<f64>()
     }
@@ -136,12 +166,18 @@ fn greatest_gains(
     count: usize,
 ) -> Vec<RenderSettings> {
     let mut reached = Reached::new(rendered, cheapest);
-    let mut open: Vec<&(RenderSettings, CostPoint)> =
-        candidates.iter().filter(|(settings, _)| rendered.iter().all(|(other, _)| other != settings)).collect();
+    let mut open: Vec<&(RenderSettings, CostPoint)> = candidates
+        .iter()
+        .filter(|(settings, _)| rendered.iter().all(|(other, _)| other != settings))
+        .collect();
     let mut taken = Vec::new();
     while taken.len() < count {
         let gains = open.iter().map(|(_, cost)| reached.gain(cost)).enumerate();
-        let Some((next, _)) = gains.filter(|(_, gain)| *gain > LEAST_GAIN).max_by(|a, b| a.1.total_cmp(&b.1)) else { break };
+        let Some((next, _)) =
+            gains.filter(|(_, gain)| *gain > LEAST_GAIN).max_by(|a, b| a.1.total_cmp(&b.1))
+        else {
+            break;
+        };
         let (settings, cost) = *open.swap_remove(next);
         reached.add(&cost);
         taken.push(settings);
@@ -170,7 +206,14 @@ mod tests {
             "pixels" => 5e-5,
             _ => 1e-9,
         };
-        let power = |settings| Work::of(&space, settings, &layout).0.iter().zip(&names).map(|(work, name)| work * price(name)).sum::<f64>();
+        let power = |settings| {
+            Work::of(&space, settings, &layout)
+                .0
+                .iter()
+                .zip(&names)
+                .map(|(work, name)| work * price(name))
+                .sum::<f64>()
+        };
         let error = |settings: RenderSettings| {
             let settings = space.canonical(settings);
             (0..space.len())
@@ -185,21 +228,38 @@ mod tests {
         let mut readings = Vec::new();
         for settings in screening_settings(&space) {
             table.set(0, settings, CostPoint::new(power(settings), error(settings)));
-            readings.push(CostReading { camera: 0, work: Work::of(&space, settings, &layout), power_w: power(settings) });
+            readings.push(CostReading {
+                camera: 0,
+                work: Work::of(&space, settings, &layout),
+                power_w: power(settings),
+            });
         }
         let screening = Screening::of(&space, &table);
         let cost = CostModel::fit(&readings);
-        let errors: Vec<_> = table.settings().iter().map(|settings| (*settings, error(*settings))).collect();
-        let proposal = Proposal { space: &space, screening: &screening, cost: &cost, layout: &layout, errors: &errors };
+        let errors: Vec<_> =
+            table.settings().iter().map(|settings| (*settings, error(*settings))).collect();
+        let proposal = Proposal {
+            space: &space,
+            screening: &screening,
+            cost: &cost,
+            layout: &layout,
+            errors: &errors,
+        };
         let proposed = propose(&proposal, 12, 1);
         assert_eq!(proposed, propose(&proposal, 12, 1));
         assert_eq!(proposed.len(), 12);
-        assert!(proposed.iter().all(|settings| table.column(*settings).is_none() && space.canonical(*settings) == *settings));
+        assert!(
+            proposed.iter().all(|settings| table.column(*settings).is_none()
+                && space.canonical(*settings) == *settings)
+        );
         let least = |all: &[RenderSettings], rate: f64| {
-            let loss = |settings: &RenderSettings| power(*settings) / power(space.highest()) + rate * error(*settings);
+            let loss = |settings: &RenderSettings| {
+                power(*settings) / power(space.highest()) + rate * error(*settings)
+            };
             all.iter().map(loss).fold(f64::INFINITY, f64::min)
         };
-        let ratios = [4.0, 16.0, 64.0].map(|rate| least(&proposed, rate) / least(table.settings(), rate));
+        let ratios =
+            [4.0, 16.0, 64.0].map(|rate| least(&proposed, rate) / least(table.settings(), rate));
         assert!(ratios.iter().sum::<f64>() / 3.0 < 0.95, "{ratios:?}");
     }
 }

@@ -5,20 +5,23 @@ use bevy_frugal_gi::knobs::{KnobSpace, RenderSettings};
 use super::LEAST_ERROR;
 use crate::table::CostTable;
 
-/// A knob whose every level changes pictures by less than this, at every pilot camera, has no effect in the scene. Well below the error
-/// that a different sampling pattern makes.
+/// A knob whose every level changes pictures by less than this, at every pilot camera, has no
+/// effect in the scene. Well below the error that a different sampling pattern makes.
 const NO_EFFECT: f64 = 2e-4;
 
-/// Levels up to which each of a knob's is rendered alone; of a knob with more, the one below the best, the middle one, and the lowest.
+/// Levels up to which each of a knob's is rendered alone; of a knob with more, the one below the
+/// best, the middle one, and the lowest.
 const ALL_LEVELS: usize = 4;
 
-/// The best settings, then those with one knob lowered alone, then the cheapest and two presets between.
+/// The best settings, then those with one knob lowered alone, then the cheapest and two presets
+/// between.
 pub fn screening_settings(space: &KnobSpace) -> Vec<RenderSettings> {
     let best = space.highest();
     let mut all = vec![best];
     for (index, knob) in space.knobs().iter().enumerate() {
         let top = knob.levels.len() - 1;
-        let levels: Vec<usize> = if top < ALL_LEVELS { (0..top).rev().collect() } else { vec![top - 1, top / 2, 0] };
+        let levels: Vec<usize> =
+            if top < ALL_LEVELS { (0..top).rev().collect() } else { vec![top - 1, top / 2, 0] };
         all.extend(levels.into_iter().map(|level| best.with_level(index, level)));
     }
     all.extend([2.0 / 3.0, 1.0 / 3.0, 0.0].map(|share| space.preset(share)));
@@ -28,7 +31,8 @@ pub fn screening_settings(space: &KnobSpace) -> Vec<RenderSettings> {
 /// What lowering each knob alone does.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Screening {
-    /// Mean error by knob and level; 0 at the best. What was not rendered lies evenly between its neighbours, in the logarithm.
+    /// Mean error by knob and level; 0 at the best. What was not rendered lies evenly between its
+    /// neighbours, in the logarithm.
     pub effects: Vec<Vec<f64>>,
     /// Knobs that change no picture: they stand at their cheapest, and are not searched.
     pub without_effect: Vec<usize>,
@@ -41,10 +45,13 @@ impl Screening {
         let mut effects = Vec::new();
         let mut without_effect = Vec::new();
         for (index, knob) in space.knobs().iter().enumerate() {
-            let column = |level: usize| table.column(space.canonical(best.with_level(index, level)));
+            let column =
+                |level: usize| table.column(space.canonical(best.with_level(index, level)));
             let mean = |level: usize| {
                 let column = column(level)?;
-                let known: Vec<f64> = (0..table.rows()).filter_map(|row| Some(table.at(row, column)?.error)).collect();
+                let known: Vec<f64> = (0..table.rows())
+                    .filter_map(|row| Some(table.at(row, column)?.error))
+                    .collect();
                 (!known.is_empty()).then(|| known.iter().sum::<f64>() / known.len() as f64)
             };
             let top = knob.levels.len() - 1;
@@ -57,12 +64,20 @@ impl Screening {
                 for between in level + 1..above {
                     let share = (above - between) as f64 / (above - level) as f64;
                     let logarithm = |error: f64| (error + LEAST_ERROR).ln();
-                    errors[between] = (logarithm(errors[above]) * (1.0 - share) + logarithm(errors[level]) * share).exp() - LEAST_ERROR;
+                    errors[between] = (logarithm(errors[above]) * (1.0 - share)
+                        + logarithm(errors[level]) * share)
+                        .exp()
+                        - LEAST_ERROR;
                 }
                 above = level;
             }
-            let greatest = (0..top).filter_map(column).flat_map(|column| (0..table.rows()).filter_map(move |row| table.at(row, column)));
-            if top > 0 && greatest.map(|cost| cost.error).fold(0.0, f64::max) < NO_EFFECT && column(0).is_some() {
+            let greatest = (0..top)
+                .filter_map(column)
+                .flat_map(|column| (0..table.rows()).filter_map(move |row| table.at(row, column)));
+            if top > 0
+                && greatest.map(|cost| cost.error).fold(0.0, f64::max) < NO_EFFECT
+                && column(0).is_some()
+            {
                 without_effect.push(index);
             }
             effects.push(errors);
@@ -72,7 +87,11 @@ impl Screening {
 
     /// `settings` with the knobs that have no effect at their cheapest.
     pub fn fixed(&self, space: &KnobSpace, settings: RenderSettings) -> RenderSettings {
-        space.canonical(self.without_effect.iter().fold(settings, |settings, knob| settings.with_level(*knob, 0)))
+        space.canonical(
+            self.without_effect
+                .iter()
+                .fold(settings, |settings, knob| settings.with_level(*knob, 0)),
+        )
     }
 }
 
@@ -84,8 +103,11 @@ mod tests {
     use super::*;
 
     fn space() -> KnobSpace {
-        let knobs =
-            vec![Knob::new("gi", [0.0, 1.0, 2.0]), Knob::new("rays", [0.0, 1.0]).needing("gi", 1), Knob::new("idle", [0.0, 1.0, 2.0])];
+        let knobs = vec![
+            Knob::new("gi", [0.0, 1.0, 2.0]),
+            Knob::new("rays", [0.0, 1.0]).needing("gi", 1),
+            Knob::new("idle", [0.0, 1.0, 2.0]),
+        ];
         KnobSpace::new(knobs).expect("a valid space")
     }
 
@@ -116,7 +138,10 @@ mod tests {
         }
         let screening = Screening::of(&space, &table);
         assert_eq!(screening.without_effect, [2]);
-        assert_eq!(screening.effects[0].iter().map(|e| (e * 100.0).round()).collect::<Vec<_>>(), [25.0, 10.0, 0.0]);
+        assert_eq!(
+            screening.effects[0].iter().map(|e| (e * 100.0).round()).collect::<Vec<_>>(),
+            [25.0, 10.0, 0.0]
+        );
         assert_eq!(screening.fixed(&space, space.highest()), space.highest().with_level(2, 0));
         // What was not rendered is not said to have no effect.
         assert!(Screening::of(&space, &CostTable::new(2)).without_effect.is_empty());

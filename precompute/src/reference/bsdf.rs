@@ -1,13 +1,15 @@
 //! What a surface does with light: Bevy's `StandardMaterial`, or a Lambertian reflector.
 //!
-//! Diffuse: Burley 2012, "Physically Based Shading at Disney", section 5.3, with Bevy's use of it (its roughness is the squared one).
-//! Specular: Walter et al. 2007, "Microfacet Models for Refraction through Rough Surfaces" (GGX); Heitz 2014, "Understanding the
-//! Masking-Shadowing Function in Microfacet-Based BRDFs", equation 99 (height-correlated Smith); Schlick 1994 on the angle to the half
-//! vector.
+//! Diffuse: Burley 2012, "Physically Based Shading at Disney", section 5.3, with Bevy's use of it
+//! (its roughness is the squared one). Specular: Walter et al. 2007, "Microfacet Models for
+//! Refraction through Rough Surfaces" (GGX); Heitz 2014, "Understanding the Masking-Shadowing
+//! Function in Microfacet-Based BRDFs", equation 99 (height-correlated Smith); Schlick 1994 on the
+//! angle to the half vector.
 //!
-//! What differs from Bevy: the energy that rough metals lose between facets is not put back (Bevy scales the lobe by a fitted factor:
-//! within 2 % for dielectrics, more for rough metals). As in Bevy, nothing takes from the diffuse light what was reflected specularly,
-//! so that a white, glossy dielectric reflects a little more than it gets.
+//! What differs from Bevy: the energy that rough metals lose between facets is not put back (Bevy
+//! scales the lobe by a fitted factor: within 2 % for dielectrics, more for rough metals). As in
+//! Bevy, nothing takes from the diffuse light what was reflected specularly, so that a white,
+//! glossy dielectric reflects a little more than it gets.
 
 use bevy::math::DVec3;
 use std::f64::consts::{FRAC_1_PI, TAU};
@@ -18,7 +20,8 @@ use super::surface::Surface;
 
 /// Least perceptual roughness, as Bevy's.
 const LEAST_PERCEPTUAL_ROUGHNESS: f64 = 0.089;
-/// Least cosine between normal and view, as Bevy's: interpolated normals may face away from the viewer.
+/// Least cosine between normal and view, as Bevy's: interpolated normals may face away from the
+/// viewer.
 const LEAST_VIEW_COSINE: f64 = 1e-4;
 /// Where both lobes reflect, each is drawn at least this often: the estimate of its share is rough.
 const LEAST_LOBE_SHARE: f64 = 0.1;
@@ -29,7 +32,8 @@ pub enum Shading {
     /// Bevy's: Burley's diffuse and GGX specular.
     #[default]
     Standard,
-    /// Base colour × (1 − metallic) scattered evenly, and nothing else: what virtual point lights bounce.
+    /// Base colour × (1 − metallic) scattered evenly, and nothing else: what virtual point lights
+    /// bounce.
     Lambertian,
 }
 
@@ -72,24 +76,40 @@ impl Bsdf {
         let view = view.with_z(view.z.max(LEAST_VIEW_COSINE)).normalize();
         let metallic = f64::from(material.metallic);
         let reflectance = f64::from(material.reflectance);
-        let roughness = f64::from(material.perceptual_roughness).clamp(LEAST_PERCEPTUAL_ROUGHNESS, 1.0);
+        let roughness =
+            f64::from(material.perceptual_roughness).clamp(LEAST_PERCEPTUAL_ROUGHNESS, 1.0);
         let f0 = match shading {
-            Shading::Standard => DVec3::splat(0.16 * reflectance * reflectance * (1.0 - metallic)) + surface.base_color * metallic,
+            Shading::Standard => {
+                DVec3::splat(0.16 * reflectance * reflectance * (1.0 - metallic))
+                    + surface.base_color * metallic
+            }
             Shading::Lambertian => DVec3::ZERO,
         };
         let diffuse = surface.base_color * (1.0 - metallic);
         let geometric_normal = surface.geometric_normal;
-        let mut bsdf = Self { frame, geometric_normal, view, diffuse, f0, alpha: roughness * roughness, shading, specular_share: 0.0 };
+        let mut bsdf = Self {
+            frame,
+            geometric_normal,
+            view,
+            diffuse,
+            f0,
+            alpha: roughness * roughness,
+            shading,
+            specular_share: 0.0,
+        };
         let (specular, matt) = (luminance(bsdf.fresnel(view.z)), luminance(diffuse));
         bsdf.specular_share = match (specular > 0.0, matt > 0.0) {
-            (true, true) => (specular / (specular + matt)).clamp(LEAST_LOBE_SHARE, 1.0 - LEAST_LOBE_SHARE),
+            (true, true) => {
+                (specular / (specular + matt)).clamp(LEAST_LOBE_SHARE, 1.0 - LEAST_LOBE_SHARE)
+            }
             (only_specular, _) => f64::from(u8::from(only_specular)),
         };
         bsdf
     }
 
-    /// Reflection towards the viewer of light from `direction`, a unit vector, times the cosine to the normal; and the density with which
-    /// [`sample`](Self::sample) draws that direction, per steradian. Both are 0 below the shading normal's horizon and below the triangle's.
+    /// Reflection towards the viewer of light from `direction`, a unit vector, times the cosine to
+    /// the normal; and the density with which [`sample`](Self::sample) draws that direction, per
+    /// steradian. Both are 0 below the shading normal's horizon and below the triangle's.
     pub(super) fn evaluate(&self, direction: DVec3) -> (DVec3, f64) {
         let light = DVec3::from_array(self.frame.map(|axis| axis.dot(direction)));
         // So written, NaN ends here, too.
@@ -108,32 +128,48 @@ impl Bsdf {
         if self.specular_share > 0.0 {
             let facets = self.distribution(half.z);
             reflected += self.fresnel(cosine) * (facets * self.visibility(light.z));
-            density += self.specular_share * facets / (2.0 * (self.view.z + self.slope_length(self.view.z)));
+            density += self.specular_share * facets
+                / (2.0 * (self.view.z + self.slope_length(self.view.z)));
         }
         (reflected * light.z, density)
     }
 
-    /// Draws a direction, about as often as light from there counts; `None` where the draw falls below the surface or nothing is reflected.
+    /// Draws a direction, about as often as light from there counts; `None` where the draw falls
+    /// below the surface or nothing is reflected.
     pub(super) fn sample(&self, sampler: &mut Sampler) -> Option<Scattering> {
         let (lobe, pair) = (sampler.number(), sampler.pair());
-        let local = if lobe < self.specular_share { self.sample_specular(pair) } else { sample_cosine(pair) };
-        let direction = (self.frame[0] * local.x + self.frame[1] * local.y + self.frame[2] * local.z).normalize();
+        let local = if lobe < self.specular_share {
+            self.sample_specular(pair)
+        } else {
+            sample_cosine(pair)
+        };
+        let direction =
+            (self.frame[0] * local.x + self.frame[1] * local.y + self.frame[2] * local.z)
+                .normalize();
         let (reflected, density) = self.evaluate(direction);
-        (density > 0.0 && reflected.max_element() > 0.0).then(|| Scattering { direction, weight: reflected / density, density })
+        (density > 0.0 && reflected.max_element() > 0.0).then(|| Scattering {
+            direction,
+            weight: reflected / density,
+            density,
+        })
     }
 
-    /// Heitz 2018, "Sampling the GGX Distribution of Visible Normals", listing 1, for an isotropic lobe; then a mirror at that normal.
+    /// Heitz 2018, "Sampling the GGX Distribution of Visible Normals", listing 1, for an isotropic
+    /// lobe; then a mirror at that normal.
     fn sample_specular(&self, [u1, u2]: [f64; 2]) -> DVec3 {
-        let stretched = DVec3::new(self.alpha * self.view.x, self.alpha * self.view.y, self.view.z).normalize();
+        let stretched =
+            DVec3::new(self.alpha * self.view.x, self.alpha * self.view.y, self.view.z).normalize();
         let first = DVec3::new(-stretched.y, stretched.x, 0.0).normalize_or(DVec3::X);
         let second = stretched.cross(first);
         let (radius, angle) = (u1.sqrt(), TAU * u2);
         let along = radius * angle.cos();
         let lift = 0.5 * (1.0 + stretched.z);
-        let across = (1.0 - lift) * (1.0 - along * along).max(0.0).sqrt() + lift * radius * angle.sin();
+        let across =
+            (1.0 - lift) * (1.0 - along * along).max(0.0).sqrt() + lift * radius * angle.sin();
         let outward = (1.0 - along * along - across * across).max(0.0).sqrt();
         let normal = first * along + second * across + stretched * outward;
-        let half = DVec3::new(self.alpha * normal.x, self.alpha * normal.y, normal.z.max(1e-9)).normalize();
+        let half = DVec3::new(self.alpha * normal.x, self.alpha * normal.y, normal.z.max(1e-9))
+            .normalize();
         half * (2.0 * self.view.dot(half)) - self.view
     }
 
@@ -143,7 +179,8 @@ impl Bsdf {
         scatter(light_cosine) * scatter(self.view.z.min(1.0))
     }
 
-    /// Specular reflectance of a facet. Below 2 % at normal incidence Bevy dims the grazing reflection, too, so that 0 has none.
+    /// Specular reflectance of a facet. Below 2 % at normal incidence Bevy dims the grazing
+    /// reflection, too, so that 0 has none.
     fn fresnel(&self, half_cosine: f64) -> DVec3 {
         let f90 = (self.f0.element_sum() * 50.0 * 0.33).clamp(0.0, 1.0);
         self.f0 + (DVec3::splat(f90) - self.f0) * (1.0 - half_cosine).clamp(0.0, 1.0).powi(5)

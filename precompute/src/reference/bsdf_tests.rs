@@ -4,8 +4,13 @@ use std::f64::consts::{FRAC_PI_2, PI};
 
 fn bsdf(material: &SceneMaterial, view_degrees: f64, shading: Shading) -> Bsdf {
     let [red, green, blue, _] = material.base_color.map(f64::from);
-    let surface =
-        Surface { position: DVec3::ZERO, geometric_normal: DVec3::Y, normal: DVec3::Y, base_color: DVec3::new(red, green, blue), material };
+    let surface = Surface {
+        position: DVec3::ZERO,
+        geometric_normal: DVec3::Y,
+        normal: DVec3::Y,
+        base_color: DVec3::new(red, green, blue),
+        material,
+    };
     let angle = view_degrees.to_radians();
     Bsdf::new(&surface, DVec3::new(angle.sin() * 0.6, angle.cos(), angle.sin() * 0.8), shading)
 }
@@ -36,7 +41,11 @@ fn integrate(mut integrand: impl FnMut(DVec3) -> DVec3) -> DVec3 {
         let polar = FRAC_PI_2 * (f64::from(ring) + 0.5) / f64::from(rings);
         for sector in 0..sectors {
             let around = TAU * (f64::from(sector) + 0.5) / f64::from(sectors);
-            sum += integrand(DVec3::new(polar.sin() * around.cos(), polar.cos(), polar.sin() * around.sin())) * polar.sin();
+            sum += integrand(DVec3::new(
+                polar.sin() * around.cos(),
+                polar.cos(),
+                polar.sin() * around.sin(),
+            )) * polar.sin();
         }
     }
     sum * (FRAC_PI_2 / f64::from(rings)) * (TAU / f64::from(sectors))
@@ -52,18 +61,30 @@ fn draws_agree_with_evaluation_and_densities_sum_to_one() {
             let count = 4096_u32;
             let (mut mean, mut square, mut kept) = (DVec3::ZERO, DVec3::ZERO, 0.0);
             for i in 0..count {
-                let weight = bsdf.sample(&mut Sampler::new(number as u64, u64::from(i), 0)).map_or(DVec3::ZERO, |drawn| {
-                    kept += 1.0 / f64::from(count);
-                    let (reflected, density) = bsdf.evaluate(drawn.direction);
-                    assert!((density - drawn.density).abs() <= 1e-12 * density && (reflected / density - drawn.weight).length() < 1e-12);
-                    drawn.weight
-                });
+                let weight = bsdf.sample(&mut Sampler::new(number as u64, u64::from(i), 0)).map_or(
+                    DVec3::ZERO,
+                    |drawn| {
+                        kept += 1.0 / f64::from(count);
+                        let (reflected, density) = bsdf.evaluate(drawn.direction);
+                        assert!(
+                            (density - drawn.density).abs() <= 1e-12 * density
+                                && (reflected / density - drawn.weight).length() < 1e-12
+                        );
+                        drawn.weight
+                    },
+                );
                 mean += weight / f64::from(count);
                 square += weight * weight / f64::from(count);
             }
-            // Of the mean's standard error, and of the rule's own error at a lobe a few of its steps wide.
-            let tolerance = 4.0 * ((square - mean * mean).max(DVec3::ZERO) / f64::from(count)).map(f64::sqrt) + DVec3::splat(2e-3);
-            assert!(((mean - exact).abs() - tolerance).max_element() < 0.0, "material {number} at {view}°: {mean} for {exact}");
+            // Of the mean's standard error, and of the rule's own error at a lobe a few of its
+            // steps wide.
+            let tolerance = 4.0
+                * ((square - mean * mean).max(DVec3::ZERO) / f64::from(count)).map(f64::sqrt)
+                + DVec3::splat(2e-3);
+            assert!(
+                ((mean - exact).abs() - tolerance).max_element() < 0.0,
+                "material {number} at {view}°: {mean} for {exact}"
+            );
             // Draws below the horizon are lost to it; above it the density is that of what is kept.
             assert!(
                 (covered - kept).abs() < 4.0 * (0.25 / f64::from(count)).sqrt() + 2e-3,
@@ -76,15 +97,26 @@ fn draws_agree_with_evaluation_and_densities_sum_to_one() {
 
 #[test]
 fn reflection_is_reciprocal() {
-    let direction = |polar: f64, around: f64| DVec3::new(polar.sin() * around.cos(), polar.cos(), polar.sin() * around.sin());
+    let direction = |polar: f64, around: f64| {
+        DVec3::new(polar.sin() * around.cos(), polar.cos(), polar.sin() * around.sin())
+    };
     for material in &materials() {
-        for (one, other) in [(direction(0.3, 0.0), direction(0.9, 2.0)), (direction(1.3, 1.0), direction(0.1, 4.0))] {
+        for (one, other) in
+            [(direction(0.3, 0.0), direction(0.9, 2.0)), (direction(1.3, 1.0), direction(0.1, 4.0))]
+        {
             let reflected = |view: DVec3, light: DVec3| {
-                let surface =
-                    Surface { position: DVec3::ZERO, geometric_normal: DVec3::Y, normal: DVec3::Y, base_color: DVec3::ONE, material };
+                let surface = Surface {
+                    position: DVec3::ZERO,
+                    geometric_normal: DVec3::Y,
+                    normal: DVec3::Y,
+                    base_color: DVec3::ONE,
+                    material,
+                };
                 Bsdf::new(&surface, view, Shading::Standard).evaluate(light).0 / light.y
             };
-            assert!((reflected(one, other) / reflected(other, one) - 1.0).abs().max_element() < 1e-9);
+            assert!(
+                (reflected(one, other) / reflected(other, one) - 1.0).abs().max_element() < 1e-9
+            );
         }
     }
 }
@@ -93,26 +125,38 @@ fn reflection_is_reciprocal() {
 fn a_metal_in_a_white_furnace_gains_no_energy() {
     for perceptual_roughness in [0.0, 0.1, 0.3, 0.6, 1.0] {
         for view in [0.0, 30.0, 60.0, 85.0, 89.9] {
-            let white = SceneMaterial { perceptual_roughness, metallic: 1.0, ..SceneMaterial::default() };
+            let white =
+                SceneMaterial { perceptual_roughness, metallic: 1.0, ..SceneMaterial::default() };
             let bsdf = bsdf(&white, view, Shading::Standard);
             let count = 1024;
             let weights = (0..count).filter_map(|i| bsdf.sample(&mut Sampler::new(1, 0, i)));
             let mut sum = 0.0;
             for drawn in weights {
-                // Visible normals are drawn: what is left is the share that the other facets shadow.
+                // Visible normals are drawn: what is left is the share that the other facets
+                // shadow.
                 assert!(drawn.weight.max_element() <= 1.0 + 1e-9, "{}", drawn.weight);
                 sum += drawn.weight.x / f64::from(count);
             }
-            assert!(sum <= 1.0 + 1e-9 && sum > 0.3, "roughness {perceptual_roughness} at {view}°: {sum}");
-            assert!(perceptual_roughness > 0.3 || view > 80.0 || sum > 0.97, "roughness {perceptual_roughness} at {view}°: {sum}");
+            assert!(
+                sum <= 1.0 + 1e-9 && sum > 0.3,
+                "roughness {perceptual_roughness} at {view}°: {sum}"
+            );
+            assert!(
+                perceptual_roughness > 0.3 || view > 80.0 || sum > 0.97,
+                "roughness {perceptual_roughness} at {view}°: {sum}"
+            );
         }
     }
 }
 
 #[test]
 fn a_lambertian_reflects_its_albedo_and_nothing_below_the_horizon() {
-    let material =
-        SceneMaterial { base_color: [0.9, 0.6, 0.2, 1.0], metallic: 0.25, perceptual_roughness: 0.2, ..SceneMaterial::default() };
+    let material = SceneMaterial {
+        base_color: [0.9, 0.6, 0.2, 1.0],
+        metallic: 0.25,
+        perceptual_roughness: 0.2,
+        ..SceneMaterial::default()
+    };
     let bsdf = bsdf(&material, 50.0, Shading::Lambertian);
     let exact = DVec3::new(0.9, 0.6, 0.2) * 0.75;
     for i in 0..64 {
@@ -121,7 +165,10 @@ fn a_lambertian_reflects_its_albedo_and_nothing_below_the_horizon() {
         assert!((weight - exact).abs().max_element() < 1e-6, "{weight}");
     }
     let (reflected, density) = bsdf.evaluate(DVec3::new(0.6, 0.8, 0.0));
-    assert!((reflected - exact * 0.8 / PI).abs().max_element() < 1e-6 && (density - 0.8 / PI).abs() < 1e-12);
+    assert!(
+        (reflected - exact * 0.8 / PI).abs().max_element() < 1e-6
+            && (density - 0.8 / PI).abs() < 1e-12
+    );
     for direction in [DVec3::NEG_Y, DVec3::X, DVec3::new(0.8, -0.6, 0.0), DVec3::NAN] {
         assert_eq!(bsdf.evaluate(direction), (DVec3::ZERO, 0.0));
     }
@@ -130,23 +177,39 @@ fn a_lambertian_reflects_its_albedo_and_nothing_below_the_horizon() {
 #[test]
 fn a_bent_normal_neither_leaks_nor_breaks() {
     // Views from both sides of the bent normal's horizon, lights all around.
-    let material = SceneMaterial { perceptual_roughness: 0.3, metallic: 0.3, ..SceneMaterial::default() };
+    let material =
+        SceneMaterial { perceptual_roughness: 0.3, metallic: 0.3, ..SceneMaterial::default() };
     for bend in [0.0, 30.0, 60.0, 89.0_f64] {
         let normal = DVec3::new(bend.to_radians().sin(), bend.to_radians().cos(), 0.0);
-        let surface = Surface { position: DVec3::ZERO, geometric_normal: DVec3::Y, normal, base_color: DVec3::ONE, material: &material };
+        let surface = Surface {
+            position: DVec3::ZERO,
+            geometric_normal: DVec3::Y,
+            normal,
+            base_color: DVec3::ONE,
+            material: &material,
+        };
         for view in [-89.9, -45.0, 0.0, 45.0, 89.9_f64] {
             let view = DVec3::new(view.to_radians().sin(), view.to_radians().cos(), 0.0);
             let bsdf = Bsdf::new(&surface, view, Shading::Standard);
             for i in 0..256 {
                 if let Some(drawn) = bsdf.sample(&mut Sampler::new(3, 0, i)) {
-                    assert!(drawn.direction.y > 0.0 && drawn.weight.is_finite() && drawn.density.is_finite());
+                    assert!(
+                        drawn.direction.y > 0.0
+                            && drawn.weight.is_finite()
+                            && drawn.density.is_finite()
+                    );
                 }
             }
             for step in 0..36 {
                 let angle = f64::from(step) * 10.0_f64.to_radians();
                 let (reflected, density) = bsdf.evaluate(DVec3::new(angle.sin(), angle.cos(), 0.0));
-                assert!(reflected.is_finite() && density.is_finite() && reflected.min_element() >= 0.0);
-                assert!(angle.cos() > 0.0 || reflected == DVec3::ZERO, "light from below at {angle}");
+                assert!(
+                    reflected.is_finite() && density.is_finite() && reflected.min_element() >= 0.0
+                );
+                assert!(
+                    angle.cos() > 0.0 || reflected == DVec3::ZERO,
+                    "light from below at {angle}"
+                );
             }
         }
     }

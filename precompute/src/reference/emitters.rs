@@ -33,7 +33,10 @@ impl Emitters {
         for triangle in geometry.triangles() {
             let [a, b, c] = triangle.corners.map(|corner| corner.as_dvec3());
             let area = 0.5 * (b - a).cross(c - a).length();
-            let own = area * luminance(color(geometry.materials[geometry.meshes[triangle.mesh].material].emissive));
+            let own = area
+                * luminance(color(
+                    geometry.materials[geometry.meshes[triangle.mesh].material].emissive,
+                ));
             if own > 0.0 && own.is_finite() {
                 power += own;
                 emitters.triangles.push(triangle);
@@ -48,15 +51,24 @@ impl Emitters {
         self.triangles.is_empty()
     }
 
-    /// Density with which a point of a triangle that emits `radiance` is drawn, per m²: the power of a square metre of it ÷ all power.
+    /// Density with which a point of a triangle that emits `radiance` is drawn, per m²: the power
+    /// of a square metre of it ÷ all power.
     pub(super) fn density(&self, radiance: DVec3) -> f64 {
         self.cumulative.last().map_or(0.0, |power| luminance(radiance) / power)
     }
 
     /// Draws a point; `None` where nothing glows.
-    pub(super) fn sample(&self, geometry: &SceneGeometry, choice: f64, [u1, u2]: [f64; 2]) -> Option<EmitterPoint> {
+    pub(super) fn sample(
+        &self,
+        geometry: &SceneGeometry,
+        choice: f64,
+        [u1, u2]: [f64; 2],
+    ) -> Option<EmitterPoint> {
         let power = *self.cumulative.last()?;
-        let index = self.cumulative.partition_point(|sum| *sum <= choice * power).min(self.triangles.len() - 1);
+        let index = self
+            .cumulative
+            .partition_point(|sum| *sum <= choice * power)
+            .min(self.triangles.len() - 1);
         let triangle = self.triangles[index];
         // Uniform over the triangle: Turk 1990, "Generating Random Points in Triangles".
         let root = u1.sqrt();

@@ -1,5 +1,5 @@
-//! Suns and lamps, as the renderer's light maps have them: the formulas are those of `gi/rsm/resolve.wgsl` and `gi/rsm/lights.rs` in the
-//! plugin, which are Bevy's.
+//! Suns and lamps, as the renderer's light maps have them: the formulas are those of
+//! `gi/rsm/resolve.wgsl` and `gi/rsm/lights.rs` in the plugin, which are Bevy's.
 
 use bevy::math::DVec3;
 use std::f64::consts::{FRAC_PI_2, PI};
@@ -7,7 +7,8 @@ use std::f64::consts::{FRAC_PI_2, PI};
 use super::color;
 use crate::scene::Light;
 
-/// Nearest distance to a lamp that counts, m²: so near, light is as strong as from here. Keeps a lamp in a wall finite.
+/// Nearest distance to a lamp that counts, m²: so near, light is as strong as from here. Keeps a
+/// lamp in a wall finite.
 const LEAST_DISTANCE_SQUARED: f64 = 1e-12;
 
 /// A light without extent: no path meets it by chance.
@@ -49,7 +50,12 @@ pub(super) struct Arrival {
 impl PointLike {
     /// A scene's light; `None` where it is dark.
     pub(super) fn new(light: &Light) -> Option<Self> {
-        let lamp = |position: bevy::math::Vec3, power: f32, rgb: [f32; 3], range: f32, axis: DVec3, cone: (f64, f64)| Self::Lamp {
+        let lamp = |position: bevy::math::Vec3,
+                    power: f32,
+                    rgb: [f32; 3],
+                    range: f32,
+                    axis: DVec3,
+                    cone: (f64, f64)| Self::Lamp {
             position: position.as_dvec3(),
             // Of a lamp that shines in all directions, whatever its cone.
             intensity: color(rgb) * (f64::from(power) / (4.0 * PI)),
@@ -58,13 +64,22 @@ impl PointLike {
             cone,
         };
         let light = match light {
-            Light::Directional { direction, illuminance, color: rgb } => {
-                Self::Sun { towards: -direction.as_dvec3().normalize_or(DVec3::NEG_Y), illuminance: color(*rgb) * f64::from(*illuminance) }
-            }
+            Light::Directional { direction, illuminance, color: rgb } => Self::Sun {
+                towards: -direction.as_dvec3().normalize_or(DVec3::NEG_Y),
+                illuminance: color(*rgb) * f64::from(*illuminance),
+            },
             Light::Point { position, luminous_power, range, color: rgb } => {
                 lamp(*position, *luminous_power, *rgb, *range, DVec3::NEG_Y, (0.0, 1.0))
             }
-            Light::Spot { position, direction, luminous_power, range, inner_angle, outer_angle, color: rgb } => {
+            Light::Spot {
+                position,
+                direction,
+                luminous_power,
+                range,
+                inner_angle,
+                outer_angle,
+                color: rgb,
+            } => {
                 let outer = f64::from(*outer_angle).to_radians().min(FRAC_PI_2 - 1e-4);
                 let inner = f64::from(*inner_angle).to_radians().min(outer);
                 let scale = 1.0 / (inner.cos() - outer.cos()).max(1e-4);
@@ -72,22 +87,38 @@ impl PointLike {
                 lamp(*position, *luminous_power, *rgb, *range, axis, (scale, -outer.cos() * scale))
             }
         };
-        let (Self::Sun { illuminance: strength, .. } | Self::Lamp { intensity: strength, .. }) = light;
-        (strength.is_finite() && strength.min_element() >= 0.0 && strength.max_element() > 0.0).then_some(light)
+        let (Self::Sun { illuminance: strength, .. } | Self::Lamp { intensity: strength, .. }) =
+            light;
+        (strength.is_finite() && strength.min_element() >= 0.0 && strength.max_element() > 0.0)
+            .then_some(light)
     }
 
-    /// What arrives at `position` where nothing is in the way; `None` beyond the light's range and outside its cone.
+    /// What arrives at `position` where nothing is in the way; `None` beyond the light's range and
+    /// outside its cone.
     pub(super) fn arrival(&self, position: DVec3) -> Option<Arrival> {
         match *self {
-            Self::Sun { towards, illuminance } => Some(Arrival { direction: towards, distance: f64::INFINITY, illuminance }),
-            Self::Lamp { position: lamp, intensity, inverse_range_squared, axis, cone: (scale, offset) } => {
+            Self::Sun { towards, illuminance } => {
+                Some(Arrival { direction: towards, distance: f64::INFINITY, illuminance })
+            }
+            Self::Lamp {
+                position: lamp,
+                intensity,
+                inverse_range_squared,
+                axis,
+                cone: (scale, offset),
+            } => {
                 let ray = lamp - position;
                 let distance_squared = ray.length_squared().max(LEAST_DISTANCE_SQUARED);
                 let distance = distance_squared.sqrt();
                 let cone = (-ray.dot(axis) / distance * scale + offset).clamp(0.0, 1.0);
-                let window = (1.0 - (distance_squared * inverse_range_squared).powi(2)).clamp(0.0, 1.0);
+                let window =
+                    (1.0 - (distance_squared * inverse_range_squared).powi(2)).clamp(0.0, 1.0);
                 let illuminance = intensity * (cone * cone * window * window / distance_squared);
-                (illuminance.max_element() > 0.0).then(|| Arrival { direction: ray / distance, distance, illuminance })
+                (illuminance.max_element() > 0.0).then(|| Arrival {
+                    direction: ray / distance,
+                    distance,
+                    illuminance,
+                })
             }
         }
     }
@@ -101,11 +132,21 @@ mod tests {
     #[test]
     fn a_lamp_fades_by_distance_range_and_cone() {
         let power = 400.0 * std::f32::consts::PI;
-        let point = Light::Point { position: Vec3::ZERO, luminous_power: power, range: 10.0, color: [1.0, 0.5, 0.0] };
+        let point = Light::Point {
+            position: Vec3::ZERO,
+            luminous_power: power,
+            range: 10.0,
+            color: [1.0, 0.5, 0.0],
+        };
         let lamp = PointLike::new(&point).unwrap();
         let near = lamp.arrival(DVec3::X * 0.1).unwrap();
-        assert!((near.illuminance - DVec3::new(1e4, 5e3, 0.0)).abs().max_element() < 0.1, "{near:?}");
-        assert!((near.direction - DVec3::NEG_X).length() < 1e-12 && (near.distance - 0.1).abs() < 1e-12);
+        assert!(
+            (near.illuminance - DVec3::new(1e4, 5e3, 0.0)).abs().max_element() < 0.1,
+            "{near:?}"
+        );
+        assert!(
+            (near.direction - DVec3::NEG_X).length() < 1e-12 && (near.distance - 0.1).abs() < 1e-12
+        );
         // (1 − (5/10)⁴)² of 100/25 lux.
         let half_way = lamp.arrival(DVec3::Y * 5.0).unwrap().illuminance.x;
         assert!((half_way - 4.0 * (15.0_f64 / 16.0).powi(2)).abs() < 1e-4, "{half_way}");
@@ -125,15 +166,31 @@ mod tests {
         let spot = PointLike::new(&spot).unwrap();
         let at = |degrees: f64| {
             let angle = degrees.to_radians();
-            spot.arrival(DVec3::new(angle.sin(), 0.0, -angle.cos())).map_or(0.0, |arrival| arrival.illuminance.x)
+            spot.arrival(DVec3::new(angle.sin(), 0.0, -angle.cos()))
+                .map_or(0.0, |arrival| arrival.illuminance.x)
         };
-        assert!((at(0.0) - 100.0).abs() < 1e-3 && (at(19.9) - 100.0).abs() < 1e-3 && at(40.1) == 0.0 && at(180.0) == 0.0);
+        assert!(
+            (at(0.0) - 100.0).abs() < 1e-3
+                && (at(19.9) - 100.0).abs() < 1e-3
+                && at(40.1) == 0.0
+                && at(180.0) == 0.0
+        );
         assert!((1.0..99.0).contains(&at(30.0)));
     }
 
     #[test]
     fn dark_and_broken_lights_are_left_out() {
-        let sun = |illuminance| PointLike::new(&Light::Directional { direction: Vec3::NEG_Y, illuminance, color: [1.0; 3] }).is_some();
-        assert_eq!([0.0, -1.0, f32::NAN, f32::INFINITY, 1e-30, 1e30].map(sun), [false, false, false, false, true, true]);
+        let sun = |illuminance| {
+            PointLike::new(&Light::Directional {
+                direction: Vec3::NEG_Y,
+                illuminance,
+                color: [1.0; 3],
+            })
+            .is_some()
+        };
+        assert_eq!(
+            [0.0, -1.0, f32::NAN, f32::INFINITY, 1e-30, 1e30].map(sun),
+            [false, false, false, false, true, true]
+        );
     }
 }

@@ -1,9 +1,10 @@
 //! The truth that the renderer is held to: a path tracer on the processor. Plain Rust, no renderer.
 //!
-//! Kajiya 1986, "The Rendering Equation", solved by paths from the camera with next-event estimation, multiple importance sampling (Veach
-//! and Guibas 1995, "Optimally Combining Sampling Techniques for Monte Carlo Rendering") and Russian roulette. Units are photometric and
-//! light and materials are Bevy's, so that radiance is comparable nit by nit; what differs from Bevy, and from other path tracers, is said
-//! where it is.
+//! Kajiya 1986, "The Rendering Equation", solved by paths from the camera with next-event
+//! estimation, multiple importance sampling (Veach and Guibas 1995, "Optimally Combining Sampling
+//! Techniques for Monte Carlo Rendering") and Russian roulette. Units are photometric and light and
+//! materials are Bevy's, so that radiance is comparable nit by nit; what differs from Bevy, and
+//! from other path tracers, is said where it is.
 //!
 //! | module | job |
 //! |---|---|

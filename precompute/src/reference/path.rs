@@ -27,8 +27,8 @@ pub enum Strategy {
 }
 
 impl Strategy {
-    /// Weight of a sample drawn with density `own`, where the other technique would draw it with density `other`. A technique that cannot draw
-    /// it leaves all to the one that can.
+    /// Weight of a sample drawn with density `own`, where the other technique would draw it with
+    /// density `other`. A technique that cannot draw it leaves all to the one that can.
     fn weight(self, is_light_sample: bool, own: f64, other: f64) -> f64 {
         match self {
             _ if other <= 0.0 => 1.0,
@@ -42,9 +42,11 @@ impl Strategy {
 /// One estimate of the radiance along a camera ray, nits.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub(super) struct Estimate {
-    /// By paths that meet one surface at most: light → surface → eye, and what is seen of glowing surfaces and of the sky.
+    /// By paths that meet one surface at most: light → surface → eye, and what is seen of glowing
+    /// surfaces and of the sky.
     pub(super) direct: DVec3,
-    /// Of that, by paths from a glowing surface or the sky that meet one surface: what lamps do not send.
+    /// Of that, by paths from a glowing surface or the sky that meet one surface: what lamps do not
+    /// send.
     pub(super) extended: DVec3,
     /// By all longer paths.
     pub(super) indirect: DVec3,
@@ -54,7 +56,8 @@ impl Estimate {
     /// Whether single precision can hold all of it.
     pub(super) fn is_sound(&self) -> bool {
         // So written, NaN is not sound.
-        let fits = |light: DVec3| light.to_array().iter().all(|value| value.abs() <= f64::from(f32::MAX));
+        let fits =
+            |light: DVec3| light.to_array().iter().all(|value| value.abs() <= f64::from(f32::MAX));
         fits(self.direct) && fits(self.indirect)
     }
 
@@ -86,7 +89,9 @@ pub(super) fn trace(
     let mut density = None;
     for surfaces in 0.. {
         let Some(hit) = scene.closest(origin, direction) else {
-            let weight = density.map_or(1.0, |own| settings.strategy.weight(false, own, scene.sky.density(direction)));
+            let weight = density.map_or(1.0, |own| {
+                settings.strategy.weight(false, own, scene.sky.density(direction))
+            });
             estimate.add_extended(surfaces, throughput * scene.sky.radiance(direction) * weight);
             break;
         };
@@ -94,8 +99,11 @@ pub(super) fn trace(
         let emitted = color(surface.material.emissive);
         if emitted != DVec3::ZERO {
             let weight = density.map_or(1.0, |own| {
-                let per_steradian =
-                    per_steradian(scene.emitters.density(emitted), surface.position - origin.as_dvec3(), surface.geometric_normal);
+                let per_steradian = per_steradian(
+                    scene.emitters.density(emitted),
+                    surface.position - origin.as_dvec3(),
+                    surface.geometric_normal,
+                );
                 settings.strategy.weight(false, own, per_steradian)
             });
             estimate.add_extended(surfaces, throughput * emitted * weight);
@@ -106,7 +114,10 @@ pub(super) fn trace(
         let bsdf = Bsdf::new(&surface, -direction, settings.shading);
         origin = surface.departure();
         estimate.add(surfaces + 1, throughput * lamps(scene, &bsdf, &surface, origin));
-        estimate.add_extended(surfaces + 1, throughput * extended(scene, settings, &bsdf, origin, sampler));
+        estimate.add_extended(
+            surfaces + 1,
+            throughput * extended(scene, settings, &bsdf, origin, sampler),
+        );
         // After the last surface a path can only meet a light.
         if settings.bounces == Some(surfaces) && !scene.has_extended_light() {
             break;
@@ -114,7 +125,8 @@ pub(super) fn trace(
         let Some(scattering) = bsdf.sample(sampler) else { break };
         throughput *= scattering.weight;
         (direction, density) = (scattering.direction, Some(scattering.density));
-        // Arvo and Kirk 1990, "Particle Transport and Image Synthesis". Paths of limited length go to their end: it is near.
+        // Arvo and Kirk 1990, "Particle Transport and Image Synthesis". Paths of limited length go
+        // to their end: it is near.
         if settings.bounces.is_none() && surfaces + 1 >= CERTAIN_SURFACES {
             let survival = throughput.max_element().min(GREATEST_SURVIVAL);
             if sampler.number() >= survival {
@@ -126,7 +138,8 @@ pub(super) fn trace(
     estimate
 }
 
-/// Light from suns and lamps that a surface reflects: from all of them, since there are few and those out of reach cost no ray.
+/// Light from suns and lamps that a surface reflects: from all of them, since there are few and
+/// those out of reach cost no ray.
 fn lamps(scene: &ReferenceScene, bsdf: &Bsdf, surface: &Surface, origin: Vec3) -> DVec3 {
     let mut sum = DVec3::ZERO;
     for light in &scene.lights {
@@ -139,8 +152,15 @@ fn lamps(scene: &ReferenceScene, bsdf: &Bsdf, surface: &Surface, origin: Vec3) -
     sum
 }
 
-/// Light from one point of a glowing triangle and from one direction of a sky map that a surface reflects.
-fn extended(scene: &ReferenceScene, settings: &Settings, bsdf: &Bsdf, origin: Vec3, sampler: &mut Sampler) -> DVec3 {
+/// Light from one point of a glowing triangle and from one direction of a sky map that a surface
+/// reflects.
+fn extended(
+    scene: &ReferenceScene,
+    settings: &Settings,
+    bsdf: &Bsdf,
+    origin: Vec3,
+    sampler: &mut Sampler,
+) -> DVec3 {
     let mut sum = DVec3::ZERO;
     if settings.strategy == Strategy::Scattering {
         return sum;
@@ -159,7 +179,11 @@ fn extended(scene: &ReferenceScene, settings: &Settings, bsdf: &Bsdf, origin: Ve
             let emitter = Surface::new(&scene.geometry, &point.hit);
             let density = per_steradian(point.density, ray, emitter.geometric_normal);
             let shines = ray.dot(emitter.geometric_normal) < 0.0 || emitter.material.double_sided;
-            if shines && density.is_finite() && density > 0.0 && !is_cut_out(&scene.geometry, &point.hit) {
+            if shines
+                && density.is_finite()
+                && density > 0.0
+                && !is_cut_out(&scene.geometry, &point.hit)
+            {
                 add(ray.normalize(), ray.length(), color(emitter.material.emissive), density);
             }
         }
@@ -173,8 +197,10 @@ fn extended(scene: &ReferenceScene, settings: &Settings, bsdf: &Bsdf, origin: Ve
     sum
 }
 
-/// A density per m² of a surface with `normal`, met by `ray` (metres), as a density per steradian where the ray starts.
+/// A density per m² of a surface with `normal`, met by `ray` (metres), as a density per steradian
+/// where the ray starts.
 fn per_steradian(per_square_metre: f64, ray: DVec3, normal: DVec3) -> f64 {
     let distance_squared = ray.length_squared();
-    per_square_metre * distance_squared * distance_squared.sqrt() / ray.dot(normal).abs().max(f64::MIN_POSITIVE)
+    per_square_metre * distance_squared * distance_squared.sqrt()
+        / ray.dot(normal).abs().max(f64::MIN_POSITIVE)
 }

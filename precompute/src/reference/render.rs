@@ -18,7 +18,8 @@ pub struct View {
     pub pose: CameraPose,
     /// Vertical field of view, degrees, in (0, 180).
     pub vertical_fov_degrees: f32,
-    /// What is nearer than this plane, metres, is not seen, as in the renderer. There is no far plane: Bevy's cuts nothing off.
+    /// What is nearer than this plane, metres, is not seen, as in the renderer. There is no far
+    /// plane: Bevy's cuts nothing off.
     pub near: f32,
     /// Width and height, pixels.
     pub size: UVec2,
@@ -27,16 +28,23 @@ pub struct View {
 impl View {
     /// A picture of `size` with the scene's own lens.
     pub fn new(scene: &SceneDescription, pose: CameraPose, size: UVec2) -> Self {
-        Self { pose, vertical_fov_degrees: scene.camera.vertical_fov, near: scene.camera.near, size }
+        Self {
+            pose,
+            vertical_fov_degrees: scene.camera.vertical_fov,
+            near: scene.camera.near,
+            size,
+        }
     }
 }
 
 /// How a picture is path-traced.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Settings {
-    /// Paths per pixel, at least 1. Noise falls with its square root, and faster where light is smooth; time rises with it. Powers of two are best.
+    /// Paths per pixel, at least 1. Noise falls with its square root, and faster where light is
+    /// smooth; time rises with it. Powers of two are best.
     pub samples: u32,
-    /// Indirect bounces; without a limit where there is none. 0 is direct light alone. Costs a ray or more each.
+    /// Indirect bounces; without a limit where there is none. 0 is direct light alone. Costs a ray
+    /// or more each.
     pub bounces: Option<u32>,
     /// Seed of all random numbers: another seed is another picture of the same mean.
     pub seed: u64,
@@ -54,13 +62,21 @@ pub enum Pixels {
     /// All over it: the pixel is the mean over its own area.
     #[default]
     Area,
-    /// In its middle, where a renderer without antialiasing looks: edges are the same stairs in both.
+    /// In its middle, where a renderer without antialiasing looks: edges are the same stairs in
+    /// both.
     Middle,
 }
 
 impl Default for Settings {
     fn default() -> Self {
-        Self { samples: 256, bounces: None, seed: 0, shading: Shading::default(), strategy: Strategy::default(), pixels: Pixels::default() }
+        Self {
+            samples: 256,
+            bounces: None,
+            seed: 0,
+            shading: Shading::default(),
+            strategy: Strategy::default(),
+            pixels: Pixels::default(),
+        }
     }
 }
 
@@ -80,7 +96,8 @@ impl Default for Watch<'_> {
     }
 }
 
-/// A path-traced picture. Its parts are estimated apart, so that none has the noise of a difference.
+/// A path-traced picture. Its parts are estimated apart, so that none has the noise of a
+/// difference.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Rendering {
     /// Light that one surface at most scattered, glowing surfaces and surroundings seen included.
@@ -100,7 +117,8 @@ impl Rendering {
         sum(&self.direct, &self.indirect)
     }
 
-    /// What a global illumination gives: indirect light, and what glowing surfaces and surroundings send, but not they themselves.
+    /// What a global illumination gives: indirect light, and what glowing surfaces and surroundings
+    /// send, but not they themselves.
     #[must_use]
     pub fn global(&self) -> Radiance {
         sum(&self.extended, &self.indirect)
@@ -108,30 +126,40 @@ impl Rendering {
 }
 
 fn sum(a: &Radiance, b: &Radiance) -> Radiance {
-    let rgb = a.rgb.iter().zip(&b.rgb).map(|(a, b)| [a[0] + b[0], a[1] + b[1], a[2] + b[2]]).collect();
+    let rgb =
+        a.rgb.iter().zip(&b.rgb).map(|(a, b)| [a[0] + b[0], a[1] + b[1], a[2] + b[2]]).collect();
     Radiance { rgb, ..*a }
 }
 
 /// Direct, extended and indirect light of one pixel, and how many of its samples were dropped.
 type Pixel = ([[f32; 3]; 3], u64);
 
-/// Path-traces `view` of `scene` on all threads of rayon's pool; `None` if `watch` gave up. The result depends on the arguments alone, not
-/// on the number of threads.
+/// Path-traces `view` of `scene` on all threads of rayon's pool; `None` if `watch` gave up. The
+/// result depends on the arguments alone, not on the number of threads.
 ///
-/// Pixels are boxes: each is the mean over its own area, unless [`Settings::pixels`] says otherwise.
-pub fn render(scene: &ReferenceScene, view: &View, settings: &Settings, watch: Watch) -> Option<Rendering> {
+/// Pixels are boxes: each is the mean over its own area, unless [`Settings::pixels`] says
+/// otherwise.
+pub fn render(
+    scene: &ReferenceScene,
+    view: &View,
+    settings: &Settings,
+    watch: Watch,
+) -> Option<Rendering> {
     let UVec2 { x: width, y: height } = view.size;
     let rows: Vec<Vec<Pixel>> = (0..height)
         .into_par_iter()
         .map(|y| {
-            let row = (0..width).map(|x| (!(watch.interrupted)()).then(|| pixel(scene, view, settings, x, y))).collect::<Option<Vec<_>>>();
+            let row = (0..width)
+                .map(|x| (!(watch.interrupted)()).then(|| pixel(scene, view, settings, x, y)))
+                .collect::<Option<Vec<_>>>();
             (watch.row_done)();
             row
         })
         .collect::<Option<_>>()?;
     let pixels = rows.into_iter().flatten();
     let empty = || Radiance { width, height, rgb: Vec::with_capacity((width * height) as usize) };
-    let mut rendering = Rendering { direct: empty(), extended: empty(), indirect: empty(), dropped: 0 };
+    let mut rendering =
+        Rendering { direct: empty(), extended: empty(), indirect: empty(), dropped: 0 };
     for ([direct, extended, indirect], dropped) in pixels {
         rendering.direct.rgb.push(direct);
         rendering.extended.rgb.push(extended);
@@ -174,7 +202,8 @@ pub struct Seen {
 /// What the middle of each pixel shows, row by row; `None` where there is no surface.
 pub fn surfaces(scene: &ReferenceScene, view: &View) -> Vec<Option<Seen>> {
     let pixel = |index: u32| {
-        let (origin, direction) = view.ray(f64::from(index % view.size.x) + 0.5, f64::from(index / view.size.x) + 0.5);
+        let (origin, direction) =
+            view.ray(f64::from(index % view.size.x) + 0.5, f64::from(index / view.size.x) + 0.5);
         let surface = Surface::new(&scene.geometry, &scene.closest(origin, direction)?);
         Some(Seen { position: surface.position, normal: surface.geometric_normal })
     };
@@ -182,12 +211,17 @@ pub fn surfaces(scene: &ReferenceScene, view: &View) -> Vec<Option<Seen>> {
 }
 
 impl View {
-    /// Start and unit direction of the ray through a place of the picture, in pixels from its upper left corner.
+    /// Start and unit direction of the ray through a place of the picture, in pixels from its upper
+    /// left corner.
     fn ray(&self, x: f64, y: f64) -> (Vec3, DVec3) {
         let size = self.size.as_dvec2();
         let half_height = (f64::from(self.vertical_fov_degrees).to_radians() * 0.5).tan();
         let half_width = half_height * size.x / size.y;
-        let ahead = DVec3::new((2.0 * x / size.x - 1.0) * half_width, (1.0 - 2.0 * y / size.y) * half_height, -1.0);
+        let ahead = DVec3::new(
+            (2.0 * x / size.x - 1.0) * half_width,
+            (1.0 - 2.0 * y / size.y) * half_height,
+            -1.0,
+        );
         let ray = self.pose.rotation.as_dquat() * ahead;
         ((self.pose.position.as_dvec3() + ray * f64::from(self.near)).as_vec3(), ray.normalize())
     }

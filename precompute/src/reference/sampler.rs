@@ -1,9 +1,10 @@
-//! Burley 2020, "Practical Hash-based Owen Scrambling", <https://jcgt.org/published/0009/04/01/>: the first two dimensions of Sobol's
-//! sequence, whose order and digits are scrambled by hashes.
+//! Burley 2020, "Practical Hash-based Owen Scrambling", <https://jcgt.org/published/0009/04/01/>:
+//! the first two dimensions of Sobol's sequence, whose order and digits are scrambled by hashes.
 //!
-//! Every pair of numbers that a path draws is a pair of that sequence with an order and a scramble of its own, so that the samples of a
-//! pixel are stratified in every pair and independent between pairs and between pixels. A number depends on seed, pixel, sample and
-//! dimension alone: pictures are the same whatever the number of threads.
+//! Every pair of numbers that a path draws is a pair of that sequence with an order and a scramble
+//! of its own, so that the samples of a pixel are stratified in every pair and independent between
+//! pairs and between pixels. A number depends on seed, pixel, sample and dimension alone: pictures
+//! are the same whatever the number of threads.
 
 /// The random numbers of one sample of one pixel.
 #[derive(Clone, Debug)]
@@ -30,11 +31,15 @@ impl Sampler {
         self.dimension += 1;
         let order = mix(key);
         let index = scramble(self.sample, order as u32);
-        [unit(scramble(index.reverse_bits(), (order >> 32) as u32)), unit(scramble(sobol(index), key as u32))]
+        [
+            unit(scramble(index.reverse_bits(), (order >> 32) as u32)),
+            unit(scramble(sobol(index), key as u32)),
+        ]
     }
 }
 
-/// SplitMix64's finaliser (Steele, Lea and Flood 2014, "Fast Splittable Pseudorandom Number Generators").
+/// SplitMix64's finaliser (Steele, Lea and Flood 2014, "Fast Splittable Pseudorandom Number
+/// Generators").
 fn mix(value: u64) -> u64 {
     let value = value.wrapping_add(0x9e37_79b9_7f4a_7c15);
     let value = (value ^ (value >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
@@ -90,7 +95,9 @@ mod tests {
         for dimension in [0, 1, 7] {
             let points = pairs(3, 11, dimension, 64);
             for (columns, rows) in [(64, 1), (8, 8), (1, 64), (16, 4)] {
-                let cell = |[x, y]: [f64; 2]| (x * f64::from(columns)) as usize * rows + (y * rows as f64) as usize;
+                let cell = |[x, y]: [f64; 2]| {
+                    (x * f64::from(columns)) as usize * rows + (y * rows as f64) as usize
+                };
                 let mut cells: Vec<usize> = points.iter().copied().map(cell).collect();
                 cells.sort_unstable();
                 assert!(cells.into_iter().eq(0..64), "{columns}×{rows} in dimension {dimension}");
@@ -100,7 +107,8 @@ mod tests {
 
     #[test]
     fn pixels_dimensions_and_seeds_are_independent() {
-        // Products of numbers that share nothing but the sample have the mean 1/4 and the variance 7/144.
+        // Products of numbers that share nothing but the sample have the mean 1/4 and the variance
+        // 7/144.
         let count = 4096_u32;
         for (seed, pixel, dimension) in [(3, 12, 0), (4, 11, 0), (3, 11, 1), (3, 11, 2)] {
             let mean = |pick: usize| {
@@ -119,7 +127,11 @@ mod tests {
             };
             let tolerance = 4.0 * (7.0_f64 / 144.0 / f64::from(count)).sqrt();
             for pick in [0, 1] {
-                assert!((mean(pick) - 0.25).abs() < tolerance, "{seed} {pixel} {dimension}: {}", mean(pick));
+                assert!(
+                    (mean(pick) - 0.25).abs() < tolerance,
+                    "{seed} {pixel} {dimension}: {}",
+                    mean(pick)
+                );
             }
         }
     }

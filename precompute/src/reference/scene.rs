@@ -10,9 +10,13 @@ use super::surface::is_cut_out;
 use crate::scene::mesh::GeometryError;
 use crate::scene::rays::Hit;
 use crate::scene::sky::SkyError;
-use crate::scene::{AlphaMode, Environment, Light, RayScene, SceneDescription, SceneError, SceneGeometry, Side, SkyMap};
+use crate::scene::{
+    AlphaMode, Environment, Light, RayScene, SceneDescription, SceneError, SceneGeometry, Side,
+    SkyMap,
+};
 
-/// Share of the way to a light that must be free: the glowing triangle at its end is not in its own way.
+/// Share of the way to a light that must be free: the glowing triangle at its end is not in its own
+/// way.
 const FREE_SHARE: f64 = 1.0 - 1e-5;
 
 /// Why a scene cannot be path-traced.
@@ -38,7 +42,8 @@ pub struct ReferenceScene {
     pub(super) emitters: Emitters,
     pub(super) sky: Sky,
     rays: RayScene,
-    /// Whether every hit on a material counts, from either side: most do, and then no ray asks for more.
+    /// Whether every hit on a material counts, from either side: most do, and then no ray asks for
+    /// more.
     is_solid: Vec<bool>,
 }
 
@@ -55,24 +60,37 @@ impl ReferenceScene {
     ///
     /// # Errors
     /// When the environment cannot be read or the geometry is broken.
-    pub fn with_geometry(description: &SceneDescription, geometry: SceneGeometry) -> Result<Self, ReferenceError> {
+    pub fn with_geometry(
+        description: &SceneDescription,
+        geometry: SceneGeometry,
+    ) -> Result<Self, ReferenceError> {
         let sky = match &description.environment {
             Environment::None => Sky::Black,
             Environment::Constant(radiance) if *radiance == [0.0; 3] => Sky::Black,
             Environment::Constant(radiance) => Sky::Constant(color(*radiance)),
-            Environment::Map(file, intensity) => Sky::map(SkyMap::read(&description.resolve(file))?, *intensity),
+            Environment::Map(file, intensity) => {
+                Sky::map(SkyMap::read(&description.resolve(file))?, *intensity)
+            }
         };
         Self::from_parts(geometry, &description.lights, sky)
     }
 
     /// A scene of parts that are there already.
-    pub(super) fn from_parts(geometry: SceneGeometry, lights: &[Light], sky: Sky) -> Result<Self, ReferenceError> {
+    pub(super) fn from_parts(
+        geometry: SceneGeometry,
+        lights: &[Light],
+        sky: Sky,
+    ) -> Result<Self, ReferenceError> {
         geometry.validate()?;
         Ok(Self {
             rays: RayScene::from_geometry(&geometry),
             lights: lights.iter().filter_map(PointLike::new).collect(),
             emitters: Emitters::new(&geometry),
-            is_solid: geometry.materials.iter().map(|material| material.double_sided && material.alpha == AlphaMode::Opaque).collect(),
+            is_solid: geometry
+                .materials
+                .iter()
+                .map(|material| material.double_sided && material.alpha == AlphaMode::Opaque)
+                .collect(),
             sky,
             geometry,
         })
@@ -85,28 +103,37 @@ impl ReferenceScene {
 
     /// The first thing that a path meets.
     ///
-    /// Bevy draws no back faces of single-sided materials, so a path goes through them, at the camera and at every bounce alike: what cannot be
-    /// seen gives no light either. A cut-out is not there at all.
+    /// Bevy draws no back faces of single-sided materials, so a path goes through them, at the
+    /// camera and at every bounce alike: what cannot be seen gives no light either. A cut-out is
+    /// not there at all.
     pub(super) fn closest(&self, origin: Vec3, direction: DVec3) -> Option<Hit> {
-        self.rays.closest_where(origin, direction.as_vec3(), f32::INFINITY, |hit| self.is_there(hit, Side::Back))
+        self.rays.closest_where(origin, direction.as_vec3(), f32::INFINITY, |hit| {
+            self.is_there(hit, Side::Back)
+        })
     }
 
-    /// Whether light from a glowing triangle or the sky reaches `origin`: what a path in that direction would go through does not hide it, since
-    /// the same light is also found by such paths.
+    /// Whether light from a glowing triangle or the sky reaches `origin`: what a path in that
+    /// direction would go through does not hide it, since the same light is also found by such
+    /// paths.
     pub(super) fn is_open(&self, origin: Vec3, direction: DVec3, distance: f64) -> bool {
         let reach = (distance * FREE_SHARE) as f32;
-        !self.rays.any_where(origin, direction.as_vec3(), reach, |hit| self.is_there(hit, Side::Back))
+        !self
+            .rays
+            .any_where(origin, direction.as_vec3(), reach, |hit| self.is_there(hit, Side::Back))
     }
 
     /// Whether a lamp or a sun reaches `origin`.
     ///
-    /// As in Bevy's shadow maps and the plugin's light maps, which are pictures that the **light** takes: a single-sided triangle whose back is
-    /// turned to the light does not hide anything from it. This ray comes from the other end, and so goes through what it meets
-    /// from the front. Closed solids hide the same either way; sheets and rooms that only have an inside do not, and there the direct light must be
-    /// the renderer's.
+    /// As in Bevy's shadow maps and the plugin's light maps, which are pictures that the **light**
+    /// takes: a single-sided triangle whose back is turned to the light does not hide anything from
+    /// it. This ray comes from the other end, and so goes through what it meets from the front.
+    /// Closed solids hide the same either way; sheets and rooms that only have an inside do not,
+    /// and there the direct light must be the renderer's.
     pub(super) fn is_lit(&self, origin: Vec3, light: &Arrival) -> bool {
         let reach = (light.distance * FREE_SHARE) as f32;
-        !self.rays.any_where(origin, light.direction.as_vec3(), reach, |hit| self.is_there(hit, Side::Front))
+        !self.rays.any_where(origin, light.direction.as_vec3(), reach, |hit| {
+            self.is_there(hit, Side::Front)
+        })
     }
 
     /// Whether anything gives light that paths can meet.
@@ -117,6 +144,7 @@ impl ReferenceScene {
     fn is_there(&self, hit: &Hit, culled: Side) -> bool {
         let material = self.geometry.meshes[hit.triangle.mesh].material;
         self.is_solid[material]
-            || ((hit.side != culled || self.geometry.materials[material].double_sided) && !is_cut_out(&self.geometry, hit))
+            || ((hit.side != culled || self.geometry.materials[material].double_sided)
+                && !is_cut_out(&self.geometry, hit))
     }
 }

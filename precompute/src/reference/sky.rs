@@ -11,7 +11,8 @@ use crate::scene::SkyMap;
 pub(super) enum Sky {
     /// Black.
     Black,
-    /// The same everywhere, nits. Never drawn from: what a surface's own sampling finds of it is as good as can be.
+    /// The same everywhere, nits. Never drawn from: what a surface's own sampling finds of it is as
+    /// good as can be.
     Constant(DVec3),
     /// A picture, drawn from by luminance.
     Map(MappedSky),
@@ -23,7 +24,8 @@ pub(super) struct MappedSky {
     map: SkyMap,
     /// Nits that the picture's 1 stands for.
     intensity: f64,
-    /// Running sum of luminance × solid angle, row by row. Texels are drawn by it, so each has a density ∝ luminance.
+    /// Running sum of luminance × solid angle, row by row. Texels are drawn by it, so each has a
+    /// density ∝ luminance.
     cumulative: Vec<f64>,
 }
 
@@ -52,7 +54,11 @@ impl Sky {
             }
         }
         let intensity = f64::from(intensity);
-        if power * intensity > 0.0 { Self::Map(MappedSky { map, intensity, cumulative }) } else { Self::Black }
+        if power * intensity > 0.0 {
+            Self::Map(MappedSky { map, intensity, cumulative })
+        } else {
+            Self::Black
+        }
     }
 
     /// Nits from `direction`, a unit vector.
@@ -64,7 +70,8 @@ impl Sky {
         }
     }
 
-    /// Density with which [`sample`](Self::sample) draws `direction`, per steradian; 0 where it draws none.
+    /// Density with which [`sample`](Self::sample) draws `direction`, per steradian; 0 where it
+    /// draws none.
     pub(super) fn density(&self, direction: DVec3) -> f64 {
         match self {
             Self::Map(sky) => sky.density(sky.map.index(direction.as_vec3())),
@@ -76,10 +83,14 @@ impl Sky {
     pub(super) fn sample(&self, choice: f64, [u1, u2]: [f64; 2]) -> Option<SkySample> {
         let Self::Map(sky) = self else { return None };
         let power = sky.cumulative.last()?;
-        let index = sky.cumulative.partition_point(|sum| *sum <= choice * power).min(sky.cumulative.len() - 1);
+        let index = sky
+            .cumulative
+            .partition_point(|sum| *sum <= choice * power)
+            .min(sky.cumulative.len() - 1);
         let (width, height) = sky.map.size();
         let (row, column) = (index / width as usize, index % width as usize);
-        // Uniform in solid angle inside the texel: in the angle around and in the cosine of the angle from the pole.
+        // Uniform in solid angle inside the texel: in the angle around and in the cosine of the
+        // angle from the pole.
         let (top, bottom) = (edge_cosine(row, height), edge_cosine(row + 1, height));
         let y = top + (bottom - top) * u2;
         let sine = (1.0 - y * y).max(0.0).sqrt();
@@ -99,7 +110,9 @@ impl Sky {
 
 impl MappedSky {
     fn density(&self, index: usize) -> f64 {
-        self.cumulative.last().map_or(0.0, |power| luminance(color(self.map.texels()[index])) / power)
+        self.cumulative
+            .last()
+            .map_or(0.0, |power| luminance(color(self.map.texels()[index])) / power)
     }
 }
 
@@ -119,7 +132,9 @@ mod tests {
     use crate::reference::sampler::Sampler;
 
     fn uneven() -> Sky {
-        let texels = (0..16 * 8).map(|i| if i % 5 == 0 { [0.0; 3] } else { [i as f32, 1.0, (i % 7) as f32 * 40.0] }).collect();
+        let texels = (0..16 * 8)
+            .map(|i| if i % 5 == 0 { [0.0; 3] } else { [i as f32, 1.0, (i % 7) as f32 * 40.0] })
+            .collect();
         Sky::map(SkyMap::new(16, 8, texels).unwrap(), 3.0)
     }
 
@@ -140,7 +155,13 @@ mod tests {
         }
         // ∫ L dω is known: texels are constant.
         let Sky::Map(map) = &sky else { panic!("a lit sky") };
-        let exact: DVec3 = map.map.texels().iter().enumerate().map(|(i, texel)| color(*texel) * (3.0 * solid_angle(i / 16, 16, 8))).sum();
+        let exact: DVec3 = map
+            .map
+            .texels()
+            .iter()
+            .enumerate()
+            .map(|(i, texel)| color(*texel) * (3.0 * solid_angle(i / 16, 16, 8)))
+            .sum();
         assert!(((power - exact) / exact).abs().max_element() < 0.01, "{power} {exact}");
         // Luminance is drawn in proportion: its estimate has no noise at all.
         assert!((luminance(power) / luminance(exact) - 1.0).abs() < 1e-9);
@@ -175,6 +196,10 @@ mod tests {
         assert!(!dark.is_lit() && dark.sample(0.5, [0.5; 2]).is_none());
         assert!(!Sky::map(SkyMap::new(1, 1, vec![[1.0; 3]]).unwrap(), 0.0).is_lit());
         let constant = Sky::Constant(DVec3::ONE);
-        assert!(constant.is_lit() && constant.sample(0.5, [0.5; 2]).is_none() && constant.density(DVec3::X) == 0.0);
+        assert!(
+            constant.is_lit()
+                && constant.sample(0.5, [0.5; 2]).is_none()
+                && constant.density(DVec3::X) == 0.0
+        );
     }
 }

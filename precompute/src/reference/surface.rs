@@ -5,8 +5,9 @@ use bevy::math::{DVec3, Vec3};
 use crate::scene::rays::Hit;
 use crate::scene::{AlphaMode, SceneGeometry, SceneMaterial, Side};
 
-/// How far above a surface rays start, in steps between neighbouring numbers of single precision at its greatest coordinate. The ray's start is
-/// rounded to single precision and nothing else is: half a step on each axis.
+/// How far above a surface rays start, in steps between neighbouring numbers of single precision at
+/// its greatest coordinate. The ray's start is rounded to single precision and nothing else is:
+/// half a step on each axis.
 const DEPARTURE_STEPS: f64 = 4.0;
 /// The same where coordinates are next to 0, metres.
 const LEAST_DEPARTURE: f64 = 1e-9;
@@ -17,7 +18,8 @@ pub(super) struct Surface<'a> {
     pub(super) position: DVec3,
     /// The triangle's own normal on the side that was met, unit length.
     pub(super) geometric_normal: DVec3,
-    /// The interpolated normal on that side, unit length. Always on the same side of the triangle as the geometric one.
+    /// The interpolated normal on that side, unit length. Always on the same side of the triangle
+    /// as the geometric one.
     pub(super) normal: DVec3,
     /// Linear RGB: material times vertex times texture.
     pub(super) base_color: DVec3,
@@ -32,16 +34,26 @@ impl<'a> Surface<'a> {
         let mesh = &geometry.meshes[hit.triangle.mesh];
         let weights = weights(hit);
         let sign = if hit.side == Side::Front { 1.0 } else { -1.0 };
-        let geometric_normal = (corners[1] - corners[0]).cross(corners[2] - corners[0]).normalize_or(DVec3::Y) * sign;
-        let corner_normals = corner_indices(geometry, hit).map(|corner| mesh.normals[corner].as_dvec3());
+        let geometric_normal =
+            (corners[1] - corners[0]).cross(corners[2] - corners[0]).normalize_or(DVec3::Y) * sign;
+        let corner_normals =
+            corner_indices(geometry, hit).map(|corner| mesh.normals[corner].as_dvec3());
         let normal = blend(corner_normals, weights).normalize_or_zero() * sign;
-        // A normal that points through its own triangle, or none at all: light would come through. Not so a normal that merely faces away
-        // from the viewer, as at the outline of a faceted sphere: there the diffuse light is that of Bevy's.
-        let normal = if normal.is_finite() && normal.dot(geometric_normal) > 0.0 { normal } else { geometric_normal };
+        // A normal that points through its own triangle, or none at all: light would come through.
+        // Not so a normal that merely faces away from the viewer, as at the outline of a faceted
+        // sphere: there the diffuse light is that of Bevy's.
+        let normal = if normal.is_finite() && normal.dot(geometric_normal) > 0.0 {
+            normal
+        } else {
+            geometric_normal
+        };
         let [red, green, blue, _] = base_color(geometry, hit);
         Self {
-            // From the first corner, so that rounding of the weights moves the point in the triangle's plane and never out of it.
-            position: corners[0] + (corners[1] - corners[0]) * weights[1] + (corners[2] - corners[0]) * weights[2],
+            // From the first corner, so that rounding of the weights moves the point in the
+            // triangle's plane and never out of it.
+            position: corners[0]
+                + (corners[1] - corners[0]) * weights[1]
+                + (corners[2] - corners[0]) * weights[2],
             geometric_normal,
             normal,
             base_color: DVec3::new(red, green, blue),
@@ -52,7 +64,8 @@ impl<'a> Surface<'a> {
     /// Where rays from the surface start: a hair above it, on the side that was met.
     pub(super) fn departure(&self) -> Vec3 {
         let step = self.position.abs().max_element() * f64::from(f32::EPSILON);
-        (self.position + self.geometric_normal * (DEPARTURE_STEPS * step + LEAST_DEPARTURE)).as_vec3()
+        (self.position + self.geometric_normal * (DEPARTURE_STEPS * step + LEAST_DEPARTURE))
+            .as_vec3()
     }
 }
 
@@ -69,13 +82,19 @@ fn base_color(geometry: &SceneGeometry, hit: &Hit) -> [f64; 4] {
     let mesh = &geometry.meshes[hit.triangle.mesh];
     let material = &geometry.materials[mesh.material];
     let (corners, weights) = (corner_indices(geometry, hit), weights(hit));
-    let vertex = |channel: usize| (0..3).map(|i| f64::from(mesh.colors[corners[i]][channel]) * weights[i]).sum::<f64>();
+    let vertex = |channel: usize| {
+        (0..3).map(|i| f64::from(mesh.colors[corners[i]][channel]) * weights[i]).sum::<f64>()
+    };
     let texel = material.base_color_texture.map(|texture| {
-        let uv = |axis: usize| (0..3).map(|i| f64::from(mesh.uvs[corners[i]][axis]) * weights[i]).sum::<f64>() as f32;
+        let uv = |axis: usize| {
+            (0..3).map(|i| f64::from(mesh.uvs[corners[i]][axis]) * weights[i]).sum::<f64>() as f32
+        };
         geometry.textures[texture].sample(uv(0), uv(1))
     });
     std::array::from_fn(|channel| {
-        f64::from(material.base_color[channel]) * vertex(channel) * texel.map_or(1.0, |texel| f64::from(texel[channel]))
+        f64::from(material.base_color[channel])
+            * vertex(channel)
+            * texel.map_or(1.0, |texel| f64::from(texel[channel]))
     })
 }
 

@@ -5,7 +5,8 @@ use crate::metrics::Picture;
 
 use super::{Bar, Color, Curve, Report, ReportError, Section, bars, curves, provenance};
 
-/// A page on `result`: `facts` say what the figures were taken on (machine, device, date), `pictures` are frames with captions.
+/// A page on `result`: `facts` say what the figures were taken on (machine, device, date),
+/// `pictures` are frames with captions.
 ///
 /// # Errors
 /// When a plot or a picture fails.
@@ -14,7 +15,8 @@ pub fn evaluation_report(
     pictures: &[(String, &Picture)],
     facts: &[(String, String)],
 ) -> Result<String, ReportError> {
-    let mut report = Report::new(&format!("Power and error along {} in {}", result.path, result.scene));
+    let mut report =
+        Report::new(&format!("Power and error along {} in {}", result.path, result.scene));
     report.facts(facts);
     report.section(evaluation_section(result, pictures)?);
     Ok(report.render())
@@ -23,8 +25,15 @@ pub fn evaluation_report(
 /// The pictures that an evaluation kept, captioned by run and frame and what that frame cost.
 pub fn captioned(evaluation: &Evaluation) -> Vec<(String, &Picture)> {
     let caption = |run: &str, frame: usize| {
-        let record = evaluation.result.runs.iter().find(|result| result.name == run).and_then(|result| result.series.get(frame));
-        let cost = record.map_or(String::new(), |record| format!(": {:.2} W, error {:.4}", record.power.0, record.error));
+        let record = evaluation
+            .result
+            .runs
+            .iter()
+            .find(|result| result.name == run)
+            .and_then(|result| result.series.get(frame));
+        let cost = record.map_or(String::new(), |record| {
+            format!(": {:.2} W, error {:.4}", record.power.0, record.error)
+        });
         format!("{run}, frame {frame}{cost}")
     };
     evaluation.pictures.iter().map(|kept| (caption(&kept.run, kept.frame), &kept.picture)).collect()
@@ -34,8 +43,12 @@ pub fn captioned(evaluation: &Evaluation) -> Vec<(String, &Picture)> {
 ///
 /// # Errors
 /// As [`evaluation_report`].
-pub fn evaluation_section(result: &EvaluationResult, pictures: &[(String, &Picture)]) -> Result<Section, ReportError> {
-    let mut section = Section::new(&format!("{}, path {}: {}", result.scene, result.path, result.asked));
+pub fn evaluation_section(
+    result: &EvaluationResult,
+    pictures: &[(String, &Picture)],
+) -> Result<Section, ReportError> {
+    let mut section =
+        Section::new(&format!("{}, path {}: {}", result.scene, result.path, result.asked));
     if let Some(summary) = summary(result) {
         section.paragraph(&summary);
     }
@@ -47,7 +60,14 @@ pub fn evaluation_section(result: &EvaluationResult, pictures: &[(String, &Pictu
         section.warning(warning);
     });
     section.facts(&facts(result));
-    section.legend(result.runs.iter().enumerate().map(|(index, run)| (run.name.as_str(), color(index))).chain(limit_entry(result)));
+    section.legend(
+        result
+            .runs
+            .iter()
+            .enumerate()
+            .map(|(index, run)| (run.name.as_str(), color(index)))
+            .chain(limit_entry(result)),
+    );
     section.plots(&plots(result)?);
     let (headers, rows) = table(result);
     section.table("Every run played the same frames.", &headers, &rows);
@@ -68,7 +88,8 @@ fn color(run: usize) -> Color {
 }
 
 fn limit_entry(result: &EvaluationResult) -> Option<(&'static str, Color)> {
-    (result.budget.power_w.is_some() || result.budget.error.is_some()).then_some(("budget (dashed)", Color::RED))
+    (result.budget.power_w.is_some() || result.budget.error.is_some())
+        .then_some(("budget (dashed)", Color::RED))
 }
 
 /// What the controller achieved, and what its rivals would have, in two or three sentences.
@@ -78,11 +99,18 @@ fn summary(result: &EvaluationResult) -> Option<String> {
     let mut text = format!(
         "Under the budget, frugal took {:.2} W on average with a mean error of {:.4}, changed settings {} times, \
          and exceeded the budget in {} of {} frames.",
-        frugal.mean_power_w.0, frugal.mean_error, frugal.switches, frugal.frames_over_budget, result.frames
+        frugal.mean_power_w.0,
+        frugal.mean_error,
+        frugal.switches,
+        frugal.frames_over_budget,
+        result.frames
     );
     if let Some(maximum) = named("maximum").filter(|run| run.mean_power_w.0 > 0.0) {
         let share = 100.0 * frugal.mean_power_w.0 / maximum.mean_power_w.0;
-        text += &format!(" That is {share:.0}% of the power of the highest settings, {:.2} W.", maximum.mean_power_w.0);
+        text += &format!(
+            " That is {share:.0}% of the power of the highest settings, {:.2} W.",
+            maximum.mean_power_w.0
+        );
     }
     if let Some(rival) = named("resolution-only") {
         text += &format!(
@@ -109,8 +137,14 @@ fn facts(result: &EvaluationResult) -> Vec<(String, String)> {
         facts.push(("Error budget".to_owned(), error.to_string()));
     }
     let drift = &result.drift;
-    facts.push(("Maximum played again at the end".to_owned(), format!("{:+.1}% power", 100.0 * drift.relative)));
-    facts.push(("… and against itself".to_owned(), format!("mean error {:.5}", drift.repeat_mean_error)));
+    facts.push((
+        "Maximum played again at the end".to_owned(),
+        format!("{:+.1}% power", 100.0 * drift.relative),
+    ));
+    facts.push((
+        "… and against itself".to_owned(),
+        format!("mean error {:.5}", drift.repeat_mean_error),
+    ));
     facts
 }
 
@@ -118,24 +152,55 @@ fn plots(result: &EvaluationResult) -> Result<Vec<(&'static str, String)>, Repor
     let budget = &result.budget;
     let watts = budget.power_w.map(|watts| watts.0);
     let over_time = |value: fn(&FrameRecord) -> f64| -> Vec<Curve> {
-        let points = |run: &RunResult| run.series.iter().map(|frame| (frame.time, value(frame))).collect();
+        let points =
+            |run: &RunResult| run.series.iter().map(|frame| (frame.time, value(frame))).collect();
         let width = |index: usize| if index == 0 { 3 } else { 2 };
-        result.runs.iter().enumerate().map(|(index, run)| Curve { color: color(index), width: width(index), points: points(run) }).collect()
+        result
+            .runs
+            .iter()
+            .enumerate()
+            .map(|(index, run)| Curve {
+                color: color(index),
+                width: width(index),
+                points: points(run),
+            })
+            .collect()
     };
     let each = |value: fn(&RunResult) -> f64| -> Vec<Bar> {
-        result.runs.iter().enumerate().map(|(index, run)| Bar { name: run.name.clone(), value: value(run), color: color(index) }).collect()
+        result
+            .runs
+            .iter()
+            .enumerate()
+            .map(|(index, run)| Bar {
+                name: run.name.clone(),
+                value: value(run),
+                color: color(index),
+            })
+            .collect()
     };
     let mut plots = Vec::new();
     if result.runs.iter().any(|run| !run.series.is_empty()) {
         let power = over_time(|frame| frame.power.0);
         let error = over_time(|frame| frame.error);
-        plots.push(("Power along the path", curves("Power along the path", ["time, s", "power, W"], &power, watts)?));
-        plots.push(("Error along the path", curves("Error along the path", ["time, s", "error, 1 − SSIM"], &error, budget.error)?));
+        plots.push((
+            "Power along the path",
+            curves("Power along the path", ["time, s", "power, W"], &power, watts)?,
+        ));
+        plots.push((
+            "Error along the path",
+            curves("Error along the path", ["time, s", "error, 1 − SSIM"], &error, budget.error)?,
+        ));
     }
     let power = each(|run| run.mean_power_w.0);
     let error = each(|run| run.mean_error);
-    plots.push(("Mean power of each run", bars("Mean power of each run", "mean power, W", &power, 2, watts)?));
-    plots.push(("Mean error of each run", bars("Mean error of each run", "mean error, 1 − SSIM", &error, 4, budget.error)?));
+    plots.push((
+        "Mean power of each run",
+        bars("Mean power of each run", "mean power, W", &power, 2, watts)?,
+    ));
+    plots.push((
+        "Mean error of each run",
+        bars("Mean error of each run", "mean error, 1 − SSIM", &error, 4, budget.error)?,
+    ));
     Ok(plots)
 }
 
@@ -181,12 +246,27 @@ mod tests {
     fn a_report_says_what_was_asked_found_and_how() {
         let (space, path) = (space(), path());
         let budget = BudgetRequest { power: Some(PowerBudget::Share(0.6)), error: Some(0.05) };
-        let plan = EvaluationPlan { scene: "<court>", space: &space, path: &path, meter: meter(), budget, keep_frames: &[4] };
+        let plan = EvaluationPlan {
+            scene: "<court>",
+            space: &space,
+            path: &path,
+            meter: meter(),
+            budget,
+            keep_frames: &[4],
+        };
         let evaluation =
-            evaluate(&mut Fake::default(), &plan, |_| Box::new(Fixed(space.lowest())), &mut |_| ControlFlow::Continue(())).unwrap();
+            evaluate(&mut Fake::default(), &plan, |_| Box::new(Fixed(space.lowest())), &mut |_| {
+                ControlFlow::Continue(())
+            })
+            .unwrap();
         let pictures = captioned(&evaluation);
         assert_eq!(pictures[0].0, "frugal, frame 4: 1.01 W, error 0.1176");
-        let html = evaluation_report(&evaluation.result, &pictures, &[("Machine".into(), "a test".into())]).unwrap();
+        let html = evaluation_report(
+            &evaluation.result,
+            &pictures,
+            &[("Machine".into(), "a test".into())],
+        )
+        .unwrap();
         for text in [
             "power at most 60%, error at most 0.05",
             "was not measured. It was worked out by the model formula",

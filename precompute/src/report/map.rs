@@ -8,7 +8,10 @@ use bevy_frugal_gi::knobs::KnobSpace;
 use bevy_frugal_gi::power::MeterInfo;
 use bevy_frugal_gi::units::Watts;
 
-use super::{Bar, Color, Curve, Report, ReportError, Section, Survey, bars, cloud, escape, knob_table, provenance, staircase};
+use super::{
+    Bar, Color, Curve, Report, ReportError, Section, Survey, bars, cloud, escape, knob_table,
+    provenance, staircase,
+};
 
 /// Frontiers that are shown in full: the largest, the middle one, and the smallest.
 const SHOWN: usize = 3;
@@ -46,7 +49,10 @@ pub struct MapSummary<'a> {
 ///
 /// # Errors
 /// When plotting fails.
-pub fn map_report(summary: &MapSummary<'_>, facts: &[(String, String)]) -> Result<String, ReportError> {
+pub fn map_report(
+    summary: &MapSummary<'_>,
+    facts: &[(String, String)],
+) -> Result<String, ReportError> {
     let mut report = Report::new(&format!("Frontier map of {}", summary.scene));
     report.facts(facts).section(map_section(summary)?);
     Ok(report.render())
@@ -65,23 +71,37 @@ pub fn map_section(summary: &MapSummary<'_>) -> Result<Section, ReportError> {
         provenance(summary.meter)
     ));
     if survey.broken > 0 {
-        section.warning(&format!("{} indices of the octree point nowhere: the file is damaged", survey.broken));
+        section.warning(&format!(
+            "{} indices of the octree point nowhere: the file is damaged",
+            survey.broken
+        ));
     }
     section.facts(&facts(summary, &survey));
     let levels = survey.inner.iter().zip(&survey.leaves).enumerate();
-    let rows: Vec<Vec<String>> =
-        levels.map(|(level, (inner, leaves))| vec![level.to_string(), inner.to_string(), leaves.to_string()]).collect();
+    let rows: Vec<Vec<String>> = levels
+        .map(|(level, (inner, leaves))| {
+            vec![level.to_string(), inner.to_string(), leaves.to_string()]
+        })
+        .collect();
     section.table("Nodes on every level of the octree", &["level", "subdivided", "leaves"], &rows);
 
-    let mut shown: Vec<(usize, &Frontier)> = octree.frontiers.iter().enumerate().filter(|(_, frontier)| !frontier.is_empty()).collect();
+    let mut shown: Vec<(usize, &Frontier)> =
+        octree.frontiers.iter().enumerate().filter(|(_, frontier)| !frontier.is_empty()).collect();
     shown.sort_by_key(|(index, frontier)| (std::cmp::Reverse(frontier.points().len()), *index));
     if shown.len() > SHOWN {
         shown = vec![shown[0], shown[shown.len() / 2], shown[shown.len() - 1]];
     }
-    let curve = |index: usize, frontier: &Frontier| Curve { color: Color::SERIES[index], width: 2, points: staircase(frontier) };
-    let lines: Vec<Curve> = shown.iter().enumerate().map(|(place, (_, frontier))| curve(place, frontier)).collect();
-    let names: Vec<String> =
-        shown.iter().map(|(index, frontier)| format!("frontier {index}, {} points", frontier.points().len())).collect();
+    let curve = |index: usize, frontier: &Frontier| Curve {
+        color: Color::SERIES[index],
+        width: 2,
+        points: staircase(frontier),
+    };
+    let lines: Vec<Curve> =
+        shown.iter().enumerate().map(|(place, (_, frontier))| curve(place, frontier)).collect();
+    let names: Vec<String> = shown
+        .iter()
+        .map(|(index, frontier)| format!("frontier {index}, {} points", frontier.points().len()))
+        .collect();
     section.plots(&[
         (
             "Seen from above, X to the right and Z down: outlines of leaves; corners, the fainter the fewer of their views show anything",
@@ -90,7 +110,9 @@ pub fn map_section(summary: &MapSummary<'_>) -> Result<Section, ReportError> {
         ("How many settings the frontiers hold", bars("Sizes of frontiers", "frontiers", &sizes(octree), 0, None)?),
         ("The largest, the middle and the smallest frontier", cloud("Some frontiers", ["power, W", "error, 1 − SSIM"], &[], &lines)?),
     ]);
-    section.legend(names.iter().enumerate().map(|(place, name)| (name.as_str(), Color::SERIES[place])));
+    section.legend(
+        names.iter().enumerate().map(|(place, name)| (name.as_str(), Color::SERIES[place])),
+    );
     for ((_, frontier), name) in shown.iter().zip(&names) {
         section.heading(name);
         let points = &frontier.points()[..frontier.points().len().min(ROWS)];
@@ -113,20 +135,44 @@ fn facts(summary: &MapSummary<'_>, survey: &Survey) -> Vec<(String, String)> {
     vec![
         fact("Pictures", format!("{} × {} pixels", summary.size[0], summary.size[1])),
         fact("Target frame rate", format!("{} per second", summary.fps)),
-        fact("Cameras between", format!("({}, {}, {}) and ({}, {}, {}) m", low.x, low.y, low.z, high.x, high.y, high.z)),
-        fact("Subdivided above", format!("{} W or an error of {}", rounded(summary.power_threshold.0), rounded(summary.error_threshold))),
+        fact(
+            "Cameras between",
+            format!("({}, {}, {}) and ({}, {}, {}) m", low.x, low.y, low.z, high.x, high.y, high.z),
+        ),
+        fact(
+            "Subdivided above",
+            format!(
+                "{} W or an error of {}",
+                rounded(summary.power_threshold.0),
+                rounded(summary.error_threshold)
+            ),
+        ),
         fact("Leaves", survey.leaves.iter().sum::<usize>().to_string()),
         fact("Corners", octree.corners.len().to_string()),
-        fact("Views with a frontier", format!("{} of {}", survey.known_views, 6 * octree.corners.len())),
-        fact("Different frontiers", format!("{}, {settings} settings in all", octree.frontiers.len())),
-        fact("Knobs", format!("{}, {} combinations", summary.space.len(), summary.space.combinations())),
+        fact(
+            "Views with a frontier",
+            format!("{} of {}", survey.known_views, 6 * octree.corners.len()),
+        ),
+        fact(
+            "Different frontiers",
+            format!("{}, {settings} settings in all", octree.frontiers.len()),
+        ),
+        fact(
+            "Knobs",
+            format!("{}, {} combinations", summary.space.len(), summary.space.combinations()),
+        ),
     ]
 }
 
 /// How many frontiers have 0 points, 1, 2, 3 to 4, 5 to 8, and so on.
 fn sizes(octree: &Octree) -> Vec<Bar> {
-    let class = |points: usize| points.checked_sub(1).map_or(0, |rest| (rest.checked_ilog2().map_or(0, |log| log + 1) + 1) as usize);
-    let classes: Vec<usize> = octree.frontiers.iter().map(|frontier| class(frontier.points().len())).collect();
+    let class = |points: usize| {
+        points
+            .checked_sub(1)
+            .map_or(0, |rest| (rest.checked_ilog2().map_or(0, |log| log + 1) + 1) as usize)
+    };
+    let classes: Vec<usize> =
+        octree.frontiers.iter().map(|frontier| class(frontier.points().len())).collect();
     let name = |class: usize| match class {
         0 => "empty".to_owned(),
         1 => "1 point".to_owned(),
@@ -136,7 +182,9 @@ fn sizes(octree: &Octree) -> Vec<Bar> {
     let low = classes.iter().copied().min().unwrap_or(1);
     let high = classes.iter().copied().max().unwrap_or(0);
     let value = |class: usize| classes.iter().filter(|&&other| other == class).count() as f64;
-    (low..=high).map(|class| Bar { name: name(class), value: value(class), color: Color::BLUE }).collect()
+    (low..=high)
+        .map(|class| Bar { name: name(class), value: value(class), color: Color::BLUE })
+        .collect()
 }
 
 /// The octree from above, true to scale.
@@ -151,8 +199,9 @@ fn plan(summary: &MapSummary<'_>, survey: &Survey) -> String {
     let (step_x, step_z) = (width * scale / lattice, depth * scale / lattice);
     let (total_x, total_z) = (width * scale + 2.0 * MARGIN, depth * scale + 2.0 * MARGIN);
     let label = escape("The octree from above");
-    let mut svg =
-        format!("<svg role=\"img\" aria-label=\"{label}\" viewBox=\"0 0 {total_x:.1} {total_z:.1}\" style=\"max-width:{total_x:.0}px\">\n");
+    let mut svg = format!(
+        "<svg role=\"img\" aria-label=\"{label}\" viewBox=\"0 0 {total_x:.1} {total_z:.1}\" style=\"max-width:{total_x:.0}px\">\n"
+    );
     for &(x, z, edge) in &survey.squares {
         let (x, z, edge) = (f64::from(x), f64::from(z), f64::from(edge));
         let _ = writeln!(
@@ -167,7 +216,11 @@ fn plan(summary: &MapSummary<'_>, survey: &Survey) -> String {
     for (&(x, z), &(known, of)) in &survey.columns {
         let (x, z) = (MARGIN + f64::from(x) * step_x, MARGIN + f64::from(z) * step_z);
         let opacity = 0.15 + 0.85 * known as f64 / of.max(1) as f64;
-        let _ = writeln!(svg, "<circle cx=\"{x:.1}\" cy=\"{z:.1}\" r=\"4\" fill=\"{}\" opacity=\"{opacity:.2}\"/>", CORNER.css());
+        let _ = writeln!(
+            svg,
+            "<circle cx=\"{x:.1}\" cy=\"{z:.1}\" r=\"4\" fill=\"{}\" opacity=\"{opacity:.2}\"/>",
+            CORNER.css()
+        );
     }
     svg.push_str("</svg>");
     svg
@@ -187,14 +240,31 @@ mod tests {
 
     fn octree() -> Octree {
         let space = space();
-        let point = |settings| FrontierPoint { settings, cost: CostPoint::new(power(settings), error(settings)) };
+        let point = |settings| FrontierPoint {
+            settings,
+            cost: CostPoint::new(power(settings), error(settings)),
+        };
         let whole = Frontier::from_points(space.iter().map(point));
         let single = Frontier::from_points([point(space.lowest())]);
-        let corners = (0..8u16).map(|i| Corner { at: [i >> 2, i >> 1 & 1, i & 1], frontiers: [0, 1, 0, Corner::UNKNOWN, 0, 0] }).collect();
-        Octree { levels: 0, nodes: vec![0], corners, frontiers: vec![whole, single, Frontier::default()] }
+        let corners = (0..8u16)
+            .map(|i| Corner {
+                at: [i >> 2, i >> 1 & 1, i & 1],
+                frontiers: [0, 1, 0, Corner::UNKNOWN, 0, 0],
+            })
+            .collect();
+        Octree {
+            levels: 0,
+            nodes: vec![0],
+            corners,
+            frontiers: vec![whole, single, Frontier::default()],
+        }
     }
 
-    fn summary<'a>(octree: &'a Octree, space: &'a KnobSpace, meter: &'a MeterInfo) -> MapSummary<'a> {
+    fn summary<'a>(
+        octree: &'a Octree,
+        space: &'a KnobSpace,
+        meter: &'a MeterInfo,
+    ) -> MapSummary<'a> {
         MapSummary {
             scene: "court",
             space,
@@ -213,7 +283,13 @@ mod tests {
     fn a_map_is_described() {
         let (octree, space, meter) = (octree(), space(), meter());
         let html = map_report(&summary(&octree, &space, &meter), &[]).unwrap();
-        for text in ["40 of 48", "(-8, 0.5, -4) and (8, 6, 4) m", "0.5 W or an error of 0.005", "frontier 1, 1 points", "36 combinations"] {
+        for text in [
+            "40 of 48",
+            "(-8, 0.5, -4) and (8, 6, 4) m",
+            "0.5 W or an error of 0.005",
+            "frontier 1, 1 points",
+            "36 combinations",
+        ] {
             assert!(html.contains(text), "{text}");
         }
         assert!(html.contains("viewBox=\"0 0 464.0 244.0\""), "the plan is true to scale");
@@ -226,7 +302,11 @@ mod tests {
         let empty = Octree::default();
         assert!(map_report(&summary(&empty, &space, &meter), &[]).unwrap().contains("<svg "));
         let damaged = Octree { nodes: vec![7], ..octree() };
-        let flat = MapSummary { bounds_min: Vec3::ZERO, bounds_max: Vec3::ZERO, ..summary(&damaged, &space, &meter) };
+        let flat = MapSummary {
+            bounds_min: Vec3::ZERO,
+            bounds_max: Vec3::ZERO,
+            ..summary(&damaged, &space, &meter)
+        };
         let html = map_report(&flat, &[]).unwrap();
         assert!(html.contains("damaged") && !html.contains("NaN") && !html.contains("inf\""));
     }
@@ -235,15 +315,26 @@ mod tests {
     fn sizes_double_from_class_to_class() {
         let of = |counts: &[usize]| {
             let frontier = |count: usize| {
-                Frontier::from_points(
-                    (0..count).map(|i| FrontierPoint { settings: Default::default(), cost: CostPoint::new(i as f64, -(i as f64)) }),
-                )
+                Frontier::from_points((0..count).map(|i| FrontierPoint {
+                    settings: Default::default(),
+                    cost: CostPoint::new(i as f64, -(i as f64)),
+                }))
             };
-            let octree = Octree { frontiers: counts.iter().map(|&count| frontier(count)).collect(), ..Octree::default() };
+            let octree = Octree {
+                frontiers: counts.iter().map(|&count| frontier(count)).collect(),
+                ..Octree::default()
+            };
             sizes(&octree).into_iter().map(|bar| (bar.name, bar.value)).collect::<Vec<_>>()
         };
         assert_eq!(of(&[0, 1]), [("empty".to_owned(), 1.0), ("1 point".to_owned(), 1.0)]);
-        assert_eq!(of(&[3, 4, 2, 5]), [("2 points".to_owned(), 1.0), ("3–4 points".to_owned(), 2.0), ("5–8 points".to_owned(), 1.0)]);
+        assert_eq!(
+            of(&[3, 4, 2, 5]),
+            [
+                ("2 points".to_owned(), 1.0),
+                ("3–4 points".to_owned(), 2.0),
+                ("5–8 points".to_owned(), 1.0)
+            ]
+        );
         assert!(of(&[]).is_empty());
     }
 }

@@ -1,6 +1,8 @@
-//! Reports for people: one self-contained HTML file each, with plots and pictures inside, readable in the dark and on a phone.
+//! Reports for people: one self-contained HTML file each, with plots and pictures inside, readable
+//! in the dark and on a phone.
 //!
-//! A [`Report`] is a title and [`Section`]s. The commands' own reports are one section each; a page of several is a matter of adding more.
+//! A [`Report`] is a title and [`Section`]s. The commands' own reports are one section each; a page
+//! of several is a matter of adding more.
 //!
 //! | part | job |
 //! |---|---|
@@ -45,29 +47,50 @@ pub enum ReportError {
 /// Where the watts of a page come from, in a sentence.
 fn provenance(meter: &MeterInfo) -> String {
     match meter.provenance {
-        Provenance::Measured => format!("Power was measured, by the meter {}: {}.", meter.name, meter.description),
+        Provenance::Measured => {
+            format!("Power was measured, by the meter {}: {}.", meter.name, meter.description)
+        }
         Provenance::Modelled => {
-            format!("Power was not measured. It was worked out by the model {}: {}.", meter.name, meter.description)
+            format!(
+                "Power was not measured. It was worked out by the model {}: {}.",
+                meter.name, meter.description
+            )
         }
     }
 }
 
-/// Rows for a table of cost points, and what all of them share: only knobs that differ between them get a column.
-fn knob_table(space: &KnobSpace, points: &[FrontierPoint]) -> (Vec<String>, Vec<Vec<String>>, String) {
-    let differs = |knob: usize| points.windows(2).any(|pair| pair[0].settings.level(knob) != pair[1].settings.level(knob));
-    let label = |knob: usize, point: &FrontierPoint| {
-        space.knobs()[knob].levels.get(point.settings.level(knob)).map_or("?", |level| level.label.as_str()).to_owned()
+/// Rows for a table of cost points, and what all of them share: only knobs that differ between them
+/// get a column.
+fn knob_table(
+    space: &KnobSpace,
+    points: &[FrontierPoint],
+) -> (Vec<String>, Vec<Vec<String>>, String) {
+    let differs = |knob: usize| {
+        points.windows(2).any(|pair| pair[0].settings.level(knob) != pair[1].settings.level(knob))
     };
-    let (varying, same): (Vec<usize>, Vec<usize>) = (0..space.len()).partition(|&knob| differs(knob));
-    let headers = ["power, W", "error"].map(str::to_owned).into_iter().chain(varying.iter().map(|&knob| space.knobs()[knob].name.clone()));
+    let label = |knob: usize, point: &FrontierPoint| {
+        space.knobs()[knob]
+            .levels
+            .get(point.settings.level(knob))
+            .map_or("?", |level| level.label.as_str())
+            .to_owned()
+    };
+    let (varying, same): (Vec<usize>, Vec<usize>) =
+        (0..space.len()).partition(|&knob| differs(knob));
+    let headers = ["power, W", "error"]
+        .map(str::to_owned)
+        .into_iter()
+        .chain(varying.iter().map(|&knob| space.knobs()[knob].name.clone()));
     let rows = points.iter().map(|point| {
         let cost = [format!("{:.3}", point.cost.power.0), format!("{:.4}", point.cost.error)];
         cost.into_iter().chain(varying.iter().map(|&knob| label(knob, point))).collect()
     });
     let shared = match points.first() {
-        Some(point) => {
-            same.iter().map(|&knob| format!("{}={}", space.knobs()[knob].name, label(knob, point))).collect::<Vec<_>>().join(", ")
-        }
+        Some(point) => same
+            .iter()
+            .map(|&knob| format!("{}={}", space.knobs()[knob].name, label(knob, point)))
+            .collect::<Vec<_>>()
+            .join(", "),
         None => String::new(),
     };
     (headers.collect(), rows.collect(), shared)

@@ -9,7 +9,8 @@ use crate::metrics::Picture;
 
 use super::{Color, ReportError};
 
-/// Light and dark by the reader's preference; one column on a phone; wide things scroll inside themselves.
+/// Light and dark by the reader's preference; one column on a phone; wide things scroll inside
+/// themselves.
 const STYLE: &str = include_str!("style.css");
 
 /// `text` as HTML text or as the value of a quoted attribute.
@@ -60,7 +61,11 @@ impl Report {
     pub fn section(&mut self, section: Section) -> &mut Self {
         let number = self.contents.len() + 1;
         let heading = escape(&section.heading);
-        let _ = writeln!(self.body, "<section id=\"s{number}\">\n<h2>{heading}</h2>\n{}</section>", section.body);
+        let _ = writeln!(
+            self.body,
+            "<section id=\"s{number}\">\n<h2>{heading}</h2>\n{}</section>",
+            section.body
+        );
         self.contents.push(heading);
         self
     }
@@ -112,7 +117,8 @@ impl Section {
 
     /// A paragraph that must not be missed.
     pub fn warning(&mut self, text: &str) -> &mut Self {
-        let _ = writeln!(self.body, "<p class=\"warning\"><strong>Note:</strong> {}</p>", escape(text));
+        let _ =
+            writeln!(self.body, "<p class=\"warning\"><strong>Note:</strong> {}</p>", escape(text));
         self
     }
 
@@ -123,12 +129,24 @@ impl Section {
     }
 
     /// A table. Cells that are numbers are aligned to the right; the first column names the row.
-    pub fn table<S: AsRef<str>>(&mut self, caption: &str, headers: &[S], rows: &[Vec<String>]) -> &mut Self {
+    pub fn table<S: AsRef<str>>(
+        &mut self,
+        caption: &str,
+        headers: &[S],
+        rows: &[Vec<String>],
+    ) -> &mut Self {
         let numeric = |text: &str| text.parse::<f64>().is_ok();
-        let is_number = |column: usize| !rows.is_empty() && rows.iter().all(|row| row.get(column).is_some_and(|cell| numeric(cell)));
+        let is_number = |column: usize| {
+            !rows.is_empty()
+                && rows.iter().all(|row| row.get(column).is_some_and(|cell| numeric(cell)))
+        };
         let class = |column: usize| if is_number(column) { " class=\"number\"" } else { "" };
         let classes: Vec<&str> = (0..headers.len()).map(class).collect();
-        let _ = write!(self.body, "<div class=\"scroll\"><table>\n<caption>{}</caption>\n<thead><tr>", escape(caption));
+        let _ = write!(
+            self.body,
+            "<div class=\"scroll\"><table>\n<caption>{}</caption>\n<thead><tr>",
+            escape(caption)
+        );
         for (header, class) in headers.iter().zip(&classes) {
             let _ = write!(self.body, "<th scope=\"col\"{class}>{}</th>", escape(header.as_ref()));
         }
@@ -144,12 +162,16 @@ impl Section {
         self
     }
 
-    /// Plots beside each other where there is room: a caption and the SVG of each, as the functions of this module draw them. The SVG goes
-    /// in as it is.
+    /// Plots beside each other where there is room: a caption and the SVG of each, as the functions
+    /// of this module draw them. The SVG goes in as it is.
     pub fn plots(&mut self, plots: &[(&str, String)]) -> &mut Self {
         self.body.push_str("<div class=\"plots\">\n");
         for (caption, svg) in plots {
-            let _ = writeln!(self.body, "<figure><div class=\"scroll\">{svg}</div><figcaption>{}</figcaption></figure>", escape(caption));
+            let _ = writeln!(
+                self.body,
+                "<figure><div class=\"scroll\">{svg}</div><figcaption>{}</figcaption></figure>",
+                escape(caption)
+            );
         }
         self.body.push_str("</div>\n");
         self
@@ -159,7 +181,12 @@ impl Section {
     pub fn legend<'a>(&mut self, entries: impl IntoIterator<Item = (&'a str, Color)>) -> &mut Self {
         self.body.push_str("<ul class=\"legend\">\n");
         for (name, color) in entries {
-            let _ = writeln!(self.body, "<li><span style=\"background:{}\"></span>{}</li>", color.css(), escape(name));
+            let _ = writeln!(
+                self.body,
+                "<li><span style=\"background:{}\"></span>{}</li>",
+                color.css(),
+                escape(name)
+            );
         }
         self.body.push_str("</ul>\n");
         self
@@ -204,14 +231,21 @@ mod tests {
     #[test]
     fn nothing_that_is_given_becomes_markup() {
         let mut section = Section::new(NASTY);
-        section.heading(NASTY).paragraph(NASTY).warning(NASTY).facts(&[(NASTY.into(), NASTY.into())]);
+        section
+            .heading(NASTY)
+            .paragraph(NASTY)
+            .warning(NASTY)
+            .facts(&[(NASTY.into(), NASTY.into())]);
         section.table(NASTY, &[NASTY], &[vec![NASTY.into()]]).legend([(NASTY, Color::BLUE)]);
         section.pictures(&[(NASTY.into(), &Picture::from_fn(2, 2, |_, _| [9; 3]))]).unwrap();
         let mut report = Report::new(NASTY);
         report.paragraph(NASTY).facts(&[(NASTY.into(), NASTY.into())]).section(section);
         let html = report.render();
         assert!(!html.contains("<script") && !html.contains("alert(\"") && !html.contains('\0'));
-        assert_eq!(html.matches("&lt;script&gt;alert(&quot;1&quot; &amp; &#39;2&#39;)").count(), 17);
+        assert_eq!(
+            html.matches("&lt;script&gt;alert(&quot;1&quot; &amp; &#39;2&#39;)").count(),
+            17
+        );
     }
 
     #[test]
@@ -221,8 +255,17 @@ mod tests {
         section.pictures(&[("grey".into(), &Picture::from_fn(3, 2, |_, _| [9; 3]))]).unwrap();
         report.section(section).section(Section::new("Second"));
         let html = report.render();
-        assert!(html.starts_with("<!doctype html>") && html.contains("prefers-color-scheme: dark") && html.contains("name=\"viewport\""));
-        assert!(!html.contains("http://") && !html.contains("https://") && !html.contains("@import") && !html.contains("<link"));
+        assert!(
+            html.starts_with("<!doctype html>")
+                && html.contains("prefers-color-scheme: dark")
+                && html.contains("name=\"viewport\"")
+        );
+        assert!(
+            !html.contains("http://")
+                && !html.contains("https://")
+                && !html.contains("@import")
+                && !html.contains("<link")
+        );
         assert!(html.contains("<a href=\"#s2\">Second</a>"), "several sections get a list");
         let data = html.split("base64,").nth(1).unwrap().split('"').next().unwrap();
         assert_eq!(Picture::from_png(&STANDARD.decode(data).unwrap()).unwrap().width, 3);
@@ -231,8 +274,16 @@ mod tests {
     #[test]
     fn numbers_stand_to_the_right_and_words_to_the_left() {
         let mut section = Section::new("Table");
-        section.table("t", &["run", "watts"], &[vec!["7".into(), "1.5".into()], vec!["max".into(), "-2".into()]]);
-        assert!(section.body.contains("<th scope=\"col\">run</th><th scope=\"col\" class=\"number\">watts</th>"));
+        section.table(
+            "t",
+            &["run", "watts"],
+            &[vec!["7".into(), "1.5".into()], vec!["max".into(), "-2".into()]],
+        );
+        assert!(
+            section.body.contains(
+                "<th scope=\"col\">run</th><th scope=\"col\" class=\"number\">watts</th>"
+            )
+        );
     }
 
     #[test]

@@ -1,7 +1,8 @@
 //! Plots as SVG.
 //!
-//! Text and axes are drawn in the colour of the page's own text, and the data in middle tones that stand out from white as well as from
-//! near black (contrast 3 : 1 or more on both), so that one drawing serves light and dark pages.
+//! Text and axes are drawn in the colour of the page's own text, and the data in middle tones that
+//! stand out from white as well as from near black (contrast 3 : 1 or more on both), so that one
+//! drawing serves light and dark pages.
 
 use bevy_frugal_gi::frontier::Frontier;
 use plotters::coord::Shift;
@@ -72,7 +73,8 @@ pub struct Bar {
 type Area<'a> = DrawingArea<SVGBackend<'a>, Shift>;
 type Chart<'a, 'b> = ChartContext<'b, SVGBackend<'a>, Cartesian2d<RangedCoordf64, RangedCoordf64>>;
 
-/// The corners of a frontier's steps, power against error: what is cheaper or better than this line was not found.
+/// The corners of a frontier's steps, power against error: what is cheaper or better than this line
+/// was not found.
 pub fn staircase(frontier: &Frontier) -> Vec<(f64, f64)> {
     let mut corners = Vec::new();
     for point in frontier.points() {
@@ -88,24 +90,35 @@ pub fn staircase(frontier: &Frontier) -> Vec<(f64, f64)> {
 ///
 /// # Errors
 /// When plotting fails.
-pub fn cloud(label: &str, axes: [&str; 2], points: &[(f64, f64)], lines: &[Curve]) -> Result<String, ReportError> {
+pub fn cloud(
+    label: &str,
+    axes: [&str; 2],
+    points: &[(f64, f64)],
+    lines: &[Curve],
+) -> Result<String, ReportError> {
     let all = || points.iter().chain(lines.iter().flat_map(|line| &line.points)).copied();
     let (xs, ys) = (range(all().map(|p| p.0), false), range(all().map(|p| p.1), true));
     draw(label, |area| {
-        let mut chart = chart(area, 64).build_cartesian_2d(xs.0..xs.1, ys.0..ys.1).map_err(failed)?;
+        let mut chart =
+            chart(area, 64).build_cartesian_2d(xs.0..xs.1, ys.0..ys.1).map_err(failed)?;
         mesh(&mut chart, axes)?;
         let place = |(x, y): (f64, f64)| {
-            let cell = |value: f64, (low, high): (f64, f64), cells: u32| ((value - low) / (high - low) * f64::from(cells)) as u32;
+            let cell = |value: f64, (low, high): (f64, f64), cells: u32| {
+                ((value - low) / (high - low) * f64::from(cells)) as u32
+            };
             (cell(x, xs, SIZE.0), cell(y, ys, SIZE.1))
         };
         let mut seen = std::collections::HashSet::new();
-        let visible = points.iter().copied().filter(|&point| finite(point) && seen.insert(place(point)));
+        let visible =
+            points.iter().copied().filter(|&point| finite(point) && seen.insert(place(point)));
         let style = Color::GREY.rgb().mix(0.55).filled();
         chart.draw_series(visible.map(|point| Circle::new(point, 2, style))).map_err(failed)?;
         for line in lines {
             draw_curve(&mut chart, line)?;
             let marks = line.points.iter().copied().filter(|&point| finite(point));
-            chart.draw_series(marks.map(|point| Circle::new(point, 1, line.color.rgb().filled()))).map_err(failed)?;
+            chart
+                .draw_series(marks.map(|point| Circle::new(point, 1, line.color.rgb().filled())))
+                .map_err(failed)?;
         }
         Ok(())
     })
@@ -115,11 +128,17 @@ pub fn cloud(label: &str, axes: [&str; 2], points: &[(f64, f64)], lines: &[Curve
 ///
 /// # Errors
 /// When plotting fails.
-pub fn curves(label: &str, axes: [&str; 2], curves: &[Curve], limit: Option<f64>) -> Result<String, ReportError> {
+pub fn curves(
+    label: &str,
+    axes: [&str; 2],
+    curves: &[Curve],
+    limit: Option<f64>,
+) -> Result<String, ReportError> {
     let all = || curves.iter().flat_map(|curve| &curve.points);
     let (xs, ys) = (range(all().map(|p| p.0), false), range(all().map(|p| p.1).chain(limit), true));
     draw(label, |area| {
-        let mut chart = chart(area, 64).build_cartesian_2d(xs.0..xs.1, ys.0..ys.1).map_err(failed)?;
+        let mut chart =
+            chart(area, 64).build_cartesian_2d(xs.0..xs.1, ys.0..ys.1).map_err(failed)?;
         mesh(&mut chart, axes)?;
         // The first is the one that matters: drawn last, on top.
         for curve in curves.iter().rev() {
@@ -127,30 +146,42 @@ pub fn curves(label: &str, axes: [&str; 2], curves: &[Curve], limit: Option<f64>
         }
         if let Some(limit) = limit.filter(|limit| limit.is_finite()) {
             let style = Color::RED.rgb().stroke_width(2);
-            chart.draw_series(DashedLineSeries::new([(xs.0, limit), (xs.1, limit)], 7, 5, style)).map_err(failed)?;
+            chart
+                .draw_series(DashedLineSeries::new([(xs.0, limit), (xs.1, limit)], 7, 5, style))
+                .map_err(failed)?;
         }
         Ok(())
     })
 }
 
-/// Horizontal bars from top to bottom, each with its value at its end, and a dashed line down where there is a `limit`.
+/// Horizontal bars from top to bottom, each with its value at its end, and a dashed line down where
+/// there is a `limit`.
 ///
 /// # Errors
 /// When plotting fails.
-pub fn bars(label: &str, axis: &str, bars: &[Bar], decimals: usize, limit: Option<f64>) -> Result<String, ReportError> {
+pub fn bars(
+    label: &str,
+    axis: &str,
+    bars: &[Bar],
+    decimals: usize,
+    limit: Option<f64>,
+) -> Result<String, ReportError> {
     let count = bars.len().max(1);
     let (low, high) = range(bars.iter().map(|bar| bar.value).chain(limit).chain([0.0]), true);
     // Room for the value at the end of the longest bar.
     let high = high + 0.14 * (high - low);
     let name = |row: &SegmentValue<usize>| match row {
-        SegmentValue::CenterOf(row) => {
-            count.checked_sub(row + 1).and_then(|bar| bars.get(bar)).map_or(String::new(), |bar| bar.name.clone())
-        }
+        SegmentValue::CenterOf(row) => count
+            .checked_sub(row + 1)
+            .and_then(|bar| bars.get(bar))
+            .map_or(String::new(), |bar| bar.name.clone()),
         _ => String::new(),
     };
     draw(label, |area| {
         // Both ends of the range are rows.
-        let mut chart = chart(area, 132).build_cartesian_2d(low..high, (0..count - 1).into_segmented()).map_err(failed)?;
+        let mut chart = chart(area, 132)
+            .build_cartesian_2d(low..high, (0..count - 1).into_segmented())
+            .map_err(failed)?;
         chart
             .configure_mesh()
             .disable_y_mesh()
@@ -178,7 +209,8 @@ pub fn bars(label: &str, axis: &str, bars: &[Bar], decimals: usize, limit: Optio
             body.set_margin(6, 6, 0, 0);
             let middle = (bar.value, SegmentValue::CenterOf(row));
             let value = format!("{:.decimals$}", bar.value);
-            let text = EmptyElement::at(middle) + Text::new(value, (6, -7), FONT.into_font().color(&BLACK));
+            let text = EmptyElement::at(middle)
+                + Text::new(value, (6, -7), FONT.into_font().color(&BLACK));
             chart.draw_series([body]).map_err(failed)?;
             chart.draw_series([text]).map_err(failed)?;
         }
@@ -186,14 +218,22 @@ pub fn bars(label: &str, axis: &str, bars: &[Bar], decimals: usize, limit: Optio
     })
 }
 
-fn draw(label: &str, paint: impl FnOnce(&Area<'_>) -> Result<(), ReportError>) -> Result<String, ReportError> {
+fn draw(
+    label: &str,
+    paint: impl FnOnce(&Area<'_>) -> Result<(), ReportError>,
+) -> Result<String, ReportError> {
     let mut svg = String::new();
     let area = SVGBackend::with_string(&mut svg, SIZE).into_drawing_area();
     paint(&area)?;
     area.present().map_err(failed)?;
     drop(area);
-    // Black stands for "the page's text". Texts inside the drawing cannot hold the quotes that this looks for.
-    let svg = svg.replace("=\"#000000\"", "=\"currentColor\"").replacen(" xmlns=\"http://www.w3.org/2000/svg\"", "", 1);
+    // Black stands for "the page's text". Texts inside the drawing cannot hold the quotes that this
+    // looks for.
+    let svg = svg.replace("=\"#000000\"", "=\"currentColor\"").replacen(
+        " xmlns=\"http://www.w3.org/2000/svg\"",
+        "",
+        1,
+    );
     Ok(svg.replacen("<svg ", &format!("<svg role=\"img\" aria-label=\"{}\" ", escape(label)), 1))
 }
 
@@ -221,7 +261,12 @@ fn mesh(chart: &mut Chart<'_, '_>, [x, y]: [&str; 2]) -> Result<(), ReportError>
 
 fn draw_curve(chart: &mut Chart<'_, '_>, curve: &Curve) -> Result<(), ReportError> {
     let style = curve.color.rgb().stroke_width(curve.width);
-    chart.draw_series(LineSeries::new(curve.points.iter().copied().filter(|&point| finite(point)), style)).map_err(failed)?;
+    chart
+        .draw_series(LineSeries::new(
+            curve.points.iter().copied().filter(|&point| finite(point)),
+            style,
+        ))
+        .map_err(failed)?;
     Ok(())
 }
 
@@ -237,7 +282,9 @@ fn finite((x, y): (f64, f64)) -> bool {
 fn range(values: impl Iterator<Item = f64>, from_zero: bool) -> (f64, f64) {
     let (low, high) = values
         .filter(|value| value.is_finite())
-        .fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), value| (low.min(value), high.max(value)));
+        .fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), value| {
+            (low.min(value), high.max(value))
+        });
     if low > high {
         return (0.0, 1.0);
     }
@@ -245,7 +292,11 @@ fn range(values: impl Iterator<Item = f64>, from_zero: bool) -> (f64, f64) {
     // Where all values are one, half of it to each side, or anything at all around 0.
     let size = if high > low { high - low } else { high.abs().max(1e-3) };
     let room = 0.06 * size;
-    if high > low { (if from_zero { low } else { low - room }, high + room) } else { (low - 0.5 * size, high + 0.5 * size) }
+    if high > low {
+        (if from_zero { low } else { low - room }, high + room)
+    } else {
+        (low - 0.5 * size, high + 0.5 * size)
+    }
 }
 
 #[cfg(test)]
@@ -257,12 +308,26 @@ mod tests {
 
     #[test]
     fn a_range_is_never_empty_whatever_it_is_made_of() {
-        let lists: [&[f64]; 7] = [&[], &[f64::NAN], &[0.0], &[5.0, 5.0], &[-1.0, 1.0], &[f64::INFINITY, 2.0], &[1e-12, 2e-12]];
+        let lists: [&[f64]; 7] = [
+            &[],
+            &[f64::NAN],
+            &[0.0],
+            &[5.0, 5.0],
+            &[-1.0, 1.0],
+            &[f64::INFINITY, 2.0],
+            &[1e-12, 2e-12],
+        ];
         for values in lists {
             for from_zero in [false, true] {
                 let (low, high) = range(values.iter().copied(), from_zero);
                 assert!(low < high && low.is_finite() && high.is_finite(), "{values:?}");
-                assert!(values.iter().filter(|value| value.is_finite()).all(|value| (low..=high).contains(value)), "{values:?}");
+                assert!(
+                    values
+                        .iter()
+                        .filter(|value| value.is_finite())
+                        .all(|value| (low..=high).contains(value)),
+                    "{values:?}"
+                );
             }
         }
         assert_eq!(range([2.0, 4.0].into_iter(), true).0, 0.0);
@@ -283,7 +348,10 @@ mod tests {
         ];
         for drawing in drawings {
             let svg = drawing.unwrap();
-            assert!(svg.starts_with("<svg role=\"img\" aria-label=\"") && svg.trim_end().ends_with("</svg>"));
+            assert!(
+                svg.starts_with("<svg role=\"img\" aria-label=\"")
+                    && svg.trim_end().ends_with("</svg>")
+            );
             assert!(svg.contains("currentColor") && !svg.contains("#000000"));
             assert!(!svg.contains("NaN") && !svg.contains("inf") && !svg.contains("<a & b>"));
         }
@@ -298,9 +366,15 @@ mod tests {
 
     #[test]
     fn a_staircase_goes_right_before_it_goes_down() {
-        let point = |power, error| FrontierPoint { settings: RenderSettings::default(), cost: CostPoint::new(power, error) };
+        let point = |power, error| FrontierPoint {
+            settings: RenderSettings::default(),
+            cost: CostPoint::new(power, error),
+        };
         let frontier = Frontier::from_points([point(1.0, 0.5), point(2.0, 0.3), point(4.0, 0.0)]);
-        assert_eq!(staircase(&frontier), [(1.0, 0.5), (2.0, 0.5), (2.0, 0.3), (4.0, 0.3), (4.0, 0.0)]);
+        assert_eq!(
+            staircase(&frontier),
+            [(1.0, 0.5), (2.0, 0.5), (2.0, 0.3), (4.0, 0.3), (4.0, 0.0)]
+        );
         assert!(staircase(&Frontier::default()).is_empty());
     }
 }

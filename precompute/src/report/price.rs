@@ -1,4 +1,5 @@
-//! `frugal price`: what levels cost and how far from the truth they are, as a table, a page and a plot.
+//! `frugal price`: what levels cost and how far from the truth they are, as a table, a page and a
+//! plot.
 
 use std::io;
 
@@ -68,7 +69,12 @@ pub fn price_report(summary: &PriceSummary) -> Result<String, ReportError> {
     }
     section.legend(lines.iter().map(|(knob, line)| (*knob, line.color)));
     let curves: Vec<Curve> = lines.iter().map(|(_, line)| line.clone()).collect();
-    let svg = cloud("Cost and error of each level", ["cost, share of the best", "relative L1 of 4 × 4 means"], &[], &curves)?;
+    let svg = cloud(
+        "Cost and error of each level",
+        ["cost, share of the best", "relative L1 of 4 × 4 means"],
+        &[],
+        &curves,
+    )?;
     section.plots(&[("Cost and error, a line for each knob", svg)]);
     let headers = ["knob", "level", "cost", "mean ratio", "relative L1", "of 4 × 4 means"];
     let rows: Vec<Vec<String>> = summary.prices.iter().map(row).collect();
@@ -96,11 +102,32 @@ fn row(price: &LevelPrice) -> Vec<String> {
 /// When `to` cannot be written.
 pub fn price_csv(prices: &[LevelPrice], to: impl io::Write) -> Result<(), csv::Error> {
     let mut writer = csv::Writer::from_writer(to);
-    writer.write_record(["knob", "level", "power_w", "cost_share", "mean_ratio", "relative_l1", "relative_l1_4x4", "one_minus_ssim"])?;
+    writer.write_record([
+        "knob",
+        "level",
+        "power_w",
+        "cost_share",
+        "mean_ratio",
+        "relative_l1",
+        "relative_l1_4x4",
+        "one_minus_ssim",
+    ])?;
     for price in prices {
-        let Difference { mean_ratio, relative_l1, relative_l1_boxes, one_minus_ssim, .. } = price.difference;
-        let numbers = [price.power_w, price.cost_share, mean_ratio, relative_l1, relative_l1_boxes, one_minus_ssim];
-        writer.write_record([price.knob.clone(), price.label.clone()].into_iter().chain(numbers.map(|number| number.to_string())))?;
+        let Difference { mean_ratio, relative_l1, relative_l1_boxes, one_minus_ssim, .. } =
+            price.difference;
+        let numbers = [
+            price.power_w,
+            price.cost_share,
+            mean_ratio,
+            relative_l1,
+            relative_l1_boxes,
+            one_minus_ssim,
+        ];
+        writer.write_record(
+            [price.knob.clone(), price.label.clone()]
+                .into_iter()
+                .chain(numbers.map(|number| number.to_string())),
+        )?;
     }
     writer.flush()?;
     Ok(())
@@ -118,12 +145,22 @@ mod tests {
             one_minus_ssim: 0.01,
             exposure_ev100: 10.0,
         };
-        LevelPrice { knob: knob.into(), label: label.into(), power_w: 4.0 * cost_share, cost_share, difference }
+        LevelPrice {
+            knob: knob.into(),
+            label: label.into(),
+            power_w: 4.0 * cost_share,
+            cost_share,
+            difference,
+        }
     }
 
     #[test]
     fn a_line_for_each_knob_and_a_row_for_each_level() {
-        let prices = [price("gi_vpl_count", "4096", 1.0), price("gi_vpl_count", "64", 0.2), price("gi_visibility", "fine", 1.0)];
+        let prices = [
+            price("gi_vpl_count", "4096", 1.0),
+            price("gi_vpl_count", "64", 0.2),
+            price("gi_visibility", "fine", 1.0),
+        ];
         let meter = crate::evaluate::fake::meter();
         let html = price_report(&PriceSummary {
             scene: "court",
@@ -134,11 +171,18 @@ mod tests {
             best_w: 4.0,
         })
         .unwrap();
-        assert!(html.contains("<svg ") && html.contains("20.0 %") && html.contains("gi_visibility"));
+        assert!(
+            html.contains("<svg ") && html.contains("20.0 %") && html.contains("gi_visibility")
+        );
         let mut bytes = Vec::new();
         price_csv(&prices, &mut bytes).unwrap();
         let text = String::from_utf8(bytes).unwrap();
         assert_eq!(text.lines().count(), 4);
-        assert!(text.lines().nth(2).is_some_and(|line| line.starts_with("gi_vpl_count,64,0.8,0.2,0.99,0.2,0.5,")), "{text}");
+        assert!(
+            text.lines()
+                .nth(2)
+                .is_some_and(|line| line.starts_with("gi_vpl_count,64,0.8,0.2,0.99,0.2,0.5,")),
+            "{text}"
+        );
     }
 }

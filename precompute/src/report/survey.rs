@@ -4,7 +4,8 @@ use std::collections::{BTreeMap, BTreeSet};
 
 use bevy_frugal_gi::frontier::{Corner, Octree};
 
-/// Counts over an octree, for people. Survives a malformed one: what points nowhere is counted as broken and passed over.
+/// Counts over an octree, for people. Survives a malformed one: what points nowhere is counted as
+/// broken and passed over.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Survey {
     /// Subdivided nodes on every level, the root's first.
@@ -13,7 +14,8 @@ pub struct Survey {
     pub leaves: Vec<usize>,
     /// Outlines of leaves seen from above, in lattice units: lowest x, lowest z, edge.
     pub squares: BTreeSet<(u32, u32, u32)>,
-    /// Columns of corners seen from above, x and z in lattice units: how many views have a frontier, of how many.
+    /// Columns of corners seen from above, x and z in lattice units: how many views have a
+    /// frontier, of how many.
     pub columns: BTreeMap<(u16, u16), (usize, usize)>,
     /// Views of corners with a frontier.
     pub known_views: usize,
@@ -48,9 +50,14 @@ impl Survey {
                 count(&mut survey.inner, level);
                 let half = edge / 2;
                 // Children lie in the order x + 2y + 4z.
-                open.extend(
-                    (0..8u32).map(|child| (level + 1, first as usize + child as usize, x + half * (child & 1), z + half * (child >> 2))),
-                );
+                open.extend((0..8u32).map(|child| {
+                    (
+                        level + 1,
+                        first as usize + child as usize,
+                        x + half * (child & 1),
+                        z + half * (child >> 2),
+                    )
+                }));
             }
         }
         for corner in &octree.corners {
@@ -94,11 +101,16 @@ mod tests {
         nodes.extend([0; 8]);
         let corner = |at, frontiers| Corner { at, frontiers };
         let unknown = Corner::UNKNOWN;
-        let corners = vec![corner([0, 0, 0], [0; 6]), corner([0, 4, 0], [unknown; 6]), corner([4, 4, 4], [0, 0, 7, unknown, 0, 0])];
+        let corners = vec![
+            corner([0, 0, 0], [0; 6]),
+            corner([0, 4, 0], [unknown; 6]),
+            corner([4, 4, 4], [0, 0, 7, unknown, 0, 0]),
+        ];
         let octree = Octree { levels: 2, nodes, corners, frontiers: vec![Default::default()] };
         let survey = Survey::new(&octree);
         assert_eq!((&survey.inner[..], &survey.leaves[..]), (&[1, 1, 0][..], &[0, 7, 8][..]));
-        // From above: four large squares (a leaf lies below the subdivided child too), four small ones.
+        // From above: four large squares (a leaf lies below the subdivided child too), four small
+        // ones.
         assert_eq!(survey.squares.len(), 8);
         assert!(survey.squares.contains(&(2, 3, 1)) && survey.squares.contains(&(2, 0, 2)));
         assert_eq!((survey.known_views, survey.empty_views, survey.broken), (10, 7, 1));
@@ -114,7 +126,11 @@ mod tests {
             assert!(Survey::new(&Octree { levels: 255, nodes, ..Octree::default() }).broken > 0);
         }
         // Subdivided below the lattice.
-        let deep = Octree { levels: 0, nodes: [1].into_iter().chain([0; 8]).collect(), ..Octree::default() };
+        let deep = Octree {
+            levels: 0,
+            nodes: [1].into_iter().chain([0; 8]).collect(),
+            ..Octree::default()
+        };
         assert_eq!(Survey::new(&deep).broken, 1);
     }
 }

@@ -34,7 +34,10 @@ pub struct SweepSummary<'a> {
 ///
 /// # Errors
 /// When plotting fails.
-pub fn sweep_report(summary: &SweepSummary<'_>, facts: &[(String, String)]) -> Result<String, ReportError> {
+pub fn sweep_report(
+    summary: &SweepSummary<'_>,
+    facts: &[(String, String)],
+) -> Result<String, ReportError> {
     let mut report = Report::new(&format!("Every combination at one camera in {}", summary.scene));
     report.facts(facts).section(sweep_section(summary)?);
     Ok(report.render())
@@ -46,8 +49,13 @@ pub fn sweep_report(summary: &SweepSummary<'_>, facts: &[(String, String)]) -> R
 /// When plotting fails.
 pub fn sweep_section(summary: &SweepSummary<'_>) -> Result<Section, ReportError> {
     let frontier = Frontier::from_points(summary.points.iter().copied());
-    let points: Vec<(f64, f64)> = summary.points.iter().map(|point| (point.cost.power.0, point.cost.error)).collect();
-    let mut section = Section::new(&format!("{}: power and error of {} combinations", summary.scene, points.len()));
+    let points: Vec<(f64, f64)> =
+        summary.points.iter().map(|point| (point.cost.power.0, point.cost.error)).collect();
+    let mut section = Section::new(&format!(
+        "{}: power and error of {} combinations",
+        summary.scene,
+        points.len()
+    ));
     section.paragraph(&format!(
         "Each point is one combination of knob levels at the same camera. The line is the Pareto frontier: {} combinations that no other \
          beats in both power and error. {} Error is {}.",
@@ -55,7 +63,8 @@ pub fn sweep_section(summary: &SweepSummary<'_>) -> Result<Section, ReportError>
         provenance(summary.meter),
         summary.error
     ));
-    let broken = points.iter().filter(|(power, error)| !(power.is_finite() && error.is_finite())).count();
+    let broken =
+        points.iter().filter(|(power, error)| !(power.is_finite() && error.is_finite())).count();
     if broken > 0 {
         section.warning(&format!("{broken} combinations have no finite cost and are not shown"));
     }
@@ -68,7 +77,8 @@ pub fn sweep_section(summary: &SweepSummary<'_>) -> Result<Section, ReportError>
         ("Looks at".to_owned(), format!("{}, {}, {} m", to.x, to.y, to.z)),
     ]);
     let line = Curve { color: Color::BLUE, width: 2, points: staircase(&frontier) };
-    let svg = cloud("Power and error of every combination", ["power, W", "error"], &points, &[line])?;
+    let svg =
+        cloud("Power and error of every combination", ["power, W", "error"], &points, &[line])?;
     section.legend([("combinations", Color::GREY), ("frontier", Color::BLUE)]);
     section.plots(&[("Power and error of every combination, with the frontier", svg)]);
     let (headers, rows, shared) = knob_table(summary.space, frontier.points());
@@ -87,7 +97,13 @@ mod tests {
     use crate::evaluate::fake::{error, meter, power, space};
 
     fn points() -> Vec<FrontierPoint> {
-        space().iter().map(|settings| FrontierPoint { settings, cost: CostPoint::new(power(settings), error(settings)) }).collect()
+        space()
+            .iter()
+            .map(|settings| FrontierPoint {
+                settings,
+                cost: CostPoint::new(power(settings), error(settings)),
+            })
+            .collect()
     }
 
     #[test]
@@ -108,7 +124,9 @@ mod tests {
             look_at,
         };
         let html = sweep_report(&summary, &[]).unwrap();
-        assert!(html.contains("1 combinations have no finite cost") && html.contains("0, 1.5, 4 m"));
+        assert!(
+            html.contains("1 combinations have no finite cost") && html.contains("0, 1.5, 4 m")
+        );
         let none = SweepSummary { points: &[], ..summary };
         assert!(sweep_report(&none, &[]).unwrap().contains("<svg "));
     }

@@ -3,7 +3,8 @@
 use bevy::math::Vec3;
 use serde::{Deserialize, Serialize};
 
-/// An axis-aligned box, metres. In a scene description: where cameras may go, the root of the octree.
+/// An axis-aligned box, metres. In a scene description: where cameras may go, the root of the
+/// octree.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Bounds {
@@ -16,10 +17,14 @@ pub struct Bounds {
 }
 
 impl Bounds {
-    /// The smallest box around `points`; points that are not finite are passed over. `None` when no point is left.
+    /// The smallest box around `points`; points that are not finite are passed over. `None` when no
+    /// point is left.
     pub fn around(points: impl IntoIterator<Item = Vec3>) -> Option<Self> {
         points.into_iter().filter(|point| point.is_finite()).fold(None, |bounds, point| {
-            Some(bounds.map_or(Self { min: point, max: point }, |b: Self| Self { min: b.min.min(point), max: b.max.max(point) }))
+            Some(bounds.map_or(Self { min: point, max: point }, |b: Self| Self {
+                min: b.min.min(point),
+                max: b.max.max(point),
+            }))
         })
     }
 
@@ -52,15 +57,26 @@ mod tests {
 
     #[test]
     fn surrounds_finite_points_only() {
-        let bounds = Bounds::around([Vec3::splat(f32::NAN), Vec3::ONE, Vec3::new(-1.0, 2.0, f32::INFINITY), Vec3::new(3.0, 0.0, 1.0)]);
-        assert_eq!(bounds, Some(Bounds { min: Vec3::new(1.0, 0.0, 1.0), max: Vec3::new(3.0, 1.0, 1.0) }));
+        let bounds = Bounds::around([
+            Vec3::splat(f32::NAN),
+            Vec3::ONE,
+            Vec3::new(-1.0, 2.0, f32::INFINITY),
+            Vec3::new(3.0, 0.0, 1.0),
+        ]);
+        assert_eq!(
+            bounds,
+            Some(Bounds { min: Vec3::new(1.0, 0.0, 1.0), max: Vec3::new(3.0, 1.0, 1.0) })
+        );
         assert_eq!(Bounds::around([]), None);
     }
 
     #[test]
     fn shrinks_towards_its_centre_and_never_inverts() {
         let bounds = Bounds { min: Vec3::ZERO, max: Vec3::new(10.0, 4.0, 2.0) };
-        assert_eq!(bounds.shrunk(0.25), Bounds { min: Vec3::new(2.5, 1.0, 0.5), max: Vec3::new(7.5, 3.0, 1.5) });
+        assert_eq!(
+            bounds.shrunk(0.25),
+            Bounds { min: Vec3::new(2.5, 1.0, 0.5), max: Vec3::new(7.5, 3.0, 1.5) }
+        );
         let least = bounds.shrunk(9.0);
         assert!(least.min.cmplt(least.max).all());
         assert!(bounds.contains(Vec3::ZERO) && !bounds.contains(Vec3::NEG_X));

@@ -23,10 +23,12 @@ impl Faces {
     }
 }
 
-/// Collects triangles in metres, Y up, counter-clockwise seen from their front, with normals, texture coordinates and a tint.
+/// Collects triangles in metres, Y up, counter-clockwise seen from their front, with normals,
+/// texture coordinates and a tint.
 ///
-/// Texture coordinates of flat faces are world positions projected along the face normal's greatest axis, so that masonry goes on
-/// across neighbouring faces; [`texture_scale`](Self::texture_scale) sets how much wall one repeat covers.
+/// Texture coordinates of flat faces are world positions projected along the face normal's greatest
+/// axis, so that masonry goes on across neighbouring faces; [`texture_scale`](Self::texture_scale)
+/// sets how much wall one repeat covers.
 #[derive(Clone, Debug)]
 pub struct MeshBuilder {
     mesh: SceneMesh,
@@ -44,7 +46,12 @@ impl Default for MeshBuilder {
 impl MeshBuilder {
     /// Nothing yet; white, one texture repeat per metre.
     pub fn new() -> Self {
-        Self { mesh: SceneMesh::default(), tint: [1.0; 4], metres_per_repeat: 1.0, texture_turn: 0.0 }
+        Self {
+            mesh: SceneMesh::default(),
+            tint: [1.0; 4],
+            metres_per_repeat: 1.0,
+            texture_turn: 0.0,
+        }
     }
 
     /// Sets the linear RGB tint of what follows, each in [0, 1].
@@ -53,7 +60,8 @@ impl MeshBuilder {
         self
     }
 
-    /// Sets how many metres one repeat of the texture covers on flat faces that follow; greater than 0.
+    /// Sets how many metres one repeat of the texture covers on flat faces that follow; greater
+    /// than 0.
     pub fn texture_scale(&mut self, metres_per_repeat: f32) -> &mut Self {
         self.metres_per_repeat = metres_per_repeat;
         self
@@ -84,7 +92,8 @@ impl MeshBuilder {
         self.mesh.positions.len() as u32 - 1
     }
 
-    /// Adds a triangle of vertices that [`vertex`](Self::vertex) gave, counter-clockwise from its front.
+    /// Adds a triangle of vertices that [`vertex`](Self::vertex) gave, counter-clockwise from its
+    /// front.
     pub fn triangle(&mut self, a: u32, b: u32, c: u32) {
         self.mesh.indices.extend([a, b, c]);
     }
@@ -101,10 +110,13 @@ impl MeshBuilder {
         Vec2::from_angle(self.texture_turn).rotate(flat) / self.metres_per_repeat
     }
 
-    /// A flat convex polygon, its corners counter-clockwise from its front; fewer than three corners make nothing.
+    /// A flat convex polygon, its corners counter-clockwise from its front; fewer than three
+    /// corners make nothing.
     pub fn polygon(&mut self, corners: &[Vec3]) {
-        // Newell's sum: the area vector of any polygon, sound even where three corners in a row are on a line.
-        let area: Vec3 = (0..corners.len()).map(|i| corners[i].cross(corners[(i + 1) % corners.len()])).sum();
+        // Newell's sum: the area vector of any polygon, sound even where three corners in a row are
+        // on a line.
+        let area: Vec3 =
+            (0..corners.len()).map(|i| corners[i].cross(corners[(i + 1) % corners.len()])).sum();
         let normal = area.normalize_or_zero();
         let first = self.mesh.positions.len() as u32;
         for corner in corners {
@@ -126,14 +138,24 @@ impl MeshBuilder {
         self.turned_cuboid((min + max) * 0.5, (max - min) * 0.5, Quat::IDENTITY, faces);
     }
 
-    /// A solid box around `center`, `half_size` being half its extent in its own axes, which `rotation` turns.
+    /// A solid box around `center`, `half_size` being half its extent in its own axes, which
+    /// `rotation` turns.
     pub fn turned_cuboid(&mut self, center: Vec3, half_size: Vec3, rotation: Quat, faces: Faces) {
-        for (bit, axis) in [Vec3::X, Vec3::NEG_X, Vec3::Y, Vec3::NEG_Y, Vec3::Z, Vec3::NEG_Z].into_iter().enumerate() {
+        for (bit, axis) in [Vec3::X, Vec3::NEG_X, Vec3::Y, Vec3::NEG_Y, Vec3::Z, Vec3::NEG_Z]
+            .into_iter()
+            .enumerate()
+        {
             if faces.0 & (1 << bit) != 0 {
                 let up = if axis.y == 0.0 { Vec3::Y } else { Vec3::Z };
                 let right = up.cross(axis);
-                let corner = |r: f32, u: f32| center + rotation * ((axis + right * r + up * u) * half_size);
-                self.quad([corner(-1.0, -1.0), corner(1.0, -1.0), corner(1.0, 1.0), corner(-1.0, 1.0)]);
+                let corner =
+                    |r: f32, u: f32| center + rotation * ((axis + right * r + up * u) * half_size);
+                self.quad([
+                    corner(-1.0, -1.0),
+                    corner(1.0, -1.0),
+                    corner(1.0, 1.0),
+                    corner(-1.0, 1.0),
+                ]);
             }
         }
     }
@@ -150,8 +172,9 @@ impl MeshBuilder {
         }
     }
 
-    /// An upright pillar or cone: `profile` gives (height above `base`, radius) from bottom to top, in metres; smooth around, flat
-    /// along. At least three `sides`. A ring of radius 0 closes the solid; else it stays open there.
+    /// An upright pillar or cone: `profile` gives (height above `base`, radius) from bottom to top,
+    /// in metres; smooth around, flat along. At least three `sides`. A ring of radius 0 closes the
+    /// solid; else it stays open there.
     pub fn lathe(&mut self, base: Vec3, profile: &[(f32, f32)], sides: u32) {
         let sides = sides.max(3);
         for ring in profile.windows(2) {
@@ -163,10 +186,15 @@ impl MeshBuilder {
                 let angle = side as f32 / sides as f32 * TAU;
                 let outward = Vec3::new(angle.sin(), 0.0, angle.cos());
                 let normal = outward * slope.x + Vec3::Y * slope.y;
-                let along = angle / TAU * (TAU * low_radius.max(high_radius) / self.metres_per_repeat).round().max(1.0);
+                let along = angle / TAU
+                    * (TAU * low_radius.max(high_radius) / self.metres_per_repeat).round().max(1.0);
                 for (height, radius) in [(low, low_radius), (high, high_radius)] {
                     let position = base + outward * radius + Vec3::Y * height;
-                    self.vertex(position, normal, Vec2::new(along, -position.y / self.metres_per_repeat));
+                    self.vertex(
+                        position,
+                        normal,
+                        Vec2::new(along, -position.y / self.metres_per_repeat),
+                    );
                 }
             }
             for side in 0..sides {
@@ -181,12 +209,14 @@ impl MeshBuilder {
         }
     }
 
-    /// A wall with a round arch through it, over an opening that goes from the wall's foot to its sides.
+    /// A wall with a round arch through it, over an opening that goes from the wall's foot to its
+    /// sides.
     ///
-    /// `left` is the foot of the wall's left end seen from the front, `right` its right end, metres; the wall goes `top` metres up
-    /// from there and is `thickness` deep, half on either side. The arch springs at `spring` metres and its radius is `radius`; what
-    /// is left of the width at each side stands as jamb from `jamb_foot` metres up. Front, back and the arch's underside are made, and
-    /// the wall's top if `with_top`.
+    /// `left` is the foot of the wall's left end seen from the front, `right` its right end,
+    /// metres; the wall goes `top` metres up from there and is `thickness` deep, half on either
+    /// side. The arch springs at `spring` metres and its radius is `radius`; what is left of the
+    /// width at each side stands as jamb from `jamb_foot` metres up. Front, back and the arch's
+    /// underside are made, and the wall's top if `with_top`.
     pub fn arch(&mut self, left: Vec3, right: Vec3, shape: ArchShape) {
         let along = (right - left).normalize_or(Vec3::X);
         let width = (right - left).length();
@@ -201,12 +231,21 @@ impl MeshBuilder {
             })
             .collect();
         let jamb = width * 0.5 - radius;
-        let mut faces: Vec<[Vec2; 4]> =
-            rim.windows(2).map(|pair| [pair[0], pair[1], Vec2::new(pair[1].x, shape.top), Vec2::new(pair[0].x, shape.top)]).collect();
+        let mut faces: Vec<[Vec2; 4]> = rim
+            .windows(2)
+            .map(|pair| {
+                [pair[0], pair[1], Vec2::new(pair[1].x, shape.top), Vec2::new(pair[0].x, shape.top)]
+            })
+            .collect();
         if jamb > 1e-4 {
             let (foot, top) = (shape.jamb_foot, shape.top);
             for (from, to) in [(0.0, jamb), (width - jamb, width)] {
-                faces.push([Vec2::new(from, foot), Vec2::new(to, foot), Vec2::new(to, top), Vec2::new(from, top)]);
+                faces.push([
+                    Vec2::new(from, foot),
+                    Vec2::new(to, foot),
+                    Vec2::new(to, top),
+                    Vec2::new(from, top),
+                ]);
             }
         }
         for face in faces {
@@ -244,8 +283,9 @@ impl MeshBuilder {
         }
     }
 
-    /// A sphere by splitting an icosahedron's triangles in four `subdivisions` times (20 · 4ⁿ triangles), with exactly radial
-    /// normals; `inward` turns faces and normals to the inside. Neighbours share vertices.
+    /// A sphere by splitting an icosahedron's triangles in four `subdivisions` times (20 · 4ⁿ
+    /// triangles), with exactly radial normals; `inward` turns faces and normals to the inside.
+    /// Neighbours share vertices.
     pub fn icosphere(&mut self, center: Vec3, radius: f32, subdivisions: u32, inward: bool) {
         let (mut points, mut faces) = icosahedron();
         for _ in 0..subdivisions {
@@ -267,7 +307,8 @@ impl MeshBuilder {
         let first = self.mesh.positions.len() as u32;
         let sign = if inward { -1.0 } else { 1.0 };
         for point in points {
-            let uv = Vec2::new(point.x.atan2(point.z) / TAU + 0.5, point.y.clamp(-1.0, 1.0).acos() / PI);
+            let uv =
+                Vec2::new(point.x.atan2(point.z) / TAU + 0.5, point.y.clamp(-1.0, 1.0).acos() / PI);
             self.vertex(center + point * radius, point * sign, uv);
         }
         for [a, b, c] in faces {
@@ -279,9 +320,16 @@ impl MeshBuilder {
         }
     }
 
-    /// A curved sheet: `surface` maps (s, t) in [0, 1]² to a world position, metres; s goes right and t goes up seen from the front.
-    /// Smooth normals; texture coordinates are (s, 1 − t) · `repeats`.
-    pub fn sheet(&mut self, columns: u32, rows: u32, repeats: Vec2, surface: impl Fn(f32, f32) -> Vec3) {
+    /// A curved sheet: `surface` maps (s, t) in [0, 1]² to a world position, metres; s goes right
+    /// and t goes up seen from the front. Smooth normals; texture coordinates are (s, 1 − t) ·
+    /// `repeats`.
+    pub fn sheet(
+        &mut self,
+        columns: u32,
+        rows: u32,
+        repeats: Vec2,
+        surface: impl Fn(f32, f32) -> Vec3,
+    ) {
         let (columns, rows) = (columns.max(1), rows.max(1));
         let first = self.mesh.positions.len() as u32;
         let step = 1e-3;
@@ -290,7 +338,11 @@ impl MeshBuilder {
                 let (s, t) = (column as f32 / columns as f32, row as f32 / rows as f32);
                 let right = surface(s + step, t) - surface(s - step, t);
                 let up = surface(s, t + step) - surface(s, t - step);
-                self.vertex(surface(s, t), right.cross(up).normalize_or(Vec3::Z), Vec2::new(s, 1.0 - t) * repeats);
+                self.vertex(
+                    surface(s, t),
+                    right.cross(up).normalize_or(Vec3::Z),
+                    Vec2::new(s, 1.0 - t) * repeats,
+                );
             }
         }
         for row in 0..rows {
@@ -328,16 +380,20 @@ fn icosahedron() -> (Vec<Vec3>, Vec<[u32; 3]>) {
     let golden = (1.0 + 5.0_f32.sqrt()) / 2.0;
     let mut points = Vec::with_capacity(12);
     for (a, b) in [(1.0, golden), (-1.0, golden), (1.0, -golden), (-1.0, -golden)] {
-        points.extend([Vec3::new(0.0, a, b), Vec3::new(a, b, 0.0), Vec3::new(b, 0.0, a)].map(Vec3::normalize));
+        points.extend(
+            [Vec3::new(0.0, a, b), Vec3::new(a, b, 0.0), Vec3::new(b, 0.0, a)].map(Vec3::normalize),
+        );
     }
-    // Faces are the triples of mutual neighbours: all edges are equally long, 1.05 on the unit sphere; other pairs are 1.7 or more apart.
+    // Faces are the triples of mutual neighbours: all edges are equally long, 1.05 on the unit
+    // sphere; other pairs are 1.7 or more apart.
     let near = |i: usize, j: usize| points[i].distance_squared(points[j]) < 1.5;
     let mut faces = Vec::with_capacity(20);
     for a in 0..12 {
         for b in a + 1..12 {
             for c in b + 1..12 {
                 if near(a, b) && near(b, c) && near(c, a) {
-                    let outward = (points[b] - points[a]).cross(points[c] - points[a]).dot(points[a]) > 0.0;
+                    let outward =
+                        (points[b] - points[a]).cross(points[c] - points[a]).dot(points[a]) > 0.0;
                     faces.push(if outward { [a, b, c] } else { [a, c, b] }.map(|i| i as u32));
                 }
             }
@@ -357,7 +413,10 @@ mod tests {
             for index in triangle {
                 let normal = mesh.normals[*index as usize];
                 assert!((normal.length() - 1.0).abs() < 1e-4);
-                assert!(normal.dot(geometric) > least, "{normal} against {geometric} at {a} {b} {c}");
+                assert!(
+                    normal.dot(geometric) > least,
+                    "{normal} against {geometric} at {a} {b} {c}"
+                );
             }
         }
     }
@@ -369,12 +428,23 @@ mod tests {
         let solid = builder.clone().finish(0);
         normals_agree(&solid, 0.999);
         let center = Vec3::new(0.5, 1.0, 1.5);
-        assert!(solid.positions.iter().zip(&solid.normals).all(|(position, normal)| (*position - center).dot(*normal) > 0.0));
+        assert!(
+            solid
+                .positions
+                .iter()
+                .zip(&solid.normals)
+                .all(|(position, normal)| (*position - center).dot(*normal) > 0.0)
+        );
         let mut builder = MeshBuilder::new();
         builder.room(Vec3::ZERO, Vec3::new(1.0, 2.0, 3.0));
         let room = builder.finish(0);
         normals_agree(&room, 0.999);
-        assert!(room.positions.iter().zip(&room.normals).all(|(position, normal)| (*position - center).dot(*normal) < 0.0));
+        assert!(
+            room.positions
+                .iter()
+                .zip(&room.normals)
+                .all(|(position, normal)| (*position - center).dot(*normal) < 0.0)
+        );
         let mut open = MeshBuilder::new();
         open.cuboid(Vec3::ZERO, Vec3::ONE, Faces::ALL.without(Faces::TOP).without(Faces::BOTTOM));
         assert_eq!(open.triangle_count(), 8);
@@ -403,11 +473,23 @@ mod tests {
         builder.lathe(Vec3::ZERO, &[(0.0, 0.4), (1.0, 0.3), (1.2, 0.5), (1.5, 0.0)], 12);
         normals_agree(&builder.finish(0), 0.9);
         let mut builder = MeshBuilder::new();
-        let shape = ArchShape { top: 4.0, spring: 2.0, radius: 0.9, jamb_foot: 0.0, thickness: 0.3, segments: 8, with_top: true };
+        let shape = ArchShape {
+            top: 4.0,
+            spring: 2.0,
+            radius: 0.9,
+            jamb_foot: 0.0,
+            thickness: 0.3,
+            segments: 8,
+            with_top: true,
+        };
         builder.arch(Vec3::ZERO, Vec3::X * 2.4, shape);
         let arch = builder.finish(0);
         normals_agree(&arch, 0.9);
-        assert!(arch.positions.iter().all(|p| p.z.abs() < 0.151 && p.y < 4.001 && p.x > -0.001 && p.x < 2.401));
+        assert!(
+            arch.positions
+                .iter()
+                .all(|p| p.z.abs() < 0.151 && p.y < 4.001 && p.x > -0.001 && p.x < 2.401)
+        );
         let mut builder = MeshBuilder::new();
         builder.sheet(8, 8, Vec2::ONE, |s, t| Vec3::new(s, t, 0.1 * (s * 9.0).sin()));
         let sheet = builder.finish(0);

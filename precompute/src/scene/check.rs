@@ -15,30 +15,57 @@ pub(super) struct Problem {
     pub(super) remedy: String,
 }
 
-fn wrong(field: impl Into<String>, problem: impl Into<String>, remedy: impl Into<String>) -> Result<(), Problem> {
+fn wrong(
+    field: impl Into<String>,
+    problem: impl Into<String>,
+    remedy: impl Into<String>,
+) -> Result<(), Problem> {
     Err(Problem { field: field.into(), problem: problem.into(), remedy: remedy.into() })
 }
 
-/// Checks `value` against a range that says in words what is `allowed`; a value that is not a number is in no range.
-fn number(field: &str, value: f32, is_allowed: impl Fn(f32) -> bool, allowed: &str) -> Result<(), Problem> {
-    if value.is_finite() && is_allowed(value) { Ok(()) } else { wrong(field, format!("is {value}"), format!("give a finite {allowed}")) }
+/// Checks `value` against a range that says in words what is `allowed`; a value that is not a
+/// number is in no range.
+fn number(
+    field: &str,
+    value: f32,
+    is_allowed: impl Fn(f32) -> bool,
+    allowed: &str,
+) -> Result<(), Problem> {
+    if value.is_finite() && is_allowed(value) {
+        Ok(())
+    } else {
+        wrong(field, format!("is {value}"), format!("give a finite {allowed}"))
+    }
 }
 
 fn finite(field: &str, vector: Vec3) -> Result<(), Problem> {
-    (0..3).try_for_each(|axis| number(&format!("{field}[{axis}]"), vector[axis], |_| true, "number of metres"))
+    (0..3).try_for_each(|axis| {
+        number(&format!("{field}[{axis}]"), vector[axis], |_| true, "number of metres")
+    })
 }
 
 fn direction(field: &str, vector: Vec3) -> Result<(), Problem> {
     finite(field, vector)?;
     // In double precision, so that a short direction's square does not vanish.
     if vector.as_dvec3().length() < 1e-12 {
-        return wrong(field, "is zero", "give the way that the light travels, such as (0.0, -1.0, 0.0)");
+        return wrong(
+            field,
+            "is zero",
+            "give the way that the light travels, such as (0.0, -1.0, 0.0)",
+        );
     }
     Ok(())
 }
 
 fn color(field: &str, color: [f32; 3]) -> Result<(), Problem> {
-    (0..3).try_for_each(|i| number(&format!("{field}[{i}]"), color[i], |value| value >= 0.0, "linear colour of at least 0"))
+    (0..3).try_for_each(|i| {
+        number(
+            &format!("{field}[{i}]"),
+            color[i],
+            |value| value >= 0.0,
+            "linear colour of at least 0",
+        )
+    })
 }
 
 /// Checks every value of a description; files that it names are looked at elsewhere.
@@ -47,7 +74,11 @@ pub(super) fn check(description: &SceneDescription) -> Result<(), Problem> {
         && !procedural::NAMES.contains(&name.as_str())
     {
         let known = procedural::NAMES.map(|name| format!("\"{name}\"")).join(", ");
-        return wrong("geometry[0]", format!("no procedural scene is called \"{name}\""), format!("use one of {known}"));
+        return wrong(
+            "geometry[0]",
+            format!("no procedural scene is called \"{name}\""),
+            format!("use one of {known}"),
+        );
     }
     for (i, each) in description.lights.iter().enumerate() {
         light(&format!("lights[{i}]"), each)?;
@@ -56,12 +87,27 @@ pub(super) fn check(description: &SceneDescription) -> Result<(), Problem> {
         Environment::None => {}
         Environment::Constant(luminance) => {
             for (i, value) in luminance.iter().enumerate() {
-                number(&format!("environment[0][{i}]"), *value, |value| value >= 0.0, "luminance of at least 0 nits")?;
+                number(
+                    &format!("environment[0][{i}]"),
+                    *value,
+                    |value| value >= 0.0,
+                    "luminance of at least 0 nits",
+                )?;
             }
         }
-        Environment::Map(_, intensity) => number("environment[1]", *intensity, |value| value >= 0.0, "intensity of at least 0 nits")?,
+        Environment::Map(_, intensity) => number(
+            "environment[1]",
+            *intensity,
+            |value| value >= 0.0,
+            "intensity of at least 0 nits",
+        )?,
     }
-    number("exposure_ev100", description.exposure_ev100, |value| (-20.0..=30.0).contains(&value), "exposure value from -20 to 30")?;
+    number(
+        "exposure_ev100",
+        description.exposure_ev100,
+        |value| (-20.0..=30.0).contains(&value),
+        "exposure value from -20 to 30",
+    )?;
     let camera = &description.camera;
     number(
         "camera.vertical_fov",
@@ -72,7 +118,11 @@ pub(super) fn check(description: &SceneDescription) -> Result<(), Problem> {
     number("camera.near", camera.near, |value| value > 0.0, "distance greater than 0 m")?;
     number("camera.far", camera.far, |value| value > 0.0, "distance greater than 0 m")?;
     if camera.near >= camera.far {
-        return wrong("camera.far", format!("is {}, not beyond near, {}", camera.far, camera.near), "give a far greater than near");
+        return wrong(
+            "camera.far",
+            format!("is {}, not beyond near, {}", camera.far, camera.near),
+            "give a far greater than near",
+        );
     }
     if let Some(bounds) = &description.bounds {
         finite("bounds.min", bounds.min)?;
@@ -95,12 +145,20 @@ pub(super) fn check(description: &SceneDescription) -> Result<(), Problem> {
 
 fn light(field: &str, light: &Light) -> Result<(), Problem> {
     let of = |name: &str| format!("{field}.{name}");
-    let positive_range = |range: f32| number(&of("range"), range, |value| value > 0.0, "range greater than 0 m");
-    let power = |power: f32| number(&of("luminous_power"), power, |value| value >= 0.0, "power of at least 0 lumens");
+    let positive_range =
+        |range: f32| number(&of("range"), range, |value| value > 0.0, "range greater than 0 m");
+    let power = |power: f32| {
+        number(&of("luminous_power"), power, |value| value >= 0.0, "power of at least 0 lumens")
+    };
     match *light {
         Light::Directional { direction: way, illuminance, color: tint } => {
             direction(&of("direction"), way)?;
-            number(&of("illuminance"), illuminance, |value| value >= 0.0, "illuminance of at least 0 lux")?;
+            number(
+                &of("illuminance"),
+                illuminance,
+                |value| value >= 0.0,
+                "illuminance of at least 0 lux",
+            )?;
             color(&of("color"), tint)
         }
         Light::Point { position, luminous_power, range, color: tint } => {
@@ -109,16 +167,38 @@ fn light(field: &str, light: &Light) -> Result<(), Problem> {
             positive_range(range)?;
             color(&of("color"), tint)
         }
-        Light::Spot { position, direction: way, luminous_power, range, inner_angle, outer_angle, color: tint } => {
+        Light::Spot {
+            position,
+            direction: way,
+            luminous_power,
+            range,
+            inner_angle,
+            outer_angle,
+            color: tint,
+        } => {
             finite(&of("position"), position)?;
             direction(&of("direction"), way)?;
             power(luminous_power)?;
             positive_range(range)?;
-            number(&of("inner_angle"), inner_angle, |value| (0.0..=90.0).contains(&value), "half angle from 0 to 90 degrees")?;
-            number(&of("outer_angle"), outer_angle, |value| value > 0.0 && value <= 90.0, "half angle above 0 and up to 90 degrees")?;
+            number(
+                &of("inner_angle"),
+                inner_angle,
+                |value| (0.0..=90.0).contains(&value),
+                "half angle from 0 to 90 degrees",
+            )?;
+            number(
+                &of("outer_angle"),
+                outer_angle,
+                |value| value > 0.0 && value <= 90.0,
+                "half angle above 0 and up to 90 degrees",
+            )?;
             if inner_angle > outer_angle {
                 let problem = format!("is {outer_angle}, less than inner_angle, {inner_angle}");
-                return wrong(of("outer_angle"), problem, "give an outer_angle of at least inner_angle");
+                return wrong(
+                    of("outer_angle"),
+                    problem,
+                    "give an outer_angle of at least inner_angle",
+                );
             }
             color(&of("color"), tint)
         }
@@ -127,7 +207,11 @@ fn light(field: &str, light: &Light) -> Result<(), Problem> {
 
 fn path(field: &str, path: &CameraPath) -> Result<(), Problem> {
     if path.keys.is_empty() {
-        return wrong(field, "has no keys", "give at least one (time: …, position: …, look_at: …), or leave the path out");
+        return wrong(
+            field,
+            "has no keys",
+            "give at least one (time: …, position: …, look_at: …), or leave the path out",
+        );
     }
     let mut previous: Option<f32> = None;
     for (i, key) in path.keys.iter().enumerate() {

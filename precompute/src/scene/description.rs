@@ -6,7 +6,8 @@ use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
-/// Share of the geometry's box cut off at each side where a description gives no bounds: walls are seldom thinner than that.
+/// Share of the geometry's box cut off at each side where a description gives no bounds: walls are
+/// seldom thinner than that.
 const DEFAULT_BOUNDS_MARGIN: f32 = 0.1;
 
 /// A scene: geometry, light, and where cameras go. Every field but the geometry has a default.
@@ -21,19 +22,22 @@ pub struct SceneDescription {
     /// What surrounds it; nothing by default.
     #[serde(default)]
     pub environment: Environment,
-    /// Exposure value at ISO 100, in [−20, 30]: 12 by default, between a lit interior (6) and a sunny day (15).
+    /// Exposure value at ISO 100, in [−20, 30]: 12 by default, between a lit interior (6) and a
+    /// sunny day (15).
     #[serde(default = "default_exposure")]
     pub exposure_ev100: f32,
     /// Lens of the cameras.
     #[serde(default)]
     pub camera: Camera,
-    /// Where cameras go; by default the geometry's box less a margin, see [`camera_bounds`](Self::camera_bounds).
+    /// Where cameras go; by default the geometry's box less a margin, see
+    /// [`camera_bounds`](Self::camera_bounds).
     #[serde(default)]
     pub bounds: Option<Bounds>,
     /// Camera paths by name; none by default.
     #[serde(default)]
     pub paths: BTreeMap<String, CameraPath>,
-    /// The file that this was read from: paths in it are relative to that file's folder. Empty for a description made by code.
+    /// The file that this was read from: paths in it are relative to that file's folder. Empty for
+    /// a description made by code.
     #[serde(skip)]
     pub source: PathBuf,
 }
@@ -48,7 +52,8 @@ pub enum Geometry {
     Procedural(String),
 }
 
-/// A light. Colours are linear RGB that scale the light, each at least 0; quantities are photometric.
+/// A light. Colours are linear RGB that scale the light, each at least 0; quantities are
+/// photometric.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub enum Light {
@@ -85,8 +90,9 @@ pub enum Light {
         /// The axis of the cone, not zero; need not be a unit vector.
         #[serde(with = "triple")]
         direction: Vec3,
-        /// Luminous power, lumens, at least 0. As in Bevy, of a lamp that would shine in all directions: the cone cuts out, it does not
-        /// concentrate, so that the intensity on the axis is power ÷ 4π candela.
+        /// Luminous power, lumens, at least 0. As in Bevy, of a lamp that would shine in all
+        /// directions: the cone cuts out, it does not concentrate, so that the intensity on the
+        /// axis is power ÷ 4π candela.
         luminous_power: f32,
         /// Distance from which on the light is cut off, metres, greater than 0; 30 by default.
         #[serde(default = "default_range")]
@@ -112,7 +118,8 @@ pub enum Environment {
     None,
     /// The same luminance in every direction, linear RGB, nits, each at least 0.
     Constant([f32; 3]),
-    /// An equirectangular picture, relative to the description, and the nits that its value 1 stands for, at least 0.
+    /// An equirectangular picture, relative to the description, and the nits that its value 1
+    /// stands for, at least 0.
     Map(String, f32),
 }
 
@@ -154,11 +161,13 @@ impl SceneDescription {
         self.source.parent().unwrap_or(Path::new("")).join(file)
     }
 
-    /// Where cameras go: [`bounds`](Self::bounds), else the geometry's box less a tenth of its extent at each side. Without geometry a
-    /// cubic metre around the origin.
+    /// Where cameras go: [`bounds`](Self::bounds), else the geometry's box less a tenth of its
+    /// extent at each side. Without geometry a cubic metre around the origin.
     pub fn camera_bounds(&self, geometry: Option<Bounds>) -> Bounds {
         let fallback = Bounds { min: Vec3::splat(-0.5), max: Vec3::splat(0.5) };
-        self.bounds.unwrap_or_else(|| geometry.map_or(fallback, |bounds| bounds.shrunk(DEFAULT_BOUNDS_MARGIN)))
+        self.bounds.unwrap_or_else(|| {
+            geometry.map_or(fallback, |bounds| bounds.shrunk(DEFAULT_BOUNDS_MARGIN))
+        })
     }
 }
 
@@ -187,11 +196,16 @@ pub(super) mod triple {
     use bevy::math::Vec3;
     use serde::{Deserialize, Deserializer, Serialize, Serializer};
 
-    pub(crate) fn serialize<S: Serializer>(vector: &Vec3, serializer: S) -> Result<S::Ok, S::Error> {
+    pub(crate) fn serialize<S: Serializer>(
+        vector: &Vec3,
+        serializer: S,
+    ) -> Result<S::Ok, S::Error> {
         vector.to_array().serialize(serializer)
     }
 
-    pub(crate) fn deserialize<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Vec3, D::Error> {
+    pub(crate) fn deserialize<'de, D: Deserializer<'de>>(
+        deserializer: D,
+    ) -> Result<Vec3, D::Error> {
         <[f32; 3]>::deserialize(deserializer).map(Vec3::from_array)
     }
 }

@@ -3,7 +3,8 @@
 use super::description::{Camera, Environment, Geometry, Light, SceneDescription};
 use bevy::math::Vec3;
 
-/// FNV-1a of 128 bits (Fowler, Noll, Vo; draft-eastlake-fnv): not safe against forgery, but two scenes never meet by chance.
+/// FNV-1a of 128 bits (Fowler, Noll, Vo; draft-eastlake-fnv): not safe against forgery, but two
+/// scenes never meet by chance.
 pub(super) struct Fingerprint(u128);
 
 impl Fingerprint {
@@ -19,7 +20,8 @@ impl Fingerprint {
 
     fn raw(&mut self, bytes: &[u8]) -> &mut Self {
         for byte in bytes {
-            self.0 = (self.0 ^ u128::from(*byte)).wrapping_mul(0x0000_0000_0100_0000_0000_0000_0000_013b);
+            self.0 = (self.0 ^ u128::from(*byte))
+                .wrapping_mul(0x0000_0000_0100_0000_0000_0000_0000_013b);
         }
         self
     }
@@ -41,11 +43,21 @@ impl Fingerprint {
         format!("{:032x}", self.0)
     }
 
-    /// Takes in what a description says about how the scene looks and where its cameras may be. Destructured in full, so that a new field
-    /// cannot be forgotten. Paths are left out on purpose: a frontier map holds for every path through its bounds, and a new tour must
-    /// not cost a new precomputation; so is where the file is.
+    /// Takes in what a description says about how the scene looks and where its cameras may be.
+    /// Destructured in full, so that a new field cannot be forgotten. Paths are left out on
+    /// purpose: a frontier map holds for every path through its bounds, and a new tour must not
+    /// cost a new precomputation; so is where the file is.
     pub(super) fn description(&mut self, description: &SceneDescription) -> &mut Self {
-        let SceneDescription { geometry, lights, environment, exposure_ev100, camera, bounds, paths: _, source: _ } = description;
+        let SceneDescription {
+            geometry,
+            lights,
+            environment,
+            exposure_ev100,
+            camera,
+            bounds,
+            paths: _,
+            source: _,
+        } = description;
         match geometry {
             // The file's content counts, not its name.
             Geometry::Gltf(_) => self.bytes(b"gltf"),
@@ -53,13 +65,25 @@ impl Fingerprint {
         };
         for light in lights {
             match *light {
-                Light::Directional { direction, illuminance, color } => {
-                    self.bytes(b"directional").vector(direction).numbers([illuminance]).numbers(color)
-                }
-                Light::Point { position, luminous_power, range, color } => {
-                    self.bytes(b"point").vector(position).numbers([luminous_power, range]).numbers(color)
-                }
-                Light::Spot { position, direction, luminous_power, range, inner_angle, outer_angle, color } => self
+                Light::Directional { direction, illuminance, color } => self
+                    .bytes(b"directional")
+                    .vector(direction)
+                    .numbers([illuminance])
+                    .numbers(color),
+                Light::Point { position, luminous_power, range, color } => self
+                    .bytes(b"point")
+                    .vector(position)
+                    .numbers([luminous_power, range])
+                    .numbers(color),
+                Light::Spot {
+                    position,
+                    direction,
+                    luminous_power,
+                    range,
+                    inner_angle,
+                    outer_angle,
+                    color,
+                } => self
                     .bytes(b"spot")
                     .vector(position)
                     .vector(direction)
@@ -101,6 +125,9 @@ mod tests {
             fingerprint.digits()
         };
         assert_ne!(digits(&[b"ab", b"c"]), digits(&[b"a", b"bc"]));
-        assert_eq!(Fingerprint::new().numbers([0.0]).digits(), Fingerprint::new().numbers([-0.0]).digits());
+        assert_eq!(
+            Fingerprint::new().numbers([0.0]).digits(),
+            Fingerprint::new().numbers([-0.0]).digits()
+        );
     }
 }

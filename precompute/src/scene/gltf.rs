@@ -1,8 +1,10 @@
 //! Geometry out of a `.glb` or `.gltf` file. No file, however broken, makes this panic.
 //!
-//! Read: every triangle primitive of the default scene (lists, strips and fans) in its node's place, `POSITION`, `NORMAL`, `TEXCOORD_0`,
-//! `COLOR_0`, base colour with its texture, roughness, metallic, emission (its unitless factor is taken as nits), alpha mask, and whether it
-//! is double-sided. Skins stay in their bind pose. Blended materials become opaque. Cameras, lights and animations are left out.
+//! Read: every triangle primitive of the default scene (lists, strips and fans) in its node's
+//! place, `POSITION`, `NORMAL`, `TEXCOORD_0`, `COLOR_0`, base colour with its texture, roughness,
+//! metallic, emission (its unitless factor is taken as nits), alpha mask, and whether it is
+//! double-sided. Skins stay in their bind pose. Blended materials become opaque. Cameras, lights
+//! and animations are left out.
 
 use super::gltf_buffers::{Buffers, read_uri};
 use super::{AlphaMode, SceneGeometry, SceneMaterial, SceneMesh, SceneTexture};
@@ -29,7 +31,9 @@ pub enum GltfError {
         source: std::io::Error,
     },
     /// The file's length is not what its header says: a copy or a download was cut short.
-    #[error("it is cut short: its header says {expected} bytes and it has {found}; copy or download it again")]
+    #[error(
+        "it is cut short: its header says {expected} bytes and it has {found}; copy or download it again"
+    )]
     Truncated {
         /// Bytes by the header.
         expected: u64,
@@ -47,12 +51,14 @@ pub enum GltfError {
     Unsupported(String),
 }
 
-/// Reads the geometry of the file at `path`. What of it could not be used is in [`SceneGeometry::warnings`].
+/// Reads the geometry of the file at `path`. What of it could not be used is in
+/// [`SceneGeometry::warnings`].
 ///
 /// # Errors
 /// [`GltfError`], when the file is missing, broken or without a triangle.
 pub fn load(path: &Path) -> Result<SceneGeometry, GltfError> {
-    let bytes = std::fs::read(path).map_err(|source| GltfError::Unreadable { file: path.to_path_buf(), source })?;
+    let bytes = std::fs::read(path)
+        .map_err(|source| GltfError::Unreadable { file: path.to_path_buf(), source })?;
     parse(&bytes, path)
 }
 
@@ -63,8 +69,12 @@ pub fn load(path: &Path) -> Result<SceneGeometry, GltfError> {
 pub fn parse(bytes: &[u8], path: &Path) -> Result<SceneGeometry, GltfError> {
     let (file, buffers) = open(bytes, path)?;
     let mut geometry = SceneGeometry::default();
-    let textures: Vec<Option<usize>> = file.textures().map(|texture| decode_texture(&texture, &buffers, path, &mut geometry)).collect();
-    geometry.materials = file.materials().map(|material| convert_material(&material, &textures)).collect();
+    let textures: Vec<Option<usize>> = file
+        .textures()
+        .map(|texture| decode_texture(&texture, &buffers, path, &mut geometry))
+        .collect();
+    geometry.materials =
+        file.materials().map(|material| convert_material(&material, &textures)).collect();
     // The last stands for "no material".
     geometry.materials.push(SceneMaterial { metallic: 0.0, ..SceneMaterial::default() });
     add_nodes(&file, &buffers, &mut geometry)?;
@@ -74,7 +84,8 @@ pub fn parse(bytes: &[u8], path: &Path) -> Result<SceneGeometry, GltfError> {
     Ok(geometry)
 }
 
-/// The bytes of every buffer of the file, in order: with the file's own bytes, all that its geometry depends on.
+/// The bytes of every buffer of the file, in order: with the file's own bytes, all that its
+/// geometry depends on.
 pub(super) fn buffer_contents(bytes: &[u8], path: &Path) -> Result<Vec<Vec<u8>>, GltfError> {
     let (_, buffers) = open(bytes, path)?;
     Ok(buffers.iter().map(<[u8]>::to_vec).collect())
@@ -82,7 +93,9 @@ pub(super) fn buffer_contents(bytes: &[u8], path: &Path) -> Result<Vec<Vec<u8>>,
 
 fn open(bytes: &[u8], path: &Path) -> Result<(Gltf, Buffers), GltfError> {
     if let Some(header) = bytes.strip_prefix(b"glTF") {
-        let word = |at: usize| header.get(at..at + 4).and_then(|word| word.try_into().ok()).map(u32::from_le_bytes);
+        let word = |at: usize| {
+            header.get(at..at + 4).and_then(|word| word.try_into().ok()).map(u32::from_le_bytes)
+        };
         let (expected, found) = (word(4).map_or(12, u64::from), bytes.len() as u64);
         if found < expected {
             return Err(GltfError::Truncated { expected, found });
@@ -91,27 +104,45 @@ fn open(bytes: &[u8], path: &Path) -> Result<(Gltf, Buffers), GltfError> {
     let Gltf { document, blob } = Gltf::from_slice_without_validation(bytes)?;
     let root = document.into_json();
     // The crate's own validation takes these indices for sound and panics where they are not.
-    let attributes = root.meshes.iter().flat_map(|mesh| &mesh.primitives).flat_map(|primitive| primitive.attributes.values());
-    if let Some(index) = attributes.map(|index| index.value()).find(|index| *index >= root.accessors.len()) {
-        return Err(GltfError::Broken(format!("an attribute names accessor {index} of {}", root.accessors.len())));
+    let attributes = root
+        .meshes
+        .iter()
+        .flat_map(|mesh| &mesh.primitives)
+        .flat_map(|primitive| primitive.attributes.values());
+    if let Some(index) =
+        attributes.map(|index| index.value()).find(|index| *index >= root.accessors.len())
+    {
+        return Err(GltfError::Broken(format!(
+            "an attribute names accessor {index} of {}",
+            root.accessors.len()
+        )));
     }
     let file = Gltf { document: gltf::Document::from_json(root)?, blob };
     let buffers = Buffers::read(&file, path)?;
     Ok((file, buffers))
 }
 
-fn add_nodes(file: &Gltf, buffers: &Buffers, geometry: &mut SceneGeometry) -> Result<(), GltfError> {
-    let mut pending: Vec<(gltf::Node, Mat4)> = match file.default_scene().or_else(|| file.scenes().next()) {
-        Some(scene) => scene.nodes().map(|node| (node, Mat4::IDENTITY)).collect(),
-        None => return Err(GltfError::Broken("it has no scene".into())),
-    };
+fn add_nodes(
+    file: &Gltf,
+    buffers: &Buffers,
+    geometry: &mut SceneGeometry,
+) -> Result<(), GltfError> {
+    let mut pending: Vec<(gltf::Node, Mat4)> =
+        match file.default_scene().or_else(|| file.scenes().next()) {
+            Some(scene) => scene.nodes().map(|node| (node, Mat4::IDENTITY)).collect(),
+            None => return Err(GltfError::Broken("it has no scene".into())),
+        };
     let mut visited = vec![false; file.nodes().len()];
     // A stack of our own, for a chain of nodes can be longer than the program's stack is deep.
     while let Some((node, parent)) = pending.pop() {
         if std::mem::replace(&mut visited[node.index()], true) {
-            return Err(GltfError::Broken(format!("node {} has two parents, or is its own ancestor", node.index())));
+            return Err(GltfError::Broken(format!(
+                "node {} has two parents, or is its own ancestor",
+                node.index()
+            )));
         }
-        // A skinned mesh stands where its joints say, in bind pose at the origin, and not where its node is.
+        // A skinned mesh stands where its joints say, in bind pose at the origin, and not where its
+        // node is.
         let transform = parent * Mat4::from_cols_array_2d(&node.transform().matrix());
         let place = if node.skin().is_some() { Mat4::IDENTITY } else { transform };
         for primitive in node.mesh().iter().flat_map(gltf::Mesh::primitives) {
@@ -119,7 +150,9 @@ fn add_nodes(file: &Gltf, buffers: &Buffers, geometry: &mut SceneGeometry) -> Re
                 geometry.meshes.push(mesh);
             }
             if geometry.triangle_count() > GREATEST_TRIANGLE_COUNT {
-                return Err(GltfError::Unsupported(format!("it has more than {GREATEST_TRIANGLE_COUNT} triangles")));
+                return Err(GltfError::Unsupported(format!(
+                    "it has more than {GREATEST_TRIANGLE_COUNT} triangles"
+                )));
             }
         }
         pending.extend(node.children().map(|child| (child, transform)));
@@ -135,14 +168,21 @@ fn convert_primitive(
 ) -> Result<Option<SceneMesh>, GltfError> {
     let mode = primitive.mode();
     if !matches!(mode, Mode::Triangles | Mode::TriangleStrip | Mode::TriangleFan) {
-        geometry.warnings.push(format!("primitive {} is made of {mode:?} and not drawn", primitive.index()));
+        geometry
+            .warnings
+            .push(format!("primitive {} is made of {mode:?} and not drawn", primitive.index()));
         return Ok(None);
     }
     let Some(accessor) = primitive.get(&Semantic::Positions) else { return Ok(None) };
-    let positions: Vec<Vec3> = buffers.vectors::<3>(&accessor, &[Dimensions::Vec3])?.into_iter().map(Vec3::from_array).collect();
+    let positions: Vec<Vec3> = buffers
+        .vectors::<3>(&accessor, &[Dimensions::Vec3])?
+        .into_iter()
+        .map(Vec3::from_array)
+        .collect();
     let count = positions.len();
     let complete = |found: usize, what: &str| {
-        let problem = || GltfError::Broken(format!("a primitive has {count} positions but {found} {what}"));
+        let problem =
+            || GltfError::Broken(format!("a primitive has {count} positions but {found} {what}"));
         (found == count).then_some(()).ok_or_else(problem)
     };
     let order = match primitive.indices() {
@@ -150,7 +190,9 @@ fn convert_primitive(
         None => (0..count as u32).collect(),
     };
     if let Some(index) = order.iter().find(|index| **index as usize >= count) {
-        return Err(GltfError::Broken(format!("an index is {index} where there are {count} positions")));
+        return Err(GltfError::Broken(format!(
+            "an index is {index} where there are {count} positions"
+        )));
     }
     let mut mesh = SceneMesh {
         positions: positions.into_iter().map(|position| place.transform_point3(position)).collect(),
@@ -170,7 +212,11 @@ fn convert_primitive(
         mesh.indices.chunks_exact_mut(3).for_each(|triangle| triangle.swap(1, 2));
     }
     if let Some(accessor) = primitive.get(&Semantic::TexCoords(0)) {
-        mesh.uvs = buffers.vectors::<2>(&accessor, &[Dimensions::Vec2])?.into_iter().map(Vec2::from_array).collect();
+        mesh.uvs = buffers
+            .vectors::<2>(&accessor, &[Dimensions::Vec2])?
+            .into_iter()
+            .map(Vec2::from_array)
+            .collect();
         complete(mesh.uvs.len(), "texture coordinates")?;
     }
     if let Some(accessor) = primitive.get(&Semantic::Colors(0)) {
@@ -182,12 +228,17 @@ fn convert_primitive(
         None => None,
     };
     match given {
-        // The cofactor matrix, which transforms normals, needs no inverse and so bears a flattened node.
+        // The cofactor matrix, which transforms normals, needs no inverse and so bears a flattened
+        // node.
         Some(normals) => {
             complete(normals.len(), "normals")?;
             let (x, y, z) = (linear.x_axis, linear.y_axis, linear.z_axis);
-            let cofactor = Mat3::from_cols(y.cross(z), z.cross(x), x.cross(y)) * determinant.signum();
-            mesh.normals = normals.into_iter().map(|normal| (cofactor * Vec3::from_array(normal)).normalize_or(Vec3::Y)).collect();
+            let cofactor =
+                Mat3::from_cols(y.cross(z), z.cross(x), x.cross(y)) * determinant.signum();
+            mesh.normals = normals
+                .into_iter()
+                .map(|normal| (cofactor * Vec3::from_array(normal)).normalize_or(Vec3::Y))
+                .collect();
         }
         None => flatten(&mut mesh),
     }
@@ -197,16 +248,21 @@ fn convert_primitive(
 /// Strips and fans as lists, with the winding that the glTF specification gives each.
 fn triangle_list(mode: Mode, order: &[u32]) -> Vec<u32> {
     match mode {
-        Mode::TriangleStrip => {
-            order.windows(3).enumerate().flat_map(|(i, w)| if i % 2 == 0 { [w[0], w[1], w[2]] } else { [w[0], w[2], w[1]] }).collect()
+        Mode::TriangleStrip => order
+            .windows(3)
+            .enumerate()
+            .flat_map(|(i, w)| if i % 2 == 0 { [w[0], w[1], w[2]] } else { [w[0], w[2], w[1]] })
+            .collect(),
+        Mode::TriangleFan if order.len() >= 3 => {
+            order[1..].windows(2).flat_map(|pair| [order[0], pair[0], pair[1]]).collect()
         }
-        Mode::TriangleFan if order.len() >= 3 => order[1..].windows(2).flat_map(|pair| [order[0], pair[0], pair[1]]).collect(),
         Mode::TriangleFan => Vec::new(),
         _ => order[..order.len() / 3 * 3].to_vec(),
     }
 }
 
-/// Flat normals, as the glTF specification asks for where there are none: each triangle gets vertices of its own.
+/// Flat normals, as the glTF specification asks for where there are none: each triangle gets
+/// vertices of its own.
 fn flatten(mesh: &mut SceneMesh) {
     let each = |i: &u32| *i as usize;
     let positions: Vec<Vec3> = mesh.indices.iter().map(|i| mesh.positions[each(i)]).collect();
@@ -214,7 +270,9 @@ fn flatten(mesh: &mut SceneMesh) {
     mesh.colors = mesh.indices.iter().map(|i| mesh.colors[each(i)]).collect();
     mesh.normals = positions
         .chunks_exact(3)
-        .flat_map(|corners| [(corners[1] - corners[0]).cross(corners[2] - corners[0]).normalize_or(Vec3::Y); 3])
+        .flat_map(|corners| {
+            [(corners[1] - corners[0]).cross(corners[2] - corners[0]).normalize_or(Vec3::Y); 3]
+        })
         .collect();
     mesh.indices = (0..positions.len() as u32).collect();
     mesh.positions = positions;
@@ -222,8 +280,12 @@ fn flatten(mesh: &mut SceneMesh) {
 
 fn convert_material(material: &gltf::Material, textures: &[Option<usize>]) -> SceneMaterial {
     let surface = material.pbr_metallic_roughness();
-    let texture = surface.base_color_texture().and_then(|info| textures.get(info.texture().index()).copied().flatten());
-    let sound = |value: f32, least: f32, greatest: f32| if value.is_finite() { value.clamp(least, greatest) } else { least };
+    let texture = surface
+        .base_color_texture()
+        .and_then(|info| textures.get(info.texture().index()).copied().flatten());
+    let sound = |value: f32, least: f32, greatest: f32| {
+        if value.is_finite() { value.clamp(least, greatest) } else { least }
+    };
     SceneMaterial {
         base_color: surface.base_color_factor().map(|value| sound(value, 0.0, 1.0)),
         perceptual_roughness: sound(surface.roughness_factor(), 0.0, 1.0),
@@ -231,7 +293,9 @@ fn convert_material(material: &gltf::Material, textures: &[Option<usize>]) -> Sc
         reflectance: 0.5,
         emissive: material.emissive_factor().map(|value| sound(value, 0.0, f32::MAX)),
         alpha: match material.alpha_mode() {
-            gltf::material::AlphaMode::Mask => AlphaMode::Mask(sound(material.alpha_cutoff().unwrap_or(0.5), 0.0, 1.0)),
+            gltf::material::AlphaMode::Mask => {
+                AlphaMode::Mask(sound(material.alpha_cutoff().unwrap_or(0.5), 0.0, 1.0))
+            }
             _ => AlphaMode::Opaque,
         },
         double_sided: material.double_sided(),
@@ -240,16 +304,23 @@ fn convert_material(material: &gltf::Material, textures: &[Option<usize>]) -> Sc
 }
 
 /// Decodes a texture into `geometry`, or says in its warnings why it is left out.
-fn decode_texture(texture: &gltf::Texture, buffers: &Buffers, path: &Path, geometry: &mut SceneGeometry) -> Option<usize> {
+fn decode_texture(
+    texture: &gltf::Texture,
+    buffers: &Buffers,
+    path: &Path,
+    geometry: &mut SceneGeometry,
+) -> Option<usize> {
     let image = texture.source();
     let bytes = match image.source() {
         gltf::image::Source::View { view, .. } => buffers.view(&view).map(<[u8]>::to_vec),
         gltf::image::Source::Uri { uri, .. } => read_uri(uri, path),
     };
     let decoded = bytes.map_err(|error| error.to_string()).and_then(|bytes| {
-        let picture = image::load_from_memory(&bytes).map_err(|error| error.to_string())?.into_rgba8();
+        let picture =
+            image::load_from_memory(&bytes).map_err(|error| error.to_string())?.into_rgba8();
         let (width, height) = picture.dimensions();
-        SceneTexture::from_rgba8(width, height, picture.into_raw(), None).ok_or_else(|| "it is empty".to_owned())
+        SceneTexture::from_rgba8(width, height, picture.into_raw(), None)
+            .ok_or_else(|| "it is empty".to_owned())
     });
     match decoded {
         Ok(texture) => {

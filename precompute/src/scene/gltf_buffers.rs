@@ -9,17 +9,24 @@ use std::path::Path;
 pub(super) struct Buffers(Vec<Vec<u8>>);
 
 impl Buffers {
-    /// Reads every buffer: the GLB's own, those written into the JSON as base64, and those beside `path`.
+    /// Reads every buffer: the GLB's own, those written into the JSON as base64, and those beside
+    /// `path`.
     pub(super) fn read(file: &Gltf, path: &Path) -> Result<Self, GltfError> {
         let mut buffers = Vec::new();
         for buffer in file.buffers() {
             let data = match buffer.source() {
-                buffer::Source::Bin => file.blob.clone().ok_or(GltfError::Broken("it names a binary chunk that is not there".into()))?,
+                buffer::Source::Bin => file
+                    .blob
+                    .clone()
+                    .ok_or(GltfError::Broken("it names a binary chunk that is not there".into()))?,
                 buffer::Source::Uri(uri) => read_uri(uri, path)?,
             };
             if data.len() < buffer.length() {
                 let (index, wanted) = (buffer.index(), buffer.length());
-                return Err(GltfError::Broken(format!("buffer {index} should hold {wanted} bytes and holds {}", data.len())));
+                return Err(GltfError::Broken(format!(
+                    "buffer {index} should hold {wanted} bytes and holds {}",
+                    data.len()
+                )));
             }
             buffers.push(data);
         }
@@ -35,17 +42,25 @@ impl Buffers {
     pub(super) fn view(&self, view: &buffer::View) -> Result<&[u8], GltfError> {
         let bytes = self.0.get(view.buffer().index());
         let end = view.offset().checked_add(view.length());
-        bytes
-            .zip(end)
-            .and_then(|(bytes, end)| bytes.get(view.offset()..end))
-            .ok_or_else(|| GltfError::Broken(format!("buffer view {} reaches beyond buffer {}", view.index(), view.buffer().index())))
+        bytes.zip(end).and_then(|(bytes, end)| bytes.get(view.offset()..end)).ok_or_else(|| {
+            GltfError::Broken(format!(
+                "buffer view {} reaches beyond buffer {}",
+                view.index(),
+                view.buffer().index()
+            ))
+        })
     }
 
-    /// Checks that all elements of an accessor are in its buffer view, and gives the view's bytes, the stride and the first element's offset.
+    /// Checks that all elements of an accessor are in its buffer view, and gives the view's bytes,
+    /// the stride and the first element's offset.
     fn elements(&self, accessor: &Accessor) -> Result<(&[u8], usize, usize), GltfError> {
-        let broken = |what: &str| GltfError::Broken(format!("accessor {} {what}", accessor.index()));
+        let broken =
+            |what: &str| GltfError::Broken(format!("accessor {} {what}", accessor.index()));
         if accessor.sparse().is_some() {
-            return Err(GltfError::Unsupported(format!("accessor {} is sparse; write it in full", accessor.index())));
+            return Err(GltfError::Unsupported(format!(
+                "accessor {} is sparse; write it in full",
+                accessor.index()
+            )));
         }
         let view = accessor.view().ok_or_else(|| broken("has no buffer view"))?;
         let data = self.view(&view)?;
@@ -61,13 +76,21 @@ impl Buffers {
         Ok((data, stride, accessor.offset()))
     }
 
-    /// Vectors of `COUNT` numbers; normalised integers become numbers in [0, 1] or [−1, 1]. Wider elements are cut, and what
-    /// narrower ones lack is 1, as a colour's alpha wants.
-    pub(super) fn vectors<const COUNT: usize>(&self, accessor: &Accessor, allowed: &[Dimensions]) -> Result<Vec<[f32; COUNT]>, GltfError> {
+    /// Vectors of `COUNT` numbers; normalised integers become numbers in [0, 1] or [−1, 1]. Wider
+    /// elements are cut, and what narrower ones lack is 1, as a colour's alpha wants.
+    pub(super) fn vectors<const COUNT: usize>(
+        &self,
+        accessor: &Accessor,
+        allowed: &[Dimensions],
+    ) -> Result<Vec<[f32; COUNT]>, GltfError> {
         let kind = accessor.data_type();
-        if !allowed.contains(&accessor.dimensions()) || (kind != DataType::F32 && !accessor.normalized()) {
+        if !allowed.contains(&accessor.dimensions())
+            || (kind != DataType::F32 && !accessor.normalized())
+        {
             let (index, dimensions) = (accessor.index(), accessor.dimensions());
-            return Err(GltfError::Unsupported(format!("accessor {index} holds {dimensions:?} of {kind:?}, which is not used here")));
+            return Err(GltfError::Unsupported(format!(
+                "accessor {index} holds {dimensions:?} of {kind:?}, which is not used here"
+            )));
         }
         let (data, stride, offset) = self.elements(accessor)?;
         let width = accessor.dimensions().multiplicity();
@@ -77,14 +100,21 @@ impl Buffers {
             }
             scalar(&data[offset + element * stride + component * kind.size()..], kind)
         };
-        Ok((0..accessor.count()).map(|element| std::array::from_fn(|component| read(element, component))).collect())
+        Ok((0..accessor.count())
+            .map(|element| std::array::from_fn(|component| read(element, component)))
+            .collect())
     }
 
     /// Indices of one, two or four bytes.
     pub(super) fn indices(&self, accessor: &Accessor) -> Result<Vec<u32>, GltfError> {
         let kind = accessor.data_type();
-        if accessor.dimensions() != Dimensions::Scalar || !matches!(kind, DataType::U8 | DataType::U16 | DataType::U32) {
-            return Err(GltfError::Broken(format!("accessor {} cannot hold indices", accessor.index())));
+        if accessor.dimensions() != Dimensions::Scalar
+            || !matches!(kind, DataType::U8 | DataType::U16 | DataType::U32)
+        {
+            return Err(GltfError::Broken(format!(
+                "accessor {} cannot hold indices",
+                accessor.index()
+            )));
         }
         let (data, stride, offset) = self.elements(accessor)?;
         let read = |element: usize| {
@@ -106,7 +136,10 @@ fn scalar(data: &[u8], kind: DataType) -> f32 {
         DataType::I8 => (f32::from(data[0] as i8) / 127.0).max(-1.0),
         DataType::U16 => f32::from(u16::from_le_bytes([data[0], data[1]])) / 65535.0,
         DataType::I16 => (f32::from(i16::from_le_bytes([data[0], data[1]])) / 32767.0).max(-1.0),
-        DataType::U32 => (f64::from(u32::from_le_bytes([data[0], data[1], data[2], data[3]])) / f64::from(u32::MAX)) as f32,
+        DataType::U32 => {
+            (f64::from(u32::from_le_bytes([data[0], data[1], data[2], data[3]]))
+                / f64::from(u32::MAX)) as f32
+        }
         DataType::F32 => f32::from_le_bytes([data[0], data[1], data[2], data[3]]),
     }
 }
@@ -115,10 +148,14 @@ fn scalar(data: &[u8], kind: DataType) -> f32 {
 pub(super) fn read_uri(uri: &str, path: &Path) -> Result<Vec<u8>, GltfError> {
     if let Some(data) = uri.strip_prefix("data:") {
         let encoded = data.split_once(";base64,").map(|(_, encoded)| encoded);
-        return encoded.and_then(base64).ok_or(GltfError::Broken("a data URI is not sound base64".into()));
+        return encoded
+            .and_then(base64)
+            .ok_or(GltfError::Broken("a data URI is not sound base64".into()));
     }
     if uri.contains("://") {
-        return Err(GltfError::Unsupported(format!("\"{uri}\" is not on this machine; put the file beside the scene")));
+        return Err(GltfError::Unsupported(format!(
+            "\"{uri}\" is not on this machine; put the file beside the scene"
+        )));
     }
     let file = path.parent().unwrap_or(Path::new("")).join(uri.replace("%20", " "));
     std::fs::read(&file).map_err(|source| GltfError::Unreadable { file, source })

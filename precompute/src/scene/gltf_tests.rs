@@ -53,12 +53,21 @@ fn reads_places_colors_and_materials() {
     let bounds = geometry.bounds().unwrap();
     assert_eq!((bounds.min, bounds.max), (Vec3::new(1.0, 2.0, 3.0), Vec3::new(3.0, 4.0, 3.0)));
     let mesh = &geometry.meshes[0];
-    assert!(mesh.normals.iter().all(|normal| normal.distance(Vec3::Z) < 1e-6), "normals are computed");
+    assert!(
+        mesh.normals.iter().all(|normal| normal.distance(Vec3::Z) < 1e-6),
+        "normals are computed"
+    );
     assert_eq!(mesh.colors[1], [0.0, 1.0, 1.0, 1.0]);
     assert!((mesh.colors[2][0] - 0.2).abs() < 1e-6, "colours are linear");
     let material = &geometry.materials[mesh.material];
-    assert_eq!((material.base_color, material.perceptual_roughness, material.metallic), ([0.5, 0.25, 1.0, 1.0], 0.75, 0.0));
-    assert_eq!((material.alpha, material.double_sided, material.emissive), (AlphaMode::Mask(0.25), true, [0.0, 0.0, 1.0]));
+    assert_eq!(
+        (material.base_color, material.perceptual_roughness, material.metallic),
+        ([0.5, 0.25, 1.0, 1.0], 0.75, 0.0)
+    );
+    assert_eq!(
+        (material.alpha, material.double_sided, material.emissive),
+        (AlphaMode::Mask(0.25), true, [0.0, 0.0, 1.0])
+    );
     assert_eq!(geometry.merge().meshes[0].colors[0], [0.5, 0.25, 1.0, 1.0]);
 }
 
@@ -66,7 +75,9 @@ fn reads_places_colors_and_materials() {
 fn strips_fans_and_mirrors_keep_their_fronts() {
     // In the order 0, 1, 3, 2 the quad is a strip; in 0, 1, 2, 3 it is a fan.
     for (mode, order) in [(5, [0, 1, 3, 2]), (6, [0, 1, 2, 3])] {
-        let json = QUAD.replace("\"mode\":4", &format!("\"mode\":{mode}")).replace("\"count\":6", "\"count\":4");
+        let json = QUAD
+            .replace("\"mode\":4", &format!("\"mode\":{mode}"))
+            .replace("\"count\":6", "\"count\":4");
         let mut binary = quad_binary();
         binary[..4].copy_from_slice(&order);
         let geometry = parse(&glb(&json, &binary), Path::new("test.glb")).unwrap();
@@ -74,7 +85,10 @@ fn strips_fans_and_mirrors_keep_their_fronts() {
         assert!(geometry.meshes[0].normals.iter().all(|normal| normal.z > 0.9), "mode {mode}");
     }
     let geometry = read(&QUAD.replace("[2,2,2]", "[-2,2,2]")).unwrap();
-    assert!(geometry.meshes[0].normals.iter().all(|normal| normal.z > 0.9), "a mirrored quad still faces +Z");
+    assert!(
+        geometry.meshes[0].normals.iter().all(|normal| normal.z > 0.9),
+        "a mirrored quad still faces +Z"
+    );
     let lines = read(&QUAD.replace("\"mode\":4", "\"mode\":1")).unwrap_err();
     assert!(lines.to_string().contains("no triangles"), "{lines}");
 }
@@ -82,7 +96,9 @@ fn strips_fans_and_mirrors_keep_their_fronts() {
 #[test]
 fn embedded_textures_are_decoded_or_left_out_with_a_warning() {
     let mut picture = std::io::Cursor::new(Vec::new());
-    image::RgbaImage::from_pixel(4, 4, image::Rgba([10, 20, 30, 255])).write_to(&mut picture, image::ImageFormat::Png).unwrap();
+    image::RgbaImage::from_pixel(4, 4, image::Rgba([10, 20, 30, 255]))
+        .write_to(&mut picture, image::ImageFormat::Png)
+        .unwrap();
     let picture = picture.into_inner();
     let with_texture = |data: &[u8]| {
         let json = QUAD
@@ -103,7 +119,14 @@ fn embedded_textures_are_decoded_or_left_out_with_a_warning() {
     assert_eq!((geometry.textures[0].width, geometry.textures[0].mips.len()), (4, 3));
     assert_eq!(geometry.textures[0].mips[0][..4], [10, 20, 30, 255]);
     let geometry = with_texture(b"no picture");
-    assert_eq!((geometry.materials[0].base_color_texture, geometry.textures.len(), geometry.warnings.len()), (None, 0, 1));
+    assert_eq!(
+        (
+            geometry.materials[0].base_color_texture,
+            geometry.textures.len(),
+            geometry.warnings.len()
+        ),
+        (None, 0, 1)
+    );
 }
 
 #[test]
@@ -143,7 +166,9 @@ fn contradictions_are_refused() {
     }
     let mut binary = quad_binary();
     binary[0] = 200;
-    assert!(parse(&glb(QUAD, &binary), Path::new("test.glb")).unwrap_err().to_string().contains("200"));
+    assert!(
+        parse(&glb(QUAD, &binary), Path::new("test.glb")).unwrap_err().to_string().contains("200")
+    );
     let mut binary = quad_binary();
     binary[24..28].copy_from_slice(&f32::NAN.to_le_bytes());
     assert!(parse(&glb(QUAD, &binary), Path::new("test.glb")).is_err());

@@ -30,7 +30,8 @@ pub enum SceneError {
         line: usize,
         /// From 1, in characters.
         column: usize,
-        /// The field, such as `lights[0].direction` or `paths["tour"][1].time`; empty for the whole.
+        /// The field, such as `lights[0].direction` or `paths["tour"][1].time`; empty for the
+        /// whole.
         field: String,
         /// What is wrong.
         problem: String,
@@ -42,10 +43,12 @@ pub enum SceneError {
 /// Reads the scene description at `path` and checks it, with the files that it names.
 ///
 /// # Errors
-/// [`SceneError`], which names the file, the line, the column, the field, what is wrong and what would be right.
+/// [`SceneError`], which names the file, the line, the column, the field, what is wrong and what
+/// would be right.
 pub fn load(path: impl AsRef<Path>) -> Result<SceneDescription, SceneError> {
     let path = path.as_ref();
-    let text = std::fs::read_to_string(path).map_err(|source| SceneError::Unreadable { file: path.to_path_buf(), source })?;
+    let text = std::fs::read_to_string(path)
+        .map_err(|source| SceneError::Unreadable { file: path.to_path_buf(), source })?;
     let description = parse(&text, path)?;
     let at_field = |problem| locate_problem(&text, path, problem);
     if let Geometry::Gltf(_) = description.geometry {
@@ -57,14 +60,15 @@ pub fn load(path: impl AsRef<Path>) -> Result<SceneDescription, SceneError> {
     Ok(description)
 }
 
-/// Reads a description from `text` and checks it, but not the files that it names; `path` is named in errors and where those files are
-/// relative to.
+/// Reads a description from `text` and checks it, but not the files that it names; `path` is named
+/// in errors and where those files are relative to.
 ///
 /// # Errors
 /// As [`load`].
 pub fn parse(text: &str, path: &Path) -> Result<SceneDescription, SceneError> {
     let options = ron::Options::default().with_default_extension(Extensions::IMPLICIT_SOME);
-    let mut description: SceneDescription = options.from_str(text).map_err(|error| explain(text, path, &error))?;
+    let mut description: SceneDescription =
+        options.from_str(text).map_err(|error| explain(text, path, &error))?;
     description.source = path.to_path_buf();
     check::check(&description).map_err(|problem| locate_problem(text, path, problem))?;
     Ok(description)
@@ -79,9 +83,10 @@ impl SceneDescription {
         self.build_geometry().map(SceneGeometry::merge).map_err(|problem| self.locate(problem))
     }
 
-    /// The scene's identity: 32 hexadecimal digits, the same on every machine, that change with whatever changes a picture or where
-    /// cameras may be: the values of this description (but not its paths, its layout or its name), the bytes of the files that it names,
-    /// the revision of a procedural scene. Pictures beside a `.gltf` are not looked at; those in a `.glb` are.
+    /// The scene's identity: 32 hexadecimal digits, the same on every machine, that change with
+    /// whatever changes a picture or where cameras may be: the values of this description (but not
+    /// its paths, its layout or its name), the bytes of the files that it names, the revision of a
+    /// procedural scene. Pictures beside a `.gltf` are not looked at; those in a `.glb` are.
     ///
     /// # Errors
     /// [`SceneError::Invalid`] at the field whose file cannot be read.
@@ -91,12 +96,14 @@ impl SceneDescription {
         match &self.geometry {
             Geometry::Gltf(name) => {
                 let path = self.resolve(name);
-                let unreadable = |source| gltf::GltfError::Unreadable { file: path.clone(), source };
+                let unreadable =
+                    |source| gltf::GltfError::Unreadable { file: path.clone(), source };
                 let contents = std::fs::read(&path).map_err(unreadable).and_then(|bytes| {
                     let buffers = gltf::buffer_contents(&bytes, &path)?;
                     Ok((bytes, buffers))
                 });
-                let (bytes, buffers) = contents.map_err(|error| self.locate(geometry_problem(name, &error)))?;
+                let (bytes, buffers) =
+                    contents.map_err(|error| self.locate(geometry_problem(name, &error)))?;
                 fingerprint.bytes(&bytes);
                 buffers.iter().for_each(|buffer| {
                     fingerprint.bytes(buffer);
@@ -107,14 +114,17 @@ impl SceneDescription {
             }
         }
         if let Environment::Map(name, _) = &self.environment {
-            fingerprint.bytes(&read_environment(self, name).map_err(|problem| self.locate(problem))?);
+            fingerprint
+                .bytes(&read_environment(self, name).map_err(|problem| self.locate(problem))?);
         }
         Ok(fingerprint.digits())
     }
 
     fn build_geometry(&self) -> Result<SceneGeometry, Problem> {
         match &self.geometry {
-            Geometry::Gltf(name) => gltf::load(&self.resolve(name)).map_err(|error| geometry_problem(name, &error)),
+            Geometry::Gltf(name) => {
+                gltf::load(&self.resolve(name)).map_err(|error| geometry_problem(name, &error))
+            }
             Geometry::Procedural(name) => procedural::build(name).ok_or_else(|| Problem {
                 field: "geometry[0]".into(),
                 problem: format!("no procedural scene is called \"{name}\""),
@@ -135,7 +145,11 @@ fn geometry_problem(name: &str, error: &gltf::GltfError) -> Problem {
         gltf::GltfError::Unreadable { .. } => "give a file relative to the description",
         _ => "give a sound .glb or .gltf file",
     };
-    Problem { field: "geometry[0]".into(), problem: format!("\"{name}\" cannot be used: {error}"), remedy: remedy.into() }
+    Problem {
+        field: "geometry[0]".into(),
+        problem: format!("\"{name}\" cannot be used: {error}"),
+        remedy: remedy.into(),
+    }
 }
 
 fn read_environment(description: &SceneDescription, name: &str) -> Result<Vec<u8>, Problem> {
@@ -147,7 +161,11 @@ fn read_environment(description: &SceneDescription, name: &str) -> Result<Vec<u8
     })
 }
 
-fn locate_problem(text: &str, path: &Path, Problem { field, problem, remedy }: Problem) -> SceneError {
+fn locate_problem(
+    text: &str,
+    path: &Path,
+    Problem { field, problem, remedy }: Problem,
+) -> SceneError {
     // A field that has its default is not in the text: then the nearest one around it that is.
     let values = locate::values(text);
     let mut sought = field.as_str();
@@ -166,21 +184,30 @@ fn locate_problem(text: &str, path: &Path, Problem { field, problem, remedy }: P
 fn explain(text: &str, path: &Path, error: &SpannedError) -> SceneError {
     let position = match error.code {
         // Here ron has read past the name that is wrong.
-        ron::Error::NoSuchStructField { .. } | ron::Error::NoSuchEnumVariant { .. } => error.span.start,
+        ron::Error::NoSuchStructField { .. } | ron::Error::NoSuchEnumVariant { .. } => {
+            error.span.start
+        }
         _ => error.span.end,
     };
     let (line, column) = (position.line, position.col);
-    // ron misses a field when it meets the bracket that ends its struct, and that is not a place in the value before it.
+    // ron misses a field when it meets the bracket that ends its struct, and that is not a place in
+    // the value before it.
     let with_end = !matches!(error.code, ron::Error::MissingStructField { .. });
     let around = locate::field_at(text, line, column, with_end);
     let (field, remedy) = match &error.code {
-        ron::Error::NoSuchStructField { expected, found, .. } => (found.clone(), known("fields", found, expected)),
-        ron::Error::NoSuchEnumVariant { expected, found, .. } => (around, known("names", found, expected)),
+        ron::Error::NoSuchStructField { expected, found, .. } => {
+            (found.clone(), known("fields", found, expected))
+        }
+        ron::Error::NoSuchEnumVariant { expected, found, .. } => {
+            (around, known("names", found, expected))
+        }
         ron::Error::MissingStructField { field, .. } => {
             let inside = if around.is_empty() { String::new() } else { format!("{around}.") };
             (format!("{inside}{field}"), format!("add {field}: …"))
         }
-        ron::Error::DuplicateStructField { field, .. } => ((*field).to_owned(), "give it once".to_owned()),
+        ron::Error::DuplicateStructField { field, .. } => {
+            ((*field).to_owned(), "give it once".to_owned())
+        }
         _ => (around, "see the scene files that come with this for the form".to_owned()),
     };
     let problem = lower_first(&error.code.to_string());
@@ -189,11 +216,17 @@ fn explain(text: &str, path: &Path, error: &SpannedError) -> SceneError {
 
 fn lower_first(sentence: &str) -> String {
     let mut characters = sentence.chars();
-    characters.next().map(|first| first.to_lowercase().chain(characters).collect()).unwrap_or_default()
+    characters
+        .next()
+        .map(|first| first.to_lowercase().chain(characters).collect())
+        .unwrap_or_default()
 }
 
 fn known(what: &str, found: &str, expected: &[&str]) -> String {
-    let nearest = expected.iter().min_by_key(|name| distance(found, name)).filter(|name| distance(found, name) <= 3);
+    let nearest = expected
+        .iter()
+        .min_by_key(|name| distance(found, name))
+        .filter(|name| distance(found, name) <= 3);
     let guess = nearest.map(|name| format!("did you mean {name}? ")).unwrap_or_default();
     format!("{guess}known {what}: {}", expected.join(", "))
 }

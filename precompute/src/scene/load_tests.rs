@@ -27,14 +27,19 @@ fn sound() -> SceneDescription {
     parse(SOUND, Path::new("a.scene.ron")).unwrap()
 }
 
-/// Replaces `from` in the sound text and checks place, field and words of the error: it must point at `anchor` in its line.
+/// Replaces `from` in the sound text and checks place, field and words of the error: it must point
+/// at `anchor` in its line.
 fn spoiled(from: &str, to: &str, (line, anchor): (usize, &str), field: &str, words: &[&str]) {
     assert_eq!(SOUND.matches(from).count(), 1, "{from}");
     let text = SOUND.replace(from, to);
     let column = text.lines().nth(line - 1).unwrap().find(anchor).unwrap() + 1;
     let error = parse(&text, Path::new("dir/a.scene.ron")).expect_err(to);
     let message = error.to_string();
-    let SceneError::Invalid { line: found_line, column: found_column, field: found_field, .. } = &error else { panic!("{error:?}") };
+    let SceneError::Invalid { line: found_line, column: found_column, field: found_field, .. } =
+        &error
+    else {
+        panic!("{error:?}")
+    };
     assert_eq!((*found_line, found_field.as_str()), (line, field), "{message}");
     assert_eq!(*found_column, column, "{message}");
     assert!(message.starts_with(&format!("dir/a.scene.ron:{line}:")), "{message}");
@@ -48,7 +53,10 @@ fn the_documented_form_is_read() {
     let description = sound();
     assert_eq!(description.lights.len(), 3);
     assert_eq!(description.environment, Environment::Constant([200.0, 220.0, 260.0]));
-    assert_eq!(description.bounds, Some(Bounds { min: Vec3::new(-8.0, 0.5, -8.0), max: Vec3::new(8.0, 6.0, 8.0) }));
+    assert_eq!(
+        description.bounds,
+        Some(Bounds { min: Vec3::new(-8.0, 0.5, -8.0), max: Vec3::new(8.0, 6.0, 8.0) })
+    );
     assert_eq!(description.paths["tour"].duration(), 2.5);
     let Light::Spot { range, color, .. } = description.lights[2] else { panic!() };
     assert_eq!((range, color), (30.0, [1.0; 3]));
@@ -57,19 +65,28 @@ fn the_documented_form_is_read() {
 
 #[test]
 fn everything_but_the_geometry_has_a_default() {
-    let description = parse("(geometry: Procedural(\"furnace\"))", Path::new("f.scene.ron")).unwrap();
+    let description =
+        parse("(geometry: Procedural(\"furnace\"))", Path::new("f.scene.ron")).unwrap();
     let mut expected = SceneDescription::new(Geometry::Procedural("furnace".into()));
     expected.source = "f.scene.ron".into();
     assert_eq!(description, expected);
     let bounds = description.camera_bounds(description.geometry().unwrap().bounds());
     assert!((bounds.max.x - 1.6).abs() < 0.01 && (bounds.min.y + 1.6).abs() < 0.01, "{bounds:?}");
-    let partial = parse("(geometry: Procedural(\"furnace\"), camera: (far: 9.0))", Path::new("f.scene.ron")).unwrap();
+    let partial =
+        parse("(geometry: Procedural(\"furnace\"), camera: (far: 9.0))", Path::new("f.scene.ron"))
+            .unwrap();
     assert_eq!((partial.camera.far, partial.camera.near), (9.0, 0.1));
 }
 
 #[test]
 fn wrong_values_are_named_with_line_column_and_field() {
-    spoiled("\"cornell\"", "\"cornel\"", (2, "\"cornel\""), "geometry[0]", &["\"cornel\"", "courtyard", "furnace"]);
+    spoiled(
+        "\"cornell\"",
+        "\"cornel\"",
+        (2, "\"cornel\""),
+        "geometry[0]",
+        &["\"cornel\"", "courtyard", "furnace"],
+    );
     spoiled("(-0.45, -1.0, -0.3)", "(0, 0, 0)", (4, "(0, 0, 0)"), "lights[0].direction", &["zero"]);
     spoiled("50000.0", "NaN", (4, "NaN"), "lights[0].illuminance", &["NaN", "at least 0 lux"]);
     spoiled("50000.0", "-1", (4, "-1,"), "lights[0].illuminance", &["-1"]);
@@ -93,13 +110,18 @@ fn wrong_values_are_named_with_line_column_and_field() {
 
 #[test]
 fn wrong_words_are_named_with_what_is_known() {
-    let at = |from: &str, to: &str| match parse(&SOUND.replace(from, to), Path::new("a.scene.ron")).expect_err(to) {
+    let at = |from: &str, to: &str| match parse(&SOUND.replace(from, to), Path::new("a.scene.ron"))
+        .expect_err(to)
+    {
         SceneError::Invalid { line, field, problem, remedy, .. } => (line, field, problem, remedy),
         other => panic!("{other}"),
     };
     let (line, field, _, remedy) = at("exposure_ev100", "exposure_ev10");
     assert_eq!((line, field.as_str()), (10, "exposure_ev10"));
-    assert!(remedy.contains("did you mean exposure_ev100?") && remedy.contains("environment"), "{remedy}");
+    assert!(
+        remedy.contains("did you mean exposure_ev100?") && remedy.contains("environment"),
+        "{remedy}"
+    );
     let (line, field, _, remedy) = at("range: 31", "reach: 31");
     assert_eq!((line, field.as_str()), (5, "reach"));
     assert!(remedy.contains("luminous_power"), "{remedy}");
@@ -112,7 +134,9 @@ fn wrong_words_are_named_with_what_is_known() {
     let (line, ..) = at("near: 0.1,", "near: 0.1");
     assert_eq!(line, 11);
     assert!(matches!(parse("", Path::new("a")), Err(SceneError::Invalid { line: 1, .. })));
-    assert!(matches!(parse("(lights: [])", Path::new("a")), Err(SceneError::Invalid { field, .. }) if field == "geometry"));
+    assert!(
+        matches!(parse("(lights: [])", Path::new("a")), Err(SceneError::Invalid { field, .. }) if field == "geometry")
+    );
 }
 
 #[test]
@@ -121,7 +145,9 @@ fn missing_and_broken_files_are_named_at_their_field() {
     let file = folder.path().join("a.scene.ron");
     let missing = load(&file).expect_err("missing").to_string();
     assert!(missing.contains("a.scene.ron"), "{missing}");
-    let write = |geometry: &str| std::fs::write(&file, SOUND.replace("Procedural(\"cornell\")", geometry)).unwrap();
+    let write = |geometry: &str| {
+        std::fs::write(&file, SOUND.replace("Procedural(\"cornell\")", geometry)).unwrap()
+    };
     let fails = |words: &[&str]| match load(&file).expect_err("broken") {
         error @ SceneError::Invalid { line: 2, column: 20, .. } => {
             let message = error.to_string();
@@ -140,7 +166,9 @@ fn missing_and_broken_files_are_named_at_their_field() {
     assert_eq!(load(&file).unwrap().geometry().unwrap().triangle_count(), 2);
     let text = SOUND.replace("Constant((200.0, 220.0, 260.0))", "Map(\"sky.hdr\", 1000.0)");
     std::fs::write(&file, text).unwrap();
-    assert!(matches!(load(&file), Err(SceneError::Invalid { line: 9, field, .. }) if field == "environment[0]"));
+    assert!(
+        matches!(load(&file), Err(SceneError::Invalid { line: 9, field, .. }) if field == "environment[0]")
+    );
 }
 
 #[test]
@@ -158,9 +186,14 @@ fn the_fingerprint_follows_content_and_nothing_else() {
     assert_eq!(first.len(), 32);
     assert_eq!(print(&text.replace("// lux", "").replace("    ", "\t")), first, "layout");
     assert_eq!(print(&text.replace("2.5", "2.75")), first, "paths");
-    for (from, to) in
-        [("12.0", "12.5"), ("-0.3)", "-0.31)"), ("31.0", "32.0"), ("61.0", "62.0"), ("(-8.0, 0.5", "(-8.0, 0.6"), ("260", "261")]
-    {
+    for (from, to) in [
+        ("12.0", "12.5"),
+        ("-0.3)", "-0.31)"),
+        ("31.0", "32.0"),
+        ("61.0", "62.0"),
+        ("(-8.0, 0.5", "(-8.0, 0.6"),
+        ("260", "261"),
+    ] {
         assert_ne!(print(&text.replace(from, to)), first, "{from}");
     }
     let mut bytes = std::fs::read(&glb).unwrap();

@@ -1,7 +1,9 @@
-//! Where in a RON text each value stands, so that an error can name its line, its column and its field.
+//! Where in a RON text each value stands, so that an error can name its line, its column and its
+//! field.
 //!
-//! ron gives the position of what it cannot parse but not the field, and forgets both once a value is read; ranges between fields can only
-//! be checked then. This reads the same text a second time, for positions alone: it is as lenient as it can be, since ron has judged already.
+//! ron gives the position of what it cannot parse but not the field, and forgets both once a value
+//! is read; ranges between fields can only be checked then. This reads the same text a second time,
+//! for positions alone: it is as lenient as it can be, since ron has judged already.
 
 /// A value's place in a text.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -31,11 +33,18 @@ pub(super) fn line_and_column(text: &str, character: usize) -> (usize, usize) {
     (before().filter(|c| *c == '\n').count() + 1, column)
 }
 
-/// The innermost value at a line and column, both from 1; a place just behind a value belongs to it if `with_end`.
+/// The innermost value at a line and column, both from 1; a place just behind a value belongs to it
+/// if `with_end`.
 pub(super) fn field_at(text: &str, line: usize, column: usize, with_end: bool) -> String {
-    let line_start: usize = text.split_inclusive('\n').take(line.saturating_sub(1)).map(|line| line.chars().count()).sum();
+    let line_start: usize = text
+        .split_inclusive('\n')
+        .take(line.saturating_sub(1))
+        .map(|line| line.chars().count())
+        .sum();
     let character = line_start + column.saturating_sub(1);
-    let inside = values(text).into_iter().filter(|value| value.start <= character && character < value.end + usize::from(with_end));
+    let inside = values(text)
+        .into_iter()
+        .filter(|value| value.start <= character && character < value.end + usize::from(with_end));
     inside.min_by_key(|value| value.end - value.start).map(|value| value.field).unwrap_or_default()
 }
 
@@ -143,7 +152,8 @@ impl Reader {
             self.value(inner, depth + 1);
             self.skip_blank();
             if self.peek() == Some(',') || self.at == start {
-                // Also past a character that nothing of the above took, so that every text comes to an end.
+                // Also past a character that nothing of the above took, so that every text comes to
+                // an end.
                 self.at += 1;
             }
         }
@@ -157,7 +167,10 @@ mod tests {
     const TEXT: &str = "// scene: (x: 1)\n(\n    geometry: Gltf(\"a,(b\\\".glb\"), /* no: 1 */\n    lights: [\n        Point(position: (0.0, -3.0, 0.5),\n              range: 1e3),\n    ],\n    paths: { \"tour\": [(time: 0.0)] },\n)\n";
 
     fn place(field: &str) -> Option<(usize, usize)> {
-        values(TEXT).iter().find(|value| value.field == field).map(|value| line_and_column(TEXT, value.start))
+        values(TEXT)
+            .iter()
+            .find(|value| value.field == field)
+            .map(|value| line_and_column(TEXT, value.start))
     }
 
     #[test]
@@ -176,7 +189,22 @@ mod tests {
 
     #[test]
     fn ends_on_any_text() {
-        for text in ["", "(", "(a", "(a:", "{\"", "([{", ")]}", "/* /*", "(a:b:c:::,,,)", "\"\\", "(((((", "/", "(/)", "(\u{e9}: 1)"] {
+        for text in [
+            "",
+            "(",
+            "(a",
+            "(a:",
+            "{\"",
+            "([{",
+            ")]}",
+            "/* /*",
+            "(a:b:c:::,,,)",
+            "\"\\",
+            "(((((",
+            "/",
+            "(/)",
+            "(\u{e9}: 1)",
+        ] {
             values(text);
             field_at(text, 1, 1, true);
             field_at(text, 9, 9, false);

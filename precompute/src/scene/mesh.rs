@@ -24,7 +24,8 @@ pub struct SceneMaterial {
     pub perceptual_roughness: f32,
     /// In [0, 1]; 0 is a dielectric.
     pub metallic: f32,
-    /// Specular intensity of a dielectric in [0, 1]; 0.5 reflects 4 % at normal incidence, 0 has no highlight.
+    /// Specular intensity of a dielectric in [0, 1]; 0.5 reflects 4 % at normal incidence, 0 has no
+    /// highlight.
     pub reflectance: f32,
     /// Emitted luminance, linear RGB, nits.
     pub emissive: [f32; 3],
@@ -53,7 +54,8 @@ impl Default for SceneMaterial {
 }
 
 impl SceneMaterial {
-    /// Everything but the base colour, as comparable bits: meshes that agree in it can be drawn as one.
+    /// Everything but the base colour, as comparable bits: meshes that agree in it can be drawn as
+    /// one.
     fn merge_key(&self) -> [u32; 10] {
         let [red, green, blue] = self.emissive.map(f32::to_bits);
         let (mode, cutoff) = match self.alpha {
@@ -182,16 +184,26 @@ impl SceneGeometry {
     pub fn validate(&self) -> Result<(), GeometryError> {
         for (mesh, data) in self.meshes.iter().enumerate() {
             let positions = data.positions.len();
-            for (attribute, found) in [("normals", data.normals.len()), ("uvs", data.uvs.len()), ("colors", data.colors.len())] {
+            for (attribute, found) in [
+                ("normals", data.normals.len()),
+                ("uvs", data.uvs.len()),
+                ("colors", data.colors.len()),
+            ] {
                 if found != positions {
-                    return Err(GeometryError::AttributeLength { mesh, attribute, positions, found });
+                    return Err(GeometryError::AttributeLength {
+                        mesh,
+                        attribute,
+                        positions,
+                        found,
+                    });
                 }
             }
             if data.indices.len() % 3 != 0 {
                 return Err(GeometryError::PartialTriangle { mesh, count: data.indices.len() });
             }
             let greatest = data.indices.iter().max().map(|index| *index as usize);
-            let texture = self.materials.get(data.material).and_then(|material| material.base_color_texture);
+            let texture =
+                self.materials.get(data.material).and_then(|material| material.base_color_texture);
             for (what, index, count) in [
                 ("vertex", greatest, positions),
                 ("material", Some(data.material), self.materials.len()),
@@ -205,19 +217,29 @@ impl SceneGeometry {
         Ok(())
     }
 
-    /// The same picture with as few materials as possible: base colours move into the vertex colours, and meshes whose materials then
-    /// agree become one. Empty meshes, and materials that none uses, go.
+    /// The same picture with as few materials as possible: base colours move into the vertex
+    /// colours, and meshes whose materials then agree become one. Empty meshes, and materials that
+    /// none uses, go.
     ///
-    /// Every material that is drawn costs a bind, and some software renderers even compile a shader per bind and frame.
+    /// Every material that is drawn costs a bind, and some software renderers even compile a shader
+    /// per bind and frame.
     #[must_use]
     pub fn merge(self) -> Self {
-        let mut merged = Self { textures: self.textures, warnings: self.warnings, ..Self::default() };
+        let mut merged =
+            Self { textures: self.textures, warnings: self.warnings, ..Self::default() };
         let mut slots = HashMap::new();
         for mesh in self.meshes {
-            let Some(material) = self.materials.get(mesh.material).filter(|_| !mesh.indices.is_empty()) else { continue };
+            let Some(material) =
+                self.materials.get(mesh.material).filter(|_| !mesh.indices.is_empty())
+            else {
+                continue;
+            };
             let slot = *slots.entry(material.merge_key()).or_insert_with(|| {
                 merged.materials.push(SceneMaterial { base_color: [1.0; 4], ..material.clone() });
-                merged.meshes.push(SceneMesh { material: merged.materials.len() - 1, ..SceneMesh::default() });
+                merged.meshes.push(SceneMesh {
+                    material: merged.materials.len() - 1,
+                    ..SceneMesh::default()
+                });
                 merged.meshes.len() - 1
             });
             let target = &mut merged.meshes[slot];
@@ -225,7 +247,9 @@ impl SceneGeometry {
             target.positions.extend(mesh.positions);
             target.normals.extend(mesh.normals);
             target.uvs.extend(mesh.uvs);
-            target.colors.extend(mesh.colors.iter().map(|color| std::array::from_fn::<_, 4, _>(|i| color[i] * material.base_color[i])));
+            target.colors.extend(mesh.colors.iter().map(|color| {
+                std::array::from_fn::<_, 4, _>(|i| color[i] * material.base_color[i])
+            }));
             target.indices.extend(mesh.indices.iter().map(|index| index + first));
         }
         merged
@@ -252,7 +276,12 @@ mod tests {
         let green = SceneMaterial { base_color: [0.0, 0.5, 0.0, 1.0], ..SceneMaterial::default() };
         let glossy = SceneMaterial { perceptual_roughness: 0.2, ..SceneMaterial::default() };
         SceneGeometry {
-            meshes: vec![triangle_mesh(0, 0.0), triangle_mesh(1, 2.0), triangle_mesh(2, 4.0), triangle_mesh(0, 6.0)],
+            meshes: vec![
+                triangle_mesh(0, 0.0),
+                triangle_mesh(1, 2.0),
+                triangle_mesh(2, 4.0),
+                triangle_mesh(0, 6.0),
+            ],
             materials: vec![red, green, glossy],
             ..SceneGeometry::default()
         }
@@ -267,7 +296,8 @@ mod tests {
         assert!(after.materials.iter().all(|material| material.base_color == [1.0; 4]));
         assert_eq!(after.meshes[0].colors[0], [0.5, 0.0, 0.0, 1.0]);
         assert_eq!(after.meshes[0].colors[3], [0.0, 0.5, 0.0, 1.0]);
-        let mut corners: Vec<_> = before.triangles().map(|triangle| triangle.corners[0].x).collect();
+        let mut corners: Vec<_> =
+            before.triangles().map(|triangle| triangle.corners[0].x).collect();
         let mut merged: Vec<_> = after.triangles().map(|triangle| triangle.corners[0].x).collect();
         corners.sort_by(f32::total_cmp);
         merged.sort_by(f32::total_cmp);
@@ -279,14 +309,23 @@ mod tests {
     fn broken_geometry_is_named() {
         let mut broken = geometry();
         broken.meshes[1].indices[2] = 3;
-        assert_eq!(broken.validate(), Err(GeometryError::OutOfRange { mesh: 1, what: "vertex", index: 3, count: 3 }));
+        assert_eq!(
+            broken.validate(),
+            Err(GeometryError::OutOfRange { mesh: 1, what: "vertex", index: 3, count: 3 })
+        );
         assert_eq!(broken.triangles().count(), 3);
         let mut broken = geometry();
         broken.meshes[2].uvs.pop();
-        assert!(matches!(broken.validate(), Err(GeometryError::AttributeLength { mesh: 2, attribute: "uvs", .. })));
+        assert!(matches!(
+            broken.validate(),
+            Err(GeometryError::AttributeLength { mesh: 2, attribute: "uvs", .. })
+        ));
         let mut broken = geometry();
         broken.materials[2].base_color_texture = Some(0);
-        assert!(matches!(broken.validate(), Err(GeometryError::OutOfRange { what: "texture", .. })));
+        assert!(matches!(
+            broken.validate(),
+            Err(GeometryError::OutOfRange { what: "texture", .. })
+        ));
         let mut broken = geometry();
         broken.meshes[0].indices.pop();
         assert_eq!(broken.validate(), Err(GeometryError::PartialTriangle { mesh: 0, count: 2 }));

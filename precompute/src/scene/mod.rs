@@ -1,4 +1,5 @@
-//! What is rendered: a scene's description file, its geometry, and where its cameras go. Plain Rust, no renderer.
+//! What is rendered: a scene's description file, its geometry, and where its cameras go. Plain
+//! Rust, no renderer.
 //!
 //! | module | job |
 //! |---|---|

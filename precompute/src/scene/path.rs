@@ -10,7 +10,8 @@ const CUT: f32 = 0.01;
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct CameraKey {
-    /// Seconds, greater than the key's before. Less than 10 ms after it, the camera cuts and does not travel.
+    /// Seconds, greater than the key's before. Less than 10 ms after it, the camera cuts and does
+    /// not travel.
     pub time: f32,
     /// Metres.
     #[serde(with = "super::description::triple")]
@@ -30,15 +31,16 @@ pub struct CameraPose {
 }
 
 impl CameraPose {
-    /// A camera at `position` that looks at `look_at`, with +Y up, or −Z where it looks straight up or down. A point that is at the
-    /// camera itself, or not finite, gives the view along −Z.
+    /// A camera at `position` that looks at `look_at`, with +Y up, or −Z where it looks straight up
+    /// or down. A point that is at the camera itself, or not finite, gives the view along −Z.
     pub fn looking_at(position: Vec3, look_at: Vec3) -> Self {
         // Not `normalize`: it would make infinities of a view a hair's breadth long.
         let forward = (look_at - position).as_dvec3().normalize_or_zero().as_vec3();
         let forward = if forward == Vec3::ZERO { Vec3::NEG_Z } else { forward };
         let up = if forward.y.abs() > 0.99999 { Vec3::NEG_Z } else { Vec3::Y };
         let right = forward.cross(up).normalize();
-        let rotation = Quat::from_mat3(&Mat3::from_cols(right, right.cross(forward), -forward)).normalize();
+        let rotation =
+            Quat::from_mat3(&Mat3::from_cols(right, right.cross(forward), -forward)).normalize();
         Self { position, rotation }
     }
 
@@ -67,11 +69,12 @@ impl CameraPath {
         self.keys.last().map_or(0.0, |key| key.time - self.start())
     }
 
-    /// The pose at `time`, in seconds on the keys' own clock; before the first key it is the first's, after the last the last's. `None`
-    /// without keys.
+    /// The pose at `time`, in seconds on the keys' own clock; before the first key it is the
+    /// first's, after the last the last's. `None` without keys.
     ///
-    /// Position and look-at point each follow a cubic Hermite curve through the keys whose speed at a key is that of the parabola through
-    /// it and its two neighbours (Catmull and Rom 1974, for keys at uneven times): no jump in speed at a key.
+    /// Position and look-at point each follow a cubic Hermite curve through the keys whose speed at
+    /// a key is that of the parabola through it and its two neighbours (Catmull and Rom 1974, for
+    /// keys at uneven times): no jump in speed at a key.
     pub fn sample(&self, time: f32) -> Option<CameraPose> {
         let (first, last) = (self.keys.first()?, self.keys.last()?);
         let key_pose = |key: &CameraKey| CameraPose::looking_at(key.position, key.look_at);
@@ -92,9 +95,13 @@ impl CameraPath {
         let t = ((time - from.time) / length).clamp(0.0, 1.0);
         let curve = |value: fn(&CameraKey) -> Vec3| {
             let (a, b) = (value(&from), value(&to));
-            let (out, into) = (self.velocity(next - 1, value) * length, self.velocity(next, value) * length);
+            let (out, into) =
+                (self.velocity(next - 1, value) * length, self.velocity(next, value) * length);
             let (t2, t3) = (t * t, t * t * t);
-            a * (2.0 * t3 - 3.0 * t2 + 1.0) + out * (t3 - 2.0 * t2 + t) + b * (3.0 * t2 - 2.0 * t3) + into * (t3 - t2)
+            a * (2.0 * t3 - 3.0 * t2 + 1.0)
+                + out * (t3 - 2.0 * t2 + t)
+                + b * (3.0 * t2 - 2.0 * t3)
+                + into * (t3 - t2)
         };
         Some(CameraPose::looking_at(curve(|key| key.position), curve(|key| key.look_at)))
     }
@@ -106,13 +113,21 @@ impl CameraPath {
             (value(b) - value(a)) / (b.time - a.time)
         };
         // No speed is taken across a cut.
-        let joined = |from: usize, to: usize| to < self.keys.len() && self.keys[to].time - self.keys[from].time >= CUT;
-        match (index.checked_sub(1).filter(|before| joined(*before, index)), joined(index, index + 1)) {
+        let joined = |from: usize, to: usize| {
+            to < self.keys.len() && self.keys[to].time - self.keys[from].time >= CUT
+        };
+        match (
+            index.checked_sub(1).filter(|before| joined(*before, index)),
+            joined(index, index + 1),
+        ) {
             (None, false) => Vec3::ZERO,
             (None, true) => slope(index, index + 1),
             (Some(before), false) => slope(before, index),
             (Some(before), true) => {
-                let (left, right) = (self.keys[index].time - self.keys[before].time, self.keys[index + 1].time - self.keys[index].time);
+                let (left, right) = (
+                    self.keys[index].time - self.keys[before].time,
+                    self.keys[index + 1].time - self.keys[index].time,
+                );
                 (slope(before, index) * right + slope(index, index + 1) * left) / (left + right)
             }
         }
@@ -146,7 +161,9 @@ mod tests {
             assert!(pose.position.distance(key.position) < 1e-6);
             assert!(pose.forward().distance((key.look_at - key.position).normalize()) < 1e-5);
         }
-        for (outside, end) in [(-5.0, 0), (f32::NAN, 0), (f32::NEG_INFINITY, 0), (9.0, 2), (f32::INFINITY, 2)] {
+        for (outside, end) in
+            [(-5.0, 0), (f32::NAN, 0), (f32::NEG_INFINITY, 0), (9.0, 2), (f32::INFINITY, 2)]
+        {
             assert_eq!(path.sample(outside).unwrap().position, path.keys[end].position);
         }
         assert_eq!(CameraPath::default().sample(0.0), None);
@@ -161,7 +178,8 @@ mod tests {
         let step = 1e-2;
         let mut time = 1.0 + step;
         while time < 4.0 - step {
-            let (before, after) = ((at(time) - at(time - step)) / step, (at(time + step) - at(time)) / step);
+            let (before, after) =
+                ((at(time) - at(time - step)) / step, (at(time + step) - at(time)) / step);
             assert!((after - before).length() < 0.2, "at {time}: {before} then {after}");
             time += step;
         }
@@ -170,7 +188,9 @@ mod tests {
     #[test]
     fn cuts_between_keys_that_all_but_coincide() {
         let keys = [(0.0, 0.0), (1.0, 1.0), (1.005, 50.0), (2.0, 51.0)];
-        let path = CameraPath { keys: keys.map(|(t, x)| key(t, Vec3::X * x, Vec3::X * x + Vec3::NEG_Z)).to_vec() };
+        let path = CameraPath {
+            keys: keys.map(|(t, x)| key(t, Vec3::X * x, Vec3::X * x + Vec3::NEG_Z)).to_vec(),
+        };
         for i in 0..=2000 {
             let x = path.sample(i as f32 * 1e-3).unwrap().position.x;
             assert!((-1e-3..=1.001).contains(&x) || (49.999..=51.001).contains(&x), "{x}");
@@ -179,7 +199,11 @@ mod tests {
 
     #[test]
     fn keys_on_a_line_at_even_speed_give_an_even_line() {
-        let path = CameraPath { keys: [0.0, 1.0, 3.0, 4.5].map(|t| key(t, Vec3::X * t, Vec3::X * t + Vec3::NEG_Z)).to_vec() };
+        let path = CameraPath {
+            keys: [0.0, 1.0, 3.0, 4.5]
+                .map(|t| key(t, Vec3::X * t, Vec3::X * t + Vec3::NEG_Z))
+                .to_vec(),
+        };
         for i in 0..45 {
             let time = i as f32 * 0.1;
             assert!(path.sample(time).unwrap().position.distance(Vec3::X * time) < 1e-5);
@@ -189,14 +213,27 @@ mod tests {
     #[test]
     fn looks_soundly_in_every_direction() {
         let position = Vec3::new(1.0, 2.0, 3.0);
-        for target in [Vec3::Y, Vec3::NEG_Y, Vec3::X, Vec3::Z, Vec3::new(1e-4, 1.0, 0.0), Vec3::new(1e-6, -1.0, 1e-6)] {
+        for target in [
+            Vec3::Y,
+            Vec3::NEG_Y,
+            Vec3::X,
+            Vec3::Z,
+            Vec3::new(1e-4, 1.0, 0.0),
+            Vec3::new(1e-6, -1.0, 1e-6),
+        ] {
             let pose = CameraPose::looking_at(position, position + target);
             assert!(pose.rotation.is_finite() && pose.rotation.is_normalized());
-            assert!(pose.forward().distance(target.normalize()) < 1e-3, "{target}: {}", pose.forward());
+            assert!(
+                pose.forward().distance(target.normalize()) < 1e-3,
+                "{target}: {}",
+                pose.forward()
+            );
         }
         let level = CameraPose::looking_at(Vec3::ZERO, Vec3::new(3.0, 1.0, 2.0)).rotation;
         assert!((level * Vec3::X).y.abs() < 1e-6 && (level * Vec3::Y).y > 0.0, "no roll");
-        for (from, to) in [(position, position), (position, Vec3::NAN), (Vec3::ZERO, Vec3::Y * f32::INFINITY)] {
+        for (from, to) in
+            [(position, position), (position, Vec3::NAN), (Vec3::ZERO, Vec3::Y * f32::INFINITY)]
+        {
             assert_eq!(CameraPose::looking_at(from, to).forward(), Vec3::NEG_Z);
         }
         let far = CameraPose::looking_at(Vec3::ZERO, Vec3::X * 1e30);

@@ -1,8 +1,10 @@
-//! Ray queries over a scene's triangles: closest and any hit, what a camera sees, whether a place is inside a solid.
+//! Ray queries over a scene's triangles: closest and any hit, what a camera sees, whether a place
+//! is inside a solid.
 //!
-//! The tree is obvhs's compressed eight-wide one (Ylitie et al. 2017, "Efficient Incoherent Ray Traversal on GPUs Through Compressed
-//! Wide BVHs"); the triangle test is ours (Möller and Trumbore 1997) in double precision with a slightly widened triangle, because a
-//! ray that slips through the seam of a closed solid would make an inside look open.
+//! The tree is obvhs's compressed eight-wide one (Ylitie et al. 2017, "Efficient Incoherent Ray
+//! Traversal on GPUs Through Compressed Wide BVHs"); the triangle test is ours (Möller and Trumbore
+//! 1997) in double precision with a slightly widened triangle, because a ray that slips through the
+//! seam of a closed solid would make an inside look open.
 
 use super::{SceneGeometry, Triangle};
 use bevy::math::{DVec3, Quat, Vec3};
@@ -17,11 +19,13 @@ const EDGE_TOLERANCE: f64 = 1e-6;
 const LEAST_AREA: f64 = 1e-14;
 /// Positions beyond this, metres, are left out: the tree's box arithmetic would overflow.
 const GREATEST_COORDINATE: f32 = 1e15;
-/// Greatest coordinate in the tree. The tree passes over boxes that end less than 0.0001 of its units ahead of a ray's start, which in a small
-/// or finely modelled scene lets rays through walls: so its unit is a fraction of a metre, chosen so that the scene just fits. A power of
-/// two: coordinates are scaled without rounding.
+/// Greatest coordinate in the tree. The tree passes over boxes that end less than 0.0001 of its
+/// units ahead of a ray's start, which in a small or finely modelled scene lets rays through walls:
+/// so its unit is a fraction of a metre, chosen so that the scene just fits. A power of two:
+/// coordinates are scaled without rounding.
 const TREE_EXTENT: f32 = 16_777_216.0;
-/// The same of smaller scenes, metres: scaled up any further, far rays would overflow in the tree's box arithmetic.
+/// The same of smaller scenes, metres: scaled up any further, far rays would overflow in the tree's
+/// box arithmetic.
 const LEAST_EXTENT: f32 = 1e-6;
 /// Columns and rows of the rays that stand for a camera's picture.
 const VIEW_GRID: (u32, u32) = (24, 14);
@@ -64,19 +68,27 @@ pub struct RayScene {
 }
 
 impl RayScene {
-    /// Builds the tree. Triangles without area, with corners that are not finite, or absurdly far away are left out.
+    /// Builds the tree. Triangles without area, with corners that are not finite, or absurdly far
+    /// away are left out.
     pub fn new(triangles: impl IntoIterator<Item = Triangle>) -> Self {
         let triangles: Vec<Triangle> = triangles.into_iter().filter(is_usable).collect();
-        let extent = triangles.iter().flat_map(|triangle| triangle.corners).map(|corner| corner.abs().max_element()).fold(0.0, f32::max);
+        let extent = triangles
+            .iter()
+            .flat_map(|triangle| triangle.corners)
+            .map(|corner| corner.abs().max_element())
+            .fold(0.0, f32::max);
         let scale = 2.0_f32.powi((TREE_EXTENT / extent.max(LEAST_EXTENT)).log2().floor() as i32);
         let boxes: Vec<obvhs::triangle::Triangle> = triangles
             .iter()
             .map(|triangle| {
-                let [v0, v1, v2] = triangle.corners.map(|corner| (corner * scale).to_array().into());
+                let [v0, v1, v2] =
+                    triangle.corners.map(|corner| (corner * scale).to_array().into());
                 obvhs::triangle::Triangle { v0, v1, v2 }
             })
             .collect();
-        let tree = (!boxes.is_empty()).then(|| build_cwbvh_from_tris(&boxes, BvhBuildParams::medium_build(), &mut Duration::default()));
+        let tree = (!boxes.is_empty()).then(|| {
+            build_cwbvh_from_tris(&boxes, BvhBuildParams::medium_build(), &mut Duration::default())
+        });
         Self { triangles, tree, scale }
     }
 
@@ -90,18 +102,27 @@ impl RayScene {
         self.triangles.len()
     }
 
-    /// The first triangle that the ray meets in (0, `greatest_distance`], from either side. `None` also for a ray whose origin or
-    /// direction is not finite, or whose direction is zero. Distances are in lengths of `direction`.
+    /// The first triangle that the ray meets in (0, `greatest_distance`], from either side. `None`
+    /// also for a ray whose origin or direction is not finite, or whose direction is zero.
+    /// Distances are in lengths of `direction`.
     pub fn closest(&self, origin: Vec3, direction: Vec3, greatest_distance: f32) -> Option<Hit> {
         self.closest_where(origin, direction, greatest_distance, |_| true)
     }
 
-    /// [`closest`](Self::closest) among the hits that `accepts` takes; the ray goes on through the others. It is asked of hits in any order,
-    /// and of some that are not the closest.
-    pub fn closest_where(&self, origin: Vec3, direction: Vec3, greatest_distance: f32, accepts: impl Fn(&Hit) -> bool) -> Option<Hit> {
+    /// [`closest`](Self::closest) among the hits that `accepts` takes; the ray goes on through the
+    /// others. It is asked of hits in any order, and of some that are not the closest.
+    pub fn closest_where(
+        &self,
+        origin: Vec3,
+        direction: Vec3,
+        greatest_distance: f32,
+        accepts: impl Fn(&Hit) -> bool,
+    ) -> Option<Hit> {
         let (tree, ray) = self.ray(origin, direction, greatest_distance)?;
         let mut nearest = RayHit::none();
-        tree.ray_traverse(ray, &mut nearest, |ray, id| self.distance_where(tree, id, ray, &accepts));
+        tree.ray_traverse(ray, &mut nearest, |ray, id| {
+            self.distance_where(tree, id, ray, &accepts)
+        });
         if nearest.t > ray.tmax || !nearest.t.is_finite() {
             return None;
         }
@@ -109,38 +130,59 @@ impl RayScene {
         Some(self.hit(tree, id, self.test(tree, id, &ray)?))
     }
 
-    /// Whether the ray meets any triangle in (0, `greatest_distance`); arguments as for [`closest`](Self::closest).
+    /// Whether the ray meets any triangle in (0, `greatest_distance`); arguments as for
+    /// [`closest`](Self::closest).
     pub fn any(&self, origin: Vec3, direction: Vec3, greatest_distance: f32) -> bool {
         self.any_where(origin, direction, greatest_distance, |_| true)
     }
 
     /// [`any`](Self::any) among the hits that `accepts` takes.
-    pub fn any_where(&self, origin: Vec3, direction: Vec3, greatest_distance: f32, accepts: impl Fn(&Hit) -> bool) -> bool {
-        self.ray(origin, direction, greatest_distance)
-            .is_some_and(|(tree, ray)| !tree.ray_traverse_miss(ray, |ray, id| self.distance_where(tree, id, ray, &accepts)))
+    pub fn any_where(
+        &self,
+        origin: Vec3,
+        direction: Vec3,
+        greatest_distance: f32,
+        accepts: impl Fn(&Hit) -> bool,
+    ) -> bool {
+        self.ray(origin, direction, greatest_distance).is_some_and(|(tree, ray)| {
+            !tree.ray_traverse_miss(ray, |ray, id| self.distance_where(tree, id, ray, &accepts))
+        })
     }
 
-    /// Whether a camera sees any triangle: at least one of a grid of 24 × 14 rays through its picture meets one. Things thinner than a
-    /// grid cell may be missed. `vertical_fov` in radians, `aspect` is width ÷ height.
-    pub fn sees_geometry(&self, position: Vec3, rotation: Quat, vertical_fov: f32, aspect: f32) -> bool {
+    /// Whether a camera sees any triangle: at least one of a grid of 24 × 14 rays through its
+    /// picture meets one. Things thinner than a grid cell may be missed. `vertical_fov` in radians,
+    /// `aspect` is width ÷ height.
+    pub fn sees_geometry(
+        &self,
+        position: Vec3,
+        rotation: Quat,
+        vertical_fov: f32,
+        aspect: f32,
+    ) -> bool {
         let (columns, rows) = VIEW_GRID;
         let half_height = (vertical_fov * 0.5).tan();
         (0..rows).any(|row| {
             (0..columns).any(|column| {
                 let x = (column as f32 + 0.5) / columns as f32 * 2.0 - 1.0;
                 let y = (row as f32 + 0.5) / rows as f32 * 2.0 - 1.0;
-                self.any(position, rotation * Vec3::new(x * half_height * aspect, y * half_height, -1.0), f32::INFINITY)
+                self.any(
+                    position,
+                    rotation * Vec3::new(x * half_height * aspect, y * half_height, -1.0),
+                    f32::INFINITY,
+                )
             })
         })
     }
 
     /// Whether `position` is inside solid matter, where a camera would see nothing but back faces.
     ///
-    /// Of 64 rays spread evenly over all directions, at least 90 % must meet something and at least 70 % of those must meet a back
-    /// face first. Inside a closed solid all do; other solids that stick into it cost a few. Behind a single sheet, such as a drape, at
-    /// most about half do, however near it is; in a room whose walls face inward none do; outdoors most rays meet nothing. Only the
-    /// winding of triangles counts, not whether their material is double-sided. A place that double sheets or a closed curtain wrap on
-    /// all sides, backs inward, cannot be told from a solid and counts as one.
+    /// Of 64 rays spread evenly over all directions, at least 90 % must meet something and at least
+    /// 70 % of those must meet a back face first. Inside a closed solid all do; other solids that
+    /// stick into it cost a few. Behind a single sheet, such as a drape, at most about half do,
+    /// however near it is; in a room whose walls face inward none do; outdoors most rays meet
+    /// nothing. Only the winding of triangles counts, not whether their material is double-sided. A
+    /// place that double sheets or a closed curtain wrap on all sides, backs inward, cannot be told
+    /// from a solid and counts as one.
     pub fn inside_geometry(&self, position: Vec3) -> bool {
         let (mut hits, mut backs) = (0_u32, 0_u32);
         for direction in sphere_directions(SPHERE_RAY_COUNT) {
@@ -154,34 +196,62 @@ impl RayScene {
 
     fn ray(&self, origin: Vec3, direction: Vec3, greatest_distance: f32) -> Option<(&CwBvh, Ray)> {
         let tree = self.tree.as_ref()?;
-        let sound = origin.is_finite() && origin.abs().max_element() < GREATEST_COORDINATE && direction.is_finite();
+        let sound = origin.is_finite()
+            && origin.abs().max_element() < GREATEST_COORDINATE
+            && direction.is_finite();
         // The tree's slab test divides by the direction, and so wants it neither tiny nor huge.
         let length = direction.length_squared();
         let sound = sound && (1e-12..=1e12).contains(&length) && greatest_distance > 0.0;
-        // A negative zero would be negative to the tree's reciprocal and not to its octants, and the ray would miss boxes: make it positive.
+        // A negative zero would be negative to the tree's reciprocal and not to its octants, and
+        // the ray would miss boxes: make it positive.
         let direction = direction + Vec3::ZERO;
         let origin = origin * self.scale;
-        sound.then(|| (tree, Ray::new(origin.to_array().into(), direction.to_array().into(), 0.0, greatest_distance * self.scale)))
+        sound.then(|| {
+            (
+                tree,
+                Ray::new(
+                    origin.to_array().into(),
+                    direction.to_array().into(),
+                    0.0,
+                    greatest_distance * self.scale,
+                ),
+            )
+        })
     }
 
     fn hit(&self, tree: &CwBvh, id: usize, (distance, side, weights): Met) -> Hit {
-        Hit { distance, side, triangle: self.triangles[tree.primitive_indices[id] as usize], weights }
+        Hit {
+            distance,
+            side,
+            triangle: self.triangles[tree.primitive_indices[id] as usize],
+            weights,
+        }
     }
 
-    /// Distance of an accepted hit in the tree's units, else infinity. Only a filter that reads the hit pays for making it.
+    /// Distance of an accepted hit in the tree's units, else infinity. Only a filter that reads the
+    /// hit pays for making it.
     #[inline]
-    fn distance_where(&self, tree: &CwBvh, id: usize, ray: &Ray, accepts: &impl Fn(&Hit) -> bool) -> f32 {
+    fn distance_where(
+        &self,
+        tree: &CwBvh,
+        id: usize,
+        ray: &Ray,
+        accepts: &impl Fn(&Hit) -> bool,
+    ) -> f32 {
         let met = self.test(tree, id, ray).filter(|met| accepts(&self.hit(tree, id, *met)));
         met.map_or(f32::INFINITY, |(distance, ..)| distance * self.scale)
     }
 
-    /// Distance in metres, side and corner weights, if the ray, which is in the tree's units, meets the triangle within its range.
+    /// Distance in metres, side and corner weights, if the ray, which is in the tree's units, meets
+    /// the triangle within its range.
     fn test(&self, tree: &CwBvh, id: usize, ray: &Ray) -> Option<Met> {
         let triangle = &self.triangles[*tree.primitive_indices.get(id)? as usize];
         let [a, b, c] = triangle.corners.map(|corner| corner.as_dvec3());
         let metres = f64::from(self.scale.recip());
-        let (origin, direction) =
-            (DVec3::from(ray.origin.to_array().map(f64::from)) * metres, DVec3::from(ray.direction.to_array().map(f64::from)));
+        let (origin, direction) = (
+            DVec3::from(ray.origin.to_array().map(f64::from)) * metres,
+            DVec3::from(ray.direction.to_array().map(f64::from)),
+        );
         let (ab, ac) = (b - a, c - a);
         let determinant = -direction.dot(ab.cross(ac));
         let inverse = 1.0 / determinant;
@@ -189,7 +259,8 @@ impl RayScene {
         let turned = offset.cross(direction);
         let (v, w) = (ac.dot(turned) * inverse, -ab.dot(turned) * inverse);
         let distance = offset.dot(ab.cross(ac)) * inverse;
-        // A ray in the triangle's plane makes these infinite or NaN, and every comparison with NaN is false.
+        // A ray in the triangle's plane makes these infinite or NaN, and every comparison with NaN
+        // is false.
         let within = v >= -EDGE_TOLERANCE && w >= -EDGE_TOLERANCE && v + w <= 1.0 + EDGE_TOLERANCE;
         let distance = distance as f32;
         (within && distance > ray.tmin && distance * self.scale <= ray.tmax).then(|| {
@@ -201,12 +272,15 @@ impl RayScene {
 
 fn is_usable(triangle: &Triangle) -> bool {
     let [a, b, c] = triangle.corners;
-    let finite = [a, b, c].iter().all(|corner| corner.is_finite() && corner.abs().max_element() < GREATEST_COORDINATE);
+    let finite = [a, b, c]
+        .iter()
+        .all(|corner| corner.is_finite() && corner.abs().max_element() < GREATEST_COORDINATE);
     let area: DVec3 = (b.as_dvec3() - a.as_dvec3()).cross(c.as_dvec3() - a.as_dvec3());
     finite && area.length() * 0.5 > LEAST_AREA
 }
 
-/// `count` unit vectors spread evenly over the sphere: a Fibonacci spiral (Swinbank and Purser 2006), points in the middle of equal-area bands.
+/// `count` unit vectors spread evenly over the sphere: a Fibonacci spiral (Swinbank and Purser
+/// 2006), points in the middle of equal-area bands.
 pub fn sphere_directions(count: u32) -> impl Iterator<Item = Vec3> {
     let golden_angle = std::f32::consts::PI * (3.0 - 5.0_f32.sqrt());
     (0..count).map(move |i| {

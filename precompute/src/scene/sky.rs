@@ -6,7 +6,9 @@ use bevy::math::Vec3;
 
 /// Why a picture is no sky.
 #[derive(Debug, thiserror::Error)]
-#[error("environment map {file}: {problem}: give a Radiance .hdr or OpenEXR file in latitude-longitude form")]
+#[error(
+    "environment map {file}: {problem}: give a Radiance .hdr or OpenEXR file in latitude-longitude form"
+)]
 pub struct SkyError {
     /// The file.
     pub file: String,
@@ -14,7 +16,8 @@ pub struct SkyError {
     pub problem: String,
 }
 
-/// Radiance of all directions. Its first row is straight up, the middle of a row is −Z, and −X is left of it. Texels are constant in themselves.
+/// Radiance of all directions. Its first row is straight up, the middle of a row is −Z, and −X is
+/// left of it. Texels are constant in themselves.
 #[derive(Clone, Debug, PartialEq)]
 pub struct SkyMap {
     /// Texels in a row, at least 1.
@@ -34,7 +37,8 @@ impl SkyMap {
         let fail = |problem: String| SkyError { file: file.display().to_string(), problem };
         let picture = image::open(file).map_err(|error| fail(error.to_string()))?.into_rgb32f();
         let texels = picture.as_raw().as_chunks().0.to_vec();
-        Self::new(picture.width(), picture.height(), texels).map_err(|problem| fail(problem.to_owned()))
+        Self::new(picture.width(), picture.height(), texels)
+            .map_err(|problem| fail(problem.to_owned()))
     }
 
     /// A sky of `width` × `height` texels, row by row.
@@ -42,7 +46,8 @@ impl SkyMap {
     /// # Errors
     /// What is wrong with it, as [`read`](Self::read).
     pub fn new(width: u32, height: u32, texels: Vec<[f32; 3]>) -> Result<Self, &'static str> {
-        if width == 0 || height == 0 || texels.len() as u64 != u64::from(width) * u64::from(height) {
+        if width == 0 || height == 0 || texels.len() as u64 != u64::from(width) * u64::from(height)
+        {
             return Err("it is empty");
         }
         if texels.iter().flatten().any(|value| !value.is_finite() || *value < 0.0) {
@@ -51,7 +56,8 @@ impl SkyMap {
         Ok(Self { width, height, texels })
     }
 
-    /// A sky of means of another one's texels, which are sound because those are. Every row must be there.
+    /// A sky of means of another one's texels, which are sound because those are. Every row must be
+    /// there.
     pub(crate) fn of_means(width: u32, height: u32, texels: Vec<[f32; 3]>) -> Self {
         debug_assert_eq!(texels.len() as u64, u64::from(width) * u64::from(height));
         Self { width, height, texels }
@@ -120,8 +126,15 @@ mod tests {
 
     #[test]
     fn skies_that_are_none_are_refused() {
-        assert!(SkyMap::new(0, 0, vec![]).is_err() && SkyMap::new(2, 2, vec![[1.0; 3]; 3]).is_err());
-        assert!(SkyMap::new(1, 1, vec![[f32::NAN, 0.0, 0.0]]).is_err() && SkyMap::new(1, 1, vec![[-1.0, 0.0, 0.0]]).is_err());
-        assert!(SkyMap::read(Path::new("no/such.hdr")).unwrap_err().to_string().contains("no/such.hdr"));
+        assert!(
+            SkyMap::new(0, 0, vec![]).is_err() && SkyMap::new(2, 2, vec![[1.0; 3]; 3]).is_err()
+        );
+        assert!(
+            SkyMap::new(1, 1, vec![[f32::NAN, 0.0, 0.0]]).is_err()
+                && SkyMap::new(1, 1, vec![[-1.0, 0.0, 0.0]]).is_err()
+        );
+        assert!(
+            SkyMap::read(Path::new("no/such.hdr")).unwrap_err().to_string().contains("no/such.hdr")
+        );
     }
 }

@@ -1,8 +1,11 @@
-//! The search on problems whose frontiers are known: ZDT1 to ZDT3 (Zitzler, Deb, Thiele 2000, "Comparison of multiobjective evolutionary algorithms")
-//! and DTLZ2 (Deb, Thiele, Laumanns, Zitzler 2002) on levels instead of real variables, and a model of rendering costs small enough to enumerate.
+//! The search on problems whose frontiers are known: ZDT1 to ZDT3 (Zitzler, Deb, Thiele 2000,
+//! "Comparison of multiobjective evolutionary algorithms") and DTLZ2 (Deb, Thiele, Laumanns,
+//! Zitzler 2002) on levels instead of real variables, and a model of rendering costs small enough
+//! to enumerate.
 //!
-//! The problems' optima lie at level 0 of most variables, which is where a search of knobs looks first. So they are moved to inner levels, a different
-//! one for each knob: nothing that seeds a search is on the frontier.
+//! The problems' optima lie at level 0 of most variables, which is where a search of knobs looks
+//! first. So they are moved to inner levels, a different one for each knob: nothing that seeds a
+//! search is on the frontier.
 
 use std::convert::Infallible;
 use std::f64::consts::{FRAC_PI_2, PI};
@@ -39,8 +42,12 @@ impl Evaluate for Problem {
 }
 
 fn space() -> KnobSpace {
-    KnobSpace::new((0..KNOBS).map(|knob| Knob::new(&format!("x{knob}"), (0..LEVELS).map(|level| level as f64))).collect())
-        .expect("a valid space")
+    KnobSpace::new(
+        (0..KNOBS)
+            .map(|knob| Knob::new(&format!("x{knob}"), (0..LEVELS).map(|level| level as f64)))
+            .collect(),
+    )
+    .expect("a valid space")
 }
 
 fn first(settings: RenderSettings) -> f64 {
@@ -53,7 +60,8 @@ fn optimum(knob: usize) -> usize {
 }
 
 fn others(settings: RenderSettings) -> impl Iterator<Item = f64> {
-    (1..KNOBS).map(move |knob| settings.level(knob).abs_diff(optimum(knob)) as f64 / (LEVELS - 1) as f64)
+    (1..KNOBS)
+        .map(move |knob| settings.level(knob).abs_diff(optimum(knob)) as f64 / (LEVELS - 1) as f64)
 }
 
 fn g(settings: RenderSettings) -> f64 {
@@ -80,8 +88,13 @@ fn dtlz2(settings: RenderSettings) -> CostPoint {
     CostPoint::new((1.0 + g) * angle.cos(), (1.0 + g) * angle.sin())
 }
 
-fn frontier_of(settings: impl IntoIterator<Item = RenderSettings>, cost: fn(RenderSettings) -> CostPoint) -> Frontier {
-    Frontier::from_points(settings.into_iter().map(|settings| FrontierPoint { settings, cost: cost(settings) }))
+fn frontier_of(
+    settings: impl IntoIterator<Item = RenderSettings>,
+    cost: fn(RenderSettings) -> CostPoint,
+) -> Frontier {
+    Frontier::from_points(
+        settings.into_iter().map(|settings| FrontierPoint { settings, cost: cost(settings) }),
+    )
 }
 
 /// The exact frontier of the discrete problem: all variables but the first at 0.
@@ -90,15 +103,29 @@ fn exact(cost: fn(RenderSettings) -> CostPoint) -> Frontier {
     frontier_of((0..LEVELS).map(|level| best.with_level(0, level)), cost)
 }
 
-fn search(space: &KnobSpace, problem: &mut Problem, inherit: &[RenderSettings], config: SearchConfig) -> SearchOutcome {
+fn search(
+    space: &KnobSpace,
+    problem: &mut Problem,
+    inherit: &[RenderSettings],
+    config: SearchConfig,
+) -> SearchOutcome {
     let Ok(outcome) = Search::new(space, config).run(problem, inherit, &mut |_| true);
     outcome
 }
 
-fn random_search(space: &KnobSpace, evaluations: usize, seed: u64, cost: fn(RenderSettings) -> CostPoint) -> Frontier {
+fn random_search(
+    space: &KnobSpace,
+    evaluations: usize,
+    seed: u64,
+    cost: fn(RenderSettings) -> CostPoint,
+) -> Frontier {
     let mut random = ChaCha8Rng::seed_from_u64(seed);
     let ends = [space.highest(), space.lowest()];
-    frontier_of(ends.into_iter().chain((2..evaluations).map(|_| space.canonical(mutation::any(space, &mut random)))), cost)
+    frontier_of(
+        ends.into_iter()
+            .chain((2..evaluations).map(|_| space.canonical(mutation::any(space, &mut random)))),
+        cost,
+    )
 }
 
 fn median(mut values: Vec<f64>) -> f64 {
@@ -106,7 +133,8 @@ fn median(mut values: Vec<f64>) -> f64 {
     values[values.len() / 2]
 }
 
-/// Worst share of the exact hypervolume over seeds, and the best that random search comes to with as many evaluations.
+/// Worst share of the exact hypervolume over seeds, and the best that random search comes to with
+/// as many evaluations.
 fn compare(cost: fn(RenderSettings) -> CostPoint, reference: CostPoint) -> (f64, f64) {
     let space = space();
     let best = exact(cost).hypervolume(reference);
@@ -117,7 +145,10 @@ fn compare(cost: fn(RenderSettings) -> CostPoint, reference: CostPoint) -> (f64,
         let found = search(&space, &mut problem, &[], config).frontier;
         assert!(problem.evaluated.len() <= 24 * 101);
         worst = worst.min(found.hypervolume(reference) / best);
-        random = random.max(random_search(&space, problem.evaluated.len(), seed, cost).hypervolume(reference) / best);
+        random = random.max(
+            random_search(&space, problem.evaluated.len(), seed, cost).hypervolume(reference)
+                / best,
+        );
     }
 
     (worst, random)
@@ -125,13 +156,19 @@ fn compare(cost: fn(RenderSettings) -> CostPoint, reference: CostPoint) -> (f64,
 
 #[test]
 fn discrete_frontiers_have_the_known_hypervolumes() {
-    // Each of the 15 steps of a staircase misses at most a column of width 1/15 of the drop beside it: together 1/15.
+    // Each of the 15 steps of a staircase misses at most a column of width 1/15 of the drop beside
+    // it: together 1/15.
     let missing = 1.0 / (LEVELS - 1) as f64;
     for (cost, known) in [(zdt1 as fn(_) -> _, 2.0 / 3.0), (zdt2, 1.0 / 3.0)] {
         let area = exact(cost).hypervolume(REFERENCE);
         assert!(area < known && area > known - missing, "{area} of {known}");
     }
-    assert!(exact(dtlz2).points().iter().all(|point| (point.cost.power.0.hypot(point.cost.error) - 1.0).abs() < 1e-12));
+    assert!(
+        exact(dtlz2)
+            .points()
+            .iter()
+            .all(|point| (point.cost.power.0.hypot(point.cost.error) - 1.0).abs() < 1e-12)
+    );
 }
 
 #[test]
@@ -162,10 +199,15 @@ fn dtlz2_ends_on_the_unit_circle() {
     let found = search(&space(), &mut problem, &[], config).frontier;
     // One variable a level off its best is (1/15)² = 0.0044 of radius.
     let radius = |point: &FrontierPoint| point.cost.power.0.hypot(point.cost.error);
-    assert!(found.points().iter().all(|point| (0.999_999..1.02).contains(&radius(point))), "{:?}", found.points());
+    assert!(
+        found.points().iter().all(|point| (0.999_999..1.02).contains(&radius(point))),
+        "{:?}",
+        found.points()
+    );
 }
 
-/// Seven knobs of rendering, 16,128 names for 13,536 pictures: costs that multiply, errors that mask one another, and one knob without effect.
+/// Seven knobs of rendering, 16,128 names for 13,536 pictures: costs that multiply, errors that
+/// mask one another, and one knob without effect.
 fn rendering_space() -> KnobSpace {
     let levels = |count: u32| (0..count).map(f64::from);
     KnobSpace::new(vec![
@@ -192,7 +234,9 @@ fn rendering(settings: RenderSettings) -> CostPoint {
     let gi_error = if settings.level(0) == 0 {
         0.12
     } else {
-        lost(1.0 - level(0) / 6.0, 0.08) + lost(1.0 - level(1) / 2.0, 0.02) + lost(1.0 - level(2) / 3.0, 0.03)
+        lost(1.0 - level(0) / 6.0, 0.08)
+            + lost(1.0 - level(1) / 2.0, 0.02)
+            + lost(1.0 - level(2) / 3.0, 0.03)
     };
     let kept = (1.0 - gi_error)
         * (1.0 - lost(1.0 - level(3) / 3.0, 0.04))
@@ -204,23 +248,48 @@ fn rendering(settings: RenderSettings) -> CostPoint {
 #[test]
 fn few_evaluations_find_most_of_a_rendering_frontier() {
     let space = rendering_space();
-    let reference = CostPoint { power: rendering(space.highest()).power, error: rendering(space.lowest()).error };
+    let reference = CostPoint {
+        power: rendering(space.highest()).power,
+        error: rendering(space.lowest()).error,
+    };
     let exact = frontier_of(space.iter(), rendering);
     let best = exact.hypervolume(reference);
     let mut lines = Vec::new();
     for evaluations in [15, 30, 60, 120, 240, 480] {
         let (mut cold, mut warm, mut random) = (Vec::new(), Vec::new(), Vec::new());
         for seed in 0..11 {
-            let config = SearchConfig { seed, max_evaluations: Some(evaluations), ..SearchConfig::default() };
+            let config = SearchConfig {
+                seed,
+                max_evaluations: Some(evaluations),
+                ..SearchConfig::default()
+            };
             let mut problem = Problem::new(rendering);
-            cold.push(search(&space, &mut problem, &[], config.clone()).frontier.hypervolume(reference) / best);
+            cold.push(
+                search(&space, &mut problem, &[], config.clone()).frontier.hypervolume(reference)
+                    / best,
+            );
             assert_eq!(problem.evaluated.len(), evaluations);
             // A neighbour that was searched with as little.
-            let mut neighbour = Problem::new(|settings| rendering(settings.with_level(3, settings.level(3).max(1))));
-            let inherit = search(&space, &mut neighbour, &[], SearchConfig { seed: seed + 100, ..config.clone() }).frontier;
+            let mut neighbour = Problem::new(|settings| {
+                rendering(settings.with_level(3, settings.level(3).max(1)))
+            });
+            let inherit = search(
+                &space,
+                &mut neighbour,
+                &[],
+                SearchConfig { seed: seed + 100, ..config.clone() },
+            )
+            .frontier;
             let inherit: Vec<_> = inherit.points().iter().map(|point| point.settings).collect();
-            warm.push(search(&space, &mut Problem::new(rendering), &inherit, config).frontier.hypervolume(reference) / best);
-            random.push(random_search(&space, evaluations, seed, rendering).hypervolume(reference) / best);
+            warm.push(
+                search(&space, &mut Problem::new(rendering), &inherit, config)
+                    .frontier
+                    .hypervolume(reference)
+                    / best,
+            );
+            random.push(
+                random_search(&space, evaluations, seed, rendering).hypervolume(reference) / best,
+            );
         }
         lines.push((evaluations, [median(cold), median(warm), median(random)]));
     }
@@ -256,18 +325,39 @@ fn nothing_is_evaluated_twice_and_everything_is_canonical() {
 
 #[test]
 fn a_small_space_is_enumerated_and_a_limit_is_kept() {
-    let space = KnobSpace::new(vec![Knob::new("a", [0.0, 1.0, 2.0]), Knob::new("b", [0.0, 1.0]).needing("a", 1)]).expect("a valid space");
+    let space = KnobSpace::new(vec![
+        Knob::new("a", [0.0, 1.0, 2.0]),
+        Knob::new("b", [0.0, 1.0]).needing("a", 1),
+    ])
+    .expect("a valid space");
     let mut problem = Problem::new(rendering);
     assert_eq!(search(&space, &mut problem, &[], SearchConfig::default()).evaluations, 5);
     // Just short of all: evolves, and still finds nothing twice.
     let mut problem = Problem::new(rendering);
-    assert_eq!(search(&space, &mut problem, &[], SearchConfig { max_evaluations: Some(4), ..SearchConfig::default() }).evaluations, 4);
+    assert_eq!(
+        search(
+            &space,
+            &mut problem,
+            &[],
+            SearchConfig { max_evaluations: Some(4), ..SearchConfig::default() }
+        )
+        .evaluations,
+        4
+    );
     let mut problem = Problem::new(rendering);
-    let none = search(&space, &mut problem, &[], SearchConfig { max_evaluations: Some(0), ..SearchConfig::default() });
+    let none = search(
+        &space,
+        &mut problem,
+        &[],
+        SearchConfig { max_evaluations: Some(0), ..SearchConfig::default() },
+    );
     assert_eq!(problem.evaluated, [space.highest(), space.lowest()]);
     assert_eq!(none.frontier.points().len(), 2);
     let empty = KnobSpace::default();
-    assert_eq!(search(&empty, &mut Problem::new(rendering), &[], SearchConfig::default()).evaluations, 1);
+    assert_eq!(
+        search(&empty, &mut Problem::new(rendering), &[], SearchConfig::default()).evaluations,
+        1
+    );
 }
 
 #[test]
@@ -275,7 +365,12 @@ fn a_seed_decides_everything() {
     let space = rendering_space();
     let order = |seed| {
         let mut problem = Problem::new(rendering);
-        search(&space, &mut problem, &[], SearchConfig { seed, max_evaluations: Some(100), ..SearchConfig::default() });
+        search(
+            &space,
+            &mut problem,
+            &[],
+            SearchConfig { seed, max_evaluations: Some(100), ..SearchConfig::default() },
+        );
         problem.evaluated
     };
     assert_eq!(order(7), order(7));
@@ -285,10 +380,19 @@ fn a_seed_decides_everything() {
 #[test]
 fn costs_that_are_not_finite_are_survived() {
     let space = rendering_space();
-    let nothing = search(&space, &mut Problem::new(|_| CostPoint::new(f64::NAN, 0.0)), &[], SearchConfig::default());
+    let nothing = search(
+        &space,
+        &mut Problem::new(|_| CostPoint::new(f64::NAN, 0.0)),
+        &[],
+        SearchConfig::default(),
+    );
     assert!(nothing.frontier.is_empty() && nothing.complete);
     let half = |settings: RenderSettings| {
-        if settings.level(5).is_multiple_of(2) { CostPoint::new(f64::INFINITY, f64::NAN) } else { rendering(settings) }
+        if settings.level(5).is_multiple_of(2) {
+            CostPoint::new(f64::INFINITY, f64::NAN)
+        } else {
+            rendering(settings)
+        }
     };
     let found = search(&space, &mut Problem::new(half), &[], SearchConfig::default()).frontier;
     assert!(found.points().len() > 5 && found.points().iter().all(|point| point.cost.is_finite()));
@@ -304,7 +408,8 @@ fn it_stops_anywhere_with_the_best_so_far() {
             asked += 1;
             asked < patience
         };
-        let Ok(outcome) = Search::new(&space, SearchConfig::default()).run(&mut problem, &[], &mut keep_going);
+        let Ok(outcome) =
+            Search::new(&space, SearchConfig::default()).run(&mut problem, &[], &mut keep_going);
         assert_eq!(outcome.evaluations, patience.saturating_sub(1));
         assert!(!outcome.complete);
         assert_eq!(outcome.frontier, frontier_of(problem.evaluated, rendering));

@@ -7,7 +7,8 @@ use bevy_frugal_gi::knobs::RenderSettings;
 
 use super::Evaluate;
 
-/// An evaluator with a memory. Settings must be [canonical](bevy_frugal_gi::knobs::KnobSpace::canonical), or one picture has several names.
+/// An evaluator with a memory. Settings must be
+/// [canonical](bevy_frugal_gi::knobs::KnobSpace::canonical), or one picture has several names.
 #[derive(Debug)]
 pub(super) struct Cached<'e, E> {
     inner: &'e mut E,

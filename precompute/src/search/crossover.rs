@@ -1,13 +1,19 @@
-//! Uniform crossover (Syswerda 1989, "Uniform crossover in genetic algorithms"): two settings swap the levels of some knobs.
+//! Uniform crossover (Syswerda 1989, "Uniform crossover in genetic algorithms"): two settings swap
+//! the levels of some knobs.
 //!
-//! Wang et al. 2016, section 3.5.1.2, swap parameter values between two settings to make two offspring. Uniform, and not at one or two points, because
-//! the order of knobs in a space means nothing.
+//! Wang et al. 2016, section 3.5.1.2, swap parameter values between two settings to make two
+//! offspring. Uniform, and not at one or two points, because the order of knobs in a space means
+//! nothing.
 
 use bevy_frugal_gi::knobs::{KnobSpace, RenderSettings};
 use rand::{Rng, RngExt};
 
 /// Two offspring, each knob's two levels swapped between them with probability ½.
-pub(crate) fn swap_levels(space: &KnobSpace, parents: [RenderSettings; 2], random: &mut impl Rng) -> [RenderSettings; 2] {
+pub(crate) fn swap_levels(
+    space: &KnobSpace,
+    parents: [RenderSettings; 2],
+    random: &mut impl Rng,
+) -> [RenderSettings; 2] {
     let [mut one, mut other] = parents;
     for knob in 0..space.len() {
         if random.random_bool(0.5) {
@@ -28,7 +34,10 @@ mod tests {
 
     #[test]
     fn every_level_comes_from_one_parent_and_none_is_lost() {
-        let space = KnobSpace::new((0..8).map(|i| Knob::new(&format!("k{i}"), [0.0, 1.0, 2.0, 3.0])).collect()).expect("a valid space");
+        let space = KnobSpace::new(
+            (0..8).map(|i| Knob::new(&format!("k{i}"), [0.0, 1.0, 2.0, 3.0])).collect(),
+        )
+        .expect("a valid space");
         let mut random = ChaCha8Rng::seed_from_u64(1);
         let parents = [space.lowest(), space.highest()];
         let mut swaps = [0; 8];

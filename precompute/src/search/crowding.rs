@@ -7,7 +7,8 @@ use bevy_frugal_gi::frontier::{CostPoint, FrontierPoint};
 
 use super::sorting::fronts;
 
-/// For each member of `front`, half the perimeter of the box between its neighbours, both costs scaled to the front's range. Infinite at the ends.
+/// For each member of `front`, half the perimeter of the box between its neighbours, both costs
+/// scaled to the front's range. Infinite at the ends.
 pub(crate) fn crowding_distances(costs: &[CostPoint], front: &[usize]) -> Vec<f64> {
     let mut distances = vec![0.0; front.len()];
     let measures: [fn(&CostPoint) -> f64; 2] = [|cost| cost.power.0, |cost| cost.error];
@@ -15,7 +16,9 @@ pub(crate) fn crowding_distances(costs: &[CostPoint], front: &[usize]) -> Vec<f6
         let value = |place: usize| measure(&costs[front[place]]);
         let mut order: Vec<usize> = (0..front.len()).collect();
         order.sort_by(|a, b| value(*a).total_cmp(&value(*b)));
-        let (Some(first), Some(last)) = (order.first().copied(), order.last().copied()) else { return distances };
+        let (Some(first), Some(last)) = (order.first().copied(), order.last().copied()) else {
+            return distances;
+        };
         let range = value(last) - value(first);
         distances[first] = f64::INFINITY;
         distances[last] = f64::INFINITY;
@@ -28,7 +31,8 @@ pub(crate) fn crowding_distances(costs: &[CostPoint], front: &[usize]) -> Vec<f6
     distances
 }
 
-/// How fit each point is: its front's number (0 is best), and its crowding distance (larger is better).
+/// How fit each point is: its front's number (0 is best), and its crowding distance (larger is
+/// better).
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Fitness {
     rank: usize,
@@ -56,12 +60,14 @@ pub(crate) fn fitness(points: &[FrontierPoint]) -> Vec<Fitness> {
 
 /// The fittest `capacity` of `points`.
 ///
-/// Of points with equal costs all but the first come last: a knob without effect makes clones, which the crowding distance alone would let fill the
-/// first front. The paper has continuous variables and no such clones.
+/// Of points with equal costs all but the first come last: a knob without effect makes clones,
+/// which the crowding distance alone would let fill the first front. The paper has continuous
+/// variables and no such clones.
 pub(crate) fn survivors(points: Vec<FrontierPoint>, capacity: usize) -> Vec<FrontierPoint> {
     let mut costs = HashSet::new();
-    let (mut unique, mut clones): (Vec<_>, Vec<_>) =
-        points.into_iter().partition(|point| costs.insert((point.cost.power.0.to_bits(), point.cost.error.to_bits())));
+    let (mut unique, mut clones): (Vec<_>, Vec<_>) = points.into_iter().partition(|point| {
+        costs.insert((point.cost.power.0.to_bits(), point.cost.error.to_bits()))
+    });
     let fitness = fitness(&unique);
     let mut order: Vec<usize> = (0..unique.len()).collect();
     order.sort_by(|a, b| fitness[*a].compare(fitness[*b]));
@@ -79,17 +85,24 @@ mod tests {
 
     #[test]
     fn distances_are_the_scaled_gaps_between_neighbours() {
-        let costs = [(0.0, 1.0), (1.0, 0.6), (4.0, 0.2), (5.0, 0.0)].map(|(power, error)| CostPoint::new(power, error));
+        let costs = [(0.0, 1.0), (1.0, 0.6), (4.0, 0.2), (5.0, 0.0)]
+            .map(|(power, error)| CostPoint::new(power, error));
         let distances = crowding_distances(&costs, &[0, 1, 2, 3]);
         assert!(distances[0].is_infinite() && distances[3].is_infinite());
         // (4 - 0) / 5 + (1 - 0.2) / 1 and (5 - 1) / 5 + (0.6 - 0) / 1.
-        assert!((distances[1] - 1.6).abs() < 1e-12 && (distances[2] - 1.4).abs() < 1e-12, "{distances:?}");
+        assert!(
+            (distances[1] - 1.6).abs() < 1e-12 && (distances[2] - 1.4).abs() < 1e-12,
+            "{distances:?}"
+        );
         assert!(crowding_distances(&costs, &[]).is_empty());
     }
 
     #[test]
     fn the_crowded_and_the_cloned_go_first() {
-        let point = |bits, power, error| FrontierPoint { settings: RenderSettings::from_bits(bits), cost: CostPoint::new(power, error) };
+        let point = |bits, power, error| FrontierPoint {
+            settings: RenderSettings::from_bits(bits),
+            cost: CostPoint::new(power, error),
+        };
         let points = vec![
             point(0, 0.0, 1.0),
             point(1, 0.0, 1.0), // a clone of the first
@@ -98,7 +111,12 @@ mod tests {
             point(4, 1.0, 0.0),
             point(5, 1.0, 1.0), // beaten
         ];
-        let kept = |capacity| survivors(points.clone(), capacity).iter().map(|point| point.settings.bits()).collect::<Vec<_>>();
+        let kept = |capacity| {
+            survivors(points.clone(), capacity)
+                .iter()
+                .map(|point| point.settings.bits())
+                .collect::<Vec<_>>()
+        };
         assert_eq!(kept(3), [0, 4, 3]);
         assert_eq!(kept(5), [0, 4, 3, 2, 5]);
         assert_eq!(kept(9).len(), 6);

@@ -1,21 +1,24 @@
 //! Where the frontier is sparse: settings between two neighbours that lie far apart.
 //!
-//! The last evaluations of a search are worth most there: a budget that falls into a gap is met by settings that are cheaper than they need be.
+//! The last evaluations of a search are worth most there: a budget that falls into a gap is met by
+//! settings that are cheaper than they need be.
 
 use bevy_frugal_gi::frontier::{Frontier, FrontierPoint};
 use bevy_frugal_gi::knobs::{KnobSpace, RenderSettings};
 use rand::Rng;
 use rand::seq::SliceRandom;
 
-/// Settings in the widest gap that has some that are not `taken`: first half way between its ends, then one knob of an end moved
-/// towards the other, then an end's neighbours.
+/// Settings in the widest gap that has some that are not `taken`: first half way between its ends,
+/// then one knob of an end moved towards the other, then an end's neighbours.
 pub(crate) fn propose(
     space: &KnobSpace,
     frontier: &Frontier,
     random: &mut impl Rng,
     taken: impl Fn(RenderSettings) -> bool,
 ) -> Option<RenderSettings> {
-    let free = |settings: RenderSettings| Some(space.canonical(settings)).filter(|settings| !taken(*settings));
+    let free = |settings: RenderSettings| {
+        Some(space.canonical(settings)).filter(|settings| !taken(*settings))
+    };
     for [low, high] in widest_first(frontier) {
         let halfway = space.from_levels(|knob, _| (low.level(knob) + high.level(knob)) / 2);
         if let Some(settings) = free(halfway) {
@@ -23,13 +26,16 @@ pub(crate) fn propose(
         }
         let mut towards: Vec<RenderSettings> = (0..space.len())
             .filter(|knob| low.level(*knob) != high.level(*knob))
-            .flat_map(|knob| [low.with_level(knob, high.level(knob)), high.with_level(knob, low.level(knob))])
+            .flat_map(|knob| {
+                [low.with_level(knob, high.level(knob)), high.with_level(knob, low.level(knob))]
+            })
             .collect();
         towards.shuffle(random);
         if let Some(settings) = towards.into_iter().find_map(free) {
             return Some(settings);
         }
-        let mut neighbours: Vec<RenderSettings> = [low, high].into_iter().flat_map(|end| neighbours(space, end)).collect();
+        let mut neighbours: Vec<RenderSettings> =
+            [low, high].into_iter().flat_map(|end| neighbours(space, end)).collect();
         neighbours.shuffle(random);
         if let Some(settings) = neighbours.into_iter().find_map(free) {
             return Some(settings);
@@ -38,10 +44,17 @@ pub(crate) fn propose(
     None
 }
 
-/// The ends of each gap between neighbours on `frontier`, by the area of the box between them: what a point in it can gain in hypervolume at most.
+/// The ends of each gap between neighbours on `frontier`, by the area of the box between them: what
+/// a point in it can gain in hypervolume at most.
 fn widest_first(frontier: &Frontier) -> Vec<[RenderSettings; 2]> {
-    let area = |a: &FrontierPoint, b: &FrontierPoint| (b.cost.power - a.cost.power).0 * (a.cost.error - b.cost.error);
-    let mut gaps: Vec<_> = frontier.points().windows(2).map(|two| (area(&two[0], &two[1]), [two[0].settings, two[1].settings])).collect();
+    let area = |a: &FrontierPoint, b: &FrontierPoint| {
+        (b.cost.power - a.cost.power).0 * (a.cost.error - b.cost.error)
+    };
+    let mut gaps: Vec<_> = frontier
+        .points()
+        .windows(2)
+        .map(|two| (area(&two[0], &two[1]), [two[0].settings, two[1].settings]))
+        .collect();
     gaps.sort_by(|a, b| b.0.total_cmp(&a.0));
     gaps.into_iter().map(|(_, ends)| ends).collect()
 }
@@ -72,19 +85,32 @@ mod tests {
 
     #[test]
     fn the_widest_gap_is_filled_from_its_middle_until_nothing_is_left() {
-        let space = KnobSpace::new(vec![Knob::new("a", (0..9).map(f64::from)), Knob::new("b", [0.0, 1.0])]).expect("a valid space");
+        let space =
+            KnobSpace::new(vec![Knob::new("a", (0..9).map(f64::from)), Knob::new("b", [0.0, 1.0])])
+                .expect("a valid space");
         let at = |a, b| space.lowest().with_level(0, a).with_level(1, b);
-        let point = |settings, power, error| FrontierPoint { settings, cost: CostPoint::new(power, error) };
-        let frontier = Frontier::from_points([point(at(0, 0), 1.0, 0.5), point(at(1, 0), 1.5, 0.45), point(at(8, 1), 3.0, 0.0)]);
+        let point =
+            |settings, power, error| FrontierPoint { settings, cost: CostPoint::new(power, error) };
+        let frontier = Frontier::from_points([
+            point(at(0, 0), 1.0, 0.5),
+            point(at(1, 0), 1.5, 0.45),
+            point(at(8, 1), 3.0, 0.0),
+        ]);
         let mut random = ChaCha8Rng::seed_from_u64(4);
         let mut taken: Vec<_> = frontier.points().iter().map(|point| point.settings).collect();
         let mut proposed = Vec::new();
-        while let Some(settings) = propose(&space, &frontier, &mut random, |settings| taken.contains(&settings)) {
+        while let Some(settings) =
+            propose(&space, &frontier, &mut random, |settings| taken.contains(&settings))
+        {
             taken.push(settings);
             proposed.push(settings);
         }
         assert_eq!(proposed[0], at(4, 0), "half way");
-        assert!([at(1, 1), at(8, 0)].contains(&proposed[1]) && [at(1, 1), at(8, 0)].contains(&proposed[2]), "{proposed:?}");
+        assert!(
+            [at(1, 1), at(8, 0)].contains(&proposed[1])
+                && [at(1, 1), at(8, 0)].contains(&proposed[2]),
+            "{proposed:?}"
+        );
         let after: Vec<_> = proposed[3..].to_vec();
         assert!(after.contains(&at(2, 0)) && after.contains(&at(7, 1)), "{after:?}");
         assert_eq!(proposed.len(), taken.len() - 3, "nothing twice");

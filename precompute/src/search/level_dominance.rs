@@ -12,36 +12,57 @@ pub struct LevelDominance {
     pub label: String,
     /// Pareto-optimal combinations that use this level.
     pub non_dominated: usize,
-    /// By how much the best combination with this level is dominated: another has at most 1/`dominated_by` of its cost and at most 1/`dominated_by` of its
-    /// error. At most 1 where one is non-dominated; what is only just above may be noise.
+    /// By how much the best combination with this level is dominated: another has at most
+    /// 1/`dominated_by` of its cost and at most 1/`dominated_by` of its error. At most 1 where one
+    /// is non-dominated; what is only just above may be noise.
     pub dominated_by: f64,
 }
 
-/// The dominance of every level in `table`, whose costs may be in any unit but must be above 0; other rows are left out. Levels that no row has
-/// are left out, too.
-pub fn level_dominance(space: &KnobSpace, table: &[(RenderSettings, CostPoint)]) -> Vec<LevelDominance> {
-    let rows: Vec<_> = table.iter().filter(|(_, cost)| cost.power.0 > 0.0 && cost.error > 0.0 && cost.power.0.is_finite()).collect();
-    let dominated: Vec<f64> = rows.iter().map(|(_, own)| dominated_by(*own, rows.iter().map(|(_, other)| *other))).collect();
+/// The dominance of every level in `table`, whose costs may be in any unit but must be above 0;
+/// other rows are left out. Levels that no row has are left out, too.
+pub fn level_dominance(
+    space: &KnobSpace,
+    table: &[(RenderSettings, CostPoint)],
+) -> Vec<LevelDominance> {
+    let rows: Vec<_> = table
+        .iter()
+        .filter(|(_, cost)| cost.power.0 > 0.0 && cost.error > 0.0 && cost.power.0.is_finite())
+        .collect();
+    let dominated: Vec<f64> = rows
+        .iter()
+        .map(|(_, own)| dominated_by(*own, rows.iter().map(|(_, other)| *other)))
+        .collect();
     let mut levels = Vec::new();
     for (index, knob) in space.knobs().iter().enumerate() {
         for (number, level) in knob.levels.iter().enumerate() {
-            let having = rows.iter().zip(&dominated).filter(|((settings, _), _)| settings.level(index) == number);
+            let having = rows
+                .iter()
+                .zip(&dominated)
+                .filter(|((settings, _), _)| settings.level(index) == number);
             let (mut non_dominated, mut least) = (0, f64::INFINITY);
             for (_, dominated) in having {
                 non_dominated += usize::from(*dominated <= 1.0);
                 least = least.min(*dominated);
             }
             if least.is_finite() {
-                levels.push(LevelDominance { knob: knob.name.clone(), label: level.label.clone(), non_dominated, dominated_by: least });
+                levels.push(LevelDominance {
+                    knob: knob.name.clone(),
+                    label: level.label.clone(),
+                    non_dominated,
+                    dominated_by: least,
+                });
             }
         }
     }
     levels
 }
 
-/// Largest factor by which one of `others` is better in both. A row is among its own others, and as good as itself.
+/// Largest factor by which one of `others` is better in both. A row is among its own others, and as
+/// good as itself.
 fn dominated_by(own: CostPoint, others: impl Iterator<Item = CostPoint>) -> f64 {
-    others.map(|other| (own.power.0 / other.power.0).min(own.error / other.error)).fold(1.0, f64::max)
+    others
+        .map(|other| (own.power.0 / other.power.0).min(own.error / other.error))
+        .fold(1.0, f64::max)
 }
 
 #[cfg(test)]
@@ -52,20 +73,32 @@ mod tests {
 
     #[test]
     fn a_level_that_something_else_always_beats_is_told_apart() {
-        let space = KnobSpace::new(vec![Knob::new("a", [0.0, 1.0, 2.0]), Knob::new("b", [0.0, 1.0])]).unwrap();
-        // The middle level of `a` costs as much as the highest, and is as wrong as the lowest but for a tenth.
+        let space =
+            KnobSpace::new(vec![Knob::new("a", [0.0, 1.0, 2.0]), Knob::new("b", [0.0, 1.0])])
+                .unwrap();
+        // The middle level of `a` costs as much as the highest, and is as wrong as the lowest but
+        // for a tenth.
         let cost = |a: usize, b: usize| {
             let (power, error) = [(1.0, 0.4), (3.0, 0.36), (3.0, 0.1)][a];
             CostPoint::new(power + b as f64, error / (1.0 + b as f64))
         };
-        let mut table: Vec<_> = space.iter().map(|settings| (settings, cost(settings.level(0), settings.level(1)))).collect();
+        let mut table: Vec<_> = space
+            .iter()
+            .map(|settings| (settings, cost(settings.level(0), settings.level(1))))
+            .collect();
         table.push((RenderSettings::default(), CostPoint::new(f64::NAN, 0.1)));
         table.push((RenderSettings::default(), CostPoint::new(0.0, 0.0)));
         let levels = level_dominance(&space, &table);
         assert_eq!(levels.len(), 5);
-        let of = |knob: &str, label: &str| levels.iter().find(|level| level.knob == knob && level.label == label).unwrap();
-        assert_eq!((of("a", "1").non_dominated, of("a", "0").non_dominated, of("a", "2").non_dominated), (0, 2, 2));
-        // With b at 1 it is beaten less: by a = 2 and b = 0, which costs 3 instead of 4 and has 0.1 instead of 0.18.
+        let of = |knob: &str, label: &str| {
+            levels.iter().find(|level| level.knob == knob && level.label == label).unwrap()
+        };
+        assert_eq!(
+            (of("a", "1").non_dominated, of("a", "0").non_dominated, of("a", "2").non_dominated),
+            (0, 2, 2)
+        );
+        // With b at 1 it is beaten less: by a = 2 and b = 0, which costs 3 instead of 4 and has 0.1
+        // instead of 0.18.
         assert!((of("a", "1").dominated_by - 4.0 / 3.0).abs() < 1e-12, "{levels:?}");
         assert_eq!((of("b", "0").dominated_by, of("b", "1").dominated_by), (1.0, 1.0));
         assert!(level_dominance(&space, &[]).is_empty());

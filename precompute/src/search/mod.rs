@@ -1,8 +1,10 @@
 //! Finds the Pareto frontier of anything that gives settings a cost.
 //!
-//! NSGA-II (Deb, Pratap, Agarwal, Meyarivan 2002) over a [`KnobSpace`](bevy_frugal_gi::knobs::KnobSpace), as Wang et al. 2016, section 3.5.1, use
-//! it. The pool is proposed by it on fitted models; on a recorded table it is the baseline that pooling is compared with.
-//! Nothing is evaluated twice, single knobs come first (`seeding`), and the last evaluations go where the frontier is sparse (`gaps`).
+//! NSGA-II (Deb, Pratap, Agarwal, Meyarivan 2002) over a
+//! [`KnobSpace`](bevy_frugal_gi::knobs::KnobSpace), as Wang et al. 2016, section 3.5.1, use it. The
+//! pool is proposed by it on fitted models; on a recorded table it is the baseline that pooling is
+//! compared with. Nothing is evaluated twice, single knobs come first (`seeding`), and the last
+//! evaluations go where the frontier is sparse (`gaps`).
 #[cfg(test)]
 mod benchmarks;
 mod cached;

@@ -1,6 +1,8 @@
-//! Mutation of levels: mostly a creep to a neighbour, now and then a jump (Davis 1991, "Handbook of Genetic Algorithms", chapter 5, creep).
+//! Mutation of levels: mostly a creep to a neighbour, now and then a jump (Davis 1991, "Handbook of
+//! Genetic Algorithms", chapter 5, creep).
 //!
-//! Levels are ordered, and neighbours cost almost the same: steps of one keep what a parent has found, jumps leave local optima.
+//! Levels are ordered, and neighbours cost almost the same: steps of one keep what a parent has
+//! found, jumps leave local optima.
 
 use bevy_frugal_gi::knobs::{KnobSpace, RenderSettings};
 use rand::{Rng, RngExt};
@@ -9,20 +11,35 @@ use rand::{Rng, RngExt};
 const JUMP: f64 = 0.2;
 
 /// `settings` with each knob changed with `probability`.
-pub(crate) fn mutate(space: &KnobSpace, settings: RenderSettings, probability: f64, random: &mut impl Rng) -> RenderSettings {
+pub(crate) fn mutate(
+    space: &KnobSpace,
+    settings: RenderSettings,
+    probability: f64,
+    random: &mut impl Rng,
+) -> RenderSettings {
     (0..space.len()).fold(settings, |settings, knob| {
-        if random.random_bool(probability.clamp(0.0, 1.0)) { change(space, settings, knob, random) } else { settings }
+        if random.random_bool(probability.clamp(0.0, 1.0)) {
+            change(space, settings, knob, random)
+        } else {
+            settings
+        }
     })
 }
 
 /// `settings` with one knob changed: never the same, unless no knob has two levels.
-pub(crate) fn mutate_one(space: &KnobSpace, settings: RenderSettings, random: &mut impl Rng) -> RenderSettings {
+pub(crate) fn mutate_one(
+    space: &KnobSpace,
+    settings: RenderSettings,
+    random: &mut impl Rng,
+) -> RenderSettings {
     let movable = || (0..space.len()).filter(|knob| space.knobs()[*knob].levels.len() > 1);
     let count = movable().count();
     if count == 0 {
         return settings;
     }
-    movable().nth(random.random_range(0..count)).map_or(settings, |knob| change(space, settings, knob, random))
+    movable()
+        .nth(random.random_range(0..count))
+        .map_or(settings, |knob| change(space, settings, knob, random))
 }
 
 /// Every level drawn evenly.
@@ -30,7 +47,12 @@ pub(crate) fn any(space: &KnobSpace, random: &mut impl Rng) -> RenderSettings {
     space.from_levels(|_, knob| random.random_range(0..knob.levels.len()))
 }
 
-fn change(space: &KnobSpace, settings: RenderSettings, knob: usize, random: &mut impl Rng) -> RenderSettings {
+fn change(
+    space: &KnobSpace,
+    settings: RenderSettings,
+    knob: usize,
+    random: &mut impl Rng,
+) -> RenderSettings {
     let top = space.knobs()[knob].levels.len() - 1;
     let level = settings.level(knob);
     if top == 0 {
@@ -57,8 +79,12 @@ mod tests {
     use super::*;
 
     fn space() -> KnobSpace {
-        KnobSpace::new(vec![Knob::new("a", [0.0]), Knob::new("b", [0.0, 1.0]), Knob::new("c", (0..16).map(f64::from))])
-            .expect("a valid space")
+        KnobSpace::new(vec![
+            Knob::new("a", [0.0]),
+            Knob::new("b", [0.0, 1.0]),
+            Knob::new("c", (0..16).map(f64::from)),
+        ])
+        .expect("a valid space")
     }
 
     #[test]
@@ -69,7 +95,8 @@ mod tests {
         for _ in 0..2000 {
             let changed = mutate_one(&space, settings, &mut random);
             assert!(space.contains(changed));
-            let moved: Vec<_> = (0..3).map(|knob| changed.level(knob).abs_diff(settings.level(knob))).collect();
+            let moved: Vec<_> =
+                (0..3).map(|knob| changed.level(knob).abs_diff(settings.level(knob))).collect();
             assert_eq!(moved.iter().filter(|levels| **levels > 0).count(), 1, "{moved:?}");
             if moved[2] == 1 {
                 steps += 1;

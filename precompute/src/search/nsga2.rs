@@ -1,8 +1,11 @@
-//! NSGA-II (Deb, Pratap, Agarwal, Meyarivan 2002, "A fast and elitist multiobjective genetic algorithm: NSGA-II", section III-C).
+//! NSGA-II (Deb, Pratap, Agarwal, Meyarivan 2002, "A fast and elitist multiobjective genetic
+//! algorithm: NSGA-II", section III-C).
 //!
-//! What differs from the paper, because an evaluation is a rendering: offspring that are known already are replaced by unseen ones; the frontier is
-//! taken from everything evaluated and not from the last population; with a small allowance generations are smaller, so that there are several;
-//! and the last third of the evaluations goes into the frontier's gaps. A space that is small enough is enumerated.
+//! What differs from the paper, because an evaluation is a rendering: offspring that are known
+//! already are replaced by unseen ones; the frontier is taken from everything evaluated and not
+//! from the last population; with a small allowance generations are smaller, so that there are
+//! several; and the last third of the evaluations goes into the frontier's gaps. A space that is
+//! small enough is enumerated.
 
 use std::collections::HashSet;
 
@@ -24,15 +27,18 @@ const INHERITED: (usize, usize) = (1, 2);
 const CROSSOVER: f64 = 0.9;
 /// Share of the evaluations for the frontier's gaps.
 const GAPS: f64 = 0.35;
-/// Most combinations that are counted exactly, knobs without effect left out: far more than are ever enumerated.
+/// Most combinations that are counted exactly, knobs without effect left out: far more than are
+/// ever enumerated.
 const COUNTABLE: u64 = 1 << 22;
-/// Tries at mutating a known offspring into an unseen one before others are drawn, and tries at drawing one.
+/// Tries at mutating a known offspring into an unseen one before others are drawn, and tries at
+/// drawing one.
 const TRIES: usize = 16;
 
 /// What a search found.
 #[derive(Clone, Debug, PartialEq)]
 pub struct SearchOutcome {
-    /// Of everything evaluated. Empty only when no evaluation was finite, or the search was stopped before the first.
+    /// Of everything evaluated. Empty only when no evaluation was finite, or the search was stopped
+    /// before the first.
     pub frontier: Frontier,
     /// Evaluations that were made.
     pub evaluations: usize,
@@ -63,7 +69,8 @@ impl<'a> Search<'a> {
         if all <= limit { all } else { limit.min(evolving).max(2) }
     }
 
-    /// Finds the frontier. Those of `inherit` that are of the space are evaluated first; `keep_going` is asked before every evaluation.
+    /// Finds the frontier. Those of `inherit` that are of the space are evaluated first;
+    /// `keep_going` is asked before every evaluation.
     ///
     /// # Errors
     /// When an evaluation fails.
@@ -77,16 +84,24 @@ impl<'a> Search<'a> {
         key[..8].copy_from_slice(&self.config.seed.to_le_bytes());
         let random = ChaCha8Rng::from_seed(key);
         let cached = Cached::new(evaluator);
-        let mut run = Run { search: self, cached, random, limit: self.limit(), complete: true, keep_going };
+        let mut run =
+            Run { search: self, cached, random, limit: self.limit(), complete: true, keep_going };
         run.explore(inherit)?;
-        Ok(SearchOutcome { frontier: Frontier::from_points(run.cached.points()), evaluations: run.cached.len(), complete: run.complete })
+        Ok(SearchOutcome {
+            frontier: Frontier::from_points(run.cached.points()),
+            evaluations: run.cached.len(),
+            complete: run.complete,
+        })
     }
 }
 
-/// How many different settings there are; in spaces far beyond enumeration, how many names for settings, at most `u64::MAX`.
+/// How many different settings there are; in spaces far beyond enumeration, how many names for
+/// settings, at most `u64::MAX`.
 fn combinations(space: &KnobSpace) -> u64 {
-    let names = space.knobs().iter().map(|knob| knob.levels.len() as u64).fold(1, u64::saturating_mul);
-    // Exact counting walks over the combinations of dependent knobs, and does not guard against overflow.
+    let names =
+        space.knobs().iter().map(|knob| knob.levels.len() as u64).fold(1, u64::saturating_mul);
+    // Exact counting walks over the combinations of dependent knobs, and does not guard against
+    // overflow.
     if names > COUNTABLE { names } else { space.combinations() }
 }
 
@@ -102,7 +117,8 @@ struct Run<'r, 's, 'e, E> {
 impl<E: Evaluate> Run<'_, '_, '_, E> {
     fn explore(&mut self, inherit: &[RenderSettings]) -> Result<(), E::Error> {
         let space = self.search.space;
-        // The ends first: without them a frontier cut short says nothing about the range of budgets.
+        // The ends first: without them a frontier cut short says nothing about the range of
+        // budgets.
         self.measure(space.highest())?;
         self.measure(space.lowest())?;
         for settings in seeding::spread(space, inherit, self.limit * INHERITED.0 / INHERITED.1) {
@@ -148,13 +164,15 @@ impl<E: Evaluate> Run<'_, '_, '_, E> {
         let capacity = self.search.config.population.max(4);
         let until = self.limit - (self.limit as f64 * GAPS) as usize;
         let mut population = survivors(self.points(), capacity);
-        // Random settings keep the population diverse, but almost all are beaten: no more of them than a quarter of the allowance brings in.
+        // Random settings keep the population diverse, but almost all are beaten: no more of them
+        // than a quarter of the allowance brings in.
         while population.len() < capacity.min(self.limit / 4) && self.may_spend(until) {
             let random = mutation::any(self.search.space, &mut self.random);
             let Some(settings) = self.unseen(random, &HashSet::new()) else { break };
             population.extend(self.measure(settings)?);
         }
-        // As in the paper where there is time for many generations; smaller ones, which learn sooner, where there is not.
+        // As in the paper where there is time for many generations; smaller ones, which learn
+        // sooner, where there is not.
         let batch = capacity.min((until.saturating_sub(self.cached.len()) / 8).max(4));
         while self.may_spend(until) {
             let offspring = self.offspring(&population, batch.min(until - self.cached.len()));
@@ -173,12 +191,17 @@ impl<E: Evaluate> Run<'_, '_, '_, E> {
         while self.may_spend(self.limit) {
             let frontier = Frontier::from_points(self.points());
             let cached = &self.cached;
-            let proposed = gaps::propose(self.search.space, &frontier, &mut self.random, |settings| cached.knows(settings));
+            let proposed =
+                gaps::propose(self.search.space, &frontier, &mut self.random, |settings| {
+                    cached.knows(settings)
+                });
             let settings = match proposed {
                 Some(settings) => settings,
                 None => {
                     let random = mutation::any(self.search.space, &mut self.random);
-                    let Some(settings) = self.unseen(random, &HashSet::new()) else { return Ok(()) };
+                    let Some(settings) = self.unseen(random, &HashSet::new()) else {
+                        return Ok(());
+                    };
                     settings
                 }
             };
@@ -187,10 +210,12 @@ impl<E: Evaluate> Run<'_, '_, '_, E> {
         Ok(())
     }
 
-    /// `count` unseen settings, or fewer when there are no more: by binary tournaments, crossover and mutation.
+    /// `count` unseen settings, or fewer when there are no more: by binary tournaments, crossover
+    /// and mutation.
     fn offspring(&mut self, population: &[FrontierPoint], count: usize) -> Vec<RenderSettings> {
         let space = self.search.space;
-        let probability = self.search.config.mutation_probability.unwrap_or(1.0 / space.len().max(1) as f64);
+        let probability =
+            self.search.config.mutation_probability.unwrap_or(1.0 / space.len().max(1) as f64);
         let fitness = fitness(population);
         let random = &mut self.random;
         let tournament = |random: &mut ChaCha8Rng| {
@@ -206,7 +231,11 @@ impl<E: Evaluate> Run<'_, '_, '_, E> {
                 continue;
             }
             let parents = [0; 2].map(|_| tournament(random));
-            let children = if random.random_bool(CROSSOVER) { swap_levels(space, parents, random) } else { parents };
+            let children = if random.random_bool(CROSSOVER) {
+                swap_levels(space, parents, random)
+            } else {
+                parents
+            };
             drawn.extend(children.map(|child| mutation::mutate(space, child, probability, random)));
         }
         drawn.truncate(count);
@@ -220,11 +249,17 @@ impl<E: Evaluate> Run<'_, '_, '_, E> {
         offspring
     }
 
-    /// `settings`, or else something near them, or else anything, that is neither known nor `planned`. `None` when there is no more.
-    fn unseen(&mut self, settings: RenderSettings, planned: &HashSet<RenderSettings>) -> Option<RenderSettings> {
+    /// `settings`, or else something near them, or else anything, that is neither known nor
+    /// `planned`. `None` when there is no more.
+    fn unseen(
+        &mut self,
+        settings: RenderSettings,
+        planned: &HashSet<RenderSettings>,
+    ) -> Option<RenderSettings> {
         let space = self.search.space;
         let (cached, random) = (&self.cached, &mut self.random);
-        let new = |settings: RenderSettings| !cached.knows(settings) && !planned.contains(&settings);
+        let new =
+            |settings: RenderSettings| !cached.knows(settings) && !planned.contains(&settings);
         if (cached.len() + planned.len()) as u64 >= self.search.combinations {
             return None;
         }
@@ -253,7 +288,8 @@ impl<E: Evaluate> Run<'_, '_, '_, E> {
         self.cached.len() < until && self.complete
     }
 
-    /// The cost of `settings`, evaluated unless known. `None` where that is not finite, or nothing more may be evaluated.
+    /// The cost of `settings`, evaluated unless known. `None` where that is not finite, or nothing
+    /// more may be evaluated.
     fn measure(&mut self, settings: RenderSettings) -> Result<Option<FrontierPoint>, E::Error> {
         let settings = self.search.space.canonical(settings);
         if !self.cached.knows(settings) {

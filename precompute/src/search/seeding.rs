@@ -1,16 +1,23 @@
 //! What a search evaluates first.
 //!
-//! With a neighbour's frontier at hand that comes first (Wang et al. 2016, section 3.5.1.2: children start from their parents' settings). Without
-//! one the source starts at random, which wastes a small allowance: almost all random settings are beaten. Instead each knob is lowered alone to see
-//! what it saves and what it spoils, and then all are lowered one after the other, the cheapest error per watt first. Were power and error sums over
-//! the knobs, those steps would be exactly the convex part of the frontier (the greedy fractional knapsack, Dantzig 1957).
+//! With a neighbour's frontier at hand that comes first (Wang et al. 2016, section 3.5.1.2:
+//! children start from their parents' settings). Without one the source starts at random, which
+//! wastes a small allowance: almost all random settings are beaten. Instead each knob is lowered
+//! alone to see what it saves and what it spoils, and then all are lowered one after the other, the
+//! cheapest error per watt first. Were power and error sums over the knobs, those steps would be
+//! exactly the convex part of the frontier (the greedy fractional knapsack, Dantzig 1957).
 
 use bevy_frugal_gi::frontier::CostPoint;
 use bevy_frugal_gi::knobs::{KnobSpace, RenderSettings};
 
 /// At most `count` of `settings`, each once, spread evenly over the list.
-pub(crate) fn spread(space: &KnobSpace, settings: &[RenderSettings], count: usize) -> Vec<RenderSettings> {
-    let unique = space.canonical_once(settings.iter().copied().filter(|settings| space.contains(*settings)));
+pub(crate) fn spread(
+    space: &KnobSpace,
+    settings: &[RenderSettings],
+    count: usize,
+) -> Vec<RenderSettings> {
+    let unique =
+        space.canonical_once(settings.iter().copied().filter(|settings| space.contains(*settings)));
     if unique.len() <= count {
         return unique;
     }
@@ -29,12 +36,19 @@ pub(crate) fn probes(space: &KnobSpace) -> Vec<(usize, RenderSettings)> {
     movable.map(|knob| (knob, highest.with_level(knob, 0))).collect()
 }
 
-/// From the highest settings downwards, knob by knob, those first that spoil the least per watt saved. Knobs whose probe saved nothing are left alone.
-pub(crate) fn descent(space: &KnobSpace, highest: CostPoint, probed: &[(usize, CostPoint)]) -> Vec<RenderSettings> {
+/// From the highest settings downwards, knob by knob, those first that spoil the least per watt
+/// saved. Knobs whose probe saved nothing are left alone.
+pub(crate) fn descent(
+    space: &KnobSpace,
+    highest: CostPoint,
+    probed: &[(usize, CostPoint)],
+) -> Vec<RenderSettings> {
     let mut saving: Vec<(usize, f64)> = probed
         .iter()
         .filter(|(_, cost)| cost.is_finite() && cost.power < highest.power)
-        .map(|(knob, cost)| (*knob, (cost.error - highest.error).max(0.0) / (highest.power - cost.power).0))
+        .map(|(knob, cost)| {
+            (*knob, (cost.error - highest.error).max(0.0) / (highest.power - cost.power).0)
+        })
         .collect();
     saving.sort_by(|a, b| a.1.total_cmp(&b.1).then(a.0.cmp(&b.0)));
     let mut settings = space.highest();
@@ -53,8 +67,13 @@ mod tests {
     use super::*;
 
     fn space() -> KnobSpace {
-        KnobSpace::new(vec![Knob::new("a", [0.0, 1.0]), Knob::new("b", [0.0, 1.0, 2.0]), Knob::new("c", [0.0]), Knob::new("d", [0.0, 1.0])])
-            .expect("a valid space")
+        KnobSpace::new(vec![
+            Knob::new("a", [0.0, 1.0]),
+            Knob::new("b", [0.0, 1.0, 2.0]),
+            Knob::new("c", [0.0]),
+            Knob::new("d", [0.0, 1.0]),
+        ])
+        .expect("a valid space")
     }
 
     #[test]
@@ -63,9 +82,16 @@ mod tests {
         let probes = probes(&space);
         assert_eq!(probes.iter().map(|(knob, _)| *knob).collect::<Vec<_>>(), [0, 1, 3]);
         // 0.1 per watt, 0.05 per watt, and one that costs power.
-        let probed = [(0, CostPoint::new(9.0, 0.1)), (1, CostPoint::new(8.0, 0.1)), (3, CostPoint::new(10.5, 0.0))];
+        let probed = [
+            (0, CostPoint::new(9.0, 0.1)),
+            (1, CostPoint::new(8.0, 0.1)),
+            (3, CostPoint::new(10.5, 0.0)),
+        ];
         let steps = descent(&space, CostPoint::new(10.0, 0.0), &probed);
-        assert_eq!(steps, [space.highest().with_level(1, 0), space.highest().with_level(1, 0).with_level(0, 0)]);
+        assert_eq!(
+            steps,
+            [space.highest().with_level(1, 0), space.highest().with_level(1, 0).with_level(0, 0)]
+        );
     }
 
     #[test]
@@ -73,6 +99,9 @@ mod tests {
         let space = space();
         let all: Vec<_> = space.iter().collect();
         assert_eq!(spread(&space, &all, 4), [all[0], all[3], all[6], all[9]]);
-        assert_eq!(spread(&space, &[all[1], all[1], RenderSettings::from_bits(0xffff)], 4), [all[1]]);
+        assert_eq!(
+            spread(&space, &[all[1], all[1], RenderSettings::from_bits(0xffff)], 4),
+            [all[1]]
+        );
     }
 }

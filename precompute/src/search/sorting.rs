@@ -1,10 +1,13 @@
-//! Fast non-dominated sort (Deb et al. 2002, "A fast and elitist multiobjective genetic algorithm: NSGA-II", section III-A).
+//! Fast non-dominated sort (Deb et al. 2002, "A fast and elitist multiobjective genetic algorithm:
+//! NSGA-II", section III-A).
 
 use bevy_frugal_gi::frontier::CostPoint;
 
-/// Positions in `costs` by front: the first is beaten by none, the second by none but the first, and so on. Within a front, ascending.
+/// Positions in `costs` by front: the first is beaten by none, the second by none but the first,
+/// and so on. Within a front, ascending.
 ///
-/// O(n²) comparisons, as in the paper; populations are tens. Costs must be finite: NaN is beaten by nothing and would be in the first front.
+/// O(n²) comparisons, as in the paper; populations are tens. Costs must be finite: NaN is beaten by
+/// nothing and would be in the first front.
 pub(crate) fn fronts(costs: &[CostPoint]) -> Vec<Vec<usize>> {
     let mut beats = vec![Vec::new(); costs.len()];
     let mut beaten_by = vec![0_usize; costs.len()];
@@ -40,9 +43,12 @@ mod tests {
 
     #[test]
     fn points_fall_into_their_fronts() {
-        let costs = [(1.0, 4.0), (2.0, 2.0), (4.0, 1.0), (2.0, 4.0), (3.0, 3.0), (4.0, 4.0), (1.0, 4.0)];
-        let costs: Vec<_> = costs.into_iter().map(|(power, error)| CostPoint::new(power, error)).collect();
-        // Equals do not beat one another: 0 and 6 share a front. 3 is beaten by 0 and 1 only, 4 by 1 only, 5 by both of those.
+        let costs =
+            [(1.0, 4.0), (2.0, 2.0), (4.0, 1.0), (2.0, 4.0), (3.0, 3.0), (4.0, 4.0), (1.0, 4.0)];
+        let costs: Vec<_> =
+            costs.into_iter().map(|(power, error)| CostPoint::new(power, error)).collect();
+        // Equals do not beat one another: 0 and 6 share a front. 3 is beaten by 0 and 1 only, 4 by
+        // 1 only, 5 by both of those.
         assert_eq!(fronts(&costs), [vec![0, 1, 2, 6], vec![3, 4], vec![5]]);
         assert!(fronts(&[]).is_empty());
     }

@@ -1,5 +1,5 @@
-//! The project's own search at one camera, as it is part of making a map: screening, then rounds of proposals on models
-//! of power and error.
+//! The project's own search at one camera, as it is part of making a map: screening, then rounds of
+//! proposals on models of power and error.
 
 use bevy_frugal_gi::frontier::CostPoint;
 use bevy_frugal_gi::knobs::RenderSettings;
@@ -17,10 +17,16 @@ pub(super) fn cold(recorded: &Recorded, batch: usize, seed: u64, lookup: &mut Lo
     rounds(recorded, &screening, batch, seed, lookup);
 }
 
-/// With other cameras known: they say what knobs do, so that nothing is screened, and what settings cost, but for what
-/// this camera has of its own. When they have nothing left to propose, the search goes on as at a camera of which
-/// nothing is known.
-pub(super) fn warm(recorded: &Recorded, others: &Others, batch: usize, seed: u64, lookup: &mut Lookup<'_>) {
+/// With other cameras known: they say what knobs do, so that nothing is screened, and what settings
+/// cost, but for what this camera has of its own. When they have nothing left to propose, the
+/// search goes on as at a camera of which nothing is known.
+pub(super) fn warm(
+    recorded: &Recorded,
+    others: &Others,
+    batch: usize,
+    seed: u64,
+    lookup: &mut Lookup<'_>,
+) {
     for round in 0.. {
         let proposed = others.propose(&recorded.space, lookup, batch, round_seed(seed, round));
         if proposed.is_empty() {
@@ -35,7 +41,13 @@ pub(super) fn warm(recorded: &Recorded, others: &Others, batch: usize, seed: u64
 }
 
 /// Rounds of proposals, until all goals are reached or nothing more is proposed.
-fn rounds(recorded: &Recorded, screening: &Screening, batch: usize, seed: u64, lookup: &mut Lookup<'_>) {
+fn rounds(
+    recorded: &Recorded,
+    screening: &Screening,
+    batch: usize,
+    seed: u64,
+    lookup: &mut Lookup<'_>,
+) {
     let Recorded { space, layout, .. } = recorded;
     for round in 0.. {
         if lookup.is_done() {
@@ -48,11 +60,16 @@ fn rounds(recorded: &Recorded, screening: &Screening, batch: usize, seed: u64, l
             power_w: cost.power.0,
         };
         let cost = CostModel::fit(&readings.iter().map(reading).collect::<Vec<_>>());
-        let errors: Vec<_> = readings.iter().map(|(settings, cost)| (*settings, cost.error)).collect();
+        let errors: Vec<_> =
+            readings.iter().map(|(settings, cost)| (*settings, cost.error)).collect();
         let proposal = Proposal { space, screening, cost: &cost, layout, errors: &errors };
         // What the table lacks has no reading, and so is proposed again.
         let proposed = propose(&proposal, batch + lookup.missing(), round_seed(seed, round));
-        let fresh: Vec<_> = proposed.into_iter().filter(|settings| !lookup.is_known(*settings)).take(batch).collect();
+        let fresh: Vec<_> = proposed
+            .into_iter()
+            .filter(|settings| !lookup.is_known(*settings))
+            .take(batch)
+            .collect();
         if fresh.is_empty() {
             return;
         }

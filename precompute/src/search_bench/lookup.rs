@@ -16,7 +16,8 @@ const MISSING: CostPoint = CostPoint::new(f64::INFINITY, f64::INFINITY);
 pub(super) struct Lookup<'a> {
     recorded: &'a Recorded,
     goals: &'a [Goal],
-    /// One row: what was asked for, in that order. What the table lacks is in it, without a finite cost.
+    /// One row: what was asked for, in that order. What the table lacks is in it, without a finite
+    /// cost.
     pub known: CostTable,
     /// Renderings until each goal was reached.
     pub reached: Vec<Option<usize>>,
@@ -25,7 +26,13 @@ pub(super) struct Lookup<'a> {
 
 impl<'a> Lookup<'a> {
     pub fn new(recorded: &'a Recorded, goals: &'a [Goal]) -> Self {
-        Self { recorded, goals, known: CostTable::new(1), reached: vec![None; goals.len()], renderings: 0 }
+        Self {
+            recorded,
+            goals,
+            known: CostTable::new(1),
+            reached: vec![None; goals.len()],
+            renderings: 0,
+        }
     }
 
     /// What `settings` cost. The first time it is a rendering, unless the table lacks them.
@@ -73,7 +80,11 @@ impl<'a> Lookup<'a> {
 
     /// What was asked for and is in the table.
     pub fn readings(&self) -> Vec<(RenderSettings, CostPoint)> {
-        self.known.settings().iter().filter_map(|settings| Some((*settings, self.known.get(0, *settings)?))).collect()
+        self.known
+            .settings()
+            .iter()
+            .filter_map(|settings| Some((*settings, self.known.get(0, *settings)?)))
+            .collect()
     }
 }
 

@@ -1,7 +1,7 @@
 //! What other cameras tell of one: every settings' error and power there, and which knobs act.
 //!
-//! ln e = mean over the other cameras of ln e, plus a Gaussian process over what is left here. ln p likewise, plus one
-//! number for the camera.
+//! ln e = mean over the other cameras of ln e, plus a Gaussian process over what is left here. ln p
+//! likewise, plus one number for the camera.
 
 use std::collections::HashMap;
 use std::convert::Infallible;
@@ -11,7 +11,9 @@ use bevy_frugal_gi::knobs::{KnobSpace, RenderSettings};
 
 use super::Recorded;
 use super::lookup::Lookup;
-use crate::pool::{ErrorModel, GREATEST_ERROR, LEAST_ERROR, OPTIMISM, Screening, model_search, portfolio};
+use crate::pool::{
+    ErrorModel, GREATEST_ERROR, LEAST_ERROR, OPTIMISM, Screening, model_search, portfolio,
+};
 use crate::search::{Evaluate, Search};
 use crate::table::CostTable;
 
@@ -47,29 +49,45 @@ impl Others {
     pub fn of(recorded: &Recorded) -> Option<Self> {
         let table = &recorded.others;
         let mean = |settings: &RenderSettings| {
-            let costs: Vec<CostPoint> = (0..table.rows()).filter_map(|row| table.get(row, *settings)).collect();
-            let mean = |value: fn(&CostPoint) -> f64| costs.iter().map(value).sum::<f64>() / costs.len() as f64;
-            let mean = Mean { power: mean(|cost| cost.power.0.ln()), error: mean(|cost| logarithm(cost.error)) };
+            let costs: Vec<CostPoint> =
+                (0..table.rows()).filter_map(|row| table.get(row, *settings)).collect();
+            let mean = |value: fn(&CostPoint) -> f64| {
+                costs.iter().map(value).sum::<f64>() / costs.len() as f64
+            };
+            let mean = Mean {
+                power: mean(|cost| cost.power.0.ln()),
+                error: mean(|cost| logarithm(cost.error)),
+            };
             (!costs.is_empty()).then_some((*settings, mean))
         };
         let means: HashMap<_, _> = table.settings().iter().filter_map(mean).collect();
-        (!means.is_empty()).then(|| Self { screening: Screening::of(&recorded.space, table), means })
+        (!means.is_empty())
+            .then(|| Self { screening: Screening::of(&recorded.space, table), means })
     }
 
     pub fn screening(&self) -> &Screening {
         &self.screening
     }
 
-    /// Up to `count` settings that were not asked for yet: those that together gain most over what is known here, by
-    /// what is expected of them; then those on the expected frontier that lie farthest in power from all that is known.
-    pub fn propose(&self, space: &KnobSpace, lookup: &Lookup<'_>, count: usize, seed: u64) -> Vec<RenderSettings> {
+    /// Up to `count` settings that were not asked for yet: those that together gain most over what
+    /// is known here, by what is expected of them; then those on the expected frontier that lie
+    /// farthest in power from all that is known.
+    pub fn propose(
+        &self,
+        space: &KnobSpace,
+        lookup: &Lookup<'_>,
+        count: usize,
+        seed: u64,
+    ) -> Vec<RenderSettings> {
         let readings = lookup.readings();
         let mut models = self.models(space, &readings);
         let known: Vec<RenderSettings> = readings.iter().map(|(settings, _)| *settings).collect();
-        let Ok(found) = Search::new(space, model_search(seed)).run(&mut models, &known, &mut |_| true);
+        let Ok(found) =
+            Search::new(space, model_search(seed)).run(&mut models, &known, &mut |_| true);
         let mut table = CostTable::new(1);
         readings.iter().for_each(|(settings, cost)| table.set(0, *settings, *cost));
-        for point in found.frontier.points().iter().filter(|point| !lookup.is_known(point.settings)) {
+        for point in found.frontier.points().iter().filter(|point| !lookup.is_known(point.settings))
+        {
             let error = (point.cost.error.exp() - LEAST_ERROR).max(0.0);
             table.set(0, point.settings, CostPoint::new(point.cost.power.0.exp(), error));
         }
@@ -81,15 +99,29 @@ impl Others {
         chosen.split_off(known.len().min(chosen.len()))
     }
 
-    fn models<'a>(&'a self, space: &'a KnobSpace, readings: &[(RenderSettings, CostPoint)]) -> Models<'a> {
+    fn models<'a>(
+        &'a self,
+        space: &'a KnobSpace,
+        readings: &[(RenderSettings, CostPoint)],
+    ) -> Models<'a> {
         let before = ErrorModel::fit(space, &self.screening, &[]);
-        let both = || readings.iter().filter_map(|(settings, cost)| Some((*settings, *cost, *self.means.get(settings)?)));
-        let beyond = |(settings, cost, mean): (RenderSettings, CostPoint, Mean)| {
-            (settings, (before.predict(settings).0 + logarithm(cost.error) - mean.error).exp() - LEAST_ERROR)
+        let both = || {
+            readings
+                .iter()
+                .filter_map(|(settings, cost)| Some((*settings, *cost, *self.means.get(settings)?)))
         };
-        let after = ErrorModel::fit(space, &self.screening, &both().map(beyond).collect::<Vec<_>>());
-        let (sum, count) =
-            both().fold((0.0, CAMERA_PRIOR), |(sum, count), (_, cost, mean)| (sum + cost.power.0.ln() - mean.power, count + 1.0));
+        let beyond = |(settings, cost, mean): (RenderSettings, CostPoint, Mean)| {
+            (
+                settings,
+                (before.predict(settings).0 + logarithm(cost.error) - mean.error).exp()
+                    - LEAST_ERROR,
+            )
+        };
+        let after =
+            ErrorModel::fit(space, &self.screening, &both().map(beyond).collect::<Vec<_>>());
+        let (sum, count) = both().fold((0.0, CAMERA_PRIOR), |(sum, count), (_, cost, mean)| {
+            (sum + cost.power.0.ln() - mean.power, count + 1.0)
+        });
         Models { others: self, before, after, power: sum / count }
     }
 }
@@ -98,18 +130,27 @@ impl Evaluate for Models<'_> {
     type Error = Infallible;
 
     fn evaluate(&mut self, settings: RenderSettings) -> Result<CostPoint, Infallible> {
-        let Some(mean) = self.others.means.get(&settings) else { return Ok(CostPoint::new(f64::INFINITY, f64::INFINITY)) };
+        let Some(mean) = self.others.means.get(&settings) else {
+            return Ok(CostPoint::new(f64::INFINITY, f64::INFINITY));
+        };
         let (after, deviation) = self.after.predict(settings);
         let error = mean.error + after - self.before.predict(settings).0 - OPTIMISM * deviation;
-        Ok(CostPoint::new(mean.power + self.power, error.clamp(LEAST_ERROR.ln(), logarithm(GREATEST_ERROR))))
+        Ok(CostPoint::new(
+            mean.power + self.power,
+            error.clamp(LEAST_ERROR.ln(), logarithm(GREATEST_ERROR)),
+        ))
     }
 }
 
 /// Those in `table` that are not `chosen` and farthest from them in the logarithm of power.
 fn farthest(table: &CostTable, chosen: &[RenderSettings]) -> Option<RenderSettings> {
-    let power = |settings: &RenderSettings| table.get(0, *settings).map_or(f64::NAN, |cost| cost.power.0.ln());
+    let power = |settings: &RenderSettings| {
+        table.get(0, *settings).map_or(f64::NAN, |cost| cost.power.0.ln())
+    };
     let near: Vec<f64> = chosen.iter().map(power).collect();
-    let gap = |settings: &RenderSettings| near.iter().map(|other| (other - power(settings)).abs()).fold(f64::INFINITY, f64::min);
+    let gap = |settings: &RenderSettings| {
+        near.iter().map(|other| (other - power(settings)).abs()).fold(f64::INFINITY, f64::min)
+    };
     let open = table.settings().iter().filter(|settings| !chosen.contains(settings));
     open.copied().max_by(|a, b| gap(a).total_cmp(&gap(b)))
 }

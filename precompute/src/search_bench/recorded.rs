@@ -13,7 +13,9 @@ use crate::table::{ASSUMED_LAYOUT, CostTable, SweepTable};
 #[non_exhaustive]
 pub enum RecordedError {
     /// Another table has other knobs, or other levels of them.
-    #[error("its knobs are {here}, those of the searched table {there}: sweep both with the same `--knobs`")]
+    #[error(
+        "its knobs are {here}, those of the searched table {there}: sweep both with the same `--knobs`"
+    )]
     OtherKnobs {
         /// The other table's.
         here: String,
@@ -34,7 +36,9 @@ pub enum RecordedError {
     #[error("it holds the same readings as the searched table: give tables of other cameras")]
     SameReadings,
     /// No combination is good enough.
-    #[error("no combination has an error of at most {error}, the least is {least:.4}: ask for errors above it with `--errors`")]
+    #[error(
+        "no combination has an error of at most {error}, the least is {least:.4}: ask for errors above it with `--errors`"
+    )]
     NoneWithin {
         /// What was asked for.
         error: f64,
@@ -43,7 +47,8 @@ pub enum RecordedError {
     },
 }
 
-/// The table that is searched, and what is known of other cameras. Its knobs have only the levels that the table has.
+/// The table that is searched, and what is known of other cameras. Its knobs have only the levels
+/// that the table has.
 #[derive(Clone, Debug)]
 pub struct Recorded {
     /// The knobs, with the levels that occur in the table.
@@ -73,14 +78,25 @@ impl Recorded {
                 }
             }
         }
-        let point = |point: &FrontierPoint| Some((space.canonical(levels.settings(point.settings)?), point.cost));
+        let point = |point: &FrontierPoint| {
+            Some((space.canonical(levels.settings(point.settings)?), point.cost))
+        };
         let costs = table.points.iter().filter_map(point).collect();
-        Ok(Self { layout: table.facts.layout().unwrap_or(ASSUMED_LAYOUT), costs, others: known, space })
+        Ok(Self {
+            layout: table.facts.layout().unwrap_or(ASSUMED_LAYOUT),
+            costs,
+            others: known,
+            space,
+        })
     }
 
     /// The least power at an error of at most `error`.
     pub fn least_power(&self, error: f64) -> Option<f64> {
-        self.costs.values().filter(|cost| cost.error <= error).map(|cost| cost.power.0).min_by(f64::total_cmp)
+        self.costs
+            .values()
+            .filter(|cost| cost.error <= error)
+            .map(|cost| cost.power.0)
+            .min_by(f64::total_cmp)
     }
 
     /// The least error.
@@ -91,7 +107,9 @@ impl Recorded {
 
 /// Whether readings of `other` say something about `table`.
 fn fits(table: &SweepTable, other: &SweepTable) -> Result<(), RecordedError> {
-    let same = |a: &Knob, b: &Knob| a.name == b.name && a.levels.iter().map(|l| &l.label).eq(b.levels.iter().map(|l| &l.label));
+    let same = |a: &Knob, b: &Knob| {
+        a.name == b.name && a.levels.iter().map(|l| &l.label).eq(b.levels.iter().map(|l| &l.label))
+    };
     let (there, here) = (table.space.knobs(), other.space.knobs());
     if there.len() != here.len() || there.iter().zip(here).any(|(a, b)| !same(a, b)) {
         return Err(RecordedError::OtherKnobs { here: names(here), there: names(there) });
@@ -104,22 +122,36 @@ fn fits(table: &SweepTable, other: &SweepTable) -> Result<(), RecordedError> {
     alike("scene", &there.scene, &here.scene)?;
     alike("size", &there.size, &here.size)?;
     alike("frame rate", &there.frames_per_second, &here.frames_per_second)?;
-    alike("meter", &there.meter.as_ref().map(|meter| &meter.name), &here.meter.as_ref().map(|meter| &meter.name))
+    alike(
+        "meter",
+        &there.meter.as_ref().map(|meter| &meter.name),
+        &here.meter.as_ref().map(|meter| &meter.name),
+    )
 }
 
 /// Where both files say something, they must say the same.
-fn alike<T: PartialEq + std::fmt::Debug>(what: &'static str, there: &Option<T>, here: &Option<T>) -> Result<(), RecordedError> {
+fn alike<T: PartialEq + std::fmt::Debug>(
+    what: &'static str,
+    there: &Option<T>,
+    here: &Option<T>,
+) -> Result<(), RecordedError> {
     match (there, here) {
-        (Some(there), Some(here)) if there != here => {
-            Err(RecordedError::OtherConditions { what, here: format!("{here:?}"), there: format!("{there:?}") })
-        }
+        (Some(there), Some(here)) if there != here => Err(RecordedError::OtherConditions {
+            what,
+            here: format!("{here:?}"),
+            there: format!("{there:?}"),
+        }),
         _ => Ok(()),
     }
 }
 
 /// `knob (3 levels), …`
 fn names(knobs: &[Knob]) -> String {
-    knobs.iter().map(|knob| format!("{} ({} levels)", knob.name, knob.levels.len())).collect::<Vec<_>>().join(", ")
+    knobs
+        .iter()
+        .map(|knob| format!("{} ({} levels)", knob.name, knob.levels.len()))
+        .collect::<Vec<_>>()
+        .join(", ")
 }
 
 /// Which levels of its knobs occur in a table.
@@ -131,34 +163,50 @@ struct Levels<'a> {
 
 impl<'a> Levels<'a> {
     fn of(table: &'a SweepTable) -> Self {
-        let occurs = |knob: usize, level: usize| table.points.iter().any(|point| point.settings.level(knob) == level);
-        let levels = |(knob, entry): (usize, &Knob)| (0..entry.levels.len()).filter(|level| occurs(knob, *level)).collect();
-        Self { space: &table.space, occurring: table.space.knobs().iter().enumerate().map(levels).collect() }
+        let occurs = |knob: usize, level: usize| {
+            table.points.iter().any(|point| point.settings.level(knob) == level)
+        };
+        let levels = |(knob, entry): (usize, &Knob)| {
+            (0..entry.levels.len()).filter(|level| occurs(knob, *level)).collect()
+        };
+        Self {
+            space: &table.space,
+            occurring: table.space.knobs().iter().enumerate().map(levels).collect(),
+        }
     }
 
-    /// The space of these levels alone. What needs a level of another knob needs the first that is left of it and those
-    /// above.
+    /// The space of these levels alone. What needs a level of another knob needs the first that is
+    /// left of it and those above.
     fn space(&self) -> KnobSpace {
         let knob = |(knob, levels): (&Knob, &Vec<usize>)| Knob {
             name: knob.name.clone(),
             levels: levels.iter().map(|level| knob.levels[*level].clone()).collect(),
-            needs: knob.needs.as_ref().map(|need| Need { at_least: self.at_least(need), ..need.clone() }),
+            needs: knob
+                .needs
+                .as_ref()
+                .map(|need| Need { at_least: self.at_least(need), ..need.clone() }),
         };
         let knobs = self.space.knobs().iter().zip(&self.occurring).map(knob).collect();
-        // Names and values are those of a sound space, and there is a level of each knob, as long as there is a row.
+        // Names and values are those of a sound space, and there is a level of each knob, as long
+        // as there is a row.
         KnobSpace::new(knobs).unwrap_or_default()
     }
 
     fn at_least(&self, need: &Need) -> usize {
         let levels = self.space.index_of(&need.knob).map(|knob| &self.occurring[knob]);
-        levels.map_or(need.at_least, |levels| levels.partition_point(|level| *level < need.at_least))
+        levels
+            .map_or(need.at_least, |levels| levels.partition_point(|level| *level < need.at_least))
     }
 
-    /// Settings of the table's space in that of the levels alone; `None` where they have another level.
+    /// Settings of the table's space in that of the levels alone; `None` where they have another
+    /// level.
     fn settings(&self, settings: RenderSettings) -> Option<RenderSettings> {
-        self.occurring.iter().enumerate().try_fold(RenderSettings::default(), |kept, (knob, levels)| {
-            Some(kept.with_level(knob, levels.binary_search(&settings.level(knob)).ok()?))
-        })
+        self.occurring.iter().enumerate().try_fold(
+            RenderSettings::default(),
+            |kept, (knob, levels)| {
+                Some(kept.with_level(knob, levels.binary_search(&settings.level(knob)).ok()?))
+            },
+        )
     }
 }
 
@@ -177,7 +225,10 @@ mod tests {
     }
 
     fn table(error: f64, keep: impl Fn(RenderSettings) -> bool) -> SweepTable {
-        let point = |settings: RenderSettings| FrontierPoint { settings, cost: CostPoint::new(1.0 + settings.bits() as f64, error) };
+        let point = |settings: RenderSettings| FrontierPoint {
+            settings,
+            cost: CostPoint::new(1.0 + settings.bits() as f64, error),
+        };
         let points = space().iter().filter(|settings| keep(*settings)).map(point).collect();
         SweepTable { facts: SweepFacts::default(), space: space(), points }
     }
@@ -187,13 +238,20 @@ mod tests {
         // No count of 2, only the better scale.
         let part = table(0.1, |settings| settings.level(0) != 2 && settings.level(2) == 1);
         let recorded = Recorded::new(&part, &[table(0.2, |_| true)]).expect("the same knobs");
-        assert_eq!(recorded.space.knobs().iter().map(|knob| knob.levels.len()).collect::<Vec<_>>(), [3, 3, 1]);
+        assert_eq!(
+            recorded.space.knobs().iter().map(|knob| knob.levels.len()).collect::<Vec<_>>(),
+            [3, 3, 1]
+        );
         // Rays still need the upper counts: the third of the three that are left.
         assert_eq!((recorded.space.combinations(), recorded.costs.len()), (5, 5));
         assert!(recorded.space.iter().all(|settings| recorded.costs.contains_key(&settings)));
         assert_eq!((recorded.others.rows(), recorded.others.settings().len()), (1, 5));
         for (settings, cost) in &recorded.costs {
-            assert_eq!(recorded.others.get(0, *settings).map(|cost| cost.power), Some(cost.power), "the same settings elsewhere");
+            assert_eq!(
+                recorded.others.get(0, *settings).map(|cost| cost.power),
+                Some(cost.power),
+                "the same settings elsewhere"
+            );
         }
         assert_eq!(recorded.least_power(0.05), None);
     }
@@ -203,11 +261,22 @@ mod tests {
         let (whole, mut other) = (table(0.1, |_| true), table(0.2, |_| true));
         other.space = space().subset(["count", "rays"]).expect("a part");
         let error = Recorded::new(&whole, &[table(0.2, |_| true), other]).expect_err("other knobs");
-        assert!(matches!(error, (1, RecordedError::OtherKnobs { .. })) && error.1.to_string().contains("scale (2 levels)"), "{error:?}");
-        assert!(matches!(Recorded::new(&whole, std::slice::from_ref(&whole)), Err((0, RecordedError::SameReadings))));
+        assert!(
+            matches!(error, (1, RecordedError::OtherKnobs { .. }))
+                && error.1.to_string().contains("scale (2 levels)"),
+            "{error:?}"
+        );
+        assert!(matches!(
+            Recorded::new(&whole, std::slice::from_ref(&whole)),
+            Err((0, RecordedError::SameReadings))
+        ));
         let facts = |fps| SweepFacts { frames_per_second: Some(fps), ..SweepFacts::default() };
-        let [slow, fast] = [(15.0, 0.2), (30.0, 0.3)].map(|(fps, error)| SweepTable { facts: facts(fps), ..table(error, |_| true) });
+        let [slow, fast] = [(15.0, 0.2), (30.0, 0.3)]
+            .map(|(fps, error)| SweepTable { facts: facts(fps), ..table(error, |_| true) });
         let error = Recorded::new(&slow, &[whole, fast]).expect_err("another rate");
-        assert_eq!(error.1.to_string(), "its frame rate is 30.0, that of the searched table 15.0: sweep both alike");
+        assert_eq!(
+            error.1.to_string(),
+            "its frame rate is 30.0, that of the searched table 15.0: sweep both alike"
+        );
     }
 }

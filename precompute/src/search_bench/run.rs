@@ -14,7 +14,8 @@ use super::others::Others;
 use super::{Recorded, RecordedError, frugal};
 use crate::search::{Search, SearchConfig};
 
-/// Where a table lacks most combinations, NSGA-II asks for at most this many for each that it holds.
+/// Where a table lacks most combinations, NSGA-II asks for at most this many for each that it
+/// holds.
 const MOST_ASKED: usize = 10;
 
 /// What is run.
@@ -67,7 +68,8 @@ pub struct Goal {
     pub enough_w: f64,
 }
 
-/// Quartiles of renderings over the seeds. `None` where it lies among the seeds that did not get there.
+/// Quartiles of renderings over the seeds. `None` where it lies among the seeds that did not get
+/// there.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
 pub struct Spread {
     /// A quarter of the seeds needs no more.
@@ -111,15 +113,18 @@ impl SearchRuns {
     pub fn goals(&self, recorded: &Recorded) -> Result<Vec<Goal>, RecordedError> {
         let goal = |error: &f64| {
             let best = recorded.least_power(*error);
-            let best_w = best.ok_or(RecordedError::NoneWithin { error: *error, least: recorded.least_error() })?;
+            let best_w = best.ok_or(RecordedError::NoneWithin {
+                error: *error,
+                least: recorded.least_error(),
+            })?;
             Ok(Goal { error: *error, best_w, enough_w: best_w * (1.0 + self.within) })
         };
         self.errors.iter().map(goal).collect()
     }
 }
 
-/// Runs every method; the last one only where other cameras are known. `report` is asked after every run whether to go
-/// on: `None` where not.
+/// Runs every method; the last one only where other cameras are known. `report` is asked after
+/// every run whether to go on: `None` where not.
 pub fn run(
     recorded: &Recorded,
     runs: &SearchRuns,
@@ -127,7 +132,9 @@ pub fn run(
     report: &(dyn Fn() -> ControlFlow<()> + Sync),
 ) -> Option<Vec<MethodResult>> {
     let others = Others::of(recorded);
-    let methods = [Method::Random, Method::Nsga2, Method::FrugalCold].into_iter().chain(others.as_ref().map(|_| Method::FrugalWarm));
+    let methods = [Method::Random, Method::Nsga2, Method::FrugalCold]
+        .into_iter()
+        .chain(others.as_ref().map(|_| Method::FrugalWarm));
     let one = |method: Method| {
         let one = |seed: u64| {
             let mut lookup = Lookup::new(recorded, goals);
@@ -140,7 +147,13 @@ pub fn run(
     methods.map(one).collect()
 }
 
-fn search(recorded: &Recorded, method: Method, others: Option<&Others>, (seed, batch): (u64, usize), lookup: &mut Lookup<'_>) {
+fn search(
+    recorded: &Recorded,
+    method: Method,
+    others: Option<&Others>,
+    (seed, batch): (u64, usize),
+    lookup: &mut Lookup<'_>,
+) {
     match (method, others) {
         (Method::Random, _) => {
             let mut all: Vec<RenderSettings> = recorded.costs.keys().copied().collect();
@@ -157,16 +170,28 @@ fn nsga2(recorded: &Recorded, seed: u64, lookup: &mut Lookup<'_>) {
     let all = usize::try_from(recorded.space.combinations()).unwrap_or(usize::MAX);
     // One less than all: what may take all of them enumerates. As many generations as it takes.
     let most = all.saturating_sub(1).min(MOST_ASKED * recorded.costs.len());
-    let config = SearchConfig { seed, generations: Some(most), max_evaluations: Some(most), ..Default::default() };
-    // It ends by itself, or with an error when all goals are reached: what it took is in the look-up either way.
+    let config = SearchConfig {
+        seed,
+        generations: Some(most),
+        max_evaluations: Some(most),
+        ..Default::default()
+    };
+    // It ends by itself, or with an error when all goals are reached: what it took is in the
+    // look-up either way.
     let _ = Search::new(&recorded.space, config).run(lookup, &[], &mut |_| true);
 }
 
 fn summary(method: Method, goals: &[Goal], runs: &[(usize, Vec<Option<usize>>)]) -> MethodResult {
     let result = |(index, goal): (usize, &Goal)| {
-        let renderings: Vec<Option<usize>> = runs.iter().map(|(_, reached)| reached[index]).collect();
+        let renderings: Vec<Option<usize>> =
+            runs.iter().map(|(_, reached)| reached[index]).collect();
         let count = renderings.iter().flatten().count();
-        GoalResult { error: goal.error, reached: count as f64 / runs.len().max(1) as f64, spread: Spread::of(&renderings), renderings }
+        GoalResult {
+            error: goal.error,
+            reached: count as f64 / runs.len().max(1) as f64,
+            spread: Spread::of(&renderings),
+            renderings,
+        }
     };
     let missing = runs.iter().map(|(missing, _)| *missing).max().unwrap_or(0);
     MethodResult { method, goals: goals.iter().enumerate().map(result).collect(), missing }
@@ -174,13 +199,16 @@ fn summary(method: Method, goals: &[Goal], runs: &[(usize, Vec<Option<usize>>)])
 
 impl Spread {
     fn of(renderings: &[Option<usize>]) -> Self {
-        let mut sorted: Vec<f64> = renderings.iter().map(|count| count.map_or(f64::INFINITY, |count| count as f64)).collect();
+        let mut sorted: Vec<f64> = renderings
+            .iter()
+            .map(|count| count.map_or(f64::INFINITY, |count| count as f64))
+            .collect();
         sorted.sort_by(f64::total_cmp);
         let at = |share: f64| {
             let place = share * (sorted.len().checked_sub(1)?) as f64;
             let (low, high) = (sorted[place.floor() as usize], sorted[place.ceil() as usize]);
-            // Between two of them; where they are equal there is nothing between, which matters for those that are
-            // infinite.
+            // Between two of them; where they are equal there is nothing between, which matters for
+            // those that are infinite.
             let value = if low == high { low } else { low + (high - low) * place.fract() };
             value.is_finite().then_some(value)
         };
@@ -202,9 +230,15 @@ mod tests {
     #[test]
     fn quartiles_lie_between_seeds_and_know_no_number_beyond_the_last_that_got_there() {
         let spread = Spread::of(&[Some(4), Some(1), None, Some(3), Some(2)]);
-        assert_eq!(spread, Spread { lower_quartile: Some(2.0), median: Some(3.0), upper_quartile: Some(4.0) });
+        assert_eq!(
+            spread,
+            Spread { lower_quartile: Some(2.0), median: Some(3.0), upper_quartile: Some(4.0) }
+        );
         let spread = Spread::of(&[Some(10), Some(20), None, None]);
-        assert_eq!(spread, Spread { lower_quartile: Some(17.5), median: None, upper_quartile: None });
+        assert_eq!(
+            spread,
+            Spread { lower_quartile: Some(17.5), median: None, upper_quartile: None }
+        );
         assert_eq!(Spread::of(&[]), Spread::default());
     }
 }

@@ -13,7 +13,9 @@ const LAYOUT: FrameLayout = FrameLayout { size: [128, 72], maps: 1, has_sky: tru
 
 fn space() -> KnobSpace {
     let names = ["gi_vpl_count", "gi_pixel_fraction", "gi_visibility", "shadow_map_resolution"];
-    crate::stage::every_knob().and_then(|space| Ok(space.subset(names)?)).expect("the built-in knobs")
+    crate::stage::every_knob()
+        .and_then(|space| Ok(space.subset(names)?))
+        .expect("the built-in knobs")
 }
 
 /// Watts by fixed prices of work.
@@ -26,7 +28,11 @@ fn power(space: &KnobSpace, settings: RenderSettings) -> f64 {
         "gathered pixels" => 1e-4,
         _ => 1e-9,
     };
-    work_names(space).iter().zip(&Work::of(space, settings, &LAYOUT).0).map(|(name, work)| work * price(name)).sum()
+    work_names(space)
+        .iter()
+        .zip(&Work::of(space, settings, &LAYOUT).0)
+        .map(|(name, work)| work * price(name))
+        .sum()
 }
 
 /// What knobs spoil multiplies; `weights` are the camera's.
@@ -42,10 +48,17 @@ fn error(space: &KnobSpace, settings: RenderSettings, weights: [f64; 4]) -> f64 
 fn table(weights: [f64; 4], factor: f64) -> SweepTable {
     let space = space();
     let point = |settings| {
-        let cost = CostPoint::new(factor * power(&space, settings), 0.002 + error(&space, settings, weights));
+        let cost = CostPoint::new(
+            factor * power(&space, settings),
+            0.002 + error(&space, settings, weights),
+        );
         FrontierPoint { settings, cost }
     };
-    SweepTable { facts: SweepFacts::default(), points: space.iter().map(point).collect(), space: space.clone() }
+    SweepTable {
+        facts: SweepFacts::default(),
+        points: space.iter().map(point).collect(),
+        space: space.clone(),
+    }
 }
 
 fn here() -> SweepTable {
@@ -53,7 +66,11 @@ fn here() -> SweepTable {
 }
 
 fn elsewhere() -> Vec<SweepTable> {
-    vec![table([0.2, 0.04, 0.03, 0.03], 1.3), table([0.08, 0.06, 0.05, 0.06], 0.8), table([0.15, 0.08, 0.02, 0.09], 1.1)]
+    vec![
+        table([0.2, 0.04, 0.03, 0.03], 1.3),
+        table([0.08, 0.06, 0.05, 0.06], 0.8),
+        table([0.15, 0.08, 0.02, 0.09], 1.1),
+    ]
 }
 
 fn runs() -> SearchRuns {
@@ -73,12 +90,19 @@ fn median(results: &[MethodResult], method: Method, goal: usize) -> f64 {
 #[test]
 fn ours_needs_fewer_renderings_than_chance_and_fewer_still_where_other_cameras_are_known() {
     let recorded = Recorded::new(&here(), &elsewhere()).expect("tables that fit");
-    assert_eq!((recorded.costs.len() as u64, recorded.others.rows()), (recorded.space.combinations(), 3));
+    assert_eq!(
+        (recorded.costs.len() as u64, recorded.others.rows()),
+        (recorded.space.combinations(), 3)
+    );
     let results = search(&recorded, &runs());
     for goal in 0..3 {
         let [random, nsga2, cold, warm] =
-            [Method::Random, Method::Nsga2, Method::FrugalCold, Method::FrugalWarm].map(|method| median(&results, method, goal));
-        assert!(cold < random && warm <= cold, "goal {goal}: random {random}, NSGA-II {nsga2}, cold {cold}, warm {warm}");
+            [Method::Random, Method::Nsga2, Method::FrugalCold, Method::FrugalWarm]
+                .map(|method| median(&results, method, goal));
+        assert!(
+            cold < random && warm <= cold,
+            "goal {goal}: random {random}, NSGA-II {nsga2}, cold {cold}, warm {warm}"
+        );
     }
     assert!(results.iter().all(|result| result.missing == 0), "the table is whole");
 }
@@ -97,20 +121,26 @@ fn seeds_decide_everything() {
 fn what_a_partial_table_lacks_is_counted_and_never_chosen() {
     let mut part = here();
     // Neither the best settings nor every other one.
-    part.points.retain(|point| point.settings != space().highest() && point.settings.bits() % 3 != 0);
+    part.points
+        .retain(|point| point.settings != space().highest() && point.settings.bits() % 3 != 0);
     let held = part.points.len();
     let recorded = Recorded::new(&part, &elsewhere()).expect("tables that fit");
     let runs = SearchRuns { seeds: 3, errors: vec![0.04], ..runs() };
     for result in search(&recorded, &runs) {
         assert_eq!(result.missing == 0, result.method == Method::Random, "{result:?}");
-        assert!(result.goals[0].renderings.iter().flatten().all(|count| (1..=held).contains(count)), "{result:?}");
+        assert!(
+            result.goals[0].renderings.iter().flatten().all(|count| (1..=held).contains(count)),
+            "{result:?}"
+        );
     }
 }
 
 #[test]
 fn errors_that_no_settings_have_and_an_interrupt_are_no_result() {
     let recorded = Recorded::new(&here(), &[]).expect("a table");
-    let unreachable = SearchRuns { errors: vec![0.001], ..runs() }.goals(&recorded).expect_err("less than the least");
+    let unreachable = SearchRuns { errors: vec![0.001], ..runs() }
+        .goals(&recorded)
+        .expect_err("less than the least");
     assert!(unreachable.to_string().contains("0.0020"), "{unreachable}");
     let goals = runs().goals(&recorded).expect("errors that occur");
     assert_eq!(run(&recorded, &runs(), &goals, &|| ControlFlow::Break(())), None);

@@ -1,14 +1,17 @@
-//! Which adapter Bevy will render on, found out before Bevy is started, since Bevy panics without one.
+//! Which adapter Bevy will render on, found out before Bevy is started, since Bevy panics without
+//! one.
 
 use bevy_frugal_gi::power::{Adapter, AdapterKind};
 
 /// The adapter that the renderer will choose, or none.
 pub fn adapter() -> Option<Adapter> {
     let mut descriptor = wgpu::InstanceDescriptor::new_without_display_handle();
-    descriptor.backends = wgpu::Backends::from_env().unwrap_or(wgpu::Backends::PRIMARY | wgpu::Backends::SECONDARY);
+    descriptor.backends =
+        wgpu::Backends::from_env().unwrap_or(wgpu::Backends::PRIMARY | wgpu::Backends::SECONDARY);
     let instance = wgpu::Instance::new(descriptor);
     let options = wgpu::RequestAdapterOptions {
-        power_preference: wgpu::PowerPreference::from_env().unwrap_or(wgpu::PowerPreference::HighPerformance),
+        power_preference: wgpu::PowerPreference::from_env()
+            .unwrap_or(wgpu::PowerPreference::HighPerformance),
         ..Default::default()
     };
     let adapter = bevy::tasks::block_on(instance.request_adapter(&options)).ok()?;

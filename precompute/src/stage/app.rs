@@ -17,12 +17,17 @@ use bevy_frugal_gi::gi::GiRefresh;
 use bevy_frugal_gi::knobs::{KnobPlugin, KnobRegistry, KnobSpace, KnobSpaceError};
 use bevy_frugal_gi::power::PowerPlugin;
 
-/// An app without window, log, signal handler and interface, whose clock steps by one frame an update. `extend` adds to it before it is finished.
+/// An app without window, log, signal handler and interface, whose clock steps by one frame an
+/// update. `extend` adds to it before it is finished.
 pub(super) fn build(frames_per_second: f64, extend: impl FnOnce(&mut App)) -> App {
     let mut app = App::new();
     app.add_plugins(
         DefaultPlugins
-            .set(WindowPlugin { primary_window: None, exit_condition: ExitCondition::DontExit, ..Default::default() })
+            .set(WindowPlugin {
+                primary_window: None,
+                exit_condition: ExitCondition::DontExit,
+                ..Default::default()
+            })
             .set(RenderPlugin { synchronous_pipeline_compilation: true, ..Default::default() })
             .disable::<WinitPlugin>()
             .disable::<LogPlugin>()
@@ -36,7 +41,9 @@ pub(super) fn build(frames_per_second: f64, extend: impl FnOnce(&mut App)) -> Ap
     .add_plugins(FrugalGiPlugins.build().disable::<PowerPlugin>())
     // A stage's camera stands still where an app's walks by: it must not be cheaper.
     .insert_resource(GiRefresh::AsIfCamerasMoved)
-    .insert_resource(TimeUpdateStrategy::ManualDuration(Duration::from_secs_f64(1.0 / frames_per_second)));
+    .insert_resource(TimeUpdateStrategy::ManualDuration(Duration::from_secs_f64(
+        1.0 / frames_per_second,
+    )));
     extend(&mut app);
     app.finish();
     app.cleanup();

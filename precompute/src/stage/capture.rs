@@ -5,7 +5,8 @@ use bevy::ecs::world::World;
 use bevy::image::Image;
 use bevy::render::render_asset::RenderAssets;
 use bevy::render::render_resource::{
-    BufferDescriptor, BufferUsages, CommandEncoderDescriptor, MapMode, PollType, TexelCopyBufferInfo, TexelCopyBufferLayout, Texture,
+    BufferDescriptor, BufferUsages, CommandEncoderDescriptor, MapMode, PollType,
+    TexelCopyBufferInfo, TexelCopyBufferLayout, Texture,
 };
 use bevy::render::renderer::{RenderDevice, RenderQueue};
 use bevy::render::texture::GpuImage;
@@ -20,10 +21,17 @@ pub(super) fn picture(world: &World, target: &Handle<Image>) -> Result<Picture, 
     Picture::new(texture.0, texture.1, rgb).map_err(|error| StageError::ReadBack(error.to_string()))
 }
 
-pub(super) fn radiance(world: &World, target: &Handle<Image>, exposure: f32) -> Result<Radiance, StageError> {
+pub(super) fn radiance(
+    world: &World,
+    target: &Handle<Image>,
+    exposure: f32,
+) -> Result<Radiance, StageError> {
     let ((width, height), rows) = read(world, target, 8)?;
     let channel = |bytes: &[u8]| half_to_float(u16::from_le_bytes([bytes[0], bytes[1]])) / exposure;
-    let rgb = rows.chunks_exact(8).map(|texel| [channel(&texel[0..2]), channel(&texel[2..4]), channel(&texel[4..6])]).collect();
+    let rgb = rows
+        .chunks_exact(8)
+        .map(|texel| [channel(&texel[0..2]), channel(&texel[2..4]), channel(&texel[4..6])])
+        .collect();
     Ok(Radiance { width, height, rgb })
 }
 
@@ -33,11 +41,19 @@ fn half_to_float(bits: u16) -> f32 {
 }
 
 /// Size of the target, and its texels without the padding that rows have in a buffer.
-fn read(world: &World, target: &Handle<Image>, texel_bytes: u32) -> Result<((u32, u32), Vec<u8>), StageError> {
+fn read(
+    world: &World,
+    target: &Handle<Image>,
+    texel_bytes: u32,
+) -> Result<((u32, u32), Vec<u8>), StageError> {
     let fail = |problem: &str| StageError::ReadBack(problem.to_owned());
-    let image = world.resource::<RenderAssets<GpuImage>>().get(target).ok_or_else(|| fail("there is no picture yet"))?;
+    let image = world
+        .resource::<RenderAssets<GpuImage>>()
+        .get(target)
+        .ok_or_else(|| fail("there is no picture yet"))?;
     let texture: &Texture = &image.texture;
-    let bytes_of_format = texture.format().block_copy_size(None).ok_or_else(|| fail("an unreadable format"))?;
+    let bytes_of_format =
+        texture.format().block_copy_size(None).ok_or_else(|| fail("an unreadable format"))?;
     if bytes_of_format != texel_bytes {
         return Err(fail("the stage was opened for another kind of picture"));
     }
@@ -51,12 +67,18 @@ fn read(world: &World, target: &Handle<Image>, texel_bytes: u32) -> Result<((u32
         usage: BufferUsages::COPY_DST | BufferUsages::MAP_READ,
         mapped_at_creation: false,
     });
-    let mut encoder = device.create_command_encoder(&CommandEncoderDescriptor { label: Some("frugal/stage/read_back") });
+    let mut encoder = device.create_command_encoder(&CommandEncoderDescriptor {
+        label: Some("frugal/stage/read_back"),
+    });
     encoder.copy_texture_to_buffer(
         texture.as_image_copy(),
         TexelCopyBufferInfo {
             buffer: &buffer,
-            layout: TexelCopyBufferLayout { offset: 0, bytes_per_row: Some(padded), rows_per_image: None },
+            layout: TexelCopyBufferLayout {
+                offset: 0,
+                bytes_per_row: Some(padded),
+                rows_per_image: None,
+            },
         },
         size,
     );
@@ -64,10 +86,19 @@ fn read(world: &World, target: &Handle<Image>, texel_bytes: u32) -> Result<((u32
     let (sender, receiver) = std::sync::mpsc::channel();
     let slice = buffer.slice(..);
     slice.map_async(MapMode::Read, move |result| drop(sender.send(result)));
-    device.poll(PollType::wait_indefinitely()).map_err(|error| StageError::ReadBack(error.to_string()))?;
-    receiver.recv().map_err(|error| StageError::ReadBack(error.to_string()))?.map_err(|error| StageError::ReadBack(error.to_string()))?;
+    device
+        .poll(PollType::wait_indefinitely())
+        .map_err(|error| StageError::ReadBack(error.to_string()))?;
+    receiver
+        .recv()
+        .map_err(|error| StageError::ReadBack(error.to_string()))?
+        .map_err(|error| StageError::ReadBack(error.to_string()))?;
     let mapped = slice.get_mapped_range();
-    let texels = mapped.chunks_exact(padded as usize).flat_map(|padded| &padded[..row as usize]).copied().collect();
+    let texels = mapped
+        .chunks_exact(padded as usize)
+        .flat_map(|padded| &padded[..row as usize])
+        .copied()
+        .collect();
     Ok(((size.width, size.height), texels))
 }
 
@@ -77,7 +108,14 @@ mod tests {
 
     #[test]
     fn halves_convert_exactly() {
-        let pairs = [(0x3c00, 1.0), (0xc000, -2.0), (0x7bff, 65504.0), (0x0001, 5.960_464_5e-8), (0x0000, 0.0), (0x7c00, f32::INFINITY)];
+        let pairs = [
+            (0x3c00, 1.0),
+            (0xc000, -2.0),
+            (0x7bff, 65504.0),
+            (0x0001, 5.960_464_5e-8),
+            (0x0000, 0.0),
+            (0x7c00, f32::INFINITY),
+        ];
         for (bits, value) in pairs {
             assert_eq!(half_to_float(bits), value);
         }

@@ -1,6 +1,7 @@
 //! The sky: what lights a scene from all around, and what is seen where there is no geometry.
 //!
-//! Its light on surfaces is an environment map on the camera: without global illumination Bevy's, which nothing but ambient occlusion hides.
+//! Its light on surfaces is an environment map on the camera: without global illumination Bevy's,
+//! which nothing but ambient occlusion hides.
 
 use std::path::Path;
 
@@ -11,7 +12,9 @@ use bevy::ecs::entity::Entity;
 use bevy::ecs::world::World;
 use bevy::image::{Image, ImageSampler};
 use bevy::light::{EnvironmentMapLight, Skybox};
-use bevy::render::render_resource::{Extent3d, TextureDimension, TextureFormat, TextureViewDescriptor, TextureViewDimension};
+use bevy::render::render_resource::{
+    Extent3d, TextureDimension, TextureFormat, TextureViewDescriptor, TextureViewDimension,
+};
 use half::f16;
 
 use super::StageError;
@@ -38,34 +41,63 @@ pub(super) fn constant(world: &mut World, camera: Entity, radiance: [f32; 3], ex
     }
     if let Some(mut camera) = world.get_mut::<Camera>(camera) {
         let [red, green, blue] = radiance.map(|nits| nits * exposure);
-        camera.clear_color = ClearColorConfig::Custom(Color::LinearRgba(LinearRgba::rgb(red, green, blue)));
+        camera.clear_color =
+            ClearColorConfig::Custom(Color::LinearRgba(LinearRgba::rgb(red, green, blue)));
     }
 }
 
 /// A latitude-longitude picture, times `intensity`, in nits.
-pub(super) fn map(world: &mut World, camera: Entity, file: &Path, intensity: f32) -> Result<(), StageError> {
+pub(super) fn map(
+    world: &mut World,
+    camera: Entity,
+    file: &Path,
+    intensity: f32,
+) -> Result<(), StageError> {
     let picture = SkyMap::read(file)?;
     let pyramid = Pyramid::new(&picture);
-    let cubes = [pyramid.diffuse(), pyramid.specular(), Cube::new(&[SEEN_EDGE], |_, direction| picture.look_up(direction))];
-    let brightest = cubes.iter().flat_map(|cube| cube.texels.iter().flatten()).fold(0.0, |a: f32, b| a.max(*b));
+    let cubes = [
+        pyramid.diffuse(),
+        pyramid.specular(),
+        Cube::new(&[SEEN_EDGE], |_, direction| picture.look_up(direction)),
+    ];
+    let brightest =
+        cubes.iter().flat_map(|cube| cube.texels.iter().flatten()).fold(0.0, |a: f32, b| a.max(*b));
     // No map is brighter than half floats hold.
     let unit = (brightest / BRIGHTEST_TEXEL).max(1.0);
     let [diffuse_map, specular_map, sky] = cubes.map(|cube| add_cube(world, &cube, unit));
     world.entity_mut(camera).insert((
-        EnvironmentMapLight { diffuse_map, specular_map, intensity: intensity * unit, ..Default::default() },
+        EnvironmentMapLight {
+            diffuse_map,
+            specular_map,
+            intensity: intensity * unit,
+            ..Default::default()
+        },
         Skybox { image: Some(sky), brightness: intensity * unit, ..Default::default() },
     ));
     Ok(())
 }
 
-/// A cube map whose 1 stands for `unit`. In half floats: many phones' GPUs do not filter longer ones.
+/// A cube map whose 1 stands for `unit`. In half floats: many phones' GPUs do not filter longer
+/// ones.
 fn add_cube(world: &mut World, cube: &Cube, unit: f32) -> Handle<Image> {
     let size = Extent3d { width: cube.edge, height: cube.edge, depth_or_array_layers: 6 };
-    let mut image = Image::new_uninit(size, TextureDimension::D2, TextureFormat::Rgba16Float, RenderAssetUsages::RENDER_WORLD);
+    let mut image = Image::new_uninit(
+        size,
+        TextureDimension::D2,
+        TextureFormat::Rgba16Float,
+        RenderAssetUsages::RENDER_WORLD,
+    );
     image.texture_descriptor.mip_level_count = cube.levels;
-    let halves = cube.texels.iter().flat_map(|[red, green, blue]| [red / unit, green / unit, blue / unit, 1.0]).map(f16::from_f32);
+    let halves = cube
+        .texels
+        .iter()
+        .flat_map(|[red, green, blue]| [red / unit, green / unit, blue / unit, 1.0])
+        .map(f16::from_f32);
     image.data = Some(halves.flat_map(f16::to_le_bytes).collect());
-    image.texture_view_descriptor = Some(TextureViewDescriptor { dimension: Some(TextureViewDimension::Cube), ..Default::default() });
+    image.texture_view_descriptor = Some(TextureViewDescriptor {
+        dimension: Some(TextureViewDimension::Cube),
+        ..Default::default()
+    });
     image.sampler = ImageSampler::linear();
     world.resource_mut::<Assets<Image>>().add(image)
 }

@@ -28,13 +28,18 @@ impl StageEvaluator {
         &mut self.stage
     }
 
-    /// Power and error of `settings` over a clip: the poses of consecutive frames. Power is the mean of all but the first frame, error that of
-    /// the last one, against the last frame of the same clip at the best settings. The same pose several times is a still camera. Every clip begins
-    /// with a cut: what it costs does not depend on what was rendered before.
+    /// Power and error of `settings` over a clip: the poses of consecutive frames. Power is the
+    /// mean of all but the first frame, error that of the last one, against the last frame of the
+    /// same clip at the best settings. The same pose several times is a still camera. Every clip
+    /// begins with a cut: what it costs does not depend on what was rendered before.
     ///
     /// # Errors
     /// When the rendering or the metering fails.
-    pub fn measure(&mut self, clip: &[CameraPose], settings: RenderSettings) -> Result<CostPoint, StageError> {
+    pub fn measure(
+        &mut self,
+        clip: &[CameraPose],
+        settings: RenderSettings,
+    ) -> Result<CostPoint, StageError> {
         if self.reference.as_ref().is_none_or(|(of, _)| of != clip) {
             let best = self.stage.space.highest();
             self.stage.apply(best);
@@ -49,7 +54,9 @@ impl StageEvaluator {
         }
         self.stage.apply(settings);
         let power = self.play(clip)?;
-        let Some((_, reference)) = &self.reference else { return Ok(CostPoint { power, error: 0.0 }) };
+        let Some((_, reference)) = &self.reference else {
+            return Ok(CostPoint { power, error: 0.0 });
+        };
         Ok(CostPoint { power, error: reference.error(&self.stage.picture()?)? })
     }
 
@@ -59,6 +66,9 @@ impl StageEvaluator {
             self.stage.place(pose.position, pose.rotation);
             self.stage.frame();
         }
-        self.stage.metered(|frame| poses.clone().nth(frame).map(|pose| (pose.position, pose.rotation)), poses.len() as u32)
+        self.stage.metered(
+            |frame| poses.clone().nth(frame).map(|pose| (pose.position, pose.rotation)),
+            poses.len() as u32,
+        )
     }
 }

@@ -1,7 +1,7 @@
 //! Energy of frames, and the power that they would take at the target frame rate.
 //!
-//! p = idle + energy per frame × frames per second. A meter that covers the whole device counts its idle power in every window: it is measured
-//! once, while nothing is rendered, and taken out again.
+//! p = idle + energy per frame × frames per second. A meter that covers the whole device counts its
+//! idle power in every window: it is measured once, while nothing is rendered, and taken out again.
 
 use std::time::{Duration, Instant};
 
@@ -15,7 +15,8 @@ use super::{Stage, StageError};
 const STEPS_PER_WINDOW: f64 = 10.0;
 
 impl Stage {
-    /// Power at the target frame rate for an energy of `spent` over `frames` frames that took `seconds`.
+    /// Power at the target frame rate for an energy of `spent` over `frames` frames that took
+    /// `seconds`.
     fn power(&self, spent: Joules, frames: u32, seconds: f64) -> Watts {
         let measured = self.meter.info().provenance == Provenance::Measured;
         let idle_energy = if measured { self.idle * seconds } else { Watts(0.0) };
@@ -23,7 +24,8 @@ impl Stage {
         self.idle + Watts(per_frame * self.options.frames_per_second)
     }
 
-    /// Power of the present settings, over at least `least` frames, and as many more as the meter needs to tell.
+    /// Power of the present settings, over at least `least` frames, and as many more as the meter
+    /// needs to tell.
     ///
     /// # Errors
     /// When the meter cannot be read.
@@ -32,8 +34,16 @@ impl Stage {
     }
 
     /// The same with a moving camera: `pose` is where it is in each frame, none where it stays.
-    pub(super) fn metered(&mut self, pose: impl Fn(usize) -> Option<(Vec3, Quat)>, least: u32) -> Result<Watts, StageError> {
-        let least_seconds = if self.meter.window_seconds() < 0.01 { 0.0 } else { STEPS_PER_WINDOW * self.meter.window_seconds() };
+    pub(super) fn metered(
+        &mut self,
+        pose: impl Fn(usize) -> Option<(Vec3, Quat)>,
+        least: u32,
+    ) -> Result<Watts, StageError> {
+        let least_seconds = if self.meter.window_seconds() < 0.01 {
+            0.0
+        } else {
+            STEPS_PER_WINDOW * self.meter.window_seconds()
+        };
         let window = EnergyWindow::start(self.meter.as_mut())?;
         let start = Instant::now();
         let mut frames = 0;
@@ -48,13 +58,16 @@ impl Stage {
         sound(self.power(spent, frames, elapsed.as_secs_f64()), &self.meter.info().name)
     }
 
-    /// Power while nothing is rendered, where the meter covers the whole device; else what the meter says.
+    /// Power while nothing is rendered, where the meter covers the whole device; else what the
+    /// meter says.
     pub(super) fn measure_idle(&mut self) -> Result<Watts, StageError> {
         if self.meter.info().provenance != Provenance::Measured {
             return Ok(self.meter.idle());
         }
         let window = EnergyWindow::start(self.meter.as_mut())?;
-        std::thread::sleep(Duration::from_secs_f64((STEPS_PER_WINDOW * self.meter.window_seconds()).max(2.0)));
+        std::thread::sleep(Duration::from_secs_f64(
+            (STEPS_PER_WINDOW * self.meter.window_seconds()).max(2.0),
+        ));
         let (spent, elapsed) = window.finish(self.meter.as_mut())?;
         Ok(spent.per_seconds(elapsed.as_secs_f64()))
     }

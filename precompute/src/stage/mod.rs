@@ -1,6 +1,7 @@
 //! The stage: a headless Bevy app that shows a scene to one camera, one finished frame at a time.
 //!
-//! Nothing is shared with a window: time steps by hand, pipelines compile before they are needed, and a frame is over when the GPU is done.
+//! Nothing is shared with a window: time steps by hand, pipelines compile before they are needed,
+//! and a frame is over when the GPU is done.
 
 mod adapter;
 mod app;
@@ -23,7 +24,9 @@ use bevy::ecs::entity::Entity;
 use bevy::image::Image;
 use bevy::math::{Quat, UVec2, Vec3};
 use bevy::render::RenderApp;
-use bevy::render::render_resource::{CachedPipelineState, PipelineCache, PipelineDescriptor, PollType};
+use bevy::render::render_resource::{
+    CachedPipelineState, PipelineCache, PipelineDescriptor, PollType,
+};
 use bevy::render::renderer::RenderDevice;
 use bevy::shader::ShaderCacheError;
 use bevy::transform::components::Transform;
@@ -50,7 +53,8 @@ pub enum Output {
     /// What a screen would show: 8-bit sRGB, tone-mapped.
     #[default]
     Display,
-    /// Linear radiance in nits, before exposure; without antialiasing and post-processing, which belong to a display.
+    /// Linear radiance in nits, before exposure; without antialiasing and post-processing, which
+    /// belong to a display.
     Radiance,
 }
 
@@ -60,11 +64,14 @@ pub enum Component {
     /// All of it.
     #[default]
     Full,
-    /// What the renderer shows without global illumination; of a path-traced picture, what one surface at most scattered.
+    /// What the renderer shows without global illumination; of a path-traced picture, what one
+    /// surface at most scattered.
     Direct,
-    /// What lamps light by way of other surfaces, all of them matt; of a path-traced picture, what more than one surface scattered.
+    /// What lamps light by way of other surfaces, all of them matt; of a path-traced picture, what
+    /// more than one surface scattered.
     Indirect,
-    /// What global illumination gives: indirect light, and that of glowing surfaces and of the sky on others.
+    /// What global illumination gives: indirect light, and that of glowing surfaces and of the sky
+    /// on others.
     Global,
 }
 
@@ -82,7 +89,8 @@ pub struct StageOptions {
     pub output: Output,
     /// Which light.
     pub component: Component,
-    /// Names of the knobs to offer; where none are given, all that need not be named. The others stand at their best.
+    /// Names of the knobs to offer; where none are given, all that need not be named. The others
+    /// stand at their best.
     pub knobs: Option<Vec<String>>,
     /// Meter by name; the one that suits the adapter where none is given.
     pub meter: Option<String>,
@@ -111,7 +119,9 @@ pub enum StageError {
     )]
     NoAdapter,
     /// A size of 0, too small for some of the passes, or larger than a texture can be.
-    #[error("size {0}x{1}: must be 32 pixels or more along one side at least, and no more than 8192 along either")]
+    #[error(
+        "size {0}x{1}: must be 32 pixels or more along one side at least, and no more than 8192 along either"
+    )]
     Size(u32, u32),
     /// Not a positive number.
     #[error("frame rate {0}: must be a finite number above 0")]
@@ -171,9 +181,12 @@ fn open_meter(
     options: &StageOptions,
     adapter: &Adapter,
 ) -> Result<(Box<dyn PowerMeter>, Option<WorkLedger>), StageError> {
-    let Some(name) = &options.meter else { return Ok((bevy_frugal_gi::power::detect(adapter)?, None)) };
+    let Some(name) = &options.meter else {
+        return Ok((bevy_frugal_gi::power::detect(adapter)?, None));
+    };
     if let Some(file) = is_work_meter(name) {
-        let (meter, ledger) = WorkMeter::open(file, FrameLayout::of(scene, options.size.to_array()))?;
+        let (meter, ledger) =
+            WorkMeter::open(file, FrameLayout::of(scene, options.size.to_array()))?;
         return Ok((Box::new(meter), Some(ledger)));
     }
     Ok((bevy_frugal_gi::power::open(name)?, None))
@@ -200,17 +213,24 @@ impl Stage {
     /// Stages `scene`, and waits until the first finished frame.
     ///
     /// # Errors
-    /// When there is no adapter, the options make no sense, the scene's files cannot be read, or the renderer does not get ready.
+    /// When there is no adapter, the options make no sense, the scene's files cannot be read, or
+    /// the renderer does not get ready.
     pub fn open(scene: &SceneDescription, options: StageOptions) -> Result<Self, StageError> {
         Self::open_with(scene, options, |_| ())
     }
 
-    /// [`open`](Self::open), in an app to which `extend` adds plugins: for materials that are not Bevy's, and passes that are compared with ours.
+    /// [`open`](Self::open), in an app to which `extend` adds plugins: for materials that are not
+    /// Bevy's, and passes that are compared with ours.
     ///
     /// # Errors
     /// As [`open`](Self::open).
-    pub fn open_with(scene: &SceneDescription, options: StageOptions, extend: impl FnOnce(&mut App)) -> Result<Self, StageError> {
-        // Ambient occlusion makes five mip levels of the view, also at half the resolution. Where there is no room for them, Bevy ends rendering.
+    pub fn open_with(
+        scene: &SceneDescription,
+        options: StageOptions,
+        extend: impl FnOnce(&mut App),
+    ) -> Result<Self, StageError> {
+        // Ambient occlusion makes five mip levels of the view, also at half the resolution. Where
+        // there is no room for them, Bevy ends rendering.
         if options.size.min_element() == 0 || !(32..=8192).contains(&options.size.max_element()) {
             return Err(StageError::Size(options.size.x, options.size.y));
         }
@@ -228,7 +248,9 @@ impl Stage {
         let registry = app.world().resource::<KnobRegistry>().clone();
         let all = registry.space()?;
         let space = match &options.knobs {
-            Some(names) => registry.space_with(|name| names.iter().any(|other| other == name))?.subset(names.iter().map(String::as_str))?,
+            Some(names) => registry
+                .space_with(|name| names.iter().any(|other| other == name))?
+                .subset(names.iter().map(String::as_str))?,
             None => all.clone(),
         };
         let mut stage = Self {
@@ -245,7 +267,8 @@ impl Stage {
             vertical_fov_degrees: scene.camera.vertical_fov,
             options,
         };
-        // Knobs that are not offered stand at their best, in this stage and so in every figure that it gives.
+        // Knobs that are not offered stand at their best, in this stage and so in every figure that
+        // it gives.
         let best = all.highest();
         stage.insert_settings(Arc::new(all), best);
         stage.get_ready()?;
@@ -317,16 +340,21 @@ impl Stage {
         self.insert_settings(space, settings);
     }
 
-    /// Sets the knobs that a text tells of, and those on offer that it does not at their best: `max`, `min`, or `knob=level` pairs. Knobs that must be
-    /// named are among them where it does.
+    /// Sets the knobs that a text tells of, and those on offer that it does not at their best:
+    /// `max`, `min`, or `knob=level` pairs. Knobs that must be named are among them where it does.
     ///
     /// # Errors
     /// When the text is of another form, or names a knob or a level that is not there.
     pub fn apply_text(&mut self, text: &str) -> Result<(), StageError> {
         let names = || text.split(',').filter_map(|part| Some(part.split_once('=')?.0.trim()));
-        let all = self.app.world().resource::<KnobRegistry>().space_with(|name| names().any(|other| other == name))?;
+        let all = self
+            .app
+            .world()
+            .resource::<KnobRegistry>()
+            .space_with(|name| names().any(|other| other == name))?;
         let offered = self.space.knobs().iter().map(|knob| knob.name.as_str());
-        let named = names().filter(|name| self.space.index_of(name).is_none() && all.index_of(name).is_some());
+        let named = names()
+            .filter(|name| self.space.index_of(name).is_none() && all.index_of(name).is_some());
         let space = all.subset(offered.chain(named))?;
         let settings = space.parse(text)?;
         self.insert_settings(Arc::new(space), settings);
@@ -351,7 +379,9 @@ impl Stage {
         let device = self.app.sub_app(RenderApp).world().resource::<RenderDevice>();
         // Fails only when the device is lost, which the next frame reports better.
         let _ = device.poll(PollType::wait_indefinitely());
-        if let (Some(ledger), Some(shown)) = (&self.ledger, self.app.world().get::<KnobSettings>(self.camera)) {
+        if let (Some(ledger), Some(shown)) =
+            (&self.ledger, self.app.world().get::<KnobSettings>(self.camera))
+        {
             ledger.count(&shown.space, shown.settings);
         }
     }
@@ -373,33 +403,46 @@ impl Stage {
                     return Err(StageError::NotReady(error.to_string()));
                 }
             }
-            let waiting = cache.waiting_pipelines().next().is_some() || self.app.world().resource::<GiOccluders>().waiting() > 0;
+            let waiting = cache.waiting_pipelines().next().is_some()
+                || self.app.world().resource::<GiOccluders>().waiting() > 0;
             // The count lags a frame behind the picture.
             quiet = if waiting { 0 } else { quiet + 1 };
             if quiet == 0 {
-                // What is waited for loads in other threads, which small pictures would leave no time.
+                // What is waited for loads in other threads, which small pictures would leave no
+                // time.
                 std::thread::sleep(Duration::from_millis(5));
             }
-            // Light that was averaged over frames is on its way to what a still picture shows. Where a scene never rests, it never gets there.
-            let settling = self.render_world().get_resource::<GiCounts>().is_some_and(|counts| counts.settling > 0);
+            // Light that was averaged over frames is on its way to what a still picture shows.
+            // Where a scene never rests, it never gets there.
+            let settling = self
+                .render_world()
+                .get_resource::<GiCounts>()
+                .is_some_and(|counts| counts.settling > 0);
             if quiet >= if settling { MOST_SETTLING_FRAMES } else { 4 } {
                 return Ok(());
             }
         }
-        let waiting = self.render_world().resource::<PipelineCache>().pipelines().filter_map(|pipeline| match &pipeline.state {
-            CachedPipelineState::Ok(_) => None,
-            state => Some(format!("{} ({state:?})", label(&pipeline.descriptor))),
-        });
-        Err(StageError::NotReady(format!("after 600 frames these are still missing: {}", waiting.collect::<Vec<_>>().join(", "))))
+        let waiting =
+            self.render_world().resource::<PipelineCache>().pipelines().filter_map(|pipeline| {
+                match &pipeline.state {
+                    CachedPipelineState::Ok(_) => None,
+                    state => Some(format!("{} ({state:?})", label(&pipeline.descriptor))),
+                }
+            });
+        Err(StageError::NotReady(format!(
+            "after 600 frames these are still missing: {}",
+            waiting.collect::<Vec<_>>().join(", ")
+        )))
     }
 
-    /// Shows every level of every knob on offer once: what a level has to compile is compiled before anything is metered.
+    /// Shows every level of every knob on offer once: what a level has to compile is compiled
+    /// before anything is metered.
     ///
     /// # Errors
     /// When the renderer does not get ready.
     pub fn warm(&mut self) -> Result<(), StageError> {
-        // The others at their cheapest, so that it does not take long. A knob that acts only with another is shown with each of the other's
-        // levels: one pipeline may serve a pair.
+        // The others at their cheapest, so that it does not take long. A knob that acts only with
+        // another is shown with each of the other's levels: one pipeline may serve a pair.
         let space = Arc::clone(&self.space);
         for (index, knob) in space.knobs().iter().enumerate() {
             for base in space.cheapest_with(knob) {

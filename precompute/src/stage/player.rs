@@ -20,7 +20,12 @@ impl<'s> StagePlayer<'s> {
 impl Player for StagePlayer<'_> {
     type Error = StageError;
 
-    fn begin_run(&mut self, _: &str, pose: &Pose, settings: RenderSettings) -> Result<(), StageError> {
+    fn begin_run(
+        &mut self,
+        _: &str,
+        pose: &Pose,
+        settings: RenderSettings,
+    ) -> Result<(), StageError> {
         self.stage.place(pose.position, pose.rotation);
         self.stage.apply(settings);
         (0..4).for_each(|_| self.stage.frame());

@@ -1,8 +1,10 @@
-//! A sky as the cube maps that Bevy lights surfaces from: diffuse light by the surface's normal, and reflections by roughness.
+//! A sky as the cube maps that Bevy lights surfaces from: diffuse light by the surface's normal,
+//! and reflections by roughness.
 //!
-//! Karis 2013, "Real Shading in Unreal Engine 4": reflections are averaged with the view along the normal, mip level by mip level from smooth to
-//! rough. Samples read the sky at the resolution that they stand for (Colbert and Křivánek 2007, "GPU-Based Importance Sampling"), so that few of
-//! them leave no speckle.
+//! Karis 2013, "Real Shading in Unreal Engine 4": reflections are averaged with the view along the
+//! normal, mip level by mip level from smooth to rough. Samples read the sky at the resolution that
+//! they stand for (Colbert and Křivánek 2007, "GPU-Based Importance Sampling"), so that few of them
+//! leave no speckle.
 
 use std::f32::consts::{PI, TAU};
 
@@ -14,7 +16,8 @@ use crate::scene::SkyMap;
 const COLUMNS: u32 = 256;
 /// Texels along the edge of the diffuse cube's faces.
 const DIFFUSE_EDGE: u32 = 16;
-/// The same of each level of the specular cube: roughness 0, a fifth, …, 1. Rougher than that many texels show, nothing is lost by few of them.
+/// The same of each level of the specular cube: roughness 0, a fifth, …, 1. Rougher than that many
+/// texels show, nothing is lost by few of them.
 const SPECULAR_EDGES: [u32; 6] = [128, 64, 32, 16, 8, 4];
 /// Directions that a rough reflection is averaged from.
 const SPECULAR_SAMPLES: u32 = 128;
@@ -35,7 +38,8 @@ impl Cube {
         Self { edge: 1, levels: 1, texels: vec![texel; 6] }
     }
 
-    /// What `texel` says of each level and direction (a unit vector). `edges` halve from level to level.
+    /// What `texel` says of each level and direction (a unit vector). `edges` halve from level to
+    /// level.
     pub(super) fn new(edges: &[u32], texel: impl Fn(usize, Vec3) -> [f32; 3]) -> Self {
         let mut texels = Vec::new();
         for face in 0..6 {
@@ -48,7 +52,8 @@ impl Cube {
     }
 }
 
-/// Direction through a texel's centre, in the order of faces that GPUs use (+X, −X, +Y, −Y, +Z, −Z; left-handed).
+/// Direction through a texel's centre, in the order of faces that GPUs use (+X, −X, +Y, −Y, +Z, −Z;
+/// left-handed).
 fn cube_direction(face: u32, x: u32, y: u32, edge: u32) -> Vec3 {
     let u = 2.0 * (x as f32 + 0.5) / edge as f32 - 1.0;
     let v = 1.0 - 2.0 * (y as f32 + 0.5) / edge as f32;
@@ -73,12 +78,14 @@ pub(super) struct Pyramid {
 impl Pyramid {
     pub(super) fn new(map: &SkyMap) -> Self {
         let (width, height) = map.size();
-        // Each texel of the finest level is a mean of at least one look-up for each of the map's own texels under it.
+        // Each texel of the finest level is a mean of at least one look-up for each of the map's
+        // own texels under it.
         let steps = (width.div_ceil(COLUMNS)).max(height.div_ceil(COLUMNS / 2)).clamp(1, 32);
         let finest = |x: u32, y: u32| {
             mean((0..steps * steps).map(|step| {
                 let (u, v) = ((step % steps) as f32 + 0.5, (step / steps) as f32 + 0.5);
-                let direction = direction(x as f32 + u / steps as f32, y as f32 + v / steps as f32, COLUMNS);
+                let direction =
+                    direction(x as f32 + u / steps as f32, y as f32 + v / steps as f32, COLUMNS);
                 (map.look_up(direction), 1.0)
             }))
         };
@@ -91,7 +98,10 @@ impl Pyramid {
             let next = sky(columns, |x, y| {
                 mean((0..4).map(|i| {
                     let (x, y) = (2 * x + i % 2, 2 * y + i / 2);
-                    (finer.texels()[(y * 2 * columns + x) as usize], (PI * (y as f32 + 0.5) / columns as f32).sin())
+                    (
+                        finer.texels()[(y * 2 * columns + x) as usize],
+                        (PI * (y as f32 + 0.5) / columns as f32).sin(),
+                    )
                 }))
             });
             levels.push(next);
@@ -106,13 +116,20 @@ impl Pyramid {
         let directions: Vec<(Vec3, f32, [f32; 3])> = (0..rows)
             .flat_map(|y| (0..columns).map(move |x| (x, y)))
             .map(|(x, y)| {
-                let solid_angle = TAU / columns as f32 * PI / rows as f32 * (PI * (y as f32 + 0.5) / rows as f32).sin();
-                (direction(x as f32 + 0.5, y as f32 + 0.5, columns), solid_angle, map.texels()[(y * columns + x) as usize])
+                let solid_angle = TAU / columns as f32 * PI / rows as f32
+                    * (PI * (y as f32 + 0.5) / rows as f32).sin();
+                (
+                    direction(x as f32 + 0.5, y as f32 + 0.5, columns),
+                    solid_angle,
+                    map.texels()[(y * columns + x) as usize],
+                )
             })
             .collect();
         Cube::new(&[DIFFUSE_EDGE], |_, normal| {
             // Divided by what it would be for a white sky, so that the sum's own error cancels.
-            mean(directions.iter().map(|(direction, solid_angle, texel)| (*texel, direction.dot(normal).max(0.0) * solid_angle)))
+            mean(directions.iter().map(|(direction, solid_angle, texel)| {
+                (*texel, direction.dot(normal).max(0.0) * solid_angle)
+            }))
         })
     }
 
@@ -127,24 +144,34 @@ impl Pyramid {
             let (right, up) = normal.any_orthonormal_pair();
             mean((0..SPECULAR_SAMPLES).map(|sample| {
                 // A Hammersley set.
-                let (u, v) = ((sample as f32 + 0.5) / SPECULAR_SAMPLES as f32, sample.reverse_bits() as f32 * 2f32.powi(-32));
-                // Walter et al. 2007, "Microfacet Models for Refraction": half vectors by the GGX distribution.
+                let (u, v) = (
+                    (sample as f32 + 0.5) / SPECULAR_SAMPLES as f32,
+                    sample.reverse_bits() as f32 * 2f32.powi(-32),
+                );
+                // Walter et al. 2007, "Microfacet Models for Refraction": half vectors by the GGX
+                // distribution.
                 let cosine = ((1.0 - u) / (1.0 + (alpha * alpha - 1.0) * u)).sqrt();
                 let sine = (1.0 - cosine * cosine).max(0.0).sqrt();
-                let half = normal * cosine + (right * (TAU * v).cos() + up * (TAU * v).sin()) * sine;
+                let half =
+                    normal * cosine + (right * (TAU * v).cos() + up * (TAU * v).sin()) * sine;
                 let light = half * (2.0 * cosine) - normal;
-                let peak = alpha * alpha / (PI * (1.0 + (alpha * alpha - 1.0) * cosine * cosine).powi(2));
+                let peak =
+                    alpha * alpha / (PI * (1.0 + (alpha * alpha - 1.0) * cosine * cosine).powi(2));
                 // With the view along the normal, a half vector's density ÷ 4 is the direction's.
                 let solid_angle = 4.0 / (SPECULAR_SAMPLES as f32 * peak);
                 let texel = 4.0 * PI / (COLUMNS * COLUMNS / 2) as f32;
-                (self.look_up((0.5 * (solid_angle / texel).log2()).max(0.0) + 1.0, light), light.dot(normal).max(0.0))
+                (
+                    self.look_up((0.5 * (solid_angle / texel).log2()).max(0.0) + 1.0, light),
+                    light.dot(normal).max(0.0),
+                )
             }))
         })
     }
 
     /// Radiance in a direction at the level nearest to `level`.
     fn look_up(&self, level: f32, direction: Vec3) -> [f32; 3] {
-        self.levels[(level.round() as usize).min(self.levels.len() - 1)].look_up(direction.normalize_or(Vec3::Y))
+        self.levels[(level.round() as usize).min(self.levels.len() - 1)]
+            .look_up(direction.normalize_or(Vec3::Y))
     }
 }
 
@@ -156,14 +183,18 @@ fn direction(x: f32, y: f32, columns: u32) -> Vec3 {
 }
 
 fn mean(values: impl Iterator<Item = ([f32; 3], f32)>) -> [f32; 3] {
-    let (sum, weights) =
-        values.fold((Vec3::ZERO, 0.0), |(sum, weights), (value, weight)| (sum + Vec3::from(value) * weight, weights + weight));
+    let (sum, weights) = values.fold((Vec3::ZERO, 0.0), |(sum, weights), (value, weight)| {
+        (sum + Vec3::from(value) * weight, weights + weight)
+    });
     (sum / f32::max(weights, f32::MIN_POSITIVE)).to_array()
 }
 
 fn sky(columns: u32, texel: impl Fn(u32, u32) -> [f32; 3]) -> SkyMap {
     let rows = columns / 2;
-    let texels: Vec<[f32; 3]> = (0..rows).flat_map(|y| (0..columns).map(move |x| (x, y))).map(|(x, y)| texel(x, y)).collect();
+    let texels: Vec<[f32; 3]> = (0..rows)
+        .flat_map(|y| (0..columns).map(move |x| (x, y)))
+        .map(|(x, y)| texel(x, y))
+        .collect();
     SkyMap::of_means(columns, rows, texels)
 }
 
@@ -176,8 +207,11 @@ mod tests {
         let face_texels: u32 = edges.iter().map(|edge| edge * edge).sum();
         let before: u32 = edges[..level].iter().map(|edge| edge * edge).sum();
         let edge = edges[level];
-        let texel = |face: u32, x: u32, y: u32| cube.texels[(face * face_texels + before + y * edge + x) as usize][1];
-        let places = (0..6).flat_map(|face| (0..edge * edge).map(move |i| (face, i % edge, i / edge)));
+        let texel = |face: u32, x: u32, y: u32| {
+            cube.texels[(face * face_texels + before + y * edge + x) as usize][1]
+        };
+        let places =
+            (0..6).flat_map(|face| (0..edge * edge).map(move |i| (face, i % edge, i / edge)));
         places.map(|(face, x, y)| (cube_direction(face, x, y, edge), texel(face, x, y))).collect()
     }
 
@@ -185,7 +219,9 @@ mod tests {
     fn an_even_sky_stays_even() {
         let pyramid = Pyramid::new(&SkyMap::new(10, 5, vec![[1.0, 2.0, 3.0]; 50]).unwrap());
         for cube in [pyramid.diffuse(), pyramid.specular()] {
-            let even = |texel: &[f32; 3]| texel.iter().zip([1.0, 2.0, 3.0]).all(|(a, b): (&f32, f32)| (a - b).abs() < 1e-3);
+            let even = |texel: &[f32; 3]| {
+                texel.iter().zip([1.0, 2.0, 3.0]).all(|(a, b): (&f32, f32)| (a - b).abs() < 1e-3)
+            };
             assert!(cube.texels.iter().all(even));
         }
     }
@@ -193,7 +229,8 @@ mod tests {
     #[test]
     fn half_a_sky_lights_by_the_cosine() {
         // Bright above: illuminance ÷ π is (1 + n·y) / 2.
-        let texels_above = (0..64 * 32).map(|i| if i / 64 < 16 { [1.0; 3] } else { [0.0; 3] }).collect();
+        let texels_above =
+            (0..64 * 32).map(|i| if i / 64 < 16 { [1.0; 3] } else { [0.0; 3] }).collect();
         let pyramid = Pyramid::new(&SkyMap::new(64, 32, texels_above).unwrap());
         for (normal, found) in texels(&pyramid.diffuse(), &[DIFFUSE_EDGE], 0) {
             assert!((found - 0.5 * (1.0 + normal.y)).abs() < 0.02, "{normal} {found}");
@@ -204,7 +241,10 @@ mod tests {
             for (direction, found) in texels(&specular, &SPECULAR_EDGES, level) {
                 let blur = 0.05 + level as f32 * 0.2;
                 let expected = if direction.y > 0.0 { 1.0 } else { 0.0 };
-                assert!(direction.y.abs() < blur || (found - expected).abs() < 0.1, "level {level}: {direction} {found}");
+                assert!(
+                    direction.y.abs() < blur || (found - expected).abs() < 0.1,
+                    "level {level}: {direction} {found}"
+                );
             }
         }
     }
@@ -217,10 +257,17 @@ mod tests {
         let pyramid = Pyramid::new(&map);
         let expected = map.mean_radiance()[0];
         for level in &pyramid.levels {
-            assert!((level.mean_radiance()[0] / expected - 1.0).abs() < 0.05, "{} columns", level.size().0);
+            assert!(
+                (level.mean_radiance()[0] / expected - 1.0).abs() < 0.05,
+                "{} columns",
+                level.size().0
+            );
         }
         let toward = direction(100.5, 64.5, 512);
-        let (brightest, _) = texels(&pyramid.diffuse(), &[DIFFUSE_EDGE], 0).into_iter().max_by(|a, b| a.1.total_cmp(&b.1)).unwrap();
+        let (brightest, _) = texels(&pyramid.diffuse(), &[DIFFUSE_EDGE], 0)
+            .into_iter()
+            .max_by(|a, b| a.1.total_cmp(&b.1))
+            .unwrap();
         assert!(brightest.dot(toward) > 0.99, "{brightest} {toward}");
     }
 }

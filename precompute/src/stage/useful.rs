@@ -5,8 +5,8 @@ use bevy_frugal_gi::knobs::KnobSpace;
 use super::StageError;
 use crate::scene::{Environment, Light, SceneDescription};
 
-/// Names of the built-in knobs that can change a picture of `scene`. The others' levels all look and cost the same, and would only make the
-/// search longer.
+/// Names of the built-in knobs that can change a picture of `scene`. The others' levels all look
+/// and cost the same, and would only make the search longer.
 ///
 /// # Errors
 /// When the scene's geometry cannot be read.
@@ -14,7 +14,8 @@ pub fn useful_knobs(scene: &SceneDescription) -> Result<Vec<String>, StageError>
     let geometry = scene.geometry()?;
     let has_light = !scene.lights.is_empty();
     let has_sun = scene.lights.iter().any(|light| matches!(light, Light::Directional { .. }));
-    let has_texture = geometry.materials.iter().any(|material| material.base_color_texture.is_some());
+    let has_texture =
+        geometry.materials.iter().any(|material| material.base_color_texture.is_some());
     let lit_from_around = match &scene.environment {
         Environment::None => false,
         Environment::Constant(radiance) => *radiance != [0.0; 3],

@@ -2,32 +2,45 @@
 
 use bevy::app::App;
 use bevy::asset::{Assets, Handle, RenderAssetUsages};
-use bevy::camera::{Camera, Camera3d, ClearColorConfig, Exposure, PerspectiveProjection, Projection, RenderTarget};
+use bevy::camera::{
+    Camera, Camera3d, ClearColorConfig, Exposure, PerspectiveProjection, Projection, RenderTarget,
+};
 use bevy::color::{Color, LinearRgba};
 use bevy::core_pipeline::tonemapping::{DebandDither, Tonemapping};
 use bevy::ecs::entity::Entity;
 use bevy::ecs::world::World;
 use bevy::image::{Image, ImageAddressMode, ImageFilterMode, ImageSampler, ImageSamplerDescriptor};
-use bevy::light::{CascadeShadowConfigBuilder, DirectionalLight, GlobalAmbientLight, PointLight, SpotLight};
+use bevy::light::{
+    CascadeShadowConfigBuilder, DirectionalLight, GlobalAmbientLight, PointLight, SpotLight,
+};
 use bevy::math::Vec3;
 use bevy::mesh::{Indices, Mesh, Mesh3d, PrimitiveTopology};
 use bevy::pbr::{MeshMaterial3d, StandardMaterial};
 use bevy::prelude::AlphaMode;
-use bevy::render::render_resource::{Extent3d, Face, TextureDescriptor, TextureDimension, TextureFormat, TextureUsages};
+use bevy::render::render_resource::{
+    Extent3d, Face, TextureDescriptor, TextureDimension, TextureFormat, TextureUsages,
+};
 use bevy::transform::components::Transform;
 use bevy_frugal_gi::gi::{FrugalGi, GiOutput, GiShading};
 
 use super::{Component, Output, StageError, StageOptions, environment};
-use crate::scene::{Environment, Light, SceneDescription, SceneGeometry, SceneMaterial, SceneMesh, SceneTexture};
+use crate::scene::{
+    Environment, Light, SceneDescription, SceneGeometry, SceneMaterial, SceneMesh, SceneTexture,
+};
 
-/// Shows `scene` to `camera`: spawns its geometry and lights, sets the surroundings of the whole app, and gives the camera the scene's lens, exposure
-/// and background. What else the camera has, and where it is, stays as it is.
+/// Shows `scene` to `camera`: spawns its geometry and lights, sets the surroundings of the whole
+/// app, and gives the camera the scene's lens, exposure and background. What else the camera has,
+/// and where it is, stays as it is.
 ///
 /// `camera` must be a `Camera3d`, and the world that of an app with Bevy's 3D renderer.
 ///
 /// # Errors
 /// When a file that the scene names cannot be read. Some of the scene may be there by then.
-pub fn populate(world: &mut World, scene: &SceneDescription, camera: Entity) -> Result<(), StageError> {
+pub fn populate(
+    world: &mut World,
+    scene: &SceneDescription,
+    camera: Entity,
+) -> Result<(), StageError> {
     populate_with(world, scene, scene.geometry()?, camera)
 }
 
@@ -38,7 +51,8 @@ pub(super) fn populate_with(
     geometry: SceneGeometry,
     camera: Entity,
 ) -> Result<(), StageError> {
-    let reach = geometry.bounds().map_or(scene.camera.far, |b| b.size().length().min(scene.camera.far));
+    let reach =
+        geometry.bounds().map_or(scene.camera.far, |b| b.size().length().min(scene.camera.far));
     let exposure = 1.0 / (1.2 * scene.exposure_ev100.exp2());
     spawn_geometry(world, geometry, exposure);
     for light in &scene.lights {
@@ -50,15 +64,21 @@ pub(super) fn populate_with(
         far: scene.camera.far,
         ..Default::default()
     };
-    world.entity_mut(camera).insert((Projection::Perspective(lens), Exposure { ev100: scene.exposure_ev100 }));
+    world
+        .entity_mut(camera)
+        .insert((Projection::Perspective(lens), Exposure { ev100: scene.exposure_ev100 }));
     if let Some(mut camera) = world.get_mut::<Camera>(camera) {
         camera.clear_color = ClearColorConfig::Custom(Color::BLACK);
     }
     world.insert_resource(GlobalAmbientLight::NONE);
     match &scene.environment {
         Environment::None => {}
-        Environment::Constant(radiance) => environment::constant(world, camera, *radiance, exposure),
-        Environment::Map(file, intensity) => environment::map(world, camera, &scene.resolve(file), *intensity)?,
+        Environment::Constant(radiance) => {
+            environment::constant(world, camera, *radiance, exposure)
+        }
+        Environment::Map(file, intensity) => {
+            environment::map(world, camera, &scene.resolve(file), *intensity)?
+        }
     }
     Ok(())
 }
@@ -83,10 +103,17 @@ fn target_image(options: &StageOptions) -> Image {
         Output::Radiance => TextureFormat::Rgba16Float,
     };
     let size = Extent3d { width: options.size.x, height: options.size.y, depth_or_array_layers: 1 };
-    let mut image = Image::new_uninit(size, TextureDimension::D2, format, RenderAssetUsages::RENDER_WORLD | RenderAssetUsages::MAIN_WORLD);
+    let mut image = Image::new_uninit(
+        size,
+        TextureDimension::D2,
+        format,
+        RenderAssetUsages::RENDER_WORLD | RenderAssetUsages::MAIN_WORLD,
+    );
     image.texture_descriptor = TextureDescriptor {
         label: Some("frugal/stage/target"),
-        usage: TextureUsages::RENDER_ATTACHMENT | TextureUsages::COPY_SRC | TextureUsages::TEXTURE_BINDING,
+        usage: TextureUsages::RENDER_ATTACHMENT
+            | TextureUsages::COPY_SRC
+            | TextureUsages::TEXTURE_BINDING,
         ..image.texture_descriptor
     };
     image
@@ -113,7 +140,8 @@ fn spawn_camera(world: &mut World, options: &StageOptions, target: Handle<Image>
         .id()
 }
 
-/// Takes away what a measurement of radiance, or of direct light alone, must not contain, whatever the knobs say.
+/// Takes away what a measurement of radiance, or of direct light alone, must not contain, whatever
+/// the knobs say.
 pub(super) fn hold_overrides(world: &mut World, camera: Entity, options: &StageOptions) {
     let mut camera = world.entity_mut(camera);
     if options.component == Component::Direct
@@ -136,12 +164,19 @@ pub(super) fn hold_overrides(world: &mut World, camera: Entity, options: &StageO
 }
 
 fn spawn_geometry(world: &mut World, geometry: SceneGeometry, exposure: f32) {
-    let textures: Vec<Handle<Image>> =
-        geometry.textures.iter().map(|texture| world.resource_mut::<Assets<Image>>().add(image(texture))).collect();
+    let textures: Vec<Handle<Image>> = geometry
+        .textures
+        .iter()
+        .map(|texture| world.resource_mut::<Assets<Image>>().add(image(texture)))
+        .collect();
     let materials: Vec<_> = geometry
         .materials
         .iter()
-        .map(|material| world.resource_mut::<Assets<StandardMaterial>>().add(standard_material(material, &textures, exposure)))
+        .map(|material| {
+            world
+                .resource_mut::<Assets<StandardMaterial>>()
+                .add(standard_material(material, &textures, exposure))
+        })
         .collect();
     for mesh in geometry.meshes {
         let Some(material) = materials.get(mesh.material).cloned() else { continue };
@@ -151,8 +186,9 @@ fn spawn_geometry(world: &mut World, geometry: SceneGeometry, exposure: f32) {
     }
 }
 
-/// Coordinates that no texture reads are left out: with them, the material's shader asks its uniform of every texture that it might have, which
-/// software Vulkan drivers answer by compiling the shader anew in every frame.
+/// Coordinates that no texture reads are left out: with them, the material's shader asks its
+/// uniform of every texture that it might have, which software Vulkan drivers answer by compiling
+/// the shader anew in every frame.
 fn bevy_mesh(mesh: SceneMesh, textured: bool) -> Mesh {
     let usage = RenderAssetUsages::RENDER_WORLD | RenderAssetUsages::MAIN_WORLD;
     let positions: Vec<[f32; 3]> = mesh.positions.iter().map(|p| p.to_array()).collect();
@@ -166,13 +202,20 @@ fn bevy_mesh(mesh: SceneMesh, textured: bool) -> Mesh {
     if textured { bare.with_inserted_attribute(Mesh::ATTRIBUTE_UV_0, uvs) } else { bare }
 }
 
-fn standard_material(material: &SceneMaterial, textures: &[Handle<Image>], exposure: f32) -> StandardMaterial {
+fn standard_material(
+    material: &SceneMaterial,
+    textures: &[Handle<Image>],
+    exposure: f32,
+) -> StandardMaterial {
     let [red, green, blue, alpha] = material.base_color;
-    // Bevy 0.19's G-buffer has no room for the weight by which exposure counts: nits are exposed here.
+    // Bevy 0.19's G-buffer has no room for the weight by which exposure counts: nits are exposed
+    // here.
     let emissive = material.emissive.map(|nits| nits * exposure);
     StandardMaterial {
         base_color: Color::LinearRgba(LinearRgba::new(red, green, blue, alpha)),
-        base_color_texture: material.base_color_texture.and_then(|index| textures.get(index).cloned()),
+        base_color_texture: material
+            .base_color_texture
+            .and_then(|index| textures.get(index).cloned()),
         perceptual_roughness: material.perceptual_roughness,
         metallic: material.metallic,
         reflectance: material.reflectance,
@@ -190,7 +233,12 @@ fn standard_material(material: &SceneMaterial, textures: &[Handle<Image>], expos
 
 fn image(texture: &SceneTexture) -> Image {
     let size = Extent3d { width: texture.width, height: texture.height, depth_or_array_layers: 1 };
-    let mut image = Image::new_uninit(size, TextureDimension::D2, TextureFormat::Rgba8UnormSrgb, RenderAssetUsages::all());
+    let mut image = Image::new_uninit(
+        size,
+        TextureDimension::D2,
+        TextureFormat::Rgba8UnormSrgb,
+        RenderAssetUsages::all(),
+    );
     image.texture_descriptor.mip_level_count = texture.mips.len() as u32;
     image.data = Some(texture.mips.concat());
     image.sampler = ImageSampler::Descriptor(ImageSamplerDescriptor {
@@ -240,7 +288,15 @@ fn spawn_light(world: &mut World, light: &Light, reach: f32) {
                 Transform::from_translation(*position),
             ));
         }
-        Light::Spot { position, direction, luminous_power, range, inner_angle, outer_angle, color } => {
+        Light::Spot {
+            position,
+            direction,
+            luminous_power,
+            range,
+            inner_angle,
+            outer_angle,
+            color,
+        } => {
             world.spawn((
                 SpotLight {
                     color: linear(*color),

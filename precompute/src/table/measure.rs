@@ -10,9 +10,14 @@ pub trait Measure {
     /// Why there is no cost.
     type Error;
 
-    /// Power and error of `settings` over a clip, the poses of consecutive frames: of its last frame, as it is played.
+    /// Power and error of `settings` over a clip, the poses of consecutive frames: of its last
+    /// frame, as it is played.
     ///
     /// # Errors
     /// When the rendering or the metering fails.
-    fn measure(&mut self, clip: &[CameraPose], settings: RenderSettings) -> Result<CostPoint, Self::Error>;
+    fn measure(
+        &mut self,
+        clip: &[CameraPose],
+        settings: RenderSettings,
+    ) -> Result<CostPoint, Self::Error>;
 }

@@ -1,6 +1,8 @@
-//! What settings cost at cameras: the table that searches fill, frontiers are fitted to, and policies are played from.
+//! What settings cost at cameras: the table that searches fill, frontiers are fitted to, and
+//! policies are played from.
 //!
-//! A row is a camera, or a frame of a path; a column is a combination of settings. Knows no renderer.
+//! A row is a camera, or a frame of a path; a column is a combination of settings. Knows no
+//! renderer.
 
 mod measure;
 mod sweep;
@@ -89,7 +91,9 @@ impl CostTable {
     #[must_use]
     pub fn with_columns(&self, mut keep: impl FnMut(RenderSettings) -> bool) -> Self {
         let mut kept = Self::new(self.rows);
-        for (column, settings) in self.settings.iter().enumerate().filter(|(_, settings)| keep(**settings)) {
+        for (column, settings) in
+            self.settings.iter().enumerate().filter(|(_, settings)| keep(**settings))
+        {
             kept.columns.insert(*settings, kept.settings.len());
             kept.settings.push(*settings);
             kept.costs.push(self.costs[column].clone());
@@ -102,7 +106,8 @@ impl CostTable {
     pub fn with_rows(&self, rows: &[usize]) -> Self {
         let mut kept = Self { rows: rows.len(), ..self.clone() };
         for (column, costs) in kept.costs.iter_mut().zip(&self.costs) {
-            *column = rows.iter().map(|row| costs.get(*row).copied().unwrap_or(Self::UNKNOWN)).collect();
+            *column =
+                rows.iter().map(|row| costs.get(*row).copied().unwrap_or(Self::UNKNOWN)).collect();
         }
         kept
     }
@@ -119,13 +124,22 @@ mod tests {
         table.set(1, a, CostPoint::new(2.0, 0.1));
         table.set(9, b, CostPoint::new(1.0, 0.0));
         assert_eq!((table.rows(), table.settings()), (2, &[a, b][..]));
-        assert_eq!((table.get(0, a), table.get(1, a), table.get(1, b)), (None, Some(CostPoint::new(2.0, 0.1)), None));
-        assert_eq!((table.mean(0, [0, 1]), table.mean(0, [1]), table.mean(0, [])), (None, Some(CostPoint::new(2.0, 0.1)), None));
+        assert_eq!(
+            (table.get(0, a), table.get(1, a), table.get(1, b)),
+            (None, Some(CostPoint::new(2.0, 0.1)), None)
+        );
+        assert_eq!(
+            (table.mean(0, [0, 1]), table.mean(0, [1]), table.mean(0, [])),
+            (None, Some(CostPoint::new(2.0, 0.1)), None)
+        );
         assert!(!table.is_complete(0));
         table.set(0, a, CostPoint::new(4.0, 0.3));
         assert!(table.is_complete(0));
         assert_eq!(table.mean(0, [0, 1]), Some(CostPoint::new(3.0, 0.2)));
         let part = table.with_columns(|settings| settings == a).with_rows(&[1]);
-        assert_eq!((part.rows(), part.settings().len(), part.get(0, a)), (1, 1, Some(CostPoint::new(2.0, 0.1))));
+        assert_eq!(
+            (part.rows(), part.settings().len(), part.get(0, a)),
+            (1, 1, Some(CostPoint::new(2.0, 0.1)))
+        );
     }
 }

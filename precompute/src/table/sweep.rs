@@ -1,9 +1,10 @@
 //! What `frugal sweep` recorded, as a CSV file: its writer and its reader.
 //!
-//! The first line is a comment: `# frugal sweep`, then JSON that says what was swept ([`SweepFacts`], and the knobs
-//! with their levels). Then comes a header, and a row for every combination: the settings packed, each knob's level by
-//! its label, power in watts, error. Files without the first line are read, too: their knobs are those of the same name
-//! that the reader knows.
+//! The first line is a comment: `# frugal sweep`, then JSON that says what was swept
+//! ([`SweepFacts`], and the knobs with their levels). Then comes a header, and a row for every
+//! combination: the settings packed, each knob's level by its label, power in watts, error. Files
+//! without the first line are read, too: their knobs are those of the same name that the reader
+//! knows.
 
 mod parse;
 
@@ -22,8 +23,8 @@ const MARK: &str = "# frugal sweep ";
 /// Columns around those of the knobs.
 const COLUMNS: (&str, [&str; 2]) = ("settings_bits", ["power_w", "error"]);
 
-/// What a file that does not say is taken to be rendered at: the size that `frugal sweep` has by default, one light,
-/// and a sky.
+/// What a file that does not say is taken to be rendered at: the size that `frugal sweep` has by
+/// default, one light, and a sky.
 pub const ASSUMED_LAYOUT: FrameLayout = FrameLayout { size: [320, 180], maps: 1, has_sky: true };
 
 /// What a sweep's figures were taken on. Older files, and tables of other kinds, do not say.
@@ -104,14 +105,22 @@ impl SweepTable {
     /// # Errors
     /// When `to` cannot be written.
     pub fn write(&self, mut to: impl io::Write) -> io::Result<()> {
-        writeln!(to, "{MARK}{}", serde_json::to_string(&Head { facts: &self.facts, knobs: &self.space })?)?;
+        writeln!(
+            to,
+            "{MARK}{}",
+            serde_json::to_string(&Head { facts: &self.facts, knobs: &self.space })?
+        )?;
         let mut writer = csv::Writer::from_writer(to);
         let names = self.space.knobs().iter().map(|knob| knob.name.as_str());
         writer.write_record([COLUMNS.0].into_iter().chain(names).chain(COLUMNS.1))?;
         for point in &self.points {
             writer.write_field(point.settings.bits().to_string())?;
             for (index, knob) in self.space.knobs().iter().enumerate() {
-                writer.write_field(knob.levels.get(point.settings.level(index)).map_or("?", |level| level.label.as_str()))?;
+                writer.write_field(
+                    knob.levels
+                        .get(point.settings.level(index))
+                        .map_or("?", |level| level.label.as_str()),
+                )?;
             }
             writer.write_field(point.cost.power.0.to_string())?;
             writer.write_field(point.cost.error.to_string())?;
@@ -120,12 +129,14 @@ impl SweepTable {
         writer.flush()
     }
 
-    /// Reads a file. Where it does not say what its knobs are, they are looked up in `known` by their names.
+    /// Reads a file. Where it does not say what its knobs are, they are looked up in `known` by
+    /// their names.
     ///
     /// # Errors
     /// When the file cannot be read, or a line of it is not as [`write`](Self::write) writes it.
     pub fn open(path: &Path, known: &KnobSpace) -> Result<Self, SweepTableError> {
-        let text = std::fs::read_to_string(path).map_err(|source| SweepTableError::Unreadable { path: path.to_owned(), source })?;
+        let text = std::fs::read_to_string(path)
+            .map_err(|source| SweepTableError::Unreadable { path: path.to_owned(), source })?;
         parse::table(&text, known).map_err(|fault| fault.of(path))
     }
 }
@@ -146,7 +157,10 @@ mod tests {
             has_sky: Some(false),
             meter: Some(meter()),
         };
-        let point = |settings| FrontierPoint { settings, cost: CostPoint::new(power(settings) / 3.0, error(settings) - 1e-17) };
+        let point = |settings| FrontierPoint {
+            settings,
+            cost: CostPoint::new(power(settings) / 3.0, error(settings) - 1e-17),
+        };
         SweepTable { facts, space: space(), points: space().iter().map(point).collect() }
     }
 
@@ -165,22 +179,34 @@ mod tests {
         let table = table();
         let text = text(&table);
         let lines: Vec<&str> = text.lines().collect();
-        assert_eq!(lines[1], "settings_bits,gi_vpl_count,resolution_scale,antialiasing,power_w,error");
+        assert_eq!(
+            lines[1],
+            "settings_bits,gi_vpl_count,resolution_scale,antialiasing,power_w,error"
+        );
         assert!(lines.len() == 2 + 36 && lines[2].starts_with("0,0,50%,off,0.33"), "{}", lines[2]);
         // The knobs are in the file: nothing needs to be known.
         assert_eq!(read(&text, &KnobSpace::default()), Ok(table.clone()));
         assert_eq!(read(&text.replace('\n', "\r\n"), &KnobSpace::default()), Ok(table.clone()));
-        assert_eq!(table.facts.layout(), Some(FrameLayout { size: [128, 72], maps: 2, has_sky: false }));
+        assert_eq!(
+            table.facts.layout(),
+            Some(FrameLayout { size: [128, 72], maps: 2, has_sky: false })
+        );
     }
 
     #[test]
     fn a_file_without_the_first_line_takes_knobs_by_their_names() {
-        let (_, old) = text(&table()).split_once('\n').map(|(first, rest)| (first.to_owned(), rest.to_owned())).expect("lines");
+        let (_, old) = text(&table())
+            .split_once('\n')
+            .map(|(first, rest)| (first.to_owned(), rest.to_owned()))
+            .expect("lines");
         let read_back = read(&old, &space()).expect("a table");
         assert_eq!(read_back, SweepTable { facts: SweepFacts::default(), ..table() });
         assert_eq!(read_back.facts.layout(), None);
         let unknown = read(&old, &KnobSpace::default()).expect_err("no such knob");
-        assert!(unknown.contains("a.csv:1: gi_vpl_count:") && unknown.contains("sweep"), "{unknown}");
+        assert!(
+            unknown.contains("a.csv:1: gi_vpl_count:") && unknown.contains("sweep"),
+            "{unknown}"
+        );
     }
 
     #[test]
@@ -188,7 +214,9 @@ mod tests {
         let good = text(&table());
         let row = good.lines().nth(2).expect("a row").to_owned();
         let power = row.split(',').nth(4).expect("a field").to_owned();
-        let with = |from: &str, to: &str| read(&good.replacen(from, to, 1), &KnobSpace::default()).expect_err("malformed");
+        let with = |from: &str, to: &str| {
+            read(&good.replacen(from, to, 1), &KnobSpace::default()).expect_err("malformed")
+        };
         let changed = |to: &str| with(&row, to);
         for (message, says) in [
             (changed(&row.replace(&power, "NaN")), "a.csv:3: power_w: `NaN`"),
@@ -199,18 +227,27 @@ mod tests {
             (changed("0,0,55%,off,1.0,0.1"), "a.csv:3: resolution_scale: `55%`"),
             (changed("5,0,50%,off,1.0,0.1"), "a.csv:3: settings_bits: `5`"),
             (changed("x,0,50%,off,1.0,0.1"), "a.csv:3: settings_bits: `x`"),
-            (changed("1,32,50%,off,1.0,0.1"), "a.csv:4: settings_bits: the same settings as on line 3"),
+            (
+                changed("1,32,50%,off,1.0,0.1"),
+                "a.csv:4: settings_bits: the same settings as on line 3",
+            ),
             (with("antialiasing,power_w", "power_w"), "a.csv:2: header:"),
             (with("settings_bits", "bits"), "a.csv:2: header:"),
             (with("\"knobs\":[", "\"knobs\":{"), "a.csv:1: first line:"),
         ] {
             assert!(message.starts_with(says) && message.contains("; "), "{message}: not {says}");
         }
-        for (text, says) in [("", "header"), ("a,b\n1,2\n", "header"), ("settings_bits,power_w,error\n", "row")] {
+        for (text, says) in
+            [("", "header"), ("a,b\n1,2\n", "header"), ("settings_bits,power_w,error\n", "row")]
+        {
             let message = read(text, &space()).expect_err("no table");
             assert!(message.contains(says), "{message}");
         }
-        let missing = SweepTable::open(Path::new("/no/such.csv"), &space()).expect_err("missing").to_string();
-        assert!(missing.contains("/no/such.csv") && missing.contains("frugal sweep --csv"), "{missing}");
+        let missing =
+            SweepTable::open(Path::new("/no/such.csv"), &space()).expect_err("missing").to_string();
+        assert!(
+            missing.contains("/no/such.csv") && missing.contains("frugal sweep --csv"),
+            "{missing}"
+        );
     }
 }

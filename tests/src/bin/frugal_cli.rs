@@ -1,4 +1,5 @@
-//! The `frugal` command once more: cargo builds the binaries of this package, and of no other, before it runs this package's tests.
+//! The `frugal` command once more: cargo builds the binaries of this package, and of no other,
+//! before it runs this package's tests.
 
 use std::process::ExitCode;
 

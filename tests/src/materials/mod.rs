@@ -80,7 +80,8 @@ impl MaterialExtension for Shift {
     }
 }
 
-/// A material of one colour whose shader gives the picture's colour: Bevy renders such materials forward.
+/// A material of one colour whose shader gives the picture's colour: Bevy renders such materials
+/// forward.
 #[derive(Asset, AsBindGroup, TypePath, Clone, Debug)]
 pub struct Forward {
     /// Linear Rec. 709, exposed.

@@ -1,7 +1,8 @@
-// Dachsbacher and Stamminger 2005, "Reflective Shadow Maps": a pixel sums a few hundred texels around its own projection into a light's map.
+// Dachsbacher and Stamminger 2005, "Reflective Shadow Maps": a pixel sums a few hundred texels
+// around its own projection into a light's map.
 //
-// One draw for each light, added to the picture. With CUBE the map has six faces and the samples lie on the sphere of directions around the
-// lamp; the method as published knows maps of one face.
+// One draw for each light, added to the picture. With CUBE the map has six faces and the samples
+// lie on the sphere of directions around the lamp; the method as published knows maps of one face.
 
 #import bevy_core_pipeline::fullscreen_vertex_shader::FullscreenVertexOutput
 #import bevy_render::view::View
@@ -15,7 +16,8 @@ struct Face {
 }
 
 struct Map {
-    /// Those of a cube by the axis that they look along: +X, −X, +Y, −Y, +Z, −Z. Else the first alone.
+    /// Those of a cube by the axis that they look along: +X, −X, +Y, −Y, +Z, −Z. Else the first
+    /// alone.
     faces: array<Face, 6>,
     /// Of the lamp, world space, metres.
     light_position: vec3<f32>,
@@ -40,7 +42,8 @@ struct Chosen {
 
 /// Place on a face that a clip position projects to, in texels from the upper left corner.
 fn place_on(clip: vec4<f32>) -> vec2<f32> {
-    // What lies beside or behind a lamp has no projection; it is taken to the border in its direction.
+    // What lies beside or behind a lamp has no projection; it is taken to the border in its
+    // direction.
     return (clip.xy / max(clip.w, 1e-4) * vec2(0.5, -0.5) + 0.5) * map.side;
 }
 
@@ -83,7 +86,8 @@ fn choose(drawn: vec4<f32>, center: vec2<f32>) -> Chosen {
 }
 #endif
 
-/// Irradiance from one texel, without the factor 1/π that its cosine lobe and the sum share. Lux · π.
+/// Irradiance from one texel, without the factor 1/π that its cosine lobe and the sum share. Lux ·
+/// π.
 fn from_texel(texel: Texel, surface: Surface) -> vec3<f32> {
     let way = texel.position - surface.position;
     let inverse = 1.0 / clamp(dot(way, way), 1e-18, 1e38);

@@ -9,7 +9,8 @@ use bevy::ecs::prelude::*;
 use bevy::math::{Mat4, Vec3};
 use bevy::render::camera::ExtractedCamera;
 use bevy::render::render_resource::binding_types::{
-    storage_buffer_read_only_sized, texture_2d, texture_depth_2d, uniform_buffer, uniform_buffer_sized,
+    storage_buffer_read_only_sized, texture_2d, texture_depth_2d, uniform_buffer,
+    uniform_buffer_sized,
 };
 use bevy::render::render_resource::*;
 use bevy::render::renderer::{RenderContext, RenderDevice, RenderQueue, ViewQuery};
@@ -62,12 +63,21 @@ impl SpecializedRenderPipeline for NaivePipelines {
     type Key = NaiveKey;
 
     fn specialize(&self, key: NaiveKey) -> RenderPipelineDescriptor {
-        let mut shader_defs = vec![ShaderDefVal::UInt("SAMPLES".into(), key.samples), "LAMBERTIAN".into()];
+        let mut shader_defs =
+            vec![ShaderDefVal::UInt("SAMPLES".into(), key.samples), "LAMBERTIAN".into()];
         if key.is_cube {
             shader_defs.push("CUBE".into());
         }
-        let add = BlendComponent { src_factor: BlendFactor::One, dst_factor: BlendFactor::One, operation: BlendOperation::Add };
-        let keep = BlendComponent { src_factor: BlendFactor::Zero, dst_factor: BlendFactor::One, operation: BlendOperation::Add };
+        let add = BlendComponent {
+            src_factor: BlendFactor::One,
+            dst_factor: BlendFactor::One,
+            operation: BlendOperation::Add,
+        };
+        let keep = BlendComponent {
+            src_factor: BlendFactor::Zero,
+            dst_factor: BlendFactor::One,
+            operation: BlendOperation::Add,
+        };
         RenderPipelineDescriptor {
             label: Some("frugal_tests/naive_rsm".into()),
             layout: vec![self.layout.clone()],
@@ -103,7 +113,8 @@ pub(super) fn prepare_pipelines(
 ) {
     for (entity, naive, view) in &cameras {
         let mut of = |is_cube| {
-            let key = NaiveKey { samples: naive.samples, is_cube, target_format: view.target_format };
+            let key =
+                NaiveKey { samples: naive.samples, is_cube, target_format: view.target_format };
             specialized.specialize(&cache, &pipelines, key)
         };
         let ids = NaivePipelineIds { flat: of(false), cube: of(true) };
@@ -175,25 +186,39 @@ pub(super) fn prepare_lights(
             continue;
         };
         let mut lights: BTreeMap<Entity, Vec<GiMapState>> = BTreeMap::new();
-        for map in known.maps.iter().filter(|map| map.view.camera.is_none_or(|owner| owner == camera.id())) {
+        for map in
+            known.maps.iter().filter(|map| map.view.camera.is_none_or(|owner| owner == camera.id()))
+        {
             lights.entry(map.view.light).or_default().push(*map);
         }
         let pattern = |samples: Vec<[f32; 4]>| {
             let contents = gpu::bytes(samples.as_flattened());
             let label = Some("frugal_tests/naive_rsm/pattern");
-            device.create_buffer_with_data(&BufferInitDescriptor { label, contents: &contents, usage: BufferUsages::UNIFORM })
+            device.create_buffer_with_data(&BufferInitDescriptor {
+                label,
+                contents: &contents,
+                usage: BufferUsages::UNIFORM,
+            })
         };
         let radius = f64::from(naive.radius);
         commands.entity(entity).insert(NaiveLights {
             texels,
             flat_pattern: pattern(pattern::flat(naive.samples, radius, naive.weights)),
             spherical_pattern: pattern(pattern::spherical(naive.samples, radius, naive.weights)),
-            lights: lights.into_values().map(|maps| light_draw(&maps, naive, &device, &queue)).collect(),
+            lights: lights
+                .into_values()
+                .map(|maps| light_draw(&maps, naive, &device, &queue))
+                .collect(),
         });
     }
 }
 
-fn light_draw(maps: &[GiMapState], naive: &NaiveRsm, device: &RenderDevice, queue: &RenderQueue) -> LightDraw {
+fn light_draw(
+    maps: &[GiMapState],
+    naive: &NaiveRsm,
+    device: &RenderDevice,
+    queue: &RenderQueue,
+) -> LightDraw {
     let is_cube = maps.len() > 1;
     let mut map = MapUniform {
         light_position: maps[0].light_position,
@@ -201,12 +226,17 @@ fn light_draw(maps: &[GiMapState], naive: &NaiveRsm, device: &RenderDevice, queu
         largest_geometry_term: (naive.clamp_distance * naive.clamp_distance).recip().min(1e30),
         ..default()
     };
-    let face_of = |map: &GiMapState| FaceUniform { clip_from_world: map.clip_from_world, texel_offset: map.texel_offset };
+    let face_of = |map: &GiMapState| FaceUniform {
+        clip_from_world: map.clip_from_world,
+        texel_offset: map.texel_offset,
+    };
     if is_cube {
         let axes = [Vec3::X, Vec3::NEG_X, Vec3::Y, Vec3::NEG_Y, Vec3::Z, Vec3::NEG_Z];
         for (face, axis) in map.faces.iter_mut().zip(axes) {
             // In front of exactly one face, in its middle.
-            let depth = |map: &GiMapState| (map.clip_from_world * (map.light_position + axis).extend(1.0)).w;
+            let depth = |map: &GiMapState| {
+                (map.clip_from_world * (map.light_position + axis).extend(1.0)).w
+            };
             if let Some(found) = maps.iter().max_by(|a, b| depth(a).total_cmp(&depth(b))) {
                 *face = face_of(found);
             }
@@ -248,10 +278,14 @@ pub(super) fn draw(
             pattern.as_entire_binding(),
             light.map.binding()?,
         ));
-        let pipeline = cache.get_render_pipeline(if light.is_cube { ids.cube } else { ids.flat })?;
+        let pipeline =
+            cache.get_render_pipeline(if light.is_cube { ids.cube } else { ids.flat })?;
         Some((pipeline, device.create_bind_group("frugal_tests/naive_rsm", &layout, &entries)))
     };
-    let draws: Vec<_> = lights.iter().flat_map(|lights| lights.lights.iter().filter_map(|light| bind(lights, light))).collect();
+    let draws: Vec<_> = lights
+        .iter()
+        .flat_map(|lights| lights.lights.iter().filter_map(|light| bind(lights, light)))
+        .collect();
     let mut attachment = target.get_color_attachment();
     if naive.alone {
         attachment.ops.load = LoadOp::Clear(default());

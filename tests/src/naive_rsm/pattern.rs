@@ -5,17 +5,21 @@ use std::f64::consts::{PI, TAU};
 /// What a sample counts.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
 pub enum Weights {
-    /// As many texels as its place was drawn for: the sum over the samples is, in expectation, that over all texels of the disk.
+    /// As many texels as its place was drawn for: the sum over the samples is, in expectation, that
+    /// over all texels of the disk.
     #[default]
     Exact,
-    /// ξ², as published, with the same total. It is right for a density that falls with the squared distance; that of the published places
-    /// falls with the distance, so what is far counts too much.
+    /// ξ², as published, with the same total. It is right for a density that falls with the squared
+    /// distance; that of the published places falls with the distance, so what is far counts too
+    /// much.
     Published,
 }
 
-/// A sample on a flat map: its offset from the pixel's projection, and what it counts as a share of all texels; offsets in sides of the map.
+/// A sample on a flat map: its offset from the pixel's projection, and what it counts as a share of
+/// all texels; offsets in sides of the map.
 ///
-/// Places are those of Dachsbacher and Stamminger 2005, `radius` · ξ₁ · (sin 2πξ₂, cos 2πξ₂), from a Hammersley set: evenly spread numbers can only help.
+/// Places are those of Dachsbacher and Stamminger 2005, `radius` · ξ₁ · (sin 2πξ₂, cos 2πξ₂), from
+/// a Hammersley set: evenly spread numbers can only help.
 pub fn flat(count: u32, radius: f64, weights: Weights) -> Vec<[f32; 4]> {
     let disk = PI * radius * radius;
     let sample = |(distance, angle): (f64, f64)| {
@@ -24,13 +28,14 @@ pub fn flat(count: u32, radius: f64, weights: Weights) -> Vec<[f32; 4]> {
             Weights::Exact => 2.0 * disk * distance,
             Weights::Published => 3.0 * disk * distance * distance,
         };
-        [radius * distance * sine, radius * distance * cosine, share / f64::from(count), 0.0].map(|value| value as f32)
+        [radius * distance * sine, radius * distance * cosine, share / f64::from(count), 0.0]
+            .map(|value| value as f32)
     };
     hammersley(count).map(sample).collect()
 }
 
-/// The same around a direction, for lamps whose map is a cube: a unit vector whose z is along that direction, and the solid angle (sr) that it
-/// stands for. The greatest angle is `radius` · π.
+/// The same around a direction, for lamps whose map is a cube: a unit vector whose z is along that
+/// direction, and the solid angle (sr) that it stands for. The greatest angle is `radius` · π.
 pub fn spherical(count: u32, radius: f64, weights: Weights) -> Vec<[f32; 4]> {
     let greatest = PI * radius.min(1.0);
     let sample = |(distance, angle): (f64, f64)| {
@@ -40,14 +45,20 @@ pub fn spherical(count: u32, radius: f64, weights: Weights) -> Vec<[f32; 4]> {
             Weights::Exact => TAU * greatest * across,
             Weights::Published => 3.0 * TAU * (1.0 - greatest.cos()) * distance * distance,
         };
-        [across * sine, across * cosine, along, measure / f64::from(count)].map(|value| value as f32)
+        [across * sine, across * cosine, along, measure / f64::from(count)]
+            .map(|value| value as f32)
     };
     hammersley(count).map(sample).collect()
 }
 
 /// Pairs in (0, 1) × [0, 1).
 fn hammersley(count: u32) -> impl Iterator<Item = (f64, f64)> {
-    (0..count).map(move |index| ((f64::from(index) + 0.5) / f64::from(count), f64::from(index.reverse_bits()) * (-32.0_f64).exp2()))
+    (0..count).map(move |index| {
+        (
+            (f64::from(index) + 0.5) / f64::from(count),
+            f64::from(index.reverse_bits()) * (-32.0_f64).exp2(),
+        )
+    })
 }
 
 #[cfg(test)]
@@ -63,7 +74,11 @@ mod tests {
             let total: f64 = samples.iter().map(|sample| f64::from(sample[2])).sum();
             assert!((total / (PI * radius * radius) - 1.0).abs() < 1e-4, "{weights:?}: {total}");
             assert!(samples.iter().all(|[x, y, ..]| f64::from(x.hypot(*y)) < radius));
-            assert!(samples.iter().map(|[x, ..]| f64::from(*x)).sum::<f64>().abs() < 0.01 * 400.0 * radius, "no side is preferred");
+            assert!(
+                samples.iter().map(|[x, ..]| f64::from(*x)).sum::<f64>().abs()
+                    < 0.01 * 400.0 * radius,
+                "no side is preferred"
+            );
         }
     }
 
@@ -76,7 +91,10 @@ mod tests {
                 let cap = TAU * (1.0 - (PI * radius).cos());
                 assert!((total / cap - 1.0).abs() < 1e-3, "{weights:?} {radius}: {total} of {cap}");
                 for [x, y, z, _] in samples {
-                    assert!(((x * x + y * y + z * z) - 1.0).abs() < 1e-5 && f64::from(z) > (PI * radius).cos() - 1e-6);
+                    assert!(
+                        ((x * x + y * y + z * z) - 1.0).abs() < 1e-5
+                            && f64::from(z) > (PI * radius).cos() - 1e-6
+                    );
                 }
             }
         }
@@ -84,9 +102,12 @@ mod tests {
 
     #[test]
     fn exact_weights_integrate_what_falls_off() {
-        // ∫ exp(−(r/0.2)²) over the plane = π · 0.04; the disk of radius 1 holds all of it. Published weights lose most of what is near.
+        // ∫ exp(−(r/0.2)²) over the plane = π · 0.04; the disk of radius 1 holds all of it.
+        // Published weights lose most of what is near.
         let integral = |weights| -> f64 {
-            let fall_off = |[x, y, share, _]: [f32; 4]| f64::from(share) * (-f64::from(x * x + y * y) / 0.04).exp();
+            let fall_off = |[x, y, share, _]: [f32; 4]| {
+                f64::from(share) * (-f64::from(x * x + y * y) / 0.04).exp()
+            };
             flat(400, 1.0, weights).into_iter().map(fall_off).sum::<f64>() / (PI * 0.04)
         };
         assert!((integral(Weights::Exact) - 1.0).abs() < 1e-3, "{}", integral(Weights::Exact));

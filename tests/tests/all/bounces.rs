@@ -40,8 +40,7 @@ tests!(
 );
 
 /// Every pixel gathered, with rays.
-const RAYS: &str =
-    "min,gi_refresh_period=1,gi_vpl_count=1024,gi_interleave=2x2,gi_visibility=fine,gi_pixel_fraction=1/1,resolution_scale=100%";
+const RAYS: &str = "min,gi_refresh_period=1,gi_vpl_count=1024,gi_interleave=2x2,gi_visibility=fine,gi_pixel_fraction=1/1,resolution_scale=100%";
 
 fn with_bounces(stage: &mut Stage, bounces: u32) -> &mut Stage {
     set::gi(stage).bounces = bounces;
@@ -52,12 +51,17 @@ fn with_bounces(stage: &mut Stage, bounces: u32) -> &mut Stage {
 fn patches(stage: &Stage) -> Vec<gpu::Point> {
     let state = inspect::gpu_state(stage.render_world());
     let texels = gpu::rsm_texels(stage);
-    let bounces = state.cameras.first().and_then(|camera| camera.bounces.clone()).expect("light is reflected more than once");
+    let bounces = state
+        .cameras
+        .first()
+        .and_then(|camera| camera.bounces.clone())
+        .expect("light is reflected more than once");
     texels[bounces.texels.start as usize..bounces.texels.end as usize].to_vec()
 }
 
 fn every_bounce_in_a_furnace_adds_its_albedo_times_the_last() {
-    let mut stage = set::open(&set::scene("furnace"), set::radiance_options(48, 27, Component::Indirect));
+    let mut stage =
+        set::open(&set::scene("furnace"), set::radiance_options(48, 27, Component::Indirect));
     set::look(&mut stage, Vec3::new(0.3, -0.2, 0.5), Vec3::new(0.0, 0.4, -2.0));
     set::apply(&mut stage, "max,rsm_resolution=128,gi_vpl_count=4096");
     let stored = meshes::stored_albedo(ALBEDO);
@@ -65,13 +69,20 @@ fn every_bounce_in_a_furnace_adds_its_albedo_times_the_last() {
     for bounces in 1..=FrugalGi::MAX_BOUNCES {
         let expected = direct * (1..=bounces).map(|bounce| stored.powi(bounce as i32)).sum::<f64>();
         let (most, mean) = deviation(&set::radiance(with_bounces(&mut stage, bounces)), expected);
-        println!("    {bounces}: {expected:.1} nits, off by at most {:.1} %, {:.2} % in the mean", most * 100.0, mean * 100.0);
-        // As for one bounce. Patches lose a little in each: what is nearer to a virtual light than its disk's radius.
+        println!(
+            "    {bounces}: {expected:.1} nits, off by at most {:.1} %, {:.2} % in the mean",
+            most * 100.0,
+            mean * 100.0
+        );
+        // As for one bounce. Patches lose a little in each: what is nearer to a virtual light than
+        // its disk's radius.
         assert!(mean <= 0.003 * f64::from(bounces) && most <= 0.02, "{bounces}: {most} {mean}");
     }
     let most = set::radiance(with_bounces(&mut stage, u32::MAX));
     assert!(most == set::radiance(with_bounces(&mut stage, FrugalGi::MAX_BOUNCES)));
-    assert!(set::radiance(with_bounces(&mut stage, 0)) == set::radiance(with_bounces(&mut stage, 1)));
+    assert!(
+        set::radiance(with_bounces(&mut stage, 0)) == set::radiance(with_bounces(&mut stage, 1))
+    );
 }
 
 fn a_second_bounce_is_near_the_truth() {
@@ -83,12 +94,14 @@ fn a_second_bounce_is_near_the_truth() {
     ] {
         let scene = set::scene(name);
         let pose = CameraPose::looking_at(eye, target);
-        let mut stage = set::open(&scene, set::radiance_options(size.x, size.y, Component::Indirect));
+        let mut stage =
+            set::open(&scene, set::radiance_options(size.x, size.y, Component::Indirect));
         stage.place(pose.position, pose.rotation);
         set::apply(&mut stage, "max,rsm_resolution=128");
         let truth = truth::bounces(&scene, pose, tracing, 2);
         let off = |stage: &mut Stage, bounces| {
-            Difference::new(&set::radiance(with_bounces(stage, bounces)), &truth, None).expect("pictures of one size")
+            Difference::new(&set::radiance(with_bounces(stage, bounces)), &truth, None)
+                .expect("pictures of one size")
         };
         let (one, two) = (off(&mut stage, 1), off(&mut stage, 2));
         println!(
@@ -111,14 +124,20 @@ fn patches_reflect_what_their_twin_says() {
     let (mut checked, mut worst) = (0, 0.0f64);
     for patch in patches(&stage).iter().filter(|patch| patch.extent > 0.0) {
         let [normal, position] = [patch.normal, patch.position].map(Vec3::from_array);
-        // The wall's front and the floor's top before it, at some distance from the corner: there rays may start inside the other.
+        // The wall's front and the floor's top before it, at some distance from the corner: there
+        // rays may start inside the other.
         let albedo = match () {
             () if normal.z > 0.99 && position.y > 0.05 && position.y < 1.99 => 0.5,
             () if normal.y > 0.99 && position.y < 0.1 && position.z > -1.85 => 0.8,
             () => continue,
         };
-        let expected = irradiance(&carriers, position.as_dvec3(), DVec3::from_array(patch.normal.map(f64::from)), 1.0)
-            .map(|light| light * meshes::stored_albedo(albedo) * f64::from(patch.extent));
+        let expected = irradiance(
+            &carriers,
+            position.as_dvec3(),
+            DVec3::from_array(patch.normal.map(f64::from)),
+            1.0,
+        )
+        .map(|light| light * meshes::stored_albedo(albedo) * f64::from(patch.extent));
         for (found, expected) in patch.flux.into_iter().zip(expected) {
             let off = (f64::from(found) - expected).abs();
             if expected > 1e-3 {
@@ -135,10 +154,17 @@ fn patches_reflect_what_their_twin_says() {
 
 fn patches_reflect_their_textures_colours() {
     // A floor whose left half is red and whose right half is black.
-    let mut stage = set::bare(vec![sun(Vec3::NEG_Y)], set::radiance_options(48, 27, Component::Indirect));
+    let mut stage =
+        set::bare(vec![sun(Vec3::NEG_Y)], set::radiance_options(48, 27, Component::Indirect));
     let size = Extent3d { width: 2, height: 1, depth_or_array_layers: 1 };
     let texels = vec![255, 0, 0, 255, 0, 0, 0, 255];
-    let image = Image::new(size, TextureDimension::D2, texels, TextureFormat::Rgba8UnormSrgb, RenderAssetUsages::all());
+    let image = Image::new(
+        size,
+        TextureDimension::D2,
+        texels,
+        TextureFormat::Rgba8UnormSrgb,
+        RenderAssetUsages::all(),
+    );
     let texture = stage.world_mut().resource_mut::<Assets<Image>>().add(image);
     let floor = Plane3d::new(Vec3::Y, Vec2::splat(2.0)).mesh().build();
     meshes::spawn(
@@ -148,13 +174,25 @@ fn patches_reflect_their_textures_colours() {
         Transform::default(),
     );
     // Lit by a ceiling that the sun cannot reach, but by way of a white slab below it.
-    meshes::spawn_box(&mut stage, Vec3::new(0.0, 1.0, 0.0), Vec3::new(1.0, 0.1, 1.0), meshes::matt(0.8, 0.8, 0.8));
-    meshes::spawn_box(&mut stage, Vec3::new(6.0, 3.0, 0.0), Vec3::new(9.0, 0.1, 9.0), meshes::matt(0.8, 0.8, 0.8));
+    meshes::spawn_box(
+        &mut stage,
+        Vec3::new(0.0, 1.0, 0.0),
+        Vec3::new(1.0, 0.1, 1.0),
+        meshes::matt(0.8, 0.8, 0.8),
+    );
+    meshes::spawn_box(
+        &mut stage,
+        Vec3::new(6.0, 3.0, 0.0),
+        Vec3::new(9.0, 0.1, 9.0),
+        meshes::matt(0.8, 0.8, 0.8),
+    );
     set::look(&mut stage, Vec3::new(0.0, 1.2, 5.0), Vec3::ZERO);
     set::apply(&mut stage, RAYS);
     set::radiance(with_bounces(&mut stage, 3));
     let (mut red, mut black) = (0, 0);
-    for patch in patches(&stage).iter().filter(|patch| patch.extent > 0.0 && patch.position[1].abs() < 1e-3 && patch.normal[1] > 0.9) {
+    for patch in patches(&stage).iter().filter(|patch| {
+        patch.extent > 0.0 && patch.position[1].abs() < 1e-3 && patch.normal[1] > 0.9
+    }) {
         let [r, g, b] = patch.flux;
         assert!(g == 0.0 && b == 0.0, "{patch:?}");
         if patch.position[0] < -0.3 {
@@ -172,8 +210,18 @@ fn what_glows_and_the_sky_are_reflected_too() {
     // A floor and a ceiling. Under a panel below the ceiling, this is lit by the floor alone.
     let slabs = || {
         let mut stage = set::bare(vec![], set::radiance_options(48, 27, Component::Global));
-        meshes::spawn_box(&mut stage, Vec3::new(0.0, -0.1, 0.0), Vec3::new(6.0, 0.2, 6.0), meshes::matt(0.8, 0.8, 0.8));
-        meshes::spawn_box(&mut stage, Vec3::new(0.0, 3.0, 0.0), Vec3::new(6.0, 0.2, 6.0), meshes::matt(0.8, 0.8, 0.8));
+        meshes::spawn_box(
+            &mut stage,
+            Vec3::new(0.0, -0.1, 0.0),
+            Vec3::new(6.0, 0.2, 6.0),
+            meshes::matt(0.8, 0.8, 0.8),
+        );
+        meshes::spawn_box(
+            &mut stage,
+            Vec3::new(0.0, 3.0, 0.0),
+            Vec3::new(6.0, 0.2, 6.0),
+            meshes::matt(0.8, 0.8, 0.8),
+        );
         set::look(&mut stage, Vec3::new(0.0, 1.0, 2.9), Vec3::new(0.0, 2.9, -2.0));
         set::apply(&mut stage, RAYS);
         set::make_lambertian(&mut stage);
@@ -181,19 +229,27 @@ fn what_glows_and_the_sky_are_reflected_too() {
     };
     let ceiling = |stage: &mut Stage, bounces| set::radiance(with_bounces(stage, bounces)).mean();
     let mut stage = slabs();
-    let glow = StandardMaterial { emissive: LinearRgba::rgb(5.0, 5.0, 5.0), ..meshes::matt(0.0, 0.0, 0.0) };
+    let glow = StandardMaterial {
+        emissive: LinearRgba::rgb(5.0, 5.0, 5.0),
+        ..meshes::matt(0.0, 0.0, 0.0)
+    };
     let mesh = Plane3d::new(Vec3::NEG_Y, Vec2::splat(1.0)).mesh().build();
     meshes::spawn(&mut stage, mesh, glow, Transform::from_xyz(0.0, 2.85, 0.0));
     // From the floor, and again from the floor by way of the ceiling itself.
-    let (direct, once, twice) = (ceiling(&mut stage, 1), ceiling(&mut stage, 2), ceiling(&mut stage, 4));
+    let (direct, once, twice) =
+        (ceiling(&mut stage, 1), ceiling(&mut stage, 2), ceiling(&mut stage, 4));
     println!("    a panel's light: {direct:.3}, with bounces {once:.3} and {twice:.3} nits");
     assert!(direct < 0.1 && once > 1.0 && twice > 1.05 * once, "{direct} {once} {twice}");
     let mut stage = slabs();
     surround(&mut stage, [[1.0; 3]; 6], 1000.0, Quat::IDENTITY);
     set::apply(&mut stage, &format!("{RAYS},gi_environment_samples=32"));
-    let (direct, once, twice) = (ceiling(&mut stage, 1), ceiling(&mut stage, 2), ceiling(&mut stage, 3));
+    let (direct, once, twice) =
+        (ceiling(&mut stage, 1), ceiling(&mut stage, 2), ceiling(&mut stage, 3));
     println!("    the sky's light: {direct:.3}, with bounces {once:.3} and {twice:.3} nits");
-    assert!(once > 1.02 * direct && twice > once && twice < 1000.0 * 0.8, "{direct} {once} {twice}");
+    assert!(
+        once > 1.02 * direct && twice > once && twice < 1000.0 * 0.8,
+        "{direct} {once} {twice}"
+    );
 }
 
 fn what_lets_light_through_reflects_none() {
@@ -205,11 +261,17 @@ fn what_lets_light_through_reflects_none() {
     };
     let all = count(&mut stage);
     assert_eq!(all, 2048);
-    let on_top = |patches: &[gpu::Point]| patches.iter().filter(|patch| patch.extent > 0.0 && patch.position[1] > 4.0).count();
+    let on_top = |patches: &[gpu::Point]| {
+        patches.iter().filter(|patch| patch.extent > 0.0 && patch.position[1] > 4.0).count()
+    };
     for (label, material, casts) in [
         ("unlit", StandardMaterial { unlit: true, ..Default::default() }, true),
         ("glass", StandardMaterial { specular_transmission: 0.5, ..Default::default() }, true),
-        ("blended", StandardMaterial { alpha_mode: bevy::prelude::AlphaMode::Blend, ..Default::default() }, true),
+        (
+            "blended",
+            StandardMaterial { alpha_mode: bevy::prelude::AlphaMode::Blend, ..Default::default() },
+            true,
+        ),
         ("without shadow", StandardMaterial::default(), false),
         ("matt", StandardMaterial::default(), true),
     ] {
@@ -245,7 +307,11 @@ fn patches_rest_when_nothing_changes() {
     assert!(stage.radiance().expect("a picture") == before);
     // A camera that moves a little lights nothing anew.
     for step in 0..4 {
-        set::look(&mut stage, Vec3::new(0.01 * (step + 1) as f32, 1.2, 3.0), Vec3::new(0.0, 0.8, -2.0));
+        set::look(
+            &mut stage,
+            Vec3::new(0.01 * (step + 1) as f32, 1.2, 3.0),
+            Vec3::new(0.0, 0.8, -2.0),
+        );
         stage.frame();
         let done = set::gathered(&stage);
         assert!(done.patches == 0 && done.pairs > 0, "{done:?}");
@@ -257,7 +323,12 @@ fn patches_rest_when_nothing_changes() {
 
 fn what_changes_is_reflected_at_once() {
     let mut stage = at_rest();
-    let mesh = meshes::spawn_box(&mut stage, Vec3::new(0.5, 0.5, 0.0), Vec3::splat(0.4), meshes::matt(0.8, 0.2, 0.2));
+    let mesh = meshes::spawn_box(
+        &mut stage,
+        Vec3::new(0.5, 0.5, 0.0),
+        Vec3::splat(0.4),
+        meshes::matt(0.8, 0.2, 0.2),
+    );
     (0..16).for_each(|_| stage.frame());
     let check = |stage: &mut Stage, what: &str| {
         assert!(at_once_and_settled(stage, what), "{what}");
@@ -283,8 +354,13 @@ fn without_light_or_rays_patches_cost_nothing() {
     set::apply(&mut stage, RAYS);
     set::radiance(with_bounces(&mut stage, 3));
     assert_costs_nothing(&mut stage);
-    let light =
-        stage.world_mut().spawn((DirectionalLight::default(), Transform::from_xyz(0.5, 1.0, 0.5).looking_at(Vec3::ZERO, Vec3::Y))).id();
+    let light = stage
+        .world_mut()
+        .spawn((
+            DirectionalLight::default(),
+            Transform::from_xyz(0.5, 1.0, 0.5).looking_at(Vec3::ZERO, Vec3::Y),
+        ))
+        .id();
     set::radiance(&mut stage);
     let bytes = |stage: &Stage| set::gathered(stage).bytes;
     let with = bytes(&stage);
@@ -307,14 +383,24 @@ fn without_light_or_rays_patches_cost_nothing() {
 fn odd_scenes_stay_finite() {
     let finite = |stage: &mut Stage, what: &str| {
         let radiance = set::radiance(with_bounces(stage, 3));
-        assert!(radiance.rgb.iter().flatten().all(|value| value.is_finite() && *value >= 0.0), "{what}");
+        assert!(
+            radiance.rgb.iter().flatten().all(|value| value.is_finite() && *value >= 0.0),
+            "{what}"
+        );
         for patch in patches(stage) {
-            assert!(patch.flux.iter().all(|flux| flux.is_finite() && *flux >= 0.0), "{what}: {patch:?}");
+            assert!(
+                patch.flux.iter().all(|flux| flux.is_finite() && *flux >= 0.0),
+                "{what}: {patch:?}"
+            );
         }
         radiance.mean()
     };
     for illuminance in [1e-20, 1e20] {
-        let mut stage = corner(vec![Light::Directional { direction: Vec3::new(-0.3, -1.0, -0.2), illuminance, color: [1.0; 3] }]);
+        let mut stage = corner(vec![Light::Directional {
+            direction: Vec3::new(-0.3, -1.0, -0.2),
+            illuminance,
+            color: [1.0; 3],
+        }]);
         set::apply(&mut stage, RAYS);
         finite(&mut stage, "flux");
     }
@@ -330,18 +416,30 @@ fn odd_scenes_stay_finite() {
         );
         finite(&mut stage, "albedo");
     }
-    // Triangles without area, corners that are no numbers or far away, and meshes scaled to nothing.
+    // Triangles without area, corners that are no numbers or far away, and meshes scaled to
+    // nothing.
     let mut stage = corner(vec![sun(Vec3::new(-0.3, -1.0, -0.2))]);
     set::apply(&mut stage, RAYS);
     let expected = finite(&mut stage, "a corner");
     for corner in [0.0f32, f32::NAN, 1e30] {
         let mesh = Mesh::new(bevy::mesh::PrimitiveTopology::TriangleList, RenderAssetUsages::all())
-            .with_inserted_attribute(Mesh::ATTRIBUTE_POSITION, vec![[0.0f32; 3], [0.0; 3], [corner; 3]])
+            .with_inserted_attribute(
+                Mesh::ATTRIBUTE_POSITION,
+                vec![[0.0f32; 3], [0.0; 3], [corner; 3]],
+            )
             .with_inserted_attribute(Mesh::ATTRIBUTE_NORMAL, vec![[0.0f32; 3]; 3]);
-        let id = meshes::spawn(&mut stage, mesh, meshes::matt(0.5, 0.5, 0.5), Transform::from_xyz(0.0, 0.5, 0.0));
+        let id = meshes::spawn(
+            &mut stage,
+            mesh,
+            meshes::matt(0.5, 0.5, 0.5),
+            Transform::from_xyz(0.0, 0.5, 0.0),
+        );
         let found = finite(&mut stage, "triangles");
         // One that is finite but out of reach makes the scene so large that no map shows any of it.
-        assert!(corner == 1e30 || (found / expected - 1.0).abs() < 0.1, "{corner}: {found} {expected}");
+        assert!(
+            corner == 1e30 || (found / expected - 1.0).abs() < 0.1,
+            "{corner}: {found} {expected}"
+        );
         assert!(stage.world_mut().despawn(id));
     }
     for range in [0.0, f32::INFINITY, f32::NAN] {
@@ -349,10 +447,23 @@ fn odd_scenes_stay_finite() {
         finite(&mut stage, "range");
     }
     // A million metres away, where floats are a sixteenth of one apart.
-    let mut stage = set::bare(vec![sun(Vec3::new(-0.3, -1.0, -0.2))], set::radiance_options(48, 27, Component::Indirect));
+    let mut stage = set::bare(
+        vec![sun(Vec3::new(-0.3, -1.0, -0.2))],
+        set::radiance_options(48, 27, Component::Indirect),
+    );
     let far = Vec3::new(1e6, 0.0, 1e6);
-    meshes::spawn_box(&mut stage, far + Vec3::new(0.0, -1.0, 0.0), Vec3::new(40.0, 2.0, 40.0), meshes::matt(0.8, 0.8, 0.8));
-    meshes::spawn_box(&mut stage, far + Vec3::new(0.0, 10.0, -20.0), Vec3::new(40.0, 20.0, 2.0), meshes::matt(0.5, 0.5, 0.5));
+    meshes::spawn_box(
+        &mut stage,
+        far + Vec3::new(0.0, -1.0, 0.0),
+        Vec3::new(40.0, 2.0, 40.0),
+        meshes::matt(0.8, 0.8, 0.8),
+    );
+    meshes::spawn_box(
+        &mut stage,
+        far + Vec3::new(0.0, 10.0, -20.0),
+        Vec3::new(40.0, 20.0, 2.0),
+        meshes::matt(0.5, 0.5, 0.5),
+    );
     set::look(&mut stage, far + Vec3::new(0.0, 12.0, 30.0), far + Vec3::new(0.0, 8.0, -20.0));
     set::apply(&mut stage, RAYS);
     let light = finite(&mut stage, "far away");
@@ -362,7 +473,10 @@ fn odd_scenes_stay_finite() {
 fn bounces_are_turned_by_name_only() {
     let mut stage = corner(vec![sun(Vec3::NEG_Y)]);
     let registry = stage.world_mut().resource::<KnobRegistry>().clone();
-    assert!(stage.space().index_of("gi_bounces").is_none() && registry.space().expect("sound").index_of("gi_bounces").is_none());
+    assert!(
+        stage.space().index_of("gi_bounces").is_none()
+            && registry.space().expect("sound").index_of("gi_bounces").is_none()
+    );
     assert!(registry.space_with(|_| true).expect("sound").index_of("gi_bounces").is_some());
     set::apply(&mut stage, "max");
     stage.frame();
@@ -372,5 +486,8 @@ fn bounces_are_turned_by_name_only() {
     stage.frame();
     assert_eq!(set::gi(&mut stage).bounces, 3);
     assert!(set::radiance(&mut stage).mean() > once.mean());
-    assert!(stage.apply_text("max,gi_bounces=9").is_err() && stage.apply_text("max,gi_bounce=2").is_err());
+    assert!(
+        stage.apply_text("max,gi_bounces=9").is_err()
+            && stage.apply_text("max,gi_bounce=2").is_err()
+    );
 }

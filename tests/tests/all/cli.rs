@@ -1,9 +1,12 @@
-//! Wrong use and bad input: exit status 2, one message that names what is wrong, no output touched, no panic.
+//! Wrong use and bad input: exit status 2, one message that names what is wrong, no output touched,
+//! no panic.
 
 use std::fs;
 use std::path::Path;
 
-use bevy_frugal_gi::frontier::{Capture, CostPoint, Frontier, FrontierMap, FrontierPoint, Octree, SceneIdentity};
+use bevy_frugal_gi::frontier::{
+    Capture, CostPoint, Frontier, FrontierMap, FrontierPoint, Octree, SceneIdentity,
+};
 use bevy_frugal_gi::knobs::{Knob, KnobSpace, RenderSettings};
 use frugal::scene;
 use frugal::table::{SweepFacts, SweepTable};
@@ -48,7 +51,8 @@ fn write(folder: &Path, name: &str, text: &str) {
     fs::write(folder.join(name), text).expect("can be written");
 }
 
-/// Renders `scene` over an output that exists, and asserts that it is refused and the output untouched.
+/// Renders `scene` over an output that exists, and asserts that it is refused and the output
+/// untouched.
 fn refused_scene(name: &str, text: Option<&str>, words: &[&str]) {
     let folder = folder();
     if let Some(text) = text {
@@ -63,7 +67,9 @@ fn refused_scene(name: &str, text: Option<&str>, words: &[&str]) {
 }
 
 fn entries(folder: &Path) -> Vec<String> {
-    let files = fs::read_dir(folder).expect("a folder").map(|entry| entry.expect("an entry").file_name().to_string_lossy().into_owned());
+    let files = fs::read_dir(folder)
+        .expect("a folder")
+        .map(|entry| entry.expect("an entry").file_name().to_string_lossy().into_owned());
     let mut files: Vec<_> = files.collect();
     files.sort();
     files
@@ -74,10 +80,18 @@ fn scenes_that_cannot_be_read_are_named() {
     refused_scene("missing.scene.ron", None, &["missing.scene.ron"]);
     refused_scene(name, Some(""), &[name]);
     refused_scene(name, Some(&SCENE[..SCENE.len() / 2]), &[name]);
-    refused_scene(name, Some(&SCENE.replace("bounds:", "bonds:")), &[name, ":4:", "bonds", "bounds"]);
+    refused_scene(
+        name,
+        Some(&SCENE.replace("bounds:", "bonds:")),
+        &[name, ":4:", "bonds", "bounds"],
+    );
     refused_scene(name, Some(&SCENE.replace("20000.0", "NaN")), &[name, "luminous_power"]);
     refused_scene(name, Some(&SCENE.replace("20000.0", "-1.0")), &[name, "luminous_power"]);
-    refused_scene(name, Some(&SCENE.replace("max: (0.9, 0.9, 0.9)", "max: (0.9, -0.9, 0.9)")), &[name, "bounds"]);
+    refused_scene(
+        name,
+        Some(&SCENE.replace("max: (0.9, 0.9, 0.9)", "max: (0.9, -0.9, 0.9)")),
+        &[name, "bounds"],
+    );
     refused_scene(name, Some(&SCENE.replace("furnace", "oven")), &[name, "oven", "furnace"]);
 }
 
@@ -89,16 +103,31 @@ pub fn triangle() -> Vec<u8> {
         "bufferViews":[{"buffer":0,"byteLength":36}],"buffers":[{"byteLength":36}]}"#;
     let mut json = json.as_bytes().to_vec();
     json.resize(json.len().next_multiple_of(4), b' ');
-    let positions: Vec<u8> = [0.0f32, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0, 0.0].iter().flat_map(|value| value.to_le_bytes()).collect();
+    let positions: Vec<u8> = [0.0f32, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0, 0.0]
+        .iter()
+        .flat_map(|value| value.to_le_bytes())
+        .collect();
     let word = |value: usize| (value as u32).to_le_bytes();
     let total = 12 + 8 + json.len() + 8 + positions.len();
-    [b"glTF", &word(2), &word(total), &word(json.len()), b"JSON", &json[..], &word(positions.len()), b"BIN\0", &positions[..]].concat()
+    [
+        b"glTF",
+        &word(2),
+        &word(total),
+        &word(json.len()),
+        b"JSON",
+        &json[..],
+        &word(positions.len()),
+        b"BIN\0",
+        &positions[..],
+    ]
+    .concat()
 }
 
 fn models_that_cannot_be_read_are_named() {
     let folder = folder();
     write(folder.path(), "a.scene.ron", r#"(geometry: Gltf("a.glb"))"#);
-    let render = || run(folder.path(), &[&["render", "a.scene.ron"][..], &AT, &["-o", OUTPUT]].concat());
+    let render =
+        || run(folder.path(), &[&["render", "a.scene.ron"][..], &AT, &["-o", OUTPUT]].concat());
     assert_refused(&render(), &["a.glb"]);
     let whole = triangle();
     for length in [0, 3, 11, 40, whole.len() / 2, whole.len() - 1] {
@@ -107,15 +136,28 @@ fn models_that_cannot_be_read_are_named() {
         assert_eq!(entries(folder.path()), ["a.glb", "a.scene.ron"], "cut to {length} bytes");
     }
     fs::write(folder.path().join("a.glb"), &whole).expect("can be written");
-    assert!(scene::load(folder.path().join("a.scene.ron")).expect("a scene").geometry().is_ok(), "whole, it is sound");
+    assert!(
+        scene::load(folder.path().join("a.scene.ron")).expect("a scene").geometry().is_ok(),
+        "whole, it is sound"
+    );
 }
 
 /// A scene and a map of it, in files.
 fn scene_with_map(folder: &Path) -> FrontierMap {
     write(folder, "a.scene.ron", SCENE);
-    let knobs = KnobSpace::new(vec![Knob::new("gi_vpl_count", [0.0, 64.0, 128.0, 256.0, 512.0, 1024.0, 2048.0, 4096.0])]).expect("a space");
-    let fingerprint = scene::load(folder.join("a.scene.ron")).expect("a scene").fingerprint().expect("a fingerprint");
-    let map = FrontierMap { scene: SceneIdentity { name: "a".into(), fingerprint }, ..map::one_cube(knobs) };
+    let knobs = KnobSpace::new(vec![Knob::new(
+        "gi_vpl_count",
+        [0.0, 64.0, 128.0, 256.0, 512.0, 1024.0, 2048.0, 4096.0],
+    )])
+    .expect("a space");
+    let fingerprint = scene::load(folder.join("a.scene.ron"))
+        .expect("a scene")
+        .fingerprint()
+        .expect("a fingerprint");
+    let map = FrontierMap {
+        scene: SceneIdentity { name: "a".into(), fingerprint },
+        ..map::one_cube(knobs)
+    };
     write(folder, "a.pareto.ron", &map.to_ron().expect("text"));
     map
 }
@@ -123,7 +165,9 @@ fn scene_with_map(folder: &Path) -> FrontierMap {
 /// Evaluates with more arguments, and asserts that it is refused and writes nothing.
 fn refused_evaluation(folder: &Path, more: &[&str], words: &[&str]) {
     let before = entries(folder);
-    let arguments = [&["evaluate", "a.scene.ron", "--map", "a.pareto.ron", "--json", "out.json"][..], more].concat();
+    let arguments =
+        [&["evaluate", "a.scene.ron", "--map", "a.pareto.ron", "--json", "out.json"][..], more]
+            .concat();
     assert_refused(&run(folder, &arguments), words);
     assert_eq!(entries(folder), before, "{more:?}: files appeared");
 }
@@ -142,7 +186,10 @@ fn maps_that_cannot_be_used_are_named() {
     };
     check(None, &[]);
     check(Some(&text[..text.len() / 2]), &["cut off"]);
-    check(Some(&text.replacen("version:1", "version:2", 1).replacen("version: 1", "version: 2", 1)), &["version 2"]);
+    check(
+        Some(&text.replacen("version:1", "version:2", 1).replacen("version: 1", "version: 2", 1)),
+        &["version 2"],
+    );
     check(Some(&text.replace(&map.scene.fingerprint, "another")), &["another"]);
     check(Some(&text.replace("gi_vpl_count", "sharpness")), &["sharpness"]);
     let empty = FrontierMap { capture: Capture { size: [0, 36], ..map.capture }, ..map.clone() };
@@ -152,14 +199,20 @@ fn maps_that_cannot_be_used_are_named() {
 fn budgets_that_make_no_sense_are_named() {
     let folder = folder();
     scene_with_map(folder.path());
-    for budget in ["0", "0W", "-3W", "NaN", "NaNW", "inf", "-inf", "0%", "101%", "-5%", "NaN%", "7J", ""] {
+    for budget in
+        ["0", "0W", "-3W", "NaN", "NaNW", "inf", "-inf", "0%", "101%", "-5%", "NaN%", "7J", ""]
+    {
         refused_evaluation(folder.path(), &["--power-budget", budget], &["budget"]);
     }
     for budget in ["0", "-1", "NaN", "inf", "2.5", "x"] {
         refused_evaluation(folder.path(), &["--error-budget", budget], &["budget"]);
     }
     refused_evaluation(folder.path(), &[], &["--power-budget", "--error-budget"]);
-    refused_evaluation(folder.path(), &["--power-budget", "60%", "--path", "walk"], &["walk", "tour"]);
+    refused_evaluation(
+        folder.path(),
+        &["--power-budget", "60%", "--path", "walk"],
+        &["walk", "tour"],
+    );
 }
 
 fn outputs_that_cannot_be_written_are_named_before_the_work() {
@@ -173,8 +226,16 @@ fn outputs_that_cannot_be_written_are_named_before_the_work() {
             [&["render", "a.scene.ron"][..], &AT, &["--hdr", output]].concat(),
             [&["sweep", "a.scene.ron"][..], &AT, &["--csv", output]].concat(),
             [&["precompute", "a.scene.ron"][..], &["-o", output]].concat(),
-            [&["evaluate", "a.scene.ron", "--map", "a.pareto.ron", "--power-budget", "60%"][..], &["--csv", output]].concat(),
-            [&["evaluate", "a.scene.ron", "--map", "a.pareto.ron", "--power-budget", "60%"][..], &["--json", output]].concat(),
+            [
+                &["evaluate", "a.scene.ron", "--map", "a.pareto.ron", "--power-budget", "60%"][..],
+                &["--csv", output],
+            ]
+            .concat(),
+            [
+                &["evaluate", "a.scene.ron", "--map", "a.pareto.ron", "--power-budget", "60%"][..],
+                &["--json", output],
+            ]
+            .concat(),
         ] {
             assert_refused(&run(folder.path(), &arguments), &[&format!("`{output}`")]);
         }
@@ -186,7 +247,10 @@ fn arguments_that_make_no_sense_are_named() {
     let folder = folder();
     write(folder.path(), "a.scene.ron", SCENE);
     for (arguments, words) in [
-        (&["precompute", "a.scene.ron", "--error-threshold", "NaN"][..], &["--error-threshold"][..]),
+        (
+            &["precompute", "a.scene.ron", "--error-threshold", "NaN"][..],
+            &["--error-threshold"][..],
+        ),
         (&["precompute", "a.scene.ron", "--error-threshold", "-0.1"], &["--error-threshold"]),
         (&["precompute", "a.scene.ron", "--levels", "16"], &["--levels"]),
         (&["precompute", "a.scene.ron", "--power-threshold", "-1W"], &["--power-threshold"]),
@@ -196,15 +260,24 @@ fn arguments_that_make_no_sense_are_named() {
         (&["precompute", "a.scene.ron", "--fps", "-30"], &["frame rate"]),
         (&["precompute", "a.scene.ron", "--knobs", "sharpness"], &["sharpness", "gi_vpl_count"]),
         (&["precompute", "a.scene.ron", "--meter", "crystal-ball"], &["crystal-ball"]),
-        (&[&["reference", "a.scene.ron", "--bounces", "-1"][..], &AT].concat(), &["--bounces", "all"]),
+        (
+            &[&["reference", "a.scene.ron", "--bounces", "-1"][..], &AT].concat(),
+            &["--bounces", "all"],
+        ),
         (&[&["reference", "a.scene.ron", "--spp", "0"][..], &AT].concat(), &["--spp"]),
         (&[&["reference", "missing.scene.ron"][..], &AT].concat(), &["missing.scene.ron"]),
-        (&[&["reference", "a.scene.ron", "--hdr", "no/such/folder.exr"][..], &AT].concat(), &["no/such/folder.exr"]),
+        (
+            &[&["reference", "a.scene.ron", "--hdr", "no/such/folder.exr"][..], &AT].concat(),
+            &["no/such/folder.exr"],
+        ),
         (&["compare", "missing.exr", "a.scene.ron"], &["missing.exr"]),
         (&["compare", "a.scene.ron", "a.scene.ron"], &["a.scene.ron", "OpenEXR"]),
         (&["inspect", "missing.pareto.ron"], &["missing.pareto.ron"]),
         (&["inspect", "--compare", "missing.pareto.ron", "a.scene.ron"], &["missing.pareto.ron"]),
-        (&["inspect", "--compare", "a.scene.ron", "a.scene.ron", "--tolerance", "1"], &["--tolerance", "1%"]),
+        (
+            &["inspect", "--compare", "a.scene.ron", "a.scene.ron", "--tolerance", "1"],
+            &["--tolerance", "1%"],
+        ),
         (&["inspect", "a.scene.ron", "--json", "out.json"], &["--compare"]),
         (&["reprice", "missing.pareto.ron", "--fps", "60"], &["missing.pareto.ron"]),
         (&["merge", "missing.journal"], &["missing.journal"]),
@@ -213,7 +286,10 @@ fn arguments_that_make_no_sense_are_named() {
         (&["precompute", "a.scene.ron", "--shard", "4/4"], &["--shard"]),
         (&["precompute", "a.scene.ron", "--path", "walk"], &["walk", "tour"]),
         (&["precompute", "a.scene.ron", "--cameras", "missing.txt"], &["missing.txt"]),
-        (&["precompute", "a.scene.ron", "--cameras", "a.scene.ron"], &["a.scene.ron", "CameraRecorderPlugin"]),
+        (
+            &["precompute", "a.scene.ron", "--cameras", "a.scene.ron"],
+            &["a.scene.ron", "CameraRecorderPlugin"],
+        ),
         (&["bake", "a.scene.ron"], &["bake"]),
     ] {
         assert_refused(&run(folder.path(), arguments), words);
@@ -231,8 +307,15 @@ fn no_adapter_is_said_plainly() {
         vec!["evaluate", "a.scene.ron", "--map", "a.pareto.ron", "--power-budget", "60%"],
     ] {
         let mut command = command(folder.path(), &arguments);
-        command.envs([("VK_ICD_FILENAMES", "/nonexistent"), ("VK_DRIVER_FILES", "/nonexistent"), ("WGPU_BACKEND", "vulkan")]);
-        assert_refused(&command.output().expect("starts"), &["no graphics adapter", "mesa-vulkan-drivers"]);
+        command.envs([
+            ("VK_ICD_FILENAMES", "/nonexistent"),
+            ("VK_DRIVER_FILES", "/nonexistent"),
+            ("WGPU_BACKEND", "vulkan"),
+        ]);
+        assert_refused(
+            &command.output().expect("starts"),
+            &["no graphics adapter", "mesa-vulkan-drivers"],
+        );
     }
     assert_eq!(entries(folder.path()), before, "files appeared");
 }
@@ -242,36 +325,67 @@ fn pictures_are_traced_and_compared_without_an_adapter() {
     write(folder.path(), "a.scene.ron", SCENE);
     let run = |arguments: &[&str]| {
         let mut command = command(folder.path(), arguments);
-        command.envs([("VK_ICD_FILENAMES", "/nonexistent"), ("VK_DRIVER_FILES", "/nonexistent"), ("WGPU_BACKEND", "vulkan")]);
+        command.envs([
+            ("VK_ICD_FILENAMES", "/nonexistent"),
+            ("VK_DRIVER_FILES", "/nonexistent"),
+            ("WGPU_BACKEND", "vulkan"),
+        ]);
         let output = command.output().expect("starts");
         assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
         String::from_utf8_lossy(&output.stdout).into_owned()
     };
-    let trace = |rest: &[&str]| run(&[&["reference", "a.scene.ron", "--lambertian", "--spp", "16"][..], &AT, rest].concat());
+    let trace = |rest: &[&str]| {
+        run(&[&["reference", "a.scene.ron", "--lambertian", "--spp", "16"][..], &AT, rest].concat())
+    };
     trace(&["--size", "32x18", "--component", "direct", "--hdr", "direct.exr"]);
-    trace(&["--size", "32x18", "--component", "indirect", "--bounces", "1", "--hdr", "once.exr", "-o", "once.png"]);
+    trace(&[
+        "--size",
+        "32x18",
+        "--component",
+        "indirect",
+        "--bounces",
+        "1",
+        "--hdr",
+        "once.exr",
+        "-o",
+        "once.png",
+    ]);
     trace(&["--size", "16x16", "--hdr", "small.exr"]);
     // The furnace's walls reflect 80 %: so much of the direct light comes once more.
     run(&["compare", "once.exr", "direct.exr", "--json", "difference.json"]);
     let json = fs::read_to_string(folder.path().join("difference.json")).expect("was written");
-    let ratio = json.lines().find_map(|line| line.trim().strip_prefix("\"mean_ratio\": ")).expect("is there");
+    let ratio = json
+        .lines()
+        .find_map(|line| line.trim().strip_prefix("\"mean_ratio\": "))
+        .expect("is there");
     let ratio: f64 = ratio.trim_end_matches(',').parse().expect("a number");
     assert!((ratio - 0.8).abs() < 0.005, "{json}");
     assert_refused(
-        &super::command::run(folder.path(), &["compare", "small.exr", "once.exr", "--json", "none.json"]),
+        &super::command::run(
+            folder.path(),
+            &["compare", "small.exr", "once.exr", "--json", "none.json"],
+        ),
         &["small.exr", "32×18", "16×16"],
     );
-    assert_eq!(entries(folder.path()), ["a.scene.ron", "difference.json", "direct.exr", "once.exr", "once.png", "small.exr"]);
+    assert_eq!(
+        entries(folder.path()),
+        ["a.scene.ron", "difference.json", "direct.exr", "once.exr", "once.png", "small.exr"]
+    );
 }
 
 /// A table of two knobs in a file; `worst` is the error of the lowest settings.
 fn sweep_table(folder: &Path, name: &str, knobs: [&str; 2], worst: f64) {
-    let space = frugal::stage::every_knob().expect("the built-in knobs").subset(knobs).expect("built-in");
+    let space =
+        frugal::stage::every_knob().expect("the built-in knobs").subset(knobs).expect("built-in");
     let point = |settings| {
         let [a, b] = [0, 1].map(|knob| RenderSettings::level(settings, knob) as f64);
         FrontierPoint { settings, cost: CostPoint::new(1.0 + a + b, worst / (1.0 + a + 2.0 * b)) }
     };
-    let table = SweepTable { facts: SweepFacts::default(), points: space.iter().map(point).collect(), space: space.clone() };
+    let table = SweepTable {
+        facts: SweepFacts::default(),
+        points: space.iter().map(point).collect(),
+        space: space.clone(),
+    };
     let mut text = Vec::new();
     table.write(&mut text).expect("written");
     fs::write(folder.join(name), text).expect("can be written");
@@ -284,14 +398,32 @@ fn recorded_tables_are_searched_without_an_adapter() {
     sweep_table(folder.path(), "b.csv", knobs, 0.2);
     sweep_table(folder.path(), "c.csv", ["gi_vpl_count", "antialiasing"], 0.2);
     let search = |rest: &[&str]| run(folder.path(), &[&["search"][..], rest].concat());
-    let output = search(&["a.csv", "--known", "b.csv", "--seeds", "3", "--errors", "0.02,0.04", "--json", "out.json"]);
+    let output = search(&[
+        "a.csv",
+        "--known",
+        "b.csv",
+        "--seeds",
+        "3",
+        "--errors",
+        "0.02,0.04",
+        "--json",
+        "out.json",
+    ]);
     let printed = String::from_utf8_lossy(&output.stdout).into_owned();
     assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
-    for word in ["32 of 32 combinations", "random", "nsga2", "frugal-cold", "frugal-warm", "100 %", "0.04"] {
+    for word in
+        ["32 of 32 combinations", "random", "nsga2", "frugal-cold", "frugal-warm", "100 %", "0.04"]
+    {
         assert!(printed.contains(word), "`{word}` is missing in: {printed}");
     }
     let json = fs::read_to_string(folder.path().join("out.json")).expect("was written");
-    for key in ["\"best_w\"", "\"median\"", "\"reached\": 1.0", "\"renderings\"", "\"method\": \"frugal-warm\""] {
+    for key in [
+        "\"best_w\"",
+        "\"median\"",
+        "\"reached\": 1.0",
+        "\"renderings\"",
+        "\"method\": \"frugal-warm\"",
+    ] {
         assert!(json.contains(key), "`{key}` is missing in: {json}");
     }
     let text = fs::read_to_string(folder.path().join("a.csv")).expect("was written");
@@ -317,31 +449,48 @@ fn recorded_tables_are_searched_without_an_adapter() {
 fn a_reader_that_goes_away_is_no_panic() {
     let folder = folder();
     write(folder.path(), "a.scene.ron", SCENE);
-    let arguments = [&["reference", "a.scene.ron", "--size", "16x16", "--spp", "1", "--hdr", "a.exr"][..], &AT].concat();
+    let arguments =
+        [&["reference", "a.scene.ron", "--size", "16x16", "--spp", "1", "--hdr", "a.exr"][..], &AT]
+            .concat();
     let mut process = command(folder.path(), &arguments).spawn().expect("starts");
     drop(process.stdout.take());
     let output = process.wait_with_output().expect("ends");
     let message = String::from_utf8_lossy(&output.stderr);
-    assert!(output.status.success() && !message.contains("panicked"), "{:?}: {message}", output.status);
+    assert!(
+        output.status.success() && !message.contains("panicked"),
+        "{:?}: {message}",
+        output.status
+    );
 }
 
 /// A map with a shared frontier, whose power is `scale` times that of any other.
 fn map_of_cost(scale: f64) -> FrontierMap {
-    let map = map::one_cube(KnobSpace::new(vec![Knob::new("gi_vpl_count", [0.0, 64.0, 4096.0])]).expect("a space"));
-    let scaled = |point: &FrontierPoint| FrontierPoint { cost: CostPoint::new(scale * point.cost.power.0, point.cost.error), ..*point };
+    let map = map::one_cube(
+        KnobSpace::new(vec![Knob::new("gi_vpl_count", [0.0, 64.0, 4096.0])]).expect("a space"),
+    );
+    let scaled = |point: &FrontierPoint| FrontierPoint {
+        cost: CostPoint::new(scale * point.cost.power.0, point.cost.error),
+        ..*point
+    };
     let shared = Frontier::from_points(map.octree.frontiers[0].points().iter().map(scaled));
     FrontierMap { octree: Octree { frontiers: vec![shared.clone()], ..map.octree }, shared, ..map }
 }
 
 fn maps_that_cost_more_have_their_own_exit_status() {
     let folder = folder();
-    let save = |name: &str, map: &FrontierMap| write(folder.path(), name, &map.to_ron().expect("text"));
+    let save =
+        |name: &str, map: &FrontierMap| write(folder.path(), name, &map.to_ron().expect("text"));
     let map = map_of_cost(1.0);
     save("old.pareto.ron", &map);
     save("same.pareto.ron", &map);
     save("worse.pareto.ron", &map_of_cost(1.02));
-    save("faster.pareto.ron", &FrontierMap { capture: Capture { frames_per_second: 60.0, ..map.capture }, ..map.clone() });
-    let compare = |new: &str, more: &[&str]| run(folder.path(), &[&["inspect", "--compare", "old.pareto.ron", new][..], more].concat());
+    save(
+        "faster.pareto.ron",
+        &FrontierMap { capture: Capture { frames_per_second: 60.0, ..map.capture }, ..map.clone() },
+    );
+    let compare = |new: &str, more: &[&str]| {
+        run(folder.path(), &[&["inspect", "--compare", "old.pareto.ron", new][..], more].concat())
+    };
 
     let same = compare("same.pareto.ron", &[]);
     assert_eq!(same.status.code(), Some(0), "{}", stderr(&same));
@@ -351,9 +500,17 @@ fn maps_that_cost_more_have_their_own_exit_status() {
     assert_eq!(worse.status.code(), Some(3), "{message}");
     assert!(message.contains("rose by 2.00 %, more than the 1.00 % tolerated"), "{message}");
     let json = fs::read_to_string(folder.path().join("gate.json")).expect("was written");
-    assert!(["\"rose\": true", "\"old_w\"", "\"error\": 0.005", "\"tolerance\": 0.01"].iter().all(|part| json.contains(part)), "{json}");
+    assert!(
+        ["\"rose\": true", "\"old_w\"", "\"error\": 0.005", "\"tolerance\": 0.01"]
+            .iter()
+            .all(|part| json.contains(part)),
+        "{json}"
+    );
     assert_eq!(compare("worse.pareto.ron", &["--tolerance", "3%"]).status.code(), Some(0));
-    assert_refused(&compare("faster.pareto.ron", &["--json", "none.json"]), &["old.pareto.ron", "faster.pareto.ron", "60 Hz", "--fps"]);
+    assert_refused(
+        &compare("faster.pareto.ron", &["--json", "none.json"]),
+        &["old.pareto.ron", "faster.pareto.ron", "60 Hz", "--fps"],
+    );
     assert!(!folder.path().join("none.json").exists());
 }
 
@@ -364,10 +521,20 @@ fn presets_come_from_a_map() {
     let output = inspect("a.pareto.ron");
     assert!(output.status.success(), "{}", stderr(&output));
     let text = fs::read_to_string(folder.path().join("presets.ron")).expect("was written");
-    let order: Vec<_> = ["battery", "low", "medium", "high", "ultra"].iter().map(|name| text.find(&format!("\"{name}\""))).collect();
+    let order: Vec<_> = ["battery", "low", "medium", "high", "ultra"]
+        .iter()
+        .map(|name| text.find(&format!("\"{name}\"")))
+        .collect();
     assert!(order.iter().all(Option::is_some) && order.is_sorted(), "{text}");
     assert!(text.contains("\"gi_vpl_count\": \"4096\""), "{text}");
-    write(folder.path(), "old.pareto.ron", &FrontierMap { shared: Frontier::default(), ..map_of_cost(1.0) }.to_ron().expect("text"));
-    assert_refused(&inspect("old.pareto.ron"), &["old.pareto.ron", "shared frontier", "frugal precompute"]);
+    write(
+        folder.path(),
+        "old.pareto.ron",
+        &FrontierMap { shared: Frontier::default(), ..map_of_cost(1.0) }.to_ron().expect("text"),
+    );
+    assert_refused(
+        &inspect("old.pareto.ron"),
+        &["old.pareto.ron", "shared frontier", "frugal precompute"],
+    );
     assert_eq!(fs::read_to_string(folder.path().join("presets.ron")).expect("still there"), text);
 }

@@ -18,7 +18,9 @@ const SCENE: &str = r#"(geometry: Gltf("a.glb"), environment: Constant((900.0, 9
 
 fn arguments(resume: bool) -> Vec<&'static str> {
     let knobs = ["--knobs", "antialiasing,post_processing"];
-    let mut arguments = [&["precompute", "a.scene.ron", "-o", MAP, "--size", "32x32", "--levels", "0"][..], &knobs].concat();
+    let mut arguments =
+        [&["precompute", "a.scene.ron", "-o", MAP, "--size", "32x32", "--levels", "0"][..], &knobs]
+            .concat();
     arguments.extend(resume.then_some("--resume"));
     arguments
 }
@@ -33,7 +35,10 @@ fn a_killed_search_is_resumed() {
     fs::write(folder.path().join("a.scene.ron"), SCENE).expect("can be written");
     fs::write(folder.path().join("a.glb"), super::cli::triangle()).expect("can be written");
     let journal = folder.path().join(format!("{MAP}.journal"));
-    let mut child = command(folder.path(), &arguments(false)).stderr(std::process::Stdio::null()).spawn().expect("starts");
+    let mut child = command(folder.path(), &arguments(false))
+        .stderr(std::process::Stdio::null())
+        .spawn()
+        .expect("starts");
     let start = Instant::now();
     while lines(&journal) < 20 {
         assert!(start.elapsed() < Duration::from_secs(60), "no journal after a minute");
@@ -53,13 +58,21 @@ fn a_killed_search_is_resumed() {
     let resumed = run(folder.path(), &arguments(true));
     let said = stderr(&resumed);
     assert!(resumed.status.success(), "{said}");
-    let told = said.lines().find_map(|line| line.strip_prefix("resuming after ")?.split(' ').next()?.parse::<usize>().ok());
+    let told = said.lines().find_map(|line| {
+        line.strip_prefix("resuming after ")?.split(' ').next()?.parse::<usize>().ok()
+    });
     println!("    {kept} lines kept, {told:?} evaluations replayed");
     // The kill may have cut the last line.
-    assert!(told.is_some_and(|told| told > 0 && told <= kept && told + 2 >= kept), "{told:?} of {kept}: {said}");
+    assert!(
+        told.is_some_and(|told| told > 0 && told <= kept && told + 2 >= kept),
+        "{told:?} of {kept}: {said}"
+    );
     let text = fs::read_to_string(folder.path().join(MAP)).expect("a map");
     let map = FrontierMap::from_ron(&text).expect("a valid map");
     assert_eq!(map.octree.corners.len(), 8);
-    assert!(map.octree.frontiers.iter().all(|frontier| !frontier.is_empty()) && !map.octree.frontiers.is_empty());
+    assert!(
+        map.octree.frontiers.iter().all(|frontier| !frontier.is_empty())
+            && !map.octree.frontiers.is_empty()
+    );
     assert!(!journal.exists(), "nothing is left to resume");
 }

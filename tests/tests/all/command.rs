@@ -14,7 +14,9 @@ pub fn command(folder: &Path, arguments: &[&str]) -> Command {
 
 /// Runs it to its end.
 pub fn run(folder: &Path, arguments: &[&str]) -> Output {
-    command(folder, arguments).output().unwrap_or_else(|error| panic!("frugal does not start: {error}"))
+    command(folder, arguments)
+        .output()
+        .unwrap_or_else(|error| panic!("frugal does not start: {error}"))
 }
 
 /// What it wrote on its error output.
@@ -22,15 +24,25 @@ pub fn stderr(output: &Output) -> String {
     String::from_utf8_lossy(&output.stderr).into_owned()
 }
 
-/// Asserts that a run ended as a wrong use does: status 2, one message that holds all of `words`, no panic, nothing on standard output.
+/// Asserts that a run ended as a wrong use does: status 2, one message that holds all of `words`,
+/// no panic, nothing on standard output.
 pub fn assert_refused(output: &Output, words: &[&str]) {
     let message = stderr(output);
     assert_eq!(output.status.code(), Some(2), "status of: {message}");
     assert!(!message.contains("panicked") && !message.contains("RUST_BACKTRACE"), "{message}");
-    // One message starts with the program's name, or is clap's, which starts with `error:` and may have usage lines.
-    let starts = message.lines().filter(|line| line.starts_with("frugal: ") || line.starts_with("error: ")).count();
+    // One message starts with the program's name, or is clap's, which starts with `error:` and may
+    // have usage lines.
+    let starts = message
+        .lines()
+        .filter(|line| line.starts_with("frugal: ") || line.starts_with("error: "))
+        .count();
     assert_eq!(starts, 1, "one message: {message}");
-    assert!(message.starts_with("frugal: ") || message.starts_with("error: "), "nothing but the message: {message}");
-    words.iter().for_each(|word| assert!(message.contains(word), "`{word}` is missing in: {message}"));
+    assert!(
+        message.starts_with("frugal: ") || message.starts_with("error: "),
+        "nothing but the message: {message}"
+    );
+    words
+        .iter()
+        .for_each(|word| assert!(message.contains(word), "`{word}` is missing in: {message}"));
     assert!(output.stdout.is_empty(), "{}", String::from_utf8_lossy(&output.stdout));
 }

@@ -1,7 +1,10 @@
-//! The shipped compute shaders on buffers of our own, against sums in 64-bit floats. `extremes` has the numbers at which they might break.
+//! The shipped compute shaders on buffers of our own, against sums in 64-bit floats. `extremes` has
+//! the numbers at which they might break.
 
 use bevy::math::Vec3;
-use bevy::render::render_resource::binding_types::{storage_buffer_read_only_sized, storage_buffer_sized};
+use bevy::render::render_resource::binding_types::{
+    storage_buffer_read_only_sized, storage_buffer_sized,
+};
 use bevy::render::render_resource::{BindGroupEntries, BindGroupLayoutEntries, ShaderStages};
 use frugal::stage::{Component, Stage};
 use frugal_tests::gather::{Gather, irradiance};
@@ -22,10 +25,30 @@ fn stage() -> Stage {
 }
 
 const VPLS: [Point; 4] = [
-    Point { position: [0.3, 2.0, 1.5], normal: [0.0, -1.0, 0.0], flux: [900.0, 400.0, 50.0], extent: 1e10 },
-    Point { position: [-2.0, 0.7, 3.0], normal: [0.6, 0.0, -0.8], flux: [10.0, 800.0, 300.0], extent: 0.05 },
-    Point { position: [0.6, 0.2, 0.4], normal: [0.0, -0.6, -0.8], flux: [3000.0, 2000.0, 1000.0], extent: 0.5 },
-    Point { position: [1.0, -1.0, -4.0], normal: [0.0, 1.0, 0.0], flux: [70_000.0, 500.0, 20.0], extent: 1e10 },
+    Point {
+        position: [0.3, 2.0, 1.5],
+        normal: [0.0, -1.0, 0.0],
+        flux: [900.0, 400.0, 50.0],
+        extent: 1e10,
+    },
+    Point {
+        position: [-2.0, 0.7, 3.0],
+        normal: [0.6, 0.0, -0.8],
+        flux: [10.0, 800.0, 300.0],
+        extent: 0.05,
+    },
+    Point {
+        position: [0.6, 0.2, 0.4],
+        normal: [0.0, -0.6, -0.8],
+        flux: [3000.0, 2000.0, 1000.0],
+        extent: 0.5,
+    },
+    Point {
+        position: [1.0, -1.0, -4.0],
+        normal: [0.0, 1.0, 0.0],
+        flux: [70_000.0, 500.0, 20.0],
+        extent: 1e10,
+    },
 ];
 
 fn the_gather_is_the_sum_over_vpls() {
@@ -34,13 +57,20 @@ fn the_gather_is_the_sum_over_vpls() {
     let (packed, normal) = g_buffer_normal(Vec3::new(-0.06, 0.6, 0.8));
     let size = [8, 8];
     let pixels = Pixels::new(&stage, size, &[packed; 64]);
-    for (center, scale) in [(Vec3::ZERO, 1.0), (Vec3::ZERO, 1e-2), (Vec3::new(0.25, 0.5, -1.0), 1e6)] {
+    for (center, scale) in
+        [(Vec3::ZERO, 1.0), (Vec3::ZERO, 1e-2), (Vec3::new(0.25, 0.5, -1.0), 1e6)]
+    {
         let vpls = VPLS.map(|vpl| Point { extent: vpl.extent * scale, ..vpl });
         let plane = Plane { center, ..Plane::ORIGIN };
         let found = gather.run(&stage, &pixels, &plane, &vpls);
         let (mut worst, mut lit) = (0.0f64, 0);
         for (pixel, found) in (0..).zip(&found) {
-            let expected = irradiance(&vpls, plane.position(size, pixel % 8, pixel / 8), normal, plane.exposure);
+            let expected = irradiance(
+                &vpls,
+                plane.position(size, pixel % 8, pixel / 8),
+                normal,
+                plane.exposure,
+            );
             for channel in 0..3 {
                 // Below the smallest normal half, 6e-5, the format rounds more coarsely.
                 if expected[channel] > 1e-4 {
@@ -49,31 +79,59 @@ fn the_gather_is_the_sum_over_vpls() {
                 }
             }
         }
-        println!("    bounds of {scale} times their own: off by at most {worst:.1e} over {lit} values");
+        println!(
+            "    bounds of {scale} times their own: off by at most {worst:.1e} over {lit} values"
+        );
         // Half floats round to 4.9e-4, or on a software driver down, by up to 9.8e-4.
         assert!(worst < 1e-3 && lit > 100, "{worst}, {lit}");
     }
 }
 
-/// Draws from maps of equally long rows, the texels' weights being their luminance times what `importance` says of their index.
-fn draw(stage: &mut Stage, texels: &[Point], length: u32, count: usize, importance: impl Fn(usize) -> f32) -> Vec<Point> {
-    let (read, write) = (|| storage_buffer_read_only_sized(false, None), || storage_buffer_sized(false, None));
-    let layout = BindGroupLayoutEntries::sequential(ShaderStages::COMPUTE, (read(), read(), write(), write(), write(), read()));
-    let kernels =
-        ["accumulate_rows", "accumulate_maps", "sample_vpls"].map(|entry| Kernel::new(stage, "gi/vpl/sample.wgsl", entry, vec![], &layout));
+/// Draws from maps of equally long rows, the texels' weights being their luminance times what
+/// `importance` says of their index.
+fn draw(
+    stage: &mut Stage,
+    texels: &[Point],
+    length: u32,
+    count: usize,
+    importance: impl Fn(usize) -> f32,
+) -> Vec<Point> {
+    let (read, write) =
+        (|| storage_buffer_read_only_sized(false, None), || storage_buffer_sized(false, None));
+    let layout = BindGroupLayoutEntries::sequential(
+        ShaderStages::COMPUTE,
+        (read(), read(), write(), write(), write(), read()),
+    );
+    let kernels = ["accumulate_rows", "accumulate_maps", "sample_vpls"]
+        .map(|entry| Kernel::new(stage, "gi/vpl/sample.wgsl", entry, vec![], &layout));
     let row_count = texels.len() as u32 / length;
     let words: Vec<f32> = texels.iter().flat_map(|texel| texel.to_texel()).collect();
-    let weights: Vec<f32> = texels.iter().enumerate().map(|(index, texel)| texel.luminance() as f32 * importance(index)).collect();
-    let rows: Vec<u8> =
-        (0..row_count).flat_map(|row| [row * length, row * length, length, 0, 0, 1, 0, 0].map(u32::to_le_bytes)).flatten().collect();
+    let weights: Vec<f32> = texels
+        .iter()
+        .enumerate()
+        .map(|(index, texel)| texel.luminance() as f32 * importance(index))
+        .collect();
+    let rows: Vec<u8> = (0..row_count)
+        .flat_map(|row| [row * length, row * length, length, 0, 0, 1, 0, 0].map(u32::to_le_bytes))
+        .flatten()
+        .collect();
     // One set that holds them all.
     let plan = [1, 1, count as u32, count as u32].map(u32::to_le_bytes).concat();
     let zeros = |floats: usize| gpu::bytes(&vec![0.0; floats]);
-    let contents = [gpu::bytes(&words), rows, gpu::bytes(&weights), zeros(row_count as usize), zeros(count * 12), plan];
+    let contents = [
+        gpu::bytes(&words),
+        rows,
+        gpu::bytes(&weights),
+        zeros(row_count as usize),
+        zeros(count * 12),
+        plan,
+    ];
     let buffers = contents.map(|contents| kernel::buffer(stage, &contents));
     let [a, b, c, d, e, f] = buffers.each_ref().map(|buffer| buffer.as_entire_binding());
     let bindings = BindGroupEntries::sequential((a, b, c, d, e, f));
-    for (kernel, groups) in kernels.iter().zip([row_count.div_ceil(64), 1, count.div_ceil(64) as u32]) {
+    for (kernel, groups) in
+        kernels.iter().zip([row_count.div_ceil(64), 1, count.div_ceil(64) as u32])
+    {
         kernel.run(stage, &bindings, (groups, 1));
     }
     gpu::vpl_slots(&gpu::read_buffer(stage.render_world(), &buffers[4]))
@@ -85,7 +143,12 @@ fn texels(rows: u32, length: u32, scale: f32) -> Vec<Point> {
         // Anything but regular; some are dark.
         let weight = (index.wrapping_mul(2_654_435_761) >> 24) as f32;
         let flux = if index.is_multiple_of(3) { 0.0 } else { weight * scale };
-        Point { position: [index as f32, 0.0, 0.0], normal: [0.0, 1.0, 0.0], flux: [flux, 0.5 * flux, 2.0 * flux], extent: 1e-4 }
+        Point {
+            position: [index as f32, 0.0, 0.0],
+            normal: [0.0, 1.0, 0.0],
+            flux: [flux, 0.5 * flux, 2.0 * flux],
+            extent: 1e-4,
+        }
     };
     (0..rows * length).map(texel).collect()
 }
@@ -102,14 +165,17 @@ fn drawing_follows_flux() {
         assert!(off.abs() < 1e-4, "{scale}: {off}");
         for vpl in &vpls {
             let source = &texels[vpl.position[0] as usize];
-            let turned = (0..3).map(|axis| (source.normal[axis] - vpl.normal[axis]).abs()).fold(0.0, f32::max);
+            let turned = (0..3)
+                .map(|axis| (source.normal[axis] - vpl.normal[axis]).abs())
+                .fold(0.0, f32::max);
             // Normals are packed to 16 bits an axis.
             assert!(source.flux[0] > 0.0 && turned < 5e-5, "a dark texel was drawn: {vpl:?}");
         }
         // Rows are drawn as often as their share of the flux says, up to one VPL at each end.
         for (row, texels_of_row) in texels.chunks_exact(32).enumerate() {
             let share = 1024.0 * gpu::total_flux(texels_of_row)[1] / all[1];
-            let drawn = vpls.iter().filter(|vpl| vpl.position[0] as usize / 32 == row).count() as f64;
+            let drawn =
+                vpls.iter().filter(|vpl| vpl.position[0] as usize / 32 == row).count() as f64;
             assert!((drawn - share).abs() <= 1.01, "row {row}: {drawn} drawn, {share} expected");
         }
     }
@@ -120,9 +186,14 @@ fn drawing_by_importance_keeps_the_expectation() {
     let texels = texels(100, 32, 1.0);
     // The middle matters a hundred times as much.
     let matters = |index: usize| (1200..2000).contains(&index);
-    let vpls = draw(&mut stage, &texels, 32, 1024, |index| if matters(index) { 100.0 } else { 1.0 });
+    let vpls =
+        draw(&mut stage, &texels, 32, 1024, |index| if matters(index) { 100.0 } else { 1.0 });
     let sum = |points: &[Point], inside: bool| {
-        points.iter().filter(|p| matters(p.position[0] as usize) == inside).map(|p| f64::from(p.flux[1])).sum::<f64>()
+        points
+            .iter()
+            .filter(|p| matters(p.position[0] as usize) == inside)
+            .map(|p| f64::from(p.flux[1]))
+            .sum::<f64>()
     };
     let inside = vpls.iter().filter(|vpl| matters(vpl.position[0] as usize)).count();
     let off = [true, false].map(|inside| sum(&vpls, inside) / sum(&texels, inside) - 1.0);
@@ -139,5 +210,8 @@ fn drawing_by_importance_keeps_the_expectation() {
 fn drawing_from_nothing_gives_nothing() {
     let mut stage = stage();
     let vpls = draw(&mut stage, &texels(64, 16, 0.0), 16, 64, |_| 1.0);
-    assert!(vpls.iter().all(|vpl| vpl.flux == [0.0; 3] && vpl.position.iter().all(|value| value.is_finite())));
+    assert!(
+        vpls.iter()
+            .all(|vpl| vpl.flux == [0.0; 3] && vpl.position.iter().all(|value| value.is_finite()))
+    );
 }

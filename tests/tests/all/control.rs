@@ -2,7 +2,9 @@
 
 use bevy::asset::Assets;
 use bevy::math::Vec3;
-use bevy_frugal_gi::control::{Budget, ControlSettings, ControlStatus, FrontierMapHandle, OffReason, Outcome, Selection};
+use bevy_frugal_gi::control::{
+    Budget, ControlSettings, ControlStatus, FrontierMapHandle, OffReason, Outcome, Selection,
+};
 use bevy_frugal_gi::frontier::FrontierMap;
 use bevy_frugal_gi::gi::FrugalGi;
 use bevy_frugal_gi::knobs::{Knob, KnobSettings, KnobSpace};
@@ -10,7 +12,12 @@ use bevy_frugal_gi::units::Watts;
 use frugal::stage::Stage;
 use frugal_tests::{map, set};
 
-tests!(a_budget_reaches_the_picture, budgets_without_sense_change_nothing, a_map_of_unknown_knobs_is_refused, settings_move_smoothly);
+tests!(
+    a_budget_reaches_the_picture,
+    budgets_without_sense_change_nothing,
+    a_map_of_unknown_knobs_is_refused,
+    settings_move_smoothly
+);
 
 const KNOBS: [&str; 2] = ["gi_vpl_count", "gi_pixel_fraction"];
 
@@ -74,7 +81,10 @@ fn a_budget_reaches_the_picture() {
         assert_eq!(gathered.pairs > 0, count > 0, "{limit} W: {gathered:?}");
     }
     budget(&mut stage, Budget::error(0.1));
-    assert_eq!((selection(&mut stage).status, gi(&mut stage).vpl_count), (ControlStatus::Active(Outcome::Met), 512));
+    assert_eq!(
+        (selection(&mut stage).status, gi(&mut stage).vpl_count),
+        (ControlStatus::Active(Outcome::Met), 512)
+    );
 }
 
 fn budgets_without_sense_change_nothing() {
@@ -82,7 +92,9 @@ fn budgets_without_sense_change_nothing() {
     let knobs = space(&stage);
     control(&mut stage, knobs, Budget::power(Watts(2.5)), 0.0);
     for limit in [f64::NAN, -1.0, f64::NEG_INFINITY] {
-        for wrong in [Budget::power(Watts(limit)), Budget::error(limit), Budget::both(Watts(1.0), limit)] {
+        for wrong in
+            [Budget::power(Watts(limit)), Budget::error(limit), Budget::both(Watts(1.0), limit)]
+        {
             budget(&mut stage, wrong);
             let found = selection(&mut stage);
             assert_eq!(found.status, ControlStatus::Off(OffReason::InvalidBudget), "{wrong:?}");
@@ -90,13 +102,21 @@ fn budgets_without_sense_change_nothing() {
         }
     }
     budget(&mut stage, Budget::power(Watts(4.0)));
-    assert_eq!((selection(&mut stage).status, gi(&mut stage).vpl_count), (ControlStatus::Active(Outcome::Met), 4096), "back in charge");
+    assert_eq!(
+        (selection(&mut stage).status, gi(&mut stage).vpl_count),
+        (ControlStatus::Active(Outcome::Met), 4096),
+        "back in charge"
+    );
 }
 
 fn a_map_of_unknown_knobs_is_refused() {
     let mut stage = stage();
     let before = gi(&mut stage);
-    let knobs = KnobSpace::new(vec![Knob::new("gi_vpl_count", [0.0, 32.0]), Knob::new("sharpness", [0.0, 1.0])]).expect("a space");
+    let knobs = KnobSpace::new(vec![
+        Knob::new("gi_vpl_count", [0.0, 32.0]),
+        Knob::new("sharpness", [0.0, 1.0]),
+    ])
+    .expect("a space");
     control(&mut stage, knobs, Budget::default(), 0.0);
     assert_eq!(selection(&mut stage).status, ControlStatus::Off(OffReason::UnknownKnobs));
     assert_eq!(gi(&mut stage), before);
@@ -107,7 +127,9 @@ fn settings_move_smoothly() {
     let knobs = space(&stage);
     control(&mut stage, knobs, Budget::power(Watts(1.0)), 0.0);
     // The stage's clock steps by 1/30 s: a second is 30 frames.
-    stage.world_mut().insert_resource(ControlSettings { transition_seconds: 1.0, ..Default::default() });
+    stage
+        .world_mut()
+        .insert_resource(ControlSettings { transition_seconds: 1.0, ..Default::default() });
     let camera = set::camera(&mut stage);
     stage.world_mut().entity_mut(camera).insert(Budget::power(Watts(4.0)));
     let mut levels = Vec::new();
@@ -116,6 +138,9 @@ fn settings_move_smoothly() {
         let settings = stage.world_mut().get::<KnobSettings>(camera).expect("settings").settings;
         levels.push(settings.level(0));
     }
-    assert!(levels.is_sorted() && levels.windows(2).all(|pair| pair[1] - pair[0] <= 1), "no level is skipped: {levels:?}");
+    assert!(
+        levels.is_sorted() && levels.windows(2).all(|pair| pair[1] - pair[0] <= 1),
+        "no level is skipped: {levels:?}"
+    );
     assert!(levels[0] <= 1 && levels[10] < 7 && levels[39] == 7, "{levels:?}");
 }

@@ -1,19 +1,25 @@
-//! The inside of a closed sphere with a lamp in its middle: the one scene whose light is known in closed form.
+//! The inside of a closed sphere with a lamp in its middle: the one scene whose light is known in
+//! closed form.
 //!
-//! With intensity I candela, radius R and albedo ρ, the wall's direct radiance is ρ/π · I/R² and the first bounce adds ρ times that,
-//! everywhere alike.
+//! With intensity I candela, radius R and albedo ρ, the wall's direct radiance is ρ/π · I/R² and
+//! the first bounce adds ρ times that, everywhere alike.
 
 use bevy::math::Vec3;
 use frugal::stage::{Component, Radiance};
 use frugal_tests::{meshes, set};
 
-tests!(direct_light_is_the_closed_form, one_bounce_is_the_closed_form, the_bounce_does_not_depend_on_settings);
+tests!(
+    direct_light_is_the_closed_form,
+    one_bounce_is_the_closed_form,
+    the_bounce_does_not_depend_on_settings
+);
 
 const LUMENS: f64 = 20_000.0;
 const RADIUS: f64 = 2.0;
 pub const ALBEDO: f64 = 0.8;
 
-/// Of the closed form. The G-buffer's eight bits take 0.4 %, facets of the sphere 0.3 % of R², half floats 0.05 %.
+/// Of the closed form. The G-buffer's eight bits take 0.4 %, facets of the sphere 0.3 % of R², half
+/// floats 0.05 %.
 pub const TOLERANCE: f64 = 0.02;
 
 pub fn direct_radiance() -> f64 {
@@ -23,7 +29,12 @@ pub fn direct_radiance() -> f64 {
 
 /// Largest and mean relative deviation of any pixel and channel.
 pub fn deviation(radiance: &Radiance, expected: f64) -> (f64, f64) {
-    let off: Vec<f64> = radiance.rgb.iter().flatten().map(|value| (f64::from(*value) / expected - 1.0).abs()).collect();
+    let off: Vec<f64> = radiance
+        .rgb
+        .iter()
+        .flatten()
+        .map(|value| (f64::from(*value) / expected - 1.0).abs())
+        .collect();
     assert!(off.iter().all(|value| value.is_finite()), "a pixel is not finite");
     (off.iter().copied().fold(0.0, f64::max), off.iter().sum::<f64>() / off.len() as f64)
 }
@@ -31,7 +42,10 @@ pub fn deviation(radiance: &Radiance, expected: f64) -> (f64, f64) {
 fn check(component: Component, expected: f64) {
     let mut stage = set::open(&set::scene("furnace"), set::radiance_options(96, 54, component));
     set::apply(&mut stage, "max,rsm_resolution=128,gi_vpl_count=256,shadow_map_resolution=512");
-    for (eye, target) in [(Vec3::new(0.3, -0.2, 0.5), Vec3::new(0.0, 0.4, -2.0)), (Vec3::new(-0.8, 0.6, 0.1), Vec3::new(-2.0, 1.0, 0.5))] {
+    for (eye, target) in [
+        (Vec3::new(0.3, -0.2, 0.5), Vec3::new(0.0, 0.4, -2.0)),
+        (Vec3::new(-0.8, 0.6, 0.1), Vec3::new(-2.0, 1.0, 0.5)),
+    ] {
         set::look(&mut stage, eye, target);
         let (most, mean) = deviation(&set::radiance(&mut stage), expected);
         println!(
@@ -52,10 +66,12 @@ fn one_bounce_is_the_closed_form() {
 }
 
 fn the_bounce_does_not_depend_on_settings() {
-    let mut stage = set::open(&set::scene("furnace"), set::radiance_options(48, 27, Component::Indirect));
+    let mut stage =
+        set::open(&set::scene("furnace"), set::radiance_options(48, 27, Component::Indirect));
     set::look(&mut stage, Vec3::new(0.3, -0.2, 0.5), Vec3::new(0.0, 0.4, -2.0));
     let expected = ALBEDO * direct_radiance() * (meshes::stored_albedo(ALBEDO) / ALBEDO).powi(2);
-    // VPLs are drawn by what the camera could receive of them and carry different shares, so few of them add up less exactly.
+    // VPLs are drawn by what the camera could receive of them and carry different shares, so few of
+    // them add up less exactly.
     for (count, more) in [
         (64, ""),
         (1024, "gi_pixel_fraction=1/2"),
@@ -66,8 +82,15 @@ fn the_bounce_does_not_depend_on_settings() {
         let settings = format!("min,gi_vpl_count={count},{more}");
         set::apply(&mut stage, settings.trim_end_matches(','));
         let (most, mean) = deviation(&set::radiance(&mut stage), expected);
-        println!("    {settings}: off by at most {:.2} %, {:.2} % in the mean", most * 100.0, mean * 100.0);
+        println!(
+            "    {settings}: off by at most {:.2} %, {:.2} % in the mean",
+            most * 100.0,
+            mean * 100.0
+        );
         // 32 texels along a face instead of 64 add 0.1 %.
-        assert!(most <= TOLERANCE + 0.4 / f64::from(count).sqrt() && mean <= TOLERANCE, "{settings}: {most} {mean}");
+        assert!(
+            most <= TOLERANCE + 0.4 / f64::from(count).sqrt() && mean <= TOLERANCE,
+            "{settings}: {most} {mean}"
+        );
     }
 }

@@ -34,8 +34,18 @@ pub const PLAIN: &str = "min,gi_refresh_period=1,gi_vpl_count=256,gi_interleave=
 /// A white floor, lit from above, and a grey wall that sees it and faces the camera.
 pub fn corner(lights: Vec<Light>) -> Stage {
     let mut stage = set::bare(lights, set::radiance_options(48, 27, Component::Indirect));
-    meshes::spawn_box(&mut stage, Vec3::new(0.0, -0.1, 0.0), Vec3::new(4.0, 0.2, 4.0), meshes::matt(0.8, 0.8, 0.8));
-    meshes::spawn_box(&mut stage, Vec3::new(0.0, 1.0, -2.0), Vec3::new(4.0, 2.0, 0.2), meshes::matt(0.5, 0.5, 0.5));
+    meshes::spawn_box(
+        &mut stage,
+        Vec3::new(0.0, -0.1, 0.0),
+        Vec3::new(4.0, 0.2, 4.0),
+        meshes::matt(0.8, 0.8, 0.8),
+    );
+    meshes::spawn_box(
+        &mut stage,
+        Vec3::new(0.0, 1.0, -2.0),
+        Vec3::new(4.0, 2.0, 0.2),
+        meshes::matt(0.5, 0.5, 0.5),
+    );
     set::look(&mut stage, Vec3::new(0.0, 1.2, 3.0), Vec3::new(0.0, 0.8, -2.0));
     set::apply(&mut stage, PLAIN);
     stage
@@ -46,14 +56,25 @@ pub fn assert_costs_nothing(stage: &mut Stage) {
     let state = inspect::gpu_state(stage.render_world());
     assert!(state.cameras.is_empty() && state.texels.is_none(), "{state:?}");
     let world = stage.world_mut();
-    assert_eq!(world.query_filtered::<Entity, With<RsmView>>().iter(world).count(), 0, "hidden cameras");
+    assert_eq!(
+        world.query_filtered::<Entity, With<RsmView>>().iter(world).count(),
+        0,
+        "hidden cameras"
+    );
 }
 
 fn assert_at_work(stage: &mut Stage, maps: usize) {
     let gathered = set::gathered(stage);
-    assert!(gathered.cameras == 1 && gathered.pairs == 48 * 27 * 64 && gathered.bytes > 0, "{gathered:?}");
+    assert!(
+        gathered.cameras == 1 && gathered.pairs == 48 * 27 * 64 && gathered.bytes > 0,
+        "{gathered:?}"
+    );
     let world = stage.world_mut();
-    assert_eq!(world.query_filtered::<Entity, With<RsmView>>().iter(world).count(), maps, "hidden cameras");
+    assert_eq!(
+        world.query_filtered::<Entity, With<RsmView>>().iter(world).count(),
+        maps,
+        "hidden cameras"
+    );
 }
 
 fn no_vpls_no_cost() {
@@ -70,7 +91,8 @@ fn no_lights_no_cost() {
     assert_eq!(set::radiance(&mut stage).mean(), 0.0);
     assert_costs_nothing(&mut stage);
     // A light that is switched on later bounces; a point light takes six maps.
-    let light = stage.world_mut().spawn((PointLight::default(), Transform::from_xyz(0.0, 1.0, 0.0))).id();
+    let light =
+        stage.world_mut().spawn((PointLight::default(), Transform::from_xyz(0.0, 1.0, 0.0))).id();
     assert!(set::radiance(&mut stage).mean() > 0.0);
     assert_at_work(&mut stage, 6);
     stage.world_mut().despawn(light);
@@ -79,7 +101,8 @@ fn no_lights_no_cost() {
 }
 
 fn an_empty_scene_costs_nothing() {
-    let mut stage = set::bare(vec![sun(Vec3::NEG_Y)], set::radiance_options(48, 27, Component::Full));
+    let mut stage =
+        set::bare(vec![sun(Vec3::NEG_Y)], set::radiance_options(48, 27, Component::Full));
     set::apply(&mut stage, PLAIN);
     assert_eq!(set::radiance(&mut stage).mean(), 0.0);
     assert_costs_nothing(&mut stage);
@@ -105,7 +128,15 @@ fn gi_comes_back_as_it_was() {
 
 fn spot(position: Vec3) -> Light {
     let (inner_angle, outer_angle) = (30.0, 40.0);
-    Light::Spot { position, direction: Vec3::NEG_Y, luminous_power: 50_000.0, range: 30.0, inner_angle, outer_angle, color: [1.0; 3] }
+    Light::Spot {
+        position,
+        direction: Vec3::NEG_Y,
+        luminous_power: 50_000.0,
+        range: 30.0,
+        inner_angle,
+        outer_angle,
+        color: [1.0; 3],
+    }
 }
 
 /// Mean of the left and of the right third.
@@ -120,14 +151,21 @@ pub fn sides(stage: &mut Stage) -> (f64, f64) {
 
 fn moving_the_light_moves_the_bounce() {
     let mut stage = corner(vec![spot(Vec3::new(-1.2, 1.0, -1.0))]);
-    set::apply(&mut stage, "min,gi_refresh_period=1,gi_vpl_count=4096,gi_interleave=2x2,gi_pixel_fraction=1/1,resolution_scale=100%");
+    set::apply(
+        &mut stage,
+        "min,gi_refresh_period=1,gi_vpl_count=4096,gi_interleave=2x2,gi_pixel_fraction=1/1,resolution_scale=100%",
+    );
     let (left, right) = sides(&mut stage);
     assert!(left > 2.0 * right && right > 0.0, "{left} {right}");
     let world = stage.world_mut();
-    let mut light = world.query_filtered::<&mut Transform, With<SpotLight>>().single_mut(world).expect("the spot");
+    let mut light = world
+        .query_filtered::<&mut Transform, With<SpotLight>>()
+        .single_mut(world)
+        .expect("the spot");
     light.translation.x = 1.2;
     let (moved_left, moved_right) = sides(&mut stage);
-    // The room is its own mirror image; the VPLs' sequence is not, so a tenth of what is bright may differ, and more of what is dark.
+    // The room is its own mirror image; the VPLs' sequence is not, so a tenth of what is bright may
+    // differ, and more of what is dark.
     assert!(
         (moved_right / left - 1.0).abs() < 0.1 && (moved_left / right - 1.0).abs() < 0.25,
         "{left} {right}, {moved_left} {moved_right}"
@@ -136,12 +174,21 @@ fn moving_the_light_moves_the_bounce() {
 
 fn moving_an_object_changes_the_bounce() {
     let mut stage = corner(vec![sun(Vec3::NEG_Y)]);
-    let lid = meshes::spawn_box(&mut stage, Vec3::new(0.0, 6.0, 30.0), Vec3::new(6.0, 0.1, 6.0), meshes::matt(0.0, 0.0, 0.0));
+    let lid = meshes::spawn_box(
+        &mut stage,
+        Vec3::new(0.0, 6.0, 30.0),
+        Vec3::new(6.0, 0.1, 6.0),
+        meshes::matt(0.0, 0.0, 0.0),
+    );
     set::apply(&mut stage, &format!("{PLAIN},rsm_resolution=128"));
     let open = set::radiance(&mut stage);
     stage.world_mut().get_mut::<Transform>(lid).expect("the lid").translation.z = 0.0;
     let closed = set::radiance(&mut stage).mean();
-    assert!(closed < 0.001 * open.mean() && open.mean() > 1.0, "under the lid {closed}, without it {}", open.mean());
+    assert!(
+        closed < 0.001 * open.mean() && open.mean() > 1.0,
+        "under the lid {closed}, without it {}",
+        open.mean()
+    );
     stage.world_mut().get_mut::<Transform>(lid).expect("the lid").translation.z = 30.0;
     assert!(set::radiance(&mut stage) == open, "taken away, all is as before");
 }
@@ -172,8 +219,13 @@ fn two_stages_of_a_scene_agree() {
 fn lights_that_are_no_numbers_are_left_out() {
     let mut stage = corner(vec![sun(Vec3::NEG_Y)]);
     let expected = set::radiance(&mut stage);
-    for (intensity, color) in [(f32::NAN, 1.0), (1e5, f32::NAN), (f32::INFINITY, 1.0), (-1e5, 1.0)] {
-        let light = PointLight { intensity, color: bevy::color::Color::linear_rgb(color, 1.0, 1.0), ..Default::default() };
+    for (intensity, color) in [(f32::NAN, 1.0), (1e5, f32::NAN), (f32::INFINITY, 1.0), (-1e5, 1.0)]
+    {
+        let light = PointLight {
+            intensity,
+            color: bevy::color::Color::linear_rgb(color, 1.0, 1.0),
+            ..Default::default()
+        };
         let light = stage.world_mut().spawn((light, Transform::from_xyz(0.0, 1.0, 0.0))).id();
         assert!(set::radiance(&mut stage) == expected, "{intensity}, {color}");
         assert_at_work(&mut stage, 1);
@@ -183,8 +235,13 @@ fn lights_that_are_no_numbers_are_left_out() {
 
 fn pictures_too_small_are_refused() {
     for (width, height) in [(0, 32), (1, 1), (31, 31), (9000, 32)] {
-        let refused = Stage::open(&set::scene("furnace"), set::options(width, height)).err().map(|error| error.to_string());
-        assert!(refused.is_some_and(|message| message.contains(&format!("size {width}x{height}"))), "{width}x{height}");
+        let refused = Stage::open(&set::scene("furnace"), set::options(width, height))
+            .err()
+            .map(|error| error.to_string());
+        assert!(
+            refused.is_some_and(|message| message.contains(&format!("size {width}x{height}"))),
+            "{width}x{height}"
+        );
     }
     let stage = set::open(&set::scene("furnace"), set::options(32, 1));
     assert_eq!(stage.picture().expect("a picture").rgb.len(), 32);

@@ -12,7 +12,9 @@ use bevy::math::{Quat, Vec2, Vec3};
 use bevy::mesh::{Mesh, MeshBuilder, Meshable, VertexAttributeValues};
 use bevy::pbr::{MeshMaterial3d, StandardMaterial};
 use bevy::prelude::AlphaMode;
-use bevy::render::render_resource::{Extent3d, TextureDimension, TextureFormat, TextureViewDescriptor, TextureViewDimension};
+use bevy::render::render_resource::{
+    Extent3d, TextureDimension, TextureFormat, TextureViewDescriptor, TextureViewDimension,
+};
 use bevy::transform::components::Transform;
 use bevy_frugal_gi::gi::{FrugalGi, GiEmitters, inspect};
 use frugal::stage::{Component, Radiance, Stage};
@@ -43,8 +45,7 @@ tests!(
 /// Of a stage without scene: 1 ÷ (1.2 · 2⁸).
 const EXPOSURE: f32 = 1.0 / (1.2 * 256.0);
 /// Every pixel gathered.
-const RAYS: &str =
-    "min,gi_refresh_period=1,gi_vpl_count=1024,gi_interleave=2x2,gi_visibility=fine,gi_pixel_fraction=1/1,resolution_scale=100%";
+const RAYS: &str = "min,gi_refresh_period=1,gi_vpl_count=1024,gi_interleave=2x2,gi_visibility=fine,gi_pixel_fraction=1/1,resolution_scale=100%";
 const NITS: f32 = 1000.0;
 
 /// What the G-buffer keeps of an albedo of 0.8.
@@ -65,7 +66,10 @@ fn bare(component: Component) -> Stage {
 
 /// Black but for what it gives off, nits.
 fn glowing(nits: f32) -> StandardMaterial {
-    StandardMaterial { emissive: LinearRgba::rgb(1.0, 1.0, 1.0) * (nits * EXPOSURE), ..meshes::matt(0.0, 0.0, 0.0) }
+    StandardMaterial {
+        emissive: LinearRgba::rgb(1.0, 1.0, 1.0) * (nits * EXPOSURE),
+        ..meshes::matt(0.0, 0.0, 0.0)
+    }
 }
 
 /// A rectangle of `size` metres that looks down from `center`.
@@ -75,10 +79,11 @@ fn spawn_panel(stage: &mut Stage, center: Vec3, size: Vec2, material: StandardMa
     meshes::spawn(stage, mesh, material, Transform::from_translation(center).with_rotation(turned))
 }
 
-/// Of tiles: a software rasteriser loses the depth of triangles that are thousands of times as large as what is seen of them (SwiftShader by half a
-/// pixel's width).
+/// Of tiles: a software rasteriser loses the depth of triangles that are thousands of times as
+/// large as what is seen of them (SwiftShader by half a pixel's width).
 fn spawn_floor(stage: &mut Stage, size: f32) {
-    let mut mesh = Plane3d::new(Vec3::Y, Vec2::splat(0.5 * size)).mesh().subdivisions(FLOOR_TILES - 1).build();
+    let mut mesh =
+        Plane3d::new(Vec3::Y, Vec2::splat(0.5 * size)).mesh().subdivisions(FLOOR_TILES - 1).build();
     mesh.remove_attribute(Mesh::ATTRIBUTE_UV_0);
     meshes::spawn(stage, mesh, meshes::matt(0.8, 0.8, 0.8), Transform::default());
 }
@@ -89,13 +94,17 @@ fn look_at_floor(stage: &mut Stage) {
 }
 
 fn deviation(radiance: &Radiance, expected: f64) -> (f64, f64) {
-    let off: Vec<f64> = radiance.rgb.iter().flatten().map(|value| f64::from(*value) / expected - 1.0).collect();
+    let off: Vec<f64> =
+        radiance.rgb.iter().flatten().map(|value| f64::from(*value) / expected - 1.0).collect();
     assert!(off.iter().all(|value| value.is_finite()), "a pixel is not finite");
-    (off.iter().map(|off| off.abs()).fold(0.0, f64::max), off.iter().sum::<f64>() / off.len() as f64)
+    (
+        off.iter().map(|off| off.abs()).fold(0.0, f64::max),
+        off.iter().sum::<f64>() / off.len() as f64,
+    )
 }
 
-/// Share of the light that a point would get if a rectangle of `width` × `length` metres, `height` above it and parallel to it, filled its view; the
-/// rectangle's middle is straight above.
+/// Share of the light that a point would get if a rectangle of `width` × `length` metres, `height`
+/// above it and parallel to it, filled its view; the rectangle's middle is straight above.
 fn form_factor(width: f64, length: f64, height: f64) -> f64 {
     let (x, y) = (width / 2.0 / height, length / 2.0 / height);
     let (a, b) = ((1.0 + x * x).sqrt(), (1.0 + y * y).sqrt());
@@ -103,12 +112,15 @@ fn form_factor(width: f64, length: f64, height: f64) -> f64 {
 }
 
 fn a_panel_lights_a_floor_by_its_form_factor() {
-    for (size, height) in [(Vec2::new(2.0, 1.0), 2.0), (Vec2::new(4.0, 4.0), 1.0), (Vec2::new(0.2, 0.2), 3.0)] {
+    for (size, height) in
+        [(Vec2::new(2.0, 1.0), 2.0), (Vec2::new(4.0, 4.0), 1.0), (Vec2::new(0.2, 0.2), 3.0)]
+    {
         let mut stage = bare(Component::Global);
         spawn_floor(&mut stage, 20.0);
         spawn_panel(&mut stage, Vec3::new(0.0, height, 0.0), size, glowing(NITS));
         look_at_floor(&mut stage);
-        let expected = albedo() * f64::from(NITS) * form_factor(size.x.into(), size.y.into(), height.into());
+        let expected =
+            albedo() * f64::from(NITS) * form_factor(size.x.into(), size.y.into(), height.into());
         for visibility in ["none", "coarse", "fine"] {
             set::apply(&mut stage, &format!("{RAYS},gi_visibility={visibility}"));
             let (most, mean) = deviation(&set::radiance(&mut stage), expected);
@@ -127,10 +139,13 @@ fn the_inside_of_a_glowing_sphere_is_lit_evenly() {
     let mut stage = bare(Component::Global);
     let mut mesh: Mesh = Sphere::new(2.0).mesh().ico(12).expect("a sphere");
     mesh.invert_winding().expect("triangles");
-    if let Some(VertexAttributeValues::Float32x3(normals)) = mesh.attribute_mut(Mesh::ATTRIBUTE_NORMAL) {
+    if let Some(VertexAttributeValues::Float32x3(normals)) =
+        mesh.attribute_mut(Mesh::ATTRIBUTE_NORMAL)
+    {
         normals.iter_mut().flatten().for_each(|value| *value = -*value);
     }
-    let material = StandardMaterial { base_color: meshes::matt(0.8, 0.8, 0.8).base_color, ..glowing(NITS) };
+    let material =
+        StandardMaterial { base_color: meshes::matt(0.8, 0.8, 0.8).base_color, ..glowing(NITS) };
     meshes::spawn(&mut stage, mesh, material, Transform::default());
     set::look(&mut stage, Vec3::new(0.3, -0.2, 0.5), Vec3::new(0.0, 0.4, -2.0));
     set::apply(&mut stage, &format!("{RAYS},gi_vpl_count=4096"));
@@ -160,15 +175,26 @@ fn a_panel_is_as_bright_as_what_it_lights_says() {
         let mut stage = bare(Component::Full);
         spawn_floor(&mut stage, 20.0);
         let base_color = meshes::matt(0.0, 0.0, 0.0).base_color.with_alpha(0.75);
-        let material =
-            StandardMaterial { base_color, alpha_mode, opaque_render_method: method, emissive_exposure_weight: weight, ..glowing(NITS) };
+        let material = StandardMaterial {
+            base_color,
+            alpha_mode,
+            opaque_render_method: method,
+            emissive_exposure_weight: weight,
+            ..glowing(NITS)
+        };
         spawn_panel(&mut stage, Vec3::new(0.0, 2.0, 0.0), Vec2::splat(2.0), material);
         set::look(&mut stage, Vec3::new(0.0, 1.5, 0.15), Vec3::new(0.0, 2.0, 0.0));
         let seen = set::radiance(&mut stage).mean();
         look_at_floor(&mut stage);
         let lit = set::radiance(&mut stage).mean();
-        println!("    {method:?}, {alpha_mode:?}, weight {weight}: seen {seen:.2} nits, floor {lit:.2}");
-        assert!((lit / seen / expected_on_floor - 1.0).abs() < 0.03, "{} of {expected_on_floor}", lit / seen);
+        println!(
+            "    {method:?}, {alpha_mode:?}, weight {weight}: seen {seen:.2} nits, floor {lit:.2}"
+        );
+        assert!(
+            (lit / seen / expected_on_floor - 1.0).abs() < 0.03,
+            "{} of {expected_on_floor}",
+            lit / seen
+        );
     }
 }
 
@@ -180,7 +206,12 @@ fn what_glows_lights_beside_lamps() {
         let mut stage = set::bare(lights, set::radiance_options(48, 27, Component::Global));
         set::apply(&mut stage, RAYS);
         spawn_floor(&mut stage, 6.0);
-        meshes::spawn_box(&mut stage, Vec3::new(0.0, 1.0, -2.0), Vec3::new(4.0, 2.0, 0.2), meshes::matt(0.5, 0.5, 0.5));
+        meshes::spawn_box(
+            &mut stage,
+            Vec3::new(0.0, 1.0, -2.0),
+            Vec3::new(4.0, 2.0, 0.2),
+            meshes::matt(0.5, 0.5, 0.5),
+        );
         let mut panel = glowing(glow);
         panel.cull_mode = None;
         spawn_panel(&mut stage, Vec3::new(1.5, 1.5, 0.0), Vec2::splat(0.5), panel);
@@ -201,7 +232,8 @@ fn what_glows_lights_beside_lamps() {
 fn light_follows_what_glows() {
     let mut stage = bare(Component::Global);
     spawn_floor(&mut stage, 8.0);
-    let panel = spawn_panel(&mut stage, Vec3::new(-1.5, 1.0, -1.0), Vec2::splat(0.4), glowing(NITS));
+    let panel =
+        spawn_panel(&mut stage, Vec3::new(-1.5, 1.0, -1.0), Vec2::splat(0.4), glowing(NITS));
     set::look(&mut stage, Vec3::new(0.0, 1.5, 3.0), Vec3::new(0.0, 0.0, -1.0));
     let (left, right) = sides(&mut stage);
     assert!(left > 2.0 * right && left > 1.0, "{left} {right}");
@@ -210,7 +242,12 @@ fn light_follows_what_glows() {
     println!("    left and right {left:.2} {right:.2} nits, then {moved_left:.2} {moved_right:.2}");
     assert!((moved_right / left - 1.0).abs() < 0.1 && (moved_left / right - 1.0).abs() < 0.1);
     // It goes out, comes back, hides and dies.
-    let handle = stage.world_mut().get::<MeshMaterial3d<StandardMaterial>>(panel).expect("a material").0.clone();
+    let handle = stage
+        .world_mut()
+        .get::<MeshMaterial3d<StandardMaterial>>(panel)
+        .expect("a material")
+        .0
+        .clone();
     let glow = |stage: &mut Stage, nits: f32| {
         let mut materials = stage.world_mut().resource_mut::<Assets<StandardMaterial>>();
         materials.get_mut(&handle).expect("the material").emissive = glowing(nits).emissive;
@@ -248,10 +285,20 @@ fn light_comes_from_what_a_mask_leaves() {
 }
 
 /// Light of a panel of which one quarter is to glow red, by a texture of these texels.
-fn lights_by_a_quarter(quarter: [u8; 4], rest: [u8; 4], material: impl FnOnce(Handle<Image>) -> StandardMaterial) {
+fn lights_by_a_quarter(
+    quarter: [u8; 4],
+    rest: [u8; 4],
+    material: impl FnOnce(Handle<Image>) -> StandardMaterial,
+) {
     let mut stage = bare(Component::Global);
     spawn_floor(&mut stage, 8.0);
-    let texture = meshes::texture(&mut stage, TextureFormat::Rgba8UnormSrgb, 4, 1, &[quarter, rest, rest, rest]);
+    let texture = meshes::texture(
+        &mut stage,
+        TextureFormat::Rgba8UnormSrgb,
+        4,
+        1,
+        &[quarter, rest, rest, rest],
+    );
     spawn_panel(&mut stage, Vec3::new(0.0, 1.0, -1.0), Vec2::new(4.0, 0.4), material(texture));
     set::look(&mut stage, Vec3::new(0.0, 1.5, 3.0), Vec3::new(0.0, 0.0, -1.0));
     let radiance = set::radiance(&mut stage);
@@ -259,11 +306,19 @@ fn lights_by_a_quarter(quarter: [u8; 4], rest: [u8; 4], material: impl FnOnce(Ha
     let texels = gpu::rsm_texels(&stage);
     let flux = gpu::total_flux(&texels);
     // The texture's own texel spans a metre of the panel's four.
-    let lit: Vec<f32> = texels.iter().filter(|texel| texel.flux[0] > 0.0).map(|texel| texel.position[0]).collect();
-    let (least, most) = lit.iter().fold((f32::MAX, f32::MIN), |(least, most), x| (least.min(*x), most.max(*x)));
-    println!("    {red:.2} {green:.2} {blue:.2} nits from {least:.2} to {most:.2} m; {:.1} lumens", flux[0]);
+    let lit: Vec<f32> =
+        texels.iter().filter(|texel| texel.flux[0] > 0.0).map(|texel| texel.position[0]).collect();
+    let (least, most) =
+        lit.iter().fold((f32::MAX, f32::MIN), |(least, most), x| (least.min(*x), most.max(*x)));
+    println!(
+        "    {red:.2} {green:.2} {blue:.2} nits from {least:.2} to {most:.2} m; {:.1} lumens",
+        flux[0]
+    );
     assert!(red > 1.0 && green == 0.0 && blue == 0.0);
-    assert!(lit.len() > 900 && most - least < 1.01 && (least >= 0.99 || most <= -0.99), "{least} {most}");
+    assert!(
+        lit.len() > 900 && most - least < 1.01 && (least >= 0.99 || most <= -0.99),
+        "{least} {most}"
+    );
     let expected = PI * f64::from(4.0 * NITS) * 0.4;
     assert!((flux[0] / expected - 1.0).abs() < 0.01, "{} of {expected}", flux[0]);
 }
@@ -297,12 +352,22 @@ fn what_does_not_glow_costs_nothing() {
 
 fn assert_sound(label: &str, stage: &mut Stage) -> f64 {
     let radiance = set::radiance(stage);
-    assert!(radiance.rgb.iter().flatten().all(|value| value.is_finite() && *value >= 0.0), "{label}: a pixel is no light");
+    assert!(
+        radiance.rgb.iter().flatten().all(|value| value.is_finite() && *value >= 0.0),
+        "{label}: a pixel is no light"
+    );
     radiance.mean()
 }
 
 fn glow_that_is_no_number_or_huge_stays_finite() {
-    for (nits, is_lit) in [(f32::NAN, false), (f32::INFINITY, false), (-1.0, false), (1e-30, false), (1e20, true), (1e38, true)] {
+    for (nits, is_lit) in [
+        (f32::NAN, false),
+        (f32::INFINITY, false),
+        (-1.0, false),
+        (1e-30, false),
+        (1e20, true),
+        (1e38, true),
+    ] {
         let mut stage = bare(Component::Global);
         spawn_floor(&mut stage, 8.0);
         let mut material = glowing(0.0);
@@ -321,22 +386,45 @@ fn glow_that_is_no_number_or_huge_stays_finite() {
     assert_eq!(assert_sound("scaled to nothing", &mut stage), 0.0);
     stage.world_mut().get_mut::<Transform>(panel).expect("the panel").scale = Vec3::splat(1e12);
     assert_sound("scaled to a million million metres", &mut stage);
-    stage.world_mut().get_mut::<Transform>(panel).expect("the panel").scale = Vec3::new(1e-12, 1.0, 1.0);
+    stage.world_mut().get_mut::<Transform>(panel).expect("the panel").scale =
+        Vec3::new(1e-12, 1.0, 1.0);
     assert_sound("a line", &mut stage);
 }
 
-/// Gives the stage's camera an environment map of six even faces (+X, −X, +Y, −Y, +Z, −Z), which holds shares of `intensity`.
+/// Gives the stage's camera an environment map of six even faces (+X, −X, +Y, −Y, +Z, −Z), which
+/// holds shares of `intensity`.
 pub fn surround(stage: &mut Stage, faces: [[f32; 3]; 6], intensity: f32, rotation: Quat) {
     const EDGE: u32 = 4;
-    let face = |[red, green, blue]: &[f32; 3]| vec![[*red, *green, *blue, 1.0]; (EDGE * EDGE) as usize];
+    let face =
+        |[red, green, blue]: &[f32; 3]| vec![[*red, *green, *blue, 1.0]; (EDGE * EDGE) as usize];
     // Half floats, which every GPU filters.
-    let texels = faces.iter().flat_map(face).flatten().flat_map(|value| f16::from_f32(value).to_le_bytes()).collect();
+    let texels = faces
+        .iter()
+        .flat_map(face)
+        .flatten()
+        .flat_map(|value| f16::from_f32(value).to_le_bytes())
+        .collect();
     let size = Extent3d { width: EDGE, height: EDGE, depth_or_array_layers: 6 };
-    let mut image = Image::new(size, TextureDimension::D2, texels, TextureFormat::Rgba16Float, RenderAssetUsages::RENDER_WORLD);
-    image.texture_view_descriptor = Some(TextureViewDescriptor { dimension: Some(TextureViewDimension::Cube), ..Default::default() });
+    let mut image = Image::new(
+        size,
+        TextureDimension::D2,
+        texels,
+        TextureFormat::Rgba16Float,
+        RenderAssetUsages::RENDER_WORLD,
+    );
+    image.texture_view_descriptor = Some(TextureViewDescriptor {
+        dimension: Some(TextureViewDimension::Cube),
+        ..Default::default()
+    });
     let map = stage.world_mut().resource_mut::<Assets<Image>>().add(image);
     let camera = set::camera(stage);
-    let light = EnvironmentMapLight { diffuse_map: map.clone(), specular_map: map, intensity, rotation, ..Default::default() };
+    let light = EnvironmentMapLight {
+        diffuse_map: map.clone(),
+        specular_map: map,
+        intensity,
+        rotation,
+        ..Default::default()
+    };
     stage.world_mut().entity_mut(camera).insert(light);
 }
 
@@ -347,17 +435,28 @@ fn a_floor_under_an_even_sky_is_lit_by_all_of_it() {
     look_at_floor(&mut stage);
     for interleave in ["2x2", "4x4", "8x8"] {
         for samples in [8, 16, 32] {
-            set::apply(&mut stage, &format!("{RAYS},gi_interleave={interleave},gi_environment_samples={samples}"));
+            set::apply(
+                &mut stage,
+                &format!("{RAYS},gi_interleave={interleave},gi_environment_samples={samples}"),
+            );
             let radiance = set::radiance(&mut stage);
             let expected = [1.0, 0.5, 0.25].map(|share| share * albedo() * f64::from(NITS));
-            let off: Vec<f64> = radiance.rgb.iter().flat_map(|rgb| (0..3).map(|c| (f64::from(rgb[c]) / expected[c] - 1.0).abs())).collect();
+            let off: Vec<f64> = radiance
+                .rgb
+                .iter()
+                .flat_map(|rgb| (0..3).map(|c| (f64::from(rgb[c]) / expected[c] - 1.0).abs()))
+                .collect();
             let most = off.iter().copied().fold(0.0, f64::max);
             println!("    {interleave}, {samples} samples: off by at most {:.1} %", most * 100.0);
             assert!(most < 0.06, "{most}");
         }
     }
     let gathered = set::gathered(&stage);
-    assert_eq!((gathered.pairs, gathered.rays), (48 * 27 * 32, 48 * 27 * 8), "no lamps, no virtual lights");
+    assert_eq!(
+        (gathered.pairs, gathered.rays),
+        (48 * 27 * 32, 48 * 27 * 8),
+        "no lamps, no virtual lights"
+    );
     let occluders = FLOOR_TRIANGLES * 75;
     assert!(gathered.bytes < 256 * 1024 + u64::from(occluders), "{}", gathered.bytes);
     // Shown along with what Bevy draws, it takes the place of Bevy's own and is not added to it.
@@ -376,14 +475,26 @@ fn a_floor_under_an_even_sky_is_lit_by_all_of_it() {
 fn a_wall_hides_half_the_sky() {
     let mut stage = bare(Component::Global);
     spawn_floor(&mut stage, 20.0);
-    meshes::spawn_box(&mut stage, Vec3::new(0.0, 100.0, -1.5), Vec3::new(1000.0, 200.0, 1.0), meshes::matt(0.0, 0.0, 0.0));
+    meshes::spawn_box(
+        &mut stage,
+        Vec3::new(0.0, 100.0, -1.5),
+        Vec3::new(1000.0, 200.0, 1.0),
+        meshes::matt(0.0, 0.0, 0.0),
+    );
     surround(&mut stage, [[1.0; 3]; 6], NITS, Quat::IDENTITY);
     look_at_floor(&mut stage);
     let expected = 0.5 * albedo() * f64::from(NITS);
     for (visibility, samples) in [("fine", 8), ("fine", 32), ("coarse", 16)] {
-        set::apply(&mut stage, &format!("{RAYS},gi_visibility={visibility},gi_environment_samples={samples}"));
+        set::apply(
+            &mut stage,
+            &format!("{RAYS},gi_visibility={visibility},gi_environment_samples={samples}"),
+        );
         let (most, mean) = deviation(&set::radiance(&mut stage), expected);
-        println!("    {visibility}, {samples} samples: off by at most {:.0} %, {:+.1} % in the mean", most * 100.0, mean * 100.0);
+        println!(
+            "    {visibility}, {samples} samples: off by at most {:.0} %, {:+.1} % in the mean",
+            most * 100.0,
+            mean * 100.0
+        );
         assert!(mean.abs() < 0.04, "{mean}");
     }
 }
@@ -415,28 +526,55 @@ fn the_sky_comes_in_by_the_door_alone() {
         surround(&mut stage, [[1.0; 3]; 6], NITS, Quat::IDENTITY);
         set::look(&mut stage, Vec3::new(0.0, 1.6, -1.0), Vec3::new(0.0, 0.8, 2.0));
         for visibility in ["coarse", "fine"] {
-            set::apply(&mut stage, &format!("{RAYS},gi_visibility={visibility},gi_environment_samples=16"));
+            set::apply(
+                &mut stage,
+                &format!("{RAYS},gi_visibility={visibility},gi_environment_samples=16"),
+            );
             found.push(set::radiance(&mut stage).mean());
         }
     }
-    println!("    by the door {:.2} nits coarse, {:.2} fine; closed {:.5} and {:.5}", found[0], found[1], found[2], found[3]);
-    // One ray in ten or so finds the door: two of them a pixel are uncertain by a tenth over all pixels.
-    assert!(found[1] > 0.005 * f64::from(NITS) && (found[0] / found[1] - 1.0).abs() < 0.3, "{found:?}");
+    println!(
+        "    by the door {:.2} nits coarse, {:.2} fine; closed {:.5} and {:.5}",
+        found[0], found[1], found[2], found[3]
+    );
+    // One ray in ten or so finds the door: two of them a pixel are uncertain by a tenth over all
+    // pixels.
+    assert!(
+        found[1] > 0.005 * f64::from(NITS) && (found[0] / found[1] - 1.0).abs() < 0.3,
+        "{found:?}"
+    );
     assert!(found[2] < 1e-4 * found[1] && found[3] < 1e-4 * found[1], "it leaks: {found:?}");
 }
 
 fn the_sky_is_turned_as_bevy_turns_it() {
-    // Six colours, of which a wall gets mostly the one that it faces: by our samples as by Bevy's look-up.
-    let faces = [[1.0, 0.1, 0.1], [0.1, 1.0, 0.1], [0.1, 0.1, 1.0], [0.9, 0.9, 0.1], [0.1, 0.9, 0.9], [0.9, 0.1, 0.9]];
+    // Six colours, of which a wall gets mostly the one that it faces: by our samples as by Bevy's
+    // look-up.
+    let faces = [
+        [1.0, 0.1, 0.1],
+        [0.1, 1.0, 0.1],
+        [0.1, 0.1, 1.0],
+        [0.9, 0.9, 0.1],
+        [0.1, 0.9, 0.9],
+        [0.9, 0.1, 0.9],
+    ];
     let mut stage = bare(Component::Full);
     // Each wall by itself before the camera, so that none hides anything from another.
-    let wall = meshes::spawn_box(&mut stage, Vec3::ZERO, Vec3::new(4.0, 4.0, 0.2), meshes::matt(0.8, 0.8, 0.8));
+    let wall = meshes::spawn_box(
+        &mut stage,
+        Vec3::ZERO,
+        Vec3::new(4.0, 4.0, 0.2),
+        meshes::matt(0.8, 0.8, 0.8),
+    );
     let order = |rgb: [f64; 3]| {
         let mut channels = [0, 1, 2];
         channels.sort_by(|a, b| rgb[*b].total_cmp(&rgb[*a]));
         let (first, second, third) = (rgb[channels[0]], rgb[channels[1]], rgb[channels[2]]);
         // One bright channel, or two.
-        if second - third > first - second { vec![channels[0].min(channels[1]), channels[0].max(channels[1])] } else { vec![channels[0]] }
+        if second - third > first - second {
+            vec![channels[0].min(channels[1]), channels[0].max(channels[1])]
+        } else {
+            vec![channels[0]]
+        }
     };
     for rotation in [
         Quat::IDENTITY,
@@ -470,8 +608,12 @@ fn without_rays_or_samples_the_sky_is_bevy_s() {
         set::apply(stage, &format!("{RAYS},{more}"));
         (set::radiance(stage).mean(), inspect::gpu_state(stage.render_world()).skies)
     };
-    let (off, without_gi) = (mean(&mut stage, "gi_environment_samples=0"), mean(&mut stage, "gi_vpl_count=0"));
-    assert!(off.0 > 0.5 * albedo() * f64::from(NITS) && off == without_gi && off.1 == 0, "{off:?} {without_gi:?}");
+    let (off, without_gi) =
+        (mean(&mut stage, "gi_environment_samples=0"), mean(&mut stage, "gi_vpl_count=0"));
+    assert!(
+        off.0 > 0.5 * albedo() * f64::from(NITS) && off == without_gi && off.1 == 0,
+        "{off:?} {without_gi:?}"
+    );
     assert_eq!(mean(&mut stage, "gi_visibility=none"), off);
     assert_costs_nothing(&mut stage);
     let on = mean(&mut stage, "gi_environment_samples=8");
@@ -492,7 +634,11 @@ fn a_sky_that_is_no_number_or_huge_stays_finite() {
     let dark = [0.0; 3];
     for (label, faces, intensity) in [
         ("black", [dark; 6], 1.0),
-        ("NaN and infinity", [[f32::NAN; 3], [f32::INFINITY; 3], [1.0; 3], [-1.0; 3], [1e30; 3], dark], 1000.0),
+        (
+            "NaN and infinity",
+            [[f32::NAN; 3], [f32::INFINITY; 3], [1.0; 3], [-1.0; 3], [1e30; 3], dark],
+            1000.0,
+        ),
         ("faint", [[1e-20; 3]; 6], 1.0),
         ("bright", [[5e4; 3]; 6], 1e16),
         ("brighter", [[5e4; 3]; 6], 1e34),
@@ -503,14 +649,23 @@ fn a_sky_that_is_no_number_or_huge_stays_finite() {
         set::apply(&mut stage, &format!("{RAYS},gi_environment_samples=8"));
         let mean = assert_sound(label, &mut stage);
         println!("    {label}: {mean:e} nits");
-        assert_eq!(mean > 1e-3, !["black", "faint", "no intensity", "broken intensity"].contains(&label), "{label}: {mean}");
+        assert_eq!(
+            mean > 1e-3,
+            !["black", "faint", "no intensity", "broken intensity"].contains(&label),
+            "{label}: {mean}"
+        );
     }
 }
 
 fn still_skies_give_still_pictures() {
     let mut stage = bare(Component::Full);
     spawn_room(&mut stage, true);
-    surround(&mut stage, [[0.2; 3], [0.2; 3], [1.0; 3], [0.1; 3], [0.5; 3], [0.3; 3]], NITS, Quat::IDENTITY);
+    surround(
+        &mut stage,
+        [[0.2; 3], [0.2; 3], [1.0; 3], [0.1; 3], [0.5; 3], [0.3; 3]],
+        NITS,
+        Quat::IDENTITY,
+    );
     spawn_panel(&mut stage, Vec3::new(0.0, 2.9, 0.0), Vec2::splat(0.5), glowing(NITS));
     set::look(&mut stage, Vec3::new(0.0, 1.6, -1.0), Vec3::new(0.0, 0.8, 2.0));
     set::apply(&mut stage, &format!("{RAYS},gi_environment_samples=16"));

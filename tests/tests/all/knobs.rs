@@ -4,7 +4,9 @@ use std::collections::BTreeMap;
 
 use bevy::anti_alias::fxaa::Fxaa;
 use bevy::anti_alias::smaa::{Smaa, SmaaPreset};
-use bevy::light::{CascadeShadowConfig, DirectionalLight, DirectionalLightShadowMap, PointLightShadowMap};
+use bevy::light::{
+    CascadeShadowConfig, DirectionalLight, DirectionalLightShadowMap, PointLightShadowMap,
+};
 use bevy::math::{UVec2, Vec3};
 use bevy::pbr::{ScreenSpaceAmbientOcclusion, ScreenSpaceAmbientOcclusionQualityLevel};
 use bevy::post_process::bloom::Bloom;
@@ -17,7 +19,11 @@ use frugal::scene::Environment;
 use frugal::stage::Stage;
 use frugal_tests::set;
 
-tests!(every_level_is_applied_and_shows_and_leaves_no_trace, bloom_follows_the_resolution_scale, cheaper_levels_evaluate_fewer_pairs);
+tests!(
+    every_level_is_applied_and_shows_and_leaves_no_trace,
+    bloom_follows_the_resolution_scale,
+    cheaper_levels_evaluate_fewer_pairs
+);
 
 const SIZE: UVec2 = UVec2::new(64, 36);
 
@@ -61,15 +67,19 @@ fn assert_applied(stage: &mut Stage, name: &str, value: f64) {
             assert_eq!(world.resource::<PointLightShadowMap>().size as f64, value / 2.0);
         }
         "shadow_cascades" => {
-            let mut lights = world.query_filtered::<&CascadeShadowConfig, bevy::ecs::query::With<DirectionalLight>>();
+            let mut lights = world
+                .query_filtered::<&CascadeShadowConfig, bevy::ecs::query::With<DirectionalLight>>();
             assert!(lights.iter(world).all(|cascades| cascades.bounds.len() as f64 == value));
         }
         "ambient_occlusion" => {
-            let samples = world.get::<ScreenSpaceAmbientOcclusion>(camera).map_or(0, |occlusion| match occlusion.quality_level {
-                ScreenSpaceAmbientOcclusionQualityLevel::Custom { slice_count, samples_per_slice_side } => {
-                    slice_count * samples_per_slice_side * 2
+            let samples = world.get::<ScreenSpaceAmbientOcclusion>(camera).map_or(0, |occlusion| {
+                match occlusion.quality_level {
+                    ScreenSpaceAmbientOcclusionQualityLevel::Custom {
+                        slice_count,
+                        samples_per_slice_side,
+                    } => slice_count * samples_per_slice_side * 2,
+                    _ => u32::MAX,
                 }
-                _ => u32::MAX,
             });
             assert_eq!(f64::from(samples), value);
         }
@@ -83,12 +93,21 @@ fn assert_applied(stage: &mut Stage, name: &str, value: f64) {
             };
             assert_eq!(steps, value);
         }
-        "texture_detail" => assert_eq!(world.get::<MipBias>(camera).map(|bias| f64::from(bias.0)), Some(-value)),
-        "post_processing" => {
-            let texture = world.get::<Bloom>(camera).map(|bloom| f64::from(bloom.max_mip_dimension));
-            assert!(if value == 0.0 { texture.is_none() } else { texture.is_some_and(|size| size <= f64::from(SIZE.y) * value) });
+        "texture_detail" => {
+            assert_eq!(world.get::<MipBias>(camera).map(|bias| f64::from(bias.0)), Some(-value))
         }
-        "resolution_scale" => assert_eq!(world.get::<ResolutionScale>(camera), Some(&ResolutionScale(value as f32))),
+        "post_processing" => {
+            let texture =
+                world.get::<Bloom>(camera).map(|bloom| f64::from(bloom.max_mip_dimension));
+            assert!(if value == 0.0 {
+                texture.is_none()
+            } else {
+                texture.is_some_and(|size| size <= f64::from(SIZE.y) * value)
+            });
+        }
+        "resolution_scale" => {
+            assert_eq!(world.get::<ResolutionScale>(camera), Some(&ResolutionScale(value as f32)))
+        }
         _ => panic!("knob {name} has no test of its own: add what it sets"),
     }
 }
@@ -116,12 +135,21 @@ fn every_level_is_applied_and_shows_and_leaves_no_trace() {
             assert_applied(&mut stage, &knob.name, level.value);
             let settled = picture(&mut stage);
             // Half of it: where deferred lighting is late, the mean falls to about half.
-            assert!(luma(&first) >= 0.5 * luma(&settled) && luma(&settled) > 10.0, "{}={}", knob.name, level.label);
+            assert!(
+                luma(&first) >= 0.5 * luma(&settled) && luma(&settled) > 10.0,
+                "{}={}",
+                knob.name,
+                level.label
+            );
             *changed.entry(&knob.name).or_default() += usize::from(settled != reference);
         }
         let camera = set::camera(&mut stage);
         let last = knob.levels.len() - 1;
-        if let Some(level) = stage.world_mut().get::<AppliedKnobs>(camera).and_then(|applied| applied.level(&knob.name)) {
+        if let Some(level) = stage
+            .world_mut()
+            .get::<AppliedKnobs>(camera)
+            .and_then(|applied| applied.level(&knob.name))
+        {
             assert_eq!(level, last, "{}", knob.name);
         }
         stage.apply(best);
@@ -167,7 +195,9 @@ fn bloom_follows_the_resolution_scale() {
 fn cheaper_levels_evaluate_fewer_pairs() {
     let mut stage = stage();
     let space = stage.space().clone();
-    let base = space.parse("min,gi_vpl_count=1024,gi_pixel_fraction=1/1,resolution_scale=100%").expect("settings");
+    let base = space
+        .parse("min,gi_vpl_count=1024,gi_pixel_fraction=1/1,resolution_scale=100%")
+        .expect("settings");
     for name in ["gi_vpl_count", "gi_interleave", "gi_pixel_fraction", "resolution_scale"] {
         let index = space.index_of(name).expect("a built-in knob");
         let mut before = None;
@@ -177,7 +207,10 @@ fn cheaper_levels_evaluate_fewer_pairs() {
             stage.frame();
             let pairs = set::gathered(&stage).pairs;
             assert_eq!(pairs, predicted_pairs(&stage, settings), "{}", space.describe(settings));
-            assert!(before.is_none_or(|before| pairs > before), "{name} {level}: {pairs} after {before:?}");
+            assert!(
+                before.is_none_or(|before| pairs > before),
+                "{name} {level}: {pairs} after {before:?}"
+            );
             before = Some(pairs);
         }
     }

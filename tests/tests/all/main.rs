@@ -1,4 +1,5 @@
-//! Integration tests on a real adapter. Where there is none, tests that need one are ignored, and counted as such: none is green.
+//! Integration tests on a real adapter. Where there is none, tests that need one are ignored, and
+//! counted as such: none is green.
 
 use libtest_mimic::{Arguments, Trial};
 
@@ -65,14 +66,15 @@ const MODULES: &[(&str, &[(&str, fn())], bool)] = &[
 
 /// Set to the number of a part: the tests of that part alone.
 const PART: &str = "FRUGAL_TESTS_PART";
-/// Processes that a run of all tests is shared out among, one after another. Mesa 22's software driver keeps memory of
-/// every frame that was drawn. Where no newer one could be brought, one process for all would need more than
-/// `scripts/run` grants.
+/// Processes that a run of all tests is shared out among, one after another. Mesa 22's software
+/// driver keeps memory of every frame that was drawn. Where no newer one could be brought, one
+/// process for all would need more than `scripts/run` grants.
 const PARTS: usize = 4;
 
 fn main() {
     let mut arguments = Arguments::from_args();
-    // A software adapter takes every core for one stage; side by side they would only be slower, and their output mixed up.
+    // A software adapter takes every core for one stage; side by side they would only be slower,
+    // and their output mixed up.
     arguments.test_threads.get_or_insert(1);
     let part = std::env::var(PART).ok().and_then(|part| part.parse::<usize>().ok());
     if part.is_none() && arguments.filter.is_none() && !arguments.list {
@@ -91,12 +93,17 @@ fn main() {
                 println!("    {:.1} s", start.elapsed().as_secs_f64());
                 Ok(())
             };
-            Trial::test(format!("{module}::{name}"), run).with_ignored_flag(needs_adapter && no_adapter)
+            Trial::test(format!("{module}::{name}"), run)
+                .with_ignored_flag(needs_adapter && no_adapter)
         })
     });
     let all: Vec<Trial> = trials.collect();
     let share = all.len().div_ceil(PARTS).max(1);
-    let own = all.into_iter().enumerate().filter(|(index, _)| part.is_none_or(|part| index / share == part)).map(|(_, trial)| trial);
+    let own = all
+        .into_iter()
+        .enumerate()
+        .filter(|(index, _)| part.is_none_or(|part| index / share == part))
+        .map(|(_, trial)| trial);
     libtest_mimic::run(&arguments, own.collect()).exit();
 }
 
@@ -105,7 +112,10 @@ fn run_parts() -> ! {
     let program = std::env::current_exe().expect("the path of this program");
     let mut failed = false;
     for part in 0..PARTS {
-        let status = std::process::Command::new(&program).args(std::env::args_os().skip(1)).env(PART, part.to_string()).status();
+        let status = std::process::Command::new(&program)
+            .args(std::env::args_os().skip(1))
+            .env(PART, part.to_string())
+            .status();
         failed |= !status.is_ok_and(|status| status.success());
     }
     std::process::exit(i32::from(failed) * 101);

@@ -1,4 +1,5 @@
-//! The baseline must be right before it can be beaten: its light against closed forms, and what it makes of the plugin's maps.
+//! The baseline must be right before it can be beaten: its light against closed forms, and what it
+//! makes of the plugin's maps.
 
 use bevy::math::{UVec2, Vec2, Vec3};
 use bevy_frugal_gi::gi::{GiCounts, GiOutput, GiRefresh, inspect};
@@ -26,7 +27,12 @@ fn show(stage: &mut Stage, naive: NaiveRsm) {
 
 /// What `inspect` says of maps is what they were rendered with.
 fn maps_project_their_own_texels() {
-    let point = frugal::scene::Light::Point { position: Vec3::new(0.3, 1.5, 0.4), luminous_power: 1e4, range: 30.0, color: [1.0; 3] };
+    let point = frugal::scene::Light::Point {
+        position: Vec3::new(0.3, 1.5, 0.4),
+        luminous_power: 1e4,
+        range: 30.0,
+        color: [1.0; 3],
+    };
     let mut stage = corner(vec![sun(Vec3::new(0.2, -1.0, -0.3)), point]);
     stage.world_mut().insert_resource(GiRefresh::EveryFrame);
     set::radiance(&mut stage);
@@ -36,14 +42,21 @@ fn maps_project_their_own_texels() {
     let mut lit_maps = 0;
     for map in maps {
         let mut lit = 0;
-        for (index, place) in (0..map.resolution.pow(2)).map(|index| (index, UVec2::new(index % map.resolution, index / map.resolution))) {
+        for (index, place) in (0..map.resolution.pow(2))
+            .map(|index| (index, UVec2::new(index % map.resolution, index / map.resolution)))
+        {
             let texel = texels[(map.texel_offset + index) as usize];
             if texel.luminance() > 0.0 {
                 lit += 1;
                 let clip = map.clip_from_world * Vec3::from(texel.position).extend(1.0);
-                let projected = (Vec2::new(clip.x, -clip.y) / clip.w * 0.5 + 0.5) * map.resolution as f32;
+                let projected =
+                    (Vec2::new(clip.x, -clip.y) / clip.w * 0.5 + 0.5) * map.resolution as f32;
                 // Depths of 32 bits and positions of a few metres.
-                assert!(projected.distance(place.as_vec2() + 0.5) < 0.01, "{:?}: {place} is at {projected}", map.view);
+                assert!(
+                    projected.distance(place.as_vec2() + 0.5) < 0.01,
+                    "{:?}: {place} is at {projected}",
+                    map.view
+                );
             }
         }
         lit_maps += u32::from(lit > 0);
@@ -52,23 +65,33 @@ fn maps_project_their_own_texels() {
     assert_eq!(lit_maps, 6);
 }
 
-/// Texels all around the lamp are each as far from any receiver as the furnace's light says: whichever are drawn, the sum is known.
+/// Texels all around the lamp are each as far from any receiver as the furnace's light says:
+/// whichever are drawn, the sum is known.
 fn in_a_furnace_it_is_the_closed_form() {
-    let mut stage = set::open(&set::scene("furnace"), set::radiance_options(96, 54, Component::Indirect));
+    let mut stage =
+        set::open(&set::scene("furnace"), set::radiance_options(96, 54, Component::Indirect));
     set::apply(&mut stage, MAPS);
     set::look(&mut stage, Vec3::new(0.3, -0.2, 0.5), Vec3::new(0.0, 0.4, -2.0));
-    let expected = furnace::ALBEDO * furnace::direct_radiance() * (meshes::stored_albedo(furnace::ALBEDO) / furnace::ALBEDO).powi(2);
+    let expected = furnace::ALBEDO
+        * furnace::direct_radiance()
+        * (meshes::stored_albedo(furnace::ALBEDO) / furnace::ALBEDO).powi(2);
     for weights in [Weights::Exact, Weights::Published] {
         show(&mut stage, NaiveRsm { radius: 1.0, weights, ..Default::default() });
         let (most, mean) = furnace::deviation(&set::radiance(&mut stage), expected);
-        println!("    {weights:?}: off by at most {:.2} %, {:.2} % in the mean", most * 100.0, mean * 100.0);
+        println!(
+            "    {weights:?}: off by at most {:.2} %, {:.2} % in the mean",
+            most * 100.0,
+            mean * 100.0
+        );
         assert!(most <= furnace::TOLERANCE, "{weights:?}: {most}");
     }
 }
 
-/// Share of the light of a floor [−2, 2] × [−1.9, 2] at y = 0 that reaches a point of the wall z = −1.9, 0.3 m and more above it.
+/// Share of the light of a floor [−2, 2] × [−1.9, 2] at y = 0 that reaches a point of the wall z =
+/// −1.9, 0.3 m and more above it.
 fn form_factor(x: f64, height: f64) -> f64 {
-    // Of a rectangle with a corner at the foot of the point, in a plane perpendicular to the point's: Lambert's integral along its edges.
+    // Of a rectangle with a corner at the foot of the point, in a plane perpendicular to the
+    // point's: Lambert's integral along its edges.
     let from_corner = |width: f64| {
         let far = height.hypot(3.9);
         ((width / height).atan() - height / far * (width / far).atan()) / std::f64::consts::TAU
@@ -81,13 +104,18 @@ fn on_two_plates_it_is_the_form_factor() {
     let mut stage = corner(vec![sun(Vec3::NEG_Y)]);
     set::apply(&mut stage, MAPS);
     let pose = CameraPose::looking_at(Vec3::new(0.0, 1.2, 3.0), Vec3::new(0.0, 0.8, -2.0));
-    let per_share = meshes::stored_albedo(0.5) / std::f64::consts::PI * meshes::stored_albedo(0.8) * lux;
+    let per_share =
+        meshes::stored_albedo(0.5) / std::f64::consts::PI * meshes::stored_albedo(0.8) * lux;
     // Places of the wall under pixels' middles.
     let half_height = (60.0_f32.to_radians() * 0.5).tan();
     let wall: Vec<(usize, f64)> = (0..48 * 27)
         .filter_map(|index| {
             let (x, y) = ((index % 48) as f32 + 0.5, (index / 48) as f32 + 0.5);
-            let ahead = Vec3::new((x / 24.0 - 1.0) * half_height * 48.0 / 27.0, (1.0 - y / 13.5) * half_height, -1.0);
+            let ahead = Vec3::new(
+                (x / 24.0 - 1.0) * half_height * 48.0 / 27.0,
+                (1.0 - y / 13.5) * half_height,
+                -1.0,
+            );
             let ray = pose.rotation * ahead;
             let hit = pose.position + ray * ((-1.9 - pose.position.z) / ray.z);
             let is_wall = hit.x.abs() < 1.9 && (0.3..1.9).contains(&hit.y);
@@ -95,24 +123,42 @@ fn on_two_plates_it_is_the_form_factor() {
         })
         .collect();
     assert!(wall.len() > 100);
-    // The disk reaches every texel from everywhere. Bound: nothing of the wall that is looked at is near enough to be bounded.
+    // The disk reaches every texel from everywhere. Bound: nothing of the wall that is looked at is
+    // near enough to be bounded.
     let exact = NaiveRsm { radius: std::f32::consts::SQRT_2, ..Default::default() };
     for samples in [400, 4000] {
         show(&mut stage, NaiveRsm { samples, ..exact });
         let radiance = set::radiance(&mut stage);
         let expected = wall.iter().map(|(_, expected)| expected).sum::<f64>();
         let found = wall.iter().map(|(index, _)| f64::from(radiance.rgb[*index][1])).sum::<f64>();
-        let off = wall.iter().map(|(index, expected)| (f64::from(radiance.rgb[*index][1]) - expected).abs()).sum::<f64>();
-        println!("    {samples} samples: {:.3} of the form factor, off by {:.1} % in the mean", found / expected, 100.0 * off / expected);
-        // The map's texels of 4 cm end at the floor's edges to within half of one: a share of 1 % at most. The rest is the noise of the samples.
+        let off = wall
+            .iter()
+            .map(|(index, expected)| (f64::from(radiance.rgb[*index][1]) - expected).abs())
+            .sum::<f64>();
+        println!(
+            "    {samples} samples: {:.3} of the form factor, off by {:.1} % in the mean",
+            found / expected,
+            100.0 * off / expected
+        );
+        // The map's texels of 4 cm end at the floor's edges to within half of one: a share of 1 %
+        // at most. The rest is the noise of the samples.
         assert!((found / expected - 1.0).abs() < 0.01, "{samples}: {}", found / expected);
-        assert!(off / expected < 0.03 * (400.0 / f64::from(samples)).sqrt(), "{samples}: {}", off / expected);
+        assert!(
+            off / expected < 0.03 * (400.0 / f64::from(samples)).sqrt(),
+            "{samples}: {}",
+            off / expected
+        );
     }
 }
 
 /// Light adds up over lights, flat maps and cubes alike.
 fn every_light_counts_once() {
-    let point = frugal::scene::Light::Point { position: Vec3::new(0.3, 1.5, 0.4), luminous_power: 1e6, range: 30.0, color: [1.0; 3] };
+    let point = frugal::scene::Light::Point {
+        position: Vec3::new(0.3, 1.5, 0.4),
+        luminous_power: 1e6,
+        range: 30.0,
+        color: [1.0; 3],
+    };
     let mean = |lights: Vec<frugal::scene::Light>| {
         let mut stage = corner(lights);
         set::apply(&mut stage, MAPS);
@@ -123,7 +169,10 @@ fn every_light_counts_once() {
     let both = mean(vec![sun(Vec3::NEG_Y), point]);
     assert!(sun_alone > 1.0 && point_alone > 1.0, "{sun_alone} {point_alone}");
     // Half floats.
-    assert!((both / (sun_alone + point_alone) - 1.0).abs() < 2e-3, "{sun_alone} + {point_alone}, both {both}");
+    assert!(
+        (both / (sun_alone + point_alone) - 1.0).abs() < 2e-3,
+        "{sun_alone} + {point_alone}, both {both}"
+    );
 }
 
 fn it_pays_for_maps_alone() {
@@ -135,7 +184,11 @@ fn it_pays_for_maps_alone() {
     stage.world_mut().insert_resource(GiRefresh::EveryFrame);
     assert!(set::radiance(&mut stage) == naive, "maps that rest are remembered");
     let GiCounts { maps, cameras, vpls, pairs, rays, .. } = set::gathered(&stage);
-    assert_eq!((maps, cameras, vpls, pairs, rays), (1, 0, 0, 0, 0), "nothing of the plugin's own is gathered");
+    assert_eq!(
+        (maps, cameras, vpls, pairs, rays),
+        (1, 0, 0, 0, 0),
+        "nothing of the plugin's own is gathered"
+    );
     let state = inspect::gpu_state(stage.render_world());
     assert!(state.texels.is_some() && state.maps.len() == 1 && state.cameras.is_empty());
     // And back.

@@ -50,8 +50,11 @@ fn nothing_is_redone_in_a_still_picture() {
 /// Turns the only sun, radians.
 pub fn turn_the_sun(stage: &mut Stage, angle: f32) {
     let world = stage.world_mut();
-    world.query_filtered::<&mut Transform, With<DirectionalLight>>().single_mut(world).expect("the sun").rotation *=
-        Quat::from_rotation_x(angle);
+    world
+        .query_filtered::<&mut Transform, With<DirectionalLight>>()
+        .single_mut(world)
+        .expect("the sun")
+        .rotation *= Quat::from_rotation_x(angle);
 }
 
 /// Whether the picture after one frame is that after many of which each did everything.
@@ -71,7 +74,12 @@ pub fn at_once_and_settled(stage: &mut Stage, what: &str) -> bool {
 fn what_changes_is_in_the_next_frame() {
     let mut stage = at_rest(GiRefresh::OnChange);
     // Within the box around all meshes, which the map covers whole.
-    let mesh = meshes::spawn_box(&mut stage, Vec3::new(0.5, 0.5, 0.0), Vec3::splat(0.4), meshes::matt(0.8, 0.2, 0.2));
+    let mesh = meshes::spawn_box(
+        &mut stage,
+        Vec3::new(0.5, 0.5, 0.0),
+        Vec3::splat(0.4),
+        meshes::matt(0.8, 0.2, 0.2),
+    );
     (0..16).for_each(|_| stage.frame());
     let mut before = stage.radiance().expect("a picture");
     let mut changes = |stage: &mut Stage, what: &str| {
@@ -100,7 +108,8 @@ fn what_changes_is_in_the_next_frame() {
     stage.world_mut().get_mut::<FrugalGi>(camera).expect("GI").rsm_resolution = 128;
     changes(&mut stage, "finer maps");
 
-    stage.world_mut().get_mut::<FrugalGi>(camera).expect("GI").visibility = bevy_frugal_gi::gi::GiVisibility::Fine;
+    stage.world_mut().get_mut::<FrugalGi>(camera).expect("GI").visibility =
+        bevy_frugal_gi::gi::GiVisibility::Fine;
     changes(&mut stage, "rays");
 
     let material = meshes::matt(0.1, 0.9, 0.1);
@@ -121,7 +130,11 @@ fn what_changes_is_in_the_next_frame() {
 fn a_walk_through_a_still_scene_renders_no_map() {
     let mut stage = at_rest(GiRefresh::OnChange);
     for step in 0..8 {
-        set::look(&mut stage, Vec3::new(0.05 * (step + 1) as f32, 1.2, 3.0), Vec3::new(0.0, 0.8, -2.0));
+        set::look(
+            &mut stage,
+            Vec3::new(0.05 * (step + 1) as f32, 1.2, 3.0),
+            Vec3::new(0.0, 0.8, -2.0),
+        );
         stage.frame();
         let done = set::gathered(&stage);
         assert!((done.maps, done.cameras) == (0, 1) && done.pairs > 0, "{done:?}");

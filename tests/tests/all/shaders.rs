@@ -18,13 +18,15 @@ const SHADERS: [&str; 11] = [
     include_str!("../../../plugin/src/gi/sources/sky_fill.wgsl"),
 ];
 
-/// Bytes of the struct called `name` in a buffer, by the shader compiler. Cut out of its file, for the imports around it are not WGSL.
+/// Bytes of the struct called `name` in a buffer, by the shader compiler. Cut out of its file, for
+/// the imports around it are not WGSL.
 fn size(name: &str, sources: &[&str]) -> u32 {
     let start = format!("struct {name} {{");
     let text = sources.iter().find_map(|source| source.find(&start).map(|at| &source[at..]));
     let text = text.unwrap_or_else(|| panic!("no shader has a struct {name}"));
     let text = &text[..=text.find("\n}").unwrap_or_else(|| panic!("struct {name} has no end")) + 1];
-    let module = naga::front::wgsl::parse_str(text).unwrap_or_else(|error| panic!("{name}: {error}"));
+    let module =
+        naga::front::wgsl::parse_str(text).unwrap_or_else(|error| panic!("{name}: {error}"));
     module
         .types
         .iter()

@@ -22,7 +22,8 @@ tests!(
 const RICH: &str = "max,rsm_resolution=128,gi_vpl_count=512,shadow_map_resolution=512";
 
 fn a_still_scene_is_still_for_120_frames() {
-    // Gathered at every pixel with many rays, and at few, upsampled; done again in every frame, and only composited.
+    // Gathered at every pixel with many rays, and at few, upsampled; done again in every frame, and
+    // only composited.
     for (more, policy) in [
         ("", GiRefresh::EveryFrame),
         ("", GiRefresh::OnChange),
@@ -37,7 +38,10 @@ fn a_still_scene_is_still_for_120_frames() {
         assert!(first.rgb.iter().any(|pixel| *pixel != first.rgb[0]), "there is something to see");
         for frame in 1..120 {
             stage.frame();
-            assert!(stage.picture().expect("a picture") == first, "frame {frame} differs from the first");
+            assert!(
+                stage.picture().expect("a picture") == first,
+                "frame {frame} differs from the first"
+            );
         }
     }
 }
@@ -49,13 +53,23 @@ fn look(stage: &mut Stage, pose: CameraPose) {
 fn a_cut_leaves_no_trace() {
     for (name, from, to) in [
         // From the court to the gallery.
-        ("courtyard", (Vec3::new(4.9, 2.0, 2.2), Vec3::new(-4.0, 1.8, -3.4)), (Vec3::new(-7.2, 1.5, -1.4), Vec3::new(-6.2, 1.5, -6.6))),
+        (
+            "courtyard",
+            (Vec3::new(4.9, 2.0, 2.2), Vec3::new(-4.0, 1.8, -3.4)),
+            (Vec3::new(-7.2, 1.5, -1.4), Vec3::new(-6.2, 1.5, -6.6)),
+        ),
         // From the lit room to the dark one.
-        ("two_rooms", (Vec3::new(-0.8, 1.7, 2.0), Vec3::new(-3.2, 1.0, -1.6)), (Vec3::new(1.5, 1.5, -0.4), Vec3::new(0.0, 1.4, 0.4))),
+        (
+            "two_rooms",
+            (Vec3::new(-0.8, 1.7, 2.0), Vec3::new(-3.2, 1.0, -1.6)),
+            (Vec3::new(1.5, 1.5, -0.4), Vec3::new(0.0, 1.4, 0.4)),
+        ),
     ] {
-        let [from, to] = [from, to].map(|(position, target)| CameraPose::looking_at(position, target));
+        let [from, to] =
+            [from, to].map(|(position, target)| CameraPose::looking_at(position, target));
         let ready = |pose| {
-            let mut stage = set::open(&set::scene(name), set::radiance_options(48, 27, Component::Full));
+            let mut stage =
+                set::open(&set::scene(name), set::radiance_options(48, 27, Component::Full));
             set::apply(&mut stage, RICH);
             look(&mut stage, pose);
             stage.get_ready().expect("a ready stage");
@@ -70,7 +84,10 @@ fn a_cut_leaves_no_trace() {
         assert!(before != always_there, "{name}: the views differ");
         let worst = after.rgb.iter().flatten().zip(always_there.rgb.iter().flatten());
         let worst = worst.map(|(a, b)| (a - b).abs() / b.abs().max(1e-3)).fold(0.0, f32::max);
-        assert!(after == always_there, "{name}: off by up to {worst} of what is right in the first frame after the cut");
+        assert!(
+            after == always_there,
+            "{name}: off by up to {worst} of what is right in the first frame after the cut"
+        );
     }
 }
 
@@ -84,7 +101,8 @@ fn turn_the_sun(stage: &mut Stage) {
 
 fn light_that_moves_flickers_less_for_its_past_and_comes_to_rest_without() {
     let shown = |frames: u32| -> (f64, Radiance) {
-        let mut stage = set::open(&set::scene("courtyard"), set::radiance_options(64, 36, Component::Indirect));
+        let mut stage =
+            set::open(&set::scene("courtyard"), set::radiance_options(64, 36, Component::Indirect));
         set::look(&mut stage, Vec3::new(4.9, 2.0, 2.2), Vec3::new(-4.0, 1.8, -3.4));
         set::apply(&mut stage, "max,rsm_resolution=128,gi_vpl_count=512,gi_visibility=coarse");
         stage.world_mut().insert_resource(GiRefresh::OnChange);
@@ -95,9 +113,18 @@ fn light_that_moves_flickers_less_for_its_past_and_comes_to_rest_without() {
             turn_the_sun(&mut stage);
             stage.frame();
             let next = stage.radiance().expect("radiance");
-            let differences = next.rgb.iter().flatten().zip(last.rgb.iter().flatten()).map(|(a, b)| f64::from((a - b).abs()));
+            let differences = next
+                .rgb
+                .iter()
+                .flatten()
+                .zip(last.rgb.iter().flatten())
+                .map(|(a, b)| f64::from((a - b).abs()));
             // Once there is a past.
-            change += if frame < 8 { 0.0 } else { differences.sum::<f64>() / next.rgb.len() as f64 / 3.0 / next.mean() };
+            change += if frame < 8 {
+                0.0
+            } else {
+                differences.sum::<f64>() / next.rgb.len() as f64 / 3.0 / next.mean()
+            };
             last = next;
         }
         assert!(frames == 1 || set::gathered(&stage).settling == 1);
@@ -109,30 +136,47 @@ fn light_that_moves_flickers_less_for_its_past_and_comes_to_rest_without() {
         (change / 16.0, stage.radiance().expect("radiance"))
     };
     let [(without, fresh), (with, rested)] = [1, 16].map(shown);
-    println!("    from frame to frame {:.2} % of the light changes without a past, and {:.2} % with one", 100.0 * without, 100.0 * with);
+    println!(
+        "    from frame to frame {:.2} % of the light changes without a past, and {:.2} % with one",
+        100.0 * without,
+        100.0 * with
+    );
     assert!(with < 0.34 * without, "{with} {without}");
     assert!(rested == fresh, "nothing of the past is in a still picture");
 }
 
 /// Mean change of the light from one picture to another, as a share of the light.
 fn change(last: &Radiance, next: &Radiance) -> f64 {
-    let differences = next.rgb.iter().flatten().zip(last.rgb.iter().flatten()).map(|(a, b)| f64::from((a - b).abs()));
+    let differences = next
+        .rgb
+        .iter()
+        .flatten()
+        .zip(last.rgb.iter().flatten())
+        .map(|(a, b)| f64::from((a - b).abs()));
     differences.sum::<f64>() / next.rgb.len() as f64 / 3.0 / next.mean()
 }
 
 fn history_outlives_a_switch_of_settings() {
     let settings = |vpls: u32, interleave: &str, fraction: &str| {
         let rest = "max,rsm_resolution=128,gi_visibility=coarse";
-        format!("{rest},gi_vpl_count={vpls},gi_interleave={interleave},gi_pixel_fraction={fraction}")
+        format!(
+            "{rest},gi_vpl_count={vpls},gi_interleave={interleave},gi_pixel_fraction={fraction}"
+        )
     };
     // Other VPLs; and other cells, to which the history is carried over.
     // Coarser cells cannot show what finer ones did.
-    for (vpls, interleave, fraction, most) in
-        [(256, "2x2", "1/4", 0.5), (512, "8x8", "1/4", 0.5), (512, "2x2", "1/16", 0.6), (512, "2x2", "1/2", 0.5)]
-    {
+    for (vpls, interleave, fraction, most) in [
+        (256, "2x2", "1/4", 0.5),
+        (512, "8x8", "1/4", 0.5),
+        (512, "2x2", "1/16", 0.6),
+        (512, "2x2", "1/2", 0.5),
+    ] {
         let (from, to) = (settings(512, "2x2", "1/4"), settings(vpls, interleave, fraction));
         let shown = |cuts: bool| -> (f64, Radiance) {
-            let mut stage = set::open(&set::scene("courtyard"), set::radiance_options(64, 36, Component::Indirect));
+            let mut stage = set::open(
+                &set::scene("courtyard"),
+                set::radiance_options(64, 36, Component::Indirect),
+            );
             set::look(&mut stage, Vec3::new(4.9, 2.0, 2.2), Vec3::new(-4.0, 1.8, -3.4));
             stage.world_mut().insert_resource(GiRefresh::OnChange);
             set::apply(&mut stage, &from);
@@ -153,29 +197,47 @@ fn history_outlives_a_switch_of_settings() {
             (step, set::radiance(&mut stage))
         };
         let [(dropped, fresh), (kept, rested)] = [true, false].map(shown);
-        println!("    {to}: {:.1} % of the light changes at the switch, {:.1} % without history", 100.0 * kept, 100.0 * dropped);
+        println!(
+            "    {to}: {:.1} % of the light changes at the switch, {:.1} % without history",
+            100.0 * kept,
+            100.0 * dropped
+        );
         assert!(kept < most * dropped, "{to}: {kept} {dropped}");
         assert!(rested == fresh, "{to}: nothing of the history is in a still picture");
     }
 }
 
 fn a_clip_costs_the_same_whatever_was_rendered_before() {
-    let clip =
-        |x: f32| [0.0, 0.03].map(|step| CameraPose::looking_at(Vec3::new(x + step, 1.0, 2.2), Vec3::new(x + step, 1.0, 0.0))).to_vec();
-    let mut stage =
-        StageEvaluator::new(set::open(&set::scene("cornell"), StageOptions { meter: Some("work".into()), ..set::options(64, 36) }));
+    let clip = |x: f32| {
+        [0.0, 0.03]
+            .map(|step| {
+                CameraPose::looking_at(Vec3::new(x + step, 1.0, 2.2), Vec3::new(x + step, 1.0, 0.0))
+            })
+            .to_vec()
+    };
+    let mut stage = StageEvaluator::new(set::open(
+        &set::scene("cornell"),
+        StageOptions { meter: Some("work".into()), ..set::options(64, 36) },
+    ));
     stage.stage().warm().expect("a ready stage");
     let space = stage.stage().space().clone();
     let levels = |drop: &dyn Fn(usize) -> bool| {
         let best = space.highest();
-        (0..space.len())
-            .fold(best, |settings, knob| if drop(knob) { settings.with_level(knob, settings.level(knob) - 1) } else { settings })
+        (0..space.len()).fold(best, |settings, knob| {
+            if drop(knob) { settings.with_level(knob, settings.level(knob) - 1) } else { settings }
+        })
     };
     let (best, lowest, middle) = (space.highest(), space.lowest(), levels(&|_| true));
     let mut costs = Vec::new();
-    for before in [lowest, best, middle, levels(&|knob| knob % 2 == 0), levels(&|knob| knob % 2 == 1)] {
+    for before in
+        [lowest, best, middle, levels(&|knob| knob % 2 == 0), levels(&|knob| knob % 2 == 1)]
+    {
         stage.measure(&clip(0.5), before).expect("a measurement");
-        assert_eq!(stage.measure(&clip(0.1), best).expect("a measurement").error, 0.0, "the best settings, rendered twice");
+        assert_eq!(
+            stage.measure(&clip(0.1), best).expect("a measurement").error,
+            0.0,
+            "the best settings, rendered twice"
+        );
         costs.push(stage.measure(&clip(0.1), middle).expect("a measurement"));
     }
     assert!(costs[0].error > 0.0 && costs.iter().all(|cost| *cost == costs[0]), "{costs:?}");

@@ -31,12 +31,16 @@ fn mean(stage: &mut Stage, visibility: &str) -> f64 {
 }
 
 fn the_dark_room_is_dark() {
-    let mut stage = set::open(&set::scene("two_rooms"), set::radiance_options(64, 36, Component::Indirect));
+    let mut stage =
+        set::open(&set::scene("two_rooms"), set::radiance_options(64, 36, Component::Indirect));
     set::look(&mut stage, Vec3::new(0.8, 1.7, 2.0), Vec3::new(3.2, 1.0, -1.6));
-    let [none, coarse, fine] = ["none", "coarse", "fine"].map(|visibility| mean(&mut stage, visibility));
+    let [none, coarse, fine] =
+        ["none", "coarse", "fine"].map(|visibility| mean(&mut stage, visibility));
     set::look(&mut stage, Vec3::new(-0.8, 1.7, 2.0), Vec3::new(-3.2, 1.0, -1.6));
     let lit = mean(&mut stage, "fine");
-    println!("    dark room: {none:.3} nits without rays, {coarse:.5} coarse, {fine:.5} fine; lit room {lit:.2}");
+    println!(
+        "    dark room: {none:.3} nits without rays, {coarse:.5} coarse, {fine:.5} fine; lit room {lit:.2}"
+    );
     assert!(none > 0.05 * lit, "without rays it leaks, or this test sees nothing: {none}");
     assert!(coarse < 1e-4 * lit && fine < 1e-4 * lit, "{coarse} {fine}");
 }
@@ -44,7 +48,12 @@ fn the_dark_room_is_dark() {
 /// A lit floor, a wall that it lights, and a black screen close before the wall.
 fn screened() -> (Stage, Entity) {
     let mut stage = corner(vec![sun(Vec3::NEG_Y)]);
-    let screen = meshes::spawn_box(&mut stage, Vec3::new(0.0, 1.0, -1.85), Vec3::new(4.5, 2.1, 0.02), meshes::matt(0.0, 0.0, 0.0));
+    let screen = meshes::spawn_box(
+        &mut stage,
+        Vec3::new(0.0, 1.0, -1.85),
+        Vec3::new(4.5, 2.1, 0.02),
+        meshes::matt(0.0, 0.0, 0.0),
+    );
     // Only what is behind the screen is looked at.
     set::look(&mut stage, Vec3::new(0.0, 1.2, -1.87), Vec3::new(0.0, 0.8, -2.0));
     (stage, screen)
@@ -55,7 +64,9 @@ fn a_screen_hides_the_bounce_and_follows_its_transform() {
     let (leaking, hidden) = (mean(&mut stage, "none"), mean(&mut stage, "fine"));
     stage.world_mut().get_mut::<Transform>(screen).expect("the screen").translation.y = -50.0;
     let open = mean(&mut stage, "fine");
-    println!("    behind the screen {hidden:.3} nits, without rays {leaking:.2}, taken away {open:.2}");
+    println!(
+        "    behind the screen {hidden:.3} nits, without rays {leaking:.2}, taken away {open:.2}"
+    );
     assert!(leaking > 1.0 && hidden < 0.05 * leaking, "{leaking} {hidden}");
     assert!((open / leaking - 1.0).abs() < 0.05, "nothing hides any more: {open} {leaking}");
     stage.world_mut().get_mut::<Transform>(screen).expect("the screen").translation.y = 1.0;
@@ -71,16 +82,28 @@ fn what_hides_no_light_is_left_out() {
     assert!(open > 10.0 * hidden.max(0.05), "{open} {hidden}");
     stage.world_mut().entity_mut(screen).remove::<NotShadowCaster>();
     assert!(mean(&mut stage, "fine") < 0.1 * open);
-    let material = stage.world_mut().get::<bevy::pbr::MeshMaterial3d<bevy::pbr::StandardMaterial>>(screen).expect("a material").0.clone();
-    let mut materials = stage.world_mut().resource_mut::<bevy::asset::Assets<bevy::pbr::StandardMaterial>>();
+    let material = stage
+        .world_mut()
+        .get::<bevy::pbr::MeshMaterial3d<bevy::pbr::StandardMaterial>>(screen)
+        .expect("a material")
+        .0
+        .clone();
+    let mut materials =
+        stage.world_mut().resource_mut::<bevy::asset::Assets<bevy::pbr::StandardMaterial>>();
     materials.get_mut(&material).expect("the material").alpha_mode = AlphaMode::Blend;
     assert!(mean(&mut stage, "fine") > 0.5 * open, "glass hides nothing");
 }
 
 fn coarse_and_fine_expect_the_same() {
     let mut stage = corner(vec![sun(Vec3::new(0.3, -1.0, -0.2))]);
-    meshes::spawn_box(&mut stage, Vec3::new(0.3, 0.5, -0.9), Vec3::new(0.8, 0.9, 0.2), meshes::matt(0.3, 0.3, 0.3));
-    let [none, coarse, fine] = ["none", "coarse", "fine"].map(|visibility| mean(&mut stage, visibility));
+    meshes::spawn_box(
+        &mut stage,
+        Vec3::new(0.3, 0.5, -0.9),
+        Vec3::new(0.8, 0.9, 0.2),
+        meshes::matt(0.3, 0.3, 0.3),
+    );
+    let [none, coarse, fine] =
+        ["none", "coarse", "fine"].map(|visibility| mean(&mut stage, visibility));
     println!("    {none:.3} nits without rays, {coarse:.3} coarse, {fine:.3} fine");
     assert!((coarse / fine - 1.0).abs() < 0.02, "drawing must not shift the mean: {coarse} {fine}");
     assert!(fine < 0.95 * none, "{fine} {none}");
@@ -100,7 +123,8 @@ fn nothing_is_kept_without_rays() {
     assert_eq!(set::gathered(&stage).rays, 48 * 27 * 2);
     // A mesh that goes takes its tree with it.
     let world = stage.world_mut();
-    let meshes: Vec<Entity> = world.query_filtered::<Entity, bevy::ecs::query::With<Mesh3d>>().iter(world).collect();
+    let meshes: Vec<Entity> =
+        world.query_filtered::<Entity, bevy::ecs::query::With<Mesh3d>>().iter(world).collect();
     world.despawn(meshes[0]);
     mean(&mut stage, "coarse");
     assert_eq!(held(&mut stage).0, 1);
@@ -113,7 +137,9 @@ fn nothing_is_kept_without_rays() {
 struct AskForRays;
 
 fn rays_that_are_asked_for_late_are_there_a_frame_later() {
-    let ask = |asked: Option<Res<AskForRays>>, mut cameras: Query<&mut FrugalGi>, mut commands: Commands| {
+    let ask = |asked: Option<Res<AskForRays>>,
+               mut cameras: Query<&mut FrugalGi>,
+               mut commands: Commands| {
         if asked.is_some() {
             cameras.iter_mut().for_each(|mut gi| gi.visibility = GiVisibility::Fine);
             commands.remove_resource::<AskForRays>();
@@ -123,9 +149,24 @@ fn rays_that_are_asked_for_late_are_there_a_frame_later() {
     let mut stage = set::bare_with(vec![sun(Vec3::NEG_Y)], options, |app| {
         app.add_systems(Last, ask);
     });
-    meshes::spawn_box(&mut stage, Vec3::new(0.0, -0.1, 0.0), Vec3::new(4.0, 0.2, 4.0), meshes::matt(0.8, 0.8, 0.8));
-    meshes::spawn_box(&mut stage, Vec3::new(0.0, 1.0, -2.0), Vec3::new(4.0, 2.0, 0.2), meshes::matt(0.5, 0.5, 0.5));
-    meshes::spawn_box(&mut stage, Vec3::new(0.0, 1.0, -1.85), Vec3::new(4.5, 2.1, 0.02), meshes::matt(0.0, 0.0, 0.0));
+    meshes::spawn_box(
+        &mut stage,
+        Vec3::new(0.0, -0.1, 0.0),
+        Vec3::new(4.0, 0.2, 4.0),
+        meshes::matt(0.8, 0.8, 0.8),
+    );
+    meshes::spawn_box(
+        &mut stage,
+        Vec3::new(0.0, 1.0, -2.0),
+        Vec3::new(4.0, 2.0, 0.2),
+        meshes::matt(0.5, 0.5, 0.5),
+    );
+    meshes::spawn_box(
+        &mut stage,
+        Vec3::new(0.0, 1.0, -1.85),
+        Vec3::new(4.5, 2.1, 0.02),
+        meshes::matt(0.0, 0.0, 0.0),
+    );
     set::look(&mut stage, Vec3::new(0.0, 1.2, -1.87), Vec3::new(0.0, 0.8, -2.0));
     // What rays take is compiled and prepared.
     let hidden = mean(&mut stage, "fine");
@@ -140,6 +181,8 @@ fn rays_that_are_asked_for_late_are_there_a_frame_later() {
             stage.radiance().expect("a picture").mean()
         })
         .collect();
-    println!("    {leaking:.3} nits without rays, {hidden:.3} with them; the frames after: {found:.3?}");
+    println!(
+        "    {leaking:.3} nits without rays, {hidden:.3} with them; the frames after: {found:.3?}"
+    );
     assert!(found[1] < 0.05 * leaking && found[2] == found[1], "{found:?}");
 }

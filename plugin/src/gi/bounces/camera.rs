@@ -67,19 +67,26 @@ impl BounceCamera {
         self.lit.rounds
     }
 
-    /// Patches that will reflect in this frame, if the camera draws VPLs; those that only fill up included.
+    /// Patches that will reflect in this frame, if the camera draws VPLs; those that only fill up
+    /// included.
     pub(in crate::gi) fn patches_due(&self) -> u64 {
         if self.is_due { PATCHES as u64 * u64::from(self.rounds()) } else { 0 }
     }
 
     /// For tests and debuggers.
     pub(in crate::gi) fn state(&self) -> GiBouncesState {
-        GiBouncesState { carriers: self.carriers.clone(), texels: self.first_texel()..self.first_texel() + PATCHES as u32 }
+        GiBouncesState {
+            carriers: self.carriers.clone(),
+            texels: self.first_texel()..self.first_texel() + PATCHES as u32,
+        }
     }
 
     /// Bytes held on the GPU for this camera's patches, but for their texels.
     pub fn bytes(&self) -> u64 {
-        [&self.patches, &self.carriers, &self.plan, &self.receivers, &self.place].map(|buffer| buffer.size()).iter().sum()
+        [&self.patches, &self.carriers, &self.plan, &self.receivers, &self.place]
+            .map(|buffer| buffer.size())
+            .iter()
+            .sum()
     }
 
     /// Adds the rows of this camera's patches to those of its maps and of what glows.
@@ -88,12 +95,18 @@ impl BounceCamera {
     }
 }
 
-/// Gives every camera with patches its buffers, and takes them from the others; finds out whether its patches have to reflect again.
+/// Gives every camera with patches its buffers, and takes them from the others; finds out whether
+/// its patches have to reflect again.
 pub(in crate::gi) fn prepare_cameras(
     mut commands: Commands,
     mut pipelines: ResMut<BouncePipelines>,
     (device, queue, cache): (Res<RenderDevice>, Res<RenderQueue>, Res<PipelineCache>),
-    (store, emitters, patches, occluders): (Res<RsmStore>, Res<GiEmitters>, Res<GiPatches>, Res<OccluderBuffers>),
+    (store, emitters, patches, occluders): (
+        Res<RsmStore>,
+        Res<GiEmitters>,
+        Res<GiPatches>,
+        Res<OccluderBuffers>,
+    ),
     frame: Res<GiFrame>,
     cameras: Query<(Entity, &MainEntity, &FrugalGi, &ExtractedCamera, Option<&SkyCamera>)>,
     mut held: Query<&mut BounceCamera>,
@@ -112,20 +125,34 @@ pub(in crate::gi) fn prepare_cameras(
         };
         let first_texel = store.map_texels + emitters.texel_count() as u32 + before;
         let sky = sky.and_then(SkyCamera::seen);
-        let kind =
-            ReflectKind { has_sky: sky.is_some(), has_masks: occluders.are_masked(), is_lambertian: gi.shading == GiShading::Lambertian };
+        let kind = ReflectKind {
+            has_sky: sky.is_some(),
+            has_masks: occluders.are_masked(),
+            is_lambertian: gi.shading == GiShading::Lambertian,
+        };
         pipelines.demand(&cache, kind);
         let always = sky.as_ref().is_some_and(SkySeen::is_generated);
         let rounds = gi.bounces.clamp(1, FrugalGi::MAX_BOUNCES) - 1;
-        let lit = Lit { rounds, emissive: gi.emissive, exposure: camera.exposure, sky, store: (texels.id(), first_texel) };
+        let lit = Lit {
+            rounds,
+            emissive: gi.emissive,
+            exposure: camera.exposure,
+            sky,
+            store: (texels.id(), first_texel),
+        };
         let size = PATCHES as u64 * TEXEL_BYTES;
         if let Ok(mut held) = held.get_mut(entity) {
             if !Arc::ptr_eq(&held.held, patches) {
                 queue.write_buffer(&held.patches, 0, bytemuck::cast_slice(patches));
             }
             if held.lit.store != lit.store {
-                // What lay there before is none of ours, and is drawn from if the patches cannot reflect in this frame.
-                queue.write_buffer(texels, u64::from(first_texel) * TEXEL_BYTES, &vec![0; size as usize]);
+                // What lay there before is none of ours, and is drawn from if the patches cannot
+                // reflect in this frame.
+                queue.write_buffer(
+                    texels,
+                    u64::from(first_texel) * TEXEL_BYTES,
+                    &vec![0; size as usize],
+                );
                 queue.write_buffer(&held.place, 0, &place(first_texel));
             }
             let is_same = Arc::ptr_eq(&held.held, patches) && held.lit == lit && held.kind == kind;
@@ -136,22 +163,48 @@ pub(in crate::gi) fn prepare_cameras(
             continue;
         }
         queue.write_buffer(texels, u64::from(first_texel) * TEXEL_BYTES, &vec![0; size as usize]);
-        let empty =
-            |label, size, usage| device.create_buffer(&BufferDescriptor { label: Some(label), size, usage, mapped_at_creation: false });
+        let empty = |label, size, usage| {
+            device.create_buffer(&BufferDescriptor {
+                label: Some(label),
+                size,
+                usage,
+                mapped_at_creation: false,
+            })
+        };
         let filled = |label, contents: &[u8], usage| {
-            device.create_buffer_with_data(&BufferInitDescriptor { label: Some(label), contents, usage: usage | BufferUsages::COPY_DST })
+            device.create_buffer_with_data(&BufferInitDescriptor {
+                label: Some(label),
+                contents,
+                usage: usage | BufferUsages::COPY_DST,
+            })
         };
         commands.entity(entity).insert(BounceCamera {
             held: Arc::clone(patches),
-            patches: filled("bevy_frugal_gi/bounces/patches", bytemuck::cast_slice(patches), BufferUsages::STORAGE),
+            patches: filled(
+                "bevy_frugal_gi/bounces/patches",
+                bytemuck::cast_slice(patches),
+                BufferUsages::STORAGE,
+            ),
             carriers: empty(
                 "bevy_frugal_gi/bounces/carriers",
                 u64::from(CARRIERS.slots()) * VPL_BYTES,
                 BufferUsages::STORAGE | BufferUsages::UNIFORM | BufferUsages::COPY_SRC,
             ),
-            plan: filled("bevy_frugal_gi/bounces/plan", bytemuck::bytes_of(&CARRIERS), BufferUsages::STORAGE),
-            receivers: empty("bevy_frugal_gi/bounces/receivers", RECEIVERS_BYTES, BufferUsages::STORAGE),
-            place: filled("bevy_frugal_gi/bounces/place", &place(first_texel), BufferUsages::UNIFORM),
+            plan: filled(
+                "bevy_frugal_gi/bounces/plan",
+                bytemuck::bytes_of(&CARRIERS),
+                BufferUsages::STORAGE,
+            ),
+            receivers: empty(
+                "bevy_frugal_gi/bounces/receivers",
+                RECEIVERS_BYTES,
+                BufferUsages::STORAGE,
+            ),
+            place: filled(
+                "bevy_frugal_gi/bounces/place",
+                &place(first_texel),
+                BufferUsages::UNIFORM,
+            ),
             lit,
             is_due: true,
             is_done: AtomicBool::new(false),

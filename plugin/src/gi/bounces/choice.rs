@@ -1,10 +1,12 @@
 //! Which points of the scene's surfaces become patches: plain Rust, no renderer.
 //!
-//! Priority sampling (Duffield, Lund and Thorup 2007, "Priority sampling for estimation of arbitrary subset sums"): every point has a weight and a
-//! rank that is its own for good; the so many of the highest weight ÷ rank are chosen, and each stands for as much as the first that was not chosen
-//! has of that ratio, or for itself where that is more. The expectation of the sum over what was chosen is the sum over all (but for one in 2 × count, since
-//! ranks here are evenly spread and not independent); and where something
-//! moves, comes or goes, all others keep their patches, but for the few at the threshold.
+//! Priority sampling (Duffield, Lund and Thorup 2007, "Priority sampling for estimation of
+//! arbitrary subset sums"): every point has a weight and a rank that is its own for good; the so
+//! many of the highest weight ÷ rank are chosen, and each stands for as much as the first that was
+//! not chosen has of that ratio, or for itself where that is more. The expectation of the sum over
+//! what was chosen is the sum over all (but for one in 2 × count, since ranks here are evenly
+//! spread and not independent); and where something moves, comes or goes, all others keep their
+//! patches, but for the few at the threshold.
 
 use bevy::math::Vec3;
 
@@ -26,9 +28,12 @@ impl<T> Candidate<T> {
     }
 }
 
-/// At most `count` of `candidates`, in their order, each with the area in m² that it stands for. Those whose weight is no number or nothing are left out.
+/// At most `count` of `candidates`, in their order, each with the area in m² that it stands for.
+/// Those whose weight is no number or nothing are left out.
 pub(super) fn choose<T: Copy>(mut candidates: Vec<Candidate<T>>, count: usize) -> Vec<(T, f32)> {
-    candidates.retain(|candidate| candidate.priority() > 0.0 && candidate.priority().is_finite() && candidate.density > 0.0);
+    candidates.retain(|candidate| {
+        candidate.priority() > 0.0 && candidate.priority().is_finite() && candidate.density > 0.0
+    });
     if candidates.len() <= count {
         return candidates.into_iter().map(|candidate| (candidate.point, candidate.area)).collect();
     }
@@ -36,19 +41,22 @@ pub(super) fn choose<T: Copy>(mut candidates: Vec<Candidate<T>>, count: usize) -
     let (_, threshold, _) = priorities.select_nth_unstable_by(count, |a, b| b.total_cmp(a));
     let threshold = *threshold;
     let above = candidates.into_iter().filter(|candidate| candidate.priority() > threshold);
-    above.map(|candidate| (candidate.point, candidate.area.max(threshold / candidate.density))).collect()
+    above
+        .map(|candidate| (candidate.point, candidate.area.max(threshold / candidate.density)))
+        .collect()
 }
 
-/// Ranks of the points of one surface, which lie along a curve through space: any run of them is evenly spread over 0 to 1 (van der Corput 1935). `seed`
-/// shifts those of different surfaces against each other.
+/// Ranks of the points of one surface, which lie along a curve through space: any run of them is
+/// evenly spread over 0 to 1 (van der Corput 1935). `seed` shifts those of different surfaces
+/// against each other.
 pub(super) fn rank(index: usize, seed: u32) -> f32 {
     let bits = (index as u32).reverse_bits().wrapping_add(seed);
     // Never 0, and never above 1: floats have 24 bits.
     ((bits >> 8) + 1) as f32 / 16_777_216.0
 }
 
-/// How dense patches are at a distance from the camera: as at the camera within `near`, and then falling with its square, so that what is twice as far
-/// is as finely divided in the picture.
+/// How dense patches are at a distance from the camera: as at the camera within `near`, and then
+/// falling with its square, so that what is twice as far is as finely divided in the picture.
 pub(super) fn density(position: Vec3, center: Vec3, near: f32) -> f32 {
     let steps = (position - center) / near;
     1.0 / (1.0 + steps.length_squared())
@@ -61,7 +69,14 @@ mod tests {
     /// So many points of 1 m² on a line, 1 m apart.
     fn line(count: usize, seed: u32) -> Vec<Candidate<usize>> {
         let density = |index: usize| density(Vec3::X * index as f32, Vec3::ZERO, 30.0);
-        (0..count).map(|point| Candidate { area: 1.0, density: density(point), rank: rank(point, seed), point }).collect()
+        (0..count)
+            .map(|point| Candidate {
+                area: 1.0,
+                density: density(point),
+                rank: rank(point, seed),
+                point,
+            })
+            .collect()
     }
 
     #[test]
@@ -71,11 +86,17 @@ mod tests {
             for seed in 0..256u32 {
                 let chosen = choose(line(points, seed.wrapping_mul(2_654_435_769)), count);
                 assert_eq!(chosen.len(), count);
-                ratios.push(chosen.iter().map(|(_, area)| f64::from(*area)).sum::<f64>() / points as f64);
+                ratios.push(
+                    chosen.iter().map(|(_, area)| f64::from(*area)).sum::<f64>() / points as f64,
+                );
             }
             let mean = ratios.iter().sum::<f64>() / 256.0;
-            // Exact for ranks that know nothing of each other; evenly spread ones err by up to half a point.
-            assert!((mean - 1.0).abs() < 0.5 / count as f64 + 0.005, "{mean} of {points} by {count}");
+            // Exact for ranks that know nothing of each other; evenly spread ones err by up to half
+            // a point.
+            assert!(
+                (mean - 1.0).abs() < 0.5 / count as f64 + 0.005,
+                "{mean} of {points} by {count}"
+            );
         }
     }
 
@@ -105,9 +126,17 @@ mod tests {
     fn others_keep_theirs_when_something_comes() {
         let before = choose(line(4000, 0), 512);
         let mut more = line(4000, 0);
-        more.extend((0..40).map(|point| Candidate { area: 1.0, density: 1.0, rank: rank(point, 77), point: 10_000 + point }));
+        more.extend((0..40).map(|point| Candidate {
+            area: 1.0,
+            density: 1.0,
+            rank: rank(point, 77),
+            point: 10_000 + point,
+        }));
         let after = choose(more, 512);
-        let kept = before.iter().filter(|(point, _)| after.iter().any(|(other, _)| other == point)).count();
+        let kept = before
+            .iter()
+            .filter(|(point, _)| after.iter().any(|(other, _)| other == point))
+            .count();
         let came = after.iter().filter(|(point, _)| *point >= 10_000).count();
         assert!(came > 0 && kept == 512 - came, "{kept} of 512, {came} came");
     }
@@ -115,8 +144,14 @@ mod tests {
     #[test]
     fn what_is_no_number_or_nothing_is_left_out() {
         let odd = |area: f32, density: f32| Candidate { area, density, rank: 0.5, point: 0 };
-        let candidates =
-            vec![odd(f32::NAN, 1.0), odd(f32::INFINITY, 1.0), odd(0.0, 1.0), odd(-1.0, -1.0), odd(1.0, 0.0), odd(1.0, f32::NAN)];
+        let candidates = vec![
+            odd(f32::NAN, 1.0),
+            odd(f32::INFINITY, 1.0),
+            odd(0.0, 1.0),
+            odd(-1.0, -1.0),
+            odd(1.0, 0.0),
+            odd(1.0, f32::NAN),
+        ];
         assert_eq!(choose(candidates, 8), []);
         assert_eq!(choose(vec![odd(1e-30, 1.0), odd(1e30, 1.0)], 8).len(), 2);
         assert_eq!(density(Vec3::splat(f32::INFINITY), Vec3::ZERO, 1.0), 0.0);
@@ -127,7 +162,13 @@ mod tests {
         for (first, seed) in [(0, 0), (64, 12345), (640, u32::MAX)] {
             let mut ranks: Vec<f32> = (first..first + 64).map(|index| rank(index, seed)).collect();
             ranks.sort_by(f32::total_cmp);
-            assert!(ranks.iter().enumerate().all(|(i, rank)| (rank - (i as f32 + 0.5) / 64.0).abs() < 1.0 / 64.0), "{ranks:?}");
+            assert!(
+                ranks
+                    .iter()
+                    .enumerate()
+                    .all(|(i, rank)| (rank - (i as f32 + 0.5) / 64.0).abs() < 1.0 / 64.0),
+                "{ranks:?}"
+            );
             assert!(ranks[0] > 0.0 && ranks[63] <= 1.0);
         }
     }

@@ -1,9 +1,11 @@
 //! Further bounces: what the scene's surfaces reflect of light that was reflected before.
 //!
-//! Points all over the scene's surfaces stand for pieces of them, as in radiosity: *patches*. When the maps are rendered, VPLs drawn by flux and by what patches could receive light
-//! each patch, and so does the camera's sky; what it reflects of that becomes a texel behind those of the maps and of what glows. From there on
-//! it is light like theirs: weighed by what the camera sees, drawn, gathered, hidden and filtered. Each further bounce is one more round of
-//! the same (Jacobi's iteration of the radiosity equation: Goral et al. 1984).
+//! Points all over the scene's surfaces stand for pieces of them, as in radiosity: *patches*. When
+//! the maps are rendered, VPLs drawn by flux and by what patches could receive light each patch,
+//! and so does the camera's sky; what it reflects of that becomes a texel behind those of the maps
+//! and of what glows. From there on it is light like theirs: weighed by what the camera sees,
+//! drawn, gathered, hidden and filtered. Each further bounce is one more round of the same
+//! (Jacobi's iteration of the radiosity equation: Goral et al. 1984).
 //!
 //! | file | world | job |
 //! |---|---|---|
@@ -13,9 +15,11 @@
 //! | `camera` | render | a camera's buffers, and whether its patches have to reflect again |
 //! | `pick.wgsl`, `reflect.wgsl` | render | what decides which VPLs light patches; and what these reflect |
 //!
-//! Options: (1) this; (2) maps' texels that gather light from each other, which leaves dark whatever no lamp shines on: a ceiling, or a room's shady
-//! half; (3) rays from the camera's surfaces to where they meet others (Segovia et al. 2006, "Bidirectional Instant Radiosity"), which spends all on
-//! what is seen but finds other points whenever the camera moves, and would need materials in the tree of triangles. We use 1.
+//! Options: (1) this; (2) maps' texels that gather light from each other, which leaves dark
+//! whatever no lamp shines on: a ceiling, or a room's shady half; (3) rays from the camera's
+//! surfaces to where they meet others (Segovia et al. 2006, "Bidirectional Instant Radiosity"),
+//! which spends all on what is seen but finds other points whenever the camera moves, and would
+//! need materials in the tree of triangles. We use 1.
 
 mod camera;
 mod choice;
@@ -61,7 +65,8 @@ pub(super) fn build(app: &mut App) {
         .add_plugins(ExtractResourcePlugin::<GiPatches>::default())
         .add_systems(
             PostUpdate,
-            // Need to know what lights the scene in this frame, where everything is, and this frame's assets.
+            // Need to know what lights the scene in this frame, where everything is, and this
+            // frame's assets.
             patches::update
                 .after(RsmSystems::Maintain)
                 .after(EmittersSystems)
@@ -101,8 +106,14 @@ impl FromWorld for BouncePipelines {
         let compute = ShaderStages::COMPUTE;
         let pick = BindGroupLayoutEntries::sequential(compute, (read(), write()));
         let view = uniform_buffer::<ViewUniform>(true);
-        let without_sky = BindGroupLayoutEntries::sequential(compute, (view, uniform(), uniform(), read(), write()));
-        let with_sky = BindGroupLayoutEntries::sequential(compute, (view, uniform(), uniform(), read(), write(), read(), read()));
+        let without_sky = BindGroupLayoutEntries::sequential(
+            compute,
+            (view, uniform(), uniform(), read(), write()),
+        );
+        let with_sky = BindGroupLayoutEntries::sequential(
+            compute,
+            (view, uniform(), uniform(), read(), write(), read(), read()),
+        );
         Self {
             pick_layout: BindGroupLayoutDescriptor::new("bevy_frugal_gi/bounces/pick", &pick),
             reflect_layouts: [
@@ -118,7 +129,8 @@ impl FromWorld for BouncePipelines {
 }
 
 impl BouncePipelines {
-    /// The pipeline of a kind, if it is compiled; until then, one that takes all that rays meet for solid.
+    /// The pipeline of a kind, if it is compiled; until then, one that takes all that rays meet for
+    /// solid.
     fn get<'a>(&self, cache: &'a PipelineCache, kind: ReflectKind) -> Option<&'a ComputePipeline> {
         let compiled = |kind| cache.get_compute_pipeline(*self.reflect.get(&kind)?);
         compiled(kind).or_else(|| compiled(ReflectKind { has_masks: false, ..kind }))
@@ -126,7 +138,8 @@ impl BouncePipelines {
 
     /// Has the pipelines of a kind compiled, where that was not asked for before.
     fn demand(&mut self, cache: &PipelineCache, kind: ReflectKind) {
-        let Self { pick_layout, reflect_layouts, pick_shader, reflect_shader, pick, reflect } = self;
+        let Self { pick_layout, reflect_layouts, pick_shader, reflect_shader, pick, reflect } =
+            self;
         pick.get_or_insert_with(|| {
             cache.queue_compute_pipeline(ComputePipelineDescriptor {
                 label: Some("bevy_frugal_gi/bounces/pick".into()),
@@ -138,11 +151,19 @@ impl BouncePipelines {
         });
         reflect.entry(kind).or_insert_with(|| {
             let ReflectKind { has_sky, has_masks, is_lambertian } = kind;
-            let definitions = [(has_sky, "SKY"), (has_masks, "MASKS"), (is_lambertian, "LAMBERTIAN")];
-            let shader_defs = definitions.into_iter().filter(|(is_so, _)| *is_so).map(|(_, name)| name.into()).collect();
+            let definitions =
+                [(has_sky, "SKY"), (has_masks, "MASKS"), (is_lambertian, "LAMBERTIAN")];
+            let shader_defs = definitions
+                .into_iter()
+                .filter(|(is_so, _)| *is_so)
+                .map(|(_, name)| name.into())
+                .collect();
             cache.queue_compute_pipeline(ComputePipelineDescriptor {
                 label: Some(format!("bevy_frugal_gi/bounces/reflect/{kind:?}").into()),
-                layout: vec![reflect_layouts[usize::from(has_sky)].clone(), OccluderBuffers::layout()],
+                layout: vec![
+                    reflect_layouts[usize::from(has_sky)].clone(),
+                    OccluderBuffers::layout(),
+                ],
                 shader: reflect_shader.clone(),
                 shader_defs,
                 entry_point: Some("reflect_patches".into()),
@@ -154,7 +175,13 @@ impl BouncePipelines {
 
 /// In a GI camera's view: lights its patches, as often as light is reflected beyond the first time.
 pub(super) fn reflect(
-    view: ViewQuery<(&BounceCamera, &GiCamera, Option<&SkyCamera>, &ViewPrepassTextures, &ViewUniformOffset)>,
+    view: ViewQuery<(
+        &BounceCamera,
+        &GiCamera,
+        Option<&SkyCamera>,
+        &ViewPrepassTextures,
+        &ViewUniformOffset,
+    )>,
     pipelines: Res<BouncePipelines>,
     vpl_pipelines: Res<VplPipelines>,
     store: Res<RsmStore>,
@@ -168,14 +195,23 @@ pub(super) fn reflect(
         return;
     }
     let ready = |id: Option<&CachedComputePipelineId>| cache.get_compute_pipeline(*id?);
-    let (Some(pick), Some(reflect)) = (ready(pipelines.pick.as_ref()), pipelines.get(&cache, camera.kind)) else { return };
-    let (Some(texels), Some(traced), Some(views), Some(buffers)) =
-        (&store.texels, occluders.bind_group(), view_uniforms.uniforms.binding(), &gi_camera.drawing)
+    let (Some(pick), Some(reflect)) =
+        (ready(pipelines.pick.as_ref()), pipelines.get(&cache, camera.kind))
     else {
         return;
     };
+    let (Some(texels), Some(traced), Some(views), Some(buffers)) = (
+        &store.texels,
+        occluders.bind_group(),
+        view_uniforms.uniforms.binding(),
+        &gi_camera.drawing,
+    ) else {
+        return;
+    };
     // Weighing has them in its layout, and does not read them here.
-    let (Some(g_buffer), Some(depth)) = (prepass.deferred_view(), prepass.depth_view()) else { return };
+    let (Some(g_buffer), Some(depth)) = (prepass.deferred_view(), prepass.depth_view()) else {
+        return;
+    };
     let drawn = Drawn {
         g_buffer,
         depth,
@@ -187,14 +223,20 @@ pub(super) fn reflect(
         vpls: &camera.carriers,
         plan: (&camera.plan, camera::CARRIERS.slots()),
     };
-    // A look at what hides texels from patches would take as many rays as for the picture, and gains nothing that could be measured.
-    let Some(steps) = vpl_pipelines.steps(context.render_device(), &cache, false, drawn) else { return };
+    // A look at what hides texels from patches would take as many rays as for the picture, and
+    // gains nothing that could be measured.
+    let Some(steps) = vpl_pipelines.steps(context.render_device(), &cache, false, drawn) else {
+        return;
+    };
     let sky = sky.filter(|_| camera.kind.has_sky);
     let device = context.render_device();
     let picking = device.create_bind_group(
         "bevy_frugal_gi/bounces/pick",
         &cache.get_bind_group_layout(&pipelines.pick_layout),
-        &BindGroupEntries::sequential((camera.patches.as_entire_binding(), camera.receivers.as_entire_binding())),
+        &BindGroupEntries::sequential((
+            camera.patches.as_entire_binding(),
+            camera.receivers.as_entire_binding(),
+        )),
     );
     let entries = DynamicBindGroupEntries::sequential((
         views,
@@ -204,10 +246,14 @@ pub(super) fn reflect(
         texels.as_entire_binding(),
     ));
     let entries = match sky {
-        Some(sky) => entries.extend_sequential((sky.samples.as_entire_binding(), sky.plan_buffer.as_entire_binding())),
+        Some(sky) => entries.extend_sequential((
+            sky.samples.as_entire_binding(),
+            sky.plan_buffer.as_entire_binding(),
+        )),
         None => entries,
     };
-    let layout = cache.get_bind_group_layout(&pipelines.reflect_layouts[usize::from(sky.is_some())]);
+    let layout =
+        cache.get_bind_group_layout(&pipelines.reflect_layouts[usize::from(sky.is_some())]);
     let reflecting = device.create_bind_group("bevy_frugal_gi/bounces/reflect", &layout, &entries);
     let diagnostics = context.diagnostic_recorder();
     let diagnostics = diagnostics.as_deref();
@@ -216,9 +262,10 @@ pub(super) fn reflect(
     let first_byte = u64::from(camera.first_texel()) * TEXEL_BYTES;
     context.command_encoder().clear_buffer(texels, first_byte, Some(PATCHES as u64 * TEXEL_BYTES));
     {
-        let mut pass = context
-            .command_encoder()
-            .begin_compute_pass(&ComputePassDescriptor { label: Some("bevy_frugal_gi/bounces"), timestamp_writes: None });
+        let mut pass = context.command_encoder().begin_compute_pass(&ComputePassDescriptor {
+            label: Some("bevy_frugal_gi/bounces"),
+            timestamp_writes: None,
+        });
         pass.set_bind_group(0, &picking, &[]);
         pass.set_pipeline(pick);
         pass.dispatch_workgroups(1, 1, 1);

@@ -25,7 +25,9 @@ impl Patch {
     /// A patch; `normal` is a unit vector in world space.
     pub fn new(position: Vec3, area: f32, normal: Vec3, paint: &Paint) -> Self {
         let byte = |value: f32| (value * 255.0).round() as u32;
-        let pack = |values: [f32; 4]| values.into_iter().rev().fold(0, |packed, value| packed << 8 | byte(value));
+        let pack = |values: [f32; 4]| {
+            values.into_iter().rev().fold(0, |packed, value| packed << 8 | byte(value))
+        };
         let [red, green, blue] = paint.color.to_array().map(|linear| linear.powf(1.0 / 2.2));
         Self {
             position: position.to_array(),
@@ -44,7 +46,12 @@ mod tests {
 
     #[test]
     fn the_first_value_lies_in_the_lowest_byte() {
-        let paint = Paint { color: Vec3::new(1.0, 0.0, 0.5), roughness: 0.2, metallic: 1.0, reflectance: 0.5 };
+        let paint = Paint {
+            color: Vec3::new(1.0, 0.0, 0.5),
+            roughness: 0.2,
+            metallic: 1.0,
+            reflectance: 0.5,
+        };
         let patch = Patch::new(Vec3::ZERO, 1.0, Vec3::Y, &paint);
         assert_eq!(patch.color.to_le_bytes(), [255, 0, 186, 51]);
         assert_eq!(patch.properties.to_le_bytes(), [128, 255, 0, 0]);

@@ -22,9 +22,13 @@ use super::choice::{Candidate, choose, density, rank};
 use super::patch::Patch;
 use crate::gi::presence::LightPresence;
 use crate::gi::settings::FrugalGi;
-use crate::gi::surfaces::{Paint, Place, Reflectance, SurfaceAssets, SurfacePoint, SurfacePoints, Triangles, area_matrix, triangles};
+use crate::gi::surfaces::{
+    Paint, Place, Reflectance, SurfaceAssets, SurfacePoint, SurfacePoints, Triangles, area_matrix,
+    triangles,
+};
 
-/// Points of all surfaces, more or less, of which a camera's patches are chosen: what lies near it can have eight times as many patches as the rest.
+/// Points of all surfaces, more or less, of which a camera's patches are chosen: what lies near it
+/// can have eight times as many patches as the rest.
 const POINTS: usize = 8 * PATCHES;
 /// Most of one surface.
 const MOST_POINTS: usize = 8192;
@@ -36,7 +40,8 @@ const FIRST_POINTS: usize = 64;
 const LOOKS: usize = 8;
 /// How far from the camera patches are half as dense as at it, as a share of how far light bounces.
 const NEAR_SHARE: f32 = 0.1;
-/// Steps in which that place moves with the camera, as a share of the radius: patches stay while the camera moves within one.
+/// Steps in which that place moves with the camera, as a share of the radius: patches stay while
+/// the camera moves within one.
 const STEP_SHARE: f32 = 0.25;
 
 /// A camera's patches.
@@ -47,11 +52,15 @@ struct PatchSet {
     patches: Arc<Vec<Patch>>,
 }
 
-/// Patches of each camera whose light is reflected more than once, kept while there is one and light for it.
+/// Patches of each camera whose light is reflected more than once, kept while there is one and
+/// light for it.
 ///
-/// Every visible mesh with a [`StandardMaterial`] reflects that hides light and is lit: not unlit, transparent and transmissive ones, those with
-/// [`NotShadowCaster`], those rendered forward, and skinned ones, whose triangles here are those of the bind pose. Morphs, shaders that move vertices, other kinds of
-/// material and ranges of visibility are not looked at: of a mesh in several levels of detail all reflect that are not hidden by each other. Textures of base colour, metal and roughness are read where their images are there for the processor in formats without
+/// Every visible mesh with a [`StandardMaterial`] reflects that hides light and is lit: not unlit,
+/// transparent and transmissive ones, those with [`NotShadowCaster`], those rendered forward, and
+/// skinned ones, whose triangles here are those of the bind pose. Morphs, shaders that move
+/// vertices, other kinds of material and ranges of visibility are not looked at: of a mesh in
+/// several levels of detail all reflect that are not hidden by each other. Textures of base colour,
+/// metal and roughness are read where their images are there for the processor in formats without
 /// compression; a warning says where they are not, and something grey takes their place.
 #[derive(Resource, ExtractResource, Clone, Debug, Default)]
 pub struct GiPatches {
@@ -91,7 +100,8 @@ struct Placed {
     affine: Affine3A,
 }
 
-/// What a camera's patches are chosen by: where it is, in steps, and how far from there they are dense, metres.
+/// What a camera's patches are chosen by: where it is, in steps, and how far from there they are
+/// dense, metres.
 #[derive(Clone, Copy, Debug, PartialEq)]
 struct Around {
     camera: Entity,
@@ -106,7 +116,9 @@ impl Around {
         let near = if range * NEAR_SHARE > 0.1 { (range * NEAR_SHARE).min(1e6) } else { 0.1 };
         let step = near * STEP_SHARE;
         // A camera that goes to and fro over the border of a step changes nothing.
-        let is_near = |before: &&Self| before.near == near && (position - before.center).abs().max_element() <= 0.75 * step;
+        let is_near = |before: &&Self| {
+            before.near == near && (position - before.center).abs().max_element() <= 0.75 * step
+        };
         if let Some(before) = before.filter(is_near) {
             return *before;
         }
@@ -140,12 +152,21 @@ impl Surfaces {
 pub(super) fn update(
     mut surfaces: ResMut<Surfaces>,
     mut patches: ResMut<GiPatches>,
-    (mut mesh_events, mut image_events): (Option<MessageReader<AssetEvent<Mesh>>>, Option<MessageReader<AssetEvent<Image>>>),
+    (mut mesh_events, mut image_events): (
+        Option<MessageReader<AssetEvent<Mesh>>>,
+        Option<MessageReader<AssetEvent<Image>>>,
+    ),
     assets: SurfaceAssets,
     light: LightPresence,
     cameras: Query<(Entity, &Camera, &FrugalGi, &GlobalTransform, Has<EnvironmentMapLight>)>,
     meshes: Query<
-        (Entity, &Mesh3d, &MeshMaterial3d<StandardMaterial>, &GlobalTransform, &InheritedVisibility),
+        (
+            Entity,
+            &Mesh3d,
+            &MeshMaterial3d<StandardMaterial>,
+            &GlobalTransform,
+            &InheritedVisibility,
+        ),
         (Without<SkinnedMesh>, Without<NotShadowCaster>),
     >,
 ) {
@@ -160,7 +181,9 @@ pub(super) fn update(
     }
     let mut around: Vec<Around> = cameras
         .iter()
-        .filter(|(_, camera, gi, _, has_map)| camera.is_active && gi.reflects() && light.lights(gi, *has_map))
+        .filter(|(_, camera, gi, _, has_map)| {
+            camera.is_active && gi.reflects() && light.lights(gi, *has_map)
+        })
         .map(|(entity, _, gi, transform, _)| {
             let before = surfaces.around.iter().find(|around| around.camera == entity);
             Around::new(entity, transform.translation(), gi.range, before)
@@ -183,7 +206,11 @@ pub(super) fn update(
         .filter(|(.., transform, visible)| visible.get() && transform.affine().is_finite())
         .filter_map(|(entity, mesh, material, transform, _)| {
             let reflectance = Reflectance::new(materials?.get(material.id())?)?;
-            Some(Placed { entity, key: SurfaceKey { mesh: mesh.id(), reflectance }, affine: transform.affine() })
+            Some(Placed {
+                entity,
+                key: SurfaceKey { mesh: mesh.id(), reflectance },
+                affine: transform.affine(),
+            })
         })
         .collect();
     now.sort_unstable_by_key(|placed| placed.entity);
@@ -203,8 +230,12 @@ pub(super) fn update(
             let camera = around.camera;
             let chosen = chosen(&surfaces.points, &now, around);
             // Another camera's step, or what happened far away: these reflect what they did.
-            let same = patches.sets.iter().find(|set| set.camera == camera && *set.patches == chosen);
-            PatchSet { camera, patches: same.map_or_else(|| Arc::new(chosen), |set| Arc::clone(&set.patches)) }
+            let same =
+                patches.sets.iter().find(|set| set.camera == camera && *set.patches == chosen);
+            PatchSet {
+                camera,
+                patches: same.map_or_else(|| Arc::new(chosen), |set| Arc::clone(&set.patches)),
+            }
         };
         let sets = around.iter().map(set).collect();
         *patches = GiPatches { sets };
@@ -212,7 +243,8 @@ pub(super) fn update(
     }
 }
 
-/// So many points of a surface; `None` while its assets are not there, and `Some(None)` where they cannot be read.
+/// So many points of a surface; `None` while its assets are not there, and `Some(None)` where they
+/// cannot be read.
 fn points(key: &SurfaceKey, count: usize, assets: &SurfaceAssets) -> Option<Option<Points>> {
     let mesh = assets.meshes.get(key.mesh)?;
     let painted = key.reflectance.on(mesh, assets)?;
@@ -227,7 +259,8 @@ fn points(key: &SurfaceKey, count: usize, assets: &SurfaceAssets) -> Option<Opti
     Some(SurfacePoints::new(&positions, count * looks, paint).map(|fine| coarse(&fine, looks)))
 }
 
-/// Every run of so many points as one in its middle, with the mean of what they are like; a hole where the middle is one.
+/// Every run of so many points as one in its middle, with the mean of what they are like; a hole
+/// where the middle is one.
 fn coarse(fine: &Points, looks: usize) -> Points {
     if looks == 1 {
         return fine.clone();
@@ -235,7 +268,8 @@ fn coarse(fine: &Points, looks: usize) -> Points {
     let points = fine.points.chunks(looks).map(|run| {
         let middle = &run[run.len() / 2];
         let there: Vec<Paint> = run.iter().filter_map(|point| point.paint).collect();
-        let mean = |value: fn(&Paint) -> f32| there.iter().map(value).sum::<f32>() / there.len() as f32;
+        let mean =
+            |value: fn(&Paint) -> f32| there.iter().map(value).sum::<f32>() / there.len() as f32;
         // As many points stay as places are there.
         let paint = middle.paint.map(|_| Paint {
             color: there.iter().map(|paint| paint.color).sum::<Vec3>() / there.len() as f32,
@@ -248,9 +282,14 @@ fn coarse(fine: &Points, looks: usize) -> Points {
     Points { points: points.collect(), area: fine.area * looks as f64 }
 }
 
-/// Gives every surface as many points as its share of all that matters to some camera, in powers of two: more where it has too few, fewer where it has far
-/// too many.
-fn refine(held: &mut HashMap<SurfaceKey, Option<Points>>, placed: &[Placed], around: &[Around], assets: &SurfaceAssets) {
+/// Gives every surface as many points as its share of all that matters to some camera, in powers of
+/// two: more where it has too few, fewer where it has far too many.
+fn refine(
+    held: &mut HashMap<SurfaceKey, Option<Points>>,
+    placed: &[Placed],
+    around: &[Around],
+    assets: &SurfaceAssets,
+) {
     let mut worth: HashMap<SurfaceKey, f64> = HashMap::default();
     let mut total = 0.0;
     for placed in placed {
@@ -261,7 +300,10 @@ fn refine(held: &mut HashMap<SurfaceKey, Option<Points>>, placed: &[Placed], aro
             .iter()
             .map(|point| {
                 let position = placed.affine.transform_point3(point.position);
-                let densest = around.iter().map(|around| density(position, around.center, around.near)).fold(0.0, f32::max);
+                let densest = around
+                    .iter()
+                    .map(|around| density(position, around.center, around.near))
+                    .fold(0.0, f32::max);
                 points.area * f64::from((spread * point.normal).length() * densest)
             })
             .sum();
@@ -287,7 +329,11 @@ fn refine(held: &mut HashMap<SurfaceKey, Option<Points>>, placed: &[Placed], aro
 }
 
 /// A camera's patches.
-fn chosen(held: &HashMap<SurfaceKey, Option<Points>>, placed: &[Placed], around: &Around) -> Vec<Patch> {
+fn chosen(
+    held: &HashMap<SurfaceKey, Option<Points>>,
+    placed: &[Placed],
+    around: &Around,
+) -> Vec<Patch> {
     let mut candidates = Vec::new();
     for placed in placed {
         let Some(Some(points)) = held.get(&placed.key) else { continue };
@@ -306,7 +352,12 @@ fn chosen(held: &HashMap<SurfaceKey, Option<Points>>, placed: &[Placed], around:
             let density = density(position, around.center, around.near);
             for (side, sign) in (0..).zip(placed.key.reflectance.sides.signs()) {
                 let rank = rank(index, seed.wrapping_add(side << 31));
-                candidates.push(Candidate { area, density, rank, point: (position, normal * *sign, paint) });
+                candidates.push(Candidate {
+                    area,
+                    density,
+                    rank,
+                    point: (position, normal * *sign, paint),
+                });
             }
         }
     }
@@ -322,7 +373,10 @@ fn chosen(held: &HashMap<SurfaceKey, Option<Points>>, placed: &[Placed], around:
 mod tests {
     use super::*;
 
-    const SQUARE: [[Vec3; 3]; 2] = [[Vec3::ZERO, Vec3::X, Vec3::new(1.0, 1.0, 0.0)], [Vec3::ZERO, Vec3::new(1.0, 1.0, 0.0), Vec3::Y]];
+    const SQUARE: [[Vec3; 3]; 2] = [
+        [Vec3::ZERO, Vec3::X, Vec3::new(1.0, 1.0, 0.0)],
+        [Vec3::ZERO, Vec3::new(1.0, 1.0, 0.0), Vec3::Y],
+    ];
 
     fn grey(color: f32) -> Paint {
         Paint { color: Vec3::splat(color), roughness: 1.0, metallic: 0.0, reflectance: 0.5 }
@@ -333,11 +387,13 @@ mod tests {
         // A chequered square: of each two looks, one is white.
         let number = std::cell::Cell::new(0);
         let next = || number.replace(number.get() + 1);
-        let fine = SurfacePoints::new(&SQUARE, 64 * LOOKS, |_| Some(grey((next() % 2) as f32))).unwrap();
+        let fine =
+            SurfacePoints::new(&SQUARE, 64 * LOOKS, |_| Some(grey((next() % 2) as f32))).unwrap();
         let coarse = coarse(&fine, LOOKS);
         assert_eq!(coarse.points.len(), 64);
         assert!((coarse.area * 64.0 - 1.0).abs() < 1e-9);
-        let mean = coarse.points.iter().map(|point| point.paint.unwrap().color.x).sum::<f32>() / 64.0;
+        let mean =
+            coarse.points.iter().map(|point| point.paint.unwrap().color.x).sum::<f32>() / 64.0;
         assert!((mean - 0.5).abs() < 1e-6, "{mean}");
     }
 
@@ -354,13 +410,16 @@ mod tests {
         let mut thin = fine.clone();
         thin.thin(16);
         assert!((area(&thin) - area(&fine)).abs() < 1e-9);
-        let there = coarse(&fine, LOOKS).points.iter().filter(|point| point.paint.is_some()).count();
+        let there =
+            coarse(&fine, LOOKS).points.iter().filter(|point| point.paint.is_some()).count();
         assert!((there as f32 / 256.0 - 2.0 / 3.0).abs() < 0.04, "{there} of 256");
     }
 
     #[test]
     fn patches_stay_while_a_camera_moves_within_a_step() {
-        let from = |x: f32, range: f32, before: Option<&Around>| Around::new(Entity::PLACEHOLDER, Vec3::new(x, 2.0, -3.0), range, before);
+        let from = |x: f32, range: f32, before: Option<&Around>| {
+            Around::new(Entity::PLACEHOLDER, Vec3::new(x, 2.0, -3.0), range, before)
+        };
         let at = |x: f32, range: f32| from(x, range, None);
         assert_eq!(at(0.1, 40.0), at(0.4, 40.0));
         assert_ne!(at(0.1, 40.0), at(1.4, 40.0));
@@ -370,10 +429,19 @@ mod tests {
         assert_eq!(from(0.55, 40.0, Some(&before)), before);
         assert_ne!(from(0.8, 40.0, Some(&before)), before);
         assert_ne!(from(0.45, 80.0, Some(&before)), before, "another range");
-        for (position, range) in [(f32::NAN, 40.0), (1e30, 40.0), (f32::INFINITY, 0.0), (1.0, f32::NAN), (1.0, f32::INFINITY), (1.0, -1.0)]
-        {
+        for (position, range) in [
+            (f32::NAN, 40.0),
+            (1e30, 40.0),
+            (f32::INFINITY, 0.0),
+            (1.0, f32::NAN),
+            (1.0, f32::INFINITY),
+            (1.0, -1.0),
+        ] {
             let around = at(position, range);
-            assert!(around.center.is_finite() && around.near.is_finite() && around.near > 0.0, "{around:?}");
+            assert!(
+                around.center.is_finite() && around.near.is_finite() && around.near > 0.0,
+                "{around:?}"
+            );
         }
     }
 }

@@ -1,6 +1,8 @@
-// Picks some of a camera's patches to stand for all: what they could receive of a texel decides how likely it is to light patches (`vpl/weigh.wgsl`).
+// Picks some of a camera's patches to stand for all: what they could receive of a texel decides how
+// likely it is to light patches (`vpl/weigh.wgsl`).
 //
-// Flux alone would not do: most of the sun's light falls on what no patch sees, or only patches far away.
+// Flux alone would not do: most of the sun's light falls on what no patch sees, or only patches far
+// away.
 
 #import bevy_frugal_gi::gi::bounces::patch::Patch
 #import bevy_frugal_gi::gi::rsm::texel::{Texel, texel_normal}
@@ -9,10 +11,12 @@
 @group(0) @binding(0) var<storage, read> patches: array<Patch>;
 @group(0) @binding(1) var<storage, read_write> receivers: Receivers;
 
-/// How much of the surface around a patch it stands for here, as a share of what all patches between two that are picked cover: they lie along many surfaces.
+/// How much of the surface around a patch it stands for here, as a share of what all patches
+/// between two that are picked cover: they lie along many surfaces.
 const REACH: f32 = 0.1;
 
-/// One thread per receiver. Patches lie surface by surface and along a curve through each, denser near the camera: equal steps spread over all.
+/// One thread per receiver. Patches lie surface by surface and along a curve through each, denser
+/// near the camera: equal steps spread over all.
 @compute @workgroup_size(RECEIVERS)
 fn pick_patches(@builtin(local_invocation_index) index: u32) {
     let step = arrayLength(&patches) / RECEIVERS;

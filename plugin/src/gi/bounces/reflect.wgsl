@@ -1,9 +1,12 @@
-// What each patch reflects of the light that reaches it, as a texel behind those of the maps: one thread per patch.
+// What each patch reflects of the light that reaches it, as a texel behind those of the maps: one
+// thread per patch.
 //
-// Light comes from carriers: VPLs of the maps' texels and of what glows, and from the second round on of the patches as the round before left them. Every
-// patch looks at all of them. In sets of 64, a sixteenth each, what a patch missed made the bounce up to 8 % darker near bright spots and blotchy;
-// all threads reading the same carriers is what uniform buffers are for. Visibility by rays as in `gather/gather.wgsl`. Where the camera gathers
-// its sky (SKY), patches are lit by that, too.
+// Light comes from carriers: VPLs of the maps' texels and of what glows, and from the second round
+// on of the patches as the round before left them. Every patch looks at all of them. In sets of 64,
+// a sixteenth each, what a patch missed made the bounce up to 8 % darker near bright spots and
+// blotchy; all threads reading the same carriers is what uniform buffers are for. Visibility by
+// rays as in `gather/gather.wgsl`. Where the camera gathers its sky (SKY), patches are lit by that,
+// too.
 
 #import bevy_render::view::View
 #import bevy_frugal_gi::gi::bounces::patch::{Patch, Place}
@@ -32,7 +35,8 @@ const CARRIERS: u32 = 512u;
 const RAYS: u32 = 8u;
 const SKY_RAYS: u32 = 2u;
 
-/// Mean cosine of light that arrives evenly from everywhere: which share of it is scattered depends little on more.
+/// Mean cosine of light that arrives evenly from everywhere: which share of it is scattered depends
+/// little on more.
 const MEAN_COSINE: f32 = 0.6666667;
 /// Lumens, with which sums over all texels are finite: as in `vpl/sample.wgsl`.
 const MOST_FLUX: f32 = 1e25;

@@ -1,5 +1,5 @@
-// Interpolates gathered irradiance along surfaces and adds what each pixel reflects of it: a joint bilateral upsampling (Kopf et al. 2007) by
-// distance from the pixel's tangent plane and by normal.
+// Interpolates gathered irradiance along surfaces and adds what each pixel reflects of it: a joint
+// bilateral upsampling (Kopf et al. 2007) by distance from the pixel's tangent plane and by normal.
 
 #import bevy_core_pipeline::fullscreen_vertex_shader::FullscreenVertexOutput
 #import bevy_render::view::View
@@ -31,7 +31,8 @@ fn upsample(pixel: vec2<u32>, size: vec2<u32>, position: vec3<f32>, normal: vec3
         let away = pixel_position(other, size, max(depth, 1e-30), view.world_from_clip) - position;
         let shared_plane = surface_affinity(away, normal, surface_normal(textureLoad(g_buffer, other, 0)), tolerance);
         let near = select(1.0 - along, along, offset == vec2(1u));
-        // The small constant picks the nearest cell where none lies on this surface; cells of the sky never count.
+        // The small constant picks the nearest cell where none lies on this surface; cells of the
+        // sky never count.
         let weight = select(0.0, near.x * near.y * (shared_plane + 1e-4) + 1e-7, depth > 0.0);
         sum += weight * textureLoad(irradiance, cell, 0).rgb;
         weights += weight;

@@ -1,4 +1,5 @@
-//! The composite: gathered irradiance, interpolated along surfaces, times albedo, added to the picture before tone mapping.
+//! The composite: gathered irradiance, interpolated along surfaces, times albedo, added to the
+//! picture before tone mapping.
 
 use bevy::asset::{Handle, load_embedded_asset};
 use bevy::core_pipeline::FullscreenShader;
@@ -56,15 +57,26 @@ impl SpecializedRenderPipeline for CompositePipelines {
 
     fn specialize(&self, key: CompositeKey) -> RenderPipelineDescriptor {
         let (width, height) = key.fraction.cell();
-        let mut shader_defs = vec![ShaderDefVal::UInt("CELL_WIDTH".into(), width), ShaderDefVal::UInt("CELL_HEIGHT".into(), height)];
+        let mut shader_defs = vec![
+            ShaderDefVal::UInt("CELL_WIDTH".into(), width),
+            ShaderDefVal::UInt("CELL_HEIGHT".into(), height),
+        ];
         if key.fraction == GiPixelFraction::Full {
             shader_defs.push("FULL_RESOLUTION".into());
         }
         if key.shading == GiShading::Lambertian {
             shader_defs.push("LAMBERTIAN".into());
         }
-        let add = BlendComponent { src_factor: BlendFactor::One, dst_factor: BlendFactor::One, operation: BlendOperation::Add };
-        let keep = BlendComponent { src_factor: BlendFactor::Zero, dst_factor: BlendFactor::One, operation: BlendOperation::Add };
+        let add = BlendComponent {
+            src_factor: BlendFactor::One,
+            dst_factor: BlendFactor::One,
+            operation: BlendOperation::Add,
+        };
+        let keep = BlendComponent {
+            src_factor: BlendFactor::Zero,
+            dst_factor: BlendFactor::One,
+            operation: BlendOperation::Add,
+        };
         RenderPipelineDescriptor {
             label: Some("bevy_frugal_gi/composite".into()),
             layout: vec![self.layout.clone()],
@@ -96,7 +108,11 @@ pub(super) fn prepare_pipelines(
     cameras: Query<(Entity, &FrugalGi, &ExtractedView)>,
 ) {
     for (entity, gi, view) in &cameras {
-        let key = CompositeKey { fraction: gi.pixel_fraction, shading: gi.shading, target_format: view.target_format };
+        let key = CompositeKey {
+            fraction: gi.pixel_fraction,
+            shading: gi.shading,
+            target_format: view.target_format,
+        };
         let pipeline = specialized.specialize(&cache, &pipelines, key);
         commands.entity(entity).insert(CompositePipelineId(pipeline));
     }
@@ -129,14 +145,20 @@ pub(super) fn composite(
             &gathered.shown().default_view,
         ));
         let layout = cache.get_bind_group_layout(&pipelines.layout);
-        Some(context.render_device().create_bind_group("bevy_frugal_gi/composite", &layout, &entries))
+        Some(context.render_device().create_bind_group(
+            "bevy_frugal_gi/composite",
+            &layout,
+            &entries,
+        ))
     })();
     let drawn = bind_group.zip(cache.get_render_pipeline(pipeline.0));
     if drawn.is_none() && !alone {
         return;
     }
-    // The fraction may have changed while its pipeline is compiled: cells of another size would be read wrongly.
-    let drawn = drawn.filter(|_| gathered.is_some_and(|gathered| gathered.fraction == gi.pixel_fraction));
+    // The fraction may have changed while its pipeline is compiled: cells of another size would be
+    // read wrongly.
+    let drawn =
+        drawn.filter(|_| gathered.is_some_and(|gathered| gathered.fraction == gi.pixel_fraction));
 
     let mut attachment = target.get_color_attachment();
     if alone {

@@ -1,8 +1,9 @@
-// Joins what neighbouring gathered pixels found with different virtual point lights and different rays: a mean over a square window, along
-// surfaces.
+// Joins what neighbouring gathered pixels found with different virtual point lights and different
+// rays: a mean over a square window, along surfaces.
 //
-// The window reaches as far to the left as to the right, and its outermost rows and columns count half: so every set of VPLs counts the same, and
-// nothing is shifted. Every workgroup first decodes the surfaces under its tile and the window's margin.
+// The window reaches as far to the left as to the right, and its outermost rows and columns count
+// half: so every set of VPLs counts the same, and nothing is shifted. Every workgroup first decodes
+// the surfaces under its tile and the window's margin.
 
 #import bevy_render::view::View
 #import bevy_frugal_gi::gi::gather::settings::Gather
@@ -20,7 +21,8 @@ const GROUP: u32 = 8u;
 const WINDOW: u32 = #{WINDOW}u;
 const TILE: u32 = GROUP + WINDOW;
 
-/// Position, and whether there is a surface: 1 where there is, −1 where what it gathered is no number or infinite.
+/// Position, and whether there is a surface: 1 where there is, −1 where what it gathered is no
+/// number or infinite.
 var<workgroup> positions: array<vec4<f32>, TILE * TILE>;
 var<workgroup> normals: array<vec3<f32>, TILE * TILE>;
 var<workgroup> light: array<vec3<f32>, TILE * TILE>;
@@ -77,8 +79,9 @@ fn filter_gathered(
     if any(id.xy >= cells) {
         return;
     }
-    // The pixel's own weight is 1, but where there is no surface. Where what it gathered is no number, it gets what its neighbours found.
-    // The standard error of a mean of as many values as have weight.
+    // The pixel's own weight is 1, but where there is no surface. Where what it gathered is no
+    // number, it gets what its neighbours found. The standard error of a mean of as many values as
+    // have weight.
     let count = max(weights, 1e-12);
     let variance = max(second / count - (first / count) * (first / count), 0.0);
     let mean = sum / count;

@@ -1,4 +1,5 @@
-//! What was shown of a camera's light, and from where: so that light is not drawn anew from frame to frame.
+//! What was shown of a camera's light, and from where: so that light is not drawn anew from frame
+//! to frame.
 
 use bevy::math::{Mat4, UVec2, Vec3};
 use bevy::render::camera::ExtractedCamera;
@@ -12,7 +13,8 @@ use crate::gi::settings::{FrugalGi, GiPixelFraction};
 
 /// Most frames that are averaged.
 const MOST_FRAMES: u32 = 64;
-/// Frames that history counts for at most when settings are switched. More hide the switch better; fewer sooner show what the new settings find.
+/// Frames that history counts for at most when settings are switched. More hide the switch better;
+/// fewer sooner show what the new settings find.
 const FRAMES_AT_SWITCH: u32 = 8;
 /// What counts as a cut: metres, and the cosine of an angle, from one frame to the next.
 const CUT_DISTANCE: f32 = 1.0;
@@ -47,10 +49,17 @@ pub(in crate::gi) struct PastView {
 }
 
 impl PastView {
-    pub fn new(camera: &ExtractedCamera, view: &ExtractedView, size: UVec2, fraction: GiPixelFraction) -> Self {
+    pub fn new(
+        camera: &ExtractedCamera,
+        view: &ExtractedView,
+        size: UVec2,
+        fraction: GiPixelFraction,
+    ) -> Self {
         let world_from_view = view.world_from_view.to_matrix();
         Self {
-            clip_from_world: view.clip_from_world.unwrap_or_else(|| view.clip_from_view * world_from_view.inverse()),
+            clip_from_world: view
+                .clip_from_world
+                .unwrap_or_else(|| view.clip_from_view * world_from_view.inverse()),
             eye: view.world_from_view.translation(),
             forward: view.world_from_view.forward().into(),
             exposure: camera.exposure,
@@ -65,12 +74,17 @@ impl PastView {
         UVec2::new(self.size.x.div_ceil(self.cell.x), self.size.y.div_ceil(self.cell.y))
     }
 
-    /// What the shader is told of this view as the past of `now`, of which the present counts for `share`.
+    /// What the shader is told of this view as the past of `now`, of which the present counts for
+    /// `share`.
     fn before(&self, now: &Self, share: f32) -> Past {
         let world_from_clip = self.clip_from_world.inverse();
         let exposure = now.exposure / self.exposure;
-        let is_cut = self.eye.distance_squared(now.eye) > CUT_DISTANCE * CUT_DISTANCE || self.forward.dot(now.forward) < CUT_COSINE;
-        let is_sound = world_from_clip.is_finite() && self.clip_from_world.is_finite() && exposure.is_finite() && exposure > 0.0;
+        let is_cut = self.eye.distance_squared(now.eye) > CUT_DISTANCE * CUT_DISTANCE
+            || self.forward.dot(now.forward) < CUT_COSINE;
+        let is_sound = world_from_clip.is_finite()
+            && self.clip_from_world.is_finite()
+            && exposure.is_finite()
+            && exposure > 0.0;
         if is_cut || !is_sound || self.is_parallel || now.is_parallel {
             return Past::NONE;
         }
@@ -106,8 +120,8 @@ const IRRADIANCE: &str = "bevy_frugal_gi/irradiance";
 const FILTERED: &str = "bevy_frugal_gi/filtered";
 const HISTORY: &str = "bevy_frugal_gi/history";
 
-/// A texture of irradiance by cell, for a camera that does not filter, too. It is the camera's own: those of Bevy's cache may be another's in the
-/// next frame, and what was gathered must stay.
+/// A texture of irradiance by cell, for a camera that does not filter, too. It is the camera's own:
+/// those of Bevy's cache may be another's in the next frame, and what was gathered must stay.
 pub(in crate::gi) fn gathered_texture(device: &RenderDevice, cells: UVec2) -> CachedTexture {
     irradiance_texture(device, IRRADIANCE, cells)
 }
@@ -120,7 +134,9 @@ fn irradiance_texture(device: &RenderDevice, label: &'static str, cells: UVec2) 
         sample_count: 1,
         dimension: TextureDimension::D2,
         format: TextureFormat::Rgba16Float,
-        usage: TextureUsages::STORAGE_BINDING | TextureUsages::TEXTURE_BINDING | TextureUsages::COPY_SRC,
+        usage: TextureUsages::STORAGE_BINDING
+            | TextureUsages::TEXTURE_BINDING
+            | TextureUsages::COPY_SRC,
         view_formats: &[],
     });
     let default_view = texture.create_view(&TextureViewDescriptor::default());
@@ -175,13 +191,16 @@ impl History {
             contents: bytemuck::bytes_of(&Past::NONE),
             usage: BufferUsages::UNIFORM | BufferUsages::COPY_DST,
         });
-        let [filtered, texture] = [FILTERED, HISTORY].map(|label| irradiance_texture(device, label, cells));
+        let [filtered, texture] =
+            [FILTERED, HISTORY].map(|label| irradiance_texture(device, label, cells));
         Self { filtered, texture, past, view: None, length: 0, left: 0, settles: false }
     }
 
-    /// Makes what is shown the past of this frame. While something moves it counts for all but one of the frames that are averaged; then less from
-    /// Makes what is shown the history of this frame. While something moves, what is shown is the mean of the frames since the history began, and
-    /// then a moving one; at rest the history counts for less from frame to frame, until in a still picture nothing of it is left.
+    /// Makes what is shown the past of this frame. While something moves it counts for all but one
+    /// of the frames that are averaged; then less from Makes what is shown the history of this
+    /// frame. While something moves, what is shown is the mean of the frames since the history
+    /// began, and then a moving one; at rest the history counts for less from frame to frame, until
+    /// in a still picture nothing of it is left.
     pub fn advance(
         &mut self,
         shown: &mut CachedTexture,

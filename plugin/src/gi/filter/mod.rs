@@ -1,4 +1,5 @@
-//! The filter: joins what neighbouring gathered pixels found with different VPLs and rays, and then what was shown before.
+//! The filter: joins what neighbouring gathered pixels found with different VPLs and rays, and then
+//! what was shown before.
 
 mod history;
 
@@ -18,7 +19,9 @@ use bevy::utils::default;
 use super::gather::{GatherSettings, GiCamera};
 use super::settings::FrugalGi;
 use history::Past;
-pub(super) use history::{History, PastView, Step, bytes_of_texture, gathered_texture, size_of_texture};
+pub(super) use history::{
+    History, PastView, Step, bytes_of_texture, gathered_texture, size_of_texture,
+};
 
 /// Windows that there are pipelines for.
 const WINDOWS: [u32; 3] = [2, 4, 8];
@@ -43,7 +46,8 @@ pub(super) struct FilterPipelines {
 impl FromWorld for FilterPipelines {
     fn from_world(world: &mut World) -> Self {
         let light = || texture_2d(TextureSampleType::Float { filterable: false });
-        let settings = || uniform_buffer_sized(false, BufferSize::new(size_of::<GatherSettings>() as u64));
+        let settings =
+            || uniform_buffer_sized(false, BufferSize::new(size_of::<GatherSettings>() as u64));
         let layout = BindGroupLayoutDescriptor::new(
             "bevy_frugal_gi/filter",
             &BindGroupLayoutEntries::sequential(
@@ -58,7 +62,10 @@ impl FromWorld for FilterPipelines {
                 ),
             ),
         );
-        let (shader, settle_shader) = (load_embedded_asset!(world, "filter.wgsl"), load_embedded_asset!(world, "settle.wgsl"));
+        let (shader, settle_shader) = (
+            load_embedded_asset!(world, "filter.wgsl"),
+            load_embedded_asset!(world, "settle.wgsl"),
+        );
         let cache = world.resource::<PipelineCache>();
         let pipelines = WINDOWS.map(|window| {
             cache.queue_compute_pipeline(ComputePipelineDescriptor {
@@ -109,8 +116,15 @@ pub(super) fn filter(
     mut context: RenderContext,
 ) {
     let (camera, prepass, view_offset) = view.into_inner();
-    let Some(history) = camera.history.as_ref().filter(|history| camera.work.gather || history.settles) else { return };
-    let pipeline = WINDOWS.iter().position(|window| *window == camera.filter_window).map(|index| pipelines.pipelines[index]);
+    let Some(history) =
+        camera.history.as_ref().filter(|history| camera.work.gather || history.settles)
+    else {
+        return;
+    };
+    let pipeline = WINDOWS
+        .iter()
+        .position(|window| *window == camera.filter_window)
+        .map(|index| pipelines.pipelines[index]);
     let (Some(g_buffer), Some(depth), Some(views), Some(pipeline)) = (
         prepass.deferred_view(),
         prepass.depth_view(),
@@ -133,28 +147,30 @@ pub(super) fn filter(
         )),
     );
     let smooths = camera.visibility.rays() > 0;
-    let settle = cache.get_compute_pipeline(pipelines.settle[usize::from(smooths)]).map(|pipeline| {
-        let entries = BindGroupEntries::sequential((
-            g_buffer,
-            depth,
-            views,
-            camera.first_settings(),
-            &history.filtered.default_view,
-            &history.texture.default_view,
-            history.past.as_entire_binding(),
-            &camera.irradiance.default_view,
-        ));
-        let layout = cache.get_bind_group_layout(&pipelines.settle_layout);
-        (pipeline, device.create_bind_group("bevy_frugal_gi/filter/settle", &layout, &entries))
-    });
+    let settle =
+        cache.get_compute_pipeline(pipelines.settle[usize::from(smooths)]).map(|pipeline| {
+            let entries = BindGroupEntries::sequential((
+                g_buffer,
+                depth,
+                views,
+                camera.first_settings(),
+                &history.filtered.default_view,
+                &history.texture.default_view,
+                history.past.as_entire_binding(),
+                &camera.irradiance.default_view,
+            ));
+            let layout = cache.get_bind_group_layout(&pipelines.settle_layout);
+            (pipeline, device.create_bind_group("bevy_frugal_gi/filter/settle", &layout, &entries))
+        });
     let size = history.filtered.texture.size();
     let diagnostics = context.diagnostic_recorder();
     let diagnostics = diagnostics.as_deref();
     let span = diagnostics.time_span(context.command_encoder(), "bevy_frugal_gi/filter");
     {
-        let mut pass = context
-            .command_encoder()
-            .begin_compute_pass(&ComputePassDescriptor { label: Some("bevy_frugal_gi/filter"), timestamp_writes: None });
+        let mut pass = context.command_encoder().begin_compute_pass(&ComputePassDescriptor {
+            label: Some("bevy_frugal_gi/filter"),
+            timestamp_writes: None,
+        });
         let (width, height) = (size.width.div_ceil(8), size.height.div_ceil(8));
         // What was filtered stays for as long as nothing moves.
         if camera.work.gather {

@@ -1,11 +1,16 @@
-// What the filter leaves of noise: joined over a wider window where it is still there (SMOOTH), and with what was shown before.
+// What the filter leaves of noise: joined over a wider window where it is still there (SMOOTH), and
+// with what was shown before.
 //
-// The window is one step of an edge-avoiding à-trous wavelet (Dammertz et al. 2010), guided by how uncertain each result is (as Schied et al. 2017 are by
-// variance): what differs by more than both results' standard errors explain is a shadow's edge and stays. Where nothing was noise nothing is changed.
+// The window is one step of an edge-avoiding à-trous wavelet (Dammertz et al. 2010), guided by how
+// uncertain each result is (as Schied et al. 2017 are by variance): what differs by more than both
+// results' standard errors explain is a shadow's edge and stays. Where nothing was noise nothing is
+// changed.
 //
-// The past is a moving average (Yang et al. 2009, "Amortized Supersampling") of what was shown where this surface was seen before: VPLs are drawn anew for
-// each place of the camera and each direction of the light, and what differs between two draws would flicker. A place counts as the same where it lies
-// in this surface's tangent plane. No control flow depends on a uniform: software Vulkan drivers compile a shader anew for each value of such a uniform.
+// The past is a moving average (Yang et al. 2009, "Amortized Supersampling") of what was shown
+// where this surface was seen before: VPLs are drawn anew for each place of the camera and each
+// direction of the light, and what differs between two draws would flicker. A place counts as the
+// same where it lies in this surface's tangent plane. No control flow depends on a uniform:
+// software Vulkan drivers compile a shader anew for each value of such a uniform.
 
 #import bevy_render::view::View
 #import bevy_frugal_gi::gi::gather::settings::Gather
@@ -33,7 +38,8 @@ struct Past {
     share_of_present: f32,
     /// What 1 of the history is now: cameras' exposures may change.
     exposure: f32,
-    /// Pixels of the picture, and of the cells that shared a gather: both may have been others than now.
+    /// Pixels of the picture, and of the cells that shared a gather: both may have been others than
+    /// now.
     size: vec2<u32>,
     cell: vec2<u32>,
 }
@@ -56,7 +62,8 @@ fn remembered(position: vec3<f32>, normal: vec3<f32>, tolerance: f32) -> vec4<f3
     let place = clip.xy / max(clip.w, 1e-9) * vec2(0.5, -0.5) + 0.5;
     // Cells stand for the pixels at `cell · past.cell + past.cell / 2`.
     let cell = clamp((place * vec2<f32>(past.size) - 0.5 - vec2<f32>(past.cell / 2u)) / vec2<f32>(past.cell), vec2(-2.0), vec2<f32>(cells) + 2.0);
-    // What moved by less than a hundredth of a cell is read where it is, and not between its neighbours.
+    // What moved by less than a hundredth of a cell is read where it is, and not between its
+    // neighbours.
     let nearest = round(cell);
     let read = select(cell, nearest, abs(cell - nearest) < vec2(0.01));
     let corner = floor(read);
@@ -79,7 +86,8 @@ fn remembered(position: vec3<f32>, normal: vec3<f32>, tolerance: f32) -> vec4<f3
     return sum;
 }
 
-/// 0 where one value of light may be another with noise, of which it has so much itself, 1 where it is other light.
+/// 0 where one value of light may be another with noise, of which it has so much itself, 1 where it
+/// is other light.
 fn otherness(is: f32, was: f32, noise: f32) -> f32 {
     return smoothstep(0.95, 0.995, max(abs(is - was) - noise, 0.0) / max(max(is, was), 1e-9));
 }
@@ -131,7 +139,8 @@ fn settle(@builtin(global_invocation_id) id: vec3<u32>) {
     let present = sum / weights;
     let found = remembered(position, normal, tolerance);
     let before = found.rgb / max(found.a, 1e-6) * past.exposure;
-    // Light that was switched is not averaged: the past counts less the more of the light is other than it was.
+    // Light that was switched is not averaged: the past counts less the more of the light is other
+    // than it was.
     let was = luminance(before);
     let changed = min(otherness(luminance(present), was, ERRORS * own.a), otherness(around / there_are, was, ERRORS * own.a));
     let share = mix(1.0, max(past.share_of_present, changed), select(0.0, found.a, found.a > 0.01));

@@ -38,7 +38,8 @@ pub struct GiCamera {
     pub(in crate::gi) irradiance: CachedTexture,
     pub(in crate::gi) fraction: GiPixelFraction,
     pub(in crate::gi) filter_window: u32,
-    /// What was filtered and what was shown before, where there is a filter. What is shown is then written back to where was gathered.
+    /// What was filtered and what was shown before, where there is a filter. What is shown is then
+    /// written back to where was gathered.
     pub(in crate::gi) history: Option<History>,
     settings: Buffer,
     pub(in crate::gi) visibility: GiVisibility,
@@ -52,7 +53,10 @@ impl GiCamera {
         filter::bytes_of_texture(&self.irradiance)
             + self.history.as_ref().map_or(0, History::bytes)
             + self.drawing.as_ref().map_or(0, DrawingBuffers::bytes)
-            + [&self.vpls, &self.plan_buffer, &self.settings].map(|buffer| buffer.size()).iter().sum::<u64>()
+            + [&self.vpls, &self.plan_buffer, &self.settings]
+                .map(|buffer| buffer.size())
+                .iter()
+                .sum::<u64>()
     }
 
     /// Whether what it shows will change although nothing moves.
@@ -87,7 +91,11 @@ impl GiCamera {
 
     /// Rays that are traced from pixels in this frame, at most.
     pub(in crate::gi) fn rays(&self) -> u64 {
-        self.gathered_pixels() * u64::from(self.visibility.rays().min(self.plan.per_set) + self.visibility.sky_rays().min(self.sky_samples))
+        self.gathered_pixels()
+            * u64::from(
+                self.visibility.rays().min(self.plan.per_set)
+                    + self.visibility.sky_rays().min(self.sky_samples),
+            )
     }
 
     fn gathered_pixels(&self) -> u64 {
@@ -126,8 +134,13 @@ impl Layout {
 
 /// What is made for a plan: the plan itself, room for its VPLs, and the settings of its dispatches.
 fn plan_buffers(device: &RenderDevice, plan: &VplPlan, fraction: GiPixelFraction) -> [Buffer; 3] {
-    let filled =
-        |label, contents: &[u8], usage| device.create_buffer_with_data(&BufferInitDescriptor { label: Some(label), contents, usage });
+    let filled = |label, contents: &[u8], usage| {
+        device.create_buffer_with_data(&BufferInitDescriptor {
+            label: Some(label),
+            contents,
+            usage,
+        })
+    };
     let vpls = BufferDescriptor {
         label: Some("bevy_frugal_gi/vpls"),
         size: plan.buffer_bytes(),
@@ -137,7 +150,11 @@ fn plan_buffers(device: &RenderDevice, plan: &VplPlan, fraction: GiPixelFraction
     [
         filled("bevy_frugal_gi/vpl_plan", bytemuck::bytes_of(plan), BufferUsages::STORAGE),
         device.create_buffer(&vpls),
-        filled("bevy_frugal_gi/gather_settings", &plan::settings_bytes(plan, fraction), BufferUsages::UNIFORM | BufferUsages::COPY_DST),
+        filled(
+            "bevy_frugal_gi/gather_settings",
+            &plan::settings_bytes(plan, fraction),
+            BufferUsages::UNIFORM | BufferUsages::COPY_DST,
+        ),
     ]
 }
 
@@ -163,24 +180,39 @@ impl GiCamera {
         }
     }
 
-    /// Makes anew what another layout or other maps need, and keeps the rest, so that what was shown outlives a switch of the settings.
-    fn fit(&mut self, device: &RenderDevice, queue: &RenderQueue, layout: &Layout, rows: Vec<MapRow>) -> Fit {
+    /// Makes anew what another layout or other maps need, and keeps the rest, so that what was
+    /// shown outlives a switch of the settings.
+    fn fit(
+        &mut self,
+        device: &RenderDevice,
+        queue: &RenderQueue,
+        layout: &Layout,
+        rows: Vec<MapRow>,
+    ) -> Fit {
         let mut fit = Fit::Same;
         if self.plan != layout.plan {
-            [self.plan_buffer, self.vpls, self.settings] = plan_buffers(device, &layout.plan, layout.fraction);
+            [self.plan_buffer, self.vpls, self.settings] =
+                plan_buffers(device, &layout.plan, layout.fraction);
             (self.plan, fit) = (layout.plan, Fit::Empty);
         } else if self.fraction != layout.fraction {
-            queue.write_buffer(&self.settings, 0, &plan::settings_bytes(&layout.plan, layout.fraction));
+            queue.write_buffer(
+                &self.settings,
+                0,
+                &plan::settings_bytes(&layout.plan, layout.fraction),
+            );
         }
         match &mut self.drawing {
             Some(drawing) if !drawing.fits(&rows) => {
-                (self.drawing, fit) = ((!rows.is_empty()).then(|| DrawingBuffers::new(device, rows)), Fit::Empty);
+                (self.drawing, fit) =
+                    ((!rows.is_empty()).then(|| DrawingBuffers::new(device, rows)), Fit::Empty);
             }
             Some(drawing) if drawing.rows != rows => {
                 drawing.set_rows(queue, rows);
                 fit = fit.max(Fit::LaidOut);
             }
-            None if !rows.is_empty() => (self.drawing, fit) = (Some(DrawingBuffers::new(device, rows)), Fit::Empty),
+            None if !rows.is_empty() => {
+                (self.drawing, fit) = (Some(DrawingBuffers::new(device, rows)), Fit::Empty)
+            }
             _ => (),
         }
         let cells = layout.cells();
@@ -212,7 +244,8 @@ enum Fit {
     Empty,
 }
 
-/// Gives every GI camera that has light to gather its VPL buffers and its textures, and takes them from the others; and finds out what it has to do.
+/// Gives every GI camera that has light to gather its VPL buffers and its textures, and takes them
+/// from the others; and finds out what it has to do.
 pub(in crate::gi) fn prepare_cameras(
     mut commands: Commands,
     (device, queue): (Res<RenderDevice>, Res<RenderQueue>),
@@ -249,7 +282,9 @@ pub(in crate::gi) fn prepare_cameras(
         }
         let sky = sky.and_then(SkyCamera::seen);
         let sky_samples = sky.as_ref().map_or(0, |sky| sky.samples());
-        let Some(size) = camera.physical_viewport_size.filter(|size| size.min_element() > 0) else { continue };
+        let Some(size) = camera.physical_viewport_size.filter(|size| size.min_element() > 0) else {
+            continue;
+        };
         if !gi.gathers() || (rows.is_empty() && sky.is_none()) {
             if held.contains(entity) {
                 commands.entity(entity).remove::<GiCamera>();
@@ -269,7 +304,13 @@ pub(in crate::gi) fn prepare_cameras(
                 let moved = held.seen != seen || is_cut;
                 held.work = match fit {
                     Fit::Empty => Work { draw: true, gather: true, quiet: 0 },
-                    _ => held.work.next(moved || fit == Fit::LaidOut, always, &frame, *policy, gi.refresh_period.max(1)),
+                    _ => held.work.next(
+                        moved || fit == Fit::LaidOut,
+                        always,
+                        &frame,
+                        *policy,
+                        gi.refresh_period.max(1),
+                    ),
                 };
                 let step = match held.work.gather {
                     false => Step::Rests,
@@ -296,8 +337,11 @@ pub(in crate::gi) fn prepare_cameras(
 
 /// Rows of every map that serves `camera`, in the order of the store.
 fn rows_of(camera: Entity, maps: &Query<(&RsmView, &RsmLight, &RsmCut)>) -> Vec<MapRow> {
-    let mut serving: Vec<_> =
-        maps.iter().filter(|(map, ..)| map.camera.is_none_or(|owner| owner == camera)).map(|(_, light, cut)| (light, *cut)).collect();
+    let mut serving: Vec<_> = maps
+        .iter()
+        .filter(|(map, ..)| map.camera.is_none_or(|owner| owner == camera))
+        .map(|(_, light, cut)| (light, *cut))
+        .collect();
     serving.sort_by_key(|(light, _)| light.texel_offset);
     let mut rows = Vec::new();
     for (RsmLight { texel_offset, resolution, .. }, cut) in serving {

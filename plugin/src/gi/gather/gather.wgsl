@@ -1,11 +1,14 @@
-// Sums what a camera's virtual point lights send to its pixels: one thread per gathered pixel and its set of VPLs, one dispatch per set.
+// Sums what a camera's virtual point lights send to its pixels: one thread per gathered pixel and
+// its set of VPLs, one dispatch per set.
 //
-// The VPLs of a set lie in a uniform array: on the software adapter 1.75 times as fast as a storage buffer and twice as fast as a copy in workgroup
-// memory. A dynamic offset chooses the set.
+// The VPLs of a set lie in a uniform array: on the software adapter 1.75 times as fast as a storage
+// buffer and twice as fast as a copy in workgroup memory. A dynamic offset chooses the set.
 //
-// Visibility, where it is asked for (RAYS): the set is dealt into as many hands (`vpl/hand.wgsl`) as there are rays. The hue is the hand's and not the
-// drawn VPL's, which would be right in each channel but speckle every wall in the colours of whatever lights it; so, where nothing is hidden, there is
-// no noise at all, and where only one colour of light is hidden, some of it stays in the hue.
+// Visibility, where it is asked for (RAYS): the set is dealt into as many hands (`vpl/hand.wgsl`)
+// as there are rays. The hue is the hand's and not the drawn VPL's, which would be right in each
+// channel but speckle every wall in the colours of whatever lights it; so, where nothing is hidden,
+// there is no noise at all, and where only one colour of light is hidden, some of it stays in the
+// hue.
 
 #import bevy_render::view::View
 #import bevy_frugal_gi::gi::gather::settings::Gather
@@ -42,7 +45,8 @@ fn departure(position: vec3<f32>, normal: vec3<f32>) -> vec3<f32> {
 
 fn gathered(cell: vec2<u32>, position: vec3<f32>, normal: vec3<f32>) -> vec3<f32> {
     let origin = departure(position, normal);
-    // Interleaved gradient noise (Jimenez 2014): what a small filter joins has every value about once. Fixed, so that a still picture is still.
+    // Interleaved gradient noise (Jimenez 2014): what a small filter joins has every value about
+    // once. Fixed, so that a still picture is still.
     let noise = fract(52.9829189 * fract(dot(vec2<f32>(cell), vec2(0.06711056, 0.00583715))));
     var sum = vec3(0.0);
     var sum_drawn = vec3(0.0);
@@ -78,8 +82,8 @@ fn gathered(cell: vec2<u32>, position: vec3<f32>, normal: vec3<f32>) -> vec3<f32
 #endif
 
 #ifdef SKY_RAYS
-/// The same from the sky: its samples are dealt into hands of their own, since where the sky is bright and hidden a ray for both would nearly always
-/// be spent on it.
+/// The same from the sky: its samples are dealt into hands of their own, since where the sky is
+/// bright and hidden a ray for both would nearly always be spent on it.
 fn gathered_sky(cell: vec2<u32>, position: vec3<f32>, normal: vec3<f32>) -> vec3<f32> {
     let origin = departure(position, normal);
     let noise = fract(52.9829189 * fract(dot(vec2<f32>(cell), vec2(0.00583715, 0.06711056))));
@@ -118,7 +122,8 @@ fn gather_vpls(@builtin(global_invocation_id) id: vec3<u32>) {
 #ifdef SKY_RAYS
     light += gathered_sky(cell, position, normal);
 #endif
-    // Exposed before it is stored, so that half floats hold any scene; what is brighter than they can hold is white anyway.
+    // Exposed before it is stored, so that half floats hold any scene; what is brighter than they
+    // can hold is white anyway.
     let exposed = min(light * (view.exposure * 0.31830987), vec3(65000.0));
     textureStore(irradiance, cell, vec4(exposed, 1.0));
 }

@@ -10,7 +10,8 @@ use bevy::ecs::prelude::*;
 use bevy::platform::collections::HashMap;
 use bevy::render::diagnostic::RecordDiagnostics;
 use bevy::render::render_resource::binding_types::{
-    storage_buffer_read_only_sized, texture_2d, texture_depth_2d, texture_storage_2d, uniform_buffer, uniform_buffer_sized,
+    storage_buffer_read_only_sized, texture_2d, texture_depth_2d, texture_storage_2d,
+    uniform_buffer, uniform_buffer_sized,
 };
 use bevy::render::render_resource::*;
 use bevy::render::renderer::{RenderContext, ViewQuery};
@@ -37,7 +38,8 @@ pub(super) struct GatherKind {
     pub has_masks: bool,
 }
 
-/// Those of plain kinds are there from the beginning; with a sky or with holes once a camera has asked for them.
+/// Those of plain kinds are there from the beginning; with a sky or with holes once a camera has
+/// asked for them.
 #[derive(Resource)]
 pub(super) struct GatherPipelines {
     /// Without a sky and with one.
@@ -48,15 +50,29 @@ pub(super) struct GatherPipelines {
 
 impl FromWorld for GatherPipelines {
     fn from_world(world: &mut World) -> Self {
-        let vpls = uniform_buffer_sized(true, BufferSize::new(u64::from(FrugalGi::MAX_VPLS_PER_PIXEL) * VPL_BYTES));
-        let settings = uniform_buffer_sized(true, BufferSize::new(size_of::<GatherSettings>() as u64));
+        let vpls = uniform_buffer_sized(
+            true,
+            BufferSize::new(u64::from(FrugalGi::MAX_VPLS_PER_PIXEL) * VPL_BYTES),
+        );
+        let settings =
+            uniform_buffer_sized(true, BufferSize::new(size_of::<GatherSettings>() as u64));
         let read = || storage_buffer_read_only_sized(false, None);
         let write = texture_storage_2d(TextureFormat::Rgba16Float, StorageTextureAccess::WriteOnly);
-        let (g_buffer, depth, view) = (texture_2d(TextureSampleType::Uint), texture_depth_2d(), uniform_buffer::<ViewUniform>(true));
+        let (g_buffer, depth, view) = (
+            texture_2d(TextureSampleType::Uint),
+            texture_depth_2d(),
+            uniform_buffer::<ViewUniform>(true),
+        );
         let sky = uniform_buffer_sized(true, BufferSize::new(SET_BYTES));
         let compute = ShaderStages::COMPUTE;
-        let without_sky = BindGroupLayoutEntries::sequential(compute, (g_buffer, depth, view, vpls, settings, read(), write));
-        let with_sky = BindGroupLayoutEntries::sequential(compute, (g_buffer, depth, view, vpls, settings, read(), write, sky, read()));
+        let without_sky = BindGroupLayoutEntries::sequential(
+            compute,
+            (g_buffer, depth, view, vpls, settings, read(), write),
+        );
+        let with_sky = BindGroupLayoutEntries::sequential(
+            compute,
+            (g_buffer, depth, view, vpls, settings, read(), write, sky, read()),
+        );
         let mut pipelines = Self {
             layouts: [
                 BindGroupLayoutDescriptor::new("bevy_frugal_gi/gather", &without_sky),
@@ -75,7 +91,11 @@ impl FromWorld for GatherPipelines {
 
 impl GatherPipelines {
     /// The pipeline of a kind; compiled from now on where it was not asked for before.
-    pub(super) fn demand(&mut self, cache: &PipelineCache, kind: GatherKind) -> CachedComputePipelineId {
+    pub(super) fn demand(
+        &mut self,
+        cache: &PipelineCache,
+        kind: GatherKind,
+    ) -> CachedComputePipelineId {
         let Self { layouts, shader, pipelines } = self;
         let GatherKind { visibility, has_sky, has_masks } = kind;
         *pipelines.entry(kind).or_insert_with(|| {
@@ -105,7 +125,8 @@ impl GatherPipelines {
         })
     }
 
-    /// The pipeline of a kind, if it is compiled; until then, one that takes all that rays meet for solid.
+    /// The pipeline of a kind, if it is compiled; until then, one that takes all that rays meet for
+    /// solid.
     fn get<'a>(&self, cache: &'a PipelineCache, kind: GatherKind) -> Option<&'a ComputePipeline> {
         let compiled = |kind| cache.get_compute_pipeline(*self.pipelines.get(&kind)?);
         compiled(kind).or_else(|| compiled(GatherKind { has_masks: false, ..kind }))
@@ -125,7 +146,8 @@ pub(super) fn prepare_pipelines(
     for (gi, has_sky) in cameras.iter().filter(|(gi, _)| gi.traces()) {
         // A sky may turn out to send nothing.
         for has_sky in [false, has_sky] {
-            pipelines.demand(&cache, GatherKind { visibility: gi.visibility, has_sky, has_masks: true });
+            pipelines
+                .demand(&cache, GatherKind { visibility: gi.visibility, has_sky, has_masks: true });
         }
     }
 }
@@ -145,10 +167,17 @@ pub(super) fn gather(
     }
     let sky = sky.filter(|_| camera.sky_samples > 0);
     let is_traced = camera.visibility != GiVisibility::None;
-    let kind = GatherKind { visibility: camera.visibility, has_sky: sky.is_some(), has_masks: is_traced && occluders.are_masked() };
-    let (Some(g_buffer), Some(depth), Some(views), Some(pipeline)) =
-        (prepass.deferred_view(), prepass.depth_view(), view_uniforms.uniforms.binding(), pipelines.get(&cache, kind))
-    else {
+    let kind = GatherKind {
+        visibility: camera.visibility,
+        has_sky: sky.is_some(),
+        has_masks: is_traced && occluders.are_masked(),
+    };
+    let (Some(g_buffer), Some(depth), Some(views), Some(pipeline)) = (
+        prepass.deferred_view(),
+        prepass.depth_view(),
+        view_uniforms.uniforms.binding(),
+        pipelines.get(&cache, kind),
+    ) else {
         return;
     };
     let traced = if is_traced { occluders.bind_group() } else { None };
@@ -162,19 +191,24 @@ pub(super) fn gather(
         &camera.irradiance.default_view,
     ));
     let entries = match sky {
-        Some(sky) => entries.extend_sequential((first_of(&sky.samples, SET_BYTES), sky.plan_buffer.as_entire_binding())),
+        Some(sky) => entries.extend_sequential((
+            first_of(&sky.samples, SET_BYTES),
+            sky.plan_buffer.as_entire_binding(),
+        )),
         None => entries,
     };
     let layout = cache.get_bind_group_layout(&pipelines.layouts[usize::from(sky.is_some())]);
-    let bind_group = context.render_device().create_bind_group("bevy_frugal_gi/gather", &layout, &entries);
+    let bind_group =
+        context.render_device().create_bind_group("bevy_frugal_gi/gather", &layout, &entries);
     let size = camera.irradiance.texture.size();
     let diagnostics = context.diagnostic_recorder();
     let diagnostics = diagnostics.as_deref();
     let span = diagnostics.time_span(context.command_encoder(), "bevy_frugal_gi/gather");
     {
-        let mut pass = context
-            .command_encoder()
-            .begin_compute_pass(&ComputePassDescriptor { label: Some("bevy_frugal_gi/gather"), timestamp_writes: None });
+        let mut pass = context.command_encoder().begin_compute_pass(&ComputePassDescriptor {
+            label: Some("bevy_frugal_gi/gather"),
+            timestamp_writes: None,
+        });
         pass.set_pipeline(pipeline);
         if let Some(traced) = traced {
             pass.set_bind_group(1, traced, &[]);
@@ -182,7 +216,8 @@ pub(super) fn gather(
         let across = 8 * camera.plan.interleave;
         for set in 0..camera.plan.sets {
             let settings = set * plan::SETTINGS_STRIDE as u32;
-            let offsets = [view_offset.offset, camera.plan.offset(set), settings, set * SET_BYTES as u32];
+            let offsets =
+                [view_offset.offset, camera.plan.offset(set), settings, set * SET_BYTES as u32];
             pass.set_bind_group(0, &bind_group, &offsets[..if sky.is_some() { 4 } else { 3 }]);
             pass.dispatch_workgroups(size.width.div_ceil(across), size.height.div_ceil(across), 1);
         }

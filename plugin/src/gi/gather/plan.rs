@@ -6,7 +6,8 @@ use bytemuck::{Pod, Zeroable};
 use crate::gi::settings::{FrugalGi, GiInterleave, GiPixelFraction};
 use crate::gi::vpl::VPL_BYTES;
 
-/// Sets begin at multiples of so many VPLs: the least common multiple of their 48 bytes and the 256 that uniform offsets are multiples of.
+/// Sets begin at multiples of so many VPLs: the least common multiple of their 48 bytes and the 256
+/// that uniform offsets are multiples of.
 const STRIDE: u32 = 16;
 /// Bytes from one dispatch's settings to the next.
 pub(super) const SETTINGS_STRIDE: u64 = 256;
@@ -30,7 +31,10 @@ impl VplPlan {
     pub fn new(vpl_count: u32, interleave: GiInterleave) -> Self {
         let side = interleave.side();
         let sets = side * side;
-        let per_set = vpl_count.min(FrugalGi::MAX_VPL_COUNT).div_ceil(sets).clamp(1, FrugalGi::MAX_VPLS_PER_PIXEL);
+        let per_set = vpl_count
+            .min(FrugalGi::MAX_VPL_COUNT)
+            .div_ceil(sets)
+            .clamp(1, FrugalGi::MAX_VPLS_PER_PIXEL);
         Self { interleave: side, sets, per_set, stride: per_set.next_multiple_of(STRIDE) }
     }
 
@@ -45,7 +49,8 @@ impl VplPlan {
         self.sets * self.stride
     }
 
-    /// Bytes of the buffer of VPLs: from every set on there are as many as the shader's array is long.
+    /// Bytes of the buffer of VPLs: from every set on there are as many as the shader's array is
+    /// long.
     pub fn buffer_bytes(&self) -> u64 {
         u64::from((self.sets - 1) * self.stride + FrugalGi::MAX_VPLS_PER_PIXEL) * VPL_BYTES
     }
@@ -75,7 +80,8 @@ pub(super) fn settings_bytes(plan: &VplPlan, fraction: GiPixelFraction) -> Vec<u
     let (cell_width, cell_height) = fraction.cell();
     let mut bytes = vec![0; plan.sets as usize * SETTINGS_STRIDE as usize];
     for (set, chunk) in (0..).zip(bytes.chunks_exact_mut(SETTINGS_STRIDE as usize)) {
-        let settings = GatherSettings { cell_width, cell_height, residue: plan.residue(set).to_array() };
+        let settings =
+            GatherSettings { cell_width, cell_height, residue: plan.residue(set).to_array() };
         chunk[..size_of::<GatherSettings>()].copy_from_slice(bytemuck::bytes_of(&settings));
     }
     bytes
@@ -90,14 +96,24 @@ mod tests {
         for interleave in GiInterleave::ALL {
             for count in [1, 2, 31, 32, 100, 1024, 4096, FrugalGi::MAX_VPL_COUNT, u32::MAX] {
                 let plan = VplPlan::new(count, interleave);
-                assert!((1..=FrugalGi::MAX_VPLS_PER_PIXEL).contains(&plan.per_set) && plan.per_set <= plan.stride);
-                let wanted = count.min(FrugalGi::MAX_VPL_COUNT).min(plan.sets * FrugalGi::MAX_VPLS_PER_PIXEL);
-                assert!((wanted..wanted + plan.sets).contains(&(plan.sets * plan.per_set)), "{count} {plan:?}");
-                let places: std::collections::HashSet<_> = (0..plan.sets).map(|set| plan.residue(set)).collect();
+                assert!(
+                    (1..=FrugalGi::MAX_VPLS_PER_PIXEL).contains(&plan.per_set)
+                        && plan.per_set <= plan.stride
+                );
+                let wanted = count
+                    .min(FrugalGi::MAX_VPL_COUNT)
+                    .min(plan.sets * FrugalGi::MAX_VPLS_PER_PIXEL);
+                assert!(
+                    (wanted..wanted + plan.sets).contains(&(plan.sets * plan.per_set)),
+                    "{count} {plan:?}"
+                );
+                let places: std::collections::HashSet<_> =
+                    (0..plan.sets).map(|set| plan.residue(set)).collect();
                 assert_eq!(places.len() as u32, plan.sets);
                 for set in 0..plan.sets {
                     assert_eq!(plan.offset(set) % 256, 0);
-                    let end = u64::from(plan.offset(set)) + u64::from(FrugalGi::MAX_VPLS_PER_PIXEL) * VPL_BYTES;
+                    let end = u64::from(plan.offset(set))
+                        + u64::from(FrugalGi::MAX_VPLS_PER_PIXEL) * VPL_BYTES;
                     assert!(end <= plan.buffer_bytes());
                 }
             }

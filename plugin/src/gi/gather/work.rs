@@ -20,11 +20,19 @@ pub(in crate::gi) struct Work {
 }
 
 impl Work {
-    /// The next frame's. `changed`: the camera, its sky or its settings are others. `always`: its pixels never stay where they are, or its sky is
-    /// made anew in each frame.
-    pub(super) fn next(self, changed: bool, always: bool, frame: &GiFrame, policy: GiRefresh, period: u32) -> Self {
+    /// The next frame's. `changed`: the camera, its sky or its settings are others. `always`: its
+    /// pixels never stay where they are, or its sky is made anew in each frame.
+    pub(super) fn next(
+        self,
+        changed: bool,
+        always: bool,
+        frame: &GiFrame,
+        policy: GiRefresh,
+        period: u32,
+    ) -> Self {
         let quiet = if changed { 0 } else { self.quiet.saturating_add(1) };
-        // A whole period from the last change on: in one frame of it VPLs are drawn for where the camera is now.
+        // A whole period from the last change on: in one frame of it VPLs are drawn for where the
+        // camera is now.
         let gather = frame.gather || always || policy != GiRefresh::OnChange || quiet < period;
         Self { quiet, gather, draw: gather && (frame.maps || frame.number.is_multiple_of(period)) }
     }
@@ -38,14 +46,29 @@ pub(super) struct Seen {
     world_from_view: Affine3A,
     clip_from_view: Mat4,
     sky: Option<SkySeen>,
-    /// Whether what rays may meet was there. It is not in the frame in which an app asks for rays after it was collected.
+    /// Whether what rays may meet was there. It is not in the frame in which an app asks for rays
+    /// after it was collected.
     has_occluders: bool,
 }
 
 impl Seen {
-    pub(super) fn new(gi: &FrugalGi, camera: &ExtractedCamera, view: &ExtractedView, sky: Option<SkySeen>, has_occluders: bool) -> Self {
-        let (world_from_view, clip_from_view) = (view.world_from_view.affine(), view.clip_from_view);
-        Self { gi: gi.clone(), exposure: camera.exposure, world_from_view, clip_from_view, sky, has_occluders }
+    pub(super) fn new(
+        gi: &FrugalGi,
+        camera: &ExtractedCamera,
+        view: &ExtractedView,
+        sky: Option<SkySeen>,
+        has_occluders: bool,
+    ) -> Self {
+        let (world_from_view, clip_from_view) =
+            (view.world_from_view.affine(), view.clip_from_view);
+        Self {
+            gi: gi.clone(),
+            exposure: camera.exposure,
+            world_from_view,
+            clip_from_view,
+            sky,
+            has_occluders,
+        }
     }
 }
 
@@ -70,11 +93,18 @@ mod tests {
 
     #[test]
     fn a_still_camera_in_a_still_scene_rests() {
-        let gathers = |changed, moving, policy| resting().next(changed, false, &frame(1, moving), policy, 1).gather;
+        let gathers = |changed, moving, policy| {
+            resting().next(changed, false, &frame(1, moving), policy, 1).gather
+        };
         assert!(!gathers(false, false, GiRefresh::OnChange));
-        assert!(gathers(true, false, GiRefresh::OnChange) && gathers(false, true, GiRefresh::OnChange));
+        assert!(
+            gathers(true, false, GiRefresh::OnChange) && gathers(false, true, GiRefresh::OnChange)
+        );
         assert!(gathers(false, false, GiRefresh::AsIfCamerasMoved));
-        assert!(resting().next(false, true, &frame(1, false), GiRefresh::OnChange, 1).gather, "jittered");
+        assert!(
+            resting().next(false, true, &frame(1, false), GiRefresh::OnChange, 1).gather,
+            "jittered"
+        );
     }
 
     #[test]
@@ -83,7 +113,13 @@ mod tests {
             for start in 0..period {
                 let mut work = resting();
                 let drawn = (0..20).filter(|number| {
-                    work = work.next(*number == 0, false, &frame(start + number, false), GiRefresh::OnChange, period);
+                    work = work.next(
+                        *number == 0,
+                        false,
+                        &frame(start + number, false),
+                        GiRefresh::OnChange,
+                        period,
+                    );
                     work.draw
                 });
                 assert_eq!(drawn.count(), 1, "period {period} from {start}");
@@ -98,7 +134,10 @@ mod tests {
             let frame = GiFrame { number, maps, gather: true, ..Default::default() };
             Work::default().next(true, false, &frame, GiRefresh::OnChange, 4).draw
         };
-        assert_eq!([0, 1, 2, 3, 4].map(|number| draws(number, false)), [true, false, false, false, true]);
+        assert_eq!(
+            [0, 1, 2, 3, 4].map(|number| draws(number, false)),
+            [true, false, false, false, true]
+        );
         assert!(draws(1, true), "what was drawn from is no longer there");
     }
 }

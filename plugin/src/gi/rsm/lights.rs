@@ -59,13 +59,22 @@ pub(super) struct BouncingLight {
     pub range: f32,
 }
 
-/// Lumens of a point or spot light to candela: Bevy divides both by 4π, so that a spot is as bright in its cone as a point light.
+/// Lumens of a point or spot light to candela: Bevy divides both by 4π, so that a spot is as bright
+/// in its cone as a point light.
 const CANDELA_PER_LUMEN: f32 = 1.0 / (4.0 * std::f32::consts::PI);
 
 impl BouncingLight {
     pub fn directional(entity: Entity, light: &DirectionalLight, rotation: Quat) -> Option<Self> {
         let intensity = linear(light.color) * light.illuminance;
-        Self { entity, emitter: Emitter::Directional, intensity, position: Vec3::ZERO, rotation, range: f32::INFINITY }.sound()
+        Self {
+            entity,
+            emitter: Emitter::Directional,
+            intensity,
+            position: Vec3::ZERO,
+            rotation,
+            range: f32::INFINITY,
+        }
+        .sound()
     }
 
     pub fn spot(entity: Entity, light: &SpotLight, position: Vec3, rotation: Quat) -> Option<Self> {
@@ -78,17 +87,28 @@ impl BouncingLight {
 
     pub fn point(entity: Entity, light: &PointLight, position: Vec3) -> Option<Self> {
         let intensity = linear(light.color) * light.intensity * CANDELA_PER_LUMEN;
-        Self { entity, emitter: Emitter::Point, intensity, position, rotation: Quat::IDENTITY, range: light.range }.sound()
+        Self {
+            entity,
+            emitter: Emitter::Point,
+            intensity,
+            position,
+            rotation: Quat::IDENTITY,
+            range: light.range,
+        }
+        .sound()
     }
 
     /// Nothing for a light that is dark, negative or not finite: it costs nothing.
     fn sound(self) -> Option<Self> {
-        let lit = self.intensity.is_finite() && self.intensity.min_element() >= 0.0 && self.intensity.max_element() > 0.0;
+        let lit = self.intensity.is_finite()
+            && self.intensity.min_element() >= 0.0
+            && self.intensity.max_element() > 0.0;
         let placed = self.position.is_finite() && self.rotation.is_finite() && self.range > 0.0;
         (lit && placed).then_some(self)
     }
 
-    /// How much it may light the surroundings of `camera`, in lux at the camera: what lights are ranked by when there are too many.
+    /// How much it may light the surroundings of `camera`, in lux at the camera: what lights are
+    /// ranked by when there are too many.
     pub fn importance(&self, camera: Vec3) -> f32 {
         let brightest = self.intensity.max_element();
         match self.emitter {
@@ -104,9 +124,14 @@ impl BouncingLight {
 
     /// Texels along the edge of each of its maps when a single one has `resolution`.
     pub fn resolution(&self, resolution: u32) -> u32 {
-        // A face of a quarter of the size has texels of 90° ÷ resolution · 4: at 3 m about as large as those of a sun's map of what is near. Half the size was
-        // tried and took four times the memory, a fifth of all, for the same errors. Few texels are never made fewer.
-        if self.emitter == Emitter::Point { (resolution / 4).max(32).min(resolution / 2).max(8) } else { resolution }
+        // A face of a quarter of the size has texels of 90° ÷ resolution · 4: at 3 m about as large
+        // as those of a sun's map of what is near. Half the size was tried and took four times the
+        // memory, a fifth of all, for the same errors. Few texels are never made fewer.
+        if self.emitter == Emitter::Point {
+            (resolution / 4).max(32).min(resolution / 2).max(8)
+        } else {
+            resolution
+        }
     }
 
     /// `saturate(cos · scale + offset)²` is the cone's attenuation.
@@ -137,16 +162,28 @@ mod tests {
     #[test]
     fn dark_and_broken_lights_do_not_bounce() {
         let entity = Entity::PLACEHOLDER;
-        let point = |intensity| BouncingLight::point(entity, &PointLight { intensity, ..Default::default() }, Vec3::ZERO).is_some();
-        assert_eq!([0.0, -1.0, f32::NAN, f32::INFINITY, 1e-20, 1e20].map(point), [false, false, false, false, true, true]);
-        let placed = |position| BouncingLight::point(entity, &PointLight::default(), position).is_some();
+        let point = |intensity| {
+            BouncingLight::point(
+                entity,
+                &PointLight { intensity, ..Default::default() },
+                Vec3::ZERO,
+            )
+            .is_some()
+        };
+        assert_eq!(
+            [0.0, -1.0, f32::NAN, f32::INFINITY, 1e-20, 1e20].map(point),
+            [false, false, false, false, true, true]
+        );
+        let placed =
+            |position| BouncingLight::point(entity, &PointLight::default(), position).is_some();
         assert!(!placed(Vec3::NAN) && placed(Vec3::splat(1e6)));
     }
 
     #[test]
     fn a_spot_is_full_inside_and_dark_outside_its_cone() {
         let light = SpotLight { inner_angle: 0.3, outer_angle: 0.6, ..Default::default() };
-        let light = BouncingLight::spot(Entity::PLACEHOLDER, &light, Vec3::ZERO, Quat::IDENTITY).expect("a lit spot");
+        let light = BouncingLight::spot(Entity::PLACEHOLDER, &light, Vec3::ZERO, Quat::IDENTITY)
+            .expect("a lit spot");
         let (scale, offset) = light.cone();
         let attenuation = |angle: f32| (angle.cos() * scale + offset).clamp(0.0, 1.0).powi(2);
         assert!((attenuation(0.3) - 1.0).abs() < 1e-5 && attenuation(0.6) < 1e-5);

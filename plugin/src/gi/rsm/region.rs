@@ -15,7 +15,8 @@ pub(super) struct SceneBox(pub Option<(Vec3, Vec3)>);
 const STEPS: u32 = 16;
 /// How far around the camera its own map goes, as a share of how far light bounces at all.
 const NEAR_SHARE: f32 = 0.3;
-/// Where the camera's own map would be larger than this share of the other's side, one map does for both.
+/// Where the camera's own map would be larger than this share of the other's side, one map does for
+/// both.
 const LARGEST_NEAR: f32 = 0.6;
 
 /// Texels of a map that another one covers more finely: nothing is drawn from them.
@@ -63,17 +64,28 @@ pub(super) struct LightRegion {
     pub depth: f32,
 }
 
-/// What a map of `texels` × `texels` must cover for a camera at `camera`: the whole scene where it is small, else a square of twice `range`
-/// around the camera. Along the rays it always holds the whole scene, since whatever stands in the light shades what is near.
+/// What a map of `texels` × `texels` must cover for a camera at `camera`: the whole scene where it
+/// is small, else a square of twice `range` around the camera. Along the rays it always holds the
+/// whole scene, since whatever stands in the light shades what is near.
 ///
-/// The region moves in steps of a sixteenth, which are whole texels, and grows in steps of an eighth: VPLs stay put while the camera or a mesh moves, and
-/// the map is seldom rendered for that.
-pub(super) fn cover(scene: (Vec3, Vec3), rotation: Mat3, camera: Vec3, range: f32, texels: u32) -> LightRegion {
+/// The region moves in steps of a sixteenth, which are whole texels, and grows in steps of an
+/// eighth: VPLs stay put while the camera or a mesh moves, and the map is seldom rendered for that.
+pub(super) fn cover(
+    scene: (Vec3, Vec3),
+    rotation: Mat3,
+    camera: Vec3,
+    range: f32,
+    texels: u32,
+) -> LightRegion {
     let world_from_light = rotation;
     let light_from_world = rotation.transpose();
     let half = 0.5 * (scene.1 - scene.0);
     let center = light_from_world * (0.5 * (scene.0 + scene.1));
-    let spread = Mat3::from_cols(light_from_world.x_axis.abs(), light_from_world.y_axis.abs(), light_from_world.z_axis.abs()) * half;
+    let spread = Mat3::from_cols(
+        light_from_world.x_axis.abs(),
+        light_from_world.y_axis.abs(),
+        light_from_world.z_axis.abs(),
+    ) * half;
     let eye = light_from_world * camera;
     let range = if range.is_finite() && range > 0.0 { range } else { f32::MAX };
 
@@ -93,12 +105,23 @@ pub(super) fn cover(scene: (Vec3, Vec3), rotation: Mat3, camera: Vec3, range: f3
     let (y, height) = axis(center.y, spread.y, eye.y);
     let margin = 0.01 * spread.z + 0.01;
     let near = center.z + spread.z + margin;
-    LightRegion { origin: world_from_light * Vec3::new(x, y, near), size: Vec2::new(width, height), depth: 2.0 * (spread.z + margin) }
+    LightRegion {
+        origin: world_from_light * Vec3::new(x, y, near),
+        size: Vec2::new(width, height),
+        depth: 2.0 * (spread.z + margin),
+    }
 }
 
-/// What of `far`, a region of `texels` × `texels`, a second map covers more finely: what is near the camera, and so lights what fills the picture.
-/// None where that would be most of it. Whole texels of the first, so that light is in one of the two.
-pub(super) fn near(far: &LightRegion, rotation: Mat3, camera: Vec3, range: f32, texels: u32) -> Option<(LightRegion, RsmCut)> {
+/// What of `far`, a region of `texels` × `texels`, a second map covers more finely: what is near
+/// the camera, and so lights what fills the picture. None where that would be most of it. Whole
+/// texels of the first, so that light is in one of the two.
+pub(super) fn near(
+    far: &LightRegion,
+    rotation: Mat3,
+    camera: Vec3,
+    range: f32,
+    texels: u32,
+) -> Option<(LightRegion, RsmCut)> {
     let light_from_world = rotation.transpose();
     let (center, eye) = (light_from_world * far.origin, light_from_world * camera);
     if !(eye.is_finite() && center.is_finite()) {
@@ -118,10 +141,19 @@ pub(super) fn near(far: &LightRegion, rotation: Mat3, camera: Vec3, range: f32, 
     let (bottom, height) = axis(center.y, far.size.y, eye.y)?;
     let texel = far.size / texels as f32;
     let low = center.truncate() - 0.5 * far.size;
-    let middle = low + texel * (Vec2::new(left as f32, bottom as f32) + 0.5 * Vec2::new(width as f32, height as f32));
-    let region =
-        LightRegion { origin: rotation * middle.extend(center.z), size: texel * Vec2::new(width as f32, height as f32), depth: far.depth };
-    Some((region, RsmCut { columns: [left, left + width], rows: [texels - bottom - height, texels - bottom] }))
+    let middle = low
+        + texel
+            * (Vec2::new(left as f32, bottom as f32)
+                + 0.5 * Vec2::new(width as f32, height as f32));
+    let region = LightRegion {
+        origin: rotation * middle.extend(center.z),
+        size: texel * Vec2::new(width as f32, height as f32),
+        depth: far.depth,
+    };
+    Some((
+        region,
+        RsmCut { columns: [left, left + width], rows: [texels - bottom - height, texels - bottom] },
+    ))
 }
 
 fn power_of_two_above(value: f32) -> f32 {
@@ -162,22 +194,34 @@ mod tests {
     fn what_is_near_has_a_map_of_its_own_of_whole_texels_of_the_other() {
         let scene = (Vec3::new(-30.0, 0.0, -30.0), Vec3::new(30.0, 3.0, 30.0));
         let texels = 128;
-        for camera in [Vec3::ZERO, Vec3::new(11.0, 1.0, -17.3), Vec3::new(29.0, 2.0, 29.0), Vec3::splat(-500.0)] {
+        for camera in [
+            Vec3::ZERO,
+            Vec3::new(11.0, 1.0, -17.3),
+            Vec3::new(29.0, 2.0, 29.0),
+            Vec3::splat(-500.0),
+        ] {
             let far = cover(scene, down(), camera, 40.0, texels);
             let (near, cut) = near(&far, down(), camera, 40.0, texels).expect("a large scene");
             let texel = far.size / texels as f32;
             for (axis, cut) in [(0, cut.columns), (1, cut.rows)] {
-                assert!(cut[1] <= texels && near.size[axis] >= 24.0 && near.size[axis] < 26.0, "{near:?} {cut:?}");
+                assert!(
+                    cut[1] <= texels && near.size[axis] >= 24.0 && near.size[axis] < 26.0,
+                    "{near:?} {cut:?}"
+                );
                 assert!(((cut[1] - cut[0]) as f32 * texel[axis] - near.size[axis]).abs() < 1e-3);
             }
             // The light's x is the world's, and its y the world's −z: rows count along z.
             let low = near.origin - Vec3::new(0.5 * near.size.x, 0.0, 0.5 * near.size.y);
             let corner = far.origin - Vec3::new(0.5 * far.size.x, 0.0, 0.5 * far.size.y);
-            let expected = corner + Vec3::new(cut.columns[0] as f32 * texel.x, 0.0, cut.rows[0] as f32 * texel.y);
+            let expected = corner
+                + Vec3::new(cut.columns[0] as f32 * texel.x, 0.0, cut.rows[0] as f32 * texel.y);
             assert!(low.abs_diff_eq(expected, 1e-3), "{camera}: {low} {expected}");
             let inside = (camera - near.origin).abs();
             let is_in_scene = camera.abs().max_element() < 30.0;
-            assert!(!is_in_scene || inside.x <= 0.5 * near.size.x && inside.z <= 0.5 * near.size.y, "{camera}: {near:?}");
+            assert!(
+                !is_in_scene || inside.x <= 0.5 * near.size.x && inside.z <= 0.5 * near.size.y,
+                "{camera}: {near:?}"
+            );
         }
     }
 
@@ -185,7 +229,12 @@ mod tests {
     fn a_small_scene_has_one_map() {
         let far = cover(SCENE, down(), Vec3::ZERO, 40.0, 128);
         assert_eq!(near(&far, down(), Vec3::ZERO, 40.0, 128), None);
-        for (camera, range) in [(Vec3::NAN, 40.0), (Vec3::ZERO, f32::NAN), (Vec3::ZERO, f32::INFINITY), (Vec3::ZERO, 0.0)] {
+        for (camera, range) in [
+            (Vec3::NAN, 40.0),
+            (Vec3::ZERO, f32::NAN),
+            (Vec3::ZERO, f32::INFINITY),
+            (Vec3::ZERO, 0.0),
+        ] {
             assert_eq!(near(&far, down(), camera, range, 128), None);
         }
     }
@@ -195,7 +244,10 @@ mod tests {
         for camera in [Vec3::NAN, Vec3::INFINITY, Vec3::splat(1e30)] {
             for range in [0.0, -1.0, f32::NAN, f32::INFINITY, 1e-20] {
                 let region = cover(SCENE, down(), camera, range, 64);
-                assert!(region.size.is_finite() && region.depth.is_finite(), "{camera} {range}: {region:?}");
+                assert!(
+                    region.size.is_finite() && region.depth.is_finite(),
+                    "{camera} {range}: {region:?}"
+                );
             }
         }
         let flat = cover((Vec3::ONE, Vec3::ONE), down(), Vec3::ZERO, 40.0, 64);

@@ -8,10 +8,14 @@ use bevy::pbr::Transmissive3d;
 use bevy::render::diagnostic::RecordDiagnostics;
 use bevy::render::extract_component::{ComponentUniforms, DynamicUniformIndex};
 use bevy::render::render_phase::{ViewBinnedRenderPhases, ViewSortedRenderPhases};
-use bevy::render::render_resource::binding_types::{storage_buffer_sized, texture_2d, texture_depth_2d, uniform_buffer};
+use bevy::render::render_resource::binding_types::{
+    storage_buffer_sized, texture_2d, texture_depth_2d, uniform_buffer,
+};
 use bevy::render::render_resource::*;
 use bevy::render::renderer::{RenderContext, RenderDevice, RenderQueue, ViewQuery};
-use bevy::render::view::{ExtractedView, ViewDepthTexture, ViewUniform, ViewUniformOffset, ViewUniforms};
+use bevy::render::view::{
+    ExtractedView, ViewDepthTexture, ViewUniform, ViewUniformOffset, ViewUniforms,
+};
 use bevy::utils::default;
 
 use super::RsmView;
@@ -23,7 +27,8 @@ use crate::gi::sources::GiEmitters;
 /// Bytes of `rsm/texel.wgsl`'s `Texel`. A test holds it against the shader.
 pub(in crate::gi) const TEXEL_BYTES: u64 = size_of::<super::Texel>() as u64;
 
-/// Texels of every map, one after another, those of what glows, and those of cameras' patches. Empty while there is no light.
+/// Texels of every map, one after another, those of what glows, and those of cameras' patches.
+/// Empty while there is no light.
 #[derive(Resource, Default)]
 pub(in crate::gi) struct RsmStore {
     /// `Texel` each; present while there are any.
@@ -82,7 +87,8 @@ impl FromWorld for RsmPipelines {
     }
 }
 
-/// Takes the maps' cameras out of the main pass before anything is specialised, compiled or queued for it.
+/// Takes the maps' cameras out of the main pass before anything is specialised, compiled or queued
+/// for it.
 pub(in crate::gi) fn drop_main_phases(
     views: Query<&ExtractedView, With<RsmView>>,
     mut opaque: ResMut<ViewBinnedRenderPhases<Opaque3d>>,
@@ -99,7 +105,8 @@ pub(in crate::gi) fn drop_main_phases(
     }
 }
 
-/// Fits the store to the maps of this frame, what glows and what reflects again; lets it go where there is none of them.
+/// Fits the store to the maps of this frame, what glows and what reflects again; lets it go where
+/// there is none of them.
 pub(in crate::gi) fn prepare_store(
     mut store: ResMut<RsmStore>,
     device: Res<RenderDevice>,
@@ -127,9 +134,16 @@ pub(in crate::gi) fn prepare_store(
             usage: BufferUsages::STORAGE | BufferUsages::COPY_SRC | BufferUsages::COPY_DST,
             mapped_at_creation: false,
         });
-        // Where only what lies behind them needs more room or less, maps that rest are not rendered again.
-        if let Some(old) = store.texels.as_ref().filter(|_| store.map_texels > 0 && store.map_texels == old_map_texels) {
-            let mut encoder = device.create_command_encoder(&CommandEncoderDescriptor { label: Some("bevy_frugal_gi/rsm/keep") });
+        // Where only what lies behind them needs more room or less, maps that rest are not rendered
+        // again.
+        if let Some(old) = store
+            .texels
+            .as_ref()
+            .filter(|_| store.map_texels > 0 && store.map_texels == old_map_texels)
+        {
+            let mut encoder = device.create_command_encoder(&CommandEncoderDescriptor {
+                label: Some("bevy_frugal_gi/rsm/keep"),
+            });
             encoder.copy_buffer_to_buffer(old, 0, &new, 0, u64::from(old_map_texels) * TEXEL_BYTES);
             queue.submit([encoder.finish()]);
         }
@@ -156,7 +170,8 @@ pub(in crate::gi) fn resolve(
     mut context: RenderContext,
 ) {
     let (map, shading, light_index, extracted, prepass, depth, view_offset) = view.into_inner();
-    let resolve = pipelines.resolve[usize::from(map.camera.is_some())][usize::from(*shading == GiShading::Lambertian)];
+    let resolve = pipelines.resolve[usize::from(map.camera.is_some())]
+        [usize::from(*shading == GiShading::Lambertian)];
     let (Some(texels), Some(g_buffer), Some(views), Some(lights), Some(resolve)) = (
         &store.texels,
         prepass.deferred_view(),
@@ -169,16 +184,23 @@ pub(in crate::gi) fn resolve(
     let bind_group = context.render_device().create_bind_group(
         "bevy_frugal_gi/rsm/resolve",
         &cache.get_bind_group_layout(&pipelines.layout),
-        &BindGroupEntries::sequential((g_buffer, depth.view(), views, lights, texels.as_entire_binding())),
+        &BindGroupEntries::sequential((
+            g_buffer,
+            depth.view(),
+            views,
+            lights,
+            texels.as_entire_binding(),
+        )),
     );
     let (width, height) = (extracted.viewport.z, extracted.viewport.w);
     let diagnostics = context.diagnostic_recorder();
     let diagnostics = diagnostics.as_deref();
     let span = diagnostics.time_span(context.command_encoder(), "bevy_frugal_gi/rsm");
     {
-        let mut pass = context
-            .command_encoder()
-            .begin_compute_pass(&ComputePassDescriptor { label: Some("bevy_frugal_gi/rsm/resolve"), timestamp_writes: None });
+        let mut pass = context.command_encoder().begin_compute_pass(&ComputePassDescriptor {
+            label: Some("bevy_frugal_gi/rsm/resolve"),
+            timestamp_writes: None,
+        });
         pass.set_bind_group(0, &bind_group, &[view_offset.offset, light_index.index()]);
         pass.set_pipeline(resolve);
         pass.dispatch_workgroups(width.div_ceil(8), height.div_ceil(8), 1);

@@ -1,7 +1,9 @@
-// Turns a light's G-buffer into flux: Dachsbacher and Stamminger 2005, "Reflective Shadow Maps", section 3.1, in photometric units.
+// Turns a light's G-buffer into flux: Dachsbacher and Stamminger 2005, "Reflective Shadow Maps",
+// section 3.1, in photometric units.
 //
-// One pipeline for lights with parallel rays (PARALLEL) and one for those with a position. No control flow depends on a uniform: software
-// Vulkan drivers compile a shader anew for each value of such a uniform.
+// One pipeline for lights with parallel rays (PARALLEL) and one for those with a position. No
+// control flow depends on a uniform: software Vulkan drivers compile a shader anew for each value
+// of such a uniform.
 
 #import bevy_render::view::View
 #import bevy_frugal_gi::gi::rsm::texel::{Texel, pack_normal}
@@ -10,7 +12,8 @@
 struct Light {
     /// Parallel: lux. Otherwise candela. Linear RGB.
     intensity: vec3<f32>,
-    /// World area that a texel covers across the rays (m²), or solid angle of a texel in the middle of the view (sr).
+    /// World area that a texel covers across the rays (m²), or solid angle of a texel in the middle
+    /// of the view (sr).
     texel_measure: f32,
     /// World space, metres; unused for parallel light.
     position: vec3<f32>,
@@ -57,7 +60,8 @@ fn resolve(@builtin(global_invocation_id) id: vec3<u32>) {
     let ray = surface.position - light.position;
     let distance_squared = max(dot(ray, ray), 1e-12);
     let axis = view.world_from_view[2].xyz;
-    // A texel off the axis is seen smaller by cos³: once for its distance, twice for the tilt of a flat sensor.
+    // A texel off the axis is seen smaller by cos³: once for its distance, twice for the tilt of a
+    // flat sensor.
     let cos_axis = max(-dot(ray, axis) * inverseSqrt(distance_squared), 0.0);
     let cos_cone = dot(ray, light.direction) * inverseSqrt(distance_squared);
     let cone = saturate(cos_cone * light.cone_scale + light.cone_offset);

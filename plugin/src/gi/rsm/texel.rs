@@ -19,11 +19,17 @@ pub(in crate::gi) struct Texel {
 impl Texel {
     /// A texel; `normal` is a unit vector in world space.
     pub fn new(position: Vec3, area: f32, flux: Vec3, normal: Vec3) -> Self {
-        Self { position: position.to_array(), area, flux: flux.to_array(), packed_normal: pack_normal(normal) }
+        Self {
+            position: position.to_array(),
+            area,
+            flux: flux.to_array(),
+            packed_normal: pack_normal(normal),
+        }
     }
 }
 
-/// Octahedral coordinates (Cigolle et al. 2014) of 16 bits each: what `rsm/texel.wgsl`'s function of that name gives.
+/// Octahedral coordinates (Cigolle et al. 2014) of 16 bits each: what `rsm/texel.wgsl`'s function
+/// of that name gives.
 pub(in crate::gi) fn pack_normal(normal: Vec3) -> u32 {
     let Vec3 { x, y, z } = normal / (normal.x.abs() + normal.y.abs() + normal.z.abs());
     let folded = |own: f32, other: f32| (1.0 - other.abs()) * if own > 0.0 { 1.0 } else { -1.0 };

@@ -1,4 +1,5 @@
-// What reflective shadow maps leave behind for the sampling of virtual point lights: 32 bytes a texel, since they are most of what GI holds.
+// What reflective shadow maps leave behind for the sampling of virtual point lights: 32 bytes a
+// texel, since they are most of what GI holds.
 #define_import_path bevy_frugal_gi::gi::rsm::texel
 
 #import bevy_pbr::utils::{octahedral_decode, octahedral_encode}
@@ -9,7 +10,8 @@ struct Texel {
     position: vec3<f32>,
     /// Of the surface that the texel covers, m².
     area: f32,
-    /// Reflected flux, lumens: light through the texel × albedo. 0 where nothing is lit, or where anything was not finite.
+    /// Reflected flux, lumens: light through the texel × albedo. 0 where nothing is lit, or where
+    /// anything was not finite.
     flux: vec3<f32>,
     /// See `texel_normal`.
     packed_normal: u32,

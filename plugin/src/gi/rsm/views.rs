@@ -1,7 +1,11 @@
-//! Keeps one hidden camera per map: spawns, moves, resizes and despawns them as lights and GI cameras come, move and go.
+//! Keeps one hidden camera per map: spawns, moves, resizes and despawns them as lights and GI
+//! cameras come, move and go.
 
 use bevy::camera::visibility::{InheritedVisibility, RenderLayers};
-use bevy::camera::{Camera, Camera3d, OrthographicProjection, PerspectiveProjection, Projection, RenderTarget, ScalingMode};
+use bevy::camera::{
+    Camera, Camera3d, OrthographicProjection, PerspectiveProjection, Projection, RenderTarget,
+    ScalingMode,
+};
 use bevy::core_pipeline::prepass::{DeferredPrepass, DepthPrepass};
 use bevy::ecs::prelude::*;
 use bevy::ecs::query::QueryData;
@@ -35,7 +39,8 @@ struct Wanted {
 }
 
 impl Wanted {
-    /// Unique, since places in the store are: cameras of equal order and target are ambiguous to Bevy.
+    /// Unique, since places in the store are: cameras of equal order and target are ambiguous to
+    /// Bevy.
     fn order(&self) -> isize {
         FIRST_ORDER + self.light.texel_offset as isize
     }
@@ -68,17 +73,25 @@ pub(super) fn maintain(
     suns: Query<(Entity, &DirectionalLight, &InheritedVisibility, Option<&RenderLayers>)>,
     spots: Query<(Entity, &SpotLight, &InheritedVisibility, Option<&RenderLayers>)>,
     points: Query<(Entity, &PointLight, &InheritedVisibility, Option<&RenderLayers>)>,
-    // Both touch transforms: first those of lights and cameras are read, then those of maps are written.
+    // Both touch transforms: first those of lights and cameras are read, then those of maps are
+    // written.
     mut placed: ParamSet<(TransformHelper, Query<Map, Without<FrugalGi>>)>,
 ) {
     let transforms = placed.p0();
-    let place = |entity| transforms.compute_global_transform(entity).ok().map(|t| t.compute_transform());
+    let place =
+        |entity| transforms.compute_global_transform(entity).ok().map(|t| t.compute_transform());
     let eyes: Vec<GiEye> = cameras
         .iter()
         .filter(|(_, camera, gi)| camera.is_active && gi.vpl_count > 0)
         .filter_map(|(entity, _, gi)| {
             let resolution = gi.rsm_resolution.clamp(16, 2048);
-            Some(GiEye { entity, position: place(entity)?.translation, range: gi.range, resolution, shading: gi.shading })
+            Some(GiEye {
+                entity,
+                position: place(entity)?.translation,
+                range: gi.range,
+                resolution,
+                shading: gi.shading,
+            })
         })
         .collect();
 
@@ -86,18 +99,31 @@ pub(super) fn maintain(
     if let (Some(scene), false) = (scene.0, eyes.is_empty()) {
         let layers = |layers: Option<&RenderLayers>| layers.cloned();
         let mut lights: Vec<(BouncingLight, Option<RenderLayers>)> = Vec::new();
-        lights.extend(suns.iter().filter(|(_, _, visible, _)| visible.get()).filter_map(|(entity, light, _, mask)| {
-            Some((BouncingLight::directional(entity, light, place(entity)?.rotation)?, layers(mask)))
-        }));
-        lights.extend(spots.iter().filter(|(_, _, visible, _)| visible.get()).filter_map(|(entity, light, _, mask)| {
-            let at = place(entity)?;
-            Some((BouncingLight::spot(entity, light, at.translation, at.rotation)?, layers(mask)))
-        }));
-        lights.extend(
-            points.iter().filter(|(_, _, visible, _)| visible.get()).filter_map(|(entity, light, _, mask)| {
-                Some((BouncingLight::point(entity, light, place(entity)?.translation)?, layers(mask)))
-            }),
-        );
+        lights.extend(suns.iter().filter(|(_, _, visible, _)| visible.get()).filter_map(
+            |(entity, light, _, mask)| {
+                Some((
+                    BouncingLight::directional(entity, light, place(entity)?.rotation)?,
+                    layers(mask),
+                ))
+            },
+        ));
+        lights.extend(spots.iter().filter(|(_, _, visible, _)| visible.get()).filter_map(
+            |(entity, light, _, mask)| {
+                let at = place(entity)?;
+                Some((
+                    BouncingLight::spot(entity, light, at.translation, at.rotation)?,
+                    layers(mask),
+                ))
+            },
+        ));
+        lights.extend(points.iter().filter(|(_, _, visible, _)| visible.get()).filter_map(
+            |(entity, light, _, mask)| {
+                Some((
+                    BouncingLight::point(entity, light, place(entity)?.translation)?,
+                    layers(mask),
+                ))
+            },
+        ));
         wanted = choose(&lights, &eyes, scene, limits.max_rsm_count);
     }
     lay_out(&mut wanted);
@@ -137,7 +163,8 @@ pub(super) struct Map {
 impl MapItem<'_, '_> {
     /// Changes what is other than wanted.
     fn become_as(mut self, wanted: Wanted, touched: &mut MapsTouched) {
-        touched.laid_out |= (self.light.texel_offset, self.light.resolution) != (wanted.light.texel_offset, wanted.light.resolution);
+        touched.laid_out |= (self.light.texel_offset, self.light.resolution)
+            != (wanted.light.texel_offset, wanted.light.resolution);
         let size = UVec2::splat(wanted.resolution);
         let resized = !matches!(*self.target, RenderTarget::None { size: old } if old == size);
         if resized {
@@ -152,18 +179,25 @@ impl MapItem<'_, '_> {
             touched.moved = true;
         }
         touched.moved |= self.transform.set_if_neq(wanted.transform);
-        touched.moved |= self.light.set_if_neq(wanted.light) | self.shading.set_if_neq(wanted.shading);
+        touched.moved |=
+            self.light.set_if_neq(wanted.light) | self.shading.set_if_neq(wanted.shading);
         // What is drawn from which map changes now, so both must be there now.
         touched.laid_out |= self.cut.set_if_neq(wanted.cut);
     }
 }
 
 /// The maps of the lights that matter most, as many as `most` allows.
-fn choose(lights: &[(BouncingLight, Option<RenderLayers>)], eyes: &[GiEye], scene: (Vec3, Vec3), most: usize) -> Vec<Wanted> {
+fn choose(
+    lights: &[(BouncingLight, Option<RenderLayers>)],
+    eyes: &[GiEye],
+    scene: (Vec3, Vec3),
+    most: usize,
+) -> Vec<Wanted> {
     let mut ranked: Vec<_> = lights
         .iter()
         .map(|(light, layers)| {
-            let importance = eyes.iter().map(|eye| light.importance(eye.position)).fold(0.0, f32::max);
+            let importance =
+                eyes.iter().map(|eye| light.importance(eye.position)).fold(0.0, f32::max);
             (importance, light, layers)
         })
         .collect();
@@ -177,8 +211,12 @@ fn choose(lights: &[(BouncingLight, Option<RenderLayers>)], eyes: &[GiEye], scen
     let mut wanted = Vec::new();
     for (_, light, layers) in ranked {
         let mut maps: Vec<Wanted> = match light.emitter {
-            Emitter::Directional => eyes.iter().flat_map(|eye| parallel_maps(light, eye, scene, layers)).collect(),
-            _ => (0..light.faces()).map(|face| perspective_map(light, face, finest, shading, layers)).collect(),
+            Emitter::Directional => {
+                eyes.iter().flat_map(|eye| parallel_maps(light, eye, scene, layers)).collect()
+            }
+            _ => (0..light.faces())
+                .map(|face| perspective_map(light, face, finest, shading, layers))
+                .collect(),
         };
         if wanted.len() + maps.len() <= most {
             wanted.append(&mut maps);
@@ -187,17 +225,29 @@ fn choose(lights: &[(BouncingLight, Option<RenderLayers>)], eyes: &[GiEye], scen
     wanted
 }
 
-/// One map where the scene is small; else one of the surroundings and, on about as many texels together, one of what is near.
+/// One map where the scene is small; else one of the surroundings and, on about as many texels
+/// together, one of what is near.
 ///
-/// Seen from afar, a level is mostly ground that lights nothing in the picture: of a hall of 17 m in the middle of 100 m of ground, a single map of 512 × 512
-/// texels had 2,400 on what the sun lights inside, 21 cm each, and the hall's light was 5 % short.
-fn parallel_maps(light: &BouncingLight, eye: &GiEye, scene: (Vec3, Vec3), layers: &Option<RenderLayers>) -> Vec<Wanted> {
+/// Seen from afar, a level is mostly ground that lights nothing in the picture: of a hall of 17 m
+/// in the middle of 100 m of ground, a single map of 512 × 512 texels had 2,400 on what the sun
+/// lights inside, 21 cm each, and the hall's light was 5 % short.
+fn parallel_maps(
+    light: &BouncingLight,
+    eye: &GiEye,
+    scene: (Vec3, Vec3),
+    layers: &Option<RenderLayers>,
+) -> Vec<Wanted> {
     let rotation = Mat3::from_quat(light.rotation);
     let shared = shared_resolution(eye.resolution);
     let far = cover(scene, rotation, eye.position, eye.range, shared);
     if let Some((near, cut)) = near(&far, rotation, eye.position, eye.range, shared) {
         let maps = [(far, cut), (near, RsmCut::default())];
-        return (0..).zip(maps).map(|(face, (region, cut))| parallel_map(light, eye, face, shared, region, cut, layers)).collect();
+        return (0..)
+            .zip(maps)
+            .map(|(face, (region, cut))| {
+                parallel_map(light, eye, face, shared, region, cut, layers)
+            })
+            .collect();
     }
     let whole = cover(scene, rotation, eye.position, eye.range, eye.resolution);
     vec![parallel_map(light, eye, 0, eye.resolution, whole, RsmCut::default(), layers)]
@@ -240,7 +290,13 @@ fn parallel_map(
     }
 }
 
-fn perspective_map(light: &BouncingLight, face: u8, resolution: u32, shading: GiShading, layers: &Option<RenderLayers>) -> Wanted {
+fn perspective_map(
+    light: &BouncingLight,
+    face: u8,
+    resolution: u32,
+    shading: GiShading,
+    layers: &Option<RenderLayers>,
+) -> Wanted {
     let half_angle = match light.emitter {
         Emitter::Spot { outer, .. } => outer,
         _ => std::f32::consts::FRAC_PI_4,
@@ -256,7 +312,8 @@ fn perspective_map(light: &BouncingLight, face: u8, resolution: u32, shading: Gi
         projection: Projection::Perspective(PerspectiveProjection {
             fov: 2.0 * half_angle,
             aspect_ratio: 1.0,
-            // What touches the lamp does not light the scene; nearer walls than this would be seen from inside.
+            // What touches the lamp does not light the scene; nearer walls than this would be seen
+            // from inside.
             near: 0.02,
             far: light.range,
             ..Default::default()
@@ -282,7 +339,8 @@ fn cube_face(face: u8) -> Quat {
     crate::frontier::ViewDirection::ALL[usize::from(face) % 6].rotation()
 }
 
-/// Gives every map its place in the store, in an order that does not depend on how entities are iterated.
+/// Gives every map its place in the store, in an order that does not depend on how entities are
+/// iterated.
 fn lay_out(wanted: &mut [Wanted]) {
     wanted.sort_by_key(|w| (w.view.light, w.view.camera, w.view.face));
     let mut texel = 0;
@@ -295,7 +353,9 @@ fn lay_out(wanted: &mut [Wanted]) {
 
 fn same_projection(a: &Projection, b: &Projection) -> bool {
     match (a, b) {
-        (Projection::Perspective(a), Projection::Perspective(b)) => (a.fov, a.near, a.far) == (b.fov, b.near, b.far),
+        (Projection::Perspective(a), Projection::Perspective(b)) => {
+            (a.fov, a.near, a.far) == (b.fov, b.near, b.far)
+        }
         (Projection::Orthographic(a), Projection::Orthographic(b)) => {
             let size = |p: &OrthographicProjection| match p.scaling_mode {
                 ScalingMode::Fixed { width, height } => Some((width, height)),
@@ -308,7 +368,8 @@ fn same_projection(a: &Projection, b: &Projection) -> bool {
 }
 
 fn spawn(commands: &mut Commands, wanted: Wanted) {
-    let depth_texture_usages = (TextureUsages::RENDER_ATTACHMENT | TextureUsages::TEXTURE_BINDING).into();
+    let depth_texture_usages =
+        (TextureUsages::RENDER_ATTACHMENT | TextureUsages::TEXTURE_BINDING).into();
     let mut camera = commands.spawn((
         wanted.view,
         wanted.light,
@@ -318,7 +379,8 @@ fn spawn(commands: &mut Commands, wanted: Wanted) {
         Camera { order: wanted.order(), ..Default::default() },
         RenderTarget::None { size: UVec2::splat(wanted.resolution) },
         Msaa::Off,
-        // For what is rendered forward: it leaves its depth alone, and so meets the light as something black.
+        // For what is rendered forward: it leaves its depth alone, and so meets the light as
+        // something black.
         DepthPrepass,
         DeferredPrepass,
         wanted.projection,
@@ -327,7 +389,7 @@ fn spawn(commands: &mut Commands, wanted: Wanted) {
     if let Some(layers) = wanted.layers {
         camera.insert(layers);
     }
-    // Without clusters Bevy builds no cascades, light lists or mesh-view bind groups for it. In the same flush as the spawn: the render world
-    // must never have seen them.
+    // Without clusters Bevy builds no cascades, light lists or mesh-view bind groups for it. In the
+    // same flush as the spawn: the render world must never have seen them.
     camera.remove::<Clusters>();
 }

@@ -1,13 +1,17 @@
-//! Takes Bevy's own diffuse light of an environment map out of the cameras whose sky is gathered: it would be there twice, once in the shadows too.
+//! Takes Bevy's own diffuse light of an environment map out of the cameras whose sky is gathered:
+//! it would be there twice, once in the shadows too.
 //!
-//! Bevy puts the map of each view into the list of light probes that it binds. There, and only for these views, a black cube replaces the diffuse map;
-//! the app's component, the specular map, other views and other probes stay as they are. What goes with it is the diffuse light of meshes that are
-//! not deferred (transparent, transmissive and forward-rendered ones), which global illumination does not light, and what rough metals
-//! scatter between their facets, which Bevy reads from the same map.
+//! Bevy puts the map of each view into the list of light probes that it binds. There, and only for
+//! these views, a black cube replaces the diffuse map; the app's component, the specular map, other
+//! views and other probes stay as they are. What goes with it is the diffuse light of meshes that
+//! are not deferred (transparent, transmissive and forward-rendered ones), which global
+//! illumination does not light, and what rough metals scatter between their facets, which Bevy
+//! reads from the same map.
 //!
-//! Options: (1) this; (2) subtracting Bevy's term where ours is added, which leaves the difference of two large half floats; (3) a second set of view bind
-//! groups for deferred lighting alone, which would keep transparent meshes lit, but not forward ones, at the price of making all of Bevy's view
-//! bindings twice in every frame. We use 1.
+//! Options: (1) this; (2) subtracting Bevy's term where ours is added, which leaves the difference
+//! of two large half floats; (3) a second set of view bind groups for deferred lighting alone,
+//! which would keep transparent meshes lit, but not forward ones, at the price of making all of
+//! Bevy's view bindings twice in every frame. We use 1.
 
 use bevy::asset::AssetId;
 use bevy::asset::uuid::Uuid;
@@ -26,7 +30,8 @@ use super::sky::{SkyCamera, SkySource};
 /// Names of our cubes count up from here.
 const FIRST_NAME: u128 = 0x6b5f_0f4e_9d1c_4a53_b7a2_3f6d_1e8c_0000;
 
-/// Black cubes by the map that each stands for: the same texture, but each with that map's sampler, since Bevy samples speculars with it, too.
+/// Black cubes by the map that each stands for: the same texture, but each with that map's sampler,
+/// since Bevy samples speculars with it, too.
 #[derive(Resource, Default)]
 pub(in crate::gi) struct BlackCubes {
     texture: Option<Texture>,
@@ -44,8 +49,10 @@ pub(in crate::gi) fn take_out_diffuse(
         if !camera.is_active {
             continue;
         }
-        let Some(ids) =
-            probes.binding_index_to_textures.iter_mut().find(|ids| ids.diffuse == source.diffuse && ids.specular == source.specular)
+        let Some(ids) = probes
+            .binding_index_to_textures
+            .iter_mut()
+            .find(|ids| ids.diffuse == source.diffuse && ids.specular == source.specular)
         else {
             continue;
         };
@@ -54,12 +61,17 @@ pub(in crate::gi) fn take_out_diffuse(
         let texture = cubes.texture.get_or_insert_with(|| black_cube(&device, &queue));
         let sampler = replaced.sampler.clone();
         let next = FIRST_NAME + cubes.names.len() as u128;
-        let name = *cubes.names.entry(source.diffuse).or_insert_with(|| AssetId::Uuid { uuid: Uuid::from_u128(next) });
+        let name = *cubes
+            .names
+            .entry(source.diffuse)
+            .or_insert_with(|| AssetId::Uuid { uuid: Uuid::from_u128(next) });
         // The map may have been loaded anew.
         if images.get(name).is_none_or(|old| old.sampler.id() != sampler.id()) {
             let black = GpuImage {
-                texture_view: texture
-                    .create_view(&TextureViewDescriptor { dimension: Some(TextureViewDimension::Cube), ..Default::default() }),
+                texture_view: texture.create_view(&TextureViewDescriptor {
+                    dimension: Some(TextureViewDimension::Cube),
+                    ..Default::default()
+                }),
                 texture: texture.clone(),
                 sampler,
                 texture_descriptor: DESCRIPTOR,

@@ -11,7 +11,8 @@ use crate::gi::surfaces::{Mask, Sides, TextureUse, is_deferred};
 pub(super) struct Emission {
     /// Linear RGB, nits.
     exposed: Vec3,
-    /// Linear RGB as it is on screen, whatever the camera's exposure: times 1 ÷ exposure, it is nits.
+    /// Linear RGB as it is on screen, whatever the camera's exposure: times 1 ÷ exposure, it is
+    /// nits.
     pub unexposed: Vec3,
     pub sides: Sides,
     pub texture: Option<TextureUse>,
@@ -22,7 +23,9 @@ pub(super) struct Emission {
 impl Emission {
     /// Nits, linear RGB, times the texture's colour, as seen by a camera of `exposure`.
     pub fn radiance(&self, exposure: Option<f32>) -> DVec3 {
-        let unexposed = exposure.filter(|exposure| *exposure > 0.0).map_or(DVec3::ZERO, |e| self.unexposed.as_dvec3() / f64::from(e));
+        let unexposed = exposure
+            .filter(|exposure| *exposure > 0.0)
+            .map_or(DVec3::ZERO, |e| self.unexposed.as_dvec3() / f64::from(e));
         self.exposed.as_dvec3() + unexposed
     }
 }
@@ -39,15 +42,27 @@ pub(super) fn emission(material: &StandardMaterial) -> Option<Emission> {
         AlphaMode::Multiply => 0.0,
     };
     let color = color * opacity;
-    if material.unlit || !color.is_finite() || color.min_element() < 0.0 || color.max_element() <= 0.0 {
+    if material.unlit
+        || !color.is_finite()
+        || color.min_element() < 0.0
+        || color.max_element() <= 0.0
+    {
         return None;
     }
     // The G-buffer has no room for the weight: Bevy 0.19 takes it for 0 there.
-    let weight = if is_deferred(material) { 0.0 } else { material.emissive_exposure_weight.clamp(0.0, 1.0) };
+    let weight =
+        if is_deferred(material) { 0.0 } else { material.emissive_exposure_weight.clamp(0.0, 1.0) };
     let sides = Sides::shown(material.cull_mode);
     let texture = material.emissive_texture.as_ref();
-    let texture = texture.map(|image| TextureUse::new(image, &material.emissive_channel, material.uv_transform));
-    Some(Emission { exposed: color * weight, unexposed: color * (1.0 - weight), sides, texture, mask: Mask::new(material) })
+    let texture = texture
+        .map(|image| TextureUse::new(image, &material.emissive_channel, material.uv_transform));
+    Some(Emission {
+        exposed: color * weight,
+        unexposed: color * (1.0 - weight),
+        sides,
+        texture,
+        mask: Mask::new(material),
+    })
 }
 
 #[cfg(test)]
@@ -67,9 +82,16 @@ mod tests {
             assert_eq!(emission(&glowing(color[0], color[1], color[2])), None);
         }
         assert!(
-            emission(&glowing(1e20, 0.0, 0.0)).is_some() && emission(&StandardMaterial { unlit: true, ..glowing(1.0, 1.0, 1.0) }).is_none()
+            emission(&glowing(1e20, 0.0, 0.0)).is_some()
+                && emission(&StandardMaterial { unlit: true, ..glowing(1.0, 1.0, 1.0) }).is_none()
         );
-        assert!(emission(&StandardMaterial { alpha_mode: AlphaMode::Multiply, ..glowing(1.0, 1.0, 1.0) }).is_none());
+        assert!(
+            emission(&StandardMaterial {
+                alpha_mode: AlphaMode::Multiply,
+                ..glowing(1.0, 1.0, 1.0)
+            })
+            .is_none()
+        );
     }
 
     #[test]
@@ -80,7 +102,8 @@ mod tests {
         assert!((red(&glowing(2.0, 0.0, 0.0)) - 2000.0).abs() < 1e-3);
         let weighted = StandardMaterial { emissive_exposure_weight: 1.0, ..glowing(2.0, 0.0, 0.0) };
         assert!((red(&weighted) - 2000.0).abs() < 1e-3, "the G-buffer knows no weight");
-        let forward = StandardMaterial { opaque_render_method: OpaqueRendererMethod::Forward, ..weighted };
+        let forward =
+            StandardMaterial { opaque_render_method: OpaqueRendererMethod::Forward, ..weighted };
         assert!((red(&forward) - 2.0).abs() < 1e-6);
         let half = StandardMaterial { emissive_exposure_weight: 0.5, ..forward };
         assert!((red(&half) - 1001.0).abs() < 1e-3);
@@ -88,7 +111,12 @@ mod tests {
 
     #[test]
     fn what_is_culled_does_not_glow() {
-        let sides = |cull_mode| emission(&StandardMaterial { cull_mode, ..glowing(1.0, 1.0, 1.0) }).unwrap().sides;
-        assert_eq!([Some(Face::Back), Some(Face::Front), None].map(sides), [Sides::Front, Sides::Back, Sides::Both]);
+        let sides = |cull_mode| {
+            emission(&StandardMaterial { cull_mode, ..glowing(1.0, 1.0, 1.0) }).unwrap().sides
+        };
+        assert_eq!(
+            [Some(Face::Back), Some(Face::Front), None].map(sides),
+            [Sides::Front, Sides::Back, Sides::Both]
+        );
     }
 }

@@ -1,8 +1,9 @@
 //! Glowing surfaces: which meshes give off light, and the texels that stand for them.
 //!
-//! Texels are made by the processor and not from a picture: a glowing surface has no view of its own from which a reflective shadow map could be
-//! taken, and a thousand points are few enough. They join the maps' texels in the store, so that they are weighed by what the camera sees, drawn,
-//! gathered, hidden and filtered as light that bounced is.
+//! Texels are made by the processor and not from a picture: a glowing surface has no view of its
+//! own from which a reflective shadow map could be taken, and a thousand points are few enough.
+//! They join the maps' texels in the store, so that they are weighed by what the camera sees,
+//! drawn, gathered, hidden and filtered as light that bounced is.
 
 use std::sync::Arc;
 
@@ -25,15 +26,19 @@ use super::emission::{Emission, emission};
 use super::surface::GlowingSurface;
 use crate::gi::rsm::Texel;
 use crate::gi::settings::FrugalGi;
-use crate::gi::surfaces::{Cutout, Mask, Place, PlacedTexture, SurfaceAssets, SurfacePoints, TextureUse, Triangles, triangles};
+use crate::gi::surfaces::{
+    Cutout, Mask, Place, PlacedTexture, SurfaceAssets, SurfacePoints, TextureUse, Triangles,
+    triangles,
+};
 use crate::gi::vpl::MapRow;
 
-/// Texels that all glowing surfaces share, more or less: each has a power of two of them, so that a lamp that flickers does not deal all others'
-/// anew.
+/// Texels that all glowing surfaces share, more or less: each has a power of two of them, so that a
+/// lamp that flickers does not deal all others' anew.
 const TEXELS: usize = 1024;
 /// Most surfaces that glow; the most powerful ones do.
 const MOST_SURFACES: usize = 4096;
-/// Points of a surface with a texture or a mask for each that becomes a texel: where the texture is dark, or a hole, none does.
+/// Points of a surface with a texture or a mask for each that becomes a texel: where the texture is
+/// dark, or a hole, none does.
 const PATTERNED_POINTS: usize = 16;
 
 /// Texels of everything that glows, for cameras of one exposure.
@@ -46,10 +51,12 @@ struct EmitterSet {
 
 /// What glows, kept while a camera has global illumination and empty else.
 ///
-/// Every visible mesh with a [`StandardMaterial`] whose `emissive` is not black does, on the sides that its `cull_mode` shows, but: unlit and
-/// multiplying ones, skinned ones (their triangles here are those of the bind pose), and those whose mesh is kept for the GPU alone (a warning says
-/// so). An emissive texture is read where its image is there for the processor in a format without compression, and taken for white else (another
-/// warning). Holes of alpha masks do not glow. Morphs, shaders that move vertices, other kinds of material and render layers are not looked at.
+/// Every visible mesh with a [`StandardMaterial`] whose `emissive` is not black does, on the sides
+/// that its `cull_mode` shows, but: unlit and multiplying ones, skinned ones (their triangles here
+/// are those of the bind pose), and those whose mesh is kept for the GPU alone (a warning says so).
+/// An emissive texture is read where its image is there for the processor in a format without
+/// compression, and taken for white else (another warning). Holes of alpha masks do not glow.
+/// Morphs, shaders that move vertices, other kinds of material and render layers are not looked at.
 #[derive(Resource, ExtractResource, Clone, Debug, Default)]
 pub struct GiEmitters {
     sets: Vec<EmitterSet>,
@@ -72,7 +79,8 @@ impl GiEmitters {
         self.sets.iter().map(|set| &set.texels)
     }
 
-    /// Adds the rows of what glows for a camera of `exposure` to those of its maps. The first texel of all sets is the store's `first`.
+    /// Adds the rows of what glows for a camera of `exposure` to those of its maps. The first texel
+    /// of all sets is the store's `first`.
     pub(in crate::gi) fn add_rows(&self, exposure: f32, first: u32, rows: &mut Vec<MapRow>) {
         let mut first_texel = first;
         for set in &self.sets {
@@ -132,11 +140,24 @@ pub(super) fn update(
     ),
     assets: SurfaceAssets,
     cameras: Query<(&Camera, &FrugalGi, Option<&Exposure>)>,
-    meshes: Query<(Entity, &Mesh3d, &MeshMaterial3d<StandardMaterial>, &GlobalTransform, &InheritedVisibility), Without<SkinnedMesh>>,
+    meshes: Query<
+        (
+            Entity,
+            &Mesh3d,
+            &MeshMaterial3d<StandardMaterial>,
+            &GlobalTransform,
+            &InheritedVisibility,
+        ),
+        Without<SkinnedMesh>,
+    >,
 ) {
     let glow = &mut *glow;
     for event in material_events.iter_mut().flat_map(MessageReader::read) {
-        let (AssetEvent::Added { id } | AssetEvent::Modified { id } | AssetEvent::Removed { id }) = event else { continue };
+        let (AssetEvent::Added { id } | AssetEvent::Modified { id } | AssetEvent::Removed { id }) =
+            event
+        else {
+            continue;
+        };
         match assets.materials.as_ref().and_then(|materials| emission(materials.get(*id)?)) {
             Some(emission) => glow.materials.insert(*id, emission),
             None => glow.materials.remove(id),
@@ -148,7 +169,10 @@ pub(super) fn update(
     }
     for event in image_events.iter_mut().flat_map(MessageReader::read) {
         let (AssetEvent::Modified { id } | AssetEvent::Removed { id }) = event else { continue };
-        glow.forget(|key| key.texture.is_some_and(|texture| texture.image == *id) || key.mask.is_some_and(|mask| mask.reads(*id)));
+        glow.forget(|key| {
+            key.texture.is_some_and(|texture| texture.image == *id)
+                || key.mask.is_some_and(|mask| mask.reads(*id))
+        });
     }
     let exposures: Vec<f32> = cameras
         .iter()
@@ -167,7 +191,8 @@ pub(super) fn update(
         .filter(|(.., transform, visible)| visible.get() && transform.affine().is_finite())
         .filter_map(|(entity, mesh, material, transform, _)| {
             let emission = *glow.materials.get(&material.id())?;
-            let key = SurfaceKey { mesh: mesh.id(), texture: emission.texture, mask: emission.mask };
+            let key =
+                SurfaceKey { mesh: mesh.id(), texture: emission.texture, mask: emission.mask };
             Some(Placed { entity, key, affine: transform.affine(), emission })
         })
         .collect();
@@ -185,9 +210,17 @@ pub(super) fn update(
     }
     let exposures = distinct_exposures(&now, exposures);
     if glow.stale || glow.placed != now || glow.exposures != exposures {
-        let sets = exposures.iter().map(|exposure| assemble(&mut glow.surfaces, &now, *exposure, &assets)).collect();
-        *emitters =
-            GiEmitters { sets, surfaces: now.iter().filter(|placed| matches!(glow.surfaces.get(&placed.key), Some(Some(_)))).count() };
+        let sets = exposures
+            .iter()
+            .map(|exposure| assemble(&mut glow.surfaces, &now, *exposure, &assets))
+            .collect();
+        *emitters = GiEmitters {
+            sets,
+            surfaces: now
+                .iter()
+                .filter(|placed| matches!(glow.surfaces.get(&placed.key), Some(Some(_))))
+                .count(),
+        };
         (glow.placed, glow.exposures, glow.stale) = (now, exposures, false);
     }
 }
@@ -200,7 +233,8 @@ impl Glow {
     }
 }
 
-/// The exposures for which texels differ: one for each camera's where a surface glows as brightly on screen at any exposure, as Bevy's do by default.
+/// The exposures for which texels differ: one for each camera's where a surface glows as brightly
+/// on screen at any exposure, as Bevy's do by default.
 fn distinct_exposures(placed: &[Placed], mut exposures: Vec<f32>) -> Vec<Option<f32>> {
     if placed.iter().all(|placed| placed.emission.unexposed == Vec3::ZERO) {
         return vec![None];
@@ -213,8 +247,13 @@ fn distinct_exposures(placed: &[Placed], mut exposures: Vec<f32>) -> Vec<Option<
 /// Texels' worth of points for a first look at a surface.
 const FIRST_TEXELS: usize = 64;
 
-/// Points of a surface for so many texels; `None` while its assets are not there, and `Some(None)` where they cannot be read.
-fn surface(key: &SurfaceKey, texels: usize, assets: &SurfaceAssets) -> Option<Option<GlowingSurface>> {
+/// Points of a surface for so many texels; `None` while its assets are not there, and `Some(None)`
+/// where they cannot be read.
+fn surface(
+    key: &SurfaceKey,
+    texels: usize,
+    assets: &SurfaceAssets,
+) -> Option<Option<GlowingSurface>> {
     let mesh = assets.meshes.get(key.mesh)?;
     let texture = PlacedTexture::new(key.texture, mesh, assets.images.as_deref())?;
     let cutout = Cutout::new(key.mask.as_ref(), mesh, assets.images.as_deref())?;
@@ -230,7 +269,9 @@ fn surface(key: &SurfaceKey, texels: usize, assets: &SurfaceAssets) -> Option<Op
         }
         let Some(texture) = &texture else { return Vec3::ONE };
         let Some(color) = texture.color(corners[triangle], weights) else {
-            warn_once!("an emissive texture is kept for the GPU alone or is compressed: what it lights is lit as if it were white");
+            warn_once!(
+                "an emissive texture is kept for the GPU alone or is compressed: what it lights is lit as if it were white"
+            );
             return Vec3::ONE;
         };
         let color = color.to_vec3();
@@ -251,12 +292,16 @@ fn assemble(
         .filter_map(|placed| {
             let surface = surfaces.get(&placed.key)?.as_ref()?;
             let radiance = placed.emission.radiance(exposure);
-            let power = surface.power(&placed.affine, radiance) * placed.emission.sides.count() as f64;
+            let power =
+                surface.power(&placed.affine, radiance) * placed.emission.sides.count() as f64;
             (power > 0.0 && power.is_finite()).then_some((placed, radiance, power))
         })
         .collect();
     if glowing.len() > MOST_SURFACES {
-        warn_once!("{} surfaces glow: only the {MOST_SURFACES} most powerful ones light others", glowing.len());
+        warn_once!(
+            "{} surfaces glow: only the {MOST_SURFACES} most powerful ones light others",
+            glowing.len()
+        );
         glowing.sort_by(|a, b| b.2.total_cmp(&a.2).then(a.0.entity.cmp(&b.0.entity)));
         glowing.truncate(MOST_SURFACES);
         glowing.sort_unstable_by_key(|(placed, ..)| placed.entity);

@@ -27,7 +27,10 @@ use crate::knobs::KnobSystems;
 
 pub(super) use ambient::{BlackCubes, take_out_diffuse};
 pub use emissive::GiEmitters;
-pub(super) use sky::{SET_BYTES, SKY_LIGHT_BYTES, SkyCamera, SkyPipelines, SkyPlan, SkyReading, SkySeen, SkySource, extract_sources};
+pub(super) use sky::{
+    SET_BYTES, SKY_LIGHT_BYTES, SkyCamera, SkyPipelines, SkyPlan, SkyReading, SkySeen, SkySource,
+    extract_sources,
+};
 pub(super) use sky::{prepare_cameras as prepare_skies, sample as sample_sky};
 pub(super) use upload::upload_emitters;
 

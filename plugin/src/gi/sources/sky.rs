@@ -1,4 +1,5 @@
-//! The sky as a source: a camera's environment map, drawn in proportion to what its surfaces could receive, and hidden by what stands in the way.
+//! The sky as a source: a camera's environment map, drawn in proportion to what its surfaces could
+//! receive, and hidden by what stands in the way.
 //!
 //! | pass | when | job |
 //! |---|---|---|
@@ -7,8 +8,9 @@
 //! | `sky_draw.wgsl` | when VPLs are drawn | samples: directions that stand for the whole sky |
 //! | `gather/gather.wgsl` | when the camera gathers | what each pixel receives of its samples |
 //!
-//! Samples of the sky lie beside the VPLs of bounced light and not among them: the sky is everywhere as far away, so that it is drawn by direction; and
-//! from indoors most of it is hidden, where a ray for sky and bounce together would find neither.
+//! Samples of the sky lie beside the VPLs of bounced light and not among them: the sky is
+//! everywhere as far away, so that it is drawn by direction; and from indoors most of it is hidden,
+//! where a ray for sky and bounce together would find neither.
 
 use std::sync::atomic::{AtomicBool, Ordering};
 
@@ -23,7 +25,8 @@ use bevy::render::camera::ExtractedCamera;
 use bevy::render::diagnostic::RecordDiagnostics;
 use bevy::render::render_asset::RenderAssets;
 use bevy::render::render_resource::binding_types::{
-    storage_buffer_read_only_sized, storage_buffer_sized, texture_2d, texture_2d_array, texture_depth_2d, uniform_buffer,
+    storage_buffer_read_only_sized, storage_buffer_sized, texture_2d, texture_2d_array,
+    texture_depth_2d, uniform_buffer,
 };
 use bevy::render::render_resource::*;
 use bevy::render::renderer::{RenderContext, RenderDevice, RenderQueue, ViewQuery};
@@ -46,7 +49,8 @@ const PARTS: u32 = 1024;
 const PARTS_PER_GROUP: u32 = 4;
 /// Steps along each side of a part in which `sky_fill.wgsl` reads the map.
 const STEPS: u32 = 16;
-/// Bytes from one set of samples to the next: most samples of a pixel, and a multiple of what uniform offsets are multiples of.
+/// Bytes from one set of samples to the next: most samples of a pixel, and a multiple of what
+/// uniform offsets are multiples of.
 pub(in crate::gi) const SET_BYTES: u64 = FrugalGi::MAX_ENVIRONMENT_SAMPLES as u64 * SKY_LIGHT_BYTES;
 
 /// A GI camera's environment map, as its app set it.
@@ -79,7 +83,8 @@ pub(in crate::gi) struct SkyReading {
     padding: [f32; 2],
 }
 
-/// What decides about the light that a camera's pixels get from the sky, beside where the camera is.
+/// What decides about the light that a camera's pixels get from the sky, beside where the camera
+/// is.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(in crate::gi) struct SkySeen {
     plan: SkyPlan,
@@ -120,12 +125,19 @@ pub struct SkyCamera {
 impl SkyCamera {
     /// What decides about light from the sky, while it is gathered.
     pub(in crate::gi) fn seen(&self) -> Option<SkySeen> {
-        self.is_active.then_some(SkySeen { plan: self.plan, reading: self.reading, is_generated: self.is_generated })
+        self.is_active.then_some(SkySeen {
+            plan: self.plan,
+            reading: self.reading,
+            is_generated: self.is_generated,
+        })
     }
 
     /// Bytes held on the GPU for this camera's sky.
     pub fn bytes(&self) -> u64 {
-        [&self.plan_buffer, &self.samples, &self.parts, &self.received, &self.reading_buffer].map(|buffer| buffer.size()).iter().sum()
+        [&self.plan_buffer, &self.samples, &self.parts, &self.received, &self.reading_buffer]
+            .map(|buffer| buffer.size())
+            .iter()
+            .sum()
     }
 }
 
@@ -146,7 +158,13 @@ impl FromWorld for SkyPipelines {
         let fill = BindGroupLayoutEntries::sequential(compute, (faces, read(), write()));
         let weigh = BindGroupLayoutEntries::sequential(
             compute,
-            (texture_2d(TextureSampleType::Uint), texture_depth_2d(), uniform_buffer::<ViewUniform>(true), read(), write()),
+            (
+                texture_2d(TextureSampleType::Uint),
+                texture_depth_2d(),
+                uniform_buffer::<ViewUniform>(true),
+                read(),
+                write(),
+            ),
         );
         let draw = BindGroupLayoutEntries::sequential(compute, (read(), read(), read(), write()));
         Self {
@@ -191,7 +209,12 @@ impl SkyPipelines {
 /// Takes GI cameras' environment maps over into the render world.
 pub(in crate::gi) fn extract_sources(
     mut commands: Commands,
-    cameras: Extract<Query<(RenderEntity, Option<&EnvironmentMapLight>, Has<GeneratedEnvironmentMapLight>), With<FrugalGi>>>,
+    cameras: Extract<
+        Query<
+            (RenderEntity, Option<&EnvironmentMapLight>, Has<GeneratedEnvironmentMapLight>),
+            With<FrugalGi>,
+        >,
+    >,
 ) {
     for (entity, environment, is_generated) in &cameras {
         let Ok(mut entity) = commands.get_entity(entity) else { continue };
@@ -208,7 +231,8 @@ pub(in crate::gi) fn extract_sources(
     }
 }
 
-/// Gives every GI camera that traces rays to an environment map its buffers, and takes them from the others.
+/// Gives every GI camera that traces rays to an environment map its buffers, and takes them from
+/// the others.
 pub(in crate::gi) fn prepare_cameras(
     mut commands: Commands,
     mut pipelines: ResMut<SkyPipelines>,
@@ -219,15 +243,21 @@ pub(in crate::gi) fn prepare_cameras(
     images: Res<RenderAssets<GpuImage>>,
     cameras: Query<(Entity, &FrugalGi, &SkySource), With<ExtractedCamera>>,
     mut held: Query<&mut SkyCamera>,
-    stale: Query<Entity, (With<SkyCamera>, Or<(Without<FrugalGi>, Without<SkySource>, Without<ExtractedCamera>)>)>,
+    stale: Query<
+        Entity,
+        (With<SkyCamera>, Or<(Without<FrugalGi>, Without<SkySource>, Without<ExtractedCamera>)>),
+    >,
 ) {
     for entity in &stale {
         commands.entity(entity).remove::<SkyCamera>();
     }
     for (entity, gi, source) in &cameras {
         let samples = gi.environment_samples.min(FrugalGi::MAX_ENVIRONMENT_SAMPLES);
-        let is_lit = source.intensity > 0.0 && source.intensity.is_finite() && source.rotation.is_finite();
-        let image = images.get(source.specular).filter(|_| samples > 0 && gi.traces() && is_lit && images.get(source.diffuse).is_some());
+        let is_lit =
+            source.intensity > 0.0 && source.intensity.is_finite() && source.rotation.is_finite();
+        let image = images.get(source.specular).filter(|_| {
+            samples > 0 && gi.traces() && is_lit && images.get(source.diffuse).is_some()
+        });
         let Some(image) = image else {
             if held.contains(entity) {
                 commands.entity(entity).remove::<SkyCamera>();
@@ -236,7 +266,10 @@ pub(in crate::gi) fn prepare_cameras(
         };
         let is_active = {
             let mut needed = pipelines.demand(&cache).to_vec();
-            needed.push(gather.demand(&cache, GatherKind { visibility: gi.visibility, has_sky: true, has_masks: false }));
+            needed.push(gather.demand(
+                &cache,
+                GatherKind { visibility: gi.visibility, has_sky: true, has_masks: false },
+            ));
             needed.into_iter().all(|pipeline| cache.get_compute_pipeline(pipeline).is_some())
         };
         let plan = SkyPlan { samples, sets: gi.interleave.side().pow(2) };
@@ -258,18 +291,39 @@ pub(in crate::gi) fn prepare_cameras(
         }
         let empty = |label, size, usage| {
             let usage = BufferUsages::STORAGE | usage;
-            device.create_buffer(&BufferDescriptor { label: Some(label), size, usage, mapped_at_creation: false })
+            device.create_buffer(&BufferDescriptor {
+                label: Some(label),
+                size,
+                usage,
+                mapped_at_creation: false,
+            })
         };
         let filled = |label, contents: &[u8]| {
             let usage = BufferUsages::STORAGE | BufferUsages::COPY_DST;
-            device.create_buffer_with_data(&BufferInitDescriptor { label: Some(label), contents, usage })
+            device.create_buffer_with_data(&BufferInitDescriptor {
+                label: Some(label),
+                contents,
+                usage,
+            })
         };
         commands.entity(entity).insert(SkyCamera {
             plan,
             plan_buffer: filled("bevy_frugal_gi/sky/plan", bytemuck::bytes_of(&plan)),
-            samples: empty("bevy_frugal_gi/sky/samples", u64::from(plan.sets) * SET_BYTES, BufferUsages::UNIFORM | BufferUsages::COPY_SRC),
-            parts: empty("bevy_frugal_gi/sky/parts", u64::from(PARTS) * SKY_LIGHT_BYTES, BufferUsages::COPY_SRC),
-            received: empty("bevy_frugal_gi/sky/received", u64::from(PARTS) * 4, BufferUsages::COPY_SRC),
+            samples: empty(
+                "bevy_frugal_gi/sky/samples",
+                u64::from(plan.sets) * SET_BYTES,
+                BufferUsages::UNIFORM | BufferUsages::COPY_SRC,
+            ),
+            parts: empty(
+                "bevy_frugal_gi/sky/parts",
+                u64::from(PARTS) * SKY_LIGHT_BYTES,
+                BufferUsages::COPY_SRC,
+            ),
+            received: empty(
+                "bevy_frugal_gi/sky/received",
+                u64::from(PARTS) * 4,
+                BufferUsages::COPY_SRC,
+            ),
             reading_buffer: filled("bevy_frugal_gi/sky/reading", bytemuck::bytes_of(&reading.1)),
             reading,
             is_filled: AtomicBool::new(false),
@@ -280,14 +334,21 @@ pub(in crate::gi) fn prepare_cameras(
 }
 
 fn reading(source: &SkySource, image: &GpuImage) -> SkyReading {
-    // Texels of the level that is read are as large as the steps: 6 edge² of them cover the sphere, and so do PARTS · STEPS² steps.
+    // Texels of the level that is read are as large as the steps: 6 edge² of them cover the sphere,
+    // and so do PARTS · STEPS² steps.
     let edge = (PARTS as f32 / 6.0).sqrt() * STEPS as f32;
     let level = (image.texture_descriptor.size.width as f32 / edge).log2().max(0.0) as u32;
     // Bevy turns the map by the rotation, and so directions into the map by its inverse.
-    SkyReading { rotation: source.rotation.inverse().to_array(), intensity: source.intensity, level, padding: [0.0; 2] }
+    SkyReading {
+        rotation: source.rotation.inverse().to_array(),
+        intensity: source.intensity,
+        level,
+        padding: [0.0; 2],
+    }
 }
 
-/// In a GI camera's view: reads the sky where it changed, and weighs it and draws its samples then and when VPLs are drawn.
+/// In a GI camera's view: reads the sky where it changed, and weighs it and draws its samples then
+/// and when VPLs are drawn.
 pub(in crate::gi) fn sample(
     view: ViewQuery<(&SkyCamera, &SkySource, &GiCamera, &ViewPrepassTextures, &ViewUniformOffset)>,
     pipelines: Res<SkyPipelines>,
@@ -301,26 +362,47 @@ pub(in crate::gi) fn sample(
     if !gi_camera.work.draw && camera.is_filled.load(Ordering::Relaxed) {
         return;
     }
-    let Some([Some(fill), Some(weigh), Some(draw)]) = pipelines.pipelines.map(|ids| ids.map(|id| cache.get_compute_pipeline(id))) else {
-        return;
-    };
-    let (Some(g_buffer), Some(depth), Some(views)) = (prepass.deferred_view(), prepass.depth_view(), view_uniforms.uniforms.binding())
+    let Some([Some(fill), Some(weigh), Some(draw)]) =
+        pipelines.pipelines.map(|ids| ids.map(|id| cache.get_compute_pipeline(id)))
     else {
         return;
     };
-    let (Some(image), Some(traced), true) = (images.get(source.specular), occluders.bind_group(), camera.is_active) else { return };
+    let (Some(g_buffer), Some(depth), Some(views)) =
+        (prepass.deferred_view(), prepass.depth_view(), view_uniforms.uniforms.binding())
+    else {
+        return;
+    };
+    let (Some(image), Some(traced), true) =
+        (images.get(source.specular), occluders.bind_group(), camera.is_active)
+    else {
+        return;
+    };
     let device = context.render_device();
-    let [fill_layout, weigh_layout, draw_layout] = pipelines.layouts.each_ref().map(|layout| cache.get_bind_group_layout(layout));
-    let faces = image.texture.create_view(&TextureViewDescriptor { dimension: Some(TextureViewDimension::D2Array), ..default() });
+    let [fill_layout, weigh_layout, draw_layout] =
+        pipelines.layouts.each_ref().map(|layout| cache.get_bind_group_layout(layout));
+    let faces = image.texture.create_view(&TextureViewDescriptor {
+        dimension: Some(TextureViewDimension::D2Array),
+        ..default()
+    });
     let filling = device.create_bind_group(
         "bevy_frugal_gi/sky/fill",
         &fill_layout,
-        &BindGroupEntries::sequential((&faces, camera.reading_buffer.as_entire_binding(), camera.parts.as_entire_binding())),
+        &BindGroupEntries::sequential((
+            &faces,
+            camera.reading_buffer.as_entire_binding(),
+            camera.parts.as_entire_binding(),
+        )),
     );
     let weighing = device.create_bind_group(
         "bevy_frugal_gi/sky/weigh",
         &weigh_layout,
-        &BindGroupEntries::sequential((g_buffer, depth, views, camera.parts.as_entire_binding(), camera.received.as_entire_binding())),
+        &BindGroupEntries::sequential((
+            g_buffer,
+            depth,
+            views,
+            camera.parts.as_entire_binding(),
+            camera.received.as_entire_binding(),
+        )),
     );
     let drawing = device.create_bind_group(
         "bevy_frugal_gi/sky/draw",
@@ -336,9 +418,10 @@ pub(in crate::gi) fn sample(
     let diagnostics = diagnostics.as_deref();
     let span = diagnostics.time_span(context.command_encoder(), "bevy_frugal_gi/sky");
     {
-        let mut pass = context
-            .command_encoder()
-            .begin_compute_pass(&ComputePassDescriptor { label: Some("bevy_frugal_gi/sky"), timestamp_writes: None });
+        let mut pass = context.command_encoder().begin_compute_pass(&ComputePassDescriptor {
+            label: Some("bevy_frugal_gi/sky"),
+            timestamp_writes: None,
+        });
         if !camera.is_filled.swap(true, Ordering::Relaxed) {
             pass.set_bind_group(0, &filling, &[]);
             pass.set_pipeline(fill);

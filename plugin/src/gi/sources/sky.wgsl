@@ -11,8 +11,9 @@ struct SkyLight {
     padding_2: f32,
 }
 
-/// How a camera's samples of the sky are shared out among its pixels. In a storage buffer because the count decides about loops: software Vulkan
-/// drivers compile a shader anew for each value that control flow takes from a uniform.
+/// How a camera's samples of the sky are shared out among its pixels. In a storage buffer because
+/// the count decides about loops: software Vulkan drivers compile a shader anew for each value that
+/// control flow takes from a uniform.
 struct SkyPlan {
     /// Samples that each pixel evaluates.
     samples: u32,
@@ -29,7 +30,8 @@ const SKY_SHARED: u32 = 4u;
 /// From one set of samples to the next: most samples of a pixel.
 const SKY_STRIDE: u32 = 32u;
 
-/// Place of a part on the square: Morton order, so that parts with near indices are near each other in the sky.
+/// Place of a part on the square: Morton order, so that parts with near indices are near each other
+/// in the sky.
 fn sky_place(index: u32) -> vec2<u32> {
     var place = vec2(0u);
     for (var bit = 0u; bit < 5u; bit++) {
@@ -38,8 +40,9 @@ fn sky_place(index: u32) -> vec2<u32> {
     return place;
 }
 
-/// The direction at a place of the unit square, equal areas of which are equal solid angles: Clarberg 2008, "Fast Equal-Area Mapping of the
-/// (Hemi)Sphere using SIMD". The square's middle is straight up, its corners are straight down.
+/// The direction at a place of the unit square, equal areas of which are equal solid angles:
+/// Clarberg 2008, "Fast Equal-Area Mapping of the (Hemi)Sphere using SIMD". The square's middle is
+/// straight up, its corners are straight down.
 fn sky_direction(place: vec2<f32>) -> vec3<f32> {
     let from_middle = place * 2.0 - 1.0;
     let way = abs(from_middle);

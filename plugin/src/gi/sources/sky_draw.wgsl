@@ -1,8 +1,10 @@
-// Draws a camera's samples of the sky from its parts, in proportion to their light times what the camera could receive of it; one workgroup.
+// Draws a camera's samples of the sky from its parts, in proportion to their light times what the
+// camera could receive of it; one workgroup.
 //
-// As in `vpl/weigh.wgsl`, a floor of a quarter of the mean keeps the estimate unbiased and tame: what the few points of `sky_weigh.wgsl` do not see, others
-// may. Parts lie in Morton order, so that equal steps through their running sum are spread over the sky; each set takes as many steps as it
-// has samples, and sets are shifted against each other by a part of a step.
+// As in `vpl/weigh.wgsl`, a floor of a quarter of the mean keeps the estimate unbiased and tame:
+// what the few points of `sky_weigh.wgsl` do not see, others may. Parts lie in Morton order, so
+// that equal steps through their running sum are spread over the sky; each set takes as many steps
+// as it has samples, and sets are shifted against each other by a part of a step.
 
 #import bevy_frugal_gi::gi::luminance::luminance
 #import bevy_frugal_gi::gi::sources::sky::{SKY_PARTS, SKY_STRIDE, SkyLight, SkyPlan}
@@ -79,7 +81,8 @@ fn draw_sky(@builtin(local_invocation_index) lane: u32) {
         let which = i / plan.samples;
         let member = i % plan.samples;
         let index = find_part((f32(member) + (f32(which) + 0.5) / f32(plan.sets)) / count * total);
-        // The step of the running sum rather than the weight that was added: this is what the part was drawn by, rounding included.
+        // The step of the running sum rather than the weight that was added: this is what the part
+        // was drawn by, rounding included.
         let weight = cumulative[index] - select(0.0, cumulative[max(index, 1u) - 1u], index > 0u);
         let share = select(0.0, total / (max(weight, 1e-36) * count), weight > 0.0);
         var drawn: SkyLight;

@@ -1,9 +1,11 @@
 // Reads an environment map into parts of equal solid angle: one thread per part.
 //
-// A part's light comes from the middle of what is bright in it, so that a small sun keeps its place however coarse the parts are.
+// A part's light comes from the middle of what is bright in it, so that a small sun keeps its place
+// however coarse the parts are.
 //
-// Texels are loaded, not sampled: each part is a mean over many anyway, any float format will do (many phones' GPUs do not filter 32-bit ones), and no
-// driver's seams between faces get in (SwiftShader's are dark or bright in float formats).
+// Texels are loaded, not sampled: each part is a mean over many anyway, any float format will do
+// (many phones' GPUs do not filter 32-bit ones), and no driver's seams between faces get in
+// (SwiftShader's are dark or bright in float formats).
 
 #import bevy_frugal_gi::gi::luminance::luminance
 #import bevy_frugal_gi::gi::sources::sky::{SKY_PARTS, SKY_SIDE, SkyLight, sky_direction, sky_place}

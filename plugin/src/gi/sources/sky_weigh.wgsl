@@ -1,8 +1,10 @@
-// How much of each part of the sky the camera's surfaces could receive: one workgroup for each four neighbouring parts, one thread for each of the
-// surface points that stand for what the camera sees.
+// How much of each part of the sky the camera's surfaces could receive: one workgroup for each four
+// neighbouring parts, one thread for each of the surface points that stand for what the camera
+// sees.
 //
-// Unlike the weights of bounced light (`vpl/weigh.wgsl`) these look at what stands between. Indoors nearly all of the sky is hidden, and samples drawn
-// without a look at that would nearly all be wasted; and the sky has few parts, so that a few thousand rays answer it.
+// Unlike the weights of bounced light (`vpl/weigh.wgsl`) these look at what stands between. Indoors
+// nearly all of the sky is hidden, and samples drawn without a look at that would nearly all be
+// wasted; and the sky has few parts, so that a few thousand rays answer it.
 
 #import bevy_render::view::View
 #import bevy_frugal_gi::gi::sources::sky::{SKY_SHARED, SkyLight}

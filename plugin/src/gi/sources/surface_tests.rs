@@ -12,11 +12,21 @@ fn white(_: Place) -> Vec3 {
     Vec3::ONE
 }
 
-fn glowing(triangles: &[[Vec3; 3]], count: usize, color: impl Fn(Place) -> Vec3) -> Option<GlowingSurface> {
+fn glowing(
+    triangles: &[[Vec3; 3]],
+    count: usize,
+    color: impl Fn(Place) -> Vec3,
+) -> Option<GlowingSurface> {
     SurfacePoints::new(triangles, count, color).map(GlowingSurface)
 }
 
-fn texels(surface: &GlowingSurface, affine: Affine3A, emission: DVec3, sides: Sides, count: usize) -> Vec<Texel> {
+fn texels(
+    surface: &GlowingSurface,
+    affine: Affine3A,
+    emission: DVec3,
+    sides: Sides,
+    count: usize,
+) -> Vec<Texel> {
     let mut texels = Vec::new();
     surface.add_texels(&affine, emission, sides, count, &mut texels);
     texels
@@ -32,7 +42,14 @@ fn all_light_is_there_wherever_the_surface_stands() {
     let surface = glowing(&PANEL, 1024, white).unwrap();
     let places = [
         (Affine3A::IDENTITY, 2.0),
-        (Affine3A::from_scale_rotation_translation(Vec3::splat(3.0), Quat::from_rotation_x(1.0), Vec3::new(5.0, -2.0, 1e4)), 18.0),
+        (
+            Affine3A::from_scale_rotation_translation(
+                Vec3::splat(3.0),
+                Quat::from_rotation_x(1.0),
+                Vec3::new(5.0, -2.0, 1e4),
+            ),
+            18.0,
+        ),
         // Uneven scales change triangles' areas by how they are turned.
         (Affine3A::from_scale(Vec3::new(1.0, 4.0, 0.01)), 8.0),
         (Affine3A::from_scale(Vec3::new(-1.0, 1.0, 1.0)), 2.0),
@@ -40,13 +57,19 @@ fn all_light_is_there_wherever_the_surface_stands() {
     for (affine, area) in places {
         for count in [1, 7, 64, 1024] {
             let texels = texels(&surface, affine, emission, Sides::Front, count);
-            let (found, expected) = (flux(&texels), (emission * area * std::f64::consts::PI).to_array());
+            let (found, expected) =
+                (flux(&texels), (emission * area * std::f64::consts::PI).to_array());
             assert_eq!(texels.len(), count);
-            assert!((0..3).all(|channel| (found[channel] / expected[channel] - 1.0).abs() < 1e-5), "{found:?} {expected:?}");
+            assert!(
+                (0..3).all(|channel| (found[channel] / expected[channel] - 1.0).abs() < 1e-5),
+                "{found:?} {expected:?}"
+            );
             let covered: f64 = texels.iter().map(|texel| f64::from(texel.area)).sum();
             assert!((covered / area - 1.0).abs() < 1e-5, "{covered} m² of {area}");
         }
-        assert!((surface.power(&affine, DVec3::ONE) / (area * std::f64::consts::PI) - 1.0).abs() < 1e-5);
+        assert!(
+            (surface.power(&affine, DVec3::ONE) / (area * std::f64::consts::PI) - 1.0).abs() < 1e-5
+        );
     }
     assert_eq!(texels(&surface, Affine3A::IDENTITY, emission, Sides::Both, 8).len(), 16);
 }
@@ -60,14 +83,24 @@ fn points_lie_evenly_and_consecutive_ones_together() {
         let share = count / 32;
         for part in 0..32usize {
             let (x, y) = (part % 8, part / 8);
-            let inside = texels.iter().filter(|texel| (texel.position[0] * 4.0) as usize == x && (texel.position[1] * 4.0) as usize == y);
+            let inside = texels.iter().filter(|texel| {
+                (texel.position[0] * 4.0) as usize == x && (texel.position[1] * 4.0) as usize == y
+            });
             let inside = inside.count();
-            assert!((share / 2..=share * 2).contains(&inside), "{inside} of {count} in part {part}");
+            assert!(
+                (share / 2..=share * 2).contains(&inside),
+                "{inside} of {count} in part {part}"
+            );
         }
-        let step = |pair: &[Texel]| (Vec3A::from(pair[0].position) - Vec3A::from(pair[1].position)).length();
+        let step = |pair: &[Texel]| {
+            (Vec3A::from(pair[0].position) - Vec3A::from(pair[1].position)).length()
+        };
         let mean = texels.windows(2).map(step).sum::<f32>() / (count - 1) as f32;
         // Evenly spread points have about √(2 m² ÷ count) between neighbours.
-        assert!(mean < 2.5 * (2.0 / count as f32).sqrt(), "{mean} m from one to the next of {count}");
+        assert!(
+            mean < 2.5 * (2.0 / count as f32).sqrt(),
+            "{mean} m from one to the next of {count}"
+        );
     }
 }
 
@@ -76,8 +109,13 @@ fn points_stay_where_they_are_on_a_surface_that_moves() {
     let surface = glowing(&PANEL, 1024, white).unwrap();
     let before = texels(&surface, Affine3A::IDENTITY, DVec3::ONE, Sides::Front, 512);
     for (turn, way) in [(0.3, Vec3::X), (2.0, Vec3::splat(17.0))] {
-        let affine = Affine3A::from_rotation_translation(Quat::from_axis_angle(Vec3::ONE.normalize(), turn), way);
-        for (old, new) in before.iter().zip(texels(&surface, affine, DVec3::splat(3.0), Sides::Front, 512)) {
+        let affine = Affine3A::from_rotation_translation(
+            Quat::from_axis_angle(Vec3::ONE.normalize(), turn),
+            way,
+        );
+        for (old, new) in
+            before.iter().zip(texels(&surface, affine, DVec3::splat(3.0), Sides::Front, 512))
+        {
             let expected = affine.transform_point3(old.position.into());
             assert!((expected - Vec3::from(new.position)).length() < 1e-4);
         }
@@ -87,7 +125,13 @@ fn points_stay_where_they_are_on_a_surface_that_moves() {
 #[test]
 fn points_are_where_the_texture_is_bright() {
     // The second triangle is dark but for one part in a hundred of its light.
-    let surface = glowing(&PANEL, 4096, |place| if place.triangle == 0 { Vec3::ONE } else { Vec3::splat(0.01) }).unwrap();
+    let surface =
+        glowing(
+            &PANEL,
+            4096,
+            |place| if place.triangle == 0 { Vec3::ONE } else { Vec3::splat(0.01) },
+        )
+        .unwrap();
     let texels = texels(&surface, Affine3A::IDENTITY, DVec3::ONE, Sides::Front, 202);
     let bright = texels.iter().filter(|texel| texel.position[1] < 0.5 * texel.position[0]).count();
     assert!((199..=201).contains(&bright), "{bright}");
@@ -107,7 +151,10 @@ fn the_lit_side_is_the_one_that_is_seen() {
     ] {
         let texels = texels(&surface, affine, DVec3::ONE, sides, 1);
         let expected = if normals.is_empty() { Vec3::Z } else { Vec3::NEG_Z };
-        assert_eq!(texels[0], Texel::new(texels[0].position.into(), texels[0].area, texels[0].flux.into(), expected));
+        assert_eq!(
+            texels[0],
+            Texel::new(texels[0].position.into(), texels[0].area, texels[0].flux.into(), expected)
+        );
         normals.push(expected);
     }
 }
@@ -116,16 +163,37 @@ fn the_lit_side_is_the_one_that_is_seen() {
 fn hostile_surfaces_give_nothing_or_something_finite() {
     let point = [[Vec3::ONE; 3]];
     let line = [[Vec3::ZERO, Vec3::X, Vec3::X * 2.0]];
-    let broken = [[Vec3::NAN, Vec3::X, Vec3::Y], [Vec3::INFINITY, Vec3::X, Vec3::Y], [Vec3::splat(1e30), Vec3::X, Vec3::Y]];
-    assert!([&point[..], &line, &broken, &[]].iter().all(|triangles| glowing(triangles, 16, white).is_none()));
+    let broken = [
+        [Vec3::NAN, Vec3::X, Vec3::Y],
+        [Vec3::INFINITY, Vec3::X, Vec3::Y],
+        [Vec3::splat(1e30), Vec3::X, Vec3::Y],
+    ];
+    assert!(
+        [&point[..], &line, &broken, &[]]
+            .iter()
+            .all(|triangles| glowing(triangles, 16, white).is_none())
+    );
     let mixed = [broken[0], PANEL[0]];
     let surface = glowing(&mixed, 16, white).unwrap();
     for emission in [1e-30, 1e20, 1e38, 1e300] {
-        for affine in [Affine3A::IDENTITY, Affine3A::from_scale(Vec3::splat(1e15)), Affine3A::from_scale(Vec3::splat(1e-15))] {
+        for affine in [
+            Affine3A::IDENTITY,
+            Affine3A::from_scale(Vec3::splat(1e15)),
+            Affine3A::from_scale(Vec3::splat(1e-15)),
+        ] {
             let texels = texels(&surface, affine, DVec3::splat(emission), Sides::Both, 8);
-            assert!(texels.iter().all(|texel| texel.flux.iter().chain([&texel.area]).all(|value| value.is_finite())), "{emission}");
+            assert!(
+                texels.iter().all(|texel| texel
+                    .flux
+                    .iter()
+                    .chain([&texel.area])
+                    .all(|value| value.is_finite())),
+                "{emission}"
+            );
         }
     }
-    assert!(texels(&surface, Affine3A::from_scale(Vec3::ZERO), DVec3::ONE, Sides::Front, 8).is_empty());
+    assert!(
+        texels(&surface, Affine3A::from_scale(Vec3::ZERO), DVec3::ONE, Sides::Front, 8).is_empty()
+    );
     assert!(texels(&surface, Affine3A::IDENTITY, DVec3::ZERO, Sides::Front, 8).is_empty());
 }

@@ -31,12 +31,18 @@ impl Mask {
             _ => return None,
         };
         let texture = material.base_color_texture.as_ref();
-        let texture = texture.map(|image| TextureUse::new(image, &material.base_color_channel, material.uv_transform));
+        let texture = texture.map(|image| {
+            TextureUse::new(image, &material.base_color_channel, material.uv_transform)
+        });
         // A cutoff that is no number makes a hole of everything.
         if cutoff <= 0.0 {
             return None;
         }
-        Some(Self { texture, alpha: material.base_color.alpha().to_bits(), cutoff: cutoff.to_bits() })
+        Some(Self {
+            texture,
+            alpha: material.base_color.alpha().to_bits(),
+            cutoff: cutoff.to_bits(),
+        })
     }
 
     /// Whether it changes when this image does.
@@ -57,7 +63,11 @@ pub(in crate::gi) struct Cutout<'a> {
 
 impl<'a> Cutout<'a> {
     /// `None` while the mask's image is not there, and `Some(None)` without a mask.
-    pub fn new(mask: Option<&Mask>, mesh: &'a Mesh, images: Option<&'a Assets<Image>>) -> Option<Option<Self>> {
+    pub fn new(
+        mask: Option<&Mask>,
+        mesh: &'a Mesh,
+        images: Option<&'a Assets<Image>>,
+    ) -> Option<Option<Self>> {
         let Some(mask) = mask else { return Some(None) };
         let texture = PlacedTexture::new(mask.texture, mesh, images)?;
         if texture.as_ref().is_some_and(|texture| !texture.is_readable()) {
@@ -67,7 +77,12 @@ impl<'a> Cutout<'a> {
         }
         let texture = texture.filter(PlacedTexture::is_readable);
         let corner_alpha = vertex_colors(mesh).into_iter().map(|[.., alpha]| alpha).collect();
-        Some(Some(Self { alpha: f32::from_bits(mask.alpha), cutoff: f32::from_bits(mask.cutoff), texture, corner_alpha }))
+        Some(Some(Self {
+            alpha: f32::from_bits(mask.alpha),
+            cutoff: f32::from_bits(mask.cutoff),
+            texture,
+            corner_alpha,
+        }))
     }
 
     /// With copies of its own of all that it reads: for looking at it in the background.
@@ -77,13 +92,18 @@ impl<'a> Cutout<'a> {
 
     /// Whether a triangle, by the places of its corners in the mesh, may have holes at all.
     pub fn may_pierce(&self, corners: [usize; 3]) -> bool {
-        self.texture.is_some() || !corners.iter().all(|corner| self.alpha_of(*corner) >= self.cutoff)
+        self.texture.is_some()
+            || !corners.iter().all(|corner| self.alpha_of(*corner) >= self.cutoff)
     }
 
     /// Whether the triangle is there at a place: weights of its second and third corner.
     pub fn is_there(&self, corners: [usize; 3], weights: [f32; 2]) -> bool {
         let alpha = interpolated(corners.map(|corner| self.alpha_of(corner)), weights);
-        let texel = self.texture.as_ref().and_then(|texture| texture.color(corners, weights)).map_or(1.0, |color| color.alpha);
+        let texel = self
+            .texture
+            .as_ref()
+            .and_then(|texture| texture.color(corners, weights))
+            .map_or(1.0, |color| color.alpha);
         // What is no number compares false, and is a hole in Bevy's picture too.
         alpha * texel >= self.cutoff
     }
@@ -107,8 +127,14 @@ mod tests {
 
     fn triangle() -> Mesh {
         Mesh::new(PrimitiveTopology::TriangleList, RenderAssetUsages::all())
-            .with_inserted_attribute(Mesh::ATTRIBUTE_POSITION, vec![[0.0f32; 3], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]])
-            .with_inserted_attribute(Mesh::ATTRIBUTE_UV_0, vec![[0.0f32, 0.0], [1.0, 0.0], [0.0, 1.0]])
+            .with_inserted_attribute(
+                Mesh::ATTRIBUTE_POSITION,
+                vec![[0.0f32; 3], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]],
+            )
+            .with_inserted_attribute(
+                Mesh::ATTRIBUTE_UV_0,
+                vec![[0.0f32, 0.0], [1.0, 0.0], [0.0, 1.0]],
+            )
     }
 
     /// A texture whose left half is clear.
@@ -127,15 +153,23 @@ mod tests {
         StandardMaterial { alpha_mode, ..Default::default() }
     }
 
-    fn cutout<'a>(material: &StandardMaterial, mesh: &'a Mesh, images: &'a Assets<Image>) -> Cutout<'a> {
+    fn cutout<'a>(
+        material: &StandardMaterial,
+        mesh: &'a Mesh,
+        images: &'a Assets<Image>,
+    ) -> Cutout<'a> {
         Cutout::new(Some(&Mask::new(material).unwrap()), mesh, Some(images)).unwrap().unwrap()
     }
 
     #[test]
     fn only_masks_have_holes_and_only_where_something_is_cut_off() {
-        for alpha_mode in
-            [AlphaMode::Opaque, AlphaMode::Blend, AlphaMode::Mask(0.0), AlphaMode::Mask(-1.0), AlphaMode::Mask(f32::NEG_INFINITY)]
-        {
+        for alpha_mode in [
+            AlphaMode::Opaque,
+            AlphaMode::Blend,
+            AlphaMode::Mask(0.0),
+            AlphaMode::Mask(-1.0),
+            AlphaMode::Mask(f32::NEG_INFINITY),
+        ] {
             assert_eq!(Mask::new(&masked(alpha_mode)), None, "{alpha_mode:?}");
         }
         let images = Assets::default();
@@ -148,11 +182,18 @@ mod tests {
             (AlphaMode::Mask(f32::INFINITY), 1.0, false),
             (AlphaMode::Mask(0.5), f32::NAN, false),
         ] {
-            let material = StandardMaterial { base_color: Color::linear_rgba(1.0, 1.0, 1.0, alpha), ..masked(alpha_mode) };
+            let material = StandardMaterial {
+                base_color: Color::linear_rgba(1.0, 1.0, 1.0, alpha),
+                ..masked(alpha_mode)
+            };
             let triangle = triangle();
             let cutout = cutout(&material, &triangle, &images);
             assert_eq!(cutout.is_there(CORNERS, [0.2, 0.2]), there, "{alpha_mode:?} {alpha}");
-            assert_eq!(cutout.may_pierce(CORNERS), !there, "nothing has to be looked at: {alpha_mode:?} {alpha}");
+            assert_eq!(
+                cutout.may_pierce(CORNERS),
+                !there,
+                "nothing has to be looked at: {alpha_mode:?} {alpha}"
+            );
         }
     }
 
@@ -160,31 +201,49 @@ mod tests {
     fn texture_vertices_and_material_each_have_a_say() {
         let mut images = Assets::default();
         let texture = images.add(half_clear());
-        let material = StandardMaterial { base_color_texture: Some(texture), ..masked(AlphaMode::Mask(0.5)) };
+        let material =
+            StandardMaterial { base_color_texture: Some(texture), ..masked(AlphaMode::Mask(0.5)) };
         let left_and_right = |material: &StandardMaterial, mesh: &Mesh| {
             let cutout = cutout(material, mesh, &images);
             [0.2, 0.7].map(|across| cutout.is_there(CORNERS, [across, 0.2]))
         };
         assert_eq!(left_and_right(&material, &triangle()), [false, true]);
-        let turned = StandardMaterial { uv_transform: Affine2::from_translation(Vec2::new(-7.5, 3.0)), ..material.clone() };
+        let turned = StandardMaterial {
+            uv_transform: Affine2::from_translation(Vec2::new(-7.5, 3.0)),
+            ..material.clone()
+        };
         assert_eq!(left_and_right(&turned, &triangle()), [true, false], "repeats");
         let mut faded = triangle();
-        faded.insert_attribute(Mesh::ATTRIBUTE_COLOR, vec![[1.0f32; 4], [1.0, 1.0, 1.0, 0.2], [1.0; 4]]);
+        faded.insert_attribute(
+            Mesh::ATTRIBUTE_COLOR,
+            vec![[1.0f32; 4], [1.0, 1.0, 1.0, 0.2], [1.0; 4]],
+        );
         assert_eq!(left_and_right(&material, &faded), [false, false]);
-        assert!(cutout(&material, &faded, &images).is_there(CORNERS, [0.55, 0.2]), "less towards the second corner");
+        assert!(
+            cutout(&material, &faded, &images).is_there(CORNERS, [0.55, 0.2]),
+            "less towards the second corner"
+        );
         let mut bare = triangle();
         bare.remove_attribute(Mesh::ATTRIBUTE_UV_0);
-        assert_eq!(left_and_right(&material, &bare), [true, true], "Bevy reads no texture without coordinates");
+        assert_eq!(
+            left_and_right(&material, &bare),
+            [true, true],
+            "Bevy reads no texture without coordinates"
+        );
     }
 
     #[test]
     fn a_texture_that_is_missing_is_waited_for_and_one_that_cannot_be_read_has_no_holes() {
         let mut images = Assets::<Image>::default();
         let later = images.reserve_handle();
-        let material = StandardMaterial { base_color_texture: Some(later), ..masked(AlphaMode::Mask(0.5)) };
-        assert!(Cutout::new(Some(&Mask::new(&material).unwrap()), &triangle(), Some(&images)).is_none());
+        let material =
+            StandardMaterial { base_color_texture: Some(later), ..masked(AlphaMode::Mask(0.5)) };
+        assert!(
+            Cutout::new(Some(&Mask::new(&material).unwrap()), &triangle(), Some(&images)).is_none()
+        );
         let unread = images.add(Image { data: None, ..half_clear() });
-        let material = StandardMaterial { base_color_texture: Some(unread), ..masked(AlphaMode::Mask(0.5)) };
+        let material =
+            StandardMaterial { base_color_texture: Some(unread), ..masked(AlphaMode::Mask(0.5)) };
         assert!(!cutout(&material, &triangle(), &images).may_pierce(CORNERS));
     }
 }

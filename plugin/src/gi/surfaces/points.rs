@@ -1,7 +1,7 @@
 //! Points that lie evenly on a surface, each for a piece of it: plain Rust, no renderer.
 //!
-//! Laid out once in the mesh's own space, evenly by area and in Morton order (neighbours in space are neighbours in the list): the same surface keeps
-//! its points while it or anything else moves.
+//! Laid out once in the mesh's own space, evenly by area and in Morton order (neighbours in space
+//! are neighbours in the list): the same surface keeps its points while it or anything else moves.
 
 use bevy::math::{Affine3A, DVec3, Mat3A, Vec3, VectorSpace};
 
@@ -18,7 +18,10 @@ pub(in crate::gi) struct Place {
 }
 
 /// What the corners of a triangle have, at a place: weights of the second and third.
-pub(super) fn interpolated<V: VectorSpace<Scalar = f32>>([a, b, c]: [V; 3], [second, third]: [f32; 2]) -> V {
+pub(super) fn interpolated<V: VectorSpace<Scalar = f32>>(
+    [a, b, c]: [V; 3],
+    [second, third]: [f32; 2],
+) -> V {
     a + (b - a) * second + (c - a) * third
 }
 
@@ -41,8 +44,13 @@ pub(in crate::gi) struct SurfacePoints<Paint> {
 }
 
 impl<Paint> SurfacePoints<Paint> {
-    /// `count` points on `triangles`; `None` where these have no area. `paint` is asked what each is like.
-    pub fn new(triangles: &[[Vec3; 3]], count: usize, paint: impl Fn(Place) -> Paint) -> Option<Self> {
+    /// `count` points on `triangles`; `None` where these have no area. `paint` is asked what each
+    /// is like.
+    pub fn new(
+        triangles: &[[Vec3; 3]],
+        count: usize,
+        paint: impl Fn(Place) -> Paint,
+    ) -> Option<Self> {
         let mut total = 0.0;
         let cumulative: Vec<f64> = triangles
             .iter()
@@ -58,10 +66,11 @@ impl<Paint> SurfacePoints<Paint> {
         let mut points: Vec<SurfacePoint<Paint>> = (0..count)
             .filter_map(|index| {
                 let target = (index as f64 + 0.5) / count as f64 * total;
-                let triangle = cumulative.partition_point(|sum| *sum <= target).min(triangles.len() - 1);
+                let triangle =
+                    cumulative.partition_point(|sum| *sum <= target).min(triangles.len() - 1);
                 let before = triangle.checked_sub(1).map_or(0.0, |before| cumulative[before]);
-                // How far into its triangle is one coordinate, and multiples of the golden ratio are the other: evenly spread, however many
-                // points a triangle has.
+                // How far into its triangle is one coordinate, and multiples of the golden ratio
+                // are the other: evenly spread, however many points a triangle has.
                 let along = ((target - before) / (cumulative[triangle] - before)).clamp(0.0, 1.0);
                 let across = (index as f64 * 0.618_033_988_749_895).fract();
                 // Uniform over the triangle: Turk 1990, "Generating Random Points in Triangles".
@@ -76,9 +85,11 @@ impl<Paint> SurfacePoints<Paint> {
         Some(Self { points, area: total / count as f64 })
     }
 
-    /// Leaves every `step`-th of them, 1 or more, each for as many. Neighbours in the list are neighbours in space, so that these are evenly spread, too.
+    /// Leaves every `step`-th of them, 1 or more, each for as many. Neighbours in the list are
+    /// neighbours in space, so that these are evenly spread, too.
     pub fn thin(&mut self, step: usize) {
-        self.points = std::mem::take(&mut self.points).into_iter().skip(step / 2).step_by(step).collect();
+        self.points =
+            std::mem::take(&mut self.points).into_iter().skip(step / 2).step_by(step).collect();
         self.area *= step as f64;
     }
 }
@@ -89,10 +100,13 @@ fn area_vector([a, b, c]: &[Vec3; 3]) -> DVec3 {
 }
 
 fn is_usable(triangle: &[Vec3; 3]) -> bool {
-    triangle.iter().all(|corner| corner.is_finite() && corner.abs().max_element() < GREATEST_COORDINATE)
+    triangle
+        .iter()
+        .all(|corner| corner.is_finite() && corner.abs().max_element() < GREATEST_COORDINATE)
 }
 
-/// What turns a normal × area of the mesh into that of the world: a mirrored mesh keeps the side from which its triangles run counter-clockwise.
+/// What turns a normal × area of the mesh into that of the world: a mirrored mesh keeps the side
+/// from which its triangles run counter-clockwise.
 pub(in crate::gi) fn area_matrix(affine: &Affine3A) -> Mat3A {
     let Mat3A { x_axis, y_axis, z_axis } = affine.matrix3;
     Mat3A::from_cols(y_axis.cross(z_axis), z_axis.cross(x_axis), x_axis.cross(y_axis))

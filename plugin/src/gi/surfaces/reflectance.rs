@@ -18,14 +18,19 @@ use super::vertex_colors::vertex_colors;
 
 /// Whether a material lets no light through but by its mask's holes.
 pub(in crate::gi) fn hides(material: &StandardMaterial) -> bool {
-    matches!(material.alpha_mode, AlphaMode::Opaque | AlphaMode::Mask(_) | AlphaMode::AlphaToCoverage)
-        && material.specular_transmission <= 0.0
+    matches!(
+        material.alpha_mode,
+        AlphaMode::Opaque | AlphaMode::Mask(_) | AlphaMode::AlphaToCoverage
+    ) && material.specular_transmission <= 0.0
         && material.diffuse_transmission <= 0.0
 }
 
 /// Whether what the camera shows of it comes out of the G-buffer.
 pub(in crate::gi) fn is_deferred(material: &StandardMaterial) -> bool {
-    let is_opaque = matches!(material.alpha_mode, AlphaMode::Opaque | AlphaMode::Mask(_) | AlphaMode::AlphaToCoverage);
+    let is_opaque = matches!(
+        material.alpha_mode,
+        AlphaMode::Opaque | AlphaMode::Mask(_) | AlphaMode::AlphaToCoverage
+    );
     let method = match material.opaque_render_method {
         // As Bevy decides; deferred is the app's default by `GiPlugin`.
         OpaqueRendererMethod::Auto => material.diffuse_transmission <= 0.0,
@@ -34,7 +39,8 @@ pub(in crate::gi) fn is_deferred(material: &StandardMaterial) -> bool {
     is_opaque && method && material.specular_transmission <= 0.0
 }
 
-/// What of a material decides about the light that its surfaces reflect: meshes with the same one reflect the same.
+/// What of a material decides about the light that its surfaces reflect: meshes with the same one
+/// reflect the same.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub(in crate::gi) struct Reflectance {
     /// Bits, so that they can be a key: linear RGB, perceptual roughness, metallic, reflectance.
@@ -59,8 +65,8 @@ pub(in crate::gi) struct Paint {
 }
 
 impl Reflectance {
-    /// That of a material; none where it reflects no light onto others: unlit and (partly) transparent ones, and what is
-    /// rendered forward.
+    /// That of a material; none where it reflects no light onto others: unlit and (partly)
+    /// transparent ones, and what is rendered forward.
     pub fn new(material: &StandardMaterial) -> Option<Self> {
         if material.unlit || !hides(material) || !is_deferred(material) {
             return None;
@@ -70,9 +76,20 @@ impl Reflectance {
         let color = material.base_color_texture.as_ref();
         let metallic_roughness = material.metallic_roughness_texture.as_ref();
         Some(Self {
-            values: [red, green, blue, material.perceptual_roughness, material.metallic, material.reflectance].map(f32::to_bits),
-            color: color.map(|image| TextureUse::new(image, &material.base_color_channel, transform)),
-            metallic_roughness: metallic_roughness.map(|image| TextureUse::new(image, &material.metallic_roughness_channel, transform)),
+            values: [
+                red,
+                green,
+                blue,
+                material.perceptual_roughness,
+                material.metallic,
+                material.reflectance,
+            ]
+            .map(f32::to_bits),
+            color: color
+                .map(|image| TextureUse::new(image, &material.base_color_channel, transform)),
+            metallic_roughness: metallic_roughness.map(|image| {
+                TextureUse::new(image, &material.metallic_roughness_channel, transform)
+            }),
             mask: Mask::new(material),
             sides: Sides::shown(material.cull_mode),
         })
@@ -81,7 +98,8 @@ impl Reflectance {
     /// Whether it changes when this image does.
     pub fn reads(&self, image: AssetId<Image>) -> bool {
         let textures = [self.color, self.metallic_roughness];
-        textures.iter().flatten().any(|texture| texture.image == image) || self.mask.is_some_and(|mask| mask.reads(image))
+        textures.iter().flatten().any(|texture| texture.image == image)
+            || self.mask.is_some_and(|mask| mask.reads(image))
     }
 
     /// Whether it differs from place to place.
@@ -111,12 +129,14 @@ pub(in crate::gi) struct PaintedMesh<'a> {
     cutout: Option<Cutout<'a>>,
 }
 
-/// For textures that the processor cannot read: a colour in the middle of what surfaces have, half rough and no metal.
+/// For textures that the processor cannot read: a colour in the middle of what surfaces have, half
+/// rough and no metal.
 const UNREAD_COLOR: LinearRgba = LinearRgba::rgb(0.4, 0.4, 0.4);
 const UNREAD_METALLIC_ROUGHNESS: LinearRgba = LinearRgba::rgb(0.0, 0.5, 0.0);
 
 impl PaintedMesh<'_> {
-    /// What it is like at a place of a triangle: its corners, and weights of the second and third. None in a hole.
+    /// What it is like at a place of a triangle: its corners, and weights of the second and third.
+    /// None in a hole.
     pub fn at(&self, corners: [usize; 3], weights: [f32; 2]) -> Option<Paint> {
         if self.cutout.as_ref().is_some_and(|cutout| !cutout.is_there(corners, weights)) {
             return None;
@@ -135,7 +155,8 @@ impl PaintedMesh<'_> {
         let texel = read(&self.color, UNREAD_COLOR);
         // Linear values, whatever the image's format says of its colours.
         let properties = read(&self.metallic_roughness, UNREAD_METALLIC_ROUGHNESS);
-        let color = Vec3::new(red, green, blue) * texel.to_vec3() * self.vertex_color(corners, weights);
+        let color =
+            Vec3::new(red, green, blue) * texel.to_vec3() * self.vertex_color(corners, weights);
         // What is no number compares false.
         let share = |value: f32| if value > 0.0 { value.min(1.0) } else { 0.0 };
         Some(Paint {
@@ -147,7 +168,9 @@ impl PaintedMesh<'_> {
     }
 
     fn vertex_color(&self, corners: [usize; 3], weights: [f32; 2]) -> Vec3 {
-        let color = |corner: usize| self.vertex_colors.get(corner).map_or(Vec3::ONE, |[r, g, b, _]| Vec3::new(*r, *g, *b));
+        let color = |corner: usize| {
+            self.vertex_colors.get(corner).map_or(Vec3::ONE, |[r, g, b, _]| Vec3::new(*r, *g, *b))
+        };
         interpolated(corners.map(color), weights)
     }
 }
@@ -164,18 +187,27 @@ mod tests {
     fn what_is_unlit_or_lets_light_through_reflects_none() {
         let reflects = |material: StandardMaterial| Reflectance::new(&material).is_some();
         assert!(reflects(StandardMaterial::default()));
-        assert!(reflects(StandardMaterial { alpha_mode: AlphaMode::Mask(0.5), ..Default::default() }));
+        assert!(reflects(StandardMaterial {
+            alpha_mode: AlphaMode::Mask(0.5),
+            ..Default::default()
+        }));
         assert!(!reflects(StandardMaterial { unlit: true, ..Default::default() }));
         assert!(!reflects(StandardMaterial { alpha_mode: AlphaMode::Blend, ..Default::default() }));
         assert!(!reflects(StandardMaterial { specular_transmission: 0.5, ..Default::default() }));
-        assert!(!reflects(StandardMaterial { opaque_render_method: OpaqueRendererMethod::Forward, ..Default::default() }));
+        assert!(!reflects(StandardMaterial {
+            opaque_render_method: OpaqueRendererMethod::Forward,
+            ..Default::default()
+        }));
     }
 
     #[test]
     fn materials_that_reflect_alike_have_one_key() {
         let red = |roughness| {
-            let material =
-                StandardMaterial { base_color: Color::linear_rgb(0.5, 0.1, 0.1), perceptual_roughness: roughness, ..Default::default() };
+            let material = StandardMaterial {
+                base_color: Color::linear_rgb(0.5, 0.1, 0.1),
+                perceptual_roughness: roughness,
+                ..Default::default()
+            };
             Reflectance::new(&material)
         };
         assert_eq!(red(0.5), red(0.5));
@@ -186,18 +218,40 @@ mod tests {
 
     #[test]
     fn numbers_out_of_range_are_brought_into_it() {
-        let mesh = Mesh::new(bevy::mesh::PrimitiveTopology::TriangleList, bevy::asset::RenderAssetUsages::all())
-            .with_inserted_attribute(Mesh::ATTRIBUTE_POSITION, vec![[0.0f32; 3]; 3])
-            .with_inserted_attribute(Mesh::ATTRIBUTE_COLOR, vec![[1.0f32, 0.5, 0.0, 1.0], [1.0, 0.5, 1.0, 1.0], [1.0, 0.5, 0.0, 1.0]]);
+        let mesh = Mesh::new(
+            bevy::mesh::PrimitiveTopology::TriangleList,
+            bevy::asset::RenderAssetUsages::all(),
+        )
+        .with_inserted_attribute(Mesh::ATTRIBUTE_POSITION, vec![[0.0f32; 3]; 3])
+        .with_inserted_attribute(
+            Mesh::ATTRIBUTE_COLOR,
+            vec![[1.0f32, 0.5, 0.0, 1.0], [1.0, 0.5, 1.0, 1.0], [1.0, 0.5, 0.0, 1.0]],
+        );
         let painted = |values: [f32; 6]| {
-            let mesh = PaintedMesh { values, color: None, metallic_roughness: None, vertex_colors: vertex_colors(&mesh), cutout: None };
+            let mesh = PaintedMesh {
+                values,
+                color: None,
+                metallic_roughness: None,
+                vertex_colors: vertex_colors(&mesh),
+                cutout: None,
+            };
             mesh.at([0, 1, 2], [0.25, 0.5]).unwrap()
         };
         let paint = painted([0.5, 0.5, 0.5, 0.7, 0.2, 0.5]);
-        assert_eq!((paint.color, paint.roughness, paint.metallic), (Vec3::new(0.5, 0.25, 0.125), 0.7, 0.2));
+        assert_eq!(
+            (paint.color, paint.roughness, paint.metallic),
+            (Vec3::new(0.5, 0.25, 0.125), 0.7, 0.2)
+        );
         for odd in [f32::NAN, f32::INFINITY, -1.0, 1e30] {
             let paint = painted([odd; 6]);
-            let values = [paint.color.x, paint.color.y, paint.color.z, paint.roughness, paint.metallic, paint.reflectance];
+            let values = [
+                paint.color.x,
+                paint.color.y,
+                paint.color.z,
+                paint.roughness,
+                paint.metallic,
+                paint.reflectance,
+            ];
             assert!(values.iter().all(|value| (0.0..=1.0).contains(value)), "{odd}: {paint:?}");
         }
     }

@@ -23,12 +23,17 @@ pub(in crate::gi) struct TextureUse {
 impl TextureUse {
     /// A material's texture, by its channel and `uv_transform`.
     pub fn new(image: &Handle<Image>, channel: &UvChannel, transform: Affine2) -> Self {
-        Self { image: image.id(), second: *channel == UvChannel::Uv1, transform: transform.to_cols_array().map(f32::to_bits) }
+        Self {
+            image: image.id(),
+            second: *channel == UvChannel::Uv1,
+            transform: transform.to_cols_array().map(f32::to_bits),
+        }
     }
 
     /// The mesh's coordinates of it. Bevy reads no texture where there are none.
     fn coordinates(self, mesh: &Mesh) -> Option<&[[f32; 2]]> {
-        let attribute: MeshVertexAttribute = if self.second { Mesh::ATTRIBUTE_UV_1 } else { Mesh::ATTRIBUTE_UV_0 };
+        let attribute: MeshVertexAttribute =
+            if self.second { Mesh::ATTRIBUTE_UV_1 } else { Mesh::ATTRIBUTE_UV_0 };
         match mesh.try_attribute_option(attribute).ok()?? {
             VertexAttributeValues::Float32x2(coordinates) => Some(coordinates),
             _ => None,
@@ -46,19 +51,32 @@ pub(in crate::gi) struct PlacedTexture<'a> {
 }
 
 impl<'a> PlacedTexture<'a> {
-    /// As it lies on `mesh`: `None` while the image is not there, and `Some(None)` where there is no texture, or the mesh has no coordinates for it.
-    pub fn new(texture: Option<TextureUse>, mesh: &'a Mesh, images: Option<&'a Assets<Image>>) -> Option<Option<Self>> {
+    /// As it lies on `mesh`: `None` while the image is not there, and `Some(None)` where there is
+    /// no texture, or the mesh has no coordinates for it.
+    pub fn new(
+        texture: Option<TextureUse>,
+        mesh: &'a Mesh,
+        images: Option<&'a Assets<Image>>,
+    ) -> Option<Option<Self>> {
         let Some(texture) = texture else { return Some(None) };
         let image = images?.get(texture.image)?;
         let transform = Affine2::from_cols_array(&texture.transform.map(f32::from_bits));
-        let placed = |coordinates| Self { image: Cow::Borrowed(image), coordinates: Cow::Borrowed(coordinates), transform };
+        let placed = |coordinates| Self {
+            image: Cow::Borrowed(image),
+            coordinates: Cow::Borrowed(coordinates),
+            transform,
+        };
         Some(texture.coordinates(mesh).map(placed))
     }
 
     /// With copies of its own of all that it reads.
     pub fn into_owned(self) -> PlacedTexture<'static> {
         let Self { image, coordinates, transform } = self;
-        PlacedTexture { image: Cow::Owned(image.into_owned()), coordinates: Cow::Owned(coordinates.into_owned()), transform }
+        PlacedTexture {
+            image: Cow::Owned(image.into_owned()),
+            coordinates: Cow::Owned(coordinates.into_owned()),
+            transform,
+        }
     }
 
     /// Whether the processor can read the image at all.
@@ -66,15 +84,18 @@ impl<'a> PlacedTexture<'a> {
         texel(&self.image, Vec2::ZERO).is_some()
     }
 
-    /// Linear colour at a place of a triangle: its corners, and weights of the second and third. `None` where the processor cannot read it.
+    /// Linear colour at a place of a triangle: its corners, and weights of the second and third.
+    /// `None` where the processor cannot read it.
     pub fn color(&self, corners: [usize; 3], weights: [f32; 2]) -> Option<LinearRgba> {
         // Corners without coordinates have (0, 0).
-        let coordinates = corners.map(|corner| self.coordinates.get(corner).copied().map_or(Vec2::ZERO, Vec2::from));
+        let coordinates = corners
+            .map(|corner| self.coordinates.get(corner).copied().map_or(Vec2::ZERO, Vec2::from));
         texel(&self.image, self.transform.transform_point2(interpolated(coordinates, weights)))
     }
 }
 
-/// Linear colour of the texel at `place`; `None` where the processor cannot read it: an image that is kept for the GPU alone, or compressed.
+/// Linear colour of the texel at `place`; `None` where the processor cannot read it: an image that
+/// is kept for the GPU alone, or compressed.
 fn texel(image: &Image, place: Vec2) -> Option<LinearRgba> {
     let (width, height) = (image.width().max(1), image.height().max(1));
     // Repeated, which is what textures that leave the unit square are for.

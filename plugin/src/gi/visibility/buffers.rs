@@ -13,7 +13,8 @@ use crate::gi::rsm::RsmStore;
 use crate::gi::settings::FrugalGi;
 use crate::gi::sources::SkySource;
 
-/// Buffers of the tree over instances, the instances, the meshes' trees and their triangles: group 1 of every shader that traces.
+/// Buffers of the tree over instances, the instances, the meshes' trees and their triangles: group
+/// 1 of every shader that traces.
 #[derive(Resource, Default)]
 pub(in crate::gi) struct OccluderBuffers {
     held: Option<Held>,
@@ -27,10 +28,14 @@ struct Held {
 }
 
 impl OccluderBuffers {
-    /// Layout of group 1. No part of the resource: what else the renderer makes when it starts is made in no particular order.
+    /// Layout of group 1. No part of the resource: what else the renderer makes when it starts is
+    /// made in no particular order.
     pub fn layout() -> BindGroupLayoutDescriptor {
         let read = || storage_buffer_read_only_sized(false, None);
-        let entries = BindGroupLayoutEntries::sequential(ShaderStages::COMPUTE, (read(), read(), read(), read()));
+        let entries = BindGroupLayoutEntries::sequential(
+            ShaderStages::COMPUTE,
+            (read(), read(), read(), read()),
+        );
         BindGroupLayoutDescriptor::new("bevy_frugal_gi/visibility", &entries)
     }
 
@@ -65,14 +70,22 @@ pub(in crate::gi) fn prepare_buffers(
     queue: Res<RenderQueue>,
     cache: Res<PipelineCache>,
 ) {
-    // By what is gathered in this frame, and not by what the main world keeps: a camera that was changed after that was made traces what there is.
-    let is_lit = |gi: &FrugalGi, has_sky: bool| store.texels.is_some() || has_sky && gi.environment_samples > 0;
+    // By what is gathered in this frame, and not by what the main world keeps: a camera that was
+    // changed after that was made traces what there is.
+    let is_lit = |gi: &FrugalGi, has_sky: bool| {
+        store.texels.is_some() || has_sky && gi.environment_samples > 0
+    };
     if !cameras.iter().any(|(gi, has_sky)| gi.traces() && is_lit(gi, has_sky)) {
         buffers.held = None;
         return;
     }
     let held = buffers.held.take();
-    let same = |held: &Held| [Arc::ptr_eq(&held.meshes, &occluders.meshes), Arc::ptr_eq(&held.instances, &occluders.instances)];
+    let same = |held: &Held| {
+        [
+            Arc::ptr_eq(&held.meshes, &occluders.meshes),
+            Arc::ptr_eq(&held.instances, &occluders.instances),
+        ]
+    };
     let [meshes_same, instances_same] = held.as_ref().map_or([false; 2], same);
     if meshes_same && instances_same {
         buffers.held = held;
@@ -81,9 +94,17 @@ pub(in crate::gi) fn prepare_buffers(
     let (meshes, instances) = (Arc::clone(&occluders.meshes), Arc::clone(&occluders.instances));
     let contents: [(&'static str, &[u8], bool); 4] = [
         ("bevy_frugal_gi/visibility/instance_nodes", node_bytes(&instances.nodes), instances_same),
-        ("bevy_frugal_gi/visibility/instances", bytemuck::cast_slice(&instances.instances), instances_same),
+        (
+            "bevy_frugal_gi/visibility/instances",
+            bytemuck::cast_slice(&instances.instances),
+            instances_same,
+        ),
         ("bevy_frugal_gi/visibility/mesh_nodes", node_bytes(&meshes.nodes), meshes_same),
-        ("bevy_frugal_gi/visibility/triangles", bytemuck::cast_slice(&meshes.triangles), meshes_same),
+        (
+            "bevy_frugal_gi/visibility/triangles",
+            bytemuck::cast_slice(&meshes.triangles),
+            meshes_same,
+        ),
     ];
     let old = held.map(|held| held.buffers);
     let new = std::array::from_fn(|index| {

@@ -1,9 +1,12 @@
-//! A bounding volume hierarchy laid out for a GPU without ray-tracing hardware: plain Rust, no renderer.
+//! A bounding volume hierarchy laid out for a GPU without ray-tracing hardware: plain Rust, no
+//! renderer.
 //!
-//! obvhs builds a binary tree (PLOC with reinsertion, Meister and Bittner 2018); we lay it out in depth-first order with skip links, so that a ray
-//! needs no stack: it goes to the next node where it meets a box, and to the node's skip link where it does not (Smits 1998, "Efficiency Issues for
-//! Ray Tracing"). Whether *anything* lies between two points does not depend on the order of visits, so that nothing is lost by a fixed one, and
-//! a stack in private memory is what keeps small GPUs from having enough rays in flight.
+//! obvhs builds a binary tree (PLOC with reinsertion, Meister and Bittner 2018); we lay it out in
+//! depth-first order with skip links, so that a ray needs no stack: it goes to the next node where
+//! it meets a box, and to the node's skip link where it does not (Smits 1998, "Efficiency Issues
+//! for Ray Tracing"). Whether *anything* lies between two points does not depend on the order of
+//! visits, so that nothing is lost by a fixed one, and a stack in private memory is what keeps
+//! small GPUs from having enough rays in flight.
 
 use std::time::Duration;
 
@@ -17,7 +20,8 @@ use obvhs::bvh2::Bvh2;
 const COUNT_BITS: u32 = 3;
 /// Most primitives of a leaf.
 const MOST_IN_LEAF: u32 = (1 << COUNT_BITS) - 1;
-/// Triangles with a smaller area than this share of their box's greatest side squared hide nothing, and have no normal to divide by.
+/// Triangles with a smaller area than this share of their box's greatest side squared hide nothing,
+/// and have no normal to divide by.
 const LEAST_AREA: f32 = 1e-12;
 /// Positions beyond this, metres, would overflow a box's arithmetic.
 const GREATEST_COORDINATE: f32 = 1e15;
@@ -32,7 +36,8 @@ pub struct Node {
     pub skip: u32,
     /// Upper corner.
     pub max: [f32; 3],
-    /// 0 for an inner node, whose first child is the next node; else index of the first primitive × 8 + their number (1 to 7).
+    /// 0 for an inner node, whose first child is the next node; else index of the first primitive ×
+    /// 8 + their number (1 to 7).
     pub leaf: u32,
 }
 
@@ -48,7 +53,8 @@ impl Node {
     }
 }
 
-/// `visibility/trace.wgsl`'s `Triangle`: a corner and two edges, with which parts of it are there (see `micromap`).
+/// `visibility/trace.wgsl`'s `Triangle`: a corner and two edges, with which parts of it are there
+/// (see `micromap`).
 #[derive(Clone, Copy, Debug, PartialEq, Pod, Zeroable)]
 #[repr(C)]
 pub struct TriangleWords {
@@ -68,7 +74,14 @@ pub struct TriangleWords {
 impl TriangleWords {
     fn new([a, b, c]: [Vec3; 3], map: u64) -> Self {
         let [corner, edge_1, edge_2] = [a, b - a, c - a].map(|v| v.to_array());
-        Self { corner, padding: 0, edge_1, map_low: map as u32, edge_2, map_high: (map >> 32) as u32 }
+        Self {
+            corner,
+            padding: 0,
+            edge_1,
+            map_low: map as u32,
+            edge_2,
+            map_high: (map >> 32) as u32,
+        }
     }
 
     /// Its micromap.
@@ -89,13 +102,19 @@ pub struct FlatBvh {
 impl FlatBvh {
     /// A tree over boxes of (lower, upper) corners, all finite.
     pub fn new(boxes: &[(Vec3A, Vec3A)]) -> Self {
-        let boxes: Vec<Aabb> = boxes.iter().map(|(min, max)| Aabb { min: min.to_array().into(), max: max.to_array().into() }).collect();
+        let boxes: Vec<Aabb> = boxes
+            .iter()
+            .map(|(min, max)| Aabb { min: min.to_array().into(), max: max.to_array().into() })
+            .collect();
         match boxes.len() {
             0 => Self::default(),
             // The builder wants a pair to join.
-            1 => Self { nodes: vec![Node { leaf: 1, skip: 1, ..boxed(&boxes[0]) }], order: vec![0] },
+            1 => {
+                Self { nodes: vec![Node { leaf: 1, skip: 1, ..boxed(&boxes[0]) }], order: vec![0] }
+            }
             _ => {
-                let params = BvhBuildParams { max_prims_per_leaf: 4, ..BvhBuildParams::medium_build() };
+                let params =
+                    BvhBuildParams { max_prims_per_leaf: 4, ..BvhBuildParams::medium_build() };
                 flatten(&obvhs::bvh2::builder::build_bvh2(&boxes, params, &mut Duration::default()))
             }
         }
@@ -103,12 +122,18 @@ impl FlatBvh {
 }
 
 fn boxed(aabb: &Aabb) -> Node {
-    Node { min: [aabb.min.x, aabb.min.y, aabb.min.z], skip: 0, max: [aabb.max.x, aabb.max.y, aabb.max.z], leaf: 0 }
+    Node {
+        min: [aabb.min.x, aabb.min.y, aabb.min.z],
+        skip: 0,
+        max: [aabb.max.x, aabb.max.y, aabb.max.z],
+        leaf: 0,
+    }
 }
 
 fn flatten(tree: &Bvh2) -> FlatBvh {
     let mut flat = FlatBvh::default();
-    // Nodes to enter, and inner nodes (as `Err` of their place) to close when all below them is there.
+    // Nodes to enter, and inner nodes (as `Err` of their place) to close when all below them is
+    // there.
     let mut work: Vec<Result<usize, usize>> = vec![Ok(0)];
     while let Some(next) = work.pop() {
         match next {
@@ -124,7 +149,11 @@ fn flatten(tree: &Bvh2) -> FlatBvh {
                 let primitives = &tree.primitive_indices[first..first + node.prim_count as usize];
                 for some in primitives.chunks(MOST_IN_LEAF as usize) {
                     let leaf = (flat.order.len() as u32) << COUNT_BITS | some.len() as u32;
-                    flat.nodes.push(Node { leaf, skip: flat.nodes.len() as u32 + 1, ..boxed(&node.aabb) });
+                    flat.nodes.push(Node {
+                        leaf,
+                        skip: flat.nodes.len() as u32 + 1,
+                        ..boxed(&node.aabb)
+                    });
                     flat.order.extend(some);
                 }
             }
@@ -143,11 +172,17 @@ pub struct MeshBvh {
 }
 
 impl MeshBvh {
-    /// A tree of triangles, each with its micromap. Those that are all hole or without area, or with corners that are not finite or absurdly
-    /// far away, are left out.
+    /// A tree of triangles, each with its micromap. Those that are all hole or without area, or
+    /// with corners that are not finite or absurdly far away, are left out.
     pub fn new(triangles: impl IntoIterator<Item = ([Vec3; 3], u64)>) -> Self {
-        let triangles: Vec<_> = triangles.into_iter().filter(|(triangle, map)| *map != 0 && is_usable(triangle)).collect();
-        let boxes: Vec<_> = triangles.iter().map(|([a, b, c], _)| (a.min(*b).min(*c).into(), a.max(*b).max(*c).into())).collect();
+        let triangles: Vec<_> = triangles
+            .into_iter()
+            .filter(|(triangle, map)| *map != 0 && is_usable(triangle))
+            .collect();
+        let boxes: Vec<_> = triangles
+            .iter()
+            .map(|([a, b, c], _)| (a.min(*b).min(*c).into(), a.max(*b).max(*c).into()))
+            .collect();
         let FlatBvh { nodes, order } = FlatBvh::new(&boxes);
         let words = |index: &u32| {
             let (triangle, map) = triangles[*index as usize];
@@ -156,22 +191,29 @@ impl MeshBvh {
         Self { triangles: order.iter().map(words).collect(), nodes }
     }
 
-    /// The box around it in a space that `affine` maps its own to; `None` where that is not finite or there is nothing.
+    /// The box around it in a space that `affine` maps its own to; `None` where that is not finite
+    /// or there is nothing.
     pub fn bounds(&self, affine: &Affine3A) -> Option<(Vec3A, Vec3A)> {
         let root = self.nodes.first()?;
         let (min, max) = (Vec3A::from(root.min), Vec3A::from(root.max));
         let center = affine.transform_point3a((min + max) * 0.5);
         let half = affine.matrix3.abs() * ((max - min) * 0.5);
         let (min, max) = (center - half, center + half);
-        (min.is_finite() && max.is_finite() && max.abs().max(min.abs()).max_element() < GREATEST_COORDINATE).then_some((min, max))
+        (min.is_finite()
+            && max.is_finite()
+            && max.abs().max(min.abs()).max_element() < GREATEST_COORDINATE)
+            .then_some((min, max))
     }
 }
 
 fn is_usable(triangle: &[Vec3; 3]) -> bool {
     let [a, b, c] = *triangle;
-    let sound = triangle.iter().all(|corner| corner.is_finite() && corner.abs().max_element() < GREATEST_COORDINATE);
+    let sound = triangle
+        .iter()
+        .all(|corner| corner.is_finite() && corner.abs().max_element() < GREATEST_COORDINATE);
     let side = (b - a).abs().max((c - a).abs()).max_element();
-    // In units of its own size, so that neither a tiny triangle nor a huge one leaves the range of a float.
+    // In units of its own size, so that neither a tiny triangle nor a huge one leaves the range of
+    // a float.
     sound && side > 0.0 && ((b - a) / side).cross((c - a) / side).length() > LEAST_AREA
 }
 

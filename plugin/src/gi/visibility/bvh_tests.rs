@@ -8,7 +8,8 @@ fn dvec(v: [f32; 3]) -> DVec3 {
     DVec3::new(f64::from(v[0]), f64::from(v[1]), f64::from(v[2]))
 }
 
-/// Whether the segment from `origin` along the whole of `direction` meets the triangle, and by which share of its size the nearest edge is missed.
+/// Whether the segment from `origin` along the whole of `direction` meets the triangle, and by
+/// which share of its size the nearest edge is missed.
 fn meets(triangle: &TriangleWords, origin: DVec3, direction: DVec3) -> bool {
     let [a, ab, ac] = [triangle.corner, triangle.edge_1, triangle.edge_2].map(dvec);
     let p = direction.cross(ac);
@@ -23,7 +24,10 @@ fn meets_box(node: &Node, origin: DVec3, direction: DVec3) -> bool {
     let (mut near, mut far) = (0.0f64, 1.0f64);
     for axis in 0..3 {
         let inverse = 1.0 / direction[axis];
-        let (a, b) = ((f64::from(node.min[axis]) - origin[axis]) * inverse, (f64::from(node.max[axis]) - origin[axis]) * inverse);
+        let (a, b) = (
+            (f64::from(node.min[axis]) - origin[axis]) * inverse,
+            (f64::from(node.max[axis]) - origin[axis]) * inverse,
+        );
         (near, far) = (near.max(a.min(b)), far.min(a.max(b)));
     }
     near <= far * (1.0 + 1e-9)
@@ -35,7 +39,9 @@ fn walk(bvh: &MeshBvh, origin: DVec3, direction: DVec3) -> bool {
     while at < bvh.nodes.len() {
         let node = &bvh.nodes[at];
         if meets_box(node, origin, direction) {
-            if node.leaf > 0 && node.primitives().any(|index| meets(&bvh.triangles[index], origin, direction)) {
+            if node.leaf > 0
+                && node.primitives().any(|index| meets(&bvh.triangles[index], origin, direction))
+            {
                 return true;
             }
             at += 1;
@@ -70,24 +76,36 @@ fn the_walk_finds_what_trying_every_triangle_finds() {
         assert_eq!(bvh.triangles.len(), count);
         let mut found = 0;
         for ray in 0..400u32 {
-            let part = |shift: u32| f64::from(ray.wrapping_mul(2_654_435_761) >> shift & 255) / 25.6;
-            let (from, to) = (DVec3::new(part(0), part(8), part(16)), DVec3::new(part(20), part(4), part(12)));
+            let part =
+                |shift: u32| f64::from(ray.wrapping_mul(2_654_435_761) >> shift & 255) / 25.6;
+            let (from, to) =
+                (DVec3::new(part(0), part(8), part(16)), DVec3::new(part(20), part(4), part(12)));
             let expected = bvh.triangles.iter().any(|triangle| meets(triangle, from, to - from));
             assert_eq!(walk(&bvh, from, to - from), expected, "{count} triangles, ray {ray}");
             found += usize::from(expected);
         }
-        assert!(count < 50 || (20..400).contains(&found), "{found} rays of {count} triangles say nothing");
+        assert!(
+            count < 50 || (20..400).contains(&found),
+            "{found} rays of {count} triangles say nothing"
+        );
     }
 }
 
 #[test]
 fn skip_links_lead_forward_and_leaves_name_every_triangle_once() {
-    let bvh = FlatBvh::new(&soup(777, 5).iter().map(|[a, b, c]| (a.min(*b).min(*c).into(), a.max(*b).max(*c).into())).collect::<Vec<_>>());
+    let bvh = FlatBvh::new(
+        &soup(777, 5)
+            .iter()
+            .map(|[a, b, c]| (a.min(*b).min(*c).into(), a.max(*b).max(*c).into()))
+            .collect::<Vec<_>>(),
+    );
     let mut seen = vec![0; 777];
     for (index, node) in bvh.nodes.iter().enumerate() {
         assert!(node.skip as usize > index && node.skip as usize <= bvh.nodes.len());
         assert!(node.leaf == 0 || node.skip as usize == index + 1);
-        node.primitives().filter(|_| node.leaf > 0).for_each(|place| seen[bvh.order[place] as usize] += 1);
+        node.primitives()
+            .filter(|_| node.leaf > 0)
+            .for_each(|place| seen[bvh.order[place] as usize] += 1);
     }
     assert_eq!(bvh.nodes[0].skip as usize, bvh.nodes.len());
     assert!(seen.iter().all(|count| *count == 1));
@@ -124,7 +142,14 @@ fn a_triangle_that_is_all_hole_is_left_out_and_others_keep_their_holes() {
 fn many_triangles_in_one_place_are_split_among_leaves() {
     let bvh = solid([[Vec3::ZERO, Vec3::X, Vec3::Y]; 100]);
     assert_eq!(bvh.triangles.len(), 100);
-    assert_eq!(bvh.nodes.iter().filter(|node| node.leaf > 0).map(|node| node.primitives().len()).sum::<usize>(), 100);
+    assert_eq!(
+        bvh.nodes
+            .iter()
+            .filter(|node| node.leaf > 0)
+            .map(|node| node.primitives().len())
+            .sum::<usize>(),
+        100
+    );
 }
 
 proptest! {

@@ -1,21 +1,25 @@
 //! Which parts of a triangle an alpha mask leaves: plain Rust, no renderer.
 //!
-//! A triangle is cut into 8 × 8 equal smaller ones, and a bit for each says whether it is there (Gruen, Benthin and Woop 2020, "Sub-triangle
-//! Opacity Masks for Faster Ray Tracing of Transparent Objects"). The 64 bits lie where a triangle's three vectors are padded, so that holes cost
-//! no memory, no texture to read while rays are traced, and nothing at all to rays that meet no triangle.
+//! A triangle is cut into 8 × 8 equal smaller ones, and a bit for each says whether it is there
+//! (Gruen, Benthin and Woop 2020, "Sub-triangle Opacity Masks for Faster Ray Tracing of Transparent
+//! Objects"). The 64 bits lie where a triangle's three vectors are padded, so that holes cost no
+//! memory, no texture to read while rays are traced, and nothing at all to rays that meet no
+//! triangle.
 
 /// Parts along each side of a triangle.
 const SIDE: u32 = 8;
-/// Places that are looked at in each part. Higher values follow textures better that have many holes in one triangle, and take longer.
+/// Places that are looked at in each part. Higher values follow textures better that have many
+/// holes in one triangle, and take longer.
 const PLACES: u32 = 8;
 
 /// All of a triangle is there.
 pub const SOLID: u64 = u64::MAX;
 
-/// The parts that are there, by asking of places: weights of the second and third corner, each in [0, 1], together at most 1.
+/// The parts that are there, by asking of places: weights of the second and third corner, each in
+/// [0, 1], together at most 1.
 ///
-/// A part that is partly there either is or is not, such that the triangle's share of holes stays what it is: what a part was rounded by is
-/// carried on to the next.
+/// A part that is partly there either is or is not, such that the triangle's share of holes stays
+/// what it is: what a part was rounded by is carried on to the next.
 pub fn micromap(mut is_there: impl FnMut([f32; 2]) -> bool) -> u64 {
     let (mut map, mut carried, mut number) = (0, 0, 0);
     for (index, part) in parts().enumerate() {
@@ -43,21 +47,29 @@ struct Part {
 impl Part {
     fn place(&self, [across, along]: [f32; 2]) -> [f32; 2] {
         let [row, column] = [self.row as f32, self.column as f32];
-        let (across, along) = if across + along > 1.0 { (1.0 - across, 1.0 - along) } else { (across, along) };
-        let place = if self.turned { [row + 1.0 - across, column + 1.0 - along] } else { [row + across, column + along] };
+        let (across, along) =
+            if across + along > 1.0 { (1.0 - across, 1.0 - along) } else { (across, along) };
+        let place = if self.turned {
+            [row + 1.0 - across, column + 1.0 - along]
+        } else {
+            [row + across, column + along]
+        };
         place.map(|weight| weight / SIDE as f32)
     }
 }
 
 /// All parts in the order of their bits: `trace.wgsl` counts the same way.
 fn parts() -> impl Iterator<Item = Part> {
-    (0..SIDE).flat_map(|row| (0..2 * (SIDE - row) - 1).map(move |i| Part { row, column: i / 2, turned: i % 2 == 1 }))
+    (0..SIDE).flat_map(|row| {
+        (0..2 * (SIDE - row) - 1).map(move |i| Part { row, column: i / 2, turned: i % 2 == 1 })
+    })
 }
 
-/// Evenly spread over the unit square, and in no step with a texture that repeats: Roberts 2018, "The Unreasonable Effectiveness of Quasirandom
-/// Sequences".
+/// Evenly spread over the unit square, and in no step with a texture that repeats: Roberts 2018,
+/// "The Unreasonable Effectiveness of Quasirandom Sequences".
 fn spread(number: u32) -> [f32; 2] {
-    [0.754_877_666_246_692_8, 0.569_840_290_998_053_3].map(|step: f64| (f64::from(number) * step).fract() as f32)
+    [0.754_877_666_246_692_8, 0.569_840_290_998_053_3]
+        .map(|step: f64| (f64::from(number) * step).fract() as f32)
 }
 
 /// Whether the part at a place is there: the twin of `trace.wgsl`'s.
@@ -66,7 +78,8 @@ pub fn is_there(map: u64, [second, third]: [f64; 2]) -> bool {
     let side = f64::from(SIDE);
     let row = ((second * side) as u64).min(7);
     let column = ((third * side) as u64).min(7 - row);
-    let turned = second * side - row as f64 + third * side - column as f64 > 1.0 && column < 7 - row;
+    let turned =
+        second * side - row as f64 + third * side - column as f64 > 1.0 && column < 7 - row;
     map >> (row * (16 - row) + 2 * column + u64::from(turned)) & 1 == 1
 }
 
@@ -87,9 +100,16 @@ mod tests {
         let places: Vec<[f32; 2]> = parts().map(|part| part.place([0.3, 0.3])).collect();
         assert_eq!(places.len(), 64);
         for (index, place) in places.iter().enumerate() {
-            assert!(place[0] + place[1] < 1.0 && place.iter().all(|weight| *weight > 0.0), "{place:?}");
+            assert!(
+                place[0] + place[1] < 1.0 && place.iter().all(|weight| *weight > 0.0),
+                "{place:?}"
+            );
             for other in 0..64 {
-                assert_eq!(is_there(1 << other, place.map(f64::from)), other == index, "bit {other} at {place:?}");
+                assert_eq!(
+                    is_there(1 << other, place.map(f64::from)),
+                    other == index,
+                    "bit {other} at {place:?}"
+                );
             }
         }
         // Corners and edges belong to some part.
@@ -103,9 +123,14 @@ mod tests {
         // A mesh of wires, ever finer; also in step with the parts.
         for repeats in [3.0f32, 8.0, 16.0, 37.0, 64.0] {
             for share in [0.1f32, 0.5, 0.9] {
-                let map = micromap(|[u, v]| (u * repeats).fract() < share && (v * repeats).fract() >= 0.0);
+                let map = micromap(|[u, v]| {
+                    (u * repeats).fract() < share && (v * repeats).fract() >= 0.0
+                });
                 let found = map.count_ones() as f32 / 64.0;
-                assert!((found - share).abs() < 0.08, "{found} of {share}, repeated {repeats} times");
+                assert!(
+                    (found - share).abs() < 0.08,
+                    "{found} of {share}, repeated {repeats} times"
+                );
             }
         }
     }

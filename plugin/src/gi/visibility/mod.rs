@@ -1,4 +1,5 @@
-//! Visibility between surfaces and virtual point lights: rays in compute shaders over a hierarchy of the scene's triangles.
+//! Visibility between surfaces and virtual point lights: rays in compute shaders over a hierarchy
+//! of the scene's triangles.
 //!
 //! | file | world | job |
 //! |---|---|---|
@@ -8,10 +9,11 @@
 //! | `buffers` | render | keeps both on the GPU |
 //! | `trace.wgsl` | | whether anything lies between two points |
 //!
-//! Why rays and not imperfect shadow maps (Ritschel et al. 2008): a low-resolution depth map per VPL needs all of them drawn again whenever anything
-//! moves (79 MB and 2.7 of 8.7 ms in the best public implementation), leaks around every VPL, and misses what is thinner than a texel. We need
-//! far fewer answers than there are VPLs: the gather asks, per pixel, only about a few VPLs drawn in proportion to what they would send
-//! (see `gather/gather.wgsl`), and rays answer these exactly.
+//! Why rays and not imperfect shadow maps (Ritschel et al. 2008): a low-resolution depth map per
+//! VPL needs all of them drawn again whenever anything moves (79 MB and 2.7 of 8.7 ms in the best
+//! public implementation), leaks around every VPL, and misses what is thinner than a texel. We need
+//! far fewer answers than there are VPLs: the gather asks, per pixel, only about a few VPLs drawn
+//! in proportion to what they would send (see `gather/gather.wgsl`), and rays answer these exactly.
 
 mod buffers;
 mod bvh;

@@ -26,7 +26,8 @@ use crate::gi::presence::LightPresence;
 use crate::gi::settings::FrugalGi;
 use crate::gi::surfaces::{Cutout, Mask, SurfaceAssets, Triangles, hides, triangles};
 
-/// Meshes of up to so many triangles get their tree at once, in about a millisecond; larger ones in the background.
+/// Meshes of up to so many triangles get their tree at once, in about a millisecond; larger ones in
+/// the background.
 const TRIANGLES_AT_ONCE: usize = 4096;
 /// What a triangle with an alpha mask counts for: its mask is looked at in 512 places.
 const MASKED_TRIANGLE: usize = 64;
@@ -58,13 +59,17 @@ pub(super) struct InstanceData {
     pub instances: Vec<Instance>,
 }
 
-/// What hides indirect light, kept while there is light and a camera asks for [`GiVisibility`](crate::gi::GiVisibility), and empty else.
+/// What hides indirect light, kept while there is light and a camera asks for
+/// [`GiVisibility`](crate::gi::GiVisibility), and empty else.
 ///
-/// Every visible mesh does but: transparent and transmissive ones, those with [`NotShadowCaster`], skinned ones (their triangles here are those of
-/// the bind pose), and those whose asset is kept for the GPU alone (a warning says so). Alpha masks of [`StandardMaterial`] have holes for rays
-/// too, in 64 parts of each triangle, where the mask's image is there for the processor in a format without compression (another warning, and no
-/// holes, where it is not); an image that changes in every frame has all that it lies on prepared in every frame. Morphs and shaders that move vertices
-/// are not followed. Meshes of more than 4096 triangles, or 64 with a mask, are prepared in the background and hide nothing until then.
+/// Every visible mesh does but: transparent and transmissive ones, those with [`NotShadowCaster`],
+/// skinned ones (their triangles here are those of the bind pose), and those whose asset is kept
+/// for the GPU alone (a warning says so). Alpha masks of [`StandardMaterial`] have holes for rays
+/// too, in 64 parts of each triangle, where the mask's image is there for the processor in a format
+/// without compression (another warning, and no holes, where it is not); an image that changes in
+/// every frame has all that it lies on prepared in every frame. Morphs and shaders that move
+/// vertices are not followed. Meshes of more than 4096 triangles, or 64 with a mask, are prepared
+/// in the background and hide nothing until then.
 #[derive(Resource, ExtractResource, Clone, Debug, Default)]
 pub struct GiOccluders {
     pub(super) meshes: Arc<MeshData>,
@@ -131,12 +136,21 @@ impl MeshTrees {
 pub(super) fn update(
     mut trees: ResMut<MeshTrees>,
     mut occluders: ResMut<GiOccluders>,
-    (mut mesh_events, mut image_events): (MessageReader<AssetEvent<Mesh>>, Option<MessageReader<AssetEvent<Image>>>),
+    (mut mesh_events, mut image_events): (
+        MessageReader<AssetEvent<Mesh>>,
+        Option<MessageReader<AssetEvent<Image>>>,
+    ),
     assets: SurfaceAssets,
     light: LightPresence,
     cameras: Query<(&Camera, &FrugalGi, Has<EnvironmentMapLight>)>,
     placed: Query<
-        (Entity, &Mesh3d, &GlobalTransform, &InheritedVisibility, Option<&MeshMaterial3d<StandardMaterial>>),
+        (
+            Entity,
+            &Mesh3d,
+            &GlobalTransform,
+            &InheritedVisibility,
+            Option<&MeshMaterial3d<StandardMaterial>>,
+        ),
         (Without<NotShadowCaster>, Without<SkinnedMesh>),
     >,
 ) {
@@ -149,9 +163,12 @@ pub(super) fn update(
         let (AssetEvent::Modified { id } | AssetEvent::Removed { id }) = event else { continue };
         trees.forget(|key| key.mask.is_some_and(|mask| mask.reads(*id)));
     }
-    if !cameras.iter().any(|(camera, gi, has_map)| camera.is_active && gi.traces() && light.lights(gi, has_map)) {
-        // The trees stay: made again in the background, they would be missing in the frames after rays are back. What was made of them goes, and with
-        // it the buffers.
+    if !cameras
+        .iter()
+        .any(|(camera, gi, has_map)| camera.is_active && gi.traces() && light.lights(gi, has_map))
+    {
+        // The trees stay: made again in the background, they would be missing in the frames after
+        // rays are back. What was made of them goes, and with it the buffers.
         if occluders.is_kept {
             *occluders = GiOccluders::default();
             trees.placed.clear();
@@ -164,9 +181,12 @@ pub(super) fn update(
         .filter(|(_, _, _, visible, _)| visible.get())
         .filter_map(|(entity, mesh, transform, _, material)| {
             // A material of another kind is taken for solid: nothing is known of it.
-            let material = material.zip(assets.materials.as_ref()).and_then(|(handle, all)| all.get(handle));
+            let material =
+                material.zip(assets.materials.as_ref()).and_then(|(handle, all)| all.get(handle));
             let mask = material.and_then(Mask::new);
-            material.is_none_or(hides).then(|| (entity, TreeKey { mesh: mesh.id(), mask }, transform.affine()))
+            material
+                .is_none_or(hides)
+                .then(|| (entity, TreeKey { mesh: mesh.id(), mask }, transform.affine()))
         })
         .collect();
     // Entities come in no particular order, and the tree over them should be the same in every run.
@@ -210,7 +230,8 @@ fn build_trees(trees: &mut MeshTrees, used: impl Iterator<Item = TreeKey>, asset
 /// A mesh's tree, at once or in the background; `None` while its assets are not there.
 fn start(key: &TreeKey, assets: &SurfaceAssets) -> Option<Tree> {
     let mesh = assets.meshes.get(key.mesh)?;
-    let cutout = Cutout::new(key.mask.as_ref(), mesh, assets.images.as_deref())?.map(Cutout::into_owned);
+    let cutout =
+        Cutout::new(key.mask.as_ref(), mesh, assets.images.as_deref())?.map(Cutout::into_owned);
     let Some(Triangles { corners, positions }) = triangles(mesh) else {
         warn_once!(
             "a mesh is kept for the GPU alone or is no triangle list: it hides no indirect light (RenderAssetUsages::MAIN_WORLD keeps it readable)"
@@ -218,7 +239,13 @@ fn start(key: &TreeKey, assets: &SurfaceAssets) -> Option<Tree> {
         return Some(Tree::Unreadable);
     };
     let work = corners.len() * if cutout.is_some() { MASKED_TRIANGLE } else { 1 };
-    let build = move || MeshBvh::new(positions.into_iter().zip(corners.into_iter().map(|corners| holes(cutout.as_ref(), corners))));
+    let build = move || {
+        MeshBvh::new(
+            positions
+                .into_iter()
+                .zip(corners.into_iter().map(|corners| holes(cutout.as_ref(), corners))),
+        )
+    };
     Some(if work <= TRIANGLES_AT_ONCE {
         Tree::Ready(Arc::new(build()))
     } else {
@@ -229,13 +256,19 @@ fn start(key: &TreeKey, assets: &SurfaceAssets) -> Option<Tree> {
 /// A triangle's micromap.
 fn holes(cutout: Option<&Cutout>, corners: [usize; 3]) -> u64 {
     match cutout {
-        Some(cutout) if cutout.may_pierce(corners) => micromap(|place| cutout.is_there(corners, place)),
+        Some(cutout) if cutout.may_pierce(corners) => {
+            micromap(|place| cutout.is_there(corners, place))
+        }
         _ => SOLID,
     }
 }
 
 /// Everything in its place. The meshes' data is made anew only when a tree changed.
-fn assemble(trees: &mut MeshTrees, placed: &[(Entity, TreeKey, Affine3A)], before: &GiOccluders) -> GiOccluders {
+fn assemble(
+    trees: &mut MeshTrees,
+    placed: &[(Entity, TreeKey, Affine3A)],
+    before: &GiOccluders,
+) -> GiOccluders {
     let mut meshes = Arc::clone(&before.meshes);
     if trees.changed {
         let mut data = MeshData::default();
@@ -243,7 +276,8 @@ fn assemble(trees: &mut MeshTrees, placed: &[(Entity, TreeKey, Affine3A)], befor
         for (_, key, _) in placed {
             let Some(Tree::Ready(tree)) = trees.trees.get(key) else { continue };
             trees.ranges.entry(*key).or_insert_with(|| {
-                let (first, first_triangle) = (data.nodes.len() as u32, data.triangles.len() as u32);
+                let (first, first_triangle) =
+                    (data.nodes.len() as u32, data.triangles.len() as u32);
                 let moved = |node: &Node| {
                     let leaf = if node.leaf == 0 { 0 } else { node.leaf + (first_triangle << 3) };
                     Node { skip: node.skip + first, leaf, ..*node }
@@ -258,17 +292,26 @@ fn assemble(trees: &mut MeshTrees, placed: &[(Entity, TreeKey, Affine3A)], befor
     }
     let (mut boxes, mut instances) = (Vec::new(), Vec::new());
     for (_, key, affine) in placed {
-        let (Some(Tree::Ready(tree)), Some(nodes)) = (trees.trees.get(key), trees.ranges.get(key)) else { continue };
+        let (Some(Tree::Ready(tree)), Some(nodes)) = (trees.trees.get(key), trees.ranges.get(key))
+        else {
+            continue;
+        };
         let inverse = affine.inverse();
         // Scaled to nothing, or so far away that nothing can be told: it hides nothing.
         let Some(bounds) = tree.bounds(affine).filter(|_| inverse.is_finite()) else { continue };
         boxes.push(bounds);
-        let [x, y, z] = [inverse.matrix3.x_axis, inverse.matrix3.y_axis, inverse.matrix3.z_axis].map(|axis| axis.to_array());
+        let [x, y, z] = [inverse.matrix3.x_axis, inverse.matrix3.y_axis, inverse.matrix3.z_axis]
+            .map(|axis| axis.to_array());
         let offset = inverse.translation.to_array();
         let local_from_world = std::array::from_fn(|row| [x[row], y[row], z[row], offset[row]]);
         instances.push(Instance { local_from_world, nodes: *nodes, padding: [0; 2] });
     }
     let FlatBvh { nodes, order } = FlatBvh::new(&boxes);
     let instances = order.iter().map(|index| instances[*index as usize]).collect();
-    GiOccluders { meshes, instances: Arc::new(InstanceData { nodes, instances }), waiting: before.waiting, is_kept: true }
+    GiOccluders {
+        meshes,
+        instances: Arc::new(InstanceData { nodes, instances }),
+        waiting: before.waiting,
+        is_kept: true,
+    }
 }

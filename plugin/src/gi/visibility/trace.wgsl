@@ -1,9 +1,12 @@
-// Whether anything lies between two points: rays over a hierarchy of boxes in two levels, as `visibility/bvh.rs` lays it out.
+// Whether anything lies between two points: rays over a hierarchy of boxes in two levels, as
+// `visibility/bvh.rs` lays it out.
 //
-// No stack: nodes lie in depth-first order, and each knows where to go on when its box is missed. Instances are walked in the world, their
-// triangles in the mesh's own space; the ray's parameter is the same in both.
+// No stack: nodes lie in depth-first order, and each knows where to go on when its box is missed.
+// Instances are walked in the world, their triangles in the mesh's own space; the ray's parameter
+// is the same in both.
 //
-// Holes of alpha masks count where MASKS is defined: a software driver takes a tenth longer for looking at them, whether there are any or not.
+// Holes of alpha masks count where MASKS is defined: a software driver takes a tenth longer for
+// looking at them, whether there are any or not.
 #define_import_path bevy_frugal_gi::gi::visibility::trace
 
 struct Node {
@@ -58,13 +61,15 @@ fn meets_box(node: Node, origin: vec3<f32>, inverse: vec3<f32>) -> bool {
 }
 
 #ifdef MASKS
-/// Whether what a triangle's alpha mask leaves of it holds the point of these weights of its second and third corner.
+/// Whether what a triangle's alpha mask leaves of it holds the point of these weights of its second
+/// and third corner.
 fn is_there(triangle: Triangle, second: f32, third: f32) -> bool {
     let across = second * 8.0;
     let along = third * 8.0;
     let row = u32(across);
-    // The row begins at part row · (16 − row), and its columns have two parts each, of which the sum of both fractions tells: with
-    // ⌊across + along⌋ = row + column + (0 or 1), that is this. The farthest corner and rounding on the longest side may name a neighbour.
+    // The row begins at part row · (16 − row), and its columns have two parts each, of which the
+    // sum of both fractions tells: with ⌊across + along⌋ = row + column + (0 or 1), that is this.
+    // The farthest corner and rounding on the longest side may name a neighbour.
     let part = row * (15u - row) + u32(along) + u32(across + along);
     return (select(triangle.map_low, triangle.map_high, part >= 32u) >> (part & 31u) & 1u) == 1u;
 }
@@ -145,14 +150,16 @@ fn is_open(origin: vec3<f32>, direction: vec3<f32>) -> bool {
     return !is_occluded(origin, origin + direction * reach);
 }
 
-/// Of a pixel's width, how far rasterised depth may lie off its surface: Vulkan lets corners of triangles be snapped to sixteenths of a pixel (PowerVR and
-/// SwiftShader do, others to 256ths), which shifts a slope by up to √2 ÷ 32 of a pixel's width along its normal.
+/// Of a pixel's width, how far rasterised depth may lie off its surface: Vulkan lets corners of
+/// triangles be snapped to sixteenths of a pixel (PowerVR and SwiftShader do, others to 256ths),
+/// which shifts a slope by up to √2 ÷ 32 of a pixel's width along its normal.
 const SNAPPED: f32 = 0.045;
 
-/// How far from a surface a ray starts or ends, metres: beyond what positions out of a depth buffer are uncertain by. `width`: of the pixel or texel that
-/// the position comes from, metres.
+/// How far from a surface a ray starts or ends, metres: beyond what positions out of a depth buffer
+/// are uncertain by. `width`: of the pixel or texel that the position comes from, metres.
 ///
-/// Higher values lose contact shadows and let light through thin walls; lower ones make surfaces shade themselves.
+/// Higher values lose contact shadows and let light through thin walls; lower ones make surfaces
+/// shade themselves.
 fn surface_offset(position: vec3<f32>, distance_to_eye: f32, width: f32) -> f32 {
     let size = max(max(abs(position.x), abs(position.y)), abs(position.z));
     return 5e-4 + 2e-4 * distance_to_eye + 4e-7 * size + SNAPPED * width;

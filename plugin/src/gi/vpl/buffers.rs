@@ -36,13 +36,16 @@ pub(in crate::gi) struct MapRow {
 /// Columns of a tile, and most rows of one, as `vpl/rows.wgsl` has them.
 pub(super) const TILE: u32 = 16;
 
-/// Texels in a row of those that no map shows: short, so that both coordinates of drawing are of use.
+/// Texels in a row of those that no map shows: short, so that both coordinates of drawing are of
+/// use.
 const SCATTERED_ROW: u32 = 32;
 
 impl MapRow {
-    /// Adds `count` rows of `length` texels, that lie beside each other and one after another in the store from `first_texel` on.
+    /// Adds `count` rows of `length` texels, that lie beside each other and one after another in
+    /// the store from `first_texel` on.
     pub fn add_map(rows: &mut Vec<Self>, first_texel: u32, length: u32, count: u32, cut: RsmCut) {
-        let (first_weight, first_tile) = rows.last().map_or((0, 0), |row| (row.first_weight + row.length, row.end_tile()));
+        let (first_weight, first_tile) =
+            rows.last().map_or((0, 0), |row| (row.first_weight + row.length, row.end_tile()));
         rows.extend((0..count).map(|index| {
             let tile_row = index / TILE;
             Self {
@@ -57,11 +60,17 @@ impl MapRow {
         }));
     }
 
-    /// Adds rows for `count` texels one after another in the store that no map shows: each row a map of its own, since the next one may lie in another
-    /// room.
+    /// Adds rows for `count` texels one after another in the store that no map shows: each row a
+    /// map of its own, since the next one may lie in another room.
     pub fn add_scattered(rows: &mut Vec<Self>, first_texel: u32, count: u32) {
         for row in (0..count).step_by(SCATTERED_ROW as usize) {
-            Self::add_map(rows, first_texel + row, SCATTERED_ROW.min(count - row), 1, RsmCut::default());
+            Self::add_map(
+                rows,
+                first_texel + row,
+                SCATTERED_ROW.min(count - row),
+                1,
+                RsmCut::default(),
+            );
         }
     }
 
@@ -92,7 +101,12 @@ impl DrawingBuffers {
     pub fn new(device: &RenderDevice, rows: Vec<MapRow>) -> Self {
         let empty = |label, size| {
             let usage = BufferUsages::STORAGE | BufferUsages::COPY_DST;
-            device.create_buffer(&BufferDescriptor { label: Some(label), size, usage, mapped_at_creation: false })
+            device.create_buffer(&BufferDescriptor {
+                label: Some(label),
+                size,
+                usage,
+                mapped_at_creation: false,
+            })
         };
         let texels = rows.iter().map(|row| u64::from(row.length)).sum::<u64>();
         Self {
@@ -102,7 +116,10 @@ impl DrawingBuffers {
                 usage: BufferUsages::STORAGE | BufferUsages::COPY_DST,
             }),
             receivers: empty("bevy_frugal_gi/vpl/receivers", RECEIVERS_BYTES),
-            hidden: empty("bevy_frugal_gi/vpl/hidden", rows.last().map_or(1, |row| u64::from(row.end_tile())) * 4),
+            hidden: empty(
+                "bevy_frugal_gi/vpl/hidden",
+                rows.last().map_or(1, |row| u64::from(row.end_tile())) * 4,
+            ),
             texel_cdf: empty("bevy_frugal_gi/vpl/texel_cdf", texels * 4),
             row_cdf: empty("bevy_frugal_gi/vpl/row_cdf", rows.len() as u64 * 4),
             longest_row: rows.iter().map(|row| row.length).max().unwrap_or(0),
@@ -124,6 +141,9 @@ impl DrawingBuffers {
 
     /// Bytes held on the GPU.
     pub fn bytes(&self) -> u64 {
-        [&self.row_table, &self.receivers, &self.hidden, &self.texel_cdf, &self.row_cdf].map(|buffer| buffer.size()).iter().sum()
+        [&self.row_table, &self.receivers, &self.hidden, &self.texel_cdf, &self.row_cdf]
+            .map(|buffer| buffer.size())
+            .iter()
+            .sum()
     }
 }

@@ -1,7 +1,8 @@
 // One light drawn from many, in proportion to what each would send.
 //
-// A hand of lights takes one ray: the drawn light stands for the hand, with all that the hand would send where the ray to it is free, and with nothing
-// where not. In luminance the expectation is the sum of what is visible, whatever hides the rest, and rays go where light comes from: one step of
+// A hand of lights takes one ray: the drawn light stands for the hand, with all that the hand would
+// send where the ray to it is free, and with nothing where not. In luminance the expectation is the
+// sum of what is visible, whatever hides the rest, and rays go where light comes from: one step of
 // resampled importance sampling (Talbot et al. 2005) with its proposals in a fixed order.
 #define_import_path bevy_frugal_gi::gi::vpl::hand
 
@@ -12,7 +13,8 @@ struct Hand {
     sent: vec3<f32>,
     /// The same, as they are weighed.
     total: f32,
-    /// What draws: one number for the whole hand, of which what is left after each draw is again evenly spread (Chao 1982, with the number reused).
+    /// What draws: one number for the whole hand, of which what is left after each draw is again
+    /// evenly spread (Chao 1982, with the number reused).
     number: f32,
     /// Index of the light that is drawn.
     drawn: u32,

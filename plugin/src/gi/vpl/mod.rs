@@ -8,7 +8,8 @@ use bevy::core_pipeline::prepass::ViewPrepassTextures;
 use bevy::ecs::prelude::*;
 use bevy::render::diagnostic::RecordDiagnostics;
 use bevy::render::render_resource::binding_types::{
-    storage_buffer_read_only_sized, storage_buffer_sized, texture_2d, texture_depth_2d, uniform_buffer,
+    storage_buffer_read_only_sized, storage_buffer_sized, texture_2d, texture_depth_2d,
+    uniform_buffer,
 };
 use bevy::render::render_resource::*;
 use bevy::render::renderer::{RenderContext, ViewQuery};
@@ -72,27 +73,40 @@ impl FromWorld for VplPipelines {
         );
         let draw_layout = BindGroupLayoutDescriptor::new(
             "bevy_frugal_gi/vpl/draw",
-            &BindGroupLayoutEntries::sequential(ShaderStages::COMPUTE, (read(), read(), write(), write(), write(), read())),
+            &BindGroupLayoutEntries::sequential(
+                ShaderStages::COMPUTE,
+                (read(), read(), write(), write(), write(), read()),
+            ),
         );
-        let (weigh, sample) = (load_embedded_asset!(world, "weigh.wgsl"), load_embedded_asset!(world, "sample.wgsl"));
+        let (weigh, sample) =
+            (load_embedded_asset!(world, "weigh.wgsl"), load_embedded_asset!(world, "sample.wgsl"));
         let see = load_embedded_asset!(world, "see.wgsl");
         let cache = world.resource::<PipelineCache>();
-        let queue =
-            |shader: &Handle<Shader>, layout: &[&BindGroupLayoutDescriptor], entry_point: &'static str, definition: Option<&str>| {
-                cache.queue_compute_pipeline(ComputePipelineDescriptor {
-                    label: Some(format!("bevy_frugal_gi/vpl/{entry_point}").into()),
-                    layout: layout.iter().map(|layout| (*layout).clone()).collect(),
-                    shader: shader.clone(),
-                    shader_defs: definition.map(Into::into).into_iter().collect(),
-                    entry_point: Some(entry_point.into()),
-                    ..default()
-                })
-            };
+        let queue = |shader: &Handle<Shader>,
+                     layout: &[&BindGroupLayoutDescriptor],
+                     entry_point: &'static str,
+                     definition: Option<&str>| {
+            cache.queue_compute_pipeline(ComputePipelineDescriptor {
+                label: Some(format!("bevy_frugal_gi/vpl/{entry_point}").into()),
+                layout: layout.iter().map(|layout| (*layout).clone()).collect(),
+                shader: shader.clone(),
+                shader_defs: definition.map(Into::into).into_iter().collect(),
+                entry_point: Some(entry_point.into()),
+                ..default()
+            })
+        };
         Self {
             pick_receivers: queue(&weigh, &[&weigh_layout], "pick_receivers", None),
-            find_floor: [None, Some("SEEING")].map(|seeing| queue(&weigh, &[&weigh_layout], "find_floor", seeing)),
-            weigh_texels: [None, Some("SEEING")].map(|seeing| queue(&weigh, &[&weigh_layout], "weigh_texels", seeing)),
-            see_tiles: queue(&see, &[&see_layout, &OccluderBuffers::layout()], "see_tiles", Some("MASKS")),
+            find_floor: [None, Some("SEEING")]
+                .map(|seeing| queue(&weigh, &[&weigh_layout], "find_floor", seeing)),
+            weigh_texels: [None, Some("SEEING")]
+                .map(|seeing| queue(&weigh, &[&weigh_layout], "weigh_texels", seeing)),
+            see_tiles: queue(
+                &see,
+                &[&see_layout, &OccluderBuffers::layout()],
+                "see_tiles",
+                Some("MASKS"),
+            ),
             accumulate_rows: queue(&sample, &[&draw_layout], "accumulate_rows", None),
             accumulate_maps: queue(&sample, &[&draw_layout], "accumulate_maps", None),
             sample: queue(&sample, &[&draw_layout], "sample_vpls", None),
@@ -118,7 +132,8 @@ pub(super) fn sample(
         return;
     }
     let traced = occluders.bind_group().filter(|_| camera.visibility.rays() > 0);
-    let (Some(g_buffer), Some(depth), Some(views)) = (prepass.deferred_view(), prepass.depth_view(), view_uniforms.uniforms.binding())
+    let (Some(g_buffer), Some(depth), Some(views)) =
+        (prepass.deferred_view(), prepass.depth_view(), view_uniforms.uniforms.binding())
     else {
         return;
     };
@@ -135,7 +150,10 @@ pub(super) fn sample(
         plan: (&camera.plan_buffer, camera.plan.slots()),
     };
     let steps = pipelines.steps(context.render_device(), &cache, traced.is_some(), drawn);
-    let (Some(pick), Some(steps)) = (cache.get_compute_pipeline(pipelines.pick_receivers), steps) else { return };
+    let (Some(pick), Some(steps)) = (cache.get_compute_pipeline(pipelines.pick_receivers), steps)
+    else {
+        return;
+    };
     let diagnostics = context.diagnostic_recorder();
     let diagnostics = diagnostics.as_deref();
     let span = diagnostics.time_span(context.command_encoder(), "bevy_frugal_gi/vpl");
@@ -143,9 +161,10 @@ pub(super) fn sample(
         context.command_encoder().clear_buffer(&buffers.hidden, 0, None);
     }
     {
-        let mut pass = context
-            .command_encoder()
-            .begin_compute_pass(&ComputePassDescriptor { label: Some("bevy_frugal_gi/vpl"), timestamp_writes: None });
+        let mut pass = context.command_encoder().begin_compute_pass(&ComputePassDescriptor {
+            label: Some("bevy_frugal_gi/vpl"),
+            timestamp_writes: None,
+        });
         pass.set_bind_group(0, steps.weighing(), &[view_offset.offset]);
         pass.set_pipeline(pick);
         pass.dispatch_workgroups(1, 1, 1);

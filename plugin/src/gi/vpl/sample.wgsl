@@ -1,10 +1,12 @@
-// Draws a camera's virtual point lights from the texels of its reflective shadow maps, in proportion to their weights (see
-// `weigh.wgsl`).
+// Draws a camera's virtual point lights from the texels of its reflective shadow maps, in
+// proportion to their weights (see `weigh.wgsl`).
 //
-// The sequence is fixed, so a still scene has still VPLs. Each set of VPLs (see `plan.wgsl`) is a Hammersley set of its own: the first coordinate
-// stratifies rows, the radical inverse places the texel in its row. Sets are shifted against each other, rows by a part of a stratum and texels
-// by multiples of the golden ratio, so that together they are one set of all VPLs. Every VPL carries total · flux / (weight · count of its
-// set): the expectation of the sum over a set is the sum over texels, and is met exactly where weights are proportional to flux.
+// The sequence is fixed, so a still scene has still VPLs. Each set of VPLs (see `plan.wgsl`) is a
+// Hammersley set of its own: the first coordinate stratifies rows, the radical inverse places the
+// texel in its row. Sets are shifted against each other, rows by a part of a stratum and texels by
+// multiples of the golden ratio, so that together they are one set of all VPLs. Every VPL carries
+// total · flux / (weight · count of its set): the expectation of the sum over a set is the sum over
+// texels, and is met exactly where weights are proportional to flux.
 
 #import bevy_frugal_gi::gi::rsm::texel::{Texel, texel_normal}
 #import bevy_frugal_gi::gi::vpl::plan::Plan
@@ -19,7 +21,8 @@
 @group(0) @binding(4) var<storage, read_write> vpls: array<Vpl>;
 @group(0) @binding(5) var<storage, read> plan: Plan;
 
-/// Cumulative weights along each row in place of its weights; one thread per row, which leaves its sum in `row_cdf`.
+/// Cumulative weights along each row in place of its weights; one thread per row, which leaves its
+/// sum in `row_cdf`.
 @compute @workgroup_size(64)
 fn accumulate_rows(@builtin(global_invocation_id) id: vec3<u32>) {
     if id.x >= arrayLength(&row_cdf) {
@@ -37,8 +40,8 @@ fn accumulate_rows(@builtin(global_invocation_id) id: vec3<u32>) {
 const LANES: u32 = 64u;
 var<workgroup> lane_sums: array<f32, LANES>;
 
-/// Cumulative sums over all rows of the camera's maps in place of their sums, in one workgroup: each lane sums a run of rows, then adds what lies
-/// before it.
+/// Cumulative sums over all rows of the camera's maps in place of their sums, in one workgroup:
+/// each lane sums a run of rows, then adds what lies before it.
 @compute @workgroup_size(64)
 fn accumulate_maps(@builtin(local_invocation_index) lane: u32) {
     let count = arrayLength(&row_cdf);
@@ -111,10 +114,12 @@ fn sample_vpls(@builtin(global_invocation_id) id: vec3<u32>) {
     let last = row.first_weight + row.length - 1u;
     let place = find_texel(row.first_weight, row.length, along_row * texel_cdf[last]);
     let texel = texels[row.first_texel + place - row.first_weight];
-    // The step of the cumulative sum rather than the weight that was added: this is what the texel was drawn by, rounding included.
+    // The step of the cumulative sum rather than the weight that was added: this is what the texel
+    // was drawn by, rounding included.
     let weight = texel_cdf[place] - select(0.0, texel_cdf[max(place, 1u) - 1u], place > row.first_weight);
 
-    // The last row or texel may be reached by rounding with nothing in it; then it carries nothing. So does what only fills up the set's stride.
+    // The last row or texel may be reached by rounding with nothing in it; then it carries nothing.
+    // So does what only fills up the set's stride.
     let share = total / (max(weight, 1e-36) * count);
     let carries = weight > 0.0 && share < 1e30 && member < plan.per_set;
     var vpl: Vpl;

@@ -1,8 +1,11 @@
-// Which tiles of a camera's reflective shadow maps its receivers see: a ray for each tile and receiver.
+// Which tiles of a camera's reflective shadow maps its receivers see: a ray for each tile and
+// receiver.
 //
-// From indoors nearly all that the sun lights is hidden. Weights that do not look at that spend VPLs, and then the rays to them, on light that never
-// arrives. A tile is seen by a receiver where the ray to one of its texels is free; other receivers look at other texels of it. That is coarse, but
-// it only decides about weights: whatever they are, as long as none is 0, the estimate stays unbiased.
+// From indoors nearly all that the sun lights is hidden. Weights that do not look at that spend
+// VPLs, and then the rays to them, on light that never arrives. A tile is seen by a receiver where
+// the ray to one of its texels is free; other receivers look at other texels of it. That is coarse,
+// but it only decides about weights: whatever they are, as long as none is 0, the estimate stays
+// unbiased.
 
 #import bevy_render::view::View
 #import bevy_frugal_gi::gi::rsm::texel::{Texel, texel_luminance, texel_normal}
@@ -20,7 +23,8 @@
 /// Texels that are tried until one is lit.
 const TRIES: u32 = 4u;
 
-/// One thread per row and tile's width of it, a row of workgroups per row of the maps. The rows of a tile share its receivers out.
+/// One thread per row and tile's width of it, a row of workgroups per row of the maps. The rows of
+/// a tile share its receivers out.
 @compute @workgroup_size(32)
 fn see_tiles(@builtin(global_invocation_id) id: vec3<u32>) {
     let row = rows[id.y];

@@ -1,4 +1,5 @@
-//! From receivers to virtual point lights: the steps that drawing for a camera's picture and for its patches have in common.
+//! From receivers to virtual point lights: the steps that drawing for a camera's picture and for
+//! its patches have in common.
 
 use bevy::render::render_resource::*;
 use bevy::render::renderer::RenderDevice;
@@ -106,12 +107,17 @@ impl Steps<'_> {
         &self.weighing
     }
 
-    /// Which receivers see which tiles; group 1 is what rays may meet. The buffer of what is hidden must have been cleared before.
+    /// Which receivers see which tiles; group 1 is what rays may meet. The buffer of what is hidden
+    /// must have been cleared before.
     pub fn see(&self, pass: &mut ComputePass, occluders: &BindGroup) {
         pass.set_bind_group(0, &self.seeing, &[self.drawn.view_offset]);
         pass.set_bind_group(1, occluders, &[]);
         pass.set_pipeline(self.see);
-        pass.dispatch_workgroups(self.drawn.buffers.longest_row.div_ceil(TILE).div_ceil(SEE_GROUP), self.rows(), 1);
+        pass.dispatch_workgroups(
+            self.drawn.buffers.longest_row.div_ceil(TILE).div_ceil(SEE_GROUP),
+            self.rows(),
+            1,
+        );
     }
 
     /// Weighs all texels by what receivers could get of them.

@@ -10,19 +10,22 @@ struct Vpl {
     normal: vec3<f32>,
     /// Width of the texel that it was drawn from, metres.
     texel_width: f32,
-    /// Reflected flux, lumens. Intensity along a direction at θ from the normal is flux · cosθ / π candela.
+    /// Reflected flux, lumens. Intensity along a direction at θ from the normal is flux · cosθ / π
+    /// candela.
     flux: vec3<f32>,
     padding: f32,
 }
 
 /// Irradiance from one VPL, without the factor 1/π that its cosine lobe and the sum share. Lux · π.
 ///
-/// A point within reach of a surface would be a spike. A VPL stands for the piece of surface that its neighbours leave to it: it never sends more than
-/// an endless plane of that piece's radiosity would. Where many VPLs are drawn the pieces are small, and what is lost in corners goes to nothing
-/// with them; a bound for the whole scene (Dachsbacher and Stamminger 2005) stays.
+/// A point within reach of a surface would be a spike. A VPL stands for the piece of surface that
+/// its neighbours leave to it: it never sends more than an endless plane of that piece's radiosity
+/// would. Where many VPLs are drawn the pieces are small, and what is lost in corners goes to
+/// nothing with them; a bound for the whole scene (Dachsbacher and Stamminger 2005) stays.
 fn from_vpl(vpl: Vpl, position: vec3<f32>, normal: vec3<f32>) -> vec3<f32> {
     let way = vpl.position - position;
-    // Two divisions by d² rather than one by d⁴ keep every distance from 1e-9 m to 1e19 m in range; at distance 0 both cosines are 0.
+    // Two divisions by d² rather than one by d⁴ keep every distance from 1e-9 m to 1e19 m in range;
+    // at distance 0 both cosines are 0.
     let inverse = 1.0 / clamp(dot(way, way), 1e-18, 1e38);
     let receiver = max(dot(normal, way), 0.0) * inverse;
     let emitter = max(-dot(vpl.normal, way), 0.0) * inverse;

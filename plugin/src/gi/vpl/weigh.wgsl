@@ -1,9 +1,12 @@
-// How much each texel of a camera's reflective shadow maps matters to its picture: flux times what the camera's surfaces could receive of it.
+// How much each texel of a camera's reflective shadow maps matters to its picture: flux times what
+// the camera's surfaces could receive of it.
 //
-// A few receivers stand for all that the camera sees. Virtual point lights drawn by flux alone go to wherever the sun shines; on a large level
-// few of them would light anything in view. The idea is that of light-path guiding (importance from the eye decides where light paths go). Any
-// weight above zero keeps the estimate unbiased, so the receivers may be few, and what stands between may be known by tiles of texels alone (`see.wgsl`,
-// where rays are traced; SEEING) or not at all. A floor of a quarter of the mean keeps it tame: no VPL carries more than four times what it would
+// A few receivers stand for all that the camera sees. Virtual point lights drawn by flux alone go
+// to wherever the sun shines; on a large level few of them would light anything in view. The idea
+// is that of light-path guiding (importance from the eye decides where light paths go). Any weight
+// above zero keeps the estimate unbiased, so the receivers may be few, and what stands between may
+// be known by tiles of texels alone (`see.wgsl`, where rays are traced; SEEING) or not at all. A
+// floor of a quarter of the mean keeps it tame: no VPL carries more than four times what it would
 // carry if all were drawn by flux.
 
 #import bevy_render::view::View
@@ -22,7 +25,8 @@
 /// As `see.wgsl` left it.
 @group(0) @binding(7) var<storage, read> hidden: array<u32>;
 
-/// One thread per receiver: the pixels in the middle of a grid's cells, every other row shifted by half a cell.
+/// One thread per receiver: the pixels in the middle of a grid's cells, every other row shifted by
+/// half a cell.
 @compute @workgroup_size(RECEIVERS)
 fn pick_receivers(@builtin(local_invocation_index) index: u32) {
     let size = textureDimensions(g_buffer);
@@ -34,14 +38,16 @@ fn pick_receivers(@builtin(local_invocation_index) index: u32) {
     var receiver: Receiver;
     receiver.position = pixel_position(pixel, size, max(depth, 1e-30), view.world_from_clip);
     receiver.normal = surface_normal(textureLoad(g_buffer, pixel, 0));
-    // What a cell of the grid covers of a surface, more or less: nothing nearer than that can be told apart.
+    // What a cell of the grid covers of a surface, more or less: nothing nearer than that can be
+    // told apart.
     let way = receiver.position - view.world_position;
     receiver.radius_squared = select(0.0, clamp(0.02 * dot(way, way), 1e-12, 1e18), depth > 0.0);
     receiver.pixel_width = pixel_width(view.clip_from_view, size.y, sqrt(clamp(dot(way, way), 0.0, 1e30)));
     receivers.points[index] = receiver;
 }
 
-/// What of its light a tile may send to a receiver that does not see the one texel of it that was looked at.
+/// What of its light a tile may send to a receiver that does not see the one texel of it that was
+/// looked at.
 const HIDDEN_SHARE: f32 = 0.05;
 
 /// What the receivers would get of a texel's light, 1/m². The texel lies in a column of a row.

@@ -6,7 +6,8 @@ use bevy::pbr::{ScreenSpaceAmbientOcclusion, ScreenSpaceAmbientOcclusionQualityL
 
 use crate::knobs::{Knob, KnobDriver, Level};
 
-/// Off, 4, 8, 16 or 32 samples. On and off change the deferred lighting's pipeline: Bevy draws without it until that is compiled.
+/// Off, 4, 8, 16 or 32 samples. On and off change the deferred lighting's pipeline: Bevy draws
+/// without it until that is compiled.
 pub struct AmbientOcclusion;
 
 /// A slice is followed to both sides with two samples each.
@@ -14,12 +15,16 @@ const SAMPLES_PER_SLICE: u32 = 4;
 
 impl KnobDriver for AmbientOcclusion {
     fn knob(&self) -> Knob {
-        Knob::labelled("ambient_occlusion", [(0.0, "off"), (4.0, "4"), (8.0, "8"), (16.0, "16"), (32.0, "32")])
+        Knob::labelled(
+            "ambient_occlusion",
+            [(0.0, "off"), (4.0, "4"), (8.0, "8"), (16.0, "16"), (32.0, "32")],
+        )
     }
 
     fn apply(&self, world: &mut World, camera: Entity, level: &Level) {
         let mut camera = world.entity_mut(camera);
-        // Kept at every level, so that switching does not change the prepass, which would recompile every mesh's pipeline.
+        // Kept at every level, so that switching does not change the prepass, which would recompile
+        // every mesh's pipeline.
         if !camera.contains::<NormalPrepass>() {
             camera.insert(NormalPrepass);
         }
@@ -28,10 +33,15 @@ impl KnobDriver for AmbientOcclusion {
             camera.remove::<ScreenSpaceAmbientOcclusion>();
             return;
         }
-        let quality_level = ScreenSpaceAmbientOcclusionQualityLevel::Custom { slice_count, samples_per_slice_side: 2 };
+        let quality_level = ScreenSpaceAmbientOcclusionQualityLevel::Custom {
+            slice_count,
+            samples_per_slice_side: 2,
+        };
         match camera.get_mut::<ScreenSpaceAmbientOcclusion>() {
             Some(mut occlusion) => occlusion.quality_level = quality_level,
-            None => drop(camera.insert(ScreenSpaceAmbientOcclusion { quality_level, ..Default::default() })),
+            None => {
+                camera.insert(ScreenSpaceAmbientOcclusion { quality_level, ..Default::default() });
+            }
         }
     }
 }

@@ -6,15 +6,23 @@ use bevy::ecs::prelude::*;
 
 use crate::knobs::{Knob, KnobDriver, Level};
 
-/// Off, FXAA, or SMAA with 4 to 32 search steps. The order is by quality: on some devices FXAA costs more than SMAA, which looks at edges only;
-/// a search finds that out, and then never offers FXAA.
+/// Off, FXAA, or SMAA with 4 to 32 search steps. The order is by quality: on some devices FXAA
+/// costs more than SMAA, which looks at edges only; a search finds that out, and then never offers
+/// FXAA.
 pub struct Antialiasing;
 
 const FXAA: f64 = 1.0;
 
 impl KnobDriver for Antialiasing {
     fn knob(&self) -> Knob {
-        let levels = [(0.0, "off"), (FXAA, "FXAA"), (4.0, "SMAA 4"), (8.0, "SMAA 8"), (16.0, "SMAA 16"), (32.0, "SMAA 32")];
+        let levels = [
+            (0.0, "off"),
+            (FXAA, "FXAA"),
+            (4.0, "SMAA 4"),
+            (8.0, "SMAA 8"),
+            (16.0, "SMAA 16"),
+            (32.0, "SMAA 32"),
+        ];
         Knob::labelled("antialiasing", levels)
     }
 

@@ -1,6 +1,7 @@
 //! Knobs over [`FrugalGi`]. A camera without it is left alone.
 //!
-//! Switching the fraction takes a pipeline of its own for the composite, compiled at first use; the resolution reallocates the maps.
+//! Switching the fraction takes a pipeline of its own for the composite, compiled at first use; the
+//! resolution reallocates the maps.
 
 use bevy::ecs::prelude::*;
 
@@ -31,18 +32,23 @@ pub struct GiPixelShare;
 
 impl KnobDriver for GiPixelShare {
     fn knob(&self) -> Knob {
-        let levels = GiPixelFraction::ALL.map(|fraction| (fraction.share(), format!("1/{}", fraction.share().recip())));
+        let levels = GiPixelFraction::ALL
+            .map(|fraction| (fraction.share(), format!("1/{}", fraction.share().recip())));
         Knob::labelled("gi_pixel_fraction", levels).needing("gi_vpl_count", 1)
     }
 
     fn apply(&self, world: &mut World, camera: Entity, level: &Level) {
-        let fraction = GiPixelFraction::ALL.into_iter().find(|fraction| fraction.share() >= level.value).unwrap_or(GiPixelFraction::Full);
+        let fraction = GiPixelFraction::ALL
+            .into_iter()
+            .find(|fraction| fraction.share() >= level.value)
+            .unwrap_or(GiPixelFraction::Full);
         change(world, camera, |gi| gi.pixel_fraction = fraction);
     }
 }
 
-/// How many pixels share the VPLs out among them. Without sharing, the most VPLs that a pixel can evaluate would be the most that there are: fewer
-/// than at the level before it, and no nearer the truth. So that is no level.
+/// How many pixels share the VPLs out among them. Without sharing, the most VPLs that a pixel can
+/// evaluate would be the most that there are: fewer than at the level before it, and no nearer the
+/// truth. So that is no level.
 pub struct GiInterleaving;
 
 impl GiInterleaving {
@@ -51,12 +57,14 @@ impl GiInterleaving {
 
 impl KnobDriver for GiInterleaving {
     fn knob(&self) -> Knob {
-        let levels = Self::LEVELS.map(|level| (f64::from(level.side()), format!("{0}x{0}", level.side())));
+        let levels =
+            Self::LEVELS.map(|level| (f64::from(level.side()), format!("{0}x{0}", level.side())));
         Knob::labelled("gi_interleave", levels).needing("gi_vpl_count", 1)
     }
 
     fn apply(&self, world: &mut World, camera: Entity, level: &Level) {
-        let found = Self::LEVELS.into_iter().find(|interleave| f64::from(interleave.side()) <= level.value);
+        let found =
+            Self::LEVELS.into_iter().find(|interleave| f64::from(interleave.side()) <= level.value);
         change(world, camera, |gi| gi.interleave = found.unwrap_or(GiInterleave::Two));
     }
 }
@@ -66,18 +74,22 @@ pub struct GiRays;
 
 impl KnobDriver for GiRays {
     fn knob(&self) -> Knob {
-        let levels = GiVisibility::ALL.map(|level| (f64::from(level.rays()), format!("{level:?}").to_lowercase()));
+        let levels = GiVisibility::ALL
+            .map(|level| (f64::from(level.rays()), format!("{level:?}").to_lowercase()));
         Knob::labelled("gi_visibility", levels).needing("gi_vpl_count", 1)
     }
 
     fn apply(&self, world: &mut World, camera: Entity, level: &Level) {
-        let found = GiVisibility::ALL.into_iter().find(|visibility| f64::from(visibility.rays()) >= level.value);
+        let found = GiVisibility::ALL
+            .into_iter()
+            .find(|visibility| f64::from(visibility.rays()) >= level.value);
         change(world, camera, |gi| gi.visibility = found.unwrap_or(GiVisibility::Fine));
     }
 }
 
-/// Times that light of lamps is reflected. By name only: with more bounces all of a picture is lighter, and how near the cheaper settings of the other knobs
-/// come to one bounce would drown in that.
+/// Times that light of lamps is reflected. By name only: with more bounces all of a picture is
+/// lighter, and how near the cheaper settings of the other knobs come to one bounce would drown in
+/// that.
 pub struct GiBounces;
 
 impl KnobDriver for GiBounces {
@@ -113,8 +125,8 @@ pub struct RsmResolution;
 
 impl KnobDriver for RsmResolution {
     fn knob(&self) -> Knob {
-        // 512 was a level: of all combinations with it in four scenes one was not beaten by another, and it cost 1.9 to 2.8 times as much for errors within 6 %
-        // of those at 256.
+        // 512 was a level: of all combinations with it in four scenes one was not beaten by
+        // another, and it cost 1.9 to 2.8 times as much for errors within 6 % of those at 256.
         Knob::new("rsm_resolution", [64.0, 128.0, 256.0]).needing("gi_vpl_count", 1)
     }
 

@@ -10,7 +10,10 @@ mod texture_detail;
 
 pub(super) use ambient_occlusion::AmbientOcclusion;
 pub(super) use antialiasing::Antialiasing;
-pub(super) use gi::{GiBounces, GiEnvironmentSamples, GiInterleaving, GiPixelShare, GiRays, GiRefreshPeriod, GiVplCount, RsmResolution};
+pub(super) use gi::{
+    GiBounces, GiEnvironmentSamples, GiInterleaving, GiPixelShare, GiRays, GiRefreshPeriod,
+    GiVplCount, RsmResolution,
+};
 pub(super) use post_processing::PostProcessing;
 pub(super) use resolution_scale::ResolutionScaleKnob;
 pub(super) use shadows::{ShadowCascades, ShadowMapResolution};

@@ -8,13 +8,14 @@ use bevy::post_process::bloom::Bloom;
 use crate::knobs::{Knob, KnobDriver, Level};
 use crate::resolution::ResolutionScale;
 
-/// Off, low, medium or high. The value is the largest share of the view's height that bloom's first texture may have.
+/// Off, low, medium or high. The value is the largest share of the view's height that bloom's first
+/// texture may have.
 pub struct PostProcessing;
 
 /// The largest share of the view's height that bloom's first texture may have.
 ///
-/// Bevy makes that texture `max_mip_dimension` high whatever the view's size is. In a small view a fixed number costs more than all the rest of
-/// the frame, so it follows the view.
+/// Bevy makes that texture `max_mip_dimension` high whatever the view's size is. In a small view a
+/// fixed number costs more than all the rest of the frame, so it follows the view.
 #[derive(Component, Clone, Copy)]
 struct BloomShare(f64);
 
@@ -24,7 +25,10 @@ struct ParkedBloom(Bloom);
 
 impl KnobDriver for PostProcessing {
     fn knob(&self) -> Knob {
-        Knob::labelled("post_processing", [(0.0, "off"), (0.25, "low"), (0.5, "medium"), (1.0, "high")])
+        Knob::labelled(
+            "post_processing",
+            [(0.0, "off"), (0.25, "low"), (0.5, "medium"), (1.0, "high")],
+        )
     }
 
     fn apply(&self, world: &mut World, camera: Entity, level: &Level) {
@@ -35,8 +39,11 @@ impl KnobDriver for PostProcessing {
             }
             return;
         }
-        let bloom =
-            camera.take::<ParkedBloom>().map(|parked| parked.0).or_else(|| camera.get::<Bloom>().cloned()).unwrap_or(Bloom::NATURAL);
+        let bloom = camera
+            .take::<ParkedBloom>()
+            .map(|parked| parked.0)
+            .or_else(|| camera.get::<Bloom>().cloned())
+            .unwrap_or(Bloom::NATURAL);
         camera.insert((bloom, BloomShare(level.value)));
     }
 }

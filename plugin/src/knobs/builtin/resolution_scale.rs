@@ -10,7 +10,11 @@ pub struct ResolutionScaleKnob;
 
 impl KnobDriver for ResolutionScaleKnob {
     fn knob(&self) -> Knob {
-        Knob::labelled("resolution_scale", [50, 60, 70, 80, 90, 100].map(|percent| (f64::from(percent) / 100.0, format!("{percent}%"))))
+        Knob::labelled(
+            "resolution_scale",
+            [50, 60, 70, 80, 90, 100]
+                .map(|percent| (f64::from(percent) / 100.0, format!("{percent}%"))),
+        )
     }
 
     fn apply(&self, world: &mut World, camera: Entity, level: &Level) {

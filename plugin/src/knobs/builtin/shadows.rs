@@ -1,11 +1,16 @@
-//! Shadow maps: their size, and how many cascades a directional light has. Both are the app's, not a camera's.
+//! Shadow maps: their size, and how many cascades a directional light has. Both are the app's, not
+//! a camera's.
 
 use bevy::ecs::prelude::*;
-use bevy::light::{CascadeShadowConfig, CascadeShadowConfigBuilder, DirectionalLight, DirectionalLightShadowMap, PointLightShadowMap};
+use bevy::light::{
+    CascadeShadowConfig, CascadeShadowConfigBuilder, DirectionalLight, DirectionalLightShadowMap,
+    PointLightShadowMap,
+};
 
 use crate::knobs::{Knob, KnobDriver, KnobScope, Level};
 
-/// Texels along the edge of a cascade or a spot light's map; a point light's six faces have half as many.
+/// Texels along the edge of a cascade or a spot light's map; a point light's six faces have half as
+/// many.
 pub struct ShadowMapResolution;
 
 impl KnobDriver for ShadowMapResolution {
@@ -45,7 +50,8 @@ impl KnobDriver for ShadowCascades {
         let divided: Vec<_> = lights
             .iter(world)
             .filter_map(|(entity, current, authored)| {
-                let authored = authored.cloned().unwrap_or_else(|| AuthoredCascades(current.clone()));
+                let authored =
+                    authored.cloned().unwrap_or_else(|| AuthoredCascades(current.clone()));
                 Some((entity, divide(&authored.0, level.value as usize)?, authored))
             })
             .collect();
@@ -59,11 +65,19 @@ impl KnobDriver for ShadowCascades {
 fn divide(authored: &CascadeShadowConfig, count: usize) -> Option<CascadeShadowConfig> {
     let (&first, &last) = (authored.bounds.first()?, authored.bounds.last()?);
     let minimum = authored.minimum_distance;
-    if !(last > minimum && minimum >= 0.0 && (0.0..1.0).contains(&authored.overlap_proportion) && last.is_finite()) {
+    if !(last > minimum
+        && minimum >= 0.0
+        && (0.0..1.0).contains(&authored.overlap_proportion)
+        && last.is_finite())
+    {
         return None;
     }
     // An app with one cascade has said nothing of the first of several.
-    let first = if authored.bounds.len() > 1 && first > minimum { first } else { minimum + (last - minimum) / 15.0 };
+    let first = if authored.bounds.len() > 1 && first > minimum {
+        first
+    } else {
+        minimum + (last - minimum) / 15.0
+    };
     let builder = CascadeShadowConfigBuilder {
         num_cascades: count.max(1),
         minimum_distance: minimum,
@@ -80,13 +94,18 @@ mod tests {
 
     #[test]
     fn cascades_keep_their_distance_and_survive_odd_ones() {
-        let authored = CascadeShadowConfigBuilder { maximum_distance: 60.0, ..Default::default() }.build();
+        let authored =
+            CascadeShadowConfigBuilder { maximum_distance: 60.0, ..Default::default() }.build();
         for count in 0..=4 {
             let divided = divide(&authored, count).expect("sound cascades");
             assert_eq!(divided.bounds.len(), count.max(1));
             assert!((divided.bounds.last().copied().unwrap_or(0.0) - 60.0).abs() < 1e-3);
         }
-        let odd = |bounds: Vec<f32>, minimum_distance| CascadeShadowConfig { bounds, overlap_proportion: 0.2, minimum_distance };
+        let odd = |bounds: Vec<f32>, minimum_distance| CascadeShadowConfig {
+            bounds,
+            overlap_proportion: 0.2,
+            minimum_distance,
+        };
         assert!(divide(&odd(vec![], 0.1), 2).is_none());
         assert!(divide(&odd(vec![f32::NAN], 0.1), 2).is_none());
         assert!(divide(&odd(vec![0.05], 0.1), 2).is_none());

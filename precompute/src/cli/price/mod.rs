@@ -1,4 +1,5 @@
-//! `frugal price`: what each level of the global illumination's knobs costs, and how far from the truth it is.
+//! `frugal price`: what each level of the global illumination's knobs costs, and how far from the
+//! truth it is.
 
 mod combinations;
 
@@ -32,11 +33,13 @@ pub(super) struct Arguments {
     /// Measures every combination of levels instead, and tells which levels are worth having
     #[arg(long)]
     combinations: bool,
-    /// Prices the sky instead: the scene without its lamps, all light that reaches the camera straight from the sky or by one surface
+    /// Prices the sky instead: the scene without its lamps, all light that reaches the camera
+    /// straight from the sky or by one surface
     #[arg(long, conflicts_with = "combinations")]
     sky: bool,
-    /// Bounces of the truth, and of the global illumination but where fewer are priced: 1 to 3. With more than 1, everything is done again in each
-    /// frame, since further bounces cost nothing where only the camera moves
+    /// Bounces of the truth, and of the global illumination but where fewer are priced: 1 to 3.
+    /// With more than 1, everything is done again in each frame, since further bounces cost nothing
+    /// where only the camera moves
     #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u32).range(1..=3), conflicts_with_all = ["combinations", "sky"])]
     bounces: u32,
     /// Table to write
@@ -49,7 +52,8 @@ pub(super) struct Arguments {
 
 /// Frames metered for a reading.
 const METERED_FRAMES: u32 = 3;
-/// Readings of each setting, in turn with all others: their median is its cost, so that a machine that drifts costs all alike.
+/// Readings of each setting, in turn with all others: their median is its cost, so that a machine
+/// that drifts costs all alike.
 const ROUNDS: usize = 3;
 
 /// Knobs that make bounced light.
@@ -70,7 +74,8 @@ const BOUNCES: &str = "gi_bounces";
 
 /// The knobs that need not be named, and [`BOUNCES`].
 fn with_bounces() -> Result<Vec<String>, CliError> {
-    let names = crate::stage::knobs()?.knobs().iter().map(|knob| knob.name.clone()).collect::<Vec<_>>();
+    let names =
+        crate::stage::knobs()?.knobs().iter().map(|knob| knob.name.clone()).collect::<Vec<_>>();
     Ok(names.into_iter().chain([BOUNCES.to_owned()]).collect())
 }
 
@@ -105,7 +110,9 @@ pub(super) fn run(arguments: &Arguments) -> Result<(), CliError> {
 
     let space = stage.space().as_ref().clone();
     let best = match space.index_of(BOUNCES) {
-        Some(_) => space.parse(&format!("max,{BOUNCES}={}", arguments.bounces)).map_err(CliError::failed)?,
+        Some(_) => space
+            .parse(&format!("max,{BOUNCES}={}", arguments.bounces))
+            .map_err(CliError::failed)?,
         None => space.highest(),
     };
     let off = space.parse("max,gi_vpl_count=0").map_err(CliError::failed)?;
@@ -124,7 +131,9 @@ pub(super) fn run(arguments: &Arguments) -> Result<(), CliError> {
             stage.apply(wanted.get(index).map_or(off, |level| level.settings));
             stage.get_ready()?;
             if round == 0 && index < wanted.len() {
-                differences.push(Difference::new(&stage.radiance()?, &truth, None).map_err(CliError::usage)?);
+                differences.push(
+                    Difference::new(&stage.radiance()?, &truth, None).map_err(CliError::usage)?,
+                );
             }
             if arguments.bounces > 1 {
                 stage.world_mut().insert_resource(GiRefresh::EveryFrame);
@@ -139,7 +148,9 @@ pub(super) fn run(arguments: &Arguments) -> Result<(), CliError> {
 
     let power: Vec<f64> = readings.into_iter().map(median).collect();
     let without = power[wanted.len()];
-    let best = wanted.iter().position(|level| level.settings == best).map_or(0.0, |index| power[index]) - without;
+    let best =
+        wanted.iter().position(|level| level.settings == best).map_or(0.0, |index| power[index])
+            - without;
     let prices: Vec<LevelPrice> = wanted
         .into_iter()
         .zip(power)
@@ -153,11 +164,17 @@ pub(super) fn run(arguments: &Arguments) -> Result<(), CliError> {
         })
         .collect();
 
-    println!("{:18} {:>8} {:>10} {:>11} {:>11} {:>12}", "knob", "level", "cost", "mean ratio", "relative L1", "of 4x4 means");
+    println!(
+        "{:18} {:>8} {:>10} {:>11} {:>11} {:>12}",
+        "knob", "level", "cost", "mean ratio", "relative L1", "of 4x4 means"
+    );
     for price in &prices {
         let LevelPrice { knob, label, cost_share, difference, .. } = price;
         let Difference { mean_ratio, relative_l1, relative_l1_boxes, .. } = difference;
-        println!("{knob:18} {label:>8} {:8.1} % {mean_ratio:11.3} {relative_l1:11.3} {relative_l1_boxes:12.3}", 100.0 * cost_share);
+        println!(
+            "{knob:18} {label:>8} {:8.1} % {mean_ratio:11.3} {relative_l1:11.3} {relative_l1_boxes:12.3}",
+            100.0 * cost_share
+        );
     }
     println!(
         "the best costs {best:.3} W of {:.3} W at {} frames per second, {}",
@@ -177,28 +194,40 @@ pub(super) fn run(arguments: &Arguments) -> Result<(), CliError> {
             (false, bounces) => format!("indirect light of lamps, {bounces} bounces"),
         };
         let (scene, size, meter) = (name.as_str(), arguments.size.to_array(), &stage.meter());
-        let summary = PriceSummary { scene, size, prices: &prices, truth: &aim, meter, best_w: best };
+        let summary =
+            PriceSummary { scene, size, prices: &prices, truth: &aim, meter, best_w: best };
         write_report(folder, &price_report(&summary)?)?;
     }
     Ok(())
 }
 
-/// Bounces between surfaces that scatter evenly, or what one surface scatters of the sky: what the knobs are to come near to.
+/// Bounces between surfaces that scatter evenly, or what one surface scatters of the sky: what the
+/// knobs are to come near to.
 fn truth(scene: &SceneDescription, arguments: &Arguments) -> Result<Radiance, CliError> {
     let view = View::new(scene, arguments.camera.pose(), arguments.size);
     let samples = arguments.spp;
     let (scene, settings) = if arguments.sky {
         (scene.clone(), Settings { samples, bounces: Some(0), ..Default::default() })
     } else {
-        // Light from all around bounces in the truth and not in the renderer, which is another matter than the price of a level.
+        // Light from all around bounces in the truth and not in the renderer, which is another
+        // matter than the price of a level.
         let lamps_only = SceneDescription { environment: Environment::None, ..scene.clone() };
-        (lamps_only, Settings { samples, bounces: Some(arguments.bounces), shading: Shading::Lambertian, ..Default::default() })
+        (
+            lamps_only,
+            Settings {
+                samples,
+                bounces: Some(arguments.bounces),
+                shading: Shading::Lambertian,
+                ..Default::default()
+            },
+        )
     };
     let bar = progress::bar(u64::from(arguments.size.y)).with_message("rows of the truth");
     let watch = Watch { row_done: &|| bar.inc(1), interrupted: &progress::interrupted };
     let rendering = render(&ReferenceScene::new(&scene)?, &view, &settings, watch);
     bar.finish_and_clear();
-    let shown = |rendering: Rendering| if arguments.sky { rendering.full() } else { rendering.indirect };
+    let shown =
+        |rendering: Rendering| if arguments.sky { rendering.full() } else { rendering.indirect };
     rendering.map(shown).ok_or_else(|| CliError::failed("interrupted: nothing was written"))
 }
 
@@ -209,16 +238,26 @@ struct Wanted {
     settings: RenderSettings,
 }
 
-/// Every level at which there is global illumination of every knob that counts, the best first: of those up to that of `best`, at which the others are.
+/// Every level at which there is global illumination of every knob that counts, the best first: of
+/// those up to that of `best`, at which the others are.
 fn levels(space: &KnobSpace, best: RenderSettings, counts: impl Fn(&str) -> bool) -> Vec<Wanted> {
     let mut wanted = Vec::new();
-    for (index, knob) in space.knobs().iter().enumerate().filter(|(_, knob)| counts(&knob.name) && !is_still(&knob.name)) {
+    for (index, knob) in space
+        .knobs()
+        .iter()
+        .enumerate()
+        .filter(|(_, knob)| counts(&knob.name) && !is_still(&knob.name))
+    {
         for (level, described) in knob.levels.iter().enumerate().take(best.level(index) + 1).rev() {
             if knob.name == "gi_vpl_count" && described.value == 0.0 {
                 continue;
             }
             let settings = best.with_level(index, level);
-            wanted.push(Wanted { knob: knob.name.clone(), label: described.label.clone(), settings });
+            wanted.push(Wanted {
+                knob: knob.name.clone(),
+                label: described.label.clone(),
+                settings,
+            });
         }
     }
     wanted
@@ -238,12 +277,29 @@ mod tests {
         let space = crate::stage::knobs().unwrap();
         let wanted = levels(&space, space.highest(), is_gi);
         let count = |name: &str| wanted.iter().filter(|level| level.knob == name).count();
-        assert_eq!((count("gi_vpl_count"), count("gi_interleave"), count("gi_visibility"), count("antialiasing")), (7, 3, 3, 0));
+        assert_eq!(
+            (
+                count("gi_vpl_count"),
+                count("gi_interleave"),
+                count("gi_visibility"),
+                count("antialiasing")
+            ),
+            (7, 3, 3, 0)
+        );
         assert_eq!(wanted[0].settings, space.highest());
-        let space_with_bounces = crate::stage::every_knob().unwrap().subset(with_bounces().unwrap().iter().map(String::as_str)).unwrap();
+        let space_with_bounces = crate::stage::every_knob()
+            .unwrap()
+            .subset(with_bounces().unwrap().iter().map(String::as_str))
+            .unwrap();
         let two = space_with_bounces.parse("max,gi_bounces=2").unwrap();
-        let bounces: Vec<_> = levels(&space_with_bounces, two, is_gi).into_iter().filter(|level| level.knob == BOUNCES).collect();
-        assert_eq!(bounces.iter().map(|level| level.label.as_str()).collect::<Vec<_>>(), ["2", "1"]);
+        let bounces: Vec<_> = levels(&space_with_bounces, two, is_gi)
+            .into_iter()
+            .filter(|level| level.knob == BOUNCES)
+            .collect();
+        assert_eq!(
+            bounces.iter().map(|level| level.label.as_str()).collect::<Vec<_>>(),
+            ["2", "1"]
+        );
         assert_eq!(bounces[0].settings, two);
         let sky = levels(&space, space.highest(), is_sky);
         assert!(sky.iter().any(|level| (level.knob.as_str(), level.label.as_str()) == (SKY, "0")));

@@ -6,13 +6,23 @@ use bevy_frugal_gi::knobs::RenderSettings;
 use crate::evaluate::ResolvedBudget;
 use crate::table::CostTable;
 
-/// Of the settings that are known at every camera of `table`, those whose means serve `budget` best.
+/// Of the settings that are known at every camera of `table`, those whose means serve `budget`
+/// best.
 ///
-/// Under a power budget, the least mean error within it; under an error budget alone, the least mean power within it. Where nothing meets it,
-/// what comes nearest. `None` for a table without a complete column.
-pub fn best_constant(table: &CostTable, budget: &ResolvedBudget) -> Option<(RenderSettings, CostPoint)> {
+/// Under a power budget, the least mean error within it; under an error budget alone, the least
+/// mean power within it. Where nothing meets it, what comes nearest. `None` for a table without a
+/// complete column.
+pub fn best_constant(
+    table: &CostTable,
+    budget: &ResolvedBudget,
+) -> Option<(RenderSettings, CostPoint)> {
     let means = table.settings().iter().enumerate();
-    best_of(means.filter_map(|(column, settings)| Some((*settings, table.mean(column, 0..table.rows())?))), budget)
+    best_of(
+        means.filter_map(|(column, settings)| {
+            Some((*settings, table.mean(column, 0..table.rows())?))
+        }),
+        budget,
+    )
 }
 
 /// The same among any settings and costs.
@@ -29,8 +39,12 @@ pub fn best_of(
         (None, Some(error)) => [(cost.error - error).max(0.0), cost.power.0, cost.error],
         (None, None) => [0.0, cost.error, cost.power.0],
     };
-    let compare = |a: [f64; 3], b: [f64; 3]| a.iter().zip(&b).map(|(a, b)| a.total_cmp(b)).find(|order| order.is_ne());
-    candidates.into_iter().min_by(|a, b| compare(rank(a.1), rank(b.1)).unwrap_or(std::cmp::Ordering::Equal))
+    let compare = |a: [f64; 3], b: [f64; 3]| {
+        a.iter().zip(&b).map(|(a, b)| a.total_cmp(b)).find(|order| order.is_ne())
+    };
+    candidates
+        .into_iter()
+        .min_by(|a, b| compare(rank(a.1), rank(b.1)).unwrap_or(std::cmp::Ordering::Equal))
 }
 
 #[cfg(test)]
@@ -47,7 +61,11 @@ mod tests {
             for row in 0..2 {
                 // Means are what was given: one camera is darker than the other.
                 let sign = if row == 0 { 1.0 } else { -1.0 };
-                table.set(row, RenderSettings::from_bits(bits as u64), CostPoint::new(power + 0.1 * sign, error * (1.0 + 0.5 * sign)));
+                table.set(
+                    row,
+                    RenderSettings::from_bits(bits as u64),
+                    CostPoint::new(power + 0.1 * sign, error * (1.0 + 0.5 * sign)),
+                );
             }
         }
         table.set(0, RenderSettings::from_bits(9), CostPoint::new(0.1, 0.0));
@@ -55,9 +73,17 @@ mod tests {
             let budget = ResolvedBudget { power_w: power.map(Watts), error };
             best_constant(&table, &budget).map(|(settings, _)| settings.bits())
         };
-        assert_eq!(best(Some(3.5), None), Some(1), "the third is dominated, the last is known at one camera only");
+        assert_eq!(
+            best(Some(3.5), None),
+            Some(1),
+            "the third is dominated, the last is known at one camera only"
+        );
         assert_eq!(best(Some(9.0), None), Some(3));
-        assert_eq!(best(Some(0.5), None), Some(0), "the cheapest, where nothing is within the budget");
+        assert_eq!(
+            best(Some(0.5), None),
+            Some(0),
+            "the cheapest, where nothing is within the budget"
+        );
         assert_eq!(best(None, Some(0.2)), Some(1));
         assert_eq!(best(None, Some(0.0)), Some(3));
         assert_eq!(best(None, None), Some(3));

@@ -1,4 +1,5 @@
-//! What ours is compared with, played from a [`PathRecord`](super::PathRecord): constants, oracles, and the ladder that engines ship.
+//! What ours is compared with, played from a [`PathRecord`](super::PathRecord): constants, oracles,
+//! and the ladder that engines ship.
 //!
 //! | run | what it knows |
 //! |---|---|
@@ -50,11 +51,18 @@ mod tests {
     fn the_default_is_the_app_s_own() {
         let space = crate::stage::every_knob().expect("the built-in knobs");
         let text = space.describe(default_settings(&space));
-        for part in ["gi_vpl_count=1024", "gi_pixel_fraction=1/4", "gi_interleave=4x4", "gi_visibility=coarse", "gi_environment_samples=16"]
-        {
+        for part in [
+            "gi_vpl_count=1024",
+            "gi_pixel_fraction=1/4",
+            "gi_interleave=4x4",
+            "gi_visibility=coarse",
+            "gi_environment_samples=16",
+        ] {
             assert!(text.contains(part), "{part} in {text}");
         }
-        for part in ["rsm_resolution=128", "gi_bounces=1", "gi_refresh_period=1", "resolution_scale=100%"] {
+        for part in
+            ["rsm_resolution=128", "gi_bounces=1", "gi_refresh_period=1", "resolution_scale=100%"]
+        {
             assert!(text.contains(part), "{part} in {text}");
         }
     }

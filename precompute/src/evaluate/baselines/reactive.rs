@@ -16,7 +16,8 @@ const ROOM_SECONDS: f64 = 1.0;
 /// Seconds between two steps.
 const DWELL_SECONDS: f64 = 0.5;
 
-/// Up to eight non-dominated settings, evenly spread over the logarithm of power, the cheapest first.
+/// Up to eight non-dominated settings, evenly spread over the logarithm of power, the cheapest
+/// first.
 pub fn ladder(frontier: &Frontier) -> Vec<RenderSettings> {
     let points = frontier.points();
     let (Some(first), Some(last)) = (points.first(), points.last()) else { return Vec::new() };
@@ -25,14 +26,16 @@ pub fn ladder(frontier: &Frontier) -> Vec<RenderSettings> {
     for rung in 0..RUNGS {
         let wanted = low + (high - low) * rung as f64 / (RUNGS - 1) as f64;
         let far = |power: f64| (power.max(1e-9).ln() - wanted).abs();
-        let nearest = points.iter().min_by(|a, b| far(a.cost.power.0).total_cmp(&far(b.cost.power.0)));
+        let nearest =
+            points.iter().min_by(|a, b| far(a.cost.power.0).total_cmp(&far(b.cost.power.0)));
         rungs.extend(nearest.map(|point| point.settings));
     }
     rungs.dedup();
     rungs
 }
 
-/// Steps down a ladder when the mean of half a second exceeds the budget, and up when there was room for a second.
+/// Steps down a ladder when the mean of half a second exceeds the budget, and up when there was
+/// room for a second.
 ///
 /// Under an error budget it is the error that is metered, which no app can: a generous baseline.
 #[derive(Clone, Debug)]
@@ -75,8 +78,12 @@ impl Policy for Reactive {
         let has_room = self.load(ROOM_SECONDS).is_some_and(|load| load < ROOM);
         // Over a power budget means down the ladder; over an error budget, up.
         match (is_over, has_room) {
-            (true, _) => self.step_to(if saves_power { self.rung.saturating_sub(1) } else { self.rung + 1 }),
-            (false, true) => self.step_to(if saves_power { self.rung + 1 } else { self.rung.saturating_sub(1) }),
+            (true, _) => {
+                self.step_to(if saves_power { self.rung.saturating_sub(1) } else { self.rung + 1 })
+            }
+            (false, true) => {
+                self.step_to(if saves_power { self.rung + 1 } else { self.rung.saturating_sub(1) })
+            }
             (false, false) => {}
         }
         self.ladder.get(self.rung).copied().unwrap_or_default().into()
@@ -132,12 +139,17 @@ mod tests {
     #[test]
     fn it_finds_a_rung_within_the_budget() {
         let (rung, switches) = settled(ResolvedBudget { power_w: Some(Watts(30.0)), error: None });
-        // Where a rung is too dear and the next one leaves room, a ladder goes up and down every second and a half.
+        // Where a rung is too dear and the next one leaves room, a ladder goes up and down every
+        // second and a half.
         assert!(1.3f64.powi(rung as i32) <= 30.0 && switches < 30, "{rung}, {switches} switches");
         let (rung, _) = settled(ResolvedBudget { power_w: None, error: Some(0.1) });
         // Within the budget, or on the way back to it.
         assert!(0.5 / (rung + 1) as f64 <= 0.13, "{rung}");
-        assert_eq!(settled(ResolvedBudget { power_w: Some(Watts(0.1)), error: None }).0, 0, "no lower than the cheapest");
+        assert_eq!(
+            settled(ResolvedBudget { power_w: Some(Watts(0.1)), error: None }).0,
+            0,
+            "no lower than the cheapest"
+        );
     }
 
     #[test]
@@ -145,7 +157,10 @@ mod tests {
         let mut policy = Reactive::new(Vec::new(), ResolvedBudget::default());
         for frame in 0..100 {
             policy.observe(CostPoint::new(f64::NAN, f64::NAN));
-            assert_eq!(policy.decide(frame, 0.1, &path().poses()[0]).settings, RenderSettings::default());
+            assert_eq!(
+                policy.decide(frame, 0.1, &path().poses()[0]).settings,
+                RenderSettings::default()
+            );
         }
     }
 }

@@ -5,7 +5,8 @@ use crate::scene::SkyMap;
 
 const RADIUS: f64 = 2.0;
 
-/// The inside of a white sphere with a lamp in its middle, and by how much its facets may change squared distances.
+/// The inside of a white sphere with a lamp in its middle, and by how much its facets may change
+/// squared distances.
 fn furnace(albedo: f32, power: f32) -> (ReferenceScene, f64) {
     let sphere = geometry(matt(), |builder| {
         builder.tint([albedo; 3]).icosphere(Vec3::ZERO, RADIUS as f32, 5, true);
@@ -33,7 +34,8 @@ fn a_furnace_has_its_closed_form_at_every_bounce() {
     let candela = f64::from(power) / (4.0 * std::f64::consts::PI);
     let direct = albedo / std::f64::consts::PI * candela / (RADIUS * RADIUS);
     assert!(facets < 2e-3);
-    // Interpolated normals lean over the facets by 1.2° at most: a bounce loses (1 − cos 1.2°)/2 to it.
+    // Interpolated normals lean over the facets by 1.2° at most: a bounce loses (1 − cos 1.2°)/2 to
+    // it.
     let bias = facets + 1e-3;
     for bounces in [Some(0), Some(1), Some(2), Some(5), None] {
         // ρ + ρ² + … of the direct light.
@@ -52,11 +54,17 @@ fn a_furnace_has_its_closed_form_at_every_bounce() {
 fn a_convex_solid_in_a_white_furnace_reflects_its_albedo() {
     let cube = || {
         geometry(matt(), |builder| {
-            builder.tint([0.8, 0.5, 0.25]).cuboid(Vec3::splat(-1.0), Vec3::ONE, crate::scene::builder::Faces::ALL);
+            builder.tint([0.8, 0.5, 0.25]).cuboid(
+                Vec3::splat(-1.0),
+                Vec3::ONE,
+                crate::scene::builder::Faces::ALL,
+            );
         })
     };
     let (albedo, light) = (color([0.8, 0.5, 0.25]), DVec3::new(100.0, 200.0, 300.0));
-    let at_the_cube = |[u1, u2]: [f64; 2]| (DVec3::new(3.0, 2.0, 4.0), DVec3::new(u1 - 3.5, u2 - 2.5, -4.0 + u2 - u1));
+    let at_the_cube = |[u1, u2]: [f64; 2]| {
+        (DVec3::new(3.0, 2.0, 4.0), DVec3::new(u1 - 3.5, u2 - 2.5, -4.0 + u2 - u1))
+    };
     for bounces in [Some(0), Some(3), None] {
         let constant = scene(cube(), &[], Sky::Constant(light));
         for one in estimates(&constant, &lambertian(bounces), 500, at_the_cube) {
@@ -70,8 +78,9 @@ fn a_convex_solid_in_a_white_furnace_reflects_its_albedo() {
     let mapped = scene(cube(), &[], Sky::map(map, 100.0));
     for strategy in [Strategy::Combined, Strategy::Lights, Strategy::Scattering] {
         let settings = Settings { strategy, ..lambertian(None) };
-        let (direct, indirect) =
-            measure(&mapped, &settings, 4000, |[u1, u2]| (DVec3::new(3.0, 2.0, 4.0), DVec3::new(u1 - 3.5, u2 - 2.5, -4.0)));
+        let (direct, indirect) = measure(&mapped, &settings, 4000, |[u1, u2]| {
+            (DVec3::new(3.0, 2.0, 4.0), DVec3::new(u1 - 3.5, u2 - 2.5, -4.0))
+        });
         direct.assert(80.0, 0.0);
         assert_eq!(indirect.mean, 0.0);
     }
@@ -81,19 +90,32 @@ fn a_convex_solid_in_a_white_furnace_reflects_its_albedo() {
 fn smooth_normals_on_facets_lose_little_and_gain_nothing() {
     let ball = geometry(matt(), |builder| builder.icosphere(Vec3::ZERO, 1.0, 3, false));
     let scene = scene(ball, &[], Sky::Constant(DVec3::splat(100.0)));
-    let (direct, indirect) =
-        measure(&scene, &lambertian(None), 4000, |[u1, u2]| (DVec3::new(0.0, 0.0, 5.0), DVec3::new(u1 - 0.5, u2 - 0.5, -5.0)));
-    assert!(direct.mean <= 100.0 && direct.mean > 99.5 && indirect.mean == 0.0, "{direct:?} {indirect:?}");
+    let (direct, indirect) = measure(&scene, &lambertian(None), 4000, |[u1, u2]| {
+        (DVec3::new(0.0, 0.0, 5.0), DVec3::new(u1 - 0.5, u2 - 0.5, -5.0))
+    });
+    assert!(
+        direct.mean <= 100.0 && direct.mean > 99.5 && indirect.mean == 0.0,
+        "{direct:?} {indirect:?}"
+    );
 }
 
 #[test]
 fn bevys_material_reflects_the_sun_by_its_own_formula() {
     // Straight above with the sun beside the viewer: half vector, light and view are the normal.
-    let material =
-        SceneMaterial { perceptual_roughness: 0.5, reflectance: 0.8, base_color: [0.5, 0.5, 0.5, 1.0], ..SceneMaterial::default() };
+    let material = SceneMaterial {
+        perceptual_roughness: 0.5,
+        reflectance: 0.8,
+        base_color: [0.5, 0.5, 0.5, 1.0],
+        ..SceneMaterial::default()
+    };
     let floor = geometry(material, |builder| square(builder, 5.0, 0.0, true));
     let scene = scene(floor, &[sun(Vec3::NEG_Y, 1000.0)], Sky::Black);
-    let (direct, _) = measure(&scene, &Settings { bounces: Some(0), ..Settings::default() }, 2, down(0.3, 2.0, 0.1));
+    let (direct, _) = measure(
+        &scene,
+        &Settings { bounces: Some(0), ..Settings::default() },
+        2,
+        down(0.3, 2.0, 0.1),
+    );
     // D = 1/πα², V = 1/4, F = F0; Burley is 1 at normal incidence.
     let alpha: f64 = 0.25;
     let specular = 0.16 * 0.64 / (4.0 * std::f64::consts::PI * alpha * alpha);

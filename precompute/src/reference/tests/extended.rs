@@ -7,19 +7,21 @@ use std::f64::consts::PI;
 
 const STRATEGIES: [Strategy; 3] = [Strategy::Combined, Strategy::Lights, Strategy::Scattering];
 
-/// Form factor from a small patch to a parallel rectangle of `a` × `b` at distance `c` whose corner is above it (Howell, "A Catalog of
-/// Radiation Heat Transfer Configuration Factors", B-3).
+/// Form factor from a small patch to a parallel rectangle of `a` × `b` at distance `c` whose corner
+/// is above it (Howell, "A Catalog of Radiation Heat Transfer Configuration Factors", B-3).
 fn corner_form_factor(a: f64, b: f64, c: f64) -> f64 {
     let (x, y) = (a / c, b / c);
     let (along, across) = (1.0_f64.hypot(x), 1.0_f64.hypot(y));
     (x / along * (y / along).atan() + y / across * (x / across).atan()) / (2.0 * PI)
 }
 
-/// Form factor between equal, parallel, opposite squares with the side `ratio` times their distance (Howell, C-11).
+/// Form factor between equal, parallel, opposite squares with the side `ratio` times their distance
+/// (Howell, C-11).
 fn opposite_squares(ratio: f64) -> f64 {
     let squared = 1.0 + ratio * ratio;
     let logarithm = (squared * squared / (1.0 + 2.0 * ratio * ratio)).sqrt().ln();
-    let angle = 2.0 * ratio * squared.sqrt() * (ratio / squared.sqrt()).atan() - 2.0 * ratio * ratio.atan();
+    let angle =
+        2.0 * ratio * squared.sqrt() * (ratio / squared.sqrt()).atan() - 2.0 * ratio * ratio.atan();
     2.0 / (PI * ratio * ratio) * (logarithm + angle)
 }
 
@@ -38,24 +40,32 @@ fn a_floor_under_a_glowing_square_has_its_form_factor() {
         ] {
             let (direct, indirect) = measure(&scene, &settings, 20_000, down(x, 1.0, 0.0));
             direct.assert(f64::from(albedo) * 500.0 * factor, 0.0);
-            assert!(direct.error < 0.05 * direct.mean && indirect.mean == 0.0, "{strategy:?} at {x}: {direct:?}");
+            assert!(
+                direct.error < 0.05 * direct.mean && indirect.mean == 0.0,
+                "{strategy:?} at {x}: {direct:?}"
+            );
         }
         // Seen from below it glows, from above it is not there.
-        assert_eq!(measure(&scene, &settings, 2, |_| (DVec3::new(0.1, 1.0, 0.2), DVec3::Y)).0.mean, 500.0);
+        assert_eq!(
+            measure(&scene, &settings, 2, |_| (DVec3::new(0.1, 1.0, 0.2), DVec3::Y)).0.mean,
+            500.0
+        );
         assert!(measure(&scene, &settings, 2, down(0.0, 9.0, 0.0)).0.mean < 400.0);
     }
 }
 
 #[test]
 fn one_bounce_between_plates_has_their_form_factor() {
-    // The sun shines up on the front of the upper plate; it sees the lower one's back, which hides nothing.
+    // The sun shines up on the front of the upper plate; it sees the lower one's back, which hides
+    // nothing.
     let (lower, upper) = (0.5, 0.9);
     let plates = geometry(matt(), |builder| {
         square(builder.tint([lower; 3]), 1.0, 0.0, true);
         square(builder.tint([upper; 3]), 1.0, 2.0, false);
     });
     let scene = scene(plates, &[sun(Vec3::Y, 1000.0)], Sky::Black);
-    let all_over = |[u1, u2]: [f64; 2]| (DVec3::new(2.0 * u1 - 1.0, 1.0, 2.0 * u2 - 1.0), DVec3::NEG_Y);
+    let all_over =
+        |[u1, u2]: [f64; 2]| (DVec3::new(2.0 * u1 - 1.0, 1.0, 2.0 * u2 - 1.0), DVec3::NEG_Y);
     let (direct, indirect) = measure(&scene, &lambertian(Some(1)), 40_000, all_over);
     let (lower, upper) = (f64::from(lower), f64::from(upper));
     let once = lower * upper * 1000.0 / PI * opposite_squares(1.0);
@@ -63,30 +73,48 @@ fn one_bounce_between_plates_has_their_form_factor() {
     assert_eq!(direct.mean, 0.0);
     indirect.assert(once, 0.0);
     assert!(indirect.error < 0.02 * once);
-    // A second bounce would have to end on the lower plate's own light, of which there is none; a third goes up and down once more, and the
-    // upper plate's light is a little brighter in the middle: bounded, not known.
+    // A second bounce would have to end on the lower plate's own light, of which there is none; a
+    // third goes up and down once more, and the upper plate's light is a little brighter in the
+    // middle: bounded, not known.
     let (_, two) = measure(&scene, &lambertian(Some(2)), 40_000, all_over);
     two.assert_agrees(&indirect);
     let (_, three) = measure(&scene, &lambertian(Some(3)), 40_000, all_over);
     let added = three.mean - once;
-    assert!(added > 0.0 && added < once * lower * upper * 4.0 * corner_form_factor(1.0, 1.0, 2.0), "{added} after {once}");
+    assert!(
+        added > 0.0 && added < once * lower * upper * 4.0 * corner_form_factor(1.0, 1.0, 2.0),
+        "{added} after {once}"
+    );
 }
 
 #[test]
 fn techniques_agree_on_a_glossy_floor() {
-    let glossy = SceneMaterial { perceptual_roughness: 0.45, metallic: 0.5, base_color: [0.8, 0.6, 0.4, 1.0], ..SceneMaterial::default() };
+    let glossy = SceneMaterial {
+        perceptual_roughness: 0.45,
+        metallic: 0.5,
+        base_color: [0.8, 0.6, 0.4, 1.0],
+        ..SceneMaterial::default()
+    };
     for (half, nits) in [(0.05, 1e6), (1.0, 1e3)] {
         let floor = geometry(glossy.clone(), |builder| square(builder, 20.0, 0.0, true));
         // Where the view is mirrored to.
         let light = geometry(glowing(nits), |builder| {
-            let (center, along) = (Vec3::new(1.8, 1.5, 0.0), Vec3::new(1.5, -1.8, 0.0).normalize() * half);
+            let (center, along) =
+                (Vec3::new(1.8, 1.5, 0.0), Vec3::new(1.5, -1.8, 0.0).normalize() * half);
             let across = Vec3::Z * half;
-            builder.quad([center - along - across, center + along - across, center + along + across, center - along + across]);
+            builder.quad([
+                center - along - across,
+                center + along - across,
+                center + along + across,
+                center - along + across,
+            ]);
         });
         let scene = scene(joined(floor, light), &[], Sky::Black);
         let found = STRATEGIES.map(|strategy| {
             let settings = Settings { bounces: Some(0), strategy, ..Settings::default() };
-            measure(&scene, &settings, 30_000, |_| (DVec3::new(-1.2, 1.0, 0.0), DVec3::new(1.2, -1.0, 0.0))).0
+            measure(&scene, &settings, 30_000, |_| {
+                (DVec3::new(-1.2, 1.0, 0.0), DVec3::new(1.2, -1.0, 0.0))
+            })
+            .0
         });
         assert!(found.iter().all(|one| one.mean > 0.0), "{found:?}");
         found[0].assert_agrees(&found[1]);
@@ -103,12 +131,18 @@ fn techniques_agree_on_a_sky_with_a_sun_in_it() {
     let glossy = SceneMaterial { perceptual_roughness: 0.6, ..SceneMaterial::default() };
     let floor = geometry(glossy, |builder| {
         square(builder, 20.0, 0.0, true);
-        builder.cuboid(Vec3::new(-1.5, 0.0, -1.0), Vec3::new(-0.5, 1.0, 0.0), crate::scene::builder::Faces::ALL);
+        builder.cuboid(
+            Vec3::new(-1.5, 0.0, -1.0),
+            Vec3::new(-0.5, 1.0, 0.0),
+            crate::scene::builder::Faces::ALL,
+        );
     });
     let scene = scene(floor, &[], Sky::map(SkyMap::new(32, 16, texels).expect("a sky"), 50.0));
     let found = STRATEGIES.map(|strategy| {
         let settings = Settings { bounces: Some(1), strategy, ..Settings::default() };
-        measure(&scene, &settings, 30_000, |_| (DVec3::new(-1.0, 1.0, 1.0), DVec3::new(1.0, -1.0, -0.8)))
+        measure(&scene, &settings, 30_000, |_| {
+            (DVec3::new(-1.0, 1.0, 1.0), DVec3::new(1.0, -1.0, -0.8))
+        })
     });
     for other in &found[1..] {
         found[0].0.assert_agrees(&other.0);
@@ -121,8 +155,16 @@ fn techniques_agree_on_a_sky_with_a_sun_in_it() {
 fn a_cut_out_emitter_glows_where_it_is_there() {
     // Left half opaque, right half cut out; all three techniques must leave out the same half.
     let mut cloth = SceneGeometry {
-        textures: vec![SceneTexture::from_rgba8(2, 1, vec![255, 255, 255, 255, 255, 255, 255, 0], None).expect("texels")],
-        materials: vec![SceneMaterial { alpha: AlphaMode::Mask(0.5), base_color_texture: Some(0), double_sided: true, ..glowing(500.0) }],
+        textures: vec![
+            SceneTexture::from_rgba8(2, 1, vec![255, 255, 255, 255, 255, 255, 255, 0], None)
+                .expect("texels"),
+        ],
+        materials: vec![SceneMaterial {
+            alpha: AlphaMode::Mask(0.5),
+            base_color_texture: Some(0),
+            double_sided: true,
+            ..glowing(500.0)
+        }],
         ..SceneGeometry::default()
     };
     cloth.materials[0].base_color[3] = 1.0;

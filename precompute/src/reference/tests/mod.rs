@@ -1,4 +1,5 @@
-//! Scenes whose light is known in closed form, and what must hold of any scene. All feed the shipped path tracer.
+//! Scenes whose light is known in closed form, and what must hold of any scene. All feed the
+//! shipped path tracer.
 
 mod energy;
 mod extended;
@@ -18,7 +19,11 @@ use crate::scene::{CameraPose, Light, SceneGeometry, SceneMaterial};
 fn geometry(material: SceneMaterial, build: impl FnOnce(&mut MeshBuilder)) -> SceneGeometry {
     let mut builder = MeshBuilder::new();
     build(&mut builder);
-    SceneGeometry { meshes: vec![builder.finish(0)], materials: vec![material], ..SceneGeometry::default() }
+    SceneGeometry {
+        meshes: vec![builder.finish(0)],
+        materials: vec![material],
+        ..SceneGeometry::default()
+    }
 }
 
 /// Both in one scene; neither may have textures.
@@ -77,7 +82,8 @@ impl Measured {
         Self { mean, error: (variance / count).sqrt() }
     }
 
-    /// Within four standard errors of `exact`, and of `bias`, the share by which the scene differs from the one with the closed form.
+    /// Within four standard errors of `exact`, and of `bias`, the share by which the scene differs
+    /// from the one with the closed form.
     #[track_caller]
     fn assert(&self, exact: f64, bias: f64) {
         let tolerance = 4.0 * self.error + (bias + 1e-6) * exact.abs();
@@ -92,8 +98,14 @@ impl Measured {
     }
 }
 
-/// Light along `count` camera rays that `ray` makes of two random numbers, each with random numbers of its own.
-fn estimates(scene: &ReferenceScene, settings: &Settings, count: u64, ray: impl Fn([f64; 2]) -> (DVec3, DVec3)) -> Vec<Estimate> {
+/// Light along `count` camera rays that `ray` makes of two random numbers, each with random numbers
+/// of its own.
+fn estimates(
+    scene: &ReferenceScene,
+    settings: &Settings,
+    count: u64,
+    ray: impl Fn([f64; 2]) -> (DVec3, DVec3),
+) -> Vec<Estimate> {
     let one = |i| {
         // Sample 0 of a pixel of its own: independent of all others.
         let mut sampler = Sampler::new(settings.seed, i, 0);
@@ -104,9 +116,17 @@ fn estimates(scene: &ReferenceScene, settings: &Settings, count: u64, ray: impl 
 }
 
 /// Direct and indirect light of the red channel.
-fn measure(scene: &ReferenceScene, settings: &Settings, count: u64, ray: impl Fn([f64; 2]) -> (DVec3, DVec3)) -> (Measured, Measured) {
+fn measure(
+    scene: &ReferenceScene,
+    settings: &Settings,
+    count: u64,
+    ray: impl Fn([f64; 2]) -> (DVec3, DVec3),
+) -> (Measured, Measured) {
     let found = estimates(scene, settings, count, ray);
-    (Measured::of(found.iter().map(|one| one.direct.x)), Measured::of(found.iter().map(|one| one.indirect.x)))
+    (
+        Measured::of(found.iter().map(|one| one.direct.x)),
+        Measured::of(found.iter().map(|one| one.indirect.x)),
+    )
 }
 
 /// A ray straight down on the place (x, z) from `height`.
@@ -115,7 +135,12 @@ fn down(x: f64, height: f64, z: f64) -> impl Fn([f64; 2]) -> (DVec3, DVec3) {
 }
 
 fn view(position: Vec3, target: Vec3, width: u32, height: u32) -> View {
-    View { pose: CameraPose::looking_at(position, target), vertical_fov_degrees: 60.0, near: 0.01, size: UVec2::new(width, height) }
+    View {
+        pose: CameraPose::looking_at(position, target),
+        vertical_fov_degrees: 60.0,
+        near: 0.01,
+        size: UVec2::new(width, height),
+    }
 }
 
 fn picture(scene: &ReferenceScene, view: &View, settings: &Settings) -> Rendering {
@@ -126,19 +151,32 @@ fn picture(scene: &ReferenceScene, view: &View, settings: &Settings) -> Renderin
 fn the_picture_is_upright_and_pixels_are_boxes() {
     // A glowing quarter of the picture: up and to the left of a camera that looks along −Z.
     let quarter = geometry(glowing(8.0), |builder| {
-        builder.quad([Vec3::new(-9.0, 0.0, -1.0), Vec3::new(0.0, 0.0, -1.0), Vec3::new(0.0, 9.0, -1.0), Vec3::new(-9.0, 9.0, -1.0)]);
+        builder.quad([
+            Vec3::new(-9.0, 0.0, -1.0),
+            Vec3::new(0.0, 0.0, -1.0),
+            Vec3::new(0.0, 9.0, -1.0),
+            Vec3::new(-9.0, 9.0, -1.0),
+        ]);
     });
     let scene = scene(quarter, &[], Sky::Black);
     let settings = Settings { samples: 256, ..lambertian(Some(0)) };
-    let view = View { pose: CameraPose { position: Vec3::ZERO, rotation: Quat::IDENTITY }, ..view(Vec3::ZERO, Vec3::NEG_Z, 5, 3) };
+    let view = View {
+        pose: CameraPose { position: Vec3::ZERO, rotation: Quat::IDENTITY },
+        ..view(Vec3::ZERO, Vec3::NEG_Z, 5, 3)
+    };
     let rendering = picture(&scene, &view, &settings);
     let expected = [8, 8, 4, 0, 0, 4, 4, 2, 0, 0, 0, 0, 0, 0, 0].map(|value| [value as f32; 3]);
-    assert_eq!(rendering.direct.rgb, expected, "256 stratified samples know a half and a quarter exactly");
+    assert_eq!(
+        rendering.direct.rgb, expected,
+        "256 stratified samples know a half and a quarter exactly"
+    );
     assert_eq!((rendering.direct.width, rendering.direct.height, rendering.dropped), (5, 3, 0));
     assert_eq!(rendering.full(), rendering.direct);
     // Moved a little up and to the right, no pixel's middle lies on an edge: each is lit or not.
-    let moved = View { pose: CameraPose { position: Vec3::new(0.1, 0.1, 0.0), ..view.pose }, ..view };
-    let rendering = picture(&scene, &moved, &Settings { pixels: Pixels::Middle, samples: 4, ..settings });
+    let moved =
+        View { pose: CameraPose { position: Vec3::new(0.1, 0.1, 0.0), ..view.pose }, ..view };
+    let rendering =
+        picture(&scene, &moved, &Settings { pixels: Pixels::Middle, samples: 4, ..settings });
     let expected = [8, 8, 0, 0, 0, 8, 8, 0, 0, 0, 0, 0, 0, 0, 0].map(|value| [value as f32; 3]);
     assert_eq!(rendering.direct.rgb, expected);
 }

@@ -1,4 +1,5 @@
-//! The extremes: nothing there, too much of it, too far away. And the same picture whatever the machine.
+//! The extremes: nothing there, too much of it, too far away. And the same picture whatever the
+//! machine.
 
 use std::sync::atomic::{AtomicU32, Ordering};
 
@@ -13,17 +14,26 @@ fn assert_finite(rendering: &Rendering) {
 }
 
 fn room_with_a_block(offset: Vec3, size: f32) -> SceneGeometry {
-    let material = SceneMaterial { perceptual_roughness: 0.3, metallic: 0.2, ..SceneMaterial::default() };
+    let material =
+        SceneMaterial { perceptual_roughness: 0.3, metallic: 0.2, ..SceneMaterial::default() };
     geometry(material, |builder| {
         builder.tint([0.7; 3]).room(offset - Vec3::splat(size), offset + Vec3::splat(size));
-        builder.cuboid(offset - Vec3::splat(size), offset - Vec3::new(0.2, 0.4, 0.3) * size, Faces::ALL);
+        builder.cuboid(
+            offset - Vec3::splat(size),
+            offset - Vec3::new(0.2, 0.4, 0.3) * size,
+            Faces::ALL,
+        );
     })
 }
 
 #[test]
 fn the_picture_does_not_depend_on_threads_but_on_the_seed() {
     let light = geometry(glowing(100.0), |builder| square(builder, 0.4, 0.9, false));
-    let scene = scene(joined(room_with_a_block(Vec3::ZERO, 1.0), light), &[lamp(Vec3::new(0.3, 0.5, 0.2), 100.0)], Sky::Black);
+    let scene = scene(
+        joined(room_with_a_block(Vec3::ZERO, 1.0), light),
+        &[lamp(Vec3::new(0.3, 0.5, 0.2), 100.0)],
+        Sky::Black,
+    );
     let view = view(Vec3::new(0.8, 0.3, 0.8), Vec3::ZERO, 12, 9);
     let settings = Settings { samples: 4, ..Settings::default() };
     let with_threads = |count: usize, settings: &Settings| {
@@ -50,18 +60,37 @@ fn an_interrupted_picture_is_none() {
     };
     assert!(render(&scene, &small, &lambertian(None), watch).is_some());
     assert_eq!((rows.load(Ordering::Relaxed), pixels.load(Ordering::Relaxed)), (3, 12));
-    assert!(render(&scene, &small, &lambertian(None), Watch { row_done: &|| (), interrupted: &|| count(&pixels) > 13 }).is_none());
+    assert!(
+        render(
+            &scene,
+            &small,
+            &lambertian(None),
+            Watch { row_done: &|| (), interrupted: &|| count(&pixels) > 13 }
+        )
+        .is_none()
+    );
 }
 
 #[test]
 fn an_empty_scene_shows_its_sky() {
     let view = view(Vec3::ZERO, Vec3::X, 3, 2);
     for (sky, expected) in [(Sky::Black, 0.0), (Sky::Constant(DVec3::splat(5.0)), 5.0)] {
-        let rendering = picture(&scene(SceneGeometry::default(), &[], sky), &view, &Settings { samples: 2, ..Settings::default() });
-        assert!(rendering.direct.rgb.iter().all(|pixel| *pixel == [expected; 3]) && rendering.indirect.mean() == 0.0);
+        let rendering = picture(
+            &scene(SceneGeometry::default(), &[], sky),
+            &view,
+            &Settings { samples: 2, ..Settings::default() },
+        );
+        assert!(
+            rendering.direct.rgb.iter().all(|pixel| *pixel == [expected; 3])
+                && rendering.indirect.mean() == 0.0
+        );
     }
     // Geometry without light is black.
-    let dark = picture(&scene(room_with_a_block(Vec3::ZERO, 1.0), &[], Sky::Black), &view, &Settings { samples: 2, ..Settings::default() });
+    let dark = picture(
+        &scene(room_with_a_block(Vec3::ZERO, 1.0), &[], Sky::Black),
+        &view,
+        &Settings { samples: 2, ..Settings::default() },
+    );
     assert_eq!(dark.full().mean(), 0.0);
 }
 
@@ -70,8 +99,14 @@ fn broken_triangles_and_normals_are_borne() {
     let mut builder = MeshBuilder::new();
     builder.room(Vec3::splat(-1.0), Vec3::ONE);
     let sound = builder.triangle_count();
-    for corners in [[Vec3::ZERO; 3], [Vec3::ZERO, Vec3::X, Vec3::X * 2.0], [Vec3::NAN, Vec3::X, Vec3::Y], [Vec3::MAX, Vec3::MIN, Vec3::Y]] {
-        let [a, b, c] = corners.map(|corner| builder.vertex(corner, Vec3::Z, bevy::math::Vec2::NAN));
+    for corners in [
+        [Vec3::ZERO; 3],
+        [Vec3::ZERO, Vec3::X, Vec3::X * 2.0],
+        [Vec3::NAN, Vec3::X, Vec3::Y],
+        [Vec3::MAX, Vec3::MIN, Vec3::Y],
+    ] {
+        let [a, b, c] =
+            corners.map(|corner| builder.vertex(corner, Vec3::Z, bevy::math::Vec2::NAN));
         builder.triangle(a, b, c);
     }
     let mut mesh = builder.finish(0);
@@ -79,8 +114,10 @@ fn broken_triangles_and_normals_are_borne() {
         *normal = [*normal, Vec3::ZERO, Vec3::NAN, -*normal, Vec3::splat(1e30)][i % 5];
     }
     let material = SceneMaterial { emissive: [3.0; 3], ..SceneMaterial::default() };
-    let broken = SceneGeometry { meshes: vec![mesh], materials: vec![material], ..SceneGeometry::default() };
-    let scene = scene(broken, &[lamp(Vec3::splat(0.5), 100.0), lamp(Vec3::splat(1.0), 100.0)], Sky::Black);
+    let broken =
+        SceneGeometry { meshes: vec![mesh], materials: vec![material], ..SceneGeometry::default() };
+    let scene =
+        scene(broken, &[lamp(Vec3::splat(0.5), 100.0), lamp(Vec3::splat(1.0), 100.0)], Sky::Black);
     assert_eq!(scene.triangle_count(), sound);
     let rendering = picture(
         &scene,
@@ -91,14 +128,24 @@ fn broken_triangles_and_normals_are_borne() {
     assert!(rendering.full().mean() > 3.0 && rendering.dropped == 0);
     let mut missing = room_with_a_block(Vec3::ZERO, 1.0);
     missing.meshes[0].indices[0] = u32::MAX;
-    assert!(matches!(ReferenceScene::from_parts(missing, &[], Sky::Black), Err(ReferenceError::Geometry(_))));
+    assert!(matches!(
+        ReferenceScene::from_parts(missing, &[], Sky::Black),
+        Err(ReferenceError::Geometry(_))
+    ));
 }
 
 #[test]
 fn far_away_and_very_small_the_light_is_the_same() {
     let relative = |offset: Vec3, size: f32| {
-        let scene = scene(room_with_a_block(offset, size), &[lamp(offset + Vec3::Y * 0.5 * size, 100.0 * size * size)], Sky::Black);
-        let camera = View { near: 0.01 * size, ..view(offset + Vec3::new(0.75, 0.25, 0.75) * size, offset, 8, 6) };
+        let scene = scene(
+            room_with_a_block(offset, size),
+            &[lamp(offset + Vec3::Y * 0.5 * size, 100.0 * size * size)],
+            Sky::Black,
+        );
+        let camera = View {
+            near: 0.01 * size,
+            ..view(offset + Vec3::new(0.75, 0.25, 0.75) * size, offset, 8, 6)
+        };
         let rendering = picture(&scene, &camera, &Settings { samples: 64, ..lambertian(Some(2)) });
         assert_finite(&rendering);
         assert_eq!(rendering.dropped, 0);
@@ -106,18 +153,32 @@ fn far_away_and_very_small_the_light_is_the_same() {
     };
     let here = relative(Vec3::ZERO, 1.0);
     // Sizes and offsets that single precision holds exactly.
-    for (offset, size) in
-        [(Vec3::splat(4096.0), 1.0), (Vec3::new(-65536.0, 0.0, 65536.0), 16.0), (Vec3::ZERO, 16384.0), (Vec3::ZERO, 1.0 / 65536.0)]
-    {
+    for (offset, size) in [
+        (Vec3::splat(4096.0), 1.0),
+        (Vec3::new(-65536.0, 0.0, 65536.0), 16.0),
+        (Vec3::ZERO, 16384.0),
+        (Vec3::ZERO, 1.0 / 65536.0),
+    ] {
         let there = relative(offset, size);
         for (one, other) in here.iter().zip(there) {
-            assert!((other / one - 1.0).abs() < 5e-3, "at {offset} of {size} m: {there:?} for {here:?}");
+            assert!(
+                (other / one - 1.0).abs() < 5e-3,
+                "at {offset} of {size} m: {there:?} for {here:?}"
+            );
         }
     }
     // Here single precision has steps of metres: the picture is rubbish, but of numbers.
     for offset in [1e8, 1e12, 1e15, 1e30] {
-        let scene = scene(room_with_a_block(Vec3::splat(offset), 1.0), &[lamp(Vec3::splat(offset), 100.0)], Sky::Constant(DVec3::ONE));
-        assert_finite(&picture(&scene, &view(Vec3::splat(offset), Vec3::ZERO, 4, 4), &Settings { samples: 4, ..Settings::default() }));
+        let scene = scene(
+            room_with_a_block(Vec3::splat(offset), 1.0),
+            &[lamp(Vec3::splat(offset), 100.0)],
+            Sky::Constant(DVec3::ONE),
+        );
+        assert_finite(&picture(
+            &scene,
+            &view(Vec3::splat(offset), Vec3::ZERO, 4, 4),
+            &Settings { samples: 4, ..Settings::default() },
+        ));
     }
 }
 
@@ -134,7 +195,10 @@ fn enormous_light_stays_finite_and_what_does_not_fit_is_counted() {
     let ordinary = bright(lamp(Vec3::new(0.1, 0.5, 0.0), 1.0));
     let huge = bright(lamp(Vec3::new(0.1, 0.5, 0.0), 1e20));
     assert_finite(&huge);
-    assert!(huge.dropped == 0 && (huge.full().mean() / ordinary.full().mean() / 1e20 - 1.0).abs() < 1e-5);
+    assert!(
+        huge.dropped == 0
+            && (huge.full().mean() / ordinary.full().mean() / 1e20 - 1.0).abs() < 1e-5
+    );
     // In a wall, and in a corner.
     for position in [Vec3::new(0.0, 1.0, 0.0), Vec3::ONE, Vec3::new(0.0, 1.0 - 1e-6, 0.0)] {
         assert_finite(&bright(lamp(position, 1e20)));
@@ -142,7 +206,11 @@ fn enormous_light_stays_finite_and_what_does_not_fit_is_counted() {
     // Four suns of which each fits and all together do not.
     let floor = geometry(matt(), |builder| square(builder, 5.0, 0.0, true));
     let scene = scene(floor, &[const { f32::MAX }; 4].map(|lux| sun(Vec3::NEG_Y, lux)), Sky::Black);
-    let rendering = picture(&scene, &view(Vec3::Y, Vec3::ZERO, 2, 2), &Settings { samples: 8, ..lambertian(Some(0)) });
+    let rendering = picture(
+        &scene,
+        &view(Vec3::Y, Vec3::ZERO, 2, 2),
+        &Settings { samples: 8, ..lambertian(Some(0)) },
+    );
     assert_eq!((rendering.dropped, rendering.direct.mean()), (32, 0.0));
 }
 
@@ -151,12 +219,21 @@ fn scenes_are_read_whole() {
     let mut description = SceneDescription::new(Geometry::Procedural("furnace".to_owned()));
     description.lights = vec![lamp(Vec3::ZERO, 20_000.0)];
     let scene = ReferenceScene::new(&description).expect("a scene of our own");
-    let rendering =
-        picture(&scene, &view(Vec3::new(0.3, -0.2, 0.5), Vec3::X, 6, 4), &Settings { samples: 16, bounces: Some(1), ..lambertian(None) });
+    let rendering = picture(
+        &scene,
+        &view(Vec3::new(0.3, -0.2, 0.5), Vec3::X, 6, 4),
+        &Settings { samples: 16, bounces: Some(1), ..lambertian(None) },
+    );
     let direct = 0.8 / std::f64::consts::PI * 20_000.0 / (4.0 * std::f64::consts::PI) / 4.0;
-    assert!((rendering.direct.mean() / direct - 1.0).abs() < 5e-3 && (rendering.indirect.mean() / direct / 0.8 - 1.0).abs() < 5e-3);
+    assert!(
+        (rendering.direct.mean() / direct - 1.0).abs() < 5e-3
+            && (rendering.indirect.mean() / direct / 0.8 - 1.0).abs() < 5e-3
+    );
     description.environment = Environment::Map("no/such/sky.hdr".to_owned(), 1.0);
-    assert!(ReferenceScene::new(&description).is_err_and(|error| error.to_string().contains("no/such/sky.hdr")));
+    assert!(
+        ReferenceScene::new(&description)
+            .is_err_and(|error| error.to_string().contains("no/such/sky.hdr"))
+    );
     for name in crate::scene::procedural::NAMES {
         let mut description = SceneDescription::new(Geometry::Procedural(name.to_owned()));
         description.environment = Environment::Constant([10.0; 3]);

@@ -1,6 +1,7 @@
-//! The Cornell box at ten times its size: 5.528 m wide. Measures: Cornell University Program of Computer Graphics, "Cornell Box Data"
-//! (graphics.cornell.edu/online/box/data.html). Our light is a spot under the ceiling and not its glowing square, so that the ceiling
-//! gets indirect light alone; reflectances are RGB averages of its measured spectra.
+//! The Cornell box at ten times its size: 5.528 m wide. Measures: Cornell University Program of
+//! Computer Graphics, "Cornell Box Data" (graphics.cornell.edu/online/box/data.html). Our light is
+//! a spot under the ceiling and not its glowing square, so that the ceiling gets indirect light
+//! alone; reflectances are RGB averages of its measured spectra.
 
 use crate::scene::builder::MeshBuilder;
 use crate::scene::{SceneGeometry, SceneMaterial};
@@ -10,8 +11,8 @@ const WHITE: [f32; 3] = [0.73, 0.71, 0.68];
 const RED: [f32; 3] = [0.61, 0.06, 0.06];
 const GREEN: [f32; 3] = [0.12, 0.46, 0.11];
 
-/// From the published axes (centimetres here; x to the left of a viewer who looks along +z) to ours: the middle of the floor is the origin,
-/// the open front faces +Z.
+/// From the published axes (centimetres here; x to the left of a viewer who looks along +z) to
+/// ours: the middle of the floor is the origin, the open front faces +Z.
 fn place(x: f32, y: f32, z: f32) -> Vec3 {
     Vec3::new(2.764 - x / 100.0, y / 100.0, 2.796 - z / 100.0)
 }
@@ -30,13 +31,38 @@ pub(super) fn build() -> SceneGeometry {
     let mut builder = MeshBuilder::new();
     let (width, height, depth) = (552.8, 548.8, 559.2);
     builder.tint(WHITE);
-    builder.quad([place(width, 0.0, 0.0), place(0.0, 0.0, 0.0), place(0.0, 0.0, depth), place(width, 0.0, depth)]);
-    builder.quad([place(width, height, depth), place(0.0, height, depth), place(0.0, height, 0.0), place(width, height, 0.0)]);
-    builder.quad([place(width, 0.0, depth), place(0.0, 0.0, depth), place(0.0, height, depth), place(width, height, depth)]);
+    builder.quad([
+        place(width, 0.0, 0.0),
+        place(0.0, 0.0, 0.0),
+        place(0.0, 0.0, depth),
+        place(width, 0.0, depth),
+    ]);
+    builder.quad([
+        place(width, height, depth),
+        place(0.0, height, depth),
+        place(0.0, height, 0.0),
+        place(width, height, 0.0),
+    ]);
+    builder.quad([
+        place(width, 0.0, depth),
+        place(0.0, 0.0, depth),
+        place(0.0, height, depth),
+        place(width, height, depth),
+    ]);
     builder.tint(RED);
-    builder.quad([place(width, 0.0, 0.0), place(width, 0.0, depth), place(width, height, depth), place(width, height, 0.0)]);
+    builder.quad([
+        place(width, 0.0, 0.0),
+        place(width, 0.0, depth),
+        place(width, height, depth),
+        place(width, height, 0.0),
+    ]);
     builder.tint(GREEN);
-    builder.quad([place(0.0, 0.0, depth), place(0.0, 0.0, 0.0), place(0.0, height, 0.0), place(0.0, height, depth)]);
+    builder.quad([
+        place(0.0, 0.0, depth),
+        place(0.0, 0.0, 0.0),
+        place(0.0, height, 0.0),
+        place(0.0, height, depth),
+    ]);
     builder.tint(WHITE);
     block(&mut builder, 165.0, [(290.0, 114.0), (130.0, 65.0), (82.0, 225.0), (240.0, 272.0)]);
     block(&mut builder, 330.0, [(423.0, 247.0), (265.0, 296.0), (314.0, 456.0), (472.0, 406.0)]);

@@ -4,7 +4,8 @@ use bevy::math::Vec3;
 use std::path::PathBuf;
 
 fn scene(name: &str) -> SceneDescription {
-    let file = PathBuf::from(env!("CARGO_MANIFEST_DIR")).join(format!("../assets/scenes/{name}.scene.ron"));
+    let file = PathBuf::from(env!("CARGO_MANIFEST_DIR"))
+        .join(format!("../assets/scenes/{name}.scene.ron"));
     load(&file).unwrap_or_else(|error| panic!("{error}"))
 }
 
@@ -14,13 +15,24 @@ fn every_scene_is_sound_and_within_its_budget() {
         let geometry = build(name).unwrap();
         assert_eq!(geometry.validate(), Ok(()), "{name}");
         let budget = if name == "furnace" { 6000 } else { 5000 };
-        assert!(geometry.triangle_count() <= budget, "{name}: {} triangles", geometry.triangle_count());
+        assert!(
+            geometry.triangle_count() <= budget,
+            "{name}: {} triangles",
+            geometry.triangle_count()
+        );
         assert!(geometry.materials.len() <= 3, "{name}: {} materials", geometry.materials.len());
         assert!(geometry.materials.iter().all(|material| material.base_color == [1.0; 4]));
         assert!(geometry.warnings.is_empty());
         for mesh in &geometry.meshes {
-            assert!(mesh.uvs.iter().all(|uv| uv.is_finite()) && mesh.positions.iter().all(|position| position.is_finite()), "{name}");
-            assert!(mesh.colors.iter().flatten().all(|value| (0.0..=1.0).contains(value)), "{name}");
+            assert!(
+                mesh.uvs.iter().all(|uv| uv.is_finite())
+                    && mesh.positions.iter().all(|position| position.is_finite()),
+                "{name}"
+            );
+            assert!(
+                mesh.colors.iter().flatten().all(|value| (0.0..=1.0).contains(value)),
+                "{name}"
+            );
             for triangle in mesh.indices.chunks_exact(3) {
                 let [a, b, c] = [0, 1, 2].map(|i| mesh.positions[triangle[i] as usize]);
                 let area = (b - a).cross(c - a);
@@ -28,7 +40,10 @@ fn every_scene_is_sound_and_within_its_budget() {
                 for index in triangle {
                     let normal = mesh.normals[*index as usize];
                     assert!((normal.length() - 1.0).abs() < 1e-3, "{name}: normal {normal}");
-                    assert!(normal.dot(area.normalize()) > 0.5, "{name}: normal {normal} is not its face's at {a} {b} {c}");
+                    assert!(
+                        normal.dot(area.normalize()) > 0.5,
+                        "{name}: normal {normal} is not its face's at {a} {b} {c}"
+                    );
                 }
             }
         }
@@ -47,19 +62,38 @@ fn every_tour_stays_in_the_open_within_its_bounds_and_has_something_to_see() {
         let rays = RayScene::from_geometry(&geometry);
         let bounds = description.camera_bounds(geometry.bounds());
         let tour = &description.paths["tour"];
-        assert!((5.0..=6.0).contains(&tour.duration()) && (4..=8).contains(&tour.keys.len()), "{name}");
+        assert!(
+            (5.0..=6.0).contains(&tour.duration()) && (4..=8).contains(&tour.keys.len()),
+            "{name}"
+        );
         for frame in 0..=180 {
             let time = tour.start() + tour.duration() * frame as f32 / 180.0;
             let pose = tour.sample(time).unwrap();
-            assert!(bounds.contains(pose.position), "{name} at {time} s: {} is out of bounds", pose.position);
-            assert!(!rays.inside_geometry(pose.position), "{name} at {time} s: {} is inside", pose.position);
-            assert!(rays.sees_geometry(pose.position, pose.rotation, description.camera.vertical_fov.to_radians(), 16.0 / 9.0));
+            assert!(
+                bounds.contains(pose.position),
+                "{name} at {time} s: {} is out of bounds",
+                pose.position
+            );
+            assert!(
+                !rays.inside_geometry(pose.position),
+                "{name} at {time} s: {} is inside",
+                pose.position
+            );
+            assert!(rays.sees_geometry(
+                pose.position,
+                pose.rotation,
+                description.camera.vertical_fov.to_radians(),
+                16.0 / 9.0
+            ));
             // Nothing within reach of the near plane, or walls would be cut open.
             let least = crate::scene::rays::sphere_directions(128)
                 .filter_map(|direction| rays.closest(pose.position, direction, 1.0))
                 .map(|hit| hit.distance)
                 .fold(1.0, f32::min);
-            assert!(least > description.camera.near * 1.5, "{name} at {time} s: something is {least} m away");
+            assert!(
+                least > description.camera.near * 1.5,
+                "{name} at {time} s: something is {least} m away"
+            );
         }
     }
 }
@@ -69,10 +103,15 @@ fn the_furnace_is_closed_white_and_exactly_radial() {
     let geometry = build("furnace").unwrap();
     assert_eq!(geometry.triangle_count(), 5120);
     let material = &geometry.materials[0];
-    assert_eq!((material.perceptual_roughness, material.reflectance, material.metallic), (1.0, 0.0, 0.0));
+    assert_eq!(
+        (material.perceptual_roughness, material.reflectance, material.metallic),
+        (1.0, 0.0, 0.0)
+    );
     let mesh = &geometry.meshes[0];
     for (position, normal) in mesh.positions.iter().zip(&mesh.normals) {
-        assert!((position.length() - 2.0).abs() < 1e-5 && (*position * -0.5).distance(*normal) < 1e-6);
+        assert!(
+            (position.length() - 2.0).abs() < 1e-5 && (*position * -0.5).distance(*normal) < 1e-6
+        );
     }
     assert!(mesh.colors.iter().all(|color| *color == [0.8, 0.8, 0.8, 1.0]));
 }
@@ -80,12 +119,17 @@ fn the_furnace_is_closed_white_and_exactly_radial() {
 #[test]
 fn the_two_rooms_are_closed_and_apart() {
     let rays = RayScene::from_geometry(&build("two_rooms").unwrap());
-    for (center, walls) in [(Vec3::new(-2.1, 1.5, 0.0), -4.1..=-0.1_f32), (Vec3::new(2.1, 1.5, 0.0), 0.1..=4.1)] {
+    for (center, walls) in
+        [(Vec3::new(-2.1, 1.5, 0.0), -4.1..=-0.1_f32), (Vec3::new(2.1, 1.5, 0.0), 0.1..=4.1)]
+    {
         for direction in crate::scene::rays::sphere_directions(5000) {
             let hit = rays.closest(center, direction, f32::INFINITY).unwrap();
             assert_eq!(hit.side, Side::Front);
             let x = (center + direction * hit.distance).x;
-            assert!(x > walls.start() - 1e-3 && x < walls.end() + 1e-3, "a ray left its room to x = {x}");
+            assert!(
+                x > walls.start() - 1e-3 && x < walls.end() + 1e-3,
+                "a ray left its room to x = {x}"
+            );
         }
     }
     assert!(rays.inside_geometry(Vec3::new(0.0, 1.5, 0.0)), "the dividing wall is solid");
@@ -103,30 +147,44 @@ fn the_cornell_box_has_its_published_size_and_colors_on_the_right_sides() {
         mesh.colors[mesh.indices[hit.triangle.index * 3] as usize]
     };
     let (left, right) = (color(Vec3::NEG_X), color(Vec3::X));
-    assert!(left[0] > 4.0 * left[1] && right[1] > 3.0 * right[0], "red is to the left and green to the right of a viewer at +Z");
+    assert!(
+        left[0] > 4.0 * left[1] && right[1] > 3.0 * right[0],
+        "red is to the left and green to the right of a viewer at +Z"
+    );
     assert!(!rays.any(Vec3::new(0.0, 4.5, 0.0), Vec3::Z, f32::INFINITY), "the front is open");
 }
 
 #[test]
 fn the_courtyard_has_cut_out_cloth_and_fine_textures() {
     let geometry = build("courtyard").unwrap();
-    let drapes = geometry.materials.iter().find(|material| matches!(material.alpha, AlphaMode::Mask(_))).unwrap();
+    let drapes = geometry
+        .materials
+        .iter()
+        .find(|material| matches!(material.alpha, AlphaMode::Mask(_)))
+        .unwrap();
     assert!(drapes.double_sided);
     let cloth = &geometry.textures[drapes.base_color_texture.unwrap()];
     let share = |level: usize| {
         let texels = &cloth.mips[level];
-        texels.chunks_exact(4).filter(|texel| texel[3] >= 128).count() as f32 / (texels.len() / 4) as f32
+        texels.chunks_exact(4).filter(|texel| texel[3] >= 128).count() as f32
+            / (texels.len() / 4) as f32
     };
     assert!((0.75..0.97).contains(&share(0)), "{}", share(0));
     // What a cut-out hides must not grow or shrink with distance.
     for level in 1..5 {
-        assert!((share(level) - share(0)).abs() < 0.05, "level {level}: {} against {}", share(level), share(0));
+        assert!(
+            (share(level) - share(0)).abs() < 0.05,
+            "level {level}: {} against {}",
+            share(level),
+            share(0)
+        );
     }
     for texture in &geometry.textures {
         // Contrast of neighbours at full size: it is what a mip bias takes away.
         let luma = |i: usize| f32::from(texture.mips[0][i * 4 + 1]);
         let count = (texture.width * texture.height) as usize - 1;
-        let contrast = (0..count).map(|i| (luma(i) - luma(i + 1)).abs()).sum::<f32>() / count as f32;
+        let contrast =
+            (0..count).map(|i| (luma(i) - luma(i + 1)).abs()).sum::<f32>() / count as f32;
         assert!(contrast > 3.0, "{contrast}");
     }
 }

@@ -1,4 +1,5 @@
-//! Two closed rooms with a wall 0.2 m thick between them and no opening: whatever light the dark one shows has leaked.
+//! Two closed rooms with a wall 0.2 m thick between them and no opening: whatever light the dark
+//! one shows has leaked.
 
 use crate::scene::builder::{Faces, MeshBuilder};
 use crate::scene::{SceneGeometry, SceneMaterial};

@@ -14,7 +14,8 @@ use crate::metrics::Picture;
 use crate::scene::{Bounds, CameraPose, RayScene, SceneDescription};
 use crate::table::Measure;
 
-/// A child larger than this is replaced. Well above what a scene's own textures take, well below what a small machine has.
+/// A child larger than this is replaced. Well above what a scene's own textures take, well below
+/// what a small machine has.
 const LARGEST_BYTES: u64 = 4 << 30;
 
 /// What the hidden command of the child is called.
@@ -70,14 +71,21 @@ impl RemoteStage {
     /// Starts a child with `scene`, which was read from `request.scene`.
     ///
     /// # Errors
-    /// When the scene's geometry cannot be read, the child cannot be started, or its stage cannot be opened.
+    /// When the scene's geometry cannot be read, the child cannot be started, or its stage cannot
+    /// be opened.
     pub fn open(scene: &SceneDescription, request: StageRequest) -> Result<Self, RemoteError> {
-        let geometry = scene.geometry().map_err(|error| RemoteError { usage: true, message: error.to_string() })?;
+        let geometry = scene
+            .geometry()
+            .map_err(|error| RemoteError { usage: true, message: error.to_string() })?;
         let mut stage = Self {
             request,
             worker: None,
             space: KnobSpace::default(),
-            meter: MeterInfo { name: String::new(), provenance: bevy_frugal_gi::power::Provenance::Modelled, description: String::new() },
+            meter: MeterInfo {
+                name: String::new(),
+                provenance: bevy_frugal_gi::power::Provenance::Modelled,
+                description: String::new(),
+            },
             idle: Watts(0.0),
             rays: RayScene::from_geometry(&geometry),
             bounds: geometry.bounds(),
@@ -140,7 +148,8 @@ impl RemoteStage {
         self.restarts
     }
 
-    /// Shows every level of every knob once, in this child and in every later one: nothing metered then pays for compiling.
+    /// Shows every level of every knob once, in this child and in every later one: nothing metered
+    /// then pays for compiling.
     ///
     /// # Errors
     /// When the child fails.
@@ -153,17 +162,27 @@ impl RemoteStage {
         let program = std::env::current_exe().map_err(RemoteError::failed)?;
         let mut command = Command::new(program);
         command.arg(CHILD_COMMAND).stdin(Stdio::piped()).stdout(Stdio::piped());
-        // The interrupt key is the parent's to answer: a child in the same group would die of it in mid-frame.
+        // The interrupt key is the parent's to answer: a child in the same group would die of it in
+        // mid-frame.
         #[cfg(unix)]
         std::os::unix::process::CommandExt::process_group(&mut command, 0);
-        let mut child = command.spawn().map_err(|error| RemoteError::failed(format!("cannot start the renderer's process: {error}")))?;
+        let mut child = command.spawn().map_err(|error| {
+            RemoteError::failed(format!("cannot start the renderer's process: {error}"))
+        })?;
         let (Some(input), Some(output)) = (child.stdin.take(), child.stdout.take()) else {
             return Err(RemoteError::failed("the renderer's process has no pipes"));
         };
-        self.worker = Some(Worker { child, input, output: BufReader::new(output), resident_bytes: 0 });
+        self.worker =
+            Some(Worker { child, input, output: BufReader::new(output), resident_bytes: 0 });
         match self.exchange(&Request::Open(self.request.clone()))? {
-            (Answer::Opened { space, meter, idle }, _) => (self.space, self.meter, self.idle) = (space, meter, idle),
-            other => return Err(RemoteError::failed(format!("the renderer's process answered out of turn: {other:?}"))),
+            (Answer::Opened { space, meter, idle }, _) => {
+                (self.space, self.meter, self.idle) = (space, meter, idle)
+            }
+            other => {
+                return Err(RemoteError::failed(format!(
+                    "the renderer's process answered out of turn: {other:?}"
+                )));
+            }
         }
         if self.warm {
             self.exchange(&Request::Warm)?;
@@ -171,7 +190,8 @@ impl RemoteStage {
         Ok(())
     }
 
-    /// Asks, after replacing a child that has grown too large; and once more, of a fresh child, when it died on the way.
+    /// Asks, after replacing a child that has grown too large; and once more, of a fresh child,
+    /// when it died on the way.
     fn ask(&mut self, request: &Request) -> Result<(Answer, Option<Picture>), RemoteError> {
         if self.worker.as_ref().is_some_and(|worker| worker.resident_bytes > LARGEST_BYTES) {
             self.restarts += 1;
@@ -184,7 +204,10 @@ impl RemoteStage {
         match self.exchange(request) {
             Err(error) if self.worker.is_none() => {
                 self.restarts += 1;
-                self.start().map_err(|again| RemoteError { usage: again.usage, message: format!("{error}; then {again}") })?;
+                self.start().map_err(|again| RemoteError {
+                    usage: again.usage,
+                    message: format!("{error}; then {again}"),
+                })?;
                 self.prepare(request)?;
                 self.exchange(request)
             }
@@ -192,7 +215,8 @@ impl RemoteStage {
         }
     }
 
-    /// Puts a fresh child where the old one was: a run's frame must not pay for the first sight of its place.
+    /// Puts a fresh child where the old one was: a run's frame must not pay for the first sight of
+    /// its place.
     fn prepare(&mut self, request: &Request) -> Result<(), RemoteError> {
         if let Request::Play { position, rotation, settings } = *request {
             self.exchange(&Request::Begin { position, rotation, settings })?;
@@ -201,27 +225,38 @@ impl RemoteStage {
     }
 
     fn exchange(&mut self, request: &Request) -> Result<(Answer, Option<Picture>), RemoteError> {
-        let Some(worker) = &mut self.worker else { return Err(RemoteError::failed("the renderer's process is not running")) };
+        let Some(worker) = &mut self.worker else {
+            return Err(RemoteError::failed("the renderer's process is not running"));
+        };
         let reply = send(&mut worker.input, request)
             .and_then(|()| std::io::Write::flush(&mut worker.input))
             .and_then(|()| receive::<Reply>(&mut worker.output))
             .and_then(|reply| {
-                let Answer::Frame { width, height, .. } = reply.answer else { return Ok((reply, None)) };
+                let Answer::Frame { width, height, .. } = reply.answer else {
+                    return Ok((reply, None));
+                };
                 let mut bytes = vec![0; width as usize * height as usize * 3];
                 worker.output.read_exact(&mut bytes)?;
-                let rgb = bytes.chunks_exact(3).map(|pixel| [pixel[0], pixel[1], pixel[2]]).collect();
+                let rgb =
+                    bytes.chunks_exact(3).map(|pixel| [pixel[0], pixel[1], pixel[2]]).collect();
                 Ok((reply, Some((width, height, rgb))))
             });
         match reply {
-            Ok((Reply { answer: Answer::Failed { usage, message }, .. }, _)) => Err(RemoteError { usage, message }),
+            Ok((Reply { answer: Answer::Failed { usage, message }, .. }, _)) => {
+                Err(RemoteError { usage, message })
+            }
             Ok((reply, picture)) => {
                 worker.resident_bytes = reply.resident_bytes;
-                let picture = picture.map(|(width, height, rgb)| Picture::new(width, height, rgb)).transpose();
+                let picture = picture
+                    .map(|(width, height, rgb)| Picture::new(width, height, rgb))
+                    .transpose();
                 Ok((reply.answer, picture.map_err(RemoteError::failed)?))
             }
             Err(error) => {
                 self.worker = None;
-                Err(RemoteError::failed(format!("the renderer's process broke off ({error}): it crashed, or ran out of memory")))
+                Err(RemoteError::failed(format!(
+                    "the renderer's process broke off ({error}): it crashed, or ran out of memory"
+                )))
             }
         }
     }
@@ -231,11 +266,17 @@ impl Measure for RemoteStage {
     type Error = RemoteError;
 
     /// Power is the mean of all frames but the first.
-    fn measure(&mut self, clip: &[CameraPose], settings: RenderSettings) -> Result<CostPoint, RemoteError> {
+    fn measure(
+        &mut self,
+        clip: &[CameraPose],
+        settings: RenderSettings,
+    ) -> Result<CostPoint, RemoteError> {
         let clip = clip.iter().map(|pose| (pose.position, pose.rotation)).collect();
         match self.ask(&Request::Measure { clip, settings })? {
             (Answer::Cost(cost), _) => Ok(cost),
-            other => Err(RemoteError::failed(format!("the renderer's process answered out of turn: {other:?}"))),
+            other => Err(RemoteError::failed(format!(
+                "the renderer's process answered out of turn: {other:?}"
+            ))),
         }
     }
 }
@@ -243,14 +284,27 @@ impl Measure for RemoteStage {
 impl Player for RemoteStage {
     type Error = RemoteError;
 
-    fn begin_run(&mut self, _: &str, pose: &Pose, settings: RenderSettings) -> Result<(), RemoteError> {
-        self.ask(&Request::Begin { position: pose.position, rotation: pose.rotation, settings }).map(drop)
+    fn begin_run(
+        &mut self,
+        _: &str,
+        pose: &Pose,
+        settings: RenderSettings,
+    ) -> Result<(), RemoteError> {
+        self.ask(&Request::Begin { position: pose.position, rotation: pose.rotation, settings })
+            .map(drop)
     }
 
     fn play(&mut self, pose: &Pose, settings: RenderSettings) -> Result<Shot, RemoteError> {
-        match self.ask(&Request::Play { position: pose.position, rotation: pose.rotation, settings })? {
+        match self.ask(&Request::Play {
+            position: pose.position,
+            rotation: pose.rotation,
+            settings,
+        })? {
             (Answer::Frame { power, .. }, Some(picture)) => Ok(Shot { picture, power }),
-            other => Err(RemoteError::failed(format!("the renderer's process answered out of turn: {:?}", other.0))),
+            other => Err(RemoteError::failed(format!(
+                "the renderer's process answered out of turn: {:?}",
+                other.0
+            ))),
         }
     }
 }

@@ -35,7 +35,10 @@ pub fn serve() -> io::Result<()> {
     }
 }
 
-fn answer(stage: &mut Option<StageEvaluator>, request: Request) -> Result<(Answer, Option<Picture>), StageError> {
+fn answer(
+    stage: &mut Option<StageEvaluator>,
+    request: Request,
+) -> Result<(Answer, Option<Picture>), StageError> {
     if let Request::Open(request) = request {
         let options = StageOptions {
             size: request.size.into(),
@@ -45,23 +48,35 @@ fn answer(stage: &mut Option<StageEvaluator>, request: Request) -> Result<(Answe
             ..Default::default()
         };
         let opened = Stage::open(&scene::load(&request.scene)?, options)?;
-        let answer = Answer::Opened { space: opened.space().as_ref().clone(), meter: opened.meter(), idle: opened.idle() };
+        let answer = Answer::Opened {
+            space: opened.space().as_ref().clone(),
+            meter: opened.meter(),
+            idle: opened.idle(),
+        };
         *stage = Some(StageEvaluator::new(opened));
         return Ok((answer, None));
     }
-    let Some(stage) = stage else { return Err(StageError::NotReady("no scene was opened".to_owned())) };
+    let Some(stage) = stage else {
+        return Err(StageError::NotReady("no scene was opened".to_owned()));
+    };
     match request {
         Request::Open(_) => unreachable!("handled above"),
         Request::Warm => stage.stage().warm()?,
         Request::Measure { clip, settings } => {
-            let clip: Vec<Pose> = clip.into_iter().map(|(position, rotation)| Pose { position, rotation }).collect();
+            let clip: Vec<Pose> =
+                clip.into_iter().map(|(position, rotation)| Pose { position, rotation }).collect();
             return Ok((Answer::Cost(stage.measure(&clip, settings)?), None));
         }
         Request::Begin { position, rotation, settings } => {
-            StagePlayer::new(stage.stage()).begin_run("", &Pose { position, rotation }, settings)?;
+            StagePlayer::new(stage.stage()).begin_run(
+                "",
+                &Pose { position, rotation },
+                settings,
+            )?;
         }
         Request::Play { position, rotation, settings } => {
-            let shot = StagePlayer::new(stage.stage()).play(&Pose { position, rotation }, settings)?;
+            let shot =
+                StagePlayer::new(stage.stage()).play(&Pose { position, rotation }, settings)?;
             let Picture { width, height, .. } = shot.picture;
             return Ok((Answer::Frame { power: shot.power, width, height }, Some(shot.picture)));
         }
@@ -73,5 +88,6 @@ fn answer(stage: &mut Option<StageEvaluator>, request: Request) -> Result<(Answe
 fn resident_bytes() -> u64 {
     let status = std::fs::read_to_string("/proc/self/status").unwrap_or_default();
     let line = status.lines().find_map(|line| line.strip_prefix("VmRSS:"));
-    line.and_then(|line| line.split_whitespace().next()?.parse::<u64>().ok()).map_or(0, |kilobytes| kilobytes * 1024)
+    line.and_then(|line| line.split_whitespace().next()?.parse::<u64>().ok())
+        .map_or(0, |kilobytes| kilobytes * 1024)
 }

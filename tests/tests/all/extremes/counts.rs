@@ -10,7 +10,11 @@ use frugal_tests::set;
 use super::{Random, Worst, facing_down, stage};
 use crate::gi::{corner, sun};
 
-tests!(a_pixel_sums_any_number_of_lights, a_picture_of_any_size_is_gathered_whole, a_camera_takes_any_number);
+tests!(
+    a_pixel_sums_any_number_of_lights,
+    a_picture_of_any_size_is_gathered_whole,
+    a_camera_takes_any_number
+);
 
 fn a_pixel_sums_any_number_of_lights() {
     let mut stage = stage();
@@ -19,12 +23,23 @@ fn a_pixel_sums_any_number_of_lights() {
     let pixels = Pixels::new(&stage, [8, 8], &[packed; 64]);
     let mut random = Random(3);
     for count in [0, 1, 2, 15, 16, 17, 1023, FrugalGi::MAX_VPLS_PER_PIXEL] {
-        let mut vpl = || facing_down(random.inside(Vec3::new(-5.0, 0.1, -5.0), Vec3::new(5.0, 4.0, 5.0)), 1000.0 * 3.0, 1e-3);
+        let mut vpl = || {
+            facing_down(
+                random.inside(Vec3::new(-5.0, 0.1, -5.0), Vec3::new(5.0, 4.0, 5.0)),
+                1000.0 * 3.0,
+                1e-3,
+            )
+        };
         let vpls: Vec<_> = (0..count).map(|_| vpl()).collect();
         let plane = Plane { exposure: 0.01 / count.max(1) as f32, ..Plane::ORIGIN };
         let mut worst = Worst::default();
         for (pixel, found) in (0..).zip(gather.run(&stage, &pixels, &plane, &vpls)) {
-            let expected = irradiance(&vpls, plane.position([8, 8], pixel % 8, pixel / 8), normal, plane.exposure)[2];
+            let expected = irradiance(
+                &vpls,
+                plane.position([8, 8], pixel % 8, pixel / 8),
+                normal,
+                plane.exposure,
+            )[2];
             worst.check(&format!("{count} VPLs, pixel {pixel}"), found[2], expected, 0.0);
         }
         worst.report(&format!("{count} VPLs"), if count > 0 { 40 } else { 0 });
@@ -35,7 +50,10 @@ fn a_picture_of_any_size_is_gathered_whole() {
     let mut stage = stage();
     let gather = Gather::new(&mut stage, 0);
     let (packed, normal) = g_buffer_normal(Vec3::Y);
-    let vpls = [facing_down(Vec3::new(0.3, 2.0, 0.2), 1e5, 1e-3), facing_down(Vec3::new(-7.0, 3.0, 2.0), 1e6, 1e-3)];
+    let vpls = [
+        facing_down(Vec3::new(0.3, 2.0, 0.2), 1e5, 1e-3),
+        facing_down(Vec3::new(-7.0, 3.0, 2.0), 1e6, 1e-3),
+    ];
     let mut worst = Worst::default();
     for size in [[1, 1], [1, 9], [9, 1], [7, 5], [8, 8], [33, 17]] {
         let pixels = Pixels::new(&stage, size, &vec![packed; (size[0] * size[1]) as usize]);
@@ -60,7 +78,10 @@ fn a_camera_takes_any_number() {
         let mut gi = stage.world_mut().get_mut::<FrugalGi>(camera).expect("a GI camera");
         (gi.vpl_count, gi.interleave) = (vpl_count, interleave);
         let radiance = set::radiance(&mut stage);
-        assert!(radiance.rgb.iter().flatten().all(|value| value.is_finite() && *value >= 0.0), "{vpl_count} VPLs");
+        assert!(
+            radiance.rgb.iter().flatten().all(|value| value.is_finite() && *value >= 0.0),
+            "{vpl_count} VPLs"
+        );
         (radiance.mean(), gpu::vpls(&stage))
     };
     assert_eq!(gather(0, GiInterleave::One), (0.0, vec![]));
@@ -75,6 +96,7 @@ fn a_camera_takes_any_number() {
     assert_eq!(vpls.len() as u32, FrugalGi::MAX_VPL_COUNT);
     println!("    1 VPL {one:.2} nits, 1,024 {most_of_pixel:.3}, 16,384 {most:.3}");
     assert_eq!(more, most);
-    // One in a hundred or so; and a piece of surface 16 times as large keeps more light out of the corner.
+    // One in a hundred or so; and a piece of surface 16 times as large keeps more light out of the
+    // corner.
     assert!((most_of_pixel / most - 1.0).abs() < 0.03, "{most_of_pixel} {most}");
 }

@@ -21,15 +21,18 @@ tests!(
 
 /// Rotations that turn each side of a cube to the floor.
 fn sides() -> [Quat; 6] {
-    [Vec3::NEG_Y, Vec3::Y, Vec3::X, Vec3::NEG_X, Vec3::Z, Vec3::NEG_Z].map(|side| Quat::from_rotation_arc(side, Vec3::NEG_Y))
+    [Vec3::NEG_Y, Vec3::Y, Vec3::X, Vec3::NEG_X, Vec3::Z, Vec3::NEG_Z]
+        .map(|side| Quat::from_rotation_arc(side, Vec3::NEG_Y))
 }
 
 fn turned(vpl: &Point, rotation: Quat) -> Point {
-    let [position, normal] = [vpl.position, vpl.normal].map(|vector| (rotation * Vec3::from_array(vector)).to_array());
+    let [position, normal] =
+        [vpl.position, vpl.normal].map(|vector| (rotation * Vec3::from_array(vector)).to_array());
     Point { position, normal, ..*vpl }
 }
 
-/// A piece of surface of radius r sends flux ÷ πr² a square metre: an endless plane of it would light a point with as much.
+/// A piece of surface of radius r sends flux ÷ πr² a square metre: an endless plane of it would
+/// light a point with as much.
 fn no_point_gets_more_than_a_plane_would_send() {
     let mut stage = stage();
     let gather = Gather::new(&mut stage, 0);
@@ -43,7 +46,11 @@ fn no_point_gets_more_than_a_plane_would_send() {
             let vpl = super::facing_down(Vec3::new(0.5, height, 0.5), 1000.0, radius_squared);
             let bound = 1000.0 / std::f64::consts::PI;
             for found in gather.run(&stage, &pixels, &plane, &[vpl]) {
-                assert!(found[0] <= bound * 1.001, "{height} m, {radius_squared} m²: {} of {bound}", found[0]);
+                assert!(
+                    found[0] <= bound * 1.001,
+                    "{height} m, {radius_squared} m²: {} of {bound}",
+                    found[0]
+                );
                 nearest = nearest.max(found[0] / bound);
             }
         }
@@ -71,37 +78,70 @@ fn walls_around_a_light_get_no_more_than_it_sends() {
         let mut shares = Vec::new();
         for radius_squared in [1e-10, 0.01, 0.3, 3.0f32] {
             let extent = radius_squared.recip();
-            let vpl = Point { position: position.to_array(), normal: normal.to_array(), flux: [5000.0; 3], extent };
-            let on_side = |side| gather.run(&stage, &pixels, &plane, &[turned(&vpl, side)]).iter().map(|texel| texel[0]).sum::<f64>();
-            let received = sides().map(on_side).iter().sum::<f64>() * f64::from(spacing * spacing) / f64::from(plane.exposure);
+            let vpl = Point {
+                position: position.to_array(),
+                normal: normal.to_array(),
+                flux: [5000.0; 3],
+                extent,
+            };
+            let on_side = |side| {
+                gather
+                    .run(&stage, &pixels, &plane, &[turned(&vpl, side)])
+                    .iter()
+                    .map(|texel| texel[0])
+                    .sum::<f64>()
+            };
+            let received = sides().map(on_side).iter().sum::<f64>() * f64::from(spacing * spacing)
+                / f64::from(plane.exposure);
             shares.push(received / 5000.0);
         }
-        println!("    {label}: {shares:.4?} of its light for disks of π times 1e-10, 0.01, 0.3 and 3 m²");
+        println!(
+            "    {label}: {shares:.4?} of its light for disks of π times 1e-10, 0.01, 0.3 and 3 m²"
+        );
         // The midpoint rule over 32 × 32 pixels a side, and half floats.
-        assert!(shares.iter().all(|share| *share < 1.005) && (shares[0] - 1.0).abs() < 0.005, "{label}: {shares:?}");
-        assert!(shares.is_sorted_by(|a, b| a >= b), "the larger the disk, the less of it: {shares:?}");
+        assert!(
+            shares.iter().all(|share| *share < 1.005) && (shares[0] - 1.0).abs() < 0.005,
+            "{label}: {shares:?}"
+        );
+        assert!(
+            shares.is_sorted_by(|a, b| a >= b),
+            "the larger the disk, the less of it: {shares:?}"
+        );
     }
 }
 
-/// A lamp in a cube of 2 m with an eye in the middle: what all walls reflect of indirect light against what they get of it. The gather and the
-/// composite between, every pixel of six pictures is its twin's.
+/// A lamp in a cube of 2 m with an eye in the middle: what all walls reflect of indirect light
+/// against what they get of it. The gather and the composite between, every pixel of six pictures
+/// is its twin's.
 fn a_closed_room_reflects_no_more_than_its_albedo() {
     const EDGE: u32 = 32;
     for (albedo, sides) in [(1.0f32, &sides()[..]), (0.0, &sides()[..1])] {
-        let light = Light::Point { position: Vec3::new(0.3, -0.2, 0.1), luminous_power: 1000.0, range: 30.0, color: [1.0; 3] };
-        let mut stage = set::bare(vec![light], set::radiance_options(EDGE, EDGE, Component::Indirect));
+        let light = Light::Point {
+            position: Vec3::new(0.3, -0.2, 0.1),
+            luminous_power: 1000.0,
+            range: 30.0,
+            color: [1.0; 3],
+        };
+        let mut stage =
+            set::bare(vec![light], set::radiance_options(EDGE, EDGE, Component::Indirect));
         for axis in [Vec3::X, Vec3::NEG_X, Vec3::Y, Vec3::NEG_Y, Vec3::Z, Vec3::NEG_Z] {
             // Flush at the edges, and overlapping nowhere that is seen.
             let size = Vec3::splat(2.4) - 2.2 * axis.abs();
             meshes::spawn_box(&mut stage, axis * 1.1, size, meshes::matt(albedo, albedo, albedo));
         }
-        set::apply(&mut stage, "min,gi_refresh_period=1,gi_vpl_count=512,gi_pixel_fraction=1/1,resolution_scale=100%,rsm_resolution=128");
+        set::apply(
+            &mut stage,
+            "min,gi_refresh_period=1,gi_vpl_count=512,gi_pixel_fraction=1/1,resolution_scale=100%,rsm_resolution=128",
+        );
         // The knobs' levels first, which would overwrite what follows.
         stage.frame();
         let camera = set::camera(&mut stage);
         let mut entity = stage.world_mut().entity_mut(camera);
         entity.get_mut::<FrugalGi>().expect("a GI camera").interleave = GiInterleave::One;
-        let Projection::Perspective(lens) = &mut *entity.get_mut::<Projection>().expect("a lens") else { panic!("no perspective") };
+        let Projection::Perspective(lens) = &mut *entity.get_mut::<Projection>().expect("a lens")
+        else {
+            panic!("no perspective")
+        };
         lens.fov = std::f32::consts::FRAC_PI_2;
         let stored = meshes::stored_albedo(f64::from(albedo));
         let pixel_area = (2.0 / f64::from(EDGE)).powi(2);
@@ -117,7 +157,8 @@ fn a_closed_room_reflects_no_more_than_its_albedo() {
             for (pixel, found) in (0..).zip(&radiance.rgb) {
                 let at = |n: u32| (n as f32 + 0.5) / EDGE as f32 * 2.0 - 1.0;
                 let position = pose.rotation * Vec3::new(at(pixel % EDGE), -at(pixel / EDGE), -1.0);
-                let expected = stored / std::f64::consts::PI * irradiance(&vpls, position.as_dvec3(), normal, 1.0)[1];
+                let expected = stored / std::f64::consts::PI
+                    * irradiance(&vpls, position.as_dvec3(), normal, 1.0)[1];
                 let found = f64::from(found[1]);
                 assert!(found.is_finite() && found >= 0.0, "{found}");
                 // Two half floats on the way; and positions out of a depth buffer.
@@ -129,10 +170,16 @@ fn a_closed_room_reflects_no_more_than_its_albedo() {
             received = gpu::total_flux(&gpu::rsm_texels(&stage))[1];
         }
         let share = if received > 0.0 { reflected / received } else { 0.0 };
-        println!("    albedo {albedo}: {received:.1} lm reflected once, {reflected:.1} lm twice: {share:.4}; off the twin by {worst:.1e}");
-        assert!((received - 1000.0 * stored).abs() < 2.0, "all of the lamp's light meets a wall: {received}");
+        println!(
+            "    albedo {albedo}: {received:.1} lm reflected once, {reflected:.1} lm twice: {share:.4}; off the twin by {worst:.1e}"
+        );
+        assert!(
+            (received - 1000.0 * stored).abs() < 2.0,
+            "all of the lamp's light meets a wall: {received}"
+        );
         assert!(worst < 2e-3, "{worst}");
-        // 512 VPLs give the light that there is to a few parts in a hundred, and lose what is nearer than their disks' radius.
+        // 512 VPLs give the light that there is to a few parts in a hundred, and lose what is
+        // nearer than their disks' radius.
         assert!(share <= stored * 1.02 && share >= stored * 0.9, "{share} of {stored}");
     }
 }

@@ -1,9 +1,12 @@
 //! `filter/filter.wgsl` against its twin, and with what is no number in its input.
 
 use bevy::math::Vec3;
-use bevy::render::render_resource::binding_types::{texture_2d, texture_depth_2d, texture_storage_2d, uniform_buffer_sized};
+use bevy::render::render_resource::binding_types::{
+    texture_2d, texture_depth_2d, texture_storage_2d, uniform_buffer_sized,
+};
 use bevy::render::render_resource::{
-    BindGroupEntries, BindGroupLayoutEntries, ShaderStages, StorageTextureAccess, TextureFormat, TextureSampleType,
+    BindGroupEntries, BindGroupLayoutEntries, ShaderStages, StorageTextureAccess, TextureFormat,
+    TextureSampleType,
 };
 use bevy::shader::ShaderDefVal;
 use frugal::stage::Stage;
@@ -37,7 +40,10 @@ impl Filter {
             ),
         );
         let defs = vec![ShaderDefVal::UInt("WINDOW".into(), window)];
-        Self { window: window as i32, kernel: Kernel::new(stage, "gi/filter/filter.wgsl", "filter_gathered", defs, &layout) }
+        Self {
+            window: window as i32,
+            kernel: Kernel::new(stage, "gi/filter/filter.wgsl", "filter_gathered", defs, &layout),
+        }
     }
 
     fn run(&self, stage: &Stage, pixels: &Pixels, plane: &Plane, light: &[u16]) -> Vec<f64> {
@@ -74,9 +80,16 @@ fn noise(random: &mut Random) -> Vec<u16> {
 }
 
 /// The mean that the filter should give, leaving out what is no number.
-fn twin(filter: &Filter, plane: &Plane, normals: &[bevy::math::DVec3], light: &[u16], pixel: usize) -> Option<f64> {
+fn twin(
+    filter: &Filter,
+    plane: &Plane,
+    normals: &[bevy::math::DVec3],
+    light: &[u16],
+    pixel: usize,
+) -> Option<f64> {
     let place = |pixel: usize| [pixel as i32 % SIZE[0] as i32, pixel as i32 / SIZE[0] as i32];
-    let position = |pixel: usize| plane.position(SIZE, pixel as u32 % SIZE[0], pixel as u32 / SIZE[0]);
+    let position =
+        |pixel: usize| plane.position(SIZE, pixel as u32 % SIZE[0], pixel as u32 / SIZE[0]);
     let tolerance = 0.02 * position(pixel).distance(plane.eye.as_dvec3()) + 1e-6;
     let (mut sum, mut weights) = (0.0, 0.0);
     for other in (0..COUNT).filter(|other| filter.reaches(pixel, *other)) {
@@ -85,7 +98,13 @@ fn twin(filter: &Filter, plane: &Plane, normals: &[bevy::math::DVec3], light: &[
             continue;
         }
         // The window's outermost rows and columns count half.
-        let share = |axis: usize| if (place(other)[axis] - place(pixel)[axis]).abs() == filter.window / 2 { 0.5 } else { 1.0 };
+        let share = |axis: usize| {
+            if (place(other)[axis] - place(pixel)[axis]).abs() == filter.window / 2 {
+                0.5
+            } else {
+                1.0
+            }
+        };
         let off_plane = (position(other) - position(pixel)).dot(normals[pixel]) / tolerance;
         let alike = normals[pixel].dot(normals[other]).max(0.0).powi(8);
         let weight = share(0) * share(1) * (-off_plane * off_plane).exp() * alike;
@@ -95,7 +114,8 @@ fn twin(filter: &Filter, plane: &Plane, normals: &[bevy::math::DVec3], light: &[
     (weights > 1e-9).then(|| sum / weights)
 }
 
-/// Surfaces that meet: up to the fifth column the floor; from there on what leans by a little, by a lot and away.
+/// Surfaces that meet: up to the fifth column the floor; from there on what leans by a little, by a
+/// lot and away.
 fn normals() -> (Vec<u32>, Vec<bevy::math::DVec3>) {
     let normal = |pixel: usize| match (pixel as u32 % SIZE[0], pixel as u32 / SIZE[0]) {
         (0..5, _) => Vec3::Y,
@@ -117,7 +137,8 @@ fn the_filter_is_the_mean_along_the_surface() {
         let light = noise(&mut random);
         let found = filter.run(&stage, &pixels, &plane, &light);
         let off = (0..COUNT).map(|pixel| {
-            let expected = twin(&filter, &plane, &normals, &light, pixel).expect("a pixel has its own light");
+            let expected =
+                twin(&filter, &plane, &normals, &light, pixel).expect("a pixel has its own light");
             (found[pixel] / expected - 1.0).abs()
         });
         let worst = off.fold(0.0, f64::max);
@@ -142,8 +163,12 @@ fn what_is_no_number_goes_no_further() {
             let found = filter.run(&stage, &pixels, &plane, &light);
             for (pixel, found) in found.into_iter().enumerate() {
                 // Its own pixel gets what its neighbours found.
-                let expected = twin(&filter, &plane, &normals, &light, pixel).expect("neighbours on the same surface");
-                assert!((found / expected - 1.0).abs() < 1e-3, "window {window}, {poison:#x}, pixel {pixel}: {found}, not {expected}");
+                let expected = twin(&filter, &plane, &normals, &light, pixel)
+                    .expect("neighbours on the same surface");
+                assert!(
+                    (found / expected - 1.0).abs() < 1e-3,
+                    "window {window}, {poison:#x}, pixel {pixel}: {found}, not {expected}"
+                );
             }
         }
     }

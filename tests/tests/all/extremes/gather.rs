@@ -42,9 +42,17 @@ fn from_no_distance_to_ten_million_kilometres() {
                 let position = plane.position(SIZE, pixel % 8, pixel / 8);
                 let expected = irradiance(&[vpl], position, normal, exposure)[0];
                 let slack = cosine_slack(&vpl, position, normal, vpl.flux[0], exposure);
-                worst.check(&format!("{distance} m, {radius_squared} m², pixel {pixel}"), found[0], expected, slack);
+                worst.check(
+                    &format!("{distance} m, {radius_squared} m², pixel {pixel}"),
+                    found[0],
+                    expected,
+                    slack,
+                );
             }
-            assert!(distance > 0.0 || found[3 * 8 + 4][0] == 0.0, "a point sends nothing to itself");
+            assert!(
+                distance > 0.0 || found[3 * 8 + 4][0] == 0.0,
+                "a point sends nothing to itself"
+            );
         }
         worst.report(&format!("disks of {radius_squared:e} m²"), 100);
     }
@@ -60,10 +68,20 @@ fn from_no_light_to_more_than_halves_hold() {
         // Dim, as bright as it is shown, and far beyond what a half float holds.
         for exposure in [1e-3 / flux, 1.0 / flux, 0.01, 1e6 / flux] {
             let plane = Plane { exposure, ..Plane::ORIGIN };
-            let vpls = [facing_down(Vec3::new(0.5, 1.0, 0.5), flux, 1e-4), facing_down(Vec3::new(-2.5, 0.25, 1.0), flux, 0.1)];
+            let vpls = [
+                facing_down(Vec3::new(0.5, 1.0, 0.5), flux, 1e-4),
+                facing_down(Vec3::new(-2.5, 0.25, 1.0), flux, 0.1),
+            ];
             for (pixel, found) in (0..).zip(gather.run(&stage, &pixels, &plane, &vpls)) {
-                let expected = irradiance(&vpls, plane.position(SIZE, pixel % 8, pixel / 8), normal, exposure)[1];
-                worst.check(&format!("{flux} lm, exposure {exposure}, pixel {pixel}"), found[1], expected, 0.0);
+                let expected =
+                    irradiance(&vpls, plane.position(SIZE, pixel % 8, pixel / 8), normal, exposure)
+                        [1];
+                worst.check(
+                    &format!("{flux} lm, exposure {exposure}, pixel {pixel}"),
+                    found[1],
+                    expected,
+                    0.0,
+                );
                 white += usize::from(expected > 65_504.0);
             }
         }
@@ -84,7 +102,8 @@ fn from_every_direction_grazing_and_opposite() {
     let mut random = Random(7);
     let way = Vec3::new(0.6, 0.64, 0.48);
     let across = way.any_orthonormal_vector();
-    // Towards the light, away from it, along the surface, and a thousandth of a right angle off each; then any.
+    // Towards the light, away from it, along the surface, and a thousandth of a right angle off
+    // each; then any.
     let tilt = 1.5e-3f32;
     let mut normals = vec![
         way,
@@ -101,17 +120,40 @@ fn from_every_direction_grazing_and_opposite() {
     let plane = Plane { spacing: 1e-3, ..Plane::ORIGIN };
     let mut worst = Worst::default();
     // The same of what sends, and one that faces nowhere.
-    let mut facings = vec![-way, way, across, (across - tilt * way).normalize(), (tilt * across - way).normalize(), Vec3::ZERO];
+    let mut facings = vec![
+        -way,
+        way,
+        across,
+        (across - tilt * way).normalize(),
+        (tilt * across - way).normalize(),
+        Vec3::ZERO,
+    ];
     facings.resize_with(24, || random.direction());
     for facing in facings {
-        let vpl = Point { position: (way * 2.0).to_array(), normal: facing.to_array(), flux: [3000.0, 1.0, 20.0], extent: 100.0 };
+        let vpl = Point {
+            position: (way * 2.0).to_array(),
+            normal: facing.to_array(),
+            flux: [3000.0, 1.0, 20.0],
+            extent: 100.0,
+        };
         let found = gather.run(&stage, &pixels, &plane, &[vpl]);
         for (pixel, found) in (0..).zip(&found) {
             let position = plane.position(SIZE, pixel % 8, pixel / 8);
             let expected = irradiance(&[vpl], position, normals[pixel as usize], plane.exposure);
             for channel in 0..3 {
-                let slack = cosine_slack(&vpl, position, normals[pixel as usize], vpl.flux[channel], plane.exposure);
-                worst.check(&format!("facing {facing}, pixel {pixel}"), found[channel], expected[channel], slack);
+                let slack = cosine_slack(
+                    &vpl,
+                    position,
+                    normals[pixel as usize],
+                    vpl.flux[channel],
+                    plane.exposure,
+                );
+                worst.check(
+                    &format!("facing {facing}, pixel {pixel}"),
+                    found[channel],
+                    expected[channel],
+                    slack,
+                );
             }
         }
     }
@@ -124,14 +166,27 @@ fn a_thousand_kilometres_from_the_origin() {
     let (pixels, normal) = facing(&stage, Vec3::Y);
     for distance in [1e4f32, 1e6] {
         let mut worst = Worst::default();
-        for corner in [Vec3::new(1.0, 1.0, 1.0), Vec3::new(-1.0, 0.0, 1.0), Vec3::new(0.0, -1.0, 0.0)] {
+        for corner in
+            [Vec3::new(1.0, 1.0, 1.0), Vec3::new(-1.0, 0.0, 1.0), Vec3::new(0.0, -1.0, 0.0)]
+        {
             // Floats are 6 cm apart there: both are where they can be.
             let plane = Plane { center: corner * distance, ..Plane::ORIGIN };
-            let vpls = [Vec3::new(0.5, 1.0, 0.5), Vec3::new(3.0, 0.5, -2.25), Vec3::new(-1.5, 0.125, 2.5)]
-                .map(|offset| facing_down(plane.center + offset, 1000.0, 0.05));
+            let vpls =
+                [Vec3::new(0.5, 1.0, 0.5), Vec3::new(3.0, 0.5, -2.25), Vec3::new(-1.5, 0.125, 2.5)]
+                    .map(|offset| facing_down(plane.center + offset, 1000.0, 0.05));
             for (pixel, found) in (0..).zip(gather.run(&stage, &pixels, &plane, &vpls)) {
-                let expected = irradiance(&vpls, plane.position(SIZE, pixel % 8, pixel / 8), normal, plane.exposure)[0];
-                worst.check(&format!("{corner} × {distance}, pixel {pixel}"), found[0], expected, 0.0);
+                let expected = irradiance(
+                    &vpls,
+                    plane.position(SIZE, pixel % 8, pixel / 8),
+                    normal,
+                    plane.exposure,
+                )[0];
+                worst.check(
+                    &format!("{corner} × {distance}, pixel {pixel}"),
+                    found[0],
+                    expected,
+                    0.0,
+                );
             }
         }
         worst.report(&format!("{distance:e} m from the origin"), 100);
@@ -145,11 +200,20 @@ fn nothing_is_gathered_where_nothing_is() {
     let vpl = facing_down(Vec3::new(0.5, 1.0, 0.5), 1e5, 1e-4);
     assert!(geometry(&vpl, DVec3::new(0.5, 0.0, 0.5), normal) > 0.5);
     let sky = Pixels::with_depth(&stage, SIZE, &[packed; 64], 0.0);
-    assert!(gather.run(&stage, &sky, &Plane::ORIGIN, &[vpl]).iter().all(|texel| *texel == [0.0; 4]));
+    assert!(
+        gather.run(&stage, &sky, &Plane::ORIGIN, &[vpl]).iter().all(|texel| *texel == [0.0; 4])
+    );
     // What fills up a set carries nothing, and says so by its flux alone.
     let nothing = Point { position: [0.0; 3], normal: [0.0; 3], flux: [0.0; 3], extent: 1e10 };
     let ground = Pixels::new(&stage, SIZE, &[packed; 64]);
     for vpls in [&[][..], &[nothing], &[nothing; 7]] {
-        assert!(gather.run(&stage, &ground, &Plane::ORIGIN, vpls).iter().all(|texel| texel[..3] == [0.0; 3]), "{} VPLs", vpls.len());
+        assert!(
+            gather
+                .run(&stage, &ground, &Plane::ORIGIN, vpls)
+                .iter()
+                .all(|texel| texel[..3] == [0.0; 3]),
+            "{} VPLs",
+            vpls.len()
+        );
     }
 }

@@ -1,9 +1,13 @@
-//! `filter/settle.wgsl`: what is averaged with what was shown before, what is not, and what is no number in it.
+//! `filter/settle.wgsl`: what is averaged with what was shown before, what is not, and what is no
+//! number in it.
 
 use bevy::math::{Vec2, Vec3};
-use bevy::render::render_resource::binding_types::{texture_2d, texture_depth_2d, texture_storage_2d, uniform_buffer_sized};
+use bevy::render::render_resource::binding_types::{
+    texture_2d, texture_depth_2d, texture_storage_2d, uniform_buffer_sized,
+};
 use bevy::render::render_resource::{
-    BindGroupEntries, BindGroupLayoutEntries, ShaderStages, StorageTextureAccess, TextureFormat, TextureSampleType,
+    BindGroupEntries, BindGroupLayoutEntries, ShaderStages, StorageTextureAccess, TextureFormat,
+    TextureSampleType,
 };
 use frugal::stage::Stage;
 use frugal_tests::kernel::{self, Kernel};
@@ -21,7 +25,8 @@ tests!(
 
 const SIZE: [u32; 2] = [13, 9];
 const COUNT: usize = (SIZE[0] * SIZE[1]) as usize;
-const PLANE: Plane = Plane { center: Vec3::ZERO, spacing: 0.1, eye: Vec3::new(0.2, 3.0, 0.1), exposure: 1.0 };
+const PLANE: Plane =
+    Plane { center: Vec3::ZERO, spacing: 0.1, eye: Vec3::new(0.2, 3.0, 0.1), exposure: 1.0 };
 
 struct Settle(Kernel);
 
@@ -45,8 +50,17 @@ impl Settle {
         Self(Kernel::new(stage, "gi/filter/settle.wgsl", "settle", defs, &layout))
     }
 
-    /// What is shown of `present` after `past`, both by pixel as luminance and the alpha channel; the past was seen `shift` pixels to the right.
-    fn run(&self, stage: &Stage, present: &[[u16; 2]], past: &[[u16; 2]], share: f32, exposure: f32, shift: f32) -> Vec<[f64; 4]> {
+    /// What is shown of `present` after `past`, both by pixel as luminance and the alpha channel;
+    /// the past was seen `shift` pixels to the right.
+    fn run(
+        &self,
+        stage: &Stage,
+        present: &[[u16; 2]],
+        past: &[[u16; 2]],
+        share: f32,
+        exposure: f32,
+        shift: f32,
+    ) -> Vec<[f64; 4]> {
         let (up, _) = g_buffer_normal(Vec3::Y);
         let pixels = Pixels::new(stage, SIZE, &[up; COUNT]);
         let half = Vec2::new(SIZE[0] as f32, SIZE[1] as f32) * 0.5 * PLANE.spacing;
@@ -59,10 +73,19 @@ impl Settle {
             // Pixels of the picture and of a cell.
             f32::from_bits(SIZE[0]), f32::from_bits(SIZE[1]), f32::from_bits(1), f32::from_bits(1), 0.0, 0.0,
         ];
-        let light = |of: &[[u16; 2]]| of.iter().map(|[light, alpha]| [*light, *light, *light, *alpha]).collect::<Vec<_>>();
-        let (view, settings, past_words) =
-            (pixels.view(stage, &PLANE), gather::settings(stage), kernel::buffer(stage, &gpu::bytes(&words)));
-        let (filtered, history, texture) = (pixels.input(stage, &light(present)), pixels.input(stage, &light(past)), pixels.output(stage));
+        let light = |of: &[[u16; 2]]| {
+            of.iter().map(|[light, alpha]| [*light, *light, *light, *alpha]).collect::<Vec<_>>()
+        };
+        let (view, settings, past_words) = (
+            pixels.view(stage, &PLANE),
+            gather::settings(stage),
+            kernel::buffer(stage, &gpu::bytes(&words)),
+        );
+        let (filtered, history, texture) = (
+            pixels.input(stage, &light(present)),
+            pixels.input(stage, &light(past)),
+            pixels.output(stage),
+        );
         let output = texture.create_view(&Default::default());
         let bindings = BindGroupEntries::sequential((
             &pixels.g_buffer,
@@ -86,7 +109,12 @@ fn half(value: f64) -> u16 {
 
 /// How far from the eye a pixel's surface is, times a factor.
 fn distance(pixel: usize, factor: f64) -> u16 {
-    half(PLANE.position(SIZE, pixel as u32 % SIZE[0], pixel as u32 / SIZE[0]).distance(PLANE.eye.as_dvec3()) * factor)
+    half(
+        PLANE
+            .position(SIZE, pixel as u32 % SIZE[0], pixel as u32 / SIZE[0])
+            .distance(PLANE.eye.as_dvec3())
+            * factor,
+    )
 }
 
 const NOISELESS: u16 = 0;
@@ -101,20 +129,48 @@ fn the_past_counts_for_its_share_where_it_is_of_the_same_place() {
     let mut random = Random(17);
     let (now, before) = (noise(&mut random), noise(&mut random));
     let present: Vec<_> = now.iter().map(|light| [half(*light), NOISELESS]).collect();
-    let past: Vec<_> = before.iter().enumerate().map(|(pixel, light)| [half(*light), distance(pixel, 1.0)]).collect();
+    let past: Vec<_> = before
+        .iter()
+        .enumerate()
+        .map(|(pixel, light)| [half(*light), distance(pixel, 1.0)])
+        .collect();
     for (share, exposure) in [(1.0f32, 1.0), (0.0625, 1.0), (0.25, 0.5), (0.5, 1.5)] {
-        for (pixel, found) in settle.run(&stage, &present, &past, share, exposure, 0.0).iter().enumerate() {
-            let expected = f64::from(share) * now[pixel] + f64::from(1.0 - share) * f64::from(exposure) * before[pixel];
-            assert!((found[1] / expected - 1.0).abs() < 2e-3, "{share} {exposure}: {} at {pixel}, {expected} expected", found[1]);
-            assert!((found[3] / gpu::half(distance(pixel, 1.0)) - 1.0).abs() < 2e-3, "the distance is kept for the next frame");
+        for (pixel, found) in
+            settle.run(&stage, &present, &past, share, exposure, 0.0).iter().enumerate()
+        {
+            let expected = f64::from(share) * now[pixel]
+                + f64::from(1.0 - share) * f64::from(exposure) * before[pixel];
+            assert!(
+                (found[1] / expected - 1.0).abs() < 2e-3,
+                "{share} {exposure}: {} at {pixel}, {expected} expected",
+                found[1]
+            );
+            assert!(
+                (found[3] / gpu::half(distance(pixel, 1.0)) - 1.0).abs() < 2e-3,
+                "the distance is kept for the next frame"
+            );
         }
     }
-    // What was seen there was a tenth nearer, or nothing at all; or it was seen outside of the picture.
-    let elsewhere: Vec<_> = before.iter().enumerate().map(|(pixel, light)| [half(*light), distance(pixel, 0.9)]).collect();
+    // What was seen there was a tenth nearer, or nothing at all; or it was seen outside of the
+    // picture.
+    let elsewhere: Vec<_> = before
+        .iter()
+        .enumerate()
+        .map(|(pixel, light)| [half(*light), distance(pixel, 0.9)])
+        .collect();
     let sky: Vec<_> = before.iter().map(|light| [half(*light), 0]).collect();
-    for (label, past, shift) in [("elsewhere", &elsewhere, 0.0), ("the sky", &sky, 0.0), ("out of view", &past, 20.0)] {
-        for (pixel, found) in settle.run(&stage, &present, past, 0.0625, 1.0, shift).iter().enumerate() {
-            assert!((found[1] / now[pixel] - 1.0).abs() < 2e-3, "{label}: {} at {pixel}, {} expected", found[1], now[pixel]);
+    for (label, past, shift) in
+        [("elsewhere", &elsewhere, 0.0), ("the sky", &sky, 0.0), ("out of view", &past, 20.0)]
+    {
+        for (pixel, found) in
+            settle.run(&stage, &present, past, 0.0625, 1.0, shift).iter().enumerate()
+        {
+            assert!(
+                (found[1] / now[pixel] - 1.0).abs() < 2e-3,
+                "{label}: {} at {pixel}, {} expected",
+                found[1],
+                now[pixel]
+            );
         }
     }
 }
@@ -125,15 +181,23 @@ fn what_is_no_number_is_gone_in_a_frame() {
     for smooth in [false, true] {
         let settle = Settle::new(&mut stage, smooth);
         let present = vec![[one, NOISELESS]; COUNT];
-        // NaN, both infinities, and less than nothing, as light and as distance; between pixels, too.
+        // NaN, both infinities, and less than nothing, as light and as distance; between pixels,
+        // too.
         for broken in [0x7e00, 0x7c00, 0xfc00, 0xbc00] {
             for place in 0..2 {
                 for shift in [0.0, 0.5] {
-                    let mut past: Vec<_> = (0..COUNT).map(|pixel| [one, distance(pixel, 1.0)]).collect();
+                    let mut past: Vec<_> =
+                        (0..COUNT).map(|pixel| [one, distance(pixel, 1.0)]).collect();
                     past[middle][place] = broken;
                     let found = settle.run(&stage, &present, &past, 0.0625, 1.0, shift);
-                    let is_one = |texel: &[f64; 4]| texel[..3].iter().all(|light| (light - 1.0).abs() < 2e-3);
-                    assert!(found.iter().all(is_one), "{broken:x} at {place}, {shift}: {:?}", found.iter().find(|texel| !is_one(texel)));
+                    let is_one = |texel: &[f64; 4]| {
+                        texel[..3].iter().all(|light| (light - 1.0).abs() < 2e-3)
+                    };
+                    assert!(
+                        found.iter().all(is_one),
+                        "{broken:x} at {place}, {shift}: {:?}",
+                        found.iter().find(|texel| !is_one(texel))
+                    );
                 }
             }
         }
@@ -142,17 +206,27 @@ fn what_is_no_number_is_gone_in_a_frame() {
     let settle = Settle::new(&mut stage, true);
     let past: Vec<_> = (0..COUNT).map(|pixel| [0x7bff, distance(pixel, 1.0)]).collect();
     for exposure in [1.0, 1e20, 1e-20] {
-        let found = settle.run(&stage, &vec![[one, NOISELESS]; COUNT], &past, 0.0625, exposure, 0.0);
-        assert!(found.iter().flatten().all(|value| value.is_finite() && *value >= 0.0), "{exposure}: {:?}", found[middle]);
+        let found =
+            settle.run(&stage, &vec![[one, NOISELESS]; COUNT], &past, 0.0625, exposure, 0.0);
+        assert!(
+            found.iter().flatten().all(|value| value.is_finite() && *value >= 0.0),
+            "{exposure}: {:?}",
+            found[middle]
+        );
     }
 }
 
 fn light_that_is_switched_is_not_averaged() {
     let mut stage = stage();
     let settle = Settle::new(&mut stage, false);
-    let past = |light: u16| (0..COUNT).map(|pixel| [light, distance(pixel, 1.0)]).collect::<Vec<_>>();
+    let past =
+        |light: u16| (0..COUNT).map(|pixel| [light, distance(pixel, 1.0)]).collect::<Vec<_>>();
     for (was, is) in [(half(1.0), half(0.001)), (half(0.001), half(1.0)), (0, half(1.0))] {
         let found = settle.run(&stage, &vec![[is, NOISELESS]; COUNT], &past(was), 0.0625, 1.0, 0.0);
-        assert!(found.iter().all(|texel| (texel[1] / gpu::half(is) - 1.0).abs() < 2e-3), "from {was:x} to {is:x}: {:?}", found[0]);
+        assert!(
+            found.iter().all(|texel| (texel[1] / gpu::half(is) - 1.0).abs() < 2e-3),
+            "from {was:x} to {is:x}: {:?}",
+            found[0]
+        );
     }
 }

@@ -61,9 +61,17 @@ fn of_hundreds_of_lights_those_bounce_that_light_the_camera_s_surroundings() {
     };
     let default = GiLimits::default().max_rsm_count;
     let (chosen, maps) = bouncing(&mut stage);
-    println!("    {} of {} lights bounce, in {maps} maps of at most {default}", chosen.len(), lights.len());
+    println!(
+        "    {} of {} lights bounce, in {maps} maps of at most {default}",
+        chosen.len(),
+        lights.len()
+    );
     assert_eq!((chosen, maps), expect(default));
-    assert!(maps == default && set::gathered(&stage).bytes < 1 << 20, "{maps} {:?}", set::gathered(&stage));
+    assert!(
+        maps == default && set::gathered(&stage).bytes < 1 << 20,
+        "{maps} {:?}",
+        set::gathered(&stage)
+    );
 
     // None, one, and one that does not fit.
     for most in [0, 1, 5] {
@@ -77,7 +85,10 @@ fn of_hundreds_of_lights_those_bounce_that_light_the_camera_s_surroundings() {
     let sun = sun(Vec3::NEG_Y);
     let frugal::scene::Light::Directional { illuminance, .. } = sun else { panic!("a sun") };
     let down = Transform::default().looking_to(Vec3::NEG_Y, Vec3::X);
-    let sun = stage.world_mut().spawn((bevy::light::DirectionalLight { illuminance, ..Default::default() }, down)).id();
+    let sun = stage
+        .world_mut()
+        .spawn((bevy::light::DirectionalLight { illuminance, ..Default::default() }, down))
+        .id();
     stage.world_mut().insert_resource(GiLimits { max_rsm_count: 1 });
     set::radiance(&mut stage);
     assert_eq!(bouncing(&mut stage), (HashSet::from([sun]), 1));

@@ -1,10 +1,14 @@
-//! From a light's G-buffer to weights of its texels: `rsm/resolve.wgsl` and `vpl/weigh.wgsl` against their twins.
+//! From a light's G-buffer to weights of its texels: `rsm/resolve.wgsl` and `vpl/weigh.wgsl`
+//! against their twins.
 
 use bevy::math::{DVec3, Vec3};
 use bevy::render::render_resource::binding_types::{
-    storage_buffer_read_only_sized, storage_buffer_sized, texture_2d, texture_depth_2d, uniform_buffer_sized,
+    storage_buffer_read_only_sized, storage_buffer_sized, texture_2d, texture_depth_2d,
+    uniform_buffer_sized,
 };
-use bevy::render::render_resource::{BindGroupEntries, BindGroupLayoutEntries, ShaderStages, TextureSampleType};
+use bevy::render::render_resource::{
+    BindGroupEntries, BindGroupLayoutEntries, ShaderStages, TextureSampleType,
+};
 use bevy::shader::ShaderDefVal;
 use frugal::stage::Stage;
 use frugal_tests::gpu::{self, Point};
@@ -14,7 +18,11 @@ use frugal_tests::pixels::{Pixels, Plane, g_buffer_normal};
 
 use super::{Random, stage};
 
-tests!(texels_hold_the_flux_of_any_lamp, texels_hold_the_flux_of_any_sun, weights_follow_what_is_received_at_any_scale);
+tests!(
+    texels_hold_the_flux_of_any_lamp,
+    texels_hold_the_flux_of_any_sun,
+    weights_follow_what_is_received_at_any_scale
+);
 
 const SIZE: [u32; 2] = [8, 8];
 
@@ -31,9 +39,27 @@ pub struct Light {
 
 impl Light {
     fn words(&self) -> Vec<f32> {
-        let ([ix, iy, iz], [px, py, pz], [dx, dy, dz]) = (self.intensity.to_array(), self.position.to_array(), self.direction.to_array());
+        let ([ix, iy, iz], [px, py, pz], [dx, dy, dz]) =
+            (self.intensity.to_array(), self.position.to_array(), self.direction.to_array());
         let [scale, offset] = self.cone;
-        vec![ix, iy, iz, self.texel_measure, px, py, pz, self.inverse_range_squared, dx, dy, dz, scale, offset, 0.0, 0.0, 0.0]
+        vec![
+            ix,
+            iy,
+            iz,
+            self.texel_measure,
+            px,
+            py,
+            pz,
+            self.inverse_range_squared,
+            dx,
+            dy,
+            dz,
+            scale,
+            offset,
+            0.0,
+            0.0,
+            0.0,
+        ]
     }
 }
 
@@ -57,7 +83,8 @@ impl Resolve {
 
     pub fn run(&self, stage: &Stage, pixels: &Pixels, plane: &Plane, light: &Light) -> Vec<Point> {
         let texels = kernel::buffer(stage, &gpu::bytes(&[0.0; 64 * Point::TEXEL_WORDS]));
-        let (view, light) = (pixels.view(stage, plane), kernel::buffer(stage, &gpu::bytes(&light.words())));
+        let (view, light) =
+            (pixels.view(stage, plane), kernel::buffer(stage, &gpu::bytes(&light.words())));
         let bindings = BindGroupEntries::sequential((
             &pixels.g_buffer,
             &pixels.depth,
@@ -85,7 +112,12 @@ fn surfaces() -> (Vec<[u32; 4]>, Vec<[f64; 3]>, Vec<DVec3>) {
         let bits = color.map(|channel: f64| (channel.powf(1.0 / 2.2) * 255.0).round() as u32);
         let (packed, normal) = g_buffer_normal((Vec3::Y + 0.5 * random.direction()).normalize());
         // 102 of 255 are 0.4.
-        texels.0.push([bits[0] | bits[1] << 8 | bits[2] << 16, 0, if metallic > 0.0 { 102 << 8 } else { 0 }, packed]);
+        texels.0.push([
+            bits[0] | bits[1] << 8 | bits[2] << 16,
+            0,
+            if metallic > 0.0 { 102 << 8 } else { 0 },
+            packed,
+        ]);
         texels.1.push(color.map(|channel| stored_albedo(channel) * (1.0 - metallic)));
         texels.2.push(normal);
     }
@@ -93,7 +125,13 @@ fn surfaces() -> (Vec<[u32; 4]>, Vec<[f64; 3]>, Vec<DVec3>) {
 }
 
 /// Holds texels against what they should be: light through each, and the area that it covers.
-fn check(label: &str, found: &[Point], albedos: &[[f64; 3]], intensity: Vec3, measure: impl Fn(usize) -> (f64, f64)) -> f64 {
+fn check(
+    label: &str,
+    found: &[Point],
+    albedos: &[[f64; 3]],
+    intensity: Vec3,
+    measure: impl Fn(usize) -> (f64, f64),
+) -> f64 {
     let mut worst = 0.0f64;
     for (pixel, texel) in found.iter().enumerate() {
         let (share, area) = measure(pixel);
@@ -108,7 +146,8 @@ fn check(label: &str, found: &[Point], albedos: &[[f64; 3]], intensity: Vec3, me
                 worst = worst.max((found / expected - 1.0).abs());
             }
         }
-        worst = worst.max(if area > 0.0 { (f64::from(texel.extent) / area - 1.0).abs() } else { 0.0 });
+        worst =
+            worst.max(if area > 0.0 { (f64::from(texel.extent) / area - 1.0).abs() } else { 0.0 });
     }
     worst
 }
@@ -125,7 +164,9 @@ fn texels_hold_the_flux_of_any_lamp() {
         for height in [0.0, 1e-6, 1e-3, 1.0, 30.0, 1e3, 1e6f32] {
             for brightness in [1e-20, 1.0, 1e20f32] {
                 // A point light, and a spot from 45° to 60° that ends at 50 m.
-                for (cone, range) in [([0.0, 1.0], f32::INFINITY), ([4.828_427, -2.414_213_6], 50.0)] {
+                for (cone, range) in
+                    [([0.0, 1.0], f32::INFINITY), ([4.828_427, -2.414_213_6], 50.0)]
+                {
                     let light = Light {
                         intensity: Vec3::new(1.0, 0.5, 0.25) * brightness,
                         texel_measure: 0.001,
@@ -139,11 +180,17 @@ fn texels_hold_the_flux_of_any_lamp() {
                         let ray = at - light.position.as_dvec3();
                         let square = ray.length_squared().max(1e-12);
                         let below = (-ray.y / square.sqrt()).max(0.0);
-                        let cone = (below * f64::from(cone[0]) + f64::from(cone[1])).clamp(0.0, 1.0);
-                        let window = (1.0 - (square * f64::from(light.inverse_range_squared)).powi(2)).clamp(0.0, 1.0);
+                        let cone =
+                            (below * f64::from(cone[0]) + f64::from(cone[1])).clamp(0.0, 1.0);
+                        let window = (1.0
+                            - (square * f64::from(light.inverse_range_squared)).powi(2))
+                        .clamp(0.0, 1.0);
                         let solid_angle = f64::from(light.texel_measure) * below.powi(3);
                         let cosine = -normals[pixel].dot(ray) / square.sqrt();
-                        (solid_angle * cone * cone * window * window, solid_angle * square / cosine.max(0.1))
+                        (
+                            solid_angle * cone * cone * window * window,
+                            solid_angle * square / cosine.max(0.1),
+                        )
                     };
                     let label = format!("{far} m away, {height} m above, {brightness} cd");
                     let found = resolve.run(&stage, &pixels, &plane, &light);
@@ -165,7 +212,9 @@ fn texels_hold_the_flux_of_any_sun() {
     let pixels = Pixels::with_texels(&stage, SIZE, &texels, 0.5);
     let mut worst = 0.0f64;
     for brightness in [1e-20, 1.0, 1e20, 1e29, 1e31f32] {
-        for (direction, texel_measure) in [(Vec3::NEG_Y, 0.01), (Vec3::new(0.8, -0.6, 0.0), 1e-8), (Vec3::Y, 1e6), (Vec3::X, 1.0)] {
+        for (direction, texel_measure) in
+            [(Vec3::NEG_Y, 0.01), (Vec3::new(0.8, -0.6, 0.0), 1e-8), (Vec3::Y, 1e6), (Vec3::X, 1.0)]
+        {
             let light = Light {
                 intensity: Vec3::new(1.0, 0.5, 0.25) * brightness,
                 texel_measure,
@@ -180,14 +229,20 @@ fn texels_hold_the_flux_of_any_sun() {
             };
             let found = resolve.run(&stage, &pixels, &Plane::ORIGIN, &light);
             // Where one channel is out of bounds, the texel is left out.
-            let sound = |pixel: usize| albedos[pixel][0] * f64::from(brightness * texel_measure) < 0.9e30;
+            let sound =
+                |pixel: usize| albedos[pixel][0] * f64::from(brightness * texel_measure) < 0.9e30;
             let kept: Vec<usize> = (0..64).filter(|pixel| sound(*pixel)).collect();
             let points: Vec<Point> = kept.iter().map(|pixel| found[*pixel]).collect();
             let kept_albedos: Vec<_> = kept.iter().map(|pixel| albedos[*pixel]).collect();
             let label = format!("{brightness} lux along {direction}");
-            let off = check(&label, &points, &kept_albedos, light.intensity, |index| measure(kept[index]));
+            let off = check(&label, &points, &kept_albedos, light.intensity, |index| {
+                measure(kept[index])
+            });
             assert!(off < 1e-3, "{label}: {off}");
-            assert!((0..64).all(|pixel| sound(pixel) || found[pixel].flux == [0.0; 3]), "{label}: left out");
+            assert!(
+                (0..64).all(|pixel| sound(pixel) || found[pixel].flux == [0.0; 3]),
+                "{label}: left out"
+            );
             worst = worst.max(off);
         }
     }
@@ -201,7 +256,12 @@ fn texels_hold_the_flux_of_any_sun() {
         direction: Vec3::NEG_Y,
         cone: [0.0, 1.0],
     };
-    assert!(resolve.run(&stage, &sky, &Plane::ORIGIN, &sun).iter().all(|texel| texel.flux == [0.0; 3] && texel.extent == 0.0));
+    assert!(
+        resolve
+            .run(&stage, &sky, &Plane::ORIGIN, &sun)
+            .iter()
+            .all(|texel| texel.flux == [0.0; 3] && texel.extent == 0.0)
+    );
     println!("    off by at most {worst:.1e}");
 }
 
@@ -210,7 +270,8 @@ const LENGTH: u32 = 80;
 
 /// Runs the three passes of `weigh.wgsl` over maps of equally long rows.
 fn weigh(stage: &mut Stage, pixels: &Pixels, plane: &Plane, texels: &[Point]) -> Vec<f32> {
-    let (read, write) = (|| storage_buffer_read_only_sized(false, None), || storage_buffer_sized(false, None));
+    let (read, write) =
+        (|| storage_buffer_read_only_sized(false, None), || storage_buffer_sized(false, None));
     let layout = BindGroupLayoutEntries::sequential(
         ShaderStages::COMPUTE,
         (
@@ -224,23 +285,41 @@ fn weigh(stage: &mut Stage, pixels: &Pixels, plane: &Plane, texels: &[Point]) ->
             read(),
         ),
     );
-    let kernels =
-        ["pick_receivers", "find_floor", "weigh_texels"].map(|entry| Kernel::new(stage, "gi/vpl/weigh.wgsl", entry, vec![], &layout));
+    let kernels = ["pick_receivers", "find_floor", "weigh_texels"]
+        .map(|entry| Kernel::new(stage, "gi/vpl/weigh.wgsl", entry, vec![], &layout));
     let words: Vec<f32> = texels.iter().flat_map(|texel| texel.to_texel()).collect();
-    let rows: Vec<u8> =
-        (0..ROWS).flat_map(|row| [row * LENGTH, row * LENGTH, LENGTH, 0, 0, 1, 0, 0].map(u32::to_le_bytes)).flatten().collect();
-    let contents = [gpu::bytes(&words), rows, gpu::bytes(&[0.0; 4 + 32 * 8]), gpu::bytes(&vec![0.0; texels.len()]), vec![0; 4]];
+    let rows: Vec<u8> = (0..ROWS)
+        .flat_map(|row| [row * LENGTH, row * LENGTH, LENGTH, 0, 0, 1, 0, 0].map(u32::to_le_bytes))
+        .flatten()
+        .collect();
+    let contents = [
+        gpu::bytes(&words),
+        rows,
+        gpu::bytes(&[0.0; 4 + 32 * 8]),
+        gpu::bytes(&vec![0.0; texels.len()]),
+        vec![0; 4],
+    ];
     let buffers = contents.map(|contents| kernel::buffer(stage, &contents));
     let [a, b, c, d, e] = buffers.each_ref().map(|buffer| buffer.as_entire_binding());
     let view = pixels.view(stage, plane);
-    let bindings = BindGroupEntries::sequential((&pixels.g_buffer, &pixels.depth, view.as_entire_binding(), a, b, c, d, e));
+    let bindings = BindGroupEntries::sequential((
+        &pixels.g_buffer,
+        &pixels.depth,
+        view.as_entire_binding(),
+        a,
+        b,
+        c,
+        d,
+        e,
+    ));
     for (kernel, groups) in kernels.iter().zip([(1, 1), (1, 1), (LENGTH.div_ceil(64), ROWS)]) {
         kernel.run(stage, &bindings, groups);
     }
     gpu::floats(&gpu::read_buffer(stage.render_world(), &buffers[3]))
 }
 
-/// The twin: what 32 pixels in the middle of a grid's cells get of each texel, and a floor of a quarter of its mean.
+/// The twin: what 32 pixels in the middle of a grid's cells get of each texel, and a floor of a
+/// quarter of its mean.
 fn weights(plane: &Plane, normal: DVec3, texels: &[Point]) -> Vec<f64> {
     let receivers: Vec<(DVec3, f64)> = (0..32u32)
         .map(|index| {
@@ -251,11 +330,14 @@ fn weights(plane: &Plane, normal: DVec3, texels: &[Point]) -> Vec<f64> {
         })
         .collect();
     let received = |texel: &Point| {
-        let [from, facing] = [texel.position, texel.normal].map(|vector| DVec3::from_array(vector.map(f64::from)));
+        let [from, facing] =
+            [texel.position, texel.normal].map(|vector| DVec3::from_array(vector.map(f64::from)));
         let one = |(at, radius_squared): &(DVec3, f64)| {
             let way = from - *at;
             let square = way.length_squared().max(1e-18);
-            normal.dot(way).max(0.0) * (-facing.dot(way)).max(0.0) / square / (square + radius_squared)
+            normal.dot(way).max(0.0) * (-facing.dot(way)).max(0.0)
+                / square
+                / (square + radius_squared)
         };
         receivers.iter().map(one).sum::<f64>().min(1e6)
     };
@@ -291,12 +373,22 @@ fn weights_follow_what_is_received_at_any_scale() {
         };
         let mut random = Random(31);
         let texel = |index: u32| {
-            let position = plane.center + random.inside(Vec3::new(-2.0, 0.0, -2.0), Vec3::new(2.0, 1.5, 2.0)) * spread;
+            let position = plane.center
+                + random.inside(Vec3::new(-2.0, 0.0, -2.0), Vec3::new(2.0, 1.5, 2.0)) * spread;
             // Some at a receiver, some dark; as the store keeps their normals.
-            let position = if index % 50 == 7 { plane.position(SIZE, index % 8, 3).as_vec3() } else { position };
+            let position = if index % 50 == 7 {
+                plane.position(SIZE, index % 8, 3).as_vec3()
+            } else {
+                position
+            };
             let normal = gpu::unpack_normal(gpu::pack_normal(random.direction().to_array()));
             let flux = if index.is_multiple_of(11) { 0.0 } else { flux * (0.1 + random.next()) };
-            Point { position: position.to_array(), normal, flux: [flux, 0.5 * flux, 2.0 * flux], extent: 1e-3 }
+            Point {
+                position: position.to_array(),
+                normal,
+                flux: [flux, 0.5 * flux, 2.0 * flux],
+                extent: 1e-3,
+            }
         };
         let texels: Vec<Point> = (0..ROWS * LENGTH).map(texel).collect();
         let found = weigh(&mut stage, &pixels, &plane, &texels);
@@ -304,7 +396,11 @@ fn weights_follow_what_is_received_at_any_scale() {
         let mut worst = 0.0f64;
         for (index, (found, expected)) in found.iter().zip(&expected).enumerate() {
             assert!(found.is_finite(), "{label}, texel {index}: {found}");
-            assert_eq!(*found > 0.0, *expected > 0.0, "{label}, texel {index}: a dark texel is never drawn, and any other may be");
+            assert_eq!(
+                *found > 0.0,
+                *expected > 0.0,
+                "{label}, texel {index}: a dark texel is never drawn, and any other may be"
+            );
             if *expected > 0.0 {
                 worst = worst.max((f64::from(*found) / expected - 1.0).abs());
             }

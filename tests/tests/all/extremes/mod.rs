@@ -17,7 +17,8 @@ use frugal::stage::{Component, Stage};
 use frugal_tests::gpu::Point;
 use frugal_tests::set;
 
-/// Where the gather cuts light off: what is brighter is white anyway, and half floats end at 65,504.
+/// Where the gather cuts light off: what is brighter is white anyway, and half floats end at
+/// 65,504.
 const WHITE: f64 = 65_000.0;
 
 /// An empty stage, for its device.
@@ -27,18 +28,26 @@ fn stage() -> Stage {
 
 /// A virtual point light that faces down and stands for a disk.
 fn facing_down(position: Vec3, flux: f32, radius_squared: f32) -> Point {
-    Point { position: position.to_array(), normal: [0.0, -1.0, 0.0], flux: [flux; 3], extent: 1.0 / radius_squared }
+    Point {
+        position: position.to_array(),
+        normal: [0.0, -1.0, 0.0],
+        flux: [flux; 3],
+        extent: 1.0 / radius_squared,
+    }
 }
 
-/// What 32-bit floats may lose of the light of a VPL at a point, each channel's flux being `flux`: a cosine is a sum of products of either sign, which
-/// they know to 3e-7, not to a share of itself.
+/// What 32-bit floats may lose of the light of a VPL at a point, each channel's flux being `flux`:
+/// a cosine is a sum of products of either sign, which they know to 3e-7, not to a share of itself.
 fn cosine_slack(vpl: &Point, position: DVec3, normal: DVec3, flux: f32, exposure: f32) -> f64 {
-    let [from, facing] = [vpl.position, vpl.normal].map(|vector| DVec3::from_array(vector.map(f64::from)));
+    let [from, facing] =
+        [vpl.position, vpl.normal].map(|vector| DVec3::from_array(vector.map(f64::from)));
     let way = from - position;
     let square = way.length_squared().max(1e-18);
-    let [receiver, emitter] = [normal, -facing].map(|normal| (normal.dot(way) / square.sqrt()).max(0.0));
+    let [receiver, emitter] =
+        [normal, -facing].map(|normal| (normal.dot(way) / square.sqrt()).max(0.0));
     let lost = (receiver + 3e-7) * (emitter + 3e-7) - receiver * emitter;
-    (lost / square).min(f64::from(vpl.extent)) * f64::from(flux) * f64::from(exposure) / std::f64::consts::PI
+    (lost / square).min(f64::from(vpl.extent)) * f64::from(flux) * f64::from(exposure)
+        / std::f64::consts::PI
 }
 
 /// The largest of many deviations.
@@ -49,12 +58,14 @@ struct Worst {
 }
 
 impl Worst {
-    /// Takes note of a half float that should be `expected`. `slack` is how much 32-bit floats may lose of it.
+    /// Takes note of a half float that should be `expected`. `slack` is how much 32-bit floats may
+    /// lose of it.
     #[track_caller]
     fn check(&mut self, label: &str, found: f64, expected: f64, slack: f64) {
         assert!(found.is_finite() && found >= 0.0, "{label}: {found}, {expected} expected");
         let expected = expected.min(WHITE);
-        // Half floats are rounded to 2⁻¹¹ of their value, or down by up to 2⁻¹⁰, and below 6e-5 to multiples of 6e-8.
+        // Half floats are rounded to 2⁻¹¹ of their value, or down by up to 2⁻¹⁰, and below 6e-5 to
+        // multiples of 6e-8.
         let off = (found - expected).abs() - slack - 6e-8;
         assert!(off < 1e-3 * expected, "{label}: {found}, {expected} expected");
         if expected > 1e-4 && slack < 1e-3 * expected {
@@ -66,7 +77,11 @@ impl Worst {
     #[track_caller]
     fn report(&self, label: &str, least: usize) {
         println!("    {label}: off by at most {:.1e} over {} values", self.relative, self.count);
-        assert!(self.relative < 1e-3 && self.count >= least, "{label}: {} values say nothing", self.count);
+        assert!(
+            self.relative < 1e-3 && self.count >= least,
+            "{label}: {} values say nothing",
+            self.count
+        );
     }
 }
 

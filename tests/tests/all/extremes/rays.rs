@@ -1,4 +1,5 @@
-//! The gather with rays, through the tree that the plugin builds, against trying every triangle in 64-bit floats.
+//! The gather with rays, through the tree that the plugin builds, against trying every triangle in
+//! 64-bit floats.
 
 use bevy::asset::RenderAssetUsages;
 use bevy::color::Color;
@@ -28,7 +29,8 @@ tests!(
 const SIZE: [u32; 2] = [16, 16];
 const COUNT: usize = (SIZE[0] * SIZE[1]) as usize;
 
-/// A triangle and which of its eight strips are there: between weights of the second corner of 0, 1/8, 2/8 and so on.
+/// A triangle and which of its eight strips are there: between weights of the second corner of 0,
+/// 1/8, 2/8 and so on.
 #[derive(Clone, Copy)]
 struct Triangle {
     corners: [DVec3; 3],
@@ -53,8 +55,11 @@ impl Scene {
 
     /// The same with holes.
     fn add_strips(&mut self, corners: &[[Vec3; 3]], transform: Transform, strips: u8) {
-        let texels: Vec<[u8; 4]> = (0..8).map(|strip| [255, 255, 255, if strips >> strip & 1 == 1 { 200 } else { 100 }]).collect();
-        let texture = meshes::texture(&mut self.stage, TextureFormat::Rgba8UnormSrgb, 8, 1, &texels);
+        let texels: Vec<[u8; 4]> = (0..8)
+            .map(|strip| [255, 255, 255, if strips >> strip & 1 == 1 { 200 } else { 100 }])
+            .collect();
+        let texture =
+            meshes::texture(&mut self.stage, TextureFormat::Rgba8UnormSrgb, 8, 1, &texels);
         // Of the material's alpha, too: 200 of 255 reach half of 0.75, and 100 do not.
         let base_color = Color::linear_rgba(0.5, 0.5, 0.5, 0.75);
         let material = StandardMaterial {
@@ -66,19 +71,35 @@ impl Scene {
         self.add_with(corners, transform, material, strips);
     }
 
-    fn add_with(&mut self, corners: &[[Vec3; 3]], transform: Transform, material: StandardMaterial, strips: u8) {
-        let positions: Vec<[f32; 3]> = corners.iter().flatten().map(|corner| corner.to_array()).collect();
+    fn add_with(
+        &mut self,
+        corners: &[[Vec3; 3]],
+        transform: Transform,
+        material: StandardMaterial,
+        strips: u8,
+    ) {
+        let positions: Vec<[f32; 3]> =
+            corners.iter().flatten().map(|corner| corner.to_array()).collect();
         let count = positions.len();
         let mesh = Mesh::new(PrimitiveTopology::TriangleList, RenderAssetUsages::all())
             .with_inserted_attribute(Mesh::ATTRIBUTE_NORMAL, vec![[0.0f32, 1.0, 0.0]; count])
             .with_inserted_attribute(Mesh::ATTRIBUTE_POSITION, positions)
-            .with_inserted_attribute(Mesh::ATTRIBUTE_UV_0, [[0.0f32, 0.0], [1.0, 0.0], [0.0, 1.0]].repeat(corners.len()))
+            .with_inserted_attribute(
+                Mesh::ATTRIBUTE_UV_0,
+                [[0.0f32, 0.0], [1.0, 0.0], [0.0, 1.0]].repeat(corners.len()),
+            )
             .with_inserted_indices(Indices::U32((0..count as u32).collect()));
         meshes::spawn(&mut self.stage, mesh, material, transform);
         let affine = transform.compute_affine();
-        let affine = DAffine3::from_mat3_translation(affine.matrix3.as_dmat3(), affine.translation.as_dvec3());
-        let placed = |triangle: &[Vec3; 3]| triangle.map(|corner| affine.transform_point3(corner.as_dvec3()));
-        self.triangles.extend(corners.iter().map(|triangle| Triangle { corners: placed(triangle), strips }));
+        let affine = DAffine3::from_mat3_translation(
+            affine.matrix3.as_dmat3(),
+            affine.translation.as_dvec3(),
+        );
+        let placed = |triangle: &[Vec3; 3]| {
+            triangle.map(|corner| affine.transform_point3(corner.as_dvec3()))
+        };
+        self.triangles
+            .extend(corners.iter().map(|triangle| Triangle { corners: placed(triangle), strips }));
     }
 
     /// The buffers that the plugin made of them.
@@ -96,7 +117,12 @@ impl Scene {
         let mut light = || {
             let position = random.inside(Vec3::new(-5.0, 0.5, -5.0), Vec3::new(5.0, 4.0, 5.0));
             let facing = (random.direction() + 1.5 * Vec3::NEG_Y).normalize();
-            Point { position: position.to_array(), normal: facing.to_array(), flux: [1e4, 1e3, 1e2], extent: 100.0 }
+            Point {
+                position: position.to_array(),
+                normal: facing.to_array(),
+                flux: [1e4, 1e3, 1e2],
+                extent: 100.0,
+            }
         };
         (0..24).map(|_| light()).collect()
     }
@@ -106,17 +132,22 @@ impl Scene {
         Plane { spacing: 0.75, eye: Vec3::new(0.0, 3.0, 5.0), exposure: 0.1, ..Plane::ORIGIN }
     }
 
-    /// Of each light and pixel that lies before it: which, where, what it gets if nothing hides, and whether nothing does.
+    /// Of each light and pixel that lies before it: which, where, what it gets if nothing hides,
+    /// and whether nothing does.
     fn pairs(&self) -> impl Iterator<Item = (usize, usize, DVec3, f64, Option<bool>)> {
         let plane = Self::plane();
         let (_, normal) = g_buffer_normal(Vec3::Y);
         let lights = Self::lights();
-        (0..lights.len() * COUNT).map(|pair| (pair / COUNT, pair % COUNT)).filter_map(move |(light, pixel)| {
-            let (vpl, place) = (&lights[light], pixel as u32);
-            let at = plane.position(SIZE, place % SIZE[0], place / SIZE[0]);
-            let open = irradiance(&[*vpl], at, normal, plane.exposure)[0];
-            (open >= 0.01).then(|| (light, pixel, at, open, is_free(&self.triangles, &plane, [at, normal], vpl)))
-        })
+        (0..lights.len() * COUNT).map(|pair| (pair / COUNT, pair % COUNT)).filter_map(
+            move |(light, pixel)| {
+                let (vpl, place) = (&lights[light], pixel as u32);
+                let at = plane.position(SIZE, place % SIZE[0], place / SIZE[0]);
+                let open = irradiance(&[*vpl], at, normal, plane.exposure)[0];
+                (open >= 0.01).then(|| {
+                    (light, pixel, at, open, is_free(&self.triangles, &plane, [at, normal], vpl))
+                })
+            },
+        )
     }
 
     /// Rays that are hidden, by trying every triangle.
@@ -130,7 +161,9 @@ impl Scene {
         let gather = Gather::new(&mut self.stage, 2);
         let pixels = Pixels::new(&self.stage, SIZE, &[packed; COUNT]);
         // One light at a time: the first hand holds it, and the other is empty.
-        let run = |vpl: Point| gather.run_with(&self.stage, &pixels, &Self::plane(), &[vpl], Some(occluders));
+        let run = |vpl: Point| {
+            gather.run_with(&self.stage, &pixels, &Self::plane(), &[vpl], Some(occluders))
+        };
         let found: Vec<_> = Self::lights().into_iter().map(run).collect();
         let (mut worst, mut rays, mut hidden, mut unclear) = (Worst::default(), 0, 0, 0);
         for (light, pixel, at, open, free) in self.pairs() {
@@ -141,7 +174,12 @@ impl Scene {
             };
             hidden += usize::from(!free);
             let found = found[light][pixel][0];
-            worst.check(&format!("pixel {pixel} at {at}, light {light}"), found, if free { open } else { 0.0 }, 1e-5 * open);
+            worst.check(
+                &format!("pixel {pixel} at {at}, light {light}"),
+                found,
+                if free { open } else { 0.0 },
+                1e-5 * open,
+            );
         }
         println!("    {rays} rays, {hidden} of them hidden, {unclear} too near an edge to tell");
         worst.report(label, 1000);
@@ -159,30 +197,47 @@ fn meets(triangle: &Triangle, origin: DVec3, direction: DVec3) -> bool {
     let offset = origin - a;
     let (u, q) = (offset.dot(p) / determinant, offset.cross(ab));
     let (v, t) = (direction.dot(q) / determinant, ac.dot(q) / determinant);
-    u >= 0.0 && v >= 0.0 && u + v <= 1.0 && t > 0.0 && t < 1.0 && triangle.strips >> ((u * 8.0) as u32).min(7) & 1 == 1
+    u >= 0.0
+        && v >= 0.0
+        && u + v <= 1.0
+        && t > 0.0
+        && t < 1.0
+        && triangle.strips >> ((u * 8.0) as u32).min(7) & 1 == 1
 }
 
 /// How far off a surface a ray starts or ends, metres: `trace.wgsl`'s `surface_offset`.
 fn offset(position: DVec3, eye: DVec3, width: f32) -> f64 {
-    5e-4 + 2e-4 * position.distance(eye) + 4e-7 * position.abs().max_element() + 0.045 * f64::from(width)
+    5e-4 + 2e-4 * position.distance(eye)
+        + 4e-7 * position.abs().max_element()
+        + 0.045 * f64::from(width)
 }
 
-/// Whether the segment between two surface points is free; none where a hundredth of a millimetre decides.
-fn is_free(triangles: &[Triangle], plane: &Plane, [from, normal]: [DVec3; 2], vpl: &Point) -> Option<bool> {
+/// Whether the segment between two surface points is free; none where a hundredth of a millimetre
+/// decides.
+fn is_free(
+    triangles: &[Triangle],
+    plane: &Plane,
+    [from, normal]: [DVec3; 2],
+    vpl: &Point,
+) -> Option<bool> {
     let eye = plane.eye.as_dvec3();
-    let [at, facing] = [vpl.position, vpl.normal].map(|vector| DVec3::from_array(vector.map(f64::from)));
-    let (origin, end) = (from + normal * offset(from, eye, plane.spacing), at + facing * offset(at, eye, 0.0));
+    let [at, facing] =
+        [vpl.position, vpl.normal].map(|vector| DVec3::from_array(vector.map(f64::from)));
+    let (origin, end) =
+        (from + normal * offset(from, eye, plane.spacing), at + facing * offset(at, eye, 0.0));
     let free = |shift: DVec3, other: DVec3| {
         let (origin, end) = (origin + shift, end + other);
         !triangles.iter().any(|triangle| meets(triangle, origin, end - origin))
     };
     let straight = free(DVec3::ZERO, DVec3::ZERO);
-    let [x, y, z] = [DVec3::X, DVec3::Y, DVec3::Z].map(|axis| axis * 1e-5 * from.abs().max_element().max(1.0));
+    let [x, y, z] =
+        [DVec3::X, DVec3::Y, DVec3::Z].map(|axis| axis * 1e-5 * from.abs().max_element().max(1.0));
     let shifts = [(x, x), (-x, -x), (y, y), (-y, -y), (z, z), (-z, -z), (x, -x), (y, -y), (z, -z)];
     shifts.iter().all(|(shift, other)| free(*shift, *other) == straight).then_some(straight)
 }
 
-/// Triangles of about 2 m in a box, some of which are none: without area, folded to a line, needles.
+/// Triangles of about 2 m in a box, some of which are none: without area, folded to a line,
+/// needles.
 fn soup(random: &mut Random, count: usize) -> Vec<[Vec3; 3]> {
     let mut triangle = |index: usize| {
         let center = random.inside(Vec3::new(-6.0, 0.3, -6.0), Vec3::new(6.0, 3.0, 6.0));
@@ -206,14 +261,27 @@ fn rays_meet_what_trying_every_triangle_meets() {
     scene.add(&soup(&mut random, 40), Transform::default());
     // Turned, stretched, mirrored; scaled to nothing; and far larger in its own space.
     let turned = Quat::from_axis_angle(Vec3::new(0.48, 0.6, 0.64), 1.1);
-    scene.add(&soup(&mut random, 40), Transform::from_xyz(0.5, 1.0, -0.5).with_rotation(turned).with_scale(Vec3::new(0.4, -0.3, 0.6)));
+    scene.add(
+        &soup(&mut random, 40),
+        Transform::from_xyz(0.5, 1.0, -0.5)
+            .with_rotation(turned)
+            .with_scale(Vec3::new(0.4, -0.3, 0.6)),
+    );
     scene.add(&soup(&mut random, 8), Transform::from_xyz(0.0, 1.0, 0.0).with_scale(Vec3::ZERO));
-    let large: Vec<_> = soup(&mut random, 24).into_iter().map(|triangle| triangle.map(|corner| corner * 1e4)).collect();
+    let large: Vec<_> = soup(&mut random, 24)
+        .into_iter()
+        .map(|triangle| triangle.map(|corner| corner * 1e4))
+        .collect();
     scene.add(&large, Transform::from_scale(Vec3::splat(1e-4)));
     let occluders = scene.occluders();
-    // Of each eight triangles, three are none; those of the mesh that is scaled to nothing are kept, for its tree knows nothing of that.
+    // Of each eight triangles, three are none; those of the mesh that is scaled to nothing are
+    // kept, for its tree knows nothing of that.
     let kept = scene.stage.world_mut().resource::<GiOccluders>();
-    assert_eq!((kept.triangle_count(), kept.instance_count()), (112 / 8 * 5, 3), "what hides nothing is left out");
+    assert_eq!(
+        (kept.triangle_count(), kept.instance_count()),
+        (112 / 8 * 5, 3),
+        "what hides nothing is left out"
+    );
     let hidden = scene.compare(&occluders, "rays");
     assert!(hidden > 200, "{hidden}");
 }
@@ -227,12 +295,23 @@ fn rays_pass_where_masks_have_holes() {
     }
     scene.add_strips(&soup(&mut random, 24), Transform::default(), 0);
     // The same mesh twice, with holes and without.
-    let small: Vec<_> = soup(&mut random, 16).into_iter().map(|triangle| triangle.map(|corner| corner * 0.3)).collect();
-    scene.add_strips(&small, Transform::from_scale(Vec3::new(3.0, -2.0, 3.0)).with_translation(Vec3::Y * 4.0), 0b0011_0011);
+    let small: Vec<_> = soup(&mut random, 16)
+        .into_iter()
+        .map(|triangle| triangle.map(|corner| corner * 0.3))
+        .collect();
+    scene.add_strips(
+        &small,
+        Transform::from_scale(Vec3::new(3.0, -2.0, 3.0)).with_translation(Vec3::Y * 4.0),
+        0b0011_0011,
+    );
     scene.add(&small, Transform::from_xyz(0.0, 1.0, 0.0));
     let occluders = scene.occluders();
     let kept = scene.stage.world_mut().resource::<GiOccluders>();
-    assert_eq!((kept.triangle_count(), kept.instance_count()), (128 / 8 * 5, 6), "what is all hole is left out");
+    assert_eq!(
+        (kept.triangle_count(), kept.instance_count()),
+        (128 / 8 * 5, 6),
+        "what is all hole is left out"
+    );
     let hidden = scene.compare(&occluders, "rays through holes");
     // As many would be hidden by the same triangles without holes as show that holes count.
     for triangle in &mut scene.triangles {
@@ -249,17 +328,26 @@ fn surfaces_do_not_shade_themselves() {
         let mut scene = Scene::new();
         let base = Vec3::new(far, 0.0, -far);
         let quad = |a: Vec3, b: Vec3, c: Vec3| [[a, b, c], [c, b, b + c - a]];
-        // A floor, and two walls that lean over it: nothing lies between any two points of theirs that see each other.
-        let floor = quad(Vec3::new(-4.0, 0.0, -4.0), Vec3::new(4.0, 0.0, -4.0), Vec3::new(-4.0, 0.0, 4.0));
-        let wall = quad(Vec3::new(-4.0, 0.0, -4.0), Vec3::new(4.0, 0.0, -4.0), Vec3::new(-4.0, 3.0, -3.5));
-        let side = quad(Vec3::new(4.0, 0.0, -4.0), Vec3::new(4.0, 0.0, 4.0), Vec3::new(3.5, 3.0, -4.0));
+        // A floor, and two walls that lean over it: nothing lies between any two points of theirs
+        // that see each other.
+        let floor =
+            quad(Vec3::new(-4.0, 0.0, -4.0), Vec3::new(4.0, 0.0, -4.0), Vec3::new(-4.0, 0.0, 4.0));
+        let wall =
+            quad(Vec3::new(-4.0, 0.0, -4.0), Vec3::new(4.0, 0.0, -4.0), Vec3::new(-4.0, 3.0, -3.5));
+        let side =
+            quad(Vec3::new(4.0, 0.0, -4.0), Vec3::new(4.0, 0.0, 4.0), Vec3::new(3.5, 3.0, -4.0));
         scene.add(&[floor, wall, side].concat(), Transform::from_translation(base));
         let occluders = scene.occluders();
         let stage = &mut scene.stage;
         let gather = Gather::new(stage, 2);
         let (packed, normal) = g_buffer_normal(Vec3::Y);
         let pixels = Pixels::new(stage, SIZE, &[packed; COUNT]);
-        let plane = Plane { center: base, spacing: 0.5, eye: base + Vec3::new(0.0, 2.0, 3.0), exposure: 0.1 };
+        let plane = Plane {
+            center: base,
+            spacing: 0.5,
+            eye: base + Vec3::new(0.0, 2.0, 3.0),
+            exposure: 0.1,
+        };
         let mut worst = Worst::default();
         let mut random = Random(17);
         for index in 0..16 {
@@ -269,25 +357,41 @@ fn surfaces_do_not_shade_themselves() {
             let facing = (b - a).cross(c - a).normalize();
             let inwards = facing * facing.dot(Vec3::Y - a).signum();
             let position = base + a + u * (b - a) + v * (c - a);
-            let vpl = Point { position: position.to_array(), normal: inwards.to_array(), flux: [1e4; 3], extent: 1e3 };
-            for (pixel, found) in (0..).zip(gather.run_with(stage, &pixels, &plane, &[vpl], Some(&occluders))) {
+            let vpl = Point {
+                position: position.to_array(),
+                normal: inwards.to_array(),
+                flux: [1e4; 3],
+                extent: 1e3,
+            };
+            for (pixel, found) in
+                (0..).zip(gather.run_with(stage, &pixels, &plane, &[vpl], Some(&occluders)))
+            {
                 let at = plane.position(SIZE, pixel % SIZE[0], pixel / SIZE[0]);
                 let open = irradiance(&[vpl], at, normal, plane.exposure)[0];
-                // Between the walls, and not so near to either that the other side of it is nearer than rays start off.
+                // Between the walls, and not so near to either that the other side of it is nearer
+                // than rays start off.
                 let inside = (at - base.as_dvec3()).abs().max_element() < 3.4;
                 if open > 0.01 && inside {
-                    worst.check(&format!("{far} m away, light at {position}, pixel {pixel} at {at}"), found[0], open, 0.0);
+                    worst.check(
+                        &format!("{far} m away, light at {position}, pixel {pixel} at {at}"),
+                        found[0],
+                        open,
+                        0.0,
+                    );
                 }
             }
         }
-        worst.report(&format!("{far} m from the origin, no shade where nothing lies between"), 1000);
+        worst
+            .report(&format!("{far} m from the origin, no shade where nothing lies between"), 1000);
     }
 }
 
-/// A hand of lights stands or falls with the one that is drawn: all of it where nothing hides, nothing where all is hidden.
+/// A hand of lights stands or falls with the one that is drawn: all of it where nothing hides,
+/// nothing where all is hidden.
 fn hands_of_lights_are_summed_or_left_out() {
     let mut scene = Scene::new();
-    let lid = [[Vec3::new(-50.0, 1.0, -50.0), Vec3::new(50.0, 1.0, -50.0), Vec3::new(0.0, 1.0, 90.0)]];
+    let lid =
+        [[Vec3::new(-50.0, 1.0, -50.0), Vec3::new(50.0, 1.0, -50.0), Vec3::new(0.0, 1.0, 90.0)]];
     scene.add(&lid, Transform::default());
     let occluders = scene.occluders();
     let stage = &mut scene.stage;
@@ -300,14 +404,35 @@ fn hands_of_lights_are_summed_or_left_out() {
         // Fewer lights than hands, as many, and many.
         for count in [1, 2, 8, 100] {
             for (height, free) in [(0.2, true), (1.3, false)] {
-                let mut light = || random.inside(Vec3::new(-3.0, height, -3.0), Vec3::new(3.0, height + 0.5, 3.0));
-                let vpls: Vec<_> = (0..count).map(|_| super::facing_down(light(), 1000.0, 0.01)).collect();
+                let mut light = || {
+                    random.inside(Vec3::new(-3.0, height, -3.0), Vec3::new(3.0, height + 0.5, 3.0))
+                };
+                let vpls: Vec<_> =
+                    (0..count).map(|_| super::facing_down(light(), 1000.0, 0.01)).collect();
                 let mut worst = Worst::default();
-                for (pixel, found) in (0..).zip(gather.run_with(stage, &pixels, &plane, &vpls, Some(&occluders))) {
-                    let open = irradiance(&vpls, plane.position(SIZE, pixel % SIZE[0], pixel / SIZE[0]), normal, plane.exposure)[0];
-                    worst.check(&format!("{rays} rays, {count} lights at {height} m"), found[0], if free { open } else { 0.0 }, 0.0);
+                for (pixel, found) in
+                    (0..).zip(gather.run_with(stage, &pixels, &plane, &vpls, Some(&occluders)))
+                {
+                    let open = irradiance(
+                        &vpls,
+                        plane.position(SIZE, pixel % SIZE[0], pixel / SIZE[0]),
+                        normal,
+                        plane.exposure,
+                    )[0];
+                    worst.check(
+                        &format!("{rays} rays, {count} lights at {height} m"),
+                        found[0],
+                        if free { open } else { 0.0 },
+                        0.0,
+                    );
                 }
-                worst.report(&format!("{rays} rays, {count} lights, {}", if free { "free" } else { "hidden" }), if free { 100 } else { 0 });
+                worst.report(
+                    &format!(
+                        "{rays} rays, {count} lights, {}",
+                        if free { "free" } else { "hidden" }
+                    ),
+                    if free { 100 } else { 0 },
+                );
             }
         }
     }

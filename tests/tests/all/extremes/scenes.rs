@@ -1,4 +1,5 @@
-//! Scenes that nobody means to build: broken triangles and normals, lights that see nothing, lights inside walls.
+//! Scenes that nobody means to build: broken triangles and normals, lights that see nothing, lights
+//! inside walls.
 
 use bevy::asset::RenderAssetUsages;
 use bevy::light::PointLight;
@@ -21,10 +22,19 @@ tests!(
 
 /// Every number of the picture and of what it was made from.
 fn assert_sound(stage: &Stage, radiance: &Radiance) {
-    assert!(radiance.rgb.iter().flatten().all(|value| value.is_finite() && *value >= 0.0), "a pixel is no number");
+    assert!(
+        radiance.rgb.iter().flatten().all(|value| value.is_finite() && *value >= 0.0),
+        "a pixel is no number"
+    );
     for point in gpu::rsm_texels(stage).iter().chain(&gpu::vpls(stage)) {
-        let numbers = point.position.iter().chain(&point.normal).chain(&point.flux).chain([&point.extent]);
-        assert!(numbers.copied().all(f32::is_finite) && point.flux.iter().all(|flux| *flux >= 0.0) && point.extent >= 0.0, "{point:?}");
+        let numbers =
+            point.position.iter().chain(&point.normal).chain(&point.flux).chain([&point.extent]);
+        assert!(
+            numbers.copied().all(f32::is_finite)
+                && point.flux.iter().all(|flux| *flux >= 0.0)
+                && point.extent >= 0.0,
+            "{point:?}"
+        );
         assert!((Vec3::from_array(point.normal).length() - 1.0).abs() < 1e-3, "{point:?}");
     }
 }
@@ -51,19 +61,34 @@ fn triangles_without_area_change_nothing() {
         ("too small for a float's square", vec![a, [0.5 + 1e-7, 0.6, 0.3], [0.5, 0.6 + 1e-7, 0.3]]),
     ];
     for (label, list) in lists {
-        let entity = meshes::spawn(&mut stage, mesh(list, [0.0, 1.0, 0.0]), meshes::matt(0.9, 0.9, 0.9), Transform::default());
+        let entity = meshes::spawn(
+            &mut stage,
+            mesh(list, [0.0, 1.0, 0.0]),
+            meshes::matt(0.9, 0.9, 0.9),
+            Transform::default(),
+        );
         let found = set::radiance(&mut stage);
         assert_sound(&stage, &found);
         assert!(found == expected, "{label}");
         stage.world_mut().despawn(entity);
     }
-    // Corners that are no numbers, and one so far away that its square is none. What is drawn of them is the driver's affair; it must not spread.
+    // Corners that are no numbers, and one so far away that its square is none. What is drawn of
+    // them is the driver's affair; it must not spread.
     for broken in [f32::NAN, f32::INFINITY, 1e30] {
         let list = vec![a, b, [broken, 1.0, 0.0]];
-        let entity = meshes::spawn(&mut stage, mesh(list, [0.0, 1.0, 0.0]), meshes::matt(0.9, 0.9, 0.9), Transform::default());
+        let entity = meshes::spawn(
+            &mut stage,
+            mesh(list, [0.0, 1.0, 0.0]),
+            meshes::matt(0.9, 0.9, 0.9),
+            Transform::default(),
+        );
         let found = set::radiance(&mut stage);
         assert_sound(&stage, &found);
-        println!("    a corner at {broken}: {:.3} nits, {:.3} without", found.mean(), expected.mean());
+        println!(
+            "    a corner at {broken}: {:.3} nits, {:.3} without",
+            found.mean(),
+            expected.mean()
+        );
         stage.world_mut().despawn(entity);
         assert!(set::radiance(&mut stage) == expected, "gone without a trace");
     }
@@ -72,11 +97,25 @@ fn triangles_without_area_change_nothing() {
 fn normals_without_length_stay_where_they_are() {
     let mut stage = corner(vec![sun(Vec3::NEG_Y)]);
     let expected = set::radiance(&mut stage);
-    for normal in [[0.0; 3], [f32::NAN; 3], [f32::INFINITY, 0.0, 0.0], [1e-30, 0.0, 0.0], [0.0, 1e30, 0.0]] {
+    for normal in
+        [[0.0; 3], [f32::NAN; 3], [f32::INFINITY, 0.0, 0.0], [1e-30, 0.0, 0.0], [0.0, 1e30, 0.0]]
+    {
         // A square metre of the floor's middle.
         let (low, high, y) = (-0.5, 0.5, 0.02);
-        let square = vec![[low, y, low], [low, y, high], [high, y, low], [high, y, low], [low, y, high], [high, y, high]];
-        let entity = meshes::spawn(&mut stage, mesh(square, normal), meshes::matt(0.8, 0.8, 0.8), Transform::default());
+        let square = vec![
+            [low, y, low],
+            [low, y, high],
+            [high, y, low],
+            [high, y, low],
+            [low, y, high],
+            [high, y, high],
+        ];
+        let entity = meshes::spawn(
+            &mut stage,
+            mesh(square, normal),
+            meshes::matt(0.8, 0.8, 0.8),
+            Transform::default(),
+        );
         let found = set::radiance(&mut stage);
         assert_sound(&stage, &found);
         // It is a sixteenth of the floor, and the nearest of it to nothing in view.
@@ -116,23 +155,47 @@ fn a_light_that_meets_nothing_sends_nothing() {
     assert!((beside / alone.mean() - 1.0).abs() < 0.03, "{beside} {}", alone.mean());
 }
 
-/// Bevy draws no backs of single-sided surfaces, into shadow maps neither: a lamp in a wall is a lamp without that wall.
+/// Bevy draws no backs of single-sided surfaces, into shadow maps neither: a lamp in a wall is a
+/// lamp without that wall.
 fn a_light_in_a_wall_shines_through_it_as_its_shadow_map_does() {
-    let wall =
-        |stage: &mut Stage| meshes::spawn_box(stage, Vec3::new(0.0, 1.0, 0.5), Vec3::new(0.6, 0.6, 0.6), meshes::matt(0.0, 0.0, 0.0));
+    let wall = |stage: &mut Stage| {
+        meshes::spawn_box(
+            stage,
+            Vec3::new(0.0, 1.0, 0.5),
+            Vec3::new(0.6, 0.6, 0.6),
+            meshes::matt(0.0, 0.0, 0.0),
+        )
+    };
     let lamp = |stage: &mut Stage, position: Vec3| {
-        let light = PointLight { intensity: 20_000.0, range: 20.0, shadow_maps_enabled: true, ..Default::default() };
+        let light = PointLight {
+            intensity: 20_000.0,
+            range: 20.0,
+            shadow_maps_enabled: true,
+            ..Default::default()
+        };
         stage.world_mut().spawn((light, Transform::from_translation(position))).id()
     };
     let lights = |component: Component| {
         let mut stage = set::bare(vec![], set::radiance_options(48, 27, component));
-        meshes::spawn_box(&mut stage, Vec3::new(0.0, -0.1, 0.0), Vec3::new(4.0, 0.2, 4.0), meshes::matt(0.8, 0.8, 0.8));
-        meshes::spawn_box(&mut stage, Vec3::new(0.0, 1.0, -2.0), Vec3::new(4.0, 2.0, 0.2), meshes::matt(0.5, 0.5, 0.5));
+        meshes::spawn_box(
+            &mut stage,
+            Vec3::new(0.0, -0.1, 0.0),
+            Vec3::new(4.0, 0.2, 4.0),
+            meshes::matt(0.8, 0.8, 0.8),
+        );
+        meshes::spawn_box(
+            &mut stage,
+            Vec3::new(0.0, 1.0, -2.0),
+            Vec3::new(4.0, 2.0, 0.2),
+            meshes::matt(0.5, 0.5, 0.5),
+        );
         // The wall and the floor before it, past the box.
         set::look(&mut stage, Vec3::new(1.6, 1.2, 1.0), Vec3::new(-0.5, 0.3, -2.0));
         set::apply(&mut stage, PLAIN);
         let mut found = Vec::new();
-        for position in [Vec3::new(0.0, 1.0, 0.5), Vec3::new(0.0, 1.0, 0.2), Vec3::new(0.0, 1.0, 0.2 + 1e-6)] {
+        for position in
+            [Vec3::new(0.0, 1.0, 0.5), Vec3::new(0.0, 1.0, 0.2), Vec3::new(0.0, 1.0, 0.2 + 1e-6)]
+        {
             let light = lamp(&mut stage, position);
             let open = set::radiance(&mut stage);
             let around = wall(&mut stage);
@@ -146,9 +209,16 @@ fn a_light_in_a_wall_shines_through_it_as_its_shadow_map_does() {
         }
         found
     };
-    for ((position, indirect), (_, direct)) in lights(Component::Indirect).into_iter().zip(lights(Component::Direct)) {
-        println!("    a lamp at {position} in a box: {direct:.3} of its direct light is left, {indirect:.3} of its indirect light");
+    for ((position, indirect), (_, direct)) in
+        lights(Component::Indirect).into_iter().zip(lights(Component::Direct))
+    {
+        println!(
+            "    a lamp at {position} in a box: {direct:.3} of its direct light is left, {indirect:.3} of its indirect light"
+        );
         // The box itself is black, and hides a little of the picture.
-        assert!(direct > 0.7 && (indirect / direct - 1.0).abs() < 0.25, "{position}: {direct} {indirect}");
+        assert!(
+            direct > 0.7 && (indirect / direct - 1.0).abs() < 0.25,
+            "{position}: {direct} {indirect}"
+        );
     }
 }

@@ -1,4 +1,5 @@
-//! How surfaces scatter light that bounces: `scattered_share` of `surface.wgsl`, as `rsm/resolve.wgsl` uses it, against sums over directions.
+//! How surfaces scatter light that bounces: `scattered_share` of `surface.wgsl`, as
+//! `rsm/resolve.wgsl` uses it, against sums over directions.
 
 use std::f64::consts::{FRAC_1_PI, TAU};
 
@@ -8,7 +9,10 @@ use frugal_tests::pixels::{Pixels, Plane, g_buffer_normal};
 use super::maps::{Light, Resolve};
 use super::stage;
 
-tests!(light_is_scattered_as_burley_and_ggx_scatter_it_on_average, what_scatters_nothing_sends_nothing);
+tests!(
+    light_is_scattered_as_burley_and_ggx_scatter_it_on_average,
+    what_scatters_nothing_sends_nothing
+);
 
 /// A surface as the G-buffer has it, in shares of 255.
 #[derive(Clone, Copy)]
@@ -26,12 +30,15 @@ impl Surface {
         [red | green << 8 | blue << 16 | u32::from(self.roughness) << 24, 0, properties, normal]
     }
 
-    /// Flux that it sends of light of 1 lm at `cosine`: all of Burley's and GGX's lobes over the hemisphere, smooth mirrors left out.
+    /// Flux that it sends of light of 1 lm at `cosine`: all of Burley's and GGX's lobes over the
+    /// hemisphere, smooth mirrors left out.
     fn scattered(&self, cosine: f64) -> [f64; 3] {
         let share = |byte: u8| f64::from(byte) / 255.0;
         let (roughness, metallic) = (share(self.roughness), share(self.metallic));
         let base = self.color.map(|byte| share(byte).powf(2.2));
-        let f0 = base.map(|base| 0.16 * share(self.reflectance).powi(2) * (1.0 - metallic) + base * metallic);
+        let f0 = base.map(|base| {
+            0.16 * share(self.reflectance).powi(2) * (1.0 - metallic) + base * metallic
+        });
         let f90 = (f0.iter().sum::<f64>() * 50.0 * 0.33).clamp(0.0, 1.0);
         let alpha = roughness * roughness;
         let light = DVec3::new((1.0 - cosine * cosine).max(0.0).sqrt(), 0.0, cosine);
@@ -47,8 +54,10 @@ impl Surface {
             let bend = 0.5 + 2.0 * alpha * toward * toward - 1.0;
             let burley = (1.0 + bend * (1.0 - cosine).powi(5)) * (1.0 + bend * (1.0 - up).powi(5));
             let k = alpha / ((1.0 - half.z * half.z).max(0.0) + (half.z * alpha).powi(2));
-            let lift = |cosine: f64| (cosine * cosine * (1.0 - alpha * alpha) + alpha * alpha).sqrt();
-            let facets = k * k * FRAC_1_PI * 0.5 / (cosine * lift(up) + up * lift(cosine)).max(1e-9);
+            let lift =
+                |cosine: f64| (cosine * cosine * (1.0 - alpha * alpha) + alpha * alpha).sqrt();
+            let facets =
+                k * k * FRAC_1_PI * 0.5 / (cosine * lift(up) + up * lift(cosine)).max(1e-9);
             let part = 1.0 / f64::from(steps * steps);
             white += facets / FRAC_1_PI * part;
             for channel in 0..3 {
@@ -59,8 +68,11 @@ impl Surface {
         }
         let rough = ((roughness - 0.2) / 0.2).clamp(0.0, 1.0);
         let fade = rough * rough * (3.0 - 2.0 * rough);
-        // What facets scatter among each other: a white mirror's surface, however rough, keeps nothing.
-        [0, 1, 2].map(|channel| diffuse[channel] + fade * specular[channel] * (1.0 + f0[channel] * (1.0 / white - 1.0)))
+        // What facets scatter among each other: a white mirror's surface, however rough, keeps
+        // nothing.
+        [0, 1, 2].map(|channel| {
+            diffuse[channel] + fade * specular[channel] * (1.0 + f0[channel] * (1.0 / white - 1.0))
+        })
     }
 }
 
@@ -78,15 +90,28 @@ fn sun() -> Light {
 fn light_is_scattered_as_burley_and_ggx_scatter_it_on_average() {
     let mut stage = stage();
     let resolve = Resolve::new(&mut stage, vec!["PARALLEL".into()]);
-    // The bounds are what an average by a fit is worth; rough metals lose light between their facets, in Karis' fit as in GGX itself.
+    // The bounds are what an average by a fit is worth; rough metals lose light between their
+    // facets, in Karis' fit as in GGX itself.
     let mut worst = 0.0f64;
     for (label, surface) in [
         ("matt", Surface { color: [188, 120, 60], roughness: 255, reflectance: 128, metallic: 0 }),
-        ("half rough", Surface { color: [188, 120, 60], roughness: 128, reflectance: 128, metallic: 0 }),
+        (
+            "half rough",
+            Surface { color: [188, 120, 60], roughness: 128, reflectance: 128, metallic: 0 },
+        ),
         ("black", Surface { color: [0; 3], roughness: 160, reflectance: 128, metallic: 0 }),
-        ("without reflectance", Surface { color: [188; 3], roughness: 160, reflectance: 0, metallic: 0 }),
-        ("gold", Surface { color: [255, 214, 130], roughness: 153, reflectance: 128, metallic: 255 }),
-        ("half a metal", Surface { color: [220, 180, 90], roughness: 204, reflectance: 128, metallic: 128 }),
+        (
+            "without reflectance",
+            Surface { color: [188; 3], roughness: 160, reflectance: 0, metallic: 0 },
+        ),
+        (
+            "gold",
+            Surface { color: [255, 214, 130], roughness: 153, reflectance: 128, metallic: 255 },
+        ),
+        (
+            "half a metal",
+            Surface { color: [220, 180, 90], roughness: 204, reflectance: 128, metallic: 128 },
+        ),
     ] {
         let normals: Vec<(u32, DVec3)> = (0..64u32)
             .map(|index| {
@@ -94,7 +119,8 @@ fn light_is_scattered_as_burley_and_ggx_scatter_it_on_average() {
                 g_buffer_normal(Vec3::new(angle.sin(), angle.cos(), 0.0))
             })
             .collect();
-        let texels: Vec<[u32; 4]> = normals.iter().map(|(packed, _)| surface.texel(*packed)).collect();
+        let texels: Vec<[u32; 4]> =
+            normals.iter().map(|(packed, _)| surface.texel(*packed)).collect();
         let pixels = Pixels::with_texels(&stage, [8, 8], &texels, 0.5);
         let found = resolve.run(&stage, &pixels, &Plane::ORIGIN, &sun());
         for (texel, (_, normal)) in found.iter().zip(&normals) {
@@ -102,7 +128,12 @@ fn light_is_scattered_as_burley_and_ggx_scatter_it_on_average() {
             for (channel, expected) in expected.into_iter().enumerate() {
                 let off = f64::from(texel.flux[channel]) - expected;
                 worst = worst.max(off.abs());
-                assert!(off.abs() < 0.03 + 0.04 * expected, "{label} at cosine {:.3}: {:?}, {expected:.4}", normal.y, texel.flux);
+                assert!(
+                    off.abs() < 0.03 + 0.04 * expected,
+                    "{label} at cosine {:.3}: {:?}, {expected:.4}",
+                    normal.y,
+                    texel.flux
+                );
             }
         }
     }
@@ -113,11 +144,21 @@ fn what_scatters_nothing_sends_nothing() {
     let mut stage = stage();
     let resolve = Resolve::new(&mut stage, vec!["PARALLEL".into()]);
     let (up, _) = g_buffer_normal(Vec3::Y);
-    // What is rendered forward leaves nothing in the G-buffer but depth; the lowest flag marks what is unlit; and a black mirror only mirrors.
+    // What is rendered forward leaves nothing in the G-buffer but depth; the lowest flag marks what
+    // is unlit; and a black mirror only mirrors.
     let mirror = Surface { color: [0; 3], roughness: 30, reflectance: 255, metallic: 0 };
     let unlit = Surface { color: [0; 3], roughness: 200, reflectance: 128, metallic: 0 };
     for texel in [[0, 0, 0, 0], mirror.texel(up), unlit.texel(up | 1 << 24)] {
-        let found = resolve.run(&stage, &Pixels::with_texels(&stage, [8, 8], &[texel; 64], 0.5), &Plane::ORIGIN, &sun());
-        assert!(found.iter().all(|texel| texel.flux.iter().all(|flux| *flux < 1e-6)), "{texel:?}: {:?}", found[0]);
+        let found = resolve.run(
+            &stage,
+            &Pixels::with_texels(&stage, [8, 8], &[texel; 64], 0.5),
+            &Plane::ORIGIN,
+            &sun(),
+        );
+        assert!(
+            found.iter().all(|texel| texel.flux.iter().all(|flux| *flux < 1e-6)),
+            "{texel:?}: {:?}",
+            found[0]
+        );
     }
 }

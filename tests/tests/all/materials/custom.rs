@@ -27,13 +27,23 @@ fn grey() -> StandardMaterial {
 
 fn an_extension_sends_and_receives_the_colour_that_it_gives() {
     on_bench(|bench| {
-        let tinted = bench.measure_plate("extended", ExtendedMaterial { base: grey(), extension: Tint { color: COLOR } });
+        let tinted = bench.measure_plate(
+            "extended",
+            ExtendedMaterial { base: grey(), extension: Tint { color: COLOR } },
+        );
         tinted.assert_matt("extended", ALBEDO);
         // Bevy draws it in its base's colour, too.
         let forward = ExtendedMaterial { base: grey(), extension: ForwardTint { color: COLOR } };
-        bench.measure_plate("extended for forward rendering only", forward).assert_matt("forward", [f64::from(GREY); 3]);
-        // Transparent for the sun's map as it is for the eye, but rays know Bevy's own material alone.
-        let blend = StandardMaterial { alpha_mode: AlphaMode::Blend, base_color: Color::linear_rgba(GREY, GREY, GREY, 0.1), ..grey() };
+        bench
+            .measure_plate("extended for forward rendering only", forward)
+            .assert_matt("forward", [f64::from(GREY); 3]);
+        // Transparent for the sun's map as it is for the eye, but rays know Bevy's own material
+        // alone.
+        let blend = StandardMaterial {
+            alpha_mode: AlphaMode::Blend,
+            base_color: Color::linear_rgba(GREY, GREY, GREY, 0.1),
+            ..grey()
+        };
         let plate = bench.plate(ExtendedMaterial { base: blend, extension: Tint { color: COLOR } });
         let source = bench.as_source(plate, super::Place::Floor);
         let hidden = bench.as_occluder(plate);
@@ -49,14 +59,21 @@ fn an_extension_that_moves_its_mesh_hides_where_it_was() {
         let plate = bench.plate(shift(Vec4::new(0.0, 0.3, 0.0, 0.0)));
         let source = bench.as_source(plate, super::Place::Floor);
         let (texels, _) = bench.middle();
-        let height = texels.iter().map(|texel| texel.position[1]).sum::<f32>() / texels.len() as f32;
+        let height =
+            texels.iter().map(|texel| texel.position[1]).sum::<f32>() / texels.len() as f32;
         bench.clear(plate);
         // Drawn far below the floor, it hides the wall all the same.
         let plate = bench.plate(shift(Vec4::new(0.0, -30.0, 0.0, 0.0)));
         let hidden = bench.as_occluder(plate);
         bench.clear(plate);
-        println!("    covers {} at {height:.4} m, hides {hidden:.3} where it is not drawn", source.covered);
-        assert!(source.covered == 1.0 && (height - 0.35).abs() < 1e-4 && hidden > 0.95, "{source:?} {height} {hidden}");
+        println!(
+            "    covers {} at {height:.4} m, hides {hidden:.3} where it is not drawn",
+            source.covered
+        );
+        assert!(
+            source.covered == 1.0 && (height - 0.35).abs() < 1e-4 && hidden > 0.95,
+            "{source:?} {height} {hidden}"
+        );
         let sent = source.flux[1] / bench.reference().source.flux[1];
         assert!((sent - 1.0).abs() < 1e-4, "{sent}");
     });
@@ -73,10 +90,21 @@ fn a_forward_material_takes_no_part_but_hides() {
     on_bench(|bench| {
         let opaque_render_method = OpaqueRendererMethod::Forward;
         let custom = bench.measure_plate("custom, forward", Forward { color: COLOR });
-        let standard = bench.measure_plate("Bevy's own, forward", StandardMaterial { opaque_render_method, ..grey() });
-        // Bevy renders it forward, since a G-buffer has no place for it; and rays know that light goes through.
-        let leaf = bench.measure_plate("diffuse transmission", StandardMaterial { diffuse_transmission: 0.5, ..grey() });
-        for (label, found, hides) in [("custom", custom, true), ("Bevy's own", standard, true), ("diffuse transmission", leaf, false)] {
+        let standard = bench.measure_plate(
+            "Bevy's own, forward",
+            StandardMaterial { opaque_render_method, ..grey() },
+        );
+        // Bevy renders it forward, since a G-buffer has no place for it; and rays know that light
+        // goes through.
+        let leaf = bench.measure_plate(
+            "diffuse transmission",
+            StandardMaterial { diffuse_transmission: 0.5, ..grey() },
+        );
+        for (label, found, hides) in [
+            ("custom", custom, true),
+            ("Bevy's own", standard, true),
+            ("diffuse transmission", leaf, false),
+        ] {
             found.assert_covers(label, 1.0);
             found.assert_sends(label, [0.0; 3]);
             found.assert_receives(label, [0.0; 3]);
@@ -93,9 +121,15 @@ fn a_material_without_prepass_shows_the_light_of_what_is_behind() {
         let found = bench.relative("custom, without prepass", effect);
         found.assert_covers("custom, without prepass", 0.0);
         let share = bench.share_of_open_floor(&effect.source);
-        assert!((share - 1.0).abs() < 2e-3, "the floor under it bounces as if it lay in the sun: {share}");
+        assert!(
+            (share - 1.0).abs() < 2e-3,
+            "the floor under it bounces as if it lay in the sun: {share}"
+        );
         // The wall behind it is as grey as the reference, and 5 cm farther away.
-        assert!((found.received[1] - 1.0).abs() < 0.02, "the wall's indirect light lies over it: {found:?}");
+        assert!(
+            (found.received[1] - 1.0).abs() < 0.02,
+            "the wall's indirect light lies over it: {found:?}"
+        );
         found.assert_hides("custom, without prepass", true);
     });
 }

@@ -1,7 +1,9 @@
-//! What materials do to global illumination: as a source of indirect light, as a receiver, and as an occluder of rays between others.
+//! What materials do to global illumination: as a source of indirect light, as a receiver, and as
+//! an occluder of rays between others.
 //!
-//! All samples are looked at on one bench: a white floor under a vertical sun, and a grey wall behind it. ARCHITECTURE.md has the table of what is
-//! found here ("What materials do to global illumination").
+//! All samples are looked at on one bench: a white floor under a vertical sun, and a grey wall
+//! behind it. ARCHITECTURE.md has the table of what is found here ("What materials do to global
+//! illumination").
 
 pub mod custom;
 pub mod shaped;
@@ -52,7 +54,8 @@ impl Place {
             Self::Floor => flat,
             Self::FloorUpsideDown => flat.with_rotation(Quat::from_rotation_x(2.0 * FRAC_PI_2)),
             Self::Wall => {
-                let upright = Transform::from_xyz(0.0, 1.0, -1.85).with_rotation(Quat::from_rotation_x(FRAC_PI_2));
+                let upright = Transform::from_xyz(0.0, 1.0, -1.85)
+                    .with_rotation(Quat::from_rotation_x(FRAC_PI_2));
                 upright.with_scale(Vec3::new(4.5, 1.0, 2.1))
             }
             Self::Away => Transform::from_xyz(0.0, -0.1, 0.0),
@@ -89,7 +92,8 @@ pub struct Bench {
 }
 
 thread_local! {
-    /// One stage serves all tests of a thread, since most of a test's time would go into opening it. Where a test fails, the next opens another.
+    /// One stage serves all tests of a thread, since most of a test's time would go into opening
+    /// it. Where a test fails, the next opens another.
     static BENCH: RefCell<Option<Bench>> = const { RefCell::new(None) };
 }
 
@@ -99,7 +103,8 @@ static REFERENCE: OnceLock<Effect> = OnceLock::new();
 static OPEN_WALL: OnceLock<f64> = OnceLock::new();
 /// Indirect radiance of the wall when there is nothing on the floor, nits.
 static OPEN_FLOOR: OnceLock<f64> = OnceLock::new();
-/// Radiance of the wall when there is no GI, nits: the G-buffer's normals are a little off, and let the sun graze it.
+/// Radiance of the wall when there is no GI, nits: the G-buffer's normals are a little off, and let
+/// the sun graze it.
 static DARK_WALL: OnceLock<[f64; 3]> = OnceLock::new();
 
 /// Runs a test that leaves nothing on the bench.
@@ -116,14 +121,36 @@ impl Bench {
         let mut stage = set::bare_with(vec![sun(Vec3::NEG_Y)], options, materials::add);
         // What else surfaces scatter is another test's.
         set::make_lambertian(&mut stage);
-        // Custom materials keep the scene from ever resting, and light from being what was gathered last.
+        // Custom materials keep the scene from ever resting, and light from being what was gathered
+        // last.
         set::forget_the_past(&mut stage);
-        meshes::spawn_box(&mut stage, Vec3::new(0.0, -0.1, 0.0), Vec3::new(4.0, 0.2, 4.0), meshes::matt(0.8, 0.8, 0.8));
-        meshes::spawn_box(&mut stage, Vec3::new(0.0, 1.0, -2.0), Vec3::new(4.0, 2.0, 0.2), meshes::matt(GREY, GREY, GREY));
-        // The sun's map covers what meshes say that they cover, and should be the same for all samples, skins and morphs included.
-        meshes::spawn_box(&mut stage, Vec3::new(0.0, -0.15, 0.0), Vec3::new(5.0, 0.01, 5.0), meshes::matt(0.0, 0.0, 0.0));
+        meshes::spawn_box(
+            &mut stage,
+            Vec3::new(0.0, -0.1, 0.0),
+            Vec3::new(4.0, 0.2, 4.0),
+            meshes::matt(0.8, 0.8, 0.8),
+        );
+        meshes::spawn_box(
+            &mut stage,
+            Vec3::new(0.0, 1.0, -2.0),
+            Vec3::new(4.0, 2.0, 0.2),
+            meshes::matt(GREY, GREY, GREY),
+        );
+        // The sun's map covers what meshes say that they cover, and should be the same for all
+        // samples, skins and morphs included.
+        meshes::spawn_box(
+            &mut stage,
+            Vec3::new(0.0, -0.15, 0.0),
+            Vec3::new(5.0, 0.01, 5.0),
+            meshes::matt(0.0, 0.0, 0.0),
+        );
         // The wall's top would draw virtual point lights that light nothing.
-        meshes::spawn_box(&mut stage, Vec3::new(0.0, 2.01, -2.0), Vec3::new(4.0, 0.02, 0.2), meshes::matt(0.0, 0.0, 0.0));
+        meshes::spawn_box(
+            &mut stage,
+            Vec3::new(0.0, 2.01, -2.0),
+            Vec3::new(4.0, 0.02, 0.2),
+            meshes::matt(0.0, 0.0, 0.0),
+        );
         Self { stage }
     }
 
@@ -157,7 +184,8 @@ impl Bench {
     /// What the sun finds of a sample, and what the wall gets of it.
     pub fn as_source(&mut self, carrier: Entity, place: Place) -> Source {
         self.put(carrier, place);
-        let dark = *DARK_WALL.get_or_init(|| self.look_at_wall(&format!("{SETTINGS},gi_vpl_count=0")));
+        let dark =
+            *DARK_WALL.get_or_init(|| self.look_at_wall(&format!("{SETTINGS},gi_vpl_count=0")));
         let lit = self.look_at_wall(SETTINGS);
         let wall = std::array::from_fn(|channel| lit[channel] - dark[channel]);
         let (sample, all) = self.middle();
@@ -165,23 +193,30 @@ impl Bench {
         Source {
             covered: sample.len() as f64 / all as f64,
             flux: gpu::total_flux(&sample).map(|flux| flux / across(&sample)),
-            normal: sample.iter().map(|texel| Vec3::from_array(texel.normal)).sum::<Vec3>() / count as f32,
+            normal: sample.iter().map(|texel| Vec3::from_array(texel.normal)).sum::<Vec3>()
+                / count as f32,
             wall,
         }
     }
 
-    /// The sun's texels over the middle of the floor that lie on a sample, and how many there are with those that do not.
+    /// The sun's texels over the middle of the floor that lie on a sample, and how many there are
+    /// with those that do not.
     pub fn middle(&self) -> (Vec<Point>, usize) {
         let texels = gpu::rsm_texels(&self.stage);
         // Where the sun meets nothing, a texel lies at the origin.
-        let in_middle = |texel: &&Point| texel.position != [0.0; 3] && texel.position[0].abs() < 1.0 && texel.position[2].abs() < 1.0;
+        let in_middle = |texel: &&Point| {
+            texel.position != [0.0; 3]
+                && texel.position[0].abs() < 1.0
+                && texel.position[2].abs() < 1.0
+        };
         let middle: Vec<Point> = texels.iter().filter(in_middle).copied().collect();
         // The floor lies at 0. A texel that reflects nothing keeps its place.
         let all = middle.len();
         (middle.into_iter().filter(|texel| texel.position[1] > 0.5 * HEIGHT).collect(), all)
     }
 
-    /// Indirect radiance of a sample that receives the floor's light: all that it shows, without what it shows when there is no GI.
+    /// Indirect radiance of a sample that receives the floor's light: all that it shows, without
+    /// what it shows when there is no GI.
     pub fn as_receiver(&mut self, carrier: Entity) -> [f64; 3] {
         self.put(carrier, Place::Wall);
         let with = self.look_at_wall(SETTINGS);
@@ -238,7 +273,8 @@ impl Bench {
     /// `effect` in units of what a matt grey plate does, printed.
     pub fn relative(&mut self, label: &str, effect: Effect) -> Relative {
         let reference = self.reference();
-        let over = |a: [f64; 3], b: [f64; 3]| std::array::from_fn(|channel| a[channel] / b[channel]);
+        let over =
+            |a: [f64; 3], b: [f64; 3]| std::array::from_fn(|channel| a[channel] / b[channel]);
         let relative = Relative {
             covered: effect.source.covered,
             sent: over(effect.source.flux, reference.source.flux),
@@ -256,7 +292,8 @@ impl Bench {
     }
 }
 
-/// A sample's measurements; what is sent, seen on the wall and received is in units of what a matt grey plate does.
+/// A sample's measurements; what is sent, seen on the wall and received is in units of what a matt
+/// grey plate does.
 #[derive(Clone, Copy, Debug)]
 pub struct Relative {
     pub covered: f64,
@@ -267,7 +304,8 @@ pub struct Relative {
 }
 
 impl Relative {
-    /// Whether it does what a matt plate of these albedos does: it stands in the light, sends its share on, receives, and hides.
+    /// Whether it does what a matt plate of these albedos does: it stands in the light, sends its
+    /// share on, receives, and hides.
     #[track_caller]
     pub fn assert_matt(&self, label: &str, albedo: [f64; 3]) {
         self.assert_covers(label, 1.0);
@@ -281,14 +319,23 @@ impl Relative {
         assert!((self.covered - share).abs() < 1e-9, "{label}: covers {}", self.covered);
     }
 
-    /// Flux of its texels, exact but for the G-buffer's eight bits, which are known; the wall is lit by them and by nothing else.
+    /// Flux of its texels, exact but for the G-buffer's eight bits, which are known; the wall is
+    /// lit by them and by nothing else.
     #[track_caller]
     pub fn assert_sends(&self, label: &str, albedo: [f64; 3]) {
         for (channel, albedo) in albedo.into_iter().enumerate() {
             let expected = relative_albedo(albedo);
-            assert!((self.sent[channel] - expected).abs() < 1e-4 * expected.max(1e-3), "{label}: {:?}, {expected}", self.sent);
+            assert!(
+                (self.sent[channel] - expected).abs() < 1e-4 * expected.max(1e-3),
+                "{label}: {:?}, {expected}",
+                self.sent
+            );
             // Half floats.
-            assert!((self.wall[channel] - expected).abs() < 2e-3 * expected.max(0.1), "{label}: wall {:?}, {expected}", self.wall);
+            assert!(
+                (self.wall[channel] - expected).abs() < 2e-3 * expected.max(0.1),
+                "{label}: wall {:?}, {expected}",
+                self.wall
+            );
         }
     }
 
@@ -296,20 +343,33 @@ impl Relative {
     pub fn assert_receives(&self, label: &str, albedo: [f64; 3]) {
         for (channel, albedo) in albedo.into_iter().enumerate() {
             let expected = relative_albedo(albedo);
-            assert!((self.received[channel] - expected).abs() < 4e-3 * expected.max(0.1), "{label}: {:?}, {expected}", self.received);
+            assert!(
+                (self.received[channel] - expected).abs() < 4e-3 * expected.max(0.1),
+                "{label}: {:?}, {expected}",
+                self.received
+            );
         }
     }
 
     /// The strip of floor between sample and wall, 5 cm wide, is not hidden by it.
     #[track_caller]
     pub fn assert_hides(&self, label: &str, hides: bool) {
-        assert!(if hides { self.hidden > 0.95 } else { self.hidden.abs() < 0.02 }, "{label}: hides {}", self.hidden);
+        assert!(
+            if hides { self.hidden > 0.95 } else { self.hidden.abs() < 0.02 },
+            "{label}: hides {}",
+            self.hidden
+        );
     }
 }
 
-/// What texels take of the light across it, m²: of those that lean, the area is known by the cosine, down to a tenth.
+/// What texels take of the light across it, m²: of those that lean, the area is known by the
+/// cosine, down to a tenth.
 pub fn across(texels: &[Point]) -> f64 {
-    texels.iter().map(|texel| f64::from(texel.extent * texel.normal[1].max(0.1))).sum::<f64>().max(1e-9)
+    texels
+        .iter()
+        .map(|texel| f64::from(texel.extent * texel.normal[1].max(0.1)))
+        .sum::<f64>()
+        .max(1e-9)
 }
 
 /// What the G-buffer keeps of an albedo, over what it keeps of the reference's.

@@ -23,15 +23,24 @@ fn grey() -> StandardMaterial {
     meshes::matt(GREY, GREY, GREY)
 }
 
-/// A plate whose normal map turns its normal by `tilt` (sines along x and z), and what that normal is after eight bits.
+/// A plate whose normal map turns its normal by `tilt` (sines along x and z), and what that normal
+/// is after eight bits.
 fn tilted(bench: &mut Bench, tilt: Vec2) -> (Entity, Vec3) {
-    // Texture coordinates run along x and z, and a normal map's second axis against the second of them.
+    // Texture coordinates run along x and z, and a normal map's second axis against the second of
+    // them.
     let wanted = Vec3::new(tilt.x, -tilt.y, (1.0 - tilt.length_squared()).sqrt());
     let bits = wanted.to_array().map(|value| ((0.5 * value + 0.5) * 255.0).round() as u8);
     let stored = Vec3::from_array(bits.map(|bits| f32::from(bits) / 255.0 * 2.0 - 1.0)).normalize();
-    let texture = meshes::texture(&mut bench.stage, TextureFormat::Rgba8Unorm, 2, 2, &[[bits[0], bits[1], bits[2], 255]; 4]);
+    let texture = meshes::texture(
+        &mut bench.stage,
+        TextureFormat::Rgba8Unorm,
+        2,
+        2,
+        &[[bits[0], bits[1], bits[2], 255]; 4],
+    );
     let mesh = meshes::plate(true).with_generated_tangents().expect("tangents of a plate");
-    let plate = bench.sample(mesh, StandardMaterial { normal_map_texture: Some(texture), ..grey() });
+    let plate =
+        bench.sample(mesh, StandardMaterial { normal_map_texture: Some(texture), ..grey() });
     (plate, Vec3::new(stored.x, stored.z, -stored.y))
 }
 
@@ -45,7 +54,11 @@ fn a_normal_map_turns_what_is_sent_and_received() {
             let source = bench.as_source(plate, Place::Floor);
             let reference = bench.reference();
             let sent = source.flux[1] / reference.source.flux[1];
-            println!("    tilt {tilt}: normal {}, sends {sent:.4}, wall {:.3}", source.normal, source.wall[1] / reference.source.wall[1]);
+            println!(
+                "    tilt {tilt}: normal {}, sends {sent:.4}, wall {:.3}",
+                source.normal,
+                source.wall[1] / reference.source.wall[1]
+            );
             assert!(source.normal.abs_diff_eq(normal, 2e-3), "{} is not {normal}", source.normal);
             // As much light as without the map, and turned away from the wall.
             assert!(source.covered == 1.0 && (sent - 1.0).abs() < 1e-4, "{source:?}");
@@ -59,12 +72,20 @@ fn a_normal_map_turns_what_is_sent_and_received() {
             }
             bench.clear(plate);
         }
-        // All light comes from before and below both tilted planes and the flat one: irradiance is linear in the normal.
-        let [(_, flat), (once, found), (twice, more)] = received[..] else { panic!("three normals") };
+        // All light comes from before and below both tilted planes and the flat one: irradiance is
+        // linear in the normal.
+        let [(_, flat), (once, found), (twice, more)] = received[..] else {
+            panic!("three normals")
+        };
         let below = (found - f64::from(once.y) * flat) / f64::from(once.z);
         let expected = f64::from(twice.y) * flat + f64::from(twice.z) * below;
-        println!("    received {flat:.2}, {found:.2} and {more:.2} nits; {expected:.2} expected of the last");
-        assert!(found > 1.05 * flat && (more / expected - 1.0).abs() < 0.03, "{received:?}, {expected}");
+        println!(
+            "    received {flat:.2}, {found:.2} and {more:.2} nits; {expected:.2} expected of the last"
+        );
+        assert!(
+            found > 1.05 * flat && (more / expected - 1.0).abs() < 0.03,
+            "{received:?}, {expected}"
+        );
     });
 }
 
@@ -72,7 +93,8 @@ fn holes_of_a_mask_let_light_and_rays_through() {
     on_bench(|bench| {
         let mut masked = |label: &str, alphas: [u8; 4], is_readable: bool| {
             let texels = alphas.map(|alpha| [128, 128, 128, alpha]);
-            let texture = meshes::texture(&mut bench.stage, TextureFormat::Rgba8UnormSrgb, 2, 2, &texels);
+            let texture =
+                meshes::texture(&mut bench.stage, TextureFormat::Rgba8UnormSrgb, 2, 2, &texels);
             if !is_readable {
                 meshes::keep_for_the_gpu(&mut bench.stage, &texture);
             }
@@ -96,15 +118,30 @@ fn holes_of_a_mask_let_light_and_rays_through() {
         let all = masked("a mask that is all hole", [0; 4], true);
         // The middle's texels, 26 or so a side, may lie one row more on one side.
         assert!((half.covered - 0.5).abs() < 0.03, "{}", half.covered);
-        assert!((half.sent[1] - solid.sent[1]).abs() < 1e-4, "what is there sends as much: {:?}", half.sent);
-        // In the holes the floor, which is lighter, lights the wall. Half of each does, but not as near to it.
+        assert!(
+            (half.sent[1] - solid.sent[1]).abs() < 1e-4,
+            "what is there sends as much: {:?}",
+            half.sent
+        );
+        // In the holes the floor, which is lighter, lights the wall. Half of each does, but not as
+        // near to it.
         let open = all.wall[1];
-        assert!((half.wall[1] / (0.5 * (solid.wall[1] + open)) - 1.0).abs() < 0.05, "{:?} {open}", half.wall);
+        assert!(
+            (half.wall[1] / (0.5 * (solid.wall[1] + open)) - 1.0).abs() < 0.05,
+            "{:?} {open}",
+            half.wall
+        );
         // What one side hides, the other's mirror image lets through.
-        assert!((half.hidden - 0.5 * solid.hidden).abs() < 0.02, "{} {}", half.hidden, solid.hidden);
+        assert!(
+            (half.hidden - 0.5 * solid.hidden).abs() < 0.02,
+            "{} {}",
+            half.hidden,
+            solid.hidden
+        );
         assert_eq!(all.covered, 0.0);
         all.assert_hides("what is not there", false);
-        let unread = masked("a mask with half of it holes, kept for the GPU", [255, 0, 0, 255], false);
+        let unread =
+            masked("a mask with half of it holes, kept for the GPU", [255, 0, 0, 255], false);
         unread.assert_hides("what cannot be read is taken for solid", true);
     });
 }
@@ -127,9 +164,16 @@ fn a_skin_is_where_its_joint_is_but_hides_nothing() {
 /// A plate that stands `offset` (in its own space) from where its mesh says.
 fn morphed(bench: &mut Bench, offset: Vec3) -> Entity {
     let mut mesh: Mesh = meshes::plate(false);
-    mesh.set_morph_targets(vec![MorphAttributes::new(offset, Vec3::ZERO, Vec3::ZERO); mesh.count_vertices()]);
+    mesh.set_morph_targets(vec![
+        MorphAttributes::new(offset, Vec3::ZERO, Vec3::ZERO);
+        mesh.count_vertices()
+    ]);
     let plate = bench.sample(mesh, grey());
-    bench.stage.world_mut().entity_mut(plate).insert((MeshMorphWeights::Value { weights: vec![1.0] }, NoFrustumCulling));
+    bench
+        .stage
+        .world_mut()
+        .entity_mut(plate)
+        .insert((MeshMorphWeights::Value { weights: vec![1.0] }, NoFrustumCulling));
     plate
 }
 
@@ -139,10 +183,14 @@ fn a_morph_is_where_it_is_drawn_but_hides_where_it_was() {
         let plate = morphed(bench, Vec3::new(0.0, 0.3, 0.0));
         let source = bench.as_source(plate, Place::Floor);
         let (texels, _) = bench.middle();
-        let height = texels.iter().map(|texel| texel.position[1]).sum::<f32>() / texels.len() as f32;
+        let height =
+            texels.iter().map(|texel| texel.position[1]).sum::<f32>() / texels.len() as f32;
         let sent = source.flux[1] / bench.reference().source.flux[1];
         println!("    covers {}, at {height:.4} m, sends {sent:.4}", source.covered);
-        assert!(source.covered == 1.0 && (height - 0.35).abs() < 1e-4 && (sent - 1.0).abs() < 1e-4, "{source:?} {height}");
+        assert!(
+            source.covered == 1.0 && (height - 0.35).abs() < 1e-4 && (sent - 1.0).abs() < 1e-4,
+            "{source:?} {height}"
+        );
         let received = bench.as_receiver(plate)[1];
         let hidden = bench.as_occluder(plate);
         bench.clear(plate);
@@ -159,7 +207,9 @@ fn a_morph_is_where_it_is_drawn_but_hides_where_it_was() {
         let drawn = bench.look_at_wall(super::SETTINGS)[1] / bench.reference().received[1];
         let still_open = 1.0 - bench.behind() / super::OPEN_WALL.get().expect("measured above");
         bench.clear(plate);
-        println!("    receives {received:.2} nits nearer; hides {hidden:.3} where its mesh is, {still_open:.3} where it is drawn");
+        println!(
+            "    receives {received:.2} nits nearer; hides {hidden:.3} where its mesh is, {still_open:.3} where it is drawn"
+        );
         assert!(hidden > 0.95 && still_open.abs() < 0.02, "{hidden} {still_open}");
         assert!((drawn - 1.0).abs() < 4e-3, "{drawn}");
     });

@@ -36,8 +36,14 @@ fn grey() -> StandardMaterial {
 fn a_matt_plate_sends_receives_and_hides() {
     on_bench(|bench| {
         let reference = bench.reference();
-        println!("    wall {:.1} nits, received {:.1} nits", reference.source.wall[1], reference.received[1]);
-        assert!(reference.source.wall[1] > 10.0 && reference.received[1] > 10.0, "the bench is lit: {reference:?}");
+        println!(
+            "    wall {:.1} nits, received {:.1} nits",
+            reference.source.wall[1], reference.received[1]
+        );
+        assert!(
+            reference.source.wall[1] > 10.0 && reference.received[1] > 10.0,
+            "the bench is lit: {reference:?}"
+        );
         assert!(reference.source.normal.abs_diff_eq(Vec3::Y, 1e-3), "{reference:?}");
         let found = bench.measure_plate("another colour", meshes::matt(0.9, 0.25, 0.0));
         found.assert_matt("another colour", [0.9, 0.25, 0.0]);
@@ -47,26 +53,39 @@ fn a_matt_plate_sends_receives_and_hides() {
 fn a_texture_sends_and_receives_its_colours_where_they_are() {
     on_bench(|bench| {
         let colours = [[255, 0, 0, 255], [0, 255, 0, 255], [0, 0, 255, 255], [255, 255, 255, 255]];
-        let texture = meshes::texture(&mut bench.stage, TextureFormat::Rgba8UnormSrgb, 2, 2, &colours);
-        let material = StandardMaterial { base_color_texture: Some(texture), ..meshes::matt(1.0, 1.0, 1.0) };
+        let texture =
+            meshes::texture(&mut bench.stage, TextureFormat::Rgba8UnormSrgb, 2, 2, &colours);
+        let material =
+            StandardMaterial { base_color_texture: Some(texture), ..meshes::matt(1.0, 1.0, 1.0) };
         let plate = bench.sample(meshes::plate(true), material);
         let reference = bench.reference();
         let white = relative_albedo(1.0);
-        let expect = |quadrant: usize, channel: usize| if colours[quadrant][channel] > 0 { white } else { 0.0 };
+        let expect = |quadrant: usize, channel: usize| {
+            if colours[quadrant][channel] > 0 { white } else { 0.0 }
+        };
 
         bench.as_source(plate, Place::Floor);
         let (texels, _) = bench.middle();
         for quadrant in 0..4 {
             // Texture coordinates run along x and z.
-            let inside = |point: &&gpu::Point| (point.position[0] > 0.0, point.position[2] > 0.0) == (quadrant % 2 == 1, quadrant / 2 == 1);
+            let inside = |point: &&gpu::Point| {
+                (point.position[0] > 0.0, point.position[2] > 0.0)
+                    == (quadrant % 2 == 1, quadrant / 2 == 1)
+            };
             let there: Vec<_> = texels.iter().filter(inside).copied().collect();
             for channel in 0..3 {
-                let sent = gpu::total_flux(&there)[channel] / super::across(&there) / reference.source.flux[channel];
-                assert!((sent - expect(quadrant, channel)).abs() < 1e-4, "quadrant {quadrant}, channel {channel}: {sent}");
+                let sent = gpu::total_flux(&there)[channel]
+                    / super::across(&there)
+                    / reference.source.flux[channel];
+                assert!(
+                    (sent - expect(quadrant, channel)).abs() < 1e-4,
+                    "quadrant {quadrant}, channel {channel}: {sent}"
+                );
             }
         }
 
-        // Of the picture's quadrants, the means over what a grey plate shows there. Lit from below, so not the same in each.
+        // Of the picture's quadrants, the means over what a grey plate shows there. Lit from below,
+        // so not the same in each.
         bench.put(plate, Place::Away);
         let grey = bench.plate(grey());
         let quadrants = |bench: &mut super::Bench, sample| {
@@ -76,8 +95,11 @@ fn a_texture_sends_and_receives_its_colours_where_they_are() {
             std::array::from_fn::<_, 4, _>(|quadrant| {
                 let (x, y) = (quadrant % 2 * 16, quadrant / 2 * 9);
                 // Leaves out the rows and columns in which two colours meet.
-                let pixels = (y + 1..y + 8).flat_map(|row| (x + 1..x + 15).map(move |column| row * 32 + column));
-                [0, 1, 2].map(|channel| pixels.clone().map(|pixel| f64::from(picture.rgb[pixel][channel])).sum::<f64>())
+                let pixels = (y + 1..y + 8)
+                    .flat_map(|row| (x + 1..x + 15).map(move |column| row * 32 + column));
+                [0, 1, 2].map(|channel| {
+                    pixels.clone().map(|pixel| f64::from(picture.rgb[pixel][channel])).sum::<f64>()
+                })
             })
         };
         let grey_quadrants = quadrants(bench, grey);
@@ -86,7 +108,10 @@ fn a_texture_sends_and_receives_its_colours_where_they_are() {
         for quadrant in 0..4 {
             for channel in 0..3 {
                 let received = found[quadrant][channel] / grey_quadrants[quadrant][channel];
-                assert!((received - expect(quadrant, channel)).abs() < 4e-3, "quadrant {quadrant}, channel {channel}: {received}");
+                assert!(
+                    (received - expect(quadrant, channel)).abs() < 4e-3,
+                    "quadrant {quadrant}, channel {channel}: {received}"
+                );
             }
         }
         let hidden = bench.as_occluder(plate);
@@ -99,11 +124,14 @@ fn a_texture_sends_and_receives_its_colours_where_they_are() {
 
 fn vertex_colours_tint_what_is_sent_and_received() {
     on_bench(|bench| {
-        let mesh = meshes::plate(false).with_inserted_attribute(Mesh::ATTRIBUTE_COLOR, vec![[0.2f32, 1.0, 0.6, 1.0]; 4]);
+        let mesh = meshes::plate(false)
+            .with_inserted_attribute(Mesh::ATTRIBUTE_COLOR, vec![[0.2f32, 1.0, 0.6, 1.0]; 4]);
         let plate = bench.sample(mesh, grey());
         let effect = bench.measure(plate);
         bench.clear(plate);
-        bench.relative("vertex colours", effect).assert_matt("vertex colours", [0.2, 1.0, 0.6].map(|tint| tint * f64::from(GREY)));
+        bench
+            .relative("vertex colours", effect)
+            .assert_matt("vertex colours", [0.2, 1.0, 0.6].map(|tint| tint * f64::from(GREY)));
     });
 }
 
@@ -114,7 +142,11 @@ fn metals_take_no_part_but_hide() {
             let found = bench.measure_plate(&label, StandardMaterial { metallic, ..grey() });
             found.assert_covers(&label, 1.0);
             found.assert_hides(&label, true);
-            for (what, value) in [("sends", found.sent[0]), ("lights the wall", found.wall[0]), ("receives", found.received[0])] {
+            for (what, value) in [
+                ("sends", found.sent[0]),
+                ("lights the wall", found.wall[0]),
+                ("receives", found.received[0]),
+            ] {
                 assert!((value - left).abs() < 4e-3, "{label}: {what} {value}");
             }
         }
@@ -123,10 +155,14 @@ fn metals_take_no_part_but_hide() {
 
 fn rough_metals_and_gloss_take_part_as_bevy_shades_them() {
     on_bench(|bench| {
-        // Of light that falls straight down, and by what a rough metal keeps of it; against a matt surface that does not care for shading.
-        let matt = bench.plate(StandardMaterial { perceptual_roughness: 0.7, reflectance: 0.0, ..grey() });
-        let metal = bench.plate(StandardMaterial { metallic: 1.0, perceptual_roughness: 0.7, ..grey() });
-        let gloss = bench.plate(StandardMaterial { perceptual_roughness: 0.7, reflectance: 1.0, ..grey() });
+        // Of light that falls straight down, and by what a rough metal keeps of it; against a matt
+        // surface that does not care for shading.
+        let matt =
+            bench.plate(StandardMaterial { perceptual_roughness: 0.7, reflectance: 0.0, ..grey() });
+        let metal =
+            bench.plate(StandardMaterial { metallic: 1.0, perceptual_roughness: 0.7, ..grey() });
+        let gloss =
+            bench.plate(StandardMaterial { perceptual_roughness: 0.7, reflectance: 1.0, ..grey() });
         let sent = |bench: &mut super::Bench, plate| {
             let flux = bench.as_source(plate, Place::Floor).flux[1];
             bench.put(plate, Place::Away);
@@ -135,7 +171,12 @@ fn rough_metals_and_gloss_take_part_as_bevy_shades_them() {
         let lambertian = [matt, metal, gloss].map(|plate| sent(bench, plate));
         let camera = set::camera(&mut bench.stage);
         let shade = |bench: &mut super::Bench, shading| {
-            bench.stage.world_mut().get_mut::<FrugalGi>(camera).expect("a camera with GI").shading = shading;
+            bench
+                .stage
+                .world_mut()
+                .get_mut::<FrugalGi>(camera)
+                .expect("a camera with GI")
+                .shading = shading;
         };
         shade(bench, GiShading::Standard);
         let standard = [matt, metal, gloss].map(|plate| sent(bench, plate));
@@ -143,8 +184,12 @@ fn rough_metals_and_gloss_take_part_as_bevy_shades_them() {
         println!("    sent as matt surfaces {lambertian:.0?}, as Bevy shades them {standard:.0?}");
         let [diffuse, metallic, glossy] = [0, 1, 2].map(|plate| standard[plate] / lambertian[0]);
         assert_eq!(lambertian[1], 0.0);
-        assert!((lambertian[2] / lambertian[0] - 1.0).abs() < 1e-6 && (diffuse - 1.0).abs() < 0.02, "{lambertian:?} {standard:?}");
-        // About as much as the matt surface of that colour, less what a rough one's facets keep; and a sixth of a half more.
+        assert!(
+            (lambertian[2] / lambertian[0] - 1.0).abs() < 1e-6 && (diffuse - 1.0).abs() < 0.02,
+            "{lambertian:?} {standard:?}"
+        );
+        // About as much as the matt surface of that colour, less what a rough one's facets keep;
+        // and a sixth of a half more.
         assert!((0.7..1.0).contains(&metallic), "{metallic}");
         assert!((1.15..1.4).contains(&glossy), "{glossy}");
         for plate in [matt, metal, gloss] {
@@ -157,28 +202,41 @@ fn masked_materials_are_lit_as_opaque_ones_are() {
     // Without GI: Bevy alone would draw what is masked a second time, over its own light.
     let mut found = Vec::new();
     for alpha_mode in [AlphaMode::Opaque, AlphaMode::Mask(0.5)] {
-        let mut stage = set::bare(vec![crate::gi::sun(Vec3::NEG_Y)], set::radiance_options(32, 18, Component::Direct));
+        let mut stage = set::bare(
+            vec![crate::gi::sun(Vec3::NEG_Y)],
+            set::radiance_options(32, 18, Component::Direct),
+        );
         let double = StandardMaterial { alpha_mode, double_sided: true, cull_mode: None, ..grey() };
-        let plate = meshes::spawn(&mut stage, meshes::plate(true), double, Place::Floor.transform());
+        let plate =
+            meshes::spawn(&mut stage, meshes::plate(true), double, Place::Floor.transform());
         set::apply(&mut stage, "min,resolution_scale=100%");
         set::look(&mut stage, Vec3::new(0.0, 1.0, 0.5), Vec3::ZERO);
         found.push(set::channel_means(&set::radiance(&mut stage)));
         assert!(stage.world_mut().despawn(plate));
     }
     println!("    {:.1} and {:.1} nits", found[0][1], found[1][1]);
-    assert!(found[0][1] > 1.0 && found.iter().flatten().all(|value| (value / found[0][1] - 1.0).abs() < 1e-3), "{found:?}");
+    assert!(
+        found[0][1] > 1.0
+            && found.iter().flatten().all(|value| (value / found[0][1] - 1.0).abs() < 1e-3),
+        "{found:?}"
+    );
 }
 
 fn emission_lights_the_wall_as_the_sun_s_light_does() {
     on_bench(|bench| {
-        // 100 nits, exposed as the bench is: Bevy's deferred renderer leaves `emissive_exposure_weight` out. They send on 314 lm/m², a sixteenth of
-        // what the plate does of the sun's light.
+        // 100 nits, exposed as the bench is: Bevy's deferred renderer leaves
+        // `emissive_exposure_weight` out. They send on 314 lm/m², a sixteenth of what the plate
+        // does of the sun's light.
         let emissive = LinearRgba::rgb(100.0 / (1.2 * 256.0), 0.0, 0.0);
         let added = 100.0 * std::f64::consts::PI / bench.reference().source.flux[0];
         let found = bench.measure_plate("emissive", StandardMaterial { emissive, ..grey() });
         found.assert_covers("emissive", 1.0);
         found.assert_hides("emissive", true);
-        assert!((found.wall[0] / found.wall[1] - 1.0 - added).abs() < 0.1 * added, "{added} {:?}", found.wall);
+        assert!(
+            (found.wall[0] / found.wall[1] - 1.0 - added).abs() < 0.1 * added,
+            "{added} {:?}",
+            found.wall
+        );
         found.assert_receives("emissive", [f64::from(GREY); 3]);
         // Other VPLs are drawn than without.
         assert!((found.wall[2] - 1.0).abs() < 0.03, "{:?}", found.wall);
@@ -206,8 +264,12 @@ fn a_scene_s_emission_is_in_nits() {
         let found = set::channel_means(&set::radiance(&mut stage));
         println!("    {found:.4?} nits at EV {ev100}");
         for (found, expected) in found.into_iter().zip([1.0, 0.5, 0.25]) {
-            // The G-buffer keeps nine bits of each channel, with one exponent for the three of them.
-            assert!((found / expected - 1.0).abs() < 0.01, "{found}, {expected} expected at EV {ev100}");
+            // The G-buffer keeps nine bits of each channel, with one exponent for the three of
+            // them.
+            assert!(
+                (found / expected - 1.0).abs() < 0.01,
+                "{found}, {expected} expected at EV {ev100}"
+            );
         }
     }
 }
@@ -226,12 +288,20 @@ fn sides_are_those_that_are_drawn() {
     on_bench(|bench| {
         let reference = bench.reference();
         let mut upside_down = |double_sided, cull_back: bool| {
-            let material = StandardMaterial { double_sided, cull_mode: grey().cull_mode.filter(|_| cull_back), ..grey() };
+            let material = StandardMaterial {
+                double_sided,
+                cull_mode: grey().cull_mode.filter(|_| cull_back),
+                ..grey()
+            };
             let plate = bench.plate(material);
             let source = bench.as_source(plate, Place::FloorUpsideDown);
             // Turned away from the floor; rays ask for no side.
             bench.put(plate, Place::Wall);
-            let mut place = bench.stage.world_mut().get_mut::<bevy::transform::components::Transform>(plate).expect("a plate");
+            let mut place = bench
+                .stage
+                .world_mut()
+                .get_mut::<bevy::transform::components::Transform>(plate)
+                .expect("a plate");
             place.rotate_y(std::f32::consts::PI);
             let behind = bench.behind();
             bench.clear(plate);
@@ -245,21 +315,48 @@ fn sides_are_those_that_are_drawn() {
         assert!(hidden > 0.95, "but rays do not: {hidden}");
 
         let (double, hidden) = upside_down(true, false);
-        println!("    back of a double side: covers {}, normal {}, hides {hidden:.3}", double.covered, double.normal);
-        assert!(double.covered == 1.0 && double.normal.abs_diff_eq(Vec3::Y, 1e-3) && (flux(double) - 1.0).abs() < 1e-4, "{double:?}");
-        assert!((double.wall[0] / reference.source.wall[0] - 1.0).abs() < 2e-3 && hidden > 0.95, "{double:?} {hidden}");
+        println!(
+            "    back of a double side: covers {}, normal {}, hides {hidden:.3}",
+            double.covered, double.normal
+        );
+        assert!(
+            double.covered == 1.0
+                && double.normal.abs_diff_eq(Vec3::Y, 1e-3)
+                && (flux(double) - 1.0).abs() < 1e-4,
+            "{double:?}"
+        );
+        assert!(
+            (double.wall[0] / reference.source.wall[0] - 1.0).abs() < 2e-3 && hidden > 0.95,
+            "{double:?} {hidden}"
+        );
 
-        // Bevy leaves such a side dark under direct light. Here its light comes out on the other side.
+        // Bevy leaves such a side dark under direct light. Here its light comes out on the other
+        // side.
         let (bare, hidden) = upside_down(false, false);
-        println!("    back that is only not culled: covers {}, normal {}, hides {hidden:.3}", bare.covered, bare.normal);
-        assert!(bare.covered == 1.0 && bare.normal.abs_diff_eq(Vec3::NEG_Y, 1e-3) && (flux(bare) - 1.0).abs() < 1e-4, "{bare:?}");
-        assert!(bare.wall[0] < 0.1 * reference.source.wall[0] && hidden > 0.95, "{bare:?} {hidden}");
+        println!(
+            "    back that is only not culled: covers {}, normal {}, hides {hidden:.3}",
+            bare.covered, bare.normal
+        );
+        assert!(
+            bare.covered == 1.0
+                && bare.normal.abs_diff_eq(Vec3::NEG_Y, 1e-3)
+                && (flux(bare) - 1.0).abs() < 1e-4,
+            "{bare:?}"
+        );
+        assert!(
+            bare.wall[0] < 0.1 * reference.source.wall[0] && hidden > 0.95,
+            "{bare:?} {hidden}"
+        );
     });
 }
 
 fn transparent_materials_are_not_there() {
     on_bench(|bench| {
-        let blended = |alpha_mode| StandardMaterial { alpha_mode, base_color: Color::linear_rgba(GREY, GREY, GREY, 0.9), ..grey() };
+        let blended = |alpha_mode| StandardMaterial {
+            alpha_mode,
+            base_color: Color::linear_rgba(GREY, GREY, GREY, 0.9),
+            ..grey()
+        };
         let materials = [
             ("blended", blended(AlphaMode::Blend)),
             ("added", blended(AlphaMode::Add)),
@@ -271,7 +368,10 @@ fn transparent_materials_are_not_there() {
             let hidden = bench.as_occluder(plate);
             bench.clear(plate);
             let share = bench.share_of_open_floor(&source);
-            println!("    {label}: covers {}, lets through {share:.3}, hides {hidden:.3}", source.covered);
+            println!(
+                "    {label}: covers {}, lets through {share:.3}, hides {hidden:.3}",
+                source.covered
+            );
             assert_eq!(source.covered, 0.0, "{label}");
             assert!((share - 1.0).abs() < 2e-3 && hidden.abs() < 0.02, "{label}: {share} {hidden}");
         }
