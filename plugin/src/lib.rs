@@ -34,6 +34,7 @@ mod pipelines;
 pub mod power;
 pub mod recording;
 pub mod resolution;
+mod schedule;
 pub mod units;
 
 use bevy::app::{PluginGroup, PluginGroupBuilder};

@@ -8,10 +8,6 @@ use bevy::reflect::Reflect;
 use bevy::render::extract_component::ExtractComponent;
 use bevy::render::view::Msaa;
 
-use super::bounces::BounceCamera;
-use super::gather::GiCamera;
-use super::sources::{SkyCamera, SkySource};
-
 /// Global illumination on this camera: one [bounce](Self::bounces), or more, of every directional,
 /// spot and point light, from virtual point lights (VPLs) drawn in reflective shadow maps; the
 /// light of [glowing surfaces](super::GiEmitters); and that of the camera's
@@ -22,7 +18,6 @@ use super::sources::{SkyCamera, SkySource};
 #[derive(Component, ExtractComponent, Reflect, Clone, Debug, PartialEq)]
 #[reflect(Component, Default, Clone, PartialEq)]
 #[require(Camera3d, Hdr, Msaa::Off, DepthPrepass, DeferredPrepass)]
-#[extract_component_sync_target((Self, GiCamera, SkyCamera, SkySource, BounceCamera))]
 pub struct FrugalGi {
     /// Virtual point lights for the whole picture. Higher values: smoother and nearer the truth;
     /// every gathered pixel evaluates its [interleaved](Self::interleave) share of them. Lower

@@ -9,19 +9,12 @@ use bevy::platform::collections::HashMap;
 use super::{KnobRegistry, KnobScope, KnobSettings, RegisterKnob, RenderSettings};
 use super::{builtin, warm};
 use crate::control::KnownKnobs;
+use crate::schedule::KnobSystems;
 
 /// Adds the built-in knobs and the systems that apply [`KnobSettings`] and [warm](super::WarmKnobs)
 /// them.
 #[derive(Clone, Debug, Default)]
 pub struct KnobPlugin;
-
-/// Where settings are applied.
-#[derive(SystemSet, Clone, Debug, PartialEq, Eq, Hash)]
-pub enum KnobSystems {
-    /// In `PostUpdate`, before cameras are updated: a level set before it is in the frame's
-    /// picture.
-    Apply,
-}
 
 impl Plugin for KnobPlugin {
     fn build(&self, app: &mut App) {

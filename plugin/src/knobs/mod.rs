@@ -13,7 +13,8 @@ mod settings;
 mod space;
 mod warm;
 
-pub use apply::{AppliedKnobs, KnobPlugin, KnobSystems};
+pub use crate::schedule::KnobSystems;
+pub use apply::{AppliedKnobs, KnobPlugin};
 pub use driver::{KnobDriver, KnobRegistry, KnobScope, RegisterKnob};
 pub use settings::KnobSettings;
 pub use space::{Knob, KnobSpace, KnobSpaceError, Level, Need, RenderSettings};

@@ -5,17 +5,17 @@ use bevy_frugal_gi::gi::inspect::STRUCT_BYTES;
 tests!(structs_have_the_sizes_that_buffers_are_made_for, the_check_sees_a_grown_struct);
 
 const SHADERS: [&str; 11] = [
-    include_str!("../../../plugin/src/gi/rsm/texel.wgsl"),
+    include_str!("../../../plugin/src/gi/texels/texel.wgsl"),
     include_str!("../../../plugin/src/gi/vpl/vpl.wgsl"),
-    include_str!("../../../plugin/src/gi/vpl/rows.wgsl"),
+    include_str!("../../../plugin/src/gi/texels/rows.wgsl"),
     include_str!("../../../plugin/src/gi/vpl/receivers.wgsl"),
     include_str!("../../../plugin/src/gi/vpl/plan.wgsl"),
     include_str!("../../../plugin/src/gi/gather/settings.wgsl"),
-    include_str!("../../../plugin/src/gi/visibility/trace.wgsl"),
+    include_str!("../../../plugin/src/gi/trace/trace.wgsl"),
     include_str!("../../../plugin/src/gi/rsm/resolve.wgsl"),
     include_str!("../../../plugin/src/gi/bounces/patch.wgsl"),
-    include_str!("../../../plugin/src/gi/sources/sky.wgsl"),
-    include_str!("../../../plugin/src/gi/sources/sky_fill.wgsl"),
+    include_str!("../../../plugin/src/gi/sky/sky.wgsl"),
+    include_str!("../../../plugin/src/gi/sky/fill.wgsl"),
 ];
 
 /// Bytes of the struct called `name` in a buffer, by the shader compiler. Cut out of its file, for

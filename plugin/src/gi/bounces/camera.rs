@@ -1,5 +1,6 @@
 //! What a GI camera holds whose light is reflected more than once.
 
+use std::ops::Range;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 
@@ -12,14 +13,12 @@ use bevy::render::sync_world::MainEntity;
 use super::patch::Patch;
 use super::patches::GiPatches;
 use super::{BouncePipelines, PATCHES, ReflectKind};
-use crate::gi::gather::VplPlan;
-use crate::gi::inspect::GiBouncesState;
-use crate::gi::refresh::GiFrame;
-use crate::gi::rsm::{RsmStore, TEXEL_BYTES};
 use crate::gi::settings::{FrugalGi, GiShading};
-use crate::gi::sources::{GiEmitters, SkyCamera, SkySeen};
-use crate::gi::visibility::OccluderBuffers;
-use crate::gi::vpl::{MapRow, RECEIVERS_BYTES, VPL_BYTES};
+use crate::gi::sky::{SkyCamera, SkySeen};
+use crate::gi::texels::{TEXEL_BYTES, TexelRange, TexelRow, TexelStore};
+use crate::gi::trace::OccluderBuffers;
+use crate::gi::view::GiFrame;
+use crate::gi::vpl::{RECEIVERS_BYTES, VPL_BYTES, VplPlan};
 
 /// Every patch looks at all carriers. As many as `bounces/reflect.wgsl` has.
 pub(super) const CARRIERS: VplPlan = VplPlan { interleave: 1, sets: 1, per_set: 512, stride: 512 };
@@ -33,6 +32,16 @@ struct Lit {
     sky: Option<SkySeen>,
     /// Which buffer the texels lie in, and where.
     store: (BufferId, u32),
+}
+
+/// The GPU objects of a camera's patches, for tests and debuggers.
+#[derive(Clone, Debug)]
+pub struct GiBouncesState {
+    /// The virtual point lights that light its patches (`vpl/vpl.wgsl`): one set, as the last round
+    /// sampled it.
+    pub carriers: Buffer,
+    /// Its patches' texels among all texels.
+    pub texels: Range<u32>,
 }
 
 /// What a GI camera holds in the render world while its light is reflected more than once.
@@ -90,23 +99,18 @@ impl BounceCamera {
     }
 
     /// Adds the rows of this camera's patches to those of its maps and of what glows.
-    pub(in crate::gi) fn add_rows(&self, rows: &mut Vec<MapRow>) {
-        MapRow::add_scattered(rows, self.first_texel(), PATCHES as u32);
+    pub(in crate::gi) fn add_rows(&self, rows: &mut Vec<TexelRow>) {
+        TexelRow::add_scattered(rows, self.first_texel(), PATCHES as u32);
     }
 }
 
 /// Gives every camera with patches its buffers, and takes them from the others; finds out whether
 /// its patches have to reflect again.
-pub(in crate::gi) fn prepare_cameras(
+pub(super) fn prepare(
     mut commands: Commands,
     mut pipelines: ResMut<BouncePipelines>,
     (device, queue, cache): (Res<RenderDevice>, Res<RenderQueue>, Res<PipelineCache>),
-    (store, emitters, patches, occluders): (
-        Res<RsmStore>,
-        Res<GiEmitters>,
-        Res<GiPatches>,
-        Res<OccluderBuffers>,
-    ),
+    (store, patches, occluders): (Res<TexelStore>, Res<GiPatches>, Res<OccluderBuffers>),
     frame: Res<GiFrame>,
     cameras: Query<(Entity, &MainEntity, &FrugalGi, &ExtractedCamera, Option<&SkyCamera>)>,
     mut held: Query<&mut BounceCamera>,
@@ -123,14 +127,14 @@ pub(in crate::gi) fn prepare_cameras(
             }
             continue;
         };
-        let first_texel = store.map_texels + emitters.texel_count() as u32 + before;
+        let first_texel = store.first(TexelRange::Patches) + before;
         let sky = sky.and_then(SkyCamera::seen);
         let kind = ReflectKind {
             has_sky: sky.is_some(),
             has_masks: occluders.are_masked(),
             is_lambertian: gi.shading == GiShading::Lambertian,
         };
-        pipelines.demand(&cache, kind);
+        pipelines.queue(&cache, kind);
         let always = sky.as_ref().is_some_and(SkySeen::is_generated);
         let rounds = gi.bounces.clamp(1, FrugalGi::MAX_BOUNCES) - 1;
         let lit = Lit {

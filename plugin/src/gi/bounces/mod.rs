@@ -28,10 +28,11 @@ mod patches;
 
 use std::sync::atomic::Ordering;
 
-use bevy::app::{App, PostUpdate};
-use bevy::asset::{AssetEventSystems, Handle, load_embedded_asset};
+use bevy::app::{App, Plugin, PostUpdate};
+use bevy::asset::{AssetEventSystems, Handle, embedded_asset, load_embedded_asset};
 use bevy::camera::visibility::VisibilitySystems;
 use bevy::core_pipeline::prepass::ViewPrepassTextures;
+use bevy::core_pipeline::schedule::Core3d;
 use bevy::ecs::prelude::*;
 use bevy::platform::collections::HashMap;
 use bevy::render::diagnostic::RecordDiagnostics;
@@ -42,38 +43,62 @@ use bevy::render::render_resource::binding_types::{
 use bevy::render::render_resource::*;
 use bevy::render::renderer::{RenderContext, ViewQuery};
 use bevy::render::view::{ViewUniform, ViewUniformOffset, ViewUniforms};
-use bevy::shader::Shader;
+use bevy::render::{GpuResourceAppExt, Render};
+use bevy::shader::{Shader, load_shader_library};
 use bevy::transform::TransformSystems;
 use bevy::utils::default;
 
-use super::gather::GiCamera;
-use super::rsm::{RsmStore, RsmSystems, TEXEL_BYTES};
-use super::sources::{EmittersSystems, SkyCamera};
-use super::visibility::OccluderBuffers;
-use super::vpl::{Drawn, VplPipelines};
-pub use camera::BounceCamera;
-pub(super) use camera::prepare_cameras as prepare_bounces;
+use super::schedule::{PassSystems, PrepareSystems, SceneSystems, supported_render_app};
+use super::sky::SkyCamera;
+use super::texels::{TEXEL_BYTES, TexelRange, TexelStore};
+use super::trace::OccluderBuffers;
+use super::view::GiView;
+use super::vpl::{Drawn, VplPipelines, VplView};
+pub use camera::{BounceCamera, GiBouncesState};
 pub(super) use patch::Patch;
 pub use patches::GiPatches;
 
 /// Patches of a camera. Fewer: blotchier second bounces; more: as many rays more, eight each.
 pub(super) const PATCHES: usize = 2048;
 
-pub(super) fn build(app: &mut App) {
-    app.init_resource::<GiPatches>()
-        .init_resource::<patches::Surfaces>()
-        .add_plugins(ExtractResourcePlugin::<GiPatches>::default())
-        .add_systems(
-            PostUpdate,
-            // Need to know what lights the scene in this frame, where everything is, and this
-            // frame's assets.
-            patches::update
-                .after(RsmSystems::Maintain)
-                .after(EmittersSystems)
-                .after(AssetEventSystems)
-                .after(TransformSystems::Propagate)
-                .after(VisibilitySystems::VisibilityPropagate),
-        );
+pub(super) struct BouncePlugin;
+
+impl Plugin for BouncePlugin {
+    fn build(&self, app: &mut App) {
+        load_shader_library!(app, "patch.wgsl");
+        embedded_asset!(app, "pick.wgsl");
+        embedded_asset!(app, "reflect.wgsl");
+        app.init_resource::<GiPatches>()
+            .init_resource::<patches::Surfaces>()
+            .add_plugins(ExtractResourcePlugin::<GiPatches>::default())
+            .add_systems(
+                PostUpdate,
+                // Need to know where everything is, and this frame's assets.
+                patches::update
+                    .in_set(SceneSystems::Surfaces)
+                    .after(AssetEventSystems)
+                    .after(TransformSystems::Propagate)
+                    .after(VisibilitySystems::VisibilityPropagate),
+            );
+    }
+
+    fn finish(&self, app: &mut App) {
+        let Some(render_app) = supported_render_app(app) else { return };
+        render_app
+            .init_gpu_resource::<BouncePipelines>()
+            .add_systems(
+                Render,
+                (
+                    reserve.in_set(PrepareSystems::Reserve),
+                    camera::prepare.in_set(PrepareSystems::Bounces),
+                ),
+            )
+            .add_systems(Core3d, reflect.in_set(PassSystems::Bounces));
+    }
+}
+
+fn reserve(mut store: ResMut<TexelStore>, patches: Res<GiPatches>) {
+    store.reserve(TexelRange::Patches, patches.texel_count());
 }
 
 /// What pipelines differ by.
@@ -137,7 +162,7 @@ impl BouncePipelines {
     }
 
     /// Has the pipelines of a kind compiled, where that was not asked for before.
-    fn demand(&mut self, cache: &PipelineCache, kind: ReflectKind) {
+    fn queue(&mut self, cache: &PipelineCache, kind: ReflectKind) {
         let Self { pick_layout, reflect_layouts, pick_shader, reflect_shader, pick, reflect } =
             self;
         pick.get_or_insert_with(|| {
@@ -177,21 +202,22 @@ impl BouncePipelines {
 pub(super) fn reflect(
     view: ViewQuery<(
         &BounceCamera,
-        &GiCamera,
+        &GiView,
+        &VplView,
         Option<&SkyCamera>,
         &ViewPrepassTextures,
         &ViewUniformOffset,
     )>,
     pipelines: Res<BouncePipelines>,
     vpl_pipelines: Res<VplPipelines>,
-    store: Res<RsmStore>,
+    store: Res<TexelStore>,
     occluders: Res<OccluderBuffers>,
     cache: Res<PipelineCache>,
     view_uniforms: Res<ViewUniforms>,
     mut context: RenderContext,
 ) {
-    let (camera, gi_camera, sky, prepass, view_offset) = view.into_inner();
-    if !gi_camera.work.draw || !camera.is_due {
+    let (camera, gi_view, vpl_view, sky, prepass, view_offset) = view.into_inner();
+    if !gi_view.work.draw || !camera.is_due {
         return;
     }
     let ready = |id: Option<&CachedComputePipelineId>| cache.get_compute_pipeline(*id?);
@@ -204,7 +230,7 @@ pub(super) fn reflect(
         &store.texels,
         occluders.bind_group(),
         view_uniforms.uniforms.binding(),
-        &gi_camera.drawing,
+        &vpl_view.drawing,
     ) else {
         return;
     };

@@ -3,8 +3,8 @@
 use bevy::math::Vec3;
 use bytemuck::{Pod, Zeroable};
 
-use crate::gi::rsm::pack_normal;
 use crate::gi::surfaces::Paint;
+use crate::gi::texels::pack_normal;
 
 /// `bounces/patch.wgsl`'s `Patch`.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]

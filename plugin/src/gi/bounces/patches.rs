@@ -20,12 +20,12 @@ use bevy::transform::components::GlobalTransform;
 use super::PATCHES;
 use super::choice::{Candidate, choose, density, rank};
 use super::patch::Patch;
-use crate::gi::presence::LightPresence;
 use crate::gi::settings::FrugalGi;
 use crate::gi::surfaces::{
     Paint, Place, Reflectance, SurfaceAssets, SurfacePoint, SurfacePoints, Triangles, area_matrix,
     triangles,
 };
+use crate::gi::view::LightPresence;
 
 /// Points of all surfaces, more or less, of which a camera's patches are chosen: what lies near it
 /// can have eight times as many patches as the rest.
@@ -157,7 +157,7 @@ pub(super) fn update(
         Option<MessageReader<AssetEvent<Image>>>,
     ),
     assets: SurfaceAssets,
-    light: LightPresence,
+    light: Res<LightPresence>,
     cameras: Query<(Entity, &Camera, &FrugalGi, &GlobalTransform, Has<EnvironmentMapLight>)>,
     meshes: Query<
         (

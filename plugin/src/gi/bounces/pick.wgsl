@@ -5,7 +5,7 @@
 // away.
 
 #import bevy_frugal_gi::gi::bounces::patch::Patch
-#import bevy_frugal_gi::gi::rsm::texel::{Texel, texel_normal}
+#import bevy_frugal_gi::gi::texels::texel::{Texel, texel_normal}
 #import bevy_frugal_gi::gi::vpl::receivers::{RECEIVERS, Receiver, Receivers}
 
 @group(0) @binding(0) var<storage, read> patches: array<Patch>;

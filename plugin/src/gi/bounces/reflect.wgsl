@@ -10,13 +10,13 @@
 
 #import bevy_render::view::View
 #import bevy_frugal_gi::gi::bounces::patch::{Patch, Place}
-#import bevy_frugal_gi::gi::rsm::texel::{Texel, texel_normal}
-#import bevy_frugal_gi::gi::surface::scattered_share
-#import bevy_frugal_gi::gi::visibility::trace::{is_occluded, is_open, surface_offset}
+#import bevy_frugal_gi::gi::texels::texel::{Texel, texel_normal}
+#import bevy_frugal_gi::gi::view::surface::scattered_share
+#import bevy_frugal_gi::gi::trace::trace::{is_occluded, is_open, surface_offset}
 #import bevy_frugal_gi::gi::vpl::hand::{dealt, empty_hand}
 #import bevy_frugal_gi::gi::vpl::vpl::{Vpl, from_vpl}
 #ifdef SKY
-#import bevy_frugal_gi::gi::sources::sky::{SKY_STRIDE, SkyLight, SkyPlan}
+#import bevy_frugal_gi::gi::sky::sky::{SKY_STRIDE, SkyLight, SkyPlan}
 #endif
 
 @group(0) @binding(0) var<uniform> view: View;

@@ -3,7 +3,7 @@
 
 #import bevy_core_pipeline::fullscreen_vertex_shader::FullscreenVertexOutput
 #import bevy_render::view::View
-#import bevy_frugal_gi::gi::surface::{
+#import bevy_frugal_gi::gi::view::surface::{
     pixel_position, plane_tolerance, representative, scattered_share, surface_affinity, surface_normal,
 }
 

@@ -1,9 +1,11 @@
 //! The composite: gathered irradiance, interpolated along surfaces, times albedo, added to the
 //! picture before tone mapping.
 
-use bevy::asset::{Handle, load_embedded_asset};
+use bevy::app::{App, Plugin};
+use bevy::asset::{Handle, embedded_asset, load_embedded_asset};
 use bevy::core_pipeline::FullscreenShader;
 use bevy::core_pipeline::prepass::ViewPrepassTextures;
+use bevy::core_pipeline::schedule::Core3d;
 use bevy::ecs::prelude::*;
 use bevy::render::camera::ExtractedCamera;
 use bevy::render::diagnostic::RecordDiagnostics;
@@ -11,11 +13,30 @@ use bevy::render::render_resource::binding_types::{texture_2d, texture_depth_2d,
 use bevy::render::render_resource::*;
 use bevy::render::renderer::{RenderContext, ViewQuery};
 use bevy::render::view::{ExtractedView, ViewTarget, ViewUniform, ViewUniformOffset, ViewUniforms};
+use bevy::render::{GpuResourceAppExt, Render, RenderSystems};
 use bevy::shader::{Shader, ShaderDefVal};
 use bevy::utils::default;
 
-use super::gather::GiCamera;
+use super::gather::GatherView;
+use super::schedule::{GiSystems, supported_render_app};
 use super::settings::{FrugalGi, GiOutput, GiPixelFraction, GiShading};
+use super::view::GiView;
+
+pub(super) struct CompositePlugin;
+
+impl Plugin for CompositePlugin {
+    fn build(&self, app: &mut App) {
+        embedded_asset!(app, "composite.wgsl");
+    }
+
+    fn finish(&self, app: &mut App) {
+        let Some(render_app) = supported_render_app(app) else { return };
+        render_app
+            .init_gpu_resource::<CompositePipelines>()
+            .add_systems(Render, prepare_pipelines.in_set(RenderSystems::Prepare))
+            .add_systems(Core3d, composite.in_set(GiSystems::Composite));
+    }
+}
 
 #[derive(Resource)]
 pub(super) struct CompositePipelines {
@@ -100,7 +121,7 @@ impl SpecializedRenderPipeline for CompositePipelines {
 #[derive(Component)]
 pub(super) struct CompositePipelineId(CachedRenderPipelineId);
 
-pub(super) fn prepare_pipelines(
+fn prepare_pipelines(
     mut commands: Commands,
     mut specialized: ResMut<SpecializedRenderPipelines<CompositePipelines>>,
     pipelines: Res<CompositePipelines>,
@@ -127,7 +148,7 @@ pub(super) fn composite(
         &ViewPrepassTextures,
         &ViewUniformOffset,
         &CompositePipelineId,
-        Option<&GiCamera>,
+        Option<(&GiView, &GatherView)>,
     )>,
     pipelines: Res<CompositePipelines>,
     cache: Res<PipelineCache>,
@@ -137,12 +158,12 @@ pub(super) fn composite(
     let (gi, camera, target, prepass, view_offset, pipeline, gathered) = view.into_inner();
     let alone = gi.output == GiOutput::IndirectOnly;
     let bind_group = (|| {
-        let gathered = gathered?;
+        let (_, gather) = gathered?;
         let entries = BindGroupEntries::sequential((
             prepass.deferred_view()?,
             prepass.depth_view()?,
             view_uniforms.uniforms.binding()?,
-            &gathered.shown().default_view,
+            &gather.irradiance.default_view,
         ));
         let layout = cache.get_bind_group_layout(&pipelines.layout);
         Some(context.render_device().create_bind_group(
@@ -157,8 +178,8 @@ pub(super) fn composite(
     }
     // The fraction may have changed while its pipeline is compiled: cells of another size would be
     // read wrongly.
-    let drawn =
-        drawn.filter(|_| gathered.is_some_and(|gathered| gathered.fraction == gi.pixel_fraction));
+    let drawn = drawn
+        .filter(|_| gathered.is_some_and(|(view, _)| view.gi.pixel_fraction == gi.pixel_fraction));
 
     let mut attachment = target.get_color_attachment();
     if alone {

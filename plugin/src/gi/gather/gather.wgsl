@@ -12,15 +12,15 @@
 
 #import bevy_render::view::View
 #import bevy_frugal_gi::gi::gather::settings::Gather
-#import bevy_frugal_gi::gi::surface::{pixel_position, pixel_width, representative, surface_normal}
+#import bevy_frugal_gi::gi::view::surface::{pixel_position, pixel_width, representative, surface_normal}
 #import bevy_frugal_gi::gi::vpl::plan::Plan
 #import bevy_frugal_gi::gi::vpl::vpl::{Vpl, from_vpl}
 #ifdef RAYS
 #import bevy_frugal_gi::gi::vpl::hand::{dealt, empty_hand, weight_of}
-#import bevy_frugal_gi::gi::visibility::trace::{is_occluded, is_open, surface_offset}
+#import bevy_frugal_gi::gi::trace::trace::{is_occluded, is_open, surface_offset}
 #endif
 #ifdef SKY_RAYS
-#import bevy_frugal_gi::gi::sources::sky::{SkyLight, SkyPlan}
+#import bevy_frugal_gi::gi::sky::sky::{SkyLight, SkyPlan}
 #endif
 
 @group(0) @binding(0) var g_buffer: texture_2d<u32>;

@@ -1,11 +1,12 @@
 //! The gather: irradiance from a camera's VPLs at a share of its pixels.
 
-mod camera;
-mod plan;
-mod work;
+mod settings;
+mod view;
 
-use bevy::asset::{Handle, load_embedded_asset};
+use bevy::app::{App, Plugin};
+use bevy::asset::{Handle, embedded_asset, load_embedded_asset};
 use bevy::core_pipeline::prepass::ViewPrepassTextures;
+use bevy::core_pipeline::schedule::Core3d;
 use bevy::ecs::prelude::*;
 use bevy::platform::collections::HashMap;
 use bevy::render::diagnostic::RecordDiagnostics;
@@ -16,17 +17,45 @@ use bevy::render::render_resource::binding_types::{
 use bevy::render::render_resource::*;
 use bevy::render::renderer::{RenderContext, ViewQuery};
 use bevy::render::view::{ViewUniform, ViewUniformOffset, ViewUniforms};
-use bevy::shader::{Shader, ShaderDefVal};
+use bevy::render::{GpuResourceAppExt, Render};
+use bevy::shader::{Shader, ShaderDefVal, load_shader_library};
 use bevy::utils::default;
 
+use super::schedule::{PassSystems, PrepareSystems, supported_render_app};
 use super::settings::{FrugalGi, GiVisibility};
-use super::sources::{SET_BYTES, SkyCamera};
-use super::visibility::OccluderBuffers;
-use super::vpl::VPL_BYTES;
-pub use camera::GiCamera;
-use camera::first_of;
-pub(super) use camera::prepare_cameras;
-pub(super) use plan::{GatherSettings, VplPlan};
+use super::sky::{SET_BYTES, SkyCamera};
+use super::trace::OccluderBuffers;
+use super::view::GiView;
+use super::vpl::{VPL_BYTES, VplView};
+pub(super) use settings::GatherSettings;
+pub(super) use view::{GatherView, IRRADIANCE, irradiance_texture, texture_bytes, texture_size};
+
+pub(super) struct GatherPlugin;
+
+impl Plugin for GatherPlugin {
+    fn build(&self, app: &mut App) {
+        load_shader_library!(app, "settings.wgsl");
+        embedded_asset!(app, "gather.wgsl");
+    }
+
+    fn finish(&self, app: &mut App) {
+        let Some(render_app) = supported_render_app(app) else { return };
+        render_app
+            .init_gpu_resource::<GatherPipelines>()
+            .add_systems(
+                Render,
+                (
+                    prepare_sky_pipelines.in_set(PrepareSystems::GatherPipelines),
+                    (view::prepare, prepare_masked_pipelines).in_set(PrepareSystems::Gather),
+                ),
+            )
+            .add_systems(Core3d, gather.in_set(PassSystems::Gather));
+    }
+}
+
+fn first_of(buffer: &Buffer, size: u64) -> BindingResource<'_> {
+    BindingResource::Buffer(BufferBinding { buffer, offset: 0, size: BufferSize::new(size) })
+}
 
 /// What pipelines differ by.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
@@ -83,7 +112,7 @@ impl FromWorld for GatherPipelines {
         };
         let cache = world.resource::<PipelineCache>();
         for visibility in GiVisibility::ALL {
-            pipelines.demand(cache, GatherKind { visibility, has_sky: false, has_masks: false });
+            pipelines.queue(cache, GatherKind { visibility, has_sky: false, has_masks: false });
         }
         pipelines
     }
@@ -91,7 +120,7 @@ impl FromWorld for GatherPipelines {
 
 impl GatherPipelines {
     /// The pipeline of a kind; compiled from now on where it was not asked for before.
-    pub(super) fn demand(
+    pub(super) fn queue(
         &mut self,
         cache: &PipelineCache,
         kind: GatherKind,
@@ -133,8 +162,21 @@ impl GatherPipelines {
     }
 }
 
+/// Asks for the pipelines that gather a sky, and keeps a sky inactive until its own is there.
+fn prepare_sky_pipelines(
+    mut pipelines: ResMut<GatherPipelines>,
+    cache: Res<PipelineCache>,
+    mut skies: Query<(&FrugalGi, &mut SkyCamera)>,
+) {
+    for (gi, mut sky) in &mut skies {
+        let kind = GatherKind { visibility: gi.visibility, has_sky: true, has_masks: false };
+        let pipeline = pipelines.queue(&cache, kind);
+        sky.is_active &= cache.get_compute_pipeline(pipeline).is_some();
+    }
+}
+
 /// Asks for the pipelines that look for holes, where there are any.
-pub(super) fn prepare_pipelines(
+fn prepare_masked_pipelines(
     mut pipelines: ResMut<GatherPipelines>,
     occluders: Res<OccluderBuffers>,
     cache: Res<PipelineCache>,
@@ -147,28 +189,35 @@ pub(super) fn prepare_pipelines(
         // A sky may turn out to send nothing.
         for has_sky in [false, has_sky] {
             pipelines
-                .demand(&cache, GatherKind { visibility: gi.visibility, has_sky, has_masks: true });
+                .queue(&cache, GatherKind { visibility: gi.visibility, has_sky, has_masks: true });
         }
     }
 }
 
 /// In a GI camera's view: gathers, set by set.
 pub(super) fn gather(
-    view: ViewQuery<(&GiCamera, &ViewPrepassTextures, &ViewUniformOffset, Option<&SkyCamera>)>,
+    view: ViewQuery<(
+        &GiView,
+        &VplView,
+        &GatherView,
+        &ViewPrepassTextures,
+        &ViewUniformOffset,
+        Option<&SkyCamera>,
+    )>,
     pipelines: Res<GatherPipelines>,
     occluders: Res<OccluderBuffers>,
     cache: Res<PipelineCache>,
     view_uniforms: Res<ViewUniforms>,
     mut context: RenderContext,
 ) {
-    let (camera, prepass, view_offset, sky) = view.into_inner();
-    if !camera.work.gather {
+    let (view, vpl, gather, prepass, view_offset, sky) = view.into_inner();
+    if !view.work.gather {
         return;
     }
-    let sky = sky.filter(|_| camera.sky_samples > 0);
-    let is_traced = camera.visibility != GiVisibility::None;
+    let sky = sky.filter(|_| view.sky_samples > 0);
+    let is_traced = view.gi.visibility != GiVisibility::None;
     let kind = GatherKind {
-        visibility: camera.visibility,
+        visibility: view.gi.visibility,
         has_sky: sky.is_some(),
         has_masks: is_traced && occluders.are_masked(),
     };
@@ -185,10 +234,10 @@ pub(super) fn gather(
         g_buffer,
         depth,
         views,
-        first_of(&camera.vpls, u64::from(FrugalGi::MAX_VPLS_PER_PIXEL) * VPL_BYTES),
-        camera.first_settings(),
-        camera.plan_buffer.as_entire_binding(),
-        &camera.irradiance.default_view,
+        first_of(&vpl.vpls, u64::from(FrugalGi::MAX_VPLS_PER_PIXEL) * VPL_BYTES),
+        gather.first_settings(),
+        vpl.plan_buffer.as_entire_binding(),
+        &gather.irradiance.default_view,
     ));
     let entries = match sky {
         Some(sky) => entries.extend_sequential((
@@ -200,7 +249,7 @@ pub(super) fn gather(
     let layout = cache.get_bind_group_layout(&pipelines.layouts[usize::from(sky.is_some())]);
     let bind_group =
         context.render_device().create_bind_group("bevy_frugal_gi/gather", &layout, &entries);
-    let size = camera.irradiance.texture.size();
+    let size = gather.irradiance.texture.size();
     let diagnostics = context.diagnostic_recorder();
     let diagnostics = diagnostics.as_deref();
     let span = diagnostics.time_span(context.command_encoder(), "bevy_frugal_gi/gather");
@@ -213,11 +262,11 @@ pub(super) fn gather(
         if let Some(traced) = traced {
             pass.set_bind_group(1, traced, &[]);
         }
-        let across = 8 * camera.plan.interleave;
-        for set in 0..camera.plan.sets {
-            let settings = set * plan::SETTINGS_STRIDE as u32;
+        let across = 8 * vpl.plan.interleave;
+        for set in 0..vpl.plan.sets {
+            let settings = set * settings::SETTINGS_STRIDE as u32;
             let offsets =
-                [view_offset.offset, camera.plan.offset(set), settings, set * SET_BYTES as u32];
+                [view_offset.offset, vpl.plan.offset(set), settings, set * SET_BYTES as u32];
             pass.set_bind_group(0, &bind_group, &offsets[..if sky.is_some() { 4 } else { 3 }]);
             pass.dispatch_workgroups(size.width.div_ceil(across), size.height.div_ceil(across), 1);
         }

@@ -9,23 +9,22 @@
 mod lights;
 mod region;
 mod resolve;
-mod texel;
 mod views;
 
-use bevy::app::{App, PostUpdate};
-use bevy::camera::CameraUpdateSystems;
+use bevy::app::{App, Plugin, PostUpdate};
+use bevy::asset::embedded_asset;
+use bevy::core_pipeline::schedule::Core3d;
 use bevy::ecs::prelude::*;
 use bevy::reflect::Reflect;
-use bevy::render::extract_component::ExtractComponent;
-
-use crate::knobs::KnobSystems;
-
-pub(super) use lights::RsmLight;
-pub(super) use region::RsmCut;
-pub(super) use resolve::{
-    RsmPipelines, RsmStore, TEXEL_BYTES, drop_main_phases, prepare_store, resolve,
+use bevy::render::extract_component::{
+    ExtractComponent, ExtractComponentPlugin, UniformComponentPlugin,
 };
-pub(super) use texel::{Texel, pack_normal};
+use bevy::render::{GpuResourceAppExt, Render, RenderSystems};
+
+use super::schedule::{GiSystems, PrepareSystems, SceneSystems, supported_render_app};
+use super::texels::CascadeCut;
+pub(super) use lights::RsmLight;
+pub(super) use resolve::resolve;
 pub(super) use views::MapsTouched;
 
 /// Marks a hidden camera that renders what a light sees. Filter your own camera queries with
@@ -42,22 +41,37 @@ pub struct RsmView {
     pub face: u8,
 }
 
-/// In the main world.
-#[derive(SystemSet, Clone, Debug, PartialEq, Eq, Hash)]
-pub(super) enum RsmSystems {
-    /// Maps' cameras come, move and go.
-    Maintain,
-}
+pub(super) struct RsmPlugin;
 
-pub(super) fn build(app: &mut App) {
-    app.init_resource::<region::SceneBox>().init_resource::<MapsTouched>().add_systems(
-        PostUpdate,
-        // Need to come before cameras are updated: sizes, projections and transforms written here
-        // are picked up in the same frame. Need the knobs' levels, for the same reason.
-        (region::update_scene_box, views::maintain)
-            .chain()
-            .in_set(RsmSystems::Maintain)
-            .after(KnobSystems::Apply)
-            .before(CameraUpdateSystems),
-    );
+impl Plugin for RsmPlugin {
+    fn build(&self, app: &mut App) {
+        embedded_asset!(app, "resolve.wgsl");
+        app.register_type::<RsmView>()
+            .init_resource::<region::SceneBox>()
+            .init_resource::<MapsTouched>()
+            .add_plugins((
+                ExtractComponentPlugin::<RsmView>::default(),
+                ExtractComponentPlugin::<RsmLight>::default(),
+                ExtractComponentPlugin::<CascadeCut>::default(),
+                UniformComponentPlugin::<RsmLight>::default(),
+            ))
+            .add_systems(
+                PostUpdate,
+                (region::update_scene_box, views::maintain).chain().in_set(SceneSystems::Maps),
+            );
+    }
+
+    fn finish(&self, app: &mut App) {
+        let Some(render_app) = supported_render_app(app) else { return };
+        render_app
+            .init_gpu_resource::<resolve::RsmPipelines>()
+            .add_systems(
+                Render,
+                (
+                    resolve::drop_main_phases.in_set(RenderSystems::CreateViews),
+                    resolve::reserve.in_set(PrepareSystems::Reserve),
+                ),
+            )
+            .add_systems(Core3d, resolve.in_set(GiSystems::Resolve));
+    }
 }

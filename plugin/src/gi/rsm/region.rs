@@ -4,8 +4,9 @@ use bevy::camera::primitives::Aabb;
 use bevy::ecs::prelude::*;
 use bevy::math::{Mat3, Vec2, Vec3, Vec3A};
 use bevy::mesh::Mesh3d;
-use bevy::render::extract_component::ExtractComponent;
 use bevy::transform::components::GlobalTransform;
+
+use crate::gi::texels::CascadeCut;
 
 /// The box around every mesh of the world.
 #[derive(Resource, Clone, Copy, Debug, Default, PartialEq)]
@@ -18,15 +19,6 @@ const NEAR_SHARE: f32 = 0.3;
 /// Where the camera's own map would be larger than this share of the other's side, one map does for
 /// both.
 const LARGEST_NEAR: f32 = 0.6;
-
-/// Texels of a map that another one covers more finely: nothing is drawn from them.
-#[derive(Component, ExtractComponent, Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub(in crate::gi) struct RsmCut {
-    /// First column and the one after the last.
-    pub columns: [u32; 2],
-    /// The same of rows, counted from the top.
-    pub rows: [u32; 2],
-}
 
 /// Redone only when a mesh appeared, moved or went away.
 pub(super) fn update_scene_box(
@@ -121,7 +113,7 @@ pub(super) fn near(
     camera: Vec3,
     range: f32,
     texels: u32,
-) -> Option<(LightRegion, RsmCut)> {
+) -> Option<(LightRegion, CascadeCut)> {
     let light_from_world = rotation.transpose();
     let (center, eye) = (light_from_world * far.origin, light_from_world * camera);
     if !(eye.is_finite() && center.is_finite()) {
@@ -152,7 +144,10 @@ pub(super) fn near(
     };
     Some((
         region,
-        RsmCut { columns: [left, left + width], rows: [texels - bottom - height, texels - bottom] },
+        CascadeCut {
+            columns: [left, left + width],
+            rows: [texels - bottom - height, texels - bottom],
+        },
     ))
 }
 

@@ -1,4 +1,4 @@
-//! The pass that turns a light's G-buffer into texels, and the store that keeps them.
+//! The pass that turns a light's G-buffer into texels.
 
 use bevy::asset::load_embedded_asset;
 use bevy::core_pipeline::core_3d::{AlphaMask3d, Opaque3d, Transparent3d};
@@ -12,7 +12,7 @@ use bevy::render::render_resource::binding_types::{
     storage_buffer_sized, texture_2d, texture_depth_2d, uniform_buffer,
 };
 use bevy::render::render_resource::*;
-use bevy::render::renderer::{RenderContext, RenderDevice, RenderQueue, ViewQuery};
+use bevy::render::renderer::{RenderContext, ViewQuery};
 use bevy::render::view::{
     ExtractedView, ViewDepthTexture, ViewUniform, ViewUniformOffset, ViewUniforms,
 };
@@ -20,29 +20,8 @@ use bevy::utils::default;
 
 use super::RsmView;
 use super::lights::RsmLight;
-use crate::gi::bounces::GiPatches;
-use crate::gi::settings::{FrugalGi, GiShading};
-use crate::gi::sources::GiEmitters;
-
-/// Bytes of `rsm/texel.wgsl`'s `Texel`. A test holds it against the shader.
-pub(in crate::gi) const TEXEL_BYTES: u64 = size_of::<super::Texel>() as u64;
-
-/// Texels of every map, one after another, those of what glows, and those of cameras' patches.
-/// Empty while there is no light.
-#[derive(Resource, Default)]
-pub(in crate::gi) struct RsmStore {
-    /// `Texel` each; present while there are any.
-    pub texels: Option<Buffer>,
-    /// Those of maps.
-    pub map_texels: u32,
-}
-
-impl RsmStore {
-    /// Bytes held on the GPU.
-    pub fn bytes(&self) -> u64 {
-        self.texels.as_ref().map_or(0, |texels| texels.size())
-    }
-}
+use crate::gi::settings::GiShading;
+use crate::gi::texels::{TexelRange, TexelStore};
 
 #[derive(Resource)]
 pub(in crate::gi) struct RsmPipelines {
@@ -89,7 +68,7 @@ impl FromWorld for RsmPipelines {
 
 /// Takes the maps' cameras out of the main pass before anything is specialised, compiled or queued
 /// for it.
-pub(in crate::gi) fn drop_main_phases(
+pub(super) fn drop_main_phases(
     views: Query<&ExtractedView, With<RsmView>>,
     mut opaque: ResMut<ViewBinnedRenderPhases<Opaque3d>>,
     mut alpha_mask: ResMut<ViewBinnedRenderPhases<AlphaMask3d>>,
@@ -105,50 +84,10 @@ pub(in crate::gi) fn drop_main_phases(
     }
 }
 
-/// Fits the store to the maps of this frame, what glows and what reflects again; lets it go where
-/// there is none of them.
-pub(in crate::gi) fn prepare_store(
-    mut store: ResMut<RsmStore>,
-    device: Res<RenderDevice>,
-    queue: Res<RenderQueue>,
-    maps: Query<&RsmLight, With<RsmView>>,
-    (emitters, patches): (Res<GiEmitters>, Res<GiPatches>),
-    cameras: Query<(), With<FrugalGi>>,
-) {
-    let mut texels = 0;
-    let old_map_texels = store.map_texels;
-    for light in &maps {
-        texels = texels.max(u64::from(light.texel_offset) + u64::from(light.resolution).pow(2));
-    }
-    store.map_texels = texels as u32;
-    texels += (emitters.texel_count() + patches.texel_count()) as u64;
-    if texels == 0 || cameras.is_empty() {
-        store.texels = None;
-        return;
-    }
-    let size = texels * TEXEL_BYTES;
-    if store.texels.as_ref().is_none_or(|old| old.size() != size) {
-        let new = device.create_buffer(&BufferDescriptor {
-            label: Some("bevy_frugal_gi/rsm/texels"),
-            size,
-            usage: BufferUsages::STORAGE | BufferUsages::COPY_SRC | BufferUsages::COPY_DST,
-            mapped_at_creation: false,
-        });
-        // Where only what lies behind them needs more room or less, maps that rest are not rendered
-        // again.
-        if let Some(old) = store
-            .texels
-            .as_ref()
-            .filter(|_| store.map_texels > 0 && store.map_texels == old_map_texels)
-        {
-            let mut encoder = device.create_command_encoder(&CommandEncoderDescriptor {
-                label: Some("bevy_frugal_gi/rsm/keep"),
-            });
-            encoder.copy_buffer_to_buffer(old, 0, &new, 0, u64::from(old_map_texels) * TEXEL_BYTES);
-            queue.submit([encoder.finish()]);
-        }
-        store.texels = Some(new);
-    }
+/// Reserves the texels of all maps.
+pub(super) fn reserve(mut store: ResMut<TexelStore>, maps: Query<&RsmLight, With<RsmView>>) {
+    let ends = maps.iter().map(|light| light.texel_offset + light.resolution.pow(2));
+    store.reserve(TexelRange::Maps, ends.max().unwrap_or(0) as usize);
 }
 
 /// In a map's own view: G-buffer to texels.
@@ -163,7 +102,7 @@ pub(in crate::gi) fn resolve(
         &ViewUniformOffset,
     )>,
     pipelines: Res<RsmPipelines>,
-    store: Res<RsmStore>,
+    store: Res<TexelStore>,
     cache: Res<PipelineCache>,
     view_uniforms: Res<ViewUniforms>,
     lights: Res<ComponentUniforms<RsmLight>>,

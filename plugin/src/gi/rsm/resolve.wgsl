@@ -6,8 +6,8 @@
 // of such a uniform.
 
 #import bevy_render::view::View
-#import bevy_frugal_gi::gi::rsm::texel::{Texel, pack_normal}
-#import bevy_frugal_gi::gi::surface::{read_surface, scattered_share}
+#import bevy_frugal_gi::gi::texels::texel::{Texel, pack_normal}
+#import bevy_frugal_gi::gi::view::surface::{read_surface, scattered_share}
 
 struct Light {
     /// Parallel: lux. Otherwise candela. Linear RGB.

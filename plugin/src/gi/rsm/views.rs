@@ -20,8 +20,10 @@ use bevy::transform::helper::TransformHelper;
 
 use super::RsmView;
 use super::lights::{BouncingLight, Emitter, RsmLight};
-use super::region::{LightRegion, RsmCut, SceneBox, cover, near};
+use super::region::{LightRegion, SceneBox, cover, near};
 use crate::gi::settings::{FrugalGi, GiLimits, GiShading};
+use crate::gi::texels::CascadeCut;
+use crate::gi::view::LightPresence;
 
 /// Lights' maps come before every camera that an app would order by hand; each has its own number.
 const FIRST_ORDER: isize = isize::MIN / 2;
@@ -33,7 +35,7 @@ struct Wanted {
     transform: Transform,
     projection: Projection,
     light: RsmLight,
-    cut: RsmCut,
+    cut: CascadeCut,
     shading: GiShading,
     layers: Option<RenderLayers>,
 }
@@ -66,7 +68,7 @@ pub(in crate::gi) struct MapsTouched {
 
 pub(super) fn maintain(
     mut commands: Commands,
-    mut touched: ResMut<MapsTouched>,
+    (mut touched, mut presence): (ResMut<MapsTouched>, ResMut<LightPresence>),
     limits: Res<GiLimits>,
     scene: Res<SceneBox>,
     cameras: Query<(Entity, &Camera, &FrugalGi), Without<RsmView>>,
@@ -127,6 +129,7 @@ pub(super) fn maintain(
         wanted = choose(&lights, &eyes, scene, limits.max_rsm_count);
     }
     lay_out(&mut wanted);
+    presence.maps = !wanted.is_empty();
 
     let mut missing: HashMap<RsmView, Wanted> = wanted.into_iter().map(|w| (w.view, w)).collect();
     *touched = MapsTouched::default();
@@ -156,7 +159,7 @@ pub(super) struct Map {
     projection: &'static mut Projection,
     transform: &'static mut Transform,
     light: &'static mut RsmLight,
-    cut: &'static mut RsmCut,
+    cut: &'static mut CascadeCut,
     shading: &'static mut GiShading,
 }
 
@@ -241,7 +244,7 @@ fn parallel_maps(
     let shared = shared_resolution(eye.resolution);
     let far = cover(scene, rotation, eye.position, eye.range, shared);
     if let Some((near, cut)) = near(&far, rotation, eye.position, eye.range, shared) {
-        let maps = [(far, cut), (near, RsmCut::default())];
+        let maps = [(far, cut), (near, CascadeCut::default())];
         return (0..)
             .zip(maps)
             .map(|(face, (region, cut))| {
@@ -250,7 +253,7 @@ fn parallel_maps(
             .collect();
     }
     let whole = cover(scene, rotation, eye.position, eye.range, eye.resolution);
-    vec![parallel_map(light, eye, 0, eye.resolution, whole, RsmCut::default(), layers)]
+    vec![parallel_map(light, eye, 0, eye.resolution, whole, CascadeCut::default(), layers)]
 }
 
 /// Texels along the side of each of two maps that stand in for one of `resolution`.
@@ -264,7 +267,7 @@ fn parallel_map(
     face: u8,
     resolution: u32,
     region: LightRegion,
-    cut: RsmCut,
+    cut: CascadeCut,
     layers: &Option<RenderLayers>,
 ) -> Wanted {
     Wanted {
@@ -328,15 +331,19 @@ fn perspective_map(
             cone_offset,
             ..Default::default()
         },
-        cut: RsmCut::default(),
+        cut: CascadeCut::default(),
         shading,
         layers: layers.clone(),
     }
 }
 
-/// Rotation of a camera that looks through the cube's `face`.
+/// Rotation of a camera (which looks along its own −Z) that looks through the cube's `face`: +X, −X,
+/// +Y, −Y, +Z, −Z.
 fn cube_face(face: u8) -> Quat {
-    crate::frontier::ViewDirection::ALL[usize::from(face) % 6].rotation()
+    let axis = [Vec3::X, Vec3::Y, Vec3::Z][usize::from(face) / 2 % 3];
+    let forward = if face.is_multiple_of(2) { axis } else { -axis };
+    let up = if axis == Vec3::Y { Vec3::NEG_Z } else { Vec3::Y };
+    Quat::from_mat3(&Mat3::from_cols(forward.cross(up), up, -forward))
 }
 
 /// Gives every map its place in the store, in an order that does not depend on how entities are

@@ -6,7 +6,7 @@
 // resampled importance sampling (Talbot et al. 2005) with its proposals in a fixed order.
 #define_import_path bevy_frugal_gi::gi::vpl::hand
 
-#import bevy_frugal_gi::gi::luminance::luminance
+#import bevy_frugal_gi::gi::view::luminance::luminance
 
 struct Hand {
     /// What all lights of it would send.

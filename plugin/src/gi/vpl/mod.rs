@@ -1,10 +1,14 @@
 //! Virtual point lights: drawn for each GI camera from the texels of its maps.
 
 mod buffers;
+mod plan;
 mod steps;
+mod view;
 
-use bevy::asset::{Handle, load_embedded_asset};
+use bevy::app::{App, Plugin};
+use bevy::asset::{Handle, embedded_asset, load_embedded_asset};
 use bevy::core_pipeline::prepass::ViewPrepassTextures;
+use bevy::core_pipeline::schedule::Core3d;
 use bevy::ecs::prelude::*;
 use bevy::render::diagnostic::RecordDiagnostics;
 use bevy::render::render_resource::binding_types::{
@@ -14,20 +18,46 @@ use bevy::render::render_resource::binding_types::{
 use bevy::render::render_resource::*;
 use bevy::render::renderer::{RenderContext, ViewQuery};
 use bevy::render::view::{ViewUniform, ViewUniformOffset, ViewUniforms};
-use bevy::shader::Shader;
+use bevy::render::{GpuResourceAppExt, Render};
+use bevy::shader::{Shader, load_shader_library};
 use bevy::utils::default;
 
-use super::gather::GiCamera;
-use super::rsm::RsmStore;
-use super::visibility::OccluderBuffers;
-pub(super) use buffers::{DrawingBuffers, MapRow, RECEIVER_BYTES, RECEIVERS_BYTES};
+use super::schedule::{PassSystems, PrepareSystems, supported_render_app};
+use super::texels::TexelStore;
+use super::trace::OccluderBuffers;
+use super::view::GiView;
+pub(super) use buffers::{RECEIVER_BYTES, RECEIVERS_BYTES};
+pub(super) use plan::VplPlan;
 pub(super) use steps::Drawn;
+pub(super) use view::VplView;
 
 /// Bytes of `vpl/vpl.wgsl`'s `Vpl`. A test holds it against the shader.
 pub(super) const VPL_BYTES: u64 = 48;
 
 /// Threads in a workgroup of `see.wgsl`.
 const SEE_GROUP: u32 = 32;
+
+pub(super) struct VplPlugin;
+
+impl Plugin for VplPlugin {
+    fn build(&self, app: &mut App) {
+        load_shader_library!(app, "vpl.wgsl");
+        load_shader_library!(app, "hand.wgsl");
+        load_shader_library!(app, "plan.wgsl");
+        load_shader_library!(app, "receivers.wgsl");
+        embedded_asset!(app, "see.wgsl");
+        embedded_asset!(app, "weigh.wgsl");
+        embedded_asset!(app, "sample.wgsl");
+    }
+
+    fn finish(&self, app: &mut App) {
+        let Some(render_app) = supported_render_app(app) else { return };
+        render_app
+            .init_gpu_resource::<VplPipelines>()
+            .add_systems(Render, view::prepare.in_set(PrepareSystems::Vpl))
+            .add_systems(Core3d, sample.in_set(PassSystems::Vpl));
+    }
+}
 
 #[derive(Resource)]
 pub(super) struct VplPipelines {
@@ -119,25 +149,25 @@ impl FromWorld for VplPipelines {
 
 /// In a GI camera's view: weighs the texels of its maps and draws its VPLs.
 pub(super) fn sample(
-    view: ViewQuery<(&GiCamera, &ViewPrepassTextures, &ViewUniformOffset)>,
+    view: ViewQuery<(&GiView, &VplView, &ViewPrepassTextures, &ViewUniformOffset)>,
     pipelines: Res<VplPipelines>,
-    store: Res<RsmStore>,
+    store: Res<TexelStore>,
     occluders: Res<OccluderBuffers>,
     cache: Res<PipelineCache>,
     view_uniforms: Res<ViewUniforms>,
     mut context: RenderContext,
 ) {
-    let (camera, prepass, view_offset) = view.into_inner();
-    if !camera.work.draw {
+    let (view, vpl, prepass, view_offset) = view.into_inner();
+    if !view.work.draw {
         return;
     }
-    let traced = occluders.bind_group().filter(|_| camera.visibility.rays() > 0);
+    let traced = occluders.bind_group().filter(|_| view.gi.visibility.rays() > 0);
     let (Some(g_buffer), Some(depth), Some(views)) =
         (prepass.deferred_view(), prepass.depth_view(), view_uniforms.uniforms.binding())
     else {
         return;
     };
-    let (Some(texels), Some(buffers)) = (&store.texels, &camera.drawing) else { return };
+    let (Some(texels), Some(buffers)) = (&store.texels, &vpl.drawing) else { return };
     let drawn = Drawn {
         g_buffer,
         depth,
@@ -146,8 +176,8 @@ pub(super) fn sample(
         texels,
         buffers,
         receivers: &buffers.receivers,
-        vpls: &camera.vpls,
-        plan: (&camera.plan_buffer, camera.plan.slots()),
+        vpls: &vpl.vpls,
+        plan: (&vpl.plan_buffer, vpl.plan.slots()),
     };
     let steps = pipelines.steps(context.render_device(), &cache, traced.is_some(), drawn);
     let (Some(pick), Some(steps)) = (cache.get_compute_pipeline(pipelines.pick_receivers), steps)

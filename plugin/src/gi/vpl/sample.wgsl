@@ -8,9 +8,9 @@
 // total · flux / (weight · count of its set): the expectation of the sum over a set is the sum over
 // texels, and is met exactly where weights are proportional to flux.
 
-#import bevy_frugal_gi::gi::rsm::texel::{Texel, texel_normal}
+#import bevy_frugal_gi::gi::texels::texel::{Texel, texel_normal}
 #import bevy_frugal_gi::gi::vpl::plan::Plan
-#import bevy_frugal_gi::gi::vpl::rows::Row
+#import bevy_frugal_gi::gi::texels::rows::Row
 #import bevy_frugal_gi::gi::vpl::vpl::Vpl
 
 @group(0) @binding(0) var<storage, read> texels: array<Texel>;

@@ -8,10 +8,10 @@
 // unbiased.
 
 #import bevy_render::view::View
-#import bevy_frugal_gi::gi::rsm::texel::{Texel, texel_luminance, texel_normal}
-#import bevy_frugal_gi::gi::visibility::trace::{is_occluded, surface_offset}
+#import bevy_frugal_gi::gi::texels::texel::{Texel, texel_luminance, texel_normal}
+#import bevy_frugal_gi::gi::trace::trace::{is_occluded, surface_offset}
 #import bevy_frugal_gi::gi::vpl::receivers::{RECEIVERS, Receivers, from_point}
-#import bevy_frugal_gi::gi::vpl::rows::{Row, TILE, is_cut}
+#import bevy_frugal_gi::gi::texels::rows::{Row, TILE, is_cut}
 
 @group(0) @binding(0) var<uniform> view: View;
 @group(0) @binding(1) var<storage, read> texels: array<Texel>;

@@ -4,8 +4,9 @@
 use bevy::render::render_resource::*;
 use bevy::render::renderer::RenderDevice;
 
-use super::buffers::{DrawingBuffers, TILE};
+use super::buffers::DrawingBuffers;
 use super::{SEE_GROUP, VplPipelines};
+use crate::gi::texels::TILE;
 
 /// What is drawn from, and into what.
 pub(in crate::gi) struct Drawn<'a> {

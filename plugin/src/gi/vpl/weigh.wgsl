@@ -10,10 +10,10 @@
 // carry if all were drawn by flux.
 
 #import bevy_render::view::View
-#import bevy_frugal_gi::gi::rsm::texel::{Texel, texel_luminance, texel_normal}
-#import bevy_frugal_gi::gi::surface::{pixel_position, pixel_width, surface_normal}
+#import bevy_frugal_gi::gi::texels::texel::{Texel, texel_luminance, texel_normal}
+#import bevy_frugal_gi::gi::view::surface::{pixel_position, pixel_width, surface_normal}
 #import bevy_frugal_gi::gi::vpl::receivers::{COLUMNS, RECEIVERS, ROWS, Receiver, Receivers, from_point}
-#import bevy_frugal_gi::gi::vpl::rows::{Row, TILE, is_cut}
+#import bevy_frugal_gi::gi::texels::rows::{Row, TILE, is_cut}
 
 @group(0) @binding(0) var g_buffer: texture_2d<u32>;
 @group(0) @binding(1) var depth_buffer: texture_depth_2d;

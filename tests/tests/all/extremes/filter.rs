@@ -1,4 +1,4 @@
-//! `filter/filter.wgsl` against its twin, and with what is no number in its input.
+//! `denoise/spatial.wgsl` against its twin, and with what is no number in its input.
 
 use bevy::math::Vec3;
 use bevy::render::render_resource::binding_types::{
@@ -42,7 +42,13 @@ impl Filter {
         let defs = vec![ShaderDefVal::UInt("WINDOW".into(), window)];
         Self {
             window: window as i32,
-            kernel: Kernel::new(stage, "gi/filter/filter.wgsl", "filter_gathered", defs, &layout),
+            kernel: Kernel::new(
+                stage,
+                "gi/denoise/spatial.wgsl",
+                "filter_spatially",
+                defs,
+                &layout,
+            ),
         }
     }
 

@@ -1,4 +1,4 @@
-//! `filter/settle.wgsl`: what is averaged with what was shown before, what is not, and what is no
+//! `denoise/temporal.wgsl`: what is averaged with what was shown before, what is not, and what is no
 //! number in it.
 
 use bevy::math::{Vec2, Vec3};
@@ -47,7 +47,7 @@ impl Settle {
             ),
         );
         let defs = if smooth { vec!["SMOOTH".into()] } else { vec![] };
-        Self(Kernel::new(stage, "gi/filter/settle.wgsl", "settle", defs, &layout))
+        Self(Kernel::new(stage, "gi/denoise/temporal.wgsl", "accumulate", defs, &layout))
     }
 
     /// What is shown of `present` after `past`, both by pixel as luminance and the alpha channel;

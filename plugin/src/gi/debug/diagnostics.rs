@@ -1,0 +1,141 @@
+//! What global illumination did in a frame, as numbers that an app can look at.
+
+use std::sync::{Arc, Mutex, PoisonError};
+
+use bevy::app::{App, PreUpdate};
+use bevy::diagnostic::{Diagnostic, DiagnosticPath, Diagnostics, RegisterDiagnostic};
+use bevy::ecs::prelude::*;
+use bevy::render::camera::ExtractedCamera;
+use bevy::render::{Render, RenderSystems};
+
+use crate::gi::bounces::BounceCamera;
+use crate::gi::denoise::History;
+use crate::gi::gather::GatherView;
+use crate::gi::rsm::RsmView;
+use crate::gi::schedule::supported_render_app;
+use crate::gi::sky::SkyCamera;
+use crate::gi::texels::TexelStore;
+use crate::gi::trace::OccluderBuffers;
+use crate::gi::view::GiView;
+use crate::gi::vpl::VplView;
+
+/// What GI did in the last frame. A resource of the render world; the main world has it, a frame or
+/// two later, as diagnostics.
+#[derive(Resource, Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct GiCounts {
+    /// Reflective shadow maps rendered.
+    pub maps: u32,
+    /// Cameras that gathered; the others show what they gathered before.
+    pub cameras: u32,
+    /// Cameras whose light is on its way from an average over frames to what was gathered last.
+    pub settling: u32,
+    /// Patches that reflect light once more, each as often as it does.
+    pub patches: u64,
+    /// Virtual point lights drawn.
+    pub vpls: u64,
+    /// VPL–pixel pairs evaluated, samples of the sky included.
+    pub pairs: u64,
+    /// Rays traced from pixels, at most: a hand of VPLs that send nothing takes none.
+    pub rays: u64,
+    /// Bytes of GPU memory that GI holds.
+    pub bytes: u64,
+}
+
+/// A diagnostic and its part of the counts.
+type Count = (DiagnosticPath, &'static str, fn(&GiCounts) -> f64);
+
+/// The diagnostics of global illumination, in Bevy's store; GPU times have `bevy_frugal_gi/…` paths
+/// in Bevy's render diagnostics.
+pub const GI_DIAGNOSTICS: [Count; 8] = [
+    (DiagnosticPath::const_new("gi/maps"), "", |counts| f64::from(counts.maps)),
+    (DiagnosticPath::const_new("gi/cameras"), "", |counts| f64::from(counts.cameras)),
+    (DiagnosticPath::const_new("gi/settling"), "", |counts| f64::from(counts.settling)),
+    (DiagnosticPath::const_new("gi/patches"), "", |counts| counts.patches as f64),
+    (DiagnosticPath::const_new("gi/vpls"), "", |counts| counts.vpls as f64),
+    (DiagnosticPath::const_new("gi/pairs"), "", |counts| counts.pairs as f64),
+    (DiagnosticPath::const_new("gi/rays"), "", |counts| counts.rays as f64),
+    (DiagnosticPath::const_new("gi/memory"), " MiB", |counts| counts.bytes as f64 / 1_048_576.0),
+];
+
+pub(super) fn finish(app: &mut App) {
+    if supported_render_app(app).is_none() {
+        return;
+    }
+    let counts = build(app);
+    let Some(render_app) = supported_render_app(app) else { return };
+    render_app
+        .insert_resource(counts)
+        .init_resource::<GiCounts>()
+        .add_systems(Render, count.in_set(RenderSystems::PrepareBindGroups));
+}
+
+/// From one world to the other.
+#[derive(Resource, Clone, Debug, Default)]
+struct SharedCounts(Arc<Mutex<GiCounts>>);
+
+fn build(app: &mut App) -> SharedCounts {
+    for (path, suffix, _) in GI_DIAGNOSTICS {
+        app.register_diagnostic(Diagnostic::new(path).with_suffix(suffix));
+    }
+    let shared = SharedCounts::default();
+    app.insert_resource(shared.clone()).add_systems(PreUpdate, publish);
+    shared
+}
+
+fn publish(shared: Res<SharedCounts>, mut diagnostics: Diagnostics) {
+    let counts = *shared.0.lock().unwrap_or_else(PoisonError::into_inner);
+    for (path, _, value) in &GI_DIAGNOSTICS {
+        diagnostics.add_measurement(path, || value(&counts));
+    }
+}
+
+/// Low-resolution pixels that are gathered in this frame.
+fn gathered_pixels(view: &GiView) -> u64 {
+    let cells = view.cells().as_u64vec2();
+    if view.work.gather { cells.x * cells.y } else { 0 }
+}
+
+/// Pairs of pixel and VPL, or sample of the sky, that are evaluated in this frame.
+fn pairs(view: &GiView, vpl: &VplView) -> u64 {
+    gathered_pixels(view) * u64::from(vpl.plan.per_set + view.sky_samples)
+}
+
+/// Rays that are traced from pixels in this frame, at most.
+fn rays(view: &GiView, vpl: &VplView) -> u64 {
+    let visibility = view.gi.visibility;
+    let rays =
+        visibility.rays().min(vpl.plan.per_set) + visibility.sky_rays().min(view.sky_samples);
+    gathered_pixels(view) * u64::from(rays)
+}
+
+/// After views are prepared: what this frame will do.
+fn count(
+    mut counts: ResMut<GiCounts>,
+    shared: Res<SharedCounts>,
+    store: Res<TexelStore>,
+    occluders: Res<OccluderBuffers>,
+    views: Query<(&GiView, &VplView, &GatherView, Option<&History>, Option<&BounceCamera>)>,
+    skies: Query<&SkyCamera>,
+    maps: Query<(), (With<RsmView>, With<ExtractedCamera>)>,
+) {
+    *counts = GiCounts {
+        maps: maps.iter().count() as u32,
+        bytes: store.bytes() + occluders.bytes() + skies.iter().map(SkyCamera::bytes).sum::<u64>(),
+        ..GiCounts::default()
+    };
+    for (view, vpl, gather, history, bounces) in &views {
+        counts.cameras += u32::from(view.work.gather);
+        counts.settling += u32::from(history.is_some_and(History::is_converging));
+        counts.vpls += vpl.sampled(view);
+        counts.pairs += pairs(view, vpl);
+        counts.rays += rays(view, vpl);
+        counts.bytes += vpl.bytes()
+            + gather.bytes()
+            + history.map_or(0, History::bytes)
+            + bounces.map_or(0, BounceCamera::bytes);
+        if let Some(bounces) = bounces.filter(|_| view.work.draw) {
+            counts.patches += bounces.patches_due();
+        }
+    }
+    *shared.0.lock().unwrap_or_else(PoisonError::into_inner) = *counts;
+}

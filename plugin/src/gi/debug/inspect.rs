@@ -1,0 +1,214 @@
+//! What global illumination holds on the GPU, and what its passes take: for tests, benchmarks and
+//! debuggers.
+
+use bevy::app::App;
+use bevy::core_pipeline::schedule::Core3d;
+use bevy::ecs::prelude::*;
+use bevy::math::{Mat4, Vec3};
+use bevy::render::RenderApp;
+use bevy::render::extract_resource::{ExtractResource, ExtractResourcePlugin};
+use bevy::render::render_resource::{Buffer, ShaderSize, Texture};
+use bevy::render::sync_world::MainEntity;
+use bevy::render::view::ExtractedView;
+
+pub use crate::gi::bounces::GiBouncesState;
+use crate::gi::bounces::{self, BounceCamera, Patch};
+use crate::gi::composite;
+use crate::gi::denoise;
+use crate::gi::gather::{self, GatherSettings, GatherView};
+pub use crate::gi::rsm::RsmView;
+use crate::gi::rsm::{self, RsmLight};
+use crate::gi::schedule::{GiSystems, PassSystems};
+use crate::gi::sky::{self, SKY_LIGHT_BYTES, SkyCamera, SkyPlan, SkyReading};
+use crate::gi::texels::{TEXEL_BYTES, TexelRow, TexelStore};
+use crate::gi::trace::{self, OccluderBuffers};
+use crate::gi::vpl::{self, RECEIVER_BYTES, VPL_BYTES, VplPlan, VplView};
+
+/// Bytes that the plugin counts with for the shaders' structs: name, and size of one in a buffer.
+pub const STRUCT_BYTES: [(&str, u64); 14] = [
+    ("Texel", TEXEL_BYTES),
+    ("Vpl", VPL_BYTES),
+    trace::STRUCT_BYTES[0],
+    trace::STRUCT_BYTES[1],
+    trace::STRUCT_BYTES[2],
+    ("Receiver", RECEIVER_BYTES),
+    ("Patch", size_of::<Patch>() as u64),
+    ("Plan", size_of::<VplPlan>() as u64),
+    ("Gather", size_of::<GatherSettings>() as u64),
+    ("Row", size_of::<TexelRow>() as u64),
+    ("Light", <RsmLight as ShaderSize>::SHADER_SIZE.get()),
+    ("SkyLight", SKY_LIGHT_BYTES),
+    ("SkyPlan", size_of::<SkyPlan>() as u64),
+    ("SkySource", size_of::<SkyReading>() as u64),
+];
+
+/// The buffers of the last frame. Handles, not copies: the GPU goes on writing them.
+#[derive(Clone, Debug)]
+pub struct GiGpuState {
+    /// Texels of every reflective shadow map, then of what glows, then of cameras' patches
+    /// (`texels/texel.wgsl`), where there are any.
+    pub texels: Option<Buffer>,
+    /// What rays may meet, in the order of the bindings of `trace/trace.wgsl`, while a camera
+    /// traces.
+    pub occluders: Option<[Buffer; 4]>,
+    /// Every map that was rendered, in the order of its texels. Those that rest are not here: their
+    /// texels are as they were.
+    pub maps: Vec<GiMapState>,
+    /// Every camera that gathers.
+    pub cameras: Vec<GiCameraState>,
+    /// Cameras whose sky is held.
+    pub skies: usize,
+}
+
+/// One reflective shadow map.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct GiMapState {
+    /// Its light, the camera that it serves, and its face.
+    pub view: RsmView,
+    /// Its projection: the middle of texel (x, y) lies at clip position (2 (x + ½) ÷ resolution −
+    /// 1, 1 − 2 (y + ½) ÷ resolution) · w.
+    pub clip_from_world: Mat4,
+    /// Texels along its side.
+    pub resolution: u32,
+    /// Index of its first texel in [`texels`](GiGpuState::texels); row by row from the top.
+    pub texel_offset: u32,
+    /// Where its light is, world space, metres; the origin where light is parallel.
+    pub light_position: Vec3,
+}
+
+/// What one camera holds.
+#[derive(Clone, Debug)]
+pub struct GiCameraState {
+    /// The camera in the main world.
+    pub camera: Entity,
+    /// Its virtual point lights (`vpl/vpl.wgsl`), in sets that each carry all light.
+    pub vpls: Buffer,
+    /// Sets of VPLs.
+    pub sets: u32,
+    /// VPLs in each set.
+    pub per_set: u32,
+    /// VPLs from the beginning of one set to that of the next.
+    pub stride: u32,
+    /// Irradiance of each gathered pixel, exposed, as it is composited.
+    pub irradiance: Texture,
+    /// While its light is reflected more than once.
+    pub bounces: Option<GiBouncesState>,
+}
+
+/// Looks at a render world.
+pub fn gpu_state(render_world: &World) -> GiGpuState {
+    let texels = render_world.get_resource::<TexelStore>().and_then(|store| store.texels.clone());
+    let occluders = render_world
+        .get_resource::<OccluderBuffers>()
+        .and_then(|occluders| occluders.buffers().cloned());
+    let cameras = render_world
+        .try_query::<(&MainEntity, &VplView, &GatherView, Option<&BounceCamera>)>()
+        .map_or_else(Vec::new, |mut cameras| {
+            cameras.iter(render_world).map(camera_state).collect()
+        });
+    let skies = render_world
+        .try_query::<&SkyCamera>()
+        .map_or(0, |mut skies| skies.iter(render_world).count());
+    GiGpuState { texels, occluders, maps: maps(render_world), cameras, skies }
+}
+
+fn camera_state(
+    (main, vpl, gather, bounces): (&MainEntity, &VplView, &GatherView, Option<&BounceCamera>),
+) -> GiCameraState {
+    GiCameraState {
+        camera: main.id(),
+        vpls: vpl.vpls.clone(),
+        sets: vpl.plan.sets,
+        per_set: vpl.plan.per_set,
+        stride: vpl.plan.stride,
+        irradiance: gather.irradiance.texture.clone(),
+        bounces: bounces.map(BounceCamera::state),
+    }
+}
+
+fn maps(render_world: &World) -> Vec<GiMapState> {
+    let Some(mut maps) = render_world.try_query::<(&RsmView, &RsmLight, &ExtractedView)>() else {
+        return Vec::new();
+    };
+    let state = |(view, light, extracted): (&RsmView, &RsmLight, &ExtractedView)| {
+        let clip_from_world =
+            || extracted.clip_from_view * extracted.world_from_view.to_matrix().inverse();
+        GiMapState {
+            view: *view,
+            clip_from_world: extracted.clip_from_world.unwrap_or_else(clip_from_world),
+            resolution: light.resolution,
+            texel_offset: light.texel_offset,
+            light_position: light.position,
+        }
+    };
+    let mut maps: Vec<_> = maps.iter(render_world).map(state).collect();
+    maps.sort_by_key(|map| map.texel_offset);
+    maps
+}
+
+/// A pass of global illumination, or several that one system encodes.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum GiPass {
+    /// Maps' G-buffers to texels.
+    Resolve,
+    /// Weighing the sky and drawing its samples.
+    Sky,
+    /// Lighting patches.
+    Bounces,
+    /// Weighing texels and drawing VPLs.
+    Vpl,
+    /// Gathering.
+    Gather,
+    /// Spatial filter and temporal accumulation.
+    Denoise,
+    /// Adding to the picture.
+    Composite,
+}
+
+impl GiPass {
+    /// In the order of a frame.
+    pub const ALL: [Self; 7] = [
+        Self::Resolve,
+        Self::Sky,
+        Self::Bounces,
+        Self::Vpl,
+        Self::Gather,
+        Self::Denoise,
+        Self::Composite,
+    ];
+
+    /// The name of its span among Bevy's render diagnostics, behind `bevy_frugal_gi/`.
+    pub fn name(self) -> &'static str {
+        ["rsm", "sky", "bounces", "vpl", "gather", "denoise", "composite"][self as usize]
+    }
+}
+
+/// Which pass runs twice in a frame: what it costs is by how much the frame then takes longer, on
+/// devices without time stamps that mean anything, too. Light that is composited twice is there
+/// twice. A resource of the main world; see [`allow_repeats`].
+#[derive(Resource, ExtractResource, Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct RepeatedPass(pub Option<GiPass>);
+
+/// Puts every pass into the frame a second time, to run while [`RepeatedPass`] says so.
+pub fn allow_repeats(app: &mut App) {
+    app.init_resource::<RepeatedPass>()
+        .add_plugins(ExtractResourcePlugin::<RepeatedPass>::default());
+    let Some(render_app) = app.get_sub_app_mut(RenderApp) else { return };
+    let is = |pass: GiPass| {
+        move |repeated: Option<Res<RepeatedPass>>| {
+            repeated.is_some_and(|repeated| repeated.0 == Some(pass))
+        }
+    };
+    render_app.add_systems(
+        Core3d,
+        (
+            rsm::resolve.in_set(GiSystems::Resolve).run_if(is(GiPass::Resolve)),
+            sky::sample.in_set(PassSystems::Sky).run_if(is(GiPass::Sky)),
+            bounces::reflect.in_set(PassSystems::Bounces).run_if(is(GiPass::Bounces)),
+            vpl::sample.in_set(PassSystems::Vpl).run_if(is(GiPass::Vpl)),
+            gather::gather.in_set(PassSystems::Gather).run_if(is(GiPass::Gather)),
+            denoise::denoise.in_set(PassSystems::Denoise).run_if(is(GiPass::Denoise)),
+            composite::composite.in_set(GiSystems::Composite).run_if(is(GiPass::Composite)),
+        ),
+    );
+}

@@ -1,0 +1,18 @@
+//! What global illumination does and holds, for apps, tests and debuggers.
+
+mod diagnostics;
+pub mod inspect;
+
+use bevy::app::{App, Plugin};
+
+pub use diagnostics::{GI_DIAGNOSTICS, GiCounts};
+
+pub(super) struct DebugPlugin;
+
+impl Plugin for DebugPlugin {
+    fn build(&self, _: &mut App) {}
+
+    fn finish(&self, app: &mut App) {
+        diagnostics::finish(app);
+    }
+}

@@ -1,0 +1,269 @@
+//! What was shown of a camera's light, and from where, so that the noise of one frame's VPLs is
+//! averaged with that of the frames before.
+
+use bevy::ecs::prelude::*;
+use bevy::math::Mat4;
+use bevy::render::render_resource::*;
+use bevy::render::renderer::{RenderDevice, RenderQueue};
+use bevy::render::texture::CachedTexture;
+use bytemuck::{Pod, Zeroable};
+
+use crate::gi::gather::{GatherView, IRRADIANCE, irradiance_texture, texture_bytes, texture_size};
+use crate::gi::view::{GatherPlace, GiView, Step};
+
+/// Most frames that are averaged.
+const MOST_FRAMES: u32 = 64;
+/// Frames that history counts for at most when settings are switched. More hide the switch better;
+/// fewer sooner show what the new settings find.
+const FRAMES_AT_SWITCH: u32 = 8;
+/// What counts as a cut: metres, and the cosine of an angle, from one frame to the next.
+const CUT_DISTANCE: f32 = 1.0;
+const CUT_COSINE: f32 = 0.866;
+
+const FILTERED: &str = "bevy_frugal_gi/denoise/filtered";
+const HISTORY: &str = "bevy_frugal_gi/denoise/history";
+
+/// `denoise/temporal.wgsl`'s `Reprojection`: from where the history was seen.
+#[derive(Clone, Copy, Debug, PartialEq, Pod, Zeroable)]
+#[repr(C)]
+pub(super) struct Reprojection {
+    clip_from_world: [f32; 16],
+    world_from_clip: [f32; 16],
+    eye: [f32; 3],
+    present_weight: f32,
+    exposure: f32,
+    padding: f32,
+    size: [u32; 2],
+    cell: [u32; 2],
+    padding_at_end: [u32; 2],
+}
+
+impl Reprojection {
+    /// There is no history.
+    const NONE: Self = Self {
+        clip_from_world: Mat4::IDENTITY.to_cols_array(),
+        world_from_clip: Mat4::IDENTITY.to_cols_array(),
+        eye: [0.0; 3],
+        present_weight: 1.0,
+        exposure: 1.0,
+        padding: 0.0,
+        size: [1; 2],
+        cell: [1; 2],
+        padding_at_end: [0; 2],
+    };
+
+    /// What `then` was, seen from `now`; the present weighs `present_weight`. None after a cut, and
+    /// where either is not finite or of parallel projection.
+    fn new(then: &GatherPlace, now: &GatherPlace, present_weight: f32) -> Self {
+        let world_from_clip = then.clip_from_world.inverse();
+        let exposure = now.exposure / then.exposure;
+        let is_cut = then.eye.distance_squared(now.eye) > CUT_DISTANCE * CUT_DISTANCE
+            || then.forward.dot(now.forward) < CUT_COSINE;
+        let is_finite = world_from_clip.is_finite()
+            && then.clip_from_world.is_finite()
+            && exposure.is_finite()
+            && exposure > 0.0;
+        if is_cut || !is_finite || then.is_parallel || now.is_parallel {
+            return Self::NONE;
+        }
+        Self {
+            clip_from_world: then.clip_from_world.to_cols_array(),
+            world_from_clip: world_from_clip.to_cols_array(),
+            eye: then.eye.to_array(),
+            present_weight,
+            exposure,
+            size: then.size.to_array(),
+            cell: then.cell.to_array(),
+            ..Self::NONE
+        }
+    }
+}
+
+/// The history of a GI camera that filters. In the render world.
+#[derive(Component)]
+pub(in crate::gi) struct History {
+    /// Side of the spatial filter's window, in low-resolution pixels.
+    pub(super) window: u32,
+    /// What the spatial filter made of what was gathered last.
+    pub(super) filtered: CachedTexture,
+    /// What was shown before. Its texture takes turns with [`GatherView::irradiance`].
+    pub(super) texture: CachedTexture,
+    /// A [`Reprojection`].
+    pub(super) reprojection: Buffer,
+    /// From where it was shown.
+    place: Option<GatherPlace>,
+    /// Frames that what is shown is a mean of.
+    length: u32,
+    /// Frames until what is shown is what was gathered last, and nothing of the history.
+    left: u32,
+    /// Whether what is shown changes in this frame.
+    pub(super) accumulates: bool,
+}
+
+impl History {
+    fn new(device: &RenderDevice, view: &GiView, window: u32) -> Self {
+        let reprojection = device.create_buffer_with_data(&BufferInitDescriptor {
+            label: Some("bevy_frugal_gi/denoise/reprojection"),
+            contents: bytemuck::bytes_of(&Reprojection::NONE),
+            usage: BufferUsages::UNIFORM | BufferUsages::COPY_DST,
+        });
+        let [filtered, texture] =
+            [FILTERED, HISTORY].map(|label| irradiance_texture(device, label, view.cells()));
+        Self {
+            window,
+            filtered,
+            texture,
+            reprojection,
+            place: None,
+            length: 0,
+            left: 0,
+            accumulates: false,
+        }
+    }
+
+    /// Makes what was shown the history of this frame.
+    ///
+    /// While something moves, what is shown is the mean of all frames since the history began, and
+    /// then a moving average (Yang et al. 2009, "Amortized Supersampling"). At rest the history
+    /// weighs less from frame to frame, until nothing of it is left: a still image does not depend
+    /// on its history.
+    fn advance(
+        &mut self,
+        gather: &mut GatherView,
+        view: &GiView,
+        device: &RenderDevice,
+        queue: &RenderQueue,
+    ) {
+        let frames = view.gi.history_frames.clamp(1, MOST_FRAMES);
+        let length = match view.step {
+            Step::Begins => 1,
+            Step::Moves => frames.min(self.length + 1),
+            Step::Switches => frames.min(self.length.min(FRAMES_AT_SWITCH) + 1),
+            Step::Rests => self.left,
+        };
+        self.accumulates = length > 0;
+        if !self.accumulates {
+            return;
+        }
+        // History is read at its own pixels: only what is written must have those of this frame.
+        let shown = &mut gather.irradiance;
+        match gather.replaced.take() {
+            Some(replaced) => self.texture = replaced,
+            None => std::mem::swap(shown, &mut self.texture),
+        }
+        for (texture, label) in [(shown, IRRADIANCE), (&mut self.filtered, FILTERED)] {
+            if texture_size(texture) != view.cells() {
+                *texture = irradiance_texture(device, label, view.cells());
+            }
+        }
+        let then = self.place.filter(|_| length > 1);
+        let weight = (length as f32).recip();
+        let reprojection =
+            then.map_or(Reprojection::NONE, |then| Reprojection::new(&then, &view.place, weight));
+        queue.write_buffer(&self.reprojection, 0, bytemuck::bytes_of(&reprojection));
+        self.length = if reprojection == Reprojection::NONE { 1 } else { length };
+        self.left = self.length - 1;
+        self.place = Some(view.place);
+    }
+
+    /// Whether what is shown will change although nothing moves.
+    pub fn is_converging(&self) -> bool {
+        self.left > 0
+    }
+
+    /// Bytes held on the GPU, without those of what is shown.
+    pub fn bytes(&self) -> u64 {
+        self.reprojection.size()
+            + [&self.filtered, &self.texture].map(texture_bytes).iter().sum::<u64>()
+    }
+}
+
+/// Gives every view that filters its history, and takes it from the others.
+pub(super) fn prepare(
+    mut commands: Commands,
+    device: Res<RenderDevice>,
+    queue: Res<RenderQueue>,
+    mut views: Query<(Entity, &GiView, &mut GatherView)>,
+    mut held: Query<&mut History>,
+    stale: Query<Entity, (With<History>, Without<GiView>)>,
+) {
+    for entity in &stale {
+        commands.entity(entity).remove::<History>();
+    }
+    for (entity, view, mut gather) in &mut views {
+        let window = super::window(&view.gi);
+        match held.get_mut(entity) {
+            Ok(_) if window == 1 => {
+                commands.entity(entity).remove::<History>();
+            }
+            Ok(mut history) => {
+                history.window = window;
+                history.advance(&mut gather, view, &device, &queue);
+            }
+            Err(_) if window > 1 => {
+                let mut history = History::new(&device, view, window);
+                history.advance(&mut gather, view, &device, &queue);
+                commands.entity(entity).insert(history);
+            }
+            Err(_) => {}
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use bevy::math::{UVec2, Vec3};
+
+    use super::*;
+
+    fn place(eye: Vec3, forward: Vec3) -> GatherPlace {
+        let clip_from_view = Mat4::perspective_infinite_reverse_rh(1.0, 1.5, 0.1);
+        let clip_from_world = clip_from_view * Mat4::look_to_rh(eye, forward, Vec3::Y);
+        let (size, cell) = (UVec2::new(160, 90), UVec2::splat(4));
+        GatherPlace {
+            clip_from_world,
+            eye,
+            forward,
+            exposure: 0.01,
+            is_parallel: false,
+            size,
+            cell,
+        }
+    }
+
+    #[test]
+    fn a_step_has_a_history_and_a_cut_has_none() {
+        let here = place(Vec3::ZERO, Vec3::NEG_Z);
+        let step = place(Vec3::new(0.1, 0.0, 0.0), Vec3::new(0.1, 0.0, -1.0).normalize());
+        assert_eq!(Reprojection::new(&here, &step, 0.25).present_weight, 0.25);
+        for cut in [place(Vec3::new(2.0, 0.0, 0.0), Vec3::NEG_Z), place(Vec3::ZERO, Vec3::X)] {
+            assert_eq!(Reprojection::new(&here, &cut, 0.25), Reprojection::NONE);
+        }
+    }
+
+    #[test]
+    fn other_pixels_keep_their_history() {
+        let then = place(Vec3::ZERO, Vec3::NEG_Z);
+        let now = GatherPlace { size: UVec2::new(320, 180), cell: UVec2::new(2, 1), ..then };
+        let reprojection = Reprojection::new(&then, &now, 0.5);
+        assert_eq!((reprojection.size, reprojection.cell), ([160, 90], [4, 4]));
+        assert_eq!((then.cells(), now.cells()), (UVec2::new(40, 23), UVec2::new(160, 180)));
+    }
+
+    #[test]
+    fn what_is_not_finite_has_no_history() {
+        let here = place(Vec3::ZERO, Vec3::NEG_Z);
+        let none = |then: &GatherPlace, now: &GatherPlace| {
+            assert_eq!(Reprojection::new(then, now, 0.5), Reprojection::NONE);
+        };
+        none(
+            &GatherPlace { clip_from_world: Mat4::from_cols_array(&[f32::NAN; 16]), ..here },
+            &here,
+        );
+        none(&GatherPlace { exposure: 0.0, ..here }, &here);
+        none(&here, &GatherPlace { exposure: f32::NAN, ..here });
+        none(&GatherPlace { is_parallel: true, ..here }, &here);
+        let darker = GatherPlace { exposure: 0.02, ..here };
+        assert_eq!(Reprojection::new(&here, &darker, 0.5).exposure, 2.0);
+    }
+}

@@ -1,0 +1,92 @@
+// Joins what neighbouring gathered pixels found with different virtual point lights and different
+// rays: a mean over a square window, along surfaces.
+//
+// The window reaches as far to the left as to the right, and its outermost rows and columns count
+// half: so every set of VPLs counts the same, and nothing is shifted. Every workgroup first decodes
+// the surfaces under its tile and the window's margin.
+
+#import bevy_render::view::View
+#import bevy_frugal_gi::gi::gather::settings::Gather
+#import bevy_frugal_gi::gi::view::luminance::luminance
+#import bevy_frugal_gi::gi::view::surface::{pixel_position, plane_tolerance, representative, surface_affinity, surface_normal}
+
+@group(0) @binding(0) var g_buffer: texture_2d<u32>;
+@group(0) @binding(1) var depth_buffer: texture_depth_2d;
+@group(0) @binding(2) var<uniform> view: View;
+@group(0) @binding(3) var<uniform> gather: Gather;
+@group(0) @binding(4) var gathered: texture_2d<f32>;
+@group(0) @binding(5) var filtered: texture_storage_2d<rgba16float, write>;
+
+const GROUP: u32 = 8u;
+const WINDOW: u32 = #{WINDOW}u;
+const TILE: u32 = GROUP + WINDOW;
+
+/// Position, and whether there is a surface: 1 where there is, −1 where what it gathered is no
+/// number or infinite.
+var<workgroup> positions: array<vec4<f32>, TILE * TILE>;
+var<workgroup> normals: array<vec3<f32>, TILE * TILE>;
+var<workgroup> light: array<vec3<f32>, TILE * TILE>;
+
+@compute @workgroup_size(GROUP, GROUP)
+fn filter_spatially(
+    @builtin(global_invocation_id) id: vec3<u32>,
+    @builtin(workgroup_id) group: vec3<u32>,
+    @builtin(local_invocation_id) local: vec3<u32>,
+    @builtin(local_invocation_index) lane: u32,
+) {
+    let size = textureDimensions(g_buffer);
+    let cells = textureDimensions(gathered);
+    let corner = vec2<i32>(group.xy * GROUP) - i32(WINDOW / 2u);
+    for (var i = lane; i < TILE * TILE; i += GROUP * GROUP) {
+        let place = corner + vec2<i32>(vec2(i % TILE, i / TILE));
+        let inside = all(place >= vec2(0)) && all(place < vec2<i32>(cells));
+        let cell = vec2<u32>(clamp(place, vec2(0), vec2<i32>(cells) - 1));
+        let pixel = representative(cell, vec2(gather.cell_width, gather.cell_height), size);
+        let depth = textureLoad(depth_buffer, pixel, 0);
+        let position = pixel_position(pixel, size, max(depth, 1e-30), view.world_from_clip);
+        let found = textureLoad(gathered, cell, 0).rgb;
+        // The largest half float. What is no number compares false.
+        let sound = all(found >= vec3(0.0)) && all(found <= vec3(65504.0));
+        positions[i] = vec4(position, select(0.0, select(-1.0, 1.0, sound), inside && depth > 0.0));
+        normals[i] = surface_normal(textureLoad(g_buffer, pixel, 0));
+        light[i] = select(vec3(0.0), found, sound);
+    }
+    workgroupBarrier();
+    let center = (local.y + WINDOW / 2u) * TILE + local.x + WINDOW / 2u;
+    let position = positions[center];
+    let normal = normals[center];
+    let tolerance = plane_tolerance(distance(position.xyz, view.world_position));
+    var sum = vec3(0.0);
+    var weights = 0.0;
+    var first = 0.0;
+    var second = 0.0;
+    let own = luminance(light[center]);
+    for (var y = 0u; y <= WINDOW; y++) {
+        for (var x = 0u; x <= WINDOW; x++) {
+            let other = (local.y + y) * TILE + local.x + x;
+            let there = positions[other];
+            let share = select(1.0, 0.5, x == 0u || x == WINDOW) * select(1.0, 0.5, y == 0u || y == WINDOW);
+            let weight = share * max(there.w, 0.0) * surface_affinity(there.xyz - position.xyz, normal, normals[other], tolerance);
+            // A weight of nothing must not let through what is no number.
+            sum += select(vec3(0.0), weight * light[other], weight > 0.0);
+            weights += weight;
+            // Moments about the pixel's own value, which lose less to rounding.
+            let away = select(0.0, luminance(light[other]) - own, weight > 0.0);
+            first += weight * away;
+            second += weight * away * away;
+        }
+    }
+    if any(id.xy >= cells) {
+        return;
+    }
+    // The pixel's own weight is 1, but where there is no surface. Where what it gathered is no
+    // number, it gets what its neighbours found. The standard error of a mean of as many values as
+    // have weight.
+    let count = max(weights, 1e-12);
+    let variance = max(second / count - (first / count) * (first / count), 0.0);
+    let mean = sum / count;
+    // Few values say little of how they vary: of one alone, as much as it is itself is uncertain.
+    let unknown = luminance(mean) / max(count * count * count, 1.0);
+    let error = min(sqrt(variance / max(weights - 1.0, 1.0) + unknown * unknown), 65504.0);
+    textureStore(filtered, id.xy, vec4(select(vec3(0.0), mean, position.w != 0.0), error));
+}

@@ -1,0 +1,49 @@
+//! Texels of emissive surfaces, on their way into the store.
+
+use std::sync::Arc;
+
+use bevy::ecs::prelude::*;
+use bevy::render::render_resource::BufferId;
+use bevy::render::renderer::RenderQueue;
+
+use super::emitters::GiEmitters;
+use crate::gi::texels::{TEXEL_BYTES, Texel, TexelRange, TexelStore};
+
+/// What the store was last given: which buffer, from which texel on, and what.
+type Given = (BufferId, u32, Vec<Arc<Vec<Texel>>>);
+
+pub(super) fn reserve(mut store: ResMut<TexelStore>, emitters: Res<GiEmitters>) {
+    store.reserve(TexelRange::Emissive, emitters.texel_count());
+}
+
+/// Writes the texels when they changed or the store did.
+pub(super) fn upload(
+    mut given: Local<Option<Given>>,
+    store: Res<TexelStore>,
+    emitters: Res<GiEmitters>,
+    queue: Res<RenderQueue>,
+) {
+    let Some(buffer) = store.texels.as_ref().filter(|_| emitters.texel_count() > 0) else {
+        *given = None;
+        return;
+    };
+    let first = store.first(TexelRange::Emissive);
+    let is_same = |(id, old_first, sets): &Given| {
+        *id == buffer.id()
+            && *old_first == first
+            && sets.len() == emitters.texels().count()
+            && sets.iter().zip(emitters.texels()).all(|(old, new)| Arc::ptr_eq(old, new))
+    };
+    if given.as_ref().is_some_and(is_same) {
+        return;
+    }
+    let mut offset = u64::from(first) * TEXEL_BYTES;
+    for texels in emitters.texels() {
+        let bytes: &[u8] = bytemuck::cast_slice(texels);
+        if !bytes.is_empty() {
+            queue.write_buffer(buffer, offset, bytes);
+        }
+        offset += bytes.len() as u64;
+    }
+    *given = Some((buffer.id(), first, emitters.texels().map(Arc::clone).collect()));
+}

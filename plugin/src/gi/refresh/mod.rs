@@ -1,0 +1,49 @@
+//! What a frame has to do again: light that nobody moved is not gathered twice.
+//!
+//! Maps are rendered while something that they show changes. After a mesh, a texture or a material
+//! has come, they are rendered for a few frames more, since it may not be drawn in its first. A
+//! camera gathers while its maps change or it moves. In a still image nothing is left but the
+//! composite.
+//!
+//! | file | world | job |
+//! |---|---|---|
+//! | `scene` | main | finds what changed in the scene |
+//! | `views` | render | finds what each GI camera has to do: from which texels it samples, and whether it gathers |
+
+mod scene;
+mod views;
+
+use bevy::app::{App, Plugin, PostUpdate};
+use bevy::camera::CameraUpdateSystems;
+use bevy::ecs::prelude::*;
+use bevy::render::Render;
+use bevy::render::extract_resource::ExtractResourcePlugin;
+
+use super::schedule::{PrepareSystems, SceneSystems, supported_render_app};
+use super::view::{GiFrame, GiRefresh};
+
+pub(super) struct RefreshPlugin;
+
+impl Plugin for RefreshPlugin {
+    fn build(&self, app: &mut App) {
+        app.init_resource::<GiRefresh>()
+            .init_resource::<GiFrame>()
+            .register_type::<GiRefresh>()
+            .add_plugins((
+                ExtractResourcePlugin::<GiRefresh>::default(),
+                ExtractResourcePlugin::<GiFrame>::default(),
+            ))
+            .add_systems(
+                PostUpdate,
+                (scene::decide, scene::wake_maps)
+                    .chain()
+                    .after(SceneSystems::Maps)
+                    .before(CameraUpdateSystems),
+            );
+    }
+
+    fn finish(&self, app: &mut App) {
+        let Some(render_app) = supported_render_app(app) else { return };
+        render_app.add_systems(Render, views::prepare.in_set(PrepareSystems::Views));
+    }
+}

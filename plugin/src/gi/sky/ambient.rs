@@ -1,0 +1,101 @@
+//! Takes Bevy's own diffuse light of an environment map out of the cameras whose sky is gathered:
+//! it would be there twice, once in the shadows too.
+//!
+//! Bevy puts the map of each view into the list of light probes that it binds. There, and only for
+//! these views, a black cube replaces the diffuse map; the app's component, the specular map, other
+//! views and other probes stay as they are. What goes with it is the diffuse light of meshes that
+//! are not deferred (transparent, transmissive and forward-rendered ones), which global
+//! illumination does not light, and what rough metals scatter between their facets, which Bevy
+//! reads from the same map.
+//!
+//! Options: (1) this; (2) subtracting Bevy's term where ours is added, which leaves the difference
+//! of two large half floats; (3) a second set of view bind groups for deferred lighting alone,
+//! which would keep transparent meshes lit, but not forward ones, at the price of making all of
+//! Bevy's view bindings twice in every frame. We use 1.
+
+use bevy::asset::AssetId;
+use bevy::asset::uuid::Uuid;
+use bevy::ecs::prelude::*;
+use bevy::image::Image;
+use bevy::light::EnvironmentMapLight;
+use bevy::pbr::RenderViewLightProbes;
+use bevy::platform::collections::HashMap;
+use bevy::render::render_asset::RenderAssets;
+use bevy::render::render_resource::*;
+use bevy::render::renderer::{RenderDevice, RenderQueue};
+use bevy::render::texture::GpuImage;
+
+use super::camera::SkyCamera;
+use crate::gi::view::SkySource;
+
+/// Names of our cubes count up from here.
+const FIRST_NAME: u128 = 0x6b5f_0f4e_9d1c_4a53_b7a2_3f6d_1e8c_0000;
+
+/// Black cubes by the map that each stands for: the same texture, but each with that map's sampler,
+/// since Bevy samples speculars with it, too.
+#[derive(Resource, Default)]
+pub(super) struct BlackCubes {
+    texture: Option<Texture>,
+    names: HashMap<AssetId<Image>, AssetId<Image>>,
+}
+
+pub(super) fn take_out_diffuse(
+    mut cubes: ResMut<BlackCubes>,
+    mut images: ResMut<RenderAssets<GpuImage>>,
+    device: Res<RenderDevice>,
+    queue: Res<RenderQueue>,
+    mut views: Query<(&SkyCamera, &SkySource, &mut RenderViewLightProbes<EnvironmentMapLight>)>,
+) {
+    for (camera, source, mut probes) in &mut views {
+        if !camera.is_active {
+            continue;
+        }
+        let Some(ids) = probes
+            .binding_index_to_textures
+            .iter_mut()
+            .find(|ids| ids.diffuse == source.diffuse && ids.specular == source.specular)
+        else {
+            continue;
+        };
+        let Some(replaced) = images.get(source.diffuse) else { continue };
+        let cubes = &mut *cubes;
+        let texture = cubes.texture.get_or_insert_with(|| black_cube(&device, &queue));
+        let sampler = replaced.sampler.clone();
+        let next = FIRST_NAME + cubes.names.len() as u128;
+        let name = *cubes
+            .names
+            .entry(source.diffuse)
+            .or_insert_with(|| AssetId::Uuid { uuid: Uuid::from_u128(next) });
+        // The map may have been loaded anew.
+        if images.get(name).is_none_or(|old| old.sampler.id() != sampler.id()) {
+            let black = GpuImage {
+                texture_view: texture.create_view(&TextureViewDescriptor {
+                    dimension: Some(TextureViewDimension::Cube),
+                    ..Default::default()
+                }),
+                texture: texture.clone(),
+                sampler,
+                texture_descriptor: DESCRIPTOR,
+                texture_view_descriptor: None,
+                had_data: true,
+            };
+            images.insert(name, black);
+        }
+        ids.diffuse = name;
+    }
+}
+
+const DESCRIPTOR: TextureDescriptor<'static> = TextureDescriptor {
+    label: Some("bevy_frugal_gi/sky/black"),
+    size: Extent3d { width: 1, height: 1, depth_or_array_layers: 6 },
+    mip_level_count: 1,
+    sample_count: 1,
+    dimension: TextureDimension::D2,
+    format: TextureFormat::Rgba8Unorm,
+    usage: TextureUsages::TEXTURE_BINDING.union(TextureUsages::COPY_DST),
+    view_formats: &[],
+};
+
+fn black_cube(device: &RenderDevice, queue: &RenderQueue) -> Texture {
+    device.create_texture_with_data(queue, &DESCRIPTOR, TextureDataOrder::default(), &[0; 6 * 4])
+}

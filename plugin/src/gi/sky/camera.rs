@@ -1,0 +1,211 @@
+//! What a GI camera holds for its sky.
+
+use std::sync::atomic::{AtomicBool, Ordering};
+
+use bevy::ecs::prelude::*;
+use bevy::render::camera::ExtractedCamera;
+use bevy::render::render_asset::RenderAssets;
+use bevy::render::render_resource::*;
+use bevy::render::renderer::{RenderDevice, RenderQueue};
+use bevy::render::texture::GpuImage;
+use bytemuck::{Pod, Zeroable};
+
+use super::pass::SkyPipelines;
+use crate::gi::settings::FrugalGi;
+use crate::gi::view::SkySource;
+
+/// Bytes of `sky/sky.wgsl`'s `SkyLight`. A test holds it against the shader.
+pub(in crate::gi) const SKY_LIGHT_BYTES: u64 = 32;
+/// Parts of the sky, as `sky/sky.wgsl` has them.
+pub(super) const PARTS: u32 = 1024;
+/// Parts that a workgroup of `weigh.wgsl` answers for.
+pub(super) const PARTS_PER_GROUP: u32 = 4;
+/// Steps along each side of a part in which `fill.wgsl` reads the map.
+const STEPS: u32 = 16;
+/// Bytes from one set of samples to the next: most samples of a pixel, and a multiple of what
+/// uniform offsets are multiples of.
+pub(in crate::gi) const SET_BYTES: u64 = FrugalGi::MAX_ENVIRONMENT_SAMPLES as u64 * SKY_LIGHT_BYTES;
+
+/// `sky/sky.wgsl`'s `SkyPlan`.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Pod, Zeroable)]
+#[repr(C)]
+pub(in crate::gi) struct SkyPlan {
+    pub samples: u32,
+    pub sets: u32,
+}
+
+/// `sky/fill.wgsl`'s `SkySource`.
+#[derive(Clone, Copy, Debug, PartialEq, Pod, Zeroable)]
+#[repr(C)]
+pub(in crate::gi) struct SkyReading {
+    rotation: [f32; 4],
+    intensity: f32,
+    level: u32,
+    padding: [f32; 2],
+}
+
+/// What decides about the light that a camera's pixels get from the sky, beside where the camera
+/// is.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(in crate::gi) struct SkySeen {
+    plan: SkyPlan,
+    reading: (TextureId, SkyReading),
+    is_generated: bool,
+}
+
+impl SkySeen {
+    /// Samples that a pixel evaluates.
+    pub fn samples(&self) -> u32 {
+        self.plan.samples
+    }
+
+    /// Whether the map is made anew in each frame.
+    pub fn is_generated(&self) -> bool {
+        self.is_generated
+    }
+}
+
+/// What a GI camera holds in the render world for its sky.
+#[derive(Component)]
+pub struct SkyCamera {
+    pub(in crate::gi) plan: SkyPlan,
+    pub(in crate::gi) plan_buffer: Buffer,
+    /// `SkyLight` each, in sets [`SET_BYTES`] apart.
+    pub(in crate::gi) samples: Buffer,
+    pub(super) parts: Buffer,
+    pub(super) received: Buffer,
+    pub(super) reading_buffer: Buffer,
+    /// What the parts were read from.
+    reading: (TextureId, SkyReading),
+    pub(super) is_filled: AtomicBool,
+    is_generated: bool,
+    /// Whether all pipelines are there: until then Bevy's own light stays.
+    pub(in crate::gi) is_active: bool,
+}
+
+impl SkyCamera {
+    /// What decides about light from the sky, while it is gathered.
+    pub(in crate::gi) fn seen(&self) -> Option<SkySeen> {
+        self.is_active.then_some(SkySeen {
+            plan: self.plan,
+            reading: self.reading,
+            is_generated: self.is_generated,
+        })
+    }
+
+    /// Bytes held on the GPU for this camera's sky.
+    pub fn bytes(&self) -> u64 {
+        [&self.plan_buffer, &self.samples, &self.parts, &self.received, &self.reading_buffer]
+            .map(|buffer| buffer.size())
+            .iter()
+            .sum()
+    }
+}
+
+/// Gives every GI camera that traces rays to an environment map its buffers, and takes them from
+/// the others.
+pub(super) fn prepare(
+    mut commands: Commands,
+    mut pipelines: ResMut<SkyPipelines>,
+    device: Res<RenderDevice>,
+    queue: Res<RenderQueue>,
+    cache: Res<PipelineCache>,
+    images: Res<RenderAssets<GpuImage>>,
+    cameras: Query<(Entity, &FrugalGi, &SkySource), With<ExtractedCamera>>,
+    mut held: Query<&mut SkyCamera>,
+    stale: Query<
+        Entity,
+        (With<SkyCamera>, Or<(Without<FrugalGi>, Without<SkySource>, Without<ExtractedCamera>)>),
+    >,
+) {
+    for entity in &stale {
+        commands.entity(entity).remove::<SkyCamera>();
+    }
+    for (entity, gi, source) in &cameras {
+        let samples = gi.environment_samples.min(FrugalGi::MAX_ENVIRONMENT_SAMPLES);
+        let is_lit =
+            source.intensity > 0.0 && source.intensity.is_finite() && source.rotation.is_finite();
+        let image = images.get(source.specular).filter(|_| {
+            samples > 0 && gi.traces() && is_lit && images.get(source.diffuse).is_some()
+        });
+        let Some(image) = image else {
+            if held.contains(entity) {
+                commands.entity(entity).remove::<SkyCamera>();
+            }
+            continue;
+        };
+        let is_active = pipelines.are_ready(&cache);
+        let plan = SkyPlan { samples, sets: gi.interleave.side().pow(2) };
+        let reading = (image.texture.id(), reading(source, image));
+        if let Ok(mut held) = held.get_mut(entity)
+            && held.plan == plan
+        {
+            held.is_active = is_active;
+            if held.reading != reading {
+                queue.write_buffer(&held.reading_buffer, 0, bytemuck::bytes_of(&reading.1));
+                held.reading = reading;
+                held.is_filled.store(false, Ordering::Relaxed);
+            }
+            held.is_generated = source.is_generated;
+            if source.is_generated {
+                held.is_filled.store(false, Ordering::Relaxed);
+            }
+            continue;
+        }
+        let empty = |label, size, usage| {
+            let usage = BufferUsages::STORAGE | usage;
+            device.create_buffer(&BufferDescriptor {
+                label: Some(label),
+                size,
+                usage,
+                mapped_at_creation: false,
+            })
+        };
+        let filled = |label, contents: &[u8]| {
+            let usage = BufferUsages::STORAGE | BufferUsages::COPY_DST;
+            device.create_buffer_with_data(&BufferInitDescriptor {
+                label: Some(label),
+                contents,
+                usage,
+            })
+        };
+        commands.entity(entity).insert(SkyCamera {
+            plan,
+            plan_buffer: filled("bevy_frugal_gi/sky/plan", bytemuck::bytes_of(&plan)),
+            samples: empty(
+                "bevy_frugal_gi/sky/samples",
+                u64::from(plan.sets) * SET_BYTES,
+                BufferUsages::UNIFORM | BufferUsages::COPY_SRC,
+            ),
+            parts: empty(
+                "bevy_frugal_gi/sky/parts",
+                u64::from(PARTS) * SKY_LIGHT_BYTES,
+                BufferUsages::COPY_SRC,
+            ),
+            received: empty(
+                "bevy_frugal_gi/sky/received",
+                u64::from(PARTS) * 4,
+                BufferUsages::COPY_SRC,
+            ),
+            reading_buffer: filled("bevy_frugal_gi/sky/reading", bytemuck::bytes_of(&reading.1)),
+            reading,
+            is_filled: AtomicBool::new(false),
+            is_generated: source.is_generated,
+            is_active,
+        });
+    }
+}
+
+fn reading(source: &SkySource, image: &GpuImage) -> SkyReading {
+    // Texels of the level that is read are as large as the steps: 6 edge² of them cover the sphere,
+    // and so do PARTS · STEPS² steps.
+    let edge = (PARTS as f32 / 6.0).sqrt() * STEPS as f32;
+    let level = (image.texture_descriptor.size.width as f32 / edge).log2().max(0.0) as u32;
+    // Bevy turns the map by the rotation, and so directions into the map by its inverse.
+    SkyReading {
+        rotation: source.rotation.inverse().to_array(),
+        intensity: source.intensity,
+        level,
+        padding: [0.0; 2],
+    }
+}

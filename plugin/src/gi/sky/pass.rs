@@ -1,0 +1,184 @@
+//! The passes that fill, weigh and sample a sky.
+
+use std::sync::atomic::Ordering;
+
+use bevy::asset::{Handle, load_embedded_asset};
+use bevy::core_pipeline::prepass::ViewPrepassTextures;
+use bevy::ecs::prelude::*;
+use bevy::render::diagnostic::RecordDiagnostics;
+use bevy::render::render_asset::RenderAssets;
+use bevy::render::render_resource::binding_types::{
+    storage_buffer_read_only_sized, storage_buffer_sized, texture_2d, texture_2d_array,
+    texture_depth_2d, uniform_buffer,
+};
+use bevy::render::render_resource::*;
+use bevy::render::renderer::{RenderContext, ViewQuery};
+use bevy::render::texture::GpuImage;
+use bevy::render::view::{ViewUniform, ViewUniformOffset, ViewUniforms};
+use bevy::shader::Shader;
+use bevy::utils::default;
+
+use super::camera::{PARTS, PARTS_PER_GROUP, SkyCamera};
+use crate::gi::trace::OccluderBuffers;
+use crate::gi::view::{GiView, SkySource};
+
+/// The passes' layouts; their pipelines are there once a camera has had a sky.
+#[derive(Resource)]
+pub(in crate::gi) struct SkyPipelines {
+    layouts: [BindGroupLayoutDescriptor; 3],
+    shaders: [Handle<Shader>; 3],
+    pipelines: Option<[CachedComputePipelineId; 3]>,
+}
+
+impl FromWorld for SkyPipelines {
+    fn from_world(world: &mut World) -> Self {
+        let read = || storage_buffer_read_only_sized(false, None);
+        let write = || storage_buffer_sized(false, None);
+        let faces = texture_2d_array(TextureSampleType::Float { filterable: false });
+        let compute = ShaderStages::COMPUTE;
+        let fill = BindGroupLayoutEntries::sequential(compute, (faces, read(), write()));
+        let weigh = BindGroupLayoutEntries::sequential(
+            compute,
+            (
+                texture_2d(TextureSampleType::Uint),
+                texture_depth_2d(),
+                uniform_buffer::<ViewUniform>(true),
+                read(),
+                write(),
+            ),
+        );
+        let draw = BindGroupLayoutEntries::sequential(compute, (read(), read(), read(), write()));
+        Self {
+            layouts: [
+                BindGroupLayoutDescriptor::new("bevy_frugal_gi/sky/fill", &fill),
+                BindGroupLayoutDescriptor::new("bevy_frugal_gi/sky/weigh", &weigh),
+                BindGroupLayoutDescriptor::new("bevy_frugal_gi/sky/sample", &draw),
+            ],
+            shaders: [
+                load_embedded_asset!(world, "fill.wgsl"),
+                load_embedded_asset!(world, "weigh.wgsl"),
+                load_embedded_asset!(world, "sample.wgsl"),
+            ],
+            pipelines: None,
+        }
+    }
+}
+
+impl SkyPipelines {
+    /// Whether the pipelines are compiled. They are queued where they were not.
+    pub(super) fn are_ready(&mut self, cache: &PipelineCache) -> bool {
+        let pipelines = self.queue(cache);
+        pipelines.into_iter().all(|pipeline| cache.get_compute_pipeline(pipeline).is_some())
+    }
+
+    fn queue(&mut self, cache: &PipelineCache) -> [CachedComputePipelineId; 3] {
+        let Self { layouts, shaders, pipelines } = self;
+        *pipelines.get_or_insert_with(|| {
+            let names = ["fill_sky", "weigh_sky", "sample_sky"];
+            std::array::from_fn(|index| {
+                let mut layout = vec![layouts[index].clone()];
+                if names[index] == "weigh_sky" {
+                    layout.push(OccluderBuffers::layout());
+                }
+                cache.queue_compute_pipeline(ComputePipelineDescriptor {
+                    label: Some(format!("bevy_frugal_gi/sky/{}", names[index]).into()),
+                    layout,
+                    shader: shaders[index].clone(),
+                    entry_point: Some(names[index].into()),
+                    ..default()
+                })
+            })
+        })
+    }
+}
+
+/// In a GI camera's view: reads the sky where it changed, and weighs it and draws its samples then
+/// and when VPLs are drawn.
+pub(in crate::gi) fn sample(
+    view: ViewQuery<(&SkyCamera, &SkySource, &GiView, &ViewPrepassTextures, &ViewUniformOffset)>,
+    pipelines: Res<SkyPipelines>,
+    occluders: Res<OccluderBuffers>,
+    images: Res<RenderAssets<GpuImage>>,
+    cache: Res<PipelineCache>,
+    view_uniforms: Res<ViewUniforms>,
+    mut context: RenderContext,
+) {
+    let (camera, source, gi_view, prepass, view_offset) = view.into_inner();
+    if !gi_view.work.draw && camera.is_filled.load(Ordering::Relaxed) {
+        return;
+    }
+    let Some([Some(fill), Some(weigh), Some(draw)]) =
+        pipelines.pipelines.map(|ids| ids.map(|id| cache.get_compute_pipeline(id)))
+    else {
+        return;
+    };
+    let (Some(g_buffer), Some(depth), Some(views)) =
+        (prepass.deferred_view(), prepass.depth_view(), view_uniforms.uniforms.binding())
+    else {
+        return;
+    };
+    let (Some(image), Some(traced), true) =
+        (images.get(source.specular), occluders.bind_group(), camera.is_active)
+    else {
+        return;
+    };
+    let device = context.render_device();
+    let [fill_layout, weigh_layout, draw_layout] =
+        pipelines.layouts.each_ref().map(|layout| cache.get_bind_group_layout(layout));
+    let faces = image.texture.create_view(&TextureViewDescriptor {
+        dimension: Some(TextureViewDimension::D2Array),
+        ..default()
+    });
+    let filling = device.create_bind_group(
+        "bevy_frugal_gi/sky/fill",
+        &fill_layout,
+        &BindGroupEntries::sequential((
+            &faces,
+            camera.reading_buffer.as_entire_binding(),
+            camera.parts.as_entire_binding(),
+        )),
+    );
+    let weighing = device.create_bind_group(
+        "bevy_frugal_gi/sky/weigh",
+        &weigh_layout,
+        &BindGroupEntries::sequential((
+            g_buffer,
+            depth,
+            views,
+            camera.parts.as_entire_binding(),
+            camera.received.as_entire_binding(),
+        )),
+    );
+    let drawing = device.create_bind_group(
+        "bevy_frugal_gi/sky/sample",
+        &draw_layout,
+        &BindGroupEntries::sequential((
+            camera.parts.as_entire_binding(),
+            camera.received.as_entire_binding(),
+            camera.plan_buffer.as_entire_binding(),
+            camera.samples.as_entire_binding(),
+        )),
+    );
+    let diagnostics = context.diagnostic_recorder();
+    let diagnostics = diagnostics.as_deref();
+    let span = diagnostics.time_span(context.command_encoder(), "bevy_frugal_gi/sky");
+    {
+        let mut pass = context.command_encoder().begin_compute_pass(&ComputePassDescriptor {
+            label: Some("bevy_frugal_gi/sky"),
+            timestamp_writes: None,
+        });
+        if !camera.is_filled.swap(true, Ordering::Relaxed) {
+            pass.set_bind_group(0, &filling, &[]);
+            pass.set_pipeline(fill);
+            pass.dispatch_workgroups(PARTS / 64, 1, 1);
+        }
+        pass.set_bind_group(0, &weighing, &[view_offset.offset]);
+        pass.set_bind_group(1, traced, &[]);
+        pass.set_pipeline(weigh);
+        pass.dispatch_workgroups(PARTS / PARTS_PER_GROUP, 1, 1);
+        pass.set_bind_group(0, &drawing, &[]);
+        pass.set_pipeline(draw);
+        pass.dispatch_workgroups(1, 1, 1);
+    }
+    span.end(context.command_encoder());
+}

@@ -1,0 +1,93 @@
+// Draws a camera's samples of the sky from its parts, in proportion to their light times what the
+// camera could receive of it; one workgroup.
+//
+// As in `vpl/weigh.wgsl`, a floor of a quarter of the mean keeps the estimate unbiased and tame:
+// what the few points of `weigh.wgsl` do not see, others may. Parts lie in Morton order, so
+// that equal steps through their running sum are spread over the sky; each set takes as many steps
+// as it has samples, and sets are shifted against each other by a part of a step.
+
+#import bevy_frugal_gi::gi::view::luminance::luminance
+#import bevy_frugal_gi::gi::sky::sky::{SKY_PARTS, SKY_STRIDE, SkyLight, SkyPlan}
+
+@group(0) @binding(0) var<storage, read> parts: array<SkyLight>;
+@group(0) @binding(1) var<storage, read> received: array<f32>;
+@group(0) @binding(2) var<storage, read> plan: SkyPlan;
+@group(0) @binding(3) var<storage, read_write> samples: array<SkyLight>;
+
+const LANES: u32 = 64u;
+/// Parts that each lane sums.
+const RUN: u32 = SKY_PARTS / LANES;
+
+var<workgroup> lane_light: array<f32, LANES>;
+var<workgroup> lane_received: array<f32, LANES>;
+var<workgroup> lane_weight: array<f32, LANES>;
+var<workgroup> cumulative: array<f32, SKY_PARTS>;
+
+/// First part whose running sum exceeds `wanted`, or the last one.
+fn find_part(wanted: f32) -> u32 {
+    var low = 0u;
+    var high = SKY_PARTS - 1u;
+    while low < high {
+        let middle = (low + high) / 2u;
+        if cumulative[middle] > wanted {
+            high = middle;
+        } else {
+            low = middle + 1u;
+        }
+    }
+    return low;
+}
+
+@compute @workgroup_size(LANES)
+fn sample_sky(@builtin(local_invocation_index) lane: u32) {
+    let first = lane * RUN;
+    var light = 0.0;
+    var seen = 0.0;
+    for (var i = first; i < first + RUN; i++) {
+        let luminance = luminance(parts[i].light);
+        light += luminance;
+        seen += luminance * received[i];
+    }
+    lane_light[lane] = light;
+    lane_received[lane] = seen;
+    workgroupBarrier();
+    light = 0.0;
+    seen = 0.0;
+    for (var i = 0u; i < LANES; i++) {
+        light += lane_light[i];
+        seen += lane_received[i];
+    }
+    // Where no point sees any of it, light alone decides.
+    let floor = max(0.25 * seen / max(light, 1e-36), 1e-3);
+    var sum = 0.0;
+    for (var i = first; i < first + RUN; i++) {
+        sum += luminance(parts[i].light) * (received[i] + floor);
+        cumulative[i] = sum;
+    }
+    lane_weight[lane] = sum;
+    workgroupBarrier();
+    var before = 0.0;
+    for (var i = 0u; i < lane; i++) {
+        before += lane_weight[i];
+    }
+    for (var i = first; i < first + RUN; i++) {
+        cumulative[i] += before;
+    }
+    workgroupBarrier();
+
+    let total = cumulative[SKY_PARTS - 1u];
+    let count = f32(plan.samples);
+    for (var i = lane; i < plan.sets * plan.samples; i += LANES) {
+        let which = i / plan.samples;
+        let member = i % plan.samples;
+        let index = find_part((f32(member) + (f32(which) + 0.5) / f32(plan.sets)) / count * total);
+        // The step of the running sum rather than the weight that was added: this is what the part
+        // was drawn by, rounding included.
+        let weight = cumulative[index] - select(0.0, cumulative[max(index, 1u) - 1u], index > 0u);
+        let share = select(0.0, total / (max(weight, 1e-36) * count), weight > 0.0);
+        var drawn: SkyLight;
+        drawn.direction = parts[index].direction;
+        drawn.light = parts[index].light * min(share, 1e12);
+        samples[which * SKY_STRIDE + member] = drawn;
+    }
+}

@@ -1,0 +1,110 @@
+//! The store of texels: points of lit and emissive surfaces, from which every camera's VPLs are
+//! sampled.
+//!
+//! Sources of light reserve a [range](TexelRange) each, in every frame, and write their texels into
+//! it. A camera samples the [rows](TexelRow) of those ranges that light it.
+
+mod rows;
+mod texel;
+
+use bevy::app::{App, Plugin};
+use bevy::ecs::prelude::*;
+use bevy::render::render_resource::*;
+use bevy::render::renderer::{RenderDevice, RenderQueue};
+use bevy::render::{GpuResourceAppExt, Render};
+use bevy::shader::load_shader_library;
+
+use super::schedule::{PrepareSystems, supported_render_app};
+use super::settings::FrugalGi;
+pub(super) use rows::{CascadeCut, TILE, TexelRow, same_places};
+pub(super) use texel::{TEXEL_BYTES, Texel, pack_normal};
+
+/// Whose texels are where: one range behind the other.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum TexelRange {
+    /// Of reflective shadow maps.
+    Maps,
+    /// Of emissive surfaces.
+    Emissive,
+    /// Of cameras' patches.
+    Patches,
+}
+
+/// The texels of all sources. A resource of the render world.
+#[derive(Resource, Default)]
+pub(super) struct TexelStore {
+    /// `Texel` each; present while there are any, and a camera that gathers.
+    pub texels: Option<Buffer>,
+    counts: [u32; 3],
+    /// Texels of maps in the buffer.
+    map_texels: u32,
+}
+
+impl TexelStore {
+    /// Makes room for `count` texels in this frame.
+    pub fn reserve(&mut self, range: TexelRange, count: usize) {
+        self.counts[range as usize] = count as u32;
+    }
+
+    /// Index of a range's first texel.
+    pub fn first(&self, range: TexelRange) -> u32 {
+        self.counts[..range as usize].iter().sum()
+    }
+
+    /// Bytes held on the GPU.
+    pub fn bytes(&self) -> u64 {
+        self.texels.as_ref().map_or(0, |texels| texels.size())
+    }
+}
+
+pub(super) struct TexelPlugin;
+
+impl Plugin for TexelPlugin {
+    fn build(&self, app: &mut App) {
+        load_shader_library!(app, "texel.wgsl");
+        load_shader_library!(app, "rows.wgsl");
+    }
+
+    fn finish(&self, app: &mut App) {
+        let Some(render_app) = supported_render_app(app) else { return };
+        render_app
+            .init_gpu_resource::<TexelStore>()
+            .add_systems(Render, allocate.in_set(PrepareSystems::Texels));
+    }
+}
+
+/// Fits the buffer to what was reserved, and drops it where nothing was.
+fn allocate(
+    mut store: ResMut<TexelStore>,
+    device: Res<RenderDevice>,
+    queue: Res<RenderQueue>,
+    cameras: Query<(), With<FrugalGi>>,
+) {
+    let (texels, map_texels) =
+        (store.counts.iter().map(|count| u64::from(*count)).sum::<u64>(), store.counts[0]);
+    let old_map_texels = std::mem::replace(&mut store.map_texels, map_texels);
+    if texels == 0 || cameras.is_empty() {
+        store.texels = None;
+        return;
+    }
+    let size = texels * TEXEL_BYTES;
+    if store.texels.as_ref().is_some_and(|old| old.size() == size) {
+        return;
+    }
+    let new = device.create_buffer(&BufferDescriptor {
+        label: Some("bevy_frugal_gi/texels"),
+        size,
+        usage: BufferUsages::STORAGE | BufferUsages::COPY_SRC | BufferUsages::COPY_DST,
+        mapped_at_creation: false,
+    });
+    // Where only the ranges behind the maps grow or shrink, maps that rest are not rendered again.
+    if let Some(old) =
+        store.texels.as_ref().filter(|_| map_texels > 0 && map_texels == old_map_texels)
+    {
+        let label = Some("bevy_frugal_gi/texels/keep");
+        let mut encoder = device.create_command_encoder(&CommandEncoderDescriptor { label });
+        encoder.copy_buffer_to_buffer(old, 0, &new, 0, u64::from(map_texels) * TEXEL_BYTES);
+        queue.submit([encoder.finish()]);
+    }
+    store.texels = Some(new);
+}

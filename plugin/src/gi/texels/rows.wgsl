@@ -1,0 +1,27 @@
+// The rows of a camera's reflective shadow maps, one after another.
+#define_import_path bevy_frugal_gi::gi::texels::rows
+
+struct Row {
+    /// Index of its first texel among all maps' texels.
+    first_texel: u32,
+    /// Index of its first texel among the camera's weights.
+    first_weight: u32,
+    /// Texels in it.
+    length: u32,
+    /// Index of the first tile that it runs through.
+    first_tile: u32,
+    /// Its place among the rows of that tile, and how many they are.
+    place: u32,
+    tile_rows: u32,
+    /// First column that nothing is drawn from, and the one after the last: another map has them.
+    cut: vec2<u32>,
+}
+
+/// Whether another map has what a column shows.
+fn is_cut(row: Row, column: u32) -> bool {
+    return column >= row.cut.x && column < row.cut.y;
+}
+
+/// Columns of a tile, and most rows of one: neighbouring texels of which one look may tell whether
+/// they are seen.
+const TILE: u32 = 16u;

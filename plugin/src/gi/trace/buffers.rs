@@ -1,0 +1,136 @@
+//! The occluders on the GPU.
+
+use std::sync::Arc;
+
+use bevy::ecs::prelude::*;
+use bevy::render::render_resource::binding_types::storage_buffer_read_only_sized;
+use bevy::render::render_resource::*;
+use bevy::render::renderer::{RenderDevice, RenderQueue};
+
+use super::bvh::Node;
+use super::occluders::{GiOccluders, InstanceData, MeshData};
+use crate::gi::settings::FrugalGi;
+use crate::gi::texels::TexelStore;
+use crate::gi::view::SkySource;
+
+/// Buffers of the tree over instances, the instances, the meshes' trees and their triangles: group
+/// 1 of every shader that traces.
+#[derive(Resource, Default)]
+pub(in crate::gi) struct OccluderBuffers {
+    held: Option<Held>,
+}
+
+struct Held {
+    meshes: Arc<MeshData>,
+    instances: Arc<InstanceData>,
+    buffers: [Buffer; 4],
+    bind_group: BindGroup,
+}
+
+impl OccluderBuffers {
+    /// Layout of group 1. No part of the resource: what else the renderer makes when it starts is
+    /// made in no particular order.
+    pub fn layout() -> BindGroupLayoutDescriptor {
+        let read = || storage_buffer_read_only_sized(false, None);
+        let entries = BindGroupLayoutEntries::sequential(
+            ShaderStages::COMPUTE,
+            (read(), read(), read(), read()),
+        );
+        BindGroupLayoutDescriptor::new("bevy_frugal_gi/trace", &entries)
+    }
+
+    /// Group 1, while a camera traces.
+    pub fn bind_group(&self) -> Option<&BindGroup> {
+        self.held.as_ref().map(|held| &held.bind_group)
+    }
+
+    /// Whether anything in it has holes, which shaders only look for where MASKS is defined.
+    pub fn are_masked(&self) -> bool {
+        self.held.as_ref().is_some_and(|held| held.meshes.is_masked)
+    }
+
+    /// The buffers of group 1, in the order of its bindings.
+    pub fn buffers(&self) -> Option<&[Buffer; 4]> {
+        self.held.as_ref().map(|held| &held.buffers)
+    }
+
+    /// Bytes held on the GPU.
+    pub fn bytes(&self) -> u64 {
+        self.held.as_ref().map_or(0, |held| held.buffers.iter().map(|buffer| buffer.size()).sum())
+    }
+}
+
+/// Brings what changed to the GPU; lets go of everything while no camera traces light.
+pub(super) fn prepare(
+    mut buffers: ResMut<OccluderBuffers>,
+    occluders: Res<GiOccluders>,
+    store: Res<TexelStore>,
+    cameras: Query<(&FrugalGi, Has<SkySource>)>,
+    device: Res<RenderDevice>,
+    queue: Res<RenderQueue>,
+    cache: Res<PipelineCache>,
+) {
+    // By what is gathered in this frame, and not by what the main world keeps: a camera that was
+    // changed after that was made traces what there is.
+    let is_lit = |gi: &FrugalGi, has_sky: bool| {
+        store.texels.is_some() || has_sky && gi.environment_samples > 0
+    };
+    if !cameras.iter().any(|(gi, has_sky)| gi.traces() && is_lit(gi, has_sky)) {
+        buffers.held = None;
+        return;
+    }
+    let held = buffers.held.take();
+    let same = |held: &Held| {
+        [
+            Arc::ptr_eq(&held.meshes, &occluders.meshes),
+            Arc::ptr_eq(&held.instances, &occluders.instances),
+        ]
+    };
+    let [meshes_same, instances_same] = held.as_ref().map_or([false; 2], same);
+    if meshes_same && instances_same {
+        buffers.held = held;
+        return;
+    }
+    let (meshes, instances) = (Arc::clone(&occluders.meshes), Arc::clone(&occluders.instances));
+    let contents: [(&'static str, &[u8], bool); 4] = [
+        ("bevy_frugal_gi/trace/instance_nodes", node_bytes(&instances.nodes), instances_same),
+        (
+            "bevy_frugal_gi/trace/instances",
+            bytemuck::cast_slice(&instances.instances),
+            instances_same,
+        ),
+        ("bevy_frugal_gi/trace/mesh_nodes", node_bytes(&meshes.nodes), meshes_same),
+        ("bevy_frugal_gi/trace/triangles", bytemuck::cast_slice(&meshes.triangles), meshes_same),
+    ];
+    let old = held.map(|held| held.buffers);
+    let new = std::array::from_fn(|index| {
+        let (label, bytes, unchanged) = contents[index];
+        // No binding may be empty; a node that nothing meets keeps anything from being read.
+        let bytes = if bytes.is_empty() { &[0; 64] } else { bytes };
+        match old.as_ref().map(|old| &old[index]) {
+            Some(buffer) if unchanged => buffer.clone(),
+            // What moves keeps its size, and then its buffer.
+            Some(buffer) if buffer.size() == bytes.len() as u64 => {
+                queue.write_buffer(buffer, 0, bytes);
+                buffer.clone()
+            }
+            _ => device.create_buffer_with_data(&BufferInitDescriptor {
+                label: Some(label),
+                contents: bytes,
+                usage: BufferUsages::STORAGE | BufferUsages::COPY_DST,
+            }),
+        }
+    });
+    let entries = new.each_ref().map(|buffer: &Buffer| buffer.as_entire_binding());
+    let [a, b, c, d] = entries;
+    let bind_group = device.create_bind_group(
+        "bevy_frugal_gi/trace",
+        &cache.get_bind_group_layout(&OccluderBuffers::layout()),
+        &BindGroupEntries::sequential((a, b, c, d)),
+    );
+    buffers.held = Some(Held { meshes, instances, buffers: new, bind_group });
+}
+
+fn node_bytes(nodes: &[Node]) -> &[u8] {
+    if nodes.is_empty() { bytemuck::bytes_of(&Node::NOTHING) } else { bytemuck::cast_slice(nodes) }
+}

@@ -1,0 +1,222 @@
+//! A bounding volume hierarchy laid out for a GPU without ray-tracing hardware: plain Rust, no
+//! renderer.
+//!
+//! obvhs builds a binary tree (PLOC with reinsertion, Meister and Bittner 2018); we lay it out in
+//! depth-first order with skip links, so that a ray needs no stack: it goes to the next node where
+//! it meets a box, and to the node's skip link where it does not (Smits 1998, "Efficiency Issues
+//! for Ray Tracing"). Whether *anything* lies between two points does not depend on the order of
+//! visits, so that nothing is lost by a fixed one, and a stack in private memory is what keeps
+//! small GPUs from having enough rays in flight.
+
+use std::time::Duration;
+
+use bevy::math::{Affine3A, Vec3, Vec3A};
+use bytemuck::{Pod, Zeroable};
+use obvhs::BvhBuildParams;
+use obvhs::aabb::Aabb;
+use obvhs::bvh2::Bvh2;
+
+/// Leaves keep their count of primitives in so many low bits.
+const COUNT_BITS: u32 = 3;
+/// Most primitives of a leaf.
+const MOST_IN_LEAF: u32 = (1 << COUNT_BITS) - 1;
+/// Triangles with a smaller area than this share of their box's greatest side squared hide nothing,
+/// and have no normal to divide by.
+const LEAST_AREA: f32 = 1e-12;
+/// Positions beyond this, metres, would overflow a box's arithmetic.
+const GREATEST_COORDINATE: f32 = 1e15;
+
+/// `trace/trace.wgsl`'s `Node`.
+#[derive(Clone, Copy, Debug, PartialEq, Pod, Zeroable)]
+#[repr(C)]
+pub struct Node {
+    /// Lower corner of the box.
+    pub min: [f32; 3],
+    /// Index of the node to go on with when the box is missed, or its leaf is done.
+    pub skip: u32,
+    /// Upper corner.
+    pub max: [f32; 3],
+    /// 0 for an inner node, whose first child is the next node; else index of the first primitive ×
+    /// 8 + their number (1 to 7).
+    pub leaf: u32,
+}
+
+impl Node {
+    /// A node that no ray meets: buffers are never empty.
+    pub const NOTHING: Self = Self { min: [1.0; 3], skip: 1, max: [-1.0; 3], leaf: 0 };
+
+    /// The primitives of a leaf.
+    #[cfg(test)]
+    pub fn primitives(&self) -> std::ops::Range<usize> {
+        let first = (self.leaf >> COUNT_BITS) as usize;
+        first..first + (self.leaf & MOST_IN_LEAF) as usize
+    }
+}
+
+/// `trace/trace.wgsl`'s `Triangle`: a corner and two edges, with which parts of it are there
+/// (see `micromap`).
+#[derive(Clone, Copy, Debug, PartialEq, Pod, Zeroable)]
+#[repr(C)]
+pub struct TriangleWords {
+    /// The first corner.
+    pub corner: [f32; 3],
+    padding: u32,
+    /// From there to the second.
+    pub edge_1: [f32; 3],
+    /// The micromap's lower half.
+    map_low: u32,
+    /// From the first corner to the third.
+    pub edge_2: [f32; 3],
+    /// Its upper half.
+    map_high: u32,
+}
+
+impl TriangleWords {
+    fn new([a, b, c]: [Vec3; 3], map: u64) -> Self {
+        let [corner, edge_1, edge_2] = [a, b - a, c - a].map(|v| v.to_array());
+        Self {
+            corner,
+            padding: 0,
+            edge_1,
+            map_low: map as u32,
+            edge_2,
+            map_high: (map >> 32) as u32,
+        }
+    }
+
+    /// Its micromap.
+    pub fn map(&self) -> u64 {
+        u64::from(self.map_high) << 32 | u64::from(self.map_low)
+    }
+}
+
+/// Nodes in depth-first order, and the primitives in the order in which leaves name them.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct FlatBvh {
+    /// The root first; empty without primitives.
+    pub nodes: Vec<Node>,
+    /// Leaf order → index as given.
+    pub order: Vec<u32>,
+}
+
+impl FlatBvh {
+    /// A tree over boxes of (lower, upper) corners, all finite.
+    pub fn new(boxes: &[(Vec3A, Vec3A)]) -> Self {
+        let boxes: Vec<Aabb> = boxes
+            .iter()
+            .map(|(min, max)| Aabb { min: min.to_array().into(), max: max.to_array().into() })
+            .collect();
+        match boxes.len() {
+            0 => Self::default(),
+            // The builder wants a pair to join.
+            1 => {
+                Self { nodes: vec![Node { leaf: 1, skip: 1, ..boxed(&boxes[0]) }], order: vec![0] }
+            }
+            _ => {
+                let params =
+                    BvhBuildParams { max_prims_per_leaf: 4, ..BvhBuildParams::medium_build() };
+                flatten(&obvhs::bvh2::builder::build_bvh2(&boxes, params, &mut Duration::default()))
+            }
+        }
+    }
+}
+
+fn boxed(aabb: &Aabb) -> Node {
+    Node {
+        min: [aabb.min.x, aabb.min.y, aabb.min.z],
+        skip: 0,
+        max: [aabb.max.x, aabb.max.y, aabb.max.z],
+        leaf: 0,
+    }
+}
+
+fn flatten(tree: &Bvh2) -> FlatBvh {
+    let mut flat = FlatBvh::default();
+    // Nodes to enter, and inner nodes (as `Err` of their place) to close when all below them is
+    // there.
+    let mut work: Vec<Result<usize, usize>> = vec![Ok(0)];
+    while let Some(next) = work.pop() {
+        match next {
+            Err(place) => flat.nodes[place].skip = flat.nodes.len() as u32,
+            Ok(index) => {
+                let node = &tree.nodes[index];
+                let first = node.first_index as usize;
+                if node.prim_count == 0 {
+                    work.extend([Err(flat.nodes.len()), Ok(first + 1), Ok(first)]);
+                    flat.nodes.push(boxed(&node.aabb));
+                    continue;
+                }
+                let primitives = &tree.primitive_indices[first..first + node.prim_count as usize];
+                for some in primitives.chunks(MOST_IN_LEAF as usize) {
+                    let leaf = (flat.order.len() as u32) << COUNT_BITS | some.len() as u32;
+                    flat.nodes.push(Node {
+                        leaf,
+                        skip: flat.nodes.len() as u32 + 1,
+                        ..boxed(&node.aabb)
+                    });
+                    flat.order.extend(some);
+                }
+            }
+        }
+    }
+    flat
+}
+
+/// One mesh's triangles in a tree, in the mesh's own space.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct MeshBvh {
+    /// The tree's nodes.
+    pub nodes: Vec<Node>,
+    /// Triangles in the order in which leaves name them.
+    pub triangles: Vec<TriangleWords>,
+}
+
+impl MeshBvh {
+    /// A tree of triangles, each with its micromap. Those that are all hole or without area, or
+    /// with corners that are not finite or absurdly far away, are left out.
+    pub fn new(triangles: impl IntoIterator<Item = ([Vec3; 3], u64)>) -> Self {
+        let triangles: Vec<_> = triangles
+            .into_iter()
+            .filter(|(triangle, map)| *map != 0 && is_usable(triangle))
+            .collect();
+        let boxes: Vec<_> = triangles
+            .iter()
+            .map(|([a, b, c], _)| (a.min(*b).min(*c).into(), a.max(*b).max(*c).into()))
+            .collect();
+        let FlatBvh { nodes, order } = FlatBvh::new(&boxes);
+        let words = |index: &u32| {
+            let (triangle, map) = triangles[*index as usize];
+            TriangleWords::new(triangle, map)
+        };
+        Self { triangles: order.iter().map(words).collect(), nodes }
+    }
+
+    /// The box around it in a space that `affine` maps its own to; `None` where that is not finite
+    /// or there is nothing.
+    pub fn bounds(&self, affine: &Affine3A) -> Option<(Vec3A, Vec3A)> {
+        let root = self.nodes.first()?;
+        let (min, max) = (Vec3A::from(root.min), Vec3A::from(root.max));
+        let center = affine.transform_point3a((min + max) * 0.5);
+        let half = affine.matrix3.abs() * ((max - min) * 0.5);
+        let (min, max) = (center - half, center + half);
+        (min.is_finite()
+            && max.is_finite()
+            && max.abs().max(min.abs()).max_element() < GREATEST_COORDINATE)
+            .then_some((min, max))
+    }
+}
+
+fn is_usable(triangle: &[Vec3; 3]) -> bool {
+    let [a, b, c] = *triangle;
+    let sound = triangle
+        .iter()
+        .all(|corner| corner.is_finite() && corner.abs().max_element() < GREATEST_COORDINATE);
+    let side = (b - a).abs().max((c - a).abs()).max_element();
+    // In units of its own size, so that neither a tiny triangle nor a huge one leaves the range of
+    // a float.
+    sound && side > 0.0 && ((b - a) / side).cross((c - a) / side).length() > LEAST_AREA
+}
+
+#[cfg(test)]
+#[path = "bvh_tests.rs"]
+mod tests;

@@ -1,0 +1,317 @@
+//! Which meshes hide indirect light, and where they stand.
+
+use std::sync::Arc;
+
+use bevy::asset::{AssetEvent, AssetId};
+use bevy::camera::Camera;
+use bevy::camera::visibility::InheritedVisibility;
+use bevy::ecs::prelude::*;
+use bevy::image::Image;
+use bevy::light::{EnvironmentMapLight, NotShadowCaster};
+use bevy::log::warn_once;
+use bevy::math::Affine3A;
+use bevy::mesh::skinning::SkinnedMesh;
+use bevy::mesh::{Mesh, Mesh3d};
+use bevy::pbr::{MeshMaterial3d, StandardMaterial};
+use bevy::platform::collections::{HashMap, HashSet};
+use bevy::render::extract_resource::ExtractResource;
+use bevy::tasks::futures::check_ready;
+use bevy::tasks::{AsyncComputeTaskPool, Task};
+use bevy::transform::components::GlobalTransform;
+use bytemuck::{Pod, Zeroable};
+
+use super::bvh::{FlatBvh, MeshBvh, Node, TriangleWords};
+use super::micromap::{SOLID, micromap};
+use crate::gi::settings::FrugalGi;
+use crate::gi::surfaces::{Cutout, Mask, SurfaceAssets, Triangles, hides, triangles};
+use crate::gi::view::LightPresence;
+
+/// Meshes of up to so many triangles get their tree at once, in about a millisecond; larger ones in
+/// the background.
+const TRIANGLES_AT_ONCE: usize = 4096;
+/// What a triangle with an alpha mask counts for: its mask is looked at in 512 places.
+const MASKED_TRIANGLE: usize = 64;
+
+/// `trace/trace.wgsl`'s `Instance`.
+#[derive(Clone, Copy, Debug, PartialEq, Pod, Zeroable)]
+#[repr(C)]
+pub(super) struct Instance {
+    /// Rows of the matrix from the world to the mesh.
+    pub local_from_world: [[f32; 4]; 3],
+    /// The mesh's first node and the one after its last.
+    pub nodes: [u32; 2],
+    pub padding: [u32; 2],
+}
+
+/// Trees of all meshes, one after another.
+#[derive(Debug, Default)]
+pub(super) struct MeshData {
+    pub nodes: Vec<Node>,
+    pub triangles: Vec<TriangleWords>,
+    /// Whether any triangle has holes.
+    pub is_masked: bool,
+}
+
+/// Meshes in their places, and the tree over them.
+#[derive(Debug, Default)]
+pub(super) struct InstanceData {
+    pub nodes: Vec<Node>,
+    pub instances: Vec<Instance>,
+}
+
+/// What hides indirect light, kept while there is light and a camera asks for
+/// [`GiVisibility`](crate::gi::GiVisibility), and empty else.
+///
+/// Every visible mesh does but: transparent and transmissive ones, those with [`NotShadowCaster`],
+/// skinned ones (their triangles here are those of the bind pose), and those whose asset is kept
+/// for the GPU alone (a warning says so). Alpha masks of [`StandardMaterial`] have holes for rays
+/// too, in 64 parts of each triangle, where the mask's image is there for the processor in a format
+/// without compression (another warning, and no holes, where it is not); an image that changes in
+/// every frame has all that it lies on prepared in every frame. Morphs and shaders that move
+/// vertices are not followed. Meshes of more than 4096 triangles, or 64 with a mask, are prepared
+/// in the background and hide nothing until then.
+#[derive(Resource, ExtractResource, Clone, Debug, Default)]
+pub struct GiOccluders {
+    pub(super) meshes: Arc<MeshData>,
+    pub(super) instances: Arc<InstanceData>,
+    waiting: usize,
+    is_kept: bool,
+}
+
+impl GiOccluders {
+    /// Whether what hides light is collected: a camera traces, and there is light to trace.
+    pub(in crate::gi) fn is_kept(&self) -> bool {
+        self.is_kept
+    }
+
+    /// Meshes that are still being prepared.
+    pub fn waiting(&self) -> usize {
+        self.waiting
+    }
+
+    /// Triangles in all trees, each mesh counted once.
+    pub fn triangle_count(&self) -> usize {
+        self.meshes.triangles.len()
+    }
+
+    /// Meshes in the scene that hide light.
+    pub fn instance_count(&self) -> usize {
+        self.instances.instances.len()
+    }
+}
+
+enum Tree {
+    Building(Task<MeshBvh>),
+    Ready(Arc<MeshBvh>),
+    /// Its triangles are out of reach.
+    Unreadable,
+}
+
+/// A mesh and where it has holes.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+struct TreeKey {
+    mesh: AssetId<Mesh>,
+    mask: Option<Mask>,
+}
+
+/// A tree per mesh and mask, and what the present [`GiOccluders`] was made of.
+#[derive(Resource, Default)]
+pub(super) struct MeshTrees {
+    trees: HashMap<TreeKey, Tree>,
+    placed: Vec<(Entity, TreeKey, Affine3A)>,
+    /// First node and the one after the last of each tree in the present data.
+    ranges: HashMap<TreeKey, [u32; 2]>,
+    /// Set when a tree was added, changed or dropped.
+    changed: bool,
+}
+
+impl MeshTrees {
+    fn forget(&mut self, is_gone: impl Fn(&TreeKey) -> bool) {
+        let before = self.trees.len();
+        self.trees.retain(|key, _| !is_gone(key));
+        self.changed |= self.trees.len() != before;
+    }
+}
+
+pub(super) fn update(
+    mut trees: ResMut<MeshTrees>,
+    mut occluders: ResMut<GiOccluders>,
+    (mut mesh_events, mut image_events): (
+        MessageReader<AssetEvent<Mesh>>,
+        Option<MessageReader<AssetEvent<Image>>>,
+    ),
+    assets: SurfaceAssets,
+    light: Res<LightPresence>,
+    cameras: Query<(&Camera, &FrugalGi, Has<EnvironmentMapLight>)>,
+    placed: Query<
+        (
+            Entity,
+            &Mesh3d,
+            &GlobalTransform,
+            &InheritedVisibility,
+            Option<&MeshMaterial3d<StandardMaterial>>,
+        ),
+        (Without<NotShadowCaster>, Without<SkinnedMesh>),
+    >,
+) {
+    let trees = &mut *trees;
+    for event in mesh_events.read() {
+        let (AssetEvent::Modified { id } | AssetEvent::Removed { id }) = event else { continue };
+        trees.forget(|key| key.mesh == *id);
+    }
+    for event in image_events.iter_mut().flat_map(MessageReader::read) {
+        let (AssetEvent::Modified { id } | AssetEvent::Removed { id }) = event else { continue };
+        trees.forget(|key| key.mask.is_some_and(|mask| mask.reads(*id)));
+    }
+    if !cameras
+        .iter()
+        .any(|(camera, gi, has_map)| camera.is_active && gi.traces() && light.lights(gi, has_map))
+    {
+        // The trees stay: made again in the background, they would be missing in the frames after
+        // rays are back. What was made of them goes, and with it the buffers.
+        if occluders.is_kept {
+            *occluders = GiOccluders::default();
+            trees.placed.clear();
+            trees.changed = true;
+        }
+        return;
+    }
+    let mut now: Vec<_> = placed
+        .iter()
+        .filter(|(_, _, _, visible, _)| visible.get())
+        .filter_map(|(entity, mesh, transform, _, material)| {
+            // A material of another kind is taken for solid: nothing is known of it.
+            let material =
+                material.zip(assets.materials.as_ref()).and_then(|(handle, all)| all.get(handle));
+            let mask = material.and_then(Mask::new);
+            material
+                .is_none_or(hides)
+                .then(|| (entity, TreeKey { mesh: mesh.id(), mask }, transform.affine()))
+        })
+        .collect();
+    // Entities come in no particular order, and the tree over them should be the same in every run.
+    now.sort_unstable_by_key(|(entity, ..)| *entity);
+    build_trees(trees, now.iter().map(|(_, key, _)| *key), &assets);
+    let waiting = trees.trees.values().filter(|tree| matches!(tree, Tree::Building(_))).count();
+    if trees.changed || trees.placed != now || !occluders.is_kept {
+        *occluders = assemble(trees, &now, &occluders);
+        trees.placed = now;
+        trees.changed = false;
+    }
+    if occluders.waiting != waiting {
+        occluders.waiting = waiting;
+    }
+}
+
+/// Starts trees for new meshes, takes those that are done, and drops those of meshes that are gone.
+fn build_trees(trees: &mut MeshTrees, used: impl Iterator<Item = TreeKey>, assets: &SurfaceAssets) {
+    let used: HashSet<_> = used.collect();
+    trees.forget(|key| !used.contains(key));
+    for key in used {
+        match trees.trees.get_mut(&key) {
+            Some(Tree::Building(task)) => {
+                if let Some(tree) = check_ready(task) {
+                    trees.trees.insert(key, Tree::Ready(Arc::new(tree)));
+                    trees.changed = true;
+                }
+            }
+            Some(_) => {}
+            // An asset that is still loading is asked for again.
+            None => {
+                if let Some(tree) = start(&key, assets) {
+                    trees.trees.insert(key, tree);
+                    trees.changed = true;
+                }
+            }
+        }
+    }
+}
+
+/// A mesh's tree, at once or in the background; `None` while its assets are not there.
+fn start(key: &TreeKey, assets: &SurfaceAssets) -> Option<Tree> {
+    let mesh = assets.meshes.get(key.mesh)?;
+    let cutout =
+        Cutout::new(key.mask.as_ref(), mesh, assets.images.as_deref())?.map(Cutout::into_owned);
+    let Some(Triangles { corners, positions }) = triangles(mesh) else {
+        warn_once!(
+            "a mesh is kept for the GPU alone or is no triangle list: it hides no indirect light (RenderAssetUsages::MAIN_WORLD keeps it readable)"
+        );
+        return Some(Tree::Unreadable);
+    };
+    let work = corners.len() * if cutout.is_some() { MASKED_TRIANGLE } else { 1 };
+    let build = move || {
+        MeshBvh::new(
+            positions
+                .into_iter()
+                .zip(corners.into_iter().map(|corners| holes(cutout.as_ref(), corners))),
+        )
+    };
+    Some(if work <= TRIANGLES_AT_ONCE {
+        Tree::Ready(Arc::new(build()))
+    } else {
+        Tree::Building(AsyncComputeTaskPool::get().spawn(async move { build() }))
+    })
+}
+
+/// A triangle's micromap.
+fn holes(cutout: Option<&Cutout>, corners: [usize; 3]) -> u64 {
+    match cutout {
+        Some(cutout) if cutout.may_pierce(corners) => {
+            micromap(|place| cutout.is_there(corners, place))
+        }
+        _ => SOLID,
+    }
+}
+
+/// Everything in its place. The meshes' data is made anew only when a tree changed.
+fn assemble(
+    trees: &mut MeshTrees,
+    placed: &[(Entity, TreeKey, Affine3A)],
+    before: &GiOccluders,
+) -> GiOccluders {
+    let mut meshes = Arc::clone(&before.meshes);
+    if trees.changed {
+        let mut data = MeshData::default();
+        trees.ranges.clear();
+        for (_, key, _) in placed {
+            let Some(Tree::Ready(tree)) = trees.trees.get(key) else { continue };
+            trees.ranges.entry(*key).or_insert_with(|| {
+                let (first, first_triangle) =
+                    (data.nodes.len() as u32, data.triangles.len() as u32);
+                let moved = |node: &Node| {
+                    let leaf = if node.leaf == 0 { 0 } else { node.leaf + (first_triangle << 3) };
+                    Node { skip: node.skip + first, leaf, ..*node }
+                };
+                data.nodes.extend(tree.nodes.iter().map(moved));
+                data.triangles.extend(&tree.triangles);
+                data.is_masked |= tree.triangles.iter().any(|triangle| triangle.map() != SOLID);
+                [first, data.nodes.len() as u32]
+            });
+        }
+        meshes = Arc::new(data);
+    }
+    let (mut boxes, mut instances) = (Vec::new(), Vec::new());
+    for (_, key, affine) in placed {
+        let (Some(Tree::Ready(tree)), Some(nodes)) = (trees.trees.get(key), trees.ranges.get(key))
+        else {
+            continue;
+        };
+        let inverse = affine.inverse();
+        // Scaled to nothing, or so far away that nothing can be told: it hides nothing.
+        let Some(bounds) = tree.bounds(affine).filter(|_| inverse.is_finite()) else { continue };
+        boxes.push(bounds);
+        let [x, y, z] = [inverse.matrix3.x_axis, inverse.matrix3.y_axis, inverse.matrix3.z_axis]
+            .map(|axis| axis.to_array());
+        let offset = inverse.translation.to_array();
+        let local_from_world = std::array::from_fn(|row| [x[row], y[row], z[row], offset[row]]);
+        instances.push(Instance { local_from_world, nodes: *nodes, padding: [0; 2] });
+    }
+    let FlatBvh { nodes, order } = FlatBvh::new(&boxes);
+    let instances = order.iter().map(|index| instances[*index as usize]).collect();
+    GiOccluders {
+        meshes,
+        instances: Arc::new(InstanceData { nodes, instances }),
+        waiting: before.waiting,
+        is_kept: true,
+    }
+}

@@ -1,0 +1,166 @@
+// Whether anything lies between two points: rays over a hierarchy of boxes in two levels, as
+// `visibility/bvh.rs` lays it out.
+//
+// No stack: nodes lie in depth-first order, and each knows where to go on when its box is missed.
+// Instances are walked in the world, their triangles in the mesh's own space; the ray's parameter
+// is the same in both.
+//
+// Holes of alpha masks count where MASKS is defined: a software driver takes a tenth longer for
+// looking at them, whether there are any or not.
+#define_import_path bevy_frugal_gi::gi::trace::trace
+
+struct Node {
+    min: vec3<f32>,
+    /// The node to go on with when the box is missed.
+    skip: u32,
+    max: vec3<f32>,
+    /// 0 for an inner node, else first primitive × 8 + their number.
+    leaf: u32,
+}
+
+/// A mesh in its place.
+struct Instance {
+    /// Rows of the matrix from the world to the mesh.
+    local_from_world: array<vec4<f32>, 3>,
+    /// The mesh's first node and the one after its last.
+    first_node: u32,
+    end_node: u32,
+    padding: vec2<u32>,
+}
+
+/// A corner and two edges, and which of its 64 parts are there (see `visibility/micromap.rs`).
+struct Triangle {
+    corner: vec3<f32>,
+    padding: u32,
+    edge_1: vec3<f32>,
+    map_low: u32,
+    edge_2: vec3<f32>,
+    map_high: u32,
+}
+
+@group(1) @binding(0) var<storage, read> instance_nodes: array<Node>;
+@group(1) @binding(1) var<storage, read> instances: array<Instance>;
+@group(1) @binding(2) var<storage, read> mesh_nodes: array<Node>;
+@group(1) @binding(3) var<storage, read> triangles: array<Triangle>;
+
+/// Reciprocals that neither divide by zero nor make a NaN of 0 · ∞ in a box test.
+fn reciprocal(direction: vec3<f32>) -> vec3<f32> {
+    let least = vec3(1e-25);
+    return 1.0 / select(max(direction, least), min(direction, -least), direction < vec3(0.0));
+}
+
+fn meets_box(node: Node, origin: vec3<f32>, inverse: vec3<f32>) -> bool {
+    let a = (node.min - origin) * inverse;
+    let b = (node.max - origin) * inverse;
+    let low = min(a, b);
+    let high = max(a, b);
+    let near = max(max(low.x, low.y), max(low.z, 0.0));
+    let far = min(min(high.x, high.y), min(high.z, 1.0));
+    // Slightly wider, so that rounding opens no seam between boxes.
+    return near <= far * 1.0000004;
+}
+
+#ifdef MASKS
+/// Whether what a triangle's alpha mask leaves of it holds the point of these weights of its second
+/// and third corner.
+fn is_there(triangle: Triangle, second: f32, third: f32) -> bool {
+    let across = second * 8.0;
+    let along = third * 8.0;
+    let row = u32(across);
+    // The row begins at part row · (16 − row), and its columns have two parts each, of which the
+    // sum of both fractions tells: with ⌊across + along⌋ = row + column + (0 or 1), that is this.
+    // The farthest corner and rounding on the longest side may name a neighbour.
+    let part = row * (15u - row) + u32(along) + u32(across + along);
+    return (select(triangle.map_low, triangle.map_high, part >= 32u) >> (part & 31u) & 1u) == 1u;
+}
+#else
+fn is_there(triangle: Triangle, second: f32, third: f32) -> bool {
+    return true;
+}
+#endif
+
+/// Möller and Trumbore 1997, from either side.
+fn meets_triangle(triangle: Triangle, origin: vec3<f32>, direction: vec3<f32>) -> bool {
+    let p = cross(direction, triangle.edge_2);
+    let determinant = dot(triangle.edge_1, p);
+    let inverse = 1.0 / determinant;
+    let offset = origin - triangle.corner;
+    let u = dot(offset, p) * inverse;
+    let q = cross(offset, triangle.edge_1);
+    let v = dot(direction, q) * inverse;
+    let t = dot(triangle.edge_2, q) * inverse;
+    // A ray in the triangle's plane makes these infinite or NaN, and meets nothing.
+    return u >= 0.0 && v >= 0.0 && u + v <= 1.0 && t > 0.0 && t < 1.0 && is_there(triangle, u, v);
+}
+
+fn meets_mesh(instance: Instance, world_origin: vec3<f32>, world_direction: vec3<f32>) -> bool {
+    let rows = instance.local_from_world;
+    let at = vec4(world_origin, 1.0);
+    let along = vec4(world_direction, 0.0);
+    let origin = vec3(dot(rows[0], at), dot(rows[1], at), dot(rows[2], at));
+    let direction = vec3(dot(rows[0], along), dot(rows[1], along), dot(rows[2], along));
+    let inverse = reciprocal(direction);
+    var index = instance.first_node;
+    while index < instance.end_node {
+        let node = mesh_nodes[index];
+        var next = node.skip;
+        if meets_box(node, origin, inverse) {
+            // The first child of an inner node comes next; so does what follows a leaf.
+            next = index + 1u;
+            let first = node.leaf >> 3u;
+            for (var i = 0u; i < (node.leaf & 7u); i++) {
+                if meets_triangle(triangles[first + i], origin, direction) {
+                    return true;
+                }
+            }
+        }
+        index = next;
+    }
+    return false;
+}
+
+/// Whether the open segment between two points in the world meets anything.
+fn is_occluded(origin: vec3<f32>, end: vec3<f32>) -> bool {
+    let direction = end - origin;
+    let inverse = reciprocal(direction);
+    let count = arrayLength(&instance_nodes);
+    var index = 0u;
+    while index < count {
+        let node = instance_nodes[index];
+        var next = node.skip;
+        if meets_box(node, origin, inverse) {
+            next = index + 1u;
+            let first = node.leaf >> 3u;
+            for (var i = 0u; i < (node.leaf & 7u); i++) {
+                if meets_mesh(instances[first + i], origin, direction) {
+                    return true;
+                }
+            }
+        }
+        index = next;
+    }
+    return false;
+}
+
+/// Whether nothing lies in a direction (unit length), however far.
+fn is_open(origin: vec3<f32>, direction: vec3<f32>) -> bool {
+    // Beyond everything: no farther than the middle of it all and then its size.
+    let all = instance_nodes[0];
+    let reach = distance(origin, 0.5 * (all.min + all.max)) + distance(all.min, all.max);
+    return !is_occluded(origin, origin + direction * reach);
+}
+
+/// Of a pixel's width, how far rasterised depth may lie off its surface: Vulkan lets corners of
+/// triangles be snapped to sixteenths of a pixel (PowerVR and SwiftShader do, others to 256ths),
+/// which shifts a slope by up to √2 ÷ 32 of a pixel's width along its normal.
+const SNAPPED: f32 = 0.045;
+
+/// How far from a surface a ray starts or ends, metres: beyond what positions out of a depth buffer
+/// are uncertain by. `width`: of the pixel or texel that the position comes from, metres.
+///
+/// Higher values lose contact shadows and let light through thin walls; lower ones make surfaces
+/// shade themselves.
+fn surface_offset(position: vec3<f32>, distance_to_eye: f32, width: f32) -> f32 {
+    let size = max(max(abs(position.x), abs(position.y)), abs(position.z));
+    return 5e-4 + 2e-4 * distance_to_eye + 4e-7 * size + SNAPPED * width;
+}

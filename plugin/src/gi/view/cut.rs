@@ -1,0 +1,42 @@
+//! Camera cuts: an app says that a camera's next frame has nothing to do with its last.
+
+use bevy::app::App;
+use bevy::ecs::entity::EntityHashSet;
+use bevy::ecs::prelude::*;
+use bevy::prelude::ReflectDefault;
+use bevy::reflect::Reflect;
+use bevy::render::{ExtractSchedule, MainWorld, RenderApp};
+
+/// Marks a camera whose next frame is a cut: a teleport, another scene. Its history is dropped, and
+/// its VPLs are sampled anew whatever [`refresh_period`](super::FrugalGi::refresh_period) says.
+/// Removed as soon as that frame is extracted.
+///
+/// A cut of more than 1 m or 30° from one frame to the next is found without it.
+#[derive(Component, Reflect, Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[reflect(Component, Default, Clone, PartialEq)]
+pub struct CameraCut;
+
+/// The cameras that are cut in this frame, by their entities of the main world. A resource of the
+/// render world.
+#[derive(Resource, Default)]
+pub(in crate::gi) struct CutCameras(pub EntityHashSet);
+
+pub(super) fn build(app: &mut App) {
+    app.register_type::<CameraCut>();
+    if let Some(render_app) = app.get_sub_app_mut(RenderApp) {
+        render_app.init_resource::<CutCameras>().add_systems(ExtractSchedule, extract_cuts);
+    }
+}
+
+fn extract_cuts(
+    mut cuts: ResMut<CutCameras>,
+    mut main_world: ResMut<MainWorld>,
+    mut marked: Local<Option<QueryState<Entity, With<CameraCut>>>>,
+) {
+    let marked = marked.get_or_insert_with(|| main_world.query_filtered());
+    cuts.0.clear();
+    cuts.0.extend(marked.iter(&main_world));
+    for camera in &cuts.0 {
+        main_world.entity_mut(*camera).remove::<CameraCut>();
+    }
+}

@@ -1,0 +1,56 @@
+//! A camera's environment map, in both worlds.
+
+use bevy::app::App;
+use bevy::asset::AssetId;
+use bevy::ecs::prelude::*;
+use bevy::image::Image;
+use bevy::light::{EnvironmentMapLight, GeneratedEnvironmentMapLight};
+use bevy::math::Quat;
+use bevy::render::sync_world::RenderEntity;
+use bevy::render::{Extract, ExtractSchedule};
+
+use crate::gi::schedule::supported_render_app;
+use crate::gi::settings::FrugalGi;
+
+/// A GI camera's environment map, as its app set it.
+#[derive(Component, Clone, Copy, Debug, PartialEq)]
+pub(in crate::gi) struct SkySource {
+    pub diffuse: AssetId<Image>,
+    pub specular: AssetId<Image>,
+    /// Nits that the map's 1 stands for.
+    pub intensity: f32,
+    pub rotation: Quat,
+    /// The renderer makes the map anew in each frame.
+    pub is_generated: bool,
+}
+
+pub(super) fn finish(app: &mut App) {
+    if let Some(render_app) = supported_render_app(app) {
+        render_app.add_systems(ExtractSchedule, extract_environments);
+    }
+}
+
+/// Takes GI cameras' environment maps over into the render world.
+fn extract_environments(
+    mut commands: Commands,
+    cameras: Extract<
+        Query<
+            (RenderEntity, Option<&EnvironmentMapLight>, Has<GeneratedEnvironmentMapLight>),
+            With<FrugalGi>,
+        >,
+    >,
+) {
+    for (entity, environment, is_generated) in &cameras {
+        let Ok(mut entity) = commands.get_entity(entity) else { continue };
+        match environment {
+            Some(environment) => entity.insert(SkySource {
+                diffuse: environment.diffuse_map.id(),
+                specular: environment.specular_map.id(),
+                intensity: environment.intensity,
+                rotation: environment.rotation,
+                is_generated,
+            }),
+            None => entity.remove::<SkySource>(),
+        };
+    }
+}

@@ -1,0 +1,178 @@
+//! What a frame has to do again, as plain arithmetic over what changed.
+
+use bevy::ecs::prelude::*;
+use bevy::prelude::ReflectDefault;
+use bevy::reflect::Reflect;
+use bevy::render::extract_resource::ExtractResource;
+
+/// When reflective shadow maps are rendered and light is gathered. A resource of the main world.
+#[derive(Resource, ExtractResource, Reflect, Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[reflect(Resource, Default, Clone, PartialEq)]
+pub enum GiRefresh {
+    /// When something moved or changed: meshes, their materials' handles, standard materials,
+    /// images, lights, skins, morphs; for the gather, the camera, too. What a changed material or
+    /// mesh asset sends on is a frame late, as Bevy tells of assets after cameras. While a mesh has
+    /// a material of another kind it is as [`EveryFrame`](Self::EveryFrame), since such a material
+    /// may change by itself.
+    #[default]
+    OnChange,
+    /// As `OnChange`, but that cameras gather in every frame, as if they moved: what a walk through
+    /// a still scene costs. For measuring.
+    AsIfCamerasMoved,
+    /// All of it in every frame. For what changes unseen: vertex shaders that move by the clock,
+    /// buffers that the GPU writes.
+    EveryFrame,
+}
+
+/// Frames for which an asset counts as arriving. It is prepared in its first frame or the next,
+/// what is made of it in the one after, and drawn then.
+const ARRIVAL: u32 = 4;
+
+/// What this frame does.
+#[derive(Resource, ExtractResource, Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub(in crate::gi) struct GiFrame {
+    /// Counts frames since the last camera cut: what follows a cut does not depend on when it came.
+    pub number: u32,
+    /// Whether maps are rendered.
+    pub maps: bool,
+    /// Whether cameras gather even if they have not moved.
+    pub gather: bool,
+    /// Frames since something changed that maps or cameras show.
+    pub(in crate::gi) frames_since_change: u32,
+    /// Frames for which an asset is still arriving.
+    pub(in crate::gi) arriving: u32,
+}
+
+/// What happened in the scene since the last frame.
+#[derive(Clone, Copy, Debug, Default)]
+pub(in crate::gi) struct SceneDelta {
+    /// Something that maps show is other than before.
+    pub changed: bool,
+    /// An asset came, changed or went.
+    pub arrived: bool,
+    /// Something may not be drawn yet.
+    pub missing: bool,
+    /// Everything is to be done in every frame.
+    pub always: bool,
+    /// Texels are no longer where they were.
+    pub laid_out: bool,
+    /// A camera is cut.
+    pub cut: bool,
+}
+
+impl GiFrame {
+    /// The next frame's. `period`: frames from one rendering of the maps to the next.
+    pub fn next(self, delta: SceneDelta, period: u32) -> Self {
+        let number = if delta.cut { 0 } else { self.number.wrapping_add(1) };
+        let frames_since_change = if delta.changed || delta.laid_out {
+            0
+        } else {
+            self.frames_since_change.saturating_add(1)
+        };
+        let arriving = if delta.arrived {
+            ARRIVAL
+        } else {
+            self.arriving.saturating_sub(1).max(u32::from(delta.missing))
+        };
+        // A whole period from the last change on: one frame in it renders maps.
+        let gather = delta.always || arriving > 0 || frames_since_change < period;
+        // What has moved to another place in the store must be there before it is drawn from, and
+        // what was missing is not for a period to keep back.
+        Self {
+            number,
+            frames_since_change,
+            arriving,
+            gather,
+            maps: delta.laid_out || arriving > 0 || gather && number.is_multiple_of(period),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const NOTHING: SceneDelta = SceneDelta {
+        changed: false,
+        arrived: false,
+        missing: false,
+        always: false,
+        laid_out: false,
+        cut: false,
+    };
+    const CHANGE: SceneDelta = SceneDelta { changed: true, ..NOTHING };
+
+    #[test]
+    fn maps_rest_after_the_last_change() {
+        let frame = GiFrame::default().next(CHANGE, 1);
+        assert!(frame.maps && frame.gather);
+        let frame = frame.next(NOTHING, 1);
+        assert!(!frame.maps && !frame.gather);
+        assert!(frame.next(SceneDelta { always: true, ..NOTHING }, 1).maps);
+    }
+
+    #[test]
+    fn what_arrives_is_waited_for() {
+        let mut frame = GiFrame { frames_since_change: 99, ..Default::default() }
+            .next(SceneDelta { arrived: true, ..NOTHING }, 1);
+        for _ in 0..ARRIVAL {
+            assert!(frame.maps && frame.gather);
+            frame = frame.next(NOTHING, 1);
+        }
+        assert!(!frame.maps && !frame.gather);
+    }
+
+    #[test]
+    fn with_a_period_maps_are_rendered_so_often_and_once_after_the_last_change() {
+        for period in 1..=8 {
+            for offset in 0..period {
+                let mut frame = GiFrame { number: offset, ..Default::default() };
+                let mut rendered = 0;
+                for _ in 0..4 * period {
+                    frame = frame.next(CHANGE, period);
+                    rendered += u32::from(frame.maps);
+                }
+                assert_eq!(rendered, 4, "every {period}th frame");
+                let last = u32::from(frame.maps);
+                let after = (0..20).filter(|_| {
+                    frame = frame.next(NOTHING, period);
+                    frame.maps
+                });
+                assert_eq!(last + after.count() as u32, 1, "period {period} from {offset}");
+            }
+        }
+    }
+
+    #[test]
+    fn what_is_new_is_rendered_at_once() {
+        let frame = GiFrame { number: 0, frames_since_change: 99, ..Default::default() };
+        assert!(!frame.next(CHANGE, 8).maps);
+        assert!(frame.next(SceneDelta { arrived: true, ..NOTHING }, 8).maps);
+        assert!(frame.next(SceneDelta { missing: true, ..NOTHING }, 8).maps);
+        assert!(frame.next(SceneDelta { laid_out: true, ..NOTHING }, 8).maps);
+    }
+
+    #[test]
+    fn a_cut_begins_a_period() {
+        for number in 0..8 {
+            let cut = GiFrame { number, frames_since_change: 99, ..Default::default() }
+                .next(SceneDelta { cut: true, ..CHANGE }, 4);
+            assert!(cut.maps && cut.gather);
+            let mut frame = cut;
+            let rendered: Vec<_> = std::iter::from_fn(|| {
+                frame = frame.next(CHANGE, 4);
+                Some(frame.maps)
+            })
+            .take(5)
+            .collect();
+            assert_eq!(rendered, [false, false, false, true, false], "from {number}");
+        }
+    }
+
+    #[test]
+    fn counters_at_their_end_go_on() {
+        let end = GiFrame { number: u32::MAX, frames_since_change: u32::MAX, ..Default::default() };
+        assert_eq!(end.next(NOTHING, u32::MAX).number, 0);
+        assert!(!end.next(NOTHING, 1).gather);
+    }
+}

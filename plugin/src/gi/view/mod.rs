@@ -1,0 +1,133 @@
+//! What the passes know of a GI camera and of the frame: plain data below all of them.
+//!
+//! | file | world | job |
+//! |---|---|---|
+//! | `frame` | both | what a frame has to do, by what changed in the scene |
+//! | `work` | render | what a camera has to do in it |
+//! | `cut` | both | camera cuts that the app announces |
+//! | `presence` | main | whether there is light to gather |
+//! | `environment` | both | a camera's environment map |
+//! | `surface.wgsl` | | the surface in a pixel of Bevy's deferred G-buffer |
+
+mod cut;
+mod environment;
+mod frame;
+mod presence;
+mod work;
+
+use bevy::app::{App, Plugin};
+use bevy::ecs::prelude::*;
+use bevy::math::{Mat4, UVec2, Vec3};
+use bevy::render::camera::ExtractedCamera;
+use bevy::render::view::ExtractedView;
+use bevy::shader::load_shader_library;
+
+use super::settings::{FrugalGi, GiPixelFraction};
+use super::texels::{TexelRow, same_places};
+pub use cut::CameraCut;
+pub(super) use cut::CutCameras;
+pub(super) use environment::SkySource;
+pub use frame::GiRefresh;
+pub(super) use frame::{GiFrame, SceneDelta};
+pub(super) use presence::LightPresence;
+pub(super) use work::{Step, Work};
+
+pub(super) struct ViewPlugin;
+
+impl Plugin for ViewPlugin {
+    fn build(&self, app: &mut App) {
+        load_shader_library!(app, "luminance.wgsl");
+        load_shader_library!(app, "surface.wgsl");
+        app.init_resource::<LightPresence>();
+        cut::build(app);
+    }
+
+    fn finish(&self, app: &mut App) {
+        environment::finish(app);
+    }
+}
+
+/// A GI camera that has light to gather, and what this frame does for it. In the render world.
+#[derive(Component, Clone, Debug)]
+pub(super) struct GiView {
+    pub gi: FrugalGi,
+    /// Where it is gathered from, and at which pixels.
+    pub place: GatherPlace,
+    /// What its VPLs are sampled from.
+    pub rows: Vec<TexelRow>,
+    /// Samples of the sky that each low-resolution pixel evaluates.
+    pub sky_samples: u32,
+    pub work: Work,
+    /// What the frame means to its history.
+    pub step: Step,
+}
+
+impl GiView {
+    /// Low-resolution pixels along both axes.
+    pub fn cells(&self) -> UVec2 {
+        self.place.cells()
+    }
+
+    /// What of the buffers that were made for this view serves `next`.
+    pub fn fit(&self, next: &Self) -> Fit {
+        let sampled = |view: &Self| (view.gi.vpl_count, view.gi.interleave, view.rows.is_empty());
+        if sampled(self) != sampled(next) || !same_places(&self.rows, &next.rows) {
+            Fit::Empty
+        } else if self.rows != next.rows || self.cells() != next.cells() {
+            Fit::LaidOut
+        } else {
+            Fit::Same
+        }
+    }
+}
+
+/// What of a view's buffers still serves.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub(super) enum Fit {
+    /// All of it.
+    Same,
+    /// Its VPLs are sampled and gathered anew, when their period says so.
+    LaidOut,
+    /// Nothing was sampled into its buffers.
+    Empty,
+}
+
+/// From where light is gathered, and at which pixels.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct GatherPlace {
+    pub clip_from_world: Mat4,
+    pub eye: Vec3,
+    pub forward: Vec3,
+    pub exposure: f32,
+    pub is_parallel: bool,
+    /// Pixels of the image, and of a low-resolution pixel.
+    pub size: UVec2,
+    pub cell: UVec2,
+}
+
+impl GatherPlace {
+    pub fn new(
+        camera: &ExtractedCamera,
+        view: &ExtractedView,
+        size: UVec2,
+        fraction: GiPixelFraction,
+    ) -> Self {
+        let world_from_view = view.world_from_view.to_matrix();
+        Self {
+            clip_from_world: view
+                .clip_from_world
+                .unwrap_or_else(|| view.clip_from_view * world_from_view.inverse()),
+            eye: view.world_from_view.translation(),
+            forward: view.world_from_view.forward().into(),
+            exposure: camera.exposure,
+            is_parallel: view.clip_from_view.w_axis.w == 1.0,
+            size,
+            cell: fraction.cell().into(),
+        }
+    }
+
+    /// Low-resolution pixels along both axes.
+    pub fn cells(&self) -> UVec2 {
+        UVec2::new(self.size.x.div_ceil(self.cell.x), self.size.y.div_ceil(self.cell.y))
+    }
+}

@@ -1,0 +1,118 @@
+//! What a camera's frame takes: plain arithmetic over what changed.
+
+use super::frame::{GiFrame, GiRefresh};
+
+/// What a camera's frame takes, beside the composite.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub(in crate::gi) struct Work {
+    /// Drawing VPLs.
+    pub draw: bool,
+    /// Gathering and filtering.
+    pub gather: bool,
+    /// Frames since anything changed that decides about them.
+    pub frames_since_change: u32,
+}
+
+impl Work {
+    /// Everything.
+    pub const ALL: Self = Self { draw: true, gather: true, frames_since_change: 0 };
+
+    /// The next frame's. `changed`: the camera, its sky or its settings are others. `always`: its
+    /// pixels never stay where they are, or its sky is made anew in each frame.
+    pub fn next(
+        self,
+        changed: bool,
+        always: bool,
+        frame: &GiFrame,
+        policy: GiRefresh,
+        period: u32,
+    ) -> Self {
+        let frames_since_change =
+            if changed { 0 } else { self.frames_since_change.saturating_add(1) };
+        // A whole period from the last change on: in one frame of it VPLs are drawn for where the
+        // camera is now.
+        let gather =
+            frame.gather || always || policy != GiRefresh::OnChange || frames_since_change < period;
+        Self {
+            frames_since_change,
+            gather,
+            draw: gather && (frame.maps || frame.number.is_multiple_of(period)),
+        }
+    }
+}
+
+/// What a frame means to what was shown before.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(in crate::gi) enum Step {
+    /// Nothing is gathered.
+    Rests,
+    /// Light is gathered after a cut, or where nothing moves.
+    Begins,
+    /// Something moves.
+    Moves,
+    /// The settings or the sky are others. What was shown is carried over, to other pixels, too.
+    Switches,
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn frame(number: u32, moving: bool) -> GiFrame {
+        GiFrame { number, maps: moving, gather: moving, ..Default::default() }
+    }
+
+    fn resting() -> Work {
+        Work { frames_since_change: 99, ..Default::default() }
+    }
+
+    #[test]
+    fn a_still_camera_in_a_still_scene_rests() {
+        let gathers = |changed, moving, policy| {
+            resting().next(changed, false, &frame(1, moving), policy, 1).gather
+        };
+        assert!(!gathers(false, false, GiRefresh::OnChange));
+        assert!(
+            gathers(true, false, GiRefresh::OnChange) && gathers(false, true, GiRefresh::OnChange)
+        );
+        assert!(gathers(false, false, GiRefresh::AsIfCamerasMoved));
+        assert!(
+            resting().next(false, true, &frame(1, false), GiRefresh::OnChange, 1).gather,
+            "jittered"
+        );
+    }
+
+    #[test]
+    fn after_a_camera_s_last_move_vpls_are_drawn_once_more() {
+        for period in 1..=8 {
+            for start in 0..period {
+                let mut work = resting();
+                let drawn = (0..20).filter(|number| {
+                    work = work.next(
+                        *number == 0,
+                        false,
+                        &frame(start + number, false),
+                        GiRefresh::OnChange,
+                        period,
+                    );
+                    work.draw
+                });
+                assert_eq!(drawn.count(), 1, "period {period} from {start}");
+                assert!(!work.gather);
+            }
+        }
+    }
+
+    #[test]
+    fn drawing_follows_the_period_and_the_maps() {
+        let draws = |number, maps| {
+            let frame = GiFrame { number, maps, gather: true, ..Default::default() };
+            Work::default().next(true, false, &frame, GiRefresh::OnChange, 4).draw
+        };
+        assert_eq!(
+            [0, 1, 2, 3, 4].map(|number| draws(number, false)),
+            [true, false, false, false, true]
+        );
+        assert!(draws(1, true), "what was drawn from is no longer there");
+    }
+}

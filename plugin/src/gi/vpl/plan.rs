@@ -1,0 +1,99 @@
+//! How a camera's VPLs are shared out among its pixels: plain arithmetic, no renderer.
+
+use bevy::math::UVec2;
+use bytemuck::{Pod, Zeroable};
+
+use super::VPL_BYTES;
+use crate::gi::settings::{FrugalGi, GiInterleave};
+
+/// Sets begin at multiples of so many VPLs: the least common multiple of their 48 bytes and the 256
+/// that uniform offsets are multiples of.
+const STRIDE: u32 = 16;
+
+/// `vpl/plan.wgsl`'s `Plan`.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Pod, Zeroable)]
+#[repr(C)]
+pub(in crate::gi) struct VplPlan {
+    /// Side of the square of pixels that share the VPLs out.
+    pub interleave: u32,
+    /// Sets of VPLs.
+    pub sets: u32,
+    /// In each set: 1 to 1024, and 0 where there is nothing to draw from.
+    pub per_set: u32,
+    /// From one set to the next in the buffer.
+    pub stride: u32,
+}
+
+impl VplPlan {
+    /// At least `vpl_count` VPLs, as evenly as it goes, no more than a pixel can evaluate.
+    pub fn new(vpl_count: u32, interleave: GiInterleave) -> Self {
+        let side = interleave.side();
+        let sets = side * side;
+        let per_set = vpl_count
+            .min(FrugalGi::MAX_VPL_COUNT)
+            .div_ceil(sets)
+            .clamp(1, FrugalGi::MAX_VPLS_PER_PIXEL);
+        Self { interleave: side, sets, per_set, stride: per_set.next_multiple_of(STRIDE) }
+    }
+
+    /// No VPLs, where there is nothing to draw them from.
+    #[must_use]
+    pub fn without_vpls(self) -> Self {
+        Self { per_set: 0, ..self }
+    }
+
+    /// VPLs that the buffer has room for, sets' padding included.
+    pub fn slots(&self) -> u32 {
+        self.sets * self.stride
+    }
+
+    /// Bytes of the buffer of VPLs: from every set on there are as many as the shader's array is
+    /// long.
+    pub fn buffer_bytes(&self) -> u64 {
+        u64::from((self.sets - 1) * self.stride + FrugalGi::MAX_VPLS_PER_PIXEL) * VPL_BYTES
+    }
+
+    /// Byte offset of a set.
+    pub fn offset(&self, set: u32) -> u32 {
+        set * self.stride * VPL_BYTES as u32
+    }
+
+    /// Place of a set's pixels in the square.
+    pub fn residue(&self, set: u32) -> UVec2 {
+        UVec2::new(set % self.interleave, set / self.interleave)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn sets_share_out_all_vpls_and_lie_where_uniform_offsets_may() {
+        for interleave in GiInterleave::ALL {
+            for count in [1, 2, 31, 32, 100, 1024, 4096, FrugalGi::MAX_VPL_COUNT, u32::MAX] {
+                let plan = VplPlan::new(count, interleave);
+                assert!(
+                    (1..=FrugalGi::MAX_VPLS_PER_PIXEL).contains(&plan.per_set)
+                        && plan.per_set <= plan.stride
+                );
+                let wanted = count
+                    .min(FrugalGi::MAX_VPL_COUNT)
+                    .min(plan.sets * FrugalGi::MAX_VPLS_PER_PIXEL);
+                assert!(
+                    (wanted..wanted + plan.sets).contains(&(plan.sets * plan.per_set)),
+                    "{count} {plan:?}"
+                );
+                let places: std::collections::HashSet<_> =
+                    (0..plan.sets).map(|set| plan.residue(set)).collect();
+                assert_eq!(places.len() as u32, plan.sets);
+                for set in 0..plan.sets {
+                    assert_eq!(plan.offset(set) % 256, 0);
+                    let end = u64::from(plan.offset(set))
+                        + u64::from(FrugalGi::MAX_VPLS_PER_PIXEL) * VPL_BYTES;
+                    assert!(end <= plan.buffer_bytes());
+                }
+            }
+        }
+    }
+}

@@ -1,0 +1,94 @@
+//! What a GI camera holds for its VPLs.
+
+use bevy::ecs::prelude::*;
+use bevy::render::render_resource::*;
+use bevy::render::renderer::{RenderDevice, RenderQueue};
+
+use super::buffers::DrawingBuffers;
+use super::plan::VplPlan;
+use crate::gi::texels::same_places;
+use crate::gi::view::GiView;
+
+/// The VPLs of a GI camera and what they are sampled with. In the render world.
+#[derive(Component)]
+pub(in crate::gi) struct VplView {
+    /// How the VPLs are shared out.
+    pub plan: VplPlan,
+    pub plan_buffer: Buffer,
+    pub vpls: Buffer,
+    /// None where the camera has no texels to sample: it then gathers a sky alone.
+    pub drawing: Option<DrawingBuffers>,
+}
+
+impl VplView {
+    fn new(device: &RenderDevice, plan: VplPlan, view: &GiView) -> Self {
+        let (plan_buffer, vpls) = plan_buffers(device, &plan);
+        Self { plan, plan_buffer, vpls, drawing: drawing(device, view) }
+    }
+
+    /// VPLs that are sampled in this frame.
+    pub fn sampled(&self, view: &GiView) -> u64 {
+        if view.work.draw { u64::from(self.plan.sets) * u64::from(self.plan.per_set) } else { 0 }
+    }
+
+    /// Bytes held on the GPU.
+    pub fn bytes(&self) -> u64 {
+        self.plan_buffer.size()
+            + self.vpls.size()
+            + self.drawing.as_ref().map_or(0, DrawingBuffers::bytes)
+    }
+}
+
+fn plan_buffers(device: &RenderDevice, plan: &VplPlan) -> (Buffer, Buffer) {
+    let plan_buffer = device.create_buffer_with_data(&BufferInitDescriptor {
+        label: Some("bevy_frugal_gi/vpl/plan"),
+        contents: bytemuck::bytes_of(plan),
+        usage: BufferUsages::STORAGE,
+    });
+    let vpls = device.create_buffer(&BufferDescriptor {
+        label: Some("bevy_frugal_gi/vpl/vpls"),
+        size: plan.buffer_bytes(),
+        usage: BufferUsages::STORAGE | BufferUsages::UNIFORM | BufferUsages::COPY_SRC,
+        mapped_at_creation: false,
+    });
+    (plan_buffer, vpls)
+}
+
+fn drawing(device: &RenderDevice, view: &GiView) -> Option<DrawingBuffers> {
+    (!view.rows.is_empty()).then(|| DrawingBuffers::new(device, view.rows.clone()))
+}
+
+/// Gives every view the buffers that its plan and its rows of texels need.
+pub(super) fn prepare(
+    mut commands: Commands,
+    device: Res<RenderDevice>,
+    queue: Res<RenderQueue>,
+    views: Query<(Entity, &GiView)>,
+    mut held: Query<&mut VplView>,
+    stale: Query<Entity, (With<VplView>, Without<GiView>)>,
+) {
+    for entity in &stale {
+        commands.entity(entity).remove::<VplView>();
+    }
+    for (entity, view) in &views {
+        let plan = VplPlan::new(view.gi.vpl_count, view.gi.interleave);
+        let plan = if view.rows.is_empty() { plan.without_vpls() } else { plan };
+        let Ok(mut held) = held.get_mut(entity) else {
+            commands.entity(entity).insert(VplView::new(&device, plan, view));
+            continue;
+        };
+        if held.plan != plan {
+            (held.plan_buffer, held.vpls) = plan_buffers(&device, &plan);
+            held.plan = plan;
+        }
+        match &mut held.drawing {
+            Some(drawing) if same_places(&drawing.rows, &view.rows) => {
+                if drawing.rows != view.rows {
+                    drawing.set_rows(&queue, view.rows.clone());
+                }
+            }
+            None if view.rows.is_empty() => {}
+            other => *other = drawing(&device, view),
+        }
+    }
+}
