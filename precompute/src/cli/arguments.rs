@@ -11,10 +11,10 @@ use crate::files;
 use crate::scene::{self, CameraPose, SceneDescription};
 use crate::stage::{StageOptions, StageRequest};
 
-/// How pictures are made.
+/// How images are made.
 #[derive(Args, Debug, Clone)]
 pub(super) struct CaptureArguments {
-    /// Size of the pictures in pixels; the app's own, for watts and errors that are the app's
+    /// Size of the images in pixels; the app's own, for watts and errors that are the app's
     #[arg(long, value_name = "WxH", default_value = "320x180", value_parser = size)]
     pub size: UVec2,
     /// Frame rate that watts refer to
@@ -53,7 +53,7 @@ impl CaptureArguments {
     }
 }
 
-/// What one picture shows, and from where.
+/// What one image shows, and from where.
 #[derive(Args, Debug, Clone)]
 pub(super) struct CameraArguments {
     /// The scene
@@ -73,10 +73,10 @@ impl CameraArguments {
     }
 }
 
-/// Where one picture goes.
+/// Where one image goes.
 #[derive(Args, Debug, Clone)]
 pub(super) struct PictureArguments {
-    /// Picture to write, tone-mapped at the scene's exposure
+    /// Image to write, tone-mapped at the scene's exposure
     #[arg(short, long, value_name = "PNG")]
     output: Option<PathBuf>,
     /// Linear radiance to write, in nits before exposure

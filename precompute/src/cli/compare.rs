@@ -1,4 +1,4 @@
-//! `frugal compare`: how far one picture's radiance is from another's.
+//! `frugal compare`: how far one image's radiance is from another's.
 
 use std::path::{Path, PathBuf};
 
@@ -8,7 +8,7 @@ use crate::metrics::{Difference, Radiance};
 
 #[derive(clap::Args, Debug)]
 pub(super) struct Arguments {
-    /// The picture: linear radiance, as `render --hdr` writes it
+    /// The image: linear radiance, as `render --hdr` writes it
     #[arg(value_name = "PICTURE")]
     picture: PathBuf,
     /// What it is held to: linear radiance, as `reference --hdr` writes it

@@ -61,7 +61,7 @@ pub(super) struct Arguments {
     /// Every frame of every run
     #[arg(long, value_name = "FILE")]
     csv: Option<PathBuf>,
-    /// Folder for a page with pictures and plots
+    /// Folder for a page with images and plots
     #[arg(long, value_name = "DIR")]
     report: Option<PathBuf>,
 }

@@ -17,7 +17,7 @@ pub(super) struct Arguments {
     /// The map
     #[arg(value_name = "MAP")]
     map: PathBuf,
-    /// Folder for a page with pictures
+    /// Folder for a page with images
     #[arg(long, value_name = "DIR")]
     report: Option<PathBuf>,
     /// Presets to write: battery, low, medium, high and ultra, from the map's shared frontier

@@ -45,11 +45,11 @@ enum Command {
     Sweep(sweep::Arguments),
     /// Searches recorded sweeps, and counts the renderings that each method needs
     Search(search::Arguments),
-    /// Renders one picture
+    /// Renders one image
     Render(render::Arguments),
-    /// Path-traces one picture on the processor: the truth that `render` is held to
+    /// Path-traces one image on the processor: the truth that `render` is held to
     Reference(reference::Arguments),
-    /// Compares the linear radiance of two pictures
+    /// Compares the linear radiance of two images
     Compare(compare::Arguments),
     /// Prices each level of the global illumination's knobs: cost, and error against path tracing
     Price(price::Arguments),

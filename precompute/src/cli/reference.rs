@@ -1,4 +1,4 @@
-//! `frugal reference`: one picture, path-traced on the processor.
+//! `frugal reference`: one image, path-traced on the processor.
 
 use std::time::Instant;
 
@@ -14,7 +14,7 @@ use crate::stage::Component;
 pub(super) struct Arguments {
     #[command(flatten)]
     camera: CameraArguments,
-    /// Size of the picture in pixels
+    /// Size of the image in pixels
     #[arg(long, value_name = "WxH", default_value = "320x180", value_parser = size)]
     size: UVec2,
     /// Which light

@@ -1,4 +1,4 @@
-//! `frugal render`: one picture.
+//! `frugal render`: one image.
 
 use super::CliError;
 use super::arguments::{CameraArguments, CaptureArguments, PictureArguments, open_scene, write};

@@ -17,7 +17,7 @@ pub(super) struct Arguments {
     /// Prices of the device, as frugal calibrate writes them; without it, the map's own
     #[arg(long, value_name = "FILE")]
     prices: Option<PathBuf>,
-    /// Size of the pictures
+    /// Size of the images
     #[arg(long, value_name = "WxH", value_parser = size)]
     size: Option<UVec2>,
     /// Frame rate

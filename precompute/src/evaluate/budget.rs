@@ -26,7 +26,7 @@ pub enum BudgetError {
     /// Not a number.
     #[error("`{0}` is not an error budget: write a number such as `0.02`")]
     NotError(String),
-    /// An error that no picture has.
+    /// An error that no image has.
     #[error("an error budget of `{0}` is out of range: 1 − SSIM lies above 0 and at most at 2")]
     ErrorRange(String),
 }

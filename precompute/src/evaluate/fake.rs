@@ -9,7 +9,7 @@ use super::{PathPlan, Player, Pose, Shot};
 use crate::metrics::Picture;
 
 /// Power: 1 W + 0.5 W, 0.4 W and 0.2 W for each level of the three knobs, + 0.01 W for each metre
-/// along X. Pictures are evenly grey: 200 less 10 for each level that is missing.
+/// along X. Images are evenly grey: 200 less 10 for each level that is missing.
 #[derive(Default)]
 pub(crate) struct Fake {
     /// Names of the runs begun.

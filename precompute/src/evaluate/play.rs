@@ -202,7 +202,7 @@ pub struct FrameRecord {
     pub predicted: Option<CostPoint>,
 }
 
-/// What is done with a run's pictures.
+/// What is done with a run's images.
 pub(super) enum Against<'a> {
     /// They become the references.
     Collect(&'a mut Vec<Reference>),
@@ -210,7 +210,7 @@ pub(super) enum Against<'a> {
     Compare(&'a [Reference]),
 }
 
-/// Plays all of `path`; `keep` sees every picture. `on_frame` is told of every frame, and can stop
+/// Plays all of `path`; `keep` sees every image. `on_frame` is told of every frame, and can stop
 /// the run.
 pub(super) fn play<P: Player>(
     player: &mut P,

@@ -61,7 +61,7 @@ impl PathRecord {
     /// Plays each of `settings` that is not recorded yet along the whole path, and keeps what each
     /// frame cost.
     ///
-    /// The best settings are played first, whether recorded or not: their pictures are the
+    /// The best settings are played first, whether recorded or not: their images are the
     /// references.
     ///
     /// # Errors
@@ -114,7 +114,7 @@ impl PathRecord {
         Ok(())
     }
 
-    /// Plays policies for real, after the best settings, whose pictures are the references: how far
+    /// Plays policies for real, after the best settings, whose images are the references: how far
     /// the record is off.
     ///
     /// # Errors

@@ -19,7 +19,7 @@ pub struct EvaluationResult {
     /// Target frame rate: what all watts refer to.
     #[serde(serialize_with = "whole_where_whole")]
     pub fps: f64,
-    /// Width and height of the pictures, pixels.
+    /// Width and height of the images, pixels.
     pub size: [u32; 2],
     /// Where the watts come from.
     pub meter: MeterInfo,
@@ -104,8 +104,8 @@ pub struct Drift {
     pub last_mean_power_w: Watts,
     /// (last − first) ÷ first; 0 where the first is 0 W.
     pub relative: f64,
-    /// Mean error of the last run's pictures against the first's: what of any run's error is noise.
-    /// 0 where rendering repeats exactly.
+    /// Mean error of the last run's images against the first's: what of any run's error is noise. 0
+    /// where rendering repeats exactly.
     pub repeat_mean_error: f64,
     /// The worst frame of the same.
     pub repeat_max_error: f64,

@@ -28,7 +28,7 @@ pub enum EvaluationError<E> {
     /// Rendering or metering failed.
     #[error("{0}")]
     Player(E),
-    /// A frame's picture cannot be compared with its reference.
+    /// A frame's image cannot be compared with its reference.
     #[error("run `{run}`, frame {frame}: {source}")]
     Compare {
         /// The run.
@@ -66,12 +66,12 @@ pub struct EvaluationPlan<'a> {
     pub meter: MeterInfo,
     /// The limits.
     pub budget: BudgetRequest,
-    /// Numbers of the frames whose pictures are handed back from every run; those beyond the path
-    /// are ignored.
+    /// Numbers of the frames whose images are handed back from every run; those beyond the path are
+    /// ignored.
     pub keep_frames: &'a [usize],
 }
 
-/// A picture that was handed back.
+/// An image that was handed back.
 #[derive(Clone, Debug, PartialEq)]
 pub struct FramePicture {
     /// The run.
@@ -87,7 +87,7 @@ pub struct FramePicture {
 pub struct Evaluation {
     /// The figures.
     pub result: EvaluationResult,
-    /// The pictures asked for, run by run in the result's order.
+    /// The images asked for, run by run in the result's order.
     pub pictures: Vec<FramePicture>,
 }
 
@@ -96,12 +96,12 @@ pub struct Evaluation {
 /// between and resolution alone; and the maximum once more, to see how far the machine drifted
 /// meanwhile.
 ///
-/// The maximum's pictures are the references: they stay in memory, 16 bytes a pixel and frame.
+/// The maximum's images are the references: they stay in memory, 16 bytes a pixel and frame.
 /// `on_frame` is told of every frame; breaking ends it all.
 ///
 /// # Errors
-/// When the player fails, gives pictures of several sizes or a power that is negative or not
-/// finite, or `on_frame` breaks.
+/// When the player fails, gives images of several sizes or a power that is negative or not finite,
+/// or `on_frame` breaks.
 pub fn evaluate<'c, P: Player>(
     player: &mut P,
     plan: &EvaluationPlan<'_>,

@@ -10,7 +10,7 @@ const BUDGETS: [f64; 23] = [
     1.0, 1.1, 1.2, 1.3, 1.5, 1.6, 1.8, 2.0, 2.2, 2.5, 2.8, 3.0, 3.3, 3.6, 4.0, 4.5, 5.0, 5.5, 6.0,
     6.5, 7.0, 8.0, 9.0,
 ];
-/// From the noise of two renderings of the same settings to pictures that nobody would ship.
+/// From the noise of two renderings of the same settings to images that nobody would ship.
 const RANGE: (f64, f64) = (0.0015, 0.2);
 /// Rates that are tried, per decade.
 const STEPS: i32 = 40;
@@ -72,7 +72,7 @@ pub fn calibrate(cameras: &[Calibration<'_>], is_conformal: bool) -> ErrorRates 
         }
     }
     // Since no frame is predicted far over its budget, a smaller one may need the lower rate. It
-    // then has the greater one's: a better picture, never a worse one.
+    // then has the greater one's: a better image, never a worse one.
     let mut least = 0.0;
     for rate in supported.iter_mut().rev() {
         rate.watts_per_error = rate.watts_per_error.max(least);

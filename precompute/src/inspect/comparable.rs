@@ -35,7 +35,7 @@ pub enum CompareError {
         /// The first knobs that differ.
         difference: String,
     },
-    /// Pictures that were rendered otherwise.
+    /// Images that were rendered otherwise.
     #[error("the maps differ in {what}, {old} and {new}: {remedy}")]
     OtherCapture {
         /// The condition.

@@ -1,4 +1,4 @@
-//! Power at equal error: how much more the pictures of one map cost than those of another.
+//! Power at equal error: how much more the images of one map cost than those of another.
 //!
 //! Neither end of a frontier says so. The same settings may cost more and look better, and two
 //! searches find different settings. What a budget's owner pays is power at the error that is asked
@@ -16,7 +16,7 @@ use super::comparable::check;
 /// Errors at which maps are compared: where budgets live.
 pub const ERRORS: [f64; 6] = [0.005, 0.01, 0.015, 0.02, 0.03, 0.05];
 
-/// What lower errors count as between two points. A picture rendered twice may differ by as much,
+/// What lower errors count as between two points. An image rendered twice may differ by as much,
 /// and 0, the best settings' own, has no logarithm. Below every one of [`ERRORS`].
 const LEAST_ERROR: f64 = 0.001;
 

@@ -26,7 +26,7 @@ fn power_between_two_points_is_linear_in_the_logarithm_of_error() {
     let at = |error| power_at(&frontier, error).expect("reached");
     assert!(close(at(0.04), 2.0) && close(at(0.02), 4.0) && close(at(0.01), 6.0));
     // Settings that are better than asked for cost what they cost; an error of 0 counts as that of
-    // a picture rendered twice.
+    // an image rendered twice.
     assert!(close(at(0.05), 2.0));
     assert!(close(at(0.005), 6.0 + 3.0 * 2.0_f64.ln() / 10.0_f64.ln()), "{}", at(0.005));
     assert_eq!(power_at(&of(&[(2.0, 0.04), (6.0, 0.01)]), 0.005), None);

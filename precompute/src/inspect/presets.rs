@@ -24,7 +24,7 @@ const WORST_SHIPPED: f64 = 0.05;
 pub struct Presets {
     /// The scene that they are for.
     pub scene: SceneIdentity,
-    /// The pictures that watts and errors are of.
+    /// The images that watts and errors are of.
     pub capture: Capture,
     /// Where the watts come from.
     pub meter: MeterInfo,

@@ -1,4 +1,4 @@
-//! How far one picture's radiance is from another's.
+//! How far one image's radiance is from another's.
 
 use super::ssim::{self, CompareError};
 use super::{Radiance, tone};
@@ -6,7 +6,7 @@ use super::{Radiance, tone};
 /// Side of the squares that [`Difference::relative_l1_boxes`] averages over, pixels.
 pub const BOX_SIDE: u32 = 4;
 
-/// A picture's radiance against a reference's, over all pixels and the three channels.
+/// An image's radiance against a reference's, over all pixels and the three channels.
 #[derive(Clone, Copy, Debug, PartialEq, serde::Serialize)]
 pub struct Difference {
     /// Mean ÷ the reference's mean.
@@ -21,7 +21,7 @@ pub struct Difference {
     pub exposure_ev100: f32,
 }
 
-/// Why two pictures' radiance cannot be compared.
+/// Why two images' radiance cannot be compared.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[non_exhaustive]
 pub enum DifferenceError {

@@ -1,4 +1,4 @@
-//! Pictures and how different two of them are.
+//! Images and how different two of them are.
 pub mod difference;
 mod picture;
 mod radiance;

@@ -1,4 +1,4 @@
-//! A display-referred picture: what a screen gets, eight bits a channel.
+//! A display-referred image: what a screen gets, eight bits a channel.
 
 use std::io::Cursor;
 use std::path::{Path, PathBuf};
@@ -17,7 +17,7 @@ pub struct Picture {
     pub rgb: Vec<[u8; 3]>,
 }
 
-/// Why there is no picture, or none on disk.
+/// Why there is no image, or none on disk.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum PictureError {
@@ -52,7 +52,7 @@ pub enum PictureError {
 }
 
 impl Picture {
-    /// A picture of `rgb`, row by row from the top.
+    /// An image of `rgb`, row by row from the top.
     ///
     /// # Errors
     /// When `rgb` does not hold exactly `width` × `height` pixels.
@@ -64,7 +64,7 @@ impl Picture {
         Ok(Self { width, height, rgb })
     }
 
-    /// The picture whose pixel in column `x` of row `y` is `pixel(x, y)`.
+    /// The image whose pixel in column `x` of row `y` is `pixel(x, y)`.
     pub fn from_fn(width: u32, height: u32, mut pixel: impl FnMut(u32, u32) -> [u8; 3]) -> Self {
         let rgb = (0..height)
             .flat_map(|y| (0..width).map(move |x| (x, y)))
@@ -83,7 +83,7 @@ impl Picture {
         Self::decode(&bytes, &path.display().to_string())
     }
 
-    /// The picture that the bytes of a PNG file hold, as [`read_png`](Self::read_png).
+    /// The image that the bytes of a PNG file hold, as [`read_png`](Self::read_png).
     ///
     /// # Errors
     /// When they are not a PNG.
@@ -103,7 +103,7 @@ impl Picture {
     /// The bytes of an 8-bit RGB PNG file.
     ///
     /// # Errors
-    /// When the picture is empty, which the format cannot say, or its fields contradict each other.
+    /// When the image is empty, which the format cannot say, or its fields contradict each other.
     pub fn to_png(&self) -> Result<Vec<u8>, PictureError> {
         let expected = u64::from(self.width) * u64::from(self.height);
         if self.rgb.len() as u64 != expected {

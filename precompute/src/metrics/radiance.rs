@@ -1,4 +1,4 @@
-//! A scene-referred picture: light before exposure and tone curve.
+//! A scene-referred image: light before exposure and tone curve.
 
 use std::io::Cursor;
 use std::path::{Path, PathBuf};
@@ -42,7 +42,7 @@ impl Radiance {
     /// Reads an OpenEXR file of float channels; an alpha channel is dropped.
     ///
     /// # Errors
-    /// When the file cannot be read or is no such picture.
+    /// When the file cannot be read or is no such image.
     pub fn read_exr(path: &Path) -> Result<Self, RadianceError> {
         let bytes = std::fs::read(path)
             .map_err(|source| RadianceError::Unreadable { path: path.to_owned(), source })?;

@@ -2,13 +2,13 @@
 //! Error Visibility to Structural Similarity", <https://doi.org/10.1109/TIP.2003.819861>.
 //!
 //! Exactly what scikit-image calls `structural_similarity(…, gaussian_weights=True, sigma=1.5,
-//! use_sample_covariance=False, data_range=255)` on the pictures' [luma](Picture::luma): an 11 × 11
+//! use_sample_covariance=False, data_range=255)` on the images' [luma](Picture::luma): an 11 × 11
 //! Gaussian window with σ = 1.5, K₁ = 0.01, K₂ = 0.03, population covariance, and the mean over the
-//! windows that lie wholly inside the picture, which crops 5 pixels at every border.
+//! windows that lie wholly inside the image, which crops 5 pixels at every border.
 //! `ssim_fixtures.py` beside this file writes the numbers that the tests hold it to.
 //!
-//! What we changed: only windows inside the picture are computed at all, so there is no border rule
-//! to choose. A picture that is less than 11 pixels wide or high has no such window; it is compared
+//! What we changed: only windows inside the image are computed at all, so there is no border rule
+//! to choose. An image that is less than 11 pixels wide or high has no such window; it is compared
 //! in **one** window that covers it whole and weighs every pixel alike.
 //!
 //! Luma and variances are kept in single precision, all sums run in double: a variance is the small
@@ -16,7 +16,7 @@
 //! 10⁻⁵, a hundredth of its own error.
 //!
 //! Options for who computes it: 1. the crate `image-compare`, whose windows are 8 × 8, do not
-//! overlap, and divide the covariance by no count, so that faint noise in a dark picture counts
+//! overlap, and divide the covariance by no count, so that faint noise in a dark image counts
 //! thirty times what it should; 2. `dssim`, another metric under a licence that we cannot use; 3.
 //! these lines. We use 3.
 
@@ -30,22 +30,22 @@ const SIGMA: f64 = 1.5;
 const C1: f64 = 6.5025;
 const C2: f64 = 58.5225;
 
-/// Why two pictures cannot be compared.
+/// Why two images cannot be compared.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 #[non_exhaustive]
 pub enum CompareError {
-    /// Pictures of different size.
+    /// Images of different size.
     #[error("the reference has {}×{} pixels, the picture {}×{}", .reference.0, .reference.1, .picture.0, .picture.1)]
     Size {
         /// Width and height of the reference.
         reference: (u32, u32),
-        /// Width and height of the other picture.
+        /// Width and height of the other image.
         picture: (u32, u32),
     },
-    /// A picture without pixels.
+    /// An image without pixels.
     #[error("a picture without pixels has no error")]
     Empty,
-    /// A picture whose number of pixels is not its width times its height.
+    /// An image whose number of pixels is not its width times its height.
     #[error("a picture of {width}×{height} does not have {pixels} pixels")]
     Malformed {
         /// Pixels in a row.
@@ -57,16 +57,16 @@ pub enum CompareError {
     },
 }
 
-/// 1 − SSIM: 0 where the pictures are equal, 1 where they have nothing in common, up to 2 where one
+/// 1 − SSIM: 0 where the images are equal, 1 where they have nothing in common, up to 2 where one
 /// is the other's negative. Never NaN.
 ///
 /// # Errors
-/// When the pictures differ in size, are empty, or do not have as many pixels as their size says.
+/// When the images differ in size, are empty, or do not have as many pixels as their size says.
 pub fn error(reference: &Picture, picture: &Picture) -> Result<f64, CompareError> {
     Reference::new(reference)?.error(picture)
 }
 
-/// A picture that others are compared with: its means and variances are computed once, which halves
+/// An image that others are compared with: its means and variances are computed once, which halves
 /// the work of each comparison.
 ///
 /// Takes 16 bytes a pixel.
@@ -75,7 +75,7 @@ pub struct Reference {
     width: usize,
     height: usize,
     luma: Vec<f32>,
-    /// Mean and variance of every window, row by row. One window where the picture is small.
+    /// Mean and variance of every window, row by row. One window where the image is small.
     means: Vec<f64>,
     variances: Vec<f32>,
 }
@@ -132,7 +132,7 @@ impl Reference {
         } else {
             self.similarity(&other)
         };
-        // Rounding may take the similarity of almost equal pictures past 1.
+        // Rounding may take the similarity of almost equal images past 1.
         Ok((1.0 - similarity).clamp(0.0, 2.0))
     }
 
@@ -221,7 +221,7 @@ fn mean_and_covariance(a: &[f32], b: &[f32]) -> (f64, f64) {
 }
 
 /// Runs the Gaussian window over `N` quantities at once. `fill` writes them for one row of the
-/// picture, `emit` takes them for one row of windows.
+/// image, `emit` takes them for one row of windows.
 ///
 /// Only the eleven rows that a window needs are kept, filtered along the row, so that all of it
 /// stays in cache.

@@ -2,7 +2,7 @@
 //!
 //! Narkowicz 2015, "ACES Filmic Tone Mapping Curve": a rational fit of the reference curve of the
 //! Academy Color Encoding System, on each channel, then sRGB. It is not the curve that the stage's
-//! camera has (Bevy's TonyMcMapface is a table on the GPU): pictures of the two differ in contrast
+//! camera has (Bevy's TonyMcMapface is a table on the GPU): images of the two differ in contrast
 //! and are for people, while figures come from radiance.
 
 use super::{Picture, Radiance};
@@ -29,7 +29,7 @@ pub fn middle_grey_ev100(radiance: &Radiance) -> f32 {
     (f64::from(*median) / (1.2 * 0.18)).log2() as f32
 }
 
-/// The picture at an exposure value at ISO 100. Values that are not numbers, and negative ones, are
+/// The image at an exposure value at ISO 100. Values that are not numbers, and negative ones, are
 /// black.
 pub fn display(radiance: &Radiance, ev100: f32) -> Picture {
     let exposure = exposure(ev100);

@@ -235,7 +235,7 @@ fn render_cameras<M: Measure>(
         let mut jobs: Vec<Job> =
             training.iter().map(|camera| job(Purpose::Training, *camera)).collect();
         jobs.extend(calibration.clone().map(|camera| job(Purpose::Calibration, camera)));
-        // And the best settings' picture at each.
+        // And the best settings' image at each.
         let more = jobs.iter().map(|job| job.settings.len() + 2).sum();
         let name = format!("block {} {}", counts[0], counts[1]);
         if !renderings.decide(&name, |renderings| renderings.has_time(more, CAMERAS_SHARE))? {

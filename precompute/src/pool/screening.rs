@@ -1,12 +1,12 @@
-//! Every knob lowered alone: what it does to a picture, and whether it does anything.
+//! Every knob lowered alone: what it does to an image, and whether it does anything.
 
 use bevy_frugal_gi::knobs::{KnobSpace, RenderSettings};
 
 use super::LEAST_ERROR;
 use crate::table::CostTable;
 
-/// A knob whose every level changes pictures by less than this, at every pilot camera, has no
-/// effect in the scene. Well below the error that a different sampling pattern makes.
+/// A knob whose every level changes images by less than this, at every pilot camera, has no effect
+/// in the scene. Well below the error that a different sampling pattern makes.
 const NO_EFFECT: f64 = 2e-4;
 
 /// Levels up to which each of a knob's is rendered alone; of a knob with more, the one below the
@@ -34,7 +34,7 @@ pub struct Screening {
     /// Mean error by knob and level; 0 at the best. What was not rendered lies evenly between its
     /// neighbours, in the logarithm.
     pub effects: Vec<Vec<f64>>,
-    /// Knobs that change no picture: they stand at their cheapest, and are not searched.
+    /// Knobs that change no image: they stand at their cheapest, and are not searched.
     pub without_effect: Vec<usize>,
 }
 

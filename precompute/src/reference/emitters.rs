@@ -6,7 +6,7 @@ use super::{color, luminance};
 use crate::scene::rays::Hit;
 use crate::scene::{SceneGeometry, Side, Triangle};
 
-/// All glowing triangles, drawn by power: area × luminance.
+/// All emissive triangles, drawn by power: area × luminance.
 #[derive(Debug, Default)]
 pub(super) struct Emitters {
     triangles: Vec<Triangle>,
@@ -14,7 +14,7 @@ pub(super) struct Emitters {
     cumulative: Vec<f64>,
 }
 
-/// A point on a glowing triangle.
+/// A point on an emissive triangle.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct EmitterPoint {
     /// Metres.

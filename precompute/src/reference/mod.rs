@@ -8,11 +8,11 @@
 //!
 //! | module | job |
 //! |---|---|
-//! | `render` | a camera's picture: samples of pixels, on all processors |
+//! | `render` | a camera's image: samples of pixels, on all processors |
 //! | `path` | the light along one path |
 //! | `scene` | geometry, light and what a ray meets of it |
 //! | `surface`, `bsdf` | what is there where a ray meets a triangle, and what it does with light |
-//! | `lights`, `emitters`, `sky` | lamps and suns; glowing triangles; the surroundings |
+//! | `lights`, `emitters`, `sky` | lamps and suns; emissive triangles; the surroundings |
 //! | `sampler` | random numbers |
 
 mod bsdf;

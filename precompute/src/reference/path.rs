@@ -14,7 +14,7 @@ const CERTAIN_SURFACES: u32 = 4;
 /// Greatest probability of going on: even where nothing is absorbed, a path ends.
 const GREATEST_SURVIVAL: f64 = 0.95;
 
-/// How light with extent, from glowing triangles and sky maps, is found. All have the same mean.
+/// How light with extent, from emissive triangles and sky maps, is found. All have the same mean.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Strategy {
     /// Both, weighed by the balance heuristic.
@@ -42,11 +42,11 @@ impl Strategy {
 /// One estimate of the radiance along a camera ray, nits.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub(super) struct Estimate {
-    /// By paths that meet one surface at most: light → surface → eye, and what is seen of glowing
+    /// By paths that meet one surface at most: light → surface → eye, and what is seen of emissive
     /// surfaces and of the sky.
     pub(super) direct: DVec3,
-    /// Of that, by paths from a glowing surface or the sky that meet one surface: what lamps do not
-    /// send.
+    /// Of that, by paths from an emissive surface or the sky that meet one surface: what lamps do
+    /// not send.
     pub(super) extended: DVec3,
     /// By all longer paths.
     pub(super) indirect: DVec3,
@@ -152,7 +152,7 @@ fn lamps(scene: &ReferenceScene, bsdf: &Bsdf, surface: &Surface, origin: Vec3) -
     sum
 }
 
-/// Light from one point of a glowing triangle and from one direction of a sky map that a surface
+/// Light from one point of an emissive triangle and from one direction of a sky map that a surface
 /// reflects.
 fn extended(
     scene: &ReferenceScene,

@@ -1,4 +1,4 @@
-//! A camera's picture.
+//! A camera's image.
 
 use bevy::math::{DVec3, UVec2, Vec3};
 use rayon::prelude::*;
@@ -26,7 +26,7 @@ pub struct View {
 }
 
 impl View {
-    /// A picture of `size` with the scene's own lens.
+    /// An image of `size` with the scene's own lens.
     pub fn new(scene: &SceneDescription, pose: CameraPose, size: UVec2) -> Self {
         Self {
             pose,
@@ -37,7 +37,7 @@ impl View {
     }
 }
 
-/// How a picture is path-traced.
+/// How an image is path-traced.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Settings {
     /// Paths per pixel, at least 1. Noise falls with its square root, and faster where light is
@@ -46,7 +46,7 @@ pub struct Settings {
     /// Indirect bounces; without a limit where there is none. 0 is direct light alone. Costs a ray
     /// or more each.
     pub bounces: Option<u32>,
-    /// Seed of all random numbers: another seed is another picture of the same mean.
+    /// Seed of all random numbers: another seed is another image of the same mean.
     pub seed: u64,
     /// Reflection model.
     pub shading: Shading,
@@ -80,7 +80,7 @@ impl Default for Settings {
     }
 }
 
-/// What hears of a picture's progress and may end it; both are called from many threads.
+/// What hears of an image's progress and may end it; both are called from many threads.
 #[derive(Clone, Copy)]
 pub struct Watch<'a> {
     /// Called after each row.
@@ -96,13 +96,12 @@ impl Default for Watch<'_> {
     }
 }
 
-/// A path-traced picture. Its parts are estimated apart, so that none has the noise of a
-/// difference.
+/// A path-traced image. Its parts are estimated apart, so that none has the noise of a difference.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Rendering {
-    /// Light that one surface at most scattered, glowing surfaces and surroundings seen included.
+    /// Light that one surface at most scattered, emissive surfaces and surroundings seen included.
     pub direct: Radiance,
-    /// Of that, light of glowing surfaces and surroundings that one surface scattered.
+    /// Of that, light of emissive surfaces and surroundings that one surface scattered.
     pub extended: Radiance,
     /// Light that more surfaces scattered.
     pub indirect: Radiance,
@@ -117,8 +116,8 @@ impl Rendering {
         sum(&self.direct, &self.indirect)
     }
 
-    /// What a global illumination gives: indirect light, and what glowing surfaces and surroundings
-    /// send, but not they themselves.
+    /// What a global illumination gives: indirect light, and what emissive surfaces and
+    /// surroundings send, but not they themselves.
     #[must_use]
     pub fn global(&self) -> Radiance {
         sum(&self.extended, &self.indirect)
@@ -211,7 +210,7 @@ pub fn surfaces(scene: &ReferenceScene, view: &View) -> Vec<Option<Seen>> {
 }
 
 impl View {
-    /// Start and unit direction of the ray through a place of the picture, in pixels from its upper
+    /// Start and unit direction of the ray through a place of the image, in pixels from its upper
     /// left corner.
     fn ray(&self, x: f64, y: f64) -> (Vec3, DVec3) {
         let size = self.size.as_dvec2();

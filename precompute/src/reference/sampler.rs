@@ -3,7 +3,7 @@
 //!
 //! Every pair of numbers that a path draws is a pair of that sequence with an order and a scramble
 //! of its own, so that the samples of a pixel are stratified in every pair and independent between
-//! pairs and between pixels. A number depends on seed, pixel, sample and dimension alone: pictures
+//! pairs and between pixels. A number depends on seed, pixel, sample and dimension alone: images
 //! are the same whatever the number of threads.
 
 /// The random numbers of one sample of one pixel.

@@ -15,8 +15,8 @@ use crate::scene::{
     SkyMap,
 };
 
-/// Share of the way to a light that must be free: the glowing triangle at its end is not in its own
-/// way.
+/// Share of the way to a light that must be free: the emissive triangle at its end is not in its
+/// own way.
 const FREE_SHARE: f64 = 1.0 - 1e-5;
 
 /// Why a scene cannot be path-traced.
@@ -112,7 +112,7 @@ impl ReferenceScene {
         })
     }
 
-    /// Whether light from a glowing triangle or the sky reaches `origin`: what a path in that
+    /// Whether light from an emissive triangle or the sky reaches `origin`: what a path in that
     /// direction would go through does not hide it, since the same light is also found by such
     /// paths.
     pub(super) fn is_open(&self, origin: Vec3, direction: DVec3, distance: f64) -> bool {
@@ -124,7 +124,7 @@ impl ReferenceScene {
 
     /// Whether a lamp or a sun reaches `origin`.
     ///
-    /// As in Bevy's shadow maps and the plugin's light maps, which are pictures that the **light**
+    /// As in Bevy's shadow maps and the plugin's light maps, which are images that the **light**
     /// takes: a single-sided triangle whose back is turned to the light does not hide anything from
     /// it. This ray comes from the other end, and so goes through what it meets from the front.
     /// Closed solids hide the same either way; sheets and rooms that only have an inside do not,

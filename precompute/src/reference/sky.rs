@@ -14,15 +14,15 @@ pub(super) enum Sky {
     /// The same everywhere, nits. Never drawn from: what a surface's own sampling finds of it is as
     /// good as can be.
     Constant(DVec3),
-    /// A picture, drawn from by luminance.
+    /// An image, drawn from by luminance.
     Map(MappedSky),
 }
 
-/// A picture of the sky, and how often each texel is drawn.
+/// An image of the sky, and how often each texel is drawn.
 #[derive(Debug)]
 pub(super) struct MappedSky {
     map: SkyMap,
-    /// Nits that the picture's 1 stands for.
+    /// Nits that the image's 1 stands for.
     intensity: f64,
     /// Running sum of luminance × solid angle, row by row. Texels are drawn by it, so each has a
     /// density ∝ luminance.
@@ -41,7 +41,7 @@ pub(super) struct SkySample {
 }
 
 impl Sky {
-    /// A picture whose 1 stands for `intensity` nits; black where it is.
+    /// An image whose 1 stands for `intensity` nits; black where it is.
     pub(super) fn map(map: SkyMap, intensity: f32) -> Self {
         let (width, height) = map.size();
         let mut power = 0.0;

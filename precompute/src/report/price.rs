@@ -28,7 +28,7 @@ pub struct LevelPrice {
 pub struct PriceSummary<'a> {
     /// The scene's name.
     pub scene: &'a str,
-    /// Width and height of the picture, pixels.
+    /// Width and height of the image, pixels.
     pub size: [u32; 2],
     /// Levels, knob by knob, the best first.
     pub prices: &'a [LevelPrice],

@@ -1,4 +1,4 @@
-//! Reads pictures back from the GPU.
+//! Reads images back from the GPU.
 
 use bevy::asset::Handle;
 use bevy::ecs::world::World;

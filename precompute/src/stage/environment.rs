@@ -46,7 +46,7 @@ pub(super) fn constant(world: &mut World, camera: Entity, radiance: [f32; 3], ex
     }
 }
 
-/// A latitude-longitude picture, times `intensity`, in nits.
+/// A latitude-longitude image, times `intensity`, in nits.
 pub(super) fn map(
     world: &mut World,
     camera: Entity,

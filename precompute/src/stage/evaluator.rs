@@ -11,7 +11,7 @@ use crate::scene::CameraPose;
 /// Frames of a clip that are not metered: the first makes textures and pipelines.
 const UNMETERED_FRAMES: usize = 1;
 
-/// Renders and meters on a [`Stage`], against the best settings' picture at the same camera.
+/// Renders and meters on a [`Stage`], against the best settings' image at the same camera.
 pub struct StageEvaluator {
     stage: Stage,
     reference: Option<(Vec<CameraPose>, Reference)>,

@@ -58,19 +58,19 @@ pub enum Output {
     Radiance,
 }
 
-/// Which light a picture holds.
+/// Which light an image holds.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, clap::ValueEnum)]
 pub enum Component {
     /// All of it.
     #[default]
     Full,
-    /// What the renderer shows without global illumination; of a path-traced picture, what one
+    /// What the renderer shows without global illumination; of a path-traced image, what one
     /// surface at most scattered.
     Direct,
-    /// What lamps light by way of other surfaces, all of them matt; of a path-traced picture, what
+    /// What lamps light by way of other surfaces, all of them matt; of a path-traced image, what
     /// more than one surface scattered.
     Indirect,
-    /// What global illumination gives: indirect light, and that of glowing surfaces and of the sky
+    /// What global illumination gives: indirect light, and that of emissive surfaces and of the sky
     /// on others.
     Global,
 }
@@ -144,10 +144,10 @@ pub enum StageError {
     /// A pipeline that does not compile, or never gets ready.
     #[error("the renderer did not get ready: {0}")]
     NotReady(String),
-    /// The picture could not be read back.
+    /// The image could not be read back.
     #[error("the picture could not be read back: {0}")]
     ReadBack(String),
-    /// The comparison of pictures.
+    /// The comparison of images.
     #[error(transparent)]
     Compare(#[from] crate::metrics::CompareError),
 }
@@ -296,7 +296,7 @@ impl Stage {
         self.idle
     }
 
-    /// Triangles for questions that need no picture.
+    /// Triangles for questions that need no image.
     pub fn rays(&self) -> &RayScene {
         &self.rays
     }
@@ -405,15 +405,15 @@ impl Stage {
             }
             let waiting = cache.waiting_pipelines().next().is_some()
                 || self.app.world().resource::<GiOccluders>().waiting() > 0;
-            // The count lags a frame behind the picture.
+            // The count lags a frame behind the image.
             quiet = if waiting { 0 } else { quiet + 1 };
             if quiet == 0 {
-                // What is waited for loads in other threads, which small pictures would leave no
+                // What is waited for loads in other threads, which small images would leave no
                 // time.
                 std::thread::sleep(Duration::from_millis(5));
             }
-            // Light that was averaged over frames is on its way to what a still picture shows.
-            // Where a scene never rests, it never gets there.
+            // Light that was averaged over frames is on its way to what a still image shows. Where
+            // a scene never rests, it never gets there.
             let settling = self
                 .render_world()
                 .get_resource::<GiCounts>()

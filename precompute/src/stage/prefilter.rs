@@ -175,7 +175,7 @@ impl Pyramid {
     }
 }
 
-/// Direction at a place, in texels, of a latitude-longitude picture of so many columns.
+/// Direction at a place, in texels, of a latitude-longitude image of so many columns.
 fn direction(x: f32, y: f32, columns: u32) -> Vec3 {
     let angle = (x / columns as f32 - 0.5) * TAU;
     let (sine, cosine) = (2.0 * PI * y / columns as f32).sin_cos();

@@ -5,8 +5,8 @@ use bevy_frugal_gi::knobs::KnobSpace;
 use super::StageError;
 use crate::scene::{Environment, Light, SceneDescription};
 
-/// Names of the built-in knobs that can change a picture of `scene`. The others' levels all look
-/// and cost the same, and would only make the search longer.
+/// Names of the built-in knobs that can change an image of `scene`. The others' levels all look and
+/// cost the same, and would only make the search longer.
 ///
 /// # Errors
 /// When the scene's geometry cannot be read.

@@ -21,7 +21,7 @@ use crate::stage::{Component, Output, Stage, StageOptions};
 pub(super) struct Arguments {
     #[command(flatten)]
     camera: CameraArguments,
-    /// Size of the picture in pixels
+    /// Size of the image in pixels
     #[arg(long, value_name = "WxH", default_value = "320x180", value_parser = size)]
     size: UVec2,
     /// Paths per pixel of the truth
@@ -79,7 +79,7 @@ fn with_bounces() -> Result<Vec<String>, CliError> {
     Ok(names.into_iter().chain([BOUNCES.to_owned()]).collect())
 }
 
-/// Knobs of it that change neither cost nor picture where nothing moves.
+/// Knobs of it that change neither cost nor image where nothing moves.
 fn is_still(name: &str) -> bool {
     name == "gi_refresh_period"
 }

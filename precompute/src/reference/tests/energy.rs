@@ -73,7 +73,7 @@ fn a_convex_solid_in_a_white_furnace_reflects_its_albedo() {
             assert!((reflected || one.direct == light) && one.indirect == DVec3::ZERO, "{one:?}");
         }
     }
-    // The same light as a picture of the sky, whose directions are drawn.
+    // The same light as an image of the sky, whose directions are drawn.
     let map = SkyMap::new(8, 4, vec![[1.0; 3]; 32]).expect("a sky");
     let mapped = scene(cube(), &[], Sky::map(map, 100.0));
     for strategy in [Strategy::Combined, Strategy::Lights, Strategy::Scattering] {

@@ -149,7 +149,7 @@ fn picture(scene: &ReferenceScene, view: &View, settings: &Settings) -> Renderin
 
 #[test]
 fn the_picture_is_upright_and_pixels_are_boxes() {
-    // A glowing quarter of the picture: up and to the left of a camera that looks along −Z.
+    // An emissive quarter of the image: up and to the left of a camera that looks along −Z.
     let quarter = geometry(glowing(8.0), |builder| {
         builder.quad([
             Vec3::new(-9.0, 0.0, -1.0),

@@ -1,4 +1,4 @@
-//! The extremes: nothing there, too much of it, too far away. And the same picture whatever the
+//! The extremes: nothing there, too much of it, too far away. And the same image whatever the
 //! machine.
 
 use std::sync::atomic::{AtomicU32, Ordering};
@@ -167,7 +167,7 @@ fn far_away_and_very_small_the_light_is_the_same() {
             );
         }
     }
-    // Here single precision has steps of metres: the picture is rubbish, but of numbers.
+    // Here single precision has steps of metres: the image is rubbish, but of numbers.
     for offset in [1e8, 1e12, 1e15, 1e30] {
         let scene = scene(
             room_with_a_block(Vec3::splat(offset), 1.0),

@@ -132,7 +132,7 @@ impl RemoteStage {
         self.request.frames_per_second
     }
 
-    /// Triangles for questions that need no picture.
+    /// Triangles for questions that need no image.
     pub fn rays(&self) -> &RayScene {
         &self.rays
     }

@@ -6,8 +6,8 @@
 //! one when it has grown too large. It also meters exactly the renderer: the search, the comparison
 //! of runs and the report are the parent's.
 //!
-//! Messages are a length (u32, little endian) and that many bytes of JSON; a reply with a picture
-//! is followed by its pixels.
+//! Messages are a length (u32, little endian) and that many bytes of JSON; a reply with an image is
+//! followed by its pixels.
 
 mod client;
 mod protocol;
