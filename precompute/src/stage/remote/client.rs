@@ -9,7 +9,7 @@ use bevy_frugal_gi::power::MeterInfo;
 use bevy_frugal_gi::units::Watts;
 
 use super::protocol::{Answer, Reply, Request, StageRequest, receive, send};
-use crate::evaluate::{Player, Pose, Shot};
+use crate::evaluate::{FrameRenderer, Pose, RenderedFrame};
 use crate::metrics::Picture;
 use crate::scene::{Bounds, CameraPose, RayScene, SceneDescription};
 use crate::table::Measure;
@@ -281,7 +281,7 @@ impl Measure for RemoteStage {
     }
 }
 
-impl Player for RemoteStage {
+impl FrameRenderer for RemoteStage {
     type Error = RemoteError;
 
     fn begin_run(
@@ -294,13 +294,17 @@ impl Player for RemoteStage {
             .map(drop)
     }
 
-    fn play(&mut self, pose: &Pose, settings: RenderSettings) -> Result<Shot, RemoteError> {
+    fn render_frame(
+        &mut self,
+        pose: &Pose,
+        settings: RenderSettings,
+    ) -> Result<RenderedFrame, RemoteError> {
         match self.ask(&Request::Play {
             position: pose.position,
             rotation: pose.rotation,
             settings,
         })? {
-            (Answer::Frame { power, .. }, Some(picture)) => Ok(Shot { picture, power }),
+            (Answer::Frame { power, .. }, Some(picture)) => Ok(RenderedFrame { picture, power }),
             other => Err(RemoteError::failed(format!(
                 "the renderer's process answered out of turn: {:?}",
                 other.0

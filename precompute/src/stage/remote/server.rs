@@ -3,10 +3,10 @@
 use std::io::{self, Write};
 
 use super::protocol::{Answer, Reply, Request, receive, send};
-use crate::evaluate::{Player, Pose};
+use crate::evaluate::{FrameRenderer, Pose};
 use crate::metrics::Picture;
 use crate::scene;
-use crate::stage::{Stage, StageError, StageEvaluator, StageOptions, StagePlayer};
+use crate::stage::{Stage, StageError, StageEvaluator, StageFrameRenderer, StageOptions};
 
 /// Answers the parent's requests until it closes the pipe.
 ///
@@ -68,17 +68,20 @@ fn answer(
             return Ok((Answer::Cost(stage.measure(&clip, settings)?), None));
         }
         Request::Begin { position, rotation, settings } => {
-            StagePlayer::new(stage.stage()).begin_run(
+            StageFrameRenderer::new(stage.stage()).begin_run(
                 "",
                 &Pose { position, rotation },
                 settings,
             )?;
         }
         Request::Play { position, rotation, settings } => {
-            let shot =
-                StagePlayer::new(stage.stage()).play(&Pose { position, rotation }, settings)?;
-            let Picture { width, height, .. } = shot.picture;
-            return Ok((Answer::Frame { power: shot.power, width, height }, Some(shot.picture)));
+            let rendered = StageFrameRenderer::new(stage.stage())
+                .render_frame(&Pose { position, rotation }, settings)?;
+            let Picture { width, height, .. } = rendered.picture;
+            return Ok((
+                Answer::Frame { power: rendered.power, width, height },
+                Some(rendered.picture),
+            ));
         }
     }
     Ok((Answer::Done, None))
