@@ -188,7 +188,7 @@ fn spot_checks(
     };
     let mut policies: Vec<_> = checked.iter().map(policy).collect();
     let bar = progress::bar(0);
-    let played = record.play_for_real(stage, &mut policies, &mut |progress| {
+    let played = record.render_runs(stage, &mut policies, &mut |progress| {
         bar.set_length(progress.frames_total as u64);
         bar.set_position(progress.frames_done as u64);
         bar.set_message("frames, played for real");

@@ -77,7 +77,7 @@ pub fn judge(
     control: ControlSettings,
 ) -> Judged {
     let space = &record.space;
-    let fixed = |settings: RenderSettings| record.play(&mut Fixed(settings));
+    let fixed = |settings: RenderSettings| record.simulate(&mut Fixed(settings));
     let mean = |settings: RenderSettings| {
         let column = record.table.column(space.canonical(settings));
         column
@@ -88,7 +88,7 @@ pub fn judge(
     let budget = request.resolve(lowest.power, highest.power);
 
     let mut runs: Vec<(&str, Vec<FrameRecord>, Option<String>)> = vec![
-        ("frugal", record.play(&mut Controller::new(map, &budget, lens, control)), None),
+        ("frugal", record.simulate(&mut Controller::new(map, &budget, lens, control)), None),
         ("maximum", fixed(space.highest()), None),
         ("max-mid", fixed(space.preset(2.0 / 3.0)), None),
         ("mid-min", fixed(space.preset(1.0 / 3.0)), None),
@@ -113,7 +113,7 @@ pub fn judge(
     let (plain, filtered) = oracles(record, &budget, control);
     runs.push((
         "oracle",
-        record.play(&mut plain.clone()),
+        record.simulate(&mut plain.clone()),
         Some("knows every frame in advance".to_owned()),
     ));
     runs.push((
@@ -121,7 +121,7 @@ pub fn judge(
         filtered,
         Some("the same through the temporal filter".to_owned()),
     ));
-    runs.push(("reactive", record.play(&mut Reactive::new(ladder(&map.shared), budget)), None));
+    runs.push(("reactive", record.simulate(&mut Reactive::new(ladder(&map.shared), budget)), None));
 
     let fps = record.path.fps();
     let ours = runs[0].1.clone();
@@ -152,13 +152,13 @@ fn oracles(
         series.iter().map(|frame| frame.error).sum::<f64>() / series.len().max(1) as f64
     };
     let plain = oracle(&record.table, budget, &mut |oracle| {
-        mean_error(&record.play(&mut oracle.clone())) <= limit
+        mean_error(&record.simulate(&mut oracle.clone())) <= limit
     });
     let filtered = |oracle: &Oracle| {
         let mut oracle = oracle.clone();
         let mut filter = SettingsFilter::default();
         let times = control.times(&Budget { power: budget.power_w, error: budget.error });
-        record.play(&mut Controlled(move |frame: usize, dt: f64, pose: &Pose| {
+        record.simulate(&mut Controlled(move |frame: usize, dt: f64, pose: &Pose| {
             let target = oracle.decide(frame, dt, pose).settings;
             Choice {
                 settings: filter.step(&record.space, target, dt, times),

@@ -121,7 +121,7 @@ impl PathRecord {
     ///
     /// # Errors
     /// When the frame renderer fails or `on_frame` breaks.
-    pub fn play_for_real<P: FrameRenderer>(
+    pub fn render_runs<P: FrameRenderer>(
         &self,
         renderer: &mut P,
         policies: &mut [Box<dyn Policy + '_>],
@@ -160,7 +160,7 @@ impl PathRecord {
     }
 
     /// Simulates a policy's run from this record.
-    pub fn play(&self, policy: &mut dyn Policy) -> Vec<FrameRecord> {
+    pub fn simulate(&self, policy: &mut dyn Policy) -> Vec<FrameRecord> {
         let dt = self.path.fps().recip();
         let mut last = None;
         let frames = self.path.poses().iter().enumerate();
@@ -286,7 +286,7 @@ mod tests {
             };
             run(high, Against::Collect(&mut references));
             let real = run(settings, Against::Compare(&references));
-            assert_eq!(record.play(&mut Fixed(settings)), real);
+            assert_eq!(record.simulate(&mut Fixed(settings)), real);
         }
     }
 
@@ -323,10 +323,10 @@ mod tests {
             let settings = [high, half, low][frame.min(2)];
             Choice { settings, target: low, predicted: None }
         });
-        let series = record.play(&mut transition);
+        let series = record.simulate(&mut transition);
         assert!(series[1].power < series[0].power && series[1].power > series[2].power);
         assert!(series[1].error > series[0].error && series[1].error < series[2].error);
-        let unknown = record.play(&mut Fixed(half));
+        let unknown = record.simulate(&mut Fixed(half));
         assert!(unknown[0].power.0.is_nan(), "unknown costs are not invented");
     }
 }
