@@ -1,4 +1,4 @@
-//! The child: a stage that answers on its standard output.
+//! The child: a stage that answers requests on its standard output.
 
 use std::io::{self, Write};
 
@@ -19,7 +19,7 @@ pub fn serve() -> io::Result<()> {
     loop {
         let request = match receive(&mut input) {
             Ok(request) => request,
-            // The parent is gone, or has closed the pipe: nothing is left to do.
+            // The parent has closed the pipe or ended.
             Err(error) if error.kind() == io::ErrorKind::UnexpectedEof => return Ok(()),
             Err(error) => return Err(error),
         };
@@ -87,7 +87,7 @@ fn answer(
     Ok((Answer::Done, None))
 }
 
-/// From Linux's own account; other systems' drivers are not known to leak.
+/// Resident size from Linux's `/proc`; drivers of other systems are not known to leak.
 fn resident_bytes() -> u64 {
     let status = std::fs::read_to_string("/proc/self/status").unwrap_or_default();
     let line = status.lines().find_map(|line| line.strip_prefix("VmRSS:"));
