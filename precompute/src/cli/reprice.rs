@@ -14,7 +14,7 @@ pub(super) struct Arguments {
     /// The map
     #[arg(value_name = "MAP")]
     map: PathBuf,
-    /// Prices of the device, as frugal calibrate writes them; without it, the map's own
+    /// Prices of the device, as frugal calibrate writes them; default: the map's own
     #[arg(long, value_name = "FILE")]
     prices: Option<PathBuf>,
     /// Size of the images
@@ -23,7 +23,7 @@ pub(super) struct Arguments {
     /// Frame rate
     #[arg(long, value_name = "N", allow_hyphen_values = true)]
     fps: Option<f64>,
-    /// Map to write; without it, over the old one
+    /// Map to write; default: over the old one
     #[arg(short, long, value_name = "MAP")]
     output: Option<PathBuf>,
 }
