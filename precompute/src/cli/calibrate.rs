@@ -61,7 +61,7 @@ pub(super) fn run(arguments: &Arguments) -> Result<(), CliError> {
     let bounds = scene.camera_bounds(stage.bounds());
     let fps = arguments.capture.fps;
     let tracks = tracks_of(scene.paths.values(), fps);
-    let cameras = CameraSet::draw(
+    let cameras = CameraSet::sample(
         stage.rays(),
         &bounds,
         &tracks,

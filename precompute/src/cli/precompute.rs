@@ -226,7 +226,7 @@ pub(super) fn search(
     let bounds = scene.camera_bounds(stage.bounds());
     let lens = stage.lens();
     let counts = [arguments.training, arguments.training.div_ceil(6)];
-    let cameras = CameraSet::draw(
+    let cameras = CameraSet::sample(
         stage.rays(),
         &bounds,
         tracks,
