@@ -1,4 +1,4 @@
-//! Free space: the voxels that a camera can reach from where cameras are known to be.
+//! Free space: the voxels that a camera can reach from known camera positions.
 
 use std::collections::{HashMap, HashSet, VecDeque};
 
@@ -7,26 +7,25 @@ use rand::RngExt;
 
 use crate::scene::{Bounds, CameraPose, RayScene};
 
-/// Edge of a voxel, metres, unless the bounds would have too many.
+/// Edge of a voxel, metres; larger if the bounds would have too many voxels.
 const VOXEL: f32 = 0.5;
 /// Most voxels along an edge of the bounds.
 const MOST_ALONG: f32 = 96.0;
-/// Most voxels that are filled.
+/// Most voxels that a fill visits.
 const MOST: usize = 60_000;
 
-/// What must be free around a camera.
+/// Required clearance around a camera.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Clearance {
     /// Least distance from any surface, metres.
     pub distance: f32,
-    /// Least and greatest height above the ground, metres. Where there is no ground below, the
-    /// height is not limited.
+    /// Least and greatest height above the ground, metres. Without ground below, the height is not
+    /// limited.
     pub height: (f32, f32),
 }
 
 impl Default for Clearance {
-    /// A hand's breadth and a half from walls; eyes of people who sit, stand, or stand on
-    /// something.
+    /// 25 cm from surfaces; eye heights of people who sit, stand, or stand on something.
     fn default() -> Self {
         Self { distance: 0.25, height: (0.9, 2.4) }
     }
@@ -46,8 +45,8 @@ impl Clearance {
     }
 }
 
-/// Whether nothing is within `distance` of `position`, by rays to the faces, edges and corners of a
-/// cube.
+/// Whether no surface is within `distance` of `position`, by rays to the faces, edges and corners
+/// of a cube.
 fn is_clear(rays: &RayScene, position: Vec3, distance: f32) -> bool {
     let steps = || -1..=1;
     let directions =
@@ -57,71 +56,71 @@ fn is_clear(rays: &RayScene, position: Vec3, distance: f32) -> bool {
         .all(|direction| !rays.any(position, direction.as_vec3().normalize(), distance))
 }
 
-/// Places that cameras can reach.
+/// Positions that cameras can reach.
 #[derive(Clone, Debug, Default)]
 pub struct FreeSpace {
-    places: Vec<Vec3>,
+    positions: Vec<Vec3>,
     voxel: f32,
 }
 
 impl FreeSpace {
-    /// Fills `bounds` from `seeds`, step by step over voxels between which nothing stands. Without
-    /// a seed that is free, from every free voxel of the bounds.
+    /// Flood-fills `bounds` from `seeds`, between voxels without geometry in between. Without a
+    /// free seed, starts from every free voxel of the bounds.
     pub fn fill(rays: &RayScene, bounds: &Bounds, seeds: &[Vec3], clearance: &Clearance) -> Self {
         let voxel = VOXEL.max(bounds.size().max_element() / MOST_ALONG);
-        let at = |cell: IVec3| bounds.min + (cell.as_vec3() + 0.5) * voxel;
-        let cell_of = |position: Vec3| ((position - bounds.min) / voxel).floor().as_ivec3();
+        let at = |index: IVec3| bounds.min + (index.as_vec3() + 0.5) * voxel;
+        let voxel_at = |position: Vec3| ((position - bounds.min) / voxel).floor().as_ivec3();
         let mut known: HashMap<IVec3, bool> = HashMap::new();
-        // Between places at eye height a camera may pass over a low wall or through a door: only
-        // what is reached must fit.
+        // A camera may pass over a low wall or through a door between positions at eye height: only
+        // the positions themselves need full clearance.
         let passable = |position: Vec3| {
             bounds.contains(position) && is_clear(rays, position, clearance.distance * 0.5)
         };
         let mut queue: VecDeque<IVec3> =
-            seeds.iter().filter(|seed| seed.is_finite()).map(|seed| cell_of(*seed)).collect();
-        if !queue.iter().any(|cell| passable(at(*cell))) {
-            queue = every_cell(bounds, voxel).collect();
+            seeds.iter().filter(|seed| seed.is_finite()).map(|seed| voxel_at(*seed)).collect();
+        if !queue.iter().any(|index| passable(at(*index))) {
+            queue = every_voxel(bounds, voxel).collect();
         }
         let mut filled: HashSet<IVec3> = HashSet::new();
-        let mut places = Vec::new();
-        while let Some(cell) = queue.pop_front() {
+        let mut positions = Vec::new();
+        while let Some(index) = queue.pop_front() {
             if filled.len() >= MOST
-                || !*known.entry(cell).or_insert_with(|| passable(at(cell)))
-                || !filled.insert(cell)
+                || !*known.entry(index).or_insert_with(|| passable(at(index)))
+                || !filled.insert(index)
             {
                 continue;
             }
-            if clearance.allows(rays, at(cell)) {
-                places.push(at(cell));
+            if clearance.allows(rays, at(index)) {
+                positions.push(at(index));
             }
             for axis in [IVec3::X, IVec3::Y, IVec3::Z] {
-                for next in [cell + axis, cell - axis] {
-                    if !filled.contains(&next) && !rays.any(at(cell), at(next) - at(cell), 1.0) {
+                for next in [index + axis, index - axis] {
+                    if !filled.contains(&next) && !rays.any(at(index), at(next) - at(index), 1.0) {
                         queue.push_back(next);
                     }
                 }
             }
         }
-        Self { places, voxel }
+        Self { positions, voxel }
     }
 
-    /// Number of places.
+    /// Number of positions.
     pub fn len(&self) -> usize {
-        self.places.len()
+        self.positions.len()
     }
 
-    /// Whether no place is free.
+    /// Whether there are no positions.
     pub fn is_empty(&self) -> bool {
-        self.places.is_empty()
+        self.positions.is_empty()
     }
 
     /// A random position in a random voxel, and the voxel's number.
-    pub fn draw(&self, random: &mut impl rand::Rng) -> Option<(Vec3, u32)> {
-        let place = *self.places.get(random.random_range(0..self.places.len().max(1)))?;
+    pub fn sample(&self, random: &mut impl rand::Rng) -> Option<(Vec3, u32)> {
+        let center = *self.positions.get(random.random_range(0..self.positions.len().max(1)))?;
         let mut offset = || random.random_range(-0.5..0.5) * self.voxel;
-        let position = place + Vec3::new(offset(), offset(), offset());
-        // Numbered by any fixed rule.
-        let block = (place / self.voxel).floor().as_ivec3();
+        let position = center + Vec3::new(offset(), offset(), offset());
+        // A spatial hash of the voxel.
+        let block = (center / self.voxel).floor().as_ivec3();
         let number = block.x.wrapping_mul(73_856_093)
             ^ block.y.wrapping_mul(19_349_663)
             ^ block.z.wrapping_mul(83_492_791);
@@ -129,7 +128,7 @@ impl FreeSpace {
     }
 }
 
-fn every_cell(bounds: &Bounds, voxel: f32) -> impl Iterator<Item = IVec3> {
+fn every_voxel(bounds: &Bounds, voxel: f32) -> impl Iterator<Item = IVec3> {
     let count = (bounds.size() / voxel)
         .ceil()
         .as_ivec3()
@@ -139,7 +138,7 @@ fn every_cell(bounds: &Bounds, voxel: f32) -> impl Iterator<Item = IVec3> {
     })
 }
 
-/// Whether a camera sees anything, and stands where one can.
+/// Whether a camera has clearance and sees geometry.
 pub(super) fn is_usable(
     rays: &RayScene,
     pose: &CameraPose,
@@ -183,15 +182,15 @@ mod tests {
     }
 
     #[test]
-    fn only_what_a_camera_reaches_is_filled() {
+    fn only_reachable_voxels_are_filled() {
         let rays = scene();
         let space =
             FreeSpace::fill(&rays, &bounds(), &[Vec3::new(-1.5, 1.6, 0.0)], &Clearance::default());
         assert!(space.len() > 100, "{}", space.len());
         let mut random = ChaCha8Rng::seed_from_u64(1);
         for _ in 0..500 {
-            let (position, _) = space.draw(&mut random).expect("places");
-            // Half a voxel of play around a voxel's middle, which is clear.
+            let (position, _) = space.sample(&mut random).expect("positions");
+            // Up to half a voxel from a voxel's centre, which is clear.
             assert!(
                 position.x < 0.1
                     && position.x > -3.1
@@ -228,6 +227,6 @@ mod tests {
             &[Vec3::NAN],
             &Clearance { distance: 50.0, ..Clearance::default() },
         );
-        assert!(nothing.is_empty() && nothing.draw(&mut ChaCha8Rng::seed_from_u64(1)).is_none());
+        assert!(nothing.is_empty() && nothing.sample(&mut ChaCha8Rng::seed_from_u64(1)).is_none());
     }
 }

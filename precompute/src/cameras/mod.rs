@@ -1,8 +1,8 @@
-//! Where cameras are: what a map is trained on, and what its error budgets are calibrated on.
+//! Cameras that a map is trained on, and cameras that its error budgets are calibrated on.
 //!
-//! Cameras come from the scene's paths and recordings, from their surroundings, and from the free
-//! space that they reach. None stands in a solid, outside what can be reached, or a hand's breadth
-//! from a wall. Knows no renderer.
+//! Cameras come from the scene's paths and recordings, from their vicinity, and from the free space
+//! that they reach. None is inside a solid, outside the reachable space, or within the clearance of
+//! a wall. Independent of the renderer.
 mod free_space;
 mod pose;
 mod recorded;

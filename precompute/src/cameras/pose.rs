@@ -1,28 +1,27 @@
-//! A camera that moves.
+//! A moving camera.
 
 use bevy::math::{Quat, Vec3};
 
 use crate::scene::CameraPose;
 
-/// A camera at one moment, and how it moves.
+/// A camera's pose and motion at one moment.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct MovingCamera {
-    /// Where it is.
+    /// The pose.
     pub pose: CameraPose,
     /// Metres per second.
     pub velocity: Vec3,
     /// Rotation per second: axis times radians, in world space.
     pub turn: Vec3,
-    /// Cameras near each other in time or space have the same number: they are kept or held out
-    /// together.
+    /// Cross-validation group: cameras near each other in time or space are held out together.
     pub group: u32,
 }
 
-/// Set in the [`group`](MovingCamera::group) of cameras in free space: no app's camera was there.
+/// Flag in the [`group`](MovingCamera::group) of cameras in free space, away from any app's camera.
 pub(super) const FREE: u32 = 1 << 31;
 
 impl MovingCamera {
-    /// Whether an app's camera was at or near its place: on a path or a recording.
+    /// Whether the camera is on or near a path or a recording.
     pub fn is_on_track(&self) -> bool {
         self.group & FREE == 0
     }
@@ -34,7 +33,7 @@ impl MovingCamera {
         CameraPose { position: self.pose.position + self.velocity * seconds, rotation }
     }
 
-    /// The last `frames` poses at `frames_per_second`, the present one last.
+    /// The last `frames` poses at `frames_per_second`, the current one last.
     pub fn clip(&self, frames: u32, frames_per_second: f64) -> Vec<CameraPose> {
         (0..frames.max(1))
             .rev()

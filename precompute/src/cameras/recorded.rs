@@ -17,10 +17,10 @@ pub enum RecordedError {
     File {
         /// The file.
         path: PathBuf,
-        /// What the system says.
+        /// The system's error.
         source: std::io::Error,
     },
-    /// It is no recording.
+    /// The file is not a recording.
     #[error("{path}: {source}", path = path.display())]
     Content {
         /// The file.
@@ -28,7 +28,7 @@ pub enum RecordedError {
         /// Line, field and remedy.
         source: CameraFileError,
     },
-    /// It holds no sample.
+    /// The recording has no samples.
     #[error("{path}: no camera was recorded; let the app run for a while with the recorder", path = path.display())]
     Empty {
         /// The file.
@@ -60,7 +60,7 @@ fn tracks(samples: &[CameraSample]) -> Vec<Vec<TrackSample>> {
             samples.iter().filter(|sample| sample.camera == camera).collect();
         let moved = (0..own.len()).map(|index| {
             let (from, to) = (own[index.saturating_sub(1)], own[index]);
-            // Times that do not rise say nothing of speed.
+            // Speed is undefined where times do not increase.
             let seconds = (to.time_s - from.time_s) as f32;
             if seconds > 1e-3 {
                 sample(pose(from), pose(to), seconds)

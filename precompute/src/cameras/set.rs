@@ -9,20 +9,20 @@ use super::pose::FREE;
 use super::{Clearance, FreeSpace, MovingCamera};
 use crate::scene::{Bounds, CameraPath, CameraPose, RayScene};
 
-/// Greatest pitch of a camera in free space, radians: players look ahead more than up or down.
+/// Greatest pitch of a camera in free space, radians: cameras look ahead more than up or down.
 const PITCH: f32 = 0.5;
 /// Walking speed and turning rate of cameras in free space: metres and radians per second.
 const WALK: (f32, f32) = (1.5, 0.5);
-/// Samples of a track whose cameras are kept or held out together: at run time a camera has
-/// training cameras beside it, as one has that is held out alone.
+/// Track samples per cross-validation group. Small, because at run time a camera has training
+/// cameras nearby, as a camera has that is held out alone.
 const BLOCK: u32 = 2;
-/// Draws for each camera that is wanted.
+/// Attempts per requested camera.
 const TRIES: usize = 60;
 
 /// One moment of a track: a path of the scene, or a recording.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct TrackSample {
-    /// Where the camera was.
+    /// The camera's pose.
     pub pose: CameraPose,
     /// Metres per second.
     pub velocity: Vec3,
@@ -30,12 +30,12 @@ pub struct TrackSample {
     pub turn: Vec3,
 }
 
-/// Which share of the cameras comes from where. The rest is free space.
+/// Shares of the sources of cameras. The rest is from free space.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct CameraMix {
-    /// Share on tracks, to within a foot's breadth. Higher values fit the map to the tracks.
+    /// Share on tracks, to within 10 cm. Higher values fit the map to the tracks.
     pub on_tracks: f64,
-    /// Share near tracks: to the side, looking elsewhere.
+    /// Share near tracks, displaced and rotated.
     pub near_tracks: f64,
 }
 
@@ -45,12 +45,12 @@ impl Default for CameraMix {
     }
 }
 
-/// Cameras for two purposes, none in both.
+/// Disjoint sets of cameras for two purposes.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct CameraSet {
-    /// What settings are searched and frontiers are fitted on.
+    /// Cameras for searching settings and fitting frontiers.
     pub training: Vec<MovingCamera>,
-    /// What error budgets are calibrated on.
+    /// Cameras for calibrating error budgets.
     pub calibration: Vec<MovingCamera>,
 }
 
@@ -70,8 +70,7 @@ pub fn tracks_of<'a>(
     paths.into_iter().map(track).filter(|track: &Vec<_>| !track.is_empty()).collect()
 }
 
-/// The moment at `to`, one `step` of seconds after `from`. A jump is a cut: the camera then stands
-/// still.
+/// The sample at `to`, `step` seconds after `from`. A jump is a cut, with no motion.
 pub(super) fn sample(from: CameraPose, to: CameraPose, step: f32) -> TrackSample {
     let velocity = (to.position - from.position) / step;
     let turn = (to.rotation * from.rotation.inverse()).to_scaled_axis() / step;
@@ -83,7 +82,7 @@ pub(super) fn sample(from: CameraPose, to: CameraPose, step: f32) -> TrackSample
     }
 }
 
-/// What cameras are drawn from.
+/// Sources of cameras.
 struct Source<'a> {
     rays: &'a RayScene,
     tracks: &'a [Vec<TrackSample>],
@@ -93,12 +92,11 @@ struct Source<'a> {
 }
 
 impl CameraSet {
-    /// Draws `count` training cameras, and `calibration` others. The same `seed` draws the same
-    /// ones.
+    /// Samples `count` training cameras, and `calibration` others. Deterministic in `seed`.
     ///
-    /// `lens`: vertical field of view in radians, and width ÷ height. Fewer cameras come back where
-    /// few places can be reached; none where nothing can be seen from anywhere.
-    pub fn draw(
+    /// `lens`: vertical field of view in radians, and width ÷ height. Returns fewer cameras where
+    /// few positions can be reached; none where no position sees any geometry.
+    pub fn sample(
         rays: &RayScene,
         bounds: &Bounds,
         tracks: &[Vec<TrackSample>],
@@ -117,15 +115,16 @@ impl CameraSet {
             clearance,
             lens,
         };
-        let training = source.draw(count, mix, ChaCha8Rng::seed_from_u64(seed));
-        // A stream of its own: more training cameras do not change which ones calibrate.
+        let training = source.sample(count, mix, ChaCha8Rng::seed_from_u64(seed));
+        // A separate stream: the number of training cameras does not affect the calibration
+        // cameras.
         let mut random = ChaCha8Rng::seed_from_u64(seed);
         random.set_stream(1);
-        Self { training, calibration: source.draw(calibration, mix, random) }
+        Self { training, calibration: source.sample(calibration, mix, random) }
     }
 }
 
-/// Heights as on the tracks, with a hand's breadth of play; the default's without tracks.
+/// Heights of the tracks, with a margin of 30 cm; the default's without tracks.
 fn clearance(rays: &RayScene, tracks: &[Vec<TrackSample>]) -> Clearance {
     let heights = tracks
         .iter()
@@ -142,7 +141,7 @@ fn clearance(rays: &RayScene, tracks: &[Vec<TrackSample>]) -> Clearance {
 }
 
 impl Source<'_> {
-    fn draw(&self, count: usize, mix: &CameraMix, mut random: ChaCha8Rng) -> Vec<MovingCamera> {
+    fn sample(&self, count: usize, mix: &CameraMix, mut random: ChaCha8Rng) -> Vec<MovingCamera> {
         let share = |share: f64| {
             if self.tracks.is_empty() {
                 0
@@ -177,17 +176,17 @@ impl Source<'_> {
 
     fn attempt(
         &self,
-        mut draw: impl FnMut(&mut ChaCha8Rng) -> Option<MovingCamera>,
+        mut sample: impl FnMut(&mut ChaCha8Rng) -> Option<MovingCamera>,
         random: &mut ChaCha8Rng,
     ) -> Option<MovingCamera> {
         (0..TRIES).find_map(|_| {
-            draw(random)
+            sample(random)
                 .filter(|camera| is_usable(self.rays, &camera.pose, &self.clearance, self.lens))
         })
     }
 
-    /// The `index`-th of `count` strata of all tracks' samples, moved by up to `shift` metres and
-    /// turned by up to `turn` radians.
+    /// A camera from stratum `index` of `count` of all tracks' samples, displaced by up to `shift`
+    /// metres and rotated by up to `turn` radians.
     fn on_track(
         &self,
         index: usize,
@@ -197,31 +196,31 @@ impl Source<'_> {
         random: &mut ChaCha8Rng,
     ) -> Option<MovingCamera> {
         let all: usize = self.tracks.iter().map(Vec::len).sum();
-        let mut place =
+        let mut sample_index =
             ((index as f64 + random.random::<f64>()) / count as f64 * all as f64) as usize;
         let (number, track) = self.tracks.iter().enumerate().find(|(_, track)| {
-            let is_here = place < track.len();
-            place -= if is_here { 0 } else { track.len() };
+            let is_here = sample_index < track.len();
+            sample_index -= if is_here { 0 } else { track.len() };
             is_here
         })?;
-        let TrackSample { pose, velocity, turn: turning } = track[place];
+        let TrackSample { pose, velocity, turn: turning } = track[sample_index];
         let mut within = |greatest: f32| random.random_range(-greatest..=greatest);
-        // Less up and down than to the sides, as people move and look.
+        // Less vertically than horizontally, as people move and look.
         let offset = pose.rotation * Vec3::new(within(shift), 0.0, within(shift))
             + Vec3::Y * within(0.25 * shift);
         let rotation = Quat::from_rotation_y(within(turn))
             * pose.rotation
             * Quat::from_rotation_x(within(0.4 * turn));
         let pose = CameraPose { position: pose.position + offset, rotation: rotation.normalize() };
-        // A camera to the side of a track must be able to get there from it.
-        let from = track[place].pose.position;
+        // A displaced camera must be reachable from the track.
+        let from = track[sample_index].pose.position;
         let reaches = !self.rays.any(from, pose.position - from, 1.0);
-        let group = (number as u32) << 20 | (place as u32 / BLOCK);
+        let group = (number as u32) << 20 | (sample_index as u32 / BLOCK);
         reaches.then_some(MovingCamera { pose, velocity, turn: turning, group })
     }
 
     fn in_free_space(&self, random: &mut ChaCha8Rng) -> Option<MovingCamera> {
-        let (position, group) = self.space.draw(random)?;
+        let (position, group) = self.space.sample(random)?;
         let yaw = random.random_range(0.0..std::f32::consts::TAU);
         // The mean of two: mostly level.
         let pitch = (random.random_range(-PITCH..PITCH) + random.random_range(-PITCH..PITCH)) / 2.0;
@@ -237,9 +236,9 @@ impl Source<'_> {
     }
 }
 
-/// Cameras of all lists in such an order that any first part of it has the same share of each,
-/// spread over all of it: a run that ends early has seen everywhere. Places within a list follow
-/// the radical inverse (van der Corput 1935).
+/// Interleaves the lists so that every prefix has the same share of each, spread over the whole
+/// list: a run that ends early has covered the whole scene. The order within a list follows the
+/// radical inverse (van der Corput 1935).
 fn evenly_mixed(lists: [Vec<MovingCamera>; 3]) -> Vec<MovingCamera> {
     let mut ranked: Vec<(f64, MovingCamera)> = Vec::new();
     for list in lists {
@@ -271,18 +270,18 @@ mod tests {
     }
 
     #[test]
-    fn cameras_stand_where_people_could_and_no_set_shares_one() {
+    fn cameras_are_at_reachable_positions_and_the_sets_are_disjoint() {
         let (scene, rays) = courtyard();
         let bounds = scene.camera_bounds(None);
         let tracks = tracks_of(scene.paths.values(), 15.0);
         let lens = (scene.camera.vertical_fov.to_radians(), 16.0 / 9.0);
-        let draw = |seed| {
-            CameraSet::draw(&rays, &bounds, &tracks, [60, 20], &CameraMix::default(), lens, seed)
+        let sampled = |seed| {
+            CameraSet::sample(&rays, &bounds, &tracks, [60, 20], &CameraMix::default(), lens, seed)
         };
-        let set = draw(3);
+        let set = sampled(3);
         assert_eq!((set.training.len(), set.calibration.len()), (60, 20));
-        assert_eq!(set, draw(3), "the same seed");
-        assert_ne!(set, draw(4));
+        assert_eq!(set, sampled(3), "the same seed");
+        assert_ne!(set, sampled(4));
         for camera in set.training.iter().chain(&set.calibration) {
             let position = camera.pose.position;
             assert!(!rays.inside_geometry(position), "{position}");
@@ -310,16 +309,16 @@ mod tests {
     fn without_tracks_all_come_from_free_space_and_without_space_none() {
         let (scene, rays) = courtyard();
         let bounds = scene.camera_bounds(None);
-        let draw = |rays: &RayScene, bounds| {
-            CameraSet::draw(rays, bounds, &[], [10, 5], &CameraMix::default(), (1.0, 1.5), 1)
+        let sampled = |rays: &RayScene, bounds| {
+            CameraSet::sample(rays, bounds, &[], [10, 5], &CameraMix::default(), (1.0, 1.5), 1)
         };
-        assert_eq!(draw(&rays, &bounds).training.len(), 10);
+        assert_eq!(sampled(&rays, &bounds).training.len(), 10);
         let nothing = RayScene::new([]);
-        assert!(draw(&nothing, &bounds).training.is_empty(), "nothing can be seen");
+        assert!(sampled(&nothing, &bounds).training.is_empty(), "nothing can be seen");
     }
 
     #[test]
-    fn the_first_cameras_are_everywhere() {
+    fn every_prefix_covers_the_whole_list() {
         let pose = |x: f32| CameraPose { position: Vec3::X * x, rotation: Quat::IDENTITY };
         let camera = |x: usize| MovingCamera {
             pose: pose(x as f32),

@@ -11,27 +11,27 @@ use crate::files;
 use crate::scene::{self, CameraPose, SceneDescription};
 use crate::stage::{StageOptions, StageRequest};
 
-/// How pictures are made.
+/// Capture conditions: size, frame rate, knobs and meter.
 #[derive(Args, Debug, Clone)]
 pub(super) struct CaptureArguments {
-    /// Size of the pictures in pixels; the app's own, for watts and errors that are the app's
+    /// Size of the images in pixels; use the app's own size for watts and errors of the app
     #[arg(long, value_name = "WxH", default_value = "320x180", value_parser = size)]
     pub size: UVec2,
-    /// Frame rate that watts refer to
+    /// Frame rate to which watts refer
     #[arg(long, value_name = "N", default_value_t = 30.0, allow_hyphen_values = true)]
     pub fps: f64,
-    /// Knobs to use, by name; without it, all that the scene has a use for
+    /// Knobs to use, by name; default: all that affect the scene
     #[arg(long, value_name = "K1,K2,…", value_delimiter = ',')]
     pub knobs: Option<Vec<String>>,
-    /// Power meter, as `frugal meters` names it; without it, the one that suits the adapter. `work`
-    /// counts each frame's work at fixed prices and is the same in every run; `work=FILE`: at those
-    /// of `frugal calibrate`
+    /// Power meter, as `frugal meters` names it; default: the one that suits the adapter. `work`
+    /// counts each frame's work at fixed prices and is the same in every run; `work=FILE` takes the
+    /// prices from `frugal calibrate`
     #[arg(long, value_name = "NAME")]
     pub meter: Option<String>,
 }
 
 impl CaptureArguments {
-    /// For a stage in a process of its own.
+    /// The request for a stage in a child process.
     pub fn request(&self, scene: &Path) -> StageRequest {
         StageRequest {
             scene: scene.to_owned(),
@@ -53,7 +53,7 @@ impl CaptureArguments {
     }
 }
 
-/// What one picture shows, and from where.
+/// Scene and camera of one image.
 #[derive(Args, Debug, Clone)]
 pub(super) struct CameraArguments {
     /// The scene
@@ -62,7 +62,7 @@ pub(super) struct CameraArguments {
     /// World position, metres
     #[arg(long, value_name = "X,Y,Z", value_parser = vector, allow_hyphen_values = true)]
     pub position: Vec3,
-    /// What the camera looks at, metres
+    /// Point that the camera looks at, metres
     #[arg(long, value_name = "X,Y,Z", value_parser = vector, allow_hyphen_values = true)]
     pub look_at: Vec3,
 }
@@ -73,10 +73,10 @@ impl CameraArguments {
     }
 }
 
-/// Where one picture goes.
+/// Output files of one image.
 #[derive(Args, Debug, Clone)]
 pub(super) struct PictureArguments {
-    /// Picture to write, tone-mapped at the scene's exposure
+    /// Image to write, tone-mapped at the scene's exposure
     #[arg(short, long, value_name = "PNG")]
     output: Option<PathBuf>,
     /// Linear radiance to write, in nits before exposure
@@ -85,8 +85,8 @@ pub(super) struct PictureArguments {
 }
 
 impl PictureArguments {
-    /// The PNG to write: where nothing is asked for, the one called as the scene. Refuses either
-    /// file where it cannot be written.
+    /// The PNG to write; by default, named after the scene if no file is given. Fails if either
+    /// file cannot be written.
     pub fn png(&self, scene_name: &str) -> Result<Option<PathBuf>, CliError> {
         let png = match (&self.output, &self.hdr) {
             (None, None) => Some(PathBuf::from(format!("{scene_name}.png"))),
@@ -135,7 +135,7 @@ pub(super) fn duration(text: &str) -> Result<Duration, String> {
     if length.is_zero() { Err("a time limit must be above 0".to_owned()) } else { Ok(length) }
 }
 
-/// A scene with its name.
+/// Loads a scene; returns it with its name.
 pub(super) fn open_scene(path: &Path) -> Result<(SceneDescription, String), CliError> {
     let scene = scene::load(path)?;
     let file = path
@@ -145,7 +145,7 @@ pub(super) fn open_scene(path: &Path) -> Result<(SceneDescription, String), CliE
     Ok((scene, name))
 }
 
-/// Refuses an output that cannot be written, before any long work.
+/// Fails if an output cannot be written, before any long work.
 pub(super) fn check_outputs<'p>(
     paths: impl IntoIterator<Item = Option<&'p PathBuf>>,
 ) -> Result<(), CliError> {
@@ -155,14 +155,14 @@ pub(super) fn check_outputs<'p>(
         .try_for_each(|path| files::check_writable(path).map_err(CliError::usage))
 }
 
-/// Writes a file whole or not at all, and says so.
+/// Writes a file atomically, and prints its path.
 pub(super) fn write(path: &Path, bytes: &[u8]) -> Result<(), CliError> {
     files::write_atomically(path, |file| file.write_all(bytes))?;
     eprintln!("wrote {}", path.display());
     Ok(())
 }
 
-/// The same for a report in a folder, which is made where it is missing.
+/// The same for a report in a folder, which is created if missing.
 pub(super) fn write_report(folder: &Path, html: &str) -> Result<(), CliError> {
     std::fs::create_dir_all(folder).map_err(|error| {
         CliError::failed(format!("cannot make the folder {}: {error}", folder.display()))
@@ -170,7 +170,7 @@ pub(super) fn write_report(folder: &Path, html: &str) -> Result<(), CliError> {
     write(&folder.join("report.html"), html.as_bytes())
 }
 
-/// JSON for programs, as people can read it too.
+/// Indented JSON.
 pub(super) fn json(value: &impl serde::Serialize) -> Result<Vec<u8>, CliError> {
     let mut text = serde_json::to_vec_pretty(value).map_err(CliError::failed)?;
     text.push(b'\n');

@@ -1,4 +1,4 @@
-//! `frugal calibrate`: what work costs on this device.
+//! `frugal calibrate`: prices of work on this device.
 
 use std::path::PathBuf;
 use std::time::{Duration, Instant};
@@ -15,7 +15,7 @@ use crate::table::Measure as _;
 
 #[derive(clap::Args, Debug)]
 pub(super) struct Arguments {
-    /// A scene like those that maps are made for
+    /// A scene typical of those that maps are made for
     #[arg(value_name = "SCENE")]
     scene: PathBuf,
     /// Prices to write
@@ -23,7 +23,7 @@ pub(super) struct Arguments {
     output: PathBuf,
     #[command(flatten)]
     capture: CaptureArguments,
-    /// How long readings are taken
+    /// Duration of the readings
     #[arg(long, value_name = "TIME", default_value = "2m", value_parser = duration)]
     time_limit: Duration,
     /// Seed of the cameras
@@ -31,20 +31,20 @@ pub(super) struct Arguments {
     seed: u64,
 }
 
-/// Cameras that readings are taken at.
+/// Number of cameras for readings.
 const CAMERAS: usize = 6;
-/// Parts in which settings are held out in turn.
+/// Folds of the cross-validation.
 const FOLDS: usize = 5;
-/// Fewest readings that prices are fitted to.
+/// Fewest readings for a fit of prices.
 const FEWEST: usize = 40;
 
-/// The best settings with one knob lowered, and the cheapest with one knob raised: prices must hold
-/// at both ends.
+/// The best settings with one knob lowered, and the cheapest with one knob raised: prices must be
+/// valid at both ends.
 fn calibration_settings(space: &KnobSpace) -> Vec<RenderSettings> {
     let raised = (0..space.len())
         .flat_map(|knob| (1..space.knobs()[knob].levels.len()).map(move |level| (knob, level)));
     let raised = raised.map(|(knob, level)| space.lowest().with_level(knob, level));
-    // In turn, so that whatever ends early has seen both.
+    // Alternating, so that an interrupted run has both.
     let (lowered, raised) = (screening_settings(space), space.canonical_once(raised));
     let mut all = Vec::new();
     for step in 0..lowered.len().max(raised.len()) {
@@ -61,7 +61,7 @@ pub(super) fn run(arguments: &Arguments) -> Result<(), CliError> {
     let bounds = scene.camera_bounds(stage.bounds());
     let fps = arguments.capture.fps;
     let tracks = tracks_of(scene.paths.values(), fps);
-    let cameras = CameraSet::draw(
+    let cameras = CameraSet::sample(
         stage.rays(),
         &bounds,
         &tracks,
@@ -84,7 +84,8 @@ pub(super) fn run(arguments: &Arguments) -> Result<(), CliError> {
     bar.set_message("seconds of readings");
     let started = Instant::now();
     let mut readings = Vec::new();
-    // Round after round, forwards and backwards in turn: what drifts does not favour some settings.
+    // Rounds alternate between forward and reverse order, so that drift does not favour some
+    // settings.
     'rounds: for round in 0.. {
         for (camera, place) in cameras.iter().enumerate() {
             for step in 0..settings.len() {
@@ -130,7 +131,7 @@ pub(super) fn run(arguments: &Arguments) -> Result<(), CliError> {
         device.adapter
     );
     println!(
-        "held-out readings are off by {:.1} % in the mean, {:.1} % at nine in ten; a reading of one frame is itself off by several",
+        "error at held-out readings: {:.1} % in the mean, {:.1} % at the 90th percentile; a reading of one frame is itself off by several",
         100.0 * quality.mean_absolute_error,
         100.0 * quality.ninth_decile
     );

@@ -1,4 +1,4 @@
-//! `frugal compare`: how far one picture's radiance is from another's.
+//! `frugal compare`: difference between the radiance of two images.
 
 use std::path::{Path, PathBuf};
 
@@ -8,13 +8,13 @@ use crate::metrics::{Difference, Radiance};
 
 #[derive(clap::Args, Debug)]
 pub(super) struct Arguments {
-    /// The picture: linear radiance, as `render --hdr` writes it
+    /// The image: linear radiance, as `render --hdr` writes it
     #[arg(value_name = "PICTURE")]
     picture: PathBuf,
-    /// What it is held to: linear radiance, as `reference --hdr` writes it
+    /// The reference: linear radiance, as `reference --hdr` writes it
     #[arg(value_name = "REFERENCE")]
     reference: PathBuf,
-    /// Exposure value of the tone curve before SSIM; without it, the one at which the reference's
+    /// Exposure value of the tone curve before SSIM; default: the one at which the reference's
     /// median luminance is middle grey
     #[arg(long, value_name = "EV", allow_hyphen_values = true)]
     exposure_ev100: Option<f32>,

@@ -1,4 +1,4 @@
-//! `frugal demo`: the main job in one go.
+//! `frugal demo`: precompute, evaluate and report in one command.
 
 use std::path::{Path, PathBuf};
 
@@ -23,10 +23,10 @@ pub(super) struct Arguments {
     capture: CaptureArguments,
     #[command(flatten)]
     search: SearchArguments,
-    /// Limit on power: watts or a share of the range
+    /// Power budget: watts or a share of the range
     #[arg(long, value_name = "7W|60%", default_value = "60%", allow_hyphen_values = true)]
     power_budget: PowerBudget,
-    /// Limit on the error, 1 − SSIM
+    /// Error budget, 1 − SSIM
     #[arg(long, value_name = "E", default_value = "0.02", allow_hyphen_values = true)]
     error_budget: String,
 }
@@ -43,7 +43,7 @@ pub(super) fn run(arguments: &Arguments) -> Result<(), CliError> {
 
     let mut search_arguments = arguments.search.clone();
     if search_arguments.paths.is_empty() {
-        // The path that it plays.
+        // The path of the evaluation.
         search_arguments.paths.push("tour".to_owned());
     }
     search_arguments.check()?;

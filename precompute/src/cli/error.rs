@@ -1,20 +1,20 @@
-//! What ends a command, and with which exit status.
+//! Errors of commands, and their exit status.
 
 use crate::files::FileError;
 use crate::report::ReportError;
 use crate::scene::SceneError;
 use crate::stage::{RemoteError, StageError};
 
-/// Why a command did not do its work.
+/// Why a command failed.
 #[derive(Debug, thiserror::Error)]
 pub enum CliError {
     /// Wrong use or bad input: nothing was written.
     #[error("{0}")]
     Usage(String),
-    /// It began, and could not be finished.
+    /// The command failed after it had started.
     #[error("{0}")]
     Failed(String),
-    /// It was done, and what it was asked to guard does not hold.
+    /// The command finished, and its check failed.
     #[error("{0}")]
     Regressed(String),
 }
@@ -25,7 +25,7 @@ impl CliError {
         Self::Usage(error.to_string())
     }
 
-    /// Failed on the way.
+    /// A failure after the start.
     pub fn failed(error: impl ToString) -> Self {
         Self::Failed(error.to_string())
     }

@@ -30,29 +30,28 @@ pub(super) struct Arguments {
     /// Which of the scene's paths to play
     #[arg(long, value_name = "NAME", default_value = "tour")]
     path: String,
-    /// Limit in watts, or as a share of the way from the cheapest settings' power to the best
-    /// ones'. One of each kind is one budget; several are one budget each
+    /// Power budget in watts, or as a percentage between the power of the cheapest and of the best
+    /// settings. One of each kind is one budget; several are one budget each
     #[arg(long, value_name = "7W|60%", allow_hyphen_values = true)]
     power_budget: Vec<String>,
-    /// Limit on the mean error, 1 − SSIM
+    /// Budget of the mean error, 1 − SSIM
     #[arg(long, value_name = "E", allow_hyphen_values = true)]
     error_budget: Vec<String>,
-    /// What ours is compared with: all baselines, from a record of the path; presets and
-    /// resolution, played for real; nothing
+    /// Baselines to compare with: all, simulated from a record of the path; presets and resolution,
+    /// rendered; none
     #[arg(long, value_name = "WHICH", default_value = "quick")]
     baselines: Baselines,
-    /// Record of the path to go on with, and to keep: every setting's power and error in every
-    /// frame
+    /// Record of the path to resume and extend: power and error of every setting in every frame
     #[arg(long, value_name = "FILE")]
     record: Option<PathBuf>,
-    /// With a record: how many of the budgets, from the first, are played for real as well
+    /// With a record: number of budgets, from the first, that are rendered as well
     #[arg(long, value_name = "N", default_value_t = 0)]
     spot_checks: usize,
-    /// Seconds in which settings move to new ones, up and down; without it, as in an app: 1 s, and
-    /// 0.5 s down under a power limit
+    /// Duration of transitions between settings, up and down, in seconds; default as in an app: 1
+    /// s, and 0.5 s down under a power limit
     #[arg(long, value_name = "S", value_parser = transition, allow_hyphen_values = true)]
     transition: Option<f64>,
-    /// Power meter; without it, the map's. `work`: prices of work, the same in every run
+    /// Power meter; default: the map's. `work`: prices of work, the same in every run
     #[arg(long, value_name = "NAME")]
     meter: Option<String>,
     /// Result for programs
@@ -61,19 +60,19 @@ pub(super) struct Arguments {
     /// Every frame of every run
     #[arg(long, value_name = "FILE")]
     csv: Option<PathBuf>,
-    /// Folder for a page with pictures and plots
+    /// Folder for a page with images and plots
     #[arg(long, value_name = "DIR")]
     report: Option<PathBuf>,
 }
 
-/// How much ours is compared with.
+/// Extent of the comparison.
 #[derive(clap::ValueEnum, Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Baselines {
     /// Constants, oracles, the reactive ladder, presets, resolution: from a record of the path
     All,
-    /// Presets and resolution, played for real
+    /// Presets and resolution, rendered
     Quick,
-    /// Nothing: ours alone, from a record
+    /// None: ours alone, from a record
     None,
 }
 
@@ -157,7 +156,7 @@ pub(super) fn run(arguments: &Arguments) -> Result<(), CliError> {
         judged.into_iter().map(|judged| result(judged, &label, &path, &stage)).collect();
     for (result, check) in results.iter_mut().zip(checks) {
         println!(
-            "{}, for real: {:.3} W, {:.4}; by the record: {:.3} W, {:.4}",
+            "{}, rendered: {:.3} W, {:.4}; simulated from the record: {:.3} W, {:.4}",
             result.asked,
             check.mean_power_w.0,
             check.mean_error,
@@ -169,7 +168,7 @@ pub(super) fn run(arguments: &Arguments) -> Result<(), CliError> {
     outputs(arguments, &map, &results, None)
 }
 
-/// Ours under the first budgets, played for real.
+/// Rendered runs of ours under the first budgets.
 fn spot_checks(
     stage: &mut RemoteStage,
     record: &PathRecord,
@@ -188,10 +187,10 @@ fn spot_checks(
     };
     let mut policies: Vec<_> = checked.iter().map(policy).collect();
     let bar = progress::bar(0);
-    let played = record.play_for_real(stage, &mut policies, &mut |progress| {
+    let played = record.render_runs(stage, &mut policies, &mut |progress| {
         bar.set_length(progress.frames_total as u64);
         bar.set_position(progress.frames_done as u64);
-        bar.set_message("frames, played for real");
+        bar.set_message("frames, rendered");
         if super::progress::interrupted() {
             ControlFlow::Break(())
         } else {
@@ -216,7 +215,7 @@ fn result(judged: Judged, scene: &str, path: &PathPlan, stage: &RemoteStage) -> 
         asked: judged.asked,
         runs: judged.runs,
         drift: Default::default(),
-        warnings: vec!["runs are played from a record of the path: settings that a filter passes through are interpolated".to_owned()],
+        warnings: vec!["runs are simulated from a record of the path: settings in transitions of the filter are interpolated".to_owned()],
         gap_closed: judged.gap_closed,
         dominated_by: judged.dominated_by,
         spot_check: None,
@@ -247,7 +246,7 @@ fn outputs(
     Ok(())
 }
 
-/// The path's record, with every setting of the map: read, completed, and kept.
+/// The path's record: read, extended with every setting of the map, and kept.
 fn record(
     stage: &mut RemoteStage,
     map: &FrontierMap,
@@ -288,7 +287,7 @@ fn record(
     Ok(record)
 }
 
-/// Reads a map and holds it against the scene.
+/// Reads a map and checks that it belongs to the scene.
 pub(super) fn read_map(
     path: &Path,
     scene: &SceneDescription,
@@ -335,7 +334,7 @@ pub(super) fn plan_path(
     PathPlan::sample(name, f64::from(path.duration()), fps, pose_at).map_err(CliError::usage)
 }
 
-/// Stages `scene` as `map` was captured.
+/// Stages `scene` under the map's capture conditions.
 pub(super) fn open_stage(
     scene: &SceneDescription,
     scene_path: &Path,
@@ -371,7 +370,7 @@ pub(super) fn open_stage(
     Ok(stage)
 }
 
-/// Plays all runs for real.
+/// Renders all runs.
 pub(super) fn play(
     stage: &mut RemoteStage,
     map: &FrontierMap,

@@ -1,5 +1,5 @@
-//! `frugal inspect`: what a map holds, presets from it, and whether it costs more power than an
-//! older one.
+//! `frugal inspect`: summary of a map, presets from it, and a check of its power against an older
+//! map.
 
 use std::path::{Path, PathBuf};
 
@@ -17,17 +17,17 @@ pub(super) struct Arguments {
     /// The map
     #[arg(value_name = "MAP")]
     map: PathBuf,
-    /// Folder for a page with pictures
+    /// Folder for a page with images
     #[arg(long, value_name = "DIR")]
     report: Option<PathBuf>,
     /// Presets to write: battery, low, medium, high and ultra, from the map's shared frontier
     #[arg(long, value_name = "FILE")]
     presets: Option<PathBuf>,
-    /// Older map to compare power at equal error with; the exit status is 3 where it rose by more
-    /// than the tolerance
+    /// Older map to compare power at equal error with; the exit status is 3 if it rose by more than
+    /// the tolerance
     #[arg(long, value_name = "OLD", conflicts_with_all = ["report", "presets"])]
     compare: Option<PathBuf>,
-    /// By how much power at equal error may rise
+    /// Tolerated rise of power at equal error
     #[arg(long, value_name = "P%", default_value = "1%", value_parser = tolerance, requires = "compare", allow_hyphen_values = true)]
     tolerance: f64,
     /// Comparison for programs
@@ -44,7 +44,7 @@ fn tolerance(text: &str) -> Result<f64, String> {
     share.ok_or_else(|| "expected a percentage from 0% to 100%, as in 1%".to_owned())
 }
 
-/// The comparison for programs.
+/// The comparison as JSON.
 #[derive(serde::Serialize)]
 struct Gate<'a> {
     old: &'a Path,
@@ -70,7 +70,7 @@ pub(super) fn summary(map: &FrontierMap) -> MapSummary<'_> {
     }
 }
 
-/// A map and its text.
+/// Reads a map; returns it with its text.
 pub(super) fn read(path: &Path) -> Result<(FrontierMap, String), CliError> {
     let text = std::fs::read_to_string(path)
         .map_err(|error| CliError::usage(format!("{}: cannot be read: {error}", path.display())))?;
@@ -87,10 +87,10 @@ pub(super) fn run(arguments: &Arguments) -> Result<(), CliError> {
     }
 }
 
-/// Prints what the map holds, and writes what is asked for.
+/// Prints the map's summary, and writes the requested files.
 fn tell(arguments: &Arguments) -> Result<(), CliError> {
     let (map, text) = read(&arguments.map)?;
-    // Before anything is printed or written: a map without presets is wrong use.
+    // Checked before anything is printed or written: a map without presets is wrong use.
     let presets = arguments
         .presets
         .as_ref()
@@ -148,7 +148,7 @@ fn print_facts(map: &FrontierMap, text: &str) {
     println!("file       {} bytes", text.len());
 }
 
-/// Compares the map with an older one; power that rose is an error of its own exit status, after
+/// Compares the map with an older one; a rise of power is an error with its own exit status, after
 /// everything is written.
 fn guard(arguments: &Arguments, old: &Path) -> Result<(), CliError> {
     let ((old_map, _), (new_map, _)) = (read(old)?, read(&arguments.map)?);

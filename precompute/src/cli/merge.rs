@@ -11,7 +11,7 @@ pub(super) struct Arguments {
     /// Journals of one run: MAP.0-of-4.journal, …
     #[arg(value_name = "JOURNAL", required = true)]
     journals: Vec<PathBuf>,
-    /// Where to write the whole; without it, over each of the journals, so that every shard can go
+    /// Output of the merged journal; default: over each of the journals, so that every shard can go
     /// on
     #[arg(short, long, value_name = "FILE")]
     output: Option<PathBuf>,
@@ -23,7 +23,7 @@ pub(super) fn run(arguments: &Arguments) -> Result<(), CliError> {
         .as_ref()
         .map_or_else(|| arguments.journals.iter().collect(), |output| vec![output]);
     check_outputs(outputs.iter().map(|output| Some(*output)))?;
-    // All are read before the first is written over.
+    // All are read before the first is overwritten.
     let first = outputs[0];
     let records = merge_journals(&arguments.journals, first).map_err(CliError::usage)?;
     for output in &outputs[1..] {

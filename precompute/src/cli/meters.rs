@@ -1,4 +1,4 @@
-//! `frugal meters`: what this machine can tell of power.
+//! `frugal meters`: the power meters of this machine.
 
 use bevy_frugal_gi::power::{Provenance, Verdict, busy_cpu_load, self_test, survey};
 

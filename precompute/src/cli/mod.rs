@@ -1,4 +1,4 @@
-//! The command line: one file a command.
+//! The command line: one file per command.
 //!
 //! Exit status: 0 done, 2 wrong use or bad input (one message, nothing written), 1 failed, 3 power
 //! rose (`inspect --compare`).
@@ -27,7 +27,7 @@ use clap::{Parser, Subcommand};
 
 pub use error::CliError;
 
-/// Finds which rendering settings are Pareto-optimal in power and error at every place of a scene.
+/// Finds Pareto-optimal rendering settings in power and error for every camera of a scene.
 #[derive(Parser, Debug)]
 #[command(name = "frugal", version, about, max_term_width = 120)]
 struct Cli {
@@ -39,38 +39,38 @@ struct Cli {
 enum Command {
     /// Searches a scene's camera space and writes its frontier map
     Precompute(precompute::Arguments),
-    /// Plays a camera path under a budget beside the fixed presets
+    /// Plays a camera path under a budget beside baselines
     Evaluate(evaluate::Arguments),
-    /// Renders every combination of settings at one camera: the whole power-error cloud
+    /// Renders every combination of settings at one camera: the full power-error cloud
     Sweep(sweep::Arguments),
-    /// Searches recorded sweeps, and counts the renderings that each method needs
+    /// Counts the renderings that search methods need, on recorded sweeps
     Search(search::Arguments),
-    /// Renders one picture
+    /// Renders one image
     Render(render::Arguments),
-    /// Path-traces one picture on the processor: the truth that `render` is held to
+    /// Path-traces one image on the CPU: the reference for `render`
     Reference(reference::Arguments),
-    /// Compares the linear radiance of two pictures
+    /// Compares the linear radiance of two images
     Compare(compare::Arguments),
-    /// Prices each level of the global illumination's knobs: cost, and error against path tracing
+    /// Measures each level of the global illumination's knobs: cost, and error against path tracing
     Price(price::Arguments),
-    /// Tells what a map holds, takes presets from it, or compares its power with an older map's
+    /// Summarises a map, takes presets from it, or compares its power with an older map's
     Inspect(inspect::Arguments),
-    /// Fits what work costs on this device, for maps that were made elsewhere
+    /// Fits prices of work on this device, for maps that were made elsewhere
     Calibrate(calibrate::Arguments),
-    /// Works a map's power out anew, for another device, size or frame rate
+    /// Recomputes a map's power for another device, size or frame rate
     Reprice(reprice::Arguments),
     /// Joins the journals of a run's shards
     Merge(merge::Arguments),
     /// Lists the power meters of this machine, each tested under load
     Meters(meters::Arguments),
-    /// The main job in one go: precompute, evaluate under a power and an error budget, one report
+    /// Precomputes, evaluates under a power and an error budget, and writes one report
     Demo(demo::Arguments),
     /// Renders for a parent process
     #[command(hide = true)]
     StageWorker,
 }
 
-/// Runs the command line that the process was given.
+/// Runs the process's command line.
 pub fn run() -> ExitCode {
     end_when_nobody_reads();
     let cli = Cli::parse();
@@ -100,9 +100,9 @@ pub fn run() -> ExitCode {
     }
 }
 
-/// Ends the process quietly when what it prints to is closed (`frugal compare … | head -1`), where
-/// Rust would panic. The signal that ends other programs then would end this one, too, when a
-/// stage's process dies, which is to be told.
+/// Ends the process quietly when its output is closed (`frugal compare | head -1`), where Rust
+/// would panic. The default SIGPIPE action is no alternative: it would also end this process when a
+/// stage's process dies, which must be reported.
 fn end_when_nobody_reads() {
     let otherwise = std::panic::take_hook();
     std::panic::set_hook(Box::new(move |panic| {

@@ -26,48 +26,48 @@ pub(super) struct Arguments {
     /// The scene
     #[arg(value_name = "SCENE")]
     scene: PathBuf,
-    /// Map to write; without it, the scene's name with .pareto.ron, beside the scene
+    /// Map to write; default: the scene's name with .pareto.ron, beside the scene
     #[arg(short, long, value_name = "MAP")]
     output: Option<PathBuf>,
     #[command(flatten)]
     capture: CaptureArguments,
     #[command(flatten)]
     search: SearchArguments,
-    /// Go on with an interrupted run
+    /// Resume an interrupted run
     #[arg(long)]
     resume: bool,
 }
 
-/// Which cameras are trained on, and how far and how long the search goes.
+/// Training cameras, and extent and duration of the search.
 #[derive(clap::Args, Debug, Clone)]
 pub(super) struct SearchArguments {
     /// Recorded cameras to train on, beside the scene's paths; as the plugin's recorder writes them
     #[arg(long, value_name = "FILE")]
     pub cameras: Vec<PathBuf>,
-    /// Paths of the scene to train on; without it, all
+    /// Paths of the scene to train on; default: all
     #[arg(long = "path", value_name = "NAME")]
     pub paths: Vec<String>,
     /// Training cameras; a sixth as many more calibrate error budgets
     #[arg(long, value_name = "N", default_value_t = 96)]
     pub training: usize,
-    /// Addresses whose power differs by less than this are not told apart: watts, or a share of the
-    /// power range
+    /// Power threshold for dividing a node: watts, or a share of the power range
     #[arg(long, value_name = "W|%", default_value = "1%", value_parser = threshold, allow_hyphen_values = true)]
     pub power_threshold: Threshold,
-    /// The same in error (1 − SSIM): a node is divided where either is exceeded, and dividing pays
+    /// Error threshold for dividing a node (1 − SSIM): a node is divided where either is exceeded
+    /// and the division lowers the cost
     #[arg(long, value_name = "E", default_value_t = 0.001, allow_hyphen_values = true)]
     pub error_threshold: f64,
-    /// How often the camera space may be halved
+    /// Greatest number of octree levels
     #[arg(long, value_name = "N", default_value_t = 4)]
     pub levels: u8,
     /// Seed of every random choice
     #[arg(long, value_name = "N", default_value_t = 0)]
     pub seed: u64,
-    /// Ends with the best map so far: 90s, 10m, 1h
+    /// Time limit, after which the best map so far is written: 90s, 10m, 1h
     #[arg(long, value_name = "TIME", value_parser = duration)]
     pub time_limit: Option<Duration>,
-    /// Render only every N-th job of each batch, beginning with the I-th: 0/4, 1/4, …; frugal merge
-    /// joins the journals
+    /// Renders only every N-th job of each batch, beginning with the I-th: 0/4, 1/4, …; frugal
+    /// merge joins the journals
     #[arg(long, value_name = "I/N", value_parser = shard)]
     pub shard: Option<(usize, usize)>,
 }
@@ -178,7 +178,7 @@ pub(super) fn run(arguments: &Arguments) -> Result<(), CliError> {
         search(&mut stage, &scene, &name, &tracks, &arguments.search, &journal, arguments.resume)?;
     write(&output, map.to_ron().map_err(CliError::failed)?.as_bytes())?;
     print_outcome(&map, &outcome);
-    // Nothing is left to resume.
+    // The run is complete: its journal is not needed.
     let _ = std::fs::remove_file(&journal);
     Ok(())
 }
@@ -192,7 +192,7 @@ pub(super) fn journal_path(map: &Path, shard: Option<(usize, usize)>) -> PathBuf
     path.into()
 }
 
-/// Stages `scene` with the knobs that were asked for, or with those that it has a use for.
+/// Stages `scene` with the requested knobs, or with those that affect it.
 pub(super) fn open_stage(
     scene: &SceneDescription,
     path: &Path,
@@ -205,13 +205,13 @@ pub(super) fn open_stage(
     Ok(RemoteStage::open(scene, request)?)
 }
 
-/// A map, and how it came about.
+/// A map and the outcome of its search.
 pub(super) struct Searched {
     pub map: FrontierMap,
     pub outcome: Outcome,
 }
 
-/// Draws cameras and runs the pipeline.
+/// Samples cameras and runs the pipeline.
 pub(super) fn search(
     stage: &mut RemoteStage,
     scene: &SceneDescription,
@@ -226,7 +226,7 @@ pub(super) fn search(
     let bounds = scene.camera_bounds(stage.bounds());
     let lens = stage.lens();
     let counts = [arguments.training, arguments.training.div_ceil(6)];
-    let cameras = CameraSet::draw(
+    let cameras = CameraSet::sample(
         stage.rays(),
         &bounds,
         tracks,
@@ -263,7 +263,7 @@ pub(super) fn search(
         cameras.calibration.len(),
         stage.meter().description
     );
-    // What compiles and loads is compiled and loaded before anything is metered.
+    // Compiles and loads everything before anything is metered.
     stage.warm()?;
 
     let layout = FrameLayout::of(scene, stage.size());
@@ -321,11 +321,11 @@ pub(super) fn search(
     Ok(Searched { map, outcome })
 }
 
-/// Frames of a clip: one that is not metered, and one that is. Of longer clips errors are lower by
-/// little, and cameras would be fewer.
+/// Frames of a clip: one unmetered, and one metered. Longer clips lower errors only slightly, and
+/// would leave time for fewer cameras.
 const CLIP_FRAMES: u32 = 2;
 
-/// What every journal of renderings belongs to.
+/// Header of journals of renderings: identifies scene and conditions.
 pub(super) fn journal_header(
     scene: &SceneIdentity,
     space: &bevy_frugal_gi::knobs::KnobSpace,
@@ -342,8 +342,8 @@ pub(super) fn journal_header(
         .with("adapter", adapter))
 }
 
-/// A model's prices as energy, for a map or a device file. The model's watts include what the
-/// device takes when idle, in the price of a frame.
+/// A model's prices as energy, for a map or a device file. The model's watts include idle power in
+/// the price of a frame.
 pub(super) fn prices(
     model: &crate::cost::CostModel,
     space: &bevy_frugal_gi::knobs::KnobSpace,
@@ -354,7 +354,7 @@ pub(super) fn prices(
     let kinds = crate::cost::work_names(space);
     let mut joules: Vec<f64> = model.prices.iter().map(|watts| watts / frames_per_second).collect();
     joules.resize(kinds.len(), 0.0);
-    // Work comes with at least one frame: its price holds the idle power.
+    // The first kind of work is a frame: its price includes the idle power.
     let idle = idle.0.clamp(0.0, joules.first().copied().unwrap_or(0.0) * frames_per_second);
     if let Some(frame) = joules.first_mut() {
         *frame -= idle / frames_per_second;
@@ -380,7 +380,7 @@ pub(super) fn print_outcome(map: &FrontierMap, outcome: &Outcome) {
     );
     let quality = outcome.cost_quality;
     println!(
-        "power is the cost model's: at readings that it was not fitted to it is off by {:.1} % in the mean, {:.1} % at nine in ten",
+        "power is by the cost model: its error at held-out readings is {:.1} % in the mean, {:.1} % at the 90th percentile",
         100.0 * quality.mean_absolute_error,
         100.0 * quality.ninth_decile
     );
@@ -391,7 +391,10 @@ pub(super) fn print_outcome(map: &FrontierMap, outcome: &Outcome) {
         .map(|knob| map.knobs.knobs()[*knob].name.as_str())
         .collect();
     if !fixed.is_empty() {
-        println!("without effect on any picture, and so at their cheapest: {}", fixed.join(", "));
+        println!(
+            "knobs without effect on any image, fixed at their cheapest: {}",
+            fixed.join(", ")
+        );
     }
     match map.error_rates.0.first() {
         Some(least) => println!(

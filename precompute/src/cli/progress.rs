@@ -8,23 +8,22 @@ use indicatif::{ProgressBar, ProgressStyle};
 static INTERRUPTED: AtomicBool = AtomicBool::new(false);
 static HANDLER: OnceLock<()> = OnceLock::new();
 
-/// Whether the user wants the command to end. A second interrupt ends it at once.
+/// Whether the user has interrupted the command. A second interrupt ends it at once.
 pub(super) fn interrupted() -> bool {
     HANDLER.get_or_init(|| {
         let handler = || {
             if INTERRUPTED.swap(true, Ordering::Relaxed) {
                 std::process::exit(130);
             }
-            eprintln!("\nfinishing the step in hand; interrupt again to stop at once");
+            eprintln!("\nfinishing the current step; interrupt again to stop at once");
         };
-        // Where no handler can be set, the interrupt ends the process; what was journaled is kept
-        // all the same.
+        // Without a handler the interrupt ends the process; the journal is kept all the same.
         let _ = ctrlc::set_handler(handler);
     });
     INTERRUPTED.load(Ordering::Relaxed)
 }
 
-/// A bar with a time left.
+/// A progress bar with the remaining time.
 pub(super) fn bar(total: u64) -> ProgressBar {
     let bar = ProgressBar::new(total);
     if let Ok(style) =

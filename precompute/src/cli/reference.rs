@@ -1,4 +1,4 @@
-//! `frugal reference`: one picture, path-traced on the processor.
+//! `frugal reference`: one image, path-traced on the CPU.
 
 use std::time::Instant;
 
@@ -14,10 +14,10 @@ use crate::stage::Component;
 pub(super) struct Arguments {
     #[command(flatten)]
     camera: CameraArguments,
-    /// Size of the picture in pixels
+    /// Size of the image in pixels
     #[arg(long, value_name = "WxH", default_value = "320x180", value_parser = size)]
     size: UVec2,
-    /// Which light
+    /// Component of the light
     #[arg(long, value_enum, default_value_t = Component::Full)]
     component: Component,
     /// Indirect bounces: a number, or `all`
@@ -29,15 +29,15 @@ pub(super) struct Arguments {
     /// Seed of every random choice
     #[arg(long, value_name = "N", default_value_t = 0)]
     seed: u64,
-    /// Makes every surface scatter evenly, as virtual point lights do: base colour × (1 −
-    /// metallic), no highlights
+    /// Makes every surface Lambertian, as for virtual point lights: base colour × (1 − metallic),
+    /// no specular lobe
     #[arg(long)]
     lambertian: bool,
     #[command(flatten)]
     picture: PictureArguments,
 }
 
-/// How often light may bounce; no limit where there is none.
+/// Greatest number of bounces; `None` for no limit.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 struct Bounces(Option<u32>);
 
@@ -64,7 +64,7 @@ pub(super) fn run(arguments: &Arguments) -> Result<(), CliError> {
     let view = View::new(&description, arguments.camera.pose(), arguments.size);
     let settings = Settings {
         samples: arguments.spp,
-        // What is not asked for need not be traced.
+        // Components that are not requested are not traced.
         bounces: if arguments.component == Component::Direct {
             Some(0)
         } else {
@@ -101,7 +101,7 @@ pub(super) fn run(arguments: &Arguments) -> Result<(), CliError> {
         started.elapsed().as_secs_f64(),
         rendering.dropped
     );
-    // Both are made before either is written.
+    // Both are encoded before either is written.
     let picture = png.map(|path| {
         tone::display(&radiance, description.exposure_ev100).to_png().map(|bytes| (path, bytes))
     });

@@ -1,4 +1,4 @@
-//! `frugal render`: one picture.
+//! `frugal render`: one image.
 
 use super::CliError;
 use super::arguments::{CameraArguments, CaptureArguments, PictureArguments, open_scene, write};
@@ -10,10 +10,10 @@ pub(super) struct Arguments {
     camera: CameraArguments,
     #[command(flatten)]
     capture: CaptureArguments,
-    /// `max`, `min`, or knob=level pairs, which change the best settings
+    /// `max`, `min`, or knob=level pairs; the other knobs are at their best
     #[arg(long, value_name = "SETTINGS", default_value = "max")]
     settings: String,
-    /// Which light
+    /// Component of the light
     #[arg(long, value_enum, default_value_t = Component::Full)]
     component: Component,
     #[command(flatten)]

@@ -14,16 +14,16 @@ pub(super) struct Arguments {
     /// The map
     #[arg(value_name = "MAP")]
     map: PathBuf,
-    /// Prices of the device, as frugal calibrate writes them; without it, the map's own
+    /// Prices of the device, as frugal calibrate writes them; default: the map's own
     #[arg(long, value_name = "FILE")]
     prices: Option<PathBuf>,
-    /// Size of the pictures
+    /// Size of the images
     #[arg(long, value_name = "WxH", value_parser = size)]
     size: Option<UVec2>,
     /// Frame rate
     #[arg(long, value_name = "N", allow_hyphen_values = true)]
     fps: Option<f64>,
-    /// Map to write; without it, over the old one
+    /// Map to write; default: over the old one
     #[arg(short, long, value_name = "MAP")]
     output: Option<PathBuf>,
 }

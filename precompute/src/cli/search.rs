@@ -1,4 +1,4 @@
-//! `frugal search`: how many renderings searches need, on recorded sweeps.
+//! `frugal search`: number of renderings that searches need, on recorded sweeps.
 
 use std::fmt::Write as _;
 use std::ops::ControlFlow;
@@ -21,14 +21,14 @@ pub(super) struct Arguments {
     /// Runs of each method, from seeds 0, 1, …
     #[arg(long, value_name = "N", default_value_t = 20, value_parser = clap::value_parser!(u64).range(1..))]
     seeds: u64,
-    /// Table of another camera of the same scene, whose readings are known before; give it again
-    /// for more
+    /// Table of another camera of the same scene, whose readings are known in advance; repeat for
+    /// more
     #[arg(long, value_name = "TABLE")]
     known: Vec<PathBuf>,
     /// Errors at which the least known power is compared with the table's
     #[arg(long, value_name = "E1,E2,…", value_delimiter = ',', default_value = "0.01,0.02,0.04", value_parser = error, allow_hyphen_values = true)]
     errors: Vec<f64>,
-    /// How much more than the table's least power is as good
+    /// Tolerance above the table's least power
     #[arg(long, value_name = "PERCENT", default_value = "5%", value_parser = share, allow_hyphen_values = true)]
     within: f64,
     /// Result for programs
@@ -115,7 +115,7 @@ fn heading(path: &Path, table: &SweepTable, recorded: &Recorded) -> String {
     text
 }
 
-/// A row for every goal and method.
+/// A row for each goal and method.
 fn text(runs: &SearchRuns, goals: &[Goal], methods: &[MethodResult]) -> String {
     let (percent, seeds) = (100.0 * runs.within, runs.seeds);
     let mut text = format!(

@@ -30,7 +30,8 @@ pub(super) struct Arguments {
     report: Option<PathBuf>,
 }
 
-/// Frames metered for each combination: a sweep is an oracle, so it reads longer than a search.
+/// Frames metered for each combination: more than in a search, because a sweep is the reference for
+/// searches.
 const METERED_FRAMES: usize = 4;
 
 pub(super) fn run(arguments: &Arguments) -> Result<(), CliError> {

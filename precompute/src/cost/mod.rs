@@ -1,9 +1,9 @@
-//! What a frame costs: the work that its settings ask for, and a fitted price of each kind of work.
-//! Knows no renderer.
+//! Cost of a frame: the work of its settings, and a fitted price of each kind of work. Independent
+//! of the renderer.
 //!
-//! Readings of a meter are noisy, and drift. Work is exact: pixels, VPL–pixel pairs, rays, shadow
-//! texels. A model of few prices, fitted to all readings of a run, tells the power of settings
-//! better than two frames of them do, and of settings that were never rendered.
+//! Meter readings are noisy, and drift. Work is exact: pixels, VPL–pixel pairs, rays, shadow
+//! texels. A model of few prices, fitted to all readings of a run, predicts the power of settings
+//! better than two frames of them, and also that of settings that were never rendered.
 mod model;
 mod nnls;
 mod reprice;

@@ -3,9 +3,9 @@
 use super::Work;
 use super::nnls::nonnegative_least_squares;
 
-/// Rounds of prices and camera factors in turn.
+/// Alternating rounds of fitting prices and camera factors.
 const ROUNDS: usize = 6;
-/// Readings that a camera's factor counts as already there, at 1.
+/// Prior weight, in readings, of a camera factor of 1.
 const CAMERA_PRIOR: f64 = 1.0;
 
 /// A reading of the meter.
@@ -13,20 +13,20 @@ const CAMERA_PRIOR: f64 = 1.0;
 pub struct CostReading {
     /// Number of the camera.
     pub camera: usize,
-    /// What the frame did.
+    /// Work of the frame.
     pub work: Work,
     /// Watts at the target frame rate, above 0.
     pub power_w: f64,
 }
 
-/// How well a model says what was read.
+/// Quality of a model's predictions.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct FitQuality {
-    /// Readings that it was held against.
+    /// Number of readings compared.
     pub readings: usize,
     /// Mean of |predicted ÷ read − 1|.
     pub mean_absolute_error: f64,
-    /// The same at nine readings in ten.
+    /// 90th percentile of the same.
     pub ninth_decile: f64,
 }
 
@@ -34,25 +34,25 @@ pub struct FitQuality {
 /// factor for each camera.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct CostModel {
-    /// Watts for one unit of each kind of work in each frame.
+    /// Watts per unit of each kind of work per frame.
     pub prices: Vec<f64>,
     /// exp(u) by camera.
     cameras: Vec<f64>,
 }
 
 impl CostModel {
-    /// Fits prices and camera factors in turn, to relative errors. Readings that are not finite and
-    /// above 0 are left out.
+    /// Fits prices and camera factors in alternation, minimising relative errors. Readings that are
+    /// not finite and above 0 are left out.
     pub fn fit(readings: &[CostReading]) -> Self {
-        let sound: Vec<_> = readings
+        let valid: Vec<_> = readings
             .iter()
             .filter(|reading| reading.power_w.is_finite() && reading.power_w > 0.0)
             .collect();
-        let cameras = sound.iter().map(|reading| reading.camera + 1).max().unwrap_or(0);
+        let cameras = valid.iter().map(|reading| reading.camera + 1).max().unwrap_or(0);
         let mut model = Self { prices: Vec::new(), cameras: vec![1.0; cameras] };
         for _ in 0..ROUNDS {
-            // Divided by the reading, so that a reading of 1 W counts as much as one of 20 W.
-            let rows: Vec<Vec<f64>> = sound
+            // Divided by the reading, so that readings of 1 W and of 20 W weigh alike.
+            let rows: Vec<Vec<f64>> = valid
                 .iter()
                 .map(|reading| {
                     reading
@@ -65,7 +65,7 @@ impl CostModel {
                 .collect();
             model.prices = nonnegative_least_squares(&rows, &vec![1.0; rows.len()]);
             let mut logarithms = vec![(0.0, CAMERA_PRIOR); cameras];
-            for reading in &sound {
+            for reading in &valid {
                 let ratio = reading.power_w / model.power(&reading.work);
                 if ratio.is_finite() && ratio > 0.0 {
                     logarithms[reading.camera].0 += ratio.ln();
@@ -78,17 +78,17 @@ impl CostModel {
         model
     }
 
-    /// Watts of `work` at a camera of which nothing is known.
+    /// Power of `work` at an unknown camera, watts.
     pub fn power(&self, work: &Work) -> f64 {
         self.prices.iter().zip(&work.0).map(|(price, work)| price * work).sum()
     }
 
-    /// Watts of `work` at a camera.
+    /// Power of `work` at a known camera, watts.
     pub fn power_at(&self, camera: usize, work: &Work) -> f64 {
         self.cameras.get(camera).copied().unwrap_or(1.0) * self.power(work)
     }
 
-    /// How far `readings` are from what this model says of them.
+    /// Deviation of `readings` from the model's predictions.
     pub fn quality(&self, readings: &[CostReading]) -> FitQuality {
         let mut errors: Vec<f64> = readings
             .iter()
@@ -106,22 +106,22 @@ impl CostModel {
         }
     }
 
-    /// The same with prices that saw none of the readings that they are held against: one in
-    /// `folds` is left out in turn, whichever camera and settings it is of.
+    /// The same by cross-validation: one reading in `folds` is held out in turn, regardless of
+    /// camera and settings.
     pub fn cross_validated(readings: &[CostReading], folds: usize) -> FitQuality {
         let folds = folds.max(2);
-        let part = |fold: usize, held_out: bool| -> Vec<CostReading> {
-            // Not every n-th: readings come camera by camera.
-            let part =
+        let split = |fold: usize, held_out: bool| -> Vec<CostReading> {
+            // Hashed instead of every n-th, because readings are ordered by camera.
+            let hash =
                 |index: usize| (index as u32).wrapping_mul(2_654_435_769) as usize >> 8 & 0xffff;
             let readings = readings
                 .iter()
                 .enumerate()
-                .filter(|(index, _)| (part(*index) % folds == fold) == held_out);
+                .filter(|(index, _)| (hash(*index) % folds == fold) == held_out);
             readings.map(|(_, reading)| reading.clone()).collect()
         };
         let all: Vec<FitQuality> = (0..folds)
-            .map(|fold| Self::fit(&part(fold, false)).quality(&part(fold, true)))
+            .map(|fold| Self::fit(&split(fold, false)).quality(&split(fold, true)))
             .collect();
         let count: usize = all.iter().map(|quality| quality.readings).sum();
         let mean = |value: fn(&FitQuality) -> f64| {

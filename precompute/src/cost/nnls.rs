@@ -1,16 +1,15 @@
-//! Least squares with coefficients of 0 or more.
+//! Non-negative least squares.
 
-/// Sweeps of coordinate descent: a few dozen kinds of work converge long before.
+/// Sweeps of coordinate descent: a few dozen kinds of work converge far sooner.
 const SWEEPS: usize = 3000;
-/// Share of each column's own weight by which coefficients are drawn to 0, so that columns that say
-/// the same share the price.
+/// Ridge penalty relative to each column's own norm, so that collinear columns share the price.
 const RIDGE: f64 = 1e-4;
 
 /// The β ≥ 0 that minimises Σ (y − xβ)², one row of `rows` per reading, by cyclic coordinate
 /// descent on the normal equations (Franc, Hlaváč, Navara 2005). Columns of zeros get 0.
 pub(super) fn nonnegative_least_squares(rows: &[Vec<f64>], readings: &[f64]) -> Vec<f64> {
     let count = rows.first().map_or(0, Vec::len);
-    // Columns of unit length, so that pixels and frames weigh alike.
+    // Columns of unit norm, so that pixels and frames weigh alike.
     let length =
         |column: usize| rows.iter().map(|row| row[column] * row[column]).sum::<f64>().sqrt();
     let lengths: Vec<f64> = (0..count).map(length).collect();
@@ -60,14 +59,14 @@ mod tests {
     fn prices_are_found_and_none_is_negative() {
         let row = |i: usize| vec![1.0, (i % 7) as f64 * 1e4, (i % 3) as f64, (i * i % 11) as f64];
         let rows: Vec<_> = (0..60).map(row).collect();
-        let truth = [2.0, 3e-4, 0.5, 0.0];
+        let exact = [2.0, 3e-4, 0.5, 0.0];
         let readings: Vec<f64> = rows
             .iter()
-            .map(|row| row.iter().zip(&truth).map(|(x, price)| x * price).sum())
+            .map(|row| row.iter().zip(&exact).map(|(x, price)| x * price).sum())
             .collect();
         let found = nonnegative_least_squares(&rows, &readings);
-        for (found, truth) in found.iter().zip(&truth) {
-            assert!((found - truth).abs() <= 0.01 * truth.max(0.1), "{found} for {truth}");
+        for (found, exact) in found.iter().zip(&exact) {
+            assert!((found - exact).abs() <= 0.01 * exact.max(0.1), "{found} for {exact}");
         }
         // A column that would need a negative price gets none.
         let falling: Vec<f64> = rows.iter().map(|row| 10.0 - row[2]).collect();

@@ -1,4 +1,5 @@
-//! A map's power at other prices, another size, or another frame rate, without a new search.
+//! Recomputes a map's power for other prices, another size, or another frame rate, without a new
+//! search.
 
 use bevy_frugal_gi::frontier::{CostPoint, Frontier, FrontierMap, FrontierPoint, WorkPrices};
 use bevy_frugal_gi::knobs::KnobSpace;
@@ -8,14 +9,14 @@ use serde::{Deserialize, Serialize};
 
 use super::{FrameLayout, Work};
 
-/// What `frugal calibrate` writes: prices of work on one device.
+/// Prices of work on one device, as `frugal calibrate` writes them.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct DeviceModel {
     /// The adapter's name.
     pub adapter: String,
-    /// Where the watts come from.
+    /// The power meter.
     pub meter: MeterInfo,
-    /// Mean of |predicted ÷ read − 1| at readings that the prices were not fitted to.
+    /// Mean of |predicted ÷ read − 1| at held-out readings.
     pub mean_absolute_error: f64,
     /// The prices.
     pub prices: WorkPrices,
@@ -25,21 +26,21 @@ pub struct DeviceModel {
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[non_exhaustive]
 pub enum RepriceError {
-    /// A map of an earlier version.
+    /// The map is of an earlier version.
     #[error("the map holds no prices of work: make it anew with `frugal precompute`")]
     NoPrices,
-    /// Work of the map's settings that the device model has no price for.
+    /// The device model lacks a price for work of the map's settings.
     #[error("the device model has no price for `{0}`: calibrate with the map's knobs")]
     MissingPrice(String),
-    /// Settings that cost nothing at the map's own prices.
+    /// Settings have no cost at the map's own prices.
     #[error("settings {0:#x} cost nothing at the map's own prices: the file was changed")]
     FreeSettings(u64),
 }
 
-/// Another size, rate or device; what is `None` stays.
+/// New conditions; `None` keeps the map's own.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct NewConditions {
-    /// Another device.
+    /// The device.
     pub device: Option<DeviceModel>,
     /// Width and height, pixels.
     pub size: Option<[u32; 2]>,
@@ -47,11 +48,11 @@ pub struct NewConditions {
     pub frames_per_second: Option<f64>,
 }
 
-/// `map` under other conditions. Errors stay as they are: they are those of the size that the map
-/// was made at.
+/// `map` under other conditions. Errors are unchanged: they remain those at the map's original
+/// size.
 ///
-/// Energy of a point = work of its settings at the device's prices × what its cameras had beyond
-/// the map's own prices.
+/// Energy of a point = energy of its work at the device's prices × (recorded energy ÷ energy at the
+/// map's own prices).
 ///
 /// # Errors
 /// When the map has no prices, or the device none for some of its work.
@@ -98,7 +99,7 @@ pub fn reprice(map: &FrontierMap, to: &NewConditions) -> Result<FrontierMap, Rep
     repriced.octree.frontiers =
         map.octree.frontiers.iter().map(frontier).collect::<Result<_, _>>()?;
     repriced.shared = frontier(&map.shared)?;
-    // A unit of error is worth as many watts more as the whole frontier costs more.
+    // Exchange rates scale with the power of the frontier.
     let top =
         |frontier: &Frontier| frontier.points().last().map_or(1.0, |point| point.cost.power.0);
     let scale = top(&repriced.shared) / top(&map.shared);
@@ -122,7 +123,7 @@ fn energy(
         .sum()
 }
 
-/// Joules for one of a kind of work; `None` where `prices` lack it.
+/// Joules per unit of a kind of work; `None` where `prices` lack it.
 pub(super) fn price(prices: &WorkPrices, kind: &str) -> Option<f64> {
     let at = prices.kinds.iter().position(|other| other == kind)?;
     prices.joules.get(at).copied()
@@ -170,7 +171,7 @@ mod tests {
         WorkPrices { kinds, joules, idle: Watts(2.0), maps: LAYOUT.maps, has_sky: LAYOUT.has_sky }
     }
 
-    /// Cameras cost 1.2 times what the prices say.
+    /// Recorded power is 1.2 times that by the prices.
     fn map(prices: &WorkPrices, layout: &FrameLayout, fps: f64) -> FrontierMap {
         let space = space();
         let point = |share: f64| {
@@ -258,7 +259,7 @@ mod tests {
         assert!(
             repriced.error_rates.is_sound() && repriced.error_rates.0[0].watts_per_error > 100.0
         );
-        // The same conditions are the same map.
+        // Unchanged conditions give the same map.
         agree(&reprice(&original, &NewConditions::default()).expect("a map"), &original);
     }
 

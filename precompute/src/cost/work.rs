@@ -1,23 +1,23 @@
-//! The work of a frame, from its settings.
+//! Work of a frame as a function of its settings.
 
 use bevy_frugal_gi::gi::{FrugalGi, GiVisibility};
 use bevy_frugal_gi::knobs::{KnobSpace, RenderSettings};
 
 use crate::scene::{Environment, SceneDescription};
 
-/// What a frame's work depends on beside its settings.
+/// Parameters of a frame's work other than its settings.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct FrameLayout {
     /// Width and height, pixels.
     pub size: [u32; 2],
-    /// Reflective shadow maps that are rendered.
+    /// Number of reflective shadow maps.
     pub maps: u32,
     /// Whether a sky is gathered.
     pub has_sky: bool,
 }
 
 impl FrameLayout {
-    /// Of frames of `size` pixels of a scene.
+    /// The layout of frames of `scene` at `size` pixels.
     pub fn of(scene: &SceneDescription, size: [u32; 2]) -> Self {
         let has_sky = match &scene.environment {
             Environment::None => false,
@@ -28,8 +28,7 @@ impl FrameLayout {
     }
 }
 
-/// Kinds of work that every frame is asked for, in the order of [`Work`]'s values. Levels of knobs
-/// that are not known here follow.
+/// Kinds of work, in the order of [`Work`]'s values. Levels of unknown knobs follow.
 const KINDS: [&str; 21] = [
     "frame",
     "pixels",
@@ -63,7 +62,7 @@ pub fn work_names(space: &KnobSpace) -> Vec<String> {
     KINDS.iter().map(|kind| (*kind).to_owned()).chain(others).collect()
 }
 
-/// Knobs that [`Work`] knows.
+/// Knobs that [`Work`] models.
 const KNOWN: [&str; 13] = [
     "resolution_scale",
     "gi_vpl_count",
@@ -80,19 +79,19 @@ const KNOWN: [&str; 13] = [
     "post_processing",
 ];
 
-/// Levels above the lowest of the knobs that are not known here: each has a price of its own.
+/// Levels above the lowest of unknown knobs: each has a price of its own.
 fn other_levels(space: &KnobSpace) -> impl Iterator<Item = (usize, usize)> + '_ {
     let others =
         space.knobs().iter().enumerate().filter(|(_, knob)| !KNOWN.contains(&knob.name.as_str()));
     others.flat_map(|(index, knob)| (1..knob.levels.len()).map(move |level| (index, level)))
 }
 
-/// How much of each kind of work a frame takes: counts, 0 or more, by [`work_names`].
+/// Amount of each kind of work in a frame: counts, 0 or more, in the order of [`work_names`].
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Work(pub Vec<f64>);
 
 impl Work {
-    /// The work of `settings`. Knobs that `space` lacks stand at their best.
+    /// The work of `settings`. Knobs that `space` lacks count as at their best.
     pub fn of(space: &KnobSpace, settings: RenderSettings, layout: &FrameLayout) -> Self {
         let settings = space.canonical(settings);
         let value = |name: &str, best: f64| space.value(settings, name).unwrap_or(best);
@@ -119,7 +118,7 @@ impl Work {
     }
 }
 
-/// From gathering frames to rays per tile.
+/// Work of indirect light: from gathering frames to tile rays.
 fn indirect(value: &impl Fn(&str, f64) -> f64, pixels: f64, layout: &FrameLayout) -> [f64; 10] {
     let vpls = value("gi_vpl_count", 4096.0);
     if vpls == 0.0 {
@@ -138,7 +137,7 @@ fn indirect(value: &impl Fn(&str, f64) -> f64, pixels: f64, layout: &FrameLayout
     let traced = rays.min(per_set) + f64::from(visibility.sky_rays()).min(sky);
     let resolution = value("rsm_resolution", 256.0);
     let texels = resolution * resolution * f64::from(layout.maps);
-    // Maps are rendered in one frame of a period.
+    // Maps are rendered in one frame per period.
     let rendered = value("gi_refresh_period", 1.0);
     let radius = if rays > 0.0 { side.max(4.0) } else { side };
     let taps = (radius + 1.0).powi(2) + if rays > 0.0 { 25.0 } else { 0.0 };
@@ -156,7 +155,7 @@ fn indirect(value: &impl Fn(&str, f64) -> f64, pixels: f64, layout: &FrameLayout
     ]
 }
 
-/// Texels of bloom's chain, as the knob makes it.
+/// Texels of bloom's mip chain at the knob's level.
 fn bloom(share: f64, [width, height]: [f64; 2]) -> f64 {
     if share == 0.0 || width <= 0.0 || height <= 0.0 {
         return 0.0;
@@ -209,7 +208,7 @@ mod tests {
     }
 
     #[test]
-    fn a_knob_of_somebody_else_has_a_price_of_its_own() {
+    fn an_app_s_own_knob_has_a_price_of_its_own() {
         use bevy_frugal_gi::knobs::Knob;
         let space = KnobSpace::new(vec![Knob::new("hair_strands", [0.0, 10.0, 100.0])])
             .expect("a valid space");

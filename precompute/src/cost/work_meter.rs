@@ -1,5 +1,5 @@
-//! A meter that reads no hardware: it counts each frame's work at fixed prices. The same frames
-//! always cost the same, on every machine.
+//! A meter without hardware: it counts each frame's work at fixed prices. The same frames cost the
+//! same on every machine.
 
 use std::path::Path;
 use std::sync::Arc;
@@ -13,15 +13,15 @@ use super::reprice::price;
 use super::{DeviceModel, FrameLayout, Work, work_names};
 use crate::journal::hash;
 
-/// Prices of the software renderer lavapipe, by `frugal calibrate`.
+/// Prices of the software renderer lavapipe, from `frugal calibrate`.
 const LAVAPIPE: &str = include_str!("../../prices/lavapipe.prices.ron");
-/// What the meter is asked for as: `work`, or `work=FILE` with prices by `frugal calibrate`.
+/// Name of the meter: `work`, or `work=FILE` with prices from `frugal calibrate`.
 pub const WORK_METER: &str = "work";
-/// Counted in whole 2⁻³⁰ J, which floating point holds exactly up to 8 MJ: the difference of two
-/// readings is the same to the last bit, whatever was counted before.
+/// Energy is counted in units of 2⁻³⁰ J, which floating point represents exactly up to 8 MJ:
+/// differences of readings are exact, whatever the earlier count.
 const UNITS_PER_JOULE: f64 = (1_u64 << 30) as f64;
 
-/// Gives the energy that its [`WorkLedger`] has counted.
+/// Reads the energy that its [`WorkLedger`] has counted.
 #[derive(Debug)]
 pub struct WorkMeter {
     info: MeterInfo,
@@ -37,7 +37,7 @@ pub struct WorkLedger {
     counted: Arc<AtomicU64>,
 }
 
-/// Whether `name` asks for the work meter, and for which file of prices.
+/// Whether `name` names the work meter, and its file of prices.
 pub fn is_work_meter(name: &str) -> Option<Option<&str>> {
     match name.split_once('=') {
         Some((plain, file)) => (plain.trim() == WORK_METER).then(|| Some(file.trim())),
@@ -46,7 +46,7 @@ pub fn is_work_meter(name: &str) -> Option<Option<&str>> {
 }
 
 impl WorkMeter {
-    /// A meter at the prices in `file`, or at lavapipe's, for frames of `layout`.
+    /// Opens a meter at the prices in `file`, or at lavapipe's, for frames of `layout`.
     ///
     /// # Errors
     /// When the file cannot be read, or holds no prices.
@@ -110,8 +110,8 @@ impl WorkLedger {
         self.counted.fetch_add((joules * UNITS_PER_JOULE).round() as u64, Ordering::Relaxed);
     }
 
-    /// Energy of a frame at `settings`, without what the device takes when idle. Kinds of work
-    /// without a price are free.
+    /// Energy of a frame at `settings`, without the device's idle energy. Kinds of work without a
+    /// price are free.
     pub fn joules(&self, space: &KnobSpace, settings: RenderSettings) -> f64 {
         let work = Work::of(space, settings, &self.layout);
         let price = |kind: &String| price(&self.device.prices, kind).unwrap_or(0.0);

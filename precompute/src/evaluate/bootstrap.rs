@@ -1,20 +1,19 @@
-//! Whether one run is better than another by more than luck: a paired block bootstrap (Künsch
-//! 1989).
+//! Statistical significance of differences between runs: a paired block bootstrap (Künsch 1989).
 
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
 use super::FrameRecord;
 
-/// Seconds of a block: neighbouring frames are much alike.
+/// Length of a block in seconds: neighbouring frames are correlated.
 const BLOCK_SECONDS: f64 = 1.0;
-/// Resamplings.
+/// Number of resamplings.
 const RESAMPLINGS: usize = 2000;
-/// Share of them that must agree.
+/// Share of resamplings that must agree.
 const CONFIDENCE: f64 = 0.95;
 
-/// Whether `one` took no more power and had no more error than `other` over the same frames, and
-/// less of one, in 95 % of resampled paths.
+/// Whether `one` Pareto-dominates `other` in mean power and error over the same frames, in at least
+/// 95 % of resampled paths.
 pub fn dominates(one: &[FrameRecord], other: &[FrameRecord], fps: f64) -> bool {
     let frames = one.len().min(other.len());
     let block = ((BLOCK_SECONDS * fps).round() as usize).clamp(1, frames.max(1));
@@ -63,13 +62,13 @@ mod tests {
     }
 
     #[test]
-    fn only_what_is_better_throughout_dominates() {
+    fn only_consistent_improvements_dominate() {
         let ours = series(|_| 5.0, 0.02);
         assert!(dominates(&series(|_| 4.9, 0.02), &ours, 15.0));
         assert!(dominates(&series(|_| 5.0, 0.019), &ours, 15.0));
         assert!(!dominates(&series(|_| 4.0, 0.021), &ours, 15.0), "a trade is no dominance");
         assert!(!dominates(&ours, &ours, 15.0));
-        // Less in the mean by a hair, and up and down by watts.
+        // Slightly lower in the mean, but varying by watts.
         let restless = series(|index| if index / 15 % 2 == 0 { 2.0 } else { 7.9 }, 0.02);
         assert!(!dominates(&restless, &ours, 15.0));
         assert!(!dominates(&[], &[], 15.0));

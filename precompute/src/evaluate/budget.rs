@@ -1,4 +1,4 @@
-//! Budgets as people write them, and what a percentage means on a path.
+//! Parsing of budgets, and resolution of percentages on a path.
 
 use std::fmt;
 use std::str::FromStr;
@@ -6,7 +6,7 @@ use std::str::FromStr;
 use bevy_frugal_gi::units::Watts;
 use serde::{Deserialize, Serialize};
 
-/// Why a text is not a budget: wrong use of the tool, exit status 2.
+/// Errors of parsing a budget: wrong use of the tool, exit status 2.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[non_exhaustive]
 pub enum BudgetError {
@@ -15,10 +15,10 @@ pub enum BudgetError {
         "`{0}` is not a power budget: write watts as `7W` or `7`, or a percentage between the lowest and the highest settings as `60%`"
     )]
     NotPower(String),
-    /// Watts that no frame can be held to.
+    /// Watts that are not above 0 or not finite.
     #[error("a power budget of `{0}` cannot be kept: it must be above 0 W and finite")]
     PowerRange(String),
-    /// A percentage outside the range that it divides.
+    /// A percentage outside (0 %, 100 %].
     #[error(
         "a power budget of `{0}` is out of range: a percentage lies above 0% (the lowest settings) and at most at 100% (the highest)"
     )]
@@ -26,18 +26,18 @@ pub enum BudgetError {
     /// Not a number.
     #[error("`{0}` is not an error budget: write a number such as `0.02`")]
     NotError(String),
-    /// An error that no picture has.
+    /// An error outside (0, 2].
     #[error("an error budget of `{0}` is out of range: 1 − SSIM lies above 0 and at most at 2")]
     ErrorRange(String),
 }
 
-/// A limit on power as asked for.
+/// A power limit as requested.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum PowerBudget {
     /// In watts, above 0 and finite.
     Power(Watts),
-    /// A share, above 0 and at most 1, of the way from the lowest settings' mean power to the
-    /// highest's.
+    /// A position between the mean powers of the lowest and the highest settings: above 0 (lowest)
+    /// and at most 1 (highest).
     Share(f64),
 }
 
@@ -75,7 +75,7 @@ impl fmt::Display for PowerBudget {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
             Self::Power(watts) => write!(f, "{} W", watts.0),
-            // Percentages are typed by people: what rounding added is cut off.
+            // Rounded, so that a typed percentage prints as it was typed.
             Self::Share(share) => write!(f, "{}%", (share * 1e8).round() / 1e6),
         }
     }
@@ -91,7 +91,7 @@ pub fn parse_error_budget(text: &str) -> Result<f64, BudgetError> {
     if right { Ok(number) } else { Err(BudgetError::ErrorRange(text.to_owned())) }
 }
 
-/// What was asked for: a limit on power, on error, on both, or on neither.
+/// A request for a limit on power, on error, on both, or on neither.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct BudgetRequest {
     /// Limit on power.
@@ -101,8 +101,8 @@ pub struct BudgetRequest {
 }
 
 impl BudgetRequest {
-    /// The budget in watts, where `lowest` and `highest` are the mean powers of the cheapest and
-    /// the best settings on the path.
+    /// The budget in watts; `lowest` and `highest` are the mean powers of the cheapest and the best
+    /// settings on the path.
     pub fn resolve(&self, lowest: Watts, highest: Watts) -> ResolvedBudget {
         let power = self.power.map(|power| match power {
             PowerBudget::Power(watts) => watts,
@@ -133,7 +133,7 @@ pub struct ResolvedBudget {
 }
 
 impl ResolvedBudget {
-    /// Whether `power` and `error` keep it. NaN keeps nothing that is limited.
+    /// Whether `power` and `error` are within the limits. NaN never is within a limit.
     pub fn keeps(&self, power: Watts, error: f64) -> bool {
         self.power_w.is_none_or(|limit| power <= limit)
             && self.error.is_none_or(|limit| error <= limit)

@@ -1,4 +1,4 @@
-//! The controller that an app has, without an app around it.
+//! The plugin's controller as a policy, without an app.
 
 use bevy_frugal_gi::control::{Budget, ControlSettings, ErrorPace, SettingsFilter, choose};
 use bevy_frugal_gi::frontier::{CameraView, FrontierStore};
@@ -6,7 +6,7 @@ use bevy_frugal_gi::knobs::RenderSettings;
 
 use super::{Choice, Policy, Pose, ResolvedBudget};
 
-/// Picks settings from frontiers under a budget, through the temporal filter.
+/// Selects settings from frontiers under a budget and applies the temporal filter.
 pub struct Controller<'a> {
     store: &'a dyn FrontierStore,
     budget: Budget,
@@ -18,8 +18,8 @@ pub struct Controller<'a> {
 }
 
 impl<'a> Controller<'a> {
-    /// `lens`: vertical field of view in radians, and width ÷ height. `settings`: how settings
-    /// move.
+    /// `lens`: vertical field of view in radians, and width ÷ height. `settings`: time constants of
+    /// the filter.
     pub fn new(
         store: &'a dyn FrontierStore,
         budget: &ResolvedBudget,

@@ -1,24 +1,24 @@
-//! A player whose power and error are formulas, for tests.
+//! A frame renderer whose power and error are formulas, for tests.
 
 use bevy::math::{Quat, Vec3};
 use bevy_frugal_gi::knobs::{Knob, KnobSpace, RenderSettings};
 use bevy_frugal_gi::power::{MeterInfo, Provenance};
 use bevy_frugal_gi::units::Watts;
 
-use super::{PathPlan, Player, Pose, Shot};
+use super::{FrameRenderer, PathPlan, Pose, RenderedFrame};
 use crate::metrics::Picture;
 
 /// Power: 1 W + 0.5 W, 0.4 W and 0.2 W for each level of the three knobs, + 0.01 W for each metre
-/// along X. Pictures are evenly grey: 200 less 10 for each level that is missing.
+/// along X. Images are uniformly grey: 200, minus 10 for each missing level.
 #[derive(Default)]
 pub(crate) struct Fake {
-    /// Names of the runs begun.
+    /// Names of all runs so far.
     pub(crate) runs: Vec<String>,
-    /// Watts that each run takes more than the one before.
+    /// Additional watts of each run over the one before.
     pub(crate) drift: f64,
-    /// The frame, counted over all runs, that takes NaN watts.
+    /// The frame, counted over all runs, whose power is NaN.
     pub(crate) broken_at: Option<usize>,
-    /// Frames played over all runs.
+    /// Frames rendered over all runs.
     pub(crate) frames: usize,
 }
 
@@ -57,7 +57,7 @@ pub(crate) fn power(settings: RenderSettings) -> f64 {
         + 0.2 * settings.level(2) as f64
 }
 
-/// 1 − SSIM of two even greys.
+/// 1 − SSIM of two uniform greys.
 pub(crate) fn error(settings: RenderSettings) -> f64 {
     let (a, b) = (200.0, f64::from(grey(settings)));
     1.0 - (2.0 * a * b + 6.5025) / (a * a + b * b + 6.5025)
@@ -68,7 +68,7 @@ fn grey(settings: RenderSettings) -> u8 {
     200 - 10 * (8 - levels)
 }
 
-impl Player for Fake {
+impl FrameRenderer for Fake {
     type Error = std::fmt::Error;
 
     fn begin_run(&mut self, name: &str, _: &Pose, _: RenderSettings) -> Result<(), Self::Error> {
@@ -76,7 +76,11 @@ impl Player for Fake {
         Ok(())
     }
 
-    fn play(&mut self, pose: &Pose, settings: RenderSettings) -> Result<Shot, Self::Error> {
+    fn render_frame(
+        &mut self,
+        pose: &Pose,
+        settings: RenderSettings,
+    ) -> Result<RenderedFrame, Self::Error> {
         let mut watts = power(settings)
             + 0.01 * f64::from(pose.position.x)
             + self.drift * (self.runs.len() - 1) as f64;
@@ -84,7 +88,7 @@ impl Player for Fake {
             watts = f64::NAN;
         }
         self.frames += 1;
-        Ok(Shot {
+        Ok(RenderedFrame {
             picture: Picture::from_fn(16, 12, |_, _| [grey(settings); 3]),
             power: Watts(watts),
         })

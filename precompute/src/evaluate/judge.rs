@@ -1,4 +1,4 @@
-//! Every policy under one budget, played from a record.
+//! Comparison of all policies under one budget, simulated from a record.
 
 use bevy_frugal_gi::control::{Budget, ControlSettings, SettingsFilter};
 use bevy_frugal_gi::frontier::{CostPoint, FrontierMap};
@@ -16,25 +16,25 @@ use super::{
 /// One budget on one path.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Judged {
-    /// The limits as asked for, in words.
+    /// The requested limits, in words.
     pub asked: String,
     /// The limits in absolute terms.
     pub budget: ResolvedBudget,
     /// Every run, ours first.
     pub runs: Vec<RunResult>,
-    /// Which share of what lies between the best constant and the oracle ours gains: of error under
-    /// a power budget, of power under an error budget. `None` where there is nothing to gain, or
-    /// ours breaks the budget.
+    /// Share of the difference between the best constant and the oracle that ours gains: of error
+    /// under a power budget, of power under an error budget. `None` where the difference is
+    /// negligible, or one of the three exceeds the budget.
     pub gap_closed: Option<f64>,
-    /// Baselines that know no more than ours and dominate it, with 95 % confidence.
+    /// Baselines with no more information than ours that dominate it, with 95 % confidence.
     pub dominated_by: Vec<String>,
 }
 
-/// Runs that know no more of the path than ours does.
+/// Baselines that have no more information about the path than ours.
 const FAIR: [&str; 4] = ["best-constant-elsewhere", "reactive", "default", "resolution-only"];
 
-/// Settings that a record needs, so that every run can be played from it: the map's, the presets',
-/// those with only the resolution or the pixels of indirect light lowered.
+/// Settings to record for all runs: those of the map, the presets, and those with only the
+/// resolution or the share of GI pixels lowered.
 pub fn settings_to_record(map: &FrontierMap) -> Vec<RenderSettings> {
     let space = &map.knobs;
     let mut all = vec![space.highest(), space.lowest(), default_settings(space)];
@@ -46,8 +46,7 @@ pub fn settings_to_record(map: &FrontierMap) -> Vec<RenderSettings> {
     space.canonical_once(all)
 }
 
-/// Constants that anybody would write by hand: everything at its best, indirect light gathered at
-/// fewer pixels.
+/// Hand-written constants: all knobs at their best, indirect light gathered at fewer pixels.
 fn hand_written(space: &KnobSpace) -> Vec<RenderSettings> {
     let Some(knob) = space.index_of("gi_pixel_fraction") else { return Vec::new() };
     (0..space.knobs()[knob].levels.len())
@@ -62,14 +61,14 @@ fn resolutions(space: &KnobSpace) -> Vec<RenderSettings> {
         .collect()
 }
 
-/// A constant that somebody who knows only the map would play.
+/// The best constant by the map's training cameras.
 fn elsewhere(map: &FrontierMap, budget: &ResolvedBudget) -> Option<RenderSettings> {
     let points = map.shared.points().iter().map(|point| (point.settings, point.cost));
     best_of(points, budget).map(|(settings, _)| settings)
 }
 
-/// Plays all runs. `lens`: vertical field of view in radians, and width ÷ height. `control`: how
-/// ours and the filtered oracle move between settings.
+/// Simulates all runs. `lens`: vertical field of view in radians, and width ÷ height. `control`:
+/// time constants of the temporal filter, for ours and the filtered oracle.
 pub fn judge(
     record: &PathRecord,
     map: &FrontierMap,
@@ -78,7 +77,7 @@ pub fn judge(
     control: ControlSettings,
 ) -> Judged {
     let space = &record.space;
-    let fixed = |settings: RenderSettings| record.play(&mut Fixed(settings));
+    let fixed = |settings: RenderSettings| record.simulate(&mut Fixed(settings));
     let mean = |settings: RenderSettings| {
         let column = record.table.column(space.canonical(settings));
         column
@@ -89,7 +88,7 @@ pub fn judge(
     let budget = request.resolve(lowest.power, highest.power);
 
     let mut runs: Vec<(&str, Vec<FrameRecord>, Option<String>)> = vec![
-        ("frugal", record.play(&mut Controller::new(map, &budget, lens, control)), None),
+        ("frugal", record.simulate(&mut Controller::new(map, &budget, lens, control)), None),
         ("maximum", fixed(space.highest()), None),
         ("max-mid", fixed(space.preset(2.0 / 3.0)), None),
         ("mid-min", fixed(space.preset(1.0 / 3.0)), None),
@@ -114,15 +113,15 @@ pub fn judge(
     let (plain, filtered) = oracles(record, &budget, control);
     runs.push((
         "oracle",
-        record.play(&mut plain.clone()),
-        Some("knows every frame beforehand".to_owned()),
+        record.simulate(&mut plain.clone()),
+        Some("knows every frame in advance".to_owned()),
     ));
     runs.push((
         "oracle-filtered",
         filtered,
         Some("the same through the temporal filter".to_owned()),
     ));
-    runs.push(("reactive", record.play(&mut Reactive::new(ladder(&map.shared), budget)), None));
+    runs.push(("reactive", record.simulate(&mut Reactive::new(ladder(&map.shared), budget)), None));
 
     let fps = record.path.fps();
     let ours = runs[0].1.clone();
@@ -142,7 +141,7 @@ pub fn judge(
     Judged { asked: request.to_string(), budget, runs, gap_closed, dominated_by }
 }
 
-/// The oracle, and how its settings do through the temporal filter.
+/// The oracle, and the run of an oracle through the temporal filter.
 fn oracles(
     record: &PathRecord,
     budget: &ResolvedBudget,
@@ -153,13 +152,13 @@ fn oracles(
         series.iter().map(|frame| frame.error).sum::<f64>() / series.len().max(1) as f64
     };
     let plain = oracle(&record.table, budget, &mut |oracle| {
-        mean_error(&record.play(&mut oracle.clone())) <= limit
+        mean_error(&record.simulate(&mut oracle.clone())) <= limit
     });
     let filtered = |oracle: &Oracle| {
         let mut oracle = oracle.clone();
         let mut filter = SettingsFilter::default();
         let times = control.times(&Budget { power: budget.power_w, error: budget.error });
-        record.play(&mut Controlled(move |frame: usize, dt: f64, pose: &Pose| {
+        record.simulate(&mut Controlled(move |frame: usize, dt: f64, pose: &Pose| {
             let target = oracle.decide(frame, dt, pose).settings;
             Choice {
                 settings: filter.step(&record.space, target, dt, times),

@@ -1,21 +1,20 @@
-//! Plays a camera path under a budget beside fixed presets, and says what each cost and looked
-//! like.
+//! Plays a camera path under a budget beside baselines, and compares power and error of the runs.
 //!
-//! Knows no renderer: a [`Player`] renders and meters, a [`Policy`] decides the settings of each
-//! frame.
+//! Independent of the renderer: a [`FrameRenderer`] renders and meters, a [`Policy`] decides the
+//! settings of each frame.
 //!
 //! | part | job |
 //! |---|---|
 //! | `budget` | `7W`, `60%`, `0.02`: reading budgets, resolving percentages |
-//! | `play` | one run along a path: player, policy, per-frame records |
-//! | `runner` | real runs under one budget: which, in which order, against which references |
-//! | `record` | a path played once with each of many settings: policies are played from it without rendering |
-//! | `baselines`, `judge` | what ours is compared with, and the comparison |
-//! | `controlled` | the controller that an app has |
-//! | `bootstrap` | whether a difference is more than luck |
+//! | `play` | one run along a path: frame renderer, policy, per-frame records |
+//! | `runner` | rendered runs under one budget: selection, order, reference images |
+//! | `record` | power and error of many settings at every frame of a path; policies are simulated from it without rendering |
+//! | `baselines`, `judge` | the baselines, and the comparison with them |
+//! | `controlled` | the plugin's controller as a policy |
+//! | `bootstrap` | statistical significance of differences |
 //! | `resolution` | the baseline that scales resolution alone |
-//! | `result` | what came out, as JSON |
-//! | `table` | the same for people, and per-frame CSV |
+//! | `result` | results, as JSON |
+//! | `table` | results as text, and per-frame CSV |
 pub mod baselines;
 mod bootstrap;
 mod budget;
@@ -35,8 +34,8 @@ pub use budget::{BudgetError, BudgetRequest, PowerBudget, ResolvedBudget, parse_
 pub use controlled::Controller;
 pub use judge::{Judged, judge, settings_to_record};
 pub use play::{
-    Choice, Controlled, Fixed, FrameRecord, PathError, PathPlan, Player, Policy, Pose, Progress,
-    Shot,
+    Choice, Controlled, Fixed, FrameRecord, FrameRenderer, PathError, PathPlan, Policy, Pose,
+    Progress, RenderedFrame,
 };
 pub use record::{PathRecord, RecordError};
 pub use resolution::RESOLUTION_KNOB;

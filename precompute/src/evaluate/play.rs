@@ -1,5 +1,4 @@
-//! One run along a path: what plays it, what decides its settings, and what is written down of
-//! every frame.
+//! One run along a path: the frame renderer, the policy, and the record of every frame.
 
 use std::ops::ControlFlow;
 
@@ -11,29 +10,28 @@ use crate::metrics::{Picture, Reference};
 
 use super::EvaluationError;
 
-/// Where a camera is.
+/// A camera's pose.
 pub type Pose = crate::scene::CameraPose;
 
-/// A frame that was rendered.
+/// A rendered frame.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Shot {
-    /// What the screen would show.
+pub struct RenderedFrame {
+    /// The display-referred image.
     pub picture: Picture,
     /// Power at the target frame rate: idle + this frame's energy × frames per second.
     pub power: Watts,
 }
 
-/// Renders and meters frames: the headless stage, or a formula in tests.
-pub trait Player {
-    /// Why there is no frame.
+/// Renders and meters frames: the headless stage, or formulas in tests.
+pub trait FrameRenderer {
+    /// Why no frame was rendered.
     type Error;
 
-    /// A run called `name` starts at `pose` with `settings`: forget what earlier frames left
-    /// behind, warm up what would make the first frame cost more than the others. The run's first
-    /// frame follows.
+    /// Starts a run called `name` at `pose` with `settings`: resets temporal history and warms up,
+    /// so that the first frame costs no more than the others. The run's first frame follows.
     ///
     /// # Errors
-    /// When it cannot start.
+    /// When the run cannot start.
     fn begin_run(
         &mut self,
         name: &str,
@@ -44,18 +42,22 @@ pub trait Player {
     /// Renders the next frame, at `pose` with `settings`. All frames are of one size.
     ///
     /// # Errors
-    /// When the rendering or the metering fails. Never is 0 W said for "don't know".
-    fn play(&mut self, pose: &Pose, settings: RenderSettings) -> Result<Shot, Self::Error>;
+    /// When rendering or metering fails. An unknown power is an error, never 0 W.
+    fn render_frame(
+        &mut self,
+        pose: &Pose,
+        settings: RenderSettings,
+    ) -> Result<RenderedFrame, Self::Error>;
 }
 
-/// What a policy picked for a frame.
+/// A policy's choice for a frame.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Choice {
     /// The settings.
     pub settings: RenderSettings,
-    /// Where they lead: other than `settings` while a filter is on its way.
+    /// The settings that the filter moves to; other than `settings` during a transition.
     pub target: RenderSettings,
-    /// What the target is expected to cost, where the policy has a forecast.
+    /// Predicted cost of the target, where the policy has a prediction.
     pub predicted: Option<CostPoint>,
 }
 
@@ -67,11 +69,11 @@ impl From<RenderSettings> for Choice {
 
 /// Decides the settings of every frame of a run.
 pub trait Policy {
-    /// The settings of frame number `frame`, `dt` seconds after the one before, seen from `pose`.
-    /// Asked once for each frame, in order.
+    /// The settings of frame number `frame` at `pose`, `dt` seconds after the frame before. Called
+    /// once for each frame, in order.
     fn decide(&mut self, frame: usize, dt: f64, pose: &Pose) -> Choice;
 
-    /// What the frame that was decided last came to: for policies that react to a meter.
+    /// Receives the cost of the last frame: for policies that react to a meter.
     fn observe(&mut self, cost: CostPoint) {
         let _ = cost;
     }
@@ -87,8 +89,8 @@ impl Policy for Fixed {
     }
 }
 
-/// Settings from a function of the frame's number, the seconds since the frame before, and the
-/// pose: a controller over a frontier map.
+/// A policy from a function of the frame's number, the seconds since the frame before, and the
+/// pose.
 pub struct Controlled<F>(pub F);
 
 impl<F: FnMut(usize, f64, &Pose) -> Choice> Policy for Controlled<F> {
@@ -101,18 +103,18 @@ impl<F: FnMut(usize, f64, &Pose) -> Choice> Policy for Controlled<F> {
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum PathError {
-    /// A frame rate that no clock has.
+    /// A frame rate that is not above 0 or not finite.
     #[error("{0} frames per second: the frame rate must be above 0 and finite")]
     FrameRate(f64),
-    /// A length that no path has.
-    #[error("path `{name}` lasts {seconds} s: a path must last 0 s or more")]
+    /// A negative or undefined duration.
+    #[error("path `{name}` lasts {seconds} s: the duration must be 0 s or more")]
     Duration {
         /// The path.
         name: String,
         /// Its length.
         seconds: f64,
     },
-    /// More frames than anybody waits for.
+    /// More than [`PathPlan::MAX_FRAMES`] frames.
     #[error("path `{name}` has {frames} frames, where at most {most} are played", most = PathPlan::MAX_FRAMES)]
     TooLong {
         /// The path.
@@ -122,7 +124,7 @@ pub enum PathError {
     },
 }
 
-/// A path as the frames that are played.
+/// A path, sampled at its frames.
 #[derive(Clone, Debug, PartialEq)]
 pub struct PathPlan {
     name: String,
@@ -160,7 +162,7 @@ impl PathPlan {
         Ok(Self { name: name.to_owned(), fps, poses })
     }
 
-    /// What the scene calls it.
+    /// The path's name in the scene.
     pub fn name(&self) -> &str {
         &self.name
     }
@@ -170,13 +172,13 @@ impl PathPlan {
         self.fps
     }
 
-    /// The camera of every frame; at least one.
+    /// The camera pose of every frame; at least one.
     pub fn poses(&self) -> &[Pose] {
         &self.poses
     }
 }
 
-/// How far an evaluation is.
+/// Progress of an evaluation.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Progress<'a> {
     /// The run that is playing.
@@ -187,33 +189,33 @@ pub struct Progress<'a> {
     pub frames_total: usize,
 }
 
-/// What is known of one frame of a run.
+/// The record of one frame of a run.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct FrameRecord {
     /// Seconds since the path's start.
     pub time: f64,
-    /// What it was rendered with.
+    /// The settings it was rendered with.
     pub settings: RenderSettings,
     /// Power at the target frame rate.
     pub power: Watts,
     /// 1 − SSIM against the same frame at the best settings.
     pub error: f64,
-    /// The policy's forecast.
+    /// The policy's prediction.
     pub predicted: Option<CostPoint>,
 }
 
-/// What is done with a run's pictures.
+/// Use of a run's images.
 pub(super) enum Against<'a> {
-    /// They become the references.
+    /// Stores them as the references.
     Collect(&'a mut Vec<Reference>),
-    /// They are compared with these.
+    /// Compares them with these references.
     Compare(&'a [Reference]),
 }
 
-/// Plays all of `path`; `keep` sees every picture. `on_frame` is told of every frame, and can stop
-/// the run.
-pub(super) fn play<P: Player>(
-    player: &mut P,
+/// Plays all of `path`; `keep` receives every image. `on_frame` is called after every frame and can
+/// stop the run.
+pub(super) fn play<P: FrameRenderer>(
+    renderer: &mut P,
     path: &PathPlan,
     name: &str,
     policy: &mut dyn Policy,
@@ -226,33 +228,36 @@ pub(super) fn play<P: Player>(
     for (frame, pose) in path.poses.iter().enumerate() {
         let choice = policy.decide(frame, dt, pose);
         if frame == 0 {
-            player.begin_run(name, pose, choice.settings).map_err(EvaluationError::Player)?;
+            renderer
+                .begin_run(name, pose, choice.settings)
+                .map_err(EvaluationError::FrameRenderer)?;
         }
-        let shot = player.play(pose, choice.settings).map_err(EvaluationError::Player)?;
-        let watts = shot.power.0;
+        let rendered =
+            renderer.render_frame(pose, choice.settings).map_err(EvaluationError::FrameRenderer)?;
+        let watts = rendered.power.0;
         if !(watts.is_finite() && watts >= 0.0) {
             return Err(EvaluationError::BadPower { run: name.to_owned(), frame, watts });
         }
         let at_frame = |source| EvaluationError::Compare { run: name.to_owned(), frame, source };
         let error = match &mut against {
             Against::Collect(references) => {
-                references.push(Reference::new(&shot.picture).map_err(at_frame)?);
+                references.push(Reference::new(&rendered.picture).map_err(at_frame)?);
                 0.0
             }
             Against::Compare(references) => {
-                references[frame].error(&shot.picture).map_err(at_frame)?
+                references[frame].error(&rendered.picture).map_err(at_frame)?
             }
         };
         let time = frame as f64 * dt;
-        policy.observe(CostPoint { power: shot.power, error });
+        policy.observe(CostPoint { power: rendered.power, error });
         records.push(FrameRecord {
             time,
             settings: choice.settings,
-            power: shot.power,
+            power: rendered.power,
             error,
             predicted: choice.predicted,
         });
-        keep(frame, shot.picture);
+        keep(frame, rendered.picture);
         if on_frame().is_break() {
             return Err(EvaluationError::Interrupted);
         }

@@ -1,10 +1,10 @@
-//! A path played once with each of many settings: what policies are played from without rendering
-//! again.
+//! Power and error of many settings at every frame of a path, from which policies are simulated
+//! without rendering.
 //!
-//! Two things differ from real play. A frame's history is of its own settings throughout; and
-//! settings that were not recorded, which a temporal filter passes through, are interpolated
-//! between the recorded ones before and after. [`EvaluationResult`](super::EvaluationResult) says
-//! by a real run how much that matters.
+//! Two things differ from rendered runs: a frame's temporal history has the same settings
+//! throughout; and unrecorded settings, which the temporal filter passes through, are interpolated
+//! between the recorded ones before and after. The spot check of an
+//! [`EvaluationResult`](super::EvaluationResult) measures the difference with a rendered run.
 
 use std::ops::ControlFlow;
 
@@ -12,7 +12,9 @@ use bevy_frugal_gi::frontier::CostPoint;
 use bevy_frugal_gi::knobs::{KnobSpace, RenderSettings};
 
 use super::play::{Against, play};
-use super::{Choice, EvaluationError, Fixed, FrameRecord, PathPlan, Player, Policy, Progress};
+use super::{
+    Choice, EvaluationError, Fixed, FrameRecord, FrameRenderer, PathPlan, Policy, Progress,
+};
 use crate::journal::{Journal, JournalError};
 use crate::metrics::Reference;
 use crate::table::CostTable;
@@ -28,20 +30,20 @@ pub struct PathRecord {
     pub table: CostTable,
 }
 
-/// Why a path was not recorded. `E` is the player's.
+/// Why a path was not recorded. `E` is the frame renderer's error.
 #[derive(Debug, thiserror::Error)]
 pub enum RecordError<E> {
-    /// Rendering failed, or was interrupted. What was recorded before is kept.
+    /// Rendering failed, or was interrupted. Earlier records are kept.
     #[error(transparent)]
     Play(#[from] EvaluationError<E>),
-    /// The record could not be kept.
+    /// The record could not be written.
     #[error(transparent)]
     Journal(#[from] JournalError),
 }
 
 impl PathRecord {
-    /// A record of `path` from what a journal holds; lines of other kinds, and runs that were cut
-    /// off, are left out.
+    /// A record of `path` from a journal's lines; lines of other kinds, and incomplete runs, are
+    /// left out.
     pub fn restore(path: &PathPlan, space: &KnobSpace, records: &[String]) -> Self {
         let mut table = CostTable::new(path.poses().len());
         for (settings, frame, cost) in records.iter().filter_map(|record| read_line(record)) {
@@ -58,17 +60,17 @@ impl PathRecord {
         }
     }
 
-    /// Plays each of `settings` that is not recorded yet along the whole path, and keeps what each
-    /// frame cost.
+    /// Renders the whole path with each of `settings` that is not recorded yet, and stores each
+    /// frame's cost.
     ///
-    /// The best settings are played first, whether recorded or not: their pictures are the
+    /// The best settings are rendered first, whether recorded or not: their images are the
     /// references.
     ///
     /// # Errors
-    /// When the player fails, the journal cannot be written, or `on_frame` breaks.
-    pub fn extend<P: Player>(
+    /// When the frame renderer fails, the journal cannot be written, or `on_frame` breaks.
+    pub fn extend<P: FrameRenderer>(
         &mut self,
-        player: &mut P,
+        renderer: &mut P,
         settings: &[RenderSettings],
         journal: &mut Journal,
         on_frame: &mut dyn FnMut(&Progress<'_>) -> ControlFlow<()>,
@@ -95,7 +97,7 @@ impl PathRecord {
                 Against::Compare(&references)
             };
             let series = play(
-                player,
+                renderer,
                 &self.path,
                 &run,
                 &mut Fixed(settings),
@@ -114,14 +116,14 @@ impl PathRecord {
         Ok(())
     }
 
-    /// Plays policies for real, after the best settings, whose pictures are the references: how far
-    /// the record is off.
+    /// Renders runs of `policies`, after a run of the best settings, whose images are the
+    /// references. Measures the error of simulation from the record.
     ///
     /// # Errors
-    /// When the player fails or `on_frame` breaks.
-    pub fn play_for_real<P: Player>(
+    /// When the frame renderer fails or `on_frame` breaks.
+    pub fn render_runs<P: FrameRenderer>(
         &self,
-        player: &mut P,
+        renderer: &mut P,
         policies: &mut [Box<dyn Policy + '_>],
         on_frame: &mut dyn FnMut(&Progress<'_>) -> ControlFlow<()>,
     ) -> Result<Vec<Vec<FrameRecord>>, EvaluationError<P::Error>> {
@@ -134,7 +136,7 @@ impl PathRecord {
         let mut references: Vec<Reference> = Vec::new();
         let best = &mut Fixed(self.space.highest());
         play(
-            player,
+            renderer,
             &self.path,
             "maximum",
             best,
@@ -145,7 +147,7 @@ impl PathRecord {
         let mut all = Vec::new();
         for policy in policies {
             all.push(play(
-                player,
+                renderer,
                 &self.path,
                 "frugal",
                 policy.as_mut(),
@@ -157,8 +159,8 @@ impl PathRecord {
         Ok(all)
     }
 
-    /// What a policy's run comes to by this record.
-    pub fn play(&self, policy: &mut dyn Policy) -> Vec<FrameRecord> {
+    /// Simulates a policy's run from this record.
+    pub fn simulate(&self, policy: &mut dyn Policy) -> Vec<FrameRecord> {
         let dt = self.path.fps().recip();
         let mut last = None;
         let frames = self.path.poses().iter().enumerate();
@@ -177,9 +179,9 @@ impl PathRecord {
         records.collect()
     }
 
-    /// Cost of `settings` at a frame. `last`: the last recorded settings that were played; what
-    /// lies between them and `target` is interpolated by the share of the levels that are done,
-    /// powers and errors in the logarithm.
+    /// Cost of `settings` at a frame. `last`: the last recorded settings of the run. Unrecorded
+    /// settings between them and `target` are interpolated by the share of level steps completed,
+    /// in the logarithms of power and error.
     fn cost(
         &self,
         frame: usize,
@@ -217,10 +219,10 @@ impl PathRecord {
     }
 }
 
-/// Keeps logarithms of errors of 0 finite.
+/// Keeps the logarithm of an error of 0 finite.
 const LEAST: f64 = 1e-4;
 
-/// Bit by bit, so that a resumed record is the same to the last digit.
+/// Exact bits, so that a resumed record is identical.
 fn write_line(settings: RenderSettings, frame: usize, cost: CostPoint) -> String {
     format!(
         "frame {:x} {frame:x} {:016x} {:016x}",
@@ -263,16 +265,16 @@ mod tests {
     }
 
     #[test]
-    fn constants_cost_in_the_record_what_they_cost_in_play() {
+    fn constants_cost_the_same_simulated_and_rendered() {
         let (low, high) = (space().canonical(space().lowest()), space().highest());
         let record = recorded(&[low, high, low]);
         assert_eq!(record.table.settings(), [high, low], "once each, the references first");
         for settings in [low, high] {
             let mut references = Vec::new();
-            let mut player = Fake::default();
+            let mut renderer = Fake::default();
             let mut run = |settings, against: Against<'_>| {
                 play(
-                    &mut player,
+                    &mut renderer,
                     &path(),
                     "run",
                     &mut Fixed(settings),
@@ -284,12 +286,12 @@ mod tests {
             };
             run(high, Against::Collect(&mut references));
             let real = run(settings, Against::Compare(&references));
-            assert_eq!(record.play(&mut Fixed(settings)), real);
+            assert_eq!(record.simulate(&mut Fixed(settings)), real);
         }
     }
 
     #[test]
-    fn a_record_that_is_cut_off_goes_on_with_what_is_missing() {
+    fn an_interrupted_record_resumes_with_the_missing_settings() {
         let (low, high) = (space().canonical(space().lowest()), space().highest());
         let folder = tempfile::tempdir().expect("a folder");
         let file = folder.path().join("journal");
@@ -313,18 +315,18 @@ mod tests {
     }
 
     #[test]
-    fn what_a_filter_passes_through_lies_between() {
+    fn settings_in_a_transition_are_interpolated() {
         let (low, high) = (space().canonical(space().lowest()), space().highest());
         let record = recorded(&[low]);
         let half = space().preset(0.5);
-        let mut way = Controlled(|frame: usize, _: f64, _: &_| {
+        let mut transition = Controlled(|frame: usize, _: f64, _: &_| {
             let settings = [high, half, low][frame.min(2)];
             Choice { settings, target: low, predicted: None }
         });
-        let series = record.play(&mut way);
+        let series = record.simulate(&mut transition);
         assert!(series[1].power < series[0].power && series[1].power > series[2].power);
         assert!(series[1].error > series[0].error && series[1].error < series[2].error);
-        let unknown = record.play(&mut Fixed(half));
-        assert!(unknown[0].power.0.is_nan(), "nothing is made up");
+        let unknown = record.simulate(&mut Fixed(half));
+        assert!(unknown[0].power.0.is_nan(), "unknown costs are not invented");
     }
 }

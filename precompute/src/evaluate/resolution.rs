@@ -1,27 +1,26 @@
-//! The strongest simple rival: everything at the maximum, and the resolution scaled until the
+//! The strongest simple baseline: all knobs at the maximum, and the resolution scaled until the
 //! budget is met.
 
 use super::ResolvedBudget;
 use super::play::FrameRecord;
 use super::result::{mean_error, mean_power};
 
-/// Name of the knob that this rival turns.
+/// Name of the knob that this baseline sets.
 pub const RESOLUTION_KNOB: &str = "resolution_scale";
 
-/// What playing the level that was found gave: none where it is the highest, whose run the caller
-/// has.
+/// Result of the search.
 pub(super) struct Found<T> {
     pub(super) played: Option<(Vec<FrameRecord>, T)>,
     pub(super) met: bool,
 }
 
-/// Binary search over levels 0 to `highest` for the one that meets `budget`; `at_highest` are the
-/// frames of the highest, `play` gives those of another.
+/// Binary search over levels 0 to `highest` for the one that meets `budget`; `at_highest`: frames
+/// of the highest level; `play` renders those of another.
 ///
-/// Under a power budget, also beside an error budget: the highest level with mean power within it.
-/// Under an error budget alone: the lowest level with mean error within it. Where no level meets
-/// it, the closest, which is the lowest for power. Power is taken to rise and error to fall with
-/// the level.
+/// Under a power budget, with or without an error budget: the highest level with mean power within
+/// it. Under an error budget alone: the lowest level with mean error within it. Where no level
+/// meets it, the closest (for power, the lowest). Assumes that power rises and error falls with the
+/// level.
 pub(super) fn search<T, E>(
     highest: usize,
     at_highest: &[FrameRecord],
@@ -46,7 +45,7 @@ pub(super) fn search<T, E>(
                     high = middle;
                 }
             }
-            // Where all were too expensive, the last that was played is level 0.
+            // Where all levels exceed the limit, the last one rendered is level 0.
             best = best.or(lowest_played);
         }
         (None, Some(limit)) => {

@@ -1,4 +1,4 @@
-//! What an evaluation found, in the form that `--json` writes.
+//! Results of an evaluation, as `--json` writes them.
 
 use bevy_frugal_gi::knobs::{KnobSpace, RenderSettings};
 use bevy_frugal_gi::power::MeterInfo;
@@ -7,7 +7,7 @@ use serde::{Deserialize, Serialize, Serializer};
 
 use super::{FrameRecord, ResolvedBudget};
 
-/// What one path cost and looked like under every policy.
+/// Power and error of every run along one path.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct EvaluationResult {
     /// The scene, as named on the command line.
@@ -16,54 +16,54 @@ pub struct EvaluationResult {
     pub path: String,
     /// Frames that each run played.
     pub frames: usize,
-    /// Target frame rate: what all watts refer to.
+    /// Target frame rate, to which all watts refer.
     #[serde(serialize_with = "whole_where_whole")]
     pub fps: f64,
-    /// Width and height of the pictures, pixels.
+    /// Width and height of the images, pixels.
     pub size: [u32; 2],
-    /// Where the watts come from.
+    /// The power meter.
     pub meter: MeterInfo,
     /// The limits in absolute terms.
     pub budget: ResolvedBudget,
-    /// The limits as asked for, in words.
+    /// The requested limits, in words.
     pub asked: String,
-    /// Every run: the controller's first, then its rivals from the best to the cheapest, then
-    /// resolution alone.
+    /// Every run: the controller's first, then the baselines.
     pub runs: Vec<RunResult>,
-    /// How much the machine changed meanwhile.
+    /// Drift of the machine during the evaluation.
     pub drift: Drift,
-    /// What the reader must know before believing the rest.
+    /// Warnings that qualify the figures.
     pub warnings: Vec<String>,
-    /// Of runs played from a record: which share of what lies between the best constant and the
-    /// oracle ours gains.
+    /// For runs simulated from a record: share of the difference between the best constant and the
+    /// oracle that ours gains.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub gap_closed: Option<f64>,
-    /// Of runs played from a record: baselines that know no more than ours and dominate it, with 95
-    /// % confidence.
+    /// For runs simulated from a record: baselines with no more information than ours that dominate
+    /// it, with 95 % confidence.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub dominated_by: Vec<String>,
-    /// Of runs played from a record: what a real run of ours came to.
+    /// For runs simulated from a record: a rendered run of ours, for comparison.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub spot_check: Option<SpotCheck>,
 }
 
-/// Ours played for real, beside what the record says of it.
+/// A rendered run of ours beside its simulation from the record.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct SpotCheck {
-    /// Mean power of the real run.
+    /// Mean power of the rendered run.
     pub mean_power_w: Watts,
-    /// Its mean error.
+    /// Mean error of the rendered run.
     pub mean_error: f64,
-    /// Mean power by the record.
+    /// Mean power of the simulated run.
     pub recorded_mean_power_w: Watts,
-    /// Mean error by the record.
+    /// Mean error of the simulated run.
     pub recorded_mean_error: f64,
 }
 
 /// One run along the path.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct RunResult {
-    /// `frugal`, `maximum`, `max-mid`, `mid-min`, `minimum` or `resolution-only`.
+    /// `frugal`, `maximum`, `max-mid`, `mid-min`, `minimum`, `resolution-only` or the name of
+    /// another [baseline](super::baselines).
     pub name: String,
     /// Mean over the frames.
     pub mean_power_w: Watts,
@@ -73,29 +73,29 @@ pub struct RunResult {
     pub max_error: f64,
     /// Frames whose power or error exceeds a limit.
     pub frames_over_budget: usize,
-    /// Frames whose settings differ from the frame's before.
+    /// Frames whose settings differ from the previous frame's.
     pub switches: usize,
-    /// The settings in words, where they never changed.
+    /// The settings in words, if constant.
     pub settings: Option<String>,
     /// Median over the frames.
     pub median_power_w: Watts,
-    /// By how many watts the 99th percentile of the frames' power exceeds the power budget: 0 where
-    /// it keeps it, none without a power budget.
+    /// Excess of the 99th percentile of the frames' power over the power budget: 0 where it is
+    /// within it, `None` without a power budget.
     pub p99_overshoot_w: Option<Watts>,
     /// Whether mean power and mean error keep the budget.
     pub met: bool,
-    /// Share of the windows of one second whose mean power exceeds the power budget by more than 2
-    /// %; none without a power budget.
+    /// Share of one-second windows whose mean power exceeds the power budget by more than 2 %;
+    /// `None` without a power budget.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub windows_over: Option<f64>,
-    /// What is special about this run.
+    /// A remark on this run.
     pub note: Option<String>,
     /// Every frame. Not in the JSON: `frames.csv` holds it.
     #[serde(skip)]
     pub series: Vec<FrameRecord>,
 }
 
-/// The maximum run once more, after all others: what changed is the machine's doing.
+/// The maximum run, repeated after all others: any change is drift of the machine.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Drift {
     /// Mean power of the first maximum run.
@@ -104,10 +104,10 @@ pub struct Drift {
     pub last_mean_power_w: Watts,
     /// (last − first) ÷ first; 0 where the first is 0 W.
     pub relative: f64,
-    /// Mean error of the last run's pictures against the first's: what of any run's error is noise.
-    /// 0 where rendering repeats exactly.
+    /// Mean error of the last run's images against the first's: the noise in any run's error. 0
+    /// where rendering is deterministic.
     pub repeat_mean_error: f64,
-    /// The worst frame of the same.
+    /// The largest such error of a frame.
     pub repeat_max_error: f64,
 }
 
@@ -125,7 +125,7 @@ impl Drift {
 }
 
 impl SpotCheck {
-    /// A real run, which is not empty, beside the recorded one.
+    /// Compares a rendered run, which is not empty, with the simulated one.
     pub fn new(real: &[FrameRecord], recorded: &RunResult) -> Self {
         Self {
             mean_power_w: mean_power(real),
@@ -137,7 +137,7 @@ impl SpotCheck {
 }
 
 impl RunResult {
-    /// Sums up the frames of a run; `series` is not empty.
+    /// Summarises the frames of a run; `series` is not empty.
     pub(super) fn new(
         name: &str,
         series: Vec<FrameRecord>,
@@ -176,7 +176,7 @@ impl RunResult {
         self.met = budget.keeps(self.mean_power_w, self.mean_error);
     }
 
-    /// The same run with its windows of a second held against the power budget.
+    /// Adds [`windows_over`](Self::windows_over).
     #[must_use]
     pub(super) fn with_windows(mut self, budget: &ResolvedBudget, fps: f64) -> Self {
         let frames = (fps.round() as usize).clamp(1, self.series.len().max(1));
@@ -212,16 +212,16 @@ fn mean(values: impl ExactSizeIterator<Item = f64>) -> f64 {
     values.sum::<f64>() / count
 }
 
-/// Between the two nearest values, in proportion; 0 of nothing.
+/// Quantile with linear interpolation; 0 for an empty slice.
 fn quantile(sorted: &[f64], share: f64) -> f64 {
     let Some(last) = sorted.len().checked_sub(1) else { return 0.0 };
-    let place = share * last as f64;
-    let below = place.floor() as usize;
+    let position = share * last as f64;
+    let below = position.floor() as usize;
     let above = (below + 1).min(last);
-    sorted[below] + (sorted[above] - sorted[below]) * (place - below as f64)
+    sorted[below] + (sorted[above] - sorted[below]) * (position - below as f64)
 }
 
-/// 30 frames per second are written `30`, as people type them.
+/// Whole frame rates are written as integers: `30`.
 fn whole_where_whole<S: Serializer>(value: &f64, serializer: S) -> Result<S::Ok, S::Error> {
     if value.fract() == 0.0 && value.abs() < 1e9 {
         serializer.serialize_i64(*value as i64)

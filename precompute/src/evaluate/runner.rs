@@ -1,4 +1,4 @@
-//! Which runs an evaluation plays, in which order, and what they are compared with.
+//! The rendered runs of an evaluation: selection, order and reference images.
 
 use std::ops::ControlFlow;
 
@@ -11,24 +11,24 @@ use super::play::{Against, play};
 use super::resolution::{self, RESOLUTION_KNOB};
 use super::result::mean_power;
 use super::{
-    BudgetRequest, Drift, EvaluationResult, Fixed, PathPlan, Player, Policy, PowerBudget, Progress,
-    ResolvedBudget, RunResult,
+    BudgetRequest, Drift, EvaluationResult, Fixed, FrameRenderer, PathPlan, Policy, PowerBudget,
+    Progress, ResolvedBudget, RunResult,
 };
 
-/// From here on, drift is worth a warning: relative change of the maximum run's mean power.
+/// Relative change of the maximum run's mean power from which drift is reported.
 const NOTABLE_DRIFT: f64 = 0.05;
-/// From here on, noise is: mean error between two runs at the same settings. Half the smallest
-/// error step that subdivision looks at.
+/// Mean error between two runs at the same settings from which noise is reported. Half the smallest
+/// error step that subdivision considers.
 const NOTABLE_NOISE: f64 = 0.001;
 
-/// Why there is no result. `E` is the [`Player`]'s.
+/// Why an evaluation failed. `E` is the [`FrameRenderer`]'s error.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum EvaluationError<E> {
     /// Rendering or metering failed.
     #[error("{0}")]
-    Player(E),
-    /// A frame's picture cannot be compared with its reference.
+    FrameRenderer(E),
+    /// A frame's image cannot be compared with its reference.
     #[error("run `{run}`, frame {frame}: {source}")]
     Compare {
         /// The run.
@@ -38,14 +38,14 @@ pub enum EvaluationError<E> {
         /// Why.
         source: CompareError,
     },
-    /// A power that no frame takes.
+    /// A power that is negative or not finite.
     #[error("run `{run}`, frame {frame}: the meter gave {watts} W")]
     BadPower {
         /// The run.
         run: String,
         /// The frame's number.
         frame: usize,
-        /// What was given.
+        /// The reading.
         watts: f64,
     },
     /// Stopped from outside.
@@ -53,7 +53,7 @@ pub enum EvaluationError<E> {
     Interrupted,
 }
 
-/// What to evaluate.
+/// The input of an evaluation.
 #[derive(Clone, Debug)]
 pub struct EvaluationPlan<'a> {
     /// The scene's name, for the record.
@@ -62,48 +62,47 @@ pub struct EvaluationPlan<'a> {
     pub space: &'a KnobSpace,
     /// The camera's path.
     pub path: &'a PathPlan,
-    /// The player's meter, for the record.
+    /// The frame renderer's meter, for the record.
     pub meter: MeterInfo,
     /// The limits.
     pub budget: BudgetRequest,
-    /// Numbers of the frames whose pictures are handed back from every run; those beyond the path
-    /// are ignored.
+    /// Numbers of the frames whose images are returned for every run; those beyond the path are
+    /// ignored.
     pub keep_frames: &'a [usize],
 }
 
-/// A picture that was handed back.
+/// A frame's image that is returned.
 #[derive(Clone, Debug, PartialEq)]
 pub struct FramePicture {
     /// The run.
     pub run: String,
     /// The frame's number.
     pub frame: usize,
-    /// What the screen would show.
+    /// The display-referred image.
     pub picture: Picture,
 }
 
-/// What came out.
+/// The output of an evaluation.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Evaluation {
     /// The figures.
     pub result: EvaluationResult,
-    /// The pictures asked for, run by run in the result's order.
+    /// The requested images, run by run in the result's order.
     pub pictures: Vec<FramePicture>,
 }
 
-/// Plays `plan`'s path at the maximum and at the minimum, which gives a percentage its meaning;
-/// then under the policy that `controller` makes of the budget in watts; then the presets in
-/// between and resolution alone; and the maximum once more, to see how far the machine drifted
-/// meanwhile.
+/// Renders `plan`'s path at the maximum and at the minimum, which define percentages; then under
+/// the policy that `controller` makes from the budget in watts; then with the presets in between
+/// and with resolution alone; and once more at the maximum, to measure the machine's drift.
 ///
-/// The maximum's pictures are the references: they stay in memory, 16 bytes a pixel and frame.
-/// `on_frame` is told of every frame; breaking ends it all.
+/// The maximum's images are the references: they stay in memory, 16 bytes per pixel and frame.
+/// `on_frame` is called after every frame; `Break` ends the evaluation.
 ///
 /// # Errors
-/// When the player fails, gives pictures of several sizes or a power that is negative or not
-/// finite, or `on_frame` breaks.
-pub fn evaluate<'c, P: Player>(
-    player: &mut P,
+/// When the frame renderer fails, returns images of several sizes or a power that is negative or
+/// not finite, or `on_frame` breaks.
+pub fn evaluate<'c, P: FrameRenderer>(
+    renderer: &mut P,
     plan: &EvaluationPlan<'_>,
     controller: impl FnOnce(&ResolvedBudget) -> Box<dyn Policy + 'c>,
     on_frame: &mut dyn FnMut(&Progress<'_>) -> ControlFlow<()>,
@@ -111,10 +110,10 @@ pub fn evaluate<'c, P: Player>(
     let (space, path) = (plan.space, plan.path);
     let resolution_knob = space.index_of(RESOLUTION_KNOB);
     let levels = resolution_knob.map_or(0, |knob| space.knobs()[knob].levels.len());
-    // Six runs, and the binary search's.
+    // Six runs, and those of the binary search.
     let runs = 6 + levels.checked_ilog2().unwrap_or(0) as usize + 1;
-    let mut stage = Stage {
-        player,
+    let mut context = RunContext {
+        renderer,
         plan,
         on_frame,
         references: Vec::new(),
@@ -123,25 +122,25 @@ pub fn evaluate<'c, P: Player>(
     };
 
     let highest = space.highest();
-    let maximum = stage.run("maximum", &mut Fixed(highest))?;
-    let minimum = stage.run("minimum", &mut Fixed(space.lowest()))?;
+    let maximum = context.run("maximum", &mut Fixed(highest))?;
+    let minimum = context.run("minimum", &mut Fixed(space.lowest()))?;
     let (p_min, p_max) = (mean_power(&minimum.0), mean_power(&maximum.0));
     let budget = plan.budget.resolve(p_min, p_max);
-    let frugal = stage.run("frugal", controller(&budget).as_mut())?;
-    let max_mid = stage.run("max-mid", &mut Fixed(space.preset(2.0 / 3.0)))?;
-    let mid_min = stage.run("mid-min", &mut Fixed(space.preset(1.0 / 3.0)))?;
+    let frugal = context.run("frugal", controller(&budget).as_mut())?;
+    let max_mid = context.run("max-mid", &mut Fixed(space.preset(2.0 / 3.0)))?;
+    let mid_min = context.run("mid-min", &mut Fixed(space.preset(1.0 / 3.0)))?;
     let resolution_only = match resolution_knob {
         Some(knob) => Some(resolution::search(levels - 1, &maximum.0, &budget, |level| {
-            stage.run("resolution-only", &mut Fixed(highest.with_level(knob, level)))
+            context.run("resolution-only", &mut Fixed(highest.with_level(knob, level)))
         })?),
         None => None,
     };
-    let again = stage.run("maximum again", &mut Fixed(highest))?;
+    let again = context.run("maximum again", &mut Fixed(highest))?;
     let drift = Drift::between(&maximum.0, &again.0);
 
     let mut warnings = warnings(&plan.budget, p_min.0, p_max.0, &drift);
     let mut pictures = Vec::new();
-    let size = stage.references.first().map_or((0, 0), Reference::size);
+    let size = context.references.first().map_or((0, 0), Reference::size);
     let mut add = |name: &str, (series, kept): (Vec<_>, Vec<FramePicture>)| {
         pictures.extend(kept);
         RunResult::new(name, series, &budget, space).with_windows(&budget, path.fps())
@@ -190,7 +189,7 @@ fn warnings(request: &BudgetRequest, p_min: f64, p_max: f64, drift: &Drift) -> V
     let mut warnings = Vec::new();
     if p_max <= p_min {
         let meaning = if matches!(request.power, Some(PowerBudget::Share(_))) {
-            ", so that a percentage between them means nothing"
+            ", so a percentage between them is undefined"
         } else {
             ""
         };
@@ -199,7 +198,7 @@ fn warnings(request: &BudgetRequest, p_min: f64, p_max: f64, drift: &Drift) -> V
     if drift.relative.abs() > NOTABLE_DRIFT {
         let percent = 100.0 * drift.relative;
         warnings
-            .push(format!("the same settings took {percent:+.1}% power at the end: smaller differences between runs are the machine's"));
+            .push(format!("the same settings took {percent:+.1}% power at the end: smaller differences between runs are the machine's drift"));
     }
     if drift.repeat_mean_error > NOTABLE_NOISE {
         let error = drift.repeat_mean_error;
@@ -208,9 +207,9 @@ fn warnings(request: &BudgetRequest, p_min: f64, p_max: f64, drift: &Drift) -> V
     warnings
 }
 
-/// Everything that runs share.
-struct Stage<'a, 'p, P> {
-    player: &'a mut P,
+/// State that all runs share.
+struct RunContext<'a, 'p, P> {
+    renderer: &'a mut P,
     plan: &'a EvaluationPlan<'p>,
     on_frame: &'a mut dyn FnMut(&Progress<'_>) -> ControlFlow<()>,
     references: Vec<Reference>,
@@ -218,8 +217,8 @@ struct Stage<'a, 'p, P> {
     frames_total: usize,
 }
 
-impl<P: Player> Stage<'_, '_, P> {
-    /// The first run makes the references.
+impl<P: FrameRenderer> RunContext<'_, '_, P> {
+    /// The first run's images become the references.
     fn run(
         &mut self,
         name: &str,
@@ -246,7 +245,7 @@ impl<P: Player> Stage<'_, '_, P> {
             Against::Compare(&self.references)
         };
         let series =
-            play(self.player, self.plan.path, name, policy, against, &mut keep, &mut told)?;
+            play(self.renderer, self.plan.path, name, policy, against, &mut keep, &mut told)?;
         Ok((series, kept))
     }
 }

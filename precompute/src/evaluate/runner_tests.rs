@@ -1,4 +1,4 @@
-//! Evaluations of a player whose power and error are known.
+//! Evaluations with a frame renderer of known power and error.
 
 use std::ops::ControlFlow;
 
@@ -10,7 +10,7 @@ use crate::evaluate::fake::{Fake, error, meter, path, power, space};
 use crate::evaluate::{Choice, Controlled};
 
 fn evaluated(
-    player: &mut Fake,
+    renderer: &mut Fake,
     power: Option<&str>,
     error: Option<f64>,
 ) -> Result<Evaluation, EvaluationError<std::fmt::Error>> {
@@ -37,7 +37,7 @@ fn evaluated(
             Choice { settings: point.settings, target: point.settings, predicted: Some(point.cost) }
         }))
     };
-    evaluate(player, &plan, controller, &mut |_| ControlFlow::Continue(()))
+    evaluate(renderer, &plan, controller, &mut |_| ControlFlow::Continue(()))
 }
 
 fn frontier(space: &KnobSpace) -> Frontier {
@@ -57,12 +57,12 @@ const ALONG: f64 = 0.009;
 
 #[test]
 fn every_run_is_played_and_listed_in_order() {
-    let mut player = Fake::default();
-    let evaluation = evaluated(&mut player, Some("60%"), None).unwrap();
+    let mut renderer = Fake::default();
+    let evaluation = evaluated(&mut renderer, Some("60%"), None).unwrap();
     let names: Vec<_> = evaluation.result.runs.iter().map(|run| run.name.as_str()).collect();
     assert_eq!(names, ["frugal", "maximum", "max-mid", "mid-min", "minimum", "resolution-only"]);
-    assert_eq!(player.runs[..5], ["maximum", "minimum", "frugal", "max-mid", "mid-min"]);
-    assert_eq!(player.runs.last().unwrap(), "maximum again");
+    assert_eq!(renderer.runs[..5], ["maximum", "minimum", "frugal", "max-mid", "mid-min"]);
+    assert_eq!(renderer.runs.last().unwrap(), "maximum again");
     assert_eq!((evaluation.result.frames, evaluation.result.size), (10, [16, 12]));
     assert!(evaluation.result.warnings.is_empty(), "{:?}", evaluation.result.warnings);
 }
@@ -91,18 +91,18 @@ fn power_and_error_are_the_formulas() {
 }
 
 #[test]
-fn the_controller_keeps_the_budget_and_the_rival_takes_the_highest_resolution_that_does() {
+fn the_controller_keeps_the_budget_and_the_baseline_takes_the_highest_resolution_that_does() {
     let evaluation = evaluated(&mut Fake::default(), Some("3.5 W"), None).unwrap();
     let frugal = run(&evaluation, "frugal");
     assert!(frugal.met && frugal.frames_over_budget == 0);
     assert_eq!(frugal.series[3].predicted.unwrap().power, Watts(power(frugal.series[3].settings)));
     // 2.2 W + 0.4 W a level: level 3 takes 3.4 W.
-    let rival = run(&evaluation, "resolution-only");
+    let baseline = run(&evaluation, "resolution-only");
     assert_eq!(
-        rival.settings.as_deref(),
+        baseline.settings.as_deref(),
         Some("gi_vpl_count=64,resolution_scale=80%,antialiasing=FXAA")
     );
-    assert!(rival.met && rival.note.is_none());
+    assert!(baseline.met && baseline.note.is_none());
     assert!(
         !run(&evaluation, "maximum").met && run(&evaluation, "maximum").frames_over_budget == 10
     );
@@ -114,32 +114,32 @@ fn an_error_budget_finds_the_lowest_resolution_that_keeps_it() {
     let space = space();
     let at = |level| error(space.highest().with_level(1, level));
     let evaluation = evaluated(&mut Fake::default(), None, Some(at(2) + 1e-6)).unwrap();
-    let rival = run(&evaluation, "resolution-only");
+    let baseline = run(&evaluation, "resolution-only");
     assert_eq!(
-        rival.settings.as_deref(),
+        baseline.settings.as_deref(),
         Some("gi_vpl_count=64,resolution_scale=70%,antialiasing=FXAA")
     );
-    assert!(rival.met && rival.p99_overshoot_w.is_none());
+    assert!(baseline.met && baseline.p99_overshoot_w.is_none());
     assert_eq!(evaluation.result.budget.power_w, None);
 }
 
 #[test]
 fn a_budget_that_no_resolution_meets_gives_the_closest_and_says_so() {
     let evaluation = evaluated(&mut Fake::default(), Some("1.5W"), None).unwrap();
-    let rival = run(&evaluation, "resolution-only");
+    let baseline = run(&evaluation, "resolution-only");
     assert_eq!(
-        rival.settings.as_deref(),
+        baseline.settings.as_deref(),
         Some("gi_vpl_count=64,resolution_scale=50%,antialiasing=FXAA")
     );
-    assert!(!rival.met && rival.note.as_deref().unwrap().contains("closest"));
+    assert!(!baseline.met && baseline.note.as_deref().unwrap().contains("closest"));
 }
 
 #[test]
 fn a_wide_budget_needs_no_other_resolution() {
-    let mut player = Fake::default();
-    let evaluation = evaluated(&mut player, Some("100W"), None).unwrap();
+    let mut renderer = Fake::default();
+    let evaluation = evaluated(&mut renderer, Some("100W"), None).unwrap();
     assert_eq!(run(&evaluation, "resolution-only").series, run(&evaluation, "maximum").series);
-    assert!(!player.runs.iter().any(|run| run == "resolution-only"));
+    assert!(!renderer.runs.iter().any(|run| run == "resolution-only"));
     let of = |name: &str| {
         evaluation
             .pictures
@@ -154,9 +154,9 @@ fn a_wide_budget_needs_no_other_resolution() {
 
 #[test]
 fn drift_is_found_and_warned_of() {
-    let mut player = Fake { drift: 0.1, ..Fake::default() };
-    let evaluation = evaluated(&mut player, Some("60%"), None).unwrap();
-    let last = (player.runs.len() - 1) as f64;
+    let mut renderer = Fake { drift: 0.1, ..Fake::default() };
+    let evaluation = evaluated(&mut renderer, Some("60%"), None).unwrap();
+    let last = (renderer.runs.len() - 1) as f64;
     assert!((evaluation.result.drift.relative - 0.1 * last / (4.2 + ALONG)).abs() < 1e-9);
     assert_eq!(evaluation.result.drift.repeat_max_error, 0.0);
     assert!(evaluation.result.warnings[0].contains("the machine's"));
@@ -244,7 +244,7 @@ fn json_has_the_agreed_form_and_reads_back() {
 #[test]
 fn a_scene_without_a_resolution_knob_has_no_such_run() {
     let (all, path) = (space(), path());
-    // Without the knob the fake's second knob is `antialiasing`; only which runs there are matters
+    // Without the knob the fake's second knob is `antialiasing`; only the list of runs matters
     // here.
     let space = all.subset(["gi_vpl_count", "antialiasing"]).unwrap();
     let plan = EvaluationPlan {

@@ -1,4 +1,4 @@
-//! An evaluation as text: the table at the end of `frugal evaluate`, and every frame as CSV.
+//! Evaluations as text: the table of `frugal evaluate`, and every frame as CSV.
 
 use std::fmt::Write as _;
 use std::io;
@@ -11,7 +11,7 @@ use super::{EvaluationResult, Judged};
 const HEADERS: [&str; 8] =
     ["run", "mean W", "median W", "mean error", "max error", "over budget", "switches", "met"];
 
-/// What `result` says, in lines of plain text that end with a line break.
+/// `result` as plain text; every line ends with a line break.
 pub fn table(result: &EvaluationResult) -> String {
     let rows: Vec<[String; 8]> = result
         .runs
@@ -82,8 +82,8 @@ pub fn table(result: &EvaluationResult) -> String {
     text
 }
 
-/// Several budgets on one path in a few lines each: what ours comes to beside the baselines, by
-/// mean power and mean error.
+/// Several budgets on one path in a few lines each: mean power and mean error of ours and the
+/// baselines.
 pub fn judged_table(all: &[Judged]) -> String {
     let mut text = String::new();
     for judged in all {
@@ -114,7 +114,7 @@ pub fn judged_table(all: &[Judged]) -> String {
 }
 
 /// Writes a row for every frame of every run: run, frame, time in seconds, power in watts, error,
-/// the forecast of both (empty without one), settings packed and in words.
+/// the prediction of both (empty without one), settings packed and in words.
 ///
 /// # Errors
 /// When `to` cannot be written.

@@ -1,4 +1,4 @@
-//! Estimates of what settings cost, by address.
+//! Estimated costs of settings, by address.
 
 use std::collections::BTreeMap;
 
@@ -7,14 +7,14 @@ use bevy_frugal_gi::frontier::{
 };
 use bevy_frugal_gi::knobs::RenderSettings;
 
-use super::smooth::{Place, Smoother};
+use super::smooth::{Smoother, Viewpoint};
 use crate::cameras::MovingCamera;
 use crate::table::CostTable;
 
-/// Fewest cameras on tracks that speak for all.
+/// Fewest cameras on tracks that are representative on their own.
 const LEAST_ON_TRACK: usize = 6;
 
-/// The table that a map is made from: every camera's costs of every setting of the pool.
+/// The training table: costs of every setting of the pool at every camera.
 #[derive(Clone, Debug)]
 pub struct Training {
     settings: Vec<RenderSettings>,
@@ -25,7 +25,7 @@ pub struct Training {
 }
 
 impl Training {
-    /// The cameras of `table` at which all of `settings` are known.
+    /// Takes the cameras of `table` at which all of `settings` are known.
     pub fn new(
         table: &CostTable,
         cameras: &[MovingCamera],
@@ -60,17 +60,17 @@ impl Training {
         self.costs.len()
     }
 
-    /// What each setting costs at a camera.
+    /// Cost of each setting at a camera.
     pub fn costs(&self, camera: usize) -> &[CostPoint] {
         &self.costs[camera]
     }
 
-    /// Cameras with the same number are held out together.
+    /// Cross-validation group: cameras of one group are held out together.
     pub fn group(&self, camera: usize) -> u32 {
         self.groups[camera]
     }
 
-    /// Cameras where an app's cameras were; all of them where there are few of those.
+    /// Cameras on tracks, which are representative of an app; all cameras where those are too few.
     pub fn representative(&self) -> Vec<usize> {
         if self.on_track.len() >= LEAST_ON_TRACK {
             self.on_track.clone()
@@ -79,7 +79,7 @@ impl Training {
         }
     }
 
-    /// Mean costs over `cameras`; of none, nothing.
+    /// Mean costs over `cameras`; empty without cameras.
     pub fn mean(&self, cameras: &[usize]) -> Estimate {
         let count = cameras.len().max(1) as f64;
         let mean = |setting: usize| {
@@ -108,21 +108,21 @@ impl Training {
     }
 }
 
-/// What each setting of the pool costs at cameras of one address.
+/// Estimated costs of the pool at one address.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Estimate {
     /// By setting.
     pub costs: Vec<CostPoint>,
-    /// How much cameras near it say, where one at the very place says 1.
+    /// Weight of the evidence, in cameras at the exact viewpoint.
     pub weight: f64,
 }
 
-/// Each camera's address at every depth of an octree that is divided everywhere.
+/// Each camera's address at every depth of a uniformly divided octree.
 #[derive(Clone, Debug)]
 pub struct Keys {
     /// By depth, then by camera.
     pub addresses: Vec<Vec<Address>>,
-    /// Position of each camera, with the bounds at 0 to 1.
+    /// Position of each camera, normalised to the bounds.
     pub positions: Vec<bevy::math::Vec3>,
     bounds: Bounds,
     levels: u8,
@@ -146,12 +146,12 @@ impl Keys {
         Self { addresses: (0..=levels).map(at_depth).collect(), positions, bounds: *bounds, levels }
     }
 
-    /// Where an address itself is.
-    pub fn place(&self, address: Address) -> Place {
+    /// The viewpoint that an address stands for.
+    pub fn viewpoint(&self, address: Address) -> Viewpoint {
         let unit = bevy::math::Vec3::from_array(address.at.map(f32::from))
             / f32::from(1_u16 << self.levels);
         let rotation = address.direction.rotation();
-        Place::from(&CameraView {
+        Viewpoint::from(&CameraView {
             position: self.bounds.from_unit(unit),
             rotation,
             vertical_fov: 1.0,
@@ -160,7 +160,7 @@ impl Keys {
     }
 }
 
-/// The cube of depth `depth` that holds `position`.
+/// The cube at depth `depth` that contains `position`.
 pub(super) fn leaf_at(levels: u8, depth: u8, position: bevy::math::Vec3) -> Leaf {
     let (lattice, size) = (1_u16 << levels, 1_u16 << (levels - depth));
     let min = position
@@ -169,14 +169,14 @@ pub(super) fn leaf_at(levels: u8, depth: u8, position: bevy::math::Vec3) -> Leaf
     Leaf { min, size }
 }
 
-/// Estimates at every depth, from some of the cameras: of all together, and of each address that
-/// has one of them.
+/// Estimates at every depth from a subset of the cameras: shared, and for each address with
+/// cameras.
 #[derive(Clone, Debug)]
 pub(super) struct Pyramid<'a> {
     smoother: &'a Smoother<'a>,
     cameras: Vec<usize>,
     pub shared: Estimate,
-    /// Cameras of each address, by depth.
+    /// Cameras at each address, by depth.
     members: Vec<BTreeMap<Address, Vec<usize>>>,
 }
 
@@ -198,24 +198,26 @@ impl<'a> Pyramid<'a> {
         Self { smoother, cameras: cameras.to_vec(), shared: training.mean(cameras), members }
     }
 
-    /// What is known at an address: by the places of its cameras, or by its own where it has none.
+    /// The estimate at an address: at the viewpoints of its cameras, or at its own where it has
+    /// none.
     pub fn address(&self, keys: &Keys, address: Address, depth: usize) -> Estimate {
-        let places: Vec<Place> = match self.members[depth].get(&address) {
-            Some(members) => members.iter().map(|camera| self.smoother.place(*camera)).collect(),
-            None => vec![keys.place(address)],
+        let viewpoints: Vec<Viewpoint> = match self.members[depth].get(&address) {
+            Some(members) => {
+                members.iter().map(|camera| self.smoother.viewpoint(*camera)).collect()
+            }
+            None => vec![keys.viewpoint(address)],
         };
-        self.smoother.at(&places, &self.cameras, &self.shared)
+        self.smoother.at(&viewpoints, &self.cameras, &self.shared)
     }
 
-    /// The same for several cameras' places at once.
-    pub fn places(&self, cameras: &[usize]) -> Estimate {
-        let places: Vec<Place> =
-            cameras.iter().map(|camera| self.smoother.place(*camera)).collect();
-        self.smoother.at(&places, &self.cameras, &self.shared)
+    /// The mean estimate at several cameras' viewpoints.
+    pub fn viewpoints(&self, cameras: &[usize]) -> Estimate {
+        let viewpoints: Vec<Viewpoint> =
+            cameras.iter().map(|camera| self.smoother.viewpoint(*camera)).collect();
+        self.smoother.at(&viewpoints, &self.cameras, &self.shared)
     }
 
-    /// How much finer estimates differ from those of `depth`, in the mean over `cameras` and
-    /// settings.
+    /// Mean difference of finer estimates from those of `depth`, over `cameras` and settings.
     pub fn distance(&self, keys: &Keys, cameras: &[usize], depth: usize) -> CostPoint {
         let (mut power, mut error, mut count) = (0.0, 0.0, 0.0_f64);
         for camera in cameras {

@@ -1,4 +1,4 @@
-//! The octree: divided where that pays, with a frontier for every address of its leaves.
+//! The octree: divided where that lowers the cost, with a frontier for every address of its leaves.
 
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -10,22 +10,22 @@ use super::estimate::{Estimate, Keys, Pyramid, Training, leaf_at};
 use super::validate::held_out;
 use super::{Losses, Smoother};
 
-/// An address without cameras whose neighbours say less than this has the frontier that all share.
+/// Least weight of evidence; an address without cameras and with less takes the shared frontier.
 const LEAST_WEIGHT: f64 = 0.5;
 
-/// How an octree is fitted.
+/// Configuration of the fit.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct FitConfig {
-    /// How often the camera space may be halved, at most 6.
+    /// Greatest number of octree levels, at most 6.
     pub levels: u8,
     /// Least number of cameras in a node that is divided. Higher values give smaller maps.
     pub least_cameras: usize,
-    /// A node is divided only where what its parts' estimates say differs by more than this: watts,
-    /// in the mean over settings.
+    /// Power threshold: a node is divided only where its children's estimates differ by more than
+    /// this, in watts, in the mean over settings.
     pub power_threshold_w: f64,
-    /// The same as a share of the range of power of the frontier that all share.
+    /// The same as a share of the shared frontier's range of power.
     pub power_threshold_share: f64,
-    /// Or by more than this: 1 − SSIM.
+    /// Error threshold, 1 − SSIM; exceeding either threshold suffices.
     pub error_threshold: f64,
 }
 
@@ -41,21 +41,21 @@ impl Default for FitConfig {
     }
 }
 
-/// What a fit came to.
+/// Summary of a fit.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct FitReport {
-    /// Cameras that it comes from.
+    /// Number of cameras.
     pub cameras: usize,
-    /// Cross-validated loss of the frontier that all cameras share, as a share of the least cost;
-    /// in the mean over cameras on tracks, where there are enough of them.
+    /// Cross-validated loss of the shared frontier, as a share of the least cost; mean over cameras
+    /// on tracks, where there are enough of them.
     pub shared_loss: f64,
-    /// The same of the octree.
+    /// The same for the octree.
     pub octree_loss: f64,
-    /// The same of octrees that are divided everywhere, by depth.
+    /// The same for uniformly divided octrees, by depth.
     pub depth_losses: Vec<f64>,
-    /// Addresses with cameras of their own.
+    /// Number of addresses with cameras.
     pub addresses: usize,
-    /// The threshold in power that was used, watts.
+    /// The power threshold used, watts.
     pub power_threshold_w: f64,
 }
 
@@ -64,16 +64,15 @@ pub struct FitReport {
 pub struct Fitted {
     /// The octree.
     pub octree: Octree,
-    /// The frontier of all cameras together.
+    /// The shared frontier of all cameras.
     pub shared: Frontier,
-    /// What it came to.
+    /// The summary.
     pub report: FitReport,
-    /// For each training camera the frontier that it would be given, had it and its group taken no
-    /// part.
+    /// For each training camera its frontier with its group held out.
     pub held_out: Vec<Frontier>,
 }
 
-/// Fits an octree over `bounds` to `training`, whose cameras have these `views`.
+/// Fits an octree over `bounds` to `training`; `views`: its cameras.
 pub fn fit(
     training: &Training,
     views: &[CameraView],
@@ -139,7 +138,7 @@ pub fn fit(
         });
         depths
     });
-    // Over the same cameras as the loss that it is held against.
+    // Over the same cameras as the shared loss, with which it is compared.
     let of_octree = |depths: &Vec<usize>| {
         mean(
             &depths
@@ -184,19 +183,19 @@ impl Tree {
         self.octree.nodes.extend([0; 8]);
         let half = Leaf { size: leaf.size / 2, ..leaf };
         for child in 0..8 {
-            let part = Leaf { min: half.corner(child), size: half.size };
+            let octant = Leaf { min: half.corner(child), size: half.size };
             let levels = self.octree.levels;
             let inside = cameras.iter().filter(|camera| {
-                leaf_at(levels, depth as u8 + 1, keys.positions[**camera]) == part
+                leaf_at(levels, depth as u8 + 1, keys.positions[**camera]) == octant
             });
             let inside: Vec<usize> = inside.copied().collect();
-            self.divide(first + child, depth + 1, part, &inside, pays, keys);
+            self.divide(first + child, depth + 1, octant, &inside, pays, keys);
         }
     }
 }
 
-/// Estimates of the addresses that cameras fall into: corners on the border of two leaves have
-/// cameras of both.
+/// Estimates of the addresses with cameras; corners on the border of two leaves have cameras of
+/// both.
 fn estimates(
     keys: &Keys,
     pyramid: &Pyramid<'_>,
@@ -208,10 +207,10 @@ fn estimates(
             members.entry(keys.addresses[*depth][*camera]).or_default().push(*camera);
         }
     }
-    members.iter().map(|(address, members)| (*address, pyramid.places(members))).collect()
+    members.iter().map(|(address, members)| (*address, pyramid.viewpoints(members))).collect()
 }
 
-/// Everything that tells what a corner's frontier is.
+/// Inputs of a corner's frontier.
 struct Known<'a> {
     training: &'a Training,
     keys: &'a Keys,
@@ -221,7 +220,7 @@ struct Known<'a> {
 }
 
 impl Known<'_> {
-    /// The frontier of an address: by its cameras, or by those around it.
+    /// The frontier of an address: from its cameras, or from those around it.
     fn frontier(&self, address: Address) -> Frontier {
         if self.estimates.is_empty() {
             return self.shared.clone();
@@ -238,7 +237,7 @@ impl Known<'_> {
     }
 }
 
-/// Gives every corner of every leaf its six frontiers; equal ones are stored once.
+/// Assigns six frontiers to every corner of every leaf; equal frontiers are stored once.
 fn fill(octree: &mut Octree, leaves: &[(Leaf, usize, Vec<usize>)], known: &Known<'_>) {
     let corners: BTreeSet<[u16; 3]> =
         leaves.iter().flat_map(|(leaf, ..)| (0..8).map(|number| leaf.corner(number))).collect();

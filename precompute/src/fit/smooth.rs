@@ -1,40 +1,40 @@
-//! What settings cost at a view, from cameras near it: kernel regression (Nadaraya 1964, Watson
-//! 1964).
+//! Costs at a viewpoint from nearby cameras: kernel regression (Nadaraya 1964, Watson 1964).
 //!
-//! A camera that was rendered tells of views metres and tens of degrees away. On 13 frames of a
-//! tour, 13 training cameras smoothed so picked settings for 10.9 W, in the mean over nine error
-//! budgets, where the best constants took 13.5 W and the best of every frame 10.4 W. Errors are
-//! averaged as they are: budgets hold for their mean, of which a mean of logarithms falls short the
-//! more views differ.
+//! A rendered camera predicts costs of views metres and tens of degrees away. On 13 frames of a
+//! tour, 13 training cameras with this smoothing selected settings of 10.9 W, in the mean over nine
+//! error budgets; the best constants took 13.5 W and the optimum of every frame 10.4 W. Errors are
+//! averaged without a logarithm: budgets limit their arithmetic mean, which a mean of logarithms
+//! underestimates the more views differ.
 
 use bevy::math::Vec3;
 use bevy_frugal_gi::frontier::{CameraView, CostPoint};
 
 use super::estimate::{Estimate, Training};
 
-/// Metres, and radians of turning, that count as one step away.
+/// Unit of distance between viewpoints: metres, and radians of rotation, per step.
 const STEP: (f32, f32) = (2.0, 0.7);
-/// Steps at which a camera counts for 1/e: as far as the second nearest camera is, within these.
-/// Narrow where cameras are dense, wide where they are rare (Breiman, Meisel, Purcell 1977).
+/// Range of the kernel's bandwidth, steps: the distance of the second nearest camera, clamped to
+/// this range. Narrow where cameras are dense, wide where they are sparse (Breiman, Meisel, Purcell
+/// 1977).
 const REACH: (f32, f32) = (0.3, 2.0);
-/// What all cameras together count for, where one at the very place counts for 1.
+/// Prior weight of the shared estimate, in cameras at the exact viewpoint.
 const SHARED_WEIGHT: f64 = 0.1;
 
-/// Where a camera is, and where it looks.
+/// A camera's position and direction.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Place {
+pub struct Viewpoint {
     position: Vec3,
     forward: Vec3,
 }
 
-impl From<&CameraView> for Place {
+impl From<&CameraView> for Viewpoint {
     fn from(view: &CameraView) -> Self {
         Self { position: view.position, forward: view.rotation * Vec3::NEG_Z }
     }
 }
 
-impl Place {
-    /// How far apart two views are, in steps. Infinite where that is no number.
+impl Viewpoint {
+    /// Distance of two viewpoints in steps; infinite instead of NaN.
     fn steps(&self, other: &Self) -> f32 {
         let metres = self.position.distance(other.position) / STEP.0;
         let turn = self.forward.angle_between(other.forward) / STEP.1;
@@ -42,33 +42,33 @@ impl Place {
     }
 }
 
-/// Estimates anywhere from the training cameras.
+/// Kernel estimates from the training cameras.
 #[derive(Clone, Debug)]
 pub struct Smoother<'a> {
     training: &'a Training,
-    places: Vec<Place>,
+    viewpoints: Vec<Viewpoint>,
 }
 
 impl<'a> Smoother<'a> {
-    /// Over `training`, whose cameras have these views.
+    /// An estimator over `training`; `views`: its cameras.
     pub fn new(training: &'a Training, views: &[CameraView]) -> Self {
-        Self { training, places: views.iter().map(Place::from).collect() }
+        Self { training, viewpoints: views.iter().map(Viewpoint::from).collect() }
     }
 
-    /// Where a training camera is.
-    pub fn place(&self, camera: usize) -> Place {
-        self.places[camera]
+    /// The viewpoint of a training camera.
+    pub fn viewpoint(&self, camera: usize) -> Viewpoint {
+        self.viewpoints[camera]
     }
 
-    /// What settings cost at `places`, in the mean, from cameras `from`, drawn towards `shared`.
-    pub fn at(&self, places: &[Place], from: &[usize], shared: &Estimate) -> Estimate {
-        let count = places.len().max(1) as f64;
+    /// Mean costs at `viewpoints`, from cameras `from`, shrunk towards `shared`.
+    pub fn at(&self, viewpoints: &[Viewpoint], from: &[usize], shared: &Estimate) -> Estimate {
+        let count = viewpoints.len().max(1) as f64;
         let mut sums = vec![0.0; from.len()];
-        // How many cameras are here: one a step away counts for 1/e, however rare cameras are.
+        // Weight of the evidence, with a bandwidth of one step however sparse cameras are.
         let mut presence = 0.0;
-        for place in places {
+        for viewpoint in viewpoints {
             let steps: Vec<f32> =
-                from.iter().map(|camera| place.steps(&self.places[*camera])).collect();
+                from.iter().map(|camera| viewpoint.steps(&self.viewpoints[*camera])).collect();
             presence += steps.iter().map(|steps| f64::from((-steps).exp())).sum::<f64>();
             let reach = reach(&steps);
             sums.iter_mut()
@@ -98,7 +98,7 @@ impl<'a> Smoother<'a> {
     }
 }
 
-/// Steps at which a camera counts for 1/e, where cameras are this many steps away.
+/// The kernel's bandwidth for cameras at these distances, in steps.
 fn reach(steps: &[f32]) -> f32 {
     let mut sorted = steps.to_vec();
     sorted.sort_by(f32::total_cmp);

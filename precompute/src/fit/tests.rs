@@ -1,4 +1,4 @@
-//! Fits to made-up scenes whose best maps are known.
+//! Fits to synthetic scenes with known optimal maps.
 
 use bevy::math::{Quat, Vec3};
 use bevy_frugal_gi::control::{Budget, select};
@@ -19,7 +19,7 @@ fn settings() -> Vec<RenderSettings> {
     (0..SETTINGS).map(RenderSettings::from_bits).collect()
 }
 
-/// Even settings suit one kind of view, odd ones the other. `noise` is relative.
+/// Even settings suit one kind of view, odd ones the other; `noise` is relative.
 fn cost(
     settings: RenderSettings,
     kind: bool,
@@ -43,7 +43,7 @@ struct Scene {
     table: CostTable,
 }
 
-/// `count` cameras anywhere, whose kind is `kind` of their position.
+/// `count` cameras at random positions; `kind` classifies a position.
 fn scene(count: usize, seed: u64, noise: f64, kind: impl Fn(Vec3) -> bool) -> Scene {
     let mut random = ChaCha8Rng::seed_from_u64(seed);
     let mut scene = Scene { cameras: Vec::new(), views: Vec::new(), table: CostTable::new(count) };
@@ -94,8 +94,8 @@ fn halves_of_a_scene_that_differ_get_frontiers_of_their_own() {
     let fitted = fitted(&scene(200, 1, 0.05, is_near));
     assert_eq!(fitted.octree.validate(), Ok(()));
     assert!(fitted.report.octree_loss < 0.4 * fitted.report.shared_loss, "{:?}", fitted.report);
-    // Of the frontiers at each end most settings are of the kind that suits it; addresses without
-    // cameras have a coarser one's.
+    // Most settings of the frontiers at each end are of the suitable kind; addresses without
+    // cameras have coarser estimates.
     for (x, parity) in [(0, 0), (1 << fitted.octree.levels, 1)] {
         let corners = fitted.octree.corners.iter().filter(|corner| corner.at[0] == x);
         let frontiers = corners
@@ -127,7 +127,7 @@ fn cameras_that_lack_a_reading_take_no_part() {
     assert_eq!((training.cameras(), rows), (4, vec![0, 1, 3, 5]));
 }
 
-/// Mean error at fresh cameras of what a budget picks.
+/// Mean error at fresh cameras of the settings selected under a budget.
 fn played(octree: &Octree, rates: &ErrorRates, budget: f64, seed: u64) -> f64 {
     let scene = scene(400, seed, 0.02, |_| true);
     let frontier = &octree.frontiers[0];
@@ -176,7 +176,7 @@ fn without_cameras_nothing_is_calibrated_and_few_support_little() {
     let fitted = fitted(&train);
     let error = |settings: RenderSettings| train.table.get(0, settings).map(|cost| cost.error);
     let camera = || Calibration { frontier: &fitted.shared, error: &error };
-    // With three cameras the bound alone is a whole budget.
+    // With three cameras the bound alone uses up the whole budget.
     assert!(
         calibrate(&[camera(), camera(), camera()], true).0.len()
             <= calibrate(&[camera(), camera(), camera()], false).0.len()

@@ -1,24 +1,24 @@
-//! Whether finer estimates pay: what they pick, held against cameras that took no part in them.
+//! Cross-validation of estimates: costs of their selections at held-out cameras.
 
 use bevy_frugal_gi::frontier::Frontier;
 
 use super::Smoother;
 use super::estimate::{Estimate, Keys, Pyramid, Training};
 
-/// Parts that the cameras are divided into.
+/// Number of folds.
 const FOLDS: u32 = 8;
-/// Exchange rates at which picks are judged, in units of the greatest mean power per unit of error:
-/// those of error budgets from a few hundredths to a few thousandths.
+/// Exchange rates of the selections, in units of the greatest mean power per unit of error: those
+/// of error budgets from a few hundredths to a few thousandths.
 const RATES: [f64; 7] = [2.0, 4.0, 8.0, 16.0, 32.0, 64.0, 128.0];
 
-/// What the best depth must save to be worth a larger map: standard errors, and a share of what one
-/// frontier for all loses.
+/// Least saving of the best depth that justifies a larger map: in standard errors, and as a share
+/// of the shared frontier's loss.
 const LEAST_SAVING: (f64, f64) = (1.0, 0.1);
 
-/// What picks cost at held-out cameras: how far above the best pick, as a share of it.
+/// Losses at held-out cameras: cost of the selected settings above the optimum, as a share of it.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Losses {
-    /// By camera, picked from what all cameras share.
+    /// By camera, with the shared frontier.
     pub shared: Vec<f64>,
     /// By depth, then by camera.
     pub by_depth: Vec<Vec<f64>>,
@@ -53,12 +53,12 @@ impl Losses {
     }
 
     /// The greatest depth whose loss at `cameras` is within one standard error of the least, and no
-    /// more than that of one frontier for all; `None` where that one is as good.
+    /// more than that of the shared frontier; `None` where the shared frontier is as good.
     ///
-    /// One question for many cameras: a node alone has too few of them to tell. The deepest, since
-    /// estimates are smoothed over cameras: what is divided too finely loses little. At cameras on
-    /// tracks, where they are near each other as they are at run time: those in free space have
-    /// nobody beside them, and say of every depth that it does not help.
+    /// One decision for all cameras: a single node has too few. The deepest within the tolerance,
+    /// because estimates are smoothed over cameras and too fine a division loses little. Evaluated
+    /// at cameras on tracks, which are near each other as at run time: cameras in free space have
+    /// no neighbours, and at them no depth helps.
     pub(super) fn deepest(&self, cameras: &[usize]) -> Option<usize> {
         let among = |losses: &Vec<f64>| {
             cameras.iter().filter_map(|camera| losses.get(*camera).copied()).collect::<Vec<f64>>()
@@ -80,7 +80,7 @@ impl Losses {
     }
 }
 
-/// Mean by which losses are above others at the same cameras, and its standard error.
+/// Mean of the paired difference of losses, and its standard error.
 fn difference(losses: &[f64], others: &[f64]) -> (f64, f64) {
     let differences: Vec<f64> =
         losses.iter().zip(others).map(|(loss, other)| loss - other).collect();
@@ -93,18 +93,18 @@ fn difference(losses: &[f64], others: &[f64]) -> (f64, f64) {
     (mean, (squares / (count - 1.0) / count).sqrt())
 }
 
-/// Cameras that are held out, and those that are kept, in turn; whole groups, and never all of
-/// them.
+/// Held-out and kept cameras of each fold; groups are never split, and no fold holds out all
+/// cameras.
 fn folds(training: &Training) -> impl Iterator<Item = (Vec<usize>, Vec<usize>)> + '_ {
     let fold =
         |camera: usize| training.group(camera).wrapping_mul(2_654_435_769) >> 16 & (FOLDS - 1);
-    let parts = (0..FOLDS)
-        .map(move |part| (0..training.cameras()).partition(|camera| fold(*camera) == part));
-    parts.filter(|(out, kept): &(Vec<usize>, Vec<usize>)| !out.is_empty() && !kept.is_empty())
+    let splits = (0..FOLDS)
+        .map(move |number| (0..training.cameras()).partition(|camera| fold(*camera) == number));
+    splits.filter(|(out, kept): &(Vec<usize>, Vec<usize>)| !out.is_empty() && !kept.is_empty())
 }
 
-/// For each camera the frontier of its address at its depth, from the cameras of other folds; from
-/// all of them together without depths.
+/// For each camera the frontier of its address at its depth, from the cameras of other folds; the
+/// shared frontier without depths.
 pub(super) fn held_out(
     training: &Training,
     smoother: &Smoother<'_>,
@@ -124,7 +124,7 @@ pub(super) fn held_out(
     frontiers
 }
 
-/// Mean over the rates of what the estimate's pick costs at `camera`, above the best pick there.
+/// Mean over the rates of the selection's cost at `camera` above the optimum there.
 fn loss(training: &Training, camera: usize, estimate: &Estimate, scale: f64) -> f64 {
     let costs = training.costs(camera);
     let at_rate = |rate: f64| {
@@ -147,12 +147,12 @@ mod tests {
 
     const ALL: [usize; 4] = [0, 1, 2, 3];
 
-    /// Losses of four cameras that vary by a tenth about these means.
+    /// Losses of four cameras that vary by up to a tenth about these means.
     fn losses(shared: f64, by_depth: &[f64]) -> Losses {
         let vary = |mean: &f64| {
             [-0.1, 0.05, 0.1, -0.05].iter().map(|part| mean * (1.0 + part)).collect::<Vec<f64>>()
         };
-        // Each depth's the other way round from the one before, so that differences have a spread.
+        // The order alternates with depth, so that differences have a spread.
         let depth = |(index, mean): (usize, &f64)| {
             let mut losses = vary(mean);
             losses.rotate_left(index);

@@ -1,4 +1,4 @@
-//! Whether the watts and errors of two maps mean the same.
+//! Comparability of the watts and errors of two maps.
 
 use bevy_frugal_gi::frontier::{FrontierMap, FrontierMapError, SceneIdentity};
 use bevy_frugal_gi::knobs::KnobSpace;
@@ -13,10 +13,10 @@ pub enum CompareError {
     Broken {
         /// `old` or `new`.
         which: &'static str,
-        /// What is wrong with it.
+        /// The cause.
         source: FrontierMapError,
     },
-    /// Two scenes, or one before and after it changed.
+    /// The scenes differ, or the scene has changed.
     #[error(
         "the maps are of different scenes, `{}` ({}) and `{}` ({}): run `frugal precompute` on one scene with both builds",
         old.name, old.fingerprint, new.name, new.fingerprint
@@ -27,7 +27,7 @@ pub enum CompareError {
         /// The new map's scene.
         new: SceneIdentity,
     },
-    /// Settings that do not mean the same.
+    /// The knobs differ.
     #[error(
         "the maps have different knobs: {difference}; run `frugal precompute` with the same --knobs for both"
     )]
@@ -35,19 +35,19 @@ pub enum CompareError {
         /// The first knobs that differ.
         difference: String,
     },
-    /// Pictures that were rendered otherwise.
+    /// The capture conditions differ.
     #[error("the maps differ in {what}, {old} and {new}: {remedy}")]
     OtherCapture {
         /// The condition.
         what: &'static str,
-        /// The old map's.
+        /// The old map's value.
         old: String,
-        /// The new map's.
+        /// The new map's value.
         new: String,
-        /// What to do about it.
+        /// The remedy.
         remedy: &'static str,
     },
-    /// Watts of two meters.
+    /// The meters differ.
     #[error(
         "the maps' watts are of different meters, `{old}` and `{new}`: run `frugal precompute` with the same --meter for both"
     )]
@@ -57,19 +57,19 @@ pub enum CompareError {
         /// The new map's meter.
         new: String,
     },
-    /// No error level that both frontiers reach.
+    /// The frontiers have no common error level.
     #[error(
         "the maps' frontiers have no error from {least} to {most} in common: run `frugal precompute` again for both, with more time"
     )]
     NothingInCommon {
-        /// The least error that was looked at.
+        /// The least error compared.
         least: f64,
-        /// The greatest.
+        /// The greatest error compared.
         most: f64,
     },
 }
 
-/// Refuses two maps whose watts or errors do not mean the same.
+/// Fails for two maps whose watts or errors are not comparable.
 pub(super) fn check(old: &FrontierMap, new: &FrontierMap) -> Result<(), CompareError> {
     old.validate().map_err(|source| CompareError::Broken { which: "old", source })?;
     new.validate().map_err(|source| CompareError::Broken { which: "new", source })?;
@@ -117,14 +117,14 @@ fn check_capture(old: &FrontierMap, new: &FrontierMap) -> Result<(), CompareErro
     )
 }
 
-/// One kind of meter. What follows `=` in a name is the meter's option, as a file of prices. Two
-/// builds may have two of those: a difference to be found, not refused.
+/// Whether two meters are of one kind. The part of a name after `=` is an option, such as a file of
+/// prices. Two builds may have different options: a difference to report, not to reject.
 fn same_meter(old: &MeterInfo, new: &MeterInfo) -> bool {
     let kind = |name: &str| name.split('=').next().unwrap_or_default().trim().to_owned();
     old.provenance == new.provenance && kind(&old.name) == kind(&new.name)
 }
 
-/// How two spaces differ, in words; `None` where they do not.
+/// The difference of two spaces in words; `None` where they are equal.
 fn difference(old: &KnobSpace, new: &KnobSpace) -> Option<String> {
     if old == new {
         return None;
@@ -171,7 +171,7 @@ mod tests {
     }
 
     #[test]
-    fn what_differs_is_named_with_a_remedy() {
+    fn differences_are_named_with_a_remedy() {
         let capture = map().capture;
         for (message, words) in [
             (
@@ -241,7 +241,7 @@ mod tests {
     }
 
     #[test]
-    fn numbers_that_are_none_are_refused() {
+    fn nan_is_refused() {
         assert!(refused(|map| map.capture.frames_per_second = f64::NAN).contains("the new map: "));
         assert!(refused(|map| map.work_prices.idle.0 = f64::NAN).contains("work_prices"));
         let mut old = map();

@@ -1,9 +1,9 @@
-//! Power at equal error: how much more the pictures of one map cost than those of another.
+//! Power at equal error: relative cost of the images of two maps.
 //!
-//! Neither end of a frontier says so. The same settings may cost more and look better, and two
-//! searches find different settings. What a budget's owner pays is power at the error that is asked
-//! for. So that is compared: along the shared frontier, and in the mean over the addresses that
-//! both maps know.
+//! Neither end of a frontier shows it. The same settings may cost more and look better, and two
+//! searches find different settings. The cost under a budget is the power at the requested error.
+//! So that is compared: along the shared frontier, and in the mean over the addresses that both
+//! maps have.
 
 use std::collections::BTreeMap;
 
@@ -13,14 +13,14 @@ use serde::Serialize;
 use super::CompareError;
 use super::comparable::check;
 
-/// Errors at which maps are compared: where budgets live.
+/// Errors at which maps are compared: the range of error budgets.
 pub const ERRORS: [f64; 6] = [0.005, 0.01, 0.015, 0.02, 0.03, 0.05];
 
-/// What lower errors count as between two points. A picture rendered twice may differ by as much,
-/// and 0, the best settings' own, has no logarithm. Below every one of [`ERRORS`].
+/// Lower bound of errors in interpolation. Repeated renderings may differ by as much, and 0, the
+/// error of the best settings, has no logarithm. Below every one of [`ERRORS`].
 const LEAST_ERROR: f64 = 0.001;
 
-/// How the power of a map differs from that of an older one.
+/// Change of a map's power against an older map.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct MapComparison {
     /// The verdict: the greater of the two changes below. 0.02 is 2 % more power than in the old
@@ -30,10 +30,10 @@ pub struct MapComparison {
     pub shared_change: Option<f64>,
     /// Change of the mean over common addresses, mean over the error levels.
     pub addresses_change: Option<f64>,
-    /// Power of the old map's device while nothing is rendered, in watts. No build answers for it,
-    /// so all powers here leave it out.
+    /// Idle power of the old map's device, watts. It does not depend on the build, so all powers
+    /// here exclude it.
     pub idle_w: f64,
-    /// Each error level.
+    /// The error levels.
     pub errors: Vec<ErrorLevel>,
 }
 
@@ -42,45 +42,45 @@ pub struct MapComparison {
 pub struct ErrorLevel {
     /// The error.
     pub error: f64,
-    /// Along the shared frontiers; none where one of the maps has no settings that good.
+    /// Along the shared frontiers; `None` where one of the maps does not reach the error.
     pub shared: Option<Change>,
-    /// Mean over the addresses whose frontiers have settings that good in both maps; none where
-    /// there are none.
+    /// Mean over the addresses whose frontiers reach the error in both maps; `None` without such
+    /// addresses.
     pub addresses: Option<Change>,
 }
 
 /// Power in the old map and in the new one.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Change {
-    /// Mean power in the old map, beyond the idle device's, in watts.
+    /// Mean power in the old map without idle power, watts.
     pub old_w: f64,
     /// The same in the new map.
     pub new_w: f64,
     /// new ÷ old − 1.
     pub change: f64,
-    /// Frontiers of each map that the means are over.
+    /// Number of frontiers of each map in the means.
     pub frontiers: usize,
 }
 
 impl MapComparison {
-    /// Whether power rose by more than `tolerance`, a share. Falling is never too much. NaN
-    /// tolerates nothing.
+    /// Whether power rose by more than `tolerance`, a share. A fall never counts. A tolerance of
+    /// NaN tolerates nothing.
     pub fn rose_beyond(&self, tolerance: f64) -> bool {
-        // `max` takes the other number where one is NaN.
+        // `max` ignores NaN.
         self.change > tolerance.max(0.0)
     }
 }
 
 /// Compares `new` with `old`.
 ///
-/// The verdict is a mean over [`ERRORS`]. A single level rests on two points of each shared
-/// frontier, and moves with the settings that a search has found there; what a build costs more
-/// shows at all levels. Of shared frontier and addresses the worse one counts, since cameras play
+/// The verdict is a mean over [`ERRORS`]. A single level depends on two points of each shared
+/// frontier, and varies with the settings that a search has found there; a higher cost of a build
+/// shows at all levels. The worse of shared frontier and addresses decides, because cameras use
 /// both.
 ///
 /// # Errors
-/// When a map contradicts itself, the maps' watts or errors do not mean the same, or they have no
-/// error in common.
+/// When a map is inconsistent, the maps' watts or errors are not comparable, or they have no common
+/// error.
 pub fn compare(old: &FrontierMap, new: &FrontierMap) -> Result<MapComparison, CompareError> {
     check(old, new)?;
     let idle_w = old.work_prices.idle.0;
@@ -102,8 +102,8 @@ pub fn compare(old: &FrontierMap, new: &FrontierMap) -> Result<MapComparison, Co
 }
 
 impl Change {
-    /// Over the pairs that both reach `error`; none where there are none, or where their powers
-    /// have no ratio.
+    /// The change over the pairs that both reach `error`; `None` without such pairs, or where the
+    /// ratio of their powers is undefined.
     fn at(error: f64, pairs: &[(&Frontier, &Frontier)], idle_w: f64) -> Option<Self> {
         let powers = pairs.iter().filter_map(|(old, new)| {
             Some((power_at(old, error)? - idle_w, power_at(new, error)? - idle_w))
@@ -112,8 +112,8 @@ impl Change {
             powers.fold((0.0, 0.0, 0), |(old, new, count), (a, b)| (old + a, new + b, count + 1));
         let count = f64::from(u32::try_from(frontiers).ok().filter(|count| *count > 0)?);
         let ratio = new_w / old_w;
-        let sound = old_w > 0.0 && new_w > 0.0 && ratio.is_finite() && ratio > 0.0;
-        sound.then(|| Self {
+        let valid = old_w > 0.0 && new_w > 0.0 && ratio.is_finite() && ratio > 0.0;
+        valid.then(|| Self {
             old_w: old_w / count,
             new_w: new_w / count,
             change: ratio - 1.0,
@@ -122,21 +122,21 @@ impl Change {
     }
 }
 
-/// The geometric mean of the ratios: the way back is the opposite of the way there. None of none.
+/// The geometric mean of the ratios, so that swapping the maps inverts it. `None` without changes.
 fn mean_change(changes: impl Iterator<Item = Change>) -> Option<f64> {
     let (sum, count) =
         changes.fold((0.0, 0.0), |(sum, count), change| (sum + change.change.ln_1p(), count + 1.0));
     (count > 0.0).then(|| (sum / count).exp_m1())
 }
 
-/// Power at which `frontier` reaches `error`: between two points, linear in the logarithm of error.
-/// Where its cheapest settings are better than that, theirs. `None` where no settings are that
-/// good.
+/// Power at which `frontier` reaches `error`, interpolated linearly in the logarithm of error. The
+/// cheapest settings' power where even those are below `error`; `None` where no settings reach it.
 ///
-/// Rejected: the staircase that a controller climbs. Its steps are a tenth of the power and more,
-/// and the least noise in an error takes one or does not. Interpolated power moves as far as the
-/// points do, and by no more than it gains where only one of two searches found some settings. In
-/// the logarithm frontiers are nearly straight: halving the error costs about as much anywhere.
+/// Rejected: the step function of a controller's selections. Its steps are a tenth of the power and
+/// more, and the least noise of an error decides whether one is taken. Interpolated power moves as
+/// far as the points do, and by no more than the gain of settings that only one of two searches
+/// found. In the logarithm frontiers are nearly straight: halving the error costs about the same
+/// anywhere.
 fn power_at(frontier: &Frontier, error: f64) -> Option<f64> {
     let points = frontier.points();
     let first = points.partition_point(|point| point.cost.error > error);
@@ -149,7 +149,7 @@ fn power_at(frontier: &Frontier, error: f64) -> Option<f64> {
     Some(worse.power.0 + share * (good.power.0 - worse.power.0))
 }
 
-/// Frontiers of the addresses that both maps know, the old map's first. None where their octrees
+/// Frontiers of the addresses that both maps have, the old map's first. Empty where their octrees
 /// span different boxes.
 fn common_addresses<'a>(
     old: &'a FrontierMap,
@@ -165,7 +165,7 @@ fn common_addresses<'a>(
         .collect()
 }
 
-/// Frontiers by corner, on the finest lattice that any octree has, and view direction.
+/// Frontiers by corner, on the finest lattice of any octree, and view direction.
 fn frontiers_by_address(octree: &Octree) -> BTreeMap<([u32; 3], ViewDirection), &Frontier> {
     let finest = u32::from(Octree::MAX_LEVELS.saturating_sub(octree.levels));
     let corners = octree

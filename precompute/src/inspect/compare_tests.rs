@@ -5,7 +5,7 @@ use bevy_frugal_gi::units::Watts;
 use super::super::testing::{frontier, map, with_costs, with_noise, with_power};
 use super::*;
 
-/// The command's default.
+/// The command's default tolerance.
 const TOLERANCE: f64 = 0.01;
 
 fn of(points: &[(f64, f64)]) -> Frontier {
@@ -25,8 +25,8 @@ fn power_between_two_points_is_linear_in_the_logarithm_of_error() {
     let frontier = of(&[(2.0, 0.04), (6.0, 0.01), (9.0, 0.0)]);
     let at = |error| power_at(&frontier, error).expect("reached");
     assert!(close(at(0.04), 2.0) && close(at(0.02), 4.0) && close(at(0.01), 6.0));
-    // Settings that are better than asked for cost what they cost; an error of 0 counts as that of
-    // a picture rendered twice.
+    // Settings below the requested error keep their cost; an error of 0 counts as the noise of
+    // repeated renderings.
     assert!(close(at(0.05), 2.0));
     assert!(close(at(0.005), 6.0 + 3.0 * 2.0_f64.ln() / 10.0_f64.ln()), "{}", at(0.005));
     assert_eq!(power_at(&of(&[(2.0, 0.04), (6.0, 0.01)]), 0.005), None);
@@ -69,7 +69,7 @@ fn two_percent_are_found_and_noise_is_not_flagged() {
 
 #[test]
 fn settings_that_only_one_search_found_are_no_regression() {
-    // Every third point is gone, as from another pool.
+    // Every third point is removed, as with another pool.
     let thin = |which: usize| {
         let mut thin = map();
         for frontier in thin.octree.frontiers.iter_mut().chain([&mut thin.shared]) {
@@ -109,7 +109,7 @@ fn power_of_the_idle_device_does_not_hide_a_rise() {
     };
     let comparison = compare(&idle(&map()), &idle(&with_power(&map(), 1.02))).expect("comparable");
     assert!((comparison.change - 0.02).abs() < 1e-6 && comparison.idle_w == 40.0, "{comparison:?}");
-    // A device that takes less than its own idle power says nothing.
+    // Powers below the idle power have no ratio.
     let mut absurd = map();
     absurd.work_prices.idle = Watts(1e6);
     assert!(matches!(compare(&absurd, &map()), Err(CompareError::NothingInCommon { .. })));

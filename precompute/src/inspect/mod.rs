@@ -1,5 +1,5 @@
-//! What is read out of finished maps: how the power of two differs at equal error, and presets for
-//! a settings menu. Renders nothing.
+//! Analysis of finished maps: power of two maps at equal error, and presets for a settings menu.
+//! Renders nothing.
 //!
 //! | item | job |
 //! |---|---|

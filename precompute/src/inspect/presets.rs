@@ -1,7 +1,7 @@
-//! Presets for a settings menu, from a map's shared frontier instead of by hand.
+//! Presets for a settings menu, from a map's shared frontier.
 //!
-//! Constants that nothing beats over the scene's cameras, for apps that want a menu beside or in
-//! place of the controller.
+//! Non-dominated constants over the scene's cameras, for apps with a menu beside or in place of the
+//! controller.
 
 use std::collections::BTreeMap;
 
@@ -15,24 +15,24 @@ use serde::{Deserialize, Serialize};
 /// The presets, cheapest first.
 pub const PRESET_NAMES: [&str; 5] = ["battery", "low", "medium", "high", "ultra"];
 
-/// Errors above it are seen at once: the cheapest preset has less, where anything has.
+/// Visible error: the cheapest preset has at most this, if any settings have.
 const WORST_SHIPPED: f64 = 0.05;
 
 /// A file of presets.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Presets {
-    /// The scene that they are for.
+    /// The scene.
     pub scene: SceneIdentity,
-    /// The pictures that watts and errors are of.
+    /// The capture conditions of watts and errors.
     pub capture: Capture,
-    /// Where the watts come from.
+    /// The power meter.
     pub meter: MeterInfo,
     /// The presets, cheapest first: power never falls, error never rises.
     pub presets: Vec<Preset>,
 }
 
-/// Settings with a name.
+/// Named settings.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Preset {
@@ -42,21 +42,21 @@ pub struct Preset {
     pub power_w: f64,
     /// Predicted error, mean over the map's cameras.
     pub error: f64,
-    /// A level's label for each knob's name. Knobs that are not here are meant to be at their best.
+    /// Labels of levels by knob name. Absent knobs are at their best.
     pub settings: BTreeMap<String, String>,
 }
 
-/// Why a map gives no presets.
+/// Why a map has no presets.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum PresetsError {
-    /// The map contradicts itself.
+    /// The map is inconsistent.
     #[error(transparent)]
     Broken(#[from] FrontierMapError),
-    /// A map of an earlier version, or of a scene that no camera sees.
+    /// The map is of an earlier version, or no camera sees the scene.
     #[error("the map has no shared frontier to take presets from: run `frugal precompute` again")]
     NoSharedFrontier,
-    /// A label that tells nothing.
+    /// An ambiguous label.
     #[error(
         "knob `{knob}` has two levels called `{label}`: give them labels of their own, then run `frugal precompute` again"
     )]
@@ -69,20 +69,20 @@ pub enum PresetsError {
     /// The serialiser failed.
     #[error("presets cannot be written: {reason}")]
     Unwritable {
-        /// What it said.
+        /// Its message.
         reason: String,
     },
 }
 
 /// The presets of `map`.
 ///
-/// `ultra` is the best that there is. `battery` is the cheapest with an error of at most 0.05, or
-/// the cheapest of all where nothing is that good. Each costs about the same share more than the
-/// one before. No two are equal where the frontier has five points or more, for which `battery` may
-/// be worse.
+/// `ultra` has the least error. `battery` is the cheapest with an error of at most 0.05, or the
+/// cheapest of all where none has. Each costs about the same factor more than the one before. No
+/// two are equal where the frontier has five points or more, for which `battery` may exceed that
+/// error.
 ///
 /// # Errors
-/// When the map contradicts itself, has no shared frontier, or labels that tell nothing.
+/// When the map is inconsistent, has no shared frontier, or has ambiguous labels.
 pub fn presets(map: &FrontierMap) -> Result<Presets, PresetsError> {
     map.validate()?;
     let points = map.shared.points();
@@ -107,10 +107,10 @@ pub fn presets(map: &FrontierMap) -> Result<Presets, PresetsError> {
 }
 
 impl Presets {
-    /// As text, a knob to a line.
+    /// The presets as RON, one knob per line.
     ///
     /// # Errors
-    /// None for these types; the serialiser's, if it has any.
+    /// When the serialiser fails, which it does not for these types.
     pub fn to_ron(&self) -> Result<String, PresetsError> {
         let text = ron::ser::to_string_pretty(self, ron::ser::PrettyConfig::new().new_line("\n"));
         text.map(|text| text + "\n")
@@ -118,13 +118,13 @@ impl Presets {
     }
 }
 
-/// Indices of a frontier's points, one for each name, none below the one before; `None` of an empty
+/// Indices of a frontier's points, one for each name, in ascending order; `None` for an empty
 /// frontier.
 fn choose(points: &[FrontierPoint]) -> Option<[usize; PRESET_NAMES.len()]> {
     const LAST: usize = PRESET_NAMES.len() - 1;
     let best = points.len().checked_sub(1)?;
     if best < LAST {
-        // Too few for all to differ: spread as evenly as they go.
+        // Too few points for all presets to differ: spread evenly.
         return Some(std::array::from_fn(|number| (number * best + LAST / 2) / LAST));
     }
     let good = points.partition_point(|point| point.cost.error > WORST_SHIPPED);
@@ -134,13 +134,12 @@ fn choose(points: &[FrontierPoint]) -> Option<[usize; PRESET_NAMES.len()]> {
     let mut chosen = [first; LAST + 1];
     for number in 1..LAST {
         let share = number as f64 / LAST as f64;
-        // The same factor from each to the next; the same difference where nothing can be a factor
-        // of 0 W.
-        let wanted =
+        // Equal factors between presets; equal differences where the power is 0 W.
+        let target =
             if low > 0.0 { low * (high / low).powf(share) } else { low + share * (high - low) };
-        // As many points are left above as there are presets to come.
+        // Leaves a point for each of the remaining presets.
         let free = chosen[number - 1] + 1..=best - (LAST - number);
-        let distance = |index: &usize| (power(*index) - wanted).abs();
+        let distance = |index: &usize| (power(*index) - target).abs();
         chosen[number] = free.min_by(|a, b| distance(a).total_cmp(&distance(b)))?;
     }
     chosen[LAST] = best;
@@ -189,7 +188,7 @@ mod tests {
     }
 
     #[test]
-    fn they_go_from_what_can_be_shipped_to_the_best_by_equal_factors() {
+    fn they_span_from_the_error_limit_to_the_best_by_equal_factors() {
         let costs = chosen(&map());
         let (battery, ultra) = (costs[0], costs[4]);
         assert!(battery.1 <= WORST_SHIPPED && battery.1 > 0.04 && ultra.1 == 0.0, "{costs:?}");
@@ -231,8 +230,8 @@ mod tests {
     #[test]
     fn from_five_points_on_all_differ() {
         for count in 5..=32 {
-            // Nearly all at one power, above what can be shipped at first and below it then; and
-            // one that is dear.
+            // Nearly all at one power, first above and then below the error limit; and one
+            // expensive point.
             let crowd = (0..count).map(|i| (1.0 + 1e-6 * f64::from(i), 0.3 - 0.009 * f64::from(i)));
             for costs in [
                 crowd.clone().collect::<Vec<_>>(),
@@ -245,11 +244,11 @@ mod tests {
     }
 
     #[test]
-    fn nothing_that_can_be_shipped_begins_at_the_cheapest() {
+    fn without_settings_below_the_error_limit_battery_is_the_cheapest() {
         let bad: Vec<_> = (0..9).map(|i| (1.0 + f64::from(i), 0.9 - 0.05 * f64::from(i))).collect();
         let costs = chosen(&of(&bad));
         assert_eq!((costs[0], costs[4]), (bad[0], bad[8]));
-        // Two of six are good enough; all five differ all the same.
+        // Two of six are below the error limit; all five presets still differ.
         let few = [(1.0, 0.5), (2.0, 0.4), (3.0, 0.3), (4.0, 0.2), (5.0, 0.04), (6.0, 0.0)];
         assert_eq!(chosen(&of(&few)), few[1..]);
     }

@@ -4,7 +4,7 @@ use std::fmt::Write as _;
 
 use super::{Change, MapComparison, Presets};
 
-/// What `comparison` says, in lines of plain text that end with a line break.
+/// `comparison` as plain text; every line ends with a line break.
 pub fn comparison_table(comparison: &MapComparison) -> String {
     let mut text = String::from("power at equal error");
     if comparison.idle_w > 0.0 {
@@ -19,8 +19,8 @@ pub fn comparison_table(comparison: &MapComparison) -> String {
             text,
             "{:<6}{}{}{addresses:>11}",
             level.error,
-            cells(level.shared),
-            cells(level.addresses)
+            columns(level.shared),
+            columns(level.addresses)
         );
     }
     let mean = |change: Option<f64>| change.map_or_else(|| "-".to_owned(), percent);
@@ -34,21 +34,21 @@ pub fn comparison_table(comparison: &MapComparison) -> String {
     text
 }
 
-fn cells(change: Option<Change>) -> String {
-    let cells = change.map_or_else(
+fn columns(change: Option<Change>) -> String {
+    let columns = change.map_or_else(
         || ["-"; 3].map(str::to_owned),
         |change| {
             [format!("{:.3}", change.old_w), format!("{:.3}", change.new_w), percent(change.change)]
         },
     );
-    cells.map(|cell| format!("{cell:>9}")).concat()
+    columns.map(|column| format!("{column:>9}")).concat()
 }
 
 fn percent(share: f64) -> String {
     format!("{:+.2} %", 100.0 * share)
 }
 
-/// The presets' names with what they cost.
+/// Name, power and error of each preset.
 pub fn presets_table(presets: &Presets) -> String {
     let mut text = format!("{:8}{:>9}{:>9}\n", "preset", "W", "error");
     for preset in &presets.presets {

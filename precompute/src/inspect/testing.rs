@@ -1,4 +1,4 @@
-//! A map made by hand, and the same with noise.
+//! A synthetic map, and variants of it with noise.
 
 use bevy_frugal_gi::frontier::{
     Bounds, Capture, Corner, CostPoint, ErrorRates, Frontier, FrontierMap, FrontierPoint, Octree,
@@ -12,8 +12,8 @@ use rand_chacha::ChaCha8Rng;
 /// Points of each frontier.
 const POINTS: usize = 18;
 
-/// A frontier of `count` points whose power is `scale` times that of the map's shared one: errors
-/// from 0.1 down by a fifth each, the last 0.
+/// A frontier of `count` points with `scale` times the power of the map's shared frontier: errors
+/// fall from 0.1 by a fifth each, the last is 0.
 pub(super) fn frontier(scale: f64, count: usize) -> Frontier {
     let point = |number: usize| {
         let error = 0.1 * 0.8_f64.powi(number as i32);
@@ -66,7 +66,7 @@ pub(super) fn map() -> FrontierMap {
     }
 }
 
-/// `map` with `change` made to what every setting costs.
+/// `map` with `change` applied to every cost.
 pub(super) fn with_costs(
     map: &FrontierMap,
     mut change: impl FnMut(CostPoint) -> CostPoint,
@@ -87,7 +87,7 @@ pub(super) fn with_power(map: &FrontierMap, factor: f64) -> FrontierMap {
     with_costs(map, |cost| CostPoint::new(cost.power.0 * factor, cost.error))
 }
 
-/// `map` with every power and every error off by up to `amplitude`.
+/// `map` with a relative error of up to `amplitude` in every power and error.
 pub(super) fn with_noise(map: &FrontierMap, amplitude: f64, seed: u64) -> FrontierMap {
     let mut rng = ChaCha8Rng::seed_from_u64(seed);
     let mut noise = || 1.0 + rng.random_range(-amplitude..=amplitude);

@@ -7,17 +7,17 @@ use std::path::PathBuf;
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum JournalError {
-    /// The file system refused.
+    /// A file operation failed.
     #[error("cannot {action} the journal `{path}`: {source}; make room or give it another place", path = path.display())]
     File {
-        /// What was tried.
+        /// The operation.
         action: &'static str,
         /// The journal.
         path: PathBuf,
-        /// What the system says.
+        /// The system's error.
         source: io::Error,
     },
-    /// The file is something else, or its first line is damaged.
+    /// The file is not a journal, or its first line is damaged.
     #[error("`{path}` is not a journal of this version: move it away, or run without --resume to start anew", path = path.display())]
     NotAJournal {
         /// The file.
@@ -31,14 +31,14 @@ pub enum JournalError {
     OtherRun {
         /// The journal.
         path: PathBuf,
-        /// What differs.
+        /// The field that differs.
         field: String,
-        /// What the journal has.
+        /// The journal's value.
         found: String,
-        /// What this run has.
+        /// This run's value.
         expected: String,
     },
-    /// Another process is at it.
+    /// Another process has the journal open.
     #[error("the journal `{path}` is in use: wait for the other run, or give this one another output", path = path.display())]
     InUse {
         /// The journal.

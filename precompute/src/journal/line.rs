@@ -1,7 +1,7 @@
-//! A journal's lines: text with a checksum that covers everything before it.
+//! A journal's lines: text with a checksum over the whole file up to it.
 
-/// A checksum over everything so far: FNV-1a, 64 bits (Fowler, Noll, Vo 1991). It finds accidents,
-/// not forgeries.
+/// A checksum over everything so far: FNV-1a, 64 bits (Fowler, Noll, Vo 1991). It detects
+/// accidental damage, not forgery.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct Checksum(u64);
 
@@ -15,22 +15,22 @@ impl Checksum {
     }
 }
 
-/// `text` as a line with its checksum, and the checksum for the next.
+/// `text` as a line with its checksum, and the state for the next line.
 pub(super) fn line(text: &str, before: Checksum) -> (String, Checksum) {
     let checksum = before.with(text);
     (format!("{text} {:016x}\n", checksum.0), checksum)
 }
 
-/// The text of a whole line (without its end) whose checksum is right, and the checksum for the
-/// next.
+/// The text of a complete line (without its end) with a valid checksum, and the state for the next
+/// line.
 pub(super) fn checked(line: &str, before: Checksum) -> Option<(&str, Checksum)> {
     let (text, sum) = line.rsplit_once(' ')?;
     let checksum = before.with(text);
-    // Compared as text, so that no other spelling of the number passes.
+    // Compared as text, so that only one spelling of the number passes.
     (sum == format!("{:016x}", checksum.0)).then_some((text, checksum))
 }
 
-/// A number that changes with anything in `text`.
+/// A hash of `text`.
 pub(crate) fn hash(text: &str) -> u64 {
     Checksum::START.with(text).0
 }

@@ -1,11 +1,10 @@
-//! The append-only journal of a run: what was rendered is never rendered again, whatever killed the
-//! run.
+//! The append-only journal of a run: no rendering is repeated after the run was killed.
 //!
-//! Text, a line each: a header that says what the figures belong to, then one record per answer.
-//! Every line ends in a checksum over the whole file up to there, so torn, changed and missing
-//! lines are found alike. A journal is read up to its first bad line, and the rest is cut off.
-//! Whoever asks is deterministic: a resumed run asks the same questions and is answered from here
-//! until it is where it was.
+//! A text file: a header line that identifies scene and conditions, then one record per line. Every
+//! line ends in a checksum over the whole file up to it, which detects torn, changed and missing
+//! lines. A journal is read up to its first invalid line, and truncated there. The pipeline is
+//! deterministic: a resumed run makes the same requests, and the journal answers them up to the
+//! point of interruption.
 
 mod error;
 mod line;
@@ -21,20 +20,20 @@ pub use error::JournalError;
 pub(crate) use line::hash;
 use line::{Checksum, checked, line};
 
-/// Records reach the operating system at once, and the disk at most this much later: a kill loses
-/// nothing, a power cut a second.
+/// Greatest delay before records reach the disk; they reach the operating system at once. A kill
+/// loses nothing, a power cut a second.
 const SYNC: Duration = Duration::from_secs(1);
 
 /// First word of a journal, with the version of its format.
 const MAGIC: &str = "frugal-journal 2";
 
-/// What the figures of a journal belong to: names and values, the most telling first. A run with
-/// another header may not use them.
+/// Identifies scene and conditions of a journal's records: names and values, the most significant
+/// first. A run with another header must not use them.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct JournalHeader(Vec<(String, String)>);
 
 impl JournalHeader {
-    /// The same header with one field more.
+    /// The header with one more field.
     #[must_use]
     pub fn with(mut self, name: &str, value: impl ToString) -> Self {
         self.0.push((name.to_owned(), value.to_string()));
@@ -73,7 +72,7 @@ pub struct Journal {
 }
 
 impl Journal {
-    /// Starts a journal at `path`, over whatever is there.
+    /// Starts a journal at `path`, replacing an existing file.
     ///
     /// # Errors
     /// When the file cannot be written, or another run has it open.
@@ -83,8 +82,8 @@ impl Journal {
         Ok(journal)
     }
 
-    /// Continues the journal at `path` after its last good line; starts one where there is none.
-    /// Returns its records, in the order in which they were written.
+    /// Continues the journal at `path` after its last valid line; starts one if there is none.
+    /// Returns its records in the order of writing.
     ///
     /// # Errors
     /// When the file cannot be read and written, is not a journal, belongs to a run with another
@@ -97,7 +96,7 @@ impl Journal {
         let mut bytes = Vec::new();
         journal.file.read_to_end(&mut bytes).map_err(|source| journal.failed("read", source))?;
         let (first, _) = line(&header.text()?, Checksum::START);
-        // Killed before the first line was whole: nothing is lost.
+        // Killed before the first line was complete: nothing is lost.
         if bytes.len() < first.len() && first.as_bytes().starts_with(&bytes) {
             journal.start(header)?;
             return Ok((journal, Vec::new()));
@@ -128,7 +127,7 @@ impl Journal {
             .open(path)
             .map_err(failed)?;
         match file.try_lock() {
-            // Some file systems have no locks; the run is then as safe as its user is careful.
+            // Some file systems have no locks; concurrent runs are then not detected.
             Ok(()) | Err(TryLockError::Error(_)) => {}
             Err(TryLockError::WouldBlock) => {
                 return Err(JournalError::InUse { path: path.to_owned() });
@@ -149,7 +148,7 @@ impl Journal {
     /// Adds a record: text without line breaks.
     ///
     /// # Errors
-    /// When the file cannot be written. What was written before stays readable.
+    /// When the file cannot be written. Earlier records stay readable.
     pub fn append(&mut self, record: &str) -> Result<(), JournalError> {
         debug_assert!(!record.contains('\n'), "a record is one line");
         let (whole, checksum) = line(record, self.checksum);
@@ -168,17 +167,17 @@ impl Journal {
     }
 }
 
-/// The good part of a journal.
+/// The valid part of a journal.
 struct Contents {
     header: JournalHeader,
     records: Vec<String>,
-    /// Bytes up to the end of the last good line.
+    /// Bytes up to the end of the last valid line.
     end: usize,
     checksum: Checksum,
 }
 
 impl Contents {
-    /// `None` where not even the header is good.
+    /// `None` where the header is invalid.
     fn read(bytes: &[u8]) -> Option<Self> {
         let mut lines =
             bytes.split_inclusive(|byte| *byte == b'\n').filter(|line| line.ends_with(b"\n"));
@@ -205,7 +204,7 @@ impl Contents {
     }
 }
 
-/// Reads a journal that no run is writing: its header and its good records.
+/// Reads a journal that no run is writing: its header and its valid records.
 ///
 /// # Errors
 /// When the file cannot be read or is not a journal.
@@ -220,12 +219,12 @@ pub fn read_journal(path: &Path) -> Result<(JournalHeader, Vec<String>), Journal
     Ok((contents.header, contents.records))
 }
 
-/// Joins journals of one run, each with a part of its records, into one at `output`: every record
-/// once, in the order in which the files have them.
+/// Merges journals of one run, each with a share of its records, into one at `output`: every record
+/// once, in the order of the files.
 ///
 /// # Errors
-/// When a file cannot be read, is no journal, or belongs to another run than the first; nothing is
-/// written then.
+/// When a file cannot be read, is not a journal, or belongs to another run than the first; nothing
+/// is written then.
 pub fn merge_journals(files: &[PathBuf], output: &Path) -> Result<usize, JournalError> {
     let mut header: Option<JournalHeader> = None;
     let mut seen = std::collections::HashSet::new();

@@ -39,7 +39,7 @@ fn a_journal_cut_at_any_byte_keeps_every_whole_record() {
 }
 
 #[test]
-fn a_changed_byte_ends_what_is_believed() {
+fn a_changed_byte_invalidates_the_rest() {
     let folder = tempfile::tempdir().expect("a folder");
     let path = folder.path().join("run.journal");
     let mut journal = Journal::create(&path, &header()).expect("a fresh journal");

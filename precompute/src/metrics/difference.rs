@@ -1,4 +1,4 @@
-//! How far one picture's radiance is from another's.
+//! Difference between the radiance of two images.
 
 use super::ssim::{self, CompareError};
 use super::{Radiance, tone};
@@ -6,14 +6,15 @@ use super::{Radiance, tone};
 /// Side of the squares that [`Difference::relative_l1_boxes`] averages over, pixels.
 pub const BOX_SIDE: u32 = 4;
 
-/// A picture's radiance against a reference's, over all pixels and the three channels.
+/// An image's radiance against a reference's, over all pixels and the three channels.
 #[derive(Clone, Copy, Debug, PartialEq, serde::Serialize)]
 pub struct Difference {
     /// Mean ÷ the reference's mean.
     pub mean_ratio: f64,
     /// Mean absolute difference ÷ the reference's mean.
     pub relative_l1: f64,
-    /// The same of means over squares of 4 × 4 pixels, where noise and edges weigh less.
+    /// The same for means over squares of 4 × 4 pixels, which reduces the weight of noise and
+    /// edges.
     pub relative_l1_boxes: f64,
     /// 1 − SSIM of both after one tone curve, see [`tone`].
     pub one_minus_ssim: f64,
@@ -21,23 +22,23 @@ pub struct Difference {
     pub exposure_ev100: f32,
 }
 
-/// Why two pictures' radiance cannot be compared.
+/// Why two images' radiance cannot be compared.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[non_exhaustive]
 pub enum DifferenceError {
-    /// Their size.
+    /// The sizes differ.
     #[error(transparent)]
     Compare(#[from] CompareError),
-    /// Values that are infinite or no numbers.
+    /// Values are infinite or NaN.
     #[error("the {which} has {count} values that are not finite")]
     NotFinite {
-        /// `reference` or `picture`.
+        /// `reference` or `image`.
         which: &'static str,
-        /// How many.
+        /// The number of such values.
         count: usize,
     },
-    /// Nothing to be relative to.
-    #[error("the reference is black: there is nothing that a difference could be a share of")]
+    /// The reference is black.
+    #[error("the reference is black: a relative difference is undefined")]
     Black,
 }
 
@@ -53,13 +54,13 @@ impl Difference {
         reference: &Radiance,
         exposure_ev100: Option<f32>,
     ) -> Result<Self, DifferenceError> {
-        for (which, radiance) in [("reference", reference), ("picture", picture)] {
+        for (which, radiance) in [("reference", reference), ("image", picture)] {
             let count = radiance.rgb.iter().flatten().filter(|value| !value.is_finite()).count();
             if count > 0 {
                 return Err(DifferenceError::NotFinite { which, count });
             }
         }
-        // First, for it checks sizes.
+        // First, because it checks the sizes.
         let exposure_ev100 = exposure_ev100.unwrap_or_else(|| tone::middle_grey_ev100(reference));
         let one_minus_ssim = ssim::error(
             &tone::display(reference, exposure_ev100),
@@ -116,7 +117,7 @@ mod tests {
     }
 
     #[test]
-    fn a_scale_shows_in_every_figure_and_noise_goes_from_the_boxes() {
+    fn a_scale_shows_in_every_figure_and_boxes_average_out_noise() {
         let reference = radiance(16, 12, |_, _| 100.0);
         let brighter =
             Difference::new(&radiance(16, 12, |_, _| 110.0), &reference, Some(7.0)).unwrap();
@@ -150,7 +151,7 @@ mod tests {
         let broken = radiance(4, 4, |x, _| if x == 0 { f32::NAN } else { 1.0 });
         assert_eq!(
             Difference::new(&broken, &small, None),
-            Err(DifferenceError::NotFinite { which: "picture", count: 12 })
+            Err(DifferenceError::NotFinite { which: "image", count: 12 })
         );
         assert_eq!(
             Difference::new(&small, &broken, None),

@@ -1,4 +1,4 @@
-//! Pictures and how different two of them are.
+//! Images, and metrics of the difference of two images.
 pub mod difference;
 mod picture;
 mod radiance;

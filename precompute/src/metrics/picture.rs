@@ -1,4 +1,4 @@
-//! A display-referred picture: what a screen gets, eight bits a channel.
+//! A display-referred image, 8 bits per channel.
 
 use std::io::Cursor;
 use std::path::{Path, PathBuf};
@@ -17,12 +17,12 @@ pub struct Picture {
     pub rgb: Vec<[u8; 3]>,
 }
 
-/// Why there is no picture, or none on disk.
+/// Why an image could not be made, read or written.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum PictureError {
     /// The pixels do not fill the rectangle exactly.
-    #[error("a picture of {width}×{height} has {expected} pixels, not {given}")]
+    #[error("an image of {width}×{height} has {expected} pixels, not {given}")]
     PixelCount {
         /// Pixels in a row.
         width: u32,
@@ -30,7 +30,7 @@ pub enum PictureError {
         height: u32,
         /// `width` × `height`.
         expected: u64,
-        /// Pixels that were given.
+        /// Number of pixels given.
         given: usize,
     },
     /// A file could not be read or written.
@@ -38,21 +38,21 @@ pub enum PictureError {
     File {
         /// The file.
         path: PathBuf,
-        /// What the system said.
+        /// The system's error.
         source: std::io::Error,
     },
     /// Bytes that are not a PNG, or pixels that the encoder refused.
     #[error("{name}: {source}")]
     Png {
-        /// The file, or `picture` for one in memory.
+        /// The file, or `image` for one in memory.
         name: String,
-        /// What the codec said.
+        /// The codec's error.
         source: ImageError,
     },
 }
 
 impl Picture {
-    /// A picture of `rgb`, row by row from the top.
+    /// An image of `rgb`, row by row from the top.
     ///
     /// # Errors
     /// When `rgb` does not hold exactly `width` × `height` pixels.
@@ -64,7 +64,7 @@ impl Picture {
         Ok(Self { width, height, rgb })
     }
 
-    /// The picture whose pixel in column `x` of row `y` is `pixel(x, y)`.
+    /// The image whose pixel in column `x` of row `y` is `pixel(x, y)`.
     pub fn from_fn(width: u32, height: u32, mut pixel: impl FnMut(u32, u32) -> [u8; 3]) -> Self {
         let rgb = (0..height)
             .flat_map(|y| (0..width).map(move |x| (x, y)))
@@ -83,12 +83,12 @@ impl Picture {
         Self::decode(&bytes, &path.display().to_string())
     }
 
-    /// The picture that the bytes of a PNG file hold, as [`read_png`](Self::read_png).
+    /// Decodes the bytes of a PNG file, as [`read_png`](Self::read_png).
     ///
     /// # Errors
     /// When they are not a PNG.
     pub fn from_png(bytes: &[u8]) -> Result<Self, PictureError> {
-        Self::decode(bytes, "picture")
+        Self::decode(bytes, "image")
     }
 
     fn decode(bytes: &[u8], name: &str) -> Result<Self, PictureError> {
@@ -103,7 +103,7 @@ impl Picture {
     /// The bytes of an 8-bit RGB PNG file.
     ///
     /// # Errors
-    /// When the picture is empty, which the format cannot say, or its fields contradict each other.
+    /// When the image is empty, which the format does not allow, or its fields are inconsistent.
     pub fn to_png(&self) -> Result<Vec<u8>, PictureError> {
         let expected = u64::from(self.width) * u64::from(self.height);
         if self.rgb.len() as u64 != expected {
@@ -117,11 +117,11 @@ impl Picture {
         let mut bytes = Vec::new();
         PngEncoder::new(&mut bytes)
             .write_image(self.rgb.as_flattened(), self.width, self.height, ExtendedColorType::Rgb8)
-            .map_err(|source| PictureError::Png { name: "picture".to_owned(), source })?;
+            .map_err(|source| PictureError::Png { name: "image".to_owned(), source })?;
         Ok(bytes)
     }
 
-    /// Writes a PNG file, replacing what is there.
+    /// Writes a PNG file, replacing an existing file.
     ///
     /// # Errors
     /// As [`to_png`](Self::to_png), and when the file cannot be written.
@@ -130,11 +130,11 @@ impl Picture {
             .map_err(|source| PictureError::File { path: path.to_owned(), source })
     }
 
-    /// Luma of every pixel, 0 to 255: Rec. 709's weights on the 8-bit values as they are.
+    /// Luma of every pixel, 0 to 255: Rec. 709's weights on the 8-bit, non-linear values.
     ///
     /// On the display-referred values, not on linear light: the eye's response is close to the
     /// transfer curve's, and Wang et al. defined SSIM's constants for such values. In linear light
-    /// a difference in the shadows, which anyone sees, would weigh a hundredth of what it should.
+    /// a visible difference in the shadows would weigh a hundredth of its due.
     pub fn luma(&self) -> Vec<f32> {
         self.rgb
             .iter()
@@ -157,7 +157,7 @@ mod tests {
     fn pixels_must_fill_the_rectangle() {
         assert!(Picture::new(2, 2, vec![[0; 3]; 4]).is_ok());
         let refused = Picture::new(2, 2, vec![[0; 3]; 3]).map_err(|error| error.to_string());
-        assert_eq!(refused, Err("a picture of 2×2 has 4 pixels, not 3".to_owned()));
+        assert_eq!(refused, Err("an image of 2×2 has 4 pixels, not 3".to_owned()));
         assert!(Picture::new(u32::MAX, u32::MAX, vec![]).is_err(), "the product does not overflow");
     }
 

@@ -1,4 +1,4 @@
-//! A scene-referred picture: light before exposure and tone curve.
+//! A scene-referred image: radiance before exposure and tone curve.
 
 use std::io::Cursor;
 use std::path::{Path, PathBuf};
@@ -16,7 +16,7 @@ pub struct Radiance {
     pub rgb: Vec<[f32; 3]>,
 }
 
-/// Why there is no radiance in a file.
+/// Why a file has no radiance.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum RadianceError {
@@ -25,15 +25,15 @@ pub enum RadianceError {
     Unreadable {
         /// The file.
         path: PathBuf,
-        /// What the system says.
+        /// The system's error.
         source: std::io::Error,
     },
-    /// It is no OpenEXR file of red, green and blue.
-    #[error("{path} is no OpenEXR picture of red, green and blue: {source}", path = path.display())]
+    /// The file is not an OpenEXR image of red, green and blue.
+    #[error("{path} is no OpenEXR image of red, green and blue: {source}", path = path.display())]
     Malformed {
         /// The file.
         path: PathBuf,
-        /// What the decoder says.
+        /// The decoder's error.
         source: ImageError,
     },
 }
@@ -42,7 +42,7 @@ impl Radiance {
     /// Reads an OpenEXR file of float channels; an alpha channel is dropped.
     ///
     /// # Errors
-    /// When the file cannot be read or is no such picture.
+    /// When the file cannot be read or is not such an image.
     pub fn read_exr(path: &Path) -> Result<Self, RadianceError> {
         let bytes = std::fs::read(path)
             .map_err(|source| RadianceError::Unreadable { path: path.to_owned(), source })?;
@@ -68,8 +68,8 @@ impl Radiance {
         self.rgb.iter().map(|[red, green, blue]| 0.2126 * red + 0.7152 * green + 0.0722 * blue)
     }
 
-    /// Means of squares of `side` × `side` pixels; at the right and lower border of what there is
-    /// of them.
+    /// Means of squares of `side` × `side` pixels; squares are smaller at the right and lower
+    /// borders.
     #[must_use]
     pub fn boxes(&self, side: u32) -> Self {
         let side = side.max(1);
@@ -146,7 +146,7 @@ mod tests {
     }
 
     #[test]
-    fn boxes_are_means_and_the_border_is_what_there_is() {
+    fn boxes_are_means_and_the_border_boxes_are_smaller() {
         let boxes = ramp(6, 5).boxes(4);
         assert_eq!((boxes.width, boxes.height, boxes.rgb.len()), (2, 2, 4));
         // Columns 0 to 3 of rows 0 to 3; columns 4 and 5; row 4 alone; and the corner.

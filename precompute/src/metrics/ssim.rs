@@ -1,24 +1,24 @@
 //! Structural similarity: Wang, Bovik, Sheikh, Simoncelli 2004, "Image Quality Assessment: From
 //! Error Visibility to Structural Similarity", <https://doi.org/10.1109/TIP.2003.819861>.
 //!
-//! Exactly what scikit-image calls `structural_similarity(…, gaussian_weights=True, sigma=1.5,
-//! use_sample_covariance=False, data_range=255)` on the pictures' [luma](Picture::luma): an 11 × 11
+//! Identical to scikit-image's `structural_similarity(…, gaussian_weights=True, sigma=1.5,
+//! use_sample_covariance=False, data_range=255)` on the images' [luma](Picture::luma): an 11 × 11
 //! Gaussian window with σ = 1.5, K₁ = 0.01, K₂ = 0.03, population covariance, and the mean over the
-//! windows that lie wholly inside the picture, which crops 5 pixels at every border.
-//! `ssim_fixtures.py` beside this file writes the numbers that the tests hold it to.
+//! windows that lie wholly inside the image, which crops 5 pixels at every border.
+//! `ssim_fixtures.py` beside this file writes the tests' expected values.
 //!
-//! What we changed: only windows inside the picture are computed at all, so there is no border rule
-//! to choose. A picture that is less than 11 pixels wide or high has no such window; it is compared
-//! in **one** window that covers it whole and weighs every pixel alike.
+//! Differences: only windows inside the image are computed, so no border rule is needed. An image
+//! less than 11 pixels wide or high has no such window; it is compared in **one** window that
+//! covers the whole image with equal weights.
 //!
 //! Luma and variances are kept in single precision, all sums run in double: a variance is the small
 //! difference of two large numbers, and in single precision faint noise on white was off by 2 ×
 //! 10⁻⁵, a hundredth of its own error.
 //!
-//! Options for who computes it: 1. the crate `image-compare`, whose windows are 8 × 8, do not
-//! overlap, and divide the covariance by no count, so that faint noise in a dark picture counts
-//! thirty times what it should; 2. `dssim`, another metric under a licence that we cannot use; 3.
-//! these lines. We use 3.
+//! Options for the implementation: 1. the crate `image-compare`, whose windows are 8 × 8, do not
+//! overlap, and do not normalise the covariance by the pixel count, so that faint noise in a dark
+//! image counts thirty times its due; 2. `dssim`, another metric, under a licence that we cannot
+//! use; 3. this implementation. We use 3.
 
 use super::Picture;
 
@@ -30,52 +30,52 @@ const SIGMA: f64 = 1.5;
 const C1: f64 = 6.5025;
 const C2: f64 = 58.5225;
 
-/// Why two pictures cannot be compared.
+/// Why two images cannot be compared.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 #[non_exhaustive]
 pub enum CompareError {
-    /// Pictures of different size.
-    #[error("the reference has {}×{} pixels, the picture {}×{}", .reference.0, .reference.1, .picture.0, .picture.1)]
+    /// The sizes differ.
+    #[error("the reference has {}×{} pixels, the image {}×{}", .reference.0, .reference.1, .picture.0, .picture.1)]
     Size {
         /// Width and height of the reference.
         reference: (u32, u32),
-        /// Width and height of the other picture.
+        /// Width and height of the other image.
         picture: (u32, u32),
     },
-    /// A picture without pixels.
-    #[error("a picture without pixels has no error")]
+    /// An image has no pixels.
+    #[error("an image without pixels has no error")]
     Empty,
-    /// A picture whose number of pixels is not its width times its height.
-    #[error("a picture of {width}×{height} does not have {pixels} pixels")]
+    /// An image's number of pixels is not its width × height.
+    #[error("an image of {width}×{height} does not have {pixels} pixels")]
     Malformed {
         /// Pixels in a row.
         width: u32,
         /// Rows.
         height: u32,
-        /// Pixels that there are.
+        /// The number of pixels.
         pixels: usize,
     },
 }
 
-/// 1 − SSIM: 0 where the pictures are equal, 1 where they have nothing in common, up to 2 where one
-/// is the other's negative. Never NaN.
+/// 1 − SSIM: 0 for equal images, 1 for uncorrelated ones, up to 2 for an image and its negative.
+/// Never NaN.
 ///
 /// # Errors
-/// When the pictures differ in size, are empty, or do not have as many pixels as their size says.
+/// When the images differ in size, are empty, or do not have as many pixels as their size says.
 pub fn error(reference: &Picture, picture: &Picture) -> Result<f64, CompareError> {
     Reference::new(reference)?.error(picture)
 }
 
-/// A picture that others are compared with: its means and variances are computed once, which halves
-/// the work of each comparison.
+/// A reference image with precomputed means and variances, which halves the work of each
+/// comparison.
 ///
-/// Takes 16 bytes a pixel.
+/// Takes 16 bytes per pixel.
 #[derive(Clone, Debug)]
 pub struct Reference {
     width: usize,
     height: usize,
     luma: Vec<f32>,
-    /// Mean and variance of every window, row by row. One window where the picture is small.
+    /// Mean and variance of every window, row by row. One window for a small image.
     means: Vec<f64>,
     variances: Vec<f32>,
 }
@@ -132,7 +132,7 @@ impl Reference {
         } else {
             self.similarity(&other)
         };
-        // Rounding may take the similarity of almost equal pictures past 1.
+        // Rounding may take the similarity of almost equal images past 1.
         Ok((1.0 - similarity).clamp(0.0, 2.0))
     }
 
@@ -181,7 +181,7 @@ impl Reference {
 }
 
 /// SSIM of one window. Its covariance is rounded as the variances are, so that for equal statistics
-/// the quotient's halves are the same number and it is exactly 1.
+/// numerator and denominator are equal and the quotient is exactly 1.
 #[inline]
 fn window_similarity(
     mean_a: f64,
@@ -206,7 +206,7 @@ fn checked_luma(picture: &Picture) -> Result<Vec<f32>, CompareError> {
     Ok(picture.luma())
 }
 
-/// Mean of `b`, and covariance of `a` and `b`, every pixel weighing the same.
+/// Mean of `b`, and covariance of `a` and `b`, with equal weights.
 fn mean_and_covariance(a: &[f32], b: &[f32]) -> (f64, f64) {
     let count = a.len() as f64;
     let mean_of = |values: &[f32]| values.iter().copied().map(f64::from).sum::<f64>() / count;
@@ -220,11 +220,11 @@ fn mean_and_covariance(a: &[f32], b: &[f32]) -> (f64, f64) {
     (mean_b, covariance)
 }
 
-/// Runs the Gaussian window over `N` quantities at once. `fill` writes them for one row of the
-/// picture, `emit` takes them for one row of windows.
+/// Filters `N` quantities with the Gaussian window at once. `fill` writes them for one row of the
+/// image, `emit` receives them for one row of windows.
 ///
-/// Only the eleven rows that a window needs are kept, filtered along the row, so that all of it
-/// stays in cache.
+/// Keeps only the eleven horizontally filtered rows that a window needs, so that they stay in
+/// cache.
 fn filter<const N: usize>(
     width: usize,
     height: usize,
@@ -256,7 +256,7 @@ fn filter<const N: usize>(
     }
 }
 
-/// The window along one axis: it sums to 1 and is symmetric, so six of the eleven weights say all.
+/// The window along one axis, normalised; symmetric, so six of the eleven weights suffice.
 fn weights() -> [f64; TAPS / 2 + 1] {
     let bell = |distance: usize| (-0.5 * (distance as f64 / SIGMA).powi(2)).exp();
     let total = bell(0) + 2.0 * (1..=TAPS / 2).map(bell).sum::<f64>();
@@ -266,7 +266,7 @@ fn weights() -> [f64; TAPS / 2 + 1] {
 /// `output[i]` = Σ weight × `rows[tap][i]`. Every row is at least as long as `output`.
 fn weigh(weights: &[f64; TAPS / 2 + 1], rows: [&[f64]; TAPS], output: &mut [f64]) {
     let length = output.len();
-    // Of equal and known length, so that the loop is checked once and vectorised.
+    // Slices of equal and known length, so that bounds are checked once and the loop is vectorised.
     let [a, b, c, d, e, f, g, h, i, j, k] = rows.map(|row| &row[..length]);
     let [w0, w1, w2, w3, w4, w5] = *weights;
     for n in 0..length {
@@ -288,7 +288,7 @@ fn multiply(a: &[f32], b: &[f32], output: &mut [f64]) {
     }
 }
 
-/// In eight lanes, always in the same order.
+/// Sums in eight lanes, in a fixed order.
 fn sum(values: &[f64]) -> f64 {
     let (chunks, rest) = values.as_chunks::<8>();
     let mut lanes = [0.0; 8];

@@ -124,7 +124,7 @@ fn negative_similarity_is_kept() {
 }
 
 #[test]
-fn equal_pictures_have_no_error_at_all() {
+fn equal_images_have_no_error_at_all() {
     for (width, height) in
         [(1, 1), (1, 300), (10, 10), (10, 64), (11, 11), (64, 10), (33, 17), (160, 90)]
     {
@@ -156,7 +156,7 @@ fn is_symmetric_and_finite_and_within_range() {
 
 #[test]
 fn black_against_white_is_as_different_as_means_allow() {
-    // Variances are nothing, so that only the means' term is left: C1 / (255² + C1).
+    // Variances are 0, so that only the luminance term is left: C1 / (255² + C1).
     let expected = 1.0 - 6.5025 / (255.0 * 255.0 + 6.5025);
     for (width, height) in [(1, 1), (5, 90), (11, 11), (320, 180)] {
         let off = error(&plain(width, height, 0), &plain(width, height, 255)).unwrap() - expected;
@@ -176,7 +176,7 @@ fn one_pixel_shows_wherever_a_window_reaches_it() {
 }
 
 #[test]
-fn a_small_picture_is_one_window() {
+fn a_small_image_is_one_window() {
     // Grey levels 0 and 255 against 255 and 0: means equal, variances 127.5², covariance −127.5².
     let halves =
         |left: u8, right: u8| Picture::from_fn(2, 1, |x, _| [if x == 0 { left } else { right }; 3]);
@@ -186,11 +186,11 @@ fn a_small_picture_is_one_window() {
 }
 
 #[test]
-fn what_cannot_be_compared_is_refused() {
+fn incomparable_images_are_refused() {
     let picture = plain(20, 20, 9);
     let mismatch = CompareError::Size { reference: (20, 20), picture: (20, 21) };
     assert_eq!(error(&picture, &plain(20, 21, 9)), Err(mismatch));
-    assert_eq!(mismatch.to_string(), "the reference has 20×20 pixels, the picture 20×21");
+    assert_eq!(mismatch.to_string(), "the reference has 20×20 pixels, the image 20×21");
     assert_eq!(error(&Picture::default(), &Picture::default()), Err(CompareError::Empty));
     let torn = Picture { rgb: vec![[0; 3]; 3], ..picture.clone() };
     assert_eq!(
@@ -200,8 +200,8 @@ fn what_cannot_be_compared_is_refused() {
     assert!(Reference::new(&torn).is_err());
 }
 
-/// Prints the throughput. The aim is 50 megapixels a second on one core; shared machines are too
-/// noisy to assert it.
+/// Prints the throughput. The target is 50 megapixels per second on one core; timings on shared
+/// machines are too noisy for an assertion.
 #[test]
 #[ignore = "a measurement, not a check"]
 fn throughput() {

@@ -1,15 +1,15 @@
-//! From radiance to what a screen shows.
+//! From radiance to display-referred images.
 //!
 //! Narkowicz 2015, "ACES Filmic Tone Mapping Curve": a rational fit of the reference curve of the
 //! Academy Color Encoding System, on each channel, then sRGB. It is not the curve that the stage's
-//! camera has (Bevy's TonyMcMapface is a table on the GPU): pictures of the two differ in contrast
-//! and are for people, while figures come from radiance.
+//! camera has (Bevy's TonyMcMapface is a table on the GPU): images of the two differ in contrast
+//! and are for viewing, while figures come from radiance.
 
 use super::{Picture, Radiance};
 use crate::scene::texture::srgb_from_linear;
 
-/// What a scene-referred value must be multiplied with at an exposure value at ISO 100, as Bevy's
-/// cameras do: 1 ÷ (1.2 · 2^EV) per nit.
+/// Exposure factor for scene-referred values at an exposure value at ISO 100, as in Bevy's cameras:
+/// 1 ÷ (1.2 · 2^EV) per nit.
 pub fn exposure(ev100: f32) -> f64 {
     1.0 / (1.2 * f64::from(ev100).exp2())
 }
@@ -29,8 +29,7 @@ pub fn middle_grey_ev100(radiance: &Radiance) -> f32 {
     (f64::from(*median) / (1.2 * 0.18)).log2() as f32
 }
 
-/// The picture at an exposure value at ISO 100. Values that are not numbers, and negative ones, are
-/// black.
+/// The display-referred image at an exposure value at ISO 100. NaN and negative values are black.
 pub fn display(radiance: &Radiance, ev100: f32) -> Picture {
     let exposure = exposure(ev100);
     let byte = |nits: f32| {
@@ -45,8 +44,8 @@ pub fn display(radiance: &Radiance, ev100: f32) -> Picture {
 
 /// Exposed light in [0, ∞] to display light in [0, 1].
 fn curve(light: f64) -> f64 {
-    // So written, NaN is black. Far above the curve's end the quotient would be that of two
-    // infinities.
+    // In this form NaN becomes black. Far above the curve's end the quotient would be infinity ÷
+    // infinity.
     let x = if light > 0.0 { light.min(1e6) } else { 0.0 };
     (x * (2.51 * x + 0.03) / (x * (2.43 * x + 0.59) + 0.14)).clamp(0.0, 1.0)
 }

@@ -1,8 +1,7 @@
-//! From cameras to a map, in one place: screening, pool, blocks of cameras, fit, calibration.
+//! From cameras to a map: screening, pool, blocks of cameras, fit, calibration.
 //!
-//! Everything that costs a rendering goes through [`Renderings`], and so into the journal. What
-//! follows from renderings alone is computed again when a run is resumed. Knows no renderer:
-//! [`Measure`] renders.
+//! All renderings go through [`Renderings`] and are journaled. Everything derived from renderings
+//! alone is recomputed when a run is resumed. Independent of the renderer: [`Measure`] renders.
 mod pilots;
 mod renderings;
 #[cfg(test)]
@@ -20,29 +19,29 @@ use crate::table::{CostTable, Measure};
 
 pub use renderings::{Job, Progress, Purpose, Renderings, Setup};
 
-/// Share of a time limit after which the pool is settled, and the rest goes into cameras.
+/// Share of the time limit for finding the pool; the rest is for cameras.
 const POOL_SHARE: f64 = 0.3;
-/// Share of a time limit after which no block of cameras is begun.
+/// Share of the time limit after which no new block of cameras starts.
 const CAMERAS_SHARE: f64 = 0.97;
 
-/// How much is rendered.
+/// Extent of the search.
 #[derive(Clone, Debug, PartialEq)]
 pub struct PipelineConfig {
-    /// Pilot cameras: each proposal is rendered at all of them. Higher values make the pool fit
-    /// more kinds of views.
+    /// Number of pilot cameras; each proposal is rendered at all of them. Higher values suit the
+    /// pool to more kinds of views.
     pub pilots: usize,
-    /// Rounds of proposals, at most.
+    /// Greatest number of rounds of proposals.
     pub rounds: usize,
-    /// Settings proposed in a round.
+    /// Settings proposed per round.
     pub batch: usize,
-    /// Settings that every camera renders, at most.
+    /// Greatest number of settings that every camera renders.
     pub pool: usize,
-    /// Training cameras between two looks at the clock; a sixth as many calibration cameras come
-    /// along.
+    /// Training cameras per block, between two checks of the time limit; a block has a sixth as
+    /// many calibration cameras.
     pub block: usize,
-    /// The fit.
+    /// Configuration of the fit.
     pub fit: FitConfig,
-    /// Seeds every random choice.
+    /// Seed of every random choice.
     pub seed: u64,
 }
 
@@ -60,59 +59,59 @@ impl Default for PipelineConfig {
     }
 }
 
-/// Why there is no map.
+/// Why no map was made.
 #[derive(Debug, thiserror::Error)]
 pub enum PipelineError<E> {
     /// Rendering failed.
     #[error("{0}")]
     Measure(E),
-    /// The renderings cannot be kept.
+    /// The journal cannot be written.
     #[error(transparent)]
     Journal(#[from] JournalError),
-    /// Stopped from outside: what was rendered is kept.
+    /// Interrupted; the renderings are kept.
     #[error("interrupted")]
     Interrupted,
-    /// This shard has rendered its part of the batch; others have not.
+    /// This shard has rendered its share of the batch; other shards have not.
     #[error(
         "this shard's part is rendered: merge the shards' journals with `frugal merge`, then run every shard again"
     )]
     NeedsMerge,
-    /// Nowhere could a camera stand that sees anything.
+    /// No camera in free space sees any geometry.
     #[error("no camera was found that stands free and sees the scene: check its bounds and paths")]
     NoCameras,
 }
 
-/// What a run came to.
+/// Result of a run.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Outcome {
-    /// Octree and shared frontier.
+    /// The octree and the shared frontier.
     pub fitted: Fitted,
     /// Exchange rates of error budgets.
     pub error_rates: ErrorRates,
     /// The pool.
     pub pool: Vec<RenderSettings>,
-    /// What single knobs do.
+    /// Effects of single knobs.
     pub screening: Screening,
-    /// Prices of work, from all readings.
+    /// Prices of work, fitted to all readings.
     pub cost: CostModel,
-    /// How well they tell readings that they were not fitted to.
+    /// Their cross-validated quality.
     pub cost_quality: FitQuality,
-    /// Training and calibration cameras whose renderings are in the map.
+    /// Numbers of training and calibration cameras in the map.
     pub cameras: [usize; 2],
-    /// Renderings in the journal.
+    /// Number of renderings in the journal.
     pub renderings: usize,
-    /// Those made in this run, and the seconds that they took.
+    /// Number of renderings made in this run, and their duration in seconds.
     pub effort: (usize, f64),
-    /// Mean error of the best settings rendered twice: nothing below it means anything.
+    /// Mean error of the best settings rendered twice: the noise floor of errors.
     pub noise: f64,
 }
 
-/// What is searched.
+/// The subject of the search.
 #[derive(Clone, Copy, Debug)]
 pub struct Subject<'a> {
     /// The knobs.
     pub space: &'a KnobSpace,
-    /// What work depends on beside them.
+    /// Parameters of the work model other than settings.
     pub layout: &'a FrameLayout,
     /// The octree's root.
     pub bounds: &'a Bounds,
@@ -141,8 +140,8 @@ pub fn run<M: Measure>(
     Ok(finish(subject, config, cameras, screening, pool, counts, &renderings))
 }
 
-/// Screening and rounds of proposals at the pilot cameras: the knobs' effects, and everything worth
-/// rendering elsewhere.
+/// Screening and rounds of proposals at the pilot cameras. Returns the knobs' effects, and the
+/// candidates for the pool.
 fn find_pool<M: Measure>(
     subject: &Subject<'_>,
     config: &PipelineConfig,
@@ -172,10 +171,13 @@ fn find_pool<M: Measure>(
         }
         let table = table(renderings, Purpose::Training, pilots, &rendered);
         let cost = CostModel::fit(&readings(subject, &table));
-        // In turn for all pilots together and for each half of them: the pool must suit different
-        // views.
-        let halves: [Vec<usize>; 3] =
-            [(0..table.rows()).collect(), part(table.rows(), 0), part(table.rows(), 1)];
+        // Alternates between all pilot cameras and each half of them, because the pool must suit
+        // different views.
+        let halves: [Vec<usize>; 3] = [
+            (0..table.rows()).collect(),
+            every_other(table.rows(), 0),
+            every_other(table.rows(), 1),
+        ];
         let rows = &halves[round % 3];
         let mean = |column: usize| {
             table.mean(column, rows.iter().copied()).map_or(f64::NAN, |cost| cost.error)
@@ -198,13 +200,13 @@ fn find_pool<M: Measure>(
     Ok((screening, rendered))
 }
 
-/// Every other row; all where there is one.
-fn part(rows: usize, which: usize) -> Vec<usize> {
+/// Every other row, starting at `which`; all rows if there is only one.
+fn every_other(rows: usize, which: usize) -> Vec<usize> {
     if rows < 2 { (0..rows).collect() } else { (which..rows).step_by(2).collect() }
 }
 
-/// Renders the pool at blocks of training and calibration cameras. Returns the pool, and how many
-/// cameras of each purpose have it.
+/// Renders the pool at blocks of training and calibration cameras. Returns the pool, and the number
+/// of cameras of each purpose.
 fn render_cameras<M: Measure>(
     subject: &Subject<'_>,
     config: &PipelineConfig,
@@ -220,7 +222,7 @@ fn render_cameras<M: Measure>(
         config.pool,
         &ends,
     );
-    // Pilots have everything already.
+    // The pilot cameras are already rendered.
     let order: Vec<usize> = pilots
         .iter()
         .copied()
@@ -235,7 +237,7 @@ fn render_cameras<M: Measure>(
         let mut jobs: Vec<Job> =
             training.iter().map(|camera| job(Purpose::Training, *camera)).collect();
         jobs.extend(calibration.clone().map(|camera| job(Purpose::Calibration, camera)));
-        // And the best settings' picture at each.
+        // Plus the reference image at each camera.
         let more = jobs.iter().map(|job| job.settings.len() + 2).sum();
         let name = format!("block {} {}", counts[0], counts[1]);
         if !renderings.decide(&name, |renderings| renderings.has_time(more, CAMERAS_SHARE))? {
@@ -279,12 +281,12 @@ fn readings(subject: &Subject<'_>, table: &CostTable) -> Vec<CostReading> {
     of.collect()
 }
 
-/// Readings that a setting's own deviation from the model counts as already there, at none.
+/// Prior weight, in readings, of a deviation of 0 of a setting from the model.
 const SETTING_PRIOR: f64 = 3.0;
 
-/// The table with power from the fitted model instead of single readings: price of the work, times
-/// the camera's factor, times what the setting's readings have in common beyond that. Errors stay.
-/// Also the model, and how well it tells readings that it was not fitted to.
+/// The table with power from the fitted model in place of single readings: price of the work × the
+/// camera's factor × the mean deviation of the setting's readings. Errors are unchanged. Also
+/// returns the model.
 fn modelled(subject: &Subject<'_>, table: &CostTable) -> (CostTable, CostModel) {
     let readings = readings(subject, table);
     let model = CostModel::fit(&readings);
@@ -318,7 +320,7 @@ fn views(cameras: &[MovingCamera], lens: (f32, f32)) -> Vec<CameraView> {
     cameras.iter().map(view).collect()
 }
 
-/// Fits and calibrates.
+/// Fits the octree and calibrates error budgets.
 fn finish<M: Measure>(
     subject: &Subject<'_>,
     config: &PipelineConfig,
@@ -353,8 +355,8 @@ fn finish<M: Measure>(
     }
 }
 
-/// `trained`: costs at training cameras, and the numbers of those in the fit; `apart`: costs at
-/// calibration cameras.
+/// Calibrates error budgets. `trained`: costs at training cameras, and the numbers of those in the
+/// fit; `apart`: costs at calibration cameras.
 fn calibrated(
     subject: &Subject<'_>,
     cameras: &CameraSet,
@@ -382,10 +384,10 @@ fn calibrated(
     calibrate(&cameras, true)
 }
 
-/// What a fit reports, for messages.
+/// Describes a fit in one line.
 pub fn describe(report: &FitReport) -> String {
     format!(
-        "{} cameras, {} addresses; picks at unseen cameras cost {:.1} % more than the best, {:.1} % from one frontier for all; by depth {}",
+        "{} cameras, {} addresses; selections at held-out cameras cost {:.1} % more than the optimum, {:.1} % with one shared frontier; by depth {}",
         report.cameras,
         report.addresses,
         100.0 * report.octree_loss,

@@ -1,12 +1,12 @@
-//! Which training cameras try every setting: few, and far apart.
+//! Selection of pilot cameras, which render every proposal: few, and far apart.
 
 use crate::cameras::MovingCamera;
 
-/// Metres that count as much as turning round.
+/// Metres equivalent to a turn of 180°.
 const METRES_PER_TURN: f32 = 12.0;
 
-/// Numbers of `count` cameras: the first, then always the one farthest from those chosen, in place
-/// and direction (Gonzalez 1985).
+/// Numbers of `count` cameras by farthest-point selection in position and direction (Gonzalez
+/// 1985), beginning with the first.
 pub(super) fn choose(cameras: &[MovingCamera], count: usize) -> Vec<usize> {
     let distance = |a: &MovingCamera, b: &MovingCamera| {
         let turn = a.pose.forward().distance(b.pose.forward()) / 2.0;
@@ -21,7 +21,7 @@ pub(super) fn choose(cameras: &[MovingCamera], count: usize) -> Vec<usize> {
                 .fold(f32::INFINITY, f32::min)
         };
         let free = (0..cameras.len()).filter(|camera| !chosen.contains(camera));
-        // Of equal ones the first, so that nothing depends on the order of floating-point ties.
+        // Ties go to the first, so that the result does not depend on iteration order.
         let Some(next) = free.max_by(|a, b| nearest(*a).total_cmp(&nearest(*b)).then(b.cmp(a)))
         else {
             break;

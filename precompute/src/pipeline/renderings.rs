@@ -1,5 +1,5 @@
-//! Renderings: asked for in batches, journaled, answered from the journal where they are there, and
-//! dealt out to shards.
+//! Renderings, requested in batches: journaled, answered from the journal where known, and
+//! distributed to shards.
 
 use std::collections::HashMap;
 use std::ops::ControlFlow;
@@ -13,7 +13,7 @@ use crate::cameras::{CameraSet, MovingCamera};
 use crate::journal::Journal;
 use crate::table::Measure;
 
-/// What a camera is for.
+/// Purpose of a camera.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
 pub enum Purpose {
     /// Searching and fitting.
@@ -34,20 +34,20 @@ impl Purpose {
 /// Settings to render at one camera.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Job {
-    /// What the camera is for.
+    /// Purpose of the camera.
     pub purpose: Purpose,
-    /// Its number among those.
+    /// Its number among the cameras of that purpose.
     pub camera: usize,
     /// The settings.
     pub settings: Vec<RenderSettings>,
 }
 
-/// How far a run is.
+/// Progress of a run.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Progress<'a> {
-    /// What it is doing.
+    /// Name of the stage.
     pub stage: &'a str,
-    /// Renderings of this stage that are done.
+    /// Finished renderings of this stage.
     pub done: usize,
     /// Renderings of this stage.
     pub total: usize,
@@ -55,7 +55,7 @@ pub struct Progress<'a> {
 
 type Question = (Purpose, usize, RenderSettings);
 
-/// Everything that was rendered, and what renders more.
+/// All known renderings, and the means to make more.
 pub struct Renderings<'a, M> {
     measure: &'a mut M,
     journal: Journal,
@@ -68,31 +68,31 @@ pub struct Renderings<'a, M> {
     report: &'a mut dyn FnMut(&Progress<'_>) -> ControlFlow<()>,
     started: Instant,
     limit: Option<Duration>,
-    /// Renderings made in this run, and the seconds they took.
+    /// Number of renderings made in this run, and their duration in seconds.
     made: usize,
     seconds: f64,
 }
 
-/// What a run of the pipeline is made with.
+/// Inputs of a pipeline run.
 pub struct Setup<'a, M> {
-    /// Renders.
+    /// The renderer.
     pub measure: &'a mut M,
-    /// Where renderings are kept, and those that were kept before.
+    /// The journal, and its earlier records.
     pub journal: (Journal, Vec<String>),
     /// The cameras.
     pub cameras: &'a CameraSet,
-    /// Frames of a clip, and their rate.
+    /// Frames per clip, and frames per second.
     pub clip: (u32, f64),
-    /// Which part of every batch is rendered here: its number from 0, and how many there are.
+    /// The shard: its number, from 0, and the number of shards.
     pub shard: (usize, usize),
-    /// Ends the search with what was found so far.
+    /// Time limit, after which the search ends with its results so far.
     pub limit: Option<Duration>,
-    /// Told after every rendering; can stop the run.
+    /// Called after every rendering; can stop the run.
     pub report: &'a mut dyn FnMut(&Progress<'_>) -> ControlFlow<()>,
 }
 
 impl<'a, M: Measure> Renderings<'a, M> {
-    /// Starts the clock.
+    /// Starts the time limit's clock.
     pub fn new(setup: Setup<'a, M>) -> Self {
         let Setup {
             measure,
@@ -128,11 +128,11 @@ impl<'a, M: Measure> Renderings<'a, M> {
         renderings
     }
 
-    /// Renders what is not known yet of `jobs`.
+    /// Renders the unknown settings of `jobs`.
     ///
-    /// Every other job is rendered from its last settings to its first, so that what drifts does
-    /// not favour some of them. Of a sharded run each shard renders every N-th job; where others'
-    /// are missing, the run ends with [`PipelineError::NeedsMerge`].
+    /// Every other job is rendered in reverse order, so that drift does not favour some settings.
+    /// In a sharded run each shard renders every N-th job; if jobs of other shards are missing, the
+    /// run ends with [`PipelineError::NeedsMerge`].
     ///
     /// # Errors
     /// When rendering fails, the journal cannot be written, or the run is stopped.
@@ -185,7 +185,7 @@ impl<'a, M: Measure> Renderings<'a, M> {
         }
     }
 
-    /// What settings cost at a camera, where that was rendered.
+    /// Cost of settings at a camera; `None` where not rendered.
     pub fn get(
         &self,
         purpose: Purpose,
@@ -195,13 +195,13 @@ impl<'a, M: Measure> Renderings<'a, M> {
         self.known.get(&(purpose, camera, settings)).copied()
     }
 
-    /// How many renderings are known.
+    /// Number of known renderings.
     pub fn count(&self) -> usize {
         self.known.len()
     }
 
-    /// A choice that depends on the clock, and so must be the same when the run is resumed: made
-    /// once, then remembered.
+    /// A decision that depends on the clock, and so must be the same when the run is resumed: made
+    /// once and journaled.
     ///
     /// # Errors
     /// When the journal cannot be written.
@@ -219,21 +219,21 @@ impl<'a, M: Measure> Renderings<'a, M> {
         Ok(yes)
     }
 
-    /// Whether `more` renderings will probably be done before `share` of the time limit is over.
-    /// Always without a limit.
+    /// Whether `more` renderings will probably finish within `share` of the time limit. Always true
+    /// without a limit.
     pub fn has_time(&self, more: usize, share: f64) -> bool {
         let Some(limit) = self.limit else { return true };
         let each = if self.made > 0 { self.seconds / self.made as f64 } else { 0.0 };
         self.started.elapsed().as_secs_f64() + each * more as f64 <= share * limit.as_secs_f64()
     }
 
-    /// Renderings made in this run, and the seconds that they took.
+    /// Number of renderings made in this run, and their duration in seconds.
     pub fn effort(&self) -> (usize, f64) {
         (self.made, self.seconds)
     }
 }
 
-/// Bit by bit, so that what is read back is what was rendered.
+/// Exact bits, so that a record reads back as it was rendered.
 fn write_rendering((purpose, camera, settings): Question, cost: CostPoint) -> String {
     let bits = [cost.power.0, cost.error].map(f64::to_bits);
     format!(

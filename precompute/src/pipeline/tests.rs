@@ -1,4 +1,4 @@
-//! The pipeline on a made-up renderer: kills, shards, limits, and whether the map is any good.
+//! The pipeline on a synthetic renderer: kills, shards, time limits, and quality of the map.
 
 use std::convert::Infallible;
 use std::ops::ControlFlow;
@@ -102,7 +102,7 @@ fn cameras() -> CameraSet {
 struct Run<'a> {
     journal: &'a Path,
     shard: (usize, usize),
-    /// Renderings after which the run is stopped.
+    /// Number of renderings after which the run is stopped.
     patience: usize,
     limit: Option<Duration>,
 }
@@ -139,7 +139,7 @@ fn whole(journal: &Path) -> Run<'_> {
     Run { journal, shard: (0, 1), patience: usize::MAX, limit: None }
 }
 
-/// What must not depend on how a run came about.
+/// The results that must not depend on interruptions and shards.
 fn product(outcome: &Outcome) -> (Fitted, ErrorRates, Vec<RenderSettings>, [usize; 2], usize) {
     (
         outcome.fitted.clone(),
@@ -166,7 +166,7 @@ fn a_run_that_is_killed_again_and_again_ends_with_the_same_map() {
     for patience in (1..).map(|round: usize| 1 + round * 7 % 23) {
         let (outcome, renderings) = run_once(&Run { patience, ..whole(&file) });
         made += renderings;
-        // Torn as a kill tears it, every other time.
+        // Every other time the last record is truncated, as by a kill.
         let length = std::fs::metadata(&file).expect("a journal").len();
         match outcome {
             Ok(outcome) => {
@@ -186,7 +186,7 @@ fn a_run_that_is_killed_again_and_again_ends_with_the_same_map() {
             Err(error) => panic!("{error}"),
         }
     }
-    assert_eq!(made, all, "what was kept is not rendered again");
+    assert_eq!(made, all, "kept renderings are not repeated");
 }
 
 #[test]
@@ -227,7 +227,7 @@ fn shards_that_are_merged_make_the_same_map() {
 }
 
 #[test]
-fn the_map_beats_the_best_constant_where_views_differ() {
+fn the_map_dominates_the_best_constant_where_views_differ() {
     let folder = tempfile::tempdir().expect("a folder");
     let (outcome, renderings) = run_once(&whole(&folder.path().join("journal")));
     let outcome = outcome.expect("a map");
@@ -248,8 +248,8 @@ fn the_map_beats_the_best_constant_where_views_differ() {
         outcome.pool.contains(&space.canonical(space.highest()))
             && outcome.pool.contains(&space.canonical(space.lowest()))
     );
-    // Nothing of the pool is worse than half as good as the best of all combinations, at a typical
-    // exchange rate, at fresh cameras.
+    // The pool is within 10 % of the best of all combinations, at a typical exchange rate, at fresh
+    // cameras.
     for x in [1.0, 3.5, 4.5, 7.0] {
         let pose = CameraPose { position: Vec3::new(x, 3.3, 2.2), rotation: Quat::IDENTITY };
         let value = |settings: RenderSettings| {
@@ -275,7 +275,7 @@ fn a_time_limit_ends_with_a_map_whenever_it_strikes() {
         let (outcome, _) = run_once(&Run { limit: Some(limit), ..whole(&file) });
         let outcome = outcome.expect("a map");
         assert!(!outcome.fitted.shared.is_empty() && outcome.fitted.octree.validate() == Ok(()));
-        // Resumed, the clock's decisions stand.
+        // On resuming, the decisions of the clock are kept.
         let again = run_once(&Run { limit: Some(Duration::from_secs(9)), ..whole(&file) })
             .0
             .expect("a map");

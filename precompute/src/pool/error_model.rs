@@ -1,19 +1,19 @@
-//! What error settings will have that were not rendered.
+//! Prediction of the errors of settings that were not rendered.
 //!
-//! The prior adds up what each lowered knob does alone. A Gaussian process over what is left learns
-//! which knobs hide or worsen each other (Rasmussen and Williams 2006, "Gaussian Processes for
-//! Machine Learning", algorithm 2.1). Distances between settings count a knob's levels by what they
-//! do, so levels that look alike are near.
+//! The prior mean is the sum of the single effects of the lowered knobs. A Gaussian process over
+//! the residuals learns interactions of knobs (Rasmussen and Williams 2006, "Gaussian Processes for
+//! Machine Learning", algorithm 2.1). Distances between settings measure a knob's levels by their
+//! effect, so levels of similar images are near.
 
 use bevy_frugal_gi::knobs::{KnobSpace, RenderSettings};
 
 use super::{LEAST_ERROR, Screening};
 
-/// Standard deviation of the logarithm of an error about the sum of single effects.
+/// Prior standard deviation of the logarithm of an error about the sum of single effects.
 const SPREAD: f64 = 0.6;
-/// Standard deviation of a reading's logarithm.
+/// Standard deviation of the logarithm of a reading.
 const NOISE: f64 = 0.05;
-/// Length scales that are tried, in units of the logarithm of a knob's effect.
+/// Candidate length scales, in units of the logarithm of a knob's effect.
 const LENGTHS: [f64; 4] = [1.0, 2.0, 4.0, 8.0];
 
 /// Predicts the logarithm of a mean error.
@@ -30,16 +30,16 @@ pub struct ErrorModel<'a> {
 }
 
 impl<'a> ErrorModel<'a> {
-    /// Fits mean errors of settings. Those that are not finite are left out.
+    /// Fits mean errors of settings; errors that are not finite are left out.
     pub fn fit(
         space: &'a KnobSpace,
         screening: &'a Screening,
         readings: &[(RenderSettings, f64)],
     ) -> Self {
-        let sound: Vec<_> = readings.iter().filter(|(_, error)| error.is_finite()).collect();
+        let finite: Vec<_> = readings.iter().filter(|(_, error)| error.is_finite()).collect();
         let known: Vec<Vec<f64>> =
-            sound.iter().map(|(settings, _)| place(space, screening, *settings)).collect();
-        let left: Vec<f64> = sound
+            finite.iter().map(|(settings, _)| coordinates(space, screening, *settings)).collect();
+        let left: Vec<f64> = finite
             .iter()
             .map(|(settings, error)| {
                 (error.max(0.0) + LEAST_ERROR).ln() - prior(space, screening, *settings)
@@ -48,7 +48,7 @@ impl<'a> ErrorModel<'a> {
         let fits = LENGTHS.iter().map(|length| {
             let factor = cholesky(&covariance(&known, *length));
             let weights = solve(&factor, &left);
-            // Evidence, but for a constant: how likely these readings are.
+            // Log marginal likelihood of the readings, up to a constant.
             let fit: f64 = left.iter().zip(&weights).map(|(y, weight)| y * weight).sum();
             let volume: f64 = factor.iter().enumerate().map(|(index, row)| row[index].ln()).sum();
             (0.5 * fit + volume, *length, weights, factor)
@@ -60,7 +60,7 @@ impl<'a> ErrorModel<'a> {
 
     /// Mean and standard deviation of ln(error + [`LEAST_ERROR`]).
     pub fn predict(&self, settings: RenderSettings) -> (f64, f64) {
-        let at = place(self.space, self.screening, settings);
+        let at = coordinates(self.space, self.screening, settings);
         let near: Vec<f64> =
             self.known.iter().map(|known| kernel(known, &at, self.length)).collect();
         let mean = prior(self.space, self.screening, settings)
@@ -69,7 +69,7 @@ impl<'a> ErrorModel<'a> {
         (mean, (SPREAD * SPREAD - explained).max(0.0).sqrt())
     }
 
-    /// The error itself, at the mean.
+    /// The predicted error at the mean.
     pub fn error(&self, settings: RenderSettings) -> f64 {
         (self.predict(settings).0.exp() - LEAST_ERROR).max(0.0)
     }
@@ -84,7 +84,7 @@ fn effects<'s>(
     let canonical = space.canonical(settings);
     (0..space.len()).map(move |knob| {
         let levels = space.knobs()[knob].levels.len();
-        // A knob that does nothing here is at level 0, whichever it is set to.
+        // An inactive knob counts as level 0, whatever its setting.
         let acts = canonical.level(knob) > 0
             || levels > 1 && space.canonical(canonical.with_level(knob, 1)) != canonical;
         if acts {
@@ -99,8 +99,8 @@ fn prior(space: &KnobSpace, screening: &Screening, settings: RenderSettings) -> 
     (effects(space, screening, settings).sum::<f64>() + LEAST_ERROR).ln()
 }
 
-/// Where settings lie: a coordinate for each knob.
-fn place(space: &KnobSpace, screening: &Screening, settings: RenderSettings) -> Vec<f64> {
+/// Coordinates of settings: one for each knob.
+fn coordinates(space: &KnobSpace, screening: &Screening, settings: RenderSettings) -> Vec<f64> {
     effects(space, screening, settings).map(|effect| (1.0 + effect / LEAST_ERROR).ln()).collect()
 }
 
@@ -109,18 +109,18 @@ fn kernel(a: &[f64], b: &[f64], length: f64) -> f64 {
     SPREAD * SPREAD * (-distance / length).exp()
 }
 
-fn covariance(places: &[Vec<f64>], length: f64) -> Vec<Vec<f64>> {
+fn covariance(points: &[Vec<f64>], length: f64) -> Vec<Vec<f64>> {
     let row = |a: usize| -> Vec<f64> {
         (0..=a)
             .map(|b| {
-                kernel(&places[a], &places[b], length) + if a == b { NOISE * NOISE } else { 0.0 }
+                kernel(&points[a], &points[b], length) + if a == b { NOISE * NOISE } else { 0.0 }
             })
             .collect()
     };
-    (0..places.len()).map(row).collect()
+    (0..points.len()).map(row).collect()
 }
 
-/// L with L Lᵀ = K, of the lower triangle of a symmetric positive definite K.
+/// L with L Lᵀ = K, from the lower triangle of a symmetric positive definite K.
 fn cholesky(matrix: &[Vec<f64>]) -> Vec<Vec<f64>> {
     let mut factor: Vec<Vec<f64>> = Vec::with_capacity(matrix.len());
     for (a, row) in matrix.iter().enumerate() {
@@ -136,7 +136,7 @@ fn cholesky(matrix: &[Vec<f64>]) -> Vec<Vec<f64>> {
     factor
 }
 
-/// The x of L x = y.
+/// Solves L x = y.
 fn forward(factor: &[Vec<f64>], right: &[f64]) -> Vec<f64> {
     let mut solution: Vec<f64> = Vec::with_capacity(right.len());
     for (row, y) in factor.iter().zip(right) {
@@ -146,7 +146,7 @@ fn forward(factor: &[Vec<f64>], right: &[f64]) -> Vec<f64> {
     solution
 }
 
-/// The x of L Lᵀ x = y.
+/// Solves L Lᵀ x = y.
 fn solve(factor: &[Vec<f64>], right: &[f64]) -> Vec<f64> {
     let mut solution = forward(factor, right);
     for a in (0..solution.len()).rev() {
@@ -172,8 +172,8 @@ mod tests {
         .expect("a valid space")
     }
 
-    /// Effects add up, but for the first two knobs, which are worse together.
-    fn truth(settings: RenderSettings) -> f64 {
+    /// Effects are additive, except that the first two knobs interact.
+    fn exact(settings: RenderSettings) -> f64 {
         let missing = |knob: usize| (3 - settings.level(knob)) as f64;
         let single: f64 =
             (0..5).map(|knob| missing(knob).powi(2) * [4e-3, 2e-3, 1e-3, 5e-4, 0.0][knob]).sum();
@@ -181,26 +181,26 @@ mod tests {
     }
 
     #[test]
-    fn a_few_readings_tell_what_knobs_do_together() {
+    fn a_few_readings_reveal_interactions_of_knobs() {
         let space = space();
         let mut table = CostTable::new(1);
         for settings in screening_settings(&space) {
-            table.set(0, settings, CostPoint::new(1.0, truth(settings)));
+            table.set(0, settings, CostPoint::new(1.0, exact(settings)));
         }
         let screening = Screening::of(&space, &table);
         let single: Vec<_> =
-            table.settings().iter().map(|settings| (*settings, truth(*settings))).collect();
+            table.settings().iter().map(|settings| (*settings, exact(*settings))).collect();
         let more: Vec<_> = space
             .iter()
             .step_by(23)
-            .map(|settings| (settings, truth(settings)))
+            .map(|settings| (settings, exact(settings)))
             .chain(single.clone())
             .collect();
         let spread = |model: &ErrorModel<'_>| {
             let errors = space
                 .iter()
                 .step_by(7)
-                .map(|s| (model.predict(s).0 - (truth(s) + LEAST_ERROR).ln()).powi(2));
+                .map(|s| (model.predict(s).0 - (exact(s) + LEAST_ERROR).ln()).powi(2));
             let (sum, count) =
                 errors.fold((0.0, 0.0_f64), |(sum, count), error| (sum + error, count + 1.0));
             (sum / count).sqrt()
@@ -215,7 +215,7 @@ mod tests {
             spread(&before),
             spread(&after)
         );
-        // What was rendered is known, and known to be known.
+        // Rendered settings are predicted accurately, with a small deviation.
         let (mean, deviation) = after.predict(single[1].0);
         assert!((mean - (single[1].1 + LEAST_ERROR).ln()).abs() < 0.03 && deviation < 0.1);
     }

@@ -1,9 +1,9 @@
-//! The pool: a few dozen settings among which every camera finds what suits it.
+//! The pool: a few dozen settings that suit all cameras between them.
 //!
-//! What one camera teaches helps at all others. [`screening_settings`] lowers every knob alone, at
-//! a few pilot cameras; [`propose`] searches models of power and error by NSGA-II for what is worth
-//! rendering next; [`portfolio`] keeps the settings that cameras would miss (Xu, Hoos, Leyton-Brown
-//! 2010, "Hydra"). Knows no renderer.
+//! Results of one camera carry over to all others. [`screening_settings`] lowers each knob alone,
+//! at a few pilot cameras; [`propose`] searches models of power and error by NSGA-II for the
+//! settings to render next; [`portfolio`] keeps the settings whose loss would cost cameras most
+//! (Xu, Hoos, Leyton-Brown 2010, "Hydra"). Independent of the renderer.
 mod error_model;
 mod portfolio;
 mod propose;
@@ -15,5 +15,5 @@ pub(crate) use propose::{GREATEST_ERROR, OPTIMISM, model_search, round_seed};
 pub use propose::{Proposal, propose};
 pub use screening::{Screening, screening_settings};
 
-/// Errors below this look the same.
+/// Errors below this are visually equal.
 pub const LEAST_ERROR: f64 = 1e-3;

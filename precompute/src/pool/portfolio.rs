@@ -1,4 +1,4 @@
-//! Which settings of many are worth keeping.
+//! Selection of a portfolio of settings.
 
 use bevy_frugal_gi::frontier::CostPoint;
 use bevy_frugal_gi::knobs::RenderSettings;
@@ -6,17 +6,17 @@ use bevy_frugal_gi::knobs::RenderSettings;
 use super::LEAST_ERROR;
 use crate::table::CostTable;
 
-/// Exchange rates at which settings are judged, in units of the best settings' power per unit of
-/// error: from budgets of an error of a few hundredths to those of a few thousandths.
+/// Exchange rates of the losses, in units of the best settings' power per unit of error: those of
+/// error budgets from a few hundredths to a few thousandths.
 pub(super) const RATES: [f64; 8] = [4.0, 8.0, 16.0, 32.0, 64.0, 128.0, 256.0, 512.0];
-/// Power budgets at which they are judged, evenly spread over the range of power, as budgets are
-/// asked for.
+/// Number of power budgets of the losses, evenly spread over the range of power.
 pub(super) const BUDGETS: usize = 19;
-/// The least of them, as a share of the range: what is cheaper has errors that nobody ships.
+/// The least power budget, as a share of the range: cheaper settings have errors that no app would
+/// ship.
 const LEAST_BUDGET: f64 = 0.1;
-/// How much the error at a power budget counts beside the cost at an exchange rate.
+/// Weight of the error at a power budget relative to the cost at an exchange rate.
 pub(super) const BUDGET_WEIGHT: f64 = 0.25;
-/// Gains below this share are no reason to keep one more.
+/// Least relative gain for which another setting is kept.
 const LEAST_GAIN: f64 = 1e-5;
 
 /// The power budget of number `step` within a range of power.
@@ -66,38 +66,37 @@ fn all_losses(table: &CostTable, columns: &[usize]) -> Vec<Vec<f64>> {
     rows
 }
 
-/// At most `most` settings of `table` that together come nearest to what all of them could do,
-/// those of `always` first. Greedily: each takes most of the loss away that is left. Settings that
-/// are not known at every camera are left out.
+/// At most `most` settings of `table` with the least loss against using all of them, those of
+/// `always` first. Greedy: each reduces the remaining loss most. Settings that are not known at
+/// every camera are left out.
 pub fn portfolio(table: &CostTable, most: usize, always: &[RenderSettings]) -> Vec<RenderSettings> {
     let columns: Vec<usize> =
         (0..table.settings().len()).filter(|column| table.is_complete(*column)).collect();
     let rows = all_losses(table, &columns);
     let mut left: Vec<f64> = vec![f64::INFINITY; rows.len()];
     let mut kept: Vec<usize> = Vec::new();
-    let mut take = |place: usize, left: &mut Vec<f64>| {
-        left.iter_mut().zip(&rows).for_each(|(left, row)| *left = left.min(row[place]));
-        kept.push(place);
+    let mut take = |index: usize, left: &mut Vec<f64>| {
+        left.iter_mut().zip(&rows).for_each(|(left, row)| *left = left.min(row[index]));
+        kept.push(index);
     };
     for settings in always {
-        if let Some(place) =
+        if let Some(index) =
             columns.iter().position(|column| table.settings()[*column] == *settings)
         {
-            take(place, &mut left);
+            take(index, &mut left);
         }
     }
     let mut taken: Vec<bool> = (0..columns.len())
-        .map(|place| always.contains(&table.settings()[columns[place]]))
+        .map(|index| always.contains(&table.settings()[columns[index]]))
         .collect();
     for _ in 0..most.saturating_sub(taken.iter().filter(|taken| **taken).count()) {
-        // Before anything is taken every loss is infinite: then the least total counts, later the
-        // greatest gain.
-        let total = |place: usize| -> f64 {
-            left.iter().zip(&rows).map(|(left, row)| left.min(row[place])).sum()
+        // All losses are infinite at first: then the least total decides, later the greatest gain.
+        let total = |index: usize| -> f64 {
+            left.iter().zip(&rows).map(|(left, row)| left.min(row[index])).sum()
         };
         let now: f64 = left.iter().sum();
         let best = (0..columns.len())
-            .filter(|place| !taken[*place])
+            .filter(|index| !taken[*index])
             .min_by(|a, b| total(*a).total_cmp(&total(*b)));
         let Some(best) = best else { break };
         if now.is_finite() && now - total(best) <= LEAST_GAIN * rows.len() as f64 {
@@ -106,20 +105,19 @@ pub fn portfolio(table: &CostTable, most: usize, always: &[RenderSettings]) -> V
         taken[best] = true;
         take(best, &mut left);
     }
-    kept.into_iter().map(|place| table.settings()[columns[place]]).collect()
+    kept.into_iter().map(|index| table.settings()[columns[index]]).collect()
 }
 
-/// What is lost when only `kept` are left of all that `table` holds: mean over cameras, exchange
-/// rates and budgets.
+/// Loss of `kept` against all settings of `table`: mean over cameras, exchange rates and budgets.
 pub fn regret(table: &CostTable, kept: &[RenderSettings]) -> f64 {
     let columns: Vec<usize> =
         (0..table.settings().len()).filter(|column| table.is_complete(*column)).collect();
-    let places: Vec<usize> = (0..columns.len())
-        .filter(|place| kept.contains(&table.settings()[columns[*place]]))
+    let indices: Vec<usize> = (0..columns.len())
+        .filter(|index| kept.contains(&table.settings()[columns[*index]]))
         .collect();
     let rows = all_losses(table, &columns);
     let least =
-        |row: &Vec<f64>| places.iter().map(|place| row[*place]).fold(f64::INFINITY, f64::min);
+        |row: &Vec<f64>| indices.iter().map(|index| row[*index]).fold(f64::INFINITY, f64::min);
     rows.iter().map(least).sum::<f64>() / rows.len().max(1) as f64
 }
 

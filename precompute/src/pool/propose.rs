@@ -1,4 +1,4 @@
-//! What to render next: NSGA-II on the models, which costs nothing.
+//! Proposals for rendering: NSGA-II on the models of power and error, without rendering.
 
 use std::convert::Infallible;
 
@@ -10,18 +10,17 @@ use super::{ErrorModel, LEAST_ERROR, Screening};
 use crate::cost::{CostModel, FrameLayout, Work};
 use crate::search::{Evaluate, Search, SearchConfig};
 
-/// Errors beyond this are no budget's: settings that have more are only worth it for their power.
+/// Errors are clamped to this: no budget allows more, so settings beyond it differ in power alone.
 pub(crate) const GREATEST_ERROR: f64 = 0.3;
-/// How many standard deviations a proposal may be better than it is expected to be: some room for
-/// what is not known.
+/// Optimism of proposals, standard deviations below the expected error (a lower confidence bound).
 pub(crate) const OPTIMISM: f64 = 0.5;
-/// Gains below this, summed over rates and budgets, are no reason to render.
+/// Least gain, summed over rates and budgets, for which settings are rendered.
 const LEAST_GAIN: f64 = 1e-3;
-/// Evaluations of the models in a round, and survivors of a generation.
+/// Model evaluations per round, and survivors per generation.
 const EVALUATIONS: usize = 4000;
 const POPULATION: usize = 48;
 
-/// How models are searched, which costs nothing.
+/// Configuration of a search on models.
 pub(crate) fn model_search(seed: u64) -> SearchConfig {
     SearchConfig {
         population: POPULATION,
@@ -32,28 +31,28 @@ pub(crate) fn model_search(seed: u64) -> SearchConfig {
     }
 }
 
-/// The seed of a round of proposals: every round draws anew.
+/// The seed of a round of proposals: different in every round.
 pub(crate) fn round_seed(seed: u64, round: u64) -> u64 {
     seed.wrapping_mul(1000).wrapping_add(round)
 }
 
-/// What proposals are made from.
+/// Inputs of proposals.
 #[derive(Clone, Copy, Debug)]
 pub struct Proposal<'a> {
     /// The knobs.
     pub space: &'a KnobSpace,
-    /// What knobs do alone.
+    /// Single effects of the knobs.
     pub screening: &'a Screening,
     /// Prices of work.
     pub cost: &'a CostModel,
-    /// What work depends on.
+    /// Parameters of the work model.
     pub layout: &'a FrameLayout,
-    /// Mean errors of what was rendered.
+    /// Mean errors of rendered settings.
     pub errors: &'a [(RenderSettings, f64)],
 }
 
-/// Both models, as something to search: logarithms, so that crowding and dominance count where
-/// budgets live.
+/// Both models as objectives, in logarithms, so that crowding and dominance resolve the range of
+/// budgets.
 struct Models<'a> {
     proposal: &'a Proposal<'a>,
     error: ErrorModel<'a>,
@@ -65,7 +64,7 @@ impl Evaluate for Models<'_> {
     fn evaluate(&mut self, settings: RenderSettings) -> Result<CostPoint, Infallible> {
         let Proposal { space, screening, cost, layout, .. } = self.proposal;
         let power = cost.power(&Work::of(space, settings, layout)).max(1e-9).ln();
-        // A knob without effect is never worth its power, however little that is.
+        // A knob without effect stays at its cheapest, however little power that saves.
         if screening.fixed(space, settings) != space.canonical(settings) {
             return Ok(CostPoint::new(power + 1.0, GREATEST_ERROR.ln() + 1.0));
         }
@@ -78,8 +77,8 @@ impl Evaluate for Models<'_> {
     }
 }
 
-/// Up to `count` settings that were not rendered yet and are expected to gain most, where error
-/// budgets live. The same `seed` proposes the same ones.
+/// Up to `count` unrendered settings with the greatest expected gain, in the range of error
+/// budgets. Deterministic in `seed`.
 pub fn propose(proposal: &Proposal<'_>, count: usize, seed: u64) -> Vec<RenderSettings> {
     let mut models = Models {
         proposal,
@@ -108,9 +107,8 @@ pub fn propose(proposal: &Proposal<'_>, count: usize, seed: u64) -> Vec<RenderSe
     greatest_gains(&rendered, &candidates, power(proposal.space.lowest()) / best_power, count)
 }
 
-/// What is to be had from settings that were rendered: the least power + rate × error at each
-/// exchange rate, and the least error within each power budget. Powers are shares of the best
-/// settings'.
+/// The best results of rendered settings: the least power + rate × error at each exchange rate, and
+/// the least error within each power budget. Powers are shares of the best settings' power.
 struct Reached {
     weighted: Vec<f64>,
     range: (f64, f64),
@@ -141,7 +139,7 @@ impl Reached {
         }
     }
 
-    /// By how much a cost would improve on that, summed over rates and budgets.
+    /// Gain of a cost over these results, summed over rates and budgets.
     fn gain(&self, cost: &CostPoint) -> f64 {
         let weighted = RATES
             .iter()
@@ -158,7 +156,7 @@ impl Reached {
     }
 }
 
-/// Of `candidates` those that gain most, each after those before it.
+/// The candidates of greatest gain, each given those before it.
 fn greatest_gains(
     rendered: &[(RenderSettings, CostPoint)],
     candidates: &[(RenderSettings, CostPoint)],

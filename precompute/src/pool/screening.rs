@@ -1,19 +1,19 @@
-//! Every knob lowered alone: what it does to a picture, and whether it does anything.
+//! One-at-a-time screening: the effect of each knob on the error, and knobs without effect.
 
 use bevy_frugal_gi::knobs::{KnobSpace, RenderSettings};
 
 use super::LEAST_ERROR;
 use crate::table::CostTable;
 
-/// A knob whose every level changes pictures by less than this, at every pilot camera, has no
-/// effect in the scene. Well below the error that a different sampling pattern makes.
+/// Greatest error, over all levels and pilot cameras, of a knob that counts as having no effect in
+/// the scene. Well below the error of a different sampling pattern.
 const NO_EFFECT: f64 = 2e-4;
 
-/// Levels up to which each of a knob's is rendered alone; of a knob with more, the one below the
+/// Greatest number of levels of which all are rendered; of a knob with more, the one below the
 /// best, the middle one, and the lowest.
 const ALL_LEVELS: usize = 4;
 
-/// The best settings, then those with one knob lowered alone, then the cheapest and two presets
+/// The best settings, then those with one knob lowered, then the cheapest and two presets in
 /// between.
 pub fn screening_settings(space: &KnobSpace) -> Vec<RenderSettings> {
     let best = space.highest();
@@ -28,18 +28,18 @@ pub fn screening_settings(space: &KnobSpace) -> Vec<RenderSettings> {
     space.canonical_once(all)
 }
 
-/// What lowering each knob alone does.
+/// Single effects of the knobs.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Screening {
-    /// Mean error by knob and level; 0 at the best. What was not rendered lies evenly between its
-    /// neighbours, in the logarithm.
+    /// Mean error by knob and level; 0 at the best. Levels that were not rendered are interpolated
+    /// in the logarithm.
     pub effects: Vec<Vec<f64>>,
-    /// Knobs that change no picture: they stand at their cheapest, and are not searched.
+    /// Knobs without effect: they stay at their cheapest and are not searched.
     pub without_effect: Vec<usize>,
 }
 
 impl Screening {
-    /// From a table of pilot cameras that holds [`screening_settings`].
+    /// Effects from a table of pilot cameras that contains [`screening_settings`].
     pub fn of(space: &KnobSpace, table: &CostTable) -> Self {
         let best = space.highest();
         let mut effects = Vec::new();
@@ -59,7 +59,7 @@ impl Screening {
             let mut above = top;
             for level in (0..top).rev() {
                 let Some(error) = mean(level) else { continue };
-                // A lower level is never better: what says so is noise.
+                // A lower level is never better: a lower error is noise.
                 errors[level] = error.max(errors[above]);
                 for between in level + 1..above {
                     let share = (above - between) as f64 / (above - level) as f64;
@@ -143,7 +143,7 @@ mod tests {
             [25.0, 10.0, 0.0]
         );
         assert_eq!(screening.fixed(&space, space.highest()), space.highest().with_level(2, 0));
-        // What was not rendered is not said to have no effect.
+        // A knob that was not rendered does not count as without effect.
         assert!(Screening::of(&space, &CostTable::new(2)).without_effect.is_empty());
     }
 }

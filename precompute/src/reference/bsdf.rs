@@ -1,4 +1,4 @@
-//! What a surface does with light: Bevy's `StandardMaterial`, or a Lambertian reflector.
+//! Reflection models: Bevy's `StandardMaterial`, and a Lambertian reflector.
 //!
 //! Diffuse: Burley 2012, "Physically Based Shading at Disney", section 5.3, with Bevy's use of it
 //! (its roughness is the squared one). Specular: Walter et al. 2007, "Microfacet Models for
@@ -6,10 +6,10 @@
 //! Function in Microfacet-Based BRDFs", equation 99 (height-correlated Smith); Schlick 1994 on the
 //! angle to the half vector.
 //!
-//! What differs from Bevy: the energy that rough metals lose between facets is not put back (Bevy
-//! scales the lobe by a fitted factor: within 2 % for dielectrics, more for rough metals). As in
-//! Bevy, nothing takes from the diffuse light what was reflected specularly, so that a white,
-//! glossy dielectric reflects a little more than it gets.
+//! Differences from Bevy: there is no compensation for the energy that single scattering between
+//! facets loses (Bevy scales the lobe by a fitted factor: within 2 % for dielectrics, more for
+//! rough metals). As in Bevy, the diffuse lobe is not reduced by the specular reflectance, so that
+//! a white, glossy dielectric reflects a little more than it receives.
 
 use bevy::math::DVec3;
 use std::f64::consts::{FRAC_1_PI, TAU};
@@ -23,26 +23,27 @@ const LEAST_PERCEPTUAL_ROUGHNESS: f64 = 0.089;
 /// Least cosine between normal and view, as Bevy's: interpolated normals may face away from the
 /// viewer.
 const LEAST_VIEW_COSINE: f64 = 1e-4;
-/// Where both lobes reflect, each is drawn at least this often: the estimate of its share is rough.
+/// Least probability of sampling either lobe where both reflect: the estimate of their shares is
+/// rough.
 const LEAST_LOBE_SHARE: f64 = 0.1;
 
-/// Which reflection model surfaces have.
+/// The reflection model of all surfaces.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Shading {
-    /// Bevy's: Burley's diffuse and GGX specular.
+    /// Bevy's model: Burley diffuse and GGX specular.
     #[default]
     Standard,
-    /// Base colour × (1 − metallic) scattered evenly, and nothing else: what virtual point lights
-    /// bounce.
+    /// Lambertian, with the albedo base colour × (1 − metallic) and no specular lobe: the model of
+    /// virtual point lights.
     Lambertian,
 }
 
-/// Reflection at one point towards one direction.
+/// The reflection model at one point, for one outgoing direction.
 pub(super) struct Bsdf {
     /// Tangent, bitangent and shading normal, orthonormal.
     frame: [DVec3; 3],
     geometric_normal: DVec3,
-    /// Towards the viewer, in the frame; its third component is above 0.
+    /// Direction to the viewer in `frame` coordinates; the third component is above 0.
     view: DVec3,
     /// Diffuse reflectance.
     diffuse: DVec3,
@@ -51,23 +52,23 @@ pub(super) struct Bsdf {
     /// Squared perceptual roughness.
     alpha: f64,
     shading: Shading,
-    /// Probability with which [`sample`](Self::sample) draws from the specular lobe.
+    /// Probability that [`sample`](Self::sample) takes the specular lobe.
     specular_share: f64,
 }
 
-/// A direction that was drawn.
+/// A sampled direction.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Scattering {
-    /// Unit length, away from the surface.
+pub(super) struct BsdfSample {
+    /// Unit length, pointing away from the surface.
     pub(super) direction: DVec3,
-    /// Reflection × cosine ÷ density.
+    /// BSDF × cosine ÷ density.
     pub(super) weight: DVec3,
     /// Probability density, per steradian.
     pub(super) density: f64,
 }
 
 impl Bsdf {
-    /// Of `surface` towards `outgoing`, a unit vector.
+    /// The model of `surface` for the direction `outgoing`, a unit vector.
     pub(super) fn new(surface: &Surface, outgoing: DVec3, shading: Shading) -> Self {
         let material = surface.material;
         let (tangent, bitangent) = surface.normal.any_orthonormal_pair();
@@ -97,22 +98,22 @@ impl Bsdf {
             shading,
             specular_share: 0.0,
         };
-        let (specular, matt) = (luminance(bsdf.fresnel(view.z)), luminance(diffuse));
-        bsdf.specular_share = match (specular > 0.0, matt > 0.0) {
+        let (specular, diffuse) = (luminance(bsdf.fresnel(view.z)), luminance(diffuse));
+        bsdf.specular_share = match (specular > 0.0, diffuse > 0.0) {
             (true, true) => {
-                (specular / (specular + matt)).clamp(LEAST_LOBE_SHARE, 1.0 - LEAST_LOBE_SHARE)
+                (specular / (specular + diffuse)).clamp(LEAST_LOBE_SHARE, 1.0 - LEAST_LOBE_SHARE)
             }
             (only_specular, _) => f64::from(u8::from(only_specular)),
         };
         bsdf
     }
 
-    /// Reflection towards the viewer of light from `direction`, a unit vector, times the cosine to
-    /// the normal; and the density with which [`sample`](Self::sample) draws that direction, per
-    /// steradian. Both are 0 below the shading normal's horizon and below the triangle's.
+    /// BSDF × cosine for light from `direction`, a unit vector; and the density, per steradian,
+    /// with which [`sample`](Self::sample) takes that direction. Both are 0 below the shading
+    /// normal's horizon and below the triangle's.
     pub(super) fn evaluate(&self, direction: DVec3) -> (DVec3, f64) {
         let light = DVec3::from_array(self.frame.map(|axis| axis.dot(direction)));
-        // So written, NaN ends here, too.
+        // This form also rejects NaN.
         let above = light.z > 0.0 && direction.dot(self.geometric_normal) > 0.0;
         if !above {
             return (DVec3::ZERO, 0.0);
@@ -134,9 +135,9 @@ impl Bsdf {
         (reflected * light.z, density)
     }
 
-    /// Draws a direction, about as often as light from there counts; `None` where the draw falls
-    /// below the surface or nothing is reflected.
-    pub(super) fn sample(&self, sampler: &mut Sampler) -> Option<Scattering> {
+    /// Samples a direction, approximately in proportion to BSDF × cosine; `None` where the sample
+    /// falls below the surface or nothing is reflected.
+    pub(super) fn sample(&self, sampler: &mut Sampler) -> Option<BsdfSample> {
         let (lobe, pair) = (sampler.number(), sampler.pair());
         let local = if lobe < self.specular_share {
             self.sample_specular(pair)
@@ -147,7 +148,7 @@ impl Bsdf {
             (self.frame[0] * local.x + self.frame[1] * local.y + self.frame[2] * local.z)
                 .normalize();
         let (reflected, density) = self.evaluate(direction);
-        (density > 0.0 && reflected.max_element() > 0.0).then(|| Scattering {
+        (density > 0.0 && reflected.max_element() > 0.0).then(|| BsdfSample {
             direction,
             weight: reflected / density,
             density,
@@ -155,7 +156,7 @@ impl Bsdf {
     }
 
     /// Heitz 2018, "Sampling the GGX Distribution of Visible Normals", listing 1, for an isotropic
-    /// lobe; then a mirror at that normal.
+    /// lobe; then the mirror direction about that normal.
     fn sample_specular(&self, [u1, u2]: [f64; 2]) -> DVec3 {
         let stretched =
             DVec3::new(self.alpha * self.view.x, self.alpha * self.view.y, self.view.z).normalize();
@@ -179,14 +180,14 @@ impl Bsdf {
         scatter(light_cosine) * scatter(self.view.z.min(1.0))
     }
 
-    /// Specular reflectance of a facet. Below 2 % at normal incidence Bevy dims the grazing
-    /// reflection, too, so that 0 has none.
+    /// Specular reflectance of a facet. Below 2 % at normal incidence Bevy also reduces the grazing
+    /// reflectance, so that an `f0` of 0 reflects nothing.
     fn fresnel(&self, half_cosine: f64) -> DVec3 {
         let f90 = (self.f0.element_sum() * 50.0 * 0.33).clamp(0.0, 1.0);
         self.f0 + (DVec3::splat(f90) - self.f0) * (1.0 - half_cosine).clamp(0.0, 1.0).powi(5)
     }
 
-    /// GGX's density of facets, per steradian.
+    /// GGX distribution of normals, per steradian.
     fn distribution(&self, half_z: f64) -> f64 {
         let scaled = half_z * self.alpha;
         let k = self.alpha / ((1.0 - half_z * half_z).max(0.0) + scaled * scaled);
@@ -204,7 +205,7 @@ impl Bsdf {
     }
 }
 
-/// Density ∝ cosine to the third axis: Malley's method, a disc lifted to the hemisphere.
+/// Density ∝ cosine to the third axis (Malley's method: a disc projected up to the hemisphere).
 fn sample_cosine([u1, u2]: [f64; 2]) -> DVec3 {
     let (radius, angle) = (u1.sqrt(), TAU * u2);
     DVec3::new(radius * angle.cos(), radius * angle.sin(), (1.0 - u1).max(0.0).sqrt())

@@ -52,7 +52,7 @@ fn integrate(mut integrand: impl FnMut(DVec3) -> DVec3) -> DVec3 {
 }
 
 #[test]
-fn draws_agree_with_evaluation_and_densities_sum_to_one() {
+fn samples_agree_with_evaluation_and_densities_sum_to_one() {
     for (number, material) in materials().iter().enumerate() {
         for view in [0.0, 40.0, 75.0] {
             let bsdf = bsdf(material, view, Shading::Standard);
@@ -63,20 +63,20 @@ fn draws_agree_with_evaluation_and_densities_sum_to_one() {
             for i in 0..count {
                 let weight = bsdf.sample(&mut Sampler::new(number as u64, u64::from(i), 0)).map_or(
                     DVec3::ZERO,
-                    |drawn| {
+                    |sample| {
                         kept += 1.0 / f64::from(count);
-                        let (reflected, density) = bsdf.evaluate(drawn.direction);
+                        let (reflected, density) = bsdf.evaluate(sample.direction);
                         assert!(
-                            (density - drawn.density).abs() <= 1e-12 * density
-                                && (reflected / density - drawn.weight).length() < 1e-12
+                            (density - sample.density).abs() <= 1e-12 * density
+                                && (reflected / density - sample.weight).length() < 1e-12
                         );
-                        drawn.weight
+                        sample.weight
                     },
                 );
                 mean += weight / f64::from(count);
                 square += weight * weight / f64::from(count);
             }
-            // Of the mean's standard error, and of the rule's own error at a lobe a few of its
+            // Four standard errors of the mean, and the error of the quadrature at a lobe a few
             // steps wide.
             let tolerance = 4.0
                 * ((square - mean * mean).max(DVec3::ZERO) / f64::from(count)).map(f64::sqrt)
@@ -85,7 +85,8 @@ fn draws_agree_with_evaluation_and_densities_sum_to_one() {
                 ((mean - exact).abs() - tolerance).max_element() < 0.0,
                 "material {number} at {view}°: {mean} for {exact}"
             );
-            // Draws below the horizon are lost to it; above it the density is that of what is kept.
+            // Samples below the horizon are rejected; above it the density integrates to the
+            // accepted share.
             assert!(
                 (covered - kept).abs() < 4.0 * (0.25 / f64::from(count)).sqrt() + 2e-3,
                 "material {number} at {view}°: {covered} {kept}"
@@ -131,11 +132,11 @@ fn a_metal_in_a_white_furnace_gains_no_energy() {
             let count = 1024;
             let weights = (0..count).filter_map(|i| bsdf.sample(&mut Sampler::new(1, 0, i)));
             let mut sum = 0.0;
-            for drawn in weights {
-                // Visible normals are drawn: what is left is the share that the other facets
+            for sample in weights {
+                // Visible normals are sampled, so the weight is the share that other facets do not
                 // shadow.
-                assert!(drawn.weight.max_element() <= 1.0 + 1e-9, "{}", drawn.weight);
-                sum += drawn.weight.x / f64::from(count);
+                assert!(sample.weight.max_element() <= 1.0 + 1e-9, "{}", sample.weight);
+                sum += sample.weight.x / f64::from(count);
             }
             assert!(
                 sum <= 1.0 + 1e-9 && sum > 0.3,
@@ -160,7 +161,7 @@ fn a_lambertian_reflects_its_albedo_and_nothing_below_the_horizon() {
     let bsdf = bsdf(&material, 50.0, Shading::Lambertian);
     let exact = DVec3::new(0.9, 0.6, 0.2) * 0.75;
     for i in 0..64 {
-        // Drawn exactly by its density: no draw differs from another.
+        // The density is exactly proportional to BSDF × cosine: all samples have one weight.
         let weight = bsdf.sample(&mut Sampler::new(2, 0, i)).unwrap().weight;
         assert!((weight - exact).abs().max_element() < 1e-6, "{weight}");
     }
@@ -192,11 +193,11 @@ fn a_bent_normal_neither_leaks_nor_breaks() {
             let view = DVec3::new(view.to_radians().sin(), view.to_radians().cos(), 0.0);
             let bsdf = Bsdf::new(&surface, view, Shading::Standard);
             for i in 0..256 {
-                if let Some(drawn) = bsdf.sample(&mut Sampler::new(3, 0, i)) {
+                if let Some(sample) = bsdf.sample(&mut Sampler::new(3, 0, i)) {
                     assert!(
-                        drawn.direction.y > 0.0
-                            && drawn.weight.is_finite()
-                            && drawn.density.is_finite()
+                        sample.direction.y > 0.0
+                            && sample.weight.is_finite()
+                            && sample.density.is_finite()
                     );
                 }
             }

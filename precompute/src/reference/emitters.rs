@@ -1,4 +1,4 @@
-//! Triangles that glow, and how to draw points on them.
+//! Emissive triangles, and sampling of points on them.
 
 use bevy::math::DVec3;
 
@@ -6,7 +6,7 @@ use super::{color, luminance};
 use crate::scene::rays::Hit;
 use crate::scene::{SceneGeometry, Side, Triangle};
 
-/// All glowing triangles, drawn by power: area × luminance.
+/// All emissive triangles, sampled by power: area × luminance.
 #[derive(Debug, Default)]
 pub(super) struct Emitters {
     triangles: Vec<Triangle>,
@@ -14,19 +14,19 @@ pub(super) struct Emitters {
     cumulative: Vec<f64>,
 }
 
-/// A point on a glowing triangle.
+/// A point on an emissive triangle.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct EmitterPoint {
     /// Metres.
     pub(super) position: DVec3,
     /// Probability density, per m².
     pub(super) density: f64,
-    /// Its place in the geometry, for what stands for a hit there, seen from its front.
+    /// The same point as a hit on the triangle's front.
     pub(super) hit: Hit,
 }
 
 impl Emitters {
-    /// Those of `geometry`, which must be valid.
+    /// The emissive triangles of `geometry`, which must be valid.
     pub(super) fn new(geometry: &SceneGeometry) -> Self {
         let mut emitters = Self::default();
         let mut power = 0.0;
@@ -46,18 +46,18 @@ impl Emitters {
         emitters
     }
 
-    /// Whether nothing glows.
+    /// Whether no triangle is emissive.
     pub(super) fn is_empty(&self) -> bool {
         self.triangles.is_empty()
     }
 
-    /// Density with which a point of a triangle that emits `radiance` is drawn, per m²: the power
-    /// of a square metre of it ÷ all power.
+    /// Sampling density on a triangle that emits `radiance`, per m²: the luminance ÷ the power of
+    /// all triangles.
     pub(super) fn density(&self, radiance: DVec3) -> f64 {
         self.cumulative.last().map_or(0.0, |power| luminance(radiance) / power)
     }
 
-    /// Draws a point; `None` where nothing glows.
+    /// Samples a point; `None` where no triangle is emissive.
     pub(super) fn sample(
         &self,
         geometry: &SceneGeometry,

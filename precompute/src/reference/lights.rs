@@ -1,5 +1,5 @@
-//! Suns and lamps, as the renderer's light maps have them: the formulas are those of
-//! `gi/rsm/resolve.wgsl` and `gi/rsm/lights.rs` in the plugin, which are Bevy's.
+//! Punctual lights (directional, point and spot) as in the renderer's light maps: the formulas are
+//! those of `gi/rsm/resolve.wgsl` and `gi/rsm/lights.rs` in the plugin, which are Bevy's.
 
 use bevy::math::DVec3;
 use std::f64::consts::{FRAC_PI_2, PI};
@@ -7,22 +7,22 @@ use std::f64::consts::{FRAC_PI_2, PI};
 use super::color;
 use crate::scene::Light;
 
-/// Nearest distance to a lamp that counts, m²: so near, light is as strong as from here. Keeps a
-/// lamp in a wall finite.
+/// Least squared distance to a light, m²: the attenuation is constant below it. Keeps the
+/// illuminance of a light inside a wall finite.
 const LEAST_DISTANCE_SQUARED: f64 = 1e-12;
 
-/// A light without extent: no path meets it by chance.
+/// A light without extent: a scattered path never hits it.
 #[derive(Clone, Copy, Debug)]
-pub(super) enum PointLike {
+pub(super) enum PunctualLight {
     /// Parallel rays.
-    Sun {
-        /// Towards the light, unit length.
+    Directional {
+        /// Direction to the light, unit length.
         towards: DVec3,
         /// Linear RGB, lux on a surface that faces it.
         illuminance: DVec3,
     },
-    /// A lamp at a point, perhaps in a cone.
-    Lamp {
+    /// A point or spot light.
+    Positional {
         /// Metres.
         position: DVec3,
         /// Linear RGB, candela.
@@ -36,10 +36,10 @@ pub(super) enum PointLike {
     },
 }
 
-/// Light at a place.
+/// Incident light of one source at a point.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Arrival {
-    /// Towards the light, unit length.
+    /// Direction to the light, unit length.
     pub(super) direction: DVec3,
     /// Metres to the light.
     pub(super) distance: f64,
@@ -47,29 +47,29 @@ pub(super) struct Arrival {
     pub(super) illuminance: DVec3,
 }
 
-impl PointLike {
-    /// A scene's light; `None` where it is dark.
+impl PunctualLight {
+    /// Converts a scene's light; `None` where its intensity is 0, negative or not finite.
     pub(super) fn new(light: &Light) -> Option<Self> {
-        let lamp = |position: bevy::math::Vec3,
-                    power: f32,
-                    rgb: [f32; 3],
-                    range: f32,
-                    axis: DVec3,
-                    cone: (f64, f64)| Self::Lamp {
+        let positional = |position: bevy::math::Vec3,
+                          power: f32,
+                          rgb: [f32; 3],
+                          range: f32,
+                          axis: DVec3,
+                          cone: (f64, f64)| Self::Positional {
             position: position.as_dvec3(),
-            // Of a lamp that shines in all directions, whatever its cone.
+            // Bevy divides by the full sphere, whatever the cone.
             intensity: color(rgb) * (f64::from(power) / (4.0 * PI)),
             inverse_range_squared: f64::from(range).powi(2).recip(),
             axis,
             cone,
         };
         let light = match light {
-            Light::Directional { direction, illuminance, color: rgb } => Self::Sun {
+            Light::Directional { direction, illuminance, color: rgb } => Self::Directional {
                 towards: -direction.as_dvec3().normalize_or(DVec3::NEG_Y),
                 illuminance: color(*rgb) * f64::from(*illuminance),
             },
             Light::Point { position, luminous_power, range, color: rgb } => {
-                lamp(*position, *luminous_power, *rgb, *range, DVec3::NEG_Y, (0.0, 1.0))
+                positional(*position, *luminous_power, *rgb, *range, DVec3::NEG_Y, (0.0, 1.0))
             }
             Light::Spot {
                 position,
@@ -84,30 +84,36 @@ impl PointLike {
                 let inner = f64::from(*inner_angle).to_radians().min(outer);
                 let scale = 1.0 / (inner.cos() - outer.cos()).max(1e-4);
                 let axis = direction.as_dvec3().normalize_or(DVec3::NEG_Y);
-                lamp(*position, *luminous_power, *rgb, *range, axis, (scale, -outer.cos() * scale))
+                positional(
+                    *position,
+                    *luminous_power,
+                    *rgb,
+                    *range,
+                    axis,
+                    (scale, -outer.cos() * scale),
+                )
             }
         };
-        let (Self::Sun { illuminance: strength, .. } | Self::Lamp { intensity: strength, .. }) =
-            light;
+        let (Self::Directional { illuminance: strength, .. }
+        | Self::Positional { intensity: strength, .. }) = light;
         (strength.is_finite() && strength.min_element() >= 0.0 && strength.max_element() > 0.0)
             .then_some(light)
     }
 
-    /// What arrives at `position` where nothing is in the way; `None` beyond the light's range and
-    /// outside its cone.
+    /// Unoccluded light at `position`; `None` beyond the light's range and outside its cone.
     pub(super) fn arrival(&self, position: DVec3) -> Option<Arrival> {
         match *self {
-            Self::Sun { towards, illuminance } => {
+            Self::Directional { towards, illuminance } => {
                 Some(Arrival { direction: towards, distance: f64::INFINITY, illuminance })
             }
-            Self::Lamp {
-                position: lamp,
+            Self::Positional {
+                position: light,
                 intensity,
                 inverse_range_squared,
                 axis,
                 cone: (scale, offset),
             } => {
-                let ray = lamp - position;
+                let ray = light - position;
                 let distance_squared = ray.length_squared().max(LEAST_DISTANCE_SQUARED);
                 let distance = distance_squared.sqrt();
                 let cone = (-ray.dot(axis) / distance * scale + offset).clamp(0.0, 1.0);
@@ -130,7 +136,7 @@ mod tests {
     use bevy::math::Vec3;
 
     #[test]
-    fn a_lamp_fades_by_distance_range_and_cone() {
+    fn a_positional_light_fades_by_distance_range_and_cone() {
         let power = 400.0 * std::f32::consts::PI;
         let point = Light::Point {
             position: Vec3::ZERO,
@@ -138,8 +144,8 @@ mod tests {
             range: 10.0,
             color: [1.0, 0.5, 0.0],
         };
-        let lamp = PointLike::new(&point).unwrap();
-        let near = lamp.arrival(DVec3::X * 0.1).unwrap();
+        let light = PunctualLight::new(&point).unwrap();
+        let near = light.arrival(DVec3::X * 0.1).unwrap();
         assert!(
             (near.illuminance - DVec3::new(1e4, 5e3, 0.0)).abs().max_element() < 0.1,
             "{near:?}"
@@ -148,10 +154,12 @@ mod tests {
             (near.direction - DVec3::NEG_X).length() < 1e-12 && (near.distance - 0.1).abs() < 1e-12
         );
         // (1 − (5/10)⁴)² of 100/25 lux.
-        let half_way = lamp.arrival(DVec3::Y * 5.0).unwrap().illuminance.x;
+        let half_way = light.arrival(DVec3::Y * 5.0).unwrap().illuminance.x;
         assert!((half_way - 4.0 * (15.0_f64 / 16.0).powi(2)).abs() < 1e-4, "{half_way}");
-        assert!(lamp.arrival(DVec3::Z * 10.0).is_none() && lamp.arrival(DVec3::Z * 1e30).is_none());
-        let inside = lamp.arrival(DVec3::ZERO).unwrap();
+        assert!(
+            light.arrival(DVec3::Z * 10.0).is_none() && light.arrival(DVec3::Z * 1e30).is_none()
+        );
+        let inside = light.arrival(DVec3::ZERO).unwrap();
         assert!(inside.illuminance.is_finite() && inside.direction.is_finite());
         let (inner_angle, outer_angle) = (20.0, 40.0);
         let spot = Light::Spot {
@@ -163,7 +171,7 @@ mod tests {
             outer_angle,
             color: [1.0; 3],
         };
-        let spot = PointLike::new(&spot).unwrap();
+        let spot = PunctualLight::new(&spot).unwrap();
         let at = |degrees: f64| {
             let angle = degrees.to_radians();
             spot.arrival(DVec3::new(angle.sin(), 0.0, -angle.cos()))
@@ -181,7 +189,7 @@ mod tests {
     #[test]
     fn dark_and_broken_lights_are_left_out() {
         let sun = |illuminance| {
-            PointLike::new(&Light::Directional {
+            PunctualLight::new(&Light::Directional {
                 direction: Vec3::NEG_Y,
                 illuminance,
                 color: [1.0; 3],

@@ -1,18 +1,18 @@
-//! The truth that the renderer is held to: a path tracer on the processor. Plain Rust, no renderer.
+//! The reference for the renderer: a path tracer on the CPU. Plain Rust, without the renderer.
 //!
 //! Kajiya 1986, "The Rendering Equation", solved by paths from the camera with next-event
 //! estimation, multiple importance sampling (Veach and Guibas 1995, "Optimally Combining Sampling
-//! Techniques for Monte Carlo Rendering") and Russian roulette. Units are photometric and light and
-//! materials are Bevy's, so that radiance is comparable nit by nit; what differs from Bevy, and
-//! from other path tracers, is said where it is.
+//! Techniques for Monte Carlo Rendering") and Russian roulette. Units are photometric, and lights
+//! and materials are Bevy's, so that radiance is comparable nit by nit. Each module states its
+//! differences from Bevy and from other path tracers.
 //!
 //! | module | job |
 //! |---|---|
-//! | `render` | a camera's picture: samples of pixels, on all processors |
-//! | `path` | the light along one path |
-//! | `scene` | geometry, light and what a ray meets of it |
-//! | `surface`, `bsdf` | what is there where a ray meets a triangle, and what it does with light |
-//! | `lights`, `emitters`, `sky` | lamps and suns; glowing triangles; the surroundings |
+//! | `render` | a camera's image: sampling of pixels, on all CPU cores |
+//! | `path` | radiance along one path |
+//! | `scene` | geometry, lights and ray queries |
+//! | `surface`, `bsdf` | the surface at a hit, and its reflection model |
+//! | `lights`, `emitters`, `sky` | punctual lights; emissive triangles; the environment |
 //! | `sampler` | random numbers |
 
 mod bsdf;

@@ -1,4 +1,4 @@
-//! The light along one path from the camera.
+//! Radiance along one path from the camera.
 
 use bevy::math::{DVec3, Vec3};
 
@@ -9,26 +9,27 @@ use super::sampler::Sampler;
 use super::scene::ReferenceScene;
 use super::surface::{Surface, is_cut_out};
 
-/// Surfaces that a path of unlimited length meets before chance may end it.
+/// Hits before Russian roulette begins, for paths of unlimited length.
 const CERTAIN_SURFACES: u32 = 4;
-/// Greatest probability of going on: even where nothing is absorbed, a path ends.
+/// Greatest survival probability: even where nothing is absorbed, a path ends.
 const GREATEST_SURVIVAL: f64 = 0.95;
 
-/// How light with extent, from glowing triangles and sky maps, is found. All have the same mean.
+/// How paths sample lights with extent: emissive triangles and sky maps. All strategies have the
+/// same mean.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Strategy {
-    /// Both, weighed by the balance heuristic.
+    /// Both techniques, weighted by the balance heuristic.
     #[default]
     Combined,
-    /// Points drawn on lights alone: noisy where a surface is glossy or the light near.
+    /// Light sampling alone: noisy where a surface is glossy or the light is near.
     Lights,
-    /// What scattered paths meet alone: noisy where the light is small.
+    /// BSDF sampling alone: noisy where the light is small.
     Scattering,
 }
 
 impl Strategy {
-    /// Weight of a sample drawn with density `own`, where the other technique would draw it with
-    /// density `other`. A technique that cannot draw it leaves all to the one that can.
+    /// Weight of a sample of density `own`, which the other technique samples with density `other`.
+    /// Where `other` is 0 the weight is 1.
     fn weight(self, is_light_sample: bool, own: f64, other: f64) -> f64 {
         match self {
             _ if other <= 0.0 => 1.0,
@@ -42,31 +43,31 @@ impl Strategy {
 /// One estimate of the radiance along a camera ray, nits.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub(super) struct Estimate {
-    /// By paths that meet one surface at most: light → surface → eye, and what is seen of glowing
-    /// surfaces and of the sky.
+    /// Paths with at most one surface between light and eye: light → surface → eye, and directly
+    /// visible emission of surfaces and sky.
     pub(super) direct: DVec3,
-    /// Of that, by paths from a glowing surface or the sky that meet one surface: what lamps do not
-    /// send.
+    /// The share of `direct` that emissive surfaces and the sky send by way of one surface: without
+    /// punctual lights.
     pub(super) extended: DVec3,
-    /// By all longer paths.
+    /// All longer paths.
     pub(super) indirect: DVec3,
 }
 
 impl Estimate {
-    /// Whether single precision can hold all of it.
-    pub(super) fn is_sound(&self) -> bool {
-        // So written, NaN is not sound.
+    /// Whether all values are finite in single precision.
+    pub(super) fn fits_f32(&self) -> bool {
+        // This form also rejects NaN.
         let fits =
             |light: DVec3| light.to_array().iter().all(|value| value.abs() <= f64::from(f32::MAX));
         fits(self.direct) && fits(self.indirect)
     }
 
-    /// `surfaces` is how many surfaces scattered the light of a lamp.
+    /// Adds light that `surfaces` surfaces scattered.
     fn add(&mut self, surfaces: u32, light: DVec3) {
         if surfaces <= 1 { self.direct += light } else { self.indirect += light }
     }
 
-    /// The same of what glows.
+    /// The same for light of emissive surfaces and of the sky.
     fn add_extended(&mut self, surfaces: u32, light: DVec3) {
         self.add(surfaces, light);
         if surfaces == 1 {
@@ -75,7 +76,7 @@ impl Estimate {
     }
 }
 
-/// Follows a path that starts at `origin`, metres, in `direction`, a unit vector.
+/// Traces a path from `origin`, metres, in `direction`, a unit vector.
 pub(super) fn trace(
     scene: &ReferenceScene,
     settings: &Settings,
@@ -85,7 +86,7 @@ pub(super) fn trace(
 ) -> Estimate {
     let mut estimate = Estimate::default();
     let mut throughput = DVec3::ONE;
-    // Density with which `direction` was drawn; the camera's is no chance.
+    // Sampling density of `direction`; none for the camera ray.
     let mut density = None;
     for surfaces in 0.. {
         let Some(hit) = scene.closest(origin, direction) else {
@@ -112,21 +113,21 @@ pub(super) fn trace(
             break;
         }
         let bsdf = Bsdf::new(&surface, -direction, settings.shading);
-        origin = surface.departure();
-        estimate.add(surfaces + 1, throughput * lamps(scene, &bsdf, &surface, origin));
+        origin = surface.ray_origin();
+        estimate.add(surfaces + 1, throughput * punctual(scene, &bsdf, &surface, origin));
         estimate.add_extended(
             surfaces + 1,
             throughput * extended(scene, settings, &bsdf, origin, sampler),
         );
-        // After the last surface a path can only meet a light.
+        // Beyond the last surface a path can only hit a light.
         if settings.bounces == Some(surfaces) && !scene.has_extended_light() {
             break;
         }
         let Some(scattering) = bsdf.sample(sampler) else { break };
         throughput *= scattering.weight;
         (direction, density) = (scattering.direction, Some(scattering.density));
-        // Arvo and Kirk 1990, "Particle Transport and Image Synthesis". Paths of limited length go
-        // to their end: it is near.
+        // Arvo and Kirk 1990, "Particle Transport and Image Synthesis". Paths of limited length are
+        // short and need no Russian roulette.
         if settings.bounces.is_none() && surfaces + 1 >= CERTAIN_SURFACES {
             let survival = throughput.max_element().min(GREATEST_SURVIVAL);
             if sampler.number() >= survival {
@@ -138,9 +139,9 @@ pub(super) fn trace(
     estimate
 }
 
-/// Light from suns and lamps that a surface reflects: from all of them, since there are few and
-/// those out of reach cost no ray.
-fn lamps(scene: &ReferenceScene, bsdf: &Bsdf, surface: &Surface, origin: Vec3) -> DVec3 {
+/// Reflected light of punctual lights. All are evaluated: they are few, and those out of range cost
+/// no ray.
+fn punctual(scene: &ReferenceScene, bsdf: &Bsdf, surface: &Surface, origin: Vec3) -> DVec3 {
     let mut sum = DVec3::ZERO;
     for light in &scene.lights {
         let Some(arrival) = light.arrival(surface.position) else { continue };
@@ -152,8 +153,8 @@ fn lamps(scene: &ReferenceScene, bsdf: &Bsdf, surface: &Surface, origin: Vec3) -
     sum
 }
 
-/// Light from one point of a glowing triangle and from one direction of a sky map that a surface
-/// reflects.
+/// Reflected light of one sampled point of an emissive triangle and of one sampled direction of the
+/// sky map.
 fn extended(
     scene: &ReferenceScene,
     settings: &Settings,
@@ -168,7 +169,7 @@ fn extended(
     let mut add = |direction: DVec3, distance: f64, radiance: DVec3, density: f64| {
         let (reflected, other) = bsdf.evaluate(direction);
         let light = reflected * radiance / density * settings.strategy.weight(true, density, other);
-        if light.max_element() > 0.0 && scene.is_open(origin, direction, distance) {
+        if light.max_element() > 0.0 && scene.is_unoccluded(origin, direction, distance) {
             sum += light;
         }
     };
@@ -197,8 +198,8 @@ fn extended(
     sum
 }
 
-/// A density per m² of a surface with `normal`, met by `ray` (metres), as a density per steradian
-/// where the ray starts.
+/// Converts a density per m² on a surface with `normal` into a density per steradian at the start
+/// of `ray` (metres), which ends on that surface.
 fn per_steradian(per_square_metre: f64, ray: DVec3, normal: DVec3) -> f64 {
     let distance_squared = ray.length_squared();
     per_square_metre * distance_squared * distance_squared.sqrt()

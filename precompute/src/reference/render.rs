@@ -1,4 +1,4 @@
-//! A camera's picture.
+//! A camera's image.
 
 use bevy::math::{DVec3, UVec2, Vec3};
 use rayon::prelude::*;
@@ -11,22 +11,22 @@ use super::surface::Surface;
 use crate::metrics::Radiance;
 use crate::scene::{CameraPose, SceneDescription};
 
-/// What a camera takes in.
+/// A camera's pose, lens and resolution.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct View {
-    /// Where it is, and how it is turned.
+    /// Position and rotation.
     pub pose: CameraPose,
     /// Vertical field of view, degrees, in (0, 180).
     pub vertical_fov_degrees: f32,
-    /// What is nearer than this plane, metres, is not seen, as in the renderer. There is no far
-    /// plane: Bevy's cuts nothing off.
+    /// Distance of the near plane, metres; nearer geometry is clipped, as in the renderer. There is
+    /// no far plane, as in Bevy.
     pub near: f32,
     /// Width and height, pixels.
     pub size: UVec2,
 }
 
 impl View {
-    /// A picture of `size` with the scene's own lens.
+    /// A view of `size` pixels with the scene's own lens.
     pub fn new(scene: &SceneDescription, pose: CameraPose, size: UVec2) -> Self {
         Self {
             pose,
@@ -37,33 +37,32 @@ impl View {
     }
 }
 
-/// How a picture is path-traced.
+/// How an image is path-traced.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Settings {
     /// Paths per pixel, at least 1. Noise falls with its square root, and faster where light is
-    /// smooth; time rises with it. Powers of two are best.
+    /// smooth; time grows linearly. Powers of two are best.
     pub samples: u32,
-    /// Indirect bounces; without a limit where there is none. 0 is direct light alone. Costs a ray
-    /// or more each.
+    /// Greatest number of indirect bounces; `None` for no limit. 0 is direct light alone. Each
+    /// costs one ray or more.
     pub bounces: Option<u32>,
-    /// Seed of all random numbers: another seed is another picture of the same mean.
+    /// Seed of all random numbers: another seed gives another image with the same mean.
     pub seed: u64,
     /// Reflection model.
     pub shading: Shading,
-    /// How light with extent is found.
+    /// Sampling strategy for lights with extent.
     pub strategy: Strategy,
-    /// Where in a pixel its paths start.
+    /// Positions of camera rays within a pixel.
     pub pixels: Pixels,
 }
 
-/// Where in a pixel its paths start.
+/// Positions of camera rays within a pixel.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Pixels {
-    /// All over it: the pixel is the mean over its own area.
+    /// Uniform over the pixel: its value is the mean over its area (box filter).
     #[default]
     Area,
-    /// In its middle, where a renderer without antialiasing looks: edges are the same stairs in
-    /// both.
+    /// The pixel's centre, as in a renderer without antialiasing: both have the same aliased edges.
     Middle,
 }
 
@@ -80,33 +79,34 @@ impl Default for Settings {
     }
 }
 
-/// What hears of a picture's progress and may end it; both are called from many threads.
+/// Callbacks for progress and interruption; both are called from many threads.
 #[derive(Clone, Copy)]
 pub struct Watch<'a> {
     /// Called after each row.
     pub row_done: &'a (dyn Fn() + Sync),
-    /// Asked before each pixel whether to give up.
+    /// Called before each pixel; `true` interrupts.
     pub interrupted: &'a (dyn Fn() -> bool + Sync),
 }
 
 impl Default for Watch<'_> {
-    /// Hears nothing and ends nothing.
+    /// Ignores progress and never interrupts.
     fn default() -> Self {
         Self { row_done: &|| (), interrupted: &|| false }
     }
 }
 
-/// A path-traced picture. Its parts are estimated apart, so that none has the noise of a
+/// A path-traced image. Its components are estimated separately, so that none has the noise of a
 /// difference.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Rendering {
-    /// Light that one surface at most scattered, glowing surfaces and surroundings seen included.
+    /// Light that at most one surface scattered, including visible emissive surfaces and
+    /// environment.
     pub direct: Radiance,
-    /// Of that, light of glowing surfaces and surroundings that one surface scattered.
+    /// The share of `direct` that emissive surfaces and the environment send by way of one surface.
     pub extended: Radiance,
-    /// Light that more surfaces scattered.
+    /// Light that two or more surfaces scattered.
     pub indirect: Radiance,
-    /// Paths that gave infinite light or none that is a number; they count as not traced.
+    /// Paths whose estimate was infinite or NaN; they are left out of the means.
     pub dropped: u64,
 }
 
@@ -117,8 +117,8 @@ impl Rendering {
         sum(&self.direct, &self.indirect)
     }
 
-    /// What a global illumination gives: indirect light, and what glowing surfaces and surroundings
-    /// send, but not they themselves.
+    /// The light that global illumination adds: indirect light, and light of emissive surfaces and
+    /// environment on other surfaces, without their own visible emission.
     #[must_use]
     pub fn global(&self) -> Radiance {
         sum(&self.extended, &self.indirect)
@@ -137,8 +137,7 @@ type Pixel = ([[f32; 3]; 3], u64);
 /// Path-traces `view` of `scene` on all threads of rayon's pool; `None` if `watch` gave up. The
 /// result depends on the arguments alone, not on the number of threads.
 ///
-/// Pixels are boxes: each is the mean over its own area, unless [`Settings::pixels`] says
-/// otherwise.
+/// The pixel filter is a box, unless [`Settings::pixels`] says otherwise.
 pub fn render(
     scene: &ReferenceScene,
     view: &View,
@@ -174,12 +173,12 @@ fn pixel(scene: &ReferenceScene, view: &View, settings: &Settings, x: u32, y: u3
     let number = u64::from(y) * u64::from(view.size.x) + u64::from(x);
     for sample in 0..settings.samples {
         let mut sampler = Sampler::new(settings.seed, number, sample);
-        // Drawn in either case, so that the rest of the path is the same.
-        let place = sampler.pair();
-        let [right, down] = if settings.pixels == Pixels::Middle { [0.5; 2] } else { place };
+        // Sampled in either case, so that the path uses the same random numbers.
+        let offset = sampler.pair();
+        let [right, down] = if settings.pixels == Pixels::Middle { [0.5; 2] } else { offset };
         let (origin, direction) = view.ray(f64::from(x) + right, f64::from(y) + down);
         let estimate = trace(scene, settings, origin, direction, &mut sampler);
-        if estimate.is_sound() {
+        if estimate.fits_f32() {
             let own = [estimate.direct, estimate.extended, estimate.indirect];
             parts.iter_mut().zip(own).for_each(|(sum, own)| *sum += own);
         } else {
@@ -190,16 +189,16 @@ fn pixel(scene: &ReferenceScene, view: &View, settings: &Settings, x: u32, y: u3
     (parts.map(|sum| (sum / count).as_vec3().to_array()), u64::from(dropped))
 }
 
-/// A point of a surface, and how the surface lies there.
+/// A visible surface point and its normal.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Seen {
     /// World space, metres.
     pub position: DVec3,
-    /// The triangle's own normal on the side that is seen, unit length.
+    /// Geometric normal on the visible side, unit length.
     pub normal: DVec3,
 }
 
-/// What the middle of each pixel shows, row by row; `None` where there is no surface.
+/// The surface at each pixel's centre, row by row; `None` where there is none.
 pub fn surfaces(scene: &ReferenceScene, view: &View) -> Vec<Option<Seen>> {
     let pixel = |index: u32| {
         let (origin, direction) =
@@ -211,8 +210,8 @@ pub fn surfaces(scene: &ReferenceScene, view: &View) -> Vec<Option<Seen>> {
 }
 
 impl View {
-    /// Start and unit direction of the ray through a place of the picture, in pixels from its upper
-    /// left corner.
+    /// Origin (on the near plane) and unit direction of the ray through a point of the image, in
+    /// pixels from its upper left corner.
     fn ray(&self, x: f64, y: f64) -> (Vec3, DVec3) {
         let size = self.size.as_dvec2();
         let half_height = (f64::from(self.vertical_fov_degrees).to_radians() * 0.5).tan();

@@ -1,10 +1,10 @@
 //! Burley 2020, "Practical Hash-based Owen Scrambling", <https://jcgt.org/published/0009/04/01/>:
-//! the first two dimensions of Sobol's sequence, whose order and digits are scrambled by hashes.
+//! the first two dimensions of Sobol's sequence, shuffled and Owen-scrambled by hashes.
 //!
-//! Every pair of numbers that a path draws is a pair of that sequence with an order and a scramble
-//! of its own, so that the samples of a pixel are stratified in every pair and independent between
-//! pairs and between pixels. A number depends on seed, pixel, sample and dimension alone: pictures
-//! are the same whatever the number of threads.
+//! Every pair of numbers of a path is a pair of that sequence with its own shuffle and scramble, so
+//! that the samples of a pixel are stratified in every pair and independent between pairs and
+//! between pixels. A number depends only on seed, pixel, sample and dimension: images do not depend
+//! on the number of threads.
 
 /// The random numbers of one sample of one pixel.
 #[derive(Clone, Debug)]
@@ -79,49 +79,51 @@ mod tests {
     use super::*;
 
     fn pairs(seed: u64, pixel: u64, dimension: usize, count: u32) -> Vec<[f64; 2]> {
-        let draw = |sample| {
+        let pair_of = |sample| {
             let mut sampler = Sampler::new(seed, pixel, sample);
             for _ in 0..dimension {
                 sampler.pair();
             }
             sampler.pair()
         };
-        (0..count).map(draw).collect()
+        (0..count).map(pair_of).collect()
     }
 
     #[test]
     fn every_pair_is_stratified() {
-        // A (0, 2)-sequence: 64 points fall one each into 64 cells, whatever the cells' shape.
+        // A (0, 2)-sequence: 64 points fall one each into 64 elementary intervals of any shape.
         for dimension in [0, 1, 7] {
             let points = pairs(3, 11, dimension, 64);
             for (columns, rows) in [(64, 1), (8, 8), (1, 64), (16, 4)] {
                 let cell = |[x, y]: [f64; 2]| {
                     (x * f64::from(columns)) as usize * rows + (y * rows as f64) as usize
                 };
-                let mut cells: Vec<usize> = points.iter().copied().map(cell).collect();
-                cells.sort_unstable();
-                assert!(cells.into_iter().eq(0..64), "{columns}×{rows} in dimension {dimension}");
+                let mut intervals: Vec<usize> = points.iter().copied().map(cell).collect();
+                intervals.sort_unstable();
+                assert!(
+                    intervals.into_iter().eq(0..64),
+                    "{columns}×{rows} in dimension {dimension}"
+                );
             }
         }
     }
 
     #[test]
     fn pixels_dimensions_and_seeds_are_independent() {
-        // Products of numbers that share nothing but the sample have the mean 1/4 and the variance
-        // 7/144.
+        // Products of independent numbers have the mean 1/4 and the variance 7/144.
         let count = 4096_u32;
         for (seed, pixel, dimension) in [(3, 12, 0), (4, 11, 0), (3, 11, 1), (3, 11, 2)] {
             let mean = |pick: usize| {
                 // One sample a pixel: stratification would hide a correlation.
                 let products = (0..count).map(|i| {
-                    let draw = |seed, pixel, dimension: usize| {
+                    let pair_of = |seed, pixel, dimension: usize| {
                         let mut sampler = Sampler::new(seed, pixel + u64::from(i) * 1000, 0);
                         for _ in 0..dimension {
                             sampler.pair();
                         }
                         sampler.pair()
                     };
-                    draw(3, 11, 0)[0] * draw(seed, pixel, dimension)[pick]
+                    pair_of(3, 11, 0)[0] * pair_of(seed, pixel, dimension)[pick]
                 });
                 products.sum::<f64>() / f64::from(count)
             };

@@ -1,10 +1,10 @@
-//! Geometry and light, ready for paths; and what a ray meets of them.
+//! Geometry and lights, prepared for path tracing, and ray queries.
 
 use bevy::math::{DVec3, Vec3};
 
 use super::color;
 use super::emitters::Emitters;
-use super::lights::{Arrival, PointLike};
+use super::lights::{Arrival, PunctualLight};
 use super::sky::Sky;
 use super::surface::is_cut_out;
 use crate::scene::mesh::GeometryError;
@@ -15,8 +15,8 @@ use crate::scene::{
     SkyMap,
 };
 
-/// Share of the way to a light that must be free: the glowing triangle at its end is not in its own
-/// way.
+/// Share of the distance to a light that shadow rays test: the emissive triangle at the end must
+/// not occlude itself.
 const FREE_SHARE: f64 = 1.0 - 1e-5;
 
 /// Why a scene cannot be path-traced.
@@ -38,12 +38,12 @@ pub enum ReferenceError {
 #[derive(Debug)]
 pub struct ReferenceScene {
     pub(super) geometry: SceneGeometry,
-    pub(super) lights: Vec<PointLike>,
+    pub(super) lights: Vec<PunctualLight>,
     pub(super) emitters: Emitters,
     pub(super) sky: Sky,
     rays: RayScene,
-    /// Whether every hit on a material counts, from either side: most do, and then no ray asks for
-    /// more.
+    /// By material, whether it is double-sided and opaque: most are, and their hits need no further
+    /// test.
     is_solid: Vec<bool>,
 }
 
@@ -56,7 +56,7 @@ impl ReferenceScene {
         Self::with_geometry(description, description.geometry()?)
     }
 
-    /// The same with geometry that is there already, in place of what `description` names.
+    /// The same with geometry that is already loaded, in place of the description's.
     ///
     /// # Errors
     /// When the environment cannot be read or the geometry is broken.
@@ -75,7 +75,7 @@ impl ReferenceScene {
         Self::from_parts(geometry, &description.lights, sky)
     }
 
-    /// A scene of parts that are there already.
+    /// A scene from loaded parts.
     pub(super) fn from_parts(
         geometry: SceneGeometry,
         lights: &[Light],
@@ -84,7 +84,7 @@ impl ReferenceScene {
         geometry.validate()?;
         Ok(Self {
             rays: RayScene::from_geometry(&geometry),
-            lights: lights.iter().filter_map(PointLike::new).collect(),
+            lights: lights.iter().filter_map(PunctualLight::new).collect(),
             emitters: Emitters::new(&geometry),
             is_solid: geometry
                 .materials
@@ -96,39 +96,38 @@ impl ReferenceScene {
         })
     }
 
-    /// Number of triangles that rays can meet.
+    /// Number of triangles that rays can hit.
     pub fn triangle_count(&self) -> usize {
         self.rays.triangle_count()
     }
 
-    /// The first thing that a path meets.
+    /// The first hit of a path.
     ///
-    /// Bevy draws no back faces of single-sided materials, so a path goes through them, at the
-    /// camera and at every bounce alike: what cannot be seen gives no light either. A cut-out is
-    /// not there at all.
+    /// Bevy culls back faces of single-sided materials, so paths pass through them, at the camera
+    /// and at every bounce alike: an invisible face emits and reflects nothing. Alpha cut-outs are
+    /// ignored too.
     pub(super) fn closest(&self, origin: Vec3, direction: DVec3) -> Option<Hit> {
         self.rays.closest_where(origin, direction.as_vec3(), f32::INFINITY, |hit| {
             self.is_there(hit, Side::Back)
         })
     }
 
-    /// Whether light from a glowing triangle or the sky reaches `origin`: what a path in that
-    /// direction would go through does not hide it, since the same light is also found by such
-    /// paths.
-    pub(super) fn is_open(&self, origin: Vec3, direction: DVec3, distance: f64) -> bool {
+    /// Whether light of an emissive triangle or of the sky reaches `origin`. Culls the same faces
+    /// as [`closest`](Self::closest), since BSDF sampling finds the same light.
+    pub(super) fn is_unoccluded(&self, origin: Vec3, direction: DVec3, distance: f64) -> bool {
         let reach = (distance * FREE_SHARE) as f32;
         !self
             .rays
             .any_where(origin, direction.as_vec3(), reach, |hit| self.is_there(hit, Side::Back))
     }
 
-    /// Whether a lamp or a sun reaches `origin`.
+    /// Whether a punctual light reaches `origin`.
     ///
-    /// As in Bevy's shadow maps and the plugin's light maps, which are pictures that the **light**
-    /// takes: a single-sided triangle whose back is turned to the light does not hide anything from
-    /// it. This ray comes from the other end, and so goes through what it meets from the front.
-    /// Closed solids hide the same either way; sheets and rooms that only have an inside do not,
-    /// and there the direct light must be the renderer's.
+    /// Bevy's shadow maps and the plugin's light maps are rendered from the **light**: a
+    /// single-sided triangle that faces away from the light casts no shadow. This ray starts at the
+    /// other end, and so passes through front faces. Closed solids cast the same shadow either way;
+    /// sheets and rooms that only have an inside do not, and there the direct light must match the
+    /// renderer's.
     pub(super) fn is_lit(&self, origin: Vec3, light: &Arrival) -> bool {
         let reach = (light.distance * FREE_SHARE) as f32;
         !self.rays.any_where(origin, light.direction.as_vec3(), reach, |hit| {
@@ -136,7 +135,7 @@ impl ReferenceScene {
         })
     }
 
-    /// Whether anything gives light that paths can meet.
+    /// Whether there are lights that scattered paths can hit.
     pub(super) fn has_extended_light(&self) -> bool {
         !self.emitters.is_empty() || self.sky.is_lit()
     }

@@ -1,4 +1,4 @@
-//! The surroundings as a light.
+//! The environment as a light.
 
 use bevy::math::DVec3;
 use std::f64::consts::{PI, TAU};
@@ -6,30 +6,29 @@ use std::f64::consts::{PI, TAU};
 use super::{color, luminance};
 use crate::scene::SkyMap;
 
-/// What is where there is no geometry.
+/// Radiance of rays that miss all geometry.
 #[derive(Debug)]
 pub(super) enum Sky {
     /// Black.
     Black,
-    /// The same everywhere, nits. Never drawn from: what a surface's own sampling finds of it is as
-    /// good as can be.
+    /// The same in all directions, nits. Has no light sampling: BSDF sampling is already optimal.
     Constant(DVec3),
-    /// A picture, drawn from by luminance.
+    /// A map, importance-sampled by luminance.
     Map(MappedSky),
 }
 
-/// A picture of the sky, and how often each texel is drawn.
+/// A sky map and its sampling distribution.
 #[derive(Debug)]
 pub(super) struct MappedSky {
     map: SkyMap,
-    /// Nits that the picture's 1 stands for.
+    /// Nits for a map value of 1.
     intensity: f64,
-    /// Running sum of luminance × solid angle, row by row. Texels are drawn by it, so each has a
-    /// density ∝ luminance.
+    /// Running sum of luminance × solid angle, row by row. Texels are sampled by it, so their
+    /// densities are ∝ luminance.
     cumulative: Vec<f64>,
 }
 
-/// A direction that was drawn.
+/// A sampled direction.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct SkySample {
     /// Unit length.
@@ -41,7 +40,8 @@ pub(super) struct SkySample {
 }
 
 impl Sky {
-    /// A picture whose 1 stands for `intensity` nits; black where it is.
+    /// A sky map whose value 1 stands for `intensity` nits; [`Black`](Self::Black) where its power
+    /// is 0.
     pub(super) fn map(map: SkyMap, intensity: f32) -> Self {
         let (width, height) = map.size();
         let mut power = 0.0;
@@ -61,7 +61,7 @@ impl Sky {
         }
     }
 
-    /// Nits from `direction`, a unit vector.
+    /// Radiance from `direction`, a unit vector, in nits.
     pub(super) fn radiance(&self, direction: DVec3) -> DVec3 {
         match self {
             Self::Black => DVec3::ZERO,
@@ -70,8 +70,8 @@ impl Sky {
         }
     }
 
-    /// Density with which [`sample`](Self::sample) draws `direction`, per steradian; 0 where it
-    /// draws none.
+    /// Density of [`sample`](Self::sample) at `direction`, per steradian; 0 for skies that are not
+    /// sampled.
     pub(super) fn density(&self, direction: DVec3) -> f64 {
         match self {
             Self::Map(sky) => sky.density(sky.map.index(direction.as_vec3())),
@@ -79,7 +79,7 @@ impl Sky {
         }
     }
 
-    /// Draws a direction.
+    /// Samples a direction; `None` for skies that are not sampled.
     pub(super) fn sample(&self, choice: f64, [u1, u2]: [f64; 2]) -> Option<SkySample> {
         let Self::Map(sky) = self else { return None };
         let power = sky.cumulative.last()?;
@@ -89,8 +89,7 @@ impl Sky {
             .min(sky.cumulative.len() - 1);
         let (width, height) = sky.map.size();
         let (row, column) = (index / width as usize, index % width as usize);
-        // Uniform in solid angle inside the texel: in the angle around and in the cosine of the
-        // angle from the pole.
+        // Uniform in solid angle inside the texel: in azimuth and in the cosine of the polar angle.
         let (top, bottom) = (edge_cosine(row, height), edge_cosine(row + 1, height));
         let y = top + (bottom - top) * u2;
         let sine = (1.0 - y * y).max(0.0).sqrt();
@@ -102,7 +101,7 @@ impl Sky {
         })
     }
 
-    /// Whether a ray that meets nothing meets light.
+    /// Whether the sky emits light.
     pub(super) fn is_lit(&self) -> bool {
         !matches!(self, Self::Black)
     }
@@ -116,12 +115,12 @@ impl MappedSky {
     }
 }
 
-/// Cosine of the angle from straight up to the upper edge of a row.
+/// Cosine of the polar angle of a row's upper edge.
 fn edge_cosine(row: usize, height: u32) -> f64 {
     (PI * row as f64 / f64::from(height)).cos()
 }
 
-/// Steradians of a texel.
+/// Solid angle of a texel, steradians.
 fn solid_angle(row: usize, width: u32, height: u32) -> f64 {
     TAU / f64::from(width) * (edge_cosine(row, height) - edge_cosine(row + 1, height))
 }
@@ -139,7 +138,7 @@ mod tests {
     }
 
     #[test]
-    fn draws_agree_with_their_density_and_with_look_ups() {
+    fn samples_agree_with_their_density_and_with_look_ups() {
         let sky = uneven();
         let mut power = DVec3::ZERO;
         let count = 1 << 14;
@@ -147,7 +146,7 @@ mod tests {
             let mut sampler = Sampler::new(5, 0, i);
             let sample = sky.sample(sampler.number(), sampler.pair()).unwrap();
             assert!((sample.direction.length() - 1.0).abs() < 1e-12);
-            // A draw on the very edge of a texel may round to its neighbour.
+            // A sample on the very edge of a texel may round to its neighbour.
             if i % 16 == 0 && (sky.density(sample.direction) - sample.density).abs() < 1e-9 {
                 assert_eq!(sky.radiance(sample.direction), sample.radiance);
             }
@@ -163,7 +162,7 @@ mod tests {
             .map(|(i, texel)| color(*texel) * (3.0 * solid_angle(i / 16, 16, 8)))
             .sum();
         assert!(((power - exact) / exact).abs().max_element() < 0.01, "{power} {exact}");
-        // Luminance is drawn in proportion: its estimate has no noise at all.
+        // Sampling is proportional to luminance: its estimate has no noise.
         assert!((luminance(power) / luminance(exact) - 1.0).abs() < 1e-9);
         let edges = (0..count).filter(|i| {
             let mut sampler = Sampler::new(5, 0, *i);

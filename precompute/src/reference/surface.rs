@@ -1,34 +1,32 @@
-//! From a hit on a triangle to what is there.
+//! The surface at a ray's hit.
 
 use bevy::math::{DVec3, Vec3};
 
 use crate::scene::rays::Hit;
 use crate::scene::{AlphaMode, SceneGeometry, SceneMaterial, Side};
 
-/// How far above a surface rays start, in steps between neighbouring numbers of single precision at
-/// its greatest coordinate. The ray's start is rounded to single precision and nothing else is:
-/// half a step on each axis.
-const DEPARTURE_STEPS: f64 = 4.0;
-/// The same where coordinates are next to 0, metres.
-const LEAST_DEPARTURE: f64 = 1e-9;
+/// Offset of ray origins above a surface, in single-precision steps at the greatest coordinate. The
+/// only rounding to single precision is that of the origin: half a step on each axis.
+const ORIGIN_OFFSET_STEPS: f64 = 4.0;
+/// Least offset, for coordinates near 0, metres.
+const LEAST_ORIGIN_OFFSET: f64 = 1e-9;
 
-/// A point of a surface, seen from one side.
+/// A surface point, seen from one side.
 pub(super) struct Surface<'a> {
     /// World space, metres.
     pub(super) position: DVec3,
-    /// The triangle's own normal on the side that was met, unit length.
+    /// Geometric normal on the side of the hit, unit length.
     pub(super) geometric_normal: DVec3,
-    /// The interpolated normal on that side, unit length. Always on the same side of the triangle
-    /// as the geometric one.
+    /// Interpolated (shading) normal, unit length; in the hemisphere of the geometric normal.
     pub(super) normal: DVec3,
-    /// Linear RGB: material times vertex times texture.
+    /// Linear RGB: material × vertex colour × texture.
     pub(super) base_color: DVec3,
-    /// What it is made of.
+    /// The material.
     pub(super) material: &'a SceneMaterial,
 }
 
 impl<'a> Surface<'a> {
-    /// What `hit` met; the geometry must be [valid](SceneGeometry::validate).
+    /// The surface at `hit`; the geometry must be [valid](SceneGeometry::validate).
     pub(super) fn new(geometry: &'a SceneGeometry, hit: &Hit) -> Self {
         let corners = hit.triangle.corners.map(|corner| corner.as_dvec3());
         let mesh = &geometry.meshes[hit.triangle.mesh];
@@ -39,9 +37,9 @@ impl<'a> Surface<'a> {
         let corner_normals =
             corner_indices(geometry, hit).map(|corner| mesh.normals[corner].as_dvec3());
         let normal = blend(corner_normals, weights).normalize_or_zero() * sign;
-        // A normal that points through its own triangle, or none at all: light would come through.
-        // Not so a normal that merely faces away from the viewer, as at the outline of a faceted
-        // sphere: there the diffuse light is that of Bevy's.
+        // A shading normal on the far side of its triangle, or an invalid one, would leak light. A
+        // normal that only faces away from the viewer, as at the outline of a faceted sphere, is
+        // kept, as in Bevy.
         let normal = if normal.is_finite() && normal.dot(geometric_normal) > 0.0 {
             normal
         } else {
@@ -49,8 +47,8 @@ impl<'a> Surface<'a> {
         };
         let [red, green, blue, _] = base_color(geometry, hit);
         Self {
-            // From the first corner, so that rounding of the weights moves the point in the
-            // triangle's plane and never out of it.
+            // Relative to the first corner, so that rounding of the weights keeps the point in the
+            // triangle's plane.
             position: corners[0]
                 + (corners[1] - corners[0]) * weights[1]
                 + (corners[2] - corners[0]) * weights[2],
@@ -61,15 +59,16 @@ impl<'a> Surface<'a> {
         }
     }
 
-    /// Where rays from the surface start: a hair above it, on the side that was met.
-    pub(super) fn departure(&self) -> Vec3 {
+    /// Origin of rays that leave the surface: offset along the geometric normal on the side of the
+    /// hit.
+    pub(super) fn ray_origin(&self) -> Vec3 {
         let step = self.position.abs().max_element() * f64::from(f32::EPSILON);
-        (self.position + self.geometric_normal * (DEPARTURE_STEPS * step + LEAST_DEPARTURE))
+        (self.position + self.geometric_normal * (ORIGIN_OFFSET_STEPS * step + LEAST_ORIGIN_OFFSET))
             .as_vec3()
     }
 }
 
-/// Whether the alpha mask leaves out the place that `hit` met.
+/// Whether the alpha mask cuts out the point of `hit`.
 pub(super) fn is_cut_out(geometry: &SceneGeometry, hit: &Hit) -> bool {
     match geometry.materials[geometry.meshes[hit.triangle.mesh].material].alpha {
         AlphaMode::Opaque => false,
@@ -103,7 +102,7 @@ fn corner_indices(geometry: &SceneGeometry, hit: &Hit) -> [usize; 3] {
     [0, 1, 2].map(|corner| indices[hit.triangle.index * 3 + corner] as usize)
 }
 
-/// Of the corners; they sum to 1 in double precision.
+/// Barycentric weights of the corners; they sum to 1 in double precision.
 fn weights(hit: &Hit) -> [f64; 3] {
     let [_, second, third] = hit.weights.map(f64::from);
     [1.0 - second - third, second, third]

@@ -9,7 +9,7 @@ use super::{Bar, Color, Curve, Report, ReportError, Section, bars, curves, prove
 /// `pictures` are frames with captions.
 ///
 /// # Errors
-/// When a plot or a picture fails.
+/// When a plot or an image fails.
 pub fn evaluation_report(
     result: &EvaluationResult,
     pictures: &[(String, &Picture)],
@@ -22,7 +22,7 @@ pub fn evaluation_report(
     Ok(report.render())
 }
 
-/// The pictures that an evaluation kept, captioned by run and frame and what that frame cost.
+/// The images that an evaluation kept, captioned by run and frame and what that frame cost.
 pub fn captioned(evaluation: &Evaluation) -> Vec<(String, &Picture)> {
     let caption = |run: &str, frame: usize| {
         let record = evaluation

@@ -35,7 +35,7 @@ pub struct MapSummary<'a> {
     pub bounds_max: Vec3,
     /// Where the watts come from.
     pub meter: &'a MeterInfo,
-    /// Width and height of the pictures that were measured, pixels.
+    /// Width and height of the images that were measured, pixels.
     pub size: [u32; 2],
     /// Target frame rate.
     pub fps: f64,

@@ -1,5 +1,5 @@
-//! Reports for people: one self-contained HTML file each, with plots and pictures inside, readable
-//! in the dark and on a phone.
+//! Reports for people: one self-contained HTML file each, with plots and images inside, readable in
+//! the dark and on a phone.
 //!
 //! A [`Report`] is a title and [`Section`]s. The commands' own reports are one section each; a page
 //! of several is a matter of adding more.
@@ -39,7 +39,7 @@ pub enum ReportError {
     /// A plot could not be drawn.
     #[error("a plot could not be drawn: {0}")]
     Plot(String),
-    /// A picture could not be encoded.
+    /// An image could not be encoded.
     #[error(transparent)]
     Picture(#[from] crate::metrics::PictureError),
 }

@@ -192,7 +192,7 @@ impl Section {
         self
     }
 
-    /// Pictures with captions, inside the page as PNG.
+    /// Images with captions, inside the page as PNG.
     ///
     /// # Errors
     /// When one cannot be encoded; the section then lacks all of them.

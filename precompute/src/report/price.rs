@@ -1,5 +1,5 @@
-//! `frugal price`: what levels cost and how far from the truth they are, as a table, a page and a
-//! plot.
+//! `frugal price`: what levels cost and how far from the reference they are, as a table, a page and
+//! a plot.
 
 use std::io;
 
@@ -28,12 +28,12 @@ pub struct LevelPrice {
 pub struct PriceSummary<'a> {
     /// The scene's name.
     pub scene: &'a str,
-    /// Width and height of the picture, pixels.
+    /// Width and height of the image, pixels.
     pub size: [u32; 2],
     /// Levels, knob by knob, the best first.
     pub prices: &'a [LevelPrice],
     /// What the radiance is held against.
-    pub truth: &'a str,
+    pub reference: &'a str,
     /// Where watts come from.
     pub meter: &'a MeterInfo,
     /// What the global illumination adds at its best, watts.
@@ -49,12 +49,12 @@ pub fn price_report(summary: &PriceSummary) -> Result<String, ReportError> {
     section.facts(&[
         ("Picture".to_owned(), format!("{} × {} pixels", summary.size[0], summary.size[1])),
         ("Global illumination at its best".to_owned(), format!("{:.3} W", summary.best_w)),
-        ("Truth".to_owned(), summary.truth.to_owned()),
+        ("Truth".to_owned(), summary.reference.to_owned()),
         ("Meter".to_owned(), summary.meter.description.clone()),
     ]);
     section.paragraph(
         "One knob lowered at a time, the others at their best. Cost is what the global illumination adds to a frame, as a share of what it adds at its best; error is the mean absolute \
-         difference of radiance from the path-traced truth, over squares of 4 × 4 pixels, as a share of the mean.",
+         difference of radiance from the path-traced reference, over squares of 4 × 4 pixels, as a share of the mean.",
     );
     let mut lines: Vec<(&str, Curve)> = Vec::new();
     for price in summary.prices {
@@ -166,7 +166,7 @@ mod tests {
             scene: "court",
             size: [320, 180],
             prices: &prices,
-            truth: "one bounce",
+            reference: "one bounce",
             meter: &meter,
             best_w: 4.0,
         })

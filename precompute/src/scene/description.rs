@@ -118,8 +118,8 @@ pub enum Environment {
     None,
     /// The same luminance in every direction, linear RGB, nits, each at least 0.
     Constant([f32; 3]),
-    /// An equirectangular picture, relative to the description, and the nits that its value 1
-    /// stands for, at least 0.
+    /// An equirectangular image, relative to the description, and the nits that its value 1 stands
+    /// for, at least 0.
     Map(String, f32),
 }
 

@@ -84,9 +84,9 @@ impl SceneDescription {
     }
 
     /// The scene's identity: 32 hexadecimal digits, the same on every machine, that change with
-    /// whatever changes a picture or where cameras may be: the values of this description (but not
+    /// whatever changes an image or where cameras may be: the values of this description (but not
     /// its paths, its layout or its name), the bytes of the files that it names, the revision of a
-    /// procedural scene. Pictures beside a `.gltf` are not looked at; those in a `.glb` are.
+    /// procedural scene. Images beside a `.gltf` are not looked at; those in a `.glb` are.
     ///
     /// # Errors
     /// [`SceneError::Invalid`] at the field whose file cannot be read.

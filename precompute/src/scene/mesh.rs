@@ -217,9 +217,9 @@ impl SceneGeometry {
         Ok(())
     }
 
-    /// The same picture with as few materials as possible: base colours move into the vertex
-    /// colours, and meshes whose materials then agree become one. Empty meshes, and materials that
-    /// none uses, go.
+    /// The same image with as few materials as possible: base colours move into the vertex colours,
+    /// and meshes whose materials then agree become one. Empty meshes, and materials that none
+    /// uses, go.
     ///
     /// Every material that is drawn costs a bind, and some software renderers even compile a shader
     /// per bind and frame.

@@ -9,7 +9,7 @@
 //! | [`mesh`], [`builder`], [`texture`] | renderer-free geometry, and how to make it by code |
 //! | [`gltf`] | geometry out of a `.glb` or `.gltf` file |
 //! | [`procedural`] | geometry that we make by code |
-//! | [`sky`] | a latitude-longitude picture of the surroundings |
+//! | [`sky`] | a latitude-longitude image of the surroundings |
 //! | [`rays`] | ray queries: what a camera sees, and whether it is inside a solid |
 pub mod bounds;
 pub mod builder;

@@ -16,7 +16,7 @@ pub struct CameraKey {
     /// Metres.
     #[serde(with = "super::description::triple")]
     pub position: Vec3,
-    /// The point in the middle of the picture, metres.
+    /// The point in the middle of the image, metres.
     #[serde(with = "super::description::triple")]
     pub look_at: Vec3,
 }
@@ -26,7 +26,7 @@ pub struct CameraKey {
 pub struct CameraPose {
     /// Metres.
     pub position: Vec3,
-    /// The camera looks along its own −Z; +Y is up in its picture.
+    /// The camera looks along its own −Z; +Y is up in its image.
     pub rotation: Quat,
 }
 

@@ -27,7 +27,7 @@ const TREE_EXTENT: f32 = 16_777_216.0;
 /// The same of smaller scenes, metres: scaled up any further, far rays would overflow in the tree's
 /// box arithmetic.
 const LEAST_EXTENT: f32 = 1e-6;
-/// Columns and rows of the rays that stand for a camera's picture.
+/// Columns and rows of the rays that stand for a camera's image.
 const VIEW_GRID: (u32, u32) = (24, 14);
 /// Rays that stand for all directions.
 const SPHERE_RAY_COUNT: u32 = 64;
@@ -149,8 +149,8 @@ impl RayScene {
         })
     }
 
-    /// Whether a camera sees any triangle: at least one of a grid of 24 × 14 rays through its
-    /// picture meets one. Things thinner than a grid cell may be missed. `vertical_fov` in radians,
+    /// Whether a camera sees any triangle: at least one of a grid of 24 × 14 rays through its image
+    /// meets one. Things thinner than a grid cell may be missed. `vertical_fov` in radians,
     /// `aspect` is width ÷ height.
     pub fn sees_geometry(
         &self,

@@ -225,7 +225,7 @@ fn a_camera_sees_what_is_before_it() {
     let turned = |angle: f32| Quat::from_rotation_y(angle.to_radians());
     assert!(scene.sees_geometry(back, Quat::IDENTITY, 1.0, 1.5));
     assert!(!scene.sees_geometry(back, turned(180.0), 1.0, 1.5));
-    // The picture is about 79° wide and the box reaches 14° to the side.
+    // The image is about 79° wide and the box reaches 14° to the side.
     assert!(scene.sees_geometry(back, turned(48.0), 1.0, 1.5));
     assert!(!scene.sees_geometry(back, turned(58.0), 1.0, 1.5));
     assert!(!scene.sees_geometry(back, turned(48.0), 1.0, 0.5));

@@ -1,10 +1,10 @@
-//! A sky: a latitude-longitude picture of all directions.
+//! A sky: a latitude-longitude image of all directions.
 
 use std::path::Path;
 
 use bevy::math::Vec3;
 
-/// Why a picture is no sky.
+/// Why an image is no sky.
 #[derive(Debug, thiserror::Error)]
 #[error(
     "environment map {file}: {problem}: give a Radiance .hdr or OpenEXR file in latitude-longitude form"
@@ -29,7 +29,7 @@ pub struct SkyMap {
 }
 
 impl SkyMap {
-    /// Reads a picture. Its values are linear, in whatever unit the scene's intensity gives them.
+    /// Reads an image. Its values are linear, in whatever unit the scene's intensity gives them.
     ///
     /// # Errors
     /// When it cannot be read, is empty, or holds values that are negative or not finite.

@@ -206,8 +206,8 @@ fn dtlz2_ends_on_the_unit_circle() {
     );
 }
 
-/// Seven knobs of rendering, 16,128 names for 13,536 pictures: costs that multiply, errors that
-/// mask one another, and one knob without effect.
+/// Seven knobs of rendering, 16,128 names for 13,536 images: costs that multiply, errors that mask
+/// one another, and one knob without effect.
 fn rendering_space() -> KnobSpace {
     let levels = |count: u32| (0..count).map(f64::from);
     KnobSpace::new(vec![

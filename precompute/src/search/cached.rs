@@ -8,7 +8,7 @@ use bevy_frugal_gi::knobs::RenderSettings;
 use super::Evaluate;
 
 /// An evaluator with a memory. Settings must be
-/// [canonical](bevy_frugal_gi::knobs::KnobSpace::canonical), or one picture has several names.
+/// [canonical](bevy_frugal_gi::knobs::KnobSpace::canonical), or one image has several names.
 #[derive(Debug)]
 pub(super) struct Cached<'e, E> {
     inner: &'e mut E,

@@ -3,7 +3,7 @@
 //!
 //! A table holds every combination of some knobs at one camera, so a search can be run again and
 //! again, from any seed, and nothing is rendered. What counts as a rendering is a combination that
-//! a search looks up for the first time. The reference picture, which each of them needs, does not
+//! a search looks up for the first time. The reference image, which each of them needs, does not
 //! count. Knows no renderer.
 //!
 //! | method | what it does |

@@ -1,9 +1,8 @@
-//! Which adapter Bevy will render on, found out before Bevy is started, since Bevy panics without
-//! one.
+//! Looks up the adapter that Bevy will render on before starting Bevy, which panics without one.
 
 use bevy_frugal_gi::power::{Adapter, AdapterKind};
 
-/// The adapter that the renderer will choose, or none.
+/// The adapter that the renderer will choose; `None` if there is none.
 pub fn adapter() -> Option<Adapter> {
     let mut descriptor = wgpu::InstanceDescriptor::new_without_display_handle();
     descriptor.backends =
@@ -24,7 +23,7 @@ pub fn adapter() -> Option<Adapter> {
     Some(Adapter { kind, name: info.name, pci_bus_id: info.device_pci_bus_id })
 }
 
-/// Whether the renderer would run on the CPU.
+/// Whether the renderer runs on the CPU.
 pub fn software_adapter() -> bool {
     adapter().is_some_and(|adapter| adapter.kind == AdapterKind::Software)
 }

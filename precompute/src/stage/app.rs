@@ -17,8 +17,8 @@ use bevy_frugal_gi::gi::GiRefresh;
 use bevy_frugal_gi::knobs::{KnobPlugin, KnobRegistry, KnobSpace, KnobSpaceError};
 use bevy_frugal_gi::power::PowerPlugin;
 
-/// An app without window, log, signal handler and interface, whose clock steps by one frame an
-/// update. `extend` adds to it before it is finished.
+/// An app without window, log, signal handler and user interface, whose clock steps by one frame
+/// per update. `extend` adds plugins before it is finished.
 pub(super) fn build(frames_per_second: f64, extend: impl FnOnce(&mut App)) -> App {
     let mut app = App::new();
     app.add_plugins(
@@ -34,12 +34,12 @@ pub(super) fn build(frames_per_second: f64, extend: impl FnOnce(&mut App)) -> Ap
             .disable::<TerminalCtrlCHandlerPlugin>()
             .disable::<UiPlugin>()
             .disable::<UiRenderPlugin>()
-            // Need each update to return with its own frame.
+            // Each update must return with its own frame.
             .disable::<PipelinedRenderingPlugin>(),
     )
-    // The stage reads its meter around each frame itself.
+    // The stage itself reads the meter around each frame.
     .add_plugins(FrugalGiPlugins.build().disable::<PowerPlugin>())
-    // A stage's camera stands still where an app's walks by: it must not be cheaper.
+    // A stage's camera is often still where an app's moves: frames must not be cheaper for it.
     .insert_resource(GiRefresh::AsIfCamerasMoved)
     .insert_resource(TimeUpdateStrategy::ManualDuration(Duration::from_secs_f64(
         1.0 / frames_per_second,
@@ -50,7 +50,7 @@ pub(super) fn build(frames_per_second: f64, extend: impl FnOnce(&mut App)) -> Ap
     app
 }
 
-/// Every knob that a stage has and that need not be named, or all of them; without starting one.
+/// The knobs of a stage without opening one: all, or without those that must be named.
 pub(super) fn knobs(named_too: bool) -> Result<KnobSpace, KnobSpaceError> {
     let mut app = App::new();
     app.add_plugins(KnobPlugin);

@@ -1,4 +1,4 @@
-//! Reads pictures back from the GPU.
+//! Read-back of images from the GPU.
 
 use bevy::asset::Handle;
 use bevy::ecs::world::World;
@@ -40,7 +40,7 @@ fn half_to_float(bits: u16) -> f32 {
     f16::from_bits(bits).to_f32()
 }
 
-/// Size of the target, and its texels without the padding that rows have in a buffer.
+/// Size of the target, and its texels without row padding.
 fn read(
     world: &World,
     target: &Handle<Image>,
@@ -50,12 +50,12 @@ fn read(
     let image = world
         .resource::<RenderAssets<GpuImage>>()
         .get(target)
-        .ok_or_else(|| fail("there is no picture yet"))?;
+        .ok_or_else(|| fail("there is no image yet"))?;
     let texture: &Texture = &image.texture;
     let bytes_of_format =
         texture.format().block_copy_size(None).ok_or_else(|| fail("an unreadable format"))?;
     if bytes_of_format != texel_bytes {
-        return Err(fail("the stage was opened for another kind of picture"));
+        return Err(fail("the stage was opened for another kind of image"));
     }
     let (device, queue) = (world.resource::<RenderDevice>(), world.resource::<RenderQueue>());
     let size = texture.size();

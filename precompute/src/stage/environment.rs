@@ -1,7 +1,7 @@
-//! The sky: what lights a scene from all around, and what is seen where there is no geometry.
+//! The sky: environment light and background.
 //!
 //! Its light on surfaces is an environment map on the camera: without global illumination Bevy's,
-//! which nothing but ambient occlusion hides.
+//! which only ambient occlusion attenuates.
 
 use std::path::Path;
 
@@ -21,14 +21,14 @@ use super::StageError;
 use super::prefilter::{Cube, Pyramid};
 use crate::scene::SkyMap;
 
-/// Texels along the edge of a face of the sky that is seen.
-const SEEN_EDGE: u32 = 256;
-/// Below the greatest half float.
+/// Texels along the edge of a face of the background cube map.
+const BACKGROUND_EDGE: u32 = 256;
+/// Slightly below the greatest half float.
 const BRIGHTEST_TEXEL: f32 = 60_000.0;
 
-/// The same radiance (nits, linear RGB) everywhere.
+/// A constant sky: `radiance` in nits, linear RGB.
 pub(super) fn constant(world: &mut World, camera: Entity, radiance: [f32; 3], exposure: f32) {
-    // Maps hold shares of the brightest channel, so that no radiance is too great for them.
+    // Maps are normalised to the brightest channel, so that no radiance overflows.
     let intensity = radiance.into_iter().fold(0.0, f32::max);
     if intensity > 0.0 {
         let map = add_cube(world, &Cube::constant(radiance.map(|nits| nits / intensity)), 1.0);
@@ -46,7 +46,7 @@ pub(super) fn constant(world: &mut World, camera: Entity, radiance: [f32; 3], ex
     }
 }
 
-/// A latitude-longitude picture, times `intensity`, in nits.
+/// A latitude-longitude map, times `intensity`, in nits.
 pub(super) fn map(
     world: &mut World,
     camera: Entity,
@@ -58,11 +58,11 @@ pub(super) fn map(
     let cubes = [
         pyramid.diffuse(),
         pyramid.specular(),
-        Cube::new(&[SEEN_EDGE], |_, direction| picture.look_up(direction)),
+        Cube::new(&[BACKGROUND_EDGE], |_, direction| picture.look_up(direction)),
     ];
     let brightest =
         cubes.iter().flat_map(|cube| cube.texels.iter().flatten()).fold(0.0, |a: f32, b| a.max(*b));
-    // No map is brighter than half floats hold.
+    // Scales the map so that half floats do not overflow.
     let unit = (brightest / BRIGHTEST_TEXEL).max(1.0);
     let [diffuse_map, specular_map, sky] = cubes.map(|cube| add_cube(world, &cube, unit));
     world.entity_mut(camera).insert((
@@ -77,8 +77,7 @@ pub(super) fn map(
     Ok(())
 }
 
-/// A cube map whose 1 stands for `unit`. In half floats: many phones' GPUs do not filter longer
-/// ones.
+/// A cube map in units of `unit`. In half floats: many mobile GPUs do not filter 32-bit floats.
 fn add_cube(world: &mut World, cube: &Cube, unit: f32) -> Handle<Image> {
     let size = Extent3d { width: cube.edge, height: cube.edge, depth_or_array_layers: 6 };
     let mut image = Image::new_uninit(

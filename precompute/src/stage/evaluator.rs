@@ -1,4 +1,4 @@
-//! The stage as a search sees it: settings at a camera cost power and error.
+//! The stage as the evaluator of a search: power and error of settings at a camera.
 
 use bevy_frugal_gi::frontier::CostPoint;
 use bevy_frugal_gi::knobs::RenderSettings;
@@ -8,17 +8,17 @@ use super::{Stage, StageError};
 use crate::metrics::Reference;
 use crate::scene::CameraPose;
 
-/// Frames of a clip that are not metered: the first makes textures and pipelines.
+/// Unmetered frames at the start of a clip: the first creates textures and pipelines.
 const UNMETERED_FRAMES: usize = 1;
 
-/// Renders and meters on a [`Stage`], against the best settings' picture at the same camera.
+/// Renders and meters on a [`Stage`]; the reference is the best settings' image at the same camera.
 pub struct StageEvaluator {
     stage: Stage,
     reference: Option<(Vec<CameraPose>, Reference)>,
 }
 
 impl StageEvaluator {
-    /// An evaluator over `stage`.
+    /// An evaluator on `stage`.
     pub fn new(stage: Stage) -> Self {
         Self { stage, reference: None }
     }
@@ -30,8 +30,8 @@ impl StageEvaluator {
 
     /// Power and error of `settings` over a clip: the poses of consecutive frames. Power is the
     /// mean of all but the first frame, error that of the last one, against the last frame of the
-    /// same clip at the best settings. The same pose several times is a still camera. Every clip
-    /// begins with a cut: what it costs does not depend on what was rendered before.
+    /// same clip at the best settings. A repeated pose is a still camera. Every clip begins with a
+    /// cut, so its cost does not depend on earlier frames.
     ///
     /// # Errors
     /// When the rendering or the metering fails.
@@ -44,7 +44,7 @@ impl StageEvaluator {
             let best = self.stage.space.highest();
             self.stage.apply(best);
             if let Some(first) = clip.first() {
-                // Some of what the scene prepares for a camera follows it a frame late.
+                // Some per-camera resources of the scene lag the camera by a frame.
                 self.stage.place(first.position, first.rotation);
                 self.stage.frame();
             }

@@ -1,7 +1,7 @@
-//! Energy of frames, and the power that they would take at the target frame rate.
+//! Energy of frames, and their power at the target frame rate.
 //!
 //! p = idle + energy per frame × frames per second. A meter that covers the whole device counts its
-//! idle power in every window: it is measured once, while nothing is rendered, and taken out again.
+//! idle power in every window: it is measured once, while nothing is rendered, and subtracted.
 
 use std::time::{Duration, Instant};
 
@@ -11,7 +11,7 @@ use bevy_frugal_gi::units::{Joules, Watts};
 
 use super::{Stage, StageError};
 
-/// Steps of the meter's counter that a window must span for an error of a few per cent.
+/// Steps of the meter's counter in a window, for an error of a few per cent.
 const STEPS_PER_WINDOW: f64 = 10.0;
 
 impl Stage {
@@ -24,8 +24,8 @@ impl Stage {
         self.idle + Watts(per_frame * self.options.frames_per_second)
     }
 
-    /// Power of the present settings, over at least `least` frames, and as many more as the meter
-    /// needs to tell.
+    /// Power of the current settings, over at least `least` frames, and more where the meter's
+    /// resolution needs them.
     ///
     /// # Errors
     /// When the meter cannot be read.
@@ -33,7 +33,7 @@ impl Stage {
         self.metered(|_| None, least)
     }
 
-    /// The same with a moving camera: `pose` is where it is in each frame, none where it stays.
+    /// The same with a moving camera: `pose` gives its pose in each frame, `None` to keep it.
     pub(super) fn metered(
         &mut self,
         pose: impl Fn(usize) -> Option<(Vec3, Quat)>,
@@ -55,11 +55,11 @@ impl Stage {
             frames += 1;
         }
         let (spent, elapsed) = window.finish(self.meter.as_mut())?;
-        sound(self.power(spent, frames, elapsed.as_secs_f64()), &self.meter.info().name)
+        valid_power(self.power(spent, frames, elapsed.as_secs_f64()), &self.meter.info().name)
     }
 
-    /// Power while nothing is rendered, where the meter covers the whole device; else what the
-    /// meter says.
+    /// Idle power: measured where the meter covers the whole device, otherwise the meter's own
+    /// figure.
     pub(super) fn measure_idle(&mut self) -> Result<Watts, StageError> {
         if self.meter.info().provenance != Provenance::Measured {
             return Ok(self.meter.idle());
@@ -73,7 +73,7 @@ impl Stage {
     }
 }
 
-fn sound(power: Watts, meter: &str) -> Result<Watts, StageError> {
+fn valid_power(power: Watts, meter: &str) -> Result<Watts, StageError> {
     if power.0.is_finite() && power.0 > 0.0 {
         Ok(power)
     } else {

@@ -1,15 +1,16 @@
-//! The stage: a headless Bevy app that shows a scene to one camera, one finished frame at a time.
+//! The stage: a headless Bevy app that renders a scene for one camera, one finished frame at a
+//! time.
 //!
-//! Nothing is shared with a window: time steps by hand, pipelines compile before they are needed,
-//! and a frame is over when the GPU is done.
+//! It has no window: the clock is stepped explicitly, pipelines compile before they are needed, and
+//! a frame ends when the GPU is done.
 
 mod adapter;
 mod app;
 mod capture;
 mod environment;
 mod evaluator;
+mod frame_renderer;
 mod metering;
-mod player;
 mod prefilter;
 mod remote;
 mod useful;
@@ -42,15 +43,15 @@ use crate::scene::{Bounds, RayScene, SceneDescription, SceneError};
 pub use crate::metrics::Radiance;
 pub use adapter::{adapter, software_adapter};
 pub use evaluator::StageEvaluator;
-pub use player::StagePlayer;
+pub use frame_renderer::StageFrameRenderer;
 pub use remote::{RemoteError, RemoteStage, StageRequest, serve};
 pub use useful::{every_knob, knobs, useful_knobs};
 pub use world::populate;
 
-/// What is drawn into.
+/// Format of the output.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Output {
-    /// What a screen would show: 8-bit sRGB, tone-mapped.
+    /// Display-referred: 8-bit sRGB, tone-mapped.
     #[default]
     Display,
     /// Linear radiance in nits, before exposure; without antialiasing and post-processing, which
@@ -58,41 +59,41 @@ pub enum Output {
     Radiance,
 }
 
-/// Which light a picture holds.
+/// Component of the light in an image.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, clap::ValueEnum)]
 pub enum Component {
-    /// All of it.
+    /// All light.
     #[default]
     Full,
-    /// What the renderer shows without global illumination; of a path-traced picture, what one
-    /// surface at most scattered.
+    /// The renderer's light without global illumination; in a path-traced image, light that at most
+    /// one surface scattered.
     Direct,
-    /// What lamps light by way of other surfaces, all of them matt; of a path-traced picture, what
-    /// more than one surface scattered.
+    /// Indirect light of punctual lights, with Lambertian surfaces; in a path-traced image, light
+    /// that two or more surfaces scattered.
     Indirect,
-    /// What global illumination gives: indirect light, and that of glowing surfaces and of the sky
-    /// on others.
+    /// The light that global illumination adds: indirect light, and light of emissive surfaces and
+    /// of the sky on other surfaces.
     Global,
 }
 
-/// Frames that averaged light may take to come to rest.
-const MOST_SETTLING_FRAMES: u32 = 70;
+/// Greatest number of frames to wait for temporal accumulation.
+const MOST_ACCUMULATION_FRAMES: u32 = 70;
 
-/// How a scene is staged.
+/// Options of a stage.
 #[derive(Clone, Debug, PartialEq)]
 pub struct StageOptions {
     /// Width and height, pixels.
     pub size: UVec2,
     /// Target frame rate, which turns energy per frame into power.
     pub frames_per_second: f64,
-    /// What is drawn into.
+    /// Format of the output.
     pub output: Output,
-    /// Which light.
+    /// Component of the light.
     pub component: Component,
-    /// Names of the knobs to offer; where none are given, all that need not be named. The others
-    /// stand at their best.
+    /// Names of the knobs on offer; `None`: all that need not be named. The others stay at their
+    /// best.
     pub knobs: Option<Vec<String>>,
-    /// Meter by name; the one that suits the adapter where none is given.
+    /// The meter's name; `None`: the one that suits the adapter.
     pub meter: Option<String>,
 }
 
@@ -109,11 +110,11 @@ impl Default for StageOptions {
     }
 }
 
-/// Why a scene cannot be staged, or a frame not be rendered.
+/// Why a scene cannot be staged, or a frame cannot be rendered.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum StageError {
-    /// There is no GPU, nor a software one.
+    /// There is neither a GPU nor a software adapter.
     #[error(
         "no graphics adapter: install a Vulkan driver for the GPU, or a software one (on Debian: apt install mesa-vulkan-drivers), and try again"
     )]
@@ -123,13 +124,13 @@ pub enum StageError {
         "size {0}x{1}: must be 32 pixels or more along one side at least, and no more than 8192 along either"
     )]
     Size(u32, u32),
-    /// Not a positive number.
+    /// A frame rate that is not above 0 or not finite.
     #[error("frame rate {0}: must be a finite number above 0")]
     FrameRate(f64),
-    /// The scene file, or one that it names.
+    /// The scene file, or a file that it names.
     #[error(transparent)]
     Scene(#[from] SceneError),
-    /// A knob that does not exist.
+    /// An unknown knob.
     #[error(transparent)]
     Knob(#[from] bevy_frugal_gi::knobs::KnobSpaceError),
     /// The meter.
@@ -141,19 +142,19 @@ pub enum StageError {
     /// The environment map.
     #[error(transparent)]
     Environment(#[from] crate::scene::sky::SkyError),
-    /// A pipeline that does not compile, or never gets ready.
+    /// A pipeline that does not compile or never becomes ready.
     #[error("the renderer did not get ready: {0}")]
     NotReady(String),
-    /// The picture could not be read back.
-    #[error("the picture could not be read back: {0}")]
+    /// The image could not be read back.
+    #[error("the image could not be read back: {0}")]
     ReadBack(String),
-    /// The comparison of pictures.
+    /// The comparison of images.
     #[error(transparent)]
     Compare(#[from] crate::metrics::CompareError),
 }
 
 impl StageError {
-    /// Whether the input is to blame, rather than the rendering.
+    /// Whether the cause is the input and not the rendering.
     pub fn is_usage(&self) -> bool {
         match self {
             Self::NoAdapter
@@ -200,7 +201,7 @@ pub struct Stage {
     options: StageOptions,
     space: Arc<KnobSpace>,
     meter: Box<dyn PowerMeter>,
-    /// Where the meter counts work: what it is told of.
+    /// Counts frames for the work meter, if that is the meter.
     ledger: Option<WorkLedger>,
     idle: Watts,
     rays: RayScene,
@@ -210,17 +211,17 @@ pub struct Stage {
 }
 
 impl Stage {
-    /// Stages `scene`, and waits until the first finished frame.
+    /// Stages `scene`, and waits for the first finished frame.
     ///
     /// # Errors
-    /// When there is no adapter, the options make no sense, the scene's files cannot be read, or
-    /// the renderer does not get ready.
+    /// When there is no adapter, an option is out of range, the scene's files cannot be read, or
+    /// the renderer does not become ready.
     pub fn open(scene: &SceneDescription, options: StageOptions) -> Result<Self, StageError> {
         Self::open_with(scene, options, |_| ())
     }
 
-    /// [`open`](Self::open), in an app to which `extend` adds plugins: for materials that are not
-    /// Bevy's, and passes that are compared with ours.
+    /// [`open`](Self::open), in an app to which `extend` adds plugins: for custom materials, and
+    /// for passes that are compared with ours.
     ///
     /// # Errors
     /// As [`open`](Self::open).
@@ -229,8 +230,8 @@ impl Stage {
         options: StageOptions,
         extend: impl FnOnce(&mut App),
     ) -> Result<Self, StageError> {
-        // Ambient occlusion makes five mip levels of the view, also at half the resolution. Where
-        // there is no room for them, Bevy ends rendering.
+        // Ambient occlusion needs five mip levels of the view, also at half the resolution. Bevy
+        // aborts rendering if the view is too small for them.
         if options.size.min_element() == 0 || !(32..=8192).contains(&options.size.max_element()) {
             return Err(StageError::Size(options.size.x, options.size.y));
         }
@@ -267,8 +268,7 @@ impl Stage {
             vertical_fov_degrees: scene.camera.vertical_fov,
             options,
         };
-        // Knobs that are not offered stand at their best, in this stage and so in every figure that
-        // it gives.
+        // Knobs that are not on offer stay at their best, and all figures refer to that.
         let best = all.highest();
         stage.insert_settings(Arc::new(all), best);
         stage.get_ready()?;
@@ -281,7 +281,7 @@ impl Stage {
         &self.space
     }
 
-    /// How it was staged.
+    /// The options it was opened with.
     pub fn options(&self) -> &StageOptions {
         &self.options
     }
@@ -291,17 +291,17 @@ impl Stage {
         self.meter.info()
     }
 
-    /// Power while nothing is rendered, as far as the meter covers it.
+    /// Idle power, as far as the meter covers it.
     pub fn idle(&self) -> Watts {
         self.idle
     }
 
-    /// Triangles for questions that need no picture.
+    /// Triangles for ray queries.
     pub fn rays(&self) -> &RayScene {
         &self.rays
     }
 
-    /// The box around the geometry, where there is any.
+    /// Bounding box of the geometry; `None` without geometry.
     pub fn bounds(&self) -> Option<Bounds> {
         self.bounds
     }
@@ -316,7 +316,7 @@ impl Stage {
         self.app.world_mut()
     }
 
-    /// The render world, for tests that read what the GPU holds.
+    /// The render world, for tests that read GPU resources.
     pub fn render_world(&self) -> &bevy::ecs::world::World {
         self.app.sub_app(RenderApp).world()
     }
@@ -328,23 +328,23 @@ impl Stage {
         }
     }
 
-    /// Sets the knobs on offer, as of a camera cut: the next frame owes nothing to those before.
+    /// Sets the knobs on offer, with a camera cut: the next frame has no temporal history.
     pub fn apply(&mut self, settings: RenderSettings) {
         self.switch(settings);
         self.app.world_mut().entity_mut(self.camera).insert(CameraCut);
     }
 
-    /// Sets the knobs on offer in the midst of play, as a controller does.
+    /// Sets the knobs on offer without a cut, as a controller does.
     pub fn switch(&mut self, settings: RenderSettings) {
         let space = Arc::clone(&self.space);
         self.insert_settings(space, settings);
     }
 
-    /// Sets the knobs that a text tells of, and those on offer that it does not at their best:
-    /// `max`, `min`, or `knob=level` pairs. Knobs that must be named are among them where it does.
+    /// Sets knobs from text: `max`, `min`, or `knob=level` pairs; the others on offer are set to
+    /// their best. The text may name knobs that must be named.
     ///
     /// # Errors
-    /// When the text is of another form, or names a knob or a level that is not there.
+    /// When the text has another form, or names an unknown knob or level.
     pub fn apply_text(&mut self, text: &str) -> Result<(), StageError> {
         let names = || text.split(',').filter_map(|part| Some(part.split_once('=')?.0.trim()));
         let all = self
@@ -370,14 +370,14 @@ impl Stage {
         }
     }
 
-    /// Renders one frame to its end.
+    /// Renders one frame and waits for the GPU.
     pub fn frame(&mut self) {
         if self.options.output == Output::Radiance || self.options.component != Component::Full {
             world::hold_overrides(self.app.world_mut(), self.camera, &self.options);
         }
         self.app.update();
         let device = self.app.sub_app(RenderApp).world().resource::<RenderDevice>();
-        // Fails only when the device is lost, which the next frame reports better.
+        // Fails only when the device is lost, which the next frame reports in more detail.
         let _ = device.poll(PollType::wait_indefinitely());
         if let (Some(ledger), Some(shown)) =
             (&self.ledger, self.app.world().get::<KnobSettings>(self.camera))
@@ -386,18 +386,18 @@ impl Stage {
         }
     }
 
-    /// Renders frames until every pipeline that the frame needs is there.
+    /// Renders frames until all pipelines and resources of the frame are ready.
     ///
     /// # Errors
     /// When a shader does not compile, or it takes more than 600 frames.
     pub fn get_ready(&mut self) -> Result<(), StageError> {
-        let mut quiet = 0;
+        let mut ready_frames = 0;
         for _ in 0..600 {
             self.frame();
             let cache = self.render_world().resource::<PipelineCache>();
             for pipeline in cache.pipelines() {
                 if let CachedPipelineState::Err(error) = &pipeline.state
-                    // Shaders load in the background, and Bevy asks again in the next frame.
+                    // Shaders load in the background; Bevy retries in the next frame.
                     && !matches!(error, ShaderCacheError::ShaderNotLoaded(_) | ShaderCacheError::ShaderImportNotYetAvailable)
                 {
                     return Err(StageError::NotReady(error.to_string()));
@@ -405,20 +405,19 @@ impl Stage {
             }
             let waiting = cache.waiting_pipelines().next().is_some()
                 || self.app.world().resource::<GiOccluders>().waiting() > 0;
-            // The count lags a frame behind the picture.
-            quiet = if waiting { 0 } else { quiet + 1 };
-            if quiet == 0 {
-                // What is waited for loads in other threads, which small pictures would leave no
-                // time.
+            // The count lags a frame behind the image.
+            ready_frames = if waiting { 0 } else { ready_frames + 1 };
+            if ready_frames == 0 {
+                // Loading runs in other threads; frames of small images would leave it no time.
                 std::thread::sleep(Duration::from_millis(5));
             }
-            // Light that was averaged over frames is on its way to what a still picture shows.
-            // Where a scene never rests, it never gets there.
+            // Temporal accumulation still converges to the still image. In a scene that never rests
+            // it never does.
             let settling = self
                 .render_world()
                 .get_resource::<GiCounts>()
                 .is_some_and(|counts| counts.settling > 0);
-            if quiet >= if settling { MOST_SETTLING_FRAMES } else { 4 } {
+            if ready_frames >= if settling { MOST_ACCUMULATION_FRAMES } else { 4 } {
                 return Ok(());
             }
         }
@@ -435,14 +434,14 @@ impl Stage {
         )))
     }
 
-    /// Shows every level of every knob on offer once: what a level has to compile is compiled
-    /// before anything is metered.
+    /// Renders every level of every knob on offer once, so that all pipelines are compiled before
+    /// anything is metered.
     ///
     /// # Errors
-    /// When the renderer does not get ready.
+    /// When the renderer does not become ready.
     pub fn warm(&mut self) -> Result<(), StageError> {
-        // The others at their cheapest, so that it does not take long. A knob that acts only with
-        // another is shown with each of the other's levels: one pipeline may serve a pair.
+        // The other knobs are at their cheapest, which is fast. A knob that depends on another is
+        // rendered with each of the other's levels, because a pipeline may be specific to a pair.
         let space = Arc::clone(&self.space);
         for (index, knob) in space.knobs().iter().enumerate() {
             for base in space.cheapest_with(knob) {
@@ -456,7 +455,7 @@ impl Stage {
         self.get_ready()
     }
 
-    /// What the last frame shows.
+    /// The last frame's display-referred image.
     ///
     /// # Errors
     /// When it cannot be read back.
@@ -467,7 +466,7 @@ impl Stage {
     /// The last frame's radiance, in nits.
     ///
     /// # Errors
-    /// When it cannot be read back, or the stage's output is no radiance.
+    /// When it cannot be read back, or the stage's output is not radiance.
     pub fn radiance(&self) -> Result<Radiance, StageError> {
         capture::radiance(self.render_world(), &self.target, self.exposure)
     }

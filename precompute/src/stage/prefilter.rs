@@ -1,10 +1,10 @@
-//! A sky as the cube maps that Bevy lights surfaces from: diffuse light by the surface's normal,
-//! and reflections by roughness.
+//! Prefilters a sky into Bevy's environment cube maps: irradiance by normal, and specular radiance
+//! by roughness.
 //!
 //! Karis 2013, "Real Shading in Unreal Engine 4": reflections are averaged with the view along the
-//! normal, mip level by mip level from smooth to rough. Samples read the sky at the resolution that
-//! they stand for (Colbert and Křivánek 2007, "GPU-Based Importance Sampling"), so that few of them
-//! leave no speckle.
+//! normal, one mip level per roughness. Samples read the sky at the mip level of their solid angle
+//! (Colbert and Křivánek 2007, "GPU-Based Importance Sampling"), so that few samples leave no
+//! noise.
 
 use std::f32::consts::{PI, TAU};
 
@@ -12,17 +12,17 @@ use bevy::math::Vec3;
 
 use crate::scene::SkyMap;
 
-/// Columns of the finest level, and twice its rows.
+/// Columns of the finest level: twice its rows.
 const COLUMNS: u32 = 256;
 /// Texels along the edge of the diffuse cube's faces.
 const DIFFUSE_EDGE: u32 = 16;
-/// The same of each level of the specular cube: roughness 0, a fifth, …, 1. Rougher than that many
-/// texels show, nothing is lost by few of them.
+/// The same for each level of the specular cube: roughness 0, a fifth, …, 1. Rough levels are
+/// smooth enough for few texels.
 const SPECULAR_EDGES: [u32; 6] = [128, 64, 32, 16, 8, 4];
-/// Directions that a rough reflection is averaged from.
+/// Samples per texel of a rough level.
 const SPECULAR_SAMPLES: u32 = 128;
 
-/// Faces of a cube map, each with all its mip levels, in the order that GPUs want.
+/// Faces of a cube map, each with all its mip levels, in GPU order.
 pub(super) struct Cube {
     /// Texels along an edge of the finest level.
     pub(super) edge: u32,
@@ -33,12 +33,12 @@ pub(super) struct Cube {
 }
 
 impl Cube {
-    /// One texel a face.
+    /// A cube of one texel per face.
     pub(super) fn constant(texel: [f32; 3]) -> Self {
         Self { edge: 1, levels: 1, texels: vec![texel; 6] }
     }
 
-    /// What `texel` says of each level and direction (a unit vector). `edges` halve from level to
+    /// Evaluates `texel` for each level and direction (a unit vector). `edges` halve from level to
     /// level.
     pub(super) fn new(edges: &[u32], texel: impl Fn(usize, Vec3) -> [f32; 3]) -> Self {
         let mut texels = Vec::new();
@@ -65,21 +65,21 @@ fn cube_direction(face: u32, x: u32, y: u32, edge: u32) -> Vec3 {
         4 => Vec3::new(u, v, 1.0),
         _ => Vec3::new(-u, v, -1.0),
     };
-    // Bevy samples its sky with z turned round.
+    // Bevy samples its sky with z negated.
     (direction * Vec3::new(1.0, 1.0, -1.0)).normalize()
 }
 
-/// A sky at halving resolutions.
+/// Mip pyramid of a latitude-longitude sky.
 pub(super) struct Pyramid {
-    /// Each with half the columns of the one before; the last has two.
+    /// Each level has half the columns of the one before; the last has two.
     levels: Vec<SkyMap>,
 }
 
 impl Pyramid {
     pub(super) fn new(map: &SkyMap) -> Self {
         let (width, height) = map.size();
-        // Each texel of the finest level is a mean of at least one look-up for each of the map's
-        // own texels under it.
+        // Each texel of the finest level is a mean of at least one look-up per texel of the map
+        // that it covers.
         let steps = (width.div_ceil(COLUMNS)).max(height.div_ceil(COLUMNS / 2)).clamp(1, 32);
         let finest = |x: u32, y: u32| {
             mean((0..steps * steps).map(|step| {
@@ -94,7 +94,7 @@ impl Pyramid {
         while columns > 2 {
             columns /= 2;
             let finer = &levels[levels.len() - 1];
-            // Rows near the poles stand for less of the sphere.
+            // Rows near the poles cover less solid angle.
             let next = sky(columns, |x, y| {
                 mean((0..4).map(|i| {
                     let (x, y) = (2 * x + i % 2, 2 * y + i / 2);
@@ -126,14 +126,14 @@ impl Pyramid {
             })
             .collect();
         Cube::new(&[DIFFUSE_EDGE], |_, normal| {
-            // Divided by what it would be for a white sky, so that the sum's own error cancels.
+            // Divided by the sum for a white sky, so that the quadrature error cancels.
             mean(directions.iter().map(|(direction, solid_angle, texel)| {
                 (*texel, direction.dot(normal).max(0.0) * solid_angle)
             }))
         })
     }
 
-    /// Reflections by direction and, level by level, roughness.
+    /// Specular radiance by direction; one level per roughness.
     pub(super) fn specular(&self) -> Cube {
         Cube::new(&SPECULAR_EDGES, |level, normal| {
             if level == 0 {
@@ -157,7 +157,8 @@ impl Pyramid {
                 let light = half * (2.0 * cosine) - normal;
                 let peak =
                     alpha * alpha / (PI * (1.0 + (alpha * alpha - 1.0) * cosine * cosine).powi(2));
-                // With the view along the normal, a half vector's density ÷ 4 is the direction's.
+                // With the view along the normal, the density of the direction is that of the half
+                // vector ÷ 4.
                 let solid_angle = 4.0 / (SPECULAR_SAMPLES as f32 * peak);
                 let texel = 4.0 * PI / (COLUMNS * COLUMNS / 2) as f32;
                 (
@@ -175,7 +176,7 @@ impl Pyramid {
     }
 }
 
-/// Direction at a place, in texels, of a latitude-longitude picture of so many columns.
+/// Direction at a position, in texels, of a latitude-longitude map with `columns` columns.
 fn direction(x: f32, y: f32, columns: u32) -> Vec3 {
     let angle = (x / columns as f32 - 0.5) * TAU;
     let (sine, cosine) = (2.0 * PI * y / columns as f32).sin_cos();
@@ -202,7 +203,7 @@ fn sky(columns: u32, texel: impl Fn(u32, u32) -> [f32; 3]) -> SkyMap {
 mod tests {
     use super::*;
 
-    /// Cubes' texels of a level with the directions they are looked up in.
+    /// Texels of one level of a cube with their directions.
     fn texels(cube: &Cube, edges: &[u32], level: usize) -> Vec<(Vec3, f32)> {
         let face_texels: u32 = edges.iter().map(|edge| edge * edge).sum();
         let before: u32 = edges[..level].iter().map(|edge| edge * edge).sum();
@@ -216,7 +217,7 @@ mod tests {
     }
 
     #[test]
-    fn an_even_sky_stays_even() {
+    fn a_uniform_sky_stays_uniform() {
         let pyramid = Pyramid::new(&SkyMap::new(10, 5, vec![[1.0, 2.0, 3.0]; 50]).unwrap());
         for cube in [pyramid.diffuse(), pyramid.specular()] {
             let even = |texel: &[f32; 3]| {
@@ -235,7 +236,7 @@ mod tests {
         for (normal, found) in texels(&pyramid.diffuse(), &[DIFFUSE_EDGE], 0) {
             assert!((found - 0.5 * (1.0 + normal.y)).abs() < 0.02, "{normal} {found}");
         }
-        // Roughness blurs the horizon and nothing else.
+        // Roughness blurs only the horizon.
         let specular = pyramid.specular();
         for level in 0..SPECULAR_EDGES.len() - 1 {
             for (direction, found) in texels(&specular, &SPECULAR_EDGES, level) {

@@ -1,4 +1,4 @@
-//! Puts a scene's geometry, lights, sky and camera into an app.
+//! Spawns a scene's geometry, lights, sky and camera in an app.
 
 use bevy::app::App;
 use bevy::asset::{Assets, Handle, RenderAssetUsages};
@@ -28,14 +28,15 @@ use crate::scene::{
     Environment, Light, SceneDescription, SceneGeometry, SceneMaterial, SceneMesh, SceneTexture,
 };
 
-/// Shows `scene` to `camera`: spawns its geometry and lights, sets the surroundings of the whole
-/// app, and gives the camera the scene's lens, exposure and background. What else the camera has,
-/// and where it is, stays as it is.
+/// Sets up `scene` for `camera`: spawns its geometry and lights, sets the app's environment light,
+/// and gives the camera the scene's lens, exposure and background. The camera's other components,
+/// including its transform, are unchanged.
 ///
 /// `camera` must be a `Camera3d`, and the world that of an app with Bevy's 3D renderer.
 ///
 /// # Errors
-/// When a file that the scene names cannot be read. Some of the scene may be there by then.
+/// When a file that the scene names cannot be read. Part of the scene may have been spawned by
+/// then.
 pub fn populate(
     world: &mut World,
     scene: &SceneDescription,
@@ -44,7 +45,7 @@ pub fn populate(
     populate_with(world, scene, scene.geometry()?, camera)
 }
 
-/// [`populate`], for those who have had a look at the geometry already.
+/// [`populate`] with geometry that is already loaded.
 pub(super) fn populate_with(
     world: &mut World,
     scene: &SceneDescription,
@@ -83,7 +84,7 @@ pub(super) fn populate_with(
     Ok(())
 }
 
-/// Returns the camera and the image that it draws into.
+/// Returns the camera and its render target.
 pub(super) fn spawn(
     app: &mut App,
     scene: &SceneDescription,
@@ -140,8 +141,8 @@ fn spawn_camera(world: &mut World, options: &StageOptions, target: Handle<Image>
         .id()
 }
 
-/// Takes away what a measurement of radiance, or of direct light alone, must not contain, whatever
-/// the knobs say.
+/// Removes the effects that a measurement of radiance, or of direct light alone, must not contain,
+/// whatever the knobs say.
 pub(super) fn hold_overrides(world: &mut World, camera: Entity, options: &StageOptions) {
     let mut camera = world.entity_mut(camera);
     if options.component == Component::Direct
@@ -186,9 +187,8 @@ fn spawn_geometry(world: &mut World, geometry: SceneGeometry, exposure: f32) {
     }
 }
 
-/// Coordinates that no texture reads are left out: with them, the material's shader asks its
-/// uniform of every texture that it might have, which software Vulkan drivers answer by compiling
-/// the shader anew in every frame.
+/// Leaves out texture coordinates of untextured materials: with them, the shader branches on a
+/// uniform for every possible texture, and software Vulkan drivers recompile it in every frame.
 fn bevy_mesh(mesh: SceneMesh, textured: bool) -> Mesh {
     let usage = RenderAssetUsages::RENDER_WORLD | RenderAssetUsages::MAIN_WORLD;
     let positions: Vec<[f32; 3]> = mesh.positions.iter().map(|p| p.to_array()).collect();
@@ -208,8 +208,7 @@ fn standard_material(
     exposure: f32,
 ) -> StandardMaterial {
     let [red, green, blue, alpha] = material.base_color;
-    // Bevy 0.19's G-buffer has no room for the weight by which exposure counts: nits are exposed
-    // here.
+    // Bevy 0.19's G-buffer does not store the exposure weight of emission: nits are exposed here.
     let emissive = material.emissive.map(|nits| nits * exposure);
     StandardMaterial {
         base_color: Color::LinearRgba(LinearRgba::new(red, green, blue, alpha)),

@@ -1,4 +1,4 @@
-//! Every combination of the global illumination's levels: which levels are worth having at all.
+//! Sweep of all combinations of the global illumination's levels: dominance of levels.
 
 use bevy_frugal_gi::frontier::{CostPoint, FrontierPoint};
 use bevy_frugal_gi::knobs::{KnobSpace, RenderSettings};
@@ -15,36 +15,36 @@ use crate::table::{SweepFacts, SweepTable};
 /// Frames metered for each combination.
 const METERED_FRAMES: u32 = 2;
 
-/// Measures all of them at the stage's camera, prints what each level is good for, and writes table
-/// and page, if asked to: power that the global illumination adds, and the relative L1 of 4 × 4
-/// means against `truth` as the error.
+/// Measures all combinations at the stage's camera, prints the dominance of levels, and writes
+/// table and page on request. Power is that which global illumination adds; error is the relative
+/// L1 of 4 × 4 means against `reference`.
 pub(super) fn run(
     stage: &mut Stage,
-    truth: &Radiance,
+    reference: &Radiance,
     without: RenderSettings,
     scene: &str,
     arguments: &Arguments,
 ) -> Result<(), CliError> {
     let whole = stage.space().as_ref().clone();
-    let wanted = combinations(&whole)?;
-    let bar = progress::bar(wanted.len() as u64).with_message("combinations");
+    let combinations = combinations(&whole)?;
+    let bar = progress::bar(combinations.len() as u64).with_message("combinations");
     let mut table = Vec::new();
     let reading = |stage: &mut Stage, settings: RenderSettings| -> Result<f64, CliError> {
         if progress::interrupted() {
             return Err(CliError::failed("interrupted: nothing was written"));
         }
         stage.apply(settings);
-        // All is compiled: one frame brings it in.
+        // All pipelines are compiled: one frame applies the settings.
         stage.frame();
         Ok(stage.metered_frames(METERED_FRAMES)?.0)
     };
-    for chunk in wanted.chunks(32) {
-        // Again and again, since the machine drifts.
+    for chunk in combinations.chunks(32) {
+        // Repeated, because the machine drifts.
         let off = reading(stage, without)?;
         for settings in chunk {
             let power = reading(stage, *settings)? - off;
             let difference =
-                Difference::new(&stage.radiance()?, truth, None).map_err(CliError::usage)?;
+                Difference::new(&stage.radiance()?, reference, None).map_err(CliError::usage)?;
             table.push((*settings, CostPoint::new(power, difference.relative_l1_boxes)));
             bar.inc(1);
         }
@@ -52,25 +52,25 @@ pub(super) fn run(
     bar.finish_and_clear();
 
     println!(
-        "{} combinations of the global illumination's levels; cost in watts that it adds, error against the truth",
+        "{} combinations of the global illumination's levels; cost in watts that it adds, error against the reference",
         table.len()
     );
     println!("{:20} {:>8} {:>14} {:>12}", "knob", "level", "Pareto-optimal", "dominated by");
-    let worths = level_dominance(&whole, &table)
+    let dominances = level_dominance(&whole, &table)
         .into_iter()
-        .filter(|worth| is_gi(&worth.knob) && !is_still(&worth.knob));
-    let worths: Vec<LevelDominance> = worths.collect();
-    for worth in &worths {
+        .filter(|dominance| is_gi(&dominance.knob) && !is_still(&dominance.knob));
+    let dominances: Vec<LevelDominance> = dominances.collect();
+    for dominance in &dominances {
         println!(
             "{:20} {:>8} {:14} {:12.3}",
-            worth.knob, worth.label, worth.non_dominated, worth.dominated_by
+            dominance.knob, dominance.label, dominance.non_dominated, dominance.dominated_by
         );
     }
     let points: Vec<_> =
         table.into_iter().map(|(settings, cost)| FrontierPoint { settings, cost }).collect();
     if let Some(path) = &arguments.csv {
-        // Power is what global illumination adds, and not that of whole frames: their size has no
-        // place in the table.
+        // Power is that which global illumination adds, not that of whole frames, so the table
+        // omits their size.
         let facts = SweepFacts {
             scene: Some(scene.to_owned()),
             meter: Some(stage.meter()),
@@ -95,26 +95,22 @@ pub(super) fn run(
             look_at: arguments.camera.look_at,
         };
         let mut section = sweep_section(&summary)?;
-        let row = |worth: &LevelDominance| {
+        let row = |dominance: &LevelDominance| {
             vec![
-                worth.knob.clone(),
-                worth.label.clone(),
-                worth.non_dominated.to_string(),
-                format!("{:.3}", worth.dominated_by),
+                dominance.knob.clone(),
+                dominance.label.clone(),
+                dominance.non_dominated.to_string(),
+                format!("{:.3}", dominance.dominated_by),
             ]
         };
         let headers = [
             "knob",
             "level",
-            "of the frontier have it",
-            "its best combination is beaten by a factor of",
+            "Pareto-optimal combinations with it",
+            "its best combination is dominated by a factor of",
         ]
         .map(String::from);
-        section.table(
-            "What levels are worth",
-            &headers,
-            &worths.iter().map(row).collect::<Vec<_>>(),
-        );
+        section.table("Level dominance", &headers, &dominances.iter().map(row).collect::<Vec<_>>());
         let mut report =
             Report::new(&format!("Every combination of global illumination's levels in {scene}"));
         report.section(section);
@@ -123,8 +119,7 @@ pub(super) fn run(
     Ok(())
 }
 
-/// All levels of all knobs that make global illumination where it is on, the other knobs at their
-/// best.
+/// All combinations of global illumination's levels with it on, the other knobs at their best.
 fn combinations(whole: &KnobSpace) -> Result<Vec<RenderSettings>, CliError> {
     let knobs: Vec<_> = whole
         .knobs()
@@ -132,14 +127,14 @@ fn combinations(whole: &KnobSpace) -> Result<Vec<RenderSettings>, CliError> {
         .filter(|knob| is_gi(&knob.name) && !is_still(&knob.name))
         .cloned()
         .collect();
-    let places: Vec<_> = knobs.iter().filter_map(|knob| whole.index_of(&knob.name)).collect();
+    let knob_indices: Vec<_> = knobs.iter().filter_map(|knob| whole.index_of(&knob.name)).collect();
     let count = knobs.iter().position(|knob| knob.name == "gi_vpl_count");
     let space = KnobSpace::new(knobs).map_err(CliError::failed)?;
     let on = space.iter().filter(|settings| count.is_none_or(|index| settings.level(index) > 0));
     let lift = |settings: RenderSettings| {
         let lifted =
-            places.iter().enumerate().map(|(index, place)| (*place, settings.level(index)));
-        lifted.fold(whole.highest(), |all, (place, level)| all.with_level(place, level))
+            knob_indices.iter().enumerate().map(|(own, index)| (*index, settings.level(own)));
+        lifted.fold(whole.highest(), |all, (index, level)| all.with_level(index, level))
     };
     Ok(on.map(lift).collect())
 }
@@ -149,7 +144,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn all_levels_meet_all_others_and_other_knobs_stay_at_their_best() {
+    fn all_combinations_of_levels_occur_and_other_knobs_stay_at_their_best() {
         let whole = crate::stage::knobs().unwrap();
         let all = combinations(&whole).unwrap();
         assert_eq!(all.len(), 7 * 3 * 3 * 4 * 3);

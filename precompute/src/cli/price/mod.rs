@@ -1,5 +1,5 @@
-//! `frugal price`: what each level of the global illumination's knobs costs, and how far from the
-//! truth it is.
+//! `frugal price`: cost of each level of the global illumination's knobs, and its error against the
+//! path-traced reference.
 
 mod combinations;
 
@@ -21,25 +21,25 @@ use crate::stage::{Component, Output, Stage, StageOptions};
 pub(super) struct Arguments {
     #[command(flatten)]
     camera: CameraArguments,
-    /// Size of the picture in pixels
+    /// Size of the image in pixels
     #[arg(long, value_name = "WxH", default_value = "320x180", value_parser = size)]
     size: UVec2,
-    /// Paths per pixel of the truth
+    /// Paths per pixel of the reference
     #[arg(long, value_name = "N", default_value_t = 256, value_parser = clap::value_parser!(u32).range(1..=1 << 24))]
     spp: u32,
-    /// Power meter, as `frugal meters` names it; without it, the one that suits the adapter
+    /// Power meter, as `frugal meters` names it; default: the one that suits the adapter
     #[arg(long, value_name = "NAME")]
     meter: Option<String>,
-    /// Measures every combination of levels instead, and tells which levels are worth having
+    /// Measures every combination of levels instead, and reports the dominance of levels
     #[arg(long)]
     combinations: bool,
-    /// Prices the sky instead: the scene without its lamps, all light that reaches the camera
-    /// straight from the sky or by one surface
+    /// Measures the sky instead: the scene without its punctual lights, and all light of the sky
+    /// that at most one surface scatters
     #[arg(long, conflicts_with = "combinations")]
     sky: bool,
-    /// Bounces of the truth, and of the global illumination but where fewer are priced: 1 to 3.
-    /// With more than 1, everything is done again in each frame, since further bounces cost nothing
-    /// where only the camera moves
+    /// Bounces of the reference, and of the global illumination except at lower levels of that
+    /// knob: 1 to 3. With more than 1, everything is recomputed in each frame, because further
+    /// bounces cost nothing where only the camera moves
     #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u32).range(1..=3), conflicts_with_all = ["combinations", "sky"])]
     bounces: u32,
     /// Table to write
@@ -52,16 +52,16 @@ pub(super) struct Arguments {
 
 /// Frames metered for a reading.
 const METERED_FRAMES: u32 = 3;
-/// Readings of each setting, in turn with all others: their median is its cost, so that a machine
-/// that drifts costs all alike.
+/// Readings of each setting, interleaved with all others; their median is the cost, so that drift
+/// affects all alike.
 const ROUNDS: usize = 3;
 
-/// Knobs that make bounced light.
+/// Whether a knob affects bounced light.
 fn is_gi(name: &str) -> bool {
     (name.starts_with("gi_") || name.starts_with("rsm_")) && name != SKY
 }
 
-/// Knobs that make the sky's.
+/// Whether a knob affects the sky's light.
 fn is_sky(name: &str) -> bool {
     [SKY, "gi_visibility", "gi_interleave", "gi_pixel_fraction"].contains(&name)
 }
@@ -69,7 +69,7 @@ fn is_sky(name: &str) -> bool {
 /// The knob of the sky alone.
 const SKY: &str = "gi_environment_samples";
 
-/// The knob that decides how much light there is to come near to.
+/// The knob that changes the target image, not the approximation quality.
 const BOUNCES: &str = "gi_bounces";
 
 /// The knobs that need not be named, and [`BOUNCES`].
@@ -79,7 +79,7 @@ fn with_bounces() -> Result<Vec<String>, CliError> {
     Ok(names.into_iter().chain([BOUNCES.to_owned()]).collect())
 }
 
-/// Knobs of it that change neither cost nor picture where nothing moves.
+/// Whether a knob changes neither cost nor image in a static scene.
 fn is_still(name: &str) -> bool {
     name == "gi_refresh_period"
 }
@@ -96,14 +96,15 @@ pub(super) fn run(arguments: &Arguments) -> Result<(), CliError> {
     let options = StageOptions {
         size: arguments.size,
         output: Output::Radiance,
-        // Of the sky everything is shown, since where its samples end Bevy's own light begins.
+        // The sky is shown in full, because Bevy's own environment light replaces it where its
+        // samples are off.
         component: if arguments.sky { Component::Full } else { Component::Indirect },
         meter: arguments.meter.clone(),
         knobs: (arguments.bounces > 1).then(with_bounces).transpose()?,
         ..Default::default()
     };
     let mut stage = Stage::open(&scene, options)?;
-    let truth = truth(&scene, arguments)?;
+    let reference = reference(&scene, arguments)?;
     let pose = arguments.camera.pose();
     stage.place(pose.position, pose.rotation);
     stage.warm()?;
@@ -117,10 +118,10 @@ pub(super) fn run(arguments: &Arguments) -> Result<(), CliError> {
     };
     let off = space.parse("max,gi_vpl_count=0").map_err(CliError::failed)?;
     if arguments.combinations {
-        return combinations::run(&mut stage, &truth, off, &name, arguments);
+        return combinations::run(&mut stage, &reference, off, &name, arguments);
     }
-    let wanted = levels(&space, best, if arguments.sky { is_sky } else { is_gi });
-    let mut readings = vec![Vec::new(); wanted.len() + 1];
+    let priced = levels(&space, best, if arguments.sky { is_sky } else { is_gi });
+    let mut readings = vec![Vec::new(); priced.len() + 1];
     let mut differences = Vec::new();
     let bar = progress::bar((ROUNDS * readings.len()) as u64).with_message("readings");
     for round in 0..ROUNDS {
@@ -128,11 +129,12 @@ pub(super) fn run(arguments: &Arguments) -> Result<(), CliError> {
             if progress::interrupted() {
                 return Err(CliError::failed("interrupted: nothing was written"));
             }
-            stage.apply(wanted.get(index).map_or(off, |level| level.settings));
+            stage.apply(priced.get(index).map_or(off, |level| level.settings));
             stage.get_ready()?;
-            if round == 0 && index < wanted.len() {
+            if round == 0 && index < priced.len() {
                 differences.push(
-                    Difference::new(&stage.radiance()?, &truth, None).map_err(CliError::usage)?,
+                    Difference::new(&stage.radiance()?, &reference, None)
+                        .map_err(CliError::usage)?,
                 );
             }
             if arguments.bounces > 1 {
@@ -147,11 +149,11 @@ pub(super) fn run(arguments: &Arguments) -> Result<(), CliError> {
     bar.finish_and_clear();
 
     let power: Vec<f64> = readings.into_iter().map(median).collect();
-    let without = power[wanted.len()];
+    let without = power[priced.len()];
     let best =
-        wanted.iter().position(|level| level.settings == best).map_or(0.0, |index| power[index])
+        priced.iter().position(|level| level.settings == best).map_or(0.0, |index| power[index])
             - without;
-    let prices: Vec<LevelPrice> = wanted
+    let prices: Vec<LevelPrice> = priced
         .into_iter()
         .zip(power)
         .zip(differences)
@@ -188,32 +190,31 @@ pub(super) fn run(arguments: &Arguments) -> Result<(), CliError> {
         write(path, &table)?;
     }
     if let Some(folder) = &arguments.report {
-        let aim = match (arguments.sky, arguments.bounces) {
+        let light = match (arguments.sky, arguments.bounces) {
             (true, _) => "light of the sky that one surface scatters".to_owned(),
-            (false, 1) => "indirect light of lamps, one bounce".to_owned(),
-            (false, bounces) => format!("indirect light of lamps, {bounces} bounces"),
+            (false, 1) => "indirect light of punctual lights, one bounce".to_owned(),
+            (false, bounces) => format!("indirect light of punctual lights, {bounces} bounces"),
         };
         let (scene, size, meter) = (name.as_str(), arguments.size.to_array(), &stage.meter());
         let summary =
-            PriceSummary { scene, size, prices: &prices, truth: &aim, meter, best_w: best };
+            PriceSummary { scene, size, prices: &prices, reference: &light, meter, best_w: best };
         write_report(folder, &price_report(&summary)?)?;
     }
     Ok(())
 }
 
-/// Bounces between surfaces that scatter evenly, or what one surface scatters of the sky: what the
-/// knobs are to come near to.
-fn truth(scene: &SceneDescription, arguments: &Arguments) -> Result<Radiance, CliError> {
+/// The reference: bounces between Lambertian surfaces, or sky light that one surface scatters.
+fn reference(scene: &SceneDescription, arguments: &Arguments) -> Result<Radiance, CliError> {
     let view = View::new(scene, arguments.camera.pose(), arguments.size);
     let samples = arguments.spp;
     let (scene, settings) = if arguments.sky {
         (scene.clone(), Settings { samples, bounces: Some(0), ..Default::default() })
     } else {
-        // Light from all around bounces in the truth and not in the renderer, which is another
-        // matter than the price of a level.
-        let lamps_only = SceneDescription { environment: Environment::None, ..scene.clone() };
+        // Environment light bounces in the path tracer and not in the renderer, which is
+        // independent of the price of a level.
+        let punctual_only = SceneDescription { environment: Environment::None, ..scene.clone() };
         (
-            lamps_only,
+            punctual_only,
             Settings {
                 samples,
                 bounces: Some(arguments.bounces),
@@ -222,7 +223,7 @@ fn truth(scene: &SceneDescription, arguments: &Arguments) -> Result<Radiance, Cl
             },
         )
     };
-    let bar = progress::bar(u64::from(arguments.size.y)).with_message("rows of the truth");
+    let bar = progress::bar(u64::from(arguments.size.y)).with_message("rows of the reference");
     let watch = Watch { row_done: &|| bar.inc(1), interrupted: &progress::interrupted };
     let rendering = render(&ReferenceScene::new(&scene)?, &view, &settings, watch);
     bar.finish_and_clear();
@@ -232,16 +233,20 @@ fn truth(scene: &SceneDescription, arguments: &Arguments) -> Result<Radiance, Cl
 }
 
 /// A level of a knob, the others at their best.
-struct Wanted {
+struct PricedLevel {
     knob: String,
     label: String,
     settings: RenderSettings,
 }
 
-/// Every level at which there is global illumination of every knob that counts, the best first: of
-/// those up to that of `best`, at which the others are.
-fn levels(space: &KnobSpace, best: RenderSettings, counts: impl Fn(&str) -> bool) -> Vec<Wanted> {
-    let mut wanted = Vec::new();
+/// All levels with global illumination of the knobs for which `counts` holds, the best first, up to
+/// the level in `best`; the other knobs are at `best`.
+fn levels(
+    space: &KnobSpace,
+    best: RenderSettings,
+    counts: impl Fn(&str) -> bool,
+) -> Vec<PricedLevel> {
+    let mut priced = Vec::new();
     for (index, knob) in space
         .knobs()
         .iter()
@@ -253,14 +258,14 @@ fn levels(space: &KnobSpace, best: RenderSettings, counts: impl Fn(&str) -> bool
                 continue;
             }
             let settings = best.with_level(index, level);
-            wanted.push(Wanted {
+            priced.push(PricedLevel {
                 knob: knob.name.clone(),
                 label: described.label.clone(),
                 settings,
             });
         }
     }
-    wanted
+    priced
 }
 
 fn median(mut values: Vec<f64>) -> f64 {
@@ -273,10 +278,10 @@ mod tests {
     use super::*;
 
     #[test]
-    fn every_level_at_which_there_is_gi_is_priced_the_best_first() {
+    fn every_level_with_gi_is_priced_the_best_first() {
         let space = crate::stage::knobs().unwrap();
-        let wanted = levels(&space, space.highest(), is_gi);
-        let count = |name: &str| wanted.iter().filter(|level| level.knob == name).count();
+        let priced = levels(&space, space.highest(), is_gi);
+        let count = |name: &str| priced.iter().filter(|level| level.knob == name).count();
         assert_eq!(
             (
                 count("gi_vpl_count"),
@@ -286,7 +291,7 @@ mod tests {
             ),
             (7, 3, 3, 0)
         );
-        assert_eq!(wanted[0].settings, space.highest());
+        assert_eq!(priced[0].settings, space.highest());
         let space_with_bounces = crate::stage::every_knob()
             .unwrap()
             .subset(with_bounces().unwrap().iter().map(String::as_str))

@@ -6,11 +6,11 @@ use bevy_frugal_gi::knobs::RenderSettings;
 use crate::evaluate::ResolvedBudget;
 use crate::table::CostTable;
 
-/// Of the settings that are known at every camera of `table`, those whose means serve `budget`
-/// best.
+/// The best settings for `budget` by their mean costs, among those known at every camera of
+/// `table`.
 ///
 /// Under a power budget, the least mean error within it; under an error budget alone, the least
-/// mean power within it. Where nothing meets it, what comes nearest. `None` for a table without a
+/// mean power within it. Where no settings meet it, the nearest. `None` for a table without a
 /// complete column.
 pub fn best_constant(
     table: &CostTable,
@@ -25,12 +25,12 @@ pub fn best_constant(
     )
 }
 
-/// The same among any settings and costs.
+/// The same among arbitrary candidates.
 pub fn best_of(
     candidates: impl IntoIterator<Item = (RenderSettings, CostPoint)>,
     budget: &ResolvedBudget,
 ) -> Option<(RenderSettings, CostPoint)> {
-    // Limits that are kept come first, then what the budget is to make least.
+    // Lexicographic: excess over the limit, then the objective.
     let rank = |cost: CostPoint| match (budget.power_w, budget.error) {
         (Some(power), _) => {
             let over = (cost.power.0 - power.0).max(0.0);
@@ -59,7 +59,7 @@ mod tests {
         let costs = [(1.0, 0.3), (2.0, 0.1), (3.0, 0.15), (4.0, 0.0)];
         for (bits, (power, error)) in costs.into_iter().enumerate() {
             for row in 0..2 {
-                // Means are what was given: one camera is darker than the other.
+                // The means are the given costs: the two cameras deviate symmetrically.
                 let sign = if row == 0 { 1.0 } else { -1.0 };
                 table.set(
                     row,

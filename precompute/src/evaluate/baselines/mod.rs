@@ -1,14 +1,14 @@
-//! What ours is compared with, played from a [`PathRecord`](super::PathRecord): constants, oracles,
-//! and the ladder that engines ship.
+//! Baselines, simulated from a [`PathRecord`](super::PathRecord): constants, oracles, and the
+//! reactive ladder that engines ship.
 //!
-//! | run | what it knows |
+//! | run | information used |
 //! |---|---|
-//! | `best-constant` | this path: the best single settings for the budget |
-//! | `best-constant-elsewhere` | other cameras: the best single settings there |
-//! | `oracle` | every frame before it is shown: a bound, no method |
-//! | `oracle-filtered` | the same, through the temporal filter |
-//! | `reactive` | what the meter said of the frames before |
-//! | `default` | nothing: `FrugalGi::default()`, all else at its best |
+//! | `best-constant` | this path: the best constant settings for the budget |
+//! | `best-constant-elsewhere` | other cameras: the best constant settings there |
+//! | `oracle` | every frame in advance: a bound, not a method |
+//! | `oracle-filtered` | the same, through the controller's temporal filter |
+//! | `reactive` | meter readings of earlier frames |
+//! | `default` | none: `FrugalGi::default()`, all other knobs at their best |
 mod constant;
 mod oracle;
 mod reactive;
@@ -20,7 +20,7 @@ pub use reactive::{Reactive, ladder};
 use bevy_frugal_gi::gi::FrugalGi;
 use bevy_frugal_gi::knobs::{KnobSpace, RenderSettings};
 
-/// `FrugalGi::default()`, all else at its best: what an app gets that sets nothing.
+/// `FrugalGi::default()`, all other knobs at their best: the settings of an app that sets nothing.
 pub fn default_settings(space: &KnobSpace) -> RenderSettings {
     let gi = FrugalGi::default();
     let authored = |name: &str| match name {

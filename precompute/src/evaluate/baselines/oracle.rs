@@ -1,4 +1,4 @@
-//! What could be had by somebody who knew every frame before it is shown.
+//! Upper bounds: policies that know every frame's costs in advance.
 
 use bevy_frugal_gi::frontier::CostPoint;
 use bevy_frugal_gi::knobs::RenderSettings;
@@ -6,12 +6,12 @@ use bevy_frugal_gi::knobs::RenderSettings;
 use crate::evaluate::{Choice, Policy, Pose, ResolvedBudget};
 use crate::table::CostTable;
 
-/// Least and greatest exchange rate that is tried, watts per unit of error.
+/// Range of exchange rates searched, watts per unit of error.
 const RATES: (f64, f64) = (1e-3, 1e9);
-/// Halvings of the range of rates, in the logarithm: to a part in 10¹².
+/// Bisection steps in the logarithm of the rate: to a relative precision of 10⁻¹².
 const HALVINGS: usize = 64;
 
-/// Each frame's settings, known beforehand.
+/// Settings of each frame, chosen in advance.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Oracle(pub Vec<RenderSettings>);
 
@@ -21,12 +21,12 @@ impl Policy for Oracle {
     }
 }
 
-/// The best settings of each frame.
+/// The optimal settings of each frame.
 ///
 /// Under a power budget each frame keeps it: the least error within it. Under an error budget the
 /// mean over the path keeps it: each frame minimises P + λe, with the least λ that does (Everett
-/// 1963, "Generalized Lagrange multiplier method"). `is_met` says of a choice for all frames
-/// whether it keeps the error budget: by the table itself, or through a filter.
+/// 1963, "Generalized Lagrange multiplier method"). `is_met` tests whether settings for all frames
+/// keep the error budget, by the table alone or through a filter.
 pub fn oracle(
     table: &CostTable,
     budget: &ResolvedBudget,
@@ -49,7 +49,7 @@ pub fn oracle(
     match (budget.power_w, budget.error) {
         (Some(limit), _) => frames(&|cost| {
             let over = cost.power.0 - limit.0;
-            // Where nothing is within the limit, the cheapest.
+            // Where no settings are within the limit, the cheapest.
             if over > 0.0 { [f64::MAX, over] } else { [cost.error, cost.power.0] }
         }),
         (None, Some(_)) => {
@@ -72,7 +72,7 @@ mod tests {
 
     use super::*;
 
-    /// Two views: error costs ten times as much to remove in the second.
+    /// Two views: lowering the error costs ten times as much in the second.
     fn table() -> CostTable {
         let mut table = CostTable::new(2);
         for level in 0..=10u64 {
@@ -111,8 +111,8 @@ mod tests {
         let cost = mean(&table, &best);
         assert!(cost.error <= 0.05 + 1e-12, "{cost:?}");
         assert!(best.0[0].bits() > 7 && best.0[1].bits() < 3, "{best:?}");
-        // Exhaustively: no pair of levels is cheaper within the budget by more than what lies
-        // between two levels.
+        // By exhaustive search: no pair of levels within the budget is cheaper by more than one
+        // level's step.
         let pairs = (0..121).map(|pair| {
             Oracle(vec![RenderSettings::from_bits(pair / 11), RenderSettings::from_bits(pair % 11)])
         });

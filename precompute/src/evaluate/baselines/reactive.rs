@@ -1,4 +1,4 @@
-//! The ladder that engines ship: constants, stepped by what a meter says.
+//! The reactive ladder that engines ship: constant settings, stepped by meter readings.
 
 use bevy_frugal_gi::frontier::{CostPoint, Frontier};
 use bevy_frugal_gi::knobs::RenderSettings;
@@ -9,11 +9,11 @@ use crate::evaluate::{Choice, Policy, Pose, ResolvedBudget};
 const RUNGS: usize = 8;
 /// Seconds over which the meter is averaged before a step down.
 const WINDOW_SECONDS: f64 = 0.5;
-/// Share of the budget below which there is room for a step up.
+/// Load below which a step up is allowed, as a share of the budget.
 const ROOM: f64 = 0.85;
-/// Seconds for which there must be room.
+/// Seconds over which the load must stay below [`ROOM`].
 const ROOM_SECONDS: f64 = 1.0;
-/// Seconds between two steps.
+/// Least seconds between two steps.
 const DWELL_SECONDS: f64 = 0.5;
 
 /// Up to eight non-dominated settings, evenly spread over the logarithm of power, the cheapest
@@ -34,27 +34,27 @@ pub fn ladder(frontier: &Frontier) -> Vec<RenderSettings> {
     rungs
 }
 
-/// Steps down a ladder when the mean of half a second exceeds the budget, and up when there was
-/// room for a second.
+/// Steps down the ladder when the mean load of half a second exceeds the budget, and up when that
+/// of a second is below [`ROOM`].
 ///
-/// Under an error budget it is the error that is metered, which no app can: a generous baseline.
+/// Under an error budget it measures the error itself, which no app can: a generous baseline.
 #[derive(Clone, Debug)]
 pub struct Reactive {
     ladder: Vec<RenderSettings>,
     rung: usize,
     budget: ResolvedBudget,
     dt: f64,
-    /// Load of each frame since the last step: what was spent, as a share of the budget.
+    /// Load of each frame since the last step: cost as a share of the budget.
     loads: Vec<f64>,
 }
 
 impl Reactive {
-    /// Starts at the best rung. `ladder`: the cheapest settings first.
+    /// A policy that starts at the top rung. `ladder`: the cheapest settings first.
     pub fn new(ladder: Vec<RenderSettings>, budget: ResolvedBudget) -> Self {
         Self { rung: ladder.len().saturating_sub(1), ladder, budget, dt: 0.0, loads: Vec::new() }
     }
 
-    /// Mean load of the last `seconds`; `None` before that much has passed since the last step.
+    /// Mean load of the last `seconds`; `None` sooner than that after the last step.
     fn load(&self, seconds: f64) -> Option<f64> {
         let frames = ((seconds / self.dt).round() as usize).max(1);
         let from = self.loads.len().checked_sub(frames)?;
@@ -73,10 +73,10 @@ impl Policy for Reactive {
     fn decide(&mut self, _: usize, dt: f64, _: &Pose) -> Choice {
         self.dt = dt;
         let saves_power = self.budget.power_w.is_some();
-        let rested = self.loads.len() as f64 * dt >= DWELL_SECONDS;
-        let is_over = rested && self.load(WINDOW_SECONDS).is_some_and(|load| load > 1.0);
+        let dwelt = self.loads.len() as f64 * dt >= DWELL_SECONDS;
+        let is_over = dwelt && self.load(WINDOW_SECONDS).is_some_and(|load| load > 1.0);
         let has_room = self.load(ROOM_SECONDS).is_some_and(|load| load < ROOM);
-        // Over a power budget means down the ladder; over an error budget, up.
+        // Exceeding a power budget steps down; exceeding an error budget steps up.
         match (is_over, has_room) {
             (true, _) => {
                 self.step_to(if saves_power { self.rung.saturating_sub(1) } else { self.rung + 1 })
@@ -122,7 +122,7 @@ mod tests {
         assert!(ladder(&Frontier::default()).is_empty());
     }
 
-    fn settled(budget: ResolvedBudget) -> (u64, usize) {
+    fn converged(budget: ResolvedBudget) -> (u64, usize) {
         let (mut policy, pose) = (Reactive::new(ladder(&frontier()), budget), path().poses()[0]);
         let mut last = None;
         let mut switches = 0;
@@ -138,15 +138,16 @@ mod tests {
 
     #[test]
     fn it_finds_a_rung_within_the_budget() {
-        let (rung, switches) = settled(ResolvedBudget { power_w: Some(Watts(30.0)), error: None });
-        // Where a rung is too dear and the next one leaves room, a ladder goes up and down every
-        // second and a half.
+        let (rung, switches) =
+            converged(ResolvedBudget { power_w: Some(Watts(30.0)), error: None });
+        // Where one rung exceeds the budget and the next one down leaves room, the ladder
+        // oscillates with a period of a second and a half.
         assert!(1.3f64.powi(rung as i32) <= 30.0 && switches < 30, "{rung}, {switches} switches");
-        let (rung, _) = settled(ResolvedBudget { power_w: None, error: Some(0.1) });
-        // Within the budget, or on the way back to it.
+        let (rung, _) = converged(ResolvedBudget { power_w: None, error: Some(0.1) });
+        // Within the budget, or returning to it.
         assert!(0.5 / (rung + 1) as f64 <= 0.13, "{rung}");
         assert_eq!(
-            settled(ResolvedBudget { power_w: Some(Watts(0.1)), error: None }).0,
+            converged(ResolvedBudget { power_w: Some(Watts(0.1)), error: None }).0,
             0,
             "no lower than the cheapest"
         );

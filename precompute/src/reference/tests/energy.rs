@@ -1,14 +1,14 @@
-//! Furnaces: what goes in comes out.
+//! Furnace tests: energy is conserved.
 
 use super::*;
 use crate::scene::SkyMap;
 
 const RADIUS: f64 = 2.0;
 
-/// The inside of a white sphere with a lamp in its middle, and by how much its facets may change
-/// squared distances.
+/// The inside of a white sphere with a point light at its centre, and the relative change of
+/// squared distances by its facets.
 fn furnace(albedo: f32, power: f32) -> (ReferenceScene, f64) {
-    let sphere = geometry(matt(), |builder| {
+    let sphere = geometry(diffuse(), |builder| {
         builder.tint([albedo; 3]).icosphere(Vec3::ZERO, RADIUS as f32, 5, true);
     });
     let nearest = sphere.triangles().map(|triangle| {
@@ -16,10 +16,10 @@ fn furnace(albedo: f32, power: f32) -> (ReferenceScene, f64) {
         (b - a).cross(c - a).normalize().dot(a).abs()
     });
     let nearest = nearest.min_by(f64::total_cmp).expect("triangles");
-    (scene(sphere, &[lamp(Vec3::ZERO, power)], Sky::Black), (RADIUS / nearest).powi(2) - 1.0)
+    (scene(sphere, &[point_light(Vec3::ZERO, power)], Sky::Black), (RADIUS / nearest).powi(2) - 1.0)
 }
 
-/// All around from a place off the middle.
+/// Rays in all directions from a point off the centre.
 fn around([u1, u2]: [f64; 2]) -> (DVec3, DVec3) {
     let (y, angle) = (1.0 - 2.0 * u1, std::f64::consts::TAU * u2);
     let radius = (1.0 - y * y).sqrt();
@@ -34,8 +34,8 @@ fn a_furnace_has_its_closed_form_at_every_bounce() {
     let candela = f64::from(power) / (4.0 * std::f64::consts::PI);
     let direct = albedo / std::f64::consts::PI * candela / (RADIUS * RADIUS);
     assert!(facets < 2e-3);
-    // Interpolated normals lean over the facets by 1.2° at most: a bounce loses (1 − cos 1.2°)/2 to
-    // it.
+    // Interpolated normals deviate from the facets by at most 1.2°, which loses (1 − cos 1.2°)/2
+    // per bounce.
     let bias = facets + 1e-3;
     for bounces in [Some(0), Some(1), Some(2), Some(5), None] {
         // ρ + ρ² + … of the direct light.
@@ -53,7 +53,7 @@ fn a_furnace_has_its_closed_form_at_every_bounce() {
 #[test]
 fn a_convex_solid_in_a_white_furnace_reflects_its_albedo() {
     let cube = || {
-        geometry(matt(), |builder| {
+        geometry(diffuse(), |builder| {
             builder.tint([0.8, 0.5, 0.25]).cuboid(
                 Vec3::splat(-1.0),
                 Vec3::ONE,
@@ -68,12 +68,12 @@ fn a_convex_solid_in_a_white_furnace_reflects_its_albedo() {
     for bounces in [Some(0), Some(3), None] {
         let constant = scene(cube(), &[], Sky::Constant(light));
         for one in estimates(&constant, &lambertian(bounces), 500, at_the_cube) {
-            // Every single path has the answer, or sees the sky past the cube.
+            // Every path has the exact result, or misses the cube and sees the sky.
             let reflected = (one.direct / (albedo * light) - 1.0).abs().max_element() < 1e-6;
             assert!((reflected || one.direct == light) && one.indirect == DVec3::ZERO, "{one:?}");
         }
     }
-    // The same light as a picture of the sky, whose directions are drawn.
+    // The same light as a sky map, whose directions are sampled.
     let map = SkyMap::new(8, 4, vec![[1.0; 3]; 32]).expect("a sky");
     let mapped = scene(cube(), &[], Sky::map(map, 100.0));
     for strategy in [Strategy::Combined, Strategy::Lights, Strategy::Scattering] {
@@ -88,7 +88,7 @@ fn a_convex_solid_in_a_white_furnace_reflects_its_albedo() {
 
 #[test]
 fn smooth_normals_on_facets_lose_little_and_gain_nothing() {
-    let ball = geometry(matt(), |builder| builder.icosphere(Vec3::ZERO, 1.0, 3, false));
+    let ball = geometry(diffuse(), |builder| builder.icosphere(Vec3::ZERO, 1.0, 3, false));
     let scene = scene(ball, &[], Sky::Constant(DVec3::splat(100.0)));
     let (direct, indirect) = measure(&scene, &lambertian(None), 4000, |[u1, u2]| {
         (DVec3::new(0.0, 0.0, 5.0), DVec3::new(u1 - 0.5, u2 - 0.5, -5.0))
@@ -101,7 +101,7 @@ fn smooth_normals_on_facets_lose_little_and_gain_nothing() {
 
 #[test]
 fn bevys_material_reflects_the_sun_by_its_own_formula() {
-    // Straight above with the sun beside the viewer: half vector, light and view are the normal.
+    // View and sun at normal incidence: half vector, light and view are the normal.
     let material = SceneMaterial {
         perceptual_roughness: 0.5,
         reflectance: 0.8,

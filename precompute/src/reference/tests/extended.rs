@@ -1,4 +1,4 @@
-//! Light with extent: form factors in closed form, and techniques that must agree.
+//! Lights with extent: form factors in closed form, and agreement of the sampling strategies.
 
 use super::*;
 use crate::scene::{AlphaMode, SceneTexture, SkyMap};
@@ -7,8 +7,8 @@ use std::f64::consts::PI;
 
 const STRATEGIES: [Strategy; 3] = [Strategy::Combined, Strategy::Lights, Strategy::Scattering];
 
-/// Form factor from a small patch to a parallel rectangle of `a` × `b` at distance `c` whose corner
-/// is above it (Howell, "A Catalog of Radiation Heat Transfer Configuration Factors", B-3).
+/// Form factor from a differential patch to a parallel rectangle of `a` × `b` at distance `c` with
+/// a corner above it (Howell, "A Catalog of Radiation Heat Transfer Configuration Factors", B-3).
 fn corner_form_factor(a: f64, b: f64, c: f64) -> f64 {
     let (x, y) = (a / c, b / c);
     let (along, across) = (1.0_f64.hypot(x), 1.0_f64.hypot(y));
@@ -26,16 +26,17 @@ fn opposite_squares(ratio: f64) -> f64 {
 }
 
 #[test]
-fn a_floor_under_a_glowing_square_has_its_form_factor() {
+fn a_floor_under_an_emissive_square_has_its_form_factor() {
     let albedo = 0.7;
     for strategy in STRATEGIES {
-        let floor = geometry(matt(), |builder| square(builder.tint([albedo; 3]), 20.0, 0.0, true));
-        let square_above = geometry(glowing(500.0), |builder| square(builder, 1.0, 1.5, false));
+        let floor =
+            geometry(diffuse(), |builder| square(builder.tint([albedo; 3]), 20.0, 0.0, true));
+        let square_above = geometry(emissive(500.0), |builder| square(builder, 1.0, 1.5, false));
         let scene = scene(joined(floor, square_above), &[], Sky::Black);
         let settings = Settings { strategy, ..lambertian(Some(0)) };
         for (x, factor) in [
             (0.0, 4.0 * corner_form_factor(1.0, 1.0, 1.5)),
-            // Beside the square: a wider one less a narrower one.
+            // Beside the square: a wider rectangle minus a narrower one.
             (3.0, 2.0 * (corner_form_factor(4.0, 1.0, 1.5) - corner_form_factor(2.0, 1.0, 1.5))),
         ] {
             let (direct, indirect) = measure(&scene, &settings, 20_000, down(x, 1.0, 0.0));
@@ -45,7 +46,7 @@ fn a_floor_under_a_glowing_square_has_its_form_factor() {
                 "{strategy:?} at {x}: {direct:?}"
             );
         }
-        // Seen from below it glows, from above it is not there.
+        // Emissive from below, culled from above.
         assert_eq!(
             measure(&scene, &settings, 2, |_| (DVec3::new(0.1, 1.0, 0.2), DVec3::Y)).0.mean,
             500.0
@@ -56,10 +57,9 @@ fn a_floor_under_a_glowing_square_has_its_form_factor() {
 
 #[test]
 fn one_bounce_between_plates_has_their_form_factor() {
-    // The sun shines up on the front of the upper plate; it sees the lower one's back, which hides
-    // nothing.
+    // The sun shines up on the front of the upper plate; the lower plate's back casts no shadow.
     let (lower, upper) = (0.5, 0.9);
-    let plates = geometry(matt(), |builder| {
+    let plates = geometry(diffuse(), |builder| {
         square(builder.tint([lower; 3]), 1.0, 0.0, true);
         square(builder.tint([upper; 3]), 1.0, 2.0, false);
     });
@@ -73,9 +73,9 @@ fn one_bounce_between_plates_has_their_form_factor() {
     assert_eq!(direct.mean, 0.0);
     indirect.assert(once, 0.0);
     assert!(indirect.error < 0.02 * once);
-    // A second bounce would have to end on the lower plate's own light, of which there is none; a
-    // third goes up and down once more, and the upper plate's light is a little brighter in the
-    // middle: bounded, not known.
+    // A second bounce would end on the lower plate, which receives no direct light. A third goes up
+    // and down once more, and the upper plate is slightly brighter in the middle: only a bound is
+    // known.
     let (_, two) = measure(&scene, &lambertian(Some(2)), 40_000, all_over);
     two.assert_agrees(&indirect);
     let (_, three) = measure(&scene, &lambertian(Some(3)), 40_000, all_over);
@@ -87,7 +87,7 @@ fn one_bounce_between_plates_has_their_form_factor() {
 }
 
 #[test]
-fn techniques_agree_on_a_glossy_floor() {
+fn strategies_agree_on_a_glossy_floor() {
     let glossy = SceneMaterial {
         perceptual_roughness: 0.45,
         metallic: 0.5,
@@ -96,8 +96,8 @@ fn techniques_agree_on_a_glossy_floor() {
     };
     for (half, nits) in [(0.05, 1e6), (1.0, 1e3)] {
         let floor = geometry(glossy.clone(), |builder| square(builder, 20.0, 0.0, true));
-        // Where the view is mirrored to.
-        let light = geometry(glowing(nits), |builder| {
+        // In the mirror direction of the view.
+        let light = geometry(emissive(nits), |builder| {
             let (center, along) =
                 (Vec3::new(1.8, 1.5, 0.0), Vec3::new(1.5, -1.8, 0.0).normalize() * half);
             let across = Vec3::Z * half;
@@ -125,7 +125,7 @@ fn techniques_agree_on_a_glossy_floor() {
 }
 
 #[test]
-fn techniques_agree_on_a_sky_with_a_sun_in_it() {
+fn strategies_agree_on_a_sky_with_a_sun_in_it() {
     let mut texels = vec![[0.2, 0.3, 0.5]; 32 * 16];
     texels[4 * 32 + 20] = [400.0, 390.0, 380.0];
     let glossy = SceneMaterial { perceptual_roughness: 0.6, ..SceneMaterial::default() };
@@ -152,8 +152,8 @@ fn techniques_agree_on_a_sky_with_a_sun_in_it() {
 }
 
 #[test]
-fn a_cut_out_emitter_glows_where_it_is_there() {
-    // Left half opaque, right half cut out; all three techniques must leave out the same half.
+fn a_cut_out_emitter_emits_only_where_it_is_opaque() {
+    // Left half opaque, right half cut out; all strategies must leave out the same half.
     let mut cloth = SceneGeometry {
         textures: vec![
             SceneTexture::from_rgba8(2, 1, vec![255, 255, 255, 255, 255, 255, 255, 0], None)
@@ -163,7 +163,7 @@ fn a_cut_out_emitter_glows_where_it_is_there() {
             alpha: AlphaMode::Mask(0.5),
             base_color_texture: Some(0),
             double_sided: true,
-            ..glowing(500.0)
+            ..emissive(500.0)
         }],
         ..SceneGeometry::default()
     };
@@ -171,7 +171,7 @@ fn a_cut_out_emitter_glows_where_it_is_there() {
     let mut builder = MeshBuilder::new();
     builder.sheet(1, 1, Vec2::ONE, |s, t| Vec3::new(2.0 * s - 1.0, 1.5, 2.0 * t - 1.0));
     cloth.meshes.push(builder.finish(0));
-    let mut floor = geometry(matt(), |builder| square(builder, 20.0, 0.0, true));
+    let mut floor = geometry(diffuse(), |builder| square(builder, 20.0, 0.0, true));
     floor.meshes[0].material = 1;
     cloth.meshes.append(&mut floor.meshes);
     cloth.materials.append(&mut floor.materials);

@@ -1,5 +1,4 @@
-//! Scenes whose light is known in closed form, and what must hold of any scene. All feed the
-//! shipped path tracer.
+//! Scenes with closed-form light, and invariants of any scene, on the shipped path tracer.
 
 mod energy;
 mod extended;
@@ -15,7 +14,7 @@ use super::*;
 use crate::scene::builder::MeshBuilder;
 use crate::scene::{CameraPose, Light, SceneGeometry, SceneMaterial};
 
-/// Geometry of one material and what `build` makes.
+/// Geometry of one material, built by `build`.
 fn geometry(material: SceneMaterial, build: impl FnOnce(&mut MeshBuilder)) -> SceneGeometry {
     let mut builder = MeshBuilder::new();
     build(&mut builder);
@@ -26,7 +25,7 @@ fn geometry(material: SceneMaterial, build: impl FnOnce(&mut MeshBuilder)) -> Sc
     }
 }
 
-/// Both in one scene; neither may have textures.
+/// Both geometries in one; neither may have textures.
 fn joined(mut first: SceneGeometry, second: SceneGeometry) -> SceneGeometry {
     for mut mesh in second.meshes {
         mesh.material += first.materials.len();
@@ -37,15 +36,15 @@ fn joined(mut first: SceneGeometry, second: SceneGeometry) -> SceneGeometry {
 }
 
 fn scene(geometry: SceneGeometry, lights: &[Light], sky: Sky) -> ReferenceScene {
-    ReferenceScene::from_parts(geometry, lights, sky).expect("sound geometry")
+    ReferenceScene::from_parts(geometry, lights, sky).expect("valid geometry")
 }
 
-fn matt() -> SceneMaterial {
+fn diffuse() -> SceneMaterial {
     SceneMaterial { reflectance: 0.0, ..SceneMaterial::default() }
 }
 
-fn glowing(nits: f32) -> SceneMaterial {
-    SceneMaterial { base_color: [0.0, 0.0, 0.0, 1.0], emissive: [nits; 3], ..matt() }
+fn emissive(nits: f32) -> SceneMaterial {
+    SceneMaterial { base_color: [0.0, 0.0, 0.0, 1.0], emissive: [nits; 3], ..diffuse() }
 }
 
 fn lambertian(bounces: Option<u32>) -> Settings {
@@ -56,11 +55,11 @@ fn sun(direction: Vec3, illuminance: f32) -> Light {
     Light::Directional { direction, illuminance, color: [1.0; 3] }
 }
 
-fn lamp(position: Vec3, luminous_power: f32) -> Light {
+fn point_light(position: Vec3, luminous_power: f32) -> Light {
     Light::Point { position, luminous_power, range: 1e6, color: [1.0; 3] }
 }
 
-/// A square in the plane y = `height` around the axis, `half` a side's half; faces up or down.
+/// A square of side 2 × `half` in the plane y = `height` around the axis; faces up or down.
 fn square(builder: &mut MeshBuilder, half: f32, height: f32, faces_up: bool) {
     let corner = |x: f32, z: f32| Vec3::new(x * half, height, z * half);
     let [a, b, c, d] = [corner(-1.0, 1.0), corner(1.0, 1.0), corner(1.0, -1.0), corner(-1.0, -1.0)];
@@ -98,8 +97,8 @@ impl Measured {
     }
 }
 
-/// Light along `count` camera rays that `ray` makes of two random numbers, each with random numbers
-/// of its own.
+/// Estimates along `count` camera rays, which `ray` makes from two random numbers, each with its
+/// own sampler.
 fn estimates(
     scene: &ReferenceScene,
     settings: &Settings,
@@ -129,7 +128,7 @@ fn measure(
     )
 }
 
-/// A ray straight down on the place (x, z) from `height`.
+/// A ray straight down on the point (x, z) from `height`.
 fn down(x: f64, height: f64, z: f64) -> impl Fn([f64; 2]) -> (DVec3, DVec3) {
     move |_| (DVec3::new(x, height, z), DVec3::NEG_Y)
 }
@@ -148,9 +147,9 @@ fn picture(scene: &ReferenceScene, view: &View, settings: &Settings) -> Renderin
 }
 
 #[test]
-fn the_picture_is_upright_and_pixels_are_boxes() {
-    // A glowing quarter of the picture: up and to the left of a camera that looks along −Z.
-    let quarter = geometry(glowing(8.0), |builder| {
+fn the_image_is_upright_and_the_pixel_filter_is_a_box() {
+    // The upper left quarter of the image is emissive; the camera looks along −Z.
+    let quarter = geometry(emissive(8.0), |builder| {
         builder.quad([
             Vec3::new(-9.0, 0.0, -1.0),
             Vec3::new(0.0, 0.0, -1.0),
@@ -168,7 +167,7 @@ fn the_picture_is_upright_and_pixels_are_boxes() {
     let expected = [8, 8, 4, 0, 0, 4, 4, 2, 0, 0, 0, 0, 0, 0, 0].map(|value| [value as f32; 3]);
     assert_eq!(
         rendering.direct.rgb, expected,
-        "256 stratified samples know a half and a quarter exactly"
+        "256 stratified samples give a half and a quarter exactly"
     );
     assert_eq!((rendering.direct.width, rendering.direct.height, rendering.dropped), (5, 3, 0));
     assert_eq!(rendering.full(), rendering.direct);

@@ -1,5 +1,4 @@
-//! The extremes: nothing there, too much of it, too far away. And the same picture whatever the
-//! machine.
+//! Extremes of geometry, light and scale; and independence of the machine.
 
 use std::sync::atomic::{AtomicU32, Ordering};
 
@@ -27,11 +26,11 @@ fn room_with_a_block(offset: Vec3, size: f32) -> SceneGeometry {
 }
 
 #[test]
-fn the_picture_does_not_depend_on_threads_but_on_the_seed() {
-    let light = geometry(glowing(100.0), |builder| square(builder, 0.4, 0.9, false));
+fn the_image_depends_on_the_seed_and_not_on_threads() {
+    let light = geometry(emissive(100.0), |builder| square(builder, 0.4, 0.9, false));
     let scene = scene(
         joined(room_with_a_block(Vec3::ZERO, 1.0), light),
-        &[lamp(Vec3::new(0.3, 0.5, 0.2), 100.0)],
+        &[point_light(Vec3::new(0.3, 0.5, 0.2), 100.0)],
         Sky::Black,
     );
     let view = view(Vec3::new(0.8, 0.3, 0.8), Vec3::ZERO, 12, 9);
@@ -47,7 +46,7 @@ fn the_picture_does_not_depend_on_threads_but_on_the_seed() {
 }
 
 #[test]
-fn an_interrupted_picture_is_none() {
+fn an_interrupted_image_is_none() {
     let scene = scene(SceneGeometry::default(), &[], Sky::Black);
     let (rows, pixels) = (AtomicU32::new(0), AtomicU32::new(0));
     let count = |counter: &AtomicU32| counter.fetch_add(1, Ordering::Relaxed);
@@ -95,10 +94,10 @@ fn an_empty_scene_shows_its_sky() {
 }
 
 #[test]
-fn broken_triangles_and_normals_are_borne() {
+fn broken_triangles_and_normals_are_tolerated() {
     let mut builder = MeshBuilder::new();
     builder.room(Vec3::splat(-1.0), Vec3::ONE);
-    let sound = builder.triangle_count();
+    let valid = builder.triangle_count();
     for corners in [
         [Vec3::ZERO; 3],
         [Vec3::ZERO, Vec3::X, Vec3::X * 2.0],
@@ -116,9 +115,12 @@ fn broken_triangles_and_normals_are_borne() {
     let material = SceneMaterial { emissive: [3.0; 3], ..SceneMaterial::default() };
     let broken =
         SceneGeometry { meshes: vec![mesh], materials: vec![material], ..SceneGeometry::default() };
-    let scene =
-        scene(broken, &[lamp(Vec3::splat(0.5), 100.0), lamp(Vec3::splat(1.0), 100.0)], Sky::Black);
-    assert_eq!(scene.triangle_count(), sound);
+    let scene = scene(
+        broken,
+        &[point_light(Vec3::splat(0.5), 100.0), point_light(Vec3::splat(1.0), 100.0)],
+        Sky::Black,
+    );
+    assert_eq!(scene.triangle_count(), valid);
     let rendering = picture(
         &scene,
         &view(Vec3::ZERO, Vec3::new(1.0, 0.2, 0.3), 8, 8),
@@ -139,7 +141,7 @@ fn far_away_and_very_small_the_light_is_the_same() {
     let relative = |offset: Vec3, size: f32| {
         let scene = scene(
             room_with_a_block(offset, size),
-            &[lamp(offset + Vec3::Y * 0.5 * size, 100.0 * size * size)],
+            &[point_light(offset + Vec3::Y * 0.5 * size, 100.0 * size * size)],
             Sky::Black,
         );
         let camera = View {
@@ -152,7 +154,7 @@ fn far_away_and_very_small_the_light_is_the_same() {
         [rendering.direct.mean(), rendering.indirect.mean()]
     };
     let here = relative(Vec3::ZERO, 1.0);
-    // Sizes and offsets that single precision holds exactly.
+    // Sizes and offsets that are exact in single precision.
     for (offset, size) in [
         (Vec3::splat(4096.0), 1.0),
         (Vec3::new(-65536.0, 0.0, 65536.0), 16.0),
@@ -167,11 +169,11 @@ fn far_away_and_very_small_the_light_is_the_same() {
             );
         }
     }
-    // Here single precision has steps of metres: the picture is rubbish, but of numbers.
+    // Single precision has steps of metres here: the image is meaningless but finite.
     for offset in [1e8, 1e12, 1e15, 1e30] {
         let scene = scene(
             room_with_a_block(Vec3::splat(offset), 1.0),
-            &[lamp(Vec3::splat(offset), 100.0)],
+            &[point_light(Vec3::splat(offset), 100.0)],
             Sky::Constant(DVec3::ONE),
         );
         assert_finite(&picture(
@@ -183,7 +185,7 @@ fn far_away_and_very_small_the_light_is_the_same() {
 }
 
 #[test]
-fn enormous_light_stays_finite_and_what_does_not_fit_is_counted() {
+fn enormous_light_stays_finite_and_overflows_are_counted() {
     let bright = |light: Light| {
         let scene = scene(room_with_a_block(Vec3::ZERO, 1.0), &[light], Sky::Black);
         picture(
@@ -192,8 +194,8 @@ fn enormous_light_stays_finite_and_what_does_not_fit_is_counted() {
             &Settings { samples: 8, bounces: Some(2), ..Settings::default() },
         )
     };
-    let ordinary = bright(lamp(Vec3::new(0.1, 0.5, 0.0), 1.0));
-    let huge = bright(lamp(Vec3::new(0.1, 0.5, 0.0), 1e20));
+    let ordinary = bright(point_light(Vec3::new(0.1, 0.5, 0.0), 1.0));
+    let huge = bright(point_light(Vec3::new(0.1, 0.5, 0.0), 1e20));
     assert_finite(&huge);
     assert!(
         huge.dropped == 0
@@ -201,10 +203,10 @@ fn enormous_light_stays_finite_and_what_does_not_fit_is_counted() {
     );
     // In a wall, and in a corner.
     for position in [Vec3::new(0.0, 1.0, 0.0), Vec3::ONE, Vec3::new(0.0, 1.0 - 1e-6, 0.0)] {
-        assert_finite(&bright(lamp(position, 1e20)));
+        assert_finite(&bright(point_light(position, 1e20)));
     }
-    // Four suns of which each fits and all together do not.
-    let floor = geometry(matt(), |builder| square(builder, 5.0, 0.0, true));
+    // Four suns, each representable, whose sum overflows.
+    let floor = geometry(diffuse(), |builder| square(builder, 5.0, 0.0, true));
     let scene = scene(floor, &[const { f32::MAX }; 4].map(|lux| sun(Vec3::NEG_Y, lux)), Sky::Black);
     let rendering = picture(
         &scene,
@@ -217,7 +219,7 @@ fn enormous_light_stays_finite_and_what_does_not_fit_is_counted() {
 #[test]
 fn scenes_are_read_whole() {
     let mut description = SceneDescription::new(Geometry::Procedural("furnace".to_owned()));
-    description.lights = vec![lamp(Vec3::ZERO, 20_000.0)];
+    description.lights = vec![point_light(Vec3::ZERO, 20_000.0)];
     let scene = ReferenceScene::new(&description).expect("a scene of our own");
     let rendering = picture(
         &scene,

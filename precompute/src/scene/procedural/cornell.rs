@@ -1,6 +1,6 @@
 //! The Cornell box at ten times its size: 5.528 m wide. Measures: Cornell University Program of
 //! Computer Graphics, "Cornell Box Data" (graphics.cornell.edu/online/box/data.html). Our light is
-//! a spot under the ceiling and not its glowing square, so that the ceiling gets indirect light
+//! a spot under the ceiling and not its emissive square, so that the ceiling gets indirect light
 //! alone; reflectances are RGB averages of its measured spectra.
 
 use crate::scene::builder::MeshBuilder;

@@ -1,6 +1,6 @@
 //! The inside of a closed white sphere. With albedo ρ and a lamp of Φ lumens in its middle, the
 //! wall's direct illuminance is Φ ÷ 4πr² and every bounce adds ρ times the one before, everywhere
-//! alike: a test of energy that needs no reference picture.
+//! alike: a test of energy that needs no reference image.
 
 use crate::scene::builder::MeshBuilder;
 use crate::scene::{SceneGeometry, SceneMaterial};

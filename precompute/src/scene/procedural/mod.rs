@@ -31,9 +31,9 @@ pub fn build(name: &str) -> Option<SceneGeometry> {
     Some(geometry.merge())
 }
 
-/// Number of a scene's present shape: to be raised whenever its code changes a picture, so that
-/// maps of the older shape are not taken for maps of this one. The geometry itself is no identity,
-/// for sines differ between machines. 0 for an unknown name.
+/// Number of a scene's present shape: to be raised whenever its code changes an image, so that maps
+/// of the older shape are not taken for maps of this one. The geometry itself is no identity, for
+/// sines differ between machines. 0 for an unknown name.
 pub fn revision(name: &str) -> u32 {
     u32::from(NAMES.contains(&name))
 }

@@ -1,4 +1,5 @@
-//! The parent: starts the child, asks, and replaces it when it has grown too large or died.
+//! The parent: starts the child, sends requests, and replaces a child that has grown too large or
+//! died.
 
 use std::io::{BufReader, Read};
 use std::process::{Child, ChildStdin, ChildStdout, Command, Stdio};
@@ -9,25 +10,25 @@ use bevy_frugal_gi::power::MeterInfo;
 use bevy_frugal_gi::units::Watts;
 
 use super::protocol::{Answer, Reply, Request, StageRequest, receive, send};
-use crate::evaluate::{Player, Pose, Shot};
+use crate::evaluate::{FrameRenderer, Pose, RenderedFrame};
 use crate::metrics::Picture;
 use crate::scene::{Bounds, CameraPose, RayScene, SceneDescription};
 use crate::table::Measure;
 
-/// A child larger than this is replaced. Well above what a scene's own textures take, well below
-/// what a small machine has.
+/// Resident size above which a child is replaced, bytes. Well above a scene's own textures, well
+/// below the memory of a small machine.
 const LARGEST_BYTES: u64 = 4 << 30;
 
-/// What the hidden command of the child is called.
+/// Name of the child's hidden command.
 pub(crate) const CHILD_COMMAND: &str = "stage-worker";
 
 /// Why a remote stage gave no answer.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[error("{message}")]
 pub struct RemoteError {
-    /// Whether the input is to blame, rather than the rendering.
+    /// Whether the cause is the input and not the rendering.
     pub usage: bool,
-    /// What happened, and what to do.
+    /// The message.
     pub message: String,
 }
 
@@ -47,7 +48,7 @@ struct Worker {
 
 impl Drop for Worker {
     fn drop(&mut self) {
-        // It holds nothing that must be saved.
+        // The child has no state to save.
         let _ = self.child.kill();
         let _ = self.child.wait();
     }
@@ -107,12 +108,12 @@ impl RemoteStage {
         self.meter.clone()
     }
 
-    /// Power while nothing is rendered, as far as the meter covers it.
+    /// Idle power, as far as the meter covers it.
     pub fn idle(&self) -> Watts {
         self.idle
     }
 
-    /// The box around the geometry, where there is any.
+    /// Bounding box of the geometry; `None` without geometry.
     pub fn bounds(&self) -> Option<Bounds> {
         self.bounds
     }
@@ -132,7 +133,7 @@ impl RemoteStage {
         self.request.frames_per_second
     }
 
-    /// Triangles for questions that need no picture.
+    /// Triangles for ray queries.
     pub fn rays(&self) -> &RayScene {
         &self.rays
     }
@@ -143,13 +144,13 @@ impl RemoteStage {
         (self.vertical_fov_degrees.to_radians(), width as f32 / height as f32)
     }
 
-    /// How often the child was replaced.
+    /// Number of times the child was replaced.
     pub fn restarts(&self) -> u32 {
         self.restarts
     }
 
-    /// Shows every level of every knob once, in this child and in every later one: nothing metered
-    /// then pays for compiling.
+    /// Renders every level of every knob once, in this child and in every later one, so that no
+    /// metered frame compiles.
     ///
     /// # Errors
     /// When the child fails.
@@ -162,8 +163,8 @@ impl RemoteStage {
         let program = std::env::current_exe().map_err(RemoteError::failed)?;
         let mut command = Command::new(program);
         command.arg(CHILD_COMMAND).stdin(Stdio::piped()).stdout(Stdio::piped());
-        // The interrupt key is the parent's to answer: a child in the same group would die of it in
-        // mid-frame.
+        // Only the parent handles the interrupt key: in the same process group it would kill the
+        // child in mid-frame.
         #[cfg(unix)]
         std::os::unix::process::CommandExt::process_group(&mut command, 0);
         let mut child = command.spawn().map_err(|error| {
@@ -190,8 +191,8 @@ impl RemoteStage {
         Ok(())
     }
 
-    /// Asks, after replacing a child that has grown too large; and once more, of a fresh child,
-    /// when it died on the way.
+    /// Sends a request, after replacing a child that has grown too large; repeats it once with a
+    /// fresh child if the child died.
     fn ask(&mut self, request: &Request) -> Result<(Answer, Option<Picture>), RemoteError> {
         if self.worker.as_ref().is_some_and(|worker| worker.resident_bytes > LARGEST_BYTES) {
             self.restarts += 1;
@@ -215,8 +216,8 @@ impl RemoteStage {
         }
     }
 
-    /// Puts a fresh child where the old one was: a run's frame must not pay for the first sight of
-    /// its place.
+    /// Begins a run at the frame's pose in a fresh child, so that the frame does not pay for first
+    /// use of resources.
     fn prepare(&mut self, request: &Request) -> Result<(), RemoteError> {
         if let Request::Play { position, rotation, settings } = *request {
             self.exchange(&Request::Begin { position, rotation, settings })?;
@@ -281,7 +282,7 @@ impl Measure for RemoteStage {
     }
 }
 
-impl Player for RemoteStage {
+impl FrameRenderer for RemoteStage {
     type Error = RemoteError;
 
     fn begin_run(
@@ -294,13 +295,17 @@ impl Player for RemoteStage {
             .map(drop)
     }
 
-    fn play(&mut self, pose: &Pose, settings: RenderSettings) -> Result<Shot, RemoteError> {
+    fn render_frame(
+        &mut self,
+        pose: &Pose,
+        settings: RenderSettings,
+    ) -> Result<RenderedFrame, RemoteError> {
         match self.ask(&Request::Play {
             position: pose.position,
             rotation: pose.rotation,
             settings,
         })? {
-            (Answer::Frame { power, .. }, Some(picture)) => Ok(Shot { picture, power }),
+            (Answer::Frame { power, .. }, Some(picture)) => Ok(RenderedFrame { picture, power }),
             other => Err(RemoteError::failed(format!(
                 "the renderer's process answered out of turn: {:?}",
                 other.0

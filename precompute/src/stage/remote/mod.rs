@@ -1,13 +1,13 @@
-//! A stage in a process of its own.
+//! A stage in a child process.
 //!
-//! Software Vulkan drivers compile a material's shader anew in every frame that draws several
-//! textured ones, and never free what they compiled: megabytes a frame, which not even closing the
-//! device gives back. So the command line's stage is a child process, which is replaced by a fresh
-//! one when it has grown too large. It also meters exactly the renderer: the search, the comparison
-//! of runs and the report are the parent's.
+//! Software Vulkan drivers recompile a material's shader in every frame that draws several textured
+//! materials, and never free the result: megabytes per frame, which not even closing the device
+//! releases. So the command line's stage is a child process, which is replaced when it has grown
+//! too large. Its meter also covers the renderer alone: search, comparison and report run in the
+//! parent.
 //!
-//! Messages are a length (u32, little endian) and that many bytes of JSON; a reply with a picture
-//! is followed by its pixels.
+//! Messages are a length (u32, little endian) and that many bytes of JSON; a reply with an image is
+//! followed by its pixels.
 
 mod client;
 mod protocol;

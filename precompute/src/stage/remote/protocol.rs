@@ -1,4 +1,4 @@
-//! What parent and child say to each other.
+//! Messages between parent and child.
 
 use std::io::{self, Read, Write};
 use std::path::PathBuf;
@@ -10,7 +10,7 @@ use bevy_frugal_gi::power::MeterInfo;
 use bevy_frugal_gi::units::Watts;
 use serde::{Deserialize, Serialize, de::DeserializeOwned};
 
-/// What a child is started with.
+/// Parameters of a child.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct StageRequest {
     /// The scene file.
@@ -19,31 +19,31 @@ pub struct StageRequest {
     pub size: [u32; 2],
     /// Target frame rate.
     pub frames_per_second: f64,
-    /// Names of the knobs on offer; all where none are given.
+    /// Names of the knobs on offer; `None`: all.
     pub knobs: Option<Vec<String>>,
-    /// Meter by name.
+    /// The meter's name.
     pub meter: Option<String>,
 }
 
-/// What the parent asks.
+/// A request of the parent.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub(super) enum Request {
-    /// Comes first.
+    /// Opens the stage; the first request.
     Open(StageRequest),
-    /// Shows every level of every knob once.
+    /// Renders every level of every knob once.
     Warm,
     /// Cost of settings over a clip: the poses of consecutive frames.
     Measure { clip: Vec<(Vec3, Quat)>, settings: RenderSettings },
-    /// A run begins.
+    /// Starts a run.
     Begin { position: Vec3, rotation: Quat, settings: RenderSettings },
-    /// One frame of a run.
+    /// Renders one frame of a run.
     Play { position: Vec3, rotation: Quat, settings: RenderSettings },
 }
 
-/// What the child answers, with the memory that it holds.
+/// A reply of the child, with its memory use.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub(super) struct Reply {
-    /// Resident bytes; 0 where the system does not tell.
+    /// Resident bytes; 0 where unknown.
     pub resident_bytes: u64,
     /// The answer.
     pub answer: Answer,
@@ -70,7 +70,7 @@ pub(super) enum Answer {
     },
 }
 
-/// Longest message: nothing here comes near it, so whatever claims more is not ours.
+/// Longest message, bytes: a longer length is not from a stage.
 const LONGEST: u32 = 1 << 20;
 
 pub(super) fn send(to: &mut impl Write, message: &impl Serialize) -> io::Result<()> {

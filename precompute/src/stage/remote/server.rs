@@ -1,12 +1,12 @@
-//! The child: a stage that answers on its standard output.
+//! The child: a stage that answers requests on its standard output.
 
 use std::io::{self, Write};
 
 use super::protocol::{Answer, Reply, Request, receive, send};
-use crate::evaluate::{Player, Pose};
+use crate::evaluate::{FrameRenderer, Pose};
 use crate::metrics::Picture;
 use crate::scene;
-use crate::stage::{Stage, StageError, StageEvaluator, StageOptions, StagePlayer};
+use crate::stage::{Stage, StageError, StageEvaluator, StageFrameRenderer, StageOptions};
 
 /// Answers the parent's requests until it closes the pipe.
 ///
@@ -19,7 +19,7 @@ pub fn serve() -> io::Result<()> {
     loop {
         let request = match receive(&mut input) {
             Ok(request) => request,
-            // The parent is gone, or has closed the pipe: nothing is left to do.
+            // The parent has closed the pipe or ended.
             Err(error) if error.kind() == io::ErrorKind::UnexpectedEof => return Ok(()),
             Err(error) => return Err(error),
         };
@@ -68,23 +68,26 @@ fn answer(
             return Ok((Answer::Cost(stage.measure(&clip, settings)?), None));
         }
         Request::Begin { position, rotation, settings } => {
-            StagePlayer::new(stage.stage()).begin_run(
+            StageFrameRenderer::new(stage.stage()).begin_run(
                 "",
                 &Pose { position, rotation },
                 settings,
             )?;
         }
         Request::Play { position, rotation, settings } => {
-            let shot =
-                StagePlayer::new(stage.stage()).play(&Pose { position, rotation }, settings)?;
-            let Picture { width, height, .. } = shot.picture;
-            return Ok((Answer::Frame { power: shot.power, width, height }, Some(shot.picture)));
+            let rendered = StageFrameRenderer::new(stage.stage())
+                .render_frame(&Pose { position, rotation }, settings)?;
+            let Picture { width, height, .. } = rendered.picture;
+            return Ok((
+                Answer::Frame { power: rendered.power, width, height },
+                Some(rendered.picture),
+            ));
         }
     }
     Ok((Answer::Done, None))
 }
 
-/// From Linux's own account; other systems' drivers are not known to leak.
+/// Resident size from Linux's `/proc`; drivers of other systems are not known to leak.
 fn resident_bytes() -> u64 {
     let status = std::fs::read_to_string("/proc/self/status").unwrap_or_default();
     let line = status.lines().find_map(|line| line.strip_prefix("VmRSS:"));

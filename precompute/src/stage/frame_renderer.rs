@@ -1,23 +1,23 @@
-//! The stage as the evaluation of a path sees it: frame after frame, as an app would play them.
+//! The stage as the frame renderer of an evaluation: consecutive frames, as in an app.
 
 use bevy_frugal_gi::knobs::RenderSettings;
 
 use super::{Stage, StageError};
-use crate::evaluate::{Player, Pose, Shot};
+use crate::evaluate::{FrameRenderer, Pose, RenderedFrame};
 
-/// Plays frames on a [`Stage`].
-pub struct StagePlayer<'s> {
+/// Renders consecutive frames on a [`Stage`].
+pub struct StageFrameRenderer<'s> {
     stage: &'s mut Stage,
 }
 
-impl<'s> StagePlayer<'s> {
-    /// A player over `stage`.
+impl<'s> StageFrameRenderer<'s> {
+    /// A frame renderer on `stage`.
     pub fn new(stage: &'s mut Stage) -> Self {
         Self { stage }
     }
 }
 
-impl Player for StagePlayer<'_> {
+impl FrameRenderer for StageFrameRenderer<'_> {
     type Error = StageError;
 
     fn begin_run(
@@ -32,11 +32,16 @@ impl Player for StagePlayer<'_> {
         Ok(())
     }
 
-    /// One frame, metered with whatever its switch costs: that is part of what an app pays.
-    fn play(&mut self, pose: &Pose, settings: RenderSettings) -> Result<Shot, StageError> {
+    /// Renders and meters one frame, including the cost of a switch of settings, which an app pays
+    /// too.
+    fn render_frame(
+        &mut self,
+        pose: &Pose,
+        settings: RenderSettings,
+    ) -> Result<RenderedFrame, StageError> {
         self.stage.place(pose.position, pose.rotation);
         self.stage.switch(settings);
         let power = self.stage.metered_frames(1)?;
-        Ok(Shot { picture: self.stage.picture()?, power })
+        Ok(RenderedFrame { picture: self.stage.picture()?, power })
     }
 }
