@@ -1,5 +1,7 @@
-//! Power-aware real-time global illumination for Bevy. Dynamic indirect light on any GPU, without
-//! ray-tracing hardware, and a controller that keeps each frame within a power budget:
+//! Power-aware real-time global illumination for Bevy.
+//!
+//! Dynamic indirect light on any GPU, without ray-tracing hardware, and a controller that keeps
+//! each frame within a power budget:
 //!
 //! ```no_run
 //! use bevy::prelude::*;

@@ -3,7 +3,9 @@
 //! Wang et al. 2016, section 3.6, project the view frustum onto the cube map of the leaf's faces
 //! and select the face with the largest part of it. We cast a fixed grid of rays through the image
 //! and count the face by which each leaves the cube: the share of the image, without polygon
-//! clipping. Two deviations from the paper keep the result stable:
+//! clipping.
+//!
+//! Two deviations from the paper keep the result stable:
 //! - The ray origin is half as far from the cube's centre as the camera. From a camera on a face,
 //!   half of the image leaves by that face at zero distance, whatever the view direction; one step
 //!   further, in the next leaf, it would be the opposite face. With half the distance, a camera

@@ -7,7 +7,9 @@ use bevy::ecs::prelude::*;
 use super::{KnobSpace, RenderSettings};
 
 /// The levels of this camera's knobs, applied whenever they change. Set by the app, or by the
-/// controller. Knobs outside `space` keep the app's own setting.
+/// controller.
+///
+/// Knobs outside `space` keep the app's own setting.
 #[derive(Component, Clone, Debug, PartialEq)]
 pub struct KnobSettings {
     /// The knobs that `settings` refers to.

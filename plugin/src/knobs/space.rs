@@ -9,8 +9,9 @@ use serde::{Deserialize, Serialize};
 const BITS: u32 = 4;
 
 /// One level per knob of a [`KnobSpace`], four bits each, with the space's first knob in the lowest
-/// bits. Higher levels give higher quality, usually at a higher cost. Wang et al. 2016, section
-/// 3.7.2, use the same packing in 32 bits.
+/// bits. Higher levels give higher quality, usually at a higher cost.
+///
+/// Wang et al. 2016, section 3.7.2, use the same packing in 32 bits.
 #[derive(
     Clone,
     Copy,
@@ -256,8 +257,9 @@ impl KnobSpace {
     }
 
     /// Equivalent settings, with every knob that has no effect at level 0, so that settings of the
-    /// same image and cost compare equal. Without it a search would render the same image for many
-    /// settings.
+    /// same image and cost compare equal.
+    ///
+    /// Without it a search would render the same image for many settings.
     #[must_use]
     pub fn canonical(&self, settings: RenderSettings) -> RenderSettings {
         self.from_levels(

@@ -47,8 +47,9 @@ impl fmt::Debug for MeterChoice {
     }
 }
 
-/// Meters the app's power in the background: [`MeteredPower`] and [`POWER_DIAGNOSTIC`]. Without a
-/// meter the app continues, with one warning and the reason in [`MeteredPower::state`].
+/// Meters the app's power in the background: [`MeteredPower`] and [`POWER_DIAGNOSTIC`].
+///
+/// Without a meter the app continues, with one warning and the reason in [`MeteredPower::state`].
 #[derive(Clone, Debug, Default)]
 pub struct PowerPlugin {
     /// The meter to read. Default: automatic.

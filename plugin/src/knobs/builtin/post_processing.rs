@@ -9,12 +9,14 @@ use crate::knobs::{Knob, KnobDriver, Level};
 use crate::resolution::ResolutionScale;
 
 /// Off, low, medium or high. The value is the maximum height of bloom's first texture as a fraction
-/// of the view's height, 0 to 1. Higher levels give a sharper bloom and cost more GPU time.
+/// of the view's height, 0 to 1. Higher levels render bloom at a finer resolution and cost more GPU
+/// time.
 pub struct PostProcessing;
 
-/// Maximum height of bloom's first texture as a fraction of the view's height. Bevy makes that
-/// texture `max_mip_dimension` high whatever the view's size. In a small view a fixed height costs
-/// more than the rest of the frame, so it scales with the view.
+/// Maximum height of bloom's first texture as a fraction of the view's height.
+///
+/// Bevy makes that texture `max_mip_dimension` high whatever the view's size. In a small view a
+/// fixed height costs more than the rest of the frame, so it scales with the view.
 #[derive(Component, Clone, Copy)]
 struct BloomShare(f64);
 
