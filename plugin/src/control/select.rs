@@ -37,7 +37,7 @@ pub struct Choice {
 
 /// Upper limit of a frame's predicted error, as a multiple of the error budget; no unit.
 ///
-/// A mean requires some views above it. Higher values save more power on paths whose views resemble
+/// A mean allows some views above it. Higher values save more power on paths whose views resemble
 /// the calibration views; lower values keep the mean on paths with harder views.
 pub const MOST_OVER_MEAN: f64 = 2.0;
 

@@ -2,7 +2,7 @@
 
 use super::{FrontierMap, OctreeError, SceneIdentity};
 
-/// Why a frontier map cannot be read, written or used, with what to do about it.
+/// Why a frontier map cannot be read, written or used. Most messages include the remedy.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum FrontierMapError {

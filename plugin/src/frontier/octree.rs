@@ -28,8 +28,8 @@ impl Corner {
     pub const UNKNOWN: u32 = u32::MAX;
 }
 
-/// A number in a serialised [`Corner`] that is not a lattice coordinate (0 to 65535), a frontier
-/// index or −1.
+/// A number in a serialised [`Corner`] that is neither a lattice coordinate (0 to 65535) nor a
+/// frontier index or −1.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 #[error(
     "{0} in an octree corner: coordinates are 0 to 65535, frontiers are -1 (unknown) or an index"

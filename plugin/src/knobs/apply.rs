@@ -1,4 +1,4 @@
-//! Applies a camera's settings when they change, and does nothing when they do not.
+//! Applies a camera's settings when they change, and is idle otherwise.
 
 use bevy::app::{App, Plugin, PostUpdate};
 use bevy::camera::{Camera, CameraUpdateSystems};

@@ -44,8 +44,8 @@ pub struct WarmKnobs {
 
 #[derive(Clone, Copy, Debug, PartialEq)]
 enum Phase {
-    /// The cheapest settings, until the scene's own pipelines are compiled: before, a level has
-    /// nothing to compile.
+    /// The cheapest settings, until the scene's own pipelines are compiled: earlier, a level would
+    /// compile no pipelines.
     Begin,
     /// The level shown in this frame.
     Level(usize),

@@ -18,7 +18,8 @@ use crate::units::Watts;
 /// while the meter is lost.
 pub const POWER_DIAGNOSTIC: DiagnosticPath = DiagnosticPath::const_new("frugal_gi/power/board");
 
-/// Opens a meter; called once, on the sampling thread.
+/// Opens a meter; called once, on the sampling thread. An error makes [`MeteredPower::state`]
+/// `Unavailable` with its message.
 pub type MeterFactory = Arc<dyn Fn() -> Result<Box<dyn PowerMeter>, OpenMeterError> + Send + Sync>;
 
 /// Selects the meter that an app reads.
