@@ -192,10 +192,10 @@ fn unmet_budgets_are_reported_and_invalid_ones_keep_the_settings() {
     app.update();
     assert_eq!(selection(&app, camera).status, ControlStatus::Active(Outcome::PowerCannotBeMet));
     assert_eq!(applied(&app, camera), at(0, 0));
-    for nonsense in
+    for invalid in
         [Budget::power(Watts(f64::NAN)), Budget::power(Watts(-1.0)), Budget::error(f64::NAN)]
     {
-        set_budget(&mut app, camera, nonsense);
+        set_budget(&mut app, camera, invalid);
         run(&mut app, 20);
         assert_eq!(selection(&app, camera).status, ControlStatus::Off(OffReason::InvalidBudget));
         assert_eq!((applied(&app, camera), selection(&app, camera).predicted), (at(0, 0), None));
