@@ -1,10 +1,10 @@
 //! A scene under a budget: `budget [SCENE] [MAP]`.
 //!
-//! Look at the text: settings follow the budget while the camera tours the scene, and the picture
-//! hardly changes. Up and Down change the budget by 5 % of the map's range, P makes it one of power
-//! and E one of error, Space pauses the tour, C cuts to another place.
+//! Look at the text: settings follow the budget while the camera tours the scene, and the image
+//! hardly changes. Up and Down change the budget by 5 % of the map's range, P selects a power
+//! budget and E an error budget, Space pauses the tour, C cuts to another place.
 //!
-//! Without a map nothing controls the settings; `make demo` writes the one that is looked for,
+//! Without a map the settings are fixed; `make demo` writes the default map,
 //! `target/demo/courtyard.pareto.ron`.
 
 use std::path::{Path, PathBuf};
@@ -53,8 +53,8 @@ fn build(scene: &Path, map: &Path) -> Result<App, String> {
     frugal::stage::populate(app.world_mut(), &scene, camera).map_err(|error| error.to_string())?;
     match map {
         Ok(map) => {
-            // The first switch to a level compiles its shaders: all of that happens here, behind
-            // the curtain.
+            // The first switch to a level compiles its shaders: the warm-up does so now, behind the
+            // overlay.
             app.world_mut().entity_mut(camera).insert(WarmKnobs::new(Arc::new(map.knobs.clone())));
             let range = BudgetRange::of(&map);
             let period = Duration::from_secs_f64(1.0 / map.capture.frames_per_second);
@@ -69,18 +69,18 @@ fn build(scene: &Path, map: &Path) -> Result<App, String> {
     }
     app.insert_resource(tour)
         .add_systems(Startup, spawn_text)
-        .add_systems(Update, (travel, write_text.after(change_budget), draw_curtain));
+        .add_systems(Update, (travel, write_text.after(change_budget), update_overlay));
     Ok(app)
 }
 
-/// Why there is no map, and what to do about it.
+/// Why there is no map, with the remedy.
 #[derive(Resource)]
 struct NoMap(String);
 
 fn read_map(path: &Path, scene: &SceneDescription) -> Result<FrontierMap, String> {
     let file = path.display();
     let text = std::fs::read_to_string(path)
-        .map_err(|error| format!("no map: {file}\n{error}\n`make demo` makes one"))?;
+        .map_err(|error| format!("no map: {file}\n{error}\n`make demo` writes one"))?;
     let map = FrontierMap::from_ron(&text).map_err(|error| format!("no map: {file}: {error}"))?;
     let fingerprint = scene.fingerprint().map_err(|error| error.to_string())?;
     let identity = SceneIdentity { name: scene.source.display().to_string(), fingerprint };
@@ -88,13 +88,13 @@ fn read_map(path: &Path, scene: &SceneDescription) -> Result<FrontierMap, String
     Ok(map)
 }
 
-/// The map, and the budget as the keys have set it.
+/// The map, and the budget set by the keys.
 #[derive(Resource)]
 struct Controlled {
     map: Handle<FrontierMap>,
     range: BudgetRange,
     kind: BudgetKind,
-    /// 0 to 1: how far the budget is along the range.
+    /// Position of the budget in its range, 0 to 1.
     share: f64,
 }
 
@@ -104,7 +104,7 @@ enum BudgetKind {
     Error,
 }
 
-/// All power and error that the map knows of.
+/// Range of power, and maximum error, over all points of the map.
 struct BudgetRange {
     least_power: Watts,
     most_power: Watts,
@@ -133,13 +133,13 @@ impl Controlled {
             BudgetKind::Power => {
                 Budget::power(least_power + (most_power - least_power) * self.share)
             }
-            // Finer towards 0, where differences are seen.
+            // Finer towards 0, where differences are visible.
             BudgetKind::Error => Budget::error(most_error * self.share * self.share),
         }
     }
 }
 
-/// Puts the camera under the controller when its knobs are warm.
+/// Puts the camera under the controller after its knobs are warmed.
 fn start_controller(
     mut commands: Commands,
     controlled: Res<Controlled>,
@@ -171,8 +171,8 @@ fn change_budget(
     }
 }
 
-/// Watts are energy per frame times frames per second: the map's hold at the map's frame rate, and
-/// a device that runs faster spends more.
+/// Limits the frame rate to the map's. Power is energy per frame times frames per second, so the
+/// map's watts are valid at its own frame rate only.
 fn hold_frame_rate(last: &mut Option<Instant>, period: Duration) {
     if let Some(rest) = last.and_then(|last| period.checked_sub(last.elapsed())) {
         std::thread::sleep(rest);
@@ -180,15 +180,15 @@ fn hold_frame_rate(last: &mut Option<Instant>, period: Duration) {
     *last = Some(Instant::now());
 }
 
-/// What the text stands on. While knobs are warmed it covers the window.
+/// The panel behind the text. It covers the window while knobs are warmed.
 #[derive(Component)]
-struct Curtain;
+struct Overlay;
 
 const SHADE: Color = Color::srgba(0.0, 0.0, 0.0, 0.65);
 
 fn spawn_text(mut commands: Commands) {
-    // A camera of its own, which the resolution scale of the other one leaves alone. Not HDR:
-    // cameras that share a format share textures, and so must have one size.
+    // A separate camera, which the other camera's resolution scale does not affect. Not HDR:
+    // cameras of the same format share textures, and so must have the same size.
     let output_mode = CameraOutputMode::Write {
         blend_state: Some(BlendState::PREMULTIPLIED_ALPHA_BLENDING),
         clear_color: ClearColorConfig::None,
@@ -207,15 +207,15 @@ fn spawn_text(mut commands: Commands) {
         ..default()
     };
     commands
-        .spawn((Curtain, panel, BackgroundColor(SHADE)))
+        .spawn((Overlay, panel, BackgroundColor(SHADE)))
         .with_child((Text::default(), TextFont { font_size: FontSize::Px(11.0), ..default() }));
 }
 
-fn draw_curtain(
+fn update_overlay(
     warming: Query<(), With<WarmKnobs>>,
-    mut curtain: Single<(&mut Node, &mut BackgroundColor), With<Curtain>>,
+    mut overlay: Single<(&mut Node, &mut BackgroundColor), With<Overlay>>,
 ) {
-    let (node, color) = &mut *curtain;
+    let (node, color) = &mut *overlay;
     let (size, shade) =
         if warming.is_empty() { (Val::Auto, SHADE) } else { (percent(100), Color::BLACK) };
     node.set_if_neq(Node { width: size, height: size, ..node.clone() });
@@ -269,7 +269,7 @@ fn budget_line(controlled: &Controlled) -> String {
 }
 
 fn predicted_line(selection: &Selection, map: Option<&FrontierMap>) -> String {
-    let (Some(cost), Some(map)) = (selection.predicted, map) else { return "nothing".to_owned() };
+    let (Some(cost), Some(map)) = (selection.predicted, map) else { return "none".to_owned() };
     let ([width, height], hertz) = (map.capture.size, map.capture.frames_per_second);
     format!("{}, error {:.4}, at {width}x{height} and {hertz} Hz", cost.power, cost.error)
 }
@@ -279,17 +279,19 @@ fn status_line(status: ControlStatus) -> String {
         ControlStatus::Waiting => "waiting for the map".to_owned(),
         ControlStatus::Active(Outcome::Met) => "budget met".to_owned(),
         ControlStatus::Active(Outcome::PowerCannotBeMet) => {
-            "no settings are that cheap: the cheapest".to_owned()
+            "power limit not met: cheapest settings".to_owned()
         }
         ControlStatus::Active(Outcome::ErrorCannotBeMet) => {
-            "no settings are that good: the best".to_owned()
+            "error limit not met: best settings".to_owned()
         }
-        ControlStatus::Active(Outcome::ErrorGivesWay) => "power met, error not".to_owned(),
+        ControlStatus::Active(Outcome::ErrorGivesWay) => {
+            "power limit met, error limit not met".to_owned()
+        }
         ControlStatus::Off(reason) => format!("off: {reason:?}"),
     }
 }
 
-/// A modelled figure is called one.
+/// The metered power with its provenance.
 fn metered_line(power: &MeteredPower) -> String {
     match (&power.state, power.mean, &power.info) {
         (_, Some(mean), Some(info)) => {
@@ -306,15 +308,15 @@ fn metered_line(power: &MeteredPower) -> String {
     }
 }
 
-/// A line per knob: where it stands, and where it is going.
+/// A line per knob: its level, and its target if they differ.
 fn settings_lines(settings: &KnobSettings, selection: &Selection) -> Vec<String> {
     let line = |(index, knob): (usize, &Knob)| {
         let label = |settings: RenderSettings| {
             knob.levels.get(settings.level(index)).map_or("?", |level| &level.label)
         };
         let (now, target) = (label(settings.settings), label(selection.target));
-        let way = if now == target { String::new() } else { format!(" -> {target}") };
-        format!("{:<23}{now}{way}", knob.name.replace('_', " "))
+        let change = if now == target { String::new() } else { format!(" -> {target}") };
+        format!("{:<23}{now}{change}", knob.name.replace('_', " "))
     };
     settings.space.knobs().iter().enumerate().map(line).collect()
 }

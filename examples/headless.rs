@@ -1,7 +1,7 @@
-//! Renders a scene file into a PNG without a window: `headless [SCENE] [PICTURE]`.
+//! Renders a scene file to a PNG without a window: `headless [SCENE] [IMAGE]`.
 //!
-//! Look at the picture, `target/headless.png` where no other is named: the camera stands where the
-//! scene's first path begins.
+//! Look at the image, `target/headless.png` by default. The camera is at the start of the scene's
+//! first path.
 
 use std::error::Error;
 use std::path::PathBuf;
@@ -15,7 +15,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     let scene = scene::load(
         arguments.next().unwrap_or_else(|| workspace_file("assets/scenes/cornell.scene.ron")),
     )?;
-    let picture = arguments.next().unwrap_or_else(|| workspace_file("target").join("headless.png"));
+    let image = arguments.next().unwrap_or_else(|| workspace_file("target").join("headless.png"));
     let start = scene
         .paths
         .values()
@@ -27,10 +27,10 @@ fn main() -> Result<(), Box<dyn Error>> {
         Stage::open(&scene, StageOptions { size: (640, 360).into(), ..Default::default() })?;
     stage.place(start.position, start.rotation);
     stage.get_ready()?;
-    if let Some(folder) = picture.parent() {
+    if let Some(folder) = image.parent() {
         std::fs::create_dir_all(folder)?;
     }
-    stage.picture()?.write_png(&picture)?;
-    println!("wrote {}", picture.display());
+    stage.picture()?.write_png(&image)?;
+    println!("wrote {}", image.display());
     Ok(())
 }

@@ -1,8 +1,8 @@
 //! Global illumination in 30 lines: one light, a room, and one component on the camera.
 //!
-//! Look at the ceiling and the sides of the boxes: the lamp shines down from just under the ceiling
-//! and does not reach them; all that they show, red and green included, has bounced off the floor
-//! and the walls. Space switches global illumination off and on.
+//! Look at the ceiling and the sides of the boxes: the light points down from just under the
+//! ceiling and does not reach them; all their light, red and green included, has bounced off the
+//! floor and the walls. Space switches global illumination off and on.
 
 use bevy::prelude::*;
 use bevy_frugal_gi::prelude::*;
@@ -48,14 +48,14 @@ fn set_up(
     block(vec3(0.1, 2.4, 3.0), vec3(2.05, 1.2, 0.0), green);
     block(vec3(0.8, 1.2, 0.8), vec3(-0.9, 0.6, -0.5), grey);
     block(vec3(0.8, 0.5, 0.8), vec3(0.9, 0.25, 0.2), grey);
-    let lamp = SpotLight {
+    let light = SpotLight {
         intensity: 350_000.0,
         inner_angle: 1.0,
         outer_angle: 1.5,
         shadow_maps_enabled: true,
         ..default()
     };
-    commands.spawn((lamp, Transform::from_xyz(0.0, 2.3, 0.2).looking_to(Vec3::NEG_Y, Vec3::X)));
+    commands.spawn((light, Transform::from_xyz(0.0, 2.3, 0.2).looking_to(Vec3::NEG_Y, Vec3::X)));
     // Deferred rendering has no multisampling.
     let view = Transform::from_xyz(0.0, 1.3, 4.6).looking_at(vec3(0.0, 1.15, 0.0), Vec3::Y);
     commands.spawn((Camera3d::default(), Msaa::Off, FrugalGi::default(), view));

@@ -1,9 +1,9 @@
-//! Records where the camera goes: `record_cameras [SCENE] [FILE]`.
+//! Records the camera's path: `record_cameras [SCENE] [FILE]`.
 //!
-//! Look at the text: the number of samples grows while the camera tours the scene and stands still
-//! while the tour does (Space pauses it, C cuts to another place). Look at the file,
-//! `target/cameras.txt` where no other is named, while this runs: each line is a place. A second
-//! run appends to it.
+//! Look at the text: the number of samples grows while the camera tours the scene, and stays
+//! constant while the tour is paused (Space pauses it, C cuts to another place). Look at the file,
+//! `target/cameras.txt` by default, while this runs: each line is a camera pose. A second run
+//! appends to it.
 
 use std::path::PathBuf;
 
@@ -41,7 +41,7 @@ fn build() -> Result<App, String> {
     let camera = app.world_mut().spawn(camera).id();
     frugal::stage::populate(app.world_mut(), &scene, camera).map_err(|error| error.to_string())?;
     let write_text = move |recorder: Res<CameraRecorder>, mut text: Single<&mut Text>| {
-        let state = if recorder.is_recording() { "in" } else { "no longer recorded in" };
+        let state = if recorder.is_recording() { "in" } else { "(recording has ended) in" };
         let line = format!("{} samples {state}\n{}", recorder.samples(), file.display());
         if text.0 != line {
             text.0 = line;

@@ -1,9 +1,8 @@
-//! What the windowed examples share: the size of their window, a way for CI to look at them, and a
-//! tour of a scene.
+//! Code that the windowed examples share: window size, screenshots for CI, and a tour of a scene.
 //!
 //! With `FRUGAL_EXAMPLE_FRAMES=N` in the environment an example ends after N frames, counted from
-//! when its shaders are there and its knobs warm; with `FRUGAL_EXAMPLE_SCREENSHOT=picture.png` it
-//! takes a picture of its window before. It exits with 0 when all of that went well.
+//! the end of shader compilation and knob warm-up; with `FRUGAL_EXAMPLE_SCREENSHOT=image.png` it
+//! saves a screenshot of its window before. The exit code is 0 on success.
 
 mod tour;
 
@@ -17,22 +16,24 @@ use bevy_frugal_gi::knobs::{KnobSpace, WarmKnobs};
 
 pub use tour::{Tour, travel};
 
-/// A file of the workspace, wherever the example is started.
+/// Path of a file in the workspace, whatever the working directory. `path` is relative to the
+/// workspace root; the file need not exist.
 pub fn workspace_file(path: &str) -> PathBuf {
     let workspace = Path::new(env!("CARGO_MANIFEST_DIR")).join("..");
-    // So that messages show no `..`, whether the file exists or not.
+    // Keeps `..` out of messages, whether the file exists or not.
     workspace.canonicalize().unwrap_or(workspace).join(path)
 }
 
-/// Add it after `DefaultPlugins`.
+/// Sets the title and size (640 × 360) of the window, and runs the CI mode above. Add it after
+/// `DefaultPlugins`.
 pub struct ExamplePlugin {
     /// Title of the window.
     pub title: &'static str,
 }
 
-/// What CI asks for.
+/// Remaining frames and screenshot of a CI run.
 #[derive(Resource)]
-struct Rehearsal {
+struct CiRun {
     frames_left: u32,
     screenshot: Option<PathBuf>,
 }
@@ -52,13 +53,13 @@ impl Plugin for ExamplePlugin {
             return;
         };
         let screenshot = std::env::var_os("FRUGAL_EXAMPLE_SCREENSHOT").map(PathBuf::from);
-        app.insert_resource(Rehearsal { frames_left, screenshot })
+        app.insert_resource(CiRun { frames_left, screenshot })
             .add_systems(PostStartup, wait_for_shaders)
-            .add_systems(Last, rehearse);
+            .add_systems(Last, advance_ci_run);
     }
 }
 
-/// Frames without their shaders are empty: warming no knob at all waits for them.
+/// Frames are empty until their shaders are compiled: warming an empty knob space waits for that.
 fn wait_for_shaders(
     mut commands: Commands,
     cameras: Query<Entity, (With<FrugalGi>, Without<WarmKnobs>)>,
@@ -68,10 +69,10 @@ fn wait_for_shaders(
     }
 }
 
-/// Counts frames, then takes the picture, if one is wanted, and ends the app.
-fn rehearse(
+/// Counts frames, then saves the screenshot, if requested, and ends the app.
+fn advance_ci_run(
     mut commands: Commands,
-    mut rehearsal: ResMut<Rehearsal>,
+    mut ci_run: ResMut<CiRun>,
     warming: Query<(), With<WarmKnobs>>,
     mut done: Local<bool>,
     mut exit: MessageWriter<AppExit>,
@@ -79,16 +80,16 @@ fn rehearse(
     if *done || !warming.is_empty() {
         return;
     }
-    rehearsal.frames_left = rehearsal.frames_left.saturating_sub(1);
-    if rehearsal.frames_left > 0 {
+    ci_run.frames_left = ci_run.frames_left.saturating_sub(1);
+    if ci_run.frames_left > 0 {
         return;
     }
     *done = true;
-    let Some(path) = rehearsal.screenshot.take() else {
+    let Some(path) = ci_run.screenshot.take() else {
         exit.write(AppExit::Success);
         return;
     };
-    // An older picture must not pass for this one.
+    // An older file must not pass for this screenshot.
     let _ = std::fs::remove_file(&path);
     let mut save = save_to_disk(path.clone());
     commands.spawn(Screenshot::primary_window()).observe(

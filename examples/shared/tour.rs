@@ -1,4 +1,4 @@
-//! Moves the camera along a scene's path, round and round.
+//! Moves the camera along a scene's path in a loop.
 
 use bevy::prelude::*;
 use bevy_frugal_gi::control::SettingsFilter;
@@ -6,28 +6,28 @@ use bevy_frugal_gi::gi::FrugalGi;
 use bevy_frugal_gi::knobs::WarmKnobs;
 use frugal::scene::CameraPath;
 
-/// Scene paths are made for measuring, many metres a second: a person wants to see something on the
-/// way.
-const PACE: f32 = 0.25;
-/// Share of the path that a cut leaps over.
-const LEAP: f32 = 0.4;
+/// Playback speed as a fraction of the path's own, which is many metres per second, for
+/// measurements.
+const TIME_SCALE: f32 = 0.25;
+/// Fraction of the path that a cut skips.
+const CUT_FRACTION: f32 = 0.4;
 
-/// Where the camera is on its way.
+/// State of the camera's tour along a path.
 #[derive(Resource)]
 pub struct Tour {
     path: CameraPath,
-    /// Seconds since the path's start, on the path's own clock.
+    /// Path time since its start, seconds.
     time: f32,
     paused: bool,
 }
 
 impl Tour {
-    /// At the start of `path`.
+    /// A tour at the start of `path`.
     pub fn new(path: &CameraPath) -> Self {
         Self { path: path.clone(), time: 0.0, paused: false }
     }
 
-    /// Where the camera is.
+    /// The camera's pose; the identity for an empty path.
     pub fn transform(&self) -> Transform {
         let pose = self.path.sample(self.path.start() + self.time);
         pose.map_or(Transform::default(), |pose| Transform {
@@ -37,7 +37,8 @@ impl Tour {
         })
     }
 
-    /// Goes on by `seconds` of the path's. Whether the camera has jumped back to the start.
+    /// Advances by `seconds` of path time. Returns whether the camera has wrapped around to the
+    /// start.
     fn advance(&mut self, seconds: f32) -> bool {
         let time = self.time + seconds;
         // A path of one key has no length to divide by.
@@ -46,7 +47,7 @@ impl Tour {
     }
 }
 
-/// Moves the camera; Space stops it and lets it go on, C cuts. It waits while knobs are warmed.
+/// Moves the camera; Space pauses and resumes, C cuts. Waits while knobs are warmed.
 pub fn travel(
     keys: Res<ButtonInput<KeyCode>>,
     time: Res<Time>,
@@ -60,15 +61,15 @@ pub fn travel(
     if keys.just_pressed(KeyCode::Space) {
         tour.paused = !tour.paused;
     }
-    let leaps = keys.just_pressed(KeyCode::KeyC);
-    let seconds = if tour.paused { 0.0 } else { time.delta_secs() * PACE };
-    let leap = if leaps { tour.path.duration() * LEAP } else { 0.0 };
-    let wraps = tour.advance(seconds + leap);
+    let cuts = keys.just_pressed(KeyCode::KeyC);
+    let seconds = if tour.paused { 0.0 } else { time.delta_secs() * TIME_SCALE };
+    let skipped = if cuts { tour.path.duration() * CUT_FRACTION } else { 0.0 };
+    let wraps = tour.advance(seconds + skipped);
     *transform = tour.transform();
-    if (leaps || wraps)
+    if (cuts || wraps)
         && let Some(mut filter) = filter
     {
-        // There is no old picture to be gentle to: settings need not glide.
+        // After a cut no transition is visible, so settings may jump.
         filter.cut();
     }
 }

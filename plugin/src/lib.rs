@@ -1,7 +1,7 @@
 //! Power-aware real-time global illumination for Bevy.
 //!
-//! Dynamic indirect light on any GPU, without ray-tracing hardware, and a controller that spends no
-//! more power on a frame than it is told to:
+//! Dynamic indirect light on any GPU, without ray-tracing hardware, and a controller that keeps
+//! each frame within a power budget:
 //!
 //! ```no_run
 //! use bevy::prelude::*;
@@ -20,11 +20,11 @@
 //!     .run();
 //! ```
 //!
-//! Without a map, [`FrugalGi`](gi::FrugalGi) is global illumination with the settings that you give
-//! it. The map comes from the `frugal` tool: `frugal precompute courtyard.scene.ron`.
+//! Without a map, [`FrugalGi`](gi::FrugalGi) renders global illumination with fixed settings. The
+//! `frugal` tool makes the map: `frugal precompute courtyard.scene.ron`.
 //!
-//! Data flows one way: `frontier` (what is known) → `control` (what is chosen) → `knobs` (what is
-//! set) → `gi`, `resolution` and Bevy's renderer.
+//! Data flows in one direction: `frontier` (predicted power and error) → `control` (selected
+//! settings) → `knobs` (applied levels) → `gi`, `resolution` and Bevy's renderer.
 
 pub mod control;
 pub mod frontier;
@@ -39,19 +39,19 @@ pub mod units;
 
 use bevy::app::{PluginGroup, PluginGroupBuilder};
 
-/// Everything, each part of which can be disabled or replaced.
+/// All plugins of this crate. Each can be disabled or replaced.
 ///
 /// | plugin | job |
 /// |---|---|
 /// | [`GiPlugin`](gi::GiPlugin) | global illumination on cameras with [`FrugalGi`](gi::FrugalGi); makes deferred rendering the default |
-/// | [`ResolutionPlugin`](resolution::ResolutionPlugin) | a camera's own resolution scale, with a filtered upscale |
-/// | [`KnobPlugin`](knobs::KnobPlugin) | the registry of knobs, and [`KnobSettings`](knobs::KnobSettings) taking effect |
+/// | [`ResolutionPlugin`](resolution::ResolutionPlugin) | per-camera resolution scale, with a filtered upscale |
+/// | [`KnobPlugin`](knobs::KnobPlugin) | the registry of knobs; applies [`KnobSettings`](knobs::KnobSettings) |
 /// | [`FrontierMapPlugin`](frontier::FrontierMapPlugin) | the `*.pareto.ron` asset |
-/// | [`ControlPlugin`](control::ControlPlugin) | picks settings from a camera's map under its [`Budget`](control::Budget) |
+/// | [`ControlPlugin`](control::ControlPlugin) | selects settings from a camera's map under its [`Budget`](control::Budget) |
 /// | [`PowerPlugin`](power::PowerPlugin) | meters power in the background |
 ///
-/// [`CameraRecorderPlugin`](recording::CameraRecorderPlugin) is none of them: an app adds it to
-/// record where its cameras go.
+/// [`CameraRecorderPlugin`](recording::CameraRecorderPlugin) is not included: an app adds it to
+/// record its camera paths.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct FrugalGiPlugins;
 
@@ -67,7 +67,7 @@ impl PluginGroup for FrugalGiPlugins {
     }
 }
 
-/// What an app names.
+/// The items that most apps use.
 pub mod prelude {
     pub use crate::FrugalGiPlugins;
     pub use crate::control::{Budget, FrontierMapHandle, Selection};

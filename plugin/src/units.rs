@@ -1,5 +1,4 @@
-//! Physical units that the public interface speaks in, as types, so that watts and joules cannot be
-//! mixed up.
+//! Physical units of the public interface as types, so that watts and joules cannot be confused.
 
 use std::fmt;
 use std::ops::{Add, Div, Mul, Sub};
@@ -7,18 +6,19 @@ use std::ops::{Add, Div, Mul, Sub};
 use bevy::reflect::Reflect;
 use serde::{Deserialize, Serialize};
 
-/// Power, in watts (J/s). Finite and non-negative where it is a reading; a budget may be infinite.
+/// Power, in watts (J/s). A reading is finite and at least 0; a budget may be infinite. The type
+/// accepts any number.
 #[derive(Clone, Copy, Debug, Default, PartialEq, PartialOrd, Reflect, Serialize, Deserialize)]
 #[serde(transparent)]
 pub struct Watts(pub f64);
 
-/// Energy, in joules.
+/// Energy, in joules. A meter's reading is finite. The type accepts any number.
 #[derive(Clone, Copy, Debug, Default, PartialEq, PartialOrd, Reflect, Serialize, Deserialize)]
 #[serde(transparent)]
 pub struct Joules(pub f64);
 
 impl Joules {
-    /// Mean power when this energy is spent in `seconds`. Not finite when `seconds` is zero.
+    /// Mean power of this energy over `seconds`. Not finite when `seconds` is 0.
     pub fn per_seconds(self, seconds: f64) -> Watts {
         Watts(self.0 / seconds)
     }

@@ -1,4 +1,4 @@
-//! What a camera may cost.
+//! The power and error limits of a camera.
 
 use bevy::ecs::component::Component;
 use bevy::ecs::reflect::ReflectComponent;
@@ -7,64 +7,66 @@ use bevy::reflect::Reflect;
 
 use crate::units::Watts;
 
-/// A limit on a camera's power, on its error, or on both. Without any, quality is the best that
-/// there is.
+/// Limits on a camera's power, error, or both. Without a limit the controller selects the best
+/// settings.
 ///
-/// Power alone: the least error within it, in every frame. Error alone: the least power for which
-/// the mean error keeps it (Wang et al. 2016, equations 3.2 and 3.3; for the mean see
-/// [`ErrorRates`](crate::frontier::ErrorRates)). Both: the least error within the power, and where
-/// the two conflict, power binds.
+/// - Power only: least error within the limit, in every frame (Wang et al. 2016, equation 3.2).
+/// - Error only: least power whose mean error stays within the limit (equation 3.3; for the mean
+///   see [`ErrorRates`](crate::frontier::ErrorRates)).
+/// - Both: least error within the power limit. Power takes priority where the two conflict.
 #[derive(Component, Clone, Copy, Debug, Default, PartialEq, Reflect)]
 #[reflect(Component, Default, Clone, Debug, PartialEq)]
 pub struct Budget {
-    /// Most power, in watts, at the frame rate that the frontier map was made for. Higher values
-    /// give better pictures. At least 0; infinity is no limit. No settings cost 0 W: the cheapest
-    /// are taken, and the [selection](super::Selection) says that the budget cannot be met.
+    /// Power limit, in watts, at the frame rate of the frontier map; at least 0, infinity for no
+    /// limit.
+    ///
+    /// Higher values improve quality and cost more power; lower values cost less and raise the
+    /// error. No settings cost 0 W: the controller then selects the cheapest and reports the unmet
+    /// limit in the [selection](super::Selection).
     pub power: Option<Watts>,
-    /// Most error in the mean over frames: 1 − SSIM against the best settings, 0 to 2. Higher
-    /// values cost less power. At least 0; infinity is no limit. A frame in which error is dear to
-    /// remove may have [more](super::MOST_OVER_MEAN), others have less.
+    /// Limit on the error averaged over frames: 1 − SSIM against the best settings, 0 to 2; at
+    /// least 0, infinity for no limit.
+    ///
+    /// Higher values cost less power and lower quality; lower values cost more. A single frame in
+    /// which error is expensive to reduce may exceed the limit, by at most
+    /// [`MOST_OVER_MEAN`](super::MOST_OVER_MEAN).
     pub error: Option<f64>,
 }
 
-/// A limit that limits nothing and is not infinite either.
+/// Invalid budget: a limit that is NaN or negative.
 #[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum BudgetError {
-    /// NaN or a negative number of watts.
-    #[error(
-        "power budget of {0} W: give a number of watts that is 0 or more, or none for no limit"
-    )]
+    /// The power limit, in watts, is NaN or negative.
+    #[error("power budget of {0} W: give a number of watts of 0 or more, or no limit")]
     Power(f64),
-    /// NaN or a negative error.
-    #[error(
-        "error budget of {0}: give a number that is 0 or more (1 - SSIM), or none for no limit"
-    )]
+    /// The error limit (1 − SSIM) is NaN or negative.
+    #[error("error budget of {0}: give 1 - SSIM as a number of 0 or more, or no limit")]
     Error(f64),
 }
 
 impl Budget {
-    /// The least error that `power` buys.
+    /// Least error within `power`, in watts.
     pub const fn power(power: Watts) -> Self {
         Self { power: Some(power), error: None }
     }
 
-    /// The least power whose error is at most `error` (1 − SSIM, without unit).
+    /// Least power whose mean error is at most `error` (1 − SSIM, no unit).
     pub const fn error(error: f64) -> Self {
         Self { power: None, error: Some(error) }
     }
 
-    /// Both limits. Power binds where they conflict.
+    /// Both limits, in watts and as 1 − SSIM. Power takes priority where they conflict.
     pub const fn both(power: Watts, error: f64) -> Self {
         Self { power: Some(power), error: Some(error) }
     }
 
-    /// Checks that each limit is a number, 0 or more. Infinity is.
+    /// Checks that each limit is at least 0. Infinity is valid.
     ///
     /// # Errors
-    /// For NaN and for negative numbers.
+    /// [`BudgetError`] for a limit that is NaN or negative; the power limit is checked first.
     pub fn validate(&self) -> Result<(), BudgetError> {
-        // Written so that NaN fails.
+        // This comparison rejects NaN.
         let valid = |limit: f64| limit >= 0.0;
         match (self.power, self.error) {
             (Some(Watts(power)), _) if !valid(power) => Err(BudgetError::Power(power)),
@@ -79,7 +81,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn zero_and_infinity_are_limits_while_nan_and_negative_numbers_are_not() {
+    fn zero_and_infinity_are_valid_limits_nan_and_negative_numbers_are_not() {
         for limit in [0.0, -0.0, 1e-300, 7.0, f64::INFINITY] {
             assert_eq!(Budget::power(Watts(limit)).validate(), Ok(()));
             assert_eq!(Budget::error(limit).validate(), Ok(()));

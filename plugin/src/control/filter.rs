@@ -1,23 +1,23 @@
-//! Temporal filter: settings move to new ones level by level, so that quality never jumps.
+//! Temporal filter: moves settings to their target level by level, so that quality never jumps.
 //!
 //! Wang et al. 2016, equation 3.8: s = round((1 − t/T)·s_old + (t/T)·s_new) for each knob, t
-//! seconds after the settings were to change; T is 2 s there, 1 s here. A target that stays is
-//! followed just so.
+//! seconds after the target changed; T is 2 s there and 1 s here. For a constant target the filter
+//! equals this closed form.
 //!
-//! The equation leaves open what happens when the target changes before T has passed. Options:
-//! 1. Start all knobs anew. While the camera turns, knobs whose target stays would never arrive.
-//! 2. Start anew, from the applied level, the knobs whose own target changed. A target that
-//!    alternates between two levels far below never lets the knob go: the budget stays broken.
-//! 3. Go on from the unrounded position. Nothing starves, but a target that alternates at a leaf's
-//!    border holds the position near one half, where each flip changes the level.
+//! The equation does not cover a target that changes before T has passed. Options:
+//! 1. Restart all knobs. While the camera turns, knobs with an unchanged target would never arrive.
+//! 2. Restart, from the applied level, the knobs whose own target changed. A target that alternates
+//!    between two levels far below holds the knob up: the budget stays exceeded.
+//! 3. Continue from the unrounded position. Every knob progresses, but a target that alternates at
+//!    a leaf's border holds the position near one half, where each change flips the level.
 //!
-//! We use 3 with hysteresis: a level that changed one way goes back only `REVERSAL_MARGIN` beyond
-//! the half-way point. The position is then a running mean of the target. A knob on its way keeps
-//! its pace when its target moves but stays on the same side, so that it reaches the range of its
-//! targets within T whatever they do there.
+//! We use option 3 with hysteresis: a level reverses its last change only `REVERSAL_MARGIN` beyond
+//! the half-way point. The position is then a running mean of the target. A moving knob keeps its
+//! rate while its target stays on the same side, so it reaches the range of its targets within T
+//! whatever the targets do inside that range.
 //!
-//! T may differ up and down ([`TransitionTimes`]): a power limit that broke is mended quickly, what
-//! it has to spare is spent slowly.
+//! T may differ up and down ([`TransitionTimes`]): settings fall quickly when the power limit is
+//! exceeded, and rise slowly when power is left over.
 
 use bevy::ecs::component::Component;
 use bevy::ecs::reflect::ReflectComponent;
@@ -26,47 +26,48 @@ use bevy::reflect::Reflect;
 
 use crate::knobs::{KnobSpace, RenderSettings};
 
-/// The longest step that is believed, in seconds; anything longer ends every transition all the
-/// same.
-const LONGEST_STEP: f64 = 1e9;
+/// Upper limit of one step, in seconds. A longer step ends every transition anyway.
+const MAX_STEP_SECONDS: f64 = 1e9;
 
-/// How far beyond the half-way point a position must be to take back the last change of its level,
-/// in levels.
+/// Distance beyond the half-way point at which a position reverses the last change of its level, in
+/// levels.
 ///
-/// Higher values hold a level longer against a target that alternates. It must stay below one half:
-/// a knob at rest stands at its target. A target that alternates between neighbours then moves the
-/// level only if it stays at each for more than half a transition. One that alternates between
-/// levels A apart, h seconds at each, makes the position swing by A·r·f / (r + f − r·f) levels, r
-/// and f being h in transitions up and down; up to two margins, the level comes to rest.
+/// Higher values suppress more level changes under an alternating target. The margin must stay
+/// below one half, so that a knob at rest is at its target. A target that alternates between
+/// neighbouring levels then moves the level only if it stays at each for more than half a
+/// transition. A target that alternates between levels A apart, h seconds at each, makes the
+/// position oscillate over A·r·f / (r + f − r·f) levels, where r and f are h in units of the rise
+/// and fall times; up to two margins, the level comes to rest.
 const REVERSAL_MARGIN: f64 = 0.25;
 
-/// How long a knob takes to its new level. Levels are ordered cheapest first: falling saves power,
-/// rising mends errors.
+/// Duration of a knob's transition to its new level. Levels are ordered cheapest first: falling
+/// saves power, rising reduces error.
 ///
-/// Unit: seconds, 0 to infinity. Higher values change quality more gently and hold a broken
-/// budget's excess longer. 0 and negative values mean at once, infinity never; NaN means the
-/// default, which is
-/// [`ControlSettings::TRANSITION_SECONDS`](super::ControlSettings::TRANSITION_SECONDS) both ways.
+/// Unit: seconds, 0 to infinity. Higher values change quality more gradually and take longer to end
+/// an excess over the budget. 0 and negative values switch at once, infinity never switches, NaN
+/// means the default:
+/// [`ControlSettings::TRANSITION_SECONDS`](super::ControlSettings::TRANSITION_SECONDS) in both
+/// directions.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct TransitionTimes {
-    /// To a dearer level. Lower values make quality follow sooner, and visibly; higher values save
-    /// power meanwhile.
+    /// To a more expensive level, seconds. Lower values raise quality sooner and more visibly;
+    /// higher values save power during the transition.
     pub rise_seconds: f64,
-    /// To a cheaper level. Lower values cut power sooner, and visibly; higher values spend it on
-    /// quality meanwhile.
+    /// To a cheaper level, seconds. Lower values reduce power sooner and more visibly; higher
+    /// values keep quality, at its power, during the transition.
     pub fall_seconds: f64,
 }
 
 impl TransitionTimes {
-    /// `seconds` both ways: the closed form of Wang et al.
+    /// `seconds` in both directions, as in the closed form of Wang et al.
     pub const fn both(seconds: f64) -> Self {
         Self { rise_seconds: seconds, fall_seconds: seconds }
     }
 
-    /// How much of a transition `delta_seconds` are, 0 to 1, for a knob that has `way` levels to
+    /// Fraction of a transition in `delta_seconds`, 0 to 1, for a knob with `remaining` levels to
     /// go.
-    fn share(self, delta_seconds: f64, way: f64) -> f64 {
-        let seconds = if way > 0.0 { self.rise_seconds } else { self.fall_seconds };
+    fn fraction(self, delta_seconds: f64, remaining: f64) -> f64 {
+        let seconds = if remaining > 0.0 { self.rise_seconds } else { self.fall_seconds };
         let seconds =
             if seconds.is_nan() { super::ControlSettings::TRANSITION_SECONDS } else { seconds };
         if seconds <= 0.0 { 1.0 } else { (delta_seconds / seconds).min(1.0) }
@@ -79,7 +80,7 @@ impl Default for TransitionTimes {
     }
 }
 
-/// Which way a level changed last, since its knob was at rest.
+/// Direction of a level's last change since its knob was at rest.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Reflect)]
 enum Change {
     #[default]
@@ -88,15 +89,15 @@ enum Change {
     Down,
 }
 
-/// One knob on its way.
+/// The transition of one knob.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Reflect)]
 struct Transition {
-    /// Where the knob is, in levels, before rounding.
+    /// Unrounded position, in levels.
     position: f64,
     to: u8,
-    /// Levels per transition, at least what is left of the way. Not per second, so that times may
-    /// change on the way.
-    pace: f64,
+    /// Levels per transition, at least the remaining distance. Not per second, so that times may
+    /// change during a transition.
+    rate: f64,
     /// The applied level.
     level: u8,
     last: Change,
@@ -104,40 +105,43 @@ struct Transition {
 
 impl Transition {
     fn at_rest(level: u8) -> Self {
-        Self { position: f64::from(level), to: level, pace: 0.0, level, last: Change::None }
+        Self { position: f64::from(level), to: level, rate: 0.0, level, last: Change::None }
     }
 
-    /// Levels that are left to go; negative downwards.
-    fn way(&self) -> f64 {
+    /// Remaining levels; negative downwards.
+    fn remaining(&self) -> f64 {
         f64::from(self.to) - self.position
     }
 
     fn advance(&mut self, delta_seconds: f64, times: TransitionTimes) {
-        let way = self.way();
-        let step = self.pace * times.share(delta_seconds, way);
-        // Exactly there at the end: rounding errors must not keep a knob on its way for ever.
-        self.position =
-            if way.abs() <= step { f64::from(self.to) } else { self.position + step.copysign(way) };
+        let remaining = self.remaining();
+        let step = self.rate * times.fraction(delta_seconds, remaining);
+        // Set exactly at the end: rounding errors must not prolong a transition for ever.
+        self.position = if remaining.abs() <= step {
+            f64::from(self.to)
+        } else {
+            self.position + step.copysign(remaining)
+        };
     }
 
     fn turn_to(&mut self, to: u8) {
-        let before = self.way();
+        let before = self.remaining();
         self.to = to;
-        let after = self.way();
-        // Who slows down at each change of the target's distance never arrives.
-        let goes_on = before * after > 0.0;
-        self.pace = if goes_on { self.pace.max(after.abs()) } else { after.abs() };
+        let after = self.remaining();
+        // A knob that slowed at each change of the target's distance would never arrive.
+        let same_side = before * after > 0.0;
+        self.rate = if same_side { self.rate.max(after.abs()) } else { after.abs() };
         if before == 0.0 {
             self.last = Change::None;
         }
     }
 
-    /// Rounds the position as the closed form does, but for changes back.
+    /// Rounds the position as the closed form does, with hysteresis on reversals.
     fn round(&mut self) {
         let margin = |taken_back| if self.last == taken_back { REVERSAL_MARGIN } else { 0.0 };
         let (up, down) = (0.5 + margin(Change::Down), 0.5 + margin(Change::Up));
         let offset = self.position - f64::from(self.level);
-        // A tie rounds up, as `f64::round` does for positions, which are never negative.
+        // A tie rounds up, as in `f64::round`: positions are never negative.
         let change = if offset >= up {
             Change::Up
         } else if offset < -down {
@@ -156,29 +160,29 @@ impl Transition {
 pub struct SettingsFilter {
     transitions: [Transition; RenderSettings::MAX_KNOBS],
     applied: RenderSettings,
-    /// Whether the next step goes on from `applied`, rather than straight to its target.
+    /// Whether the next step continues from `applied` instead of jumping to its target.
     smooth: bool,
 }
 
 impl SettingsFilter {
-    /// The settings that the last step gave.
+    /// Settings of the last step; all levels 0 before the first.
     pub fn applied(&self) -> RenderSettings {
         self.applied
     }
 
-    /// Makes the next step go straight to its target. Call it when the camera cuts to another
-    /// place: there is no old picture to be gentle to. A filter that was never stepped does so too.
+    /// Makes the next step jump to its target. Call it when the camera cuts to another place: no
+    /// transition from the previous image is visible. The first step of a new filter jumps too.
     pub fn cut(&mut self) {
         self.smooth = false;
     }
 
-    /// Whether the next step goes on from what is applied: not after a [cut](Self::cut), nor before
-    /// the first step.
+    /// Whether the next step continues from the applied settings: false after a [cut](Self::cut)
+    /// and before the first step.
     pub fn is_smooth(&self) -> bool {
         self.smooth
     }
 
-    /// Goes on from `settings`, which something else has applied, at the start of a full
+    /// Continues from `settings`, which were applied outside this filter, at the start of a full
     /// transition.
     pub fn resume_from(&mut self, settings: RenderSettings) {
         for (knob, transition) in self.transitions.iter_mut().enumerate() {
@@ -188,12 +192,12 @@ impl SettingsFilter {
         self.smooth = true;
     }
 
-    /// Goes on by `delta_seconds` towards `target`, and returns the settings to apply, which are
-    /// always of `space`.
+    /// Advances by `delta_seconds` towards `target` and returns the settings to apply, always valid
+    /// in `space`.
     ///
-    /// A transition from rest takes one of `times`, whatever its length in levels. The step itself
-    /// belongs to the target that stood until now: a new one starts at t = 0. A step that is
-    /// negative or NaN counts as none.
+    /// A transition from rest takes its entry in `times`, whatever its length in levels. The step
+    /// itself belongs to the previous target: a new target starts at t = 0. A negative or NaN step
+    /// counts as 0. Levels of `target` beyond those of `space` are clamped.
     pub fn step(
         &mut self,
         space: &KnobSpace,
@@ -202,7 +206,8 @@ impl SettingsFilter {
         times: TransitionTimes,
     ) -> RenderSettings {
         // Not `clamp` alone, which lets NaN pass.
-        let delta_seconds = if delta_seconds > 0.0 { delta_seconds.min(LONGEST_STEP) } else { 0.0 };
+        let delta_seconds =
+            if delta_seconds > 0.0 { delta_seconds.min(MAX_STEP_SECONDS) } else { 0.0 };
         let target = space.from_levels(|knob, _| target.level(knob));
         if !self.smooth {
             self.resume_from(target);
@@ -213,13 +218,13 @@ impl SettingsFilter {
             let transition = &mut transitions[index];
             let highest = (knob.levels.len() - 1) as f64;
             transition.advance(delta_seconds, times);
-            // Settings to go on from may be of a larger space. `max` also keeps NaN out, which
+            // Resumed settings may belong to a larger space. `max` also rejects NaN, which
             // reflection may write.
             transition.position = transition.position.max(0.0).min(highest);
             let to = target.level(index) as u8;
             if transition.to != to {
                 transition.turn_to(to);
-                // Goes all the way where times say at once.
+                // A time of 0 completes the transition here.
                 transition.advance(0.0, times);
             }
             transition.round();
@@ -238,7 +243,7 @@ mod tests {
     use crate::knobs::Knob;
 
     const TWO: TransitionTimes = TransitionTimes::both(2.0);
-    /// As under power limits: falls are quicker.
+    /// As under power limits: settings fall faster.
     const QUICK_FALL: TransitionTimes = TransitionTimes { rise_seconds: 2.0, fall_seconds: 0.5 };
     const QUICK_RISE: TransitionTimes = TransitionTimes { rise_seconds: 0.5, fall_seconds: 2.0 };
     const FRAME: f64 = 1.0 / 60.0;
@@ -259,8 +264,8 @@ mod tests {
         filter
     }
 
-    /// The first knob's levels, a frame each, with targets that alternate, from the first on,
-    /// `frames` frames each.
+    /// The first knob's level in each frame while the target alternates every `frames` frames,
+    /// starting with the first target.
     fn alternate(
         from: usize,
         targets: [usize; 2],
@@ -283,7 +288,7 @@ mod tests {
     }
 
     #[test]
-    fn it_is_the_closed_form() {
+    fn a_constant_target_follows_the_closed_form() {
         for (old, new) in [
             (settings(0, 0), settings(4, 2)),
             (settings(4, 2), settings(0, 1)),
@@ -305,7 +310,7 @@ mod tests {
     }
 
     #[test]
-    fn it_is_the_closed_form_again_after_a_rest() {
+    fn a_transition_from_rest_follows_the_closed_form() {
         let mut filter = started(settings(0, 0));
         for target in [settings(4, 2), settings(0, 0), settings(3, 1), settings(1, 2)] {
             let old = filter.applied();
@@ -338,7 +343,7 @@ mod tests {
         let mut filter = started(settings(0, 0));
         filter.step(&space(), settings(4, 2), 0.0, TWO);
         assert_eq!(filter.step(&space(), settings(4, 2), 1.125, TWO), settings(2, 1));
-        // The samples turn round at 2.25, 2 s away from 0; the scale goes on and arrives on time.
+        // The samples reverse at 2.25, 2 s away from 0; the scale continues and arrives on time.
         assert_eq!(filter.step(&space(), settings(0, 2), 0.0, TWO), settings(2, 1));
         assert_eq!(
             filter.step(&space(), settings(0, 2), 0.375, TWO),
@@ -353,7 +358,7 @@ mod tests {
             settings(0, 2),
             "0.42: no margin the second time"
         );
-        // A farther target on the same side quickens the knob.
+        // A farther target on the same side speeds the knob up.
         filter.resume_from(settings(0, 0));
         filter.step(&space(), settings(2, 0), 0.0, TWO);
         assert_eq!(
@@ -370,7 +375,7 @@ mod tests {
     #[test]
     fn a_target_that_alternates_does_not_starve_the_knob() {
         for (times, seconds) in [(TWO, 2.0), (QUICK_FALL, 0.5), (QUICK_RISE, 2.0)] {
-            // 0.2 s each; also a frame each, the camera on a leaf's border.
+            // 0.2 s each; also one frame each, for a camera on a leaf's border.
             for frames in [12, 1] {
                 for targets in [[2, 3], [3, 2]] {
                     let levels = alternate(7, targets, frames, 60.0, times);
@@ -391,7 +396,7 @@ mod tests {
     #[test]
     fn rising_and_falling_take_their_own_times() {
         for (times, up, down) in [(QUICK_FALL, 2.0, 0.5), (QUICK_RISE, 0.5, 2.0)] {
-            // Levels of 0 and 4 cross over: one knob rises while the other falls.
+            // One knob rises from 0 to 4 while the other falls from 4 to 0.
             let mut filter = started(settings(0, 4));
             for frame in 0..=128 {
                 let got = filter.step(&long_space(), settings(4, 0), 1.0 / 64.0, times);
@@ -409,18 +414,18 @@ mod tests {
     fn a_target_that_flips_does_not_make_the_level_flip() {
         for times in [TWO, QUICK_FALL, QUICK_RISE] {
             for (from, targets) in [(1, [0, 1]), (1, [1, 0]), (0, [0, 1]), (0, [1, 0])] {
-                // 0.1 s each. The position comes to swing about the target's mean, 0.04 levels wide
-                // at most. On its way it may pass one half, once; to pass it again takes a swing of
-                // half a level.
+                // 0.1 s each. The position converges to an oscillation about the target's mean,
+                // 0.04 levels wide at most. It may cross one half once; a second crossing needs an
+                // oscillation of half a level.
                 let levels = alternate(from, targets, 6, 10.0, times);
                 assert!(changes(&levels) <= 1, "{times:?}, {from}, {targets:?}: {levels:?}");
             }
-            // Just under half of the longer duration each: the longest that must not matter.
+            // Just under half of the longer duration each: the longest that must have no effect.
             let levels = alternate(1, [0, 1], 59, 60.0, times);
             assert!(changes(&levels) <= 1, "{times:?}: {levels:?}");
         }
-        // Over many levels the way to the mean takes several changes, and none back. So it does
-        // frame by frame.
+        // Over many levels the transition to the mean takes several changes without a reversal,
+        // also when the target alternates every frame.
         for frames in [6, 1] {
             let levels = alternate(7, [0, 7], frames, 10.0, TWO);
             assert!(levels.is_sorted_by(|a, b| a >= b), "{levels:?}");
@@ -437,7 +442,7 @@ mod tests {
     }
 
     #[test]
-    fn cuts_and_transitions_of_no_length_act_at_once() {
+    fn cuts_and_zero_length_transitions_act_at_once() {
         let [now, before, default, long] = [0.0, -1.0, f64::NAN, 1e6].map(TransitionTimes::both);
         let mut filter = started(settings(0, 0));
         filter.step(&space(), settings(4, 2), 0.1, TWO);
@@ -469,7 +474,7 @@ mod tests {
             settings(0, 2),
             "t = 0 on the frame of the change"
         );
-        // One way at once, the other way not.
+        // Immediate in one direction only.
         let falls = TransitionTimes { rise_seconds: 2.0, fall_seconds: 0.0 };
         filter.resume_from(settings(0, 2));
         assert_eq!(filter.step(&space(), settings(2, 0), 0.0, falls), settings(0, 0));
@@ -477,7 +482,7 @@ mod tests {
     }
 
     #[test]
-    fn strange_steps_are_harmless() {
+    fn extreme_steps_are_safe() {
         let never = TransitionTimes::both(f64::INFINITY);
         let mut filter = started(settings(0, 0));
         filter.step(&space(), settings(4, 2), 0.0, TWO);
@@ -498,7 +503,7 @@ mod tests {
             settings(4, 2),
             "and breaks nothing"
         );
-        // The shortest transitions that there are, and steps that are nothing beside them.
+        // The shortest possible transition.
         let least = TransitionTimes::both(f64::from_bits(1));
         assert_eq!(filter.step(&space(), settings(3, 1), 0.0, least), settings(4, 2));
         assert_eq!(filter.step(&space(), settings(3, 1), 1.0, least), settings(3, 1));
@@ -511,18 +516,18 @@ mod tests {
     }
 
     #[test]
-    fn settings_of_a_larger_space_are_left_from_its_own_highest_level() {
+    fn settings_of_a_larger_space_start_at_the_highest_level() {
         let mut filter = started(settings(0, 0));
         filter.resume_from(settings(15, 15));
         assert_eq!(filter.step(&space(), settings(0, 2), 0.0, TWO), settings(4, 2));
         assert_eq!(
             filter.step(&space(), settings(0, 2), 1.0, TWO),
             settings(2, 2),
-            "half of the way from 4"
+            "half of the distance from 4"
         );
     }
 
-    /// Seconds per transition: all that can be, with plenty of what is usual.
+    /// Seconds per transition: any value, with many usual ones.
     fn any_seconds() -> impl Strategy<Value = f64> {
         prop_oneof![prop::num::f64::ANY, 0.0..4.0]
     }
@@ -532,8 +537,8 @@ mod tests {
             .prop_map(|(rise_seconds, fall_seconds)| TransitionTimes { rise_seconds, fall_seconds })
     }
 
-    /// A filter after any way.
-    fn on_its_way() -> impl Strategy<Value = SettingsFilter> {
+    /// A filter after any sequence of steps.
+    fn mid_transition() -> impl Strategy<Value = SettingsFilter> {
         (usual_times(), prop::collection::vec((any::<u64>(), 0.0..0.5), 1..20)).prop_map(
             |(times, steps)| {
                 let mut filter = SettingsFilter::default();
@@ -547,7 +552,7 @@ mod tests {
 
     proptest! {
         #[test]
-        fn what_it_gives_is_always_of_the_space(
+        fn every_step_returns_settings_of_the_space(
             steps in prop::collection::vec((any::<u64>(), any_seconds(), any_seconds(), any_seconds(), any::<bool>()), 0..50),
         ) {
             let mut filter = SettingsFilter::default();
@@ -562,14 +567,14 @@ mod tests {
                 prop_assert!(space.contains(given));
                 prop_assert_eq!(given, filter.applied());
                 for transition in &filter.transitions {
-                    prop_assert!((0.0..=15.0).contains(&transition.position) && transition.pace.is_finite(), "{transition:?}");
+                    prop_assert!((0.0..=15.0).contains(&transition.position) && transition.rate.is_finite(), "{transition:?}");
                 }
             }
         }
 
         #[test]
         fn a_knob_enters_its_targets_range_in_time_and_stays_inside(
-            mut filter in on_its_way(),
+            mut filter in mid_transition(),
             times in usual_times(),
             targets in prop::collection::vec((any::<u64>(), 0.0..0.2, 1_usize..9), 1..100),
             low in 0_usize..16,
@@ -579,7 +584,7 @@ mod tests {
             let high = (low + width).min(15);
             let longest = times.rise_seconds.max(times.fall_seconds);
             let target = |bits: u64| space.from_levels(|knob, _| low + bits as usize / (1 + 99 * knob) % (high - low + 1));
-            // t = 0: this step belongs to what was before.
+            // t = 0: this step belongs to the previous target.
             filter.step(&space, target(targets[0].0), 0.3, times);
             let mut elapsed = 0.0;
             let mut inside = [false; 2];
@@ -599,8 +604,8 @@ mod tests {
         }
 
         #[test]
-        fn towards_a_steady_target_it_only_comes_closer(
-            mut filter in on_its_way(),
+        fn a_constant_target_is_approached_monotonically(
+            mut filter in mid_transition(),
             times in usual_times(),
             bits in any::<u64>(),
             deltas in prop::collection::vec(0.0..0.2, 1..100),
@@ -614,7 +619,7 @@ mod tests {
                 for knob in 0..2 {
                     let (was, is, to) = (before.applied.level(knob), given.level(knob), target.level(knob));
                     prop_assert!((was..=to).contains(&is) || (to..=was).contains(&is), "{was}, {is}, to {to}");
-                    let (was, is) = (before.transitions[knob].way(), filter.transitions[knob].way());
+                    let (was, is) = (before.transitions[knob].remaining(), filter.transitions[knob].remaining());
                     prop_assert!(is.abs() <= was.abs(), "{was}, {is}");
                 }
             }

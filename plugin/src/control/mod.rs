@@ -1,16 +1,16 @@
-//! The controller: picks every camera's knob settings from its frontiers under its budget, and
+//! The controller: selects every camera's knob settings from its frontiers under its budget, and
 //! moves there smoothly.
 //!
 //! | component of a camera | written by | holds |
 //! |---|---|---|
-//! | [`FrontierMapHandle`] or [`FrontierSource`] | the app | where its frontiers come from |
-//! | [`Budget`] | the app | what it may cost |
-//! | [`Selection`] | the controller | what was picked, what it should cost, and whether the budget is kept |
-//! | [`ErrorPace`] | the controller | how far views are from those that error budgets were calibrated on |
-//! | [`SettingsFilter`] | the controller | the way from old settings to new ones; the app calls [`cut`](SettingsFilter::cut) on it |
+//! | [`FrontierMapHandle`] or [`FrontierSource`] | the app | the source of its frontiers |
+//! | [`Budget`] | the app | its power and error limits |
+//! | [`Selection`] | the controller | the selected settings, their predicted cost, and whether the budget is met |
+//! | [`ErrorPace`] | the controller | correction of the error rate for views unlike the calibration views |
+//! | [`SettingsFilter`] | the controller | the transition from old settings to new ones; the app calls [`cut`](SettingsFilter::cut) on it |
 //! | [`KnobSettings`](crate::knobs::KnobSettings) | the controller | the settings to apply |
 //!
-//! [`choose`], [`select`] and [`SettingsFilter`] know nothing of Bevy's schedule, and can be used
+//! [`choose`], [`select`] and [`SettingsFilter`] do not depend on Bevy's schedule and can be used
 //! without it.
 mod budget;
 mod filter;
@@ -41,13 +41,13 @@ use crate::frontier::FrontierMap;
 pub enum ControlSystems {
     /// Part of `PostUpdate`, after transform propagation: writes [`Selection`] and
     /// [`KnobSettings`](crate::knobs::KnobSettings). Settings are applied before cameras are
-    /// updated, which Bevy does earlier in the schedule: a selection is in the next frame's
-    /// picture.
+    /// updated, which Bevy does earlier in the schedule: a selection takes effect in the next
+    /// frame.
     Select,
 }
 
-/// The controller. Needs [`FrontierMapPlugin`](crate::frontier::FrontierMapPlugin) and Bevy's
-/// `TimePlugin`; without the former it stays off.
+/// Adds the controller. Needs [`FrontierMapPlugin`](crate::frontier::FrontierMapPlugin) and Bevy's
+/// `TimePlugin`; without the former it stays off and logs a warning.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct ControlPlugin;
 
@@ -72,10 +72,10 @@ impl Plugin for ControlPlugin {
                 (systems::forget_changed_maps, systems::select_settings)
                     .chain()
                     .in_set(ControlSystems::Select)
-                    // Need this frame's changes of maps, so that no map is read with the knobs of
-                    // its predecessor.
+                    // Need this frame's map changes, so that no map is read with the knobs of its
+                    // predecessor.
                     .after(AssetEventSystems)
-                    // Need where cameras are in this frame.
+                    // Need this frame's camera transforms.
                     .after(TransformSystems::Propagate)
                     .run_if(resource_exists::<Assets<FrontierMap>>),
             );
@@ -84,7 +84,7 @@ impl Plugin for ControlPlugin {
     fn finish(&self, app: &mut App) {
         if !app.world().contains_resource::<Assets<FrontierMap>>() {
             warn!(
-                "ControlPlugin stays off: frontier maps are no assets of this app, add FrontierMapPlugin"
+                "ControlPlugin stays off: this app has no frontier map assets, add FrontierMapPlugin"
             );
         }
     }

@@ -1,9 +1,10 @@
-//! Keeps the mean of an error budget where views are not those that the map was calibrated on.
+//! Keeps the mean error within its budget where views differ from those that the map was calibrated
+//! on.
 //!
-//! Dual ascent (Arrow, Hurwicz and Uzawa 1958; Boyd and Vandenberghe 2004, section 5.4): while
-//! frames are predicted to have more error than the mean that was asked for, what error is worth
-//! rises; while they have less, it falls. A walk through easy views then costs less power, and one
-//! through hard views keeps its mean.
+//! Dual ascent (Arrow, Hurwicz and Uzawa 1958; Boyd and Vandenberghe 2004, section 5.4): the error
+//! rate λ (watts per unit of error) rises while the predicted error exceeds the target mean, and
+//! falls while it is below. A path through easy views then costs less power, and a path through
+//! hard views keeps its mean.
 
 use bevy::ecs::component::Component;
 use bevy::ecs::reflect::ReflectComponent;
@@ -13,45 +14,52 @@ use bevy::reflect::Reflect;
 use super::{Budget, Choice, select};
 use crate::frontier::{CameraView, FrontierStore, SampleCamera};
 
-/// Seconds in which twice the error that was asked for changes its worth by a factor of e. Higher
-/// values hold settings steadier; lower ones hold the mean over shorter stretches.
-const PACE_SECONDS: f64 = 2.0;
-/// Greatest factor on the calibrated worth, either way: what goes beyond is no error budget's
-/// doing.
-const MOST: f64 = 16.0;
-/// The longest frame that counts, seconds: a pause is no evidence.
-const LONGEST_FRAME: f64 = 0.25;
+/// Seconds in which an error of twice the target changes the error rate by a factor of e. Higher
+/// values keep settings more stable; lower values keep the mean over shorter intervals.
+const TIME_CONSTANT_SECONDS: f64 = 2.0;
+/// Largest factor on the calibrated error rate, up and down: a larger deviation has other causes
+/// than the error budget.
+const MAX_FACTOR: f64 = 16.0;
+/// Upper limit of a frame's duration, seconds: a pause says nothing about the views.
+const MAX_FRAME_SECONDS: f64 = 0.25;
 
-/// How far a camera's views are from those that the map's error budgets were calibrated on. Written
-/// by the controller.
+/// Correction of the error rate for a camera whose views differ from those that the map's error
+/// budgets were calibrated on. Written by the controller.
 #[derive(Component, Clone, Copy, Debug, Default, PartialEq, Reflect)]
 #[reflect(Component, Default, Clone, Debug, PartialEq)]
 pub struct ErrorPace {
-    /// ln of the factor on the calibrated worth of error.
+    /// ln of the factor on the calibrated error rate.
     logarithm: f64,
-    /// The budget that it belongs to.
+    /// The error budget that the factor belongs to.
     budget: Option<f64>,
 }
 
 impl ErrorPace {
-    /// Factor on the calibrated worth of error, 1/16 to 16; 1 at first.
+    /// Factor on the calibrated error rate, no unit, 1/16 to 16; initially 1. Above 1 the views are
+    /// harder than the calibration views.
     pub fn factor(&self) -> f64 {
         self.logarithm.exp()
     }
 
-    /// A frame of `delta_seconds` is predicted to have `error`; `target`: the mean that is wanted.
+    /// Dual-ascent step for a frame of `delta_seconds` with the predicted `error`, towards the mean
+    /// `target`.
     fn observe(&mut self, error: f64, target: f64, delta_seconds: f64) {
-        let step = delta_seconds.clamp(0.0, LONGEST_FRAME) / PACE_SECONDS * (error / target - 1.0);
+        let step = delta_seconds.clamp(0.0, MAX_FRAME_SECONDS) / TIME_CONSTANT_SECONDS
+            * (error / target - 1.0);
         if step.is_finite() {
-            self.logarithm = (self.logarithm + step).clamp(-MOST.ln(), MOST.ln());
+            self.logarithm = (self.logarithm + step).clamp(-MAX_FACTOR.ln(), MAX_FACTOR.ln());
         }
     }
 }
 
-/// What `budget` buys at `view`, and the sample camera that says so: [`select`] at the exchange
-/// rate that keeps the mean of an error budget. The same for apps and for `frugal evaluate`.
+/// The best choice within `budget` at `view`, with the sample camera whose frontier it comes from:
+/// [`select`] at the exchange rate that keeps the mean of an error budget. Apps and `frugal
+/// evaluate` share this function.
 ///
-/// `None` where no frontier is known there, or the budget is not valid.
+/// `delta_seconds`: duration of the frame, seconds; counts as 0 to 0.25 s. `pace` is updated under
+/// an error limit alone, and reset when that limit changes.
+///
+/// `None` where no frontier is known at `view`, or the budget is [invalid](Budget::validate).
 pub fn choose(
     store: &dyn FrontierStore,
     view: &CameraView,
@@ -137,7 +145,7 @@ mod tests {
     }
 
     /// Mean error and power of 20 s at 30 Hz.
-    fn played(
+    fn mean_cost(
         store: &TwoViews,
         x: impl Fn(usize) -> f32,
         budget: Budget,
@@ -158,20 +166,20 @@ mod tests {
 
     #[test]
     fn the_mean_is_kept_on_views_harder_and_easier_than_those_calibrated_on() {
-        let (paced, plain) = (store(Some(0.019)), store(None));
+        let (corrected, uncorrected) = (store(Some(0.019)), store(None));
         let budget = Budget::error(0.02);
         let mixed = |frame: usize| if (frame / 60).is_multiple_of(2) { -1.0 } else { 1.0 };
-        let (error, _) = played(&paced, mixed, budget, 1.0 / 30.0);
+        let (error, _) = mean_cost(&corrected, mixed, budget, 1.0 / 30.0);
         assert!((0.015..0.0205).contains(&error), "{error}");
-        let hard = played(&paced, |_| 1.0, budget, 1.0 / 30.0).0;
-        let before = played(&plain, |_| 1.0, budget, 1.0 / 30.0).0;
+        let hard = mean_cost(&corrected, |_| 1.0, budget, 1.0 / 30.0).0;
+        let before = mean_cost(&uncorrected, |_| 1.0, budget, 1.0 / 30.0).0;
         assert!((0.017..0.0205).contains(&hard) && before > 0.0205, "{hard}, {before}");
-        let easy = played(&paced, |_| -1.0, budget, 1.0 / 30.0).1;
-        assert!(easy < played(&plain, |_| -1.0, budget, 1.0 / 30.0).1);
+        let easy = mean_cost(&corrected, |_| -1.0, budget, 1.0 / 30.0).1;
+        assert!(easy < mean_cost(&uncorrected, |_| -1.0, budget, 1.0 / 30.0).1);
     }
 
     #[test]
-    fn power_limits_have_no_pace_and_odd_frames_leave_it_finite() {
+    fn power_limits_leave_the_factor_at_one_and_extreme_frames_leave_it_finite() {
         let store = store(Some(0.019));
         let mut pace = ErrorPace::default();
         let both = Budget::both(crate::units::Watts(3.0), 0.02);
@@ -184,7 +192,7 @@ mod tests {
             }
             assert!((1.0 / 16.0..=16.0001).contains(&pace.factor()), "{delta}: {}", pace.factor());
         }
-        // Another budget begins anew.
+        // Another budget resets the factor.
         choose(&store, &view(1.0), &Budget::error(0.05), &mut pace, 0.0);
         assert_eq!(pace.factor(), 1.0);
         for odd in [0.0, f64::INFINITY] {

@@ -1,4 +1,4 @@
-//! Which point of a frontier a budget buys.
+//! Selection of the point of a frontier under a budget.
 //!
 //! Wang et al. 2016, equations 3.2 (least error within a power) and 3.3 (least power within an
 //! error), each one binary search.
@@ -9,48 +9,48 @@ use super::Budget;
 use crate::frontier::{CostPoint, Frontier, FrontierPoint};
 use crate::knobs::RenderSettings;
 
-/// Whether the budget could be kept, and what was taken where it could not.
+/// Whether the budget is met, and the fallback where it is not.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Reflect)]
 pub enum Outcome {
     /// Every limit is met.
     Met,
-    /// Even the cheapest settings take more power: those are taken, whatever their error.
+    /// Even the cheapest settings exceed the power limit; they are selected, whatever their error.
     PowerCannotBeMet,
-    /// Even the best settings have more error, and nothing limits power: those are taken.
+    /// Even the best settings exceed the error limit, and power is unlimited; the best are
+    /// selected.
     ErrorCannotBeMet,
-    /// The power limit is met, but nothing within it meets the error limit too: the least error
-    /// within the power is taken.
+    /// No settings meet both limits; the least error within the power limit is selected, above the
+    /// error limit.
     ErrorGivesWay,
 }
 
-/// A point of a frontier, and how well it meets the budget.
+/// The selected point of a frontier.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Choice {
     /// The settings.
     pub settings: RenderSettings,
-    /// What they cost at the sample camera.
+    /// Predicted power and error at the sample camera.
     pub cost: CostPoint,
-    /// Whether the budget is kept.
+    /// Whether the budget is met.
     pub outcome: Outcome,
 }
 
-/// The most error that a frame may be predicted to have, in error budgets.
+/// Upper limit of a frame's predicted error, as a multiple of the error budget; no unit.
 ///
-/// A mean is kept with views that have more than it. Higher values save more power where the views
-/// of a path are like those that the map was calibrated on; lower ones hold the mean on paths of
-/// views that are harder than those.
+/// A mean allows some views above it. Higher values save more power on paths whose views resemble
+/// the calibration views; lower values keep the mean on paths with harder views.
 pub const MOST_OVER_MEAN: f64 = 2.0;
 
-/// Picks the point of `frontier` that `budget` buys. `None` where the frontier is empty or the
-/// budget not [valid](Budget::validate).
+/// Selects the point of `frontier` for `budget`. `None` where the frontier is empty or the budget
+/// is [invalid](Budget::validate). Source: Wang et al. 2016, equations 3.2 and 3.3.
 ///
-/// `rate`: watts that a unit of error is worth under an error budget, where the map says so
-/// ([`FrontierStore::error_rate`](crate::frontier::FrontierStore::error_rate)); without it each
-/// frame keeps the error budget.
+/// `rate`: exchange rate λ under an error budget, in watts per unit of error, at least 0, where the
+/// map has one ([`FrontierStore::error_rate`](crate::frontier::FrontierStore::error_rate)). Without
+/// a rate, or with NaN, the budget limits the error of each frame.
 ///
-/// An infinite limit is met by every point: power without limit buys the best settings, error
-/// without limit the cheapest. No limit at all gives the best settings. On a frontier every watt
-/// buys some error, so nothing is ever spent in vain.
+/// Every point meets an infinite limit: an infinite power limit selects the best settings, an
+/// infinite error limit the cheapest. No limit selects the best settings. On a frontier each
+/// additional watt reduces the error, so no power is wasted.
 pub fn select(frontier: &Frontier, budget: &Budget, rate: Option<f64>) -> Option<Choice> {
     budget.validate().ok()?;
     let cheapest = frontier.points().first()?;
@@ -78,8 +78,8 @@ pub fn select(frontier: &Frontier, budget: &Budget, rate: Option<f64>) -> Option
             }
         }
         (Some(limit), error) => match frontier.least_error_within(limit) {
-            // With both limits, the least error within the power is the answer whether it meets the
-            // error's limit or not.
+            // With both limits, the least error within the power limit is selected whether it meets
+            // the error limit or not.
             Some(point) if error.is_none_or(|error| point.cost.error <= error) => {
                 choice(point, Outcome::Met)
             }
@@ -104,7 +104,7 @@ mod tests {
     }
 
     #[test]
-    fn power_alone_buys_the_least_error() {
+    fn a_power_limit_selects_the_least_error() {
         assert_eq!(picked(Budget::power(Watts(1.0))), Some((1.0, Outcome::Met)));
         assert_eq!(picked(Budget::power(Watts(3.999))), Some((2.0, Outcome::Met)));
         assert_eq!(picked(Budget::power(Watts(f64::INFINITY))), Some((4.0, Outcome::Met)));
@@ -113,7 +113,7 @@ mod tests {
     }
 
     #[test]
-    fn error_alone_takes_the_least_power() {
+    fn an_error_limit_selects_the_least_power() {
         assert_eq!(picked(Budget::error(0.0)), Some((4.0, Outcome::Met)));
         assert_eq!(picked(Budget::error(0.05)), Some((2.0, Outcome::Met)));
         assert_eq!(picked(Budget::error(0.199)), Some((2.0, Outcome::Met)));
@@ -125,9 +125,9 @@ mod tests {
     }
 
     #[test]
-    fn a_rate_holds_the_mean_and_no_frame_is_given_up() {
-        // Points at 1 W / 0.2, 2 W / 0.05 and 4 W / 0: the first step removes 0.15 of error for 1
-        // W, the second 0.025 a watt.
+    fn a_rate_keeps_the_mean_and_limits_every_frame() {
+        // Points at 1 W / 0.2, 2 W / 0.05 and 4 W / 0: the first step reduces the error by 0.15 for
+        // 1 W, the second by 0.025 per watt.
         let picked = |limit: f64, rate: f64| {
             select(&testing::frontier(1.0), &Budget::error(limit), Some(rate))
                 .map(|choice| choice.cost.power.0)
@@ -143,7 +143,7 @@ mod tests {
     }
 
     #[test]
-    fn of_both_power_binds() {
+    fn power_takes_priority_over_error() {
         assert_eq!(picked(Budget::both(Watts(3.0), 0.1)), Some((2.0, Outcome::Met)));
         assert_eq!(
             picked(Budget::both(Watts(9.0), 0.1)),
@@ -159,7 +159,7 @@ mod tests {
     }
 
     #[test]
-    fn no_limit_buys_the_best_and_no_sense_buys_nothing() {
+    fn no_limit_selects_the_best_and_an_invalid_limit_nothing() {
         assert_eq!(picked(Budget::default()), Some((4.0, Outcome::Met)));
         for limit in [f64::NAN, -1.0, f64::NEG_INFINITY] {
             assert_eq!(picked(Budget::power(Watts(limit))), None);
@@ -188,7 +188,7 @@ mod tests {
         }
 
         #[test]
-        fn more_error_never_takes_more_power(frontier in any_frontier(), a in 0.0..1.5_f64, b in 0.0..1.5_f64) {
+        fn a_higher_error_limit_never_takes_more_power(frontier in any_frontier(), a in 0.0..1.5_f64, b in 0.0..1.5_f64) {
             let at = |error: f64| select(&frontier, &Budget::error(error), None).expect("a choice");
             prop_assert!(at(a.max(b)).cost.power <= at(a.min(b)).cost.power);
         }

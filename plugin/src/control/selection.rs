@@ -1,5 +1,5 @@
-//! The controller's components and resources: where a camera's frontiers come from, and what was
-//! picked from them.
+//! The controller's components and resources: the source of a camera's frontiers, and the selected
+//! settings.
 
 use std::collections::BTreeSet;
 use std::sync::Arc;
@@ -15,7 +15,7 @@ use super::{Budget, ErrorPace, Outcome, SettingsFilter, TransitionTimes};
 use crate::frontier::{CostPoint, FrontierMap, FrontierStore, SampleCamera};
 use crate::knobs::{KnobSpace, RenderSettings};
 
-/// Puts a camera under the controller, with the frontiers of a map. Brings a [`Budget`] without
+/// Puts a camera under the controller, with the frontiers of a map. Adds a [`Budget`] without
 /// limits unless the camera has one.
 #[derive(Component, Clone, Debug, Default, PartialEq, Eq, Reflect)]
 #[reflect(Component, Default, Clone, Debug, PartialEq)]
@@ -36,8 +36,8 @@ impl AsAssetId for FrontierMapHandle {
     }
 }
 
-/// Puts a camera under the controller, with the frontiers of any [`FrontierStore`]. Goes before a
-/// [`FrontierMapHandle`] on the same camera.
+/// Puts a camera under the controller, with the frontiers of any [`FrontierStore`]. Takes
+/// precedence over a [`FrontierMapHandle`] on the same camera.
 #[derive(Component, Clone)]
 #[require(Budget, ErrorPace, Selection, SettingsFilter)]
 pub struct FrontierSource {
@@ -46,7 +46,7 @@ pub struct FrontierSource {
 }
 
 impl FrontierSource {
-    /// Frontiers of `store`, whose knobs must stay the same.
+    /// Uses the frontiers of `store`, whose knobs must not change.
     pub fn new(store: impl FrontierStore + 'static) -> Self {
         let space = Arc::new(store.knobs().clone());
         Self { store: Arc::new(store), space }
@@ -57,88 +57,90 @@ impl FrontierSource {
         &*self.store
     }
 
-    /// The store's knobs.
+    /// The store's knobs, as they were when this source was made.
     pub fn space(&self) -> &Arc<KnobSpace> {
         &self.space
     }
 }
 
-/// Why the controller leaves a camera's settings as they are.
+/// Why the controller is off and leaves a camera's settings unchanged.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Reflect)]
 pub enum OffReason {
-    /// The map's file is missing, broken, or of another version.
+    /// The map's file is missing, invalid, or of another version.
     MapNotLoaded,
-    /// The map was put together in the app and contradicts itself.
+    /// The map was built in the app and fails [validation](FrontierMap::validate).
     MapInvalid,
-    /// The map sets knobs that this app does not have.
+    /// The map sets knobs that this app has not registered.
     UnknownKnobs,
     /// A limit of the budget is NaN or negative.
     InvalidBudget,
-    /// No sample camera of the map knows anything.
+    /// No sample camera of the map has a frontier.
     NothingKnown,
 }
 
-/// What the controller does with a camera.
+/// State of the controller for one camera.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Reflect)]
 pub enum ControlStatus {
-    /// The map is still being loaded. Settings stay as they are.
+    /// The map is still loading. Settings stay unchanged.
     #[default]
     Waiting,
-    /// In charge, and whether the budget is kept.
+    /// The controller sets this camera's knobs; the outcome says whether the budget is met.
     Active(Outcome),
-    /// Not in charge. Settings stay as they are; the reason was logged once.
+    /// The controller is off. Settings stay unchanged; the reason was logged once.
     Off(OffReason),
 }
 
-/// What the controller picked for a camera, to be read. Written once per frame, marked as changed
-/// only when it is.
+/// The controller's selection for a camera, read-only for the app. Updated once per frame; change
+/// detection fires only when a value differs.
 #[derive(Component, Clone, Copy, Debug, Default, PartialEq, Reflect)]
 #[reflect(Component, Default, Clone, Debug, PartialEq)]
 pub struct Selection {
-    /// Whether the controller is in charge, and whether it keeps the budget.
+    /// Whether the controller is active, and whether the budget is met.
     pub status: ControlStatus,
-    /// The settings that the budget buys. Means nothing before the first [`ControlStatus::Active`].
+    /// The selected settings. Undefined before the first [`ControlStatus::Active`].
     pub target: RenderSettings,
-    /// The settings on their way there, as applied in this frame. Means nothing before the first
+    /// The settings applied in this frame, in transition to `target`. Undefined before the first
     /// [`ControlStatus::Active`].
     pub applied: RenderSettings,
-    /// Power and error of `target` at the sample camera; `None` while the controller is not in
-    /// charge.
+    /// Power (watts) and error (1 − SSIM) of `target` at the sample camera; `None` unless `status`
+    /// is [`ControlStatus::Active`].
     pub predicted: Option<CostPoint>,
-    /// The camera whose frontier was used; `None` while the controller is not in charge.
+    /// The sample camera whose frontier was used; `None` unless `status` is
+    /// [`ControlStatus::Active`].
     pub sample: Option<SampleCamera>,
 }
 
-/// How the controller works, for all cameras.
+/// Transition times of the controller, for all cameras.
 ///
-/// A power limit that broke is mended quickly, and what it has to spare is spent slowly:
-/// [`times`](Self::times) says which way is which. Both fields are in seconds of real time, 0 to
-/// infinity. 0 and negative values mean at once, infinity never; NaN means the default.
+/// Settings fall quickly when the power limit is exceeded and rise slowly when power is left over;
+/// see [`times`](Self::times). Both fields are in seconds of real time, 0 to infinity. 0 and
+/// negative values switch at once, infinity never switches, NaN means the default.
 #[derive(Resource, Clone, Copy, Debug, PartialEq, Reflect)]
 #[reflect(Resource, Default, Clone, Debug, PartialEq)]
 pub struct ControlSettings {
-    /// How long settings take to change where no power limit hurries them. Higher values change
-    /// quality more gently and follow the view later, which costs power under an error limit.
-    /// Default: 1 s.
+    /// Duration of every transition except a fall under a power limit. Higher values change quality
+    /// more gradually and follow the view later, which costs power under an error limit; lower
+    /// values follow sooner and change quality more visibly. Default: 1 s.
     pub transition_seconds: f64,
-    /// How long settings take to fall to cheaper ones under a power limit. Lower values end an
-    /// excess over the limit sooner and change quality more visibly. Default: 0.5 s.
+    /// Duration of a fall to cheaper settings under a power limit. Lower values end an excess over
+    /// the limit sooner and change quality more visibly; higher values change it more gradually and
+    /// exceed the limit for longer. Default: 0.5 s.
     pub fall_seconds: f64,
 }
 
 impl ControlSettings {
-    /// The default of [`transition_seconds`](Self::transition_seconds). Wang et al. 2016, equation
-    /// 3.8, take 2 s. On a tour of a court, with every frame's best settings as targets and a mean
-    /// error of 0.018, targets reached at once took 9.1 W, within 1 s both ways 9.0 W, within 2 s
-    /// down and 0.5 s up 10.4 W.
+    /// Default of [`transition_seconds`](Self::transition_seconds), in seconds. Wang et al. 2016,
+    /// equation 3.8, use 2 s. Measured on a camera path through a courtyard, with each frame's best
+    /// settings as targets and a mean error of 0.018: immediate switches took 9.1 W, 1 s in both
+    /// directions 9.0 W, 2 s down and 0.5 s up 10.4 W.
     pub const TRANSITION_SECONDS: f64 = 1.0;
-    /// The default of [`fall_seconds`](Self::fall_seconds). Each level on the way still stays for
-    /// several frames.
+    /// Default of [`fall_seconds`](Self::fall_seconds), in seconds. Each intermediate level still
+    /// lasts several frames.
     pub const FALL_SECONDS: f64 = 0.5;
 
-    /// How long settings take under `budget`. Never NaN. An infinite limit is none; of two limits,
-    /// power decides, as it does where they conflict. An error limit alone is one of the mean:
-    /// neither way is more urgent.
+    /// Transition times under `budget`, in seconds; never NaN. An infinite limit counts as none.
+    /// With two limits the power limit decides, as it does where they conflict. An error limit
+    /// alone applies to the mean, so neither direction is more urgent.
     pub fn times(&self, budget: &Budget) -> TransitionTimes {
         let or = |seconds: f64, default| if seconds.is_nan() { default } else { seconds };
         let slow = or(self.transition_seconds, Self::TRANSITION_SECONDS);
@@ -157,14 +159,14 @@ impl Default for ControlSettings {
     }
 }
 
-/// Names of the knobs that this app can set. A map that sets others is not used. Without this
-/// resource every map is.
+/// Names of the knobs that this app has registered. A map that sets other knobs is rejected
+/// ([`OffReason::UnknownKnobs`]). Without this resource every map is accepted.
 #[derive(Resource, Clone, Debug, Default, PartialEq, Eq, Reflect)]
 #[reflect(Resource, Default, Clone, Debug, PartialEq)]
 pub struct KnownKnobs(pub BTreeSet<String>);
 
 impl KnownKnobs {
-    /// The first knob of `space` that this app does not have.
+    /// The first knob of `space` that this app has not registered; `None` when all are known.
     pub fn first_unknown<'a>(&self, space: &'a KnobSpace) -> Option<&'a str> {
         space.knobs().iter().map(|knob| knob.name.as_str()).find(|name| !self.0.contains(*name))
     }
@@ -176,7 +178,7 @@ mod tests {
     use crate::units::Watts;
 
     #[test]
-    fn what_mends_a_power_limit_is_quick() {
+    fn falls_under_a_power_limit_are_fast() {
         let settings = ControlSettings { transition_seconds: 3.0, fall_seconds: 0.25 };
         let power = TransitionTimes { rise_seconds: 3.0, fall_seconds: 0.25 };
         let error = TransitionTimes::both(3.0);

@@ -17,10 +17,10 @@ use super::{
 use crate::frontier::{CameraView, FrontierMap, FrontierStore};
 use crate::knobs::{KnobSettings, KnobSpace, RenderSettings};
 
-/// What is worked out once per map: its knobs, shared by all cameras, or why it cannot be used.
+/// Computed once per map: its knobs, shared by all cameras, or the reason why it cannot be used.
 type Prepared = Result<Arc<KnobSpace>, (OffReason, String)>;
 
-/// The maps that were seen, so that nothing is validated or allocated per frame.
+/// Cache of validated maps, so that nothing is validated or allocated per frame.
 #[derive(Resource, Default)]
 pub(super) struct PreparedMaps(HashMap<AssetId<FrontierMap>, Prepared>);
 
@@ -44,14 +44,15 @@ fn check_known(space: &KnobSpace, known: Option<&KnownKnobs>) -> Result<(), (Off
         None => Ok(()),
         Some(name) => {
             let reason = format!(
-                "the map sets knob `{name}`, which this app does not have: register it, or precompute without it"
+                "the map sets knob `{name}`, which this app has not registered: register it, or precompute without it"
             );
             Err((OffReason::UnknownKnobs, reason))
         }
     }
 }
 
-/// Drops what was worked out for maps that changed or went, or for another set of knobs.
+/// Invalidates the cache of maps that changed or were removed, and all of it when the known knobs
+/// change.
 pub(super) fn forget_changed_maps(
     mut events: MessageReader<AssetEvent<FrontierMap>>,
     known: Option<Res<KnownKnobs>>,
@@ -73,7 +74,7 @@ pub(super) fn forget_changed_maps(
     }
 }
 
-/// Picks every controlled camera's settings and applies them.
+/// Selects every controlled camera's settings and writes them to [`KnobSettings`].
 pub(super) fn select_settings(
     mut commands: Commands,
     time: Res<Time<Real>>,
@@ -147,27 +148,28 @@ pub(super) fn select_settings(
             continue;
         }
         let delta = time.delta_secs_f64();
-        // As the filter's below: its clock runs every frame, and nobody needs to be told.
+        // As the filter below, this state advances every frame without a change for others to
+        // detect.
         let Some((sample, choice)) =
             choose(store, &view, budget, pace.bypass_change_detection(), delta)
         else {
-            let message = "no sample camera of the map has a frontier: is its scene empty, or do its bounds lie in a wall?";
+            let message = "no sample camera of the map has a frontier: check that its scene is not empty and its bounds do not lie inside a wall";
             turn_off(entity, &mut selection, OffReason::NothingKnown, &message);
             continue;
         };
 
         match &knobs {
-            // Somebody else wrote them since: go on from there. Not at the start, where the app's
-            // own settings are no picture to be gentle to.
+            // The app wrote them since: continue from there. Not at the start, where no transition
+            // from the app's own settings is needed.
             Some(knobs) if same_space(&knobs.space, space) => {
                 if filter.is_smooth() && knobs.settings != filter.applied() {
                     filter.resume_from(knobs.settings);
                 }
             }
-            // Levels of other knobs say nothing about these.
+            // Levels of another knob space do not apply to this one.
             _ => filter.cut(),
         }
-        // The filter's clock runs every frame; nobody needs to be told.
+        // The filter advances every frame without a change for others to detect.
         let applied = filter.bypass_change_detection().step(
             space,
             choice.settings,
@@ -194,13 +196,13 @@ pub(super) fn select_settings(
     }
 }
 
-/// Whether two spaces are equal. Compares contents only where the pointers differ, which [`write`]
-/// then ends.
+/// Whether two spaces are equal. Compares contents only where the pointers differ; [`write`] then
+/// makes the pointers equal.
 fn same_space(a: &Arc<KnobSpace>, b: &Arc<KnobSpace>) -> bool {
     Arc::ptr_eq(a, b) || a == b
 }
 
-/// Writes what differs, and says that it changed only if it means something else.
+/// Writes the settings, and triggers change detection only if their meaning differs.
 fn write(mut knobs: Mut<KnobSettings>, space: &Arc<KnobSpace>, applied: RenderSettings) {
     let same = same_space(&knobs.space, space);
     if !same || knobs.settings != applied {
@@ -210,7 +212,7 @@ fn write(mut knobs: Mut<KnobSettings>, space: &Arc<KnobSpace>, applied: RenderSe
     }
 }
 
-/// Leaves the camera's settings as they are, and says why unless that was said before.
+/// Leaves the camera's settings unchanged, and logs the reason unless it was logged before.
 fn turn_off(
     camera: Entity,
     selection: &mut Mut<Selection>,
@@ -219,7 +221,7 @@ fn turn_off(
 ) {
     let status = ControlStatus::Off(reason);
     if selection.status != status {
-        warn!("the power controller leaves camera {camera} alone: {message}");
+        warn!("the power controller is off for camera {camera}: {message}");
     }
     stand_by(selection, status);
 }
@@ -229,14 +231,14 @@ fn stand_by(selection: &mut Mut<Selection>, status: ControlStatus) {
     selection.set_if_neq(Selection { status, predicted: None, sample: None, ..kept });
 }
 
-/// Takes the controller's state off a camera that left it. Its [`KnobSettings`] stay: from here on
-/// they are the app's.
+/// Removes the controller's state from a camera that is no longer controlled. Its [`KnobSettings`]
+/// stay and belong to the app from then on.
 pub(super) fn forget_camera<C: Component>(
     removed: On<Remove, C>,
     mut commands: Commands,
     cameras: Query<AnyOf<(&FrontierMapHandle, &FrontierSource)>>,
 ) {
-    // The component that goes is still there now. Where the other kind is there too, the camera
+    // The removed component is still present here. If the other kind is present too, the camera
     // stays under control.
     if let Ok((Some(_), Some(_))) = cameras.get(removed.entity) {
         return;

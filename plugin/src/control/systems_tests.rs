@@ -20,7 +20,7 @@ use crate::units::Watts;
 
 const FRAME: Duration = Duration::from_millis(125);
 
-/// How often somebody found the settings changed.
+/// How often change detection reported changed settings.
 #[derive(Resource, Default)]
 struct Changes(usize);
 
@@ -40,7 +40,7 @@ fn app_with(files: Dir) -> App {
 }
 
 /// An app with a map whose look-ups along −Z find points at 6 W / 0.2, 7 W / 0.05 and 9 W / 0, and
-/// a camera that looks that way.
+/// a camera with that view direction.
 fn scene(budget: Budget) -> (App, Entity, Handle<FrontierMap>) {
     let mut app = app_with(Dir::default());
     let map = app.world_mut().resource_mut::<Assets<FrontierMap>>().add(testing::map(1));
@@ -76,7 +76,7 @@ fn set_budget(app: &mut App, camera: Entity, budget: Budget) {
 }
 
 #[test]
-fn the_first_frame_applies_what_the_budget_buys_at_once() {
+fn the_first_frame_applies_the_selection_at_once() {
     let (mut app, camera, map) = scene(Budget::power(Watts(7.5)));
     app.update();
     let picked = selection(&app, camera);
@@ -94,13 +94,13 @@ fn the_first_frame_applies_what_the_budget_buys_at_once() {
 }
 
 #[test]
-fn a_new_budget_is_approached_in_a_second_and_cuts_act_at_once() {
+fn a_new_budget_takes_a_second_and_cuts_act_at_once() {
     let (mut app, camera, _) = scene(Budget::power(Watts(6.0)));
     run(&mut app, 3);
     assert_eq!(applied(&app, camera), at(0, 0));
     set_budget(&mut app, camera, Budget::default());
-    // Frames of 1/8 s; the first sees the new target at t = 0. Levels of (0, 0) on the way to (4,
-    // 2), over 1 s:
+    // Frames of 1/8 s; the first sees the new target at t = 0. Levels from (0, 0) to (4, 2), over 1
+    // s:
     let mut seen = Vec::new();
     for frame in 0..=8 {
         app.update();
@@ -126,8 +126,8 @@ fn a_new_budget_is_approached_in_a_second_and_cuts_act_at_once() {
 }
 
 #[test]
-fn a_broken_power_budget_is_mended_in_half_a_second() {
-    // Frames that lead from one end to the other; the first sees the new target at t = 0.
+fn an_exceeded_power_budget_is_met_in_half_a_second() {
+    // Number of frames of a transition; the first sees the new target at t = 0.
     let frames_from = |app: &mut App, camera, to| {
         (0..100).take_while(|_| (app.update(), applied(app, camera) != to).1).count()
     };
@@ -137,13 +137,13 @@ fn a_broken_power_budget_is_mended_in_half_a_second() {
     assert_eq!(frames_from(&mut app, camera, at(0, 0)), 4, "power falls quickly");
     set_budget(&mut app, camera, Budget::power(Watts(9.0)));
     // The scale arrives at 1.5 of 2 levels, samples at 3.5 of 4: 0.875 s.
-    assert_eq!(frames_from(&mut app, camera, at(4, 2)), 7, "and is spent slowly");
+    assert_eq!(frames_from(&mut app, camera, at(4, 2)), 7, "and rises slowly");
     run(&mut app, 10);
     set_budget(&mut app, camera, Budget::error(0.2));
     assert_eq!(frames_from(&mut app, camera, at(0, 0)), 8, "under an error limit quality falls");
     run(&mut app, 10);
     set_budget(&mut app, camera, Budget::error(0.0));
-    assert_eq!(frames_from(&mut app, camera, at(4, 2)), 7, "and rises at the same pace");
+    assert_eq!(frames_from(&mut app, camera, at(4, 2)), 7, "and rises at the same rate");
     // Other durations.
     *app.world_mut().resource_mut::<ControlSettings>() =
         ControlSettings { transition_seconds: 4.0, fall_seconds: 0.0 };
@@ -153,14 +153,14 @@ fn a_broken_power_budget_is_mended_in_half_a_second() {
 }
 
 #[test]
-fn settings_are_changed_only_when_they_change() {
+fn change_detection_fires_only_when_settings_differ() {
     let (mut app, camera, _) = scene(Budget::power(Watts(7.5)));
     run(&mut app, 20);
     assert_eq!(app.world().resource::<Changes>().0, 1, "the insertion");
     let space = app.world().get::<KnobSettings>(camera).expect("settings").space.clone();
     set_budget(&mut app, camera, Budget::power(Watts(8.0)));
     run(&mut app, 20);
-    assert_eq!(app.world().resource::<Changes>().0, 1, "another budget that buys the same");
+    assert_eq!(app.world().resource::<Changes>().0, 1, "another budget with the same selection");
     assert!(Arc::ptr_eq(&space, &app.world().get::<KnobSettings>(camera).expect("settings").space));
     set_budget(&mut app, camera, Budget::default());
     run(&mut app, 40);
@@ -169,7 +169,7 @@ fn settings_are_changed_only_when_they_change() {
 }
 
 #[test]
-fn cameras_get_their_own_settings_where_they_look() {
+fn each_camera_gets_the_settings_of_its_own_view() {
     let (mut app, camera, map) = scene(Budget::power(Watts(6.5)));
     // Along +X the same settings cost 1, 2 and 4 W.
     let look =
@@ -187,15 +187,15 @@ fn cameras_get_their_own_settings_where_they_look() {
 }
 
 #[test]
-fn budgets_that_cannot_be_met_say_so_and_senseless_ones_keep_the_settings() {
+fn unmet_budgets_are_reported_and_invalid_ones_keep_the_settings() {
     let (mut app, camera, _) = scene(Budget::power(Watts(0.0)));
     app.update();
     assert_eq!(selection(&app, camera).status, ControlStatus::Active(Outcome::PowerCannotBeMet));
     assert_eq!(applied(&app, camera), at(0, 0));
-    for nonsense in
+    for invalid in
         [Budget::power(Watts(f64::NAN)), Budget::power(Watts(-1.0)), Budget::error(f64::NAN)]
     {
-        set_budget(&mut app, camera, nonsense);
+        set_budget(&mut app, camera, invalid);
         run(&mut app, 20);
         assert_eq!(selection(&app, camera).status, ControlStatus::Off(OffReason::InvalidBudget));
         assert_eq!((applied(&app, camera), selection(&app, camera).predicted), (at(0, 0), None));
@@ -207,7 +207,7 @@ fn budgets_that_cannot_be_met_say_so_and_senseless_ones_keep_the_settings() {
 }
 
 #[test]
-fn a_map_with_knobs_that_the_app_lacks_is_not_used() {
+fn a_map_with_unregistered_knobs_is_rejected() {
     let (mut app, camera, _) = scene(Budget::default());
     app.insert_resource(KnownKnobs(["samples".to_owned()].into()));
     app.update();
@@ -220,7 +220,7 @@ fn a_map_with_knobs_that_the_app_lacks_is_not_used() {
 }
 
 #[test]
-fn invalid_and_empty_maps_are_not_used_and_recover_when_they_change() {
+fn invalid_and_empty_maps_are_rejected_until_they_change() {
     let (mut app, camera, map) = scene(Budget::default());
     let change = |app: &mut App, new: FrontierMap| {
         let mut maps = app.world_mut().resource_mut::<Assets<FrontierMap>>();
@@ -236,8 +236,8 @@ fn invalid_and_empty_maps_are_not_used_and_recover_when_they_change() {
     empty.octree.corners.iter_mut().for_each(|corner| corner.frontiers = [Corner::UNKNOWN; 6]);
     assert_eq!(change(&mut app, empty), ControlStatus::Off(OffReason::NothingKnown));
     assert_eq!(change(&mut app, testing::map(1)), ControlStatus::Active(Outcome::Met));
-    // Other knobs: their levels are no levels of the old ones, so there is no way from one to the
-    // other.
+    // Another knob space: its levels do not correspond to the old ones, so no transition is
+    // possible.
     let mut other = testing::map(1);
     other.knobs = KnobSpace::new(
         testing::space()
@@ -253,7 +253,7 @@ fn invalid_and_empty_maps_are_not_used_and_recover_when_they_change() {
 }
 
 #[test]
-fn a_camera_that_leaves_keeps_its_settings_and_may_come_back() {
+fn a_released_camera_keeps_its_settings_and_can_return() {
     let (mut app, camera, map) = scene(Budget::power(Watts(6.0)));
     app.update();
     app.world_mut().entity_mut(camera).remove::<FrontierMapHandle>();
@@ -269,11 +269,11 @@ fn a_camera_that_leaves_keeps_its_settings_and_may_come_back() {
     app.world_mut().entity_mut(camera).insert(FrontierMapHandle(map));
     app.update();
     assert_eq!(applied(&app, camera), at(0, 0));
-    // Settings that somebody writes over the controller's are left step by step.
+    // From settings that the app writes over the controller's, the filter moves step by step.
     app.world_mut().get_mut::<KnobSettings>(camera).expect("settings").settings = at(4, 2);
     app.update();
     assert_eq!(applied(&app, camera), at(4, 2));
-    // A power limit has them fall in 0.5 s, four frames.
+    // Under a power limit they fall in 0.5 s, four frames.
     for expected in [at(3, 2), at(2, 1), at(1, 1), at(0, 0)] {
         app.update();
         assert_eq!(applied(&app, camera), expected);
@@ -291,7 +291,7 @@ fn inactive_cameras_are_left_alone() {
 }
 
 #[test]
-fn any_store_can_stand_in_for_the_map() {
+fn any_store_can_replace_the_map() {
     struct OneForAll(FrontierMap);
     impl FrontierStore for OneForAll {
         fn look_up(&self, view: &CameraView) -> Option<SampleRef<'_>> {

@@ -9,7 +9,8 @@ use super::{
     Bounds, Capture, FrontierMap, FrontierMapError, SampleCamera, SceneIdentity, Thresholds,
 };
 
-/// Loads [`FrontierMap`]s from `*.pareto.ron` files.
+/// Asset loader of [`FrontierMap`]s from `*.pareto.ron` files: RON text in UTF-8, validated. Fails
+/// with [`FrontierMapLoadError`].
 #[derive(Default, TypePath)]
 pub struct FrontierMapLoader;
 
@@ -20,10 +21,10 @@ pub enum FrontierMapLoadError {
     /// The file cannot be read.
     #[error("frontier map cannot be read: {0}")]
     Io(#[from] std::io::Error),
-    /// The file is no text.
+    /// The file is not UTF-8 text.
     #[error("frontier map is not UTF-8 text from byte {} on: run `frugal precompute` again", .0.valid_up_to())]
     NotText(#[from] std::str::Utf8Error),
-    /// The text is no valid map of this version.
+    /// The text is not a valid map of this version.
     #[error(transparent)]
     Map(#[from] FrontierMapError),
 }
@@ -49,7 +50,7 @@ impl AssetLoader for FrontierMapLoader {
     }
 }
 
-/// Makes [`FrontierMap`] an asset that the asset server loads and reloads. Needs Bevy's
+/// Registers [`FrontierMap`] as an asset that the asset server loads and reloads. Needs Bevy's
 /// `AssetPlugin`, added before.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct FrontierMapPlugin;

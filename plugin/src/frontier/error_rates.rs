@@ -1,41 +1,43 @@
-//! What error is worth under an error budget.
+//! Exchange rates between power and error under an error budget.
 //!
-//! An error budget limits the mean error of the frames that are shown. The least power for a mean
-//! is had when a watt buys the same error everywhere: each camera minimises P + λe with one
-//! exchange rate λ (Everett 1963, "Generalized Lagrange multiplier method for solving problems of
-//! optimum allocation of resources"). A limit on every frame's error (Wang et al. 2016, equation
-//! 3.3) spends most where error is dearest to remove. Which λ keeps which budget is calibrated on
-//! cameras that took no part in making the map, by conformal risk control (Angelopoulos, Bates,
-//! Fisch, Lei, Schuster 2022): the greatest mean that n cameras support is b where (n R̂ + B) / (n
-//! + 1) ≤ b, for errors that count up to B.
+//! An error budget limits the mean error of the rendered frames. A mean takes the least power when
+//! a watt reduces the error equally everywhere: each camera minimises P + λe with one exchange rate
+//! λ (Everett 1963, "Generalized Lagrange multiplier method for solving problems of optimum
+//! allocation of resources"). A limit on every frame's error (Wang et al. 2016, equation 3.3)
+//! spends most where error is most expensive to reduce. The λ of each budget is calibrated on
+//! held-out cameras by conformal risk control (Angelopoulos, Bates, Fisch, Lei, Schuster 2022): n
+//! cameras support a mean of b where (n R̂ + B) / (n + 1) ≤ b, with R̂ the mean error over them and
+//! errors bounded by B.
 
 use bevy::reflect::Reflect;
 use serde::{Deserialize, Serialize};
 
-/// A budget and the rate that keeps it.
+/// A calibrated error budget with its exchange rate.
 #[derive(Clone, Copy, Debug, PartialEq, Reflect, Serialize, Deserialize)]
 pub struct ErrorRate {
-    /// Mean error, 1 − SSIM; above 0.
+    /// Budget of the mean error, 1 − SSIM; finite, above 0.
     pub budget: f64,
-    /// λ: watts that a unit of error is worth; 0 or more. Higher values buy better pictures.
+    /// Exchange rate λ, in watts per unit of error; finite, at least 0. Higher values select better
+    /// and more expensive settings.
     pub watts_per_error: f64,
-    /// Mean error that the map predicts where the budget is just kept: what the controller holds
-    /// the mean of its predictions at. Above 0; `None` in maps that do not say, where the rate
-    /// stays as it is.
+    /// Mean predicted error at which the measured error just meets the budget: the controller's
+    /// target for the mean of its predictions. 1 − SSIM, finite, above 0. `None` in maps without
+    /// it; the controller then leaves the rate unchanged.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub predicted: Option<f64>,
 }
 
-/// Exchange rates by budget: budgets strictly rise, rates never rise.
+/// Exchange rates by budget: budgets strictly increase, rates never increase. Empty in maps without
+/// calibration.
 #[derive(Clone, Debug, Default, PartialEq, Reflect, Serialize, Deserialize)]
 #[serde(transparent)]
 pub struct ErrorRates(pub Vec<ErrorRate>);
 
 impl ErrorRates {
-    /// The rate of the greatest calibrated budget that is no more than `budget`: between two of
-    /// them nothing is known, since a frontier's errors come in steps. Infinite below the least
-    /// budget that was supported: only the best settings are safe there. `None` where nothing was
-    /// calibrated, or `budget` is NaN.
+    /// Rate of the largest calibrated budget that is at most `budget` (1 − SSIM), in watts per unit
+    /// of error. No interpolation: a frontier's errors are discrete. Infinite below the smallest
+    /// supported budget, where only the best settings are safe. `None` without calibration, or
+    /// where `budget` is NaN.
     pub fn rate(&self, budget: f64) -> Option<f64> {
         if self.0.is_empty() || budget.is_nan() {
             return None;
@@ -49,8 +51,9 @@ impl ErrorRates {
         )
     }
 
-    /// The mean of predicted errors at which `budget` is just kept: that of the greatest calibrated
-    /// budget within it, in proportion. `None` where that is not known, or no rate is finite.
+    /// Mean predicted error (1 − SSIM) at which `budget` is just met: that of the largest
+    /// calibrated budget within it, scaled in proportion. `None` where it is unknown, where
+    /// `budget` is not finite, or below the smallest calibrated budget.
     pub fn target(&self, budget: f64) -> Option<f64> {
         if !budget.is_finite() {
             return None;
@@ -63,7 +66,7 @@ impl ErrorRates {
         known.predicted.map(|predicted| predicted * budget / known.budget)
     }
 
-    /// Whether budgets rise, rates do not, and all are numbers of their range.
+    /// Whether budgets strictly increase, rates never increase, and all values are in their ranges.
     pub fn is_sound(&self) -> bool {
         let number = |rate: &ErrorRate| {
             let predicted = rate.predicted.is_none_or(|error| error > 0.0 && error.is_finite());
@@ -98,7 +101,7 @@ mod tests {
     }
 
     #[test]
-    fn a_budget_has_the_rate_of_the_next_lower_one() {
+    fn a_budget_gets_the_rate_of_the_next_lower_calibrated_one() {
         let rates = rates(&[(0.01, 1000.0), (0.04, 10.0), (0.1, 0.0)]);
         assert!(rates.is_sound());
         assert_eq!(
@@ -121,9 +124,9 @@ mod tests {
     }
 
     #[test]
-    fn what_is_out_of_order_or_range_is_not_sound() {
+    fn rates_out_of_order_or_range_are_invalid() {
         assert!(ErrorRates::default().is_sound());
-        for wrong in [
+        for invalid in [
             rates(&[(0.01, 1.0), (0.01, 0.5)]),
             rates(&[(0.01, 1.0), (0.02, 2.0)]),
             rates(&[(0.0, 1.0)]),
@@ -131,7 +134,7 @@ mod tests {
             rates(&[(f64::NAN, 1.0)]),
             rates(&[(0.01, f64::INFINITY)]),
         ] {
-            assert!(!wrong.is_sound(), "{wrong:?}");
+            assert!(!invalid.is_sound(), "{invalid:?}");
         }
     }
 }

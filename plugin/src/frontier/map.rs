@@ -1,4 +1,4 @@
-//! The frontier map: the octree of frontiers with everything that makes its numbers mean something.
+//! The frontier map: the octree of frontiers with the metadata that its numbers refer to.
 
 use bevy::asset::Asset;
 use bevy::math::Vec3;
@@ -10,24 +10,23 @@ use crate::knobs::KnobSpace;
 use crate::power::MeterInfo;
 use crate::units::Watts;
 
-/// Which scene a map was made for.
+/// Identity of the scene that a map was made for.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Reflect, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct SceneIdentity {
-    /// For people: the scene file's name.
+    /// Name of the scene file, for messages only.
     pub name: String,
-    /// A hash of the scene's contents, in hexadecimal. Two scenes are the same when their
-    /// fingerprints are.
+    /// Hash of the scene's contents, in hexadecimal. Scenes with equal fingerprints are the same.
     pub fingerprint: String,
 }
 
-/// How the pictures were rendered whose power and error the map holds.
+/// Rendering conditions of the map's power and error.
 #[derive(Clone, Copy, Debug, PartialEq, Reflect, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Capture {
-    /// Width and height, in pixels; neither is 0.
+    /// Width and height, in pixels; each at least 1.
     pub size: [u32; 2],
-    /// The frame rate that watts refer to, in hertz; finite and above 0.
+    /// Frame rate that the map's watts refer to, in hertz; finite, above 0.
     pub frames_per_second: f64,
     /// Vertical field of view, in degrees, in (0, 180).
     pub vertical_fov: f32,
@@ -35,27 +34,27 @@ pub struct Capture {
     pub exposure_ev100: f32,
 }
 
-/// How different the frontiers of adjacent corners may be before their node is subdivided (Wang et
-/// al. 2016, section 3.5.3).
+/// Largest distance between the frontiers of adjacent corners without subdivision of their octree
+/// node (Wang et al. 2016, section 3.5.3).
 #[derive(Clone, Copy, Debug, PartialEq, Reflect, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Thresholds {
-    /// Distance in power, in watts; finite, at least 0. Higher values give a smaller and less exact
-    /// map.
+    /// Distance in power, in watts; finite, at least 0. Higher values give a smaller, less accurate
+    /// map that takes less time to make; lower values a larger, more accurate one.
     pub power_w: f64,
-    /// Distance in error, without unit; finite, at least 0. Higher values give a smaller and less
-    /// exact map.
+    /// Distance in error (1 − SSIM, no unit); finite, at least 0. Higher values give a smaller,
+    /// less accurate map that takes less time to make; lower values a larger, more accurate one.
     pub error: f64,
 }
 
-/// The part of the world that the octree's root spans. A camera outside is treated as one at the
-/// nearest position inside.
+/// The world-space box of the octree's root. A camera outside counts as one at the nearest position
+/// inside.
 #[derive(Clone, Copy, Debug, PartialEq, Reflect, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Bounds {
-    /// Least world coordinates, in metres.
+    /// Minimum world coordinates, in metres; finite.
     pub min: [f32; 3],
-    /// Greatest world coordinates, in metres; each above its `min`.
+    /// Maximum world coordinates, in metres; finite, each above its `min`.
     pub max: [f32; 3],
 }
 
@@ -65,37 +64,37 @@ impl Bounds {
         Vec3::from_array(self.max) - Vec3::from_array(self.min)
     }
 
-    /// `position` with the bounds at 0 to 1 on each axis. What is outside is clamped; NaN counts as
-    /// the least coordinate.
+    /// `position` (world, metres) scaled so that the bounds span 0 to 1 on each axis. Positions
+    /// outside are clamped; NaN counts as 0.
     pub fn to_unit(&self, position: Vec3) -> Vec3 {
         let unit = (position - Vec3::from_array(self.min)) / self.extent();
-        // Not `clamp`, which lets NaN pass.
+        // Not `clamp`, which passes NaN through.
         Vec3::from_array(unit.to_array().map(|unit| if unit > 0.0 { unit.min(1.0) } else { 0.0 }))
     }
 
-    /// The world position of `unit`: the opposite of [`to_unit`](Self::to_unit).
+    /// World position of `unit`, in metres: the inverse of [`to_unit`](Self::to_unit), not clamped.
     pub fn from_unit(&self, unit: Vec3) -> Vec3 {
         Vec3::from_array(self.min) + unit * self.extent()
     }
 }
 
-/// Prices of a frame's work on one device: what turns work into energy.
+/// Energy prices of a frame's work on one device.
 ///
-/// A frontier's energy per frame is that of its settings' work at these prices, times what its
-/// cameras have in common beyond that. At another device's prices, another size or another frame
-/// rate, the map needs no new search: `frugal reprice` works its power out anew.
+/// A frontier's energy per frame is the energy of its settings' work at these prices, times a
+/// factor that its cameras have in common. For another device, image size or frame rate the map
+/// needs no new search: `frugal reprice` recomputes its power.
 #[derive(Clone, Debug, Default, PartialEq, Reflect, Serialize, Deserialize)]
 pub struct WorkPrices {
-    /// Kinds of work, by name: pixels, rays, shadow texels and so on, counted in each frame.
+    /// Names of the kinds of work, counted per frame: pixels, rays, shadow texels and so on.
     pub kinds: Vec<String>,
-    /// Joules for one of each; finite, at least 0.
+    /// Energy per unit of each kind, in joules, in the order of `kinds`; finite, at least 0.
     pub joules: Vec<f64>,
-    /// Power of the device while nothing is rendered, as far as the map's watts hold it; finite, at
-    /// least 0.
+    /// Idle power of the device, in watts, as far as the map's power includes it; finite, at least
+    /// 0.
     pub idle: Watts,
-    /// Reflective shadow maps of the scene.
+    /// Number of reflective shadow maps of the scene.
     pub maps: u32,
-    /// Whether a sky is gathered.
+    /// Whether the scene gathers light from an environment map.
     pub has_sky: bool,
 }
 
@@ -109,50 +108,50 @@ impl WorkPrices {
     }
 }
 
-/// Pareto frontiers of sample cameras all over a scene (Wang et al. 2016, section 3.5), with what
-/// they were measured on.
+/// Pareto frontiers of sample cameras throughout a scene (Wang et al. 2016, section 3.5), with the
+/// conditions of their measurement.
 ///
-/// Written by `frugal precompute` as `*.pareto.ron`, loaded as a Bevy asset. The fields are open so
-/// that tools can build and inspect maps; a map that did not come from [`from_ron`](Self::from_ron)
-/// should be [validated](Self::validate). Look-ups never panic, valid or not.
+/// Written by `frugal precompute` as `*.pareto.ron`, loaded as a Bevy asset. The fields are public
+/// so that tools can build and inspect maps; a map that does not come from
+/// [`from_ron`](Self::from_ron) should be [validated](Self::validate). Look-ups never panic, even
+/// in an invalid map.
 ///
-/// Fields that a later version adds are passed over by an earlier one, and those that an earlier
-/// one lacks have defaults.
+/// An earlier version ignores fields that a later version adds; missing fields of `shared`,
+/// `error_rates` and `work_prices` get defaults.
 #[derive(Asset, Clone, Debug, PartialEq, Reflect, Serialize, Deserialize)]
 pub struct FrontierMap {
-    /// Version of the format: [`VERSION`](Self::VERSION).
+    /// Version of the format; valid is [`VERSION`](Self::VERSION) only.
     pub version: u32,
     /// The scene.
     pub scene: SceneIdentity,
-    /// How its pictures were rendered.
+    /// Rendering conditions of its power and error.
     pub capture: Capture,
-    /// Where the watts come from.
+    /// The power meter, measured or modelled.
     pub meter: MeterInfo,
-    /// How fine the octree is.
+    /// Subdivision thresholds of the octree.
     pub thresholds: Thresholds,
-    /// Seed of the search: the same seed, scene and meter readings give the same map.
+    /// Random seed of the search: the same seed, scene and meter readings give the same map.
     pub seed: u64,
-    /// The knobs that the frontiers' settings set. Knobs of the app that are not among them stay as
-    /// they are.
+    /// The knobs of the frontiers' settings. Other knobs of the app stay unchanged.
     pub knobs: KnobSpace,
-    /// Where cameras go.
+    /// World-space bounds of the camera positions.
     pub bounds: Bounds,
-    /// The frontier of all training cameras together: what holds where nothing better is known.
+    /// Frontier over all training cameras together: the fallback where no local frontier is known.
     /// Empty in maps of earlier versions.
     #[serde(default)]
     pub shared: Frontier,
-    /// What error is worth under an error budget. Empty in maps of earlier versions, whose error
+    /// Calibrated exchange rates of error budgets. Empty in maps of earlier versions, whose error
     /// budgets limit every frame.
     #[serde(default)]
     pub error_rates: ErrorRates,
-    /// Prices of work on the device that the map was made on. Empty in maps of earlier versions.
+    /// Energy prices of work on the map's device. Empty in maps of earlier versions.
     #[serde(default)]
     pub work_prices: WorkPrices,
-    /// The frontiers.
+    /// The frontiers by camera position and view direction.
     pub octree: Octree,
 }
 
-/// All that is read of a file before its version is known to be ours.
+/// The only field that is read before the version check.
 #[derive(Deserialize)]
 struct VersionOnly {
     version: u32,
@@ -162,13 +161,14 @@ impl FrontierMap {
     /// The version of the format that this build reads and writes.
     pub const VERSION: u32 = 1;
 
-    /// Reads a map and validates it.
+    /// Parses and validates a map.
     ///
     /// # Errors
-    /// When the text is no map, cut off, of another version, or contradicts itself.
+    /// [`FrontierMapError`] when the text is not a map, is truncated, is of another version, or
+    /// fails [validation](Self::validate).
     pub fn from_ron(text: &str) -> Result<Self, FrontierMapError> {
-        // The version comes first and alone, so that a newer map is called newer and not wrong for
-        // a field that this build does not know.
+        // The version is checked alone first, so that a newer map is reported as newer and not as
+        // one with an unknown field.
         let VersionOnly { version } = ron::from_str(text)?;
         FrontierMapError::check_version(version)?;
         let map: Self = ron::from_str(text)?;
@@ -176,11 +176,12 @@ impl FrontierMap {
         Ok(map)
     }
 
-    /// The map as text: a frontier, a corner and a node to a line, so that differences can be read.
+    /// The map as RON text: one frontier, corner or node per line, so that diffs are readable.
     /// Numbers are rounded as [`Frontier::rounded`](super::Frontier::rounded) says.
     ///
     /// # Errors
-    /// None for a map of this crate's types; the serialiser's, if it has any.
+    /// [`FrontierMapError::Unwritable`] when the serialiser fails, which it does not for this
+    /// crate's types.
     pub fn to_ron(&self) -> Result<String, FrontierMapError> {
         let layout =
             ron::ser::PrettyConfig::new().depth_limit(3).indentor("").separator("").new_line("\n");
@@ -190,11 +191,12 @@ impl FrontierMap {
         Ok(text)
     }
 
-    /// Checks everything that the controller relies on.
+    /// Checks everything that the controller relies on: version, ranges, octree, settings and
+    /// costs.
     ///
     /// # Errors
-    /// The first fault: a wrong version, a number out of its range, an octree that is none, or
-    /// settings that the knobs do not have.
+    /// The first fault found: another version, a number out of range, an invalid octree, or
+    /// settings with a level that the knobs lack.
     pub fn validate(&self) -> Result<(), FrontierMapError> {
         FrontierMapError::check_version(self.version)?;
         let Capture { size, frames_per_second, vertical_fov, exposure_ev100 } = self.capture;
@@ -231,18 +233,18 @@ impl FrontierMap {
             extent.is_finite() && extent.min_element() > 0.0,
             "of an extent above 0 on each axis",
         )?;
-        let sound = self.error_rates.is_sound();
+        let valid = self.error_rates.is_sound();
         check(
             "error_rates",
             &self.error_rates,
-            sound,
-            "budgets that rise, with finite rates of at least 0 that do not",
+            valid,
+            "increasing budgets with finite, non-increasing rates of at least 0",
         )?;
-        let sound = self.work_prices.is_sound();
+        let valid = self.work_prices.is_sound();
         check(
             "work_prices",
             &self.work_prices,
-            sound,
+            valid,
             "as many kinds as prices, all finite and at least 0",
         )?;
         self.octree.validate()?;
@@ -265,11 +267,11 @@ impl FrontierMap {
         Ok(())
     }
 
-    /// Checks that this map was made for `scene`. Names may differ: a scene that was only renamed
-    /// is still the same.
+    /// Checks that this map was made for `scene`. Only fingerprints count: a renamed scene is still
+    /// the same.
     ///
     /// # Errors
-    /// When the fingerprints differ.
+    /// [`FrontierMapError::OtherScene`] when the fingerprints differ.
     pub fn matches_scene(&self, scene: &SceneIdentity) -> Result<(), FrontierMapError> {
         if self.scene.fingerprint == scene.fingerprint {
             return Ok(());

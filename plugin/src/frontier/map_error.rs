@@ -2,25 +2,25 @@
 
 use super::{FrontierMap, OctreeError, SceneIdentity};
 
-/// Why a frontier map cannot be read, written or used, with what to do about it.
+/// Why a frontier map cannot be read, written or used. Most messages include the remedy.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum FrontierMapError {
-    /// The text is no frontier map, or only a part of one.
+    /// The text is not a frontier map, or is truncated.
     #[error(
-        "line {line}, column {column}: {reason}: the file is cut off or was changed, run `frugal precompute` again"
+        "line {line}, column {column}: {reason}: the file is cut off or was edited, run `frugal precompute` again"
     )]
     Parse {
         /// Line, from 1.
         line: usize,
         /// Column, from 1.
         column: usize,
-        /// What the parser met.
+        /// The parser's message.
         reason: String,
     },
     /// Written by a newer version of this crate.
     #[error(
-        "frontier map of format version {found}, newer than {known}, which is all that this build reads: update bevy_frugal_gi, or run its own `frugal precompute` again",
+        "frontier map of format version {found}, newer than {known}, the only version that this build reads: update bevy_frugal_gi, or run the matching `frugal precompute` again",
         known = FrontierMap::VERSION
     )]
     Newer {
@@ -33,24 +33,24 @@ pub enum FrontierMapError {
         /// The file's version.
         found: u32,
     },
-    /// A number that cannot be.
+    /// A number out of its range.
     #[error(
         "frontier map with {field} = {value}, which must be {expected}: correct it, or run `frugal precompute` again"
     )]
     OutOfRange {
         /// Path of the field.
         field: &'static str,
-        /// What it holds.
+        /// Its value, as text.
         value: String,
-        /// What it should hold.
+        /// Its valid range, in words.
         expected: &'static str,
     },
-    /// The octree contradicts itself.
-    #[error("broken frontier map: {0}: run `frugal precompute` again")]
+    /// The octree is invalid.
+    #[error("invalid frontier map: {0}: run `frugal precompute` again")]
     Octree(#[from] OctreeError),
-    /// Settings with a level that the map's knobs do not have.
+    /// Settings with a level that the map's knobs lack.
     #[error(
-        "frontier {frontier} has settings {bits}, which the map's knobs do not have: run `frugal precompute` again"
+        "frontier {frontier} has settings {bits}, which the map's knobs lack: run `frugal precompute` again"
     )]
     UnknownSettings {
         /// Index of the frontier.
@@ -58,33 +58,33 @@ pub enum FrontierMapError {
         /// The packed settings.
         bits: u64,
     },
-    /// A power below 0, or an error outside 0 to 2.
+    /// A power below 0 W or not finite, or an error outside 0 to 2.
     #[error(
-        "frontier {frontier} has a point of {power_w} W and error {error}, which cannot be: run `frugal precompute` again"
+        "frontier {frontier} has a point of {power_w} W and error {error}, where power must be finite and at least 0 and error 0 to 2: run `frugal precompute` again"
     )]
     ImpossibleCost {
         /// Index of the frontier.
         frontier: usize,
         /// Power, watts.
         power_w: f64,
-        /// Error.
+        /// Error, 1 − SSIM.
         error: f64,
     },
-    /// Made for another scene, or for this one before it changed.
+    /// Made for another scene, or for an earlier state of this one.
     #[error(
-        "frontier map of scene `{}` ({}), while the scene is `{}` ({}): run `frugal precompute` again for this scene",
+        "frontier map of scene `{}` ({}), but the scene is `{}` ({}): run `frugal precompute` again for this scene",
         map.name, map.fingerprint, scene.name, scene.fingerprint
     )]
     OtherScene {
-        /// The scene that the map is of.
+        /// The scene of the map.
         map: SceneIdentity,
-        /// The scene at hand.
+        /// The scene that was compared with it.
         scene: SceneIdentity,
     },
     /// The serialiser failed.
     #[error("frontier map cannot be written: {reason}")]
     Unwritable {
-        /// What it said.
+        /// The serialiser's message.
         reason: String,
     },
 }
@@ -101,7 +101,7 @@ impl FrontierMapError {
 
 impl From<ron::error::SpannedError> for FrontierMapError {
     fn from(error: ron::error::SpannedError) -> Self {
-        // The end of the span is where the parser stood: for a file that is cut off, its last line.
+        // The end of the span is the parser's position: for a truncated file, its last line.
         Self::Parse {
             line: error.span.end.line,
             column: error.span.end.col,

@@ -1,15 +1,15 @@
-//! Tests of the map's text and of what it refuses.
+//! Tests of the map's text format and its validation.
 
 use super::*;
 use crate::frontier::testing;
 use crate::frontier::{CostPoint, Frontier, FrontierPoint, OctreeError};
 use crate::knobs::RenderSettings;
 
-fn refusal(change: fn(&mut FrontierMap)) -> FrontierMapError {
+fn rejection(change: fn(&mut FrontierMap)) -> FrontierMapError {
     let mut map = testing::map(1);
     change(&mut map);
     let text = map.to_ron().expect("writable");
-    let error = FrontierMap::from_ron(&text).expect_err("a refusal");
+    let error = FrontierMap::from_ron(&text).expect_err("a rejection");
     assert_eq!(error.to_string().lines().count(), 1, "{error}");
     error
 }
@@ -32,7 +32,7 @@ fn a_few_hundred_frontiers_take_tens_of_kilobytes() {
     assert!((300..500).contains(&map.octree.frontiers.len()));
     let text = map.to_ron().expect("writable");
     assert!(text.len() < 50_000, "{} bytes", text.len());
-    // Every corner and every frontier has a line to itself.
+    // Every corner and every frontier has a line of its own.
     assert!(
         text.lines().filter(|line| line.starts_with("[(")).count() == map.octree.frontiers.len(),
         "{text}"
@@ -40,18 +40,18 @@ fn a_few_hundred_frontiers_take_tens_of_kilobytes() {
 }
 
 #[test]
-fn a_newer_version_is_called_newer_whatever_else_it_holds() {
+fn a_newer_version_is_reported_as_newer_whatever_its_fields() {
     let text = testing::map(1).to_ron().expect("writable");
     let newer = text
         .replace("version:1", "version:2")
         .replace("seed:7", "seed:Some(Tree(of: [1, \"x\"])), weather: { \"rain\": 0.5 }");
     assert_ne!(newer, text);
     assert_eq!(FrontierMap::from_ron(&newer), Err(FrontierMapError::Newer { found: 2 }));
-    assert_eq!(refusal(|map| map.version = 0), FrontierMapError::Older { found: 0 });
+    assert_eq!(rejection(|map| map.version = 0), FrontierMapError::Older { found: 0 });
 }
 
 #[test]
-fn a_file_cut_anywhere_is_refused_and_names_the_line() {
+fn a_truncated_file_is_rejected_with_its_line() {
     let text = testing::map(1).to_ron().expect("writable");
     let whole = text.trim_end().len();
     for cut in (0..whole).step_by(7).chain([whole - 1]) {
@@ -72,7 +72,7 @@ fn a_file_cut_anywhere_is_refused_and_names_the_line() {
 }
 
 #[test]
-fn a_misspelt_field_is_refused_and_one_of_another_version_passed_over() {
+fn a_misspelt_field_is_rejected_and_one_of_another_version_ignored() {
     let text = testing::map(1).to_ron().expect("writable");
     let error = FrontierMap::from_ron(&text.replace("seed:7", "sead:7"))
         .expect_err("a misspelt field")
@@ -82,7 +82,7 @@ fn a_misspelt_field_is_refused_and_one_of_another_version_passed_over() {
         .expect_err("a misspelt field")
         .to_string();
     assert!(error.contains("vertical_fow"), "{error}");
-    // As maps had it before error budgets were calibrated.
+    // A field of maps from before error budgets were calibrated.
     let older = text.replace("seed:7", "seed:7,correction:(error:1.3,samples:24)");
     assert_eq!(
         FrontierMap::from_ron(&older).expect("a map of an earlier version"),
@@ -91,8 +91,8 @@ fn a_misspelt_field_is_refused_and_one_of_another_version_passed_over() {
 }
 
 #[test]
-fn numbers_out_of_range_are_refused_by_name() {
-    let field = |change| match refusal(change) {
+fn numbers_out_of_range_are_rejected_by_field_name() {
+    let field = |change| match rejection(change) {
         FrontierMapError::OutOfRange { field, .. } => field,
         other => panic!("{other}"),
     };
@@ -115,8 +115,8 @@ fn numbers_out_of_range_are_refused_by_name() {
 }
 
 #[test]
-fn broken_octrees_and_strange_settings_are_refused() {
-    let missing = refusal(|map| map.octree.corners.truncate(26));
+fn invalid_octrees_and_unknown_settings_are_rejected() {
+    let missing = rejection(|map| map.octree.corners.truncate(26));
     assert_eq!(missing, FrontierMapError::Octree(OctreeError::CornerMissing([2; 3])));
     let point = |bits, power, error| {
         Frontier::from_points([FrontierPoint {
@@ -146,7 +146,7 @@ fn broken_octrees_and_strange_settings_are_refused() {
 }
 
 #[test]
-fn scenes_are_told_apart_by_fingerprint() {
+fn scenes_are_identified_by_fingerprint() {
     let map = testing::map(0);
     let mut scene = map.scene.clone();
     scene.name = "renamed".into();

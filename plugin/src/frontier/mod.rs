@@ -1,4 +1,4 @@
-//! Pareto frontiers and the map that holds one for every sample camera.
+//! Pareto frontiers and the map that stores one for every sample camera.
 mod asset;
 mod error_rates;
 mod map;

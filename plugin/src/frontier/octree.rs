@@ -1,4 +1,4 @@
-//! The octree over camera positions: its leaves' corners carry six frontiers each.
+//! The octree over camera positions: each corner of its leaves stores six frontiers.
 //!
 //! Wang et al. 2016, "Real-Time Rendering on a Power Budget", sections 3.5.3 (how it is built) and
 //! 3.6 (how it is read).
@@ -9,27 +9,27 @@ use serde::{Deserialize, Serialize};
 
 use super::{Frontier, ViewDirection};
 
-/// One position at which frontiers are known.
+/// A lattice position with its frontiers.
 ///
-/// Serialised as nine whole numbers in a row: `at`, then `frontiers` with −1 for
-/// [`UNKNOWN`](Self::UNKNOWN). A map has hundreds of corners, and field names would be most of its
-/// file.
+/// Serialised as nine integers: `at`, then `frontiers` with −1 for [`UNKNOWN`](Self::UNKNOWN). A
+/// map has hundreds of corners; field names would make up most of its file.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Reflect, Serialize, Deserialize)]
 #[serde(try_from = "[i64; 9]", into = "[i64; 9]")]
 pub struct Corner {
     /// Lattice coordinates: the root spans 0 to 2^`levels` on each axis.
     pub at: [u16; 3],
-    /// Index into [`Octree::frontiers`] for each [`ViewDirection`]; [`Corner::UNKNOWN`] where the
-    /// view shows nothing.
+    /// Index into [`Octree::frontiers`] for each [`ViewDirection`], in index order;
+    /// [`Corner::UNKNOWN`] for an empty view.
     pub frontiers: [u32; 6],
 }
 
 impl Corner {
-    /// A view without a frontier: it sees nothing, or sits inside geometry.
+    /// Index of a view without a frontier: an empty view, or a camera inside geometry.
     pub const UNKNOWN: u32 = u32::MAX;
 }
 
-/// A number in a serialised [`Corner`] that is no lattice coordinate, frontier index or −1.
+/// A number in a serialised [`Corner`] that is neither a lattice coordinate (0 to 65535) nor a
+/// frontier index or −1.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 #[error(
     "{0} in an octree corner: coordinates are 0 to 65535, frontiers are -1 (unknown) or an index"
@@ -71,34 +71,34 @@ impl From<Corner> for [i64; 9] {
     }
 }
 
-/// Camera space, subdivided where frontiers differ.
+/// Octree over camera positions, subdivided where frontiers differ (Wang et al. 2016, section
+/// 3.5.3).
 #[derive(Clone, Debug, Default, PartialEq, Reflect, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Octree {
-    /// Depth of the lattice: a corner's coordinates go from 0 to 2^`levels`. At most 15.
+    /// Depth of the lattice, 0 to 15: a corner's coordinates range from 0 to 2^`levels`.
     pub levels: u8,
-    /// `nodes[0]` is the root. 0 marks a leaf; anything else is the index of the first of eight
-    /// children, which lie in a row in the order x + 2y + 4z (x = 1 is the upper half along X, and
-    /// so on).
+    /// `nodes[0]` is the root. 0 marks a leaf; any other value is the index of the first of eight
+    /// consecutive children, in the order x + 2y + 4z (x = 1 is the upper half along X, and so on).
     pub nodes: Vec<u32>,
     /// Every corner of every leaf once, sorted by `at` (lexicographically, as the array compares).
     pub corners: Vec<Corner>,
-    /// The frontiers that corners share.
+    /// The frontiers, shared by corners through their indices.
     pub frontiers: Vec<Frontier>,
 }
 
 /// A leaf of an [`Octree`]: a cube of the lattice.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Leaf {
-    /// Lattice coordinates of the corner where all three are least.
+    /// Lattice coordinates of the minimum corner.
     pub min: [u16; 3],
     /// Length of an edge, in lattice steps: a power of two, at least 1.
     pub size: u16,
 }
 
 impl Leaf {
-    /// Lattice coordinates of one of the eight corners, numbered x + 2y + 4z as children are. Bits
-    /// of `number` above the third are ignored.
+    /// Lattice coordinates of one of the eight corners, numbered x + 2y + 4z like children. Bits of
+    /// `number` above the third are ignored.
     pub fn corner(self, number: usize) -> [u16; 3] {
         std::array::from_fn(|axis| {
             if number >> axis & 1 == 1 {
@@ -110,11 +110,11 @@ impl Leaf {
     }
 }
 
-/// Where an [`Octree`] contradicts itself.
+/// Why an [`Octree`] is invalid.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[non_exhaustive]
 pub enum OctreeError {
-    /// A lattice finer than the coordinates can number.
+    /// More levels than lattice coordinates can represent.
     #[error("the octree has {0} levels, where at most {max} are allowed", max = Octree::MAX_LEVELS)]
     TooDeep(u8),
     /// No root.
@@ -127,70 +127,72 @@ pub enum OctreeError {
         node: u32,
         /// Its first child.
         first: u32,
-        /// How many nodes there are.
+        /// Number of nodes.
         count: usize,
     },
     /// A node with two parents, or one that is its own ancestor.
-    #[error("octree node {0} is reached twice: the nodes are no tree")]
+    #[error("octree node {0} is reached twice: the nodes are not a tree")]
     ReachedTwice(u32),
-    /// A node that belongs to nothing.
+    /// A node without a parent.
     #[error("octree node {0} has no parent")]
     Unreachable(usize),
     /// A node below the last level.
     #[error("octree node {0} has children below the last level")]
     BelowLastLevel(u32),
     /// A corner outside the root.
-    #[error("octree corner {at:?} lies outside the root, whose coordinates go to {limit}")]
+    #[error("octree corner {at:?} lies outside the root, whose largest coordinate is {limit}")]
     CornerOutside {
-        /// Where the corner is.
+        /// Lattice coordinates of the corner.
         at: [u16; 3],
-        /// The greatest coordinate.
+        /// The largest coordinate of the lattice.
         limit: u16,
     },
-    /// Corners out of order, or one twice.
+    /// Corners out of order, or a duplicate.
     #[error("octree corner {0:?} is out of order or appears twice")]
     CornersUnsorted([u16; 3]),
     /// A leaf without one of its eight corners.
     #[error("octree corner {0:?}, which a leaf needs, is missing")]
     CornerMissing([u16; 3]),
-    /// A frontier that is not there.
+    /// A frontier index beyond the end of the list.
     #[error("octree corner {at:?} uses frontier {index}, but there are only {count}")]
     FrontierOutOfRange {
-        /// Where the corner is.
+        /// Lattice coordinates of the corner.
         at: [u16; 3],
         /// The frontier's index.
         index: u32,
-        /// How many frontiers there are.
+        /// Number of frontiers.
         count: usize,
     },
 }
 
 impl Octree {
-    /// Most levels that an octree can have, so that 2^levels fits a coordinate.
+    /// Maximum number of levels, so that 2^levels fits a `u16` coordinate.
     pub const MAX_LEVELS: u8 = 15;
 
-    /// The greatest lattice coordinate: 2^`levels`.
+    /// The largest lattice coordinate: 2^`levels`, with `levels` limited to
+    /// [`MAX_LEVELS`](Self::MAX_LEVELS).
     pub fn lattice(&self) -> u16 {
         1 << self.levels.min(Self::MAX_LEVELS)
     }
 
-    /// The leaf that holds `position`, given with the root at 0 to 1 on each axis. Anything outside
-    /// is clamped to the root, and NaN counts as 0.
+    /// The leaf that contains `position`, with the root spanning 0 to 1 on each axis. Positions
+    /// outside are clamped to the root; NaN counts as 0.
     ///
-    /// A position on the border of two leaves belongs to the one further along the axis. Needs no
-    /// valid octree: it stops where the data stop making sense, and visits at most 15 nodes.
+    /// A position on the border of two leaves belongs to the upper one. Safe for invalid octrees:
+    /// the descent stops at the first invalid node, and visits at most 15 nodes.
     pub fn leaf_at(&self, position: Vec3) -> Leaf {
         let size = self.lattice();
-        // Float to integer conversion saturates and takes NaN to 0. Multiplying by a power of two
-        // is exact, so borders are where they should be.
-        let cell = position.to_array().map(|unit| ((unit * f32::from(size)) as u16).min(size - 1));
+        // Float to integer conversion saturates and maps NaN to 0. Multiplication by a power of two
+        // is exact, so borders are exact too.
+        let coordinates =
+            position.to_array().map(|unit| ((unit * f32::from(size)) as u16).min(size - 1));
         let mut leaf = Leaf { min: [0; 3], size };
         let mut node = 0;
         while leaf.size > 1 {
             let Some(&first) = self.nodes.get(node).filter(|first| **first != 0) else { break };
             leaf.size /= 2;
             let mut octant = 0;
-            for (axis, coordinate) in cell.iter().enumerate() {
+            for (axis, coordinate) in coordinates.iter().enumerate() {
                 if coordinate & leaf.size != 0 {
                     octant |= 1 << axis;
                     leaf.min[axis] += leaf.size;
@@ -201,7 +203,8 @@ impl Octree {
         leaf
     }
 
-    /// Index in [`corners`](Self::corners) of the corner at `at`, by binary search.
+    /// Index in [`corners`](Self::corners) of the corner with lattice coordinates `at`, by binary
+    /// search; `None` where there is none.
     pub fn corner_index(&self, at: [u16; 3]) -> Option<usize> {
         self.corners.binary_search_by(|corner| corner.at.cmp(&at)).ok()
     }
@@ -213,11 +216,11 @@ impl Octree {
             .filter(|frontier| !frontier.is_empty())
     }
 
-    /// Checks everything that reading relies on. Takes time linear in the octree's size (times the
-    /// logarithm of its corners), whatever the data.
+    /// Checks everything that look-ups rely on. Takes O(n log c) time for n nodes and c corners,
+    /// whatever the data.
     ///
     /// # Errors
-    /// The first contradiction that it meets.
+    /// The first fault found; see [`OctreeError`].
     pub fn validate(&self) -> Result<(), OctreeError> {
         if self.levels > Self::MAX_LEVELS {
             return Err(OctreeError::TooDeep(self.levels));
@@ -252,7 +255,7 @@ impl Octree {
         if count == 0 {
             return Err(OctreeError::NoRoot);
         }
-        // Each node is marked before it is stacked and never stacked twice, so this ends on any
+        // Each node is marked before it is pushed and never pushed twice, so the loop ends on any
         // data.
         let mut reached = vec![false; count];
         reached[0] = true;

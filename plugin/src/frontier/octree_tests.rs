@@ -6,41 +6,41 @@ use super::*;
 use crate::frontier::testing::{corners_of, subdivided};
 
 #[test]
-fn a_well_formed_octree_passes() {
+fn a_valid_octree_passes() {
     assert_eq!(subdivided(0).validate(), Ok(()));
     assert_eq!(subdivided(1).validate(), Ok(()));
     assert_eq!(subdivided(2).validate(), Ok(()));
 }
 
 #[test]
-fn every_contradiction_is_found() {
-    let broken = |change: fn(&mut Octree)| {
+fn every_fault_is_found() {
+    let fault_of = |change: fn(&mut Octree)| {
         let mut octree = subdivided(1);
         change(&mut octree);
-        octree.validate().expect_err("a broken octree")
+        octree.validate().expect_err("an invalid octree")
     };
-    assert_eq!(broken(|o| o.levels = 16), OctreeError::TooDeep(16));
-    assert_eq!(broken(|o| o.nodes.clear()), OctreeError::NoRoot);
+    assert_eq!(fault_of(|o| o.levels = 16), OctreeError::TooDeep(16));
+    assert_eq!(fault_of(|o| o.nodes.clear()), OctreeError::NoRoot);
     assert!(matches!(
-        broken(|o| o.nodes[0] = 2),
+        fault_of(|o| o.nodes[0] = 2),
         OctreeError::ChildOutOfRange { node: 0, first: 2, count: 9 }
     ));
-    assert!(matches!(broken(|o| o.nodes[0] = u32::MAX), OctreeError::ChildOutOfRange { .. }));
-    assert_eq!(broken(|o| o.nodes.push(0)), OctreeError::Unreachable(9));
-    assert_eq!(broken(|o| o.levels = 0), OctreeError::CornerOutside { at: [0, 0, 2], limit: 1 });
-    assert_eq!(broken(|o| o.corners.swap(3, 4)), OctreeError::CornersUnsorted([0, 1, 0]));
+    assert!(matches!(fault_of(|o| o.nodes[0] = u32::MAX), OctreeError::ChildOutOfRange { .. }));
+    assert_eq!(fault_of(|o| o.nodes.push(0)), OctreeError::Unreachable(9));
+    assert_eq!(fault_of(|o| o.levels = 0), OctreeError::CornerOutside { at: [0, 0, 2], limit: 1 });
+    assert_eq!(fault_of(|o| o.corners.swap(3, 4)), OctreeError::CornersUnsorted([0, 1, 0]));
     assert_eq!(
-        broken(|o| o.corners.insert(5, o.corners[4])),
+        fault_of(|o| o.corners.insert(5, o.corners[4])),
         OctreeError::CornersUnsorted([0, 1, 1])
     );
-    assert_eq!(broken(|o| o.corners.truncate(26)), OctreeError::CornerMissing([2, 2, 2]));
+    assert_eq!(fault_of(|o| o.corners.truncate(26)), OctreeError::CornerMissing([2, 2, 2]));
     assert!(matches!(
-        broken(|o| o.corners[7].frontiers[2] = 1_000_000),
+        fault_of(|o| o.corners[7].frontiers[2] = 1_000_000),
         OctreeError::FrontierOutOfRange { index: 1_000_000, .. }
     ));
-    // A leaf of level 1 that says that its children are the root's: a cycle, one level too deep or
-    // not.
-    assert_eq!(broken(|o| o.nodes[8] = 1), OctreeError::BelowLastLevel(8));
+    // A leaf of level 1 with the root's children as its own: a cycle, below the last level and
+    // above it.
+    assert_eq!(fault_of(|o| o.nodes[8] = 1), OctreeError::BelowLastLevel(8));
     let mut cycle = subdivided(1);
     cycle.levels = 2;
     cycle.nodes[8] = 1;
@@ -48,7 +48,7 @@ fn every_contradiction_is_found() {
 }
 
 #[test]
-fn look_up_clamps_hostile_positions() {
+fn look_ups_clamp_positions_out_of_range() {
     let octree = subdivided(1);
     let at = |x, y, z| octree.leaf_at(Vec3::new(x, y, z));
     assert_eq!(at(0.2, 0.7, 0.2), Leaf { min: [0, 1, 0], size: 1 });
@@ -63,7 +63,7 @@ fn look_up_clamps_hostile_positions() {
 }
 
 #[test]
-fn corners_serialise_as_nine_numbers_and_refuse_others() {
+fn corners_serialise_as_nine_numbers_and_reject_others() {
     let corner =
         Corner { at: [0, 3, 32768], frontiers: [0, 7, Corner::UNKNOWN, 1, 2, Corner::UNKNOWN] };
     let text = ron::to_string(&corner).expect("serialisable");
@@ -82,7 +82,7 @@ fn corners_serialise_as_nine_numbers_and_refuse_others() {
 
 proptest! {
     #[test]
-    fn any_data_is_judged_and_read_without_panic(
+    fn any_data_is_validated_and_read_without_panic(
         levels: u8,
         nodes in prop::collection::vec(prop_oneof![Just(0_u32), 0..40_u32, any::<u32>()], 0..40),
         corners in prop::collection::vec((any::<[u16; 3]>(), any::<[u32; 6]>()), 0..20),
@@ -97,7 +97,7 @@ proptest! {
     }
 
     #[test]
-    fn the_leaf_holds_the_position_and_has_its_corners(position in prop::array::uniform3(0.0_f32..=1.0)) {
+    fn the_leaf_contains_the_position_and_has_its_corners(position in prop::array::uniform3(0.0_f32..=1.0)) {
         let octree = subdivided(3);
         let leaf = octree.leaf_at(Vec3::from_array(position));
         let far = leaf.corner(7);

@@ -1,4 +1,4 @@
-//! Cost points, dominance, and the Pareto frontier of one camera with its two binary searches.
+//! Cost points, dominance, and the Pareto frontier of one camera with its look-ups by budget.
 //!
 //! Wang et al. 2016, equations 3.2 and 3.3, section 3.4.1.
 
@@ -8,36 +8,36 @@ use serde::{Deserialize, Serialize};
 use crate::knobs::RenderSettings;
 use crate::units::Watts;
 
-/// What settings cost at one camera.
+/// Power and error of settings at one camera.
 #[derive(Clone, Copy, Debug, PartialEq, Reflect, Serialize, Deserialize)]
 pub struct CostPoint {
-    /// Power at the target frame rate.
+    /// Power at the target frame rate, in watts; finite and at least 0 in a valid map.
     pub power: Watts,
-    /// 1 − SSIM against the same camera at the best settings: 0 is equal, 1 has nothing in common,
-    /// 2 is the worst possible.
+    /// 1 − SSIM against the same camera at the best settings, 0 to 2, no unit: 0 is identical, 1
+    /// uncorrelated, 2 the worst possible.
     pub error: f64,
 }
 
 impl CostPoint {
-    /// A cost point.
+    /// A cost point of `power_w` watts and `error` (1 − SSIM). Accepts any number.
     pub const fn new(power_w: f64, error: f64) -> Self {
         Self { power: Watts(power_w), error }
     }
 
-    /// Whether both numbers can be compared.
+    /// Whether both numbers are finite.
     pub fn is_finite(self) -> bool {
         self.power.0.is_finite() && self.error.is_finite()
     }
 
-    /// Whether this is better in one and at least as good in the other (Wang et al. 2016, section
-    /// 3.4.1). NaN dominates nothing.
+    /// Pareto dominance: whether this point is better in one objective and at least as good in the
+    /// other (Wang et al. 2016, section 3.4.1). NaN never dominates.
     pub fn dominates(self, other: Self) -> bool {
         (self.power <= other.power && self.error < other.error)
             || (self.power < other.power && self.error <= other.error)
     }
 }
 
-/// Settings with what they cost.
+/// Settings with their cost.
 #[derive(Clone, Copy, Debug, PartialEq, Reflect, Serialize, Deserialize)]
 pub struct FrontierPoint {
     /// The settings.
@@ -46,21 +46,21 @@ pub struct FrontierPoint {
     pub cost: CostPoint,
 }
 
-/// Settings none of which is beaten in both power and error: power strictly rises, error strictly
-/// falls.
+/// Pareto frontier: non-dominated settings in power and error. Power strictly increases, error
+/// strictly decreases.
 #[derive(Clone, Debug, Default, PartialEq, Reflect)]
 pub struct Frontier {
     points: Vec<FrontierPoint>,
 }
 
 impl Frontier {
-    /// The frontier of any points. Those that are not finite, and all but one of equal cost, are
-    /// dropped.
+    /// The frontier of any points. Drops dominated points, points that are not finite, and all but
+    /// one of equal cost.
     pub fn from_points(points: impl IntoIterator<Item = FrontierPoint>) -> Self {
         let mut points: Vec<_> =
             points.into_iter().filter(|point| point.cost.is_finite()).collect();
-        // Equal costs keep the smallest settings, so that the result does not depend on the order
-        // of the input.
+        // Among equal costs the smallest settings are kept, so that the result does not depend on
+        // the input order.
         points.sort_by(|a, b| {
             let cost = a
                 .cost
@@ -81,25 +81,25 @@ impl Frontier {
         Self { points }
     }
 
-    /// The points, cheapest first.
+    /// The points, in order of increasing power.
     pub fn points(&self) -> &[FrontierPoint] {
         &self.points
     }
 
-    /// Whether nothing is known of this camera.
+    /// Whether the frontier has no point: nothing is known of this camera.
     pub fn is_empty(&self) -> bool {
         self.points.is_empty()
     }
 
-    /// The least error with power at most `budget`: `None` where nothing is that cheap, or `budget`
-    /// is NaN.
+    /// The point of least error with power at most `budget`, in watts (equation 3.2). `None` where
+    /// no point is that cheap, or `budget` is NaN.
     pub fn least_error_within(&self, budget: Watts) -> Option<&FrontierPoint> {
         let within = self.points.partition_point(|point| point.cost.power <= budget);
         self.points[..within].last()
     }
 
-    /// The least power with error at most `budget`: `None` where nothing is that good, or `budget`
-    /// is NaN.
+    /// The point of least power with error at most `budget`, 1 − SSIM (equation 3.3). `None` where
+    /// no point is that good, or `budget` is NaN.
     pub fn least_power_within(&self, budget: f64) -> Option<&FrontierPoint> {
         if budget.is_nan() {
             return None;
@@ -108,11 +108,12 @@ impl Frontier {
         self.points.get(worse)
     }
 
-    /// The least power + `rate` × error, `rate` in watts per unit of error: the best settings where
-    /// it is infinite. `None` where nothing is known, or `rate` is NaN.
+    /// The point that minimises power + `rate` × error, with `rate` in watts per unit of error; the
+    /// best settings where `rate` is infinite. `None` where the frontier is empty, or `rate` is
+    /// NaN.
     ///
-    /// A walk over all points, which are a few dozen: a binary search would need the convex hull,
-    /// and save some nanoseconds.
+    /// A linear search over a few dozen points: a binary search would need the convex hull and save
+    /// a few nanoseconds.
     pub fn least_weighted(&self, rate: f64) -> Option<&FrontierPoint> {
         if rate.is_nan() {
             return None;
@@ -124,8 +125,8 @@ impl Frontier {
         self.points.iter().min_by(|a, b| sum(a).total_cmp(&sum(b)))
     }
 
-    /// The area that the frontier dominates, bounded by `reference`, in watts (error has no unit).
-    /// Larger is better.
+    /// Hypervolume: the area dominated by the frontier and bounded by `reference`, in watts (error
+    /// has no unit); at least 0. Larger is better.
     pub fn hypervolume(&self, reference: CostPoint) -> f64 {
         let inside = self
             .points
@@ -156,7 +157,7 @@ mod tests {
         Frontier::from_points([
             point(0, 1.0, 0.5),
             point(1, 2.0, 0.3),
-            point(2, 2.5, 0.3), // beaten
+            point(2, 2.5, 0.3), // dominated
             point(3, 4.0, 0.0),
             point(4, f64::NAN, 0.0),
             point(5, 3.0, f64::NAN),
@@ -165,7 +166,7 @@ mod tests {
     }
 
     #[test]
-    fn beaten_and_non_finite_points_are_dropped() {
+    fn dominated_and_non_finite_points_are_dropped() {
         let kept: Vec<_> = staircase().points().iter().map(|p| p.settings.bits()).collect();
         assert_eq!(kept, [0, 1, 3]);
     }
@@ -190,10 +191,10 @@ mod tests {
     }
 
     #[test]
-    fn a_rate_buys_error_as_long_as_it_is_cheap() {
+    fn a_rate_selects_the_least_weighted_sum() {
         let frontier = staircase();
         let at = |rate| frontier.least_weighted(rate).map(|p| p.settings.bits());
-        // From 1 W to 2 W each watt removes 0.2 of error, from 2 W to 4 W 0.15.
+        // From 1 W to 2 W each watt reduces the error by 0.2, from 2 W to 4 W by 0.15.
         assert_eq!(
             [0.0, 4.9, 5.1, 6.6, 6.7, f64::INFINITY].map(at),
             [Some(0), Some(0), Some(1), Some(1), Some(3), Some(3)]
@@ -209,7 +210,7 @@ mod tests {
         // (5 - 1) * 0.5 + (5 - 2) * 0.2 + (5 - 4) * 0.3 with the reference at (5, 1).
         let area = staircase().hypervolume(CostPoint::new(5.0, 1.0));
         assert!((area - (4.0 * 0.5 + 3.0 * 0.2 + 1.0 * 0.3)).abs() < 1e-12, "{area}");
-        // A reference that cuts points off counts only what is inside.
+        // Points outside the reference do not count.
         let area = staircase().hypervolume(CostPoint::new(3.0, 0.4));
         assert!((area - (3.0 - 2.0) * 0.1).abs() < 1e-12, "{area}");
     }

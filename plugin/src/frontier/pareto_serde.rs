@@ -1,8 +1,8 @@
-//! How a frontier is written: a list of `(settings, watts, error)`.
+//! Serialisation of a frontier: a list of `(settings, watts, error)`.
 //!
 //! Field names would make a map's file several times longer. Watts keep four significant digits and
-//! errors six decimals: both are finer than any meter or picture comparison that fills a map (Wang
-//! et al. 2016, section 3.7.1, quote ±5 % for theirs).
+//! errors six decimals: both are finer than any meter or image metric that fills a map (Wang et al.
+//! 2016, section 3.7.1, quote ±5 % for theirs).
 
 use serde::de::{Deserialize, Deserializer, Error as _, SeqAccess, Visitor};
 use serde::ser::{Serialize, SerializeSeq, Serializer};
@@ -10,22 +10,21 @@ use serde::ser::{Serialize, SerializeSeq, Serializer};
 use super::{CostPoint, Frontier, FrontierPoint};
 use crate::knobs::RenderSettings;
 
-/// The most points that are believed before they are read, so that a forged length allocates
+/// Maximum number of points to allocate for before they are read, so that a forged length allocates
 /// little.
-const BELIEVED_POINTS: usize = 1024;
+const MAX_PREALLOCATED_POINTS: usize = 1024;
 
 impl Frontier {
-    /// The frontier as a file keeps it: watts rounded to four significant digits, errors to six
-    /// decimals. Points that rounding makes equal or beaten are dropped. Rounding again changes
-    /// nothing.
+    /// The frontier as stored in a file: watts rounded to four significant digits, errors to six
+    /// decimals. Points that rounding makes equal or dominated are dropped. Rounding is idempotent.
     #[must_use]
     pub fn rounded(&self) -> Self {
         Self::from_points(self.points().iter().map(|point| {
-            // Printing rounds correctly in decimal, which multiplying and dividing by powers of ten
-            // does not. Both texts are numbers.
+            // Formatting rounds correctly in decimal; multiplication and division by powers of ten
+            // do not. Both texts always parse.
             let power = format!("{:.3e}", point.cost.power.0).parse().unwrap_or(point.cost.power.0);
             let error: f64 = format!("{:.6}", point.cost.error).parse().unwrap_or(point.cost.error);
-            // Adding zero turns −0, which prints as such, into 0.
+            // Adding zero turns −0, which would print as such, into 0.
             FrontierPoint { settings: point.settings, cost: CostPoint::new(power, error + 0.0) }
         }))
     }
@@ -43,8 +42,8 @@ impl Serialize for Frontier {
 }
 
 impl<'de> Deserialize<'de> for Frontier {
-    /// Refuses points that are not finite, or not in the order of rising power and falling error:
-    /// such a file was not written by this crate, and sorting it out silently would hide that.
+    /// Rejects points that are not finite, or not in order of increasing power and decreasing
+    /// error: this crate did not write such a file, and a silent repair would hide that.
     fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
         deserializer.deserialize_seq(Points)
     }
@@ -61,7 +60,7 @@ impl<'de> Visitor<'de> for Points {
 
     fn visit_seq<A: SeqAccess<'de>>(self, mut list: A) -> Result<Frontier, A::Error> {
         let mut points: Vec<FrontierPoint> =
-            Vec::with_capacity(list.size_hint().unwrap_or(0).min(BELIEVED_POINTS));
+            Vec::with_capacity(list.size_hint().unwrap_or(0).min(MAX_PREALLOCATED_POINTS));
         while let Some((settings, power, error)) =
             list.next_element::<(RenderSettings, f64, f64)>()?
         {
@@ -76,7 +75,7 @@ impl<'de> Visitor<'de> for Points {
                 .is_some_and(|last| last.cost.power >= cost.power || last.cost.error <= cost.error)
             {
                 let message = format_args!(
-                    "a frontier point of {power} W and error {error} is beaten by the one before, or out of order"
+                    "a frontier point of {power} W and error {error} is dominated by the one before, or out of order"
                 );
                 return Err(A::Error::custom(message));
             }
@@ -119,11 +118,11 @@ mod tests {
     }
 
     #[test]
-    fn what_is_no_frontier_is_refused() {
+    fn invalid_frontiers_are_rejected() {
         for (bad, why) in [
             ("[(0,2.0,0.1),(1,1.0,0.2)]", "out of order"),
-            ("[(0,1.0,0.1),(1,2.0,0.2)]", "beaten"),
-            ("[(0,1.0,0.1),(1,1.0,0.1)]", "beaten"),
+            ("[(0,1.0,0.1),(1,2.0,0.2)]", "dominated"),
+            ("[(0,1.0,0.1),(1,1.0,0.1)]", "dominated"),
             ("[(0,NaN,0.1)]", "finite"),
             ("[(0,1.0,inf)]", "finite"),
             ("[(0,1.0)]", ""),
@@ -135,11 +134,11 @@ mod tests {
 
     proptest! {
         #[test]
-        fn what_is_written_is_read_back(costs in prop::collection::vec((0.0..500.0_f64, 0.0..2.0_f64), 0..40)) {
+        fn written_frontiers_are_read_back(costs in prop::collection::vec((0.0..500.0_f64, 0.0..2.0_f64), 0..40)) {
             let points = costs.iter().enumerate().map(|(bits, (power, error))| point(bits as u64, *power, *error));
             let frontier = Frontier::from_points(points);
             let text = ron::to_string(&frontier).expect("serialisable");
-            let back: Frontier = ron::from_str(&text).expect("what was written");
+            let back: Frontier = ron::from_str(&text).expect("the written text");
             prop_assert_eq!(&back, &frontier.rounded());
             prop_assert_eq!(ron::to_string(&back), Ok(text));
             for (kept, original) in back.points().iter().filter_map(|p| Some((p, frontier.points().iter().find(|o| o.settings == p.settings)?))) {

@@ -1,4 +1,4 @@
-//! From a run-time camera to the frontier of its sample camera.
+//! Look-up of the frontier for a run-time camera.
 
 use bevy::math::Vec3;
 use bevy::reflect::Reflect;
@@ -7,47 +7,47 @@ use super::view_cube::directions_by_coverage;
 use super::{Bounds, CameraView, Frontier, FrontierMap, Leaf, Octree, ViewDirection};
 use crate::knobs::KnobSpace;
 
-/// Where frontiers come from: [`FrontierMap`], with its octree and view cubes, or any other
-/// structure over a scene's cameras.
+/// A source of frontiers: [`FrontierMap`], with its octree and view cubes, or any other structure
+/// over a scene's cameras.
 ///
-/// The controller asks once per camera and frame, so [`look_up`](Self::look_up) should take less
-/// than a microsecond and must not allocate.
+/// The controller calls [`look_up`](Self::look_up) once per camera and frame, so it should take
+/// less than a microsecond and must not allocate.
 pub trait FrontierStore: Send + Sync {
-    /// The frontier that fits `view` best, and whose it is. `None` where nothing is known. Never
-    /// panics, whatever numbers `view` holds.
+    /// The frontier that fits `view` best, with its sample camera. `None` where no frontier is
+    /// known. Must not panic for any numbers in `view`, NaN included.
     fn look_up(&self, view: &CameraView) -> Option<SampleRef<'_>>;
 
-    /// The knobs that the frontiers' settings set.
+    /// The knobs of the frontiers' settings.
     fn knobs(&self) -> &KnobSpace;
 
-    /// Watts that a unit of error is worth under an error budget, so that the mean keeps it; see
-    /// [`ErrorRates`](super::ErrorRates). `None` where the store does not know: each frame's error
-    /// is then limited.
+    /// Exchange rate λ that keeps the mean error within `budget` (1 − SSIM), in watts per unit of
+    /// error, at least 0; see [`ErrorRates`](super::ErrorRates). `None` without calibration: the
+    /// budget then limits each frame's error.
     fn error_rate(&self, budget: f64) -> Option<f64> {
         let _ = budget;
         None
     }
 
-    /// Mean of predicted errors at which an error budget is just kept. `None` where the store does
-    /// not know: the rate then stays as it is.
+    /// Mean predicted error (1 − SSIM) at which the error budget `budget` is just met. `None` where
+    /// it is unknown: the rate is then not adapted.
     fn error_target(&self, budget: f64) -> Option<f64> {
         let _ = budget;
         None
     }
 }
 
-/// Where a look-up begins: an octree corner, and a view direction.
+/// First candidate of a look-up: an octree corner and a view direction.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord, Reflect)]
 pub struct Address {
     /// Lattice coordinates of the corner.
     pub at: [u16; 3],
-    /// The direction that the picture covers most.
+    /// The direction that covers most of the image.
     pub direction: ViewDirection,
 }
 
-/// The address of a camera in `leaf` of an octree of so many `levels` over `bounds`: the leaf's
-/// nearest corner, and the view direction that the picture covers most (Wang et al. 2016, section
-/// 3.6).
+/// The address of a camera in `leaf` of an octree with `levels` levels (0 to 15; more count as 15)
+/// over `bounds`: the leaf's nearest corner, and the view direction that covers most of the image
+/// (Wang et al. 2016, section 3.6).
 pub fn address_in(bounds: &Bounds, levels: u8, leaf: Leaf, view: &CameraView) -> Address {
     let in_leaf =
         position_in(bounds, f32::from(1_u16 << levels.min(Octree::MAX_LEVELS)), leaf, view);
@@ -58,39 +58,39 @@ pub fn address_in(bounds: &Bounds, levels: u8, leaf: Leaf, view: &CameraView) ->
     }
 }
 
-/// The camera's position with the leaf at 0 to 1 on each axis.
+/// The camera's position, with the leaf spanning 0 to 1 on each axis.
 fn position_in(bounds: &Bounds, lattice: f32, leaf: Leaf, view: &CameraView) -> Vec3 {
     (bounds.to_unit(view.position) * lattice - Vec3::from_array(leaf.min.map(f32::from)))
         / f32::from(leaf.size)
 }
 
-/// A camera at which a frontier was found.
+/// A camera with a known frontier.
 #[derive(Clone, Copy, Debug, PartialEq, Reflect)]
 pub struct SampleCamera {
-    /// Number of the position in its store: for a [`FrontierMap`], the index of the octree corner.
+    /// Index of the position in its store: for a [`FrontierMap`], the index of the octree corner.
     pub corner: u32,
     /// World position, metres.
     pub position: Vec3,
-    /// Where it looks.
+    /// View direction.
     pub direction: ViewDirection,
 }
 
-/// What a look-up finds.
+/// Result of a look-up.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SampleRef<'a> {
-    /// Whose frontier it is.
+    /// The sample camera of the frontier.
     pub camera: SampleCamera,
     /// The frontier; not empty.
     pub frontier: &'a Frontier,
 }
 
 impl FrontierStore for FrontierMap {
-    /// Wang et al. 2016, section 3.6: the leaf that holds the camera, the view direction that its
-    /// picture covers most, the corner nearest to it.
+    /// Wang et al. 2016, section 3.6: the leaf that contains the camera, the view direction that
+    /// covers most of its image, and the nearest corner.
     ///
-    /// Where that corner does not know that view, the next nearest corner of the leaf that does;
-    /// where none does, the direction that the picture covers next. Cameras outside the bounds
-    /// count as at the nearest position inside.
+    /// Where that corner has no frontier for that direction, the next nearest corner of the leaf
+    /// that has one; where none has, the direction with the next largest share of the image. A
+    /// camera outside the bounds counts as one at the nearest position inside.
     fn look_up(&self, view: &CameraView) -> Option<SampleRef<'_>> {
         look_up_in(&self.octree, &self.bounds, view)
     }
@@ -108,7 +108,7 @@ impl FrontierStore for FrontierMap {
     }
 }
 
-/// [`FrontierMap`]'s look-up, in an octree over `bounds` that is no map yet.
+/// [`FrontierMap`]'s look-up, for an octree over `bounds` that is not part of a map.
 pub fn look_up_in<'a>(
     octree: &'a Octree,
     bounds: &Bounds,
@@ -135,11 +135,10 @@ pub fn look_up_in<'a>(
     None
 }
 
-/// Numbers of a leaf's eight corners, the nearest to `in_leaf` first, where the leaf is a box of
-/// the shape of `extent`.
+/// Numbers of a leaf's eight corners in order of distance to `in_leaf`, for a leaf with the
+/// proportions of `extent`.
 ///
-/// Corners at equal distance come in the order of their numbers, so that a camera that stands still
-/// keeps its sample.
+/// Ties are in order of the numbers, so that a static camera keeps its sample camera.
 fn corners_by_distance(in_leaf: Vec3, extent: Vec3) -> [u8; 8] {
     let to_lower = in_leaf * extent;
     let to_upper = (Vec3::ONE - in_leaf) * extent;

@@ -18,13 +18,13 @@ fn the_nearest_corner_and_the_view_straight_ahead_are_found() {
         assert_eq!(sample.camera.position, Vec3::new(-4.0, 0.0, 4.0));
         assert_eq!(sample.camera.direction, direction);
         assert_eq!(map.octree.corners[sample.camera.corner as usize].at, [0, 1, 2]);
-        // The test map's frontiers begin at one watt more than their view's number.
+        // The test map's frontiers start at one watt plus their view's index.
         assert_eq!(sample.frontier.points()[0].cost.power.0, 1.0 + direction.index() as f64);
     }
 }
 
 #[test]
-fn outside_the_bounds_the_nearest_position_inside_counts() {
+fn outside_the_bounds_the_nearest_position_inside_is_used() {
     let map = testing::map(2);
     for (outside, inside) in [
         (Vec3::new(100.0, 0.0, 0.3), Vec3::new(4.0, 0.0, 0.3)),
@@ -37,22 +37,22 @@ fn outside_the_bounds_the_nearest_position_inside_counts() {
 }
 
 #[test]
-fn an_unknown_view_is_taken_from_the_next_corner_then_from_the_next_view() {
+fn an_unknown_view_falls_back_to_the_next_corner_then_to_the_next_view() {
     let mut map = testing::map(0);
     let camera = view(Vec3::new(-3.0, -1.8, -3.5), ViewDirection::NegativeZ);
     let look_up = |map: &FrontierMap| {
         map.look_up(&camera).map(|sample| (sample.camera.position, sample.camera.direction))
     };
     assert_eq!(look_up(&map), Some((Vec3::new(-4.0, -2.0, -4.0), ViewDirection::NegativeZ)));
-    // The nearest corner does not know: the next along Y, where the box is short.
+    // The nearest corner has no frontier: the next along Y, where the box is short.
     map.octree.corners[0].frontiers[ViewDirection::NegativeZ.index()] = Corner::UNKNOWN;
     assert_eq!(look_up(&map), Some((Vec3::new(-4.0, 2.0, -4.0), ViewDirection::NegativeZ)));
-    // An empty frontier is as good as none.
+    // An empty frontier counts as none.
     let index = map.octree.corners[2].frontiers[ViewDirection::NegativeZ.index()];
     map.octree.frontiers[index as usize] = Frontier::default();
     let third = look_up(&map).expect("a sample");
     assert_eq!(third, (Vec3::new(4.0, -2.0, -4.0), ViewDirection::NegativeZ));
-    // No corner knows: the nearest corner again, another view.
+    // No corner has this view: the nearest corner again, with another view.
     map.octree
         .corners
         .iter_mut()
@@ -63,13 +63,13 @@ fn an_unknown_view_is_taken_from_the_next_corner_then_from_the_next_view() {
         direction != ViewDirection::NegativeZ && direction != ViewDirection::PositiveZ,
         "{direction:?}"
     );
-    // Nobody knows anything.
+    // No frontier at all.
     map.octree.corners.iter_mut().for_each(|corner| corner.frontiers = [Corner::UNKNOWN; 6]);
     assert_eq!(look_up(&map), None);
 }
 
 #[test]
-fn broken_maps_are_read_without_panic() {
+fn invalid_maps_are_read_without_panic() {
     let camera = view(Vec3::ZERO, ViewDirection::PositiveY);
     let mut map = testing::map(2);
     map.octree.nodes = vec![1; 9];
@@ -84,7 +84,7 @@ fn broken_maps_are_read_without_panic() {
 }
 
 #[test]
-#[ignore = "a timing: run it alone, on a machine at rest"]
+#[ignore = "a timing: run it alone, on an idle machine"]
 fn a_look_up_takes_less_than_a_microsecond() {
     let map = testing::map(6);
     let mut times: Vec<_> = (0..100_000)
@@ -107,7 +107,7 @@ fn a_look_up_takes_less_than_a_microsecond() {
 
 proptest! {
     #[test]
-    fn any_view_finds_something_and_always_the_same(
+    fn any_view_finds_a_sample_deterministically(
         position in prop::array::uniform3(prop::num::f32::ANY),
         rotation in prop::array::uniform4(prop::num::f32::ANY),
         vertical_fov in prop::num::f32::ANY,

@@ -15,10 +15,10 @@ pub(crate) fn corners_of(leaf: Leaf) -> impl Iterator<Item = [u16; 3]> {
 }
 
 /// An octree whose last child of each level is subdivided, down to `levels`, so that leaves of
-/// every size meet.
+/// every size occur.
 ///
-/// Every view of every corner has its own frontier, which tells the corner by its number and the
-/// view by its cheapest power.
+/// Every view of every corner has its own frontier, identified by its index; its cheapest power
+/// identifies the view.
 pub(crate) fn subdivided(levels: u8) -> Octree {
     let mut octree = Octree { levels, nodes: vec![0], ..Default::default() };
     let mut node = 0;
@@ -46,8 +46,8 @@ pub(crate) fn subdivided(levels: u8) -> Octree {
     octree
 }
 
-/// A frontier of three points, which costs `base`, `base` + 1 and `base` + 3 watts with errors of
-/// 0.2, 0.05 and 0.
+/// A frontier of three points at `base`, `base` + 1 and `base` + 3 watts with errors of 0.2, 0.05
+/// and 0.
 pub(crate) fn frontier(base: f64) -> Frontier {
     let settings =
         |samples, scale| RenderSettings::default().with_level(0, samples).with_level(1, scale);
@@ -60,7 +60,7 @@ pub(crate) fn frontier(base: f64) -> Frontier {
     ])
 }
 
-/// The knobs that [`frontier`] sets.
+/// The knobs of [`frontier`]'s settings.
 pub(crate) fn space() -> KnobSpace {
     let knobs = vec![
         Knob::new("samples", [0.0, 4.0, 8.0, 16.0, 32.0]),

@@ -6,11 +6,10 @@ use bevy::reflect::Reflect;
 use bevy::transform::components::GlobalTransform;
 use serde::{Deserialize, Serialize};
 
-/// Field of view, in radians, that stands for the parallel rays of an orthographic camera.
+/// Field of view, in radians, that represents the parallel rays of an orthographic camera.
 const PARALLEL_FOV: f32 = 0.001;
 
-/// Where a sample camera looks. The number of each is its index wherever six things are stored in a
-/// row.
+/// View direction of a sample camera. Arrays with one entry per direction use this order.
 #[derive(
     Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord, Reflect, Serialize, Deserialize,
 )]
@@ -40,12 +39,12 @@ impl ViewDirection {
         Self::NegativeZ,
     ];
 
-    /// Position in [`ALL`](Self::ALL).
+    /// Index in [`ALL`](Self::ALL), 0 to 5.
     pub const fn index(self) -> usize {
         self as usize
     }
 
-    /// Unit vector of the view.
+    /// Unit vector of the direction, in world space.
     pub const fn forward(self) -> Vec3 {
         match self {
             Self::PositiveX => Vec3::X,
@@ -57,7 +56,8 @@ impl ViewDirection {
         }
     }
 
-    /// Which way is up in the picture: +Y, or −Z for the two vertical views.
+    /// Unit vector of the image's up direction, in world space: +Y, or −Z for the two vertical
+    /// views.
     pub const fn up(self) -> Vec3 {
         match self {
             Self::PositiveY | Self::NegativeY => Vec3::NEG_Z,
@@ -65,7 +65,7 @@ impl ViewDirection {
         }
     }
 
-    /// Rotation of a camera (which looks along its own −Z) that looks this way.
+    /// World rotation of a camera with this view direction; a camera looks along its own −Z.
     pub fn rotation(self) -> Quat {
         let forward = self.forward();
         let right = forward.cross(self.up());
@@ -73,7 +73,7 @@ impl ViewDirection {
     }
 }
 
-/// What a run-time camera sees: enough to find its sample camera.
+/// View of a run-time camera: the input of a frontier look-up.
 #[derive(Clone, Copy, Debug, PartialEq, Reflect)]
 pub struct CameraView {
     /// World position, metres.
@@ -82,14 +82,14 @@ pub struct CameraView {
     pub rotation: Quat,
     /// Vertical field of view, radians, in (0, π).
     pub vertical_fov: f32,
-    /// Width ÷ height of the picture.
+    /// Width ÷ height of the image; finite, above 0.
     pub aspect: f32,
 }
 
 impl CameraView {
-    /// What a Bevy camera sees. Without a projection, a square picture of Bevy's default field of
-    /// view; an orthographic camera has a field of view of 0.001. Numbers of a broken camera, such
-    /// as one of no size, may be NaN.
+    /// The view of a Bevy camera. Without a projection the image is square with Bevy's default
+    /// field of view (π/4); an orthographic camera has a field of view of 0.001. An invalid camera,
+    /// such as one with an empty viewport, may give NaN, which look-ups accept.
     pub fn from_camera(transform: &GlobalTransform, projection: Option<&Projection>) -> Self {
         let (_, rotation, position) = transform.to_scale_rotation_translation();
         let (vertical_fov, aspect) = match projection {
@@ -101,8 +101,8 @@ impl CameraView {
                 (PARALLEL_FOV, size.x / size.y)
             }
             Some(Projection::Custom(custom)) => {
-                // A perspective matrix has cot(fov / 2) as its second diagonal element, and that
-                // divided by the aspect as its first.
+                // A perspective matrix has cot(fov / 2) as its second diagonal element, and cot(fov
+                // / 2) / aspect as its first.
                 let clip_from_view = custom.get_clip_from_view();
                 let (x, y) = (clip_from_view.x_axis.x, clip_from_view.y_axis.y);
                 (2.0 * y.abs().recip().atan(), (y / x).abs())
@@ -122,7 +122,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_bevy_camera_is_seen_as_it_stands_whatever_its_scale() {
+    fn a_bevy_camera_gives_its_view_whatever_its_scale() {
         let transform = Transform::from_xyz(1.0, 2.0, 3.0)
             .looking_to(Vec3::X, Vec3::Y)
             .with_scale(Vec3::splat(5.0));
@@ -146,7 +146,7 @@ mod tests {
     }
 
     #[test]
-    fn parallel_rays_are_a_field_of_view_of_next_to_nothing() {
+    fn parallel_rays_get_a_tiny_field_of_view() {
         let area = Rect::new(-3.0, -1.0, 3.0, 1.0);
         let projection = OrthographicProjection { area, ..OrthographicProjection::default_3d() };
         let view = CameraView::from_camera(

@@ -1,60 +1,60 @@
-//! Which of the six view directions a camera's picture covers most.
+//! The six view directions, ordered by their share of a camera's image.
 //!
-//! Wang et al. 2016, section 3.6, project the view frustum on the cube map that the leaf's sides
-//! form, and take the side with the largest part of it. We send a fixed grid of rays through the
-//! picture and count the side by which each leaves the cube: the share of the picture, which needs
-//! no polygon clipping.
+//! Wang et al. 2016, section 3.6, project the view frustum onto the cube map of the leaf's faces
+//! and select the face with the largest part of it. We cast a fixed grid of rays through the image
+//! and count the face by which each leaves the cube: the share of the image, without polygon
+//! clipping.
 //!
-//! Two things differ from the letter of it, so that the answer does not jump:
-//! - The eye stands half as far from the cube's centre as the camera does. From a camera on a side,
-//!   half of the picture leaves by that side at no distance, whatever it looks along; one step
-//!   further, in the next leaf, it would be the opposite side. Halved, a camera anywhere in the
-//!   leaf that looks along an axis gets that axis's view (up to a field of view of about 65 by 95
-//!   degrees), as its sample camera does.
-//! - A leaf counts as a cube even where its box is not: sample cameras look along the axes, so
-//!   directions count, and in a long corridor a box would give nearly all of the picture to the
-//!   walls.
+//! Two deviations from the paper keep the result stable:
+//! - The ray origin is half as far from the cube's centre as the camera. From a camera on a face,
+//!   half of the image leaves by that face at zero distance, whatever the view direction; one step
+//!   further, in the next leaf, it would be the opposite face. With half the distance, a camera
+//!   anywhere in the leaf that looks along an axis gets that axis's direction (up to a field of
+//!   view of about 65 by 95 degrees), as its sample camera does.
+//! - Every leaf counts as a cube, even where its box is not one: sample cameras look along the
+//!   axes, so directions count, and in a long corridor a box would assign nearly all of the image
+//!   to the walls.
 
 use bevy::math::{Quat, Vec3};
 
 use super::{CameraView, ViewDirection};
 
-/// Rays along each side of the picture. 8 × 8 rays tell shares of 2 % apart and take some 200 ns.
+/// Rays along each side of the image. 8 × 8 rays resolve shares of 2 % and take some 200 ns.
 const RAYS: usize = 8;
 
-/// How far off centre the eye stands, as a share of the camera's.
+/// Distance of the ray origin from the centre, as a fraction of the camera's distance.
 const PARALLAX: f32 = 0.5;
 
-/// A vertical field of view where the view's is no number: 60 degrees.
+/// Vertical field of view where the view's is NaN: 60 degrees, in radians.
 const FALLBACK_FOV: f32 = std::f32::consts::FRAC_PI_3;
 
-/// The six view directions, the one that the picture covers most first.
+/// The six view directions in order of decreasing share of the image.
 ///
-/// `in_leaf` is the camera's position with the leaf at 0 to 1 on each axis. Any view is answered:
-/// what is not a number, or out of its range, is replaced by something sensible.
+/// `in_leaf` is the camera's position, with the leaf spanning 0 to 1 on each axis. Any view is
+/// valid: NaN is replaced by a default, and numbers out of range are clamped.
 pub(crate) fn directions_by_coverage(in_leaf: Vec3, view: &CameraView) -> [ViewDirection; 6] {
-    let rotation = sane_rotation(view.rotation);
-    let tangent = (sane_or(view.vertical_fov, FALLBACK_FOV).clamp(1e-3, 3.1) * 0.5).tan();
+    let rotation = unit_rotation(view.rotation);
+    let tangent = (not_nan_or(view.vertical_fov, FALLBACK_FOV).clamp(1e-3, 3.1) * 0.5).tan();
     let (half_height, half_width) =
-        (tangent, tangent * sane_or(view.aspect, 1.0).clamp(0.01, 100.0));
+        (tangent, tangent * not_nan_or(view.aspect, 1.0).clamp(0.01, 100.0));
     let (right, up, forward) =
         (rotation * Vec3::X * half_width, rotation * Vec3::Y * half_height, rotation * Vec3::NEG_Z);
 
-    // A ray leaves by the side whose distance ÷ speed is least; speed ÷ distance needs no division
-    // per ray. The eye is at least a quarter of the cube away from every side, so the reciprocals
+    // A ray leaves by the face of least distance ÷ speed; speed ÷ distance needs no division per
+    // ray. The origin is at least a quarter of the cube away from every face, so the reciprocals
     // are finite.
-    let eye = (in_leaf.clamp(Vec3::ZERO, Vec3::ONE) - 0.5) * PARALLAX;
-    let to_upper = (0.5 - eye).recip();
-    let to_lower = (0.5 + eye).recip();
+    let origin = (in_leaf.clamp(Vec3::ZERO, Vec3::ONE) - 0.5) * PARALLAX;
+    let to_upper = (0.5 - origin).recip();
+    let to_lower = (0.5 + origin).recip();
 
     let mut counts = [0_u8; 6];
     for row in 0..RAYS {
         let along_row = forward + up * offset(row);
         for column in 0..RAYS {
-            counts[side(along_row + right * offset(column), to_upper, to_lower)] += 1;
+            counts[face(along_row + right * offset(column), to_upper, to_lower)] += 1;
         }
     }
-    // Equal shares, above all none, are ranked by how far the camera looks that way.
+    // Ties, mostly of empty shares, are ordered by the angle to the camera's forward direction.
     let score = |direction: ViewDirection| {
         f32::from(counts[direction.index()]) + 0.4 * forward.dot(direction.forward())
     };
@@ -65,14 +65,14 @@ pub(crate) fn directions_by_coverage(in_leaf: Vec3, view: &CameraView) -> [ViewD
     directions
 }
 
-/// Middle of the `index`-th of [`RAYS`] equal parts of −1 to 1.
+/// Centre of the `index`-th of [`RAYS`] equal intervals of −1 to 1.
 fn offset(index: usize) -> f32 {
     (2 * index + 1) as f32 / RAYS as f32 - 1.0
 }
 
-/// Index of the side by which a ray leaves. A ray through an edge leaves by the side of the first
+/// Index of the face by which a ray leaves. A ray through an edge leaves by the face of the first
 /// axis.
-fn side(ray: Vec3, to_upper: Vec3, to_lower: Vec3) -> usize {
+fn face(ray: Vec3, to_upper: Vec3, to_lower: Vec3) -> usize {
     let rate = |axis: usize| {
         if ray[axis] < 0.0 { -ray[axis] * to_lower[axis] } else { ray[axis] * to_upper[axis] }
     };
@@ -87,11 +87,11 @@ fn side(ray: Vec3, to_upper: Vec3, to_lower: Vec3) -> usize {
     2 * axis + usize::from(ray[axis] < 0.0)
 }
 
-fn sane_or(value: f32, otherwise: f32) -> f32 {
+fn not_nan_or(value: f32, otherwise: f32) -> f32 {
     if value.is_nan() { otherwise } else { value }
 }
 
-fn sane_rotation(rotation: Quat) -> Quat {
+fn unit_rotation(rotation: Quat) -> Quat {
     let length_squared = rotation.length_squared();
     if length_squared.is_finite() && length_squared > 1e-12 {
         rotation * length_squared.sqrt().recip()
@@ -116,7 +116,7 @@ mod tests {
     }
 
     #[test]
-    fn a_camera_that_looks_along_an_axis_gets_its_view_anywhere_in_the_leaf() {
+    fn a_camera_along_an_axis_gets_that_direction_anywhere_in_the_leaf() {
         let steps = [0.0, 1e-6, 0.25, 0.5, 0.9, 1.0];
         for direction in ViewDirection::ALL {
             for number in 0..steps.len().pow(3) {
@@ -132,8 +132,8 @@ mod tests {
     }
 
     #[test]
-    fn from_the_centre_the_share_is_that_of_a_cube_map() {
-        // Turned 40 degrees from −Z towards +X, a picture 60 degrees wide shows −Z up to 45
+    fn from_the_centre_the_shares_are_those_of_a_cube_map() {
+        // Rotated by 40 degrees from −Z towards +X, an image 60 degrees wide covers −Z up to 45
         // degrees: 35 of its 60 degrees, and the rest is +X.
         let square = |degrees: f32| CameraView {
             aspect: 1.0,
@@ -143,7 +143,7 @@ mod tests {
         assert_eq!(order[..2], [ViewDirection::NegativeZ, ViewDirection::PositiveX]);
         let order = directions_by_coverage(Vec3::splat(0.5), &square(50.0));
         assert_eq!(order[..2], [ViewDirection::PositiveX, ViewDirection::NegativeZ]);
-        // Nearer to the +X side, more of the picture leaves by it.
+        // Nearer to the +X face, more of the image leaves by it.
         let order = directions_by_coverage(Vec3::new(1.0, 0.5, 0.5), &square(40.0));
         assert_eq!(order[..2], [ViewDirection::PositiveX, ViewDirection::NegativeZ]);
     }
@@ -161,7 +161,7 @@ mod tests {
 
     proptest! {
         #[test]
-        fn any_view_is_answered_with_all_six_directions(
+        fn any_view_returns_all_six_directions(
             in_leaf in prop::array::uniform3(prop::num::f32::ANY),
             rotation in prop::array::uniform4(prop::num::f32::ANY),
             vertical_fov in prop::num::f32::ANY,
@@ -174,7 +174,7 @@ mod tests {
         }
 
         #[test]
-        fn the_scale_of_the_rotation_does_not_count(rotation in prop::array::uniform4(-1.0_f32..1.0), scale in 0.1_f32..10.0) {
+        fn the_scale_of_the_rotation_has_no_effect(rotation in prop::array::uniform4(-1.0_f32..1.0), scale in 0.1_f32..10.0) {
             let unit = Quat::from_array(rotation);
             prop_assume!(unit.length() > 0.1);
             let at = |rotation| directions_by_coverage(Vec3::splat(0.5), &CameraView { vertical_fov: 0.02, ..looking(rotation) })[0];

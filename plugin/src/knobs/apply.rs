@@ -1,4 +1,4 @@
-//! Applies a camera's settings when they change, and does nothing when they do not.
+//! Applies a camera's settings when they change, and is idle otherwise.
 
 use bevy::app::{App, Plugin, PostUpdate};
 use bevy::camera::{Camera, CameraUpdateSystems};
@@ -11,8 +11,8 @@ use super::{builtin, warm};
 use crate::control::KnownKnobs;
 use crate::schedule::KnobSystems;
 
-/// Adds the built-in knobs and the systems that apply [`KnobSettings`] and [warm](super::WarmKnobs)
-/// them.
+/// Registers the built-in knobs and adds the systems that apply [`KnobSettings`] and
+/// [warm](super::WarmKnobs) them.
 #[derive(Clone, Debug, Default)]
 pub struct KnobPlugin;
 
@@ -45,8 +45,8 @@ impl Plugin for KnobPlugin {
 
     fn finish(&self, app: &mut App) {
         crate::pipelines::finish(app);
-        // By now every plugin has registered its knobs: a map that asks for others is refused by
-        // the controller.
+        // By now every plugin has registered its knobs: the controller rejects a map with other
+        // knobs.
         let known = app
             .world()
             .get_resource::<KnobRegistry>()
@@ -59,14 +59,14 @@ impl Plugin for KnobPlugin {
     }
 }
 
-/// The levels last applied to a camera, by knob.
+/// The levels last applied to a camera, by knob name. Written by [`KnobPlugin`].
 #[derive(Component, Clone, Debug, Default, PartialEq)]
 pub struct AppliedKnobs {
     levels: HashMap<String, usize>,
 }
 
 impl AppliedKnobs {
-    /// The level at which the knob called `name` stands, if it was ever set.
+    /// Index of the level last applied to the knob called `name`; `None` if it was never set.
     pub fn level(&self, name: &str) -> Option<usize> {
         self.levels.get(name).copied()
     }
@@ -76,7 +76,7 @@ fn any_settings_changed(
     changed: Query<(), Changed<KnobSettings>>,
     mut removed: RemovedComponents<KnobSettings>,
 ) -> bool {
-    // Both must be asked in each frame, or removals pile up.
+    // Both must be read every frame, or removals accumulate.
     let removed = removed.read().count() > 0;
     removed || !changed.is_empty()
 }
@@ -86,32 +86,32 @@ fn apply_settings(world: &mut World, mut last_run: Local<bevy::ecs::change_detec
     let since = std::mem::replace(&mut *last_run, world.change_tick());
     let now = world.change_tick();
     let mut cameras = world.query_filtered::<(Entity, Ref<KnobSettings>, &Camera), With<Camera>>();
-    let mut wanted: Vec<(Entity, bool, KnobSettings)> = Vec::new();
+    let mut requested: Vec<(Entity, bool, KnobSettings)> = Vec::new();
     for (entity, settings, camera) in cameras.iter(world) {
         if camera.is_active {
-            let fresh = settings.last_changed().is_newer_than(since, now);
-            wanted.push((entity, fresh, KnobSettings::clone(&settings)));
+            let changed = settings.last_changed().is_newer_than(since, now);
+            requested.push((entity, changed, KnobSettings::clone(&settings)));
         }
     }
-    for (entity, _, settings) in wanted.iter().filter(|(_, fresh, _)| *fresh) {
+    for (entity, _, settings) in requested.iter().filter(|(_, changed, _)| *changed) {
         apply_to_camera(world, &registry, *entity, settings);
     }
-    apply_to_app(world, &registry, &wanted);
+    apply_to_app(world, &registry, &requested);
     world.increment_change_tick();
 }
 
-/// Every knob of `settings` whose level differs from the one last applied.
+/// Applies every knob of the camera's scope whose level differs from the one last applied.
 fn apply_to_camera(
     world: &mut World,
     registry: &KnobRegistry,
     entity: Entity,
-    wanted: &KnobSettings,
+    requested: &KnobSettings,
 ) {
     let mut applied = world.get::<AppliedKnobs>(entity).cloned().unwrap_or_default();
-    for (index, knob) in wanted.space.knobs().iter().enumerate() {
-        let level = wanted.settings.level(index).min(knob.levels.len() - 1);
+    for (index, knob) in requested.space.knobs().iter().enumerate() {
+        let level = requested.settings.level(index).min(knob.levels.len() - 1);
         let Some(driver) = registry.get(&knob.name) else {
-            warn_once!("knob `{}` is not registered in this app: it is ignored", knob.name);
+            warn_once!("knob `{}` is not registered in this app and is ignored", knob.name);
             continue;
         };
         if driver.scope() == KnobScope::Camera && applied.level(&knob.name) != Some(level) {
@@ -128,14 +128,14 @@ fn apply_to_camera(
 #[derive(Resource, Default)]
 struct AppliedToApp(HashMap<String, f64>);
 
-/// For every knob of the app's own state, the highest level that any active camera asks for.
+/// Applies, for every knob of app scope, the highest level among all active cameras.
 fn apply_to_app(
     world: &mut World,
     registry: &KnobRegistry,
-    wanted: &[(Entity, bool, KnobSettings)],
+    requested: &[(Entity, bool, KnobSettings)],
 ) {
     let mut highest: HashMap<String, (Entity, super::Level)> = HashMap::default();
-    for (entity, _, settings) in wanted {
+    for (entity, _, settings) in requested {
         for (index, knob) in settings.space.knobs().iter().enumerate() {
             if registry.get(&knob.name).is_none_or(|driver| driver.scope() != KnobScope::App) {
                 continue;

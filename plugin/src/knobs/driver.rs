@@ -1,4 +1,4 @@
-//! How a knob's level becomes the app's state, and the registry of all knobs.
+//! Drivers, which apply a knob's level to the app's state, and the registry of all knobs.
 
 use std::sync::Arc;
 
@@ -7,47 +7,48 @@ use bevy::ecs::prelude::*;
 
 use super::{Knob, KnobSpace, KnobSpaceError, Level};
 
-/// Whose state a knob changes.
+/// Scope of the state that a knob changes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum KnobScope {
-    /// One camera's.
+    /// One camera.
     Camera,
-    /// The whole app's. With several cameras, the highest level that any of them asks for holds.
+    /// The whole app. With several active cameras, the highest of their levels is applied.
     App,
 }
 
-/// Puts a knob's level into effect.
+/// Applies a knob's levels.
 pub trait KnobDriver: Send + Sync + 'static {
-    /// Name and levels.
+    /// The knob's name, levels and dependency. Must return the same knob at every call.
     fn knob(&self) -> Knob;
 
-    /// Whose state it changes.
+    /// Scope of the state that it changes; one camera by default.
     fn scope(&self) -> KnobScope {
         KnobScope::Camera
     }
 
-    /// Whether the knob is only turned where somebody names it: because it changes what a picture
-    /// aims at rather than how near it comes. A map, a search and the best settings leave it alone
-    /// otherwise.
+    /// Whether the knob is opt-in: part of a space only where it is named explicitly. For knobs
+    /// that change the target image, not the approximation quality. Maps, searches and the best
+    /// settings leave it unchanged otherwise. Default: false.
     fn is_by_name_only(&self) -> bool {
         false
     }
 
-    /// Sets `level`. Called only when the level differs from the last one applied to `camera`.
+    /// Applies `level`, one of [`knob`](Self::knob)'s. Called only when it differs from the level
+    /// last applied to `camera`, or to the app for a knob of [app scope](KnobScope::App).
     ///
-    /// `camera` exists and has a camera. Must not panic when what the knob works on is missing: it
-    /// then has no effect.
+    /// `camera` is an existing entity with a `Camera`. Must not panic when the component or
+    /// resource that the knob changes is missing: the knob then has no effect.
     fn apply(&self, world: &mut World, camera: Entity, level: &Level);
 }
 
-/// Every knob that the app has.
+/// All knobs of the app, in the order of registration.
 #[derive(Resource, Clone, Default)]
 pub struct KnobRegistry {
     drivers: Vec<Arc<dyn KnobDriver>>,
 }
 
 impl KnobRegistry {
-    /// Adds a knob. One of the same name is replaced, in place.
+    /// Adds a knob. Replaces a knob of the same name, in place.
     pub fn add(&mut self, driver: impl KnobDriver) {
         let name = driver.knob().name;
         let driver: Arc<dyn KnobDriver> = Arc::new(driver);
@@ -57,28 +58,31 @@ impl KnobRegistry {
         }
     }
 
-    /// The driver of the knob called `name`.
+    /// The driver of the knob called `name`; `None` if none is registered.
     pub fn get(&self, name: &str) -> Option<&Arc<dyn KnobDriver>> {
         self.drivers.iter().find(|driver| driver.knob().name == name)
     }
 
-    /// The knobs that need not be named, in the order of registration.
+    /// The space of all knobs that are not opt-in, in the order of registration.
     ///
     /// # Errors
-    /// When there are too many, or one has no sound levels.
+    /// [`KnobSpaceError`] when there are more knobs than settings can pack, or one has invalid
+    /// levels.
     pub fn space(&self) -> Result<KnobSpace, KnobSpaceError> {
         self.space_with(|_| false)
     }
 
-    /// The same, and of the others those whose names `is_named` says are.
+    /// The space of all knobs that are not opt-in, and of the opt-in knobs for which `is_named` is
+    /// true, in the order of registration.
     ///
     /// # Errors
-    /// When there are too many, or one has no sound levels.
+    /// [`KnobSpaceError`] when there are more knobs than settings can pack, or one has invalid
+    /// levels.
     pub fn space_with(&self, is_named: impl Fn(&str) -> bool) -> Result<KnobSpace, KnobSpaceError> {
         let offered = self.drivers.iter().map(|driver| (driver.knob(), driver.is_by_name_only()));
         KnobSpace::new(
             offered
-                .filter(|(knob, by_name)| !by_name || is_named(&knob.name))
+                .filter(|(knob, opt_in)| !opt_in || is_named(&knob.name))
                 .map(|(knob, _)| knob)
                 .collect(),
         )
@@ -87,7 +91,7 @@ impl KnobRegistry {
 
 /// Registers knobs on an app.
 pub trait RegisterKnob {
-    /// Adds a knob of your own.
+    /// Adds the knob of `driver`, or replaces the one of the same name. See [`KnobRegistry::add`].
     fn register_knob(&mut self, driver: impl KnobDriver) -> &mut Self;
 }
 

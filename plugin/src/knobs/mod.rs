@@ -1,10 +1,10 @@
-//! Quality knobs: what can be set ([`KnobSpace`]), what is set ([`KnobSettings`]), and how a level
-//! reaches a camera ([`KnobDriver`]).
+//! Quality knobs: the available knobs ([`KnobSpace`]), a camera's levels ([`KnobSettings`]), and
+//! the drivers that apply a level ([`KnobDriver`]).
 //!
 //! To add a knob, write a [`KnobDriver`] and register it with [`RegisterKnob::register_knob`]; the
 //! built-in ones are one file each under `builtin/` and are listed in one place, [`KnobPlugin`].
-//! [`WarmKnobs`] goes through all levels behind a loading screen, so that no later switch waits for
-//! a shader compiler.
+//! [`WarmKnobs`] shows all levels behind a loading screen, so that no later switch waits for a
+//! shader compiler.
 
 mod apply;
 mod builtin;

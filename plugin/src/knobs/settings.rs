@@ -6,14 +6,14 @@ use bevy::ecs::prelude::*;
 
 use super::{KnobSpace, RenderSettings};
 
-/// The levels at which this camera's knobs stand, applied whenever they change. Set by hand, or by
-/// the controller.
+/// The levels of this camera's knobs, applied whenever they change. Set by the app, or by the
+/// controller.
 ///
-/// Knobs that `space` leaves out stay as the app has set them.
+/// Knobs outside `space` keep the app's own setting.
 #[derive(Component, Clone, Debug, PartialEq)]
 pub struct KnobSettings {
-    /// What the bits of `settings` mean.
+    /// The knobs that `settings` refers to.
     pub space: Arc<KnobSpace>,
-    /// One level per knob of `space`.
+    /// One level per knob of `space`. A level beyond a knob's last counts as the last.
     pub settings: RenderSettings,
 }

@@ -1,18 +1,17 @@
-//! What can be set: knobs, their levels, and settings as one level per knob packed into an integer.
+//! Knobs, their levels, and settings: one level per knob, packed into an integer.
 //!
-//! Plain Rust: knows no renderer. How a level is applied to a camera is
-//! [`KnobDriver`](super::KnobDriver)'s business.
+//! Independent of the renderer: a [`KnobDriver`](super::KnobDriver) applies a level to a camera.
 
 use bevy::reflect::Reflect;
 use serde::{Deserialize, Serialize};
 
-/// Bits that each knob takes in [`RenderSettings`].
+/// Bits per knob in [`RenderSettings`].
 const BITS: u32 = 4;
 
-/// One level per knob of a [`KnobSpace`], four bits each, the space's first knob in the lowest
-/// bits.
+/// One level per knob of a [`KnobSpace`], four bits each, with the space's first knob in the lowest
+/// bits. Higher levels give higher quality, usually at a higher cost.
 ///
-/// Wang et al. 2016, section 3.7.2, pack theirs the same way into 32 bits.
+/// Wang et al. 2016, section 3.7.2, use the same packing in 32 bits.
 #[derive(
     Clone,
     Copy,
@@ -31,12 +30,13 @@ const BITS: u32 = 4;
 pub struct RenderSettings(u64);
 
 impl RenderSettings {
-    /// Most knobs that a space can have.
+    /// Maximum number of knobs of a space.
     pub const MAX_KNOBS: usize = (u64::BITS / BITS) as usize;
-    /// Most levels that a knob can have.
+    /// Maximum number of levels of a knob.
     pub const MAX_LEVELS: usize = 1 << BITS;
 
-    /// The settings that `bits` pack.
+    /// The settings of the packed form `bits`. Any value is accepted; [`KnobSpace::contains`]
+    /// checks it.
     pub const fn from_bits(bits: u64) -> Self {
         Self(bits)
     }
@@ -46,12 +46,12 @@ impl RenderSettings {
         self.0
     }
 
-    /// The level of the space's `knob`-th knob.
+    /// Level of the space's `knob`-th knob, 0 to 15, for `knob` from 0 to 15.
     pub const fn level(self, knob: usize) -> usize {
         ((self.0 >> (knob as u32 * BITS)) & (Self::MAX_LEVELS as u64 - 1)) as usize
     }
 
-    /// These settings with the `knob`-th knob at `level`, which must be below
+    /// These settings with the `knob`-th knob, 0 to 15, at `level`. Panics if `level` is not below
     /// [`MAX_LEVELS`](Self::MAX_LEVELS).
     #[must_use]
     pub const fn with_level(self, knob: usize, level: usize) -> Self {
@@ -62,43 +62,46 @@ impl RenderSettings {
     }
 }
 
-/// One position of a knob.
+/// One level of a knob.
 #[derive(Clone, Debug, PartialEq, Reflect, Serialize, Deserialize)]
 pub struct Level {
-    /// The quantity that the level stands for, in the knob's own unit (samples, texels, a share of
-    /// pixels…).
+    /// The level's value, in the knob's own unit (samples, texels, a share of pixels…); finite,
+    /// increasing with quality.
     pub value: f64,
-    /// How people read it.
+    /// Label of the level on the command line, in files and in reports. Should be unique in its
+    /// knob.
     pub label: String,
 }
 
-/// A condition under which a knob acts at all.
+/// Condition under which a knob has an effect: another knob at a minimum level.
 #[derive(Clone, Debug, PartialEq, Eq, Reflect, Serialize, Deserialize)]
 pub struct Need {
     /// Name of the other knob.
     pub knob: String,
-    /// The level that the other knob must have, at the least.
+    /// Minimum level of the other knob, as an index.
     pub at_least: usize,
 }
 
-/// One thing that trades quality for power.
+/// A quality knob: a rendering parameter that trades quality for power.
 #[derive(Clone, Debug, PartialEq, Reflect, Serialize, Deserialize)]
 pub struct Knob {
-    /// Identifier in snake case, unique in its space, the same on the command line and in files.
+    /// Identifier in snake case, unique in its space; used on the command line and in files.
     pub name: String,
-    /// Ordered, cheapest first; at least one.
+    /// Levels in order of increasing quality, usually cheapest first; 1 to
+    /// [`RenderSettings::MAX_LEVELS`].
     pub levels: Vec<Level>,
-    /// Where it is not met, every level of this knob gives the same picture at the same cost.
+    /// Dependency on another knob. Unless it is met, all levels of this knob give the same image at
+    /// the same cost.
     pub needs: Option<Need>,
 }
 
 impl Knob {
-    /// A knob whose levels are labelled by their values.
+    /// A knob with its values as labels. [`KnobSpace::new`] checks the levels.
     pub fn new(name: &str, levels: impl IntoIterator<Item = f64>) -> Self {
         Self::labelled(name, levels.into_iter().map(|value| (value, value.to_string())))
     }
 
-    /// A knob with its own labels.
+    /// A knob with a label per level. [`KnobSpace::new`] checks the levels.
     pub fn labelled<L: Into<String>>(
         name: &str,
         levels: impl IntoIterator<Item = (f64, L)>,
@@ -108,7 +111,7 @@ impl Knob {
         Self { name: name.to_owned(), levels, needs: None }
     }
 
-    /// The same knob, acting only while `knob` is at level `at_least` or above.
+    /// The same knob, with an effect only while `knob` is at level `at_least` or above.
     #[must_use]
     pub fn needing(mut self, knob: &str, at_least: usize) -> Self {
         self.needs = Some(Need { knob: knob.to_owned(), at_least });
@@ -116,43 +119,43 @@ impl Knob {
     }
 }
 
-/// Why a list of knobs is not a space, or a text not settings of it.
+/// Why a list of knobs is not a valid space, or a text not valid settings.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[non_exhaustive]
 pub enum KnobSpaceError {
-    /// More knobs than [`RenderSettings`] packs.
-    #[error("{0} knobs, where settings pack at most {max}: leave some out", max = RenderSettings::MAX_KNOBS)]
+    /// More knobs than [`RenderSettings`] can pack.
+    #[error("{0} knobs, but settings pack at most {max}: leave some out", max = RenderSettings::MAX_KNOBS)]
     TooManyKnobs(usize),
     /// No level, too many levels, or a value that is not finite.
     #[error("knob `{0}` must have 1 to {max} levels with finite values", max = RenderSettings::MAX_LEVELS)]
     BadLevels(String),
-    /// Two knobs of one name.
+    /// Two knobs with the same name.
     #[error("knob `{0}` appears twice")]
     Duplicate(String),
-    /// A name that no knob of the space has.
+    /// A name that is not a knob of the space.
     #[error("unknown knob `{name}`: the knobs here are {known}")]
     Unknown {
         /// The name as given.
         name: String,
-        /// What there is.
+        /// The valid names, separated by commas.
         known: String,
     },
-    /// A level that the knob lacks.
+    /// A label that is not a level of the knob.
     #[error("knob `{knob}` has no level `{level}`: its levels are {known}")]
     UnknownLevel {
         /// The knob.
         knob: String,
         /// The level as given.
         level: String,
-        /// What there is.
+        /// The valid names, separated by commas.
         known: String,
     },
-    /// Something other than `knob=level`.
+    /// Text other than `knob=level`, `max` or `min`.
     #[error("`{0}` is not of the form knob=level, nor one of `max` and `min`")]
     NotAnAssignment(String),
 }
 
-/// The knobs of a scene.
+/// An ordered set of knobs, in the order in which [`RenderSettings`] packs their levels.
 #[derive(Clone, Debug, Default, PartialEq, Reflect, Serialize, Deserialize)]
 #[serde(try_from = "Vec<Knob>", into = "Vec<Knob>")]
 pub struct KnobSpace {
@@ -177,15 +180,16 @@ impl KnobSpace {
     /// A space of `knobs`, in this order.
     ///
     /// # Errors
-    /// When they are too many, share a name, or one has no level, too many, or one with a value
-    /// that is not finite.
+    /// [`KnobSpaceError`] for more than [`RenderSettings::MAX_KNOBS`] knobs, duplicate names, or a
+    /// knob that has no level, more than [`RenderSettings::MAX_LEVELS`], or a value that is not
+    /// finite.
     pub fn new(knobs: Vec<Knob>) -> Result<Self, KnobSpaceError> {
         if knobs.len() > RenderSettings::MAX_KNOBS {
             return Err(KnobSpaceError::TooManyKnobs(knobs.len()));
         }
         for (index, knob) in knobs.iter().enumerate() {
-            let right = (1..=RenderSettings::MAX_LEVELS).contains(&knob.levels.len());
-            if !right || knob.levels.iter().any(|level| !level.value.is_finite()) {
+            let valid_count = (1..=RenderSettings::MAX_LEVELS).contains(&knob.levels.len());
+            if !valid_count || knob.levels.iter().any(|level| !level.value.is_finite()) {
                 return Err(KnobSpaceError::BadLevels(knob.name.clone()));
             }
             if knobs[..index].iter().any(|other| other.name == knob.name) {
@@ -200,68 +204,70 @@ impl KnobSpace {
         &self.knobs
     }
 
-    /// How many knobs there are.
+    /// Number of knobs.
     pub fn len(&self) -> usize {
         self.knobs.len()
     }
 
-    /// Whether nothing can be set.
+    /// Whether the space has no knobs.
     pub fn is_empty(&self) -> bool {
         self.knobs.is_empty()
     }
 
-    /// Position of the knob called `name`.
+    /// Index of the knob called `name`; `None` if the space lacks it.
     pub fn index_of(&self, name: &str) -> Option<usize> {
         self.knobs.iter().position(|knob| knob.name == name)
     }
 
-    /// The value of the knob called `name`, where the space has it.
+    /// Value of the knob called `name`, in the knob's unit; `None` if the space lacks the knob or
+    /// the level.
     pub fn value(&self, settings: RenderSettings, name: &str) -> Option<f64> {
         let knob = self.index_of(name)?;
         Some(self.knobs[knob].levels.get(settings.level(knob))?.value)
     }
 
-    /// Every knob at its best: what the others' error is measured against.
+    /// Every knob at its highest level: the best settings, the reference of the error metric.
     pub fn highest(&self) -> RenderSettings {
         self.preset(1.0)
     }
 
-    /// Every knob at its cheapest.
+    /// Every knob at its lowest level: the cheapest settings.
     pub fn lowest(&self) -> RenderSettings {
         self.preset(0.0)
     }
 
-    /// Every knob at the same `share` (0 to 1) of its levels, rounded: the fixed presets that
-    /// engines ship.
+    /// Every knob at the same `share` of its levels, rounded, as in an engine's fixed presets.
+    /// `share` is clamped to 0 to 1; NaN counts as 0.
     pub fn preset(&self, share: f64) -> RenderSettings {
         let share = if share.is_nan() { 0.0 } else { share.clamp(0.0, 1.0) };
         self.from_levels(|_, knob| (share * (knob.levels.len() - 1) as f64).round() as usize)
     }
 
-    /// Settings whose level is `level` of each knob's position and the knob.
+    /// Settings with the level that `level` returns for each knob and its index. Levels beyond a
+    /// knob's last are clamped to it.
     pub fn from_levels(&self, mut level: impl FnMut(usize, &Knob) -> usize) -> RenderSettings {
         self.knobs.iter().enumerate().fold(RenderSettings::default(), |settings, (index, knob)| {
             settings.with_level(index, level(index, knob).min(knob.levels.len() - 1))
         })
     }
 
-    /// Whether every level exists and nothing beyond the space's knobs is set.
+    /// Whether every level exists and all bits beyond the space's knobs are 0.
     pub fn contains(&self, settings: RenderSettings) -> bool {
         settings == self.from_levels(|index, _| settings.level(index))
     }
 
-    /// The same picture at the same cost, with every knob that has no effect at level 0, so that
-    /// equal settings compare equal.
+    /// Equivalent settings, with every knob that has no effect at level 0, so that settings of the
+    /// same image and cost compare equal.
     ///
-    /// Without it a search renders the same picture under many names.
+    /// Without it a search would render the same image for many settings.
     #[must_use]
     pub fn canonical(&self, settings: RenderSettings) -> RenderSettings {
         self.from_levels(
-            |index, knob| if self.acts(settings, knob) { settings.level(index) } else { 0 },
+            |index, knob| if self.has_effect(settings, knob) { settings.level(index) } else { 0 },
         )
     }
 
-    /// Each of `settings` once, in its [canonical](Self::canonical) form, in the order of first
+    /// The distinct [canonical](Self::canonical) forms of `settings`, in the order of first
     /// appearance.
     pub fn canonical_once(
         &self,
@@ -275,14 +281,14 @@ impl KnobSpace {
             .collect()
     }
 
-    fn acts(&self, settings: RenderSettings, knob: &Knob) -> bool {
-        self.needed(knob).all(|(other, at_least)| settings.level(other) >= at_least)
+    fn has_effect(&self, settings: RenderSettings, knob: &Knob) -> bool {
+        self.dependencies(knob).all(|(other, at_least)| settings.level(other) >= at_least)
     }
 
-    /// Positions and least levels of the knob that `knob` needs, of the one which that needs, and
-    /// so on. A knob that is not in this space is held at its best, so it meets every need. Ends
-    /// even where knobs need each other in a circle.
-    fn needed<'a>(&'a self, knob: &'a Knob) -> impl Iterator<Item = (usize, usize)> + 'a {
+    /// Chain of dependencies of `knob`: index and minimum level of the knob that it needs, of the
+    /// knob that this one needs, and so on. A knob outside this space is held at its highest level,
+    /// so it meets every condition. Ends even for circular dependencies.
+    fn dependencies<'a>(&'a self, knob: &'a Knob) -> impl Iterator<Item = (usize, usize)> + 'a {
         let next = |knob: &'a Knob| {
             let need = knob.needs.as_ref()?;
             Some((self.index_of(&need.knob)?, need.at_least))
@@ -291,13 +297,13 @@ impl KnobSpace {
             .take(self.len())
     }
 
-    /// The cheapest settings at which `knob` does something: one for each level of the knob that it
-    /// needs, or the cheapest alone where it needs none. Who shows a knob's levels at each of them
-    /// has shown every pair of the two.
+    /// The cheapest settings at which `knob` has an effect: one per valid level of the knob that it
+    /// needs, or [`lowest`](Self::lowest) alone if it needs none. Showing all levels of `knob` at
+    /// each of them covers every pair of levels of the two knobs.
     pub fn cheapest_with(&self, knob: &Knob) -> Vec<RenderSettings> {
-        let mut needed = self.needed(knob);
-        let first = needed.next();
-        let base = needed.fold(self.lowest(), |settings, (other, at_least)| {
+        let mut dependencies = self.dependencies(knob);
+        let first = dependencies.next();
+        let base = dependencies.fold(self.lowest(), |settings, (other, at_least)| {
             settings.with_level(other, at_least.min(self.knobs[other].levels.len() - 1))
         });
         let Some((other, at_least)) = first else { return vec![base] };
@@ -306,11 +312,10 @@ impl KnobSpace {
             .collect()
     }
 
-    /// How many different settings there are, knobs without effect not counted; `u64::MAX` where
-    /// there are more than that.
+    /// Number of distinct settings in [canonical](Self::canonical) form, saturating at `u64::MAX`.
     pub fn combinations(&self) -> u64 {
-        // What needs another knob comes after it in practice; counting by enumeration would be
-        // exact too, but spaces reach millions.
+        // A knob usually follows the knob that it needs. Enumeration would be exact too, but spaces
+        // reach millions of settings.
         fn count(space: &KnobSpace, index: usize, settings: RenderSettings) -> u64 {
             let Some(knob) = space.knobs.get(index) else { return 1 };
             let independent = |from: usize| {
@@ -327,7 +332,7 @@ impl KnobSpace {
                     .iter()
                     .fold(1, |product, k| product.saturating_mul(k.levels.len() as u64));
             }
-            let levels = if space.acts(settings, knob) { knob.levels.len() } else { 1 };
+            let levels = if space.has_effect(settings, knob) { knob.levels.len() } else { 1 };
             (0..levels).fold(0, |sum, level| {
                 sum.saturating_add(count(space, index + 1, settings.with_level(index, level)))
             })
@@ -335,7 +340,8 @@ impl KnobSpace {
         count(self, 0, self.highest())
     }
 
-    /// Every different settings once, in counting order.
+    /// All distinct settings in [canonical](Self::canonical) form, in counting order with the first
+    /// knob fastest.
     pub fn iter(&self) -> impl Iterator<Item = RenderSettings> + '_ {
         let mut next = Some(self.lowest());
         std::iter::from_fn(move || {
@@ -358,11 +364,11 @@ impl KnobSpace {
         None
     }
 
-    /// The space of the knobs called `names`, in this space's order. The others are held at their
-    /// best.
+    /// The subspace of the knobs called `names`, in this space's order. The other knobs are held at
+    /// their highest levels.
     ///
     /// # Errors
-    /// When a name is unknown.
+    /// [`KnobSpaceError::Unknown`] when the space lacks a name.
     pub fn subset<'a>(
         &self,
         names: impl IntoIterator<Item = &'a str>,
@@ -381,11 +387,11 @@ impl KnobSpace {
         Ok(Self { knobs })
     }
 
-    /// Reads `max`, `min`, or `knob=level` pairs between commas, which change the best settings. A
-    /// level is given by its label.
+    /// Parses `max`, `min` and `knob=level` pairs, separated by commas and applied in order,
+    /// starting from the best settings. A level is given by its label.
     ///
     /// # Errors
-    /// When the text is of another form, or names a knob or a level that is not there.
+    /// [`KnobSpaceError`] when the text is of another form, or names an unknown knob or level.
     pub fn parse(&self, text: &str) -> Result<RenderSettings, KnobSpaceError> {
         let mut settings = self.highest();
         for part in text.split(',').map(str::trim).filter(|part| !part.is_empty()) {
@@ -414,7 +420,8 @@ impl KnobSpace {
         Ok(settings)
     }
 
-    /// `knob=level` pairs between commas: what [`parse`](Self::parse) reads.
+    /// The settings as `knob=level` pairs separated by commas, as [`parse`](Self::parse) reads
+    /// them; `?` for a level that the knob lacks.
     pub fn describe(&self, settings: RenderSettings) -> String {
         let pair = |(index, knob): (usize, &Knob)| {
             let label =
@@ -450,10 +457,10 @@ mod tests {
     }
 
     #[test]
-    fn every_combination_appears_once_and_none_is_an_alias() {
+    fn every_combination_appears_once_in_canonical_form() {
         let space = space();
         let all: Vec<_> = space.iter().collect();
-        // Without VPLs the RSM's resolution means nothing: (1 + 2 * 2) * 2.
+        // Without VPLs the RSM's resolution has no effect: (1 + 2 * 2) * 2.
         assert_eq!(all.len(), 10);
         assert_eq!(space.combinations(), 10);
         assert!(all.iter().all(|s| space.contains(*s) && space.canonical(*s) == *s));
@@ -461,7 +468,7 @@ mod tests {
     }
 
     #[test]
-    fn needs_nest() {
+    fn dependencies_chain() {
         let knobs = vec![
             Knob::new("count", [0.0, 1.0, 2.0]),
             Knob::new("rays", [0.0, 2.0, 8.0]).needing("count", 1),
@@ -469,7 +476,7 @@ mod tests {
         ];
         let space = KnobSpace::new(knobs).expect("a valid space");
         let all: Vec<_> = space.iter().collect();
-        // Without a count nothing else matters, and without rays no sky: 1 + 2 * (1 + 2 * 2).
+        // Without a count there are no rays, and without rays no sky: 1 + 2 * (1 + 2 * 2).
         assert_eq!((all.len(), space.combinations()), (11, 11));
         let dark = RenderSettings::default().with_level(1, 2).with_level(2, 1);
         assert_eq!(space.canonical(dark), space.lowest());
@@ -513,7 +520,7 @@ mod tests {
     }
 
     #[test]
-    fn presets_survive_any_share() {
+    fn presets_accept_any_share() {
         let space = space();
         for share in [f64::NAN, f64::NEG_INFINITY, -1.0, 0.0, 0.5, 1.0, 2.0, f64::INFINITY] {
             assert!(space.contains(space.preset(share)));
@@ -523,7 +530,7 @@ mod tests {
     }
 
     #[test]
-    fn bad_spaces_are_refused() {
+    fn invalid_spaces_are_rejected() {
         let twice = vec![Knob::new("a", [1.0]), Knob::new("a", [1.0])];
         assert_eq!(KnobSpace::new(twice), Err(KnobSpaceError::Duplicate("a".into())));
         assert_eq!(

@@ -1,7 +1,7 @@
-//! Compiles what knobs' levels need before it is needed.
+//! Compiles the pipelines of all knob levels in advance.
 //!
-//! While a pipeline is not compiled, Bevy leaves out what it draws: the first switch to a level
-//! would show a picture with parts missing, or black.
+//! Bevy skips the draws of a pipeline that is not compiled yet: the first switch to a level would
+//! show an incomplete or black image.
 
 use std::sync::Arc;
 
@@ -14,42 +14,42 @@ use bevy::platform::time::Instant;
 use super::{KnobSettings, KnobSpace, KnobSystems, RenderSettings};
 use crate::pipelines::PipelinesBusy;
 
-/// Frames in a row without a pipeline in work after which all are there: what the renderer says
-/// lags up to two frames behind the settings, and what one pass draws may call for the next one's
-/// pipeline.
-const QUIET_FRAMES: u32 = 4;
-/// A compiler that has not come to its end after so many seconds will not: a broken shader must not
-/// keep an app behind its loading screen.
-const LONGEST_WAIT_SECONDS: f32 = 120.0;
+/// Consecutive frames without pending pipelines after which all count as compiled: the renderer's
+/// report lags up to two frames behind the settings, and the output of one pass may require the
+/// next one's pipeline.
+const IDLE_FRAMES: u32 = 4;
+/// Timeout of the compiler, in seconds: an invalid shader must not keep an app behind its loading
+/// screen.
+const MAX_WAIT_SECONDS: f32 = 120.0;
 
-/// Shows each level of each knob on this camera, one a frame, and waits until all that they need is
-/// compiled; then puts the camera's settings back and removes itself. From then on no switch of a
-/// level shows a partial picture.
+/// Shows each level of each knob on this camera, one per frame, and waits until all their pipelines
+/// are compiled; then restores the camera's settings and removes itself. No later switch of a level
+/// shows an incomplete image. Each wait ends after 120 s at the latest, with a warning.
 ///
-/// While it is there it owns the camera's [`KnobSettings`], and the picture is not fit to be seen:
+/// While present it controls the camera's [`KnobSettings`], and the image changes every frame:
 /// cover it with a loading screen, and give the camera its [map](crate::control::FrontierMapHandle)
-/// when this is gone. A camera that had no settings is left at the best ones.
+/// after this component is removed. A camera without settings is left at the best ones.
 ///
-/// Pipelines follow what is in view: let the camera see each kind of material that the app has
-/// (opaque, alpha-masked, …). A camera that is not active waits.
+/// Pipelines depend on the visible materials: let the camera view each kind of material of the app
+/// (opaque, alpha-masked, …). An inactive camera waits.
 #[derive(Component, Clone, Debug)]
 pub struct WarmKnobs {
     space: Arc<KnobSpace>,
     levels: Vec<RenderSettings>,
     phase: Phase,
     before: Option<KnobSettings>,
-    quiet_frames: u32,
+    idle_frames: u32,
     waiting_since: Option<Instant>,
 }
 
 #[derive(Clone, Copy, Debug, PartialEq)]
 enum Phase {
-    /// The cheapest settings, until the scene itself is there: before, levels find nothing to
-    /// compile for.
+    /// The cheapest settings, until the scene's own pipelines are compiled: earlier, a level would
+    /// compile no pipelines.
     Begin,
-    /// The level that is shown.
+    /// The level shown in this frame.
     Level(usize),
-    /// The camera's own settings, until the last pipeline is there.
+    /// The camera's own settings, until the last pipeline is compiled.
     End,
 }
 
@@ -63,12 +63,12 @@ impl WarmKnobs {
             levels,
             phase: Phase::Begin,
             before: None,
-            quiet_frames: 0,
+            idle_frames: 0,
             waiting_since: None,
         }
     }
 
-    /// Share of the levels that were shown, 0 to 1. Stays at 1 while the last pipelines compile.
+    /// Fraction of the levels shown so far, 0 to 1. Stays at 1 while the last pipelines compile.
     pub fn progress(&self) -> f32 {
         match self.phase {
             Phase::Begin => 0.0,
@@ -77,17 +77,17 @@ impl WarmKnobs {
         }
     }
 
-    /// The settings for this frame; `None` when all is done.
+    /// The settings for this frame; `None` when the warm-up is complete.
     fn step(&mut self, busy: bool) -> Option<KnobSettings> {
         match self.phase {
             Phase::Begin => {
-                if self.has_settled(busy) {
+                if self.compilation_ended(busy) {
                     self.show(0);
                 }
             }
             Phase::Level(shown) => self.show(shown + 1),
             Phase::End => {
-                if self.has_settled(busy) {
+                if self.compilation_ended(busy) {
                     return None;
                 }
             }
@@ -103,25 +103,26 @@ impl WarmKnobs {
 
     fn show(&mut self, level: usize) {
         self.phase = if level < self.levels.len() { Phase::Level(level) } else { Phase::End };
-        (self.quiet_frames, self.waiting_since) = (0, None);
+        (self.idle_frames, self.waiting_since) = (0, None);
     }
 
-    /// Whether nothing compiles any more, or it has taken too long.
-    fn has_settled(&mut self, busy: bool) -> bool {
-        self.quiet_frames = if busy { 0 } else { self.quiet_frames + 1 };
+    /// Whether compilation has ended, or has taken too long.
+    fn compilation_ended(&mut self, busy: bool) -> bool {
+        self.idle_frames = if busy { 0 } else { self.idle_frames + 1 };
         let too_long = self.waiting_since.get_or_insert_with(Instant::now).elapsed().as_secs_f32()
-            > LONGEST_WAIT_SECONDS;
+            > MAX_WAIT_SECONDS;
         if too_long {
             warn!(
-                "pipelines still compile after {LONGEST_WAIT_SECONDS} s: going on without, switches of knobs may flicker"
+                "pipelines are still compiling after {MAX_WAIT_SECONDS} s: the warm-up ends without them, so the first switch of a knob may flicker"
             );
         }
-        too_long || self.quiet_frames >= QUIET_FRAMES
+        too_long || self.idle_frames >= IDLE_FRAMES
     }
 }
 
-/// Every level of every knob, the other knobs at their cheapest, which keeps the warm-up short. A
-/// knob that needs another one is shown with each level of that one: the two may share a pipeline.
+/// Every level of every knob, with the other knobs at their cheapest, which keeps the warm-up
+/// short. A knob that depends on another is shown with each level of that one: the two may share a
+/// pipeline.
 fn levels_to_show(space: &KnobSpace) -> Vec<RenderSettings> {
     let mut shown = Vec::new();
     for (index, knob) in space.knobs().iter().enumerate() {
@@ -133,7 +134,7 @@ fn levels_to_show(space: &KnobSpace) -> Vec<RenderSettings> {
 }
 
 pub(super) fn build(app: &mut App) {
-    // Need the settings in place before they are applied, so that every frame shows one step.
+    // Need to write the settings before they are applied, so that every frame shows one step.
     app.add_systems(PostUpdate, warm_knobs.before(KnobSystems::Apply));
 }
 
@@ -151,8 +152,8 @@ fn warm_knobs(
             warm.before = settings.cloned();
         }
         match warm.step(busy) {
-            Some(wanted) if settings != Some(&wanted) => {
-                commands.entity(entity).insert(wanted);
+            Some(next) if settings != Some(&next) => {
+                commands.entity(entity).insert(next);
             }
             Some(_) => {}
             None => {
@@ -169,19 +170,19 @@ mod tests {
     use super::*;
     use crate::knobs::{Knob, KnobDriver, KnobPlugin, Level, RegisterKnob};
 
-    /// Notes the levels that it was set to.
-    struct Noting;
+    /// Records the levels that it was set to.
+    struct RecordingKnob;
 
     #[derive(Resource, Default)]
-    struct Noted(Vec<f64>);
+    struct RecordedLevels(Vec<f64>);
 
-    impl KnobDriver for Noting {
+    impl KnobDriver for RecordingKnob {
         fn knob(&self) -> Knob {
-            Knob::new("noting", [1.0, 2.0, 3.0])
+            Knob::new("recorded", [1.0, 2.0, 3.0])
         }
 
         fn apply(&self, world: &mut World, _: Entity, level: &Level) {
-            world.get_resource_or_init::<Noted>().0.push(level.value);
+            world.get_resource_or_init::<RecordedLevels>().0.push(level.value);
         }
     }
 
@@ -190,12 +191,12 @@ mod tests {
         busy: impl Fn(usize) -> bool,
     ) -> (Vec<f64>, Option<RenderSettings>, usize) {
         let mut app = App::new();
-        app.add_plugins((MinimalPlugins, KnobPlugin)).register_knob(Noting);
-        let says = PipelinesBusy::new(true);
-        app.insert_resource(says.clone());
+        app.add_plugins((MinimalPlugins, KnobPlugin)).register_knob(RecordingKnob);
+        let pipelines_busy = PipelinesBusy::new(true);
+        app.insert_resource(pipelines_busy.clone());
         let all =
-            app.world().resource::<crate::knobs::KnobRegistry>().space().expect("a sound registry");
-        let space = Arc::new(all.subset(["noting"]).expect("the knob above"));
+            app.world().resource::<crate::knobs::KnobRegistry>().space().expect("a valid registry");
+        let space = Arc::new(all.subset(["recorded"]).expect("the knob above"));
         let camera =
             app.world_mut().spawn((Camera::default(), WarmKnobs::new(Arc::clone(&space)))).id();
         if let Some(settings) = before {
@@ -203,17 +204,17 @@ mod tests {
         }
         let mut frames = 0;
         while app.world().get::<WarmKnobs>(camera).is_some() {
-            says.set(busy(frames));
+            pipelines_busy.set(busy(frames));
             app.update();
             frames += 1;
             assert!(frames < 100, "the warm-up never ends");
         }
         let settings = app.world().get::<KnobSettings>(camera).map(|settings| settings.settings);
-        (app.world().resource::<Noted>().0.clone(), settings, frames)
+        (app.world().resource::<RecordedLevels>().0.clone(), settings, frames)
     }
 
     #[test]
-    fn every_level_is_shown_and_the_settings_come_back() {
+    fn every_level_is_shown_and_the_settings_are_restored() {
         let middle = RenderSettings::default().with_level(0, 1);
         let (shown, after, _) = run(Some(middle), |_| false);
         assert_eq!(shown, [1.0, 2.0, 3.0, 2.0]);
@@ -228,13 +229,13 @@ mod tests {
     }
 
     #[test]
-    fn knobs_that_need_each_other_are_shown_together() {
+    fn dependent_knobs_are_shown_together() {
         let knobs = vec![
             Knob::new("count", [0.0, 1.0, 2.0]),
             Knob::new("size", [1.0, 2.0]).needing("count", 1),
             Knob::new("other", [0.0, 1.0]),
         ];
-        let space = KnobSpace::new(knobs).expect("a sound space");
+        let space = KnobSpace::new(knobs).expect("a valid space");
         let shown = levels_to_show(&space);
         let pairs: std::collections::BTreeSet<_> =
             shown.iter().map(|settings| (settings.level(0), settings.level(1))).collect();
@@ -250,10 +251,10 @@ mod tests {
     }
 
     #[test]
-    fn it_waits_for_the_compiler_at_both_ends() {
+    fn it_waits_for_the_compiler_at_start_and_end() {
         let (_, _, quick) = run(None, |_| false);
         let (_, _, slow) = run(None, |frame| frame < 10 || (20..40).contains(&frame));
-        // Ten frames later at the start, and then not before the second pause is over.
+        // Ten frames later at the start, and then not before the second wait is over.
         assert!(slow >= quick + 10 && slow > 40, "{quick} frames, then {slow}");
     }
 }

@@ -1,43 +1,48 @@
-//! Power modelled from the processor time of this process: the meter of software rendering, where
-//! the processor is the GPU.
+//! Power modelled from the CPU time of this process: the meter of software rendering, which runs on
+//! the CPU.
 //!
 //! Model: energy = (user + system time of all threads) × watts per busy core. It is linear in the
 //! work done and free of the noise of other processes, so it orders settings well; its absolute
-//! scale is only as good as the constant. It knows neither clock changes, nor memory, nor the power
-//! of an idle machine. Options: 1. package counters (RAPL), which need root on most systems and
-//! include every other process;
-//! 2. wall time × utilisation of the whole machine, which includes other processes too; 3.
-//!    processor time of this process. We use 3 because it works everywhere without rights.
+//! scale is only as good as the constant. It ignores clock changes, memory, and the power of an
+//! idle machine. Options:
+//! 1. Package counters (RAPL): need root on most systems and include every other process.
+//! 2. Wall time × utilisation of the whole machine: includes other processes too.
+//! 3. CPU time of this process.
+//!
+//! We use option 3 because it works everywhere without privileges.
 
 use crate::power::{MeterError, MeterInfo, PowerMeter, Provenance};
 use crate::units::{Joules, Watts};
 
-/// Modelled meter: processor time of this process × watts per busy core.
+/// Modelled meter: CPU time of this process × watts per busy core.
 ///
-/// Covers all threads of this process, in user and in system mode, and nothing else. A reading
-/// costs under a microsecond.
+/// Covers all threads of this process, in user and system mode, and nothing else. A reading takes
+/// less than a microsecond. Available on most Unix systems; elsewhere readings fail with
+/// [`MeterError::Unavailable`].
 #[derive(Clone, Debug, PartialEq)]
 pub struct CpuTimeMeter {
     watts_per_core: Watts,
 }
 
-/// A power per core that no core has.
+/// Invalid constant of the model: not finite, or not above 0 W.
 #[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
 #[error("watts per core must be finite and above 0, not {}", .0.0)]
 pub struct InvalidWattsPerCore(pub Watts);
 
 impl CpuTimeMeter {
-    /// Identifier on the command line.
+    /// Name on the command line and in [`open`](crate::power::open).
     pub const NAME: &str = "cpu-time";
 
-    /// 3.5 W: about what one more busy core adds to a laptop's package (15 to 28 W over 4 to 8
-    /// cores). A constant of the model, not a measurement.
+    /// Watts per busy core by default, 3.5 W: the approximate power that one more busy core adds to
+    /// a laptop's package (15 to 28 W over 4 to 8 cores). A constant of the model, not a
+    /// measurement.
     pub const DEFAULT_WATTS_PER_CORE: Watts = Watts(3.5);
 
-    /// The model with another constant, in watts per busy core.
+    /// The model with another constant, in watts per busy core; finite, above 0. The modelled power
+    /// scales with it.
     ///
     /// # Errors
-    /// When `watts_per_core` is not finite or not above 0.
+    /// [`InvalidWattsPerCore`] when `watts_per_core` is not finite or not above 0.
     pub fn with_watts_per_core(watts_per_core: Watts) -> Result<Self, InvalidWattsPerCore> {
         if watts_per_core.0.is_finite() && watts_per_core.0 > 0.0 {
             Ok(Self { watts_per_core })
@@ -46,7 +51,7 @@ impl CpuTimeMeter {
         }
     }
 
-    /// The model's constant, in watts per busy core. Finite and above 0.
+    /// The model's constant, in watts per busy core; finite, above 0.
     pub fn watts_per_core(&self) -> Watts {
         self.watts_per_core
     }
@@ -75,13 +80,13 @@ impl PowerMeter for CpuTimeMeter {
     }
 
     fn window_seconds(&self) -> f64 {
-        // The clock itself steps in nanoseconds where the kernel accounts precisely, but in
-        // scheduler ticks (1 to 10 ms) where it does not.
+        // The clock's resolution is nanoseconds where the kernel accounts precisely, but scheduler
+        // ticks (1 to 10 ms) elsewhere.
         1e-3
     }
 }
 
-/// Processor time that all threads of this process have spent so far, in seconds.
+/// CPU time of all threads of this process so far, in seconds.
 #[cfg(all(
     unix,
     not(any(
@@ -108,7 +113,7 @@ fn process_cpu_seconds() -> Result<f64, MeterError> {
 fn process_cpu_seconds() -> Result<f64, MeterError> {
     Err(MeterError::unavailable(
         CpuTimeMeter::NAME,
-        "this platform has no process CPU clock that we know how to read",
+        "this platform has no supported process CPU clock",
     ))
 }
 
@@ -120,7 +125,7 @@ mod tests {
     use crate::power::{Verdict, busy_cpu_load, self_test};
 
     #[test]
-    fn rejects_constants_that_no_core_has() {
+    fn rejects_invalid_constants() {
         for watts in [0.0, -1.0, f64::NAN, f64::INFINITY] {
             assert!(CpuTimeMeter::with_watts_per_core(Watts(watts)).is_err(), "{watts}");
         }
@@ -136,18 +141,17 @@ mod tests {
         let start = meter.energy().unwrap();
         busy_cpu_load(Duration::from_millis(100));
         let spent = meter.energy().unwrap() - start;
-        // Other tests run in this process at the same time, so only the lower bound is ours alone;
-        // and the machine may be busy, so that this thread got as little as a tenth of a core.
+        // Other tests run in this process at the same time, so only the lower bound is exact; on a
+        // busy machine this thread may get as little as a tenth of a core.
         assert!(spent.0 > 0.1, "{spent}");
-        // No more than every core of the machine for the time that a busy machine may have
-        // stretched the load to.
+        // At most every core of the machine, for as long as a busy machine may stretch the load.
         assert!(spent.0 < 10.0 * 1024.0, "{spent}");
     }
 
     #[test]
     fn passes_its_own_self_test() {
-        // Other tests load this process too: an idle window may be anything but idle. One quiet try
-        // in ten is enough.
+        // Other tests load this process too, so an idle window may be busy. One successful try in
+        // ten is enough.
         let outcome = (0..10)
             .map(|_| self_test(&mut CpuTimeMeter::default(), &mut busy_cpu_load))
             .find(|outcome| outcome.verdict == Verdict::Works)
@@ -157,7 +161,7 @@ mod tests {
     }
 
     #[test]
-    fn says_what_it_is() {
+    fn reports_its_provenance() {
         let info = CpuTimeMeter::default().info();
         assert_eq!(info.provenance, Provenance::Modelled);
         assert!(info.description.contains("× 3.5 W per busy core"), "{}", info.description);

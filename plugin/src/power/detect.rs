@@ -1,30 +1,30 @@
-//! Which meters there are, and which one meters the device that renders. A new meter is one entry
-//! in [`METERS`].
+//! The available meters, and the choice of the one that covers the rendering device. A new meter is
+//! one entry in [`METERS`].
 
 use crate::power::{CpuTimeMeter, MeterError, PowerMeter};
 use crate::units::Watts;
 
-/// What the renderer draws with, as far as metering cares.
+/// Kind of the rendering adapter, for the choice of a meter.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum AdapterKind {
-    /// The processor (lavapipe, WARP, SwiftShader).
+    /// Software rendering on the CPU (lavapipe, WARP, SwiftShader).
     Software,
     /// A GPU.
     Hardware,
-    /// Not known, or there is no renderer.
+    /// Unknown, or no renderer.
     #[default]
     Unknown,
 }
 
-/// The rendering adapter, told by whoever knows the renderer: this module knows none.
+/// The rendering adapter, as described by the caller: this module does not depend on the renderer.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Adapter {
-    /// Processor or GPU.
+    /// CPU or GPU.
     pub kind: AdapterKind,
-    /// Name as the graphics interface gives it: "NVIDIA GeForce RTX 3080". Empty where unknown.
+    /// Name reported by the graphics API, such as "NVIDIA GeForce RTX 3080". Empty where unknown.
     pub name: String,
-    /// PCI address, `domain:bus:device.function`: "0000:01:00.0". Empty where unknown. Tells twin
-    /// boards apart.
+    /// PCI address, `domain:bus:device.function`, such as "0000:01:00.0". Empty where unknown.
+    /// Distinguishes boards of the same name.
     pub pci_bus_id: String,
 }
 
@@ -35,23 +35,23 @@ pub enum OpenMeterError {
     /// No meter has this name.
     #[error("there is no power meter called \"{name}\"; known: {}", known_meters().join(", "))]
     UnknownName {
-        /// The name asked for.
+        /// The requested name.
         name: String,
     },
-    /// The part after `=` makes no sense for this meter.
-    #[error("{meter}: \"{parameter}\" is no parameter of this meter: {expected}")]
+    /// The part after `=` is invalid for this meter.
+    #[error("{meter}: \"{parameter}\" is not a valid parameter: {expected}")]
     Parameter {
-        /// The meter.
+        /// Name of the meter.
         meter: String,
-        /// What was after `=`.
+        /// The text after `=`.
         parameter: String,
-        /// What may be.
+        /// The valid parameters, in words.
         expected: String,
     },
-    /// The meter is known but gives no reading here.
+    /// The meter is known but gives no reading on this machine.
     #[error(transparent)]
     Meter(#[from] MeterError),
-    /// None of the meters covers the device that renders.
+    /// No meter covers the rendering device.
     #[error("no power meter for this adapter: {}", reasons.join("; "))]
     NoneSuits {
         /// One reason per meter, in the order tried.
@@ -59,27 +59,27 @@ pub enum OpenMeterError {
     },
 }
 
-/// A meter of this machine, or why it has none of that kind.
+/// A known meter, with its state on this machine.
 pub struct SurveyedMeter {
-    /// Identifier, as [`open`] takes it.
+    /// Name, as [`open`] accepts it.
     pub name: &'static str,
-    /// How to ask for it: `cpu-time[=WATTS_PER_CORE]`.
+    /// Syntax of its argument to [`open`], such as `cpu-time[=WATTS_PER_CORE]`.
     pub usage: &'static str,
-    /// The meter, ready to be read, or why there is none.
+    /// The opened meter, or why it is not available.
     pub meter: Result<Box<dyn PowerMeter>, MeterError>,
 }
 
-/// A kind of meter: all that the rest of the crate must know to offer it.
+/// A kind of meter, with its constructors.
 struct MeterKind {
     name: &'static str,
     usage: &'static str,
     /// Opens it with the text after `=`.
     open: fn(Option<&str>) -> Result<Box<dyn PowerMeter>, OpenMeterError>,
-    /// Opens it for the device that renders, or says why it does not cover that one.
+    /// Opens it for the rendering device; an error says why it does not cover that device.
     open_for: fn(&Adapter) -> Result<Box<dyn PowerMeter>, MeterError>,
 }
 
-/// All meters, in the order of detection: measured before modelled.
+/// All meters in the order of detection: measured before modelled.
 const METERS: &[MeterKind] = &[
     MeterKind {
         name: "nvml",
@@ -95,23 +95,23 @@ const METERS: &[MeterKind] = &[
     },
 ];
 
-/// How to ask [`open`] for each meter, in the order of detection.
+/// Syntax of each meter's argument to [`open`], in the order of detection.
 pub fn known_meters() -> Vec<&'static str> {
     METERS.iter().map(|kind| kind.usage).collect()
 }
 
-/// Opens the first meter that covers the adapter and gives a reading. May take some hundred
-/// milliseconds: call it off the main thread.
+/// Opens the first meter that covers the rendering adapter and gives a reading. May take some
+/// hundred milliseconds: do not call it on the main thread.
 ///
-/// A meter of another device is never chosen: on a machine with an NVIDIA board that renders in
-/// software or on another vendor's GPU, NVML would meter a board that idles.
+/// Meters of other devices are never used: on a machine with an NVIDIA board that renders in
+/// software or on another vendor's GPU, NVML would meter an idle board.
 ///
 /// # Errors
-/// `NoneSuits`, with a reason per meter.
+/// [`OpenMeterError::NoneSuits`], with a reason per meter.
 pub fn detect(adapter: &Adapter) -> Result<Box<dyn PowerMeter>, OpenMeterError> {
     let mut reasons = Vec::new();
     for kind in METERS {
-        match (kind.open_for)(adapter).and_then(proven) {
+        match (kind.open_for)(adapter).and_then(with_first_reading) {
             Ok(meter) => return Ok(meter),
             Err(error) => reasons.push(error.to_string()),
         }
@@ -119,12 +119,13 @@ pub fn detect(adapter: &Adapter) -> Result<Box<dyn PowerMeter>, OpenMeterError> 
     Err(OpenMeterError::NoneSuits { reasons })
 }
 
-/// Opens a meter by name, with a parameter after `=` where it takes one: `nvml`, `nvml=1`,
-/// `cpu-time`, `cpu-time=5.0`. Whether it covers the device that renders is the caller's business.
-/// May take some hundred milliseconds.
+/// Opens a meter by name, with an optional parameter after `=`: `nvml`, `nvml=1` (board index or
+/// name), `cpu-time`, `cpu-time=5.0` (watts per busy core). The caller decides whether it covers
+/// the rendering device. May take some hundred milliseconds.
 ///
 /// # Errors
-/// When the name or the parameter is not known, or the meter gives no reading here.
+/// [`OpenMeterError`] when the name is unknown, the parameter is invalid, or the meter gives no
+/// reading on this machine.
 pub fn open(name: &str) -> Result<Box<dyn PowerMeter>, OpenMeterError> {
     let (plain, parameter) = match name.split_once('=') {
         Some((plain, parameter)) => (plain.trim(), Some(parameter.trim())),
@@ -133,29 +134,28 @@ pub fn open(name: &str) -> Result<Box<dyn PowerMeter>, OpenMeterError> {
     let Some(kind) = METERS.iter().find(|kind| kind.name == plain) else {
         return Err(OpenMeterError::UnknownName { name: plain.to_owned() });
     };
-    Ok(proven((kind.open)(parameter)?)?)
+    Ok(with_first_reading((kind.open)(parameter)?)?)
 }
 
-/// Every meter that this crate knows, each opened with its defaults, or why it cannot be.
+/// Opens every known meter with its defaults and reports the result of each, in the order of
+/// detection. May take some hundred milliseconds.
 pub fn survey() -> Vec<SurveyedMeter> {
     METERS
         .iter()
         .map(|kind| {
-            let meter =
-                (kind.open)(None).and_then(|meter| Ok(proven(meter)?)).map_err(
-                    |error| match error {
-                        OpenMeterError::Meter(error) => error,
-                        other => MeterError::unavailable(kind.name, other.to_string()),
-                    },
-                );
+            let meter = (kind.open)(None).and_then(|meter| Ok(with_first_reading(meter)?)).map_err(
+                |error| match error {
+                    OpenMeterError::Meter(error) => error,
+                    other => MeterError::unavailable(kind.name, other.to_string()),
+                },
+            );
             SurveyedMeter { name: kind.name, usage: kind.usage, meter }
         })
         .collect()
 }
 
-/// A meter counts as there once it gave a reading: libraries exist that initialise well and then
-/// refuse every query.
-fn proven(mut meter: Box<dyn PowerMeter>) -> Result<Box<dyn PowerMeter>, MeterError> {
+/// Takes one reading: some libraries initialise successfully and then reject every query.
+fn with_first_reading(mut meter: Box<dyn PowerMeter>) -> Result<Box<dyn PowerMeter>, MeterError> {
     crate::power::window::read(meter.as_mut())?;
     Ok(meter)
 }
@@ -185,7 +185,7 @@ fn open_nvml_for(adapter: &Adapter) -> Result<Box<dyn PowerMeter>, MeterError> {
     if adapter.kind == AdapterKind::Software {
         return Err(MeterError::unavailable(
             NvmlMeter::NAME,
-            "the adapter renders on the processor, which this meter does not cover",
+            "the adapter renders on the CPU, which this meter does not cover",
         ));
     }
     Ok(Box::new(NvmlMeter::for_adapter(adapter)?))
@@ -193,16 +193,16 @@ fn open_nvml_for(adapter: &Adapter) -> Result<Box<dyn PowerMeter>, MeterError> {
 
 #[cfg(not(feature = "nvml"))]
 fn open_nvml(_parameter: Option<&str>) -> Result<Box<dyn PowerMeter>, OpenMeterError> {
-    Err(without_nvml().into())
+    Err(nvml_disabled().into())
 }
 
 #[cfg(not(feature = "nvml"))]
 fn open_nvml_for(_adapter: &Adapter) -> Result<Box<dyn PowerMeter>, MeterError> {
-    Err(without_nvml())
+    Err(nvml_disabled())
 }
 
 #[cfg(not(feature = "nvml"))]
-fn without_nvml() -> MeterError {
+fn nvml_disabled() -> MeterError {
     MeterError::unavailable("nvml", "built without the feature `nvml`; enable it")
 }
 
@@ -228,7 +228,7 @@ fn open_cpu_time_for(adapter: &Adapter) -> Result<Box<dyn PowerMeter>, MeterErro
         )),
         AdapterKind::Unknown => Err(MeterError::unavailable(
             CpuTimeMeter::NAME,
-            "not known to render on the processor; ask for this meter by name",
+            "the adapter is not known to render on the CPU; request this meter by name",
         )),
     }
 }
@@ -239,7 +239,7 @@ mod tests {
     use crate::power::Provenance;
 
     #[test]
-    fn an_unknown_name_is_answered_with_those_there_are() {
+    fn an_unknown_name_lists_the_known_ones() {
         let message = open("wattmeter").err().expect("there is no such meter").to_string();
         for part in ["\"wattmeter\"", "nvml", "cpu-time[=WATTS_PER_CORE]"] {
             assert!(message.contains(part), "{message}");
@@ -259,7 +259,7 @@ mod tests {
 
     #[cfg(unix)]
     #[test]
-    fn software_rendering_is_metered_on_the_processor_whatever_boards_there_are() {
+    fn software_rendering_is_metered_on_the_cpu_whatever_boards_are_present() {
         let adapter = Adapter {
             kind: AdapterKind::Software,
             name: "llvmpipe (LLVM 19, 256 bits)".to_owned(),
@@ -270,7 +270,7 @@ mod tests {
     }
 
     #[test]
-    fn a_gpu_of_another_vendor_gets_no_meter_but_reasons() {
+    fn a_gpu_of_another_vendor_gets_reasons_and_no_meter() {
         let adapter = Adapter {
             kind: AdapterKind::Hardware,
             name: "Some Other GPU".to_owned(),

@@ -1,4 +1,4 @@
-//! What a power meter is: cumulative energy, and an honest word on where the number comes from.
+//! The power meter contract: cumulative energy with its provenance.
 
 use std::time::Duration;
 
@@ -7,81 +7,83 @@ use serde::{Deserialize, Serialize};
 
 use crate::units::{Joules, Watts};
 
-/// Where watts come from. Every figure carries one.
+/// Provenance of a power figure.
 #[derive(Clone, Debug, PartialEq, Eq, Reflect, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Provenance {
-    /// Read from a meter.
+    /// Read from a hardware counter.
     Measured,
-    /// Worked out from something else by a model.
+    /// Computed from another quantity by a model.
     Modelled,
 }
 
-/// A meter's name, provenance, and what the reader must know of it.
+/// A meter's name, provenance and coverage.
 #[derive(Clone, Debug, PartialEq, Eq, Reflect, Serialize, Deserialize)]
 pub struct MeterInfo {
-    /// Identifier, as on the command line: `nvml`, `cpu-time`…
+    /// Name, as on the command line: `nvml`, `cpu-time`…
     pub name: String,
     /// Measured or modelled.
     pub provenance: Provenance,
-    /// What is covered and how it is obtained, in one line: "whole board, NVML energy counter",
-    /// "process CPU time × 3.5 W per core".
+    /// Coverage and method, in one line: "whole board, NVML energy counter", "process CPU time ×
+    /// 3.5 W per core".
     pub description: String,
 }
 
-/// Why a meter gives no number. Never is 0 W said for "don't know".
+/// Why a meter gives no reading. An unknown power is always an error, never 0 W.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[non_exhaustive]
 pub enum MeterError {
-    /// The device, driver or counter is not there.
+    /// The device, driver or counter is missing.
     #[error("{meter}: not available: {reason}")]
     Unavailable {
-        /// The meter.
+        /// Name of the meter.
         meter: String,
         /// Why.
         reason: String,
     },
-    /// The counter is there but cannot be read.
+    /// The counter exists but cannot be read.
     #[error("{meter}: cannot be read: {reason}")]
     Unreadable {
-        /// The meter.
+        /// Name of the meter.
         meter: String,
         /// Why.
         reason: String,
     },
-    /// The counter can be read but does not do what an energy counter does.
+    /// The counter can be read but does not behave like an energy counter.
     #[error("{meter}: broken: {reason}")]
     Broken {
-        /// The meter.
+        /// Name of the meter.
         meter: String,
-        /// What it did.
+        /// The observed fault.
         reason: String,
     },
-    /// The window is shorter than the counter's own step, so that its energy says nothing about
-    /// power.
-    #[error("{meter}: window too short: {elapsed:?}, where the counter needs {least:?}")]
+    /// The window is shorter than the counter's update interval, so its energy does not determine
+    /// the power.
+    #[error("{meter}: window too short: {elapsed:?}, but the counter needs {least:?}")]
     WindowTooShort {
-        /// The meter.
+        /// Name of the meter.
         meter: String,
         /// Length of the window.
         elapsed: Duration,
-        /// Shortest window that means something.
+        /// Shortest valid window.
         least: Duration,
     },
 }
 
 impl MeterError {
-    /// The device, driver or counter is not there. Name the remedy in `reason` where there is one.
+    /// [`Unavailable`](Self::Unavailable): the device, driver or counter is missing. Name the
+    /// remedy in `reason` where there is one.
     pub fn unavailable(meter: impl Into<String>, reason: impl Into<String>) -> Self {
         Self::Unavailable { meter: meter.into(), reason: reason.into() }
     }
 
-    /// The counter is there but cannot be read.
+    /// [`Unreadable`](Self::Unreadable): the counter exists but cannot be read.
     pub fn unreadable(meter: impl Into<String>, reason: impl Into<String>) -> Self {
         Self::Unreadable { meter: meter.into(), reason: reason.into() }
     }
 
-    /// The counter can be read but does not do what an energy counter does.
+    /// [`Broken`](Self::Broken): the counter can be read but does not behave like an energy
+    /// counter.
     pub fn broken(meter: impl Into<String>, reason: impl Into<String>) -> Self {
         Self::Broken { meter: meter.into(), reason: reason.into() }
     }
@@ -89,22 +91,23 @@ impl MeterError {
 
 /// A source of cumulative energy.
 pub trait PowerMeter: Send {
-    /// Name and provenance.
+    /// Name, provenance and coverage.
     fn info(&self) -> MeterInfo;
 
-    /// Energy since some fixed moment, never falling. Differences of two readings are what counts.
+    /// Energy since an arbitrary fixed moment, in joules, monotonically increasing. Only
+    /// differences of two readings are meaningful.
     ///
     /// # Errors
-    /// When there is no reading.
+    /// [`MeterError`] when there is no reading.
     fn energy(&mut self) -> Result<Joules, MeterError>;
 
-    /// Power that flows though the app does nothing, which [`energy`](Self::energy) does not
-    /// contain. 0 where the counter covers the whole device.
+    /// Idle power that [`energy`](Self::energy) does not include, in watts; finite, at least 0. 0
+    /// by default, where the counter covers the whole device.
     fn idle(&self) -> Watts {
         Watts(0.0)
     }
 
-    /// The shortest window, in seconds, over which a difference of two readings means something:
-    /// the counter's own step.
+    /// The shortest window, in seconds, over which a difference of two readings is meaningful: the
+    /// counter's update interval. Callers clamp it to 0 to 60 s; NaN counts as 1 s.
     fn window_seconds(&self) -> f64;
 }

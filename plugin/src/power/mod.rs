@@ -1,20 +1,19 @@
-//! Power meters, each with its provenance: what they read, which one suits this machine, and a
-//! background sampler that publishes the app's power without ever making a frame wait for a
-//! counter.
+//! Power meters with their provenance, detection of the meter that covers the rendering device, and
+//! a background sampler that publishes the app's power without blocking a frame on a counter.
 //!
 //! | item | job |
 //! |---|---|
-//! | [`PowerMeter`] | contract: cumulative energy, and an honest word on where it comes from |
+//! | [`PowerMeter`] | contract: cumulative energy with its provenance |
 //! | [`CpuTimeMeter`], [`NvmlMeter`] | the meters |
-//! | [`ScriptedMeter`] | a meter that says what a test tells it to |
-//! | [`detect`], [`open`], [`survey`] | which meters this machine has, and which one meters the device that renders |
-//! | [`self_test`] | whether a meter does what an energy counter does |
-//! | [`EnergyWindow`] | energy between two moments, for measurements that own their thread |
+//! | [`ScriptedMeter`] | a meter with scripted readings, for tests |
+//! | [`detect`], [`open`], [`survey`] | the meters of this machine, and the one that covers the rendering device |
+//! | [`self_test`] | whether a meter behaves like an energy counter |
+//! | [`EnergyWindow`] | energy between two moments, for measurements on a thread of their own |
 //! | [`PowerSampler`] | power over time, polled on a thread of its own |
 //! | [`PowerPlugin`] | the sampler in a Bevy app: [`MeteredPower`] and a diagnostic |
 //!
-//! No meter ever answers 0 W for "don't know": a counter that is absent, unreadable or broken is a
-//! [`MeterError`] or a [`MeterState`], with the reason.
+//! An unknown power is never reported as 0 W: a counter that is missing, unreadable or faulty gives
+//! a [`MeterError`] or a [`MeterState`] with the reason.
 
 mod cpu_time;
 mod detect;

@@ -1,14 +1,17 @@
 //! Energy of an NVIDIA board by NVML's energy counter (`nvmlDeviceGetTotalEnergyConsumption`).
 //!
-//! Options: 1. `nvmlDeviceGetPowerUsage`, a trailing mean over 1 s on most boards, to be integrated
-//! by polling; 2. the instantaneous power field, sampled for only a part of the time on some
-//! boards; 3. the energy counter, which the board integrates itself. We use 3 because a difference
-//! of two readings loses nothing between them. It covers the whole board: memory, regulators and
-//! fans included, and whatever else uses it.
+//! Options:
+//! 1. `nvmlDeviceGetPowerUsage`: a trailing mean over 1 s on most boards, to be integrated by
+//!    polling.
+//! 2. The instantaneous power field: sampled for only a part of the time on some boards.
+//! 3. The energy counter: integrated by the board itself.
 //!
-//! Limits: Volta and newer; not on virtual GPUs. The counter steps about every 0.1 s (some boards:
-//! 0.01 s), so windows under a second are coarse. A call takes milliseconds: never read it on a
-//! thread that a frame waits for.
+//! We use option 3 because a difference of two readings loses nothing between them. It covers the
+//! whole board, with memory, regulators and fans, and every process that uses it.
+//!
+//! Limits: Volta and newer; not on virtual GPUs. The counter updates about every 0.1 s (some
+//! boards: 0.01 s), so windows under a second are inaccurate. A call takes milliseconds: never read
+//! it on a thread that a frame waits for.
 
 use nvml_wrapper::Nvml;
 use nvml_wrapper::error::NvmlError;
@@ -16,20 +19,20 @@ use nvml_wrapper::error::NvmlError;
 use crate::power::{Adapter, MeterError, MeterInfo, PowerMeter, Provenance};
 use crate::units::Joules;
 
-/// Which of several NVIDIA boards to meter.
+/// Selects one of several NVIDIA boards.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum BoardChoice {
-    /// By NVML's own index, from 0. Not the order of Vulkan, nor of CUDA.
+    /// By NVML's index, from 0. The order differs from those of Vulkan and CUDA.
     Index(u32),
-    /// By name; case, the word "NVIDIA" and anything from the first `/` on are ignored: `GeForce
-    /// RTX 3080`. The first of several alike.
+    /// By name, such as `GeForce RTX 3080`; case, the word "NVIDIA" and everything from the first
+    /// `/` on are ignored. Selects the first of several boards of that name.
     Name(String),
 }
 
 /// Measured meter: NVML's energy counter of one board.
 ///
-/// A reading costs milliseconds. The board is looked up again by its index at each one: a handle
-/// would borrow the library, and the lookup costs far less than the reading.
+/// A reading takes milliseconds. Each reading looks the board up again by its index: a handle would
+/// borrow the library, and the look-up takes far less time than the reading.
 #[derive(Debug)]
 pub struct NvmlMeter {
     nvml: Nvml,
@@ -38,15 +41,15 @@ pub struct NvmlMeter {
 }
 
 impl NvmlMeter {
-    /// Identifier on the command line.
+    /// Name on the command line and in [`open`](crate::power::open).
     pub const NAME: &str = "nvml";
 
-    /// Loads NVML and takes one reading, so that a board without the counter is found out here.
-    /// Takes up to some hundred milliseconds.
+    /// Loads NVML and takes one reading, so that a board without the counter fails here. Takes up
+    /// to some hundred milliseconds.
     ///
     /// # Errors
-    /// `Unavailable` without driver, board or counter, with the remedy where there is one;
-    /// `Unreadable` when it is there but refuses.
+    /// [`MeterError::Unavailable`] without driver, board or counter, with the remedy where there is
+    /// one; [`MeterError::Unreadable`] when the counter exists but rejects the query.
     pub fn open(choice: &BoardChoice) -> Result<Self, MeterError> {
         let nvml = load()?;
         let (index, board) = match choice {
@@ -56,12 +59,12 @@ impl NvmlMeter {
         Self::checked(nvml, index, board)
     }
 
-    /// The board behind a rendering adapter: by its PCI address, or by its name where the address
-    /// is unknown.
+    /// Opens the board of a rendering adapter, found by its PCI address, or by its name where the
+    /// address is unknown. Without both, opens board 0.
     ///
     /// # Errors
-    /// As [`open`](Self::open), and `Unavailable` when the adapter is none of the NVIDIA boards:
-    /// another vendor's, on a laptop with two.
+    /// As [`open`](Self::open), and [`MeterError::Unavailable`] when the adapter is not an NVIDIA
+    /// board, such as another vendor's GPU in a laptop with two.
     pub fn for_adapter(adapter: &Adapter) -> Result<Self, MeterError> {
         let nvml = load()?;
         let (index, board) = match adapter_board(&nvml, adapter) {
@@ -94,23 +97,23 @@ impl PowerMeter for NvmlMeter {
     fn energy(&mut self) -> Result<Joules, MeterError> {
         let device = self.nvml.device_by_index(self.index).map_err(meter_error)?;
         let millijoules = device.total_energy_consumption().map_err(meter_error)?;
-        // Exact in f64 up to 2^53 mJ: a board at 1 kW for 285 years.
+        // Exact in f64 up to 2^53 mJ: 285 years at 1 kW.
         Ok(Joules(millijoules as f64 * 1e-3))
     }
 
     fn window_seconds(&self) -> f64 {
-        // Ten of the counter's steps of 0.1 s, so that a window's energy is within a tenth.
+        // Ten of the counter's updates of 0.1 s, so that a window's energy is accurate to a tenth.
         1.0
     }
 }
 
-/// Loads the library that comes with the driver. Drivers without the development links have only
-/// the versioned name on Linux, which the wrapper does not try.
+/// Loads the driver's library. Without the development links, Linux has only the versioned name,
+/// which the wrapper does not try.
 fn load() -> Result<Nvml, MeterError> {
     match Nvml::init() {
         Err(NvmlError::LibloadingError(error)) if cfg!(target_os = "linux") => {
-            // The first error is the one to report where both fail: it names the library that a
-            // reader would look for.
+            // Where both fail, the first error is reported: it names the library that users look
+            // for.
             Nvml::builder().lib_path("libnvidia-ml.so.1".as_ref()).init().map_err(|second| {
                 match second {
                     NvmlError::LibloadingError(_) => meter_error(NvmlError::LibloadingError(error)),
@@ -127,7 +130,7 @@ fn board_name(nvml: &Nvml, index: u32) -> Result<String, MeterError> {
     if index >= count {
         return Err(MeterError::unavailable(
             NvmlMeter::NAME,
-            format!("there is no board {index}: the driver knows {count}"),
+            format!("there is no board {index}: the driver reports {count}"),
         ));
     }
     nvml.device_by_index(index).and_then(|device| device.name()).map_err(meter_error)
@@ -150,7 +153,7 @@ fn board_named(nvml: &Nvml, name: &str) -> Result<(u32, String), MeterError> {
 }
 
 /// The board at the adapter's PCI address. `None` when the address is unknown, or unknown to NVML;
-/// the name decides then.
+/// the caller then uses the name.
 fn adapter_board(nvml: &Nvml, adapter: &Adapter) -> Option<Result<(u32, String), MeterError>> {
     if adapter.pci_bus_id.is_empty() {
         return None;
@@ -162,7 +165,7 @@ fn adapter_board(nvml: &Nvml, adapter: &Adapter) -> Option<Result<(u32, String),
     Some(board_name(nvml, index).map(|board| (index, board)))
 }
 
-/// A board's name without what drivers and interfaces disagree on: "NVIDIA GeForce RTX
+/// A board's name without the parts that differ between drivers and APIs: "NVIDIA GeForce RTX
 /// 3080/PCIe/SSE2" is "geforce rtx 3080".
 fn plain_name(name: &str) -> String {
     let lower = name.split('/').next().unwrap_or_default().to_lowercase();
@@ -192,10 +195,10 @@ fn meter_error(error: NvmlError) -> MeterError {
         ),
         NvmlError::LibRmVersionMismatch => MeterError::unavailable(
             name,
-            format!("{error}; restart the machine: the driver was updated under it"),
+            format!("{error}; restart the machine: the driver was updated while it ran"),
         ),
         NvmlError::NotFound | NvmlError::InvalidArg => {
-            MeterError::unavailable(name, format!("the board is not there: {error}"))
+            MeterError::unavailable(name, format!("the board is missing: {error}"))
         }
         NvmlError::NoPermission => MeterError::unreadable(
             name,
@@ -216,7 +219,7 @@ mod tests {
     }
 
     #[test]
-    fn what_a_board_cannot_do_is_unavailable_and_what_it_refuses_unreadable() {
+    fn a_missing_feature_is_unavailable_and_a_rejected_query_unreadable() {
         let unsupported = meter_error(NvmlError::NotSupported);
         assert!(
             matches!(unsupported, MeterError::Unavailable { .. })
@@ -227,8 +230,8 @@ mod tests {
         assert!(matches!(meter_error(NvmlError::GpuLost), MeterError::Unreadable { .. }));
     }
 
-    /// With a board, its counter must be readable or say why; without one, opening is an error and
-    /// no panic.
+    /// With a board, its counter is readable or gives a reason; without one, opening returns an
+    /// error.
     #[test]
     fn opening_never_panics() {
         match NvmlMeter::open(&BoardChoice::Index(0)) {

@@ -1,5 +1,5 @@
-//! The sampler in a Bevy app: starts it for the device that renders, and publishes what it knows
-//! every frame.
+//! The sampler in a Bevy app: starts it for the rendering device, and publishes its figures every
+//! frame.
 
 use std::fmt;
 use std::sync::Arc;
@@ -14,24 +14,26 @@ use crate::power::{
 };
 use crate::units::Watts;
 
-/// Diagnostic of the metered power, in watts: one measurement per interval of the sampler, none
+/// Diagnostic path of the metered power, in watts: one measurement per sampling interval, none
 /// while the meter is lost.
 pub const POWER_DIAGNOSTIC: DiagnosticPath = DiagnosticPath::const_new("frugal_gi/power/board");
 
-/// Makes a meter, on the sampling thread.
+/// Opens a meter; called once, on the sampling thread. An error makes [`MeteredPower::state`]
+/// `Unavailable` with its message.
 pub type MeterFactory = Arc<dyn Fn() -> Result<Box<dyn PowerMeter>, OpenMeterError> + Send + Sync>;
 
-/// Which meter an app reads.
+/// Selects the meter that an app reads.
 #[derive(Clone, Default)]
 pub enum MeterChoice {
-    /// The first that covers the device that renders: [`detect`].
+    /// The first meter that covers the rendering device, by [`detect`]; meters of other devices are
+    /// never used.
     #[default]
     Automatic,
-    /// By name, whatever it covers: [`open`].
+    /// A meter by name, whatever it covers, by [`open`].
     Named(String),
-    /// The app's own: a simulated device, or a meter that this crate does not know.
+    /// The app's own meter: a simulated device, or a meter that this crate lacks.
     Custom(MeterFactory),
-    /// None: no thread is started, and [`MeteredPower`] says so.
+    /// No meter: no thread is started, and [`MeteredPower::state`] is `Unavailable`.
     Off,
 }
 
@@ -48,39 +50,39 @@ impl fmt::Debug for MeterChoice {
 
 /// Meters the app's power in the background: [`MeteredPower`] and [`POWER_DIAGNOSTIC`].
 ///
-/// Without a meter the app runs on, with one warning and the reason in [`MeteredPower::state`].
+/// Without a meter the app continues, with one warning and the reason in [`MeteredPower::state`].
 #[derive(Clone, Debug, Default)]
 pub struct PowerPlugin {
-    /// Which meter to read.
+    /// The meter to read. Default: automatic.
     pub meter: MeterChoice,
-    /// How often to read it, and how much to smooth.
+    /// Sampling interval and smoothing.
     pub sampler: SamplerSettings,
 }
 
-/// The app's power as the meter tells it. Written in [`PowerSystems::Publish`]; read it anywhere.
+/// The app's metered power. Written in [`PowerSystems::Publish`], read-only for the app.
 #[derive(Resource, Clone, Debug, Default, PartialEq, Reflect)]
 #[reflect(Resource)]
 pub struct MeteredPower {
-    /// Power over the last interval of the sampler. Finite. `None` where it is not known, which is
-    /// not 0 W.
+    /// Mean power over the last sampling interval, in watts; finite, at least 0. `None` while
+    /// unknown, which differs from 0 W.
     pub latest: Option<Watts>,
-    /// Smoothed power. Finite. `None` where it is not known.
+    /// Smoothed power, in watts; finite, at least 0. `None` while unknown.
     pub mean: Option<Watts>,
-    /// The meter and its provenance, once it is open. A modelled figure is to be shown as one.
+    /// The meter and its provenance, once it is open. Show a modelled figure as modelled.
     pub info: Option<MeterInfo>,
-    /// Whether there is power to be told, and if not, why.
+    /// Whether the power is known, and if not, why.
     pub state: MeterState,
 }
 
-/// Where power is published.
+/// When power is published.
 #[derive(SystemSet, Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum PowerSystems {
-    /// [`PreUpdate`]: writes [`MeteredPower`] and the diagnostic, so that everything in `Update`
-    /// sees the same figures.
+    /// In [`PreUpdate`]: writes [`MeteredPower`] and the diagnostic, so that all systems in
+    /// `Update` read the same figures.
     Publish,
 }
 
-/// What [`PowerPlugin`] was told.
+/// Settings of [`PowerPlugin`].
 #[derive(Resource)]
 struct PowerSettings(PowerPlugin);
 
@@ -94,7 +96,7 @@ impl Plugin for PowerPlugin {
             .init_resource::<MeteredPower>()
             .insert_resource(PowerSettings(self.clone()))
             .register_diagnostic(Diagnostic::new(POWER_DIAGNOSTIC).with_suffix(" W"))
-            // Need Startup and not build: the adapter is chosen only when all plugins are built.
+            // Needs Startup and not build: the adapter is chosen only after all plugins are built.
             .add_systems(Startup, start_sampler)
             .add_systems(
                 PreUpdate,
@@ -105,7 +107,7 @@ impl Plugin for PowerPlugin {
     }
 }
 
-/// Starts the sampler for the device that renders.
+/// Starts the sampler for the rendering device.
 fn start_sampler(
     mut commands: Commands,
     settings: Res<PowerSettings>,
@@ -133,10 +135,10 @@ fn start_sampler(
     }
 }
 
-/// The renderer's adapter in this crate's words.
+/// The renderer's adapter as this crate's type.
 fn describe(info: &RenderAdapterInfo) -> Adapter {
-    // Bevy hands out the adapter's description but not the type of this field, and depending on the
-    // graphics library for one name is not worth it.
+    // Bevy exposes the adapter's description but not the type of this field; a dependency on the
+    // graphics library for one type is not worthwhile.
     let kind = match format!("{:?}", info.device_type).as_str() {
         "Cpu" => AdapterKind::Software,
         "IntegratedGpu" | "DiscreteGpu" | "VirtualGpu" => AdapterKind::Hardware,
@@ -145,7 +147,7 @@ fn describe(info: &RenderAdapterInfo) -> Adapter {
     Adapter { kind, name: info.name.clone(), pci_bus_id: info.device_pci_bus_id.clone() }
 }
 
-/// Publishes the sampler's news. Warns once per reason that there is no power to be told.
+/// Publishes changed figures of the sampler. Warns once per reason why the power is unknown.
 fn publish_power(
     sampler: Res<RunningSampler>,
     mut metered: ResMut<MeteredPower>,
@@ -154,7 +156,7 @@ fn publish_power(
     mut sample_count: Local<u64>,
     mut warned: Local<Option<String>>,
 ) {
-    let Some(snapshot) = sampler.0.news(&mut seen) else { return };
+    let Some(snapshot) = sampler.0.snapshot_if_changed(&mut seen) else { return };
     if let (Some(latest), true) = (snapshot.latest, snapshot.sample_count > *sample_count) {
         diagnostics.add_measurement(&POWER_DIAGNOSTIC, || latest.0);
     }
@@ -197,7 +199,7 @@ mod tests {
         app
     }
 
-    /// Runs frames until the power is as wanted. Fails after 20 s.
+    /// Runs frames until the power meets the condition. Fails after 20 s.
     fn run_until(app: &mut App, what: &str, is_so: impl Fn(&MeteredPower) -> bool) -> MeteredPower {
         let start = Instant::now();
         loop {
@@ -216,7 +218,7 @@ mod tests {
     }
 
     #[test]
-    fn publishes_power_its_origin_and_a_diagnostic() {
+    fn publishes_power_its_provenance_and_a_diagnostic() {
         let mut app =
             app_with(scripted((0..500).map(|index| Ok(Joules(f64::from(index)))).collect()));
         let power = run_until(&mut app, "power", |power| power.latest.is_some());
@@ -230,7 +232,7 @@ mod tests {
     }
 
     #[test]
-    fn runs_on_without_a_meter() {
+    fn continues_without_a_meter() {
         let mut app = app_with(MeterChoice::Named("no such meter".to_owned()));
         let power = run_until(&mut app, "refusal", |power| power.state != MeterState::Starting);
         assert!(matches!(power.state, MeterState::Unavailable { .. }) && power.latest.is_none());
@@ -246,7 +248,7 @@ mod tests {
     }
 
     #[test]
-    fn a_meter_without_rights_is_lost_and_says_so() {
+    fn a_meter_without_permission_is_lost_with_the_reason() {
         let denied = Err(MeterError::unreadable(ScriptedMeter::NAME, "permission denied"));
         let mut app = app_with(scripted(vec![Ok(Joules(0.0)), Ok(Joules(1.0)), denied]));
         let power =

@@ -1,5 +1,5 @@
-//! Polls a meter on a thread of its own, since a reading may take milliseconds and a driver may not
-//! answer at all.
+//! Polls a meter on a thread of its own, since a reading may take milliseconds and a driver may
+//! hang.
 
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError, mpsc};
 use std::thread::{self, JoinHandle};
@@ -9,27 +9,28 @@ use crate::power::tracker::PowerTracker;
 use crate::power::window::least_window;
 use crate::power::{MeterError, MeterState, OpenMeterError, PowerMeter, PowerSnapshot};
 
-/// Polling more often costs more power than it tells: at 1 kHz polling alone has been seen to slow
-/// programs by tens of percent.
-const LEAST_INTERVAL: Duration = Duration::from_millis(50);
+/// Shortest polling interval. Faster polling costs more power than the extra readings are worth: at
+/// 1 kHz, polling alone slowed programs by tens of percent.
+const MIN_INTERVAL: Duration = Duration::from_millis(50);
 
-/// A meter that has not answered for this long, or for this many intervals if that is longer,
-/// hangs.
-const HANGS_AFTER: Duration = Duration::from_secs(5);
-const HANGS_AFTER_INTERVALS: u32 = 10;
+/// Time without an answer after which a meter counts as hung; the longer of this and
+/// `HANG_INTERVALS` intervals applies.
+const HANG_TIMEOUT: Duration = Duration::from_secs(5);
+const HANG_INTERVALS: u32 = 10;
 
-/// How long the end of a sampler waits for its thread. A thread that hangs in a driver is left
-/// behind rather than hanging the app too.
-const FAREWELL: Duration = Duration::from_millis(500);
+/// Timeout for joining the sampling thread. A thread that hangs in a driver is detached, so that
+/// the app does not hang too.
+const JOIN_TIMEOUT: Duration = Duration::from_millis(500);
 
-/// How often to read, and how much to smooth.
+/// Sampling interval and smoothing.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct SamplerSettings {
-    /// Time between readings. Raised to the meter's own window, and to 0.05 s. Higher values cost
-    /// less power and give smoother figures; lower values follow changes sooner. Default 0.25 s.
+    /// Time between readings; at least the meter's own window and 0.05 s, shorter values are
+    /// raised. Higher values cost less power and give smoother figures; lower values follow changes
+    /// sooner and cost more power. Default: 0.25 s.
     pub interval: Duration,
-    /// Time constant of the mean. Higher values give a steadier mean; lower values follow changes
-    /// sooner; 0 s is no smoothing. Default 2 s.
+    /// Time constant of the exponential mean. Higher values give a steadier mean; lower values
+    /// follow changes sooner; 0 s disables smoothing. Default: 2 s.
     pub smoothing: Duration,
 }
 
@@ -39,21 +40,22 @@ impl Default for SamplerSettings {
     }
 }
 
-/// What the thread tells.
+/// State shared by the sampling thread.
 #[derive(Debug)]
 struct Published {
     snapshot: PowerSnapshot,
     interval: Duration,
-    /// Rises with every poll.
+    /// Increases with every poll.
     revision: u64,
-    /// When the thread last told anything.
+    /// Time of the thread's last update.
     at: Instant,
 }
 
-/// Polls a meter in the background and keeps the latest and the mean power. Stops when dropped.
+/// Polls a meter in the background and keeps the latest and the mean power. Stops when dropped;
+/// waits at most 0.5 s for its thread.
 ///
-/// A meter that fails is polled on: what comes back after an unplugged charger or a driver's
-/// restart is found again.
+/// A failed meter is still polled, so that it recovers after an unplugged charger or a driver's
+/// restart.
 #[derive(Debug)]
 pub struct PowerSampler {
     published: Arc<Mutex<Published>>,
@@ -66,7 +68,7 @@ impl PowerSampler {
     /// Starts to sample `meter`.
     ///
     /// # Errors
-    /// `Unavailable` when the system gives no thread.
+    /// [`MeterError::Unavailable`] when the thread cannot be created.
     pub fn start(
         meter: Box<dyn PowerMeter>,
         settings: SamplerSettings,
@@ -74,11 +76,11 @@ impl PowerSampler {
         Self::start_with(move || Ok(meter), settings)
     }
 
-    /// Opens a meter on the sampling thread, where it may take its time, and starts to sample it.
-    /// When there is none, the state becomes `Unavailable` with the reason.
+    /// Opens a meter on the sampling thread, which may block, and starts to sample it. When `open`
+    /// fails, the state becomes [`MeterState::Unavailable`] with the reason.
     ///
     /// # Errors
-    /// `Unavailable` when the system gives no thread.
+    /// [`MeterError::Unavailable`] when the thread cannot be created.
     pub fn start_with(
         open: impl FnOnce() -> Result<Box<dyn PowerMeter>, OpenMeterError> + Send + 'static,
         settings: SamplerSettings,
@@ -90,42 +92,48 @@ impl PowerSampler {
             at: Instant::now(),
         }));
         let (stop, stopped) = mpsc::channel();
-        let told = Arc::clone(&published);
+        let shared = Arc::clone(&published);
         let thread = thread::Builder::new()
             .name("frugal-gi-power".to_owned())
             .spawn(move || match open() {
-                Ok(meter) => poll(meter, settings, &told, &stopped),
+                Ok(meter) => poll(meter, settings, &shared, &stopped),
                 Err(error) => {
-                    let mut published = lock(&told);
+                    let mut published = lock(&shared);
                     published.snapshot.lose(MeterState::Unavailable { reason: error.to_string() });
                     published.revision += 1;
                 }
             })
             .map_err(|error| {
-                MeterError::unavailable("sampler", format!("no thread to sample on: {error}"))
+                MeterError::unavailable(
+                    "sampler",
+                    format!("the sampling thread cannot be created: {error}"),
+                )
             })?;
         Ok(Self { published, stop: Some(stop), thread: Some(thread) })
     }
 
-    /// What is known now. Never waits for the meter.
+    /// The current figures. Never waits for the meter.
     pub fn snapshot(&self) -> PowerSnapshot {
         let published = lock(&self.published);
-        self.judged(&published)
+        self.with_fault(&published)
     }
 
-    /// What is known now, if that is news to whoever saw it `seen` last. Allocates nothing
-    /// otherwise, so that it can be asked every frame.
-    pub(crate) fn news(&self, seen: &mut Option<(u64, bool)>) -> Option<PowerSnapshot> {
+    /// The current figures if they changed since the call that wrote `seen`. Does not allocate
+    /// otherwise, so that it can be called every frame.
+    pub(crate) fn snapshot_if_changed(
+        &self,
+        seen: &mut Option<(u64, bool)>,
+    ) -> Option<PowerSnapshot> {
         let published = lock(&self.published);
         let current = Some((published.revision, self.fault(&published).is_some()));
         if *seen == current {
             return None;
         }
         *seen = current;
-        Some(self.judged(&published))
+        Some(self.with_fault(&published))
     }
 
-    fn judged(&self, published: &Published) -> PowerSnapshot {
+    fn with_fault(&self, published: &Published) -> PowerSnapshot {
         let mut snapshot = published.snapshot.clone();
         if let Some(reason) = self.fault(published) {
             snapshot.lose(MeterState::Lost { reason });
@@ -133,7 +141,7 @@ impl PowerSampler {
         snapshot
     }
 
-    /// What is wrong with the thread itself, which the thread cannot tell.
+    /// A fault of the thread itself, which the thread cannot report.
     fn fault(&self, published: &Published) -> Option<String> {
         if matches!(published.snapshot.state, MeterState::Unavailable { .. }) {
             return None;
@@ -141,10 +149,10 @@ impl PowerSampler {
         if self.thread.as_ref().is_none_or(JoinHandle::is_finished) {
             return Some("the meter panicked".to_owned());
         }
-        let patience = HANGS_AFTER.max(published.interval * HANGS_AFTER_INTERVALS);
-        // Says the limit and not the time so far, which would be another reason at every call.
-        (published.at.elapsed() > patience)
-            .then(|| format!("the meter has not answered for {:.0} s", patience.as_secs_f64()))
+        let timeout = HANG_TIMEOUT.max(published.interval * HANG_INTERVALS);
+        // Reports the limit and not the elapsed time, which would change the reason at every call.
+        (published.at.elapsed() > timeout)
+            .then(|| format!("the meter has not answered for {:.0} s", timeout.as_secs_f64()))
     }
 }
 
@@ -153,23 +161,22 @@ impl Drop for PowerSampler {
         drop(self.stop.take());
         let Some(thread) = self.thread.take() else { return };
         let start = Instant::now();
-        while !thread.is_finished() && start.elapsed() < FAREWELL {
+        while !thread.is_finished() && start.elapsed() < JOIN_TIMEOUT {
             thread::sleep(Duration::from_millis(1));
         }
         if thread.is_finished() {
-            // A panic in a meter was told by its own message and by the state; here is nothing left
-            // to do about it.
+            // A panic in a meter was already reported by its own message and by the state.
             let _ = thread.join();
         }
     }
 }
 
 fn lock(published: &Mutex<Published>) -> MutexGuard<'_, Published> {
-    // Each change leaves whole figures behind, so that a poisoned lock holds nothing half done.
+    // Each update leaves consistent figures, so a poisoned lock is safe to read.
     published.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
-/// Reads until told to stop.
+/// Polls until the sampler is dropped.
 fn poll(
     mut meter: Box<dyn PowerMeter>,
     settings: SamplerSettings,
@@ -177,13 +184,13 @@ fn poll(
     stopped: &mpsc::Receiver<()>,
 ) {
     let window = least_window(meter.as_ref());
-    let interval = settings.interval.max(window).max(LEAST_INTERVAL);
+    let interval = settings.interval.max(window).max(MIN_INTERVAL);
     let mut tracker = PowerTracker::new(meter.info(), meter.idle(), window, settings.smoothing);
     let origin = Instant::now();
     loop {
         let before = origin.elapsed();
         let answer = meter.energy();
-        // The middle of the call: a driver may take milliseconds to answer.
+        // The midpoint of the call: a driver may take milliseconds to answer.
         let at = before + (origin.elapsed() - before) / 2;
         tracker.push(answer, at);
         {
@@ -209,8 +216,8 @@ mod tests {
     const QUICK: SamplerSettings =
         SamplerSettings { interval: Duration::from_millis(50), smoothing: Duration::from_secs(1) };
 
-    /// Waits for a state of affairs. Fails after 20 s, which a starved machine does not need
-    /// either.
+    /// Waits until the snapshot meets the condition. Fails after 20 s, enough even for a busy
+    /// machine.
     fn wait_for(
         sampler: &PowerSampler,
         what: &str,
@@ -292,7 +299,7 @@ mod tests {
     }
 
     #[test]
-    fn a_meter_that_hangs_does_not_hang_the_end() {
+    fn a_meter_that_hangs_does_not_block_the_drop() {
         let sampler =
             PowerSampler::start(Box::new(BadMeter { hang: Some(Duration::from_secs(30)) }), QUICK)
                 .unwrap();
@@ -302,7 +309,7 @@ mod tests {
     }
 
     #[test]
-    fn news_is_told_once() {
+    fn a_change_is_reported_once() {
         let sampler = PowerSampler::start(
             Box::new(ScriptedMeter::joules([1.0]).with_window_seconds(50.0)),
             QUICK,
@@ -310,7 +317,7 @@ mod tests {
         .unwrap();
         wait_for(&sampler, "meter", |snapshot| snapshot.info.is_some());
         let mut seen = None;
-        assert!(sampler.news(&mut seen).is_some());
-        assert!(sampler.news(&mut seen).is_none(), "the next poll is 50 s away");
+        assert!(sampler.snapshot_if_changed(&mut seen).is_some());
+        assert!(sampler.snapshot_if_changed(&mut seen).is_none(), "the next poll is 50 s away");
     }
 }

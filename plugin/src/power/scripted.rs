@@ -1,12 +1,11 @@
-//! A meter that says what it is told to: for tests of everything that reads meters, here and in
-//! apps.
+//! A meter with scripted readings, for tests of code that reads meters, here and in apps.
 
 use std::collections::VecDeque;
 
 use crate::power::{MeterError, MeterInfo, PowerMeter, Provenance};
 use crate::units::{Joules, Watts};
 
-/// Plays a list of readings, one a call, then repeats the last one for ever.
+/// Returns a list of readings, one per call, then repeats the last one for ever.
 #[derive(Clone, Debug)]
 pub struct ScriptedMeter {
     readings: VecDeque<Result<Joules, MeterError>>,
@@ -16,11 +15,11 @@ pub struct ScriptedMeter {
 }
 
 impl ScriptedMeter {
-    /// The name under which it reports.
+    /// Name in its [`MeterInfo`].
     pub const NAME: &str = "scripted";
 
-    /// Plays `readings`, which may be errors and numbers that no meter should give. `Unavailable`
-    /// where there are none at all.
+    /// Returns `readings`, which may include errors and invalid numbers. Without readings it
+    /// returns [`MeterError::Unavailable`].
     pub fn new(readings: impl IntoIterator<Item = Result<Joules, MeterError>>) -> Self {
         Self {
             readings: readings.into_iter().collect(),
@@ -30,19 +29,20 @@ impl ScriptedMeter {
         }
     }
 
-    /// Plays `joules`.
+    /// Returns `joules`, cumulative energy in joules. Any number is accepted.
     pub fn joules(joules: impl IntoIterator<Item = f64>) -> Self {
         Self::new(joules.into_iter().map(|joules| Ok(Joules(joules))))
     }
 
-    /// Claims another shortest window, in seconds. The default is 0.001.
+    /// Sets [`window_seconds`](PowerMeter::window_seconds), in seconds. Any number is accepted.
+    /// Default: 0.001.
     #[must_use]
     pub fn with_window_seconds(mut self, seconds: f64) -> Self {
         self.window_seconds = seconds;
         self
     }
 
-    /// Claims power that its energy does not contain. The default is 0 W.
+    /// Sets [`idle`](PowerMeter::idle), in watts. Any number is accepted. Default: 0 W.
     #[must_use]
     pub fn with_idle(mut self, idle: Watts) -> Self {
         self.idle = idle;
@@ -55,7 +55,7 @@ impl PowerMeter for ScriptedMeter {
         MeterInfo {
             name: Self::NAME.to_owned(),
             provenance: Provenance::Modelled,
-            description: "readings written down beforehand, for tests".to_owned(),
+            description: "scripted readings, for tests".to_owned(),
         }
     }
 
@@ -80,7 +80,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn repeats_the_last_line() {
+    fn repeats_the_last_reading() {
         let mut meter = ScriptedMeter::joules([1.0, 2.0]);
         let played: Vec<_> = (0..4).map(|_| meter.energy().unwrap().0).collect();
         assert_eq!(played, [1.0, 2.0, 2.0, 2.0]);

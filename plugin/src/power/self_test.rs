@@ -1,5 +1,5 @@
-//! Whether a meter does what an energy counter does: counters exist that initialise well and then
-//! stand at 0, fall, or answer nonsense.
+//! Self-test of a meter: some counters initialise successfully and then stay at 0, decrease, or
+//! return invalid values.
 
 use std::hint::black_box;
 use std::thread;
@@ -9,46 +9,48 @@ use crate::power::window::{Reading, did_not_move, fell, least_window, read};
 use crate::power::{MeterError, PowerMeter};
 use crate::units::Watts;
 
-/// Shortest window of a self-test, in seconds.
-const LEAST_WINDOW: Duration = Duration::from_millis(300);
+/// Shortest window of a self-test.
+const MIN_WINDOW: Duration = Duration::from_millis(300);
 
-/// Windows last this many of the meter's own steps, so that one step more or less does not decide.
+/// Length of a window in the meter's update intervals, so that one update more or less does not
+/// decide.
 const STEPS_PER_WINDOW: u32 = 2;
 
-/// How far above idle the loaded window must be to count as a response: above the steps' own error
-/// and ordinary background noise.
+/// Ratio of loaded to idle power that counts as a response: above the quantisation error and
+/// ordinary background noise.
 const RESPONSE_RATIO: f64 = 1.05;
 
-/// What a self-test found.
+/// Result of a self-test.
 #[derive(Clone, Debug, PartialEq)]
 pub struct SelfTest {
-    /// Mean power while this thread slept, [`PowerMeter::idle`] included. `None` where the meter
-    /// gave no two usable readings.
+    /// Mean power while this thread slept, in watts, with [`PowerMeter::idle`]. `None` where the
+    /// test failed.
     pub idle: Option<Watts>,
-    /// Mean power while the load ran, [`PowerMeter::idle`] included. `None` where the meter gave no
-    /// two usable readings.
+    /// Mean power while the load ran, in watts, with [`PowerMeter::idle`]. `None` where the test
+    /// failed.
     pub loaded: Option<Watts>,
-    /// Whether the meter can be used.
+    /// Whether the meter is usable.
     pub verdict: Verdict,
 }
 
-/// Whether a meter can be used.
+/// Whether a meter is usable.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Verdict {
-    /// The counter moves, and moves faster under load.
+    /// The counter increases, and faster under load.
     Works,
-    /// The counter moves, but not faster under load: the load runs on a device that the meter does
-    /// not cover, or the machine was as busy before.
+    /// The counter increases, but not faster under load: the meter does not cover the loaded
+    /// device, or the machine was already busy.
     Unresponsive,
-    /// There is no usable reading: the meter's own error, or `Broken` with what the counter did.
+    /// No usable reading: the meter's own error, [`MeterError::Broken`] with the counter's fault,
+    /// or [`MeterError::WindowTooShort`].
     Failed(MeterError),
 }
 
-/// Reads `meter` over an idle window and over a loaded one, and judges it.
+/// Compares the power of `meter` in an idle and in a loaded window.
 ///
-/// `load` is called once and must keep the device that the meter covers busy for about the duration
-/// that it is given; [`busy_cpu_load`] does so for the processor. Each window is 0.3 s or twice
-/// [`PowerMeter::window_seconds`], whichever is longer. Blocks for both.
+/// `load` is called once and must keep the metered device busy for about the given duration;
+/// [`busy_cpu_load`] does so for the CPU. Each window is 0.3 s or twice
+/// [`PowerMeter::window_seconds`], whichever is longer. Blocks for both windows.
 pub fn self_test(meter: &mut dyn PowerMeter, load: &mut dyn FnMut(Duration)) -> SelfTest {
     let mut outcome = SelfTest { idle: None, loaded: None, verdict: Verdict::Works };
     outcome.verdict = match measure(meter, load, &mut outcome.idle, &mut outcome.loaded) {
@@ -64,7 +66,7 @@ fn measure(
     idle: &mut Option<Watts>,
     loaded: &mut Option<Watts>,
 ) -> Result<Verdict, MeterError> {
-    let window = LEAST_WINDOW.max(least_window(meter) * STEPS_PER_WINDOW);
+    let window = MIN_WINDOW.max(least_window(meter) * STEPS_PER_WINDOW);
     let start = read(meter)?;
     thread::sleep(window);
     let rested = read(meter)?;
@@ -72,8 +74,7 @@ fn measure(
     load(window);
     let worked = read(meter)?;
     let loaded_watts = power_between(meter, rested, worked)?;
-    // A meter of one process may rightly stand still while the process sleeps, but not while it
-    // works.
+    // A meter of one process may stand still while the process sleeps, but not under load.
     if worked.energy == rested.energy {
         return Err(MeterError::broken(
             meter.info().name,
@@ -95,7 +96,7 @@ fn power_between(meter: &dyn PowerMeter, from: Reading, to: Reading) -> Result<W
         return Err(MeterError::broken(meter.info().name, fell(from.energy, to.energy)));
     }
     if elapsed.is_zero() || elapsed < least_window(meter) {
-        // A load that returned at once: nothing was learnt, and nothing may be divided by no time.
+        // The load returned at once: the window is empty, and its power undefined.
         return Err(MeterError::WindowTooShort {
             meter: meter.info().name,
             elapsed,
@@ -141,16 +142,12 @@ mod tests {
         let Verdict::Failed(error @ MeterError::Broken { .. }) = &outcome.verdict else {
             panic!("{outcome:?}")
         };
-        assert_eq!(
-            (outcome.idle, outcome.loaded),
-            (None, None),
-            "no watts may be told by a broken meter"
-        );
+        assert_eq!((outcome.idle, outcome.loaded), (None, None), "a failed test reports no power");
         error.to_string()
     }
 
     #[test]
-    fn judges_a_good_counter_by_its_response() {
+    fn a_valid_counter_is_assessed_by_its_response() {
         let good = verdict([100.0, 101.0, 105.0]);
         assert_eq!(good.verdict, Verdict::Works);
         let ratio = good.loaded.unwrap().0 / good.idle.unwrap().0;
@@ -168,7 +165,7 @@ mod tests {
     }
 
     #[test]
-    fn a_counter_that_falls_or_answers_nonsense_is_broken() {
+    fn a_counter_that_falls_or_returns_invalid_values_is_broken() {
         assert!(failure([7.0, 6.0]).contains("fell from 7 J to 6 J"));
         assert!(failure([7.0, 8.0, 1.0]).contains("fell"));
         assert!(failure([7.0, f64::NAN]).contains("NaN"));
@@ -177,7 +174,7 @@ mod tests {
     }
 
     #[test]
-    fn an_error_is_told_as_it_is() {
+    fn an_error_of_the_meter_is_passed_on() {
         let denied = MeterError::unreadable(ScriptedMeter::NAME, "permission denied");
         let mut meter = ScriptedMeter::new([Ok(Joules(1.0)), Err(denied.clone())]);
         assert_eq!(self_test(&mut meter, &mut thread::sleep).verdict, Verdict::Failed(denied));

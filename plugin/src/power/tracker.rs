@@ -1,5 +1,5 @@
-//! From a counter's readings to power over time: what to make of readings that fall, stand still,
-//! jump or fail. No threads and no clock of its own, so that every fault can be played to it.
+//! Power over time from a counter's readings, with handling of readings that fall, stand still,
+//! jump or fail. Has no threads and no clock, so that tests can inject every fault.
 
 use std::time::Duration;
 
@@ -9,61 +9,63 @@ use crate::power::window::{did_not_move, fell, not_a_number};
 use crate::power::{MeterError, MeterInfo};
 use crate::units::{Joules, Watts};
 
-/// Above this no machine that runs this plugin draws power: a counter that says so has jumped.
+/// Largest plausible power of a machine that runs this plugin; a higher value means that the
+/// counter jumped.
 const MAXIMUM_PLAUSIBLE: Watts = Watts(100_000.0);
 
-/// So many intervals dropped in succession and the meter is lost.
+/// Number of consecutive dropped intervals after which the meter is lost.
 const DROPS_IN_SUCCESSION: u32 = 3;
 
-/// A counter that has not risen for this long, or for this many of its own windows if that is
-/// longer, is stuck. Counters that step once a second or more slowly than they claim are common; a
-/// device that draws nothing for seconds is not.
+/// Time without an increase after which a counter counts as stuck; the longer of this and
+/// `STUCK_AFTER_WINDOWS` of its windows applies. Counters that update only once a second, or more
+/// slowly than specified, are common; a device without power draw for seconds is not.
 const STUCK_AFTER: Duration = Duration::from_secs(5);
 const STUCK_AFTER_WINDOWS: u32 = 10;
 
-/// Whether there is power to be told.
+/// Whether the metered power is known.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Reflect)]
 pub enum MeterState {
-    /// Being opened, or waiting for the end of the first interval.
+    /// The meter is being opened, or the first interval has not ended.
     #[default]
     Starting,
-    /// Readings arrive.
+    /// Valid readings arrive.
     Running,
-    /// Readings stopped arriving, or stopped making sense. They are still asked for, and the state
-    /// is `Running` again when they return.
+    /// Readings stopped arriving, or became invalid. Polling continues; the state returns to
+    /// `Running` with valid readings.
     Lost {
-        /// What the meter said or did.
+        /// The meter's error or fault.
         reason: String,
     },
-    /// There is no meter, and there will be none.
+    /// There is no meter, and polling has ended.
     Unavailable {
-        /// Why.
+        /// Why there is no meter.
         reason: String,
     },
 }
 
-/// What a sampler knows at one moment.
+/// Figures of a sampler at one moment.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct PowerSnapshot {
     /// The meter, once it is open.
     pub info: Option<MeterInfo>,
-    /// Whether the figures mean anything.
+    /// Whether the power is known.
     pub state: MeterState,
-    /// Power over the last interval, the meter's idle power included. Finite. `None` unless the
-    /// state is `Running`.
+    /// Mean power over the last interval, in watts, with the meter's idle power; finite, at least
+    /// 0. `None` unless the state is `Running`.
     pub latest: Option<Watts>,
-    /// Exponential mean of `latest`. Finite. `None` unless the state is `Running`.
+    /// Exponential mean of `latest`, in watts; finite, at least 0. `None` unless the state is
+    /// `Running`.
     pub mean: Option<Watts>,
-    /// Intervals that gave a power.
+    /// Number of valid intervals.
     pub sample_count: u64,
-    /// Intervals thrown away because the counter fell or jumped.
+    /// Number of intervals dropped because the counter fell or jumped, or time went backwards.
     pub dropped_count: u64,
-    /// Why the last interval was thrown away.
+    /// Why the last dropped interval was dropped.
     pub note: Option<String>,
 }
 
 impl PowerSnapshot {
-    /// Takes the figures back: they are not known any more.
+    /// Sets the state and clears the power figures.
     pub(crate) fn lose(&mut self, state: MeterState) {
         self.state = state;
         self.latest = None;
@@ -71,14 +73,14 @@ impl PowerSnapshot {
     }
 }
 
-/// A counter's value and its time since some fixed moment.
+/// A counter's value and its time since a fixed moment.
 #[derive(Clone, Copy, Debug)]
 struct Base {
     energy: Joules,
     at: Duration,
 }
 
-/// Makes power of readings.
+/// Computes power from a counter's readings.
 #[derive(Debug)]
 pub(crate) struct PowerTracker {
     name: String,
@@ -92,7 +94,7 @@ pub(crate) struct PowerTracker {
 }
 
 impl PowerTracker {
-    /// `window`: shortest interval that means something; `smoothing`: time constant of the mean.
+    /// `window`: shortest valid interval; `smoothing`: time constant of the mean.
     pub fn new(info: MeterInfo, idle: Watts, window: Duration, smoothing: Duration) -> Self {
         Self {
             name: info.name.clone(),
@@ -106,12 +108,12 @@ impl PowerTracker {
         }
     }
 
-    /// What is known now.
+    /// The current figures.
     pub fn snapshot(&self) -> &PowerSnapshot {
         &self.snapshot
     }
 
-    /// Takes in what the meter answered at the moment `at`.
+    /// Adds the meter's answer at time `at`.
     pub fn push(&mut self, answer: Result<Joules, MeterError>, at: Duration) {
         let energy = match answer {
             Ok(energy) if energy.0.is_finite() => energy,
@@ -129,24 +131,25 @@ impl PowerTracker {
             return self.drop_interval(now, "time went backwards".to_owned());
         }
         if energy < base.energy {
-            // A wrap, a driver reload, or a fault: which one cannot be told from here, so nothing
-            // is made of the interval.
+            // A wrap, a driver reload, or a fault cannot be distinguished here, so the interval is
+            // dropped.
             return self.drop_interval(now, fell(base.energy, energy));
         }
         let elapsed = at - base.at;
-        // Timers are late and early by a little: an interval that is a tenth short of the window
+        // Timers are slightly late or early: an interval up to a tenth shorter than the window
         // still counts.
         if elapsed.is_zero() || elapsed < self.window.mul_f64(0.9) {
             return;
         }
         if self.stuck {
-            // The first rise after a standstill may hold the energy of all of it.
+            // The first increase after a standstill may include the energy of all of it.
             self.stuck = energy == base.energy;
             self.base = Some(now);
             return;
         }
         if energy == base.energy {
-            // No rise yet is not 0 W: the interval grows until the counter steps, or is given up.
+            // An unchanged counter is not 0 W: the interval grows until the counter updates or
+            // counts as stuck.
             if elapsed >= STUCK_AFTER.max(self.window * STUCK_AFTER_WINDOWS) {
                 self.lose(MeterError::broken(self.name.as_str(), did_not_move(elapsed)));
                 self.stuck = true;
@@ -155,7 +158,7 @@ impl PowerTracker {
             return;
         }
         let power = self.idle + (energy - base.energy).per_seconds(elapsed.as_secs_f64());
-        // Also catches a difference that overflowed and an idle power that is no number.
+        // Also rejects a difference that overflowed, and a NaN idle power.
         if !(0.0..=MAXIMUM_PLAUSIBLE.0).contains(&power.0) {
             return self.drop_interval(
                 now,
@@ -170,8 +173,8 @@ impl PowerTracker {
     fn publish(&mut self, power: Watts, elapsed: Duration) {
         let snapshot = &mut self.snapshot;
         snapshot.mean = Some(match snapshot.mean {
-            // The weight of an interval is its share of the time constant, so that the mean does
-            // not depend on how often we poll.
+            // An interval's weight depends on its length relative to the time constant, so that the
+            // mean is independent of the polling rate.
             Some(mean) if !self.smoothing.is_zero() => {
                 let weight = -(-elapsed.as_secs_f64() / self.smoothing.as_secs_f64()).exp_m1();
                 mean + (power - mean) * weight
@@ -183,14 +186,14 @@ impl PowerTracker {
         snapshot.sample_count += 1;
     }
 
-    /// Makes nothing of the interval that ends now, and starts the next one here.
+    /// Drops the interval that ends now, and starts the next one here.
     fn drop_interval(&mut self, now: Base, note: String) {
         self.snapshot.dropped_count += 1;
         self.drops_in_succession += 1;
         if self.drops_in_succession >= DROPS_IN_SUCCESSION {
-            // The figures have grown old, and more of the same is no counter.
+            // The figures are out of date, and the counter is unusable.
             let reason =
-                format!("{DROPS_IN_SUCCESSION} intervals in succession made no sense: {note}");
+                format!("{DROPS_IN_SUCCESSION} intervals in succession were invalid: {note}");
             self.lose(MeterError::broken(self.name.as_str(), reason));
         }
         self.snapshot.note = Some(note);
@@ -209,7 +212,7 @@ mod tests {
     use super::*;
     use crate::power::{PowerMeter, ScriptedMeter};
 
-    /// A tracker with a window of 0.25 s that has seen `readings`, 0.25 s apart from 0 s on.
+    /// A tracker with a window of 0.25 s after `readings`, 0.25 s apart, from 0 s on.
     fn after(readings: impl IntoIterator<Item = f64>) -> PowerTracker {
         let meter = ScriptedMeter::joules([]);
         let mut tracker = PowerTracker::new(
@@ -231,13 +234,13 @@ mod tests {
         assert_eq!(
             (tracker.snapshot().latest, tracker.snapshot().mean),
             (None, None),
-            "a lost meter tells no watts"
+            "a lost meter reports no power"
         );
         reason
     }
 
     #[test]
-    fn one_reading_is_no_power() {
+    fn one_reading_gives_no_power() {
         assert_eq!(after([5.0]).snapshot().state, MeterState::Starting);
         assert_eq!(after([5.0]).snapshot().latest, None);
     }
@@ -268,7 +271,7 @@ mod tests {
     }
 
     #[test]
-    fn a_wrap_costs_one_interval() {
+    fn a_wrap_drops_one_interval() {
         let tracker = after([100.0, 101.0, 0.5, 1.5]);
         let snapshot = tracker.snapshot();
         assert_eq!(
@@ -297,10 +300,10 @@ mod tests {
     }
 
     #[test]
-    fn nonsense_and_errors_lose_the_meter_until_it_returns() {
-        for nonsense in [f64::NAN, f64::INFINITY, f64::NEG_INFINITY] {
-            assert!(lost_reason(&after([1.0, 2.0, nonsense])).contains("reads"));
-            assert_eq!(after([1.0, 2.0, nonsense, 3.0, 4.0]).snapshot().latest, Some(Watts(4.0)));
+    fn invalid_values_and_errors_lose_the_meter_until_it_returns() {
+        for invalid in [f64::NAN, f64::INFINITY, f64::NEG_INFINITY] {
+            assert!(lost_reason(&after([1.0, 2.0, invalid])).contains("reads"));
+            assert_eq!(after([1.0, 2.0, invalid, 3.0, 4.0]).snapshot().latest, Some(Watts(4.0)));
         }
         let mut tracker = after([1.0, 2.0]);
         tracker.push(
@@ -311,7 +314,7 @@ mod tests {
     }
 
     #[test]
-    fn an_interval_of_no_length_waits() {
+    fn an_interval_of_zero_length_waits() {
         let mut tracker = after([1.0, 2.0]);
         let before = tracker.snapshot().clone();
         tracker.push(Ok(Joules(9.0)), Duration::from_millis(250));
@@ -320,7 +323,7 @@ mod tests {
     }
 
     #[test]
-    fn time_that_goes_backwards_costs_one_interval() {
+    fn time_that_goes_backwards_drops_one_interval() {
         let mut tracker = after([1.0, 2.0]);
         tracker.push(Ok(Joules(3.0)), Duration::ZERO);
         assert_eq!(
@@ -347,13 +350,13 @@ mod tests {
     fn a_stuck_counter_is_lost_and_its_return_is_not_a_spike() {
         let stuck = [1.0, 2.0].into_iter().chain([2.0; 40]);
         assert!(lost_reason(&after(stuck.clone())).contains("did not move"));
-        // It returns with a jump that holds all it missed, and goes on at 4 W.
+        // It returns with a jump that includes all missed energy, and continues at 4 W.
         let back = after(stuck.chain([50.0, 51.0]));
         assert_eq!(back.snapshot().latest, Some(Watts(4.0)));
         assert_eq!(
             after([0.0; 40]).snapshot().latest,
             None,
-            "a counter that stands at 0 from the start never tells 0 W"
+            "a counter that stays at 0 from the start never reports 0 W"
         );
     }
 }

@@ -1,22 +1,22 @@
-//! Energy between two moments, for a measurement that owns its thread and wants exact bounds.
+//! Energy between two moments, for a measurement on a thread of its own with exact bounds.
 
 use std::time::{Duration, Instant};
 
 use crate::power::{MeterError, PowerMeter};
 use crate::units::{Joules, Watts};
 
-/// A counter's value and when it was taken.
+/// A counter's value with its time.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Reading {
     pub energy: Joules,
     pub at: Instant,
 }
 
-/// Reads a meter once. The moment is the middle of the call, since a driver may take milliseconds
+/// Reads a meter once. The time is the midpoint of the call, since a driver may take milliseconds
 /// to answer.
 ///
 /// # Errors
-/// The meter's own, and `Broken` when the value is not a finite number.
+/// The meter's own, and [`MeterError::Broken`] when the value is not finite.
 pub(crate) fn read(meter: &mut dyn PowerMeter) -> Result<Reading, MeterError> {
     let before = Instant::now();
     let energy = meter.energy()?;
@@ -28,14 +28,13 @@ pub(crate) fn read(meter: &mut dyn PowerMeter) -> Result<Reading, MeterError> {
     }
 }
 
-/// What a meter did that answered NaN or infinity.
+/// Fault of a meter that returns NaN or infinity.
 pub(crate) fn not_a_number(energy: Joules) -> String {
     format!("the counter reads {} J", energy.0)
 }
 
-/// The shortest meaningful window of `meter`, as a duration: its
-/// [`window_seconds`](PowerMeter::window_seconds), held to 0 s to 60 s, and 1 s where a meter
-/// answers nonsense.
+/// The shortest valid window of `meter`: its [`window_seconds`](PowerMeter::window_seconds),
+/// clamped to 0 s to 60 s, and 1 s for NaN.
 pub(crate) fn least_window(meter: &dyn PowerMeter) -> Duration {
     let seconds = meter.window_seconds();
     if seconds.is_nan() {
@@ -45,10 +44,10 @@ pub(crate) fn least_window(meter: &dyn PowerMeter) -> Duration {
     }
 }
 
-/// Energy from [`start`](Self::start) to [`finish`](Self::finish), by the same meter.
+/// Energy from [`start`](Self::start) to [`finish`](Self::finish), read from the same meter.
 ///
-/// Time is the monotonic clock's. Keep windows well above the meter's own step
-/// ([`PowerMeter::window_seconds`]): the error is up to one step at either end.
+/// Times are from the monotonic clock. Keep windows well above the meter's update interval
+/// ([`PowerMeter::window_seconds`]): the error is up to one interval at either end.
 #[derive(Debug)]
 #[must_use = "a window measures nothing until it is finished"]
 pub struct EnergyWindow {
@@ -56,25 +55,26 @@ pub struct EnergyWindow {
 }
 
 impl EnergyWindow {
-    /// Opens a window now.
+    /// Starts a window now.
     ///
     /// # Errors
-    /// When the meter gives no reading, or one that is no number.
+    /// [`MeterError`] when the meter gives no reading, or one that is not finite.
     pub fn start(meter: &mut dyn PowerMeter) -> Result<Self, MeterError> {
         Ok(Self { start: read(meter)? })
     }
 
-    /// How long the window has been open.
+    /// Time since the window was started.
     pub fn elapsed(&self) -> Duration {
         self.start.at.elapsed()
     }
 
-    /// Closes the window: energy spent in it, without [`PowerMeter::idle`], and its length. Both
-    /// may be 0 for a window that is opened and closed at once, so do not divide one by the other:
-    /// [`finish_power`](Self::finish_power) does, with care.
+    /// Ends the window and returns its energy, without [`PowerMeter::idle`], in joules (at least
+    /// 0), and its length. Both may be 0 for a very short window, so do not divide one by the
+    /// other: use [`finish_power`](Self::finish_power).
     ///
     /// # Errors
-    /// When the meter gives no reading, or one that is no number or below the first.
+    /// [`MeterError`] when the meter gives no reading, or one that is not finite or is below the
+    /// first.
     pub fn finish(self, meter: &mut dyn PowerMeter) -> Result<(Joules, Duration), MeterError> {
         let end = read(meter)?;
         let energy = end.energy - self.start.energy;
@@ -84,11 +84,11 @@ impl EnergyWindow {
         Ok((energy, end.at.saturating_duration_since(self.start.at)))
     }
 
-    /// Closes the window: mean power in it, [`PowerMeter::idle`] included. Finite.
+    /// Ends the window and returns its mean power, with [`PowerMeter::idle`], in watts; finite.
     ///
     /// # Errors
-    /// As [`finish`](Self::finish); `WindowTooShort` when the window is shorter than the meter's
-    /// step; `Broken` when the counter did not move.
+    /// As [`finish`](Self::finish); [`MeterError::WindowTooShort`] when the window is shorter than
+    /// the meter's update interval; [`MeterError::Broken`] when the counter did not change.
     pub fn finish_power(self, meter: &mut dyn PowerMeter) -> Result<Watts, MeterError> {
         let (energy, elapsed) = self.finish(meter)?;
         let least = least_window(meter);
@@ -102,12 +102,12 @@ impl EnergyWindow {
     }
 }
 
-/// What a counter did that went backwards.
+/// Fault of a counter that decreases.
 pub(crate) fn fell(from: Joules, to: Joules) -> String {
     format!("the counter fell from {} J to {} J", from.0, to.0)
 }
 
-/// What a counter did that stood still.
+/// Fault of a counter that stands still.
 pub(crate) fn did_not_move(elapsed: Duration) -> String {
     format!("the counter did not move in {:.2} s", elapsed.as_secs_f64())
 }
@@ -126,7 +126,7 @@ mod tests {
     }
 
     #[test]
-    fn a_window_of_no_length_is_no_power() {
+    fn a_window_of_zero_length_gives_no_power() {
         let mut meter = ScriptedMeter::joules([1.0, 2.0]).with_window_seconds(10.0);
         let window = EnergyWindow::start(&mut meter).unwrap();
         assert!(matches!(window.finish_power(&mut meter), Err(MeterError::WindowTooShort { .. })));
@@ -152,7 +152,7 @@ mod tests {
     }
 
     #[test]
-    fn a_nonsense_window_is_held_to_something_finite() {
+    fn an_invalid_window_is_clamped() {
         for (seconds, least) in [(f64::NAN, 1), (f64::INFINITY, 60), (-1.0, 0)] {
             let meter = ScriptedMeter::joules([0.0]).with_window_seconds(seconds);
             assert_eq!(least_window(&meter), Duration::from_secs(least));

@@ -1,4 +1,4 @@
-//! The format of files of cameras: see [the module](super).
+//! The format of camera recordings: see [the module](super).
 
 use std::fmt::Write;
 use std::str::FromStr;
@@ -7,29 +7,17 @@ use bevy::math::{Quat, Vec3};
 
 use super::{CameraFileError, CameraSample};
 
-/// Version of the format that is written and read.
+/// Version of the format that this build writes and reads.
 pub const VERSION: u32 = 1;
 
 /// First word of a file.
 pub(super) const NAME: &str = "frugal-cameras";
 
-/// Names of the columns, in order.
-pub const COLUMNS: [&str; 11] = [
-    // With their units.
-    "time_s",
-    "camera",
-    "x_m",
-    "y_m",
-    "z_m",
-    "qx",
-    "qy",
-    "qz",
-    "qw",
-    "vertical_fov_rad",
-    "aspect",
-];
+/// Names of the columns, in order; a suffix gives the unit.
+pub const COLUMNS: [&str; 11] =
+    ["time_s", "camera", "x_m", "y_m", "z_m", "qx", "qy", "qz", "qw", "vertical_fov_rad", "aspect"];
 
-/// Characters of somebody else's text that an error repeats.
+/// Maximum number of characters that an error quotes from a file.
 const QUOTE: usize = 40;
 
 /// The first two lines.
@@ -37,16 +25,16 @@ pub(super) fn header() -> String {
     format!("{NAME} {VERSION}\n{}\n", COLUMNS.join(","))
 }
 
-/// Appends a sample's line, with as many digits as give back every bit.
+/// Appends a sample's line, with enough digits to restore every bit.
 pub(super) fn push_line(text: &mut String, sample: &CameraSample) {
     let CameraSample { time_s, camera, position: p, rotation: q, vertical_fov, aspect } = sample;
-    // Writing into a string cannot fail.
+    // Writing to a string cannot fail.
     let _ = write!(text, "{time_s:?},{camera},{:?},{:?},{:?}", p.x, p.y, p.z);
     let _ = writeln!(text, ",{:?},{:?},{:?},{:?},{vertical_fov:?},{aspect:?}", q.x, q.y, q.z, q.w);
 }
 
-/// A whole file of `samples`, which [`parse`] gives back bit by bit where they are
-/// [valid](CameraSample::validated) and their rotations of unit length.
+/// The text of a recording of `samples`. [`parse`] restores them bit by bit if they are
+/// [valid](CameraSample::validated) and their rotations have unit length.
 pub fn to_text<'a>(samples: impl IntoIterator<Item = &'a CameraSample>) -> String {
     let mut text = header();
     for sample in samples {
@@ -55,16 +43,16 @@ pub fn to_text<'a>(samples: impl IntoIterator<Item = &'a CameraSample>) -> Strin
     text
 }
 
-/// The samples of a file, in its order, every one [valid](CameraSample::validated). A last line
-/// without its end, which a crash or a full disk leaves behind, is passed over, as are empty lines;
-/// lines may end as on Windows.
+/// Parses the samples of a recording, in file order, each [valid](CameraSample::validated). Ignores
+/// empty lines and an unterminated last line, as a crash or a full disk leaves it. Accepts a byte
+/// order mark and CRLF line ends.
 ///
 /// # Errors
 ///
-/// The text is no such file or of another version, or a line has a number that cannot be: the error
-/// names line, field and remedy.
+/// [`CameraFileError`] when the text is not a recording, is of another version, or has an invalid
+/// line; it names line, field and remedy.
 pub fn parse(text: &str) -> Result<Vec<CameraSample>, CameraFileError> {
-    // Some editors put a byte order mark before what they save.
+    // Some editors write a byte order mark.
     let text = text.strip_prefix('\u{feff}').unwrap_or(text);
     let lines = text
         .split_inclusive('\n')

@@ -13,7 +13,7 @@ fn sample() -> CameraSample {
     CameraSample { time_s: 0.25, camera: 3, position, rotation, vertical_fov: 1.0, aspect: 1.5 }
 }
 
-/// A file with one line of which the field `column` is `value`.
+/// A recording of one sample, with `value` in the field `column`.
 fn file_with(column: &str, value: &str) -> String {
     let mut fields = ["0.25", "0", "1.0", "2.0", "3.0", "0.0", "0.0", "0.0", "1.0", "1.0", "1.5"];
     fields[COLUMNS.iter().position(|name| *name == column).expect("a column")] = value;
@@ -30,31 +30,31 @@ fn the_format_is_the_documented_one() {
 }
 
 #[test]
-fn a_torn_last_line_costs_that_line_alone() {
+fn a_truncated_last_line_loses_that_line_alone() {
     let one = to_text(&[sample()]);
     let two = to_text(&[sample(), CameraSample { time_s: 0.5, ..sample() }]);
     for end in one.len()..two.len() {
         assert_eq!(parse(&two[..end]), Ok(vec![sample()]), "cut at {end}");
     }
     assert_eq!(parse(&two).map(|samples| samples.len()), Ok(2));
-    // The second line of the header is torn.
+    // The second line of the header is truncated.
     assert_eq!(parse(&HEADER[..30]), Ok(Vec::new()));
 }
 
 #[test]
-fn what_editors_do_to_a_file_does_not_matter() {
+fn editor_line_ends_and_spaces_are_accepted() {
     let text =
         format!("\u{feff}{}\n", to_text(&[sample()])).replace('\n', "\r\n").replace(',', ", ");
     assert_eq!(parse(&text), Ok(vec![sample()]));
 }
 
 #[test]
-fn other_files_are_refused() {
+fn other_files_are_rejected() {
     let header = |found: &str| Err(CameraFileError::Header { found: found.to_owned() });
     assert_eq!(parse(""), header(""));
     assert_eq!(parse("\n"), header(""));
     assert_eq!(parse("frugal-cameras"), header("frugal-cameras"));
-    assert_eq!(parse("frugal-cameras 1"), Ok(Vec::new()), "its end is torn");
+    assert_eq!(parse("frugal-cameras 1"), Ok(Vec::new()), "the line is truncated");
     assert_eq!(parse("frugal-cameras one\n"), header("frugal-cameras one"));
     assert_eq!(parse(&"ä".repeat(1000)), header(&"ä".repeat(40)));
     assert_eq!(parse("frugal-cameras 2\nanything"), Err(CameraFileError::Version { found: 2 }));
@@ -67,12 +67,12 @@ fn errors_name_line_field_and_remedy() {
     let message = |text: &str| parse(text).expect_err(text).to_string();
     let remedy = ": correct the line, or remove it";
     let few = format!("{}1.0,2\n", to_text(&[sample()]));
-    assert_eq!(message(&few), format!("line 4: 2 fields where 11 should be{remedy}"));
+    assert_eq!(message(&few), format!("line 4: 2 fields instead of 11{remedy}"));
     assert_eq!(
         message(&file_with("qy", "north")),
-        format!("line 3: `qy` is `north`, which is no number{remedy}")
+        format!("line 3: `qy` is `north`, which is not a number{remedy}")
     );
-    let whole = "which is no whole number from 0 to 4294967295";
+    let whole = "which is not a whole number from 0 to 4294967295";
     assert_eq!(
         message(&file_with("camera", "-1")),
         format!("line 3: `camera` is `-1`, {whole}{remedy}")
@@ -86,8 +86,8 @@ fn errors_name_line_field_and_remedy() {
 }
 
 #[test]
-fn numbers_that_cannot_be_are_refused_in_every_column() {
-    let refused = [
+fn numbers_out_of_range_are_rejected_in_every_column() {
+    let invalid = [
         ("time_s", vec!["NaN", "inf", "-0.25", "1e400"]),
         ("x_m", vec!["NaN", "inf", "-1.1e7"]),
         ("y_m", vec!["NaN", "-inf", "1.1e7"]),
@@ -99,7 +99,7 @@ fn numbers_that_cannot_be_are_refused_in_every_column() {
         ("vertical_fov_rad", vec!["NaN", "0", "-1", "3.1415927", "inf"]),
         ("aspect", vec!["NaN", "0", "-1.5", "inf", "1e-60"]),
     ];
-    for (column, values) in refused {
+    for (column, values) in invalid {
         for value in values {
             match parse(&file_with(column, value)) {
                 Err(CameraFileError::OutOfRange { line: 3, number }) => {
@@ -117,7 +117,7 @@ fn numbers_that_cannot_be_are_refused_in_every_column() {
 }
 
 #[test]
-fn rotations_are_made_of_unit_length_unless_they_are_none() {
+fn rotations_are_normalised_or_rejected() {
     for value in ["0", "-0.0", "1e-7"] {
         let error = parse(&file_with("qw", value)).expect_err(value);
         assert!(error.to_string().contains("`qx,qy,qz,qw`"), "{error}");
@@ -130,7 +130,7 @@ fn rotations_are_made_of_unit_length_unless_they_are_none() {
 
 proptest! {
     #[test]
-    fn every_bit_comes_back(
+    fn every_bit_is_restored(
         time_s in prop::num::f64::POSITIVE,
         camera: u32,
         position in prop::array::uniform3((-1.0_f32..1.0, -44..8)),
@@ -138,7 +138,7 @@ proptest! {
         vertical_fov in 1e-6_f32..3.1,
         aspect in prop::num::f32::POSITIVE,
     ) {
-        // Of every magnitude.
+        // Positions of every magnitude.
         let position = Vec3::from_array(position.map(|(digits, power)| digits * 10_f32.powi(power)));
         let rotation = Quat::from_array(rotation);
         let sample = CameraSample { time_s, camera, position, rotation, vertical_fov, aspect };
@@ -148,13 +148,13 @@ proptest! {
         let read = parse(&to_text(&[valid])).unwrap();
         prop_assert_eq!(read.len(), 1);
         prop_assert_eq!(read[0], valid);
-        // Equal numbers may differ in the sign of 0.
+        // Equal numbers may differ in the sign of zero.
         prop_assert_eq!(read[0].position.to_array().map(f32::to_bits), valid.position.to_array().map(f32::to_bits));
         prop_assert_eq!(read[0].rotation.to_array().map(f32::to_bits), valid.rotation.to_array().map(f32::to_bits));
     }
 
     #[test]
-    fn no_text_brings_the_parser_down(text: String, line in "[-0-9.e,naif]{0,60}") {
+    fn no_text_panics_the_parser(text: String, line in "[-0-9.e,naif]{0,60}") {
         let _ = parse(&text);
         let _ = parse(&format!("{HEADER}{line}\n{text}"));
     }

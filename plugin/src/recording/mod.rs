@@ -1,9 +1,9 @@
-//! Where an app's cameras go, written into a file, so that settings can be trained where they are
-//! needed.
+//! Records an app's camera paths to a file, so that settings can be trained on the views that
+//! occur.
 //!
-//! `frugal precompute --cameras FILE` reads such a file. [`CameraRecorderPlugin`] writes it; it is
-//! no part of [`FrugalGiPlugins`](crate::FrugalGiPlugins), so add it to the builds that are played
-//! for a recording:
+//! [`CameraRecorderPlugin`] writes the file, and `frugal precompute --cameras FILE` reads it. The
+//! plugin is not part of [`FrugalGiPlugins`](crate::FrugalGiPlugins): add it to the builds that are
+//! used for recording.
 //!
 //! ```no_run
 //! use bevy::prelude::*;
@@ -19,9 +19,9 @@
 //!
 //! # The file
 //!
-//! Text, in lines that are only ever appended, so that a crash costs the last of them at most. The
-//! first line is name and version, the second the names of the columns, and each further one a
-//! sample:
+//! Text, in lines that are only appended, so that a crash loses at most the last one. The first
+//! line is the name and version of the format, the second the names of the columns, and each
+//! further line a sample:
 //!
 //! ```text
 //! frugal-cameras 1
@@ -31,18 +31,18 @@
 //!
 //! | column | meaning | valid |
 //! |---|---|---|
-//! | `time_s` | seconds since the app began | finite, from 0 |
+//! | `time_s` | seconds since the app started | finite, from 0 |
 //! | `camera` | number of the camera | whole, 0 to 2³² − 1 |
 //! | `x_m`, `y_m`, `z_m` | world position, metres | −10⁷ to 10⁷ |
 //! | `qx`, `qy`, `qz`, `qw` | world rotation; the camera looks along its own −Z | length at least 10⁻⁶ |
 //! | `vertical_fov_rad` | vertical field of view, radians | between 0 and π, both excluded |
-//! | `aspect` | width ÷ height of the picture | finite, above 0 |
+//! | `aspect` | width ÷ height of the image | finite, above 0 |
 //!
-//! A later run of the app appends to the file. Its clock begins at 0 again and its cameras have new
-//! numbers: lines of one number are one camera in one run, in order of time. A camera that stands
-//! still writes nothing.
+//! A later run of the app appends to the file. Its clock restarts at 0 and its cameras get new
+//! numbers: lines with the same number are one camera in one run, in order of time. A static camera
+//! adds no lines.
 //!
-//! [`parse`] and [`to_text`] know of no app and no renderer.
+//! [`parse`] and [`to_text`] depend on neither an app nor a renderer.
 mod error;
 mod file;
 mod plugin;

@@ -1,4 +1,4 @@
-//! The recorder in a Bevy app: samples the cameras that are marked, and hands what moved to the
+//! The recorder in a Bevy app: samples the marked cameras, and passes those that moved to the
 //! writer.
 
 use std::collections::HashMap;
@@ -15,40 +15,42 @@ use super::CameraSample;
 use super::writer::{CameraWriter, Sent};
 use crate::frontier::CameraView;
 
-/// Put it on a camera whose way [`CameraRecorderPlugin`] is to record. While the camera is inactive
-/// nothing is.
+/// Marks a camera whose path [`CameraRecorderPlugin`] records. An inactive camera is not recorded.
 #[derive(Component, Clone, Copy, Debug, Default, PartialEq, Eq, Reflect)]
 #[reflect(Component, Default, Clone, Debug, PartialEq)]
 pub struct RecordCamera;
 
-/// Records where cameras with [`RecordCamera`] go into a file: see [the module](super).
+/// Records the paths of cameras with [`RecordCamera`] to a file: see [the module](super).
 ///
-/// A file that is there already is appended to where it is a recording, and left alone where it is
-/// not. One app may write it at a time. Needs Bevy's `TimePlugin`.
+/// Appends to an existing recording, and never changes another existing file. Only one app may
+/// write a recording at a time. Needs Bevy's `TimePlugin`.
 ///
-/// Nothing that happens to the file disturbs the app: frames do not wait for the disk, and where
-/// the file cannot be written, one error says why and what to do, and the recorder stays off. In a
-/// browser, which has no files, it does from the start.
+/// File errors do not affect the app: frames never wait for the disk, and if the file cannot be
+/// written, the recorder logs one error with the remedy and turns off. In a browser, which has no
+/// files, it is always off.
 #[derive(Clone, Debug, PartialEq)]
 pub struct CameraRecorderPlugin {
-    /// The file. Folders on the way to it are made.
+    /// Path of the file. Missing parent folders are created.
     pub path: PathBuf,
-    /// Time between two looks at the cameras, by the wall clock. 0.25 s by default; 0 is every
-    /// frame.
+    /// Interval between samples of the cameras, in real time. Higher values give a smaller file and
+    /// a coarser path; lower values a larger file; 0 samples every frame. Default: 0.25 s.
     pub interval: Duration,
-    /// Motion since the camera's last sample, metres, below which nothing is written unless the
-    /// camera turned. 0.05 by default: the more, the smaller the file. 0 and less, and what is no
-    /// number, write every look.
+    /// Minimum motion since the camera's last recorded sample, metres; less motion records nothing
+    /// unless the camera rotated. Higher values give a smaller file and a coarser path. 0, negative
+    /// values and NaN record every sample. Default: 0.05 m.
     pub min_distance: f32,
-    /// The same of turns and of changes of the field of view, radians. 2 degrees by default.
+    /// Minimum rotation, or change of the field of view, since the last recorded sample, radians;
+    /// higher values give a smaller file and a coarser path. 0, negative values and NaN record
+    /// every sample. Default: 2 degrees.
     pub min_angle: f32,
-    /// Samples that the file may hold, earlier runs' included; recording ends there, with a
-    /// warning. 100,000 by default: about 10 MB, or seven hours of a camera that never rests.
+    /// Maximum number of samples in the file, with those of earlier runs; recording then ends with
+    /// a warning. Higher values allow longer recordings and larger files. Default: 100,000, about
+    /// 10 MB, or seven hours of a constantly moving camera.
     pub max_samples: usize,
 }
 
 impl CameraRecorderPlugin {
-    /// Into the file at `path`, at the defaults.
+    /// Records to the file at `path`, with the default settings.
     pub fn new(path: impl Into<PathBuf>) -> Self {
         Self {
             path: path.into(),
@@ -63,41 +65,41 @@ impl CameraRecorderPlugin {
 /// When cameras are recorded.
 #[derive(SystemSet, Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum RecordingSystems {
-    /// Part of `PostUpdate`, after cameras are updated and transforms propagated.
+    /// Part of `PostUpdate`, after cameras are updated and transforms are propagated.
     Sample,
 }
 
-/// The recorder at work, to be read. There is none in a browser.
+/// State of the running recorder, read-only for the app. Absent in a browser, and before `Startup`.
 #[derive(Resource)]
 pub struct CameraRecorder {
     settings: CameraRecorderPlugin,
     writer: Option<CameraWriter>,
     tracks: HashMap<Entity, Track>,
     next_camera: u32,
-    next_look: Duration,
+    next_sample: Duration,
     samples: usize,
     warned_of_disk: bool,
     warned_of_numbers: bool,
 }
 
-/// What was recorded of one camera.
+/// Recording state of one camera.
 struct Track {
     camera: u32,
     last: Option<CameraSample>,
 }
 
 impl CameraRecorder {
-    /// Samples of this run that were handed to the file.
+    /// Number of samples of this run that were queued for the file.
     pub fn samples(&self) -> usize {
         self.samples
     }
 
-    /// Whether samples are taken. No longer once the file is full or cannot be written.
+    /// Whether samples are recorded. False once the file is full or cannot be written.
     pub fn is_recording(&self) -> bool {
         self.writer.as_ref().is_some_and(CameraWriter::is_running)
     }
 
-    fn look(&mut self, camera: Entity, time: Duration, view: CameraView) {
+    fn sample(&mut self, camera: Entity, time: Duration, view: CameraView) {
         let Some(writer) = &self.writer else { return };
         let track = self.tracks.entry(camera).or_insert_with(|| {
             let camera = self.next_camera;
@@ -105,7 +107,7 @@ impl CameraRecorder {
             Track { camera, last: None }
         });
         let CameraView { position, rotation, vertical_fov, aspect } = view;
-        // Milliseconds will do, and are easier to read.
+        // Milliseconds suffice, and are easier to read.
         let time_s = (time.as_secs_f64() * 1e3).round() / 1e3;
         let sample =
             CameraSample { time_s, camera: track.camera, position, rotation, vertical_fov, aspect };
@@ -127,10 +129,10 @@ impl CameraRecorder {
                 track.last = Some(sample);
                 self.samples += 1;
             }
-            Sent::LeftOut => {
+            Sent::Dropped => {
                 if !std::mem::replace(&mut self.warned_of_disk, true) {
                     warn!(
-                        "{} lacks some cameras: the disk is too slow",
+                        "{} lacks some samples: the disk is too slow",
                         self.settings.path.display()
                     );
                 }
@@ -152,7 +154,7 @@ impl Drop for CameraRecorder {
 impl Plugin for CameraRecorderPlugin {
     fn build(&self, app: &mut App) {
         app.register_type::<RecordCamera>();
-        // It has neither files nor threads.
+        // A browser has neither files nor threads.
         if cfg!(target_family = "wasm") {
             warn!("cameras are not recorded: a browser has no files");
             return;
@@ -161,7 +163,7 @@ impl Plugin for CameraRecorderPlugin {
         let start = move |mut commands: Commands| start(&mut commands, &settings);
         let sample = sample_cameras
             .in_set(RecordingSystems::Sample)
-            // Need this frame's picture and where cameras are in it.
+            // Needs this frame's projections and camera transforms.
             .after(CameraUpdateSystems)
             .after(TransformSystems::Propagate)
             .run_if(resource_exists::<CameraRecorder>);
@@ -171,17 +173,17 @@ impl Plugin for CameraRecorderPlugin {
 
     fn finish(&self, app: &mut App) {
         if !app.world().contains_resource::<Time<Real>>() {
-            warn!("CameraRecorderPlugin stays off: it has no clock, add TimePlugin");
+            warn!("CameraRecorderPlugin stays off: this app has no clock, add TimePlugin");
         }
     }
 }
 
-/// In `Startup`, and not when plugins are built: an app that never runs touches no file.
+/// In `Startup`, and not when plugins are built: an app that never runs changes no file.
 fn start(commands: &mut Commands, settings: &CameraRecorderPlugin) {
     let writer = CameraWriter::start(settings.path.clone(), settings.max_samples);
     if let Err(error) = &writer {
         error!(
-            "cameras are not recorded into {}: no thread to write with: {error}",
+            "cameras are not recorded to {}: the writing thread cannot be created: {error}",
             settings.path.display()
         );
     }
@@ -190,7 +192,7 @@ fn start(commands: &mut Commands, settings: &CameraRecorderPlugin) {
         writer: writer.ok(),
         tracks: HashMap::new(),
         next_camera: 0,
-        next_look: Duration::ZERO,
+        next_sample: Duration::ZERO,
         samples: 0,
         warned_of_disk: false,
         warned_of_numbers: false,
@@ -203,14 +205,14 @@ fn sample_cameras(
     cameras: Query<(Entity, &Camera, &GlobalTransform, Option<&Projection>), With<RecordCamera>>,
 ) {
     let now = time.elapsed();
-    if recorder.writer.is_none() || now < recorder.next_look {
+    if recorder.writer.is_none() || now < recorder.next_sample {
         return;
     }
-    recorder.next_look = now.saturating_add(recorder.settings.interval);
+    recorder.next_sample = now.saturating_add(recorder.settings.interval);
     recorder.tracks.retain(|camera, _| cameras.contains(*camera));
     for (entity, camera, transform, projection) in &cameras {
         if camera.is_active {
-            recorder.look(entity, now, CameraView::from_camera(transform, projection));
+            recorder.sample(entity, now, CameraView::from_camera(transform, projection));
         }
     }
 }

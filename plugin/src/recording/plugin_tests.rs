@@ -9,7 +9,7 @@ use super::*;
 use crate::recording::parse;
 use crate::recording::testing::{TestFolder, read};
 
-/// An app that looks at its cameras in every second frame.
+/// An app that samples its cameras every second frame.
 fn app_with(plugin: CameraRecorderPlugin) -> App {
     let mut app = App::new();
     app.add_plugins((MinimalPlugins, TransformPlugin, plugin));
@@ -27,7 +27,7 @@ fn spawn_camera(app: &mut App, transform: Transform) -> Entity {
     app.world_mut().spawn((Camera::default(), lens(1.0, 1.5), transform, RecordCamera)).id()
 }
 
-fn place(app: &mut App, camera: Entity, transform: Transform) {
+fn set_transform(app: &mut App, camera: Entity, transform: Transform) {
     app.world_mut().entity_mut(camera).insert(transform);
 }
 
@@ -39,7 +39,7 @@ fn run(app: &mut App, frames: usize) {
     (0..frames).for_each(|_| app.update());
 }
 
-/// Ends the app, and reads what it recorded.
+/// Ends the app, and reads its recording.
 fn end(app: App, path: &Path) -> Vec<CameraSample> {
     drop(app);
     parse(&read(path)).expect("a recording")
@@ -50,32 +50,32 @@ fn recorder(app: &App) -> &CameraRecorder {
 }
 
 #[test]
-fn a_moving_camera_leaves_its_way_in_the_file() {
+fn the_path_of_a_moving_camera_is_recorded() {
     let folder = TestFolder::new();
     let path = folder.file("cameras.txt");
     let mut app = app_with(CameraRecorderPlugin::new(&path));
     let camera = spawn_camera(&mut app, Transform::IDENTITY);
-    let mut ways = Vec::new();
+    let mut transforms = Vec::new();
     for frame in 0..20 {
-        let way = Transform::from_xyz(frame as f32, 1.7, -0.5).looking_to(Vec3::X, Vec3::Y);
-        place(&mut app, camera, way);
+        let transform = Transform::from_xyz(frame as f32, 1.7, -0.5).looking_to(Vec3::X, Vec3::Y);
+        set_transform(&mut app, camera, transform);
         app.update();
-        ways.push(way);
+        transforms.push(transform);
     }
     assert_eq!((recorder(&app).samples(), recorder(&app).is_recording()), (10, true));
     let samples = end(app, &path);
     assert_eq!(samples.len(), 10);
     for (index, sample) in samples.iter().enumerate() {
-        let way = ways[2 * index];
-        assert_eq!((sample.camera, sample.position), (0, way.translation));
-        assert!(sample.rotation.angle_between(way.rotation) < 1e-3);
+        let transform = transforms[2 * index];
+        assert_eq!((sample.camera, sample.position), (0, transform.translation));
+        assert!(sample.rotation.angle_between(transform.rotation) < 1e-3);
         assert_eq!((sample.vertical_fov, sample.aspect), (1.0, 1.5));
         assert_eq!(sample.time_s - samples[0].time_s, 0.25 * index as f64);
     }
 }
 
 #[test]
-fn only_what_changes_the_picture_is_written() {
+fn only_changes_of_the_view_are_recorded() {
     let folder = TestFolder::new();
     let path = folder.file("cameras.txt");
     let mut app = app_with(CameraRecorderPlugin {
@@ -85,9 +85,9 @@ fn only_what_changes_the_picture_is_written() {
     let camera = spawn_camera(&mut app, Transform::IDENTITY);
     run(&mut app, 10);
     assert_eq!(recorder(&app).samples(), 1);
-    // Slow motion adds up: 12 steps of 2 cm are 4 of 6 cm, where 5 are wanted.
+    // Slow motion accumulates: 12 steps of 2 cm give a sample every 6 cm, beyond the 5 cm limit.
     for step in 1..=12 {
-        place(&mut app, camera, Transform::from_xyz(0.02 * step as f32, 0.0, 0.0));
+        set_transform(&mut app, camera, Transform::from_xyz(0.02 * step as f32, 0.0, 0.0));
         app.update();
     }
     assert_eq!(recorder(&app).samples(), 5);
@@ -97,8 +97,8 @@ fn only_what_changes_the_picture_is_written() {
         run(&mut app, 3);
         assert_eq!(recorder(&app).samples() - before, written, "{what}");
     };
-    let place = Transform::from_xyz(0.24, 0.0, 0.0);
-    let turned = |degrees: f32| place.with_rotation(Quat::from_rotation_y(degrees.to_radians()));
+    let position = Transform::from_xyz(0.24, 0.0, 0.0);
+    let turned = |degrees: f32| position.with_rotation(Quat::from_rotation_y(degrees.to_radians()));
     changes(&|camera| insert(camera, turned(1.0)), 0, "one degree");
     changes(&|camera| insert(camera, turned(3.0)), 1, "three degrees");
     changes(&|camera| insert(camera, lens(1.01, 1.5)), 0, "half a degree of the lens");
@@ -121,12 +121,12 @@ fn cameras_that_are_inactive_or_not_marked_are_left_out() {
 }
 
 #[test]
-fn each_camera_has_its_number_also_after_another_went() {
+fn each_camera_keeps_its_number_after_another_is_despawned() {
     let folder = TestFolder::new();
     let path = folder.file("cameras.txt");
     let mut app = app_with(CameraRecorderPlugin::new(&path));
     let first = spawn_camera(&mut app, Transform::from_xyz(1.0, 0.0, 0.0));
-    // A child's place is that in the world.
+    // A child's position is in world space.
     let parent = app.world_mut().spawn(Transform::from_xyz(10.0, 0.0, 0.0)).id();
     let second = spawn_camera(&mut app, Transform::from_xyz(2.0, 0.0, 0.0));
     app.world_mut().entity_mut(second).insert(ChildOf(parent));
@@ -148,7 +148,7 @@ fn each_camera_has_its_number_also_after_another_went() {
 }
 
 #[test]
-fn cameras_that_cannot_be_are_left_out_until_they_can() {
+fn invalid_cameras_are_left_out_until_they_are_valid() {
     let folder = TestFolder::new();
     let path = folder.file("cameras.txt");
     let mut app = app_with(CameraRecorderPlugin {
@@ -160,10 +160,10 @@ fn cameras_that_cannot_be_are_left_out_until_they_can() {
     let far = Transform::from_xyz(0.0, 1e8, 0.0);
     let nowhere = Transform::from_rotation(Quat::from_xyzw(f32::NAN, 0.0, 0.0, 1.0));
     for transform in [far, nowhere, Transform::from_scale(Vec3::ZERO)] {
-        place(&mut app, camera, transform);
+        set_transform(&mut app, camera, transform);
         app.update();
     }
-    place(&mut app, camera, Transform::IDENTITY);
+    set_transform(&mut app, camera, Transform::IDENTITY);
     let none =
         OrthographicProjection { area: Rect::default(), ..OrthographicProjection::default_3d() };
     let none = Projection::Orthographic(none);
@@ -176,7 +176,7 @@ fn cameras_that_cannot_be_are_left_out_until_they_can() {
     assert_eq!(recorder(&app).samples(), 0);
     app.world_mut().entity_mut(camera).remove::<Projection>();
     run(&mut app, 3);
-    place(
+    set_transform(
         &mut app,
         camera,
         Transform::from_xyz(9.9e6, -9.9e6, 1e-30).with_scale(Vec3::splat(1e-3)),
@@ -245,7 +245,7 @@ fn without_a_clock_nothing_is_recorded_and_nothing_breaks() {
 }
 
 #[test]
-fn an_endless_interval_is_one_look() {
+fn an_endless_interval_gives_one_sample() {
     let folder = TestFolder::new();
     let path = folder.file("cameras.txt");
     let settings = CameraRecorderPlugin::new(&path);

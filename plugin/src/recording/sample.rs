@@ -1,41 +1,40 @@
-//! A camera's place and view at one moment.
+//! A camera's pose and view at one moment.
 
 use bevy::math::{DQuat, Quat, Vec3};
 
 use super::InvalidSample;
 use crate::frontier::CameraView;
 
-/// Where a camera was at one moment, and what it saw.
+/// A camera's pose and view at one moment.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct CameraSample {
-    /// Seconds since the app began, from 0.
+    /// Seconds since the app started; finite, at least 0.
     pub time_s: f64,
-    /// Number of the camera in the file. One camera in one run of the app has one number.
+    /// Number of the camera in the file, unique per camera and run of the app.
     pub camera: u32,
     /// World position, metres; each coordinate within ±[`MAX_COORDINATE`](Self::MAX_COORDINATE).
     pub position: Vec3,
     /// World rotation, of unit length; the camera looks along its own −Z.
     pub rotation: Quat,
-    /// Vertical field of view, radians, in (0, π). That of an orthographic camera is next to
-    /// nothing.
+    /// Vertical field of view, radians, in (0, π). 0.001 for an orthographic camera.
     pub vertical_fov: f32,
-    /// Width ÷ height of the picture, finite and above 0.
+    /// Width ÷ height of the image; finite, above 0.
     pub aspect: f32,
 }
 
 impl CameraSample {
-    /// How far from the origin a coordinate may be, metres. Beyond, an `f32` tells no two places
-    /// within a metre apart.
+    /// Maximum absolute coordinate, metres. Beyond it an `f32` does not resolve a metre.
     pub const MAX_COORDINATE: f32 = 1e7;
 
-    /// Shortest quaternion that is taken for a rotation.
+    /// Minimum length of a quaternion that counts as a rotation.
     const MIN_ROTATION_LENGTH: f64 = 1e-6;
 
-    /// The sample, with its rotation made one of unit length.
+    /// Validates the sample and normalises its rotation.
     ///
     /// # Errors
     ///
-    /// A number is none, or out of its range, or the rotation's length is less than 10⁻⁶.
+    /// [`InvalidSample`] when a number is NaN or out of its range, or the rotation's length is
+    /// below 10⁻⁶.
     pub fn validated(self) -> Result<Self, InvalidSample> {
         let check = |field, value: f64, valid: bool, expected| {
             if valid { Ok(()) } else { Err(InvalidSample { field, value, expected }) }
@@ -47,7 +46,7 @@ impl CameraSample {
         for (field, value) in ["qx", "qy", "qz", "qw"].into_iter().zip(self.rotation.to_array()) {
             check(field, value.into(), value.is_finite(), "finite")?;
         }
-        // Squares of numbers that an `f32` holds neither overflow nor vanish here.
+        // In `f64`, squares of `f32` numbers neither overflow nor underflow.
         let rotation = DQuat::from_array(self.rotation.to_array().map(f64::from));
         let length = rotation.length();
         check(
@@ -61,7 +60,7 @@ impl CameraSample {
         check("time_s", time, time.is_finite() && time >= 0.0, "finite, from 0")?;
         check("vertical_fov_rad", fov.into(), open(fov, std::f32::consts::PI), "between 0 and pi")?;
         check("aspect", aspect.into(), open(aspect, f32::INFINITY), "finite and above 0")?;
-        // What is of unit length but for rounding stays as it is, to the bit.
+        // A rotation of unit length up to rounding stays bit-identical.
         let unit = self.rotation.is_normalized();
         Ok(Self {
             rotation: if unit { self.rotation } else { (rotation / length).as_quat() },
@@ -69,15 +68,15 @@ impl CameraSample {
         })
     }
 
-    /// What the camera saw, without when.
+    /// The camera's view, without its time and number.
     pub fn view(&self) -> CameraView {
         let Self { position, rotation, vertical_fov, aspect, .. } = *self;
         CameraView { position, rotation, vertical_fov, aspect }
     }
 
-    /// Whether the picture is another than at `last`: the camera went `distance` metres or more, or
-    /// it turned, or its picture grew or shrank on a side, by `angle` radians or more. A limit that
-    /// is no number is passed by any motion.
+    /// Whether the view differs from `last`: the camera moved by `distance` metres or more, or it
+    /// rotated, or a field of view changed, by `angle` radians or more. A NaN limit is exceeded by
+    /// any motion.
     pub(super) fn differs(&self, last: &Self, distance: f32, angle: f32) -> bool {
         let half_width = |sample: &Self| ((sample.vertical_fov / 2.0).tan() * sample.aspect).atan();
         let angles = [
@@ -85,7 +84,7 @@ impl CameraSample {
             self.vertical_fov - last.vertical_fov,
             2.0 * (half_width(self) - half_width(last)),
         ];
-        // So written, a limit that is no number is passed.
+        // This comparison treats a NaN limit as exceeded.
         let stays = self.position.distance(last.position) < distance
             && angles.iter().all(|a| a.abs() < angle);
         !stays

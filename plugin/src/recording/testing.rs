@@ -1,9 +1,9 @@
-//! What this module's tests share.
+//! Shared helpers of this module's tests.
 
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicUsize, Ordering};
 
-/// A new folder that goes with this.
+/// A new folder, removed on drop.
 pub(super) struct TestFolder(PathBuf);
 
 impl TestFolder {

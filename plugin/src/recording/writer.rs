@@ -1,4 +1,4 @@
-//! Appends samples to a file on a thread of its own: no frame waits for a disk.
+//! Appends samples to a file on a thread of its own, so that no frame waits for the disk.
 
 use std::fs::File;
 use std::io::{self, Read, Seek, SeekFrom, Write};
@@ -12,24 +12,24 @@ use bevy::log::{error, warn};
 use super::file::{NAME, header, parse, push_line};
 use super::{CameraFileError, CameraSample};
 
-/// Samples that wait for the disk before others are left out.
+/// Capacity of the queue; samples beyond it are dropped.
 const QUEUE: usize = 4096;
 
-/// How long the end of the app waits for a disk that does not answer.
-const PATIENCE: Duration = Duration::from_secs(5);
+/// Timeout for joining the writing thread when the disk does not answer.
+const JOIN_TIMEOUT: Duration = Duration::from_secs(5);
 
-/// What becomes of a sample.
+/// Result of sending a sample.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Sent {
-    /// It is on its way to the file.
+    /// The sample is queued for the file.
     Queued,
-    /// Too many wait for the disk: it is left out.
-    LeftOut,
-    /// Nothing is written any more; the reason was logged.
+    /// The queue is full: the sample is dropped.
+    Dropped,
+    /// The thread has stopped; the reason was logged.
     Stopped,
 }
 
-/// The writing thread. It writes what it gets at once, and ends when this is dropped.
+/// Handle of the writing thread, which writes samples as they arrive and ends when this is dropped.
 pub(super) struct CameraWriter {
     path: PathBuf,
     samples: Option<SyncSender<CameraSample>>,
@@ -37,36 +37,36 @@ pub(super) struct CameraWriter {
 }
 
 impl CameraWriter {
-    /// Appends to the file at `path` until it holds `max_samples`. What goes wrong with the file is
-    /// logged, once.
+    /// Appends to the file at `path` until it has `max_samples` samples. A file error is logged
+    /// once.
     ///
     /// # Errors
     ///
-    /// The system has no more threads.
+    /// The thread cannot be created.
     pub(super) fn start(path: PathBuf, max_samples: usize) -> io::Result<Self> {
         let (sender, receiver) = sync_channel(QUEUE);
         let file = path.clone();
         let run = move || match record(&file, max_samples, &receiver) {
             Ok(()) => {}
             Err(stop @ Stop::Full(_)) => {
-                warn!("recording of cameras into {} ends: {stop}", file.display())
+                warn!("recording of cameras to {} ends: {stop}", file.display())
             }
-            Err(stop) => error!("cameras are not recorded into {}: {stop}", file.display()),
+            Err(stop) => error!("cameras are not recorded to {}: {stop}", file.display()),
         };
         let thread = thread::Builder::new().name("camera recorder".to_owned()).spawn(run)?;
         Ok(Self { path, samples: Some(sender), thread: Some(thread) })
     }
 
-    /// Never waits.
+    /// Queues a sample. Never waits.
     pub(super) fn send(&self, sample: CameraSample) -> Sent {
         match self.samples.as_ref().map(|samples| samples.try_send(sample)) {
             Some(Ok(())) => Sent::Queued,
-            Some(Err(TrySendError::Full(_))) => Sent::LeftOut,
+            Some(Err(TrySendError::Full(_))) => Sent::Dropped,
             Some(Err(TrySendError::Disconnected(_))) | None => Sent::Stopped,
         }
     }
 
-    /// Whether the thread takes samples.
+    /// Whether the thread accepts samples.
     pub(super) fn is_running(&self) -> bool {
         self.thread.as_ref().is_some_and(|thread| !thread.is_finished())
     }
@@ -74,14 +74,14 @@ impl CameraWriter {
 
 impl Drop for CameraWriter {
     fn drop(&mut self) {
-        // Without a sender the thread ends when it has written what waits.
+        // Without a sender the thread ends after it has written the queued samples.
         self.samples = None;
         let Some(thread) = self.thread.take() else { return };
         let start = Instant::now();
         while !thread.is_finished() {
-            if start.elapsed() > PATIENCE {
+            if start.elapsed() > JOIN_TIMEOUT {
                 warn!(
-                    "{} may lack the last cameras: the disk does not answer",
+                    "{} may lack the last samples: the disk does not answer",
                     self.path.display()
                 );
                 return;
@@ -90,49 +90,45 @@ impl Drop for CameraWriter {
         }
         if thread.join().is_err() {
             error!(
-                "{} may lack the last cameras: the thread that writes it panicked",
+                "{} may lack the last samples: the thread that writes it panicked",
                 self.path.display()
             );
         }
     }
 }
 
-/// Why the thread stops before the app does.
+/// Why the thread stops before the app ends.
 #[derive(Debug, thiserror::Error)]
 enum Stop {
     #[error("{0}: name a file in a folder in which the app may write")]
     Open(io::Error),
-    #[error("it is no regular file: name another")]
+    #[error("it is not a regular file: name another")]
     NoFile,
-    #[error("what it holds cannot be appended to: name another file, or move this one away ({0})")]
-    Occupied(CameraFileError),
-    #[error(
-        "{0}: what was written until now is there; make room on the disk, and start the app again"
-    )]
+    #[error("its content cannot be appended to: name another file, or move this one away ({0})")]
+    OtherFile(CameraFileError),
+    #[error("{0}: the samples up to now are saved; make room on the disk, and start the app again")]
     Write(io::Error),
-    #[error(
-        "it holds {0} samples, the most that it may: raise CameraRecorderPlugin::max_samples for more"
-    )]
+    #[error("it has {0} samples, its maximum: raise CameraRecorderPlugin::max_samples for more")]
     Full(usize),
 }
 
-/// What a file holds already.
+/// The recording that a file already has.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-struct Held {
+struct ExistingRecording {
     samples: usize,
-    /// The first number that no camera has.
+    /// The first unused camera number.
     next_camera: u32,
 }
 
 fn record(path: &Path, max_samples: usize, samples: &Receiver<CameraSample>) -> Result<(), Stop> {
-    let (mut file, held) = open(path)?;
-    append(&mut file, held, max_samples, samples)
+    let (mut file, existing) = open(path)?;
+    append(&mut file, existing, max_samples, samples)
 }
 
-/// Opens or makes the file, which is ready to be appended to: a torn last line is taken off.
-/// Changes no other file.
-fn open(path: &Path) -> Result<(File, Held), Stop> {
-    // What is there, folder or not, is left to `open`, whose errors say more.
+/// Opens or creates the file and prepares it for appending: removes a truncated last line. Never
+/// changes a file that is not a recording.
+fn open(path: &Path) -> Result<(File, ExistingRecording), Stop> {
+    // An existing path, folder or not, is left to `open`, whose errors are more specific.
     if let Some(folder) = path.parent()
         && !folder.exists()
     {
@@ -143,23 +139,23 @@ fn open(path: &Path) -> Result<(File, Held), Stop> {
     if !file.metadata().map_err(Stop::Open)?.is_file() {
         return Err(Stop::NoFile);
     }
-    let held = take_up(&mut file)?;
-    Ok((file, held))
+    let existing = read_existing(&mut file)?;
+    Ok((file, existing))
 }
 
-/// Reads what is there, and leaves the file ready for the next line.
-fn take_up(file: &mut File) -> Result<Held, Stop> {
+/// Reads the existing recording, and prepares the file for the next line.
+fn read_existing(file: &mut File) -> Result<ExistingRecording, Stop> {
     let header = header();
     let mut bytes = Vec::new();
-    // Not the whole of somebody's film to see that it is none of ours.
+    // Only the header's length at first: the file may be a large one of another kind.
     file.take(header.len() as u64).read_to_end(&mut bytes).map_err(Stop::Open)?;
     if String::from_utf8_lossy(&bytes).trim_start_matches('\u{feff}').starts_with(NAME) {
         file.read_to_end(&mut bytes).map_err(Stop::Open)?;
     }
-    // A new file, and one whose header is torn, hold no samples.
+    // A new file, or one with a truncated header, has no samples.
     let begun = header.as_bytes().starts_with(&bytes);
     let parsed = if begun { Ok(Vec::new()) } else { parse(&String::from_utf8_lossy(&bytes)) };
-    let samples = parsed.map_err(Stop::Occupied)?;
+    let samples = parsed.map_err(Stop::OtherFile)?;
 
     let mut ends =
         bytes.iter().enumerate().filter(|(_, byte)| **byte == b'\n').map(|(index, _)| index + 1);
@@ -170,28 +166,28 @@ fn take_up(file: &mut File) -> Result<Held, Stop> {
     }
     let next_camera =
         samples.iter().map(|sample| sample.camera.saturating_add(1)).max().unwrap_or(0);
-    Ok(Held { samples: samples.len(), next_camera })
+    Ok(ExistingRecording { samples: samples.len(), next_camera })
 }
 
-/// Writes what comes, as soon as it comes, until nobody sends.
+/// Writes samples as they arrive, until the sender is dropped.
 fn append(
     out: &mut impl Write,
-    held: Held,
+    existing: ExistingRecording,
     most: usize,
     samples: &Receiver<CameraSample>,
 ) -> Result<(), Stop> {
-    let mut count = held.samples;
+    let mut count = existing.samples;
     let mut text = String::new();
     while count < most {
         let Ok(first) = samples.recv() else { return Ok(()) };
         text.clear();
         for sample in std::iter::once(first).chain(samples.try_iter()).take(most - count) {
-            // Cameras of an earlier run keep their numbers to themselves.
-            let camera = sample.camera.saturating_add(held.next_camera);
+            // Numbers of earlier runs' cameras are not reused.
+            let camera = sample.camera.saturating_add(existing.next_camera);
             push_line(&mut text, &CameraSample { camera, ..sample });
             count += 1;
         }
-        // Whole lines at once: should the app crash, its lines are with the system already.
+        // Whole lines at once: if the app crashes, the operating system already has them.
         out.write_all(text.as_bytes()).map_err(Stop::Write)?;
     }
     Err(Stop::Full(count))

@@ -1,4 +1,4 @@
-//! Tests of what comes into the file, and of what becomes of it when that goes wrong.
+//! Tests of the written file, and of its state after errors.
 
 use bevy::math::{Quat, Vec3};
 
@@ -11,7 +11,7 @@ fn sample(time_s: f64, camera: u32) -> CameraSample {
     CameraSample { time_s, camera, position, rotation, vertical_fov: 1.0, aspect: 1.5 }
 }
 
-/// What one run of an app does with these samples.
+/// Records these samples as one run of an app does.
 fn run(path: &Path, max_samples: usize, samples: &[CameraSample]) -> Result<(), Stop> {
     let (sender, receiver) = sync_channel(samples.len());
     samples.iter().for_each(|sample| sender.send(*sample).expect("room in the queue"));
@@ -19,7 +19,7 @@ fn run(path: &Path, max_samples: usize, samples: &[CameraSample]) -> Result<(), 
     record(path, max_samples, &receiver)
 }
 
-/// A disk with room for so many bytes.
+/// A disk with room for a given number of bytes.
 struct SmallDisk(Vec<u8>, usize);
 
 impl Write for SmallDisk {
@@ -47,19 +47,19 @@ fn later_runs_append_under_new_numbers() {
 }
 
 #[test]
-fn a_file_torn_anywhere_is_mended_and_goes_on() {
+fn a_file_truncated_anywhere_is_repaired_and_continued() {
     let folder = TestFolder::new();
     let path = folder.file("cameras.txt");
     let whole = to_text(&[sample(0.0, 0), sample(0.5, 0)]);
     let one = to_text(&[sample(0.0, 0)]);
     for end in 0..whole.len() {
-        std::fs::write(&path, &whole[..end]).expect("a torn file");
+        std::fs::write(&path, &whole[..end]).expect("a truncated file");
         run(&path, 100, &[sample(0.0, 0)]).expect("a recording");
         let left: &[CameraSample] = if end < one.len() { &[] } else { &[sample(0.0, 0)] };
         let next = sample(0.0, left.len() as u32);
-        assert_eq!(read(&path), to_text(left.iter().chain([&next])), "torn at {end}");
+        assert_eq!(read(&path), to_text(left.iter().chain([&next])), "truncated at {end}");
     }
-    // Saved by an editor, with its lines' ends.
+    // Saved by an editor, with other line ends.
     for (text, count) in
         [("\u{feff}frugal-cameras 1\r\n".to_owned(), 1), (whole.replace('\n', "\r\n"), 3)]
     {
@@ -70,7 +70,7 @@ fn a_file_torn_anywhere_is_mended_and_goes_on() {
 }
 
 #[test]
-fn what_is_no_recording_stays_as_it_is() {
+fn a_file_that_is_not_a_recording_is_unchanged() {
     let folder = TestFolder::new();
     let path = folder.file("Cargo.toml");
     let broken = format!("{}a,b\n", header());
@@ -78,18 +78,18 @@ fn what_is_no_recording_stays_as_it_is() {
     for text in ["[package]\nname = \"game\"\n", "frugal-cameras 2\n", "\u{1f600}", "\n", &broken] {
         std::fs::write(&path, text).expect("a file");
         let stop = run(&path, 100, &samples).expect_err(text);
-        assert!(matches!(stop, Stop::Occupied(_)), "{text}: {stop}");
+        assert!(matches!(stop, Stop::OtherFile(_)), "{text}: {stop}");
         assert!(stop.to_string().contains("name another file"), "{stop}");
         assert_eq!(read(&path), text);
     }
     let binary: Vec<u8> = (0..=255).cycle().take(10_000).collect();
     std::fs::write(&path, &binary).expect("a file");
-    assert!(matches!(run(&path, 100, &samples), Err(Stop::Occupied(_))));
+    assert!(matches!(run(&path, 100, &samples), Err(Stop::OtherFile(_))));
     assert_eq!(std::fs::read(&path).expect("a file"), binary);
 }
 
 #[test]
-fn paths_that_cannot_be_written_say_why() {
+fn paths_that_cannot_be_written_give_a_reason() {
     let folder = TestFolder::new();
     let path = folder.file("file");
     std::fs::write(&path, "a file, and no folder").expect("a file");
@@ -105,7 +105,7 @@ fn paths_that_cannot_be_written_say_why() {
 }
 
 #[test]
-fn the_most_counts_for_the_file_and_not_for_the_run() {
+fn the_maximum_applies_to_the_file_and_not_to_the_run() {
     let folder = TestFolder::new();
     let path = folder.file("cameras.txt");
     let samples: Vec<_> = (0..5).map(|time| sample(time.into(), 0)).collect();
@@ -119,14 +119,15 @@ fn the_most_counts_for_the_file_and_not_for_the_run() {
 }
 
 #[test]
-fn a_full_disk_costs_what_no_longer_fits() {
+fn a_full_disk_loses_only_the_rest() {
     let samples: Vec<_> = (0..5).map(|time| sample(time.into(), 0)).collect();
     let whole = to_text(&samples);
     for room in header().len() + 1..whole.len() {
         let mut disk = SmallDisk(header().into_bytes(), room);
         let (sender, receiver) = sync_channel(samples.len());
         samples.iter().for_each(|sample| sender.send(*sample).expect("room in the queue"));
-        let stop = append(&mut disk, Held::default(), 100, &receiver).expect_err("a full disk");
+        let stop = append(&mut disk, ExistingRecording::default(), 100, &receiver)
+            .expect_err("a full disk");
         assert!(stop.to_string().contains("make room"), "{stop}");
         let written = String::from_utf8(disk.0).expect("text");
         assert_eq!(written, whole[..room]);
@@ -135,7 +136,7 @@ fn a_full_disk_costs_what_no_longer_fits() {
 }
 
 #[test]
-fn the_thread_has_written_everything_when_its_writer_is_gone() {
+fn everything_is_written_when_the_writer_is_dropped() {
     let folder = TestFolder::new();
     let path = folder.file("cameras.txt");
     let samples: Vec<_> = (0..1000).map(|time| sample(time.into(), 0)).collect();

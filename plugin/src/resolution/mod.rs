@@ -1,11 +1,11 @@
-//! Resolution scale of one camera inside its target: everything up to post-processing at a smaller
-//! size, then a filtered upscale.
+//! Per-camera resolution scale: everything up to post-processing is rendered at a smaller size,
+//! then upscaled with a filter.
 //!
-//! Bevy 0.19's own ways do not serve a deferred camera: its resolution override is read by no
-//! shader, and a smaller viewport breaks ambient occlusion. So the extracted camera is given a
-//! smaller size before any of its textures is made, and our pass writes the target in place of
-//! Bevy's blit, which filters nothing. At scale 1 both are out of the way, and the picture is
-//! Bevy's bit for bit.
+//! Bevy 0.19's own mechanisms do not work for a deferred camera: no shader reads its resolution
+//! override, and a smaller viewport breaks ambient occlusion. So this module gives the extracted
+//! camera a smaller size before any of its textures is made, and its own pass writes the target in
+//! place of Bevy's unfiltered blit. At scale 1 neither applies, and the image is bit-identical to
+//! Bevy's.
 
 use bevy::app::{App, Plugin};
 use bevy::asset::{embedded_asset, load_embedded_asset};
@@ -28,11 +28,12 @@ use bevy::render::{GpuResourceAppExt, Render, RenderApp, RenderSystems};
 use bevy::shader::Shader;
 use bevy::utils::default;
 
-/// Size at which this camera is rendered, as a share of its target's width and height, in [0.1, 1].
+/// Rendered size as a fraction of the target's width and height, in [0.1, 1]; clamped, NaN counts
+/// as 1. Default: 1.
 ///
-/// Higher values: sharper, at a cost that grows with the square. Lower values: softer. 1 is native.
-/// Has no effect on a camera with a viewport. Interface drawn by the same camera is scaled too:
-/// give it a camera of its own.
+/// Higher values are sharper, at a cost that grows with the square; lower values are cheaper and
+/// softer. 1 is native. Has no effect on a camera with a viewport. User interface drawn by the same
+/// camera is scaled too: give it a camera of its own.
 #[derive(Component, ExtractComponent, Reflect, Clone, Copy, Debug, PartialEq)]
 #[reflect(Component, Default, Clone, PartialEq)]
 #[extract_component_sync_target((Self, UpscalePipelineId))]
@@ -45,15 +46,15 @@ impl Default for ResolutionScale {
 }
 
 impl ResolutionScale {
-    /// The size rendered for a target of `size`: at least one pixel, and all of it where the scale
-    /// is not a number below 1.
+    /// The rendered size, in pixels, for a target of `size` pixels: at least 1 × 1 for a target
+    /// that is not empty, and at most `size`.
     pub fn apply(self, size: UVec2) -> UVec2 {
         let scale = if self.0.is_nan() { 1.0 } else { self.0.clamp(0.1, 1.0) };
         (size.as_vec2() * scale).round().as_uvec2().max(UVec2::ONE).min(size)
     }
 }
 
-/// Adds [`ResolutionScale`] to an app.
+/// Adds the systems and the pass of [`ResolutionScale`].
 #[derive(Clone, Debug, Default)]
 pub struct ResolutionPlugin;
 
@@ -71,7 +72,7 @@ impl Plugin for ResolutionPlugin {
             .add_systems(
                 Render,
                 (
-                    // Need the extracted sizes, before any texture is made to fit them.
+                    // Need the extracted sizes, before any texture is allocated from them.
                     shrink_views
                         .after(RenderSystems::ExtractCommands)
                         .before(RenderSystems::CreateViews),
@@ -84,7 +85,8 @@ impl Plugin for ResolutionPlugin {
     }
 }
 
-/// In the render world, on cameras whose picture is rendered smaller in this frame.
+/// Upscaling pipeline of a camera that is rendered at a smaller size in this frame; in the render
+/// world.
 #[derive(Component)]
 pub struct UpscalePipelineId(CachedRenderPipelineId);
 
@@ -101,7 +103,7 @@ fn shrink_views(mut views: Query<(&mut ExtractedCamera, &mut ExtractedView, &Res
 }
 
 fn is_shrunk(camera: &ExtractedCamera, scale: ResolutionScale) -> bool {
-    // A camera with a viewport is left alone.
+    // A camera with a viewport is not scaled.
     camera.viewport.is_none() && scale.0 < 1.0
 }
 
@@ -169,7 +171,7 @@ fn prepare_pipelines(
 ) {
     for (entity, camera, scale, target) in &views {
         let Some(format) = target.out_texture_view_format() else { continue };
-        // Compiled with the first frame, also at scale 1, so that no later switch waits for it.
+        // Queued in the first frame, also at scale 1, so that no later switch waits for it.
         let pipeline = specialized.specialize(&cache, &pipelines, format);
         if is_shrunk(camera, *scale) {
             commands.entity(entity).insert(UpscalePipelineId(pipeline));
@@ -184,7 +186,7 @@ fn take_over_output(
     mut views: Query<(&mut ExtractedCamera, &UpscalePipelineId)>,
 ) {
     for (mut camera, pipeline) in &mut views {
-        // Until our pipeline is there, Bevy's unfiltered blit shows the picture.
+        // Until our pipeline is compiled, Bevy's unfiltered blit writes the target.
         if cache.get_render_pipeline(pipeline.0).is_some() {
             camera.output_mode = CameraOutputMode::Skip;
         }
@@ -229,7 +231,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn every_scale_gives_a_size_within_the_target() {
+    fn every_scale_gives_a_size_inside_the_target() {
         let size = UVec2::new(321, 1);
         for scale in
             [f32::NAN, f32::NEG_INFINITY, -1.0, 0.0, 0.1, 0.5, 0.999, 1.0, 2.0, f32::INFINITY]

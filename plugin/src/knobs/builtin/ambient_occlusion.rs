@@ -6,11 +6,12 @@ use bevy::pbr::{ScreenSpaceAmbientOcclusion, ScreenSpaceAmbientOcclusionQualityL
 
 use crate::knobs::{Knob, KnobDriver, Level};
 
-/// Off, 4, 8, 16 or 32 samples. On and off change the deferred lighting's pipeline: Bevy draws
-/// without it until that is compiled.
+/// Off, 4, 8, 16 or 32 samples per pixel. Higher levels reduce noise and cost more GPU time.
+/// Switching between off and on changes the deferred lighting pipeline: Bevy skips that pass until
+/// the pipeline is compiled.
 pub struct AmbientOcclusion;
 
-/// A slice is followed to both sides with two samples each.
+/// Each slice takes two samples on each side.
 const SAMPLES_PER_SLICE: u32 = 4;
 
 impl KnobDriver for AmbientOcclusion {

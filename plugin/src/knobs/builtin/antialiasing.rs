@@ -6,9 +6,9 @@ use bevy::ecs::prelude::*;
 
 use crate::knobs::{Knob, KnobDriver, Level};
 
-/// Off, FXAA, or SMAA with 4 to 32 search steps. The order is by quality: on some devices FXAA
-/// costs more than SMAA, which looks at edges only; a search finds that out, and then never offers
-/// FXAA.
+/// Off, FXAA, or SMAA with 4 to 32 search steps. Levels are in order of quality, not cost: on some
+/// devices FXAA costs more than SMAA, which processes edges only. A search then finds FXAA
+/// dominated and never selects it.
 pub struct Antialiasing;
 
 const FXAA: f64 = 1.0;

@@ -1,6 +1,6 @@
-//! Knobs over [`FrugalGi`]. A camera without it is left alone.
+//! Knobs over the fields of [`FrugalGi`]. A camera without that component is not changed.
 //!
-//! Switching the fraction takes a pipeline of its own for the composite, compiled at first use; the
+//! Each pixel fraction has its own composite pipeline, compiled at first use; a switch of the RSM
 //! resolution reallocates the maps.
 
 use bevy::ecs::prelude::*;
@@ -14,7 +14,8 @@ fn change(world: &mut World, camera: Entity, change: impl FnOnce(&mut FrugalGi))
     }
 }
 
-/// Virtual point lights: 0 is GI off.
+/// Virtual point lights (VPLs) per image; 0 turns GI off. Higher levels reduce noise; every
+/// gathered pixel evaluates its interleaved share of them.
 pub struct GiVplCount;
 
 impl KnobDriver for GiVplCount {
@@ -27,7 +28,8 @@ impl KnobDriver for GiVplCount {
     }
 }
 
-/// Share of pixels at which indirect light is gathered.
+/// Share of pixels at which indirect light is gathered. Higher levels keep finer indirect detail,
+/// at proportional cost.
 pub struct GiPixelShare;
 
 impl KnobDriver for GiPixelShare {
@@ -46,9 +48,11 @@ impl KnobDriver for GiPixelShare {
     }
 }
 
-/// How many pixels share the VPLs out among them. Without sharing, the most VPLs that a pixel can
-/// evaluate would be the most that there are: fewer than at the level before it, and no nearer the
-/// truth. So that is no level.
+/// Side of the square of pixels that divides the VPLs among its pixels. A narrower square gives
+/// more detail at edges, at a cost that grows with the inverse of its area.
+///
+/// There is no level without interleaving: it would limit the VPLs of the image to the maximum per
+/// pixel, fewer than at the level before it, and would come no closer to the reference.
 pub struct GiInterleaving;
 
 impl GiInterleaving {
@@ -69,7 +73,8 @@ impl KnobDriver for GiInterleaving {
     }
 }
 
-/// Rays between surfaces and VPLs.
+/// Visibility rays between surfaces and VPLs. Higher levels reduce noise in indirect shadows and
+/// trace more rays.
 pub struct GiRays;
 
 impl KnobDriver for GiRays {
@@ -87,9 +92,9 @@ impl KnobDriver for GiRays {
     }
 }
 
-/// Times that light of lamps is reflected. By name only: with more bounces all of a picture is
-/// lighter, and how near the cheaper settings of the other knobs come to one bounce would drown in
-/// that.
+/// Number of diffuse bounces; emissive surfaces and the sky get one fewer. Higher levels brighten
+/// indirectly lit areas and trace more rays. Opt-in: more bounces brighten the whole image, and
+/// that difference would mask the errors of the other knobs' cheaper levels.
 pub struct GiBounces;
 
 impl KnobDriver for GiBounces {
@@ -106,12 +111,14 @@ impl KnobDriver for GiBounces {
     }
 }
 
-/// Samples of the sky, where the camera has an environment map: 0 leaves it to Bevy, unshadowed.
+/// Environment-map samples per gathered pixel, where the camera has an environment map. Higher
+/// levels reduce noise in the sky's shadows, at proportional cost. 0 leaves the diffuse light to
+/// Bevy, unshadowed.
 pub struct GiEnvironmentSamples;
 
 impl KnobDriver for GiEnvironmentSamples {
     fn knob(&self) -> Knob {
-        // Which takes virtual point lights in its turn.
+        // Visibility in turn needs VPLs.
         Knob::new("gi_environment_samples", [0.0, 8.0, 16.0, 32.0]).needing("gi_visibility", 1)
     }
 
@@ -120,13 +127,14 @@ impl KnobDriver for GiEnvironmentSamples {
     }
 }
 
-/// Texels along the edge of each reflective shadow map.
+/// Texels along the edge of each reflective shadow map. Higher levels capture smaller lit features;
+/// the cost of rasterisation grows with the square.
 pub struct RsmResolution;
 
 impl KnobDriver for RsmResolution {
     fn knob(&self) -> Knob {
-        // 512 was a level: of all combinations with it in four scenes one was not beaten by
-        // another, and it cost 1.9 to 2.8 times as much for errors within 6 % of those at 256.
+        // 512 was rejected: in four scenes a single combination with it was non-dominated, and it
+        // cost 1.9 to 2.8 times as much for errors within 6 % of those at 256.
         Knob::new("rsm_resolution", [64.0, 128.0, 256.0]).needing("gi_vpl_count", 1)
     }
 
@@ -135,12 +143,13 @@ impl KnobDriver for RsmResolution {
     }
 }
 
-/// Frames from one rendering of the maps to the next, while something moves.
+/// Period of reflective shadow map rendering, in frames, while the scene changes. Shorter periods
+/// lag less and cost more; 1 never lags.
 pub struct GiRefreshPeriod;
 
 impl KnobDriver for GiRefreshPeriod {
     fn knob(&self) -> Knob {
-        // By its frequency, since levels rise with quality.
+        // The value is the frequency, so that it increases with quality.
         let levels = [8u32, 4, 2, 1].map(|period| (1.0 / f64::from(period), period.to_string()));
         Knob::labelled("gi_refresh_period", levels).needing("gi_vpl_count", 1)
     }

@@ -1,4 +1,4 @@
-//! The knobs that come with the plugin, one file each.
+//! The built-in knobs.
 
 mod ambient_occlusion;
 mod antialiasing;
@@ -19,7 +19,7 @@ pub(super) use resolution_scale::ResolutionScaleKnob;
 pub(super) use shadows::{ShadowCascades, ShadowMapResolution};
 pub(super) use texture_detail::TextureDetail;
 
-/// Systems of knobs whose levels follow the view.
+/// Adds the systems of knobs whose levels depend on the view's size.
 pub(super) fn build(app: &mut bevy::app::App) {
     post_processing::build(app);
 }

@@ -1,4 +1,4 @@
-//! Bloom, by the size of its chain of textures.
+//! Bloom, by the size of its mip chain.
 
 use bevy::app::{App, PostUpdate};
 use bevy::camera::{Camera, CameraUpdateSystems};
@@ -8,18 +8,19 @@ use bevy::post_process::bloom::Bloom;
 use crate::knobs::{Knob, KnobDriver, Level};
 use crate::resolution::ResolutionScale;
 
-/// Off, low, medium or high. The value is the largest share of the view's height that bloom's first
-/// texture may have.
+/// Off, low, medium or high. The value is the maximum height of bloom's first texture as a fraction
+/// of the view's height, 0 to 1. Higher levels render bloom at a finer resolution and cost more GPU
+/// time.
 pub struct PostProcessing;
 
-/// The largest share of the view's height that bloom's first texture may have.
+/// Maximum height of bloom's first texture as a fraction of the view's height.
 ///
-/// Bevy makes that texture `max_mip_dimension` high whatever the view's size is. In a small view a
-/// fixed number costs more than all the rest of the frame, so it follows the view.
+/// Bevy makes that texture `max_mip_dimension` high whatever the view's size. In a small view a
+/// fixed height costs more than the rest of the frame, so it scales with the view.
 #[derive(Component, Clone, Copy)]
 struct BloomShare(f64);
 
-/// What the app had asked for, while bloom is off.
+/// The app's own bloom, kept while bloom is off.
 #[derive(Component)]
 struct ParkedBloom(Bloom);
 
@@ -49,17 +50,17 @@ impl KnobDriver for PostProcessing {
 }
 
 pub(super) fn build(app: &mut App) {
-    // Needs the camera's size in this frame, and its resolution scale.
+    // Needs this frame's viewport size and resolution scale.
     app.add_systems(PostUpdate, fit_bloom.after(CameraUpdateSystems));
 }
 
-/// Not when the knob is turned: the window and the resolution scale change without it.
+/// Every frame, since the window and the resolution scale change independently of the knob.
 fn fit_bloom(mut cameras: Query<(&Camera, &BloomShare, &mut Bloom, Option<&ResolutionScale>)>) {
     for (camera, share, mut bloom, scale) in &mut cameras {
         let height = camera.physical_viewport_size().map_or(720, |size| size.y);
         let scale = scale.copied().unwrap_or_default().0;
         let largest = (f64::from(height) * f64::from(scale) * share.0).clamp(8.0, 512.0);
-        // Bloom halves it down to 2: powers of two leave nothing over.
+        // Bloom halves it down to 2: powers of two leave no remainder.
         let max_mip_dimension = 1 << (largest as u32).ilog2();
         if bloom.max_mip_dimension != max_mip_dimension {
             bloom.max_mip_dimension = max_mip_dimension;

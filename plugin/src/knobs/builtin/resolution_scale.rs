@@ -1,11 +1,11 @@
-//! Rendered size as a share of the target's.
+//! Rendered size as a fraction of the target's.
 
 use bevy::ecs::prelude::*;
 
 use crate::knobs::{Knob, KnobDriver, Level};
 use crate::resolution::ResolutionScale;
 
-/// 50 to 100 % of the width and height.
+/// 50 to 100 % of the width and height. Higher levels are sharper; the cost grows with the square.
 pub struct ResolutionScaleKnob;
 
 impl KnobDriver for ResolutionScaleKnob {

@@ -1,5 +1,4 @@
-//! Shadow maps: their size, and how many cascades a directional light has. Both are the app's, not
-//! a camera's.
+//! Shadow maps: resolution, and number of cascades of a directional light. Both have app scope.
 
 use bevy::ecs::prelude::*;
 use bevy::light::{
@@ -10,7 +9,7 @@ use bevy::light::{
 use crate::knobs::{Knob, KnobDriver, KnobScope, Level};
 
 /// Texels along the edge of a cascade or a spot light's map; a point light's six faces have half as
-/// many.
+/// many. Higher levels give sharper shadow edges and cost more fill rate and memory.
 pub struct ShadowMapResolution;
 
 impl KnobDriver for ShadowMapResolution {
@@ -29,10 +28,11 @@ impl KnobDriver for ShadowMapResolution {
     }
 }
 
-/// Cascades of every directional light, over the distance that the app gave it.
+/// Number of cascades of every directional light, over the app's own shadow distance. Higher levels
+/// give sharper near shadows; each cascade renders the casters once more.
 pub struct ShadowCascades;
 
-/// The cascades as the app made them: the distances to divide anew at each level.
+/// The app's own cascades, whose distance each level divides again.
 #[derive(Component, Clone)]
 struct AuthoredCascades(CascadeShadowConfig);
 
@@ -61,7 +61,7 @@ impl KnobDriver for ShadowCascades {
     }
 }
 
-/// `count` cascades over the same distance; none where the app's own are not sound.
+/// `count` cascades over the same distance; `None` where the app's own are invalid.
 fn divide(authored: &CascadeShadowConfig, count: usize) -> Option<CascadeShadowConfig> {
     let (&first, &last) = (authored.bounds.first()?, authored.bounds.last()?);
     let minimum = authored.minimum_distance;
@@ -72,7 +72,7 @@ fn divide(authored: &CascadeShadowConfig, count: usize) -> Option<CascadeShadowC
     {
         return None;
     }
-    // An app with one cascade has said nothing of the first of several.
+    // An app with one cascade specifies no bound for the first of several.
     let first = if authored.bounds.len() > 1 && first > minimum {
         first
     } else {
@@ -93,22 +93,22 @@ mod tests {
     use super::*;
 
     #[test]
-    fn cascades_keep_their_distance_and_survive_odd_ones() {
+    fn cascades_keep_their_distance_and_reject_invalid_ones() {
         let authored =
             CascadeShadowConfigBuilder { maximum_distance: 60.0, ..Default::default() }.build();
         for count in 0..=4 {
-            let divided = divide(&authored, count).expect("sound cascades");
+            let divided = divide(&authored, count).expect("valid cascades");
             assert_eq!(divided.bounds.len(), count.max(1));
             assert!((divided.bounds.last().copied().unwrap_or(0.0) - 60.0).abs() < 1e-3);
         }
-        let odd = |bounds: Vec<f32>, minimum_distance| CascadeShadowConfig {
+        let cascades_of = |bounds: Vec<f32>, minimum_distance| CascadeShadowConfig {
             bounds,
             overlap_proportion: 0.2,
             minimum_distance,
         };
-        assert!(divide(&odd(vec![], 0.1), 2).is_none());
-        assert!(divide(&odd(vec![f32::NAN], 0.1), 2).is_none());
-        assert!(divide(&odd(vec![0.05], 0.1), 2).is_none());
-        assert_eq!(divide(&odd(vec![30.0], 0.0), 3).map(|c| c.bounds.len()), Some(3));
+        assert!(divide(&cascades_of(vec![], 0.1), 2).is_none());
+        assert!(divide(&cascades_of(vec![f32::NAN], 0.1), 2).is_none());
+        assert!(divide(&cascades_of(vec![0.05], 0.1), 2).is_none());
+        assert_eq!(divide(&cascades_of(vec![30.0], 0.0), 3).map(|c| c.bounds.len()), Some(3));
     }
 }

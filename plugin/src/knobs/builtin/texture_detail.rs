@@ -1,16 +1,17 @@
-//! How sharp a mip level textures are sampled at.
+//! Mip bias of texture sampling.
 
 use bevy::ecs::prelude::*;
 use bevy::render::camera::MipBias;
 
 use crate::knobs::{Knob, KnobDriver, Level};
 
-/// Mip bias +2 to 0. Saves bandwidth, not memory: the finer mip levels stay resident.
+/// Mip bias +2 to 0 levels. A higher bias is blurrier and saves bandwidth, but not memory: the
+/// finer mip levels stay resident.
 pub struct TextureDetail;
 
 impl KnobDriver for TextureDetail {
     fn knob(&self) -> Knob {
-        // The value is the negative bias, so that it rises with quality as every other knob's does.
+        // The value is the negated bias, so that it increases with quality like every other knob's.
         Knob::labelled("texture_detail", [(-2.0, "+2"), (-1.0, "+1"), (-0.5, "+0.5"), (0.0, "0")])
     }
 
