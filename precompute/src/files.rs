@@ -139,7 +139,7 @@ mod tests {
     }
 
     #[test]
-    fn what_cannot_be_written_is_said_before_the_work() {
+    fn unwritable_paths_are_reported_before_the_work() {
         let folder = tempfile::tempdir().expect("a folder");
         let path = folder.path().join("map.ron");
         check_writable(&path).expect("a fresh name in a folder");

@@ -264,7 +264,7 @@ mod tests {
     }
 
     #[test]
-    fn what_cannot_be_repriced_says_why() {
+    fn unpriceable_maps_are_refused_with_a_reason() {
         let original = map(&prices(0.01, 2e-6), &LAYOUT, FPS);
         let old = FrontierMap { work_prices: WorkPrices::default(), ..original.clone() };
         assert_eq!(reprice(&old, &NewConditions::default()), Err(RepriceError::NoPrices));

@@ -243,7 +243,7 @@ mod tests {
     use crate::evaluate::{BudgetRequest, EvaluationPlan, Fixed, PowerBudget, evaluate};
 
     #[test]
-    fn a_report_says_what_was_asked_found_and_how() {
+    fn a_report_contains_request_results_and_conditions() {
         let (space, path) = (space(), path());
         let budget = BudgetRequest { power: Some(PowerBudget::Share(0.6)), error: Some(0.05) };
         let plan = EvaluationPlan {

@@ -228,7 +228,7 @@ mod tests {
     const NASTY: &str = "<script>alert(\"1\" & '2')</script>\0";
 
     #[test]
-    fn nothing_that_is_given_becomes_markup() {
+    fn texts_are_escaped() {
         let mut section = Section::new(NASTY);
         section
             .heading(NASTY)

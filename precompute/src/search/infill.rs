@@ -105,7 +105,7 @@ mod tests {
             taken.push(settings);
             proposed.push(settings);
         }
-        assert_eq!(proposed[0], at(4, 0), "half way");
+        assert_eq!(proposed[0], at(4, 0), "the midpoint");
         assert!(
             [at(1, 1), at(8, 0)].contains(&proposed[1])
                 && [at(1, 1), at(8, 0)].contains(&proposed[2]),

@@ -9,12 +9,12 @@ use bevy_frugal_gi::frontier::CostPoint;
 /// O(n²) comparisons, as in the paper; populations are tens. Costs must be finite: NaN is not
 /// dominated by anything and would be in the first front.
 pub(crate) fn fronts(costs: &[CostPoint]) -> Vec<Vec<usize>> {
-    let mut beats = vec![Vec::new(); costs.len()];
+    let mut dominated = vec![Vec::new(); costs.len()];
     let mut dominated_by = vec![0_usize; costs.len()];
     for (a, one) in costs.iter().enumerate() {
         for (b, other) in costs.iter().enumerate() {
             if one.dominates(*other) {
-                beats[a].push(b);
+                dominated[a].push(b);
                 dominated_by[b] += 1;
             }
         }
@@ -25,7 +25,7 @@ pub(crate) fn fronts(costs: &[CostPoint]) -> Vec<Vec<usize>> {
     while !front.is_empty() {
         let mut next = Vec::new();
         for better in &front {
-            for worse in &beats[*better] {
+            for worse in &dominated[*better] {
                 dominated_by[*worse] -= 1;
                 if dominated_by[*worse] == 0 {
                     next.push(*worse);
