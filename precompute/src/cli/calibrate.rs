@@ -73,7 +73,7 @@ pub(super) fn run(arguments: &Arguments) -> Result<(), CliError> {
     .training;
     if cameras.is_empty() {
         return Err(CliError::usage(format!(
-            "{}: no camera stands free and sees the scene",
+            "{}: no camera in free space sees the scene",
             arguments.scene.display()
         )));
     }

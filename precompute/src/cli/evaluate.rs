@@ -123,7 +123,7 @@ pub(super) fn run(arguments: &Arguments) -> Result<(), CliError> {
     check_outputs([arguments.json.as_ref(), arguments.csv.as_ref(), arguments.record.as_ref()])?;
     if arguments.baselines == Baselines::Quick && budgets.len() > 1 {
         return Err(CliError::usage(
-            "several budgets are played from a record: add --baselines all, or give one budget",
+            "several budgets need a record: add --baselines all, or give one budget",
         ));
     }
 

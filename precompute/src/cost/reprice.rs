@@ -27,7 +27,7 @@ pub struct DeviceModel {
 #[non_exhaustive]
 pub enum RepriceError {
     /// The map is of an earlier version.
-    #[error("the map holds no prices of work: make it anew with `frugal precompute`")]
+    #[error("the map holds no prices of work: run `frugal precompute` again")]
     NoPrices,
     /// The device model lacks a price for work of the map's settings.
     #[error("the device model has no price for `{0}`: calibrate with the map's knobs")]

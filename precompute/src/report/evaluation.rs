@@ -269,7 +269,7 @@ mod tests {
         .unwrap();
         for text in [
             "power at most 60%, error at most 0.05",
-            "was not measured. It was worked out by the model formula",
+            "was not measured. It was computed by the model formula",
             "&lt;court&gt;",
             "resolution-only",
             "10 at 5 per second",

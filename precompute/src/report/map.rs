@@ -104,7 +104,7 @@ pub fn map_section(summary: &MapSummary<'_>) -> Result<Section, ReportError> {
         .collect();
     section.plots(&[
         (
-            "Seen from above, X to the right and Z down: outlines of leaves; corners, the fainter the fewer of their views show anything",
+            "Seen from above, X to the right and Z down: outlines of leaves; corners, fainter where fewer of their views have a frontier",
             plan(summary, &survey),
         ),
         ("Numbers of settings of the frontiers", bars("Sizes of frontiers", "frontiers", &sizes(octree), 0, None)?),

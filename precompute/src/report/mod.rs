@@ -52,7 +52,7 @@ fn provenance(meter: &MeterInfo) -> String {
         }
         Provenance::Modelled => {
             format!(
-                "Power was not measured. It was worked out by the model {}: {}.",
+                "Power was not measured. It was computed by the model {}: {}.",
                 meter.name, meter.description
             )
         }

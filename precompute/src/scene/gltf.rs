@@ -170,7 +170,7 @@ fn convert_primitive(
     if !matches!(mode, Mode::Triangles | Mode::TriangleStrip | Mode::TriangleFan) {
         geometry
             .warnings
-            .push(format!("primitive {} is made of {mode:?} and not drawn", primitive.index()));
+            .push(format!("primitive {} is made of {mode:?} and is left out", primitive.index()));
         return Ok(None);
     }
     let Some(accessor) = primitive.get(&Semantic::Positions) else { return Ok(None) };

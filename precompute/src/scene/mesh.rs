@@ -134,7 +134,7 @@ pub enum GeometryError {
         count: usize,
     },
     /// The index count is not a multiple of three.
-    #[error("mesh {mesh} has {count} indices, which is no multiple of three")]
+    #[error("mesh {mesh} has {count} indices, which is not a multiple of three")]
     PartialTriangle {
         /// Index of the mesh.
         mesh: usize,

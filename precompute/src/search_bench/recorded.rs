@@ -23,7 +23,9 @@ pub enum RecordedError {
         there: String,
     },
     /// The conditions of the tables differ.
-    #[error("its {what} is {here}, that of the searched table {there}: sweep both alike")]
+    #[error(
+        "its {what} is {here}, that of the searched table {there}: sweep both under the same conditions"
+    )]
     OtherConditions {
         /// The condition.
         what: &'static str,
@@ -274,7 +276,7 @@ mod tests {
         let error = Recorded::new(&slow, &[whole, fast]).expect_err("another rate");
         assert_eq!(
             error.1.to_string(),
-            "its frame rate is 30.0, that of the searched table 15.0: sweep both alike"
+            "its frame rate is 30.0, that of the searched table 15.0: sweep both under the same conditions"
         );
     }
 }

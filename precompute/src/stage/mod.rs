@@ -143,7 +143,7 @@ pub enum StageError {
     #[error(transparent)]
     Environment(#[from] crate::scene::sky::SkyError),
     /// A pipeline that does not compile or never becomes ready.
-    #[error("the renderer did not get ready: {0}")]
+    #[error("the renderer did not become ready: {0}")]
     NotReady(String),
     /// The image could not be read back.
     #[error("the image could not be read back: {0}")]
