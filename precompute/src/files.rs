@@ -1,4 +1,4 @@
-//! Output files that are there whole or not at all.
+//! Atomic output files.
 
 use std::fs::{self, File};
 use std::io::{self, BufWriter, Write};
@@ -10,13 +10,13 @@ use tempfile::NamedTempFile;
 #[derive(Debug, thiserror::Error)]
 #[error("cannot {action} `{path}`: {source}; {remedy}", path = path.display())]
 pub struct FileError {
-    /// What was tried.
+    /// The operation.
     pub action: &'static str,
     /// The file.
     pub path: PathBuf,
-    /// What the system says.
+    /// The system's error.
     pub source: io::Error,
-    /// What to do about it.
+    /// The remedy.
     pub remedy: &'static str,
 }
 
@@ -37,15 +37,15 @@ impl FileError {
     }
 }
 
-/// Writes `path` so that at any time it holds either what it held before or all that `write`
-/// writes, whatever kills the process or the machine.
+/// Writes `path` atomically: at any time it holds either its old content or all that `write`
+/// writes, even if the process or the machine fails.
 ///
-/// A temporary file in the same folder is written, brought to disk, and renamed. Where `path` is a
-/// link, the file that it points to is replaced.
+/// A temporary file in the same folder is written, synced to disk, and renamed. If `path` is a
+/// link, its target is replaced.
 ///
 /// # Errors
-/// When `write` fails or the file cannot be written; `path` is then as before, and the temporary
-/// file is gone.
+/// When `write` fails or the file cannot be written; `path` is then unchanged, and the temporary
+/// file is removed.
 pub fn write_atomically(
     path: &Path,
     write: impl FnOnce(&mut dyn Write) -> io::Result<()>,
@@ -61,20 +61,20 @@ pub fn write_atomically(
     sync_folder(&target).map_err(failed)
 }
 
-/// Whether [`write_atomically`] has a chance at `path`: to be asked before long work, not after.
+/// Checks whether [`write_atomically`] can write `path`: for use before long work.
 ///
 /// # Errors
-/// When the folder is not there or cannot be written in, or `path` is a folder or a file marked
-/// read-only. Nothing is left behind.
+/// When the folder is missing or not writable, or `path` is a folder or a read-only file. Leaves no
+/// files behind.
 pub fn check_writable(path: &Path) -> Result<(), FileError> {
     let failed = |source| FileError::new("write", path, source);
     let target = target(path).map_err(failed)?;
     let mut temporary = temporary_beside(&target).map_err(failed)?;
-    // One byte: on a full disk files can be made but not filled.
+    // One byte, because a full disk allows new files but no content.
     temporary.write_all(&[0]).map_err(failed)
 }
 
-/// The file behind `path`, which may be a link; an error where it may not be replaced.
+/// The file at `path`, with links resolved; an error if it must not be replaced.
 fn target(path: &Path) -> io::Result<PathBuf> {
     let target = fs::canonicalize(path).unwrap_or_else(|_| path.to_owned());
     if target.file_name().is_none() {
@@ -82,7 +82,7 @@ fn target(path: &Path) -> io::Result<PathBuf> {
     }
     match fs::metadata(&target) {
         Ok(metadata) if metadata.is_dir() => Err(io::ErrorKind::IsADirectory.into()),
-        // A rename would replace it all the same, but its owner has said not to.
+        // A rename would replace a read-only file, against its owner's intent.
         Ok(metadata) if metadata.permissions().readonly() => {
             Err(io::ErrorKind::PermissionDenied.into())
         }
@@ -94,20 +94,20 @@ fn folder(target: &Path) -> &Path {
     target.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."))
 }
 
-/// A temporary file on the same file system, so that the rename is one step.
+/// A temporary file on the same file system, so that the rename is atomic.
 fn temporary_beside(target: &Path) -> io::Result<NamedTempFile> {
     let mut builder = tempfile::Builder::new();
     builder.prefix(".frugal-").suffix(".part");
-    // What any program gives a new file; temporary files are private otherwise, and the rename
-    // would keep that.
+    // The default permissions of a new file; temporary files are private, and the rename would keep
+    // that.
     #[cfg(unix)]
     builder.permissions(std::os::unix::fs::PermissionsExt::from_mode(0o666));
     builder.tempfile_in(folder(target))
 }
 
-/// Brings the rename itself to disk.
+/// Syncs the rename to disk.
 fn sync_folder(target: &Path) -> io::Result<()> {
-    // Folders cannot be opened as files elsewhere.
+    // Other systems cannot open folders as files.
     if cfg!(unix) { File::open(folder(target))?.sync_all() } else { Ok(()) }
 }
 
@@ -139,7 +139,7 @@ mod tests {
     }
 
     #[test]
-    fn what_cannot_be_written_is_said_before_the_work() {
+    fn unwritable_paths_are_reported_before_the_work() {
         let folder = tempfile::tempdir().expect("a folder");
         let path = folder.path().join("map.ron");
         check_writable(&path).expect("a fresh name in a folder");

@@ -1,5 +1,5 @@
-//! The `frugal` tool as a library: scene → cameras → stage → table → pool → fit → map, and what
-//! reads one back.
+//! The `frugal` tool as a library: scene → cameras → stage → table → pool → fit → map, and the
+//! analysis of maps.
 pub mod cameras;
 pub mod cli;
 pub mod cost;

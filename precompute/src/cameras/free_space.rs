@@ -209,7 +209,7 @@ mod tests {
         assert!(!allows(-2.9, 1.6, 0.0), "10 cm from a wall");
         assert!(
             !allows(-1.5, 0.3, 0.0) && !allows(-1.5, 2.7, 0.0),
-            "a hand above the floor, under the ceiling"
+            "just above the floor, under the ceiling"
         );
         assert!(!allows(0.0, 1.6, 0.0) && !allows(3.1, 1.6, 0.0), "in a wall");
     }

@@ -73,7 +73,7 @@ pub(super) fn run(arguments: &Arguments) -> Result<(), CliError> {
     .training;
     if cameras.is_empty() {
         return Err(CliError::usage(format!(
-            "{}: no camera stands free and sees the scene",
+            "{}: no camera in free space sees the scene",
             arguments.scene.display()
         )));
     }
@@ -87,14 +87,14 @@ pub(super) fn run(arguments: &Arguments) -> Result<(), CliError> {
     // Rounds alternate between forward and reverse order, so that drift does not favour some
     // settings.
     'rounds: for round in 0.. {
-        for (camera, place) in cameras.iter().enumerate() {
+        for (camera, moving) in cameras.iter().enumerate() {
             for step in 0..settings.len() {
                 if started.elapsed() >= arguments.time_limit || progress::interrupted() {
                     break 'rounds;
                 }
                 let settings =
                     settings[if round % 2 == 0 { step } else { settings.len() - 1 - step }];
-                let cost = stage.measure(&place.clip(2, fps), settings)?;
+                let cost = stage.measure(&moving.clip(2, fps), settings)?;
                 readings.push(CostReading {
                     camera,
                     work: Work::of(&space, settings, &layout),

@@ -72,7 +72,7 @@ pub(super) enum Baselines {
     All,
     /// Presets and resolution, rendered
     Quick,
-    /// None: ours alone, from a record
+    /// None: the frugal run alone, from a record
     None,
 }
 
@@ -123,7 +123,7 @@ pub(super) fn run(arguments: &Arguments) -> Result<(), CliError> {
     check_outputs([arguments.json.as_ref(), arguments.csv.as_ref(), arguments.record.as_ref()])?;
     if arguments.baselines == Baselines::Quick && budgets.len() > 1 {
         return Err(CliError::usage(
-            "several budgets are played from a record: add --baselines all, or give one budget",
+            "several budgets need a record: add --baselines all, or give one budget",
         ));
     }
 
@@ -168,7 +168,7 @@ pub(super) fn run(arguments: &Arguments) -> Result<(), CliError> {
     outputs(arguments, &map, &results, None)
 }
 
-/// Rendered runs of ours under the first budgets.
+/// Rendered frugal runs under the first budgets.
 fn spot_checks(
     stage: &mut RemoteStage,
     record: &PathRecord,

@@ -139,7 +139,7 @@ fn print_facts(map: &FrontierMap, text: &str) {
         map.octree.levels
     );
     println!(
-        "frontiers  {}, {points} points; {} of {} views see nothing",
+        "frontiers  {}, {points} points; {} of {} views are empty",
         map.octree.frontiers.len(),
         survey.empty_views,
         survey.known_views + survey.empty_views

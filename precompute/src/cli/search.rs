@@ -144,7 +144,7 @@ fn text(runs: &SearchRuns, goals: &[Goal], methods: &[MethodResult]) -> String {
     for method in methods.iter().filter(|method| method.missing > 0) {
         let _ = writeln!(
             text,
-            "{} asked for up to {} combinations that the table lacks",
+            "{} requested up to {} combinations that the table lacks",
             method.method.name(),
             method.missing
         );

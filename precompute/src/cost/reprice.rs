@@ -27,7 +27,7 @@ pub struct DeviceModel {
 #[non_exhaustive]
 pub enum RepriceError {
     /// The map is of an earlier version.
-    #[error("the map holds no prices of work: make it anew with `frugal precompute`")]
+    #[error("the map holds no prices of work: run `frugal precompute` again")]
     NoPrices,
     /// The device model lacks a price for work of the map's settings.
     #[error("the device model has no price for `{0}`: calibrate with the map's knobs")]
@@ -264,7 +264,7 @@ mod tests {
     }
 
     #[test]
-    fn what_cannot_be_repriced_says_why() {
+    fn unpriceable_maps_are_refused_with_a_reason() {
         let original = map(&prices(0.01, 2e-6), &LAYOUT, FPS);
         let old = FrontierMap { work_prices: WorkPrices::default(), ..original.clone() };
         assert_eq!(reprice(&old, &NewConditions::default()), Err(RepriceError::NoPrices));

@@ -126,7 +126,7 @@ mod tests {
     const LAYOUT: FrameLayout = FrameLayout { size: [160, 90], maps: 2, has_sky: true };
 
     #[test]
-    fn readings_are_what_was_counted_to_the_last_bit() {
+    fn readings_equal_the_count_to_the_last_bit() {
         let space = crate::stage::knobs().expect("the built-in knobs");
         let (mut meter, ledger) = WorkMeter::open(None, LAYOUT).expect("prices");
         let mut spent = |settings| {

@@ -155,7 +155,7 @@ mod tests {
     }
 
     #[test]
-    fn nonsense_is_refused_with_the_text_that_was_given() {
+    fn malformed_budgets_are_refused_with_their_text() {
         for text in ["", "W", "%", "seven", "7 kW", "7V", "-", "6 0%", "60%W"] {
             assert_eq!(
                 text.parse::<PowerBudget>(),

@@ -20,17 +20,18 @@ pub struct Judged {
     pub asked: String,
     /// The limits in absolute terms.
     pub budget: ResolvedBudget,
-    /// Every run, ours first.
+    /// Every run, the frugal run first.
     pub runs: Vec<RunResult>,
-    /// Share of the difference between the best constant and the oracle that ours gains: of error
-    /// under a power budget, of power under an error budget. `None` where the difference is
-    /// negligible, or one of the three exceeds the budget.
+    /// Share of the difference between the best constant and the oracle that the frugal run gains:
+    /// of error under a power budget, of power under an error budget. `None` where the difference
+    /// is negligible, or one of the three exceeds the budget.
     pub gap_closed: Option<f64>,
-    /// Baselines with no more information than ours that dominate it, with 95 % confidence.
+    /// Baselines with no more information than the frugal run that dominate it, with 95 %
+    /// confidence.
     pub dominated_by: Vec<String>,
 }
 
-/// Baselines that have no more information about the path than ours.
+/// Baselines that have no more information about the path than the frugal run.
 const FAIR: [&str; 4] = ["best-constant-elsewhere", "reactive", "default", "resolution-only"];
 
 /// Settings to record for all runs: those of the map, the presets, and those with only the
@@ -68,7 +69,7 @@ fn elsewhere(map: &FrontierMap, budget: &ResolvedBudget) -> Option<RenderSetting
 }
 
 /// Simulates all runs. `lens`: vertical field of view in radians, and width ÷ height. `control`:
-/// time constants of the temporal filter, for ours and the filtered oracle.
+/// time constants of the temporal filter, for the frugal run and the filtered oracle.
 pub fn judge(
     record: &PathRecord,
     map: &FrontierMap,

@@ -126,7 +126,7 @@ mod tests {
     }
 
     #[test]
-    fn says_so_when_nothing_meets_the_budget() {
+    fn reports_a_budget_that_no_level_meets() {
         assert_eq!(found(Some(0.5), None).0, 0);
         assert!(!found(Some(0.5), None).1);
         let (level, met, _) = found(Some(2.0), Some(0.1));

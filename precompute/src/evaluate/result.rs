@@ -34,19 +34,19 @@ pub struct EvaluationResult {
     /// Warnings that qualify the figures.
     pub warnings: Vec<String>,
     /// For runs simulated from a record: share of the difference between the best constant and the
-    /// oracle that ours gains.
+    /// oracle that the frugal run gains.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub gap_closed: Option<f64>,
-    /// For runs simulated from a record: baselines with no more information than ours that dominate
-    /// it, with 95 % confidence.
+    /// For runs simulated from a record: baselines with no more information than the frugal run
+    /// that dominate it, with 95 % confidence.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub dominated_by: Vec<String>,
-    /// For runs simulated from a record: a rendered run of ours, for comparison.
+    /// For runs simulated from a record: a rendered frugal run, for comparison.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub spot_check: Option<SpotCheck>,
 }
 
-/// A rendered run of ours beside its simulation from the record.
+/// A rendered frugal run beside its simulation from the record.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct SpotCheck {
     /// Mean power of the rendered run.

@@ -82,8 +82,8 @@ pub fn table(result: &EvaluationResult) -> String {
     text
 }
 
-/// Several budgets on one path in a few lines each: mean power and mean error of ours and the
-/// baselines.
+/// Several budgets on one path in a few lines each: mean power and mean error of the frugal run and
+/// the baselines.
 pub fn judged_table(all: &[Judged]) -> String {
     let mut text = String::new();
     for judged in all {
@@ -107,7 +107,7 @@ pub fn judged_table(all: &[Judged]) -> String {
             );
         }
         if !judged.dominated_by.is_empty() {
-            let _ = writeln!(text, "  ours is dominated by {}", judged.dominated_by.join(", "));
+            let _ = writeln!(text, "  frugal is dominated by {}", judged.dominated_by.join(", "));
         }
     }
     text

@@ -217,7 +217,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_written_is_read_back() {
+    fn presets_read_back_as_written() {
         let presets = presets(&map()).expect("presets");
         let text = presets.to_ron().expect("text");
         assert_eq!(ron::from_str(&text), Ok(presets), "{text}");
@@ -268,7 +268,7 @@ mod tests {
     }
 
     #[test]
-    fn maps_that_cannot_have_presets_say_why() {
+    fn maps_without_presets_are_refused_with_a_reason() {
         let error = presets(&of(&[])).expect_err("no frontier").to_string();
         assert!(
             error.contains("shared frontier") && error.contains("frugal precompute"),

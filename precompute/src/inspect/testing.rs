@@ -53,7 +53,7 @@ pub(super) fn map() -> FrontierMap {
         meter: MeterInfo {
             name: "work".into(),
             provenance: Provenance::Modelled,
-            description: "by hand".into(),
+            description: "synthetic".into(),
         },
         thresholds: Thresholds { power_w: 0.1, error: 0.001 },
         seed: 0,

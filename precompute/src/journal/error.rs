@@ -8,7 +8,7 @@ use std::path::PathBuf;
 #[non_exhaustive]
 pub enum JournalError {
     /// A file operation failed.
-    #[error("cannot {action} the journal `{path}`: {source}; make room or give it another place", path = path.display())]
+    #[error("cannot {action} the journal `{path}`: {source}; free some disk space or choose another location", path = path.display())]
     File {
         /// The operation.
         action: &'static str,

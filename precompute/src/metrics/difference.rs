@@ -106,7 +106,7 @@ mod tests {
     }
 
     #[test]
-    fn equal_pictures_do_not_differ() {
+    fn equal_images_do_not_differ() {
         let picture = radiance(16, 12, |x, y| 100.0 + (x * y) as f32);
         let difference = Difference::new(&picture, &picture, None).unwrap();
         assert_eq!(
@@ -137,7 +137,7 @@ mod tests {
     }
 
     #[test]
-    fn what_cannot_be_compared_is_named() {
+    fn incomparable_images_are_named() {
         let (small, large) = (radiance(4, 4, |_, _| 1.0), radiance(8, 4, |_, _| 1.0));
         let error = Difference::new(&small, &large, None).unwrap_err();
         assert_eq!(

@@ -76,11 +76,11 @@ pub enum PipelineError<E> {
     Interrupted,
     /// This shard has rendered its share of the batch; other shards have not.
     #[error(
-        "this shard's part is rendered: merge the shards' journals with `frugal merge`, then run every shard again"
+        "this shard's share is rendered: merge the shards' journals with `frugal merge`, then run every shard again"
     )]
     NeedsMerge,
     /// No camera in free space sees any geometry.
-    #[error("no camera was found that stands free and sees the scene: check its bounds and paths")]
+    #[error("no camera in free space sees the scene: check its bounds and paths")]
     NoCameras,
 }
 

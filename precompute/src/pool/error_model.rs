@@ -221,7 +221,7 @@ mod tests {
     }
 
     #[test]
-    fn nothing_known_and_nonsense_are_no_panic() {
+    fn missing_and_invalid_readings_do_not_panic() {
         let space = space();
         let screening = Screening::of(&space, &CostTable::new(1));
         for readings in [

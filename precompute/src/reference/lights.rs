@@ -38,7 +38,7 @@ pub(super) enum PunctualLight {
 
 /// Incident light of one source at a point.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Arrival {
+pub(super) struct IncidentLight {
     /// Direction to the light, unit length.
     pub(super) direction: DVec3,
     /// Metres to the light.
@@ -101,10 +101,10 @@ impl PunctualLight {
     }
 
     /// Unoccluded light at `position`; `None` beyond the light's range and outside its cone.
-    pub(super) fn arrival(&self, position: DVec3) -> Option<Arrival> {
+    pub(super) fn incident(&self, position: DVec3) -> Option<IncidentLight> {
         match *self {
             Self::Directional { towards, illuminance } => {
-                Some(Arrival { direction: towards, distance: f64::INFINITY, illuminance })
+                Some(IncidentLight { direction: towards, distance: f64::INFINITY, illuminance })
             }
             Self::Positional {
                 position: light,
@@ -120,7 +120,7 @@ impl PunctualLight {
                 let window =
                     (1.0 - (distance_squared * inverse_range_squared).powi(2)).clamp(0.0, 1.0);
                 let illuminance = intensity * (cone * cone * window * window / distance_squared);
-                (illuminance.max_element() > 0.0).then(|| Arrival {
+                (illuminance.max_element() > 0.0).then(|| IncidentLight {
                     direction: ray / distance,
                     distance,
                     illuminance,
@@ -145,7 +145,7 @@ mod tests {
             color: [1.0, 0.5, 0.0],
         };
         let light = PunctualLight::new(&point).unwrap();
-        let near = light.arrival(DVec3::X * 0.1).unwrap();
+        let near = light.incident(DVec3::X * 0.1).unwrap();
         assert!(
             (near.illuminance - DVec3::new(1e4, 5e3, 0.0)).abs().max_element() < 0.1,
             "{near:?}"
@@ -154,12 +154,12 @@ mod tests {
             (near.direction - DVec3::NEG_X).length() < 1e-12 && (near.distance - 0.1).abs() < 1e-12
         );
         // (1 − (5/10)⁴)² of 100/25 lux.
-        let half_way = light.arrival(DVec3::Y * 5.0).unwrap().illuminance.x;
+        let half_way = light.incident(DVec3::Y * 5.0).unwrap().illuminance.x;
         assert!((half_way - 4.0 * (15.0_f64 / 16.0).powi(2)).abs() < 1e-4, "{half_way}");
         assert!(
-            light.arrival(DVec3::Z * 10.0).is_none() && light.arrival(DVec3::Z * 1e30).is_none()
+            light.incident(DVec3::Z * 10.0).is_none() && light.incident(DVec3::Z * 1e30).is_none()
         );
-        let inside = light.arrival(DVec3::ZERO).unwrap();
+        let inside = light.incident(DVec3::ZERO).unwrap();
         assert!(inside.illuminance.is_finite() && inside.direction.is_finite());
         let (inner_angle, outer_angle) = (20.0, 40.0);
         let spot = Light::Spot {
@@ -174,8 +174,8 @@ mod tests {
         let spot = PunctualLight::new(&spot).unwrap();
         let at = |degrees: f64| {
             let angle = degrees.to_radians();
-            spot.arrival(DVec3::new(angle.sin(), 0.0, -angle.cos()))
-                .map_or(0.0, |arrival| arrival.illuminance.x)
+            spot.incident(DVec3::new(angle.sin(), 0.0, -angle.cos()))
+                .map_or(0.0, |incident| incident.illuminance.x)
         };
         assert!(
             (at(0.0) - 100.0).abs() < 1e-3

@@ -144,9 +144,9 @@ pub(super) fn trace(
 fn punctual(scene: &ReferenceScene, bsdf: &Bsdf, surface: &Surface, origin: Vec3) -> DVec3 {
     let mut sum = DVec3::ZERO;
     for light in &scene.lights {
-        let Some(arrival) = light.arrival(surface.position) else { continue };
-        let reflected = bsdf.evaluate(arrival.direction).0 * arrival.illuminance;
-        if reflected.max_element() > 0.0 && scene.is_lit(origin, &arrival) {
+        let Some(incident) = light.incident(surface.position) else { continue };
+        let reflected = bsdf.evaluate(incident.direction).0 * incident.illuminance;
+        if reflected.max_element() > 0.0 && scene.is_lit(origin, &incident) {
             sum += reflected;
         }
     }

@@ -4,7 +4,7 @@ use bevy::math::{DVec3, Vec3};
 
 use super::color;
 use super::emitters::Emitters;
-use super::lights::{Arrival, PunctualLight};
+use super::lights::{IncidentLight, PunctualLight};
 use super::sky::Sky;
 use super::surface::is_cut_out;
 use crate::scene::mesh::GeometryError;
@@ -108,7 +108,7 @@ impl ReferenceScene {
     /// ignored too.
     pub(super) fn closest(&self, origin: Vec3, direction: DVec3) -> Option<Hit> {
         self.rays.closest_where(origin, direction.as_vec3(), f32::INFINITY, |hit| {
-            self.is_there(hit, Side::Back)
+            self.accepts(hit, Side::Back)
         })
     }
 
@@ -118,7 +118,7 @@ impl ReferenceScene {
         let reach = (distance * FREE_SHARE) as f32;
         !self
             .rays
-            .any_where(origin, direction.as_vec3(), reach, |hit| self.is_there(hit, Side::Back))
+            .any_where(origin, direction.as_vec3(), reach, |hit| self.accepts(hit, Side::Back))
     }
 
     /// Whether a punctual light reaches `origin`.
@@ -128,10 +128,10 @@ impl ReferenceScene {
     /// other end, and so passes through front faces. Closed solids cast the same shadow either way;
     /// sheets and rooms that only have an inside do not, and there the direct light must match the
     /// renderer's.
-    pub(super) fn is_lit(&self, origin: Vec3, light: &Arrival) -> bool {
+    pub(super) fn is_lit(&self, origin: Vec3, light: &IncidentLight) -> bool {
         let reach = (light.distance * FREE_SHARE) as f32;
         !self.rays.any_where(origin, light.direction.as_vec3(), reach, |hit| {
-            self.is_there(hit, Side::Front)
+            self.accepts(hit, Side::Front)
         })
     }
 
@@ -140,7 +140,7 @@ impl ReferenceScene {
         !self.emitters.is_empty() || self.sky.is_lit()
     }
 
-    fn is_there(&self, hit: &Hit, culled: Side) -> bool {
+    fn accepts(&self, hit: &Hit, culled: Side) -> bool {
         let material = self.geometry.meshes[hit.triangle.mesh].material;
         self.is_solid[material]
             || ((hit.side != culled || self.geometry.materials[material].double_sided)

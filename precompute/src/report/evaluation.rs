@@ -5,8 +5,8 @@ use crate::metrics::Picture;
 
 use super::{Bar, Color, Curve, Report, ReportError, Section, bars, curves, provenance};
 
-/// A page on `result`: `facts` say what the figures were taken on (machine, device, date),
-/// `pictures` are frames with captions.
+/// A page on `result`; `facts`: conditions of the figures (machine, device, date), `pictures` are
+/// frames with captions.
 ///
 /// # Errors
 /// When a plot or an image fails.
@@ -22,7 +22,7 @@ pub fn evaluation_report(
     Ok(report.render())
 }
 
-/// The images that an evaluation kept, captioned by run and frame and what that frame cost.
+/// The images of an evaluation, captioned with run, frame and the frame's cost.
 pub fn captioned(evaluation: &Evaluation) -> Vec<(String, &Picture)> {
     let caption = |run: &str, frame: usize| {
         let record = evaluation
@@ -92,7 +92,7 @@ fn limit_entry(result: &EvaluationResult) -> Option<(&'static str, Color)> {
         .then_some(("budget (dashed)", Color::RED))
 }
 
-/// What the controller achieved, and what its rivals would have, in two or three sentences.
+/// Summary of the controller's run and the baselines in two or three sentences.
 fn summary(result: &EvaluationResult) -> Option<String> {
     let named = |name: &str| result.runs.iter().find(|run| run.name == name);
     let frugal = named("frugal")?;
@@ -112,12 +112,12 @@ fn summary(result: &EvaluationResult) -> Option<String> {
             maximum.mean_power_w.0
         );
     }
-    if let Some(rival) = named("resolution-only") {
+    if let Some(baseline) = named("resolution-only") {
         text += &format!(
-            " Scaling nothing but the resolution took {:.2} W with a mean error of {:.4}{}.",
-            rival.mean_power_w.0,
-            rival.mean_error,
-            if rival.met { "" } else { ", and did not keep the budget" }
+            " Scaling the resolution alone took {:.2} W with a mean error of {:.4}{}.",
+            baseline.mean_power_w.0,
+            baseline.mean_error,
+            if baseline.met { "" } else { ", and exceeded the budget" }
         );
     }
     Some(text)
@@ -126,9 +126,9 @@ fn summary(result: &EvaluationResult) -> Option<String> {
 fn facts(result: &EvaluationResult) -> Vec<(String, String)> {
     let [width, height] = result.size;
     let mut facts = vec![
-        ("Picture".to_owned(), format!("{width} × {height} pixels")),
+        ("Image size".to_owned(), format!("{width} × {height} pixels")),
         ("Frames".to_owned(), format!("{} at {} per second", result.frames, result.fps)),
-        ("Budget as asked".to_owned(), result.asked.clone()),
+        ("Requested budget".to_owned(), result.asked.clone()),
     ];
     if let Some(power) = result.budget.power_w {
         facts.push(("Power budget".to_owned(), format!("{:.3} W", power.0)));
@@ -243,7 +243,7 @@ mod tests {
     use crate::evaluate::{BudgetRequest, EvaluationPlan, Fixed, PowerBudget, evaluate};
 
     #[test]
-    fn a_report_says_what_was_asked_found_and_how() {
+    fn a_report_contains_request_results_and_conditions() {
         let (space, path) = (space(), path());
         let budget = BudgetRequest { power: Some(PowerBudget::Share(0.6)), error: Some(0.05) };
         let plan = EvaluationPlan {
@@ -269,7 +269,7 @@ mod tests {
         .unwrap();
         for text in [
             "power at most 60%, error at most 0.05",
-            "was not measured. It was worked out by the model formula",
+            "was not measured. It was computed by the model formula",
             "&lt;court&gt;",
             "resolution-only",
             "10 at 5 per second",

@@ -1,4 +1,4 @@
-//! The report of `frugal inspect`: what a frontier map holds.
+//! The report of `frugal inspect`: contents of a frontier map.
 
 use std::fmt::Write as _;
 
@@ -13,14 +13,14 @@ use super::{
     provenance, staircase,
 };
 
-/// Frontiers that are shown in full: the largest, the middle one, and the smallest.
+/// Number of frontiers shown in full: the largest, the middle one, and the smallest.
 const SHOWN: usize = 3;
-/// Rows of a frontier that are shown.
+/// Greatest number of rows shown of a frontier.
 const ROWS: usize = 30;
-/// Colour of the plan's corners at which every view has a frontier.
+/// Colour of corners in the plan at which every view has a frontier.
 const CORNER: Color = Color::BLUE;
 
-/// What a map says of itself, and its octree.
+/// A map's metadata and octree.
 #[derive(Clone, Debug)]
 pub struct MapSummary<'a> {
     /// The scene's name.
@@ -33,19 +33,19 @@ pub struct MapSummary<'a> {
     pub bounds_min: Vec3,
     /// Highest corner of the space of cameras, metres.
     pub bounds_max: Vec3,
-    /// Where the watts come from.
+    /// The power meter.
     pub meter: &'a MeterInfo,
     /// Width and height of the images that were measured, pixels.
     pub size: [u32; 2],
     /// Target frame rate.
     pub fps: f64,
-    /// Frontiers further apart in power than this were subdivided.
+    /// Power threshold of subdivision, watts.
     pub power_threshold: Watts,
-    /// Frontiers further apart in error than this were subdivided.
+    /// Error threshold of subdivision, 1 − SSIM.
     pub error_threshold: f64,
 }
 
-/// A page on a map; `facts` say what it was made on.
+/// A page on a map; `facts`: conditions of the map.
 ///
 /// # Errors
 /// When plotting fails.
@@ -66,8 +66,8 @@ pub fn map_section(summary: &MapSummary<'_>) -> Result<Section, ReportError> {
     let (octree, survey) = (summary.octree, Survey::new(summary.octree));
     let mut section = Section::new(&format!("{}: the frontier map", summary.scene));
     section.paragraph(&format!(
-        "At every corner of the octree's leaves and for each of six views the map holds a Pareto frontier: the settings that nothing beats in \
-         both power and error. {}",
+        "At every corner of the octree's leaves and for each of six views the map holds a Pareto frontier: the settings that are non-dominated in \
+         power and error. {}",
         provenance(summary.meter)
     ));
     if survey.broken > 0 {
@@ -97,22 +97,21 @@ pub fn map_section(summary: &MapSummary<'_>) -> Result<Section, ReportError> {
         points: staircase(frontier),
     };
     let lines: Vec<Curve> =
-        shown.iter().enumerate().map(|(place, (_, frontier))| curve(place, frontier)).collect();
+        shown.iter().enumerate().map(|(rank, (_, frontier))| curve(rank, frontier)).collect();
     let names: Vec<String> = shown
         .iter()
         .map(|(index, frontier)| format!("frontier {index}, {} points", frontier.points().len()))
         .collect();
     section.plots(&[
         (
-            "Seen from above, X to the right and Z down: outlines of leaves; corners, the fainter the fewer of their views show anything",
+            "Seen from above, X to the right and Z down: outlines of leaves; corners, fainter where fewer of their views have a frontier",
             plan(summary, &survey),
         ),
-        ("How many settings the frontiers hold", bars("Sizes of frontiers", "frontiers", &sizes(octree), 0, None)?),
+        ("Numbers of settings of the frontiers", bars("Sizes of frontiers", "frontiers", &sizes(octree), 0, None)?),
         ("The largest, the middle and the smallest frontier", cloud("Some frontiers", ["power, W", "error, 1 − SSIM"], &[], &lines)?),
     ]);
-    section.legend(
-        names.iter().enumerate().map(|(place, name)| (name.as_str(), Color::SERIES[place])),
-    );
+    section
+        .legend(names.iter().enumerate().map(|(rank, name)| (name.as_str(), Color::SERIES[rank])));
     for ((_, frontier), name) in shown.iter().zip(&names) {
         section.heading(name);
         let points = &frontier.points()[..frontier.points().len().min(ROWS)];
@@ -133,7 +132,7 @@ fn facts(summary: &MapSummary<'_>, survey: &Survey) -> Vec<(String, String)> {
     let settings: usize = octree.frontiers.iter().map(|frontier| frontier.points().len()).sum();
     let fact = |name: &str, value: String| (name.to_owned(), value);
     vec![
-        fact("Pictures", format!("{} × {} pixels", summary.size[0], summary.size[1])),
+        fact("Image size", format!("{} × {} pixels", summary.size[0], summary.size[1])),
         fact("Target frame rate", format!("{} per second", summary.fps)),
         fact(
             "Cameras between",
@@ -164,7 +163,7 @@ fn facts(summary: &MapSummary<'_>, survey: &Survey) -> Vec<(String, String)> {
     ]
 }
 
-/// How many frontiers have 0 points, 1, 2, 3 to 4, 5 to 8, and so on.
+/// Histogram of frontier sizes: 0 points, 1, 2, 3 to 4, 5 to 8, and so on.
 fn sizes(octree: &Octree) -> Vec<Bar> {
     let class = |points: usize| {
         points
@@ -226,7 +225,7 @@ fn plan(summary: &MapSummary<'_>, survey: &Survey) -> String {
     svg
 }
 
-/// To ten thousandths: a share of a range has as many digits as a float.
+/// Rounded to four decimals for display.
 fn rounded(value: f64) -> f64 {
     (value * 1e4).round() / 1e4
 }

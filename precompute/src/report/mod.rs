@@ -1,15 +1,15 @@
-//! Reports for people: one self-contained HTML file each, with plots and images inside, readable in
-//! the dark and on a phone.
+//! Reports: one self-contained HTML file each, with embedded plots and images, for light and dark
+//! mode and for phones.
 //!
 //! A [`Report`] is a title and [`Section`]s. The commands' own reports are one section each; a page
-//! of several is a matter of adding more.
+//! may have several.
 //!
 //! | part | job |
 //! |---|---|
 //! | `page` | the page: headings, tables, figures, escaping, style |
 //! | `plot` | SVG plots: power-error clouds, series over time, bars |
 //! | `evaluation` | `frugal evaluate` |
-//! | `survey`, `map` | `frugal inspect`: what an octree holds, and the section on it |
+//! | `survey`, `map` | `frugal inspect`: statistics of an octree, and the section on it |
 //! | `price` | `frugal price`, also as CSV |
 //! | `sweep` | `frugal sweep` |
 mod evaluation;
@@ -32,7 +32,7 @@ use bevy_frugal_gi::frontier::FrontierPoint;
 use bevy_frugal_gi::knobs::KnobSpace;
 use bevy_frugal_gi::power::{MeterInfo, Provenance};
 
-/// Why there is no report.
+/// Why a report could not be made.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum ReportError {
@@ -44,7 +44,7 @@ pub enum ReportError {
     Picture(#[from] crate::metrics::PictureError),
 }
 
-/// Where the watts of a page come from, in a sentence.
+/// Describes the power meter in a sentence.
 fn provenance(meter: &MeterInfo) -> String {
     match meter.provenance {
         Provenance::Measured => {
@@ -52,15 +52,14 @@ fn provenance(meter: &MeterInfo) -> String {
         }
         Provenance::Modelled => {
             format!(
-                "Power was not measured. It was worked out by the model {}: {}.",
+                "Power was not measured. It was computed by the model {}: {}.",
                 meter.name, meter.description
             )
         }
     }
 }
 
-/// Rows for a table of cost points, and what all of them share: only knobs that differ between them
-/// get a column.
+/// Rows of a table of cost points, and their common levels: only knobs that differ get a column.
 fn knob_table(
     space: &KnobSpace,
     points: &[FrontierPoint],

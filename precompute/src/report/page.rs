@@ -1,4 +1,4 @@
-//! The page: one HTML file that needs nothing else.
+//! The page: one self-contained HTML file.
 
 use std::fmt::Write as _;
 
@@ -9,8 +9,7 @@ use crate::metrics::Picture;
 
 use super::{Color, ReportError};
 
-/// Light and dark by the reader's preference; one column on a phone; wide things scroll inside
-/// themselves.
+/// Light and dark mode by the reader's preference; one column on a phone; wide elements scroll.
 const STYLE: &str = include_str!("style.css");
 
 /// `text` as HTML text or as the value of a quoted attribute.
@@ -23,7 +22,7 @@ pub fn escape(text: &str) -> String {
             '>' => escaped.push_str("&gt;"),
             '"' => escaped.push_str("&quot;"),
             '\'' => escaped.push_str("&#39;"),
-            // Not allowed in HTML whatever they are written as.
+            // Not allowed in HTML, not even escaped.
             '\0'..='\u{8}' | '\u{b}' | '\u{c}' | '\u{e}'..='\u{1f}' => escaped.push('\u{fffd}'),
             _ => escaped.push(character),
         }
@@ -40,7 +39,7 @@ pub struct Report {
 }
 
 impl Report {
-    /// An empty page. All texts that are given to a report are plain: they are escaped here.
+    /// An empty page. All texts of a report are plain text and are escaped here.
     pub fn new(title: &str) -> Self {
         Self { title: title.to_owned(), body: String::new(), contents: Vec::new() }
     }
@@ -103,7 +102,7 @@ impl Section {
         Self { heading: heading.to_owned(), body: String::new() }
     }
 
-    /// A heading of the second order.
+    /// A subheading.
     pub fn heading(&mut self, text: &str) -> &mut Self {
         let _ = writeln!(self.body, "<h3>{}</h3>", escape(text));
         self
@@ -115,7 +114,7 @@ impl Section {
         self
     }
 
-    /// A paragraph that must not be missed.
+    /// A highlighted paragraph.
     pub fn warning(&mut self, text: &str) -> &mut Self {
         let _ =
             writeln!(self.body, "<p class=\"warning\"><strong>Note:</strong> {}</p>", escape(text));
@@ -162,8 +161,8 @@ impl Section {
         self
     }
 
-    /// Plots beside each other where there is room: a caption and the SVG of each, as the functions
-    /// of this module draw them. The SVG goes in as it is.
+    /// Plots side by side where there is room: a caption and the SVG of each, as drawn by the
+    /// functions of this module. The SVG is embedded unescaped.
     pub fn plots(&mut self, plots: &[(&str, String)]) -> &mut Self {
         self.body.push_str("<div class=\"plots\">\n");
         for (caption, svg) in plots {
@@ -177,7 +176,7 @@ impl Section {
         self
     }
 
-    /// Which colour is what.
+    /// A legend of colours.
     pub fn legend<'a>(&mut self, entries: impl IntoIterator<Item = (&'a str, Color)>) -> &mut Self {
         self.body.push_str("<ul class=\"legend\">\n");
         for (name, color) in entries {
@@ -229,7 +228,7 @@ mod tests {
     const NASTY: &str = "<script>alert(\"1\" & '2')</script>\0";
 
     #[test]
-    fn nothing_that_is_given_becomes_markup() {
+    fn texts_are_escaped() {
         let mut section = Section::new(NASTY);
         section
             .heading(NASTY)
@@ -249,9 +248,9 @@ mod tests {
     }
 
     #[test]
-    fn the_page_needs_nothing_else() {
+    fn the_page_is_self_contained() {
         let mut report = Report::new("Report");
-        let mut section = Section::new("Pictures");
+        let mut section = Section::new("Images");
         section.pictures(&[("grey".into(), &Picture::from_fn(3, 2, |_, _| [9; 3]))]).unwrap();
         report.section(section).section(Section::new("Second"));
         let html = report.render();
@@ -287,7 +286,7 @@ mod tests {
     }
 
     #[test]
-    fn a_picture_that_is_none_is_an_error() {
+    fn an_empty_image_is_an_error() {
         assert!(Section::new("").pictures(&[(String::new(), &Picture::default())]).is_err());
     }
 }

@@ -2,7 +2,7 @@
 //!
 //! Text and axes are drawn in the colour of the page's own text, and the data in middle tones that
 //! stand out from white as well as from near black (contrast 3 : 1 or more on both), so that one
-//! drawing serves light and dark pages.
+//! drawing suits light and dark pages.
 
 use bevy_frugal_gi::frontier::Frontier;
 use plotters::coord::Shift;
@@ -26,9 +26,9 @@ impl Color {
     pub const BLUE: Self = Self(0x2f, 0x7d, 0xe1);
     /// Limits.
     pub const RED: Self = Self(0xd6, 0x45, 0x50);
-    /// What recedes.
+    /// Background data.
     pub const GREY: Self = Self(0x80, 0x88, 0x90);
-    /// Told apart from each other, also by most people who do not see red and green as different.
+    /// Distinguishable, also with most red-green colour vision deficiencies.
     pub const SERIES: [Self; 6] = [
         Self::BLUE,
         Self(0xd9, 0x73, 0x0d),
@@ -62,7 +62,7 @@ pub struct Curve {
 /// One bar.
 #[derive(Clone, Debug)]
 pub struct Bar {
-    /// What it stands for.
+    /// Label.
     pub name: String,
     /// Its length, 0 or more.
     pub value: f64,
@@ -73,8 +73,7 @@ pub struct Bar {
 type Area<'a> = DrawingArea<SVGBackend<'a>, Shift>;
 type Chart<'a, 'b> = ChartContext<'b, SVGBackend<'a>, Cartesian2d<RangedCoordf64, RangedCoordf64>>;
 
-/// The corners of a frontier's steps, power against error: what is cheaper or better than this line
-/// was not found.
+/// A frontier as a step function, power against error: no settings below or left of it were found.
 pub fn staircase(frontier: &Frontier) -> Vec<(f64, f64)> {
     let mut corners = Vec::new();
     for point in frontier.points() {
@@ -86,7 +85,7 @@ pub fn staircase(frontier: &Frontier) -> Vec<(f64, f64)> {
     corners
 }
 
-/// Points, of which those that fall on one place are drawn once, and lines over them.
+/// Points, with those on the same pixel drawn once, and lines over them.
 ///
 /// # Errors
 /// When plotting fails.
@@ -102,15 +101,15 @@ pub fn cloud(
         let mut chart =
             chart(area, 64).build_cartesian_2d(xs.0..xs.1, ys.0..ys.1).map_err(failed)?;
         mesh(&mut chart, axes)?;
-        let place = |(x, y): (f64, f64)| {
-            let cell = |value: f64, (low, high): (f64, f64), cells: u32| {
-                ((value - low) / (high - low) * f64::from(cells)) as u32
+        let pixel = |(x, y): (f64, f64)| {
+            let coordinate = |value: f64, (low, high): (f64, f64), pixels: u32| {
+                ((value - low) / (high - low) * f64::from(pixels)) as u32
             };
-            (cell(x, xs, SIZE.0), cell(y, ys, SIZE.1))
+            (coordinate(x, xs, SIZE.0), coordinate(y, ys, SIZE.1))
         };
         let mut seen = std::collections::HashSet::new();
         let visible =
-            points.iter().copied().filter(|&point| finite(point) && seen.insert(place(point)));
+            points.iter().copied().filter(|&point| finite(point) && seen.insert(pixel(point)));
         let style = Color::GREY.rgb().mix(0.55).filled();
         chart.draw_series(visible.map(|point| Circle::new(point, 2, style))).map_err(failed)?;
         for line in lines {
@@ -140,7 +139,7 @@ pub fn curves(
         let mut chart =
             chart(area, 64).build_cartesian_2d(xs.0..xs.1, ys.0..ys.1).map_err(failed)?;
         mesh(&mut chart, axes)?;
-        // The first is the one that matters: drawn last, on top.
+        // The first curve is the most important: drawn last, on top.
         for curve in curves.iter().rev() {
             draw_curve(&mut chart, curve)?;
         }
@@ -227,8 +226,8 @@ fn draw(
     paint(&area)?;
     area.present().map_err(failed)?;
     drop(area);
-    // Black stands for "the page's text". Texts inside the drawing cannot hold the quotes that this
-    // looks for.
+    // Black stands for the page's text colour. Texts inside the drawing cannot contain the quotes
+    // of the pattern.
     let svg = svg.replace("=\"#000000\"", "=\"currentColor\"").replacen(
         " xmlns=\"http://www.w3.org/2000/svg\"",
         "",
@@ -278,7 +277,7 @@ fn finite((x, y): (f64, f64)) -> bool {
     x.is_finite() && y.is_finite()
 }
 
-/// A range that holds every finite value with some room, never empty; from 0 where `from_zero`.
+/// A range of all finite values with a margin, never empty; from 0 if `from_zero`.
 fn range(values: impl Iterator<Item = f64>, from_zero: bool) -> (f64, f64) {
     let (low, high) = values
         .filter(|value| value.is_finite())
@@ -289,7 +288,7 @@ fn range(values: impl Iterator<Item = f64>, from_zero: bool) -> (f64, f64) {
         return (0.0, 1.0);
     }
     let low = if from_zero { low.min(0.0) } else { low };
-    // Where all values are one, half of it to each side, or anything at all around 0.
+    // For a single value, half of it to each side; for 0, an arbitrary range.
     let size = if high > low { high - low } else { high.abs().max(1e-3) };
     let room = 0.06 * size;
     if high > low {
@@ -358,7 +357,7 @@ mod tests {
     }
 
     #[test]
-    fn points_on_one_place_are_drawn_once() {
+    fn points_on_one_pixel_are_drawn_once() {
         let points = vec![(1.0, 1.0); 10_000];
         let svg = cloud("cloud", ["x", "y"], &points, &[]).unwrap();
         assert_eq!(svg.matches("<circle").count(), 1);

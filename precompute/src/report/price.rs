@@ -1,5 +1,5 @@
-//! `frugal price`: what levels cost and how far from the reference they are, as a table, a page and
-//! a plot.
+//! `frugal price`: cost of levels and their error against the path-traced reference, as a table, a
+//! page and a plot.
 
 use std::io;
 
@@ -15,11 +15,11 @@ pub struct LevelPrice {
     pub knob: String,
     /// The level.
     pub label: String,
-    /// What the global illumination adds to the frame's power, watts.
+    /// Power that the global illumination adds to the frame, watts.
     pub power_w: f64,
-    /// The same as a share of what it adds at its best.
+    /// The same as a share of the power at its best.
     pub cost_share: f64,
-    /// Indirect radiance against path tracing.
+    /// Difference of indirect radiance from path tracing.
     pub difference: Difference,
 }
 
@@ -32,11 +32,11 @@ pub struct PriceSummary<'a> {
     pub size: [u32; 2],
     /// Levels, knob by knob, the best first.
     pub prices: &'a [LevelPrice],
-    /// What the radiance is held against.
+    /// Description of the reference light.
     pub reference: &'a str,
-    /// Where watts come from.
+    /// The power meter.
     pub meter: &'a MeterInfo,
-    /// What the global illumination adds at its best, watts.
+    /// Power that the global illumination adds at its best, watts.
     pub best_w: f64,
 }
 
@@ -47,13 +47,13 @@ pub struct PriceSummary<'a> {
 pub fn price_report(summary: &PriceSummary) -> Result<String, ReportError> {
     let mut section = Section::new(&format!("{}: cost and error of each level", summary.scene));
     section.facts(&[
-        ("Picture".to_owned(), format!("{} × {} pixels", summary.size[0], summary.size[1])),
+        ("Image size".to_owned(), format!("{} × {} pixels", summary.size[0], summary.size[1])),
         ("Global illumination at its best".to_owned(), format!("{:.3} W", summary.best_w)),
-        ("Truth".to_owned(), summary.reference.to_owned()),
+        ("Reference".to_owned(), summary.reference.to_owned()),
         ("Meter".to_owned(), summary.meter.description.clone()),
     ]);
     section.paragraph(
-        "One knob lowered at a time, the others at their best. Cost is what the global illumination adds to a frame, as a share of what it adds at its best; error is the mean absolute \
+        "One knob lowered at a time, the others at their best. Cost is the power that the global illumination adds to a frame, as a share of that at its best; error is the mean absolute \
          difference of radiance from the path-traced reference, over squares of 4 × 4 pixels, as a share of the mean.",
     );
     let mut lines: Vec<(&str, Curve)> = Vec::new();

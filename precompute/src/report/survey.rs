@@ -1,11 +1,11 @@
-//! What an octree holds, counted.
+//! Statistics of an octree.
 
 use std::collections::{BTreeMap, BTreeSet};
 
 use bevy_frugal_gi::frontier::{Corner, Octree};
 
-/// Counts over an octree, for people. Survives a malformed one: what points nowhere is counted as
-/// broken and passed over.
+/// Statistics of an octree. Tolerates a malformed one: invalid indices are counted as broken and
+/// skipped.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Survey {
     /// Subdivided nodes on every level, the root's first.
@@ -14,12 +14,12 @@ pub struct Survey {
     pub leaves: Vec<usize>,
     /// Outlines of leaves seen from above, in lattice units: lowest x, lowest z, edge.
     pub squares: BTreeSet<(u32, u32, u32)>,
-    /// Columns of corners seen from above, x and z in lattice units: how many views have a
-    /// frontier, of how many.
+    /// Columns of corners seen from above, x and z in lattice units: views with a frontier, and all
+    /// views.
     pub columns: BTreeMap<(u16, u16), (usize, usize)>,
     /// Views of corners with a frontier.
     pub known_views: usize,
-    /// Views of corners that show nothing.
+    /// Empty views: views of corners without a frontier.
     pub empty_views: usize,
     /// Indices that point outside the octree, and nodes below the lattice's last level.
     pub broken: usize,
@@ -30,9 +30,9 @@ impl Survey {
     pub fn new(octree: &Octree) -> Self {
         let levels = octree.levels.min(15);
         let mut survey = Self::default();
-        // Level, node, lowest x and z of every node that is still to be counted.
+        // Level, node, lowest x and z of every pending node.
         let mut open = vec![(0u8, 0usize, 0u32, 0u32)];
-        // A tree that loops would never end: no node is seen twice in a whole one.
+        // Guards against cycles: a valid tree visits no node twice.
         let mut left = octree.nodes.len();
         while let Some((level, node, x, z)) = open.pop() {
             let Some(&first) = octree.nodes.get(node).filter(|_| left > 0) else {
@@ -109,8 +109,8 @@ mod tests {
         let octree = Octree { levels: 2, nodes, corners, frontiers: vec![Default::default()] };
         let survey = Survey::new(&octree);
         assert_eq!((&survey.inner[..], &survey.leaves[..]), (&[1, 1, 0][..], &[0, 7, 8][..]));
-        // From above: four large squares (a leaf lies below the subdivided child too), four small
-        // ones.
+        // From above: four large squares (there is a leaf below the subdivided child too), four
+        // small ones.
         assert_eq!(survey.squares.len(), 8);
         assert!(survey.squares.contains(&(2, 3, 1)) && survey.squares.contains(&(2, 0, 2)));
         assert_eq!((survey.known_views, survey.empty_views, survey.broken), (10, 7, 1));

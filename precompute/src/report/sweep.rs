@@ -7,7 +7,7 @@ use bevy_frugal_gi::power::MeterInfo;
 
 use super::{Color, Curve, Report, ReportError, Section, cloud, knob_table, provenance, staircase};
 
-/// What one camera's sweep found.
+/// Results of one camera's sweep.
 #[derive(Clone, Debug)]
 pub struct SweepSummary<'a> {
     /// The scene's name.
@@ -16,9 +16,9 @@ pub struct SweepSummary<'a> {
     pub space: &'a KnobSpace,
     /// Every combination with its cost.
     pub points: &'a [FrontierPoint],
-    /// What its errors are.
+    /// Description of the error metric.
     pub error: &'a str,
-    /// Where the watts come from.
+    /// The power meter.
     pub meter: &'a MeterInfo,
     /// Width and height, pixels.
     pub size: [u32; 2],
@@ -26,11 +26,11 @@ pub struct SweepSummary<'a> {
     pub fps: f64,
     /// The camera, metres.
     pub position: Vec3,
-    /// What it looks at, metres.
+    /// The point that it looks at, metres.
     pub look_at: Vec3,
 }
 
-/// A page on a sweep; `facts` say what the figures were taken on.
+/// A page on a sweep; `facts`: conditions of the figures.
 ///
 /// # Errors
 /// When plotting fails.
@@ -57,8 +57,8 @@ pub fn sweep_section(summary: &SweepSummary<'_>) -> Result<Section, ReportError>
         points.len()
     ));
     section.paragraph(&format!(
-        "Each point is one combination of knob levels at the same camera. The line is the Pareto frontier: {} combinations that no other \
-         beats in both power and error. {} Error is {}.",
+        "Each point is one combination of knob levels at the same camera. The line is the Pareto frontier: {} combinations that are \
+         non-dominated in power and error. {} Error is {}.",
         frontier.points().len(),
         provenance(summary.meter),
         summary.error
@@ -71,7 +71,7 @@ pub fn sweep_section(summary: &SweepSummary<'_>) -> Result<Section, ReportError>
     let Vec3 { x, y, z } = summary.position;
     let to = summary.look_at;
     section.facts(&[
-        ("Picture".to_owned(), format!("{} × {} pixels", summary.size[0], summary.size[1])),
+        ("Image size".to_owned(), format!("{} × {} pixels", summary.size[0], summary.size[1])),
         ("Target frame rate".to_owned(), format!("{} per second", summary.fps)),
         ("Camera at".to_owned(), format!("{x}, {y}, {z} m")),
         ("Looks at".to_owned(), format!("{}, {}, {} m", to.x, to.y, to.z)),

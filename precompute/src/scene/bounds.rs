@@ -3,8 +3,8 @@
 use bevy::math::Vec3;
 use serde::{Deserialize, Serialize};
 
-/// An axis-aligned box, metres. In a scene description: where cameras may go, the root of the
-/// octree.
+/// An axis-aligned box, metres. In a scene description: the camera space, which is the octree's
+/// root.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Bounds {
@@ -17,8 +17,8 @@ pub struct Bounds {
 }
 
 impl Bounds {
-    /// The smallest box around `points`; points that are not finite are passed over. `None` when no
-    /// point is left.
+    /// The bounding box of `points`; points that are not finite are ignored. `None` without finite
+    /// points.
     pub fn around(points: impl IntoIterator<Item = Vec3>) -> Option<Self> {
         points.into_iter().filter(|point| point.is_finite()).fold(None, |bounds, point| {
             Some(bounds.map_or(Self { min: point, max: point }, |b: Self| Self {
@@ -35,7 +35,7 @@ impl Bounds {
 
     /// Centre, metres.
     pub fn center(&self) -> Vec3 {
-        // Halved before the sum, so that the centre of the largest boxes does not overflow.
+        // Halved before the sum, so that the centre of very large boxes does not overflow.
         self.min * 0.5 + self.max * 0.5
     }
 
@@ -44,7 +44,7 @@ impl Bounds {
         point.cmpge(self.min).all() && point.cmple(self.max).all()
     }
 
-    /// The box with `fraction` of its extent, in [0, 0.5), cut off at each of its six sides.
+    /// The box shrunk at each of its six sides by `fraction` of its extent, in [0, 0.5).
     pub fn shrunk(&self, fraction: f32) -> Self {
         let margin = self.size() * fraction.clamp(0.0, 0.499);
         Self { min: self.min + margin, max: self.max - margin }

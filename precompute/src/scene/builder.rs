@@ -1,11 +1,11 @@
-//! Makes meshes by code: quads, boxes, arches, cylinders, spheres, sheets.
+//! Mesh construction in code: quads, boxes, arches, cylinders, spheres, sheets.
 
 use super::SceneMesh;
 use bevy::math::{Quat, Vec2, Vec3};
 use std::collections::HashMap;
 use std::f32::consts::{PI, TAU};
 
-/// Which of a box's six faces [`MeshBuilder::cuboid`] makes.
+/// Selection of a box's six faces for [`MeshBuilder::cuboid`].
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Faces(u8);
 
@@ -17,7 +17,7 @@ impl Faces {
     /// The face towards +Y.
     pub const TOP: Self = Self(0b00_0100);
 
-    /// All of these but `other`.
+    /// These faces without `other`.
     pub const fn without(self, other: Self) -> Self {
         Self(self.0 & !other.0)
     }
@@ -27,8 +27,8 @@ impl Faces {
 /// texture coordinates and a tint.
 ///
 /// Texture coordinates of flat faces are world positions projected along the face normal's greatest
-/// axis, so that masonry goes on across neighbouring faces; [`texture_scale`](Self::texture_scale)
-/// sets how much wall one repeat covers.
+/// axis, so that masonry is continuous across neighbouring faces;
+/// [`texture_scale`](Self::texture_scale) sets the size of one repeat.
 #[derive(Clone, Debug)]
 pub struct MeshBuilder {
     mesh: SceneMesh,
@@ -44,7 +44,7 @@ impl Default for MeshBuilder {
 }
 
 impl MeshBuilder {
-    /// Nothing yet; white, one texture repeat per metre.
+    /// An empty builder: white tint, one texture repeat per metre.
     pub fn new() -> Self {
         Self {
             mesh: SceneMesh::default(),
@@ -54,20 +54,19 @@ impl MeshBuilder {
         }
     }
 
-    /// Sets the linear RGB tint of what follows, each in [0, 1].
+    /// Sets the linear RGB tint of subsequent geometry, each in [0, 1].
     pub fn tint(&mut self, [red, green, blue]: [f32; 3]) -> &mut Self {
         self.tint = [red, green, blue, 1.0];
         self
     }
 
-    /// Sets how many metres one repeat of the texture covers on flat faces that follow; greater
-    /// than 0.
+    /// Sets the size of one texture repeat on subsequent flat faces, metres, greater than 0.
     pub fn texture_scale(&mut self, metres_per_repeat: f32) -> &mut Self {
         self.metres_per_repeat = metres_per_repeat;
         self
     }
 
-    /// Turns the texture on flat faces that follow, radians.
+    /// Sets the rotation of the texture on subsequent flat faces, radians.
     pub fn texture_turn(&mut self, angle: f32) -> &mut Self {
         self.texture_turn = angle;
         self
@@ -83,7 +82,7 @@ impl MeshBuilder {
         self.mesh.indices.len() / 3
     }
 
-    /// Adds a vertex and gives its index.
+    /// Adds a vertex and returns its index.
     pub fn vertex(&mut self, position: Vec3, normal: Vec3, uv: Vec2) -> u32 {
         self.mesh.positions.push(position);
         self.mesh.normals.push(normal);
@@ -92,8 +91,7 @@ impl MeshBuilder {
         self.mesh.positions.len() as u32 - 1
     }
 
-    /// Adds a triangle of vertices that [`vertex`](Self::vertex) gave, counter-clockwise from its
-    /// front.
+    /// Adds a triangle of vertices from [`vertex`](Self::vertex), counter-clockwise from its front.
     pub fn triangle(&mut self, a: u32, b: u32, c: u32) {
         self.mesh.indices.extend([a, b, c]);
     }
@@ -111,10 +109,10 @@ impl MeshBuilder {
     }
 
     /// A flat convex polygon, its corners counter-clockwise from its front; fewer than three
-    /// corners make nothing.
+    /// corners add nothing.
     pub fn polygon(&mut self, corners: &[Vec3]) {
-        // Newell's sum: the area vector of any polygon, sound even where three corners in a row are
-        // on a line.
+        // Newell's sum: the area vector of any polygon, robust to three consecutive collinear
+        // corners.
         let area: Vec3 =
             (0..corners.len()).map(|i| corners[i].cross(corners[(i + 1) % corners.len()])).sum();
         let normal = area.normalize_or_zero();
@@ -138,8 +136,7 @@ impl MeshBuilder {
         self.turned_cuboid((min + max) * 0.5, (max - min) * 0.5, Quat::IDENTITY, faces);
     }
 
-    /// A solid box around `center`, `half_size` being half its extent in its own axes, which
-    /// `rotation` turns.
+    /// A solid box around `center` with half extent `half_size`, rotated by `rotation`.
     pub fn turned_cuboid(&mut self, center: Vec3, half_size: Vec3, rotation: Quat, faces: Faces) {
         for (bit, axis) in [Vec3::X, Vec3::NEG_X, Vec3::Y, Vec3::NEG_Y, Vec3::Z, Vec3::NEG_Z]
             .into_iter()
@@ -162,7 +159,7 @@ impl MeshBuilder {
 
     /// The inside of a box: front faces inward.
     pub fn room(&mut self, min: Vec3, max: Vec3) {
-        // A negative half size turns each face inside out and leaves it in its place.
+        // A negative half size flips each face without moving it.
         let (center, half) = ((min + max) * 0.5, (max - min) * 0.5);
         for axis in [Vec3::X, Vec3::NEG_X, Vec3::Y, Vec3::NEG_Y, Vec3::Z, Vec3::NEG_Z] {
             let up = if axis.y == 0.0 { Vec3::Y } else { Vec3::Z };
@@ -174,12 +171,12 @@ impl MeshBuilder {
 
     /// An upright pillar or cone: `profile` gives (height above `base`, radius) from bottom to top,
     /// in metres; smooth around, flat along. At least three `sides`. A ring of radius 0 closes the
-    /// solid; else it stays open there.
+    /// solid; other ends stay open.
     pub fn lathe(&mut self, base: Vec3, profile: &[(f32, f32)], sides: u32) {
         let sides = sides.max(3);
         for ring in profile.windows(2) {
             let [(low, low_radius), (high, high_radius)] = [ring[0], ring[1]];
-            // The normal leans by the slope of the profile.
+            // The normal follows the slope of the profile.
             let slope = Vec2::new(high - low, low_radius - high_radius).normalize_or(Vec2::X);
             let first = self.mesh.positions.len() as u32;
             for side in 0..=sides {
@@ -209,14 +206,13 @@ impl MeshBuilder {
         }
     }
 
-    /// A wall with a round arch through it, over an opening that goes from the wall's foot to its
-    /// sides.
+    /// A wall with a round arch over an opening from the wall's foot.
     ///
     /// `left` is the foot of the wall's left end seen from the front, `right` its right end,
     /// metres; the wall goes `top` metres up from there and is `thickness` deep, half on either
-    /// side. The arch springs at `spring` metres and its radius is `radius`; what is left of the
-    /// width at each side stands as jamb from `jamb_foot` metres up. Front, back and the arch's
-    /// underside are made, and the wall's top if `with_top`.
+    /// side. The arch springs at `spring` metres and its radius is `radius`; the remaining width at
+    /// each side is a jamb from `jamb_foot` metres up. Adds front, back and the arch's underside,
+    /// and the wall's top if `with_top`.
     pub fn arch(&mut self, left: Vec3, right: Vec3, shape: ArchShape) {
         let along = (right - left).normalize_or(Vec3::X);
         let width = (right - left).length();
@@ -253,7 +249,7 @@ impl MeshBuilder {
             let [a, b, c, d] = face.map(|corner| point(corner.x, corner.y) - front);
             self.quad([d, c, b, a]);
         }
-        // The underside is smooth: its normals point at the arch's axis.
+        // The underside is smooth: its normals point to the arch's axis.
         let axis = Vec2::new(width * 0.5, shape.spring);
         let first = self.mesh.positions.len() as u32;
         for (i, corner) in rim.iter().enumerate() {
@@ -284,8 +280,8 @@ impl MeshBuilder {
     }
 
     /// A sphere by splitting an icosahedron's triangles in four `subdivisions` times (20 · 4ⁿ
-    /// triangles), with exactly radial normals; `inward` turns faces and normals to the inside.
-    /// Neighbours share vertices.
+    /// triangles), with exactly radial normals; `inward` flips faces and normals. Neighbours share
+    /// vertices.
     pub fn icosphere(&mut self, center: Vec3, radius: f32, subdivisions: u32, inward: bool) {
         let (mut points, mut faces) = icosahedron();
         for _ in 0..subdivisions {
@@ -320,9 +316,9 @@ impl MeshBuilder {
         }
     }
 
-    /// A curved sheet: `surface` maps (s, t) in [0, 1]² to a world position, metres; s goes right
-    /// and t goes up seen from the front. Smooth normals; texture coordinates are (s, 1 − t) ·
-    /// `repeats`.
+    /// A curved sheet: `surface` maps (s, t) in [0, 1]² to a world position, metres; seen from the
+    /// front, s increases to the right and t upwards. Smooth normals; texture coordinates are (s, 1
+    /// − t) · `repeats`.
     pub fn sheet(
         &mut self,
         columns: u32,
@@ -369,9 +365,9 @@ pub struct ArchShape {
     pub jamb_foot: f32,
     /// Depth of the wall.
     pub thickness: f32,
-    /// Straight pieces that make the half circle, at least 2.
+    /// Number of straight segments of the half circle, at least 2.
     pub segments: u32,
-    /// Whether the wall's top face is made.
+    /// Whether the wall's top face is added.
     pub with_top: bool,
 }
 
@@ -468,7 +464,7 @@ mod tests {
     }
 
     #[test]
-    fn round_and_curved_things_have_sound_normals() {
+    fn curved_surfaces_have_valid_normals() {
         let mut builder = MeshBuilder::new();
         builder.lathe(Vec3::ZERO, &[(0.0, 0.4), (1.0, 0.3), (1.2, 0.5), (1.5, 0.0)], 12);
         normals_agree(&builder.finish(0), 0.9);

@@ -1,21 +1,21 @@
-//! What a description may say: ranges, and rules between fields.
+//! Validation of descriptions: ranges, and rules between fields.
 
 use super::description::{Environment, Geometry, Light, SceneDescription};
 use super::{CameraPath, procedural};
 use bevy::math::Vec3;
 
-/// What is wrong with a description, and what to do about it.
+/// A problem of a description, and its remedy.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(super) struct Problem {
     /// The field, as [`locate`](super::locate) writes it.
     pub(super) field: String,
-    /// What is wrong with it.
+    /// The problem.
     pub(super) problem: String,
-    /// What would be right.
+    /// The remedy.
     pub(super) remedy: String,
 }
 
-fn wrong(
+fn invalid(
     field: impl Into<String>,
     problem: impl Into<String>,
     remedy: impl Into<String>,
@@ -23,8 +23,7 @@ fn wrong(
     Err(Problem { field: field.into(), problem: problem.into(), remedy: remedy.into() })
 }
 
-/// Checks `value` against a range that says in words what is `allowed`; a value that is not a
-/// number is in no range.
+/// Checks `value` against a range, described by `allowed`; NaN is in no range.
 fn number(
     field: &str,
     value: f32,
@@ -34,7 +33,7 @@ fn number(
     if value.is_finite() && is_allowed(value) {
         Ok(())
     } else {
-        wrong(field, format!("is {value}"), format!("give a finite {allowed}"))
+        invalid(field, format!("is {value}"), format!("give a finite {allowed}"))
     }
 }
 
@@ -46,12 +45,12 @@ fn finite(field: &str, vector: Vec3) -> Result<(), Problem> {
 
 fn direction(field: &str, vector: Vec3) -> Result<(), Problem> {
     finite(field, vector)?;
-    // In double precision, so that a short direction's square does not vanish.
+    // In double precision, so that a short direction's square does not underflow.
     if vector.as_dvec3().length() < 1e-12 {
-        return wrong(
+        return invalid(
             field,
             "is zero",
-            "give the way that the light travels, such as (0.0, -1.0, 0.0)",
+            "give the direction in which the light travels, such as (0.0, -1.0, 0.0)",
         );
     }
     Ok(())
@@ -68,13 +67,13 @@ fn color(field: &str, color: [f32; 3]) -> Result<(), Problem> {
     })
 }
 
-/// Checks every value of a description; files that it names are looked at elsewhere.
+/// Checks every value of a description, but not the files that it names.
 pub(super) fn check(description: &SceneDescription) -> Result<(), Problem> {
     if let Geometry::Procedural(name) = &description.geometry
         && !procedural::NAMES.contains(&name.as_str())
     {
         let known = procedural::NAMES.map(|name| format!("\"{name}\"")).join(", ");
-        return wrong(
+        return invalid(
             "geometry[0]",
             format!("no procedural scene is called \"{name}\""),
             format!("use one of {known}"),
@@ -118,7 +117,7 @@ pub(super) fn check(description: &SceneDescription) -> Result<(), Problem> {
     number("camera.near", camera.near, |value| value > 0.0, "distance greater than 0 m")?;
     number("camera.far", camera.far, |value| value > 0.0, "distance greater than 0 m")?;
     if camera.near >= camera.far {
-        return wrong(
+        return invalid(
             "camera.far",
             format!("is {}, not beyond near, {}", camera.far, camera.near),
             "give a far greater than near",
@@ -132,7 +131,7 @@ pub(super) fn check(description: &SceneDescription) -> Result<(), Problem> {
             if min >= max {
                 let name = ["x", "y", "z"][axis];
                 let remedy = "give a box whose max is greater than its min along every axis";
-                return wrong(
+                return invalid(
                     format!("bounds.max[{axis}]"),
                     format!("the box is empty: max {name} is {max} and min {name} is {min}"),
                     remedy,
@@ -151,8 +150,8 @@ fn light(field: &str, light: &Light) -> Result<(), Problem> {
         number(&of("luminous_power"), power, |value| value >= 0.0, "power of at least 0 lumens")
     };
     match *light {
-        Light::Directional { direction: way, illuminance, color: tint } => {
-            direction(&of("direction"), way)?;
+        Light::Directional { direction: vector, illuminance, color: tint } => {
+            direction(&of("direction"), vector)?;
             number(
                 &of("illuminance"),
                 illuminance,
@@ -169,7 +168,7 @@ fn light(field: &str, light: &Light) -> Result<(), Problem> {
         }
         Light::Spot {
             position,
-            direction: way,
+            direction: vector,
             luminous_power,
             range,
             inner_angle,
@@ -177,7 +176,7 @@ fn light(field: &str, light: &Light) -> Result<(), Problem> {
             color: tint,
         } => {
             finite(&of("position"), position)?;
-            direction(&of("direction"), way)?;
+            direction(&of("direction"), vector)?;
             power(luminous_power)?;
             positive_range(range)?;
             number(
@@ -194,7 +193,7 @@ fn light(field: &str, light: &Light) -> Result<(), Problem> {
             )?;
             if inner_angle > outer_angle {
                 let problem = format!("is {outer_angle}, less than inner_angle, {inner_angle}");
-                return wrong(
+                return invalid(
                     of("outer_angle"),
                     problem,
                     "give an outer_angle of at least inner_angle",
@@ -207,7 +206,7 @@ fn light(field: &str, light: &Light) -> Result<(), Problem> {
 
 fn path(field: &str, path: &CameraPath) -> Result<(), Problem> {
     if path.keys.is_empty() {
-        return wrong(
+        return invalid(
             field,
             "has no keys",
             "give at least one (time: …, position: …, look_at: …), or leave the path out",
@@ -219,7 +218,7 @@ fn path(field: &str, path: &CameraPath) -> Result<(), Problem> {
         number(&of("time"), key.time, |_| true, "number of seconds")?;
         if let Some(previous) = previous.filter(|previous| *previous >= key.time) {
             let problem = format!("is {}, not after the key before it, {previous}", key.time);
-            return wrong(of("time"), problem, "give every key a later time than the one before");
+            return invalid(of("time"), problem, "give every key a later time than the one before");
         }
         previous = Some(key.time);
         finite(&of("position"), key.position)?;

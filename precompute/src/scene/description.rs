@@ -1,4 +1,4 @@
-//! What a `*.scene.ron` file says. [`load`](super::load::load) reads and checks one.
+//! The contents of a `*.scene.ron` file. [`load`](super::load::load) reads and checks one.
 
 use super::{Bounds, CameraPath};
 use bevy::math::Vec3;
@@ -6,49 +6,49 @@ use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
-/// Share of the geometry's box cut off at each side where a description gives no bounds: walls are
-/// seldom thinner than that.
+/// Default margin of the camera bounds, as a share of the geometry's extent at each side: walls are
+/// seldom thinner.
 const DEFAULT_BOUNDS_MARGIN: f32 = 0.1;
 
-/// A scene: geometry, light, and where cameras go. Every field but the geometry has a default.
+/// A scene: geometry, lights, and camera space. Every field but the geometry has a default.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct SceneDescription {
-    /// What is drawn.
+    /// The geometry.
     pub geometry: Geometry,
-    /// What lights it; none by default.
+    /// The lights; none by default.
     #[serde(default)]
     pub lights: Vec<Light>,
-    /// What surrounds it; nothing by default.
+    /// The environment; none by default.
     #[serde(default)]
     pub environment: Environment,
     /// Exposure value at ISO 100, in [−20, 30]: 12 by default, between a lit interior (6) and a
     /// sunny day (15).
     #[serde(default = "default_exposure")]
     pub exposure_ev100: f32,
-    /// Lens of the cameras.
+    /// The lens of all cameras.
     #[serde(default)]
     pub camera: Camera,
-    /// Where cameras go; by default the geometry's box less a margin, see
+    /// Camera space; by default the geometry's bounding box minus a margin, see
     /// [`camera_bounds`](Self::camera_bounds).
     #[serde(default)]
     pub bounds: Option<Bounds>,
     /// Camera paths by name; none by default.
     #[serde(default)]
     pub paths: BTreeMap<String, CameraPath>,
-    /// The file that this was read from: paths in it are relative to that file's folder. Empty for
-    /// a description made by code.
+    /// The file of the description: paths in it are relative to that file's folder. Empty for a
+    /// description made in code.
     #[serde(skip)]
     pub source: PathBuf,
 }
 
-/// What a scene draws.
+/// A scene's geometry.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub enum Geometry {
     /// A `.glb` or `.gltf` file, relative to the description.
     Gltf(String),
-    /// Made by code: one of [`procedural::NAMES`](super::procedural::NAMES).
+    /// Procedural: one of [`procedural::NAMES`](super::procedural::NAMES).
     Procedural(String),
 }
 
@@ -59,7 +59,7 @@ pub enum Geometry {
 pub enum Light {
     /// Parallel light, such as the sun's.
     Directional {
-        /// The way that the light travels, not zero; need not be a unit vector.
+        /// Direction in which the light travels, not zero; need not be a unit vector.
         #[serde(with = "triple")]
         direction: Vec3,
         /// Illuminance of a surface that faces the light, lux, at least 0.
@@ -68,21 +68,21 @@ pub enum Light {
         #[serde(default = "white")]
         color: [f32; 3],
     },
-    /// Light from one point in all directions.
+    /// A point light.
     Point {
         /// Metres.
         #[serde(with = "triple")]
         position: Vec3,
         /// Luminous power, lumens, at least 0.
         luminous_power: f32,
-        /// Distance from which on the light is cut off, metres, greater than 0; 30 by default.
+        /// Range, metres, greater than 0: there is no light beyond it; 30 by default.
         #[serde(default = "default_range")]
         range: f32,
         /// Colour; white by default.
         #[serde(default = "white")]
         color: [f32; 3],
     },
-    /// Light from one point in a cone.
+    /// A spot light.
     Spot {
         /// Metres.
         #[serde(with = "triple")]
@@ -90,11 +90,11 @@ pub enum Light {
         /// The axis of the cone, not zero; need not be a unit vector.
         #[serde(with = "triple")]
         direction: Vec3,
-        /// Luminous power, lumens, at least 0. As in Bevy, of a lamp that would shine in all
-        /// directions: the cone cuts out, it does not concentrate, so that the intensity on the
-        /// axis is power ÷ 4π candela.
+        /// Luminous power, lumens, at least 0. As in Bevy, that of a point light without the cone:
+        /// the cone masks the light and does not concentrate it, so that the intensity on the axis
+        /// is power ÷ 4π candela.
         luminous_power: f32,
-        /// Distance from which on the light is cut off, metres, greater than 0; 30 by default.
+        /// Range, metres, greater than 0: there is no light beyond it; 30 by default.
         #[serde(default = "default_range")]
         range: f32,
         /// Half angle of the cone that is fully lit, degrees, in [0, `outer_angle`]; 30 by default.
@@ -109,7 +109,7 @@ pub enum Light {
     },
 }
 
-/// What surrounds a scene and lights it from all directions.
+/// A scene's environment light and background.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub enum Environment {
@@ -129,9 +129,9 @@ pub enum Environment {
 pub struct Camera {
     /// Vertical field of view, degrees, in (0, 180); 60 by default.
     pub vertical_fov: f32,
-    /// Nearest distance drawn, metres, greater than 0; 0.1 by default.
+    /// Distance of the near plane, metres, greater than 0; 0.1 by default.
     pub near: f32,
-    /// Farthest distance drawn, metres, greater than `near`; 200 by default.
+    /// Distance of the far plane, metres, greater than `near`; 200 by default.
     pub far: f32,
 }
 
@@ -156,13 +156,13 @@ impl SceneDescription {
         }
     }
 
-    /// Where a file that the description names is.
+    /// Resolves the path of a file that the description names.
     pub fn resolve(&self, file: &str) -> PathBuf {
         self.source.parent().unwrap_or(Path::new("")).join(file)
     }
 
-    /// Where cameras go: [`bounds`](Self::bounds), else the geometry's box less a tenth of its
-    /// extent at each side. Without geometry a cubic metre around the origin.
+    /// The camera space: [`bounds`](Self::bounds), else the geometry's bounding box minus a tenth
+    /// of its extent at each side. Without geometry a cubic metre around the origin.
     pub fn camera_bounds(&self, geometry: Option<Bounds>) -> Bounds {
         let fallback = Bounds { min: Vec3::splat(-0.5), max: Vec3::splat(0.5) };
         self.bounds.unwrap_or_else(|| {
@@ -191,7 +191,7 @@ fn default_outer_angle() -> f32 {
     45.0
 }
 
-/// A vector written as `(x, y, z)`: Bevy's own form depends on which of its features are on.
+/// A vector written as `(x, y, z)`: Bevy's own form depends on its enabled features.
 pub(super) mod triple {
     use bevy::math::Vec3;
     use serde::{Deserialize, Deserializer, Serialize, Serializer};

@@ -1,10 +1,10 @@
-//! A hash that is the same on every machine.
+//! A machine-independent hash of a scene.
 
 use super::description::{Camera, Environment, Geometry, Light, SceneDescription};
 use bevy::math::Vec3;
 
-/// FNV-1a of 128 bits (Fowler, Noll, Vo; draft-eastlake-fnv): not safe against forgery, but two
-/// scenes never meet by chance.
+/// FNV-1a of 128 bits (Fowler, Noll, Vo; draft-eastlake-fnv): not safe against forgery, but
+/// accidental collisions are negligible.
 pub(super) struct Fingerprint(u128);
 
 impl Fingerprint {
@@ -12,7 +12,7 @@ impl Fingerprint {
         Self(0x6c62_272e_07bb_0142_62b8_2175_6295_c58d)
     }
 
-    /// Takes in bytes, with their number, so that no two sequences of parts are alike.
+    /// Hashes bytes with their number, so that different sequences of parts differ.
     pub(super) fn bytes(&mut self, bytes: &[u8]) -> &mut Self {
         self.raw(&(bytes.len() as u64).to_le_bytes());
         self.raw(bytes)
@@ -28,7 +28,7 @@ impl Fingerprint {
 
     fn numbers<const COUNT: usize>(&mut self, numbers: [f32; COUNT]) -> &mut Self {
         for number in numbers {
-            // Both zeros are the same number.
+            // −0 and 0 are equal.
             self.raw(&(number + 0.0).to_bits().to_le_bytes());
         }
         self
@@ -43,10 +43,10 @@ impl Fingerprint {
         format!("{:032x}", self.0)
     }
 
-    /// Takes in what a description says about how the scene looks and where its cameras may be.
-    /// Destructured in full, so that a new field cannot be forgotten. Paths are left out on
-    /// purpose: a frontier map holds for every path through its bounds, and a new tour must not
-    /// cost a new precomputation; so is where the file is.
+    /// Hashes the parts of a description that affect the scene's appearance or its camera space.
+    /// Destructured in full, so that a new field cannot be forgotten. Paths are left out, because a
+    /// frontier map is valid for every path through its bounds, and a new tour must not need a new
+    /// precomputation; the file's location is left out too.
     pub(super) fn description(&mut self, description: &SceneDescription) -> &mut Self {
         let SceneDescription {
             geometry,
@@ -59,7 +59,7 @@ impl Fingerprint {
             source: _,
         } = description;
         match geometry {
-            // The file's content counts, not its name.
+            // The file's content is hashed, not its name.
             Geometry::Gltf(_) => self.bytes(b"gltf"),
             Geometry::Procedural(name) => self.bytes(b"procedural").bytes(name.as_bytes()),
         };

@@ -1,10 +1,10 @@
-//! Geometry out of a `.glb` or `.gltf` file. No file, however broken, makes this panic.
+//! Geometry from a `.glb` or `.gltf` file. Never panics, however broken the file.
 //!
-//! Read: every triangle primitive of the default scene (lists, strips and fans) in its node's
-//! place, `POSITION`, `NORMAL`, `TEXCOORD_0`, `COLOR_0`, base colour with its texture, roughness,
-//! metallic, emission (its unitless factor is taken as nits), alpha mask, and whether it is
-//! double-sided. Skins stay in their bind pose. Blended materials become opaque. Cameras, lights
-//! and animations are left out.
+//! Reads every triangle primitive of the default scene (lists, strips and fans) with its node's
+//! transform, `POSITION`, `NORMAL`, `TEXCOORD_0`, `COLOR_0`, base colour with its texture,
+//! roughness, metallic, emission (its unitless factor is interpreted as nits), alpha mask, and
+//! double-sidedness. Skins stay in their bind pose. Blended materials become opaque. Cameras,
+//! lights and animations are left out.
 
 use super::gltf_buffers::{Buffers, read_uri};
 use super::{AlphaMode, SceneGeometry, SceneMaterial, SceneMesh, SceneTexture};
@@ -15,7 +15,7 @@ use gltf::{Gltf, Primitive, Semantic};
 use std::path::{Path, PathBuf};
 use thiserror::Error;
 
-/// More triangles than this are refused: nodes can repeat a mesh without end, and memory cannot.
+/// Greatest number of triangles: nodes can repeat a mesh without limit, and memory is limited.
 const GREATEST_TRIANGLE_COUNT: usize = 50_000_000;
 
 /// Why a glTF file cannot be used.
@@ -27,10 +27,10 @@ pub enum GltfError {
     Unreadable {
         /// The glTF file itself, or one that it names.
         file: PathBuf,
-        /// What the system says.
+        /// The system's error.
         source: std::io::Error,
     },
-    /// The file's length is not what its header says: a copy or a download was cut short.
+    /// The file is shorter than its header says: a copy or a download was cut short.
     #[error(
         "it is cut short: its header says {expected} bytes and it has {found}; copy or download it again"
     )]
@@ -40,18 +40,18 @@ pub enum GltfError {
         /// Bytes in the file.
         found: u64,
     },
-    /// The file is no glTF 2.0.
-    #[error("it is no sound glTF 2.0: {0}")]
+    /// The file is not valid glTF 2.0.
+    #[error("it is not a valid glTF 2.0 file: {0}")]
     Syntax(#[from] gltf::Error),
-    /// The file contradicts itself.
+    /// The file is inconsistent.
     #[error("it is broken: {0}")]
     Broken(String),
-    /// The file is sound, but not for us.
-    #[error("it holds what is not supported: {0}")]
+    /// The file uses an unsupported feature.
+    #[error("it uses an unsupported feature: {0}")]
     Unsupported(String),
 }
 
-/// Reads the geometry of the file at `path`. What of it could not be used is in
+/// Reads the geometry of the file at `path`. Unsupported parts are listed in
 /// [`SceneGeometry::warnings`].
 ///
 /// # Errors
@@ -62,7 +62,7 @@ pub fn load(path: &Path) -> Result<SceneGeometry, GltfError> {
     parse(&bytes, path)
 }
 
-/// As [`load`], from the file's bytes; `path` is where the files that it names are.
+/// As [`load`], from the file's bytes; files that it names are relative to `path`.
 ///
 /// # Errors
 /// As [`load`].
@@ -84,8 +84,8 @@ pub fn parse(bytes: &[u8], path: &Path) -> Result<SceneGeometry, GltfError> {
     Ok(geometry)
 }
 
-/// The bytes of every buffer of the file, in order: with the file's own bytes, all that its
-/// geometry depends on.
+/// The bytes of every buffer of the file, in order: with the file's own bytes, they determine its
+/// geometry.
 pub(super) fn buffer_contents(bytes: &[u8], path: &Path) -> Result<Vec<Vec<u8>>, GltfError> {
     let (_, buffers) = open(bytes, path)?;
     Ok(buffers.iter().map(<[u8]>::to_vec).collect())
@@ -103,7 +103,8 @@ fn open(bytes: &[u8], path: &Path) -> Result<(Gltf, Buffers), GltfError> {
     }
     let Gltf { document, blob } = Gltf::from_slice_without_validation(bytes)?;
     let root = document.into_json();
-    // The crate's own validation takes these indices for sound and panics where they are not.
+    // The crate's own validation assumes that these indices are valid, and panics where they are
+    // not.
     let attributes = root
         .meshes
         .iter()
@@ -133,7 +134,7 @@ fn add_nodes(
             None => return Err(GltfError::Broken("it has no scene".into())),
         };
     let mut visited = vec![false; file.nodes().len()];
-    // A stack of our own, for a chain of nodes can be longer than the program's stack is deep.
+    // An explicit stack, because a chain of nodes can exceed the program's stack.
     while let Some((node, parent)) = pending.pop() {
         if std::mem::replace(&mut visited[node.index()], true) {
             return Err(GltfError::Broken(format!(
@@ -141,12 +142,11 @@ fn add_nodes(
                 node.index()
             )));
         }
-        // A skinned mesh stands where its joints say, in bind pose at the origin, and not where its
-        // node is.
+        // A skinned mesh is placed by its joints, in bind pose at the origin, and not by its node.
         let transform = parent * Mat4::from_cols_array_2d(&node.transform().matrix());
-        let place = if node.skin().is_some() { Mat4::IDENTITY } else { transform };
+        let placement = if node.skin().is_some() { Mat4::IDENTITY } else { transform };
         for primitive in node.mesh().iter().flat_map(gltf::Mesh::primitives) {
-            if let Some(mesh) = convert_primitive(&primitive, buffers, place, geometry)? {
+            if let Some(mesh) = convert_primitive(&primitive, buffers, placement, geometry)? {
                 geometry.meshes.push(mesh);
             }
             if geometry.triangle_count() > GREATEST_TRIANGLE_COUNT {
@@ -163,14 +163,14 @@ fn add_nodes(
 fn convert_primitive(
     primitive: &Primitive,
     buffers: &Buffers,
-    place: Mat4,
+    placement: Mat4,
     geometry: &mut SceneGeometry,
 ) -> Result<Option<SceneMesh>, GltfError> {
     let mode = primitive.mode();
     if !matches!(mode, Mode::Triangles | Mode::TriangleStrip | Mode::TriangleFan) {
         geometry
             .warnings
-            .push(format!("primitive {} is made of {mode:?} and not drawn", primitive.index()));
+            .push(format!("primitive {} is made of {mode:?} and is left out", primitive.index()));
         return Ok(None);
     }
     let Some(accessor) = primitive.get(&Semantic::Positions) else { return Ok(None) };
@@ -195,7 +195,10 @@ fn convert_primitive(
         )));
     }
     let mut mesh = SceneMesh {
-        positions: positions.into_iter().map(|position| place.transform_point3(position)).collect(),
+        positions: positions
+            .into_iter()
+            .map(|position| placement.transform_point3(position))
+            .collect(),
         uvs: vec![Vec2::ZERO; count],
         colors: vec![[1.0; 4]; count],
         indices: triangle_list(mode, &order),
@@ -205,8 +208,8 @@ fn convert_primitive(
     if !mesh.positions.iter().all(|position| position.is_finite()) {
         return Err(GltfError::Broken("a position is not finite".into()));
     }
-    // A mirror turns triangles inside out; the glTF specification has it turn the winding, too.
-    let linear = Mat3::from_mat4(place);
+    // A mirroring transform flips triangles; the glTF specification flips the winding in turn.
+    let linear = Mat3::from_mat4(placement);
     let determinant = linear.determinant();
     if determinant < 0.0 {
         mesh.indices.chunks_exact_mut(3).for_each(|triangle| triangle.swap(1, 2));
@@ -228,8 +231,8 @@ fn convert_primitive(
         None => None,
     };
     match given {
-        // The cofactor matrix, which transforms normals, needs no inverse and so bears a flattened
-        // node.
+        // The cofactor matrix transforms normals without an inverse, and so handles singular
+        // transforms.
         Some(normals) => {
             complete(normals.len(), "normals")?;
             let (x, y, z) = (linear.x_axis, linear.y_axis, linear.z_axis);
@@ -261,8 +264,8 @@ fn triangle_list(mode: Mode, order: &[u32]) -> Vec<u32> {
     }
 }
 
-/// Flat normals, as the glTF specification asks for where there are none: each triangle gets
-/// vertices of its own.
+/// Flat normals, as the glTF specification requires where normals are missing: each triangle gets
+/// its own vertices.
 fn flatten(mesh: &mut SceneMesh) {
     let each = |i: &u32| *i as usize;
     let positions: Vec<Vec3> = mesh.indices.iter().map(|i| mesh.positions[each(i)]).collect();
@@ -283,18 +286,18 @@ fn convert_material(material: &gltf::Material, textures: &[Option<usize>]) -> Sc
     let texture = surface
         .base_color_texture()
         .and_then(|info| textures.get(info.texture().index()).copied().flatten());
-    let sound = |value: f32, least: f32, greatest: f32| {
+    let clamped = |value: f32, least: f32, greatest: f32| {
         if value.is_finite() { value.clamp(least, greatest) } else { least }
     };
     SceneMaterial {
-        base_color: surface.base_color_factor().map(|value| sound(value, 0.0, 1.0)),
-        perceptual_roughness: sound(surface.roughness_factor(), 0.0, 1.0),
-        metallic: sound(surface.metallic_factor(), 0.0, 1.0),
+        base_color: surface.base_color_factor().map(|value| clamped(value, 0.0, 1.0)),
+        perceptual_roughness: clamped(surface.roughness_factor(), 0.0, 1.0),
+        metallic: clamped(surface.metallic_factor(), 0.0, 1.0),
         reflectance: 0.5,
-        emissive: material.emissive_factor().map(|value| sound(value, 0.0, f32::MAX)),
+        emissive: material.emissive_factor().map(|value| clamped(value, 0.0, f32::MAX)),
         alpha: match material.alpha_mode() {
             gltf::material::AlphaMode::Mask => {
-                AlphaMode::Mask(sound(material.alpha_cutoff().unwrap_or(0.5), 0.0, 1.0))
+                AlphaMode::Mask(clamped(material.alpha_cutoff().unwrap_or(0.5), 0.0, 1.0))
             }
             _ => AlphaMode::Opaque,
         },
@@ -303,7 +306,7 @@ fn convert_material(material: &gltf::Material, textures: &[Option<usize>]) -> Sc
     }
 }
 
-/// Decodes a texture into `geometry`, or says in its warnings why it is left out.
+/// Decodes a texture into `geometry`, or adds a warning that it is left out.
 fn decode_texture(
     texture: &gltf::Texture,
     buffers: &Buffers,

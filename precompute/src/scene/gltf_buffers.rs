@@ -1,4 +1,4 @@
-//! The bytes of a glTF file's buffers, and typed reads from them that never go out of range.
+//! The bytes of a glTF file's buffers, and bounds-checked typed reads.
 
 use super::gltf::GltfError;
 use gltf::accessor::{DataType, Dimensions};
@@ -18,7 +18,7 @@ impl Buffers {
                 buffer::Source::Bin => file
                     .blob
                     .clone()
-                    .ok_or(GltfError::Broken("it names a binary chunk that is not there".into()))?,
+                    .ok_or(GltfError::Broken("it names a missing binary chunk".into()))?,
                 buffer::Source::Uri(uri) => read_uri(uri, path)?,
             };
             if data.len() < buffer.length() {
@@ -51,7 +51,7 @@ impl Buffers {
         })
     }
 
-    /// Checks that all elements of an accessor are in its buffer view, and gives the view's bytes,
+    /// Checks that all elements of an accessor are in its buffer view; returns the view's bytes,
     /// the stride and the first element's offset.
     fn elements(&self, accessor: &Accessor) -> Result<(&[u8], usize, usize), GltfError> {
         let broken =
@@ -77,7 +77,7 @@ impl Buffers {
     }
 
     /// Vectors of `COUNT` numbers; normalised integers become numbers in [0, 1] or [−1, 1]. Wider
-    /// elements are cut, and what narrower ones lack is 1, as a colour's alpha wants.
+    /// elements are truncated, and missing components are 1, as for a colour's alpha.
     pub(super) fn vectors<const COUNT: usize>(
         &self,
         accessor: &Accessor,
@@ -129,7 +129,7 @@ impl Buffers {
     }
 }
 
-/// The first component of `data`; the caller has checked that it is there.
+/// The first component of `data`; the caller has checked the length.
 fn scalar(data: &[u8], kind: DataType) -> f32 {
     match kind {
         DataType::U8 => f32::from(data[0]) / 255.0,
@@ -144,13 +144,13 @@ fn scalar(data: &[u8], kind: DataType) -> f32 {
     }
 }
 
-/// What a URI of a glTF file stands for: base64 in the URI itself, or a file beside `path`.
+/// The data of a glTF file's URI: base64 in the URI itself, or a file beside `path`.
 pub(super) fn read_uri(uri: &str, path: &Path) -> Result<Vec<u8>, GltfError> {
     if let Some(data) = uri.strip_prefix("data:") {
         let encoded = data.split_once(";base64,").map(|(_, encoded)| encoded);
         return encoded
             .and_then(base64)
-            .ok_or(GltfError::Broken("a data URI is not sound base64".into()));
+            .ok_or(GltfError::Broken("a data URI is not valid base64".into()));
     }
     if uri.contains("://") {
         return Err(GltfError::Unsupported(format!(
@@ -161,7 +161,7 @@ pub(super) fn read_uri(uri: &str, path: &Path) -> Result<Vec<u8>, GltfError> {
     std::fs::read(&file).map_err(|source| GltfError::Unreadable { file, source })
 }
 
-/// RFC 4648; `None` where it is broken.
+/// Decodes base64 (RFC 4648); `None` where it is malformed.
 fn base64(text: &str) -> Option<Vec<u8>> {
     let mut bytes = Vec::with_capacity(text.len() / 4 * 3);
     let (mut bits, mut bit_count) = (0_u32, 0);

@@ -1,6 +1,6 @@
 use super::*;
 
-/// A GLB of its JSON and its binary chunk.
+/// A GLB of a JSON and a binary chunk.
 fn glb(json: &str, binary: &[u8]) -> Vec<u8> {
     let mut json = json.as_bytes().to_vec();
     json.resize(json.len().next_multiple_of(4), b' ');
@@ -46,7 +46,7 @@ fn read(json: &str) -> Result<SceneGeometry, GltfError> {
 }
 
 #[test]
-fn reads_places_colors_and_materials() {
+fn reads_transforms_colors_and_materials() {
     let geometry = parse(&quad_glb(), Path::new("test.glb")).unwrap();
     assert_eq!(geometry.validate(), Ok(()));
     assert_eq!(geometry.triangle_count(), 2);
@@ -118,7 +118,7 @@ fn embedded_textures_are_decoded_or_left_out_with_a_warning() {
     assert_eq!(geometry.materials[0].base_color_texture, Some(0));
     assert_eq!((geometry.textures[0].width, geometry.textures[0].mips.len()), (4, 3));
     assert_eq!(geometry.textures[0].mips[0][..4], [10, 20, 30, 255]);
-    let geometry = with_texture(b"no picture");
+    let geometry = with_texture(b"no image");
     assert_eq!(
         (
             geometry.materials[0].base_color_texture,

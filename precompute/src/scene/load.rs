@@ -1,4 +1,4 @@
-//! Reads a `*.scene.ron` file and checks all that it says.
+//! Reads and checks a `*.scene.ron` file.
 
 use super::check::{self, Problem};
 use super::description::{Environment, Geometry, SceneDescription};
@@ -18,10 +18,10 @@ pub enum SceneError {
     Unreadable {
         /// The description.
         file: PathBuf,
-        /// What the system says.
+        /// The system's error.
         source: std::io::Error,
     },
-    /// The description is wrong.
+    /// The description is invalid.
     #[error("{file}:{line}:{column}: {field}: {problem}; {remedy}", file = file.display(), field = if field.is_empty() { "scene" } else { field })]
     Invalid {
         /// The description.
@@ -33,9 +33,9 @@ pub enum SceneError {
         /// The field, such as `lights[0].direction` or `paths["tour"][1].time`; empty for the
         /// whole.
         field: String,
-        /// What is wrong.
+        /// The problem.
         problem: String,
-        /// What would be right.
+        /// The remedy.
         remedy: String,
     },
 }
@@ -43,8 +43,7 @@ pub enum SceneError {
 /// Reads the scene description at `path` and checks it, with the files that it names.
 ///
 /// # Errors
-/// [`SceneError`], which names the file, the line, the column, the field, what is wrong and what
-/// would be right.
+/// [`SceneError`], which names file, line, column, field, problem and remedy.
 pub fn load(path: impl AsRef<Path>) -> Result<SceneDescription, SceneError> {
     let path = path.as_ref();
     let text = std::fs::read_to_string(path)
@@ -61,7 +60,7 @@ pub fn load(path: impl AsRef<Path>) -> Result<SceneDescription, SceneError> {
 }
 
 /// Reads a description from `text` and checks it, but not the files that it names; `path` is named
-/// in errors and where those files are relative to.
+/// in errors, and those files are relative to it.
 ///
 /// # Errors
 /// As [`load`].
@@ -75,7 +74,7 @@ pub fn parse(text: &str, path: &Path) -> Result<SceneDescription, SceneError> {
 }
 
 impl SceneDescription {
-    /// Reads or makes what the scene draws, merged to as few materials as possible.
+    /// Reads or builds the scene's geometry, merged to as few materials as possible.
     ///
     /// # Errors
     /// [`SceneError::Invalid`] at the geometry's field, when its file is missing or broken.
@@ -84,9 +83,9 @@ impl SceneDescription {
     }
 
     /// The scene's identity: 32 hexadecimal digits, the same on every machine, that change with
-    /// whatever changes an image or where cameras may be: the values of this description (but not
+    /// every change of the scene's images or camera space: the values of this description (but not
     /// its paths, its layout or its name), the bytes of the files that it names, the revision of a
-    /// procedural scene. Images beside a `.gltf` are not looked at; those in a `.glb` are.
+    /// procedural scene. Images beside a `.gltf` are not included; those in a `.glb` are.
     ///
     /// # Errors
     /// [`SceneError::Invalid`] at the field whose file cannot be read.
@@ -133,7 +132,7 @@ impl SceneDescription {
         }
     }
 
-    /// The error's place in the file that this was read from; line 1 where that file is gone.
+    /// The error's location in the description's file; line 1 if that file is missing.
     fn locate(&self, problem: Problem) -> SceneError {
         let text = std::fs::read_to_string(&self.source).unwrap_or_default();
         locate_problem(&text, &self.source, problem)
@@ -143,7 +142,7 @@ impl SceneDescription {
 fn geometry_problem(name: &str, error: &gltf::GltfError) -> Problem {
     let remedy = match error {
         gltf::GltfError::Unreadable { .. } => "give a file relative to the description",
-        _ => "give a sound .glb or .gltf file",
+        _ => "give a valid .glb or .gltf file",
     };
     Problem {
         field: "geometry[0]".into(),
@@ -157,7 +156,7 @@ fn read_environment(description: &SceneDescription, name: &str) -> Result<Vec<u8
     std::fs::read(&path).map_err(|error| Problem {
         field: "environment[0]".into(),
         problem: format!("cannot read {}: {error}", path.display()),
-        remedy: "give an equirectangular picture relative to the description".into(),
+        remedy: "give an equirectangular image relative to the description".into(),
     })
 }
 
@@ -166,7 +165,7 @@ fn locate_problem(
     path: &Path,
     Problem { field, problem, remedy }: Problem,
 ) -> SceneError {
-    // A field that has its default is not in the text: then the nearest one around it that is.
+    // A field with its default is not in the text: takes the nearest enclosing one that is.
     let values = locate::values(text);
     let mut sought = field.as_str();
     let start = loop {
@@ -180,18 +179,18 @@ fn locate_problem(
     SceneError::Invalid { file: path.to_path_buf(), line, column, field, problem, remedy }
 }
 
-/// Names the field and the remedy of what ron could not read.
+/// Finds the field and the remedy of a ron error.
 fn explain(text: &str, path: &Path, error: &SpannedError) -> SceneError {
     let position = match error.code {
-        // Here ron has read past the name that is wrong.
+        // Here ron has read past the wrong name.
         ron::Error::NoSuchStructField { .. } | ron::Error::NoSuchEnumVariant { .. } => {
             error.span.start
         }
         _ => error.span.end,
     };
     let (line, column) = (position.line, position.col);
-    // ron misses a field when it meets the bracket that ends its struct, and that is not a place in
-    // the value before it.
+    // ron reports a missing field at the bracket that ends its struct, which is not inside the
+    // value before it.
     let with_end = !matches!(error.code, ron::Error::MissingStructField { .. });
     let around = locate::field_at(text, line, column, with_end);
     let (field, remedy) = match &error.code {
@@ -231,7 +230,7 @@ fn known(what: &str, found: &str, expected: &[&str]) -> String {
     format!("{guess}known {what}: {}", expected.join(", "))
 }
 
-/// Letters to change, add or take away to make one word of the other (Levenshtein 1966).
+/// Edit distance (Levenshtein 1966).
 fn distance(a: &str, b: &str) -> usize {
     let b: Vec<char> = b.chars().collect();
     let mut row: Vec<usize> = (0..=b.len()).collect();

@@ -2,8 +2,8 @@ use super::*;
 use crate::scene::{Bounds, Environment, Light};
 use bevy::math::Vec3;
 
-/// A whole description, as the documentation writes it; each test spoils one value.
-const SOUND: &str = r#"(
+/// A complete description, as in the documentation; each test spoils one value.
+const VALID: &str = r#"(
     geometry: Procedural("cornell"),
     lights: [
         Directional(direction: (-0.45, -1.0, -0.3), illuminance: 50000.0, color: (1.0, 0.95, 0.88)), // lux
@@ -23,15 +23,15 @@ const SOUND: &str = r#"(
     },
 )"#;
 
-fn sound() -> SceneDescription {
-    parse(SOUND, Path::new("a.scene.ron")).unwrap()
+fn valid() -> SceneDescription {
+    parse(VALID, Path::new("a.scene.ron")).unwrap()
 }
 
-/// Replaces `from` in the sound text and checks place, field and words of the error: it must point
-/// at `anchor` in its line.
+/// Replaces `from` in the valid text and checks location, field and words of the error: it must
+/// point at `anchor` in its line.
 fn spoiled(from: &str, to: &str, (line, anchor): (usize, &str), field: &str, words: &[&str]) {
-    assert_eq!(SOUND.matches(from).count(), 1, "{from}");
-    let text = SOUND.replace(from, to);
+    assert_eq!(VALID.matches(from).count(), 1, "{from}");
+    let text = VALID.replace(from, to);
     let column = text.lines().nth(line - 1).unwrap().find(anchor).unwrap() + 1;
     let error = parse(&text, Path::new("dir/a.scene.ron")).expect_err(to);
     let message = error.to_string();
@@ -50,7 +50,7 @@ fn spoiled(from: &str, to: &str, (line, anchor): (usize, &str), field: &str, wor
 
 #[test]
 fn the_documented_form_is_read() {
-    let description = sound();
+    let description = valid();
     assert_eq!(description.lights.len(), 3);
     assert_eq!(description.environment, Environment::Constant([200.0, 220.0, 260.0]));
     assert_eq!(
@@ -104,13 +104,13 @@ fn wrong_values_are_named_with_line_column_and_field() {
     spoiled("-8.0, 0.5", "NaN, 0.5", (12, "NaN"), "bounds.min[0]", &["NaN"]);
     spoiled("2.5", "0.0", (16, "0.0, position"), "paths[\"tour\"][1].time", &["later"]);
     spoiled("1.7, 5.0", "1.7, inf", (16, "inf"), "paths[\"tour\"][1].position[2]", &["inf"]);
-    let keys = &SOUND[SOUND.find("(time: 0.0").unwrap()..SOUND.find("],\n    },").unwrap()];
+    let keys = &VALID[VALID.find("(time: 0.0").unwrap()..VALID.find("],\n    },").unwrap()];
     spoiled(keys, "", (14, "["), "paths[\"tour\"]", &["no keys"]);
 }
 
 #[test]
 fn wrong_words_are_named_with_what_is_known() {
-    let at = |from: &str, to: &str| match parse(&SOUND.replace(from, to), Path::new("a.scene.ron"))
+    let at = |from: &str, to: &str| match parse(&VALID.replace(from, to), Path::new("a.scene.ron"))
         .expect_err(to)
     {
         SceneError::Invalid { line, field, problem, remedy, .. } => (line, field, problem, remedy),
@@ -146,7 +146,7 @@ fn missing_and_broken_files_are_named_at_their_field() {
     let missing = load(&file).expect_err("missing").to_string();
     assert!(missing.contains("a.scene.ron"), "{missing}");
     let write = |geometry: &str| {
-        std::fs::write(&file, SOUND.replace("Procedural(\"cornell\")", geometry)).unwrap()
+        std::fs::write(&file, VALID.replace("Procedural(\"cornell\")", geometry)).unwrap()
     };
     let fails = |words: &[&str]| match load(&file).expect_err("broken") {
         error @ SceneError::Invalid { line: 2, column: 20, .. } => {
@@ -164,7 +164,7 @@ fn missing_and_broken_files_are_named_at_their_field() {
     fails(&["glTF"]);
     std::fs::write(folder.path().join("a.glb"), &glb).unwrap();
     assert_eq!(load(&file).unwrap().geometry().unwrap().triangle_count(), 2);
-    let text = SOUND.replace("Constant((200.0, 220.0, 260.0))", "Map(\"sky.hdr\", 1000.0)");
+    let text = VALID.replace("Constant((200.0, 220.0, 260.0))", "Map(\"sky.hdr\", 1000.0)");
     std::fs::write(&file, text).unwrap();
     assert!(
         matches!(load(&file), Err(SceneError::Invalid { line: 9, field, .. }) if field == "environment[0]")
@@ -177,7 +177,7 @@ fn the_fingerprint_follows_content_and_nothing_else() {
     let file = folder.path().join("a.scene.ron");
     let glb = folder.path().join("a.glb");
     std::fs::write(&glb, crate::scene::gltf::tests::quad_glb()).unwrap();
-    let text = SOUND.replace("Procedural(\"cornell\")", "Gltf(\"a.glb\")");
+    let text = VALID.replace("Procedural(\"cornell\")", "Gltf(\"a.glb\")");
     let print = |text: &str| {
         std::fs::write(&file, text).unwrap();
         load(&file).unwrap().fingerprint().unwrap()
@@ -201,6 +201,6 @@ fn the_fingerprint_follows_content_and_nothing_else() {
     *bytes.last_mut().unwrap() ^= 1;
     std::fs::write(&glb, bytes).unwrap();
     assert_ne!(print(&text), first, "geometry");
-    // The same number on every machine and for ever, or maps lose their scenes.
-    assert_eq!(sound().fingerprint().unwrap(), "c4e97abaeaae18b0d1e5b8ab90639a90");
+    // The hash must never change on any machine, or maps lose their scenes.
+    assert_eq!(valid().fingerprint().unwrap(), "c4e97abaeaae18b0d1e5b8ab90639a90");
 }

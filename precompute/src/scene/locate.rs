@@ -1,25 +1,25 @@
-//! Where in a RON text each value stands, so that an error can name its line, its column and its
-//! field.
+//! Locations of values in a RON text, for the line, column and field of errors.
 //!
-//! ron gives the position of what it cannot parse but not the field, and forgets both once a value
-//! is read; ranges between fields can only be checked then. This reads the same text a second time,
-//! for positions alone: it is as lenient as it can be, since ron has judged already.
+//! ron reports the position of a parse error but not the field, and keeps neither for parsed
+//! values; rules between fields can only be checked after parsing. This reads the same text a
+//! second time, for positions alone, and is as lenient as possible, because ron has already checked
+//! the syntax.
 
-/// A value's place in a text.
+/// A value's location in a text.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(super) struct Located {
     /// Its field, such as `lights[0].direction[2]` or `paths["tour"][1].time`; empty for the whole.
     pub(super) field: String,
-    /// Where it begins, as a character's number.
+    /// Number of its first character.
     pub(super) start: usize,
-    /// Where it ends.
+    /// Number of the character after it.
     pub(super) end: usize,
 }
 
-/// Deeper values are not located: a scene needs six levels.
+/// Greatest nesting depth of located values: a scene needs six levels.
 const GREATEST_DEPTH: usize = 32;
 
-/// All values of a RON text, each after those that it holds.
+/// All values of a RON text, each after its children.
 pub(super) fn values(text: &str) -> Vec<Located> {
     let mut reader = Reader { characters: text.chars().collect(), at: 0, found: Vec::new() };
     reader.value(String::new(), 0);
@@ -33,8 +33,8 @@ pub(super) fn line_and_column(text: &str, character: usize) -> (usize, usize) {
     (before().filter(|c| *c == '\n').count() + 1, column)
 }
 
-/// The innermost value at a line and column, both from 1; a place just behind a value belongs to it
-/// if `with_end`.
+/// The innermost value at a line and column, both from 1; a location just after a value belongs to
+/// it if `with_end`.
 pub(super) fn field_at(text: &str, line: usize, column: usize, with_end: bool) -> String {
     let line_start: usize = text
         .split_inclusive('\n')
@@ -152,8 +152,8 @@ impl Reader {
             self.value(inner, depth + 1);
             self.skip_blank();
             if self.peek() == Some(',') || self.at == start {
-                // Also past a character that nothing of the above took, so that every text comes to
-                // an end.
+                // Also skips a character that nothing above consumed, so that the loop terminates
+                // on every text.
                 self.at += 1;
             }
         }
@@ -166,7 +166,7 @@ mod tests {
 
     const TEXT: &str = "// scene: (x: 1)\n(\n    geometry: Gltf(\"a,(b\\\".glb\"), /* no: 1 */\n    lights: [\n        Point(position: (0.0, -3.0, 0.5),\n              range: 1e3),\n    ],\n    paths: { \"tour\": [(time: 0.0)] },\n)\n";
 
-    fn place(field: &str) -> Option<(usize, usize)> {
+    fn location(field: &str) -> Option<(usize, usize)> {
         values(TEXT)
             .iter()
             .find(|value| value.field == field)
@@ -175,14 +175,14 @@ mod tests {
 
     #[test]
     fn finds_fields_through_comments_strings_and_nesting() {
-        assert_eq!(place(""), Some((2, 1)));
-        assert_eq!(place("geometry"), Some((3, 15)));
-        assert_eq!(place("geometry[0]"), Some((3, 20)));
-        assert_eq!(place("lights[0].position"), Some((5, 25)));
-        assert_eq!(place("lights[0].position[1]"), Some((5, 31)));
-        assert_eq!(place("lights[0].range"), Some((6, 22)));
-        assert_eq!(place("paths[\"tour\"][0].time"), Some((8, 30)));
-        assert_eq!(place("no"), None);
+        assert_eq!(location(""), Some((2, 1)));
+        assert_eq!(location("geometry"), Some((3, 15)));
+        assert_eq!(location("geometry[0]"), Some((3, 20)));
+        assert_eq!(location("lights[0].position"), Some((5, 25)));
+        assert_eq!(location("lights[0].position[1]"), Some((5, 31)));
+        assert_eq!(location("lights[0].range"), Some((6, 22)));
+        assert_eq!(location("paths[\"tour\"][0].time"), Some((8, 30)));
+        assert_eq!(location("no"), None);
         assert_eq!(field_at(TEXT, 6, 23, true), "lights[0].range");
         assert_eq!(field_at(TEXT, 5, 32, false), "lights[0].position[1]");
     }

@@ -5,31 +5,31 @@ use bevy::math::{Vec2, Vec3};
 use std::collections::HashMap;
 use thiserror::Error;
 
-/// How a material's alpha is read.
+/// Interpretation of a material's alpha.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub enum AlphaMode {
     /// Alpha is ignored.
     #[default]
     Opaque,
-    /// A fragment whose alpha is below this cutoff, in [0, 1], is not there.
+    /// Fragments with an alpha below this cutoff, in [0, 1], are discarded.
     Mask(f32),
 }
 
-/// What a surface is made of, in the terms of Bevy's `StandardMaterial`.
+/// A material, in the terms of Bevy's `StandardMaterial`.
 #[derive(Clone, Debug, PartialEq)]
 pub struct SceneMaterial {
     /// Linear RGB reflectance and alpha, each in [0, 1]; multiplies vertex colour and texture.
     pub base_color: [f32; 4],
-    /// In [0, 1]; 1 is matt.
+    /// In [0, 1]; 1 is fully rough.
     pub perceptual_roughness: f32,
     /// In [0, 1]; 0 is a dielectric.
     pub metallic: f32,
     /// Specular intensity of a dielectric in [0, 1]; 0.5 reflects 4 % at normal incidence, 0 has no
-    /// highlight.
+    /// specular reflection.
     pub reflectance: f32,
     /// Emitted luminance, linear RGB, nits.
     pub emissive: [f32; 3],
-    /// How alpha is read.
+    /// Interpretation of alpha.
     pub alpha: AlphaMode,
     /// Whether back faces are drawn.
     pub double_sided: bool,
@@ -38,7 +38,7 @@ pub struct SceneMaterial {
 }
 
 impl Default for SceneMaterial {
-    /// A matt white dielectric.
+    /// A fully rough white dielectric.
     fn default() -> Self {
         Self {
             base_color: [1.0; 4],
@@ -54,8 +54,8 @@ impl Default for SceneMaterial {
 }
 
 impl SceneMaterial {
-    /// Everything but the base colour, as comparable bits: meshes that agree in it can be drawn as
-    /// one.
+    /// All properties but the base colour, as comparable bits: meshes with equal keys can be
+    /// merged.
     fn merge_key(&self) -> [u32; 10] {
         let [red, green, blue] = self.emissive.map(f32::to_bits);
         let (mode, cutoff) = match self.alpha {
@@ -106,53 +106,53 @@ pub struct Triangle {
     pub index: usize,
 }
 
-/// Why a [`SceneGeometry`] cannot be drawn.
+/// Why a [`SceneGeometry`] is invalid.
 #[derive(Clone, Debug, Error, PartialEq, Eq)]
 pub enum GeometryError {
     /// An attribute's length differs from the number of positions.
     #[error("mesh {mesh} has {positions} positions but {found} {attribute}")]
     AttributeLength {
-        /// Which mesh.
+        /// Index of the mesh.
         mesh: usize,
-        /// Which attribute.
+        /// The attribute.
         attribute: &'static str,
         /// Number of positions.
         positions: usize,
         /// Number of values of the attribute.
         found: usize,
     },
-    /// An index names something that is not there.
+    /// An index is out of range.
     #[error("mesh {mesh} names {what} {index}, of which there are {count}")]
     OutOfRange {
-        /// Which mesh.
+        /// Index of the mesh.
         mesh: usize,
-        /// What is named.
+        /// Kind of the index.
         what: &'static str,
-        /// The number named.
+        /// The index.
         index: usize,
-        /// How many there are.
+        /// Number of valid indices.
         count: usize,
     },
-    /// The index count is no multiple of three.
-    #[error("mesh {mesh} has {count} indices, which is no multiple of three")]
+    /// The index count is not a multiple of three.
+    #[error("mesh {mesh} has {count} indices, which is not a multiple of three")]
     PartialTriangle {
-        /// Which mesh.
+        /// Index of the mesh.
         mesh: usize,
         /// Number of indices.
         count: usize,
     },
 }
 
-/// Everything a scene draws.
+/// All geometry of a scene.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct SceneGeometry {
-    /// Triangles, in groups of one material.
+    /// Meshes, each with one material.
     pub meshes: Vec<SceneMesh>,
-    /// What they are made of.
+    /// Materials of the meshes.
     pub materials: Vec<SceneMaterial>,
-    /// What their materials show.
+    /// Textures of the materials.
     pub textures: Vec<SceneTexture>,
-    /// What of its source could not be used, in sentences for a person.
+    /// Warnings about unsupported parts of the source, as sentences.
     pub warnings: Vec<String>,
 }
 
@@ -162,12 +162,12 @@ impl SceneGeometry {
         self.meshes.iter().map(|mesh| mesh.indices.len() / 3).sum()
     }
 
-    /// The box around all vertices that a triangle uses; `None` without any.
+    /// Bounding box of all vertices that triangles use; `None` without any.
     pub fn bounds(&self) -> Option<Bounds> {
         Bounds::around(self.triangles().flat_map(|triangle| triangle.corners))
     }
 
-    /// All triangles, mesh by mesh; those whose indices are out of range are passed over.
+    /// All triangles, mesh by mesh; those with indices out of range are skipped.
     pub fn triangles(&self) -> impl Iterator<Item = Triangle> + '_ {
         self.meshes.iter().enumerate().flat_map(|(mesh, data)| {
             data.indices.chunks_exact(3).enumerate().filter_map(move |(index, corners)| {
@@ -177,7 +177,7 @@ impl SceneGeometry {
         })
     }
 
-    /// Checks that every index names something and every attribute is complete.
+    /// Checks that every index is in range and every attribute is complete.
     ///
     /// # Errors
     /// The first [`GeometryError`] found.
@@ -217,12 +217,12 @@ impl SceneGeometry {
         Ok(())
     }
 
-    /// The same image with as few materials as possible: base colours move into the vertex colours,
-    /// and meshes whose materials then agree become one. Empty meshes, and materials that none
-    /// uses, go.
+    /// Equivalent geometry with as few materials as possible: base colours move into the vertex
+    /// colours, and meshes whose materials are then equal are merged. Empty meshes and unused
+    /// materials are removed.
     ///
-    /// Every material that is drawn costs a bind, and some software renderers even compile a shader
-    /// per bind and frame.
+    /// Every material costs a bind, and some software renderers even compile a shader per bind and
+    /// frame.
     #[must_use]
     pub fn merge(self) -> Self {
         let mut merged =

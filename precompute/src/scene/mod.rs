@@ -1,16 +1,15 @@
-//! What is rendered: a scene's description file, its geometry, and where its cameras go. Plain
-//! Rust, no renderer.
+//! Scenes: description file, geometry, and camera paths. Plain Rust, without the renderer.
 //!
 //! | module | job |
 //! |---|---|
-//! | [`description`] | what a `*.scene.ron` file says |
+//! | [`description`] | contents of a `*.scene.ron` file |
 //! | [`mod@load`] | reads and checks such a file; errors name file, line, column, field and remedy |
-//! | [`path`] | moves a camera along a path's keys |
-//! | [`mesh`], [`builder`], [`texture`] | renderer-free geometry, and how to make it by code |
-//! | [`gltf`] | geometry out of a `.glb` or `.gltf` file |
-//! | [`procedural`] | geometry that we make by code |
-//! | [`sky`] | a latitude-longitude image of the surroundings |
-//! | [`rays`] | ray queries: what a camera sees, and whether it is inside a solid |
+//! | [`path`] | camera paths between keys |
+//! | [`mesh`], [`builder`], [`texture`] | renderer-free geometry, and its construction in code |
+//! | [`gltf`] | geometry from a `.glb` or `.gltf` file |
+//! | [`procedural`] | procedural geometry |
+//! | [`sky`] | latitude-longitude environment maps |
+//! | [`rays`] | ray queries: visibility from cameras, inside tests |
 pub mod bounds;
 pub mod builder;
 mod check;

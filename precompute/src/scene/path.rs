@@ -1,27 +1,27 @@
-//! Camera paths: keys in time, and the pose between them.
+//! Camera paths: keys in time, and interpolation of poses.
 
 use bevy::math::{Mat3, Quat, Vec3};
 use serde::{Deserialize, Serialize};
 
-/// Two keys closer in time than this, seconds, are a cut: the camera jumps from one to the other.
+/// Greatest interval between two keys of a cut, seconds: the camera jumps from one to the other.
 const CUT: f32 = 0.01;
 
-/// Where a camera is and what it looks at, at one time of a path.
+/// A camera's position and look-at point at one time of a path.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct CameraKey {
-    /// Seconds, greater than the key's before. Less than 10 ms after it, the camera cuts and does
+    /// Seconds, greater than the previous key's. Less than 10 ms after it, the camera cuts and does
     /// not travel.
     pub time: f32,
     /// Metres.
     #[serde(with = "super::description::triple")]
     pub position: Vec3,
-    /// The point in the middle of the image, metres.
+    /// Look-at point: the centre of the image, metres.
     #[serde(with = "super::description::triple")]
     pub look_at: Vec3,
 }
 
-/// A camera's place and attitude.
+/// A camera's position and rotation.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct CameraPose {
     /// Metres.
@@ -34,7 +34,7 @@ impl CameraPose {
     /// A camera at `position` that looks at `look_at`, with +Y up, or −Z where it looks straight up
     /// or down. A point that is at the camera itself, or not finite, gives the view along −Z.
     pub fn looking_at(position: Vec3, look_at: Vec3) -> Self {
-        // Not `normalize`: it would make infinities of a view a hair's breadth long.
+        // Not `normalize`, which gives infinities for very short views.
         let forward = (look_at - position).as_dvec3().normalize_or_zero().as_vec3();
         let forward = if forward == Vec3::ZERO { Vec3::NEG_Z } else { forward };
         let up = if forward.y.abs() > 0.99999 { Vec3::NEG_Z } else { Vec3::Y };
@@ -44,13 +44,13 @@ impl CameraPose {
         Self { position, rotation }
     }
 
-    /// Unit vector of the view.
+    /// View direction, a unit vector.
     pub fn forward(&self) -> Vec3 {
         self.rotation * Vec3::NEG_Z
     }
 }
 
-/// A camera path: at least one key, in order of time.
+/// A camera path: one key or more, in order of time.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(transparent)]
 pub struct CameraPath {
@@ -69,16 +69,16 @@ impl CameraPath {
         self.keys.last().map_or(0.0, |key| key.time - self.start())
     }
 
-    /// The pose at `time`, in seconds on the keys' own clock; before the first key it is the
-    /// first's, after the last the last's. `None` without keys.
+    /// The pose at `time`, in seconds on the keys' own clock; clamped to the first and the last
+    /// key. `None` without keys.
     ///
     /// Position and look-at point each follow a cubic Hermite curve through the keys whose speed at
     /// a key is that of the parabola through it and its two neighbours (Catmull and Rom 1974, for
-    /// keys at uneven times): no jump in speed at a key.
+    /// keys at uneven times): velocity is continuous at keys.
     pub fn sample(&self, time: f32) -> Option<CameraPose> {
         let (first, last) = (self.keys.first()?, self.keys.last()?);
         let key_pose = |key: &CameraKey| CameraPose::looking_at(key.position, key.look_at);
-        // So written, a time that is not a number gives the first key.
+        // In this form a time of NaN gives the first key.
         let later = time > first.time;
         if !later {
             return Some(key_pose(first));
@@ -112,7 +112,7 @@ impl CameraPath {
             let (a, b) = (&self.keys[from], &self.keys[to]);
             (value(b) - value(a)) / (b.time - a.time)
         };
-        // No speed is taken across a cut.
+        // Velocities do not extend across a cut.
         let joined = |from: usize, to: usize| {
             to < self.keys.len() && self.keys[to].time - self.keys[from].time >= CUT
         };
@@ -172,7 +172,7 @@ mod tests {
     }
 
     #[test]
-    fn never_jumps_in_place_or_speed() {
+    fn position_and_velocity_are_continuous() {
         let path = path();
         let at = |time: f32| path.sample(time).unwrap().position;
         let step = 1e-2;
@@ -211,7 +211,7 @@ mod tests {
     }
 
     #[test]
-    fn looks_soundly_in_every_direction() {
+    fn rotations_are_valid_in_every_direction() {
         let position = Vec3::new(1.0, 2.0, 3.0);
         for target in [
             Vec3::Y,

@@ -1,10 +1,10 @@
-//! Ray queries over a scene's triangles: closest and any hit, what a camera sees, whether a place
-//! is inside a solid.
+//! Ray queries over a scene's triangles: closest and any hit, visibility of geometry from a camera,
+//! inside tests.
 //!
 //! The tree is obvhs's compressed eight-wide one (Ylitie et al. 2017, "Efficient Incoherent Ray
 //! Traversal on GPUs Through Compressed Wide BVHs"); the triangle test is ours (Möller and Trumbore
-//! 1997) in double precision with a slightly widened triangle, because a ray that slips through the
-//! seam of a closed solid would make an inside look open.
+//! 1997) in double precision with a slightly widened triangle, because a ray through the seam of a
+//! closed solid would make its inside look open.
 
 use super::{SceneGeometry, Triangle};
 use bevy::math::{DVec3, Quat, Vec3};
@@ -13,63 +13,64 @@ use obvhs::cwbvh::{CwBvh, builder::build_cwbvh_from_tris};
 use obvhs::ray::{Ray, RayHit};
 use std::time::Duration;
 
-/// How far, in barycentric units, a triangle reaches beyond its edges.
+/// Widening of triangles beyond their edges, in barycentric units.
 const EDGE_TOLERANCE: f64 = 1e-6;
-/// Triangles with a smaller area, m², have no side to tell and are left out.
+/// Triangles with a smaller area, m², have no defined side and are left out.
 const LEAST_AREA: f64 = 1e-14;
 /// Positions beyond this, metres, are left out: the tree's box arithmetic would overflow.
 const GREATEST_COORDINATE: f32 = 1e15;
-/// Greatest coordinate in the tree. The tree passes over boxes that end less than 0.0001 of its
-/// units ahead of a ray's start, which in a small or finely modelled scene lets rays through walls:
-/// so its unit is a fraction of a metre, chosen so that the scene just fits. A power of two:
+/// Greatest coordinate in the tree. The tree skips boxes that end less than 0.0001 of its units
+/// ahead of a ray's origin, which in a small or finely modelled scene lets rays through walls: so
+/// its unit is a fraction of a metre, chosen so that the scene just fits. A power of two:
 /// coordinates are scaled without rounding.
 const TREE_EXTENT: f32 = 16_777_216.0;
-/// The same of smaller scenes, metres: scaled up any further, far rays would overflow in the tree's
+/// Least extent for scaling, metres: with a greater scale, far rays would overflow in the tree's
 /// box arithmetic.
 const LEAST_EXTENT: f32 = 1e-6;
-/// Columns and rows of the rays that stand for a camera's image.
+/// Columns and rows of the ray grid over a camera's image.
 const VIEW_GRID: (u32, u32) = (24, 14);
-/// Rays that stand for all directions.
+/// Number of rays over the sphere of directions.
 const SPHERE_RAY_COUNT: u32 = 64;
 
-/// Which side of a triangle a ray met.
+/// The side of a triangle that a ray hits.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Side {
-    /// The side from which its corners go counter-clockwise.
+    /// The side from which its corners are counter-clockwise.
     Front,
-    /// The other.
+    /// The other side.
     Back,
 }
 
-/// Where a ray met the scene.
+/// A ray's hit on the scene.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Hit {
-    /// Distance along the ray in lengths of its direction: metres when that is a unit vector.
+    /// Distance along the ray in lengths of its direction: metres if that is a unit vector.
     pub distance: f32,
-    /// Which side was met.
+    /// The side of the triangle.
     pub side: Side,
     /// The triangle.
     pub triangle: Triangle,
-    /// Weights of the triangle's corners at the hit; they sum to 1.
+    /// Barycentric weights of the triangle's corners at the hit; they sum to 1.
     pub weights: [f32; 3],
 }
 
 /// Distance, side, and weights of the corners.
-type Met = (f32, Side, [f32; 3]);
+type RawHit = (f32, Side, [f32; 3]);
 
-/// Triangles in a tree. Alpha is not looked at, unless a filter does: a cut-out counts as solid.
+/// Triangles in a bounding volume hierarchy. Ignores alpha, unless a filter tests it: a cut-out
+/// counts as solid.
 #[derive(Debug)]
 pub struct RayScene {
     triangles: Vec<Triangle>,
-    /// Of triangles times `scale`; `None` when there are none.
+    /// The tree of triangles times `scale`; `None` without triangles.
     tree: Option<CwBvh>,
     /// The tree's units in a metre, a power of two.
     scale: f32,
 }
 
 impl RayScene {
-    /// Builds the tree. Triangles without area, with corners that are not finite, or absurdly far
-    /// away are left out.
+    /// Builds the tree. Leaves out triangles without area, with corners that are not finite, or
+    /// beyond the coordinate limit.
     pub fn new(triangles: impl IntoIterator<Item = Triangle>) -> Self {
         let triangles: Vec<Triangle> = triangles.into_iter().filter(is_usable).collect();
         let extent = triangles
@@ -102,15 +103,15 @@ impl RayScene {
         self.triangles.len()
     }
 
-    /// The first triangle that the ray meets in (0, `greatest_distance`], from either side. `None`
+    /// The first triangle that the ray hits in (0, `greatest_distance`], from either side. `None`
     /// also for a ray whose origin or direction is not finite, or whose direction is zero.
     /// Distances are in lengths of `direction`.
     pub fn closest(&self, origin: Vec3, direction: Vec3, greatest_distance: f32) -> Option<Hit> {
         self.closest_where(origin, direction, greatest_distance, |_| true)
     }
 
-    /// [`closest`](Self::closest) among the hits that `accepts` takes; the ray goes on through the
-    /// others. It is asked of hits in any order, and of some that are not the closest.
+    /// [`closest`](Self::closest) among the hits that `accepts` accepts; the ray continues through
+    /// the others. `accepts` is called in any order, also for hits that are not the closest.
     pub fn closest_where(
         &self,
         origin: Vec3,
@@ -130,13 +131,13 @@ impl RayScene {
         Some(self.hit(tree, id, self.test(tree, id, &ray)?))
     }
 
-    /// Whether the ray meets any triangle in (0, `greatest_distance`); arguments as for
+    /// Whether the ray hits any triangle in (0, `greatest_distance`); arguments as for
     /// [`closest`](Self::closest).
     pub fn any(&self, origin: Vec3, direction: Vec3, greatest_distance: f32) -> bool {
         self.any_where(origin, direction, greatest_distance, |_| true)
     }
 
-    /// [`any`](Self::any) among the hits that `accepts` takes.
+    /// [`any`](Self::any) among the hits that `accepts` accepts.
     pub fn any_where(
         &self,
         origin: Vec3,
@@ -150,7 +151,7 @@ impl RayScene {
     }
 
     /// Whether a camera sees any triangle: at least one of a grid of 24 × 14 rays through its image
-    /// meets one. Things thinner than a grid cell may be missed. `vertical_fov` in radians,
+    /// hits one. Objects thinner than a grid cell may be missed. `vertical_fov` in radians,
     /// `aspect` is width ÷ height.
     pub fn sees_geometry(
         &self,
@@ -174,15 +175,15 @@ impl RayScene {
         })
     }
 
-    /// Whether `position` is inside solid matter, where a camera would see nothing but back faces.
+    /// Whether `position` is inside a solid, where a camera would see only back faces.
     ///
-    /// Of 64 rays spread evenly over all directions, at least 90 % must meet something and at least
-    /// 70 % of those must meet a back face first. Inside a closed solid all do; other solids that
-    /// stick into it cost a few. Behind a single sheet, such as a drape, at most about half do,
-    /// however near it is; in a room whose walls face inward none do; outdoors most rays meet
-    /// nothing. Only the winding of triangles counts, not whether their material is double-sided. A
-    /// place that double sheets or a closed curtain wrap on all sides, backs inward, cannot be told
-    /// from a solid and counts as one.
+    /// Of 64 rays distributed uniformly over the sphere, at least 90 % must hit geometry and at
+    /// least 70 % of those must hit a back face first. Inside a closed solid all do, except a few
+    /// that hit solids that protrude into it. Behind a single sheet, such as a drape, at most about
+    /// half do, however near it is; in a room whose walls face inward none do; outdoors most rays
+    /// hit nothing. Only the winding of triangles counts, not whether their material is
+    /// double-sided. A position enclosed on all sides by double sheets or a closed curtain, backs
+    /// inward, is indistinguishable from the inside of a solid and counts as such.
     pub fn inside_geometry(&self, position: Vec3) -> bool {
         let (mut hits, mut backs) = (0_u32, 0_u32);
         for direction in sphere_directions(SPHERE_RAY_COUNT) {
@@ -196,17 +197,17 @@ impl RayScene {
 
     fn ray(&self, origin: Vec3, direction: Vec3, greatest_distance: f32) -> Option<(&CwBvh, Ray)> {
         let tree = self.tree.as_ref()?;
-        let sound = origin.is_finite()
+        let valid = origin.is_finite()
             && origin.abs().max_element() < GREATEST_COORDINATE
             && direction.is_finite();
-        // The tree's slab test divides by the direction, and so wants it neither tiny nor huge.
+        // The tree's slab test divides by the direction, which must be neither tiny nor huge.
         let length = direction.length_squared();
-        let sound = sound && (1e-12..=1e12).contains(&length) && greatest_distance > 0.0;
-        // A negative zero would be negative to the tree's reciprocal and not to its octants, and
-        // the ray would miss boxes: make it positive.
+        let valid = valid && (1e-12..=1e12).contains(&length) && greatest_distance > 0.0;
+        // The tree treats a negative zero as negative in its reciprocal and not in its octants, so
+        // that the ray would miss boxes: makes zeros positive.
         let direction = direction + Vec3::ZERO;
         let origin = origin * self.scale;
-        sound.then(|| {
+        valid.then(|| {
             (
                 tree,
                 Ray::new(
@@ -219,7 +220,7 @@ impl RayScene {
         })
     }
 
-    fn hit(&self, tree: &CwBvh, id: usize, (distance, side, weights): Met) -> Hit {
+    fn hit(&self, tree: &CwBvh, id: usize, (distance, side, weights): RawHit) -> Hit {
         Hit {
             distance,
             side,
@@ -228,8 +229,8 @@ impl RayScene {
         }
     }
 
-    /// Distance of an accepted hit in the tree's units, else infinity. Only a filter that reads the
-    /// hit pays for making it.
+    /// Distance of an accepted hit in the tree's units, else infinity. The hit is only constructed
+    /// for a filter that reads it.
     #[inline]
     fn distance_where(
         &self,
@@ -242,9 +243,9 @@ impl RayScene {
         met.map_or(f32::INFINITY, |(distance, ..)| distance * self.scale)
     }
 
-    /// Distance in metres, side and corner weights, if the ray, which is in the tree's units, meets
+    /// Distance in metres, side and corner weights, if the ray, which is in the tree's units, hits
     /// the triangle within its range.
-    fn test(&self, tree: &CwBvh, id: usize, ray: &Ray) -> Option<Met> {
+    fn test(&self, tree: &CwBvh, id: usize, ray: &Ray) -> Option<RawHit> {
         let triangle = &self.triangles[*tree.primitive_indices.get(id)? as usize];
         let [a, b, c] = triangle.corners.map(|corner| corner.as_dvec3());
         let metres = f64::from(self.scale.recip());
@@ -279,8 +280,8 @@ fn is_usable(triangle: &Triangle) -> bool {
     finite && area.length() * 0.5 > LEAST_AREA
 }
 
-/// `count` unit vectors spread evenly over the sphere: a Fibonacci spiral (Swinbank and Purser
-/// 2006), points in the middle of equal-area bands.
+/// `count` unit vectors distributed uniformly over the sphere: a Fibonacci spiral (Swinbank and
+/// Purser 2006), points at the centres of equal-area bands.
 pub fn sphere_directions(count: u32) -> impl Iterator<Item = Vec3> {
     let golden_angle = std::f32::consts::PI * (3.0 - 5.0_f32.sqrt());
     (0..count).map(move |i| {

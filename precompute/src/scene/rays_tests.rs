@@ -26,7 +26,7 @@ fn closest_hit_has_the_right_distance_side_and_weights() {
     assert!(point.distance(Vec3::new(0.25, 0.5, 1.0)) < 1e-6, "{point}");
     let hit = scene.closest(Vec3::ZERO, Vec3::X, f32::INFINITY).unwrap();
     assert_eq!((hit.distance, hit.side), (1.0, Side::Back));
-    // Distances count in lengths of the direction.
+    // Distances are in lengths of the direction.
     assert_eq!(scene.closest(Vec3::X * 5.0, Vec3::X * -2.0, f32::INFINITY).unwrap().distance, 2.0);
     for zero in [0.0, -0.0] {
         assert!(
@@ -67,7 +67,7 @@ fn the_tree_agrees_with_trying_every_triangle() {
 }
 
 #[test]
-fn a_filter_lets_rays_through_what_it_refuses() {
+fn rays_pass_through_hits_that_a_filter_rejects() {
     let scene = scene(|builder| builder.cuboid(Vec3::splat(-1.0), Vec3::ONE, Faces::ALL));
     let (origin, direction) = (Vec3::new(0.25, 0.5, 5.0), Vec3::NEG_Z);
     let back = scene
@@ -78,7 +78,7 @@ fn a_filter_lets_rays_through_what_it_refuses() {
     assert!(scene.any_where(origin, direction, 6.1, |hit| hit.side == Side::Back));
     assert!(!scene.any_where(origin, direction, 5.9, |hit| hit.side == Side::Back));
     assert_eq!(scene.closest_where(origin, direction, f32::INFINITY, |_| false), None);
-    // What the filter is shown is what would be returned.
+    // The filter receives the hit that would be returned.
     let shown = scene.closest_where(origin, direction, f32::INFINITY, |hit| {
         let point: Vec3 = hit
             .triangle
@@ -94,8 +94,8 @@ fn a_filter_lets_rays_through_what_it_refuses() {
 
 #[test]
 fn walls_stop_rays_however_near_and_small_they_are() {
-    // In scenes from a tenth of a millimetre to a thousand kilometres. Nearer than a millionth,
-    // rounding in the tree's boxes lets rays through.
+    // In scenes from a tenth of a millimetre to a thousand kilometres. Nearer than a millionth of
+    // the size, rounding in the tree's boxes lets rays through.
     for size in [1e-4_f32, 1.0, 100.0, 1e6] {
         let scene = scene(|builder| builder.room(Vec3::splat(-size), Vec3::splat(size)));
         for gap in [size * 1e-5, size * 1e-4, size * 1e-3] {
@@ -134,7 +134,7 @@ fn a_closed_sphere_has_no_holes() {
 }
 
 #[test]
-fn useless_triangles_and_rays_are_passed_over() {
+fn invalid_triangles_and_rays_are_skipped() {
     let nan = Vec3::splat(f32::NAN);
     let scene = RayScene::new([
         triangle([Vec3::ZERO; 3]),
@@ -159,7 +159,7 @@ fn useless_triangles_and_rays_are_passed_over() {
         assert_eq!(scene.closest(origin, direction, reach), None);
         assert!(!scene.any(origin, direction, reach));
     }
-    // A ray in the triangle's own plane meets nothing.
+    // A ray in the triangle's own plane hits nothing.
     assert!(!scene.any(Vec3::new(-1.0, 0.2, 0.0), Vec3::X, f32::INFINITY));
     assert!(!scene.inside_geometry(nan) && !scene.sees_geometry(nan, Quat::IDENTITY, 1.0, 1.0));
 }
@@ -183,7 +183,7 @@ fn inside_a_solid_is_told_from_rooms_and_outdoors() {
     for position in [Vec3::ZERO, Vec3::splat(2.99), Vec3::new(0.0, -2.99, 0.0)] {
         assert!(!room.inside_geometry(position));
     }
-    // Walls that are solids of their own, as levels have: inside the wall, and inside the room.
+    // Walls that are solids, as in levels: inside the wall, and inside the room.
     let walled = scene(|builder| {
         builder.cuboid(Vec3::splat(-4.0), Vec3::splat(4.0), Faces::ALL);
         builder.room(Vec3::splat(-3.0), Vec3::splat(3.0));
@@ -219,7 +219,7 @@ fn a_drape_has_no_inside() {
 }
 
 #[test]
-fn a_camera_sees_what_is_before_it() {
+fn a_camera_sees_geometry_in_front_of_it() {
     let scene = scene(|builder| builder.cuboid(Vec3::splat(-1.0), Vec3::ONE, Faces::ALL));
     let back = Vec3::Z * 5.0;
     let turned = |angle: f32| Quat::from_rotation_y(angle.to_radians());

@@ -1,10 +1,10 @@
-//! A sky: a latitude-longitude image of all directions.
+//! A sky: a latitude-longitude environment map.
 
 use std::path::Path;
 
 use bevy::math::Vec3;
 
-/// Why an image is no sky.
+/// Why an image is not a valid sky.
 #[derive(Debug, thiserror::Error)]
 #[error(
     "environment map {file}: {problem}: give a Radiance .hdr or OpenEXR file in latitude-longitude form"
@@ -12,12 +12,12 @@ use bevy::math::Vec3;
 pub struct SkyError {
     /// The file.
     pub file: String,
-    /// What is wrong.
+    /// The problem.
     pub problem: String,
 }
 
-/// Radiance of all directions. Its first row is straight up, the middle of a row is −Z, and −X is
-/// left of it. Texels are constant in themselves.
+/// Radiance of all directions. The first row is straight up, the middle of a row is −Z, and −X is
+/// left of it. Radiance is constant within a texel.
 #[derive(Clone, Debug, PartialEq)]
 pub struct SkyMap {
     /// Texels in a row, at least 1.
@@ -29,7 +29,7 @@ pub struct SkyMap {
 }
 
 impl SkyMap {
-    /// Reads an image. Its values are linear, in whatever unit the scene's intensity gives them.
+    /// Reads an image. Its values are linear; the scene's intensity gives them their unit.
     ///
     /// # Errors
     /// When it cannot be read, is empty, or holds values that are negative or not finite.
@@ -44,7 +44,7 @@ impl SkyMap {
     /// A sky of `width` × `height` texels, row by row.
     ///
     /// # Errors
-    /// What is wrong with it, as [`read`](Self::read).
+    /// The problem, as for [`read`](Self::read).
     pub fn new(width: u32, height: u32, texels: Vec<[f32; 3]>) -> Result<Self, &'static str> {
         if width == 0 || height == 0 || texels.len() as u64 != u64::from(width) * u64::from(height)
         {
@@ -56,8 +56,8 @@ impl SkyMap {
         Ok(Self { width, height, texels })
     }
 
-    /// A sky of means of another one's texels, which are sound because those are. Every row must be
-    /// there.
+    /// A sky of means of another sky's texels, which are valid because those are. Must have all
+    /// rows.
     pub(crate) fn of_means(width: u32, height: u32, texels: Vec<[f32; 3]>) -> Self {
         debug_assert_eq!(texels.len() as u64, u64::from(width) * u64::from(height));
         Self { width, height, texels }
@@ -73,7 +73,7 @@ impl SkyMap {
         &self.texels
     }
 
-    /// Mean over directions: rows near the poles stand for less of the sphere.
+    /// Mean over directions: rows near the poles cover less solid angle.
     pub fn mean_radiance(&self) -> [f32; 3] {
         let mut sum = [0.0f64; 3];
         let mut weights = 0.0;
@@ -89,7 +89,7 @@ impl SkyMap {
         sum.map(|sum| (sum / weights) as f32)
     }
 
-    /// The texel that `direction`, a unit vector, points at: its place in [`texels`](Self::texels).
+    /// Index in [`texels`](Self::texels) of the texel in `direction`, a unit vector.
     pub fn index(&self, direction: Vec3) -> usize {
         let u = 0.5 + direction.x.atan2(-direction.z) / std::f32::consts::TAU;
         let v = direction.y.clamp(-1.0, 1.0).acos() / std::f32::consts::PI;
@@ -125,7 +125,7 @@ mod tests {
     }
 
     #[test]
-    fn skies_that_are_none_are_refused() {
+    fn invalid_skies_are_refused() {
         assert!(
             SkyMap::new(0, 0, vec![]).is_err() && SkyMap::new(2, 2, vec![[1.0; 3]; 3]).is_err()
         );

@@ -2,7 +2,7 @@
 
 use std::sync::LazyLock;
 
-/// Linear light of the 256 values that a texel's channel can have.
+/// Linear light of the 256 values of a texel's channel.
 static DECODED: LazyLock<[f32; 256]> =
     LazyLock::new(|| std::array::from_fn(|value| linear_from_srgb(value as f32 / 255.0)));
 
@@ -14,19 +14,18 @@ pub struct SceneTexture {
     /// Height of level 0, texels, at least 1.
     pub height: u32,
     /// Level by level, each row by row from the top, (red, green, blue, alpha); colour is sRGB,
-    /// alpha is linear. Level `i` measures max(1, `width` >> i) × max(1, `height` >> i), down to 1
-    /// × 1.
+    /// alpha is linear. Level `i` has max(1, `width` >> i) × max(1, `height` >> i), down to 1 × 1.
     pub mips: Vec<Vec<u8>>,
 }
 
 impl SceneTexture {
-    /// Builds the mip chain of `rgba8`, which must hold `width` × `height` texels; `None` when it
-    /// does not, or when a side is 0.
+    /// Builds the mip chain of `rgba8`, which must hold `width` × `height` texels; `None` if it
+    /// does not, or if a side is 0.
     ///
-    /// Colours are averaged in linear light, weighted by alpha, so that what a cut-out hides does
-    /// not bleed into what it shows. With a `cutoff` every level's alpha is scaled until the same
-    /// share of texels passes it as in level 0: thin threads do not vanish with distance (Castaño
-    /// 2010, "Computing Alpha Mipmaps").
+    /// Colours are averaged in linear light, weighted by alpha, so that cut-out texels do not bleed
+    /// into visible ones. With a `cutoff` every level's alpha is scaled so that the same share of
+    /// texels passes it as in level 0: thin threads do not vanish with distance (Castaño 2010,
+    /// "Computing Alpha Mipmaps").
     pub fn from_rgba8(
         width: u32,
         height: u32,
@@ -52,23 +51,23 @@ impl SceneTexture {
             level = halve(&level, (level_width, level_height), (next_width, next_height));
             (level_width, level_height) = (next_width, next_height);
             let scale =
-                coverage.map_or(1.0, |(cutoff, wanted)| alpha_scale(&level, cutoff, wanted));
+                coverage.map_or(1.0, |(cutoff, target)| alpha_scale(&level, cutoff, target));
             mips.push(level.iter().flat_map(|texel| encode(texel, scale)).collect());
         }
         Some(Self { width, height, mips })
     }
 
-    /// Colour in linear light and alpha, each in [0, 1], at a texture coordinate: level 0, the four
-    /// nearest texels weighed bilinearly after decoding, repeating, as the stage's sampler
-    /// magnifies. (0, 0) is the upper left corner. A coordinate that is not finite reads as 0.
+    /// Colour in linear light and alpha, each in [0, 1], at a texture coordinate: level 0, bilinear
+    /// after decoding, with repeat, as the stage's sampler magnifies. (0, 0) is the upper left
+    /// corner. A coordinate that is not finite counts as 0.
     pub fn sample(&self, u: f32, v: f32) -> [f32; 4] {
-        // One neighbour on either side of the place, and the weight of the second; texel centres
-        // are at halves.
+        // One neighbour on either side of the position, and the weight of the second; texel centres
+        // are at half-integers.
         let neighbours = |coordinate: f32, size: u32| {
             let coordinate = if coordinate.is_finite() { f64::from(coordinate) } else { 0.0 };
-            let place = coordinate.rem_euclid(1.0) * f64::from(size) - 0.5;
-            let first = (place.floor() as i64).rem_euclid(i64::from(size)) as usize;
-            ([first, (first + 1) % size as usize], (place - place.floor()) as f32)
+            let position = coordinate.rem_euclid(1.0) * f64::from(size) - 0.5;
+            let first = (position.floor() as i64).rem_euclid(i64::from(size)) as usize;
+            ([first, (first + 1) % size as usize], (position - position.floor()) as f32)
         };
         let ((columns, right), (rows, down)) =
             (neighbours(u, self.width), neighbours(v, self.height));
@@ -109,8 +108,8 @@ fn encode(texel: &[f32; 4], alpha_scale: f32) -> [u8; 4] {
     [color(0), color(1), color(2), byte(texel[3] * alpha_scale)]
 }
 
-/// Box filter. A texel of an odd side reaches over three of the level above, the outer two weighted
-/// by what it covers of them.
+/// Box filter. A texel of a level below an odd size covers three texels of the level above, the
+/// outer two weighted by coverage.
 fn halve(
     source: &[[f32; 4]],
     (width, height): (usize, usize),
@@ -155,17 +154,20 @@ fn coverage(level: &[[f32; 4]], cutoff: f32, scale: f32) -> f32 {
     level.iter().filter(|texel| texel[3] * scale >= cutoff).count() as f32 / level.len() as f32
 }
 
-/// The scale of alpha at which the level's coverage is closest to `wanted`: coverage rises with the
-/// scale, so bisect.
-fn alpha_scale(level: &[[f32; 4]], cutoff: f32, wanted: f32) -> f32 {
+/// The scale of alpha at which the level's coverage is closest to `target`, by bisection: coverage
+/// rises with the scale.
+fn alpha_scale(level: &[[f32; 4]], cutoff: f32, target: f32) -> f32 {
     let (mut low, mut high) = (0.0_f32, 4.0_f32);
     for _ in 0..16 {
         let middle = (low + high) * 0.5;
-        if coverage(level, cutoff, middle) < wanted { low = middle } else { high = middle }
+        if coverage(level, cutoff, middle) < target { low = middle } else { high = middle }
     }
-    let gap = |scale: f32| (coverage(level, cutoff, scale) - wanted).abs();
-    // A level that is already as near as can be keeps its alpha.
-    [1.0, low, high].into_iter().min_by(|a, b| gap(*a).total_cmp(&gap(*b))).unwrap_or(1.0)
+    let difference = |scale: f32| (coverage(level, cutoff, scale) - target).abs();
+    // A level that is already optimal keeps its alpha.
+    [1.0, low, high]
+        .into_iter()
+        .min_by(|a, b| difference(*a).total_cmp(&difference(*b)))
+        .unwrap_or(1.0)
 }
 
 #[cfg(test)]
@@ -230,7 +232,7 @@ mod tests {
         assert_eq!(texture.sample(0.125, 0.25), [1.0, 0.0, 0.0, 1.0]);
         assert_eq!(texture.sample(0.25, 0.25), [0.5, 0.5, 0.0, 1.0]);
         assert_eq!(texture.sample(0.375, 0.5), [0.0, 0.5, 0.0, 0.5]);
-        // Half a texel left of the first is half of the last; repeats are all alike.
+        // Half a texel left of the first blends with the last; all repeats are equal.
         let edge = texture.sample(0.0, 0.25);
         assert!((edge[0] - 0.5 - linear_from_srgb(188.0 / 255.0) / 2.0).abs() < 1e-6, "{edge:?}");
         assert_eq!((texture.sample(1.0, 1.25), texture.sample(-3.0, -0.75)), (edge, edge));

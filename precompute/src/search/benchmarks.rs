@@ -1,11 +1,10 @@
-//! The search on problems whose frontiers are known: ZDT1 to ZDT3 (Zitzler, Deb, Thiele 2000,
+//! The search on problems with known frontiers: ZDT1 to ZDT3 (Zitzler, Deb, Thiele 2000,
 //! "Comparison of multiobjective evolutionary algorithms") and DTLZ2 (Deb, Thiele, Laumanns,
 //! Zitzler 2002) on levels instead of real variables, and a model of rendering costs small enough
 //! to enumerate.
 //!
-//! The problems' optima lie at level 0 of most variables, which is where a search of knobs looks
-//! first. So they are moved to inner levels, a different one for each knob: nothing that seeds a
-//! search is on the frontier.
+//! The problems' optima lie at level 0 of most variables, where the seeding begins. So they are
+//! moved to inner levels, a different one for each knob: no seed is on the frontier.
 
 use std::convert::Infallible;
 use std::f64::consts::{FRAC_PI_2, PI};
@@ -133,8 +132,8 @@ fn median(mut values: Vec<f64>) -> f64 {
     values[values.len() / 2]
 }
 
-/// Worst share of the exact hypervolume over seeds, and the best that random search comes to with
-/// as many evaluations.
+/// Worst share of the exact hypervolume over seeds, and the best share of random search with as
+/// many evaluations.
 fn compare(cost: fn(RenderSettings) -> CostPoint, reference: CostPoint) -> (f64, f64) {
     let space = space();
     let best = exact(cost).hypervolume(reference);
@@ -197,7 +196,7 @@ fn dtlz2_ends_on_the_unit_circle() {
     let mut problem = Problem::new(dtlz2);
     let config = SearchConfig { generations: Some(100), ..SearchConfig::default() };
     let found = search(&space(), &mut problem, &[], config).frontier;
-    // One variable a level off its best is (1/15)² = 0.0044 of radius.
+    // One variable a level off its optimum adds (1/15)² = 0.0044 to the radius.
     let radius = |point: &FrontierPoint| point.cost.power.0.hypot(point.cost.error);
     assert!(
         found.points().iter().all(|point| (0.999_999..1.02).contains(&radius(point))),
@@ -206,7 +205,7 @@ fn dtlz2_ends_on_the_unit_circle() {
     );
 }
 
-/// Seven knobs of rendering, 16,128 names for 13,536 images: costs that multiply, errors that mask
+/// Seven rendering knobs, 16,128 names for 13,536 images: multiplicative costs, errors that mask
 /// one another, and one knob without effect.
 fn rendering_space() -> KnobSpace {
     let levels = |count: u32| (0..count).map(f64::from);
@@ -269,7 +268,7 @@ fn few_evaluations_find_most_of_a_rendering_frontier() {
                     / best,
             );
             assert_eq!(problem.evaluated.len(), evaluations);
-            // A neighbour that was searched with as little.
+            // A neighbour that was searched with as small a budget.
             let mut neighbour = Problem::new(|settings| {
                 rendering(settings.with_level(3, settings.level(3).max(1)))
             });
@@ -332,7 +331,7 @@ fn a_small_space_is_enumerated_and_a_limit_is_kept() {
     .expect("a valid space");
     let mut problem = Problem::new(rendering);
     assert_eq!(search(&space, &mut problem, &[], SearchConfig::default()).evaluations, 5);
-    // Just short of all: evolves, and still finds nothing twice.
+    // Just short of all: evolves, and still evaluates nothing twice.
     let mut problem = Problem::new(rendering);
     assert_eq!(
         search(
@@ -378,7 +377,7 @@ fn a_seed_decides_everything() {
 }
 
 #[test]
-fn costs_that_are_not_finite_are_survived() {
+fn costs_that_are_not_finite_are_tolerated() {
     let space = rendering_space();
     let nothing = search(
         &space,

@@ -1,4 +1,4 @@
-//! Remembers every evaluation, so that none is made twice.
+//! Caches evaluations, so that none is made twice.
 
 use std::collections::BTreeMap;
 
@@ -7,12 +7,12 @@ use bevy_frugal_gi::knobs::RenderSettings;
 
 use super::Evaluate;
 
-/// An evaluator with a memory. Settings must be
-/// [canonical](bevy_frugal_gi::knobs::KnobSpace::canonical), or one image has several names.
+/// A caching evaluator. Settings must be [canonical](bevy_frugal_gi::knobs::KnobSpace::canonical),
+/// or one image has several names.
 #[derive(Debug)]
 pub(super) struct Cached<'e, E> {
     inner: &'e mut E,
-    // Sorted, so that whatever walks over it is deterministic.
+    // Sorted, so that iteration is deterministic.
     known: BTreeMap<RenderSettings, CostPoint>,
 }
 
@@ -26,7 +26,7 @@ impl<'e, E: Evaluate> Cached<'e, E> {
         self.known.contains_key(&settings)
     }
 
-    /// How many settings were evaluated.
+    /// Number of settings evaluated.
     pub fn len(&self) -> usize {
         self.known.len()
     }

@@ -2,8 +2,8 @@
 //! the levels of some knobs.
 //!
 //! Wang et al. 2016, section 3.5.1.2, swap parameter values between two settings to make two
-//! offspring. Uniform, and not at one or two points, because the order of knobs in a space means
-//! nothing.
+//! offspring. Uniform, and not at one or two points, because the order of knobs in a space is
+//! arbitrary.
 
 use bevy_frugal_gi::knobs::{KnobSpace, RenderSettings};
 use rand::{Rng, RngExt};

@@ -1,4 +1,4 @@
-//! Crowding distance (Deb et al. 2002, section III-B) and the survivors that it chooses.
+//! Crowding distance (Deb et al. 2002, section III-B) and survivor selection.
 
 use std::cmp::Ordering;
 use std::collections::HashSet;
@@ -13,7 +13,7 @@ pub(crate) fn crowding_distances(costs: &[CostPoint], front: &[usize]) -> Vec<f6
     let mut distances = vec![0.0; front.len()];
     let measures: [fn(&CostPoint) -> f64; 2] = [|cost| cost.power.0, |cost| cost.error];
     for measure in measures {
-        let value = |place: usize| measure(&costs[front[place]]);
+        let value = |rank: usize| measure(&costs[front[rank]]);
         let mut order: Vec<usize> = (0..front.len()).collect();
         order.sort_by(|a, b| value(*a).total_cmp(&value(*b)));
         let (Some(first), Some(last)) = (order.first().copied(), order.last().copied()) else {
@@ -31,7 +31,7 @@ pub(crate) fn crowding_distances(costs: &[CostPoint], front: &[usize]) -> Vec<f6
     distances
 }
 
-/// How fit each point is: its front's number (0 is best), and its crowding distance (larger is
+/// Fitness of a point: its front's number (0 is best), and its crowding distance (larger is
 /// better).
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Fitness {
@@ -60,9 +60,9 @@ pub(crate) fn fitness(points: &[FrontierPoint]) -> Vec<Fitness> {
 
 /// The fittest `capacity` of `points`.
 ///
-/// Of points with equal costs all but the first come last: a knob without effect makes clones,
-/// which the crowding distance alone would let fill the first front. The paper has continuous
-/// variables and no such clones.
+/// Of points with equal costs all but the first rank last: a knob without effect makes clones,
+/// which would fill the first front by crowding distance alone. The paper has continuous variables
+/// and no such clones.
 pub(crate) fn survivors(points: Vec<FrontierPoint>, capacity: usize) -> Vec<FrontierPoint> {
     let mut costs = HashSet::new();
     let (mut unique, mut clones): (Vec<_>, Vec<_>) = points.into_iter().partition(|point| {
@@ -84,7 +84,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn distances_are_the_scaled_gaps_between_neighbours() {
+    fn distances_are_the_scaled_differences_between_neighbours() {
         let costs = [(0.0, 1.0), (1.0, 0.6), (4.0, 0.2), (5.0, 0.0)]
             .map(|(power, error)| CostPoint::new(power, error));
         let distances = crowding_distances(&costs, &[0, 1, 2, 3]);
@@ -109,7 +109,7 @@ mod tests {
             point(2, 0.1, 0.9), // crowded
             point(3, 0.5, 0.5),
             point(4, 1.0, 0.0),
-            point(5, 1.0, 1.0), // beaten
+            point(5, 1.0, 1.0), // dominated
         ];
         let kept = |capacity| {
             survivors(points.clone(), capacity)

@@ -1,11 +1,11 @@
-//! What a search asks of the world: the cost of settings.
+//! The interface of a search: evaluation of settings.
 
 use bevy_frugal_gi::frontier::CostPoint;
 use bevy_frugal_gi::knobs::RenderSettings;
 
-/// Gives the cost of settings: a renderer at one camera, a recorded table, a model.
+/// Evaluates the cost of settings: by a renderer at one camera, a recorded table, or a model.
 pub trait Evaluate {
-    /// Why there is no cost.
+    /// Why an evaluation failed.
     type Error;
 
     /// Power and error of `settings`. Costs that are not finite are left out of every frontier.

@@ -1,9 +1,9 @@
-//! Which levels of which knobs are worth having, from a table of combinations.
+//! Dominance of knob levels, from a table of combinations.
 
 use bevy_frugal_gi::frontier::CostPoint;
 use bevy_frugal_gi::knobs::{KnobSpace, RenderSettings};
 
-/// What a level is good for.
+/// Dominance of a level.
 #[derive(Clone, Debug, PartialEq)]
 pub struct LevelDominance {
     /// The knob.
@@ -12,14 +12,14 @@ pub struct LevelDominance {
     pub label: String,
     /// Pareto-optimal combinations that use this level.
     pub non_dominated: usize,
-    /// By how much the best combination with this level is dominated: another has at most
+    /// Factor by which the best combination with this level is dominated: another has at most
     /// 1/`dominated_by` of its cost and at most 1/`dominated_by` of its error. At most 1 where one
-    /// is non-dominated; what is only just above may be noise.
+    /// is non-dominated; values slightly above 1 may be noise.
     pub dominated_by: f64,
 }
 
-/// The dominance of every level in `table`, whose costs may be in any unit but must be above 0;
-/// other rows are left out. Levels that no row has are left out, too.
+/// The dominance of every level in `table`. Costs may be in any unit; rows with a cost that is not
+/// above 0 are left out. Levels without rows are left out, too.
 pub fn level_dominance(
     space: &KnobSpace,
     table: &[(RenderSettings, CostPoint)],
@@ -57,8 +57,8 @@ pub fn level_dominance(
     levels
 }
 
-/// Largest factor by which one of `others` is better in both. A row is among its own others, and as
-/// good as itself.
+/// Greatest factor by which one of `others` is better in both costs. At least 1 if `others`
+/// contains `own`.
 fn dominated_by(own: CostPoint, others: impl Iterator<Item = CostPoint>) -> f64 {
     others
         .map(|other| (own.power.0 / other.power.0).min(own.error / other.error))
@@ -72,12 +72,12 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_level_that_something_else_always_beats_is_told_apart() {
+    fn a_level_that_is_always_dominated_is_found() {
         let space =
             KnobSpace::new(vec![Knob::new("a", [0.0, 1.0, 2.0]), Knob::new("b", [0.0, 1.0])])
                 .unwrap();
-        // The middle level of `a` costs as much as the highest, and is as wrong as the lowest but
-        // for a tenth.
+        // The middle level of `a` costs as much as the highest, and has nine tenths of the lowest
+        // one's error.
         let cost = |a: usize, b: usize| {
             let (power, error) = [(1.0, 0.4), (3.0, 0.36), (3.0, 0.1)][a];
             CostPoint::new(power + b as f64, error / (1.0 + b as f64))
@@ -97,7 +97,7 @@ mod tests {
             (of("a", "1").non_dominated, of("a", "0").non_dominated, of("a", "2").non_dominated),
             (0, 2, 2)
         );
-        // With b at 1 it is beaten less: by a = 2 and b = 0, which costs 3 instead of 4 and has 0.1
+        // With b at 1 the factor is smaller: a = 2 and b = 0 costs 3 instead of 4 and has 0.1
         // instead of 0.18.
         assert!((of("a", "1").dominated_by - 4.0 / 3.0).abs() < 1e-12, "{levels:?}");
         assert_eq!((of("b", "0").dominated_by, of("b", "1").dominated_by), (1.0, 1.0));

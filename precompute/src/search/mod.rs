@@ -1,10 +1,10 @@
-//! Finds the Pareto frontier of anything that gives settings a cost.
+//! Searches for the Pareto frontier of an evaluator of settings.
 //!
 //! NSGA-II (Deb, Pratap, Agarwal, Meyarivan 2002) over a
-//! [`KnobSpace`](bevy_frugal_gi::knobs::KnobSpace), as Wang et al. 2016, section 3.5.1, use it. The
-//! pool is proposed by it on fitted models; on a recorded table it is the baseline that pooling is
-//! compared with. Nothing is evaluated twice, single knobs come first (`seeding`), and the last
-//! evaluations go where the frontier is sparse (`gaps`).
+//! [`KnobSpace`](bevy_frugal_gi::knobs::KnobSpace), as in Wang et al. 2016, section 3.5.1.
+//! Proposals for the pool use it on fitted models; on a recorded table it is the baseline for
+//! pooling. Nothing is evaluated twice, one-at-a-time screening comes first (`seeding`), and the
+//! last evaluations fill in sparse parts of the frontier (`infill`).
 #[cfg(test)]
 mod benchmarks;
 mod cached;
@@ -12,7 +12,7 @@ mod config;
 mod crossover;
 mod crowding;
 mod evaluator;
-mod gaps;
+mod infill;
 mod level_dominance;
 mod mutation;
 mod nsga2;

@@ -1,13 +1,13 @@
-//! Mutation of levels: mostly a creep to a neighbour, now and then a jump (Davis 1991, "Handbook of
+//! Mutation of levels: mostly a creep to a neighbour, sometimes a jump (Davis 1991, "Handbook of
 //! Genetic Algorithms", chapter 5, creep).
 //!
-//! Levels are ordered, and neighbours cost almost the same: steps of one keep what a parent has
-//! found, jumps leave local optima.
+//! Levels are ordered, and neighbours cost almost the same: single steps stay near the parent,
+//! jumps leave local optima.
 
 use bevy_frugal_gi::knobs::{KnobSpace, RenderSettings};
 use rand::{Rng, RngExt};
 
-/// Share of changes that go to any other level and not to a neighbour.
+/// Share of changes that are jumps to any other level.
 const JUMP: f64 = 0.2;
 
 /// `settings` with each knob changed with `probability`.
@@ -26,7 +26,7 @@ pub(crate) fn mutate(
     })
 }
 
-/// `settings` with one knob changed: never the same, unless no knob has two levels.
+/// `settings` with one knob changed; unchanged only if no knob has two levels.
 pub(crate) fn mutate_one(
     space: &KnobSpace,
     settings: RenderSettings,
@@ -42,7 +42,7 @@ pub(crate) fn mutate_one(
         .map_or(settings, |knob| change(space, settings, knob, random))
 }
 
-/// Every level drawn evenly.
+/// Uniformly sampled levels.
 pub(crate) fn any(space: &KnobSpace, random: &mut impl Rng) -> RenderSettings {
     space.from_levels(|_, knob| random.random_range(0..knob.levels.len()))
 }

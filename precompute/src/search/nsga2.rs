@@ -1,11 +1,11 @@
 //! NSGA-II (Deb, Pratap, Agarwal, Meyarivan 2002, "A fast and elitist multiobjective genetic
 //! algorithm: NSGA-II", section III-C).
 //!
-//! What differs from the paper, because an evaluation is a rendering: offspring that are known
-//! already are replaced by unseen ones; the frontier is taken from everything evaluated and not
-//! from the last population; with a small allowance generations are smaller, so that there are
-//! several; and the last third of the evaluations goes into the frontier's gaps. A space that is
-//! small enough is enumerated.
+//! Differences from the paper, because an evaluation is a rendering: known offspring are replaced
+//! by unseen ones; the frontier is taken from everything evaluated and not from the last
+//! population; with a small evaluation budget generations are smaller, so that there are several;
+//! and the last third of the evaluations is infill of the frontier. A space that is small enough is
+//! enumerated.
 
 use std::collections::HashSet;
 
@@ -18,31 +18,31 @@ use rand_chacha::ChaCha8Rng;
 use super::cached::Cached;
 use super::crossover::swap_levels;
 use super::crowding::{fitness, survivors};
-use super::{Evaluate, SearchConfig, gaps, mutation, seeding};
+use super::{Evaluate, SearchConfig, infill, mutation, seeding};
 
-/// Most of the evaluations that go into inherited settings, as a ratio.
+/// Greatest share of the evaluations for inherited settings, as a ratio.
 const INHERITED: (usize, usize) = (1, 2);
 
-/// Probability that two parents swap levels and are not only mutated (Deb et al. 2002, section V).
+/// Probability of crossover in addition to mutation (Deb et al. 2002, section V).
 const CROSSOVER: f64 = 0.9;
-/// Share of the evaluations for the frontier's gaps.
-const GAPS: f64 = 0.35;
-/// Most combinations that are counted exactly, knobs without effect left out: far more than are
-/// ever enumerated.
+/// Share of the evaluations for infill.
+const INFILL: f64 = 0.35;
+/// Greatest number of combinations that is counted exactly, without inactive knobs: far more than
+/// is ever enumerated.
 const COUNTABLE: u64 = 1 << 22;
-/// Tries at mutating a known offspring into an unseen one before others are drawn, and tries at
-/// drawing one.
+/// Attempts at mutating a known offspring into an unseen one before sampling others, and attempts
+/// at sampling one.
 const TRIES: usize = 16;
 
-/// What a search found.
+/// Result of a search.
 #[derive(Clone, Debug, PartialEq)]
 pub struct SearchOutcome {
-    /// Of everything evaluated. Empty only when no evaluation was finite, or the search was stopped
-    /// before the first.
+    /// Frontier of everything evaluated. Empty only if no evaluation was finite, or the search was
+    /// stopped before the first.
     pub frontier: Frontier,
-    /// Evaluations that were made.
+    /// Number of evaluations.
     pub evaluations: usize,
-    /// Whether the search ended by itself.
+    /// Whether the search ended without being stopped.
     pub complete: bool,
 }
 
@@ -55,12 +55,12 @@ pub struct Search<'a> {
 }
 
 impl<'a> Search<'a> {
-    /// Searches `space` as `config` says.
+    /// A search of `space` by `config`.
     pub fn new(space: &'a KnobSpace, config: SearchConfig) -> Self {
         Self { space, config, combinations: combinations(space) }
     }
 
-    /// Most evaluations that a search takes by itself.
+    /// Evaluation budget of the search.
     pub fn limit(&self) -> usize {
         let evolving = self.config.evaluations(self.combinations);
         let limit = self.config.max_evaluations.unwrap_or(evolving);
@@ -69,8 +69,8 @@ impl<'a> Search<'a> {
         if all <= limit { all } else { limit.min(evolving).max(2) }
     }
 
-    /// Finds the frontier. Those of `inherit` that are of the space are evaluated first;
-    /// `keep_going` is asked before every evaluation.
+    /// Finds the frontier. Settings of `inherit` that are in the space are evaluated first;
+    /// `keep_going` is called before every evaluation.
     ///
     /// # Errors
     /// When an evaluation fails.
@@ -95,8 +95,8 @@ impl<'a> Search<'a> {
     }
 }
 
-/// How many different settings there are; in spaces far beyond enumeration, how many names for
-/// settings, at most `u64::MAX`.
+/// Number of different settings; in spaces far beyond enumeration, number of their names, at most
+/// `u64::MAX`.
 fn combinations(space: &KnobSpace) -> u64 {
     let names =
         space.knobs().iter().map(|knob| knob.levels.len() as u64).fold(1, u64::saturating_mul);
@@ -117,15 +117,14 @@ struct Run<'r, 's, 'e, E> {
 impl<E: Evaluate> Run<'_, '_, '_, E> {
     fn explore(&mut self, inherit: &[RenderSettings]) -> Result<(), E::Error> {
         let space = self.search.space;
-        // The ends first: without them a frontier cut short says nothing about the range of
-        // budgets.
+        // The ends first: without them an interrupted frontier does not cover the range of budgets.
         self.measure(space.highest())?;
         self.measure(space.lowest())?;
         for settings in seeding::spread(space, inherit, self.limit * INHERITED.0 / INHERITED.1) {
             self.measure(settings)?;
         }
         if self.search.combinations <= self.limit as u64 {
-            // In random order, so that an early end leaves a fair sample.
+            // In random order, so that an early end leaves an unbiased sample.
             let mut all: Vec<RenderSettings> = space.iter().collect();
             all.shuffle(&mut self.random);
             return all.into_iter().try_for_each(|settings| self.measure(settings).map(drop));
@@ -134,7 +133,7 @@ impl<E: Evaluate> Run<'_, '_, '_, E> {
             self.seed_cold()?;
         }
         self.evolve()?;
-        self.fill_gaps()
+        self.infill()
     }
 
     fn seed_cold(&mut self) -> Result<(), E::Error> {
@@ -142,19 +141,19 @@ impl<E: Evaluate> Run<'_, '_, '_, E> {
         for settings in seeding::presets(space) {
             self.measure(settings)?;
         }
-        let probes = seeding::probes(space);
+        let one_at_a_time = seeding::one_at_a_time(space);
         let Some(highest) = self.measure(space.highest())? else { return Ok(()) };
-        // Probes pay when there is enough left to use what they say.
-        if self.cached.len() + 2 * probes.len() > self.limit {
+        // Screening is worthwhile only with enough evaluations left to use its results.
+        if self.cached.len() + 2 * one_at_a_time.len() > self.limit {
             return Ok(());
         }
-        let mut probed = Vec::new();
-        for (knob, settings) in probes {
+        let mut effects = Vec::new();
+        for (knob, settings) in one_at_a_time {
             if let Some(point) = self.measure(settings)? {
-                probed.push((knob, point.cost));
+                effects.push((knob, point.cost));
             }
         }
-        for settings in seeding::descent(space, highest.cost, &probed) {
+        for settings in seeding::descent(space, highest.cost, &effects) {
             self.measure(settings)?;
         }
         Ok(())
@@ -162,17 +161,17 @@ impl<E: Evaluate> Run<'_, '_, '_, E> {
 
     fn evolve(&mut self) -> Result<(), E::Error> {
         let capacity = self.search.config.population.max(4);
-        let until = self.limit - (self.limit as f64 * GAPS) as usize;
+        let until = self.limit - (self.limit as f64 * INFILL) as usize;
         let mut population = survivors(self.points(), capacity);
-        // Random settings keep the population diverse, but almost all are beaten: no more of them
-        // than a quarter of the allowance brings in.
+        // Random settings keep the population diverse, but almost all are dominated: at most a
+        // quarter of the evaluation budget.
         while population.len() < capacity.min(self.limit / 4) && self.may_spend(until) {
             let random = mutation::any(self.search.space, &mut self.random);
             let Some(settings) = self.unseen(random, &HashSet::new()) else { break };
             population.extend(self.measure(settings)?);
         }
-        // As in the paper where there is time for many generations; smaller ones, which learn
-        // sooner, where there is not.
+        // Generations as in the paper if the budget allows many; otherwise smaller ones, which
+        // converge in fewer evaluations.
         let batch = capacity.min((until.saturating_sub(self.cached.len()) / 8).max(4));
         while self.may_spend(until) {
             let offspring = self.offspring(&population, batch.min(until - self.cached.len()));
@@ -187,12 +186,12 @@ impl<E: Evaluate> Run<'_, '_, '_, E> {
         Ok(())
     }
 
-    fn fill_gaps(&mut self) -> Result<(), E::Error> {
+    fn infill(&mut self) -> Result<(), E::Error> {
         while self.may_spend(self.limit) {
             let frontier = Frontier::from_points(self.points());
             let cached = &self.cached;
             let proposed =
-                gaps::propose(self.search.space, &frontier, &mut self.random, |settings| {
+                infill::propose(self.search.space, &frontier, &mut self.random, |settings| {
                     cached.knows(settings)
                 });
             let settings = match proposed {
@@ -210,8 +209,8 @@ impl<E: Evaluate> Run<'_, '_, '_, E> {
         Ok(())
     }
 
-    /// `count` unseen settings, or fewer when there are no more: by binary tournaments, crossover
-    /// and mutation.
+    /// `count` unseen settings, or fewer if there are no more, by binary tournaments, crossover and
+    /// mutation.
     fn offspring(&mut self, population: &[FrontierPoint], count: usize) -> Vec<RenderSettings> {
         let space = self.search.space;
         let probability =
@@ -223,11 +222,11 @@ impl<E: Evaluate> Run<'_, '_, '_, E> {
             let winner = if fitness[b].compare(fitness[a]).is_lt() { b } else { a };
             population[winner].settings
         };
-        let mut drawn = Vec::new();
-        while drawn.len() < count {
+        let mut candidates = Vec::new();
+        while candidates.len() < count {
             if population.is_empty() {
-                // Nothing finite so far: keep looking anywhere.
-                drawn.push(mutation::any(space, random));
+                // No finite cost so far: samples at random.
+                candidates.push(mutation::any(space, random));
                 continue;
             }
             let parents = [0; 2].map(|_| tournament(random));
@@ -236,12 +235,13 @@ impl<E: Evaluate> Run<'_, '_, '_, E> {
             } else {
                 parents
             };
-            drawn.extend(children.map(|child| mutation::mutate(space, child, probability, random)));
+            candidates
+                .extend(children.map(|child| mutation::mutate(space, child, probability, random)));
         }
-        drawn.truncate(count);
+        candidates.truncate(count);
         let mut planned = HashSet::new();
         let mut offspring = Vec::new();
-        for settings in drawn {
+        for settings in candidates {
             let Some(settings) = self.unseen(settings, &planned) else { break };
             planned.insert(settings);
             offspring.push(settings);
@@ -249,8 +249,8 @@ impl<E: Evaluate> Run<'_, '_, '_, E> {
         offspring
     }
 
-    /// `settings`, or else something near them, or else anything, that is neither known nor
-    /// `planned`. `None` when there is no more.
+    /// `settings`, or else settings near them, or else any, that are neither known nor `planned`.
+    /// `None` if there are no more.
     fn unseen(
         &mut self,
         settings: RenderSettings,
@@ -276,7 +276,7 @@ impl<E: Evaluate> Run<'_, '_, '_, E> {
                 return Some(candidate);
             }
         }
-        // Almost everything is known, so this ends soon after it has passed the known ones.
+        // Almost everything is known, so the scan ends soon after the known settings.
         space.iter().find(|settings| new(*settings))
     }
 
@@ -288,8 +288,8 @@ impl<E: Evaluate> Run<'_, '_, '_, E> {
         self.cached.len() < until && self.complete
     }
 
-    /// The cost of `settings`, evaluated unless known. `None` where that is not finite, or nothing
-    /// more may be evaluated.
+    /// The cost of `settings`, evaluated unless known. `None` where it is not finite, or the
+    /// evaluation budget is spent.
     fn measure(&mut self, settings: RenderSettings) -> Result<Option<FrontierPoint>, E::Error> {
         let settings = self.search.space.canonical(settings);
         if !self.cached.knows(settings) {

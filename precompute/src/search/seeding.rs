@@ -1,11 +1,11 @@
-//! What a search evaluates first.
+//! Initial evaluations of a search.
 //!
-//! With a neighbour's frontier at hand that comes first (Wang et al. 2016, section 3.5.1.2:
-//! children start from their parents' settings). Without one the source starts at random, which
-//! wastes a small allowance: almost all random settings are beaten. Instead each knob is lowered
-//! alone to see what it saves and what it spoils, and then all are lowered one after the other, the
-//! cheapest error per watt first. Were power and error sums over the knobs, those steps would be
-//! exactly the convex part of the frontier (the greedy fractional knapsack, Dantzig 1957).
+//! A neighbour's frontier, if known, comes first (Wang et al. 2016, section 3.5.1.2: children start
+//! from their parents' settings). Without one the source starts at random, which wastes a small
+//! evaluation budget: almost all random settings are dominated. Instead each knob is lowered alone
+//! to measure its saving and its error (one-at-a-time screening), and then all are lowered in
+//! sequence, the least error per watt first. Were power and error sums over the knobs, those steps
+//! would be exactly the convex part of the frontier (the greedy fractional knapsack, Dantzig 1957).
 
 use bevy_frugal_gi::frontier::CostPoint;
 use bevy_frugal_gi::knobs::{KnobSpace, RenderSettings};
@@ -24,26 +24,27 @@ pub(crate) fn spread(
     (0..count).map(|index| unique[index * unique.len() / count]).collect()
 }
 
-/// The presets that engines ship, between the highest and the lowest.
+/// Presets as engines ship them, between the highest and the lowest.
 pub(crate) fn presets(space: &KnobSpace) -> [RenderSettings; 3] {
     [0.5, 0.25, 0.75].map(|share| space.preset(share))
 }
 
-/// The knobs that can be lowered, and the highest settings with each of them alone at its lowest.
-pub(crate) fn probes(space: &KnobSpace) -> Vec<(usize, RenderSettings)> {
+/// One-at-a-time screening: the knobs that can be lowered, each with the highest settings but that
+/// knob at its lowest.
+pub(crate) fn one_at_a_time(space: &KnobSpace) -> Vec<(usize, RenderSettings)> {
     let highest = space.highest();
     let movable = (0..space.len()).filter(|knob| space.knobs()[*knob].levels.len() > 1);
     movable.map(|knob| (knob, highest.with_level(knob, 0))).collect()
 }
 
-/// From the highest settings downwards, knob by knob, those first that spoil the least per watt
-/// saved. Knobs whose probe saved nothing are left alone.
+/// Settings from the highest downwards, lowering knob by knob in the order of error per watt saved.
+/// Knobs that saved nothing in the screening stay at their highest.
 pub(crate) fn descent(
     space: &KnobSpace,
     highest: CostPoint,
-    probed: &[(usize, CostPoint)],
+    effects: &[(usize, CostPoint)],
 ) -> Vec<RenderSettings> {
-    let mut saving: Vec<(usize, f64)> = probed
+    let mut saving: Vec<(usize, f64)> = effects
         .iter()
         .filter(|(_, cost)| cost.is_finite() && cost.power < highest.power)
         .map(|(knob, cost)| {
@@ -79,15 +80,15 @@ mod tests {
     #[test]
     fn the_cheapest_error_per_watt_goes_first() {
         let space = space();
-        let probes = probes(&space);
-        assert_eq!(probes.iter().map(|(knob, _)| *knob).collect::<Vec<_>>(), [0, 1, 3]);
-        // 0.1 per watt, 0.05 per watt, and one that costs power.
-        let probed = [
+        let one_at_a_time = one_at_a_time(&space);
+        assert_eq!(one_at_a_time.iter().map(|(knob, _)| *knob).collect::<Vec<_>>(), [0, 1, 3]);
+        // 0.1 per watt, 0.05 per watt, and a knob whose lowering costs power.
+        let effects = [
             (0, CostPoint::new(9.0, 0.1)),
             (1, CostPoint::new(8.0, 0.1)),
             (3, CostPoint::new(10.5, 0.0)),
         ];
-        let steps = descent(&space, CostPoint::new(10.0, 0.0), &probed);
+        let steps = descent(&space, CostPoint::new(10.0, 0.0), &effects);
         assert_eq!(
             steps,
             [space.highest().with_level(1, 0), space.highest().with_level(1, 0).with_level(0, 0)]

@@ -1,4 +1,4 @@
-//! The project's own search at one camera, as it is part of making a map: screening, then rounds of
+//! The project's own search at one camera, as in precomputation: screening, then rounds of
 //! proposals on models of power and error.
 
 use bevy_frugal_gi::frontier::CostPoint;
@@ -10,16 +10,15 @@ use super::others::Others;
 use crate::cost::{CostModel, CostReading, Work};
 use crate::pool::{Proposal, Screening, propose, round_seed, screening_settings};
 
-/// With nothing known.
+/// Without prior knowledge.
 pub(super) fn cold(recorded: &Recorded, batch: usize, seed: u64, lookup: &mut Lookup<'_>) {
     lookup.ask_all(screening_settings(&recorded.space));
     let screening = Screening::of(&recorded.space, &lookup.known);
     rounds(recorded, &screening, batch, seed, lookup);
 }
 
-/// With other cameras known: they say what knobs do, so that nothing is screened, and what settings
-/// cost, but for what this camera has of its own. When they have nothing left to propose, the
-/// search goes on as at a camera of which nothing is known.
+/// With readings of other cameras, which replace the screening and provide the prior of the models.
+/// When these models have no more proposals, the search continues as at an unknown camera.
 pub(super) fn warm(
     recorded: &Recorded,
     others: &Others,
@@ -40,7 +39,7 @@ pub(super) fn warm(
     rounds(recorded, others.screening(), batch, seed, lookup);
 }
 
-/// Rounds of proposals, until all goals are reached or nothing more is proposed.
+/// Rounds of proposals, until all goals are reached or there are no more proposals.
 fn rounds(
     recorded: &Recorded,
     screening: &Screening,
@@ -63,7 +62,7 @@ fn rounds(
         let errors: Vec<_> =
             readings.iter().map(|(settings, cost)| (*settings, cost.error)).collect();
         let proposal = Proposal { space, screening, cost: &cost, layout, errors: &errors };
-        // What the table lacks has no reading, and so is proposed again.
+        // Settings that the table lacks have no reading, and so are proposed again.
         let proposed = propose(&proposal, batch + lookup.missing(), round_seed(seed, round));
         let fresh: Vec<_> = proposed
             .into_iter()

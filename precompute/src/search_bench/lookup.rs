@@ -1,4 +1,4 @@
-//! Answers from a table, and counts.
+//! Look-ups in a table, with a count of renderings.
 
 use bevy_frugal_gi::frontier::CostPoint;
 use bevy_frugal_gi::knobs::RenderSettings;
@@ -8,16 +8,16 @@ use super::run::Goal;
 use crate::search::Evaluate;
 use crate::table::CostTable;
 
-/// What a table does not hold is never chosen.
+/// Cost of settings that the table lacks: never selected.
 const MISSING: CostPoint = CostPoint::new(f64::INFINITY, f64::INFINITY);
 
-/// A camera of which only what was asked for is known.
+/// A camera of which only requested settings are known.
 #[derive(Debug)]
 pub(super) struct Lookup<'a> {
     recorded: &'a Recorded,
     goals: &'a [Goal],
-    /// One row: what was asked for, in that order. What the table lacks is in it, without a finite
-    /// cost.
+    /// One row: the requested settings, in order. Settings that the table lacks are in it, without
+    /// a finite cost.
     pub known: CostTable,
     /// Renderings until each goal was reached.
     pub reached: Vec<Option<usize>>,
@@ -35,7 +35,8 @@ impl<'a> Lookup<'a> {
         }
     }
 
-    /// What `settings` cost. The first time it is a rendering, unless the table lacks them.
+    /// The cost of `settings`. The first request counts as a rendering, unless the table lacks
+    /// them.
     pub fn ask(&mut self, settings: RenderSettings) -> CostPoint {
         let settings = self.recorded.space.canonical(settings);
         if self.is_known(settings) {
@@ -53,7 +54,7 @@ impl<'a> Lookup<'a> {
         cost
     }
 
-    /// The same one after the other, until all goals are reached.
+    /// The same for several settings, until all goals are reached.
     pub fn ask_all(&mut self, settings: impl IntoIterator<Item = RenderSettings>) {
         for settings in settings {
             if self.is_done() {
@@ -63,7 +64,7 @@ impl<'a> Lookup<'a> {
         }
     }
 
-    /// Whether `settings` were asked for.
+    /// Whether `settings` were requested.
     pub fn is_known(&self, settings: RenderSettings) -> bool {
         self.known.column(settings).is_some()
     }
@@ -73,12 +74,12 @@ impl<'a> Lookup<'a> {
         self.reached.iter().all(Option::is_some)
     }
 
-    /// Combinations that were asked for and that the table lacks.
+    /// Number of requested combinations that the table lacks.
     pub fn missing(&self) -> usize {
         self.known.settings().len() - self.renderings
     }
 
-    /// What was asked for and is in the table.
+    /// Requested settings that the table has, with their costs.
     pub fn readings(&self) -> Vec<(RenderSettings, CostPoint)> {
         self.known
             .settings()
@@ -88,7 +89,7 @@ impl<'a> Lookup<'a> {
     }
 }
 
-/// All goals are reached: ends a search that would go on.
+/// All goals are reached: ends a search.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Done;
 

@@ -1,20 +1,19 @@
-//! Searches against recorded tables: how many renderings each takes until it knows as good settings
-//! as the whole table holds.
+//! Search methods on recorded tables: number of renderings until a method's best settings are as
+//! good as those of the whole table.
 //!
-//! A table holds every combination of some knobs at one camera, so a search can be run again and
-//! again, from any seed, and nothing is rendered. What counts as a rendering is a combination that
-//! a search looks up for the first time. The reference image, which each of them needs, does not
-//! count. Knows no renderer.
+//! A table holds every combination of some knobs at one camera, so searches can be repeated from
+//! any seed without rendering. The first look-up of a combination counts as a rendering. The
+//! reference image, which all methods need, does not count. Independent of the renderer.
 //!
-//! | method | what it does |
+//! | method | description |
 //! |---|---|
 //! | `random` | combinations of the table in random order |
 //! | `nsga2` | [`Search`](crate::search::Search), evaluated on the table |
-//! | `frugal-cold` | as a map is made: screening, then rounds of proposals on models of power and error |
-//! | `frugal-warm` | the same, with what other cameras tell in place of the screening, and under the models |
+//! | `frugal-cold` | as in precomputation: screening, then rounds of proposals on models of power and error |
+//! | `frugal-warm` | the same, with readings of other cameras in place of the screening, and as the models' prior |
 //!
-//! The last two draw at random only where they search their models. Where that finds the models'
-//! frontier, all seeds ask for the same settings.
+//! The last two are random only in the search of their models. Where that finds the models'
+//! frontier, all seeds request the same settings.
 
 mod frugal;
 mod lookup;

@@ -1,7 +1,7 @@
-//! What other cameras tell of one: every settings' error and power there, and which knobs act.
+//! Models of one camera from readings of others: error and power of all settings, and active knobs.
 //!
-//! ln e = mean over the other cameras of ln e, plus a Gaussian process over what is left here. ln p
-//! likewise, plus one number for the camera.
+//! ln e = mean over the other cameras of ln e, plus a Gaussian process over the residuals here. ln
+//! p likewise, plus one offset for the camera.
 
 use std::collections::HashMap;
 use std::convert::Infallible;
@@ -17,7 +17,7 @@ use crate::pool::{
 use crate::search::{Evaluate, Search};
 use crate::table::CostTable;
 
-/// Readings that this camera's own power counts as already there, at that of the others.
+/// Prior weight, in readings, of an offset of 0 of this camera's power.
 const CAMERA_PRIOR: f64 = 1.0;
 
 /// Mean logarithms over the other cameras.
@@ -27,25 +27,26 @@ struct Mean {
     error: f64,
 }
 
-/// What other cameras tell.
+/// Prior knowledge from other cameras.
 #[derive(Debug)]
 pub(super) struct Others {
     screening: Screening,
     means: HashMap<RenderSettings, Mean>,
 }
 
-/// Both models at this camera, as something to search.
+/// Both models at this camera, as the objectives of a search.
 struct Models<'a> {
     others: &'a Others,
-    /// Without readings: what the error model says before.
+    /// The error model's prediction without readings.
     before: ErrorModel<'a>,
-    /// Of readings that differ from `before` as those here differ from the other cameras' mean.
+    /// Fitted to readings that deviate from `before` as those here deviate from the other cameras'
+    /// mean.
     after: ErrorModel<'a>,
     power: f64,
 }
 
 impl Others {
-    /// `None` where there is no other camera.
+    /// `None` without other cameras.
     pub fn of(recorded: &Recorded) -> Option<Self> {
         let table = &recorded.others;
         let mean = |settings: &RenderSettings| {
@@ -69,9 +70,9 @@ impl Others {
         &self.screening
     }
 
-    /// Up to `count` settings that were not asked for yet: those that together gain most over what
-    /// is known here, by what is expected of them; then those on the expected frontier that lie
-    /// farthest in power from all that is known.
+    /// Up to `count` settings that were not requested yet: those of greatest expected gain over the
+    /// known ones; then those on the predicted frontier that are farthest in power from all known
+    /// ones.
     pub fn propose(
         &self,
         space: &KnobSpace,
@@ -142,17 +143,18 @@ impl Evaluate for Models<'_> {
     }
 }
 
-/// Those in `table` that are not `chosen` and farthest from them in the logarithm of power.
+/// The settings in `table` that are not `chosen` and are farthest from them in the logarithm of
+/// power.
 fn farthest(table: &CostTable, chosen: &[RenderSettings]) -> Option<RenderSettings> {
     let power = |settings: &RenderSettings| {
         table.get(0, *settings).map_or(f64::NAN, |cost| cost.power.0.ln())
     };
     let near: Vec<f64> = chosen.iter().map(power).collect();
-    let gap = |settings: &RenderSettings| {
+    let distance = |settings: &RenderSettings| {
         near.iter().map(|other| (other - power(settings)).abs()).fold(f64::INFINITY, f64::min)
     };
     let open = table.settings().iter().filter(|settings| !chosen.contains(settings));
-    open.copied().max_by(|a, b| gap(a).total_cmp(&gap(b)))
+    open.copied().max_by(|a, b| distance(a).total_cmp(&distance(b)))
 }
 
 fn logarithm(error: f64) -> f64 {

@@ -1,4 +1,4 @@
-//! A recorded table, and those of other cameras, in terms of the same settings.
+//! A recorded table, and those of other cameras, in one knob space.
 
 use std::collections::BTreeMap;
 
@@ -8,56 +8,58 @@ use bevy_frugal_gi::knobs::{Knob, KnobSpace, Need, RenderSettings};
 use crate::cost::FrameLayout;
 use crate::table::{ASSUMED_LAYOUT, CostTable, SweepTable};
 
-/// Why tables cannot be used together, or for what is asked.
+/// Why tables cannot be used together, or for the requested errors.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum RecordedError {
-    /// Another table has other knobs, or other levels of them.
+    /// The knobs or levels of the tables differ.
     #[error(
         "its knobs are {here}, those of the searched table {there}: sweep both with the same `--knobs`"
     )]
     OtherKnobs {
-        /// The other table's.
+        /// The other table's value.
         here: String,
-        /// The searched table's.
+        /// The searched table's value.
         there: String,
     },
-    /// Another table was recorded under other conditions.
-    #[error("its {what} is {here}, that of the searched table {there}: sweep both alike")]
+    /// The conditions of the tables differ.
+    #[error(
+        "its {what} is {here}, that of the searched table {there}: sweep both under the same conditions"
+    )]
     OtherConditions {
-        /// What differs.
+        /// The condition.
         what: &'static str,
-        /// The other table's.
+        /// The other table's value.
         here: String,
-        /// The searched table's.
+        /// The searched table's value.
         there: String,
     },
-    /// Another table is the searched one.
+    /// Another table equals the searched one.
     #[error("it holds the same readings as the searched table: give tables of other cameras")]
     SameReadings,
-    /// No combination is good enough.
+    /// No combination has as little error.
     #[error(
         "no combination has an error of at most {error}, the least is {least:.4}: ask for errors above it with `--errors`"
     )]
     NoneWithin {
-        /// What was asked for.
+        /// The requested error.
         error: f64,
         /// The least error of the table.
         least: f64,
     },
 }
 
-/// The table that is searched, and what is known of other cameras. Its knobs have only the levels
-/// that the table has.
+/// The searched table, and readings of other cameras. Its knobs have only the levels that occur in
+/// the table.
 #[derive(Clone, Debug)]
 pub struct Recorded {
     /// The knobs, with the levels that occur in the table.
     pub space: KnobSpace,
-    /// What work depends on beside them.
+    /// Parameters of the work model other than settings.
     pub layout: FrameLayout,
-    /// What each combination of the table costs.
+    /// Cost of each combination of the table.
     pub costs: BTreeMap<RenderSettings, CostPoint>,
-    /// What is known of other cameras, a row for each.
+    /// Readings of other cameras, a row for each.
     pub others: CostTable,
 }
 
@@ -65,7 +67,7 @@ impl Recorded {
     /// Searches `table`; `others` are tables of other cameras.
     ///
     /// # Errors
-    /// The position of a table in `others` that does not fit, and why.
+    /// The index of a table in `others` that does not fit, and the reason.
     pub fn new(table: &SweepTable, others: &[SweepTable]) -> Result<Self, (usize, RecordedError)> {
         let levels = Levels::of(table);
         let space = levels.space();
@@ -105,7 +107,7 @@ impl Recorded {
     }
 }
 
-/// Whether readings of `other` say something about `table`.
+/// Checks that `other` is comparable with `table`.
 fn fits(table: &SweepTable, other: &SweepTable) -> Result<(), RecordedError> {
     let same = |a: &Knob, b: &Knob| {
         a.name == b.name && a.levels.iter().map(|l| &l.label).eq(b.levels.iter().map(|l| &l.label))
@@ -114,7 +116,7 @@ fn fits(table: &SweepTable, other: &SweepTable) -> Result<(), RecordedError> {
     if there.len() != here.len() || there.iter().zip(here).any(|(a, b)| !same(a, b)) {
         return Err(RecordedError::OtherKnobs { here: names(here), there: names(there) });
     }
-    // A search that knows the answers would prove nothing.
+    // The searched table itself would make the benchmark meaningless.
     if table.points == other.points {
         return Err(RecordedError::SameReadings);
     }
@@ -129,7 +131,7 @@ fn fits(table: &SweepTable, other: &SweepTable) -> Result<(), RecordedError> {
     )
 }
 
-/// Where both files say something, they must say the same.
+/// Checks that values are equal where both files have them.
 fn alike<T: PartialEq + std::fmt::Debug>(
     what: &'static str,
     there: &Option<T>,
@@ -154,7 +156,7 @@ fn names(knobs: &[Knob]) -> String {
         .join(", ")
 }
 
-/// Which levels of its knobs occur in a table.
+/// Levels that occur in a table.
 struct Levels<'a> {
     space: &'a KnobSpace,
     /// Levels by knob, ascending.
@@ -175,8 +177,8 @@ impl<'a> Levels<'a> {
         }
     }
 
-    /// The space of these levels alone. What needs a level of another knob needs the first that is
-    /// left of it and those above.
+    /// The space of these levels alone. A dependence on a level of another knob becomes one on the
+    /// lowest remaining level at or above it.
     fn space(&self) -> KnobSpace {
         let knob = |(knob, levels): (&Knob, &Vec<usize>)| Knob {
             name: knob.name.clone(),
@@ -187,8 +189,7 @@ impl<'a> Levels<'a> {
                 .map(|need| Need { at_least: self.at_least(need), ..need.clone() }),
         };
         let knobs = self.space.knobs().iter().zip(&self.occurring).map(knob).collect();
-        // Names and values are those of a sound space, and there is a level of each knob, as long
-        // as there is a row.
+        // Names and values are those of a valid space, and each knob has a level if there is a row.
         KnobSpace::new(knobs).unwrap_or_default()
     }
 
@@ -198,8 +199,7 @@ impl<'a> Levels<'a> {
             .map_or(need.at_least, |levels| levels.partition_point(|level| *level < need.at_least))
     }
 
-    /// Settings of the table's space in that of the levels alone; `None` where they have another
-    /// level.
+    /// Converts settings to the space of these levels; `None` where they have another level.
     fn settings(&self, settings: RenderSettings) -> Option<RenderSettings> {
         self.occurring.iter().enumerate().try_fold(
             RenderSettings::default(),
@@ -242,7 +242,7 @@ mod tests {
             recorded.space.knobs().iter().map(|knob| knob.levels.len()).collect::<Vec<_>>(),
             [3, 3, 1]
         );
-        // Rays still need the upper counts: the third of the three that are left.
+        // Rays still need the upper counts: the third of the three that remain.
         assert_eq!((recorded.space.combinations(), recorded.costs.len()), (5, 5));
         assert!(recorded.space.iter().all(|settings| recorded.costs.contains_key(&settings)));
         assert_eq!((recorded.others.rows(), recorded.others.settings().len()), (1, 5));
@@ -276,7 +276,7 @@ mod tests {
         let error = Recorded::new(&slow, &[whole, fast]).expect_err("another rate");
         assert_eq!(
             error.1.to_string(),
-            "its frame rate is 30.0, that of the searched table 15.0: sweep both alike"
+            "its frame rate is 30.0, that of the searched table 15.0: sweep both under the same conditions"
         );
     }
 }

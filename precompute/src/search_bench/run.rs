@@ -1,4 +1,4 @@
-//! Runs every method from every seed, and says what they came to.
+//! Runs every method from every seed, and summarises the results.
 
 use std::ops::ControlFlow;
 
@@ -14,24 +14,24 @@ use super::others::Others;
 use super::{Recorded, RecordedError, frugal};
 use crate::search::{Search, SearchConfig};
 
-/// Where a table lacks most combinations, NSGA-II asks for at most this many for each that it
-/// holds.
+/// Limit of NSGA-II's requests, per combination of the table, where the table lacks most
+/// combinations.
 const MOST_ASKED: usize = 10;
 
-/// What is run.
+/// Configuration of the benchmark.
 #[derive(Clone, Debug, PartialEq)]
 pub struct SearchRuns {
     /// Errors at which power is compared.
     pub errors: Vec<f64>,
-    /// Share by which a search's power may be above the table's best.
+    /// Tolerance of a search's power above the table's best, as a share.
     pub within: f64,
-    /// How often each method is run: seeds 0, 1, ….
+    /// Runs of each method: seeds 0, 1, ….
     pub seeds: u64,
-    /// Settings that are proposed together.
+    /// Settings proposed per round.
     pub batch: usize,
 }
 
-/// How a table is searched.
+/// Search methods.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Method {
@@ -39,14 +39,14 @@ pub enum Method {
     Random,
     /// [`Search`], on the table itself.
     Nsga2,
-    /// The project's own, with nothing known.
+    /// The project's own, without prior knowledge.
     FrugalCold,
-    /// The project's own, with other cameras known.
+    /// The project's own, with readings of other cameras.
     FrugalWarm,
 }
 
 impl Method {
-    /// As in the JSON.
+    /// The name in the JSON.
     pub const fn name(self) -> &'static str {
         match self {
             Self::Random => "random",
@@ -57,35 +57,35 @@ impl Method {
     }
 }
 
-/// What is to be reached.
+/// A goal of searches.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Goal {
-    /// Most error.
+    /// Greatest error.
     pub error: f64,
     /// Least power at that error in the whole table.
     pub best_w: f64,
-    /// Power that is as good as the best.
+    /// Power at which the goal counts as reached.
     pub enough_w: f64,
 }
 
-/// Quartiles of renderings over the seeds. `None` where it lies among the seeds that did not get
-/// there.
+/// Quartiles of renderings over the seeds. `None` where a quartile is among the seeds that did not
+/// reach the goal.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
 pub struct Spread {
-    /// A quarter of the seeds needs no more.
+    /// First quartile.
     pub lower_quartile: Option<f64>,
-    /// Half of them.
+    /// Median.
     pub median: Option<f64>,
-    /// Three quarters.
+    /// Third quartile.
     pub upper_quartile: Option<f64>,
 }
 
-/// What a method needs at one goal.
+/// Renderings of a method for one goal.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct GoalResult {
     /// The goal's error.
     pub error: f64,
-    /// Share of the seeds that got there.
+    /// Share of the seeds that reached it.
     pub reached: f64,
     /// Quartiles.
     #[serde(flatten)]
@@ -94,22 +94,22 @@ pub struct GoalResult {
     pub renderings: Vec<Option<usize>>,
 }
 
-/// What a method needs.
+/// Renderings of a method.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct MethodResult {
     /// The method.
     pub method: Method,
     /// By goal.
     pub goals: Vec<GoalResult>,
-    /// Most combinations that a run asked for and that the table lacks.
+    /// Greatest number of combinations that a run requested and the table lacks.
     pub missing: usize,
 }
 
 impl SearchRuns {
-    /// What is to be reached in a table.
+    /// The goals of searches in a table.
     ///
     /// # Errors
-    /// When no combination has as little error.
+    /// When no combination has as little error as requested.
     pub fn goals(&self, recorded: &Recorded) -> Result<Vec<Goal>, RecordedError> {
         let goal = |error: &f64| {
             let best = recorded.least_power(*error);
@@ -123,8 +123,8 @@ impl SearchRuns {
     }
 }
 
-/// Runs every method; the last one only where other cameras are known. `report` is asked after
-/// every run whether to go on: `None` where not.
+/// Runs every method; the last one only with other cameras. `report` is called after every run;
+/// `None` if it breaks.
 pub fn run(
     recorded: &Recorded,
     runs: &SearchRuns,
@@ -168,7 +168,8 @@ fn search(
 
 fn nsga2(recorded: &Recorded, seed: u64, lookup: &mut Lookup<'_>) {
     let all = usize::try_from(recorded.space.combinations()).unwrap_or(usize::MAX);
-    // One less than all: what may take all of them enumerates. As many generations as it takes.
+    // One less than all, because a search with a budget for all enumerates. Enough generations for
+    // the budget.
     let most = all.saturating_sub(1).min(MOST_ASKED * recorded.costs.len());
     let config = SearchConfig {
         seed,
@@ -176,8 +177,8 @@ fn nsga2(recorded: &Recorded, seed: u64, lookup: &mut Lookup<'_>) {
         max_evaluations: Some(most),
         ..Default::default()
     };
-    // It ends by itself, or with an error when all goals are reached: what it took is in the
-    // look-up either way.
+    // Ends by itself, or with an error when all goals are reached; the look-up has the count in
+    // both cases.
     let _ = Search::new(&recorded.space, config).run(lookup, &[], &mut |_| true);
 }
 
@@ -205,11 +206,11 @@ impl Spread {
             .collect();
         sorted.sort_by(f64::total_cmp);
         let at = |share: f64| {
-            let place = share * (sorted.len().checked_sub(1)?) as f64;
-            let (low, high) = (sorted[place.floor() as usize], sorted[place.ceil() as usize]);
-            // Between two of them; where they are equal there is nothing between, which matters for
-            // those that are infinite.
-            let value = if low == high { low } else { low + (high - low) * place.fract() };
+            let position = share * (sorted.len().checked_sub(1)?) as f64;
+            let (low, high) = (sorted[position.floor() as usize], sorted[position.ceil() as usize]);
+            // Linear interpolation; equal values are returned as they are, because infinite ones
+            // have no difference.
+            let value = if low == high { low } else { low + (high - low) * position.fract() };
             value.is_finite().then_some(value)
         };
         Self { lower_quartile: at(0.25), median: at(0.5), upper_quartile: at(0.75) }
@@ -228,7 +229,7 @@ mod tests {
     }
 
     #[test]
-    fn quartiles_lie_between_seeds_and_know_no_number_beyond_the_last_that_got_there() {
+    fn quartiles_lie_between_seeds_and_are_none_beyond_the_last_that_reached_the_goal() {
         let spread = Spread::of(&[Some(4), Some(1), None, Some(3), Some(2)]);
         assert_eq!(
             spread,

@@ -1,4 +1,4 @@
-//! On formulas: 340 combinations of four knobs, at cameras that differ in what each knob spoils.
+//! Formulas of 340 combinations of four knobs, at cameras that differ in the error of each knob.
 
 use std::ops::ControlFlow;
 
@@ -35,7 +35,7 @@ fn power(space: &KnobSpace, settings: RenderSettings) -> f64 {
         .sum()
 }
 
-/// What knobs spoil multiplies; `weights` are the camera's.
+/// Errors of knobs are multiplicative; `weights` are the camera's.
 fn error(space: &KnobSpace, settings: RenderSettings, weights: [f64; 4]) -> f64 {
     let kept = (0..4).map(|knob| {
         let top = space.knobs()[knob].levels.len() - 1;
@@ -118,7 +118,7 @@ fn seeds_decide_everything() {
 }
 
 #[test]
-fn what_a_partial_table_lacks_is_counted_and_never_chosen() {
+fn missing_combinations_of_a_partial_table_are_counted_and_never_chosen() {
     let mut part = here();
     // Neither the best settings nor every other one.
     part.points

@@ -143,7 +143,7 @@ pub enum StageError {
     #[error(transparent)]
     Environment(#[from] crate::scene::sky::SkyError),
     /// A pipeline that does not compile or never becomes ready.
-    #[error("the renderer did not get ready: {0}")]
+    #[error("the renderer did not become ready: {0}")]
     NotReady(String),
     /// The image could not be read back.
     #[error("the image could not be read back: {0}")]
@@ -413,11 +413,11 @@ impl Stage {
             }
             // Temporal accumulation still converges to the still image. In a scene that never rests
             // it never does.
-            let settling = self
+            let accumulating = self
                 .render_world()
                 .get_resource::<GiCounts>()
                 .is_some_and(|counts| counts.settling > 0);
-            if ready_frames >= if settling { MOST_ACCUMULATION_FRAMES } else { 4 } {
+            if ready_frames >= if accumulating { MOST_ACCUMULATION_FRAMES } else { 4 } {
                 return Ok(());
             }
         }

@@ -44,8 +44,10 @@ impl Cube {
         let mut texels = Vec::new();
         for face in 0..6 {
             for (level, edge) in edges.iter().enumerate() {
-                let places = (0..*edge).flat_map(|y| (0..*edge).map(move |x| (x, y)));
-                texels.extend(places.map(|(x, y)| texel(level, cube_direction(face, x, y, *edge))));
+                let coordinates = (0..*edge).flat_map(|y| (0..*edge).map(move |x| (x, y)));
+                texels.extend(
+                    coordinates.map(|(x, y)| texel(level, cube_direction(face, x, y, *edge))),
+                );
             }
         }
         Self { edge: edges[0], levels: edges.len() as u32, texels }
@@ -211,9 +213,11 @@ mod tests {
         let texel = |face: u32, x: u32, y: u32| {
             cube.texels[(face * face_texels + before + y * edge + x) as usize][1]
         };
-        let places =
+        let coordinates =
             (0..6).flat_map(|face| (0..edge * edge).map(move |i| (face, i % edge, i / edge)));
-        places.map(|(face, x, y)| (cube_direction(face, x, y, edge), texel(face, x, y))).collect()
+        coordinates
+            .map(|(face, x, y)| (cube_direction(face, x, y, edge), texel(face, x, y)))
+            .collect()
     }
 
     #[test]

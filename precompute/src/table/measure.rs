@@ -1,17 +1,16 @@
-//! What fills a table.
+//! The interface for filling a table.
 
 use bevy_frugal_gi::frontier::CostPoint;
 use bevy_frugal_gi::knobs::RenderSettings;
 
 use crate::scene::CameraPose;
 
-/// Gives the cost of settings at a camera: a renderer, or a formula in tests.
+/// Measures the cost of settings at a camera: by a renderer, or by a formula in tests.
 pub trait Measure {
-    /// Why there is no cost.
+    /// Why a measurement failed.
     type Error;
 
-    /// Power and error of `settings` over a clip, the poses of consecutive frames: of its last
-    /// frame, as it is played.
+    /// Power and error of `settings` in the last frame of a clip, the poses of consecutive frames.
     ///
     /// # Errors
     /// When the rendering or the metering fails.

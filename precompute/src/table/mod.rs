@@ -1,8 +1,8 @@
-//! What settings cost at cameras: the table that searches fill, frontiers are fitted to, and
-//! policies are played from.
+//! Costs of settings at cameras: the table that searches fill, frontiers are fitted to, and
+//! policies are simulated from.
 //!
-//! A row is a camera, or a frame of a path; a column is a combination of settings. Knows no
-//! renderer.
+//! A row is a camera, or a frame of a path; a column is a combination of settings. Independent of
+//! the renderer.
 
 mod measure;
 mod sweep;
@@ -15,20 +15,20 @@ use bevy_frugal_gi::knobs::RenderSettings;
 pub use measure::Measure;
 pub use sweep::{ASSUMED_LAYOUT, SweepFacts, SweepTable, SweepTableError};
 
-/// Power and error by camera and settings. What was not rendered is not known.
+/// Power and error by camera and settings. Settings that were not rendered are unknown.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct CostTable {
     rows: usize,
     settings: Vec<RenderSettings>,
     columns: HashMap<RenderSettings, usize>,
-    /// By column, then by row; NaN where nothing is known.
+    /// By column, then by row; NaN where unknown.
     costs: Vec<Vec<CostPoint>>,
 }
 
 impl CostTable {
     const UNKNOWN: CostPoint = CostPoint::new(f64::NAN, f64::NAN);
 
-    /// A table of `rows` cameras, of which nothing is known.
+    /// An empty table of `rows` cameras.
     pub fn new(rows: usize) -> Self {
         Self { rows, ..Self::default() }
     }
@@ -38,7 +38,7 @@ impl CostTable {
         self.rows
     }
 
-    /// Every settings of which something is known, in the order in which they came.
+    /// All settings with a known cost, in the order of insertion.
     pub fn settings(&self) -> &[RenderSettings] {
         &self.settings
     }
@@ -48,7 +48,7 @@ impl CostTable {
         self.columns.get(&settings).copied()
     }
 
-    /// Sets what `settings` cost at camera `row`. Rows beyond the table are ignored.
+    /// Sets the cost of `settings` at camera `row`. Rows beyond the table are ignored.
     pub fn set(&mut self, row: usize, settings: RenderSettings, cost: CostPoint) {
         let column = *self.columns.entry(settings).or_insert_with(|| {
             self.settings.push(settings);
@@ -60,7 +60,7 @@ impl CostTable {
         }
     }
 
-    /// What `settings` cost at camera `row`, where that is known.
+    /// The cost of `settings` at camera `row`, if known.
     pub fn get(&self, row: usize, settings: RenderSettings) -> Option<CostPoint> {
         self.at(row, self.column(settings)?)
     }
@@ -70,7 +70,7 @@ impl CostTable {
         self.costs.get(column)?.get(row).copied().filter(|cost| cost.is_finite())
     }
 
-    /// Mean of a column over `rows`; `None` where one of them is unknown, or there is none.
+    /// Mean of a column over `rows`; `None` where one of them is unknown, or `rows` is empty.
     pub fn mean(&self, column: usize, rows: impl IntoIterator<Item = usize>) -> Option<CostPoint> {
         let (mut power, mut error, mut count) = (0.0, 0.0, 0.0);
         for row in rows {
@@ -82,7 +82,7 @@ impl CostTable {
         (count > 0.0).then(|| CostPoint::new(power / count, error / count))
     }
 
-    /// Whether all of a column is known.
+    /// Whether a column is known at every row.
     pub fn is_complete(&self, column: usize) -> bool {
         (0..self.rows).all(|row| self.at(row, column).is_some())
     }
@@ -118,7 +118,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn what_was_not_set_is_unknown() {
+    fn costs_that_were_not_set_are_unknown() {
         let mut table = CostTable::new(2);
         let [a, b] = [0, 1].map(RenderSettings::from_bits);
         table.set(1, a, CostPoint::new(2.0, 0.1));

@@ -1,10 +1,9 @@
-//! What `frugal sweep` recorded, as a CSV file: its writer and its reader.
+//! The results of `frugal sweep` as a CSV file: writer and reader.
 //!
-//! The first line is a comment: `# frugal sweep`, then JSON that says what was swept
-//! ([`SweepFacts`], and the knobs with their levels). Then comes a header, and a row for every
-//! combination: the settings packed, each knob's level by its label, power in watts, error. Files
-//! without the first line are read, too: their knobs are those of the same name that the reader
-//! knows.
+//! The first line is a comment: `# frugal sweep`, then JSON of the conditions ([`SweepFacts`], and
+//! the knobs with their levels). A header follows, and a row for every combination: the settings
+//! packed, each knob's level by its label, power in watts, error. Files without the first line are
+//! accepted: their knobs are looked up by name.
 
 mod parse;
 
@@ -18,16 +17,15 @@ use serde::{Deserialize, Serialize};
 
 use crate::cost::FrameLayout;
 
-/// How the first line starts.
+/// Start of the first line.
 const MARK: &str = "# frugal sweep ";
-/// Columns around those of the knobs.
+/// Columns before and after those of the knobs.
 const COLUMNS: (&str, [&str; 2]) = ("settings_bits", ["power_w", "error"]);
 
-/// What a file that does not say is taken to be rendered at: the size that `frugal sweep` has by
-/// default, one light, and a sky.
+/// Assumed layout of a file without one: the default size of `frugal sweep`, one light, and a sky.
 pub const ASSUMED_LAYOUT: FrameLayout = FrameLayout { size: [320, 180], maps: 1, has_sky: true };
 
-/// What a sweep's figures were taken on. Older files, and tables of other kinds, do not say.
+/// Conditions of a sweep. Absent in older files and in tables of other kinds.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(default)]
 pub struct SweepFacts {
@@ -37,16 +35,16 @@ pub struct SweepFacts {
     pub size: Option<[u32; 2]>,
     /// Target frame rate.
     pub frames_per_second: Option<f64>,
-    /// Reflective shadow maps that are rendered.
+    /// Number of reflective shadow maps.
     pub maps: Option<u32>,
     /// Whether a sky is gathered.
     pub has_sky: Option<bool>,
-    /// Where the watts come from.
+    /// The power meter.
     pub meter: Option<MeterInfo>,
 }
 
 impl SweepFacts {
-    /// What a frame's work depends on beside its settings; `None` where the file does not say.
+    /// Parameters of a frame's work other than settings; `None` where the file has none.
     pub fn layout(&self) -> Option<FrameLayout> {
         Some(FrameLayout { size: self.size?, maps: self.maps?, has_sky: self.has_sky? })
     }
@@ -55,7 +53,7 @@ impl SweepFacts {
 /// Every combination at one camera, or some of them.
 #[derive(Clone, Debug, PartialEq)]
 pub struct SweepTable {
-    /// What it was taken on.
+    /// Conditions of the sweep.
     pub facts: SweepFacts,
     /// The knobs that settings refer to.
     pub space: KnobSpace,
@@ -63,30 +61,30 @@ pub struct SweepTable {
     pub points: Vec<FrontierPoint>,
 }
 
-/// Why a file is no such table.
+/// Why a file is not a sweep table.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum SweepTableError {
-    /// It is not there, or not text.
+    /// The file is missing, or not text.
     #[error("cannot read `{path}`: {source}; give a table that `frugal sweep --csv` wrote", path = path.display())]
     Unreadable {
         /// The file.
         path: PathBuf,
-        /// What the system says.
+        /// The system's error.
         source: io::Error,
     },
-    /// A line does not hold what it should.
+    /// A line is malformed.
     #[error("{path}:{line}: {field}: {reason}; {remedy}", path = path.display())]
     Malformed {
         /// The file.
         path: PathBuf,
         /// The line, from 1.
         line: u64,
-        /// What on the line.
+        /// The field.
         field: String,
-        /// What is wrong with it.
+        /// The fault.
         reason: String,
-        /// What to do about it.
+        /// The remedy.
         remedy: &'static str,
     },
 }
@@ -129,8 +127,7 @@ impl SweepTable {
         writer.flush()
     }
 
-    /// Reads a file. Where it does not say what its knobs are, they are looked up in `known` by
-    /// their names.
+    /// Reads a file. Without knobs in the file, they are looked up in `known` by name.
     ///
     /// # Errors
     /// When the file cannot be read, or a line of it is not as [`write`](Self::write) writes it.
@@ -184,7 +181,7 @@ mod tests {
             "settings_bits,gi_vpl_count,resolution_scale,antialiasing,power_w,error"
         );
         assert!(lines.len() == 2 + 36 && lines[2].starts_with("0,0,50%,off,0.33"), "{}", lines[2]);
-        // The knobs are in the file: nothing needs to be known.
+        // The knobs are in the file: no known knobs are needed.
         assert_eq!(read(&text, &KnobSpace::default()), Ok(table.clone()));
         assert_eq!(read(&text.replace('\n', "\r\n"), &KnobSpace::default()), Ok(table.clone()));
         assert_eq!(
@@ -210,7 +207,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_malformed_is_named_with_its_line_and_field() {
+    fn malformed_lines_are_named_with_line_and_field() {
         let good = text(&table());
         let row = good.lines().nth(2).expect("a row").to_owned();
         let power = row.split(',').nth(4).expect("a field").to_owned();

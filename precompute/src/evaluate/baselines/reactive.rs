@@ -35,7 +35,7 @@ pub fn ladder(frontier: &Frontier) -> Vec<RenderSettings> {
 }
 
 /// Steps down the ladder when the mean load of half a second exceeds the budget, and up when that
-/// of a second is below [`ROOM`].
+/// of a second is below 85 % of it.
 ///
 /// Under an error budget it measures the error itself, which no app can: a generous baseline.
 #[derive(Clone, Debug)]

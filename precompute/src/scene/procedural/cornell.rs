@@ -1,7 +1,7 @@
-//! The Cornell box at ten times its size: 5.528 m wide. Measures: Cornell University Program of
-//! Computer Graphics, "Cornell Box Data" (graphics.cornell.edu/online/box/data.html). Our light is
-//! a spot under the ceiling and not its emissive square, so that the ceiling gets indirect light
-//! alone; reflectances are RGB averages of its measured spectra.
+//! The Cornell box at ten times its size: 5.528 m wide. Dimensions: Cornell University Program of
+//! Computer Graphics, "Cornell Box Data" (graphics.cornell.edu/online/box/data.html). The light is
+//! a spot light under the ceiling in place of the original's emissive square, so that the ceiling
+//! receives indirect light alone; reflectances are RGB averages of its measured spectra.
 
 use crate::scene::builder::MeshBuilder;
 use crate::scene::{SceneGeometry, SceneMaterial};
@@ -11,15 +11,15 @@ const WHITE: [f32; 3] = [0.73, 0.71, 0.68];
 const RED: [f32; 3] = [0.61, 0.06, 0.06];
 const GREEN: [f32; 3] = [0.12, 0.46, 0.11];
 
-/// From the published axes (centimetres here; x to the left of a viewer who looks along +z) to
-/// ours: the middle of the floor is the origin, the open front faces +Z.
-fn place(x: f32, y: f32, z: f32) -> Vec3 {
+/// From the published axes (centimetres here; x to the left of a viewer who looks along +z) to the
+/// scene's: the centre of the floor is the origin, the open front faces +Z.
+fn to_scene(x: f32, y: f32, z: f32) -> Vec3 {
     Vec3::new(2.764 - x / 100.0, y / 100.0, 2.796 - z / 100.0)
 }
 
-/// A block on the floor; the four corners of its top go counter-clockwise seen from above.
+/// A block on the floor; the four corners of its top are counter-clockwise seen from above.
 fn block(builder: &mut MeshBuilder, height: f32, top: [(f32, f32); 4]) {
-    let at = |(x, z): (f32, f32), y: f32| place(x, y, z);
+    let at = |(x, z): (f32, f32), y: f32| to_scene(x, y, z);
     builder.quad(top.map(|corner| at(corner, height)));
     for i in 0..4 {
         let (a, b) = (top[i], top[(i + 1) % 4]);
@@ -32,36 +32,36 @@ pub(super) fn build() -> SceneGeometry {
     let (width, height, depth) = (552.8, 548.8, 559.2);
     builder.tint(WHITE);
     builder.quad([
-        place(width, 0.0, 0.0),
-        place(0.0, 0.0, 0.0),
-        place(0.0, 0.0, depth),
-        place(width, 0.0, depth),
+        to_scene(width, 0.0, 0.0),
+        to_scene(0.0, 0.0, 0.0),
+        to_scene(0.0, 0.0, depth),
+        to_scene(width, 0.0, depth),
     ]);
     builder.quad([
-        place(width, height, depth),
-        place(0.0, height, depth),
-        place(0.0, height, 0.0),
-        place(width, height, 0.0),
+        to_scene(width, height, depth),
+        to_scene(0.0, height, depth),
+        to_scene(0.0, height, 0.0),
+        to_scene(width, height, 0.0),
     ]);
     builder.quad([
-        place(width, 0.0, depth),
-        place(0.0, 0.0, depth),
-        place(0.0, height, depth),
-        place(width, height, depth),
+        to_scene(width, 0.0, depth),
+        to_scene(0.0, 0.0, depth),
+        to_scene(0.0, height, depth),
+        to_scene(width, height, depth),
     ]);
     builder.tint(RED);
     builder.quad([
-        place(width, 0.0, 0.0),
-        place(width, 0.0, depth),
-        place(width, height, depth),
-        place(width, height, 0.0),
+        to_scene(width, 0.0, 0.0),
+        to_scene(width, 0.0, depth),
+        to_scene(width, height, depth),
+        to_scene(width, height, 0.0),
     ]);
     builder.tint(GREEN);
     builder.quad([
-        place(0.0, 0.0, depth),
-        place(0.0, 0.0, 0.0),
-        place(0.0, height, 0.0),
-        place(0.0, height, depth),
+        to_scene(0.0, 0.0, depth),
+        to_scene(0.0, 0.0, 0.0),
+        to_scene(0.0, height, 0.0),
+        to_scene(0.0, height, depth),
     ]);
     builder.tint(WHITE);
     block(&mut builder, 165.0, [(290.0, 114.0), (130.0, 65.0), (82.0, 225.0), (240.0, 272.0)]);

@@ -1,7 +1,7 @@
 //! An arcade around an open court: hard sun, a shaded gallery behind coloured drapes that bleed
 //! into it, a dim room behind a doorway with one latticed window. Thin bars, stairs, woven and
-//! cut-out cloth and finely cut stone are there for antialiasing, shadow resolution and texture
-//! filtering to matter.
+//! cut-out cloth and finely cut stone exercise antialiasing, shadow resolution and texture
+//! filtering.
 
 use super::pattern;
 use crate::scene::builder::{ArchShape, Faces, MeshBuilder};
@@ -23,12 +23,12 @@ const SAFFRON: [f32; 3] = [0.95, 0.5, 0.06];
 const TEAL: [f32; 3] = [0.04, 0.42, 0.42];
 const INDIGO: [f32; 3] = [0.11, 0.12, 0.55];
 
-/// Half the width of the arcade's square, metres: its columns stand there.
+/// Half the width of the arcade's square of columns, metres.
 const ARCADE: f32 = 6.0;
 /// Bays on each side of the arcade.
 const BAYS: u32 = 5;
 const BAY_WIDTH: f32 = 2.0 * ARCADE / BAYS as f32;
-/// Where the gallery's outer wall begins, and how thick it is.
+/// Position of the gallery's outer wall, and its thickness.
 const WALL: f32 = 9.0;
 const WALL_THICKNESS: f32 = 0.3;
 /// Height of the gallery's ceiling, of its roof, and of the court below its floor.
@@ -81,7 +81,7 @@ pub(super) fn build() -> SceneGeometry {
     }
 }
 
-/// Turns the south side (+Z) to another.
+/// Rotation from the south side (+Z) to another.
 fn quarter(side: u32) -> Quat {
     Quat::from_rotation_y(side as f32 * FRAC_PI_2)
 }
@@ -141,7 +141,7 @@ fn floors(stone: &mut MeshBuilder) {
             at(edge, 0.0, edge),
         ]);
         stone.texture_turn(0.0);
-        // The land around: what lies beyond the walls must not be a hole.
+        // The ground around, so that the view beyond the walls is not a hole.
         let far = 30.0;
         let outside = WALL + WALL_THICKNESS;
         stone.tint(LIMESTONE);
@@ -159,7 +159,7 @@ fn flat(builder: &mut MeshBuilder, corner: Vec2, size: Vec2, y: f32) {
     builder.quad([at(0.0, 1.0), at(1.0, 1.0), at(1.0, 0.0), at(0.0, 0.0)]);
 }
 
-/// One side of the arcade, with its roof and rail: made on the south side (+Z) and turned.
+/// One side of the arcade, with its roof and rail: built on the south side (+Z) and rotated.
 fn arcade_side(stone: &mut MeshBuilder, plain: &mut MeshBuilder, turn: Quat) {
     let shape = ArchShape {
         top: CEILING,
@@ -282,7 +282,7 @@ fn room(stone: &mut MeshBuilder, plain: &mut MeshBuilder) {
     let center = Vec3::new(half + t * 0.5, (sill + head) * 0.5, (left + right) * 0.5);
     for bar in 0..BARS {
         let offset = (bar as f32 + 0.5) / BARS as f32 - 0.5;
-        // Bars that lean both ways: a lattice of diamonds.
+        // Diagonal bars in both directions: a lattice of diamonds.
         for lean in [-FRAC_PI_4, FRAC_PI_4] {
             let bar_center = center + Vec3::Z * (offset * (right - left + 1.6));
             plain.turned_cuboid(

@@ -1,6 +1,6 @@
-//! The inside of a closed white sphere. With albedo ρ and a lamp of Φ lumens in its middle, the
-//! wall's direct illuminance is Φ ÷ 4πr² and every bounce adds ρ times the one before, everywhere
-//! alike: a test of energy that needs no reference image.
+//! The inside of a closed white sphere. With albedo ρ and a point light of Φ lumens at its centre,
+//! the wall's direct illuminance is Φ ÷ 4πr² and every bounce adds ρ times the one before,
+//! uniformly: a test of energy conservation without a reference image.
 
 use crate::scene::builder::MeshBuilder;
 use crate::scene::{SceneGeometry, SceneMaterial};
@@ -17,7 +17,7 @@ pub(super) fn build() -> SceneGeometry {
     builder.tint([ALBEDO; 3]).icosphere(Vec3::ZERO, RADIUS, 4, true);
     SceneGeometry {
         meshes: vec![builder.finish(0)],
-        // No specular reflection at all, so that the wall is a Lambertian reflector.
+        // No specular reflection, so that the wall is a Lambertian reflector.
         materials: vec![SceneMaterial { reflectance: 0.0, ..SceneMaterial::default() }],
         ..SceneGeometry::default()
     }

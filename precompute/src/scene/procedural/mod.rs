@@ -1,12 +1,12 @@
-//! Scenes made by code, in metres, Y up. Each is merged to at most three materials and few thousand
+//! Procedural scenes, in metres, Y up. Each is merged to at most three materials and few thousand
 //! triangles.
 //!
-//! | name | for |
+//! | name | purpose |
 //! |---|---|
 //! | `cornell` | colour bleeding and one-bounce light that can be compared with the literature |
-//! | `courtyard` | the showcase: sun, shade, drapes, thin and finely textured things, where every knob shows |
+//! | `courtyard` | the showcase: sun, shade, drapes, thin and finely textured objects, where every knob has an effect |
 //! | `two_rooms` | light leaks: one room is lit, the other must stay black |
-//! | `furnace` | energy: the inside of a white sphere, with a known answer |
+//! | `furnace` | energy conservation: the inside of a white sphere, with a closed-form solution |
 
 mod cornell;
 mod courtyard;
@@ -19,7 +19,7 @@ use super::SceneGeometry;
 /// The names that [`build`] knows.
 pub const NAMES: [&str; 4] = ["cornell", "courtyard", "two_rooms", "furnace"];
 
-/// Makes the scene called `name`, merged; `None` when it is none of [`NAMES`].
+/// Builds the scene called `name`, merged; `None` for a name that is not in [`NAMES`].
 pub fn build(name: &str) -> Option<SceneGeometry> {
     let geometry = match name {
         "cornell" => cornell::build(),
@@ -31,9 +31,9 @@ pub fn build(name: &str) -> Option<SceneGeometry> {
     Some(geometry.merge())
 }
 
-/// Number of a scene's present shape: to be raised whenever its code changes an image, so that maps
-/// of the older shape are not taken for maps of this one. The geometry itself is no identity, for
-/// sines differ between machines. 0 for an unknown name.
+/// Revision of a scene: must be raised whenever its code changes an image, so that older maps are
+/// not taken for maps of the new scene. A hash of the geometry would not do, because sines differ
+/// between machines. 0 for an unknown name.
 pub fn revision(name: &str) -> u32 {
     u32::from(NAMES.contains(&name))
 }

@@ -1,5 +1,5 @@
-//! Textures made by code: cut stone, and pierced cloth. Seeded integer noise, so that they are the
-//! same on every machine.
+//! Procedural textures: cut stone, and pierced cloth. From seeded integer noise, so that they are
+//! the same on every machine.
 
 use crate::scene::SceneTexture;
 use crate::scene::texture::srgb_from_linear;
@@ -53,7 +53,7 @@ fn paint(
 }
 
 /// Ashlar of four by four blocks in a running bond, with dark joints, chisel marks, veins and
-/// pores: detail at every scale down to a texel, so that filtering shows.
+/// pores: detail at every scale down to a texel, so that filtering has a visible effect.
 pub(super) fn stone() -> Option<SceneTexture> {
     const BLOCKS: f32 = 4.0;
     paint(512, 512, None, |x, y| {
@@ -77,7 +77,7 @@ pub(super) fn stone() -> Option<SceneTexture> {
             * vein
             * pores;
         let light = 0.16 + (body - 0.16) * joint * (0.82 + 0.18 * bevel);
-        // Blocks lean to warm or cool.
+        // Blocks vary between warm and cool.
         let warmth = (hash(column, row, 5) - 0.5) * 0.09;
         [light * (1.0 + warmth), light, light * (1.0 - warmth), 1.0]
     })

@@ -10,7 +10,7 @@ fn scene(name: &str) -> SceneDescription {
 }
 
 #[test]
-fn every_scene_is_sound_and_within_its_budget() {
+fn every_scene_is_valid_and_within_its_budget() {
     for name in NAMES {
         let geometry = build(name).unwrap();
         assert_eq!(geometry.validate(), Ok(()), "{name}");
@@ -85,7 +85,7 @@ fn every_tour_stays_in_the_open_within_its_bounds_and_has_something_to_see() {
                 description.camera.vertical_fov.to_radians(),
                 16.0 / 9.0
             ));
-            // Nothing within reach of the near plane, or walls would be cut open.
+            // No geometry within the near plane's distance, which would clip walls.
             let least = crate::scene::rays::sphere_directions(128)
                 .filter_map(|direction| rays.closest(pose.position, direction, 1.0))
                 .map(|hit| hit.distance)
@@ -170,7 +170,7 @@ fn the_courtyard_has_cut_out_cloth_and_fine_textures() {
             / (texels.len() / 4) as f32
     };
     assert!((0.75..0.97).contains(&share(0)), "{}", share(0));
-    // What a cut-out hides must not grow or shrink with distance.
+    // The coverage of a cut-out must not change with distance.
     for level in 1..5 {
         assert!(
             (share(level) - share(0)).abs() < 0.05,
@@ -180,7 +180,7 @@ fn the_courtyard_has_cut_out_cloth_and_fine_textures() {
         );
     }
     for texture in &geometry.textures {
-        // Contrast of neighbours at full size: it is what a mip bias takes away.
+        // Contrast of neighbours at full size, which a mip bias reduces.
         let luma = |i: usize| f32::from(texture.mips[0][i * 4 + 1]);
         let count = (texture.width * texture.height) as usize - 1;
         let contrast =

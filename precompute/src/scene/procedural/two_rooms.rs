@@ -1,5 +1,5 @@
-//! Two closed rooms with a wall 0.2 m thick between them and no opening: whatever light the dark
-//! one shows has leaked.
+//! Two closed rooms with a wall 0.2 m thick between them and no opening: any light in the dark one
+//! has leaked.
 
 use crate::scene::builder::{Faces, MeshBuilder};
 use crate::scene::{SceneGeometry, SceneMaterial};
@@ -8,12 +8,12 @@ use bevy::math::Vec3;
 pub(super) fn build() -> SceneGeometry {
     let mut builder = MeshBuilder::new();
     builder.tint([0.7, 0.7, 0.68]);
-    // The shell has an outside too, so that the walls are solids as those of real levels.
+    // The shell has outer faces too, so that the walls are solids as in real levels.
     builder.cuboid(Vec3::new(-4.3, -0.2, -2.7), Vec3::new(4.3, 3.2, 2.7), Faces::ALL);
     builder.room(Vec3::new(-4.1, 0.0, -2.5), Vec3::new(-0.1, 3.0, 2.5));
     builder.room(Vec3::new(0.1, 0.0, -2.5), Vec3::new(4.1, 3.0, 2.5));
     let furniture = Faces::ALL.without(Faces::BOTTOM);
-    // The same things in both, as if mirrored: only light tells the rooms apart.
+    // The same objects in both, mirrored: the rooms differ only in light.
     for side in [-1.0, 1.0] {
         let mut between = |tint, from: Vec3, to: Vec3| {
             let (a, b) = (from * Vec3::new(side, 1.0, 1.0), to * Vec3::new(side, 1.0, 1.0));

@@ -181,7 +181,7 @@ impl RemoteStage {
             }
             other => {
                 return Err(RemoteError::failed(format!(
-                    "the renderer's process answered out of turn: {other:?}"
+                    "the renderer's process sent an unexpected answer: {other:?}"
                 )));
             }
         }
@@ -276,7 +276,7 @@ impl Measure for RemoteStage {
         match self.ask(&Request::Measure { clip, settings })? {
             (Answer::Cost(cost), _) => Ok(cost),
             other => Err(RemoteError::failed(format!(
-                "the renderer's process answered out of turn: {other:?}"
+                "the renderer's process sent an unexpected answer: {other:?}"
             ))),
         }
     }
@@ -307,7 +307,7 @@ impl FrameRenderer for RemoteStage {
         })? {
             (Answer::Frame { power, .. }, Some(picture)) => Ok(RenderedFrame { picture, power }),
             other => Err(RemoteError::failed(format!(
-                "the renderer's process answered out of turn: {:?}",
+                "the renderer's process sent an unexpected answer: {:?}",
                 other.0
             ))),
         }

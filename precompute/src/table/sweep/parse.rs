@@ -13,7 +13,7 @@ use super::{COLUMNS, MARK, SweepFacts, SweepTable, SweepTableError};
 const SWEEP_AGAIN: &str = "sweep again with `frugal sweep --csv`";
 const REMOVE_ROW: &str = "remove the row, or sweep again with `frugal sweep --csv`";
 
-/// What is wrong, and where.
+/// A fault and its location.
 #[derive(Debug)]
 pub(super) struct Fault {
     line: u64,
@@ -43,12 +43,12 @@ struct Head {
 }
 
 pub(super) fn table(text: &str, known: &KnobSpace) -> Result<SweepTable, Fault> {
-    // Comments stand at the top only, so that a knob's label may start with anything.
+    // Comments are allowed at the top only, so that a knob's label may start with any character.
     let comments = text.split_inclusive('\n').take_while(|line| line.starts_with('#'));
     let (count, length) =
         comments.fold((0, 0), |(count, length), line| (count + 1, length + line.len()));
     let head = head(&text[..length])?;
-    // Rows of another length are told here, in words of our own.
+    // Rows of another length are reported here, with our own message.
     let mut reader = csv::ReaderBuilder::new()
         .has_headers(false)
         .flexible(true)
@@ -132,7 +132,7 @@ fn space(
         };
     }
     let knob = |name: &&str| -> Result<Knob, Fault> {
-        let place = known.index_of(name);
+        let index = known.index_of(name);
         let unknown = || {
             Fault::new(
                 line,
@@ -141,7 +141,7 @@ fn space(
                 "sweep again, so that the file says what its levels are",
             )
         };
-        Ok(known.knobs()[place.ok_or_else(unknown)?].clone())
+        Ok(known.knobs()[index.ok_or_else(unknown)?].clone())
     };
     let knobs = names.iter().map(knob).collect::<Result<Vec<Knob>, Fault>>()?;
     KnobSpace::new(knobs).map_err(|error| Fault::new(line, "header", error, SWEEP_AGAIN))

@@ -1,15 +1,15 @@
-//! Where the frontier is sparse: settings between two neighbours that lie far apart.
+//! Infill of the frontier: settings between two neighbours that are far apart.
 //!
-//! The last evaluations of a search are worth most there: a budget that falls into a gap is met by
-//! settings that are cheaper than they need be.
+//! The last evaluations of a search gain most there: a budget between two distant neighbours is met
+//! by settings that are cheaper than necessary.
 
 use bevy_frugal_gi::frontier::{Frontier, FrontierPoint};
 use bevy_frugal_gi::knobs::{KnobSpace, RenderSettings};
 use rand::Rng;
 use rand::seq::SliceRandom;
 
-/// Settings in the widest gap that has some that are not `taken`: first half way between its ends,
-/// then one knob of an end moved towards the other, then an end's neighbours.
+/// Settings within the widest interval that has some that are not `taken`: first its midpoint, then
+/// one knob of an end moved towards the other end, then neighbours of an end.
 pub(crate) fn propose(
     space: &KnobSpace,
     frontier: &Frontier,
@@ -44,19 +44,19 @@ pub(crate) fn propose(
     None
 }
 
-/// The ends of each gap between neighbours on `frontier`, by the area of the box between them: what
-/// a point in it can gain in hypervolume at most.
+/// Pairs of neighbours on `frontier`, in descending order of the area of the box between them: the
+/// greatest possible gain of hypervolume.
 fn widest_first(frontier: &Frontier) -> Vec<[RenderSettings; 2]> {
     let area = |a: &FrontierPoint, b: &FrontierPoint| {
         (b.cost.power - a.cost.power).0 * (a.cost.error - b.cost.error)
     };
-    let mut gaps: Vec<_> = frontier
+    let mut intervals: Vec<_> = frontier
         .points()
         .windows(2)
         .map(|two| (area(&two[0], &two[1]), [two[0].settings, two[1].settings]))
         .collect();
-    gaps.sort_by(|a, b| b.0.total_cmp(&a.0));
-    gaps.into_iter().map(|(_, ends)| ends).collect()
+    intervals.sort_by(|a, b| b.0.total_cmp(&a.0));
+    intervals.into_iter().map(|(_, ends)| ends).collect()
 }
 
 /// Every knob one level up and one down.
@@ -84,7 +84,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_widest_gap_is_filled_from_its_middle_until_nothing_is_left() {
+    fn the_widest_interval_is_filled_from_its_middle_until_nothing_is_left() {
         let space =
             KnobSpace::new(vec![Knob::new("a", (0..9).map(f64::from)), Knob::new("b", [0.0, 1.0])])
                 .expect("a valid space");
@@ -105,7 +105,7 @@ mod tests {
             taken.push(settings);
             proposed.push(settings);
         }
-        assert_eq!(proposed[0], at(4, 0), "half way");
+        assert_eq!(proposed[0], at(4, 0), "the midpoint");
         assert!(
             [at(1, 1), at(8, 0)].contains(&proposed[1])
                 && [at(1, 1), at(8, 0)].contains(&proposed[2]),
