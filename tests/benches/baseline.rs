@@ -23,9 +23,9 @@ use frugal_tests::arguments::Arguments;
 use frugal_tests::cost::{Clock, Moving, Readings, above_none, median};
 use frugal_tests::method::Method;
 use frugal_tests::naive_rsm::{NaiveRsm, Weights};
+use frugal_tests::reference::Tracing;
 use frugal_tests::table::markdown;
-use frugal_tests::truth::Tracing;
-use frugal_tests::{meshes, set, truth};
+use frugal_tests::{meshes, reference, set};
 
 const SCENES: [&str; 3] = ["cornell", "courtyard", "two_rooms"];
 
@@ -137,19 +137,19 @@ const HEADERS: [&str; 8] = [
 ];
 
 fn compare(name: &str, options: &Arguments) {
-    let scene = truth::lamps_only(&set::scene(name));
+    let scene = reference::without_environment(&set::scene(name));
     let pose = scene.paths["tour"].sample(0.0).unwrap_or_else(|| panic!("{name} has a path"));
     let started = std::time::Instant::now();
     let tracing =
         |seed| Tracing { size: options.size, samples: options.samples, seed, pixels: Pixels::Area };
-    let [truth, other] = [0, 1].map(|seed| truth::one_bounce(&scene, pose, tracing(seed)));
+    let [reference, other] = [0, 1].map(|seed| reference::one_bounce(&scene, pose, tracing(seed)));
     let against = |radiance: &Radiance| {
-        Difference::new(radiance, &truth, None).unwrap_or_else(|error| panic!("{error}"))
+        Difference::new(radiance, &reference, None).unwrap_or_else(|error| panic!("{error}"))
     };
     let noise = against(&other);
     println!("## {name}, {}x{}\n", options.size.x, options.size.y);
     println!(
-        "Truth: {} paths a pixel, {:.0} s for two. Two seeds differ by {:.3} relative L1, {:.3} of 4x4 means.\n",
+        "Reference: {} paths a pixel, {:.0} s for two. Two seeds differ by {:.3} relative L1, {:.3} of 4x4 means.\n",
         options.samples,
         started.elapsed().as_secs_f64(),
         noise.relative_l1,
@@ -173,7 +173,7 @@ fn compare(name: &str, options: &Arguments) {
     );
 
     // Two rivals: as a user would leave it, and what nobody could choose who does not have the
-    // truth.
+    // reference.
     let usual = Method::naive(NaiveRsm::default(), 128);
     let best =
         naives.iter().min_by(|a, b| boxes(a).total_cmp(&boxes(b))).map(|row| row.method.clone());
@@ -227,7 +227,7 @@ fn conclude(rival: &Row, ours: &[&Row], what: &str, cost: impl Fn(&Row) -> f64) 
                 row.method.name
             )
         }
-        None => println!("While {what}: none of ours is as near the truth as {name}.\n"),
+        None => println!("While {what}: none of ours is as near the reference as {name}.\n"),
     }
 }
 
@@ -347,7 +347,7 @@ fn growth(options: &Arguments) {
 }
 
 fn courtyard(size: UVec2) -> Stage {
-    let scene = truth::lamps_only(&set::scene("courtyard"));
+    let scene = reference::without_environment(&set::scene("courtyard"));
     let mut stage = set::open(&scene, set::radiance_options(size.x, size.y, Component::Indirect));
     let pose = scene.paths["tour"].sample(0.0).unwrap_or_else(|| panic!("courtyard has a path"));
     stage.place(pose.position, pose.rotation);

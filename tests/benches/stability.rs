@@ -5,10 +5,10 @@
 //! camera]…`
 //!
 //! `courtyard` with its sun alone and without its textures, after 32 frames of the same motion.
-//! Temporal error: mean over successive frames, pixels and channels of |Δframe − Δtruth| ÷ mean of
-//! the truth, where the truth is path-traced with the same random numbers in every frame, so that
+//! Temporal error: mean over successive frames, pixels and channels of |Δframe − Δreference| ÷ mean of
+//! the reference, where the reference is path-traced with the same random numbers in every frame, so that
 //! most of its noise is in no difference. What is left of it is measured with a second seed; the
-//! truth is the mean of both. Along surfaces: the same over pixels that show the same surface in
+//! reference is the mean of both. Along surfaces: the same over pixels that show the same surface in
 //! both frames; elsewhere the difference is that of two surfaces, and where edges run through
 //! pixels decides. Error of the first and the last frame: relative L1 of 4x4 means; what light that
 //! is averaged over frames lags behind is in the last.
@@ -24,9 +24,9 @@ use frugal::stage::{Component, Stage, adapter};
 use frugal_tests::arguments::Arguments;
 use frugal_tests::method::Method;
 use frugal_tests::naive_rsm::{NaiveRsm, Weights};
+use frugal_tests::reference::{self, Tracing, mean_absolute_difference};
 use frugal_tests::set;
 use frugal_tests::table::markdown;
-use frugal_tests::truth::{self, Tracing, mean_absolute_difference};
 
 /// Of the sun around the vertical, degrees a frame: 3 degrees a second at 30 frames.
 const SUN_STEP_DEGREES: f32 = 0.1;
@@ -143,7 +143,7 @@ fn stay(before: &[Option<Seen>], after: &[Option<Seen>], eye: Vec3) -> Vec<bool>
 }
 
 fn measure(motion: Motion, name: &str, options: &Arguments) {
-    let scene = truth::lamps_only(&set::scene("courtyard"));
+    let scene = reference::without_environment(&set::scene("courtyard"));
     let count = options.count as i32;
     let started = std::time::Instant::now();
     let traced = |seed: u64| -> Vec<Radiance> {
@@ -155,7 +155,7 @@ fn measure(motion: Motion, name: &str, options: &Arguments) {
                 seed,
                 pixels: Pixels::Middle,
             };
-            truth::one_bounce_untextured(&turned(&scene, turn), pose, tracing)
+            reference::one_bounce_untextured(&turned(&scene, turn), pose, tracing)
         };
         (0..=count).map(frame).collect()
     };
@@ -163,31 +163,33 @@ fn measure(motion: Motion, name: &str, options: &Arguments) {
     let (start, last) = (&frames[0], &frames[frames.len() - 1]);
     let mean = start.mean();
     let (first, second) = (differences(&frames), differences(&second));
-    let truth: Vec<Vec<[f32; 3]>> = first
+    let reference: Vec<Vec<[f32; 3]>> = first
         .iter()
         .zip(&second)
         .map(|(a, b)| {
             a.iter().zip(b).map(|(a, b)| [0, 1, 2].map(|i| 0.5 * (a[i] + b[i]))).collect()
         })
         .collect();
-    let everywhere = vec![vec![true; truth[0].len()]; truth.len()];
+    let everywhere = vec![vec![true; reference[0].len()]; reference.len()];
     let shown: Vec<_> = (0..=count)
-        .map(|frame| truth::surfaces_untextured(&scene, motion.at(&scene, frame).1, options.size))
+        .map(|frame| {
+            reference::surfaces_untextured(&scene, motion.at(&scene, frame).1, options.size)
+        })
         .collect();
     let eye = motion.at(&scene, 0).1.position;
     let along: Vec<_> = shown.windows(2).map(|pair| stay(&pair[0], &pair[1], eye)).collect();
-    let still = vec![vec![[0.0; 3]; truth[0].len()]; truth.len()];
+    let still = vec![vec![[0.0; 3]; reference[0].len()]; reference.len()];
     let percent = |value: f64| format!("{:.3} %", 100.0 * value / mean);
     println!("## The {name} moves\n");
     println!(
-        "Truth: twice {} paths a pixel, {:.0} s. Its own noise: {} of the mean, {} along surfaces; a picture that never changes errs by {}, {} along \
+        "Reference: twice {} paths a pixel, {:.0} s. Its own noise: {} of the mean, {} along surfaces; a picture that never changes errs by {}, {} along \
          surfaces, which {:.1} % of the pixels show.\n",
         options.samples,
         started.elapsed().as_secs_f64(),
         percent(0.5 * temporal_error(&first, &second, &everywhere)),
         percent(0.5 * temporal_error(&first, &second, &along)),
-        percent(temporal_error(&still, &truth, &everywhere)),
-        percent(temporal_error(&still, &truth, &along)),
+        percent(temporal_error(&still, &reference, &everywhere)),
+        percent(temporal_error(&still, &reference, &along)),
         100.0 * along.iter().flatten().filter(|stays| **stays).count() as f64
             / along.iter().flatten().count() as f64
     );
@@ -195,7 +197,7 @@ fn measure(motion: Motion, name: &str, options: &Arguments) {
         &scene,
         set::radiance_options(options.size.x, options.size.y, Component::Indirect),
     );
-    truth::strip_textures(&mut stage);
+    reference::strip_textures(&mut stage);
     let rest = sun(&mut stage);
     let mut found = Vec::new();
     for method in methods() {
@@ -209,8 +211,8 @@ fn measure(motion: Motion, name: &str, options: &Arguments) {
                 frames.push(stage.radiance().unwrap_or_else(|error| panic!("{error}")));
             }
         }
-        let error = |own: &Radiance, truth: &Radiance| {
-            Difference::new(own, truth, None)
+        let error = |own: &Radiance, reference: &Radiance| {
+            Difference::new(own, reference, None)
                 .unwrap_or_else(|error| panic!("{error}"))
                 .relative_l1_boxes
         };
@@ -219,11 +221,11 @@ fn measure(motion: Motion, name: &str, options: &Arguments) {
         found.push((
             method,
             pictures,
-            [&everywhere, &along].map(|counts| temporal_error(&steps, &truth, counts)),
+            [&everywhere, &along].map(|counts| temporal_error(&steps, &reference, counts)),
         ));
     }
     // What is dark hardly changes: the baseline is not the variant that is stillest, but the one
-    // that is nearest to the truth.
+    // that is nearest to the reference.
     let naive = found
         .iter()
         .filter(|(method, ..)| method.is_naive())

@@ -7,7 +7,7 @@ use bevy::math::UVec2;
 pub struct Arguments {
     /// Width and height of its pictures, pixels: `--size WxH`.
     pub size: UVec2,
-    /// Paths per pixel of the truth: `--spp N`.
+    /// Paths per pixel of the reference: `--spp N`.
     pub samples: u32,
     /// Readings, or frames: `--count N`.
     pub count: u32,

@@ -15,6 +15,6 @@ pub mod meshes;
 pub mod method;
 pub mod naive_rsm;
 pub mod pixels;
+pub mod reference;
 pub mod set;
 pub mod table;
-pub mod truth;

@@ -17,7 +17,7 @@ use frugal::reference::Pixels;
 use frugal::scene::{CameraPose, Light};
 use frugal::stage::{Component, Stage};
 use frugal_tests::gather::irradiance;
-use frugal_tests::truth::{self, Tracing};
+use frugal_tests::reference::{self, Tracing};
 use frugal_tests::{gpu, meshes, set};
 
 use super::furnace::{ALBEDO, deviation, direct_radiance};
@@ -27,7 +27,7 @@ use super::refresh::{at_once_and_settled, turn_the_sun};
 
 tests!(
     every_bounce_in_a_furnace_adds_its_albedo_times_the_last,
-    a_second_bounce_is_near_the_truth,
+    a_second_bounce_is_near_the_reference,
     patches_reflect_what_their_twin_says,
     patches_reflect_their_textures_colours,
     what_glows_and_the_sky_are_reflected_too,
@@ -85,7 +85,7 @@ fn every_bounce_in_a_furnace_adds_its_albedo_times_the_last() {
     );
 }
 
-fn a_second_bounce_is_near_the_truth() {
+fn a_second_bounce_is_near_the_reference() {
     let size = UVec2::new(64, 36);
     let tracing = Tracing { size, samples: 256, seed: 1, pixels: Pixels::Middle };
     for (name, eye, target) in [
@@ -98,9 +98,9 @@ fn a_second_bounce_is_near_the_truth() {
             set::open(&scene, set::radiance_options(size.x, size.y, Component::Indirect));
         stage.place(pose.position, pose.rotation);
         set::apply(&mut stage, "max,rsm_resolution=128");
-        let truth = truth::bounces(&scene, pose, tracing, 2);
+        let reference = reference::bounces(&scene, pose, tracing, 2);
         let off = |stage: &mut Stage, bounces| {
-            Difference::new(&set::radiance(with_bounces(stage, bounces)), &truth, None)
+            Difference::new(&set::radiance(with_bounces(stage, bounces)), &reference, None)
                 .expect("pictures of one size")
         };
         let (one, two) = (off(&mut stage, 1), off(&mut stage, 2));

@@ -11,12 +11,12 @@ use frugal::reference::{
 use frugal::scene::{CameraPose, Environment, SceneDescription};
 use frugal::stage::Stage;
 
-/// `scene` without the light from all around: it bounces in the truth and not in what is measured.
-pub fn lamps_only(scene: &SceneDescription) -> SceneDescription {
+/// `scene` without the light from all around: it bounces in the reference and not in what is measured.
+pub fn without_environment(scene: &SceneDescription) -> SceneDescription {
     SceneDescription { environment: Environment::None, ..scene.clone() }
 }
 
-/// How a truth is traced.
+/// How a reference is traced.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Tracing {
     /// Width and height, pixels.
@@ -41,7 +41,8 @@ pub fn bounces(
     tracing: Tracing,
     most: u32,
 ) -> Radiance {
-    let traced = ReferenceScene::new(&lamps_only(scene)).unwrap_or_else(|error| panic!("{error}"));
+    let traced =
+        ReferenceScene::new(&without_environment(scene)).unwrap_or_else(|error| panic!("{error}"));
     trace(&traced, &View::new(scene, pose, tracing.size), tracing, most)
 }
 
@@ -71,7 +72,7 @@ fn untextured(scene: &SceneDescription) -> ReferenceScene {
     for material in &mut geometry.materials {
         (material.base_color_texture, material.alpha) = (None, frugal::scene::AlphaMode::Opaque);
     }
-    ReferenceScene::with_geometry(&lamps_only(scene), geometry)
+    ReferenceScene::with_geometry(&without_environment(scene), geometry)
         .unwrap_or_else(|error| panic!("{error}"))
 }
 
