@@ -112,7 +112,7 @@ pub fn make_lambertian(stage: &mut Stage) {
 }
 
 /// Has each frame show what was gathered in it, and nothing of what was shown before.
-pub fn forget_the_past(stage: &mut Stage) {
+pub fn disable_history(stage: &mut Stage) {
     gi(stage).history_frames = 1;
 }
 

@@ -290,7 +290,7 @@ fn at_rest() -> Stage {
     let mut stage = corner(vec![sun(Vec3::new(-0.3, -1.0, -0.2))]);
     set::apply(&mut stage, RAYS);
     stage.frame();
-    set::forget_the_past(&mut stage);
+    set::disable_history(&mut stage);
     with_bounces(&mut stage, 3).world_mut().insert_resource(GiRefresh::OnChange);
     set::radiance(&mut stage);
     (0..16).for_each(|_| stage.frame());

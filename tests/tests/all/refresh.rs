@@ -21,7 +21,7 @@ tests!(
 fn at_rest(policy: GiRefresh) -> Stage {
     let mut stage = corner(vec![sun(Vec3::new(-0.3, -1.0, -0.2))]);
     // What a frame gathers is looked at here, and not what is shown of it.
-    set::forget_the_past(&mut stage);
+    set::disable_history(&mut stage);
     stage.world_mut().insert_resource(policy);
     set::radiance(&mut stage);
     (0..16).for_each(|_| stage.frame());

@@ -171,7 +171,7 @@ fn rays_that_are_asked_for_late_are_there_a_frame_later() {
     // What rays take is compiled and prepared.
     let hidden = mean(&mut stage, "fine");
     let leaking = mean(&mut stage, "none");
-    set::forget_the_past(&mut stage);
+    set::disable_history(&mut stage);
     stage.world_mut().insert_resource(GiRefresh::OnChange);
     (0..16).for_each(|_| stage.frame());
     stage.world_mut().insert_resource(AskForRays);

@@ -123,7 +123,7 @@ impl Bench {
         set::make_lambertian(&mut stage);
         // Custom materials keep the scene from ever resting, and light from being what was gathered
         // last.
-        set::forget_the_past(&mut stage);
+        set::disable_history(&mut stage);
         meshes::spawn_box(
             &mut stage,
             Vec3::new(0.0, -0.1, 0.0),
