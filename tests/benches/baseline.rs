@@ -394,7 +394,7 @@ fn spawn_all(stage: &mut Stage, meshes: impl Iterator<Item = Mesh>) {
     let joined = joined
         .unwrap_or_else(|| panic!("there are some"))
         .with_removed_attribute(Mesh::ATTRIBUTE_UV_0);
-    meshes::spawn(stage, joined, meshes::matt(0.7, 0.65, 0.6), Transform::default());
+    meshes::spawn(stage, joined, meshes::diffuse(0.7, 0.65, 0.6), Transform::default());
 }
 
 /// Ten spheres of so many sectors and stacks on a floor in the sun.

@@ -95,7 +95,7 @@ fn memory(_: &mut Criterion) {
             &mut stage,
             Vec3::ZERO,
             Vec3::new(4.0, 0.2, 4.0),
-            meshes::matt(0.8, 0.8, 0.8),
+            meshes::diffuse(0.8, 0.8, 0.8),
         );
         set::apply(
             &mut stage,

@@ -14,8 +14,8 @@ use bevy::render::render_resource::{Extent3d, TextureDimension, TextureFormat};
 use bevy::transform::components::Transform;
 use frugal::stage::Stage;
 
-/// A matt material without highlight.
-pub fn matt(red: f32, green: f32, blue: f32) -> StandardMaterial {
+/// A diffuse material without highlight.
+pub fn diffuse(red: f32, green: f32, blue: f32) -> StandardMaterial {
     StandardMaterial {
         base_color: Color::LinearRgba(LinearRgba::rgb(red, green, blue)),
         perceptual_roughness: 1.0,

@@ -106,7 +106,7 @@ pub fn gi(stage: &mut Stage) -> Mut<'_, FrugalGi> {
         .unwrap_or_else(|| panic!("the stage's camera has GI"))
 }
 
-/// Has light scattered as by matt surfaces, whose albedo says all.
+/// Has light scattered as by diffuse surfaces, whose albedo says all.
 pub fn make_lambertian(stage: &mut Stage) {
     gi(stage).shading = GiShading::Lambertian;
 }

@@ -113,7 +113,7 @@ impl Material for WithoutPrepass {
     }
 }
 
-/// A matt material of one colour that writes a G-buffer.
+/// A diffuse material of one colour that writes a G-buffer.
 #[derive(Asset, AsBindGroup, TypePath, Clone, Debug)]
 pub struct Deferred {
     /// Linear Rec. 709.

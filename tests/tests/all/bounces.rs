@@ -170,7 +170,7 @@ fn patches_reflect_their_textures_colours() {
     meshes::spawn(
         &mut stage,
         floor,
-        StandardMaterial { base_color_texture: Some(texture), ..meshes::matt(1.0, 1.0, 1.0) },
+        StandardMaterial { base_color_texture: Some(texture), ..meshes::diffuse(1.0, 1.0, 1.0) },
         Transform::default(),
     );
     // Lit by a ceiling that the sun cannot reach, but by way of a white slab below it.
@@ -178,13 +178,13 @@ fn patches_reflect_their_textures_colours() {
         &mut stage,
         Vec3::new(0.0, 1.0, 0.0),
         Vec3::new(1.0, 0.1, 1.0),
-        meshes::matt(0.8, 0.8, 0.8),
+        meshes::diffuse(0.8, 0.8, 0.8),
     );
     meshes::spawn_box(
         &mut stage,
         Vec3::new(6.0, 3.0, 0.0),
         Vec3::new(9.0, 0.1, 9.0),
-        meshes::matt(0.8, 0.8, 0.8),
+        meshes::diffuse(0.8, 0.8, 0.8),
     );
     set::look(&mut stage, Vec3::new(0.0, 1.2, 5.0), Vec3::ZERO);
     set::apply(&mut stage, RAYS);
@@ -214,13 +214,13 @@ fn what_glows_and_the_sky_are_reflected_too() {
             &mut stage,
             Vec3::new(0.0, -0.1, 0.0),
             Vec3::new(6.0, 0.2, 6.0),
-            meshes::matt(0.8, 0.8, 0.8),
+            meshes::diffuse(0.8, 0.8, 0.8),
         );
         meshes::spawn_box(
             &mut stage,
             Vec3::new(0.0, 3.0, 0.0),
             Vec3::new(6.0, 0.2, 6.0),
-            meshes::matt(0.8, 0.8, 0.8),
+            meshes::diffuse(0.8, 0.8, 0.8),
         );
         set::look(&mut stage, Vec3::new(0.0, 1.0, 2.9), Vec3::new(0.0, 2.9, -2.0));
         set::apply(&mut stage, RAYS);
@@ -231,7 +231,7 @@ fn what_glows_and_the_sky_are_reflected_too() {
     let mut stage = slabs();
     let glow = StandardMaterial {
         emissive: LinearRgba::rgb(5.0, 5.0, 5.0),
-        ..meshes::matt(0.0, 0.0, 0.0)
+        ..meshes::diffuse(0.0, 0.0, 0.0)
     };
     let mesh = Plane3d::new(Vec3::NEG_Y, Vec2::splat(1.0)).mesh().build();
     meshes::spawn(&mut stage, mesh, glow, Transform::from_xyz(0.0, 2.85, 0.0));
@@ -273,14 +273,14 @@ fn what_lets_light_through_reflects_none() {
             true,
         ),
         ("without shadow", StandardMaterial::default(), false),
-        ("matt", StandardMaterial::default(), true),
+        ("diffuse", StandardMaterial::default(), true),
     ] {
         let mesh = meshes::spawn_box(&mut stage, Vec3::new(0.0, 5.0, 0.0), Vec3::ONE, material);
         if !casts {
             stage.world_mut().entity_mut(mesh).insert(NotShadowCaster);
         }
         set::radiance(&mut stage);
-        assert_eq!(on_top(&patches(&stage)) > 0, label == "matt", "{label}");
+        assert_eq!(on_top(&patches(&stage)) > 0, label == "diffuse", "{label}");
         assert!(stage.world_mut().despawn(mesh));
     }
 }
@@ -327,7 +327,7 @@ fn what_changes_is_reflected_at_once() {
         &mut stage,
         Vec3::new(0.5, 0.5, 0.0),
         Vec3::splat(0.4),
-        meshes::matt(0.8, 0.2, 0.2),
+        meshes::diffuse(0.8, 0.2, 0.2),
     );
     (0..16).for_each(|_| stage.frame());
     let check = |stage: &mut Stage, what: &str| {
@@ -412,7 +412,7 @@ fn odd_scenes_stay_finite() {
             &mut stage,
             Vec3::new(0.5, 0.5, 0.0),
             Vec3::splat(0.4),
-            StandardMaterial { base_color: color, ..meshes::matt(0.5, 0.5, 0.5) },
+            StandardMaterial { base_color: color, ..meshes::diffuse(0.5, 0.5, 0.5) },
         );
         finite(&mut stage, "albedo");
     }
@@ -431,7 +431,7 @@ fn odd_scenes_stay_finite() {
         let id = meshes::spawn(
             &mut stage,
             mesh,
-            meshes::matt(0.5, 0.5, 0.5),
+            meshes::diffuse(0.5, 0.5, 0.5),
             Transform::from_xyz(0.0, 0.5, 0.0),
         );
         let found = finite(&mut stage, "triangles");
@@ -456,13 +456,13 @@ fn odd_scenes_stay_finite() {
         &mut stage,
         far + Vec3::new(0.0, -1.0, 0.0),
         Vec3::new(40.0, 2.0, 40.0),
-        meshes::matt(0.8, 0.8, 0.8),
+        meshes::diffuse(0.8, 0.8, 0.8),
     );
     meshes::spawn_box(
         &mut stage,
         far + Vec3::new(0.0, 10.0, -20.0),
         Vec3::new(40.0, 20.0, 2.0),
-        meshes::matt(0.5, 0.5, 0.5),
+        meshes::diffuse(0.5, 0.5, 0.5),
     );
     set::look(&mut stage, far + Vec3::new(0.0, 12.0, 30.0), far + Vec3::new(0.0, 8.0, -20.0));
     set::apply(&mut stage, RAYS);

@@ -38,13 +38,13 @@ pub fn corner(lights: Vec<Light>) -> Stage {
         &mut stage,
         Vec3::new(0.0, -0.1, 0.0),
         Vec3::new(4.0, 0.2, 4.0),
-        meshes::matt(0.8, 0.8, 0.8),
+        meshes::diffuse(0.8, 0.8, 0.8),
     );
     meshes::spawn_box(
         &mut stage,
         Vec3::new(0.0, 1.0, -2.0),
         Vec3::new(4.0, 2.0, 0.2),
-        meshes::matt(0.5, 0.5, 0.5),
+        meshes::diffuse(0.5, 0.5, 0.5),
     );
     set::look(&mut stage, Vec3::new(0.0, 1.2, 3.0), Vec3::new(0.0, 0.8, -2.0));
     set::apply(&mut stage, PLAIN);
@@ -178,7 +178,7 @@ fn moving_an_object_changes_the_bounce() {
         &mut stage,
         Vec3::new(0.0, 6.0, 30.0),
         Vec3::new(6.0, 0.1, 6.0),
-        meshes::matt(0.0, 0.0, 0.0),
+        meshes::diffuse(0.0, 0.0, 0.0),
     );
     set::apply(&mut stage, &format!("{PLAIN},rsm_resolution=128"));
     let open = set::radiance(&mut stage);

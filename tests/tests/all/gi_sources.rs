@@ -68,7 +68,7 @@ fn bare(component: Component) -> Stage {
 fn glowing(nits: f32) -> StandardMaterial {
     StandardMaterial {
         emissive: LinearRgba::rgb(1.0, 1.0, 1.0) * (nits * EXPOSURE),
-        ..meshes::matt(0.0, 0.0, 0.0)
+        ..meshes::diffuse(0.0, 0.0, 0.0)
     }
 }
 
@@ -85,7 +85,7 @@ fn spawn_floor(stage: &mut Stage, size: f32) {
     let mut mesh =
         Plane3d::new(Vec3::Y, Vec2::splat(0.5 * size)).mesh().subdivisions(FLOOR_TILES - 1).build();
     mesh.remove_attribute(Mesh::ATTRIBUTE_UV_0);
-    meshes::spawn(stage, mesh, meshes::matt(0.8, 0.8, 0.8), Transform::default());
+    meshes::spawn(stage, mesh, meshes::diffuse(0.8, 0.8, 0.8), Transform::default());
 }
 
 /// A few centimetres of floor around the origin.
@@ -145,7 +145,7 @@ fn the_inside_of_a_glowing_sphere_is_lit_evenly() {
         normals.iter_mut().flatten().for_each(|value| *value = -*value);
     }
     let material =
-        StandardMaterial { base_color: meshes::matt(0.8, 0.8, 0.8).base_color, ..glowing(NITS) };
+        StandardMaterial { base_color: meshes::diffuse(0.8, 0.8, 0.8).base_color, ..glowing(NITS) };
     meshes::spawn(&mut stage, mesh, material, Transform::default());
     set::look(&mut stage, Vec3::new(0.3, -0.2, 0.5), Vec3::new(0.0, 0.4, -2.0));
     set::apply(&mut stage, &format!("{RAYS},gi_vpl_count=4096"));
@@ -174,7 +174,7 @@ fn a_panel_is_as_bright_as_what_it_lights_says() {
     ] {
         let mut stage = bare(Component::Full);
         spawn_floor(&mut stage, 20.0);
-        let base_color = meshes::matt(0.0, 0.0, 0.0).base_color.with_alpha(0.75);
+        let base_color = meshes::diffuse(0.0, 0.0, 0.0).base_color.with_alpha(0.75);
         let material = StandardMaterial {
             base_color,
             alpha_mode,
@@ -210,7 +210,7 @@ fn what_glows_lights_beside_lamps() {
             &mut stage,
             Vec3::new(0.0, 1.0, -2.0),
             Vec3::new(4.0, 2.0, 0.2),
-            meshes::matt(0.5, 0.5, 0.5),
+            meshes::diffuse(0.5, 0.5, 0.5),
         );
         let mut panel = glowing(glow);
         panel.cull_mode = None;
@@ -479,7 +479,7 @@ fn a_wall_hides_half_the_sky() {
         &mut stage,
         Vec3::new(0.0, 100.0, -1.5),
         Vec3::new(1000.0, 200.0, 1.0),
-        meshes::matt(0.0, 0.0, 0.0),
+        meshes::diffuse(0.0, 0.0, 0.0),
     );
     surround(&mut stage, [[1.0; 3]; 6], NITS, Quat::IDENTITY);
     look_at_floor(&mut stage);
@@ -502,7 +502,7 @@ fn a_wall_hides_half_the_sky() {
 /// A room of 4 × 3 × 4 m, its door, 1 m × 2 m, in the wall at z = −2 where there is one.
 fn spawn_room(stage: &mut Stage, has_door: bool) {
     let mut wall = |center: [f32; 3], size: [f32; 3]| {
-        meshes::spawn_box(stage, center.into(), size.into(), meshes::matt(0.8, 0.8, 0.8));
+        meshes::spawn_box(stage, center.into(), size.into(), meshes::diffuse(0.8, 0.8, 0.8));
     };
     wall([0.0, -0.1, 0.0], [5.0, 0.2, 5.0]);
     wall([0.0, 3.1, 0.0], [5.0, 0.2, 5.0]);
@@ -563,7 +563,7 @@ fn the_sky_is_turned_as_bevy_turns_it() {
         &mut stage,
         Vec3::ZERO,
         Vec3::new(4.0, 4.0, 0.2),
-        meshes::matt(0.8, 0.8, 0.8),
+        meshes::diffuse(0.8, 0.8, 0.8),
     );
     let order = |rgb: [f64; 3]| {
         let mut channels = [0, 1, 2];

@@ -78,7 +78,7 @@ fn what_changes_is_in_the_next_frame() {
         &mut stage,
         Vec3::new(0.5, 0.5, 0.0),
         Vec3::splat(0.4),
-        meshes::matt(0.8, 0.2, 0.2),
+        meshes::diffuse(0.8, 0.2, 0.2),
     );
     (0..16).for_each(|_| stage.frame());
     let mut before = stage.radiance().expect("a picture");
@@ -112,7 +112,7 @@ fn what_changes_is_in_the_next_frame() {
         bevy_frugal_gi::gi::GiVisibility::Fine;
     changes(&mut stage, "rays");
 
-    let material = meshes::matt(0.1, 0.9, 0.1);
+    let material = meshes::diffuse(0.1, 0.9, 0.1);
     let world = stage.world_mut();
     let mut materials = world.resource_mut::<bevy::asset::Assets<bevy::pbr::StandardMaterial>>();
     let ids: Vec<_> = materials.ids().collect();

@@ -39,7 +39,7 @@ fn sun_flux_of_a_box_is_the_closed_form() {
         meshes::spawn(
             &mut stage,
             bevy::prelude::Cuboid::from_size(size).into(),
-            meshes::matt(0.8, 0.4, 0.2),
+            meshes::diffuse(0.8, 0.4, 0.2),
             place,
         );
         // Black, so that the map also covers what reflects nothing.
@@ -47,7 +47,7 @@ fn sun_flux_of_a_box_is_the_closed_form() {
             &mut stage,
             Vec3::ZERO,
             Vec3::new(6.0, 0.1, 6.0),
-            meshes::matt(0.0, 0.0, 0.0),
+            meshes::diffuse(0.0, 0.0, 0.0),
         );
         set::apply(&mut stage, "min,gi_vpl_count=64,rsm_resolution=256");
         // Finer than any level.
@@ -168,12 +168,12 @@ fn far_from_the_origin_all_stays_finite() {
             set::radiance_options(32, 18, Component::Full),
         );
         let at = Vec3::splat(offset);
-        meshes::spawn_box(&mut stage, at, Vec3::new(4.0, 0.2, 4.0), meshes::matt(0.8, 0.8, 0.8));
+        meshes::spawn_box(&mut stage, at, Vec3::new(4.0, 0.2, 4.0), meshes::diffuse(0.8, 0.8, 0.8));
         meshes::spawn_box(
             &mut stage,
             at + Vec3::new(0.0, 1.0, -2.0),
             Vec3::new(4.0, 2.0, 0.2),
-            meshes::matt(0.5, 0.5, 0.5),
+            meshes::diffuse(0.5, 0.5, 0.5),
         );
         set::look(&mut stage, at + Vec3::new(0.0, 1.2, 3.0), at + Vec3::new(0.0, 0.8, -2.0));
         set::apply(&mut stage, super::gi::PLAIN);

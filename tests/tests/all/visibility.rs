@@ -52,7 +52,7 @@ fn screened() -> (Stage, Entity) {
         &mut stage,
         Vec3::new(0.0, 1.0, -1.85),
         Vec3::new(4.5, 2.1, 0.02),
-        meshes::matt(0.0, 0.0, 0.0),
+        meshes::diffuse(0.0, 0.0, 0.0),
     );
     // Only what is behind the screen is looked at.
     set::look(&mut stage, Vec3::new(0.0, 1.2, -1.87), Vec3::new(0.0, 0.8, -2.0));
@@ -100,7 +100,7 @@ fn coarse_and_fine_expect_the_same() {
         &mut stage,
         Vec3::new(0.3, 0.5, -0.9),
         Vec3::new(0.8, 0.9, 0.2),
-        meshes::matt(0.3, 0.3, 0.3),
+        meshes::diffuse(0.3, 0.3, 0.3),
     );
     let [none, coarse, fine] =
         ["none", "coarse", "fine"].map(|visibility| mean(&mut stage, visibility));
@@ -153,19 +153,19 @@ fn rays_that_are_asked_for_late_are_there_a_frame_later() {
         &mut stage,
         Vec3::new(0.0, -0.1, 0.0),
         Vec3::new(4.0, 0.2, 4.0),
-        meshes::matt(0.8, 0.8, 0.8),
+        meshes::diffuse(0.8, 0.8, 0.8),
     );
     meshes::spawn_box(
         &mut stage,
         Vec3::new(0.0, 1.0, -2.0),
         Vec3::new(4.0, 2.0, 0.2),
-        meshes::matt(0.5, 0.5, 0.5),
+        meshes::diffuse(0.5, 0.5, 0.5),
     );
     meshes::spawn_box(
         &mut stage,
         Vec3::new(0.0, 1.0, -1.85),
         Vec3::new(4.5, 2.1, 0.02),
-        meshes::matt(0.0, 0.0, 0.0),
+        meshes::diffuse(0.0, 0.0, 0.0),
     );
     set::look(&mut stage, Vec3::new(0.0, 1.2, -1.87), Vec3::new(0.0, 0.8, -2.0));
     // What rays take is compiled and prepared.

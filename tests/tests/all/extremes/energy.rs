@@ -127,7 +127,12 @@ fn a_closed_room_reflects_no_more_than_its_albedo() {
         for axis in [Vec3::X, Vec3::NEG_X, Vec3::Y, Vec3::NEG_Y, Vec3::Z, Vec3::NEG_Z] {
             // Flush at the edges, and overlapping nowhere that is seen.
             let size = Vec3::splat(2.4) - 2.2 * axis.abs();
-            meshes::spawn_box(&mut stage, axis * 1.1, size, meshes::matt(albedo, albedo, albedo));
+            meshes::spawn_box(
+                &mut stage,
+                axis * 1.1,
+                size,
+                meshes::diffuse(albedo, albedo, albedo),
+            );
         }
         set::apply(
             &mut stage,

@@ -50,7 +50,7 @@ impl Scene {
 
     /// Puts triangles on the stage, given in the mesh's own space.
     fn add(&mut self, corners: &[[Vec3; 3]], transform: Transform) {
-        self.add_with(corners, transform, meshes::matt(0.5, 0.5, 0.5), u8::MAX);
+        self.add_with(corners, transform, meshes::diffuse(0.5, 0.5, 0.5), u8::MAX);
     }
 
     /// The same with holes.
@@ -66,7 +66,7 @@ impl Scene {
             base_color,
             base_color_texture: Some(texture),
             alpha_mode: AlphaMode::Mask(0.5),
-            ..meshes::matt(0.5, 0.5, 0.5)
+            ..meshes::diffuse(0.5, 0.5, 0.5)
         };
         self.add_with(corners, transform, material, strips);
     }

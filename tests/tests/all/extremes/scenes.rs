@@ -64,7 +64,7 @@ fn triangles_without_area_change_nothing() {
         let entity = meshes::spawn(
             &mut stage,
             mesh(list, [0.0, 1.0, 0.0]),
-            meshes::matt(0.9, 0.9, 0.9),
+            meshes::diffuse(0.9, 0.9, 0.9),
             Transform::default(),
         );
         let found = set::radiance(&mut stage);
@@ -79,7 +79,7 @@ fn triangles_without_area_change_nothing() {
         let entity = meshes::spawn(
             &mut stage,
             mesh(list, [0.0, 1.0, 0.0]),
-            meshes::matt(0.9, 0.9, 0.9),
+            meshes::diffuse(0.9, 0.9, 0.9),
             Transform::default(),
         );
         let found = set::radiance(&mut stage);
@@ -113,7 +113,7 @@ fn normals_without_length_stay_where_they_are() {
         let entity = meshes::spawn(
             &mut stage,
             mesh(square, normal),
-            meshes::matt(0.8, 0.8, 0.8),
+            meshes::diffuse(0.8, 0.8, 0.8),
             Transform::default(),
         );
         let found = set::radiance(&mut stage);
@@ -163,7 +163,7 @@ fn a_light_in_a_wall_shines_through_it_as_its_shadow_map_does() {
             stage,
             Vec3::new(0.0, 1.0, 0.5),
             Vec3::new(0.6, 0.6, 0.6),
-            meshes::matt(0.0, 0.0, 0.0),
+            meshes::diffuse(0.0, 0.0, 0.0),
         )
     };
     let lamp = |stage: &mut Stage, position: Vec3| {
@@ -181,13 +181,13 @@ fn a_light_in_a_wall_shines_through_it_as_its_shadow_map_does() {
             &mut stage,
             Vec3::new(0.0, -0.1, 0.0),
             Vec3::new(4.0, 0.2, 4.0),
-            meshes::matt(0.8, 0.8, 0.8),
+            meshes::diffuse(0.8, 0.8, 0.8),
         );
         meshes::spawn_box(
             &mut stage,
             Vec3::new(0.0, 1.0, -2.0),
             Vec3::new(4.0, 2.0, 0.2),
-            meshes::matt(0.5, 0.5, 0.5),
+            meshes::diffuse(0.5, 0.5, 0.5),
         );
         // The wall and the floor before it, past the box.
         set::look(&mut stage, Vec3::new(1.6, 1.2, 1.0), Vec3::new(-0.5, 0.3, -2.0));

@@ -94,7 +94,10 @@ fn light_is_scattered_as_burley_and_ggx_scatter_it_on_average() {
     // facets, in Karis' fit as in GGX itself.
     let mut worst = 0.0f64;
     for (label, surface) in [
-        ("matt", Surface { color: [188, 120, 60], roughness: 255, reflectance: 128, metallic: 0 }),
+        (
+            "diffuse",
+            Surface { color: [188, 120, 60], roughness: 255, reflectance: 128, metallic: 0 },
+        ),
         (
             "half rough",
             Surface { color: [188, 120, 60], roughness: 128, reflectance: 128, metallic: 0 },

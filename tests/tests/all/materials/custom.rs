@@ -22,7 +22,7 @@ const COLOR: LinearRgba = LinearRgba::rgb(0.1, 0.8, 0.4);
 const ALBEDO: [f64; 3] = [0.1, 0.8, 0.4];
 
 fn grey() -> StandardMaterial {
-    meshes::matt(GREY, GREY, GREY)
+    meshes::diffuse(GREY, GREY, GREY)
 }
 
 fn an_extension_sends_and_receives_the_colour_that_it_gives() {
@@ -31,12 +31,12 @@ fn an_extension_sends_and_receives_the_colour_that_it_gives() {
             "extended",
             ExtendedMaterial { base: grey(), extension: Tint { color: COLOR } },
         );
-        tinted.assert_matt("extended", ALBEDO);
+        tinted.assert_diffuse("extended", ALBEDO);
         // Bevy draws it in its base's colour, too.
         let forward = ExtendedMaterial { base: grey(), extension: ForwardTint { color: COLOR } };
         bench
             .measure_plate("extended for forward rendering only", forward)
-            .assert_matt("forward", [f64::from(GREY); 3]);
+            .assert_diffuse("forward", [f64::from(GREY); 3]);
         // Transparent for the sun's map as it is for the eye, but rays know Bevy's own material
         // alone.
         let blend = StandardMaterial {
@@ -82,7 +82,7 @@ fn an_extension_that_moves_its_mesh_hides_where_it_was() {
 fn a_deferred_material_is_like_any_other() {
     on_bench(|bench| {
         let found = bench.measure_plate("custom, deferred", Deferred { color: COLOR });
-        found.assert_matt("custom, deferred", ALBEDO);
+        found.assert_diffuse("custom, deferred", ALBEDO);
     });
 }
 

@@ -97,7 +97,7 @@ thread_local! {
     static BENCH: RefCell<Option<Bench>> = const { RefCell::new(None) };
 }
 
-/// What a matt grey plate does.
+/// What a diffuse grey plate does.
 static REFERENCE: OnceLock<Effect> = OnceLock::new();
 /// Radiance of the wall from close by when there is no sample, nits.
 static OPEN_WALL: OnceLock<f64> = OnceLock::new();
@@ -128,13 +128,13 @@ impl Bench {
             &mut stage,
             Vec3::new(0.0, -0.1, 0.0),
             Vec3::new(4.0, 0.2, 4.0),
-            meshes::matt(0.8, 0.8, 0.8),
+            meshes::diffuse(0.8, 0.8, 0.8),
         );
         meshes::spawn_box(
             &mut stage,
             Vec3::new(0.0, 1.0, -2.0),
             Vec3::new(4.0, 2.0, 0.2),
-            meshes::matt(GREY, GREY, GREY),
+            meshes::diffuse(GREY, GREY, GREY),
         );
         // The sun's map covers what meshes say that they cover, and should be the same for all
         // samples, skins and morphs included.
@@ -142,14 +142,14 @@ impl Bench {
             &mut stage,
             Vec3::new(0.0, -0.15, 0.0),
             Vec3::new(5.0, 0.01, 5.0),
-            meshes::matt(0.0, 0.0, 0.0),
+            meshes::diffuse(0.0, 0.0, 0.0),
         );
         // The wall's top would draw virtual point lights that light nothing.
         meshes::spawn_box(
             &mut stage,
             Vec3::new(0.0, 2.01, -2.0),
             Vec3::new(4.0, 0.02, 0.2),
-            meshes::matt(0.0, 0.0, 0.0),
+            meshes::diffuse(0.0, 0.0, 0.0),
         );
         Self { stage }
     }
@@ -254,10 +254,10 @@ impl Bench {
         self.relative(label, effect)
     }
 
-    /// What a matt grey plate does.
+    /// What a diffuse grey plate does.
     pub fn reference(&mut self) -> Effect {
         *REFERENCE.get_or_init(|| {
-            let plate = self.plate(meshes::matt(GREY, GREY, GREY));
+            let plate = self.plate(meshes::diffuse(GREY, GREY, GREY));
             OPEN_FLOOR.get_or_init(|| self.as_source(plate, Place::Away).wall[1]);
             let effect = self.measure(plate);
             self.clear(plate);
@@ -270,7 +270,7 @@ impl Bench {
         source.wall[1] / OPEN_FLOOR.get().expect("the reference was measured")
     }
 
-    /// `effect` in units of what a matt grey plate does, printed.
+    /// `effect` in units of what a diffuse grey plate does, printed.
     pub fn relative(&mut self, label: &str, effect: Effect) -> Relative {
         let reference = self.reference();
         let over =
@@ -292,7 +292,7 @@ impl Bench {
     }
 }
 
-/// A sample's measurements; what is sent, seen on the wall and received is in units of what a matt
+/// A sample's measurements; what is sent, seen on the wall and received is in units of what a diffuse
 /// grey plate does.
 #[derive(Clone, Copy, Debug)]
 pub struct Relative {
@@ -304,10 +304,10 @@ pub struct Relative {
 }
 
 impl Relative {
-    /// Whether it does what a matt plate of these albedos does: it stands in the light, sends its
+    /// Whether it does what a diffuse plate of these albedos does: it stands in the light, sends its
     /// share on, receives, and hides.
     #[track_caller]
-    pub fn assert_matt(&self, label: &str, albedo: [f64; 3]) {
+    pub fn assert_diffuse(&self, label: &str, albedo: [f64; 3]) {
         self.assert_covers(label, 1.0);
         self.assert_sends(label, albedo);
         self.assert_receives(label, albedo);

@@ -20,7 +20,7 @@ tests!(
 );
 
 fn grey() -> StandardMaterial {
-    meshes::matt(GREY, GREY, GREY)
+    meshes::diffuse(GREY, GREY, GREY)
 }
 
 /// A plate whose normal map turns its normal by `tilt` (sines along x and z), and what that normal
@@ -103,7 +103,7 @@ fn holes_of_a_mask_let_light_and_rays_through() {
                 alpha_mode: AlphaMode::Mask(0.5),
                 double_sided: true,
                 cull_mode: None,
-                ..meshes::matt(1.0, 1.0, 1.0)
+                ..meshes::diffuse(1.0, 1.0, 1.0)
             };
             let plate = bench.sample(meshes::plate(true), material);
             let effect = bench.measure(plate);
@@ -113,7 +113,7 @@ fn holes_of_a_mask_let_light_and_rays_through() {
         // 128 of sRGB.
         let albedo = [0.215_860_5; 3];
         let solid = masked("a mask without holes", [255; 4], true);
-        solid.assert_matt("a mask without holes", albedo);
+        solid.assert_diffuse("a mask without holes", albedo);
         let half = masked("a mask with half of it holes", [255, 0, 0, 255], true);
         let all = masked("a mask that is all hole", [0; 4], true);
         // The middle's texels, 26 or so a side, may lie one row more on one side.

@@ -15,7 +15,7 @@ use frugal_tests::{gpu, meshes, set};
 use super::{GREY, Place, on_bench, relative_albedo};
 
 tests!(
-    a_matt_plate_sends_receives_and_hides,
+    a_diffuse_plate_sends_receives_and_hides,
     a_texture_sends_and_receives_its_colours_where_they_are,
     vertex_colours_tint_what_is_sent_and_received,
     metals_take_no_part_but_hide,
@@ -30,10 +30,10 @@ tests!(
 );
 
 fn grey() -> StandardMaterial {
-    meshes::matt(GREY, GREY, GREY)
+    meshes::diffuse(GREY, GREY, GREY)
 }
 
-fn a_matt_plate_sends_receives_and_hides() {
+fn a_diffuse_plate_sends_receives_and_hides() {
     on_bench(|bench| {
         let reference = bench.reference();
         println!(
@@ -45,8 +45,8 @@ fn a_matt_plate_sends_receives_and_hides() {
             "the bench is lit: {reference:?}"
         );
         assert!(reference.source.normal.abs_diff_eq(Vec3::Y, 1e-3), "{reference:?}");
-        let found = bench.measure_plate("another colour", meshes::matt(0.9, 0.25, 0.0));
-        found.assert_matt("another colour", [0.9, 0.25, 0.0]);
+        let found = bench.measure_plate("another colour", meshes::diffuse(0.9, 0.25, 0.0));
+        found.assert_diffuse("another colour", [0.9, 0.25, 0.0]);
     });
 }
 
@@ -55,8 +55,10 @@ fn a_texture_sends_and_receives_its_colours_where_they_are() {
         let colours = [[255, 0, 0, 255], [0, 255, 0, 255], [0, 0, 255, 255], [255, 255, 255, 255]];
         let texture =
             meshes::texture(&mut bench.stage, TextureFormat::Rgba8UnormSrgb, 2, 2, &colours);
-        let material =
-            StandardMaterial { base_color_texture: Some(texture), ..meshes::matt(1.0, 1.0, 1.0) };
+        let material = StandardMaterial {
+            base_color_texture: Some(texture),
+            ..meshes::diffuse(1.0, 1.0, 1.0)
+        };
         let plate = bench.sample(meshes::plate(true), material);
         let reference = bench.reference();
         let white = relative_albedo(1.0);
@@ -131,7 +133,7 @@ fn vertex_colours_tint_what_is_sent_and_received() {
         bench.clear(plate);
         bench
             .relative("vertex colours", effect)
-            .assert_matt("vertex colours", [0.2, 1.0, 0.6].map(|tint| tint * f64::from(GREY)));
+            .assert_diffuse("vertex colours", [0.2, 1.0, 0.6].map(|tint| tint * f64::from(GREY)));
     });
 }
 
@@ -155,9 +157,9 @@ fn metals_take_no_part_but_hide() {
 
 fn rough_metals_and_gloss_take_part_as_bevy_shades_them() {
     on_bench(|bench| {
-        // Of light that falls straight down, and by what a rough metal keeps of it; against a matt
+        // Of light that falls straight down, and by what a rough metal keeps of it; against a diffuse
         // surface that does not care for shading.
-        let matt =
+        let diffuse_plate =
             bench.plate(StandardMaterial { perceptual_roughness: 0.7, reflectance: 0.0, ..grey() });
         let metal =
             bench.plate(StandardMaterial { metallic: 1.0, perceptual_roughness: 0.7, ..grey() });
@@ -168,7 +170,7 @@ fn rough_metals_and_gloss_take_part_as_bevy_shades_them() {
             bench.put(plate, Place::Away);
             flux
         };
-        let lambertian = [matt, metal, gloss].map(|plate| sent(bench, plate));
+        let lambertian = [diffuse_plate, metal, gloss].map(|plate| sent(bench, plate));
         let camera = set::camera(&mut bench.stage);
         let shade = |bench: &mut super::Bench, shading| {
             bench
@@ -179,20 +181,22 @@ fn rough_metals_and_gloss_take_part_as_bevy_shades_them() {
                 .shading = shading;
         };
         shade(bench, GiShading::Standard);
-        let standard = [matt, metal, gloss].map(|plate| sent(bench, plate));
+        let standard = [diffuse_plate, metal, gloss].map(|plate| sent(bench, plate));
         shade(bench, GiShading::Lambertian);
-        println!("    sent as matt surfaces {lambertian:.0?}, as Bevy shades them {standard:.0?}");
+        println!(
+            "    sent as diffuse surfaces {lambertian:.0?}, as Bevy shades them {standard:.0?}"
+        );
         let [diffuse, metallic, glossy] = [0, 1, 2].map(|plate| standard[plate] / lambertian[0]);
         assert_eq!(lambertian[1], 0.0);
         assert!(
             (lambertian[2] / lambertian[0] - 1.0).abs() < 1e-6 && (diffuse - 1.0).abs() < 0.02,
             "{lambertian:?} {standard:?}"
         );
-        // About as much as the matt surface of that colour, less what a rough one's facets keep;
+        // About as much as the diffuse surface of that colour, less what a rough one's facets keep;
         // and a sixth of a half more.
         assert!((0.7..1.0).contains(&metallic), "{metallic}");
         assert!((1.15..1.4).contains(&glossy), "{glossy}");
-        for plate in [matt, metal, gloss] {
+        for plate in [diffuse_plate, metal, gloss] {
             bench.clear(plate);
         }
     });
