@@ -30,7 +30,7 @@ tests!(
     a_second_bounce_is_near_the_reference,
     patches_reflect_what_their_twin_says,
     patches_reflect_their_textures_colours,
-    what_glows_and_the_sky_are_reflected_too,
+    emissive_surfaces_and_the_sky_are_reflected_too,
     what_lets_light_through_reflects_none,
     patches_rest_when_nothing_changes,
     what_changes_is_reflected_at_once,
@@ -206,7 +206,7 @@ fn patches_reflect_their_textures_colours() {
     assert!(red > 20 && black > 20, "{red} {black}");
 }
 
-fn what_glows_and_the_sky_are_reflected_too() {
+fn emissive_surfaces_and_the_sky_are_reflected_too() {
     // A floor and a ceiling. Under a panel below the ceiling, this is lit by the floor alone.
     let slabs = || {
         let mut stage = set::bare(vec![], set::radiance_options(48, 27, Component::Global));
@@ -229,12 +229,12 @@ fn what_glows_and_the_sky_are_reflected_too() {
     };
     let ceiling = |stage: &mut Stage, bounces| set::radiance(with_bounces(stage, bounces)).mean();
     let mut stage = slabs();
-    let glow = StandardMaterial {
+    let emissive = StandardMaterial {
         emissive: LinearRgba::rgb(5.0, 5.0, 5.0),
         ..meshes::diffuse(0.0, 0.0, 0.0)
     };
     let mesh = Plane3d::new(Vec3::NEG_Y, Vec2::splat(1.0)).mesh().build();
-    meshes::spawn(&mut stage, mesh, glow, Transform::from_xyz(0.0, 2.85, 0.0));
+    meshes::spawn(&mut stage, mesh, emissive, Transform::from_xyz(0.0, 2.85, 0.0));
     // From the floor, and again from the floor by way of the ceiling itself.
     let (direct, once, twice) =
         (ceiling(&mut stage, 1), ceiling(&mut stage, 2), ceiling(&mut stage, 4));

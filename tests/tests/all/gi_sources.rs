@@ -1,4 +1,4 @@
-//! Light that comes from no lamp: glowing surfaces and the sky.
+//! Light without a punctual light: emissive surfaces and the sky.
 
 use std::f64::consts::PI;
 
@@ -25,20 +25,20 @@ use super::gi::{assert_costs_nothing, sides, sun};
 
 tests!(
     a_panel_lights_a_floor_by_its_form_factor,
-    the_inside_of_a_glowing_sphere_is_lit_evenly,
+    the_inside_of_an_emissive_sphere_is_lit_evenly,
     a_panel_is_as_bright_as_what_it_lights_says,
-    what_glows_lights_beside_lamps,
-    light_follows_what_glows,
+    emissive_surfaces_add_to_punctual_lights,
+    light_follows_an_emissive_surface,
     light_comes_from_the_bright_part_of_a_texture,
     light_comes_from_what_a_mask_leaves,
-    what_does_not_glow_costs_nothing,
-    glow_that_is_no_number_or_huge_stays_finite,
+    a_surface_that_is_not_emissive_costs_nothing,
+    emission_that_is_not_finite_or_huge_stays_finite,
     a_floor_under_an_even_sky_is_lit_by_all_of_it,
     a_wall_hides_half_the_sky,
     the_sky_comes_in_by_the_door_alone,
     the_sky_is_turned_as_bevy_turns_it,
     without_rays_or_samples_the_sky_is_bevy_s,
-    a_sky_that_is_no_number_or_huge_stays_finite,
+    a_sky_that_is_not_finite_or_huge_stays_finite,
     still_skies_give_still_pictures,
 );
 
@@ -65,7 +65,7 @@ fn bare(component: Component) -> Stage {
 }
 
 /// Black but for what it gives off, nits.
-fn glowing(nits: f32) -> StandardMaterial {
+fn emissive_material(nits: f32) -> StandardMaterial {
     StandardMaterial {
         emissive: LinearRgba::rgb(1.0, 1.0, 1.0) * (nits * EXPOSURE),
         ..meshes::diffuse(0.0, 0.0, 0.0)
@@ -117,7 +117,7 @@ fn a_panel_lights_a_floor_by_its_form_factor() {
     {
         let mut stage = bare(Component::Global);
         spawn_floor(&mut stage, 20.0);
-        spawn_panel(&mut stage, Vec3::new(0.0, height, 0.0), size, glowing(NITS));
+        spawn_panel(&mut stage, Vec3::new(0.0, height, 0.0), size, emissive_material(NITS));
         look_at_floor(&mut stage);
         let expected =
             albedo() * f64::from(NITS) * form_factor(size.x.into(), size.y.into(), height.into());
@@ -135,7 +135,7 @@ fn a_panel_lights_a_floor_by_its_form_factor() {
     }
 }
 
-fn the_inside_of_a_glowing_sphere_is_lit_evenly() {
+fn the_inside_of_an_emissive_sphere_is_lit_evenly() {
     let mut stage = bare(Component::Global);
     let mut mesh: Mesh = Sphere::new(2.0).mesh().ico(12).expect("a sphere");
     mesh.invert_winding().expect("triangles");
@@ -144,8 +144,10 @@ fn the_inside_of_a_glowing_sphere_is_lit_evenly() {
     {
         normals.iter_mut().flatten().for_each(|value| *value = -*value);
     }
-    let material =
-        StandardMaterial { base_color: meshes::diffuse(0.8, 0.8, 0.8).base_color, ..glowing(NITS) };
+    let material = StandardMaterial {
+        base_color: meshes::diffuse(0.8, 0.8, 0.8).base_color,
+        ..emissive_material(NITS)
+    };
     meshes::spawn(&mut stage, mesh, material, Transform::default());
     set::look(&mut stage, Vec3::new(0.3, -0.2, 0.5), Vec3::new(0.0, 0.4, -2.0));
     set::apply(&mut stage, &format!("{RAYS},gi_vpl_count=4096"));
@@ -180,7 +182,7 @@ fn a_panel_is_as_bright_as_what_it_lights_says() {
             alpha_mode,
             opaque_render_method: method,
             emissive_exposure_weight: weight,
-            ..glowing(NITS)
+            ..emissive_material(NITS)
         };
         spawn_panel(&mut stage, Vec3::new(0.0, 2.0, 0.0), Vec2::splat(2.0), material);
         set::look(&mut stage, Vec3::new(0.0, 1.5, 0.15), Vec3::new(0.0, 2.0, 0.0));
@@ -198,10 +200,10 @@ fn a_panel_is_as_bright_as_what_it_lights_says() {
     }
 }
 
-fn what_glows_lights_beside_lamps() {
+fn emissive_surfaces_add_to_punctual_lights() {
     // A lit corner, out of view, as a map's texels before those of the panel; and their sum.
     let mut found = Vec::new();
-    for (has_sun, glow) in [(true, 0.0), (false, NITS), (true, NITS)] {
+    for (has_sun, nits) in [(true, 0.0), (false, NITS), (true, NITS)] {
         let lights = if has_sun { vec![sun(Vec3::NEG_Y)] } else { vec![] };
         let mut stage = set::bare(lights, set::radiance_options(48, 27, Component::Global));
         set::apply(&mut stage, RAYS);
@@ -212,7 +214,7 @@ fn what_glows_lights_beside_lamps() {
             Vec3::new(4.0, 2.0, 0.2),
             meshes::diffuse(0.5, 0.5, 0.5),
         );
-        let mut panel = glowing(glow);
+        let mut panel = emissive_material(nits);
         panel.cull_mode = None;
         spawn_panel(&mut stage, Vec3::new(1.5, 1.5, 0.0), Vec2::splat(0.5), panel);
         set::look(&mut stage, Vec3::new(0.0, 1.2, 3.0), Vec3::new(0.0, 0.8, -2.0));
@@ -229,11 +231,15 @@ fn what_glows_lights_beside_lamps() {
     assert!((found[2] / (found[0] + found[1]) - 1.0).abs() < 0.03, "{found:?}");
 }
 
-fn light_follows_what_glows() {
+fn light_follows_an_emissive_surface() {
     let mut stage = bare(Component::Global);
     spawn_floor(&mut stage, 8.0);
-    let panel =
-        spawn_panel(&mut stage, Vec3::new(-1.5, 1.0, -1.0), Vec2::splat(0.4), glowing(NITS));
+    let panel = spawn_panel(
+        &mut stage,
+        Vec3::new(-1.5, 1.0, -1.0),
+        Vec2::splat(0.4),
+        emissive_material(NITS),
+    );
     set::look(&mut stage, Vec3::new(0.0, 1.5, 3.0), Vec3::new(0.0, 0.0, -1.0));
     let (left, right) = sides(&mut stage);
     assert!(left > 2.0 * right && left > 1.0, "{left} {right}");
@@ -248,13 +254,14 @@ fn light_follows_what_glows() {
         .expect("a material")
         .0
         .clone();
-    let glow = |stage: &mut Stage, nits: f32| {
+    let set_emission = |stage: &mut Stage, nits: f32| {
         let mut materials = stage.world_mut().resource_mut::<Assets<StandardMaterial>>();
-        materials.get_mut(&handle).expect("the material").emissive = glowing(nits).emissive;
+        materials.get_mut(&handle).expect("the material").emissive =
+            emissive_material(nits).emissive;
         sides(stage)
     };
-    assert_eq!(glow(&mut stage, 0.0), (0.0, 0.0));
-    let (_, twice) = glow(&mut stage, 2.0 * NITS);
+    assert_eq!(set_emission(&mut stage, 0.0), (0.0, 0.0));
+    let (_, twice) = set_emission(&mut stage, 2.0 * NITS);
     assert!((twice / moved_right - 2.0).abs() < 0.01, "{twice}");
     stage.world_mut().entity_mut(panel).insert(bevy::camera::visibility::Visibility::Hidden);
     assert_eq!(sides(&mut stage), (0.0, 0.0));
@@ -269,22 +276,22 @@ fn light_comes_from_the_bright_part_of_a_texture() {
     // White where u is below a quarter, black elsewhere.
     lights_by_a_quarter([255, 0, 0, 255], [0, 0, 0, 255], |texture| StandardMaterial {
         emissive_texture: Some(texture),
-        ..glowing(4.0 * NITS)
+        ..emissive_material(4.0 * NITS)
     });
 }
 
 fn light_comes_from_what_a_mask_leaves() {
-    let red = LinearRgba { green: 0.0, blue: 0.0, ..glowing(4.0 * NITS).emissive };
+    let red = LinearRgba { green: 0.0, blue: 0.0, ..emissive_material(4.0 * NITS).emissive };
     lights_by_a_quarter([0, 0, 0, 200], [0, 0, 0, 100], |texture| StandardMaterial {
         base_color: Color::WHITE,
         base_color_texture: Some(texture),
         alpha_mode: AlphaMode::Mask(0.5),
         emissive: red,
-        ..glowing(0.0)
+        ..emissive_material(0.0)
     });
 }
 
-/// Light of a panel of which one quarter is to glow red, by a texture of these texels.
+/// Light of a panel of which one quarter emits red, by a texture of these texels.
 fn lights_by_a_quarter(
     quarter: [u8; 4],
     rest: [u8; 4],
@@ -323,10 +330,10 @@ fn lights_by_a_quarter(
     assert!((flux[0] / expected - 1.0).abs() < 0.01, "{} of {expected}", flux[0]);
 }
 
-fn what_does_not_glow_costs_nothing() {
+fn a_surface_that_is_not_emissive_costs_nothing() {
     let mut stage = bare(Component::Global);
     spawn_floor(&mut stage, 8.0);
-    spawn_panel(&mut stage, Vec3::new(0.0, 1.0, 0.0), Vec2::splat(1.0), glowing(0.0));
+    spawn_panel(&mut stage, Vec3::new(0.0, 1.0, 0.0), Vec2::splat(1.0), emissive_material(0.0));
     look_at_floor(&mut stage);
     // Rays keep the occluders, light or not.
     set::apply(&mut stage, &format!("{RAYS},gi_visibility=none"));
@@ -335,7 +342,7 @@ fn what_does_not_glow_costs_nothing() {
     let emitters = stage.world_mut().resource::<GiEmitters>();
     assert_eq!((emitters.surface_count(), emitters.texel_count()), (0, 0));
     // A camera that does not want it, and one that wants no global illumination.
-    spawn_panel(&mut stage, Vec3::new(0.0, 1.0, 0.0), Vec2::splat(1.0), glowing(NITS));
+    spawn_panel(&mut stage, Vec3::new(0.0, 1.0, 0.0), Vec2::splat(1.0), emissive_material(NITS));
     assert!(set::radiance(&mut stage).mean() > 1.0);
     assert_eq!(stage.world_mut().resource::<GiEmitters>().surface_count(), 1);
     let camera = set::camera(&mut stage);
@@ -359,7 +366,7 @@ fn assert_sound(label: &str, stage: &mut Stage) -> f64 {
     radiance.mean()
 }
 
-fn glow_that_is_no_number_or_huge_stays_finite() {
+fn emission_that_is_not_finite_or_huge_stays_finite() {
     for (nits, is_lit) in [
         (f32::NAN, false),
         (f32::INFINITY, false),
@@ -370,7 +377,7 @@ fn glow_that_is_no_number_or_huge_stays_finite() {
     ] {
         let mut stage = bare(Component::Global);
         spawn_floor(&mut stage, 8.0);
-        let mut material = glowing(0.0);
+        let mut material = emissive_material(0.0);
         material.emissive = LinearRgba::rgb(nits, nits, nits);
         spawn_panel(&mut stage, Vec3::new(0.0, 1.0, 0.0), Vec2::splat(1.0), material);
         look_at_floor(&mut stage);
@@ -380,7 +387,12 @@ fn glow_that_is_no_number_or_huge_stays_finite() {
     // Without area, with corners that are no numbers, and scaled to nothing.
     let mut stage = bare(Component::Global);
     spawn_floor(&mut stage, 8.0);
-    let panel = spawn_panel(&mut stage, Vec3::new(0.0, 1.0, 0.0), Vec2::splat(1.0), glowing(NITS));
+    let panel = spawn_panel(
+        &mut stage,
+        Vec3::new(0.0, 1.0, 0.0),
+        Vec2::splat(1.0),
+        emissive_material(NITS),
+    );
     stage.world_mut().get_mut::<Transform>(panel).expect("the panel").scale = Vec3::ZERO;
     look_at_floor(&mut stage);
     assert_eq!(assert_sound("scaled to nothing", &mut stage), 0.0);
@@ -627,7 +639,7 @@ fn without_rays_or_samples_the_sky_is_bevy_s() {
     assert!(inspect::gpu_state(stage.render_world()).cameras.is_empty());
 }
 
-fn a_sky_that_is_no_number_or_huge_stays_finite() {
+fn a_sky_that_is_not_finite_or_huge_stays_finite() {
     let mut stage = bare(Component::Global);
     spawn_floor(&mut stage, 20.0);
     look_at_floor(&mut stage);
@@ -666,7 +678,7 @@ fn still_skies_give_still_pictures() {
         NITS,
         Quat::IDENTITY,
     );
-    spawn_panel(&mut stage, Vec3::new(0.0, 2.9, 0.0), Vec2::splat(0.5), glowing(NITS));
+    spawn_panel(&mut stage, Vec3::new(0.0, 2.9, 0.0), Vec2::splat(0.5), emissive_material(NITS));
     set::look(&mut stage, Vec3::new(0.0, 1.6, -1.0), Vec3::new(0.0, 0.8, 2.0));
     set::apply(&mut stage, &format!("{RAYS},gi_environment_samples=16"));
     let first = set::radiance(&mut stage);

@@ -247,8 +247,8 @@ fn emission_lights_the_wall_as_the_sun_s_light_does() {
     });
 }
 
-/// A square of 8 m before the eye, that glows.
-const GLOW: &str = r#"{"asset":{"version":"2.0"},"scene":0,"scenes":[{"nodes":[0]}],"nodes":[{"mesh":0}],
+/// A square of 8 m before the eye, which is emissive.
+const EMISSIVE_SQUARE: &str = r#"{"asset":{"version":"2.0"},"scene":0,"scenes":[{"nodes":[0]}],"nodes":[{"mesh":0}],
  "meshes":[{"primitives":[{"attributes":{"POSITION":1},"indices":0,"material":0}]}],
  "materials":[{"pbrMetallicRoughness":{"baseColorFactor":[0,0,0,1],"metallicFactor":0},"emissiveFactor":[1,0.5,0.25]}],
  "accessors":[{"bufferView":0,"componentType":5121,"count":6,"type":"SCALAR"},
@@ -258,8 +258,8 @@ const GLOW: &str = r#"{"asset":{"version":"2.0"},"scene":0,"scenes":[{"nodes":[0
 
 fn a_scene_s_emission_is_in_nits() {
     let folder = tempfile::tempdir().expect("a folder");
-    let file = folder.path().join("glow.gltf");
-    std::fs::write(&file, GLOW).expect("a file");
+    let file = folder.path().join("emissive.gltf");
+    std::fs::write(&file, EMISSIVE_SQUARE).expect("a file");
     let mut scene = SceneDescription::new(Geometry::Gltf(file.to_string_lossy().into_owned()));
     for ev100 in [0.0, 8.0] {
         scene.exposure_ev100 = ev100;
