@@ -104,7 +104,7 @@ impl Row {
         Self { method, difference, costs_ms: None }
     }
 
-    fn cells(&self, rival: [f64; 2]) -> Vec<String> {
+    fn cells(&self, baseline: [f64; 2]) -> Vec<String> {
         let error = |pick: fn(&Difference) -> f64| {
             self.difference.as_ref().map_or_else(String::new, |found| format!("{:.3}", pick(found)))
         };
@@ -118,8 +118,8 @@ impl Row {
             self.costs_ms
                 .iter()
                 .flatten()
-                .zip(rival)
-                .flat_map(|(cost, rival)| [ms(*cost), format!("{:.1}", rival / cost)]),
+                .zip(baseline)
+                .flat_map(|(cost, baseline)| [ms(*cost), format!("{:.1}", baseline / cost)]),
         );
         cells
     }
@@ -172,23 +172,23 @@ fn compare(name: &str, options: &Arguments) {
         markdown(&HEADERS[..4], &naives.iter().map(|row| row.cells([0.0; 2])).collect::<Vec<_>>())
     );
 
-    // Two rivals: as a user would leave it, and what nobody could choose who does not have the
+    // Two baselines: as a user would leave it, and what nobody could choose who does not have the
     // reference.
     let usual = Method::naive(NaiveRsm::default(), 128);
     let best =
         naives.iter().min_by(|a, b| boxes(a).total_cmp(&boxes(b))).map(|row| row.method.clone());
-    let rivals: Vec<Row> = naives
+    let baselines: Vec<Row> = naives
         .into_iter()
         .filter(|row| row.method == usual || Some(&row.method) == best.as_ref())
         .collect();
-    let mut rows: Vec<Row> = rivals.into_iter().chain(ours).chain(maps).collect();
+    let mut rows: Vec<Row> = baselines.into_iter().chain(ours).chain(maps).collect();
     let methods: Vec<Method> = rows.iter().map(|row| row.method.clone()).collect();
     let (all, none_ms) = priced(&mut stage, &methods, Moving::Everything, options);
     let (camera, _) = priced(&mut stage, &methods, Moving::Camera, options);
     for (row, costs) in rows.iter_mut().zip(all.into_iter().zip(camera)) {
         row.costs_ms = Some(costs.into());
     }
-    let (rivals, others): (Vec<&Row>, Vec<&Row>) =
+    let (baselines, others): (Vec<&Row>, Vec<&Row>) =
         rows.iter().partition(|row| row.method.is_naive());
     println!(
         "A frame without global illumination: {} {}.\n",
@@ -198,11 +198,11 @@ fn compare(name: &str, options: &Arguments) {
     let of = |row: &Row| row.costs_ms.unwrap_or([f64::INFINITY; 2]);
     println!(
         "{}\n",
-        markdown(&HEADERS, &rows.iter().map(|row| row.cells(of(rivals[0]))).collect::<Vec<_>>())
+        markdown(&HEADERS, &rows.iter().map(|row| row.cells(of(baselines[0]))).collect::<Vec<_>>())
     );
-    for rival in rivals {
+    for baseline in baselines {
         for (index, what) in ["everything moves", "the camera moves"].into_iter().enumerate() {
-            conclude(rival, &others, what, |row| of(row)[index]);
+            conclude(baseline, &others, what, |row| of(row)[index]);
         }
     }
 }
@@ -211,19 +211,19 @@ fn boxes(row: &Row) -> f64 {
     row.difference.map_or(f64::INFINITY, |difference| difference.relative_l1_boxes)
 }
 
-/// Says which of ours is the cheapest that errs no more than a rival, by both errors.
-fn conclude(rival: &Row, ours: &[&Row], what: &str, cost: impl Fn(&Row) -> f64) {
-    let Some(least) = rival.difference else { return };
+/// Says which of ours is the cheapest that errs no more than a baseline, by both errors.
+fn conclude(baseline: &Row, ours: &[&Row], what: &str, cost: impl Fn(&Row) -> f64) {
+    let Some(least) = baseline.difference else { return };
     let errs_no_more = |found: Difference| {
         found.relative_l1 <= least.relative_l1 && found.relative_l1_boxes <= least.relative_l1_boxes
     };
     let enough = ours.iter().filter(|row| row.difference.is_some_and(errs_no_more));
-    let name = &rival.method.name;
+    let name = &baseline.method.name;
     match enough.min_by(|a, b| cost(a).total_cmp(&cost(b))) {
         Some(row) => {
             println!(
                 "While {what}: no worse than {name}, and {:.1} times cheaper: {}.\n",
-                cost(rival) / cost(row),
+                cost(baseline) / cost(row),
                 row.method.name
             )
         }

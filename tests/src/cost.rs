@@ -12,7 +12,7 @@ use crate::method::Method;
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Clock {
     /// Processor time of this process, all threads: where the processor renders, all that is spent.
-    Processor,
+    Cpu,
     /// Time until the frame is finished: where a GPU renders.
     Wall,
 }
@@ -20,13 +20,13 @@ pub enum Clock {
 impl Clock {
     /// The one that suits the adapter.
     pub fn suitable() -> Self {
-        if software_adapter() { Self::Processor } else { Self::Wall }
+        if software_adapter() { Self::Cpu } else { Self::Wall }
     }
 
     /// For a table's header.
     pub fn label(self) -> &'static str {
         match self {
-            Self::Processor => "processor ms",
+            Self::Cpu => "CPU ms",
             Self::Wall => "wall ms",
         }
     }
@@ -35,12 +35,11 @@ impl Clock {
     pub fn frames_ms(self, stage: &mut Stage, frames: u32) -> f64 {
         let mut meter = CpuTimeMeter::default();
         let watts = meter.watts_per_core().0;
-        let mut processor_seconds =
-            || meter.energy().unwrap_or_else(|error| panic!("{error}")).0 / watts;
-        let (start, processor_start) = (Instant::now(), processor_seconds());
+        let mut cpu_seconds = || meter.energy().unwrap_or_else(|error| panic!("{error}")).0 / watts;
+        let (start, cpu_start) = (Instant::now(), cpu_seconds());
         (0..frames).for_each(|_| stage.frame());
         let seconds = match self {
-            Self::Processor => processor_seconds() - processor_start,
+            Self::Cpu => cpu_seconds() - cpu_start,
             Self::Wall => start.elapsed().as_secs_f64(),
         };
         seconds * 1e3 / f64::from(frames)

@@ -120,7 +120,7 @@ fn patches_reflect_what_their_twin_says() {
     set::radiance(with_bounces(&mut stage, 2));
     let state = inspect::gpu_state(stage.render_world());
     let buffer = state.cameras[0].bounces.as_ref().expect("two bounces").carriers.clone();
-    let carriers = gpu::vpl_slots(&gpu::read_buffer(stage.render_world(), &buffer));
+    let bounce_vpls = gpu::vpl_slots(&gpu::read_buffer(stage.render_world(), &buffer));
     let (mut checked, mut worst) = (0, 0.0f64);
     for patch in patches(&stage).iter().filter(|patch| patch.extent > 0.0) {
         let [normal, position] = [patch.normal, patch.position].map(Vec3::from_array);
@@ -132,7 +132,7 @@ fn patches_reflect_what_their_twin_says() {
             () => continue,
         };
         let expected = irradiance(
-            &carriers,
+            &bounce_vpls,
             position.as_dvec3(),
             DVec3::from_array(patch.normal.map(f64::from)),
             1.0,

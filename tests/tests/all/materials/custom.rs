@@ -45,7 +45,7 @@ fn an_extension_sends_and_receives_the_colour_that_it_gives() {
             ..grey()
         };
         let plate = bench.plate(ExtendedMaterial { base: blend, extension: Tint { color: COLOR } });
-        let source = bench.as_source(plate, super::Place::Floor);
+        let source = bench.as_source(plate, super::Placement::Floor);
         let hidden = bench.as_occluder(plate);
         bench.clear(plate);
         println!("    extended and transparent: covers {}, hides {hidden:.3}", source.covered);
@@ -57,7 +57,7 @@ fn an_extension_that_moves_its_mesh_hides_where_it_was() {
     on_bench(|bench| {
         let shift = |by| ExtendedMaterial { base: grey(), extension: Shift { by } };
         let plate = bench.plate(shift(Vec4::new(0.0, 0.3, 0.0, 0.0)));
-        let source = bench.as_source(plate, super::Place::Floor);
+        let source = bench.as_source(plate, super::Placement::Floor);
         let (texels, _) = bench.middle();
         let height =
             texels.iter().map(|texel| texel.position[1]).sum::<f32>() / texels.len() as f32;

@@ -10,7 +10,7 @@ use bevy::prelude::AlphaMode;
 use bevy::render::render_resource::TextureFormat;
 use frugal_tests::meshes;
 
-use super::{Bench, GREY, Place, on_bench};
+use super::{Bench, GREY, Placement, on_bench};
 
 tests!(
     a_normal_map_turns_what_is_sent_and_received,
@@ -51,7 +51,7 @@ fn a_normal_map_turns_what_is_sent_and_received() {
         let mut received = Vec::new();
         for tilt in [Vec2::ZERO, Vec2::new(0.0, 0.6), Vec2::new(0.0, 0.8)] {
             let (plate, normal) = tilted(bench, tilt);
-            let source = bench.as_source(plate, Place::Floor);
+            let source = bench.as_source(plate, Placement::Floor);
             let reference = bench.reference();
             let sent = source.flux[1] / reference.source.flux[1];
             println!(
@@ -63,7 +63,7 @@ fn a_normal_map_turns_what_is_sent_and_received() {
             // As much light as without the map, and turned away from the wall.
             assert!(source.covered == 1.0 && (sent - 1.0).abs() < 1e-4, "{source:?}");
             assert!(tilt.y == 0.0 || source.wall[1] < 0.9 * reference.source.wall[1], "{source:?}");
-            bench.put(plate, Place::Wall);
+            bench.put(plate, Placement::Wall);
             // Upright, +z of the plate points down, to the floor.
             received.push((normal, bench.look_at_wall(&settings)[1]));
             if tilt.y == 0.8 {
@@ -181,7 +181,7 @@ fn a_morph_is_where_it_is_drawn_but_hides_where_it_was() {
     on_bench(|bench| {
         // 30 cm above the floor; before the wall, it moves 30 cm towards the eye.
         let plate = morphed(bench, Vec3::new(0.0, 0.3, 0.0));
-        let source = bench.as_source(plate, Place::Floor);
+        let source = bench.as_source(plate, Placement::Floor);
         let (texels, _) = bench.middle();
         let height =
             texels.iter().map(|texel| texel.position[1]).sum::<f32>() / texels.len() as f32;
@@ -198,7 +198,7 @@ fn a_morph_is_where_it_is_drawn_but_hides_where_it_was() {
         // One whose mesh stands 30 cm behind, in the wall, is drawn where the grey plate stands.
         let plate = morphed(bench, Vec3::new(0.0, 0.3, 0.0));
         let behind = |bench: &mut Bench| {
-            let mut transform = Place::Wall.transform();
+            let mut transform = Placement::Wall.transform();
             transform.translation.z -= 0.3;
             *bench.stage.world_mut().get_mut(plate).expect("a plate") = transform;
         };

@@ -12,7 +12,7 @@ use frugal::scene::{Geometry, SceneDescription};
 use frugal::stage::Component;
 use frugal_tests::{gpu, meshes, set};
 
-use super::{GREY, Place, on_bench, relative_albedo};
+use super::{GREY, Placement, on_bench, relative_albedo};
 
 tests!(
     a_diffuse_plate_sends_receives_and_hides,
@@ -66,7 +66,7 @@ fn a_texture_sends_and_receives_its_colours_where_they_are() {
             if colours[quadrant][channel] > 0 { white } else { 0.0 }
         };
 
-        bench.as_source(plate, Place::Floor);
+        bench.as_source(plate, Placement::Floor);
         let (texels, _) = bench.middle();
         for quadrant in 0..4 {
             // Texture coordinates run along x and z.
@@ -88,10 +88,10 @@ fn a_texture_sends_and_receives_its_colours_where_they_are() {
 
         // Of the picture's quadrants, the means over what a grey plate shows there. Lit from below,
         // so not the same in each.
-        bench.put(plate, Place::Away);
+        bench.put(plate, Placement::Away);
         let grey = bench.plate(grey());
         let quadrants = |bench: &mut super::Bench, sample| {
-            bench.put(sample, Place::Wall);
+            bench.put(sample, Placement::Wall);
             bench.look_at_wall(super::SETTINGS);
             let picture = bench.stage.radiance().expect("a picture");
             std::array::from_fn::<_, 4, _>(|quadrant| {
@@ -105,7 +105,7 @@ fn a_texture_sends_and_receives_its_colours_where_they_are() {
             })
         };
         let grey_quadrants = quadrants(bench, grey);
-        bench.put(grey, Place::Away);
+        bench.put(grey, Placement::Away);
         let found = quadrants(bench, plate);
         for quadrant in 0..4 {
             for channel in 0..3 {
@@ -166,8 +166,8 @@ fn rough_metals_and_gloss_take_part_as_bevy_shades_them() {
         let gloss =
             bench.plate(StandardMaterial { perceptual_roughness: 0.7, reflectance: 1.0, ..grey() });
         let sent = |bench: &mut super::Bench, plate| {
-            let flux = bench.as_source(plate, Place::Floor).flux[1];
-            bench.put(plate, Place::Away);
+            let flux = bench.as_source(plate, Placement::Floor).flux[1];
+            bench.put(plate, Placement::Away);
             flux
         };
         let lambertian = [diffuse_plate, metal, gloss].map(|plate| sent(bench, plate));
@@ -212,7 +212,7 @@ fn masked_materials_are_lit_as_opaque_ones_are() {
         );
         let double = StandardMaterial { alpha_mode, double_sided: true, cull_mode: None, ..grey() };
         let plate =
-            meshes::spawn(&mut stage, meshes::plate(true), double, Place::Floor.transform());
+            meshes::spawn(&mut stage, meshes::plate(true), double, Placement::Floor.transform());
         set::apply(&mut stage, "min,resolution_scale=100%");
         set::look(&mut stage, Vec3::new(0.0, 1.0, 0.5), Vec3::ZERO);
         found.push(set::channel_means(&set::radiance(&mut stage)));
@@ -298,15 +298,15 @@ fn sides_are_those_that_are_drawn() {
                 ..grey()
             };
             let plate = bench.plate(material);
-            let source = bench.as_source(plate, Place::FloorUpsideDown);
+            let source = bench.as_source(plate, Placement::FloorUpsideDown);
             // Turned away from the floor; rays ask for no side.
-            bench.put(plate, Place::Wall);
-            let mut place = bench
+            bench.put(plate, Placement::Wall);
+            let mut transform = bench
                 .stage
                 .world_mut()
                 .get_mut::<bevy::transform::components::Transform>(plate)
                 .expect("a plate");
-            place.rotate_y(std::f32::consts::PI);
+            transform.rotate_y(std::f32::consts::PI);
             let behind = bench.behind();
             bench.clear(plate);
             (source, 1.0 - behind / super::OPEN_WALL.get().expect("the reference was measured"))
@@ -368,7 +368,7 @@ fn transparent_materials_are_not_there() {
         ];
         for (label, material) in materials {
             let plate = bench.plate(material);
-            let source = bench.as_source(plate, Place::Floor);
+            let source = bench.as_source(plate, Placement::Floor);
             let hidden = bench.as_occluder(plate);
             bench.clear(plate);
             let share = bench.share_of_open_floor(&source);
