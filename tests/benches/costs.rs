@@ -33,10 +33,10 @@ fn app(cameras: u32) -> App {
     app.cleanup();
     let map = app.world_mut().resource_mut::<Assets<FrontierMap>>().add(map::one_cube(knobs()));
     for number in 0..cameras {
-        let place = Transform::from_xyz(number as f32 % 9.0 - 4.0, 1.0, 0.5);
+        let transform = Transform::from_xyz(number as f32 % 9.0 - 4.0, 1.0, 0.5);
         app.world_mut().spawn((
-            place,
-            GlobalTransform::from(place),
+            transform,
+            GlobalTransform::from(transform),
             FrontierMapHandle(map.clone()),
             Budget::power(Watts(2.5)),
         ));

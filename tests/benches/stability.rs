@@ -134,10 +134,12 @@ fn stay(before: &[Option<Seen>], after: &[Option<Seen>], eye: Vec3) -> Vec<bool>
         let (Some(before), Some(after)) = (before, after) else {
             return before.is_none() == after.is_none();
         };
-        let (way, far) =
+        let (delta, far) =
             (after.position - before.position, before.position.distance(eye.as_dvec3()));
-        let off_plane = way.dot(before.normal).abs().max(way.dot(after.normal).abs());
-        before.normal.dot(after.normal) > 0.95 && off_plane < 2e-3 * far && way.length() < 0.2 * far
+        let off_plane = delta.dot(before.normal).abs().max(delta.dot(after.normal).abs());
+        before.normal.dot(after.normal) > 0.95
+            && off_plane < 2e-3 * far
+            && delta.length() < 0.2 * far
     };
     before.iter().zip(after).map(stays).collect()
 }

@@ -134,8 +134,9 @@ pub fn irradiance(vpls: &[Point], position: DVec3, normal: DVec3, exposure: f32)
 pub fn geometry(vpl: &Point, position: DVec3, normal: DVec3) -> f64 {
     let [from, facing] =
         [vpl.position, vpl.normal].map(|vector| DVec3::from_array(vector.map(f64::from)));
-    let way = from - position;
-    let square = way.length_squared().max(1e-18);
-    let cosines = normal.dot(way).max(0.0) / square * (-facing.dot(way)).max(0.0) / square;
+    let to_light = from - position;
+    let square = to_light.length_squared().max(1e-18);
+    let cosines =
+        normal.dot(to_light).max(0.0) / square * (-facing.dot(to_light)).max(0.0) / square;
     cosines.min(f64::from(vpl.extent))
 }

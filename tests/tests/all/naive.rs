@@ -42,7 +42,7 @@ fn maps_project_their_own_texels() {
     let mut lit_maps = 0;
     for map in maps {
         let mut lit = 0;
-        for (index, place) in (0..map.resolution.pow(2))
+        for (index, pixel) in (0..map.resolution.pow(2))
             .map(|index| (index, UVec2::new(index % map.resolution, index / map.resolution)))
         {
             let texel = texels[(map.texel_offset + index) as usize];
@@ -53,8 +53,8 @@ fn maps_project_their_own_texels() {
                     (Vec2::new(clip.x, -clip.y) / clip.w * 0.5 + 0.5) * map.resolution as f32;
                 // Depths of 32 bits and positions of a few metres.
                 assert!(
-                    projected.distance(place.as_vec2() + 0.5) < 0.01,
-                    "{:?}: {place} is at {projected}",
+                    projected.distance(pixel.as_vec2() + 0.5) < 0.01,
+                    "{:?}: {pixel} is at {projected}",
                     map.view
                 );
             }

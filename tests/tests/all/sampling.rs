@@ -35,12 +35,12 @@ fn sun_flux_of_a_box_is_the_closed_form() {
     {
         let light = Light::Directional { direction, illuminance: LUX, color: [1.0, 0.5, 0.25] };
         let mut stage = set::bare(vec![light], set::radiance_options(32, 18, Component::Indirect));
-        let place = Transform::from_xyz(0.3, 2.0, 0.1).with_rotation(rotation);
+        let transform = Transform::from_xyz(0.3, 2.0, 0.1).with_rotation(rotation);
         meshes::spawn(
             &mut stage,
             bevy::prelude::Cuboid::from_size(size).into(),
             meshes::diffuse(0.8, 0.4, 0.2),
-            place,
+            transform,
         );
         // Black, so that the map also covers what reflects nothing.
         meshes::spawn_box(

@@ -94,8 +94,8 @@ fn a_cut_leaves_no_trace() {
 fn turn_the_sun(stage: &mut Stage) {
     let world = stage.world_mut();
     let mut suns = world.query_filtered::<&mut Transform, With<DirectionalLight>>();
-    for mut place in suns.iter_mut(world) {
-        place.rotate(Quat::from_rotation_y(0.1f32.to_radians()));
+    for mut transform in suns.iter_mut(world) {
+        transform.rotate(Quat::from_rotation_y(0.1f32.to_radians()));
     }
 }
 

@@ -87,7 +87,7 @@ fn twin(
     light: &[u16],
     pixel: usize,
 ) -> Option<f64> {
-    let place = |pixel: usize| [pixel as i32 % SIZE[0] as i32, pixel as i32 / SIZE[0] as i32];
+    let coordinates = |pixel: usize| [pixel as i32 % SIZE[0] as i32, pixel as i32 / SIZE[0] as i32];
     let position =
         |pixel: usize| plane.position(SIZE, pixel as u32 % SIZE[0], pixel as u32 / SIZE[0]);
     let tolerance = 0.02 * position(pixel).distance(plane.eye.as_dvec3()) + 1e-6;
@@ -99,7 +99,7 @@ fn twin(
         }
         // The window's outermost rows and columns count half.
         let share = |axis: usize| {
-            if (place(other)[axis] - place(pixel)[axis]).abs() == filter.window / 2 {
+            if (coordinates(other)[axis] - coordinates(pixel)[axis]).abs() == filter.window / 2 {
                 0.5
             } else {
                 1.0

@@ -100,19 +100,19 @@ fn from_every_direction_grazing_and_opposite() {
     let mut stage = stage();
     let gather = Gather::new(&mut stage, 0);
     let mut random = Random(7);
-    let way = Vec3::new(0.6, 0.64, 0.48);
-    let across = way.any_orthonormal_vector();
+    let to_light = Vec3::new(0.6, 0.64, 0.48);
+    let across = to_light.any_orthonormal_vector();
     // Towards the light, away from it, along the surface, and a thousandth of a right angle off
     // each; then any.
     let tilt = 1.5e-3f32;
     let mut normals = vec![
-        way,
-        -way,
+        to_light,
+        -to_light,
         across,
         -across,
-        (across + tilt * way).normalize(),
-        (across - tilt * way).normalize(),
-        (way + tilt * across).normalize(),
+        (across + tilt * to_light).normalize(),
+        (across - tilt * to_light).normalize(),
+        (to_light + tilt * across).normalize(),
     ];
     normals.resize_with(64, || random.direction());
     let (packed, normals): (Vec<_>, Vec<_>) = normals.into_iter().map(g_buffer_normal).unzip();
@@ -121,17 +121,17 @@ fn from_every_direction_grazing_and_opposite() {
     let mut worst = Worst::default();
     // The same of what sends, and one that faces nowhere.
     let mut facings = vec![
-        -way,
-        way,
+        -to_light,
+        to_light,
         across,
-        (across - tilt * way).normalize(),
-        (tilt * across - way).normalize(),
+        (across - tilt * to_light).normalize(),
+        (tilt * across - to_light).normalize(),
         Vec3::ZERO,
     ];
     facings.resize_with(24, || random.direction());
     for facing in facings {
         let vpl = Point {
-            position: (way * 2.0).to_array(),
+            position: (to_light * 2.0).to_array(),
             normal: facing.to_array(),
             flux: [3000.0, 1.0, 20.0],
             extent: 100.0,

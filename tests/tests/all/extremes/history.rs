@@ -184,18 +184,18 @@ fn what_is_no_number_is_gone_in_a_frame() {
         // NaN, both infinities, and less than nothing, as light and as distance; between pixels,
         // too.
         for broken in [0x7e00, 0x7c00, 0xfc00, 0xbc00] {
-            for place in 0..2 {
+            for component in 0..2 {
                 for shift in [0.0, 0.5] {
                     let mut past: Vec<_> =
                         (0..COUNT).map(|pixel| [one, distance(pixel, 1.0)]).collect();
-                    past[middle][place] = broken;
+                    past[middle][component] = broken;
                     let found = settle.run(&stage, &present, &past, 0.0625, 1.0, shift);
                     let is_one = |texel: &[f64; 4]| {
                         texel[..3].iter().all(|light| (light - 1.0).abs() < 2e-3)
                     };
                     assert!(
                         found.iter().all(is_one),
-                        "{broken:x} at {place}, {shift}: {:?}",
+                        "{broken:x} at {component}, {shift}: {:?}",
                         found.iter().find(|texel| !is_one(texel))
                     );
                 }

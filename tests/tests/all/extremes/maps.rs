@@ -324,8 +324,8 @@ fn weights(plane: &Plane, normal: DVec3, texels: &[Point]) -> Vec<f64> {
     let receivers: Vec<(DVec3, f64)> = (0..32u32)
         .map(|index| {
             let (column, row) = (f64::from(index % 8), f64::from(index / 8));
-            let place = [(column + 0.25 + 0.5 * (row % 2.0)) / 8.0, (row + 0.5) / 4.0];
-            let at = plane.position(SIZE, (place[0] * 8.0) as u32, (place[1] * 8.0) as u32);
+            let uv = [(column + 0.25 + 0.5 * (row % 2.0)) / 8.0, (row + 0.5) / 4.0];
+            let at = plane.position(SIZE, (uv[0] * 8.0) as u32, (uv[1] * 8.0) as u32);
             (at, (0.02 * at.distance_squared(plane.eye.as_dvec3())).clamp(1e-12, 1e18))
         })
         .collect();
@@ -333,9 +333,9 @@ fn weights(plane: &Plane, normal: DVec3, texels: &[Point]) -> Vec<f64> {
         let [from, facing] =
             [texel.position, texel.normal].map(|vector| DVec3::from_array(vector.map(f64::from)));
         let one = |(at, radius_squared): &(DVec3, f64)| {
-            let way = from - *at;
-            let square = way.length_squared().max(1e-18);
-            normal.dot(way).max(0.0) * (-facing.dot(way)).max(0.0)
+            let to_light = from - *at;
+            let square = to_light.length_squared().max(1e-18);
+            normal.dot(to_light).max(0.0) * (-facing.dot(to_light)).max(0.0)
                 / square
                 / (square + radius_squared)
         };

@@ -41,10 +41,10 @@ fn facing_down(position: Vec3, flux: f32, radius_squared: f32) -> Point {
 fn cosine_slack(vpl: &Point, position: DVec3, normal: DVec3, flux: f32, exposure: f32) -> f64 {
     let [from, facing] =
         [vpl.position, vpl.normal].map(|vector| DVec3::from_array(vector.map(f64::from)));
-    let way = from - position;
-    let square = way.length_squared().max(1e-18);
+    let to_light = from - position;
+    let square = to_light.length_squared().max(1e-18);
     let [receiver, emitter] =
-        [normal, -facing].map(|normal| (normal.dot(way) / square.sqrt()).max(0.0));
+        [normal, -facing].map(|normal| (normal.dot(to_light) / square.sqrt()).max(0.0));
     let lost = (receiver + 3e-7) * (emitter + 3e-7) - receiver * emitter;
     (lost / square).min(f64::from(vpl.extent)) * f64::from(flux) * f64::from(exposure)
         / std::f64::consts::PI

@@ -140,8 +140,8 @@ impl Scene {
         let lights = Self::lights();
         (0..lights.len() * COUNT).map(|pair| (pair / COUNT, pair % COUNT)).filter_map(
             move |(light, pixel)| {
-                let (vpl, place) = (&lights[light], pixel as u32);
-                let at = plane.position(SIZE, place % SIZE[0], place / SIZE[0]);
+                let (vpl, index) = (&lights[light], pixel as u32);
+                let at = plane.position(SIZE, index % SIZE[0], index / SIZE[0]);
                 let open = irradiance(&[*vpl], at, normal, plane.exposure)[0];
                 (open >= 0.01).then(|| {
                     (light, pixel, at, open, is_free(&self.triangles, &plane, [at, normal], vpl))

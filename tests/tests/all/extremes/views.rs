@@ -28,12 +28,13 @@ fn add_camera(stage: &mut Stage, size: [u32; 2], gi: FrugalGi) -> (Entity, Handl
         TextureUsages::RENDER_ATTACHMENT | TextureUsages::TEXTURE_BINDING;
     let world = stage.world_mut();
     let image = world.resource_mut::<Assets<Image>>().add(image);
-    let place = Transform::from_xyz(0.0, 1.2, 3.0).looking_at(Vec3::new(0.0, 0.8, -2.0), Vec3::Y);
+    let transform =
+        Transform::from_xyz(0.0, 1.2, 3.0).looking_at(Vec3::new(0.0, 0.8, -2.0), Vec3::Y);
     let camera = world.spawn((
         gi,
         RenderTarget::Image(image.clone().into()),
         Exposure { ev100: 8.0 },
-        place,
+        transform,
     ));
     (camera.id(), image)
 }
