@@ -475,9 +475,9 @@ fn bounces_are_turned_by_name_only() {
     let registry = stage.world_mut().resource::<KnobRegistry>().clone();
     assert!(
         stage.space().index_of("gi_bounces").is_none()
-            && registry.space().expect("sound").index_of("gi_bounces").is_none()
+            && registry.space().expect("valid").index_of("gi_bounces").is_none()
     );
-    assert!(registry.space_with(|_| true).expect("sound").index_of("gi_bounces").is_some());
+    assert!(registry.space_with(|_| true).expect("valid").index_of("gi_bounces").is_some());
     set::apply(&mut stage, "max");
     stage.frame();
     assert_eq!(set::gi(&mut stage).bounces, 1);

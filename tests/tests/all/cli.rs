@@ -95,7 +95,7 @@ fn scenes_that_cannot_be_read_are_named() {
     refused_scene(name, Some(&SCENE.replace("furnace", "oven")), &[name, "oven", "furnace"]);
 }
 
-/// A sound GLB of one triangle.
+/// A valid GLB of one triangle.
 pub fn triangle() -> Vec<u8> {
     let json = r#"{"asset":{"version":"2.0"},"scene":0,"scenes":[{"nodes":[0]}],"nodes":[{"mesh":0}],
         "meshes":[{"primitives":[{"attributes":{"POSITION":0}}]}],
@@ -138,7 +138,7 @@ fn models_that_cannot_be_read_are_named() {
     fs::write(folder.path().join("a.glb"), &whole).expect("can be written");
     assert!(
         scene::load(folder.path().join("a.scene.ron")).expect("a scene").geometry().is_ok(),
-        "whole, it is sound"
+        "the complete file is valid"
     );
 }
 

@@ -357,7 +357,7 @@ fn a_surface_that_is_not_emissive_costs_nothing() {
     assert_eq!(stage.world_mut().resource::<GiEmitters>().texel_count(), 0);
 }
 
-fn assert_sound(label: &str, stage: &mut Stage) -> f64 {
+fn assert_finite(label: &str, stage: &mut Stage) -> f64 {
     let radiance = set::radiance(stage);
     assert!(
         radiance.rgb.iter().flatten().all(|value| value.is_finite() && *value >= 0.0),
@@ -381,7 +381,7 @@ fn emission_that_is_not_finite_or_huge_stays_finite() {
         material.emissive = LinearRgba::rgb(nits, nits, nits);
         spawn_panel(&mut stage, Vec3::new(0.0, 1.0, 0.0), Vec2::splat(1.0), material);
         look_at_floor(&mut stage);
-        let mean = assert_sound(&format!("{nits} nits"), &mut stage);
+        let mean = assert_finite(&format!("{nits} nits"), &mut stage);
         assert_eq!(mean > 1e3, is_lit, "{nits} nits: {mean}");
     }
     // Without area, with corners that are no numbers, and scaled to nothing.
@@ -395,12 +395,12 @@ fn emission_that_is_not_finite_or_huge_stays_finite() {
     );
     stage.world_mut().get_mut::<Transform>(panel).expect("the panel").scale = Vec3::ZERO;
     look_at_floor(&mut stage);
-    assert_eq!(assert_sound("scaled to nothing", &mut stage), 0.0);
+    assert_eq!(assert_finite("scaled to nothing", &mut stage), 0.0);
     stage.world_mut().get_mut::<Transform>(panel).expect("the panel").scale = Vec3::splat(1e12);
-    assert_sound("scaled to a million million metres", &mut stage);
+    assert_finite("scaled to a million million metres", &mut stage);
     stage.world_mut().get_mut::<Transform>(panel).expect("the panel").scale =
         Vec3::new(1e-12, 1.0, 1.0);
-    assert_sound("a line", &mut stage);
+    assert_finite("a line", &mut stage);
 }
 
 /// Gives the stage's camera an environment map of six even faces (+X, −X, +Y, −Y, +Z, −Z), which
@@ -659,7 +659,7 @@ fn a_sky_that_is_not_finite_or_huge_stays_finite() {
     ] {
         surround(&mut stage, faces, intensity, Quat::IDENTITY);
         set::apply(&mut stage, &format!("{RAYS},gi_environment_samples=8"));
-        let mean = assert_sound(label, &mut stage);
+        let mean = assert_finite(label, &mut stage);
         println!("    {label}: {mean:e} nits");
         assert_eq!(
             mean > 1e-3,

@@ -229,9 +229,9 @@ fn texels_hold_the_flux_of_any_sun() {
             };
             let found = resolve.run(&stage, &pixels, &Plane::ORIGIN, &light);
             // Where one channel is out of bounds, the texel is left out.
-            let sound =
+            let is_in_bounds =
                 |pixel: usize| albedos[pixel][0] * f64::from(brightness * texel_measure) < 0.9e30;
-            let kept: Vec<usize> = (0..64).filter(|pixel| sound(*pixel)).collect();
+            let kept: Vec<usize> = (0..64).filter(|pixel| is_in_bounds(*pixel)).collect();
             let points: Vec<Point> = kept.iter().map(|pixel| found[*pixel]).collect();
             let kept_albedos: Vec<_> = kept.iter().map(|pixel| albedos[*pixel]).collect();
             let label = format!("{brightness} lux along {direction}");
@@ -240,7 +240,7 @@ fn texels_hold_the_flux_of_any_sun() {
             });
             assert!(off < 1e-3, "{label}: {off}");
             assert!(
-                (0..64).all(|pixel| sound(pixel) || found[pixel].flux == [0.0; 3]),
+                (0..64).all(|pixel| is_in_bounds(pixel) || found[pixel].flux == [0.0; 3]),
                 "{label}: left out"
             );
             worst = worst.max(off);

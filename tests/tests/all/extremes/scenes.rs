@@ -21,7 +21,7 @@ tests!(
 );
 
 /// Every number of the picture and of what it was made from.
-fn assert_sound(stage: &Stage, radiance: &Radiance) {
+fn assert_finite(stage: &Stage, radiance: &Radiance) {
     assert!(
         radiance.rgb.iter().flatten().all(|value| value.is_finite() && *value >= 0.0),
         "a pixel is no number"
@@ -68,7 +68,7 @@ fn triangles_without_area_change_nothing() {
             Transform::default(),
         );
         let found = set::radiance(&mut stage);
-        assert_sound(&stage, &found);
+        assert_finite(&stage, &found);
         assert!(found == expected, "{label}");
         stage.world_mut().despawn(entity);
     }
@@ -83,7 +83,7 @@ fn triangles_without_area_change_nothing() {
             Transform::default(),
         );
         let found = set::radiance(&mut stage);
-        assert_sound(&stage, &found);
+        assert_finite(&stage, &found);
         println!(
             "    a corner at {broken}: {:.3} nits, {:.3} without",
             found.mean(),
@@ -117,7 +117,7 @@ fn normals_without_length_stay_where_they_are() {
             Transform::default(),
         );
         let found = set::radiance(&mut stage);
-        assert_sound(&stage, &found);
+        assert_finite(&stage, &found);
         // It is a sixteenth of the floor, and the nearest of it to nothing in view.
         let share = found.mean() / expected.mean();
         println!("    normals {normal:?}: {share:.3} of the light without");
@@ -139,7 +139,7 @@ fn a_light_that_meets_nothing_sends_nothing() {
     let mut stage = corner(vec![up]);
     set::apply(&mut stage, &format!("{PLAIN},gi_visibility=coarse"));
     let found = set::radiance(&mut stage);
-    assert_sound(&stage, &found);
+    assert_finite(&stage, &found);
     assert_eq!(found.mean(), 0.0);
     assert!(!gpu::rsm_texels(&stage).is_empty() && gpu::total_flux(&gpu::vpls(&stage)) == [0.0; 3]);
     // Beside one that does, it changes nothing but the places of what is drawn.
@@ -201,7 +201,7 @@ fn a_light_in_a_wall_shines_through_it_as_its_shadow_map_does() {
             let around = wall(&mut stage);
             let walled = set::radiance(&mut stage);
             if component == Component::Indirect {
-                assert_sound(&stage, &walled);
+                assert_finite(&stage, &walled);
             }
             found.push((position, walled.mean() / open.mean()));
             stage.world_mut().despawn(around);
