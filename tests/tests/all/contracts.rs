@@ -15,9 +15,9 @@ use frugal_tests::set;
 
 tests!(
     the_gather_is_the_sum_over_vpls,
-    drawing_follows_flux,
-    drawing_by_importance_keeps_the_expectation,
-    drawing_from_nothing_gives_nothing
+    sampling_follows_flux,
+    sampling_by_importance_keeps_the_expectation,
+    sampling_dark_texels_gives_no_flux
 );
 
 fn stage() -> Stage {
@@ -89,7 +89,7 @@ fn the_gather_is_the_sum_over_vpls() {
 
 /// Draws from maps of equally long rows, the texels' weights being their luminance times what
 /// `importance` says of their index.
-fn draw(
+fn sample(
     stage: &mut Stage,
     texels: &[Point],
     length: u32,
@@ -153,13 +153,13 @@ fn texels(rows: u32, length: u32, scale: f32) -> Vec<Point> {
     (0..rows * length).map(texel).collect()
 }
 
-fn drawing_follows_flux() {
+fn sampling_follows_flux() {
     let mut stage = stage();
     for scale in [1.0, 1e-20, 1e20] {
         let texels = texels(100, 32, scale);
-        let vpls = draw(&mut stage, &texels, 32, 1024, |_| 1.0);
-        let (drawn, all) = (gpu::total_flux(&vpls), gpu::total_flux(&texels));
-        let off = drawn[1] / all[1] - 1.0;
+        let vpls = sample(&mut stage, &texels, 32, 1024, |_| 1.0);
+        let (sampled, all) = (gpu::total_flux(&vpls), gpu::total_flux(&texels));
+        let off = sampled[1] / all[1] - 1.0;
         println!("    fluxes of {scale:e}: off by {off:+.1e}");
         // All texels have one colour, so that each channel is kept as luminance is.
         assert!(off.abs() < 1e-4, "{scale}: {off}");
@@ -169,25 +169,28 @@ fn drawing_follows_flux() {
                 .map(|axis| (source.normal[axis] - vpl.normal[axis]).abs())
                 .fold(0.0, f32::max);
             // Normals are packed to 16 bits an axis.
-            assert!(source.flux[0] > 0.0 && turned < 5e-5, "a dark texel was drawn: {vpl:?}");
+            assert!(source.flux[0] > 0.0 && turned < 5e-5, "a dark texel was sampled: {vpl:?}");
         }
         // Rows are drawn as often as their share of the flux says, up to one VPL at each end.
         for (row, texels_of_row) in texels.chunks_exact(32).enumerate() {
             let share = 1024.0 * gpu::total_flux(texels_of_row)[1] / all[1];
-            let drawn =
+            let sampled =
                 vpls.iter().filter(|vpl| vpl.position[0] as usize / 32 == row).count() as f64;
-            assert!((drawn - share).abs() <= 1.01, "row {row}: {drawn} drawn, {share} expected");
+            assert!(
+                (sampled - share).abs() <= 1.01,
+                "row {row}: {sampled} sampled, {share} expected"
+            );
         }
     }
 }
 
-fn drawing_by_importance_keeps_the_expectation() {
+fn sampling_by_importance_keeps_the_expectation() {
     let mut stage = stage();
     let texels = texels(100, 32, 1.0);
     // The middle matters a hundred times as much.
     let matters = |index: usize| (1200..2000).contains(&index);
     let vpls =
-        draw(&mut stage, &texels, 32, 1024, |index| if matters(index) { 100.0 } else { 1.0 });
+        sample(&mut stage, &texels, 32, 1024, |index| if matters(index) { 100.0 } else { 1.0 });
     let sum = |points: &[Point], inside: bool| {
         points
             .iter()
@@ -198,7 +201,7 @@ fn drawing_by_importance_keeps_the_expectation() {
     let inside = vpls.iter().filter(|vpl| matters(vpl.position[0] as usize)).count();
     let off = [true, false].map(|inside| sum(&vpls, inside) / sum(&texels, inside) - 1.0);
     println!(
-        "    {inside} of 1024 drawn where it matters; flux there off by {:+.2} %, elsewhere by {:+.1} %",
+        "    {inside} of 1024 sampled in the important texels; flux there off by {:+.2} %, elsewhere by {:+.1} %",
         off[0] * 100.0,
         off[1] * 100.0
     );
@@ -207,9 +210,9 @@ fn drawing_by_importance_keeps_the_expectation() {
     assert!(off[0].abs() < 0.01 && off[1].abs() < 0.2, "{off:?}");
 }
 
-fn drawing_from_nothing_gives_nothing() {
+fn sampling_dark_texels_gives_no_flux() {
     let mut stage = stage();
-    let vpls = draw(&mut stage, &texels(64, 16, 0.0), 16, 64, |_| 1.0);
+    let vpls = sample(&mut stage, &texels(64, 16, 0.0), 16, 64, |_| 1.0);
     assert!(
         vpls.iter()
             .all(|vpl| vpl.flux == [0.0; 3] && vpl.position.iter().all(|value| value.is_finite()))

@@ -13,7 +13,7 @@ use super::gi::corner;
 tests!(
     sun_flux_of_a_box_is_the_closed_form,
     a_point_light_gives_a_closed_room_all_its_flux,
-    drawing_keeps_the_flux,
+    sampling_keeps_the_flux,
     any_brightness_bounces_in_proportion,
     far_from_the_origin_all_stays_finite,
 );
@@ -90,7 +90,7 @@ fn relative_difference(vpls: &[Point], texels: &[Point]) -> f64 {
     luminance(vpls) / luminance(texels) - 1.0
 }
 
-fn drawing_keeps_the_flux() {
+fn sampling_keeps_the_flux() {
     let lights = vec![
         Light::Directional {
             direction: Vec3::new(-0.3, -1.0, -0.4),

@@ -105,7 +105,7 @@ fn coarse_and_fine_expect_the_same() {
     let [none, coarse, fine] =
         ["none", "coarse", "fine"].map(|visibility| mean(&mut stage, visibility));
     println!("    {none:.3} nits without rays, {coarse:.3} coarse, {fine:.3} fine");
-    assert!((coarse / fine - 1.0).abs() < 0.02, "drawing must not shift the mean: {coarse} {fine}");
+    assert!((coarse / fine - 1.0).abs() < 0.02, "sampling must not bias the mean: {coarse} {fine}");
     assert!(fine < 0.95 * none, "{fine} {none}");
 }
 

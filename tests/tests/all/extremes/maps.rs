@@ -19,7 +19,7 @@ use frugal_tests::pixels::{Pixels, Plane, g_buffer_normal};
 use super::{Random, stage};
 
 tests!(
-    texels_hold_the_flux_of_any_lamp,
+    texels_hold_the_flux_of_any_punctual_light,
     texels_hold_the_flux_of_any_sun,
     weights_follow_what_is_received_at_any_scale
 );
@@ -30,7 +30,7 @@ const SIZE: [u32; 2] = [8, 8];
 #[derive(Clone, Copy)]
 pub struct Light {
     pub intensity: Vec3,
-    pub texel_measure: f32,
+    pub texel_extent: f32,
     pub position: Vec3,
     pub inverse_range_squared: f32,
     pub direction: Vec3,
@@ -46,7 +46,7 @@ impl Light {
             ix,
             iy,
             iz,
-            self.texel_measure,
+            self.texel_extent,
             px,
             py,
             pz,
@@ -130,11 +130,11 @@ fn check(
     found: &[Point],
     albedos: &[[f64; 3]],
     intensity: Vec3,
-    measure: impl Fn(usize) -> (f64, f64),
+    share_and_area: impl Fn(usize) -> (f64, f64),
 ) -> f64 {
     let mut worst = 0.0f64;
     for (pixel, texel) in found.iter().enumerate() {
-        let (share, area) = measure(pixel);
+        let (share, area) = share_and_area(pixel);
         for channel in 0..3 {
             let expected = share * albedos[pixel][channel] * f64::from(intensity[channel]);
             let found = f64::from(texel.flux[channel]);
@@ -152,7 +152,7 @@ fn check(
     worst
 }
 
-fn texels_hold_the_flux_of_any_lamp() {
+fn texels_hold_the_flux_of_any_punctual_light() {
     let mut stage = stage();
     let resolve = Resolve::new(&mut stage, vec!["LAMBERTIAN".into()]);
     let (texels, albedos, normals) = surfaces();
@@ -169,13 +169,13 @@ fn texels_hold_the_flux_of_any_lamp() {
                 {
                     let light = Light {
                         intensity: Vec3::new(1.0, 0.5, 0.25) * brightness,
-                        texel_measure: 0.001,
+                        texel_extent: 0.001,
                         position: plane.center + Vec3::new(0.5, height, 0.5),
                         inverse_range_squared: (range * range).recip(),
                         direction: Vec3::NEG_Y,
                         cone,
                     };
-                    let measure = |pixel: usize| {
+                    let share_and_area = |pixel: usize| {
                         let at = plane.position(SIZE, pixel as u32 % 8, pixel as u32 / 8);
                         let ray = at - light.position.as_dvec3();
                         let square = ray.length_squared().max(1e-12);
@@ -185,7 +185,7 @@ fn texels_hold_the_flux_of_any_lamp() {
                         let window = (1.0
                             - (square * f64::from(light.inverse_range_squared)).powi(2))
                         .clamp(0.0, 1.0);
-                        let solid_angle = f64::from(light.texel_measure) * below.powi(3);
+                        let solid_angle = f64::from(light.texel_extent) * below.powi(3);
                         let cosine = -normals[pixel].dot(ray) / square.sqrt();
                         (
                             solid_angle * cone * cone * window * window,
@@ -194,7 +194,7 @@ fn texels_hold_the_flux_of_any_lamp() {
                     };
                     let label = format!("{far} m away, {height} m above, {brightness} cd");
                     let found = resolve.run(&stage, &pixels, &plane, &light);
-                    let off = check(&label, &found, &albedos, light.intensity, measure);
+                    let off = check(&label, &found, &albedos, light.intensity, share_and_area);
                     worst = worst.max(off);
                     assert!(off < 1e-3, "{label}: {off}");
                     cases += 1;
@@ -202,7 +202,7 @@ fn texels_hold_the_flux_of_any_lamp() {
             }
         }
     }
-    println!("    {cases} lamps: off by at most {worst:.1e}");
+    println!("    {cases} lights: off by at most {worst:.1e}");
 }
 
 fn texels_hold_the_flux_of_any_sun() {
@@ -212,31 +212,31 @@ fn texels_hold_the_flux_of_any_sun() {
     let pixels = Pixels::with_texels(&stage, SIZE, &texels, 0.5);
     let mut worst = 0.0f64;
     for brightness in [1e-20, 1.0, 1e20, 1e29, 1e31f32] {
-        for (direction, texel_measure) in
+        for (direction, texel_extent) in
             [(Vec3::NEG_Y, 0.01), (Vec3::new(0.8, -0.6, 0.0), 1e-8), (Vec3::Y, 1e6), (Vec3::X, 1.0)]
         {
             let light = Light {
                 intensity: Vec3::new(1.0, 0.5, 0.25) * brightness,
-                texel_measure,
+                texel_extent,
                 position: Vec3::ZERO,
                 inverse_range_squared: 0.0,
                 direction,
                 cone: [0.0, 1.0],
             };
-            let measure = |pixel: usize| {
+            let share_and_area = |pixel: usize| {
                 let cosine = -normals[pixel].dot(direction.as_dvec3());
-                (f64::from(texel_measure), f64::from(texel_measure) / cosine.max(0.1))
+                (f64::from(texel_extent), f64::from(texel_extent) / cosine.max(0.1))
             };
             let found = resolve.run(&stage, &pixels, &Plane::ORIGIN, &light);
             // Where one channel is out of bounds, the texel is left out.
             let is_in_bounds =
-                |pixel: usize| albedos[pixel][0] * f64::from(brightness * texel_measure) < 0.9e30;
+                |pixel: usize| albedos[pixel][0] * f64::from(brightness * texel_extent) < 0.9e30;
             let kept: Vec<usize> = (0..64).filter(|pixel| is_in_bounds(*pixel)).collect();
             let points: Vec<Point> = kept.iter().map(|pixel| found[*pixel]).collect();
             let kept_albedos: Vec<_> = kept.iter().map(|pixel| albedos[*pixel]).collect();
             let label = format!("{brightness} lux along {direction}");
             let off = check(&label, &points, &kept_albedos, light.intensity, |index| {
-                measure(kept[index])
+                share_and_area(kept[index])
             });
             assert!(off < 1e-3, "{label}: {off}");
             assert!(
@@ -250,7 +250,7 @@ fn texels_hold_the_flux_of_any_sun() {
     let sky = Pixels::with_texels(&stage, SIZE, &texels, 0.0);
     let sun = Light {
         intensity: Vec3::ONE,
-        texel_measure: 1.0,
+        texel_extent: 1.0,
         position: Vec3::ZERO,
         inverse_range_squared: 0.0,
         direction: Vec3::NEG_Y,
@@ -321,7 +321,7 @@ fn weigh(stage: &mut Stage, pixels: &Pixels, plane: &Plane, texels: &[Point]) ->
 /// The twin: what 32 pixels in the middle of a grid's cells get of each texel, and a floor of a
 /// quarter of its mean.
 fn weights(plane: &Plane, normal: DVec3, texels: &[Point]) -> Vec<f64> {
-    let receivers: Vec<(DVec3, f64)> = (0..32u32)
+    let importance_points: Vec<(DVec3, f64)> = (0..32u32)
         .map(|index| {
             let (column, row) = (f64::from(index % 8), f64::from(index / 8));
             let uv = [(column + 0.25 + 0.5 * (row % 2.0)) / 8.0, (row + 0.5) / 4.0];
@@ -339,18 +339,18 @@ fn weights(plane: &Plane, normal: DVec3, texels: &[Point]) -> Vec<f64> {
                 / square
                 / (square + radius_squared)
         };
-        receivers.iter().map(one).sum::<f64>().min(1e6)
+        importance_points.iter().map(one).sum::<f64>().min(1e6)
     };
     let (mut flux, mut light) = (0.0, 0.0);
-    for probe in 0..1024u32 {
+    for index in 0..1024u32 {
         // As the shader finds it, in its own precision.
-        let column = (((probe as f32 * 0.618_034).fract() * LENGTH as f32) as u32).min(LENGTH - 1);
-        let texel = &texels[(probe * ROWS / 1024 * LENGTH + column) as usize];
+        let column = (((index as f32 * 0.618_034).fract() * LENGTH as f32) as u32).min(LENGTH - 1);
+        let texel = &texels[(index * ROWS / 1024 * LENGTH + column) as usize];
         flux += texel.luminance();
         light += texel.luminance() * received(texel);
     }
-    let floor = (0.25 * light / flux.max(1e-36)).clamp(1e-9, 1e6);
-    texels.iter().map(|texel| texel.luminance() * (received(texel) + floor)).collect()
+    let defensive = (0.25 * light / flux.max(1e-36)).clamp(1e-9, 1e6);
+    texels.iter().map(|texel| texel.luminance() * (received(texel) + defensive)).collect()
 }
 
 fn weights_follow_what_is_received_at_any_scale() {
@@ -399,7 +399,7 @@ fn weights_follow_what_is_received_at_any_scale() {
             assert_eq!(
                 *found > 0.0,
                 *expected > 0.0,
-                "{label}, texel {index}: a dark texel is never drawn, and any other may be"
+                "{label}, texel {index}: only dark texels have no weight"
             );
             if *expected > 0.0 {
                 worst = worst.max((f64::from(*found) / expected - 1.0).abs());

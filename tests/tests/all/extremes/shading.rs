@@ -79,7 +79,7 @@ impl Surface {
 fn sun() -> Light {
     Light {
         intensity: Vec3::ONE,
-        texel_measure: 1.0,
+        texel_extent: 1.0,
         position: Vec3::ZERO,
         inverse_range_squared: 0.0,
         direction: Vec3::NEG_Y,
