@@ -23,7 +23,7 @@ use frugal_tests::{gpu, meshes, set};
 use super::furnace::{ALBEDO, deviation, direct_radiance};
 use super::gi::{assert_costs_nothing, corner, sun};
 use super::gi_sources::surround;
-use super::refresh::{at_once_and_settled, turn_the_sun};
+use super::refresh::{converges_in_one_frame, turn_the_sun};
 
 tests!(
     every_bounce_in_a_furnace_adds_its_albedo_times_the_last,
@@ -331,7 +331,7 @@ fn what_changes_is_reflected_at_once() {
     );
     (0..16).for_each(|_| stage.frame());
     let check = |stage: &mut Stage, what: &str| {
-        assert!(at_once_and_settled(stage, what), "{what}");
+        assert!(converges_in_one_frame(stage, what), "{what}");
         assert_eq!(set::gathered(stage).patches, 0, "{what}: at rest again");
     };
     turn_the_sun(&mut stage, 0.2);

@@ -182,7 +182,7 @@ fn it_pays_for_maps_alone() {
     let naive = set::radiance(&mut stage);
     assert!(naive.mean() > 1.0 && naive != ours);
     stage.world_mut().insert_resource(GiRefresh::EveryFrame);
-    assert!(set::radiance(&mut stage) == naive, "maps that rest are remembered");
+    assert!(set::radiance(&mut stage) == naive, "maps that are not rendered again are kept");
     let GiCounts { maps, cameras, vpls, pairs, rays, .. } = set::gathered(&stage);
     assert_eq!(
         (maps, cameras, vpls, pairs, rays),

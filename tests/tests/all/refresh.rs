@@ -58,17 +58,17 @@ pub fn turn_the_sun(stage: &mut Stage, angle: f32) {
 }
 
 /// Whether the picture after one frame is that after many of which each did everything.
-pub fn at_once_and_settled(stage: &mut Stage, what: &str) -> bool {
+pub fn converges_in_one_frame(stage: &mut Stage, what: &str) -> bool {
     stage.frame();
-    let at_once = stage.radiance().expect("a picture");
+    let after_one_frame = stage.radiance().expect("a picture");
     assert_eq!(set::gathered(stage).cameras, 1, "{what}");
     stage.world_mut().insert_resource(GiRefresh::EveryFrame);
     (0..3).for_each(|_| stage.frame());
-    let settled = stage.radiance().expect("a picture");
+    let converged = stage.radiance().expect("a picture");
     stage.world_mut().insert_resource(GiRefresh::OnChange);
     (0..16).for_each(|_| stage.frame());
     assert_eq!(set::gathered(stage).cameras, 0, "at rest again");
-    at_once == settled
+    after_one_frame == converged
 }
 
 fn what_changes_is_in_the_next_frame() {
@@ -83,7 +83,7 @@ fn what_changes_is_in_the_next_frame() {
     (0..16).for_each(|_| stage.frame());
     let mut before = stage.radiance().expect("a picture");
     let mut changes = |stage: &mut Stage, what: &str| {
-        assert!(at_once_and_settled(stage, what), "{what}");
+        assert!(converges_in_one_frame(stage, what), "{what}");
         let now = stage.radiance().expect("a picture");
         assert!(now != before, "{what} changed nothing");
         before = now;
