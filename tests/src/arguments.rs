@@ -59,7 +59,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn arguments_change_the_defaults_that_they_name() {
+    fn arguments_override_the_defaults() {
         let defaults =
             Arguments { size: UVec2::new(160, 90), samples: 256, count: 5, names: vec![] };
         let read = |text: &str| defaults.clone().over(text.split_whitespace().map(str::to_owned));

@@ -68,7 +68,7 @@ mod tests {
     const BOTH: [Weights; 2] = [Weights::Exact, Weights::Published];
 
     #[test]
-    fn samples_lie_in_the_disk_and_stand_for_all_of_it() {
+    fn samples_lie_in_the_disk_and_cover_its_area() {
         for (weights, radius) in BOTH.into_iter().zip([0.3, 1.0]) {
             let samples = flat(400, radius, weights);
             let total: f64 = samples.iter().map(|sample| f64::from(sample[2])).sum();
@@ -83,7 +83,7 @@ mod tests {
     }
 
     #[test]
-    fn directions_lie_in_the_cap_and_stand_for_all_of_it() {
+    fn directions_lie_in_the_cap_and_cover_its_solid_angle() {
         for weights in BOTH {
             for radius in [0.1, 0.5, 1.0] {
                 let samples = spherical(400, radius, weights);
@@ -101,7 +101,7 @@ mod tests {
     }
 
     #[test]
-    fn exact_weights_integrate_what_falls_off() {
+    fn exact_weights_integrate_a_gaussian() {
         // ∫ exp(−(r/0.2)²) over the plane = π · 0.04; the disk of radius 1 holds all of it.
         // Published weights lose most of what is near.
         let integral = |weights| -> f64 {

@@ -28,15 +28,15 @@ use super::refresh::{converges_in_one_frame, turn_the_sun};
 tests!(
     every_bounce_in_a_furnace_adds_its_albedo_times_the_last,
     a_second_bounce_is_near_the_reference,
-    patches_reflect_what_their_twin_says,
-    patches_reflect_their_textures_colours,
+    patches_match_their_cpu_reference,
+    patches_reflect_the_colours_of_their_texture,
     emissive_surfaces_and_the_sky_are_reflected_too,
-    what_lets_light_through_reflects_none,
+    transmissive_surfaces_have_no_patches,
     patches_rest_when_nothing_changes,
-    what_changes_is_reflected_at_once,
+    changes_are_reflected_in_the_next_frame,
     without_light_or_rays_patches_cost_nothing,
     odd_scenes_stay_finite,
-    bounces_are_turned_by_name_only,
+    the_knob_of_bounces_is_opt_in,
 );
 
 /// Every pixel gathered, with rays.
@@ -114,7 +114,7 @@ fn a_second_bounce_is_near_the_reference() {
 }
 
 /// Without anything between them, patches get all that the carriers send.
-fn patches_reflect_what_their_twin_says() {
+fn patches_match_their_cpu_reference() {
     let mut stage = corner(vec![sun(Vec3::new(-0.3, -1.0, -0.2))]);
     set::apply(&mut stage, RAYS);
     set::radiance(with_bounces(&mut stage, 2));
@@ -152,7 +152,7 @@ fn patches_reflect_what_their_twin_says() {
     assert!(checked > 200 && worst < 1e-3, "{checked} {worst}");
 }
 
-fn patches_reflect_their_textures_colours() {
+fn patches_reflect_the_colours_of_their_texture() {
     // A floor whose left half is red and whose right half is black.
     let mut stage =
         set::bare(vec![sun(Vec3::NEG_Y)], set::radiance_options(48, 27, Component::Indirect));
@@ -252,7 +252,7 @@ fn emissive_surfaces_and_the_sky_are_reflected_too() {
     );
 }
 
-fn what_lets_light_through_reflects_none() {
+fn transmissive_surfaces_have_no_patches() {
     let mut stage = corner(vec![sun(Vec3::NEG_Y)]);
     set::apply(&mut stage, RAYS);
     let count = |stage: &mut Stage| {
@@ -321,7 +321,7 @@ fn patches_rest_when_nothing_changes() {
     assert_eq!(set::gathered(&stage).patches, 2 * 2048, "two rounds");
 }
 
-fn what_changes_is_reflected_at_once() {
+fn changes_are_reflected_in_the_next_frame() {
     let mut stage = at_rest();
     let mesh = meshes::spawn_box(
         &mut stage,
@@ -470,7 +470,7 @@ fn odd_scenes_stay_finite() {
     assert!(light > 1.0, "{light}");
 }
 
-fn bounces_are_turned_by_name_only() {
+fn the_knob_of_bounces_is_opt_in() {
     let mut stage = corner(vec![sun(Vec3::NEG_Y)]);
     let registry = stage.world_mut().resource::<KnobRegistry>().clone();
     assert!(

@@ -19,13 +19,13 @@ tests!(
     scenes_that_cannot_be_read_are_named,
     models_that_cannot_be_read_are_named,
     maps_that_cannot_be_used_are_named,
-    budgets_that_make_no_sense_are_named,
-    outputs_that_cannot_be_written_are_named_before_the_work,
-    arguments_that_make_no_sense_are_named,
-    no_adapter_is_said_plainly,
-    pictures_are_traced_and_compared_without_an_adapter,
+    invalid_budgets_are_named,
+    unwritable_outputs_are_named_before_the_work,
+    invalid_arguments_are_named,
+    a_missing_adapter_is_reported,
+    references_are_traced_and_compared_without_an_adapter,
     recorded_tables_are_searched_without_an_adapter,
-    a_reader_that_goes_away_is_no_panic,
+    a_closed_pipe_is_no_panic,
     maps_that_cost_more_have_their_own_exit_status,
     presets_come_from_a_map,
 );
@@ -196,7 +196,7 @@ fn maps_that_cannot_be_used_are_named() {
     check(Some(&empty.to_ron().expect("text")), &["capture.size"]);
 }
 
-fn budgets_that_make_no_sense_are_named() {
+fn invalid_budgets_are_named() {
     let folder = folder();
     scene_with_map(folder.path());
     for budget in
@@ -215,7 +215,7 @@ fn budgets_that_make_no_sense_are_named() {
     );
 }
 
-fn outputs_that_cannot_be_written_are_named_before_the_work() {
+fn unwritable_outputs_are_named_before_the_work() {
     let folder = folder();
     scene_with_map(folder.path());
     write(folder.path(), "file", "precious");
@@ -243,7 +243,7 @@ fn outputs_that_cannot_be_written_are_named_before_the_work() {
     assert_eq!(entries(folder.path()), before, "files appeared");
 }
 
-fn arguments_that_make_no_sense_are_named() {
+fn invalid_arguments_are_named() {
     let folder = folder();
     write(folder.path(), "a.scene.ron", SCENE);
     for (arguments, words) in [
@@ -297,7 +297,7 @@ fn arguments_that_make_no_sense_are_named() {
     assert_eq!(entries(folder.path()), ["a.scene.ron"], "files appeared");
 }
 
-fn no_adapter_is_said_plainly() {
+fn a_missing_adapter_is_reported() {
     let folder = folder();
     scene_with_map(folder.path());
     let before = entries(folder.path());
@@ -320,7 +320,7 @@ fn no_adapter_is_said_plainly() {
     assert_eq!(entries(folder.path()), before, "files appeared");
 }
 
-fn pictures_are_traced_and_compared_without_an_adapter() {
+fn references_are_traced_and_compared_without_an_adapter() {
     let folder = folder();
     write(folder.path(), "a.scene.ron", SCENE);
     let run = |arguments: &[&str]| {
@@ -446,7 +446,7 @@ fn recorded_tables_are_searched_without_an_adapter() {
     assert_eq!(entries(folder.path()), before, "files appeared");
 }
 
-fn a_reader_that_goes_away_is_no_panic() {
+fn a_closed_pipe_is_no_panic() {
     let folder = folder();
     write(folder.path(), "a.scene.ron", SCENE);
     let arguments =

@@ -13,8 +13,8 @@ use frugal::stage::Stage;
 use frugal_tests::{map, set};
 
 tests!(
-    a_budget_reaches_the_picture,
-    budgets_without_sense_change_nothing,
+    a_budget_changes_the_rendered_settings,
+    invalid_budgets_change_nothing,
     a_map_of_unknown_knobs_is_refused,
     settings_move_smoothly
 );
@@ -60,7 +60,7 @@ fn space(stage: &Stage) -> KnobSpace {
     stage.space().subset(KNOBS).expect("built-in knobs")
 }
 
-fn a_budget_reaches_the_picture() {
+fn a_budget_changes_the_rendered_settings() {
     let mut stage = stage();
     let knobs = space(&stage);
     control(&mut stage, knobs, Budget::power(Watts(2.5)), 0.0);
@@ -87,7 +87,7 @@ fn a_budget_reaches_the_picture() {
     );
 }
 
-fn budgets_without_sense_change_nothing() {
+fn invalid_budgets_change_nothing() {
     let mut stage = stage();
     let knobs = space(&stage);
     control(&mut stage, knobs, Budget::power(Watts(2.5)), 0.0);

@@ -26,20 +26,20 @@ use super::gi::{assert_costs_nothing, sides, sun};
 tests!(
     a_panel_lights_a_floor_by_its_form_factor,
     the_inside_of_an_emissive_sphere_is_lit_evenly,
-    a_panel_is_as_bright_as_what_it_lights_says,
+    a_panel_s_radiance_agrees_with_the_light_on_a_floor,
     emissive_surfaces_add_to_punctual_lights,
     light_follows_an_emissive_surface,
-    light_comes_from_the_bright_part_of_a_texture,
-    light_comes_from_what_a_mask_leaves,
+    only_the_bright_part_of_an_emissive_texture_emits,
+    only_the_opaque_part_of_a_mask_emits,
     a_surface_that_is_not_emissive_costs_nothing,
     emission_that_is_not_finite_or_huge_stays_finite,
     a_floor_under_an_even_sky_is_lit_by_all_of_it,
     a_wall_hides_half_the_sky,
-    the_sky_comes_in_by_the_door_alone,
-    the_sky_is_turned_as_bevy_turns_it,
-    without_rays_or_samples_the_sky_is_bevy_s,
+    the_sky_lights_a_room_through_its_door_only,
+    the_sky_rotates_as_in_bevy,
+    without_rays_or_samples_bevy_renders_the_sky,
     a_sky_that_is_not_finite_or_huge_stays_finite,
-    still_skies_give_still_pictures,
+    a_still_sky_gives_identical_frames,
 );
 
 /// Of a stage without scene: 1 ÷ (1.2 · 2⁸).
@@ -157,7 +157,7 @@ fn the_inside_of_an_emissive_sphere_is_lit_evenly() {
     assert!(most < 0.1 && mean.abs() < 0.03, "{most} {mean}");
 }
 
-fn a_panel_is_as_bright_as_what_it_lights_says() {
+fn a_panel_s_radiance_agrees_with_the_light_on_a_floor() {
     // Whether drawn through the G-buffer or forward, and whatever the weight of exposure.
     use bevy::material::OpaqueRendererMethod::{Deferred, Forward};
     let expected_on_floor = albedo() * form_factor(2.0, 2.0, 2.0);
@@ -272,7 +272,7 @@ fn light_follows_an_emissive_surface() {
     assert_eq!(stage.world_mut().resource::<GiEmitters>().texel_count(), 0);
 }
 
-fn light_comes_from_the_bright_part_of_a_texture() {
+fn only_the_bright_part_of_an_emissive_texture_emits() {
     // White where u is below a quarter, black elsewhere.
     lights_by_a_quarter([255, 0, 0, 255], [0, 0, 0, 255], |texture| StandardMaterial {
         emissive_texture: Some(texture),
@@ -280,7 +280,7 @@ fn light_comes_from_the_bright_part_of_a_texture() {
     });
 }
 
-fn light_comes_from_what_a_mask_leaves() {
+fn only_the_opaque_part_of_a_mask_emits() {
     let red = LinearRgba { green: 0.0, blue: 0.0, ..emissive_material(4.0 * NITS).emissive };
     lights_by_a_quarter([0, 0, 0, 200], [0, 0, 0, 100], |texture| StandardMaterial {
         base_color: Color::WHITE,
@@ -530,7 +530,7 @@ fn spawn_room(stage: &mut Stage, has_door: bool) {
     }
 }
 
-fn the_sky_comes_in_by_the_door_alone() {
+fn the_sky_lights_a_room_through_its_door_only() {
     let mut found = Vec::new();
     for has_door in [true, false] {
         let mut stage = bare(Component::Global);
@@ -558,7 +558,7 @@ fn the_sky_comes_in_by_the_door_alone() {
     assert!(found[2] < 1e-4 * found[1] && found[3] < 1e-4 * found[1], "it leaks: {found:?}");
 }
 
-fn the_sky_is_turned_as_bevy_turns_it() {
+fn the_sky_rotates_as_in_bevy() {
     // Six colours, of which a wall gets mostly the one that it faces: by our samples as by Bevy's
     // look-up.
     let faces = [
@@ -611,7 +611,7 @@ fn the_sky_is_turned_as_bevy_turns_it() {
     }
 }
 
-fn without_rays_or_samples_the_sky_is_bevy_s() {
+fn without_rays_or_samples_bevy_renders_the_sky() {
     let mut stage = bare(Component::Full);
     spawn_room(&mut stage, false);
     surround(&mut stage, [[1.0; 3]; 6], NITS, Quat::IDENTITY);
@@ -669,7 +669,7 @@ fn a_sky_that_is_not_finite_or_huge_stays_finite() {
     }
 }
 
-fn still_skies_give_still_pictures() {
+fn a_still_sky_gives_identical_frames() {
     let mut stage = bare(Component::Full);
     spawn_room(&mut stage, true);
     surround(

@@ -20,7 +20,7 @@ use frugal::stage::Stage;
 use frugal_tests::set;
 
 tests!(
-    every_level_is_applied_and_shows_and_leaves_no_trace,
+    every_level_is_applied_changes_the_image_and_leaves_no_trace,
     bloom_follows_the_resolution_scale,
     cheaper_levels_evaluate_fewer_pairs
 );
@@ -112,7 +112,7 @@ fn assert_applied(stage: &mut Stage, name: &str, value: f64) {
     }
 }
 
-fn every_level_is_applied_and_shows_and_leaves_no_trace() {
+fn every_level_is_applied_changes_the_image_and_leaves_no_trace() {
     let mut stage = stage();
     let space = stage.space().clone();
     let best = space.highest();

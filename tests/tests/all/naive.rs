@@ -15,8 +15,8 @@ tests!(
     maps_project_their_own_texels,
     in_a_furnace_it_is_the_closed_form,
     on_two_plates_it_is_the_form_factor,
-    every_light_counts_once,
-    it_pays_for_maps_alone,
+    the_light_of_several_lights_adds_up,
+    its_cost_is_the_maps_only,
 );
 
 const MAPS: &str = "min,gi_vpl_count=64,rsm_resolution=128,resolution_scale=100%";
@@ -152,7 +152,7 @@ fn on_two_plates_it_is_the_form_factor() {
 }
 
 /// Light adds up over lights, flat maps and cubes alike.
-fn every_light_counts_once() {
+fn the_light_of_several_lights_adds_up() {
     let point = frugal::scene::Light::Point {
         position: Vec3::new(0.3, 1.5, 0.4),
         luminous_power: 1e6,
@@ -175,7 +175,7 @@ fn every_light_counts_once() {
     );
 }
 
-fn it_pays_for_maps_alone() {
+fn its_cost_is_the_maps_only() {
     let mut stage = corner(vec![sun(Vec3::NEG_Y)]);
     let ours = set::radiance(&mut stage);
     show(&mut stage, NaiveRsm::default());

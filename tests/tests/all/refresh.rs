@@ -11,10 +11,10 @@ use frugal_tests::{meshes, set};
 use super::gi::{corner, sun};
 
 tests!(
-    nothing_is_redone_in_a_still_picture,
-    what_changes_is_in_the_next_frame,
+    nothing_is_recomputed_in_a_still_scene,
+    changes_are_in_the_next_frame,
     a_walk_through_a_still_scene_renders_no_map,
-    with_a_period_moving_light_is_followed_that_often,
+    the_refresh_period_limits_how_often_maps_are_rendered,
 );
 
 /// A corner under the sun that has come to rest.
@@ -28,7 +28,7 @@ fn at_rest(policy: GiRefresh) -> Stage {
     stage
 }
 
-fn nothing_is_redone_in_a_still_picture() {
+fn nothing_is_recomputed_in_a_still_scene() {
     let mut stage = at_rest(GiRefresh::OnChange);
     let before = stage.radiance().expect("a picture");
     assert!(before.mean() > 1.0);
@@ -71,7 +71,7 @@ pub fn converges_in_one_frame(stage: &mut Stage, what: &str) -> bool {
     after_one_frame == converged
 }
 
-fn what_changes_is_in_the_next_frame() {
+fn changes_are_in_the_next_frame() {
     let mut stage = at_rest(GiRefresh::OnChange);
     // Within the box around all meshes, which the map covers whole.
     let mesh = meshes::spawn_box(
@@ -141,7 +141,7 @@ fn a_walk_through_a_still_scene_renders_no_map() {
     }
 }
 
-fn with_a_period_moving_light_is_followed_that_often() {
+fn the_refresh_period_limits_how_often_maps_are_rendered() {
     let mut stage = at_rest(GiRefresh::OnChange);
     let camera = set::camera(&mut stage);
     for period in [1, 2, 4, 8] {

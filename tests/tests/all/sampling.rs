@@ -12,10 +12,10 @@ use super::gi::corner;
 
 tests!(
     sun_flux_of_a_box_is_the_closed_form,
-    a_point_light_gives_a_closed_room_all_its_flux,
+    all_flux_of_a_point_light_reaches_a_closed_room,
     sampling_keeps_the_flux,
-    any_brightness_bounces_in_proportion,
-    far_from_the_origin_all_stays_finite,
+    bounced_light_is_proportional_to_any_brightness,
+    results_stay_finite_far_from_the_origin,
 );
 
 const LUX: f32 = 10_000.0;
@@ -69,7 +69,7 @@ fn sun_flux_of_a_box_is_the_closed_form() {
     }
 }
 
-fn a_point_light_gives_a_closed_room_all_its_flux() {
+fn all_flux_of_a_point_light_reaches_a_closed_room() {
     let mut stage =
         set::open(&set::scene("furnace"), set::radiance_options(32, 18, Component::Indirect));
     set::apply(&mut stage, "min,gi_vpl_count=64,rsm_resolution=128");
@@ -134,7 +134,7 @@ fn carried(stage: &mut Stage) -> f64 {
     gpu::total_flux(&vpls)[1]
 }
 
-fn any_brightness_bounces_in_proportion() {
+fn bounced_light_is_proportional_to_any_brightness() {
     let mut stage = corner(vec![Light::Directional {
         direction: Vec3::NEG_Y,
         illuminance: 1.0,
@@ -161,7 +161,7 @@ fn any_brightness_bounces_in_proportion() {
     }
 }
 
-fn far_from_the_origin_all_stays_finite() {
+fn results_stay_finite_far_from_the_origin() {
     for offset in [1e4f32, 1e6] {
         let mut stage = set::bare(
             vec![super::gi::sun(Vec3::NEG_Y)],

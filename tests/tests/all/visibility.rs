@@ -18,10 +18,10 @@ use super::gi::{PLAIN, corner, sun};
 tests!(
     the_dark_room_is_dark,
     a_screen_hides_the_bounce_and_follows_its_transform,
-    what_hides_no_light_is_left_out,
-    coarse_and_fine_expect_the_same,
+    surfaces_that_cast_no_shadow_occlude_nothing,
+    coarse_and_fine_have_the_same_mean,
     nothing_is_kept_without_rays,
-    rays_that_are_asked_for_late_are_there_a_frame_later,
+    rays_enabled_at_the_end_of_a_frame_work_one_frame_later,
 );
 
 /// Mean indirect radiance of a view, nits.
@@ -74,7 +74,7 @@ fn a_screen_hides_the_bounce_and_follows_its_transform() {
     assert!((back - hidden).abs() < 1e-3 * leaking, "{back} {hidden}");
 }
 
-fn what_hides_no_light_is_left_out() {
+fn surfaces_that_cast_no_shadow_occlude_nothing() {
     let (mut stage, screen) = screened();
     let hidden = mean(&mut stage, "fine");
     stage.world_mut().entity_mut(screen).insert(NotShadowCaster);
@@ -94,7 +94,7 @@ fn what_hides_no_light_is_left_out() {
     assert!(mean(&mut stage, "fine") > 0.5 * open, "glass hides nothing");
 }
 
-fn coarse_and_fine_expect_the_same() {
+fn coarse_and_fine_have_the_same_mean() {
     let mut stage = corner(vec![sun(Vec3::new(0.3, -1.0, -0.2))]);
     meshes::spawn_box(
         &mut stage,
@@ -136,7 +136,7 @@ fn nothing_is_kept_without_rays() {
 #[derive(Resource)]
 struct AskForRays;
 
-fn rays_that_are_asked_for_late_are_there_a_frame_later() {
+fn rays_enabled_at_the_end_of_a_frame_work_one_frame_later() {
     let ask = |asked: Option<Res<AskForRays>>,
                mut cameras: Query<&mut FrugalGi>,
                mut commands: Commands| {

@@ -11,12 +11,12 @@ use super::{Random, Worst, facing_down, stage};
 use crate::gi::{corner, sun};
 
 tests!(
-    a_pixel_sums_any_number_of_lights,
-    a_picture_of_any_size_is_gathered_whole,
-    a_camera_takes_any_number
+    a_pixel_sums_any_number_of_vpls,
+    images_of_any_size_are_gathered_completely,
+    a_camera_takes_any_number_of_vpls
 );
 
-fn a_pixel_sums_any_number_of_lights() {
+fn a_pixel_sums_any_number_of_vpls() {
     let mut stage = stage();
     let gather = Gather::new(&mut stage, 0);
     let (packed, normal) = g_buffer_normal(Vec3::Y);
@@ -46,7 +46,7 @@ fn a_pixel_sums_any_number_of_lights() {
     }
 }
 
-fn a_picture_of_any_size_is_gathered_whole() {
+fn images_of_any_size_are_gathered_completely() {
     let mut stage = stage();
     let gather = Gather::new(&mut stage, 0);
     let (packed, normal) = g_buffer_normal(Vec3::Y);
@@ -69,7 +69,7 @@ fn a_picture_of_any_size_is_gathered_whole() {
 }
 
 /// The whole way from the light to the picture, with as many as the camera asks for.
-fn a_camera_takes_any_number() {
+fn a_camera_takes_any_number_of_vpls() {
     let mut stage = corner(vec![sun(Vec3::new(0.2, -1.0, -0.1))]);
     // The knobs' levels first, which would overwrite what follows.
     stage.frame();

@@ -14,8 +14,8 @@ use frugal_tests::{meshes, set};
 use super::stage;
 
 tests!(
-    no_point_gets_more_than_a_plane_would_send,
-    walls_around_a_light_get_no_more_than_it_sends,
+    no_point_receives_more_than_from_an_infinite_plane,
+    walls_around_a_vpl_receive_no_more_than_its_flux,
     a_closed_room_reflects_no_more_than_its_albedo
 );
 
@@ -33,7 +33,7 @@ fn turned(vpl: &Point, rotation: Quat) -> Point {
 
 /// A piece of surface of radius r sends flux ÷ πr² a square metre: an endless plane of it would
 /// light a point with as much.
-fn no_point_gets_more_than_a_plane_would_send() {
+fn no_point_receives_more_than_from_an_infinite_plane() {
     let mut stage = stage();
     let gather = Gather::new(&mut stage, 0);
     let (packed, _) = g_buffer_normal(Vec3::Y);
@@ -60,7 +60,7 @@ fn no_point_gets_more_than_a_plane_would_send() {
 }
 
 /// All light that a point in a closed cube sends meets its sides.
-fn walls_around_a_light_get_no_more_than_it_sends() {
+fn walls_around_a_vpl_receive_no_more_than_its_flux() {
     const EDGE: u32 = 32;
     let mut stage = stage();
     let gather = Gather::new(&mut stage, 0);

@@ -16,7 +16,7 @@ use frugal_tests::{gather, gpu};
 
 use super::{Random, stage};
 
-tests!(the_filter_is_the_mean_along_the_surface, what_is_no_number_goes_no_further);
+tests!(the_filter_averages_along_the_surface, values_that_are_not_finite_do_not_spread);
 
 const SIZE: [u32; 2] = [13, 9];
 const COUNT: usize = (SIZE[0] * SIZE[1]) as usize;
@@ -126,7 +126,7 @@ fn normals() -> (Vec<u32>, Vec<bevy::math::DVec3>) {
     (0..COUNT).map(|pixel| g_buffer_normal(normal(pixel).normalize())).unzip()
 }
 
-fn the_filter_is_the_mean_along_the_surface() {
+fn the_filter_averages_along_the_surface() {
     let mut stage = stage();
     let (packed, normals) = normals();
     let pixels = Pixels::new(&stage, SIZE, &packed);
@@ -147,7 +147,7 @@ fn the_filter_is_the_mean_along_the_surface() {
     }
 }
 
-fn what_is_no_number_goes_no_further() {
+fn values_that_are_not_finite_do_not_spread() {
     let mut stage = stage();
     let (packed, normals) = normals();
     let pixels = Pixels::new(&stage, SIZE, &packed);

@@ -8,11 +8,11 @@ use frugal_tests::pixels::{Pixels, Plane, g_buffer_normal};
 use super::{Random, Worst, cosine_slack, facing_down, stage};
 
 tests!(
-    from_no_distance_to_ten_million_kilometres,
-    from_no_light_to_more_than_halves_hold,
-    from_every_direction_grazing_and_opposite,
+    at_distances_from_zero_to_ten_million_kilometres,
+    at_fluxes_from_zero_to_beyond_half_floats,
+    from_every_direction_including_grazing_and_opposite,
     a_thousand_kilometres_from_the_origin,
-    nothing_is_gathered_where_nothing_is,
+    nothing_is_gathered_without_a_surface_or_vpls,
 );
 
 const SIZE: [u32; 2] = [8, 8];
@@ -23,7 +23,7 @@ fn facing(stage: &frugal::stage::Stage, normal: Vec3) -> (Pixels, DVec3) {
     (Pixels::new(stage, SIZE, &[packed; 64]), normal)
 }
 
-fn from_no_distance_to_ten_million_kilometres() {
+fn at_distances_from_zero_to_ten_million_kilometres() {
     let mut stage = stage();
     let gather = Gather::new(&mut stage, 0);
     let (pixels, normal) = facing(&stage, Vec3::new(0.1, 1.0, -0.2).normalize());
@@ -58,7 +58,7 @@ fn from_no_distance_to_ten_million_kilometres() {
     }
 }
 
-fn from_no_light_to_more_than_halves_hold() {
+fn at_fluxes_from_zero_to_beyond_half_floats() {
     let mut stage = stage();
     let gather = Gather::new(&mut stage, 0);
     let (pixels, normal) = facing(&stage, Vec3::Y);
@@ -96,7 +96,7 @@ fn from_no_light_to_more_than_halves_hold() {
     }
 }
 
-fn from_every_direction_grazing_and_opposite() {
+fn from_every_direction_including_grazing_and_opposite() {
     let mut stage = stage();
     let gather = Gather::new(&mut stage, 0);
     let mut random = Random(7);
@@ -193,7 +193,7 @@ fn a_thousand_kilometres_from_the_origin() {
     }
 }
 
-fn nothing_is_gathered_where_nothing_is() {
+fn nothing_is_gathered_without_a_surface_or_vpls() {
     let mut stage = stage();
     let gather = Gather::new(&mut stage, 0);
     let (packed, normal) = g_buffer_normal(Vec3::Y);

@@ -13,7 +13,7 @@ use frugal_tests::{gpu, set};
 use super::Random;
 use crate::gi::{corner, sun};
 
-tests!(of_hundreds_of_lights_those_bounce_that_light_the_camera_s_surroundings);
+tests!(the_lights_with_the_highest_illuminance_at_the_camera_get_maps);
 
 /// Lights that have maps, and how many maps there are.
 fn bouncing(stage: &mut Stage) -> (HashSet<Entity>, usize) {
@@ -22,7 +22,7 @@ fn bouncing(stage: &mut Stage) -> (HashSet<Entity>, usize) {
     (maps.iter().copied().collect(), maps.len())
 }
 
-fn of_hundreds_of_lights_those_bounce_that_light_the_camera_s_surroundings() {
+fn the_lights_with_the_highest_illuminance_at_the_camera_get_maps() {
     let mut stage = corner(vec![]);
     // The knobs' levels first, which would overwrite what follows.
     stage.frame();

@@ -21,7 +21,7 @@ use super::{Random, stage};
 tests!(
     texels_hold_the_flux_of_any_punctual_light,
     texels_hold_the_flux_of_any_sun,
-    weights_follow_what_is_received_at_any_scale
+    weights_follow_importance_at_any_scale
 );
 
 const SIZE: [u32; 2] = [8, 8];
@@ -353,7 +353,7 @@ fn weights(plane: &Plane, normal: DVec3, texels: &[Point]) -> Vec<f64> {
     texels.iter().map(|texel| texel.luminance() * (received(texel) + defensive)).collect()
 }
 
-fn weights_follow_what_is_received_at_any_scale() {
+fn weights_follow_importance_at_any_scale() {
     let mut stage = stage();
     let (packed, normal) = g_buffer_normal(Vec3::Y);
     let pixels = Pixels::new(&stage, SIZE, &[packed; 64]);

@@ -20,10 +20,10 @@ use frugal_tests::{meshes, set};
 use super::{Random, Worst, stage};
 
 tests!(
-    rays_meet_what_trying_every_triangle_meets,
+    rays_agree_with_a_brute_force_intersection,
     rays_pass_where_masks_have_holes,
-    surfaces_do_not_shade_themselves,
-    hands_of_lights_are_summed_or_left_out,
+    surfaces_do_not_shadow_themselves,
+    a_stratum_of_lights_is_summed_or_rejected,
 );
 
 const SIZE: [u32; 2] = [16, 16];
@@ -255,7 +255,7 @@ fn soup(random: &mut Random, count: usize) -> Vec<[Vec3; 3]> {
     (0..count).map(&mut triangle).collect()
 }
 
-fn rays_meet_what_trying_every_triangle_meets() {
+fn rays_agree_with_a_brute_force_intersection() {
     let mut scene = Scene::new();
     let mut random = Random(5);
     scene.add(&soup(&mut random, 40), Transform::default());
@@ -323,7 +323,7 @@ fn rays_pass_where_masks_have_holes() {
 }
 
 /// Receivers and lights on the very triangles that rays might meet.
-fn surfaces_do_not_shade_themselves() {
+fn surfaces_do_not_shadow_themselves() {
     for far in [0.0f32, 1e4] {
         let mut scene = Scene::new();
         let base = Vec3::new(far, 0.0, -far);
@@ -388,7 +388,7 @@ fn surfaces_do_not_shade_themselves() {
 
 /// A hand of lights stands or falls with the one that is drawn: all of it where nothing hides,
 /// nothing where all is hidden.
-fn hands_of_lights_are_summed_or_left_out() {
+fn a_stratum_of_lights_is_summed_or_rejected() {
     let mut scene = Scene::new();
     let lid =
         [[Vec3::new(-50.0, 1.0, -50.0), Vec3::new(50.0, 1.0, -50.0), Vec3::new(0.0, 1.0, 90.0)]];

@@ -14,9 +14,9 @@ use frugal_tests::{gpu, meshes, set};
 use crate::gi::{PLAIN, corner, sun};
 
 tests!(
-    triangles_without_area_change_nothing,
-    normals_without_length_stay_where_they_are,
-    a_light_that_meets_nothing_sends_nothing,
+    degenerate_triangles_change_nothing,
+    invalid_normals_have_local_effects_only,
+    a_light_that_hits_nothing_adds_no_flux,
     a_light_in_a_wall_shines_through_it_as_its_shadow_map_does,
 );
 
@@ -47,7 +47,7 @@ fn mesh(positions: Vec<[f32; 3]>, normal: [f32; 3]) -> Mesh {
         .with_inserted_indices(Indices::U32((0..count as u32).collect()))
 }
 
-fn triangles_without_area_change_nothing() {
+fn degenerate_triangles_change_nothing() {
     let mut stage = corner(vec![sun(Vec3::NEG_Y)]);
     let settings = format!("{PLAIN},gi_visibility=coarse");
     set::apply(&mut stage, &settings);
@@ -94,7 +94,7 @@ fn triangles_without_area_change_nothing() {
     }
 }
 
-fn normals_without_length_stay_where_they_are() {
+fn invalid_normals_have_local_effects_only() {
     let mut stage = corner(vec![sun(Vec3::NEG_Y)]);
     let expected = set::radiance(&mut stage);
     for normal in
@@ -126,7 +126,7 @@ fn normals_without_length_stay_where_they_are() {
     }
 }
 
-fn a_light_that_meets_nothing_sends_nothing() {
+fn a_light_that_hits_nothing_adds_no_flux() {
     let up = Light::Spot {
         position: Vec3::new(0.0, 3.0, 0.0),
         direction: Vec3::Y,

@@ -10,8 +10,8 @@ use super::maps::{Light, Resolve};
 use super::stage;
 
 tests!(
-    light_is_scattered_as_burley_and_ggx_scatter_it_on_average,
-    what_scatters_nothing_sends_nothing
+    the_scattered_share_is_the_mean_of_burley_and_ggx,
+    surfaces_that_scatter_nothing_reflect_no_flux
 );
 
 /// A surface as the G-buffer has it, in shares of 255.
@@ -87,7 +87,7 @@ fn sun() -> Light {
     }
 }
 
-fn light_is_scattered_as_burley_and_ggx_scatter_it_on_average() {
+fn the_scattered_share_is_the_mean_of_burley_and_ggx() {
     let mut stage = stage();
     let resolve = Resolve::new(&mut stage, vec!["PARALLEL".into()]);
     // The bounds are what an average by a fit is worth; rough metals lose light between their
@@ -143,7 +143,7 @@ fn light_is_scattered_as_burley_and_ggx_scatter_it_on_average() {
     println!("    off by at most {worst:.3}");
 }
 
-fn what_scatters_nothing_sends_nothing() {
+fn surfaces_that_scatter_nothing_reflect_no_flux() {
     let mut stage = stage();
     let resolve = Resolve::new(&mut stage, vec!["PARALLEL".into()]);
     let (up, _) = g_buffer_normal(Vec3::Y);

@@ -13,7 +13,7 @@ use frugal_tests::{gpu, set};
 
 use crate::gi::{corner, sun};
 
-tests!(any_size_is_gathered_and_no_size_leaves_a_trace);
+tests!(any_size_is_gathered_and_a_resize_leaves_no_trace);
 
 fn extent([width, height]: [u32; 2]) -> Extent3d {
     Extent3d { width, height, depth_or_array_layers: 1 }
@@ -49,7 +49,7 @@ fn irradiance(stage: &mut Stage, camera: Entity) -> ([u32; 2], Vec<[f64; 4]>) {
     ([camera.irradiance.width(), camera.irradiance.height()], found)
 }
 
-fn any_size_is_gathered_and_no_size_leaves_a_trace() {
+fn any_size_is_gathered_and_a_resize_leaves_no_trace() {
     let mut stage = corner(vec![sun(Vec3::new(0.2, -1.0, -0.1))]);
     // The stage's own camera would draw VPLs of its own from the same maps.
     set::apply(&mut stage, "min,gi_refresh_period=1");

@@ -12,10 +12,10 @@ use super::{GREY, on_bench};
 
 tests!(
     an_extension_sends_and_receives_the_colour_that_it_gives,
-    an_extension_that_moves_its_mesh_hides_where_it_was,
+    an_extension_that_moves_its_mesh_occludes_at_the_original_position,
     a_deferred_material_is_like_any_other,
-    a_forward_material_takes_no_part_but_hides,
-    a_material_without_prepass_shows_the_light_of_what_is_behind,
+    a_forward_material_occludes_only,
+    a_material_without_prepass_shows_the_light_of_the_surface_behind,
 );
 
 const COLOR: LinearRgba = LinearRgba::rgb(0.1, 0.8, 0.4);
@@ -53,7 +53,7 @@ fn an_extension_sends_and_receives_the_colour_that_it_gives() {
     });
 }
 
-fn an_extension_that_moves_its_mesh_hides_where_it_was() {
+fn an_extension_that_moves_its_mesh_occludes_at_the_original_position() {
     on_bench(|bench| {
         let shift = |by| ExtendedMaterial { base: grey(), extension: Shift { by } };
         let plate = bench.plate(shift(Vec4::new(0.0, 0.3, 0.0, 0.0)));
@@ -86,7 +86,7 @@ fn a_deferred_material_is_like_any_other() {
     });
 }
 
-fn a_forward_material_takes_no_part_but_hides() {
+fn a_forward_material_occludes_only() {
     on_bench(|bench| {
         let opaque_render_method = OpaqueRendererMethod::Forward;
         let custom = bench.measure_plate("custom, forward", Forward { color: COLOR });
@@ -113,7 +113,7 @@ fn a_forward_material_takes_no_part_but_hides() {
     });
 }
 
-fn a_material_without_prepass_shows_the_light_of_what_is_behind() {
+fn a_material_without_prepass_shows_the_light_of_the_surface_behind() {
     on_bench(|bench| {
         let plate = bench.plate(WithoutPrepass { color: COLOR });
         let effect = bench.measure(plate);

@@ -13,10 +13,10 @@ use frugal_tests::meshes;
 use super::{Bench, GREY, Placement, on_bench};
 
 tests!(
-    a_normal_map_turns_what_is_sent_and_received,
+    a_normal_map_tilts_sent_and_received_light,
     holes_of_a_mask_let_light_and_rays_through,
-    a_skin_is_where_its_joint_is_but_hides_nothing,
-    a_morph_is_where_it_is_drawn_but_hides_where_it_was,
+    a_skin_follows_its_joint_but_occludes_nothing,
+    a_morph_follows_its_weights_but_occludes_at_the_original_position,
 );
 
 fn grey() -> StandardMaterial {
@@ -44,7 +44,7 @@ fn tilted(bench: &mut Bench, tilt: Vec2) -> (Entity, Vec3) {
     (plate, Vec3::new(stored.x, stored.z, -stored.y))
 }
 
-fn a_normal_map_turns_what_is_sent_and_received() {
+fn a_normal_map_tilts_sent_and_received_light() {
     on_bench(|bench| {
         // More VPLs than elsewhere: another normal draws others.
         let settings = format!("{},gi_vpl_count=2048", super::SETTINGS);
@@ -146,7 +146,7 @@ fn holes_of_a_mask_let_light_and_rays_through() {
     });
 }
 
-fn a_skin_is_where_its_joint_is_but_hides_nothing() {
+fn a_skin_follows_its_joint_but_occludes_nothing() {
     on_bench(|bench| {
         let skin = bench.sample(meshes::with_one_joint(meshes::plate(false)), grey());
         let joint = meshes::add_joint(&mut bench.stage, skin);
@@ -177,7 +177,7 @@ fn morphed(bench: &mut Bench, offset: Vec3) -> Entity {
     plate
 }
 
-fn a_morph_is_where_it_is_drawn_but_hides_where_it_was() {
+fn a_morph_follows_its_weights_but_occludes_at_the_original_position() {
     on_bench(|bench| {
         // 30 cm above the floor; before the wall, it moves 30 cm towards the eye.
         let plate = morphed(bench, Vec3::new(0.0, 0.3, 0.0));

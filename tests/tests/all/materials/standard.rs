@@ -17,16 +17,16 @@ use super::{GREY, Placement, on_bench, relative_albedo};
 tests!(
     a_diffuse_plate_sends_receives_and_hides,
     a_texture_sends_and_receives_its_colours_where_they_are,
-    vertex_colours_tint_what_is_sent_and_received,
-    metals_take_no_part_but_hide,
-    emission_lights_the_wall_as_the_sun_s_light_does,
+    vertex_colours_tint_sent_and_received_light,
+    metals_reflect_no_diffuse_light_but_occlude,
+    emission_lights_the_wall_like_reflected_sunlight,
     a_scene_s_emission_is_in_nits,
-    rough_metals_and_gloss_take_part_as_bevy_shades_them,
+    rough_metals_and_gloss_reflect_as_bevy_shades_them,
     masked_materials_are_lit_as_opaque_ones_are,
-    unlit_materials_take_no_part_but_hide,
-    sides_are_those_that_are_drawn,
-    transparent_materials_are_not_there,
-    what_casts_no_shadow_still_meets_the_light,
+    unlit_materials_occlude_only,
+    sides_are_those_that_bevy_draws,
+    transparent_materials_neither_reflect_nor_occlude,
+    meshes_that_cast_no_shadow_still_reflect_light,
 );
 
 fn grey() -> StandardMaterial {
@@ -124,7 +124,7 @@ fn a_texture_sends_and_receives_its_colours_where_they_are() {
     });
 }
 
-fn vertex_colours_tint_what_is_sent_and_received() {
+fn vertex_colours_tint_sent_and_received_light() {
     on_bench(|bench| {
         let mesh = meshes::plate(false)
             .with_inserted_attribute(Mesh::ATTRIBUTE_COLOR, vec![[0.2f32, 1.0, 0.6, 1.0]; 4]);
@@ -137,7 +137,7 @@ fn vertex_colours_tint_what_is_sent_and_received() {
     });
 }
 
-fn metals_take_no_part_but_hide() {
+fn metals_reflect_no_diffuse_light_but_occlude() {
     on_bench(|bench| {
         for (metallic, left) in [(0.4, 0.6), (1.0, 0.0)] {
             let label = format!("metallic {metallic}");
@@ -155,7 +155,7 @@ fn metals_take_no_part_but_hide() {
     });
 }
 
-fn rough_metals_and_gloss_take_part_as_bevy_shades_them() {
+fn rough_metals_and_gloss_reflect_as_bevy_shades_them() {
     on_bench(|bench| {
         // Of light that falls straight down, and by what a rough metal keeps of it; against a diffuse
         // surface that does not care for shading.
@@ -226,7 +226,7 @@ fn masked_materials_are_lit_as_opaque_ones_are() {
     );
 }
 
-fn emission_lights_the_wall_as_the_sun_s_light_does() {
+fn emission_lights_the_wall_like_reflected_sunlight() {
     on_bench(|bench| {
         // 100 nits, exposed as the bench is: Bevy's deferred renderer leaves
         // `emissive_exposure_weight` out. They send on 314 lm/m², a sixteenth of what the plate
@@ -278,7 +278,7 @@ fn a_scene_s_emission_is_in_nits() {
     }
 }
 
-fn unlit_materials_take_no_part_but_hide() {
+fn unlit_materials_occlude_only() {
     on_bench(|bench| {
         let found = bench.measure_plate("unlit", StandardMaterial { unlit: true, ..grey() });
         found.assert_covers("unlit", 1.0);
@@ -288,7 +288,7 @@ fn unlit_materials_take_no_part_but_hide() {
     });
 }
 
-fn sides_are_those_that_are_drawn() {
+fn sides_are_those_that_bevy_draws() {
     on_bench(|bench| {
         let reference = bench.reference();
         let mut upside_down = |double_sided, cull_back: bool| {
@@ -354,7 +354,7 @@ fn sides_are_those_that_are_drawn() {
     });
 }
 
-fn transparent_materials_are_not_there() {
+fn transparent_materials_neither_reflect_nor_occlude() {
     on_bench(|bench| {
         let blended = |alpha_mode| StandardMaterial {
             alpha_mode,
@@ -382,7 +382,7 @@ fn transparent_materials_are_not_there() {
     });
 }
 
-fn what_casts_no_shadow_still_meets_the_light() {
+fn meshes_that_cast_no_shadow_still_reflect_light() {
     on_bench(|bench| {
         let plate = bench.plate(grey());
         bench.stage.world_mut().entity_mut(plate).insert(NotShadowCaster);
