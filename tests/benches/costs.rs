@@ -1,5 +1,5 @@
-//! What the controller costs when nothing changes, and how much memory global illumination holds at
-//! its largest.
+//! Cost of the controller when nothing changes, and memory of global illumination at its largest
+//! settings.
 //!
 //! `make bench BENCH=costs`
 
@@ -41,7 +41,7 @@ fn app(cameras: u32) -> App {
             Budget::power(Watts(2.5)),
         ));
     }
-    // Until settings have reached their target.
+    // The settings reach their target.
     (0..10).for_each(|_| app.update());
     app
 }

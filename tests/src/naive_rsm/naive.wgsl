@@ -1,8 +1,8 @@
 // Dachsbacher and Stamminger 2005, "Reflective Shadow Maps": a pixel sums a few hundred texels
 // around its own projection into a light's map.
 //
-// One draw for each light, added to the picture. With CUBE the map has six faces and the samples
-// lie on the sphere of directions around the lamp; the method as published knows maps of one face.
+// One draw per light, added to the image. With CUBE the map has six faces and the samples lie on
+// the sphere of directions around the light; the method as published has maps of one face only.
 
 #import bevy_core_pipeline::fullscreen_vertex_shader::FullscreenVertexOutput
 #import bevy_render::view::View
@@ -16,14 +16,14 @@ struct Face {
 }
 
 struct Map {
-    /// Those of a cube by the axis that they look along: +X, −X, +Y, −Y, +Z, −Z. Else the first
-    /// alone.
+    /// Of a cube map, ordered by viewing axis: +X, −X, +Y, −Y, +Z, −Z. Otherwise only the first is
+    /// used.
     faces: array<Face, 6>,
-    /// Of the lamp, world space, metres.
+    /// World space, metres.
     light_position: vec3<f32>,
     /// Texels along the side of a face.
     side: f32,
-    /// Most that the geometry term cosθ·cosθ′/d² may be, 1/m².
+    /// Upper bound of the geometry term cosθ·cosθ′/d², 1/m².
     largest_geometry_term: f32,
 }
 
@@ -34,15 +34,15 @@ struct Map {
 @group(0) @binding(4) var<uniform> pattern: array<vec4<f32>, #{SAMPLES}>;
 @group(0) @binding(5) var<uniform> map: Map;
 
-/// A texel, and how many it stands for.
+/// A texel and its weight, in texels.
 struct Chosen {
     index: u32,
     count: f32,
 }
 
-/// Place on a face that a clip position projects to, in texels from the upper left corner.
+/// Projection of a clip position onto a face, in texels from the upper left corner.
 fn project_to_face(clip: vec4<f32>) -> vec2<f32> {
-    // What lies beside or behind a lamp has no projection; it is taken to the border in its
+    // Points beside or behind the light have no projection; they are clamped to the border in their
     // direction.
     return (clip.xy / max(clip.w, 1e-4) * vec2(0.5, -0.5) + 0.5) * map.side;
 }
@@ -53,7 +53,7 @@ fn index_of(face: u32, position: vec2<f32>) -> u32 {
 }
 
 #ifdef CUBE
-/// Axes whose third is along the way from the lamp to the pixel.
+/// Orthonormal basis whose third axis points from the light to the pixel.
 fn frame_of(position: vec3<f32>) -> mat3x3<f32> {
     let from_light = position - map.light_position;
     let along = from_light * inverseSqrt(max(dot(from_light, from_light), 1e-24));
@@ -86,8 +86,8 @@ fn choose(sample: vec4<f32>, center: vec2<f32>) -> Chosen {
 }
 #endif
 
-/// Irradiance from one texel, without the factor 1/π that its cosine lobe and the sum share. Lux ·
-/// π.
+/// Irradiance from one texel, without the factor 1/π of its cosine lobe, which the sum applies. Lux
+/// · π.
 fn from_texel(texel: Texel, surface: Surface) -> vec3<f32> {
     let to_texel = texel.position - surface.position;
     let inverse = 1.0 / clamp(dot(to_texel, to_texel), 1e-18, 1e38);
@@ -112,7 +112,7 @@ fn naive_rsm(in: FullscreenVertexOutput) -> @location(0) vec4<f32> {
         let chosen = choose(pattern[i], frame);
         sum += chosen.count * from_texel(texels[chosen.index], surface);
     }
-    // As the plugin's gather and composite have it.
+    // The equation of the plugin's gather and composite.
     let received = min(sum * (view.exposure * 0.31830987), vec3(65000.0));
     return vec4(received * scattered_share(texel, 1.0) * 0.31830987, 0.0);
 }
