@@ -1,4 +1,4 @@
-//! Light that is reflected more than once.
+//! Multiple diffuse bounces.
 
 use bevy::asset::{Assets, RenderAssetUsages};
 use bevy::color::{Color, LinearRgba};
@@ -74,8 +74,8 @@ fn every_bounce_in_a_furnace_adds_its_albedo_times_the_last() {
             most * 100.0,
             mean * 100.0
         );
-        // As for one bounce. Patches lose a little in each: what is nearer to a virtual light than
-        // its disk's radius.
+        // As for one bounce. Each bounce between patches loses a little light at points nearer to a
+        // VPL than the radius of its disk.
         assert!(mean <= 0.003 * f64::from(bounces) && most <= 0.02, "{bounces}: {most} {mean}");
     }
     let most = set::radiance(with_bounces(&mut stage, u32::MAX));
@@ -101,7 +101,7 @@ fn a_second_bounce_is_near_the_reference() {
         let reference = reference::bounces(&scene, pose, tracing, 2);
         let off = |stage: &mut Stage, bounces| {
             Difference::new(&set::radiance(with_bounces(stage, bounces)), &reference, None)
-                .expect("pictures of one size")
+                .expect("images of equal size")
         };
         let (one, two) = (off(&mut stage, 1), off(&mut stage, 2));
         println!(
@@ -109,11 +109,11 @@ fn a_second_bounce_is_near_the_reference() {
             one.mean_ratio, two.mean_ratio, two.relative_l1_boxes
         );
         assert!((two.mean_ratio - 1.0).abs() < 0.06 && two.relative_l1_boxes < 0.15, "{two:?}");
-        assert!(one.mean_ratio < 0.9, "a second bounce is worth seeing: {one:?}");
+        assert!(one.mean_ratio < 0.9, "the second bounce is visible: {one:?}");
     }
 }
 
-/// Without anything between them, patches get all that the carriers send.
+/// Without occluders, each patch receives the light of all bounce VPLs.
 fn patches_match_their_cpu_reference() {
     let mut stage = corner(vec![sun(Vec3::new(-0.3, -1.0, -0.2))]);
     set::apply(&mut stage, RAYS);
@@ -124,8 +124,8 @@ fn patches_match_their_cpu_reference() {
     let (mut checked, mut worst) = (0, 0.0f64);
     for patch in patches(&stage).iter().filter(|patch| patch.extent > 0.0) {
         let [normal, position] = [patch.normal, patch.position].map(Vec3::from_array);
-        // The wall's front and the floor's top before it, at some distance from the corner: there
-        // rays may start inside the other.
+        // The wall's front and the floor's top, away from the corner, where rays may start inside
+        // the other mesh.
         let albedo = match () {
             () if normal.z > 0.99 && position.y > 0.05 && position.y < 1.99 => 0.5,
             () if normal.y > 0.99 && position.y < 0.1 && position.z > -1.85 => 0.8,
@@ -173,7 +173,7 @@ fn patches_reflect_the_colours_of_their_texture() {
         StandardMaterial { base_color_texture: Some(texture), ..meshes::diffuse(1.0, 1.0, 1.0) },
         Transform::default(),
     );
-    // Lit by a ceiling that the sun cannot reach, but by way of a white slab below it.
+    // Lit by a ceiling, which receives the sun's light only from a white slab below it.
     meshes::spawn_box(
         &mut stage,
         Vec3::new(0.0, 1.0, 0.0),
@@ -207,7 +207,7 @@ fn patches_reflect_the_colours_of_their_texture() {
 }
 
 fn emissive_surfaces_and_the_sky_are_reflected_too() {
-    // A floor and a ceiling. Under a panel below the ceiling, this is lit by the floor alone.
+    // A floor and a ceiling. With an emissive panel below it, the ceiling is lit by the floor only.
     let slabs = || {
         let mut stage = set::bare(vec![], set::radiance_options(48, 27, Component::Global));
         meshes::spawn_box(
@@ -235,7 +235,7 @@ fn emissive_surfaces_and_the_sky_are_reflected_too() {
     };
     let mesh = Plane3d::new(Vec3::NEG_Y, Vec2::splat(1.0)).mesh().build();
     meshes::spawn(&mut stage, mesh, emissive, Transform::from_xyz(0.0, 2.85, 0.0));
-    // From the floor, and again from the floor by way of the ceiling itself.
+    // One bounce on the floor; then a path over the ceiling and the floor again.
     let (direct, once, twice) =
         (ceiling(&mut stage, 1), ceiling(&mut stage, 2), ceiling(&mut stage, 4));
     println!("    a panel's light: {direct:.3}, with bounces {once:.3} and {twice:.3} nits");
@@ -285,7 +285,7 @@ fn transmissive_surfaces_have_no_patches() {
     }
 }
 
-/// A corner under the sun with two bounces that has come to rest.
+/// A corner under the sun with three bounces, after it has converged.
 fn at_rest() -> Stage {
     let mut stage = corner(vec![sun(Vec3::new(-0.3, -1.0, -0.2))]);
     set::apply(&mut stage, RAYS);
@@ -299,13 +299,13 @@ fn at_rest() -> Stage {
 
 fn patches_rest_when_nothing_changes() {
     let mut stage = at_rest();
-    let before = stage.radiance().expect("a picture");
+    let before = stage.radiance().expect("an image");
     for _ in 0..8 {
         stage.frame();
         assert_eq!(set::gathered(&stage).patches, 0);
     }
-    assert!(stage.radiance().expect("a picture") == before);
-    // A camera that moves a little lights nothing anew.
+    assert!(stage.radiance().expect("an image") == before);
+    // A small movement of the camera updates no patches.
     for step in 0..4 {
         set::look(
             &mut stage,
@@ -332,21 +332,21 @@ fn changes_are_reflected_in_the_next_frame() {
     (0..16).for_each(|_| stage.frame());
     let check = |stage: &mut Stage, what: &str| {
         assert!(converges_in_one_frame(stage, what), "{what}");
-        assert_eq!(set::gathered(stage).patches, 0, "{what}: at rest again");
+        assert_eq!(set::gathered(stage).patches, 0, "{what}: converged again");
     };
     turn_the_sun(&mut stage, 0.2);
     check(&mut stage, "a light that turns");
-    stage.world_mut().get_mut::<Transform>(mesh).expect("placed").translation.y += 0.2;
+    stage.world_mut().get_mut::<Transform>(mesh).expect("a transform").translation.y += 0.2;
     check(&mut stage, "a mesh that moves");
     let camera = set::camera(&mut stage);
-    stage.world_mut().get_mut::<Transform>(camera).expect("placed").translation.x += 3.0;
+    stage.world_mut().get_mut::<Transform>(camera).expect("a transform").translation.x += 3.0;
     check(&mut stage, "a camera that moves");
     with_bounces(&mut stage, 2);
     check(&mut stage, "fewer bounces");
     set::gi(&mut stage).rsm_resolution = 128;
     check(&mut stage, "finer maps");
     assert!(stage.world_mut().despawn(mesh));
-    check(&mut stage, "a mesh that goes");
+    check(&mut stage, "a mesh that is removed");
 }
 
 fn without_light_or_rays_patches_cost_nothing() {
@@ -367,7 +367,7 @@ fn without_light_or_rays_patches_cost_nothing() {
     with_bounces(&mut stage, 1);
     set::radiance(&mut stage);
     let without = bytes(&stage);
-    // Patches and their texels, 512 carriers, weights and rows.
+    // Patches and their texels, 512 bounce VPLs, weights and rows.
     println!("    {} bytes", with - without);
     assert!(with > without + 2 * 2048 * 32 && with < without + 200_000, "{with} {without}");
     assert_eq!(stage.world_mut().resource::<GiPatches>().patch_count(), 0);
@@ -416,8 +416,7 @@ fn odd_scenes_stay_finite() {
         );
         finite(&mut stage, "albedo");
     }
-    // Triangles without area, corners that are no numbers or far away, and meshes scaled to
-    // nothing.
+    // Degenerate triangles, and vertices that are not finite or far away.
     let mut stage = corner(vec![sun(Vec3::new(-0.3, -1.0, -0.2))]);
     set::apply(&mut stage, RAYS);
     let expected = finite(&mut stage, "a corner");
@@ -435,7 +434,8 @@ fn odd_scenes_stay_finite() {
             Transform::from_xyz(0.0, 0.5, 0.0),
         );
         let found = finite(&mut stage, "triangles");
-        // One that is finite but out of reach makes the scene so large that no map shows any of it.
+        // A finite vertex that is far away makes the scene so large that its maps resolve none of
+        // it.
         assert!(
             corner == 1e30 || (found / expected - 1.0).abs() < 0.1,
             "{corner}: {found} {expected}"
@@ -446,7 +446,7 @@ fn odd_scenes_stay_finite() {
         set::gi(&mut stage).range = range;
         finite(&mut stage, "range");
     }
-    // A million metres away, where floats are a sixteenth of one apart.
+    // At 1,000 km from the origin, where the spacing of floats is 1/16 m.
     let mut stage = set::bare(
         vec![sun(Vec3::new(-0.3, -1.0, -0.2))],
         set::radiance_options(48, 27, Component::Indirect),

@@ -1,5 +1,5 @@
-//! Wrong use and bad input: exit status 2, one message that names what is wrong, no output touched,
-//! no panic.
+//! Incorrect use and invalid input: exit status 2, one message that names the cause, no output
+//! touched, no panic.
 
 use std::fs;
 use std::path::Path;
@@ -51,8 +51,8 @@ fn write(folder: &Path, name: &str, text: &str) {
     fs::write(folder.join(name), text).expect("can be written");
 }
 
-/// Renders `scene` over an output that exists, and asserts that it is refused and the output
-/// untouched.
+/// Renders a scene to an existing output file, and asserts that the scene is refused and the file
+/// unchanged.
 fn refused_scene(name: &str, text: Option<&str>, words: &[&str]) {
     let folder = folder();
     if let Some(text) = text {
@@ -142,7 +142,7 @@ fn models_that_cannot_be_read_are_named() {
     );
 }
 
-/// A scene and a map of it, in files.
+/// Writes a scene and a map of it.
 fn scene_with_map(folder: &Path) -> FrontierMap {
     write(folder, "a.scene.ron", SCENE);
     let knobs = KnobSpace::new(vec![Knob::new(
@@ -162,7 +162,7 @@ fn scene_with_map(folder: &Path) -> FrontierMap {
     map
 }
 
-/// Evaluates with more arguments, and asserts that it is refused and writes nothing.
+/// Runs `evaluate` with more arguments, and asserts that it is refused and writes nothing.
 fn refused_evaluation(folder: &Path, more: &[&str], words: &[&str]) {
     let before = entries(folder);
     let arguments =
@@ -351,7 +351,7 @@ fn references_are_traced_and_compared_without_an_adapter() {
         "once.png",
     ]);
     trace(&["--size", "16x16", "--hdr", "small.exr"]);
-    // The furnace's walls reflect 80 %: so much of the direct light comes once more.
+    // The furnace's walls reflect 80 %: the first bounce is 80 % of the direct light.
     run(&["compare", "once.exr", "direct.exr", "--json", "difference.json"]);
     let json = fs::read_to_string(folder.path().join("difference.json")).expect("was written");
     let ratio = json
@@ -373,7 +373,7 @@ fn references_are_traced_and_compared_without_an_adapter() {
     );
 }
 
-/// A table of two knobs in a file; `worst` is the error of the lowest settings.
+/// Writes a table of two knobs; `worst` is the error of the lowest settings.
 fn sweep_table(folder: &Path, name: &str, knobs: [&str; 2], worst: f64) {
     let space =
         frugal::stage::every_knob().expect("the built-in knobs").subset(knobs).expect("built-in");
@@ -463,7 +463,7 @@ fn a_closed_pipe_is_no_panic() {
     );
 }
 
-/// A map with a shared frontier, whose power is `scale` times that of any other.
+/// A map with a shared frontier, with all powers multiplied by `scale`.
 fn map_of_cost(scale: f64) -> FrontierMap {
     let map = map::one_cube(
         KnobSpace::new(vec![Knob::new("gi_vpl_count", [0.0, 64.0, 4096.0])]).expect("a space"),

@@ -1,4 +1,5 @@
-//! `filter/filter.wgsl` against its twin, and with what is no number in its input.
+//! `filter/filter.wgsl` against its CPU reference, and with values in its input that are not
+//! finite.
 
 use bevy::math::Vec3;
 use bevy::render::render_resource::binding_types::{
@@ -63,7 +64,7 @@ impl Filter {
         gpu::read_halves(stage.render_world(), &texture).iter().map(|texel| texel[1]).collect()
     }
 
-    /// Pixels whose window holds `pixel`.
+    /// Whether the windows of two pixels contain each other.
     fn reaches(&self, pixel: usize, other: usize) -> bool {
         let at = |pixel: usize| [pixel as i32 % SIZE[0] as i32, pixel as i32 / SIZE[0] as i32];
         (0..2).all(|axis| (at(pixel)[axis] - at(other)[axis]).abs() <= self.window / 2)
@@ -74,13 +75,13 @@ const ONE: u16 = 0x3c00;
 const INFINITY: u16 = 0x7c00;
 const NAN: u16 = 0x7e00;
 
-/// Halves between 1 and 2.
+/// Half floats between 1 and 2.
 fn noise(random: &mut Random) -> Vec<u16> {
     (0..COUNT).map(|_| ONE | (random.next() * 1024.0) as u16).collect()
 }
 
-/// The mean that the filter should give, leaving out what is no number.
-fn twin(
+/// CPU reference of the filter: the weighted mean of the finite values.
+fn reference(
     filter: &Filter,
     plane: &Plane,
     normals: &[bevy::math::DVec3],
@@ -114,8 +115,8 @@ fn twin(
     (weights > 1e-9).then(|| sum / weights)
 }
 
-/// Surfaces that meet: up to the fifth column the floor; from there on what leans by a little, by a
-/// lot and away.
+/// Adjacent surfaces: the floor in the first five columns; then one tilted slightly, one strongly,
+/// and one that faces away.
 fn normals() -> (Vec<u32>, Vec<bevy::math::DVec3>) {
     let normal = |pixel: usize| match (pixel as u32 % SIZE[0], pixel as u32 / SIZE[0]) {
         (0..5, _) => Vec3::Y,
@@ -137,8 +138,8 @@ fn the_filter_averages_along_the_surface() {
         let light = noise(&mut random);
         let found = filter.run(&stage, &pixels, &plane, &light);
         let off = (0..COUNT).map(|pixel| {
-            let expected =
-                twin(&filter, &plane, &normals, &light, pixel).expect("a pixel has its own light");
+            let expected = reference(&filter, &plane, &normals, &light, pixel)
+                .expect("a pixel has its own light");
             (found[pixel] / expected - 1.0).abs()
         });
         let worst = off.fold(0.0, f64::max);
@@ -157,13 +158,13 @@ fn values_that_are_not_finite_do_not_spread() {
         let filter = Filter::new(&mut stage, window);
         for poison in [NAN, 0xfe00, INFINITY, 0xfc00] {
             let mut light = noise(&mut random);
-            // In a corner, amid a surface, and where two meet.
+            // In a corner, inside a surface, and where two surfaces meet.
             let poisoned = [0, 4 * 13 + 2, 4 * 13 + 4, 8 * 13 + 12];
             poisoned.iter().for_each(|pixel| light[*pixel] = poison);
             let found = filter.run(&stage, &pixels, &plane, &light);
             for (pixel, found) in found.into_iter().enumerate() {
-                // Its own pixel gets what its neighbours found.
-                let expected = twin(&filter, &plane, &normals, &light, pixel)
+                // The pixel itself gets the mean of its neighbours.
+                let expected = reference(&filter, &plane, &normals, &light, pixel)
                     .expect("neighbours on the same surface");
                 assert!(
                     (found / expected - 1.0).abs() < 1e-3,
@@ -172,11 +173,11 @@ fn values_that_are_not_finite_do_not_spread() {
             }
         }
     }
-    // Where there is nothing but that, there is no light.
+    // Without any finite value there is no light.
     let filter = Filter::new(&mut stage, 4);
     let found = filter.run(&stage, &pixels, &plane, &[NAN; COUNT]);
     assert!(found.iter().all(|value| *value == 0.0), "{found:?}");
-    // Nor where there is no surface.
+    // Nor without a surface.
     let sky = Pixels::with_depth(&stage, SIZE, &packed, 0.0);
     let found = filter.run(&stage, &sky, &plane, &noise(&mut random));
     assert!(found.iter().all(|value| *value == 0.0), "{found:?}");

@@ -1,5 +1,5 @@
-//! `filter/settle.wgsl`: what is averaged with what was shown before, what is not, and what is no
-//! number in it.
+//! `filter/settle.wgsl`: the average of current light and history, rejection of history, and values
+//! that are not finite.
 
 use bevy::math::{Vec2, Vec3};
 use bevy::render::render_resource::binding_types::{
@@ -50,8 +50,8 @@ impl TemporalFilter {
         Self(Kernel::new(stage, "gi/filter/settle.wgsl", "settle", defs, &layout))
     }
 
-    /// What is shown of `current` after `past`, both by pixel as luminance and the alpha channel;
-    /// the past was seen `shift` pixels to the right.
+    /// Accumulates `current` and `history`, each by pixel as luminance and alpha channel. The
+    /// history was rendered `shift` pixels to the right.
     fn run(
         &self,
         stage: &Stage,
@@ -70,7 +70,7 @@ impl TemporalFilter {
             1.0 / half.x, 0.0, 0.0, 0.0,  0.0, 0.0, 0.0, 0.0,  0.0, 1.0 / half.y, 0.0, 0.0,  right, 0.0, 0.0, 1.0,
             half.x, 0.0, 0.0, 0.0,  0.0, 0.0, half.y, 0.0,  0.0, 0.0, 0.0, 0.0,  -right * half.x, 0.0, 0.0, 1.0,
             PLANE.eye.x, PLANE.eye.y, PLANE.eye.z, share, exposure, 0.0,
-            // Pixels of the picture and of a cell.
+            // Sizes of the image and of a low-resolution pixel, in pixels.
             f32::from_bits(SIZE[0]), f32::from_bits(SIZE[1]), f32::from_bits(1), f32::from_bits(1), 0.0, 0.0,
         ];
         let light = |of: &[[u16; 2]]| {
@@ -107,7 +107,7 @@ fn half(value: f64) -> u16 {
     f16::from_f64(value).to_bits()
 }
 
-/// How far from the eye a pixel's surface is, times a factor.
+/// Distance of a pixel's surface from the eye times a factor, as a half float.
 fn distance(pixel: usize, factor: f64) -> u16 {
     half(
         PLANE
@@ -151,8 +151,8 @@ fn history_counts_for_its_share_where_it_shows_the_same_surface() {
             );
         }
     }
-    // What was seen there was a tenth nearer, or nothing at all; or it was seen outside of the
-    // picture.
+    // The history shows a surface a tenth nearer, or no surface; or its position is outside the
+    // image.
     let elsewhere: Vec<_> = before
         .iter()
         .enumerate()
@@ -181,8 +181,8 @@ fn values_that_are_not_finite_are_gone_in_a_frame() {
     for smooth in [false, true] {
         let filter = TemporalFilter::new(&mut stage, smooth);
         let current = vec![[one, NOISELESS]; COUNT];
-        // NaN, both infinities, and less than nothing, as light and as distance; between pixels,
-        // too.
+        // NaN, both infinities and a negative value, as light and as distance; also with a shift of
+        // half a pixel.
         for broken in [0x7e00, 0x7c00, 0xfc00, 0xbc00] {
             for component in 0..2 {
                 for shift in [0.0, 0.5] {
@@ -202,7 +202,7 @@ fn values_that_are_not_finite_are_gone_in_a_frame() {
             }
         }
     }
-    // The brightest half float, and an exposure that makes it more than that.
+    // The largest half float, also with an exposure that exceeds it.
     let filter = TemporalFilter::new(&mut stage, true);
     let history: Vec<_> = (0..COUNT).map(|pixel| [0x7bff, distance(pixel, 1.0)]).collect();
     for exposure in [1.0, 1e20, 1e-20] {

@@ -1,5 +1,5 @@
-//! From a light's G-buffer to weights of its texels: `rsm/resolve.wgsl` and `vpl/weigh.wgsl`
-//! against their twins.
+//! From a light's G-buffer to the weights of its texels: `rsm/resolve.wgsl` and `vpl/weigh.wgsl`
+//! against their CPU references.
 
 use bevy::math::{DVec3, Vec3};
 use bevy::render::render_resource::binding_types::{
@@ -63,7 +63,7 @@ impl Light {
     }
 }
 
-/// The shipped pass.
+/// The shipped pass `rsm/resolve.wgsl`.
 pub struct Resolve(Kernel);
 
 impl Resolve {
@@ -97,7 +97,8 @@ impl Resolve {
     }
 }
 
-/// Black, white, grey, coloured and metallic surfaces that face up or nearly, and their albedos.
+/// G-buffer texels of black, white, grey, coloured and metallic surfaces that face roughly upwards,
+/// their albedos and their normals.
 fn surfaces() -> (Vec<[u32; 4]>, Vec<[f64; 3]>, Vec<DVec3>) {
     let mut random = Random(29);
     let mut texels = (Vec::new(), Vec::new(), Vec::new());
@@ -111,7 +112,7 @@ fn surfaces() -> (Vec<[u32; 4]>, Vec<[f64; 3]>, Vec<DVec3>) {
         };
         let bits = color.map(|channel: f64| (channel.powf(1.0 / 2.2) * 255.0).round() as u32);
         let (packed, normal) = g_buffer_normal((Vec3::Y + 0.5 * random.direction()).normalize());
-        // 102 of 255 are 0.4.
+        // 102 of 255 is 0.4.
         texels.0.push([
             bits[0] | bits[1] << 8 | bits[2] << 16,
             0,
@@ -124,7 +125,8 @@ fn surfaces() -> (Vec<[u32; 4]>, Vec<[f64; 3]>, Vec<DVec3>) {
     texels
 }
 
-/// Holds texels against what they should be: light through each, and the area that it covers.
+/// Compares texels with their expected flux and area; returns the largest relative error.
+/// `share_and_area` returns a pixel's light per intensity, and its area in m².
 fn check(
     label: &str,
     found: &[Point],
@@ -139,7 +141,7 @@ fn check(
             let expected = share * albedos[pixel][channel] * f64::from(intensity[channel]);
             let found = f64::from(texel.flux[channel]);
             assert!(found.is_finite() && found >= 0.0, "{label}, pixel {pixel}: {found}");
-            // What is below the smallest float is nothing, and what is above the bound is left out.
+            // Values below the smallest float become zero, and texels above the bound are left out.
             if !(1e-37..=1e30).contains(&expected) {
                 assert!(found <= 1e-36, "{label}, pixel {pixel}: {found}, {expected} expected");
             } else {
@@ -160,10 +162,10 @@ fn texels_hold_the_flux_of_any_punctual_light() {
     let (mut worst, mut cases) = (0.0f64, 0);
     for far in [0.0f32, 1e6] {
         let plane = Plane { center: Vec3::new(far, 0.0, -far), ..Plane::ORIGIN };
-        // Above the middle of pixel (4, 3), from within its surface to a thousand kilometres.
+        // Above the centre of pixel (4, 3), from the surface itself to 1,000 km.
         for height in [0.0, 1e-6, 1e-3, 1.0, 30.0, 1e3, 1e6f32] {
             for brightness in [1e-20, 1.0, 1e20f32] {
-                // A point light, and a spot from 45° to 60° that ends at 50 m.
+                // A point light, and a spot light with angles of 45° and 60° and a range of 50 m.
                 for (cone, range) in
                     [([0.0, 1.0], f32::INFINITY), ([4.828_427, -2.414_213_6], 50.0)]
                 {
@@ -228,7 +230,7 @@ fn texels_hold_the_flux_of_any_sun() {
                 (f64::from(texel_extent), f64::from(texel_extent) / cosine.max(0.1))
             };
             let found = resolve.run(&stage, &pixels, &Plane::ORIGIN, &light);
-            // Where one channel is out of bounds, the texel is left out.
+            // If one channel is out of bounds, the texel is left out.
             let is_in_bounds =
                 |pixel: usize| albedos[pixel][0] * f64::from(brightness * texel_extent) < 0.9e30;
             let kept: Vec<usize> = (0..64).filter(|pixel| is_in_bounds(*pixel)).collect();
@@ -246,7 +248,7 @@ fn texels_hold_the_flux_of_any_sun() {
             worst = worst.max(off);
         }
     }
-    // Where there is no surface there is no light.
+    // Without a surface there is no light.
     let sky = Pixels::with_texels(&stage, SIZE, &texels, 0.0);
     let sun = Light {
         intensity: Vec3::ONE,
@@ -318,8 +320,8 @@ fn weigh(stage: &mut Stage, pixels: &Pixels, plane: &Plane, texels: &[Point]) ->
     gpu::floats(&gpu::read_buffer(stage.render_world(), &buffers[3]))
 }
 
-/// The twin: what 32 pixels in the middle of a grid's cells get of each texel, and a floor of a
-/// quarter of its mean.
+/// CPU reference: the light of each texel at 32 importance points in a jittered grid, plus a
+/// defensive-sampling term of a quarter of its mean.
 fn weights(plane: &Plane, normal: DVec3, texels: &[Point]) -> Vec<f64> {
     let importance_points: Vec<(DVec3, f64)> = (0..32u32)
         .map(|index| {
@@ -343,7 +345,7 @@ fn weights(plane: &Plane, normal: DVec3, texels: &[Point]) -> Vec<f64> {
     };
     let (mut flux, mut light) = (0.0, 0.0);
     for index in 0..1024u32 {
-        // As the shader finds it, in its own precision.
+        // The shader's sequence, in its precision.
         let column = (((index as f32 * 0.618_034).fract() * LENGTH as f32) as u32).min(LENGTH - 1);
         let texel = &texels[(index * ROWS / 1024 * LENGTH + column) as usize];
         flux += texel.luminance();
@@ -375,7 +377,7 @@ fn weights_follow_importance_at_any_scale() {
         let texel = |index: u32| {
             let position = plane.center
                 + random.inside(Vec3::new(-2.0, 0.0, -2.0), Vec3::new(2.0, 1.5, 2.0)) * spread;
-            // Some at a receiver, some dark; as the store keeps their normals.
+            // Some lie at importance points, some are dark. Normals are those that the store keeps.
             let position = if index % 50 == 7 {
                 plane.position(SIZE, index % 8, 3).as_vec3()
             } else {

@@ -293,8 +293,8 @@ impl Bench {
     }
 }
 
-/// A sample's measurements; what is sent, seen on the wall and received is in units of what a diffuse
-/// grey plate does.
+/// A sample's measurements; what is sent, seen on the wall and received is in units of what a
+/// diffuse grey plate does.
 #[derive(Clone, Copy, Debug)]
 pub struct Relative {
     pub covered: f64,
@@ -305,8 +305,8 @@ pub struct Relative {
 }
 
 impl Relative {
-    /// Whether it does what a diffuse plate of these albedos does: it stands in the light, sends its
-    /// share on, receives, and hides.
+    /// Whether it does what a diffuse plate of these albedos does: it stands in the light, sends
+    /// its share on, receives, and hides.
     #[track_caller]
     pub fn assert_diffuse(&self, label: &str, albedo: [f64; 3]) {
         self.assert_covers(label, 1.0);

@@ -157,8 +157,8 @@ fn metals_reflect_no_diffuse_light_but_occlude() {
 
 fn rough_metals_and_gloss_reflect_as_bevy_shades_them() {
     on_bench(|bench| {
-        // Of light that falls straight down, and by what a rough metal keeps of it; against a diffuse
-        // surface that does not care for shading.
+        // Of light that falls straight down, and by what a rough metal keeps of it; against a
+        // diffuse surface that does not care for shading.
         let diffuse_plate =
             bench.plate(StandardMaterial { perceptual_roughness: 0.7, reflectance: 0.0, ..grey() });
         let metal =
