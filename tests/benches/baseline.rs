@@ -4,10 +4,10 @@
 //! `make bench BENCH=baseline ARGS='…'`: `[--size WxH] [--spp N] [--count ROUNDS] [cornell |
 //! courtyard | two_rooms | growth | passes]…`
 //!
-//! Without names, everything. Tables are Markdown. Cost is what a frame takes above one without
-//! global illumination, all other knobs at their cheapest: processor time on a software adapter,
-//! time to the finished frame on a GPU. Both methods' maps are rendered in every frame while
-//! everything moves, and in none while only the camera does.
+//! Runs all parts if none is named. Tables are Markdown. Cost is the time of a frame minus that of
+//! a frame without global illumination, with all other knobs at their cheapest: CPU time on a
+//! software adapter, time to the finished frame on a GPU. Both methods render their maps in every
+//! frame while everything moves, and in none while only the camera does.
 
 use bevy::math::{UVec2, Vec3};
 use bevy::mesh::{Mesh, Meshable};
@@ -23,13 +23,13 @@ use frugal_tests::arguments::Arguments;
 use frugal_tests::cost::{Clock, Moving, Readings, above_none, median};
 use frugal_tests::method::Method;
 use frugal_tests::naive_rsm::{NaiveRsm, Weights};
+use frugal_tests::reference::Tracing;
 use frugal_tests::table::markdown;
-use frugal_tests::truth::Tracing;
-use frugal_tests::{meshes, set, truth};
+use frugal_tests::{meshes, reference, set};
 
 const SCENES: [&str; 3] = ["cornell", "courtyard", "two_rooms"];
 
-/// Settings of ours, the cheapest first.
+/// Settings of the plugin, the cheapest first.
 fn ladder() -> Vec<Method> {
     vec![
         Method::ours(64, "2x2", "none", "1/16", 64),
@@ -48,8 +48,8 @@ fn ladder() -> Vec<Method> {
     ]
 }
 
-/// The baseline with everything that its publication leaves to the user: its best is what we are
-/// held against.
+/// The baseline with each parameter that its publication leaves to the user: the plugin is compared
+/// with the best of them.
 fn naives() -> Vec<Method> {
     let mut methods = Vec::new();
     for weights in [Weights::Exact, Weights::Published] {
@@ -91,8 +91,8 @@ fn ms(value: f64) -> String {
     format!("{value:.2}")
 }
 
-/// A method, its error and, where they were measured, its costs: while everything moves, and while
-/// the camera does.
+/// A method, its error and, if measured, its costs: while everything moves, and while only the
+/// camera does.
 struct Row {
     method: Method,
     difference: Option<Difference>,
@@ -104,7 +104,7 @@ impl Row {
         Self { method, difference, costs_ms: None }
     }
 
-    fn cells(&self, rival: [f64; 2]) -> Vec<String> {
+    fn cells(&self, baseline: [f64; 2]) -> Vec<String> {
         let error = |pick: fn(&Difference) -> f64| {
             self.difference.as_ref().map_or_else(String::new, |found| format!("{:.3}", pick(found)))
         };
@@ -118,8 +118,8 @@ impl Row {
             self.costs_ms
                 .iter()
                 .flatten()
-                .zip(rival)
-                .flat_map(|(cost, rival)| [ms(*cost), format!("{:.1}", rival / cost)]),
+                .zip(baseline)
+                .flat_map(|(cost, baseline)| [ms(*cost), format!("{:.1}", baseline / cost)]),
         );
         cells
     }
@@ -137,19 +137,19 @@ const HEADERS: [&str; 8] = [
 ];
 
 fn compare(name: &str, options: &Arguments) {
-    let scene = truth::lamps_only(&set::scene(name));
+    let scene = reference::without_environment(&set::scene(name));
     let pose = scene.paths["tour"].sample(0.0).unwrap_or_else(|| panic!("{name} has a path"));
     let started = std::time::Instant::now();
     let tracing =
         |seed| Tracing { size: options.size, samples: options.samples, seed, pixels: Pixels::Area };
-    let [truth, other] = [0, 1].map(|seed| truth::one_bounce(&scene, pose, tracing(seed)));
+    let [reference, other] = [0, 1].map(|seed| reference::one_bounce(&scene, pose, tracing(seed)));
     let against = |radiance: &Radiance| {
-        Difference::new(radiance, &truth, None).unwrap_or_else(|error| panic!("{error}"))
+        Difference::new(radiance, &reference, None).unwrap_or_else(|error| panic!("{error}"))
     };
     let noise = against(&other);
     println!("## {name}, {}x{}\n", options.size.x, options.size.y);
     println!(
-        "Truth: {} paths a pixel, {:.0} s for two. Two seeds differ by {:.3} relative L1, {:.3} of 4x4 means.\n",
+        "Reference: {} paths per pixel, {:.0} s for two. Two seeds differ by {:.3} relative L1, {:.3} of 4x4 means.\n",
         options.samples,
         started.elapsed().as_secs_f64(),
         noise.relative_l1,
@@ -172,23 +172,22 @@ fn compare(name: &str, options: &Arguments) {
         markdown(&HEADERS[..4], &naives.iter().map(|row| row.cells([0.0; 2])).collect::<Vec<_>>())
     );
 
-    // Two rivals: as a user would leave it, and what nobody could choose who does not have the
-    // truth.
+    // Two baselines: the default parameters, and the best ones, which only the reference can tell.
     let usual = Method::naive(NaiveRsm::default(), 128);
     let best =
         naives.iter().min_by(|a, b| boxes(a).total_cmp(&boxes(b))).map(|row| row.method.clone());
-    let rivals: Vec<Row> = naives
+    let baselines: Vec<Row> = naives
         .into_iter()
         .filter(|row| row.method == usual || Some(&row.method) == best.as_ref())
         .collect();
-    let mut rows: Vec<Row> = rivals.into_iter().chain(ours).chain(maps).collect();
+    let mut rows: Vec<Row> = baselines.into_iter().chain(ours).chain(maps).collect();
     let methods: Vec<Method> = rows.iter().map(|row| row.method.clone()).collect();
     let (all, none_ms) = priced(&mut stage, &methods, Moving::Everything, options);
     let (camera, _) = priced(&mut stage, &methods, Moving::Camera, options);
     for (row, costs) in rows.iter_mut().zip(all.into_iter().zip(camera)) {
         row.costs_ms = Some(costs.into());
     }
-    let (rivals, others): (Vec<&Row>, Vec<&Row>) =
+    let (baselines, others): (Vec<&Row>, Vec<&Row>) =
         rows.iter().partition(|row| row.method.is_naive());
     println!(
         "A frame without global illumination: {} {}.\n",
@@ -198,11 +197,11 @@ fn compare(name: &str, options: &Arguments) {
     let of = |row: &Row| row.costs_ms.unwrap_or([f64::INFINITY; 2]);
     println!(
         "{}\n",
-        markdown(&HEADERS, &rows.iter().map(|row| row.cells(of(rivals[0]))).collect::<Vec<_>>())
+        markdown(&HEADERS, &rows.iter().map(|row| row.cells(of(baselines[0]))).collect::<Vec<_>>())
     );
-    for rival in rivals {
+    for baseline in baselines {
         for (index, what) in ["everything moves", "the camera moves"].into_iter().enumerate() {
-            conclude(rival, &others, what, |row| of(row)[index]);
+            conclude(baseline, &others, what, |row| of(row)[index]);
         }
     }
 }
@@ -211,23 +210,26 @@ fn boxes(row: &Row) -> f64 {
     row.difference.map_or(f64::INFINITY, |difference| difference.relative_l1_boxes)
 }
 
-/// Says which of ours is the cheapest that errs no more than a rival, by both errors.
-fn conclude(rival: &Row, ours: &[&Row], what: &str, cost: impl Fn(&Row) -> f64) {
-    let Some(least) = rival.difference else { return };
+/// Prints the plugin's cheapest settings whose errors, by both metrics, are no larger than a
+/// baseline's.
+fn conclude(baseline: &Row, ours: &[&Row], what: &str, cost: impl Fn(&Row) -> f64) {
+    let Some(least) = baseline.difference else { return };
     let errs_no_more = |found: Difference| {
         found.relative_l1 <= least.relative_l1 && found.relative_l1_boxes <= least.relative_l1_boxes
     };
     let enough = ours.iter().filter(|row| row.difference.is_some_and(errs_no_more));
-    let name = &rival.method.name;
+    let name = &baseline.method.name;
     match enough.min_by(|a, b| cost(a).total_cmp(&cost(b))) {
         Some(row) => {
             println!(
-                "While {what}: no worse than {name}, and {:.1} times cheaper: {}.\n",
-                cost(rival) / cost(row),
+                "While {what}: error no larger than {name}'s, and {:.1} times cheaper: {}.\n",
+                cost(baseline) / cost(row),
                 row.method.name
             )
         }
-        None => println!("While {what}: none of ours is as near the truth as {name}.\n"),
+        None => {
+            println!("While {what}: no settings of the plugin have errors as small as {name}'s.\n")
+        }
     }
 }
 
@@ -236,7 +238,7 @@ fn default_and_naive() -> [Method; 2] {
     [Method::ours(1024, "4x4", "coarse", "1/4", 128), Method::naive(NaiveRsm::default(), 128)]
 }
 
-/// Costs of methods on a stage.
+/// Costs of methods on a stage, and that of a frame without global illumination, milliseconds.
 fn priced(
     stage: &mut Stage,
     methods: &[Method],
@@ -249,10 +251,10 @@ fn priced(
     above_none(stage, methods, moving, readings(options))
 }
 
-/// What each pass takes: by how much a frame takes longer in which it runs twice.
+/// Cost of each pass: the additional time of a frame that runs it twice.
 fn passes(options: &Arguments) {
     println!(
-        "## Passes, courtyard with its sky, {}x{}: {} a frame, everything moves\n",
+        "## Passes, courtyard with its sky, {}x{}: {} per frame, everything moves\n",
         options.size.x,
         options.size.y,
         Clock::suitable().label()
@@ -306,7 +308,7 @@ fn passes(options: &Arguments) {
         row("the rest: maps' G-buffers, occluders", rest);
         row("all", whole);
     }
-    println!("{}", markdown(&["settings", "pass", "takes", "share"], &rows));
+    println!("{}", markdown(&["settings", "pass", "cost", "share"], &rows));
 }
 
 fn growth(options: &Arguments) {
@@ -343,18 +345,18 @@ fn growth(options: &Arguments) {
     for ((few, many), costs) in vpls.iter().zip(costs.chunks_exact(2)) {
         row("VPLs x4", &format!("ours, {few} to {many}"), (costs[0], costs[1]));
     }
-    println!("{}", markdown(&["what grows, and what of it", "before", "after", "ratio"], &rows));
+    println!("{}", markdown(&["scaled quantity: method", "before", "after", "ratio"], &rows));
 }
 
 fn courtyard(size: UVec2) -> Stage {
-    let scene = truth::lamps_only(&set::scene("courtyard"));
+    let scene = reference::without_environment(&set::scene("courtyard"));
     let mut stage = set::open(&scene, set::radiance_options(size.x, size.y, Component::Indirect));
     let pose = scene.paths["tour"].sample(0.0).unwrap_or_else(|| panic!("courtyard has a path"));
     stage.place(pose.position, pose.rotation);
     stage
 }
 
-/// A hall with so many spots in a row under its ceiling.
+/// A hall with `lights` spots in a row under its ceiling.
 fn hall(lights: usize, options: &Arguments) -> Stage {
     let spot = |index: usize| Light::Spot {
         position: Vec3::new(3.0 * index as f32 - 4.5, 3.5, 0.0),
@@ -384,8 +386,9 @@ fn hall(lights: usize, options: &Arguments) -> Stage {
     stage
 }
 
-/// Puts meshes on the stage as one of one material, and without the coordinates that no texture
-/// reads: software Vulkan drivers make those cost more than everything that is measured here.
+/// Spawns meshes merged into one of a single material, without texture coordinates: no texture
+/// reads them, and software Vulkan drivers spend more time on them than on everything measured
+/// here.
 fn spawn_all(stage: &mut Stage, meshes: impl Iterator<Item = Mesh>) {
     let joined = meshes.reduce(|mut all, mesh| {
         all.merge(&mesh).unwrap_or_else(|error| panic!("{error}"));
@@ -394,10 +397,10 @@ fn spawn_all(stage: &mut Stage, meshes: impl Iterator<Item = Mesh>) {
     let joined = joined
         .unwrap_or_else(|| panic!("there are some"))
         .with_removed_attribute(Mesh::ATTRIBUTE_UV_0);
-    meshes::spawn(stage, joined, meshes::matt(0.7, 0.65, 0.6), Transform::default());
+    meshes::spawn(stage, joined, meshes::diffuse(0.7, 0.65, 0.6), Transform::default());
 }
 
-/// Ten spheres of so many sectors and stacks on a floor in the sun.
+/// Ten spheres of `sectors` and `stacks` on a floor in the sun.
 fn spheres((sectors, stacks): (u32, u32), options: &Arguments) -> Stage {
     let sun = Light::Directional {
         direction: Vec3::new(-0.4, -1.0, -0.3),

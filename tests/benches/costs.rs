@@ -1,5 +1,5 @@
-//! What the controller costs when nothing changes, and how much memory global illumination holds at
-//! its largest.
+//! Cost of the controller when nothing changes, and memory of global illumination at its largest
+//! settings.
 //!
 //! `make bench BENCH=costs`
 
@@ -33,15 +33,15 @@ fn app(cameras: u32) -> App {
     app.cleanup();
     let map = app.world_mut().resource_mut::<Assets<FrontierMap>>().add(map::one_cube(knobs()));
     for number in 0..cameras {
-        let place = Transform::from_xyz(number as f32 % 9.0 - 4.0, 1.0, 0.5);
+        let transform = Transform::from_xyz(number as f32 % 9.0 - 4.0, 1.0, 0.5);
         app.world_mut().spawn((
-            place,
-            GlobalTransform::from(place),
+            transform,
+            GlobalTransform::from(transform),
             FrontierMapHandle(map.clone()),
             Budget::power(Watts(2.5)),
         ));
     }
-    // Until settings have reached their target.
+    // The settings reach their target.
     (0..10).for_each(|_| app.update());
     app
 }
@@ -95,7 +95,7 @@ fn memory(_: &mut Criterion) {
             &mut stage,
             Vec3::ZERO,
             Vec3::new(4.0, 0.2, 4.0),
-            meshes::matt(0.8, 0.8, 0.8),
+            meshes::diffuse(0.8, 0.8, 0.8),
         );
         set::apply(
             &mut stage,

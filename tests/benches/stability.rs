@@ -1,17 +1,16 @@
-//! How much a picture changes that should not, and does not change that should, while light or
-//! camera moves: the plugin against `naive-rsm`.
+//! Temporal stability while the light or the camera moves: the plugin against `naive-rsm`.
 //!
 //! `make bench BENCH=stability ARGS='…'`: `[--size WxH] [--spp N] [--count FRAMES] [light |
 //! camera]…`
 //!
-//! `courtyard` with its sun alone and without its textures, after 32 frames of the same motion.
-//! Temporal error: mean over successive frames, pixels and channels of |Δframe − Δtruth| ÷ mean of
-//! the truth, where the truth is path-traced with the same random numbers in every frame, so that
-//! most of its noise is in no difference. What is left of it is measured with a second seed; the
-//! truth is the mean of both. Along surfaces: the same over pixels that show the same surface in
-//! both frames; elsewhere the difference is that of two surfaces, and where edges run through
-//! pixels decides. Error of the first and the last frame: relative L1 of 4x4 means; what light that
-//! is averaged over frames lags behind is in the last.
+//! `courtyard` with only its sun and without textures, after 32 frames of the same motion. Temporal
+//! error: mean over successive frames, pixels and channels of |Δframe − Δreference| ÷ mean of the
+//! reference. The reference is path-traced with the same random numbers in every frame, so that
+//! most of its noise cancels in the differences. A second seed measures the remaining noise; the
+//! reference is the mean of both. Along surfaces: the same over pixels that show the same surface
+//! in both frames. At other pixels the difference is one between two surfaces, and depends on where
+//! edges cross pixels. Error of the first and the last frame: relative L1 of 4x4 means; that of the
+//! last includes the lag of temporal accumulation.
 
 use bevy::ecs::query::With;
 use bevy::light::DirectionalLight;
@@ -24,17 +23,18 @@ use frugal::stage::{Component, Stage, adapter};
 use frugal_tests::arguments::Arguments;
 use frugal_tests::method::Method;
 use frugal_tests::naive_rsm::{NaiveRsm, Weights};
+use frugal_tests::reference::{self, Tracing, mean_absolute_difference};
 use frugal_tests::set;
 use frugal_tests::table::markdown;
-use frugal_tests::truth::{self, Tracing, mean_absolute_difference};
 
-/// Of the sun around the vertical, degrees a frame: 3 degrees a second at 30 frames.
+/// Rotation of the sun around the vertical, degrees per frame: 3 degrees per second at 30 frames
+/// per second.
 const SUN_STEP_DEGREES: f32 = 0.1;
-/// Of the time on the camera's path: its three metres a second become six decimetres at 30 frames a
-/// second, two centimetres a frame.
+/// Step along the camera's path, seconds per frame: its 3 m/s become 0.6 m/s at 30 frames per
+/// second, 2 cm per frame.
 const PATH_STEP_SECONDS: f32 = 0.0067;
-/// Frames of the same motion before the first that is looked at: as many as are averaged, so that
-/// none of them is a start.
+/// Frames of the same motion before the first measured one: as many as temporal accumulation
+/// averages, so that it has converged.
 const FRAMES_BEFORE: i32 = 32;
 
 fn methods() -> Vec<Method> {
@@ -56,7 +56,7 @@ fn methods() -> Vec<Method> {
     ]
 }
 
-/// What moves.
+/// The moving object.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Motion {
     Light,
@@ -64,8 +64,8 @@ enum Motion {
 }
 
 impl Motion {
-    /// Turn of the sun and pose of the camera in a frame, of which there are [`FRAMES_BEFORE`]
-    /// before frame 0.
+    /// Rotation of the sun and pose of the camera in a frame. Frames −[`FRAMES_BEFORE`] to −1
+    /// precede frame 0.
     fn at(self, scene: &SceneDescription, frame: i32) -> (Quat, CameraPose) {
         let frame = frame + FRAMES_BEFORE;
         let turn =
@@ -112,7 +112,8 @@ fn differences(frames: &[Radiance]) -> Vec<Vec<[f32; 3]>> {
     frames.windows(2).map(difference).collect()
 }
 
-/// Mean over steps of the mean absolute difference of two sequences' steps, where `counts` holds.
+/// Mean over steps of the mean absolute difference of two sequences' steps, over pixels for which
+/// `counts` is true.
 fn temporal_error(a: &[Vec<[f32; 3]>], b: &[Vec<[f32; 3]>], counts: &[Vec<bool>]) -> f64 {
     let step = |((a, b), counts): ((&Vec<[f32; 3]>, &Vec<[f32; 3]>), &Vec<bool>)| {
         let counted = |step: &[[f32; 3]]| {
@@ -127,23 +128,25 @@ fn temporal_error(a: &[Vec<[f32; 3]>], b: &[Vec<[f32; 3]>], counts: &[Vec<bool>]
     a.iter().zip(b).zip(counts).map(step).sum::<f64>() / a.len() as f64
 }
 
-/// Which pixels show the same surface in two frames: each point lies in the other's tangent plane,
-/// more or less, and near it.
+/// For each pixel, whether it shows the same surface in two frames: each point lies near the other
+/// and near its tangent plane.
 fn stay(before: &[Option<Seen>], after: &[Option<Seen>], eye: Vec3) -> Vec<bool> {
     let stays = |(before, after): (&Option<Seen>, &Option<Seen>)| {
         let (Some(before), Some(after)) = (before, after) else {
             return before.is_none() == after.is_none();
         };
-        let (way, far) =
+        let (delta, far) =
             (after.position - before.position, before.position.distance(eye.as_dvec3()));
-        let off_plane = way.dot(before.normal).abs().max(way.dot(after.normal).abs());
-        before.normal.dot(after.normal) > 0.95 && off_plane < 2e-3 * far && way.length() < 0.2 * far
+        let off_plane = delta.dot(before.normal).abs().max(delta.dot(after.normal).abs());
+        before.normal.dot(after.normal) > 0.95
+            && off_plane < 2e-3 * far
+            && delta.length() < 0.2 * far
     };
     before.iter().zip(after).map(stays).collect()
 }
 
 fn measure(motion: Motion, name: &str, options: &Arguments) {
-    let scene = truth::lamps_only(&set::scene("courtyard"));
+    let scene = reference::without_environment(&set::scene("courtyard"));
     let count = options.count as i32;
     let started = std::time::Instant::now();
     let traced = |seed: u64| -> Vec<Radiance> {
@@ -155,7 +158,7 @@ fn measure(motion: Motion, name: &str, options: &Arguments) {
                 seed,
                 pixels: Pixels::Middle,
             };
-            truth::one_bounce_untextured(&turned(&scene, turn), pose, tracing)
+            reference::one_bounce_untextured(&turned(&scene, turn), pose, tracing)
         };
         (0..=count).map(frame).collect()
     };
@@ -163,31 +166,33 @@ fn measure(motion: Motion, name: &str, options: &Arguments) {
     let (start, last) = (&frames[0], &frames[frames.len() - 1]);
     let mean = start.mean();
     let (first, second) = (differences(&frames), differences(&second));
-    let truth: Vec<Vec<[f32; 3]>> = first
+    let reference: Vec<Vec<[f32; 3]>> = first
         .iter()
         .zip(&second)
         .map(|(a, b)| {
             a.iter().zip(b).map(|(a, b)| [0, 1, 2].map(|i| 0.5 * (a[i] + b[i]))).collect()
         })
         .collect();
-    let everywhere = vec![vec![true; truth[0].len()]; truth.len()];
+    let everywhere = vec![vec![true; reference[0].len()]; reference.len()];
     let shown: Vec<_> = (0..=count)
-        .map(|frame| truth::surfaces_untextured(&scene, motion.at(&scene, frame).1, options.size))
+        .map(|frame| {
+            reference::surfaces_untextured(&scene, motion.at(&scene, frame).1, options.size)
+        })
         .collect();
     let eye = motion.at(&scene, 0).1.position;
     let along: Vec<_> = shown.windows(2).map(|pair| stay(&pair[0], &pair[1], eye)).collect();
-    let still = vec![vec![[0.0; 3]; truth[0].len()]; truth.len()];
+    let still = vec![vec![[0.0; 3]; reference[0].len()]; reference.len()];
     let percent = |value: f64| format!("{:.3} %", 100.0 * value / mean);
     println!("## The {name} moves\n");
     println!(
-        "Truth: twice {} paths a pixel, {:.0} s. Its own noise: {} of the mean, {} along surfaces; a picture that never changes errs by {}, {} along \
-         surfaces, which {:.1} % of the pixels show.\n",
+        "Reference: twice {} paths per pixel, {:.0} s. Its own noise: {} of the mean, {} along surfaces; a constant image has an error of {}, {} along \
+         surfaces, which are {:.1} % of the pixels.\n",
         options.samples,
         started.elapsed().as_secs_f64(),
         percent(0.5 * temporal_error(&first, &second, &everywhere)),
         percent(0.5 * temporal_error(&first, &second, &along)),
-        percent(temporal_error(&still, &truth, &everywhere)),
-        percent(temporal_error(&still, &truth, &along)),
+        percent(temporal_error(&still, &reference, &everywhere)),
+        percent(temporal_error(&still, &reference, &along)),
         100.0 * along.iter().flatten().filter(|stays| **stays).count() as f64
             / along.iter().flatten().count() as f64
     );
@@ -195,7 +200,7 @@ fn measure(motion: Motion, name: &str, options: &Arguments) {
         &scene,
         set::radiance_options(options.size.x, options.size.y, Component::Indirect),
     );
-    truth::strip_textures(&mut stage);
+    reference::strip_textures(&mut stage);
     let rest = sun(&mut stage);
     let mut found = Vec::new();
     for method in methods() {
@@ -209,8 +214,8 @@ fn measure(motion: Motion, name: &str, options: &Arguments) {
                 frames.push(stage.radiance().unwrap_or_else(|error| panic!("{error}")));
             }
         }
-        let error = |own: &Radiance, truth: &Radiance| {
-            Difference::new(own, truth, None)
+        let error = |own: &Radiance, reference: &Radiance| {
+            Difference::new(own, reference, None)
                 .unwrap_or_else(|error| panic!("{error}"))
                 .relative_l1_boxes
         };
@@ -219,11 +224,11 @@ fn measure(motion: Motion, name: &str, options: &Arguments) {
         found.push((
             method,
             pictures,
-            [&everywhere, &along].map(|counts| temporal_error(&steps, &truth, counts)),
+            [&everywhere, &along].map(|counts| temporal_error(&steps, &reference, counts)),
         ));
     }
-    // What is dark hardly changes: the baseline is not the variant that is stillest, but the one
-    // that is nearest to the truth.
+    // A dark image hardly changes: the baseline is the variant with the smallest error of the first
+    // frame, not the one with the smallest temporal error.
     let naive = found
         .iter()
         .filter(|(method, ..)| method.is_naive())
@@ -243,7 +248,7 @@ fn measure(motion: Motion, name: &str, options: &Arguments) {
     let headers = [
         "method",
         "error of the first frame, the last",
-        "temporal error (of the nearest naive-rsm's)",
+        "temporal error (relative to the most accurate naive-rsm)",
         "along surfaces (the same)",
     ];
     println!("{}\n", markdown(&headers, &found.iter().map(row).collect::<Vec<_>>()));

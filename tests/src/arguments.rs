@@ -2,24 +2,24 @@
 
 use bevy::math::UVec2;
 
-/// What a benchmark is asked for.
+/// Command-line arguments of a benchmark.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Arguments {
-    /// Width and height of its pictures, pixels: `--size WxH`.
+    /// Width and height of the images, pixels: `--size WxH`.
     pub size: UVec2,
-    /// Paths per pixel of the truth: `--spp N`.
+    /// Paths per pixel of the path-traced reference: `--spp N`.
     pub samples: u32,
-    /// Readings, or frames: `--count N`.
+    /// Number of rounds or frames: `--count N`.
     pub count: u32,
-    /// Parts of it; all where none are named.
+    /// Parts to run; all if empty.
     pub names: Vec<String>,
 }
 
 impl Arguments {
-    /// Those of this process, over defaults.
+    /// Reads the arguments of this process; `self` holds the defaults.
     ///
     /// # Panics
-    /// When one makes no sense: a benchmark has nobody else to tell.
+    /// If an argument is invalid.
     #[must_use]
     pub fn read(self) -> Self {
         self.over(std::env::args().skip(1))
@@ -40,7 +40,7 @@ impl Arguments {
                 }
                 "--spp" => self.samples = number(&value()),
                 "--count" => self.count = number(&value()),
-                // Cargo's own.
+                // Passed by Cargo.
                 "--bench" => (),
                 name => self.names.push(name.to_owned()),
             }
@@ -48,7 +48,7 @@ impl Arguments {
         self
     }
 
-    /// Whether a part is wanted.
+    /// Whether to run the part called `name`.
     pub fn wants(&self, name: &str) -> bool {
         self.names.is_empty() || self.names.iter().any(|wanted| wanted == name)
     }
@@ -59,7 +59,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn arguments_change_the_defaults_that_they_name() {
+    fn arguments_override_the_defaults() {
         let defaults =
             Arguments { size: UVec2::new(160, 90), samples: 256, count: 5, names: vec![] };
         let read = |text: &str| defaults.clone().over(text.split_whitespace().map(str::to_owned));

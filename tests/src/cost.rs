@@ -1,4 +1,4 @@
-//! What a frame costs.
+//! Cost of a frame.
 
 use std::time::Instant;
 
@@ -8,51 +8,50 @@ use frugal::stage::{Stage, software_adapter};
 
 use crate::method::Method;
 
-/// What is counted.
+/// The time that is measured.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Clock {
-    /// Processor time of this process, all threads: where the processor renders, all that is spent.
-    Processor,
-    /// Time until the frame is finished: where a GPU renders.
+    /// CPU time of this process, all threads: the whole cost on a software adapter.
+    Cpu,
+    /// Time until the frame is finished: for rendering on a GPU.
     Wall,
 }
 
 impl Clock {
-    /// The one that suits the adapter.
+    /// The clock for the current adapter.
     pub fn suitable() -> Self {
-        if software_adapter() { Self::Processor } else { Self::Wall }
+        if software_adapter() { Self::Cpu } else { Self::Wall }
     }
 
-    /// For a table's header.
+    /// Label for a table's header.
     pub fn label(self) -> &'static str {
         match self {
-            Self::Processor => "processor ms",
+            Self::Cpu => "CPU ms",
             Self::Wall => "wall ms",
         }
     }
 
-    /// Mean milliseconds of so many frames.
+    /// Mean time over `frames` frames, milliseconds per frame.
     pub fn frames_ms(self, stage: &mut Stage, frames: u32) -> f64 {
         let mut meter = CpuTimeMeter::default();
         let watts = meter.watts_per_core().0;
-        let mut processor_seconds =
-            || meter.energy().unwrap_or_else(|error| panic!("{error}")).0 / watts;
-        let (start, processor_start) = (Instant::now(), processor_seconds());
+        let mut cpu_seconds = || meter.energy().unwrap_or_else(|error| panic!("{error}")).0 / watts;
+        let (start, cpu_start) = (Instant::now(), cpu_seconds());
         (0..frames).for_each(|_| stage.frame());
         let seconds = match self {
-            Self::Processor => processor_seconds() - processor_start,
+            Self::Cpu => cpu_seconds() - cpu_start,
             Self::Wall => start.elapsed().as_secs_f64(),
         };
         seconds * 1e3 / f64::from(frames)
     }
 }
 
-/// What is taken to move in every frame.
+/// What moves in every frame.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Moving {
-    /// Light or geometry: nothing of the last frame can be kept.
+    /// Lights or geometry: nothing of the last frame can be reused.
     Everything,
-    /// The camera alone: maps rest, those of the baseline too.
+    /// The camera only: maps are reused, also by the baseline.
     Camera,
 }
 
@@ -65,20 +64,21 @@ impl Moving {
     }
 }
 
-/// How costs are read.
+/// Repetitions of a measurement.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Readings {
-    /// Rounds through all methods: a machine that drifts costs all alike. At least 1.
+    /// Rounds through all methods, so that drift of the machine affects all of them alike. At least
+    /// 1.
     pub rounds: usize,
-    /// Frames of each reading, after those that it takes to get ready. At least 1.
+    /// Frames per reading, after those until the stage is ready. At least 1.
     pub frames: u32,
 }
 
-/// Milliseconds that a frame of each method takes above one without global illumination, while so
-/// much moves: the median over rounds of differences within a round; and what a frame without it
-/// takes.
+/// Cost per frame of each method above a frame without global illumination, milliseconds: the
+/// median over rounds of differences within a round. The second value is the cost of a frame
+/// without global illumination.
 ///
-/// Every method must have been ready once, so that nothing is compiled any more.
+/// Every method must have been rendered once, so that all pipelines are compiled.
 pub fn above_none(
     stage: &mut Stage,
     methods: &[Method],
@@ -87,12 +87,12 @@ pub fn above_none(
 ) -> (Vec<f64>, f64) {
     let clock = Clock::suitable();
     let read = |stage: &mut Stage, method: &Method| {
-        // At rest: where everything moves, averaged light never gets to what a still picture shows,
-        // and is waited for in vain.
+        // Nothing moves until the stage is ready: while everything moves, temporal accumulation
+        // never converges.
         stage.world_mut().insert_resource(GiRefresh::OnChange);
         method.apply(stage);
-        // Trees of triangles are built in the background when rays are asked for again: their cost
-        // is no frame's.
+        // When rays are enabled again, acceleration structures are built in the background: their
+        // cost belongs to no frame.
         stage.get_ready().unwrap_or_else(|error| panic!("{error}"));
         stage.world_mut().insert_resource(moving.policy());
         stage.frame();

@@ -1,4 +1,4 @@
-//! The shipped gather on pixels and virtual point lights of a test's own, and its twin in 64-bit
+//! The shipped gather on synthetic pixels and virtual point lights, and its CPU reference in 64-bit
 //! floats.
 
 use bevy::math::DVec3;
@@ -24,7 +24,7 @@ pub struct Gather {
 }
 
 impl Gather {
-    /// Without rays, or with as many a pixel.
+    /// Compiles it with `rays` rays per pixel; 0 for none.
     pub fn new(stage: &mut Stage, rays: u32) -> Self {
         let pixels = BindGroupLayoutEntries::sequential(
             ShaderStages::COMPUTE,
@@ -71,7 +71,7 @@ impl Gather {
         self.run_with(stage, pixels, plane, vpls, None)
     }
 
-    /// The same with what rays may meet.
+    /// [`run`](Self::run) with the geometry that rays intersect.
     pub fn run_with(
         &self,
         stage: &Stage,
@@ -110,17 +110,18 @@ impl Gather {
     }
 }
 
-/// `Gather` for cells of one pixel, all of the first set.
+/// Uniform `Gather` of the shader: full resolution, and one set of VPLs for all pixels.
 pub fn settings(stage: &Stage) -> Buffer {
     kernel::buffer(stage, &[1, 1, 0, 0].map(u32::to_le_bytes).concat())
 }
 
-/// `Plan` of one set.
+/// Uniform `Plan` of the shader: one set of `count` VPLs.
 pub fn plan(stage: &Stage, count: u32) -> Buffer {
     kernel::buffer(stage, &[1, 1, count, count.next_multiple_of(16)].map(u32::to_le_bytes).concat())
 }
 
-/// Exposed irradiance of one point, in 64-bit floats: the twin of `gather.wgsl`, but for halves.
+/// Exposed irradiance of one point: `gather.wgsl` in 64-bit floats, without rounding to half
+/// floats.
 pub fn irradiance(vpls: &[Point], position: DVec3, normal: DVec3, exposure: f32) -> [f64; 3] {
     let mut sum = [0.0; 3];
     for vpl in vpls {
@@ -130,12 +131,13 @@ pub fn irradiance(vpls: &[Point], position: DVec3, normal: DVec3, exposure: f32)
     sum.map(|sum| sum * f64::from(exposure) / std::f64::consts::PI)
 }
 
-/// The geometry term between a point and a piece of surface, 1/m².
+/// The geometry term between a point and a VPL, bounded by the VPL's `extent`, 1/m².
 pub fn geometry(vpl: &Point, position: DVec3, normal: DVec3) -> f64 {
     let [from, facing] =
         [vpl.position, vpl.normal].map(|vector| DVec3::from_array(vector.map(f64::from)));
-    let way = from - position;
-    let square = way.length_squared().max(1e-18);
-    let cosines = normal.dot(way).max(0.0) / square * (-facing.dot(way)).max(0.0) / square;
+    let to_light = from - position;
+    let square = to_light.length_squared().max(1e-18);
+    let cosines =
+        normal.dot(to_light).max(0.0) / square * (-facing.dot(to_light)).max(0.0) / square;
     cosines.min(f64::from(vpl.extent))
 }

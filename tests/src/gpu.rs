@@ -1,4 +1,4 @@
-//! Reads back what the GPU holds.
+//! Reads buffers and textures back from the GPU.
 
 use bevy::ecs::world::World;
 use bevy::render::render_resource::{
@@ -19,24 +19,25 @@ pub struct Point {
     pub normal: [f32; 3],
     /// Lumens.
     pub flux: [f32; 3],
-    /// The area of a texel's surface, m²; the largest geometry term of a virtual point light, 1/m².
+    /// Of a texel: its surface area, m². Of a virtual point light: the upper bound of its geometry
+    /// term, 1/m².
     pub extent: f32,
 }
 
 impl Point {
-    /// Words of a virtual point light in a buffer.
+    /// 32-bit words of a virtual point light in a buffer.
     pub const VPL_WORDS: usize = 12;
 
-    /// Words of a texel in a buffer.
+    /// 32-bit words of a texel in a buffer.
     pub const TEXEL_WORDS: usize = 8;
 
-    /// A virtual point light as a buffer holds it.
+    /// Buffer layout of a virtual point light.
     pub fn to_vpl(self) -> [f32; Self::VPL_WORDS] {
         let ([px, py, pz], [nx, ny, nz], [r, g, b]) = (self.position, self.normal, self.flux);
         [px, py, pz, self.extent, nx, ny, nz, 0.0, r, g, b, 0.0]
     }
 
-    /// A texel as a buffer holds it: its normal in octahedral coordinates of 16 bits.
+    /// Buffer layout of a texel: its normal in octahedral coordinates of 16 bits each.
     pub fn to_texel(self) -> [f32; Self::TEXEL_WORDS] {
         let ([px, py, pz], [r, g, b]) = (self.position, self.flux);
         [px, py, pz, self.extent, r, g, b, f32::from_bits(pack_normal(self.normal))]
@@ -67,8 +68,8 @@ impl Point {
     }
 }
 
-/// Octahedral coordinates (Cigolle et al. 2014), 16 bits each: the twin of `rsm/texel.wgsl`'s
-/// `pack_normal`.
+/// Octahedral coordinates (Cigolle et al. 2014), 16 bits each: `pack_normal` of `rsm/texel.wgsl` on
+/// the CPU.
 pub fn pack_normal([x, y, z]: [f32; 3]) -> u32 {
     let length = x.abs() + y.abs() + z.abs();
     let (x, y, z) = (x / length, y / length, z / length);
@@ -78,7 +79,7 @@ pub fn pack_normal([x, y, z]: [f32; 3]) -> u32 {
     bits(x) | bits(y) << 16
 }
 
-/// The unit vector of [`pack_normal`].
+/// The inverse of [`pack_normal`], a unit vector.
 pub fn unpack_normal(packed: u32) -> [f32; 3] {
     let [x, y] = [packed & 0xFFFF, packed >> 16].map(|bits| bits as f32 / 65535.0 * 2.0 - 1.0);
     let z = 1.0 - x.abs() - y.abs();
@@ -88,7 +89,7 @@ pub fn unpack_normal(packed: u32) -> [f32; 3] {
     [x / length, y / length, z / length]
 }
 
-/// Sum over points of each channel's flux.
+/// Sum of the flux over all points, by channel, lumens.
 pub fn total_flux(points: &[Point]) -> [f64; 3] {
     [0, 1, 2].map(|channel| points.iter().map(|point| f64::from(point.flux[channel])).sum())
 }
@@ -99,8 +100,8 @@ pub fn rsm_texels(stage: &Stage) -> Vec<Point> {
     state.texels.map_or_else(Vec::new, |buffer| texels(&read_buffer(stage.render_world(), &buffer)))
 }
 
-/// The virtual point lights of the first camera that gathers, each with its share of the flux that
-/// all of them carry together.
+/// The virtual point lights of the first camera that gathers. Their fluxes are divided by the
+/// number of sets, so that they add up to the total.
 pub fn vpls(stage: &Stage) -> Vec<Point> {
     let state = inspect::gpu_state(stage.render_world());
     let Some(camera) = state.cameras.first() else { return Vec::new() };
@@ -108,31 +109,31 @@ pub fn vpls(stage: &Stage) -> Vec<Point> {
     let (sets, per_set, stride) =
         (camera.sets as usize, camera.per_set as usize, camera.stride as usize);
     let members = (0..sets).flat_map(|set| slots[set * stride..].iter().take(per_set));
-    // Every set stands for all light on its own.
+    // Each set alone carries the total flux.
     members.map(|vpl| Point { flux: vpl.flux.map(|flux| flux / sets as f32), ..*vpl }).collect()
 }
 
-/// Virtual point lights out of a buffer's bytes.
+/// Parses the bytes of a buffer of virtual point lights.
 pub fn vpl_slots(bytes: &[u8]) -> Vec<Point> {
     floats(bytes).chunks_exact(Point::VPL_WORDS).map(Point::from_vpl).collect()
 }
 
-/// Texels out of a buffer's bytes.
+/// Parses the bytes of a buffer of texels.
 pub fn texels(bytes: &[u8]) -> Vec<Point> {
     floats(bytes).chunks_exact(Point::TEXEL_WORDS).map(Point::from_texel).collect()
 }
 
-/// 32-bit floats out of bytes.
+/// Parses little-endian 32-bit floats.
 pub fn floats(bytes: &[u8]) -> Vec<f32> {
     bytes.as_chunks::<4>().0.iter().map(|bytes| f32::from_le_bytes(*bytes)).collect()
 }
 
-/// Bytes of 32-bit floats.
+/// Little-endian bytes of 32-bit floats.
 pub fn bytes(floats: &[f32]) -> Vec<u8> {
     floats.iter().flat_map(|value| value.to_le_bytes()).collect()
 }
 
-/// A half float's value.
+/// Value of a half float.
 pub fn half(bits: u16) -> f64 {
     f16::from_bits(bits).to_f64()
 }
@@ -159,7 +160,7 @@ fn landing(device: &RenderDevice, size: u64) -> Buffer {
     })
 }
 
-/// A buffer's bytes.
+/// Bytes of a buffer.
 pub fn read_buffer(world: &World, buffer: &Buffer) -> Vec<u8> {
     let device = world.resource::<RenderDevice>();
     let landing = landing(device, buffer.size());

@@ -1,4 +1,4 @@
-//! Runs one of the plugin's shipped compute shaders on buffers of the test's own.
+//! Runs one of the plugin's shipped compute shaders on synthetic buffers.
 
 use bevy::asset::{AssetServer, Handle};
 use bevy::render::render_resource::{
@@ -12,15 +12,15 @@ use frugal::stage::Stage;
 
 /// A compiled compute shader.
 pub struct Kernel {
-    /// One for each group.
+    /// One layout per bind group.
     layouts: Vec<BindGroupLayoutDescriptor>,
     pipeline: CachedComputePipelineId,
-    // Dropped, the shader would be unloaded.
+    // Keeps the shader loaded.
     _shader: Handle<Shader>,
 }
 
 impl Kernel {
-    /// Compiles the plugin's file at `path` (under its `src`).
+    /// Compiles `entry_point` of the plugin's shader at `path` (under its `src`).
     pub fn new(
         stage: &mut Stage,
         path: &str,
@@ -31,7 +31,7 @@ impl Kernel {
         Self::with_groups(stage, path, entry_point, shader_defs, &[layout])
     }
 
-    /// The same for a shader with several groups of bindings.
+    /// [`new`](Self::new) for a shader with several bind groups.
     pub fn with_groups(
         stage: &mut Stage,
         path: &str,
@@ -72,15 +72,15 @@ impl Kernel {
             "{:?}",
             stage.render_world().resource::<PipelineCache>().get_compute_pipeline_state(pipeline)
         );
-        panic!("{path} was not compiled: {state}");
+        panic!("{path} did not compile: {state}");
     }
 
-    /// Runs it once, over `groups` workgroups, and waits for nothing: reading back does.
+    /// Dispatches it once over `groups` workgroups without waiting; reading back waits.
     pub fn run(&self, stage: &Stage, bindings: &[BindGroupEntry], groups: (u32, u32)) {
         self.run_with_groups(stage, &[bindings], groups);
     }
 
-    /// The same for a shader with several groups of bindings.
+    /// [`run`](Self::run) for a shader with several bind groups.
     pub fn run_with_groups(
         &self,
         stage: &Stage,
@@ -118,7 +118,7 @@ impl Kernel {
     }
 }
 
-/// A buffer with contents, for any use that a kernel has.
+/// A buffer with contents, usable as storage and uniform buffer and as a copy source.
 pub fn buffer(stage: &Stage, contents: &[u8]) -> Buffer {
     stage.render_world().resource::<RenderDevice>().create_buffer_with_data(&BufferInitDescriptor {
         label: Some("frugal_tests/buffer"),

@@ -1,7 +1,7 @@
-//! The harness of the integration tests: scenes on a headless renderer, what they show, and what
-//! the GPU holds; and the baseline that the plugin is measured against.
+//! The harness of the integration tests: scenes on a headless renderer, their images and GPU
+//! buffers, and the baseline that the plugin is compared with.
 //!
-//! Pictures are tiny and settings low: the tests also run on a software adapter.
+//! Images are small and settings low, because the tests also run on a software adapter.
 
 pub mod arguments;
 pub mod cost;
@@ -15,6 +15,6 @@ pub mod meshes;
 pub mod method;
 pub mod naive_rsm;
 pub mod pixels;
+pub mod reference;
 pub mod set;
 pub mod table;
-pub mod truth;

@@ -1,4 +1,4 @@
-//! A frontier map made by hand.
+//! A hand-written frontier map.
 
 use bevy_frugal_gi::frontier::{
     Bounds, Capture, Corner, CostPoint, ErrorRates, Frontier, FrontierMap, FrontierPoint, Octree,
@@ -7,8 +7,9 @@ use bevy_frugal_gi::frontier::{
 use bevy_frugal_gi::knobs::KnobSpace;
 use bevy_frugal_gi::power::{MeterInfo, Provenance};
 
-/// One cube of 20 m around the origin. Every view of every corner knows three settings: the lowest
-/// for 1 W, the middle for 2 W and the highest for 4 W, with errors of 0.2, 0.05 and 0.
+/// One cube of 20 m around the origin. The frontier of every view at every corner holds three
+/// settings: the lowest at 1 W, the middle at 2 W and the highest at 4 W, with errors of 0.2, 0.05
+/// and 0.
 pub fn one_cube(knobs: KnobSpace) -> FrontierMap {
     let points =
         [(0.0, 1.0, 0.2), (0.5, 2.0, 0.05), (1.0, 4.0, 0.0)].map(|(share, power, error)| {

@@ -1,4 +1,4 @@
-//! Things to put on a stage.
+//! Meshes, materials and textures for a stage.
 
 use bevy::asset::{Assets, Handle, RenderAssetUsages};
 use bevy::camera::visibility::NoFrustumCulling;
@@ -14,8 +14,8 @@ use bevy::render::render_resource::{Extent3d, TextureDimension, TextureFormat};
 use bevy::transform::components::Transform;
 use frugal::stage::Stage;
 
-/// A matt material without highlight.
-pub fn matt(red: f32, green: f32, blue: f32) -> StandardMaterial {
+/// A Lambertian material, linear Rec. 709.
+pub fn diffuse(red: f32, green: f32, blue: f32) -> StandardMaterial {
     StandardMaterial {
         base_color: Color::LinearRgba(LinearRgba::rgb(red, green, blue)),
         perceptual_roughness: 1.0,
@@ -25,7 +25,7 @@ pub fn matt(red: f32, green: f32, blue: f32) -> StandardMaterial {
     }
 }
 
-/// Puts a mesh on the stage.
+/// Spawns a mesh.
 pub fn spawn<M: Material>(
     stage: &mut Stage,
     mesh: Mesh,
@@ -38,7 +38,7 @@ pub fn spawn<M: Material>(
     world.spawn((Mesh3d(mesh), MeshMaterial3d(material), transform)).id()
 }
 
-/// Puts a box on the stage, its sides along the axes.
+/// Spawns an axis-aligned box.
 pub fn spawn_box(
     stage: &mut Stage,
     center: Vec3,
@@ -50,8 +50,8 @@ pub fn spawn_box(
 
 /// A square of 1 m in the plane y = 0, facing up. Texture coordinates begin at −x, −z.
 ///
-/// Without `coordinates` for a texture, since a software driver compiles the shader of every mesh
-/// that has some anew in each frame.
+/// Texture coordinates are optional: a software driver recompiles the shader of every mesh with
+/// texture coordinates in each frame.
 pub fn plate(coordinates: bool) -> Mesh {
     let mut mesh: Mesh = Plane3d::default().mesh().size(1.0, 1.0).into();
     if !coordinates {
@@ -60,7 +60,7 @@ pub fn plate(coordinates: bool) -> Mesh {
     mesh
 }
 
-/// The same mesh with a skin of one joint, which moves it as a transform would.
+/// Adds a skin of one joint, which moves the mesh like a transform.
 pub fn with_one_joint(mesh: Mesh) -> Mesh {
     let count = mesh.count_vertices();
     mesh.with_inserted_attribute(
@@ -70,7 +70,7 @@ pub fn with_one_joint(mesh: Mesh) -> Mesh {
     .with_inserted_attribute(Mesh::ATTRIBUTE_JOINT_WEIGHT, vec![[1.0f32, 0.0, 0.0, 0.0]; count])
 }
 
-/// Gives a mesh [`with_one_joint`] its joint, and returns it.
+/// Spawns the joint of a mesh [`with_one_joint`] and returns it.
 pub fn add_joint(stage: &mut Stage, skin: Entity) -> Entity {
     let world = stage.world_mut();
     let joint = world.spawn(Transform::default()).id();
@@ -82,8 +82,8 @@ pub fn add_joint(stage: &mut Stage, skin: Entity) -> Entity {
     joint
 }
 
-/// A sharp-edged texture of `width` × `height` texels of [`TextureFormat::Rgba8UnormSrgb`], or
-/// [`TextureFormat::Rgba8Unorm`] for what is no colour.
+/// A texture of `width` × `height` texels with nearest-neighbour sampling, in
+/// [`TextureFormat::Rgba8UnormSrgb`], or [`TextureFormat::Rgba8Unorm`] for data other than colour.
 pub fn texture(
     stage: &mut Stage,
     format: TextureFormat,
@@ -98,14 +98,14 @@ pub fn texture(
     stage.world_mut().resource_mut::<Assets<Image>>().add(image)
 }
 
-/// Has a texture that no frame has shown yet kept for the GPU alone.
+/// Keeps a texture on the GPU only; no frame may have rendered it yet.
 pub fn keep_for_the_gpu(stage: &mut Stage, texture: &Handle<Image>) {
     let mut images = stage.world_mut().resource_mut::<Assets<Image>>();
     images.get_mut(texture).unwrap_or_else(|| panic!("a texture of the stage")).asset_usage =
         RenderAssetUsages::RENDER_WORLD;
 }
 
-/// The albedo that a G-buffer of eight bits with gamma 2.2 keeps of `albedo`.
+/// `albedo` after quantisation in the G-buffer: eight bits with gamma 2.2.
 pub fn stored_albedo(albedo: f64) -> f64 {
     ((albedo.powf(1.0 / 2.2) * 255.0).round() / 255.0).powf(2.2)
 }

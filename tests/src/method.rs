@@ -1,4 +1,4 @@
-//! Ways to light a stage indirectly, which are compared.
+//! Methods of global illumination to compare.
 
 use bevy_frugal_gi::gi::GiOutput;
 use frugal::metrics::Radiance;
@@ -7,14 +7,13 @@ use frugal::stage::Stage;
 use crate::naive_rsm::{self, NaiveRsm, Weights};
 use crate::set;
 
-/// What all methods have in common: no part of the frame that is not compared costs more than it
-/// must.
+/// Settings common to all methods: the rest of the frame is as cheap as possible.
 const REST: &str = "min,resolution_scale=100%,gi_refresh_period=1";
 
-/// A way to light a stage indirectly. Shown alone, over black.
+/// A method of global illumination. Renders the indirect light only, over black.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Method {
-    /// What tables call it.
+    /// Name in tables.
     pub name: String,
     settings: String,
     output: GiOutput,
@@ -32,8 +31,8 @@ impl Method {
         }
     }
 
-    /// The plugin's: VPLs, shared out among squares of so many pixels, rays, share of the pixels,
-    /// texels along the side of a map. As the knobs' levels are called.
+    /// The plugin's: number of VPLs, interleaving pattern, visibility, fraction of the pixels
+    /// gathered, and texels along the side of an RSM. All but the numbers are names of knob levels.
     pub fn ours(vpls: u32, interleave: &str, visibility: &str, fraction: &str, rsm: u32) -> Self {
         let settings = format!(
             "{REST},gi_vpl_count={vpls},gi_interleave={interleave},gi_visibility={visibility},gi_pixel_fraction={fraction},rsm_resolution={rsm}"
@@ -43,20 +42,20 @@ impl Method {
         Self { name, settings, output: GiOutput::IndirectOnly, naive: None }
     }
 
-    /// With more settings.
+    /// Adds settings.
     #[must_use]
     pub fn with(self, more: &str) -> Self {
         Self { settings: format!("{},{more}", self.settings), ..self }
     }
 
-    /// With maps and VPLs of every so-many-th frame alone.
+    /// Renders maps and VPLs only in every `period`-th frame.
     #[must_use]
     pub fn every(self, period: u32) -> Self {
         let name = format!("{}, maps of every {period}th frame", self.name);
         Self { name, ..self.with(&format!("gi_refresh_period={period}")) }
     }
 
-    /// The baseline, on maps of so many texels along their side.
+    /// The baseline, on maps of `rsm` × `rsm` texels.
     pub fn naive(naive: NaiveRsm, rsm: u32) -> Self {
         let weights = match naive.weights {
             Weights::Exact => "exact",
@@ -73,7 +72,7 @@ impl Method {
         }
     }
 
-    /// Maps of so many texels along their side, of which nothing is made.
+    /// Only renders maps of `rsm` × `rsm` texels, without any light from them.
     pub fn maps(rsm: u32) -> Self {
         let settings = format!("{REST},gi_vpl_count=64,rsm_resolution={rsm}");
         Self {
@@ -84,18 +83,18 @@ impl Method {
         }
     }
 
-    /// Whether it is the baseline.
+    /// Whether this is the baseline.
     pub fn is_naive(&self) -> bool {
         self.naive.is_some()
     }
 
-    /// Asks the stage for it, from the next frame on.
+    /// Applies the method from the next frame on.
     pub fn apply(&self, stage: &mut Stage) {
         set::apply(stage, &self.settings);
         naive_rsm::show(stage, self.naive, self.output);
     }
 
-    /// Shows it and waits for whatever has to be compiled.
+    /// Applies the method, waits until the stage is ready, and returns the radiance.
     pub fn radiance(&self, stage: &mut Stage) -> Radiance {
         self.apply(stage);
         set::radiance(stage)

@@ -1,4 +1,4 @@
-//! A G-buffer of a test's own, for the shipped kernels that read one.
+//! A synthetic G-buffer for the shipped kernels that read one.
 
 use bevy::math::{DVec3, Vec3};
 use bevy::render::render_resource::{
@@ -11,38 +11,38 @@ use frugal::stage::Stage;
 
 use crate::{gpu, kernel};
 
-/// Where pixels lie in the world: their centres are `spacing` apart around `center`, columns along
-/// x and rows against z.
+/// World positions of pixels: their centres are `spacing` apart around `center`, columns along x
+/// and rows along −z.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Plane {
     /// World space, metres.
     pub center: Vec3,
-    /// Metres.
+    /// Distance between pixel centres, metres.
     pub spacing: f32,
     /// The eye, world space, metres.
     pub eye: Vec3,
-    /// What radiance is multiplied by.
+    /// Factor on radiance.
     pub exposure: f32,
 }
 
 impl Plane {
-    /// Pixels 1 m apart around the origin, looked at from there.
+    /// Pixels 1 m apart around the origin, with the eye at the origin.
     pub const ORIGIN: Self =
         Self { center: Vec3::ZERO, spacing: 1.0, eye: Vec3::ZERO, exposure: 0.01 };
 
-    /// Centre of pixel (x, y) of a picture.
+    /// Centre of pixel (x, y) of an image of `width` × `height`, world space, metres.
     pub fn position(&self, [width, height]: [u32; 2], x: u32, y: u32) -> DVec3 {
         let offset = |at: u32, size: u32| {
             (f64::from(at) + 0.5 - f64::from(size) / 2.0) * f64::from(self.spacing)
         };
-        // Rows go down and clip space goes up.
+        // Rows run down, clip space runs up.
         self.center.as_dvec3() + DVec3::new(offset(x, width), 0.0, -offset(y, height))
     }
 }
 
 /// A G-buffer and depth.
 pub struct Pixels {
-    /// Width and height.
+    /// Width and height, pixels.
     pub size: [u32; 2],
     /// Bevy's deferred G-buffer.
     pub g_buffer: TextureView,
@@ -51,18 +51,18 @@ pub struct Pixels {
 }
 
 impl Pixels {
-    /// Surfaces with packed normals, row by row.
+    /// A G-buffer with packed normals, row by row, at depth 0.5.
     pub fn new(stage: &Stage, size: [u32; 2], normals: &[u32]) -> Self {
         Self::with_depth(stage, size, normals, 0.5)
     }
 
-    /// The same at another depth: 0 for no surface anywhere.
+    /// [`new`](Self::new) with another depth: 0 for no surface anywhere.
     pub fn with_depth(stage: &Stage, size: [u32; 2], normals: &[u32], depth: f32) -> Self {
         let texels: Vec<[u32; 4]> = normals.iter().map(|normal| [0, 0, 0, *normal]).collect();
         Self::with_texels(stage, size, &texels, depth)
     }
 
-    /// Any surfaces, as Bevy packs them.
+    /// A G-buffer of texels as Bevy packs them.
     pub fn with_texels(stage: &Stage, size: [u32; 2], texels: &[[u32; 4]], depth: f32) -> Self {
         let g_buffer = texture(
             stage,
@@ -101,9 +101,9 @@ impl Pixels {
         Self { size, g_buffer: g_buffer.create_view(&Default::default()), depth: view }
     }
 
-    /// Bevy's view uniform, of which the kernels read `world_from_clip` (the third matrix), the
-    /// axis against which the eye looks (in the fourth: here up), the eye and the exposure (after
-    /// seven matrices).
+    /// Bevy's view uniform, of which the kernels read `world_from_clip` (the third matrix), the z
+    /// axis of the eye, opposite to the viewing direction (in the fourth: here up), the eye and the
+    /// exposure (after seven matrices).
     pub fn view(&self, stage: &Stage, plane: &Plane) -> Buffer {
         let mut words = vec![0.0f32; 256];
         let [width, height] = self.size.map(|size| size as f32 / 2.0 * plane.spacing);
@@ -112,7 +112,7 @@ impl Pixels {
             width, 0.0, 0.0, 0.0, 0.0, 0.0, height, 0.0, 0.0, 0.0, 0.0, 0.0, x, y, z, 1.0,
         ]);
         words[57] = 1.0;
-        // Parallel: a pixel is as wide at any distance.
+        // Orthographic: the width of a pixel does not depend on the distance.
         (words[85], words[95]) = (1.0 / height, 1.0);
         words[112..115].copy_from_slice(&plane.eye.to_array());
         words[115] = plane.exposure;
@@ -124,7 +124,7 @@ impl Pixels {
         texture(stage, self.size, TextureFormat::Rgba16Float, TextureUsages::STORAGE_BINDING)
     }
 
-    /// The same with contents, for a kernel to read.
+    /// A texture of half floats of the same size with contents, for a kernel to read.
     pub fn input(&self, stage: &Stage, halves: &[[u16; 4]]) -> TextureView {
         let texture = texture(
             stage,
@@ -171,8 +171,8 @@ fn write(stage: &Stage, texture: &Texture, bytes: &[u8]) {
     );
 }
 
-/// A normal as the G-buffer holds it, 12 bits an axis in octahedral coordinates, and what it then
-/// is.
+/// A normal packed as in the G-buffer (octahedral coordinates, 12 bits each), and its value after
+/// unpacking.
 pub fn g_buffer_normal(normal: Vec3) -> (u32, DVec3) {
     let normal = normal.as_dvec3() / f64::from(normal.abs().element_sum());
     let wrap = |own: f64, other: f64| (1.0 - other.abs()) * if own > 0.0 { 1.0 } else { -1.0 };

@@ -1,4 +1,4 @@
-//! Stages with little on them.
+//! Opens small stages and controls them.
 
 use std::path::PathBuf;
 
@@ -14,14 +14,14 @@ use frugal::stage::{Component, Output, Radiance, Stage, StageOptions};
 
 use crate::naive_rsm::NaiveRsmPlugin;
 
-/// A scene of the repository by its name.
+/// Loads a scene of the repository by its name.
 pub fn scene(name: &str) -> SceneDescription {
     let file = PathBuf::from(env!("CARGO_MANIFEST_DIR"))
         .join(format!("../assets/scenes/{name}.scene.ron"));
     scene::load(&file).unwrap_or_else(|error| panic!("{error}"))
 }
 
-/// Options for a picture of `width` × `height`.
+/// Options for an image of `width` × `height` pixels.
 pub fn options(width: u32, height: u32) -> StageOptions {
     StageOptions { size: UVec2::new(width, height), ..Default::default() }
 }
@@ -31,12 +31,12 @@ pub fn radiance_options(width: u32, height: u32, component: Component) -> StageO
     StageOptions { output: Output::Radiance, component, ..options(width, height) }
 }
 
-/// Opens a stage, on which the baseline can be shown too.
+/// Opens a stage that can also render the baseline.
 pub fn open(scene: &SceneDescription, options: StageOptions) -> Stage {
     open_with(scene, options, |_| {})
 }
 
-/// The same with plugins of its own, which `extend` adds.
+/// [`open`] with more plugins, which `extend` adds.
 pub fn open_with(
     scene: &SceneDescription,
     options: StageOptions,
@@ -49,12 +49,12 @@ pub fn open_with(
     Stage::open_with(scene, options, extend).unwrap_or_else(|error| panic!("{error}"))
 }
 
-/// A stage that holds `lights` and nothing else.
+/// Opens a stage with `lights` and no meshes.
 pub fn bare(lights: Vec<Light>, options: StageOptions) -> Stage {
     bare_with(lights, options, |_| {})
 }
 
-/// The same with plugins of its own, which `extend` adds.
+/// [`bare`] with more plugins, which `extend` adds.
 pub fn bare_with(
     lights: Vec<Light>,
     options: StageOptions,
@@ -70,19 +70,19 @@ pub fn bare_with(
     stage
 }
 
-/// Applies settings given as text, as the command line reads them.
+/// Applies settings in the syntax of the command line, with a camera cut.
 pub fn apply(stage: &mut Stage, text: &str) {
     stage.apply_text(text).unwrap_or_else(|error| panic!("{error}"));
 }
 
-/// The same in the midst of play, without a cut.
+/// Applies settings without a camera cut.
 pub fn switch(stage: &mut Stage, text: &str) {
     apply(stage, text);
     let camera = camera(stage);
     stage.world_mut().entity_mut(camera).remove::<CameraCut>();
 }
 
-/// Puts the camera at `position`, looking at `target`.
+/// Moves the camera to `position`, looking at `target`.
 pub fn look(stage: &mut Stage, position: Vec3, target: Vec3) {
     let pose = CameraPose::looking_at(position, target);
     stage.place(pose.position, pose.rotation);
@@ -97,7 +97,7 @@ pub fn camera(stage: &mut Stage) -> Entity {
         .unwrap_or_else(|error| panic!("the stage's camera: {error}"))
 }
 
-/// Its global illumination's settings, those that no knob sets among them.
+/// Settings of the camera's global illumination, including those that no knob controls.
 pub fn gi(stage: &mut Stage) -> Mut<'_, FrugalGi> {
     let camera = camera(stage);
     stage
@@ -106,28 +106,28 @@ pub fn gi(stage: &mut Stage) -> Mut<'_, FrugalGi> {
         .unwrap_or_else(|| panic!("the stage's camera has GI"))
 }
 
-/// Has light scattered as by matt surfaces, whose albedo says all.
+/// Shades all surfaces as Lambertian.
 pub fn make_lambertian(stage: &mut Stage) {
     gi(stage).shading = GiShading::Lambertian;
 }
 
-/// Has each frame show what was gathered in it, and nothing of what was shown before.
-pub fn forget_the_past(stage: &mut Stage) {
+/// Disables temporal accumulation: each frame shows only the light gathered in it.
+pub fn disable_history(stage: &mut Stage) {
     gi(stage).history_frames = 1;
 }
 
-/// What GI did in the last frame.
+/// Counters of the last frame's global illumination.
 pub fn gathered(stage: &Stage) -> GiCounts {
     stage.render_world().get_resource::<GiCounts>().copied().unwrap_or_default()
 }
 
-/// Renders until everything that changed is in the picture, and reads it.
+/// Renders until the image has converged after all changes, and returns its radiance.
 pub fn radiance(stage: &mut Stage) -> Radiance {
     stage.get_ready().unwrap_or_else(|error| panic!("{error}"));
     stage.radiance().unwrap_or_else(|error| panic!("{error}"))
 }
 
-/// Mean of each channel.
+/// Mean of each channel, nits.
 pub fn channel_means(radiance: &Radiance) -> [f64; 3] {
     let mean = |channel: usize| {
         radiance.rgb.iter().map(|rgb| f64::from(rgb[channel])).sum::<f64>()

@@ -1,7 +1,7 @@
 //! Tables in Markdown, for terminals and documents alike.
 
-/// A table whose columns are as wide as their widest cell. The first column is to the left, the
-/// others are numbers, to the right.
+/// A table whose columns are as wide as their widest cell. The first column is left-aligned; the
+/// others hold numbers and are right-aligned.
 pub fn markdown<Cell: AsRef<str>>(headers: &[&str], rows: &[Vec<Cell>]) -> String {
     let width = |column: usize| {
         let cells =

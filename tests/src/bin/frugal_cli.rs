@@ -1,5 +1,5 @@
-//! The `frugal` command once more: cargo builds the binaries of this package, and of no other,
-//! before it runs this package's tests.
+//! The `frugal` command as a binary of this package: before it runs a package's tests, Cargo builds
+//! only that package's binaries.
 
 use std::process::ExitCode;
 

@@ -1,4 +1,4 @@
-// A matt surface of one colour, written to the G-buffer without Bevy's material.
+// A diffuse surface of one colour, written to the G-buffer without Bevy's material.
 
 #import bevy_pbr::pbr_deferred_functions::deferred_output
 #import bevy_pbr::pbr_types::pbr_input_new

@@ -1,4 +1,4 @@
-// One colour, whatever the light.
+// One colour, independent of the light.
 
 #import bevy_pbr::forward_io::VertexOutput
 

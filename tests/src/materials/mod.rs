@@ -1,4 +1,4 @@
-//! Materials that are not Bevy's own, as an app or another plugin would bring them.
+//! Custom materials, as an app or another plugin would define them.
 
 use bevy::app::App;
 use bevy::asset::{Asset, embedded_asset};
@@ -10,7 +10,7 @@ use bevy::reflect::TypePath;
 use bevy::render::render_resource::AsBindGroup;
 use bevy::shader::ShaderRef;
 
-/// Adds what the materials here need, before an app starts.
+/// Adds the materials and their shaders to an app before it starts.
 pub fn add(app: &mut App) {
     embedded_asset!(app, "tint.wgsl");
     embedded_asset!(app, "shift.wgsl");
@@ -30,7 +30,7 @@ fn shader(file: &str) -> ShaderRef {
     ShaderRef::Path(format!("embedded://frugal_tests/materials/{file}.wgsl").into())
 }
 
-/// An extension that puts another base colour into the G-buffer, and into forward shading.
+/// An extension that replaces the base colour in the G-buffer and in forward shading.
 #[derive(Asset, AsBindGroup, TypePath, Clone, Debug)]
 pub struct Tint {
     /// Linear Rec. 709.
@@ -48,7 +48,7 @@ impl MaterialExtension for Tint {
     }
 }
 
-/// The same by someone who did not think of deferred rendering.
+/// [`Tint`] without a shader for deferred rendering.
 #[derive(Asset, AsBindGroup, TypePath, Clone, Debug)]
 pub struct ForwardTint {
     /// Linear Rec. 709.
@@ -62,7 +62,7 @@ impl MaterialExtension for ForwardTint {
     }
 }
 
-/// An extension that draws its mesh elsewhere.
+/// An extension that displaces its mesh.
 #[derive(Asset, AsBindGroup, TypePath, Clone, Debug)]
 pub struct Shift {
     /// World space, metres.
@@ -80,7 +80,7 @@ impl MaterialExtension for Shift {
     }
 }
 
-/// A material of one colour whose shader gives the picture's colour: Bevy renders such materials
+/// A material of one colour whose shader outputs the final colour: Bevy renders such materials
 /// forward.
 #[derive(Asset, AsBindGroup, TypePath, Clone, Debug)]
 pub struct Forward {
@@ -95,7 +95,7 @@ impl Material for Forward {
     }
 }
 
-/// The same, which leaves nothing in any prepass.
+/// [`Forward`] without a prepass.
 #[derive(Asset, AsBindGroup, TypePath, Clone, Debug)]
 pub struct WithoutPrepass {
     /// Linear Rec. 709, exposed.
@@ -113,7 +113,7 @@ impl Material for WithoutPrepass {
     }
 }
 
-/// A matt material of one colour that writes a G-buffer.
+/// A diffuse material of one colour that writes a G-buffer.
 #[derive(Asset, AsBindGroup, TypePath, Clone, Debug)]
 pub struct Deferred {
     /// Linear Rec. 709.

@@ -1,4 +1,4 @@
-// Draws a mesh elsewhere in every prepass.
+// Displaces a mesh in every prepass.
 
 #import bevy_pbr::mesh_functions::{get_world_from_local, mesh_normal_local_to_world, mesh_position_local_to_world}
 #import bevy_pbr::prepass_io::{Vertex, VertexOutput}

@@ -1,4 +1,4 @@
-// Bevy's own material in another base colour.
+// Bevy's standard material with another base colour.
 
 #import bevy_pbr::pbr_fragment::pbr_input_from_standard_material
 #ifdef PREPASS_PIPELINE

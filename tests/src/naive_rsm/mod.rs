@@ -2,11 +2,11 @@
 //! maps.
 //!
 //! Every pixel of the camera, at full resolution, sums 400 texels of each light's map, in a fixed
-//! pattern around its projection into the map. No visibility, no importance, no interpolation in
-//! the picture. Engine, maps, G-buffer and composite equation are the plugin's, so that a ratio of
-//! errors or of costs says something about the method alone. Where the publication leaves something
-//! open, it is settled in the method's favour: the samples are a Hammersley set and not random,
-//! each can count exactly what it stands for ([`Weights`]), and what is near is bounded.
+//! pattern around its projection into the map. There is no visibility, no importance sampling and
+//! no interpolation in image space. Engine, maps, G-buffer and composite equation are the plugin's,
+//! so that ratios of errors and of costs depend on the method only. Details that the publication
+//! leaves open are chosen in the method's favour: the samples are a Hammersley set instead of
+//! random, their weights can be exact ([`Weights`]), and the geometry term is bounded.
 //!
 //! | file | job |
 //! |---|---|
@@ -29,21 +29,21 @@ use frugal::stage::Stage;
 pub use pattern::Weights;
 
 /// Global illumination on this camera by naive sampling of its maps. The camera needs a
-/// [`FrugalGi`] that renders maps and shows nothing: see [`show`].
+/// [`FrugalGi`] with [`GiOutput::MapsOnly`]: see [`show`].
 #[derive(Component, ExtractComponent, Clone, Copy, Debug, PartialEq)]
 pub struct NaiveRsm {
-    /// Texels that a pixel sums of each light's map, 1 to 4096. As published: 400.
+    /// Samples per pixel of each light's map, 1 to 4096. As published: 400.
     pub samples: u32,
-    /// Greatest distance of a sample from the pixel's projection, in sides of the map; of a cube,
-    /// in half turns (1 is all around). The publication leaves it to the user. Wider: light from
-    /// farther away is found, and what is near is noisier.
+    /// Largest distance of a sample from the pixel's projection, in sides of the map; for a cube
+    /// map, in half turns (1 covers all directions). The publication leaves it to the user. A
+    /// larger radius finds light from farther away and makes that from nearby noisier.
     pub radius: f32,
-    /// What each sample counts.
+    /// Weights of the samples.
     pub weights: Weights,
-    /// Distance in metres within which a texel's light stops growing: cosθ·cosθ′/d² is at most 1 ÷
-    /// its square. Above 0.
+    /// Clamping distance, metres: the geometry term cosθ·cosθ′/d² is at most 1 ÷ its square. Above
+    /// 0.
     pub clamp_distance: f32,
-    /// Whether the indirect light is shown over black rather than added to the picture.
+    /// Whether the indirect light is rendered over black instead of added to the image.
     pub alone: bool,
 }
 
@@ -59,14 +59,14 @@ impl Default for NaiveRsm {
     }
 }
 
-/// Gives the stage's camera this baseline, or takes it away, and sets what the plugin does:
-/// [`GiOutput::MapsOnly`] where the baseline takes its place. How the maps are rendered stays with
-/// the knobs, which must ask for some VPLs: without any, there are no maps.
+/// Adds the baseline to the stage's camera, or removes it, and sets the plugin's output:
+/// [`GiOutput::MapsOnly`] together with the baseline. The knobs still control how the maps are
+/// rendered. They must ask for VPLs, since there are no maps without any.
 pub fn show(stage: &mut Stage, naive: Option<NaiveRsm>, output: GiOutput) {
     let camera = crate::set::camera(stage);
     let mut camera = stage.world_mut().entity_mut(camera);
-    // The baseline has one map for the whole scene, as it would have elsewhere; the plugin else has
-    // one for what is near, too.
+    // The baseline has one map for the whole scene, as published; by default the plugin adds a near
+    // cascade.
     let range = if naive.is_some() { f32::MAX } else { FrugalGi::default().range };
     match naive {
         Some(naive) => camera.insert(naive),
@@ -98,7 +98,7 @@ impl Plugin for NaiveRsmPlugin {
                 Render,
                 (
                     pass::prepare_pipelines.in_set(RenderSystems::Prepare),
-                    // Need the store as it is in this frame.
+                    // They need this frame's store.
                     (pass::learn_maps, pass::prepare_lights)
                         .chain()
                         .in_set(RenderSystems::PrepareBindGroups),

@@ -1,4 +1,4 @@
-//! The draws: one for each light, all added to the picture.
+//! The draws: one per light, all added to the image.
 
 use std::collections::BTreeMap;
 
@@ -138,13 +138,13 @@ struct MapUniform {
     largest_geometry_term: f32,
 }
 
-/// What one light's draw binds.
+/// Bindings of one light's draw.
 struct LightDraw {
     is_cube: bool,
     map: UniformBuffer<MapUniform>,
 }
 
-/// What one camera's draws bind.
+/// Bindings of one camera's draws.
 #[derive(Component)]
 pub(super) struct NaiveLights {
     texels: Buffer,
@@ -153,14 +153,14 @@ pub(super) struct NaiveLights {
     lights: Vec<LightDraw>,
 }
 
-/// The plugin's maps, and where their texels are.
+/// The plugin's maps and the buffer of their texels.
 #[derive(Resource, Default)]
 pub(super) struct KnownMaps {
     texels: Option<Buffer>,
     maps: Vec<GiMapState>,
 }
 
-/// Maps that rest are not told of: then what was known of them still holds.
+/// The plugin reports no maps in frames without rendering any; the known ones remain valid.
 pub(super) fn learn_maps(world: &World, mut commands: Commands) {
     let state = inspect::gpu_state(world);
     commands.queue(move |world: &mut World| {
@@ -172,7 +172,7 @@ pub(super) fn learn_maps(world: &World, mut commands: Commands) {
     });
 }
 
-/// Makes the buffers anew in each frame: a few kilobytes, next to which the draws are everything.
+/// Creates the buffers in each frame: a few kilobytes, whose cost is negligible next to the draws.
 pub(super) fn prepare_lights(
     mut commands: Commands,
     known: Res<KnownMaps>,
@@ -233,7 +233,7 @@ fn light_draw(
     if is_cube {
         let axes = [Vec3::X, Vec3::NEG_X, Vec3::Y, Vec3::NEG_Y, Vec3::Z, Vec3::NEG_Z];
         for (face, axis) in map.faces.iter_mut().zip(axes) {
-            // In front of exactly one face, in its middle.
+            // A point on the axis is in front of exactly one face.
             let depth = |map: &GiMapState| {
                 (map.clip_from_world * (map.light_position + axis).extend(1.0)).w
             };
@@ -249,7 +249,7 @@ fn light_draw(
     LightDraw { is_cube, map }
 }
 
-/// In such a camera's view, where the plugin composites.
+/// Draws in the view of a camera with the baseline, in place of the plugin's composite.
 pub(super) fn draw(
     view: ViewQuery<(
         &NaiveRsm,

@@ -1,25 +1,25 @@
-//! Which texels a pixel looks at, and how many each stands for.
+//! The pattern of texels that a pixel samples, and their weights.
 
 use std::f64::consts::{PI, TAU};
 
-/// What a sample counts.
+/// Weights of the samples.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
 pub enum Weights {
-    /// As many texels as its place was drawn for: the sum over the samples is, in expectation, that
-    /// over all texels of the disk.
+    /// The inverse of the sample density: the sum over the samples is, in expectation, that over
+    /// all texels of the disk.
     #[default]
     Exact,
-    /// ξ², as published, with the same total. It is right for a density that falls with the squared
-    /// distance; that of the published places falls with the distance, so what is far counts too
-    /// much.
+    /// ξ², as published, with the same total. It is correct for a density proportional to the
+    /// inverse squared distance; that of the published samples is proportional to the inverse
+    /// distance, so distant samples weigh too much.
     Published,
 }
 
-/// A sample on a flat map: its offset from the pixel's projection, and what it counts as a share of
-/// all texels; offsets in sides of the map.
+/// Samples of a flat map: offset from the pixel's projection, in sides of the map, and weight, as a
+/// share of all texels.
 ///
-/// Places are those of Dachsbacher and Stamminger 2005, `radius` · ξ₁ · (sin 2πξ₂, cos 2πξ₂), from
-/// a Hammersley set: evenly spread numbers can only help.
+/// The offsets are those of Dachsbacher and Stamminger 2005, `radius` · ξ₁ · (sin 2πξ₂, cos 2πξ₂),
+/// with ξ from a Hammersley set, whose low discrepancy favours the baseline.
 pub fn flat(count: u32, radius: f64, weights: Weights) -> Vec<[f32; 4]> {
     let disk = PI * radius * radius;
     let sample = |(distance, angle): (f64, f64)| {
@@ -34,8 +34,8 @@ pub fn flat(count: u32, radius: f64, weights: Weights) -> Vec<[f32; 4]> {
     hammersley(count).map(sample).collect()
 }
 
-/// The same around a direction, for lamps whose map is a cube: a unit vector whose z is along that
-/// direction, and the solid angle (sr) that it stands for. The greatest angle is `radius` · π.
+/// Samples around a direction, for lights with a cube map: a unit vector whose z axis is that
+/// direction, and its weight, a solid angle (sr). The largest angle is `radius` · π.
 pub fn spherical(count: u32, radius: f64, weights: Weights) -> Vec<[f32; 4]> {
     let greatest = PI * radius.min(1.0);
     let sample = |(distance, angle): (f64, f64)| {
@@ -51,7 +51,7 @@ pub fn spherical(count: u32, radius: f64, weights: Weights) -> Vec<[f32; 4]> {
     hammersley(count).map(sample).collect()
 }
 
-/// Pairs in (0, 1) × [0, 1).
+/// A Hammersley set of `count` points in (0, 1) × [0, 1).
 fn hammersley(count: u32) -> impl Iterator<Item = (f64, f64)> {
     (0..count).map(move |index| {
         (
@@ -68,7 +68,7 @@ mod tests {
     const BOTH: [Weights; 2] = [Weights::Exact, Weights::Published];
 
     #[test]
-    fn samples_lie_in_the_disk_and_stand_for_all_of_it() {
+    fn samples_lie_in_the_disk_and_cover_its_area() {
         for (weights, radius) in BOTH.into_iter().zip([0.3, 1.0]) {
             let samples = flat(400, radius, weights);
             let total: f64 = samples.iter().map(|sample| f64::from(sample[2])).sum();
@@ -83,7 +83,7 @@ mod tests {
     }
 
     #[test]
-    fn directions_lie_in_the_cap_and_stand_for_all_of_it() {
+    fn directions_lie_in_the_cap_and_cover_its_solid_angle() {
         for weights in BOTH {
             for radius in [0.1, 0.5, 1.0] {
                 let samples = spherical(400, radius, weights);
@@ -101,9 +101,9 @@ mod tests {
     }
 
     #[test]
-    fn exact_weights_integrate_what_falls_off() {
+    fn exact_weights_integrate_a_gaussian() {
         // ∫ exp(−(r/0.2)²) over the plane = π · 0.04; the disk of radius 1 holds all of it.
-        // Published weights lose most of what is near.
+        // Published weights lose most of the centre.
         let integral = |weights| -> f64 {
             let fall_off = |[x, y, share, _]: [f32; 4]| {
                 f64::from(share) * (-f64::from(x * x + y * y) / 0.04).exp()

@@ -1,4 +1,4 @@
-//! Light that is reflected more than once.
+//! Multiple diffuse bounces.
 
 use bevy::asset::{Assets, RenderAssetUsages};
 use bevy::color::{Color, LinearRgba};
@@ -17,26 +17,26 @@ use frugal::reference::Pixels;
 use frugal::scene::{CameraPose, Light};
 use frugal::stage::{Component, Stage};
 use frugal_tests::gather::irradiance;
-use frugal_tests::truth::{self, Tracing};
+use frugal_tests::reference::{self, Tracing};
 use frugal_tests::{gpu, meshes, set};
 
 use super::furnace::{ALBEDO, deviation, direct_radiance};
 use super::gi::{assert_costs_nothing, corner, sun};
 use super::gi_sources::surround;
-use super::refresh::{at_once_and_settled, turn_the_sun};
+use super::refresh::{converges_in_one_frame, turn_the_sun};
 
 tests!(
     every_bounce_in_a_furnace_adds_its_albedo_times_the_last,
-    a_second_bounce_is_near_the_truth,
-    patches_reflect_what_their_twin_says,
-    patches_reflect_their_textures_colours,
-    what_glows_and_the_sky_are_reflected_too,
-    what_lets_light_through_reflects_none,
+    a_second_bounce_is_near_the_reference,
+    patches_match_their_cpu_reference,
+    patches_reflect_the_colours_of_their_texture,
+    emissive_surfaces_and_the_sky_are_reflected_too,
+    transmissive_surfaces_have_no_patches,
     patches_rest_when_nothing_changes,
-    what_changes_is_reflected_at_once,
+    changes_are_reflected_in_the_next_frame,
     without_light_or_rays_patches_cost_nothing,
     odd_scenes_stay_finite,
-    bounces_are_turned_by_name_only,
+    the_knob_of_bounces_is_opt_in,
 );
 
 /// Every pixel gathered, with rays.
@@ -74,8 +74,8 @@ fn every_bounce_in_a_furnace_adds_its_albedo_times_the_last() {
             most * 100.0,
             mean * 100.0
         );
-        // As for one bounce. Patches lose a little in each: what is nearer to a virtual light than
-        // its disk's radius.
+        // As for one bounce. Each bounce between patches loses a little light at points nearer to a
+        // VPL than the radius of its disk.
         assert!(mean <= 0.003 * f64::from(bounces) && most <= 0.02, "{bounces}: {most} {mean}");
     }
     let most = set::radiance(with_bounces(&mut stage, u32::MAX));
@@ -85,7 +85,7 @@ fn every_bounce_in_a_furnace_adds_its_albedo_times_the_last() {
     );
 }
 
-fn a_second_bounce_is_near_the_truth() {
+fn a_second_bounce_is_near_the_reference() {
     let size = UVec2::new(64, 36);
     let tracing = Tracing { size, samples: 256, seed: 1, pixels: Pixels::Middle };
     for (name, eye, target) in [
@@ -98,10 +98,10 @@ fn a_second_bounce_is_near_the_truth() {
             set::open(&scene, set::radiance_options(size.x, size.y, Component::Indirect));
         stage.place(pose.position, pose.rotation);
         set::apply(&mut stage, "max,rsm_resolution=128");
-        let truth = truth::bounces(&scene, pose, tracing, 2);
+        let reference = reference::bounces(&scene, pose, tracing, 2);
         let off = |stage: &mut Stage, bounces| {
-            Difference::new(&set::radiance(with_bounces(stage, bounces)), &truth, None)
-                .expect("pictures of one size")
+            Difference::new(&set::radiance(with_bounces(stage, bounces)), &reference, None)
+                .expect("images of equal size")
         };
         let (one, two) = (off(&mut stage, 1), off(&mut stage, 2));
         println!(
@@ -109,30 +109,30 @@ fn a_second_bounce_is_near_the_truth() {
             one.mean_ratio, two.mean_ratio, two.relative_l1_boxes
         );
         assert!((two.mean_ratio - 1.0).abs() < 0.06 && two.relative_l1_boxes < 0.15, "{two:?}");
-        assert!(one.mean_ratio < 0.9, "a second bounce is worth seeing: {one:?}");
+        assert!(one.mean_ratio < 0.9, "the second bounce is visible: {one:?}");
     }
 }
 
-/// Without anything between them, patches get all that the carriers send.
-fn patches_reflect_what_their_twin_says() {
+/// Without occluders, each patch receives the light of all bounce VPLs.
+fn patches_match_their_cpu_reference() {
     let mut stage = corner(vec![sun(Vec3::new(-0.3, -1.0, -0.2))]);
     set::apply(&mut stage, RAYS);
     set::radiance(with_bounces(&mut stage, 2));
     let state = inspect::gpu_state(stage.render_world());
     let buffer = state.cameras[0].bounces.as_ref().expect("two bounces").carriers.clone();
-    let carriers = gpu::vpl_slots(&gpu::read_buffer(stage.render_world(), &buffer));
+    let bounce_vpls = gpu::vpl_slots(&gpu::read_buffer(stage.render_world(), &buffer));
     let (mut checked, mut worst) = (0, 0.0f64);
     for patch in patches(&stage).iter().filter(|patch| patch.extent > 0.0) {
         let [normal, position] = [patch.normal, patch.position].map(Vec3::from_array);
-        // The wall's front and the floor's top before it, at some distance from the corner: there
-        // rays may start inside the other.
+        // The wall's front and the floor's top, away from the corner, where rays may start inside
+        // the other mesh.
         let albedo = match () {
             () if normal.z > 0.99 && position.y > 0.05 && position.y < 1.99 => 0.5,
             () if normal.y > 0.99 && position.y < 0.1 && position.z > -1.85 => 0.8,
             () => continue,
         };
         let expected = irradiance(
-            &carriers,
+            &bounce_vpls,
             position.as_dvec3(),
             DVec3::from_array(patch.normal.map(f64::from)),
             1.0,
@@ -152,7 +152,7 @@ fn patches_reflect_what_their_twin_says() {
     assert!(checked > 200 && worst < 1e-3, "{checked} {worst}");
 }
 
-fn patches_reflect_their_textures_colours() {
+fn patches_reflect_the_colours_of_their_texture() {
     // A floor whose left half is red and whose right half is black.
     let mut stage =
         set::bare(vec![sun(Vec3::NEG_Y)], set::radiance_options(48, 27, Component::Indirect));
@@ -170,21 +170,21 @@ fn patches_reflect_their_textures_colours() {
     meshes::spawn(
         &mut stage,
         floor,
-        StandardMaterial { base_color_texture: Some(texture), ..meshes::matt(1.0, 1.0, 1.0) },
+        StandardMaterial { base_color_texture: Some(texture), ..meshes::diffuse(1.0, 1.0, 1.0) },
         Transform::default(),
     );
-    // Lit by a ceiling that the sun cannot reach, but by way of a white slab below it.
+    // Lit by a ceiling, which receives the sun's light only from a white slab below it.
     meshes::spawn_box(
         &mut stage,
         Vec3::new(0.0, 1.0, 0.0),
         Vec3::new(1.0, 0.1, 1.0),
-        meshes::matt(0.8, 0.8, 0.8),
+        meshes::diffuse(0.8, 0.8, 0.8),
     );
     meshes::spawn_box(
         &mut stage,
         Vec3::new(6.0, 3.0, 0.0),
         Vec3::new(9.0, 0.1, 9.0),
-        meshes::matt(0.8, 0.8, 0.8),
+        meshes::diffuse(0.8, 0.8, 0.8),
     );
     set::look(&mut stage, Vec3::new(0.0, 1.2, 5.0), Vec3::ZERO);
     set::apply(&mut stage, RAYS);
@@ -206,21 +206,21 @@ fn patches_reflect_their_textures_colours() {
     assert!(red > 20 && black > 20, "{red} {black}");
 }
 
-fn what_glows_and_the_sky_are_reflected_too() {
-    // A floor and a ceiling. Under a panel below the ceiling, this is lit by the floor alone.
+fn emissive_surfaces_and_the_sky_are_reflected_too() {
+    // A floor and a ceiling. With an emissive panel below it, the ceiling is lit by the floor only.
     let slabs = || {
         let mut stage = set::bare(vec![], set::radiance_options(48, 27, Component::Global));
         meshes::spawn_box(
             &mut stage,
             Vec3::new(0.0, -0.1, 0.0),
             Vec3::new(6.0, 0.2, 6.0),
-            meshes::matt(0.8, 0.8, 0.8),
+            meshes::diffuse(0.8, 0.8, 0.8),
         );
         meshes::spawn_box(
             &mut stage,
             Vec3::new(0.0, 3.0, 0.0),
             Vec3::new(6.0, 0.2, 6.0),
-            meshes::matt(0.8, 0.8, 0.8),
+            meshes::diffuse(0.8, 0.8, 0.8),
         );
         set::look(&mut stage, Vec3::new(0.0, 1.0, 2.9), Vec3::new(0.0, 2.9, -2.0));
         set::apply(&mut stage, RAYS);
@@ -229,13 +229,13 @@ fn what_glows_and_the_sky_are_reflected_too() {
     };
     let ceiling = |stage: &mut Stage, bounces| set::radiance(with_bounces(stage, bounces)).mean();
     let mut stage = slabs();
-    let glow = StandardMaterial {
+    let emissive = StandardMaterial {
         emissive: LinearRgba::rgb(5.0, 5.0, 5.0),
-        ..meshes::matt(0.0, 0.0, 0.0)
+        ..meshes::diffuse(0.0, 0.0, 0.0)
     };
     let mesh = Plane3d::new(Vec3::NEG_Y, Vec2::splat(1.0)).mesh().build();
-    meshes::spawn(&mut stage, mesh, glow, Transform::from_xyz(0.0, 2.85, 0.0));
-    // From the floor, and again from the floor by way of the ceiling itself.
+    meshes::spawn(&mut stage, mesh, emissive, Transform::from_xyz(0.0, 2.85, 0.0));
+    // One bounce on the floor; then a path over the ceiling and the floor again.
     let (direct, once, twice) =
         (ceiling(&mut stage, 1), ceiling(&mut stage, 2), ceiling(&mut stage, 4));
     println!("    a panel's light: {direct:.3}, with bounces {once:.3} and {twice:.3} nits");
@@ -252,7 +252,7 @@ fn what_glows_and_the_sky_are_reflected_too() {
     );
 }
 
-fn what_lets_light_through_reflects_none() {
+fn transmissive_surfaces_have_no_patches() {
     let mut stage = corner(vec![sun(Vec3::NEG_Y)]);
     set::apply(&mut stage, RAYS);
     let count = |stage: &mut Stage| {
@@ -273,24 +273,24 @@ fn what_lets_light_through_reflects_none() {
             true,
         ),
         ("without shadow", StandardMaterial::default(), false),
-        ("matt", StandardMaterial::default(), true),
+        ("diffuse", StandardMaterial::default(), true),
     ] {
         let mesh = meshes::spawn_box(&mut stage, Vec3::new(0.0, 5.0, 0.0), Vec3::ONE, material);
         if !casts {
             stage.world_mut().entity_mut(mesh).insert(NotShadowCaster);
         }
         set::radiance(&mut stage);
-        assert_eq!(on_top(&patches(&stage)) > 0, label == "matt", "{label}");
+        assert_eq!(on_top(&patches(&stage)) > 0, label == "diffuse", "{label}");
         assert!(stage.world_mut().despawn(mesh));
     }
 }
 
-/// A corner under the sun with two bounces that has come to rest.
+/// A corner under the sun with three bounces, after it has converged.
 fn at_rest() -> Stage {
     let mut stage = corner(vec![sun(Vec3::new(-0.3, -1.0, -0.2))]);
     set::apply(&mut stage, RAYS);
     stage.frame();
-    set::forget_the_past(&mut stage);
+    set::disable_history(&mut stage);
     with_bounces(&mut stage, 3).world_mut().insert_resource(GiRefresh::OnChange);
     set::radiance(&mut stage);
     (0..16).for_each(|_| stage.frame());
@@ -299,13 +299,13 @@ fn at_rest() -> Stage {
 
 fn patches_rest_when_nothing_changes() {
     let mut stage = at_rest();
-    let before = stage.radiance().expect("a picture");
+    let before = stage.radiance().expect("an image");
     for _ in 0..8 {
         stage.frame();
         assert_eq!(set::gathered(&stage).patches, 0);
     }
-    assert!(stage.radiance().expect("a picture") == before);
-    // A camera that moves a little lights nothing anew.
+    assert!(stage.radiance().expect("an image") == before);
+    // A small movement of the camera updates no patches.
     for step in 0..4 {
         set::look(
             &mut stage,
@@ -321,32 +321,32 @@ fn patches_rest_when_nothing_changes() {
     assert_eq!(set::gathered(&stage).patches, 2 * 2048, "two rounds");
 }
 
-fn what_changes_is_reflected_at_once() {
+fn changes_are_reflected_in_the_next_frame() {
     let mut stage = at_rest();
     let mesh = meshes::spawn_box(
         &mut stage,
         Vec3::new(0.5, 0.5, 0.0),
         Vec3::splat(0.4),
-        meshes::matt(0.8, 0.2, 0.2),
+        meshes::diffuse(0.8, 0.2, 0.2),
     );
     (0..16).for_each(|_| stage.frame());
     let check = |stage: &mut Stage, what: &str| {
-        assert!(at_once_and_settled(stage, what), "{what}");
-        assert_eq!(set::gathered(stage).patches, 0, "{what}: at rest again");
+        assert!(converges_in_one_frame(stage, what), "{what}");
+        assert_eq!(set::gathered(stage).patches, 0, "{what}: converged again");
     };
     turn_the_sun(&mut stage, 0.2);
     check(&mut stage, "a light that turns");
-    stage.world_mut().get_mut::<Transform>(mesh).expect("placed").translation.y += 0.2;
+    stage.world_mut().get_mut::<Transform>(mesh).expect("a transform").translation.y += 0.2;
     check(&mut stage, "a mesh that moves");
     let camera = set::camera(&mut stage);
-    stage.world_mut().get_mut::<Transform>(camera).expect("placed").translation.x += 3.0;
+    stage.world_mut().get_mut::<Transform>(camera).expect("a transform").translation.x += 3.0;
     check(&mut stage, "a camera that moves");
     with_bounces(&mut stage, 2);
     check(&mut stage, "fewer bounces");
     set::gi(&mut stage).rsm_resolution = 128;
     check(&mut stage, "finer maps");
     assert!(stage.world_mut().despawn(mesh));
-    check(&mut stage, "a mesh that goes");
+    check(&mut stage, "a mesh that is removed");
 }
 
 fn without_light_or_rays_patches_cost_nothing() {
@@ -367,7 +367,7 @@ fn without_light_or_rays_patches_cost_nothing() {
     with_bounces(&mut stage, 1);
     set::radiance(&mut stage);
     let without = bytes(&stage);
-    // Patches and their texels, 512 carriers, weights and rows.
+    // Patches and their texels, 512 bounce VPLs, weights and rows.
     println!("    {} bytes", with - without);
     assert!(with > without + 2 * 2048 * 32 && with < without + 200_000, "{with} {without}");
     assert_eq!(stage.world_mut().resource::<GiPatches>().patch_count(), 0);
@@ -412,12 +412,11 @@ fn odd_scenes_stay_finite() {
             &mut stage,
             Vec3::new(0.5, 0.5, 0.0),
             Vec3::splat(0.4),
-            StandardMaterial { base_color: color, ..meshes::matt(0.5, 0.5, 0.5) },
+            StandardMaterial { base_color: color, ..meshes::diffuse(0.5, 0.5, 0.5) },
         );
         finite(&mut stage, "albedo");
     }
-    // Triangles without area, corners that are no numbers or far away, and meshes scaled to
-    // nothing.
+    // Degenerate triangles, and vertices that are not finite or far away.
     let mut stage = corner(vec![sun(Vec3::new(-0.3, -1.0, -0.2))]);
     set::apply(&mut stage, RAYS);
     let expected = finite(&mut stage, "a corner");
@@ -431,11 +430,12 @@ fn odd_scenes_stay_finite() {
         let id = meshes::spawn(
             &mut stage,
             mesh,
-            meshes::matt(0.5, 0.5, 0.5),
+            meshes::diffuse(0.5, 0.5, 0.5),
             Transform::from_xyz(0.0, 0.5, 0.0),
         );
         let found = finite(&mut stage, "triangles");
-        // One that is finite but out of reach makes the scene so large that no map shows any of it.
+        // A finite vertex that is far away makes the scene so large that its maps resolve none of
+        // it.
         assert!(
             corner == 1e30 || (found / expected - 1.0).abs() < 0.1,
             "{corner}: {found} {expected}"
@@ -446,7 +446,7 @@ fn odd_scenes_stay_finite() {
         set::gi(&mut stage).range = range;
         finite(&mut stage, "range");
     }
-    // A million metres away, where floats are a sixteenth of one apart.
+    // At 1,000 km from the origin, where the spacing of floats is 1/16 m.
     let mut stage = set::bare(
         vec![sun(Vec3::new(-0.3, -1.0, -0.2))],
         set::radiance_options(48, 27, Component::Indirect),
@@ -456,13 +456,13 @@ fn odd_scenes_stay_finite() {
         &mut stage,
         far + Vec3::new(0.0, -1.0, 0.0),
         Vec3::new(40.0, 2.0, 40.0),
-        meshes::matt(0.8, 0.8, 0.8),
+        meshes::diffuse(0.8, 0.8, 0.8),
     );
     meshes::spawn_box(
         &mut stage,
         far + Vec3::new(0.0, 10.0, -20.0),
         Vec3::new(40.0, 20.0, 2.0),
-        meshes::matt(0.5, 0.5, 0.5),
+        meshes::diffuse(0.5, 0.5, 0.5),
     );
     set::look(&mut stage, far + Vec3::new(0.0, 12.0, 30.0), far + Vec3::new(0.0, 8.0, -20.0));
     set::apply(&mut stage, RAYS);
@@ -470,14 +470,14 @@ fn odd_scenes_stay_finite() {
     assert!(light > 1.0, "{light}");
 }
 
-fn bounces_are_turned_by_name_only() {
+fn the_knob_of_bounces_is_opt_in() {
     let mut stage = corner(vec![sun(Vec3::NEG_Y)]);
     let registry = stage.world_mut().resource::<KnobRegistry>().clone();
     assert!(
         stage.space().index_of("gi_bounces").is_none()
-            && registry.space().expect("sound").index_of("gi_bounces").is_none()
+            && registry.space().expect("valid").index_of("gi_bounces").is_none()
     );
-    assert!(registry.space_with(|_| true).expect("sound").index_of("gi_bounces").is_some());
+    assert!(registry.space_with(|_| true).expect("valid").index_of("gi_bounces").is_some());
     set::apply(&mut stage, "max");
     stage.frame();
     assert_eq!(set::gi(&mut stage).bounces, 1);

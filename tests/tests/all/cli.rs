@@ -1,5 +1,5 @@
-//! Wrong use and bad input: exit status 2, one message that names what is wrong, no output touched,
-//! no panic.
+//! Incorrect use and invalid input: exit status 2, one message that names the cause, no output
+//! touched, no panic.
 
 use std::fs;
 use std::path::Path;
@@ -19,13 +19,13 @@ tests!(
     scenes_that_cannot_be_read_are_named,
     models_that_cannot_be_read_are_named,
     maps_that_cannot_be_used_are_named,
-    budgets_that_make_no_sense_are_named,
-    outputs_that_cannot_be_written_are_named_before_the_work,
-    arguments_that_make_no_sense_are_named,
-    no_adapter_is_said_plainly,
-    pictures_are_traced_and_compared_without_an_adapter,
+    invalid_budgets_are_named,
+    unwritable_outputs_are_named_before_the_work,
+    invalid_arguments_are_named,
+    a_missing_adapter_is_reported,
+    references_are_traced_and_compared_without_an_adapter,
     recorded_tables_are_searched_without_an_adapter,
-    a_reader_that_goes_away_is_no_panic,
+    a_closed_pipe_is_no_panic,
     maps_that_cost_more_have_their_own_exit_status,
     presets_come_from_a_map,
 );
@@ -51,8 +51,8 @@ fn write(folder: &Path, name: &str, text: &str) {
     fs::write(folder.join(name), text).expect("can be written");
 }
 
-/// Renders `scene` over an output that exists, and asserts that it is refused and the output
-/// untouched.
+/// Renders a scene to an existing output file, and asserts that the scene is refused and the file
+/// unchanged.
 fn refused_scene(name: &str, text: Option<&str>, words: &[&str]) {
     let folder = folder();
     if let Some(text) = text {
@@ -95,7 +95,7 @@ fn scenes_that_cannot_be_read_are_named() {
     refused_scene(name, Some(&SCENE.replace("furnace", "oven")), &[name, "oven", "furnace"]);
 }
 
-/// A sound GLB of one triangle.
+/// A valid GLB of one triangle.
 pub fn triangle() -> Vec<u8> {
     let json = r#"{"asset":{"version":"2.0"},"scene":0,"scenes":[{"nodes":[0]}],"nodes":[{"mesh":0}],
         "meshes":[{"primitives":[{"attributes":{"POSITION":0}}]}],
@@ -138,11 +138,11 @@ fn models_that_cannot_be_read_are_named() {
     fs::write(folder.path().join("a.glb"), &whole).expect("can be written");
     assert!(
         scene::load(folder.path().join("a.scene.ron")).expect("a scene").geometry().is_ok(),
-        "whole, it is sound"
+        "the complete file is valid"
     );
 }
 
-/// A scene and a map of it, in files.
+/// Writes a scene and a map of it.
 fn scene_with_map(folder: &Path) -> FrontierMap {
     write(folder, "a.scene.ron", SCENE);
     let knobs = KnobSpace::new(vec![Knob::new(
@@ -162,7 +162,7 @@ fn scene_with_map(folder: &Path) -> FrontierMap {
     map
 }
 
-/// Evaluates with more arguments, and asserts that it is refused and writes nothing.
+/// Runs `evaluate` with more arguments, and asserts that it is refused and writes nothing.
 fn refused_evaluation(folder: &Path, more: &[&str], words: &[&str]) {
     let before = entries(folder);
     let arguments =
@@ -196,7 +196,7 @@ fn maps_that_cannot_be_used_are_named() {
     check(Some(&empty.to_ron().expect("text")), &["capture.size"]);
 }
 
-fn budgets_that_make_no_sense_are_named() {
+fn invalid_budgets_are_named() {
     let folder = folder();
     scene_with_map(folder.path());
     for budget in
@@ -215,7 +215,7 @@ fn budgets_that_make_no_sense_are_named() {
     );
 }
 
-fn outputs_that_cannot_be_written_are_named_before_the_work() {
+fn unwritable_outputs_are_named_before_the_work() {
     let folder = folder();
     scene_with_map(folder.path());
     write(folder.path(), "file", "precious");
@@ -243,7 +243,7 @@ fn outputs_that_cannot_be_written_are_named_before_the_work() {
     assert_eq!(entries(folder.path()), before, "files appeared");
 }
 
-fn arguments_that_make_no_sense_are_named() {
+fn invalid_arguments_are_named() {
     let folder = folder();
     write(folder.path(), "a.scene.ron", SCENE);
     for (arguments, words) in [
@@ -297,7 +297,7 @@ fn arguments_that_make_no_sense_are_named() {
     assert_eq!(entries(folder.path()), ["a.scene.ron"], "files appeared");
 }
 
-fn no_adapter_is_said_plainly() {
+fn a_missing_adapter_is_reported() {
     let folder = folder();
     scene_with_map(folder.path());
     let before = entries(folder.path());
@@ -320,7 +320,7 @@ fn no_adapter_is_said_plainly() {
     assert_eq!(entries(folder.path()), before, "files appeared");
 }
 
-fn pictures_are_traced_and_compared_without_an_adapter() {
+fn references_are_traced_and_compared_without_an_adapter() {
     let folder = folder();
     write(folder.path(), "a.scene.ron", SCENE);
     let run = |arguments: &[&str]| {
@@ -351,7 +351,7 @@ fn pictures_are_traced_and_compared_without_an_adapter() {
         "once.png",
     ]);
     trace(&["--size", "16x16", "--hdr", "small.exr"]);
-    // The furnace's walls reflect 80 %: so much of the direct light comes once more.
+    // The furnace's walls reflect 80 %: the first bounce is 80 % of the direct light.
     run(&["compare", "once.exr", "direct.exr", "--json", "difference.json"]);
     let json = fs::read_to_string(folder.path().join("difference.json")).expect("was written");
     let ratio = json
@@ -373,7 +373,7 @@ fn pictures_are_traced_and_compared_without_an_adapter() {
     );
 }
 
-/// A table of two knobs in a file; `worst` is the error of the lowest settings.
+/// Writes a table of two knobs; `worst` is the error of the lowest settings.
 fn sweep_table(folder: &Path, name: &str, knobs: [&str; 2], worst: f64) {
     let space =
         frugal::stage::every_knob().expect("the built-in knobs").subset(knobs).expect("built-in");
@@ -446,7 +446,7 @@ fn recorded_tables_are_searched_without_an_adapter() {
     assert_eq!(entries(folder.path()), before, "files appeared");
 }
 
-fn a_reader_that_goes_away_is_no_panic() {
+fn a_closed_pipe_is_no_panic() {
     let folder = folder();
     write(folder.path(), "a.scene.ron", SCENE);
     let arguments =
@@ -463,7 +463,7 @@ fn a_reader_that_goes_away_is_no_panic() {
     );
 }
 
-/// A map with a shared frontier, whose power is `scale` times that of any other.
+/// A map with a shared frontier, with all powers multiplied by `scale`.
 fn map_of_cost(scale: f64) -> FrontierMap {
     let map = map::one_cube(
         KnobSpace::new(vec![Knob::new("gi_vpl_count", [0.0, 64.0, 4096.0])]).expect("a space"),

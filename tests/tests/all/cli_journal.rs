@@ -1,4 +1,4 @@
-//! A search that is killed goes on where it was.
+//! A search that was killed resumes from its journal.
 
 use std::fs;
 use std::path::Path;
@@ -12,7 +12,7 @@ tests!(a_killed_search_is_resumed);
 
 const MAP: &str = "a.pareto.ron";
 
-/// One triangle without light: few views see it, and a frame takes milliseconds.
+/// One triangle without punctual lights: few views contain it, and a frame takes milliseconds.
 const SCENE: &str = r#"(geometry: Gltf("a.glb"), environment: Constant((900.0, 900.0, 900.0)), camera: (vertical_fov: 50.0),
     bounds: (min: (0.1, 0.1, 0.8), max: (0.6, 0.5, 1.4)))"#;
 
@@ -25,7 +25,7 @@ fn arguments(resume: bool) -> Vec<&'static str> {
     arguments
 }
 
-/// Lines of the journal that are finished.
+/// Number of complete lines of the journal.
 fn lines(journal: &Path) -> usize {
     fs::read_to_string(journal).map_or(0, |text| text.matches('\n').count())
 }
@@ -45,13 +45,13 @@ fn a_killed_search_is_resumed() {
         assert!(child.try_wait().expect("a child").is_none(), "over before it could be killed");
         std::thread::sleep(Duration::from_millis(20));
     }
-    // SIGKILL: nothing can be tidied up.
+    // SIGKILL: the process cannot clean up.
     child.kill().expect("can be killed");
     child.wait().expect("ends");
     assert!(!folder.path().join(MAP).exists(), "no map before the end");
     let kept = lines(&journal) - 1;
 
-    // Another seed is another search.
+    // A journal of another seed is refused.
     let other = [&arguments(true)[..], &["--seed", "9"]].concat();
     assert_refused(&run(folder.path(), &other), &["seed"]);
 

@@ -6,31 +6,31 @@ use std::process::{Command, Output, Stdio};
 /// `frugal` with arguments, in `folder`, with nothing on its input.
 pub fn command(folder: &Path, arguments: &[&str]) -> Command {
     let mut command = Command::new(env!("CARGO_BIN_EXE_frugal_cli"));
-    // Drivers complain where the variable is missing, and these complaints are not ours.
+    // Drivers print warnings if the variable is not set.
     command.args(arguments).current_dir(folder).env("XDG_RUNTIME_DIR", folder).stdin(Stdio::null());
     command.stdout(Stdio::piped()).stderr(Stdio::piped());
     command
 }
 
-/// Runs it to its end.
+/// Runs `frugal` until it exits.
 pub fn run(folder: &Path, arguments: &[&str]) -> Output {
     command(folder, arguments)
         .output()
         .unwrap_or_else(|error| panic!("frugal does not start: {error}"))
 }
 
-/// What it wrote on its error output.
+/// Standard error as text.
 pub fn stderr(output: &Output) -> String {
     String::from_utf8_lossy(&output.stderr).into_owned()
 }
 
-/// Asserts that a run ended as a wrong use does: status 2, one message that holds all of `words`,
-/// no panic, nothing on standard output.
+/// Asserts that a run was refused: exit status 2, one message that contains all of `words`, no
+/// panic, nothing on standard output.
 pub fn assert_refused(output: &Output, words: &[&str]) {
     let message = stderr(output);
     assert_eq!(output.status.code(), Some(2), "status of: {message}");
     assert!(!message.contains("panicked") && !message.contains("RUST_BACKTRACE"), "{message}");
-    // One message starts with the program's name, or is clap's, which starts with `error:` and may
+    // The message starts with the program's name, or is clap's, which starts with `error:` and may
     // have usage lines.
     let starts = message
         .lines()

@@ -1,5 +1,5 @@
-//! The shipped compute shaders on buffers of our own, against sums in 64-bit floats. `extremes` has
-//! the numbers at which they might break.
+//! The shipped compute shaders on synthetic buffers, against CPU references in 64-bit floats.
+//! `extremes` tests them at extreme values.
 
 use bevy::math::Vec3;
 use bevy::render::render_resource::binding_types::{
@@ -15,9 +15,9 @@ use frugal_tests::set;
 
 tests!(
     the_gather_is_the_sum_over_vpls,
-    drawing_follows_flux,
-    drawing_by_importance_keeps_the_expectation,
-    drawing_from_nothing_gives_nothing
+    sampling_follows_flux,
+    sampling_by_importance_keeps_the_expectation,
+    sampling_dark_texels_gives_no_flux
 );
 
 fn stage() -> Stage {
@@ -72,7 +72,7 @@ fn the_gather_is_the_sum_over_vpls() {
                 plane.exposure,
             );
             for channel in 0..3 {
-                // Below the smallest normal half, 6e-5, the format rounds more coarsely.
+                // Below the smallest normal half float, 6e-5, the format rounds more coarsely.
                 if expected[channel] > 1e-4 {
                     worst = worst.max((found[channel] / expected[channel] - 1.0).abs());
                     lit += 1;
@@ -82,14 +82,15 @@ fn the_gather_is_the_sum_over_vpls() {
         println!(
             "    bounds of {scale} times their own: off by at most {worst:.1e} over {lit} values"
         );
-        // Half floats round to 4.9e-4, or on a software driver down, by up to 9.8e-4.
+        // Half floats are rounded to the nearest, by up to 4.9e-4, or on a software driver down, by
+        // up to 9.8e-4.
         assert!(worst < 1e-3 && lit > 100, "{worst}, {lit}");
     }
 }
 
-/// Draws from maps of equally long rows, the texels' weights being their luminance times what
-/// `importance` says of their index.
-fn draw(
+/// Samples VPLs from maps of equally long rows. A texel's weight is its luminance times the
+/// `importance` of its index.
+fn sample(
     stage: &mut Stage,
     texels: &[Point],
     length: u32,
@@ -115,7 +116,7 @@ fn draw(
         .flat_map(|row| [row * length, row * length, length, 0, 0, 1, 0, 0].map(u32::to_le_bytes))
         .flatten()
         .collect();
-    // One set that holds them all.
+    // One set of all VPLs.
     let plan = [1, 1, count as u32, count as u32].map(u32::to_le_bytes).concat();
     let zeros = |floats: usize| gpu::bytes(&vec![0.0; floats]);
     let contents = [
@@ -137,10 +138,10 @@ fn draw(
     gpu::vpl_slots(&gpu::read_buffer(stage.render_world(), &buffers[4]))
 }
 
-/// A map of `rows` rows, in which every texel tells its place.
+/// A map of `rows` rows, in which each texel's position encodes its index.
 fn texels(rows: u32, length: u32, scale: f32) -> Vec<Point> {
     let texel = |index: u32| {
-        // Anything but regular; some are dark.
+        // An irregular pattern; a third of the texels is dark.
         let weight = (index.wrapping_mul(2_654_435_761) >> 24) as f32;
         let flux = if index.is_multiple_of(3) { 0.0 } else { weight * scale };
         Point {
@@ -153,15 +154,15 @@ fn texels(rows: u32, length: u32, scale: f32) -> Vec<Point> {
     (0..rows * length).map(texel).collect()
 }
 
-fn drawing_follows_flux() {
+fn sampling_follows_flux() {
     let mut stage = stage();
     for scale in [1.0, 1e-20, 1e20] {
         let texels = texels(100, 32, scale);
-        let vpls = draw(&mut stage, &texels, 32, 1024, |_| 1.0);
-        let (drawn, all) = (gpu::total_flux(&vpls), gpu::total_flux(&texels));
-        let off = drawn[1] / all[1] - 1.0;
+        let vpls = sample(&mut stage, &texels, 32, 1024, |_| 1.0);
+        let (sampled, all) = (gpu::total_flux(&vpls), gpu::total_flux(&texels));
+        let off = sampled[1] / all[1] - 1.0;
         println!("    fluxes of {scale:e}: off by {off:+.1e}");
-        // All texels have one colour, so that each channel is kept as luminance is.
+        // All texels have the same colour, so that the flux of each channel is kept like luminance.
         assert!(off.abs() < 1e-4, "{scale}: {off}");
         for vpl in &vpls {
             let source = &texels[vpl.position[0] as usize];
@@ -169,25 +170,28 @@ fn drawing_follows_flux() {
                 .map(|axis| (source.normal[axis] - vpl.normal[axis]).abs())
                 .fold(0.0, f32::max);
             // Normals are packed to 16 bits an axis.
-            assert!(source.flux[0] > 0.0 && turned < 5e-5, "a dark texel was drawn: {vpl:?}");
+            assert!(source.flux[0] > 0.0 && turned < 5e-5, "a dark texel was sampled: {vpl:?}");
         }
-        // Rows are drawn as often as their share of the flux says, up to one VPL at each end.
+        // The number of samples in a row is proportional to its flux, up to one VPL at each end.
         for (row, texels_of_row) in texels.chunks_exact(32).enumerate() {
             let share = 1024.0 * gpu::total_flux(texels_of_row)[1] / all[1];
-            let drawn =
+            let sampled =
                 vpls.iter().filter(|vpl| vpl.position[0] as usize / 32 == row).count() as f64;
-            assert!((drawn - share).abs() <= 1.01, "row {row}: {drawn} drawn, {share} expected");
+            assert!(
+                (sampled - share).abs() <= 1.01,
+                "row {row}: {sampled} sampled, {share} expected"
+            );
         }
     }
 }
 
-fn drawing_by_importance_keeps_the_expectation() {
+fn sampling_by_importance_keeps_the_expectation() {
     let mut stage = stage();
     let texels = texels(100, 32, 1.0);
-    // The middle matters a hundred times as much.
+    // The middle is a hundred times as important.
     let matters = |index: usize| (1200..2000).contains(&index);
     let vpls =
-        draw(&mut stage, &texels, 32, 1024, |index| if matters(index) { 100.0 } else { 1.0 });
+        sample(&mut stage, &texels, 32, 1024, |index| if matters(index) { 100.0 } else { 1.0 });
     let sum = |points: &[Point], inside: bool| {
         points
             .iter()
@@ -198,18 +202,18 @@ fn drawing_by_importance_keeps_the_expectation() {
     let inside = vpls.iter().filter(|vpl| matters(vpl.position[0] as usize)).count();
     let off = [true, false].map(|inside| sum(&vpls, inside) / sum(&texels, inside) - 1.0);
     println!(
-        "    {inside} of 1024 drawn where it matters; flux there off by {:+.2} %, elsewhere by {:+.1} %",
+        "    {inside} of 1024 sampled in the important texels; flux there off by {:+.2} %, elsewhere by {:+.1} %",
         off[0] * 100.0,
         off[1] * 100.0
     );
     assert!(inside > 950, "{inside}");
-    // About 30 VPLs stand for the rest.
+    // About 30 VPLs represent the rest.
     assert!(off[0].abs() < 0.01 && off[1].abs() < 0.2, "{off:?}");
 }
 
-fn drawing_from_nothing_gives_nothing() {
+fn sampling_dark_texels_gives_no_flux() {
     let mut stage = stage();
-    let vpls = draw(&mut stage, &texels(64, 16, 0.0), 16, 64, |_| 1.0);
+    let vpls = sample(&mut stage, &texels(64, 16, 0.0), 16, 64, |_| 1.0);
     assert!(
         vpls.iter()
             .all(|vpl| vpl.flux == [0.0; 3] && vpl.position.iter().all(|value| value.is_finite()))

@@ -1,4 +1,4 @@
-//! A camera under the controller, with a map made by hand.
+//! A camera under the controller, with a hand-written map.
 
 use bevy::asset::Assets;
 use bevy::math::Vec3;
@@ -13,8 +13,8 @@ use frugal::stage::Stage;
 use frugal_tests::{map, set};
 
 tests!(
-    a_budget_reaches_the_picture,
-    budgets_without_sense_change_nothing,
+    a_budget_changes_the_rendered_settings,
+    invalid_budgets_change_nothing,
     a_map_of_unknown_knobs_is_refused,
     settings_move_smoothly
 );
@@ -29,7 +29,7 @@ fn stage() -> Stage {
     stage
 }
 
-/// Hands the camera over to the controller.
+/// Puts the camera under the controller.
 fn control(stage: &mut Stage, knobs: KnobSpace, budget: Budget, seconds: f64) {
     let camera = set::camera(stage);
     let world = stage.world_mut();
@@ -42,7 +42,7 @@ fn control(stage: &mut Stage, knobs: KnobSpace, budget: Budget, seconds: f64) {
 fn budget(stage: &mut Stage, budget: Budget) {
     let camera = set::camera(stage);
     stage.world_mut().entity_mut(camera).insert(budget);
-    // The controller may write settings after they are applied: then they take one frame more.
+    // The controller may write settings after they were applied: then they take one more frame.
     (0..3).for_each(|_| stage.frame());
 }
 
@@ -60,7 +60,7 @@ fn space(stage: &Stage) -> KnobSpace {
     stage.space().subset(KNOBS).expect("built-in knobs")
 }
 
-fn a_budget_reaches_the_picture() {
+fn a_budget_changes_the_rendered_settings() {
     let mut stage = stage();
     let knobs = space(&stage);
     control(&mut stage, knobs, Budget::power(Watts(2.5)), 0.0);
@@ -87,25 +87,25 @@ fn a_budget_reaches_the_picture() {
     );
 }
 
-fn budgets_without_sense_change_nothing() {
+fn invalid_budgets_change_nothing() {
     let mut stage = stage();
     let knobs = space(&stage);
     control(&mut stage, knobs, Budget::power(Watts(2.5)), 0.0);
     for limit in [f64::NAN, -1.0, f64::NEG_INFINITY] {
-        for wrong in
+        for invalid in
             [Budget::power(Watts(limit)), Budget::error(limit), Budget::both(Watts(1.0), limit)]
         {
-            budget(&mut stage, wrong);
+            budget(&mut stage, invalid);
             let found = selection(&mut stage);
-            assert_eq!(found.status, ControlStatus::Off(OffReason::InvalidBudget), "{wrong:?}");
-            assert_eq!((found.predicted, gi(&mut stage).vpl_count), (None, 512), "{wrong:?}");
+            assert_eq!(found.status, ControlStatus::Off(OffReason::InvalidBudget), "{invalid:?}");
+            assert_eq!((found.predicted, gi(&mut stage).vpl_count), (None, 512), "{invalid:?}");
         }
     }
     budget(&mut stage, Budget::power(Watts(4.0)));
     assert_eq!(
         (selection(&mut stage).status, gi(&mut stage).vpl_count),
         (ControlStatus::Active(Outcome::Met), 4096),
-        "back in charge"
+        "active again"
     );
 }
 

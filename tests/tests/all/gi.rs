@@ -15,13 +15,13 @@ tests!(
     no_lights_no_cost,
     an_empty_scene_costs_nothing,
     a_camera_without_gi_costs_nothing,
-    gi_comes_back_as_it_was,
+    gi_is_the_same_after_it_was_switched_off_and_on,
     moving_the_light_moves_the_bounce,
     moving_an_object_changes_the_bounce,
-    a_still_scene_gives_the_same_frame_for_ever,
+    a_still_scene_gives_identical_frames,
     two_stages_of_a_scene_agree,
-    lights_that_are_no_numbers_are_left_out,
-    pictures_too_small_are_refused,
+    lights_that_are_not_finite_are_ignored,
+    images_that_are_too_small_are_refused,
 );
 
 pub fn sun(direction: Vec3) -> Light {
@@ -38,13 +38,13 @@ pub fn corner(lights: Vec<Light>) -> Stage {
         &mut stage,
         Vec3::new(0.0, -0.1, 0.0),
         Vec3::new(4.0, 0.2, 4.0),
-        meshes::matt(0.8, 0.8, 0.8),
+        meshes::diffuse(0.8, 0.8, 0.8),
     );
     meshes::spawn_box(
         &mut stage,
         Vec3::new(0.0, 1.0, -2.0),
         Vec3::new(4.0, 2.0, 0.2),
-        meshes::matt(0.5, 0.5, 0.5),
+        meshes::diffuse(0.5, 0.5, 0.5),
     );
     set::look(&mut stage, Vec3::new(0.0, 1.2, 3.0), Vec3::new(0.0, 0.8, -2.0));
     set::apply(&mut stage, PLAIN);
@@ -117,7 +117,7 @@ fn a_camera_without_gi_costs_nothing() {
     assert_costs_nothing(&mut stage);
 }
 
-fn gi_comes_back_as_it_was() {
+fn gi_is_the_same_after_it_was_switched_off_and_on() {
     let mut stage = corner(vec![sun(Vec3::NEG_Y)]);
     let before = set::radiance(&mut stage);
     set::apply(&mut stage, "min");
@@ -178,7 +178,7 @@ fn moving_an_object_changes_the_bounce() {
         &mut stage,
         Vec3::new(0.0, 6.0, 30.0),
         Vec3::new(6.0, 0.1, 6.0),
-        meshes::matt(0.0, 0.0, 0.0),
+        meshes::diffuse(0.0, 0.0, 0.0),
     );
     set::apply(&mut stage, &format!("{PLAIN},rsm_resolution=128"));
     let open = set::radiance(&mut stage);
@@ -193,7 +193,7 @@ fn moving_an_object_changes_the_bounce() {
     assert!(set::radiance(&mut stage) == open, "taken away, all is as before");
 }
 
-fn a_still_scene_gives_the_same_frame_for_ever() {
+fn a_still_scene_gives_identical_frames() {
     let mut stage = set::open(&set::scene("cornell"), set::options(64, 36));
     set::look(&mut stage, Vec3::new(0.0, 2.7, 7.8), Vec3::new(0.0, 2.7, 0.0));
     set::apply(&mut stage, "max,rsm_resolution=128,gi_vpl_count=128,shadow_map_resolution=512");
@@ -216,7 +216,7 @@ fn two_stages_of_a_scene_agree() {
     assert!(render() == render());
 }
 
-fn lights_that_are_no_numbers_are_left_out() {
+fn lights_that_are_not_finite_are_ignored() {
     let mut stage = corner(vec![sun(Vec3::NEG_Y)]);
     let expected = set::radiance(&mut stage);
     for (intensity, color) in [(f32::NAN, 1.0), (1e5, f32::NAN), (f32::INFINITY, 1.0), (-1e5, 1.0)]
@@ -233,7 +233,7 @@ fn lights_that_are_no_numbers_are_left_out() {
     }
 }
 
-fn pictures_too_small_are_refused() {
+fn images_that_are_too_small_are_refused() {
     for (width, height) in [(0, 32), (1, 1), (31, 31), (9000, 32)] {
         let refused = Stage::open(&set::scene("furnace"), set::options(width, height))
             .err()

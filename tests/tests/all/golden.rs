@@ -6,7 +6,7 @@ use bevy::math::Vec3;
 use frugal::metrics::Picture;
 use frugal_tests::{golden, set};
 
-tests!(pictures_are_as_blessed, another_picture_is_seen, references_and_pictures_belong_together);
+tests!(images_match_their_references, a_different_image_is_detected, every_reference_has_a_view);
 
 struct View {
     name: &'static str,
@@ -47,7 +47,7 @@ fn render(view: &View) -> Picture {
     stage.picture().expect("a picture")
 }
 
-fn pictures_are_as_blessed() {
+fn images_match_their_references() {
     let results = VIEWS
         .iter()
         .map(|view| (view.name, golden::compare(&golden::folder(), view.name, &render(view))));
@@ -61,7 +61,7 @@ fn pictures_are_as_blessed() {
     assert!(faults.is_empty(), "{}", faults.join("\n"));
 }
 
-fn another_picture_is_seen() {
+fn a_different_image_is_detected() {
     let folder = golden::folder();
     let reference = Picture::read_png(&folder.join("cornell.png")).expect("the reference");
     let at = |x: u32, y: u32| reference.rgb[(y * reference.width + x) as usize];
@@ -87,7 +87,7 @@ fn another_picture_is_seen() {
     }
 }
 
-fn references_and_pictures_belong_together() {
+fn every_reference_has_a_view() {
     let files = std::fs::read_dir(golden::folder()).expect("a folder");
     let files: BTreeSet<String> = files
         .map(|file| file.expect("a file").file_name().to_string_lossy().into_owned())

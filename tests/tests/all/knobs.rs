@@ -20,7 +20,7 @@ use frugal::stage::Stage;
 use frugal_tests::set;
 
 tests!(
-    every_level_is_applied_and_shows_and_leaves_no_trace,
+    every_level_is_applied_changes_the_image_and_leaves_no_trace,
     bloom_follows_the_resolution_scale,
     cheaper_levels_evaluate_fewer_pairs
 );
@@ -112,7 +112,7 @@ fn assert_applied(stage: &mut Stage, name: &str, value: f64) {
     }
 }
 
-fn every_level_is_applied_and_shows_and_leaves_no_trace() {
+fn every_level_is_applied_changes_the_image_and_leaves_no_trace() {
     let mut stage = stage();
     let space = stage.space().clone();
     let best = space.highest();
@@ -133,15 +133,15 @@ fn every_level_is_applied_and_shows_and_leaves_no_trace() {
             stage.apply(at(index, number));
             let first = picture(&mut stage);
             assert_applied(&mut stage, &knob.name, level.value);
-            let settled = picture(&mut stage);
+            let converged = picture(&mut stage);
             // Half of it: where deferred lighting is late, the mean falls to about half.
             assert!(
-                luma(&first) >= 0.5 * luma(&settled) && luma(&settled) > 10.0,
+                luma(&first) >= 0.5 * luma(&converged) && luma(&converged) > 10.0,
                 "{}={}",
                 knob.name,
                 level.label
             );
-            *changed.entry(&knob.name).or_default() += usize::from(settled != reference);
+            *changed.entry(&knob.name).or_default() += usize::from(converged != reference);
         }
         let camera = set::camera(&mut stage);
         let last = knob.levels.len() - 1;

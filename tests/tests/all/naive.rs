@@ -15,8 +15,8 @@ tests!(
     maps_project_their_own_texels,
     in_a_furnace_it_is_the_closed_form,
     on_two_plates_it_is_the_form_factor,
-    every_light_counts_once,
-    it_pays_for_maps_alone,
+    the_light_of_several_lights_adds_up,
+    its_cost_is_the_maps_only,
 );
 
 const MAPS: &str = "min,gi_vpl_count=64,rsm_resolution=128,resolution_scale=100%";
@@ -42,7 +42,7 @@ fn maps_project_their_own_texels() {
     let mut lit_maps = 0;
     for map in maps {
         let mut lit = 0;
-        for (index, place) in (0..map.resolution.pow(2))
+        for (index, pixel) in (0..map.resolution.pow(2))
             .map(|index| (index, UVec2::new(index % map.resolution, index / map.resolution)))
         {
             let texel = texels[(map.texel_offset + index) as usize];
@@ -53,8 +53,8 @@ fn maps_project_their_own_texels() {
                     (Vec2::new(clip.x, -clip.y) / clip.w * 0.5 + 0.5) * map.resolution as f32;
                 // Depths of 32 bits and positions of a few metres.
                 assert!(
-                    projected.distance(place.as_vec2() + 0.5) < 0.01,
-                    "{:?}: {place} is at {projected}",
+                    projected.distance(pixel.as_vec2() + 0.5) < 0.01,
+                    "{:?}: {pixel} is at {projected}",
                     map.view
                 );
             }
@@ -152,7 +152,7 @@ fn on_two_plates_it_is_the_form_factor() {
 }
 
 /// Light adds up over lights, flat maps and cubes alike.
-fn every_light_counts_once() {
+fn the_light_of_several_lights_adds_up() {
     let point = frugal::scene::Light::Point {
         position: Vec3::new(0.3, 1.5, 0.4),
         luminous_power: 1e6,
@@ -175,14 +175,14 @@ fn every_light_counts_once() {
     );
 }
 
-fn it_pays_for_maps_alone() {
+fn its_cost_is_the_maps_only() {
     let mut stage = corner(vec![sun(Vec3::NEG_Y)]);
     let ours = set::radiance(&mut stage);
     show(&mut stage, NaiveRsm::default());
     let naive = set::radiance(&mut stage);
     assert!(naive.mean() > 1.0 && naive != ours);
     stage.world_mut().insert_resource(GiRefresh::EveryFrame);
-    assert!(set::radiance(&mut stage) == naive, "maps that rest are remembered");
+    assert!(set::radiance(&mut stage) == naive, "maps that are not rendered again are kept");
     let GiCounts { maps, cameras, vpls, pairs, rays, .. } = set::gathered(&stage);
     assert_eq!(
         (maps, cameras, vpls, pairs, rays),

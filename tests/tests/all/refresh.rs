@@ -11,24 +11,24 @@ use frugal_tests::{meshes, set};
 use super::gi::{corner, sun};
 
 tests!(
-    nothing_is_redone_in_a_still_picture,
-    what_changes_is_in_the_next_frame,
+    nothing_is_recomputed_in_a_still_scene,
+    changes_are_in_the_next_frame,
     a_walk_through_a_still_scene_renders_no_map,
-    with_a_period_moving_light_is_followed_that_often,
+    the_refresh_period_limits_how_often_maps_are_rendered,
 );
 
 /// A corner under the sun that has come to rest.
 fn at_rest(policy: GiRefresh) -> Stage {
     let mut stage = corner(vec![sun(Vec3::new(-0.3, -1.0, -0.2))]);
     // What a frame gathers is looked at here, and not what is shown of it.
-    set::forget_the_past(&mut stage);
+    set::disable_history(&mut stage);
     stage.world_mut().insert_resource(policy);
     set::radiance(&mut stage);
     (0..16).for_each(|_| stage.frame());
     stage
 }
 
-fn nothing_is_redone_in_a_still_picture() {
+fn nothing_is_recomputed_in_a_still_scene() {
     let mut stage = at_rest(GiRefresh::OnChange);
     let before = stage.radiance().expect("a picture");
     assert!(before.mean() > 1.0);
@@ -58,32 +58,32 @@ pub fn turn_the_sun(stage: &mut Stage, angle: f32) {
 }
 
 /// Whether the picture after one frame is that after many of which each did everything.
-pub fn at_once_and_settled(stage: &mut Stage, what: &str) -> bool {
+pub fn converges_in_one_frame(stage: &mut Stage, what: &str) -> bool {
     stage.frame();
-    let at_once = stage.radiance().expect("a picture");
+    let after_one_frame = stage.radiance().expect("a picture");
     assert_eq!(set::gathered(stage).cameras, 1, "{what}");
     stage.world_mut().insert_resource(GiRefresh::EveryFrame);
     (0..3).for_each(|_| stage.frame());
-    let settled = stage.radiance().expect("a picture");
+    let converged = stage.radiance().expect("a picture");
     stage.world_mut().insert_resource(GiRefresh::OnChange);
     (0..16).for_each(|_| stage.frame());
     assert_eq!(set::gathered(stage).cameras, 0, "at rest again");
-    at_once == settled
+    after_one_frame == converged
 }
 
-fn what_changes_is_in_the_next_frame() {
+fn changes_are_in_the_next_frame() {
     let mut stage = at_rest(GiRefresh::OnChange);
     // Within the box around all meshes, which the map covers whole.
     let mesh = meshes::spawn_box(
         &mut stage,
         Vec3::new(0.5, 0.5, 0.0),
         Vec3::splat(0.4),
-        meshes::matt(0.8, 0.2, 0.2),
+        meshes::diffuse(0.8, 0.2, 0.2),
     );
     (0..16).for_each(|_| stage.frame());
     let mut before = stage.radiance().expect("a picture");
     let mut changes = |stage: &mut Stage, what: &str| {
-        assert!(at_once_and_settled(stage, what), "{what}");
+        assert!(converges_in_one_frame(stage, what), "{what}");
         let now = stage.radiance().expect("a picture");
         assert!(now != before, "{what} changed nothing");
         before = now;
@@ -112,7 +112,7 @@ fn what_changes_is_in_the_next_frame() {
         bevy_frugal_gi::gi::GiVisibility::Fine;
     changes(&mut stage, "rays");
 
-    let material = meshes::matt(0.1, 0.9, 0.1);
+    let material = meshes::diffuse(0.1, 0.9, 0.1);
     let world = stage.world_mut();
     let mut materials = world.resource_mut::<bevy::asset::Assets<bevy::pbr::StandardMaterial>>();
     let ids: Vec<_> = materials.ids().collect();
@@ -141,7 +141,7 @@ fn a_walk_through_a_still_scene_renders_no_map() {
     }
 }
 
-fn with_a_period_moving_light_is_followed_that_often() {
+fn the_refresh_period_limits_how_often_maps_are_rendered() {
     let mut stage = at_rest(GiRefresh::OnChange);
     let camera = set::camera(&mut stage);
     for period in [1, 2, 4, 8] {

@@ -12,10 +12,10 @@ use super::gi::corner;
 
 tests!(
     sun_flux_of_a_box_is_the_closed_form,
-    a_point_light_gives_a_closed_room_all_its_flux,
-    drawing_keeps_the_flux,
-    any_brightness_bounces_in_proportion,
-    far_from_the_origin_all_stays_finite,
+    all_flux_of_a_point_light_reaches_a_closed_room,
+    sampling_keeps_the_flux,
+    bounced_light_is_proportional_to_any_brightness,
+    results_stay_finite_far_from_the_origin,
 );
 
 const LUX: f32 = 10_000.0;
@@ -35,19 +35,19 @@ fn sun_flux_of_a_box_is_the_closed_form() {
     {
         let light = Light::Directional { direction, illuminance: LUX, color: [1.0, 0.5, 0.25] };
         let mut stage = set::bare(vec![light], set::radiance_options(32, 18, Component::Indirect));
-        let place = Transform::from_xyz(0.3, 2.0, 0.1).with_rotation(rotation);
+        let transform = Transform::from_xyz(0.3, 2.0, 0.1).with_rotation(rotation);
         meshes::spawn(
             &mut stage,
             bevy::prelude::Cuboid::from_size(size).into(),
-            meshes::matt(0.8, 0.4, 0.2),
-            place,
+            meshes::diffuse(0.8, 0.4, 0.2),
+            transform,
         );
         // Black, so that the map also covers what reflects nothing.
         meshes::spawn_box(
             &mut stage,
             Vec3::ZERO,
             Vec3::new(6.0, 0.1, 6.0),
-            meshes::matt(0.0, 0.0, 0.0),
+            meshes::diffuse(0.0, 0.0, 0.0),
         );
         set::apply(&mut stage, "min,gi_vpl_count=64,rsm_resolution=256");
         // Finer than any level.
@@ -69,7 +69,7 @@ fn sun_flux_of_a_box_is_the_closed_form() {
     }
 }
 
-fn a_point_light_gives_a_closed_room_all_its_flux() {
+fn all_flux_of_a_point_light_reaches_a_closed_room() {
     let mut stage =
         set::open(&set::scene("furnace"), set::radiance_options(32, 18, Component::Indirect));
     set::apply(&mut stage, "min,gi_vpl_count=64,rsm_resolution=128");
@@ -90,7 +90,7 @@ fn relative_difference(vpls: &[Point], texels: &[Point]) -> f64 {
     luminance(vpls) / luminance(texels) - 1.0
 }
 
-fn drawing_keeps_the_flux() {
+fn sampling_keeps_the_flux() {
     let lights = vec![
         Light::Directional {
             direction: Vec3::new(-0.3, -1.0, -0.4),
@@ -134,7 +134,7 @@ fn carried(stage: &mut Stage) -> f64 {
     gpu::total_flux(&vpls)[1]
 }
 
-fn any_brightness_bounces_in_proportion() {
+fn bounced_light_is_proportional_to_any_brightness() {
     let mut stage = corner(vec![Light::Directional {
         direction: Vec3::NEG_Y,
         illuminance: 1.0,
@@ -161,19 +161,19 @@ fn any_brightness_bounces_in_proportion() {
     }
 }
 
-fn far_from_the_origin_all_stays_finite() {
+fn results_stay_finite_far_from_the_origin() {
     for offset in [1e4f32, 1e6] {
         let mut stage = set::bare(
             vec![super::gi::sun(Vec3::NEG_Y)],
             set::radiance_options(32, 18, Component::Full),
         );
         let at = Vec3::splat(offset);
-        meshes::spawn_box(&mut stage, at, Vec3::new(4.0, 0.2, 4.0), meshes::matt(0.8, 0.8, 0.8));
+        meshes::spawn_box(&mut stage, at, Vec3::new(4.0, 0.2, 4.0), meshes::diffuse(0.8, 0.8, 0.8));
         meshes::spawn_box(
             &mut stage,
             at + Vec3::new(0.0, 1.0, -2.0),
             Vec3::new(4.0, 2.0, 0.2),
-            meshes::matt(0.5, 0.5, 0.5),
+            meshes::diffuse(0.5, 0.5, 0.5),
         );
         set::look(&mut stage, at + Vec3::new(0.0, 1.2, 3.0), at + Vec3::new(0.0, 0.8, -2.0));
         set::apply(&mut stage, super::gi::PLAIN);

@@ -2,7 +2,7 @@
 
 use bevy_frugal_gi::gi::inspect::STRUCT_BYTES;
 
-tests!(structs_have_the_sizes_that_buffers_are_made_for, the_check_sees_a_grown_struct);
+tests!(structs_have_the_sizes_that_buffers_assume, the_check_detects_a_larger_struct);
 
 const SHADERS: [&str; 11] = [
     include_str!("../../../plugin/src/gi/texels/texel.wgsl"),
@@ -38,13 +38,13 @@ fn size(name: &str, sources: &[&str]) -> u32 {
         .unwrap_or_else(|| panic!("struct {name} is gone"))
 }
 
-fn structs_have_the_sizes_that_buffers_are_made_for() {
+fn structs_have_the_sizes_that_buffers_assume() {
     for (name, bytes) in STRUCT_BYTES {
         assert_eq!(u64::from(size(name, &SHADERS)), bytes, "{name}");
     }
 }
 
-fn the_check_sees_a_grown_struct() {
+fn the_check_detects_a_larger_struct() {
     let grown = SHADERS[1].replace("padding: f32,", "padding: f32,\n    more: f32,");
     assert_eq!(size("Vpl", &[&grown]), 64);
 }

@@ -12,8 +12,8 @@ use frugal_tests::set;
 
 tests!(
     a_still_scene_is_still_for_120_frames,
-    a_cut_leaves_no_trace,
-    light_that_moves_flickers_less_for_its_past_and_comes_to_rest_without,
+    a_cut_discards_history,
+    history_reduces_flicker_and_leaves_no_trace_at_rest,
     history_outlives_a_switch_of_settings,
     a_clip_costs_the_same_whatever_was_rendered_before
 );
@@ -50,7 +50,7 @@ fn look(stage: &mut Stage, pose: CameraPose) {
     stage.place(pose.position, pose.rotation);
 }
 
-fn a_cut_leaves_no_trace() {
+fn a_cut_discards_history() {
     for (name, from, to) in [
         // From the court to the gallery.
         (
@@ -94,12 +94,12 @@ fn a_cut_leaves_no_trace() {
 fn turn_the_sun(stage: &mut Stage) {
     let world = stage.world_mut();
     let mut suns = world.query_filtered::<&mut Transform, With<DirectionalLight>>();
-    for mut place in suns.iter_mut(world) {
-        place.rotate(Quat::from_rotation_y(0.1f32.to_radians()));
+    for mut transform in suns.iter_mut(world) {
+        transform.rotate(Quat::from_rotation_y(0.1f32.to_radians()));
     }
 }
 
-fn light_that_moves_flickers_less_for_its_past_and_comes_to_rest_without() {
+fn history_reduces_flicker_and_leaves_no_trace_at_rest() {
     let shown = |frames: u32| -> (f64, Radiance) {
         let mut stage =
             set::open(&set::scene("courtyard"), set::radiance_options(64, 36, Component::Indirect));
@@ -137,12 +137,12 @@ fn light_that_moves_flickers_less_for_its_past_and_comes_to_rest_without() {
     };
     let [(without, fresh), (with, rested)] = [1, 16].map(shown);
     println!(
-        "    from frame to frame {:.2} % of the light changes without a past, and {:.2} % with one",
+        "    from frame to frame {:.2} % of the light changes without history, {:.2} % with it",
         100.0 * without,
         100.0 * with
     );
     assert!(with < 0.34 * without, "{with} {without}");
-    assert!(rested == fresh, "nothing of the past is in a still picture");
+    assert!(rested == fresh, "a still image does not depend on history");
 }
 
 /// Mean change of the light from one picture to another, as a share of the light.
@@ -203,7 +203,7 @@ fn history_outlives_a_switch_of_settings() {
             100.0 * dropped
         );
         assert!(kept < most * dropped, "{to}: {kept} {dropped}");
-        assert!(rested == fresh, "{to}: nothing of the history is in a still picture");
+        assert!(rested == fresh, "{to}: a still image does not depend on history");
     }
 }
 

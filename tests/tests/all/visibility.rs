@@ -18,10 +18,10 @@ use super::gi::{PLAIN, corner, sun};
 tests!(
     the_dark_room_is_dark,
     a_screen_hides_the_bounce_and_follows_its_transform,
-    what_hides_no_light_is_left_out,
-    coarse_and_fine_expect_the_same,
+    surfaces_that_cast_no_shadow_occlude_nothing,
+    coarse_and_fine_have_the_same_mean,
     nothing_is_kept_without_rays,
-    rays_that_are_asked_for_late_are_there_a_frame_later,
+    rays_enabled_at_the_end_of_a_frame_work_one_frame_later,
 );
 
 /// Mean indirect radiance of a view, nits.
@@ -52,7 +52,7 @@ fn screened() -> (Stage, Entity) {
         &mut stage,
         Vec3::new(0.0, 1.0, -1.85),
         Vec3::new(4.5, 2.1, 0.02),
-        meshes::matt(0.0, 0.0, 0.0),
+        meshes::diffuse(0.0, 0.0, 0.0),
     );
     // Only what is behind the screen is looked at.
     set::look(&mut stage, Vec3::new(0.0, 1.2, -1.87), Vec3::new(0.0, 0.8, -2.0));
@@ -74,7 +74,7 @@ fn a_screen_hides_the_bounce_and_follows_its_transform() {
     assert!((back - hidden).abs() < 1e-3 * leaking, "{back} {hidden}");
 }
 
-fn what_hides_no_light_is_left_out() {
+fn surfaces_that_cast_no_shadow_occlude_nothing() {
     let (mut stage, screen) = screened();
     let hidden = mean(&mut stage, "fine");
     stage.world_mut().entity_mut(screen).insert(NotShadowCaster);
@@ -94,18 +94,18 @@ fn what_hides_no_light_is_left_out() {
     assert!(mean(&mut stage, "fine") > 0.5 * open, "glass hides nothing");
 }
 
-fn coarse_and_fine_expect_the_same() {
+fn coarse_and_fine_have_the_same_mean() {
     let mut stage = corner(vec![sun(Vec3::new(0.3, -1.0, -0.2))]);
     meshes::spawn_box(
         &mut stage,
         Vec3::new(0.3, 0.5, -0.9),
         Vec3::new(0.8, 0.9, 0.2),
-        meshes::matt(0.3, 0.3, 0.3),
+        meshes::diffuse(0.3, 0.3, 0.3),
     );
     let [none, coarse, fine] =
         ["none", "coarse", "fine"].map(|visibility| mean(&mut stage, visibility));
     println!("    {none:.3} nits without rays, {coarse:.3} coarse, {fine:.3} fine");
-    assert!((coarse / fine - 1.0).abs() < 0.02, "drawing must not shift the mean: {coarse} {fine}");
+    assert!((coarse / fine - 1.0).abs() < 0.02, "sampling must not bias the mean: {coarse} {fine}");
     assert!(fine < 0.95 * none, "{fine} {none}");
 }
 
@@ -136,7 +136,7 @@ fn nothing_is_kept_without_rays() {
 #[derive(Resource)]
 struct AskForRays;
 
-fn rays_that_are_asked_for_late_are_there_a_frame_later() {
+fn rays_enabled_at_the_end_of_a_frame_work_one_frame_later() {
     let ask = |asked: Option<Res<AskForRays>>,
                mut cameras: Query<&mut FrugalGi>,
                mut commands: Commands| {
@@ -153,25 +153,25 @@ fn rays_that_are_asked_for_late_are_there_a_frame_later() {
         &mut stage,
         Vec3::new(0.0, -0.1, 0.0),
         Vec3::new(4.0, 0.2, 4.0),
-        meshes::matt(0.8, 0.8, 0.8),
+        meshes::diffuse(0.8, 0.8, 0.8),
     );
     meshes::spawn_box(
         &mut stage,
         Vec3::new(0.0, 1.0, -2.0),
         Vec3::new(4.0, 2.0, 0.2),
-        meshes::matt(0.5, 0.5, 0.5),
+        meshes::diffuse(0.5, 0.5, 0.5),
     );
     meshes::spawn_box(
         &mut stage,
         Vec3::new(0.0, 1.0, -1.85),
         Vec3::new(4.5, 2.1, 0.02),
-        meshes::matt(0.0, 0.0, 0.0),
+        meshes::diffuse(0.0, 0.0, 0.0),
     );
     set::look(&mut stage, Vec3::new(0.0, 1.2, -1.87), Vec3::new(0.0, 0.8, -2.0));
     // What rays take is compiled and prepared.
     let hidden = mean(&mut stage, "fine");
     let leaking = mean(&mut stage, "none");
-    set::forget_the_past(&mut stage);
+    set::disable_history(&mut stage);
     stage.world_mut().insert_resource(GiRefresh::OnChange);
     (0..16).for_each(|_| stage.frame());
     stage.world_mut().insert_resource(AskForRays);

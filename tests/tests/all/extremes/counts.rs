@@ -1,4 +1,4 @@
-//! None, one and the most: virtual point lights of a pixel, of a picture, and pixels.
+//! Zero, one and the maximum number of virtual point lights per pixel and per image, and of pixels.
 
 use bevy::math::Vec3;
 use bevy_frugal_gi::gi::{FrugalGi, GiInterleave};
@@ -11,12 +11,12 @@ use super::{Random, Worst, facing_down, stage};
 use crate::gi::{corner, sun};
 
 tests!(
-    a_pixel_sums_any_number_of_lights,
-    a_picture_of_any_size_is_gathered_whole,
-    a_camera_takes_any_number
+    a_pixel_sums_any_number_of_vpls,
+    images_of_any_size_are_gathered_completely,
+    a_camera_takes_any_number_of_vpls
 );
 
-fn a_pixel_sums_any_number_of_lights() {
+fn a_pixel_sums_any_number_of_vpls() {
     let mut stage = stage();
     let gather = Gather::new(&mut stage, 0);
     let (packed, normal) = g_buffer_normal(Vec3::Y);
@@ -46,7 +46,7 @@ fn a_pixel_sums_any_number_of_lights() {
     }
 }
 
-fn a_picture_of_any_size_is_gathered_whole() {
+fn images_of_any_size_are_gathered_completely() {
     let mut stage = stage();
     let gather = Gather::new(&mut stage, 0);
     let (packed, normal) = g_buffer_normal(Vec3::Y);
@@ -68,10 +68,11 @@ fn a_picture_of_any_size_is_gathered_whole() {
     worst.report("sizes", 600);
 }
 
-/// The whole way from the light to the picture, with as many as the camera asks for.
-fn a_camera_takes_any_number() {
+/// The whole pipeline from the light to the image, with the number of VPLs that the camera asks
+/// for.
+fn a_camera_takes_any_number_of_vpls() {
     let mut stage = corner(vec![sun(Vec3::new(0.2, -1.0, -0.1))]);
-    // The knobs' levels first, which would overwrite what follows.
+    // The first frame applies the knobs' levels, which would overwrite the following changes.
     stage.frame();
     let camera = set::camera(&mut stage);
     let mut gather = |vpl_count: u32, interleave| {
@@ -87,7 +88,7 @@ fn a_camera_takes_any_number() {
     assert_eq!(gather(0, GiInterleave::One), (0.0, vec![]));
     let (one, vpls) = gather(1, GiInterleave::One);
     assert!(vpls.len() == 1 && vpls[0].flux[0] > 0.0 && one > 0.0, "{one} {vpls:?}");
-    // As many as a pixel, and as a picture, can have; and more, which are not had.
+    // The maximum per pixel, the maximum per image, and more, which is clamped.
     let (most_of_pixel, vpls) = gather(FrugalGi::MAX_VPLS_PER_PIXEL, GiInterleave::One);
     assert_eq!(vpls.len() as u32, FrugalGi::MAX_VPLS_PER_PIXEL);
     let (most, vpls) = gather(FrugalGi::MAX_VPL_COUNT, GiInterleave::Four);
@@ -96,7 +97,6 @@ fn a_camera_takes_any_number() {
     assert_eq!(vpls.len() as u32, FrugalGi::MAX_VPL_COUNT);
     println!("    1 VPL {one:.2} nits, 1,024 {most_of_pixel:.3}, 16,384 {most:.3}");
     assert_eq!(more, most);
-    // One in a hundred or so; and a piece of surface 16 times as large keeps more light out of the
-    // corner.
+    // About 1 % of noise; and VPL disks 16 times as large lose more light in the corner.
     assert!((most_of_pixel / most - 1.0).abs() < 0.03, "{most_of_pixel} {most}");
 }

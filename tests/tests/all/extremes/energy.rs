@@ -1,4 +1,4 @@
-//! Indirect light is never more than the light that there is.
+//! Energy conservation: indirect light never exceeds the available light.
 
 use bevy::camera::Projection;
 use bevy::math::{Quat, Vec3};
@@ -14,12 +14,12 @@ use frugal_tests::{meshes, set};
 use super::stage;
 
 tests!(
-    no_point_gets_more_than_a_plane_would_send,
-    walls_around_a_light_get_no_more_than_it_sends,
+    no_point_receives_more_than_from_an_infinite_plane,
+    walls_around_a_vpl_receive_no_more_than_its_flux,
     a_closed_room_reflects_no_more_than_its_albedo
 );
 
-/// Rotations that turn each side of a cube to the floor.
+/// Rotations that map each side of a cube to the floor.
 fn sides() -> [Quat; 6] {
     [Vec3::NEG_Y, Vec3::Y, Vec3::X, Vec3::NEG_X, Vec3::Z, Vec3::NEG_Z]
         .map(|side| Quat::from_rotation_arc(side, Vec3::NEG_Y))
@@ -31,16 +31,16 @@ fn turned(vpl: &Point, rotation: Quat) -> Point {
     Point { position, normal, ..*vpl }
 }
 
-/// A piece of surface of radius r sends flux ÷ πr² a square metre: an endless plane of it would
-/// light a point with as much.
-fn no_point_gets_more_than_a_plane_would_send() {
+/// A disk of radius r emits flux ÷ πr² per square metre: an infinite plane of that exitance would
+/// cause the same irradiance.
+fn no_point_receives_more_than_from_an_infinite_plane() {
     let mut stage = stage();
     let gather = Gather::new(&mut stage, 0);
     let (packed, _) = g_buffer_normal(Vec3::Y);
     let pixels = Pixels::new(&stage, [8, 8], &[packed; 64]);
     let mut nearest = 0.0f64;
     for radius_squared in [1e-10, 1e-6, 1e-2, 1.0] {
-        // So that the plane would be white paper.
+        // Exposed so that the irradiance from the plane is 1000 ÷ π for any radius.
         let plane = Plane { exposure: radius_squared, ..Plane::ORIGIN };
         for height in [1e-9, 1e-6, 1e-5, 1e-3, 0.05, 0.1, 0.5, 1.0, 10.0] {
             let vpl = super::facing_down(Vec3::new(0.5, height, 0.5), 1000.0, radius_squared);
@@ -55,18 +55,18 @@ fn no_point_gets_more_than_a_plane_would_send() {
             }
         }
     }
-    println!("    at most {nearest:.4} of what a plane would send");
-    assert!(nearest > 0.99, "right above, it is a plane: {nearest}");
+    println!("    at most {nearest:.4} of the irradiance from a plane");
+    assert!(nearest > 0.99, "from very near, the disk is a plane: {nearest}");
 }
 
-/// All light that a point in a closed cube sends meets its sides.
-fn walls_around_a_light_get_no_more_than_it_sends() {
+/// All light of a VPL in a closed cube reaches its sides.
+fn walls_around_a_vpl_receive_no_more_than_its_flux() {
     const EDGE: u32 = 32;
     let mut stage = stage();
     let gather = Gather::new(&mut stage, 0);
     let (packed, _) = g_buffer_normal(Vec3::Y);
     let pixels = Pixels::new(&stage, [EDGE; 2], &[packed; (EDGE * EDGE) as usize]);
-    // The inside of a cube of 2 m, each side in turn below.
+    // The inside of a cube of 2 m; each side in turn is rotated to the floor.
     let spacing = 2.0 / EDGE as f32;
     let plane = Plane { center: Vec3::NEG_Y, spacing, exposure: 1e-3, ..Plane::ORIGIN };
     let lights = [
@@ -105,14 +105,14 @@ fn walls_around_a_light_get_no_more_than_it_sends() {
         );
         assert!(
             shares.is_sorted_by(|a, b| a >= b),
-            "the larger the disk, the less of it: {shares:?}"
+            "the larger the disk, the smaller the share: {shares:?}"
         );
     }
 }
 
-/// A lamp in a cube of 2 m with an eye in the middle: what all walls reflect of indirect light
-/// against what they get of it. The gather and the composite between, every pixel of six pictures
-/// is its twin's.
+/// A light in a cube of 2 m with the eye in the middle: the indirect light that all walls reflect,
+/// relative to the light that they receive. Each pixel of six images also agrees with the CPU
+/// reference of gather and composite.
 fn a_closed_room_reflects_no_more_than_its_albedo() {
     const EDGE: u32 = 32;
     for (albedo, sides) in [(1.0f32, &sides()[..]), (0.0, &sides()[..1])] {
@@ -125,9 +125,14 @@ fn a_closed_room_reflects_no_more_than_its_albedo() {
         let mut stage =
             set::bare(vec![light], set::radiance_options(EDGE, EDGE, Component::Indirect));
         for axis in [Vec3::X, Vec3::NEG_X, Vec3::Y, Vec3::NEG_Y, Vec3::Z, Vec3::NEG_Z] {
-            // Flush at the edges, and overlapping nowhere that is seen.
+            // Flush at the edges, without visible overlap.
             let size = Vec3::splat(2.4) - 2.2 * axis.abs();
-            meshes::spawn_box(&mut stage, axis * 1.1, size, meshes::matt(albedo, albedo, albedo));
+            meshes::spawn_box(
+                &mut stage,
+                axis * 1.1,
+                size,
+                meshes::diffuse(albedo, albedo, albedo),
+            );
         }
         set::apply(
             &mut stage,
@@ -147,7 +152,7 @@ fn a_closed_room_reflects_no_more_than_its_albedo() {
         let pixel_area = (2.0 / f64::from(EDGE)).powi(2);
         let (mut reflected, mut received, mut worst) = (0.0, 0.0, 0.0f64);
         for side in sides {
-            // The eye's −z towards the side.
+            // The eye looks at the side along its −z axis.
             let to_side = side.inverse() * Vec3::NEG_Y;
             let pose = Transform::default().looking_to(to_side, to_side.any_orthonormal_vector());
             stage.place(Vec3::ZERO, pose.rotation);
@@ -161,7 +166,7 @@ fn a_closed_room_reflects_no_more_than_its_albedo() {
                     * irradiance(&vpls, position.as_dvec3(), normal, 1.0)[1];
                 let found = f64::from(found[1]);
                 assert!(found.is_finite() && found >= 0.0, "{found}");
-                // Two half floats on the way; and positions out of a depth buffer.
+                // Two roundings to half floats, and positions from a depth buffer.
                 if expected > 0.1 {
                     worst = worst.max((found / expected - 1.0).abs());
                 }
@@ -171,15 +176,15 @@ fn a_closed_room_reflects_no_more_than_its_albedo() {
         }
         let share = if received > 0.0 { reflected / received } else { 0.0 };
         println!(
-            "    albedo {albedo}: {received:.1} lm reflected once, {reflected:.1} lm twice: {share:.4}; off the twin by {worst:.1e}"
+            "    albedo {albedo}: {received:.1} lm reflected once, {reflected:.1} lm twice: {share:.4}; off the CPU reference by {worst:.1e}"
         );
         assert!(
             (received - 1000.0 * stored).abs() < 2.0,
-            "all of the lamp's light meets a wall: {received}"
+            "all of the light's flux reaches a wall: {received}"
         );
         assert!(worst < 2e-3, "{worst}");
-        // 512 VPLs give the light that there is to a few parts in a hundred, and lose what is
-        // nearer than their disks' radius.
+        // 512 VPLs estimate the light to a few per cent, and lose light at points nearer than the
+        // radius of their disks.
         assert!(share <= stored * 1.02 && share >= stored * 0.9, "{share} of {stored}");
     }
 }

@@ -1,4 +1,5 @@
-//! `denoise/spatial.wgsl` against its twin, and with what is no number in its input.
+//! `denoise/spatial.wgsl` against its CPU reference, and with values in its input that are not
+//! finite.
 
 use bevy::math::Vec3;
 use bevy::render::render_resource::binding_types::{
@@ -16,7 +17,7 @@ use frugal_tests::{gather, gpu};
 
 use super::{Random, stage};
 
-tests!(the_filter_is_the_mean_along_the_surface, what_is_no_number_goes_no_further);
+tests!(the_filter_averages_along_the_surface, values_that_are_not_finite_do_not_spread);
 
 const SIZE: [u32; 2] = [13, 9];
 const COUNT: usize = (SIZE[0] * SIZE[1]) as usize;
@@ -69,7 +70,7 @@ impl Filter {
         gpu::read_halves(stage.render_world(), &texture).iter().map(|texel| texel[1]).collect()
     }
 
-    /// Pixels whose window holds `pixel`.
+    /// Whether the windows of two pixels contain each other.
     fn reaches(&self, pixel: usize, other: usize) -> bool {
         let at = |pixel: usize| [pixel as i32 % SIZE[0] as i32, pixel as i32 / SIZE[0] as i32];
         (0..2).all(|axis| (at(pixel)[axis] - at(other)[axis]).abs() <= self.window / 2)
@@ -80,20 +81,20 @@ const ONE: u16 = 0x3c00;
 const INFINITY: u16 = 0x7c00;
 const NAN: u16 = 0x7e00;
 
-/// Halves between 1 and 2.
+/// Half floats between 1 and 2.
 fn noise(random: &mut Random) -> Vec<u16> {
     (0..COUNT).map(|_| ONE | (random.next() * 1024.0) as u16).collect()
 }
 
-/// The mean that the filter should give, leaving out what is no number.
-fn twin(
+/// CPU reference of the filter: the weighted mean of the finite values.
+fn reference(
     filter: &Filter,
     plane: &Plane,
     normals: &[bevy::math::DVec3],
     light: &[u16],
     pixel: usize,
 ) -> Option<f64> {
-    let place = |pixel: usize| [pixel as i32 % SIZE[0] as i32, pixel as i32 / SIZE[0] as i32];
+    let coordinates = |pixel: usize| [pixel as i32 % SIZE[0] as i32, pixel as i32 / SIZE[0] as i32];
     let position =
         |pixel: usize| plane.position(SIZE, pixel as u32 % SIZE[0], pixel as u32 / SIZE[0]);
     let tolerance = 0.02 * position(pixel).distance(plane.eye.as_dvec3()) + 1e-6;
@@ -105,7 +106,7 @@ fn twin(
         }
         // The window's outermost rows and columns count half.
         let share = |axis: usize| {
-            if (place(other)[axis] - place(pixel)[axis]).abs() == filter.window / 2 {
+            if (coordinates(other)[axis] - coordinates(pixel)[axis]).abs() == filter.window / 2 {
                 0.5
             } else {
                 1.0
@@ -120,8 +121,8 @@ fn twin(
     (weights > 1e-9).then(|| sum / weights)
 }
 
-/// Surfaces that meet: up to the fifth column the floor; from there on what leans by a little, by a
-/// lot and away.
+/// Adjacent surfaces: the floor in the first five columns; then one tilted slightly, one strongly,
+/// and one that faces away.
 fn normals() -> (Vec<u32>, Vec<bevy::math::DVec3>) {
     let normal = |pixel: usize| match (pixel as u32 % SIZE[0], pixel as u32 / SIZE[0]) {
         (0..5, _) => Vec3::Y,
@@ -132,7 +133,7 @@ fn normals() -> (Vec<u32>, Vec<bevy::math::DVec3>) {
     (0..COUNT).map(|pixel| g_buffer_normal(normal(pixel).normalize())).unzip()
 }
 
-fn the_filter_is_the_mean_along_the_surface() {
+fn the_filter_averages_along_the_surface() {
     let mut stage = stage();
     let (packed, normals) = normals();
     let pixels = Pixels::new(&stage, SIZE, &packed);
@@ -143,8 +144,8 @@ fn the_filter_is_the_mean_along_the_surface() {
         let light = noise(&mut random);
         let found = filter.run(&stage, &pixels, &plane, &light);
         let off = (0..COUNT).map(|pixel| {
-            let expected =
-                twin(&filter, &plane, &normals, &light, pixel).expect("a pixel has its own light");
+            let expected = reference(&filter, &plane, &normals, &light, pixel)
+                .expect("a pixel has its own light");
             (found[pixel] / expected - 1.0).abs()
         });
         let worst = off.fold(0.0, f64::max);
@@ -153,7 +154,7 @@ fn the_filter_is_the_mean_along_the_surface() {
     }
 }
 
-fn what_is_no_number_goes_no_further() {
+fn values_that_are_not_finite_do_not_spread() {
     let mut stage = stage();
     let (packed, normals) = normals();
     let pixels = Pixels::new(&stage, SIZE, &packed);
@@ -163,13 +164,13 @@ fn what_is_no_number_goes_no_further() {
         let filter = Filter::new(&mut stage, window);
         for poison in [NAN, 0xfe00, INFINITY, 0xfc00] {
             let mut light = noise(&mut random);
-            // In a corner, amid a surface, and where two meet.
+            // In a corner, inside a surface, and where two surfaces meet.
             let poisoned = [0, 4 * 13 + 2, 4 * 13 + 4, 8 * 13 + 12];
             poisoned.iter().for_each(|pixel| light[*pixel] = poison);
             let found = filter.run(&stage, &pixels, &plane, &light);
             for (pixel, found) in found.into_iter().enumerate() {
-                // Its own pixel gets what its neighbours found.
-                let expected = twin(&filter, &plane, &normals, &light, pixel)
+                // The pixel itself gets the mean of its neighbours.
+                let expected = reference(&filter, &plane, &normals, &light, pixel)
                     .expect("neighbours on the same surface");
                 assert!(
                     (found / expected - 1.0).abs() < 1e-3,
@@ -178,11 +179,11 @@ fn what_is_no_number_goes_no_further() {
             }
         }
     }
-    // Where there is nothing but that, there is no light.
+    // Without any finite value there is no light.
     let filter = Filter::new(&mut stage, 4);
     let found = filter.run(&stage, &pixels, &plane, &[NAN; COUNT]);
     assert!(found.iter().all(|value| *value == 0.0), "{found:?}");
-    // Nor where there is no surface.
+    // Nor without a surface.
     let sky = Pixels::with_depth(&stage, SIZE, &packed, 0.0);
     let found = filter.run(&stage, &sky, &plane, &noise(&mut random));
     assert!(found.iter().all(|value| *value == 0.0), "{found:?}");

@@ -1,4 +1,4 @@
-//! `gather/gather.wgsl` against its twin.
+//! `gather/gather.wgsl` against its CPU reference.
 
 use bevy::math::{DVec3, Vec3};
 use frugal_tests::gather::{Gather, geometry, irradiance};
@@ -8,22 +8,22 @@ use frugal_tests::pixels::{Pixels, Plane, g_buffer_normal};
 use super::{Random, Worst, cosine_slack, facing_down, stage};
 
 tests!(
-    from_no_distance_to_ten_million_kilometres,
-    from_no_light_to_more_than_halves_hold,
-    from_every_direction_grazing_and_opposite,
+    at_distances_from_zero_to_ten_million_kilometres,
+    at_fluxes_from_zero_to_beyond_half_floats,
+    from_every_direction_including_grazing_and_opposite,
     a_thousand_kilometres_from_the_origin,
-    nothing_is_gathered_where_nothing_is,
+    nothing_is_gathered_without_a_surface_or_vpls,
 );
 
 const SIZE: [u32; 2] = [8, 8];
 
-/// Pixels that all face one way, and that way.
+/// Pixels with one normal, and that normal after packing.
 fn facing(stage: &frugal::stage::Stage, normal: Vec3) -> (Pixels, DVec3) {
     let (packed, normal) = g_buffer_normal(normal);
     (Pixels::new(stage, SIZE, &[packed; 64]), normal)
 }
 
-fn from_no_distance_to_ten_million_kilometres() {
+fn at_distances_from_zero_to_ten_million_kilometres() {
     let mut stage = stage();
     let gather = Gather::new(&mut stage, 0);
     let (pixels, normal) = facing(&stage, Vec3::new(0.1, 1.0, -0.2).normalize());
@@ -34,7 +34,7 @@ fn from_no_distance_to_ten_million_kilometres() {
         for distance in [0.0, 1e-12, 1e-9, 1e-6, 1e-3, 0.1, 1.0, 1e3, 1e6, 1e10] {
             let vpl = facing_down(receiver + Vec3::Y * distance, 1e5, radius_squared);
             let nearest = irradiance(&[vpl], receiver.as_dvec3(), normal, 1.0)[0];
-            // Exposed so that this pixel is neither black nor white.
+            // Exposed so that this pixel is neither black nor clipped.
             let exposure = if nearest > 0.0 { (3.0 / nearest) as f32 } else { 1.0 };
             let plane = Plane { exposure, ..Plane::ORIGIN };
             let found = gather.run(&stage, &pixels, &plane, &[vpl]);
@@ -51,21 +51,21 @@ fn from_no_distance_to_ten_million_kilometres() {
             }
             assert!(
                 distance > 0.0 || found[3 * 8 + 4][0] == 0.0,
-                "a point sends nothing to itself"
+                "a VPL does not light its own position"
             );
         }
         worst.report(&format!("disks of {radius_squared:e} m²"), 100);
     }
 }
 
-fn from_no_light_to_more_than_halves_hold() {
+fn at_fluxes_from_zero_to_beyond_half_floats() {
     let mut stage = stage();
     let gather = Gather::new(&mut stage, 0);
     let (pixels, normal) = facing(&stage, Vec3::Y);
     let mut worst = Worst::default();
     let mut white = 0;
     for flux in [1e-20, 1e-10, 1.0, 1e10, 1e20, 1e25f32] {
-        // Dim, as bright as it is shown, and far beyond what a half float holds.
+        // Dim, of the displayed brightness, and far beyond the range of half floats.
         for exposure in [1e-3 / flux, 1.0 / flux, 0.01, 1e6 / flux] {
             let plane = Plane { exposure, ..Plane::ORIGIN };
             let vpls = [
@@ -87,51 +87,50 @@ fn from_no_light_to_more_than_halves_hold() {
         }
     }
     worst.report("flux from 1e-20 to 1e25 lm", 500);
-    println!("    {white} of them beyond half floats, and cut off");
+    println!("    {white} of them beyond half floats, and clamped");
     assert!(white > 100, "{white}");
-    // A thousand of the brightest and smallest, where each of them sends most.
+    // A thousand of the brightest and smallest VPLs, at the distance of the largest irradiance.
     let vpls = vec![facing_down(Vec3::new(0.5, 1e-5, 0.5), 1e25, 1e-10); 1024];
     for found in gather.run(&stage, &pixels, &Plane::ORIGIN, &vpls) {
         assert!(found.iter().all(|value| value.is_finite() && *value >= 0.0), "{found:?}");
     }
 }
 
-fn from_every_direction_grazing_and_opposite() {
+fn from_every_direction_including_grazing_and_opposite() {
     let mut stage = stage();
     let gather = Gather::new(&mut stage, 0);
     let mut random = Random(7);
-    let way = Vec3::new(0.6, 0.64, 0.48);
-    let across = way.any_orthonormal_vector();
-    // Towards the light, away from it, along the surface, and a thousandth of a right angle off
-    // each; then any.
+    let to_light = Vec3::new(0.6, 0.64, 0.48);
+    let across = to_light.any_orthonormal_vector();
+    // Towards the light, away from it, grazing, and about 0.1° off each; then random directions.
     let tilt = 1.5e-3f32;
     let mut normals = vec![
-        way,
-        -way,
+        to_light,
+        -to_light,
         across,
         -across,
-        (across + tilt * way).normalize(),
-        (across - tilt * way).normalize(),
-        (way + tilt * across).normalize(),
+        (across + tilt * to_light).normalize(),
+        (across - tilt * to_light).normalize(),
+        (to_light + tilt * across).normalize(),
     ];
     normals.resize_with(64, || random.direction());
     let (packed, normals): (Vec<_>, Vec<_>) = normals.into_iter().map(g_buffer_normal).unzip();
     let pixels = Pixels::new(&stage, SIZE, &packed);
     let plane = Plane { spacing: 1e-3, ..Plane::ORIGIN };
     let mut worst = Worst::default();
-    // The same of what sends, and one that faces nowhere.
+    // The same normals for the VPL, and one of length zero.
     let mut facings = vec![
-        -way,
-        way,
+        -to_light,
+        to_light,
         across,
-        (across - tilt * way).normalize(),
-        (tilt * across - way).normalize(),
+        (across - tilt * to_light).normalize(),
+        (tilt * across - to_light).normalize(),
         Vec3::ZERO,
     ];
     facings.resize_with(24, || random.direction());
     for facing in facings {
         let vpl = Point {
-            position: (way * 2.0).to_array(),
+            position: (to_light * 2.0).to_array(),
             normal: facing.to_array(),
             flux: [3000.0, 1.0, 20.0],
             extent: 100.0,
@@ -169,7 +168,7 @@ fn a_thousand_kilometres_from_the_origin() {
         for corner in
             [Vec3::new(1.0, 1.0, 1.0), Vec3::new(-1.0, 0.0, 1.0), Vec3::new(0.0, -1.0, 0.0)]
         {
-            // Floats are 6 cm apart there: both are where they can be.
+            // The spacing of floats is 6 cm there: both positions are representable.
             let plane = Plane { center: corner * distance, ..Plane::ORIGIN };
             let vpls =
                 [Vec3::new(0.5, 1.0, 0.5), Vec3::new(3.0, 0.5, -2.25), Vec3::new(-1.5, 0.125, 2.5)]
@@ -193,7 +192,7 @@ fn a_thousand_kilometres_from_the_origin() {
     }
 }
 
-fn nothing_is_gathered_where_nothing_is() {
+fn nothing_is_gathered_without_a_surface_or_vpls() {
     let mut stage = stage();
     let gather = Gather::new(&mut stage, 0);
     let (packed, normal) = g_buffer_normal(Vec3::Y);
@@ -203,7 +202,7 @@ fn nothing_is_gathered_where_nothing_is() {
     assert!(
         gather.run(&stage, &sky, &Plane::ORIGIN, &[vpl]).iter().all(|texel| *texel == [0.0; 4])
     );
-    // What fills up a set carries nothing, and says so by its flux alone.
+    // The padding of a set is recognised by its zero flux only.
     let nothing = Point { position: [0.0; 3], normal: [0.0; 3], flux: [0.0; 3], extent: 1e10 };
     let ground = Pixels::new(&stage, SIZE, &[packed; 64]);
     for vpls in [&[][..], &[nothing], &[nothing; 7]] {

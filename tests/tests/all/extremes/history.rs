@@ -1,5 +1,5 @@
-//! `denoise/temporal.wgsl`: what is averaged with what was shown before, what is not, and what is no
-//! number in it.
+//! `denoise/temporal.wgsl`: the average of current light and history, rejection of history, and values
+//! that are not finite.
 
 use bevy::math::{Vec2, Vec3};
 use bevy::render::render_resource::binding_types::{
@@ -18,9 +18,9 @@ use half::f16;
 use super::{Random, stage};
 
 tests!(
-    the_past_counts_for_its_share_where_it_is_of_the_same_place,
-    what_is_no_number_is_gone_in_a_frame,
-    light_that_is_switched_is_not_averaged
+    history_counts_for_its_share_where_it_shows_the_same_surface,
+    values_that_are_not_finite_are_gone_in_a_frame,
+    history_is_rejected_where_light_is_switched
 );
 
 const SIZE: [u32; 2] = [13, 9];
@@ -28,9 +28,9 @@ const COUNT: usize = (SIZE[0] * SIZE[1]) as usize;
 const PLANE: Plane =
     Plane { center: Vec3::ZERO, spacing: 0.1, eye: Vec3::new(0.2, 3.0, 0.1), exposure: 1.0 };
 
-struct Settle(Kernel);
+struct TemporalFilter(Kernel);
 
-impl Settle {
+impl TemporalFilter {
     fn new(stage: &mut Stage, smooth: bool) -> Self {
         let light = || texture_2d(TextureSampleType::Float { filterable: false });
         let layout = BindGroupLayoutEntries::sequential(
@@ -50,13 +50,13 @@ impl Settle {
         Self(Kernel::new(stage, "gi/denoise/temporal.wgsl", "accumulate", defs, &layout))
     }
 
-    /// What is shown of `present` after `past`, both by pixel as luminance and the alpha channel;
-    /// the past was seen `shift` pixels to the right.
+    /// Accumulates `current` and `history`, each by pixel as luminance and alpha channel. The
+    /// history was rendered `shift` pixels to the right.
     fn run(
         &self,
         stage: &Stage,
-        present: &[[u16; 2]],
-        past: &[[u16; 2]],
+        current: &[[u16; 2]],
+        history: &[[u16; 2]],
         share: f32,
         exposure: f32,
         shift: f32,
@@ -70,20 +70,20 @@ impl Settle {
             1.0 / half.x, 0.0, 0.0, 0.0,  0.0, 0.0, 0.0, 0.0,  0.0, 1.0 / half.y, 0.0, 0.0,  right, 0.0, 0.0, 1.0,
             half.x, 0.0, 0.0, 0.0,  0.0, 0.0, half.y, 0.0,  0.0, 0.0, 0.0, 0.0,  -right * half.x, 0.0, 0.0, 1.0,
             PLANE.eye.x, PLANE.eye.y, PLANE.eye.z, share, exposure, 0.0,
-            // Pixels of the picture and of a cell.
+            // Sizes of the image and of a low-resolution pixel, in pixels.
             f32::from_bits(SIZE[0]), f32::from_bits(SIZE[1]), f32::from_bits(1), f32::from_bits(1), 0.0, 0.0,
         ];
         let light = |of: &[[u16; 2]]| {
             of.iter().map(|[light, alpha]| [*light, *light, *light, *alpha]).collect::<Vec<_>>()
         };
-        let (view, settings, past_words) = (
+        let (view, settings, history_uniform) = (
             pixels.view(stage, &PLANE),
             gather::settings(stage),
             kernel::buffer(stage, &gpu::bytes(&words)),
         );
-        let (filtered, history, texture) = (
-            pixels.input(stage, &light(present)),
-            pixels.input(stage, &light(past)),
+        let (filtered, history_texture, texture) = (
+            pixels.input(stage, &light(current)),
+            pixels.input(stage, &light(history)),
             pixels.output(stage),
         );
         let output = texture.create_view(&Default::default());
@@ -93,8 +93,8 @@ impl Settle {
             view.as_entire_binding(),
             settings.as_entire_binding(),
             &filtered,
-            &history,
-            past_words.as_entire_binding(),
+            &history_texture,
+            history_uniform.as_entire_binding(),
             &output,
         ));
         self.0.run(stage, &bindings, (SIZE[0].div_ceil(8), SIZE[1].div_ceil(8)));
@@ -107,7 +107,7 @@ fn half(value: f64) -> u16 {
     f16::from_f64(value).to_bits()
 }
 
-/// How far from the eye a pixel's surface is, times a factor.
+/// Distance of a pixel's surface from the eye times a factor, as a half float.
 fn distance(pixel: usize, factor: f64) -> u16 {
     half(
         PLANE
@@ -123,20 +123,20 @@ fn noise(random: &mut Random) -> Vec<f64> {
     (0..COUNT).map(|_| f64::from(1.0 + random.next())).collect()
 }
 
-fn the_past_counts_for_its_share_where_it_is_of_the_same_place() {
+fn history_counts_for_its_share_where_it_shows_the_same_surface() {
     let mut stage = stage();
-    let settle = Settle::new(&mut stage, false);
+    let filter = TemporalFilter::new(&mut stage, false);
     let mut random = Random(17);
     let (now, before) = (noise(&mut random), noise(&mut random));
-    let present: Vec<_> = now.iter().map(|light| [half(*light), NOISELESS]).collect();
-    let past: Vec<_> = before
+    let current: Vec<_> = now.iter().map(|light| [half(*light), NOISELESS]).collect();
+    let history: Vec<_> = before
         .iter()
         .enumerate()
         .map(|(pixel, light)| [half(*light), distance(pixel, 1.0)])
         .collect();
     for (share, exposure) in [(1.0f32, 1.0), (0.0625, 1.0), (0.25, 0.5), (0.5, 1.5)] {
         for (pixel, found) in
-            settle.run(&stage, &present, &past, share, exposure, 0.0).iter().enumerate()
+            filter.run(&stage, &current, &history, share, exposure, 0.0).iter().enumerate()
         {
             let expected = f64::from(share) * now[pixel]
                 + f64::from(1.0 - share) * f64::from(exposure) * before[pixel];
@@ -151,19 +151,19 @@ fn the_past_counts_for_its_share_where_it_is_of_the_same_place() {
             );
         }
     }
-    // What was seen there was a tenth nearer, or nothing at all; or it was seen outside of the
-    // picture.
+    // The history shows a surface a tenth nearer, or no surface; or its position is outside the
+    // image.
     let elsewhere: Vec<_> = before
         .iter()
         .enumerate()
         .map(|(pixel, light)| [half(*light), distance(pixel, 0.9)])
         .collect();
     let sky: Vec<_> = before.iter().map(|light| [half(*light), 0]).collect();
-    for (label, past, shift) in
-        [("elsewhere", &elsewhere, 0.0), ("the sky", &sky, 0.0), ("out of view", &past, 20.0)]
+    for (label, history, shift) in
+        [("elsewhere", &elsewhere, 0.0), ("the sky", &sky, 0.0), ("out of view", &history, 20.0)]
     {
         for (pixel, found) in
-            settle.run(&stage, &present, past, 0.0625, 1.0, shift).iter().enumerate()
+            filter.run(&stage, &current, history, 0.0625, 1.0, shift).iter().enumerate()
         {
             assert!(
                 (found[1] / now[pixel] - 1.0).abs() < 2e-3,
@@ -175,39 +175,39 @@ fn the_past_counts_for_its_share_where_it_is_of_the_same_place() {
     }
 }
 
-fn what_is_no_number_is_gone_in_a_frame() {
+fn values_that_are_not_finite_are_gone_in_a_frame() {
     let mut stage = stage();
     let (one, middle) = (half(1.0), COUNT / 2);
     for smooth in [false, true] {
-        let settle = Settle::new(&mut stage, smooth);
-        let present = vec![[one, NOISELESS]; COUNT];
-        // NaN, both infinities, and less than nothing, as light and as distance; between pixels,
-        // too.
+        let filter = TemporalFilter::new(&mut stage, smooth);
+        let current = vec![[one, NOISELESS]; COUNT];
+        // NaN, both infinities and a negative value, as light and as distance; also with a shift of
+        // half a pixel.
         for broken in [0x7e00, 0x7c00, 0xfc00, 0xbc00] {
-            for place in 0..2 {
+            for component in 0..2 {
                 for shift in [0.0, 0.5] {
-                    let mut past: Vec<_> =
+                    let mut history: Vec<_> =
                         (0..COUNT).map(|pixel| [one, distance(pixel, 1.0)]).collect();
-                    past[middle][place] = broken;
-                    let found = settle.run(&stage, &present, &past, 0.0625, 1.0, shift);
+                    history[middle][component] = broken;
+                    let found = filter.run(&stage, &current, &history, 0.0625, 1.0, shift);
                     let is_one = |texel: &[f64; 4]| {
                         texel[..3].iter().all(|light| (light - 1.0).abs() < 2e-3)
                     };
                     assert!(
                         found.iter().all(is_one),
-                        "{broken:x} at {place}, {shift}: {:?}",
+                        "{broken:x} at {component}, {shift}: {:?}",
                         found.iter().find(|texel| !is_one(texel))
                     );
                 }
             }
         }
     }
-    // The brightest half float, and an exposure that makes it more than that.
-    let settle = Settle::new(&mut stage, true);
-    let past: Vec<_> = (0..COUNT).map(|pixel| [0x7bff, distance(pixel, 1.0)]).collect();
+    // The largest half float, also with an exposure that exceeds it.
+    let filter = TemporalFilter::new(&mut stage, true);
+    let history: Vec<_> = (0..COUNT).map(|pixel| [0x7bff, distance(pixel, 1.0)]).collect();
     for exposure in [1.0, 1e20, 1e-20] {
         let found =
-            settle.run(&stage, &vec![[one, NOISELESS]; COUNT], &past, 0.0625, exposure, 0.0);
+            filter.run(&stage, &vec![[one, NOISELESS]; COUNT], &history, 0.0625, exposure, 0.0);
         assert!(
             found.iter().flatten().all(|value| value.is_finite() && *value >= 0.0),
             "{exposure}: {:?}",
@@ -216,13 +216,14 @@ fn what_is_no_number_is_gone_in_a_frame() {
     }
 }
 
-fn light_that_is_switched_is_not_averaged() {
+fn history_is_rejected_where_light_is_switched() {
     let mut stage = stage();
-    let settle = Settle::new(&mut stage, false);
-    let past =
+    let filter = TemporalFilter::new(&mut stage, false);
+    let history =
         |light: u16| (0..COUNT).map(|pixel| [light, distance(pixel, 1.0)]).collect::<Vec<_>>();
     for (was, is) in [(half(1.0), half(0.001)), (half(0.001), half(1.0)), (0, half(1.0))] {
-        let found = settle.run(&stage, &vec![[is, NOISELESS]; COUNT], &past(was), 0.0625, 1.0, 0.0);
+        let found =
+            filter.run(&stage, &vec![[is, NOISELESS]; COUNT], &history(was), 0.0625, 1.0, 0.0);
         assert!(
             found.iter().all(|texel| (texel[1] / gpu::half(is) - 1.0).abs() < 2e-3),
             "from {was:x} to {is:x}: {:?}",

@@ -1,4 +1,4 @@
-//! None, one, and hundreds of lights.
+//! Zero, one, and hundreds of lights.
 
 use std::collections::HashSet;
 
@@ -13,24 +13,24 @@ use frugal_tests::{gpu, set};
 use super::Random;
 use crate::gi::{corner, sun};
 
-tests!(of_hundreds_of_lights_those_bounce_that_light_the_camera_s_surroundings);
+tests!(the_lights_with_the_highest_illuminance_at_the_camera_get_maps);
 
-/// Lights that have maps, and how many maps there are.
+/// Lights with maps, and the number of maps.
 fn bouncing(stage: &mut Stage) -> (HashSet<Entity>, usize) {
     let world = stage.world_mut();
     let maps: Vec<Entity> = world.query::<&RsmView>().iter(world).map(|view| view.light).collect();
     (maps.iter().copied().collect(), maps.len())
 }
 
-fn of_hundreds_of_lights_those_bounce_that_light_the_camera_s_surroundings() {
+fn the_lights_with_the_highest_illuminance_at_the_camera_get_maps() {
     let mut stage = corner(vec![]);
-    // The knobs' levels first, which would overwrite what follows.
+    // The first frame applies the knobs' levels, which would overwrite the following changes.
     stage.frame();
     let camera = set::camera(&mut stage);
     stage.world_mut().get_mut::<FrugalGi>(camera).expect("a GI camera").rsm_resolution = 16;
-    let eye = stage.world_mut().get::<Transform>(camera).expect("a place").translation;
+    let eye = stage.world_mut().get::<Transform>(camera).expect("a transform").translation;
     let mut random = Random(23);
-    // 200 spots and 100 points of light, without shadow maps, which are none of GI's.
+    // 200 spot lights and 100 point lights, without shadow maps, which GI does not need.
     let mut lights = Vec::new();
     for index in 0..300 {
         let position = random.inside(Vec3::new(-40.0, 0.5, -40.0), Vec3::new(40.0, 3.0, 40.0));
@@ -41,7 +41,7 @@ fn of_hundreds_of_lights_those_bounce_that_light_the_camera_s_surroundings() {
         } else {
             (stage.world_mut().spawn((SpotLight { intensity, ..Default::default() }, at)).id(), 1)
         };
-        // Lux at the eye, nearer than a metre as at a metre.
+        // Proportional to the illuminance at the eye, with distances clamped to at least 1 m.
         let importance = f64::from(intensity) / f64::from(position.distance_squared(eye).max(1.0));
         lights.push((entity, importance, maps));
     }
@@ -73,7 +73,7 @@ fn of_hundreds_of_lights_those_bounce_that_light_the_camera_s_surroundings() {
         set::gathered(&stage)
     );
 
-    // None, one, and one that does not fit.
+    // No map, one map, and five, too few for a point light.
     for most in [0, 1, 5] {
         stage.world_mut().insert_resource(GiLimits { max_rsm_count: most });
         let found = set::radiance(&mut stage).mean();
@@ -81,7 +81,7 @@ fn of_hundreds_of_lights_those_bounce_that_light_the_camera_s_surroundings() {
         assert_eq!((chosen, maps), expect(most), "at most {most}");
         assert!(maps == most && (most > 0 || found == 0.0), "{most}: {found}");
     }
-    // The sun outshines them all.
+    // The sun is the brightest light.
     let sun = sun(Vec3::NEG_Y);
     let frugal::scene::Light::Directional { illuminance, .. } = sun else { panic!("a sun") };
     let down = Transform::default().looking_to(Vec3::NEG_Y, Vec3::X);

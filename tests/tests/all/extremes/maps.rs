@@ -1,5 +1,5 @@
-//! From a light's G-buffer to weights of its texels: `rsm/resolve.wgsl` and `vpl/weigh.wgsl`
-//! against their twins.
+//! From a light's G-buffer to the weights of its texels: `rsm/resolve.wgsl` and `vpl/weigh.wgsl`
+//! against their CPU references.
 
 use bevy::math::{DVec3, Vec3};
 use bevy::render::render_resource::binding_types::{
@@ -19,9 +19,9 @@ use frugal_tests::pixels::{Pixels, Plane, g_buffer_normal};
 use super::{Random, stage};
 
 tests!(
-    texels_hold_the_flux_of_any_lamp,
+    texels_hold_the_flux_of_any_punctual_light,
     texels_hold_the_flux_of_any_sun,
-    weights_follow_what_is_received_at_any_scale
+    weights_follow_importance_at_any_scale
 );
 
 const SIZE: [u32; 2] = [8, 8];
@@ -30,7 +30,7 @@ const SIZE: [u32; 2] = [8, 8];
 #[derive(Clone, Copy)]
 pub struct Light {
     pub intensity: Vec3,
-    pub texel_measure: f32,
+    pub texel_extent: f32,
     pub position: Vec3,
     pub inverse_range_squared: f32,
     pub direction: Vec3,
@@ -46,7 +46,7 @@ impl Light {
             ix,
             iy,
             iz,
-            self.texel_measure,
+            self.texel_extent,
             px,
             py,
             pz,
@@ -63,7 +63,7 @@ impl Light {
     }
 }
 
-/// The shipped pass.
+/// The shipped pass `rsm/resolve.wgsl`.
 pub struct Resolve(Kernel);
 
 impl Resolve {
@@ -97,7 +97,8 @@ impl Resolve {
     }
 }
 
-/// Black, white, grey, coloured and metallic surfaces that face up or nearly, and their albedos.
+/// G-buffer texels of black, white, grey, coloured and metallic surfaces that face roughly upwards,
+/// their albedos and their normals.
 fn surfaces() -> (Vec<[u32; 4]>, Vec<[f64; 3]>, Vec<DVec3>) {
     let mut random = Random(29);
     let mut texels = (Vec::new(), Vec::new(), Vec::new());
@@ -111,7 +112,7 @@ fn surfaces() -> (Vec<[u32; 4]>, Vec<[f64; 3]>, Vec<DVec3>) {
         };
         let bits = color.map(|channel: f64| (channel.powf(1.0 / 2.2) * 255.0).round() as u32);
         let (packed, normal) = g_buffer_normal((Vec3::Y + 0.5 * random.direction()).normalize());
-        // 102 of 255 are 0.4.
+        // 102 of 255 is 0.4.
         texels.0.push([
             bits[0] | bits[1] << 8 | bits[2] << 16,
             0,
@@ -124,22 +125,23 @@ fn surfaces() -> (Vec<[u32; 4]>, Vec<[f64; 3]>, Vec<DVec3>) {
     texels
 }
 
-/// Holds texels against what they should be: light through each, and the area that it covers.
+/// Compares texels with their expected flux and area; returns the largest relative error.
+/// `share_and_area` returns a pixel's light per intensity, and its area in m².
 fn check(
     label: &str,
     found: &[Point],
     albedos: &[[f64; 3]],
     intensity: Vec3,
-    measure: impl Fn(usize) -> (f64, f64),
+    share_and_area: impl Fn(usize) -> (f64, f64),
 ) -> f64 {
     let mut worst = 0.0f64;
     for (pixel, texel) in found.iter().enumerate() {
-        let (share, area) = measure(pixel);
+        let (share, area) = share_and_area(pixel);
         for channel in 0..3 {
             let expected = share * albedos[pixel][channel] * f64::from(intensity[channel]);
             let found = f64::from(texel.flux[channel]);
             assert!(found.is_finite() && found >= 0.0, "{label}, pixel {pixel}: {found}");
-            // What is below the smallest float is nothing, and what is above the bound is left out.
+            // Values below the smallest float become zero, and texels above the bound are left out.
             if !(1e-37..=1e30).contains(&expected) {
                 assert!(found <= 1e-36, "{label}, pixel {pixel}: {found}, {expected} expected");
             } else {
@@ -152,7 +154,7 @@ fn check(
     worst
 }
 
-fn texels_hold_the_flux_of_any_lamp() {
+fn texels_hold_the_flux_of_any_punctual_light() {
     let mut stage = stage();
     let resolve = Resolve::new(&mut stage, vec!["LAMBERTIAN".into()]);
     let (texels, albedos, normals) = surfaces();
@@ -160,22 +162,22 @@ fn texels_hold_the_flux_of_any_lamp() {
     let (mut worst, mut cases) = (0.0f64, 0);
     for far in [0.0f32, 1e6] {
         let plane = Plane { center: Vec3::new(far, 0.0, -far), ..Plane::ORIGIN };
-        // Above the middle of pixel (4, 3), from within its surface to a thousand kilometres.
+        // Above the centre of pixel (4, 3), from the surface itself to 1,000 km.
         for height in [0.0, 1e-6, 1e-3, 1.0, 30.0, 1e3, 1e6f32] {
             for brightness in [1e-20, 1.0, 1e20f32] {
-                // A point light, and a spot from 45° to 60° that ends at 50 m.
+                // A point light, and a spot light with angles of 45° and 60° and a range of 50 m.
                 for (cone, range) in
                     [([0.0, 1.0], f32::INFINITY), ([4.828_427, -2.414_213_6], 50.0)]
                 {
                     let light = Light {
                         intensity: Vec3::new(1.0, 0.5, 0.25) * brightness,
-                        texel_measure: 0.001,
+                        texel_extent: 0.001,
                         position: plane.center + Vec3::new(0.5, height, 0.5),
                         inverse_range_squared: (range * range).recip(),
                         direction: Vec3::NEG_Y,
                         cone,
                     };
-                    let measure = |pixel: usize| {
+                    let share_and_area = |pixel: usize| {
                         let at = plane.position(SIZE, pixel as u32 % 8, pixel as u32 / 8);
                         let ray = at - light.position.as_dvec3();
                         let square = ray.length_squared().max(1e-12);
@@ -185,7 +187,7 @@ fn texels_hold_the_flux_of_any_lamp() {
                         let window = (1.0
                             - (square * f64::from(light.inverse_range_squared)).powi(2))
                         .clamp(0.0, 1.0);
-                        let solid_angle = f64::from(light.texel_measure) * below.powi(3);
+                        let solid_angle = f64::from(light.texel_extent) * below.powi(3);
                         let cosine = -normals[pixel].dot(ray) / square.sqrt();
                         (
                             solid_angle * cone * cone * window * window,
@@ -194,7 +196,7 @@ fn texels_hold_the_flux_of_any_lamp() {
                     };
                     let label = format!("{far} m away, {height} m above, {brightness} cd");
                     let found = resolve.run(&stage, &pixels, &plane, &light);
-                    let off = check(&label, &found, &albedos, light.intensity, measure);
+                    let off = check(&label, &found, &albedos, light.intensity, share_and_area);
                     worst = worst.max(off);
                     assert!(off < 1e-3, "{label}: {off}");
                     cases += 1;
@@ -202,7 +204,7 @@ fn texels_hold_the_flux_of_any_lamp() {
             }
         }
     }
-    println!("    {cases} lamps: off by at most {worst:.1e}");
+    println!("    {cases} lights: off by at most {worst:.1e}");
 }
 
 fn texels_hold_the_flux_of_any_sun() {
@@ -212,45 +214,45 @@ fn texels_hold_the_flux_of_any_sun() {
     let pixels = Pixels::with_texels(&stage, SIZE, &texels, 0.5);
     let mut worst = 0.0f64;
     for brightness in [1e-20, 1.0, 1e20, 1e29, 1e31f32] {
-        for (direction, texel_measure) in
+        for (direction, texel_extent) in
             [(Vec3::NEG_Y, 0.01), (Vec3::new(0.8, -0.6, 0.0), 1e-8), (Vec3::Y, 1e6), (Vec3::X, 1.0)]
         {
             let light = Light {
                 intensity: Vec3::new(1.0, 0.5, 0.25) * brightness,
-                texel_measure,
+                texel_extent,
                 position: Vec3::ZERO,
                 inverse_range_squared: 0.0,
                 direction,
                 cone: [0.0, 1.0],
             };
-            let measure = |pixel: usize| {
+            let share_and_area = |pixel: usize| {
                 let cosine = -normals[pixel].dot(direction.as_dvec3());
-                (f64::from(texel_measure), f64::from(texel_measure) / cosine.max(0.1))
+                (f64::from(texel_extent), f64::from(texel_extent) / cosine.max(0.1))
             };
             let found = resolve.run(&stage, &pixels, &Plane::ORIGIN, &light);
-            // Where one channel is out of bounds, the texel is left out.
-            let sound =
-                |pixel: usize| albedos[pixel][0] * f64::from(brightness * texel_measure) < 0.9e30;
-            let kept: Vec<usize> = (0..64).filter(|pixel| sound(*pixel)).collect();
+            // If one channel is out of bounds, the texel is left out.
+            let is_in_bounds =
+                |pixel: usize| albedos[pixel][0] * f64::from(brightness * texel_extent) < 0.9e30;
+            let kept: Vec<usize> = (0..64).filter(|pixel| is_in_bounds(*pixel)).collect();
             let points: Vec<Point> = kept.iter().map(|pixel| found[*pixel]).collect();
             let kept_albedos: Vec<_> = kept.iter().map(|pixel| albedos[*pixel]).collect();
             let label = format!("{brightness} lux along {direction}");
             let off = check(&label, &points, &kept_albedos, light.intensity, |index| {
-                measure(kept[index])
+                share_and_area(kept[index])
             });
             assert!(off < 1e-3, "{label}: {off}");
             assert!(
-                (0..64).all(|pixel| sound(pixel) || found[pixel].flux == [0.0; 3]),
+                (0..64).all(|pixel| is_in_bounds(pixel) || found[pixel].flux == [0.0; 3]),
                 "{label}: left out"
             );
             worst = worst.max(off);
         }
     }
-    // Where there is no surface there is no light.
+    // Without a surface there is no light.
     let sky = Pixels::with_texels(&stage, SIZE, &texels, 0.0);
     let sun = Light {
         intensity: Vec3::ONE,
-        texel_measure: 1.0,
+        texel_extent: 1.0,
         position: Vec3::ZERO,
         inverse_range_squared: 0.0,
         direction: Vec3::NEG_Y,
@@ -318,14 +320,14 @@ fn weigh(stage: &mut Stage, pixels: &Pixels, plane: &Plane, texels: &[Point]) ->
     gpu::floats(&gpu::read_buffer(stage.render_world(), &buffers[3]))
 }
 
-/// The twin: what 32 pixels in the middle of a grid's cells get of each texel, and a floor of a
-/// quarter of its mean.
+/// CPU reference: the light of each texel at 32 importance points in a jittered grid, plus a
+/// defensive-sampling term of a quarter of its mean.
 fn weights(plane: &Plane, normal: DVec3, texels: &[Point]) -> Vec<f64> {
-    let receivers: Vec<(DVec3, f64)> = (0..32u32)
+    let importance_points: Vec<(DVec3, f64)> = (0..32u32)
         .map(|index| {
             let (column, row) = (f64::from(index % 8), f64::from(index / 8));
-            let place = [(column + 0.25 + 0.5 * (row % 2.0)) / 8.0, (row + 0.5) / 4.0];
-            let at = plane.position(SIZE, (place[0] * 8.0) as u32, (place[1] * 8.0) as u32);
+            let uv = [(column + 0.25 + 0.5 * (row % 2.0)) / 8.0, (row + 0.5) / 4.0];
+            let at = plane.position(SIZE, (uv[0] * 8.0) as u32, (uv[1] * 8.0) as u32);
             (at, (0.02 * at.distance_squared(plane.eye.as_dvec3())).clamp(1e-12, 1e18))
         })
         .collect();
@@ -333,27 +335,27 @@ fn weights(plane: &Plane, normal: DVec3, texels: &[Point]) -> Vec<f64> {
         let [from, facing] =
             [texel.position, texel.normal].map(|vector| DVec3::from_array(vector.map(f64::from)));
         let one = |(at, radius_squared): &(DVec3, f64)| {
-            let way = from - *at;
-            let square = way.length_squared().max(1e-18);
-            normal.dot(way).max(0.0) * (-facing.dot(way)).max(0.0)
+            let to_light = from - *at;
+            let square = to_light.length_squared().max(1e-18);
+            normal.dot(to_light).max(0.0) * (-facing.dot(to_light)).max(0.0)
                 / square
                 / (square + radius_squared)
         };
-        receivers.iter().map(one).sum::<f64>().min(1e6)
+        importance_points.iter().map(one).sum::<f64>().min(1e6)
     };
     let (mut flux, mut light) = (0.0, 0.0);
-    for probe in 0..1024u32 {
-        // As the shader finds it, in its own precision.
-        let column = (((probe as f32 * 0.618_034).fract() * LENGTH as f32) as u32).min(LENGTH - 1);
-        let texel = &texels[(probe * ROWS / 1024 * LENGTH + column) as usize];
+    for index in 0..1024u32 {
+        // The shader's sequence, in its precision.
+        let column = (((index as f32 * 0.618_034).fract() * LENGTH as f32) as u32).min(LENGTH - 1);
+        let texel = &texels[(index * ROWS / 1024 * LENGTH + column) as usize];
         flux += texel.luminance();
         light += texel.luminance() * received(texel);
     }
-    let floor = (0.25 * light / flux.max(1e-36)).clamp(1e-9, 1e6);
-    texels.iter().map(|texel| texel.luminance() * (received(texel) + floor)).collect()
+    let defensive = (0.25 * light / flux.max(1e-36)).clamp(1e-9, 1e6);
+    texels.iter().map(|texel| texel.luminance() * (received(texel) + defensive)).collect()
 }
 
-fn weights_follow_what_is_received_at_any_scale() {
+fn weights_follow_importance_at_any_scale() {
     let mut stage = stage();
     let (packed, normal) = g_buffer_normal(Vec3::Y);
     let pixels = Pixels::new(&stage, SIZE, &[packed; 64]);
@@ -375,7 +377,7 @@ fn weights_follow_what_is_received_at_any_scale() {
         let texel = |index: u32| {
             let position = plane.center
                 + random.inside(Vec3::new(-2.0, 0.0, -2.0), Vec3::new(2.0, 1.5, 2.0)) * spread;
-            // Some at a receiver, some dark; as the store keeps their normals.
+            // Some lie at importance points, some are dark. Normals are those that the store keeps.
             let position = if index % 50 == 7 {
                 plane.position(SIZE, index % 8, 3).as_vec3()
             } else {
@@ -399,7 +401,7 @@ fn weights_follow_what_is_received_at_any_scale() {
             assert_eq!(
                 *found > 0.0,
                 *expected > 0.0,
-                "{label}, texel {index}: a dark texel is never drawn, and any other may be"
+                "{label}, texel {index}: only dark texels have no weight"
             );
             if *expected > 0.0 {
                 worst = worst.max((f64::from(*found) / expected - 1.0).abs());

@@ -1,4 +1,4 @@
-//! The shipped passes where numbers get extreme, against 64-bit floats where these are finite.
+//! The shipped passes at extreme values, against 64-bit floats where these are finite.
 
 pub mod counts;
 pub mod energy;
@@ -17,16 +17,16 @@ use frugal::stage::{Component, Stage};
 use frugal_tests::gpu::Point;
 use frugal_tests::set;
 
-/// Where the gather cuts light off: what is brighter is white anyway, and half floats end at
-/// 65,504.
+/// Upper bound at which the gather clamps: brighter light is displayed as white anyway, and half
+/// floats end at 65,504.
 const WHITE: f64 = 65_000.0;
 
-/// An empty stage, for its device.
+/// An empty stage, needed for its device.
 fn stage() -> Stage {
     set::bare(vec![], set::radiance_options(32, 18, Component::Indirect))
 }
 
-/// A virtual point light that faces down and stands for a disk.
+/// A virtual point light that faces down and represents a disk.
 fn facing_down(position: Vec3, flux: f32, radius_squared: f32) -> Point {
     Point {
         position: position.to_array(),
@@ -36,15 +36,15 @@ fn facing_down(position: Vec3, flux: f32, radius_squared: f32) -> Point {
     }
 }
 
-/// What 32-bit floats may lose of the light of a VPL at a point, each channel's flux being `flux`:
-/// a cosine is a sum of products of either sign, which they know to 3e-7, not to a share of itself.
+/// Largest error of 32-bit floats in the light of a VPL at a point, with `flux` in each channel: a
+/// cosine is a sum of products of either sign, so its absolute error is 3e-7, whatever its value.
 fn cosine_slack(vpl: &Point, position: DVec3, normal: DVec3, flux: f32, exposure: f32) -> f64 {
     let [from, facing] =
         [vpl.position, vpl.normal].map(|vector| DVec3::from_array(vector.map(f64::from)));
-    let way = from - position;
-    let square = way.length_squared().max(1e-18);
+    let to_light = from - position;
+    let square = to_light.length_squared().max(1e-18);
     let [receiver, emitter] =
-        [normal, -facing].map(|normal| (normal.dot(way) / square.sqrt()).max(0.0));
+        [normal, -facing].map(|normal| (normal.dot(to_light) / square.sqrt()).max(0.0));
     let lost = (receiver + 3e-7) * (emitter + 3e-7) - receiver * emitter;
     (lost / square).min(f64::from(vpl.extent)) * f64::from(flux) * f64::from(exposure)
         / std::f64::consts::PI
@@ -58,8 +58,8 @@ struct Worst {
 }
 
 impl Worst {
-    /// Takes note of a half float that should be `expected`. `slack` is how much 32-bit floats may
-    /// lose of it.
+    /// Compares a half float with its expected value. `slack` is the absolute error allowed for
+    /// 32-bit floats.
     #[track_caller]
     fn check(&mut self, label: &str, found: f64, expected: f64, slack: f64) {
         assert!(found.is_finite() && found >= 0.0, "{label}: {found}, {expected} expected");
@@ -79,13 +79,13 @@ impl Worst {
         println!("    {label}: off by at most {:.1e} over {} values", self.relative, self.count);
         assert!(
             self.relative < 1e-3 && self.count >= least,
-            "{label}: {} values say nothing",
+            "{label}: {} values are too few, or the error is too large",
             self.count
         );
     }
 }
 
-/// Numbers in [0, 1) that look random and are the same in every run.
+/// Pseudo-random numbers in [0, 1), the same in every run.
 struct Random(u32);
 
 impl Random {
@@ -94,12 +94,12 @@ impl Random {
         (self.0 >> 8) as f32 / (1 << 24) as f32
     }
 
-    /// Between two corners.
+    /// A point in the box between two corners.
     fn inside(&mut self, least: Vec3, most: Vec3) -> Vec3 {
         least + (most - least) * Vec3::new(self.next(), self.next(), self.next())
     }
 
-    /// Unit length, all directions alike.
+    /// A unit vector, uniformly distributed.
     fn direction(&mut self) -> Vec3 {
         let (z, turn) = (2.0 * self.next() - 1.0, std::f32::consts::TAU * self.next());
         let across = (1.0 - z * z).max(0.0).sqrt();

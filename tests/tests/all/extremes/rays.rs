@@ -1,5 +1,5 @@
-//! The gather with rays, through the tree that the plugin builds, against trying every triangle in
-//! 64-bit floats.
+//! The gather with rays through the plugin's acceleration structure, against a brute-force
+//! intersection of all triangles in 64-bit floats.
 
 use bevy::asset::RenderAssetUsages;
 use bevy::color::Color;
@@ -20,17 +20,17 @@ use frugal_tests::{meshes, set};
 use super::{Random, Worst, stage};
 
 tests!(
-    rays_meet_what_trying_every_triangle_meets,
+    rays_agree_with_a_brute_force_intersection,
     rays_pass_where_masks_have_holes,
-    surfaces_do_not_shade_themselves,
-    hands_of_lights_are_summed_or_left_out,
+    surfaces_do_not_shadow_themselves,
+    a_stratum_of_lights_is_summed_or_rejected,
 );
 
 const SIZE: [u32; 2] = [16, 16];
 const COUNT: usize = (SIZE[0] * SIZE[1]) as usize;
 
-/// A triangle and which of its eight strips are there: between weights of the second corner of 0,
-/// 1/8, 2/8 and so on.
+/// A triangle, and a bit mask of its opaque strips. The eight strips are bounded by barycentric
+/// weights of the second corner of 0, 1/8, 2/8 and so on.
 #[derive(Clone, Copy)]
 struct Triangle {
     corners: [DVec3; 3],
@@ -48,25 +48,26 @@ impl Scene {
         Self { stage: stage(), triangles: Vec::new() }
     }
 
-    /// Puts triangles on the stage, given in the mesh's own space.
+    /// Spawns triangles, given in the mesh's local space.
     fn add(&mut self, corners: &[[Vec3; 3]], transform: Transform) {
-        self.add_with(corners, transform, meshes::matt(0.5, 0.5, 0.5), u8::MAX);
+        self.add_with(corners, transform, meshes::diffuse(0.5, 0.5, 0.5), u8::MAX);
     }
 
-    /// The same with holes.
+    /// [`add`](Self::add) with holes between the strips.
     fn add_strips(&mut self, corners: &[[Vec3; 3]], transform: Transform, strips: u8) {
         let texels: Vec<[u8; 4]> = (0..8)
             .map(|strip| [255, 255, 255, if strips >> strip & 1 == 1 { 200 } else { 100 }])
             .collect();
         let texture =
             meshes::texture(&mut self.stage, TextureFormat::Rgba8UnormSrgb, 8, 1, &texels);
-        // Of the material's alpha, too: 200 of 255 reach half of 0.75, and 100 do not.
+        // Multiplied by the material's alpha of 0.75, 200 of 255 is above the cutoff of 0.5, and
+        // 100 is below.
         let base_color = Color::linear_rgba(0.5, 0.5, 0.5, 0.75);
         let material = StandardMaterial {
             base_color,
             base_color_texture: Some(texture),
             alpha_mode: AlphaMode::Mask(0.5),
-            ..meshes::matt(0.5, 0.5, 0.5)
+            ..meshes::diffuse(0.5, 0.5, 0.5)
         };
         self.add_with(corners, transform, material, strips);
     }
@@ -95,23 +96,24 @@ impl Scene {
             affine.matrix3.as_dmat3(),
             affine.translation.as_dvec3(),
         );
-        let placed = |triangle: &[Vec3; 3]| {
+        let in_world = |triangle: &[Vec3; 3]| {
             triangle.map(|corner| affine.transform_point3(corner.as_dvec3()))
         };
-        self.triangles
-            .extend(corners.iter().map(|triangle| Triangle { corners: placed(triangle), strips }));
+        self.triangles.extend(
+            corners.iter().map(|triangle| Triangle { corners: in_world(triangle), strips }),
+        );
     }
 
-    /// The buffers that the plugin made of them.
+    /// The plugin's buffers of the occluders.
     fn occluders(&mut self) -> [Buffer; 4] {
-        // They are kept while there is a lamp.
+        // They exist only while there is a light.
         self.stage.world_mut().spawn((DirectionalLight::default(), Transform::default()));
         set::apply(&mut self.stage, "min,gi_refresh_period=1,gi_vpl_count=64,gi_visibility=fine");
         self.stage.get_ready().expect("a ready stage");
         inspect::gpu_state(self.stage.render_world()).occluders.expect("a camera that traces")
     }
 
-    /// Lights above a floor, as the comparison has them.
+    /// VPLs above the floor, for the comparison.
     fn lights() -> Vec<Point> {
         let mut random = Random(29);
         let mut light = || {
@@ -127,21 +129,21 @@ impl Scene {
         (0..24).map(|_| light()).collect()
     }
 
-    /// The plane that they light.
+    /// The plane of the pixels that the VPLs light.
     fn plane() -> Plane {
         Plane { spacing: 0.75, eye: Vec3::new(0.0, 3.0, 5.0), exposure: 0.1, ..Plane::ORIGIN }
     }
 
-    /// Of each light and pixel that lies before it: which, where, what it gets if nothing hides,
-    /// and whether nothing does.
+    /// All pairs of a VPL and a pixel that it faces: VPL index, pixel index, position, unoccluded
+    /// irradiance, and visibility as by [`is_free`].
     fn pairs(&self) -> impl Iterator<Item = (usize, usize, DVec3, f64, Option<bool>)> {
         let plane = Self::plane();
         let (_, normal) = g_buffer_normal(Vec3::Y);
         let lights = Self::lights();
         (0..lights.len() * COUNT).map(|pair| (pair / COUNT, pair % COUNT)).filter_map(
             move |(light, pixel)| {
-                let (vpl, place) = (&lights[light], pixel as u32);
-                let at = plane.position(SIZE, place % SIZE[0], place / SIZE[0]);
+                let (vpl, index) = (&lights[light], pixel as u32);
+                let at = plane.position(SIZE, index % SIZE[0], index / SIZE[0]);
                 let open = irradiance(&[*vpl], at, normal, plane.exposure)[0];
                 (open >= 0.01).then(|| {
                     (light, pixel, at, open, is_free(&self.triangles, &plane, [at, normal], vpl))
@@ -150,17 +152,17 @@ impl Scene {
         )
     }
 
-    /// Rays that are hidden, by trying every triangle.
+    /// Number of occluded rays by brute force.
     fn count_hidden(&self) -> usize {
         self.pairs().filter(|(.., free)| *free == Some(false)).count()
     }
 
-    /// Holds the gather against trying every triangle; how many rays were hidden.
+    /// Compares the gather with brute force; returns the number of occluded rays.
     fn compare(&mut self, occluders: &[Buffer; 4], label: &str) -> usize {
         let (packed, _) = g_buffer_normal(Vec3::Y);
         let gather = Gather::new(&mut self.stage, 2);
         let pixels = Pixels::new(&self.stage, SIZE, &[packed; COUNT]);
-        // One light at a time: the first hand holds it, and the other is empty.
+        // One VPL at a time: it is in the first stratum, and the second stratum is empty.
         let run = |vpl: Point| {
             gather.run_with(&self.stage, &pixels, &Self::plane(), &[vpl], Some(occluders))
         };
@@ -181,15 +183,17 @@ impl Scene {
                 1e-5 * open,
             );
         }
-        println!("    {rays} rays, {hidden} of them hidden, {unclear} too near an edge to tell");
+        println!(
+            "    {rays} rays, {hidden} of them occluded, {unclear} too near an edge to decide"
+        );
         worst.report(label, 1000);
         assert!(unclear < rays / 50, "{unclear} of {rays}");
         hidden
     }
 }
 
-/// Möller and Trumbore 1997, from either side; no triangle without area is met.
-fn meets(triangle: &Triangle, origin: DVec3, direction: DVec3) -> bool {
+/// Möller and Trumbore 1997, two-sided; degenerate triangles are never hit.
+fn intersects(triangle: &Triangle, origin: DVec3, direction: DVec3) -> bool {
     let [a, b, c] = triangle.corners;
     let (ab, ac) = (b - a, c - a);
     let p = direction.cross(ac);
@@ -205,15 +209,15 @@ fn meets(triangle: &Triangle, origin: DVec3, direction: DVec3) -> bool {
         && triangle.strips >> ((u * 8.0) as u32).min(7) & 1 == 1
 }
 
-/// How far off a surface a ray starts or ends, metres: `trace.wgsl`'s `surface_offset`.
+/// Offset of a ray's ends from their surfaces, metres: `surface_offset` of `trace.wgsl`.
 fn offset(position: DVec3, eye: DVec3, width: f32) -> f64 {
     5e-4 + 2e-4 * position.distance(eye)
         + 4e-7 * position.abs().max_element()
         + 0.045 * f64::from(width)
 }
 
-/// Whether the segment between two surface points is free; none where a hundredth of a millimetre
-/// decides.
+/// Whether the segment between two surface points is unoccluded; `None` if a shift of 0.01 mm
+/// changes the answer.
 fn is_free(
     triangles: &[Triangle],
     plane: &Plane,
@@ -227,7 +231,7 @@ fn is_free(
         (from + normal * offset(from, eye, plane.spacing), at + facing * offset(at, eye, 0.0));
     let free = |shift: DVec3, other: DVec3| {
         let (origin, end) = (origin + shift, end + other);
-        !triangles.iter().any(|triangle| meets(triangle, origin, end - origin))
+        !triangles.iter().any(|triangle| intersects(triangle, origin, end - origin))
     };
     let straight = free(DVec3::ZERO, DVec3::ZERO);
     let [x, y, z] =
@@ -236,8 +240,7 @@ fn is_free(
     shifts.iter().all(|(shift, other)| free(*shift, *other) == straight).then_some(straight)
 }
 
-/// Triangles of about 2 m in a box, some of which are none: without area, folded to a line,
-/// needles.
+/// Triangles of about 2 m in a box, some of them degenerate: points, lines and needles.
 fn soup(random: &mut Random, count: usize) -> Vec<[Vec3; 3]> {
     let mut triangle = |index: usize| {
         let center = random.inside(Vec3::new(-6.0, 0.3, -6.0), Vec3::new(6.0, 3.0, 6.0));
@@ -255,11 +258,11 @@ fn soup(random: &mut Random, count: usize) -> Vec<[Vec3; 3]> {
     (0..count).map(&mut triangle).collect()
 }
 
-fn rays_meet_what_trying_every_triangle_meets() {
+fn rays_agree_with_a_brute_force_intersection() {
     let mut scene = Scene::new();
     let mut random = Random(5);
     scene.add(&soup(&mut random, 40), Transform::default());
-    // Turned, stretched, mirrored; scaled to nothing; and far larger in its own space.
+    // Rotated, stretched and mirrored; scaled to zero; and far larger in local space.
     let turned = Quat::from_axis_angle(Vec3::new(0.48, 0.6, 0.64), 1.1);
     scene.add(
         &soup(&mut random, 40),
@@ -274,19 +277,20 @@ fn rays_meet_what_trying_every_triangle_meets() {
         .collect();
     scene.add(&large, Transform::from_scale(Vec3::splat(1e-4)));
     let occluders = scene.occluders();
-    // Of each eight triangles, three are none; those of the mesh that is scaled to nothing are
-    // kept, for its tree knows nothing of that.
+    // Three of every eight triangles are degenerate. Those of the mesh that is scaled to zero are
+    // kept, because its acceleration structure does not depend on the transform.
     let kept = scene.stage.world_mut().resource::<GiOccluders>();
     assert_eq!(
         (kept.triangle_count(), kept.instance_count()),
         (112 / 8 * 5, 3),
-        "what hides nothing is left out"
+        "triangles that occlude nothing are left out"
     );
     let hidden = scene.compare(&occluders, "rays");
     assert!(hidden > 200, "{hidden}");
 }
 
-/// Holes that end where parts of a triangle do, so that 64 of them hold all that there is to know.
+/// Holes that end at the borders of sub-triangles, so that masks of 64 sub-triangles represent them
+/// exactly.
 fn rays_pass_where_masks_have_holes() {
     let mut scene = Scene::new();
     let mut random = Random(6);
@@ -294,7 +298,7 @@ fn rays_pass_where_masks_have_holes() {
         scene.add_strips(&soup(&mut random, 24), Transform::from_xyz(0.0, 0.2, 0.0), strips);
     }
     scene.add_strips(&soup(&mut random, 24), Transform::default(), 0);
-    // The same mesh twice, with holes and without.
+    // The same mesh with holes and without.
     let small: Vec<_> = soup(&mut random, 16)
         .into_iter()
         .map(|triangle| triangle.map(|corner| corner * 0.3))
@@ -310,26 +314,26 @@ fn rays_pass_where_masks_have_holes() {
     assert_eq!(
         (kept.triangle_count(), kept.instance_count()),
         (128 / 8 * 5, 6),
-        "what is all hole is left out"
+        "a mesh that is completely transparent is left out"
     );
     let hidden = scene.compare(&occluders, "rays through holes");
-    // As many would be hidden by the same triangles without holes as show that holes count.
+    // Without holes, the same triangles would occlude clearly more rays.
     for triangle in &mut scene.triangles {
         triangle.strips = u8::MAX;
     }
     let solid = scene.count_hidden();
-    println!("    {hidden} rays hidden; {solid} if there were no holes");
+    println!("    {hidden} rays occluded; {solid} without holes");
     assert!(hidden > 100 && solid > hidden + 200, "{hidden} {solid}");
 }
 
-/// Receivers and lights on the very triangles that rays might meet.
-fn surfaces_do_not_shade_themselves() {
+/// Pixels and VPLs on the triangles that their rays might hit.
+fn surfaces_do_not_shadow_themselves() {
     for far in [0.0f32, 1e4] {
         let mut scene = Scene::new();
         let base = Vec3::new(far, 0.0, -far);
         let quad = |a: Vec3, b: Vec3, c: Vec3| [[a, b, c], [c, b, b + c - a]];
-        // A floor, and two walls that lean over it: nothing lies between any two points of theirs
-        // that see each other.
+        // A floor, and two walls that lean over it: no two of their points that face each other are
+        // occluded.
         let floor =
             quad(Vec3::new(-4.0, 0.0, -4.0), Vec3::new(4.0, 0.0, -4.0), Vec3::new(-4.0, 0.0, 4.0));
         let wall =
@@ -352,7 +356,7 @@ fn surfaces_do_not_shade_themselves() {
         let mut random = Random(17);
         for index in 0..16 {
             let [a, b, c] = if index % 2 == 0 { wall[0] } else { side[0] };
-            // Not where the two walls cross.
+            // Away from the intersection of the two walls.
             let (u, v) = (0.1 + 0.7 * random.next(), 0.05 + 0.9 * random.next());
             let facing = (b - a).cross(c - a).normalize();
             let inwards = facing * facing.dot(Vec3::Y - a).signum();
@@ -368,8 +372,7 @@ fn surfaces_do_not_shade_themselves() {
             {
                 let at = plane.position(SIZE, pixel % SIZE[0], pixel / SIZE[0]);
                 let open = irradiance(&[vpl], at, normal, plane.exposure)[0];
-                // Between the walls, and not so near to either that the other side of it is nearer
-                // than rays start off.
+                // Between the walls, and farther from them than the offset of a ray's start.
                 let inside = (at - base.as_dvec3()).abs().max_element() < 3.4;
                 if open > 0.01 && inside {
                     worst.check(
@@ -381,14 +384,13 @@ fn surfaces_do_not_shade_themselves() {
                 }
             }
         }
-        worst
-            .report(&format!("{far} m from the origin, no shade where nothing lies between"), 1000);
+        worst.report(&format!("{far} m from the origin, no self-shadowing"), 1000);
     }
 }
 
-/// A hand of lights stands or falls with the one that is drawn: all of it where nothing hides,
-/// nothing where all is hidden.
-fn hands_of_lights_are_summed_or_left_out() {
+/// One ray to the sampled VPL accepts or rejects the sum of its stratum: the full sum without
+/// occluders, zero if all VPLs are occluded.
+fn a_stratum_of_lights_is_summed_or_rejected() {
     let mut scene = Scene::new();
     let lid =
         [[Vec3::new(-50.0, 1.0, -50.0), Vec3::new(50.0, 1.0, -50.0), Vec3::new(0.0, 1.0, 90.0)]];
@@ -401,7 +403,7 @@ fn hands_of_lights_are_summed_or_left_out() {
     let mut random = Random(19);
     for rays in [2, 8] {
         let gather = Gather::new(stage, rays);
-        // Fewer lights than hands, as many, and many.
+        // Fewer VPLs than strata, as many, and more.
         for count in [1, 2, 8, 100] {
             for (height, free) in [(0.2, true), (1.3, false)] {
                 let mut light = || {
@@ -429,7 +431,7 @@ fn hands_of_lights_are_summed_or_left_out() {
                 worst.report(
                     &format!(
                         "{rays} rays, {count} lights, {}",
-                        if free { "free" } else { "hidden" }
+                        if free { "unoccluded" } else { "occluded" }
                     ),
                     if free { 100 } else { 0 },
                 );

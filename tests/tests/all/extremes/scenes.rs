@@ -1,5 +1,5 @@
-//! Scenes that nobody means to build: broken triangles and normals, lights that see nothing, lights
-//! inside walls.
+//! Scenes with errors: degenerate triangles and normals, lights that hit nothing, lights inside
+//! walls.
 
 use bevy::asset::RenderAssetUsages;
 use bevy::light::PointLight;
@@ -14,17 +14,17 @@ use frugal_tests::{gpu, meshes, set};
 use crate::gi::{PLAIN, corner, sun};
 
 tests!(
-    triangles_without_area_change_nothing,
-    normals_without_length_stay_where_they_are,
-    a_light_that_meets_nothing_sends_nothing,
+    degenerate_triangles_change_nothing,
+    invalid_normals_have_local_effects_only,
+    a_light_that_hits_nothing_adds_no_flux,
     a_light_in_a_wall_shines_through_it_as_its_shadow_map_does,
 );
 
-/// Every number of the picture and of what it was made from.
-fn assert_sound(stage: &Stage, radiance: &Radiance) {
+/// Asserts that the image, its RSM texels and its VPLs are finite and not negative.
+fn assert_finite(stage: &Stage, radiance: &Radiance) {
     assert!(
         radiance.rgb.iter().flatten().all(|value| value.is_finite() && *value >= 0.0),
-        "a pixel is no number"
+        "a pixel is not finite"
     );
     for point in gpu::rsm_texels(stage).iter().chain(&gpu::vpls(stage)) {
         let numbers =
@@ -47,7 +47,7 @@ fn mesh(positions: Vec<[f32; 3]>, normal: [f32; 3]) -> Mesh {
         .with_inserted_indices(Indices::U32((0..count as u32).collect()))
 }
 
-fn triangles_without_area_change_nothing() {
+fn degenerate_triangles_change_nothing() {
     let mut stage = corner(vec![sun(Vec3::NEG_Y)]);
     let settings = format!("{PLAIN},gi_visibility=coarse");
     set::apply(&mut stage, &settings);
@@ -64,43 +64,43 @@ fn triangles_without_area_change_nothing() {
         let entity = meshes::spawn(
             &mut stage,
             mesh(list, [0.0, 1.0, 0.0]),
-            meshes::matt(0.9, 0.9, 0.9),
+            meshes::diffuse(0.9, 0.9, 0.9),
             Transform::default(),
         );
         let found = set::radiance(&mut stage);
-        assert_sound(&stage, &found);
+        assert_finite(&stage, &found);
         assert!(found == expected, "{label}");
         stage.world_mut().despawn(entity);
     }
-    // Corners that are no numbers, and one so far away that its square is none. What is drawn of
-    // them is the driver's affair; it must not spread.
+    // Vertices that are not finite, and one so far away that its square is not. The driver decides
+    // how to draw such a triangle; the effect must not spread.
     for broken in [f32::NAN, f32::INFINITY, 1e30] {
         let list = vec![a, b, [broken, 1.0, 0.0]];
         let entity = meshes::spawn(
             &mut stage,
             mesh(list, [0.0, 1.0, 0.0]),
-            meshes::matt(0.9, 0.9, 0.9),
+            meshes::diffuse(0.9, 0.9, 0.9),
             Transform::default(),
         );
         let found = set::radiance(&mut stage);
-        assert_sound(&stage, &found);
+        assert_finite(&stage, &found);
         println!(
             "    a corner at {broken}: {:.3} nits, {:.3} without",
             found.mean(),
             expected.mean()
         );
         stage.world_mut().despawn(entity);
-        assert!(set::radiance(&mut stage) == expected, "gone without a trace");
+        assert!(set::radiance(&mut stage) == expected, "no trace after its removal");
     }
 }
 
-fn normals_without_length_stay_where_they_are() {
+fn invalid_normals_have_local_effects_only() {
     let mut stage = corner(vec![sun(Vec3::NEG_Y)]);
     let expected = set::radiance(&mut stage);
     for normal in
         [[0.0; 3], [f32::NAN; 3], [f32::INFINITY, 0.0, 0.0], [1e-30, 0.0, 0.0], [0.0, 1e30, 0.0]]
     {
-        // A square metre of the floor's middle.
+        // One square metre in the middle of the floor.
         let (low, high, y) = (-0.5, 0.5, 0.02);
         let square = vec![
             [low, y, low],
@@ -113,12 +113,12 @@ fn normals_without_length_stay_where_they_are() {
         let entity = meshes::spawn(
             &mut stage,
             mesh(square, normal),
-            meshes::matt(0.8, 0.8, 0.8),
+            meshes::diffuse(0.8, 0.8, 0.8),
             Transform::default(),
         );
         let found = set::radiance(&mut stage);
-        assert_sound(&stage, &found);
-        // It is a sixteenth of the floor, and the nearest of it to nothing in view.
+        assert_finite(&stage, &found);
+        // It is a sixteenth of the floor, and far from everything in view.
         let share = found.mean() / expected.mean();
         println!("    normals {normal:?}: {share:.3} of the light without");
         assert!((0.8..1.2).contains(&share), "{normal:?}: {share}");
@@ -126,7 +126,7 @@ fn normals_without_length_stay_where_they_are() {
     }
 }
 
-fn a_light_that_meets_nothing_sends_nothing() {
+fn a_light_that_hits_nothing_adds_no_flux() {
     let up = Light::Spot {
         position: Vec3::new(0.0, 3.0, 0.0),
         direction: Vec3::Y,
@@ -139,10 +139,10 @@ fn a_light_that_meets_nothing_sends_nothing() {
     let mut stage = corner(vec![up]);
     set::apply(&mut stage, &format!("{PLAIN},gi_visibility=coarse"));
     let found = set::radiance(&mut stage);
-    assert_sound(&stage, &found);
+    assert_finite(&stage, &found);
     assert_eq!(found.mean(), 0.0);
     assert!(!gpu::rsm_texels(&stage).is_empty() && gpu::total_flux(&gpu::vpls(&stage)) == [0.0; 3]);
-    // Beside one that does, it changes nothing but the places of what is drawn.
+    // Next to a light that hits something, it only changes the positions of the sampled VPLs.
     let mut alone = corner(vec![sun(Vec3::NEG_Y)]);
     let alone = set::radiance(&mut alone);
     stage.world_mut().spawn((
@@ -151,22 +151,22 @@ fn a_light_that_meets_nothing_sends_nothing() {
     ));
     set::apply(&mut stage, PLAIN);
     let beside = set::radiance(&mut stage).mean();
-    println!("    {beside:.3} nits beside a light that meets nothing, {:.3} alone", alone.mean());
+    println!("    {beside:.3} nits next to a light that hits nothing, {:.3} alone", alone.mean());
     assert!((beside / alone.mean() - 1.0).abs() < 0.03, "{beside} {}", alone.mean());
 }
 
-/// Bevy draws no backs of single-sided surfaces, into shadow maps neither: a lamp in a wall is a
-/// lamp without that wall.
+/// Bevy culls the back faces of single-sided surfaces, also in shadow maps: for a light inside a
+/// wall, the wall does not exist.
 fn a_light_in_a_wall_shines_through_it_as_its_shadow_map_does() {
     let wall = |stage: &mut Stage| {
         meshes::spawn_box(
             stage,
             Vec3::new(0.0, 1.0, 0.5),
             Vec3::new(0.6, 0.6, 0.6),
-            meshes::matt(0.0, 0.0, 0.0),
+            meshes::diffuse(0.0, 0.0, 0.0),
         )
     };
-    let lamp = |stage: &mut Stage, position: Vec3| {
+    let spawn_light = |stage: &mut Stage, position: Vec3| {
         let light = PointLight {
             intensity: 20_000.0,
             range: 20.0,
@@ -181,13 +181,13 @@ fn a_light_in_a_wall_shines_through_it_as_its_shadow_map_does() {
             &mut stage,
             Vec3::new(0.0, -0.1, 0.0),
             Vec3::new(4.0, 0.2, 4.0),
-            meshes::matt(0.8, 0.8, 0.8),
+            meshes::diffuse(0.8, 0.8, 0.8),
         );
         meshes::spawn_box(
             &mut stage,
             Vec3::new(0.0, 1.0, -2.0),
             Vec3::new(4.0, 2.0, 0.2),
-            meshes::matt(0.5, 0.5, 0.5),
+            meshes::diffuse(0.5, 0.5, 0.5),
         );
         // The wall and the floor before it, past the box.
         set::look(&mut stage, Vec3::new(1.6, 1.2, 1.0), Vec3::new(-0.5, 0.3, -2.0));
@@ -196,12 +196,12 @@ fn a_light_in_a_wall_shines_through_it_as_its_shadow_map_does() {
         for position in
             [Vec3::new(0.0, 1.0, 0.5), Vec3::new(0.0, 1.0, 0.2), Vec3::new(0.0, 1.0, 0.2 + 1e-6)]
         {
-            let light = lamp(&mut stage, position);
+            let light = spawn_light(&mut stage, position);
             let open = set::radiance(&mut stage);
             let around = wall(&mut stage);
             let walled = set::radiance(&mut stage);
             if component == Component::Indirect {
-                assert_sound(&stage, &walled);
+                assert_finite(&stage, &walled);
             }
             found.push((position, walled.mean() / open.mean()));
             stage.world_mut().despawn(around);
@@ -213,9 +213,9 @@ fn a_light_in_a_wall_shines_through_it_as_its_shadow_map_does() {
         lights(Component::Indirect).into_iter().zip(lights(Component::Direct))
     {
         println!(
-            "    a lamp at {position} in a box: {direct:.3} of its direct light is left, {indirect:.3} of its indirect light"
+            "    a light at {position} in a box: {direct:.3} of its direct light is left, {indirect:.3} of its indirect light"
         );
-        // The box itself is black, and hides a little of the picture.
+        // The box itself is black, and covers a small part of the image.
         assert!(
             direct > 0.7 && (indirect / direct - 1.0).abs() < 0.25,
             "{position}: {direct} {indirect}"

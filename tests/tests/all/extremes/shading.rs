@@ -1,5 +1,5 @@
-//! How surfaces scatter light that bounces: `scattered_share` of `surface.wgsl`, as
-//! `rsm/resolve.wgsl` uses it, against sums over directions.
+//! Scattering of indirect light: `scattered_share` of `surface.wgsl`, as `rsm/resolve.wgsl` uses
+//! it, against numerical integrals over directions.
 
 use std::f64::consts::{FRAC_1_PI, TAU};
 
@@ -10,11 +10,11 @@ use super::maps::{Light, Resolve};
 use super::stage;
 
 tests!(
-    light_is_scattered_as_burley_and_ggx_scatter_it_on_average,
-    what_scatters_nothing_sends_nothing
+    the_scattered_share_is_the_mean_of_burley_and_ggx,
+    surfaces_that_scatter_nothing_reflect_no_flux
 );
 
-/// A surface as the G-buffer has it, in shares of 255.
+/// A surface as stored in the G-buffer, in 255ths.
 #[derive(Clone, Copy)]
 struct Surface {
     color: [u8; 3],
@@ -30,8 +30,8 @@ impl Surface {
         [red | green << 8 | blue << 16 | u32::from(self.roughness) << 24, 0, properties, normal]
     }
 
-    /// Flux that it sends of light of 1 lm at `cosine`: all of Burley's and GGX's lobes over the
-    /// hemisphere, smooth mirrors left out.
+    /// Reflected flux for incident light of 1 lm at `cosine`: Burley's and GGX's lobes integrated
+    /// over the hemisphere, without smooth mirrors.
     fn scattered(&self, cosine: f64) -> [f64; 3] {
         let share = |byte: u8| f64::from(byte) / 255.0;
         let (roughness, metallic) = (share(self.roughness), share(self.metallic));
@@ -44,7 +44,7 @@ impl Surface {
         let light = DVec3::new((1.0 - cosine * cosine).max(0.0).sqrt(), 0.0, cosine);
         let (steps, mut diffuse, mut specular, mut white) = (160, [0.0; 3], [0.0; 3], 0.0);
         for i in 0..steps * steps {
-            // By the cosine, so that a mean times π is an integral with it.
+            // Cosine-weighted directions: the mean times π is the integral of value × cosine.
             let at = |index: i32| (f64::from(index) + 0.5) / f64::from(steps);
             let (u, angle) = (at(i / steps), TAU * at(i % steps));
             let (up, around) = (u.sqrt(), (1.0 - u).sqrt());
@@ -68,8 +68,7 @@ impl Surface {
         }
         let rough = ((roughness - 0.2) / 0.2).clamp(0.0, 1.0);
         let fade = rough * rough * (3.0 - 2.0 * rough);
-        // What facets scatter among each other: a white mirror's surface, however rough, keeps
-        // nothing.
+        // Multiple scattering between facets: a white metal, however rough, absorbs nothing.
         [0, 1, 2].map(|channel| {
             diffuse[channel] + fade * specular[channel] * (1.0 + f0[channel] * (1.0 / white - 1.0))
         })
@@ -79,7 +78,7 @@ impl Surface {
 fn sun() -> Light {
     Light {
         intensity: Vec3::ONE,
-        texel_measure: 1.0,
+        texel_extent: 1.0,
         position: Vec3::ZERO,
         inverse_range_squared: 0.0,
         direction: Vec3::NEG_Y,
@@ -87,14 +86,17 @@ fn sun() -> Light {
     }
 }
 
-fn light_is_scattered_as_burley_and_ggx_scatter_it_on_average() {
+fn the_scattered_share_is_the_mean_of_burley_and_ggx() {
     let mut stage = stage();
     let resolve = Resolve::new(&mut stage, vec!["PARALLEL".into()]);
-    // The bounds are what an average by a fit is worth; rough metals lose light between their
+    // The bounds are the accuracy of the fit of an average; rough metals lose light between their
     // facets, in Karis' fit as in GGX itself.
     let mut worst = 0.0f64;
     for (label, surface) in [
-        ("matt", Surface { color: [188, 120, 60], roughness: 255, reflectance: 128, metallic: 0 }),
+        (
+            "diffuse",
+            Surface { color: [188, 120, 60], roughness: 255, reflectance: 128, metallic: 0 },
+        ),
         (
             "half rough",
             Surface { color: [188, 120, 60], roughness: 128, reflectance: 128, metallic: 0 },
@@ -140,12 +142,12 @@ fn light_is_scattered_as_burley_and_ggx_scatter_it_on_average() {
     println!("    off by at most {worst:.3}");
 }
 
-fn what_scatters_nothing_sends_nothing() {
+fn surfaces_that_scatter_nothing_reflect_no_flux() {
     let mut stage = stage();
     let resolve = Resolve::new(&mut stage, vec!["PARALLEL".into()]);
     let (up, _) = g_buffer_normal(Vec3::Y);
-    // What is rendered forward leaves nothing in the G-buffer but depth; the lowest flag marks what
-    // is unlit; and a black mirror only mirrors.
+    // Forward-rendered surfaces write only depth to the G-buffer; the lowest flag marks unlit
+    // surfaces; a black mirror reflects specularly only.
     let mirror = Surface { color: [0; 3], roughness: 30, reflectance: 255, metallic: 0 };
     let unlit = Surface { color: [0; 3], roughness: 200, reflectance: 128, metallic: 0 };
     for texel in [[0, 0, 0, 0], mirror.texel(up), unlit.texel(up | 1 << 24)] {

@@ -1,4 +1,4 @@
-//! Views of one pixel, of odd sizes, and of sizes that change.
+//! Views of one pixel, of odd sizes, and of changing sizes.
 
 use bevy::asset::{Assets, Handle, RenderAssetUsages};
 use bevy::camera::{Exposure, RenderTarget};
@@ -13,13 +13,13 @@ use frugal_tests::{gpu, set};
 
 use crate::gi::{corner, sun};
 
-tests!(any_size_is_gathered_and_no_size_leaves_a_trace);
+tests!(any_size_is_gathered_and_a_resize_leaves_no_trace);
 
 fn extent([width, height]: [u32; 2]) -> Extent3d {
     Extent3d { width, height, depth_or_array_layers: 1 }
 }
 
-/// A second camera beside the stage's own.
+/// Adds a camera next to the stage's own.
 fn add_camera(stage: &mut Stage, size: [u32; 2], gi: FrugalGi) -> (Entity, Handle<Image>) {
     let usage = RenderAssetUsages::RENDER_WORLD | RenderAssetUsages::MAIN_WORLD;
     let mut image =
@@ -28,17 +28,18 @@ fn add_camera(stage: &mut Stage, size: [u32; 2], gi: FrugalGi) -> (Entity, Handl
         TextureUsages::RENDER_ATTACHMENT | TextureUsages::TEXTURE_BINDING;
     let world = stage.world_mut();
     let image = world.resource_mut::<Assets<Image>>().add(image);
-    let place = Transform::from_xyz(0.0, 1.2, 3.0).looking_at(Vec3::new(0.0, 0.8, -2.0), Vec3::Y);
+    let transform =
+        Transform::from_xyz(0.0, 1.2, 3.0).looking_at(Vec3::new(0.0, 0.8, -2.0), Vec3::Y);
     let camera = world.spawn((
         gi,
         RenderTarget::Image(image.clone().into()),
         Exposure { ev100: 8.0 },
-        place,
+        transform,
     ));
     (camera.id(), image)
 }
 
-/// Exposed irradiance of a camera, with its size.
+/// Size and exposed irradiance of a camera's low-resolution image.
 fn irradiance(stage: &mut Stage, camera: Entity) -> ([u32; 2], Vec<[f64; 4]>) {
     stage.get_ready().expect("a ready stage");
     let state = inspect::gpu_state(stage.render_world());
@@ -48,9 +49,9 @@ fn irradiance(stage: &mut Stage, camera: Entity) -> ([u32; 2], Vec<[f64; 4]>) {
     ([camera.irradiance.width(), camera.irradiance.height()], found)
 }
 
-fn any_size_is_gathered_and_no_size_leaves_a_trace() {
+fn any_size_is_gathered_and_a_resize_leaves_no_trace() {
     let mut stage = corner(vec![sun(Vec3::new(0.2, -1.0, -0.1))]);
-    // The stage's own camera would draw VPLs of its own from the same maps.
+    // The stage's own camera would sample VPLs from the same maps.
     set::apply(&mut stage, "min,gi_refresh_period=1");
     for (interleave, pixel_fraction, visibility, sizes) in [
         (
@@ -95,12 +96,15 @@ fn any_size_is_gathered_and_no_size_leaves_a_trace() {
                 "{size:?}"
             );
             let lit = resized.iter().filter(|texel| texel[0] > 0.0).count();
-            println!("    {pixel_fraction:?} of {size:?}: {lit} of {} cells lit", resized.len());
+            println!(
+                "    {pixel_fraction:?} of {size:?}: {lit} of {} low-resolution pixels lit",
+                resized.len()
+            );
             assert!(lit > 0, "{size:?}");
-            // As a camera that never had another size.
+            // Equal to a camera that always had this size.
             let (fresh, _) = add_camera(&mut stage, size, gi.clone());
             let (_, expected) = irradiance(&mut stage, fresh);
-            assert!(resized == expected, "{size:?} is not as if it had always been");
+            assert!(resized == expected, "{size:?} differs after a resize");
             assert!(stage.world_mut().despawn(fresh));
         }
         assert!(stage.world_mut().despawn(camera));

@@ -12,17 +12,17 @@ use super::{GREY, on_bench};
 
 tests!(
     an_extension_sends_and_receives_the_colour_that_it_gives,
-    an_extension_that_moves_its_mesh_hides_where_it_was,
+    an_extension_that_moves_its_mesh_occludes_at_the_original_position,
     a_deferred_material_is_like_any_other,
-    a_forward_material_takes_no_part_but_hides,
-    a_material_without_prepass_shows_the_light_of_what_is_behind,
+    a_forward_material_occludes_only,
+    a_material_without_prepass_shows_the_light_of_the_surface_behind,
 );
 
 const COLOR: LinearRgba = LinearRgba::rgb(0.1, 0.8, 0.4);
 const ALBEDO: [f64; 3] = [0.1, 0.8, 0.4];
 
 fn grey() -> StandardMaterial {
-    meshes::matt(GREY, GREY, GREY)
+    meshes::diffuse(GREY, GREY, GREY)
 }
 
 fn an_extension_sends_and_receives_the_colour_that_it_gives() {
@@ -31,12 +31,12 @@ fn an_extension_sends_and_receives_the_colour_that_it_gives() {
             "extended",
             ExtendedMaterial { base: grey(), extension: Tint { color: COLOR } },
         );
-        tinted.assert_matt("extended", ALBEDO);
+        tinted.assert_diffuse("extended", ALBEDO);
         // Bevy draws it in its base's colour, too.
         let forward = ExtendedMaterial { base: grey(), extension: ForwardTint { color: COLOR } };
         bench
             .measure_plate("extended for forward rendering only", forward)
-            .assert_matt("forward", [f64::from(GREY); 3]);
+            .assert_diffuse("forward", [f64::from(GREY); 3]);
         // Transparent for the sun's map as it is for the eye, but rays know Bevy's own material
         // alone.
         let blend = StandardMaterial {
@@ -45,7 +45,7 @@ fn an_extension_sends_and_receives_the_colour_that_it_gives() {
             ..grey()
         };
         let plate = bench.plate(ExtendedMaterial { base: blend, extension: Tint { color: COLOR } });
-        let source = bench.as_source(plate, super::Place::Floor);
+        let source = bench.as_source(plate, super::Placement::Floor);
         let hidden = bench.as_occluder(plate);
         bench.clear(plate);
         println!("    extended and transparent: covers {}, hides {hidden:.3}", source.covered);
@@ -53,11 +53,11 @@ fn an_extension_sends_and_receives_the_colour_that_it_gives() {
     });
 }
 
-fn an_extension_that_moves_its_mesh_hides_where_it_was() {
+fn an_extension_that_moves_its_mesh_occludes_at_the_original_position() {
     on_bench(|bench| {
         let shift = |by| ExtendedMaterial { base: grey(), extension: Shift { by } };
         let plate = bench.plate(shift(Vec4::new(0.0, 0.3, 0.0, 0.0)));
-        let source = bench.as_source(plate, super::Place::Floor);
+        let source = bench.as_source(plate, super::Placement::Floor);
         let (texels, _) = bench.middle();
         let height =
             texels.iter().map(|texel| texel.position[1]).sum::<f32>() / texels.len() as f32;
@@ -82,11 +82,11 @@ fn an_extension_that_moves_its_mesh_hides_where_it_was() {
 fn a_deferred_material_is_like_any_other() {
     on_bench(|bench| {
         let found = bench.measure_plate("custom, deferred", Deferred { color: COLOR });
-        found.assert_matt("custom, deferred", ALBEDO);
+        found.assert_diffuse("custom, deferred", ALBEDO);
     });
 }
 
-fn a_forward_material_takes_no_part_but_hides() {
+fn a_forward_material_occludes_only() {
     on_bench(|bench| {
         let opaque_render_method = OpaqueRendererMethod::Forward;
         let custom = bench.measure_plate("custom, forward", Forward { color: COLOR });
@@ -113,7 +113,7 @@ fn a_forward_material_takes_no_part_but_hides() {
     });
 }
 
-fn a_material_without_prepass_shows_the_light_of_what_is_behind() {
+fn a_material_without_prepass_shows_the_light_of_the_surface_behind() {
     on_bench(|bench| {
         let plate = bench.plate(WithoutPrepass { color: COLOR });
         let effect = bench.measure(plate);

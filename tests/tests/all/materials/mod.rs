@@ -35,7 +35,7 @@ const HEIGHT: f32 = 0.05;
 
 /// Where a sample is put.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub enum Place {
+pub enum Placement {
     /// Over the whole floor, its upper side to the sun.
     Floor,
     /// The same with its lower side to the sun.
@@ -46,7 +46,7 @@ pub enum Place {
     Away,
 }
 
-impl Place {
+impl Placement {
     /// Of a plate of 1 m.
     pub fn transform(self) -> Transform {
         let flat = Transform::from_xyz(0.0, HEIGHT, 0.0).with_scale(Vec3::new(5.0, 1.0, 5.0));
@@ -97,7 +97,7 @@ thread_local! {
     static BENCH: RefCell<Option<Bench>> = const { RefCell::new(None) };
 }
 
-/// What a matt grey plate does.
+/// What a diffuse grey plate does.
 static REFERENCE: OnceLock<Effect> = OnceLock::new();
 /// Radiance of the wall from close by when there is no sample, nits.
 static OPEN_WALL: OnceLock<f64> = OnceLock::new();
@@ -123,18 +123,18 @@ impl Bench {
         set::make_lambertian(&mut stage);
         // Custom materials keep the scene from ever resting, and light from being what was gathered
         // last.
-        set::forget_the_past(&mut stage);
+        set::disable_history(&mut stage);
         meshes::spawn_box(
             &mut stage,
             Vec3::new(0.0, -0.1, 0.0),
             Vec3::new(4.0, 0.2, 4.0),
-            meshes::matt(0.8, 0.8, 0.8),
+            meshes::diffuse(0.8, 0.8, 0.8),
         );
         meshes::spawn_box(
             &mut stage,
             Vec3::new(0.0, 1.0, -2.0),
             Vec3::new(4.0, 2.0, 0.2),
-            meshes::matt(GREY, GREY, GREY),
+            meshes::diffuse(GREY, GREY, GREY),
         );
         // The sun's map covers what meshes say that they cover, and should be the same for all
         // samples, skins and morphs included.
@@ -142,14 +142,14 @@ impl Bench {
             &mut stage,
             Vec3::new(0.0, -0.15, 0.0),
             Vec3::new(5.0, 0.01, 5.0),
-            meshes::matt(0.0, 0.0, 0.0),
+            meshes::diffuse(0.0, 0.0, 0.0),
         );
         // The wall's top would draw virtual point lights that light nothing.
         meshes::spawn_box(
             &mut stage,
             Vec3::new(0.0, 2.01, -2.0),
             Vec3::new(4.0, 0.02, 0.2),
-            meshes::matt(0.0, 0.0, 0.0),
+            meshes::diffuse(0.0, 0.0, 0.0),
         );
         Self { stage }
     }
@@ -161,7 +161,7 @@ impl Bench {
 
     /// Puts a mesh on the bench.
     pub fn sample<M: Material>(&mut self, mesh: Mesh, material: M) -> Entity {
-        meshes::spawn(&mut self.stage, mesh, material, Place::Away.transform())
+        meshes::spawn(&mut self.stage, mesh, material, Placement::Away.transform())
     }
 
     /// Takes a sample away.
@@ -170,8 +170,9 @@ impl Bench {
     }
 
     /// Moves a sample, or the joint that moves it.
-    pub fn put(&mut self, entity: Entity, place: Place) {
-        *self.stage.world_mut().get_mut::<Transform>(entity).expect("a sample") = place.transform();
+    pub fn put(&mut self, entity: Entity, placement: Placement) {
+        *self.stage.world_mut().get_mut::<Transform>(entity).expect("a sample") =
+            placement.transform();
     }
 
     /// Looks at the wall, or at what stands in its place, across the floor.
@@ -182,8 +183,8 @@ impl Bench {
     }
 
     /// What the sun finds of a sample, and what the wall gets of it.
-    pub fn as_source(&mut self, carrier: Entity, place: Place) -> Source {
-        self.put(carrier, place);
+    pub fn as_source(&mut self, entity: Entity, placement: Placement) -> Source {
+        self.put(entity, placement);
         let dark =
             *DARK_WALL.get_or_init(|| self.look_at_wall(&format!("{SETTINGS},gi_vpl_count=0")));
         let lit = self.look_at_wall(SETTINGS);
@@ -217,8 +218,8 @@ impl Bench {
 
     /// Indirect radiance of a sample that receives the floor's light: all that it shows, without
     /// what it shows when there is no GI.
-    pub fn as_receiver(&mut self, carrier: Entity) -> [f64; 3] {
-        self.put(carrier, Place::Wall);
+    pub fn as_receiver(&mut self, entity: Entity) -> [f64; 3] {
+        self.put(entity, Placement::Wall);
         let with = self.look_at_wall(SETTINGS);
         let without = self.look_at_wall(&format!("{SETTINGS},gi_vpl_count=0"));
         std::array::from_fn(|channel| with[channel] - without[channel])
@@ -232,18 +233,18 @@ impl Bench {
     }
 
     /// Share of the floor's light that rays find a sample close before the wall to keep from it.
-    pub fn as_occluder(&mut self, carrier: Entity) -> f64 {
-        self.put(carrier, Place::Away);
+    pub fn as_occluder(&mut self, entity: Entity) -> f64 {
+        self.put(entity, Placement::Away);
         let open = *OPEN_WALL.get_or_init(|| self.behind());
-        self.put(carrier, Place::Wall);
+        self.put(entity, Placement::Wall);
         1.0 - self.behind() / open
     }
 
     /// All of it.
-    pub fn measure(&mut self, carrier: Entity) -> Effect {
-        let source = self.as_source(carrier, Place::Floor);
-        let received = self.as_receiver(carrier);
-        Effect { source, received, hidden: self.as_occluder(carrier) }
+    pub fn measure(&mut self, entity: Entity) -> Effect {
+        let source = self.as_source(entity, Placement::Floor);
+        let received = self.as_receiver(entity);
+        Effect { source, received, hidden: self.as_occluder(entity) }
     }
 
     /// All of it for a plate, which is taken away again.
@@ -254,11 +255,11 @@ impl Bench {
         self.relative(label, effect)
     }
 
-    /// What a matt grey plate does.
+    /// What a diffuse grey plate does.
     pub fn reference(&mut self) -> Effect {
         *REFERENCE.get_or_init(|| {
-            let plate = self.plate(meshes::matt(GREY, GREY, GREY));
-            OPEN_FLOOR.get_or_init(|| self.as_source(plate, Place::Away).wall[1]);
+            let plate = self.plate(meshes::diffuse(GREY, GREY, GREY));
+            OPEN_FLOOR.get_or_init(|| self.as_source(plate, Placement::Away).wall[1]);
             let effect = self.measure(plate);
             self.clear(plate);
             effect
@@ -270,7 +271,7 @@ impl Bench {
         source.wall[1] / OPEN_FLOOR.get().expect("the reference was measured")
     }
 
-    /// `effect` in units of what a matt grey plate does, printed.
+    /// `effect` in units of what a diffuse grey plate does, printed.
     pub fn relative(&mut self, label: &str, effect: Effect) -> Relative {
         let reference = self.reference();
         let over =
@@ -292,8 +293,8 @@ impl Bench {
     }
 }
 
-/// A sample's measurements; what is sent, seen on the wall and received is in units of what a matt
-/// grey plate does.
+/// A sample's measurements; what is sent, seen on the wall and received is in units of what a
+/// diffuse grey plate does.
 #[derive(Clone, Copy, Debug)]
 pub struct Relative {
     pub covered: f64,
@@ -304,10 +305,10 @@ pub struct Relative {
 }
 
 impl Relative {
-    /// Whether it does what a matt plate of these albedos does: it stands in the light, sends its
-    /// share on, receives, and hides.
+    /// Whether it does what a diffuse plate of these albedos does: it stands in the light, sends
+    /// its share on, receives, and hides.
     #[track_caller]
-    pub fn assert_matt(&self, label: &str, albedo: [f64; 3]) {
+    pub fn assert_diffuse(&self, label: &str, albedo: [f64; 3]) {
         self.assert_covers(label, 1.0);
         self.assert_sends(label, albedo);
         self.assert_receives(label, albedo);

@@ -10,17 +10,17 @@ use bevy::prelude::AlphaMode;
 use bevy::render::render_resource::TextureFormat;
 use frugal_tests::meshes;
 
-use super::{Bench, GREY, Place, on_bench};
+use super::{Bench, GREY, Placement, on_bench};
 
 tests!(
-    a_normal_map_turns_what_is_sent_and_received,
+    a_normal_map_tilts_sent_and_received_light,
     holes_of_a_mask_let_light_and_rays_through,
-    a_skin_is_where_its_joint_is_but_hides_nothing,
-    a_morph_is_where_it_is_drawn_but_hides_where_it_was,
+    a_skin_follows_its_joint_but_occludes_nothing,
+    a_morph_follows_its_weights_but_occludes_at_the_original_position,
 );
 
 fn grey() -> StandardMaterial {
-    meshes::matt(GREY, GREY, GREY)
+    meshes::diffuse(GREY, GREY, GREY)
 }
 
 /// A plate whose normal map turns its normal by `tilt` (sines along x and z), and what that normal
@@ -44,14 +44,14 @@ fn tilted(bench: &mut Bench, tilt: Vec2) -> (Entity, Vec3) {
     (plate, Vec3::new(stored.x, stored.z, -stored.y))
 }
 
-fn a_normal_map_turns_what_is_sent_and_received() {
+fn a_normal_map_tilts_sent_and_received_light() {
     on_bench(|bench| {
         // More VPLs than elsewhere: another normal draws others.
         let settings = format!("{},gi_vpl_count=2048", super::SETTINGS);
         let mut received = Vec::new();
         for tilt in [Vec2::ZERO, Vec2::new(0.0, 0.6), Vec2::new(0.0, 0.8)] {
             let (plate, normal) = tilted(bench, tilt);
-            let source = bench.as_source(plate, Place::Floor);
+            let source = bench.as_source(plate, Placement::Floor);
             let reference = bench.reference();
             let sent = source.flux[1] / reference.source.flux[1];
             println!(
@@ -63,7 +63,7 @@ fn a_normal_map_turns_what_is_sent_and_received() {
             // As much light as without the map, and turned away from the wall.
             assert!(source.covered == 1.0 && (sent - 1.0).abs() < 1e-4, "{source:?}");
             assert!(tilt.y == 0.0 || source.wall[1] < 0.9 * reference.source.wall[1], "{source:?}");
-            bench.put(plate, Place::Wall);
+            bench.put(plate, Placement::Wall);
             // Upright, +z of the plate points down, to the floor.
             received.push((normal, bench.look_at_wall(&settings)[1]));
             if tilt.y == 0.8 {
@@ -103,7 +103,7 @@ fn holes_of_a_mask_let_light_and_rays_through() {
                 alpha_mode: AlphaMode::Mask(0.5),
                 double_sided: true,
                 cull_mode: None,
-                ..meshes::matt(1.0, 1.0, 1.0)
+                ..meshes::diffuse(1.0, 1.0, 1.0)
             };
             let plate = bench.sample(meshes::plate(true), material);
             let effect = bench.measure(plate);
@@ -113,7 +113,7 @@ fn holes_of_a_mask_let_light_and_rays_through() {
         // 128 of sRGB.
         let albedo = [0.215_860_5; 3];
         let solid = masked("a mask without holes", [255; 4], true);
-        solid.assert_matt("a mask without holes", albedo);
+        solid.assert_diffuse("a mask without holes", albedo);
         let half = masked("a mask with half of it holes", [255, 0, 0, 255], true);
         let all = masked("a mask that is all hole", [0; 4], true);
         // The middle's texels, 26 or so a side, may lie one row more on one side.
@@ -146,7 +146,7 @@ fn holes_of_a_mask_let_light_and_rays_through() {
     });
 }
 
-fn a_skin_is_where_its_joint_is_but_hides_nothing() {
+fn a_skin_follows_its_joint_but_occludes_nothing() {
     on_bench(|bench| {
         let skin = bench.sample(meshes::with_one_joint(meshes::plate(false)), grey());
         let joint = meshes::add_joint(&mut bench.stage, skin);
@@ -177,11 +177,11 @@ fn morphed(bench: &mut Bench, offset: Vec3) -> Entity {
     plate
 }
 
-fn a_morph_is_where_it_is_drawn_but_hides_where_it_was() {
+fn a_morph_follows_its_weights_but_occludes_at_the_original_position() {
     on_bench(|bench| {
         // 30 cm above the floor; before the wall, it moves 30 cm towards the eye.
         let plate = morphed(bench, Vec3::new(0.0, 0.3, 0.0));
-        let source = bench.as_source(plate, Place::Floor);
+        let source = bench.as_source(plate, Placement::Floor);
         let (texels, _) = bench.middle();
         let height =
             texels.iter().map(|texel| texel.position[1]).sum::<f32>() / texels.len() as f32;
@@ -198,7 +198,7 @@ fn a_morph_is_where_it_is_drawn_but_hides_where_it_was() {
         // One whose mesh stands 30 cm behind, in the wall, is drawn where the grey plate stands.
         let plate = morphed(bench, Vec3::new(0.0, 0.3, 0.0));
         let behind = |bench: &mut Bench| {
-            let mut transform = Place::Wall.transform();
+            let mut transform = Placement::Wall.transform();
             transform.translation.z -= 0.3;
             *bench.stage.world_mut().get_mut(plate).expect("a plate") = transform;
         };

@@ -12,28 +12,28 @@ use frugal::scene::{Geometry, SceneDescription};
 use frugal::stage::Component;
 use frugal_tests::{gpu, meshes, set};
 
-use super::{GREY, Place, on_bench, relative_albedo};
+use super::{GREY, Placement, on_bench, relative_albedo};
 
 tests!(
-    a_matt_plate_sends_receives_and_hides,
+    a_diffuse_plate_sends_receives_and_hides,
     a_texture_sends_and_receives_its_colours_where_they_are,
-    vertex_colours_tint_what_is_sent_and_received,
-    metals_take_no_part_but_hide,
-    emission_lights_the_wall_as_the_sun_s_light_does,
+    vertex_colours_tint_sent_and_received_light,
+    metals_reflect_no_diffuse_light_but_occlude,
+    emission_lights_the_wall_like_reflected_sunlight,
     a_scene_s_emission_is_in_nits,
-    rough_metals_and_gloss_take_part_as_bevy_shades_them,
+    rough_metals_and_gloss_reflect_as_bevy_shades_them,
     masked_materials_are_lit_as_opaque_ones_are,
-    unlit_materials_take_no_part_but_hide,
-    sides_are_those_that_are_drawn,
-    transparent_materials_are_not_there,
-    what_casts_no_shadow_still_meets_the_light,
+    unlit_materials_occlude_only,
+    sides_are_those_that_bevy_draws,
+    transparent_materials_neither_reflect_nor_occlude,
+    meshes_that_cast_no_shadow_still_reflect_light,
 );
 
 fn grey() -> StandardMaterial {
-    meshes::matt(GREY, GREY, GREY)
+    meshes::diffuse(GREY, GREY, GREY)
 }
 
-fn a_matt_plate_sends_receives_and_hides() {
+fn a_diffuse_plate_sends_receives_and_hides() {
     on_bench(|bench| {
         let reference = bench.reference();
         println!(
@@ -45,8 +45,8 @@ fn a_matt_plate_sends_receives_and_hides() {
             "the bench is lit: {reference:?}"
         );
         assert!(reference.source.normal.abs_diff_eq(Vec3::Y, 1e-3), "{reference:?}");
-        let found = bench.measure_plate("another colour", meshes::matt(0.9, 0.25, 0.0));
-        found.assert_matt("another colour", [0.9, 0.25, 0.0]);
+        let found = bench.measure_plate("another colour", meshes::diffuse(0.9, 0.25, 0.0));
+        found.assert_diffuse("another colour", [0.9, 0.25, 0.0]);
     });
 }
 
@@ -55,8 +55,10 @@ fn a_texture_sends_and_receives_its_colours_where_they_are() {
         let colours = [[255, 0, 0, 255], [0, 255, 0, 255], [0, 0, 255, 255], [255, 255, 255, 255]];
         let texture =
             meshes::texture(&mut bench.stage, TextureFormat::Rgba8UnormSrgb, 2, 2, &colours);
-        let material =
-            StandardMaterial { base_color_texture: Some(texture), ..meshes::matt(1.0, 1.0, 1.0) };
+        let material = StandardMaterial {
+            base_color_texture: Some(texture),
+            ..meshes::diffuse(1.0, 1.0, 1.0)
+        };
         let plate = bench.sample(meshes::plate(true), material);
         let reference = bench.reference();
         let white = relative_albedo(1.0);
@@ -64,7 +66,7 @@ fn a_texture_sends_and_receives_its_colours_where_they_are() {
             if colours[quadrant][channel] > 0 { white } else { 0.0 }
         };
 
-        bench.as_source(plate, Place::Floor);
+        bench.as_source(plate, Placement::Floor);
         let (texels, _) = bench.middle();
         for quadrant in 0..4 {
             // Texture coordinates run along x and z.
@@ -86,10 +88,10 @@ fn a_texture_sends_and_receives_its_colours_where_they_are() {
 
         // Of the picture's quadrants, the means over what a grey plate shows there. Lit from below,
         // so not the same in each.
-        bench.put(plate, Place::Away);
+        bench.put(plate, Placement::Away);
         let grey = bench.plate(grey());
         let quadrants = |bench: &mut super::Bench, sample| {
-            bench.put(sample, Place::Wall);
+            bench.put(sample, Placement::Wall);
             bench.look_at_wall(super::SETTINGS);
             let picture = bench.stage.radiance().expect("a picture");
             std::array::from_fn::<_, 4, _>(|quadrant| {
@@ -103,7 +105,7 @@ fn a_texture_sends_and_receives_its_colours_where_they_are() {
             })
         };
         let grey_quadrants = quadrants(bench, grey);
-        bench.put(grey, Place::Away);
+        bench.put(grey, Placement::Away);
         let found = quadrants(bench, plate);
         for quadrant in 0..4 {
             for channel in 0..3 {
@@ -122,7 +124,7 @@ fn a_texture_sends_and_receives_its_colours_where_they_are() {
     });
 }
 
-fn vertex_colours_tint_what_is_sent_and_received() {
+fn vertex_colours_tint_sent_and_received_light() {
     on_bench(|bench| {
         let mesh = meshes::plate(false)
             .with_inserted_attribute(Mesh::ATTRIBUTE_COLOR, vec![[0.2f32, 1.0, 0.6, 1.0]; 4]);
@@ -131,11 +133,11 @@ fn vertex_colours_tint_what_is_sent_and_received() {
         bench.clear(plate);
         bench
             .relative("vertex colours", effect)
-            .assert_matt("vertex colours", [0.2, 1.0, 0.6].map(|tint| tint * f64::from(GREY)));
+            .assert_diffuse("vertex colours", [0.2, 1.0, 0.6].map(|tint| tint * f64::from(GREY)));
     });
 }
 
-fn metals_take_no_part_but_hide() {
+fn metals_reflect_no_diffuse_light_but_occlude() {
     on_bench(|bench| {
         for (metallic, left) in [(0.4, 0.6), (1.0, 0.0)] {
             let label = format!("metallic {metallic}");
@@ -153,22 +155,22 @@ fn metals_take_no_part_but_hide() {
     });
 }
 
-fn rough_metals_and_gloss_take_part_as_bevy_shades_them() {
+fn rough_metals_and_gloss_reflect_as_bevy_shades_them() {
     on_bench(|bench| {
-        // Of light that falls straight down, and by what a rough metal keeps of it; against a matt
-        // surface that does not care for shading.
-        let matt =
+        // Of light that falls straight down, and by what a rough metal keeps of it; against a
+        // diffuse surface that does not care for shading.
+        let diffuse_plate =
             bench.plate(StandardMaterial { perceptual_roughness: 0.7, reflectance: 0.0, ..grey() });
         let metal =
             bench.plate(StandardMaterial { metallic: 1.0, perceptual_roughness: 0.7, ..grey() });
         let gloss =
             bench.plate(StandardMaterial { perceptual_roughness: 0.7, reflectance: 1.0, ..grey() });
         let sent = |bench: &mut super::Bench, plate| {
-            let flux = bench.as_source(plate, Place::Floor).flux[1];
-            bench.put(plate, Place::Away);
+            let flux = bench.as_source(plate, Placement::Floor).flux[1];
+            bench.put(plate, Placement::Away);
             flux
         };
-        let lambertian = [matt, metal, gloss].map(|plate| sent(bench, plate));
+        let lambertian = [diffuse_plate, metal, gloss].map(|plate| sent(bench, plate));
         let camera = set::camera(&mut bench.stage);
         let shade = |bench: &mut super::Bench, shading| {
             bench
@@ -179,20 +181,22 @@ fn rough_metals_and_gloss_take_part_as_bevy_shades_them() {
                 .shading = shading;
         };
         shade(bench, GiShading::Standard);
-        let standard = [matt, metal, gloss].map(|plate| sent(bench, plate));
+        let standard = [diffuse_plate, metal, gloss].map(|plate| sent(bench, plate));
         shade(bench, GiShading::Lambertian);
-        println!("    sent as matt surfaces {lambertian:.0?}, as Bevy shades them {standard:.0?}");
+        println!(
+            "    sent as diffuse surfaces {lambertian:.0?}, as Bevy shades them {standard:.0?}"
+        );
         let [diffuse, metallic, glossy] = [0, 1, 2].map(|plate| standard[plate] / lambertian[0]);
         assert_eq!(lambertian[1], 0.0);
         assert!(
             (lambertian[2] / lambertian[0] - 1.0).abs() < 1e-6 && (diffuse - 1.0).abs() < 0.02,
             "{lambertian:?} {standard:?}"
         );
-        // About as much as the matt surface of that colour, less what a rough one's facets keep;
+        // About as much as the diffuse surface of that colour, less what a rough one's facets keep;
         // and a sixth of a half more.
         assert!((0.7..1.0).contains(&metallic), "{metallic}");
         assert!((1.15..1.4).contains(&glossy), "{glossy}");
-        for plate in [matt, metal, gloss] {
+        for plate in [diffuse_plate, metal, gloss] {
             bench.clear(plate);
         }
     });
@@ -208,7 +212,7 @@ fn masked_materials_are_lit_as_opaque_ones_are() {
         );
         let double = StandardMaterial { alpha_mode, double_sided: true, cull_mode: None, ..grey() };
         let plate =
-            meshes::spawn(&mut stage, meshes::plate(true), double, Place::Floor.transform());
+            meshes::spawn(&mut stage, meshes::plate(true), double, Placement::Floor.transform());
         set::apply(&mut stage, "min,resolution_scale=100%");
         set::look(&mut stage, Vec3::new(0.0, 1.0, 0.5), Vec3::ZERO);
         found.push(set::channel_means(&set::radiance(&mut stage)));
@@ -222,7 +226,7 @@ fn masked_materials_are_lit_as_opaque_ones_are() {
     );
 }
 
-fn emission_lights_the_wall_as_the_sun_s_light_does() {
+fn emission_lights_the_wall_like_reflected_sunlight() {
     on_bench(|bench| {
         // 100 nits, exposed as the bench is: Bevy's deferred renderer leaves
         // `emissive_exposure_weight` out. They send on 314 lm/m², a sixteenth of what the plate
@@ -243,8 +247,8 @@ fn emission_lights_the_wall_as_the_sun_s_light_does() {
     });
 }
 
-/// A square of 8 m before the eye, that glows.
-const GLOW: &str = r#"{"asset":{"version":"2.0"},"scene":0,"scenes":[{"nodes":[0]}],"nodes":[{"mesh":0}],
+/// A square of 8 m before the eye, which is emissive.
+const EMISSIVE_SQUARE: &str = r#"{"asset":{"version":"2.0"},"scene":0,"scenes":[{"nodes":[0]}],"nodes":[{"mesh":0}],
  "meshes":[{"primitives":[{"attributes":{"POSITION":1},"indices":0,"material":0}]}],
  "materials":[{"pbrMetallicRoughness":{"baseColorFactor":[0,0,0,1],"metallicFactor":0},"emissiveFactor":[1,0.5,0.25]}],
  "accessors":[{"bufferView":0,"componentType":5121,"count":6,"type":"SCALAR"},
@@ -254,8 +258,8 @@ const GLOW: &str = r#"{"asset":{"version":"2.0"},"scene":0,"scenes":[{"nodes":[0
 
 fn a_scene_s_emission_is_in_nits() {
     let folder = tempfile::tempdir().expect("a folder");
-    let file = folder.path().join("glow.gltf");
-    std::fs::write(&file, GLOW).expect("a file");
+    let file = folder.path().join("emissive.gltf");
+    std::fs::write(&file, EMISSIVE_SQUARE).expect("a file");
     let mut scene = SceneDescription::new(Geometry::Gltf(file.to_string_lossy().into_owned()));
     for ev100 in [0.0, 8.0] {
         scene.exposure_ev100 = ev100;
@@ -274,7 +278,7 @@ fn a_scene_s_emission_is_in_nits() {
     }
 }
 
-fn unlit_materials_take_no_part_but_hide() {
+fn unlit_materials_occlude_only() {
     on_bench(|bench| {
         let found = bench.measure_plate("unlit", StandardMaterial { unlit: true, ..grey() });
         found.assert_covers("unlit", 1.0);
@@ -284,7 +288,7 @@ fn unlit_materials_take_no_part_but_hide() {
     });
 }
 
-fn sides_are_those_that_are_drawn() {
+fn sides_are_those_that_bevy_draws() {
     on_bench(|bench| {
         let reference = bench.reference();
         let mut upside_down = |double_sided, cull_back: bool| {
@@ -294,15 +298,15 @@ fn sides_are_those_that_are_drawn() {
                 ..grey()
             };
             let plate = bench.plate(material);
-            let source = bench.as_source(plate, Place::FloorUpsideDown);
+            let source = bench.as_source(plate, Placement::FloorUpsideDown);
             // Turned away from the floor; rays ask for no side.
-            bench.put(plate, Place::Wall);
-            let mut place = bench
+            bench.put(plate, Placement::Wall);
+            let mut transform = bench
                 .stage
                 .world_mut()
                 .get_mut::<bevy::transform::components::Transform>(plate)
                 .expect("a plate");
-            place.rotate_y(std::f32::consts::PI);
+            transform.rotate_y(std::f32::consts::PI);
             let behind = bench.behind();
             bench.clear(plate);
             (source, 1.0 - behind / super::OPEN_WALL.get().expect("the reference was measured"))
@@ -350,7 +354,7 @@ fn sides_are_those_that_are_drawn() {
     });
 }
 
-fn transparent_materials_are_not_there() {
+fn transparent_materials_neither_reflect_nor_occlude() {
     on_bench(|bench| {
         let blended = |alpha_mode| StandardMaterial {
             alpha_mode,
@@ -364,7 +368,7 @@ fn transparent_materials_are_not_there() {
         ];
         for (label, material) in materials {
             let plate = bench.plate(material);
-            let source = bench.as_source(plate, Place::Floor);
+            let source = bench.as_source(plate, Placement::Floor);
             let hidden = bench.as_occluder(plate);
             bench.clear(plate);
             let share = bench.share_of_open_floor(&source);
@@ -378,7 +382,7 @@ fn transparent_materials_are_not_there() {
     });
 }
 
-fn what_casts_no_shadow_still_meets_the_light() {
+fn meshes_that_cast_no_shadow_still_reflect_light() {
     on_bench(|bench| {
         let plate = bench.plate(grey());
         bench.stage.world_mut().entity_mut(plate).insert(NotShadowCaster);

@@ -1,4 +1,4 @@
-//! What pictures are held against: path tracing on the processor.
+//! Path-traced references for rendered images, on the CPU.
 
 use bevy::asset::Assets;
 use bevy::math::UVec2;
@@ -11,42 +11,44 @@ use frugal::reference::{
 use frugal::scene::{CameraPose, Environment, SceneDescription};
 use frugal::stage::Stage;
 
-/// `scene` without the light from all around: it bounces in the truth and not in what is measured.
-pub fn lamps_only(scene: &SceneDescription) -> SceneDescription {
+/// `scene` without its environment light, of which the reference would trace bounces that the
+/// measured methods do not render.
+pub fn without_environment(scene: &SceneDescription) -> SceneDescription {
     SceneDescription { environment: Environment::None, ..scene.clone() }
 }
 
-/// How a truth is traced.
+/// Settings of a reference.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Tracing {
     /// Width and height, pixels.
     pub size: UVec2,
     /// Paths per pixel.
     pub samples: u32,
-    /// Seed of all random numbers.
+    /// Seed of the random numbers.
     pub seed: u64,
-    /// Where in a pixel paths start.
+    /// Start of the paths within a pixel.
     pub pixels: Pixels,
 }
 
-/// One bounce of the scene's lamps and suns between surfaces that scatter evenly, nits.
+/// One bounce of the scene's punctual lights between Lambertian surfaces, nits.
 pub fn one_bounce(scene: &SceneDescription, pose: CameraPose, tracing: Tracing) -> Radiance {
     bounces(scene, pose, tracing, 1)
 }
 
-/// The same of so many bounces at the most.
+/// [`one_bounce`] with up to `most` bounces.
 pub fn bounces(
     scene: &SceneDescription,
     pose: CameraPose,
     tracing: Tracing,
     most: u32,
 ) -> Radiance {
-    let traced = ReferenceScene::new(&lamps_only(scene)).unwrap_or_else(|error| panic!("{error}"));
+    let traced =
+        ReferenceScene::new(&without_environment(scene)).unwrap_or_else(|error| panic!("{error}"));
     trace(&traced, &View::new(scene, pose, tracing.size), tracing, most)
 }
 
-/// [`one_bounce`] on surfaces without their textures, as [`strip_textures`] leaves them: path
-/// tracing takes texels as they are and the renderer filters them, so that pixel by pixel textures
+/// [`one_bounce`] on surfaces without textures, as [`strip_textures`] leaves them: the path tracer
+/// reads unfiltered texels and the renderer filters them, so that at single pixels textures would
 /// differ more than light does.
 pub fn one_bounce_untextured(
     scene: &SceneDescription,
@@ -56,7 +58,7 @@ pub fn one_bounce_untextured(
     trace(&untextured(scene), &View::new(scene, pose, tracing.size), tracing, 1)
 }
 
-/// What the middle of each pixel shows where nothing is cut out of surfaces.
+/// The surface at the centre of each pixel, without alpha masks.
 pub fn surfaces_untextured(
     scene: &SceneDescription,
     pose: CameraPose,
@@ -71,11 +73,11 @@ fn untextured(scene: &SceneDescription) -> ReferenceScene {
     for material in &mut geometry.materials {
         (material.base_color_texture, material.alpha) = (None, frugal::scene::AlphaMode::Opaque);
     }
-    ReferenceScene::with_geometry(&lamps_only(scene), geometry)
+    ReferenceScene::with_geometry(&without_environment(scene), geometry)
         .unwrap_or_else(|error| panic!("{error}"))
 }
 
-/// Takes the textures from everything on a stage, and with them what they cut out.
+/// Removes the textures and alpha masks of all materials of a stage.
 pub fn strip_textures(stage: &mut Stage) {
     let mut materials = stage.world_mut().resource_mut::<Assets<StandardMaterial>>();
     for (_, material) in materials.iter_mut() {
