@@ -130,7 +130,7 @@ fn temporal_error(a: &[Vec<[f32; 3]>], b: &[Vec<[f32; 3]>], counts: &[Vec<bool>]
 
 /// For each pixel, whether it shows the same surface in two frames: each point lies near the other
 /// and near its tangent plane.
-fn stay(before: &[Option<Seen>], after: &[Option<Seen>], eye: Vec3) -> Vec<bool> {
+fn show_same_surface(before: &[Option<Seen>], after: &[Option<Seen>], eye: Vec3) -> Vec<bool> {
     let stays = |(before, after): (&Option<Seen>, &Option<Seen>)| {
         let (Some(before), Some(after)) = (before, after) else {
             return before.is_none() == after.is_none();
@@ -180,7 +180,8 @@ fn measure(motion: Motion, name: &str, options: &Arguments) {
         })
         .collect();
     let eye = motion.at(&scene, 0).1.position;
-    let along: Vec<_> = shown.windows(2).map(|pair| stay(&pair[0], &pair[1], eye)).collect();
+    let along: Vec<_> =
+        shown.windows(2).map(|pair| show_same_surface(&pair[0], &pair[1], eye)).collect();
     let still = vec![vec![[0.0; 3]; reference[0].len()]; reference.len()];
     let percent = |value: f64| format!("{:.3} %", 100.0 * value / mean);
     println!("## The {name} moves\n");
@@ -219,11 +220,11 @@ fn measure(motion: Motion, name: &str, options: &Arguments) {
                 .unwrap_or_else(|error| panic!("{error}"))
                 .relative_l1_boxes
         };
-        let pictures = [error(&frames[0], start), error(&frames[frames.len() - 1], last)];
+        let image_errors = [error(&frames[0], start), error(&frames[frames.len() - 1], last)];
         let steps = differences(&frames);
         found.push((
             method,
-            pictures,
+            image_errors,
             [&everywhere, &along].map(|counts| temporal_error(&steps, &reference, counts)),
         ));
     }
@@ -234,13 +235,13 @@ fn measure(motion: Motion, name: &str, options: &Arguments) {
         .filter(|(method, ..)| method.is_naive())
         .min_by(|a, b| a.1[0].total_cmp(&b.1[0]));
     let naive = naive.unwrap_or_else(|| panic!("there are some")).2;
-    let row = |(method, pictures, temporal): &(Method, [f64; 2], [f64; 2])| {
+    let row = |(method, image_errors, temporal): &(Method, [f64; 2], [f64; 2])| {
         let of_naive = |index: usize| {
             format!("{} ({:.2})", percent(temporal[index]), temporal[index] / naive[index])
         };
         vec![
             method.name.clone(),
-            pictures.map(|error| format!("{error:.3}")).join(", "),
+            image_errors.map(|error| format!("{error:.3}")).join(", "),
             of_naive(0),
             of_naive(1),
         ]
