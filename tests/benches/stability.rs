@@ -202,14 +202,14 @@ fn measure(motion: Motion, name: &str, options: &Arguments) {
         set::radiance_options(options.size.x, options.size.y, Component::Indirect),
     );
     reference::strip_textures(&mut stage);
-    let rest = sun(&mut stage);
+    let initial = sun(&mut stage);
     let mut found = Vec::new();
     for method in methods() {
-        move_to(&mut stage, motion.at(&scene, -FRAMES_BEFORE), rest);
+        move_to(&mut stage, motion.at(&scene, -FRAMES_BEFORE), initial);
         method.radiance(&mut stage);
         let mut frames = Vec::new();
         for frame in 1 - FRAMES_BEFORE..=count {
-            move_to(&mut stage, motion.at(&scene, frame), rest);
+            move_to(&mut stage, motion.at(&scene, frame), initial);
             stage.frame();
             if frame >= 0 {
                 frames.push(stage.radiance().unwrap_or_else(|error| panic!("{error}")));
@@ -255,18 +255,18 @@ fn measure(motion: Motion, name: &str, options: &Arguments) {
     println!("{}\n", markdown(&headers, &found.iter().map(row).collect::<Vec<_>>()));
 }
 
-/// The sun's direction of travel at rest.
+/// Initial rotation of the sun.
 fn sun(stage: &mut Stage) -> Quat {
     let world = stage.world_mut();
     let sun = world.query_filtered::<&Transform, With<DirectionalLight>>().single(world);
     sun.unwrap_or_else(|error| panic!("courtyard's sun: {error}")).rotation
 }
 
-fn move_to(stage: &mut Stage, (turn, pose): (Quat, CameraPose), rest: Quat) {
+fn move_to(stage: &mut Stage, (turn, pose): (Quat, CameraPose), initial: Quat) {
     stage.place(pose.position, pose.rotation);
     let world = stage.world_mut();
     let mut suns = world.query_filtered::<&mut Transform, With<DirectionalLight>>();
     for mut sun in suns.iter_mut(world) {
-        sun.rotation = turn * rest;
+        sun.rotation = turn * initial;
     }
 }

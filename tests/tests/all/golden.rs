@@ -72,13 +72,13 @@ fn a_different_image_is_detected() {
     let other = Picture::read_png(&folder.join("two_rooms_lit.png")).expect("the reference");
     let smaller = Picture::from_fn(8, 8, |_, _| [0; 3]);
     if std::env::var_os(golden::BLESS).is_none() {
-        for (what, image) in
+        for (label, image) in
             [("shifted", shifted), ("dimmed", dimmed), ("other", other), ("smaller", smaller)]
         {
-            let fault = golden::compare(&folder, "cornell", &image).expect_err(what);
+            let fault = golden::compare(&folder, "cornell", &image).expect_err(label);
             assert!(
                 fault.contains("golden-cornell-actual.png") && fault.contains(golden::BLESS),
-                "{what}: {fault}"
+                "{label}: {fault}"
             );
         }
         let missing = golden::compare(&folder, "no_such_view", &reference).expect_err("missing");

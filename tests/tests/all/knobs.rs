@@ -108,7 +108,7 @@ fn assert_applied(stage: &mut Stage, name: &str, value: f64) {
         "resolution_scale" => {
             assert_eq!(world.get::<ResolutionScale>(camera), Some(&ResolutionScale(value as f32)))
         }
-        _ => panic!("knob {name} has no test of its own: add what it sets"),
+        _ => panic!("knob {name} has no test of its own: add a check of its effect"),
     }
 }
 

@@ -36,7 +36,7 @@ fn nothing_is_recomputed_in_a_still_scene() {
         stage.frame();
         let done = set::gathered(&stage);
         assert_eq!((done.maps, done.cameras, done.pairs, done.rays), (0, 0, 0, 0), "frame {frame}");
-        assert!(done.bytes > 0, "what was gathered is kept");
+        assert!(done.bytes > 0, "the gathered light is kept");
     }
     assert!(stage.radiance().expect("an image") == before);
 
@@ -58,10 +58,10 @@ pub fn turn_the_sun(stage: &mut Stage, angle: f32) {
 }
 
 /// Whether the image after one frame equals that after several frames that recompute everything.
-pub fn converges_in_one_frame(stage: &mut Stage, what: &str) -> bool {
+pub fn converges_in_one_frame(stage: &mut Stage, change: &str) -> bool {
     stage.frame();
     let after_one_frame = stage.radiance().expect("an image");
-    assert_eq!(set::gathered(stage).cameras, 1, "{what}");
+    assert_eq!(set::gathered(stage).cameras, 1, "{change}");
     stage.world_mut().insert_resource(GiRefresh::EveryFrame);
     (0..3).for_each(|_| stage.frame());
     let converged = stage.radiance().expect("an image");
@@ -82,10 +82,10 @@ fn changes_are_in_the_next_frame() {
     );
     (0..16).for_each(|_| stage.frame());
     let mut before = stage.radiance().expect("an image");
-    let mut changes = |stage: &mut Stage, what: &str| {
-        assert!(converges_in_one_frame(stage, what), "{what}");
+    let mut changes = |stage: &mut Stage, change: &str| {
+        assert!(converges_in_one_frame(stage, change), "{change}");
         let now = stage.radiance().expect("an image");
-        assert!(now != before, "{what} changed nothing");
+        assert!(now != before, "{change} changed nothing");
         before = now;
     };
     turn_the_sun(&mut stage, 0.2);

@@ -132,7 +132,7 @@ fn history_reduces_flicker_and_leaves_no_trace_at_rest() {
             stage.frame();
         }
         let done = set::gathered(&stage);
-        assert_eq!((done.cameras, done.settling), (0, 0), "at rest");
+        assert_eq!((done.cameras, done.settling), (0, 0), "converged");
         (change / 16.0, stage.radiance().expect("radiance"))
     };
     let [(without, fresh), (with, rested)] = [1, 16].map(shown);

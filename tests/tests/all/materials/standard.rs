@@ -144,12 +144,12 @@ fn metals_reflect_no_diffuse_light_but_occlude() {
             let found = bench.measure_plate(&label, StandardMaterial { metallic, ..grey() });
             found.assert_covers(&label, 1.0);
             found.assert_occludes(&label, true);
-            for (what, value) in [
+            for (role, value) in [
                 ("sends", found.sent[0]),
                 ("lights the wall", found.wall[0]),
                 ("receives", found.received[0]),
             ] {
-                assert!((value - left).abs() < 4e-3, "{label}: {what} {value}");
+                assert!((value - left).abs() < 4e-3, "{label}: {role} {value}");
             }
         }
     });
