@@ -200,8 +200,8 @@ fn compare(name: &str, options: &Arguments) {
         markdown(&HEADERS, &rows.iter().map(|row| row.cells(of(baselines[0]))).collect::<Vec<_>>())
     );
     for baseline in baselines {
-        for (index, what) in ["everything moves", "the camera moves"].into_iter().enumerate() {
-            conclude(baseline, &others, what, |row| of(row)[index]);
+        for (index, motion) in ["everything moves", "the camera moves"].into_iter().enumerate() {
+            conclude(baseline, &others, motion, |row| of(row)[index]);
         }
     }
 }
@@ -212,7 +212,7 @@ fn boxes(row: &Row) -> f64 {
 
 /// Prints the plugin's cheapest settings whose errors, by both metrics, are no larger than a
 /// baseline's.
-fn conclude(baseline: &Row, ours: &[&Row], what: &str, cost: impl Fn(&Row) -> f64) {
+fn conclude(baseline: &Row, ours: &[&Row], motion: &str, cost: impl Fn(&Row) -> f64) {
     let Some(least) = baseline.difference else { return };
     let errs_no_more = |found: Difference| {
         found.relative_l1 <= least.relative_l1 && found.relative_l1_boxes <= least.relative_l1_boxes
@@ -222,13 +222,15 @@ fn conclude(baseline: &Row, ours: &[&Row], what: &str, cost: impl Fn(&Row) -> f6
     match enough.min_by(|a, b| cost(a).total_cmp(&cost(b))) {
         Some(row) => {
             println!(
-                "While {what}: error no larger than {name}'s, and {:.1} times cheaper: {}.\n",
+                "While {motion}: error no larger than {name}'s, and {:.1} times cheaper: {}.\n",
                 cost(baseline) / cost(row),
                 row.method.name
             )
         }
         None => {
-            println!("While {what}: no settings of the plugin have errors as small as {name}'s.\n")
+            println!(
+                "While {motion}: no settings of the plugin have errors as small as {name}'s.\n"
+            )
         }
     }
 }
@@ -292,10 +294,10 @@ fn passes(options: &Arguments) {
         }
         let whole = median(whole);
         let mut rest = whole;
-        let mut row = |what: &str, cost: f64| {
+        let mut row = |pass: &str, cost: f64| {
             rows.push(vec![
                 method.name.clone(),
-                what.into(),
+                pass.into(),
                 ms(cost),
                 format!("{:.0} %", 100.0 * cost / whole),
             ])
@@ -314,22 +316,22 @@ fn passes(options: &Arguments) {
 fn growth(options: &Arguments) {
     println!("## Growth of cost, {}x{} unless said otherwise\n", options.size.x, options.size.y);
     let mut rows = Vec::new();
-    let mut row = |what: &str, method: &str, (small, large): (f64, f64)| {
+    let mut row = |quantity: &str, method: &str, (small, large): (f64, f64)| {
         rows.push(vec![
-            format!("{what}: {method}"),
+            format!("{quantity}: {method}"),
             ms(small),
             ms(large),
             format!("{:.2}", large / small),
         ]);
     };
-    let mut both = |what: &str, mut small: Stage, mut large: Stage| {
+    let mut both = |quantity: &str, mut small: Stage, mut large: Stage| {
         let methods = default_and_naive();
         let (a, none_a) = priced(&mut small, &methods, Moving::Everything, options);
         drop(small);
         let (b, none_b) = priced(&mut large, &methods, Moving::Everything, options);
-        row(what, "the frame without GI", (none_a, none_b));
-        row(what, "ours", (a[0], b[0]));
-        row(what, "naive-rsm", (a[1], b[1]));
+        row(quantity, "the frame without GI", (none_a, none_b));
+        row(quantity, "ours", (a[0], b[0]));
+        row(quantity, "naive-rsm", (a[1], b[1]));
     };
     both("pixels x4", courtyard(options.size), courtyard(options.size * 2));
     both("lights x4", hall(1, options), hall(4, options));

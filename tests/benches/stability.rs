@@ -130,7 +130,7 @@ fn temporal_error(a: &[Vec<[f32; 3]>], b: &[Vec<[f32; 3]>], counts: &[Vec<bool>]
 
 /// For each pixel, whether it shows the same surface in two frames: each point lies near the other
 /// and near its tangent plane.
-fn stay(before: &[Option<Seen>], after: &[Option<Seen>], eye: Vec3) -> Vec<bool> {
+fn show_same_surface(before: &[Option<Seen>], after: &[Option<Seen>], eye: Vec3) -> Vec<bool> {
     let stays = |(before, after): (&Option<Seen>, &Option<Seen>)| {
         let (Some(before), Some(after)) = (before, after) else {
             return before.is_none() == after.is_none();
@@ -180,7 +180,8 @@ fn measure(motion: Motion, name: &str, options: &Arguments) {
         })
         .collect();
     let eye = motion.at(&scene, 0).1.position;
-    let along: Vec<_> = shown.windows(2).map(|pair| stay(&pair[0], &pair[1], eye)).collect();
+    let along: Vec<_> =
+        shown.windows(2).map(|pair| show_same_surface(&pair[0], &pair[1], eye)).collect();
     let still = vec![vec![[0.0; 3]; reference[0].len()]; reference.len()];
     let percent = |value: f64| format!("{:.3} %", 100.0 * value / mean);
     println!("## The {name} moves\n");
@@ -201,14 +202,14 @@ fn measure(motion: Motion, name: &str, options: &Arguments) {
         set::radiance_options(options.size.x, options.size.y, Component::Indirect),
     );
     reference::strip_textures(&mut stage);
-    let rest = sun(&mut stage);
+    let initial = sun(&mut stage);
     let mut found = Vec::new();
     for method in methods() {
-        move_to(&mut stage, motion.at(&scene, -FRAMES_BEFORE), rest);
+        move_to(&mut stage, motion.at(&scene, -FRAMES_BEFORE), initial);
         method.radiance(&mut stage);
         let mut frames = Vec::new();
         for frame in 1 - FRAMES_BEFORE..=count {
-            move_to(&mut stage, motion.at(&scene, frame), rest);
+            move_to(&mut stage, motion.at(&scene, frame), initial);
             stage.frame();
             if frame >= 0 {
                 frames.push(stage.radiance().unwrap_or_else(|error| panic!("{error}")));
@@ -219,11 +220,11 @@ fn measure(motion: Motion, name: &str, options: &Arguments) {
                 .unwrap_or_else(|error| panic!("{error}"))
                 .relative_l1_boxes
         };
-        let pictures = [error(&frames[0], start), error(&frames[frames.len() - 1], last)];
+        let image_errors = [error(&frames[0], start), error(&frames[frames.len() - 1], last)];
         let steps = differences(&frames);
         found.push((
             method,
-            pictures,
+            image_errors,
             [&everywhere, &along].map(|counts| temporal_error(&steps, &reference, counts)),
         ));
     }
@@ -234,13 +235,13 @@ fn measure(motion: Motion, name: &str, options: &Arguments) {
         .filter(|(method, ..)| method.is_naive())
         .min_by(|a, b| a.1[0].total_cmp(&b.1[0]));
     let naive = naive.unwrap_or_else(|| panic!("there are some")).2;
-    let row = |(method, pictures, temporal): &(Method, [f64; 2], [f64; 2])| {
+    let row = |(method, image_errors, temporal): &(Method, [f64; 2], [f64; 2])| {
         let of_naive = |index: usize| {
             format!("{} ({:.2})", percent(temporal[index]), temporal[index] / naive[index])
         };
         vec![
             method.name.clone(),
-            pictures.map(|error| format!("{error:.3}")).join(", "),
+            image_errors.map(|error| format!("{error:.3}")).join(", "),
             of_naive(0),
             of_naive(1),
         ]
@@ -254,18 +255,18 @@ fn measure(motion: Motion, name: &str, options: &Arguments) {
     println!("{}\n", markdown(&headers, &found.iter().map(row).collect::<Vec<_>>()));
 }
 
-/// The sun's direction of travel at rest.
+/// Initial rotation of the sun.
 fn sun(stage: &mut Stage) -> Quat {
     let world = stage.world_mut();
     let sun = world.query_filtered::<&Transform, With<DirectionalLight>>().single(world);
     sun.unwrap_or_else(|error| panic!("courtyard's sun: {error}")).rotation
 }
 
-fn move_to(stage: &mut Stage, (turn, pose): (Quat, CameraPose), rest: Quat) {
+fn move_to(stage: &mut Stage, (turn, pose): (Quat, CameraPose), initial: Quat) {
     stage.place(pose.position, pose.rotation);
     let world = stage.world_mut();
     let mut suns = world.query_filtered::<&mut Transform, With<DirectionalLight>>();
     for mut sun in suns.iter_mut(world) {
-        sun.rotation = turn * rest;
+        sun.rotation = turn * initial;
     }
 }

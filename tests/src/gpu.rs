@@ -150,7 +150,7 @@ fn mapped(world: &World, buffer: &Buffer) -> Vec<u8> {
     slice.get_mapped_range().to_vec()
 }
 
-fn landing(device: &RenderDevice, size: u64) -> Buffer {
+fn staging_buffer(device: &RenderDevice, size: u64) -> Buffer {
     let usage = BufferUsages::COPY_DST | BufferUsages::MAP_READ;
     device.create_buffer(&BufferDescriptor {
         label: Some("frugal_tests/read_back"),
@@ -163,13 +163,13 @@ fn landing(device: &RenderDevice, size: u64) -> Buffer {
 /// Bytes of a buffer.
 pub fn read_buffer(world: &World, buffer: &Buffer) -> Vec<u8> {
     let device = world.resource::<RenderDevice>();
-    let landing = landing(device, buffer.size());
+    let staging_buffer = staging_buffer(device, buffer.size());
     let mut encoder = device.create_command_encoder(&CommandEncoderDescriptor {
         label: Some("frugal_tests/read_back"),
     });
-    encoder.copy_buffer_to_buffer(buffer, 0, &landing, 0, buffer.size());
+    encoder.copy_buffer_to_buffer(buffer, 0, &staging_buffer, 0, buffer.size());
     world.resource::<RenderQueue>().submit([encoder.finish()]);
-    mapped(world, &landing)
+    mapped(world, &staging_buffer)
 }
 
 /// Texels of a two-dimensional texture of four half floats, row by row.
@@ -177,7 +177,7 @@ pub fn read_halves(world: &World, texture: &Texture) -> Vec<[f64; 4]> {
     let device = world.resource::<RenderDevice>();
     let (size, row) = (texture.size(), texture.size().width * 8);
     let padded = row.next_multiple_of(256);
-    let landing = landing(device, u64::from(padded) * u64::from(size.height));
+    let staging_buffer = staging_buffer(device, u64::from(padded) * u64::from(size.height));
     let mut encoder = device.create_command_encoder(&CommandEncoderDescriptor {
         label: Some("frugal_tests/read_back"),
     });
@@ -185,11 +185,11 @@ pub fn read_halves(world: &World, texture: &Texture) -> Vec<[f64; 4]> {
         TexelCopyBufferLayout { offset: 0, bytes_per_row: Some(padded), rows_per_image: None };
     encoder.copy_texture_to_buffer(
         texture.as_image_copy(),
-        TexelCopyBufferInfo { buffer: &landing, layout },
+        TexelCopyBufferInfo { buffer: &staging_buffer, layout },
         size,
     );
     world.resource::<RenderQueue>().submit([encoder.finish()]);
-    let bytes = mapped(world, &landing);
+    let bytes = mapped(world, &staging_buffer);
     let texels = bytes
         .chunks_exact(padded as usize)
         .flat_map(|line| line[..row as usize].as_chunks::<8>().0);

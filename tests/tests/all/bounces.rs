@@ -330,9 +330,9 @@ fn changes_are_reflected_in_the_next_frame() {
         meshes::diffuse(0.8, 0.2, 0.2),
     );
     (0..16).for_each(|_| stage.frame());
-    let check = |stage: &mut Stage, what: &str| {
-        assert!(converges_in_one_frame(stage, what), "{what}");
-        assert_eq!(set::gathered(stage).patches, 0, "{what}: converged again");
+    let check = |stage: &mut Stage, label: &str| {
+        assert!(converges_in_one_frame(stage, label), "{label}");
+        assert_eq!(set::gathered(stage).patches, 0, "{label}: converged again");
     };
     turn_the_sun(&mut stage, 0.2);
     check(&mut stage, "a light that turns");
@@ -381,16 +381,16 @@ fn without_light_or_rays_patches_cost_nothing() {
 }
 
 fn odd_scenes_stay_finite() {
-    let finite = |stage: &mut Stage, what: &str| {
+    let finite = |stage: &mut Stage, label: &str| {
         let radiance = set::radiance(with_bounces(stage, 3));
         assert!(
             radiance.rgb.iter().flatten().all(|value| value.is_finite() && *value >= 0.0),
-            "{what}"
+            "{label}"
         );
         for patch in patches(stage) {
             assert!(
                 patch.flux.iter().all(|flux| flux.is_finite() && *flux >= 0.0),
-                "{what}: {patch:?}"
+                "{label}: {patch:?}"
             );
         }
         radiance.mean()

@@ -1,8 +1,8 @@
-//! The inside of a closed sphere with a lamp in its middle: the one scene whose light is known in
-//! closed form.
+//! The inside of a closed sphere with a point light at its centre: its light is known in closed
+//! form.
 //!
-//! With intensity I candela, radius R and albedo ρ, the wall's direct radiance is ρ/π · I/R² and
-//! the first bounce adds ρ times that, everywhere alike.
+//! With intensity I candela, radius R and albedo ρ, the wall's direct radiance is ρ/π · I/R², and
+//! the first bounce adds ρ times that, uniformly.
 
 use bevy::math::Vec3;
 use frugal::stage::{Component, Radiance};
@@ -18,8 +18,8 @@ const LUMENS: f64 = 20_000.0;
 const RADIUS: f64 = 2.0;
 pub const ALBEDO: f64 = 0.8;
 
-/// Of the closed form. The G-buffer's eight bits take 0.4 %, facets of the sphere 0.3 % of R², half
-/// floats 0.05 %.
+/// Relative to the closed form. The G-buffer's eight bits cause 0.4 %, the sphere's facets 0.3 % of
+/// R², half floats 0.05 %.
 pub const TOLERANCE: f64 = 0.02;
 
 pub fn direct_radiance() -> f64 {
@@ -70,8 +70,8 @@ fn the_bounce_does_not_depend_on_settings() {
         set::open(&set::scene("furnace"), set::radiance_options(48, 27, Component::Indirect));
     set::look(&mut stage, Vec3::new(0.3, -0.2, 0.5), Vec3::new(0.0, 0.4, -2.0));
     let expected = ALBEDO * direct_radiance() * (meshes::stored_albedo(ALBEDO) / ALBEDO).powi(2);
-    // VPLs are drawn by what the camera could receive of them and carry different shares, so few of
-    // them add up less exactly.
+    // VPLs are sampled by their importance for the camera and carry different fluxes, so that the
+    // sum of few VPLs is less exact.
     for (count, more) in [
         (64, ""),
         (1024, "gi_pixel_fraction=1/2"),
@@ -87,7 +87,7 @@ fn the_bounce_does_not_depend_on_settings() {
             most * 100.0,
             mean * 100.0
         );
-        // 32 texels along a face instead of 64 add 0.1 %.
+        // Faces of 32 instead of 64 texels per side add 0.1 %.
         assert!(
             most <= TOLERANCE + 0.4 / f64::from(count).sqrt() && mean <= TOLERANCE,
             "{settings}: {most} {mean}"

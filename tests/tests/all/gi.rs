@@ -1,4 +1,5 @@
-//! When global illumination is there, what it follows, and when it costs nothing.
+//! Presence of global illumination, its response to changes, and the cases in which it costs
+//! nothing.
 
 use bevy::ecs::entity::Entity;
 use bevy::ecs::query::With;
@@ -28,10 +29,10 @@ pub fn sun(direction: Vec3) -> Light {
     Light::Directional { direction, illuminance: 10_000.0, color: [1.0; 3] }
 }
 
-/// Low settings with every pixel gathered, each with 64 VPLs.
+/// Low settings at full resolution: each pixel gathers 64 VPLs.
 pub const PLAIN: &str = "min,gi_refresh_period=1,gi_vpl_count=256,gi_interleave=2x2,gi_pixel_fraction=1/1,resolution_scale=100%";
 
-/// A white floor, lit from above, and a grey wall that sees it and faces the camera.
+/// A white floor, lit from above, and a grey wall, lit by the floor and facing the camera.
 pub fn corner(lights: Vec<Light>) -> Stage {
     let mut stage = set::bare(lights, set::radiance_options(48, 27, Component::Indirect));
     meshes::spawn_box(
@@ -59,7 +60,7 @@ pub fn assert_costs_nothing(stage: &mut Stage) {
     assert_eq!(
         world.query_filtered::<Entity, With<RsmView>>().iter(world).count(),
         0,
-        "hidden cameras"
+        "cameras of RSM views"
     );
 }
 
@@ -73,7 +74,7 @@ fn assert_at_work(stage: &mut Stage, maps: usize) {
     assert_eq!(
         world.query_filtered::<Entity, With<RsmView>>().iter(world).count(),
         maps,
-        "hidden cameras"
+        "cameras of RSM views"
     );
 }
 
@@ -90,7 +91,7 @@ fn no_lights_no_cost() {
     let mut stage = corner(vec![]);
     assert_eq!(set::radiance(&mut stage).mean(), 0.0);
     assert_costs_nothing(&mut stage);
-    // A light that is switched on later bounces; a point light takes six maps.
+    // A light that is switched on later also bounces; a point light needs six maps.
     let light =
         stage.world_mut().spawn((PointLight::default(), Transform::from_xyz(0.0, 1.0, 0.0))).id();
     assert!(set::radiance(&mut stage).mean() > 0.0);
@@ -139,7 +140,7 @@ fn spot(position: Vec3) -> Light {
     }
 }
 
-/// Mean of the left and of the right third.
+/// Means of the left and of the right third of the image.
 pub fn sides(stage: &mut Stage) -> (f64, f64) {
     let radiance = set::radiance(stage);
     let third = |from: usize, to: usize| {
@@ -164,8 +165,8 @@ fn moving_the_light_moves_the_bounce() {
         .expect("the spot");
     light.translation.x = 1.2;
     let (moved_left, moved_right) = sides(&mut stage);
-    // The room is its own mirror image; the VPLs' sequence is not, so a tenth of what is bright may
-    // differ, and more of what is dark.
+    // The scene is symmetric, but the sequence of the VPLs is not: the bright side may differ by a
+    // tenth, the dark side by more.
     assert!(
         (moved_right / left - 1.0).abs() < 0.1 && (moved_left / right - 1.0).abs() < 0.25,
         "{left} {right}, {moved_left} {moved_right}"
@@ -190,7 +191,7 @@ fn moving_an_object_changes_the_bounce() {
         open.mean()
     );
     stage.world_mut().get_mut::<Transform>(lid).expect("the lid").translation.z = 30.0;
-    assert!(set::radiance(&mut stage) == open, "taken away, all is as before");
+    assert!(set::radiance(&mut stage) == open, "without the lid, the image is as before");
 }
 
 fn a_still_scene_gives_identical_frames() {
@@ -198,10 +199,10 @@ fn a_still_scene_gives_identical_frames() {
     set::look(&mut stage, Vec3::new(0.0, 2.7, 7.8), Vec3::new(0.0, 2.7, 0.0));
     set::apply(&mut stage, "max,rsm_resolution=128,gi_vpl_count=128,shadow_map_resolution=512");
     stage.get_ready().expect("a ready stage");
-    let first = stage.picture().expect("a picture");
+    let first = stage.picture().expect("an image");
     for frame in 0..4 {
         stage.frame();
-        assert!(stage.picture().expect("a picture") == first, "frame {frame} differs");
+        assert!(stage.picture().expect("an image") == first, "frame {frame} differs");
     }
 }
 
@@ -211,7 +212,7 @@ fn two_stages_of_a_scene_agree() {
         stage.place(Vec3::new(-0.8, 1.7, 2.0), Quat::from_rotation_y(0.5));
         set::apply(&mut stage, "max,rsm_resolution=128,gi_vpl_count=128,shadow_map_resolution=512");
         stage.get_ready().expect("a ready stage");
-        stage.picture().expect("a picture")
+        stage.picture().expect("an image")
     };
     assert!(render() == render());
 }
@@ -244,5 +245,5 @@ fn images_that_are_too_small_are_refused() {
         );
     }
     let stage = set::open(&set::scene("furnace"), set::options(32, 1));
-    assert_eq!(stage.picture().expect("a picture").rgb.len(), 32);
+    assert_eq!(stage.picture().expect("an image").rgb.len(), 32);
 }

@@ -42,18 +42,18 @@ tests!(
     a_still_sky_gives_identical_frames,
 );
 
-/// Of a stage without scene: 1 ÷ (1.2 · 2⁸).
+/// Exposure of a bare stage: 1 ÷ (1.2 · 2⁸).
 const EXPOSURE: f32 = 1.0 / (1.2 * 256.0);
-/// Every pixel gathered.
+/// Full resolution, with rays.
 const RAYS: &str = "min,gi_refresh_period=1,gi_vpl_count=1024,gi_interleave=2x2,gi_visibility=fine,gi_pixel_fraction=1/1,resolution_scale=100%";
 const NITS: f32 = 1000.0;
 
-/// What the G-buffer keeps of an albedo of 0.8.
+/// An albedo of 0.8 after quantisation in the G-buffer.
 fn albedo() -> f64 {
     meshes::stored_albedo(0.8)
 }
 
-/// Along a floor's side.
+/// Tiles along the side of a floor.
 const FLOOR_TILES: u32 = 31;
 const FLOOR_TRIANGLES: u32 = 2 * FLOOR_TILES * FLOOR_TILES;
 
@@ -64,7 +64,7 @@ fn bare(component: Component) -> Stage {
     stage
 }
 
-/// Black but for what it gives off, nits.
+/// A black material that emits `nits`.
 fn emissive_material(nits: f32) -> StandardMaterial {
     StandardMaterial {
         emissive: LinearRgba::rgb(1.0, 1.0, 1.0) * (nits * EXPOSURE),
@@ -72,15 +72,15 @@ fn emissive_material(nits: f32) -> StandardMaterial {
     }
 }
 
-/// A rectangle of `size` metres that looks down from `center`.
+/// Spawns a rectangle of `size` metres at `center`, facing down.
 fn spawn_panel(stage: &mut Stage, center: Vec3, size: Vec2, material: StandardMaterial) -> Entity {
     let mesh = Plane3d::new(Vec3::Y, size * 0.5).mesh().build();
     let turned = Quat::from_rotation_x(std::f32::consts::PI);
     meshes::spawn(stage, mesh, material, Transform::from_translation(center).with_rotation(turned))
 }
 
-/// Of tiles: a software rasteriser loses the depth of triangles that are thousands of times as
-/// large as what is seen of them (SwiftShader by half a pixel's width).
+/// Spawns a tiled floor: a software rasteriser loses depth precision in triangles that are
+/// thousands of times larger than their visible part (SwiftShader by half a pixel's width).
 fn spawn_floor(stage: &mut Stage, size: f32) {
     let mut mesh =
         Plane3d::new(Vec3::Y, Vec2::splat(0.5 * size)).mesh().subdivisions(FLOOR_TILES - 1).build();
@@ -88,7 +88,7 @@ fn spawn_floor(stage: &mut Stage, size: f32) {
     meshes::spawn(stage, mesh, meshes::diffuse(0.8, 0.8, 0.8), Transform::default());
 }
 
-/// A few centimetres of floor around the origin.
+/// Points the camera at a few centimetres of floor around the origin.
 fn look_at_floor(stage: &mut Stage) {
     set::look(stage, Vec3::new(0.0, 0.06, 0.03), Vec3::ZERO);
 }
@@ -103,8 +103,8 @@ fn deviation(radiance: &Radiance, expected: f64) -> (f64, f64) {
     )
 }
 
-/// Share of the light that a point would get if a rectangle of `width` × `length` metres, `height`
-/// above it and parallel to it, filled its view; the rectangle's middle is straight above.
+/// Form factor of a horizontal point and a parallel rectangle of `width` × `length` metres, centred
+/// `height` metres above it.
 fn form_factor(width: f64, length: f64, height: f64) -> f64 {
     let (x, y) = (width / 2.0 / height, length / 2.0 / height);
     let (a, b) = ((1.0 + x * x).sqrt(), (1.0 + y * y).sqrt());
@@ -129,7 +129,7 @@ fn a_panel_lights_a_floor_by_its_form_factor() {
                 most * 100.0,
                 mean * 100.0
             );
-            // The light falls off a little over what the camera sees.
+            // The light falls off slightly within the visible part of the floor.
             assert!(most < 0.08 && mean.abs() < 0.03, "{most} {mean}");
         }
     }
@@ -153,12 +153,13 @@ fn the_inside_of_an_emissive_sphere_is_lit_evenly() {
     set::apply(&mut stage, &format!("{RAYS},gi_vpl_count=4096"));
     let (most, mean) = deviation(&set::radiance(&mut stage), albedo() * f64::from(NITS));
     println!("    off by at most {:.1} %, {:+.2} % in the mean", most * 100.0, mean * 100.0);
-    // Two virtual lights next to a pixel are bounded; facets take 1 % of the solid angle.
+    // The geometry term is bounded for two VPLs next to a pixel; the facets lose 1 % of the solid
+    // angle.
     assert!(most < 0.1 && mean.abs() < 0.03, "{most} {mean}");
 }
 
 fn a_panel_s_radiance_agrees_with_the_light_on_a_floor() {
-    // Whether drawn through the G-buffer or forward, and whatever the weight of exposure.
+    // For deferred and forward rendering, and for any weight of exposure.
     use bevy::material::OpaqueRendererMethod::{Deferred, Forward};
     let expected_on_floor = albedo() * form_factor(2.0, 2.0, 2.0);
     let (opaque, mask, blend) = (AlphaMode::Opaque, AlphaMode::Mask(0.5), AlphaMode::Blend);
@@ -186,22 +187,22 @@ fn a_panel_s_radiance_agrees_with_the_light_on_a_floor() {
         };
         spawn_panel(&mut stage, Vec3::new(0.0, 2.0, 0.0), Vec2::splat(2.0), material);
         set::look(&mut stage, Vec3::new(0.0, 1.5, 0.15), Vec3::new(0.0, 2.0, 0.0));
-        let seen = set::radiance(&mut stage).mean();
+        let visible = set::radiance(&mut stage).mean();
         look_at_floor(&mut stage);
         let lit = set::radiance(&mut stage).mean();
         println!(
-            "    {method:?}, {alpha_mode:?}, weight {weight}: seen {seen:.2} nits, floor {lit:.2}"
+            "    {method:?}, {alpha_mode:?}, weight {weight}: panel {visible:.2} nits, floor {lit:.2}"
         );
         assert!(
-            (lit / seen / expected_on_floor - 1.0).abs() < 0.03,
+            (lit / visible / expected_on_floor - 1.0).abs() < 0.03,
             "{} of {expected_on_floor}",
-            lit / seen
+            lit / visible
         );
     }
 }
 
 fn emissive_surfaces_add_to_punctual_lights() {
-    // A lit corner, out of view, as a map's texels before those of the panel; and their sum.
+    // The sun's map precedes the panel's texels in the store. The light of both adds up.
     let mut found = Vec::new();
     for (has_sun, nits) in [(true, 0.0), (false, NITS), (true, NITS)] {
         let lights = if has_sun { vec![sun(Vec3::NEG_Y)] } else { vec![] };
@@ -221,7 +222,7 @@ fn emissive_surfaces_add_to_punctual_lights() {
         found.push(set::radiance(&mut stage).mean());
         let flux: f64 = gpu::total_flux(&gpu::rsm_texels(&stage))[1];
         if !has_sun {
-            // Both sides of a quarter of a square metre.
+            // Two sides of 0.25 m².
             let expected = PI * f64::from(NITS) * 0.25 * 2.0;
             assert!((flux / expected - 1.0).abs() < 1e-4, "{flux} lumens of {expected}");
         }
@@ -247,7 +248,7 @@ fn light_follows_an_emissive_surface() {
     let (moved_left, moved_right) = sides(&mut stage);
     println!("    left and right {left:.2} {right:.2} nits, then {moved_left:.2} {moved_right:.2}");
     assert!((moved_right / left - 1.0).abs() < 0.1 && (moved_left / right - 1.0).abs() < 0.1);
-    // It goes out, comes back, hides and dies.
+    // It is switched off and on, hidden, shown and removed.
     let handle = stage
         .world_mut()
         .get::<MeshMaterial3d<StandardMaterial>>(panel)
@@ -291,7 +292,7 @@ fn only_the_opaque_part_of_a_mask_emits() {
     });
 }
 
-/// Light of a panel of which one quarter emits red, by a texture of these texels.
+/// Tests the light of a panel with a texture of which the first quarter emits red.
 fn lights_by_a_quarter(
     quarter: [u8; 4],
     rest: [u8; 4],
@@ -312,7 +313,7 @@ fn lights_by_a_quarter(
     let [red, green, blue] = set::channel_means(&radiance);
     let texels = gpu::rsm_texels(&stage);
     let flux = gpu::total_flux(&texels);
-    // The texture's own texel spans a metre of the panel's four.
+    // A texel of the texture covers one metre of the panel's four.
     let lit: Vec<f32> =
         texels.iter().filter(|texel| texel.flux[0] > 0.0).map(|texel| texel.position[0]).collect();
     let (least, most) =
@@ -335,13 +336,13 @@ fn a_surface_that_is_not_emissive_costs_nothing() {
     spawn_floor(&mut stage, 8.0);
     spawn_panel(&mut stage, Vec3::new(0.0, 1.0, 0.0), Vec2::splat(1.0), emissive_material(0.0));
     look_at_floor(&mut stage);
-    // Rays keep the occluders, light or not.
+    // With rays, occluders are kept even without any light.
     set::apply(&mut stage, &format!("{RAYS},gi_visibility=none"));
     assert_eq!(set::radiance(&mut stage).mean(), 0.0);
     assert_costs_nothing(&mut stage);
     let emitters = stage.world_mut().resource::<GiEmitters>();
     assert_eq!((emitters.surface_count(), emitters.texel_count()), (0, 0));
-    // A camera that does not want it, and one that wants no global illumination.
+    // A camera without light of emissive surfaces, and one without global illumination.
     spawn_panel(&mut stage, Vec3::new(0.0, 1.0, 0.0), Vec2::splat(1.0), emissive_material(NITS));
     assert!(set::radiance(&mut stage).mean() > 1.0);
     assert_eq!(stage.world_mut().resource::<GiEmitters>().surface_count(), 1);
@@ -361,7 +362,7 @@ fn assert_finite(label: &str, stage: &mut Stage) -> f64 {
     let radiance = set::radiance(stage);
     assert!(
         radiance.rgb.iter().flatten().all(|value| value.is_finite() && *value >= 0.0),
-        "{label}: a pixel is no light"
+        "{label}: a pixel is not finite or is negative"
     );
     radiance.mean()
 }
@@ -384,7 +385,7 @@ fn emission_that_is_not_finite_or_huge_stays_finite() {
         let mean = assert_finite(&format!("{nits} nits"), &mut stage);
         assert_eq!(mean > 1e3, is_lit, "{nits} nits: {mean}");
     }
-    // Without area, with corners that are no numbers, and scaled to nothing.
+    // Scaled to a point, to a huge size and to a line.
     let mut stage = bare(Component::Global);
     spawn_floor(&mut stage, 8.0);
     let panel = spawn_panel(
@@ -395,21 +396,21 @@ fn emission_that_is_not_finite_or_huge_stays_finite() {
     );
     stage.world_mut().get_mut::<Transform>(panel).expect("the panel").scale = Vec3::ZERO;
     look_at_floor(&mut stage);
-    assert_eq!(assert_finite("scaled to nothing", &mut stage), 0.0);
+    assert_eq!(assert_finite("scaled to zero", &mut stage), 0.0);
     stage.world_mut().get_mut::<Transform>(panel).expect("the panel").scale = Vec3::splat(1e12);
-    assert_finite("scaled to a million million metres", &mut stage);
+    assert_finite("scaled to 10¹² metres", &mut stage);
     stage.world_mut().get_mut::<Transform>(panel).expect("the panel").scale =
         Vec3::new(1e-12, 1.0, 1.0);
     assert_finite("a line", &mut stage);
 }
 
-/// Gives the stage's camera an environment map of six even faces (+X, −X, +Y, −Y, +Z, −Z), which
-/// holds shares of `intensity`.
+/// Gives the stage's camera an environment map of six uniform faces (+X, −X, +Y, −Y, +Z, −Z), whose
+/// values are multiplied by `intensity`.
 pub fn surround(stage: &mut Stage, faces: [[f32; 3]; 6], intensity: f32, rotation: Quat) {
     const EDGE: u32 = 4;
     let face =
         |[red, green, blue]: &[f32; 3]| vec![[*red, *green, *blue, 1.0]; (EDGE * EDGE) as usize];
-    // Half floats, which every GPU filters.
+    // Every GPU can filter half floats.
     let texels = faces
         .iter()
         .flat_map(face)
@@ -467,11 +468,11 @@ fn a_floor_under_an_even_sky_is_lit_by_all_of_it() {
     assert_eq!(
         (gathered.pairs, gathered.rays),
         (48 * 27 * 32, 48 * 27 * 8),
-        "no lamps, no virtual lights"
+        "no VPLs without punctual lights"
     );
     let occluders = FLOOR_TRIANGLES * 75;
     assert!(gathered.bytes < 256 * 1024 + u64::from(occluders), "{}", gathered.bytes);
-    // Shown along with what Bevy draws, it takes the place of Bevy's own and is not added to it.
+    // In the full image it replaces Bevy's environment light instead of adding to it.
     let mut stage = bare(Component::Full);
     spawn_floor(&mut stage, 20.0);
     surround(&mut stage, [[1.0; 3]; 6], NITS, Quat::IDENTITY);
@@ -480,7 +481,7 @@ fn a_floor_under_an_even_sky_is_lit_by_all_of_it() {
     let ours = set::radiance(&mut stage).mean();
     set::apply(&mut stage, &format!("{RAYS},gi_environment_samples=0"));
     let bevy_s = set::radiance(&mut stage).mean();
-    println!("    {ours:.1} nits by us, {bevy_s:.1} by Bevy");
+    println!("    {ours:.1} nits by the plugin, {bevy_s:.1} by Bevy");
     assert!((ours / bevy_s - 1.0).abs() < 0.06, "{ours} {bevy_s}");
 }
 
@@ -511,7 +512,7 @@ fn a_wall_hides_half_the_sky() {
     }
 }
 
-/// A room of 4 × 3 × 4 m, its door, 1 m × 2 m, in the wall at z = −2 where there is one.
+/// Spawns a room of 4 × 3 × 4 m, optionally with a door of 1 m × 2 m in the wall at z = −2.
 fn spawn_room(stage: &mut Stage, has_door: bool) {
     let mut wall = |center: [f32; 3], size: [f32; 3]| {
         meshes::spawn_box(stage, center.into(), size.into(), meshes::diffuse(0.8, 0.8, 0.8));
@@ -546,11 +547,11 @@ fn the_sky_lights_a_room_through_its_door_only() {
         }
     }
     println!(
-        "    by the door {:.2} nits coarse, {:.2} fine; closed {:.5} and {:.5}",
+        "    with a door {:.2} nits coarse, {:.2} fine; closed {:.5} and {:.5}",
         found[0], found[1], found[2], found[3]
     );
-    // One ray in ten or so finds the door: two of them a pixel are uncertain by a tenth over all
-    // pixels.
+    // About one ray in ten reaches the door: with two rays per pixel, the mean over all pixels has
+    // an error of about a tenth.
     assert!(
         found[1] > 0.005 * f64::from(NITS) && (found[0] / found[1] - 1.0).abs() < 0.3,
         "{found:?}"
@@ -559,8 +560,8 @@ fn the_sky_lights_a_room_through_its_door_only() {
 }
 
 fn the_sky_rotates_as_in_bevy() {
-    // Six colours, of which a wall gets mostly the one that it faces: by our samples as by Bevy's
-    // look-up.
+    // Six colours. A wall mostly receives the colour that it faces, by the plugin's samples and by
+    // Bevy's look-up.
     let faces = [
         [1.0, 0.1, 0.1],
         [0.1, 1.0, 0.1],
@@ -570,7 +571,7 @@ fn the_sky_rotates_as_in_bevy() {
         [0.9, 0.1, 0.9],
     ];
     let mut stage = bare(Component::Full);
-    // Each wall by itself before the camera, so that none hides anything from another.
+    // One wall at a time in front of the camera, so that walls do not occlude each other.
     let wall = meshes::spawn_box(
         &mut stage,
         Vec3::ZERO,
@@ -581,7 +582,7 @@ fn the_sky_rotates_as_in_bevy() {
         let mut channels = [0, 1, 2];
         channels.sort_by(|a, b| rgb[*b].total_cmp(&rgb[*a]));
         let (first, second, third) = (rgb[channels[0]], rgb[channels[1]], rgb[channels[2]]);
-        // One bright channel, or two.
+        // The brightest channel, or the brightest two.
         if second - third > first - second {
             vec![channels[0].min(channels[1]), channels[0].max(channels[1])]
         } else {
@@ -599,14 +600,14 @@ fn the_sky_rotates_as_in_bevy() {
             let facing = Quat::from_rotation_y(turn as f32 * PI as f32 / 2.0);
             stage.world_mut().get_mut::<Transform>(wall).expect("the wall").rotation = facing;
             set::look(&mut stage, facing * Vec3::new(0.0, 0.0, 2.0), Vec3::ZERO);
-            let seen: Vec<_> = [0, 32]
+            let orders: Vec<_> = [0, 32]
                 .into_iter()
                 .map(|samples| {
                     set::apply(&mut stage, &format!("{RAYS},gi_environment_samples={samples}"));
                     order(set::channel_means(&set::radiance(&mut stage)))
                 })
                 .collect();
-            assert_eq!(seen[0], seen[1], "turned by {rotation}, facing {}", facing * Vec3::Z);
+            assert_eq!(orders[0], orders[1], "turned by {rotation}, facing {}", facing * Vec3::Z);
         }
     }
 }
@@ -631,7 +632,7 @@ fn without_rays_or_samples_bevy_renders_the_sky() {
     let on = mean(&mut stage, "gi_environment_samples=8");
     assert!(on.0 < 1e-3 * off.0 && on.1 == 1, "{on:?}");
     assert_eq!(mean(&mut stage, "gi_environment_samples=0"), off);
-    // A map that is taken away takes everything with it.
+    // Removing the map removes all its resources.
     mean(&mut stage, "gi_environment_samples=8");
     let camera = set::camera(&mut stage);
     stage.world_mut().entity_mut(camera).remove::<EnvironmentMapLight>();
@@ -684,6 +685,6 @@ fn a_still_sky_gives_identical_frames() {
     let first = set::radiance(&mut stage);
     for _ in 0..10 {
         stage.frame();
-        assert!(stage.radiance().expect("a picture") == first);
+        assert!(stage.radiance().expect("an image") == first);
     }
 }

@@ -1,4 +1,4 @@
-//! Golden pictures, and proof that their comparison can fail.
+//! Golden images, and a test that their comparison can fail.
 
 use std::collections::BTreeSet;
 
@@ -44,7 +44,7 @@ fn render(view: &View) -> Picture {
         "max,rsm_resolution=128,gi_vpl_count=256,shadow_map_resolution=512,post_processing=off",
     );
     stage.get_ready().expect("a ready stage");
-    stage.picture().expect("a picture")
+    stage.picture().expect("an image")
 }
 
 fn images_match_their_references() {
@@ -72,13 +72,13 @@ fn a_different_image_is_detected() {
     let other = Picture::read_png(&folder.join("two_rooms_lit.png")).expect("the reference");
     let smaller = Picture::from_fn(8, 8, |_, _| [0; 3]);
     if std::env::var_os(golden::BLESS).is_none() {
-        for (what, picture) in
+        for (label, image) in
             [("shifted", shifted), ("dimmed", dimmed), ("other", other), ("smaller", smaller)]
         {
-            let fault = golden::compare(&folder, "cornell", &picture).expect_err(what);
+            let fault = golden::compare(&folder, "cornell", &image).expect_err(label);
             assert!(
                 fault.contains("golden-cornell-actual.png") && fault.contains(golden::BLESS),
-                "{what}: {fault}"
+                "{label}: {fault}"
             );
         }
         let missing = golden::compare(&folder, "no_such_view", &reference).expect_err("missing");
@@ -93,5 +93,5 @@ fn every_reference_has_a_view() {
         .map(|file| file.expect("a file").file_name().to_string_lossy().into_owned())
         .collect();
     let views: BTreeSet<String> = VIEWS.iter().map(|view| format!("{}.png", view.name)).collect();
-    assert_eq!(files, views, "files in tests/golden against the views that are rendered");
+    assert_eq!(files, views, "files in tests/golden against the rendered views");
 }

@@ -1,4 +1,4 @@
-//! Every level of every built-in knob does what it says, and going back leaves no trace.
+//! Every level of every built-in knob takes effect, and switching back leaves no trace.
 
 use std::collections::BTreeMap;
 
@@ -27,7 +27,7 @@ tests!(
 
 const SIZE: UVec2 = UVec2::new(64, 36);
 
-/// A sunlit, textured, ambient-lit scene in which every knob has something to do.
+/// A textured scene with sun and ambient light, in which every knob has an effect.
 fn stage() -> Stage {
     let mut scene = set::scene("courtyard");
     scene.environment = Environment::Constant([900.0; 3]);
@@ -36,16 +36,16 @@ fn stage() -> Stage {
     stage
 }
 
-fn picture(stage: &mut Stage) -> Picture {
+fn render(stage: &mut Stage) -> Picture {
     stage.frame();
-    stage.picture().expect("a picture")
+    stage.picture().expect("an image")
 }
 
-fn luma(picture: &Picture) -> f64 {
-    picture.luma().iter().map(|luma| f64::from(*luma)).sum::<f64>() / picture.rgb.len() as f64
+fn luma(image: &Picture) -> f64 {
+    image.luma().iter().map(|luma| f64::from(*luma)).sum::<f64>() / image.rgb.len() as f64
 }
 
-/// Asserts that the app's state is what knob `name` at `value` asks for.
+/// Asserts that the app's state matches knob `name` at `value`.
 fn assert_applied(stage: &mut Stage, name: &str, value: f64) {
     let camera = set::camera(stage);
     let world = stage.world_mut();
@@ -59,7 +59,7 @@ fn assert_applied(stage: &mut Stage, name: &str, value: f64) {
         "gi_refresh_period" => assert_eq!(f64::from(gi.refresh_period), value.recip()),
         "rsm_resolution" => {
             assert_eq!(f64::from(gi.rsm_resolution), value);
-            // One of what is near the camera, and one of the rest.
+            // A near and a far cascade.
             assert_eq!(world.query::<&RsmView>().iter(world).count(), 2);
         }
         "shadow_map_resolution" => {
@@ -108,7 +108,7 @@ fn assert_applied(stage: &mut Stage, name: &str, value: f64) {
         "resolution_scale" => {
             assert_eq!(world.get::<ResolutionScale>(camera), Some(&ResolutionScale(value as f32)))
         }
-        _ => panic!("knob {name} has no test of its own: add what it sets"),
+        _ => panic!("knob {name} has no test of its own: add a check of its effect"),
     }
 }
 
@@ -117,7 +117,7 @@ fn every_level_is_applied_changes_the_image_and_leaves_no_trace() {
     let space = stage.space().clone();
     let best = space.highest();
     let at = |knob: usize, level: usize| best.with_level(knob, level);
-    // The sweep that an app makes before it switches: each level once.
+    // Applies each level once, as an app does before it switches levels.
     for (index, knob) in space.knobs().iter().enumerate() {
         for level in 0..knob.levels.len() {
             stage.apply(at(index, level));
@@ -126,15 +126,15 @@ fn every_level_is_applied_changes_the_image_and_leaves_no_trace() {
     }
     stage.apply(best);
     stage.get_ready().expect("a ready stage");
-    let reference = stage.picture().expect("a picture");
+    let reference = stage.picture().expect("an image");
     let mut changed: BTreeMap<&str, usize> = BTreeMap::new();
     for (index, knob) in space.knobs().iter().enumerate() {
         for (number, level) in knob.levels.iter().enumerate() {
             stage.apply(at(index, number));
-            let first = picture(&mut stage);
+            let first = render(&mut stage);
             assert_applied(&mut stage, &knob.name, level.value);
-            let converged = picture(&mut stage);
-            // Half of it: where deferred lighting is late, the mean falls to about half.
+            let converged = render(&mut stage);
+            // If deferred lighting is late, the mean falls to about half.
             assert!(
                 luma(&first) >= 0.5 * luma(&converged) && luma(&converged) > 10.0,
                 "{}={}",
@@ -154,17 +154,17 @@ fn every_level_is_applied_changes_the_image_and_leaves_no_trace() {
         }
         stage.apply(best);
         stage.frame();
-        let back = picture(&mut stage);
+        let back = render(&mut stage);
         let differing = back.rgb.iter().zip(&reference.rgb).filter(|(a, b)| a != b).count();
-        assert_eq!(differing, 0, "back from {}, that many pixels differ", knob.name);
+        assert_eq!(differing, 0, "back from {}: number of pixels that differ", knob.name);
     }
-    println!("    levels whose picture differs from the best: {changed:?}");
-    // Nothing moves here; `refresh.rs` shows what it does where something does.
+    println!("    levels whose image differs from the best: {changed:?}");
+    // Nothing moves here; `refresh.rs` tests the refresh period with moving light.
     assert_eq!(changed.remove("gi_refresh_period"), Some(0));
     assert!(changed.iter().all(|(_, count)| *count > 0), "a knob changes nothing: {changed:?}");
 }
 
-/// Pairs that a frame at `settings` evaluates: gathered pixels × virtual point lights.
+/// Predicted number of pairs of a frame at `settings`: gathered pixels × VPLs per pixel.
 fn predicted_pairs(stage: &Stage, settings: RenderSettings) -> u64 {
     let value = |name: &str| stage.space().value(settings, name).expect("a built-in knob");
     let size = ResolutionScale(value("resolution_scale") as f32).apply(SIZE);

@@ -1,9 +1,9 @@
-//! Integration tests on a real adapter. Where there is none, tests that need one are ignored, and
-//! counted as such: none is green.
+//! Integration tests on a real adapter. Without one, tests that need an adapter are reported as
+//! ignored, not as passed.
 
 use libtest_mimic::{Arguments, Trial};
 
-/// Names a module's tests for `main`.
+/// Lists a module's tests for `main`.
 macro_rules! tests {
     ($($test:ident),+ $(,)?) => {
         pub const TESTS: &[(&str, fn())] = &[$((stringify!($test), $test)),+];
@@ -30,7 +30,7 @@ mod shaders;
 mod stability;
 mod visibility;
 
-/// Tests by module, and whether they need an adapter.
+/// Modules, their tests, and whether these need an adapter.
 const MODULES: &[(&str, &[(&str, fn())], bool)] = &[
     ("bounces", bounces::TESTS, true),
     ("cli", cli::TESTS, false),
@@ -64,17 +64,17 @@ const MODULES: &[(&str, &[(&str, fn())], bool)] = &[
     ("visibility", visibility::TESTS, true),
 ];
 
-/// Set to the number of a part: the tests of that part alone.
+/// Environment variable: the number of the part to run.
 const PART: &str = "FRUGAL_TESTS_PART";
-/// Processes that a run of all tests is shared out among, one after another. Mesa 22's software
-/// driver keeps memory of every frame that was drawn. Where no newer one could be brought, one
-/// process for all would need more than `scripts/run` grants.
+/// Number of processes of a complete run, one after another. Mesa 22's software driver leaks memory
+/// in every frame: without a newer driver, a single process would exceed the limit of
+/// `scripts/run`.
 const PARTS: usize = 4;
 
 fn main() {
     let mut arguments = Arguments::from_args();
-    // A software adapter takes every core for one stage; side by side they would only be slower,
-    // and their output mixed up.
+    // A software adapter uses every core for one stage: parallel tests would be slower and mix
+    // their output.
     arguments.test_threads.get_or_insert(1);
     let part = std::env::var(PART).ok().and_then(|part| part.parse::<usize>().ok());
     if part.is_none() && arguments.filter.is_none() && !arguments.list {
@@ -107,7 +107,7 @@ fn main() {
     libtest_mimic::run(&arguments, own.collect()).exit();
 }
 
-/// Runs every part in a process of its own, and ends as the worst of them does.
+/// Runs every part in its own process; fails if any of them fails.
 fn run_parts() -> ! {
     let program = std::env::current_exe().expect("the path of this program");
     let mut failed = false;

@@ -1,5 +1,4 @@
-//! The baseline must be right before it can be beaten: its light against closed forms, and what it
-//! makes of the plugin's maps.
+//! Correctness of the baseline: its light against closed forms, and its use of the plugin's maps.
 
 use bevy::math::{UVec2, Vec2, Vec3};
 use bevy_frugal_gi::gi::{GiCounts, GiOutput, GiRefresh, inspect};
@@ -25,7 +24,7 @@ fn show(stage: &mut Stage, naive: NaiveRsm) {
     naive_rsm::show(stage, Some(NaiveRsm { alone: true, ..naive }), GiOutput::MapsOnly);
 }
 
-/// What `inspect` says of maps is what they were rendered with.
+/// `inspect` reports the projections with which maps were rendered.
 fn maps_project_their_own_texels() {
     let point = frugal::scene::Light::Point {
         position: Vec3::new(0.3, 1.5, 0.4),
@@ -61,12 +60,11 @@ fn maps_project_their_own_texels() {
         }
         lit_maps += u32::from(lit > 0);
     }
-    // Above the lamp there is nothing.
+    // There is no surface above the point light.
     assert_eq!(lit_maps, 6);
 }
 
-/// Texels all around the lamp are each as far from any receiver as the furnace's light says:
-/// whichever are drawn, the sum is known.
+/// In a furnace the sum has a closed form, whichever texels are sampled around the light.
 fn in_a_furnace_it_is_the_closed_form() {
     let mut stage =
         set::open(&set::scene("furnace"), set::radiance_options(96, 54, Component::Indirect));
@@ -87,10 +85,10 @@ fn in_a_furnace_it_is_the_closed_form() {
     }
 }
 
-/// Share of the light of a floor [−2, 2] × [−1.9, 2] at y = 0 that reaches a point of the wall z =
-/// −1.9, 0.3 m and more above it.
+/// Form factor of a point of the wall z = −1.9, at least 0.3 m above the floor, and the floor [−2,
+/// 2] × [−1.9, 2] at y = 0.
 fn form_factor(x: f64, height: f64) -> f64 {
-    // Of a rectangle with a corner at the foot of the point, in a plane perpendicular to the
+    // Form factor of a rectangle with a corner below the point, in a plane perpendicular to the
     // point's: Lambert's integral along its edges.
     let from_corner = |width: f64| {
         let far = height.hypot(3.9);
@@ -106,7 +104,7 @@ fn on_two_plates_it_is_the_form_factor() {
     let pose = CameraPose::looking_at(Vec3::new(0.0, 1.2, 3.0), Vec3::new(0.0, 0.8, -2.0));
     let per_share =
         meshes::stored_albedo(0.5) / std::f64::consts::PI * meshes::stored_albedo(0.8) * lux;
-    // Places of the wall under pixels' middles.
+    // Points of the wall at pixel centres.
     let half_height = (60.0_f32.to_radians() * 0.5).tan();
     let wall: Vec<(usize, f64)> = (0..48 * 27)
         .filter_map(|index| {
@@ -123,8 +121,8 @@ fn on_two_plates_it_is_the_form_factor() {
         })
         .collect();
     assert!(wall.len() > 100);
-    // The disk reaches every texel from everywhere. Bound: nothing of the wall that is looked at is
-    // near enough to be bounded.
+    // The disk contains every texel from any point. No visible point of the wall is near enough for
+    // the bound of the geometry term.
     let exact = NaiveRsm { radius: std::f32::consts::SQRT_2, ..Default::default() };
     for samples in [400, 4000] {
         show(&mut stage, NaiveRsm { samples, ..exact });
@@ -140,8 +138,8 @@ fn on_two_plates_it_is_the_form_factor() {
             found / expected,
             100.0 * off / expected
         );
-        // The map's texels of 4 cm end at the floor's edges to within half of one: a share of 1 %
-        // at most. The rest is the noise of the samples.
+        // The map's texels of 4 cm match the floor's edges to within half a texel: a share of at
+        // most 1 %. The rest is noise of the samples.
         assert!((found / expected - 1.0).abs() < 0.01, "{samples}: {}", found / expected);
         assert!(
             off / expected < 0.03 * (400.0 / f64::from(samples)).sqrt(),
@@ -151,7 +149,7 @@ fn on_two_plates_it_is_the_form_factor() {
     }
 }
 
-/// Light adds up over lights, flat maps and cubes alike.
+/// Light adds up over lights, with flat maps and cube maps.
 fn the_light_of_several_lights_adds_up() {
     let point = frugal::scene::Light::Point {
         position: Vec3::new(0.3, 1.5, 0.4),
@@ -184,11 +182,7 @@ fn its_cost_is_the_maps_only() {
     stage.world_mut().insert_resource(GiRefresh::EveryFrame);
     assert!(set::radiance(&mut stage) == naive, "maps that are not rendered again are kept");
     let GiCounts { maps, cameras, vpls, pairs, rays, .. } = set::gathered(&stage);
-    assert_eq!(
-        (maps, cameras, vpls, pairs, rays),
-        (1, 0, 0, 0, 0),
-        "nothing of the plugin's own is gathered"
-    );
+    assert_eq!((maps, cameras, vpls, pairs, rays), (1, 0, 0, 0, 0), "the plugin gathers nothing");
     let state = inspect::gpu_state(stage.render_world());
     assert!(state.texels.is_some() && state.maps.len() == 1 && state.cameras.is_empty());
     // And back.

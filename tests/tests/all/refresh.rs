@@ -1,4 +1,4 @@
-//! What nobody moved is not done twice, and what was moved is done at once.
+//! Nothing is recomputed without a change, and changes take effect at once.
 
 use bevy::ecs::query::With;
 use bevy::light::DirectionalLight;
@@ -17,10 +17,10 @@ tests!(
     the_refresh_period_limits_how_often_maps_are_rendered,
 );
 
-/// A corner under the sun that has come to rest.
+/// A corner under the sun, after it has converged.
 fn at_rest(policy: GiRefresh) -> Stage {
     let mut stage = corner(vec![sun(Vec3::new(-0.3, -1.0, -0.2))]);
-    // What a frame gathers is looked at here, and not what is shown of it.
+    // These tests examine the gathered light, without temporal accumulation.
     set::disable_history(&mut stage);
     stage.world_mut().insert_resource(policy);
     set::radiance(&mut stage);
@@ -30,24 +30,24 @@ fn at_rest(policy: GiRefresh) -> Stage {
 
 fn nothing_is_recomputed_in_a_still_scene() {
     let mut stage = at_rest(GiRefresh::OnChange);
-    let before = stage.radiance().expect("a picture");
+    let before = stage.radiance().expect("an image");
     assert!(before.mean() > 1.0);
     for frame in 0..30 {
         stage.frame();
         let done = set::gathered(&stage);
         assert_eq!((done.maps, done.cameras, done.pairs, done.rays), (0, 0, 0, 0), "frame {frame}");
-        assert!(done.bytes > 0, "what was gathered is kept");
+        assert!(done.bytes > 0, "the gathered light is kept");
     }
-    assert!(stage.radiance().expect("a picture") == before);
+    assert!(stage.radiance().expect("an image") == before);
 
     let mut stage = at_rest(GiRefresh::EveryFrame);
     stage.frame();
     let done = set::gathered(&stage);
     assert!((done.maps, done.cameras) == (1, 1) && done.pairs > 0, "{done:?}");
-    assert!(stage.radiance().expect("a picture") == before, "redone, it is the same");
+    assert!(stage.radiance().expect("an image") == before, "recomputed, it is the same");
 }
 
-/// Turns the only sun, radians.
+/// Rotates the only sun by `angle` radians.
 pub fn turn_the_sun(stage: &mut Stage, angle: f32) {
     let world = stage.world_mut();
     world
@@ -57,23 +57,23 @@ pub fn turn_the_sun(stage: &mut Stage, angle: f32) {
         .rotation *= Quat::from_rotation_x(angle);
 }
 
-/// Whether the picture after one frame is that after many of which each did everything.
-pub fn converges_in_one_frame(stage: &mut Stage, what: &str) -> bool {
+/// Whether the image after one frame equals that after several frames that recompute everything.
+pub fn converges_in_one_frame(stage: &mut Stage, change: &str) -> bool {
     stage.frame();
-    let after_one_frame = stage.radiance().expect("a picture");
-    assert_eq!(set::gathered(stage).cameras, 1, "{what}");
+    let after_one_frame = stage.radiance().expect("an image");
+    assert_eq!(set::gathered(stage).cameras, 1, "{change}");
     stage.world_mut().insert_resource(GiRefresh::EveryFrame);
     (0..3).for_each(|_| stage.frame());
-    let converged = stage.radiance().expect("a picture");
+    let converged = stage.radiance().expect("an image");
     stage.world_mut().insert_resource(GiRefresh::OnChange);
     (0..16).for_each(|_| stage.frame());
-    assert_eq!(set::gathered(stage).cameras, 0, "at rest again");
+    assert_eq!(set::gathered(stage).cameras, 0, "converged again");
     after_one_frame == converged
 }
 
 fn changes_are_in_the_next_frame() {
     let mut stage = at_rest(GiRefresh::OnChange);
-    // Within the box around all meshes, which the map covers whole.
+    // Inside the bounds of all meshes, which the map covers completely.
     let mesh = meshes::spawn_box(
         &mut stage,
         Vec3::new(0.5, 0.5, 0.0),
@@ -81,11 +81,11 @@ fn changes_are_in_the_next_frame() {
         meshes::diffuse(0.8, 0.2, 0.2),
     );
     (0..16).for_each(|_| stage.frame());
-    let mut before = stage.radiance().expect("a picture");
-    let mut changes = |stage: &mut Stage, what: &str| {
-        assert!(converges_in_one_frame(stage, what), "{what}");
-        let now = stage.radiance().expect("a picture");
-        assert!(now != before, "{what} changed nothing");
+    let mut before = stage.radiance().expect("an image");
+    let mut changes = |stage: &mut Stage, change: &str| {
+        assert!(converges_in_one_frame(stage, change), "{change}");
+        let now = stage.radiance().expect("an image");
+        assert!(now != before, "{change} changed nothing");
         before = now;
     };
     turn_the_sun(&mut stage, 0.2);
@@ -95,15 +95,15 @@ fn changes_are_in_the_next_frame() {
     world.query::<&mut DirectionalLight>().single_mut(world).expect("the sun").illuminance *= 0.5;
     changes(&mut stage, "a light that fades");
 
-    stage.world_mut().get_mut::<Transform>(mesh).expect("placed").translation.y += 0.2;
+    stage.world_mut().get_mut::<Transform>(mesh).expect("a transform").translation.y += 0.2;
     changes(&mut stage, "a mesh that moves");
 
     let camera = set::camera(&mut stage);
-    stage.world_mut().get_mut::<Transform>(camera).expect("placed").translation.x += 0.2;
+    stage.world_mut().get_mut::<Transform>(camera).expect("a transform").translation.x += 0.2;
     changes(&mut stage, "a camera that moves");
 
     stage.world_mut().get_mut::<FrugalGi>(camera).expect("GI").vpl_count = 512;
-    changes(&mut stage, "more virtual lights");
+    changes(&mut stage, "more VPLs");
 
     stage.world_mut().get_mut::<FrugalGi>(camera).expect("GI").rsm_resolution = 128;
     changes(&mut stage, "finer maps");
@@ -119,12 +119,12 @@ fn changes_are_in_the_next_frame() {
     for id in ids {
         drop(materials.insert(id, material.clone()));
     }
-    // Bevy tells of assets after cameras are updated: what they change is a frame late.
+    // Bevy sends asset events after it has updated cameras: their changes are a frame late.
     stage.frame();
     changes(&mut stage, "materials of another colour");
 
     assert!(stage.world_mut().despawn(mesh));
-    changes(&mut stage, "a mesh that goes");
+    changes(&mut stage, "a mesh that is removed");
 }
 
 fn a_walk_through_a_still_scene_renders_no_map() {
@@ -154,12 +154,12 @@ fn the_refresh_period_limits_how_often_maps_are_rendered() {
             rendered += set::gathered(&stage).maps;
         }
         assert_eq!(rendered, 16 / period, "every {period}th frame");
-        // The last change is not forgotten.
+        // The last change also takes effect.
         (0..16).for_each(|_| stage.frame());
-        let rested = stage.radiance().expect("a picture");
+        let converged = stage.radiance().expect("an image");
         stage.world_mut().insert_resource(GiRefresh::EveryFrame);
         (0..9).for_each(|_| stage.frame());
-        assert!(stage.radiance().expect("a picture") == rested, "period {period}");
+        assert!(stage.radiance().expect("an image") == converged, "period {period}");
         stage.world_mut().insert_resource(GiRefresh::OnChange);
     }
 }

@@ -1,5 +1,5 @@
-//! Light on its way from a light to virtual point lights: nothing is lost, and what arrives is the
-//! closed form.
+//! Flux from a light to virtual point lights: nothing is lost, and RSM texels hold the flux of
+//! closed forms.
 
 use bevy::math::{Quat, Vec3};
 use bevy::transform::components::Transform;
@@ -20,7 +20,7 @@ tests!(
 
 const LUX: f32 = 10_000.0;
 
-/// Sum over faces of area × cosine, where light of `direction` reaches them.
+/// Projected area of a box in a direction, m²: the sum of area × cosine over its lit faces.
 fn projected_area(size: Vec3, rotation: Quat, direction: Vec3) -> f64 {
     let face = |axis: Vec3, area: f32| {
         f64::from(area * (rotation * axis).dot(direction.normalize()).abs())
@@ -42,7 +42,7 @@ fn sun_flux_of_a_box_is_the_closed_form() {
             meshes::diffuse(0.8, 0.4, 0.2),
             transform,
         );
-        // Black, so that the map also covers what reflects nothing.
+        // Black, so that the map also covers a surface that reflects nothing.
         meshes::spawn_box(
             &mut stage,
             Vec3::ZERO,
@@ -50,7 +50,7 @@ fn sun_flux_of_a_box_is_the_closed_form() {
             meshes::diffuse(0.0, 0.0, 0.0),
         );
         set::apply(&mut stage, "min,gi_vpl_count=64,rsm_resolution=256");
-        // Finer than any level.
+        // Finer than any level of the knob.
         set::gi(&mut stage).rsm_resolution = 512;
         set::radiance(&mut stage);
         let found = gpu::total_flux(&gpu::rsm_texels(&stage));
@@ -115,16 +115,16 @@ fn sampling_keeps_the_flux() {
         assert_eq!((vpls.len(), texels.len()), (count, 128 * 128 + 6 * 32 * 32));
         let off = relative_difference(&vpls, &texels);
         println!("    {count} VPLs: off by {off:+.1e}");
-        // VPLs are drawn by what the camera could receive of them, and carry between nothing and
-        // four times the mean: the sum is right in expectation. A set of independent ones would be
-        // off by 1/√count; these are stratified.
+        // VPLs are sampled by their importance for the camera, and carry between zero and four
+        // times the mean flux: the sum is unbiased. Independent samples would have an error of
+        // 1/√count; these are stratified.
         assert!(off.abs() < 0.5 / (count as f64).sqrt(), "{count}: {off}");
         let unit = |point: &Point| (Vec3::from_array(point.normal).length() - 1.0).abs() < 1e-3;
         assert!(vpls.iter().all(|point| unit(point) && point.flux.iter().all(|flux| *flux >= 0.0)));
     }
 }
 
-/// Irradiance of the last frame before exposure and halves lose anything: what VPLs carry.
+/// Green flux of all VPLs of the last frame, before exposure and half floats lose anything, lumens.
 fn carried(stage: &mut Stage) -> f64 {
     set::radiance(stage);
     let vpls = gpu::vpls(stage);
@@ -150,14 +150,14 @@ fn bounced_light_is_proportional_to_any_brightness() {
             .expect("the sun")
             .illuminance = lux;
         let found = carried(&mut stage) / f64::from(lux);
-        let picture = set::radiance(&mut stage);
+        let image = set::radiance(&mut stage);
         println!(
             "    {lux:e} lux: {:+.1e}, mean radiance {:e} nits",
             found / expected - 1.0,
-            picture.mean()
+            image.mean()
         );
         assert!((found / expected - 1.0).abs() < 1e-3, "{lux}: {found} {expected}");
-        assert!(picture.rgb.iter().flatten().all(|value| value.is_finite()), "{lux}");
+        assert!(image.rgb.iter().flatten().all(|value| value.is_finite()), "{lux}");
     }
 }
 
@@ -178,12 +178,12 @@ fn results_stay_finite_far_from_the_origin() {
         set::look(&mut stage, at + Vec3::new(0.0, 1.2, 3.0), at + Vec3::new(0.0, 0.8, -2.0));
         set::apply(&mut stage, super::gi::PLAIN);
         let flux = carried(&mut stage);
-        let picture = set::radiance(&mut stage);
+        let image = set::radiance(&mut stage);
         assert!(
-            picture.rgb.iter().flatten().all(|value| value.is_finite() && *value >= 0.0),
+            image.rgb.iter().flatten().all(|value| value.is_finite() && *value >= 0.0),
             "at {offset}"
         );
-        println!("    at {offset:e} m: {flux:.0} lm, mean {:.1} nits", picture.mean());
-        assert!(flux > 1000.0, "at {offset} the sun's light is found: {flux}");
+        println!("    at {offset:e} m: {flux:.0} lm, mean {:.1} nits", image.mean());
+        assert!(flux > 1000.0, "at {offset} the VPLs carry the sun's light: {flux}");
     }
 }

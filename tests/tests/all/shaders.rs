@@ -1,4 +1,4 @@
-//! Structs of the shaders have the sizes that the plugin counts with.
+//! Structs of the shaders have the sizes that the plugin assumes.
 
 use bevy_frugal_gi::gi::inspect::STRUCT_BYTES;
 
@@ -18,8 +18,8 @@ const SHADERS: [&str; 11] = [
     include_str!("../../../plugin/src/gi/sky/fill.wgsl"),
 ];
 
-/// Bytes of the struct called `name` in a buffer, by the shader compiler. Cut out of its file, for
-/// the imports around it are not WGSL.
+/// Size of the struct `name` in a buffer, in bytes, by the shader compiler. The struct is extracted
+/// from its file, because imports are not plain WGSL.
 fn size(name: &str, sources: &[&str]) -> u32 {
     let start = format!("struct {name} {{");
     let text = sources.iter().find_map(|source| source.find(&start).map(|at| &source[at..]));
@@ -31,7 +31,7 @@ fn size(name: &str, sources: &[&str]) -> u32 {
         .types
         .iter()
         .find_map(|(_, kind)| match &kind.inner {
-            // In an array, each starts at a multiple of its alignment.
+            // The span includes padding to the alignment, as in an array.
             naga::TypeInner::Struct { span, .. } => Some(*span),
             _ => None,
         })

@@ -1,4 +1,4 @@
-//! Nothing flickers where nothing moves, and nothing of the past is in the picture.
+//! Still scenes do not flicker, and converged images do not depend on history.
 
 use bevy::ecs::query::With;
 use bevy::light::DirectionalLight;
@@ -18,12 +18,12 @@ tests!(
     a_clip_costs_the_same_whatever_was_rendered_before
 );
 
-/// Everything that could remember something.
+/// Settings with every effect that keeps history.
 const RICH: &str = "max,rsm_resolution=128,gi_vpl_count=512,shadow_map_resolution=512";
 
 fn a_still_scene_is_still_for_120_frames() {
-    // Gathered at every pixel with many rays, and at few, upsampled; done again in every frame, and
-    // only composited.
+    // At full resolution with many rays, and at low resolution, upsampled; recomputed in every
+    // frame, and only composited.
     for (more, policy) in [
         ("", GiRefresh::EveryFrame),
         ("", GiRefresh::OnChange),
@@ -34,12 +34,12 @@ fn a_still_scene_is_still_for_120_frames() {
         set::apply(&mut stage, &format!("{RICH}{more}"));
         stage.world_mut().insert_resource(policy);
         stage.get_ready().expect("a ready stage");
-        let first = stage.picture().expect("a picture");
-        assert!(first.rgb.iter().any(|pixel| *pixel != first.rgb[0]), "there is something to see");
+        let first = stage.picture().expect("an image");
+        assert!(first.rgb.iter().any(|pixel| *pixel != first.rgb[0]), "the image is not uniform");
         for frame in 1..120 {
             stage.frame();
             assert!(
-                stage.picture().expect("a picture") == first,
+                stage.picture().expect("an image") == first,
                 "frame {frame} differs from the first"
             );
         }
@@ -75,18 +75,18 @@ fn a_cut_discards_history() {
             stage.get_ready().expect("a ready stage");
             stage
         };
-        let always_there = ready(to).radiance().expect("radiance");
+        let expected = ready(to).radiance().expect("radiance");
         let mut stage = ready(from);
         let before = stage.radiance().expect("radiance");
         look(&mut stage, to);
         stage.frame();
         let after = stage.radiance().expect("radiance");
-        assert!(before != always_there, "{name}: the views differ");
-        let worst = after.rgb.iter().flatten().zip(always_there.rgb.iter().flatten());
+        assert!(before != expected, "{name}: the views differ");
+        let worst = after.rgb.iter().flatten().zip(expected.rgb.iter().flatten());
         let worst = worst.map(|(a, b)| (a - b).abs() / b.abs().max(1e-3)).fold(0.0, f32::max);
         assert!(
-            after == always_there,
-            "{name}: off by up to {worst} of what is right in the first frame after the cut"
+            after == expected,
+            "{name}: a relative error of up to {worst} in the first frame after the cut"
         );
     }
 }
@@ -119,7 +119,7 @@ fn history_reduces_flicker_and_leaves_no_trace_at_rest() {
                 .flatten()
                 .zip(last.rgb.iter().flatten())
                 .map(|(a, b)| f64::from((a - b).abs()));
-            // Once there is a past.
+            // Measured once there is history.
             change += if frame < 8 {
                 0.0
             } else {
@@ -132,7 +132,7 @@ fn history_reduces_flicker_and_leaves_no_trace_at_rest() {
             stage.frame();
         }
         let done = set::gathered(&stage);
-        assert_eq!((done.cameras, done.settling), (0, 0), "at rest");
+        assert_eq!((done.cameras, done.settling), (0, 0), "converged");
         (change / 16.0, stage.radiance().expect("radiance"))
     };
     let [(without, fresh), (with, rested)] = [1, 16].map(shown);
@@ -145,7 +145,7 @@ fn history_reduces_flicker_and_leaves_no_trace_at_rest() {
     assert!(rested == fresh, "a still image does not depend on history");
 }
 
-/// Mean change of the light from one picture to another, as a share of the light.
+/// Mean absolute difference of two images relative to the mean of the second.
 fn change(last: &Radiance, next: &Radiance) -> f64 {
     let differences = next
         .rgb
@@ -163,8 +163,8 @@ fn history_outlives_a_switch_of_settings() {
             "{rest},gi_vpl_count={vpls},gi_interleave={interleave},gi_pixel_fraction={fraction}"
         )
     };
-    // Other VPLs; and other cells, to which the history is carried over.
-    // Coarser cells cannot show what finer ones did.
+    // Other VPLs, and other resolutions, to which the history is reprojected. A coarser resolution
+    // loses detail of a finer one.
     for (vpls, interleave, fraction, most) in [
         (256, "2x2", "1/4", 0.5),
         (512, "8x8", "1/4", 0.5),

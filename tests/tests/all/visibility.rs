@@ -1,4 +1,4 @@
-//! What stands between surfaces and virtual point lights hides them.
+//! Visibility between surfaces and virtual point lights.
 
 use bevy::app::Last;
 use bevy::ecs::entity::Entity;
@@ -41,11 +41,11 @@ fn the_dark_room_is_dark() {
     println!(
         "    dark room: {none:.3} nits without rays, {coarse:.5} coarse, {fine:.5} fine; lit room {lit:.2}"
     );
-    assert!(none > 0.05 * lit, "without rays it leaks, or this test sees nothing: {none}");
+    assert!(none > 0.05 * lit, "without rays light leaks, or this test proves nothing: {none}");
     assert!(coarse < 1e-4 * lit && fine < 1e-4 * lit, "{coarse} {fine}");
 }
 
-/// A lit floor, a wall that it lights, and a black screen close before the wall.
+/// A lit floor, a wall that it lights, and a black screen directly in front of the wall.
 fn screened() -> (Stage, Entity) {
     let mut stage = corner(vec![sun(Vec3::NEG_Y)]);
     let screen = meshes::spawn_box(
@@ -54,7 +54,7 @@ fn screened() -> (Stage, Entity) {
         Vec3::new(4.5, 2.1, 0.02),
         meshes::diffuse(0.0, 0.0, 0.0),
     );
-    // Only what is behind the screen is looked at.
+    // The camera sees only the wall behind the screen.
     set::look(&mut stage, Vec3::new(0.0, 1.2, -1.87), Vec3::new(0.0, 0.8, -2.0));
     (stage, screen)
 }
@@ -65,10 +65,13 @@ fn a_screen_hides_the_bounce_and_follows_its_transform() {
     stage.world_mut().get_mut::<Transform>(screen).expect("the screen").translation.y = -50.0;
     let open = mean(&mut stage, "fine");
     println!(
-        "    behind the screen {hidden:.3} nits, without rays {leaking:.2}, taken away {open:.2}"
+        "    behind the screen {hidden:.3} nits, without rays {leaking:.2}, without the screen {open:.2}"
     );
     assert!(leaking > 1.0 && hidden < 0.05 * leaking, "{leaking} {hidden}");
-    assert!((open / leaking - 1.0).abs() < 0.05, "nothing hides any more: {open} {leaking}");
+    assert!(
+        (open / leaking - 1.0).abs() < 0.05,
+        "nothing occludes the wall any more: {open} {leaking}"
+    );
     stage.world_mut().get_mut::<Transform>(screen).expect("the screen").translation.y = 1.0;
     let back = mean(&mut stage, "fine");
     assert!((back - hidden).abs() < 1e-3 * leaking, "{back} {hidden}");
@@ -91,7 +94,7 @@ fn surfaces_that_cast_no_shadow_occlude_nothing() {
     let mut materials =
         stage.world_mut().resource_mut::<bevy::asset::Assets<bevy::pbr::StandardMaterial>>();
     materials.get_mut(&material).expect("the material").alpha_mode = AlphaMode::Blend;
-    assert!(mean(&mut stage, "fine") > 0.5 * open, "glass hides nothing");
+    assert!(mean(&mut stage, "fine") > 0.5 * open, "glass occludes nothing");
 }
 
 fn coarse_and_fine_have_the_same_mean() {
@@ -121,7 +124,7 @@ fn nothing_is_kept_without_rays() {
     mean(&mut stage, "coarse");
     assert_eq!(held(&mut stage), (2, 24), "two boxes");
     assert_eq!(set::gathered(&stage).rays, 48 * 27 * 2);
-    // A mesh that goes takes its tree with it.
+    // Removing a mesh removes its acceleration structure.
     let world = stage.world_mut();
     let meshes: Vec<Entity> =
         world.query_filtered::<Entity, bevy::ecs::query::With<Mesh3d>>().iter(world).collect();
@@ -132,7 +135,7 @@ fn nothing_is_kept_without_rays() {
     assert_eq!(held(&mut stage), (0, 0));
 }
 
-/// What the app does at the end of a frame, after all that the plugin looks at.
+/// Makes the app enable rays at the end of a frame, after the plugin's systems.
 #[derive(Resource)]
 struct AskForRays;
 
@@ -168,7 +171,7 @@ fn rays_enabled_at_the_end_of_a_frame_work_one_frame_later() {
         meshes::diffuse(0.0, 0.0, 0.0),
     );
     set::look(&mut stage, Vec3::new(0.0, 1.2, -1.87), Vec3::new(0.0, 0.8, -2.0));
-    // What rays take is compiled and prepared.
+    // Compiles the pipelines for rays.
     let hidden = mean(&mut stage, "fine");
     let leaking = mean(&mut stage, "none");
     set::disable_history(&mut stage);
@@ -178,7 +181,7 @@ fn rays_enabled_at_the_end_of_a_frame_work_one_frame_later() {
     let found: Vec<f64> = (0..3)
         .map(|_| {
             stage.frame();
-            stage.radiance().expect("a picture").mean()
+            stage.radiance().expect("an image").mean()
         })
         .collect();
     println!(

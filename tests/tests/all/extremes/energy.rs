@@ -138,7 +138,7 @@ fn a_closed_room_reflects_no_more_than_its_albedo() {
             &mut stage,
             "min,gi_refresh_period=1,gi_vpl_count=512,gi_pixel_fraction=1/1,resolution_scale=100%,rsm_resolution=128",
         );
-        // The knobs' levels first, which would overwrite what follows.
+        // The first frame applies the knobs' levels, which would overwrite the following changes.
         stage.frame();
         let camera = set::camera(&mut stage);
         let mut entity = stage.world_mut().entity_mut(camera);

@@ -153,7 +153,7 @@ impl Scene {
     }
 
     /// Number of occluded rays by brute force.
-    fn count_hidden(&self) -> usize {
+    fn count_occluded(&self) -> usize {
         self.pairs().filter(|(.., free)| *free == Some(false)).count()
     }
 
@@ -167,14 +167,14 @@ impl Scene {
             gather.run_with(&self.stage, &pixels, &Self::plane(), &[vpl], Some(occluders))
         };
         let found: Vec<_> = Self::lights().into_iter().map(run).collect();
-        let (mut worst, mut rays, mut hidden, mut unclear) = (Worst::default(), 0, 0, 0);
+        let (mut worst, mut rays, mut occluded, mut unclear) = (Worst::default(), 0, 0, 0);
         for (light, pixel, at, open, free) in self.pairs() {
             rays += 1;
             let Some(free) = free else {
                 unclear += 1;
                 continue;
             };
-            hidden += usize::from(!free);
+            occluded += usize::from(!free);
             let found = found[light][pixel][0];
             worst.check(
                 &format!("pixel {pixel} at {at}, light {light}"),
@@ -184,11 +184,11 @@ impl Scene {
             );
         }
         println!(
-            "    {rays} rays, {hidden} of them occluded, {unclear} too near an edge to decide"
+            "    {rays} rays, {occluded} of them occluded, {unclear} too near an edge to decide"
         );
         worst.report(label, 1000);
         assert!(unclear < rays / 50, "{unclear} of {rays}");
-        hidden
+        occluded
     }
 }
 
@@ -285,8 +285,8 @@ fn rays_agree_with_a_brute_force_intersection() {
         (112 / 8 * 5, 3),
         "triangles that occlude nothing are left out"
     );
-    let hidden = scene.compare(&occluders, "rays");
-    assert!(hidden > 200, "{hidden}");
+    let occluded = scene.compare(&occluders, "rays");
+    assert!(occluded > 200, "{occluded}");
 }
 
 /// Holes that end at the borders of sub-triangles, so that masks of 64 sub-triangles represent them
@@ -316,14 +316,14 @@ fn rays_pass_where_masks_have_holes() {
         (128 / 8 * 5, 6),
         "a mesh that is completely transparent is left out"
     );
-    let hidden = scene.compare(&occluders, "rays through holes");
+    let occluded = scene.compare(&occluders, "rays through holes");
     // Without holes, the same triangles would occlude clearly more rays.
     for triangle in &mut scene.triangles {
         triangle.strips = u8::MAX;
     }
-    let solid = scene.count_hidden();
-    println!("    {hidden} rays occluded; {solid} without holes");
-    assert!(hidden > 100 && solid > hidden + 200, "{hidden} {solid}");
+    let solid = scene.count_occluded();
+    println!("    {occluded} rays occluded; {solid} without holes");
+    assert!(occluded > 100 && solid > occluded + 200, "{occluded} {solid}");
 }
 
 /// Pixels and VPLs on the triangles that their rays might hit.

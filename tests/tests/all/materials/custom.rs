@@ -1,4 +1,4 @@
-//! Materials that are not Bevy's own: extensions of it, and those written from scratch.
+//! Custom materials: extensions of Bevy's standard material, and others.
 
 use bevy::color::{Color, LinearRgba};
 use bevy::material::OpaqueRendererMethod;
@@ -32,13 +32,13 @@ fn an_extension_sends_and_receives_the_colour_that_it_gives() {
             ExtendedMaterial { base: grey(), extension: Tint { color: COLOR } },
         );
         tinted.assert_diffuse("extended", ALBEDO);
-        // Bevy draws it in its base's colour, too.
+        // Bevy also renders it in the colour of its base.
         let forward = ExtendedMaterial { base: grey(), extension: ForwardTint { color: COLOR } };
         bench
             .measure_plate("extended for forward rendering only", forward)
             .assert_diffuse("forward", [f64::from(GREY); 3]);
-        // Transparent for the sun's map as it is for the eye, but rays know Bevy's own material
-        // alone.
+        // It is transparent in the sun's map as in the image, but the occluders know the alpha mode
+        // of Bevy's standard material only.
         let blend = StandardMaterial {
             alpha_mode: AlphaMode::Blend,
             base_color: Color::linear_rgba(GREY, GREY, GREY, 0.1),
@@ -46,10 +46,10 @@ fn an_extension_sends_and_receives_the_colour_that_it_gives() {
         };
         let plate = bench.plate(ExtendedMaterial { base: blend, extension: Tint { color: COLOR } });
         let source = bench.as_source(plate, super::Placement::Floor);
-        let hidden = bench.as_occluder(plate);
+        let occluded = bench.as_occluder(plate);
         bench.clear(plate);
-        println!("    extended and transparent: covers {}, hides {hidden:.3}", source.covered);
-        assert!(source.covered == 0.0 && hidden > 0.95, "{source:?} {hidden}");
+        println!("    extended and transparent: covers {}, occludes {occluded:.3}", source.covered);
+        assert!(source.covered == 0.0 && occluded > 0.95, "{source:?} {occluded}");
     });
 }
 
@@ -62,17 +62,17 @@ fn an_extension_that_moves_its_mesh_occludes_at_the_original_position() {
         let height =
             texels.iter().map(|texel| texel.position[1]).sum::<f32>() / texels.len() as f32;
         bench.clear(plate);
-        // Drawn far below the floor, it hides the wall all the same.
+        // Displaced far below the floor, it still occludes the wall.
         let plate = bench.plate(shift(Vec4::new(0.0, -30.0, 0.0, 0.0)));
-        let hidden = bench.as_occluder(plate);
+        let occluded = bench.as_occluder(plate);
         bench.clear(plate);
         println!(
-            "    covers {} at {height:.4} m, hides {hidden:.3} where it is not drawn",
+            "    covers {} at {height:.4} m, occludes {occluded:.3} where it is not drawn",
             source.covered
         );
         assert!(
-            source.covered == 1.0 && (height - 0.35).abs() < 1e-4 && hidden > 0.95,
-            "{source:?} {height} {hidden}"
+            source.covered == 1.0 && (height - 0.35).abs() < 1e-4 && occluded > 0.95,
+            "{source:?} {height} {occluded}"
         );
         let sent = source.flux[1] / bench.reference().source.flux[1];
         assert!((sent - 1.0).abs() < 1e-4, "{sent}");
@@ -94,13 +94,13 @@ fn a_forward_material_occludes_only() {
             "Bevy's own, forward",
             StandardMaterial { opaque_render_method, ..grey() },
         );
-        // Bevy renders it forward, since a G-buffer has no place for it; and rays know that light
-        // goes through.
+        // Bevy renders it forward, because its G-buffer cannot store it; and it is no occluder,
+        // because it transmits light.
         let leaf = bench.measure_plate(
             "diffuse transmission",
             StandardMaterial { diffuse_transmission: 0.5, ..grey() },
         );
-        for (label, found, hides) in [
+        for (label, found, occludes) in [
             ("custom", custom, true),
             ("Bevy's own", standard, true),
             ("diffuse transmission", leaf, false),
@@ -108,7 +108,7 @@ fn a_forward_material_occludes_only() {
             found.assert_covers(label, 1.0);
             found.assert_sends(label, [0.0; 3]);
             found.assert_receives(label, [0.0; 3]);
-            found.assert_hides(label, hides);
+            found.assert_occludes(label, occludes);
         }
     });
 }
@@ -123,13 +123,13 @@ fn a_material_without_prepass_shows_the_light_of_the_surface_behind() {
         let share = bench.share_of_open_floor(&effect.source);
         assert!(
             (share - 1.0).abs() < 2e-3,
-            "the floor under it bounces as if it lay in the sun: {share}"
+            "the floor under it reflects light as if unoccluded: {share}"
         );
         // The wall behind it is as grey as the reference, and 5 cm farther away.
         assert!(
             (found.received[1] - 1.0).abs() < 0.02,
-            "the wall's indirect light lies over it: {found:?}"
+            "the wall's indirect light is added to it: {found:?}"
         );
-        found.assert_hides("custom, without prepass", true);
+        found.assert_occludes("custom, without prepass", true);
     });
 }

@@ -1,8 +1,7 @@
-//! What materials do to global illumination: as a source of indirect light, as a receiver, and as
-//! an occluder of rays between others.
+//! Materials in global illumination: as sources of indirect light, as receivers and as occluders.
 //!
-//! All samples are looked at on one bench: a white floor under a vertical sun, and a grey wall
-//! behind it. ARCHITECTURE.md has the table of what is found here ("What materials do to global
+//! All samples are measured on one test bench: a white floor under a vertical sun, and a grey wall
+//! behind it. ARCHITECTURE.md has the table of the results ("What materials do to global
 //! illumination").
 
 pub mod custom;
@@ -27,27 +26,28 @@ use super::gi::sun;
 /// Albedo of the reference, linear.
 pub const GREY: f32 = 0.5;
 
-/// Low settings: every pixel gathers 64 VPLs, and a filter joins 2 × 2 of them.
+/// Low settings: every pixel gathers 64 VPLs, and a filter averages 2 × 2 pixels.
 const SETTINGS: &str = "min,gi_refresh_period=1,gi_vpl_count=256,gi_interleave=2x2,gi_pixel_fraction=1/1,resolution_scale=100%";
 
 /// Height of a sample on the floor, metres.
 const HEIGHT: f32 = 0.05;
 
-/// Where a sample is put.
+/// Placement of a sample.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Placement {
-    /// Over the whole floor, its upper side to the sun.
+    /// Above the whole floor, with its upper side towards the sun.
     Floor,
-    /// The same with its lower side to the sun.
+    /// Above the whole floor, with its lower side towards the sun.
     FloorUpsideDown,
-    /// Close before the wall, which it covers, its upper side to the floor and the eye.
+    /// Directly in front of the wall, which it covers, with its upper side towards the floor and
+    /// the eye.
     Wall,
-    /// Inside the floor.
+    /// Inside the floor, without any effect.
     Away,
 }
 
 impl Placement {
-    /// Of a plate of 1 m.
+    /// Transform of a plate of 1 m.
     pub fn transform(self) -> Transform {
         let flat = Transform::from_xyz(0.0, HEIGHT, 0.0).with_scale(Vec3::new(5.0, 1.0, 5.0));
         match self {
@@ -63,12 +63,12 @@ impl Placement {
     }
 }
 
-/// What the sun finds over the middle of the floor.
+/// Measurements of a sample above the middle of the floor as a source of indirect light.
 #[derive(Clone, Copy, Debug)]
 pub struct Source {
-    /// Share of its rays that end on the sample, the others going on to the floor.
+    /// Share of the sun's texels that lie on the sample; the others lie on the floor.
     pub covered: f64,
-    /// Mean flux of the sample's texels by what they take of the light across it, lm/m².
+    /// Flux of the sample's texels per projected area, perpendicular to the light, lm/m².
     pub flux: [f64; 3],
     /// Mean normal of the sample's texels.
     pub normal: Vec3,
@@ -80,34 +80,34 @@ pub struct Source {
 #[derive(Clone, Copy, Debug)]
 pub struct Effect {
     pub source: Source,
-    /// Indirect radiance of the sample in the wall's place, nits.
+    /// Indirect radiance of the sample in front of the wall, nits.
     pub received: [f64; 3],
-    /// Share of the floor's light that rays find it to keep from the wall.
-    pub hidden: f64,
+    /// Share of the floor's light that the sample keeps from the wall, by rays.
+    pub occluded: f64,
 }
 
-/// A stage, and what its samples are held against.
+/// The test bench.
 pub struct Bench {
     pub stage: Stage,
 }
 
 thread_local! {
-    /// One stage serves all tests of a thread, since most of a test's time would go into opening
-    /// it. Where a test fails, the next opens another.
+    /// All tests of a thread share one stage, because opening it would take most of a test's time.
+    /// After a failed test, the next one opens another.
     static BENCH: RefCell<Option<Bench>> = const { RefCell::new(None) };
 }
 
-/// What a diffuse grey plate does.
+/// Measurements of a diffuse grey plate.
 static REFERENCE: OnceLock<Effect> = OnceLock::new();
-/// Radiance of the wall from close by when there is no sample, nits.
+/// Radiance of the wall from nearby without a sample, nits.
 static OPEN_WALL: OnceLock<f64> = OnceLock::new();
-/// Indirect radiance of the wall when there is nothing on the floor, nits.
+/// Indirect radiance of the wall without a sample on the floor, nits.
 static OPEN_FLOOR: OnceLock<f64> = OnceLock::new();
-/// Radiance of the wall when there is no GI, nits: the G-buffer's normals are a little off, and let
-/// the sun graze it.
+/// Radiance of the wall without GI, nits: the G-buffer's normals are slightly inexact, so that the
+/// sun grazes the wall.
 static DARK_WALL: OnceLock<[f64; 3]> = OnceLock::new();
 
-/// Runs a test that leaves nothing on the bench.
+/// Runs a test, which must remove its samples.
 pub fn on_bench(test: impl FnOnce(&mut Bench)) {
     let mut bench = BENCH.take().unwrap_or_else(Bench::new);
     bench.reference();
@@ -119,10 +119,10 @@ impl Bench {
     fn new() -> Self {
         let options = set::radiance_options(32, 18, Component::Full);
         let mut stage = set::bare_with(vec![sun(Vec3::NEG_Y)], options, materials::add);
-        // What else surfaces scatter is another test's.
+        // Other tests cover the standard shading.
         set::make_lambertian(&mut stage);
-        // Custom materials keep the scene from ever resting, and light from being what was gathered
-        // last.
+        // With custom materials every frame counts as a change, so that temporal accumulation would
+        // never converge.
         set::disable_history(&mut stage);
         meshes::spawn_box(
             &mut stage,
@@ -136,15 +136,15 @@ impl Bench {
             Vec3::new(4.0, 2.0, 0.2),
             meshes::diffuse(GREY, GREY, GREY),
         );
-        // The sun's map covers what meshes say that they cover, and should be the same for all
-        // samples, skins and morphs included.
+        // The sun's map covers the bounds of all meshes. This slab makes them the same for all
+        // samples, including skins and morphs.
         meshes::spawn_box(
             &mut stage,
             Vec3::new(0.0, -0.15, 0.0),
             Vec3::new(5.0, 0.01, 5.0),
             meshes::diffuse(0.0, 0.0, 0.0),
         );
-        // The wall's top would draw virtual point lights that light nothing.
+        // VPLs sampled on the wall's top would light nothing.
         meshes::spawn_box(
             &mut stage,
             Vec3::new(0.0, 2.01, -2.0),
@@ -154,35 +154,35 @@ impl Bench {
         Self { stage }
     }
 
-    /// Puts a plate of a material on the bench.
+    /// Spawns a plate of a material.
     pub fn plate<M: Material>(&mut self, material: M) -> Entity {
         self.sample(meshes::plate(false), material)
     }
 
-    /// Puts a mesh on the bench.
+    /// Spawns a sample inside the floor.
     pub fn sample<M: Material>(&mut self, mesh: Mesh, material: M) -> Entity {
         meshes::spawn(&mut self.stage, mesh, material, Placement::Away.transform())
     }
 
-    /// Takes a sample away.
+    /// Removes a sample.
     pub fn clear(&mut self, entity: Entity) {
         assert!(self.stage.world_mut().despawn(entity), "the sample was there");
     }
 
-    /// Moves a sample, or the joint that moves it.
+    /// Moves a sample or its joint.
     pub fn put(&mut self, entity: Entity, placement: Placement) {
         *self.stage.world_mut().get_mut::<Transform>(entity).expect("a sample") =
             placement.transform();
     }
 
-    /// Looks at the wall, or at what stands in its place, across the floor.
+    /// Mean radiance of the wall, or of a sample in front of it, seen across the floor, nits.
     fn look_at_wall(&mut self, settings: &str) -> [f64; 3] {
         set::look(&mut self.stage, Vec3::new(0.0, 1.0, -0.5), Vec3::new(0.0, 1.0, -2.0));
         set::apply(&mut self.stage, settings);
         set::channel_means(&set::radiance(&mut self.stage))
     }
 
-    /// What the sun finds of a sample, and what the wall gets of it.
+    /// Measures a sample as a source of indirect light.
     pub fn as_source(&mut self, entity: Entity, placement: Placement) -> Source {
         self.put(entity, placement);
         let dark =
@@ -200,24 +200,24 @@ impl Bench {
         }
     }
 
-    /// The sun's texels over the middle of the floor that lie on a sample, and how many there are
-    /// with those that do not.
+    /// The sun's texels above the middle of the floor that lie on a sample, and the number of all
+    /// texels there.
     pub fn middle(&self) -> (Vec<Point>, usize) {
         let texels = gpu::rsm_texels(&self.stage);
-        // Where the sun meets nothing, a texel lies at the origin.
+        // A texel without a surface lies at the origin.
         let in_middle = |texel: &&Point| {
             texel.position != [0.0; 3]
                 && texel.position[0].abs() < 1.0
                 && texel.position[2].abs() < 1.0
         };
         let middle: Vec<Point> = texels.iter().filter(in_middle).copied().collect();
-        // The floor lies at 0. A texel that reflects nothing keeps its place.
+        // The floor lies at 0. A texel that reflects nothing keeps its position.
         let all = middle.len();
         (middle.into_iter().filter(|texel| texel.position[1] > 0.5 * HEIGHT).collect(), all)
     }
 
-    /// Indirect radiance of a sample that receives the floor's light: all that it shows, without
-    /// what it shows when there is no GI.
+    /// Indirect radiance of a sample in front of the wall, nits: its radiance minus that without
+    /// GI.
     pub fn as_receiver(&mut self, entity: Entity) -> [f64; 3] {
         self.put(entity, Placement::Wall);
         let with = self.look_at_wall(SETTINGS);
@@ -225,14 +225,14 @@ impl Bench {
         std::array::from_fn(|channel| with[channel] - without[channel])
     }
 
-    /// Radiance of the wall's middle from close by, with rays.
+    /// Radiance of the wall's middle from nearby, with rays, nits.
     fn behind(&mut self) -> f64 {
         set::look(&mut self.stage, Vec3::new(0.0, 1.1, -1.87), Vec3::new(0.0, 1.1, -2.0));
         set::apply(&mut self.stage, &format!("{SETTINGS},gi_visibility=fine"));
         set::radiance(&mut self.stage).mean()
     }
 
-    /// Share of the floor's light that rays find a sample close before the wall to keep from it.
+    /// Share of the floor's light that a sample in front of the wall keeps from it, by rays.
     pub fn as_occluder(&mut self, entity: Entity) -> f64 {
         self.put(entity, Placement::Away);
         let open = *OPEN_WALL.get_or_init(|| self.behind());
@@ -240,14 +240,14 @@ impl Bench {
         1.0 - self.behind() / open
     }
 
-    /// All of it.
+    /// Measures a sample in all three roles.
     pub fn measure(&mut self, entity: Entity) -> Effect {
         let source = self.as_source(entity, Placement::Floor);
         let received = self.as_receiver(entity);
-        Effect { source, received, hidden: self.as_occluder(entity) }
+        Effect { source, received, occluded: self.as_occluder(entity) }
     }
 
-    /// All of it for a plate, which is taken away again.
+    /// Measures a plate in all three roles, and removes it.
     pub fn measure_plate<M: Material>(&mut self, label: &str, material: M) -> Relative {
         let plate = self.plate(material);
         let effect = self.measure(plate);
@@ -255,7 +255,7 @@ impl Bench {
         self.relative(label, effect)
     }
 
-    /// What a diffuse grey plate does.
+    /// Measurements of a diffuse grey plate.
     pub fn reference(&mut self) -> Effect {
         *REFERENCE.get_or_init(|| {
             let plate = self.plate(meshes::diffuse(GREY, GREY, GREY));
@@ -266,12 +266,12 @@ impl Bench {
         })
     }
 
-    /// Share of the open floor's light that the wall gets, past a sample on the floor.
+    /// Share of the open floor's light that reaches the wall with a sample above the floor.
     pub fn share_of_open_floor(&self, source: &Source) -> f64 {
         source.wall[1] / OPEN_FLOOR.get().expect("the reference was measured")
     }
 
-    /// `effect` in units of what a diffuse grey plate does, printed.
+    /// Prints and returns `effect` relative to that of a diffuse grey plate.
     pub fn relative(&mut self, label: &str, effect: Effect) -> Relative {
         let reference = self.reference();
         let over =
@@ -281,38 +281,38 @@ impl Bench {
             sent: over(effect.source.flux, reference.source.flux),
             wall: over(effect.source.wall, reference.source.wall),
             received: over(effect.received, reference.received),
-            hidden: effect.hidden,
+            occluded: effect.occluded,
         };
         let [r, g, b] = relative.sent;
         let [x, y, z] = relative.received;
         println!(
-            "    {label}: covers {:.3}, sends {r:.3} {g:.3} {b:.3}, wall {:.3}, receives {x:.3} {y:.3} {z:.3}, hides {:.3}",
-            relative.covered, relative.wall[1], relative.hidden
+            "    {label}: covers {:.3}, sends {r:.3} {g:.3} {b:.3}, wall {:.3}, receives {x:.3} {y:.3} {z:.3}, occludes {:.3}",
+            relative.covered, relative.wall[1], relative.occluded
         );
         relative
     }
 }
 
-/// A sample's measurements; what is sent, seen on the wall and received is in units of what a
-/// diffuse grey plate does.
+/// A sample's measurements; `sent`, `wall` and `received` are relative to those of a diffuse grey
+/// plate.
 #[derive(Clone, Copy, Debug)]
 pub struct Relative {
     pub covered: f64,
     pub sent: [f64; 3],
     pub wall: [f64; 3],
     pub received: [f64; 3],
-    pub hidden: f64,
+    pub occluded: f64,
 }
 
 impl Relative {
-    /// Whether it does what a diffuse plate of these albedos does: it stands in the light, sends
-    /// its share on, receives, and hides.
+    /// Asserts that the sample behaves like a diffuse plate of these albedos: it covers the floor,
+    /// sends and receives light, and occludes.
     #[track_caller]
     pub fn assert_diffuse(&self, label: &str, albedo: [f64; 3]) {
         self.assert_covers(label, 1.0);
         self.assert_sends(label, albedo);
         self.assert_receives(label, albedo);
-        self.assert_hides(label, true);
+        self.assert_occludes(label, true);
     }
 
     #[track_caller]
@@ -320,8 +320,8 @@ impl Relative {
         assert!((self.covered - share).abs() < 1e-9, "{label}: covers {}", self.covered);
     }
 
-    /// Flux of its texels, exact but for the G-buffer's eight bits, which are known; the wall is
-    /// lit by them and by nothing else.
+    /// The flux of its texels is exact up to the known quantisation of the G-buffer; only these
+    /// texels light the wall.
     #[track_caller]
     pub fn assert_sends(&self, label: &str, albedo: [f64; 3]) {
         for (channel, albedo) in albedo.into_iter().enumerate() {
@@ -352,19 +352,19 @@ impl Relative {
         }
     }
 
-    /// The strip of floor between sample and wall, 5 cm wide, is not hidden by it.
+    /// The sample does not occlude the strip of floor between it and the wall, 5 cm wide.
     #[track_caller]
-    pub fn assert_hides(&self, label: &str, hides: bool) {
+    pub fn assert_occludes(&self, label: &str, occludes: bool) {
         assert!(
-            if hides { self.hidden > 0.95 } else { self.hidden.abs() < 0.02 },
-            "{label}: hides {}",
-            self.hidden
+            if occludes { self.occluded > 0.95 } else { self.occluded.abs() < 0.02 },
+            "{label}: occludes {}",
+            self.occluded
         );
     }
 }
 
-/// What texels take of the light across it, m²: of those that lean, the area is known by the
-/// cosine, down to a tenth.
+/// Projected area of texels perpendicular to the light, m². The store divides areas by the cosine,
+/// clamped to at least 0.1.
 pub fn across(texels: &[Point]) -> f64 {
     texels
         .iter()
@@ -373,7 +373,7 @@ pub fn across(texels: &[Point]) -> f64 {
         .max(1e-9)
 }
 
-/// What the G-buffer keeps of an albedo, over what it keeps of the reference's.
+/// An albedo relative to the reference's, both after quantisation in the G-buffer.
 pub fn relative_albedo(albedo: f64) -> f64 {
     meshes::stored_albedo(albedo) / meshes::stored_albedo(f64::from(GREY))
 }

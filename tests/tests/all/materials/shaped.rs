@@ -1,4 +1,4 @@
-//! What changes a mesh's shape or the look of it: normal maps, alpha masks, skins and morphs.
+//! Changes of a mesh's shape or appearance: normal maps, alpha masks, skins and morphs.
 
 use bevy::camera::visibility::NoFrustumCulling;
 use bevy::ecs::entity::Entity;
@@ -23,11 +23,10 @@ fn grey() -> StandardMaterial {
     meshes::diffuse(GREY, GREY, GREY)
 }
 
-/// A plate whose normal map turns its normal by `tilt` (sines along x and z), and what that normal
-/// is after eight bits.
+/// A plate whose normal map tilts its normal by `tilt` (sines along x and z), and that normal after
+/// quantisation to eight bits.
 fn tilted(bench: &mut Bench, tilt: Vec2) -> (Entity, Vec3) {
-    // Texture coordinates run along x and z, and a normal map's second axis against the second of
-    // them.
+    // Texture coordinates run along x and z; the second axis of a normal map runs along −z.
     let wanted = Vec3::new(tilt.x, -tilt.y, (1.0 - tilt.length_squared()).sqrt());
     let bits = wanted.to_array().map(|value| ((0.5 * value + 0.5) * 255.0).round() as u8);
     let stored = Vec3::from_array(bits.map(|bits| f32::from(bits) / 255.0 * 2.0 - 1.0)).normalize();
@@ -46,7 +45,7 @@ fn tilted(bench: &mut Bench, tilt: Vec2) -> (Entity, Vec3) {
 
 fn a_normal_map_tilts_sent_and_received_light() {
     on_bench(|bench| {
-        // More VPLs than elsewhere: another normal draws others.
+        // More VPLs than elsewhere, because the sampled VPLs depend on the normal.
         let settings = format!("{},gi_vpl_count=2048", super::SETTINGS);
         let mut received = Vec::new();
         for tilt in [Vec2::ZERO, Vec2::new(0.0, 0.6), Vec2::new(0.0, 0.8)] {
@@ -60,27 +59,27 @@ fn a_normal_map_tilts_sent_and_received_light() {
                 source.wall[1] / reference.source.wall[1]
             );
             assert!(source.normal.abs_diff_eq(normal, 2e-3), "{} is not {normal}", source.normal);
-            // As much light as without the map, and turned away from the wall.
+            // The flux is that without the map, and faces away from the wall.
             assert!(source.covered == 1.0 && (sent - 1.0).abs() < 1e-4, "{source:?}");
             assert!(tilt.y == 0.0 || source.wall[1] < 0.9 * reference.source.wall[1], "{source:?}");
             bench.put(plate, Placement::Wall);
-            // Upright, +z of the plate points down, to the floor.
+            // In front of the wall, the plate's +z axis points down to the floor.
             received.push((normal, bench.look_at_wall(&settings)[1]));
             if tilt.y == 0.8 {
-                let hidden = bench.as_occluder(plate);
-                assert!(hidden > 0.95, "{hidden}");
+                let occluded = bench.as_occluder(plate);
+                assert!(occluded > 0.95, "{occluded}");
             }
             bench.clear(plate);
         }
-        // All light comes from before and below both tilted planes and the flat one: irradiance is
-        // linear in the normal.
+        // All light comes from the front of the flat and of both tilted planes, so that irradiance
+        // is linear in the normal.
         let [(_, flat), (once, found), (twice, more)] = received[..] else {
             panic!("three normals")
         };
         let below = (found - f64::from(once.y) * flat) / f64::from(once.z);
         let expected = f64::from(twice.y) * flat + f64::from(twice.z) * below;
         println!(
-            "    received {flat:.2}, {found:.2} and {more:.2} nits; {expected:.2} expected of the last"
+            "    received {flat:.2}, {found:.2} and {more:.2} nits; {expected:.2} expected for the last"
         );
         assert!(
             found > 1.05 * flat && (more / expected - 1.0).abs() < 0.03,
@@ -110,39 +109,39 @@ fn holes_of_a_mask_let_light_and_rays_through() {
             bench.clear(plate);
             bench.relative(label, effect)
         };
-        // 128 of sRGB.
+        // The sRGB value 128, linear.
         let albedo = [0.215_860_5; 3];
         let solid = masked("a mask without holes", [255; 4], true);
         solid.assert_diffuse("a mask without holes", albedo);
-        let half = masked("a mask with half of it holes", [255, 0, 0, 255], true);
-        let all = masked("a mask that is all hole", [0; 4], true);
-        // The middle's texels, 26 or so a side, may lie one row more on one side.
+        let half = masked("a mask with 50 % holes", [255, 0, 0, 255], true);
+        let all = masked("a mask with 100 % holes", [0; 4], true);
+        // The middle has about 26 texels per side; one row may lie on either half.
         assert!((half.covered - 0.5).abs() < 0.03, "{}", half.covered);
         assert!(
             (half.sent[1] - solid.sent[1]).abs() < 1e-4,
-            "what is there sends as much: {:?}",
+            "the opaque half sends as much per area: {:?}",
             half.sent
         );
-        // In the holes the floor, which is lighter, lights the wall. Half of each does, but not as
-        // near to it.
+        // The floor in the holes, which has a higher albedo, also lights the wall: half of the
+        // plate and half of the floor light it, but from different distances.
         let open = all.wall[1];
         assert!(
             (half.wall[1] / (0.5 * (solid.wall[1] + open)) - 1.0).abs() < 0.05,
             "{:?} {open}",
             half.wall
         );
-        // What one side hides, the other's mirror image lets through.
+        // The mask is symmetric: the light through the holes of one side equals the occluded light
+        // of the other.
         assert!(
-            (half.hidden - 0.5 * solid.hidden).abs() < 0.02,
+            (half.occluded - 0.5 * solid.occluded).abs() < 0.02,
             "{} {}",
-            half.hidden,
-            solid.hidden
+            half.occluded,
+            solid.occluded
         );
         assert_eq!(all.covered, 0.0);
-        all.assert_hides("what is not there", false);
-        let unread =
-            masked("a mask with half of it holes, kept for the GPU", [255, 0, 0, 255], false);
-        unread.assert_hides("what cannot be read is taken for solid", true);
+        all.assert_occludes("a plate of holes", false);
+        let unread = masked("a mask with 50 % holes, kept for the GPU", [255, 0, 0, 255], false);
+        unread.assert_occludes("a mask that cannot be read counts as opaque", true);
     });
 }
 
@@ -157,11 +156,11 @@ fn a_skin_follows_its_joint_but_occludes_nothing() {
         found.assert_covers("skin", 1.0);
         found.assert_sends("skin", [f64::from(GREY); 3]);
         found.assert_receives("skin", [f64::from(GREY); 3]);
-        found.assert_hides("skin", false);
+        found.assert_occludes("skin", false);
     });
 }
 
-/// A plate that stands `offset` (in its own space) from where its mesh says.
+/// A plate displaced from its mesh by a morph target, by `offset` in local space.
 fn morphed(bench: &mut Bench, offset: Vec3) -> Entity {
     let mut mesh: Mesh = meshes::plate(false);
     mesh.set_morph_targets(vec![
@@ -179,7 +178,7 @@ fn morphed(bench: &mut Bench, offset: Vec3) -> Entity {
 
 fn a_morph_follows_its_weights_but_occludes_at_the_original_position() {
     on_bench(|bench| {
-        // 30 cm above the floor; before the wall, it moves 30 cm towards the eye.
+        // Displaced by 30 cm: above the floor upwards, in front of the wall towards the eye.
         let plate = morphed(bench, Vec3::new(0.0, 0.3, 0.0));
         let source = bench.as_source(plate, Placement::Floor);
         let (texels, _) = bench.middle();
@@ -192,10 +191,11 @@ fn a_morph_follows_its_weights_but_occludes_at_the_original_position() {
             "{source:?} {height}"
         );
         let received = bench.as_receiver(plate)[1];
-        let hidden = bench.as_occluder(plate);
+        let occluded = bench.as_occluder(plate);
         bench.clear(plate);
 
-        // One whose mesh stands 30 cm behind, in the wall, is drawn where the grey plate stands.
+        // With its mesh 30 cm behind, inside the wall, the plate is rendered at the position of the
+        // grey plate.
         let plate = morphed(bench, Vec3::new(0.0, 0.3, 0.0));
         let behind = |bench: &mut Bench| {
             let mut transform = Placement::Wall.transform();
@@ -208,9 +208,9 @@ fn a_morph_follows_its_weights_but_occludes_at_the_original_position() {
         let still_open = 1.0 - bench.behind() / super::OPEN_WALL.get().expect("measured above");
         bench.clear(plate);
         println!(
-            "    receives {received:.2} nits nearer; hides {hidden:.3} where its mesh is, {still_open:.3} where it is drawn"
+            "    receives {received:.2} nits nearer; occludes {occluded:.3} where its mesh is, {still_open:.3} where it is drawn"
         );
-        assert!(hidden > 0.95 && still_open.abs() < 0.02, "{hidden} {still_open}");
+        assert!(occluded > 0.95 && still_open.abs() < 0.02, "{occluded} {still_open}");
         assert!((drawn - 1.0).abs() < 4e-3, "{drawn}");
     });
 }

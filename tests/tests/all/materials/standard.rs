@@ -1,4 +1,4 @@
-//! Bevy's own material: its colours, kinds of light and sides.
+//! Bevy's standard material: colours, kinds of light and sides.
 
 use bevy::color::{Color, LinearRgba};
 use bevy::light::NotShadowCaster;
@@ -86,21 +86,21 @@ fn a_texture_sends_and_receives_its_colours_where_they_are() {
             }
         }
 
-        // Of the picture's quadrants, the means over what a grey plate shows there. Lit from below,
-        // so not the same in each.
+        // Means of the image's quadrants relative to those of a grey plate. The light comes from
+        // below and differs between them.
         bench.put(plate, Placement::Away);
         let grey = bench.plate(grey());
         let quadrants = |bench: &mut super::Bench, sample| {
             bench.put(sample, Placement::Wall);
             bench.look_at_wall(super::SETTINGS);
-            let picture = bench.stage.radiance().expect("a picture");
+            let image = bench.stage.radiance().expect("an image");
             std::array::from_fn::<_, 4, _>(|quadrant| {
                 let (x, y) = (quadrant % 2 * 16, quadrant / 2 * 9);
-                // Leaves out the rows and columns in which two colours meet.
+                // Without the rows and columns at the borders of two colours.
                 let pixels = (y + 1..y + 8)
                     .flat_map(|row| (x + 1..x + 15).map(move |column| row * 32 + column));
                 [0, 1, 2].map(|channel| {
-                    pixels.clone().map(|pixel| f64::from(picture.rgb[pixel][channel])).sum::<f64>()
+                    pixels.clone().map(|pixel| f64::from(image.rgb[pixel][channel])).sum::<f64>()
                 })
             })
         };
@@ -116,9 +116,9 @@ fn a_texture_sends_and_receives_its_colours_where_they_are() {
                 );
             }
         }
-        let hidden = bench.as_occluder(plate);
-        println!("    hides {hidden:.3}");
-        assert!(hidden > 0.95, "{hidden}");
+        let occluded = bench.as_occluder(plate);
+        println!("    occludes {occluded:.3}");
+        assert!(occluded > 0.95, "{occluded}");
         bench.clear(plate);
         bench.clear(grey);
     });
@@ -143,13 +143,13 @@ fn metals_reflect_no_diffuse_light_but_occlude() {
             let label = format!("metallic {metallic}");
             let found = bench.measure_plate(&label, StandardMaterial { metallic, ..grey() });
             found.assert_covers(&label, 1.0);
-            found.assert_hides(&label, true);
-            for (what, value) in [
+            found.assert_occludes(&label, true);
+            for (role, value) in [
                 ("sends", found.sent[0]),
                 ("lights the wall", found.wall[0]),
                 ("receives", found.received[0]),
             ] {
-                assert!((value - left).abs() < 4e-3, "{label}: {what} {value}");
+                assert!((value - left).abs() < 4e-3, "{label}: {role} {value}");
             }
         }
     });
@@ -157,8 +157,8 @@ fn metals_reflect_no_diffuse_light_but_occlude() {
 
 fn rough_metals_and_gloss_reflect_as_bevy_shades_them() {
     on_bench(|bench| {
-        // Of light that falls straight down, and by what a rough metal keeps of it; against a
-        // diffuse surface that does not care for shading.
+        // Vertical light on a rough metal, which absorbs some of it, and on a glossy dielectric,
+        // relative to a diffuse surface, which both shading models treat alike.
         let diffuse_plate =
             bench.plate(StandardMaterial { perceptual_roughness: 0.7, reflectance: 0.0, ..grey() });
         let metal =
@@ -183,17 +183,15 @@ fn rough_metals_and_gloss_reflect_as_bevy_shades_them() {
         shade(bench, GiShading::Standard);
         let standard = [diffuse_plate, metal, gloss].map(|plate| sent(bench, plate));
         shade(bench, GiShading::Lambertian);
-        println!(
-            "    sent as diffuse surfaces {lambertian:.0?}, as Bevy shades them {standard:.0?}"
-        );
+        println!("    sent with Lambertian shading {lambertian:.0?}, with Bevy's {standard:.0?}");
         let [diffuse, metallic, glossy] = [0, 1, 2].map(|plate| standard[plate] / lambertian[0]);
         assert_eq!(lambertian[1], 0.0);
         assert!(
             (lambertian[2] / lambertian[0] - 1.0).abs() < 1e-6 && (diffuse - 1.0).abs() < 0.02,
             "{lambertian:?} {standard:?}"
         );
-        // About as much as the diffuse surface of that colour, less what a rough one's facets keep;
-        // and a sixth of a half more.
+        // The metal reflects about as much as the diffuse surface of that colour, minus the loss
+        // between its facets; the glossy surface adds about 0.16 to an albedo of 0.5.
         assert!((0.7..1.0).contains(&metallic), "{metallic}");
         assert!((1.15..1.4).contains(&glossy), "{glossy}");
         for plate in [diffuse_plate, metal, gloss] {
@@ -203,7 +201,7 @@ fn rough_metals_and_gloss_reflect_as_bevy_shades_them() {
 }
 
 fn masked_materials_are_lit_as_opaque_ones_are() {
-    // Without GI: Bevy alone would draw what is masked a second time, over its own light.
+    // Without GI: Bevy itself would render masked materials a second time over their own light.
     let mut found = Vec::new();
     for alpha_mode in [AlphaMode::Opaque, AlphaMode::Mask(0.5)] {
         let mut stage = set::bare(
@@ -228,26 +226,26 @@ fn masked_materials_are_lit_as_opaque_ones_are() {
 
 fn emission_lights_the_wall_like_reflected_sunlight() {
     on_bench(|bench| {
-        // 100 nits, exposed as the bench is: Bevy's deferred renderer leaves
-        // `emissive_exposure_weight` out. They send on 314 lm/m², a sixteenth of what the plate
-        // does of the sun's light.
+        // 100 nits at the bench's exposure: Bevy's deferred renderer ignores
+        // `emissive_exposure_weight`. The exitance is 314 lm/m², a sixteenth of the sunlight that
+        // the plate reflects.
         let emissive = LinearRgba::rgb(100.0 / (1.2 * 256.0), 0.0, 0.0);
         let added = 100.0 * std::f64::consts::PI / bench.reference().source.flux[0];
         let found = bench.measure_plate("emissive", StandardMaterial { emissive, ..grey() });
         found.assert_covers("emissive", 1.0);
-        found.assert_hides("emissive", true);
+        found.assert_occludes("emissive", true);
         assert!(
             (found.wall[0] / found.wall[1] - 1.0 - added).abs() < 0.1 * added,
             "{added} {:?}",
             found.wall
         );
         found.assert_receives("emissive", [f64::from(GREY); 3]);
-        // Other VPLs are drawn than without.
+        // Other VPLs are sampled than without emission.
         assert!((found.wall[2] - 1.0).abs() < 0.03, "{:?}", found.wall);
     });
 }
 
-/// A square of 8 m before the eye, which is emissive.
+/// An emissive square of 8 m in front of the eye.
 const EMISSIVE_SQUARE: &str = r#"{"asset":{"version":"2.0"},"scene":0,"scenes":[{"nodes":[0]}],"nodes":[{"mesh":0}],
  "meshes":[{"primitives":[{"attributes":{"POSITION":1},"indices":0,"material":0}]}],
  "materials":[{"pbrMetallicRoughness":{"baseColorFactor":[0,0,0,1],"metallicFactor":0},"emissiveFactor":[1,0.5,0.25]}],
@@ -268,8 +266,7 @@ fn a_scene_s_emission_is_in_nits() {
         let found = set::channel_means(&set::radiance(&mut stage));
         println!("    {found:.4?} nits at EV {ev100}");
         for (found, expected) in found.into_iter().zip([1.0, 0.5, 0.25]) {
-            // The G-buffer keeps nine bits of each channel, with one exponent for the three of
-            // them.
+            // The G-buffer stores nine bits per channel with a shared exponent.
             assert!(
                 (found / expected - 1.0).abs() < 0.01,
                 "{found}, {expected} expected at EV {ev100}"
@@ -284,7 +281,7 @@ fn unlit_materials_occlude_only() {
         found.assert_covers("unlit", 1.0);
         found.assert_sends("unlit", [0.0; 3]);
         found.assert_receives("unlit", [0.0; 3]);
-        found.assert_hides("unlit", true);
+        found.assert_occludes("unlit", true);
     });
 }
 
@@ -299,7 +296,7 @@ fn sides_are_those_that_bevy_draws() {
             };
             let plate = bench.plate(material);
             let source = bench.as_source(plate, Placement::FloorUpsideDown);
-            // Turned away from the floor; rays ask for no side.
+            // Facing away from the floor; rays intersect both sides.
             bench.put(plate, Placement::Wall);
             let mut transform = bench
                 .stage
@@ -313,14 +310,14 @@ fn sides_are_those_that_bevy_draws() {
         };
         let flux = |source: super::Source| source.flux[0] / reference.source.flux[0];
 
-        let (single, hidden) = upside_down(false, true);
-        println!("    back of a single side: covers {}, hides {hidden:.3}", single.covered);
-        assert_eq!(single.covered, 0.0, "light goes through, as the eye does");
-        assert!(hidden > 0.95, "but rays do not: {hidden}");
+        let (single, occluded) = upside_down(false, true);
+        println!("    back of a single side: covers {}, occludes {occluded:.3}", single.covered);
+        assert_eq!(single.covered, 0.0, "invisible to the light as to the eye");
+        assert!(occluded > 0.95, "but not to rays: {occluded}");
 
-        let (double, hidden) = upside_down(true, false);
+        let (double, occluded) = upside_down(true, false);
         println!(
-            "    back of a double side: covers {}, normal {}, hides {hidden:.3}",
+            "    back of a double side: covers {}, normal {}, occludes {occluded:.3}",
             double.covered, double.normal
         );
         assert!(
@@ -330,15 +327,15 @@ fn sides_are_those_that_bevy_draws() {
             "{double:?}"
         );
         assert!(
-            (double.wall[0] / reference.source.wall[0] - 1.0).abs() < 2e-3 && hidden > 0.95,
-            "{double:?} {hidden}"
+            (double.wall[0] / reference.source.wall[0] - 1.0).abs() < 2e-3 && occluded > 0.95,
+            "{double:?} {occluded}"
         );
 
-        // Bevy leaves such a side dark under direct light. Here its light comes out on the other
+        // Bevy leaves such a side dark under direct light. In GI its light leaves on the other
         // side.
-        let (bare, hidden) = upside_down(false, false);
+        let (bare, occluded) = upside_down(false, false);
         println!(
-            "    back that is only not culled: covers {}, normal {}, hides {hidden:.3}",
+            "    back of a single side without culling: covers {}, normal {}, occludes {occluded:.3}",
             bare.covered, bare.normal
         );
         assert!(
@@ -348,8 +345,8 @@ fn sides_are_those_that_bevy_draws() {
             "{bare:?}"
         );
         assert!(
-            bare.wall[0] < 0.1 * reference.source.wall[0] && hidden > 0.95,
-            "{bare:?} {hidden}"
+            bare.wall[0] < 0.1 * reference.source.wall[0] && occluded > 0.95,
+            "{bare:?} {occluded}"
         );
     });
 }
@@ -369,15 +366,18 @@ fn transparent_materials_neither_reflect_nor_occlude() {
         for (label, material) in materials {
             let plate = bench.plate(material);
             let source = bench.as_source(plate, Placement::Floor);
-            let hidden = bench.as_occluder(plate);
+            let occluded = bench.as_occluder(plate);
             bench.clear(plate);
             let share = bench.share_of_open_floor(&source);
             println!(
-                "    {label}: covers {}, lets through {share:.3}, hides {hidden:.3}",
+                "    {label}: covers {}, lets through {share:.3}, occludes {occluded:.3}",
                 source.covered
             );
             assert_eq!(source.covered, 0.0, "{label}");
-            assert!((share - 1.0).abs() < 2e-3 && hidden.abs() < 0.02, "{label}: {share} {hidden}");
+            assert!(
+                (share - 1.0).abs() < 2e-3 && occluded.abs() < 0.02,
+                "{label}: {share} {occluded}"
+            );
         }
     });
 }
@@ -392,6 +392,6 @@ fn meshes_that_cast_no_shadow_still_reflect_light() {
         found.assert_covers("source", 1.0);
         found.assert_sends("source", [f64::from(GREY); 3]);
         found.assert_receives("receiver", [f64::from(GREY); 3]);
-        found.assert_hides("occluder", false);
+        found.assert_occludes("occluder", false);
     });
 }
