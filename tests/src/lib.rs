@@ -8,6 +8,7 @@ pub mod cost;
 pub mod gather;
 pub mod golden;
 pub mod gpu;
+pub mod imports;
 pub mod kernel;
 pub mod map;
 pub mod materials;

@@ -18,13 +18,13 @@ mod pace;
 mod select;
 mod selection;
 mod systems;
+pub use crate::knobs::KnownKnobs;
 pub use budget::{Budget, BudgetError};
 pub use filter::{SettingsFilter, TransitionTimes};
 pub use pace::{ErrorPace, choose};
 pub use select::{Choice, MOST_OVER_MEAN, Outcome, select};
 pub use selection::{
-    ControlSettings, ControlStatus, FrontierMapHandle, FrontierSource, KnownKnobs, OffReason,
-    Selection,
+    ControlSettings, ControlStatus, FrontierMapHandle, FrontierSource, OffReason, Selection,
 };
 
 use bevy::app::{App, Plugin, PostUpdate};

@@ -1,7 +1,6 @@
 //! The controller's components and resources: the source of a camera's frontiers, and the selected
 //! settings.
 
-use std::collections::BTreeSet;
 use std::sync::Arc;
 
 use bevy::asset::{AsAssetId, AssetId, Handle};
@@ -156,19 +155,6 @@ impl ControlSettings {
 impl Default for ControlSettings {
     fn default() -> Self {
         Self { transition_seconds: Self::TRANSITION_SECONDS, fall_seconds: Self::FALL_SECONDS }
-    }
-}
-
-/// Names of the knobs that this app has registered. A map that sets other knobs is rejected
-/// ([`OffReason::UnknownKnobs`]). Without this resource every map is accepted.
-#[derive(Resource, Clone, Debug, Default, PartialEq, Eq, Reflect)]
-#[reflect(Resource, Default, Clone, Debug, PartialEq)]
-pub struct KnownKnobs(pub BTreeSet<String>);
-
-impl KnownKnobs {
-    /// The first knob of `space` that this app has not registered; `None` when all are known.
-    pub fn first_unknown<'a>(&self, space: &'a KnobSpace) -> Option<&'a str> {
-        space.knobs().iter().map(|knob| knob.name.as_str()).find(|name| !self.0.contains(*name))
     }
 }
 

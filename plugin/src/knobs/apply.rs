@@ -6,9 +6,8 @@ use bevy::ecs::prelude::*;
 use bevy::log::warn_once;
 use bevy::platform::collections::HashMap;
 
-use super::{KnobRegistry, KnobScope, KnobSettings, RegisterKnob, RenderSettings};
+use super::{KnobRegistry, KnobScope, KnobSettings, KnownKnobs, RegisterKnob, RenderSettings};
 use super::{builtin, warm};
-use crate::control::KnownKnobs;
 use crate::schedule::KnobSystems;
 
 /// Registers the built-in knobs and adds the systems that apply [`KnobSettings`] and

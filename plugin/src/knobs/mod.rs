@@ -9,6 +9,7 @@
 mod apply;
 mod builtin;
 mod driver;
+mod known;
 mod settings;
 mod space;
 mod warm;
@@ -16,6 +17,7 @@ mod warm;
 pub use crate::schedule::KnobSystems;
 pub use apply::{AppliedKnobs, KnobPlugin};
 pub use driver::{KnobDriver, KnobRegistry, KnobScope, RegisterKnob};
+pub use known::KnownKnobs;
 pub use settings::KnobSettings;
 pub use space::{Knob, KnobSpace, KnobSpaceError, Level, Need, RenderSettings};
 pub use warm::WarmKnobs;

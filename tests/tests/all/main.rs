@@ -10,6 +10,7 @@ macro_rules! tests {
     };
 }
 
+mod architecture;
 mod bounces;
 mod cli;
 mod cli_journal;
@@ -32,6 +33,7 @@ mod visibility;
 
 /// Modules, their tests, and whether these need an adapter.
 const MODULES: &[(&str, &[(&str, fn())], bool)] = &[
+    ("architecture", architecture::TESTS, false),
     ("bounces", bounces::TESTS, true),
     ("cli", cli::TESTS, false),
     ("cli_journal", cli_journal::TESTS, true),

@@ -1,0 +1,159 @@
+//! Imports run downhill, and documents hold together.
+
+use std::path::{Path, PathBuf};
+
+use frugal_tests::imports::imports;
+
+tests!(
+    the_plugin_imports_downhill,
+    the_tool_imports_downhill,
+    links_in_documents_lead_somewhere,
+    documents_are_short_and_wrapped
+);
+
+/// The plugin's parts: each imports only those above it.
+const PLUGIN: &[&str] = &[
+    "units",
+    "schedule",
+    "pipelines",
+    "power",
+    "resolution",
+    "gi/settings",
+    "gi/schedule",
+    "gi/texels",
+    "gi/view",
+    "gi/surfaces",
+    "gi/trace",
+    "gi/vpl",
+    "gi/rsm",
+    "gi/emissive",
+    "gi/sky",
+    "gi/bounces",
+    "gi/refresh",
+    "gi/gather",
+    "gi/denoise",
+    "gi/composite",
+    "gi/debug",
+    "gi/masks",
+    "gi",
+    "knobs",
+    "frontier",
+    "control",
+    "recording",
+];
+
+/// The tool's parts.
+const TOOL: &[&str] = &[
+    "files",
+    "scene",
+    "metrics",
+    "journal",
+    "search",
+    "cost",
+    "table",
+    "cameras",
+    "reference",
+    "pool",
+    "fit",
+    "search_bench",
+    "evaluate",
+    "stage",
+    "pipeline",
+    "inspect",
+    "report",
+    "cli",
+];
+
+fn root() -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("..")
+}
+
+fn assert_downhill(folder: &str, split: &[&str], order: &[&str]) {
+    let found = imports(&root().join(folder), split).expect("sources");
+    let place = |part: &str| {
+        order
+            .iter()
+            .position(|known| *known == part)
+            .unwrap_or_else(|| panic!("{folder}/{part} is new: give it its place in the order"))
+    };
+    let upward: Vec<String> = found
+        .iter()
+        .filter(|((own, other), _)| place(own) <= place(other))
+        .map(|((own, other), files)| format!("{own} imports {other}: {files:?}"))
+        .collect();
+    println!("    {folder}: {} imports between parts, {} upward", found.len(), upward.len());
+    assert!(found.len() > 20, "imports are found at all");
+    assert!(upward.is_empty(), "{folder}: imports run upward\n{}", upward.join("\n"));
+}
+
+fn the_plugin_imports_downhill() {
+    assert_downhill("plugin/src", &["gi"], PLUGIN);
+}
+
+fn the_tool_imports_downhill() {
+    assert_downhill("precompute/src", &[], TOOL);
+}
+
+/// Every document, and its text.
+fn documents() -> Vec<(PathBuf, String)> {
+    let mut files = vec![root().join("README.md"), root().join("ARCHITECTURE.md")];
+    for folder in ["docs", "docs/architecture"] {
+        let entries = std::fs::read_dir(root().join(folder)).expect("documents");
+        files.extend(entries.map(|entry| entry.expect("an entry").path()));
+    }
+    files.retain(|file| file.extension().is_some_and(|extension| extension == "md"));
+    files.sort();
+    let read = |file: PathBuf| {
+        let text = std::fs::read_to_string(&file).expect("a document");
+        (file, text)
+    };
+    files.into_iter().map(read).collect()
+}
+
+/// The anchor that a heading gets.
+fn anchor(heading: &str) -> String {
+    let kept = heading.trim().to_lowercase();
+    let kept = kept.chars().filter(|c| c.is_alphanumeric() || " -_".contains(*c));
+    kept.map(|c| if c == ' ' { '-' } else { c }).collect()
+}
+
+fn links_in_documents_lead_somewhere() {
+    let mut count = 0;
+    for (file, text) in documents() {
+        let name = file.file_name().expect("a name").to_string_lossy().into_owned();
+        for link in text.split("](").skip(1).filter_map(|rest| rest.split(')').next()) {
+            if link.contains("://") {
+                continue;
+            }
+            count += 1;
+            let (path, heading) = link.split_once('#').unwrap_or((link, ""));
+            let target = if path.is_empty() { file.clone() } else { file.with_file_name(path) };
+            assert!(target.exists(), "{name}: {link} leads nowhere");
+            if !heading.is_empty() {
+                let text = std::fs::read_to_string(&target).expect("a document");
+                let mut headings = text.lines().filter(|line| line.starts_with('#'));
+                let is_there = headings.any(|line| anchor(line.trim_start_matches('#')) == heading);
+                assert!(is_there, "{name}: there is no heading for {link}");
+            }
+        }
+    }
+    assert!(count > 40, "links are found at all: {count}");
+}
+
+fn documents_are_short_and_wrapped() {
+    for (file, text) in documents() {
+        let name = file.file_name().expect("a name").to_string_lossy().into_owned();
+        let most = if name == "README.md" { 200 } else { 600 };
+        let lines = text.lines().count();
+        assert!(lines <= most, "{name} has {lines} lines, more than {most}");
+        let mut is_code = false;
+        for (number, line) in (1..).zip(text.lines()) {
+            is_code ^= line.trim_start().starts_with("```");
+            let is_prose = !is_code && !line.contains('|') && !line.contains("](");
+            assert!(
+                !is_prose || line.chars().count() <= 120,
+                "{name}:{number}: wrap it at 120 characters"
+            );
+        }
+    }
+}
