@@ -61,28 +61,28 @@ fn screened() -> (Stage, Entity) {
 
 fn a_screen_hides_the_bounce_and_follows_its_transform() {
     let (mut stage, screen) = screened();
-    let (leaking, hidden) = (mean(&mut stage, "none"), mean(&mut stage, "fine"));
+    let (leaking, occluded) = (mean(&mut stage, "none"), mean(&mut stage, "fine"));
     stage.world_mut().get_mut::<Transform>(screen).expect("the screen").translation.y = -50.0;
     let open = mean(&mut stage, "fine");
     println!(
-        "    behind the screen {hidden:.3} nits, without rays {leaking:.2}, without the screen {open:.2}"
+        "    behind the screen {occluded:.3} nits, without rays {leaking:.2}, without the screen {open:.2}"
     );
-    assert!(leaking > 1.0 && hidden < 0.05 * leaking, "{leaking} {hidden}");
+    assert!(leaking > 1.0 && occluded < 0.05 * leaking, "{leaking} {occluded}");
     assert!(
         (open / leaking - 1.0).abs() < 0.05,
         "nothing occludes the wall any more: {open} {leaking}"
     );
     stage.world_mut().get_mut::<Transform>(screen).expect("the screen").translation.y = 1.0;
     let back = mean(&mut stage, "fine");
-    assert!((back - hidden).abs() < 1e-3 * leaking, "{back} {hidden}");
+    assert!((back - occluded).abs() < 1e-3 * leaking, "{back} {occluded}");
 }
 
 fn surfaces_that_cast_no_shadow_occlude_nothing() {
     let (mut stage, screen) = screened();
-    let hidden = mean(&mut stage, "fine");
+    let occluded = mean(&mut stage, "fine");
     stage.world_mut().entity_mut(screen).insert(NotShadowCaster);
     let open = mean(&mut stage, "fine");
-    assert!(open > 10.0 * hidden.max(0.05), "{open} {hidden}");
+    assert!(open > 10.0 * occluded.max(0.05), "{open} {occluded}");
     stage.world_mut().entity_mut(screen).remove::<NotShadowCaster>();
     assert!(mean(&mut stage, "fine") < 0.1 * open);
     let material = stage
@@ -172,7 +172,7 @@ fn rays_enabled_at_the_end_of_a_frame_work_one_frame_later() {
     );
     set::look(&mut stage, Vec3::new(0.0, 1.2, -1.87), Vec3::new(0.0, 0.8, -2.0));
     // Compiles the pipelines for rays.
-    let hidden = mean(&mut stage, "fine");
+    let occluded = mean(&mut stage, "fine");
     let leaking = mean(&mut stage, "none");
     set::disable_history(&mut stage);
     stage.world_mut().insert_resource(GiRefresh::OnChange);
@@ -185,7 +185,7 @@ fn rays_enabled_at_the_end_of_a_frame_work_one_frame_later() {
         })
         .collect();
     println!(
-        "    {leaking:.3} nits without rays, {hidden:.3} with them; the frames after: {found:.3?}"
+        "    {leaking:.3} nits without rays, {occluded:.3} with them; the frames after: {found:.3?}"
     );
     assert!(found[1] < 0.05 * leaking && found[2] == found[1], "{found:?}");
 }

@@ -320,7 +320,7 @@ fn weigh(stage: &mut Stage, pixels: &Pixels, plane: &Plane, texels: &[Point]) ->
     gpu::floats(&gpu::read_buffer(stage.render_world(), &buffers[3]))
 }
 
-/// CPU reference: the light of each texel at 32 importance points in a jittered grid, plus a
+/// CPU reference: the light of each texel at 32 importance points in a staggered grid, plus a
 /// defensive-sampling term of a quarter of its mean.
 fn weights(plane: &Plane, normal: DVec3, texels: &[Point]) -> Vec<f64> {
     let importance_points: Vec<(DVec3, f64)> = (0..32u32)
