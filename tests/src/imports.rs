@@ -95,10 +95,12 @@ fn paths(source: &str) -> Vec<String> {
     while let Some(start) =
         ["crate::", "super::", "self::"].iter().filter_map(|root| rest.find(root)).min()
     {
-        let is_word = |c: char| c.is_alphanumeric() || c == '_';
-        let continues = rest[..start].chars().next_back().is_some_and(|c| is_word(c) || c == ':');
+        let before = &rest[..start];
+        let is_word = |c: char| c.is_alphanumeric() || c == '_' || c == ':';
+        // `my_crate::` is another word, and `pub(in crate::gi)` no import.
+        let is_path = !before.chars().next_back().is_some_and(is_word) && !before.ends_with("(in ");
         let end = end_of_path(&rest[start..]) + start;
-        if !continues {
+        if is_path {
             expand(&rest[start..end], "", &mut paths);
         }
         rest = &rest[end.max(start + 1)..];
@@ -157,7 +159,7 @@ mod tests {
 
     #[test]
     fn groups_comments_and_tests_are_read_as_the_compiler_does() {
-        let source = "use crate::a::{b, c::{D, e as f}}; // crate::no\nfn x() { super::y::z(); my_crate::n(); }\n#[cfg(test)]\nmod tests { use crate::no; }";
+        let source = "use crate::a::{b, c::{D, e as f}}; // crate::no\npub(in crate::no) struct S;\nfn x() { super::y::z(); my_crate::n(); }\n#[cfg(test)]\nmod tests { use crate::no; }";
         let found = paths(source);
         assert_eq!(found, ["crate::a::b", "crate::a::c::D", "crate::a::c::e", "super::y::z"]);
         let module = ["p".to_owned(), "q".to_owned()];
