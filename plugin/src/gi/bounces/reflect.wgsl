@@ -13,7 +13,7 @@
 #import bevy_frugal_gi::gi::texels::texel::{Texel, texel_normal}
 #import bevy_frugal_gi::gi::view::surface::scattered_share
 #import bevy_frugal_gi::gi::trace::trace::{is_occluded, is_open, surface_offset}
-#import bevy_frugal_gi::gi::vpl::hand::{dealt, empty_hand}
+#import bevy_frugal_gi::gi::vpl::stratum::{empty_stratum, update_stratum}
 #import bevy_frugal_gi::gi::vpl::vpl::{Vpl, from_vpl}
 #ifdef SKY
 #import bevy_frugal_gi::gi::sky::sky::{SKY_STRIDE, SkyLight, SkyPlan}
@@ -59,28 +59,28 @@ fn reflect_patches(@builtin(global_invocation_id) id: vec3<u32>) {
         let noise = fract(f32(index) * 0.618034);
         var light = vec3(0.0);
         for (var which = 0u; which < RAYS; which++) {
-            var hand = empty_hand(fract(noise + f32(which) / f32(RAYS)));
+            var stratum = empty_stratum(fract(noise + f32(which) / f32(RAYS)));
             for (var i = which; i < CARRIERS; i += RAYS) {
-                hand = dealt(hand, i, from_vpl(carriers[i], own.position, normal));
+                stratum = update_stratum(stratum, i, from_vpl(carriers[i], own.position, normal));
             }
-            if hand.total > 0.0 {
-                let vpl = carriers[hand.drawn];
+            if stratum.total > 0.0 {
+                let vpl = carriers[stratum.sampled];
                 let end = vpl.position + vpl.normal * surface_offset(vpl.position, distance(vpl.position, view.world_position), vpl.texel_width);
                 if !is_occluded(origin, end) {
-                    light += hand.sent;
+                    light += stratum.sent;
                 }
             }
         }
 #ifdef SKY
         let first_sample = (index % sky_plan.sets) * SKY_STRIDE;
         for (var which = 0u; which < SKY_RAYS; which++) {
-            var hand = empty_hand(fract(noise + f32(which) / f32(SKY_RAYS)));
+            var stratum = empty_stratum(fract(noise + f32(which) / f32(SKY_RAYS)));
             for (var i = first_sample + which; i < first_sample + sky_plan.samples; i += SKY_RAYS) {
-                hand = dealt(hand, i, sky_samples[i].light * max(dot(normal, sky_samples[i].direction), 0.0));
+                stratum = update_stratum(stratum, i, sky_samples[i].light * max(dot(normal, sky_samples[i].direction), 0.0));
             }
-            if hand.total > 0.0 {
-                if is_open(origin, sky_samples[hand.drawn].direction) {
-                    light += hand.sent;
+            if stratum.total > 0.0 {
+                if is_open(origin, sky_samples[stratum.sampled].direction) {
+                    light += stratum.sent;
                 }
             }
         }

@@ -35,7 +35,7 @@ pub struct GiCounts {
     pub vpls: u64,
     /// VPL–pixel pairs evaluated, samples of the sky included.
     pub pairs: u64,
-    /// Rays traced from pixels, at most: a hand of VPLs that send nothing takes none.
+    /// Rays traced from pixels, at most: a stratum whose VPLs send nothing takes none.
     pub rays: u64,
     /// Bytes of GPU memory that GI holds.
     pub bytes: u64,

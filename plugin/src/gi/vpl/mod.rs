@@ -42,7 +42,7 @@ pub(super) struct VplPlugin;
 impl Plugin for VplPlugin {
     fn build(&self, app: &mut App) {
         load_shader_library!(app, "vpl.wgsl");
-        load_shader_library!(app, "hand.wgsl");
+        load_shader_library!(app, "stratum.wgsl");
         load_shader_library!(app, "plan.wgsl");
         load_shader_library!(app, "receivers.wgsl");
         embedded_asset!(app, "see.wgsl");
