@@ -18,7 +18,7 @@ use crate::gi::sky::{SkyCamera, SkySeen};
 use crate::gi::texels::{TEXEL_BYTES, TexelRange, TexelRow, TexelStore};
 use crate::gi::trace::OccluderBuffers;
 use crate::gi::view::GiFrame;
-use crate::gi::vpl::{RECEIVERS_BYTES, VPL_BYTES, VplPlan};
+use crate::gi::vpl::{IMPORTANCE_POINTS_BYTES, VPL_BYTES, VplPlan};
 
 /// Every patch looks at all carriers. As many as `bounces/reflect.wgsl` has.
 pub(super) const CARRIERS: VplPlan = VplPlan { interleave: 1, sets: 1, per_set: 512, stride: 512 };
@@ -53,8 +53,8 @@ pub struct BounceCamera {
     /// VPLs that light patches.
     pub(super) carriers: Buffer,
     pub(super) plan: Buffer,
-    /// `vpl/receivers.wgsl`'s `Receivers`: patches that stand for all.
-    pub(super) receivers: Buffer,
+    /// `vpl/importance.wgsl`'s `ImportancePoints`: patches that stand for all.
+    pub(super) importance: Buffer,
     /// `bounces/patch.wgsl`'s `Place`.
     pub(super) place: Buffer,
     lit: Lit,
@@ -92,7 +92,7 @@ impl BounceCamera {
 
     /// Bytes held on the GPU for this camera's patches, but for their texels.
     pub fn bytes(&self) -> u64 {
-        [&self.patches, &self.carriers, &self.plan, &self.receivers, &self.place]
+        [&self.patches, &self.carriers, &self.plan, &self.importance, &self.place]
             .map(|buffer| buffer.size())
             .iter()
             .sum()
@@ -199,9 +199,9 @@ pub(super) fn prepare(
                 bytemuck::bytes_of(&CARRIERS),
                 BufferUsages::STORAGE,
             ),
-            receivers: empty(
-                "bevy_frugal_gi/bounces/receivers",
-                RECEIVERS_BYTES,
+            importance: empty(
+                "bevy_frugal_gi/bounces/importance",
+                IMPORTANCE_POINTS_BYTES,
                 BufferUsages::STORAGE,
             ),
             place: filled(

@@ -245,7 +245,7 @@ pub(super) fn reflect(
         view_offset: view_offset.offset,
         texels,
         buffers,
-        receivers: &camera.receivers,
+        importance: &camera.importance,
         vpls: &camera.carriers,
         plan: (&camera.plan, camera::CARRIERS.slots()),
     };
@@ -261,7 +261,7 @@ pub(super) fn reflect(
         &cache.get_bind_group_layout(&pipelines.pick_layout),
         &BindGroupEntries::sequential((
             camera.patches.as_entire_binding(),
-            camera.receivers.as_entire_binding(),
+            camera.importance.as_entire_binding(),
         )),
     );
     let entries = DynamicBindGroupEntries::sequential((

@@ -19,11 +19,11 @@
 
 const COLUMNS: u32 = 8u;
 const ROWS: u32 = 4u;
-const RECEIVERS: u32 = COLUMNS * ROWS;
+const IMPORTANCE_POINTS: u32 = COLUMNS * ROWS;
 
-var<workgroup> cosines: array<vec4<f32>, RECEIVERS>;
+var<workgroup> cosines: array<vec4<f32>, IMPORTANCE_POINTS>;
 
-@compute @workgroup_size(RECEIVERS)
+@compute @workgroup_size(IMPORTANCE_POINTS)
 fn weigh_sky(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_index) lane: u32) {
     let size = textureDimensions(g_buffer);
     // Every other row is shifted by half a cell.
@@ -49,7 +49,7 @@ fn weigh_sky(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_
     workgroupBarrier();
     if lane < SKY_SHARED {
         var sum = 0.0;
-        for (var i = 0u; i < RECEIVERS; i++) {
+        for (var i = 0u; i < IMPORTANCE_POINTS; i++) {
             sum += cosines[i][lane];
         }
         received[first + lane] = sum;

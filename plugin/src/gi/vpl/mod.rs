@@ -26,7 +26,7 @@ use super::schedule::{PassSystems, PrepareSystems, supported_render_app};
 use super::texels::TexelStore;
 use super::trace::OccluderBuffers;
 use super::view::GiView;
-pub(super) use buffers::{RECEIVER_BYTES, RECEIVERS_BYTES};
+pub(super) use buffers::{IMPORTANCE_POINT_BYTES, IMPORTANCE_POINTS_BYTES};
 pub(super) use plan::VplPlan;
 pub(super) use steps::Drawn;
 pub(super) use view::VplView;
@@ -44,7 +44,7 @@ impl Plugin for VplPlugin {
         load_shader_library!(app, "vpl.wgsl");
         load_shader_library!(app, "stratum.wgsl");
         load_shader_library!(app, "plan.wgsl");
-        load_shader_library!(app, "receivers.wgsl");
+        load_shader_library!(app, "importance.wgsl");
         embedded_asset!(app, "see.wgsl");
         embedded_asset!(app, "weigh.wgsl");
         embedded_asset!(app, "sample.wgsl");
@@ -62,7 +62,7 @@ impl Plugin for VplPlugin {
 #[derive(Resource)]
 pub(super) struct VplPipelines {
     weigh_layout: BindGroupLayoutDescriptor,
-    pick_receivers: CachedComputePipelineId,
+    pick_importance_points: CachedComputePipelineId,
     /// Without a look at what hides texels, and with one.
     find_floor: [CachedComputePipelineId; 2],
     weigh_texels: [CachedComputePipelineId; 2],
@@ -126,7 +126,7 @@ impl FromWorld for VplPipelines {
             })
         };
         Self {
-            pick_receivers: queue(&weigh, &[&weigh_layout], "pick_receivers", None),
+            pick_importance_points: queue(&weigh, &[&weigh_layout], "pick_importance_points", None),
             find_floor: [None, Some("SEEING")]
                 .map(|seeing| queue(&weigh, &[&weigh_layout], "find_floor", seeing)),
             weigh_texels: [None, Some("SEEING")]
@@ -175,12 +175,13 @@ pub(super) fn sample(
         view_offset: view_offset.offset,
         texels,
         buffers,
-        receivers: &buffers.receivers,
+        importance: &buffers.importance,
         vpls: &vpl.vpls,
         plan: (&vpl.plan_buffer, vpl.plan.slots()),
     };
     let steps = pipelines.steps(context.render_device(), &cache, traced.is_some(), drawn);
-    let (Some(pick), Some(steps)) = (cache.get_compute_pipeline(pipelines.pick_receivers), steps)
+    let (Some(pick), Some(steps)) =
+        (cache.get_compute_pipeline(pipelines.pick_importance_points), steps)
     else {
         return;
     };

@@ -10,13 +10,13 @@
 #import bevy_render::view::View
 #import bevy_frugal_gi::gi::texels::texel::{Texel, texel_luminance, texel_normal}
 #import bevy_frugal_gi::gi::trace::trace::{is_occluded, surface_offset}
-#import bevy_frugal_gi::gi::vpl::receivers::{RECEIVERS, Receivers, from_point}
+#import bevy_frugal_gi::gi::vpl::importance::{IMPORTANCE_POINTS, ImportancePoints, from_point}
 #import bevy_frugal_gi::gi::texels::rows::{Row, TILE, is_cut}
 
 @group(0) @binding(0) var<uniform> view: View;
 @group(0) @binding(1) var<storage, read> texels: array<Texel>;
 @group(0) @binding(2) var<storage, read> rows: array<Row>;
-@group(0) @binding(3) var<storage, read> receivers: Receivers;
+@group(0) @binding(3) var<storage, read> importance: ImportancePoints;
 /// A bit for each receiver and tile: set where the receiver does not see the tile.
 @group(0) @binding(4) var<storage, read_write> hidden: array<atomic<u32>>;
 
@@ -34,8 +34,8 @@ fn see_tiles(@builtin(global_invocation_id) id: vec3<u32>) {
     }
     let width = min(row.length - first, TILE);
     var found = 0u;
-    for (var i = row.place; i < RECEIVERS; i += row.tile_rows) {
-        let receiver = receivers.points[i];
+    for (var i = row.place; i < IMPORTANCE_POINTS; i += row.tile_rows) {
+        let point = importance.points[i];
         for (var j = 0u; j < TRIES; j++) {
             // Any four columns, others for each receiver.
             let column = (i * 7u + id.x * 3u + row.place * 5u + j * 11u) % width;
@@ -43,8 +43,8 @@ fn see_tiles(@builtin(global_invocation_id) id: vec3<u32>) {
             if texel_luminance(texel) > 0.0 && !is_cut(row, first + column) {
                 let normal = texel_normal(texel);
                 // What a receiver gets nothing of would say nothing of the rest of the tile.
-                if from_point(receiver, texel.position, normal) > 0.0 {
-                    let start = receiver.position + receiver.normal * offset_at(receiver.position, receiver.pixel_width);
+                if from_point(point, texel.position, normal) > 0.0 {
+                    let start = point.position + point.normal * offset_at(point.position, point.pixel_width);
                     let end = texel.position + normal * offset_at(texel.position, sqrt(texel.area));
                     found |= select(0u, 1u << i, is_occluded(start, end));
                 }

@@ -18,8 +18,8 @@ pub(in crate::gi) struct Drawn<'a> {
     /// Of the store.
     pub texels: &'a Buffer,
     pub buffers: &'a DrawingBuffers,
-    /// Points that stand for all that is to be lit: `vpl/receivers.wgsl`'s `Receivers`.
-    pub receivers: &'a Buffer,
+    /// Points that stand for everything to be lit: `vpl/importance.wgsl`'s `ImportancePoints`.
+    pub importance: &'a Buffer,
     pub vpls: &'a Buffer,
     /// How these are shared out, and how many slots that takes.
     pub plan: (&'a Buffer, u32),
@@ -48,7 +48,7 @@ impl VplPipelines {
         is_traced: bool,
         drawn: Drawn<'a>,
     ) -> Option<Steps<'a>> {
-        let Drawn { g_buffer, depth, views, texels, buffers, receivers, vpls, plan, .. } = &drawn;
+        let Drawn { g_buffer, depth, views, texels, buffers, importance, vpls, plan, .. } = &drawn;
         let weighing = device.create_bind_group(
             "bevy_frugal_gi/vpl/weigh",
             &cache.get_bind_group_layout(&self.weigh_layout),
@@ -58,7 +58,7 @@ impl VplPipelines {
                 views.clone(),
                 texels.as_entire_binding(),
                 buffers.row_table.as_entire_binding(),
-                receivers.as_entire_binding(),
+                importance.as_entire_binding(),
                 buffers.texel_cdf.as_entire_binding(),
                 buffers.hidden.as_entire_binding(),
             )),
@@ -70,7 +70,7 @@ impl VplPipelines {
                 views.clone(),
                 texels.as_entire_binding(),
                 buffers.row_table.as_entire_binding(),
-                receivers.as_entire_binding(),
+                importance.as_entire_binding(),
                 buffers.hidden.as_entire_binding(),
             )),
         );

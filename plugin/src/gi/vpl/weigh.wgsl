@@ -12,7 +12,7 @@
 #import bevy_render::view::View
 #import bevy_frugal_gi::gi::texels::texel::{Texel, texel_luminance, texel_normal}
 #import bevy_frugal_gi::gi::view::surface::{pixel_position, pixel_width, surface_normal}
-#import bevy_frugal_gi::gi::vpl::receivers::{COLUMNS, RECEIVERS, ROWS, Receiver, Receivers, from_point}
+#import bevy_frugal_gi::gi::vpl::importance::{COLUMNS, IMPORTANCE_POINTS, ImportancePoints, ROWS, Receiver, from_point}
 #import bevy_frugal_gi::gi::texels::rows::{Row, TILE, is_cut}
 
 @group(0) @binding(0) var g_buffer: texture_2d<u32>;
@@ -20,30 +20,30 @@
 @group(0) @binding(2) var<uniform> view: View;
 @group(0) @binding(3) var<storage, read> texels: array<Texel>;
 @group(0) @binding(4) var<storage, read> rows: array<Row>;
-@group(0) @binding(5) var<storage, read_write> receivers: Receivers;
+@group(0) @binding(5) var<storage, read_write> importance: ImportancePoints;
 @group(0) @binding(6) var<storage, read_write> weights: array<f32>;
 /// As `see.wgsl` left it.
 @group(0) @binding(7) var<storage, read> hidden: array<u32>;
 
 /// One thread per receiver: the pixels in the middle of a grid's cells, every other row shifted by
 /// half a cell.
-@compute @workgroup_size(RECEIVERS)
-fn pick_receivers(@builtin(local_invocation_index) index: u32) {
+@compute @workgroup_size(IMPORTANCE_POINTS)
+fn pick_importance_points(@builtin(local_invocation_index) index: u32) {
     let size = textureDimensions(g_buffer);
     let cell = vec2<f32>(vec2(index % COLUMNS, index / COLUMNS));
     let shift = 0.25 + 0.5 * (f32(index / COLUMNS) - 2.0 * floor(f32(index / COLUMNS) * 0.5));
     let place = (cell + vec2(shift, 0.5)) / vec2(f32(COLUMNS), f32(ROWS));
     let pixel = min(vec2<u32>(place * vec2<f32>(size)), size - 1u);
     let depth = textureLoad(depth_buffer, pixel, 0);
-    var receiver: Receiver;
-    receiver.position = pixel_position(pixel, size, max(depth, 1e-30), view.world_from_clip);
-    receiver.normal = surface_normal(textureLoad(g_buffer, pixel, 0));
+    var point: Receiver;
+    point.position = pixel_position(pixel, size, max(depth, 1e-30), view.world_from_clip);
+    point.normal = surface_normal(textureLoad(g_buffer, pixel, 0));
     // What a cell of the grid covers of a surface, more or less: nothing nearer than that can be
     // told apart.
-    let way = receiver.position - view.world_position;
-    receiver.radius_squared = select(0.0, clamp(0.02 * dot(way, way), 1e-12, 1e18), depth > 0.0);
-    receiver.pixel_width = pixel_width(view.clip_from_view, size.y, sqrt(clamp(dot(way, way), 0.0, 1e30)));
-    receivers.points[index] = receiver;
+    let way = point.position - view.world_position;
+    point.radius_squared = select(0.0, clamp(0.02 * dot(way, way), 1e-12, 1e18), depth > 0.0);
+    point.pixel_width = pixel_width(view.clip_from_view, size.y, sqrt(clamp(dot(way, way), 0.0, 1e30)));
+    importance.points[index] = point;
 }
 
 /// What of its light a tile may send to a receiver that does not see the one texel of it that was
@@ -57,8 +57,8 @@ fn received(row: Row, column: u32, texel: Texel) -> f32 {
     let unseen = hidden[row.first_tile + column / TILE];
 #endif
     var sum = 0.0;
-    for (var i = 0u; i < RECEIVERS; i++) {
-        let light = from_point(receivers.points[i], texel.position, normal);
+    for (var i = 0u; i < IMPORTANCE_POINTS; i++) {
+        let light = from_point(importance.points[i], texel.position, normal);
 #ifdef SEEING
         sum += light * select(1.0, HIDDEN_SHARE, (unseen & (1u << i)) != 0u);
 #else
@@ -98,7 +98,7 @@ fn find_floor(@builtin(local_invocation_index) lane: u32) {
             light += lane_received[i];
         }
         // Where nothing is received, or no probe met light, flux alone decides.
-        receivers.floor = clamp(0.25 * light / max(flux, 1e-36), 1e-9, 1e6);
+        importance.floor = clamp(0.25 * light / max(flux, 1e-36), 1e-9, 1e6);
     }
 }
 
@@ -112,6 +112,6 @@ fn weigh_texels(@builtin(global_invocation_id) id: vec3<u32>) {
     let texel = texels[row.first_texel + id.x];
     // Within what a sum over all texels can hold, whatever the flux.
     let luminance = texel_luminance(texel);
-    let weight = clamp(luminance * (received(row, id.x, texel) + receivers.floor), 1e-36, 1e30);
+    let weight = clamp(luminance * (received(row, id.x, texel) + importance.floor), 1e-36, 1e30);
     weights[row.first_weight + id.x] = select(0.0, weight, luminance > 0.0 && !is_cut(row, id.x));
 }
