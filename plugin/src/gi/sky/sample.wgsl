@@ -1,10 +1,11 @@
 // Draws a camera's samples of the sky from its parts, in proportion to their light times what the
 // camera could receive of it; one workgroup.
 //
-// As in `vpl/weigh.wgsl`, a floor of a quarter of the mean keeps the estimate unbiased and tame:
-// what the few points of `weigh.wgsl` do not see, others may. Parts lie in Morton order, so
-// that equal steps through their running sum are spread over the sky; each set takes as many steps
-// as it has samples, and sets are shifted against each other by a part of a step.
+// As in `vpl/weigh.wgsl`, a defensive-sampling term of a quarter of the mean keeps the estimate
+// unbiased and bounds its variance: a stratum that no importance point of `weigh.wgsl` sees may be
+// visible elsewhere. Parts lie in Morton order, so that equal steps through their cumulative sum
+// are spread over the sky; each set takes as many steps as it has samples, and sets are shifted
+// against each other by a fraction of a step.
 
 #import bevy_frugal_gi::gi::view::luminance::luminance
 #import bevy_frugal_gi::gi::sky::sky::{SKY_PARTS, SKY_STRIDE, SkyLight, SkyPlan}
@@ -58,10 +59,10 @@ fn sample_sky(@builtin(local_invocation_index) lane: u32) {
         seen += lane_received[i];
     }
     // Where no point sees any of it, light alone decides.
-    let floor = max(0.25 * seen / max(light, 1e-36), 1e-3);
+    let defensive_term = max(0.25 * seen / max(light, 1e-36), 1e-3);
     var sum = 0.0;
     for (var i = first; i < first + RUN; i++) {
-        sum += luminance(parts[i].light) * (received[i] + floor);
+        sum += luminance(parts[i].light) * (received[i] + defensive_term);
         cumulative[i] = sum;
     }
     lane_weight[lane] = sum;

@@ -22,6 +22,6 @@ fn is_cut(row: Row, column: u32) -> bool {
     return column >= row.cut.x && column < row.cut.y;
 }
 
-/// Columns of a tile, and most rows of one: neighbouring texels of which one look may tell whether
-/// they are seen.
+/// Columns of a tile, and most rows of one: neighbouring texels that share one visibility test from
+/// each importance point.
 const TILE: u32 = 16u;

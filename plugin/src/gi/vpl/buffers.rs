@@ -23,7 +23,7 @@ pub(in crate::gi) struct DrawingBuffers {
     pub row_table: Buffer,
     pub importance: Buffer,
     /// For each tile, a bit for each importance point from which it is occluded.
-    pub hidden: Buffer,
+    pub occluded_tiles: Buffer,
     /// Each texel's weight for this camera, then the weights' cumulative sums along each row.
     pub texel_cdf: Buffer,
     /// Cumulative sums of rows.
@@ -50,8 +50,8 @@ impl DrawingBuffers {
                 usage: BufferUsages::STORAGE | BufferUsages::COPY_DST,
             }),
             importance: empty("bevy_frugal_gi/vpl/importance", IMPORTANCE_POINTS_BYTES),
-            hidden: empty(
-                "bevy_frugal_gi/vpl/hidden",
+            occluded_tiles: empty(
+                "bevy_frugal_gi/vpl/occluded_tiles",
                 rows.last().map_or(1, |row| u64::from(row.end_tile())) * 4,
             ),
             texel_cdf: empty("bevy_frugal_gi/vpl/texel_cdf", texels * 4),
@@ -69,7 +69,7 @@ impl DrawingBuffers {
 
     /// Bytes held on the GPU.
     pub fn bytes(&self) -> u64 {
-        [&self.row_table, &self.importance, &self.hidden, &self.texel_cdf, &self.row_cdf]
+        [&self.row_table, &self.importance, &self.occluded_tiles, &self.texel_cdf, &self.row_cdf]
             .map(|buffer| buffer.size())
             .iter()
             .sum()

@@ -20,7 +20,7 @@ const IMPORTANCE_POINTS: u32 = COLUMNS * ROWS;
 
 struct ImportancePoints {
     /// Defensive-sampling term: added to the importance of every texel, 1/m².
-    floor: f32,
+    defensive_term: f32,
     points: array<Receiver, 32>,
 }
 

@@ -34,8 +34,8 @@ pub(super) use view::VplView;
 /// Bytes of `vpl/vpl.wgsl`'s `Vpl`. A test holds it against the shader.
 pub(super) const VPL_BYTES: u64 = 48;
 
-/// Threads in a workgroup of `see.wgsl`.
-const SEE_GROUP: u32 = 32;
+/// Threads in a workgroup of `tile_visibility.wgsl`.
+const TILE_GROUP: u32 = 32;
 
 pub(super) struct VplPlugin;
 
@@ -45,7 +45,7 @@ impl Plugin for VplPlugin {
         load_shader_library!(app, "stratum.wgsl");
         load_shader_library!(app, "plan.wgsl");
         load_shader_library!(app, "importance.wgsl");
-        embedded_asset!(app, "see.wgsl");
+        embedded_asset!(app, "tile_visibility.wgsl");
         embedded_asset!(app, "weigh.wgsl");
         embedded_asset!(app, "sample.wgsl");
     }
@@ -63,11 +63,11 @@ impl Plugin for VplPlugin {
 pub(super) struct VplPipelines {
     weigh_layout: BindGroupLayoutDescriptor,
     pick_importance_points: CachedComputePipelineId,
-    /// Without a look at what hides texels, and with one.
-    find_floor: [CachedComputePipelineId; 2],
+    /// Without tile visibility, and with it.
+    find_defensive_term: [CachedComputePipelineId; 2],
     weigh_texels: [CachedComputePipelineId; 2],
-    see_layout: BindGroupLayoutDescriptor,
-    see_tiles: CachedComputePipelineId,
+    tile_layout: BindGroupLayoutDescriptor,
+    trace_tiles: CachedComputePipelineId,
     draw_layout: BindGroupLayoutDescriptor,
     accumulate_rows: CachedComputePipelineId,
     accumulate_maps: CachedComputePipelineId,
@@ -94,8 +94,8 @@ impl FromWorld for VplPipelines {
                 ),
             ),
         );
-        let see_layout = BindGroupLayoutDescriptor::new(
-            "bevy_frugal_gi/vpl/see",
+        let tile_layout = BindGroupLayoutDescriptor::new(
+            "bevy_frugal_gi/vpl/tile_visibility",
             &BindGroupLayoutEntries::sequential(
                 ShaderStages::COMPUTE,
                 (uniform_buffer::<ViewUniform>(true), read(), read(), read(), write()),
@@ -110,7 +110,7 @@ impl FromWorld for VplPipelines {
         );
         let (weigh, sample) =
             (load_embedded_asset!(world, "weigh.wgsl"), load_embedded_asset!(world, "sample.wgsl"));
-        let see = load_embedded_asset!(world, "see.wgsl");
+        let tile_visibility = load_embedded_asset!(world, "tile_visibility.wgsl");
         let cache = world.resource::<PipelineCache>();
         let queue = |shader: &Handle<Shader>,
                      layout: &[&BindGroupLayoutDescriptor],
@@ -127,21 +127,22 @@ impl FromWorld for VplPipelines {
         };
         Self {
             pick_importance_points: queue(&weigh, &[&weigh_layout], "pick_importance_points", None),
-            find_floor: [None, Some("SEEING")]
-                .map(|seeing| queue(&weigh, &[&weigh_layout], "find_floor", seeing)),
-            weigh_texels: [None, Some("SEEING")]
-                .map(|seeing| queue(&weigh, &[&weigh_layout], "weigh_texels", seeing)),
-            see_tiles: queue(
-                &see,
-                &[&see_layout, &OccluderBuffers::layout()],
-                "see_tiles",
+            find_defensive_term: [None, Some("TILE_VISIBILITY")].map(|visibility| {
+                queue(&weigh, &[&weigh_layout], "find_defensive_term", visibility)
+            }),
+            weigh_texels: [None, Some("TILE_VISIBILITY")]
+                .map(|visibility| queue(&weigh, &[&weigh_layout], "weigh_texels", visibility)),
+            trace_tiles: queue(
+                &tile_visibility,
+                &[&tile_layout, &OccluderBuffers::layout()],
+                "trace_tiles",
                 Some("MASKS"),
             ),
             accumulate_rows: queue(&sample, &[&draw_layout], "accumulate_rows", None),
             accumulate_maps: queue(&sample, &[&draw_layout], "accumulate_maps", None),
             sample: queue(&sample, &[&draw_layout], "sample_vpls", None),
             weigh_layout,
-            see_layout,
+            tile_layout,
             draw_layout,
         }
     }
@@ -189,7 +190,7 @@ pub(super) fn sample(
     let diagnostics = diagnostics.as_deref();
     let span = diagnostics.time_span(context.command_encoder(), "bevy_frugal_gi/vpl");
     if traced.is_some() {
-        context.command_encoder().clear_buffer(&buffers.hidden, 0, None);
+        context.command_encoder().clear_buffer(&buffers.occluded_tiles, 0, None);
     }
     {
         let mut pass = context.command_encoder().begin_compute_pass(&ComputePassDescriptor {
@@ -200,7 +201,7 @@ pub(super) fn sample(
         pass.set_pipeline(pick);
         pass.dispatch_workgroups(1, 1, 1);
         if let Some(traced) = traced {
-            steps.see(&mut pass, traced);
+            steps.trace_tiles(&mut pass, traced);
         }
         steps.weigh(&mut pass);
         steps.draw(&mut pass);
