@@ -20,8 +20,9 @@ use crate::gi::trace::OccluderBuffers;
 use crate::gi::view::GiFrame;
 use crate::gi::vpl::{IMPORTANCE_POINTS_BYTES, VPL_BYTES, VplPlan};
 
-/// Every patch looks at all carriers. As many as `bounces/reflect.wgsl` has.
-pub(super) const CARRIERS: VplPlan = VplPlan { interleave: 1, sets: 1, per_set: 512, stride: 512 };
+/// The bounce VPLs: every patch evaluates all of them. As many as in `bounces/reflect.wgsl`.
+pub(super) const BOUNCE_VPLS: VplPlan =
+    VplPlan { interleave: 1, sets: 1, per_set: 512, stride: 512 };
 
 /// What decides about the light of patches, beside the scene.
 #[derive(Clone, Debug, PartialEq)]
@@ -51,7 +52,7 @@ pub struct BounceCamera {
     held: Arc<Vec<Patch>>,
     pub(super) patches: Buffer,
     /// VPLs that light patches.
-    pub(super) carriers: Buffer,
+    pub(super) bounce_vpls: Buffer,
     pub(super) plan: Buffer,
     /// `vpl/importance.wgsl`'s `ImportancePoints`: patches that stand for all.
     pub(super) importance: Buffer,
@@ -85,14 +86,14 @@ impl BounceCamera {
     /// For tests and debuggers.
     pub(in crate::gi) fn state(&self) -> GiBouncesState {
         GiBouncesState {
-            carriers: self.carriers.clone(),
+            carriers: self.bounce_vpls.clone(),
             texels: self.first_texel()..self.first_texel() + PATCHES as u32,
         }
     }
 
     /// Bytes held on the GPU for this camera's patches, but for their texels.
     pub fn bytes(&self) -> u64 {
-        [&self.patches, &self.carriers, &self.plan, &self.importance, &self.place]
+        [&self.patches, &self.bounce_vpls, &self.plan, &self.importance, &self.place]
             .map(|buffer| buffer.size())
             .iter()
             .sum()
@@ -189,14 +190,14 @@ pub(super) fn prepare(
                 bytemuck::cast_slice(patches),
                 BufferUsages::STORAGE,
             ),
-            carriers: empty(
-                "bevy_frugal_gi/bounces/carriers",
-                u64::from(CARRIERS.slots()) * VPL_BYTES,
+            bounce_vpls: empty(
+                "bevy_frugal_gi/bounces/bounce_vpls",
+                u64::from(BOUNCE_VPLS.slots()) * VPL_BYTES,
                 BufferUsages::STORAGE | BufferUsages::UNIFORM | BufferUsages::COPY_SRC,
             ),
             plan: filled(
                 "bevy_frugal_gi/bounces/plan",
-                bytemuck::bytes_of(&CARRIERS),
+                bytemuck::bytes_of(&BOUNCE_VPLS),
                 BufferUsages::STORAGE,
             ),
             importance: empty(

@@ -246,8 +246,8 @@ pub(super) fn reflect(
         texels,
         buffers,
         importance: &camera.importance,
-        vpls: &camera.carriers,
-        plan: (&camera.plan, camera::CARRIERS.slots()),
+        vpls: &camera.bounce_vpls,
+        plan: (&camera.plan, camera::BOUNCE_VPLS.slots()),
     };
     // A look at what hides texels from patches would take as many rays as for the picture, and
     // gains nothing that could be measured.
@@ -266,7 +266,7 @@ pub(super) fn reflect(
     );
     let entries = DynamicBindGroupEntries::sequential((
         views,
-        camera.carriers.as_entire_binding(),
+        camera.bounce_vpls.as_entire_binding(),
         camera.place.as_entire_binding(),
         camera.patches.as_entire_binding(),
         texels.as_entire_binding(),
