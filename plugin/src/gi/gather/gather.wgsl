@@ -105,7 +105,7 @@ fn gathered_sky(cell: vec2<u32>, position: vec3<f32>, normal: vec3<f32>) -> vec3
 
 @compute @workgroup_size(8, 8)
 fn gather_vpls(@builtin(global_invocation_id) id: vec3<u32>) {
-    let cell = id.xy * plan.interleave + gather.residue;
+    let cell = id.xy * plan.interleave + gather.interleave_offset;
     if any(cell >= textureDimensions(irradiance)) {
         return;
     }

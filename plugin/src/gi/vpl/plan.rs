@@ -58,8 +58,8 @@ impl VplPlan {
         set * self.stride * VPL_BYTES as u32
     }
 
-    /// Place of a set's pixels in the square.
-    pub fn residue(&self, set: u32) -> UVec2 {
+    /// Interleave offset of a set: position of its low-resolution pixels in the square.
+    pub fn interleave_offset(&self, set: u32) -> UVec2 {
         UVec2::new(set % self.interleave, set / self.interleave)
     }
 }
@@ -85,7 +85,7 @@ mod tests {
                     "{count} {plan:?}"
                 );
                 let places: std::collections::HashSet<_> =
-                    (0..plan.sets).map(|set| plan.residue(set)).collect();
+                    (0..plan.sets).map(|set| plan.interleave_offset(set)).collect();
                 assert_eq!(places.len() as u32, plan.sets);
                 for set in 0..plan.sets {
                     assert_eq!(plan.offset(set) % 256, 0);
