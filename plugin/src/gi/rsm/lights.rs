@@ -12,8 +12,9 @@ use bevy::render::render_resource::ShaderType;
 pub(in crate::gi) struct RsmLight {
     /// Linear RGB: lux of parallel light, else candela.
     pub intensity: Vec3,
-    /// m² or sr of a texel.
-    pub texel_measure: f32,
+    /// Of a texel: area across the rays (m²) where light is parallel, else solid angle in the
+    /// middle of the view (sr).
+    pub texel_area_or_solid_angle: f32,
     /// World space, metres.
     pub position: Vec3,
     /// 1/m².

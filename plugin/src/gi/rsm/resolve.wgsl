@@ -14,7 +14,7 @@ struct Light {
     intensity: vec3<f32>,
     /// World area that a texel covers across the rays (m²), or solid angle of a texel in the middle
     /// of the view (sr).
-    texel_measure: f32,
+    texel_area_or_solid_angle: f32,
     /// World space, metres; unused for parallel light.
     position: vec3<f32>,
     /// 1/m².
@@ -53,8 +53,8 @@ fn resolve(@builtin(global_invocation_id) id: vec3<u32>) {
     let surface = read_surface(shown, id.xy, size, depth, view.world_from_clip);
 
 #ifdef PARALLEL
-    let light_flux = light.intensity * light.texel_measure;
-    let across = light.texel_measure;
+    let light_flux = light.intensity * light.texel_area_or_solid_angle;
+    let across = light.texel_area_or_solid_angle;
     let cosine = -dot(surface.normal, light.direction);
 #else
     let ray = surface.position - light.position;
@@ -67,7 +67,7 @@ fn resolve(@builtin(global_invocation_id) id: vec3<u32>) {
     let cone = saturate(cos_cone * light.cone_scale + light.cone_offset);
     let range_term = distance_squared * light.inverse_range_squared;
     let window = saturate(1.0 - range_term * range_term);
-    let solid_angle = light.texel_measure * cos_axis * cos_axis * cos_axis;
+    let solid_angle = light.texel_area_or_solid_angle * cos_axis * cos_axis * cos_axis;
     let light_flux = light.intensity * (solid_angle * cone * cone * window * window);
     let across = solid_angle * distance_squared;
     let cosine = -dot(surface.normal, ray) * inverseSqrt(distance_squared);

@@ -282,7 +282,8 @@ fn parallel_map(
         }),
         light: RsmLight {
             intensity: light.intensity,
-            texel_measure: region.size.x * region.size.y / (resolution * resolution) as f32,
+            texel_area_or_solid_angle: region.size.x * region.size.y
+                / (resolution * resolution) as f32,
             direction: light.rotation * Vec3::NEG_Z,
             cone_offset: 1.0,
             ..Default::default()
@@ -323,7 +324,7 @@ fn perspective_map(
         }),
         light: RsmLight {
             intensity: light.intensity,
-            texel_measure: edge * edge,
+            texel_area_or_solid_angle: edge * edge,
             position: light.position,
             inverse_range_squared: light.inverse_range_squared(),
             direction: light.rotation * Vec3::NEG_Z,
