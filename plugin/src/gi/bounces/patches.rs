@@ -22,7 +22,7 @@ use super::choice::{Candidate, choose, density, rank};
 use super::patch::Patch;
 use crate::gi::settings::FrugalGi;
 use crate::gi::surfaces::{
-    Paint, Place, Reflectance, SurfaceAssets, SurfacePoint, SurfacePoints, Triangles, area_matrix,
+    Paint, TrianglePoint, Reflectance, SurfaceAssets, SurfacePoint, SurfacePoints, Triangles, area_matrix,
     triangles,
 };
 use crate::gi::view::LightPresence;
@@ -255,7 +255,7 @@ fn points(key: &SurfaceKey, count: usize, assets: &SurfaceAssets) -> Option<Opti
         return Some(None);
     };
     let looks = if key.reflectance.is_patterned() { LOOKS } else { 1 };
-    let paint = |Place { triangle, weights }| painted.at(corners[triangle], weights);
+    let paint = |TrianglePoint { triangle, weights }| painted.at(corners[triangle], weights);
     Some(SurfacePoints::new(&positions, count * looks, paint).map(|fine| coarse(&fine, looks)))
 }
 
@@ -400,7 +400,7 @@ mod tests {
     #[test]
     fn as_many_points_are_holes_as_places_are() {
         // Its left third is cut out.
-        let paint = |place: Place| {
+        let paint = |place: TrianglePoint| {
             let [second, third] = place.weights;
             let x = if place.triangle == 0 { second + third } else { second };
             (x > 1.0 / 3.0).then(|| grey(0.5))

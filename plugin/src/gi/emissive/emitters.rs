@@ -26,7 +26,7 @@ use super::emission::{Emission, emission};
 use super::surface::EmissiveSurface;
 use crate::gi::settings::FrugalGi;
 use crate::gi::surfaces::{
-    Cutout, Mask, Place, PlacedTexture, SurfaceAssets, SurfacePoints, TextureUse, Triangles,
+    Cutout, Mask, TrianglePoint, MeshTexture, SurfaceAssets, SurfacePoints, TextureUse, Triangles,
     triangles,
 };
 use crate::gi::texels::{Texel, TexelRow};
@@ -261,7 +261,7 @@ fn surface(
     assets: &SurfaceAssets,
 ) -> Option<Option<EmissiveSurface>> {
     let mesh = assets.meshes.get(key.mesh)?;
-    let texture = PlacedTexture::new(key.texture, mesh, assets.images.as_deref())?;
+    let texture = MeshTexture::new(key.texture, mesh, assets.images.as_deref())?;
     let cutout = Cutout::new(key.mask.as_ref(), mesh, assets.images.as_deref())?;
     let Some(Triangles { corners, positions }) = triangles(mesh) else {
         warn_once!(
@@ -269,7 +269,7 @@ fn surface(
         );
         return Some(None);
     };
-    let color = |Place { triangle, weights }| {
+    let color = |TrianglePoint { triangle, weights }| {
         if cutout.as_ref().is_some_and(|cutout| !cutout.is_there(corners[triangle], weights)) {
             return Vec3::ZERO;
         }

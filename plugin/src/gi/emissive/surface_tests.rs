@@ -1,5 +1,5 @@
 use super::*;
-use crate::gi::surfaces::Place;
+use crate::gi::surfaces::TrianglePoint;
 use bevy::math::{Quat, Vec3A};
 
 /// A rectangle of 2 m × 1 m in the plane z = 0 that faces +Z, in two triangles.
@@ -8,14 +8,14 @@ const PANEL: [[Vec3; 3]; 2] = [
     [Vec3::new(0.0, 0.0, 0.0), Vec3::new(2.0, 1.0, 0.0), Vec3::new(0.0, 1.0, 0.0)],
 ];
 
-fn white(_: Place) -> Vec3 {
+fn white(_: TrianglePoint) -> Vec3 {
     Vec3::ONE
 }
 
 fn emissive(
     triangles: &[[Vec3; 3]],
     count: usize,
-    color: impl Fn(Place) -> Vec3,
+    color: impl Fn(TrianglePoint) -> Vec3,
 ) -> Option<EmissiveSurface> {
     SurfacePoints::new(triangles, count, color).map(EmissiveSurface)
 }

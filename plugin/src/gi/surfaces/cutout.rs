@@ -9,7 +9,7 @@ use bevy::mesh::Mesh;
 use bevy::pbr::StandardMaterial;
 
 use super::points::interpolated;
-use super::texture::{PlacedTexture, TextureUse};
+use super::texture::{MeshTexture, TextureUse};
 use super::vertex_colors::vertex_colors;
 
 /// What of a material decides where a mesh has holes: meshes with the same one have the same holes.
@@ -56,7 +56,7 @@ pub(in crate::gi) struct Cutout<'a> {
     /// Of the material.
     alpha: f32,
     cutoff: f32,
-    texture: Option<PlacedTexture<'a>>,
+    texture: Option<MeshTexture<'a>>,
     /// Alpha of the mesh's corners; empty for 1.
     corner_alpha: Vec<f32>,
 }
@@ -69,13 +69,13 @@ impl<'a> Cutout<'a> {
         images: Option<&'a Assets<Image>>,
     ) -> Option<Option<Self>> {
         let Some(mask) = mask else { return Some(None) };
-        let texture = PlacedTexture::new(mask.texture, mesh, images)?;
+        let texture = MeshTexture::new(mask.texture, mesh, images)?;
         if texture.as_ref().is_some_and(|texture| !texture.is_readable()) {
             warn_once!(
                 "the texture of an alpha mask is kept for the GPU alone or is compressed: what it lies on hides indirect light as if it had no holes (RenderAssetUsages::MAIN_WORLD keeps it readable)"
             );
         }
-        let texture = texture.filter(PlacedTexture::is_readable);
+        let texture = texture.filter(MeshTexture::is_readable);
         let corner_alpha = vertex_colors(mesh).into_iter().map(|[.., alpha]| alpha).collect();
         Some(Some(Self {
             alpha: f32::from_bits(mask.alpha),
@@ -87,7 +87,7 @@ impl<'a> Cutout<'a> {
 
     /// With copies of its own of all that it reads: for looking at it in the background.
     pub fn into_owned(self) -> Cutout<'static> {
-        Cutout { texture: self.texture.map(PlacedTexture::into_owned), ..self }
+        Cutout { texture: self.texture.map(MeshTexture::into_owned), ..self }
     }
 
     /// Whether a triangle, by the places of its corners in the mesh, may have holes at all.

@@ -10,7 +10,7 @@ const GREATEST_COORDINATE: f32 = 1e15;
 
 /// A place on a triangle.
 #[derive(Clone, Copy, Debug)]
-pub(in crate::gi) struct Place {
+pub(in crate::gi) struct TrianglePoint {
     /// The triangle's index.
     pub triangle: usize,
     /// Weights of its second and third corner.
@@ -49,7 +49,7 @@ impl<Paint> SurfacePoints<Paint> {
     pub fn new(
         triangles: &[[Vec3; 3]],
         count: usize,
-        paint: impl Fn(Place) -> Paint,
+        paint: impl Fn(TrianglePoint) -> Paint,
     ) -> Option<Self> {
         let mut total = 0.0;
         let cumulative: Vec<f64> = triangles
@@ -78,7 +78,7 @@ impl<Paint> SurfacePoints<Paint> {
                 let weights = [(root * (1.0 - across)) as f32, (root * across) as f32];
                 let normal = area_vector(&triangles[triangle]).try_normalize()?.as_vec3();
                 let position = interpolated(triangles[triangle], weights);
-                Some(SurfacePoint { position, normal, paint: paint(Place { triangle, weights }) })
+                Some(SurfacePoint { position, normal, paint: paint(TrianglePoint { triangle, weights }) })
             })
             .collect();
         sort_by_place(&mut points);

@@ -13,7 +13,7 @@ use super::assets::SurfaceAssets;
 use super::cutout::{Cutout, Mask};
 use super::points::interpolated;
 use super::sides::Sides;
-use super::texture::{PlacedTexture, TextureUse};
+use super::texture::{MeshTexture, TextureUse};
 use super::vertex_colors::vertex_colors;
 
 /// Whether a material lets no light through but by its mask's holes.
@@ -112,8 +112,8 @@ impl Reflectance {
         let images = assets.images.as_deref();
         Some(PaintedMesh {
             values: self.values.map(f32::from_bits),
-            color: PlacedTexture::new(self.color, mesh, images)?,
-            metallic_roughness: PlacedTexture::new(self.metallic_roughness, mesh, images)?,
+            color: MeshTexture::new(self.color, mesh, images)?,
+            metallic_roughness: MeshTexture::new(self.metallic_roughness, mesh, images)?,
             vertex_colors: vertex_colors(mesh),
             cutout: Cutout::new(self.mask.as_ref(), mesh, images)?,
         })
@@ -123,8 +123,8 @@ impl Reflectance {
 /// A mesh with all that says what it reflects where.
 pub(in crate::gi) struct PaintedMesh<'a> {
     values: [f32; 6],
-    color: Option<PlacedTexture<'a>>,
-    metallic_roughness: Option<PlacedTexture<'a>>,
+    color: Option<MeshTexture<'a>>,
+    metallic_roughness: Option<MeshTexture<'a>>,
     vertex_colors: Vec<[f32; 4]>,
     cutout: Option<Cutout<'a>>,
 }
@@ -141,7 +141,7 @@ impl PaintedMesh<'_> {
         if self.cutout.as_ref().is_some_and(|cutout| !cutout.is_there(corners, weights)) {
             return None;
         }
-        let read = |texture: &Option<PlacedTexture>, unread: LinearRgba| {
+        let read = |texture: &Option<MeshTexture>, unread: LinearRgba| {
             texture.as_ref().map_or(LinearRgba::WHITE, |texture| {
                 texture.color(corners, weights).unwrap_or_else(|| {
                     warn_once!(

@@ -43,14 +43,14 @@ impl TextureUse {
 
 /// A texture on a mesh.
 #[derive(Clone, Debug)]
-pub(in crate::gi) struct PlacedTexture<'a> {
+pub(in crate::gi) struct MeshTexture<'a> {
     image: Cow<'a, Image>,
     coordinates: Cow<'a, [[f32; 2]]>,
     /// From the mesh's coordinates to the texture's.
     transform: Affine2,
 }
 
-impl<'a> PlacedTexture<'a> {
+impl<'a> MeshTexture<'a> {
     /// As it lies on `mesh`: `None` while the image is not there, and `Some(None)` where there is
     /// no texture, or the mesh has no coordinates for it.
     pub fn new(
@@ -61,18 +61,18 @@ impl<'a> PlacedTexture<'a> {
         let Some(texture) = texture else { return Some(None) };
         let image = images?.get(texture.image)?;
         let transform = Affine2::from_cols_array(&texture.transform.map(f32::from_bits));
-        let placed = |coordinates| Self {
+        let on_mesh = |coordinates| Self {
             image: Cow::Borrowed(image),
             coordinates: Cow::Borrowed(coordinates),
             transform,
         };
-        Some(texture.coordinates(mesh).map(placed))
+        Some(texture.coordinates(mesh).map(on_mesh))
     }
 
     /// With copies of its own of all that it reads.
-    pub fn into_owned(self) -> PlacedTexture<'static> {
+    pub fn into_owned(self) -> MeshTexture<'static> {
         let Self { image, coordinates, transform } = self;
-        PlacedTexture {
+        MeshTexture {
             image: Cow::Owned(image.into_owned()),
             coordinates: Cow::Owned(coordinates.into_owned()),
             transform,
