@@ -56,8 +56,8 @@ pub struct BounceCamera {
     pub(super) plan: Buffer,
     /// `vpl/importance.wgsl`'s `ImportancePoints`: patches that stand for all.
     pub(super) importance: Buffer,
-    /// `bounces/patch.wgsl`'s `Place`.
-    pub(super) place: Buffer,
+    /// `bounces/patch.wgsl`'s `PatchRange`.
+    pub(super) range: Buffer,
     lit: Lit,
     /// Whether patches reflect in this frame, if the camera draws VPLs.
     pub(super) is_due: bool,
@@ -93,7 +93,7 @@ impl BounceCamera {
 
     /// Bytes held on the GPU for this camera's patches, but for their texels.
     pub fn bytes(&self) -> u64 {
-        [&self.patches, &self.bounce_vpls, &self.plan, &self.importance, &self.place]
+        [&self.patches, &self.bounce_vpls, &self.plan, &self.importance, &self.range]
             .map(|buffer| buffer.size())
             .iter()
             .sum()
@@ -158,7 +158,7 @@ pub(super) fn prepare(
                     u64::from(first_texel) * TEXEL_BYTES,
                     &vec![0; size as usize],
                 );
-                queue.write_buffer(&held.place, 0, &place(first_texel));
+                queue.write_buffer(&held.range, 0, &range_bytes(first_texel));
             }
             let is_same = Arc::ptr_eq(&held.held, patches) && held.lit == lit && held.kind == kind;
             let is_done = held.is_done.load(Ordering::Relaxed);
@@ -205,9 +205,9 @@ pub(super) fn prepare(
                 IMPORTANCE_POINTS_BYTES,
                 BufferUsages::STORAGE,
             ),
-            place: filled(
-                "bevy_frugal_gi/bounces/place",
-                &place(first_texel),
+            range: filled(
+                "bevy_frugal_gi/bounces/range",
+                &range_bytes(first_texel),
                 BufferUsages::UNIFORM,
             ),
             lit,
@@ -218,7 +218,7 @@ pub(super) fn prepare(
     }
 }
 
-/// `bounces/patch.wgsl`'s `Place`, padded to what uniforms are multiples of.
-fn place(first_texel: u32) -> [u8; 16] {
+/// `bounces/patch.wgsl`'s `PatchRange`, padded to what uniforms are multiples of.
+fn range_bytes(first_texel: u32) -> [u8; 16] {
     bytemuck::cast([first_texel, 0, 0, 0])
 }

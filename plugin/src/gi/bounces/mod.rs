@@ -267,7 +267,7 @@ pub(super) fn reflect(
     let entries = DynamicBindGroupEntries::sequential((
         views,
         camera.bounce_vpls.as_entire_binding(),
-        camera.place.as_entire_binding(),
+        camera.range.as_entire_binding(),
         camera.patches.as_entire_binding(),
         texels.as_entire_binding(),
     ));

@@ -7,7 +7,7 @@
 // as in `gather/gather.wgsl`. The camera's sky lights patches too, where it is gathered (SKY).
 
 #import bevy_render::view::View
-#import bevy_frugal_gi::gi::bounces::patch::{Patch, Place}
+#import bevy_frugal_gi::gi::bounces::patch::{Patch, PatchRange}
 #import bevy_frugal_gi::gi::texels::texel::{Texel, texel_normal}
 #import bevy_frugal_gi::gi::view::surface::scattered_share
 #import bevy_frugal_gi::gi::trace::trace::{is_occluded, is_open, surface_offset}
@@ -19,7 +19,7 @@
 
 @group(0) @binding(0) var<uniform> view: View;
 @group(0) @binding(1) var<uniform> bounce_vpls: array<Vpl, BOUNCE_VPLS>;
-@group(0) @binding(2) var<uniform> place: Place;
+@group(0) @binding(2) var<uniform> range: PatchRange;
 @group(0) @binding(3) var<storage, read> patches: array<Patch>;
 @group(0) @binding(4) var<storage, read_write> texels: array<Texel>;
 #ifdef SKY
@@ -87,5 +87,5 @@ fn reflect_patches(@builtin(global_invocation_id) id: vec3<u32>) {
         let flux = light * 0.31830987 * own.area * share;
         texel.flux = select(vec3(0.0), min(flux, vec3(MOST_FLUX)), flux >= vec3(0.0));
     }
-    texels[place.first_texel + index] = texel;
+    texels[range.first_texel + index] = texel;
 }

@@ -35,7 +35,7 @@ impl EmissiveSurface {
     fn weight(&self, point: &SurfacePoint<Vec3>, spread: &Mat3A, emission: DVec3) -> f64 {
         self.0.area
             * f64::from((*spread * point.normal).length())
-            * luminance(emission * point.paint.as_dvec3())
+            * luminance(emission * point.sample.as_dvec3())
     }
 
     /// Adds `count` texels for each emissive side. Their total flux is the surface's: exactly in
@@ -66,7 +66,7 @@ impl EmissiveSurface {
                 passed += weights[index];
             }
             let point = &self.0.points[index];
-            let radiance = emission * point.paint.as_dvec3();
+            let radiance = emission * point.sample.as_dvec3();
             // The piece's area: `step` is area × luminance.
             let area = step / luminance(radiance);
             let flux = (radiance * (area * std::f64::consts::PI)).min(DVec3::splat(MOST_FLUX));

@@ -15,8 +15,8 @@ mod vertex_colors;
 
 pub(super) use assets::SurfaceAssets;
 pub(super) use cutout::{Cutout, Mask};
-pub(super) use points::{TrianglePoint, SurfacePoint, SurfacePoints, area_matrix};
-pub(super) use reflectance::{Paint, Reflectance, hides, is_deferred};
+pub(super) use points::{SurfacePoint, SurfacePoints, TrianglePoint, area_matrix};
+pub(super) use reflectance::{MaterialSample, Reflectance, hides, is_deferred};
 pub(super) use sides::Sides;
 pub(super) use texture::{MeshTexture, TextureUse};
 pub(super) use triangles::{Triangles, triangles};

@@ -27,29 +27,29 @@ pub(super) fn interpolated<V: VectorSpace<Scalar = f32>>(
 
 /// A point of a surface, in the mesh's own space.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(in crate::gi) struct SurfacePoint<Paint> {
+pub(in crate::gi) struct SurfacePoint<S> {
     pub position: Vec3,
     /// Unit length.
     pub normal: Vec3,
     /// What the surface is like there.
-    pub paint: Paint,
+    pub sample: S,
 }
 
 /// Points of a surface, in Morton order.
 #[derive(Clone, Debug, PartialEq)]
-pub(in crate::gi) struct SurfacePoints<Paint> {
-    pub points: Vec<SurfacePoint<Paint>>,
+pub(in crate::gi) struct SurfacePoints<S> {
+    pub points: Vec<SurfacePoint<S>>,
     /// That each stands for, in the mesh's own space, m².
     pub area: f64,
 }
 
-impl<Paint> SurfacePoints<Paint> {
+impl<S> SurfacePoints<S> {
     /// `count` points on `triangles`; `None` where these have no area. `paint` is asked what each
     /// is like.
     pub fn new(
         triangles: &[[Vec3; 3]],
         count: usize,
-        paint: impl Fn(TrianglePoint) -> Paint,
+        sample: impl Fn(TrianglePoint) -> S,
     ) -> Option<Self> {
         let mut total = 0.0;
         let cumulative: Vec<f64> = triangles
@@ -63,7 +63,7 @@ impl<Paint> SurfacePoints<Paint> {
         if total <= 0.0 || count == 0 {
             return None;
         }
-        let mut points: Vec<SurfacePoint<Paint>> = (0..count)
+        let mut points: Vec<SurfacePoint<S>> = (0..count)
             .filter_map(|index| {
                 let target = (index as f64 + 0.5) / count as f64 * total;
                 let triangle =
@@ -78,10 +78,14 @@ impl<Paint> SurfacePoints<Paint> {
                 let weights = [(root * (1.0 - across)) as f32, (root * across) as f32];
                 let normal = area_vector(&triangles[triangle]).try_normalize()?.as_vec3();
                 let position = interpolated(triangles[triangle], weights);
-                Some(SurfacePoint { position, normal, paint: paint(TrianglePoint { triangle, weights }) })
+                Some(SurfacePoint {
+                    position,
+                    normal,
+                    sample: sample(TrianglePoint { triangle, weights }),
+                })
             })
             .collect();
-        sort_by_place(&mut points);
+        sort_by_position(&mut points);
         Some(Self { points, area: total / count as f64 })
     }
 
@@ -113,7 +117,7 @@ pub(in crate::gi) fn area_matrix(affine: &Affine3A) -> Mat3A {
 }
 
 /// Orders points along a Morton curve through the box around them.
-fn sort_by_place<Paint>(points: &mut [SurfacePoint<Paint>]) {
+fn sort_by_position<S>(points: &mut [SurfacePoint<S>]) {
     let least = points.iter().fold(Vec3::INFINITY, |least, point| least.min(point.position));
     let most = points.iter().fold(Vec3::NEG_INFINITY, |most, point| most.max(point.position));
     let size = (most - least).max_element().max(f32::MIN_POSITIVE);

@@ -53,7 +53,7 @@ pub(in crate::gi) struct Reflectance {
 
 /// What a surface is like at a place.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(in crate::gi) struct Paint {
+pub(in crate::gi) struct MaterialSample {
     /// Linear RGB, each in 0 to 1.
     pub color: Vec3,
     /// Perceptual, in 0 to 1.
@@ -108,9 +108,9 @@ impl Reflectance {
     }
 
     /// On a mesh; `None` while an image is not there.
-    pub fn on<'a>(&self, mesh: &'a Mesh, assets: &'a SurfaceAssets) -> Option<PaintedMesh<'a>> {
+    pub fn on<'a>(&self, mesh: &'a Mesh, assets: &'a SurfaceAssets) -> Option<MaterialMesh<'a>> {
         let images = assets.images.as_deref();
-        Some(PaintedMesh {
+        Some(MaterialMesh {
             values: self.values.map(f32::from_bits),
             color: MeshTexture::new(self.color, mesh, images)?,
             metallic_roughness: MeshTexture::new(self.metallic_roughness, mesh, images)?,
@@ -121,7 +121,7 @@ impl Reflectance {
 }
 
 /// A mesh with all that says what it reflects where.
-pub(in crate::gi) struct PaintedMesh<'a> {
+pub(in crate::gi) struct MaterialMesh<'a> {
     values: [f32; 6],
     color: Option<MeshTexture<'a>>,
     metallic_roughness: Option<MeshTexture<'a>>,
@@ -134,10 +134,10 @@ pub(in crate::gi) struct PaintedMesh<'a> {
 const UNREAD_COLOR: LinearRgba = LinearRgba::rgb(0.4, 0.4, 0.4);
 const UNREAD_METALLIC_ROUGHNESS: LinearRgba = LinearRgba::rgb(0.0, 0.5, 0.0);
 
-impl PaintedMesh<'_> {
+impl MaterialMesh<'_> {
     /// What it is like at a place of a triangle: its corners, and weights of the second and third.
     /// None in a hole.
-    pub fn at(&self, corners: [usize; 3], weights: [f32; 2]) -> Option<Paint> {
+    pub fn at(&self, corners: [usize; 3], weights: [f32; 2]) -> Option<MaterialSample> {
         if self.cutout.as_ref().is_some_and(|cutout| !cutout.is_there(corners, weights)) {
             return None;
         }
@@ -159,7 +159,7 @@ impl PaintedMesh<'_> {
             Vec3::new(red, green, blue) * texel.to_vec3() * self.vertex_color(corners, weights);
         // What is no number compares false.
         let share = |value: f32| if value > 0.0 { value.min(1.0) } else { 0.0 };
-        Some(Paint {
+        Some(MaterialSample {
             color: Vec3::from_array(color.to_array().map(share)),
             roughness: share(roughness * properties.green),
             metallic: share(metallic * properties.blue),
@@ -227,8 +227,8 @@ mod tests {
             Mesh::ATTRIBUTE_COLOR,
             vec![[1.0f32, 0.5, 0.0, 1.0], [1.0, 0.5, 1.0, 1.0], [1.0, 0.5, 0.0, 1.0]],
         );
-        let painted = |values: [f32; 6]| {
-            let mesh = PaintedMesh {
+        let sampled = |values: [f32; 6]| {
+            let mesh = MaterialMesh {
                 values,
                 color: None,
                 metallic_roughness: None,
@@ -237,22 +237,22 @@ mod tests {
             };
             mesh.at([0, 1, 2], [0.25, 0.5]).unwrap()
         };
-        let paint = painted([0.5, 0.5, 0.5, 0.7, 0.2, 0.5]);
+        let sample = sampled([0.5, 0.5, 0.5, 0.7, 0.2, 0.5]);
         assert_eq!(
-            (paint.color, paint.roughness, paint.metallic),
+            (sample.color, sample.roughness, sample.metallic),
             (Vec3::new(0.5, 0.25, 0.125), 0.7, 0.2)
         );
         for odd in [f32::NAN, f32::INFINITY, -1.0, 1e30] {
-            let paint = painted([odd; 6]);
+            let sample = sampled([odd; 6]);
             let values = [
-                paint.color.x,
-                paint.color.y,
-                paint.color.z,
-                paint.roughness,
-                paint.metallic,
-                paint.reflectance,
+                sample.color.x,
+                sample.color.y,
+                sample.color.z,
+                sample.roughness,
+                sample.metallic,
+                sample.reflectance,
             ];
-            assert!(values.iter().all(|value| (0.0..=1.0).contains(value)), "{odd}: {paint:?}");
+            assert!(values.iter().all(|value| (0.0..=1.0).contains(value)), "{odd}: {sample:?}");
         }
     }
 }
