@@ -16,7 +16,7 @@ mod vertex_colors;
 pub(super) use assets::SurfaceAssets;
 pub(super) use cutout::{Cutout, Mask};
 pub(super) use points::{SurfacePoint, SurfacePoints, TrianglePoint, area_matrix};
-pub(super) use reflectance::{MaterialSample, Reflectance, hides, is_deferred};
+pub(super) use reflectance::{MaterialSample, Reflectance, is_deferred, occludes};
 pub(super) use sides::Sides;
 pub(super) use texture::{MeshTexture, TextureUse};
 pub(super) use triangles::{Triangles, triangles};

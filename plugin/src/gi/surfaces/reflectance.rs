@@ -17,7 +17,7 @@ use super::texture::{MeshTexture, TextureUse};
 use super::vertex_colors::vertex_colors;
 
 /// Whether a material lets no light through but by its mask's holes.
-pub(in crate::gi) fn hides(material: &StandardMaterial) -> bool {
+pub(in crate::gi) fn occludes(material: &StandardMaterial) -> bool {
     matches!(
         material.alpha_mode,
         AlphaMode::Opaque | AlphaMode::Mask(_) | AlphaMode::AlphaToCoverage
@@ -68,7 +68,7 @@ impl Reflectance {
     /// That of a material; none where it reflects no light onto others: unlit and (partly)
     /// transparent ones, and what is rendered forward.
     pub fn new(material: &StandardMaterial) -> Option<Self> {
-        if material.unlit || !hides(material) || !is_deferred(material) {
+        if material.unlit || !occludes(material) || !is_deferred(material) {
             return None;
         }
         let transform = material.uv_transform;

@@ -23,7 +23,7 @@ use bytemuck::{Pod, Zeroable};
 use super::bvh::{FlatBvh, MeshBvh, Node, TriangleWords};
 use super::micromap::{SOLID, micromap};
 use crate::gi::settings::FrugalGi;
-use crate::gi::surfaces::{Cutout, Mask, SurfaceAssets, Triangles, hides, triangles};
+use crate::gi::surfaces::{Cutout, Mask, SurfaceAssets, Triangles, occludes, triangles};
 use crate::gi::view::LightPresence;
 
 /// Meshes of up to so many triangles get their tree at once, in about a millisecond; larger ones in
@@ -118,7 +118,7 @@ struct TreeKey {
 #[derive(Resource, Default)]
 pub(super) struct MeshTrees {
     trees: HashMap<TreeKey, Tree>,
-    placed: Vec<(Entity, TreeKey, Affine3A)>,
+    instances: Vec<(Entity, TreeKey, Affine3A)>,
     /// First node and the one after the last of each tree in the present data.
     ranges: HashMap<TreeKey, [u32; 2]>,
     /// Set when a tree was added, changed or dropped.
@@ -143,7 +143,7 @@ pub(super) fn update(
     assets: SurfaceAssets,
     light: Res<LightPresence>,
     cameras: Query<(&Camera, &FrugalGi, Has<EnvironmentMapLight>)>,
-    placed: Query<
+    meshes: Query<
         (
             Entity,
             &Mesh3d,
@@ -171,12 +171,12 @@ pub(super) fn update(
         // rays are back. What was made of them goes, and with it the buffers.
         if occluders.is_kept {
             *occluders = GiOccluders::default();
-            trees.placed.clear();
+            trees.instances.clear();
             trees.changed = true;
         }
         return;
     }
-    let mut now: Vec<_> = placed
+    let mut now: Vec<_> = meshes
         .iter()
         .filter(|(_, _, _, visible, _)| visible.get())
         .filter_map(|(entity, mesh, transform, _, material)| {
@@ -185,7 +185,7 @@ pub(super) fn update(
                 material.zip(assets.materials.as_ref()).and_then(|(handle, all)| all.get(handle));
             let mask = material.and_then(Mask::new);
             material
-                .is_none_or(hides)
+                .is_none_or(occludes)
                 .then(|| (entity, TreeKey { mesh: mesh.id(), mask }, transform.affine()))
         })
         .collect();
@@ -193,9 +193,9 @@ pub(super) fn update(
     now.sort_unstable_by_key(|(entity, ..)| *entity);
     build_trees(trees, now.iter().map(|(_, key, _)| *key), &assets);
     let waiting = trees.trees.values().filter(|tree| matches!(tree, Tree::Building(_))).count();
-    if trees.changed || trees.placed != now || !occluders.is_kept {
+    if trees.changed || trees.instances != now || !occluders.is_kept {
         *occluders = assemble(trees, &now, &occluders);
-        trees.placed = now;
+        trees.instances = now;
         trees.changed = false;
     }
     if occluders.waiting != waiting {
@@ -234,7 +234,7 @@ fn start(key: &TreeKey, assets: &SurfaceAssets) -> Option<Tree> {
         Cutout::new(key.mask.as_ref(), mesh, assets.images.as_deref())?.map(Cutout::into_owned);
     let Some(Triangles { corners, positions }) = triangles(mesh) else {
         warn_once!(
-            "a mesh is kept for the GPU alone or is no triangle list: it hides no indirect light (RenderAssetUsages::MAIN_WORLD keeps it readable)"
+            "a mesh is kept for the GPU alone or is no triangle list: it occludes no indirect light (RenderAssetUsages::MAIN_WORLD keeps it readable)"
         );
         return Some(Tree::Unreadable);
     };
