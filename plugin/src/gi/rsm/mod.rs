@@ -25,7 +25,7 @@ use super::schedule::{GiSystems, PrepareSystems, SceneSystems, supported_render_
 use super::texels::CascadeCut;
 pub(super) use lights::RsmLight;
 pub(super) use resolve::resolve;
-pub(super) use views::MapsTouched;
+pub(super) use views::MapDelta;
 
 /// Marks a hidden camera that renders what a light sees. Filter your own camera queries with
 /// `Without<RsmView>` if they mean visible cameras.
@@ -48,7 +48,7 @@ impl Plugin for RsmPlugin {
         embedded_asset!(app, "resolve.wgsl");
         app.register_type::<RsmView>()
             .init_resource::<region::SceneBox>()
-            .init_resource::<MapsTouched>()
+            .init_resource::<MapDelta>()
             .add_plugins((
                 ExtractComponentPlugin::<RsmView>::default(),
                 ExtractComponentPlugin::<RsmLight>::default(),

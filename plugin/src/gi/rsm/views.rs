@@ -29,7 +29,7 @@ use crate::gi::view::LightPresence;
 const FIRST_ORDER: isize = isize::MIN / 2;
 
 /// A map that should exist in this frame.
-struct Wanted {
+struct MapSpec {
     view: RsmView,
     resolution: u32,
     transform: Transform,
@@ -40,7 +40,7 @@ struct Wanted {
     layers: Option<RenderLayers>,
 }
 
-impl Wanted {
+impl MapSpec {
     /// Unique, since places in the store are: cameras of equal order and target are ambiguous to
     /// Bevy.
     fn order(&self) -> isize {
@@ -59,7 +59,7 @@ struct GiEye {
 
 /// What happened to maps in this frame.
 #[derive(Resource, Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub(in crate::gi) struct MapsTouched {
+pub(in crate::gi) struct MapDelta {
     /// One came, went or got another size: texels are no longer where they were.
     pub laid_out: bool,
     /// One shows something else: its light or its region moved or changed.
@@ -68,7 +68,7 @@ pub(in crate::gi) struct MapsTouched {
 
 pub(super) fn maintain(
     mut commands: Commands,
-    (mut touched, mut presence): (ResMut<MapsTouched>, ResMut<LightPresence>),
+    (mut delta, mut presence): (ResMut<MapDelta>, ResMut<LightPresence>),
     limits: Res<GiLimits>,
     scene: Res<SceneBox>,
     cameras: Query<(Entity, &Camera, &FrugalGi), Without<RsmView>>,
@@ -77,10 +77,10 @@ pub(super) fn maintain(
     points: Query<(Entity, &PointLight, &InheritedVisibility, Option<&RenderLayers>)>,
     // Both touch transforms: first those of lights and cameras are read, then those of maps are
     // written.
-    mut placed: ParamSet<(TransformHelper, Query<Map, Without<FrugalGi>>)>,
+    mut params: ParamSet<(TransformHelper, Query<Map, Without<FrugalGi>>)>,
 ) {
-    let transforms = placed.p0();
-    let place =
+    let transforms = params.p0();
+    let transform_of =
         |entity| transforms.compute_global_transform(entity).ok().map(|t| t.compute_transform());
     let eyes: Vec<GiEye> = cameras
         .iter()
@@ -89,7 +89,7 @@ pub(super) fn maintain(
             let resolution = gi.rsm_resolution.clamp(16, 2048);
             Some(GiEye {
                 entity,
-                position: place(entity)?.translation,
+                position: transform_of(entity)?.translation,
                 range: gi.range,
                 resolution,
                 shading: gi.shading,
@@ -97,21 +97,21 @@ pub(super) fn maintain(
         })
         .collect();
 
-    let mut wanted = Vec::new();
+    let mut specs = Vec::new();
     if let (Some(scene), false) = (scene.0, eyes.is_empty()) {
         let layers = |layers: Option<&RenderLayers>| layers.cloned();
         let mut lights: Vec<(BouncingLight, Option<RenderLayers>)> = Vec::new();
         lights.extend(suns.iter().filter(|(_, _, visible, _)| visible.get()).filter_map(
             |(entity, light, _, mask)| {
                 Some((
-                    BouncingLight::directional(entity, light, place(entity)?.rotation)?,
+                    BouncingLight::directional(entity, light, transform_of(entity)?.rotation)?,
                     layers(mask),
                 ))
             },
         ));
         lights.extend(spots.iter().filter(|(_, _, visible, _)| visible.get()).filter_map(
             |(entity, light, _, mask)| {
-                let at = place(entity)?;
+                let at = transform_of(entity)?;
                 Some((
                     BouncingLight::spot(entity, light, at.translation, at.rotation)?,
                     layers(mask),
@@ -121,30 +121,31 @@ pub(super) fn maintain(
         lights.extend(points.iter().filter(|(_, _, visible, _)| visible.get()).filter_map(
             |(entity, light, _, mask)| {
                 Some((
-                    BouncingLight::point(entity, light, place(entity)?.translation)?,
+                    BouncingLight::point(entity, light, transform_of(entity)?.translation)?,
                     layers(mask),
                 ))
             },
         ));
-        wanted = choose(&lights, &eyes, scene, limits.max_rsm_count);
+        specs = choose(&lights, &eyes, scene, limits.max_rsm_count);
     }
-    lay_out(&mut wanted);
-    presence.maps = !wanted.is_empty();
+    lay_out(&mut specs);
+    presence.maps = !specs.is_empty();
 
-    let mut missing: HashMap<RsmView, Wanted> = wanted.into_iter().map(|w| (w.view, w)).collect();
-    *touched = MapsTouched::default();
-    for map in &mut placed.p1() {
+    let mut missing: HashMap<RsmView, MapSpec> =
+        specs.into_iter().map(|spec| (spec.view, spec)).collect();
+    *delta = MapDelta::default();
+    for map in &mut params.p1() {
         match missing.remove(map.view) {
-            Some(wanted) => map.become_as(wanted, &mut touched),
+            Some(spec) => map.become_as(spec, &mut delta),
             None => {
                 commands.entity(map.entity).despawn();
-                touched.laid_out = true;
+                delta.laid_out = true;
             }
         }
     }
-    touched.laid_out |= !missing.is_empty();
-    for (_, wanted) in missing {
-        spawn(&mut commands, wanted);
+    delta.laid_out |= !missing.is_empty();
+    for (_, spec) in missing {
+        spawn(&mut commands, spec);
     }
 }
 
@@ -165,27 +166,26 @@ pub(super) struct Map {
 
 impl MapItem<'_, '_> {
     /// Changes what is other than wanted.
-    fn become_as(mut self, wanted: Wanted, touched: &mut MapsTouched) {
-        touched.laid_out |= (self.light.texel_offset, self.light.resolution)
-            != (wanted.light.texel_offset, wanted.light.resolution);
-        let size = UVec2::splat(wanted.resolution);
+    fn become_as(mut self, spec: MapSpec, delta: &mut MapDelta) {
+        delta.laid_out |= (self.light.texel_offset, self.light.resolution)
+            != (spec.light.texel_offset, spec.light.resolution);
+        let size = UVec2::splat(spec.resolution);
         let resized = !matches!(*self.target, RenderTarget::None { size: old } if old == size);
         if resized {
             *self.target = RenderTarget::None { size };
         }
-        if self.camera.order != wanted.order() {
-            self.camera.order = wanted.order();
+        if self.camera.order != spec.order() {
+            self.camera.order = spec.order();
         }
         // Bevy looks at a target without texture only when the projection was touched.
-        if resized || !same_projection(&self.projection, &wanted.projection) {
-            *self.projection = wanted.projection;
-            touched.moved = true;
+        if resized || !same_projection(&self.projection, &spec.projection) {
+            *self.projection = spec.projection;
+            delta.moved = true;
         }
-        touched.moved |= self.transform.set_if_neq(wanted.transform);
-        touched.moved |=
-            self.light.set_if_neq(wanted.light) | self.shading.set_if_neq(wanted.shading);
+        delta.moved |= self.transform.set_if_neq(spec.transform);
+        delta.moved |= self.light.set_if_neq(spec.light) | self.shading.set_if_neq(spec.shading);
         // What is drawn from which map changes now, so both must be there now.
-        touched.laid_out |= self.cut.set_if_neq(wanted.cut);
+        delta.laid_out |= self.cut.set_if_neq(spec.cut);
     }
 }
 
@@ -195,7 +195,7 @@ fn choose(
     eyes: &[GiEye],
     scene: (Vec3, Vec3),
     most: usize,
-) -> Vec<Wanted> {
+) -> Vec<MapSpec> {
     let mut ranked: Vec<_> = lights
         .iter()
         .map(|(light, layers)| {
@@ -211,9 +211,9 @@ fn choose(
     let finest = eyes.iter().map(|eye| eye.resolution).max().unwrap_or(0);
     let lambertian = eyes.iter().all(|eye| eye.shading == GiShading::Lambertian);
     let shading = if lambertian { GiShading::Lambertian } else { GiShading::Standard };
-    let mut wanted = Vec::new();
+    let mut specs = Vec::new();
     for (_, light, layers) in ranked {
-        let mut maps: Vec<Wanted> = match light.emitter {
+        let mut maps: Vec<MapSpec> = match light.emitter {
             Emitter::Directional => {
                 eyes.iter().flat_map(|eye| parallel_maps(light, eye, scene, layers)).collect()
             }
@@ -221,11 +221,11 @@ fn choose(
                 .map(|face| perspective_map(light, face, finest, shading, layers))
                 .collect(),
         };
-        if wanted.len() + maps.len() <= most {
-            wanted.append(&mut maps);
+        if specs.len() + maps.len() <= most {
+            specs.append(&mut maps);
         }
     }
-    wanted
+    specs
 }
 
 /// One map where the scene is small; else one of the surroundings and, on about as many texels
@@ -239,7 +239,7 @@ fn parallel_maps(
     eye: &GiEye,
     scene: (Vec3, Vec3),
     layers: &Option<RenderLayers>,
-) -> Vec<Wanted> {
+) -> Vec<MapSpec> {
     let rotation = Mat3::from_quat(light.rotation);
     let shared = shared_resolution(eye.resolution);
     let far = cover(scene, rotation, eye.position, eye.range, shared);
@@ -269,8 +269,8 @@ fn parallel_map(
     region: LightRegion,
     cut: CascadeCut,
     layers: &Option<RenderLayers>,
-) -> Wanted {
-    Wanted {
+) -> MapSpec {
+    MapSpec {
         view: RsmView { light: light.entity, camera: Some(eye.entity), face },
         resolution,
         transform: Transform::from_translation(region.origin).with_rotation(light.rotation),
@@ -300,7 +300,7 @@ fn perspective_map(
     resolution: u32,
     shading: GiShading,
     layers: &Option<RenderLayers>,
-) -> Wanted {
+) -> MapSpec {
     let half_angle = match light.emitter {
         Emitter::Spot { outer, .. } => outer,
         _ => std::f32::consts::FRAC_PI_4,
@@ -309,7 +309,7 @@ fn perspective_map(
     let rotation = if light.emitter == Emitter::Point { cube_face(face) } else { light.rotation };
     let edge = 2.0 * half_angle.tan() / resolution as f32;
     let (cone_scale, cone_offset) = light.cone();
-    Wanted {
+    MapSpec {
         view: RsmView { light: light.entity, camera: None, face },
         resolution,
         transform: Transform::from_translation(light.position).with_rotation(rotation),
@@ -349,10 +349,10 @@ fn cube_face(face: u8) -> Quat {
 
 /// Gives every map its place in the store, in an order that does not depend on how entities are
 /// iterated.
-fn lay_out(wanted: &mut [Wanted]) {
-    wanted.sort_by_key(|w| (w.view.light, w.view.camera, w.view.face));
+fn lay_out(specs: &mut [MapSpec]) {
+    specs.sort_by_key(|spec| (spec.view.light, spec.view.camera, spec.view.face));
     let mut texel = 0;
-    for map in wanted {
+    for map in specs {
         map.light.texel_offset = texel;
         map.light.resolution = map.resolution;
         texel += map.resolution * map.resolution;
@@ -375,26 +375,26 @@ fn same_projection(a: &Projection, b: &Projection) -> bool {
     }
 }
 
-fn spawn(commands: &mut Commands, wanted: Wanted) {
+fn spawn(commands: &mut Commands, spec: MapSpec) {
     let depth_texture_usages =
         (TextureUsages::RENDER_ATTACHMENT | TextureUsages::TEXTURE_BINDING).into();
     let mut camera = commands.spawn((
-        wanted.view,
-        wanted.light,
-        wanted.cut,
-        wanted.shading,
+        spec.view,
+        spec.light,
+        spec.cut,
+        spec.shading,
         Camera3d { depth_texture_usages, ..Default::default() },
-        Camera { order: wanted.order(), ..Default::default() },
-        RenderTarget::None { size: UVec2::splat(wanted.resolution) },
+        Camera { order: spec.order(), ..Default::default() },
+        RenderTarget::None { size: UVec2::splat(spec.resolution) },
         Msaa::Off,
         // For what is rendered forward: it leaves its depth alone, and so meets the light as
         // something black.
         DepthPrepass,
         DeferredPrepass,
-        wanted.projection,
-        wanted.transform,
+        spec.projection,
+        spec.transform,
     ));
-    if let Some(layers) = wanted.layers {
+    if let Some(layers) = spec.layers {
         camera.insert(layers);
     }
     // Without clusters Bevy builds no cascades, light lists or mesh-view bind groups for it. In the
