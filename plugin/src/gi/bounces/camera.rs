@@ -14,7 +14,7 @@ use super::patch::Patch;
 use super::patches::GiPatches;
 use super::{BouncePipelines, PATCHES, ReflectKind};
 use crate::gi::settings::{FrugalGi, GiShading};
-use crate::gi::sky::{SkyCamera, SkySeen};
+use crate::gi::sky::{SkyCamera, SkyInputs};
 use crate::gi::texels::{TEXEL_BYTES, TexelRange, TexelRow, TexelStore};
 use crate::gi::trace::OccluderBuffers;
 use crate::gi::view::GiFrame;
@@ -30,7 +30,7 @@ struct Lit {
     rounds: u32,
     emissive: bool,
     exposure: f32,
-    sky: Option<SkySeen>,
+    sky: Option<SkyInputs>,
     /// Which buffer the texels lie in, and where.
     store: (BufferId, u32),
 }
@@ -129,14 +129,14 @@ pub(super) fn prepare(
             continue;
         };
         let first_texel = store.first(TexelRange::Patches) + before;
-        let sky = sky.and_then(SkyCamera::seen);
+        let sky = sky.and_then(SkyCamera::inputs);
         let kind = ReflectKind {
             has_sky: sky.is_some(),
             has_masks: occluders.are_masked(),
             is_lambertian: gi.shading == GiShading::Lambertian,
         };
         pipelines.queue(&cache, kind);
-        let always = sky.as_ref().is_some_and(SkySeen::is_generated);
+        let always = sky.as_ref().is_some_and(SkyInputs::is_generated);
         let rounds = gi.bounces.clamp(1, FrugalGi::MAX_BOUNCES) - 1;
         let lit = Lit {
             rounds,

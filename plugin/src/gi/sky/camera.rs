@@ -44,16 +44,15 @@ pub(in crate::gi) struct SkyReading {
     padding: [f32; 2],
 }
 
-/// What decides about the light that a camera's pixels get from the sky, beside where the camera
-/// is.
+/// The inputs of a camera's sky light, beside the camera's pose.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(in crate::gi) struct SkySeen {
+pub(in crate::gi) struct SkyInputs {
     plan: SkyPlan,
     reading: (TextureId, SkyReading),
     is_generated: bool,
 }
 
-impl SkySeen {
+impl SkyInputs {
     /// Samples that a pixel evaluates.
     pub fn samples(&self) -> u32 {
         self.plan.samples
@@ -84,9 +83,9 @@ pub struct SkyCamera {
 }
 
 impl SkyCamera {
-    /// What decides about light from the sky, while it is gathered.
-    pub(in crate::gi) fn seen(&self) -> Option<SkySeen> {
-        self.is_active.then_some(SkySeen {
+    /// The inputs of the sky light, while it is gathered.
+    pub(in crate::gi) fn inputs(&self) -> Option<SkyInputs> {
+        self.is_active.then_some(SkyInputs {
             plan: self.plan,
             reading: self.reading,
             is_generated: self.is_generated,
