@@ -133,7 +133,7 @@ fn count(
             + gather.bytes()
             + history.map_or(0, History::bytes)
             + bounces.map_or(0, BounceCamera::bytes);
-        if let Some(bounces) = bounces.filter(|_| view.work.draw) {
+        if let Some(bounces) = bounces.filter(|_| view.work.sample) {
             counts.patches += bounces.patches_due();
         }
     }

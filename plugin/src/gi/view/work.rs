@@ -6,7 +6,7 @@ use super::frame::{GiFrame, GiRefresh};
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(in crate::gi) struct Work {
     /// Drawing VPLs.
-    pub draw: bool,
+    pub sample: bool,
     /// Gathering and filtering.
     pub gather: bool,
     /// Frames since anything changed that decides about them.
@@ -15,7 +15,7 @@ pub(in crate::gi) struct Work {
 
 impl Work {
     /// Everything.
-    pub const ALL: Self = Self { draw: true, gather: true, frames_since_change: 0 };
+    pub const ALL: Self = Self { sample: true, gather: true, frames_since_change: 0 };
 
     /// The next frame's. `changed`: the camera, its sky or its settings are others. `always`: its
     /// pixels never stay where they are, or its sky is made anew in each frame.
@@ -36,7 +36,7 @@ impl Work {
         Self {
             frames_since_change,
             gather,
-            draw: gather && (frame.maps || frame.number.is_multiple_of(period)),
+            sample: gather && (frame.maps || frame.number.is_multiple_of(period)),
         }
     }
 }
@@ -83,11 +83,11 @@ mod tests {
     }
 
     #[test]
-    fn after_a_camera_s_last_move_vpls_are_drawn_once_more() {
+    fn after_a_camera_s_last_move_vpls_are_sampled_once_more() {
         for period in 1..=8 {
             for start in 0..period {
                 let mut work = resting();
-                let drawn = (0..20).filter(|number| {
+                let sampled = (0..20).filter(|number| {
                     work = work.next(
                         *number == 0,
                         false,
@@ -95,24 +95,24 @@ mod tests {
                         GiRefresh::OnChange,
                         period,
                     );
-                    work.draw
+                    work.sample
                 });
-                assert_eq!(drawn.count(), 1, "period {period} from {start}");
+                assert_eq!(sampled.count(), 1, "period {period} from {start}");
                 assert!(!work.gather);
             }
         }
     }
 
     #[test]
-    fn drawing_follows_the_period_and_the_maps() {
-        let draws = |number, maps| {
+    fn sampling_follows_the_period_and_the_maps() {
+        let samples = |number, maps| {
             let frame = GiFrame { number, maps, gather: true, ..Default::default() };
-            Work::default().next(true, false, &frame, GiRefresh::OnChange, 4).draw
+            Work::default().next(true, false, &frame, GiRefresh::OnChange, 4).sample
         };
         assert_eq!(
-            [0, 1, 2, 3, 4].map(|number| draws(number, false)),
+            [0, 1, 2, 3, 4].map(|number| samples(number, false)),
             [true, false, false, false, true]
         );
-        assert!(draws(1, true), "what was drawn from is no longer there");
+        assert!(samples(1, true), "the texels are no longer there");
     }
 }

@@ -15,7 +15,7 @@ pub(in crate::gi) const IMPORTANCE_POINTS_BYTES: u64 =
     16 + IMPORTANCE_POINTS * IMPORTANCE_POINT_BYTES;
 
 /// Buffers between a camera's maps and its VPLs.
-pub(in crate::gi) struct DrawingBuffers {
+pub(in crate::gi) struct SamplingBuffers {
     /// What `row_table` holds.
     pub rows: Vec<TexelRow>,
     /// Texels in the longest row.
@@ -30,7 +30,7 @@ pub(in crate::gi) struct DrawingBuffers {
     pub row_cdf: Buffer,
 }
 
-impl DrawingBuffers {
+impl SamplingBuffers {
     /// Buffers for at least one row.
     pub fn new(device: &RenderDevice, rows: Vec<TexelRow>) -> Self {
         let empty = |label, size| {

@@ -28,7 +28,7 @@ use super::trace::OccluderBuffers;
 use super::view::GiView;
 pub(super) use buffers::{IMPORTANCE_POINT_BYTES, IMPORTANCE_POINTS_BYTES};
 pub(super) use plan::VplPlan;
-pub(super) use steps::Drawn;
+pub(super) use steps::SampleInputs;
 pub(super) use view::VplView;
 
 /// Bytes of `vpl/vpl.wgsl`'s `Vpl`. A test holds it against the shader.
@@ -68,7 +68,7 @@ pub(super) struct VplPipelines {
     weigh_texels: [CachedComputePipelineId; 2],
     tile_layout: BindGroupLayoutDescriptor,
     trace_tiles: CachedComputePipelineId,
-    draw_layout: BindGroupLayoutDescriptor,
+    sample_layout: BindGroupLayoutDescriptor,
     accumulate_rows: CachedComputePipelineId,
     accumulate_maps: CachedComputePipelineId,
     sample: CachedComputePipelineId,
@@ -101,8 +101,8 @@ impl FromWorld for VplPipelines {
                 (uniform_buffer::<ViewUniform>(true), read(), read(), read(), write()),
             ),
         );
-        let draw_layout = BindGroupLayoutDescriptor::new(
-            "bevy_frugal_gi/vpl/draw",
+        let sample_layout = BindGroupLayoutDescriptor::new(
+            "bevy_frugal_gi/vpl/sample",
             &BindGroupLayoutEntries::sequential(
                 ShaderStages::COMPUTE,
                 (read(), read(), write(), write(), write(), read()),
@@ -138,12 +138,12 @@ impl FromWorld for VplPipelines {
                 "trace_tiles",
                 Some("MASKS"),
             ),
-            accumulate_rows: queue(&sample, &[&draw_layout], "accumulate_rows", None),
-            accumulate_maps: queue(&sample, &[&draw_layout], "accumulate_maps", None),
-            sample: queue(&sample, &[&draw_layout], "sample_vpls", None),
+            accumulate_rows: queue(&sample, &[&sample_layout], "accumulate_rows", None),
+            accumulate_maps: queue(&sample, &[&sample_layout], "accumulate_maps", None),
+            sample: queue(&sample, &[&sample_layout], "sample_vpls", None),
             weigh_layout,
             tile_layout,
-            draw_layout,
+            sample_layout,
         }
     }
 }
@@ -159,7 +159,7 @@ pub(super) fn sample(
     mut context: RenderContext,
 ) {
     let (view, vpl, prepass, view_offset) = view.into_inner();
-    if !view.work.draw {
+    if !view.work.sample {
         return;
     }
     let traced = occluders.bind_group().filter(|_| view.gi.visibility.rays() > 0);
@@ -168,8 +168,8 @@ pub(super) fn sample(
     else {
         return;
     };
-    let (Some(texels), Some(buffers)) = (&store.texels, &vpl.drawing) else { return };
-    let drawn = Drawn {
+    let (Some(texels), Some(buffers)) = (&store.texels, &vpl.sampling) else { return };
+    let inputs = SampleInputs {
         g_buffer,
         depth,
         views,
@@ -180,7 +180,7 @@ pub(super) fn sample(
         vpls: &vpl.vpls,
         plan: (&vpl.plan_buffer, vpl.plan.slots()),
     };
-    let steps = pipelines.steps(context.render_device(), &cache, traced.is_some(), drawn);
+    let steps = pipelines.steps(context.render_device(), &cache, traced.is_some(), inputs);
     let (Some(pick), Some(steps)) =
         (cache.get_compute_pipeline(pipelines.pick_importance_points), steps)
     else {
@@ -204,7 +204,7 @@ pub(super) fn sample(
             steps.trace_tiles(&mut pass, traced);
         }
         steps.weigh(&mut pass);
-        steps.draw(&mut pass);
+        steps.sample(&mut pass);
     }
     span.end(context.command_encoder());
 }

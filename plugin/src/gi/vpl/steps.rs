@@ -4,12 +4,12 @@
 use bevy::render::render_resource::*;
 use bevy::render::renderer::RenderDevice;
 
-use super::buffers::DrawingBuffers;
+use super::buffers::SamplingBuffers;
 use super::{TILE_GROUP, VplPipelines};
 use crate::gi::texels::TILE;
 
 /// What is drawn from, and into what.
-pub(in crate::gi) struct Drawn<'a> {
+pub(in crate::gi) struct SampleInputs<'a> {
     /// The camera's.
     pub g_buffer: &'a TextureView,
     pub depth: &'a TextureView,
@@ -17,7 +17,7 @@ pub(in crate::gi) struct Drawn<'a> {
     pub view_offset: u32,
     /// Of the store.
     pub texels: &'a Buffer,
-    pub buffers: &'a DrawingBuffers,
+    pub buffers: &'a SamplingBuffers,
     /// Points that stand for everything to be lit: `vpl/importance.wgsl`'s `ImportancePoints`.
     pub importance: &'a Buffer,
     pub vpls: &'a Buffer,
@@ -35,8 +35,8 @@ pub(in crate::gi) struct Steps<'a> {
     sample: &'a ComputePipeline,
     tracing: BindGroup,
     weighing: BindGroup,
-    drawing: BindGroup,
-    drawn: Drawn<'a>,
+    sampling: BindGroup,
+    inputs: SampleInputs<'a>,
 }
 
 impl VplPipelines {
@@ -46,9 +46,11 @@ impl VplPipelines {
         device: &RenderDevice,
         cache: &'a PipelineCache,
         is_traced: bool,
-        drawn: Drawn<'a>,
+        inputs: SampleInputs<'a>,
     ) -> Option<Steps<'a>> {
-        let Drawn { g_buffer, depth, views, texels, buffers, importance, vpls, plan, .. } = &drawn;
+        let SampleInputs {
+            g_buffer, depth, views, texels, buffers, importance, vpls, plan, ..
+        } = &inputs;
         let weighing = device.create_bind_group(
             "bevy_frugal_gi/vpl/weigh",
             &cache.get_bind_group_layout(&self.weigh_layout),
@@ -74,9 +76,9 @@ impl VplPipelines {
                 buffers.occluded_tiles.as_entire_binding(),
             )),
         );
-        let drawing = device.create_bind_group(
-            "bevy_frugal_gi/vpl/draw",
-            &cache.get_bind_group_layout(&self.draw_layout),
+        let sampling = device.create_bind_group(
+            "bevy_frugal_gi/vpl/sample",
+            &cache.get_bind_group_layout(&self.sample_layout),
             &BindGroupEntries::sequential((
                 texels.as_entire_binding(),
                 buffers.row_table.as_entire_binding(),
@@ -96,8 +98,8 @@ impl VplPipelines {
             sample: ready(self.sample)?,
             tracing,
             weighing,
-            drawing,
-            drawn,
+            sampling,
+            inputs,
         })
     }
 }
@@ -111,11 +113,11 @@ impl Steps<'_> {
     /// Traces tile visibility; group 1 holds the occluders. `occluded_tiles` must have been cleared
     /// before.
     pub fn trace_tiles(&self, pass: &mut ComputePass, occluders: &BindGroup) {
-        pass.set_bind_group(0, &self.tracing, &[self.drawn.view_offset]);
+        pass.set_bind_group(0, &self.tracing, &[self.inputs.view_offset]);
         pass.set_bind_group(1, occluders, &[]);
         pass.set_pipeline(self.trace_tiles);
         pass.dispatch_workgroups(
-            self.drawn.buffers.longest_row.div_ceil(TILE).div_ceil(TILE_GROUP),
+            self.inputs.buffers.longest_row.div_ceil(TILE).div_ceil(TILE_GROUP),
             self.rows(),
             1,
         );
@@ -123,25 +125,25 @@ impl Steps<'_> {
 
     /// Weights all texels by their importance.
     pub fn weigh(&self, pass: &mut ComputePass) {
-        pass.set_bind_group(0, &self.weighing, &[self.drawn.view_offset]);
+        pass.set_bind_group(0, &self.weighing, &[self.inputs.view_offset]);
         pass.set_pipeline(self.find_defensive_term);
         pass.dispatch_workgroups(1, 1, 1);
         pass.set_pipeline(self.weigh_texels);
-        pass.dispatch_workgroups(self.drawn.buffers.longest_row.div_ceil(64), self.rows(), 1);
+        pass.dispatch_workgroups(self.inputs.buffers.longest_row.div_ceil(64), self.rows(), 1);
     }
 
     /// Draws VPLs by the weights.
-    pub fn draw(&self, pass: &mut ComputePass) {
-        pass.set_bind_group(0, &self.drawing, &[]);
+    pub fn sample(&self, pass: &mut ComputePass) {
+        pass.set_bind_group(0, &self.sampling, &[]);
         pass.set_pipeline(self.accumulate_rows);
         pass.dispatch_workgroups(self.rows().div_ceil(64), 1, 1);
         pass.set_pipeline(self.accumulate_maps);
         pass.dispatch_workgroups(1, 1, 1);
         pass.set_pipeline(self.sample);
-        pass.dispatch_workgroups(self.drawn.plan.1.div_ceil(64), 1, 1);
+        pass.dispatch_workgroups(self.inputs.plan.1.div_ceil(64), 1, 1);
     }
 
     fn rows(&self) -> u32 {
-        self.drawn.buffers.rows.len() as u32
+        self.inputs.buffers.rows.len() as u32
     }
 }
