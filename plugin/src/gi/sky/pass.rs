@@ -18,7 +18,7 @@ use bevy::render::view::{ViewUniform, ViewUniformOffset, ViewUniforms};
 use bevy::shader::Shader;
 use bevy::utils::default;
 
-use super::camera::{PARTS, PARTS_PER_GROUP, SkyCamera};
+use super::camera::{STRATA, STRATA_PER_GROUP, SkyCamera};
 use crate::gi::trace::OccluderBuffers;
 use crate::gi::view::{GiView, SkySource};
 
@@ -135,7 +135,7 @@ pub(in crate::gi) fn sample(
         &BindGroupEntries::sequential((
             &faces,
             camera.reading_buffer.as_entire_binding(),
-            camera.parts.as_entire_binding(),
+            camera.strata.as_entire_binding(),
         )),
     );
     let weighing = device.create_bind_group(
@@ -145,7 +145,7 @@ pub(in crate::gi) fn sample(
             g_buffer,
             depth,
             views,
-            camera.parts.as_entire_binding(),
+            camera.strata.as_entire_binding(),
             camera.received.as_entire_binding(),
         )),
     );
@@ -153,7 +153,7 @@ pub(in crate::gi) fn sample(
         "bevy_frugal_gi/sky/sample",
         &sample_layout,
         &BindGroupEntries::sequential((
-            camera.parts.as_entire_binding(),
+            camera.strata.as_entire_binding(),
             camera.received.as_entire_binding(),
             camera.plan_buffer.as_entire_binding(),
             camera.samples.as_entire_binding(),
@@ -170,12 +170,12 @@ pub(in crate::gi) fn sample(
         if !camera.is_filled.swap(true, Ordering::Relaxed) {
             pass.set_bind_group(0, &filling, &[]);
             pass.set_pipeline(fill);
-            pass.dispatch_workgroups(PARTS / 64, 1, 1);
+            pass.dispatch_workgroups(STRATA / 64, 1, 1);
         }
         pass.set_bind_group(0, &weighing, &[view_offset.offset]);
         pass.set_bind_group(1, traced, &[]);
         pass.set_pipeline(weigh);
-        pass.dispatch_workgroups(PARTS / PARTS_PER_GROUP, 1, 1);
+        pass.dispatch_workgroups(STRATA / STRATA_PER_GROUP, 1, 1);
         pass.set_bind_group(0, &sampling, &[]);
         pass.set_pipeline(sample);
         pass.dispatch_workgroups(1, 1, 1);

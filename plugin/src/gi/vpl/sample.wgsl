@@ -65,12 +65,12 @@ fn accumulate_maps(@builtin(local_invocation_index) lane: u32) {
 }
 
 /// First index in [0, length) of `row_cdf` whose value exceeds `target`, or the last index.
-fn find_row(wanted: f32) -> u32 {
+fn find_row(threshold: f32) -> u32 {
     var low = 0u;
     var high = arrayLength(&row_cdf) - 1u;
     while low < high {
         let middle = (low + high) / 2u;
-        if row_cdf[middle] > wanted {
+        if row_cdf[middle] > threshold {
             high = middle;
         } else {
             low = middle + 1u;
@@ -80,12 +80,12 @@ fn find_row(wanted: f32) -> u32 {
 }
 
 /// The same within a row.
-fn find_texel(first: u32, length: u32, wanted: f32) -> u32 {
+fn find_texel(first: u32, length: u32, threshold: f32) -> u32 {
     var low = first;
     var high = first + length - 1u;
     while low < high {
         let middle = (low + high) / 2u;
-        if texel_cdf[middle] > wanted {
+        if texel_cdf[middle] > threshold {
             high = middle;
         } else {
             low = middle + 1u;
