@@ -75,7 +75,7 @@ impl BouncingLight {
             rotation,
             range: f32::INFINITY,
         }
-        .sound()
+        .if_valid()
     }
 
     pub fn spot(entity: Entity, light: &SpotLight, position: Vec3, rotation: Quat) -> Option<Self> {
@@ -83,7 +83,7 @@ impl BouncingLight {
         let outer = light.outer_angle.min(std::f32::consts::FRAC_PI_2 - 1e-4);
         let emitter = Emitter::Spot { inner: light.inner_angle.min(outer), outer };
         let intensity = linear(light.color) * light.intensity * CANDELA_PER_LUMEN;
-        Self { entity, emitter, intensity, position, rotation, range: light.range }.sound()
+        Self { entity, emitter, intensity, position, rotation, range: light.range }.if_valid()
     }
 
     pub fn point(entity: Entity, light: &PointLight, position: Vec3) -> Option<Self> {
@@ -96,11 +96,11 @@ impl BouncingLight {
             rotation: Quat::IDENTITY,
             range: light.range,
         }
-        .sound()
+        .if_valid()
     }
 
     /// Nothing for a light that is dark, negative or not finite: it costs nothing.
-    fn sound(self) -> Option<Self> {
+    fn if_valid(self) -> Option<Self> {
         let lit = self.intensity.is_finite()
             && self.intensity.min_element() >= 0.0
             && self.intensity.max_element() > 0.0;

@@ -38,7 +38,7 @@ struct Light {
 /// Largest finite f32, with room to add. NaN compares false with everything.
 const LARGEST: f32 = 1e30;
 
-fn is_sound(value: vec3<f32>) -> bool {
+fn is_valid(value: vec3<f32>) -> bool {
     return all(abs(value) < vec3(LARGEST));
 }
 
@@ -74,7 +74,7 @@ fn resolve(@builtin(global_invocation_id) id: vec3<u32>) {
 #endif
 
     let flux = light_flux * scattered_share(shown, cosine);
-    let lit = depth > 0.0 && is_sound(surface.position) && is_sound(surface.normal) && is_sound(flux);
+    let lit = depth > 0.0 && is_valid(surface.position) && is_valid(surface.normal) && is_valid(flux);
     var texel: Texel;
     texel.position = select(vec3(0.0), surface.position, lit);
     texel.packed_normal = pack_normal(select(vec3(0.0, 1.0, 0.0), surface.normal, lit));

@@ -208,13 +208,13 @@ impl MeshBvh {
 
 fn is_usable(triangle: &[Vec3; 3]) -> bool {
     let [a, b, c] = *triangle;
-    let sound = triangle
+    let valid = triangle
         .iter()
         .all(|corner| corner.is_finite() && corner.abs().max_element() < GREATEST_COORDINATE);
     let side = (b - a).abs().max((c - a).abs()).max_element();
     // In units of its own size, so that neither a tiny triangle nor a huge one leaves the range of
     // a float.
-    sound && side > 0.0 && ((b - a) / side).cross((c - a) / side).length() > LEAST_AREA
+    valid && side > 0.0 && ((b - a) / side).cross((c - a) / side).length() > LEAST_AREA
 }
 
 #[cfg(test)]

@@ -46,13 +46,13 @@ fn scattered_share(texel: vec4<u32>, cosine: f32) -> vec3<f32> {
     return base_color * (1.0 - metallic);
 #else
     let roughness = color.a;
-    let way = clamp(cosine, 0.0, 1.0);
+    let mu = clamp(cosine, 0.0, 1.0);
     let slope = roughness * roughness;
-    let grazing = pow(1.0 - way, 5.0);
-    let diffuse = 0.9762 + 0.0508 * slope + 0.0392 * slope * (1.0 - way) + (1.0236 * slope - 0.4988) * grazing;
+    let grazing = pow(1.0 - mu, 5.0);
+    let diffuse = 0.9762 + 0.0508 * slope + 0.0392 * slope * (1.0 - mu) + (1.0236 * slope - 0.4988) * grazing;
     let at_normal = mix(vec3(0.16 * properties.r * properties.r), base_color, metallic);
     let r = roughness * vec4(-1.0, -0.0275, -0.572, 0.022) + vec4(1.0, 0.0425, 1.04, -0.04);
-    let a = min(r.x * r.x, exp2(-9.28 * way)) * r.x + r.y;
+    let a = min(r.x * r.x, exp2(-9.28 * mu)) * r.x + r.y;
     // Below 2 % at normal incidence Bevy dims the grazing reflection, too, so that 0 has none.
     let at_grazing = saturate(dot(at_normal, vec3(50.0 * 0.33)));
     let fit = max(vec2(-1.04, 1.04) * a + r.zw, vec2(5e-5));
@@ -69,8 +69,8 @@ fn read_surface(texel: vec4<u32>, pixel: vec2<u32>, size: vec2<u32>, depth: f32,
 
 /// How much what was found at one point of a surface says of another, 0 to 1: whether it lies in
 /// the other's tangent plane, to within `tolerance` metres, and faces the same way.
-fn surface_affinity(way: vec3<f32>, normal: vec3<f32>, other_normal: vec3<f32>, tolerance: f32) -> f32 {
-    let off_plane = abs(dot(way, normal)) / tolerance;
+fn surface_affinity(delta: vec3<f32>, normal: vec3<f32>, other_normal: vec3<f32>, tolerance: f32) -> f32 {
+    let off_plane = abs(dot(delta, normal)) / tolerance;
     let alike = max(dot(other_normal, normal), 0.0);
     return exp(-off_plane * off_plane) * pow(alike, 8.0);
 }

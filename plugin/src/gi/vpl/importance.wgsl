@@ -26,8 +26,8 @@ struct ImportancePoints {
 
 /// Unoccluded geometry term between an importance point and a point of a surface, 1/m².
 fn from_point(point: Receiver, position: vec3<f32>, normal: vec3<f32>) -> f32 {
-    let way = position - point.position;
-    let square = clamp(dot(way, way), 1e-18, 1e30);
-    let cosines = max(dot(point.normal, way), 0.0) * max(-dot(normal, way), 0.0) / square;
+    let to_point = position - point.position;
+    let square = clamp(dot(to_point, to_point), 1e-18, 1e30);
+    let cosines = max(dot(point.normal, to_point), 0.0) * max(-dot(normal, to_point), 0.0) / square;
     return select(0.0, cosines / (square + point.radius_squared), point.radius_squared > 0.0);
 }

@@ -23,11 +23,11 @@ struct Vpl {
 /// would. Where many VPLs are drawn the pieces are small, and what is lost in corners goes to
 /// nothing with them; a bound for the whole scene (Dachsbacher and Stamminger 2005) stays.
 fn from_vpl(vpl: Vpl, position: vec3<f32>, normal: vec3<f32>) -> vec3<f32> {
-    let way = vpl.position - position;
+    let to_light = vpl.position - position;
     // Two divisions by d² rather than one by d⁴ keep every distance from 1e-9 m to 1e19 m in range;
     // at distance 0 both cosines are 0.
-    let inverse = 1.0 / clamp(dot(way, way), 1e-18, 1e38);
-    let receiver = max(dot(normal, way), 0.0) * inverse;
-    let emitter = max(-dot(vpl.normal, way), 0.0) * inverse;
+    let inverse = 1.0 / clamp(dot(to_light, to_light), 1e-18, 1e38);
+    let receiver = max(dot(normal, to_light), 0.0) * inverse;
+    let emitter = max(-dot(vpl.normal, to_light), 0.0) * inverse;
     return vpl.flux * min(receiver * emitter, vpl.largest_geometry_term);
 }

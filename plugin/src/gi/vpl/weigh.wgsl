@@ -40,9 +40,9 @@ fn pick_importance_points(@builtin(local_invocation_index) index: u32) {
     point.normal = surface_normal(textureLoad(g_buffer, pixel, 0));
     // About the surface that a rectangle of the grid covers: distances below that cannot be
     // resolved.
-    let way = point.position - view.world_position;
-    point.radius_squared = select(0.0, clamp(0.02 * dot(way, way), 1e-12, 1e18), depth > 0.0);
-    point.pixel_width = pixel_width(view.clip_from_view, size.y, sqrt(clamp(dot(way, way), 0.0, 1e30)));
+    let delta = point.position - view.world_position;
+    point.radius_squared = select(0.0, clamp(0.02 * dot(delta, delta), 1e-12, 1e18), depth > 0.0);
+    point.pixel_width = pixel_width(view.clip_from_view, size.y, sqrt(clamp(dot(delta, delta), 0.0, 1e30)));
     importance.points[index] = point;
 }
 
