@@ -26,7 +26,7 @@ pub(super) const BOUNCE_VPLS: VplPlan =
 
 /// What decides about the light of patches, beside the scene.
 #[derive(Clone, Debug, PartialEq)]
-struct Lit {
+struct LightInputs {
     rounds: u32,
     emissive: bool,
     exposure: f32,
@@ -58,7 +58,7 @@ pub struct BounceCamera {
     pub(super) importance: Buffer,
     /// `bounces/patch.wgsl`'s `PatchRange`.
     pub(super) range: Buffer,
-    lit: Lit,
+    inputs: LightInputs,
     /// Whether patches reflect in this frame, if the camera draws VPLs.
     pub(super) is_due: bool,
     /// Whether they have done so since.
@@ -69,12 +69,12 @@ pub struct BounceCamera {
 impl BounceCamera {
     /// Index of the first patch's texel in the store.
     pub(super) fn first_texel(&self) -> u32 {
-        self.lit.store.1
+        self.inputs.store.1
     }
 
     /// Times that patches reflect: once for two bounces.
     pub(super) fn rounds(&self) -> u32 {
-        self.lit.rounds
+        self.inputs.rounds
     }
 
     /// Patches that will reflect in this frame, if the camera draws VPLs; those that only fill up
@@ -138,7 +138,7 @@ pub(super) fn prepare(
         pipelines.queue(&cache, kind);
         let always = sky.as_ref().is_some_and(SkyInputs::is_generated);
         let rounds = gi.bounces.clamp(1, FrugalGi::MAX_BOUNCES) - 1;
-        let lit = Lit {
+        let inputs = LightInputs {
             rounds,
             emissive: gi.emissive,
             exposure: camera.exposure,
@@ -150,7 +150,7 @@ pub(super) fn prepare(
             if !Arc::ptr_eq(&held.held, patches) {
                 queue.write_buffer(&held.patches, 0, bytemuck::cast_slice(patches));
             }
-            if held.lit.store != lit.store {
+            if held.inputs.store != inputs.store {
                 // What lay there before is none of ours, and is drawn from if the patches cannot
                 // reflect in this frame.
                 queue.write_buffer(
@@ -160,11 +160,12 @@ pub(super) fn prepare(
                 );
                 queue.write_buffer(&held.range, 0, &range_bytes(first_texel));
             }
-            let is_same = Arc::ptr_eq(&held.held, patches) && held.lit == lit && held.kind == kind;
+            let is_same =
+                Arc::ptr_eq(&held.held, patches) && held.inputs == inputs && held.kind == kind;
             let is_done = held.is_done.load(Ordering::Relaxed);
             held.is_due = frame.maps || always || !is_same || !is_done;
             held.is_done.store(!held.is_due, Ordering::Relaxed);
-            (held.held, held.lit, held.kind) = (Arc::clone(patches), lit, kind);
+            (held.held, held.inputs, held.kind) = (Arc::clone(patches), inputs, kind);
             continue;
         }
         queue.write_buffer(texels, u64::from(first_texel) * TEXEL_BYTES, &vec![0; size as usize]);
@@ -210,7 +211,7 @@ pub(super) fn prepare(
                 &range_bytes(first_texel),
                 BufferUsages::UNIFORM,
             ),
-            lit,
+            inputs,
             is_due: true,
             is_done: AtomicBool::new(false),
             kind,

@@ -137,7 +137,7 @@ fn flatten(tree: &Bvh2) -> FlatBvh {
     let mut work: Vec<Result<usize, usize>> = vec![Ok(0)];
     while let Some(next) = work.pop() {
         match next {
-            Err(place) => flat.nodes[place].skip = flat.nodes.len() as u32,
+            Err(index) => flat.nodes[index].skip = flat.nodes.len() as u32,
             Ok(index) => {
                 let node = &tree.nodes[index];
                 let first = node.first_index as usize;

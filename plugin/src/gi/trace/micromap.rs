@@ -10,7 +10,7 @@
 const SIDE: u32 = 8;
 /// Places that are looked at in each part. Higher values follow textures better that have many
 /// holes in one triangle, and take longer.
-const PLACES: u32 = 8;
+const SAMPLES: u32 = 8;
 
 /// All of a triangle is there.
 pub const SOLID: u64 = u64::MAX;
@@ -22,46 +22,50 @@ pub const SOLID: u64 = u64::MAX;
 /// what it is: what a part was rounded by is carried on to the next.
 pub fn micromap(mut is_there: impl FnMut([f32; 2]) -> bool) -> u64 {
     let (mut map, mut carried, mut number) = (0, 0, 0);
-    for (index, part) in parts().enumerate() {
+    for (index, micro_triangle) in micro_triangles().enumerate() {
         let mut count = 0;
-        for _ in 0..PLACES {
+        for _ in 0..SAMPLES {
             number += 1;
-            count += i32::from(is_there(part.place(spread(number))));
+            count += i32::from(is_there(micro_triangle.point(spread(number))));
         }
         carried += count;
-        if 2 * carried >= PLACES as i32 {
+        if 2 * carried >= SAMPLES as i32 {
             map |= 1 << index;
-            carried -= PLACES as i32;
+            carried -= SAMPLES as i32;
         }
     }
     map
 }
 
 /// A part: its row and column, and whether it is the one of the two there that is turned over.
-struct Part {
+struct MicroTriangle {
     row: u32,
     column: u32,
     turned: bool,
 }
 
-impl Part {
-    fn place(&self, [across, along]: [f32; 2]) -> [f32; 2] {
+impl MicroTriangle {
+    fn point(&self, [across, along]: [f32; 2]) -> [f32; 2] {
         let [row, column] = [self.row as f32, self.column as f32];
         let (across, along) =
             if across + along > 1.0 { (1.0 - across, 1.0 - along) } else { (across, along) };
-        let place = if self.turned {
+        let point = if self.turned {
             [row + 1.0 - across, column + 1.0 - along]
         } else {
             [row + across, column + along]
         };
-        place.map(|weight| weight / SIDE as f32)
+        point.map(|weight| weight / SIDE as f32)
     }
 }
 
 /// All parts in the order of their bits: `trace.wgsl` counts the same way.
-fn parts() -> impl Iterator<Item = Part> {
+fn micro_triangles() -> impl Iterator<Item = MicroTriangle> {
     (0..SIDE).flat_map(|row| {
-        (0..2 * (SIDE - row) - 1).map(move |i| Part { row, column: i / 2, turned: i % 2 == 1 })
+        (0..2 * (SIDE - row) - 1).map(move |i| MicroTriangle {
+            row,
+            column: i / 2,
+            turned: i % 2 == 1,
+        })
     })
 }
 
@@ -97,18 +101,19 @@ mod tests {
 
     #[test]
     fn each_bit_is_one_part_of_the_triangle() {
-        let places: Vec<[f32; 2]> = parts().map(|part| part.place([0.3, 0.3])).collect();
-        assert_eq!(places.len(), 64);
-        for (index, place) in places.iter().enumerate() {
+        let points: Vec<[f32; 2]> =
+            micro_triangles().map(|micro_triangle| micro_triangle.point([0.3, 0.3])).collect();
+        assert_eq!(points.len(), 64);
+        for (index, point) in points.iter().enumerate() {
             assert!(
-                place[0] + place[1] < 1.0 && place.iter().all(|weight| *weight > 0.0),
-                "{place:?}"
+                point[0] + point[1] < 1.0 && point.iter().all(|weight| *weight > 0.0),
+                "{point:?}"
             );
             for other in 0..64 {
                 assert_eq!(
-                    is_there(1 << other, place.map(f64::from)),
+                    is_there(1 << other, point.map(f64::from)),
                     other == index,
-                    "bit {other} at {place:?}"
+                    "bit {other} at {point:?}"
                 );
             }
         }
@@ -158,8 +163,8 @@ mod tests {
                 count += u32::from(there);
                 there
             });
-            let exact = count as f32 / PLACES as f32;
-            prop_assert!((map.count_ones() as f32 - exact).abs() <= 0.5, "{} parts of {exact}", map.count_ones());
+            let exact = count as f32 / SAMPLES as f32;
+            prop_assert!((map.count_ones() as f32 - exact).abs() <= 0.5, "{} micro-triangles of {exact}", map.count_ones());
         }
     }
 }

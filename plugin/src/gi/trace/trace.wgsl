@@ -70,8 +70,8 @@ fn is_there(triangle: Triangle, second: f32, third: f32) -> bool {
     // The row begins at part row · (16 − row), and its columns have two parts each, of which the
     // sum of both fractions tells: with ⌊across + along⌋ = row + column + (0 or 1), that is this.
     // The farthest corner and rounding on the longest side may name a neighbour.
-    let part = row * (15u - row) + u32(along) + u32(across + along);
-    return (select(triangle.map_low, triangle.map_high, part >= 32u) >> (part & 31u) & 1u) == 1u;
+    let micro_triangle = row * (15u - row) + u32(along) + u32(across + along);
+    return (select(triangle.map_low, triangle.map_high, micro_triangle >= 32u) >> (micro_triangle & 31u) & 1u) == 1u;
 }
 #else
 fn is_there(triangle: Triangle, second: f32, third: f32) -> bool {
