@@ -1,15 +1,15 @@
-//! What a camera's frame takes: plain arithmetic over what changed.
+//! The work of a camera in a frame: plain arithmetic over what changed.
 
 use super::frame::{GiFrame, GiRefresh};
 
-/// What a camera's frame takes, beside the composite.
+/// The work of a camera in a frame, beside the composite.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(in crate::gi) struct Work {
-    /// Drawing VPLs.
+    /// Sampling of VPLs.
     pub sample: bool,
-    /// Gathering and filtering.
+    /// Gather and denoising.
     pub gather: bool,
-    /// Frames since anything changed that decides about them.
+    /// Frames since any of their inputs changed.
     pub frames_since_change: u32,
 }
 
@@ -17,8 +17,8 @@ impl Work {
     /// Everything.
     pub const ALL: Self = Self { sample: true, gather: true, frames_since_change: 0 };
 
-    /// The next frame's. `changed`: the camera, its sky or its settings are others. `always`: its
-    /// pixels never stay where they are, or its sky is made anew in each frame.
+    /// The next frame's. `changed`: the camera, its sky or its settings changed. `always`: its
+    /// pixels are jittered, or its sky is generated in each frame.
     pub fn next(
         self,
         changed: bool,
@@ -29,8 +29,8 @@ impl Work {
     ) -> Self {
         let frames_since_change =
             if changed { 0 } else { self.frames_since_change.saturating_add(1) };
-        // A whole period from the last change on: in one frame of it VPLs are drawn for where the
-        // camera is now.
+        // A whole period from the last change on: in one of its frames VPLs are sampled for the
+        // camera's final pose.
         let gather =
             frame.gather || always || policy != GiRefresh::OnChange || frames_since_change < period;
         Self {
@@ -41,16 +41,16 @@ impl Work {
     }
 }
 
-/// What a frame means to what was shown before.
+/// What a frame does with the history.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(in crate::gi) enum Step {
     /// Nothing is gathered.
     Rests,
-    /// Light is gathered after a cut, or where nothing moves.
+    /// Light is gathered after a cut, or at rest: the history starts over.
     Begins,
-    /// Something moves.
+    /// Something moves: the history goes on.
     Moves,
-    /// The settings or the sky are others. What was shown is carried over, to other pixels, too.
+    /// The settings or the sky changed. The history is carried over, also to another resolution.
     Switches,
 }
 

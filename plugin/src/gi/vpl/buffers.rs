@@ -16,7 +16,7 @@ pub(in crate::gi) const IMPORTANCE_POINTS_BYTES: u64 =
 
 /// Buffers between a camera's maps and its VPLs.
 pub(in crate::gi) struct SamplingBuffers {
-    /// What `row_table` holds.
+    /// The content of `row_table`.
     pub rows: Vec<TexelRow>,
     /// Texels in the longest row.
     pub longest_row: u32,
@@ -61,7 +61,7 @@ impl SamplingBuffers {
         }
     }
 
-    /// Draws from other texels from now on, which take the [same places](crate::gi::texels::same_places).
+    /// Samples other rows from now on, of the [same layout](crate::gi::texels::same_places).
     pub fn set_rows(&mut self, queue: &RenderQueue, rows: Vec<TexelRow>) {
         queue.write_buffer(&self.row_table, 0, bytemuck::cast_slice(&rows));
         self.rows = rows;

@@ -1,5 +1,5 @@
 // Importance points: surface points that stand for all visible surfaces (or, for bounces, for all
-// patches), and the irradiance that they could receive from a texel.
+// patches), and the geometry term between them and a texel.
 #define_import_path bevy_frugal_gi::gi::vpl::importance
 
 struct Receiver {

@@ -1,4 +1,4 @@
-//! Virtual point lights: drawn for each GI camera from the texels of its maps.
+//! Virtual point lights: sampled for each GI camera from the texels of its maps.
 
 mod buffers;
 mod plan;
@@ -31,7 +31,7 @@ pub(super) use plan::VplPlan;
 pub(super) use steps::SampleInputs;
 pub(super) use view::VplView;
 
-/// Bytes of `vpl/vpl.wgsl`'s `Vpl`. A test holds it against the shader.
+/// Bytes of `vpl/vpl.wgsl`'s `Vpl`. A test compares it with the shader.
 pub(super) const VPL_BYTES: u64 = 48;
 
 /// Threads in a workgroup of `tile_visibility.wgsl`.
@@ -148,7 +148,7 @@ impl FromWorld for VplPipelines {
     }
 }
 
-/// In a GI camera's view: weighs the texels of its maps and draws its VPLs.
+/// In a GI camera's view: weights the texels of its maps and samples its VPLs.
 pub(super) fn sample(
     view: ViewQuery<(&GiView, &VplView, &ViewPrepassTextures, &ViewUniformOffset)>,
     pipelines: Res<VplPipelines>,

@@ -1,5 +1,5 @@
-//! From receivers to virtual point lights: the steps that drawing for a camera's picture and for
-//! its patches have in common.
+//! From importance points to virtual point lights: the steps that sampling for a camera's image and
+//! for its patches share.
 
 use bevy::render::render_resource::*;
 use bevy::render::renderer::RenderDevice;
@@ -8,7 +8,7 @@ use super::buffers::SamplingBuffers;
 use super::{TILE_GROUP, VplPipelines};
 use crate::gi::texels::TILE;
 
-/// What is drawn from, and into what.
+/// Inputs and output of the sampling.
 pub(in crate::gi) struct SampleInputs<'a> {
     /// The camera's.
     pub g_buffer: &'a TextureView,
@@ -21,7 +21,7 @@ pub(in crate::gi) struct SampleInputs<'a> {
     /// Points that stand for everything to be lit: `vpl/importance.wgsl`'s `ImportancePoints`.
     pub importance: &'a Buffer,
     pub vpls: &'a Buffer,
-    /// How these are shared out, and how many slots that takes.
+    /// The VPLs' plan, and its number of slots.
     pub plan: (&'a Buffer, u32),
 }
 
@@ -132,7 +132,7 @@ impl Steps<'_> {
         pass.dispatch_workgroups(self.inputs.buffers.longest_row.div_ceil(64), self.rows(), 1);
     }
 
-    /// Draws VPLs by the weights.
+    /// Samples VPLs in proportion to the weights.
     pub fn sample(&self, pass: &mut ComputePass) {
         pass.set_bind_group(0, &self.sampling, &[]);
         pass.set_pipeline(self.accumulate_rows);

@@ -1,4 +1,4 @@
-//! What a GI camera holds for its VPLs.
+//! A GI camera's buffers for its VPLs.
 
 use bevy::ecs::prelude::*;
 use bevy::render::render_resource::*;
@@ -9,14 +9,14 @@ use super::plan::VplPlan;
 use crate::gi::texels::same_places;
 use crate::gi::view::GiView;
 
-/// The VPLs of a GI camera and what they are sampled with. In the render world.
+/// The VPLs of a GI camera and the buffers of their sampling. In the render world.
 #[derive(Component)]
 pub(in crate::gi) struct VplView {
-    /// How the VPLs are shared out.
+    /// Interleaving of the VPLs.
     pub plan: VplPlan,
     pub plan_buffer: Buffer,
     pub vpls: Buffer,
-    /// None where the camera has no texels to sample: it then gathers a sky alone.
+    /// `None` where the camera has no texels to sample: it then gathers only its sky.
     pub sampling: Option<SamplingBuffers>,
 }
 
