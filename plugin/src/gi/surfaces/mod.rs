@@ -1,8 +1,6 @@
-//! Surfaces as the main world can read them: triangles, textures and what alpha masks leave of
-//! meshes.
+//! Surfaces as the main world can read them: triangles, textures and alpha masks of meshes.
 //!
-//! For what has to be known of surfaces that no picture shows: those that hide light, that glow, or
-//! that reflect it again.
+//! For surfaces outside every rendered view that occlude light, emit it or reflect it again.
 
 mod assets;
 mod cutout;

@@ -1,4 +1,4 @@
-//! Points that lie evenly on a surface, each for a piece of it: plain Rust, no renderer.
+//! Points evenly distributed on a surface, each for a piece of it: plain Rust, no renderer.
 //!
 //! Laid out once in the mesh's own space, evenly by area and in Morton order (neighbours in space
 //! are neighbours in the list): the same surface keeps its points while it or anything else moves.
@@ -8,16 +8,16 @@ use bevy::math::{Affine3A, DVec3, Mat3A, Vec3, VectorSpace};
 /// Triangles beyond this, metres, are left out: their areas would leave the range of a float.
 const GREATEST_COORDINATE: f32 = 1e15;
 
-/// A place on a triangle.
+/// A point on a triangle of a mesh.
 #[derive(Clone, Copy, Debug)]
 pub(in crate::gi) struct TrianglePoint {
     /// The triangle's index.
     pub triangle: usize,
-    /// Weights of its second and third corner.
+    /// Barycentric weights of its second and third corner.
     pub weights: [f32; 2],
 }
 
-/// What the corners of a triangle have, at a place: weights of the second and third.
+/// Interpolates an attribute of a triangle's corners. Barycentric weights: of the second and third.
 pub(super) fn interpolated<V: VectorSpace<Scalar = f32>>(
     [a, b, c]: [V; 3],
     [second, third]: [f32; 2],
@@ -31,7 +31,7 @@ pub(in crate::gi) struct SurfacePoint<S> {
     pub position: Vec3,
     /// Unit length.
     pub normal: Vec3,
-    /// What the surface is like there.
+    /// Material or colour there.
     pub sample: S,
 }
 
@@ -39,13 +39,13 @@ pub(in crate::gi) struct SurfacePoint<S> {
 #[derive(Clone, Debug, PartialEq)]
 pub(in crate::gi) struct SurfacePoints<S> {
     pub points: Vec<SurfacePoint<S>>,
-    /// That each stands for, in the mesh's own space, m².
+    /// Area of each point's piece, in the mesh's own space, m².
     pub area: f64,
 }
 
 impl<S> SurfacePoints<S> {
-    /// `count` points on `triangles`; `None` where these have no area. `paint` is asked what each
-    /// is like.
+    /// `count` points on `triangles`; `None` where these have no area. `sample` evaluates the
+    /// material at each.
     pub fn new(
         triangles: &[[Vec3; 3]],
         count: usize,
@@ -69,8 +69,8 @@ impl<S> SurfacePoints<S> {
                 let triangle =
                     cumulative.partition_point(|sum| *sum <= target).min(triangles.len() - 1);
                 let before = triangle.checked_sub(1).map_or(0.0, |before| cumulative[before]);
-                // How far into its triangle is one coordinate, and multiples of the golden ratio
-                // are the other: evenly spread, however many points a triangle has.
+                // The position within the triangle's share is one coordinate, multiples of the
+                // golden ratio the other: evenly distributed, however many points a triangle has.
                 let along = ((target - before) / (cumulative[triangle] - before)).clamp(0.0, 1.0);
                 let across = (index as f64 * 0.618_033_988_749_895).fract();
                 // Uniform over the triangle: Turk 1990, "Generating Random Points in Triangles".
@@ -89,8 +89,8 @@ impl<S> SurfacePoints<S> {
         Some(Self { points, area: total / count as f64 })
     }
 
-    /// Leaves every `step`-th of them, 1 or more, each for as many. Neighbours in the list are
-    /// neighbours in space, so that these are evenly spread, too.
+    /// Keeps every `step`-th point (`step` ≥ 1), each for the area of `step`. Neighbours in the
+    /// list are neighbours in space, so the rest is evenly distributed, too.
     pub fn thin(&mut self, step: usize) {
         self.points =
             std::mem::take(&mut self.points).into_iter().skip(step / 2).step_by(step).collect();
@@ -109,8 +109,8 @@ fn is_usable(triangle: &[Vec3; 3]) -> bool {
         .all(|corner| corner.is_finite() && corner.abs().max_element() < GREATEST_COORDINATE)
 }
 
-/// What turns a normal × area of the mesh into that of the world: a mirrored mesh keeps the side
-/// from which its triangles run counter-clockwise.
+/// The cofactor matrix, which transforms normal × area from the mesh to the world. A mirrored mesh
+/// keeps the side from which its triangles run counter-clockwise.
 pub(in crate::gi) fn area_matrix(affine: &Affine3A) -> Mat3A {
     let Mat3A { x_axis, y_axis, z_axis } = affine.matrix3;
     Mat3A::from_cols(y_axis.cross(z_axis), z_axis.cross(x_axis), x_axis.cross(y_axis))

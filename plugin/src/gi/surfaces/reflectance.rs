@@ -1,4 +1,4 @@
-//! What surfaces reflect, as far as the main world can read it.
+//! Reflectance of surfaces, as far as the main world can read it.
 
 use bevy::asset::AssetId;
 use bevy::color::{ColorToComponents, LinearRgba};
@@ -16,7 +16,7 @@ use super::sides::Sides;
 use super::texture::{MeshTexture, TextureUse};
 use super::vertex_colors::vertex_colors;
 
-/// Whether a material lets no light through but by its mask's holes.
+/// Whether a material lets no light through except in its mask's holes.
 pub(in crate::gi) fn occludes(material: &StandardMaterial) -> bool {
     matches!(
         material.alpha_mode,
@@ -25,7 +25,7 @@ pub(in crate::gi) fn occludes(material: &StandardMaterial) -> bool {
         && material.diffuse_transmission <= 0.0
 }
 
-/// Whether what the camera shows of it comes out of the G-buffer.
+/// Whether a material is rendered into the G-buffer.
 pub(in crate::gi) fn is_deferred(material: &StandardMaterial) -> bool {
     let is_opaque = matches!(
         material.alpha_mode,
@@ -39,11 +39,10 @@ pub(in crate::gi) fn is_deferred(material: &StandardMaterial) -> bool {
     is_opaque && method && material.specular_transmission <= 0.0
 }
 
-/// What of a material decides about the light that its surfaces reflect: meshes with the same one
-/// reflect the same.
+/// The reflectance of a material. A mesh reflects alike under equal reflectances.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub(in crate::gi) struct Reflectance {
-    /// Bits, so that they can be a key: linear RGB, perceptual roughness, metallic, reflectance.
+    /// Bits, for use as a key: linear RGB, perceptual roughness, metallic, reflectance.
     values: [u32; 6],
     color: Option<TextureUse>,
     metallic_roughness: Option<TextureUse>,
@@ -51,7 +50,7 @@ pub(in crate::gi) struct Reflectance {
     pub sides: Sides,
 }
 
-/// What a surface is like at a place.
+/// Material parameters at a point of a surface.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(in crate::gi) struct MaterialSample {
     /// Linear RGB, each in 0 to 1.
@@ -65,8 +64,8 @@ pub(in crate::gi) struct MaterialSample {
 }
 
 impl Reflectance {
-    /// That of a material; none where it reflects no light onto others: unlit and (partly)
-    /// transparent ones, and what is rendered forward.
+    /// The reflectance of a material; `None` where it reflects no indirect light: unlit, (partly)
+    /// transparent and forward-rendered materials.
     pub fn new(material: &StandardMaterial) -> Option<Self> {
         if material.unlit || !occludes(material) || !is_deferred(material) {
             return None;
@@ -102,12 +101,12 @@ impl Reflectance {
             || self.mask.is_some_and(|mask| mask.reads(image))
     }
 
-    /// Whether it differs from place to place.
+    /// Whether it varies over the surface.
     pub fn is_patterned(&self) -> bool {
         self.color.is_some() || self.metallic_roughness.is_some() || self.mask.is_some()
     }
 
-    /// On a mesh; `None` while an image is not there.
+    /// Applies it to a mesh; `None` while an image is not loaded.
     pub fn on<'a>(&self, mesh: &'a Mesh, assets: &'a SurfaceAssets) -> Option<MaterialMesh<'a>> {
         let images = assets.images.as_deref();
         Some(MaterialMesh {
@@ -120,7 +119,7 @@ impl Reflectance {
     }
 }
 
-/// A mesh with all that says what it reflects where.
+/// A mesh with the data that its material samples come from.
 pub(in crate::gi) struct MaterialMesh<'a> {
     values: [f32; 6],
     color: Option<MeshTexture<'a>>,
@@ -129,14 +128,13 @@ pub(in crate::gi) struct MaterialMesh<'a> {
     cutout: Option<Cutout<'a>>,
 }
 
-/// For textures that the processor cannot read: a colour in the middle of what surfaces have, half
-/// rough and no metal.
+/// For textures that the CPU cannot read: an average colour, half rough, no metal.
 const UNREAD_COLOR: LinearRgba = LinearRgba::rgb(0.4, 0.4, 0.4);
 const UNREAD_METALLIC_ROUGHNESS: LinearRgba = LinearRgba::rgb(0.0, 0.5, 0.0);
 
 impl MaterialMesh<'_> {
-    /// What it is like at a place of a triangle: its corners, and weights of the second and third.
-    /// None in a hole.
+    /// The material at a point of a triangle, given by its vertex indices and barycentric weights
+    /// of the second and third corner. `None` in a hole.
     pub fn at(&self, corners: [usize; 3], weights: [f32; 2]) -> Option<MaterialSample> {
         if self.cutout.as_ref().is_some_and(|cutout| !cutout.is_there(corners, weights)) {
             return None;
@@ -145,7 +143,7 @@ impl MaterialMesh<'_> {
             texture.as_ref().map_or(LinearRgba::WHITE, |texture| {
                 texture.color(corners, weights).unwrap_or_else(|| {
                     warn_once!(
-                        "a texture is kept for the GPU alone or is compressed: what it lies on reflects light on to others as if it were grey (RenderAssetUsages::MAIN_WORLD keeps it readable)"
+                        "a texture is kept for the GPU alone or is compressed: its surfaces reflect indirect light as if they were grey (RenderAssetUsages::MAIN_WORLD keeps it readable)"
                     );
                     unread
                 })
@@ -153,11 +151,11 @@ impl MaterialMesh<'_> {
         };
         let [red, green, blue, roughness, metallic, reflectance] = self.values;
         let texel = read(&self.color, UNREAD_COLOR);
-        // Linear values, whatever the image's format says of its colours.
+        // Linear values, whatever colour space the image's format declares.
         let properties = read(&self.metallic_roughness, UNREAD_METALLIC_ROUGHNESS);
         let color =
             Vec3::new(red, green, blue) * texel.to_vec3() * self.vertex_color(corners, weights);
-        // What is no number compares false.
+        // NaN compares false.
         let share = |value: f32| if value > 0.0 { value.min(1.0) } else { 0.0 };
         Some(MaterialSample {
             color: Vec3::from_array(color.to_array().map(share)),
@@ -184,7 +182,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn what_is_unlit_or_lets_light_through_reflects_none() {
+    fn unlit_and_transparent_materials_reflect_nothing() {
         let reflects = |material: StandardMaterial| Reflectance::new(&material).is_some();
         assert!(reflects(StandardMaterial::default()));
         assert!(reflects(StandardMaterial {
@@ -217,7 +215,7 @@ mod tests {
     }
 
     #[test]
-    fn numbers_out_of_range_are_brought_into_it() {
+    fn values_out_of_range_are_clamped() {
         let mesh = Mesh::new(
             bevy::mesh::PrimitiveTopology::TriangleList,
             bevy::asset::RenderAssetUsages::all(),

@@ -10,14 +10,14 @@ struct Row {
     length: u32,
     /// Index of the first tile that it runs through.
     first_tile: u32,
-    /// Its place among the rows of that tile, and how many they are.
+    /// Index among the rows of that tile.
     place: u32,
     tile_rows: u32,
-    /// First column that nothing is drawn from, and the one after the last: another map has them.
+    /// First column that is not sampled, and the one after the last: a finer cascade covers them.
     cut: vec2<u32>,
 }
 
-/// Whether another map has what a column shows.
+/// Whether a finer cascade covers a column.
 fn is_cut(row: Row, column: u32) -> bool {
     return column >= row.cut.x && column < row.cut.y;
 }
