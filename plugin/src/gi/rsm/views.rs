@@ -1,5 +1,5 @@
-//! Keeps one hidden camera per map: spawns, moves, resizes and despawns them as lights and GI
-//! cameras come, move and go.
+//! Maintains one hidden camera per map: spawns, moves, resizes and despawns them as lights and GI
+//! cameras change.
 
 use bevy::camera::visibility::{InheritedVisibility, RenderLayers};
 use bevy::camera::{
@@ -25,7 +25,7 @@ use crate::gi::settings::{FrugalGi, GiLimits, GiShading};
 use crate::gi::texels::CascadeCut;
 use crate::gi::view::LightPresence;
 
-/// Lights' maps come before every camera that an app would order by hand; each has its own number.
+/// Maps render before every camera that an app orders; each has its own order.
 const FIRST_ORDER: isize = isize::MIN / 2;
 
 /// A map that should exist in this frame.
@@ -41,14 +41,14 @@ struct MapSpec {
 }
 
 impl MapSpec {
-    /// Unique, since places in the store are: cameras of equal order and target are ambiguous to
+    /// Unique, as offsets in the store are: cameras of equal order and target are ambiguous to
     /// Bevy.
     fn order(&self) -> isize {
         FIRST_ORDER + self.light.texel_offset as isize
     }
 }
 
-/// The GI cameras of this frame.
+/// A GI camera of this frame.
 struct GiEye {
     entity: Entity,
     position: Vec3,
@@ -57,12 +57,12 @@ struct GiEye {
     shading: GiShading,
 }
 
-/// What happened to maps in this frame.
+/// Changes of maps in this frame.
 #[derive(Resource, Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(in crate::gi) struct MapDelta {
-    /// One came, went or got another size: texels are no longer where they were.
+    /// A map was added, removed or resized: the layout of the store changed.
     pub laid_out: bool,
-    /// One shows something else: its light or its region moved or changed.
+    /// A map's light or region moved or changed.
     pub moved: bool,
 }
 
@@ -75,7 +75,7 @@ pub(super) fn maintain(
     suns: Query<(Entity, &DirectionalLight, &InheritedVisibility, Option<&RenderLayers>)>,
     spots: Query<(Entity, &SpotLight, &InheritedVisibility, Option<&RenderLayers>)>,
     points: Query<(Entity, &PointLight, &InheritedVisibility, Option<&RenderLayers>)>,
-    // Both touch transforms: first those of lights and cameras are read, then those of maps are
+    // Both access transforms: those of lights and cameras are read first, then those of maps are
     // written.
     mut params: ParamSet<(TransformHelper, Query<Map, Without<FrugalGi>>)>,
 ) {
@@ -149,7 +149,7 @@ pub(super) fn maintain(
     }
 }
 
-/// A map that is there.
+/// An existing map.
 #[derive(QueryData)]
 #[query_data(mutable)]
 pub(super) struct Map {
@@ -165,7 +165,7 @@ pub(super) struct Map {
 }
 
 impl MapItem<'_, '_> {
-    /// Changes what is other than wanted.
+    /// Applies the differences from `spec`.
     fn become_as(mut self, spec: MapSpec, delta: &mut MapDelta) {
         delta.laid_out |= (self.light.texel_offset, self.light.resolution)
             != (spec.light.texel_offset, spec.light.resolution);
@@ -177,19 +177,20 @@ impl MapItem<'_, '_> {
         if self.camera.order != spec.order() {
             self.camera.order = spec.order();
         }
-        // Bevy looks at a target without texture only when the projection was touched.
+        // Bevy checks a target without texture only when the projection is marked as changed.
         if resized || !same_projection(&self.projection, &spec.projection) {
             *self.projection = spec.projection;
             delta.moved = true;
         }
         delta.moved |= self.transform.set_if_neq(spec.transform);
         delta.moved |= self.light.set_if_neq(spec.light) | self.shading.set_if_neq(spec.shading);
-        // What is drawn from which map changes now, so both must be there now.
+        // The cut moves texels from one cascade to the other, so both must be rendered in this
+        // frame.
         delta.laid_out |= self.cut.set_if_neq(spec.cut);
     }
 }
 
-/// The maps of the lights that matter most, as many as `most` allows.
+/// The maps of the most important lights, up to `most` maps.
 fn choose(
     lights: &[(BouncingLight, Option<RenderLayers>)],
     eyes: &[GiEye],
@@ -204,10 +205,10 @@ fn choose(
             (importance, light, layers)
         })
         .collect();
-    // Equal importance falls back on the entity, so that the choice does not flicker.
+    // Ties are broken by entity, so that the choice does not flicker.
     ranked.sort_by(|a, b| b.0.total_cmp(&a.0).then(a.1.entity.cmp(&b.1.entity)));
 
-    // What cameras share is as the most demanding one wants it.
+    // Shared maps satisfy the most demanding camera.
     let finest = eyes.iter().map(|eye| eye.resolution).max().unwrap_or(0);
     let lambertian = eyes.iter().all(|eye| eye.shading == GiShading::Lambertian);
     let shading = if lambertian { GiShading::Lambertian } else { GiShading::Standard };
@@ -228,12 +229,12 @@ fn choose(
     specs
 }
 
-/// One map where the scene is small; else one of the surroundings and, on about as many texels
-/// together, one of what is near.
+/// One map where the scene is small; else a far and a near cascade of about as many texels
+/// together.
 ///
-/// Seen from afar, a level is mostly ground that lights nothing in the picture: of a hall of 17 m
-/// in the middle of 100 m of ground, a single map of 512 × 512 texels had 2,400 on what the sun
-/// lights inside, 21 cm each, and the hall's light was 5 % short.
+/// A map of a whole level is mostly ground that lights nothing in the image. For a hall of 17 m in
+/// the middle of 100 m of ground, a single map of 512 × 512 texels had 2,400 on sunlit surfaces
+/// inside, 21 cm each, and the hall's light was 5 % too low.
 fn parallel_maps(
     light: &BouncingLight,
     eye: &GiEye,
@@ -256,7 +257,7 @@ fn parallel_maps(
     vec![parallel_map(light, eye, 0, eye.resolution, whole, CascadeCut::default(), layers)]
 }
 
-/// Texels along the side of each of two maps that stand in for one of `resolution`.
+/// Texels along the side of each of two cascades that replace one map of `resolution`.
 fn shared_resolution(resolution: u32) -> u32 {
     (resolution * 11 / 16).next_multiple_of(4)
 }
@@ -316,8 +317,8 @@ fn perspective_map(
         projection: Projection::Perspective(PerspectiveProjection {
             fov: 2.0 * half_angle,
             aspect_ratio: 1.0,
-            // What touches the lamp does not light the scene; nearer walls than this would be seen
-            // from inside.
+            // Surfaces that touch the light do not matter; a nearer plane would show walls around
+            // it from inside.
             near: 0.02,
             far: light.range,
             ..Default::default()
@@ -338,8 +339,8 @@ fn perspective_map(
     }
 }
 
-/// Rotation of a camera (which looks along its own −Z) that looks through the cube's `face`: +X, −X,
-/// +Y, −Y, +Z, −Z.
+/// Rotation of a camera (which looks along its own −Z) for the cube's `face`: +X, −X, +Y, −Y, +Z,
+/// −Z.
 fn cube_face(face: u8) -> Quat {
     let axis = [Vec3::X, Vec3::Y, Vec3::Z][usize::from(face) / 2 % 3];
     let forward = if face.is_multiple_of(2) { axis } else { -axis };
@@ -347,8 +348,8 @@ fn cube_face(face: u8) -> Quat {
     Quat::from_mat3(&Mat3::from_cols(forward.cross(up), up, -forward))
 }
 
-/// Gives every map its place in the store, in an order that does not depend on how entities are
-/// iterated.
+/// Assigns every map its offset in the store, in an order that does not depend on the iteration of
+/// entities.
 fn lay_out(specs: &mut [MapSpec]) {
     specs.sort_by_key(|spec| (spec.view.light, spec.view.camera, spec.view.face));
     let mut texel = 0;
@@ -387,8 +388,7 @@ fn spawn(commands: &mut Commands, spec: MapSpec) {
         Camera { order: spec.order(), ..Default::default() },
         RenderTarget::None { size: UVec2::splat(spec.resolution) },
         Msaa::Off,
-        // For what is rendered forward: it leaves its depth alone, and so meets the light as
-        // something black.
+        // Forward-rendered meshes write only depth: they block light, and reflect none.
         DepthPrepass,
         DeferredPrepass,
         spec.projection,

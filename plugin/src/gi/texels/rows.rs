@@ -26,7 +26,8 @@ pub(in crate::gi) struct TexelRow {
     /// Index of the first tile that it runs through.
     first_tile: u32,
     /// Index among the rows of that tile.
-    place: u32,
+    row_in_tile: u32,
+    /// Number of rows of that tile.
     tile_rows: u32,
     /// First column that is not sampled, and the one after the last: a finer cascade covers them.
     cut: [u32; 2],
@@ -57,7 +58,7 @@ impl TexelRow {
                 first_weight: first_weight + index * length,
                 length,
                 first_tile: first_tile + tile_row * length.div_ceil(TILE),
-                place: index % TILE,
+                row_in_tile: index % TILE,
                 tile_rows: (count - tile_row * TILE).min(TILE),
                 cut: if (cut.rows[0]..cut.rows[1]).contains(&index) { cut.columns } else { [0; 2] },
             }

@@ -11,7 +11,8 @@ struct Row {
     /// Index of the first tile that it runs through.
     first_tile: u32,
     /// Index among the rows of that tile.
-    place: u32,
+    row_in_tile: u32,
+    /// Number of rows of that tile.
     tile_rows: u32,
     /// First column that is not sampled, and the one after the last: a finer cascade covers them.
     cut: vec2<u32>,

@@ -33,11 +33,11 @@ fn trace_tiles(@builtin(global_invocation_id) id: vec3<u32>) {
     }
     let width = min(row.length - first, TILE);
     var found = 0u;
-    for (var i = row.place; i < IMPORTANCE_POINTS; i += row.tile_rows) {
+    for (var i = row.row_in_tile; i < IMPORTANCE_POINTS; i += row.tile_rows) {
         let point = importance.points[i];
         for (var j = 0u; j < TRIES; j++) {
             // Any four columns, different ones for each importance point.
-            let column = (i * 7u + id.x * 3u + row.place * 5u + j * 11u) % width;
+            let column = (i * 7u + id.x * 3u + row.row_in_tile * 5u + j * 11u) % width;
             let texel = texels[row.first_texel + first + column];
             if texel_luminance(texel) > 0.0 && !is_cut(row, first + column) {
                 let normal = texel_normal(texel);
