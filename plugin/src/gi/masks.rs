@@ -1,11 +1,10 @@
 //! Keeps Bevy 0.19.1 from drawing deferred alpha-masked meshes twice.
 //!
-//! They are drawn into the G-buffer and lit with all that is deferred; and then drawn again by the
-//! forward alpha-mask pass, over that light, which leaves them without any of the lights that
-//! reached them (a drape in the sun came out black). Bevy leaves opaque deferred materials out of
-//! the forward pass; this does the same for masked ones. It matters here since
-//! [`GiPlugin`](super::GiPlugin) makes deferred rendering the default, and gives every camera a
-//! deferred prepass.
+//! They are drawn into the G-buffer and lit by the deferred pass. The forward alpha-mask pass then
+//! draws them again over that, without direct light (a drape in the sun came out black). Bevy
+//! leaves opaque deferred materials out of the forward pass; this does the same for masked ones. It
+//! matters here because [`GiPlugin`](super::GiPlugin) makes deferred rendering the default and
+//! gives every camera a deferred prepass.
 
 use std::sync::Arc;
 
@@ -23,7 +22,7 @@ pub(super) fn draw_once(mut materials: ResMut<ErasedRenderAssets<PreparedMateria
         return;
     }
     let forward = MainPassAlphaMaskDrawFunction.intern();
-    // What is done here is no change to look at in the next frame.
+    // This change must not trigger change detection in the next frame.
     for (_, material) in materials.bypass_change_detection().iter_mut() {
         let properties = &material.properties;
         let is_masked = matches!(properties.render_phase_type, RenderPhaseType::AlphaMask);

@@ -1,26 +1,27 @@
 //! Global illumination: bounces from virtual point lights (VPLs) sampled in reflective shadow maps,
 //! and light of emissive surfaces and of the sky.
 //!
-//! Dachsbacher and Stamminger 2005 ("Reflective Shadow Maps") for where light arrives, Keller 1997
-//! ("Instant Radiosity") for how it goes on. Each folder imports only those above it:
+//! Reflective shadow maps (Dachsbacher and Stamminger 2005) find the surfaces that lights
+//! illuminate; VPLs (Keller 1997, "Instant Radiosity") carry the reflected light on. Each folder
+//! imports only those above it:
 //!
 //! | folder | world | job |
 //! |---|---|---|
-//! | `settings`, `schedule` | both | what an app asks for; the order of everything |
+//! | `settings`, `schedule` | both | settings of a camera; the order of all systems and passes |
 //! | `texels` | render | one store of texels: position, normal, area, reflected or emitted flux |
-//! | `view` | both | what passes know of a GI camera and of the frame |
-//! | `surfaces` | main | reads what meshes and materials say of surfaces |
-//! | `trace` | both | keeps the scene's triangles in a tree on the GPU, for shadow rays |
+//! | `view` | both | data of a GI camera and of the frame that all passes share |
+//! | `surfaces` | main | reads geometry, textures and masks from mesh and material assets |
+//! | `trace` | both | keeps a bounding volume hierarchy of the scene on the GPU, for shadow rays |
 //! | `vpl` | render | samples each view's VPLs from texels, by their importance to the view |
-//! | `rsm` | both | renders what each light sees, and turns it into texels |
+//! | `rsm` | both | renders each light's reflective shadow map, and turns it into texels |
 //! | `emissive` | both | adds texels of emissive surfaces |
-//! | `sky` | render | samples each view's environment map |
-//! | `bounces` | both | lights patches of surfaces, whose reflected light joins the texels |
-//! | `refresh` | both | decides what of all this a frame has to do again |
-//! | `gather` | render | sums the VPLs at a share of the view's pixels |
-//! | `denoise` | render | filters what was gathered, in space and in time |
-//! | `composite` | render | upsamples along surfaces and adds the light before tone mapping |
-//! | `debug` | both | counts, and looks at buffers |
+//! | `sky` | render | samples each view's environment map by importance |
+//! | `bounces` | both | further bounces: lights surface patches, whose reflected flux joins the texels |
+//! | `refresh` | both | decides which passes run in a frame |
+//! | `gather` | render | sums the VPLs' irradiance at low-resolution pixels |
+//! | `denoise` | render | filters the irradiance spatially and temporally |
+//! | `composite` | render | joint bilateral upsampling; adds the light before tone mapping |
+//! | `debug` | both | counters, and access to buffers |
 
 mod bounces;
 mod composite;
@@ -75,15 +76,15 @@ impl Plugin for GiPlugin {
             .init_resource::<GiLimits>()
             .register_type::<FrugalGi>()
             .register_type::<GiLimits>();
-        // Required components cover cameras that are spawned later, too; it must be said before
-        // the first camera.
+        // Required components also cover cameras that are spawned later. They must be registered
+        // before the first camera.
         if app.try_register_required_components::<Camera3d, DeferredPrepass>().is_err() {
             warn!(
                 "a Camera3d was spawned before GiPlugin was added, or already requires a DeferredPrepass: give every Camera3d one"
             );
         }
-        // A camera that comes with multisampling keeps it in spite of the requirement: Bevy would
-        // switch it off with a warning in each frame.
+        // The requirement does not replace the `Msaa` of a camera that has one; Bevy would switch
+        // it off with a warning in each frame.
         app.add_observer(|added: On<Add, FrugalGi>, mut commands: Commands| {
             commands.entity(added.entity).insert(Msaa::Off);
         });
@@ -108,7 +109,7 @@ impl Plugin for GiPlugin {
     fn finish(&self, app: &mut App) {
         crate::pipelines::finish(app);
         let Some(render_app) = app.get_sub_app_mut(RenderApp) else { return };
-        // With or without global illumination, since cameras are deferred.
+        // With or without global illumination, since every camera is deferred.
         render_app.add_systems(Render, masks::draw_once.in_set(RenderSystems::Specialize));
         let Some(device) = render_app.world().get_resource::<RenderDevice>() else { return };
         let lacking = lacking_limits(&device.limits());
@@ -121,7 +122,7 @@ impl Plugin for GiPlugin {
     }
 }
 
-/// Names of the limits that GI needs and the device is short of.
+/// Names of the limits that GI needs and that the device does not reach.
 fn lacking_limits(limits: &bevy::render::settings::WgpuLimits) -> Vec<&'static str> {
     let vpl_bytes = u64::from(FrugalGi::MAX_VPLS_PER_PIXEL) * vpl::VPL_BYTES;
     [

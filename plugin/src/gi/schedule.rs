@@ -1,4 +1,4 @@
-//! The order of everything that global illumination does in a frame, in one place.
+//! The order of all systems and passes of global illumination in a frame.
 //!
 //! To add a pass, give it a variant in [`PassSystems`], one in [`PrepareSystems`] if it holds GPU
 //! objects, and a plugin in [`GiPlugin`](super::GiPlugin).
@@ -14,7 +14,7 @@ use bevy::render::{Render, RenderApp, RenderSystems};
 
 use crate::schedule::KnobSystems;
 
-/// Where GI's passes lie in the `Core3d` schedule, for those who must order theirs.
+/// System sets of GI's passes in the `Core3d` schedule, to order other passes by.
 #[derive(SystemSet, Clone, Debug, PartialEq, Eq, Hash)]
 pub enum GiSystems {
     /// In a light's own view: its G-buffer becomes texels. After the prepass, before the main pass.
@@ -30,40 +30,40 @@ pub enum GiSystems {
 /// In the main world's `PostUpdate`.
 #[derive(SystemSet, Clone, Debug, PartialEq, Eq, Hash)]
 pub(super) enum SceneSystems {
-    /// Reflective shadow maps' cameras come, move and go.
+    /// Cameras of reflective shadow maps are spawned, moved and despawned.
     Maps,
-    /// Texels of emissive surfaces are kept.
+    /// Texels of emissive surfaces are updated.
     Emissive,
-    /// What stops rays is kept, and what reflects light again.
+    /// Occluders and patches are updated.
     Surfaces,
 }
 
 /// In the render world's `PrepareResources`, in this order.
 #[derive(SystemSet, Clone, Debug, PartialEq, Eq, Hash)]
 pub(super) enum PrepareSystems {
-    /// Sources of light reserve their ranges of texels.
+    /// Light sources reserve their ranges of texels.
     Reserve,
     /// The store of texels is allocated.
     Texels,
-    /// Texels that the CPU makes are written.
+    /// Texels made by the CPU are uploaded.
     Emissive,
     /// Occluders.
     Trace,
     /// Skies.
     Sky,
-    /// Asks for the gather's pipelines, of which a sky must know whether they are there.
+    /// The gather's pipelines are queued; a sky is active only once its own is compiled.
     GatherPipelines,
     /// Patches.
     Bounces,
-    /// What each view has to do in this frame.
+    /// Each view's work in this frame.
     Views,
-    /// Each view's buffers of VPLs.
+    /// Each view's VPL buffers.
     Vpl,
     /// Each view's irradiance.
     Gather,
     /// Each view's history.
     Denoise,
-    /// Takes Bevy's own light of gathered skies out, before Bevy binds it.
+    /// Removes Bevy's own diffuse light of gathered skies, before Bevy binds it.
     Environment,
 }
 
@@ -72,7 +72,7 @@ pub(super) enum PrepareSystems {
 pub(super) enum PassSystems {
     /// The sky's samples.
     Sky,
-    /// Light of patches.
+    /// Reflection by patches.
     Bounces,
     /// Virtual point lights.
     Vpl,
@@ -87,11 +87,11 @@ pub(super) fn configure_main_world(app: &mut App) {
     app.configure_sets(
         PostUpdate,
         (
-            // Need to come before cameras are updated: sizes, projections and transforms that are
-            // written to maps' cameras are picked up in the same frame.
+            // Before cameras are updated, so that changes to the maps' cameras take effect in the
+            // same frame.
             SceneSystems::Maps.after(KnobSystems::Apply).before(CameraUpdateSystems),
             SceneSystems::Emissive.after(KnobSystems::Apply),
-            // Need to know whether there is light.
+            // Read whether there is light.
             SceneSystems::Surfaces
                 .after(KnobSystems::Apply)
                 .after(SceneSystems::Maps)
@@ -138,8 +138,7 @@ pub(super) fn configure_render_world(render_app: &mut SubApp) {
                 )
                     .chain()
                     .in_set(GiSystems::Gather),
-                // Need the opaque pass to be over: what is rendered forward in it covers what is
-                // deferred.
+                // After the opaque pass: its forward-rendered meshes cover deferred ones.
                 GiSystems::Composite
                     .in_set(Core3dSystems::MainPass)
                     .after(deferred_lighting)
@@ -150,12 +149,12 @@ pub(super) fn configure_render_world(render_app: &mut SubApp) {
         );
 }
 
-/// In the render world: the device has what global illumination needs.
+/// Exists in the render world if the device supports global illumination.
 #[derive(Resource)]
 pub(super) struct GiIsSupported;
 
-/// The render world, where the device has what global illumination needs. For plugins that finish
-/// after [`GiPlugin`](super::GiPlugin), as those that it adds do.
+/// The render app, if the device supports global illumination. For plugins that finish after
+/// [`GiPlugin`](super::GiPlugin), such as those that it adds.
 pub(super) fn supported_render_app(app: &mut App) -> Option<&mut SubApp> {
     app.get_sub_app_mut(RenderApp)
         .filter(|render_app| render_app.world().contains_resource::<GiIsSupported>())

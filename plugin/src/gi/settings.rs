@@ -1,4 +1,4 @@
-//! What an app says of a camera's global illumination.
+//! Settings of a camera's global illumination.
 
 use bevy::camera::{Camera3d, Hdr};
 use bevy::core_pipeline::prepass::{DeferredPrepass, DepthPrepass};
@@ -8,96 +8,95 @@ use bevy::reflect::Reflect;
 use bevy::render::extract_component::ExtractComponent;
 use bevy::render::view::Msaa;
 
-/// Global illumination on this camera: one [bounce](Self::bounces), or more, of every directional,
-/// spot and point light, from virtual point lights (VPLs) drawn in reflective shadow maps; the
-/// light of [glowing surfaces](super::GiEmitters); and that of the camera's
-/// [`EnvironmentMapLight`](bevy::light::EnvironmentMapLight), shadowed.
+/// Global illumination on this camera: one or more diffuse [bounces](Self::bounces) of every
+/// directional, spot and point light, from virtual point lights (VPLs) sampled in reflective shadow
+/// maps; light of [emissive surfaces](super::GiEmitters); and shadowed light of the camera's
+/// [`EnvironmentMapLight`](bevy::light::EnvironmentMapLight).
 ///
 /// Needs the deferred renderer, which [`GiPlugin`](super::GiPlugin) makes the default, and no
-/// multisampling. A camera without this component pays nothing.
+/// multisampling. A camera without this component costs nothing.
 #[derive(Component, ExtractComponent, Reflect, Clone, Debug, PartialEq)]
 #[reflect(Component, Default, Clone, PartialEq)]
 #[require(Camera3d, Hdr, Msaa::Off, DepthPrepass, DeferredPrepass)]
 pub struct FrugalGi {
-    /// Virtual point lights for the whole picture. Higher values: smoother and nearer the truth;
-    /// every gathered pixel evaluates its [interleaved](Self::interleave) share of them. Lower
-    /// values: blotchier. 0 turns GI off, and nothing is rendered, allocated or dispatched for it.
-    /// At most [`MAX_VPL_COUNT`](Self::MAX_VPL_COUNT), and at most
+    /// Number of virtual point lights for the whole image. Every low-resolution pixel evaluates its
+    /// [interleaved](Self::interleave) share of them. Higher values: smoother, and nearer the
+    /// reference. Lower values: blotchier. 0 turns GI off: nothing is rendered, allocated or
+    /// dispatched for it. At most [`MAX_VPL_COUNT`](Self::MAX_VPL_COUNT), and at most
     /// [`MAX_VPLS_PER_PIXEL`](Self::MAX_VPLS_PER_PIXEL) for a pixel.
     pub vpl_count: u32,
-    /// Side of the square of gathered pixels that share the VPLs out among them. Wider: cheaper by
-    /// its area, and softer, since a filter along surfaces then joins what the pixels found.
-    /// Narrower: more for the same cost at edges and on small things.
+    /// Side of the square of low-resolution pixels among which the VPLs are interleaved. Larger:
+    /// cheaper in proportion to its area, and softer, since a filter along surfaces averages over
+    /// the square. Smaller: finer detail at edges and on small objects.
     pub interleave: GiInterleave,
-    /// Whether what stands between a surface and a VPL is found. Finer: less noise in indirect
-    /// shadow, more rays.
+    /// Visibility of VPLs from surfaces. Finer: less noise in indirect shadows, more rays.
     pub visibility: GiVisibility,
-    /// Samples of the sky that every gathered pixel evaluates, where the camera has an
-    /// [`EnvironmentMapLight`](bevy::light::EnvironmentMapLight): directions drawn by how bright
-    /// the map is there and how much of it the picture could receive, each a set of
-    /// [`interleave`](Self::interleave)² pixels' own. As many rays again as
-    /// [`visibility`](Self::visibility) says find what hides them. Higher values: less noise in the
-    /// sky's shadows, and a finer map. 0, or no rays: Bevy's own diffuse light of the map stays,
-    /// which nothing shadows. Else ours replaces it (its reflections stay), also on meshes that are
-    /// not deferred, to which no global illumination is added. At most
-    /// [`MAX_ENVIRONMENT_SAMPLES`](Self::MAX_ENVIRONMENT_SAMPLES).
+    /// Samples of the sky that every low-resolution pixel evaluates, where the camera has an
+    /// [`EnvironmentMapLight`](bevy::light::EnvironmentMapLight): directions sampled by the map's
+    /// radiance times its visibility from the surfaces in view, one set for each pixel of the
+    /// [`interleave`](Self::interleave) square. [`visibility`](Self::visibility) sets the number of
+    /// rays to the sky, too. Higher values: less noise in the sky's shadows, and a finer map. With
+    /// 0, or without rays, Bevy's own unshadowed diffuse light of the map stays. Else ours replaces
+    /// it (Bevy's reflections stay), also on meshes that are not deferred, which then receive
+    /// neither. At most [`MAX_ENVIRONMENT_SAMPLES`](Self::MAX_ENVIRONMENT_SAMPLES).
     pub environment_samples: u32,
-    /// Times that light of lamps is reflected on its way to what the camera sees; that of glowing
-    /// surfaces and of the sky one time less. Needs [`visibility`](Self::visibility), or it is 1.
-    /// Higher values: lighter shadows and rooms, nearer to all the light that there is (where
-    /// surfaces reflect half of it, 1 finds half of what is indirect, 2 three quarters); each costs
-    /// a pass over the maps' texels and 16,384 rays (20,480 with a sky), but not in every frame:
-    /// when the maps are rendered, when the sky or these settings change, and when the camera has
-    /// gone a fortieth of [`range`](Self::range). At most [`MAX_BOUNCES`](Self::MAX_BOUNCES). See
+    /// Number of diffuse bounces. Emissive surfaces and the sky get one fewer. Without
+    /// [`visibility`](Self::visibility) it is 1. Higher values: brighter shadows and rooms, nearer
+    /// the converged solution (at an albedo of one half, 1 yields half of all indirect light, 2
+    /// three quarters). Each further bounce costs a pass over the maps' texels and 16,384 rays
+    /// (20,480 with a sky), but not in every frame: only when the maps are rendered, when the sky
+    /// or these settings change, and when the camera has moved by a fortieth of
+    /// [`range`](Self::range). At most [`MAX_BOUNCES`](Self::MAX_BOUNCES). See
     /// [`GiPatches`](super::GiPatches).
     pub bounces: u32,
-    /// Whether [glowing surfaces](super::GiEmitters) light others. Costs nothing where there are
+    /// Whether [emissive surfaces](super::GiEmitters) light others. Costs nothing where there are
     /// none.
     pub emissive: bool,
-    /// Share of pixels at which the VPLs are gathered; the others are interpolated along surfaces.
+    /// Share of pixels at which the VPLs are gathered; the others are upsampled along surfaces.
     /// Higher values: finer indirect detail, at proportional cost. Lower values: indirect light
     /// blurs across small features.
     pub pixel_fraction: GiPixelFraction,
     /// Texels along the edge of a directional or spot light's reflective shadow map (a point
     /// light's six faces have a quarter as many, but 32 where that is less and half is more).
-    /// Higher values: smaller lit features are found, and the light's rasterisation costs more. In
+    /// Higher values: smaller lit features are captured, and the map's rasterisation costs more. In
     /// 16 to 2048.
     pub rsm_resolution: u32,
-    /// Frames from one rendering of the maps, and drawing of VPLs, to the next while something
-    /// moves. Higher values: light that moves, or on what moves, lags behind by as many frames, and
-    /// the maps cost that much less. 1 never lags. Where nothing moves nothing is rendered again,
-    /// whatever this says; see [`GiRefresh`](super::GiRefresh). Cameras that share lights share the
-    /// smallest.
+    /// Period, in frames, at which the maps are rendered and VPLs sampled while something moves.
+    /// Higher values: light that moves, and light on moving surfaces, lags by as many frames, and
+    /// the maps cost that much less. 1: no lag. While nothing moves, nothing is rendered again; see
+    /// [`GiRefresh`](super::GiRefresh). Cameras that share lights share the shortest period.
     pub refresh_period: u32,
-    /// How far around the camera, in metres, directional lights bounce. Scenes smaller than twice
-    /// that are covered whole. What lies within 0.3 of it has a map of its own, where that is much
-    /// less than the scene. Higher values: more distant bounces, fewer texels on near surfaces.
+    /// Radius around the camera, in metres, within which directional lights bounce. Scenes smaller
+    /// than twice the radius are covered as a whole. A second, finer cascade covers 0.3 of the
+    /// radius, where that is much less than the scene. Higher values: more distant bounces, fewer
+    /// texels on near surfaces.
     pub range: f32,
-    /// Frames over which light that reaches a place is averaged while something moves, beside what
-    /// is thrown away because it was not seen before or because light was switched. Higher values:
-    /// less flicker, and light that moves lags behind by about as many frames. 1: none. In 1 to 64;
-    /// not for parallel projections, nor after a cut (more than 1 m or 30° in a frame).
+    /// Length of temporal accumulation, in frames, while something moves. History is rejected at
+    /// disocclusions and where luminance changes by 95 % or more (lights that are switched). Higher
+    /// values: less flicker, and light that moves lags by about as many frames. 1: no accumulation.
+    /// In 1 to 64. Not for parallel projections, nor across a cut (more than 1 m or 30° in a
+    /// frame).
     pub history_frames: u32,
-    /// How surfaces scatter light that bounces. Free.
+    /// Reflection model of indirect light. Costs nothing.
     pub shading: GiShading,
-    /// What is written into the picture.
+    /// Output written to the image.
     pub output: GiOutput,
 }
 
 impl FrugalGi {
-    /// Most VPLs of a picture.
+    /// Largest [`vpl_count`](Self::vpl_count).
     pub const MAX_VPL_COUNT: u32 = 16_384;
-    /// Most VPLs that one pixel evaluates: as many of 48 bytes as fit into the 64 KiB of a uniform
-    /// buffer that every GPU binds.
+    /// Most VPLs that one pixel evaluates: at 48 bytes each they fit into a uniform buffer of 64
+    /// KiB, which every GPU can bind.
     pub const MAX_VPLS_PER_PIXEL: u32 = 1024;
 
-    /// Most samples of the sky that one pixel evaluates.
+    /// Largest [`environment_samples`](Self::environment_samples).
     pub const MAX_ENVIRONMENT_SAMPLES: u32 = 32;
 
-    /// Most bounces.
+    /// Largest [`bounces`](Self::bounces).
     pub const MAX_BOUNCES: u32 = 8;
 
-    /// Whether VPLs are drawn and gathered for this camera.
+    /// Whether VPLs are sampled and gathered for this camera.
     pub(super) fn gathers(&self) -> bool {
         self.vpl_count > 0 && self.output != GiOutput::MapsOnly
     }
@@ -107,7 +106,7 @@ impl FrugalGi {
         self.gathers() && self.visibility.rays() > 0
     }
 
-    /// Whether light is reflected more than once for this camera.
+    /// Whether this camera has more than one bounce.
     pub(super) fn reflects(&self) -> bool {
         self.traces() && self.bounces > 1
     }
@@ -152,7 +151,7 @@ impl GiPixelFraction {
     /// All, cheapest first.
     pub const ALL: [Self; 4] = [Self::Sixteenth, Self::Quarter, Self::Half, Self::Full];
 
-    /// Size in pixels of the cell that shares one gather.
+    /// Width and height in pixels of a low-resolution pixel.
     pub const fn cell(self) -> (u32, u32) {
         match self {
             Self::Sixteenth => (4, 4),
@@ -169,7 +168,7 @@ impl GiPixelFraction {
     }
 }
 
-/// How many gathered pixels share the VPLs out among them (Keller and Heidrich 2001, "Interleaved
+/// Interleaving of the VPLs among low-resolution pixels (Keller and Heidrich 2001, "Interleaved
 /// Sampling").
 #[derive(Reflect, Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
 #[reflect(Default, Clone, PartialEq, Hash)]
@@ -200,16 +199,16 @@ impl GiInterleave {
     }
 }
 
-/// Whether what stands between a surface and a VPL is found.
+/// Visibility of VPLs from surfaces: shadow rays per low-resolution pixel.
 #[derive(Reflect, Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
 #[reflect(Default, Clone, PartialEq, Hash)]
 pub enum GiVisibility {
-    /// Nothing does: light goes through walls, and a real level gets about a third too much of it.
+    /// No rays: light leaks through walls, and a real level gets about a third too much of it.
     None,
-    /// Two rays per gathered pixel.
+    /// Two rays per low-resolution pixel.
     #[default]
     Coarse,
-    /// Eight rays per gathered pixel.
+    /// Eight rays per low-resolution pixel.
     Fine,
 }
 
@@ -217,7 +216,7 @@ impl GiVisibility {
     /// All, cheapest first.
     pub const ALL: [Self; 3] = [Self::None, Self::Coarse, Self::Fine];
 
-    /// Rays per gathered pixel.
+    /// Rays to VPLs per low-resolution pixel.
     pub const fn rays(self) -> u32 {
         match self {
             Self::None => 0,
@@ -226,7 +225,7 @@ impl GiVisibility {
         }
     }
 
-    /// Rays to the sky per gathered pixel, where that is gathered.
+    /// Rays to the sky per low-resolution pixel, where the sky is gathered.
     pub const fn sky_rays(self) -> u32 {
         match self {
             Self::None => 0,
@@ -236,48 +235,48 @@ impl GiVisibility {
     }
 }
 
-/// How surfaces scatter light that bounces.
+/// Reflection model of indirect light.
 ///
-/// The directions from which light arrives at a pixel are not kept: what depends on them is
-/// averaged over all.
+/// Directions of incident light are not stored: terms that depend on them are averaged over the
+/// hemisphere.
 #[derive(
     Component, ExtractComponent, Reflect, Clone, Copy, Debug, Default, PartialEq, Eq, Hash,
 )]
 #[reflect(Component, Default, Clone, PartialEq, Hash)]
 pub enum GiShading {
-    /// As matt surfaces of their base colour; metals take no part. For measuring against references
-    /// of that kind.
+    /// Lambertian reflection by the base colour; metals reflect nothing. For comparison with
+    /// Lambertian references.
     Lambertian,
-    /// With as much light as Bevy's own shading scatters where it arrives evenly: its diffuse term,
-    /// which sends more back at grazing angles the rougher a surface is, and its specular term, by
-    /// which metals take part. That is right in the mean and blurred in the picture: highlights of
-    /// single bright spots are missing, and what is smoother than a perceptual roughness of 0.2 to
-    /// 0.4 is left to reflections on screen.
+    /// The albedo of Bevy's own shading under uniform incident light: its diffuse term, which
+    /// reflects more at grazing angles the rougher a surface is, and its specular term, by which
+    /// metals reflect. Correct in the mean, without highlights of single bright spots. The specular
+    /// term fades out below a perceptual roughness of 0.4 and is gone at 0.2: such surfaces are
+    /// left to screen-space reflections.
     #[default]
     Standard,
 }
 
-/// What GI writes into the picture.
+/// Output of GI in the image.
 #[derive(Reflect, Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
 #[reflect(Default, Clone, PartialEq, Hash)]
 pub enum GiOutput {
-    /// Indirect light is added to what the renderer has drawn.
+    /// Indirect light is added to the rendered image.
     #[default]
     Added,
-    /// Indirect light alone, over black: for measuring and looking at it.
+    /// Indirect light alone, over black: for measurement and inspection.
     IndirectOnly,
-    /// Nothing, and nothing is drawn from the reflective shadow maps or gathered: they are
-    /// rendered, for passes of the app's own that read them (see [`inspect`](super::inspect)).
+    /// None. The reflective shadow maps are rendered, for passes of the app that read them (see
+    /// [`inspect`](super::inspect)), but nothing is sampled or gathered.
     MapsOnly,
 }
 
-/// Limits that hold for the whole app.
+/// Limits for the whole app.
 #[derive(Resource, Reflect, Clone, Debug, PartialEq)]
 #[reflect(Resource, Default, Clone, PartialEq)]
 pub struct GiLimits {
     /// Most reflective shadow maps rendered in a frame (a point light takes six). Where lights need
-    /// more, those that light the surroundings of a GI camera most keep theirs. Higher values: more
-    /// lights bounce, each map costs about one shadow map.
+    /// more, those that illuminate the surroundings of a GI camera most keep theirs. Higher values:
+    /// more lights bounce; each map costs about as much as a shadow map.
     pub max_rsm_count: usize,
 }
 

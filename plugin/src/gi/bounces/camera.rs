@@ -14,22 +14,23 @@ use super::patch::Patch;
 use super::patches::GiPatches;
 use super::{BouncePipelines, PATCHES, ReflectKind};
 use crate::gi::settings::{FrugalGi, GiShading};
-use crate::gi::sky::{SkyCamera, SkySeen};
+use crate::gi::sky::{SkyCamera, SkyInputs};
 use crate::gi::texels::{TEXEL_BYTES, TexelRange, TexelRow, TexelStore};
 use crate::gi::trace::OccluderBuffers;
 use crate::gi::view::GiFrame;
-use crate::gi::vpl::{RECEIVERS_BYTES, VPL_BYTES, VplPlan};
+use crate::gi::vpl::{IMPORTANCE_POINTS_BYTES, VPL_BYTES, VplPlan};
 
-/// Every patch looks at all carriers. As many as `bounces/reflect.wgsl` has.
-pub(super) const CARRIERS: VplPlan = VplPlan { interleave: 1, sets: 1, per_set: 512, stride: 512 };
+/// The bounce VPLs: every patch evaluates all of them. As many as in `bounces/reflect.wgsl`.
+pub(super) const BOUNCE_VPLS: VplPlan =
+    VplPlan { interleave: 1, sets: 1, per_set: 512, stride: 512 };
 
 /// What decides about the light of patches, beside the scene.
 #[derive(Clone, Debug, PartialEq)]
-struct Lit {
+struct LightInputs {
     rounds: u32,
     emissive: bool,
     exposure: f32,
-    sky: Option<SkySeen>,
+    sky: Option<SkyInputs>,
     /// Which buffer the texels lie in, and where.
     store: (BufferId, u32),
 }
@@ -51,13 +52,13 @@ pub struct BounceCamera {
     held: Arc<Vec<Patch>>,
     pub(super) patches: Buffer,
     /// VPLs that light patches.
-    pub(super) carriers: Buffer,
+    pub(super) bounce_vpls: Buffer,
     pub(super) plan: Buffer,
-    /// `vpl/receivers.wgsl`'s `Receivers`: patches that stand for all.
-    pub(super) receivers: Buffer,
-    /// `bounces/patch.wgsl`'s `Place`.
-    pub(super) place: Buffer,
-    lit: Lit,
+    /// `vpl/importance.wgsl`'s `ImportancePoints`: patches that stand for all.
+    pub(super) importance: Buffer,
+    /// `bounces/patch.wgsl`'s `PatchRange`.
+    pub(super) range: Buffer,
+    inputs: LightInputs,
     /// Whether patches reflect in this frame, if the camera draws VPLs.
     pub(super) is_due: bool,
     /// Whether they have done so since.
@@ -68,12 +69,12 @@ pub struct BounceCamera {
 impl BounceCamera {
     /// Index of the first patch's texel in the store.
     pub(super) fn first_texel(&self) -> u32 {
-        self.lit.store.1
+        self.inputs.store.1
     }
 
     /// Times that patches reflect: once for two bounces.
     pub(super) fn rounds(&self) -> u32 {
-        self.lit.rounds
+        self.inputs.rounds
     }
 
     /// Patches that will reflect in this frame, if the camera draws VPLs; those that only fill up
@@ -85,14 +86,14 @@ impl BounceCamera {
     /// For tests and debuggers.
     pub(in crate::gi) fn state(&self) -> GiBouncesState {
         GiBouncesState {
-            carriers: self.carriers.clone(),
+            carriers: self.bounce_vpls.clone(),
             texels: self.first_texel()..self.first_texel() + PATCHES as u32,
         }
     }
 
     /// Bytes held on the GPU for this camera's patches, but for their texels.
     pub fn bytes(&self) -> u64 {
-        [&self.patches, &self.carriers, &self.plan, &self.receivers, &self.place]
+        [&self.patches, &self.bounce_vpls, &self.plan, &self.importance, &self.range]
             .map(|buffer| buffer.size())
             .iter()
             .sum()
@@ -128,16 +129,16 @@ pub(super) fn prepare(
             continue;
         };
         let first_texel = store.first(TexelRange::Patches) + before;
-        let sky = sky.and_then(SkyCamera::seen);
+        let sky = sky.and_then(SkyCamera::inputs);
         let kind = ReflectKind {
             has_sky: sky.is_some(),
             has_masks: occluders.are_masked(),
             is_lambertian: gi.shading == GiShading::Lambertian,
         };
         pipelines.queue(&cache, kind);
-        let always = sky.as_ref().is_some_and(SkySeen::is_generated);
+        let always = sky.as_ref().is_some_and(SkyInputs::is_generated);
         let rounds = gi.bounces.clamp(1, FrugalGi::MAX_BOUNCES) - 1;
-        let lit = Lit {
+        let inputs = LightInputs {
             rounds,
             emissive: gi.emissive,
             exposure: camera.exposure,
@@ -149,7 +150,7 @@ pub(super) fn prepare(
             if !Arc::ptr_eq(&held.held, patches) {
                 queue.write_buffer(&held.patches, 0, bytemuck::cast_slice(patches));
             }
-            if held.lit.store != lit.store {
+            if held.inputs.store != inputs.store {
                 // What lay there before is none of ours, and is drawn from if the patches cannot
                 // reflect in this frame.
                 queue.write_buffer(
@@ -157,13 +158,14 @@ pub(super) fn prepare(
                     u64::from(first_texel) * TEXEL_BYTES,
                     &vec![0; size as usize],
                 );
-                queue.write_buffer(&held.place, 0, &place(first_texel));
+                queue.write_buffer(&held.range, 0, &range_bytes(first_texel));
             }
-            let is_same = Arc::ptr_eq(&held.held, patches) && held.lit == lit && held.kind == kind;
+            let is_same =
+                Arc::ptr_eq(&held.held, patches) && held.inputs == inputs && held.kind == kind;
             let is_done = held.is_done.load(Ordering::Relaxed);
             held.is_due = frame.maps || always || !is_same || !is_done;
             held.is_done.store(!held.is_due, Ordering::Relaxed);
-            (held.held, held.lit, held.kind) = (Arc::clone(patches), lit, kind);
+            (held.held, held.inputs, held.kind) = (Arc::clone(patches), inputs, kind);
             continue;
         }
         queue.write_buffer(texels, u64::from(first_texel) * TEXEL_BYTES, &vec![0; size as usize]);
@@ -189,27 +191,27 @@ pub(super) fn prepare(
                 bytemuck::cast_slice(patches),
                 BufferUsages::STORAGE,
             ),
-            carriers: empty(
-                "bevy_frugal_gi/bounces/carriers",
-                u64::from(CARRIERS.slots()) * VPL_BYTES,
+            bounce_vpls: empty(
+                "bevy_frugal_gi/bounces/bounce_vpls",
+                u64::from(BOUNCE_VPLS.slots()) * VPL_BYTES,
                 BufferUsages::STORAGE | BufferUsages::UNIFORM | BufferUsages::COPY_SRC,
             ),
             plan: filled(
                 "bevy_frugal_gi/bounces/plan",
-                bytemuck::bytes_of(&CARRIERS),
+                bytemuck::bytes_of(&BOUNCE_VPLS),
                 BufferUsages::STORAGE,
             ),
-            receivers: empty(
-                "bevy_frugal_gi/bounces/receivers",
-                RECEIVERS_BYTES,
+            importance: empty(
+                "bevy_frugal_gi/bounces/importance",
+                IMPORTANCE_POINTS_BYTES,
                 BufferUsages::STORAGE,
             ),
-            place: filled(
-                "bevy_frugal_gi/bounces/place",
-                &place(first_texel),
+            range: filled(
+                "bevy_frugal_gi/bounces/range",
+                &range_bytes(first_texel),
                 BufferUsages::UNIFORM,
             ),
-            lit,
+            inputs,
             is_due: true,
             is_done: AtomicBool::new(false),
             kind,
@@ -217,7 +219,7 @@ pub(super) fn prepare(
     }
 }
 
-/// `bounces/patch.wgsl`'s `Place`, padded to what uniforms are multiples of.
-fn place(first_texel: u32) -> [u8; 16] {
+/// `bounces/patch.wgsl`'s `PatchRange`, padded to what uniforms are multiples of.
+fn range_bytes(first_texel: u32) -> [u8; 16] {
     bytemuck::cast([first_texel, 0, 0, 0])
 }

@@ -53,7 +53,7 @@ use super::sky::SkyCamera;
 use super::texels::{TEXEL_BYTES, TexelRange, TexelStore};
 use super::trace::OccluderBuffers;
 use super::view::GiView;
-use super::vpl::{Drawn, VplPipelines, VplView};
+use super::vpl::{SampleInputs, VplPipelines, VplView};
 pub use camera::{BounceCamera, GiBouncesState};
 pub(super) use patch::Patch;
 pub use patches::GiPatches;
@@ -217,7 +217,7 @@ pub(super) fn reflect(
     mut context: RenderContext,
 ) {
     let (camera, gi_view, vpl_view, sky, prepass, view_offset) = view.into_inner();
-    if !gi_view.work.draw || !camera.is_due {
+    if !gi_view.work.sample || !camera.is_due {
         return;
     }
     let ready = |id: Option<&CachedComputePipelineId>| cache.get_compute_pipeline(*id?);
@@ -230,7 +230,7 @@ pub(super) fn reflect(
         &store.texels,
         occluders.bind_group(),
         view_uniforms.uniforms.binding(),
-        &vpl_view.drawing,
+        &vpl_view.sampling,
     ) else {
         return;
     };
@@ -238,20 +238,20 @@ pub(super) fn reflect(
     let (Some(g_buffer), Some(depth)) = (prepass.deferred_view(), prepass.depth_view()) else {
         return;
     };
-    let drawn = Drawn {
+    let inputs = SampleInputs {
         g_buffer,
         depth,
         views: views.clone(),
         view_offset: view_offset.offset,
         texels,
         buffers,
-        receivers: &camera.receivers,
-        vpls: &camera.carriers,
-        plan: (&camera.plan, camera::CARRIERS.slots()),
+        importance: &camera.importance,
+        vpls: &camera.bounce_vpls,
+        plan: (&camera.plan, camera::BOUNCE_VPLS.slots()),
     };
     // A look at what hides texels from patches would take as many rays as for the picture, and
     // gains nothing that could be measured.
-    let Some(steps) = vpl_pipelines.steps(context.render_device(), &cache, false, drawn) else {
+    let Some(steps) = vpl_pipelines.steps(context.render_device(), &cache, false, inputs) else {
         return;
     };
     let sky = sky.filter(|_| camera.kind.has_sky);
@@ -261,13 +261,13 @@ pub(super) fn reflect(
         &cache.get_bind_group_layout(&pipelines.pick_layout),
         &BindGroupEntries::sequential((
             camera.patches.as_entire_binding(),
-            camera.receivers.as_entire_binding(),
+            camera.importance.as_entire_binding(),
         )),
     );
     let entries = DynamicBindGroupEntries::sequential((
         views,
-        camera.carriers.as_entire_binding(),
-        camera.place.as_entire_binding(),
+        camera.bounce_vpls.as_entire_binding(),
+        camera.range.as_entire_binding(),
         camera.patches.as_entire_binding(),
         texels.as_entire_binding(),
     ));
@@ -297,7 +297,7 @@ pub(super) fn reflect(
         pass.dispatch_workgroups(1, 1, 1);
         for _ in 0..camera.rounds() {
             steps.weigh(&mut pass);
-            steps.draw(&mut pass);
+            steps.sample(&mut pass);
             pass.set_bind_group(0, &reflecting, &[view_offset.offset]);
             pass.set_bind_group(1, traced, &[]);
             pass.set_pipeline(reflect);

@@ -13,7 +13,7 @@ struct Patch {
     padding: u32,
 }
 
-struct Place {
+struct PatchRange {
     /// Index of the first patch's texel in the store.
     first_texel: u32,
 }

@@ -22,8 +22,8 @@ use super::choice::{Candidate, choose, density, rank};
 use super::patch::Patch;
 use crate::gi::settings::FrugalGi;
 use crate::gi::surfaces::{
-    Paint, Place, Reflectance, SurfaceAssets, SurfacePoint, SurfacePoints, Triangles, area_matrix,
-    triangles,
+    MaterialSample, Reflectance, SurfaceAssets, SurfacePoint, SurfacePoints, TrianglePoint,
+    Triangles, area_matrix, triangles,
 };
 use crate::gi::view::LightPresence;
 
@@ -37,7 +37,7 @@ const TOO_MANY: usize = 8;
 /// Points of a surface before its size is known.
 const FIRST_POINTS: usize = 64;
 /// Places of a patterned surface that are looked at for each point.
-const LOOKS: usize = 8;
+const SAMPLES_PER_POINT: usize = 8;
 /// How far from the camera patches are half as dense as at it, as a share of how far light bounces.
 const NEAR_SHARE: f32 = 0.1;
 /// Steps in which that place moves with the camera, as a share of the radius: patches stay while
@@ -80,8 +80,8 @@ impl GiPatches {
 
     /// A camera's patches, and how many texels of other cameras' lie before theirs.
     pub(super) fn of(&self, camera: Entity) -> Option<(&Arc<Vec<Patch>>, u32)> {
-        let place = self.sets.iter().position(|set| set.camera == camera)?;
-        Some((&self.sets[place].patches, (place * PATCHES) as u32))
+        let index = self.sets.iter().position(|set| set.camera == camera)?;
+        Some((&self.sets[index].patches, (index * PATCHES) as u32))
     }
 }
 
@@ -94,7 +94,7 @@ struct SurfaceKey {
 
 /// A surface in its place.
 #[derive(Clone, Copy, Debug, PartialEq)]
-struct Placed {
+struct SurfaceInstance {
     entity: Entity,
     key: SurfaceKey,
     affine: Affine3A,
@@ -128,14 +128,14 @@ impl Around {
 }
 
 /// Points of a surface. A hole is a point without paint.
-type Points = SurfacePoints<Option<Paint>>;
+type Points = SurfacePoints<Option<MaterialSample>>;
 
 /// What the present [`GiPatches`] was made of.
 #[derive(Resource, Default)]
 pub(super) struct Surfaces {
     /// None where a mesh has no triangles that can be read.
     points: HashMap<SurfaceKey, Option<Points>>,
-    placed: Vec<Placed>,
+    instances: Vec<SurfaceInstance>,
     around: Vec<Around>,
     /// Set when a mesh or a texture came or changed.
     stale: bool,
@@ -192,7 +192,7 @@ pub(super) fn update(
     if around.is_empty() {
         if !surfaces.around.is_empty() {
             // Points stay: they take longer to make than patches.
-            surfaces.placed.clear();
+            surfaces.instances.clear();
             surfaces.around.clear();
             *patches = GiPatches::default();
         }
@@ -201,20 +201,20 @@ pub(super) fn update(
     // Entities come in no particular order, and patches should lie the same in every run.
     around.sort_unstable_by_key(|around| around.camera);
     let materials = assets.materials.as_deref();
-    let mut now: Vec<Placed> = meshes
+    let mut now: Vec<SurfaceInstance> = meshes
         .iter()
         .filter(|(.., transform, visible)| visible.get() && transform.affine().is_finite())
         .filter_map(|(entity, mesh, material, transform, _)| {
             let reflectance = Reflectance::new(materials?.get(material.id())?)?;
-            Some(Placed {
+            Some(SurfaceInstance {
                 entity,
                 key: SurfaceKey { mesh: mesh.id(), reflectance },
                 affine: transform.affine(),
             })
         })
         .collect();
-    now.sort_unstable_by_key(|placed| placed.entity);
-    let used: HashSet<SurfaceKey> = now.iter().map(|placed| placed.key).collect();
+    now.sort_unstable_by_key(|instance| instance.entity);
+    let used: HashSet<SurfaceKey> = now.iter().map(|instance| instance.key).collect();
     surfaces.points.retain(|key, _| used.contains(key));
     for key in used {
         if !surfaces.points.contains_key(&key)
@@ -224,7 +224,7 @@ pub(super) fn update(
             surfaces.stale = true;
         }
     }
-    if surfaces.stale || surfaces.placed != now || surfaces.around != around {
+    if surfaces.stale || surfaces.instances != now || surfaces.around != around {
         refine(&mut surfaces.points, &now, &around, &assets);
         let set = |around: &Around| {
             let camera = around.camera;
@@ -239,7 +239,7 @@ pub(super) fn update(
         };
         let sets = around.iter().map(set).collect();
         *patches = GiPatches { sets };
-        (surfaces.placed, surfaces.around, surfaces.stale) = (now, around, false);
+        (surfaces.instances, surfaces.around, surfaces.stale) = (now, around, false);
     }
 }
 
@@ -247,59 +247,60 @@ pub(super) fn update(
 /// cannot be read.
 fn points(key: &SurfaceKey, count: usize, assets: &SurfaceAssets) -> Option<Option<Points>> {
     let mesh = assets.meshes.get(key.mesh)?;
-    let painted = key.reflectance.on(mesh, assets)?;
+    let material = key.reflectance.on(mesh, assets)?;
     let Some(Triangles { corners, positions }) = triangles(mesh) else {
         warn_once!(
             "a mesh is kept for the GPU alone or is no triangle list: it does not reflect light a second time (RenderAssetUsages::MAIN_WORLD keeps it readable)"
         );
         return Some(None);
     };
-    let looks = if key.reflectance.is_patterned() { LOOKS } else { 1 };
-    let paint = |Place { triangle, weights }| painted.at(corners[triangle], weights);
-    Some(SurfacePoints::new(&positions, count * looks, paint).map(|fine| coarse(&fine, looks)))
+    let samples = if key.reflectance.is_patterned() { SAMPLES_PER_POINT } else { 1 };
+    let sample = |TrianglePoint { triangle, weights }| material.at(corners[triangle], weights);
+    Some(SurfacePoints::new(&positions, count * samples, sample).map(|fine| coarse(&fine, samples)))
 }
 
 /// Every run of so many points as one in its middle, with the mean of what they are like; a hole
 /// where the middle is one.
-fn coarse(fine: &Points, looks: usize) -> Points {
-    if looks == 1 {
+fn coarse(fine: &Points, samples: usize) -> Points {
+    if samples == 1 {
         return fine.clone();
     }
-    let points = fine.points.chunks(looks).map(|run| {
+    let points = fine.points.chunks(samples).map(|run| {
         let middle = &run[run.len() / 2];
-        let there: Vec<Paint> = run.iter().filter_map(|point| point.paint).collect();
-        let mean =
-            |value: fn(&Paint) -> f32| there.iter().map(value).sum::<f32>() / there.len() as f32;
+        let there: Vec<MaterialSample> = run.iter().filter_map(|point| point.sample).collect();
+        let mean = |value: fn(&MaterialSample) -> f32| {
+            there.iter().map(value).sum::<f32>() / there.len() as f32
+        };
         // As many points stay as places are there.
-        let paint = middle.paint.map(|_| Paint {
-            color: there.iter().map(|paint| paint.color).sum::<Vec3>() / there.len() as f32,
-            roughness: mean(|paint| paint.roughness),
-            metallic: mean(|paint| paint.metallic),
-            reflectance: mean(|paint| paint.reflectance),
+        let sample = middle.sample.map(|_| MaterialSample {
+            color: there.iter().map(|sample| sample.color).sum::<Vec3>() / there.len() as f32,
+            roughness: mean(|sample| sample.roughness),
+            metallic: mean(|sample| sample.metallic),
+            reflectance: mean(|sample| sample.reflectance),
         });
-        SurfacePoint { paint, ..*middle }
+        SurfacePoint { sample, ..*middle }
     });
-    Points { points: points.collect(), area: fine.area * looks as f64 }
+    Points { points: points.collect(), area: fine.area * samples as f64 }
 }
 
 /// Gives every surface as many points as its share of all that matters to some camera, in powers of
 /// two: more where it has too few, fewer where it has far too many.
 fn refine(
     held: &mut HashMap<SurfaceKey, Option<Points>>,
-    placed: &[Placed],
+    instances: &[SurfaceInstance],
     around: &[Around],
     assets: &SurfaceAssets,
 ) {
-    let mut worth: HashMap<SurfaceKey, f64> = HashMap::default();
+    let mut importance: HashMap<SurfaceKey, f64> = HashMap::default();
     let mut total = 0.0;
-    for placed in placed {
-        let Some(Some(points)) = held.get(&placed.key) else { continue };
-        let spread = area_matrix(&placed.affine);
+    for instance in instances {
+        let Some(Some(points)) = held.get(&instance.key) else { continue };
+        let spread = area_matrix(&instance.affine);
         let own: f64 = points
             .points
             .iter()
             .map(|point| {
-                let position = placed.affine.transform_point3(point.position);
+                let position = instance.affine.transform_point3(point.position);
                 let densest = around
                     .iter()
                     .map(|around| density(position, around.center, around.near))
@@ -309,19 +310,20 @@ fn refine(
             .sum();
         if own > 0.0 && own.is_finite() {
             total += own;
-            let most = worth.entry(placed.key).or_default();
+            let most = importance.entry(instance.key).or_default();
             *most = most.max(own);
         }
     }
-    for (key, worth) in worth {
-        let wanted = (POINTS as f64 * worth / total).ceil().clamp(1.0, MOST_POINTS as f64) as usize;
-        let wanted = wanted.next_power_of_two();
+    for (key, importance) in importance {
+        let target =
+            (POINTS as f64 * importance / total).ceil().clamp(1.0, MOST_POINTS as f64) as usize;
+        let target = target.next_power_of_two();
         let Some(Some(points)) = held.get_mut(&key) else { continue };
         let count = points.points.len();
-        if count > TOO_MANY * wanted {
-            points.thin(count / wanted);
-        } else if count < wanted
-            && let Some(Some(finer)) = self::points(&key, wanted, assets)
+        if count > TOO_MANY * target {
+            points.thin(count / target);
+        } else if count < target
+            && let Some(Some(finer)) = self::points(&key, target, assets)
         {
             *points = finer;
         }
@@ -331,39 +333,39 @@ fn refine(
 /// A camera's patches.
 fn chosen(
     held: &HashMap<SurfaceKey, Option<Points>>,
-    placed: &[Placed],
+    instances: &[SurfaceInstance],
     around: &Around,
 ) -> Vec<Patch> {
     let mut candidates = Vec::new();
-    for placed in placed {
-        let Some(Some(points)) = held.get(&placed.key) else { continue };
-        let spread = area_matrix(&placed.affine);
+    for instance in instances {
+        let Some(Some(points)) = held.get(&instance.key) else { continue };
+        let spread = area_matrix(&instance.affine);
         // Its own, as long as it lives: a golden step for each entity.
-        let seed = placed.entity.index_u32().wrapping_mul(2_654_435_769);
+        let seed = instance.entity.index_u32().wrapping_mul(2_654_435_769);
         for (index, point) in points.points.iter().enumerate() {
-            let Some(paint) = point.paint else { continue };
+            let Some(sample) = point.sample else { continue };
             let facing = spread * point.normal;
-            let position = placed.affine.transform_point3(point.position);
+            let position = instance.affine.transform_point3(point.position);
             let area = (points.area * f64::from(facing.length())) as f32;
             let normal = facing.normalize_or_zero();
             if !position.is_finite() || normal == Vec3::ZERO {
                 continue;
             }
             let density = density(position, around.center, around.near);
-            for (side, sign) in (0..).zip(placed.key.reflectance.sides.signs()) {
+            for (side, sign) in (0..).zip(instance.key.reflectance.sides.signs()) {
                 let rank = rank(index, seed.wrapping_add(side << 31));
                 candidates.push(Candidate {
                     area,
                     density,
                     rank,
-                    point: (position, normal * *sign, paint),
+                    point: (position, normal * *sign, sample),
                 });
             }
         }
     }
     let mut patches: Vec<Patch> = choose(candidates, PATCHES)
         .into_iter()
-        .map(|((position, normal, paint), area)| Patch::new(position, area, normal, &paint))
+        .map(|((position, normal, sample), area)| Patch::new(position, area, normal, &sample))
         .collect();
     patches.resize(PATCHES, Patch::default());
     patches
@@ -378,8 +380,13 @@ mod tests {
         [Vec3::ZERO, Vec3::new(1.0, 1.0, 0.0), Vec3::Y],
     ];
 
-    fn grey(color: f32) -> Paint {
-        Paint { color: Vec3::splat(color), roughness: 1.0, metallic: 0.0, reflectance: 0.5 }
+    fn grey(color: f32) -> MaterialSample {
+        MaterialSample {
+            color: Vec3::splat(color),
+            roughness: 1.0,
+            metallic: 0.0,
+            reflectance: 0.5,
+        }
     }
 
     #[test]
@@ -387,31 +394,36 @@ mod tests {
         // A chequered square: of each two looks, one is white.
         let number = std::cell::Cell::new(0);
         let next = || number.replace(number.get() + 1);
-        let fine =
-            SurfacePoints::new(&SQUARE, 64 * LOOKS, |_| Some(grey((next() % 2) as f32))).unwrap();
-        let coarse = coarse(&fine, LOOKS);
+        let fine = SurfacePoints::new(&SQUARE, 64 * SAMPLES_PER_POINT, |_| {
+            Some(grey((next() % 2) as f32))
+        })
+        .unwrap();
+        let coarse = coarse(&fine, SAMPLES_PER_POINT);
         assert_eq!(coarse.points.len(), 64);
         assert!((coarse.area * 64.0 - 1.0).abs() < 1e-9);
         let mean =
-            coarse.points.iter().map(|point| point.paint.unwrap().color.x).sum::<f32>() / 64.0;
+            coarse.points.iter().map(|point| point.sample.unwrap().color.x).sum::<f32>() / 64.0;
         assert!((mean - 0.5).abs() < 1e-6, "{mean}");
     }
 
     #[test]
     fn as_many_points_are_holes_as_places_are() {
         // Its left third is cut out.
-        let paint = |place: Place| {
-            let [second, third] = place.weights;
-            let x = if place.triangle == 0 { second + third } else { second };
+        let sample = |point: TrianglePoint| {
+            let [second, third] = point.weights;
+            let x = if point.triangle == 0 { second + third } else { second };
             (x > 1.0 / 3.0).then(|| grey(0.5))
         };
-        let fine = SurfacePoints::new(&SQUARE, 256 * LOOKS, paint).unwrap();
+        let fine = SurfacePoints::new(&SQUARE, 256 * SAMPLES_PER_POINT, sample).unwrap();
         let area = |points: &Points| points.area * points.points.len() as f64;
         let mut thin = fine.clone();
         thin.thin(16);
         assert!((area(&thin) - area(&fine)).abs() < 1e-9);
-        let there =
-            coarse(&fine, LOOKS).points.iter().filter(|point| point.paint.is_some()).count();
+        let there = coarse(&fine, SAMPLES_PER_POINT)
+            .points
+            .iter()
+            .filter(|point| point.sample.is_some())
+            .count();
         assert!((there as f32 / 256.0 - 2.0 / 3.0).abs() < 0.04, "{there} of 256");
     }
 

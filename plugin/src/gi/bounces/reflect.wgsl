@@ -1,27 +1,25 @@
-// What each patch reflects of the light that reaches it, as a texel behind those of the maps: one
-// thread per patch.
+// The flux that each patch reflects, as a texel behind those of the maps: one thread per patch.
 //
-// Light comes from carriers: VPLs of the maps' texels and of what glows, and from the second round
-// on of the patches as the round before left them. Every patch looks at all of them. In sets of 64,
-// a sixteenth each, what a patch missed made the bounce up to 8 % darker near bright spots and
-// blotchy; all threads reading the same carriers is what uniform buffers are for. Visibility by
-// rays as in `gather/gather.wgsl`. Where the camera gathers its sky (SKY), patches are lit by that,
-// too.
+// Bounce VPLs light the patches: VPLs sampled from the maps' texels, from emissive surfaces and,
+// from the second round on, from the patches of the round before. Every patch evaluates all of
+// them. With sets of 64 (a sixteenth each), the bounce was up to 8 % darker near bright spots, and
+// blotchy; and a uniform buffer is fast where all threads read the same element. Visibility by rays
+// as in `gather/gather.wgsl`. The camera's sky lights patches too, where it is gathered (SKY).
 
 #import bevy_render::view::View
-#import bevy_frugal_gi::gi::bounces::patch::{Patch, Place}
+#import bevy_frugal_gi::gi::bounces::patch::{Patch, PatchRange}
 #import bevy_frugal_gi::gi::texels::texel::{Texel, texel_normal}
 #import bevy_frugal_gi::gi::view::surface::scattered_share
 #import bevy_frugal_gi::gi::trace::trace::{is_occluded, is_open, surface_offset}
-#import bevy_frugal_gi::gi::vpl::hand::{dealt, empty_hand}
+#import bevy_frugal_gi::gi::vpl::stratum::{empty_stratum, update_stratum}
 #import bevy_frugal_gi::gi::vpl::vpl::{Vpl, from_vpl}
 #ifdef SKY
 #import bevy_frugal_gi::gi::sky::sky::{SKY_STRIDE, SkyLight, SkyPlan}
 #endif
 
 @group(0) @binding(0) var<uniform> view: View;
-@group(0) @binding(1) var<uniform> carriers: array<Vpl, CARRIERS>;
-@group(0) @binding(2) var<uniform> place: Place;
+@group(0) @binding(1) var<uniform> bounce_vpls: array<Vpl, BOUNCE_VPLS>;
+@group(0) @binding(2) var<uniform> range: PatchRange;
 @group(0) @binding(3) var<storage, read> patches: array<Patch>;
 @group(0) @binding(4) var<storage, read_write> texels: array<Texel>;
 #ifdef SKY
@@ -29,16 +27,16 @@
 @group(0) @binding(6) var<storage, read> sky_plan: SkyPlan;
 #endif
 
-/// As `bounces/camera.rs` has it: a constant, so that no loop depends on a uniform.
-const CARRIERS: u32 = 512u;
-/// Rays from each patch to carriers, and to the sky.
+/// As in `bounces/camera.rs`. A constant, so that no loop depends on a uniform.
+const BOUNCE_VPLS: u32 = 512u;
+/// Rays from each patch to bounce VPLs, and to the sky.
 const RAYS: u32 = 8u;
 const SKY_RAYS: u32 = 2u;
 
-/// Mean cosine of light that arrives evenly from everywhere: which share of it is scattered depends
-/// little on more.
+/// Mean cosine of uniform incident light: the scattered share depends little on its direction
+/// otherwise.
 const MEAN_COSINE: f32 = 0.6666667;
-/// Lumens, with which sums over all texels are finite: as in `vpl/sample.wgsl`.
+/// Lumens, with which sums over all texels stay finite: as in `vpl/sample.wgsl`.
 const MOST_FLUX: f32 = 1e25;
 
 @compute @workgroup_size(64)
@@ -59,28 +57,28 @@ fn reflect_patches(@builtin(global_invocation_id) id: vec3<u32>) {
         let noise = fract(f32(index) * 0.618034);
         var light = vec3(0.0);
         for (var which = 0u; which < RAYS; which++) {
-            var hand = empty_hand(fract(noise + f32(which) / f32(RAYS)));
-            for (var i = which; i < CARRIERS; i += RAYS) {
-                hand = dealt(hand, i, from_vpl(carriers[i], own.position, normal));
+            var stratum = empty_stratum(fract(noise + f32(which) / f32(RAYS)));
+            for (var i = which; i < BOUNCE_VPLS; i += RAYS) {
+                stratum = update_stratum(stratum, i, from_vpl(bounce_vpls[i], own.position, normal));
             }
-            if hand.total > 0.0 {
-                let vpl = carriers[hand.drawn];
+            if stratum.total > 0.0 {
+                let vpl = bounce_vpls[stratum.sampled];
                 let end = vpl.position + vpl.normal * surface_offset(vpl.position, distance(vpl.position, view.world_position), vpl.texel_width);
                 if !is_occluded(origin, end) {
-                    light += hand.sent;
+                    light += stratum.sent;
                 }
             }
         }
 #ifdef SKY
         let first_sample = (index % sky_plan.sets) * SKY_STRIDE;
         for (var which = 0u; which < SKY_RAYS; which++) {
-            var hand = empty_hand(fract(noise + f32(which) / f32(SKY_RAYS)));
+            var stratum = empty_stratum(fract(noise + f32(which) / f32(SKY_RAYS)));
             for (var i = first_sample + which; i < first_sample + sky_plan.samples; i += SKY_RAYS) {
-                hand = dealt(hand, i, sky_samples[i].light * max(dot(normal, sky_samples[i].direction), 0.0));
+                stratum = update_stratum(stratum, i, sky_samples[i].light * max(dot(normal, sky_samples[i].direction), 0.0));
             }
-            if hand.total > 0.0 {
-                if is_open(origin, sky_samples[hand.drawn].direction) {
-                    light += hand.sent;
+            if stratum.total > 0.0 {
+                if is_open(origin, sky_samples[stratum.sampled].direction) {
+                    light += stratum.sent;
                 }
             }
         }
@@ -89,5 +87,5 @@ fn reflect_patches(@builtin(global_invocation_id) id: vec3<u32>) {
         let flux = light * 0.31830987 * own.area * share;
         texel.flux = select(vec3(0.0), min(flux, vec3(MOST_FLUX)), flux >= vec3(0.0));
     }
-    texels[place.first_texel + index] = texel;
+    texels[range.first_texel + index] = texel;
 }

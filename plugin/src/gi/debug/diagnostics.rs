@@ -35,7 +35,7 @@ pub struct GiCounts {
     pub vpls: u64,
     /// VPL–pixel pairs evaluated, samples of the sky included.
     pub pairs: u64,
-    /// Rays traced from pixels, at most: a hand of VPLs that send nothing takes none.
+    /// Rays traced from pixels, at most: a stratum whose VPLs send nothing takes none.
     pub rays: u64,
     /// Bytes of GPU memory that GI holds.
     pub bytes: u64,
@@ -133,7 +133,7 @@ fn count(
             + gather.bytes()
             + history.map_or(0, History::bytes)
             + bounces.map_or(0, BounceCamera::bytes);
-        if let Some(bounces) = bounces.filter(|_| view.work.draw) {
+        if let Some(bounces) = bounces.filter(|_| view.work.sample) {
             counts.patches += bounces.patches_due();
         }
     }

@@ -22,7 +22,7 @@ use crate::gi::schedule::{GiSystems, PassSystems};
 use crate::gi::sky::{self, SKY_LIGHT_BYTES, SkyCamera, SkyPlan, SkyReading};
 use crate::gi::texels::{TEXEL_BYTES, TexelRow, TexelStore};
 use crate::gi::trace::{self, OccluderBuffers};
-use crate::gi::vpl::{self, RECEIVER_BYTES, VPL_BYTES, VplPlan, VplView};
+use crate::gi::vpl::{self, IMPORTANCE_POINT_BYTES, VPL_BYTES, VplPlan, VplView};
 
 /// Bytes that the plugin counts with for the shaders' structs: name, and size of one in a buffer.
 pub const STRUCT_BYTES: [(&str, u64); 14] = [
@@ -31,7 +31,7 @@ pub const STRUCT_BYTES: [(&str, u64); 14] = [
     trace::STRUCT_BYTES[0],
     trace::STRUCT_BYTES[1],
     trace::STRUCT_BYTES[2],
-    ("Receiver", RECEIVER_BYTES),
+    ("Receiver", IMPORTANCE_POINT_BYTES),
     ("Patch", size_of::<Patch>() as u64),
     ("Plan", size_of::<VplPlan>() as u64),
     ("Gather", size_of::<GatherSettings>() as u64),

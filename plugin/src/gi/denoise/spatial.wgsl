@@ -46,10 +46,10 @@ fn filter_spatially(
         let position = pixel_position(pixel, size, max(depth, 1e-30), view.world_from_clip);
         let found = textureLoad(gathered, cell, 0).rgb;
         // The largest half float. What is no number compares false.
-        let sound = all(found >= vec3(0.0)) && all(found <= vec3(65504.0));
-        positions[i] = vec4(position, select(0.0, select(-1.0, 1.0, sound), inside && depth > 0.0));
+        let valid = all(found >= vec3(0.0)) && all(found <= vec3(65504.0));
+        positions[i] = vec4(position, select(0.0, select(-1.0, 1.0, valid), inside && depth > 0.0));
         normals[i] = surface_normal(textureLoad(g_buffer, pixel, 0));
-        light[i] = select(vec3(0.0), found, sound);
+        light[i] = select(vec3(0.0), found, valid);
     }
     workgroupBarrier();
     let center = (local.y + WINDOW / 2u) * TILE + local.x + WINDOW / 2u;

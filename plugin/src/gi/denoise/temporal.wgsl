@@ -78,8 +78,8 @@ fn reprojected(position: vec3<f32>, normal: vec3<f32>, tolerance: f32) -> vec4<f
         let far = pixel_position(representative(at, reprojection.cell, reprojection.size), reprojection.size, 0.5, reprojection.world_from_clip);
         let there = reprojection.eye + normalize(far - reprojection.eye) * shown.a;
         // What is no number compares false, and is not added.
-        let sound = all(shown.rgb >= vec3(0.0)) && all(shown.rgb <= vec3(65504.0)) && shown.a > 0.0;
-        let same = sound && inside && abs(dot(there - position, normal)) < tolerance;
+        let valid = all(shown.rgb >= vec3(0.0)) && all(shown.rgb <= vec3(65504.0)) && shown.a > 0.0;
+        let same = valid && inside && abs(dot(there - position, normal)) < tolerance;
         let near = select(1.0 - along, along, offset == vec2(1u));
         sum += select(vec4(0.0), vec4(shown.rgb, 1.0) * (near.x * near.y), same);
     }
@@ -120,9 +120,9 @@ fn accumulate(@builtin(global_invocation_id) id: vec3<u32>) {
             let cell = vec2<u32>(clamp(place, vec2(0), vec2<i32>(cells) - 1));
             let there = representative(cell, step, size);
             let there_depth = textureLoad(depth_buffer, there, 0);
-            let way = pixel_position(there, size, max(there_depth, 1e-30), view.world_from_clip) - position;
+            let delta = pixel_position(there, size, max(there_depth, 1e-30), view.world_from_clip) - position;
             let found = textureLoad(filtered, cell, 0);
-            let alike = surface_affinity(way, normal, surface_normal(textureLoad(g_buffer, there, 0)), tolerance);
+            let alike = surface_affinity(delta, normal, surface_normal(textureLoad(g_buffer, there, 0)), tolerance);
             let difference = luminance(found.rgb) - light;
             let noise = ERRORS * ERRORS * (own.a * own.a + found.a * found.a);
             let explained = exp(-difference * difference / max(noise, 1e-12));

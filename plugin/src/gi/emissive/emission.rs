@@ -1,4 +1,4 @@
-//! What a material gives off, in nits: what a camera sees of it.
+//! A material's emission, in nits, as a camera shows it.
 
 use bevy::math::{DVec3, Vec3};
 use bevy::pbr::StandardMaterial;
@@ -6,22 +6,22 @@ use bevy::prelude::AlphaMode;
 
 use crate::gi::surfaces::{Mask, Sides, TextureUse, is_deferred};
 
-/// What a material gives off.
+/// The emission of a material.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Emission {
     /// Linear RGB, nits.
     exposed: Vec3,
-    /// Linear RGB as it is on screen, whatever the camera's exposure: times 1 ÷ exposure, it is
-    /// nits.
+    /// Linear RGB on screen, independent of the camera's exposure; divided by the exposure, nits.
     pub unexposed: Vec3,
     pub sides: Sides,
     pub texture: Option<TextureUse>,
-    /// Where it has holes.
+    /// Its alpha mask.
     pub mask: Option<Mask>,
 }
 
 impl Emission {
-    /// Nits, linear RGB, times the texture's colour, as seen by a camera of `exposure`.
+    /// Radiance for a camera of `exposure`: nits, linear RGB, to be multiplied by the texture's
+    /// colour.
     pub fn radiance(&self, exposure: Option<f32>) -> DVec3 {
         let unexposed = exposure
             .filter(|exposure| *exposure > 0.0)
@@ -30,11 +30,11 @@ impl Emission {
     }
 }
 
-/// What `material` gives off; nothing where that is black, negative or no number.
+/// The emission of `material`; `None` where it is black, negative or not finite.
 pub(super) fn emission(material: &StandardMaterial) -> Option<Emission> {
     let color = Vec3::new(material.emissive.red, material.emissive.green, material.emissive.blue);
     let alpha = material.base_color.to_linear().alpha.clamp(0.0, 1.0);
-    // As Bevy 0.19 does it: once by the shader, and once more as it blends.
+    // As in Bevy 0.19: alpha multiplies in the shader, and again in blending.
     let opacity = match material.alpha_mode {
         AlphaMode::Opaque | AlphaMode::Mask(_) | AlphaMode::AlphaToCoverage => 1.0,
         AlphaMode::Premultiplied => alpha,
@@ -49,7 +49,7 @@ pub(super) fn emission(material: &StandardMaterial) -> Option<Emission> {
     {
         return None;
     }
-    // The G-buffer has no room for the weight: Bevy 0.19 takes it for 0 there.
+    // The G-buffer does not store the weight: Bevy 0.19 uses 0 there.
     let weight =
         if is_deferred(material) { 0.0 } else { material.emissive_exposure_weight.clamp(0.0, 1.0) };
     let sides = Sides::shown(material.cull_mode);
@@ -72,36 +72,37 @@ mod tests {
     use bevy::material::OpaqueRendererMethod;
     use bevy::render::render_resource::Face;
 
-    fn glowing(red: f32, green: f32, blue: f32) -> StandardMaterial {
+    fn emissive(red: f32, green: f32, blue: f32) -> StandardMaterial {
         StandardMaterial { emissive: LinearRgba::rgb(red, green, blue), ..Default::default() }
     }
 
     #[test]
-    fn dark_negative_and_broken_colours_give_off_nothing() {
+    fn black_negative_and_non_finite_colours_emit_nothing() {
         for color in [[0.0; 3], [-1.0, 5.0, 5.0], [f32::NAN, 1.0, 1.0], [f32::INFINITY, 1.0, 1.0]] {
-            assert_eq!(emission(&glowing(color[0], color[1], color[2])), None);
+            assert_eq!(emission(&emissive(color[0], color[1], color[2])), None);
         }
         assert!(
-            emission(&glowing(1e20, 0.0, 0.0)).is_some()
-                && emission(&StandardMaterial { unlit: true, ..glowing(1.0, 1.0, 1.0) }).is_none()
+            emission(&emissive(1e20, 0.0, 0.0)).is_some()
+                && emission(&StandardMaterial { unlit: true, ..emissive(1.0, 1.0, 1.0) }).is_none()
         );
         assert!(
             emission(&StandardMaterial {
                 alpha_mode: AlphaMode::Multiply,
-                ..glowing(1.0, 1.0, 1.0)
+                ..emissive(1.0, 1.0, 1.0)
             })
             .is_none()
         );
     }
 
     #[test]
-    fn nits_are_what_the_camera_shows() {
+    fn nits_match_the_brightness_on_screen() {
         let exposure = Some(0.001);
         let red = |material: &StandardMaterial| emission(material).unwrap().radiance(exposure).x;
         // Deferred: as bright on screen at any exposure.
-        assert!((red(&glowing(2.0, 0.0, 0.0)) - 2000.0).abs() < 1e-3);
-        let weighted = StandardMaterial { emissive_exposure_weight: 1.0, ..glowing(2.0, 0.0, 0.0) };
-        assert!((red(&weighted) - 2000.0).abs() < 1e-3, "the G-buffer knows no weight");
+        assert!((red(&emissive(2.0, 0.0, 0.0)) - 2000.0).abs() < 1e-3);
+        let weighted =
+            StandardMaterial { emissive_exposure_weight: 1.0, ..emissive(2.0, 0.0, 0.0) };
+        assert!((red(&weighted) - 2000.0).abs() < 1e-3, "the G-buffer stores no weight");
         let forward =
             StandardMaterial { opaque_render_method: OpaqueRendererMethod::Forward, ..weighted };
         assert!((red(&forward) - 2.0).abs() < 1e-6);
@@ -110,9 +111,9 @@ mod tests {
     }
 
     #[test]
-    fn what_is_culled_does_not_glow() {
+    fn culled_sides_emit_nothing() {
         let sides = |cull_mode| {
-            emission(&StandardMaterial { cull_mode, ..glowing(1.0, 1.0, 1.0) }).unwrap().sides
+            emission(&StandardMaterial { cull_mode, ..emissive(1.0, 1.0, 1.0) }).unwrap().sides
         };
         assert_eq!(
             [Some(Face::Back), Some(Face::Front), None].map(sides),

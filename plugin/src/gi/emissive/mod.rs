@@ -4,7 +4,7 @@
 //! |---|---|---|
 //! | `emission` | none | what a material emits, in nits |
 //! | `surface` | none | an emissive surface as points |
-//! | `emitters` | main | keeps the texels of everything emissive |
+//! | `emitters` | main | keeps the texels of all emissive surfaces |
 //! | `upload` | render | writes them into the store behind the maps' |
 
 mod emission;
@@ -28,7 +28,7 @@ pub(super) struct EmissivePlugin;
 impl Plugin for EmissivePlugin {
     fn build(&self, app: &mut App) {
         app.init_resource::<GiEmitters>()
-            .init_resource::<emitters::Glow>()
+            .init_resource::<emitters::EmissiveState>()
             .add_plugins(ExtractResourcePlugin::<GiEmitters>::default())
             .add_systems(
                 PostUpdate,

@@ -1,45 +1,45 @@
-//! A glowing surface as texels that each stand for a piece of it: plain Rust, no renderer.
+//! An emissive surface as texels, each for a piece of it: plain Rust, no renderer.
 //!
-//! Texels are drawn from the surface's points at equal steps of power. So the same surface keeps
-//! its texels while it or anything else moves, they lie where a texture is bright, and drawing from
-//! consecutive ones, as virtual point lights are, spreads over the surface.
+//! Texels are sampled from the surface's points at equal steps of power. So a surface keeps its
+//! texels while it or anything else moves, texels lie where a texture is bright, and consecutive
+//! texels, among which VPLs are sampled, spread over the surface.
 
 use bevy::math::{Affine3A, DVec3, Mat3A, Vec3};
 
 use crate::gi::surfaces::{Sides, SurfacePoint, SurfacePoints, area_matrix};
 use crate::gi::texels::Texel;
 
-/// Most flux of a texel, lumens, with which sums over all texels stay finite. `vpl/sample.wgsl`
-/// bounds VPLs by the same.
+/// Largest flux of a texel, lumens, with which sums over all texels stay finite. The same bound
+/// holds for VPLs in `vpl/sample.wgsl`.
 const MOST_FLUX: f64 = 1e25;
 
-/// A surface whose points have the colours in which it glows: linear RGB.
+/// An emissive surface as points with their emissive colour: linear RGB.
 #[derive(Clone, Debug, PartialEq)]
-pub(super) struct GlowingSurface(pub SurfacePoints<Vec3>);
+pub(super) struct EmissiveSurface(pub SurfacePoints<Vec3>);
 
-impl GlowingSurface {
-    /// How many points there are to draw from.
+impl EmissiveSurface {
+    /// Number of candidate points.
     pub fn len(&self) -> usize {
         self.0.points.len()
     }
 
-    /// Lumens, weighed by luminance, that one side gives off at radiance `emission` (nits, linear
-    /// RGB, times the texture's colour), in its place.
+    /// Luminous flux of one side in lumens (its luminance) at radiance `emission` (nits, linear
+    /// RGB, times the texture's colour), transformed by `affine`.
     pub fn power(&self, affine: &Affine3A, emission: DVec3) -> f64 {
         let spread = area_matrix(affine);
         self.0.points.iter().map(|point| self.weight(point, &spread, emission)).sum::<f64>()
             * std::f64::consts::PI
     }
 
-    /// Area × luminance of what a point stands for.
+    /// Area × luminance of a point's piece of the surface.
     fn weight(&self, point: &SurfacePoint<Vec3>, spread: &Mat3A, emission: DVec3) -> f64 {
         self.0.area
             * f64::from((*spread * point.normal).length())
-            * luminance(emission * point.paint.as_dvec3())
+            * luminance(emission * point.sample.as_dvec3())
     }
 
-    /// Adds `count` texels for each side that glows: together they give off all that the surface
-    /// does, in each channel as far as its colours are even and in luminance exactly.
+    /// Adds `count` texels for each emissive side. Their total flux is the surface's: exactly in
+    /// luminance, and in each channel as far as its colour is uniform.
     pub fn add_texels(
         &self,
         affine: &Affine3A,
@@ -58,16 +58,16 @@ impl GlowingSurface {
         let step = total / count as f64;
         let (mut index, mut passed) = (0, weights[0]);
         for number in 0..count {
-            // Between steps, so that no target falls on the border of two points of the same
-            // weight, where rounding would choose.
+            // An offset within the step, so that no target falls on the border of two points of
+            // equal weight, where rounding would decide.
             let target = (number as f64 + 0.381_966) * step;
             while passed <= target && index + 1 < weights.len() {
                 index += 1;
                 passed += weights[index];
             }
             let point = &self.0.points[index];
-            let radiance = emission * point.paint.as_dvec3();
-            // Of what it stands for: `step` is area × luminance.
+            let radiance = emission * point.sample.as_dvec3();
+            // The piece's area: `step` is area × luminance.
             let area = step / luminance(radiance);
             let flux = (radiance * (area * std::f64::consts::PI)).min(DVec3::splat(MOST_FLUX));
             let (position, normal) = (

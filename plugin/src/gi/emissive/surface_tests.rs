@@ -1,5 +1,5 @@
 use super::*;
-use crate::gi::surfaces::Place;
+use crate::gi::surfaces::TrianglePoint;
 use bevy::math::{Quat, Vec3A};
 
 /// A rectangle of 2 m × 1 m in the plane z = 0 that faces +Z, in two triangles.
@@ -8,20 +8,20 @@ const PANEL: [[Vec3; 3]; 2] = [
     [Vec3::new(0.0, 0.0, 0.0), Vec3::new(2.0, 1.0, 0.0), Vec3::new(0.0, 1.0, 0.0)],
 ];
 
-fn white(_: Place) -> Vec3 {
+fn white(_: TrianglePoint) -> Vec3 {
     Vec3::ONE
 }
 
-fn glowing(
+fn emissive(
     triangles: &[[Vec3; 3]],
     count: usize,
-    color: impl Fn(Place) -> Vec3,
-) -> Option<GlowingSurface> {
-    SurfacePoints::new(triangles, count, color).map(GlowingSurface)
+    color: impl Fn(TrianglePoint) -> Vec3,
+) -> Option<EmissiveSurface> {
+    SurfacePoints::new(triangles, count, color).map(EmissiveSurface)
 }
 
 fn texels(
-    surface: &GlowingSurface,
+    surface: &EmissiveSurface,
     affine: Affine3A,
     emission: DVec3,
     sides: Sides,
@@ -37,9 +37,9 @@ fn flux(texels: &[Texel]) -> [f64; 3] {
 }
 
 #[test]
-fn all_light_is_there_wherever_the_surface_stands() {
+fn texels_carry_all_flux_under_any_transform() {
     let emission = DVec3::new(100.0, 50.0, 10.0);
-    let surface = glowing(&PANEL, 1024, white).unwrap();
+    let surface = emissive(&PANEL, 1024, white).unwrap();
     let places = [
         (Affine3A::IDENTITY, 2.0),
         (
@@ -75,8 +75,8 @@ fn all_light_is_there_wherever_the_surface_stands() {
 }
 
 #[test]
-fn points_lie_evenly_and_consecutive_ones_together() {
-    let surface = glowing(&PANEL, 1024, white).unwrap();
+fn texels_are_evenly_spread_and_consecutive_ones_are_neighbours() {
+    let surface = emissive(&PANEL, 1024, white).unwrap();
     for count in [64usize, 256, 1024] {
         let texels = texels(&surface, Affine3A::IDENTITY, DVec3::ONE, Sides::Front, count);
         // Each of 8 × 4 equal parts of the panel has its share, to within half of it.
@@ -105,13 +105,13 @@ fn points_lie_evenly_and_consecutive_ones_together() {
 }
 
 #[test]
-fn points_stay_where_they_are_on_a_surface_that_moves() {
-    let surface = glowing(&PANEL, 1024, white).unwrap();
+fn texels_stay_in_place_on_a_moving_surface() {
+    let surface = emissive(&PANEL, 1024, white).unwrap();
     let before = texels(&surface, Affine3A::IDENTITY, DVec3::ONE, Sides::Front, 512);
-    for (turn, way) in [(0.3, Vec3::X), (2.0, Vec3::splat(17.0))] {
+    for (turn, offset) in [(0.3, Vec3::X), (2.0, Vec3::splat(17.0))] {
         let affine = Affine3A::from_rotation_translation(
             Quat::from_axis_angle(Vec3::ONE.normalize(), turn),
-            way,
+            offset,
         );
         for (old, new) in
             before.iter().zip(texels(&surface, affine, DVec3::splat(3.0), Sides::Front, 512))
@@ -123,10 +123,10 @@ fn points_stay_where_they_are_on_a_surface_that_moves() {
 }
 
 #[test]
-fn points_are_where_the_texture_is_bright() {
+fn texels_lie_where_the_texture_is_bright() {
     // The second triangle is dark but for one part in a hundred of its light.
     let surface =
-        glowing(
+        emissive(
             &PANEL,
             4096,
             |place| if place.triangle == 0 { Vec3::ONE } else { Vec3::splat(0.01) },
@@ -140,8 +140,8 @@ fn points_are_where_the_texture_is_bright() {
 }
 
 #[test]
-fn the_lit_side_is_the_one_that_is_seen() {
-    let surface = glowing(&PANEL, 16, white).unwrap();
+fn only_visible_sides_emit() {
+    let surface = emissive(&PANEL, 16, white).unwrap();
     let mut normals = Vec::new();
     for (sides, affine) in [
         (Sides::Front, Affine3A::IDENTITY),
@@ -160,7 +160,7 @@ fn the_lit_side_is_the_one_that_is_seen() {
 }
 
 #[test]
-fn hostile_surfaces_give_nothing_or_something_finite() {
+fn degenerate_surfaces_give_no_texels_or_finite_ones() {
     let point = [[Vec3::ONE; 3]];
     let line = [[Vec3::ZERO, Vec3::X, Vec3::X * 2.0]];
     let broken = [
@@ -171,10 +171,10 @@ fn hostile_surfaces_give_nothing_or_something_finite() {
     assert!(
         [&point[..], &line, &broken, &[]]
             .iter()
-            .all(|triangles| glowing(triangles, 16, white).is_none())
+            .all(|triangles| emissive(triangles, 16, white).is_none())
     );
     let mixed = [broken[0], PANEL[0]];
-    let surface = glowing(&mixed, 16, white).unwrap();
+    let surface = emissive(&mixed, 16, white).unwrap();
     for emission in [1e-30, 1e20, 1e38, 1e300] {
         for affine in [
             Affine3A::IDENTITY,

@@ -1,4 +1,4 @@
-//! Texels of emissive surfaces, on their way into the store.
+//! Uploads the texels of emissive surfaces into the store.
 
 use std::sync::Arc;
 
@@ -9,8 +9,8 @@ use bevy::render::renderer::RenderQueue;
 use super::emitters::GiEmitters;
 use crate::gi::texels::{TEXEL_BYTES, Texel, TexelRange, TexelStore};
 
-/// What the store was last given: which buffer, from which texel on, and what.
-type Given = (BufferId, u32, Vec<Arc<Vec<Texel>>>);
+/// The last upload: the buffer, the index of the first texel, and the texels.
+type Uploaded = (BufferId, u32, Vec<Arc<Vec<Texel>>>);
 
 pub(super) fn reserve(mut store: ResMut<TexelStore>, emitters: Res<GiEmitters>) {
     store.reserve(TexelRange::Emissive, emitters.texel_count());
@@ -18,23 +18,23 @@ pub(super) fn reserve(mut store: ResMut<TexelStore>, emitters: Res<GiEmitters>) 
 
 /// Writes the texels when they changed or the store did.
 pub(super) fn upload(
-    mut given: Local<Option<Given>>,
+    mut uploaded: Local<Option<Uploaded>>,
     store: Res<TexelStore>,
     emitters: Res<GiEmitters>,
     queue: Res<RenderQueue>,
 ) {
     let Some(buffer) = store.texels.as_ref().filter(|_| emitters.texel_count() > 0) else {
-        *given = None;
+        *uploaded = None;
         return;
     };
     let first = store.first(TexelRange::Emissive);
-    let is_same = |(id, old_first, sets): &Given| {
+    let is_same = |(id, old_first, sets): &Uploaded| {
         *id == buffer.id()
             && *old_first == first
             && sets.len() == emitters.texels().count()
             && sets.iter().zip(emitters.texels()).all(|(old, new)| Arc::ptr_eq(old, new))
     };
-    if given.as_ref().is_some_and(is_same) {
+    if uploaded.as_ref().is_some_and(is_same) {
         return;
     }
     let mut offset = u64::from(first) * TEXEL_BYTES;
@@ -45,5 +45,5 @@ pub(super) fn upload(
         }
         offset += bytes.len() as u64;
     }
-    *given = Some((buffer.id(), first, emitters.texels().map(Arc::clone).collect()));
+    *uploaded = Some((buffer.id(), first, emitters.texels().map(Arc::clone).collect()));
 }

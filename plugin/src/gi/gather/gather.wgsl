@@ -4,11 +4,11 @@
 // The VPLs of a set lie in a uniform array: on the software adapter 1.75 times as fast as a storage
 // buffer and twice as fast as a copy in workgroup memory. A dynamic offset chooses the set.
 //
-// Visibility, where it is asked for (RAYS): the set is dealt into as many hands (`vpl/hand.wgsl`)
-// as there are rays. The hue is the hand's and not the drawn VPL's, which would be right in each
-// channel but speckle every wall in the colours of whatever lights it; so, where nothing is hidden,
-// there is no noise at all, and where only one colour of light is hidden, some of it stays in the
-// hue.
+// With visibility (RAYS), the set is split into as many strata (`vpl/stratum.wgsl`) as there are
+// rays: one VPL is sampled per stratum by luminance, and one ray accepts or rejects the stratum's
+// sum. The hue is the stratum's, not the sampled VPL's. The VPL's hue would be unbiased in each
+// channel, but speckles every wall in the colours of its lights. So there is no noise where nothing
+// is occluded, and where only one colour of light is occluded, some of it stays in the hue.
 
 #import bevy_render::view::View
 #import bevy_frugal_gi::gi::gather::settings::Gather
@@ -16,7 +16,7 @@
 #import bevy_frugal_gi::gi::vpl::plan::Plan
 #import bevy_frugal_gi::gi::vpl::vpl::{Vpl, from_vpl}
 #ifdef RAYS
-#import bevy_frugal_gi::gi::vpl::hand::{dealt, empty_hand, weight_of}
+#import bevy_frugal_gi::gi::vpl::stratum::{empty_stratum, update_stratum, weight_of}
 #import bevy_frugal_gi::gi::trace::trace::{is_occluded, is_open, surface_offset}
 #endif
 #ifdef SKY_RAYS
@@ -49,27 +49,27 @@ fn gathered(cell: vec2<u32>, position: vec3<f32>, normal: vec3<f32>) -> vec3<f32
     // once. Fixed, so that a still picture is still.
     let noise = fract(52.9829189 * fract(dot(vec2<f32>(cell), vec2(0.06711056, 0.00583715))));
     var sum = vec3(0.0);
-    var sum_drawn = vec3(0.0);
+    var sum_sampled = vec3(0.0);
     var all = 0.0;
     var free = 0.0;
     for (var which = 0u; which < #{RAYS}u; which++) {
-        var hand = empty_hand(fract(noise + f32(which) * 0.618034));
+        var stratum = empty_stratum(fract(noise + f32(which) * 0.618034));
         for (var i = which; i < plan.per_set; i += #{RAYS}u) {
-            hand = dealt(hand, i, from_vpl(vpls[i], position, normal));
+            stratum = update_stratum(stratum, i, from_vpl(vpls[i], position, normal));
         }
-        all += hand.total;
-        if hand.total > 0.0 {
-            let vpl = vpls[hand.drawn];
+        all += stratum.total;
+        if stratum.total > 0.0 {
+            let vpl = vpls[stratum.sampled];
             let end = vpl.position + vpl.normal * surface_offset(vpl.position, distance(vpl.position, view.world_position), vpl.texel_width);
             if !is_occluded(origin, end) {
-                sum += hand.sent;
-                sum_drawn += vpl.flux * (hand.total / max(weight_of(vpl.flux), 1e-35));
-                free += hand.total;
+                sum += stratum.sent;
+                sum_sampled += vpl.flux * (stratum.total / max(weight_of(vpl.flux), 1e-35));
+                free += stratum.total;
             }
         }
     }
-    let hidden = 1.0 - free / max(all, 1e-35);
-    return mix(sum, sum_drawn, min(2.0 * hidden, 1.0));
+    let occluded = 1.0 - free / max(all, 1e-35);
+    return mix(sum, sum_sampled, min(2.0 * occluded, 1.0));
 }
 #else
 fn gathered(cell: vec2<u32>, position: vec3<f32>, normal: vec3<f32>) -> vec3<f32> {
@@ -82,20 +82,20 @@ fn gathered(cell: vec2<u32>, position: vec3<f32>, normal: vec3<f32>) -> vec3<f32
 #endif
 
 #ifdef SKY_RAYS
-/// The same from the sky: its samples are dealt into hands of their own, since where the sky is
-/// bright and hidden a ray for both would nearly always be spent on it.
+/// The same for the sky. Its samples have strata of their own: where the sky is bright and
+/// occluded, a shared ray would nearly always be spent on it.
 fn gathered_sky(cell: vec2<u32>, position: vec3<f32>, normal: vec3<f32>) -> vec3<f32> {
     let origin = departure(position, normal);
     let noise = fract(52.9829189 * fract(dot(vec2<f32>(cell), vec2(0.00583715, 0.06711056))));
     var sum = vec3(0.0);
     for (var which = 0u; which < #{SKY_RAYS}u; which++) {
-        var hand = empty_hand(fract(noise + f32(which) * 0.618034));
+        var stratum = empty_stratum(fract(noise + f32(which) * 0.618034));
         for (var i = which; i < sky_plan.samples; i += #{SKY_RAYS}u) {
-            hand = dealt(hand, i, sky_samples[i].light * max(dot(normal, sky_samples[i].direction), 0.0));
+            stratum = update_stratum(stratum, i, sky_samples[i].light * max(dot(normal, sky_samples[i].direction), 0.0));
         }
-        if hand.total > 0.0 {
-            if is_open(origin, sky_samples[hand.drawn].direction) {
-                sum += hand.sent;
+        if stratum.total > 0.0 {
+            if is_open(origin, sky_samples[stratum.sampled].direction) {
+                sum += stratum.sent;
             }
         }
     }
@@ -105,7 +105,7 @@ fn gathered_sky(cell: vec2<u32>, position: vec3<f32>, normal: vec3<f32>) -> vec3
 
 @compute @workgroup_size(8, 8)
 fn gather_vpls(@builtin(global_invocation_id) id: vec3<u32>) {
-    let cell = id.xy * plan.interleave + gather.residue;
+    let cell = id.xy * plan.interleave + gather.interleave_offset;
     if any(cell >= textureDimensions(irradiance)) {
         return;
     }

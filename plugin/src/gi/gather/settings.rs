@@ -1,4 +1,4 @@
-//! What every set's dispatch of the gather is told: plain arithmetic, no renderer.
+//! Settings of the gather's dispatch for each set: plain arithmetic, no renderer.
 
 use bytemuck::{Pod, Zeroable};
 
@@ -14,7 +14,7 @@ pub(super) const SETTINGS_STRIDE: u64 = 256;
 pub(in crate::gi) struct GatherSettings {
     pub cell_width: u32,
     pub cell_height: u32,
-    pub residue: [u32; 2],
+    pub interleave_offset: [u32; 2],
 }
 
 /// The settings of every set's dispatch, each at its dynamic offset.
@@ -22,8 +22,11 @@ pub(super) fn settings_bytes(plan: &VplPlan, fraction: GiPixelFraction) -> Vec<u
     let (cell_width, cell_height) = fraction.cell();
     let mut bytes = vec![0; plan.sets as usize * SETTINGS_STRIDE as usize];
     for (set, chunk) in (0..).zip(bytes.chunks_exact_mut(SETTINGS_STRIDE as usize)) {
-        let settings =
-            GatherSettings { cell_width, cell_height, residue: plan.residue(set).to_array() };
+        let settings = GatherSettings {
+            cell_width,
+            cell_height,
+            interleave_offset: plan.interleave_offset(set).to_array(),
+        };
         chunk[..size_of::<GatherSettings>()].copy_from_slice(bytemuck::bytes_of(&settings));
     }
     bytes

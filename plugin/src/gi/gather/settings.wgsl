@@ -1,10 +1,10 @@
-// What the gather and the filter after it are told.
+// Settings of the gather and of the denoiser.
 #define_import_path bevy_frugal_gi::gi::gather::settings
 
 struct Gather {
-    /// Width and height in pixels of the cells that are gathered once.
+    /// Width and height of a low-resolution pixel, in pixels.
     cell_width: u32,
     cell_height: u32,
-    /// Place of this set's pixels in the square that shares the VPLs out.
-    residue: vec2<u32>,
+    /// Interleave offset: position of this set's low-resolution pixels in the interleaving square.
+    interleave_offset: vec2<u32>,
 }

@@ -13,7 +13,7 @@ use bevy::mesh::{Mesh, Mesh3d};
 use bevy::pbr::{MeshMaterial3d, StandardMaterial};
 use bevy::transform::components::{GlobalTransform, Transform};
 
-use crate::gi::rsm::{MapsTouched, RsmView};
+use crate::gi::rsm::{MapDelta, RsmView};
 use crate::gi::settings::FrugalGi;
 use crate::gi::trace::GiOccluders;
 use crate::gi::view::{CameraCut, GiFrame, GiRefresh, SceneDelta};
@@ -74,7 +74,7 @@ impl SceneChanges<'_, '_> {
 pub(super) fn decide(
     mut frame: ResMut<GiFrame>,
     policy: Res<GiRefresh>,
-    maps: Res<MapsTouched>,
+    maps: Res<MapDelta>,
     busy: Option<Res<PipelinesBusy>>,
     occluders: Res<GiOccluders>,
     cameras: Query<(&Camera, &FrugalGi)>,

@@ -1,4 +1,4 @@
-//! What each GI camera has to do in a frame: from which texels its VPLs are sampled, and whether.
+//! The work of each GI camera in a frame: whether its VPLs are sampled, and from which texels.
 
 use bevy::ecs::prelude::*;
 use bevy::math::{Affine3A, Mat4};
@@ -10,30 +10,30 @@ use crate::gi::bounces::BounceCamera;
 use crate::gi::emissive::GiEmitters;
 use crate::gi::rsm::{RsmLight, RsmView};
 use crate::gi::settings::FrugalGi;
-use crate::gi::sky::{SkyCamera, SkySeen};
+use crate::gi::sky::{SkyCamera, SkyInputs};
 use crate::gi::texels::{CascadeCut, TexelRange, TexelRow, TexelStore};
 use crate::gi::trace::GiOccluders;
 use crate::gi::view::{CutCameras, Fit, GatherPlace, GiFrame, GiRefresh, GiView, Step, Work};
 
-/// What decides about a camera's VPLs and what they send to it, beside the scene.
+/// The inputs of a camera's VPLs and of its gather, beside the scene.
 #[derive(Component, Clone, Debug, PartialEq)]
-pub(super) struct Seen {
+pub(super) struct ViewInputs {
     gi: FrugalGi,
     exposure: f32,
     world_from_view: Affine3A,
     clip_from_view: Mat4,
-    sky: Option<SkySeen>,
-    /// Whether what rays may meet was there. It is not in the frame in which an app asks for rays
-    /// after it was collected.
+    sky: Option<SkyInputs>,
+    /// Whether the occluders were collected. In the frame in which an app switches rays on, they
+    /// may not be yet.
     has_occluders: bool,
 }
 
-impl Seen {
+impl ViewInputs {
     fn new(
         gi: &FrugalGi,
         camera: &ExtractedCamera,
         view: &ExtractedView,
-        sky: Option<SkySeen>,
+        sky: Option<SkyInputs>,
         has_occluders: bool,
     ) -> Self {
         let (world_from_view, clip_from_view) =
@@ -49,8 +49,8 @@ impl Seen {
     }
 }
 
-impl Seen {
-    /// Whether both are of the same settings and sky, wherever the camera is.
+impl ViewInputs {
+    /// Whether settings and sky are equal, wherever the camera is.
     fn has_settings_of(&self, other: &Self) -> bool {
         self.gi == other.gi && self.sky == other.sky
     }
@@ -73,11 +73,11 @@ pub(super) fn prepare(
         Option<&SkyCamera>,
         Option<&BounceCamera>,
     )>,
-    mut held: Query<(&mut GiView, &mut Seen)>,
+    mut held: Query<(&mut GiView, &mut ViewInputs)>,
     stale: Query<Entity, (With<GiView>, Or<(Without<FrugalGi>, Without<ExtractedCamera>)>)>,
 ) {
     for entity in &stale {
-        commands.entity(entity).remove::<(GiView, Seen)>();
+        commands.entity(entity).remove::<(GiView, ViewInputs)>();
     }
     for (entity, main_entity, gi, camera, view, jitters, sky, bounces) in &cameras {
         let mut rows = rows_of(main_entity.id(), &maps);
@@ -90,13 +90,13 @@ pub(super) fn prepare(
         if store.texels.is_none() {
             rows.clear();
         }
-        let sky = sky.and_then(SkyCamera::seen);
+        let sky = sky.and_then(SkyCamera::inputs);
         let Some(size) = camera.physical_viewport_size.filter(|size| size.min_element() > 0) else {
             continue;
         };
         if !gi.gathers() || (rows.is_empty() && sky.is_none()) {
             if held.contains(entity) {
-                commands.entity(entity).remove::<(GiView, Seen)>();
+                commands.entity(entity).remove::<(GiView, ViewInputs)>();
             }
             continue;
         }
@@ -106,18 +106,18 @@ pub(super) fn prepare(
             place: GatherPlace::new(camera, view, size, gi.pixel_fraction),
             rows,
             sky_samples: sky.as_ref().map_or(0, |sky| sky.samples()),
-            // Its buffers are empty, whatever the period says.
+            // Its buffers are empty, so the period does not apply.
             work: Work::ALL,
             step: Step::Begins,
         };
-        let seen = Seen::new(gi, camera, view, sky, occluders.is_kept());
-        let Ok((mut held, mut held_seen)) = held.get_mut(entity) else {
-            commands.entity(entity).insert((next, seen));
+        let inputs = ViewInputs::new(gi, camera, view, sky, occluders.is_kept());
+        let Ok((mut held, mut held_inputs)) = held.get_mut(entity) else {
+            commands.entity(entity).insert((next, inputs));
             continue;
         };
         let is_cut = cuts.0.contains(&main_entity.id());
         let fit = held.fit(&next);
-        let moved = *held_seen != seen || is_cut;
+        let moved = *held_inputs != inputs || is_cut;
         if fit != Fit::Empty {
             let changed = moved || fit == Fit::LaidOut;
             next.work = held.work.next(changed, always, &frame, *policy, gi.refresh_period.max(1));
@@ -125,11 +125,11 @@ pub(super) fn prepare(
         next.step = match next.work.gather {
             false => Step::Rests,
             true if is_cut => Step::Begins,
-            true if !held_seen.has_settings_of(&seen) => Step::Switches,
+            true if !held_inputs.has_settings_of(&inputs) => Step::Switches,
             true if moved || fit > Fit::Same || always || frame.gather => Step::Moves,
             true => Step::Begins,
         };
-        (*held, *held_seen) = (next, seen);
+        (*held, *held_inputs) = (next, inputs);
     }
 }
 

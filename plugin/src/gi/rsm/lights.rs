@@ -1,4 +1,4 @@
-//! The lights that bounce, and what the shader must know of each.
+//! The lights that bounce, and their data for the shader.
 
 use bevy::color::{Color, ColorToComponents};
 use bevy::ecs::prelude::*;
@@ -7,13 +7,14 @@ use bevy::math::{Quat, Vec3};
 use bevy::render::extract_component::ExtractComponent;
 use bevy::render::render_resource::ShaderType;
 
-/// What `rsm/resolve.wgsl` calls `Light`: one map's light and its place in the store.
+/// `rsm/resolve.wgsl`'s `Light`: one map's light and its range in the store.
 #[derive(Component, ExtractComponent, ShaderType, Clone, Copy, Debug, Default, PartialEq)]
 pub(in crate::gi) struct RsmLight {
     /// Linear RGB: lux of parallel light, else candela.
     pub intensity: Vec3,
-    /// m² or sr of a texel.
-    pub texel_measure: f32,
+    /// Of a texel: area across the rays (m²) where light is parallel, else solid angle in the
+    /// middle of the view (sr).
+    pub texel_area_or_solid_angle: f32,
     /// World space, metres.
     pub position: Vec3,
     /// 1/m².
@@ -26,11 +27,11 @@ pub(in crate::gi) struct RsmLight {
     pub cone_offset: f32,
     /// First texel in the store.
     pub texel_offset: u32,
-    /// Texels along its edge. The map's texels stay while it is not rendered.
+    /// Texels along the map's edge. The map's texels stay in the store while it is not rendered.
     pub resolution: u32,
 }
 
-/// A light's emission and shape, without its map.
+/// Shape of a light's emission.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) enum Emitter {
     /// Parallel rays.
@@ -42,7 +43,7 @@ pub(super) enum Emitter {
         /// Radians, below π/2.
         outer: f32,
     },
-    /// All around.
+    /// In all directions.
     Point,
 }
 
@@ -59,7 +60,7 @@ pub(super) struct BouncingLight {
     pub range: f32,
 }
 
-/// Lumens of a point or spot light to candela: Bevy divides both by 4π, so that a spot is as bright
+/// Candela per lumen of a point or spot light: Bevy divides both by 4π, so that a spot is as bright
 /// in its cone as a point light.
 const CANDELA_PER_LUMEN: f32 = 1.0 / (4.0 * std::f32::consts::PI);
 
@@ -74,7 +75,7 @@ impl BouncingLight {
             rotation,
             range: f32::INFINITY,
         }
-        .sound()
+        .if_valid()
     }
 
     pub fn spot(entity: Entity, light: &SpotLight, position: Vec3, rotation: Quat) -> Option<Self> {
@@ -82,7 +83,7 @@ impl BouncingLight {
         let outer = light.outer_angle.min(std::f32::consts::FRAC_PI_2 - 1e-4);
         let emitter = Emitter::Spot { inner: light.inner_angle.min(outer), outer };
         let intensity = linear(light.color) * light.intensity * CANDELA_PER_LUMEN;
-        Self { entity, emitter, intensity, position, rotation, range: light.range }.sound()
+        Self { entity, emitter, intensity, position, rotation, range: light.range }.if_valid()
     }
 
     pub fn point(entity: Entity, light: &PointLight, position: Vec3) -> Option<Self> {
@@ -95,20 +96,20 @@ impl BouncingLight {
             rotation: Quat::IDENTITY,
             range: light.range,
         }
-        .sound()
+        .if_valid()
     }
 
-    /// Nothing for a light that is dark, negative or not finite: it costs nothing.
-    fn sound(self) -> Option<Self> {
+    /// `None` for a light of zero, negative or non-finite intensity or of a non-finite pose: it
+    /// costs nothing.
+    fn if_valid(self) -> Option<Self> {
         let lit = self.intensity.is_finite()
             && self.intensity.min_element() >= 0.0
             && self.intensity.max_element() > 0.0;
-        let placed = self.position.is_finite() && self.rotation.is_finite() && self.range > 0.0;
-        (lit && placed).then_some(self)
+        let has_pose = self.position.is_finite() && self.rotation.is_finite() && self.range > 0.0;
+        (lit && has_pose).then_some(self)
     }
 
-    /// How much it may light the surroundings of `camera`, in lux at the camera: what lights are
-    /// ranked by when there are too many.
+    /// Illuminance in lux at a camera at `camera`: lights are ranked by it when there are too many.
     pub fn importance(&self, camera: Vec3) -> f32 {
         let brightest = self.intensity.max_element();
         match self.emitter {
@@ -117,7 +118,7 @@ impl BouncingLight {
         }
     }
 
-    /// How many maps it takes.
+    /// Number of its maps.
     pub fn faces(&self) -> u8 {
         if self.emitter == Emitter::Point { 6 } else { 1 }
     }
@@ -125,8 +126,8 @@ impl BouncingLight {
     /// Texels along the edge of each of its maps when a single one has `resolution`.
     pub fn resolution(&self, resolution: u32) -> u32 {
         // A face of a quarter of the size has texels of 90° ÷ resolution · 4: at 3 m about as large
-        // as those of a sun's map of what is near. Half the size was tried and took four times the
-        // memory, a fifth of all, for the same errors. Few texels are never made fewer.
+        // as those of a sun's near cascade. Half the size was tried and took four times the memory,
+        // a fifth of all, for the same errors. Small resolutions are not reduced.
         if self.emitter == Emitter::Point {
             (resolution / 4).max(32).min(resolution / 2).max(8)
         } else {
@@ -145,7 +146,7 @@ impl BouncingLight {
         }
     }
 
-    /// 1/m², 0 where the range has no end.
+    /// 1/m²; 0 where the range is infinite.
     pub fn inverse_range_squared(&self) -> f32 {
         (self.range * self.range).recip()
     }
@@ -160,7 +161,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn dark_and_broken_lights_do_not_bounce() {
+    fn dark_and_invalid_lights_do_not_bounce() {
         let entity = Entity::PLACEHOLDER;
         let point = |intensity| {
             BouncingLight::point(
@@ -174,9 +175,9 @@ mod tests {
             [0.0, -1.0, f32::NAN, f32::INFINITY, 1e-20, 1e20].map(point),
             [false, false, false, false, true, true]
         );
-        let placed =
+        let at =
             |position| BouncingLight::point(entity, &PointLight::default(), position).is_some();
-        assert!(!placed(Vec3::NAN) && placed(Vec3::splat(1e6)));
+        assert!(!at(Vec3::NAN) && at(Vec3::splat(1e6)));
     }
 
     #[test]

@@ -1,10 +1,11 @@
-//! Reflective shadow maps: what each light sees, as texels of position, normal and reflected flux.
+//! Reflective shadow maps: the surfaces that each light illuminates, as texels of position, normal
+//! and reflected flux.
 //!
 //! Options for rendering one: (1) a hidden camera with a deferred prepass; (2) an own phase in an
-//! own render-world view; (3) an own phase in Bevy's shadow views. We use 1: textures, alpha masks,
-//! skins, morphs and extended materials come with it, and it needs no shadow map. Its side effects
-//! are kept small: the camera has no clusters, so Bevy gives it no cascades and no light lists, and
-//! no main phases.
+//! own render-world view; (3) an own phase in Bevy's shadow views. We use 1: it supports textures,
+//! alpha masks, skins, morphs and extended materials, and needs no shadow map. Its side effects are
+//! small: the camera has no clusters, so Bevy gives it no cascades and no light lists, and we
+//! remove its main phases.
 
 mod lights;
 mod region;
@@ -25,19 +26,19 @@ use super::schedule::{GiSystems, PrepareSystems, SceneSystems, supported_render_
 use super::texels::CascadeCut;
 pub(super) use lights::RsmLight;
 pub(super) use resolve::resolve;
-pub(super) use views::MapsTouched;
+pub(super) use views::MapDelta;
 
-/// Marks a hidden camera that renders what a light sees. Filter your own camera queries with
-/// `Without<RsmView>` if they mean visible cameras.
+/// Marks a hidden camera that renders a light's reflective shadow map. Filter camera queries by
+/// `Without<RsmView>` where they mean visible cameras.
 #[derive(Component, ExtractComponent, Reflect, Clone, Copy, Debug, PartialEq, Eq, Hash)]
 #[reflect(Component, Clone, PartialEq, Hash)]
 pub struct RsmView {
     /// The light.
     pub light: Entity,
-    /// The GI camera whose surroundings it covers; none where the map serves all cameras.
+    /// The GI camera whose surroundings it covers; `None` where the map serves all cameras.
     pub camera: Option<Entity>,
-    /// Cube face of a point light, 0 to 5. Of a directional light's maps, 0 is that of the
-    /// surroundings and 1 that of what is near the camera.
+    /// Cube face of a point light, 0 to 5. Cascade of a directional light: 0 is the far one and 1
+    /// the near one.
     pub face: u8,
 }
 
@@ -48,7 +49,7 @@ impl Plugin for RsmPlugin {
         embedded_asset!(app, "resolve.wgsl");
         app.register_type::<RsmView>()
             .init_resource::<region::SceneBox>()
-            .init_resource::<MapsTouched>()
+            .init_resource::<MapDelta>()
             .add_plugins((
                 ExtractComponentPlugin::<RsmView>::default(),
                 ExtractComponentPlugin::<RsmLight>::default(),

@@ -1,4 +1,4 @@
-//! How much of the world a directional light's map covers.
+//! The region of the world that a directional light's cascades cover.
 
 use bevy::camera::primitives::Aabb;
 use bevy::ecs::prelude::*;
@@ -8,19 +8,19 @@ use bevy::transform::components::GlobalTransform;
 
 use crate::gi::texels::CascadeCut;
 
-/// The box around every mesh of the world.
+/// Bounding box of all meshes of the world.
 #[derive(Resource, Clone, Copy, Debug, Default, PartialEq)]
 pub(super) struct SceneBox(pub Option<(Vec3, Vec3)>);
 
-/// Steps of a region that follows the camera along its side.
+/// Steps along the side of a region in which it follows the camera.
 const STEPS: u32 = 16;
-/// How far around the camera its own map goes, as a share of how far light bounces at all.
+/// Radius of the near cascade, as a share of the range.
 const NEAR_SHARE: f32 = 0.3;
-/// Where the camera's own map would be larger than this share of the other's side, one map does for
+/// Where the near cascade would be larger than this share of the far one's side, one map replaces
 /// both.
 const LARGEST_NEAR: f32 = 0.6;
 
-/// Redone only when a mesh appeared, moved or went away.
+/// Recomputed only when a mesh was added, moved or removed.
 pub(super) fn update_scene_box(
     mut scene: ResMut<SceneBox>,
     meshes: Query<(&Aabb, &GlobalTransform), With<Mesh3d>>,
@@ -45,7 +45,7 @@ pub(super) fn update_scene_box(
     scene.set_if_neq(SceneBox(found));
 }
 
-/// A directional light's map in the light's own axes (the light shines along −Z).
+/// Extent of a directional light's map in the light's own axes (the light shines along −Z).
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct LightRegion {
     /// Centre of the near plane, world space.
@@ -56,12 +56,13 @@ pub(super) struct LightRegion {
     pub depth: f32,
 }
 
-/// What a map of `texels` × `texels` must cover for a camera at `camera`: the whole scene where it
-/// is small, else a square of twice `range` around the camera. Along the rays it always holds the
-/// whole scene, since whatever stands in the light shades what is near.
+/// The region of a map of `texels` × `texels` for a camera at `camera`: the whole scene where it is
+/// small, else a square of twice `range` around the camera. Along the rays it always contains the
+/// whole scene, since distant meshes cast shadows on near ones.
 ///
 /// The region moves in steps of a sixteenth, which are whole texels, and grows in steps of an
-/// eighth: VPLs stay put while the camera or a mesh moves, and the map is seldom rendered for that.
+/// eighth. So VPLs stay in place while the camera or a mesh moves, and the map is seldom rendered
+/// for that.
 pub(super) fn cover(
     scene: (Vec3, Vec3),
     rotation: Mat3,
@@ -104,9 +105,9 @@ pub(super) fn cover(
     }
 }
 
-/// What of `far`, a region of `texels` × `texels`, a second map covers more finely: what is near
-/// the camera, and so lights what fills the picture. None where that would be most of it. Whole
-/// texels of the first, so that light is in one of the two.
+/// The near cascade: the part of `far`, a region of `texels` × `texels`, around the camera, whose
+/// texels light most of the image. `None` where it would be most of `far`. Its border lies between
+/// texels of `far`, so that all light is in exactly one cascade.
 pub(super) fn near(
     far: &LightRegion,
     rotation: Mat3,
@@ -186,7 +187,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_near_has_a_map_of_its_own_of_whole_texels_of_the_other() {
+    fn the_near_cascade_covers_whole_texels_of_the_far_one() {
         let scene = (Vec3::new(-30.0, 0.0, -30.0), Vec3::new(30.0, 3.0, 30.0));
         let texels = 128;
         for camera in [

@@ -1,4 +1,4 @@
-//! The pass that turns a light's G-buffer into texels.
+//! The pass that resolves a light's G-buffer into texels.
 
 use bevy::asset::load_embedded_asset;
 use bevy::core_pipeline::core_3d::{AlphaMask3d, Opaque3d, Transparent3d};
@@ -66,7 +66,7 @@ impl FromWorld for RsmPipelines {
     }
 }
 
-/// Takes the maps' cameras out of the main pass before anything is specialised, compiled or queued
+/// Removes the maps' cameras from the main pass before anything is specialised, compiled or queued
 /// for it.
 pub(super) fn drop_main_phases(
     views: Query<&ExtractedView, With<RsmView>>,
@@ -90,7 +90,7 @@ pub(super) fn reserve(mut store: ResMut<TexelStore>, maps: Query<&RsmLight, With
     store.reserve(TexelRange::Maps, ends.max().unwrap_or(0) as usize);
 }
 
-/// In a map's own view: G-buffer to texels.
+/// In a map's view: resolves its G-buffer into texels.
 pub(in crate::gi) fn resolve(
     view: ViewQuery<(
         &RsmView,

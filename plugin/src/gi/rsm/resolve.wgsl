@@ -1,9 +1,9 @@
-// Turns a light's G-buffer into flux: Dachsbacher and Stamminger 2005, "Reflective Shadow Maps",
-// section 3.1, in photometric units.
+// Resolves a light's G-buffer into texels of reflected flux: Dachsbacher and Stamminger 2005,
+// "Reflective Shadow Maps", section 3.1, in photometric units.
 //
 // One pipeline for lights with parallel rays (PARALLEL) and one for those with a position. No
-// control flow depends on a uniform: software Vulkan drivers compile a shader anew for each value
-// of such a uniform.
+// control flow depends on a uniform: software Vulkan drivers recompile a shader for each value of
+// such a uniform.
 
 #import bevy_render::view::View
 #import bevy_frugal_gi::gi::texels::texel::{Texel, pack_normal}
@@ -12,9 +12,9 @@
 struct Light {
     /// Parallel: lux. Otherwise candela. Linear RGB.
     intensity: vec3<f32>,
-    /// World area that a texel covers across the rays (m²), or solid angle of a texel in the middle
-    /// of the view (sr).
-    texel_measure: f32,
+    /// Parallel: world area that a texel covers across the rays (m²). Otherwise: solid angle of a
+    /// texel in the middle of the view (sr).
+    texel_area_or_solid_angle: f32,
     /// World space, metres; unused for parallel light.
     position: vec3<f32>,
     /// 1/m².
@@ -35,10 +35,10 @@ struct Light {
 @group(0) @binding(3) var<uniform> light: Light;
 @group(0) @binding(4) var<storage, read_write> texels: array<Texel>;
 
-/// Largest finite f32, with room to add. NaN compares false with everything.
+/// Bound below the largest finite f32, with headroom for sums. NaN compares false with everything.
 const LARGEST: f32 = 1e30;
 
-fn is_sound(value: vec3<f32>) -> bool {
+fn is_valid(value: vec3<f32>) -> bool {
     return all(abs(value) < vec3(LARGEST));
 }
 
@@ -53,32 +53,33 @@ fn resolve(@builtin(global_invocation_id) id: vec3<u32>) {
     let surface = read_surface(shown, id.xy, size, depth, view.world_from_clip);
 
 #ifdef PARALLEL
-    let light_flux = light.intensity * light.texel_measure;
-    let across = light.texel_measure;
+    let light_flux = light.intensity * light.texel_area_or_solid_angle;
+    let across = light.texel_area_or_solid_angle;
     let cosine = -dot(surface.normal, light.direction);
 #else
     let ray = surface.position - light.position;
     let distance_squared = max(dot(ray, ray), 1e-12);
     let axis = view.world_from_view[2].xyz;
-    // A texel off the axis is seen smaller by cos³: once for its distance, twice for the tilt of a
-    // flat sensor.
+    // The solid angle of a texel off the axis falls with cos³: cos² for the distance to the image
+    // plane, cos for its tilt.
     let cos_axis = max(-dot(ray, axis) * inverseSqrt(distance_squared), 0.0);
     let cos_cone = dot(ray, light.direction) * inverseSqrt(distance_squared);
     let cone = saturate(cos_cone * light.cone_scale + light.cone_offset);
     let range_term = distance_squared * light.inverse_range_squared;
     let window = saturate(1.0 - range_term * range_term);
-    let solid_angle = light.texel_measure * cos_axis * cos_axis * cos_axis;
+    let solid_angle = light.texel_area_or_solid_angle * cos_axis * cos_axis * cos_axis;
     let light_flux = light.intensity * (solid_angle * cone * cone * window * window);
     let across = solid_angle * distance_squared;
     let cosine = -dot(surface.normal, ray) * inverseSqrt(distance_squared);
 #endif
 
     let flux = light_flux * scattered_share(shown, cosine);
-    let lit = depth > 0.0 && is_sound(surface.position) && is_sound(surface.normal) && is_sound(flux);
+    let lit = depth > 0.0 && is_valid(surface.position) && is_valid(surface.normal) && is_valid(flux);
     var texel: Texel;
     texel.position = select(vec3(0.0), surface.position, lit);
     texel.packed_normal = pack_normal(select(vec3(0.0, 1.0, 0.0), surface.normal, lit));
-    // Grazing light may cover any length of a surface; and a normal map may turn it away.
+    // Bounded: at grazing incidence a texel covers any length of surface, and a normal map may turn
+    // the normal away.
     texel.area = select(0.0, across / max(cosine, 0.1), lit);
     texel.flux = select(vec3(0.0), flux, lit);
     texels[light.texel_offset + id.y * size.x + id.x] = texel;

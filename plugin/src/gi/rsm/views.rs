@@ -1,5 +1,5 @@
-//! Keeps one hidden camera per map: spawns, moves, resizes and despawns them as lights and GI
-//! cameras come, move and go.
+//! Maintains one hidden camera per map: spawns, moves, resizes and despawns them as lights and GI
+//! cameras change.
 
 use bevy::camera::visibility::{InheritedVisibility, RenderLayers};
 use bevy::camera::{
@@ -25,11 +25,11 @@ use crate::gi::settings::{FrugalGi, GiLimits, GiShading};
 use crate::gi::texels::CascadeCut;
 use crate::gi::view::LightPresence;
 
-/// Lights' maps come before every camera that an app would order by hand; each has its own number.
+/// Maps render before every camera that an app orders; each has its own order.
 const FIRST_ORDER: isize = isize::MIN / 2;
 
 /// A map that should exist in this frame.
-struct Wanted {
+struct MapSpec {
     view: RsmView,
     resolution: u32,
     transform: Transform,
@@ -40,15 +40,15 @@ struct Wanted {
     layers: Option<RenderLayers>,
 }
 
-impl Wanted {
-    /// Unique, since places in the store are: cameras of equal order and target are ambiguous to
+impl MapSpec {
+    /// Unique, as offsets in the store are: cameras of equal order and target are ambiguous to
     /// Bevy.
     fn order(&self) -> isize {
         FIRST_ORDER + self.light.texel_offset as isize
     }
 }
 
-/// The GI cameras of this frame.
+/// A GI camera of this frame.
 struct GiEye {
     entity: Entity,
     position: Vec3,
@@ -57,30 +57,30 @@ struct GiEye {
     shading: GiShading,
 }
 
-/// What happened to maps in this frame.
+/// Changes of maps in this frame.
 #[derive(Resource, Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub(in crate::gi) struct MapsTouched {
-    /// One came, went or got another size: texels are no longer where they were.
+pub(in crate::gi) struct MapDelta {
+    /// A map was added, removed or resized: the layout of the store changed.
     pub laid_out: bool,
-    /// One shows something else: its light or its region moved or changed.
+    /// A map's light or region moved or changed.
     pub moved: bool,
 }
 
 pub(super) fn maintain(
     mut commands: Commands,
-    (mut touched, mut presence): (ResMut<MapsTouched>, ResMut<LightPresence>),
+    (mut delta, mut presence): (ResMut<MapDelta>, ResMut<LightPresence>),
     limits: Res<GiLimits>,
     scene: Res<SceneBox>,
     cameras: Query<(Entity, &Camera, &FrugalGi), Without<RsmView>>,
     suns: Query<(Entity, &DirectionalLight, &InheritedVisibility, Option<&RenderLayers>)>,
     spots: Query<(Entity, &SpotLight, &InheritedVisibility, Option<&RenderLayers>)>,
     points: Query<(Entity, &PointLight, &InheritedVisibility, Option<&RenderLayers>)>,
-    // Both touch transforms: first those of lights and cameras are read, then those of maps are
+    // Both access transforms: those of lights and cameras are read first, then those of maps are
     // written.
-    mut placed: ParamSet<(TransformHelper, Query<Map, Without<FrugalGi>>)>,
+    mut params: ParamSet<(TransformHelper, Query<Map, Without<FrugalGi>>)>,
 ) {
-    let transforms = placed.p0();
-    let place =
+    let transforms = params.p0();
+    let transform_of =
         |entity| transforms.compute_global_transform(entity).ok().map(|t| t.compute_transform());
     let eyes: Vec<GiEye> = cameras
         .iter()
@@ -89,7 +89,7 @@ pub(super) fn maintain(
             let resolution = gi.rsm_resolution.clamp(16, 2048);
             Some(GiEye {
                 entity,
-                position: place(entity)?.translation,
+                position: transform_of(entity)?.translation,
                 range: gi.range,
                 resolution,
                 shading: gi.shading,
@@ -97,21 +97,21 @@ pub(super) fn maintain(
         })
         .collect();
 
-    let mut wanted = Vec::new();
+    let mut specs = Vec::new();
     if let (Some(scene), false) = (scene.0, eyes.is_empty()) {
         let layers = |layers: Option<&RenderLayers>| layers.cloned();
         let mut lights: Vec<(BouncingLight, Option<RenderLayers>)> = Vec::new();
         lights.extend(suns.iter().filter(|(_, _, visible, _)| visible.get()).filter_map(
             |(entity, light, _, mask)| {
                 Some((
-                    BouncingLight::directional(entity, light, place(entity)?.rotation)?,
+                    BouncingLight::directional(entity, light, transform_of(entity)?.rotation)?,
                     layers(mask),
                 ))
             },
         ));
         lights.extend(spots.iter().filter(|(_, _, visible, _)| visible.get()).filter_map(
             |(entity, light, _, mask)| {
-                let at = place(entity)?;
+                let at = transform_of(entity)?;
                 Some((
                     BouncingLight::spot(entity, light, at.translation, at.rotation)?,
                     layers(mask),
@@ -121,34 +121,35 @@ pub(super) fn maintain(
         lights.extend(points.iter().filter(|(_, _, visible, _)| visible.get()).filter_map(
             |(entity, light, _, mask)| {
                 Some((
-                    BouncingLight::point(entity, light, place(entity)?.translation)?,
+                    BouncingLight::point(entity, light, transform_of(entity)?.translation)?,
                     layers(mask),
                 ))
             },
         ));
-        wanted = choose(&lights, &eyes, scene, limits.max_rsm_count);
+        specs = choose(&lights, &eyes, scene, limits.max_rsm_count);
     }
-    lay_out(&mut wanted);
-    presence.maps = !wanted.is_empty();
+    lay_out(&mut specs);
+    presence.maps = !specs.is_empty();
 
-    let mut missing: HashMap<RsmView, Wanted> = wanted.into_iter().map(|w| (w.view, w)).collect();
-    *touched = MapsTouched::default();
-    for map in &mut placed.p1() {
+    let mut missing: HashMap<RsmView, MapSpec> =
+        specs.into_iter().map(|spec| (spec.view, spec)).collect();
+    *delta = MapDelta::default();
+    for map in &mut params.p1() {
         match missing.remove(map.view) {
-            Some(wanted) => map.become_as(wanted, &mut touched),
+            Some(spec) => map.become_as(spec, &mut delta),
             None => {
                 commands.entity(map.entity).despawn();
-                touched.laid_out = true;
+                delta.laid_out = true;
             }
         }
     }
-    touched.laid_out |= !missing.is_empty();
-    for (_, wanted) in missing {
-        spawn(&mut commands, wanted);
+    delta.laid_out |= !missing.is_empty();
+    for (_, spec) in missing {
+        spawn(&mut commands, spec);
     }
 }
 
-/// A map that is there.
+/// An existing map.
 #[derive(QueryData)]
 #[query_data(mutable)]
 pub(super) struct Map {
@@ -164,38 +165,38 @@ pub(super) struct Map {
 }
 
 impl MapItem<'_, '_> {
-    /// Changes what is other than wanted.
-    fn become_as(mut self, wanted: Wanted, touched: &mut MapsTouched) {
-        touched.laid_out |= (self.light.texel_offset, self.light.resolution)
-            != (wanted.light.texel_offset, wanted.light.resolution);
-        let size = UVec2::splat(wanted.resolution);
+    /// Applies the differences from `spec`.
+    fn become_as(mut self, spec: MapSpec, delta: &mut MapDelta) {
+        delta.laid_out |= (self.light.texel_offset, self.light.resolution)
+            != (spec.light.texel_offset, spec.light.resolution);
+        let size = UVec2::splat(spec.resolution);
         let resized = !matches!(*self.target, RenderTarget::None { size: old } if old == size);
         if resized {
             *self.target = RenderTarget::None { size };
         }
-        if self.camera.order != wanted.order() {
-            self.camera.order = wanted.order();
+        if self.camera.order != spec.order() {
+            self.camera.order = spec.order();
         }
-        // Bevy looks at a target without texture only when the projection was touched.
-        if resized || !same_projection(&self.projection, &wanted.projection) {
-            *self.projection = wanted.projection;
-            touched.moved = true;
+        // Bevy checks a target without texture only when the projection is marked as changed.
+        if resized || !same_projection(&self.projection, &spec.projection) {
+            *self.projection = spec.projection;
+            delta.moved = true;
         }
-        touched.moved |= self.transform.set_if_neq(wanted.transform);
-        touched.moved |=
-            self.light.set_if_neq(wanted.light) | self.shading.set_if_neq(wanted.shading);
-        // What is drawn from which map changes now, so both must be there now.
-        touched.laid_out |= self.cut.set_if_neq(wanted.cut);
+        delta.moved |= self.transform.set_if_neq(spec.transform);
+        delta.moved |= self.light.set_if_neq(spec.light) | self.shading.set_if_neq(spec.shading);
+        // The cut moves texels from one cascade to the other, so both must be rendered in this
+        // frame.
+        delta.laid_out |= self.cut.set_if_neq(spec.cut);
     }
 }
 
-/// The maps of the lights that matter most, as many as `most` allows.
+/// The maps of the most important lights, up to `most` maps.
 fn choose(
     lights: &[(BouncingLight, Option<RenderLayers>)],
     eyes: &[GiEye],
     scene: (Vec3, Vec3),
     most: usize,
-) -> Vec<Wanted> {
+) -> Vec<MapSpec> {
     let mut ranked: Vec<_> = lights
         .iter()
         .map(|(light, layers)| {
@@ -204,16 +205,16 @@ fn choose(
             (importance, light, layers)
         })
         .collect();
-    // Equal importance falls back on the entity, so that the choice does not flicker.
+    // Ties are broken by entity, so that the choice does not flicker.
     ranked.sort_by(|a, b| b.0.total_cmp(&a.0).then(a.1.entity.cmp(&b.1.entity)));
 
-    // What cameras share is as the most demanding one wants it.
+    // Shared maps satisfy the most demanding camera.
     let finest = eyes.iter().map(|eye| eye.resolution).max().unwrap_or(0);
     let lambertian = eyes.iter().all(|eye| eye.shading == GiShading::Lambertian);
     let shading = if lambertian { GiShading::Lambertian } else { GiShading::Standard };
-    let mut wanted = Vec::new();
+    let mut specs = Vec::new();
     for (_, light, layers) in ranked {
-        let mut maps: Vec<Wanted> = match light.emitter {
+        let mut maps: Vec<MapSpec> = match light.emitter {
             Emitter::Directional => {
                 eyes.iter().flat_map(|eye| parallel_maps(light, eye, scene, layers)).collect()
             }
@@ -221,25 +222,25 @@ fn choose(
                 .map(|face| perspective_map(light, face, finest, shading, layers))
                 .collect(),
         };
-        if wanted.len() + maps.len() <= most {
-            wanted.append(&mut maps);
+        if specs.len() + maps.len() <= most {
+            specs.append(&mut maps);
         }
     }
-    wanted
+    specs
 }
 
-/// One map where the scene is small; else one of the surroundings and, on about as many texels
-/// together, one of what is near.
+/// One map where the scene is small; else a far and a near cascade of about as many texels
+/// together.
 ///
-/// Seen from afar, a level is mostly ground that lights nothing in the picture: of a hall of 17 m
-/// in the middle of 100 m of ground, a single map of 512 × 512 texels had 2,400 on what the sun
-/// lights inside, 21 cm each, and the hall's light was 5 % short.
+/// A map of a whole level is mostly ground that lights nothing in the image. For a hall of 17 m in
+/// the middle of 100 m of ground, a single map of 512 × 512 texels had 2,400 on sunlit surfaces
+/// inside, 21 cm each, and the hall's light was 5 % too low.
 fn parallel_maps(
     light: &BouncingLight,
     eye: &GiEye,
     scene: (Vec3, Vec3),
     layers: &Option<RenderLayers>,
-) -> Vec<Wanted> {
+) -> Vec<MapSpec> {
     let rotation = Mat3::from_quat(light.rotation);
     let shared = shared_resolution(eye.resolution);
     let far = cover(scene, rotation, eye.position, eye.range, shared);
@@ -256,7 +257,7 @@ fn parallel_maps(
     vec![parallel_map(light, eye, 0, eye.resolution, whole, CascadeCut::default(), layers)]
 }
 
-/// Texels along the side of each of two maps that stand in for one of `resolution`.
+/// Texels along the side of each of two cascades that replace one map of `resolution`.
 fn shared_resolution(resolution: u32) -> u32 {
     (resolution * 11 / 16).next_multiple_of(4)
 }
@@ -269,8 +270,8 @@ fn parallel_map(
     region: LightRegion,
     cut: CascadeCut,
     layers: &Option<RenderLayers>,
-) -> Wanted {
-    Wanted {
+) -> MapSpec {
+    MapSpec {
         view: RsmView { light: light.entity, camera: Some(eye.entity), face },
         resolution,
         transform: Transform::from_translation(region.origin).with_rotation(light.rotation),
@@ -282,7 +283,8 @@ fn parallel_map(
         }),
         light: RsmLight {
             intensity: light.intensity,
-            texel_measure: region.size.x * region.size.y / (resolution * resolution) as f32,
+            texel_area_or_solid_angle: region.size.x * region.size.y
+                / (resolution * resolution) as f32,
             direction: light.rotation * Vec3::NEG_Z,
             cone_offset: 1.0,
             ..Default::default()
@@ -299,7 +301,7 @@ fn perspective_map(
     resolution: u32,
     shading: GiShading,
     layers: &Option<RenderLayers>,
-) -> Wanted {
+) -> MapSpec {
     let half_angle = match light.emitter {
         Emitter::Spot { outer, .. } => outer,
         _ => std::f32::consts::FRAC_PI_4,
@@ -308,22 +310,22 @@ fn perspective_map(
     let rotation = if light.emitter == Emitter::Point { cube_face(face) } else { light.rotation };
     let edge = 2.0 * half_angle.tan() / resolution as f32;
     let (cone_scale, cone_offset) = light.cone();
-    Wanted {
+    MapSpec {
         view: RsmView { light: light.entity, camera: None, face },
         resolution,
         transform: Transform::from_translation(light.position).with_rotation(rotation),
         projection: Projection::Perspective(PerspectiveProjection {
             fov: 2.0 * half_angle,
             aspect_ratio: 1.0,
-            // What touches the lamp does not light the scene; nearer walls than this would be seen
-            // from inside.
+            // Surfaces that touch the light do not matter; a nearer plane would show walls around
+            // it from inside.
             near: 0.02,
             far: light.range,
             ..Default::default()
         }),
         light: RsmLight {
             intensity: light.intensity,
-            texel_measure: edge * edge,
+            texel_area_or_solid_angle: edge * edge,
             position: light.position,
             inverse_range_squared: light.inverse_range_squared(),
             direction: light.rotation * Vec3::NEG_Z,
@@ -337,8 +339,8 @@ fn perspective_map(
     }
 }
 
-/// Rotation of a camera (which looks along its own −Z) that looks through the cube's `face`: +X, −X,
-/// +Y, −Y, +Z, −Z.
+/// Rotation of a camera (which looks along its own −Z) for the cube's `face`: +X, −X, +Y, −Y, +Z,
+/// −Z.
 fn cube_face(face: u8) -> Quat {
     let axis = [Vec3::X, Vec3::Y, Vec3::Z][usize::from(face) / 2 % 3];
     let forward = if face.is_multiple_of(2) { axis } else { -axis };
@@ -346,12 +348,12 @@ fn cube_face(face: u8) -> Quat {
     Quat::from_mat3(&Mat3::from_cols(forward.cross(up), up, -forward))
 }
 
-/// Gives every map its place in the store, in an order that does not depend on how entities are
-/// iterated.
-fn lay_out(wanted: &mut [Wanted]) {
-    wanted.sort_by_key(|w| (w.view.light, w.view.camera, w.view.face));
+/// Assigns every map its offset in the store, in an order that does not depend on the iteration of
+/// entities.
+fn lay_out(specs: &mut [MapSpec]) {
+    specs.sort_by_key(|spec| (spec.view.light, spec.view.camera, spec.view.face));
     let mut texel = 0;
-    for map in wanted {
+    for map in specs {
         map.light.texel_offset = texel;
         map.light.resolution = map.resolution;
         texel += map.resolution * map.resolution;
@@ -374,26 +376,25 @@ fn same_projection(a: &Projection, b: &Projection) -> bool {
     }
 }
 
-fn spawn(commands: &mut Commands, wanted: Wanted) {
+fn spawn(commands: &mut Commands, spec: MapSpec) {
     let depth_texture_usages =
         (TextureUsages::RENDER_ATTACHMENT | TextureUsages::TEXTURE_BINDING).into();
     let mut camera = commands.spawn((
-        wanted.view,
-        wanted.light,
-        wanted.cut,
-        wanted.shading,
+        spec.view,
+        spec.light,
+        spec.cut,
+        spec.shading,
         Camera3d { depth_texture_usages, ..Default::default() },
-        Camera { order: wanted.order(), ..Default::default() },
-        RenderTarget::None { size: UVec2::splat(wanted.resolution) },
+        Camera { order: spec.order(), ..Default::default() },
+        RenderTarget::None { size: UVec2::splat(spec.resolution) },
         Msaa::Off,
-        // For what is rendered forward: it leaves its depth alone, and so meets the light as
-        // something black.
+        // Forward-rendered meshes write only depth: they block light, and reflect none.
         DepthPrepass,
         DeferredPrepass,
-        wanted.projection,
-        wanted.transform,
+        spec.projection,
+        spec.transform,
     ));
-    if let Some(layers) = wanted.layers {
+    if let Some(layers) = spec.layers {
         camera.insert(layers);
     }
     // Without clusters Bevy builds no cascades, light lists or mesh-view bind groups for it. In the

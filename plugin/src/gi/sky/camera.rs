@@ -17,9 +17,9 @@ use crate::gi::view::SkySource;
 /// Bytes of `sky/sky.wgsl`'s `SkyLight`. A test holds it against the shader.
 pub(in crate::gi) const SKY_LIGHT_BYTES: u64 = 32;
 /// Parts of the sky, as `sky/sky.wgsl` has them.
-pub(super) const PARTS: u32 = 1024;
+pub(super) const STRATA: u32 = 1024;
 /// Parts that a workgroup of `weigh.wgsl` answers for.
-pub(super) const PARTS_PER_GROUP: u32 = 4;
+pub(super) const STRATA_PER_GROUP: u32 = 4;
 /// Steps along each side of a part in which `fill.wgsl` reads the map.
 const STEPS: u32 = 16;
 /// Bytes from one set of samples to the next: most samples of a pixel, and a multiple of what
@@ -44,16 +44,15 @@ pub(in crate::gi) struct SkyReading {
     padding: [f32; 2],
 }
 
-/// What decides about the light that a camera's pixels get from the sky, beside where the camera
-/// is.
+/// The inputs of a camera's sky light, beside the camera's pose.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(in crate::gi) struct SkySeen {
+pub(in crate::gi) struct SkyInputs {
     plan: SkyPlan,
     reading: (TextureId, SkyReading),
     is_generated: bool,
 }
 
-impl SkySeen {
+impl SkyInputs {
     /// Samples that a pixel evaluates.
     pub fn samples(&self) -> u32 {
         self.plan.samples
@@ -72,7 +71,7 @@ pub struct SkyCamera {
     pub(in crate::gi) plan_buffer: Buffer,
     /// `SkyLight` each, in sets [`SET_BYTES`] apart.
     pub(in crate::gi) samples: Buffer,
-    pub(super) parts: Buffer,
+    pub(super) strata: Buffer,
     pub(super) received: Buffer,
     pub(super) reading_buffer: Buffer,
     /// What the parts were read from.
@@ -84,9 +83,9 @@ pub struct SkyCamera {
 }
 
 impl SkyCamera {
-    /// What decides about light from the sky, while it is gathered.
-    pub(in crate::gi) fn seen(&self) -> Option<SkySeen> {
-        self.is_active.then_some(SkySeen {
+    /// The inputs of the sky light, while it is gathered.
+    pub(in crate::gi) fn inputs(&self) -> Option<SkyInputs> {
+        self.is_active.then_some(SkyInputs {
             plan: self.plan,
             reading: self.reading,
             is_generated: self.is_generated,
@@ -95,7 +94,7 @@ impl SkyCamera {
 
     /// Bytes held on the GPU for this camera's sky.
     pub fn bytes(&self) -> u64 {
-        [&self.plan_buffer, &self.samples, &self.parts, &self.received, &self.reading_buffer]
+        [&self.plan_buffer, &self.samples, &self.strata, &self.received, &self.reading_buffer]
             .map(|buffer| buffer.size())
             .iter()
             .sum()
@@ -177,14 +176,14 @@ pub(super) fn prepare(
                 u64::from(plan.sets) * SET_BYTES,
                 BufferUsages::UNIFORM | BufferUsages::COPY_SRC,
             ),
-            parts: empty(
-                "bevy_frugal_gi/sky/parts",
-                u64::from(PARTS) * SKY_LIGHT_BYTES,
+            strata: empty(
+                "bevy_frugal_gi/sky/strata",
+                u64::from(STRATA) * SKY_LIGHT_BYTES,
                 BufferUsages::COPY_SRC,
             ),
             received: empty(
                 "bevy_frugal_gi/sky/received",
-                u64::from(PARTS) * 4,
+                u64::from(STRATA) * 4,
                 BufferUsages::COPY_SRC,
             ),
             reading_buffer: filled("bevy_frugal_gi/sky/reading", bytemuck::bytes_of(&reading.1)),
@@ -199,7 +198,7 @@ pub(super) fn prepare(
 fn reading(source: &SkySource, image: &GpuImage) -> SkyReading {
     // Texels of the level that is read are as large as the steps: 6 edge² of them cover the sphere,
     // and so do PARTS · STEPS² steps.
-    let edge = (PARTS as f32 / 6.0).sqrt() * STEPS as f32;
+    let edge = (STRATA as f32 / 6.0).sqrt() * STEPS as f32;
     let level = (image.texture_descriptor.size.width as f32 / edge).log2().max(0.0) as u32;
     // Bevy turns the map by the rotation, and so directions into the map by its inverse.
     SkyReading {

@@ -8,7 +8,7 @@
 // (SwiftShader's are dark or bright in float formats).
 
 #import bevy_frugal_gi::gi::view::luminance::luminance
-#import bevy_frugal_gi::gi::sky::sky::{SKY_PARTS, SKY_SIDE, SkyLight, sky_direction, sky_place}
+#import bevy_frugal_gi::gi::sky::sky::{SKY_SIDE, SKY_STRATA, SkyLight, sky_direction, stratum_position}
 
 struct SkySource {
     /// Quaternion that takes world directions to the map's.
@@ -22,7 +22,7 @@ struct SkySource {
 /// Faces +X, −X, +Y, −Y, +Z, −Z.
 @group(0) @binding(0) var environment: texture_2d_array<f32>;
 @group(0) @binding(1) var<storage, read> source: SkySource;
-@group(0) @binding(2) var<storage, read_write> parts: array<SkyLight>;
+@group(0) @binding(2) var<storage, read_write> strata: array<SkyLight>;
 
 /// Steps along each side of a part.
 const STEPS: u32 = 16u;
@@ -53,7 +53,7 @@ fn environment_texel(ray: vec3<f32>, level: u32) -> vec3<f32> {
 
 @compute @workgroup_size(64)
 fn fill_sky(@builtin(global_invocation_id) id: vec3<u32>) {
-    let corner = vec2<f32>(sky_place(id.x));
+    let corner = vec2<f32>(stratum_position(id.x));
     let level = min(source.level, textureNumLevels(environment) - 1u);
     var light = vec3(0.0);
     var toward = vec3(0.0);
@@ -73,9 +73,9 @@ fn fill_sky(@builtin(global_invocation_id) id: vec3<u32>) {
     }
     let middle = sky_direction((corner + 0.5) / f32(SKY_SIDE));
     let size = length(toward);
-    var part: SkyLight;
-    part.direction = select(middle, toward / max(size, 1e-18), size > 1e-18);
+    var stratum: SkyLight;
+    stratum.direction = select(middle, toward / max(size, 1e-18), size > 1e-18);
     // 4π sr in all.
-    part.light = light * (3.1415927 * 12.566371 / f32(SKY_PARTS * STEPS * STEPS));
-    parts[id.x] = part;
+    stratum.light = light * (3.1415927 * 12.566371 / f32(SKY_STRATA * STEPS * STEPS));
+    strata[id.x] = stratum;
 }

@@ -24,7 +24,7 @@ use bevy::render::{GpuResourceAppExt, Render};
 use bevy::shader::load_shader_library;
 
 use super::schedule::{PassSystems, PrepareSystems, supported_render_app};
-pub(super) use camera::{SET_BYTES, SKY_LIGHT_BYTES, SkyCamera, SkyPlan, SkyReading, SkySeen};
+pub(super) use camera::{SET_BYTES, SKY_LIGHT_BYTES, SkyCamera, SkyInputs, SkyPlan, SkyReading};
 pub(super) use pass::sample;
 
 pub(super) struct SkyPlugin;

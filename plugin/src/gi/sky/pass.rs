@@ -18,7 +18,7 @@ use bevy::render::view::{ViewUniform, ViewUniformOffset, ViewUniforms};
 use bevy::shader::Shader;
 use bevy::utils::default;
 
-use super::camera::{PARTS, PARTS_PER_GROUP, SkyCamera};
+use super::camera::{STRATA, STRATA_PER_GROUP, SkyCamera};
 use crate::gi::trace::OccluderBuffers;
 use crate::gi::view::{GiView, SkySource};
 
@@ -47,12 +47,12 @@ impl FromWorld for SkyPipelines {
                 write(),
             ),
         );
-        let draw = BindGroupLayoutEntries::sequential(compute, (read(), read(), read(), write()));
+        let sample = BindGroupLayoutEntries::sequential(compute, (read(), read(), read(), write()));
         Self {
             layouts: [
                 BindGroupLayoutDescriptor::new("bevy_frugal_gi/sky/fill", &fill),
                 BindGroupLayoutDescriptor::new("bevy_frugal_gi/sky/weigh", &weigh),
-                BindGroupLayoutDescriptor::new("bevy_frugal_gi/sky/sample", &draw),
+                BindGroupLayoutDescriptor::new("bevy_frugal_gi/sky/sample", &sample),
             ],
             shaders: [
                 load_embedded_asset!(world, "fill.wgsl"),
@@ -104,10 +104,10 @@ pub(in crate::gi) fn sample(
     mut context: RenderContext,
 ) {
     let (camera, source, gi_view, prepass, view_offset) = view.into_inner();
-    if !gi_view.work.draw && camera.is_filled.load(Ordering::Relaxed) {
+    if !gi_view.work.sample && camera.is_filled.load(Ordering::Relaxed) {
         return;
     }
-    let Some([Some(fill), Some(weigh), Some(draw)]) =
+    let Some([Some(fill), Some(weigh), Some(sample)]) =
         pipelines.pipelines.map(|ids| ids.map(|id| cache.get_compute_pipeline(id)))
     else {
         return;
@@ -123,7 +123,7 @@ pub(in crate::gi) fn sample(
         return;
     };
     let device = context.render_device();
-    let [fill_layout, weigh_layout, draw_layout] =
+    let [fill_layout, weigh_layout, sample_layout] =
         pipelines.layouts.each_ref().map(|layout| cache.get_bind_group_layout(layout));
     let faces = image.texture.create_view(&TextureViewDescriptor {
         dimension: Some(TextureViewDimension::D2Array),
@@ -135,7 +135,7 @@ pub(in crate::gi) fn sample(
         &BindGroupEntries::sequential((
             &faces,
             camera.reading_buffer.as_entire_binding(),
-            camera.parts.as_entire_binding(),
+            camera.strata.as_entire_binding(),
         )),
     );
     let weighing = device.create_bind_group(
@@ -145,15 +145,15 @@ pub(in crate::gi) fn sample(
             g_buffer,
             depth,
             views,
-            camera.parts.as_entire_binding(),
+            camera.strata.as_entire_binding(),
             camera.received.as_entire_binding(),
         )),
     );
-    let drawing = device.create_bind_group(
+    let sampling = device.create_bind_group(
         "bevy_frugal_gi/sky/sample",
-        &draw_layout,
+        &sample_layout,
         &BindGroupEntries::sequential((
-            camera.parts.as_entire_binding(),
+            camera.strata.as_entire_binding(),
             camera.received.as_entire_binding(),
             camera.plan_buffer.as_entire_binding(),
             camera.samples.as_entire_binding(),
@@ -170,14 +170,14 @@ pub(in crate::gi) fn sample(
         if !camera.is_filled.swap(true, Ordering::Relaxed) {
             pass.set_bind_group(0, &filling, &[]);
             pass.set_pipeline(fill);
-            pass.dispatch_workgroups(PARTS / 64, 1, 1);
+            pass.dispatch_workgroups(STRATA / 64, 1, 1);
         }
         pass.set_bind_group(0, &weighing, &[view_offset.offset]);
         pass.set_bind_group(1, traced, &[]);
         pass.set_pipeline(weigh);
-        pass.dispatch_workgroups(PARTS / PARTS_PER_GROUP, 1, 1);
-        pass.set_bind_group(0, &drawing, &[]);
-        pass.set_pipeline(draw);
+        pass.dispatch_workgroups(STRATA / STRATA_PER_GROUP, 1, 1);
+        pass.set_bind_group(0, &sampling, &[]);
+        pass.set_pipeline(sample);
         pass.dispatch_workgroups(1, 1, 1);
     }
     span.end(context.command_encoder());

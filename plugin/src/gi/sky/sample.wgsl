@@ -1,35 +1,36 @@
 // Draws a camera's samples of the sky from its parts, in proportion to their light times what the
 // camera could receive of it; one workgroup.
 //
-// As in `vpl/weigh.wgsl`, a floor of a quarter of the mean keeps the estimate unbiased and tame:
-// what the few points of `weigh.wgsl` do not see, others may. Parts lie in Morton order, so
-// that equal steps through their running sum are spread over the sky; each set takes as many steps
-// as it has samples, and sets are shifted against each other by a part of a step.
+// As in `vpl/weigh.wgsl`, a defensive-sampling term of a quarter of the mean keeps the estimate
+// unbiased and bounds its variance: a stratum that no importance point of `weigh.wgsl` sees may be
+// visible elsewhere. Parts lie in Morton order, so that equal steps through their cumulative sum
+// are spread over the sky; each set takes as many steps as it has samples, and sets are shifted
+// against each other by a fraction of a step.
 
 #import bevy_frugal_gi::gi::view::luminance::luminance
-#import bevy_frugal_gi::gi::sky::sky::{SKY_PARTS, SKY_STRIDE, SkyLight, SkyPlan}
+#import bevy_frugal_gi::gi::sky::sky::{SKY_STRATA, SKY_STRIDE, SkyLight, SkyPlan}
 
-@group(0) @binding(0) var<storage, read> parts: array<SkyLight>;
+@group(0) @binding(0) var<storage, read> strata: array<SkyLight>;
 @group(0) @binding(1) var<storage, read> received: array<f32>;
 @group(0) @binding(2) var<storage, read> plan: SkyPlan;
 @group(0) @binding(3) var<storage, read_write> samples: array<SkyLight>;
 
 const LANES: u32 = 64u;
 /// Parts that each lane sums.
-const RUN: u32 = SKY_PARTS / LANES;
+const RUN: u32 = SKY_STRATA / LANES;
 
 var<workgroup> lane_light: array<f32, LANES>;
 var<workgroup> lane_received: array<f32, LANES>;
 var<workgroup> lane_weight: array<f32, LANES>;
-var<workgroup> cumulative: array<f32, SKY_PARTS>;
+var<workgroup> cumulative: array<f32, SKY_STRATA>;
 
 /// First part whose running sum exceeds `wanted`, or the last one.
-fn find_part(wanted: f32) -> u32 {
+fn find_stratum(threshold: f32) -> u32 {
     var low = 0u;
-    var high = SKY_PARTS - 1u;
+    var high = SKY_STRATA - 1u;
     while low < high {
         let middle = (low + high) / 2u;
-        if cumulative[middle] > wanted {
+        if cumulative[middle] > threshold {
             high = middle;
         } else {
             low = middle + 1u;
@@ -44,7 +45,7 @@ fn sample_sky(@builtin(local_invocation_index) lane: u32) {
     var light = 0.0;
     var seen = 0.0;
     for (var i = first; i < first + RUN; i++) {
-        let luminance = luminance(parts[i].light);
+        let luminance = luminance(strata[i].light);
         light += luminance;
         seen += luminance * received[i];
     }
@@ -58,10 +59,10 @@ fn sample_sky(@builtin(local_invocation_index) lane: u32) {
         seen += lane_received[i];
     }
     // Where no point sees any of it, light alone decides.
-    let floor = max(0.25 * seen / max(light, 1e-36), 1e-3);
+    let defensive_term = max(0.25 * seen / max(light, 1e-36), 1e-3);
     var sum = 0.0;
     for (var i = first; i < first + RUN; i++) {
-        sum += luminance(parts[i].light) * (received[i] + floor);
+        sum += luminance(strata[i].light) * (received[i] + defensive_term);
         cumulative[i] = sum;
     }
     lane_weight[lane] = sum;
@@ -75,19 +76,19 @@ fn sample_sky(@builtin(local_invocation_index) lane: u32) {
     }
     workgroupBarrier();
 
-    let total = cumulative[SKY_PARTS - 1u];
+    let total = cumulative[SKY_STRATA - 1u];
     let count = f32(plan.samples);
     for (var i = lane; i < plan.sets * plan.samples; i += LANES) {
         let which = i / plan.samples;
         let member = i % plan.samples;
-        let index = find_part((f32(member) + (f32(which) + 0.5) / f32(plan.sets)) / count * total);
+        let index = find_stratum((f32(member) + (f32(which) + 0.5) / f32(plan.sets)) / count * total);
         // The step of the running sum rather than the weight that was added: this is what the part
         // was drawn by, rounding included.
         let weight = cumulative[index] - select(0.0, cumulative[max(index, 1u) - 1u], index > 0u);
         let share = select(0.0, total / (max(weight, 1e-36) * count), weight > 0.0);
-        var drawn: SkyLight;
-        drawn.direction = parts[index].direction;
-        drawn.light = parts[index].light * min(share, 1e12);
-        samples[which * SKY_STRIDE + member] = drawn;
+        var sampled: SkyLight;
+        sampled.direction = strata[index].direction;
+        sampled.light = strata[index].light * min(share, 1e12);
+        samples[which * SKY_STRIDE + member] = sampled;
     }
 }

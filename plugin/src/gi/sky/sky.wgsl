@@ -24,15 +24,15 @@ struct SkyPlan {
 /// Parts along each side of the square that the sphere is laid out on.
 const SKY_SIDE: u32 = 32u;
 /// All of them.
-const SKY_PARTS: u32 = SKY_SIDE * SKY_SIDE;
+const SKY_STRATA: u32 = SKY_SIDE * SKY_SIDE;
 /// Parts that one ray answers for: four, which are next to each other.
-const SKY_SHARED: u32 = 4u;
+const SKY_STRATA_PER_RAY: u32 = 4u;
 /// From one set of samples to the next: most samples of a pixel.
 const SKY_STRIDE: u32 = 32u;
 
 /// Place of a part on the square: Morton order, so that parts with near indices are near each other
 /// in the sky.
-fn sky_place(index: u32) -> vec2<u32> {
+fn stratum_position(index: u32) -> vec2<u32> {
     var place = vec2(0u);
     for (var bit = 0u; bit < 5u; bit++) {
         place |= vec2((index >> (2u * bit)) & 1u, (index >> (2u * bit + 1u)) & 1u) << vec2(bit);
@@ -45,11 +45,11 @@ fn sky_place(index: u32) -> vec2<u32> {
 /// straight up, its corners are straight down.
 fn sky_direction(place: vec2<f32>) -> vec3<f32> {
     let from_middle = place * 2.0 - 1.0;
-    let way = abs(from_middle);
+    let folded = abs(from_middle);
     // Above 0 in the upper half of the sky.
-    let above = 1.0 - way.x - way.y;
+    let above = 1.0 - folded.x - folded.y;
     let radius = 1.0 - abs(above);
-    let angle = select((way.y - way.x) / max(radius, 1e-20) + 1.0, 1.0, radius < 1e-6) * 0.78539816;
+    let angle = select((folded.y - folded.x) / max(radius, 1e-20) + 1.0, 1.0, radius < 1e-6) * 0.78539816;
     let around = radius * sqrt(max(2.0 - radius * radius, 0.0));
     let flat = around * vec2(cos(angle), sin(angle)) * select(vec2(-1.0), vec2(1.0), from_middle >= vec2(0.0));
     return vec3(flat.x, (1.0 - radius * radius) * select(-1.0, 1.0, above >= 0.0), flat.y);

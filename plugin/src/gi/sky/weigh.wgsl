@@ -7,23 +7,23 @@
 // wasted; and the sky has few parts, so that a few thousand rays answer it.
 
 #import bevy_render::view::View
-#import bevy_frugal_gi::gi::sky::sky::{SKY_SHARED, SkyLight}
+#import bevy_frugal_gi::gi::sky::sky::{SKY_STRATA_PER_RAY, SkyLight}
 #import bevy_frugal_gi::gi::view::surface::{pixel_position, pixel_width, surface_normal}
 #import bevy_frugal_gi::gi::trace::trace::{is_open, surface_offset}
 
 @group(0) @binding(0) var g_buffer: texture_2d<u32>;
 @group(0) @binding(1) var depth_buffer: texture_depth_2d;
 @group(0) @binding(2) var<uniform> view: View;
-@group(0) @binding(3) var<storage, read> parts: array<SkyLight>;
+@group(0) @binding(3) var<storage, read> strata: array<SkyLight>;
 @group(0) @binding(4) var<storage, read_write> received: array<f32>;
 
 const COLUMNS: u32 = 8u;
 const ROWS: u32 = 4u;
-const RECEIVERS: u32 = COLUMNS * ROWS;
+const IMPORTANCE_POINTS: u32 = COLUMNS * ROWS;
 
-var<workgroup> cosines: array<vec4<f32>, RECEIVERS>;
+var<workgroup> cosines: array<vec4<f32>, IMPORTANCE_POINTS>;
 
-@compute @workgroup_size(RECEIVERS)
+@compute @workgroup_size(IMPORTANCE_POINTS)
 fn weigh_sky(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_index) lane: u32) {
     let size = textureDimensions(g_buffer);
     // Every other row is shifted by half a cell.
@@ -35,21 +35,21 @@ fn weigh_sky(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_
     let position = pixel_position(pixel, size, max(depth, 1e-30), view.world_from_clip);
     let normal = surface_normal(textureLoad(g_buffer, pixel, 0));
 
-    let first = group.x * SKY_SHARED;
+    let first = group.x * SKY_STRATA_PER_RAY;
     var own = vec4(0.0);
-    for (var i = 0u; i < SKY_SHARED; i++) {
-        own[i] = max(dot(normal, parts[first + i].direction), 0.0);
+    for (var i = 0u; i < SKY_STRATA_PER_RAY; i++) {
+        own[i] = max(dot(normal, strata[first + i].direction), 0.0);
     }
     // Neighbouring points send their rays to different ones of the four.
-    let direction = parts[first + (lane + lane / COLUMNS) % SKY_SHARED].direction;
+    let direction = strata[first + (lane + lane / COLUMNS) % SKY_STRATA_PER_RAY].direction;
     let eye = distance(position, view.world_position);
     let origin = position + normal * surface_offset(position, eye, pixel_width(view.clip_from_view, size.y, eye));
     let reaches = depth > 0.0 && dot(normal, direction) > 0.0 && is_open(origin, direction);
     cosines[lane] = select(vec4(0.0), own, reaches);
     workgroupBarrier();
-    if lane < SKY_SHARED {
+    if lane < SKY_STRATA_PER_RAY {
         var sum = 0.0;
-        for (var i = 0u; i < RECEIVERS; i++) {
+        for (var i = 0u; i < IMPORTANCE_POINTS; i++) {
             sum += cosines[i][lane];
         }
         received[first + lane] = sum;

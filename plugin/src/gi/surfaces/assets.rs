@@ -7,11 +7,11 @@ use bevy::image::Image;
 use bevy::mesh::Mesh;
 use bevy::pbr::StandardMaterial;
 
-/// For systems that look at surfaces in the main world.
+/// For systems that read surfaces in the main world.
 #[derive(SystemParam)]
 pub(in crate::gi) struct SurfaceAssets<'w> {
     pub meshes: Res<'w, Assets<Mesh>>,
-    /// None in an app without images, or without Bevy's materials.
+    /// `None` in an app without images, or without Bevy's materials.
     pub images: Option<Res<'w, Assets<Image>>>,
     pub materials: Option<Res<'w, Assets<StandardMaterial>>>,
 }

@@ -1,4 +1,4 @@
-//! What alpha masks leave of meshes, as far as the main world can read it.
+//! Alpha masks on meshes, as far as the main world can read them.
 
 use bevy::asset::{AssetId, Assets};
 use bevy::color::Alpha;
@@ -9,24 +9,24 @@ use bevy::mesh::Mesh;
 use bevy::pbr::StandardMaterial;
 
 use super::points::interpolated;
-use super::texture::{PlacedTexture, TextureUse};
+use super::texture::{MeshTexture, TextureUse};
 use super::vertex_colors::vertex_colors;
 
-/// What of a material decides where a mesh has holes: meshes with the same one have the same holes.
+/// A material's alpha mask. A mesh has the same holes under equal masks.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub(in crate::gi) struct Mask {
     texture: Option<TextureUse>,
-    /// Bits of the base colour's alpha and of what it must reach: so that they can be a key.
+    /// Bits of the base colour's alpha and of the cutoff, for use as a key.
     alpha: u32,
     cutoff: u32,
 }
 
 impl Mask {
-    /// That of a material; none where nothing can be a hole.
+    /// The mask of a material; `None` where it cannot have holes.
     pub fn new(material: &StandardMaterial) -> Option<Self> {
         let cutoff = match material.alpha_mode {
             AlphaMode::Mask(cutoff) => cutoff,
-            // As Bevy 0.19 draws it where nothing is multisampled.
+            // As Bevy 0.19 renders it without multisampling.
             AlphaMode::AlphaToCoverage => 0.5,
             _ => return None,
         };
@@ -34,7 +34,7 @@ impl Mask {
         let texture = texture.map(|image| {
             TextureUse::new(image, &material.base_color_channel, material.uv_transform)
         });
-        // A cutoff that is no number makes a hole of everything.
+        // With a cutoff of NaN, everything is a hole.
         if cutoff <= 0.0 {
             return None;
         }
@@ -45,19 +45,19 @@ impl Mask {
         })
     }
 
-    /// Whether it changes when this image does.
+    /// Whether it depends on this image.
     pub fn reads(&self, image: AssetId<Image>) -> bool {
         self.texture.is_some_and(|texture| texture.image == image)
     }
 }
 
-/// A mask on a mesh, with all that it takes to look at it.
+/// A mask on a mesh, with the data for evaluating it.
 pub(in crate::gi) struct Cutout<'a> {
     /// Of the material.
     alpha: f32,
     cutoff: f32,
-    texture: Option<PlacedTexture<'a>>,
-    /// Alpha of the mesh's corners; empty for 1.
+    texture: Option<MeshTexture<'a>>,
+    /// Alpha of the mesh's vertices; empty for 1.
     corner_alpha: Vec<f32>,
 }
 
@@ -69,13 +69,13 @@ impl<'a> Cutout<'a> {
         images: Option<&'a Assets<Image>>,
     ) -> Option<Option<Self>> {
         let Some(mask) = mask else { return Some(None) };
-        let texture = PlacedTexture::new(mask.texture, mesh, images)?;
+        let texture = MeshTexture::new(mask.texture, mesh, images)?;
         if texture.as_ref().is_some_and(|texture| !texture.is_readable()) {
             warn_once!(
                 "the texture of an alpha mask is kept for the GPU alone or is compressed: what it lies on hides indirect light as if it had no holes (RenderAssetUsages::MAIN_WORLD keeps it readable)"
             );
         }
-        let texture = texture.filter(PlacedTexture::is_readable);
+        let texture = texture.filter(MeshTexture::is_readable);
         let corner_alpha = vertex_colors(mesh).into_iter().map(|[.., alpha]| alpha).collect();
         Some(Some(Self {
             alpha: f32::from_bits(mask.alpha),
@@ -85,18 +85,19 @@ impl<'a> Cutout<'a> {
         }))
     }
 
-    /// With copies of its own of all that it reads: for looking at it in the background.
+    /// With copies of all borrowed data, for evaluation in the background.
     pub fn into_owned(self) -> Cutout<'static> {
-        Cutout { texture: self.texture.map(PlacedTexture::into_owned), ..self }
+        Cutout { texture: self.texture.map(MeshTexture::into_owned), ..self }
     }
 
-    /// Whether a triangle, by the places of its corners in the mesh, may have holes at all.
+    /// Whether a triangle, given by its vertex indices, may have holes.
     pub fn may_pierce(&self, corners: [usize; 3]) -> bool {
         self.texture.is_some()
             || !corners.iter().all(|corner| self.alpha_of(*corner) >= self.cutoff)
     }
 
-    /// Whether the triangle is there at a place: weights of its second and third corner.
+    /// Whether the triangle has no hole at a point: barycentric weights of its second and third
+    /// corner.
     pub fn is_there(&self, corners: [usize; 3], weights: [f32; 2]) -> bool {
         let alpha = interpolated(corners.map(|corner| self.alpha_of(corner)), weights);
         let texel = self
@@ -104,7 +105,7 @@ impl<'a> Cutout<'a> {
             .as_ref()
             .and_then(|texture| texture.color(corners, weights))
             .map_or(1.0, |color| color.alpha);
-        // What is no number compares false, and is a hole in Bevy's picture too.
+        // NaN compares false, and is a hole in Bevy's rendering, too.
         alpha * texel >= self.cutoff
     }
 
@@ -162,7 +163,7 @@ mod tests {
     }
 
     #[test]
-    fn only_masks_have_holes_and_only_where_something_is_cut_off() {
+    fn only_masks_with_a_positive_cutoff_have_holes() {
         for alpha_mode in [
             AlphaMode::Opaque,
             AlphaMode::Blend,
@@ -192,13 +193,13 @@ mod tests {
             assert_eq!(
                 cutout.may_pierce(CORNERS),
                 !there,
-                "nothing has to be looked at: {alpha_mode:?} {alpha}"
+                "no test is needed: {alpha_mode:?} {alpha}"
             );
         }
     }
 
     #[test]
-    fn texture_vertices_and_material_each_have_a_say() {
+    fn alpha_of_texture_vertices_and_material_multiplies() {
         let mut images = Assets::default();
         let texture = images.add(half_clear());
         let material =

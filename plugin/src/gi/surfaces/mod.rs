@@ -1,8 +1,6 @@
-//! Surfaces as the main world can read them: triangles, textures and what alpha masks leave of
-//! meshes.
+//! Surfaces as the main world can read them: triangles, textures and alpha masks of meshes.
 //!
-//! For what has to be known of surfaces that no picture shows: those that hide light, that glow, or
-//! that reflect it again.
+//! For surfaces outside every rendered view that occlude light, emit it or reflect it again.
 
 mod assets;
 mod cutout;
@@ -15,8 +13,8 @@ mod vertex_colors;
 
 pub(super) use assets::SurfaceAssets;
 pub(super) use cutout::{Cutout, Mask};
-pub(super) use points::{Place, SurfacePoint, SurfacePoints, area_matrix};
-pub(super) use reflectance::{Paint, Reflectance, hides, is_deferred};
+pub(super) use points::{SurfacePoint, SurfacePoints, TrianglePoint, area_matrix};
+pub(super) use reflectance::{MaterialSample, Reflectance, is_deferred, occludes};
 pub(super) use sides::Sides;
-pub(super) use texture::{PlacedTexture, TextureUse};
+pub(super) use texture::{MeshTexture, TextureUse};
 pub(super) use triangles::{Triangles, triangles};

@@ -1,4 +1,4 @@
-//! Points that lie evenly on a surface, each for a piece of it: plain Rust, no renderer.
+//! Points evenly distributed on a surface, each for a piece of it: plain Rust, no renderer.
 //!
 //! Laid out once in the mesh's own space, evenly by area and in Morton order (neighbours in space
 //! are neighbours in the list): the same surface keeps its points while it or anything else moves.
@@ -8,16 +8,16 @@ use bevy::math::{Affine3A, DVec3, Mat3A, Vec3, VectorSpace};
 /// Triangles beyond this, metres, are left out: their areas would leave the range of a float.
 const GREATEST_COORDINATE: f32 = 1e15;
 
-/// A place on a triangle.
+/// A point on a triangle of a mesh.
 #[derive(Clone, Copy, Debug)]
-pub(in crate::gi) struct Place {
+pub(in crate::gi) struct TrianglePoint {
     /// The triangle's index.
     pub triangle: usize,
-    /// Weights of its second and third corner.
+    /// Barycentric weights of its second and third corner.
     pub weights: [f32; 2],
 }
 
-/// What the corners of a triangle have, at a place: weights of the second and third.
+/// Interpolates an attribute of a triangle's corners. Barycentric weights: of the second and third.
 pub(super) fn interpolated<V: VectorSpace<Scalar = f32>>(
     [a, b, c]: [V; 3],
     [second, third]: [f32; 2],
@@ -27,29 +27,29 @@ pub(super) fn interpolated<V: VectorSpace<Scalar = f32>>(
 
 /// A point of a surface, in the mesh's own space.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(in crate::gi) struct SurfacePoint<Paint> {
+pub(in crate::gi) struct SurfacePoint<S> {
     pub position: Vec3,
     /// Unit length.
     pub normal: Vec3,
-    /// What the surface is like there.
-    pub paint: Paint,
+    /// Material or colour there.
+    pub sample: S,
 }
 
 /// Points of a surface, in Morton order.
 #[derive(Clone, Debug, PartialEq)]
-pub(in crate::gi) struct SurfacePoints<Paint> {
-    pub points: Vec<SurfacePoint<Paint>>,
-    /// That each stands for, in the mesh's own space, m².
+pub(in crate::gi) struct SurfacePoints<S> {
+    pub points: Vec<SurfacePoint<S>>,
+    /// Area of each point's piece, in the mesh's own space, m².
     pub area: f64,
 }
 
-impl<Paint> SurfacePoints<Paint> {
-    /// `count` points on `triangles`; `None` where these have no area. `paint` is asked what each
-    /// is like.
+impl<S> SurfacePoints<S> {
+    /// `count` points on `triangles`; `None` where these have no area. `sample` evaluates the
+    /// material at each.
     pub fn new(
         triangles: &[[Vec3; 3]],
         count: usize,
-        paint: impl Fn(Place) -> Paint,
+        sample: impl Fn(TrianglePoint) -> S,
     ) -> Option<Self> {
         let mut total = 0.0;
         let cumulative: Vec<f64> = triangles
@@ -63,14 +63,14 @@ impl<Paint> SurfacePoints<Paint> {
         if total <= 0.0 || count == 0 {
             return None;
         }
-        let mut points: Vec<SurfacePoint<Paint>> = (0..count)
+        let mut points: Vec<SurfacePoint<S>> = (0..count)
             .filter_map(|index| {
                 let target = (index as f64 + 0.5) / count as f64 * total;
                 let triangle =
                     cumulative.partition_point(|sum| *sum <= target).min(triangles.len() - 1);
                 let before = triangle.checked_sub(1).map_or(0.0, |before| cumulative[before]);
-                // How far into its triangle is one coordinate, and multiples of the golden ratio
-                // are the other: evenly spread, however many points a triangle has.
+                // The position within the triangle's share is one coordinate, multiples of the
+                // golden ratio the other: evenly distributed, however many points a triangle has.
                 let along = ((target - before) / (cumulative[triangle] - before)).clamp(0.0, 1.0);
                 let across = (index as f64 * 0.618_033_988_749_895).fract();
                 // Uniform over the triangle: Turk 1990, "Generating Random Points in Triangles".
@@ -78,15 +78,19 @@ impl<Paint> SurfacePoints<Paint> {
                 let weights = [(root * (1.0 - across)) as f32, (root * across) as f32];
                 let normal = area_vector(&triangles[triangle]).try_normalize()?.as_vec3();
                 let position = interpolated(triangles[triangle], weights);
-                Some(SurfacePoint { position, normal, paint: paint(Place { triangle, weights }) })
+                Some(SurfacePoint {
+                    position,
+                    normal,
+                    sample: sample(TrianglePoint { triangle, weights }),
+                })
             })
             .collect();
-        sort_by_place(&mut points);
+        sort_by_position(&mut points);
         Some(Self { points, area: total / count as f64 })
     }
 
-    /// Leaves every `step`-th of them, 1 or more, each for as many. Neighbours in the list are
-    /// neighbours in space, so that these are evenly spread, too.
+    /// Keeps every `step`-th point (`step` ≥ 1), each for the area of `step`. Neighbours in the
+    /// list are neighbours in space, so the rest is evenly distributed, too.
     pub fn thin(&mut self, step: usize) {
         self.points =
             std::mem::take(&mut self.points).into_iter().skip(step / 2).step_by(step).collect();
@@ -105,15 +109,15 @@ fn is_usable(triangle: &[Vec3; 3]) -> bool {
         .all(|corner| corner.is_finite() && corner.abs().max_element() < GREATEST_COORDINATE)
 }
 
-/// What turns a normal × area of the mesh into that of the world: a mirrored mesh keeps the side
-/// from which its triangles run counter-clockwise.
+/// The cofactor matrix, which transforms normal × area from the mesh to the world. A mirrored mesh
+/// keeps the side from which its triangles run counter-clockwise.
 pub(in crate::gi) fn area_matrix(affine: &Affine3A) -> Mat3A {
     let Mat3A { x_axis, y_axis, z_axis } = affine.matrix3;
     Mat3A::from_cols(y_axis.cross(z_axis), z_axis.cross(x_axis), x_axis.cross(y_axis))
 }
 
 /// Orders points along a Morton curve through the box around them.
-fn sort_by_place<Paint>(points: &mut [SurfacePoint<Paint>]) {
+fn sort_by_position<S>(points: &mut [SurfacePoint<S>]) {
     let least = points.iter().fold(Vec3::INFINITY, |least, point| least.min(point.position));
     let most = points.iter().fold(Vec3::NEG_INFINITY, |most, point| most.max(point.position));
     let size = (most - least).max_element().max(f32::MIN_POSITIVE);

@@ -1,4 +1,4 @@
-//! What surfaces reflect, as far as the main world can read it.
+//! Reflectance of surfaces, as far as the main world can read it.
 
 use bevy::asset::AssetId;
 use bevy::color::{ColorToComponents, LinearRgba};
@@ -13,11 +13,11 @@ use super::assets::SurfaceAssets;
 use super::cutout::{Cutout, Mask};
 use super::points::interpolated;
 use super::sides::Sides;
-use super::texture::{PlacedTexture, TextureUse};
+use super::texture::{MeshTexture, TextureUse};
 use super::vertex_colors::vertex_colors;
 
-/// Whether a material lets no light through but by its mask's holes.
-pub(in crate::gi) fn hides(material: &StandardMaterial) -> bool {
+/// Whether a material lets no light through except in its mask's holes.
+pub(in crate::gi) fn occludes(material: &StandardMaterial) -> bool {
     matches!(
         material.alpha_mode,
         AlphaMode::Opaque | AlphaMode::Mask(_) | AlphaMode::AlphaToCoverage
@@ -25,7 +25,7 @@ pub(in crate::gi) fn hides(material: &StandardMaterial) -> bool {
         && material.diffuse_transmission <= 0.0
 }
 
-/// Whether what the camera shows of it comes out of the G-buffer.
+/// Whether a material is rendered into the G-buffer.
 pub(in crate::gi) fn is_deferred(material: &StandardMaterial) -> bool {
     let is_opaque = matches!(
         material.alpha_mode,
@@ -39,11 +39,10 @@ pub(in crate::gi) fn is_deferred(material: &StandardMaterial) -> bool {
     is_opaque && method && material.specular_transmission <= 0.0
 }
 
-/// What of a material decides about the light that its surfaces reflect: meshes with the same one
-/// reflect the same.
+/// The reflectance of a material. A mesh reflects alike under equal reflectances.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub(in crate::gi) struct Reflectance {
-    /// Bits, so that they can be a key: linear RGB, perceptual roughness, metallic, reflectance.
+    /// Bits, for use as a key: linear RGB, perceptual roughness, metallic, reflectance.
     values: [u32; 6],
     color: Option<TextureUse>,
     metallic_roughness: Option<TextureUse>,
@@ -51,9 +50,9 @@ pub(in crate::gi) struct Reflectance {
     pub sides: Sides,
 }
 
-/// What a surface is like at a place.
+/// Material parameters at a point of a surface.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(in crate::gi) struct Paint {
+pub(in crate::gi) struct MaterialSample {
     /// Linear RGB, each in 0 to 1.
     pub color: Vec3,
     /// Perceptual, in 0 to 1.
@@ -65,10 +64,10 @@ pub(in crate::gi) struct Paint {
 }
 
 impl Reflectance {
-    /// That of a material; none where it reflects no light onto others: unlit and (partly)
-    /// transparent ones, and what is rendered forward.
+    /// The reflectance of a material; `None` where it reflects no indirect light: unlit, (partly)
+    /// transparent and forward-rendered materials.
     pub fn new(material: &StandardMaterial) -> Option<Self> {
-        if material.unlit || !hides(material) || !is_deferred(material) {
+        if material.unlit || !occludes(material) || !is_deferred(material) {
             return None;
         }
         let transform = material.uv_transform;
@@ -102,50 +101,49 @@ impl Reflectance {
             || self.mask.is_some_and(|mask| mask.reads(image))
     }
 
-    /// Whether it differs from place to place.
+    /// Whether it varies over the surface.
     pub fn is_patterned(&self) -> bool {
         self.color.is_some() || self.metallic_roughness.is_some() || self.mask.is_some()
     }
 
-    /// On a mesh; `None` while an image is not there.
-    pub fn on<'a>(&self, mesh: &'a Mesh, assets: &'a SurfaceAssets) -> Option<PaintedMesh<'a>> {
+    /// Applies it to a mesh; `None` while an image is not loaded.
+    pub fn on<'a>(&self, mesh: &'a Mesh, assets: &'a SurfaceAssets) -> Option<MaterialMesh<'a>> {
         let images = assets.images.as_deref();
-        Some(PaintedMesh {
+        Some(MaterialMesh {
             values: self.values.map(f32::from_bits),
-            color: PlacedTexture::new(self.color, mesh, images)?,
-            metallic_roughness: PlacedTexture::new(self.metallic_roughness, mesh, images)?,
+            color: MeshTexture::new(self.color, mesh, images)?,
+            metallic_roughness: MeshTexture::new(self.metallic_roughness, mesh, images)?,
             vertex_colors: vertex_colors(mesh),
             cutout: Cutout::new(self.mask.as_ref(), mesh, images)?,
         })
     }
 }
 
-/// A mesh with all that says what it reflects where.
-pub(in crate::gi) struct PaintedMesh<'a> {
+/// A mesh with the data that its material samples come from.
+pub(in crate::gi) struct MaterialMesh<'a> {
     values: [f32; 6],
-    color: Option<PlacedTexture<'a>>,
-    metallic_roughness: Option<PlacedTexture<'a>>,
+    color: Option<MeshTexture<'a>>,
+    metallic_roughness: Option<MeshTexture<'a>>,
     vertex_colors: Vec<[f32; 4]>,
     cutout: Option<Cutout<'a>>,
 }
 
-/// For textures that the processor cannot read: a colour in the middle of what surfaces have, half
-/// rough and no metal.
+/// For textures that the CPU cannot read: an average colour, half rough, no metal.
 const UNREAD_COLOR: LinearRgba = LinearRgba::rgb(0.4, 0.4, 0.4);
 const UNREAD_METALLIC_ROUGHNESS: LinearRgba = LinearRgba::rgb(0.0, 0.5, 0.0);
 
-impl PaintedMesh<'_> {
-    /// What it is like at a place of a triangle: its corners, and weights of the second and third.
-    /// None in a hole.
-    pub fn at(&self, corners: [usize; 3], weights: [f32; 2]) -> Option<Paint> {
+impl MaterialMesh<'_> {
+    /// The material at a point of a triangle, given by its vertex indices and barycentric weights
+    /// of the second and third corner. `None` in a hole.
+    pub fn at(&self, corners: [usize; 3], weights: [f32; 2]) -> Option<MaterialSample> {
         if self.cutout.as_ref().is_some_and(|cutout| !cutout.is_there(corners, weights)) {
             return None;
         }
-        let read = |texture: &Option<PlacedTexture>, unread: LinearRgba| {
+        let read = |texture: &Option<MeshTexture>, unread: LinearRgba| {
             texture.as_ref().map_or(LinearRgba::WHITE, |texture| {
                 texture.color(corners, weights).unwrap_or_else(|| {
                     warn_once!(
-                        "a texture is kept for the GPU alone or is compressed: what it lies on reflects light on to others as if it were grey (RenderAssetUsages::MAIN_WORLD keeps it readable)"
+                        "a texture is kept for the GPU alone or is compressed: its surfaces reflect indirect light as if they were grey (RenderAssetUsages::MAIN_WORLD keeps it readable)"
                     );
                     unread
                 })
@@ -153,13 +151,13 @@ impl PaintedMesh<'_> {
         };
         let [red, green, blue, roughness, metallic, reflectance] = self.values;
         let texel = read(&self.color, UNREAD_COLOR);
-        // Linear values, whatever the image's format says of its colours.
+        // Linear values, whatever colour space the image's format declares.
         let properties = read(&self.metallic_roughness, UNREAD_METALLIC_ROUGHNESS);
         let color =
             Vec3::new(red, green, blue) * texel.to_vec3() * self.vertex_color(corners, weights);
-        // What is no number compares false.
+        // NaN compares false.
         let share = |value: f32| if value > 0.0 { value.min(1.0) } else { 0.0 };
-        Some(Paint {
+        Some(MaterialSample {
             color: Vec3::from_array(color.to_array().map(share)),
             roughness: share(roughness * properties.green),
             metallic: share(metallic * properties.blue),
@@ -184,7 +182,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn what_is_unlit_or_lets_light_through_reflects_none() {
+    fn unlit_and_transparent_materials_reflect_nothing() {
         let reflects = |material: StandardMaterial| Reflectance::new(&material).is_some();
         assert!(reflects(StandardMaterial::default()));
         assert!(reflects(StandardMaterial {
@@ -217,7 +215,7 @@ mod tests {
     }
 
     #[test]
-    fn numbers_out_of_range_are_brought_into_it() {
+    fn values_out_of_range_are_clamped() {
         let mesh = Mesh::new(
             bevy::mesh::PrimitiveTopology::TriangleList,
             bevy::asset::RenderAssetUsages::all(),
@@ -227,8 +225,8 @@ mod tests {
             Mesh::ATTRIBUTE_COLOR,
             vec![[1.0f32, 0.5, 0.0, 1.0], [1.0, 0.5, 1.0, 1.0], [1.0, 0.5, 0.0, 1.0]],
         );
-        let painted = |values: [f32; 6]| {
-            let mesh = PaintedMesh {
+        let sampled = |values: [f32; 6]| {
+            let mesh = MaterialMesh {
                 values,
                 color: None,
                 metallic_roughness: None,
@@ -237,22 +235,22 @@ mod tests {
             };
             mesh.at([0, 1, 2], [0.25, 0.5]).unwrap()
         };
-        let paint = painted([0.5, 0.5, 0.5, 0.7, 0.2, 0.5]);
+        let sample = sampled([0.5, 0.5, 0.5, 0.7, 0.2, 0.5]);
         assert_eq!(
-            (paint.color, paint.roughness, paint.metallic),
+            (sample.color, sample.roughness, sample.metallic),
             (Vec3::new(0.5, 0.25, 0.125), 0.7, 0.2)
         );
         for odd in [f32::NAN, f32::INFINITY, -1.0, 1e30] {
-            let paint = painted([odd; 6]);
+            let sample = sampled([odd; 6]);
             let values = [
-                paint.color.x,
-                paint.color.y,
-                paint.color.z,
-                paint.roughness,
-                paint.metallic,
-                paint.reflectance,
+                sample.color.x,
+                sample.color.y,
+                sample.color.z,
+                sample.roughness,
+                sample.metallic,
+                sample.reflectance,
             ];
-            assert!(values.iter().all(|value| (0.0..=1.0).contains(value)), "{odd}: {paint:?}");
+            assert!(values.iter().all(|value| (0.0..=1.0).contains(value)), "{odd}: {sample:?}");
         }
     }
 }

@@ -2,7 +2,7 @@
 
 use bevy::render::render_resource::Face;
 
-/// Which sides of a surface are seen.
+/// Visible sides of a surface.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub(in crate::gi) enum Sides {
     /// The side from which triangles run counter-clockwise.
@@ -14,7 +14,7 @@ pub(in crate::gi) enum Sides {
 }
 
 impl Sides {
-    /// Those that a material shows that leaves these faces out.
+    /// The sides that a material shows when it culls these faces.
     pub fn shown(culled: Option<Face>) -> Self {
         match culled {
             Some(Face::Back) => Self::Front,
@@ -23,7 +23,7 @@ impl Sides {
         }
     }
 
-    /// Of the normals that face them.
+    /// Signs of their normals.
     pub fn signs(self) -> &'static [f32] {
         match self {
             Self::Front => &[1.0],
@@ -32,7 +32,7 @@ impl Sides {
         }
     }
 
-    /// How many.
+    /// Number of sides.
     pub fn count(self) -> usize {
         self.signs().len()
     }

@@ -1,4 +1,4 @@
-//! How textures lie on meshes and what they say, as far as the main world can read them.
+//! Texture mapping and texture reads, as far as the main world can read images.
 
 use std::borrow::Cow;
 
@@ -10,13 +10,13 @@ use bevy::mesh::{Mesh, MeshVertexAttribute, UvChannel, VertexAttributeValues};
 
 use super::points::interpolated;
 
-/// How a texture lies on a mesh.
+/// The mapping of a texture onto a mesh.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub(in crate::gi) struct TextureUse {
     pub image: AssetId<Image>,
-    /// The second set of coordinates rather than the first.
+    /// Whether it uses the second set of coordinates.
     second: bool,
-    /// Bits of the matrix by columns: so that it can be a key.
+    /// Bits of the matrix by columns, for use as a key.
     transform: [u32; 6],
 }
 
@@ -30,7 +30,7 @@ impl TextureUse {
         }
     }
 
-    /// The mesh's coordinates of it. Bevy reads no texture where there are none.
+    /// The mesh's coordinates for it. Bevy reads no texture where there are none.
     fn coordinates(self, mesh: &Mesh) -> Option<&[[f32; 2]]> {
         let attribute: MeshVertexAttribute =
             if self.second { Mesh::ATTRIBUTE_UV_1 } else { Mesh::ATTRIBUTE_UV_0 };
@@ -43,15 +43,15 @@ impl TextureUse {
 
 /// A texture on a mesh.
 #[derive(Clone, Debug)]
-pub(in crate::gi) struct PlacedTexture<'a> {
+pub(in crate::gi) struct MeshTexture<'a> {
     image: Cow<'a, Image>,
     coordinates: Cow<'a, [[f32; 2]]>,
     /// From the mesh's coordinates to the texture's.
     transform: Affine2,
 }
 
-impl<'a> PlacedTexture<'a> {
-    /// As it lies on `mesh`: `None` while the image is not there, and `Some(None)` where there is
+impl<'a> MeshTexture<'a> {
+    /// A texture on `mesh`: `None` while the image is not loaded, and `Some(None)` where there is
     /// no texture, or the mesh has no coordinates for it.
     pub fn new(
         texture: Option<TextureUse>,
@@ -61,45 +61,45 @@ impl<'a> PlacedTexture<'a> {
         let Some(texture) = texture else { return Some(None) };
         let image = images?.get(texture.image)?;
         let transform = Affine2::from_cols_array(&texture.transform.map(f32::from_bits));
-        let placed = |coordinates| Self {
+        let on_mesh = |coordinates| Self {
             image: Cow::Borrowed(image),
             coordinates: Cow::Borrowed(coordinates),
             transform,
         };
-        Some(texture.coordinates(mesh).map(placed))
+        Some(texture.coordinates(mesh).map(on_mesh))
     }
 
-    /// With copies of its own of all that it reads.
-    pub fn into_owned(self) -> PlacedTexture<'static> {
+    /// With copies of all borrowed data.
+    pub fn into_owned(self) -> MeshTexture<'static> {
         let Self { image, coordinates, transform } = self;
-        PlacedTexture {
+        MeshTexture {
             image: Cow::Owned(image.into_owned()),
             coordinates: Cow::Owned(coordinates.into_owned()),
             transform,
         }
     }
 
-    /// Whether the processor can read the image at all.
+    /// Whether the CPU can read the image.
     pub fn is_readable(&self) -> bool {
         texel(&self.image, Vec2::ZERO).is_some()
     }
 
-    /// Linear colour at a place of a triangle: its corners, and weights of the second and third.
-    /// `None` where the processor cannot read it.
+    /// Linear colour at a point of a triangle, given by its vertex indices and barycentric weights
+    /// of the second and third corner. `None` where the CPU cannot read it.
     pub fn color(&self, corners: [usize; 3], weights: [f32; 2]) -> Option<LinearRgba> {
-        // Corners without coordinates have (0, 0).
+        // Vertices without coordinates have (0, 0).
         let coordinates = corners
             .map(|corner| self.coordinates.get(corner).copied().map_or(Vec2::ZERO, Vec2::from));
         texel(&self.image, self.transform.transform_point2(interpolated(coordinates, weights)))
     }
 }
 
-/// Linear colour of the texel at `place`; `None` where the processor cannot read it: an image that
-/// is kept for the GPU alone, or compressed.
-fn texel(image: &Image, place: Vec2) -> Option<LinearRgba> {
+/// Linear colour of the texel at `uv`; `None` where the CPU cannot read it: an image that is kept
+/// for the GPU alone, or compressed.
+fn texel(image: &Image, uv: Vec2) -> Option<LinearRgba> {
     let (width, height) = (image.width().max(1), image.height().max(1));
-    // Repeated, which is what textures that leave the unit square are for.
-    let texel = (place - place.floor()) * Vec2::new(width as f32, height as f32);
+    // Repeats outside the unit square.
+    let texel = (uv - uv.floor()) * Vec2::new(width as f32, height as f32);
     let (x, y) = ((texel.x as u32).min(width - 1), (texel.y as u32).min(height - 1));
     image.get_color_at(x, y).ok().map(|color| color.to_linear())
 }

@@ -5,14 +5,14 @@ use bevy::mesh::{Indices, Mesh, PrimitiveTopology, VertexAttributeValues};
 
 /// Triangles in the mesh's own space.
 pub(in crate::gi) struct Triangles {
-    /// Each one's corners among the mesh's vertices.
+    /// Vertex indices of each triangle's corners.
     pub corners: Vec<[usize; 3]>,
-    /// Where these are, metres.
+    /// Positions of these corners, metres.
     pub positions: Vec<[Vec3; 3]>,
 }
 
 /// A mesh's triangles; `None` where the asset is kept for the GPU alone or is no triangle list.
-/// Triangles that point past the last vertex are left out.
+/// Triangles with indices past the last vertex are left out.
 pub(in crate::gi) fn triangles(mesh: &Mesh) -> Option<Triangles> {
     if mesh.primitive_topology() != PrimitiveTopology::TriangleList {
         return None;

@@ -1,8 +1,9 @@
-//! Colours that a mesh has at its vertices.
+//! Vertex colours of a mesh.
 
 use bevy::mesh::{Mesh, VertexAttributeValues};
 
-/// Linear RGBA of each vertex; empty where the mesh has none that Bevy's materials read.
+/// Linear RGBA of each vertex; empty where the mesh has none in a format that Bevy's materials
+/// read.
 pub(super) fn vertex_colors(mesh: &Mesh) -> Vec<[f32; 4]> {
     match mesh.try_attribute_option(Mesh::ATTRIBUTE_COLOR).ok().flatten() {
         Some(VertexAttributeValues::Float32x4(colors)) => colors.clone(),

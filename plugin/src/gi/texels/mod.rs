@@ -1,7 +1,7 @@
 //! The store of texels: points of lit and emissive surfaces, from which every camera's VPLs are
 //! sampled.
 //!
-//! Sources of light reserve a [range](TexelRange) each, in every frame, and write their texels into
+//! Light sources reserve a [range](TexelRange) each, in every frame, and write their texels into
 //! it. A camera samples the [rows](TexelRow) of those ranges that light it.
 
 mod rows;
@@ -19,7 +19,7 @@ use super::settings::FrugalGi;
 pub(super) use rows::{CascadeCut, TILE, TexelRow, same_places};
 pub(super) use texel::{TEXEL_BYTES, Texel, pack_normal};
 
-/// Whose texels are where: one range behind the other.
+/// Ranges of the store by source, in this order.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum TexelRange {
     /// Of reflective shadow maps.
@@ -33,7 +33,7 @@ pub(super) enum TexelRange {
 /// The texels of all sources. A resource of the render world.
 #[derive(Resource, Default)]
 pub(super) struct TexelStore {
-    /// `Texel` each; present while there are any, and a camera that gathers.
+    /// An array of `Texel`; present while there are texels, and a GI camera.
     pub texels: Option<Buffer>,
     counts: [u32; 3],
     /// Texels of maps in the buffer.
@@ -41,7 +41,7 @@ pub(super) struct TexelStore {
 }
 
 impl TexelStore {
-    /// Makes room for `count` texels in this frame.
+    /// Reserves `count` texels in this frame.
     pub fn reserve(&mut self, range: TexelRange, count: usize) {
         self.counts[range as usize] = count as u32;
     }
@@ -73,7 +73,7 @@ impl Plugin for TexelPlugin {
     }
 }
 
-/// Fits the buffer to what was reserved, and drops it where nothing was.
+/// Resizes the buffer to the reserved texels, and drops it where there are none.
 fn allocate(
     mut store: ResMut<TexelStore>,
     device: Res<RenderDevice>,
@@ -97,7 +97,8 @@ fn allocate(
         usage: BufferUsages::STORAGE | BufferUsages::COPY_SRC | BufferUsages::COPY_DST,
         mapped_at_creation: false,
     });
-    // Where only the ranges behind the maps grow or shrink, maps that rest are not rendered again.
+    // Keeps the maps' texels where only the ranges behind them grow or shrink, so that the maps
+    // need not be rendered again.
     if let Some(old) =
         store.texels.as_ref().filter(|_| map_texels > 0 && map_texels == old_map_texels)
     {

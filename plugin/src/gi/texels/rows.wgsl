@@ -10,18 +10,19 @@ struct Row {
     length: u32,
     /// Index of the first tile that it runs through.
     first_tile: u32,
-    /// Its place among the rows of that tile, and how many they are.
-    place: u32,
+    /// Index among the rows of that tile.
+    row_in_tile: u32,
+    /// Number of rows of that tile.
     tile_rows: u32,
-    /// First column that nothing is drawn from, and the one after the last: another map has them.
+    /// First column that is not sampled, and the one after the last: a finer cascade covers them.
     cut: vec2<u32>,
 }
 
-/// Whether another map has what a column shows.
+/// Whether a finer cascade covers a column.
 fn is_cut(row: Row, column: u32) -> bool {
     return column >= row.cut.x && column < row.cut.y;
 }
 
-/// Columns of a tile, and most rows of one: neighbouring texels of which one look may tell whether
-/// they are seen.
+/// Columns of a tile, and most rows of one: neighbouring texels that share one visibility test from
+/// each importance point.
 const TILE: u32 = 16u;

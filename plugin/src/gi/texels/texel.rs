@@ -1,9 +1,9 @@
-//! A texel of the store as the processor writes it: for sources that no light's map shows.
+//! A texel of the store as the CPU writes it, for sources without a reflective shadow map.
 
 use bevy::math::Vec3;
 use bytemuck::{Pod, Zeroable};
 
-/// Bytes of a [`Texel`]. A test holds it against the shader.
+/// Bytes of a [`Texel`]. A test compares it with the shader.
 pub(in crate::gi) const TEXEL_BYTES: u64 = size_of::<Texel>() as u64;
 
 /// `texels/texel.wgsl`'s `Texel`.
@@ -12,7 +12,7 @@ pub(in crate::gi) const TEXEL_BYTES: u64 = size_of::<Texel>() as u64;
 pub(in crate::gi) struct Texel {
     /// World space, metres.
     pub position: [f32; 3],
-    /// Of the surface that it stands for, m².
+    /// Area of the surface that it represents, m².
     pub area: f32,
     /// Lumens.
     pub flux: [f32; 3],
@@ -31,8 +31,8 @@ impl Texel {
     }
 }
 
-/// Octahedral coordinates (Cigolle et al. 2014) of 16 bits each: what `texels/texel.wgsl`'s function
-/// of that name gives.
+/// Octahedral coordinates (Cigolle et al. 2014) of 16 bits each, as `texels/texel.wgsl`'s function
+/// of that name packs them.
 pub(in crate::gi) fn pack_normal(normal: Vec3) -> u32 {
     let Vec3 { x, y, z } = normal / (normal.x.abs() + normal.y.abs() + normal.z.abs());
     let folded = |own: f32, other: f32| (1.0 - other.abs()) * if own > 0.0 { 1.0 } else { -1.0 };

@@ -1,5 +1,5 @@
-// What reflective shadow maps leave behind for the sampling of virtual point lights: 32 bytes a
-// texel, since they are most of what GI holds.
+// Texels, from which virtual point lights are sampled: 32 bytes each, since they take most of GI's
+// memory.
 #define_import_path bevy_frugal_gi::gi::texels::texel
 
 #import bevy_pbr::utils::{octahedral_decode, octahedral_encode}
@@ -8,16 +8,15 @@
 struct Texel {
     /// World space, metres.
     position: vec3<f32>,
-    /// Of the surface that the texel covers, m².
+    /// Area of the surface that the texel covers, m².
     area: f32,
-    /// Reflected flux, lumens: light through the texel × albedo. 0 where nothing is lit, or where
-    /// anything was not finite.
+    /// Reflected or emitted flux, lumens. 0 where nothing is lit, or where a value was not finite.
     flux: vec3<f32>,
     /// See `texel_normal`.
     packed_normal: u32,
 }
 
-/// To 16 bits an axis, which is 16 times as fine as the G-buffer.
+/// Octahedral, 16 bits per axis: 16 times as fine as the G-buffer.
 fn pack_normal(normal: vec3<f32>) -> u32 {
     return pack2x16unorm(octahedral_encode(normal));
 }

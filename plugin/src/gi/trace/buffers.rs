@@ -28,8 +28,8 @@ struct Held {
 }
 
 impl OccluderBuffers {
-    /// Layout of group 1. No part of the resource: what else the renderer makes when it starts is
-    /// made in no particular order.
+    /// Layout of group 1. Not a field of the resource, since the renderer creates resources in no
+    /// particular order.
     pub fn layout() -> BindGroupLayoutDescriptor {
         let read = || storage_buffer_read_only_sized(false, None);
         let entries = BindGroupLayoutEntries::sequential(
@@ -44,7 +44,7 @@ impl OccluderBuffers {
         self.held.as_ref().map(|held| &held.bind_group)
     }
 
-    /// Whether anything in it has holes, which shaders only look for where MASKS is defined.
+    /// Whether any triangle has holes, which shaders test only where MASKS is defined.
     pub fn are_masked(&self) -> bool {
         self.held.as_ref().is_some_and(|held| held.meshes.is_masked)
     }
@@ -60,7 +60,7 @@ impl OccluderBuffers {
     }
 }
 
-/// Brings what changed to the GPU; lets go of everything while no camera traces light.
+/// Uploads changes to the GPU; drops all buffers while no camera traces rays.
 pub(super) fn prepare(
     mut buffers: ResMut<OccluderBuffers>,
     occluders: Res<GiOccluders>,
@@ -70,8 +70,8 @@ pub(super) fn prepare(
     queue: Res<RenderQueue>,
     cache: Res<PipelineCache>,
 ) {
-    // By what is gathered in this frame, and not by what the main world keeps: a camera that was
-    // changed after that was made traces what there is.
+    // Depends on this frame's extracted cameras, not on the main world's occluders: a camera whose
+    // settings changed after those were made traces what exists.
     let is_lit = |gi: &FrugalGi, has_sky: bool| {
         store.texels.is_some() || has_sky && gi.environment_samples > 0
     };
@@ -105,11 +105,11 @@ pub(super) fn prepare(
     let old = held.map(|held| held.buffers);
     let new = std::array::from_fn(|index| {
         let (label, bytes, unchanged) = contents[index];
-        // No binding may be empty; a node that nothing meets keeps anything from being read.
+        // No binding may be empty; behind a node that no ray intersects, nothing is read.
         let bytes = if bytes.is_empty() { &[0; 64] } else { bytes };
         match old.as_ref().map(|old| &old[index]) {
             Some(buffer) if unchanged => buffer.clone(),
-            // What moves keeps its size, and then its buffer.
+            // Data of unchanged size keeps its buffer.
             Some(buffer) if buffer.size() == bytes.len() as u64 => {
                 queue.write_buffer(buffer, 0, bytes);
                 buffer.clone()

@@ -4,9 +4,9 @@
 //! obvhs builds a binary tree (PLOC with reinsertion, Meister and Bittner 2018); we lay it out in
 //! depth-first order with skip links, so that a ray needs no stack: it goes to the next node where
 //! it meets a box, and to the node's skip link where it does not (Smits 1998, "Efficiency Issues
-//! for Ray Tracing"). Whether *anything* lies between two points does not depend on the order of
-//! visits, so that nothing is lost by a fixed one, and a stack in private memory is what keeps
-//! small GPUs from having enough rays in flight.
+//! for Ray Tracing"). Occlusion between two points does not depend on the order of visits, so a
+//! fixed one loses nothing, and a stack in private memory would keep small GPUs from having enough
+//! rays in flight.
 
 use std::time::Duration;
 
@@ -16,14 +16,14 @@ use obvhs::BvhBuildParams;
 use obvhs::aabb::Aabb;
 use obvhs::bvh2::Bvh2;
 
-/// Leaves keep their count of primitives in so many low bits.
+/// Low bits of a leaf that store its count of primitives.
 const COUNT_BITS: u32 = 3;
 /// Most primitives of a leaf.
 const MOST_IN_LEAF: u32 = (1 << COUNT_BITS) - 1;
-/// Triangles with a smaller area than this share of their box's greatest side squared hide nothing,
-/// and have no normal to divide by.
+/// Triangles whose area, relative to their box's greatest side squared, is smaller than this are
+/// left out: they occlude nothing, and their determinant vanishes.
 const LEAST_AREA: f32 = 1e-12;
-/// Positions beyond this, metres, would overflow a box's arithmetic.
+/// Positions beyond this, metres, would overflow the box tests.
 const GREATEST_COORDINATE: f32 = 1e15;
 
 /// `trace/trace.wgsl`'s `Node`.
@@ -42,7 +42,7 @@ pub struct Node {
 }
 
 impl Node {
-    /// A node that no ray meets: buffers are never empty.
+    /// A node that no ray intersects, since buffers must not be empty.
     pub const NOTHING: Self = Self { min: [1.0; 3], skip: 1, max: [-1.0; 3], leaf: 0 };
 
     /// The primitives of a leaf.
@@ -53,8 +53,8 @@ impl Node {
     }
 }
 
-/// `trace/trace.wgsl`'s `Triangle`: a corner and two edges, with which parts of it are there
-/// (see `micromap`).
+/// `trace/trace.wgsl`'s `Triangle`: a corner and two edges, and an opacity micromap (see
+/// `micromap`).
 #[derive(Clone, Copy, Debug, PartialEq, Pod, Zeroable)]
 #[repr(C)]
 pub struct TriangleWords {
@@ -108,7 +108,7 @@ impl FlatBvh {
             .collect();
         match boxes.len() {
             0 => Self::default(),
-            // The builder wants a pair to join.
+            // The builder needs at least two boxes.
             1 => {
                 Self { nodes: vec![Node { leaf: 1, skip: 1, ..boxed(&boxes[0]) }], order: vec![0] }
             }
@@ -132,12 +132,12 @@ fn boxed(aabb: &Aabb) -> Node {
 
 fn flatten(tree: &Bvh2) -> FlatBvh {
     let mut flat = FlatBvh::default();
-    // Nodes to enter, and inner nodes (as `Err` of their place) to close when all below them is
-    // there.
+    // Nodes to enter, and inner nodes (as `Err` of their index) to close after all nodes below
+    // them.
     let mut work: Vec<Result<usize, usize>> = vec![Ok(0)];
     while let Some(next) = work.pop() {
         match next {
-            Err(place) => flat.nodes[place].skip = flat.nodes.len() as u32,
+            Err(index) => flat.nodes[index].skip = flat.nodes.len() as u32,
             Ok(index) => {
                 let node = &tree.nodes[index];
                 let first = node.first_index as usize;
@@ -172,8 +172,8 @@ pub struct MeshBvh {
 }
 
 impl MeshBvh {
-    /// A tree of triangles, each with its micromap. Those that are all hole or without area, or
-    /// with corners that are not finite or absurdly far away, are left out.
+    /// A tree of triangles, each with its micromap. Triangles that are all hole, degenerate, not
+    /// finite or too far away are left out.
     pub fn new(triangles: impl IntoIterator<Item = ([Vec3; 3], u64)>) -> Self {
         let triangles: Vec<_> = triangles
             .into_iter()
@@ -208,13 +208,12 @@ impl MeshBvh {
 
 fn is_usable(triangle: &[Vec3; 3]) -> bool {
     let [a, b, c] = *triangle;
-    let sound = triangle
+    let valid = triangle
         .iter()
         .all(|corner| corner.is_finite() && corner.abs().max_element() < GREATEST_COORDINATE);
     let side = (b - a).abs().max((c - a).abs()).max_element();
-    // In units of its own size, so that neither a tiny triangle nor a huge one leaves the range of
-    // a float.
-    sound && side > 0.0 && ((b - a) / side).cross((c - a) / side).length() > LEAST_AREA
+    // In units of its own size, so that neither tiny nor huge triangles leave the range of a float.
+    valid && side > 0.0 && ((b - a) / side).cross((c - a) / side).length() > LEAST_AREA
 }
 
 #[cfg(test)]

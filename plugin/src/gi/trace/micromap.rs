@@ -1,78 +1,81 @@
-//! Which parts of a triangle an alpha mask leaves: plain Rust, no renderer.
+//! Opacity micromaps of alpha masks on triangles: plain Rust, no renderer.
 //!
-//! A triangle is cut into 8 × 8 equal smaller ones, and a bit for each says whether it is there
-//! (Gruen, Benthin and Woop 2020, "Sub-triangle Opacity Masks for Faster Ray Tracing of Transparent
-//! Objects"). The 64 bits lie where a triangle's three vectors are padded, so that holes cost no
-//! memory, no texture to read while rays are traced, and nothing at all to rays that meet no
-//! triangle.
+//! A triangle is divided into 8 × 8 equal micro-triangles, with one bit of opacity each (Gruen,
+//! Benthin and Woop 2020, "Sub-triangle Opacity Masks for Faster Ray Tracing of Transparent
+//! Objects"). The 64 bits lie in the padding of a triangle's three vectors: holes take no memory
+//! and no texture reads, and cost nothing for rays that hit no triangle.
 
-/// Parts along each side of a triangle.
+/// Micro-triangles along each side of a triangle.
 const SIDE: u32 = 8;
-/// Places that are looked at in each part. Higher values follow textures better that have many
-/// holes in one triangle, and take longer.
-const PLACES: u32 = 8;
+/// Samples of the mask in each micro-triangle. Higher values resolve many holes in one triangle
+/// better, and take longer.
+const SAMPLES: u32 = 8;
 
-/// All of a triangle is there.
+/// A triangle without holes.
 pub const SOLID: u64 = u64::MAX;
 
-/// The parts that are there, by asking of places: weights of the second and third corner, each in
-/// [0, 1], together at most 1.
+/// The micromap of a mask. `is_there`: whether a point, given by barycentric weights of the second
+/// and third corner (each in [0, 1], together at most 1), is opaque.
 ///
-/// A part that is partly there either is or is not, such that the triangle's share of holes stays
-/// what it is: what a part was rounded by is carried on to the next.
+/// A partly opaque micro-triangle is rounded to one or the other, and its rounding error is carried
+/// on to the next (error diffusion), so that the triangle keeps its share of holes.
 pub fn micromap(mut is_there: impl FnMut([f32; 2]) -> bool) -> u64 {
     let (mut map, mut carried, mut number) = (0, 0, 0);
-    for (index, part) in parts().enumerate() {
+    for (index, micro_triangle) in micro_triangles().enumerate() {
         let mut count = 0;
-        for _ in 0..PLACES {
+        for _ in 0..SAMPLES {
             number += 1;
-            count += i32::from(is_there(part.place(spread(number))));
+            count += i32::from(is_there(micro_triangle.point(spread(number))));
         }
         carried += count;
-        if 2 * carried >= PLACES as i32 {
+        if 2 * carried >= SAMPLES as i32 {
             map |= 1 << index;
-            carried -= PLACES as i32;
+            carried -= SAMPLES as i32;
         }
     }
     map
 }
 
-/// A part: its row and column, and whether it is the one of the two there that is turned over.
-struct Part {
+/// A micro-triangle: its row and column, and whether it is the inverted one of the two there.
+struct MicroTriangle {
     row: u32,
     column: u32,
     turned: bool,
 }
 
-impl Part {
-    fn place(&self, [across, along]: [f32; 2]) -> [f32; 2] {
+impl MicroTriangle {
+    fn point(&self, [across, along]: [f32; 2]) -> [f32; 2] {
         let [row, column] = [self.row as f32, self.column as f32];
         let (across, along) =
             if across + along > 1.0 { (1.0 - across, 1.0 - along) } else { (across, along) };
-        let place = if self.turned {
+        let point = if self.turned {
             [row + 1.0 - across, column + 1.0 - along]
         } else {
             [row + across, column + along]
         };
-        place.map(|weight| weight / SIDE as f32)
+        point.map(|weight| weight / SIDE as f32)
     }
 }
 
-/// All parts in the order of their bits: `trace.wgsl` counts the same way.
-fn parts() -> impl Iterator<Item = Part> {
+/// All micro-triangles in the order of their bits, as in `trace.wgsl`.
+fn micro_triangles() -> impl Iterator<Item = MicroTriangle> {
     (0..SIDE).flat_map(|row| {
-        (0..2 * (SIDE - row) - 1).map(move |i| Part { row, column: i / 2, turned: i % 2 == 1 })
+        (0..2 * (SIDE - row) - 1).map(move |i| MicroTriangle {
+            row,
+            column: i / 2,
+            turned: i % 2 == 1,
+        })
     })
 }
 
-/// Evenly spread over the unit square, and in no step with a texture that repeats: Roberts 2018,
-/// "The Unreasonable Effectiveness of Quasirandom Sequences".
+/// The R2 sequence: evenly distributed over the unit square, without aliasing with repeating
+/// textures (Roberts 2018, "The Unreasonable Effectiveness of Quasirandom Sequences").
 fn spread(number: u32) -> [f32; 2] {
     [0.754_877_666_246_692_8, 0.569_840_290_998_053_3]
         .map(|step: f64| (f64::from(number) * step).fract() as f32)
 }
 
-/// Whether the part at a place is there: the twin of `trace.wgsl`'s.
+/// Whether the micro-triangle at a point is opaque: the twin of `trace.wgsl`'s.
 #[cfg(test)]
 pub fn is_there(map: u64, [second, third]: [f64; 2]) -> bool {
     let side = f64::from(SIDE);
@@ -90,29 +93,30 @@ mod tests {
     use super::*;
 
     #[test]
-    fn what_is_all_there_is_solid_and_what_is_all_hole_is_nothing() {
+    fn an_opaque_mask_is_solid_and_a_clear_one_is_all_hole() {
         assert_eq!(micromap(|_| true), SOLID);
         assert_eq!(micromap(|_| false), 0);
     }
 
     #[test]
-    fn each_bit_is_one_part_of_the_triangle() {
-        let places: Vec<[f32; 2]> = parts().map(|part| part.place([0.3, 0.3])).collect();
-        assert_eq!(places.len(), 64);
-        for (index, place) in places.iter().enumerate() {
+    fn each_bit_is_one_micro_triangle() {
+        let points: Vec<[f32; 2]> =
+            micro_triangles().map(|micro_triangle| micro_triangle.point([0.3, 0.3])).collect();
+        assert_eq!(points.len(), 64);
+        for (index, point) in points.iter().enumerate() {
             assert!(
-                place[0] + place[1] < 1.0 && place.iter().all(|weight| *weight > 0.0),
-                "{place:?}"
+                point[0] + point[1] < 1.0 && point.iter().all(|weight| *weight > 0.0),
+                "{point:?}"
             );
             for other in 0..64 {
                 assert_eq!(
-                    is_there(1 << other, place.map(f64::from)),
+                    is_there(1 << other, point.map(f64::from)),
                     other == index,
-                    "bit {other} at {place:?}"
+                    "bit {other} at {point:?}"
                 );
             }
         }
-        // Corners and edges belong to some part.
+        // Corners and edges belong to some micro-triangle.
         for corner in [[0.0, 0.0], [1.0, 0.0], [0.0, 1.0], [0.5, 0.5], [0.875, 0.125]] {
             assert!(is_there(SOLID, corner) && !is_there(0, corner));
         }
@@ -120,7 +124,7 @@ mod tests {
 
     #[test]
     fn fine_holes_keep_their_share() {
-        // A mesh of wires, ever finer; also in step with the parts.
+        // A wire mesh, ever finer; also aligned with the micro-triangles.
         for repeats in [3.0f32, 8.0, 16.0, 37.0, 64.0] {
             for share in [0.1f32, 0.5, 0.9] {
                 let map = micromap(|[u, v]| {
@@ -136,20 +140,20 @@ mod tests {
     }
 
     proptest! {
-        /// A mask that a straight line cuts: only parts on the line may be wrong.
+        /// A mask cut by a straight line: only micro-triangles on the line may differ.
         #[test]
         fn coarse_holes_are_where_they_are(angle in 0.0f64..6.3, at in 0.1f64..0.6, u in 0.0f64..1.0, v in 0.0f64..1.0) {
             let (u, v) = if u + v > 1.0 { (1.0 - u, 1.0 - v) } else { (u, v) };
             let side = |u: f64, v: f64| (u - at) * angle.cos() + (v - 0.5 * at) * angle.sin();
             let map = micromap(|[u, v]| side(f64::from(u), f64::from(v)) > 0.0);
-            // Farther from the line than a part's longest side.
+            // Farther from the line than a micro-triangle's longest side.
             if side(u, v).abs() > 0.18 {
                 prop_assert_eq!(is_there(map, [u, v]), side(u, v) > 0.0);
             }
         }
 
         #[test]
-        fn the_share_that_is_there_is_kept(share in 0.0f32..1.0, seed in 0u32..1000) {
+        fn the_opaque_share_is_kept(share in 0.0f32..1.0, seed in 0u32..1000) {
             let mut state = seed;
             let mut count = 0;
             let map = micromap(|_| {
@@ -158,8 +162,8 @@ mod tests {
                 count += u32::from(there);
                 there
             });
-            let exact = count as f32 / PLACES as f32;
-            prop_assert!((map.count_ones() as f32 - exact).abs() <= 0.5, "{} parts of {exact}", map.count_ones());
+            let exact = count as f32 / SAMPLES as f32;
+            prop_assert!((map.count_ones() as f32 - exact).abs() <= 0.5, "{} micro-triangles of {exact}", map.count_ones());
         }
     }
 }

@@ -1,19 +1,20 @@
-//! Visibility between surfaces and virtual point lights: rays in compute shaders over a hierarchy
-//! of the scene's triangles.
+//! Visibility between surfaces and virtual point lights: rays in compute shaders over a bounding
+//! volume hierarchy of the scene's triangles.
 //!
 //! | file | world | job |
 //! |---|---|---|
-//! | `bvh` | none | a mesh's triangles as a tree that a GPU walks without a stack |
-//! | `micromap` | none | which parts of a triangle an alpha mask leaves |
-//! | `occluders` | main | keeps a tree for every mesh that hides light, and the list of where it stands |
+//! | `bvh` | none | a mesh's triangles as a hierarchy for stackless traversal |
+//! | `micromap` | none | opacity micromaps of alpha masks |
+//! | `occluders` | main | keeps a hierarchy for every occluding mesh, and the list of its instances |
 //! | `buffers` | render | keeps both on the GPU |
-//! | `trace.wgsl` | | whether anything lies between two points |
+//! | `trace.wgsl` | | occlusion between two points |
 //!
-//! Why rays and not imperfect shadow maps (Ritschel et al. 2008): a low-resolution depth map per
-//! VPL needs all of them drawn again whenever anything moves (79 MB and 2.7 of 8.7 ms in the best
-//! public implementation), leaks around every VPL, and misses what is thinner than a texel. We need
-//! far fewer answers than there are VPLs: the gather asks, per pixel, only about a few VPLs drawn
-//! in proportion to what they would send (see `gather/gather.wgsl`), and rays answer these exactly.
+//! Why rays and not imperfect shadow maps (Ritschel et al. 2008): low-resolution depth maps, one
+//! per VPL, must all be rendered again whenever anything moves (79 MB and 2.7 of 8.7 ms in the best
+//! public implementation), leak around every VPL, and miss geometry thinner than a texel. We need
+//! far fewer visibility queries than there are VPLs: the gather tests, per pixel, only a few VPLs
+//! sampled in proportion to their unoccluded irradiance (see `gather/gather.wgsl`), and rays answer
+//! these exactly.
 
 mod buffers;
 mod bvh;
@@ -32,7 +33,7 @@ use super::schedule::{PrepareSystems, SceneSystems, supported_render_app};
 pub(super) use buffers::OccluderBuffers;
 pub use occluders::GiOccluders;
 
-/// Bytes of the structs of `trace.wgsl`. A test holds them against the shader.
+/// Bytes of the structs of `trace.wgsl`. A test compares them with the shader.
 pub(super) const STRUCT_BYTES: [(&str, u64); 3] = [
     ("Node", size_of::<bvh::Node>() as u64),
     ("Instance", size_of::<occluders::Instance>() as u64),
@@ -49,7 +50,7 @@ impl Plugin for TracePlugin {
             .add_plugins(ExtractResourcePlugin::<GiOccluders>::default())
             .add_systems(
                 PostUpdate,
-                // Needs to know where everything is.
+                // Reads final transforms and visibility.
                 occluders::update
                     .in_set(SceneSystems::Surfaces)
                     .after(TransformSystems::Propagate)

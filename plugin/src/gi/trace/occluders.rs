@@ -1,4 +1,4 @@
-//! Which meshes hide indirect light, and where they stand.
+//! Meshes that occlude indirect light, and their instances.
 
 use std::sync::Arc;
 
@@ -23,13 +23,13 @@ use bytemuck::{Pod, Zeroable};
 use super::bvh::{FlatBvh, MeshBvh, Node, TriangleWords};
 use super::micromap::{SOLID, micromap};
 use crate::gi::settings::FrugalGi;
-use crate::gi::surfaces::{Cutout, Mask, SurfaceAssets, Triangles, hides, triangles};
+use crate::gi::surfaces::{Cutout, Mask, SurfaceAssets, Triangles, occludes, triangles};
 use crate::gi::view::LightPresence;
 
-/// Meshes of up to so many triangles get their tree at once, in about a millisecond; larger ones in
-/// the background.
+/// Trees of meshes of up to so many triangles are built at once, in about a millisecond; larger
+/// ones in the background.
 const TRIANGLES_AT_ONCE: usize = 4096;
-/// What a triangle with an alpha mask counts for: its mask is looked at in 512 places.
+/// Weight of a triangle with an alpha mask in that count: its mask is sampled 512 times.
 const MASKED_TRIANGLE: usize = 64;
 
 /// `trace/trace.wgsl`'s `Instance`.
@@ -52,24 +52,24 @@ pub(super) struct MeshData {
     pub is_masked: bool,
 }
 
-/// Meshes in their places, and the tree over them.
+/// Instances of meshes, and the tree over them.
 #[derive(Debug, Default)]
 pub(super) struct InstanceData {
     pub nodes: Vec<Node>,
     pub instances: Vec<Instance>,
 }
 
-/// What hides indirect light, kept while there is light and a camera asks for
-/// [`GiVisibility`](crate::gi::GiVisibility), and empty else.
+/// The occluders of indirect light. Maintained while there is light and a camera with
+/// [`GiVisibility`](crate::gi::GiVisibility), else empty.
 ///
-/// Every visible mesh does but: transparent and transmissive ones, those with [`NotShadowCaster`],
-/// skinned ones (their triangles here are those of the bind pose), and those whose asset is kept
-/// for the GPU alone (a warning says so). Alpha masks of [`StandardMaterial`] have holes for rays
-/// too, in 64 parts of each triangle, where the mask's image is there for the processor in a format
-/// without compression (another warning, and no holes, where it is not); an image that changes in
-/// every frame has all that it lies on prepared in every frame. Morphs and shaders that move
-/// vertices are not followed. Meshes of more than 4096 triangles, or 64 with a mask, are prepared
-/// in the background and hide nothing until then.
+/// These are all visible meshes. Exceptions: transparent and transmissive ones, those with
+/// [`NotShadowCaster`], skinned ones (their triangles here are those of the bind pose), and those
+/// whose asset is kept for the GPU alone (with a warning). Alpha masks of [`StandardMaterial`] have
+/// holes for rays too, at 64 micro-triangles per triangle, where the CPU has the mask's image in an
+/// uncompressed format (else no holes, with a warning). An image that changes in every frame has
+/// its meshes rebuilt in every frame. Morphs and shaders that move vertices are ignored. Meshes of
+/// more than 4096 triangles, or 64 with a mask, are built in the background and occlude nothing
+/// until then.
 #[derive(Resource, ExtractResource, Clone, Debug, Default)]
 pub struct GiOccluders {
     pub(super) meshes: Arc<MeshData>,
@@ -114,12 +114,12 @@ struct TreeKey {
     mask: Option<Mask>,
 }
 
-/// A tree per mesh and mask, and what the present [`GiOccluders`] was made of.
+/// A tree per mesh and mask, and the inputs of the current [`GiOccluders`].
 #[derive(Resource, Default)]
 pub(super) struct MeshTrees {
     trees: HashMap<TreeKey, Tree>,
-    placed: Vec<(Entity, TreeKey, Affine3A)>,
-    /// First node and the one after the last of each tree in the present data.
+    instances: Vec<(Entity, TreeKey, Affine3A)>,
+    /// First node and the one after the last of each tree in the current data.
     ranges: HashMap<TreeKey, [u32; 2]>,
     /// Set when a tree was added, changed or dropped.
     changed: bool,
@@ -143,7 +143,7 @@ pub(super) fn update(
     assets: SurfaceAssets,
     light: Res<LightPresence>,
     cameras: Query<(&Camera, &FrugalGi, Has<EnvironmentMapLight>)>,
-    placed: Query<
+    meshes: Query<
         (
             Entity,
             &Mesh3d,
@@ -167,35 +167,35 @@ pub(super) fn update(
         .iter()
         .any(|(camera, gi, has_map)| camera.is_active && gi.traces() && light.lights(gi, has_map))
     {
-        // The trees stay: made again in the background, they would be missing in the frames after
-        // rays are back. What was made of them goes, and with it the buffers.
+        // The trees stay: rebuilt in the background, they would be missing in the first frames
+        // after rays are switched on again. The assembled data and its buffers are dropped.
         if occluders.is_kept {
             *occluders = GiOccluders::default();
-            trees.placed.clear();
+            trees.instances.clear();
             trees.changed = true;
         }
         return;
     }
-    let mut now: Vec<_> = placed
+    let mut now: Vec<_> = meshes
         .iter()
         .filter(|(_, _, _, visible, _)| visible.get())
         .filter_map(|(entity, mesh, transform, _, material)| {
-            // A material of another kind is taken for solid: nothing is known of it.
+            // A material of another kind counts as solid.
             let material =
                 material.zip(assets.materials.as_ref()).and_then(|(handle, all)| all.get(handle));
             let mask = material.and_then(Mask::new);
             material
-                .is_none_or(hides)
+                .is_none_or(occludes)
                 .then(|| (entity, TreeKey { mesh: mesh.id(), mask }, transform.affine()))
         })
         .collect();
-    // Entities come in no particular order, and the tree over them should be the same in every run.
+    // Query order is arbitrary; sorting keeps the tree the same in every run.
     now.sort_unstable_by_key(|(entity, ..)| *entity);
     build_trees(trees, now.iter().map(|(_, key, _)| *key), &assets);
     let waiting = trees.trees.values().filter(|tree| matches!(tree, Tree::Building(_))).count();
-    if trees.changed || trees.placed != now || !occluders.is_kept {
+    if trees.changed || trees.instances != now || !occluders.is_kept {
         *occluders = assemble(trees, &now, &occluders);
-        trees.placed = now;
+        trees.instances = now;
         trees.changed = false;
     }
     if occluders.waiting != waiting {
@@ -203,7 +203,7 @@ pub(super) fn update(
     }
 }
 
-/// Starts trees for new meshes, takes those that are done, and drops those of meshes that are gone.
+/// Starts building trees of new meshes, collects finished ones, and drops those of removed meshes.
 fn build_trees(trees: &mut MeshTrees, used: impl Iterator<Item = TreeKey>, assets: &SurfaceAssets) {
     let used: HashSet<_> = used.collect();
     trees.forget(|key| !used.contains(key));
@@ -216,7 +216,7 @@ fn build_trees(trees: &mut MeshTrees, used: impl Iterator<Item = TreeKey>, asset
                 }
             }
             Some(_) => {}
-            // An asset that is still loading is asked for again.
+            // An asset that is still loading is tried again in the next frame.
             None => {
                 if let Some(tree) = start(&key, assets) {
                     trees.trees.insert(key, tree);
@@ -227,14 +227,14 @@ fn build_trees(trees: &mut MeshTrees, used: impl Iterator<Item = TreeKey>, asset
     }
 }
 
-/// A mesh's tree, at once or in the background; `None` while its assets are not there.
+/// Builds a mesh's tree, at once or in the background; `None` while its assets are not loaded.
 fn start(key: &TreeKey, assets: &SurfaceAssets) -> Option<Tree> {
     let mesh = assets.meshes.get(key.mesh)?;
     let cutout =
         Cutout::new(key.mask.as_ref(), mesh, assets.images.as_deref())?.map(Cutout::into_owned);
     let Some(Triangles { corners, positions }) = triangles(mesh) else {
         warn_once!(
-            "a mesh is kept for the GPU alone or is no triangle list: it hides no indirect light (RenderAssetUsages::MAIN_WORLD keeps it readable)"
+            "a mesh is kept for the GPU alone or is no triangle list: it occludes no indirect light (RenderAssetUsages::MAIN_WORLD keeps it readable)"
         );
         return Some(Tree::Unreadable);
     };
@@ -263,7 +263,7 @@ fn holes(cutout: Option<&Cutout>, corners: [usize; 3]) -> u64 {
     }
 }
 
-/// Everything in its place. The meshes' data is made anew only when a tree changed.
+/// Assembles the occluders. The meshes' data is rebuilt only when a tree changed.
 fn assemble(
     trees: &mut MeshTrees,
     placed: &[(Entity, TreeKey, Affine3A)],
@@ -297,7 +297,7 @@ fn assemble(
             continue;
         };
         let inverse = affine.inverse();
-        // Scaled to nothing, or so far away that nothing can be told: it hides nothing.
+        // An instance scaled to nothing, or out of the range of floats, occludes nothing.
         let Some(bounds) = tree.bounds(affine).filter(|_| inverse.is_finite()) else { continue };
         boxes.push(bounds);
         let [x, y, z] = [inverse.matrix3.x_axis, inverse.matrix3.y_axis, inverse.matrix3.z_axis]

@@ -1,24 +1,24 @@
-// Whether anything lies between two points: rays over a hierarchy of boxes in two levels, as
-// `visibility/bvh.rs` lays it out.
+// Occlusion between two points: rays through a two-level bounding volume hierarchy, in the layout
+// of `trace/bvh.rs`.
 //
-// No stack: nodes lie in depth-first order, and each knows where to go on when its box is missed.
-// Instances are walked in the world, their triangles in the mesh's own space; the ray's parameter
-// is the same in both.
+// Stackless: nodes lie in depth-first order, each with a link to the node after its subtree.
+// Instances are traversed in world space, their triangles in the mesh's own space; the ray's
+// parameter is the same in both.
 //
-// Holes of alpha masks count where MASKS is defined: a software driver takes a tenth longer for
-// looking at them, whether there are any or not.
+// Alpha masks are tested where MASKS is defined: on a software driver the test takes a tenth
+// longer, even without any masks.
 #define_import_path bevy_frugal_gi::gi::trace::trace
 
 struct Node {
     min: vec3<f32>,
-    /// The node to go on with when the box is missed.
+    /// Index of the next node when the box is missed.
     skip: u32,
     max: vec3<f32>,
-    /// 0 for an inner node, else first primitive × 8 + their number.
+    /// 0 for an inner node, else first primitive × 8 + number of primitives.
     leaf: u32,
 }
 
-/// A mesh in its place.
+/// An instance of a mesh.
 struct Instance {
     /// Rows of the matrix from the world to the mesh.
     local_from_world: array<vec4<f32>, 3>,
@@ -28,7 +28,7 @@ struct Instance {
     padding: vec2<u32>,
 }
 
-/// A corner and two edges, and which of its 64 parts are there (see `visibility/micromap.rs`).
+/// A corner and two edges, and an opacity micromap of 64 bits (see `trace/micromap.rs`).
 struct Triangle {
     corner: vec3<f32>,
     padding: u32,
@@ -43,7 +43,7 @@ struct Triangle {
 @group(1) @binding(2) var<storage, read> mesh_nodes: array<Node>;
 @group(1) @binding(3) var<storage, read> triangles: array<Triangle>;
 
-/// Reciprocals that neither divide by zero nor make a NaN of 0 · ∞ in a box test.
+/// Reciprocal direction without division by zero, nor NaN from 0 · ∞ in a box test.
 fn reciprocal(direction: vec3<f32>) -> vec3<f32> {
     let least = vec3(1e-25);
     return 1.0 / select(max(direction, least), min(direction, -least), direction < vec3(0.0));
@@ -56,22 +56,21 @@ fn meets_box(node: Node, origin: vec3<f32>, inverse: vec3<f32>) -> bool {
     let high = max(a, b);
     let near = max(max(low.x, low.y), max(low.z, 0.0));
     let far = min(min(high.x, high.y), min(high.z, 1.0));
-    // Slightly wider, so that rounding opens no seam between boxes.
+    // Slightly widened, so that rounding opens no seam between boxes.
     return near <= far * 1.0000004;
 }
 
 #ifdef MASKS
-/// Whether what a triangle's alpha mask leaves of it holds the point of these weights of its second
-/// and third corner.
+/// Whether a triangle is opaque at the barycentric weights of its second and third corner.
 fn is_there(triangle: Triangle, second: f32, third: f32) -> bool {
     let across = second * 8.0;
     let along = third * 8.0;
     let row = u32(across);
-    // The row begins at part row · (16 − row), and its columns have two parts each, of which the
-    // sum of both fractions tells: with ⌊across + along⌋ = row + column + (0 or 1), that is this.
-    // The farthest corner and rounding on the longest side may name a neighbour.
-    let part = row * (15u - row) + u32(along) + u32(across + along);
-    return (select(triangle.map_low, triangle.map_high, part >= 32u) >> (part & 31u) & 1u) == 1u;
+    // Row r begins at bit r · (16 − r), and each of its columns has two micro-triangles, told apart
+    // by the sum of both fractions: ⌊across + along⌋ = row + column + (0 or 1). At the farthest
+    // corner and by rounding on the longest side this may be a neighbour.
+    let micro_triangle = row * (15u - row) + u32(along) + u32(across + along);
+    return (select(triangle.map_low, triangle.map_high, micro_triangle >= 32u) >> (micro_triangle & 31u) & 1u) == 1u;
 }
 #else
 fn is_there(triangle: Triangle, second: f32, third: f32) -> bool {
@@ -89,7 +88,7 @@ fn meets_triangle(triangle: Triangle, origin: vec3<f32>, direction: vec3<f32>) -
     let q = cross(offset, triangle.edge_1);
     let v = dot(direction, q) * inverse;
     let t = dot(triangle.edge_2, q) * inverse;
-    // A ray in the triangle's plane makes these infinite or NaN, and meets nothing.
+    // For a ray in the triangle's plane these are infinite or NaN: no hit.
     return u >= 0.0 && v >= 0.0 && u + v <= 1.0 && t > 0.0 && t < 1.0 && is_there(triangle, u, v);
 }
 
@@ -105,7 +104,7 @@ fn meets_mesh(instance: Instance, world_origin: vec3<f32>, world_direction: vec3
         let node = mesh_nodes[index];
         var next = node.skip;
         if meets_box(node, origin, inverse) {
-            // The first child of an inner node comes next; so does what follows a leaf.
+            // The next node is the first child of an inner node, or the one after a leaf.
             next = index + 1u;
             let first = node.leaf >> 3u;
             for (var i = 0u; i < (node.leaf & 7u); i++) {
@@ -119,7 +118,7 @@ fn meets_mesh(instance: Instance, world_origin: vec3<f32>, world_direction: vec3
     return false;
 }
 
-/// Whether the open segment between two points in the world meets anything.
+/// Whether anything intersects the open segment between two points in the world.
 fn is_occluded(origin: vec3<f32>, end: vec3<f32>) -> bool {
     let direction = end - origin;
     let inverse = reciprocal(direction);
@@ -142,24 +141,24 @@ fn is_occluded(origin: vec3<f32>, end: vec3<f32>) -> bool {
     return false;
 }
 
-/// Whether nothing lies in a direction (unit length), however far.
+/// Whether nothing intersects the ray in a direction (unit length), at any distance.
 fn is_open(origin: vec3<f32>, direction: vec3<f32>) -> bool {
-    // Beyond everything: no farther than the middle of it all and then its size.
+    // Beyond the scene: the distance to its centre plus its diagonal.
     let all = instance_nodes[0];
     let reach = distance(origin, 0.5 * (all.min + all.max)) + distance(all.min, all.max);
     return !is_occluded(origin, origin + direction * reach);
 }
 
-/// Of a pixel's width, how far rasterised depth may lie off its surface: Vulkan lets corners of
-/// triangles be snapped to sixteenths of a pixel (PowerVR and SwiftShader do, others to 256ths),
-/// which shifts a slope by up to √2 ÷ 32 of a pixel's width along its normal.
+/// Largest distance of rasterised depth from its surface, as a share of a pixel's width: Vulkan
+/// allows vertices to be snapped to sixteenths of a pixel (PowerVR and SwiftShader do that, others
+/// snap to 256ths), which shifts a slope by up to √2 ÷ 32 of a pixel's width along its normal.
 const SNAPPED: f32 = 0.045;
 
-/// How far from a surface a ray starts or ends, metres: beyond what positions out of a depth buffer
-/// are uncertain by. `width`: of the pixel or texel that the position comes from, metres.
+/// Offset of a ray's ends from a surface, metres: larger than the error of positions from a depth
+/// buffer. `width`: of the pixel or texel of the position, metres.
 ///
-/// Higher values lose contact shadows and let light through thin walls; lower ones make surfaces
-/// shade themselves.
+/// Higher values lose contact shadows and leak light through thin walls; lower ones cause
+/// self-shadowing.
 fn surface_offset(position: vec3<f32>, distance_to_eye: f32, width: f32) -> f32 {
     let size = max(max(abs(position.x), abs(position.y)), abs(position.z));
     return 5e-4 + 2e-4 * distance_to_eye + 4e-7 * size + SNAPPED * width;

@@ -1,4 +1,4 @@
-//! Camera cuts: an app says that a camera's next frame has nothing to do with its last.
+//! Camera cuts: an app announces that a camera's next frame does not continue its last.
 
 use bevy::app::App;
 use bevy::ecs::entity::EntityHashSet;
@@ -8,16 +8,15 @@ use bevy::reflect::Reflect;
 use bevy::render::{ExtractSchedule, MainWorld, RenderApp};
 
 /// Marks a camera whose next frame is a cut: a teleport, another scene. Its history is dropped, and
-/// its VPLs are sampled anew whatever [`refresh_period`](super::FrugalGi::refresh_period) says.
+/// its VPLs are resampled regardless of [`refresh_period`](super::FrugalGi::refresh_period).
 /// Removed as soon as that frame is extracted.
 ///
-/// A cut of more than 1 m or 30° from one frame to the next is found without it.
+/// A cut of more than 1 m or 30° from one frame to the next is detected without it.
 #[derive(Component, Reflect, Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[reflect(Component, Default, Clone, PartialEq)]
 pub struct CameraCut;
 
-/// The cameras that are cut in this frame, by their entities of the main world. A resource of the
-/// render world.
+/// Cameras with a cut in this frame, by main-world entity. A resource of the render world.
 #[derive(Resource, Default)]
 pub(in crate::gi) struct CutCameras(pub EntityHashSet);
 

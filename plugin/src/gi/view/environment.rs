@@ -17,10 +17,10 @@ use crate::gi::settings::FrugalGi;
 pub(in crate::gi) struct SkySource {
     pub diffuse: AssetId<Image>,
     pub specular: AssetId<Image>,
-    /// Nits that the map's 1 stands for.
+    /// Nits per unit of the map.
     pub intensity: f32,
     pub rotation: Quat,
-    /// The renderer makes the map anew in each frame.
+    /// Whether the renderer generates the map in each frame.
     pub is_generated: bool,
 }
 
@@ -30,7 +30,7 @@ pub(super) fn finish(app: &mut App) {
     }
 }
 
-/// Takes GI cameras' environment maps over into the render world.
+/// Extracts GI cameras' environment maps into the render world.
 fn extract_environments(
     mut commands: Commands,
     cameras: Extract<

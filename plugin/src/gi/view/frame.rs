@@ -1,4 +1,4 @@
-//! What a frame has to do again, as plain arithmetic over what changed.
+//! The work of a frame, as plain arithmetic over what changed.
 
 use bevy::ecs::prelude::*;
 use bevy::prelude::ReflectDefault;
@@ -10,53 +10,53 @@ use bevy::render::extract_resource::ExtractResource;
 #[reflect(Resource, Default, Clone, PartialEq)]
 pub enum GiRefresh {
     /// When something moved or changed: meshes, their materials' handles, standard materials,
-    /// images, lights, skins, morphs; for the gather, the camera, too. What a changed material or
-    /// mesh asset sends on is a frame late, as Bevy tells of assets after cameras. While a mesh has
+    /// images, lights, skins, morphs; for the gather, the camera, too. A changed material or mesh
+    /// asset takes effect a frame late, since Bevy reports assets after cameras. While any mesh has
     /// a material of another kind it is as [`EveryFrame`](Self::EveryFrame), since such a material
     /// may change by itself.
     #[default]
     OnChange,
-    /// As `OnChange`, but that cameras gather in every frame, as if they moved: what a walk through
-    /// a still scene costs. For measuring.
+    /// As `OnChange`, but cameras gather in every frame, as if they moved. Measures the cost of a
+    /// walk through a still scene.
     AsIfCamerasMoved,
-    /// All of it in every frame. For what changes unseen: vertex shaders that move by the clock,
-    /// buffers that the GPU writes.
+    /// Everything in every frame. For changes that Bevy does not report: vertex shaders that move
+    /// by the clock, buffers that the GPU writes.
     EveryFrame,
 }
 
-/// Frames for which an asset counts as arriving. It is prepared in its first frame or the next,
-/// what is made of it in the one after, and drawn then.
+/// Frames for which an asset counts as arriving. It is prepared in its first frame or the next;
+/// objects derived from it are prepared, and drawn, in the one after.
 const ARRIVAL: u32 = 4;
 
-/// What this frame does.
+/// The work of this frame.
 #[derive(Resource, ExtractResource, Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(in crate::gi) struct GiFrame {
-    /// Counts frames since the last camera cut: what follows a cut does not depend on when it came.
+    /// Frames since the last camera cut, so that the frames after a cut do not depend on its time.
     pub number: u32,
     /// Whether maps are rendered.
     pub maps: bool,
     /// Whether cameras gather even if they have not moved.
     pub gather: bool,
-    /// Frames since something changed that maps or cameras show.
+    /// Frames since a visible change of the scene.
     pub(in crate::gi) frames_since_change: u32,
     /// Frames for which an asset is still arriving.
     pub(in crate::gi) arriving: u32,
 }
 
-/// What happened in the scene since the last frame.
+/// Changes of the scene since the last frame.
 #[derive(Clone, Copy, Debug, Default)]
 pub(in crate::gi) struct SceneDelta {
-    /// Something that maps show is other than before.
+    /// Something visible in maps changed.
     pub changed: bool,
-    /// An asset came, changed or went.
+    /// An asset was added, changed or removed.
     pub arrived: bool,
-    /// Something may not be drawn yet.
+    /// Something may not be rendered yet.
     pub missing: bool,
-    /// Everything is to be done in every frame.
+    /// All work is due in every frame.
     pub always: bool,
-    /// Texels are no longer where they were.
+    /// The layout of the store of texels changed.
     pub laid_out: bool,
-    /// A camera is cut.
+    /// A camera has a cut.
     pub cut: bool,
 }
 
@@ -76,8 +76,8 @@ impl GiFrame {
         };
         // A whole period from the last change on: one frame in it renders maps.
         let gather = delta.always || arriving > 0 || frames_since_change < period;
-        // What has moved to another place in the store must be there before it is drawn from, and
-        // what was missing is not for a period to keep back.
+        // Texels at a new position in the store must be written before they are sampled, and the
+        // period must not delay what was missing.
         Self {
             number,
             frames_since_change,

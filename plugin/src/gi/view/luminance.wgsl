@@ -1,4 +1,4 @@
-// How bright light looks.
+// Luminance.
 #define_import_path bevy_frugal_gi::gi::view::luminance
 
 /// Rec. 709, linear RGB.

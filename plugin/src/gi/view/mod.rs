@@ -1,9 +1,9 @@
-//! What the passes know of a GI camera and of the frame: plain data below all of them.
+//! Data of a GI camera and of the frame that all passes share.
 //!
 //! | file | world | job |
 //! |---|---|---|
-//! | `frame` | both | what a frame has to do, by what changed in the scene |
-//! | `work` | render | what a camera has to do in it |
+//! | `frame` | both | the work of a frame, from the changes of the scene |
+//! | `work` | render | the work of a camera in a frame |
 //! | `cut` | both | camera cuts that the app announces |
 //! | `presence` | main | whether there is light to gather |
 //! | `environment` | both | a camera's environment map |
@@ -47,18 +47,18 @@ impl Plugin for ViewPlugin {
     }
 }
 
-/// A GI camera that has light to gather, and what this frame does for it. In the render world.
+/// A GI camera that has light to gather, and its work in this frame. In the render world.
 #[derive(Component, Clone, Debug)]
 pub(super) struct GiView {
     pub gi: FrugalGi,
-    /// Where it is gathered from, and at which pixels.
+    /// Pose, projection and pixels of the gather.
     pub place: GatherPlace,
-    /// What its VPLs are sampled from.
+    /// The texels from which its VPLs are sampled.
     pub rows: Vec<TexelRow>,
     /// Samples of the sky that each low-resolution pixel evaluates.
     pub sky_samples: u32,
     pub work: Work,
-    /// What the frame means to its history.
+    /// What its history does in this frame.
     pub step: Step,
 }
 
@@ -68,7 +68,7 @@ impl GiView {
         self.place.cells()
     }
 
-    /// What of the buffers that were made for this view serves `next`.
+    /// How far this view's buffers serve `next`.
     pub fn fit(&self, next: &Self) -> Fit {
         let sampled = |view: &Self| (view.gi.vpl_count, view.gi.interleave, view.rows.is_empty());
         if sampled(self) != sampled(next) || !same_places(&self.rows, &next.rows) {
@@ -81,18 +81,18 @@ impl GiView {
     }
 }
 
-/// What of a view's buffers still serves.
+/// How far a view's buffers are still valid.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub(super) enum Fit {
-    /// All of it.
+    /// Entirely.
     Same,
-    /// Its VPLs are sampled and gathered anew, when their period says so.
+    /// Their layout is; VPLs are resampled and gathered again, as the period allows.
     LaidOut,
-    /// Nothing was sampled into its buffers.
+    /// Not at all: no VPLs were sampled into them.
     Empty,
 }
 
-/// From where light is gathered, and at which pixels.
+/// Pose, projection and pixels of a gather.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct GatherPlace {
     pub clip_from_world: Mat4,
@@ -100,7 +100,7 @@ pub(super) struct GatherPlace {
     pub forward: Vec3,
     pub exposure: f32,
     pub is_parallel: bool,
-    /// Pixels of the image, and of a low-resolution pixel.
+    /// Size of the image and of a low-resolution pixel, in pixels.
     pub size: UVec2,
     pub cell: UVec2,
 }

@@ -1,10 +1,10 @@
-//! Whether there is any light to gather: where there is none, nothing is kept for it.
+//! Whether there is light to gather. Without light, GI holds no buffers.
 
 use bevy::ecs::prelude::*;
 
 use crate::gi::settings::FrugalGi;
 
-/// What lights the scene, in the main world. Written in
+/// The kinds of light in the scene, in the main world. Written in
 /// [`SceneSystems::Maps`](crate::gi::schedule::SceneSystems) and `Emissive`.
 #[derive(Resource, Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(in crate::gi) struct LightPresence {

@@ -1,4 +1,4 @@
-// What a texel of Bevy's deferred G-buffer says of the surface there.
+// The surface in a texel of Bevy's deferred G-buffer, and its reflection.
 #define_import_path bevy_frugal_gi::gi::view::surface
 
 #import bevy_pbr::pbr_deferred_types::{DEFERRED_FLAGS_UNLIT_BIT, unpack_24bit_normal, unpack_flags, unpack_unorm4x8_}
@@ -7,7 +7,7 @@
 struct Surface {
     /// World space, metres.
     position: vec3<f32>,
-    /// World space, unit length, on the side that was seen.
+    /// World space, unit length, on the visible side.
     normal: vec3<f32>,
 }
 
@@ -21,7 +21,7 @@ fn pixel_position(pixel: vec2<u32>, size: vec2<u32>, depth: f32, world_from_clip
 
 /// Width of a pixel across the view at a distance from the eye, metres.
 fn pixel_width(clip_from_view: mat4x4<f32>, height: u32, distance_to_eye: f32) -> f32 {
-    // Parallel projections have 1 in the last place.
+    // Orthographic projections have 1 in the last element.
     return 2.0 * mix(distance_to_eye, 1.0, clip_from_view[3][3]) / (clip_from_view[1][1] * f32(height));
 }
 
@@ -29,14 +29,16 @@ fn surface_normal(texel: vec4<u32>) -> vec3<f32> {
     return octahedral_decode(unpack_24bit_normal(texel.a));
 }
 
-/// Share of light that a surface scatters in all directions together, if it arrives at `cosine` to
-/// its normal; or what it scatters towards there of light that arrives evenly from everywhere,
-/// which is the same. Unlit surfaces have no base colour here.
+/// Directional albedo: the share of light from one direction, at `cosine` to the normal, that a
+/// surface scatters over the hemisphere. By reciprocity this is also its reflectance towards that
+/// direction under uniform incident light. 0 for unlit surfaces, whose G-buffer holds no base
+/// colour.
 ///
-/// LAMBERTIAN: as a matt surface; metals scatter nothing. Else as Bevy's: Burley 2012 ("Physically
-/// Based Shading at Disney", 5.3) by a fit of ours, within 0.015 but for the last degrees; and its
-/// specular term (Karis 2014, "Physically Based Shading on Mobile"; what facets scatter among each
-/// other as in Filament's 4.7.2), left out of smooth surfaces, which do not scatter but mirror.
+/// LAMBERTIAN: diffuse reflection alone; metals scatter nothing. Else Bevy's materials: the diffuse
+/// term (Burley 2012, "Physically Based Shading at Disney", 5.3) by a fit of ours, within 0.015
+/// except in the last degrees; and the specular term (Karis 2014, "Physically Based Shading on
+/// Mobile"; multiple scattering between facets as in Filament's 4.7.2), which smooth surfaces lack
+/// here, since they mirror.
 fn scattered_share(texel: vec4<u32>, cosine: f32) -> vec3<f32> {
     let color = unpack_unorm4x8_(texel.r);
     let properties = unpack_unorm4x8_(texel.b);
@@ -46,17 +48,17 @@ fn scattered_share(texel: vec4<u32>, cosine: f32) -> vec3<f32> {
     return base_color * (1.0 - metallic);
 #else
     let roughness = color.a;
-    let way = clamp(cosine, 0.0, 1.0);
+    let mu = clamp(cosine, 0.0, 1.0);
     let slope = roughness * roughness;
-    let grazing = pow(1.0 - way, 5.0);
-    let diffuse = 0.9762 + 0.0508 * slope + 0.0392 * slope * (1.0 - way) + (1.0236 * slope - 0.4988) * grazing;
+    let grazing = pow(1.0 - mu, 5.0);
+    let diffuse = 0.9762 + 0.0508 * slope + 0.0392 * slope * (1.0 - mu) + (1.0236 * slope - 0.4988) * grazing;
     let at_normal = mix(vec3(0.16 * properties.r * properties.r), base_color, metallic);
     let r = roughness * vec4(-1.0, -0.0275, -0.572, 0.022) + vec4(1.0, 0.0425, 1.04, -0.04);
-    let a = min(r.x * r.x, exp2(-9.28 * way)) * r.x + r.y;
+    let a = min(r.x * r.x, exp2(-9.28 * mu)) * r.x + r.y;
     // Below 2 % at normal incidence Bevy dims the grazing reflection, too, so that 0 has none.
     let at_grazing = saturate(dot(at_normal, vec3(50.0 * 0.33)));
     let fit = max(vec2(-1.04, 1.04) * a + r.zw, vec2(5e-5));
-    // What facets send to each other leaves them in the end.
+    // Multiple scattering between facets: the light leaves them in the end.
     let specular = (at_normal * fit.x + at_grazing * fit.y) * (1.0 + at_normal * (1.0 / (fit.x + fit.y) - 1.0));
     let scattered = base_color * (1.0 - metallic) * diffuse + specular * smoothstep(0.2, 0.4, roughness);
     return select(scattered, vec3(0.0), (unpack_flags(texel.a) & DEFERRED_FLAGS_UNLIT_BIT) != 0u);
@@ -67,20 +69,22 @@ fn read_surface(texel: vec4<u32>, pixel: vec2<u32>, size: vec2<u32>, depth: f32,
     return Surface(pixel_position(pixel, size, depth, world_from_clip), surface_normal(texel));
 }
 
-/// How much what was found at one point of a surface says of another, 0 to 1: whether it lies in
-/// the other's tangent plane, to within `tolerance` metres, and faces the same way.
-fn surface_affinity(way: vec3<f32>, normal: vec3<f32>, other_normal: vec3<f32>, tolerance: f32) -> f32 {
-    let off_plane = abs(dot(way, normal)) / tolerance;
+/// Edge-stopping weight between two points of surfaces, 0 to 1: whether one lies in the other's
+/// tangent plane, to within `tolerance` metres, and has a similar normal. `delta`: from one point
+/// to the other, metres.
+fn surface_affinity(delta: vec3<f32>, normal: vec3<f32>, other_normal: vec3<f32>, tolerance: f32) -> f32 {
+    let off_plane = abs(dot(delta, normal)) / tolerance;
     let alike = max(dot(other_normal, normal), 0.0);
     return exp(-off_plane * off_plane) * pow(alike, 8.0);
 }
 
-/// What counts as in a plane, metres, at a distance from the eye: it grows as pixels do.
+/// Tolerance from the tangent plane, metres, at a distance from the eye: it grows with the size of
+/// a pixel.
 fn plane_tolerance(distance_to_eye: f32) -> f32 {
     return 0.02 * distance_to_eye + 1e-6;
 }
 
-/// The pixel that stands for a cell of several.
+/// The pixel that represents a low-resolution pixel of `step` pixels.
 fn representative(cell: vec2<u32>, step: vec2<u32>, size: vec2<u32>) -> vec2<u32> {
     return min(cell * step + step / 2u, size - 1u);
 }

@@ -1,24 +1,24 @@
-//! What a camera's frame takes: plain arithmetic over what changed.
+//! The work of a camera in a frame: plain arithmetic over what changed.
 
 use super::frame::{GiFrame, GiRefresh};
 
-/// What a camera's frame takes, beside the composite.
+/// The work of a camera in a frame, beside the composite.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(in crate::gi) struct Work {
-    /// Drawing VPLs.
-    pub draw: bool,
-    /// Gathering and filtering.
+    /// Sampling of VPLs.
+    pub sample: bool,
+    /// Gather and denoising.
     pub gather: bool,
-    /// Frames since anything changed that decides about them.
+    /// Frames since any of their inputs changed.
     pub frames_since_change: u32,
 }
 
 impl Work {
     /// Everything.
-    pub const ALL: Self = Self { draw: true, gather: true, frames_since_change: 0 };
+    pub const ALL: Self = Self { sample: true, gather: true, frames_since_change: 0 };
 
-    /// The next frame's. `changed`: the camera, its sky or its settings are others. `always`: its
-    /// pixels never stay where they are, or its sky is made anew in each frame.
+    /// The next frame's. `changed`: the camera, its sky or its settings changed. `always`: its
+    /// pixels are jittered, or its sky is generated in each frame.
     pub fn next(
         self,
         changed: bool,
@@ -29,28 +29,28 @@ impl Work {
     ) -> Self {
         let frames_since_change =
             if changed { 0 } else { self.frames_since_change.saturating_add(1) };
-        // A whole period from the last change on: in one frame of it VPLs are drawn for where the
-        // camera is now.
+        // A whole period from the last change on: in one of its frames VPLs are sampled for the
+        // camera's final pose.
         let gather =
             frame.gather || always || policy != GiRefresh::OnChange || frames_since_change < period;
         Self {
             frames_since_change,
             gather,
-            draw: gather && (frame.maps || frame.number.is_multiple_of(period)),
+            sample: gather && (frame.maps || frame.number.is_multiple_of(period)),
         }
     }
 }
 
-/// What a frame means to what was shown before.
+/// What a frame does with the history.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(in crate::gi) enum Step {
     /// Nothing is gathered.
     Rests,
-    /// Light is gathered after a cut, or where nothing moves.
+    /// Light is gathered after a cut, or at rest: the history starts over.
     Begins,
-    /// Something moves.
+    /// Something moves: the history goes on.
     Moves,
-    /// The settings or the sky are others. What was shown is carried over, to other pixels, too.
+    /// The settings or the sky changed. The history is carried over, also to another resolution.
     Switches,
 }
 
@@ -83,11 +83,11 @@ mod tests {
     }
 
     #[test]
-    fn after_a_camera_s_last_move_vpls_are_drawn_once_more() {
+    fn after_a_camera_s_last_move_vpls_are_sampled_once_more() {
         for period in 1..=8 {
             for start in 0..period {
                 let mut work = resting();
-                let drawn = (0..20).filter(|number| {
+                let sampled = (0..20).filter(|number| {
                     work = work.next(
                         *number == 0,
                         false,
@@ -95,24 +95,24 @@ mod tests {
                         GiRefresh::OnChange,
                         period,
                     );
-                    work.draw
+                    work.sample
                 });
-                assert_eq!(drawn.count(), 1, "period {period} from {start}");
+                assert_eq!(sampled.count(), 1, "period {period} from {start}");
                 assert!(!work.gather);
             }
         }
     }
 
     #[test]
-    fn drawing_follows_the_period_and_the_maps() {
-        let draws = |number, maps| {
+    fn sampling_follows_the_period_and_the_maps() {
+        let samples = |number, maps| {
             let frame = GiFrame { number, maps, gather: true, ..Default::default() };
-            Work::default().next(true, false, &frame, GiRefresh::OnChange, 4).draw
+            Work::default().next(true, false, &frame, GiRefresh::OnChange, 4).sample
         };
         assert_eq!(
-            [0, 1, 2, 3, 4].map(|number| draws(number, false)),
+            [0, 1, 2, 3, 4].map(|number| samples(number, false)),
             [true, false, false, false, true]
         );
-        assert!(draws(1, true), "what was drawn from is no longer there");
+        assert!(samples(1, true), "the texels are no longer there");
     }
 }

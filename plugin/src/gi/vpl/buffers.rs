@@ -1,35 +1,36 @@
-//! What a camera needs to draw its VPLs.
+//! The buffers with which a camera's VPLs are sampled.
 
 use bevy::render::render_resource::{Buffer, BufferDescriptor, BufferInitDescriptor, BufferUsages};
 use bevy::render::renderer::{RenderDevice, RenderQueue};
 
 use crate::gi::texels::TexelRow;
 
-/// Surface points that stand for what the camera sees.
-const RECEIVERS: u64 = 32;
-/// Bytes of `vpl/weigh.wgsl`'s `Receiver`. A test holds it against the shader.
-pub(in crate::gi) const RECEIVER_BYTES: u64 = 32;
+/// Surface points that stand for all surfaces in view. As many as in `vpl/importance.wgsl`.
+const IMPORTANCE_POINTS: u64 = 32;
+/// Bytes of `vpl/importance.wgsl`'s `Receiver`. A test compares it with the shader.
+pub(in crate::gi) const IMPORTANCE_POINT_BYTES: u64 = 32;
 
-/// Bytes of its `Receivers`.
-pub(in crate::gi) const RECEIVERS_BYTES: u64 = 16 + RECEIVERS * RECEIVER_BYTES;
+/// Bytes of its `ImportancePoints`.
+pub(in crate::gi) const IMPORTANCE_POINTS_BYTES: u64 =
+    16 + IMPORTANCE_POINTS * IMPORTANCE_POINT_BYTES;
 
 /// Buffers between a camera's maps and its VPLs.
-pub(in crate::gi) struct DrawingBuffers {
-    /// What `row_table` holds.
+pub(in crate::gi) struct SamplingBuffers {
+    /// The content of `row_table`.
     pub rows: Vec<TexelRow>,
     /// Texels in the longest row.
     pub longest_row: u32,
     pub row_table: Buffer,
-    pub receivers: Buffer,
-    /// Which receivers do not see a tile, by bits.
-    pub hidden: Buffer,
-    /// How much each texel matters to this camera, then cumulative along each row.
+    pub importance: Buffer,
+    /// For each tile, a bit for each importance point from which it is occluded.
+    pub occluded_tiles: Buffer,
+    /// Each texel's weight for this camera, then the weights' cumulative sums along each row.
     pub texel_cdf: Buffer,
     /// Cumulative sums of rows.
     pub row_cdf: Buffer,
 }
 
-impl DrawingBuffers {
+impl SamplingBuffers {
     /// Buffers for at least one row.
     pub fn new(device: &RenderDevice, rows: Vec<TexelRow>) -> Self {
         let empty = |label, size| {
@@ -48,9 +49,9 @@ impl DrawingBuffers {
                 contents: bytemuck::cast_slice(&rows),
                 usage: BufferUsages::STORAGE | BufferUsages::COPY_DST,
             }),
-            receivers: empty("bevy_frugal_gi/vpl/receivers", RECEIVERS_BYTES),
-            hidden: empty(
-                "bevy_frugal_gi/vpl/hidden",
+            importance: empty("bevy_frugal_gi/vpl/importance", IMPORTANCE_POINTS_BYTES),
+            occluded_tiles: empty(
+                "bevy_frugal_gi/vpl/occluded_tiles",
                 rows.last().map_or(1, |row| u64::from(row.end_tile())) * 4,
             ),
             texel_cdf: empty("bevy_frugal_gi/vpl/texel_cdf", texels * 4),
@@ -60,7 +61,7 @@ impl DrawingBuffers {
         }
     }
 
-    /// Draws from other texels from now on, which take the [same places](crate::gi::texels::same_places).
+    /// Samples other rows from now on, of the [same layout](crate::gi::texels::same_places).
     pub fn set_rows(&mut self, queue: &RenderQueue, rows: Vec<TexelRow>) {
         queue.write_buffer(&self.row_table, 0, bytemuck::cast_slice(&rows));
         self.rows = rows;
@@ -68,7 +69,7 @@ impl DrawingBuffers {
 
     /// Bytes held on the GPU.
     pub fn bytes(&self) -> u64 {
-        [&self.row_table, &self.receivers, &self.hidden, &self.texel_cdf, &self.row_cdf]
+        [&self.row_table, &self.importance, &self.occluded_tiles, &self.texel_cdf, &self.row_cdf]
             .map(|buffer| buffer.size())
             .iter()
             .sum()

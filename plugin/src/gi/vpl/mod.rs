@@ -1,4 +1,4 @@
-//! Virtual point lights: drawn for each GI camera from the texels of its maps.
+//! Virtual point lights: sampled for each GI camera from the texels of its maps.
 
 mod buffers;
 mod plan;
@@ -26,26 +26,26 @@ use super::schedule::{PassSystems, PrepareSystems, supported_render_app};
 use super::texels::TexelStore;
 use super::trace::OccluderBuffers;
 use super::view::GiView;
-pub(super) use buffers::{RECEIVER_BYTES, RECEIVERS_BYTES};
+pub(super) use buffers::{IMPORTANCE_POINT_BYTES, IMPORTANCE_POINTS_BYTES};
 pub(super) use plan::VplPlan;
-pub(super) use steps::Drawn;
+pub(super) use steps::SampleInputs;
 pub(super) use view::VplView;
 
-/// Bytes of `vpl/vpl.wgsl`'s `Vpl`. A test holds it against the shader.
+/// Bytes of `vpl/vpl.wgsl`'s `Vpl`. A test compares it with the shader.
 pub(super) const VPL_BYTES: u64 = 48;
 
-/// Threads in a workgroup of `see.wgsl`.
-const SEE_GROUP: u32 = 32;
+/// Threads in a workgroup of `tile_visibility.wgsl`.
+const TILE_GROUP: u32 = 32;
 
 pub(super) struct VplPlugin;
 
 impl Plugin for VplPlugin {
     fn build(&self, app: &mut App) {
         load_shader_library!(app, "vpl.wgsl");
-        load_shader_library!(app, "hand.wgsl");
+        load_shader_library!(app, "stratum.wgsl");
         load_shader_library!(app, "plan.wgsl");
-        load_shader_library!(app, "receivers.wgsl");
-        embedded_asset!(app, "see.wgsl");
+        load_shader_library!(app, "importance.wgsl");
+        embedded_asset!(app, "tile_visibility.wgsl");
         embedded_asset!(app, "weigh.wgsl");
         embedded_asset!(app, "sample.wgsl");
     }
@@ -62,13 +62,13 @@ impl Plugin for VplPlugin {
 #[derive(Resource)]
 pub(super) struct VplPipelines {
     weigh_layout: BindGroupLayoutDescriptor,
-    pick_receivers: CachedComputePipelineId,
-    /// Without a look at what hides texels, and with one.
-    find_floor: [CachedComputePipelineId; 2],
+    pick_importance_points: CachedComputePipelineId,
+    /// Without tile visibility, and with it.
+    find_defensive_term: [CachedComputePipelineId; 2],
     weigh_texels: [CachedComputePipelineId; 2],
-    see_layout: BindGroupLayoutDescriptor,
-    see_tiles: CachedComputePipelineId,
-    draw_layout: BindGroupLayoutDescriptor,
+    tile_layout: BindGroupLayoutDescriptor,
+    trace_tiles: CachedComputePipelineId,
+    sample_layout: BindGroupLayoutDescriptor,
     accumulate_rows: CachedComputePipelineId,
     accumulate_maps: CachedComputePipelineId,
     sample: CachedComputePipelineId,
@@ -94,15 +94,15 @@ impl FromWorld for VplPipelines {
                 ),
             ),
         );
-        let see_layout = BindGroupLayoutDescriptor::new(
-            "bevy_frugal_gi/vpl/see",
+        let tile_layout = BindGroupLayoutDescriptor::new(
+            "bevy_frugal_gi/vpl/tile_visibility",
             &BindGroupLayoutEntries::sequential(
                 ShaderStages::COMPUTE,
                 (uniform_buffer::<ViewUniform>(true), read(), read(), read(), write()),
             ),
         );
-        let draw_layout = BindGroupLayoutDescriptor::new(
-            "bevy_frugal_gi/vpl/draw",
+        let sample_layout = BindGroupLayoutDescriptor::new(
+            "bevy_frugal_gi/vpl/sample",
             &BindGroupLayoutEntries::sequential(
                 ShaderStages::COMPUTE,
                 (read(), read(), write(), write(), write(), read()),
@@ -110,7 +110,7 @@ impl FromWorld for VplPipelines {
         );
         let (weigh, sample) =
             (load_embedded_asset!(world, "weigh.wgsl"), load_embedded_asset!(world, "sample.wgsl"));
-        let see = load_embedded_asset!(world, "see.wgsl");
+        let tile_visibility = load_embedded_asset!(world, "tile_visibility.wgsl");
         let cache = world.resource::<PipelineCache>();
         let queue = |shader: &Handle<Shader>,
                      layout: &[&BindGroupLayoutDescriptor],
@@ -126,28 +126,29 @@ impl FromWorld for VplPipelines {
             })
         };
         Self {
-            pick_receivers: queue(&weigh, &[&weigh_layout], "pick_receivers", None),
-            find_floor: [None, Some("SEEING")]
-                .map(|seeing| queue(&weigh, &[&weigh_layout], "find_floor", seeing)),
-            weigh_texels: [None, Some("SEEING")]
-                .map(|seeing| queue(&weigh, &[&weigh_layout], "weigh_texels", seeing)),
-            see_tiles: queue(
-                &see,
-                &[&see_layout, &OccluderBuffers::layout()],
-                "see_tiles",
+            pick_importance_points: queue(&weigh, &[&weigh_layout], "pick_importance_points", None),
+            find_defensive_term: [None, Some("TILE_VISIBILITY")].map(|visibility| {
+                queue(&weigh, &[&weigh_layout], "find_defensive_term", visibility)
+            }),
+            weigh_texels: [None, Some("TILE_VISIBILITY")]
+                .map(|visibility| queue(&weigh, &[&weigh_layout], "weigh_texels", visibility)),
+            trace_tiles: queue(
+                &tile_visibility,
+                &[&tile_layout, &OccluderBuffers::layout()],
+                "trace_tiles",
                 Some("MASKS"),
             ),
-            accumulate_rows: queue(&sample, &[&draw_layout], "accumulate_rows", None),
-            accumulate_maps: queue(&sample, &[&draw_layout], "accumulate_maps", None),
-            sample: queue(&sample, &[&draw_layout], "sample_vpls", None),
+            accumulate_rows: queue(&sample, &[&sample_layout], "accumulate_rows", None),
+            accumulate_maps: queue(&sample, &[&sample_layout], "accumulate_maps", None),
+            sample: queue(&sample, &[&sample_layout], "sample_vpls", None),
             weigh_layout,
-            see_layout,
-            draw_layout,
+            tile_layout,
+            sample_layout,
         }
     }
 }
 
-/// In a GI camera's view: weighs the texels of its maps and draws its VPLs.
+/// In a GI camera's view: weights the texels of its maps and samples its VPLs.
 pub(super) fn sample(
     view: ViewQuery<(&GiView, &VplView, &ViewPrepassTextures, &ViewUniformOffset)>,
     pipelines: Res<VplPipelines>,
@@ -158,7 +159,7 @@ pub(super) fn sample(
     mut context: RenderContext,
 ) {
     let (view, vpl, prepass, view_offset) = view.into_inner();
-    if !view.work.draw {
+    if !view.work.sample {
         return;
     }
     let traced = occluders.bind_group().filter(|_| view.gi.visibility.rays() > 0);
@@ -167,20 +168,21 @@ pub(super) fn sample(
     else {
         return;
     };
-    let (Some(texels), Some(buffers)) = (&store.texels, &vpl.drawing) else { return };
-    let drawn = Drawn {
+    let (Some(texels), Some(buffers)) = (&store.texels, &vpl.sampling) else { return };
+    let inputs = SampleInputs {
         g_buffer,
         depth,
         views,
         view_offset: view_offset.offset,
         texels,
         buffers,
-        receivers: &buffers.receivers,
+        importance: &buffers.importance,
         vpls: &vpl.vpls,
         plan: (&vpl.plan_buffer, vpl.plan.slots()),
     };
-    let steps = pipelines.steps(context.render_device(), &cache, traced.is_some(), drawn);
-    let (Some(pick), Some(steps)) = (cache.get_compute_pipeline(pipelines.pick_receivers), steps)
+    let steps = pipelines.steps(context.render_device(), &cache, traced.is_some(), inputs);
+    let (Some(pick), Some(steps)) =
+        (cache.get_compute_pipeline(pipelines.pick_importance_points), steps)
     else {
         return;
     };
@@ -188,7 +190,7 @@ pub(super) fn sample(
     let diagnostics = diagnostics.as_deref();
     let span = diagnostics.time_span(context.command_encoder(), "bevy_frugal_gi/vpl");
     if traced.is_some() {
-        context.command_encoder().clear_buffer(&buffers.hidden, 0, None);
+        context.command_encoder().clear_buffer(&buffers.occluded_tiles, 0, None);
     }
     {
         let mut pass = context.command_encoder().begin_compute_pass(&ComputePassDescriptor {
@@ -199,10 +201,10 @@ pub(super) fn sample(
         pass.set_pipeline(pick);
         pass.dispatch_workgroups(1, 1, 1);
         if let Some(traced) = traced {
-            steps.see(&mut pass, traced);
+            steps.trace_tiles(&mut pass, traced);
         }
         steps.weigh(&mut pass);
-        steps.draw(&mut pass);
+        steps.sample(&mut pass);
     }
     span.end(context.command_encoder());
 }

@@ -1,4 +1,4 @@
-//! How a camera's VPLs are shared out among its pixels: plain arithmetic, no renderer.
+//! Interleaving of a camera's VPLs among its pixels: plain arithmetic, no renderer.
 
 use bevy::math::UVec2;
 use bytemuck::{Pod, Zeroable};
@@ -6,26 +6,26 @@ use bytemuck::{Pod, Zeroable};
 use super::VPL_BYTES;
 use crate::gi::settings::{FrugalGi, GiInterleave};
 
-/// Sets begin at multiples of so many VPLs: the least common multiple of their 48 bytes and the 256
-/// that uniform offsets are multiples of.
+/// Sets begin at multiples of so many VPLs: 16 × 48 bytes is a multiple of 256, the alignment of
+/// uniform offsets.
 const STRIDE: u32 = 16;
 
 /// `vpl/plan.wgsl`'s `Plan`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Pod, Zeroable)]
 #[repr(C)]
 pub(in crate::gi) struct VplPlan {
-    /// Side of the square of pixels that share the VPLs out.
+    /// Side of the square of low-resolution pixels among which the VPLs are interleaved.
     pub interleave: u32,
-    /// Sets of VPLs.
+    /// Sets of VPLs: `interleave`².
     pub sets: u32,
-    /// In each set: 1 to 1024, and 0 where there is nothing to draw from.
+    /// VPLs in each set: 1 to 1024, and 0 where there are no texels.
     pub per_set: u32,
-    /// From one set to the next in the buffer.
+    /// VPLs from one set to the next in the buffer.
     pub stride: u32,
 }
 
 impl VplPlan {
-    /// At least `vpl_count` VPLs, as evenly as it goes, no more than a pixel can evaluate.
+    /// At least `vpl_count` VPLs in equal sets, but no more in a set than a pixel can evaluate.
     pub fn new(vpl_count: u32, interleave: GiInterleave) -> Self {
         let side = interleave.side();
         let sets = side * side;
@@ -36,19 +36,18 @@ impl VplPlan {
         Self { interleave: side, sets, per_set, stride: per_set.next_multiple_of(STRIDE) }
     }
 
-    /// No VPLs, where there is nothing to draw them from.
+    /// The same without VPLs, where there are no texels to sample.
     #[must_use]
     pub fn without_vpls(self) -> Self {
         Self { per_set: 0, ..self }
     }
 
-    /// VPLs that the buffer has room for, sets' padding included.
+    /// VPLs in the buffer, padding of sets included.
     pub fn slots(&self) -> u32 {
         self.sets * self.stride
     }
 
-    /// Bytes of the buffer of VPLs: from every set on there are as many as the shader's array is
-    /// long.
+    /// Bytes of the buffer of VPLs: at every set's offset the shader's whole array fits.
     pub fn buffer_bytes(&self) -> u64 {
         u64::from((self.sets - 1) * self.stride + FrugalGi::MAX_VPLS_PER_PIXEL) * VPL_BYTES
     }
@@ -58,8 +57,8 @@ impl VplPlan {
         set * self.stride * VPL_BYTES as u32
     }
 
-    /// Place of a set's pixels in the square.
-    pub fn residue(&self, set: u32) -> UVec2 {
+    /// Interleave offset of a set: position of its low-resolution pixels in the square.
+    pub fn interleave_offset(&self, set: u32) -> UVec2 {
         UVec2::new(set % self.interleave, set / self.interleave)
     }
 }
@@ -69,7 +68,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn sets_share_out_all_vpls_and_lie_where_uniform_offsets_may() {
+    fn sets_hold_all_vpls_and_are_aligned_as_uniform_offsets() {
         for interleave in GiInterleave::ALL {
             for count in [1, 2, 31, 32, 100, 1024, 4096, FrugalGi::MAX_VPL_COUNT, u32::MAX] {
                 let plan = VplPlan::new(count, interleave);
@@ -85,7 +84,7 @@ mod tests {
                     "{count} {plan:?}"
                 );
                 let places: std::collections::HashSet<_> =
-                    (0..plan.sets).map(|set| plan.residue(set)).collect();
+                    (0..plan.sets).map(|set| plan.interleave_offset(set)).collect();
                 assert_eq!(places.len() as u32, plan.sets);
                 for set in 0..plan.sets {
                     assert_eq!(plan.offset(set) % 256, 0);

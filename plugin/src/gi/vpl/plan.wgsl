@@ -1,15 +1,15 @@
-// How a camera's virtual point lights are shared out among its pixels.
+// Interleaving of a camera's virtual point lights among its pixels.
 #define_import_path bevy_frugal_gi::gi::vpl::plan
 
-/// In a storage buffer because counts decide about loops: software Vulkan drivers compile a shader
-/// anew for each value that control flow takes from a uniform.
+/// In a storage buffer because loops depend on its counts: software Vulkan drivers recompile a
+/// shader for each value of a uniform that control flow depends on.
 struct Plan {
-    /// Side of the square of pixels that share them out.
+    /// Side of the square of low-resolution pixels among which the VPLs are interleaved.
     interleave: u32,
-    /// Sets of them: `interleave`².
+    /// Sets of VPLs: `interleave`².
     sets: u32,
-    /// In each set.
+    /// VPLs in each set.
     per_set: u32,
-    /// From one set to the next in the buffer.
+    /// VPLs from one set to the next in the buffer.
     stride: u32,
 }

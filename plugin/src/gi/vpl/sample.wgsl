@@ -1,12 +1,12 @@
-// Draws a camera's virtual point lights from the texels of its reflective shadow maps, in
+// Samples a camera's virtual point lights from the texels of its reflective shadow maps, in
 // proportion to their weights (see `weigh.wgsl`).
 //
 // The sequence is fixed, so a still scene has still VPLs. Each set of VPLs (see `plan.wgsl`) is a
 // Hammersley set of its own: the first coordinate stratifies rows, the radical inverse places the
-// texel in its row. Sets are shifted against each other, rows by a part of a stratum and texels by
-// multiples of the golden ratio, so that together they are one set of all VPLs. Every VPL carries
-// total · flux / (weight · count of its set): the expectation of the sum over a set is the sum over
-// texels, and is met exactly where weights are proportional to flux.
+// texel in its row. Sets are shifted against each other, rows by a fraction of a stratum and texels
+// by multiples of the golden ratio, so that their union is one stratified set of all VPLs. Every
+// VPL carries total · flux / (weight · count of its set): the expectation of the sum over a set is
+// the sum over texels, without variance where weights are proportional to flux.
 
 #import bevy_frugal_gi::gi::texels::texel::{Texel, texel_normal}
 #import bevy_frugal_gi::gi::vpl::plan::Plan
@@ -15,14 +15,14 @@
 
 @group(0) @binding(0) var<storage, read> texels: array<Texel>;
 @group(0) @binding(1) var<storage, read> rows: array<Row>;
-/// Weights, which the first pass turns into cumulative weights along each row.
+/// Weights; after the first pass, their cumulative sums along each row.
 @group(0) @binding(2) var<storage, read_write> texel_cdf: array<f32>;
 @group(0) @binding(3) var<storage, read_write> row_cdf: array<f32>;
 @group(0) @binding(4) var<storage, read_write> vpls: array<Vpl>;
 @group(0) @binding(5) var<storage, read> plan: Plan;
 
-/// Cumulative weights along each row in place of its weights; one thread per row, which leaves its
-/// sum in `row_cdf`.
+/// Replaces the weights of each row by their cumulative sums, and writes the row's sum to
+/// `row_cdf`; one thread per row.
 @compute @workgroup_size(64)
 fn accumulate_rows(@builtin(global_invocation_id) id: vec3<u32>) {
     if id.x >= arrayLength(&row_cdf) {
@@ -40,8 +40,8 @@ fn accumulate_rows(@builtin(global_invocation_id) id: vec3<u32>) {
 const LANES: u32 = 64u;
 var<workgroup> lane_sums: array<f32, LANES>;
 
-/// Cumulative sums over all rows of the camera's maps in place of their sums, in one workgroup:
-/// each lane sums a run of rows, then adds what lies before it.
+/// Replaces the sums of all rows of the camera's maps by their cumulative sums, in one workgroup:
+/// each lane sums a run of rows, then adds the sums of the lanes before it.
 @compute @workgroup_size(64)
 fn accumulate_maps(@builtin(local_invocation_index) lane: u32) {
     let count = arrayLength(&row_cdf);
@@ -64,13 +64,13 @@ fn accumulate_maps(@builtin(local_invocation_index) lane: u32) {
     }
 }
 
-/// First index in [0, length) of `row_cdf` whose value exceeds `target`, or the last index.
-fn find_row(wanted: f32) -> u32 {
+/// First index of `row_cdf` whose value exceeds `threshold`, or the last index.
+fn find_row(threshold: f32) -> u32 {
     var low = 0u;
     var high = arrayLength(&row_cdf) - 1u;
     while low < high {
         let middle = (low + high) / 2u;
-        if row_cdf[middle] > wanted {
+        if row_cdf[middle] > threshold {
             high = middle;
         } else {
             low = middle + 1u;
@@ -80,12 +80,12 @@ fn find_row(wanted: f32) -> u32 {
 }
 
 /// The same within a row.
-fn find_texel(first: u32, length: u32, wanted: f32) -> u32 {
+fn find_texel(first: u32, length: u32, threshold: f32) -> u32 {
     var low = first;
     var high = first + length - 1u;
     while low < high {
         let middle = (low + high) / 2u;
-        if texel_cdf[middle] > wanted {
+        if texel_cdf[middle] > threshold {
             high = middle;
         } else {
             low = middle + 1u;
@@ -94,7 +94,8 @@ fn find_texel(first: u32, length: u32, wanted: f32) -> u32 {
     return low;
 }
 
-/// Bounds, lumens and m², with which the light of a thousand VPLs is finite at any distance.
+/// Bounds in lumens and m² with which the irradiance from a thousand VPLs stays finite at any
+/// distance.
 const MOST_FLUX: f32 = 1e25;
 const LEAST_RADIUS_SQUARED: f32 = 1e-10;
 
@@ -114,19 +115,19 @@ fn sample_vpls(@builtin(global_invocation_id) id: vec3<u32>) {
     let last = row.first_weight + row.length - 1u;
     let place = find_texel(row.first_weight, row.length, along_row * texel_cdf[last]);
     let texel = texels[row.first_texel + place - row.first_weight];
-    // The step of the cumulative sum rather than the weight that was added: this is what the texel
-    // was drawn by, rounding included.
+    // The step of the cumulative sum, not the weight that was added: this is the probability with
+    // which the texel was sampled, rounding included.
     let weight = texel_cdf[place] - select(0.0, texel_cdf[max(place, 1u) - 1u], place > row.first_weight);
 
-    // The last row or texel may be reached by rounding with nothing in it; then it carries nothing.
-    // So does what only fills up the set's stride.
+    // Rounding may reach a last row or texel of weight 0: its VPL carries no flux. Nor does padding
+    // of the set's stride.
     let share = total / (max(weight, 1e-36) * count);
     let carries = weight > 0.0 && share < 1e30 && member < plan.per_set;
     var vpl: Vpl;
     vpl.position = texel.position;
     vpl.normal = texel_normal(texel);
     vpl.texel_width = sqrt(clamp(texel.area, 0.0, 1e18));
-    // As many texels as it stands for among all sets' VPLs, and never less than its own; as a disk.
+    // The disk of all texels that the VPL stands for among all sets' VPLs, at least its own.
     let disk = texel.area * max(share / f32(plan.sets), 1.0) * 0.31830987;
     vpl.largest_geometry_term = 1.0 / clamp(disk, LEAST_RADIUS_SQUARED, 1e18);
     vpl.flux = select(vec3(0.0), min(texel.flux * share, vec3(MOST_FLUX)), carries);

@@ -1,41 +1,41 @@
-//! What a GI camera holds for its VPLs.
+//! A GI camera's buffers for its VPLs.
 
 use bevy::ecs::prelude::*;
 use bevy::render::render_resource::*;
 use bevy::render::renderer::{RenderDevice, RenderQueue};
 
-use super::buffers::DrawingBuffers;
+use super::buffers::SamplingBuffers;
 use super::plan::VplPlan;
 use crate::gi::texels::same_places;
 use crate::gi::view::GiView;
 
-/// The VPLs of a GI camera and what they are sampled with. In the render world.
+/// The VPLs of a GI camera and the buffers of their sampling. In the render world.
 #[derive(Component)]
 pub(in crate::gi) struct VplView {
-    /// How the VPLs are shared out.
+    /// Interleaving of the VPLs.
     pub plan: VplPlan,
     pub plan_buffer: Buffer,
     pub vpls: Buffer,
-    /// None where the camera has no texels to sample: it then gathers a sky alone.
-    pub drawing: Option<DrawingBuffers>,
+    /// `None` where the camera has no texels to sample: it then gathers only its sky.
+    pub sampling: Option<SamplingBuffers>,
 }
 
 impl VplView {
     fn new(device: &RenderDevice, plan: VplPlan, view: &GiView) -> Self {
         let (plan_buffer, vpls) = plan_buffers(device, &plan);
-        Self { plan, plan_buffer, vpls, drawing: drawing(device, view) }
+        Self { plan, plan_buffer, vpls, sampling: sampling_buffers(device, view) }
     }
 
     /// VPLs that are sampled in this frame.
     pub fn sampled(&self, view: &GiView) -> u64 {
-        if view.work.draw { u64::from(self.plan.sets) * u64::from(self.plan.per_set) } else { 0 }
+        if view.work.sample { u64::from(self.plan.sets) * u64::from(self.plan.per_set) } else { 0 }
     }
 
     /// Bytes held on the GPU.
     pub fn bytes(&self) -> u64 {
         self.plan_buffer.size()
             + self.vpls.size()
-            + self.drawing.as_ref().map_or(0, DrawingBuffers::bytes)
+            + self.sampling.as_ref().map_or(0, SamplingBuffers::bytes)
     }
 }
 
@@ -54,8 +54,8 @@ fn plan_buffers(device: &RenderDevice, plan: &VplPlan) -> (Buffer, Buffer) {
     (plan_buffer, vpls)
 }
 
-fn drawing(device: &RenderDevice, view: &GiView) -> Option<DrawingBuffers> {
-    (!view.rows.is_empty()).then(|| DrawingBuffers::new(device, view.rows.clone()))
+fn sampling_buffers(device: &RenderDevice, view: &GiView) -> Option<SamplingBuffers> {
+    (!view.rows.is_empty()).then(|| SamplingBuffers::new(device, view.rows.clone()))
 }
 
 /// Gives every view the buffers that its plan and its rows of texels need.
@@ -81,14 +81,14 @@ pub(super) fn prepare(
             (held.plan_buffer, held.vpls) = plan_buffers(&device, &plan);
             held.plan = plan;
         }
-        match &mut held.drawing {
-            Some(drawing) if same_places(&drawing.rows, &view.rows) => {
-                if drawing.rows != view.rows {
-                    drawing.set_rows(&queue, view.rows.clone());
+        match &mut held.sampling {
+            Some(sampling) if same_places(&sampling.rows, &view.rows) => {
+                if sampling.rows != view.rows {
+                    sampling.set_rows(&queue, view.rows.clone());
                 }
             }
             None if view.rows.is_empty() => {}
-            other => *other = drawing(&device, view),
+            other => *other = sampling_buffers(&device, view),
         }
     }
 }

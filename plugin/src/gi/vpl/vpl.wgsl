@@ -4,11 +4,11 @@
 struct Vpl {
     /// World space, metres.
     position: vec3<f32>,
-    /// Most that the geometry term cosθ·cosθ′/d² may be, 1/m²: 1/r² of the disk that it stands for.
+    /// Upper bound of the geometry term cosθ·cosθ′/d², 1/m²: 1/r² of the disk that it stands for.
     largest_geometry_term: f32,
-    /// World space, unit length: the side that emits.
+    /// World space, unit length, on the emitting side.
     normal: vec3<f32>,
-    /// Width of the texel that it was drawn from, metres.
+    /// Width of the texel that it was sampled from, metres.
     texel_width: f32,
     /// Reflected flux, lumens. Intensity along a direction at θ from the normal is flux · cosθ / π
     /// candela.
@@ -16,18 +16,19 @@ struct Vpl {
     padding: f32,
 }
 
-/// Irradiance from one VPL, without the factor 1/π that its cosine lobe and the sum share. Lux · π.
+/// Unoccluded irradiance from one VPL, times π: the factor 1/π of its cosine lobe is applied to the
+/// sum. Lux · π.
 ///
-/// A point within reach of a surface would be a spike. A VPL stands for the piece of surface that
-/// its neighbours leave to it: it never sends more than an endless plane of that piece's radiosity
-/// would. Where many VPLs are drawn the pieces are small, and what is lost in corners goes to
-/// nothing with them; a bound for the whole scene (Dachsbacher and Stamminger 2005) stays.
+/// The bound on the geometry term removes the singularity near a VPL, which stands for a disk of
+/// surface: irradiance never exceeds that from an infinite plane of the disk's radiosity. The more
+/// VPLs, the smaller the disks, and the clamping loss in corners vanishes with them; that of one
+/// bound for the whole scene (Dachsbacher and Stamminger 2005) does not.
 fn from_vpl(vpl: Vpl, position: vec3<f32>, normal: vec3<f32>) -> vec3<f32> {
-    let way = vpl.position - position;
+    let to_light = vpl.position - position;
     // Two divisions by d² rather than one by d⁴ keep every distance from 1e-9 m to 1e19 m in range;
     // at distance 0 both cosines are 0.
-    let inverse = 1.0 / clamp(dot(way, way), 1e-18, 1e38);
-    let receiver = max(dot(normal, way), 0.0) * inverse;
-    let emitter = max(-dot(vpl.normal, way), 0.0) * inverse;
+    let inverse = 1.0 / clamp(dot(to_light, to_light), 1e-18, 1e38);
+    let receiver = max(dot(normal, to_light), 0.0) * inverse;
+    let emitter = max(-dot(vpl.normal, to_light), 0.0) * inverse;
     return vpl.flux * min(receiver * emitter, vpl.largest_geometry_term);
 }

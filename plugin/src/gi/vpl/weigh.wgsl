@@ -1,18 +1,18 @@
-// How much each texel of a camera's reflective shadow maps matters to its picture: flux times what
-// the camera's surfaces could receive of it.
+// Weights of the texels of a camera's reflective shadow maps: flux times importance, which is what
+// the visible surfaces could receive of it.
 //
-// A few receivers stand for all that the camera sees. Virtual point lights drawn by flux alone go
-// to wherever the sun shines; on a large level few of them would light anything in view. The idea
-// is that of light-path guiding (importance from the eye decides where light paths go). Any weight
-// above zero keeps the estimate unbiased, so the receivers may be few, and what stands between may
-// be known by tiles of texels alone (`see.wgsl`, where rays are traced; SEEING) or not at all. A
-// floor of a quarter of the mean keeps it tame: no VPL carries more than four times what it would
-// carry if all were drawn by flux.
+// A few importance points stand for all visible surfaces. VPLs sampled by flux alone lie wherever
+// the sun shines; on a large level few of them would light anything in view. As in light-path
+// guiding, importance from the eye decides where light paths go. Any weight above zero keeps the
+// estimate unbiased, so few points suffice, and their visibility may be known by tiles of texels
+// alone (`tile_visibility.wgsl`, where rays are traced; TILE_VISIBILITY) or not at all. A
+// defensive-sampling term of a quarter of the mean bounds the variance: no VPL carries more than
+// four times the flux that it would carry if all were sampled by flux.
 
 #import bevy_render::view::View
 #import bevy_frugal_gi::gi::texels::texel::{Texel, texel_luminance, texel_normal}
 #import bevy_frugal_gi::gi::view::surface::{pixel_position, pixel_width, surface_normal}
-#import bevy_frugal_gi::gi::vpl::receivers::{COLUMNS, RECEIVERS, ROWS, Receiver, Receivers, from_point}
+#import bevy_frugal_gi::gi::vpl::importance::{COLUMNS, IMPORTANCE_POINTS, ImportancePoints, ROWS, Receiver, from_point}
 #import bevy_frugal_gi::gi::texels::rows::{Row, TILE, is_cut}
 
 @group(0) @binding(0) var g_buffer: texture_2d<u32>;
@@ -20,47 +20,48 @@
 @group(0) @binding(2) var<uniform> view: View;
 @group(0) @binding(3) var<storage, read> texels: array<Texel>;
 @group(0) @binding(4) var<storage, read> rows: array<Row>;
-@group(0) @binding(5) var<storage, read_write> receivers: Receivers;
+@group(0) @binding(5) var<storage, read_write> importance: ImportancePoints;
 @group(0) @binding(6) var<storage, read_write> weights: array<f32>;
-/// As `see.wgsl` left it.
-@group(0) @binding(7) var<storage, read> hidden: array<u32>;
+/// Written by `tile_visibility.wgsl`.
+@group(0) @binding(7) var<storage, read> occluded_tiles: array<u32>;
 
-/// One thread per receiver: the pixels in the middle of a grid's cells, every other row shifted by
-/// half a cell.
-@compute @workgroup_size(RECEIVERS)
-fn pick_receivers(@builtin(local_invocation_index) index: u32) {
+/// One thread per importance point: the pixels in the middle of a grid's rectangles, every other
+/// row shifted by half a rectangle.
+@compute @workgroup_size(IMPORTANCE_POINTS)
+fn pick_importance_points(@builtin(local_invocation_index) index: u32) {
     let size = textureDimensions(g_buffer);
     let cell = vec2<f32>(vec2(index % COLUMNS, index / COLUMNS));
     let shift = 0.25 + 0.5 * (f32(index / COLUMNS) - 2.0 * floor(f32(index / COLUMNS) * 0.5));
     let place = (cell + vec2(shift, 0.5)) / vec2(f32(COLUMNS), f32(ROWS));
     let pixel = min(vec2<u32>(place * vec2<f32>(size)), size - 1u);
     let depth = textureLoad(depth_buffer, pixel, 0);
-    var receiver: Receiver;
-    receiver.position = pixel_position(pixel, size, max(depth, 1e-30), view.world_from_clip);
-    receiver.normal = surface_normal(textureLoad(g_buffer, pixel, 0));
-    // What a cell of the grid covers of a surface, more or less: nothing nearer than that can be
-    // told apart.
-    let way = receiver.position - view.world_position;
-    receiver.radius_squared = select(0.0, clamp(0.02 * dot(way, way), 1e-12, 1e18), depth > 0.0);
-    receiver.pixel_width = pixel_width(view.clip_from_view, size.y, sqrt(clamp(dot(way, way), 0.0, 1e30)));
-    receivers.points[index] = receiver;
+    var point: Receiver;
+    point.position = pixel_position(pixel, size, max(depth, 1e-30), view.world_from_clip);
+    point.normal = surface_normal(textureLoad(g_buffer, pixel, 0));
+    // About the surface that a rectangle of the grid covers: distances below that cannot be
+    // resolved.
+    let delta = point.position - view.world_position;
+    point.radius_squared = select(0.0, clamp(0.02 * dot(delta, delta), 1e-12, 1e18), depth > 0.0);
+    point.pixel_width = pixel_width(view.clip_from_view, size.y, sqrt(clamp(dot(delta, delta), 0.0, 1e30)));
+    importance.points[index] = point;
 }
 
-/// What of its light a tile may send to a receiver that does not see the one texel of it that was
-/// looked at.
-const HIDDEN_SHARE: f32 = 0.05;
+/// Share of its importance that a tile keeps for an importance point from which its tested texel is
+/// occluded.
+const OCCLUDED_SHARE: f32 = 0.05;
 
-/// What the receivers would get of a texel's light, 1/m². The texel lies in a column of a row.
+/// Importance of a texel: the sum over the importance points, 1/m². The texel lies in a column of a
+/// row.
 fn received(row: Row, column: u32, texel: Texel) -> f32 {
     let normal = texel_normal(texel);
-#ifdef SEEING
-    let unseen = hidden[row.first_tile + column / TILE];
+#ifdef TILE_VISIBILITY
+    let occluded = occluded_tiles[row.first_tile + column / TILE];
 #endif
     var sum = 0.0;
-    for (var i = 0u; i < RECEIVERS; i++) {
-        let light = from_point(receivers.points[i], texel.position, normal);
-#ifdef SEEING
-        sum += light * select(1.0, HIDDEN_SHARE, (unseen & (1u << i)) != 0u);
+    for (var i = 0u; i < IMPORTANCE_POINTS; i++) {
+        let light = from_point(importance.points[i], texel.position, normal);
+#ifdef TILE_VISIBILITY
+        sum += light * select(1.0, OCCLUDED_SHARE, (occluded & (1u << i)) != 0u);
 #else
         sum += light;
 #endif
@@ -69,21 +70,21 @@ fn received(row: Row, column: u32, texel: Texel) -> f32 {
 }
 
 const LANES: u32 = 64u;
-/// Texels that each lane looks at.
-const PROBES: u32 = 16u;
+/// Texels that each lane reads.
+const TEXELS_PER_LANE: u32 = 16u;
 var<workgroup> lane_flux: array<f32, LANES>;
 var<workgroup> lane_received: array<f32, LANES>;
 
-/// The floor, from a thousand texels spread over all maps; one workgroup.
+/// The defensive-sampling term, from a thousand texels spread over all maps; one workgroup.
 @compute @workgroup_size(LANES)
-fn find_floor(@builtin(local_invocation_index) lane: u32) {
+fn find_defensive_term(@builtin(local_invocation_index) lane: u32) {
     let count = arrayLength(&rows);
     var flux = 0.0;
     var light = 0.0;
-    for (var i = 0u; i < PROBES; i++) {
-        let probe = lane * PROBES + i;
-        let row = rows[probe * count / (LANES * PROBES)];
-        let column = min(u32(fract(f32(probe) * 0.618034) * f32(row.length)), row.length - 1u);
+    for (var i = 0u; i < TEXELS_PER_LANE; i++) {
+        let sample_index = lane * TEXELS_PER_LANE + i;
+        let row = rows[sample_index * count / (LANES * TEXELS_PER_LANE)];
+        let column = min(u32(fract(f32(sample_index) * 0.618034) * f32(row.length)), row.length - 1u);
         let texel = texels[row.first_texel + column];
         let luminance = select(texel_luminance(texel) * 1e-3, 0.0, is_cut(row, column));
         flux += luminance;
@@ -97,8 +98,9 @@ fn find_floor(@builtin(local_invocation_index) lane: u32) {
             flux += lane_flux[i];
             light += lane_received[i];
         }
-        // Where nothing is received, or no probe met light, flux alone decides.
-        receivers.floor = clamp(0.25 * light / max(flux, 1e-36), 1e-9, 1e6);
+        // Where no importance point receives light, or no texel that was read is lit, flux alone
+        // decides.
+        importance.defensive_term = clamp(0.25 * light / max(flux, 1e-36), 1e-9, 1e6);
     }
 }
 
@@ -110,8 +112,8 @@ fn weigh_texels(@builtin(global_invocation_id) id: vec3<u32>) {
         return;
     }
     let texel = texels[row.first_texel + id.x];
-    // Within what a sum over all texels can hold, whatever the flux.
+    // Clamped so that a sum over all texels stays finite, whatever the flux.
     let luminance = texel_luminance(texel);
-    let weight = clamp(luminance * (received(row, id.x, texel) + receivers.floor), 1e-36, 1e30);
+    let weight = clamp(luminance * (received(row, id.x, texel) + importance.defensive_term), 1e-36, 1e30);
     weights[row.first_weight + id.x] = select(0.0, weight, luminance > 0.0 && !is_cut(row, id.x));
 }

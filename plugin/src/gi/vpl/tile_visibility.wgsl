@@ -1,0 +1,60 @@
+// Tile visibility: one ray from each importance point to each tile of a camera's reflective shadow
+// maps.
+//
+// From indoors nearly all sunlit texels are occluded. Weights without visibility spend VPLs, and
+// then the rays to them, on light that never arrives. A tile is visible from an importance point
+// where the ray to one of its texels is free; other points test other texels of it. That is coarse,
+// but it affects only weights: as long as none is 0, the estimate stays unbiased.
+
+#import bevy_render::view::View
+#import bevy_frugal_gi::gi::texels::texel::{Texel, texel_luminance, texel_normal}
+#import bevy_frugal_gi::gi::trace::trace::{is_occluded, surface_offset}
+#import bevy_frugal_gi::gi::vpl::importance::{IMPORTANCE_POINTS, ImportancePoints, from_point}
+#import bevy_frugal_gi::gi::texels::rows::{Row, TILE, is_cut}
+
+@group(0) @binding(0) var<uniform> view: View;
+@group(0) @binding(1) var<storage, read> texels: array<Texel>;
+@group(0) @binding(2) var<storage, read> rows: array<Row>;
+@group(0) @binding(3) var<storage, read> importance: ImportancePoints;
+/// A bit for each importance point and tile: set where the tile is occluded.
+@group(0) @binding(4) var<storage, read_write> occluded_tiles: array<atomic<u32>>;
+
+/// Texels that are tried until one is lit.
+const TRIES: u32 = 4u;
+
+/// One thread per row and tile's width of it, a row of workgroups per row of the maps. The rows of
+/// a tile divide the importance points among them.
+@compute @workgroup_size(32)
+fn trace_tiles(@builtin(global_invocation_id) id: vec3<u32>) {
+    let row = rows[id.y];
+    let first = id.x * TILE;
+    if first >= row.length {
+        return;
+    }
+    let width = min(row.length - first, TILE);
+    var found = 0u;
+    for (var i = row.row_in_tile; i < IMPORTANCE_POINTS; i += row.tile_rows) {
+        let point = importance.points[i];
+        for (var j = 0u; j < TRIES; j++) {
+            // Any four columns, different ones for each importance point.
+            let column = (i * 7u + id.x * 3u + row.row_in_tile * 5u + j * 11u) % width;
+            let texel = texels[row.first_texel + first + column];
+            if texel_luminance(texel) > 0.0 && !is_cut(row, first + column) {
+                let normal = texel_normal(texel);
+                // A texel below the point's horizon, or facing away, says nothing of the rest of
+                // the tile.
+                if from_point(point, texel.position, normal) > 0.0 {
+                    let start = point.position + point.normal * offset_at(point.position, point.pixel_width);
+                    let end = texel.position + normal * offset_at(texel.position, sqrt(texel.area));
+                    found |= select(0u, 1u << i, is_occluded(start, end));
+                }
+                break;
+            }
+        }
+    }
+    atomicOr(&occluded_tiles[row.first_tile + id.x], found);
+}
+
+fn offset_at(position: vec3<f32>, width: f32) -> f32 {
+    return surface_offset(position, distance(position, view.world_position), width);
+}
