@@ -8,7 +8,7 @@ const SHADERS: [&str; 11] = [
     include_str!("../../../plugin/src/gi/texels/texel.wgsl"),
     include_str!("../../../plugin/src/gi/vpl/vpl.wgsl"),
     include_str!("../../../plugin/src/gi/texels/rows.wgsl"),
-    include_str!("../../../plugin/src/gi/vpl/receivers.wgsl"),
+    include_str!("../../../plugin/src/gi/vpl/importance.wgsl"),
     include_str!("../../../plugin/src/gi/vpl/plan.wgsl"),
     include_str!("../../../plugin/src/gi/gather/settings.wgsl"),
     include_str!("../../../plugin/src/gi/trace/trace.wgsl"),

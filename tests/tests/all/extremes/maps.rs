@@ -287,7 +287,7 @@ fn weigh(stage: &mut Stage, pixels: &Pixels, plane: &Plane, texels: &[Point]) ->
             read(),
         ),
     );
-    let kernels = ["pick_receivers", "find_floor", "weigh_texels"]
+    let kernels = ["pick_importance_points", "find_defensive_term", "weigh_texels"]
         .map(|entry| Kernel::new(stage, "gi/vpl/weigh.wgsl", entry, vec![], &layout));
     let words: Vec<f32> = texels.iter().flat_map(|texel| texel.to_texel()).collect();
     let rows: Vec<u8> = (0..ROWS)
