@@ -16,7 +16,7 @@ use bevy::prelude::*;
 use bevy::render::render_resource::BlendState;
 use bevy_frugal_gi::control::{ControlStatus, Outcome};
 use bevy_frugal_gi::frontier::SceneIdentity;
-use bevy_frugal_gi::knobs::{Knob, RenderSettings};
+use bevy_frugal_gi::knobs::{Knob, KnobLevels};
 use bevy_frugal_gi::power::{MeterState, Provenance};
 use bevy_frugal_gi::prelude::*;
 use frugal::scene::{self, SceneDescription};
@@ -284,7 +284,7 @@ fn status_line(status: ControlStatus) -> String {
         ControlStatus::Active(Outcome::ErrorCannotBeMet) => {
             "error limit not met: best settings".to_owned()
         }
-        ControlStatus::Active(Outcome::ErrorGivesWay) => {
+        ControlStatus::Active(Outcome::LimitedByPower) => {
             "power limit met, error limit not met".to_owned()
         }
         ControlStatus::Off(reason) => format!("off: {reason:?}"),
@@ -311,7 +311,7 @@ fn metered_line(power: &MeteredPower) -> String {
 /// A line per knob: its level, and its target if they differ.
 fn settings_lines(settings: &KnobSettings, selection: &Selection) -> Vec<String> {
     let line = |(index, knob): (usize, &Knob)| {
-        let label = |settings: RenderSettings| {
+        let label = |settings: KnobLevels| {
             knob.levels.get(settings.level(index)).map_or("?", |level| &level.label)
         };
         let (now, target) = (label(settings.settings), label(selection.target));

@@ -24,7 +24,7 @@ use bevy::ecs::reflect::ReflectComponent;
 use bevy::prelude::ReflectDefault;
 use bevy::reflect::Reflect;
 
-use crate::knobs::{KnobSpace, RenderSettings};
+use crate::knobs::{KnobLevels, KnobSpace};
 
 /// Upper limit of one step, in seconds. A longer step ends every transition anyway.
 const MAX_STEP_SECONDS: f64 = 1e9;
@@ -158,15 +158,15 @@ impl Transition {
 #[derive(Component, Clone, Debug, Default, PartialEq, Reflect)]
 #[reflect(Component, Default, Clone, Debug, PartialEq)]
 pub struct SettingsFilter {
-    transitions: [Transition; RenderSettings::MAX_KNOBS],
-    applied: RenderSettings,
+    transitions: [Transition; KnobLevels::MAX_KNOBS],
+    applied: KnobLevels,
     /// Whether the next step continues from `applied` instead of jumping to its target.
     smooth: bool,
 }
 
 impl SettingsFilter {
     /// Settings of the last step; all levels 0 before the first.
-    pub fn applied(&self) -> RenderSettings {
+    pub fn applied(&self) -> KnobLevels {
         self.applied
     }
 
@@ -184,7 +184,7 @@ impl SettingsFilter {
 
     /// Continues from `settings`, which were applied outside this filter, at the start of a full
     /// transition.
-    pub fn resume_from(&mut self, settings: RenderSettings) {
+    pub fn resume_from(&mut self, settings: KnobLevels) {
         for (knob, transition) in self.transitions.iter_mut().enumerate() {
             *transition = Transition::at_rest(settings.level(knob) as u8);
         }
@@ -201,10 +201,10 @@ impl SettingsFilter {
     pub fn step(
         &mut self,
         space: &KnobSpace,
-        target: RenderSettings,
+        target: KnobLevels,
         delta_seconds: f64,
         times: TransitionTimes,
-    ) -> RenderSettings {
+    ) -> KnobLevels {
         // Not `clamp` alone, which lets NaN pass.
         let delta_seconds =
             if delta_seconds > 0.0 { delta_seconds.min(MAX_STEP_SECONDS) } else { 0.0 };
@@ -248,8 +248,8 @@ mod tests {
     const QUICK_RISE: TransitionTimes = TransitionTimes { rise_seconds: 0.5, fall_seconds: 2.0 };
     const FRAME: f64 = 1.0 / 60.0;
 
-    fn settings(samples: usize, scale: usize) -> RenderSettings {
-        RenderSettings::default().with_level(0, samples).with_level(1, scale)
+    fn settings(samples: usize, scale: usize) -> KnobLevels {
+        KnobLevels::default().with_level(0, samples).with_level(1, scale)
     }
 
     /// One knob of 16 levels and one of 8.
@@ -258,7 +258,7 @@ mod tests {
         KnobSpace::new(vec![knob("long", 16), knob("shorter", 8)]).expect("a valid space")
     }
 
-    fn started(at: RenderSettings) -> SettingsFilter {
+    fn started(at: KnobLevels) -> SettingsFilter {
         let mut filter = SettingsFilter::default();
         assert_eq!(filter.step(&long_space(), at, 0.1, TWO), at, "the first step is not smoothed");
         filter
@@ -543,7 +543,7 @@ mod tests {
             |(times, steps)| {
                 let mut filter = SettingsFilter::default();
                 for (bits, delta) in steps {
-                    filter.step(&long_space(), RenderSettings::from_bits(bits), delta, times);
+                    filter.step(&long_space(), KnobLevels::from_bits(bits), delta, times);
                 }
                 filter
             },
@@ -560,10 +560,10 @@ mod tests {
                 if cut && bits % 3 == 0 {
                     filter.cut();
                 } else if bits % 7 == 0 {
-                    filter.resume_from(RenderSettings::from_bits(!bits));
+                    filter.resume_from(KnobLevels::from_bits(!bits));
                 }
                 let space = if bits % 5 == 0 { long_space() } else { space() };
-                let given = filter.step(&space, RenderSettings::from_bits(bits), delta, TransitionTimes { rise_seconds, fall_seconds });
+                let given = filter.step(&space, KnobLevels::from_bits(bits), delta, TransitionTimes { rise_seconds, fall_seconds });
                 prop_assert!(space.contains(given));
                 prop_assert_eq!(given, filter.applied());
                 for transition in &filter.transitions {
@@ -611,7 +611,7 @@ mod tests {
             deltas in prop::collection::vec(0.0..0.2, 1..100),
         ) {
             let space = long_space();
-            let target = space.from_levels(|knob, _| RenderSettings::from_bits(bits).level(knob));
+            let target = space.from_levels(|knob, _| KnobLevels::from_bits(bits).level(knob));
             filter.step(&space, target, 0.0, times);
             for delta in deltas {
                 let before = filter.clone();

@@ -90,7 +90,7 @@ mod tests {
     use crate::frontier::{
         CostPoint, ErrorRate, ErrorRates, Frontier, FrontierPoint, SampleRef, ViewDirection,
     };
-    use crate::knobs::{KnobSpace, RenderSettings};
+    use crate::knobs::{KnobLevels, KnobSpace};
 
     /// Easy views where x is below 0, hard ones elsewhere: an error of 0.015 or 0.1 at 1 W, falling
     /// as 1 / W.
@@ -101,7 +101,7 @@ mod tests {
             let point = |level: u64| {
                 let power = 1.0 + 0.1 * level as f64;
                 FrontierPoint {
-                    settings: RenderSettings::from_bits(level),
+                    settings: KnobLevels::from_bits(level),
                     cost: CostPoint::new(power, error / power.powi(2)),
                 }
             };

@@ -7,7 +7,7 @@ use bevy::reflect::Reflect;
 
 use super::Budget;
 use crate::frontier::{CostPoint, Frontier, FrontierPoint};
-use crate::knobs::RenderSettings;
+use crate::knobs::KnobLevels;
 
 /// Whether the budget is met, and the fallback where it is not.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Reflect)]
@@ -21,14 +21,14 @@ pub enum Outcome {
     ErrorCannotBeMet,
     /// No settings meet both limits; the least error within the power limit is selected, above the
     /// error limit.
-    ErrorGivesWay,
+    LimitedByPower,
 }
 
 /// The selected point of a frontier.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Choice {
     /// The settings.
-    pub settings: RenderSettings,
+    pub settings: KnobLevels,
     /// Predicted power and error at the sample camera.
     pub cost: CostPoint,
     /// Whether the budget is met.
@@ -83,7 +83,7 @@ pub fn select(frontier: &Frontier, budget: &Budget, rate: Option<f64>) -> Option
             Some(point) if error.is_none_or(|error| point.cost.error <= error) => {
                 choice(point, Outcome::Met)
             }
-            Some(point) => choice(point, Outcome::ErrorGivesWay),
+            Some(point) => choice(point, Outcome::LimitedByPower),
             None => choice(cheapest, Outcome::PowerCannotBeMet),
         },
     }
@@ -150,7 +150,7 @@ mod tests {
             Some((4.0, Outcome::Met)),
             "the least error within the power"
         );
-        assert_eq!(picked(Budget::both(Watts(1.5), 0.1)), Some((1.0, Outcome::ErrorGivesWay)));
+        assert_eq!(picked(Budget::both(Watts(1.5), 0.1)), Some((1.0, Outcome::LimitedByPower)));
         assert_eq!(picked(Budget::both(Watts(0.5), 0.3)), Some((1.0, Outcome::PowerCannotBeMet)));
         assert_eq!(
             picked(Budget::both(Watts(f64::INFINITY), f64::INFINITY)),
@@ -172,7 +172,7 @@ mod tests {
         prop::collection::vec((0.0..20.0_f64, 0.0..1.0_f64), 1..60).prop_map(|costs| {
             Frontier::from_points(costs.iter().enumerate().map(|(bits, (power, error))| {
                 FrontierPoint {
-                    settings: RenderSettings::from_bits(bits as u64),
+                    settings: KnobLevels::from_bits(bits as u64),
                     cost: CostPoint::new(*power, *error),
                 }
             }))
@@ -214,7 +214,7 @@ mod tests {
                     }
                     Outcome::PowerCannotBeMet => prop_assert!(!fits_power(cost) && cost.power >= choice.cost.power),
                     Outcome::ErrorCannotBeMet => prop_assert!(!fits_error(cost) && cost.error >= choice.cost.error),
-                    Outcome::ErrorGivesWay => prop_assert!(!(fits_power(cost) && fits_error(cost)) && fits_power(choice.cost)),
+                    Outcome::LimitedByPower => prop_assert!(!(fits_power(cost) && fits_error(cost)) && fits_power(choice.cost)),
                 }
             }
         }

@@ -12,7 +12,7 @@ use bevy::reflect::Reflect;
 
 use super::{Budget, ErrorPace, Outcome, SettingsFilter, TransitionTimes};
 use crate::frontier::{CostPoint, FrontierMap, FrontierStore, SampleCamera};
-use crate::knobs::{KnobSpace, RenderSettings};
+use crate::knobs::{KnobLevels, KnobSpace};
 
 /// Puts a camera under the controller, with the frontiers of a map. Adds a [`Budget`] without
 /// limits unless the camera has one.
@@ -97,10 +97,10 @@ pub struct Selection {
     /// Whether the controller is active, and whether the budget is met.
     pub status: ControlStatus,
     /// The selected settings. Undefined before the first [`ControlStatus::Active`].
-    pub target: RenderSettings,
+    pub target: KnobLevels,
     /// The settings applied in this frame, in transition to `target`. Undefined before the first
     /// [`ControlStatus::Active`].
-    pub applied: RenderSettings,
+    pub applied: KnobLevels,
     /// Power (watts) and error (1 − SSIM) of `target` at the sample camera; `None` unless `status`
     /// is [`ControlStatus::Active`].
     pub predicted: Option<CostPoint>,

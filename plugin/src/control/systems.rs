@@ -15,7 +15,7 @@ use super::{
     KnownKnobs, OffReason, Selection, SettingsFilter, choose,
 };
 use crate::frontier::{CameraView, FrontierMap, FrontierStore};
-use crate::knobs::{KnobSettings, KnobSpace, RenderSettings};
+use crate::knobs::{KnobLevels, KnobSettings, KnobSpace};
 
 /// Computed once per map: its knobs, shared by all cameras, or the reason why it cannot be used.
 type Prepared = Result<Arc<KnobSpace>, (OffReason, String)>;
@@ -203,7 +203,7 @@ fn same_space(a: &Arc<KnobSpace>, b: &Arc<KnobSpace>) -> bool {
 }
 
 /// Writes the settings, and triggers change detection only if their meaning differs.
-fn write(mut knobs: Mut<KnobSettings>, space: &Arc<KnobSpace>, applied: RenderSettings) {
+fn write(mut knobs: Mut<KnobSettings>, space: &Arc<KnobSpace>, applied: KnobLevels) {
     let same = same_space(&knobs.space, space);
     if !same || knobs.settings != applied {
         *knobs = KnobSettings { space: Arc::clone(space), settings: applied };

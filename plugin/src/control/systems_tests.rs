@@ -59,12 +59,12 @@ fn selection(app: &App, camera: Entity) -> Selection {
     *app.world().get::<Selection>(camera).expect("a selection")
 }
 
-fn applied(app: &App, camera: Entity) -> RenderSettings {
+fn applied(app: &App, camera: Entity) -> KnobLevels {
     app.world().get::<KnobSettings>(camera).expect("settings").settings
 }
 
-fn at(samples: usize, scale: usize) -> RenderSettings {
-    RenderSettings::default().with_level(0, samples).with_level(1, scale)
+fn at(samples: usize, scale: usize) -> KnobLevels {
+    KnobLevels::default().with_level(0, samples).with_level(1, scale)
 }
 
 fn run(app: &mut App, frames: usize) {

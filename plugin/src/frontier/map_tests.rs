@@ -3,7 +3,7 @@
 use super::*;
 use crate::frontier::testing;
 use crate::frontier::{CostPoint, Frontier, FrontierPoint, OctreeError};
-use crate::knobs::RenderSettings;
+use crate::knobs::KnobLevels;
 
 fn rejection(change: fn(&mut FrontierMap)) -> FrontierMapError {
     let mut map = testing::map(1);
@@ -120,7 +120,7 @@ fn invalid_octrees_and_unknown_settings_are_rejected() {
     assert_eq!(missing, FrontierMapError::Octree(OctreeError::CornerMissing([2; 3])));
     let point = |bits, power, error| {
         Frontier::from_points([FrontierPoint {
-            settings: RenderSettings::from_bits(bits),
+            settings: KnobLevels::from_bits(bits),
             cost: CostPoint::new(power, error),
         }])
     };

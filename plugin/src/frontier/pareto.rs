@@ -5,7 +5,7 @@
 use bevy::reflect::Reflect;
 use serde::{Deserialize, Serialize};
 
-use crate::knobs::RenderSettings;
+use crate::knobs::KnobLevels;
 use crate::units::Watts;
 
 /// Power and error of settings at one camera.
@@ -41,7 +41,7 @@ impl CostPoint {
 #[derive(Clone, Copy, Debug, PartialEq, Reflect, Serialize, Deserialize)]
 pub struct FrontierPoint {
     /// The settings.
-    pub settings: RenderSettings,
+    pub settings: KnobLevels,
     /// Their power and error.
     pub cost: CostPoint,
 }
@@ -147,10 +147,7 @@ mod tests {
     use super::*;
 
     fn point(bits: u64, power: f64, error: f64) -> FrontierPoint {
-        FrontierPoint {
-            settings: RenderSettings::from_bits(bits),
-            cost: CostPoint::new(power, error),
-        }
+        FrontierPoint { settings: KnobLevels::from_bits(bits), cost: CostPoint::new(power, error) }
     }
 
     fn staircase() -> Frontier {

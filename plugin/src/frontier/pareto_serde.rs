@@ -8,7 +8,7 @@ use serde::de::{Deserialize, Deserializer, Error as _, SeqAccess, Visitor};
 use serde::ser::{Serialize, SerializeSeq, Serializer};
 
 use super::{CostPoint, Frontier, FrontierPoint};
-use crate::knobs::RenderSettings;
+use crate::knobs::KnobLevels;
 
 /// Maximum number of points to allocate for before they are read, so that a forged length allocates
 /// little.
@@ -61,9 +61,7 @@ impl<'de> Visitor<'de> for Points {
     fn visit_seq<A: SeqAccess<'de>>(self, mut list: A) -> Result<Frontier, A::Error> {
         let mut points: Vec<FrontierPoint> =
             Vec::with_capacity(list.size_hint().unwrap_or(0).min(MAX_PREALLOCATED_POINTS));
-        while let Some((settings, power, error)) =
-            list.next_element::<(RenderSettings, f64, f64)>()?
-        {
+        while let Some((settings, power, error)) = list.next_element::<(KnobLevels, f64, f64)>()? {
             let cost = CostPoint::new(power, error);
             if !cost.is_finite() {
                 return Err(A::Error::custom(format_args!(
@@ -92,10 +90,7 @@ mod tests {
     use super::*;
 
     fn point(bits: u64, power: f64, error: f64) -> FrontierPoint {
-        FrontierPoint {
-            settings: RenderSettings::from_bits(bits),
-            cost: CostPoint::new(power, error),
-        }
+        FrontierPoint { settings: KnobLevels::from_bits(bits), cost: CostPoint::new(power, error) }
     }
 
     #[test]

@@ -6,7 +6,7 @@ use super::{
     Bounds, Capture, Corner, CostPoint, ErrorRates, Frontier, FrontierMap, FrontierPoint, Leaf,
     Octree, SceneIdentity, Thresholds, WorkPrices,
 };
-use crate::knobs::{Knob, KnobSpace, RenderSettings};
+use crate::knobs::{Knob, KnobLevels, KnobSpace};
 use crate::power::{MeterInfo, Provenance};
 
 /// The eight corners of a leaf.
@@ -50,7 +50,7 @@ pub(crate) fn subdivided(levels: u8) -> Octree {
 /// and 0.
 pub(crate) fn frontier(base: f64) -> Frontier {
     let settings =
-        |samples, scale| RenderSettings::default().with_level(0, samples).with_level(1, scale);
+        |samples, scale| KnobLevels::default().with_level(0, samples).with_level(1, scale);
     let point =
         |settings, power, error| FrontierPoint { settings, cost: CostPoint::new(power, error) };
     Frontier::from_points([

@@ -6,7 +6,7 @@ use bevy::ecs::prelude::*;
 use bevy::log::warn_once;
 use bevy::platform::collections::HashMap;
 
-use super::{KnobRegistry, KnobScope, KnobSettings, KnownKnobs, RegisterKnob, RenderSettings};
+use super::{KnobLevels, KnobRegistry, KnobScope, KnobSettings, KnownKnobs, RegisterKnob};
 use super::{builtin, warm};
 use crate::schedule::KnobSystems;
 
@@ -32,7 +32,7 @@ impl Plugin for KnobPlugin {
             .register_knob(builtin::TextureDetail)
             .register_knob(builtin::PostProcessing)
             .register_knob(builtin::ResolutionScaleKnob)
-            .register_type::<RenderSettings>()
+            .register_type::<KnobLevels>()
             .configure_sets(PostUpdate, KnobSystems::Apply.before(CameraUpdateSystems))
             .add_systems(
                 PostUpdate,

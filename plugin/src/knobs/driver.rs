@@ -29,7 +29,7 @@ pub trait KnobDriver: Send + Sync + 'static {
     /// Whether the knob is opt-in: part of a space only where it is named explicitly. For knobs
     /// that change the target image, not the approximation quality. Maps, searches and the best
     /// settings leave it unchanged otherwise. Default: false.
-    fn is_by_name_only(&self) -> bool {
+    fn is_opt_in(&self) -> bool {
         false
     }
 
@@ -79,7 +79,7 @@ impl KnobRegistry {
     /// [`KnobSpaceError`] when there are more knobs than settings can pack, or one has invalid
     /// levels.
     pub fn space_with(&self, is_named: impl Fn(&str) -> bool) -> Result<KnobSpace, KnobSpaceError> {
-        let offered = self.drivers.iter().map(|driver| (driver.knob(), driver.is_by_name_only()));
+        let offered = self.drivers.iter().map(|driver| (driver.knob(), driver.is_opt_in()));
         KnobSpace::new(
             offered
                 .filter(|(knob, opt_in)| !opt_in || is_named(&knob.name))

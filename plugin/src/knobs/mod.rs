@@ -19,5 +19,5 @@ pub use apply::{AppliedKnobs, KnobPlugin};
 pub use driver::{KnobDriver, KnobRegistry, KnobScope, RegisterKnob};
 pub use known::KnownKnobs;
 pub use settings::KnobSettings;
-pub use space::{Knob, KnobSpace, KnobSpaceError, Level, Need, RenderSettings};
+pub use space::{DependsOn, Knob, KnobLevels, KnobSpace, KnobSpaceError, Level};
 pub use warm::WarmKnobs;

@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use bevy::ecs::prelude::*;
 
-use super::{KnobSpace, RenderSettings};
+use super::{KnobLevels, KnobSpace};
 
 /// The levels of this camera's knobs, applied whenever they change. Set by the app, or by the
 /// controller.
@@ -15,5 +15,5 @@ pub struct KnobSettings {
     /// The knobs that `settings` refers to.
     pub space: Arc<KnobSpace>,
     /// One level per knob of `space`. A level beyond a knob's last counts as the last.
-    pub settings: RenderSettings,
+    pub settings: KnobLevels,
 }

@@ -5,7 +5,7 @@
 use bevy::reflect::Reflect;
 use serde::{Deserialize, Serialize};
 
-/// Bits per knob in [`RenderSettings`].
+/// Bits per knob in [`KnobLevels`].
 const BITS: u32 = 4;
 
 /// One level per knob of a [`KnobSpace`], four bits each, with the space's first knob in the lowest
@@ -27,9 +27,9 @@ const BITS: u32 = 4;
     Deserialize,
 )]
 #[serde(transparent)]
-pub struct RenderSettings(u64);
+pub struct KnobLevels(u64);
 
-impl RenderSettings {
+impl KnobLevels {
     /// Maximum number of knobs of a space.
     pub const MAX_KNOBS: usize = (u64::BITS / BITS) as usize;
     /// Maximum number of levels of a knob.
@@ -75,7 +75,7 @@ pub struct Level {
 
 /// Condition under which a knob has an effect: another knob at a minimum level.
 #[derive(Clone, Debug, PartialEq, Eq, Reflect, Serialize, Deserialize)]
-pub struct Need {
+pub struct DependsOn {
     /// Name of the other knob.
     pub knob: String,
     /// Minimum level of the other knob, as an index.
@@ -88,11 +88,11 @@ pub struct Knob {
     /// Identifier in snake case, unique in its space; used on the command line and in files.
     pub name: String,
     /// Levels in order of increasing quality, usually cheapest first; 1 to
-    /// [`RenderSettings::MAX_LEVELS`].
+    /// [`KnobLevels::MAX_LEVELS`].
     pub levels: Vec<Level>,
     /// Dependency on another knob. Unless it is met, all levels of this knob give the same image at
     /// the same cost.
-    pub needs: Option<Need>,
+    pub needs: Option<DependsOn>,
 }
 
 impl Knob {
@@ -114,7 +114,7 @@ impl Knob {
     /// The same knob, with an effect only while `knob` is at level `at_least` or above.
     #[must_use]
     pub fn needing(mut self, knob: &str, at_least: usize) -> Self {
-        self.needs = Some(Need { knob: knob.to_owned(), at_least });
+        self.needs = Some(DependsOn { knob: knob.to_owned(), at_least });
         self
     }
 }
@@ -123,11 +123,11 @@ impl Knob {
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[non_exhaustive]
 pub enum KnobSpaceError {
-    /// More knobs than [`RenderSettings`] can pack.
-    #[error("{0} knobs, but settings pack at most {max}: leave some out", max = RenderSettings::MAX_KNOBS)]
+    /// More knobs than [`KnobLevels`] can pack.
+    #[error("{0} knobs, but settings pack at most {max}: leave some out", max = KnobLevels::MAX_KNOBS)]
     TooManyKnobs(usize),
     /// No level, too many levels, or a value that is not finite.
-    #[error("knob `{0}` must have 1 to {max} levels with finite values", max = RenderSettings::MAX_LEVELS)]
+    #[error("knob `{0}` must have 1 to {max} levels with finite values", max = KnobLevels::MAX_LEVELS)]
     BadLevels(String),
     /// Two knobs with the same name.
     #[error("knob `{0}` appears twice")]
@@ -155,7 +155,7 @@ pub enum KnobSpaceError {
     NotAnAssignment(String),
 }
 
-/// An ordered set of knobs, in the order in which [`RenderSettings`] packs their levels.
+/// An ordered set of knobs, in the order in which [`KnobLevels`] packs their levels.
 #[derive(Clone, Debug, Default, PartialEq, Reflect, Serialize, Deserialize)]
 #[serde(try_from = "Vec<Knob>", into = "Vec<Knob>")]
 pub struct KnobSpace {
@@ -180,15 +180,15 @@ impl KnobSpace {
     /// A space of `knobs`, in this order.
     ///
     /// # Errors
-    /// [`KnobSpaceError`] for more than [`RenderSettings::MAX_KNOBS`] knobs, duplicate names, or a
-    /// knob that has no level, more than [`RenderSettings::MAX_LEVELS`], or a value that is not
+    /// [`KnobSpaceError`] for more than [`KnobLevels::MAX_KNOBS`] knobs, duplicate names, or a
+    /// knob that has no level, more than [`KnobLevels::MAX_LEVELS`], or a value that is not
     /// finite.
     pub fn new(knobs: Vec<Knob>) -> Result<Self, KnobSpaceError> {
-        if knobs.len() > RenderSettings::MAX_KNOBS {
+        if knobs.len() > KnobLevels::MAX_KNOBS {
             return Err(KnobSpaceError::TooManyKnobs(knobs.len()));
         }
         for (index, knob) in knobs.iter().enumerate() {
-            let valid_count = (1..=RenderSettings::MAX_LEVELS).contains(&knob.levels.len());
+            let valid_count = (1..=KnobLevels::MAX_LEVELS).contains(&knob.levels.len());
             if !valid_count || knob.levels.iter().any(|level| !level.value.is_finite()) {
                 return Err(KnobSpaceError::BadLevels(knob.name.clone()));
             }
@@ -221,38 +221,38 @@ impl KnobSpace {
 
     /// Value of the knob called `name`, in the knob's unit; `None` if the space lacks the knob or
     /// the level.
-    pub fn value(&self, settings: RenderSettings, name: &str) -> Option<f64> {
+    pub fn value(&self, settings: KnobLevels, name: &str) -> Option<f64> {
         let knob = self.index_of(name)?;
         Some(self.knobs[knob].levels.get(settings.level(knob))?.value)
     }
 
     /// Every knob at its highest level: the best settings, the reference of the error metric.
-    pub fn highest(&self) -> RenderSettings {
+    pub fn highest(&self) -> KnobLevels {
         self.preset(1.0)
     }
 
     /// Every knob at its lowest level: the cheapest settings.
-    pub fn lowest(&self) -> RenderSettings {
+    pub fn lowest(&self) -> KnobLevels {
         self.preset(0.0)
     }
 
     /// Every knob at the same `share` of its levels, rounded, as in an engine's fixed presets.
     /// `share` is clamped to 0 to 1; NaN counts as 0.
-    pub fn preset(&self, share: f64) -> RenderSettings {
+    pub fn preset(&self, share: f64) -> KnobLevels {
         let share = if share.is_nan() { 0.0 } else { share.clamp(0.0, 1.0) };
         self.from_levels(|_, knob| (share * (knob.levels.len() - 1) as f64).round() as usize)
     }
 
     /// Settings with the level that `level` returns for each knob and its index. Levels beyond a
     /// knob's last are clamped to it.
-    pub fn from_levels(&self, mut level: impl FnMut(usize, &Knob) -> usize) -> RenderSettings {
-        self.knobs.iter().enumerate().fold(RenderSettings::default(), |settings, (index, knob)| {
+    pub fn from_levels(&self, mut level: impl FnMut(usize, &Knob) -> usize) -> KnobLevels {
+        self.knobs.iter().enumerate().fold(KnobLevels::default(), |settings, (index, knob)| {
             settings.with_level(index, level(index, knob).min(knob.levels.len() - 1))
         })
     }
 
     /// Whether every level exists and all bits beyond the space's knobs are 0.
-    pub fn contains(&self, settings: RenderSettings) -> bool {
+    pub fn contains(&self, settings: KnobLevels) -> bool {
         settings == self.from_levels(|index, _| settings.level(index))
     }
 
@@ -261,7 +261,7 @@ impl KnobSpace {
     ///
     /// Without it a search would render the same image for many settings.
     #[must_use]
-    pub fn canonical(&self, settings: RenderSettings) -> RenderSettings {
+    pub fn canonical(&self, settings: KnobLevels) -> KnobLevels {
         self.from_levels(
             |index, knob| if self.has_effect(settings, knob) { settings.level(index) } else { 0 },
         )
@@ -271,8 +271,8 @@ impl KnobSpace {
     /// appearance.
     pub fn canonical_once(
         &self,
-        settings: impl IntoIterator<Item = RenderSettings>,
-    ) -> Vec<RenderSettings> {
+        settings: impl IntoIterator<Item = KnobLevels>,
+    ) -> Vec<KnobLevels> {
         let mut seen = std::collections::HashSet::new();
         settings
             .into_iter()
@@ -281,7 +281,7 @@ impl KnobSpace {
             .collect()
     }
 
-    fn has_effect(&self, settings: RenderSettings, knob: &Knob) -> bool {
+    fn has_effect(&self, settings: KnobLevels, knob: &Knob) -> bool {
         self.dependencies(knob).all(|(other, at_least)| settings.level(other) >= at_least)
     }
 
@@ -300,7 +300,7 @@ impl KnobSpace {
     /// The cheapest settings at which `knob` has an effect: one per valid level of the knob that it
     /// needs, or [`lowest`](Self::lowest) alone if it needs none. Showing all levels of `knob` at
     /// each of them covers every pair of levels of the two knobs.
-    pub fn cheapest_with(&self, knob: &Knob) -> Vec<RenderSettings> {
+    pub fn cheapest_with(&self, knob: &Knob) -> Vec<KnobLevels> {
         let mut dependencies = self.dependencies(knob);
         let first = dependencies.next();
         let base = dependencies.fold(self.lowest(), |settings, (other, at_least)| {
@@ -316,7 +316,7 @@ impl KnobSpace {
     pub fn combinations(&self) -> u64 {
         // A knob usually follows the knob that it needs. Enumeration would be exact too, but spaces
         // reach millions of settings.
-        fn count(space: &KnobSpace, index: usize, settings: RenderSettings) -> u64 {
+        fn count(space: &KnobSpace, index: usize, settings: KnobLevels) -> u64 {
             let Some(knob) = space.knobs.get(index) else { return 1 };
             let independent = |from: usize| {
                 space.knobs[from..].iter().all(|k| k.needs.is_none())
@@ -342,7 +342,7 @@ impl KnobSpace {
 
     /// All distinct settings in [canonical](Self::canonical) form, in counting order with the first
     /// knob fastest.
-    pub fn iter(&self) -> impl Iterator<Item = RenderSettings> + '_ {
+    pub fn iter(&self) -> impl Iterator<Item = KnobLevels> + '_ {
         let mut next = Some(self.lowest());
         std::iter::from_fn(move || {
             let current = next?;
@@ -352,7 +352,7 @@ impl KnobSpace {
         .filter(|settings| self.canonical(*settings) == *settings)
     }
 
-    fn successor(&self, settings: RenderSettings) -> Option<RenderSettings> {
+    fn successor(&self, settings: KnobLevels) -> Option<KnobLevels> {
         let mut settings = settings;
         for (index, knob) in self.knobs.iter().enumerate() {
             let level = settings.level(index) + 1;
@@ -392,7 +392,7 @@ impl KnobSpace {
     ///
     /// # Errors
     /// [`KnobSpaceError`] when the text is of another form, or names an unknown knob or level.
-    pub fn parse(&self, text: &str) -> Result<RenderSettings, KnobSpaceError> {
+    pub fn parse(&self, text: &str) -> Result<KnobLevels, KnobSpaceError> {
         let mut settings = self.highest();
         for part in text.split(',').map(str::trim).filter(|part| !part.is_empty()) {
             match part {
@@ -422,7 +422,7 @@ impl KnobSpace {
 
     /// The settings as `knob=level` pairs separated by commas, as [`parse`](Self::parse) reads
     /// them; `?` for a level that the knob lacks.
-    pub fn describe(&self, settings: RenderSettings) -> String {
+    pub fn describe(&self, settings: KnobLevels) -> String {
         let pair = |(index, knob): (usize, &Knob)| {
             let label =
                 knob.levels.get(settings.level(index)).map_or("?", |level| level.label.as_str());
@@ -478,7 +478,7 @@ mod tests {
         let all: Vec<_> = space.iter().collect();
         // Without a count there are no rays, and without rays no sky: 1 + 2 * (1 + 2 * 2).
         assert_eq!((all.len(), space.combinations()), (11, 11));
-        let dark = RenderSettings::default().with_level(1, 2).with_level(2, 1);
+        let dark = KnobLevels::default().with_level(1, 2).with_level(2, 1);
         assert_eq!(space.canonical(dark), space.lowest());
         let shown: Vec<_> = space
             .cheapest_with(&space.knobs()[2])

@@ -11,7 +11,7 @@ use bevy::ecs::prelude::*;
 use bevy::log::warn;
 use bevy::platform::time::Instant;
 
-use super::{KnobSettings, KnobSpace, KnobSystems, RenderSettings};
+use super::{KnobLevels, KnobSettings, KnobSpace, KnobSystems};
 use crate::pipelines::PipelinesBusy;
 
 /// Consecutive frames without pending pipelines after which all count as compiled: the renderer's
@@ -35,7 +35,7 @@ const MAX_WAIT_SECONDS: f32 = 120.0;
 #[derive(Component, Clone, Debug)]
 pub struct WarmKnobs {
     space: Arc<KnobSpace>,
-    levels: Vec<RenderSettings>,
+    levels: Vec<KnobLevels>,
     phase: Phase,
     before: Option<KnobSettings>,
     idle_frames: u32,
@@ -123,7 +123,7 @@ impl WarmKnobs {
 /// Every level of every knob, with the other knobs at their cheapest, which keeps the warm-up
 /// short. A knob that depends on another is shown with each level of that one: the two may share a
 /// pipeline.
-fn levels_to_show(space: &KnobSpace) -> Vec<RenderSettings> {
+fn levels_to_show(space: &KnobSpace) -> Vec<KnobLevels> {
     let mut shown = Vec::new();
     for (index, knob) in space.knobs().iter().enumerate() {
         for base in space.cheapest_with(knob) {
@@ -187,9 +187,9 @@ mod tests {
     }
 
     fn run(
-        before: Option<RenderSettings>,
+        before: Option<KnobLevels>,
         busy: impl Fn(usize) -> bool,
-    ) -> (Vec<f64>, Option<RenderSettings>, usize) {
+    ) -> (Vec<f64>, Option<KnobLevels>, usize) {
         let mut app = App::new();
         app.add_plugins((MinimalPlugins, KnobPlugin)).register_knob(RecordingKnob);
         let pipelines_busy = PipelinesBusy::new(true);
@@ -215,7 +215,7 @@ mod tests {
 
     #[test]
     fn every_level_is_shown_and_the_settings_are_restored() {
-        let middle = RenderSettings::default().with_level(0, 1);
+        let middle = KnobLevels::default().with_level(0, 1);
         let (shown, after, _) = run(Some(middle), |_| false);
         assert_eq!(shown, [1.0, 2.0, 3.0, 2.0]);
         assert_eq!(after, Some(middle));
@@ -225,7 +225,7 @@ mod tests {
     fn without_settings_the_best_are_left() {
         let (shown, after, _) = run(None, |_| false);
         assert_eq!(shown, [1.0, 2.0, 3.0]);
-        assert_eq!(after, Some(RenderSettings::default().with_level(0, 2)));
+        assert_eq!(after, Some(KnobLevels::default().with_level(0, 2)));
     }
 
     #[test]

@@ -3,7 +3,7 @@
 use std::path::PathBuf;
 use std::time::{Duration, Instant};
 
-use bevy_frugal_gi::knobs::{KnobSpace, RenderSettings};
+use bevy_frugal_gi::knobs::{KnobLevels, KnobSpace};
 
 use super::arguments::{CaptureArguments, check_outputs, duration, open_scene, write};
 use super::precompute::{open_stage, prices};
@@ -40,7 +40,7 @@ const FEWEST: usize = 40;
 
 /// The best settings with one knob lowered, and the cheapest with one knob raised: prices must be
 /// valid at both ends.
-fn calibration_settings(space: &KnobSpace) -> Vec<RenderSettings> {
+fn calibration_settings(space: &KnobSpace) -> Vec<KnobLevels> {
     let raised = (0..space.len())
         .flat_map(|knob| (1..space.knobs()[knob].levels.len()).map(move |level| (knob, level)));
     let raised = raised.map(|(knob, level)| space.lowest().with_level(knob, level));

@@ -1,7 +1,7 @@
 //! Work of a frame as a function of its settings.
 
 use bevy_frugal_gi::gi::{FrugalGi, GiVisibility};
-use bevy_frugal_gi::knobs::{KnobSpace, RenderSettings};
+use bevy_frugal_gi::knobs::{KnobLevels, KnobSpace};
 
 use crate::scene::{Environment, SceneDescription};
 
@@ -92,7 +92,7 @@ pub struct Work(pub Vec<f64>);
 
 impl Work {
     /// The work of `settings`. Knobs that `space` lacks count as at their best.
-    pub fn of(space: &KnobSpace, settings: RenderSettings, layout: &FrameLayout) -> Self {
+    pub fn of(space: &KnobSpace, settings: KnobLevels, layout: &FrameLayout) -> Self {
         let settings = space.canonical(settings);
         let value = |name: &str, best: f64| space.value(settings, name).unwrap_or(best);
         let [width, height] = layout.size.map(f64::from);
@@ -170,7 +170,7 @@ mod tests {
 
     const LAYOUT: FrameLayout = FrameLayout { size: [160, 90], maps: 2, has_sky: true };
 
-    fn named(space: &KnobSpace, settings: RenderSettings, name: &str) -> f64 {
+    fn named(space: &KnobSpace, settings: KnobLevels, name: &str) -> f64 {
         let at = work_names(space).iter().position(|kind| kind == name).expect("a kind of work");
         Work::of(space, settings, &LAYOUT).0[at]
     }

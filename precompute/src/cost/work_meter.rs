@@ -5,7 +5,7 @@ use std::path::Path;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
 
-use bevy_frugal_gi::knobs::{KnobSpace, RenderSettings};
+use bevy_frugal_gi::knobs::{KnobLevels, KnobSpace};
 use bevy_frugal_gi::power::{MeterError, MeterInfo, PowerMeter, Provenance};
 use bevy_frugal_gi::units::{Joules, Watts};
 
@@ -105,14 +105,14 @@ impl PowerMeter for WorkMeter {
 
 impl WorkLedger {
     /// Counts a frame at `settings`.
-    pub fn count(&self, space: &KnobSpace, settings: RenderSettings) {
+    pub fn count(&self, space: &KnobSpace, settings: KnobLevels) {
         let joules = self.joules(space, settings);
         self.counted.fetch_add((joules * UNITS_PER_JOULE).round() as u64, Ordering::Relaxed);
     }
 
     /// Energy of a frame at `settings`, without the device's idle energy. Kinds of work without a
     /// price are free.
-    pub fn joules(&self, space: &KnobSpace, settings: RenderSettings) -> f64 {
+    pub fn joules(&self, space: &KnobSpace, settings: KnobLevels) -> f64 {
         let work = Work::of(space, settings, &self.layout);
         let price = |kind: &String| price(&self.device.prices, kind).unwrap_or(0.0);
         work_names(space).iter().zip(&work.0).map(|(kind, work)| price(kind) * work).sum()

@@ -45,7 +45,7 @@ pub fn dominates(one: &[FrameRecord], other: &[FrameRecord], fps: f64) -> bool {
 
 #[cfg(test)]
 mod tests {
-    use bevy_frugal_gi::knobs::RenderSettings;
+    use bevy_frugal_gi::knobs::KnobLevels;
     use bevy_frugal_gi::units::Watts;
 
     use super::*;
@@ -53,7 +53,7 @@ mod tests {
     fn series(power: impl Fn(usize) -> f64, error: f64) -> Vec<FrameRecord> {
         let frame = |index| FrameRecord {
             time: 0.0,
-            settings: RenderSettings::default(),
+            settings: KnobLevels::default(),
             power: Watts(power(index)),
             error,
             predicted: None,

@@ -2,7 +2,7 @@
 
 use bevy_frugal_gi::control::{Budget, ControlSettings, ErrorPace, SettingsFilter, choose};
 use bevy_frugal_gi::frontier::{CameraView, FrontierStore};
-use bevy_frugal_gi::knobs::RenderSettings;
+use bevy_frugal_gi::knobs::KnobLevels;
 
 use super::{Choice, Policy, Pose, ResolvedBudget};
 
@@ -14,7 +14,7 @@ pub struct Controller<'a> {
     pace: ErrorPace,
     filter: SettingsFilter,
     settings: ControlSettings,
-    last: RenderSettings,
+    last: KnobLevels,
 }
 
 impl<'a> Controller<'a> {

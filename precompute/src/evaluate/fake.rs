@@ -1,7 +1,7 @@
 //! A frame renderer whose power and error are formulas, for tests.
 
 use bevy::math::{Quat, Vec3};
-use bevy_frugal_gi::knobs::{Knob, KnobSpace, RenderSettings};
+use bevy_frugal_gi::knobs::{Knob, KnobLevels, KnobSpace};
 use bevy_frugal_gi::power::{MeterInfo, Provenance};
 use bevy_frugal_gi::units::Watts;
 
@@ -51,19 +51,19 @@ pub(crate) fn path() -> PathPlan {
 }
 
 /// Power at x = 0 without drift.
-pub(crate) fn power(settings: RenderSettings) -> f64 {
+pub(crate) fn power(settings: KnobLevels) -> f64 {
     1.0 + 0.5 * settings.level(0) as f64
         + 0.4 * settings.level(1) as f64
         + 0.2 * settings.level(2) as f64
 }
 
 /// 1 − SSIM of two uniform greys.
-pub(crate) fn error(settings: RenderSettings) -> f64 {
+pub(crate) fn error(settings: KnobLevels) -> f64 {
     let (a, b) = (200.0, f64::from(grey(settings)));
     1.0 - (2.0 * a * b + 6.5025) / (a * a + b * b + 6.5025)
 }
 
-fn grey(settings: RenderSettings) -> u8 {
+fn grey(settings: KnobLevels) -> u8 {
     let levels = (0..3).map(|knob| settings.level(knob) as u8).sum::<u8>();
     200 - 10 * (8 - levels)
 }
@@ -71,7 +71,7 @@ fn grey(settings: RenderSettings) -> u8 {
 impl FrameRenderer for Fake {
     type Error = std::fmt::Error;
 
-    fn begin_run(&mut self, name: &str, _: &Pose, _: RenderSettings) -> Result<(), Self::Error> {
+    fn begin_run(&mut self, name: &str, _: &Pose, _: KnobLevels) -> Result<(), Self::Error> {
         self.runs.push(name.to_owned());
         Ok(())
     }
@@ -79,7 +79,7 @@ impl FrameRenderer for Fake {
     fn render_frame(
         &mut self,
         pose: &Pose,
-        settings: RenderSettings,
+        settings: KnobLevels,
     ) -> Result<RenderedFrame, Self::Error> {
         let mut watts = power(settings)
             + 0.01 * f64::from(pose.position.x)

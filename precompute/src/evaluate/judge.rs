@@ -2,7 +2,7 @@
 
 use bevy_frugal_gi::control::{Budget, ControlSettings, SettingsFilter};
 use bevy_frugal_gi::frontier::{CostPoint, FrontierMap};
-use bevy_frugal_gi::knobs::{KnobSpace, RenderSettings};
+use bevy_frugal_gi::knobs::{KnobLevels, KnobSpace};
 
 use super::baselines::{
     Oracle, Reactive, best_constant, best_of, default_settings, ladder, oracle,
@@ -36,7 +36,7 @@ const FAIR: [&str; 4] = ["best-constant-elsewhere", "reactive", "default", "reso
 
 /// Settings to record for all runs: those of the map, the presets, and those with only the
 /// resolution or the share of GI pixels lowered.
-pub fn settings_to_record(map: &FrontierMap) -> Vec<RenderSettings> {
+pub fn settings_to_record(map: &FrontierMap) -> Vec<KnobLevels> {
     let space = &map.knobs;
     let mut all = vec![space.highest(), space.lowest(), default_settings(space)];
     all.extend([2.0 / 3.0, 1.0 / 3.0].map(|share| space.preset(share)));
@@ -48,14 +48,14 @@ pub fn settings_to_record(map: &FrontierMap) -> Vec<RenderSettings> {
 }
 
 /// Hand-written constants: all knobs at their best, indirect light gathered at fewer pixels.
-fn hand_written(space: &KnobSpace) -> Vec<RenderSettings> {
+fn hand_written(space: &KnobSpace) -> Vec<KnobLevels> {
     let Some(knob) = space.index_of("gi_pixel_fraction") else { return Vec::new() };
     (0..space.knobs()[knob].levels.len())
         .map(|level| space.highest().with_level(knob, level))
         .collect()
 }
 
-fn resolutions(space: &KnobSpace) -> Vec<RenderSettings> {
+fn resolutions(space: &KnobSpace) -> Vec<KnobLevels> {
     let Some(knob) = space.index_of(RESOLUTION_KNOB) else { return Vec::new() };
     (0..space.knobs()[knob].levels.len())
         .map(|level| space.canonical(space.highest().with_level(knob, level)))
@@ -63,7 +63,7 @@ fn resolutions(space: &KnobSpace) -> Vec<RenderSettings> {
 }
 
 /// The best constant by the map's training cameras.
-fn elsewhere(map: &FrontierMap, budget: &ResolvedBudget) -> Option<RenderSettings> {
+fn elsewhere(map: &FrontierMap, budget: &ResolvedBudget) -> Option<KnobLevels> {
     let points = map.shared.points().iter().map(|point| (point.settings, point.cost));
     best_of(points, budget).map(|(settings, _)| settings)
 }
@@ -78,8 +78,8 @@ pub fn judge(
     control: ControlSettings,
 ) -> Judged {
     let space = &record.space;
-    let fixed = |settings: RenderSettings| record.simulate(&mut Fixed(settings));
-    let mean = |settings: RenderSettings| {
+    let fixed = |settings: KnobLevels| record.simulate(&mut Fixed(settings));
+    let mean = |settings: KnobLevels| {
         let column = record.table.column(space.canonical(settings));
         column
             .and_then(|column| record.table.mean(column, 0..record.table.rows()))

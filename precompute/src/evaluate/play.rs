@@ -3,7 +3,7 @@
 use std::ops::ControlFlow;
 
 use bevy_frugal_gi::frontier::CostPoint;
-use bevy_frugal_gi::knobs::RenderSettings;
+use bevy_frugal_gi::knobs::KnobLevels;
 use bevy_frugal_gi::units::Watts;
 
 use crate::metrics::{Picture, Reference};
@@ -36,7 +36,7 @@ pub trait FrameRenderer {
         &mut self,
         name: &str,
         pose: &Pose,
-        settings: RenderSettings,
+        settings: KnobLevels,
     ) -> Result<(), Self::Error>;
 
     /// Renders the next frame, at `pose` with `settings`. All frames are of one size.
@@ -46,7 +46,7 @@ pub trait FrameRenderer {
     fn render_frame(
         &mut self,
         pose: &Pose,
-        settings: RenderSettings,
+        settings: KnobLevels,
     ) -> Result<RenderedFrame, Self::Error>;
 }
 
@@ -54,15 +54,15 @@ pub trait FrameRenderer {
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Choice {
     /// The settings.
-    pub settings: RenderSettings,
+    pub settings: KnobLevels,
     /// The settings that the filter moves to; other than `settings` during a transition.
-    pub target: RenderSettings,
+    pub target: KnobLevels,
     /// Predicted cost of the target, where the policy has a prediction.
     pub predicted: Option<CostPoint>,
 }
 
-impl From<RenderSettings> for Choice {
-    fn from(settings: RenderSettings) -> Self {
+impl From<KnobLevels> for Choice {
+    fn from(settings: KnobLevels) -> Self {
         Self { settings, target: settings, predicted: None }
     }
 }
@@ -81,7 +81,7 @@ pub trait Policy {
 
 /// The same settings throughout.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Fixed(pub RenderSettings);
+pub struct Fixed(pub KnobLevels);
 
 impl Policy for Fixed {
     fn decide(&mut self, _: usize, _: f64, _: &Pose) -> Choice {
@@ -195,7 +195,7 @@ pub struct FrameRecord {
     /// Seconds since the path's start.
     pub time: f64,
     /// The settings it was rendered with.
-    pub settings: RenderSettings,
+    pub settings: KnobLevels,
     /// Power at the target frame rate.
     pub power: Watts,
     /// 1 − SSIM against the same frame at the best settings.

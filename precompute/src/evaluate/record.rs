@@ -9,7 +9,7 @@
 use std::ops::ControlFlow;
 
 use bevy_frugal_gi::frontier::CostPoint;
-use bevy_frugal_gi::knobs::{KnobSpace, RenderSettings};
+use bevy_frugal_gi::knobs::{KnobLevels, KnobSpace};
 
 use super::play::{Against, play};
 use super::{
@@ -71,7 +71,7 @@ impl PathRecord {
     pub fn extend<P: FrameRenderer>(
         &mut self,
         renderer: &mut P,
-        settings: &[RenderSettings],
+        settings: &[KnobLevels],
         journal: &mut Journal,
         on_frame: &mut dyn FnMut(&Progress<'_>) -> ControlFlow<()>,
     ) -> Result<(), RecordError<P::Error>> {
@@ -185,9 +185,9 @@ impl PathRecord {
     fn cost(
         &self,
         frame: usize,
-        settings: RenderSettings,
-        target: RenderSettings,
-        last: &mut Option<RenderSettings>,
+        settings: KnobLevels,
+        target: KnobLevels,
+        last: &mut Option<KnobLevels>,
     ) -> CostPoint {
         let canonical = self.space.canonical(settings);
         if let Some(cost) = self.table.get(frame, canonical) {
@@ -214,7 +214,7 @@ impl PathRecord {
         }
     }
 
-    fn steps(&self, a: RenderSettings, b: RenderSettings) -> usize {
+    fn steps(&self, a: KnobLevels, b: KnobLevels) -> usize {
         (0..self.space.len()).map(|knob| a.level(knob).abs_diff(b.level(knob))).sum()
     }
 }
@@ -223,7 +223,7 @@ impl PathRecord {
 const LEAST: f64 = 1e-4;
 
 /// Exact bits, so that a resumed record is identical.
-fn write_line(settings: RenderSettings, frame: usize, cost: CostPoint) -> String {
+fn write_line(settings: KnobLevels, frame: usize, cost: CostPoint) -> String {
     format!(
         "frame {:x} {frame:x} {:016x} {:016x}",
         settings.bits(),
@@ -232,11 +232,10 @@ fn write_line(settings: RenderSettings, frame: usize, cost: CostPoint) -> String
     )
 }
 
-fn read_line(record: &str) -> Option<(RenderSettings, usize, CostPoint)> {
+fn read_line(record: &str) -> Option<(KnobLevels, usize, CostPoint)> {
     let mut words = record.strip_prefix("frame ")?.split(' ');
     let mut number = || u64::from_str_radix(words.next()?, 16).ok();
-    let (settings, frame) =
-        (RenderSettings::from_bits(number()?), usize::try_from(number()?).ok()?);
+    let (settings, frame) = (KnobLevels::from_bits(number()?), usize::try_from(number()?).ok()?);
     Some((settings, frame, CostPoint::new(f64::from_bits(number()?), f64::from_bits(number()?))))
 }
 
@@ -247,7 +246,7 @@ mod tests {
     use crate::evaluate::fake::{Fake, path, space};
     use crate::journal::JournalHeader;
 
-    fn recorded(settings: &[RenderSettings]) -> PathRecord {
+    fn recorded(settings: &[KnobLevels]) -> PathRecord {
         let folder = tempfile::tempdir().expect("a folder");
         let mut journal =
             Journal::create(&folder.path().join("journal"), &JournalHeader::default())

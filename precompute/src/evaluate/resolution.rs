@@ -70,7 +70,7 @@ pub(super) fn search<T, E>(
 
 #[cfg(test)]
 mod tests {
-    use bevy_frugal_gi::knobs::RenderSettings;
+    use bevy_frugal_gi::knobs::KnobLevels;
     use bevy_frugal_gi::units::Watts;
 
     use super::*;
@@ -82,7 +82,7 @@ mod tests {
         let (power, error) = (Watts(level as f64 + 1.0), (HIGHEST - level) as f64 / 10.0);
         vec![FrameRecord {
             time: 0.0,
-            settings: RenderSettings::default(),
+            settings: KnobLevels::default(),
             power,
             error,
             predicted: None,

@@ -1,6 +1,6 @@
 //! Results of an evaluation, as `--json` writes them.
 
-use bevy_frugal_gi::knobs::{KnobSpace, RenderSettings};
+use bevy_frugal_gi::knobs::{KnobLevels, KnobSpace};
 use bevy_frugal_gi::power::MeterInfo;
 use bevy_frugal_gi::units::Watts;
 use serde::{Deserialize, Serialize, Serializer};
@@ -190,7 +190,7 @@ impl RunResult {
     }
 
     /// The settings of frame number `frame`.
-    pub fn settings_at(&self, frame: usize) -> Option<RenderSettings> {
+    pub fn settings_at(&self, frame: usize) -> Option<KnobLevels> {
         self.series.get(frame).map(|record| record.settings)
     }
 }
@@ -235,7 +235,7 @@ mod tests {
     use super::*;
 
     fn frame(settings: u64, power: f64, error: f64) -> FrameRecord {
-        let settings = RenderSettings::from_bits(settings);
+        let settings = KnobLevels::from_bits(settings);
         FrameRecord { time: 0.0, settings, power: Watts(power), error, predicted: None }
     }
 

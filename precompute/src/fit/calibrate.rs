@@ -2,7 +2,7 @@
 
 use bevy_frugal_gi::control::{Budget, select};
 use bevy_frugal_gi::frontier::{ErrorRate, ErrorRates, Frontier};
-use bevy_frugal_gi::knobs::RenderSettings;
+use bevy_frugal_gi::knobs::KnobLevels;
 
 /// Calibrated error budgets, times 0.001, 0.01 and 0.1: round numbers, about a tenth apart.
 const BUDGETS: [f64; 23] = [
@@ -25,7 +25,7 @@ pub struct Calibration<'a> {
     /// The frontier by the map.
     pub frontier: &'a Frontier,
     /// The rendered error; `None` where not rendered.
-    pub error: &'a dyn Fn(RenderSettings) -> Option<f64>,
+    pub error: &'a dyn Fn(KnobLevels) -> Option<f64>,
 }
 
 /// The least rate that keeps each budget, for `cameras` that did not contribute to their frontiers:

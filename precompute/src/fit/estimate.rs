@@ -5,7 +5,7 @@ use std::collections::BTreeMap;
 use bevy_frugal_gi::frontier::{
     Address, Bounds, CameraView, CostPoint, Frontier, FrontierPoint, Leaf, address_in,
 };
-use bevy_frugal_gi::knobs::RenderSettings;
+use bevy_frugal_gi::knobs::KnobLevels;
 
 use super::smooth::{Smoother, Viewpoint};
 use crate::cameras::MovingCamera;
@@ -17,7 +17,7 @@ const LEAST_ON_TRACK: usize = 6;
 /// The training table: costs of every setting of the pool at every camera.
 #[derive(Clone, Debug)]
 pub struct Training {
-    settings: Vec<RenderSettings>,
+    settings: Vec<KnobLevels>,
     /// By camera, then by setting.
     costs: Vec<Vec<CostPoint>>,
     groups: Vec<u32>,
@@ -29,7 +29,7 @@ impl Training {
     pub fn new(
         table: &CostTable,
         cameras: &[MovingCamera],
-        settings: &[RenderSettings],
+        settings: &[KnobLevels],
     ) -> (Self, Vec<usize>) {
         let mut training = Self {
             settings: settings.to_vec(),

@@ -3,7 +3,7 @@
 use bevy::math::{Quat, Vec3};
 use bevy_frugal_gi::control::{Budget, select};
 use bevy_frugal_gi::frontier::{Bounds, CameraView, CostPoint, ErrorRates, Octree, ViewDirection};
-use bevy_frugal_gi::knobs::RenderSettings;
+use bevy_frugal_gi::knobs::KnobLevels;
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
@@ -15,13 +15,13 @@ use crate::table::CostTable;
 const BOUNDS: Bounds = Bounds { min: [0.0; 3], max: [8.0, 8.0, 8.0] };
 const SETTINGS: u64 = 24;
 
-fn settings() -> Vec<RenderSettings> {
-    (0..SETTINGS).map(RenderSettings::from_bits).collect()
+fn settings() -> Vec<KnobLevels> {
+    (0..SETTINGS).map(KnobLevels::from_bits).collect()
 }
 
 /// Even settings suit one kind of view, odd ones the other; `noise` is relative.
 fn cost(
-    settings: RenderSettings,
+    settings: KnobLevels,
     kind: bool,
     difficulty: f64,
     noise: f64,
@@ -121,8 +121,8 @@ fn no_camera_and_one_camera_are_maps_too() {
 #[test]
 fn cameras_that_lack_a_reading_take_no_part() {
     let mut scene = scene(6, 2, 0.0, |_| true);
-    scene.table.set(2, RenderSettings::from_bits(3), CostPoint::new(f64::NAN, 0.0));
-    scene.table.set(4, RenderSettings::from_bits(5), CostPoint::new(0.0, 0.1));
+    scene.table.set(2, KnobLevels::from_bits(3), CostPoint::new(f64::NAN, 0.0));
+    scene.table.set(4, KnobLevels::from_bits(5), CostPoint::new(0.0, 0.1));
     let (training, rows) = Training::new(&scene.table, &scene.cameras, &settings());
     assert_eq!((training.cameras(), rows), (4, vec![0, 1, 3, 5]));
 }
@@ -145,14 +145,14 @@ fn calibrated_budgets_hold_at_cameras_that_were_never_seen() {
         let held_out = scene(30, 1000 + seed, 0.02, |_| true);
         let errors: Vec<_> = (0..30)
             .map(|row| {
-                move |settings: RenderSettings, table: &CostTable| {
+                move |settings: KnobLevels, table: &CostTable| {
                     table.get(row, settings).map(|c| c.error)
                 }
             })
             .collect();
         let lookups: Vec<_> = errors
             .iter()
-            .map(|error| |settings: RenderSettings| error(settings, &held_out.table))
+            .map(|error| |settings: KnobLevels| error(settings, &held_out.table))
             .collect();
         let cameras: Vec<_> = lookups
             .iter()
@@ -174,14 +174,14 @@ fn without_cameras_nothing_is_calibrated_and_few_support_little() {
     assert_eq!(calibrate(&[], true), ErrorRates::default());
     let train = scene(40, 9, 0.0, |_| true);
     let fitted = fitted(&train);
-    let error = |settings: RenderSettings| train.table.get(0, settings).map(|cost| cost.error);
+    let error = |settings: KnobLevels| train.table.get(0, settings).map(|cost| cost.error);
     let camera = || Calibration { frontier: &fitted.shared, error: &error };
     // With three cameras the bound alone uses up the whole budget.
     assert!(
         calibrate(&[camera(), camera(), camera()], true).0.len()
             <= calibrate(&[camera(), camera(), camera()], false).0.len()
     );
-    let broken = |_: RenderSettings| None;
+    let broken = |_: KnobLevels| None;
     let unknown = calibrate(&[Calibration { frontier: &fitted.shared, error: &broken }], true);
     assert!(unknown.is_sound());
 }

@@ -1,5 +1,5 @@
 use bevy_frugal_gi::frontier::{CostPoint, FrontierPoint};
-use bevy_frugal_gi::knobs::RenderSettings;
+use bevy_frugal_gi::knobs::KnobLevels;
 use bevy_frugal_gi::units::Watts;
 
 use super::super::testing::{frontier, map, with_costs, with_noise, with_power};
@@ -10,7 +10,7 @@ const TOLERANCE: f64 = 0.01;
 
 fn of(points: &[(f64, f64)]) -> Frontier {
     let point = |(bits, (power, error)): (usize, &(f64, f64))| FrontierPoint {
-        settings: RenderSettings::from_bits(bits as u64),
+        settings: KnobLevels::from_bits(bits as u64),
         cost: CostPoint::new(*power, *error),
     };
     Frontier::from_points(points.iter().enumerate().map(point))

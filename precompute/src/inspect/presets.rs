@@ -8,7 +8,7 @@ use std::collections::BTreeMap;
 use bevy_frugal_gi::frontier::{
     Capture, FrontierMap, FrontierMapError, FrontierPoint, SceneIdentity,
 };
-use bevy_frugal_gi::knobs::{Knob, KnobSpace, RenderSettings};
+use bevy_frugal_gi::knobs::{Knob, KnobLevels, KnobSpace};
 use bevy_frugal_gi::power::MeterInfo;
 use serde::{Deserialize, Serialize};
 
@@ -149,7 +149,7 @@ fn choose(points: &[FrontierPoint]) -> Option<[usize; PRESET_NAMES.len()]> {
 /// The labels of `settings` by knob.
 fn labels(
     space: &KnobSpace,
-    settings: RenderSettings,
+    settings: KnobLevels,
 ) -> Result<BTreeMap<String, String>, PresetsError> {
     let pair = |(index, knob): (usize, &Knob)| {
         let label = &knob.levels.get(settings.level(index))?.label;
@@ -170,7 +170,7 @@ mod tests {
 
     fn of(costs: &[(f64, f64)]) -> FrontierMap {
         let point = |(index, (power, error)): (usize, &(f64, f64))| FrontierPoint {
-            settings: RenderSettings::default().with_level(0, index % 16).with_level(1, index / 16),
+            settings: KnobLevels::default().with_level(0, index % 16).with_level(1, index / 16),
             cost: CostPoint::new(*power, *error),
         };
         FrontierMap { shared: Frontier::from_points(costs.iter().enumerate().map(point)), ..map() }

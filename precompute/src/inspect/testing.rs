@@ -4,7 +4,7 @@ use bevy_frugal_gi::frontier::{
     Bounds, Capture, Corner, CostPoint, ErrorRates, Frontier, FrontierMap, FrontierPoint, Octree,
     SceneIdentity, Thresholds, WorkPrices,
 };
-use bevy_frugal_gi::knobs::{Knob, KnobSpace, RenderSettings};
+use bevy_frugal_gi::knobs::{Knob, KnobLevels, KnobSpace};
 use bevy_frugal_gi::power::{MeterInfo, Provenance};
 use rand::{RngExt as _, SeedableRng as _};
 use rand_chacha::ChaCha8Rng;
@@ -19,7 +19,7 @@ pub(super) fn frontier(scale: f64, count: usize) -> Frontier {
         let error = 0.1 * 0.8_f64.powi(number as i32);
         let power = scale * 5.0 * (0.1 / error).powf(0.4);
         let settings =
-            RenderSettings::default().with_level(0, number % 16).with_level(1, number / 16 % 2);
+            KnobLevels::default().with_level(0, number % 16).with_level(1, number / 16 % 2);
         let error = if number + 1 == count { 0.0 } else { error };
         FrontierPoint { settings, cost: CostPoint::new(power, error) }
     };

@@ -9,7 +9,7 @@ mod renderings;
 mod tests;
 
 use bevy_frugal_gi::frontier::{Bounds, CameraView, CostPoint, ErrorRates, look_up_in};
-use bevy_frugal_gi::knobs::{KnobSpace, RenderSettings};
+use bevy_frugal_gi::knobs::{KnobLevels, KnobSpace};
 
 use crate::cameras::{CameraSet, MovingCamera};
 use crate::cost::{CostModel, CostReading, FitQuality, FrameLayout, Work};
@@ -92,7 +92,7 @@ pub struct Outcome {
     /// Exchange rates of error budgets.
     pub error_rates: ErrorRates,
     /// The pool.
-    pub pool: Vec<RenderSettings>,
+    pub pool: Vec<KnobLevels>,
     /// Effects of single knobs.
     pub screening: Screening,
     /// Prices of work, fitted to all readings.
@@ -152,9 +152,9 @@ fn find_pool<M: Measure>(
     config: &PipelineConfig,
     pilots: &[usize],
     renderings: &mut Renderings<'_, M>,
-) -> Result<(Screening, Vec<RenderSettings>), PipelineError<M::Error>> {
+) -> Result<(Screening, Vec<KnobLevels>), PipelineError<M::Error>> {
     let Subject { space, layout, .. } = *subject;
-    let jobs = |settings: &[RenderSettings]| -> Vec<Job> {
+    let jobs = |settings: &[KnobLevels]| -> Vec<Job> {
         pilots
             .iter()
             .map(|camera| Job {
@@ -217,9 +217,9 @@ fn render_cameras<M: Measure>(
     config: &PipelineConfig,
     cameras: &CameraSet,
     pilots: &[usize],
-    candidates: &[RenderSettings],
+    candidates: &[KnobLevels],
     renderings: &mut Renderings<'_, M>,
-) -> Result<(Vec<RenderSettings>, [usize; 2]), PipelineError<M::Error>> {
+) -> Result<(Vec<KnobLevels>, [usize; 2]), PipelineError<M::Error>> {
     let space = subject.space;
     let ends = [space.highest(), space.lowest()].map(|settings| space.canonical(settings));
     let pool = portfolio(
@@ -277,7 +277,7 @@ fn table<M: Measure>(
     renderings: &Renderings<'_, M>,
     purpose: Purpose,
     cameras: &[usize],
-    settings: &[RenderSettings],
+    settings: &[KnobLevels],
 ) -> CostTable {
     let mut table = CostTable::new(cameras.len());
     for (row, camera) in cameras.iter().enumerate() {
@@ -350,7 +350,7 @@ fn finish<M: Measure>(
     config: &PipelineConfig,
     cameras: &CameraSet,
     screening: Screening,
-    pool: Vec<RenderSettings>,
+    pool: Vec<KnobLevels>,
     counts: [usize; 2],
     renderings: &Renderings<'_, M>,
 ) -> Outcome {
@@ -385,12 +385,12 @@ fn finish<M: Measure>(
 /// Errors in play as a multiple of those of clips.
 fn play_ratio<M: Measure>(
     cameras: &CameraSet,
-    pool: &[RenderSettings],
+    pool: &[KnobLevels],
     renderings: &Renderings<'_, M>,
 ) -> f64 {
     let error = |purpose, camera, settings| Some(renderings.get(purpose, camera, settings)?.error);
     let pairs = |camera: usize| -> Vec<(f64, f64)> {
-        let pair = |settings: &RenderSettings| {
+        let pair = |settings: &KnobLevels| {
             Some((
                 error(Purpose::Play, camera, *settings)?,
                 error(Purpose::Training, camera, *settings)?,
@@ -425,7 +425,7 @@ fn calibrated(
     (trained, rows): (&CostTable, &[usize]),
     apart: &CostTable,
 ) -> ErrorRates {
-    let error = |table: &'_ CostTable, row: usize, settings: RenderSettings| {
+    let error = |table: &'_ CostTable, row: usize, settings: KnobLevels| {
         Some(table.get(row, settings)?.error)
     };
     let views = views(&cameras.calibration, subject.lens);
@@ -437,7 +437,7 @@ fn calibrated(
         .chain(crossed)
         .filter(|(frontier, ..)| !frontier.is_empty())
         .map(|(frontier, table, row)| {
-            (frontier, move |settings: RenderSettings| error(table, row, settings))
+            (frontier, move |settings: KnobLevels| error(table, row, settings))
         })
         .collect();
     let cameras: Vec<Calibration<'_>> =

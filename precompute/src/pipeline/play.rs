@@ -4,7 +4,7 @@
 //! than in play, and nothing lags behind. A few settings are therefore rendered once more at a few
 //! cameras, at the end of long clips, and all errors of the search are scaled by what these show.
 
-use bevy_frugal_gi::knobs::RenderSettings;
+use bevy_frugal_gi::knobs::KnobLevels;
 
 use super::renderings::{Job, Purpose};
 use crate::cameras::CameraSet;
@@ -24,12 +24,12 @@ const RATIOS: std::ops::RangeInclusive<f64> = 0.5..=2.0;
 pub(super) fn jobs(
     cameras: &CameraSet,
     rendered: &[usize],
-    errors: &[(RenderSettings, f64)],
+    errors: &[(KnobLevels, f64)],
 ) -> Vec<Job> {
     let on_tracks: Vec<usize> =
         rendered.iter().copied().filter(|camera| cameras.training[*camera].is_on_track()).collect();
     let from = if on_tracks.is_empty() { rendered } else { &on_tracks };
-    let mut settings: Vec<RenderSettings> = Vec::new();
+    let mut settings: Vec<KnobLevels> = Vec::new();
     for wanted in ERRORS {
         let distance = |error: f64| (error / wanted).ln().abs();
         let nearest = errors

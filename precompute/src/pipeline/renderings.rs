@@ -6,7 +6,7 @@ use std::ops::ControlFlow;
 use std::time::{Duration, Instant};
 
 use bevy_frugal_gi::frontier::CostPoint;
-use bevy_frugal_gi::knobs::RenderSettings;
+use bevy_frugal_gi::knobs::KnobLevels;
 
 use super::{PipelineError, play};
 use crate::cameras::{CameraSet, MovingCamera};
@@ -42,7 +42,7 @@ pub struct Job {
     /// Its number among the cameras of that purpose.
     pub camera: usize,
     /// The settings.
-    pub settings: Vec<RenderSettings>,
+    pub settings: Vec<KnobLevels>,
 }
 
 /// Progress of a run.
@@ -56,7 +56,7 @@ pub struct Progress<'a> {
     pub total: usize,
 }
 
-type Question = (Purpose, usize, RenderSettings);
+type Question = (Purpose, usize, KnobLevels);
 
 /// All known renderings, and the means to make more.
 pub struct Renderings<'a, M> {
@@ -145,7 +145,7 @@ impl<'a, M: Measure> Renderings<'a, M> {
         for (number, job) in jobs.iter().enumerate() {
             let is_ours = number % self.shard.1 == self.shard.0;
             let forwards = job.settings.iter();
-            let order: Vec<RenderSettings> = if number % 2 == 0 {
+            let order: Vec<KnobLevels> = if number % 2 == 0 {
                 forwards.copied().collect()
             } else {
                 forwards.rev().copied().collect()
@@ -190,12 +190,7 @@ impl<'a, M: Measure> Renderings<'a, M> {
     }
 
     /// Cost of settings at a camera; `None` where not rendered.
-    pub fn get(
-        &self,
-        purpose: Purpose,
-        camera: usize,
-        settings: RenderSettings,
-    ) -> Option<CostPoint> {
+    pub fn get(&self, purpose: Purpose, camera: usize, settings: KnobLevels) -> Option<CostPoint> {
         self.known.get(&(purpose, camera, settings)).copied()
     }
 
@@ -258,8 +253,7 @@ fn read_rendering(record: &str) -> Option<(Question, CostPoint)> {
         _ => return None,
     };
     let mut number = || u64::from_str_radix(words.next()?, 16).ok();
-    let (camera, settings) =
-        (usize::try_from(number()?).ok()?, RenderSettings::from_bits(number()?));
+    let (camera, settings) = (usize::try_from(number()?).ok()?, KnobLevels::from_bits(number()?));
     Some((
         (purpose, camera, settings),
         CostPoint::new(f64::from_bits(number()?), f64::from_bits(number()?)),
@@ -278,7 +272,7 @@ mod tests {
     #[test]
     fn records_survive_to_the_last_bit() {
         for cost in [CostPoint::new(0.1 + 0.2, 1e-300), CostPoint::new(f64::INFINITY, -0.0)] {
-            let question = (Purpose::Calibration, 77, RenderSettings::from_bits(u64::MAX));
+            let question = (Purpose::Calibration, 77, KnobLevels::from_bits(u64::MAX));
             assert_eq!(read_rendering(&write_rendering(question, cost)), Some((question, cost)));
         }
         assert_eq!(read_decision("decide round 3 1"), Some(("round 3".to_owned(), true)));

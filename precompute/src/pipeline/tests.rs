@@ -36,7 +36,7 @@ struct Formula {
     renderings: usize,
 }
 
-fn cost(space: &KnobSpace, pose: &CameraPose, settings: RenderSettings) -> CostPoint {
+fn cost(space: &KnobSpace, pose: &CameraPose, settings: KnobLevels) -> CostPoint {
     let settings = space.canonical(settings);
     let names = crate::cost::work_names(space);
     let price = |name: &str| match name {
@@ -77,7 +77,7 @@ impl Measure for Formula {
     fn measure(
         &mut self,
         clip: &[CameraPose],
-        settings: RenderSettings,
+        settings: KnobLevels,
     ) -> Result<CostPoint, Infallible> {
         self.renderings += 1;
         Ok(cost(&self.space, clip.last().expect("a pose"), settings))
@@ -140,7 +140,7 @@ fn whole(journal: &Path) -> Run<'_> {
 }
 
 /// The results that must not depend on interruptions and shards.
-fn product(outcome: &Outcome) -> (Fitted, ErrorRates, Vec<RenderSettings>, [usize; 2], usize) {
+fn product(outcome: &Outcome) -> (Fitted, ErrorRates, Vec<KnobLevels>, [usize; 2], usize) {
     (
         outcome.fitted.clone(),
         outcome.error_rates.clone(),
@@ -252,11 +252,11 @@ fn the_map_dominates_the_best_constant_where_views_differ() {
     // cameras.
     for x in [1.0, 3.5, 4.5, 7.0] {
         let pose = CameraPose { position: Vec3::new(x, 3.3, 2.2), rotation: Quat::IDENTITY };
-        let value = |settings: RenderSettings| {
+        let value = |settings: KnobLevels| {
             let cost = cost(&space, &pose, settings);
             cost.power.0 + 200.0 * cost.error
         };
-        let least = |all: &mut dyn Iterator<Item = RenderSettings>| {
+        let least = |all: &mut dyn Iterator<Item = KnobLevels>| {
             all.map(value).fold(f64::INFINITY, f64::min)
         };
         let (pool, all) = (least(&mut outcome.pool.iter().copied()), least(&mut space.iter()));

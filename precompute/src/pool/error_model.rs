@@ -5,7 +5,7 @@
 //! Machine Learning", algorithm 2.1). Distances between settings measure a knob's levels by their
 //! effect, so levels of similar images are near.
 
-use bevy_frugal_gi::knobs::{KnobSpace, RenderSettings};
+use bevy_frugal_gi::knobs::{KnobLevels, KnobSpace};
 
 use super::{LEAST_ERROR, Screening};
 
@@ -34,7 +34,7 @@ impl<'a> ErrorModel<'a> {
     pub fn fit(
         space: &'a KnobSpace,
         screening: &'a Screening,
-        readings: &[(RenderSettings, f64)],
+        readings: &[(KnobLevels, f64)],
     ) -> Self {
         let finite: Vec<_> = readings.iter().filter(|(_, error)| error.is_finite()).collect();
         let known: Vec<Vec<f64>> =
@@ -59,7 +59,7 @@ impl<'a> ErrorModel<'a> {
     }
 
     /// Mean and standard deviation of ln(error + [`LEAST_ERROR`]).
-    pub fn predict(&self, settings: RenderSettings) -> (f64, f64) {
+    pub fn predict(&self, settings: KnobLevels) -> (f64, f64) {
         let at = coordinates(self.space, self.screening, settings);
         let near: Vec<f64> =
             self.known.iter().map(|known| kernel(known, &at, self.length)).collect();
@@ -70,7 +70,7 @@ impl<'a> ErrorModel<'a> {
     }
 
     /// The predicted error at the mean.
-    pub fn error(&self, settings: RenderSettings) -> f64 {
+    pub fn error(&self, settings: KnobLevels) -> f64 {
         (self.predict(settings).0.exp() - LEAST_ERROR).max(0.0)
     }
 }
@@ -79,7 +79,7 @@ impl<'a> ErrorModel<'a> {
 fn effects<'s>(
     space: &'s KnobSpace,
     screening: &'s Screening,
-    settings: RenderSettings,
+    settings: KnobLevels,
 ) -> impl Iterator<Item = f64> + 's {
     let canonical = space.canonical(settings);
     (0..space.len()).map(move |knob| {
@@ -95,12 +95,12 @@ fn effects<'s>(
     })
 }
 
-fn prior(space: &KnobSpace, screening: &Screening, settings: RenderSettings) -> f64 {
+fn prior(space: &KnobSpace, screening: &Screening, settings: KnobLevels) -> f64 {
     (effects(space, screening, settings).sum::<f64>() + LEAST_ERROR).ln()
 }
 
 /// Coordinates of settings: one for each knob.
-fn coordinates(space: &KnobSpace, screening: &Screening, settings: RenderSettings) -> Vec<f64> {
+fn coordinates(space: &KnobSpace, screening: &Screening, settings: KnobLevels) -> Vec<f64> {
     effects(space, screening, settings).map(|effect| (1.0 + effect / LEAST_ERROR).ln()).collect()
 }
 
@@ -173,7 +173,7 @@ mod tests {
     }
 
     /// Effects are additive, except that the first two knobs interact.
-    fn exact(settings: RenderSettings) -> f64 {
+    fn exact(settings: KnobLevels) -> f64 {
         let missing = |knob: usize| (3 - settings.level(knob)) as f64;
         let single: f64 =
             (0..5).map(|knob| missing(knob).powi(2) * [4e-3, 2e-3, 1e-3, 5e-4, 0.0][knob]).sum();

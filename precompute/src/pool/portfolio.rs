@@ -1,7 +1,7 @@
 //! Selection of a portfolio of settings.
 
 use bevy_frugal_gi::frontier::CostPoint;
-use bevy_frugal_gi::knobs::RenderSettings;
+use bevy_frugal_gi::knobs::KnobLevels;
 
 use super::LEAST_ERROR;
 use crate::table::CostTable;
@@ -69,7 +69,7 @@ fn all_losses(table: &CostTable, columns: &[usize]) -> Vec<Vec<f64>> {
 /// At most `most` settings of `table` with the least loss against using all of them, those of
 /// `always` first. Greedy: each reduces the remaining loss most. Settings that are not known at
 /// every camera are left out.
-pub fn portfolio(table: &CostTable, most: usize, always: &[RenderSettings]) -> Vec<RenderSettings> {
+pub fn portfolio(table: &CostTable, most: usize, always: &[KnobLevels]) -> Vec<KnobLevels> {
     let columns: Vec<usize> =
         (0..table.settings().len()).filter(|column| table.is_complete(*column)).collect();
     let rows = all_losses(table, &columns);
@@ -109,7 +109,7 @@ pub fn portfolio(table: &CostTable, most: usize, always: &[RenderSettings]) -> V
 }
 
 /// Loss of `kept` against all settings of `table`: mean over cameras, exchange rates and budgets.
-pub fn regret(table: &CostTable, kept: &[RenderSettings]) -> f64 {
+pub fn regret(table: &CostTable, kept: &[KnobLevels]) -> f64 {
     let columns: Vec<usize> =
         (0..table.settings().len()).filter(|column| table.is_complete(*column)).collect();
     let indices: Vec<usize> = (0..columns.len())
@@ -136,7 +136,7 @@ mod tests {
                 let error = 0.2 * (1.0 - quality).powi(2) * if suits { 1.0 } else { 3.0 };
                 table.set(
                     row,
-                    RenderSettings::from_bits(bits),
+                    KnobLevels::from_bits(bits),
                     CostPoint::new(1.0 + 9.0 * quality, error),
                 );
             }
@@ -147,7 +147,7 @@ mod tests {
     #[test]
     fn both_kinds_of_cameras_are_served_and_more_settings_serve_better() {
         let table = table();
-        let best = RenderSettings::from_bits(39);
+        let best = KnobLevels::from_bits(39);
         let mut last = f64::INFINITY;
         for most in [2, 6, 12, 20] {
             let kept = portfolio(&table, most, &[best]);
@@ -165,7 +165,7 @@ mod tests {
     #[test]
     fn tables_without_rows_or_columns_are_no_panic() {
         assert!(portfolio(&CostTable::new(0), 5, &[]).is_empty());
-        assert!(portfolio(&CostTable::new(3), 5, &[RenderSettings::default()]).is_empty());
+        assert!(portfolio(&CostTable::new(3), 5, &[KnobLevels::default()]).is_empty());
         assert_eq!(regret(&CostTable::new(0), &[]), 0.0);
     }
 }

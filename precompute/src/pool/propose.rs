@@ -3,7 +3,7 @@
 use std::convert::Infallible;
 
 use bevy_frugal_gi::frontier::{CostPoint, FrontierPoint};
-use bevy_frugal_gi::knobs::{KnobSpace, RenderSettings};
+use bevy_frugal_gi::knobs::{KnobLevels, KnobSpace};
 
 use super::portfolio::{BUDGET_WEIGHT, BUDGETS, RATES, budget};
 use super::{ErrorModel, LEAST_ERROR, Screening};
@@ -48,7 +48,7 @@ pub struct Proposal<'a> {
     /// Parameters of the work model.
     pub layout: &'a FrameLayout,
     /// Mean errors of rendered settings.
-    pub errors: &'a [(RenderSettings, f64)],
+    pub errors: &'a [(KnobLevels, f64)],
 }
 
 /// Both models as objectives, in logarithms, so that crowding and dominance resolve the range of
@@ -61,7 +61,7 @@ struct Models<'a> {
 impl Evaluate for Models<'_> {
     type Error = Infallible;
 
-    fn evaluate(&mut self, settings: RenderSettings) -> Result<CostPoint, Infallible> {
+    fn evaluate(&mut self, settings: KnobLevels) -> Result<CostPoint, Infallible> {
         let Proposal { space, screening, cost, layout, .. } = self.proposal;
         let power = cost.power(&Work::of(space, settings, layout)).max(1e-9).ln();
         // A knob without effect stays at its cheapest, however little power that saves.
@@ -79,12 +79,12 @@ impl Evaluate for Models<'_> {
 
 /// Up to `count` unrendered settings with the greatest expected gain, in the range of error
 /// budgets. Deterministic in `seed`.
-pub fn propose(proposal: &Proposal<'_>, count: usize, seed: u64) -> Vec<RenderSettings> {
+pub fn propose(proposal: &Proposal<'_>, count: usize, seed: u64) -> Vec<KnobLevels> {
     let mut models = Models {
         proposal,
         error: ErrorModel::fit(proposal.space, proposal.screening, proposal.errors),
     };
-    let known: Vec<RenderSettings> = proposal
+    let known: Vec<KnobLevels> = proposal
         .errors
         .iter()
         .map(|(settings, _)| proposal.screening.fixed(proposal.space, *settings))
@@ -92,11 +92,11 @@ pub fn propose(proposal: &Proposal<'_>, count: usize, seed: u64) -> Vec<RenderSe
     let Ok(found) =
         Search::new(proposal.space, model_search(seed)).run(&mut models, &known, &mut |_| true);
     let rendered = proposal.errors.iter().filter(|(_, error)| error.is_finite());
-    let power = |settings: RenderSettings| {
+    let power = |settings: KnobLevels| {
         proposal.cost.power(&Work::of(proposal.space, settings, proposal.layout))
     };
     let best_power = power(proposal.space.highest()).max(1e-9);
-    let rendered: Vec<(RenderSettings, CostPoint)> = rendered
+    let rendered: Vec<(KnobLevels, CostPoint)> = rendered
         .map(|(settings, error)| (*settings, CostPoint::new(power(*settings) / best_power, *error)))
         .collect();
     let point = |point: &FrontierPoint| {
@@ -117,7 +117,7 @@ struct Reached {
 
 impl Reached {
     /// `cheapest`: the least power of all settings.
-    fn new(rendered: &[(RenderSettings, CostPoint)], cheapest: f64) -> Self {
+    fn new(rendered: &[(KnobLevels, CostPoint)], cheapest: f64) -> Self {
         let mut reached = Self {
             weighted: vec![f64::INFINITY; RATES.len()],
             range: (cheapest, 1.0),
@@ -158,13 +158,13 @@ impl Reached {
 
 /// The candidates of greatest gain, each given those before it.
 fn greatest_gains(
-    rendered: &[(RenderSettings, CostPoint)],
-    candidates: &[(RenderSettings, CostPoint)],
+    rendered: &[(KnobLevels, CostPoint)],
+    candidates: &[(KnobLevels, CostPoint)],
     cheapest: f64,
     count: usize,
-) -> Vec<RenderSettings> {
+) -> Vec<KnobLevels> {
     let mut reached = Reached::new(rendered, cheapest);
-    let mut open: Vec<&(RenderSettings, CostPoint)> = candidates
+    let mut open: Vec<&(KnobLevels, CostPoint)> = candidates
         .iter()
         .filter(|(settings, _)| rendered.iter().all(|(other, _)| other != settings))
         .collect();
@@ -212,7 +212,7 @@ mod tests {
                 .map(|(work, name)| work * price(name))
                 .sum::<f64>()
         };
-        let error = |settings: RenderSettings| {
+        let error = |settings: KnobLevels| {
             let settings = space.canonical(settings);
             (0..space.len())
                 .map(|knob| {
@@ -250,8 +250,8 @@ mod tests {
             proposed.iter().all(|settings| table.column(*settings).is_none()
                 && space.canonical(*settings) == *settings)
         );
-        let least = |all: &[RenderSettings], rate: f64| {
-            let loss = |settings: &RenderSettings| {
+        let least = |all: &[KnobLevels], rate: f64| {
+            let loss = |settings: &KnobLevels| {
                 power(*settings) / power(space.highest()) + rate * error(*settings)
             };
             all.iter().map(loss).fold(f64::INFINITY, f64::min)

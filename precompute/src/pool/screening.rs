@@ -1,6 +1,6 @@
 //! One-at-a-time screening: the effect of each knob on the error, and knobs without effect.
 
-use bevy_frugal_gi::knobs::{KnobSpace, RenderSettings};
+use bevy_frugal_gi::knobs::{KnobLevels, KnobSpace};
 
 use super::LEAST_ERROR;
 use crate::table::CostTable;
@@ -15,7 +15,7 @@ const ALL_LEVELS: usize = 4;
 
 /// The best settings, then those with one knob lowered, then the cheapest and two presets in
 /// between.
-pub fn screening_settings(space: &KnobSpace) -> Vec<RenderSettings> {
+pub fn screening_settings(space: &KnobSpace) -> Vec<KnobLevels> {
     let best = space.highest();
     let mut all = vec![best];
     for (index, knob) in space.knobs().iter().enumerate() {
@@ -86,7 +86,7 @@ impl Screening {
     }
 
     /// `settings` with the knobs that have no effect at their cheapest.
-    pub fn fixed(&self, space: &KnobSpace, settings: RenderSettings) -> RenderSettings {
+    pub fn fixed(&self, space: &KnobSpace, settings: KnobLevels) -> KnobLevels {
         space.canonical(
             self.without_effect
                 .iter()

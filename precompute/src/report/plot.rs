@@ -301,7 +301,7 @@ fn range(values: impl Iterator<Item = f64>, from_zero: bool) -> (f64, f64) {
 #[cfg(test)]
 mod tests {
     use bevy_frugal_gi::frontier::{CostPoint, FrontierPoint};
-    use bevy_frugal_gi::knobs::RenderSettings;
+    use bevy_frugal_gi::knobs::KnobLevels;
 
     use super::*;
 
@@ -366,7 +366,7 @@ mod tests {
     #[test]
     fn a_staircase_goes_right_before_it_goes_down() {
         let point = |power, error| FrontierPoint {
-            settings: RenderSettings::default(),
+            settings: KnobLevels::default(),
             cost: CostPoint::new(power, error),
         };
         let frontier = Frontier::from_points([point(1.0, 0.5), point(2.0, 0.3), point(4.0, 0.0)]);

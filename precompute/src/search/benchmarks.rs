@@ -10,7 +10,7 @@ use std::convert::Infallible;
 use std::f64::consts::{FRAC_PI_2, PI};
 
 use bevy_frugal_gi::frontier::{CostPoint, Frontier, FrontierPoint};
-use bevy_frugal_gi::knobs::{Knob, KnobSpace, RenderSettings};
+use bevy_frugal_gi::knobs::{Knob, KnobLevels, KnobSpace};
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 
@@ -21,12 +21,12 @@ const LEVELS: usize = 16;
 const REFERENCE: CostPoint = CostPoint::new(1.0, 1.0);
 
 struct Problem {
-    cost: fn(RenderSettings) -> CostPoint,
-    evaluated: Vec<RenderSettings>,
+    cost: fn(KnobLevels) -> CostPoint,
+    evaluated: Vec<KnobLevels>,
 }
 
 impl Problem {
-    fn new(cost: fn(RenderSettings) -> CostPoint) -> Self {
+    fn new(cost: fn(KnobLevels) -> CostPoint) -> Self {
         Self { cost, evaluated: Vec::new() }
     }
 }
@@ -34,7 +34,7 @@ impl Problem {
 impl Evaluate for Problem {
     type Error = Infallible;
 
-    fn evaluate(&mut self, settings: RenderSettings) -> Result<CostPoint, Infallible> {
+    fn evaluate(&mut self, settings: KnobLevels) -> Result<CostPoint, Infallible> {
         self.evaluated.push(settings);
         Ok((self.cost)(settings))
     }
@@ -49,7 +49,7 @@ fn space() -> KnobSpace {
     .expect("a valid space")
 }
 
-fn first(settings: RenderSettings) -> f64 {
+fn first(settings: KnobLevels) -> f64 {
     settings.level(0) as f64 / (LEVELS - 1) as f64
 }
 
@@ -58,38 +58,38 @@ fn optimum(knob: usize) -> usize {
     (5 * knob + 3) % LEVELS
 }
 
-fn others(settings: RenderSettings) -> impl Iterator<Item = f64> {
+fn others(settings: KnobLevels) -> impl Iterator<Item = f64> {
     (1..KNOBS)
         .map(move |knob| settings.level(knob).abs_diff(optimum(knob)) as f64 / (LEVELS - 1) as f64)
 }
 
-fn g(settings: RenderSettings) -> f64 {
+fn g(settings: KnobLevels) -> f64 {
     1.0 + 9.0 * others(settings).sum::<f64>() / (KNOBS - 1) as f64
 }
 
-fn zdt1(settings: RenderSettings) -> CostPoint {
+fn zdt1(settings: KnobLevels) -> CostPoint {
     let (f, g) = (first(settings), g(settings));
     CostPoint::new(f, g * (1.0 - (f / g).sqrt()))
 }
 
-fn zdt2(settings: RenderSettings) -> CostPoint {
+fn zdt2(settings: KnobLevels) -> CostPoint {
     let (f, g) = (first(settings), g(settings));
     CostPoint::new(f, g * (1.0 - (f / g).powi(2)))
 }
 
-fn zdt3(settings: RenderSettings) -> CostPoint {
+fn zdt3(settings: KnobLevels) -> CostPoint {
     let (f, g) = (first(settings), g(settings));
     CostPoint::new(f, g * (1.0 - (f / g).sqrt() - f / g * (10.0 * PI * f).sin()))
 }
 
-fn dtlz2(settings: RenderSettings) -> CostPoint {
+fn dtlz2(settings: KnobLevels) -> CostPoint {
     let (angle, g) = (first(settings) * FRAC_PI_2, others(settings).map(|x| x * x).sum::<f64>());
     CostPoint::new((1.0 + g) * angle.cos(), (1.0 + g) * angle.sin())
 }
 
 fn frontier_of(
-    settings: impl IntoIterator<Item = RenderSettings>,
-    cost: fn(RenderSettings) -> CostPoint,
+    settings: impl IntoIterator<Item = KnobLevels>,
+    cost: fn(KnobLevels) -> CostPoint,
 ) -> Frontier {
     Frontier::from_points(
         settings.into_iter().map(|settings| FrontierPoint { settings, cost: cost(settings) }),
@@ -97,7 +97,7 @@ fn frontier_of(
 }
 
 /// The exact frontier of the discrete problem: all variables but the first at 0.
-fn exact(cost: fn(RenderSettings) -> CostPoint) -> Frontier {
+fn exact(cost: fn(KnobLevels) -> CostPoint) -> Frontier {
     let best = space().from_levels(|knob, _| optimum(knob));
     frontier_of((0..LEVELS).map(|level| best.with_level(0, level)), cost)
 }
@@ -105,7 +105,7 @@ fn exact(cost: fn(RenderSettings) -> CostPoint) -> Frontier {
 fn search(
     space: &KnobSpace,
     problem: &mut Problem,
-    inherit: &[RenderSettings],
+    inherit: &[KnobLevels],
     config: SearchConfig,
 ) -> SearchOutcome {
     let Ok(outcome) = Search::new(space, config).run(problem, inherit, &mut |_| true);
@@ -116,7 +116,7 @@ fn random_search(
     space: &KnobSpace,
     evaluations: usize,
     seed: u64,
-    cost: fn(RenderSettings) -> CostPoint,
+    cost: fn(KnobLevels) -> CostPoint,
 ) -> Frontier {
     let mut random = ChaCha8Rng::seed_from_u64(seed);
     let ends = [space.highest(), space.lowest()];
@@ -134,7 +134,7 @@ fn median(mut values: Vec<f64>) -> f64 {
 
 /// Worst share of the exact hypervolume over seeds, and the best share of random search with as
 /// many evaluations.
-fn compare(cost: fn(RenderSettings) -> CostPoint, reference: CostPoint) -> (f64, f64) {
+fn compare(cost: fn(KnobLevels) -> CostPoint, reference: CostPoint) -> (f64, f64) {
     let space = space();
     let best = exact(cost).hypervolume(reference);
     let (mut worst, mut random) = (f64::INFINITY, 0.0_f64);
@@ -221,7 +221,7 @@ fn rendering_space() -> KnobSpace {
     .expect("a valid space")
 }
 
-fn rendering(settings: RenderSettings) -> CostPoint {
+fn rendering(settings: KnobLevels) -> CostPoint {
     let level = |knob: usize| settings.level(knob) as f64;
     let pixels = (0.5 + level(5) / 6.0).powi(2);
     let lights = if settings.level(0) == 0 { 0.0 } else { 2_f64.powf(level(0)) / 64.0 };
@@ -386,7 +386,7 @@ fn costs_that_are_not_finite_are_tolerated() {
         SearchConfig::default(),
     );
     assert!(nothing.frontier.is_empty() && nothing.complete);
-    let half = |settings: RenderSettings| {
+    let half = |settings: KnobLevels| {
         if settings.level(5).is_multiple_of(2) {
             CostPoint::new(f64::INFINITY, f64::NAN)
         } else {

@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 
 use bevy_frugal_gi::frontier::{CostPoint, FrontierPoint};
-use bevy_frugal_gi::knobs::RenderSettings;
+use bevy_frugal_gi::knobs::KnobLevels;
 
 use super::Evaluate;
 
@@ -13,7 +13,7 @@ use super::Evaluate;
 pub(super) struct Cached<'e, E> {
     inner: &'e mut E,
     // Sorted, so that iteration is deterministic.
-    known: BTreeMap<RenderSettings, CostPoint>,
+    known: BTreeMap<KnobLevels, CostPoint>,
 }
 
 impl<'e, E: Evaluate> Cached<'e, E> {
@@ -22,7 +22,7 @@ impl<'e, E: Evaluate> Cached<'e, E> {
     }
 
     /// Whether `settings` were evaluated.
-    pub fn knows(&self, settings: RenderSettings) -> bool {
+    pub fn knows(&self, settings: KnobLevels) -> bool {
         self.known.contains_key(&settings)
     }
 
@@ -38,7 +38,7 @@ impl<'e, E: Evaluate> Cached<'e, E> {
     }
 
     /// The cost of `settings`, evaluated unless known.
-    pub fn evaluate(&mut self, settings: RenderSettings) -> Result<CostPoint, E::Error> {
+    pub fn evaluate(&mut self, settings: KnobLevels) -> Result<CostPoint, E::Error> {
         if let Some(cost) = self.known.get(&settings) {
             return Ok(*cost);
         }

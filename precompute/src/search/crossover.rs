@@ -5,15 +5,15 @@
 //! offspring. Uniform, and not at one or two points, because the order of knobs in a space is
 //! arbitrary.
 
-use bevy_frugal_gi::knobs::{KnobSpace, RenderSettings};
+use bevy_frugal_gi::knobs::{KnobLevels, KnobSpace};
 use rand::{Rng, RngExt};
 
 /// Two offspring, each knob's two levels swapped between them with probability ½.
 pub(crate) fn swap_levels(
     space: &KnobSpace,
-    parents: [RenderSettings; 2],
+    parents: [KnobLevels; 2],
     random: &mut impl Rng,
-) -> [RenderSettings; 2] {
+) -> [KnobLevels; 2] {
     let [mut one, mut other] = parents;
     for knob in 0..space.len() {
         if random.random_bool(0.5) {

@@ -79,7 +79,7 @@ pub(crate) fn survivors(points: Vec<FrontierPoint>, capacity: usize) -> Vec<Fron
 
 #[cfg(test)]
 mod tests {
-    use bevy_frugal_gi::knobs::RenderSettings;
+    use bevy_frugal_gi::knobs::KnobLevels;
 
     use super::*;
 
@@ -100,7 +100,7 @@ mod tests {
     #[test]
     fn the_crowded_and_the_cloned_go_first() {
         let point = |bits, power, error| FrontierPoint {
-            settings: RenderSettings::from_bits(bits),
+            settings: KnobLevels::from_bits(bits),
             cost: CostPoint::new(power, error),
         };
         let points = vec![

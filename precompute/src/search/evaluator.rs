@@ -1,7 +1,7 @@
 //! The interface of a search: evaluation of settings.
 
 use bevy_frugal_gi::frontier::CostPoint;
-use bevy_frugal_gi::knobs::RenderSettings;
+use bevy_frugal_gi::knobs::KnobLevels;
 
 /// Evaluates the cost of settings: by a renderer at one camera, a recorded table, or a model.
 pub trait Evaluate {
@@ -12,13 +12,13 @@ pub trait Evaluate {
     ///
     /// # Errors
     /// When the evaluation fails.
-    fn evaluate(&mut self, settings: RenderSettings) -> Result<CostPoint, Self::Error>;
+    fn evaluate(&mut self, settings: KnobLevels) -> Result<CostPoint, Self::Error>;
 }
 
 impl<E: Evaluate> Evaluate for &mut E {
     type Error = E::Error;
 
-    fn evaluate(&mut self, settings: RenderSettings) -> Result<CostPoint, E::Error> {
+    fn evaluate(&mut self, settings: KnobLevels) -> Result<CostPoint, E::Error> {
         (**self).evaluate(settings)
     }
 }

@@ -4,7 +4,7 @@
 //! by settings that are cheaper than necessary.
 
 use bevy_frugal_gi::frontier::{Frontier, FrontierPoint};
-use bevy_frugal_gi::knobs::{KnobSpace, RenderSettings};
+use bevy_frugal_gi::knobs::{KnobLevels, KnobSpace};
 use rand::Rng;
 use rand::seq::SliceRandom;
 
@@ -14,17 +14,16 @@ pub(crate) fn propose(
     space: &KnobSpace,
     frontier: &Frontier,
     random: &mut impl Rng,
-    taken: impl Fn(RenderSettings) -> bool,
-) -> Option<RenderSettings> {
-    let free = |settings: RenderSettings| {
-        Some(space.canonical(settings)).filter(|settings| !taken(*settings))
-    };
+    taken: impl Fn(KnobLevels) -> bool,
+) -> Option<KnobLevels> {
+    let free =
+        |settings: KnobLevels| Some(space.canonical(settings)).filter(|settings| !taken(*settings));
     for [low, high] in widest_first(frontier) {
         let halfway = space.from_levels(|knob, _| (low.level(knob) + high.level(knob)) / 2);
         if let Some(settings) = free(halfway) {
             return Some(settings);
         }
-        let mut towards: Vec<RenderSettings> = (0..space.len())
+        let mut towards: Vec<KnobLevels> = (0..space.len())
             .filter(|knob| low.level(*knob) != high.level(*knob))
             .flat_map(|knob| {
                 [low.with_level(knob, high.level(knob)), high.with_level(knob, low.level(knob))]
@@ -34,7 +33,7 @@ pub(crate) fn propose(
         if let Some(settings) = towards.into_iter().find_map(free) {
             return Some(settings);
         }
-        let mut neighbours: Vec<RenderSettings> =
+        let mut neighbours: Vec<KnobLevels> =
             [low, high].into_iter().flat_map(|end| neighbours(space, end)).collect();
         neighbours.shuffle(random);
         if let Some(settings) = neighbours.into_iter().find_map(free) {
@@ -46,7 +45,7 @@ pub(crate) fn propose(
 
 /// Pairs of neighbours on `frontier`, in descending order of the area of the box between them: the
 /// greatest possible gain of hypervolume.
-fn widest_first(frontier: &Frontier) -> Vec<[RenderSettings; 2]> {
+fn widest_first(frontier: &Frontier) -> Vec<[KnobLevels; 2]> {
     let area = |a: &FrontierPoint, b: &FrontierPoint| {
         (b.cost.power - a.cost.power).0 * (a.cost.error - b.cost.error)
     };
@@ -60,7 +59,7 @@ fn widest_first(frontier: &Frontier) -> Vec<[RenderSettings; 2]> {
 }
 
 /// Every knob one level up and one down.
-fn neighbours(space: &KnobSpace, settings: RenderSettings) -> Vec<RenderSettings> {
+fn neighbours(space: &KnobSpace, settings: KnobLevels) -> Vec<KnobLevels> {
     let mut all = Vec::new();
     for (knob, levels) in space.knobs().iter().map(|knob| knob.levels.len()).enumerate() {
         let level = settings.level(knob);

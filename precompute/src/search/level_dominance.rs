@@ -1,7 +1,7 @@
 //! Dominance of knob levels, from a table of combinations.
 
 use bevy_frugal_gi::frontier::CostPoint;
-use bevy_frugal_gi::knobs::{KnobSpace, RenderSettings};
+use bevy_frugal_gi::knobs::{KnobLevels, KnobSpace};
 
 /// Dominance of a level.
 #[derive(Clone, Debug, PartialEq)]
@@ -22,7 +22,7 @@ pub struct LevelDominance {
 /// above 0 are left out. Levels without rows are left out, too.
 pub fn level_dominance(
     space: &KnobSpace,
-    table: &[(RenderSettings, CostPoint)],
+    table: &[(KnobLevels, CostPoint)],
 ) -> Vec<LevelDominance> {
     let rows: Vec<_> = table
         .iter()
@@ -86,8 +86,8 @@ mod tests {
             .iter()
             .map(|settings| (settings, cost(settings.level(0), settings.level(1))))
             .collect();
-        table.push((RenderSettings::default(), CostPoint::new(f64::NAN, 0.1)));
-        table.push((RenderSettings::default(), CostPoint::new(0.0, 0.0)));
+        table.push((KnobLevels::default(), CostPoint::new(f64::NAN, 0.1)));
+        table.push((KnobLevels::default(), CostPoint::new(0.0, 0.0)));
         let levels = level_dominance(&space, &table);
         assert_eq!(levels.len(), 5);
         let of = |knob: &str, label: &str| {

@@ -4,7 +4,7 @@
 //! Levels are ordered, and neighbours cost almost the same: single steps stay near the parent,
 //! jumps leave local optima.
 
-use bevy_frugal_gi::knobs::{KnobSpace, RenderSettings};
+use bevy_frugal_gi::knobs::{KnobLevels, KnobSpace};
 use rand::{Rng, RngExt};
 
 /// Share of changes that are jumps to any other level.
@@ -13,10 +13,10 @@ const JUMP: f64 = 0.2;
 /// `settings` with each knob changed with `probability`.
 pub(crate) fn mutate(
     space: &KnobSpace,
-    settings: RenderSettings,
+    settings: KnobLevels,
     probability: f64,
     random: &mut impl Rng,
-) -> RenderSettings {
+) -> KnobLevels {
     (0..space.len()).fold(settings, |settings, knob| {
         if random.random_bool(probability.clamp(0.0, 1.0)) {
             change(space, settings, knob, random)
@@ -29,9 +29,9 @@ pub(crate) fn mutate(
 /// `settings` with one knob changed; unchanged only if no knob has two levels.
 pub(crate) fn mutate_one(
     space: &KnobSpace,
-    settings: RenderSettings,
+    settings: KnobLevels,
     random: &mut impl Rng,
-) -> RenderSettings {
+) -> KnobLevels {
     let movable = || (0..space.len()).filter(|knob| space.knobs()[*knob].levels.len() > 1);
     let count = movable().count();
     if count == 0 {
@@ -43,16 +43,16 @@ pub(crate) fn mutate_one(
 }
 
 /// Uniformly sampled levels.
-pub(crate) fn any(space: &KnobSpace, random: &mut impl Rng) -> RenderSettings {
+pub(crate) fn any(space: &KnobSpace, random: &mut impl Rng) -> KnobLevels {
     space.from_levels(|_, knob| random.random_range(0..knob.levels.len()))
 }
 
 fn change(
     space: &KnobSpace,
-    settings: RenderSettings,
+    settings: KnobLevels,
     knob: usize,
     random: &mut impl Rng,
-) -> RenderSettings {
+) -> KnobLevels {
     let top = space.knobs()[knob].levels.len() - 1;
     let level = settings.level(knob);
     if top == 0 {

@@ -10,7 +10,7 @@
 use std::collections::HashSet;
 
 use bevy_frugal_gi::frontier::{Frontier, FrontierPoint};
-use bevy_frugal_gi::knobs::{KnobSpace, RenderSettings};
+use bevy_frugal_gi::knobs::{KnobLevels, KnobSpace};
 use rand::seq::SliceRandom;
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
@@ -77,7 +77,7 @@ impl<'a> Search<'a> {
     pub fn run<E: Evaluate>(
         &self,
         evaluator: &mut E,
-        inherit: &[RenderSettings],
+        inherit: &[KnobLevels],
         keep_going: &mut dyn FnMut(usize) -> bool,
     ) -> Result<SearchOutcome, E::Error> {
         let mut key = [0; 32];
@@ -115,7 +115,7 @@ struct Run<'r, 's, 'e, E> {
 }
 
 impl<E: Evaluate> Run<'_, '_, '_, E> {
-    fn explore(&mut self, inherit: &[RenderSettings]) -> Result<(), E::Error> {
+    fn explore(&mut self, inherit: &[KnobLevels]) -> Result<(), E::Error> {
         let space = self.search.space;
         // The ends first: without them an interrupted frontier does not cover the range of budgets.
         self.measure(space.highest())?;
@@ -125,7 +125,7 @@ impl<E: Evaluate> Run<'_, '_, '_, E> {
         }
         if self.search.combinations <= self.limit as u64 {
             // In random order, so that an early end leaves an unbiased sample.
-            let mut all: Vec<RenderSettings> = space.iter().collect();
+            let mut all: Vec<KnobLevels> = space.iter().collect();
             all.shuffle(&mut self.random);
             return all.into_iter().try_for_each(|settings| self.measure(settings).map(drop));
         }
@@ -211,7 +211,7 @@ impl<E: Evaluate> Run<'_, '_, '_, E> {
 
     /// `count` unseen settings, or fewer if there are no more, by binary tournaments, crossover and
     /// mutation.
-    fn offspring(&mut self, population: &[FrontierPoint], count: usize) -> Vec<RenderSettings> {
+    fn offspring(&mut self, population: &[FrontierPoint], count: usize) -> Vec<KnobLevels> {
         let space = self.search.space;
         let probability =
             self.search.config.mutation_probability.unwrap_or(1.0 / space.len().max(1) as f64);
@@ -253,13 +253,12 @@ impl<E: Evaluate> Run<'_, '_, '_, E> {
     /// `None` if there are no more.
     fn unseen(
         &mut self,
-        settings: RenderSettings,
-        planned: &HashSet<RenderSettings>,
-    ) -> Option<RenderSettings> {
+        settings: KnobLevels,
+        planned: &HashSet<KnobLevels>,
+    ) -> Option<KnobLevels> {
         let space = self.search.space;
         let (cached, random) = (&self.cached, &mut self.random);
-        let new =
-            |settings: RenderSettings| !cached.knows(settings) && !planned.contains(&settings);
+        let new = |settings: KnobLevels| !cached.knows(settings) && !planned.contains(&settings);
         if (cached.len() + planned.len()) as u64 >= self.search.combinations {
             return None;
         }
@@ -290,7 +289,7 @@ impl<E: Evaluate> Run<'_, '_, '_, E> {
 
     /// The cost of `settings`, evaluated unless known. `None` where it is not finite, or the
     /// evaluation budget is spent.
-    fn measure(&mut self, settings: RenderSettings) -> Result<Option<FrontierPoint>, E::Error> {
+    fn measure(&mut self, settings: KnobLevels) -> Result<Option<FrontierPoint>, E::Error> {
         let settings = self.search.space.canonical(settings);
         if !self.cached.knows(settings) {
             if self.cached.len() >= self.limit || !self.complete {

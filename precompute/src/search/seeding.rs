@@ -8,14 +8,10 @@
 //! would be exactly the convex part of the frontier (the greedy fractional knapsack, Dantzig 1957).
 
 use bevy_frugal_gi::frontier::CostPoint;
-use bevy_frugal_gi::knobs::{KnobSpace, RenderSettings};
+use bevy_frugal_gi::knobs::{KnobLevels, KnobSpace};
 
 /// At most `count` of `settings`, each once, spread evenly over the list.
-pub(crate) fn spread(
-    space: &KnobSpace,
-    settings: &[RenderSettings],
-    count: usize,
-) -> Vec<RenderSettings> {
+pub(crate) fn spread(space: &KnobSpace, settings: &[KnobLevels], count: usize) -> Vec<KnobLevels> {
     let unique =
         space.canonical_once(settings.iter().copied().filter(|settings| space.contains(*settings)));
     if unique.len() <= count {
@@ -25,13 +21,13 @@ pub(crate) fn spread(
 }
 
 /// Presets as engines ship them, between the highest and the lowest.
-pub(crate) fn presets(space: &KnobSpace) -> [RenderSettings; 3] {
+pub(crate) fn presets(space: &KnobSpace) -> [KnobLevels; 3] {
     [0.5, 0.25, 0.75].map(|share| space.preset(share))
 }
 
 /// One-at-a-time screening: the knobs that can be lowered, each with the highest settings but that
 /// knob at its lowest.
-pub(crate) fn one_at_a_time(space: &KnobSpace) -> Vec<(usize, RenderSettings)> {
+pub(crate) fn one_at_a_time(space: &KnobSpace) -> Vec<(usize, KnobLevels)> {
     let highest = space.highest();
     let movable = (0..space.len()).filter(|knob| space.knobs()[*knob].levels.len() > 1);
     movable.map(|knob| (knob, highest.with_level(knob, 0))).collect()
@@ -43,7 +39,7 @@ pub(crate) fn descent(
     space: &KnobSpace,
     highest: CostPoint,
     effects: &[(usize, CostPoint)],
-) -> Vec<RenderSettings> {
+) -> Vec<KnobLevels> {
     let mut saving: Vec<(usize, f64)> = effects
         .iter()
         .filter(|(_, cost)| cost.is_finite() && cost.power < highest.power)
@@ -100,9 +96,6 @@ mod tests {
         let space = space();
         let all: Vec<_> = space.iter().collect();
         assert_eq!(spread(&space, &all, 4), [all[0], all[3], all[6], all[9]]);
-        assert_eq!(
-            spread(&space, &[all[1], all[1], RenderSettings::from_bits(0xffff)], 4),
-            [all[1]]
-        );
+        assert_eq!(spread(&space, &[all[1], all[1], KnobLevels::from_bits(0xffff)], 4), [all[1]]);
     }
 }

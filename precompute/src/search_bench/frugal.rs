@@ -2,7 +2,7 @@
 //! proposals on models of power and error.
 
 use bevy_frugal_gi::frontier::CostPoint;
-use bevy_frugal_gi::knobs::RenderSettings;
+use bevy_frugal_gi::knobs::KnobLevels;
 
 use super::Recorded;
 use super::lookup::Lookup;
@@ -53,7 +53,7 @@ fn rounds(
             return;
         }
         let readings = lookup.readings();
-        let reading = |(settings, cost): &(RenderSettings, CostPoint)| CostReading {
+        let reading = |(settings, cost): &(KnobLevels, CostPoint)| CostReading {
             camera: 0,
             work: Work::of(space, *settings, layout),
             power_w: cost.power.0,

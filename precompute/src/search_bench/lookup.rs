@@ -1,7 +1,7 @@
 //! Look-ups in a table, with a count of renderings.
 
 use bevy_frugal_gi::frontier::CostPoint;
-use bevy_frugal_gi::knobs::RenderSettings;
+use bevy_frugal_gi::knobs::KnobLevels;
 
 use super::Recorded;
 use super::run::Goal;
@@ -37,7 +37,7 @@ impl<'a> Lookup<'a> {
 
     /// The cost of `settings`. The first request counts as a rendering, unless the table lacks
     /// them.
-    pub fn ask(&mut self, settings: RenderSettings) -> CostPoint {
+    pub fn ask(&mut self, settings: KnobLevels) -> CostPoint {
         let settings = self.recorded.space.canonical(settings);
         if self.is_known(settings) {
             return self.known.get(0, settings).unwrap_or(MISSING);
@@ -55,7 +55,7 @@ impl<'a> Lookup<'a> {
     }
 
     /// The same for several settings, until all goals are reached.
-    pub fn ask_all(&mut self, settings: impl IntoIterator<Item = RenderSettings>) {
+    pub fn ask_all(&mut self, settings: impl IntoIterator<Item = KnobLevels>) {
         for settings in settings {
             if self.is_done() {
                 return;
@@ -65,7 +65,7 @@ impl<'a> Lookup<'a> {
     }
 
     /// Whether `settings` were requested.
-    pub fn is_known(&self, settings: RenderSettings) -> bool {
+    pub fn is_known(&self, settings: KnobLevels) -> bool {
         self.known.column(settings).is_some()
     }
 
@@ -80,7 +80,7 @@ impl<'a> Lookup<'a> {
     }
 
     /// Requested settings that the table has, with their costs.
-    pub fn readings(&self) -> Vec<(RenderSettings, CostPoint)> {
+    pub fn readings(&self) -> Vec<(KnobLevels, CostPoint)> {
         self.known
             .settings()
             .iter()
@@ -96,7 +96,7 @@ pub(super) struct Done;
 impl Evaluate for Lookup<'_> {
     type Error = Done;
 
-    fn evaluate(&mut self, settings: RenderSettings) -> Result<CostPoint, Done> {
+    fn evaluate(&mut self, settings: KnobLevels) -> Result<CostPoint, Done> {
         let cost = self.ask(settings);
         if self.is_done() { Err(Done) } else { Ok(cost) }
     }

@@ -7,7 +7,7 @@ use std::collections::HashMap;
 use std::convert::Infallible;
 
 use bevy_frugal_gi::frontier::CostPoint;
-use bevy_frugal_gi::knobs::{KnobSpace, RenderSettings};
+use bevy_frugal_gi::knobs::{KnobLevels, KnobSpace};
 
 use super::Recorded;
 use super::lookup::Lookup;
@@ -31,7 +31,7 @@ struct Mean {
 #[derive(Debug)]
 pub(super) struct Others {
     screening: Screening,
-    means: HashMap<RenderSettings, Mean>,
+    means: HashMap<KnobLevels, Mean>,
 }
 
 /// Both models at this camera, as the objectives of a search.
@@ -49,7 +49,7 @@ impl Others {
     /// `None` without other cameras.
     pub fn of(recorded: &Recorded) -> Option<Self> {
         let table = &recorded.others;
-        let mean = |settings: &RenderSettings| {
+        let mean = |settings: &KnobLevels| {
             let costs: Vec<CostPoint> =
                 (0..table.rows()).filter_map(|row| table.get(row, *settings)).collect();
             let mean = |value: fn(&CostPoint) -> f64| {
@@ -79,10 +79,10 @@ impl Others {
         lookup: &Lookup<'_>,
         count: usize,
         seed: u64,
-    ) -> Vec<RenderSettings> {
+    ) -> Vec<KnobLevels> {
         let readings = lookup.readings();
         let mut models = self.models(space, &readings);
-        let known: Vec<RenderSettings> = readings.iter().map(|(settings, _)| *settings).collect();
+        let known: Vec<KnobLevels> = readings.iter().map(|(settings, _)| *settings).collect();
         let Ok(found) =
             Search::new(space, model_search(seed)).run(&mut models, &known, &mut |_| true);
         let mut table = CostTable::new(1);
@@ -103,7 +103,7 @@ impl Others {
     fn models<'a>(
         &'a self,
         space: &'a KnobSpace,
-        readings: &[(RenderSettings, CostPoint)],
+        readings: &[(KnobLevels, CostPoint)],
     ) -> Models<'a> {
         let before = ErrorModel::fit(space, &self.screening, &[]);
         let both = || {
@@ -111,7 +111,7 @@ impl Others {
                 .iter()
                 .filter_map(|(settings, cost)| Some((*settings, *cost, *self.means.get(settings)?)))
         };
-        let beyond = |(settings, cost, mean): (RenderSettings, CostPoint, Mean)| {
+        let beyond = |(settings, cost, mean): (KnobLevels, CostPoint, Mean)| {
             (
                 settings,
                 (before.predict(settings).0 + logarithm(cost.error) - mean.error).exp()
@@ -130,7 +130,7 @@ impl Others {
 impl Evaluate for Models<'_> {
     type Error = Infallible;
 
-    fn evaluate(&mut self, settings: RenderSettings) -> Result<CostPoint, Infallible> {
+    fn evaluate(&mut self, settings: KnobLevels) -> Result<CostPoint, Infallible> {
         let Some(mean) = self.others.means.get(&settings) else {
             return Ok(CostPoint::new(f64::INFINITY, f64::INFINITY));
         };
@@ -145,12 +145,11 @@ impl Evaluate for Models<'_> {
 
 /// The settings in `table` that are not `chosen` and are farthest from them in the logarithm of
 /// power.
-fn farthest(table: &CostTable, chosen: &[RenderSettings]) -> Option<RenderSettings> {
-    let power = |settings: &RenderSettings| {
-        table.get(0, *settings).map_or(f64::NAN, |cost| cost.power.0.ln())
-    };
+fn farthest(table: &CostTable, chosen: &[KnobLevels]) -> Option<KnobLevels> {
+    let power =
+        |settings: &KnobLevels| table.get(0, *settings).map_or(f64::NAN, |cost| cost.power.0.ln());
     let near: Vec<f64> = chosen.iter().map(power).collect();
-    let distance = |settings: &RenderSettings| {
+    let distance = |settings: &KnobLevels| {
         near.iter().map(|other| (other - power(settings)).abs()).fold(f64::INFINITY, f64::min)
     };
     let open = table.settings().iter().filter(|settings| !chosen.contains(settings));

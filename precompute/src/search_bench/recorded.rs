@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 
 use bevy_frugal_gi::frontier::{CostPoint, FrontierPoint};
-use bevy_frugal_gi::knobs::{Knob, KnobSpace, Need, RenderSettings};
+use bevy_frugal_gi::knobs::{DependsOn, Knob, KnobLevels, KnobSpace};
 
 use crate::cost::FrameLayout;
 use crate::table::{ASSUMED_LAYOUT, CostTable, SweepTable};
@@ -58,7 +58,7 @@ pub struct Recorded {
     /// Parameters of the work model other than settings.
     pub layout: FrameLayout,
     /// Cost of each combination of the table.
-    pub costs: BTreeMap<RenderSettings, CostPoint>,
+    pub costs: BTreeMap<KnobLevels, CostPoint>,
     /// Readings of other cameras, a row for each.
     pub others: CostTable,
 }
@@ -186,27 +186,24 @@ impl<'a> Levels<'a> {
             needs: knob
                 .needs
                 .as_ref()
-                .map(|need| Need { at_least: self.at_least(need), ..need.clone() }),
+                .map(|need| DependsOn { at_least: self.at_least(need), ..need.clone() }),
         };
         let knobs = self.space.knobs().iter().zip(&self.occurring).map(knob).collect();
         // Names and values are those of a valid space, and each knob has a level if there is a row.
         KnobSpace::new(knobs).unwrap_or_default()
     }
 
-    fn at_least(&self, need: &Need) -> usize {
+    fn at_least(&self, need: &DependsOn) -> usize {
         let levels = self.space.index_of(&need.knob).map(|knob| &self.occurring[knob]);
         levels
             .map_or(need.at_least, |levels| levels.partition_point(|level| *level < need.at_least))
     }
 
     /// Converts settings to the space of these levels; `None` where they have another level.
-    fn settings(&self, settings: RenderSettings) -> Option<RenderSettings> {
-        self.occurring.iter().enumerate().try_fold(
-            RenderSettings::default(),
-            |kept, (knob, levels)| {
-                Some(kept.with_level(knob, levels.binary_search(&settings.level(knob)).ok()?))
-            },
-        )
+    fn settings(&self, settings: KnobLevels) -> Option<KnobLevels> {
+        self.occurring.iter().enumerate().try_fold(KnobLevels::default(), |kept, (knob, levels)| {
+            Some(kept.with_level(knob, levels.binary_search(&settings.level(knob)).ok()?))
+        })
     }
 }
 
@@ -224,8 +221,8 @@ mod tests {
         KnobSpace::new(knobs).expect("a valid space")
     }
 
-    fn table(error: f64, keep: impl Fn(RenderSettings) -> bool) -> SweepTable {
-        let point = |settings: RenderSettings| FrontierPoint {
+    fn table(error: f64, keep: impl Fn(KnobLevels) -> bool) -> SweepTable {
+        let point = |settings: KnobLevels| FrontierPoint {
             settings,
             cost: CostPoint::new(1.0 + settings.bits() as f64, error),
         };

@@ -2,7 +2,7 @@
 
 use std::ops::ControlFlow;
 
-use bevy_frugal_gi::knobs::RenderSettings;
+use bevy_frugal_gi::knobs::KnobLevels;
 use rand::SeedableRng;
 use rand::seq::SliceRandom;
 use rand_chacha::ChaCha8Rng;
@@ -156,7 +156,7 @@ fn search(
 ) {
     match (method, others) {
         (Method::Random, _) => {
-            let mut all: Vec<RenderSettings> = recorded.costs.keys().copied().collect();
+            let mut all: Vec<KnobLevels> = recorded.costs.keys().copied().collect();
             all.shuffle(&mut ChaCha8Rng::seed_from_u64(seed));
             lookup.ask_all(all);
         }

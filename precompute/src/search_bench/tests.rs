@@ -3,7 +3,7 @@
 use std::ops::ControlFlow;
 
 use bevy_frugal_gi::frontier::{CostPoint, FrontierPoint};
-use bevy_frugal_gi::knobs::{KnobSpace, RenderSettings};
+use bevy_frugal_gi::knobs::{KnobLevels, KnobSpace};
 
 use super::*;
 use crate::cost::{FrameLayout, Work, work_names};
@@ -19,7 +19,7 @@ fn space() -> KnobSpace {
 }
 
 /// Watts by fixed prices of work.
-fn power(space: &KnobSpace, settings: RenderSettings) -> f64 {
+fn power(space: &KnobSpace, settings: KnobLevels) -> f64 {
     let price = |name: &str| match name {
         "frame" => 2.0,
         "rays" => 4e-5,
@@ -36,7 +36,7 @@ fn power(space: &KnobSpace, settings: RenderSettings) -> f64 {
 }
 
 /// Errors of knobs are multiplicative; `weights` are the camera's.
-fn error(space: &KnobSpace, settings: RenderSettings, weights: [f64; 4]) -> f64 {
+fn error(space: &KnobSpace, settings: KnobLevels, weights: [f64; 4]) -> f64 {
     let kept = (0..4).map(|knob| {
         let top = space.knobs()[knob].levels.len() - 1;
         let missing = (top - settings.level(knob)) as f64 / top as f64;

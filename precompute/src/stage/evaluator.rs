@@ -1,7 +1,7 @@
 //! The stage as the evaluator of a search: power and error of settings at a camera.
 
 use bevy_frugal_gi::frontier::CostPoint;
-use bevy_frugal_gi::knobs::RenderSettings;
+use bevy_frugal_gi::knobs::KnobLevels;
 use bevy_frugal_gi::units::Watts;
 
 use super::{Stage, StageError};
@@ -38,7 +38,7 @@ impl StageEvaluator {
     pub fn measure(
         &mut self,
         clip: &[CameraPose],
-        settings: RenderSettings,
+        settings: KnobLevels,
     ) -> Result<CostPoint, StageError> {
         if self.reference.as_ref().is_none_or(|(of, _)| of != clip) {
             let best = self.stage.space.highest();

@@ -1,6 +1,6 @@
 //! The stage as the frame renderer of an evaluation: consecutive frames, as in an app.
 
-use bevy_frugal_gi::knobs::RenderSettings;
+use bevy_frugal_gi::knobs::KnobLevels;
 
 use super::{Stage, StageError};
 use crate::evaluate::{FrameRenderer, Pose, RenderedFrame};
@@ -20,12 +20,7 @@ impl<'s> StageFrameRenderer<'s> {
 impl FrameRenderer for StageFrameRenderer<'_> {
     type Error = StageError;
 
-    fn begin_run(
-        &mut self,
-        _: &str,
-        pose: &Pose,
-        settings: RenderSettings,
-    ) -> Result<(), StageError> {
+    fn begin_run(&mut self, _: &str, pose: &Pose, settings: KnobLevels) -> Result<(), StageError> {
         self.stage.place(pose.position, pose.rotation);
         self.stage.apply(settings);
         (0..4).for_each(|_| self.stage.frame());
@@ -37,7 +32,7 @@ impl FrameRenderer for StageFrameRenderer<'_> {
     fn render_frame(
         &mut self,
         pose: &Pose,
-        settings: RenderSettings,
+        settings: KnobLevels,
     ) -> Result<RenderedFrame, StageError> {
         self.stage.place(pose.position, pose.rotation);
         self.stage.switch(settings);

@@ -32,7 +32,7 @@ use bevy::render::renderer::RenderDevice;
 use bevy::shader::ShaderCacheError;
 use bevy::transform::components::Transform;
 use bevy_frugal_gi::gi::{CameraCut, GiCounts, GiOccluders};
-use bevy_frugal_gi::knobs::{KnobRegistry, KnobSettings, KnobSpace, RenderSettings};
+use bevy_frugal_gi::knobs::{KnobLevels, KnobRegistry, KnobSettings, KnobSpace};
 use bevy_frugal_gi::power::{Adapter, MeterInfo, PowerMeter};
 use bevy_frugal_gi::units::Watts;
 
@@ -329,13 +329,13 @@ impl Stage {
     }
 
     /// Sets the knobs on offer, with a camera cut: the next frame has no temporal history.
-    pub fn apply(&mut self, settings: RenderSettings) {
+    pub fn apply(&mut self, settings: KnobLevels) {
         self.switch(settings);
         self.app.world_mut().entity_mut(self.camera).insert(CameraCut);
     }
 
     /// Sets the knobs on offer without a cut, as a controller does.
-    pub fn switch(&mut self, settings: RenderSettings) {
+    pub fn switch(&mut self, settings: KnobLevels) {
         let space = Arc::clone(&self.space);
         self.insert_settings(space, settings);
     }
@@ -362,7 +362,7 @@ impl Stage {
         Ok(())
     }
 
-    fn insert_settings(&mut self, space: Arc<KnobSpace>, settings: RenderSettings) {
+    fn insert_settings(&mut self, space: Arc<KnobSpace>, settings: KnobLevels) {
         let wanted = KnobSettings { space, settings };
         let mut camera = self.app.world_mut().entity_mut(self.camera);
         if camera.get::<KnobSettings>() != Some(&wanted) {

@@ -1,7 +1,7 @@
 //! The interface for filling a table.
 
 use bevy_frugal_gi::frontier::CostPoint;
-use bevy_frugal_gi::knobs::RenderSettings;
+use bevy_frugal_gi::knobs::KnobLevels;
 
 use crate::scene::CameraPose;
 
@@ -17,6 +17,6 @@ pub trait Measure {
     fn measure(
         &mut self,
         clip: &[CameraPose],
-        settings: RenderSettings,
+        settings: KnobLevels,
     ) -> Result<CostPoint, Self::Error>;
 }

@@ -10,7 +10,7 @@ mod sweep;
 use std::collections::HashMap;
 
 use bevy_frugal_gi::frontier::CostPoint;
-use bevy_frugal_gi::knobs::RenderSettings;
+use bevy_frugal_gi::knobs::KnobLevels;
 
 pub use measure::Measure;
 pub use sweep::{ASSUMED_LAYOUT, SweepFacts, SweepTable, SweepTableError};
@@ -19,8 +19,8 @@ pub use sweep::{ASSUMED_LAYOUT, SweepFacts, SweepTable, SweepTableError};
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct CostTable {
     rows: usize,
-    settings: Vec<RenderSettings>,
-    columns: HashMap<RenderSettings, usize>,
+    settings: Vec<KnobLevels>,
+    columns: HashMap<KnobLevels, usize>,
     /// By column, then by row; NaN where unknown.
     costs: Vec<Vec<CostPoint>>,
 }
@@ -39,17 +39,17 @@ impl CostTable {
     }
 
     /// All settings with a known cost, in the order of insertion.
-    pub fn settings(&self) -> &[RenderSettings] {
+    pub fn settings(&self) -> &[KnobLevels] {
         &self.settings
     }
 
     /// Column of `settings`.
-    pub fn column(&self, settings: RenderSettings) -> Option<usize> {
+    pub fn column(&self, settings: KnobLevels) -> Option<usize> {
         self.columns.get(&settings).copied()
     }
 
     /// Sets the cost of `settings` at camera `row`. Rows beyond the table are ignored.
-    pub fn set(&mut self, row: usize, settings: RenderSettings, cost: CostPoint) {
+    pub fn set(&mut self, row: usize, settings: KnobLevels, cost: CostPoint) {
         let column = *self.columns.entry(settings).or_insert_with(|| {
             self.settings.push(settings);
             self.costs.push(vec![Self::UNKNOWN; self.rows]);
@@ -61,7 +61,7 @@ impl CostTable {
     }
 
     /// The cost of `settings` at camera `row`, if known.
-    pub fn get(&self, row: usize, settings: RenderSettings) -> Option<CostPoint> {
+    pub fn get(&self, row: usize, settings: KnobLevels) -> Option<CostPoint> {
         self.at(row, self.column(settings)?)
     }
 
@@ -89,7 +89,7 @@ impl CostTable {
 
     /// The table of the columns that `keep` accepts.
     #[must_use]
-    pub fn with_columns(&self, mut keep: impl FnMut(RenderSettings) -> bool) -> Self {
+    pub fn with_columns(&self, mut keep: impl FnMut(KnobLevels) -> bool) -> Self {
         let mut kept = Self::new(self.rows);
         for (column, settings) in
             self.settings.iter().enumerate().filter(|(_, settings)| keep(**settings))
@@ -120,7 +120,7 @@ mod tests {
     #[test]
     fn costs_that_were_not_set_are_unknown() {
         let mut table = CostTable::new(2);
-        let [a, b] = [0, 1].map(RenderSettings::from_bits);
+        let [a, b] = [0, 1].map(KnobLevels::from_bits);
         table.set(1, a, CostPoint::new(2.0, 0.1));
         table.set(9, b, CostPoint::new(1.0, 0.0));
         assert_eq!((table.rows(), table.settings()), (2, &[a, b][..]));

@@ -7,7 +7,7 @@ use std::path::Path;
 use bevy_frugal_gi::frontier::{
     Capture, CostPoint, Frontier, FrontierMap, FrontierPoint, Octree, SceneIdentity,
 };
-use bevy_frugal_gi::knobs::{Knob, KnobSpace, RenderSettings};
+use bevy_frugal_gi::knobs::{Knob, KnobLevels, KnobSpace};
 use frugal::scene;
 use frugal::table::{SweepFacts, SweepTable};
 use frugal_tests::map;
@@ -378,7 +378,7 @@ fn sweep_table(folder: &Path, name: &str, knobs: [&str; 2], worst: f64) {
     let space =
         frugal::stage::every_knob().expect("the built-in knobs").subset(knobs).expect("built-in");
     let point = |settings| {
-        let [a, b] = [0, 1].map(|knob| RenderSettings::level(settings, knob) as f64);
+        let [a, b] = [0, 1].map(|knob| KnobLevels::level(settings, knob) as f64);
         FrontierPoint { settings, cost: CostPoint::new(1.0 + a + b, worst / (1.0 + a + 2.0 * b)) }
     };
     let table = SweepTable {

@@ -12,7 +12,7 @@ use bevy::pbr::{ScreenSpaceAmbientOcclusion, ScreenSpaceAmbientOcclusionQualityL
 use bevy::post_process::bloom::Bloom;
 use bevy::render::camera::MipBias;
 use bevy_frugal_gi::gi::{FrugalGi, RsmView};
-use bevy_frugal_gi::knobs::{AppliedKnobs, RenderSettings};
+use bevy_frugal_gi::knobs::{AppliedKnobs, KnobLevels};
 use bevy_frugal_gi::resolution::ResolutionScale;
 use frugal::metrics::Picture;
 use frugal::scene::Environment;
@@ -165,7 +165,7 @@ fn every_level_is_applied_changes_the_image_and_leaves_no_trace() {
 }
 
 /// Predicted number of pairs of a frame at `settings`: gathered pixels × VPLs per pixel.
-fn predicted_pairs(stage: &Stage, settings: RenderSettings) -> u64 {
+fn predicted_pairs(stage: &Stage, settings: KnobLevels) -> u64 {
     let value = |name: &str| stage.space().value(settings, name).expect("a built-in knob");
     let size = ResolutionScale(value("resolution_scale") as f32).apply(SIZE);
     let (width, height) = match value("gi_pixel_fraction") {

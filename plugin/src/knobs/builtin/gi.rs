@@ -102,7 +102,7 @@ impl KnobDriver for GiBounces {
         Knob::new("gi_bounces", [1.0, 2.0, 3.0]).needing("gi_visibility", 1)
     }
 
-    fn is_by_name_only(&self) -> bool {
+    fn is_opt_in(&self) -> bool {
         true
     }
 

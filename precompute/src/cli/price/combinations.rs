@@ -1,7 +1,7 @@
 //! Sweep of all combinations of the global illumination's levels: dominance of levels.
 
 use bevy_frugal_gi::frontier::{CostPoint, FrontierPoint};
-use bevy_frugal_gi::knobs::{KnobSpace, RenderSettings};
+use bevy_frugal_gi::knobs::{KnobLevels, KnobSpace};
 
 use super::{Arguments, is_gi, is_still};
 use crate::cli::arguments::{write, write_report};
@@ -21,7 +21,7 @@ const METERED_FRAMES: u32 = 2;
 pub(super) fn run(
     stage: &mut Stage,
     reference: &Radiance,
-    without: RenderSettings,
+    without: KnobLevels,
     scene: &str,
     arguments: &Arguments,
 ) -> Result<(), CliError> {
@@ -29,7 +29,7 @@ pub(super) fn run(
     let combinations = combinations(&whole)?;
     let bar = progress::bar(combinations.len() as u64).with_message("combinations");
     let mut table = Vec::new();
-    let reading = |stage: &mut Stage, settings: RenderSettings| -> Result<f64, CliError> {
+    let reading = |stage: &mut Stage, settings: KnobLevels| -> Result<f64, CliError> {
         if progress::interrupted() {
             return Err(CliError::failed("interrupted: nothing was written"));
         }
@@ -120,7 +120,7 @@ pub(super) fn run(
 }
 
 /// All combinations of global illumination's levels with it on, the other knobs at their best.
-fn combinations(whole: &KnobSpace) -> Result<Vec<RenderSettings>, CliError> {
+fn combinations(whole: &KnobSpace) -> Result<Vec<KnobLevels>, CliError> {
     let knobs: Vec<_> = whole
         .knobs()
         .iter()
@@ -131,7 +131,7 @@ fn combinations(whole: &KnobSpace) -> Result<Vec<RenderSettings>, CliError> {
     let count = knobs.iter().position(|knob| knob.name == "gi_vpl_count");
     let space = KnobSpace::new(knobs).map_err(CliError::failed)?;
     let on = space.iter().filter(|settings| count.is_none_or(|index| settings.level(index) > 0));
-    let lift = |settings: RenderSettings| {
+    let lift = |settings: KnobLevels| {
         let lifted =
             knob_indices.iter().enumerate().map(|(own, index)| (*index, settings.level(own)));
         lifted.fold(whole.highest(), |all, (index, level)| all.with_level(index, level))

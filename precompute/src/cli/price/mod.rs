@@ -7,7 +7,7 @@ use std::path::PathBuf;
 
 use bevy::math::UVec2;
 use bevy_frugal_gi::gi::GiRefresh;
-use bevy_frugal_gi::knobs::{KnobSpace, RenderSettings};
+use bevy_frugal_gi::knobs::{KnobLevels, KnobSpace};
 
 use super::arguments::{CameraArguments, check_outputs, open_scene, size, write, write_report};
 use super::{CliError, progress};
@@ -236,16 +236,12 @@ fn reference(scene: &SceneDescription, arguments: &Arguments) -> Result<Radiance
 struct PricedLevel {
     knob: String,
     label: String,
-    settings: RenderSettings,
+    settings: KnobLevels,
 }
 
 /// All levels with global illumination of the knobs for which `counts` holds, the best first, up to
 /// the level in `best`; the other knobs are at `best`.
-fn levels(
-    space: &KnobSpace,
-    best: RenderSettings,
-    counts: impl Fn(&str) -> bool,
-) -> Vec<PricedLevel> {
+fn levels(space: &KnobSpace, best: KnobLevels, counts: impl Fn(&str) -> bool) -> Vec<PricedLevel> {
     let mut priced = Vec::new();
     for (index, knob) in space
         .knobs()

@@ -1,7 +1,7 @@
 //! The best single settings for a budget.
 
 use bevy_frugal_gi::frontier::CostPoint;
-use bevy_frugal_gi::knobs::RenderSettings;
+use bevy_frugal_gi::knobs::KnobLevels;
 
 use crate::evaluate::ResolvedBudget;
 use crate::table::CostTable;
@@ -15,7 +15,7 @@ use crate::table::CostTable;
 pub fn best_constant(
     table: &CostTable,
     budget: &ResolvedBudget,
-) -> Option<(RenderSettings, CostPoint)> {
+) -> Option<(KnobLevels, CostPoint)> {
     let means = table.settings().iter().enumerate();
     best_of(
         means.filter_map(|(column, settings)| {
@@ -27,9 +27,9 @@ pub fn best_constant(
 
 /// The same among arbitrary candidates.
 pub fn best_of(
-    candidates: impl IntoIterator<Item = (RenderSettings, CostPoint)>,
+    candidates: impl IntoIterator<Item = (KnobLevels, CostPoint)>,
     budget: &ResolvedBudget,
-) -> Option<(RenderSettings, CostPoint)> {
+) -> Option<(KnobLevels, CostPoint)> {
     // Lexicographic: excess over the limit, then the objective.
     let rank = |cost: CostPoint| match (budget.power_w, budget.error) {
         (Some(power), _) => {
@@ -63,12 +63,12 @@ mod tests {
                 let sign = if row == 0 { 1.0 } else { -1.0 };
                 table.set(
                     row,
-                    RenderSettings::from_bits(bits as u64),
+                    KnobLevels::from_bits(bits as u64),
                     CostPoint::new(power + 0.1 * sign, error * (1.0 + 0.5 * sign)),
                 );
             }
         }
-        table.set(0, RenderSettings::from_bits(9), CostPoint::new(0.1, 0.0));
+        table.set(0, KnobLevels::from_bits(9), CostPoint::new(0.1, 0.0));
         let best = |power: Option<f64>, error| {
             let budget = ResolvedBudget { power_w: power.map(Watts), error };
             best_constant(&table, &budget).map(|(settings, _)| settings.bits())

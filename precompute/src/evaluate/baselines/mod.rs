@@ -18,10 +18,10 @@ pub use oracle::{Oracle, oracle};
 pub use reactive::{Reactive, ladder};
 
 use bevy_frugal_gi::gi::FrugalGi;
-use bevy_frugal_gi::knobs::{KnobSpace, RenderSettings};
+use bevy_frugal_gi::knobs::{KnobLevels, KnobSpace};
 
 /// `FrugalGi::default()`, all other knobs at their best: the settings of an app that sets nothing.
-pub fn default_settings(space: &KnobSpace) -> RenderSettings {
+pub fn default_settings(space: &KnobSpace) -> KnobLevels {
     let gi = FrugalGi::default();
     let authored = |name: &str| match name {
         "gi_vpl_count" => Some(f64::from(gi.vpl_count)),

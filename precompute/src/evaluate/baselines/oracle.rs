@@ -1,7 +1,7 @@
 //! Upper bounds: policies that know every frame's costs in advance.
 
 use bevy_frugal_gi::frontier::CostPoint;
-use bevy_frugal_gi::knobs::RenderSettings;
+use bevy_frugal_gi::knobs::KnobLevels;
 
 use crate::evaluate::{Choice, Policy, Pose, ResolvedBudget};
 use crate::table::CostTable;
@@ -13,7 +13,7 @@ const HALVINGS: usize = 64;
 
 /// Settings of each frame, chosen in advance.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Oracle(pub Vec<RenderSettings>);
+pub struct Oracle(pub Vec<KnobLevels>);
 
 impl Policy for Oracle {
     fn decide(&mut self, frame: usize, _: f64, _: &Pose) -> Choice {
@@ -80,7 +80,7 @@ mod tests {
             for (row, price) in [(0, 1.0), (1, 10.0)] {
                 table.set(
                     row,
-                    RenderSettings::from_bits(level),
+                    KnobLevels::from_bits(level),
                     CostPoint::new(1.0 + price * quality * quality, 0.1 * (1.0 - quality)),
                 );
             }
@@ -114,7 +114,7 @@ mod tests {
         // By exhaustive search: no pair of levels within the budget is cheaper by more than one
         // level's step.
         let pairs = (0..121).map(|pair| {
-            Oracle(vec![RenderSettings::from_bits(pair / 11), RenderSettings::from_bits(pair % 11)])
+            Oracle(vec![KnobLevels::from_bits(pair / 11), KnobLevels::from_bits(pair % 11)])
         });
         let least = pairs
             .map(|pair| mean(&table, &pair))

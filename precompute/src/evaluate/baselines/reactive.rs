@@ -1,7 +1,7 @@
 //! The reactive ladder that engines ship: constant settings, stepped by meter readings.
 
 use bevy_frugal_gi::frontier::{CostPoint, Frontier};
-use bevy_frugal_gi::knobs::RenderSettings;
+use bevy_frugal_gi::knobs::KnobLevels;
 
 use crate::evaluate::{Choice, Policy, Pose, ResolvedBudget};
 
@@ -18,7 +18,7 @@ const DWELL_SECONDS: f64 = 0.5;
 
 /// Up to eight non-dominated settings, evenly spread over the logarithm of power, the cheapest
 /// first.
-pub fn ladder(frontier: &Frontier) -> Vec<RenderSettings> {
+pub fn ladder(frontier: &Frontier) -> Vec<KnobLevels> {
     let points = frontier.points();
     let (Some(first), Some(last)) = (points.first(), points.last()) else { return Vec::new() };
     let (low, high) = (first.cost.power.0.max(1e-9).ln(), last.cost.power.0.max(1e-9).ln());
@@ -40,7 +40,7 @@ pub fn ladder(frontier: &Frontier) -> Vec<RenderSettings> {
 /// Under an error budget it measures the error itself, which no app can: a generous baseline.
 #[derive(Clone, Debug)]
 pub struct Reactive {
-    ladder: Vec<RenderSettings>,
+    ladder: Vec<KnobLevels>,
     rung: usize,
     budget: ResolvedBudget,
     dt: f64,
@@ -50,7 +50,7 @@ pub struct Reactive {
 
 impl Reactive {
     /// A policy that starts at the top rung. `ladder`: the cheapest settings first.
-    pub fn new(ladder: Vec<RenderSettings>, budget: ResolvedBudget) -> Self {
+    pub fn new(ladder: Vec<KnobLevels>, budget: ResolvedBudget) -> Self {
         Self { rung: ladder.len().saturating_sub(1), ladder, budget, dt: 0.0, loads: Vec::new() }
     }
 
@@ -109,7 +109,7 @@ mod tests {
 
     fn frontier() -> Frontier {
         Frontier::from_points((0..20u64).map(|bits| FrontierPoint {
-            settings: RenderSettings::from_bits(bits),
+            settings: KnobLevels::from_bits(bits),
             cost: CostPoint::new(1.3f64.powi(bits as i32), 0.5 / (bits + 1) as f64),
         }))
     }
@@ -133,7 +133,7 @@ mod tests {
             let level = settings.bits();
             policy.observe(CostPoint::new(1.3f64.powi(level as i32), 0.5 / (level + 1) as f64));
         }
-        (last.map_or(0, RenderSettings::bits), switches)
+        (last.map_or(0, KnobLevels::bits), switches)
     }
 
     #[test]
@@ -160,7 +160,7 @@ mod tests {
             policy.observe(CostPoint::new(f64::NAN, f64::NAN));
             assert_eq!(
                 policy.decide(frame, 0.1, &path().poses()[0]).settings,
-                RenderSettings::default()
+                KnobLevels::default()
             );
         }
     }

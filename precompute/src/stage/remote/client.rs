@@ -5,7 +5,7 @@ use std::io::{BufReader, Read};
 use std::process::{Child, ChildStdin, ChildStdout, Command, Stdio};
 
 use bevy_frugal_gi::frontier::CostPoint;
-use bevy_frugal_gi::knobs::{KnobSpace, RenderSettings};
+use bevy_frugal_gi::knobs::{KnobLevels, KnobSpace};
 use bevy_frugal_gi::power::MeterInfo;
 use bevy_frugal_gi::units::Watts;
 
@@ -270,7 +270,7 @@ impl Measure for RemoteStage {
     fn measure(
         &mut self,
         clip: &[CameraPose],
-        settings: RenderSettings,
+        settings: KnobLevels,
     ) -> Result<CostPoint, RemoteError> {
         let clip = clip.iter().map(|pose| (pose.position, pose.rotation)).collect();
         match self.ask(&Request::Measure { clip, settings })? {
@@ -285,12 +285,7 @@ impl Measure for RemoteStage {
 impl FrameRenderer for RemoteStage {
     type Error = RemoteError;
 
-    fn begin_run(
-        &mut self,
-        _: &str,
-        pose: &Pose,
-        settings: RenderSettings,
-    ) -> Result<(), RemoteError> {
+    fn begin_run(&mut self, _: &str, pose: &Pose, settings: KnobLevels) -> Result<(), RemoteError> {
         self.ask(&Request::Begin { position: pose.position, rotation: pose.rotation, settings })
             .map(drop)
     }
@@ -298,7 +293,7 @@ impl FrameRenderer for RemoteStage {
     fn render_frame(
         &mut self,
         pose: &Pose,
-        settings: RenderSettings,
+        settings: KnobLevels,
     ) -> Result<RenderedFrame, RemoteError> {
         match self.ask(&Request::Play {
             position: pose.position,

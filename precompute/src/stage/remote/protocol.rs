@@ -5,7 +5,7 @@ use std::path::PathBuf;
 
 use bevy::math::{Quat, Vec3};
 use bevy_frugal_gi::frontier::CostPoint;
-use bevy_frugal_gi::knobs::{KnobSpace, RenderSettings};
+use bevy_frugal_gi::knobs::{KnobLevels, KnobSpace};
 use bevy_frugal_gi::power::MeterInfo;
 use bevy_frugal_gi::units::Watts;
 use serde::{Deserialize, Serialize, de::DeserializeOwned};
@@ -33,11 +33,11 @@ pub(super) enum Request {
     /// Renders every level of every knob once.
     Warm,
     /// Cost of settings over a clip: the poses of consecutive frames.
-    Measure { clip: Vec<(Vec3, Quat)>, settings: RenderSettings },
+    Measure { clip: Vec<(Vec3, Quat)>, settings: KnobLevels },
     /// Starts a run.
-    Begin { position: Vec3, rotation: Quat, settings: RenderSettings },
+    Begin { position: Vec3, rotation: Quat, settings: KnobLevels },
     /// Renders one frame of a run.
-    Play { position: Vec3, rotation: Quat, settings: RenderSettings },
+    Play { position: Vec3, rotation: Quat, settings: KnobLevels },
 }
 
 /// A reply of the child, with its memory use.
@@ -98,7 +98,7 @@ mod tests {
     #[test]
     fn messages_survive_the_pipe_and_strangers_are_refused() {
         let clip = vec![(Vec3::new(0.1, -2.0, 1e6), Quat::IDENTITY); 2];
-        let request = Request::Measure { clip, settings: RenderSettings::from_bits(u64::MAX) };
+        let request = Request::Measure { clip, settings: KnobLevels::from_bits(u64::MAX) };
         let mut pipe = Vec::new();
         send(&mut pipe, &request).expect("a vector takes it");
         assert_eq!(receive::<Request>(&mut pipe.as_slice()).expect("what was sent"), request);

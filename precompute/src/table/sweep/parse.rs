@@ -4,7 +4,7 @@ use std::collections::HashMap;
 use std::path::Path;
 
 use bevy_frugal_gi::frontier::{CostPoint, FrontierPoint};
-use bevy_frugal_gi::knobs::{Knob, KnobSpace, RenderSettings};
+use bevy_frugal_gi::knobs::{Knob, KnobLevels, KnobSpace};
 use csv::StringRecord;
 use serde::Deserialize;
 
@@ -154,7 +154,7 @@ fn point(line: u64, row: &StringRecord, space: &KnobSpace) -> Result<FrontierPoi
             format!("has {} fields, not {expected}: the file was cut off or changed", row.len());
         return Err(Fault::new(line, "row", reason, REMOVE_ROW));
     }
-    let mut settings = RenderSettings::default();
+    let mut settings = KnobLevels::default();
     for (index, (knob, label)) in space.knobs().iter().zip(row.iter().skip(1)).enumerate() {
         let Some(level) = knob.levels.iter().position(|level| level.label == label) else {
             let labels: Vec<&str> = knob.levels.iter().map(|level| level.label.as_str()).collect();
