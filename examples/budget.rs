@@ -62,7 +62,7 @@ fn build(scene: &Path, map: &Path) -> Result<App, String> {
             app.insert_resource(Controlled { map, range, kind: BudgetKind::Power, share: 0.6 })
                 .add_systems(Update, (start_controller, change_budget).chain())
                 .add_systems(Last, move |mut last: Local<Option<Instant>>| {
-                    hold_frame_rate(&mut last, period)
+                    hold_frame_rate(&mut last, period);
                 });
         }
         Err(problem) => drop(app.insert_resource(NoMap(problem))),

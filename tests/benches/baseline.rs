@@ -225,12 +225,12 @@ fn conclude(baseline: &Row, ours: &[&Row], motion: &str, cost: impl Fn(&Row) -> 
                 "While {motion}: error no larger than {name}'s, and {:.1} times cheaper: {}.\n",
                 cost(baseline) / cost(row),
                 row.method.name
-            )
+            );
         }
         None => {
             println!(
                 "While {motion}: no settings of the plugin have errors as small as {name}'s.\n"
-            )
+            );
         }
     }
 }
@@ -300,7 +300,7 @@ fn passes(options: &Arguments) {
                 pass.into(),
                 ms(cost),
                 format!("{:.0} %", 100.0 * cost / whole),
-            ])
+            ]);
         };
         for (pass, gains) in GiPass::ALL.into_iter().zip(gains) {
             let cost = median(gains);

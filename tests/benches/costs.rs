@@ -18,6 +18,7 @@ use bevy_frugal_gi::frontier::{CameraView, FrontierMap, FrontierMapPlugin, Front
 use bevy_frugal_gi::knobs::{Knob, KnobSpace};
 use bevy_frugal_gi::units::Watts;
 use criterion::{Criterion, criterion_group, criterion_main};
+use frugal::metrics::{Picture, Reference};
 use frugal::scene::Light;
 use frugal_tests::{map, meshes, set};
 
@@ -63,10 +64,27 @@ fn controller(criterion: &mut Criterion) {
     });
     for cameras in [0, 1, 4, 64] {
         let mut app = app(cameras);
-        criterion
-            .bench_function(&format!("update of an app with {cameras} still cameras"), |bencher| {
-                bencher.iter(|| app.update())
-            });
+        criterion.bench_function(
+            &format!("update of an app with {cameras} still cameras"),
+            |bencher| {
+                bencher.iter(|| app.update());
+            },
+        );
+    }
+}
+
+/// Images that a search compares: throughput of the error metric on one core.
+fn metric(criterion: &mut Criterion) {
+    for (width, height) in [(320_u32, 180_u32), (1920, 1080)] {
+        let image = |shift: u32| {
+            let level = |index: u32| [((index * 7 + shift * (index % 5)) % 256) as u8; 3];
+            Picture { width, height, rgb: (0..width * height).map(level).collect() }
+        };
+        let reference = Reference::new(&image(0)).expect("an image");
+        let other = image(3);
+        criterion.bench_function(&format!("1 - SSIM of {width}x{height} pixels"), |bencher| {
+            bencher.iter(|| reference.error(black_box(&other)));
+        });
     }
 }
 
@@ -113,6 +131,6 @@ fn memory(_: &mut Criterion) {
 criterion_group! {
     name = costs;
     config = Criterion::default().warm_up_time(Duration::from_millis(500)).measurement_time(Duration::from_secs(2));
-    targets = controller, memory
+    targets = controller, metric, memory
 }
 criterion_main!(costs);

@@ -141,7 +141,7 @@ pub fn half(bits: u16) -> f64 {
 fn mapped(world: &World, buffer: &Buffer) -> Vec<u8> {
     let slice = buffer.slice(..);
     slice.map_async(MapMode::Read, |result| {
-        result.unwrap_or_else(|error| panic!("a buffer cannot be read back: {error}"))
+        result.unwrap_or_else(|error| panic!("a buffer cannot be read back: {error}"));
     });
     world
         .resource::<RenderDevice>()

@@ -1,6 +1,6 @@
 //! Temporal filter: moves settings to their target level by level, so that quality never jumps.
 //!
-//! Wang et al. 2016, equation 3.8: s = round((1 − t/T)·s_old + (t/T)·s_new) for each knob, t
+//! Wang et al. 2016, equation 3.8: `s = round((1 − t/T)·s_old + (t/T)·s_new)` for each knob, t
 //! seconds after the target changed; T is 2 s there and 1 s here. For a constant target the filter
 //! equals this closed form.
 //!

@@ -126,7 +126,7 @@ pub(super) fn select_settings(
             let Some(map) = maps.get(id) else {
                 match server.as_ref().and_then(|server| server.get_load_state(id)) {
                     Some(LoadState::Failed(error)) => {
-                        turn_off(entity, &mut selection, OffReason::MapNotLoaded, &error)
+                        turn_off(entity, &mut selection, OffReason::MapNotLoaded, &error);
                     }
                     _ => stand_by(&mut selection, ControlStatus::Waiting),
                 }

@@ -31,7 +31,7 @@ fn app_with(files: Dir) -> App {
     app.add_plugins((MinimalPlugins, AssetPlugin::default(), FrontierMapPlugin, ControlPlugin));
     app.insert_resource(TimeUpdateStrategy::ManualDuration(FRAME)).init_resource::<Changes>();
     let count = |changed: Query<(), Changed<KnobSettings>>, mut changes: ResMut<Changes>| {
-        changes.0 += changed.iter().count()
+        changes.0 += changed.iter().count();
     };
     app.add_systems(Update, count);
     app.finish();

@@ -62,7 +62,7 @@ fn a_truncated_file_is_rejected_with_its_line() {
                 assert!(
                     line <= last_line && line + 1 >= last_line,
                     "cut at {cut}: {line}, not {last_line}"
-                )
+                );
             }
             other => panic!("cut at {cut}: {other:?}"),
         }

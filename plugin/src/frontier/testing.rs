@@ -33,7 +33,7 @@ pub(crate) fn subdivided(levels: u8) -> Octree {
     while cube.size > 1 {
         let half = Leaf { size: cube.size / 2, ..cube };
         (0..8).for_each(|child| {
-            corners.extend(corners_of(Leaf { min: half.corner(child), size: half.size }))
+            corners.extend(corners_of(Leaf { min: half.corner(child), size: half.size }));
         });
         cube = Leaf { min: half.corner(7), size: half.size };
     }

@@ -236,7 +236,7 @@ mod tests {
     fn opening_never_panics() {
         match NvmlMeter::open(&BoardChoice::Index(0)) {
             Ok(mut meter) => {
-                assert!(meter.energy().expect("it was read when it was opened").0 >= 0.0)
+                assert!(meter.energy().expect("it was read when it was opened").0 >= 0.0);
             }
             Err(error) => assert!(!error.to_string().is_empty()),
         }

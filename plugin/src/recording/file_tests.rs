@@ -103,7 +103,7 @@ fn numbers_out_of_range_are_rejected_in_every_column() {
         for value in values {
             match parse(&file_with(column, value)) {
                 Err(CameraFileError::OutOfRange { line: 3, number }) => {
-                    assert_eq!(number.field, column, "{value}")
+                    assert_eq!(number.field, column, "{value}");
                 }
                 other => panic!("{column} = {value}: {other:?}"),
             }

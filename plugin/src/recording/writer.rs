@@ -49,7 +49,7 @@ impl CameraWriter {
         let run = move || match record(&file, max_samples, &receiver) {
             Ok(()) => {}
             Err(stop @ Stop::Full(_)) => {
-                warn!("recording of cameras to {} ends: {stop}", file.display())
+                warn!("recording of cameras to {} ends: {stop}", file.display());
             }
             Err(stop) => error!("cameras are not recorded to {}: {stop}", file.display()),
         };

@@ -2,7 +2,7 @@
 
 use std::collections::{HashMap, HashSet, VecDeque};
 
-use bevy::math::{IVec3, Vec3};
+use glam::{IVec3, Vec3};
 use rand::RngExt;
 
 use crate::scene::{Bounds, CameraPose, RayScene};

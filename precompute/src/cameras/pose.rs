@@ -1,6 +1,6 @@
 //! A moving camera.
 
-use bevy::math::{Quat, Vec3};
+use glam::{Quat, Vec3};
 
 use crate::scene::CameraPose;
 

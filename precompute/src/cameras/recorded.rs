@@ -75,8 +75,8 @@ fn tracks(samples: &[CameraSample]) -> Vec<Vec<TrackSample>> {
 
 #[cfg(test)]
 mod tests {
-    use bevy::math::{Quat, Vec3};
     use bevy_frugal_gi::recording::to_text;
+    use glam::{Quat, Vec3};
 
     use super::*;
 

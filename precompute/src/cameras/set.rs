@@ -1,6 +1,6 @@
 //! Training and calibration cameras of a scene.
 
-use bevy::math::{EulerRot, Quat, Vec3};
+use glam::{EulerRot, Quat, Vec3};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 

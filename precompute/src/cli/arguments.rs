@@ -3,8 +3,8 @@
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
-use bevy::math::{UVec2, Vec3};
 use clap::Args;
+use glam::{UVec2, Vec3};
 
 use super::CliError;
 use crate::files;

@@ -191,11 +191,7 @@ fn spot_checks(
         bar.set_length(progress.frames_total as u64);
         bar.set_position(progress.frames_done as u64);
         bar.set_message("frames, rendered");
-        if super::progress::interrupted() {
-            ControlFlow::Break(())
-        } else {
-            ControlFlow::Continue(())
-        }
+        if progress::interrupted() { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
     });
     bar.finish_and_clear();
     let played = played.map_err(CliError::failed)?;
@@ -270,11 +266,7 @@ fn record(
         bar.set_length(progress.frames_total as u64);
         bar.set_position(progress.frames_done as u64);
         bar.set_message("frames of the path's record");
-        if super::progress::interrupted() {
-            ControlFlow::Break(())
-        } else {
-            ControlFlow::Continue(())
-        }
+        if progress::interrupted() { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
     });
     bar.finish_and_clear();
     recorded.map_err(CliError::failed)?;
@@ -326,10 +318,8 @@ pub(super) fn plan_path(
     };
     let start = path.start();
     let pose_at = |seconds: f64| {
-        path.sample(start + seconds as f32).unwrap_or(Pose {
-            position: bevy::math::Vec3::ZERO,
-            rotation: bevy::math::Quat::IDENTITY,
-        })
+        path.sample(start + seconds as f32)
+            .unwrap_or(Pose { position: glam::Vec3::ZERO, rotation: glam::Quat::IDENTITY })
     };
     PathPlan::sample(name, f64::from(path.duration()), fps, pose_at).map_err(CliError::usage)
 }
@@ -401,11 +391,7 @@ pub(super) fn play(
             bar.set_length(progress.frames_total as u64);
             bar.set_position(progress.frames_done as u64);
             bar.set_message(format!("frames, {}", progress.run));
-            if super::progress::interrupted() {
-                ControlFlow::Break(())
-            } else {
-                ControlFlow::Continue(())
-            }
+            if progress::interrupted() { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
         },
     );
     bar.finish_and_clear();

@@ -3,9 +3,9 @@
 
 use std::path::{Path, PathBuf};
 
-use bevy::math::Vec3;
 use bevy_frugal_gi::frontier::FrontierMap;
 use bevy_frugal_gi::units::Watts;
+use glam::Vec3;
 
 use super::CliError;
 use super::arguments::{check_outputs, json, write, write_report};

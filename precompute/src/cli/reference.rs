@@ -2,7 +2,7 @@
 
 use std::time::Instant;
 
-use bevy::math::UVec2;
+use glam::UVec2;
 
 use super::arguments::{CameraArguments, PictureArguments, open_scene, size, write};
 use super::{CliError, progress};

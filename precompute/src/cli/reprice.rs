@@ -2,7 +2,7 @@
 
 use std::path::PathBuf;
 
-use bevy::math::UVec2;
+use glam::UVec2;
 
 use super::CliError;
 use super::arguments::{check_outputs, size, write};

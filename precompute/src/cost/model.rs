@@ -30,7 +30,7 @@ pub struct FitQuality {
     pub ninth_decile: f64,
 }
 
-/// P = exp(u_camera) · Σ βⱼ xⱼ: prices β ≥ 0 of work x, in watts at the target frame rate, and a
+/// P = `exp(u_camera)` · Σ βⱼ xⱼ: prices β ≥ 0 of work x, in watts at the target frame rate, and a
 /// factor for each camera.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct CostModel {

@@ -1,9 +1,9 @@
 //! A frame renderer whose power and error are formulas, for tests.
 
-use bevy::math::{Quat, Vec3};
 use bevy_frugal_gi::knobs::{Knob, KnobLevels, KnobSpace};
 use bevy_frugal_gi::power::{MeterInfo, Provenance};
 use bevy_frugal_gi::units::Watts;
+use glam::{Quat, Vec3};
 
 use super::{FrameRenderer, PathPlan, Pose, RenderedFrame};
 use crate::metrics::Picture;

@@ -267,7 +267,7 @@ pub(super) fn play<P: FrameRenderer>(
 
 #[cfg(test)]
 mod tests {
-    use bevy::math::{Quat, Vec3};
+    use glam::{Quat, Vec3};
 
     use super::*;
 

@@ -123,7 +123,7 @@ pub struct Keys {
     /// By depth, then by camera.
     pub addresses: Vec<Vec<Address>>,
     /// Position of each camera, normalised to the bounds.
-    pub positions: Vec<bevy::math::Vec3>,
+    pub positions: Vec<glam::Vec3>,
     bounds: Bounds,
     levels: u8,
 }
@@ -148,8 +148,8 @@ impl Keys {
 
     /// The viewpoint that an address stands for.
     pub fn viewpoint(&self, address: Address) -> Viewpoint {
-        let unit = bevy::math::Vec3::from_array(address.at.map(f32::from))
-            / f32::from(1_u16 << self.levels);
+        let unit =
+            glam::Vec3::from_array(address.at.map(f32::from)) / f32::from(1_u16 << self.levels);
         let rotation = address.direction.rotation();
         Viewpoint::from(&CameraView {
             position: self.bounds.from_unit(unit),
@@ -161,7 +161,7 @@ impl Keys {
 }
 
 /// The cube at depth `depth` that contains `position`.
-pub(super) fn leaf_at(levels: u8, depth: u8, position: bevy::math::Vec3) -> Leaf {
+pub(super) fn leaf_at(levels: u8, depth: u8, position: glam::Vec3) -> Leaf {
     let (lattice, size) = (1_u16 << levels, 1_u16 << (levels - depth));
     let min = position
         .to_array()

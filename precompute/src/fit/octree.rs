@@ -134,7 +134,7 @@ pub fn fit(
     let depths = is_divided.then(|| {
         let mut depths = vec![0; all.len()];
         leaves.iter().for_each(|(_, depth, cameras)| {
-            cameras.iter().for_each(|camera| depths[*camera] = *depth)
+            cameras.iter().for_each(|camera| depths[*camera] = *depth);
         });
         depths
     });

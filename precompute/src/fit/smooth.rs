@@ -6,8 +6,8 @@
 //! averaged without a logarithm: budgets limit their arithmetic mean, which a mean of logarithms
 //! underestimates the more views differ.
 
-use bevy::math::Vec3;
 use bevy_frugal_gi::frontier::{CameraView, CostPoint};
+use glam::Vec3;
 
 use super::estimate::{Estimate, Training};
 

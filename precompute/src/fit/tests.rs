@@ -1,9 +1,9 @@
 //! Fits to synthetic scenes with known optimal maps.
 
-use bevy::math::{Quat, Vec3};
 use bevy_frugal_gi::control::{Budget, select};
 use bevy_frugal_gi::frontier::{Bounds, CameraView, CostPoint, ErrorRates, Octree, ViewDirection};
 use bevy_frugal_gi::knobs::KnobLevels;
+use glam::{Quat, Vec3};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 

@@ -204,7 +204,7 @@ mod tests {
             ),
         ] {
             words.iter().for_each(|word| {
-                assert!(message.contains(word), "`{word}` is missing in: {message}")
+                assert!(message.contains(word), "`{word}` is missing in: {message}");
             });
         }
     }

@@ -199,27 +199,3 @@ fn incomparable_images_are_refused() {
     );
     assert!(Reference::new(&torn).is_err());
 }
-
-/// Prints the throughput. The target is 50 megapixels per second on one core; timings on shared
-/// machines are too noisy for an assertion.
-#[test]
-#[ignore = "a measurement, not a check"]
-fn throughput() {
-    for (width, height) in [(320, 180), (1920, 1080)] {
-        let (first, second) =
-            (build("texture", width, height), build("texture+noise8", width, height));
-        let reference = Reference::new(&first).unwrap();
-        let best = (0..20)
-            .map(|_| {
-                let start = std::time::Instant::now();
-                std::hint::black_box(reference.error(std::hint::black_box(&second)).unwrap());
-                start.elapsed().as_secs_f64()
-            })
-            .fold(f64::INFINITY, f64::min);
-        println!(
-            "{width}×{height}: {:.3} ms, {:.0} MP/s",
-            best * 1e3,
-            f64::from(width * height) / best / 1e6
-        );
-    }
-}

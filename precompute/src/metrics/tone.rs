@@ -2,7 +2,7 @@
 //!
 //! Narkowicz 2015, "ACES Filmic Tone Mapping Curve": a rational fit of the reference curve of the
 //! Academy Color Encoding System, on each channel, then sRGB. It is not the curve that the stage's
-//! camera has (Bevy's TonyMcMapface is a table on the GPU): images of the two differ in contrast
+//! camera has (Bevy's `TonyMcMapface` is a table on the GPU): images of the two differ in contrast
 //! and are for viewing, while figures come from radiance.
 
 use super::{Picture, Radiance};

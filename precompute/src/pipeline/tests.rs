@@ -5,8 +5,8 @@ use std::ops::ControlFlow;
 use std::path::Path;
 use std::time::Duration;
 
-use bevy::math::{Quat, Vec3};
 use bevy_frugal_gi::knobs::Knob;
+use glam::{Quat, Vec3};
 
 use super::*;
 use crate::journal::{Journal, JournalHeader, merge_journals};

@@ -11,7 +11,7 @@
 //! rough metals). As in Bevy, the diffuse lobe is not reduced by the specular reflectance, so that
 //! a white, glossy dielectric reflects a little more than it receives.
 
-use bevy::math::DVec3;
+use glam::DVec3;
 use std::f64::consts::{FRAC_1_PI, TAU};
 
 use super::luminance;

@@ -1,6 +1,6 @@
 //! Emissive triangles, and sampling of points on them.
 
-use bevy::math::DVec3;
+use glam::DVec3;
 
 use super::{color, luminance};
 use crate::scene::rays::Hit;

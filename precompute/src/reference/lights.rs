@@ -1,7 +1,7 @@
 //! Punctual lights (directional, point and spot) as in the renderer's light maps: the formulas are
 //! those of `gi/rsm/resolve.wgsl` and `gi/rsm/lights.rs` in the plugin, which are Bevy's.
 
-use bevy::math::DVec3;
+use glam::DVec3;
 use std::f64::consts::{FRAC_PI_2, PI};
 
 use super::color;
@@ -50,7 +50,7 @@ pub(super) struct IncidentLight {
 impl PunctualLight {
     /// Converts a scene's light; `None` where its intensity is 0, negative or not finite.
     pub(super) fn new(light: &Light) -> Option<Self> {
-        let positional = |position: bevy::math::Vec3,
+        let positional = |position: glam::Vec3,
                           power: f32,
                           rgb: [f32; 3],
                           range: f32,
@@ -133,7 +133,7 @@ impl PunctualLight {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use bevy::math::Vec3;
+    use glam::Vec3;
 
     #[test]
     fn a_positional_light_fades_by_distance_range_and_cone() {

@@ -30,7 +30,7 @@ pub use path::Strategy;
 pub use render::{Pixels, Rendering, Seen, Settings, View, Watch, render, surfaces};
 pub use scene::{ReferenceError, ReferenceScene};
 
-use bevy::math::DVec3;
+use glam::DVec3;
 
 /// Rec. 709.
 fn luminance(color: DVec3) -> f64 {

@@ -1,6 +1,6 @@
 //! Radiance along one path from the camera.
 
-use bevy::math::{DVec3, Vec3};
+use glam::{DVec3, Vec3};
 
 use super::bsdf::Bsdf;
 use super::color;

@@ -1,6 +1,6 @@
 //! A camera's image.
 
-use bevy::math::{DVec3, UVec2, Vec3};
+use glam::{DVec3, UVec2, Vec3};
 use rayon::prelude::*;
 
 use super::bsdf::Shading;

@@ -38,7 +38,7 @@ impl Sampler {
     }
 }
 
-/// SplitMix64's finaliser (Steele, Lea and Flood 2014, "Fast Splittable Pseudorandom Number
+/// `SplitMix64`'s finaliser (Steele, Lea and Flood 2014, "Fast Splittable Pseudorandom Number
 /// Generators").
 fn mix(value: u64) -> u64 {
     let value = value.wrapping_add(0x9e37_79b9_7f4a_7c15);

@@ -1,6 +1,6 @@
 //! Geometry and lights, prepared for path tracing, and ray queries.
 
-use bevy::math::{DVec3, Vec3};
+use glam::{DVec3, Vec3};
 
 use super::color;
 use super::emitters::Emitters;

@@ -1,6 +1,6 @@
 //! The environment as a light.
 
-use bevy::math::DVec3;
+use glam::DVec3;
 use std::f64::consts::{PI, TAU};
 
 use super::{color, luminance};

@@ -1,6 +1,6 @@
 //! The surface at a ray's hit.
 
-use bevy::math::{DVec3, Vec3};
+use glam::{DVec3, Vec3};
 
 use crate::scene::rays::Hit;
 use crate::scene::{AlphaMode, SceneGeometry, SceneMaterial, Side};

@@ -2,11 +2,11 @@
 
 use std::fmt::Write as _;
 
-use bevy::math::Vec3;
 use bevy_frugal_gi::frontier::{Frontier, Octree};
 use bevy_frugal_gi::knobs::KnobSpace;
 use bevy_frugal_gi::power::MeterInfo;
 use bevy_frugal_gi::units::Watts;
+use glam::Vec3;
 
 use super::{
     Bar, Color, Curve, Report, ReportError, Section, Survey, bars, cloud, escape, knob_table,

@@ -1,9 +1,9 @@
 //! The report of `frugal sweep`.
 
-use bevy::math::Vec3;
 use bevy_frugal_gi::frontier::{Frontier, FrontierPoint};
 use bevy_frugal_gi::knobs::KnobSpace;
 use bevy_frugal_gi::power::MeterInfo;
+use glam::Vec3;
 
 use super::{Color, Curve, Report, ReportError, Section, cloud, knob_table, provenance, staircase};
 

@@ -1,6 +1,6 @@
 //! An axis-aligned box in world space.
 
-use bevy::math::Vec3;
+use glam::Vec3;
 use serde::{Deserialize, Serialize};
 
 /// An axis-aligned box, metres. In a scene description: the camera space, which is the octree's

@@ -1,7 +1,7 @@
 //! Mesh construction in code: quads, boxes, arches, cylinders, spheres, sheets.
 
 use super::SceneMesh;
-use bevy::math::{Quat, Vec2, Vec3};
+use glam::{Quat, Vec2, Vec3};
 use std::collections::HashMap;
 use std::f32::consts::{PI, TAU};
 

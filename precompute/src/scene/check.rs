@@ -2,7 +2,7 @@
 
 use super::description::{Environment, Geometry, Light, SceneDescription};
 use super::{CameraPath, procedural};
-use bevy::math::Vec3;
+use glam::Vec3;
 
 /// A problem of a description, and its remedy.
 #[derive(Clone, Debug, PartialEq, Eq)]

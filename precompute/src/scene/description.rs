@@ -1,7 +1,7 @@
 //! The contents of a `*.scene.ron` file. [`load`](super::load::load) reads and checks one.
 
 use super::{Bounds, CameraPath};
-use bevy::math::Vec3;
+use glam::Vec3;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -193,7 +193,7 @@ fn default_outer_angle() -> f32 {
 
 /// A vector written as `(x, y, z)`: Bevy's own form depends on its enabled features.
 pub(super) mod triple {
-    use bevy::math::Vec3;
+    use glam::Vec3;
     use serde::{Deserialize, Deserializer, Serialize, Serializer};
 
     pub(crate) fn serialize<S: Serializer>(

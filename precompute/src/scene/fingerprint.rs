@@ -1,7 +1,7 @@
 //! A machine-independent hash of a scene.
 
 use super::description::{Camera, Environment, Geometry, Light, SceneDescription};
-use bevy::math::Vec3;
+use glam::Vec3;
 
 /// FNV-1a of 128 bits (Fowler, Noll, Vo; draft-eastlake-fnv): not safe against forgery, but
 /// accidental collisions are negligible.

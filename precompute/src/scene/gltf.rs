@@ -8,7 +8,7 @@
 
 use super::gltf_buffers::{Buffers, read_uri};
 use super::{AlphaMode, SceneGeometry, SceneMaterial, SceneMesh, SceneTexture};
-use bevy::math::{Mat3, Mat4, Vec2, Vec3};
+use glam::{Mat3, Mat4, Vec2, Vec3};
 use gltf::accessor::Dimensions;
 use gltf::mesh::Mode;
 use gltf::{Gltf, Primitive, Semantic};

@@ -1,6 +1,6 @@
 use super::*;
 use crate::scene::{Bounds, Environment, Light};
-use bevy::math::Vec3;
+use glam::Vec3;
 
 /// A complete description, as in the documentation; each test spoils one value.
 const VALID: &str = r#"(
@@ -146,7 +146,7 @@ fn missing_and_broken_files_are_named_at_their_field() {
     let missing = load(&file).expect_err("missing").to_string();
     assert!(missing.contains("a.scene.ron"), "{missing}");
     let write = |geometry: &str| {
-        std::fs::write(&file, VALID.replace("Procedural(\"cornell\")", geometry)).unwrap()
+        std::fs::write(&file, VALID.replace("Procedural(\"cornell\")", geometry)).unwrap();
     };
     let fails = |words: &[&str]| match load(&file).expect_err("broken") {
         error @ SceneError::Invalid { line: 2, column: 20, .. } => {
@@ -157,7 +157,7 @@ fn missing_and_broken_files_are_named_at_their_field() {
     };
     write("Gltf(\"a.glb\")");
     fails(&["a.scene.ron:2:20", "a.glb", "cannot read"]);
-    let glb = crate::scene::gltf::tests::quad_glb();
+    let glb = gltf::tests::quad_glb();
     std::fs::write(folder.path().join("a.glb"), &glb[..glb.len() - 7]).unwrap();
     fails(&["cut short"]);
     std::fs::write(folder.path().join("a.glb"), b"no").unwrap();
@@ -176,7 +176,7 @@ fn the_fingerprint_follows_content_and_nothing_else() {
     let folder = tempfile::tempdir().unwrap();
     let file = folder.path().join("a.scene.ron");
     let glb = folder.path().join("a.glb");
-    std::fs::write(&glb, crate::scene::gltf::tests::quad_glb()).unwrap();
+    std::fs::write(&glb, gltf::tests::quad_glb()).unwrap();
     let text = VALID.replace("Procedural(\"cornell\")", "Gltf(\"a.glb\")");
     let print = |text: &str| {
         std::fs::write(&file, text).unwrap();

@@ -1,7 +1,7 @@
 //! Renderer-free geometry: triangles, materials and textures as plain data.
 
 use super::{Bounds, SceneTexture};
-use bevy::math::{Vec2, Vec3};
+use glam::{Vec2, Vec3};
 use std::collections::HashMap;
 use thiserror::Error;
 

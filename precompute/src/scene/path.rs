@@ -1,6 +1,6 @@
 //! Camera paths: keys in time, and interpolation of poses.
 
-use bevy::math::{Mat3, Quat, Vec3};
+use glam::{Mat3, Quat, Vec3};
 use serde::{Deserialize, Serialize};
 
 /// Greatest interval between two keys of a cut, seconds: the camera jumps from one to the other.

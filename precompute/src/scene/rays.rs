@@ -7,7 +7,7 @@
 //! closed solid would make its inside look open.
 
 use super::{SceneGeometry, Triangle};
-use bevy::math::{DVec3, Quat, Vec3};
+use glam::{DVec3, Quat, Vec3};
 use obvhs::BvhBuildParams;
 use obvhs::cwbvh::{CwBvh, builder::build_cwbvh_from_tris};
 use obvhs::ray::{Ray, RayHit};

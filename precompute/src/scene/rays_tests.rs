@@ -1,7 +1,7 @@
 use super::*;
 use crate::scene::SceneMesh;
 use crate::scene::builder::{Faces, MeshBuilder};
-use bevy::math::Vec2;
+use glam::Vec2;
 
 fn scene(build: impl FnOnce(&mut MeshBuilder)) -> RayScene {
     let mut builder = MeshBuilder::new();

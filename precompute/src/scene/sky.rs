@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use bevy::math::Vec3;
+use glam::Vec3;
 
 /// Why an image is not a valid sky.
 #[derive(Debug, thiserror::Error)]

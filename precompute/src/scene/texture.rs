@@ -78,7 +78,7 @@ impl SceneTexture {
                 let linear = [0, 1, 2].map(|channel| DECODED[texel[channel] as usize]);
                 let values = [linear[0], linear[1], linear[2], f32::from(texel[3]) / 255.0];
                 (0..4).for_each(|channel| {
-                    sum[channel] += values[channel] * row_weight * column_weight
+                    sum[channel] += values[channel] * row_weight * column_weight;
                 });
             }
         }

@@ -5,9 +5,9 @@
 
 use std::time::{Duration, Instant};
 
-use bevy::math::{Quat, Vec3};
 use bevy_frugal_gi::power::{EnergyWindow, MeterError, Provenance};
 use bevy_frugal_gi::units::{Joules, Watts};
+use glam::{Quat, Vec3};
 
 use super::{Stage, StageError};
 

@@ -23,7 +23,6 @@ use bevy::app::App;
 use bevy::asset::Handle;
 use bevy::ecs::entity::Entity;
 use bevy::image::Image;
-use bevy::math::{Quat, UVec2, Vec3};
 use bevy::render::RenderApp;
 use bevy::render::render_resource::{
     CachedPipelineState, PipelineCache, PipelineDescriptor, PollType,
@@ -35,6 +34,7 @@ use bevy_frugal_gi::gi::{CameraCut, GiCounts, GiOccluders};
 use bevy_frugal_gi::knobs::{KnobLevels, KnobRegistry, KnobSettings, KnobSpace};
 use bevy_frugal_gi::power::{Adapter, MeterInfo, PowerMeter};
 use bevy_frugal_gi::units::Watts;
+use glam::{Quat, UVec2, Vec3};
 
 use crate::cost::{FrameLayout, WorkLedger, WorkMeter, is_work_meter};
 use crate::metrics::Picture;

@@ -8,7 +8,7 @@
 
 use std::f32::consts::{PI, TAU};
 
-use bevy::math::Vec3;
+use glam::Vec3;
 
 use crate::scene::SkyMap;
 

@@ -13,7 +13,6 @@ use bevy::image::{Image, ImageAddressMode, ImageFilterMode, ImageSampler, ImageS
 use bevy::light::{
     CascadeShadowConfigBuilder, DirectionalLight, GlobalAmbientLight, PointLight, SpotLight,
 };
-use bevy::math::Vec3;
 use bevy::mesh::{Indices, Mesh, Mesh3d, PrimitiveTopology};
 use bevy::pbr::{MeshMaterial3d, StandardMaterial};
 use bevy::prelude::AlphaMode;
@@ -22,6 +21,7 @@ use bevy::render::render_resource::{
 };
 use bevy::transform::components::Transform;
 use bevy_frugal_gi::gi::{FrugalGi, GiOutput, GiShading};
+use glam::Vec3;
 
 use super::{Component, Output, StageError, StageOptions, environment};
 use crate::scene::{
@@ -75,10 +75,10 @@ pub(super) fn populate_with(
     match &scene.environment {
         Environment::None => {}
         Environment::Constant(radiance) => {
-            environment::constant(world, camera, *radiance, exposure)
+            environment::constant(world, camera, *radiance, exposure);
         }
         Environment::Map(file, intensity) => {
-            environment::map(world, camera, &scene.resolve(file), *intensity)?
+            environment::map(world, camera, &scene.resolve(file), *intensity)?;
         }
     }
     Ok(())

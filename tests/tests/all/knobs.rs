@@ -94,7 +94,7 @@ fn assert_applied(stage: &mut Stage, name: &str, value: f64) {
             assert_eq!(steps, value);
         }
         "texture_detail" => {
-            assert_eq!(world.get::<MipBias>(camera).map(|bias| f64::from(bias.0)), Some(-value))
+            assert_eq!(world.get::<MipBias>(camera).map(|bias| f64::from(bias.0)), Some(-value));
         }
         "post_processing" => {
             let texture =
@@ -106,7 +106,7 @@ fn assert_applied(stage: &mut Stage, name: &str, value: f64) {
             });
         }
         "resolution_scale" => {
-            assert_eq!(world.get::<ResolutionScale>(camera), Some(&ResolutionScale(value as f32)))
+            assert_eq!(world.get::<ResolutionScale>(camera), Some(&ResolutionScale(value as f32)));
         }
         _ => panic!("knob {name} has no test of its own: add a check of its effect"),
     }

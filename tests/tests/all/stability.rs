@@ -187,9 +187,9 @@ fn history_outlives_a_switch_of_settings() {
                 last = stage.radiance().expect("radiance");
             }
             if cuts {
-                set::apply(&mut stage, &to)
+                set::apply(&mut stage, &to);
             } else {
-                set::switch(&mut stage, &to)
+                set::switch(&mut stage, &to);
             }
             turn_the_sun(&mut stage);
             stage.frame();

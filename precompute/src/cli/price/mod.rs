@@ -5,9 +5,9 @@ mod combinations;
 
 use std::path::PathBuf;
 
-use bevy::math::UVec2;
 use bevy_frugal_gi::gi::GiRefresh;
 use bevy_frugal_gi::knobs::{KnobLevels, KnobSpace};
+use glam::UVec2;
 
 use super::arguments::{CameraArguments, check_outputs, open_scene, size, write, write_report};
 use super::{CliError, progress};

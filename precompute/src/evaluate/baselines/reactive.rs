@@ -79,10 +79,10 @@ impl Policy for Reactive {
         // Exceeding a power budget steps down; exceeding an error budget steps up.
         match (is_over, has_room) {
             (true, _) => {
-                self.step_to(if saves_power { self.rung.saturating_sub(1) } else { self.rung + 1 })
+                self.step_to(if saves_power { self.rung.saturating_sub(1) } else { self.rung + 1 });
             }
             (false, true) => {
-                self.step_to(if saves_power { self.rung + 1 } else { self.rung.saturating_sub(1) })
+                self.step_to(if saves_power { self.rung + 1 } else { self.rung.saturating_sub(1) });
             }
             (false, false) => {}
         }

@@ -2,7 +2,7 @@
 
 use super::*;
 use crate::scene::{AlphaMode, SceneTexture, SkyMap};
-use bevy::math::Vec2;
+use glam::Vec2;
 use std::f64::consts::PI;
 
 const STRATEGIES: [Strategy; 3] = [Strategy::Combined, Strategy::Lights, Strategy::Scattering];

@@ -5,7 +5,7 @@ mod extended;
 mod robustness;
 mod visibility;
 
-use bevy::math::{DVec3, Quat, UVec2, Vec3};
+use glam::{DVec3, Quat, UVec2, Vec3};
 
 use super::path::{Estimate, trace};
 use super::sampler::Sampler;

@@ -104,8 +104,7 @@ fn broken_triangles_and_normals_are_tolerated() {
         [Vec3::NAN, Vec3::X, Vec3::Y],
         [Vec3::MAX, Vec3::MIN, Vec3::Y],
     ] {
-        let [a, b, c] =
-            corners.map(|corner| builder.vertex(corner, Vec3::Z, bevy::math::Vec2::NAN));
+        let [a, b, c] = corners.map(|corner| builder.vertex(corner, Vec3::Z, glam::Vec2::NAN));
         builder.triangle(a, b, c);
     }
     let mut mesh = builder.finish(0);

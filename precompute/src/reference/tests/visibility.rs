@@ -3,7 +3,7 @@
 use super::*;
 use crate::scene::builder::Faces;
 use crate::scene::{AlphaMode, SceneTexture};
-use bevy::math::Vec2;
+use glam::Vec2;
 use std::f64::consts::PI;
 
 /// The lit floor's radiance under a sun of 1000 lux straight above.
@@ -113,7 +113,7 @@ fn no_light_leaks_into_a_closed_box_with_bent_normals() {
     // its facets by up to 37°.
     for twist in [0.0, 1.0] {
         let mut ball = geometry(double_sided(diffuse()), |builder| {
-            builder.icosphere(Vec3::ZERO, 1.0, 0, true)
+            builder.icosphere(Vec3::ZERO, 1.0, 0, true);
         });
         for (i, normal) in ball.meshes[0].normals.iter_mut().enumerate() {
             *normal =

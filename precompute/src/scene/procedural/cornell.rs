@@ -5,7 +5,7 @@
 
 use crate::scene::builder::MeshBuilder;
 use crate::scene::{SceneGeometry, SceneMaterial};
-use bevy::math::Vec3;
+use glam::Vec3;
 
 const WHITE: [f32; 3] = [0.73, 0.71, 0.68];
 const RED: [f32; 3] = [0.61, 0.06, 0.06];

@@ -6,7 +6,7 @@
 use super::pattern;
 use crate::scene::builder::{ArchShape, Faces, MeshBuilder};
 use crate::scene::{AlphaMode, SceneGeometry, SceneMaterial};
-use bevy::math::{Quat, Vec2, Vec3};
+use glam::{Quat, Vec2, Vec3};
 use std::f32::consts::{FRAC_PI_2, FRAC_PI_4, TAU};
 
 const LIMESTONE: [f32; 3] = [0.83, 0.73, 0.58];

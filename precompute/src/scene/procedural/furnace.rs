@@ -4,7 +4,7 @@
 
 use crate::scene::builder::MeshBuilder;
 use crate::scene::{SceneGeometry, SceneMaterial};
-use bevy::math::Vec3;
+use glam::Vec3;
 
 /// Reflectance of the wall.
 const ALBEDO: f32 = 0.8;

@@ -4,7 +4,7 @@
 use crate::scene::SceneTexture;
 use crate::scene::texture::srgb_from_linear;
 
-/// A number in [0, 1) from three integers (the finaliser of MurmurHash3).
+/// A number in [0, 1) from three integers (the finaliser of `MurmurHash3`).
 fn hash(x: u32, y: u32, seed: u32) -> f32 {
     let mut bits =
         x.wrapping_mul(0x9e37_79b1) ^ y.wrapping_mul(0x85eb_ca77) ^ seed.wrapping_mul(0xc2b2_ae3d);

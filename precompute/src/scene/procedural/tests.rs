@@ -1,6 +1,6 @@
 use super::*;
 use crate::scene::{AlphaMode, RayScene, SceneDescription, Side, load};
-use bevy::math::Vec3;
+use glam::Vec3;
 use std::path::PathBuf;
 
 fn scene(name: &str) -> SceneDescription {

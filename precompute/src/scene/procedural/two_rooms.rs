@@ -3,7 +3,7 @@
 
 use crate::scene::builder::{Faces, MeshBuilder};
 use crate::scene::{SceneGeometry, SceneMaterial};
-use bevy::math::Vec3;
+use glam::Vec3;
 
 pub(super) fn build() -> SceneGeometry {
     let mut builder = MeshBuilder::new();

@@ -177,7 +177,7 @@ impl RemoteStage {
             Some(Worker { child, input, output: BufReader::new(output), resident_bytes: 0 });
         match self.exchange(&Request::Open(self.request.clone()))? {
             (Answer::Opened { space, meter, idle }, _) => {
-                (self.space, self.meter, self.idle) = (space, meter, idle)
+                (self.space, self.meter, self.idle) = (space, meter, idle);
             }
             other => {
                 return Err(RemoteError::failed(format!(

@@ -3,11 +3,11 @@
 use std::io::{self, Read, Write};
 use std::path::PathBuf;
 
-use bevy::math::{Quat, Vec3};
 use bevy_frugal_gi::frontier::CostPoint;
 use bevy_frugal_gi::knobs::{KnobLevels, KnobSpace};
 use bevy_frugal_gi::power::MeterInfo;
 use bevy_frugal_gi::units::Watts;
+use glam::{Quat, Vec3};
 use serde::{Deserialize, Serialize, de::DeserializeOwned};
 
 /// Parameters of a child.
