@@ -18,6 +18,8 @@ mod progress;
 mod reference;
 mod render;
 mod reprice;
+#[cfg(unix)]
+mod runtime_dir;
 mod search;
 mod sweep;
 
@@ -72,6 +74,8 @@ enum Command {
 
 /// Runs the process's command line.
 pub fn run() -> ExitCode {
+    #[cfg(unix)]
+    runtime_dir::provide();
     end_when_nobody_reads();
     let cli = Cli::parse();
     let result = match &cli.command {
