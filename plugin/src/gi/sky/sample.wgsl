@@ -1,11 +1,11 @@
-// Draws a camera's samples of the sky from its parts, in proportion to their light times what the
-// camera could receive of it; one workgroup.
+// Samples a camera's sky directions from its strata, in proportion to their light times their
+// importance to the camera; one workgroup.
 //
 // As in `vpl/weigh.wgsl`, a defensive-sampling term of a quarter of the mean keeps the estimate
 // unbiased and bounds its variance: a stratum that no importance point of `weigh.wgsl` sees may be
-// visible elsewhere. Parts lie in Morton order, so that equal steps through their cumulative sum
-// are spread over the sky; each set takes as many steps as it has samples, and sets are shifted
-// against each other by a fraction of a step.
+// visible elsewhere. Strata lie in Morton order, so that equal steps through their cumulative sum
+// spread over the sky; each set takes as many steps as it has samples, and sets are shifted against
+// each other by a fraction of a step.
 
 #import bevy_frugal_gi::gi::view::luminance::luminance
 #import bevy_frugal_gi::gi::sky::sky::{SKY_STRATA, SKY_STRIDE, SkyLight, SkyPlan}
@@ -16,7 +16,7 @@
 @group(0) @binding(3) var<storage, read_write> samples: array<SkyLight>;
 
 const LANES: u32 = 64u;
-/// Parts that each lane sums.
+/// Strata that each lane sums.
 const RUN: u32 = SKY_STRATA / LANES;
 
 var<workgroup> lane_light: array<f32, LANES>;
@@ -24,7 +24,7 @@ var<workgroup> lane_received: array<f32, LANES>;
 var<workgroup> lane_weight: array<f32, LANES>;
 var<workgroup> cumulative: array<f32, SKY_STRATA>;
 
-/// First part whose running sum exceeds `wanted`, or the last one.
+/// First stratum whose cumulative sum exceeds `threshold`, or the last one.
 fn find_stratum(threshold: f32) -> u32 {
     var low = 0u;
     var high = SKY_STRATA - 1u;
@@ -58,7 +58,7 @@ fn sample_sky(@builtin(local_invocation_index) lane: u32) {
         light += lane_light[i];
         seen += lane_received[i];
     }
-    // Where no point sees any of it, light alone decides.
+    // Where no importance point sees any stratum, light alone decides.
     let defensive_term = max(0.25 * seen / max(light, 1e-36), 1e-3);
     var sum = 0.0;
     for (var i = first; i < first + RUN; i++) {
@@ -82,8 +82,8 @@ fn sample_sky(@builtin(local_invocation_index) lane: u32) {
         let which = i / plan.samples;
         let member = i % plan.samples;
         let index = find_stratum((f32(member) + (f32(which) + 0.5) / f32(plan.sets)) / count * total);
-        // The step of the running sum rather than the weight that was added: this is what the part
-        // was drawn by, rounding included.
+        // The step of the cumulative sum, not the weight that was added: this is the probability
+        // with which the stratum was sampled, rounding included.
         let weight = cumulative[index] - select(0.0, cumulative[max(index, 1u) - 1u], index > 0u);
         let share = select(0.0, total / (max(weight, 1e-36) * count), weight > 0.0);
         var sampled: SkyLight;

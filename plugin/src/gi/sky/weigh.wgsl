@@ -1,10 +1,9 @@
-// How much of each part of the sky the camera's surfaces could receive: one workgroup for each four
-// neighbouring parts, one thread for each of the surface points that stand for what the camera
-// sees.
+// Importance of each stratum of the sky to the visible surfaces: one workgroup for each four
+// neighbouring strata, one thread for each importance point.
 //
-// Unlike the weights of bounced light (`vpl/weigh.wgsl`) these look at what stands between. Indoors
-// nearly all of the sky is hidden, and samples drawn without a look at that would nearly all be
-// wasted; and the sky has few parts, so that a few thousand rays answer it.
+// Every stratum's importance includes visibility, which bounced light has by tiles alone
+// (`vpl/weigh.wgsl`). Indoors nearly all of the sky is occluded, and nearly all samples without
+// visibility would be wasted; and the sky has few strata, so that a few thousand rays suffice.
 
 #import bevy_render::view::View
 #import bevy_frugal_gi::gi::sky::sky::{SKY_STRATA_PER_RAY, SkyLight}
@@ -26,7 +25,7 @@ var<workgroup> cosines: array<vec4<f32>, IMPORTANCE_POINTS>;
 @compute @workgroup_size(IMPORTANCE_POINTS)
 fn weigh_sky(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_index) lane: u32) {
     let size = textureDimensions(g_buffer);
-    // Every other row is shifted by half a cell.
+    // Every other row is shifted by half a rectangle.
     let cell = vec2<f32>(vec2(lane % COLUMNS, lane / COLUMNS));
     let shift = select(0.75, 0.25, (lane / COLUMNS) % 2u == 0u);
     let place = (cell + vec2(shift, 0.5)) / vec2(f32(COLUMNS), f32(ROWS));
@@ -40,7 +39,7 @@ fn weigh_sky(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_
     for (var i = 0u; i < SKY_STRATA_PER_RAY; i++) {
         own[i] = max(dot(normal, strata[first + i].direction), 0.0);
     }
-    // Neighbouring points send their rays to different ones of the four.
+    // Neighbouring points trace their rays to different strata of the four.
     let direction = strata[first + (lane + lane / COLUMNS) % SKY_STRATA_PER_RAY].direction;
     let eye = distance(position, view.world_position);
     let origin = position + normal * surface_offset(position, eye, pixel_width(view.clip_from_view, size.y, eye));
