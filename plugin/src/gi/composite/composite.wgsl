@@ -17,9 +17,9 @@ const CELL: vec2<u32> = vec2(#{CELL_WIDTH}u, #{CELL_HEIGHT}u);
 fn upsample(pixel: vec2<u32>, size: vec2<u32>, position: vec3<f32>, normal: vec3<f32>) -> vec3<f32> {
     let cells = textureDimensions(irradiance);
     // Low-resolution pixels are centred at `cell * CELL + CELL / 2`.
-    let place = (vec2<f32>(pixel) - vec2<f32>(CELL / 2u)) / vec2<f32>(CELL);
-    let corner = floor(place);
-    let along = place - corner;
+    let coordinates = (vec2<f32>(pixel) - vec2<f32>(CELL / 2u)) / vec2<f32>(CELL);
+    let corner = floor(coordinates);
+    let along = coordinates - corner;
     let tolerance = plane_tolerance(distance(position, view.world_position));
     var sum = vec3(0.0);
     var weights = 0.0;

@@ -9,7 +9,7 @@ use bevy::render::texture::CachedTexture;
 use bytemuck::{Pod, Zeroable};
 
 use crate::gi::gather::{GatherView, IRRADIANCE, irradiance_texture, texture_bytes, texture_size};
-use crate::gi::view::{GatherPlace, GiView, Step};
+use crate::gi::view::{GatherCamera, GiView, Step};
 
 /// Longest history, in frames.
 const MOST_FRAMES: u32 = 64;
@@ -55,7 +55,7 @@ impl Reprojection {
     /// Reprojection of the history of `then` for `now`, with weight `present_weight` of the
     /// present. [`NONE`](Self::NONE) across a cut, and where either is not finite or of parallel
     /// projection.
-    fn new(then: &GatherPlace, now: &GatherPlace, present_weight: f32) -> Self {
+    fn new(then: &GatherCamera, now: &GatherCamera, present_weight: f32) -> Self {
         let world_from_clip = then.clip_from_world.inverse();
         let exposure = now.exposure / then.exposure;
         let is_cut = then.eye.distance_squared(now.eye) > CUT_DISTANCE * CUT_DISTANCE
@@ -93,7 +93,7 @@ pub(in crate::gi) struct History {
     /// A [`Reprojection`].
     pub(super) reprojection: Buffer,
     /// Its camera.
-    place: Option<GatherPlace>,
+    camera: Option<GatherCamera>,
     /// Frames in the accumulated mean.
     length: u32,
     /// Frames until the image equals the last gather, without any history.
@@ -116,7 +116,7 @@ impl History {
             filtered,
             texture,
             reprojection,
-            place: None,
+            camera: None,
             length: 0,
             left: 0,
             accumulates: false,
@@ -158,14 +158,14 @@ impl History {
                 *texture = irradiance_texture(device, label, view.cells());
             }
         }
-        let then = self.place.filter(|_| length > 1);
+        let then = self.camera.filter(|_| length > 1);
         let weight = (length as f32).recip();
         let reprojection =
-            then.map_or(Reprojection::NONE, |then| Reprojection::new(&then, &view.place, weight));
+            then.map_or(Reprojection::NONE, |then| Reprojection::new(&then, &view.camera, weight));
         queue.write_buffer(&self.reprojection, 0, bytemuck::bytes_of(&reprojection));
         self.length = if reprojection == Reprojection::NONE { 1 } else { length };
         self.left = self.length - 1;
-        self.place = Some(view.place);
+        self.camera = Some(view.camera);
     }
 
     /// Whether the image still changes although nothing moves.
@@ -218,11 +218,11 @@ mod tests {
 
     use super::*;
 
-    fn place(eye: Vec3, forward: Vec3) -> GatherPlace {
+    fn camera(eye: Vec3, forward: Vec3) -> GatherCamera {
         let clip_from_view = Mat4::perspective_infinite_reverse_rh(1.0, 1.5, 0.1);
         let clip_from_world = clip_from_view * Mat4::look_to_rh(eye, forward, Vec3::Y);
         let (size, cell) = (UVec2::new(160, 90), UVec2::splat(4));
-        GatherPlace {
+        GatherCamera {
             clip_from_world,
             eye,
             forward,
@@ -235,18 +235,18 @@ mod tests {
 
     #[test]
     fn a_step_has_a_history_and_a_cut_has_none() {
-        let here = place(Vec3::ZERO, Vec3::NEG_Z);
-        let step = place(Vec3::new(0.1, 0.0, 0.0), Vec3::new(0.1, 0.0, -1.0).normalize());
+        let here = camera(Vec3::ZERO, Vec3::NEG_Z);
+        let step = camera(Vec3::new(0.1, 0.0, 0.0), Vec3::new(0.1, 0.0, -1.0).normalize());
         assert_eq!(Reprojection::new(&here, &step, 0.25).present_weight, 0.25);
-        for cut in [place(Vec3::new(2.0, 0.0, 0.0), Vec3::NEG_Z), place(Vec3::ZERO, Vec3::X)] {
+        for cut in [camera(Vec3::new(2.0, 0.0, 0.0), Vec3::NEG_Z), camera(Vec3::ZERO, Vec3::X)] {
             assert_eq!(Reprojection::new(&here, &cut, 0.25), Reprojection::NONE);
         }
     }
 
     #[test]
     fn another_resolution_keeps_the_history() {
-        let then = place(Vec3::ZERO, Vec3::NEG_Z);
-        let now = GatherPlace { size: UVec2::new(320, 180), cell: UVec2::new(2, 1), ..then };
+        let then = camera(Vec3::ZERO, Vec3::NEG_Z);
+        let now = GatherCamera { size: UVec2::new(320, 180), cell: UVec2::new(2, 1), ..then };
         let reprojection = Reprojection::new(&then, &now, 0.5);
         assert_eq!((reprojection.size, reprojection.cell), ([160, 90], [4, 4]));
         assert_eq!((then.cells(), now.cells()), (UVec2::new(40, 23), UVec2::new(160, 180)));
@@ -254,18 +254,18 @@ mod tests {
 
     #[test]
     fn non_finite_views_have_no_history() {
-        let here = place(Vec3::ZERO, Vec3::NEG_Z);
-        let none = |then: &GatherPlace, now: &GatherPlace| {
+        let here = camera(Vec3::ZERO, Vec3::NEG_Z);
+        let none = |then: &GatherCamera, now: &GatherCamera| {
             assert_eq!(Reprojection::new(then, now, 0.5), Reprojection::NONE);
         };
         none(
-            &GatherPlace { clip_from_world: Mat4::from_cols_array(&[f32::NAN; 16]), ..here },
+            &GatherCamera { clip_from_world: Mat4::from_cols_array(&[f32::NAN; 16]), ..here },
             &here,
         );
-        none(&GatherPlace { exposure: 0.0, ..here }, &here);
-        none(&here, &GatherPlace { exposure: f32::NAN, ..here });
-        none(&GatherPlace { is_parallel: true, ..here }, &here);
-        let darker = GatherPlace { exposure: 0.02, ..here };
+        none(&GatherCamera { exposure: 0.0, ..here }, &here);
+        none(&here, &GatherCamera { exposure: f32::NAN, ..here });
+        none(&GatherCamera { is_parallel: true, ..here }, &here);
+        let darker = GatherCamera { exposure: 0.02, ..here };
         assert_eq!(Reprojection::new(&here, &darker, 0.5).exposure, 2.0);
     }
 }

@@ -38,9 +38,9 @@ fn filter_spatially(
     let cells = textureDimensions(gathered);
     let corner = vec2<i32>(group.xy * GROUP) - i32(WINDOW / 2u);
     for (var i = lane; i < TILE * TILE; i += GROUP * GROUP) {
-        let place = corner + vec2<i32>(vec2(i % TILE, i / TILE));
-        let inside = all(place >= vec2(0)) && all(place < vec2<i32>(cells));
-        let cell = vec2<u32>(clamp(place, vec2(0), vec2<i32>(cells) - 1));
+        let tap = corner + vec2<i32>(vec2(i % TILE, i / TILE));
+        let inside = all(tap >= vec2(0)) && all(tap < vec2<i32>(cells));
+        let cell = vec2<u32>(clamp(tap, vec2(0), vec2<i32>(cells) - 1));
         let pixel = representative(cell, vec2(gather.cell_width, gather.cell_height), size);
         let depth = textureLoad(depth_buffer, pixel, 0);
         let position = pixel_position(pixel, size, max(depth, 1e-30), view.world_from_clip);

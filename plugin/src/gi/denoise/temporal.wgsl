@@ -59,10 +59,10 @@ fn spline(x: i32) -> f32 {
 fn reprojected(position: vec3<f32>, normal: vec3<f32>, tolerance: f32) -> vec4<f32> {
     let cells = textureDimensions(history);
     let clip = reprojection.clip_from_world * vec4(position, 1.0);
-    let place = clip.xy / max(clip.w, 1e-9) * vec2(0.5, -0.5) + 0.5;
+    let uv = clip.xy / max(clip.w, 1e-9) * vec2(0.5, -0.5) + 0.5;
     // Low-resolution pixels represent the pixels at `cell · reprojection.cell + reprojection.cell /
     // 2`.
-    let cell = clamp((place * vec2<f32>(reprojection.size) - 0.5 - vec2<f32>(reprojection.cell / 2u)) / vec2<f32>(reprojection.cell), vec2(-2.0), vec2<f32>(cells) + 2.0);
+    let cell = clamp((uv * vec2<f32>(reprojection.size) - 0.5 - vec2<f32>(reprojection.cell / 2u)) / vec2<f32>(reprojection.cell), vec2(-2.0), vec2<f32>(cells) + 2.0);
     // Motion below a hundredth of a low-resolution pixel is snapped, so that it does not blur.
     let nearest = round(cell);
     let read = select(cell, nearest, abs(cell - nearest) < vec2(0.01));
@@ -115,9 +115,9 @@ fn accumulate(@builtin(global_invocation_id) id: vec3<u32>) {
 #ifdef SMOOTH
     for (var y = -REACH; y <= REACH; y++) {
         for (var x = -REACH; x <= REACH; x++) {
-            let place = vec2<i32>(id.xy) + vec2(x, y) * STEP;
-            let inside = all(place >= vec2(0)) && all(place < vec2<i32>(cells)) && any(vec2(x, y) != vec2(0));
-            let cell = vec2<u32>(clamp(place, vec2(0), vec2<i32>(cells) - 1));
+            let tap = vec2<i32>(id.xy) + vec2(x, y) * STEP;
+            let inside = all(tap >= vec2(0)) && all(tap < vec2<i32>(cells)) && any(vec2(x, y) != vec2(0));
+            let cell = vec2<u32>(clamp(tap, vec2(0), vec2<i32>(cells) - 1));
             let there = representative(cell, step, size);
             let there_depth = textureLoad(depth_buffer, there, 0);
             let delta = pixel_position(there, size, max(there_depth, 1e-30), view.world_from_clip) - position;

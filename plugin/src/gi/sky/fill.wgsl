@@ -44,10 +44,10 @@ fn environment_texel(ray: vec3<f32>, level: u32) -> vec3<f32> {
     let x = vec2(select(ray.z, -ray.z, forth), -ray.y);
     let y = vec2(ray.x, select(-ray.z, ray.z, forth));
     let z = vec2(select(-ray.x, ray.x, forth), -ray.y);
-    let place = select(select(z, y, is_y), x, is_x) / max(abs(along), 1e-20) * 0.5 + 0.5;
+    let uv = select(select(z, y, is_y), x, is_x) / max(abs(along), 1e-20) * 0.5 + 0.5;
     let face = select(select(4u, 2u, is_y), 0u, is_x) + select(1u, 0u, forth);
     let edge = textureDimensions(environment, level).x;
-    let texel = min(vec2<u32>(clamp(place, vec2(0.0), vec2(1.0)) * f32(edge)), vec2(edge - 1u));
+    let texel = min(vec2<u32>(clamp(uv, vec2(0.0), vec2(1.0)) * f32(edge)), vec2(edge - 1u));
     return textureLoad(environment, texel, face, level).rgb;
 }
 
@@ -59,8 +59,8 @@ fn fill_sky(@builtin(global_invocation_id) id: vec3<u32>) {
     var toward = vec3(0.0);
     for (var y = 0u; y < STEPS; y++) {
         for (var x = 0u; x < STEPS; x++) {
-            let place = corner + (vec2<f32>(vec2(x, y)) + 0.5) / f32(STEPS);
-            let direction = sky_direction(place / f32(SKY_SIDE));
+            let point = corner + (vec2<f32>(vec2(x, y)) + 0.5) / f32(STEPS);
+            let direction = sky_direction(point / f32(SKY_SIDE));
             // Cube maps are left-handed; Bevy flips z.
             let ray = rotated(source.rotation, direction) * vec3(1.0, 1.0, -1.0);
             let found = environment_texel(ray, level) * source.intensity;

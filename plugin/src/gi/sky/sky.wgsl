@@ -33,18 +33,18 @@ const SKY_STRIDE: u32 = 32u;
 /// Position of a stratum on the square: in Morton order, so that strata with near indices are near
 /// each other in the sky.
 fn stratum_position(index: u32) -> vec2<u32> {
-    var place = vec2(0u);
+    var position = vec2(0u);
     for (var bit = 0u; bit < 5u; bit++) {
-        place |= vec2((index >> (2u * bit)) & 1u, (index >> (2u * bit + 1u)) & 1u) << vec2(bit);
+        position |= vec2((index >> (2u * bit)) & 1u, (index >> (2u * bit + 1u)) & 1u) << vec2(bit);
     }
-    return place;
+    return position;
 }
 
 /// The direction at a point of the unit square, by an equal-area mapping: Clarberg 2008, "Fast
 /// Equal-Area Mapping of the (Hemi)Sphere using SIMD". The square's middle is straight up, its
 /// corners are straight down.
-fn sky_direction(place: vec2<f32>) -> vec3<f32> {
-    let from_middle = place * 2.0 - 1.0;
+fn sky_direction(uv: vec2<f32>) -> vec3<f32> {
+    let from_middle = uv * 2.0 - 1.0;
     let folded = abs(from_middle);
     // Above 0 in the upper hemisphere.
     let above = 1.0 - folded.x - folded.y;

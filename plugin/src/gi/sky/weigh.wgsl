@@ -28,8 +28,8 @@ fn weigh_sky(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_
     // Every other row is shifted by half a rectangle.
     let cell = vec2<f32>(vec2(lane % COLUMNS, lane / COLUMNS));
     let shift = select(0.75, 0.25, (lane / COLUMNS) % 2u == 0u);
-    let place = (cell + vec2(shift, 0.5)) / vec2(f32(COLUMNS), f32(ROWS));
-    let pixel = min(vec2<u32>(place * vec2<f32>(size)), size - 1u);
+    let uv = (cell + vec2(shift, 0.5)) / vec2(f32(COLUMNS), f32(ROWS));
+    let pixel = min(vec2<u32>(uv * vec2<f32>(size)), size - 1u);
     let depth = textureLoad(depth_buffer, pixel, 0);
     let position = pixel_position(pixel, size, max(depth, 1e-30), view.world_from_clip);
     let normal = surface_normal(textureLoad(g_buffer, pixel, 0));

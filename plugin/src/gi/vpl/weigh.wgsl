@@ -32,8 +32,8 @@ fn pick_importance_points(@builtin(local_invocation_index) index: u32) {
     let size = textureDimensions(g_buffer);
     let cell = vec2<f32>(vec2(index % COLUMNS, index / COLUMNS));
     let shift = 0.25 + 0.5 * (f32(index / COLUMNS) - 2.0 * floor(f32(index / COLUMNS) * 0.5));
-    let place = (cell + vec2(shift, 0.5)) / vec2(f32(COLUMNS), f32(ROWS));
-    let pixel = min(vec2<u32>(place * vec2<f32>(size)), size - 1u);
+    let uv = (cell + vec2(shift, 0.5)) / vec2(f32(COLUMNS), f32(ROWS));
+    let pixel = min(vec2<u32>(uv * vec2<f32>(size)), size - 1u);
     let depth = textureLoad(depth_buffer, pixel, 0);
     var point: Receiver;
     point.position = pixel_position(pixel, size, max(depth, 1e-30), view.world_from_clip);
