@@ -26,7 +26,7 @@ use super::emission::{Emission, emission};
 use super::surface::EmissiveSurface;
 use crate::gi::settings::FrugalGi;
 use crate::gi::surfaces::{
-    Cutout, Mask, TrianglePoint, MeshTexture, SurfaceAssets, SurfacePoints, TextureUse, Triangles,
+    Cutout, Mask, MeshTexture, SurfaceAssets, SurfacePoints, TextureUse, TrianglePoint, Triangles,
     triangles,
 };
 use crate::gi::texels::{Texel, TexelRow};
