@@ -72,7 +72,7 @@ pub struct SkyCamera {
     /// An array of `SkyLight`, in sets [`SET_BYTES`] apart.
     pub(in crate::gi) samples: Buffer,
     pub(super) strata: Buffer,
-    pub(super) received: Buffer,
+    pub(super) importance: Buffer,
     pub(super) reading_buffer: Buffer,
     /// The source of the strata.
     reading: (TextureId, SkyReading),
@@ -94,7 +94,7 @@ impl SkyCamera {
 
     /// Bytes held on the GPU for this camera's sky.
     pub fn bytes(&self) -> u64 {
-        [&self.plan_buffer, &self.samples, &self.strata, &self.received, &self.reading_buffer]
+        [&self.plan_buffer, &self.samples, &self.strata, &self.importance, &self.reading_buffer]
             .map(|buffer| buffer.size())
             .iter()
             .sum()
@@ -181,8 +181,8 @@ pub(super) fn prepare(
                 u64::from(STRATA) * SKY_LIGHT_BYTES,
                 BufferUsages::COPY_SRC,
             ),
-            received: empty(
-                "bevy_frugal_gi/sky/received",
+            importance: empty(
+                "bevy_frugal_gi/sky/importance",
                 u64::from(STRATA) * 4,
                 BufferUsages::COPY_SRC,
             ),

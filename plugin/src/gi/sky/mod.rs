@@ -4,7 +4,7 @@
 //! | pass | when | job |
 //! |---|---|---|
 //! | `fill.wgsl` | when the map changes | integrates the map over strata of equal solid angle |
-//! | `weigh.wgsl` | when VPLs are sampled | importance of each stratum to points of the image, by rays |
+//! | `weigh.wgsl` | when VPLs are sampled | importance of each stratum to the visible surfaces, by rays |
 //! | `sample.wgsl` | when VPLs are sampled | samples directions that represent the whole sky |
 //! | `gather/gather.wgsl` | when the camera gathers | irradiance of each pixel from its samples |
 //!

@@ -146,7 +146,7 @@ pub(in crate::gi) fn sample(
             depth,
             views,
             camera.strata.as_entire_binding(),
-            camera.received.as_entire_binding(),
+            camera.importance.as_entire_binding(),
         )),
     );
     let sampling = device.create_bind_group(
@@ -154,7 +154,7 @@ pub(in crate::gi) fn sample(
         &sample_layout,
         &BindGroupEntries::sequential((
             camera.strata.as_entire_binding(),
-            camera.received.as_entire_binding(),
+            camera.importance.as_entire_binding(),
             camera.plan_buffer.as_entire_binding(),
             camera.samples.as_entire_binding(),
         )),

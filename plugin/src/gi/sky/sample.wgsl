@@ -11,7 +11,7 @@
 #import bevy_frugal_gi::gi::sky::sky::{SKY_STRATA, SKY_STRIDE, SkyLight, SkyPlan}
 
 @group(0) @binding(0) var<storage, read> strata: array<SkyLight>;
-@group(0) @binding(1) var<storage, read> received: array<f32>;
+@group(0) @binding(1) var<storage, read> importance: array<f32>;
 @group(0) @binding(2) var<storage, read> plan: SkyPlan;
 @group(0) @binding(3) var<storage, read_write> samples: array<SkyLight>;
 
@@ -20,7 +20,7 @@ const LANES: u32 = 64u;
 const RUN: u32 = SKY_STRATA / LANES;
 
 var<workgroup> lane_light: array<f32, LANES>;
-var<workgroup> lane_received: array<f32, LANES>;
+var<workgroup> lane_weighted: array<f32, LANES>;
 var<workgroup> lane_weight: array<f32, LANES>;
 var<workgroup> cumulative: array<f32, SKY_STRATA>;
 
@@ -43,26 +43,26 @@ fn find_stratum(threshold: f32) -> u32 {
 fn sample_sky(@builtin(local_invocation_index) lane: u32) {
     let first = lane * RUN;
     var light = 0.0;
-    var seen = 0.0;
+    var weighted = 0.0;
     for (var i = first; i < first + RUN; i++) {
         let luminance = luminance(strata[i].light);
         light += luminance;
-        seen += luminance * received[i];
+        weighted += luminance * importance[i];
     }
     lane_light[lane] = light;
-    lane_received[lane] = seen;
+    lane_weighted[lane] = weighted;
     workgroupBarrier();
     light = 0.0;
-    seen = 0.0;
+    weighted = 0.0;
     for (var i = 0u; i < LANES; i++) {
         light += lane_light[i];
-        seen += lane_received[i];
+        weighted += lane_weighted[i];
     }
     // Where no importance point sees any stratum, light alone decides.
-    let defensive_term = max(0.25 * seen / max(light, 1e-36), 1e-3);
+    let defensive_term = max(0.25 * weighted / max(light, 1e-36), 1e-3);
     var sum = 0.0;
     for (var i = first; i < first + RUN; i++) {
-        sum += luminance(strata[i].light) * (received[i] + defensive_term);
+        sum += luminance(strata[i].light) * (importance[i] + defensive_term);
         cumulative[i] = sum;
     }
     lane_weight[lane] = sum;

@@ -14,7 +14,7 @@
 @group(0) @binding(1) var depth_buffer: texture_depth_2d;
 @group(0) @binding(2) var<uniform> view: View;
 @group(0) @binding(3) var<storage, read> strata: array<SkyLight>;
-@group(0) @binding(4) var<storage, read_write> received: array<f32>;
+@group(0) @binding(4) var<storage, read_write> importance: array<f32>;
 
 const COLUMNS: u32 = 8u;
 const ROWS: u32 = 4u;
@@ -51,6 +51,6 @@ fn weigh_sky(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_
         for (var i = 0u; i < IMPORTANCE_POINTS; i++) {
             sum += cosines[i][lane];
         }
-        received[first + lane] = sum;
+        importance[first + lane] = sum;
     }
 }
