@@ -1,4 +1,4 @@
-//! What a GI camera holds whose light is reflected more than once.
+//! A GI camera's buffers for bounces beyond the first.
 
 use std::ops::Range;
 use std::sync::Arc;
@@ -24,34 +24,33 @@ use crate::gi::vpl::{IMPORTANCE_POINTS_BYTES, VPL_BYTES, VplPlan};
 pub(super) const BOUNCE_VPLS: VplPlan =
     VplPlan { interleave: 1, sets: 1, per_set: 512, stride: 512 };
 
-/// What decides about the light of patches, beside the scene.
+/// The inputs of the patches' light, beside the scene.
 #[derive(Clone, Debug, PartialEq)]
 struct LightInputs {
     rounds: u32,
     emissive: bool,
     exposure: f32,
     sky: Option<SkyInputs>,
-    /// Which buffer the texels lie in, and where.
+    /// The buffer of texels, and the index of the first patch's texel.
     store: (BufferId, u32),
 }
 
 /// The GPU objects of a camera's patches, for tests and debuggers.
 #[derive(Clone, Debug)]
 pub struct GiBouncesState {
-    /// The virtual point lights that light its patches (`vpl/vpl.wgsl`): one set, as the last round
-    /// sampled it.
+    /// The bounce VPLs, which light its patches (`vpl/vpl.wgsl`): one set, from the last round.
     pub carriers: Buffer,
-    /// Its patches' texels among all texels.
+    /// Its patches' texels in the store.
     pub texels: Range<u32>,
 }
 
-/// What a GI camera holds in the render world while its light is reflected more than once.
+/// A GI camera's buffers for bounces beyond the first. In the render world.
 #[derive(Component)]
 pub struct BounceCamera {
-    /// What `patches` holds.
+    /// The content of `patches`.
     held: Arc<Vec<Patch>>,
     pub(super) patches: Buffer,
-    /// VPLs that light patches.
+    /// The bounce VPLs.
     pub(super) bounce_vpls: Buffer,
     pub(super) plan: Buffer,
     /// `vpl/importance.wgsl`'s `ImportancePoints`: patches that stand for all.
@@ -59,9 +58,9 @@ pub struct BounceCamera {
     /// `bounces/patch.wgsl`'s `PatchRange`.
     pub(super) range: Buffer,
     inputs: LightInputs,
-    /// Whether patches reflect in this frame, if the camera draws VPLs.
+    /// Whether patches reflect in this frame, if the camera samples VPLs.
     pub(super) is_due: bool,
-    /// Whether they have done so since.
+    /// Whether they have done so since they were due.
     pub(super) is_done: AtomicBool,
     pub(super) kind: ReflectKind,
 }
@@ -72,13 +71,12 @@ impl BounceCamera {
         self.inputs.store.1
     }
 
-    /// Times that patches reflect: once for two bounces.
+    /// Rounds of reflection: one for two bounces.
     pub(super) fn rounds(&self) -> u32 {
         self.inputs.rounds
     }
 
-    /// Patches that will reflect in this frame, if the camera draws VPLs; those that only fill up
-    /// included.
+    /// Patches that will reflect in this frame, if the camera samples VPLs; padding included.
     pub(in crate::gi) fn patches_due(&self) -> u64 {
         if self.is_due { PATCHES as u64 * u64::from(self.rounds()) } else { 0 }
     }
@@ -91,7 +89,7 @@ impl BounceCamera {
         }
     }
 
-    /// Bytes held on the GPU for this camera's patches, but for their texels.
+    /// Bytes held on the GPU for this camera's patches, without their texels.
     pub fn bytes(&self) -> u64 {
         [&self.patches, &self.bounce_vpls, &self.plan, &self.importance, &self.range]
             .map(|buffer| buffer.size())
@@ -99,14 +97,14 @@ impl BounceCamera {
             .sum()
     }
 
-    /// Adds the rows of this camera's patches to those of its maps and of what glows.
+    /// Adds the rows of this camera's patches to those of its maps and of emissive surfaces.
     pub(in crate::gi) fn add_rows(&self, rows: &mut Vec<TexelRow>) {
         TexelRow::add_scattered(rows, self.first_texel(), PATCHES as u32);
     }
 }
 
-/// Gives every camera with patches its buffers, and takes them from the others; finds out whether
-/// its patches have to reflect again.
+/// Gives every camera with patches its buffers, removes those of others, and decides whether its
+/// patches are due to reflect again.
 pub(super) fn prepare(
     mut commands: Commands,
     mut pipelines: ResMut<BouncePipelines>,
@@ -151,7 +149,7 @@ pub(super) fn prepare(
                 queue.write_buffer(&held.patches, 0, bytemuck::cast_slice(patches));
             }
             if held.inputs.store != inputs.store {
-                // What lay there before is none of ours, and is drawn from if the patches cannot
+                // The new range holds other texels, which would be sampled if the patches cannot
                 // reflect in this frame.
                 queue.write_buffer(
                     texels,
@@ -219,7 +217,7 @@ pub(super) fn prepare(
     }
 }
 
-/// `bounces/patch.wgsl`'s `PatchRange`, padded to what uniforms are multiples of.
+/// `bounces/patch.wgsl`'s `PatchRange`, padded to the size of a uniform.
 fn range_bytes(first_texel: u32) -> [u8; 16] {
     bytemuck::cast([first_texel, 0, 0, 0])
 }

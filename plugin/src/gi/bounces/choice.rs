@@ -1,12 +1,12 @@
-//! Which points of the scene's surfaces become patches: plain Rust, no renderer.
+//! Selection of the points of the scene's surfaces that become patches: plain Rust, no renderer.
 //!
 //! Priority sampling (Duffield, Lund and Thorup 2007, "Priority sampling for estimation of
-//! arbitrary subset sums"): every point has a weight and a rank that is its own for good; the so
-//! many of the highest weight ÷ rank are chosen, and each stands for as much as the first that was
-//! not chosen has of that ratio, or for itself where that is more. The expectation of the sum over
-//! what was chosen is the sum over all (but for one in 2 × count, since ranks here are evenly
-//! spread and not independent); and where something moves, comes or goes, all others keep their
-//! patches, but for the few at the threshold.
+//! arbitrary subset sums"): every point has a weight and a permanent rank, and its priority is
+//! weight ÷ rank. The `count` points of the highest priorities are selected; each counts for the
+//! larger of its own weight and the threshold, the highest priority that was not selected. The
+//! expectation of the sum over the selection is the sum over all points (up to one part in 2 ×
+//! count, since ranks here are stratified and not independent). Where something moves, appears or
+//! disappears, all other points keep their patches, except a few at the threshold.
 
 use bevy::math::Vec3;
 
@@ -15,9 +15,9 @@ use bevy::math::Vec3;
 pub(super) struct Candidate<T> {
     /// m².
     pub area: f32,
-    /// How many patches the surface around is worth for each m² of it, as against others. Above 0.
+    /// Relative density of patches per m². Above 0.
     pub density: f32,
-    /// Above 0, up to 1: evenly spread among any points that are near each other.
+    /// In (0, 1]: evenly distributed among any neighbouring points.
     pub rank: f32,
     pub point: T,
 }
@@ -28,8 +28,8 @@ impl<T> Candidate<T> {
     }
 }
 
-/// At most `count` of `candidates`, in their order, each with the area in m² that it stands for.
-/// Those whose weight is no number or nothing are left out.
+/// At most `count` of `candidates`, in their order, each with the area in m² that it represents.
+/// Those of zero or non-finite weight are left out.
 pub(super) fn choose<T: Copy>(mut candidates: Vec<Candidate<T>>, count: usize) -> Vec<(T, f32)> {
     candidates.retain(|candidate| {
         candidate.priority() > 0.0 && candidate.priority().is_finite() && candidate.density > 0.0
@@ -46,17 +46,18 @@ pub(super) fn choose<T: Copy>(mut candidates: Vec<Candidate<T>>, count: usize) -
         .collect()
 }
 
-/// Ranks of the points of one surface, which lie along a curve through space: any run of them is
-/// evenly spread over 0 to 1 (van der Corput 1935). `seed` shifts those of different surfaces
-/// against each other.
+/// Ranks of the points of one surface, which lie along a space-filling curve: any run of them is
+/// evenly distributed over 0 to 1 (van der Corput 1935). `seed` shifts the ranks of different
+/// surfaces against each other.
 pub(super) fn rank(index: usize, seed: u32) -> f32 {
     let bits = (index as u32).reverse_bits().wrapping_add(seed);
     // Never 0, and never above 1: floats have 24 bits.
     ((bits >> 8) + 1) as f32 / 16_777_216.0
 }
 
-/// How dense patches are at a distance from the camera: as at the camera within `near`, and then
-/// falling with its square, so that what is twice as far is as finely divided in the picture.
+/// Relative density of patches: 1 at the camera, a half at a distance of `near`, and beyond that
+/// falling with the squared distance, so that distant surfaces are as finely divided in the image
+/// as nearer ones.
 pub(super) fn density(position: Vec3, center: Vec3, near: f32) -> f32 {
     let steps = (position - center) / near;
     1.0 / (1.0 + steps.length_squared())
@@ -66,7 +67,7 @@ pub(super) fn density(position: Vec3, center: Vec3, near: f32) -> f32 {
 mod tests {
     use super::*;
 
-    /// So many points of 1 m² on a line, 1 m apart.
+    /// `count` points of 1 m² on a line, 1 m apart.
     fn line(count: usize, seed: u32) -> Vec<Candidate<usize>> {
         let density = |index: usize| density(Vec3::X * index as f32, Vec3::ZERO, 30.0);
         (0..count)
@@ -80,7 +81,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_chosen_stands_for_all() {
+    fn the_selection_represents_all_points() {
         for (points, count) in [(100, 10), (1000, 64), (1000, 999), (5000, 512)] {
             let mut ratios = Vec::new();
             for seed in 0..256u32 {
@@ -91,8 +92,7 @@ mod tests {
                 );
             }
             let mean = ratios.iter().sum::<f64>() / 256.0;
-            // Exact for ranks that know nothing of each other; evenly spread ones err by up to half
-            // a point.
+            // Exact for independent ranks; stratified ones err by up to half a point.
             assert!(
                 (mean - 1.0).abs() < 0.5 / count as f64 + 0.005,
                 "{mean} of {points} by {count}"
@@ -101,7 +101,7 @@ mod tests {
     }
 
     #[test]
-    fn where_there_is_room_for_all_each_stands_for_itself() {
+    fn with_room_for_all_each_point_represents_itself() {
         for (points, count) in [(0, 0), (0, 8), (1, 1), (8, 8), (8, 100)] {
             let chosen = choose(line(points, 0), count);
             assert_eq!(chosen, (0..points).map(|point| (point, 1.0)).collect::<Vec<_>>());
@@ -110,7 +110,7 @@ mod tests {
     }
 
     #[test]
-    fn near_surfaces_have_more() {
+    fn near_surfaces_have_more_patches() {
         let candidates = (0..4096).map(|point| {
             let density = density(Vec3::X * point as f32, Vec3::ZERO, 300.0);
             Candidate { area: 1.0, density, rank: rank(point, 0), point }
@@ -123,7 +123,7 @@ mod tests {
     }
 
     #[test]
-    fn others_keep_theirs_when_something_comes() {
+    fn other_points_keep_their_patches_when_a_surface_appears() {
         let before = choose(line(4000, 0), 512);
         let mut more = line(4000, 0);
         more.extend((0..40).map(|point| Candidate {
@@ -142,7 +142,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_no_number_or_nothing_is_left_out() {
+    fn zero_and_non_finite_weights_are_left_out() {
         let odd = |area: f32, density: f32| Candidate { area, density, rank: 0.5, point: 0 };
         let candidates = vec![
             odd(f32::NAN, 1.0),
@@ -158,7 +158,7 @@ mod tests {
     }
 
     #[test]
-    fn ranks_of_any_run_are_evenly_spread() {
+    fn ranks_of_any_run_are_evenly_distributed() {
         for (first, seed) in [(0, 0), (64, 12345), (640, u32::MAX)] {
             let mut ranks: Vec<f32> = (first..first + 64).map(|index| rank(index, seed)).collect();
             ranks.sort_by(f32::total_cmp);

@@ -1,25 +1,25 @@
-//! Further bounces: what the scene's surfaces reflect of light that was reflected before.
+//! Further bounces: light that surfaces reflect a second time and more.
 //!
-//! Points all over the scene's surfaces stand for pieces of them, as in radiosity: *patches*. When
-//! the maps are rendered, VPLs drawn by flux and by what patches could receive light each patch,
-//! and so does the camera's sky; what it reflects of that becomes a texel behind those of the maps
-//! and of what glows. From there on it is light like theirs: weighed by what the camera sees,
-//! drawn, gathered, hidden and filtered. Each further bounce is one more round of the same
-//! (Jacobi's iteration of the radiosity equation: Goral et al. 1984).
+//! Points on all surfaces of the scene represent pieces of them, as in radiosity: *patches*. When
+//! the maps are rendered, bounce VPLs, sampled by flux and by importance to the patches, light each
+//! patch, and so does the camera's sky. The reflected flux becomes a texel behind those of the maps
+//! and of emissive surfaces, and is weighted, sampled, gathered, shadowed and denoised like theirs.
+//! Each further bounce repeats this (Jacobi iteration of the radiosity equation: Goral et al.
+//! 1984).
 //!
 //! | file | world | job |
 //! |---|---|---|
 //! | `patch` | none | a patch as the GPU reads it |
-//! | `choice` | none | which points become patches |
+//! | `choice` | none | selects the points that become patches |
 //! | `patches` | main | keeps every camera's patches: points of all surfaces, denser near the camera |
-//! | `camera` | render | a camera's buffers, and whether its patches have to reflect again |
-//! | `pick.wgsl`, `reflect.wgsl` | render | what decides which VPLs light patches; and what these reflect |
+//! | `camera` | render | a camera's buffers, and whether its patches are due to reflect again |
+//! | `pick.wgsl`, `reflect.wgsl` | render | importance points of the patches; reflection by the patches |
 //!
-//! Options: (1) this; (2) maps' texels that gather light from each other, which leaves dark
-//! whatever no lamp shines on: a ceiling, or a room's shady half; (3) rays from the camera's
-//! surfaces to where they meet others (Segovia et al. 2006, "Bidirectional Instant Radiosity"),
-//! which spends all on what is seen but finds other points whenever the camera moves, and would
-//! need materials in the tree of triangles. We use 1.
+//! Options: (1) this; (2) maps' texels that gather light from each other, which leaves all surfaces
+//! dark that no light illuminates directly: a ceiling, or a room's shady half; (3) rays from
+//! visible surfaces to their hits on others (Segovia et al. 2006, "Bidirectional Instant
+//! Radiosity"), which concentrates on visible surfaces, but finds other points whenever the camera
+//! moves, and would need materials in the tree of triangles. We use 1.
 
 mod camera;
 mod choice;
@@ -58,7 +58,8 @@ pub use camera::{BounceCamera, GiBouncesState};
 pub(super) use patch::Patch;
 pub use patches::GiPatches;
 
-/// Patches of a camera. Fewer: blotchier second bounces; more: as many rays more, eight each.
+/// Patches of a camera. Fewer: blotchier second bounces. More: proportionally more rays, eight per
+/// patch.
 pub(super) const PATCHES: usize = 2048;
 
 pub(super) struct BouncePlugin;
@@ -73,7 +74,7 @@ impl Plugin for BouncePlugin {
             .add_plugins(ExtractResourcePlugin::<GiPatches>::default())
             .add_systems(
                 PostUpdate,
-                // Need to know where everything is, and this frame's assets.
+                // Reads final transforms, visibility and this frame's asset events.
                 patches::update
                     .in_set(SceneSystems::Surfaces)
                     .after(AssetEventSystems)
@@ -101,17 +102,17 @@ fn reserve(mut store: ResMut<TexelStore>, patches: Res<GiPatches>) {
     store.reserve(TexelRange::Patches, patches.texel_count());
 }
 
-/// What pipelines differ by.
+/// Key of a pipeline.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub(super) struct ReflectKind {
-    /// Whether patches are lit by the camera's sky, too.
+    /// Whether the camera's sky lights patches.
     has_sky: bool,
-    /// Whether rays look for holes.
+    /// Whether rays test alpha masks.
     has_masks: bool,
     is_lambertian: bool,
 }
 
-/// The passes' layouts; their pipelines are there once a camera has asked for them.
+/// Layouts of the passes, and pipelines, which are queued once a camera needs them.
 #[derive(Resource)]
 pub(super) struct BouncePipelines {
     pick_layout: BindGroupLayoutDescriptor,
@@ -154,14 +155,14 @@ impl FromWorld for BouncePipelines {
 }
 
 impl BouncePipelines {
-    /// The pipeline of a kind, if it is compiled; until then, one that takes all that rays meet for
+    /// The pipeline of a kind, if it is compiled; until then, the one that treats all triangles as
     /// solid.
     fn get<'a>(&self, cache: &'a PipelineCache, kind: ReflectKind) -> Option<&'a ComputePipeline> {
         let compiled = |kind| cache.get_compute_pipeline(*self.reflect.get(&kind)?);
         compiled(kind).or_else(|| compiled(ReflectKind { has_masks: false, ..kind }))
     }
 
-    /// Has the pipelines of a kind compiled, where that was not asked for before.
+    /// Queues the pipelines of a kind, unless they were queued before.
     fn queue(&mut self, cache: &PipelineCache, kind: ReflectKind) {
         let Self { pick_layout, reflect_layouts, pick_shader, reflect_shader, pick, reflect } =
             self;
@@ -198,7 +199,7 @@ impl BouncePipelines {
     }
 }
 
-/// In a GI camera's view: lights its patches, as often as light is reflected beyond the first time.
+/// In a GI camera's view: lights its patches, once for each bounce beyond the first.
 pub(super) fn reflect(
     view: ViewQuery<(
         &BounceCamera,
@@ -234,7 +235,7 @@ pub(super) fn reflect(
     ) else {
         return;
     };
-    // Weighing has them in its layout, and does not read them here.
+    // The layout of the weights has them; they are not read here.
     let (Some(g_buffer), Some(depth)) = (prepass.deferred_view(), prepass.depth_view()) else {
         return;
     };
@@ -249,8 +250,8 @@ pub(super) fn reflect(
         vpls: &camera.bounce_vpls,
         plan: (&camera.plan, camera::BOUNCE_VPLS.slots()),
     };
-    // A look at what hides texels from patches would take as many rays as for the picture, and
-    // gains nothing that could be measured.
+    // Tile visibility for patches would take as many rays as for the image, without a measurable
+    // gain.
     let Some(steps) = vpl_pipelines.steps(context.render_device(), &cache, false, inputs) else {
         return;
     };
@@ -284,7 +285,7 @@ pub(super) fn reflect(
     let diagnostics = context.diagnostic_recorder();
     let diagnostics = diagnostics.as_deref();
     let span = diagnostics.time_span(context.command_encoder(), "bevy_frugal_gi/bounces");
-    // In the first round patches send nothing yet.
+    // In the first round patches emit nothing yet.
     let first_byte = u64::from(camera.first_texel()) * TEXEL_BYTES;
     context.command_encoder().clear_buffer(texels, first_byte, Some(PATCHES as u64 * TEXEL_BYTES));
     {

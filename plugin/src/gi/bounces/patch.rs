@@ -1,4 +1,4 @@
-//! A patch: a piece of surface that reflects what it is lit by.
+//! A patch: a piece of surface that reflects incident light.
 
 use bevy::math::Vec3;
 use bytemuck::{Pod, Zeroable};
@@ -14,7 +14,7 @@ pub(in crate::gi) struct Patch {
     pub position: [f32; 3],
     /// m².
     pub area: f32,
-    /// Colour and roughness, and the rest, as Bevy's G-buffer packs them.
+    /// Colour and roughness, and further properties, as Bevy's G-buffer packs them.
     color: u32,
     properties: u32,
     packed_normal: u32,

@@ -1,4 +1,4 @@
-//! The patches of every camera whose light is reflected more than once.
+//! The patches of every camera with more than one bounce.
 
 use std::sync::Arc;
 
@@ -27,72 +27,72 @@ use crate::gi::surfaces::{
 };
 use crate::gi::view::LightPresence;
 
-/// Points of all surfaces, more or less, of which a camera's patches are chosen: what lies near it
-/// can have eight times as many patches as the rest.
+/// Approximate number of points on all surfaces, from which a camera's patches are selected: near
+/// surfaces can have eight times the density of patches of others.
 const POINTS: usize = 8 * PATCHES;
-/// Most of one surface.
+/// Most points of one surface.
 const MOST_POINTS: usize = 8192;
-/// How many times as many points as it should have a surface keeps.
+/// A surface keeps up to so many times its target count of points.
 const TOO_MANY: usize = 8;
-/// Points of a surface before its size is known.
+/// Points of a surface before its importance is known.
 const FIRST_POINTS: usize = 64;
-/// Places of a patterned surface that are looked at for each point.
+/// Material samples for each point of a textured or masked surface.
 const SAMPLES_PER_POINT: usize = 8;
-/// How far from the camera patches are half as dense as at it, as a share of how far light bounces.
+/// Distance from the camera at which patches are half as dense, as a share of the range.
 const NEAR_SHARE: f32 = 0.1;
-/// Steps in which that place moves with the camera, as a share of the radius: patches stay while
-/// the camera moves within one.
+/// Step in which the centre of density follows the camera, as a share of that distance: patches
+/// stay while the camera moves within a step.
 const STEP_SHARE: f32 = 0.25;
 
 /// A camera's patches.
 #[derive(Clone, Debug)]
 struct PatchSet {
     camera: Entity,
-    /// [`PATCHES`], filled up with such as reflect nothing.
+    /// [`PATCHES`] of them, padded with patches without area.
     patches: Arc<Vec<Patch>>,
 }
 
-/// Patches of each camera whose light is reflected more than once, kept while there is one and
-/// light for it.
+/// Patches of each camera with more than one bounce. Maintained while there are such cameras and
+/// light.
 ///
-/// Every visible mesh with a [`StandardMaterial`] reflects that hides light and is lit: not unlit,
-/// transparent and transmissive ones, those with [`NotShadowCaster`], those rendered forward, and
-/// skinned ones, whose triangles here are those of the bind pose. Morphs, shaders that move
-/// vertices, other kinds of material and ranges of visibility are not looked at: of a mesh in
-/// several levels of detail all reflect that are not hidden by each other. Textures of base colour,
-/// metal and roughness are read where their images are there for the processor in formats without
-/// compression; a warning says where they are not, and something grey takes their place.
+/// Every visible mesh with a lit, opaque or masked [`StandardMaterial`] reflects. Exceptions:
+/// unlit, transparent and transmissive ones, those with [`NotShadowCaster`], forward-rendered ones,
+/// and skinned ones, whose triangles here are those of the bind pose. Morphs, shaders that move
+/// vertices, other kinds of material and ranges of visibility are ignored: of a mesh with several
+/// levels of detail, all reflect that do not occlude each other. Textures of base colour, metallic
+/// and roughness are read where the CPU has their images in uncompressed formats; else grey
+/// replaces them, with a warning.
 #[derive(Resource, ExtractResource, Clone, Debug, Default)]
 pub struct GiPatches {
     sets: Vec<PatchSet>,
 }
 
 impl GiPatches {
-    /// Patches of all cameras that reflect anything.
+    /// Number of patches of all cameras, without padding.
     pub fn patch_count(&self) -> usize {
         self.sets.iter().flat_map(|set| set.patches.iter()).filter(|patch| patch.area > 0.0).count()
     }
 
-    /// Texels that all cameras' patches take in the store.
+    /// Number of texels of all cameras' patches in the store.
     pub(in crate::gi) fn texel_count(&self) -> usize {
         self.sets.len() * PATCHES
     }
 
-    /// A camera's patches, and how many texels of other cameras' lie before theirs.
+    /// A camera's patches, and the number of other cameras' texels before theirs.
     pub(super) fn of(&self, camera: Entity) -> Option<(&Arc<Vec<Patch>>, u32)> {
         let index = self.sets.iter().position(|set| set.camera == camera)?;
         Some((&self.sets[index].patches, (index * PATCHES) as u32))
     }
 }
 
-/// Whose points are whose.
+/// Identifies a surface's points.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 struct SurfaceKey {
     mesh: AssetId<Mesh>,
     reflectance: Reflectance,
 }
 
-/// A surface in its place.
+/// A surface in the scene.
 #[derive(Clone, Copy, Debug, PartialEq)]
 struct SurfaceInstance {
     entity: Entity,
@@ -100,8 +100,8 @@ struct SurfaceInstance {
     affine: Affine3A,
 }
 
-/// What a camera's patches are chosen by: where it is, in steps, and how far from there they are
-/// dense, metres.
+/// A camera's density of patches: its centre, which follows the camera in steps, and the distance
+/// at which the density is a half, metres.
 #[derive(Clone, Copy, Debug, PartialEq)]
 struct Around {
     camera: Entity,
@@ -110,12 +110,12 @@ struct Around {
 }
 
 impl Around {
-    /// `before`: where it was the last time.
+    /// `before`: the last one of this camera.
     fn new(camera: Entity, position: Vec3, range: f32, before: Option<&Self>) -> Self {
-        // What is no number compares false.
+        // NaN compares false.
         let near = if range * NEAR_SHARE > 0.1 { (range * NEAR_SHARE).min(1e6) } else { 0.1 };
         let step = near * STEP_SHARE;
-        // A camera that goes to and fro over the border of a step changes nothing.
+        // Hysteresis: a camera that moves to and fro over the border of a step changes nothing.
         let is_near = |before: &&Self| {
             before.near == near && (position - before.center).abs().max_element() <= 0.75 * step
         };
@@ -127,17 +127,17 @@ impl Around {
     }
 }
 
-/// Points of a surface. A hole is a point without paint.
+/// Points of a surface. A point in a hole has no material.
 type Points = SurfacePoints<Option<MaterialSample>>;
 
-/// What the present [`GiPatches`] was made of.
+/// The inputs of the current [`GiPatches`].
 #[derive(Resource, Default)]
 pub(super) struct Surfaces {
-    /// None where a mesh has no triangles that can be read.
+    /// `None` where a mesh has no readable triangles.
     points: HashMap<SurfaceKey, Option<Points>>,
     instances: Vec<SurfaceInstance>,
     around: Vec<Around>,
-    /// Set when a mesh or a texture came or changed.
+    /// Set when a mesh or a texture was added or changed.
     stale: bool,
 }
 
@@ -191,14 +191,14 @@ pub(super) fn update(
         .collect();
     if around.is_empty() {
         if !surfaces.around.is_empty() {
-            // Points stay: they take longer to make than patches.
+            // Points stay, since they take longer to compute than patches.
             surfaces.instances.clear();
             surfaces.around.clear();
             *patches = GiPatches::default();
         }
         return;
     }
-    // Entities come in no particular order, and patches should lie the same in every run.
+    // Query order is arbitrary; sorting keeps patches the same in every run.
     around.sort_unstable_by_key(|around| around.camera);
     let materials = assets.materials.as_deref();
     let mut now: Vec<SurfaceInstance> = meshes
@@ -229,7 +229,7 @@ pub(super) fn update(
         let set = |around: &Around| {
             let camera = around.camera;
             let chosen = chosen(&surfaces.points, &now, around);
-            // Another camera's step, or what happened far away: these reflect what they did.
+            // Keeps the old patches where another camera moved or a change was far away.
             let same =
                 patches.sets.iter().find(|set| set.camera == camera && *set.patches == chosen);
             PatchSet {
@@ -243,7 +243,7 @@ pub(super) fn update(
     }
 }
 
-/// So many points of a surface; `None` while its assets are not there, and `Some(None)` where they
+/// `count` points of a surface; `None` while its assets are not loaded, and `Some(None)` where they
 /// cannot be read.
 fn points(key: &SurfaceKey, count: usize, assets: &SurfaceAssets) -> Option<Option<Points>> {
     let mesh = assets.meshes.get(key.mesh)?;
@@ -259,8 +259,8 @@ fn points(key: &SurfaceKey, count: usize, assets: &SurfaceAssets) -> Option<Opti
     Some(SurfacePoints::new(&positions, count * samples, sample).map(|fine| coarse(&fine, samples)))
 }
 
-/// Every run of so many points as one in its middle, with the mean of what they are like; a hole
-/// where the middle is one.
+/// Merges every run of `samples` points into the one in its middle, with their mean material; a
+/// hole where the middle one is in a hole.
 fn coarse(fine: &Points, samples: usize) -> Points {
     if samples == 1 {
         return fine.clone();
@@ -271,7 +271,7 @@ fn coarse(fine: &Points, samples: usize) -> Points {
         let mean = |value: fn(&MaterialSample) -> f32| {
             there.iter().map(value).sum::<f32>() / there.len() as f32
         };
-        // As many points stay as places are there.
+        // The share of holes stays the same.
         let sample = middle.sample.map(|_| MaterialSample {
             color: there.iter().map(|sample| sample.color).sum::<Vec3>() / there.len() as f32,
             roughness: mean(|sample| sample.roughness),
@@ -283,8 +283,8 @@ fn coarse(fine: &Points, samples: usize) -> Points {
     Points { points: points.collect(), area: fine.area * samples as f64 }
 }
 
-/// Gives every surface as many points as its share of all that matters to some camera, in powers of
-/// two: more where it has too few, fewer where it has far too many.
+/// Gives every surface points in proportion to its importance (area × density for the nearest
+/// camera), in powers of two: more where it has too few, fewer where it has far too many.
 fn refine(
     held: &mut HashMap<SurfaceKey, Option<Points>>,
     instances: &[SurfaceInstance],
@@ -340,7 +340,7 @@ fn chosen(
     for instance in instances {
         let Some(Some(points)) = held.get(&instance.key) else { continue };
         let spread = area_matrix(&instance.affine);
-        // Its own, as long as it lives: a golden step for each entity.
+        // Permanent for an entity: a multiple of the golden ratio.
         let seed = instance.entity.index_u32().wrapping_mul(2_654_435_769);
         for (index, point) in points.points.iter().enumerate() {
             let Some(sample) = point.sample else { continue };
@@ -391,7 +391,7 @@ mod tests {
 
     #[test]
     fn coarse_points_are_as_many_and_as_bright_as_the_fine_ones_and_keep_the_area() {
-        // A chequered square: of each two looks, one is white.
+        // A chequered square: of each two samples, one is white.
         let number = std::cell::Cell::new(0);
         let next = || number.replace(number.get() + 1);
         let fine = SurfacePoints::new(&SQUARE, 64 * SAMPLES_PER_POINT, |_| {
@@ -407,7 +407,7 @@ mod tests {
     }
 
     #[test]
-    fn as_many_points_are_holes_as_places_are() {
+    fn the_share_of_points_in_holes_is_the_share_of_holes() {
         // Its left third is cut out.
         let sample = |point: TrianglePoint| {
             let [second, third] = point.weights;

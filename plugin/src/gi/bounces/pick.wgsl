@@ -1,8 +1,8 @@
-// Picks some of a camera's patches to stand for all: what they could receive of a texel decides how
-// likely it is to light patches (`vpl/weigh.wgsl`).
+// Picks some of a camera's patches as importance points: a texel's importance to them decides its
+// probability of lighting patches (`vpl/weigh.wgsl`).
 //
-// Flux alone would not do: most of the sun's light falls on what no patch sees, or only patches far
-// away.
+// Flux alone would not do: most sunlight falls on surfaces that no patch sees, or only distant
+// ones.
 
 #import bevy_frugal_gi::gi::bounces::patch::Patch
 #import bevy_frugal_gi::gi::texels::texel::{Texel, texel_normal}
@@ -11,12 +11,12 @@
 @group(0) @binding(0) var<storage, read> patches: array<Patch>;
 @group(0) @binding(1) var<storage, read_write> importance: ImportancePoints;
 
-/// How much of the surface around a patch it stands for here, as a share of what all patches
-/// between two that are picked cover: they lie along many surfaces.
+/// Area that an importance point represents, as a share of the area of all patches from one picked
+/// patch to the next, which lie on many surfaces.
 const REACH: f32 = 0.1;
 
-/// One thread per receiver. Patches lie surface by surface and along a curve through each, denser
-/// near the camera: equal steps spread over all.
+/// One thread per importance point. Patches are ordered by surface and along a space-filling curve
+/// on each, denser near the camera: equal steps spread over all.
 @compute @workgroup_size(IMPORTANCE_POINTS)
 fn pick_patches(@builtin(local_invocation_index) index: u32) {
     let step = arrayLength(&patches) / IMPORTANCE_POINTS;

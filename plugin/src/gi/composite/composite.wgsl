@@ -1,5 +1,5 @@
-// Interpolates gathered irradiance along surfaces and adds what each pixel reflects of it: a joint
-// bilateral upsampling (Kopf et al. 2007) by distance from the pixel's tangent plane and by normal.
+// Upsamples irradiance along surfaces and adds each pixel's reflection of it: joint bilateral
+// upsampling (Kopf et al. 2007) by distance from the pixel's tangent plane and by normal.
 
 #import bevy_core_pipeline::fullscreen_vertex_shader::FullscreenVertexOutput
 #import bevy_render::view::View
@@ -16,10 +16,10 @@ const CELL: vec2<u32> = vec2(#{CELL_WIDTH}u, #{CELL_HEIGHT}u);
 
 fn upsample(pixel: vec2<u32>, size: vec2<u32>, position: vec3<f32>, normal: vec3<f32>) -> vec3<f32> {
     let cells = textureDimensions(irradiance);
-    // Cell centres lie at `cell * CELL + CELL / 2`.
-    let place = (vec2<f32>(pixel) - vec2<f32>(CELL / 2u)) / vec2<f32>(CELL);
-    let corner = floor(place);
-    let along = place - corner;
+    // Low-resolution pixels are centred at `cell * CELL + CELL / 2`.
+    let coordinates = (vec2<f32>(pixel) - vec2<f32>(CELL / 2u)) / vec2<f32>(CELL);
+    let corner = floor(coordinates);
+    let along = coordinates - corner;
     let tolerance = plane_tolerance(distance(position, view.world_position));
     var sum = vec3(0.0);
     var weights = 0.0;
@@ -31,8 +31,8 @@ fn upsample(pixel: vec2<u32>, size: vec2<u32>, position: vec3<f32>, normal: vec3
         let away = pixel_position(other, size, max(depth, 1e-30), view.world_from_clip) - position;
         let shared_plane = surface_affinity(away, normal, surface_normal(textureLoad(g_buffer, other, 0)), tolerance);
         let near = select(1.0 - along, along, offset == vec2(1u));
-        // The small constant picks the nearest cell where none lies on this surface; cells of the
-        // sky never count.
+        // The small constants select the nearest low-resolution pixel where none lies on this
+        // surface; those of the sky have weight 0.
         let weight = select(0.0, near.x * near.y * (shared_plane + 1e-4) + 1e-7, depth > 0.0);
         sum += weight * textureLoad(irradiance, cell, 0).rgb;
         weights += weight;
@@ -56,7 +56,7 @@ fn composite(in: FullscreenVertexOutput) -> @location(0) vec4<f32> {
 #else
     let received = upsample(pixel, size, position, normal);
 #endif
-    // Where the projection is parallel, the eye is as far away as it gets.
+    // In a parallel projection the eye is infinitely far away.
     let toward_eye = normalize(mix(view.world_position - position, view.world_from_view[2].xyz, vec3(view.clip_from_view[3].w)));
     return vec4(received * scattered_share(texel, dot(normal, toward_eye)) * 0.31830987, 0.0);
 }

@@ -1,5 +1,5 @@
-//! The composite: gathered irradiance, interpolated along surfaces, times albedo, added to the
-//! picture before tone mapping.
+//! The composite: irradiance, upsampled along surfaces, times albedo, added to the image before
+//! tone mapping.
 
 use bevy::app::{App, Plugin};
 use bevy::asset::{Handle, embedded_asset, load_embedded_asset};
@@ -65,7 +65,7 @@ impl FromWorld for CompositePipelines {
     }
 }
 
-/// What a composite pipeline is compiled for.
+/// Key of a composite pipeline.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub(super) struct CompositeKey {
     fraction: GiPixelFraction,
@@ -176,8 +176,8 @@ pub(super) fn composite(
     if drawn.is_none() && !alone {
         return;
     }
-    // The fraction may have changed while its pipeline is compiled: cells of another size would be
-    // read wrongly.
+    // The fraction may have changed while its pipeline compiles: low-resolution pixels of another
+    // size would be misread.
     let drawn = drawn
         .filter(|_| gathered.is_some_and(|(view, _)| view.gi.pixel_fraction == gi.pixel_fraction));
 

@@ -1,4 +1,4 @@
-//! What global illumination did in a frame, as numbers that an app can look at.
+//! Counters of global illumination's work in a frame.
 
 use std::sync::{Arc, Mutex, PoisonError};
 
@@ -19,29 +19,30 @@ use crate::gi::trace::OccluderBuffers;
 use crate::gi::view::GiView;
 use crate::gi::vpl::VplView;
 
-/// What GI did in the last frame. A resource of the render world; the main world has it, a frame or
-/// two later, as diagnostics.
+/// GI's work in the last frame. A resource of the render world; the main world has it as
+/// diagnostics, a frame or two later.
 #[derive(Resource, Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct GiCounts {
     /// Reflective shadow maps rendered.
     pub maps: u32,
-    /// Cameras that gathered; the others show what they gathered before.
+    /// Cameras that gathered; the others show their last gather.
     pub cameras: u32,
-    /// Cameras whose light is on its way from an average over frames to what was gathered last.
+    /// Cameras at rest whose temporal accumulation still converges to the last gather.
     pub settling: u32,
-    /// Patches that reflect light once more, each as often as it does.
+    /// Patches that reflected, times their rounds.
     pub patches: u64,
-    /// Virtual point lights drawn.
+    /// Virtual point lights sampled.
     pub vpls: u64,
-    /// VPL–pixel pairs evaluated, samples of the sky included.
+    /// VPL–pixel pairs evaluated, sky samples included.
     pub pairs: u64,
-    /// Rays traced from pixels, at most: a stratum whose VPLs send nothing takes none.
+    /// Upper bound of the rays traced from pixels: a stratum of VPLs without unoccluded irradiance
+    /// takes none.
     pub rays: u64,
     /// Bytes of GPU memory that GI holds.
     pub bytes: u64,
 }
 
-/// A diagnostic and its part of the counts.
+/// A diagnostic: path, unit suffix, and its value.
 type Count = (DiagnosticPath, &'static str, fn(&GiCounts) -> f64);
 
 /// The diagnostics of global illumination, in Bevy's store; GPU times have `bevy_frugal_gi/…` paths
@@ -69,7 +70,7 @@ pub(super) fn finish(app: &mut App) {
         .add_systems(Render, count.in_set(RenderSystems::PrepareBindGroups));
 }
 
-/// From one world to the other.
+/// Shared by both worlds.
 #[derive(Resource, Clone, Debug, Default)]
 struct SharedCounts(Arc<Mutex<GiCounts>>);
 
@@ -95,12 +96,12 @@ fn gathered_pixels(view: &GiView) -> u64 {
     if view.work.gather { cells.x * cells.y } else { 0 }
 }
 
-/// Pairs of pixel and VPL, or sample of the sky, that are evaluated in this frame.
+/// Pairs of low-resolution pixel and VPL, or sky sample, that are evaluated in this frame.
 fn pairs(view: &GiView, vpl: &VplView) -> u64 {
     gathered_pixels(view) * u64::from(vpl.plan.per_set + view.sky_samples)
 }
 
-/// Rays that are traced from pixels in this frame, at most.
+/// Upper bound of the rays that are traced from pixels in this frame.
 fn rays(view: &GiView, vpl: &VplView) -> u64 {
     let visibility = view.gi.visibility;
     let rays =
@@ -108,7 +109,7 @@ fn rays(view: &GiView, vpl: &VplView) -> u64 {
     gathered_pixels(view) * u64::from(rays)
 }
 
-/// After views are prepared: what this frame will do.
+/// Counts the work of this frame, after its views are prepared.
 fn count(
     mut counts: ResMut<GiCounts>,
     shared: Res<SharedCounts>,

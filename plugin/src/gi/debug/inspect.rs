@@ -1,4 +1,4 @@
-//! What global illumination holds on the GPU, and what its passes take: for tests, benchmarks and
+//! GPU state of global illumination, and the cost of its passes: for tests, benchmarks and
 //! debuggers.
 
 use bevy::app::App;
@@ -24,7 +24,7 @@ use crate::gi::texels::{TEXEL_BYTES, TexelRow, TexelStore};
 use crate::gi::trace::{self, OccluderBuffers};
 use crate::gi::vpl::{self, IMPORTANCE_POINT_BYTES, VPL_BYTES, VplPlan, VplView};
 
-/// Bytes that the plugin counts with for the shaders' structs: name, and size of one in a buffer.
+/// Sizes of the shaders' structs that the plugin assumes: name, and bytes of one in a buffer.
 pub const STRUCT_BYTES: [(&str, u64); 14] = [
     ("Texel", TEXEL_BYTES),
     ("Vpl", VPL_BYTES),
@@ -42,21 +42,21 @@ pub const STRUCT_BYTES: [(&str, u64); 14] = [
     ("SkySource", size_of::<SkyReading>() as u64),
 ];
 
-/// The buffers of the last frame. Handles, not copies: the GPU goes on writing them.
+/// The buffers of the last frame. Handles, not copies: the GPU keeps writing them.
 #[derive(Clone, Debug)]
 pub struct GiGpuState {
-    /// Texels of every reflective shadow map, then of what glows, then of cameras' patches
+    /// Texels of every reflective shadow map, then of emissive surfaces, then of cameras' patches
     /// (`texels/texel.wgsl`), where there are any.
     pub texels: Option<Buffer>,
-    /// What rays may meet, in the order of the bindings of `trace/trace.wgsl`, while a camera
-    /// traces.
+    /// The occluders, in the order of the bindings of `trace/trace.wgsl`, while a camera traces
+    /// rays.
     pub occluders: Option<[Buffer; 4]>,
-    /// Every map that was rendered, in the order of its texels. Those that rest are not here: their
-    /// texels are as they were.
+    /// Every map rendered in the last frame, in the order of its texels. Others keep their texels
+    /// in the store.
     pub maps: Vec<GiMapState>,
     /// Every camera that gathers.
     pub cameras: Vec<GiCameraState>,
-    /// Cameras whose sky is held.
+    /// Number of cameras with buffers for a sky.
     pub skies: usize,
 }
 
@@ -72,16 +72,16 @@ pub struct GiMapState {
     pub resolution: u32,
     /// Index of its first texel in [`texels`](GiGpuState::texels); row by row from the top.
     pub texel_offset: u32,
-    /// Where its light is, world space, metres; the origin where light is parallel.
+    /// Position of its light, world space, metres; the origin where light is parallel.
     pub light_position: Vec3,
 }
 
-/// What one camera holds.
+/// State of one camera.
 #[derive(Clone, Debug)]
 pub struct GiCameraState {
     /// The camera in the main world.
     pub camera: Entity,
-    /// Its virtual point lights (`vpl/vpl.wgsl`), in sets that each carry all light.
+    /// Its virtual point lights (`vpl/vpl.wgsl`), in sets that each carry the total flux.
     pub vpls: Buffer,
     /// Sets of VPLs.
     pub sets: u32,
@@ -89,13 +89,13 @@ pub struct GiCameraState {
     pub per_set: u32,
     /// VPLs from the beginning of one set to that of the next.
     pub stride: u32,
-    /// Irradiance of each gathered pixel, exposed, as it is composited.
+    /// Irradiance of each low-resolution pixel, exposed, as it is composited.
     pub irradiance: Texture,
-    /// While its light is reflected more than once.
+    /// Its patches' state, while it has more than one bounce.
     pub bounces: Option<GiBouncesState>,
 }
 
-/// Looks at a render world.
+/// The GPU state of a render world.
 pub fn gpu_state(render_world: &World) -> GiGpuState {
     let texels = render_world.get_resource::<TexelStore>().and_then(|store| store.texels.clone());
     let occluders = render_world
@@ -151,17 +151,17 @@ fn maps(render_world: &World) -> Vec<GiMapState> {
 pub enum GiPass {
     /// Maps' G-buffers to texels.
     Resolve,
-    /// Weighing the sky and drawing its samples.
+    /// Weights and samples of the sky.
     Sky,
     /// Lighting patches.
     Bounces,
-    /// Weighing texels and drawing VPLs.
+    /// Weights of texels and sampling of VPLs.
     Vpl,
     /// Gathering.
     Gather,
     /// Spatial filter and temporal accumulation.
     Denoise,
-    /// Adding to the picture.
+    /// Composite into the image.
     Composite,
 }
 
@@ -183,13 +183,13 @@ impl GiPass {
     }
 }
 
-/// Which pass runs twice in a frame: what it costs is by how much the frame then takes longer, on
-/// devices without time stamps that mean anything, too. Light that is composited twice is there
-/// twice. A resource of the main world; see [`allow_repeats`].
+/// The pass that runs twice in a frame. Its cost is the increase of the frame's time, which works
+/// on devices without reliable time stamps, too. A repeated composite adds the light twice. A
+/// resource of the main world; see [`allow_repeats`].
 #[derive(Resource, ExtractResource, Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct RepeatedPass(pub Option<GiPass>);
 
-/// Puts every pass into the frame a second time, to run while [`RepeatedPass`] says so.
+/// Adds every pass to the frame a second time, to run when [`RepeatedPass`] names it.
 pub fn allow_repeats(app: &mut App) {
     app.init_resource::<RepeatedPass>()
         .add_plugins(ExtractResourcePlugin::<RepeatedPass>::default());

@@ -1,4 +1,4 @@
-//! What global illumination does and holds, for apps, tests and debuggers.
+//! Counters and GPU state of global illumination, for apps, tests and debuggers.
 
 mod diagnostics;
 pub mod inspect;

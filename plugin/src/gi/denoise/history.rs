@@ -1,5 +1,5 @@
-//! What was shown of a camera's light, and from where, so that the noise of one frame's VPLs is
-//! averaged with that of the frames before.
+//! The history of a camera's irradiance, and the pose it was accumulated from: averages the noise
+//! of one frame's VPLs with that of the frames before.
 
 use bevy::ecs::prelude::*;
 use bevy::math::Mat4;
@@ -9,21 +9,21 @@ use bevy::render::texture::CachedTexture;
 use bytemuck::{Pod, Zeroable};
 
 use crate::gi::gather::{GatherView, IRRADIANCE, irradiance_texture, texture_bytes, texture_size};
-use crate::gi::view::{GatherPlace, GiView, Step};
+use crate::gi::view::{GatherCamera, GiView, Step};
 
-/// Most frames that are averaged.
+/// Longest history, in frames.
 const MOST_FRAMES: u32 = 64;
-/// Frames that history counts for at most when settings are switched. More hide the switch better;
-/// fewer sooner show what the new settings find.
+/// Longest history when settings are switched, in frames. Longer hides the switch better; shorter
+/// converges sooner to the new settings.
 const FRAMES_AT_SWITCH: u32 = 8;
-/// What counts as a cut: metres, and the cosine of an angle, from one frame to the next.
+/// Thresholds of a cut from one frame to the next: metres, and the cosine of an angle.
 const CUT_DISTANCE: f32 = 1.0;
 const CUT_COSINE: f32 = 0.866;
 
 const FILTERED: &str = "bevy_frugal_gi/denoise/filtered";
 const HISTORY: &str = "bevy_frugal_gi/denoise/history";
 
-/// `denoise/temporal.wgsl`'s `Reprojection`: from where the history was seen.
+/// `denoise/temporal.wgsl`'s `Reprojection`: the camera of the history.
 #[derive(Clone, Copy, Debug, PartialEq, Pod, Zeroable)]
 #[repr(C)]
 pub(super) struct Reprojection {
@@ -52,9 +52,10 @@ impl Reprojection {
         padding_at_end: [0; 2],
     };
 
-    /// What `then` was, seen from `now`; the present weighs `present_weight`. None after a cut, and
-    /// where either is not finite or of parallel projection.
-    fn new(then: &GatherPlace, now: &GatherPlace, present_weight: f32) -> Self {
+    /// Reprojection of the history of `then` for `now`, with weight `present_weight` of the
+    /// present. [`NONE`](Self::NONE) across a cut, and where either is not finite or of parallel
+    /// projection.
+    fn new(then: &GatherCamera, now: &GatherCamera, present_weight: f32) -> Self {
         let world_from_clip = then.clip_from_world.inverse();
         let exposure = now.exposure / then.exposure;
         let is_cut = then.eye.distance_squared(now.eye) > CUT_DISTANCE * CUT_DISTANCE
@@ -84,19 +85,20 @@ impl Reprojection {
 pub(in crate::gi) struct History {
     /// Side of the spatial filter's window, in low-resolution pixels.
     pub(super) window: u32,
-    /// What the spatial filter made of what was gathered last.
+    /// Output of the spatial filter for the last gather.
     pub(super) filtered: CachedTexture,
-    /// What was shown before. Its texture takes turns with [`GatherView::irradiance`].
+    /// The accumulated irradiance of the last frame. Swaps textures with
+    /// [`GatherView::irradiance`].
     pub(super) texture: CachedTexture,
     /// A [`Reprojection`].
     pub(super) reprojection: Buffer,
-    /// From where it was shown.
-    place: Option<GatherPlace>,
-    /// Frames that what is shown is a mean of.
+    /// Its camera.
+    camera: Option<GatherCamera>,
+    /// Frames in the accumulated mean.
     length: u32,
-    /// Frames until what is shown is what was gathered last, and nothing of the history.
+    /// Frames until the image equals the last gather, without any history.
     left: u32,
-    /// Whether what is shown changes in this frame.
+    /// Whether the accumulated irradiance changes in this frame.
     pub(super) accumulates: bool,
 }
 
@@ -114,19 +116,19 @@ impl History {
             filtered,
             texture,
             reprojection,
-            place: None,
+            camera: None,
             length: 0,
             left: 0,
             accumulates: false,
         }
     }
 
-    /// Makes what was shown the history of this frame.
+    /// Makes the accumulated irradiance of the last frame this frame's history.
     ///
-    /// While something moves, what is shown is the mean of all frames since the history began, and
-    /// then a moving average (Yang et al. 2009, "Amortized Supersampling"). At rest the history
-    /// weighs less from frame to frame, until nothing of it is left: a still image does not depend
-    /// on its history.
+    /// While something moves, the result is the mean of all frames since the history began, and
+    /// then an exponential moving average (Yang et al. 2009, "Amortized Supersampling"). At rest
+    /// the history's weight falls from frame to frame to 0: a still image does not depend on
+    /// history.
     fn advance(
         &mut self,
         gather: &mut GatherView,
@@ -145,7 +147,7 @@ impl History {
         if !self.accumulates {
             return;
         }
-        // History is read at its own pixels: only what is written must have those of this frame.
+        // History is read at its own resolution; only textures that are written need this frame's.
         let shown = &mut gather.irradiance;
         match gather.replaced.take() {
             Some(replaced) => self.texture = replaced,
@@ -156,29 +158,29 @@ impl History {
                 *texture = irradiance_texture(device, label, view.cells());
             }
         }
-        let then = self.place.filter(|_| length > 1);
+        let then = self.camera.filter(|_| length > 1);
         let weight = (length as f32).recip();
         let reprojection =
-            then.map_or(Reprojection::NONE, |then| Reprojection::new(&then, &view.place, weight));
+            then.map_or(Reprojection::NONE, |then| Reprojection::new(&then, &view.camera, weight));
         queue.write_buffer(&self.reprojection, 0, bytemuck::bytes_of(&reprojection));
         self.length = if reprojection == Reprojection::NONE { 1 } else { length };
         self.left = self.length - 1;
-        self.place = Some(view.place);
+        self.camera = Some(view.camera);
     }
 
-    /// Whether what is shown will change although nothing moves.
+    /// Whether the image still changes although nothing moves.
     pub fn is_converging(&self) -> bool {
         self.left > 0
     }
 
-    /// Bytes held on the GPU, without those of what is shown.
+    /// Bytes held on the GPU, without [`GatherView::irradiance`].
     pub fn bytes(&self) -> u64 {
         self.reprojection.size()
             + [&self.filtered, &self.texture].map(texture_bytes).iter().sum::<u64>()
     }
 }
 
-/// Gives every view that filters its history, and takes it from the others.
+/// Gives every filtered view its history, and removes that of others.
 pub(super) fn prepare(
     mut commands: Commands,
     device: Res<RenderDevice>,
@@ -216,11 +218,11 @@ mod tests {
 
     use super::*;
 
-    fn place(eye: Vec3, forward: Vec3) -> GatherPlace {
+    fn camera(eye: Vec3, forward: Vec3) -> GatherCamera {
         let clip_from_view = Mat4::perspective_infinite_reverse_rh(1.0, 1.5, 0.1);
         let clip_from_world = clip_from_view * Mat4::look_to_rh(eye, forward, Vec3::Y);
         let (size, cell) = (UVec2::new(160, 90), UVec2::splat(4));
-        GatherPlace {
+        GatherCamera {
             clip_from_world,
             eye,
             forward,
@@ -233,37 +235,37 @@ mod tests {
 
     #[test]
     fn a_step_has_a_history_and_a_cut_has_none() {
-        let here = place(Vec3::ZERO, Vec3::NEG_Z);
-        let step = place(Vec3::new(0.1, 0.0, 0.0), Vec3::new(0.1, 0.0, -1.0).normalize());
+        let here = camera(Vec3::ZERO, Vec3::NEG_Z);
+        let step = camera(Vec3::new(0.1, 0.0, 0.0), Vec3::new(0.1, 0.0, -1.0).normalize());
         assert_eq!(Reprojection::new(&here, &step, 0.25).present_weight, 0.25);
-        for cut in [place(Vec3::new(2.0, 0.0, 0.0), Vec3::NEG_Z), place(Vec3::ZERO, Vec3::X)] {
+        for cut in [camera(Vec3::new(2.0, 0.0, 0.0), Vec3::NEG_Z), camera(Vec3::ZERO, Vec3::X)] {
             assert_eq!(Reprojection::new(&here, &cut, 0.25), Reprojection::NONE);
         }
     }
 
     #[test]
-    fn other_pixels_keep_their_history() {
-        let then = place(Vec3::ZERO, Vec3::NEG_Z);
-        let now = GatherPlace { size: UVec2::new(320, 180), cell: UVec2::new(2, 1), ..then };
+    fn another_resolution_keeps_the_history() {
+        let then = camera(Vec3::ZERO, Vec3::NEG_Z);
+        let now = GatherCamera { size: UVec2::new(320, 180), cell: UVec2::new(2, 1), ..then };
         let reprojection = Reprojection::new(&then, &now, 0.5);
         assert_eq!((reprojection.size, reprojection.cell), ([160, 90], [4, 4]));
         assert_eq!((then.cells(), now.cells()), (UVec2::new(40, 23), UVec2::new(160, 180)));
     }
 
     #[test]
-    fn what_is_not_finite_has_no_history() {
-        let here = place(Vec3::ZERO, Vec3::NEG_Z);
-        let none = |then: &GatherPlace, now: &GatherPlace| {
+    fn non_finite_views_have_no_history() {
+        let here = camera(Vec3::ZERO, Vec3::NEG_Z);
+        let none = |then: &GatherCamera, now: &GatherCamera| {
             assert_eq!(Reprojection::new(then, now, 0.5), Reprojection::NONE);
         };
         none(
-            &GatherPlace { clip_from_world: Mat4::from_cols_array(&[f32::NAN; 16]), ..here },
+            &GatherCamera { clip_from_world: Mat4::from_cols_array(&[f32::NAN; 16]), ..here },
             &here,
         );
-        none(&GatherPlace { exposure: 0.0, ..here }, &here);
-        none(&here, &GatherPlace { exposure: f32::NAN, ..here });
-        none(&GatherPlace { is_parallel: true, ..here }, &here);
-        let darker = GatherPlace { exposure: 0.02, ..here };
+        none(&GatherCamera { exposure: 0.0, ..here }, &here);
+        none(&here, &GatherCamera { exposure: f32::NAN, ..here });
+        none(&GatherCamera { is_parallel: true, ..here }, &here);
+        let darker = GatherCamera { exposure: 0.02, ..here };
         assert_eq!(Reprojection::new(&here, &darker, 0.5).exposure, 2.0);
     }
 }

@@ -26,12 +26,12 @@ use super::view::GiView;
 pub(super) use history::History;
 use history::Reprojection;
 
-/// Windows that there are pipelines for.
+/// Window sizes with a pipeline.
 const WINDOWS: [u32; 3] = [2, 4, 8];
-/// Window that joins the noise of rays where VPLs ask for none.
+/// Window that averages the noise of rays where VPLs are not interleaved.
 const RAY_WINDOW: u32 = 4;
 
-/// Side of the window in gathered pixels; 1 is no filter. It holds every set of VPLs once.
+/// Side of the window in low-resolution pixels; 1 is no filter. It covers every set of VPLs once.
 fn window(gi: &FrugalGi) -> u32 {
     let rays = if gi.visibility.rays() == 0 { 1 } else { RAY_WINDOW };
     gi.interleave.side().max(rays)
@@ -127,7 +127,7 @@ impl FromWorld for DenoisePipelines {
     }
 }
 
-/// In a GI camera's view: filters what was gathered, and lets what is shown follow it.
+/// In a GI camera's view: filters the gathered irradiance spatially, and accumulates it over time.
 pub(super) fn denoise(
     view: ViewQuery<(&GiView, &GatherView, &History, &ViewPrepassTextures, &ViewUniformOffset)>,
     pipelines: Res<DenoisePipelines>,
@@ -193,7 +193,7 @@ pub(super) fn denoise(
             timestamp_writes: None,
         });
         let (width, height) = (size.width.div_ceil(8), size.height.div_ceil(8));
-        // What was filtered stays for as long as nothing moves.
+        // The spatial filter's output stays while nothing is gathered.
         if view.work.gather {
             pass.set_pipeline(pipeline);
             pass.set_bind_group(0, &bind_group, &[view_offset.offset]);

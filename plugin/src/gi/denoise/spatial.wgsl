@@ -1,9 +1,9 @@
-// Joins what neighbouring gathered pixels found with different virtual point lights and different
-// rays: a mean over a square window, along surfaces.
+// Averages neighbouring low-resolution pixels, which used different VPLs and rays: an edge-stopping
+// mean over a square window, along surfaces.
 //
-// The window reaches as far to the left as to the right, and its outermost rows and columns count
-// half: so every set of VPLs counts the same, and nothing is shifted. Every workgroup first decodes
-// the surfaces under its tile and the window's margin.
+// The window is centred, and its outermost rows and columns have half weight: so every set of VPLs
+// has the same weight, and the result is not shifted. Every workgroup first decodes the surfaces
+// under its tile and the window's margin.
 
 #import bevy_render::view::View
 #import bevy_frugal_gi::gi::gather::settings::Gather
@@ -21,8 +21,8 @@ const GROUP: u32 = 8u;
 const WINDOW: u32 = #{WINDOW}u;
 const TILE: u32 = GROUP + WINDOW;
 
-/// Position, and whether there is a surface: 1 where there is, −1 where what it gathered is no
-/// number or infinite.
+/// Position, and a flag: 1 where there is a surface, −1 where its irradiance is not finite, 0
+/// without a surface.
 var<workgroup> positions: array<vec4<f32>, TILE * TILE>;
 var<workgroup> normals: array<vec3<f32>, TILE * TILE>;
 var<workgroup> light: array<vec3<f32>, TILE * TILE>;
@@ -38,14 +38,14 @@ fn filter_spatially(
     let cells = textureDimensions(gathered);
     let corner = vec2<i32>(group.xy * GROUP) - i32(WINDOW / 2u);
     for (var i = lane; i < TILE * TILE; i += GROUP * GROUP) {
-        let place = corner + vec2<i32>(vec2(i % TILE, i / TILE));
-        let inside = all(place >= vec2(0)) && all(place < vec2<i32>(cells));
-        let cell = vec2<u32>(clamp(place, vec2(0), vec2<i32>(cells) - 1));
+        let tap = corner + vec2<i32>(vec2(i % TILE, i / TILE));
+        let inside = all(tap >= vec2(0)) && all(tap < vec2<i32>(cells));
+        let cell = vec2<u32>(clamp(tap, vec2(0), vec2<i32>(cells) - 1));
         let pixel = representative(cell, vec2(gather.cell_width, gather.cell_height), size);
         let depth = textureLoad(depth_buffer, pixel, 0);
         let position = pixel_position(pixel, size, max(depth, 1e-30), view.world_from_clip);
         let found = textureLoad(gathered, cell, 0).rgb;
-        // The largest half float. What is no number compares false.
+        // The largest half float. NaN compares false.
         let valid = all(found >= vec3(0.0)) && all(found <= vec3(65504.0));
         positions[i] = vec4(position, select(0.0, select(-1.0, 1.0, valid), inside && depth > 0.0));
         normals[i] = surface_normal(textureLoad(g_buffer, pixel, 0));
@@ -67,10 +67,10 @@ fn filter_spatially(
             let there = positions[other];
             let share = select(1.0, 0.5, x == 0u || x == WINDOW) * select(1.0, 0.5, y == 0u || y == WINDOW);
             let weight = share * max(there.w, 0.0) * surface_affinity(there.xyz - position.xyz, normal, normals[other], tolerance);
-            // A weight of nothing must not let through what is no number.
+            // A weight of 0 must not pass NaN.
             sum += select(vec3(0.0), weight * light[other], weight > 0.0);
             weights += weight;
-            // Moments about the pixel's own value, which lose less to rounding.
+            // Moments about the pixel's own value, which lose less precision.
             let away = select(0.0, luminance(light[other]) - own, weight > 0.0);
             first += weight * away;
             second += weight * away * away;
@@ -79,13 +79,13 @@ fn filter_spatially(
     if any(id.xy >= cells) {
         return;
     }
-    // The pixel's own weight is 1, but where there is no surface. Where what it gathered is no
-    // number, it gets what its neighbours found. The standard error of a mean of as many values as
-    // have weight.
+    // The pixel's own weight is 1, except without a surface. A pixel whose irradiance is not finite
+    // gets its neighbours' mean. Then the standard error of this mean.
     let count = max(weights, 1e-12);
     let variance = max(second / count - (first / count) * (first / count), 0.0);
     let mean = sum / count;
-    // Few values say little of how they vary: of one alone, as much as it is itself is uncertain.
+    // Few values estimate their variance badly: the error of a single one is as large as the value
+    // itself.
     let unknown = luminance(mean) / max(count * count * count, 1.0);
     let error = min(sqrt(variance / max(weights - 1.0, 1.0) + unknown * unknown), 65504.0);
     textureStore(filtered, id.xy, vec4(select(vec3(0.0), mean, position.w != 0.0), error));

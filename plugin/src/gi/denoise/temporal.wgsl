@@ -1,16 +1,14 @@
-// What the filter leaves of noise: joined over a wider window where it is still there (SMOOTH), and
-// with what was shown before.
+// Temporal accumulation, after a wider spatial filter where noise is left (SMOOTH).
 //
-// The window is one step of an edge-avoiding à-trous wavelet (Dammertz et al. 2010), guided by how
-// uncertain each result is (as Schied et al. 2017 are by variance): what differs by more than both
-// results' standard errors explain is a shadow's edge and stays. Where nothing was noise nothing is
-// changed.
+// The wider filter is one step of an edge-avoiding à-trous wavelet (Dammertz et al. 2010), guided
+// by standard errors (as Schied et al. 2017 are by variance): a difference beyond both results'
+// standard errors is a shadow's edge and stays. Without noise nothing changes.
 //
-// The past is a moving average (Yang et al. 2009, "Amortized Supersampling") of what was shown
-// where this surface was seen before: VPLs are drawn anew for each place of the camera and each
-// direction of the light, and what differs between two draws would flicker. A place counts as the
-// same where it lies in this surface's tangent plane. No control flow depends on a uniform:
-// software Vulkan drivers compile a shader anew for each value of such a uniform.
+// The history is an exponential moving average (Yang et al. 2009, "Amortized Supersampling") of
+// reprojected irradiance: VPLs are resampled for each pose of the camera and each direction of a
+// light, and the difference between two sets would flicker. A reprojected point is accepted if it
+// lies in this surface's tangent plane. No control flow depends on a uniform: software Vulkan
+// drivers recompile a shader for each value of such a uniform.
 
 #import bevy_render::view::View
 #import bevy_frugal_gi::gi::gather::settings::Gather
@@ -23,47 +21,49 @@
 @group(0) @binding(3) var<uniform> gather: Gather;
 /// Irradiance and the standard error of its luminance.
 @group(0) @binding(4) var filtered: texture_2d<f32>;
-/// Irradiance and how far away its surface was, metres.
+/// Irradiance and the distance of its surface from the eye, metres.
 @group(0) @binding(5) var history: texture_2d<f32>;
 @group(0) @binding(6) var<uniform> reprojection: Reprojection;
 @group(0) @binding(7) var accumulated: texture_storage_2d<rgba16float, write>;
 
-/// From where the history was seen.
+/// The camera of the history.
 struct Reprojection {
     clip_from_world: mat4x4<f32>,
     world_from_clip: mat4x4<f32>,
     /// World space, metres.
     eye: vec3<f32>,
-    /// What the present counts for where there is a past, in (0, 1]: 1 for no reprojection.
+    /// Weight of the present where there is history, in (0, 1]: 1 for no reprojection.
     present_weight: f32,
-    /// What 1 of the history is now: cameras' exposures may change.
+    /// Ratio of exposures, present to history.
     exposure: f32,
-    /// Pixels of the picture, and of the cells that shared a gather: both may have been others than
-    /// now.
+    /// Size of the history's image and of its low-resolution pixels, in pixels: both may differ
+    /// from now.
     size: vec2<u32>,
     cell: vec2<u32>,
 }
 
-/// Cells from one tap to the next: the width of the filter's window, whose results share nothing.
+/// Low-resolution pixels from one tap to the next: the width of the spatial filter's window, so
+/// that taps share no samples.
 const STEP: i32 = 4;
 const REACH: i32 = 2;
-/// How many standard errors count as noise. Higher values: smoother, and shadows' edges are softer.
+/// Differences up to so many standard errors count as noise. Higher values: smoother, with softer
+/// shadow edges.
 const ERRORS: f32 = 2.0;
 
-/// A cubic B-spline at whole numbers, 1 in its middle.
+/// A cubic B-spline at integers, 1 in its middle.
 fn spline(x: i32) -> f32 {
     return select(select(1.0, 0.6666667, abs(x) == 1), 0.1666667, abs(x) == 2);
 }
 
-/// What was shown of a surface, and how much of it was found: 0 to 1.
+/// Reprojected irradiance of a surface, weighted, and the sum of weights: 0 to 1.
 fn reprojected(position: vec3<f32>, normal: vec3<f32>, tolerance: f32) -> vec4<f32> {
     let cells = textureDimensions(history);
     let clip = reprojection.clip_from_world * vec4(position, 1.0);
-    let place = clip.xy / max(clip.w, 1e-9) * vec2(0.5, -0.5) + 0.5;
-    // Cells stand for the pixels at `cell · reprojection.cell + reprojection.cell / 2`.
-    let cell = clamp((place * vec2<f32>(reprojection.size) - 0.5 - vec2<f32>(reprojection.cell / 2u)) / vec2<f32>(reprojection.cell), vec2(-2.0), vec2<f32>(cells) + 2.0);
-    // What moved by less than a hundredth of a cell is read where it is, and not between its
-    // neighbours.
+    let uv = clip.xy / max(clip.w, 1e-9) * vec2(0.5, -0.5) + 0.5;
+    // Low-resolution pixels represent the pixels at `cell · reprojection.cell + reprojection.cell /
+    // 2`.
+    let cell = clamp((uv * vec2<f32>(reprojection.size) - 0.5 - vec2<f32>(reprojection.cell / 2u)) / vec2<f32>(reprojection.cell), vec2(-2.0), vec2<f32>(cells) + 2.0);
+    // Motion below a hundredth of a low-resolution pixel is snapped, so that it does not blur.
     let nearest = round(cell);
     let read = select(cell, nearest, abs(cell - nearest) < vec2(0.01));
     let corner = floor(read);
@@ -77,7 +77,7 @@ fn reprojected(position: vec3<f32>, normal: vec3<f32>, tolerance: f32) -> vec4<f
         let shown = textureLoad(history, at, 0);
         let far = pixel_position(representative(at, reprojection.cell, reprojection.size), reprojection.size, 0.5, reprojection.world_from_clip);
         let there = reprojection.eye + normalize(far - reprojection.eye) * shown.a;
-        // What is no number compares false, and is not added.
+        // NaN compares false, and is not added.
         let valid = all(shown.rgb >= vec3(0.0)) && all(shown.rgb <= vec3(65504.0)) && shown.a > 0.0;
         let same = valid && inside && abs(dot(there - position, normal)) < tolerance;
         let near = select(1.0 - along, along, offset == vec2(1u));
@@ -86,8 +86,8 @@ fn reprojected(position: vec3<f32>, normal: vec3<f32>, tolerance: f32) -> vec4<f
     return sum;
 }
 
-/// 0 where one value of light may be another with noise, of which it has so much itself, 1 where it
-/// is other light.
+/// Luminance change, 0 to 1: 0 where noise of size `noise` explains the difference, 1 where the
+/// light itself changed.
 fn luminance_change(is: f32, was: f32, noise: f32) -> f32 {
     return smoothstep(0.95, 0.995, max(abs(is - was) - noise, 0.0) / max(max(is, was), 1e-9));
 }
@@ -109,15 +109,15 @@ fn accumulate(@builtin(global_invocation_id) id: vec3<u32>) {
     let light = luminance(own.rgb);
     var sum = own.rgb;
     var weights = 1.0;
-    // The same without a look at noise.
+    // The wider filter's mean luminance without regard to noise.
     var around = light;
-    var there_are = 1.0;
+    var around_weights = 1.0;
 #ifdef SMOOTH
     for (var y = -REACH; y <= REACH; y++) {
         for (var x = -REACH; x <= REACH; x++) {
-            let place = vec2<i32>(id.xy) + vec2(x, y) * STEP;
-            let inside = all(place >= vec2(0)) && all(place < vec2<i32>(cells)) && any(vec2(x, y) != vec2(0));
-            let cell = vec2<u32>(clamp(place, vec2(0), vec2<i32>(cells) - 1));
+            let tap = vec2<i32>(id.xy) + vec2(x, y) * STEP;
+            let inside = all(tap >= vec2(0)) && all(tap < vec2<i32>(cells)) && any(vec2(x, y) != vec2(0));
+            let cell = vec2<u32>(clamp(tap, vec2(0), vec2<i32>(cells) - 1));
             let there = representative(cell, step, size);
             let there_depth = textureLoad(depth_buffer, there, 0);
             let delta = pixel_position(there, size, max(there_depth, 1e-30), view.world_from_clip) - position;
@@ -132,17 +132,17 @@ fn accumulate(@builtin(global_invocation_id) id: vec3<u32>) {
             sum += select(vec3(0.0), weight * found.rgb, counts);
             weights += select(0.0, weight, counts);
             around += wide * luminance(found.rgb);
-            there_are += wide;
+            around_weights += wide;
         }
     }
 #endif
     let present = sum / weights;
     let found = reprojected(position, normal, tolerance);
     let before = found.rgb / max(found.a, 1e-6) * reprojection.exposure;
-    // Light that was switched is not averaged: the past counts less the more of the light is other
-    // than it was.
+    // History is rejected where luminance changes by 95 % or more, so that lights switch without
+    // lag.
     let was = luminance(before);
-    let changed = min(luminance_change(luminance(present), was, ERRORS * own.a), luminance_change(around / there_are, was, ERRORS * own.a));
+    let changed = min(luminance_change(luminance(present), was, ERRORS * own.a), luminance_change(around / around_weights, was, ERRORS * own.a));
     let share = mix(1.0, max(reprojection.present_weight, changed), select(0.0, found.a, found.a > 0.01));
     let shown = select(present, mix(before, present, share), share < 1.0);
     let away = min(distance(position, view.world_position), 60000.0);

@@ -40,7 +40,7 @@ fn flux(texels: &[Texel]) -> [f64; 3] {
 fn texels_carry_all_flux_under_any_transform() {
     let emission = DVec3::new(100.0, 50.0, 10.0);
     let surface = emissive(&PANEL, 1024, white).unwrap();
-    let places = [
+    let transforms = [
         (Affine3A::IDENTITY, 2.0),
         (
             Affine3A::from_scale_rotation_translation(
@@ -54,7 +54,7 @@ fn texels_carry_all_flux_under_any_transform() {
         (Affine3A::from_scale(Vec3::new(1.0, 4.0, 0.01)), 8.0),
         (Affine3A::from_scale(Vec3::new(-1.0, 1.0, 1.0)), 2.0),
     ];
-    for (affine, area) in places {
+    for (affine, area) in transforms {
         for count in [1, 7, 64, 1024] {
             let texels = texels(&surface, affine, emission, Sides::Front, count);
             let (found, expected) =
@@ -129,7 +129,7 @@ fn texels_lie_where_the_texture_is_bright() {
         emissive(
             &PANEL,
             4096,
-            |place| if place.triangle == 0 { Vec3::ONE } else { Vec3::splat(0.01) },
+            |point| if point.triangle == 0 { Vec3::ONE } else { Vec3::splat(0.01) },
         )
         .unwrap();
     let texels = texels(&surface, Affine3A::IDENTITY, DVec3::ONE, Sides::Front, 202);

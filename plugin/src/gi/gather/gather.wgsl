@@ -1,4 +1,4 @@
-// Sums what a camera's virtual point lights send to its pixels: one thread per gathered pixel and
+// Sums the irradiance from a camera's virtual point lights: one thread per low-resolution pixel and
 // its set of VPLs, one dispatch per set.
 //
 // The VPLs of a set lie in a uniform array: on the software adapter 1.75 times as fast as a storage
@@ -36,7 +36,7 @@
 #endif
 
 #ifdef RAYS
-/// Where a pixel's rays start.
+/// Origin of a pixel's rays.
 fn departure(position: vec3<f32>, normal: vec3<f32>) -> vec3<f32> {
     let eye = distance(position, view.world_position);
     let width = pixel_width(view.clip_from_view, textureDimensions(g_buffer).y, eye);
@@ -45,8 +45,8 @@ fn departure(position: vec3<f32>, normal: vec3<f32>) -> vec3<f32> {
 
 fn gathered(cell: vec2<u32>, position: vec3<f32>, normal: vec3<f32>) -> vec3<f32> {
     let origin = departure(position, normal);
-    // Interleaved gradient noise (Jimenez 2014): what a small filter joins has every value about
-    // once. Fixed, so that a still picture is still.
+    // Interleaved gradient noise (Jimenez 2014): the pixels of a small filter have every value
+    // about once. Fixed, so that a still image is still.
     let noise = fract(52.9829189 * fract(dot(vec2<f32>(cell), vec2(0.06711056, 0.00583715))));
     var sum = vec3(0.0);
     var sum_sampled = vec3(0.0);
@@ -122,8 +122,8 @@ fn gather_vpls(@builtin(global_invocation_id) id: vec3<u32>) {
 #ifdef SKY_RAYS
     light += gathered_sky(cell, position, normal);
 #endif
-    // Exposed before it is stored, so that half floats hold any scene; what is brighter than they
-    // can hold is white anyway.
+    // Exposed before it is stored, so that half floats hold any scene; brighter values are white
+    // anyway.
     let exposed = min(light * (view.exposure * 0.31830987), vec3(65000.0));
     textureStore(irradiance, cell, vec4(exposed, 1.0));
 }

@@ -1,4 +1,4 @@
-//! The gather: irradiance from a camera's VPLs at a share of its pixels.
+//! The gather: irradiance from a camera's VPLs and sky at low-resolution pixels.
 
 mod settings;
 mod view;
@@ -57,18 +57,18 @@ fn first_of(buffer: &Buffer, size: u64) -> BindingResource<'_> {
     BindingResource::Buffer(BufferBinding { buffer, offset: 0, size: BufferSize::new(size) })
 }
 
-/// What pipelines differ by.
+/// Key of a pipeline.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub(super) struct GatherKind {
     pub visibility: GiVisibility,
-    /// Takes rays.
+    /// Needs rays.
     pub has_sky: bool,
-    /// Whether rays look for holes.
+    /// Whether rays test alpha masks.
     pub has_masks: bool,
 }
 
-/// Those of plain kinds are there from the beginning; with a sky or with holes once a camera has
-/// asked for them.
+/// Pipelines by kind. Plain kinds are queued from the beginning, those with a sky or alpha masks
+/// once a camera needs them.
 #[derive(Resource)]
 pub(super) struct GatherPipelines {
     /// Without a sky and with one.
@@ -119,7 +119,7 @@ impl FromWorld for GatherPipelines {
 }
 
 impl GatherPipelines {
-    /// The pipeline of a kind; compiled from now on where it was not asked for before.
+    /// The pipeline of a kind, queued if it was not before.
     pub(super) fn queue(
         &mut self,
         cache: &PipelineCache,
@@ -154,7 +154,7 @@ impl GatherPipelines {
         })
     }
 
-    /// The pipeline of a kind, if it is compiled; until then, one that takes all that rays meet for
+    /// The pipeline of a kind, if it is compiled; until then, the one that treats all triangles as
     /// solid.
     fn get<'a>(&self, cache: &'a PipelineCache, kind: GatherKind) -> Option<&'a ComputePipeline> {
         let compiled = |kind| cache.get_compute_pipeline(*self.pipelines.get(&kind)?);
@@ -162,7 +162,7 @@ impl GatherPipelines {
     }
 }
 
-/// Asks for the pipelines that gather a sky, and keeps a sky inactive until its own is there.
+/// Queues the pipelines that gather a sky, and keeps a sky inactive until its own is compiled.
 fn prepare_sky_pipelines(
     mut pipelines: ResMut<GatherPipelines>,
     cache: Res<PipelineCache>,
@@ -175,7 +175,7 @@ fn prepare_sky_pipelines(
     }
 }
 
-/// Asks for the pipelines that look for holes, where there are any.
+/// Queues the pipelines that test alpha masks, where there are any.
 fn prepare_masked_pipelines(
     mut pipelines: ResMut<GatherPipelines>,
     occluders: Res<OccluderBuffers>,
@@ -186,7 +186,7 @@ fn prepare_masked_pipelines(
         return;
     }
     for (gi, has_sky) in cameras.iter().filter(|(gi, _)| gi.traces()) {
-        // A sky may turn out to send nothing.
+        // The sky may be inactive.
         for has_sky in [false, has_sky] {
             pipelines
                 .queue(&cache, GatherKind { visibility: gi.visibility, has_sky, has_masks: true });

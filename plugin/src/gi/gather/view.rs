@@ -1,4 +1,4 @@
-//! What a GI camera holds for the gather.
+//! A GI camera's buffers for the gather.
 
 use bevy::ecs::prelude::*;
 use bevy::math::UVec2;
@@ -14,12 +14,13 @@ use crate::gi::vpl::VplView;
 /// The irradiance of a GI camera. In the render world.
 #[derive(Component)]
 pub(in crate::gi) struct GatherView {
-    /// What each low-resolution pixel gathered; where there is a filter, what it made of it.
+    /// Irradiance of each low-resolution pixel: as gathered, and then denoised where there is a
+    /// filter.
     pub irradiance: CachedTexture,
-    /// What was shown at other pixels until this frame.
+    /// The irradiance of the last frame, if it had another resolution.
     pub replaced: Option<CachedTexture>,
     settings: Buffer,
-    /// What `settings` was made for.
+    /// The number of sets and the pixel fraction that `settings` is for.
     made_for: (u32, GiPixelFraction),
 }
 
@@ -35,8 +36,8 @@ impl GatherView {
     }
 }
 
-/// A texture of irradiance by low-resolution pixel. It is the camera's own: those of Bevy's cache
-/// may be another's in the next frame, and what was gathered must stay.
+/// A texture of irradiance at low resolution. Not from Bevy's cache, whose textures may go to
+/// another camera in the next frame: irradiance must persist.
 pub(in crate::gi) fn irradiance_texture(
     device: &RenderDevice,
     label: &'static str,
@@ -72,7 +73,7 @@ pub(in crate::gi) fn texture_bytes(texture: &CachedTexture) -> u64 {
 /// Label of [`GatherView::irradiance`].
 pub(in crate::gi) const IRRADIANCE: &str = "bevy_frugal_gi/gather/irradiance";
 
-/// Gives every view its irradiance, and what each dispatch is told.
+/// Gives every view its irradiance texture and its dispatches' settings.
 pub(super) fn prepare(
     mut commands: Commands,
     device: Res<RenderDevice>,

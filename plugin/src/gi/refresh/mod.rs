@@ -1,14 +1,13 @@
-//! What a frame has to do again: light that nobody moved is not gathered twice.
+//! The work of each frame: light is not gathered again while nothing changes.
 //!
-//! Maps are rendered while something that they show changes. After a mesh, a texture or a material
-//! has come, they are rendered for a few frames more, since it may not be drawn in its first. A
-//! camera gathers while its maps change or it moves. In a still image nothing is left but the
-//! composite.
+//! Maps are rendered while anything visible in them changes. After a mesh, a texture or a material
+//! is added, they are rendered for a few more frames, since it may not be rendered in its first. A
+//! camera gathers while its maps change or it moves. In a still image only the composite is left.
 //!
 //! | file | world | job |
 //! |---|---|---|
-//! | `scene` | main | finds what changed in the scene |
-//! | `views` | render | finds what each GI camera has to do: from which texels it samples, and whether it gathers |
+//! | `scene` | main | detects changes of the scene |
+//! | `views` | render | decides the work of each GI camera: from which texels it samples, and whether it gathers |
 
 mod scene;
 mod views;

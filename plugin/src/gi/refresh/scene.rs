@@ -1,4 +1,4 @@
-//! What changed in the scene, from which follows whether maps are rendered and light is gathered.
+//! Changes of the scene, which decide whether maps are rendered and light is gathered.
 
 use bevy::asset::AssetEvent;
 use bevy::camera::Camera;
@@ -34,8 +34,7 @@ type Touched = Or<(
 #[derive(bevy::ecs::system::SystemParam)]
 pub(super) struct SceneChanges<'w, 's> {
     meshes: Query<'w, 's, (), (With<Mesh3d>, Touched)>,
-    // A child's place is only known after transforms have been propagated, which may be later in
-    // the frame.
+    // A child's global transform is known only after propagation, which may be later in the frame.
     parents: Query<'w, 's, (), (With<Children>, Without<Camera>, Changed<Transform>)>,
     skins: Query<'w, 's, &'static SkinnedMesh>,
     moved: Query<'w, 's, (), Or<(Changed<Transform>, Changed<GlobalTransform>)>>,
@@ -50,12 +49,12 @@ fn touches<A: bevy::asset::Asset>(events: &mut Option<MessageReader<AssetEvent<A
     let touches = |event: &AssetEvent<A>| {
         !matches!(event, AssetEvent::Unused { .. } | AssetEvent::LoadedWithDependencies { .. })
     };
-    // All are read, or the rest would be found in the next frame.
+    // Reads all events, or the rest would count in the next frame.
     events.as_mut().is_some_and(|events| events.read().filter(|event| touches(event)).count() > 0)
 }
 
 impl SceneChanges<'_, '_> {
-    /// Reads everything, so that no change is seen twice.
+    /// Reads everything, so that no change counts twice.
     fn read(&mut self) -> SceneDelta {
         let gone = self.gone.read().count() + self.unhidden.read().count() > 0;
         let assets = [
@@ -83,7 +82,8 @@ pub(super) fn decide(
     mut scene: SceneChanges,
 ) {
     let mut delta = scene.read();
-    // The renderer tells of pipelines a frame late or two: what it left out is then drawn again.
+    // The renderer reports pipelines one or two frames late: meshes that it left out are then
+    // rendered again.
     let busy = busy.is_some_and(|busy| busy.get()) || occluders.waiting() > 0;
     delta.missing = busy;
     delta.changed |= maps.moved;
@@ -102,7 +102,7 @@ pub(super) fn decide(
     *frame = frame.next(delta, periods.min().unwrap_or(1));
 }
 
-/// A map that need not be rendered is a camera that is switched off.
+/// Switches off the cameras of maps that need not be rendered.
 pub(super) fn wake_maps(frame: Res<GiFrame>, mut maps: Query<&mut Camera, With<RsmView>>) {
     for mut camera in &mut maps {
         if camera.is_active != frame.maps {

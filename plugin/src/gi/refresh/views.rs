@@ -13,7 +13,7 @@ use crate::gi::settings::FrugalGi;
 use crate::gi::sky::{SkyCamera, SkyInputs};
 use crate::gi::texels::{CascadeCut, TexelRange, TexelRow, TexelStore};
 use crate::gi::trace::GiOccluders;
-use crate::gi::view::{CutCameras, Fit, GatherPlace, GiFrame, GiRefresh, GiView, Step, Work};
+use crate::gi::view::{CutCameras, Fit, GatherCamera, GiFrame, GiRefresh, GiView, Step, Work};
 
 /// The inputs of a camera's VPLs and of its gather, beside the scene.
 #[derive(Component, Clone, Debug, PartialEq)]
@@ -103,7 +103,7 @@ pub(super) fn prepare(
         let always = jitters || sky.as_ref().is_some_and(|sky| sky.is_generated());
         let mut next = GiView {
             gi: gi.clone(),
-            place: GatherPlace::new(camera, view, size, gi.pixel_fraction),
+            camera: GatherCamera::new(camera, view, size, gi.pixel_fraction),
             rows,
             sky_samples: sky.as_ref().map_or(0, |sky| sky.samples()),
             // Its buffers are empty, so the period does not apply.

@@ -33,7 +33,7 @@ pub(in crate::gi) struct RsmLight {
 
 /// Shape of a light's emission.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) enum Emitter {
+pub(super) enum LightShape {
     /// Parallel rays.
     Directional,
     /// A cone of `outer` radians half angle.
@@ -51,7 +51,7 @@ pub(super) enum Emitter {
 #[derive(Clone, Copy, Debug)]
 pub(super) struct BouncingLight {
     pub entity: Entity,
-    pub emitter: Emitter,
+    pub shape: LightShape,
     /// Linear RGB, lux or candela.
     pub intensity: Vec3,
     pub position: Vec3,
@@ -69,7 +69,7 @@ impl BouncingLight {
         let intensity = linear(light.color) * light.illuminance;
         Self {
             entity,
-            emitter: Emitter::Directional,
+            shape: LightShape::Directional,
             intensity,
             position: Vec3::ZERO,
             rotation,
@@ -81,16 +81,16 @@ impl BouncingLight {
     pub fn spot(entity: Entity, light: &SpotLight, position: Vec3, rotation: Quat) -> Option<Self> {
         // As Bevy clamps it.
         let outer = light.outer_angle.min(std::f32::consts::FRAC_PI_2 - 1e-4);
-        let emitter = Emitter::Spot { inner: light.inner_angle.min(outer), outer };
+        let shape = LightShape::Spot { inner: light.inner_angle.min(outer), outer };
         let intensity = linear(light.color) * light.intensity * CANDELA_PER_LUMEN;
-        Self { entity, emitter, intensity, position, rotation, range: light.range }.if_valid()
+        Self { entity, shape, intensity, position, rotation, range: light.range }.if_valid()
     }
 
     pub fn point(entity: Entity, light: &PointLight, position: Vec3) -> Option<Self> {
         let intensity = linear(light.color) * light.intensity * CANDELA_PER_LUMEN;
         Self {
             entity,
-            emitter: Emitter::Point,
+            shape: LightShape::Point,
             intensity,
             position,
             rotation: Quat::IDENTITY,
@@ -112,15 +112,15 @@ impl BouncingLight {
     /// Illuminance in lux at a camera at `camera`: lights are ranked by it when there are too many.
     pub fn importance(&self, camera: Vec3) -> f32 {
         let brightest = self.intensity.max_element();
-        match self.emitter {
-            Emitter::Directional => brightest,
+        match self.shape {
+            LightShape::Directional => brightest,
             _ => brightest / self.position.distance_squared(camera).max(1.0),
         }
     }
 
     /// Number of its maps.
     pub fn faces(&self) -> u8 {
-        if self.emitter == Emitter::Point { 6 } else { 1 }
+        if self.shape == LightShape::Point { 6 } else { 1 }
     }
 
     /// Texels along the edge of each of its maps when a single one has `resolution`.
@@ -128,7 +128,7 @@ impl BouncingLight {
         // A face of a quarter of the size has texels of 90° ÷ resolution · 4: at 3 m about as large
         // as those of a sun's near cascade. Half the size was tried and took four times the memory,
         // a fifth of all, for the same errors. Small resolutions are not reduced.
-        if self.emitter == Emitter::Point {
+        if self.shape == LightShape::Point {
             (resolution / 4).max(32).min(resolution / 2).max(8)
         } else {
             resolution
@@ -137,8 +137,8 @@ impl BouncingLight {
 
     /// `saturate(cos · scale + offset)²` is the cone's attenuation.
     pub fn cone(&self) -> (f32, f32) {
-        match self.emitter {
-            Emitter::Spot { inner, outer } => {
+        match self.shape {
+            LightShape::Spot { inner, outer } => {
                 let scale = 1.0 / (inner.cos() - outer.cos()).max(1e-4);
                 (scale, -outer.cos() * scale)
             }

@@ -19,7 +19,7 @@ use bevy::transform::components::Transform;
 use bevy::transform::helper::TransformHelper;
 
 use super::RsmView;
-use super::lights::{BouncingLight, Emitter, RsmLight};
+use super::lights::{BouncingLight, LightShape, RsmLight};
 use super::region::{LightRegion, SceneBox, cover, near};
 use crate::gi::settings::{FrugalGi, GiLimits, GiShading};
 use crate::gi::texels::CascadeCut;
@@ -214,8 +214,8 @@ fn choose(
     let shading = if lambertian { GiShading::Lambertian } else { GiShading::Standard };
     let mut specs = Vec::new();
     for (_, light, layers) in ranked {
-        let mut maps: Vec<MapSpec> = match light.emitter {
-            Emitter::Directional => {
+        let mut maps: Vec<MapSpec> = match light.shape {
+            LightShape::Directional => {
                 eyes.iter().flat_map(|eye| parallel_maps(light, eye, scene, layers)).collect()
             }
             _ => (0..light.faces())
@@ -302,12 +302,12 @@ fn perspective_map(
     shading: GiShading,
     layers: &Option<RenderLayers>,
 ) -> MapSpec {
-    let half_angle = match light.emitter {
-        Emitter::Spot { outer, .. } => outer,
+    let half_angle = match light.shape {
+        LightShape::Spot { outer, .. } => outer,
         _ => std::f32::consts::FRAC_PI_4,
     };
     let resolution = light.resolution(resolution);
-    let rotation = if light.emitter == Emitter::Point { cube_face(face) } else { light.rotation };
+    let rotation = if light.shape == LightShape::Point { cube_face(face) } else { light.rotation };
     let edge = 2.0 * half_angle.tan() / resolution as f32;
     let (cone_scale, cone_offset) = light.cone();
     MapSpec {

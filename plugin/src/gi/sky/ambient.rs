@@ -1,12 +1,12 @@
-//! Takes Bevy's own diffuse light of an environment map out of the cameras whose sky is gathered:
-//! it would be there twice, once in the shadows too.
+//! Removes Bevy's own diffuse light of an environment map from cameras whose sky is gathered. It
+//! would count twice, and once without shadows.
 //!
 //! Bevy puts the map of each view into the list of light probes that it binds. There, and only for
 //! these views, a black cube replaces the diffuse map; the app's component, the specular map, other
-//! views and other probes stay as they are. What goes with it is the diffuse light of meshes that
-//! are not deferred (transparent, transmissive and forward-rendered ones), which global
-//! illumination does not light, and what rough metals scatter between their facets, which Bevy
-//! reads from the same map.
+//! views and other probes stay as they are. Two terms are lost with it: the diffuse light of meshes
+//! that are not deferred (transparent, transmissive and forward-rendered ones), which global
+//! illumination does not light, and the multiple scattering of rough metals, which Bevy reads from
+//! the same map.
 //!
 //! Options: (1) this; (2) subtracting Bevy's term where ours is added, which leaves the difference
 //! of two large half floats; (3) a second set of view bind groups for deferred lighting alone,
@@ -28,11 +28,11 @@ use bevy::render::texture::GpuImage;
 use super::camera::SkyCamera;
 use crate::gi::view::SkySource;
 
-/// Names of our cubes count up from here.
+/// Asset ids of our cubes count up from here.
 const FIRST_NAME: u128 = 0x6b5f_0f4e_9d1c_4a53_b7a2_3f6d_1e8c_0000;
 
-/// Black cubes by the map that each stands for: the same texture, but each with that map's sampler,
-/// since Bevy samples speculars with it, too.
+/// Black cubes by the map that each replaces: the same texture, but each with that map's sampler,
+/// since Bevy samples the specular map with it, too.
 #[derive(Resource, Default)]
 pub(super) struct BlackCubes {
     texture: Option<Texture>,
@@ -66,7 +66,7 @@ pub(super) fn take_out_diffuse(
             .names
             .entry(source.diffuse)
             .or_insert_with(|| AssetId::Uuid { uuid: Uuid::from_u128(next) });
-        // The map may have been loaded anew.
+        // The map may have been reloaded.
         if images.get(name).is_none_or(|old| old.sampler.id() != sampler.id()) {
             let black = GpuImage {
                 texture_view: texture.create_view(&TextureViewDescriptor {

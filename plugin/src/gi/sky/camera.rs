@@ -1,4 +1,4 @@
-//! What a GI camera holds for its sky.
+//! A GI camera's buffers for its sky.
 
 use std::sync::atomic::{AtomicBool, Ordering};
 
@@ -14,16 +14,16 @@ use super::pass::SkyPipelines;
 use crate::gi::settings::FrugalGi;
 use crate::gi::view::SkySource;
 
-/// Bytes of `sky/sky.wgsl`'s `SkyLight`. A test holds it against the shader.
+/// Bytes of `sky/sky.wgsl`'s `SkyLight`. A test compares it with the shader.
 pub(in crate::gi) const SKY_LIGHT_BYTES: u64 = 32;
-/// Parts of the sky, as `sky/sky.wgsl` has them.
+/// Strata of the sky, as many as in `sky/sky.wgsl`.
 pub(super) const STRATA: u32 = 1024;
-/// Parts that a workgroup of `weigh.wgsl` answers for.
+/// Strata of a workgroup of `weigh.wgsl`.
 pub(super) const STRATA_PER_GROUP: u32 = 4;
-/// Steps along each side of a part in which `fill.wgsl` reads the map.
+/// Steps along each side of a stratum in which `fill.wgsl` reads the map.
 const STEPS: u32 = 16;
-/// Bytes from one set of samples to the next: most samples of a pixel, and a multiple of what
-/// uniform offsets are multiples of.
+/// Bytes from one set of samples to the next: room for the most samples of a pixel, and a multiple
+/// of the alignment of uniform offsets.
 pub(in crate::gi) const SET_BYTES: u64 = FrugalGi::MAX_ENVIRONMENT_SAMPLES as u64 * SKY_LIGHT_BYTES;
 
 /// `sky/sky.wgsl`'s `SkyPlan`.
@@ -53,32 +53,32 @@ pub(in crate::gi) struct SkyInputs {
 }
 
 impl SkyInputs {
-    /// Samples that a pixel evaluates.
+    /// Samples that a low-resolution pixel evaluates.
     pub fn samples(&self) -> u32 {
         self.plan.samples
     }
 
-    /// Whether the map is made anew in each frame.
+    /// Whether the map is generated in each frame.
     pub fn is_generated(&self) -> bool {
         self.is_generated
     }
 }
 
-/// What a GI camera holds in the render world for its sky.
+/// A GI camera's buffers for its sky. In the render world.
 #[derive(Component)]
 pub struct SkyCamera {
     pub(in crate::gi) plan: SkyPlan,
     pub(in crate::gi) plan_buffer: Buffer,
-    /// `SkyLight` each, in sets [`SET_BYTES`] apart.
+    /// An array of `SkyLight`, in sets [`SET_BYTES`] apart.
     pub(in crate::gi) samples: Buffer,
     pub(super) strata: Buffer,
-    pub(super) received: Buffer,
+    pub(super) importance: Buffer,
     pub(super) reading_buffer: Buffer,
-    /// What the parts were read from.
+    /// The source of the strata.
     reading: (TextureId, SkyReading),
     pub(super) is_filled: AtomicBool,
     is_generated: bool,
-    /// Whether all pipelines are there: until then Bevy's own light stays.
+    /// Whether all pipelines are compiled: until then Bevy's own light stays.
     pub(in crate::gi) is_active: bool,
 }
 
@@ -94,15 +94,15 @@ impl SkyCamera {
 
     /// Bytes held on the GPU for this camera's sky.
     pub fn bytes(&self) -> u64 {
-        [&self.plan_buffer, &self.samples, &self.strata, &self.received, &self.reading_buffer]
+        [&self.plan_buffer, &self.samples, &self.strata, &self.importance, &self.reading_buffer]
             .map(|buffer| buffer.size())
             .iter()
             .sum()
     }
 }
 
-/// Gives every GI camera that traces rays to an environment map its buffers, and takes them from
-/// the others.
+/// Gives every GI camera that traces rays to an environment map its buffers, and removes those of
+/// others.
 pub(super) fn prepare(
     mut commands: Commands,
     mut pipelines: ResMut<SkyPipelines>,
@@ -181,8 +181,8 @@ pub(super) fn prepare(
                 u64::from(STRATA) * SKY_LIGHT_BYTES,
                 BufferUsages::COPY_SRC,
             ),
-            received: empty(
-                "bevy_frugal_gi/sky/received",
+            importance: empty(
+                "bevy_frugal_gi/sky/importance",
                 u64::from(STRATA) * 4,
                 BufferUsages::COPY_SRC,
             ),
@@ -196,11 +196,11 @@ pub(super) fn prepare(
 }
 
 fn reading(source: &SkySource, image: &GpuImage) -> SkyReading {
-    // Texels of the level that is read are as large as the steps: 6 edge² of them cover the sphere,
-    // and so do PARTS · STEPS² steps.
+    // Texels of the mip level are as large as the steps: 6 edge² of them cover the sphere, and so
+    // do STRATA · STEPS² steps.
     let edge = (STRATA as f32 / 6.0).sqrt() * STEPS as f32;
     let level = (image.texture_descriptor.size.width as f32 / edge).log2().max(0.0) as u32;
-    // Bevy turns the map by the rotation, and so directions into the map by its inverse.
+    // Bevy rotates the map; directions into the map rotate by the inverse.
     SkyReading {
         rotation: source.rotation.inverse().to_array(),
         intensity: source.intensity,

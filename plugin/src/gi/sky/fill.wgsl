@@ -1,11 +1,11 @@
-// Reads an environment map into parts of equal solid angle: one thread per part.
+// Integrates an environment map over strata of equal solid angle: one thread per stratum.
 //
-// A part's light comes from the middle of what is bright in it, so that a small sun keeps its place
-// however coarse the parts are.
+// A stratum's direction is the mean weighted by luminance, so that a small sun keeps its position
+// however coarse the strata are.
 //
-// Texels are loaded, not sampled: each part is a mean over many anyway, any float format will do
-// (many phones' GPUs do not filter 32-bit ones), and no driver's seams between faces get in
-// (SwiftShader's are dark or bright in float formats).
+// Texels are loaded, not sampled: each stratum is a mean over many anyway, any float format works
+// (many phones' GPUs do not filter 32-bit ones), and seams between faces are avoided (SwiftShader's
+// are dark or bright in float formats).
 
 #import bevy_frugal_gi::gi::view::luminance::luminance
 #import bevy_frugal_gi::gi::sky::sky::{SKY_SIDE, SKY_STRATA, SkyLight, sky_direction, stratum_position}
@@ -13,7 +13,7 @@
 struct SkySource {
     /// Quaternion that takes world directions to the map's.
     rotation: vec4<f32>,
-    /// Nits that the map's 1 stands for.
+    /// Nits per unit of the map.
     intensity: f32,
     /// Mip level whose texels are about as large as the steps below.
     level: u32,
@@ -24,9 +24,9 @@ struct SkySource {
 @group(0) @binding(1) var<storage, read> source: SkySource;
 @group(0) @binding(2) var<storage, read_write> strata: array<SkyLight>;
 
-/// Steps along each side of a part.
+/// Steps along each side of a stratum.
 const STEPS: u32 = 16u;
-/// Nits: whatever a map holds, sums over it stay finite.
+/// Nits. Clamps the map, so that sums over it stay finite.
 const MOST_RADIANCE: f32 = 1e20;
 
 fn rotated(rotation: vec4<f32>, direction: vec3<f32>) -> vec3<f32> {
@@ -34,7 +34,7 @@ fn rotated(rotation: vec4<f32>, direction: vec3<f32>) -> vec3<f32> {
     return direction + rotation.w * t + cross(rotation.xyz, t);
 }
 
-/// What the cube map holds in a direction.
+/// The cube map's texel in a direction.
 fn environment_texel(ray: vec3<f32>, level: u32) -> vec3<f32> {
     let size = abs(ray);
     let is_x = size.x >= size.y && size.x >= size.z;
@@ -44,10 +44,10 @@ fn environment_texel(ray: vec3<f32>, level: u32) -> vec3<f32> {
     let x = vec2(select(ray.z, -ray.z, forth), -ray.y);
     let y = vec2(ray.x, select(-ray.z, ray.z, forth));
     let z = vec2(select(-ray.x, ray.x, forth), -ray.y);
-    let place = select(select(z, y, is_y), x, is_x) / max(abs(along), 1e-20) * 0.5 + 0.5;
+    let uv = select(select(z, y, is_y), x, is_x) / max(abs(along), 1e-20) * 0.5 + 0.5;
     let face = select(select(4u, 2u, is_y), 0u, is_x) + select(1u, 0u, forth);
     let edge = textureDimensions(environment, level).x;
-    let texel = min(vec2<u32>(clamp(place, vec2(0.0), vec2(1.0)) * f32(edge)), vec2(edge - 1u));
+    let texel = min(vec2<u32>(clamp(uv, vec2(0.0), vec2(1.0)) * f32(edge)), vec2(edge - 1u));
     return textureLoad(environment, texel, face, level).rgb;
 }
 
@@ -59,15 +59,15 @@ fn fill_sky(@builtin(global_invocation_id) id: vec3<u32>) {
     var toward = vec3(0.0);
     for (var y = 0u; y < STEPS; y++) {
         for (var x = 0u; x < STEPS; x++) {
-            let place = corner + (vec2<f32>(vec2(x, y)) + 0.5) / f32(STEPS);
-            let direction = sky_direction(place / f32(SKY_SIDE));
-            // Cube maps are left-handed, and Bevy turns z round.
+            let point = corner + (vec2<f32>(vec2(x, y)) + 0.5) / f32(STEPS);
+            let direction = sky_direction(point / f32(SKY_SIDE));
+            // Cube maps are left-handed; Bevy flips z.
             let ray = rotated(source.rotation, direction) * vec3(1.0, 1.0, -1.0);
             let found = environment_texel(ray, level) * source.intensity;
-            // What is negative or no number compares false.
+            // Negative values and NaN compare false.
             let radiance = select(vec3(0.0), min(found, vec3(MOST_RADIANCE)), found >= vec3(0.0));
             light += radiance;
-            // Bounded, so that the square of the sum is finite.
+            // Clamped, so that the square of the sum is finite.
             toward += direction * min(luminance(radiance), 1e15);
         }
     }

@@ -1,16 +1,16 @@
-//! The sky as a source: a camera's environment map, drawn in proportion to what its surfaces could
-//! receive, and hidden by what stands in the way.
+//! The sky as a light source: a camera's environment map, importance-sampled with visibility, and
+//! shadowed by rays.
 //!
 //! | pass | when | job |
 //! |---|---|---|
-//! | `fill.wgsl` | when the map changes | the map as parts of equal solid angle |
-//! | `weigh.wgsl` | when VPLs are drawn | what some points of the picture could receive of each part, by rays |
-//! | `sample.wgsl` | when VPLs are drawn | samples: directions that stand for the whole sky |
-//! | `gather/gather.wgsl` | when the camera gathers | what each pixel receives of its samples |
+//! | `fill.wgsl` | when the map changes | integrates the map over strata of equal solid angle |
+//! | `weigh.wgsl` | when VPLs are sampled | importance of each stratum to the visible surfaces, by rays |
+//! | `sample.wgsl` | when VPLs are sampled | samples directions that represent the whole sky |
+//! | `gather/gather.wgsl` | when the camera gathers | irradiance of each pixel from its samples |
 //!
-//! Samples of the sky lie beside the VPLs of bounced light and not among them: the sky is
-//! everywhere as far away, so that it is drawn by direction; and from indoors most of it is hidden,
-//! where a ray for sky and bounce together would find neither.
+//! Sky samples are separate from the VPLs of bounced light: the sky is infinitely far away and
+//! sampled by direction; and indoors most of it is occluded, where a ray shared by sky and bounce
+//! would find neither.
 
 mod ambient;
 mod camera;
@@ -46,7 +46,7 @@ impl Plugin for SkyPlugin {
                 Render,
                 (
                     camera::prepare.in_set(PrepareSystems::Sky),
-                    // Needs to know whose sky is gathered in this frame.
+                    // Reads whose sky is gathered in this frame.
                     ambient::take_out_diffuse.in_set(PrepareSystems::Environment),
                 ),
             )

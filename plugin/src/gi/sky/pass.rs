@@ -1,4 +1,4 @@
-//! The passes that fill, weigh and sample a sky.
+//! The passes that integrate, weight and sample a sky.
 
 use std::sync::atomic::Ordering;
 
@@ -22,7 +22,7 @@ use super::camera::{STRATA, STRATA_PER_GROUP, SkyCamera};
 use crate::gi::trace::OccluderBuffers;
 use crate::gi::view::{GiView, SkySource};
 
-/// The passes' layouts; their pipelines are there once a camera has had a sky.
+/// Layouts of the passes, and pipelines, which are queued once a camera has a sky.
 #[derive(Resource)]
 pub(in crate::gi) struct SkyPipelines {
     layouts: [BindGroupLayoutDescriptor; 3],
@@ -65,7 +65,7 @@ impl FromWorld for SkyPipelines {
 }
 
 impl SkyPipelines {
-    /// Whether the pipelines are compiled. They are queued where they were not.
+    /// Whether the pipelines are compiled. Queues them if they are not.
     pub(super) fn are_ready(&mut self, cache: &PipelineCache) -> bool {
         let pipelines = self.queue(cache);
         pipelines.into_iter().all(|pipeline| cache.get_compute_pipeline(pipeline).is_some())
@@ -92,8 +92,8 @@ impl SkyPipelines {
     }
 }
 
-/// In a GI camera's view: reads the sky where it changed, and weighs it and draws its samples then
-/// and when VPLs are drawn.
+/// In a GI camera's view: integrates the sky when it changed; weights and samples it then and when
+/// VPLs are sampled.
 pub(in crate::gi) fn sample(
     view: ViewQuery<(&SkyCamera, &SkySource, &GiView, &ViewPrepassTextures, &ViewUniformOffset)>,
     pipelines: Res<SkyPipelines>,
@@ -146,7 +146,7 @@ pub(in crate::gi) fn sample(
             depth,
             views,
             camera.strata.as_entire_binding(),
-            camera.received.as_entire_binding(),
+            camera.importance.as_entire_binding(),
         )),
     );
     let sampling = device.create_bind_group(
@@ -154,7 +154,7 @@ pub(in crate::gi) fn sample(
         &sample_layout,
         &BindGroupEntries::sequential((
             camera.strata.as_entire_binding(),
-            camera.received.as_entire_binding(),
+            camera.importance.as_entire_binding(),
             camera.plan_buffer.as_entire_binding(),
             camera.samples.as_entire_binding(),
         )),

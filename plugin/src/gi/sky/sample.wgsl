@@ -1,30 +1,30 @@
-// Draws a camera's samples of the sky from its parts, in proportion to their light times what the
-// camera could receive of it; one workgroup.
+// Samples a camera's sky directions from its strata, in proportion to their light times their
+// importance to the camera; one workgroup.
 //
 // As in `vpl/weigh.wgsl`, a defensive-sampling term of a quarter of the mean keeps the estimate
 // unbiased and bounds its variance: a stratum that no importance point of `weigh.wgsl` sees may be
-// visible elsewhere. Parts lie in Morton order, so that equal steps through their cumulative sum
-// are spread over the sky; each set takes as many steps as it has samples, and sets are shifted
-// against each other by a fraction of a step.
+// visible elsewhere. Strata lie in Morton order, so that equal steps through their cumulative sum
+// spread over the sky; each set takes as many steps as it has samples, and sets are shifted against
+// each other by a fraction of a step.
 
 #import bevy_frugal_gi::gi::view::luminance::luminance
 #import bevy_frugal_gi::gi::sky::sky::{SKY_STRATA, SKY_STRIDE, SkyLight, SkyPlan}
 
 @group(0) @binding(0) var<storage, read> strata: array<SkyLight>;
-@group(0) @binding(1) var<storage, read> received: array<f32>;
+@group(0) @binding(1) var<storage, read> importance: array<f32>;
 @group(0) @binding(2) var<storage, read> plan: SkyPlan;
 @group(0) @binding(3) var<storage, read_write> samples: array<SkyLight>;
 
 const LANES: u32 = 64u;
-/// Parts that each lane sums.
+/// Strata that each lane sums.
 const RUN: u32 = SKY_STRATA / LANES;
 
 var<workgroup> lane_light: array<f32, LANES>;
-var<workgroup> lane_received: array<f32, LANES>;
+var<workgroup> lane_weighted: array<f32, LANES>;
 var<workgroup> lane_weight: array<f32, LANES>;
 var<workgroup> cumulative: array<f32, SKY_STRATA>;
 
-/// First part whose running sum exceeds `wanted`, or the last one.
+/// First stratum whose cumulative sum exceeds `threshold`, or the last one.
 fn find_stratum(threshold: f32) -> u32 {
     var low = 0u;
     var high = SKY_STRATA - 1u;
@@ -43,26 +43,26 @@ fn find_stratum(threshold: f32) -> u32 {
 fn sample_sky(@builtin(local_invocation_index) lane: u32) {
     let first = lane * RUN;
     var light = 0.0;
-    var seen = 0.0;
+    var weighted = 0.0;
     for (var i = first; i < first + RUN; i++) {
         let luminance = luminance(strata[i].light);
         light += luminance;
-        seen += luminance * received[i];
+        weighted += luminance * importance[i];
     }
     lane_light[lane] = light;
-    lane_received[lane] = seen;
+    lane_weighted[lane] = weighted;
     workgroupBarrier();
     light = 0.0;
-    seen = 0.0;
+    weighted = 0.0;
     for (var i = 0u; i < LANES; i++) {
         light += lane_light[i];
-        seen += lane_received[i];
+        weighted += lane_weighted[i];
     }
-    // Where no point sees any of it, light alone decides.
-    let defensive_term = max(0.25 * seen / max(light, 1e-36), 1e-3);
+    // Where no importance point sees any stratum, light alone decides.
+    let defensive_term = max(0.25 * weighted / max(light, 1e-36), 1e-3);
     var sum = 0.0;
     for (var i = first; i < first + RUN; i++) {
-        sum += luminance(strata[i].light) * (received[i] + defensive_term);
+        sum += luminance(strata[i].light) * (importance[i] + defensive_term);
         cumulative[i] = sum;
     }
     lane_weight[lane] = sum;
@@ -82,8 +82,8 @@ fn sample_sky(@builtin(local_invocation_index) lane: u32) {
         let which = i / plan.samples;
         let member = i % plan.samples;
         let index = find_stratum((f32(member) + (f32(which) + 0.5) / f32(plan.sets)) / count * total);
-        // The step of the running sum rather than the weight that was added: this is what the part
-        // was drawn by, rounding included.
+        // The step of the cumulative sum, not the weight that was added: this is the probability
+        // with which the stratum was sampled, rounding included.
         let weight = cumulative[index] - select(0.0, cumulative[max(index, 1u) - 1u], index > 0u);
         let share = select(0.0, total / (max(weight, 1e-36) * count), weight > 0.0);
         var sampled: SkyLight;

@@ -1,10 +1,9 @@
-// How much of each part of the sky the camera's surfaces could receive: one workgroup for each four
-// neighbouring parts, one thread for each of the surface points that stand for what the camera
-// sees.
+// Importance of each stratum of the sky to the visible surfaces: one workgroup for each four
+// neighbouring strata, one thread for each importance point.
 //
-// Unlike the weights of bounced light (`vpl/weigh.wgsl`) these look at what stands between. Indoors
-// nearly all of the sky is hidden, and samples drawn without a look at that would nearly all be
-// wasted; and the sky has few parts, so that a few thousand rays answer it.
+// Every stratum's importance includes visibility, which bounced light has by tiles alone
+// (`vpl/weigh.wgsl`). Indoors nearly all of the sky is occluded, and nearly all samples without
+// visibility would be wasted; and the sky has few strata, so that a few thousand rays suffice.
 
 #import bevy_render::view::View
 #import bevy_frugal_gi::gi::sky::sky::{SKY_STRATA_PER_RAY, SkyLight}
@@ -15,7 +14,7 @@
 @group(0) @binding(1) var depth_buffer: texture_depth_2d;
 @group(0) @binding(2) var<uniform> view: View;
 @group(0) @binding(3) var<storage, read> strata: array<SkyLight>;
-@group(0) @binding(4) var<storage, read_write> received: array<f32>;
+@group(0) @binding(4) var<storage, read_write> importance: array<f32>;
 
 const COLUMNS: u32 = 8u;
 const ROWS: u32 = 4u;
@@ -26,11 +25,11 @@ var<workgroup> cosines: array<vec4<f32>, IMPORTANCE_POINTS>;
 @compute @workgroup_size(IMPORTANCE_POINTS)
 fn weigh_sky(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_index) lane: u32) {
     let size = textureDimensions(g_buffer);
-    // Every other row is shifted by half a cell.
+    // Every other row is shifted by half a rectangle.
     let cell = vec2<f32>(vec2(lane % COLUMNS, lane / COLUMNS));
     let shift = select(0.75, 0.25, (lane / COLUMNS) % 2u == 0u);
-    let place = (cell + vec2(shift, 0.5)) / vec2(f32(COLUMNS), f32(ROWS));
-    let pixel = min(vec2<u32>(place * vec2<f32>(size)), size - 1u);
+    let uv = (cell + vec2(shift, 0.5)) / vec2(f32(COLUMNS), f32(ROWS));
+    let pixel = min(vec2<u32>(uv * vec2<f32>(size)), size - 1u);
     let depth = textureLoad(depth_buffer, pixel, 0);
     let position = pixel_position(pixel, size, max(depth, 1e-30), view.world_from_clip);
     let normal = surface_normal(textureLoad(g_buffer, pixel, 0));
@@ -40,7 +39,7 @@ fn weigh_sky(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_
     for (var i = 0u; i < SKY_STRATA_PER_RAY; i++) {
         own[i] = max(dot(normal, strata[first + i].direction), 0.0);
     }
-    // Neighbouring points send their rays to different ones of the four.
+    // Neighbouring points trace their rays to different strata of the four.
     let direction = strata[first + (lane + lane / COLUMNS) % SKY_STRATA_PER_RAY].direction;
     let eye = distance(position, view.world_position);
     let origin = position + normal * surface_offset(position, eye, pixel_width(view.clip_from_view, size.y, eye));
@@ -52,6 +51,6 @@ fn weigh_sky(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_
         for (var i = 0u; i < IMPORTANCE_POINTS; i++) {
             sum += cosines[i][lane];
         }
-        received[first + lane] = sum;
+        importance[first + lane] = sum;
     }
 }

@@ -72,7 +72,7 @@ impl<'a> Cutout<'a> {
         let texture = MeshTexture::new(mask.texture, mesh, images)?;
         if texture.as_ref().is_some_and(|texture| !texture.is_readable()) {
             warn_once!(
-                "the texture of an alpha mask is kept for the GPU alone or is compressed: what it lies on hides indirect light as if it had no holes (RenderAssetUsages::MAIN_WORLD keeps it readable)"
+                "the texture of an alpha mask is kept for the GPU alone or is compressed: its surfaces occlude indirect light as if they had no holes (RenderAssetUsages::MAIN_WORLD keeps it readable)"
             );
         }
         let texture = texture.filter(MeshTexture::is_readable);

@@ -16,7 +16,7 @@ use bevy::shader::load_shader_library;
 
 use super::schedule::{PrepareSystems, supported_render_app};
 use super::settings::FrugalGi;
-pub(super) use rows::{CascadeCut, TILE, TexelRow, same_places};
+pub(super) use rows::{CascadeCut, TILE, TexelRow, same_layout};
 pub(super) use texel::{TEXEL_BYTES, Texel, pack_normal};
 
 /// Ranges of the store by source, in this order.

@@ -86,7 +86,7 @@ impl TexelRow {
 }
 
 /// Whether both have the same layout, so that one's buffers serve the other.
-pub(in crate::gi) fn same_places(these: &[TexelRow], those: &[TexelRow]) -> bool {
-    let place = |row: &TexelRow| (row.first_weight, row.length, row.first_tile);
-    these.len() == those.len() && these.iter().map(place).eq(those.iter().map(place))
+pub(in crate::gi) fn same_layout(these: &[TexelRow], those: &[TexelRow]) -> bool {
+    let layout = |row: &TexelRow| (row.first_weight, row.length, row.first_tile);
+    these.len() == those.len() && these.iter().map(layout).eq(those.iter().map(layout))
 }

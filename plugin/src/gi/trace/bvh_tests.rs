@@ -8,8 +8,7 @@ fn dvec(v: [f32; 3]) -> DVec3 {
     DVec3::new(f64::from(v[0]), f64::from(v[1]), f64::from(v[2]))
 }
 
-/// Whether the segment from `origin` along the whole of `direction` meets the triangle, and by
-/// which share of its size the nearest edge is missed.
+/// Whether the segment from `origin` to `origin + direction` intersects the triangle.
 fn meets(triangle: &TriangleWords, origin: DVec3, direction: DVec3) -> bool {
     let [a, ab, ac] = [triangle.corner, triangle.edge_1, triangle.edge_2].map(dvec);
     let p = direction.cross(ac);
@@ -33,7 +32,7 @@ fn meets_box(node: &Node, origin: DVec3, direction: DVec3) -> bool {
     near <= far * (1.0 + 1e-9)
 }
 
-/// The walk of `trace/trace.wgsl`.
+/// The traversal of `trace/trace.wgsl`.
 fn walk(bvh: &MeshBvh, origin: DVec3, direction: DVec3) -> bool {
     let mut at = 0;
     while at < bvh.nodes.len() {
@@ -70,7 +69,7 @@ fn soup(count: usize, seed: u32) -> Vec<[Vec3; 3]> {
 }
 
 #[test]
-fn the_walk_finds_what_trying_every_triangle_finds() {
+fn traversal_agrees_with_brute_force() {
     for count in [1, 2, 3, 7, 50, 1000] {
         let bvh = solid(soup(count, count as u32));
         assert_eq!(bvh.triangles.len(), count);
@@ -112,7 +111,7 @@ fn skip_links_lead_forward_and_leaves_name_every_triangle_once() {
 }
 
 #[test]
-fn what_is_no_triangle_is_left_out() {
+fn degenerate_triangles_are_left_out() {
     let good = [Vec3::ZERO, Vec3::X, Vec3::Y];
     let bad = [
         [Vec3::ZERO; 3],
@@ -139,7 +138,7 @@ fn a_triangle_that_is_all_hole_is_left_out_and_others_keep_their_holes() {
 }
 
 #[test]
-fn many_triangles_in_one_place_are_split_among_leaves() {
+fn coincident_triangles_are_split_among_leaves() {
     let bvh = solid([[Vec3::ZERO, Vec3::X, Vec3::Y]; 100]);
     assert_eq!(bvh.triangles.len(), 100);
     assert_eq!(

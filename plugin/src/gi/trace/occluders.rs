@@ -79,22 +79,22 @@ pub struct GiOccluders {
 }
 
 impl GiOccluders {
-    /// Whether what hides light is collected: a camera traces, and there is light to trace.
+    /// Whether occluders are maintained: a camera traces rays, and there is light.
     pub(in crate::gi) fn is_kept(&self) -> bool {
         self.is_kept
     }
 
-    /// Meshes that are still being prepared.
+    /// Number of meshes whose trees are still being built.
     pub fn waiting(&self) -> usize {
         self.waiting
     }
 
-    /// Triangles in all trees, each mesh counted once.
+    /// Number of triangles in all trees; each mesh counts once.
     pub fn triangle_count(&self) -> usize {
         self.meshes.triangles.len()
     }
 
-    /// Meshes in the scene that hide light.
+    /// Number of instances that occlude light.
     pub fn instance_count(&self) -> usize {
         self.instances.instances.len()
     }
@@ -103,11 +103,11 @@ impl GiOccluders {
 enum Tree {
     Building(Task<MeshBvh>),
     Ready(Arc<MeshBvh>),
-    /// Its triangles are out of reach.
+    /// Its triangles cannot be read.
     Unreadable,
 }
 
-/// A mesh and where it has holes.
+/// A mesh and its alpha mask.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 struct TreeKey {
     mesh: AssetId<Mesh>,
@@ -257,7 +257,7 @@ fn start(key: &TreeKey, assets: &SurfaceAssets) -> Option<Tree> {
 fn holes(cutout: Option<&Cutout>, corners: [usize; 3]) -> u64 {
     match cutout {
         Some(cutout) if cutout.may_pierce(corners) => {
-            micromap(|place| cutout.is_there(corners, place))
+            micromap(|weights| cutout.is_there(corners, weights))
         }
         _ => SOLID,
     }
@@ -266,14 +266,14 @@ fn holes(cutout: Option<&Cutout>, corners: [usize; 3]) -> u64 {
 /// Assembles the occluders. The meshes' data is rebuilt only when a tree changed.
 fn assemble(
     trees: &mut MeshTrees,
-    placed: &[(Entity, TreeKey, Affine3A)],
+    mesh_instances: &[(Entity, TreeKey, Affine3A)],
     before: &GiOccluders,
 ) -> GiOccluders {
     let mut meshes = Arc::clone(&before.meshes);
     if trees.changed {
         let mut data = MeshData::default();
         trees.ranges.clear();
-        for (_, key, _) in placed {
+        for (_, key, _) in mesh_instances {
             let Some(Tree::Ready(tree)) = trees.trees.get(key) else { continue };
             trees.ranges.entry(*key).or_insert_with(|| {
                 let (first, first_triangle) =
@@ -291,7 +291,7 @@ fn assemble(
         meshes = Arc::new(data);
     }
     let (mut boxes, mut instances) = (Vec::new(), Vec::new());
-    for (_, key, affine) in placed {
+    for (_, key, affine) in mesh_instances {
         let (Some(Tree::Ready(tree)), Some(nodes)) = (trees.trees.get(key), trees.ranges.get(key))
         else {
             continue;

@@ -112,7 +112,7 @@ mod tests {
     }
 
     #[test]
-    fn what_arrives_is_waited_for() {
+    fn maps_render_while_assets_arrive() {
         let mut frame = GiFrame { frames_since_change: 99, ..Default::default() }
             .next(SceneDelta { arrived: true, ..NOTHING }, 1);
         for _ in 0..ARRIVAL {
@@ -123,7 +123,7 @@ mod tests {
     }
 
     #[test]
-    fn with_a_period_maps_are_rendered_so_often_and_once_after_the_last_change() {
+    fn maps_follow_the_period_and_render_once_after_the_last_change() {
         for period in 1..=8 {
             for offset in 0..period {
                 let mut frame = GiFrame { number: offset, ..Default::default() };
@@ -144,7 +144,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_new_is_rendered_at_once() {
+    fn new_and_missing_objects_are_rendered_at_once() {
         let frame = GiFrame { number: 0, frames_since_change: 99, ..Default::default() };
         assert!(!frame.next(CHANGE, 8).maps);
         assert!(frame.next(SceneDelta { arrived: true, ..NOTHING }, 8).maps);
@@ -170,7 +170,7 @@ mod tests {
     }
 
     #[test]
-    fn counters_at_their_end_go_on() {
+    fn counters_wrap_or_saturate() {
         let end = GiFrame { number: u32::MAX, frames_since_change: u32::MAX, ..Default::default() };
         assert_eq!(end.next(NOTHING, u32::MAX).number, 0);
         assert!(!end.next(NOTHING, 1).gather);

@@ -23,7 +23,7 @@ use bevy::render::view::ExtractedView;
 use bevy::shader::load_shader_library;
 
 use super::settings::{FrugalGi, GiPixelFraction};
-use super::texels::{TexelRow, same_places};
+use super::texels::{TexelRow, same_layout};
 pub use cut::CameraCut;
 pub(super) use cut::CutCameras;
 pub(super) use environment::SkySource;
@@ -52,7 +52,7 @@ impl Plugin for ViewPlugin {
 pub(super) struct GiView {
     pub gi: FrugalGi,
     /// Pose, projection and pixels of the gather.
-    pub place: GatherPlace,
+    pub camera: GatherCamera,
     /// The texels from which its VPLs are sampled.
     pub rows: Vec<TexelRow>,
     /// Samples of the sky that each low-resolution pixel evaluates.
@@ -65,13 +65,13 @@ pub(super) struct GiView {
 impl GiView {
     /// Low-resolution pixels along both axes.
     pub fn cells(&self) -> UVec2 {
-        self.place.cells()
+        self.camera.cells()
     }
 
     /// How far this view's buffers serve `next`.
     pub fn fit(&self, next: &Self) -> Fit {
         let sampled = |view: &Self| (view.gi.vpl_count, view.gi.interleave, view.rows.is_empty());
-        if sampled(self) != sampled(next) || !same_places(&self.rows, &next.rows) {
+        if sampled(self) != sampled(next) || !same_layout(&self.rows, &next.rows) {
             Fit::Empty
         } else if self.rows != next.rows || self.cells() != next.cells() {
             Fit::LaidOut
@@ -94,7 +94,7 @@ pub(super) enum Fit {
 
 /// Pose, projection and pixels of a gather.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) struct GatherPlace {
+pub(super) struct GatherCamera {
     pub clip_from_world: Mat4,
     pub eye: Vec3,
     pub forward: Vec3,
@@ -105,7 +105,7 @@ pub(super) struct GatherPlace {
     pub cell: UVec2,
 }
 
-impl GatherPlace {
+impl GatherCamera {
     pub fn new(
         camera: &ExtractedCamera,
         view: &ExtractedView,

@@ -44,7 +44,7 @@ impl Work {
 /// What a frame does with the history.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(in crate::gi) enum Step {
-    /// Nothing is gathered.
+    /// Nothing is gathered: the history's weight falls to 0.
     Rests,
     /// Light is gathered after a cut, or at rest: the history starts over.
     Begins,

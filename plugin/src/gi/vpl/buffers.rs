@@ -61,7 +61,7 @@ impl SamplingBuffers {
         }
     }
 
-    /// Samples other rows from now on, of the [same layout](crate::gi::texels::same_places).
+    /// Samples other rows from now on, of the [same layout](crate::gi::texels::same_layout).
     pub fn set_rows(&mut self, queue: &RenderQueue, rows: Vec<TexelRow>) {
         queue.write_buffer(&self.row_table, 0, bytemuck::cast_slice(&rows));
         self.rows = rows;

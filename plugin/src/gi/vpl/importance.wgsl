@@ -24,8 +24,8 @@ struct ImportancePoints {
     points: array<Receiver, 32>,
 }
 
-/// Unoccluded geometry term between an importance point and a point of a surface, 1/m².
-fn from_point(point: Receiver, position: vec3<f32>, normal: vec3<f32>) -> f32 {
+/// Importance of a surface point to an importance point: their unoccluded geometry term, 1/m².
+fn importance_of(point: Receiver, position: vec3<f32>, normal: vec3<f32>) -> f32 {
     let to_point = position - point.position;
     let square = clamp(dot(to_point, to_point), 1e-18, 1e30);
     let cosines = max(dot(point.normal, to_point), 0.0) * max(-dot(normal, to_point), 0.0) / square;

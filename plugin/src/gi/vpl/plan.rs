@@ -83,9 +83,9 @@ mod tests {
                     (wanted..wanted + plan.sets).contains(&(plan.sets * plan.per_set)),
                     "{count} {plan:?}"
                 );
-                let places: std::collections::HashSet<_> =
+                let offsets: std::collections::HashSet<_> =
                     (0..plan.sets).map(|set| plan.interleave_offset(set)).collect();
-                assert_eq!(places.len() as u32, plan.sets);
+                assert_eq!(offsets.len() as u32, plan.sets);
                 for set in 0..plan.sets {
                     assert_eq!(plan.offset(set) % 256, 0);
                     let end = u64::from(plan.offset(set))

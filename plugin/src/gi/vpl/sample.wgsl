@@ -113,11 +113,11 @@ fn sample_vpls(@builtin(global_invocation_id) id: vec3<u32>) {
     let along_row = min(fract(f32(reverseBits(member)) * 2.3283064e-10 + f32(which) * 0.618034), 0.99999994);
     let row = rows[find_row(along_rows * total)];
     let last = row.first_weight + row.length - 1u;
-    let place = find_texel(row.first_weight, row.length, along_row * texel_cdf[last]);
-    let texel = texels[row.first_texel + place - row.first_weight];
+    let index = find_texel(row.first_weight, row.length, along_row * texel_cdf[last]);
+    let texel = texels[row.first_texel + index - row.first_weight];
     // The step of the cumulative sum, not the weight that was added: this is the probability with
     // which the texel was sampled, rounding included.
-    let weight = texel_cdf[place] - select(0.0, texel_cdf[max(place, 1u) - 1u], place > row.first_weight);
+    let weight = texel_cdf[index] - select(0.0, texel_cdf[max(index, 1u) - 1u], index > row.first_weight);
 
     // Rounding may reach a last row or texel of weight 0: its VPL carries no flux. Nor does padding
     // of the set's stride.

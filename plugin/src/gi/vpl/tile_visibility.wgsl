@@ -9,7 +9,7 @@
 #import bevy_render::view::View
 #import bevy_frugal_gi::gi::texels::texel::{Texel, texel_luminance, texel_normal}
 #import bevy_frugal_gi::gi::trace::trace::{is_occluded, surface_offset}
-#import bevy_frugal_gi::gi::vpl::importance::{IMPORTANCE_POINTS, ImportancePoints, from_point}
+#import bevy_frugal_gi::gi::vpl::importance::{IMPORTANCE_POINTS, ImportancePoints, importance_of}
 #import bevy_frugal_gi::gi::texels::rows::{Row, TILE, is_cut}
 
 @group(0) @binding(0) var<uniform> view: View;
@@ -43,7 +43,7 @@ fn trace_tiles(@builtin(global_invocation_id) id: vec3<u32>) {
                 let normal = texel_normal(texel);
                 // A texel below the point's horizon, or facing away, says nothing of the rest of
                 // the tile.
-                if from_point(point, texel.position, normal) > 0.0 {
+                if importance_of(point, texel.position, normal) > 0.0 {
                     let start = point.position + point.normal * offset_at(point.position, point.pixel_width);
                     let end = texel.position + normal * offset_at(texel.position, sqrt(texel.area));
                     found |= select(0u, 1u << i, is_occluded(start, end));

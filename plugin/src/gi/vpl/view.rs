@@ -6,7 +6,7 @@ use bevy::render::renderer::{RenderDevice, RenderQueue};
 
 use super::buffers::SamplingBuffers;
 use super::plan::VplPlan;
-use crate::gi::texels::same_places;
+use crate::gi::texels::same_layout;
 use crate::gi::view::GiView;
 
 /// The VPLs of a GI camera and the buffers of their sampling. In the render world.
@@ -82,7 +82,7 @@ pub(super) fn prepare(
             held.plan = plan;
         }
         match &mut held.sampling {
-            Some(sampling) if same_places(&sampling.rows, &view.rows) => {
+            Some(sampling) if same_layout(&sampling.rows, &view.rows) => {
                 if sampling.rows != view.rows {
                     sampling.set_rows(&queue, view.rows.clone());
                 }

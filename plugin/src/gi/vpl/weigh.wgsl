@@ -12,7 +12,7 @@
 #import bevy_render::view::View
 #import bevy_frugal_gi::gi::texels::texel::{Texel, texel_luminance, texel_normal}
 #import bevy_frugal_gi::gi::view::surface::{pixel_position, pixel_width, surface_normal}
-#import bevy_frugal_gi::gi::vpl::importance::{COLUMNS, IMPORTANCE_POINTS, ImportancePoints, ROWS, Receiver, from_point}
+#import bevy_frugal_gi::gi::vpl::importance::{COLUMNS, IMPORTANCE_POINTS, ImportancePoints, ROWS, Receiver, importance_of}
 #import bevy_frugal_gi::gi::texels::rows::{Row, TILE, is_cut}
 
 @group(0) @binding(0) var g_buffer: texture_2d<u32>;
@@ -32,8 +32,8 @@ fn pick_importance_points(@builtin(local_invocation_index) index: u32) {
     let size = textureDimensions(g_buffer);
     let cell = vec2<f32>(vec2(index % COLUMNS, index / COLUMNS));
     let shift = 0.25 + 0.5 * (f32(index / COLUMNS) - 2.0 * floor(f32(index / COLUMNS) * 0.5));
-    let place = (cell + vec2(shift, 0.5)) / vec2(f32(COLUMNS), f32(ROWS));
-    let pixel = min(vec2<u32>(place * vec2<f32>(size)), size - 1u);
+    let uv = (cell + vec2(shift, 0.5)) / vec2(f32(COLUMNS), f32(ROWS));
+    let pixel = min(vec2<u32>(uv * vec2<f32>(size)), size - 1u);
     let depth = textureLoad(depth_buffer, pixel, 0);
     var point: Receiver;
     point.position = pixel_position(pixel, size, max(depth, 1e-30), view.world_from_clip);
@@ -52,18 +52,18 @@ const OCCLUDED_SHARE: f32 = 0.05;
 
 /// Importance of a texel: the sum over the importance points, 1/m². The texel lies in a column of a
 /// row.
-fn received(row: Row, column: u32, texel: Texel) -> f32 {
+fn texel_importance(row: Row, column: u32, texel: Texel) -> f32 {
     let normal = texel_normal(texel);
 #ifdef TILE_VISIBILITY
     let occluded = occluded_tiles[row.first_tile + column / TILE];
 #endif
     var sum = 0.0;
     for (var i = 0u; i < IMPORTANCE_POINTS; i++) {
-        let light = from_point(importance.points[i], texel.position, normal);
+        let own = importance_of(importance.points[i], texel.position, normal);
 #ifdef TILE_VISIBILITY
-        sum += light * select(1.0, OCCLUDED_SHARE, (occluded & (1u << i)) != 0u);
+        sum += own * select(1.0, OCCLUDED_SHARE, (occluded & (1u << i)) != 0u);
 #else
-        sum += light;
+        sum += own;
 #endif
     }
     return min(sum, 1e6);
@@ -73,14 +73,14 @@ const LANES: u32 = 64u;
 /// Texels that each lane reads.
 const TEXELS_PER_LANE: u32 = 16u;
 var<workgroup> lane_flux: array<f32, LANES>;
-var<workgroup> lane_received: array<f32, LANES>;
+var<workgroup> lane_weighted: array<f32, LANES>;
 
 /// The defensive-sampling term, from a thousand texels spread over all maps; one workgroup.
 @compute @workgroup_size(LANES)
 fn find_defensive_term(@builtin(local_invocation_index) lane: u32) {
     let count = arrayLength(&rows);
     var flux = 0.0;
-    var light = 0.0;
+    var weighted = 0.0;
     for (var i = 0u; i < TEXELS_PER_LANE; i++) {
         let sample_index = lane * TEXELS_PER_LANE + i;
         let row = rows[sample_index * count / (LANES * TEXELS_PER_LANE)];
@@ -88,19 +88,19 @@ fn find_defensive_term(@builtin(local_invocation_index) lane: u32) {
         let texel = texels[row.first_texel + column];
         let luminance = select(texel_luminance(texel) * 1e-3, 0.0, is_cut(row, column));
         flux += luminance;
-        light += luminance * received(row, column, texel);
+        weighted += luminance * texel_importance(row, column, texel);
     }
     lane_flux[lane] = flux;
-    lane_received[lane] = light;
+    lane_weighted[lane] = weighted;
     workgroupBarrier();
     if lane == 0u {
         for (var i = 1u; i < LANES; i++) {
             flux += lane_flux[i];
-            light += lane_received[i];
+            weighted += lane_weighted[i];
         }
         // Where no importance point receives light, or no texel that was read is lit, flux alone
         // decides.
-        importance.defensive_term = clamp(0.25 * light / max(flux, 1e-36), 1e-9, 1e6);
+        importance.defensive_term = clamp(0.25 * weighted / max(flux, 1e-36), 1e-9, 1e6);
     }
 }
 
@@ -114,6 +114,6 @@ fn weigh_texels(@builtin(global_invocation_id) id: vec3<u32>) {
     let texel = texels[row.first_texel + id.x];
     // Clamped so that a sum over all texels stays finite, whatever the flux.
     let luminance = texel_luminance(texel);
-    let weight = clamp(luminance * (received(row, id.x, texel) + importance.defensive_term), 1e-36, 1e30);
+    let weight = clamp(luminance * (texel_importance(row, id.x, texel) + importance.defensive_term), 1e-36, 1e30);
     weights[row.first_weight + id.x] = select(0.0, weight, luminance > 0.0 && !is_cut(row, id.x));
 }
