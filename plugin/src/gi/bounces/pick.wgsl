@@ -6,7 +6,7 @@
 
 #import bevy_frugal_gi::gi::bounces::patch::Patch
 #import bevy_frugal_gi::gi::texels::texel::{Texel, texel_normal}
-#import bevy_frugal_gi::gi::vpl::importance::{IMPORTANCE_POINTS, ImportancePoints, Receiver}
+#import bevy_frugal_gi::gi::vpl::importance::{IMPORTANCE_POINTS, ImportancePoints, ImportancePoint}
 
 @group(0) @binding(0) var<storage, read> patches: array<Patch>;
 @group(0) @binding(1) var<storage, read_write> importance: ImportancePoints;
@@ -23,7 +23,7 @@ fn pick_patches(@builtin(local_invocation_index) index: u32) {
     let own = patches[index * step + step / 2u];
     var texel: Texel;
     texel.packed_normal = own.packed_normal;
-    var point: Receiver;
+    var point: ImportancePoint;
     point.position = own.position;
     point.normal = texel_normal(texel);
     point.radius_squared = select(0.0, clamp(own.area * f32(step) * REACH, 1e-12, 1e18), own.area > 0.0);

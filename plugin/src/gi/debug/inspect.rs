@@ -31,7 +31,7 @@ pub const STRUCT_BYTES: [(&str, u64); 14] = [
     trace::STRUCT_BYTES[0],
     trace::STRUCT_BYTES[1],
     trace::STRUCT_BYTES[2],
-    ("Receiver", IMPORTANCE_POINT_BYTES),
+    ("ImportancePoint", IMPORTANCE_POINT_BYTES),
     ("Patch", size_of::<Patch>() as u64),
     ("Plan", size_of::<VplPlan>() as u64),
     ("Gather", size_of::<GatherSettings>() as u64),

@@ -7,7 +7,7 @@ use crate::gi::texels::TexelRow;
 
 /// Surface points that stand for all surfaces in view. As many as in `vpl/importance.wgsl`.
 const IMPORTANCE_POINTS: u64 = 32;
-/// Bytes of `vpl/importance.wgsl`'s `Receiver`. A test compares it with the shader.
+/// Bytes of `vpl/importance.wgsl`'s `ImportancePoint`. A test compares it with the shader.
 pub(in crate::gi) const IMPORTANCE_POINT_BYTES: u64 = 32;
 
 /// Bytes of its `ImportancePoints`.

@@ -2,7 +2,7 @@
 // patches), and the geometry term between them and a texel.
 #define_import_path bevy_frugal_gi::gi::vpl::importance
 
-struct Receiver {
+struct ImportancePoint {
     /// World space, metres.
     position: vec3<f32>,
     /// Squared radius of the disk that it stands for, m²; 0 where there is no surface.
@@ -21,11 +21,11 @@ const IMPORTANCE_POINTS: u32 = COLUMNS * ROWS;
 struct ImportancePoints {
     /// Defensive-sampling term: added to the importance of every texel, 1/m².
     defensive_term: f32,
-    points: array<Receiver, 32>,
+    points: array<ImportancePoint, 32>,
 }
 
 /// Importance of a surface point to an importance point: their unoccluded geometry term, 1/m².
-fn importance_of(point: Receiver, position: vec3<f32>, normal: vec3<f32>) -> f32 {
+fn importance_of(point: ImportancePoint, position: vec3<f32>, normal: vec3<f32>) -> f32 {
     let to_point = position - point.position;
     let square = clamp(dot(to_point, to_point), 1e-18, 1e30);
     let cosines = max(dot(point.normal, to_point), 0.0) * max(-dot(normal, to_point), 0.0) / square;

@@ -12,7 +12,7 @@
 #import bevy_render::view::View
 #import bevy_frugal_gi::gi::texels::texel::{Texel, texel_luminance, texel_normal}
 #import bevy_frugal_gi::gi::view::surface::{pixel_position, pixel_width, surface_normal}
-#import bevy_frugal_gi::gi::vpl::importance::{COLUMNS, IMPORTANCE_POINTS, ImportancePoints, ROWS, Receiver, importance_of}
+#import bevy_frugal_gi::gi::vpl::importance::{COLUMNS, IMPORTANCE_POINTS, ImportancePoints, ROWS, ImportancePoint, importance_of}
 #import bevy_frugal_gi::gi::texels::rows::{Row, TILE, is_cut}
 
 @group(0) @binding(0) var g_buffer: texture_2d<u32>;
@@ -35,7 +35,7 @@ fn pick_importance_points(@builtin(local_invocation_index) index: u32) {
     let uv = (cell + vec2(shift, 0.5)) / vec2(f32(COLUMNS), f32(ROWS));
     let pixel = min(vec2<u32>(uv * vec2<f32>(size)), size - 1u);
     let depth = textureLoad(depth_buffer, pixel, 0);
-    var point: Receiver;
+    var point: ImportancePoint;
     point.position = pixel_position(pixel, size, max(depth, 1e-30), view.world_from_clip);
     point.normal = surface_normal(textureLoad(g_buffer, pixel, 0));
     // About the surface that a rectangle of the grid covers: distances below that cannot be
