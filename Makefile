@@ -1,4 +1,5 @@
-# Two front doors: `make demo` and `make test`. Each makes the machine ready first (scripts/setup), says what it installs, and asks for nothing.
+# Begin with `make demo` or `make test`. Each prepares the machine first (scripts/setup), says what it
+# installs, and asks for nothing.
 #
 #   make demo     precomputes a scene, plays it under a power and an error budget, writes a report to target/demo
 #   make test     every test
@@ -21,9 +22,10 @@ EXAMPLE = minimal
 BENCH = baseline
 ARGS =
 
-# One folder for all clones on this machine, so that the demo, the tests and CI share one build of Bevy, which takes most of an hour of processor
-# time. For the same reason every command below says --workspace: Cargo unifies features for each selection of packages, and another
-# selection compiles another Bevy.
+# One folder for all clones on this machine, so that the demo, the tests and CI share one build of
+# Bevy, which takes most of an hour of CPU time. For the same reason every command below says
+# --workspace: Cargo unifies features for each selection of packages, and another selection compiles
+# another Bevy.
 ifneq ($(HOME),)
 export CARGO_TARGET_DIR ?= $(HOME)/.cache/frugal-gi/build
 else
@@ -35,17 +37,19 @@ FRUGAL = $(CARGO_TARGET_DIR)/debug/frugal
 .PHONY: help demo test run bench check ci setup build clean-demo
 
 help:
-	@sed -n '3,9s/^# *//p' Makefile
+	@sed -n '4,10s/^# *//p' Makefile
 
 setup:
 	@scripts/setup
 
 build: setup
 	cargo build --workspace
+	@echo "Built. Next: make demo, or scripts/run $(FRUGAL) --help."
 
 demo: build
 	scripts/run "$(FRUGAL)" demo "$(SCENE)" --output "$(OUTPUT)" --size $(SIZE) --fps $(FPS) --time-limit $(TIME_LIMIT) \
 		--power-budget $(POWER_BUDGET) --error-budget $(ERROR_BUDGET)
+	@echo "Next: open $(OUTPUT)/report.html, then make run EXAMPLE=budget, or put the map into an app (docs/using.md)."
 
 test: setup
 	scripts/test
@@ -62,6 +66,7 @@ check: setup
 	cargo fmt --all --check
 	cargo clippy --workspace --all-targets -- -D warnings
 	RUSTDOCFLAGS="-D warnings" cargo doc --workspace --no-deps
+	@echo "Clean. Next: make test."
 
 ci:
 	.ci/run

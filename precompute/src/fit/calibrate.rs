@@ -15,8 +15,7 @@ const RANGE: (f64, f64) = (0.0015, 0.2);
 const STEPS: i32 = 40;
 /// Bound on the loss, in budgets: B of conformal risk control. Higher values leave a larger margin,
 /// most where cameras are few. At 2, a map of 23 cameras gave a tour a mean error of 0.0242 for a
-/// budget of 0.02: each switch of settings drops the history of indirect light, and clips at
-/// calibration cameras have no switches.
+/// budget of 0.02.
 const BOUND: f64 = 4.0;
 
 /// One calibration camera: its frontier by the map, and the rendered error of each of the

@@ -416,8 +416,12 @@ fn with_errors_of_play(table: &CostTable, ratio: f64) -> CostTable {
     scaled
 }
 
-/// Calibrates error budgets. `trained`: costs at training cameras, and the numbers of those in the
-/// fit; `apart`: costs at calibration cameras.
+/// Cameras of tracks that are enough to calibrate by them alone.
+const ENOUGH_ON_TRACKS: usize = 20;
+
+/// Calibrates error budgets: by cameras of tracks where there are enough, since these are the views
+/// that users play, and by all else. `trained`: costs at training cameras, and the numbers of those
+/// in the fit; `apart`: costs at calibration cameras.
 fn calibrated(
     subject: &Subject<'_>,
     cameras: &CameraSet,
@@ -430,13 +434,22 @@ fn calibrated(
     };
     let views = views(&cameras.calibration, subject.lens);
     let apart = views.iter().enumerate().take(apart.rows()).filter_map(|(row, view)| {
-        Some((look_up_in(&fitted.octree, subject.bounds, view)?.frontier, apart, row))
+        let frontier = look_up_in(&fitted.octree, subject.bounds, view)?.frontier;
+        Some((cameras.calibration[row].is_on_track(), frontier, apart, row))
     });
-    let crossed = fitted.held_out.iter().zip(rows).map(|(frontier, row)| (frontier, trained, *row));
-    let all: Vec<_> = apart
-        .chain(crossed)
-        .filter(|(frontier, ..)| !frontier.is_empty())
-        .map(|(frontier, table, row)| {
+    let crossed = fitted
+        .held_out
+        .iter()
+        .zip(rows)
+        .map(|(frontier, row)| (cameras.training[*row].is_on_track(), frontier, trained, *row));
+    let mut all: Vec<_> =
+        apart.chain(crossed).filter(|(_, frontier, ..)| !frontier.is_empty()).collect();
+    if all.iter().filter(|(is_on_track, ..)| *is_on_track).count() >= ENOUGH_ON_TRACKS {
+        all.retain(|(is_on_track, ..)| *is_on_track);
+    }
+    let all: Vec<_> = all
+        .into_iter()
+        .map(|(_, frontier, table, row)| {
             (frontier, move |settings: KnobLevels| error(table, row, settings))
         })
         .collect();
