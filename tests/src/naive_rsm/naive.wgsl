@@ -6,8 +6,8 @@
 
 #import bevy_core_pipeline::fullscreen_vertex_shader::FullscreenVertexOutput
 #import bevy_render::view::View
-#import bevy_frugal_gi::gi::rsm::texel::{Texel, texel_normal}
-#import bevy_frugal_gi::gi::surface::{Surface, read_surface, scattered_share}
+#import bevy_frugal_gi::gi::texels::texel::{Texel, texel_normal}
+#import bevy_frugal_gi::gi::view::surface::{Surface, read_surface, scattered_share}
 
 struct Face {
     clip_from_world: mat4x4<f32>,
