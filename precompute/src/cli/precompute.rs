@@ -396,10 +396,6 @@ pub(super) fn print_outcome(map: &FrontierMap, outcome: &Outcome) {
             fixed.join(", ")
         );
     }
-    println!(
-        "errors in play are {:.2} times those of short clips, and scaled so",
-        outcome.play_ratio
-    );
     match map.error_rates.0.first() {
         Some(least) => println!(
             "error budgets from {} up are calibrated; the best settings rendered twice differ by {:.4}",

@@ -8,7 +8,7 @@ use std::time::{Duration, Instant};
 use bevy_frugal_gi::frontier::CostPoint;
 use bevy_frugal_gi::knobs::KnobLevels;
 
-use super::{PipelineError, play};
+use super::PipelineError;
 use crate::cameras::{CameraSet, MovingCamera};
 use crate::journal::Journal;
 use crate::table::Measure;
@@ -20,8 +20,6 @@ pub enum Purpose {
     Training,
     /// Calibrating error budgets.
     Calibration,
-    /// Long clips at training cameras, as in play.
-    Play,
 }
 
 impl Purpose {
@@ -29,7 +27,6 @@ impl Purpose {
         match self {
             Self::Training => 't',
             Self::Calibration => 'c',
-            Self::Play => 'p',
         }
     }
 }
@@ -171,8 +168,7 @@ impl<'a, M: Measure> Renderings<'a, M> {
     fn render(&mut self, question: Question) -> Result<(), PipelineError<M::Error>> {
         let (purpose, camera, settings) = question;
         let Some(camera) = self.camera(purpose, camera) else { return Ok(()) };
-        let frames = if purpose == Purpose::Play { play::FRAMES } else { self.frames };
-        let clip = camera.clip(frames, self.frames_per_second);
+        let clip = camera.clip(self.frames, self.frames_per_second);
         let started = Instant::now();
         let cost = self.measure.measure(&clip, settings).map_err(PipelineError::Measure)?;
         self.seconds += started.elapsed().as_secs_f64();
@@ -184,7 +180,7 @@ impl<'a, M: Measure> Renderings<'a, M> {
 
     fn camera(&self, purpose: Purpose, camera: usize) -> Option<&MovingCamera> {
         match purpose {
-            Purpose::Training | Purpose::Play => self.cameras.training.get(camera),
+            Purpose::Training => self.cameras.training.get(camera),
             Purpose::Calibration => self.cameras.calibration.get(camera),
         }
     }
@@ -249,7 +245,6 @@ fn read_rendering(record: &str) -> Option<(Question, CostPoint)> {
     let purpose = match words.next()? {
         "t" => Purpose::Training,
         "c" => Purpose::Calibration,
-        "p" => Purpose::Play,
         _ => return None,
     };
     let mut number = || u64::from_str_radix(words.next()?, 16).ok();
