@@ -3,6 +3,7 @@
 #
 #   make demo     precomputes a scene, plays it under a power and an error budget, writes a report to target/demo
 #   make test     every test
+#   make build    everything, and nothing else
 #   make run      an example: make run EXAMPLE=budget
 #   make bench    a benchmark: make bench BENCH=baseline ARGS='--size 320x180'
 #   make check    formatting, lints, documentation; warnings are errors
@@ -37,7 +38,7 @@ FRUGAL = $(CARGO_TARGET_DIR)/debug/frugal
 .PHONY: help demo test run bench check ci setup build clean-demo
 
 help:
-	@sed -n '4,10s/^# *//p' Makefile
+	@sed -n '4,11s/^# *//p' Makefile
 
 setup:
 	@scripts/setup

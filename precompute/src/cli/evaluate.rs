@@ -309,7 +309,7 @@ pub(super) fn plan_path(
         let known = if known.is_empty() {
             "it has none".to_owned()
         } else {
-            format!("it has {}", known.join(", "))
+            format!("it has {}; name one of them with --path", known.join(", "))
         };
         return Err(CliError::usage(format!(
             "{}: no path `{name}`: {known}",
