@@ -73,7 +73,7 @@ pub enum PipelineError<E> {
     Interrupted,
     /// This shard has rendered its share of the batch; other shards have not.
     #[error(
-        "this shard's share is rendered: merge the shards' journals with `frugal merge`, then run every shard again"
+        "this shard's share is rendered: merge the shards' journals with `frugal merge`, then run every shard again with --resume"
     )]
     NeedsMerge,
     /// No camera in free space sees any geometry.
