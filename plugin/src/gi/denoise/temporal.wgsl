@@ -144,7 +144,10 @@ fn accumulate(@builtin(global_invocation_id) id: vec3<u32>) {
     let was = luminance(before);
     let changed = min(luminance_change(luminance(present), was, ERRORS * own.a), luminance_change(around / around_weights, was, ERRORS * own.a));
     let share = mix(1.0, max(reprojection.present_weight, changed), select(0.0, found.a, found.a > 0.01));
-    let shown = select(present, mix(before, present, share), share < 1.0);
+    // Not mix(): where nothing changes it would lose a bit of the half float in each frame, on devices
+    // that truncate, and never win it back.
+    let blended = before + (present - before) * share;
+    let shown = select(present, blended, share < 1.0);
     let away = min(distance(position, view.world_position), 60000.0);
     textureStore(accumulated, id.xy, vec4(select(vec3(0.0), shown, depth > 0.0), select(0.0, away, depth > 0.0)));
 }

@@ -124,7 +124,8 @@ pub(super) fn prepare(
         }
         next.step = match next.work.gather {
             false => Step::Rests,
-            true if is_cut => Step::Begins,
+            // What was gathered before all occluders were there is no history.
+            true if is_cut || held_inputs.has_occluders != inputs.has_occluders => Step::Begins,
             true if !held_inputs.has_settings_of(&inputs) => Step::Switches,
             true if moved || fit > Fit::Same || always || frame.gather => Step::Moves,
             true => Step::Begins,
