@@ -38,6 +38,13 @@ pub fn spawn<M: Material>(
     world.spawn((Mesh3d(mesh), MeshMaterial3d(material), transform)).id()
 }
 
+/// Spawns a white floor of 4 m and, 2 m behind its centre, a grey wall of 2 m, facing +Z.
+pub fn spawn_corner(stage: &mut Stage, grey: f32) {
+    spawn_box(stage, Vec3::new(0.0, -0.1, 0.0), Vec3::new(4.0, 0.2, 4.0), diffuse(0.8, 0.8, 0.8));
+    let wall = diffuse(grey, grey, grey);
+    spawn_box(stage, Vec3::new(0.0, 1.0, -2.0), Vec3::new(4.0, 2.0, 0.2), wall);
+}
+
 /// Spawns an axis-aligned box.
 pub fn spawn_box(
     stage: &mut Stage,

@@ -8,7 +8,7 @@ use bevy::ecs::query::With;
 use bevy::ecs::world::Mut;
 use bevy::math::{UVec2, Vec3};
 use bevy::mesh::Mesh3d;
-use bevy_frugal_gi::gi::{CameraCut, FrugalGi, GiCounts, GiShading};
+use bevy_frugal_gi::gi::{FrugalGi, GiCounts, GiShading};
 use frugal::scene::{self, CameraPose, Geometry, Light, SceneDescription};
 use frugal::stage::{Component, Output, Radiance, Stage, StageOptions};
 
@@ -77,9 +77,7 @@ pub fn apply(stage: &mut Stage, text: &str) {
 
 /// Applies settings without a camera cut.
 pub fn switch(stage: &mut Stage, text: &str) {
-    apply(stage, text);
-    let camera = camera(stage);
-    stage.world_mut().entity_mut(camera).remove::<CameraCut>();
+    stage.switch_text(text).unwrap_or_else(|error| panic!("{error}"));
 }
 
 /// Moves the camera to `position`, looking at `target`.

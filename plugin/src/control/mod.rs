@@ -18,7 +18,6 @@ mod pace;
 mod select;
 mod selection;
 mod systems;
-pub use crate::knobs::KnownKnobs;
 pub use budget::{Budget, BudgetError};
 pub use filter::{SettingsFilter, TransitionTimes};
 pub use pace::{ErrorPace, choose};
@@ -35,6 +34,7 @@ use bevy::log::warn;
 use bevy::transform::TransformSystems;
 
 use crate::frontier::FrontierMap;
+use crate::knobs::KnownKnobs;
 
 /// When the controller runs.
 #[derive(SystemSet, Clone, Copy, Debug, PartialEq, Eq, Hash)]

@@ -12,10 +12,10 @@ use bevy::transform::components::GlobalTransform;
 
 use super::{
     Budget, ControlSettings, ControlStatus, ErrorPace, FrontierMapHandle, FrontierSource,
-    KnownKnobs, OffReason, Selection, SettingsFilter, choose,
+    OffReason, Selection, SettingsFilter, choose,
 };
 use crate::frontier::{CameraView, FrontierMap, FrontierStore};
-use crate::knobs::{KnobLevels, KnobSettings, KnobSpace};
+use crate::knobs::{KnobLevels, KnobSettings, KnobSpace, KnownKnobs};
 
 /// Computed once per map: its knobs, shared by all cameras, or the reason why it cannot be used.
 type Prepared = Result<Arc<KnobSpace>, (OffReason, String)>;

@@ -331,6 +331,11 @@ impl Stage {
     /// Sets the knobs on offer, with a camera cut: the next frame has no temporal history.
     pub fn apply(&mut self, settings: KnobLevels) {
         self.switch(settings);
+        self.cut();
+    }
+
+    /// Makes the next frame a camera cut.
+    fn cut(&mut self) {
         self.app.world_mut().entity_mut(self.camera).insert(CameraCut);
     }
 
@@ -340,12 +345,22 @@ impl Stage {
         self.insert_settings(space, settings);
     }
 
-    /// Sets knobs from text: `max`, `min`, or `knob=level` pairs; the others on offer are set to
-    /// their best. The text may name knobs that must be named.
+    /// Sets knobs from text with a camera cut: `max`, `min`, or `knob=level` pairs; the others on
+    /// offer are set to their best. The text may name knobs that must be named.
     ///
     /// # Errors
     /// When the text has another form, or names an unknown knob or level.
     pub fn apply_text(&mut self, text: &str) -> Result<(), StageError> {
+        self.switch_text(text)?;
+        self.cut();
+        Ok(())
+    }
+
+    /// As [`apply_text`](Self::apply_text), without a cut.
+    ///
+    /// # Errors
+    /// As [`apply_text`](Self::apply_text).
+    pub fn switch_text(&mut self, text: &str) -> Result<(), StageError> {
         let names = || text.split(',').filter_map(|part| Some(part.split_once('=')?.0.trim()));
         let all = self
             .app
@@ -358,7 +373,6 @@ impl Stage {
         let space = all.subset(offered.chain(named))?;
         let settings = space.parse(text)?;
         self.insert_settings(Arc::new(space), settings);
-        self.app.world_mut().entity_mut(self.camera).insert(CameraCut);
         Ok(())
     }
 

@@ -119,7 +119,7 @@ fn patches_match_their_cpu_reference() {
     set::apply(&mut stage, RAYS);
     set::radiance(with_bounces(&mut stage, 2));
     let state = inspect::gpu_state(stage.render_world());
-    let buffer = state.cameras[0].bounces.as_ref().expect("two bounces").carriers.clone();
+    let buffer = state.cameras[0].bounces.as_ref().expect("two bounces").bounce_vpls.clone();
     let bounce_vpls = gpu::vpl_slots(&gpu::read_buffer(stage.render_world(), &buffer));
     let (mut checked, mut worst) = (0, 0.0f64);
     for patch in patches(&stage).iter().filter(|patch| patch.extent > 0.0) {

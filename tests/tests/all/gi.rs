@@ -35,18 +35,7 @@ pub const PLAIN: &str = "min,gi_refresh_period=1,gi_vpl_count=256,gi_interleave=
 /// A white floor, lit from above, and a grey wall, lit by the floor and facing the camera.
 pub fn corner(lights: Vec<Light>) -> Stage {
     let mut stage = set::bare(lights, set::radiance_options(48, 27, Component::Indirect));
-    meshes::spawn_box(
-        &mut stage,
-        Vec3::new(0.0, -0.1, 0.0),
-        Vec3::new(4.0, 0.2, 4.0),
-        meshes::diffuse(0.8, 0.8, 0.8),
-    );
-    meshes::spawn_box(
-        &mut stage,
-        Vec3::new(0.0, 1.0, -2.0),
-        Vec3::new(4.0, 2.0, 0.2),
-        meshes::diffuse(0.5, 0.5, 0.5),
-    );
+    meshes::spawn_corner(&mut stage, 0.5);
     set::look(&mut stage, Vec3::new(0.0, 1.2, 3.0), Vec3::new(0.0, 0.8, -2.0));
     set::apply(&mut stage, PLAIN);
     stage

@@ -152,18 +152,7 @@ fn rays_enabled_at_the_end_of_a_frame_work_one_frame_later() {
     let mut stage = set::bare_with(vec![sun(Vec3::NEG_Y)], options, |app| {
         app.add_systems(Last, ask);
     });
-    meshes::spawn_box(
-        &mut stage,
-        Vec3::new(0.0, -0.1, 0.0),
-        Vec3::new(4.0, 0.2, 4.0),
-        meshes::diffuse(0.8, 0.8, 0.8),
-    );
-    meshes::spawn_box(
-        &mut stage,
-        Vec3::new(0.0, 1.0, -2.0),
-        Vec3::new(4.0, 2.0, 0.2),
-        meshes::diffuse(0.5, 0.5, 0.5),
-    );
+    meshes::spawn_corner(&mut stage, 0.5);
     meshes::spawn_box(
         &mut stage,
         Vec3::new(0.0, 1.0, -1.85),

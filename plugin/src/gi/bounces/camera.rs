@@ -39,7 +39,7 @@ struct LightInputs {
 #[derive(Clone, Debug)]
 pub struct GiBouncesState {
     /// The bounce VPLs, which light its patches (`vpl/vpl.wgsl`): one set, from the last round.
-    pub carriers: Buffer,
+    pub bounce_vpls: Buffer,
     /// Its patches' texels in the store.
     pub texels: Range<u32>,
 }
@@ -84,7 +84,7 @@ impl BounceCamera {
     /// For tests and debuggers.
     pub(in crate::gi) fn state(&self) -> GiBouncesState {
         GiBouncesState {
-            carriers: self.bounce_vpls.clone(),
+            bounce_vpls: self.bounce_vpls.clone(),
             texels: self.first_texel()..self.first_texel() + PATCHES as u32,
         }
     }

@@ -58,29 +58,21 @@ pub const GI_DIAGNOSTICS: [Count; 8] = [
     (DiagnosticPath::const_new("gi/memory"), " MiB", |counts| counts.bytes as f64 / 1_048_576.0),
 ];
 
-pub(super) fn finish(app: &mut App) {
-    if supported_render_app(app).is_none() {
-        return;
-    }
-    let counts = build(app);
-    let Some(render_app) = supported_render_app(app) else { return };
-    render_app
-        .insert_resource(counts)
-        .init_resource::<GiCounts>()
-        .add_systems(Render, count.in_set(RenderSystems::PrepareBindGroups));
-}
-
 /// Shared by both worlds.
 #[derive(Resource, Clone, Debug, Default)]
 struct SharedCounts(Arc<Mutex<GiCounts>>);
 
-fn build(app: &mut App) -> SharedCounts {
+pub(super) fn finish(app: &mut App) {
+    let shared = SharedCounts::default();
+    let Some(render_app) = supported_render_app(app) else { return };
+    render_app
+        .insert_resource(shared.clone())
+        .init_resource::<GiCounts>()
+        .add_systems(Render, count.in_set(RenderSystems::PrepareBindGroups));
     for (path, suffix, _) in GI_DIAGNOSTICS {
         app.register_diagnostic(Diagnostic::new(path).with_suffix(suffix));
     }
-    let shared = SharedCounts::default();
-    app.insert_resource(shared.clone()).add_systems(PreUpdate, publish);
-    shared
+    app.insert_resource(shared).add_systems(PreUpdate, publish);
 }
 
 fn publish(shared: Res<SharedCounts>, mut diagnostics: Diagnostics) {

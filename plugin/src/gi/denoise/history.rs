@@ -94,10 +94,8 @@ pub(in crate::gi) struct History {
     pub(super) reprojection: Buffer,
     /// Its camera.
     camera: Option<GatherCamera>,
-    /// Frames in the accumulated mean.
+    /// Frames in the accumulated mean. At rest it falls to 1: the last gather, without any history.
     length: u32,
-    /// Frames until the image equals the last gather, without any history.
-    left: u32,
     /// Whether the accumulated irradiance changes in this frame.
     pub(super) accumulates: bool,
 }
@@ -118,7 +116,6 @@ impl History {
             reprojection,
             camera: None,
             length: 0,
-            left: 0,
             accumulates: false,
         }
     }
@@ -141,7 +138,7 @@ impl History {
             Step::Begins => 1,
             Step::Moves => frames.min(self.length + 1),
             Step::Switches => frames.min(self.length.min(FRAMES_AT_SWITCH) + 1),
-            Step::Rests => self.left,
+            Step::Rests => self.length.saturating_sub(1),
         };
         self.accumulates = length > 0;
         if !self.accumulates {
@@ -164,13 +161,12 @@ impl History {
             then.map_or(Reprojection::NONE, |then| Reprojection::new(&then, &view.camera, weight));
         queue.write_buffer(&self.reprojection, 0, bytemuck::bytes_of(&reprojection));
         self.length = if reprojection == Reprojection::NONE { 1 } else { length };
-        self.left = self.length - 1;
         self.camera = Some(view.camera);
     }
 
     /// Whether the image still changes although nothing moves.
     pub fn is_converging(&self) -> bool {
-        self.left > 0
+        self.length > 1
     }
 
     /// Bytes held on the GPU, without [`GatherView::irradiance`].

@@ -15,45 +15,15 @@ use crate::gi::texels::{CascadeCut, TexelRange, TexelRow, TexelStore};
 use crate::gi::trace::GiOccluders;
 use crate::gi::view::{CutCameras, Fit, GatherCamera, GiFrame, GiRefresh, GiView, Step, Work};
 
-/// The inputs of a camera's VPLs and of its gather, beside the scene.
+/// The inputs of a camera's VPLs and of its gather, beside the scene and what its [`GiView`] holds.
 #[derive(Component, Clone, Debug, PartialEq)]
 pub(super) struct ViewInputs {
-    gi: FrugalGi,
-    exposure: f32,
     world_from_view: Affine3A,
     clip_from_view: Mat4,
     sky: Option<SkyInputs>,
     /// Whether the occluders were collected. In the frame in which an app switches rays on, they
     /// may not be yet.
     has_occluders: bool,
-}
-
-impl ViewInputs {
-    fn new(
-        gi: &FrugalGi,
-        camera: &ExtractedCamera,
-        view: &ExtractedView,
-        sky: Option<SkyInputs>,
-        has_occluders: bool,
-    ) -> Self {
-        let (world_from_view, clip_from_view) =
-            (view.world_from_view.affine(), view.clip_from_view);
-        Self {
-            gi: gi.clone(),
-            exposure: camera.exposure,
-            world_from_view,
-            clip_from_view,
-            sky,
-            has_occluders,
-        }
-    }
-}
-
-impl ViewInputs {
-    /// Whether settings and sky are equal, wherever the camera is.
-    fn has_settings_of(&self, other: &Self) -> bool {
-        self.gi == other.gi && self.sky == other.sky
-    }
 }
 
 /// Gives every GI camera that has light to gather its [`GiView`], and takes it from the others.
@@ -110,14 +80,23 @@ pub(super) fn prepare(
             work: Work::ALL,
             step: Step::Begins,
         };
-        let inputs = ViewInputs::new(gi, camera, view, sky, occluders.is_kept());
+        let inputs = ViewInputs {
+            world_from_view: view.world_from_view.affine(),
+            clip_from_view: view.clip_from_view,
+            sky,
+            has_occluders: occluders.is_kept(),
+        };
         let Ok((mut held, mut held_inputs)) = held.get_mut(entity) else {
             commands.entity(entity).insert((next, inputs));
             continue;
         };
         let is_cut = cuts.0.contains(&main_entity.id());
         let fit = held.fit(&next);
-        let moved = *held_inputs != inputs || is_cut;
+        let switched = held.gi != next.gi || held_inputs.sky != inputs.sky;
+        let moved = switched
+            || *held_inputs != inputs
+            || held.camera.exposure != next.camera.exposure
+            || is_cut;
         if fit != Fit::Empty {
             let changed = moved || fit == Fit::LaidOut;
             next.work = held.work.next(changed, always, &frame, *policy, gi.refresh_period.max(1));
@@ -126,7 +105,7 @@ pub(super) fn prepare(
             false => Step::Rests,
             // What was gathered before all occluders were there is no history.
             true if is_cut || held_inputs.has_occluders != inputs.has_occluders => Step::Begins,
-            true if !held_inputs.has_settings_of(&inputs) => Step::Switches,
+            true if switched => Step::Switches,
             true if moved || fit > Fit::Same || always || frame.gather => Step::Moves,
             true => Step::Begins,
         };

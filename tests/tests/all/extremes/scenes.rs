@@ -177,18 +177,7 @@ fn a_light_in_a_wall_shines_through_it_as_its_shadow_map_does() {
     };
     let lights = |component: Component| {
         let mut stage = set::bare(vec![], set::radiance_options(48, 27, component));
-        meshes::spawn_box(
-            &mut stage,
-            Vec3::new(0.0, -0.1, 0.0),
-            Vec3::new(4.0, 0.2, 4.0),
-            meshes::diffuse(0.8, 0.8, 0.8),
-        );
-        meshes::spawn_box(
-            &mut stage,
-            Vec3::new(0.0, 1.0, -2.0),
-            Vec3::new(4.0, 2.0, 0.2),
-            meshes::diffuse(0.5, 0.5, 0.5),
-        );
+        meshes::spawn_corner(&mut stage, 0.5);
         // The wall and the floor before it, past the box.
         set::look(&mut stage, Vec3::new(1.6, 1.2, 1.0), Vec3::new(-0.5, 0.3, -2.0));
         set::apply(&mut stage, PLAIN);

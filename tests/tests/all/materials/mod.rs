@@ -124,18 +124,7 @@ impl Bench {
         // With custom materials every frame counts as a change, so that temporal accumulation would
         // never converge.
         set::disable_history(&mut stage);
-        meshes::spawn_box(
-            &mut stage,
-            Vec3::new(0.0, -0.1, 0.0),
-            Vec3::new(4.0, 0.2, 4.0),
-            meshes::diffuse(0.8, 0.8, 0.8),
-        );
-        meshes::spawn_box(
-            &mut stage,
-            Vec3::new(0.0, 1.0, -2.0),
-            Vec3::new(4.0, 2.0, 0.2),
-            meshes::diffuse(GREY, GREY, GREY),
-        );
+        meshes::spawn_corner(&mut stage, GREY);
         // The sun's map covers the bounds of all meshes. This slab makes them the same for all
         // samples, including skins and morphs.
         meshes::spawn_box(
