@@ -7,6 +7,7 @@
 //! map is worse than its own best constant. Differs from Wang et al. 2016, section 3.5.3, who
 //! divide where frontiers differ, to which noise suffices. Independent of the renderer.
 mod calibrate;
+mod cluster;
 mod estimate;
 mod octree;
 mod smooth;

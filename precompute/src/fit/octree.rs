@@ -6,12 +6,17 @@ use bevy_frugal_gi::frontier::{
     Address, Bounds, CameraView, Corner, Frontier, Leaf, Octree, ViewDirection,
 };
 
+use super::cluster::cluster;
 use super::estimate::{Estimate, Keys, Pyramid, Training, leaf_at};
 use super::validate::held_out;
 use super::{Losses, Smoother};
 
 /// Least weight of evidence; an address without cameras and with less takes the shared frontier.
 const LEAST_WEIGHT: f64 = 0.5;
+/// Mean difference, of the logarithms of power and error, below which frontiers are the same.
+const LEAST_DISTANCE: f64 = 0.02;
+/// Greatest number of frontiers; each takes about half a kilobyte of a map's file.
+const MOST_FRONTIERS: usize = 64;
 
 /// Configuration of the fit.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -150,11 +155,9 @@ pub fn fit(
     };
     report.octree_loss = depths.as_ref().map_or(report.shared_loss, of_octree);
     let held_out = held_out(training, &smoother, &keys, depths.as_deref());
-    fill(
-        &mut octree,
-        &leaves,
-        &Known { training, keys: &keys, pyramid: &pyramid, estimates: &estimates, shared: &shared },
-    );
+    let known =
+        Known { training, keys: &keys, pyramid: &pyramid, estimates: &estimates, shared: &shared };
+    fill(&mut octree, &leaves, &known);
     Fitted { octree, shared, report, held_out }
 }
 
@@ -220,36 +223,52 @@ struct Known<'a> {
 }
 
 impl Known<'_> {
-    /// The frontier of an address: from its cameras, or from those around it.
-    fn frontier(&self, address: Address) -> Frontier {
+    /// The estimate of an address: from its cameras, or from those around it; `None` for the
+    /// shared one.
+    fn estimate(&self, address: Address) -> Option<Estimate> {
         if self.estimates.is_empty() {
-            return self.shared.clone();
+            return None;
         }
         if let Some(estimate) = self.estimates.get(&address) {
-            return self.training.frontier(estimate);
+            return Some(estimate.clone());
         }
         let around = self.pyramid.address(self.keys, address, 0);
-        if around.weight < LEAST_WEIGHT {
-            self.shared.clone()
-        } else {
-            self.training.frontier(&around)
-        }
+        (around.weight >= LEAST_WEIGHT).then_some(around)
     }
 }
 
-/// Assigns six frontiers to every corner of every leaf; equal frontiers are stored once.
+/// Assigns six frontiers to every corner of every leaf; similar frontiers are stored once.
 fn fill(octree: &mut Octree, leaves: &[(Leaf, usize, Vec<usize>)], known: &Known<'_>) {
     let corners: BTreeSet<[u16; 3]> =
         leaves.iter().flat_map(|(leaf, ..)| (0..8).map(|number| leaf.corner(number))).collect();
-    for at in corners {
-        let frontiers = ViewDirection::ALL.map(|direction| {
-            let frontier = known.frontier(Address { at, direction }).rounded();
-            let index =
-                octree.frontiers.iter().position(|other| *other == frontier).unwrap_or_else(|| {
-                    octree.frontiers.push(frontier);
-                    octree.frontiers.len() - 1
-                });
-            index as u32
+    let addresses = corners
+        .iter()
+        .flat_map(|at| ViewDirection::ALL.map(|direction| Address { at: *at, direction }));
+    let (mut slots, mut estimates) = (Vec::new(), Vec::new());
+    for address in addresses {
+        let estimate = known.estimate(address);
+        slots.push(estimate.is_some().then_some(estimates.len()));
+        estimates.extend(estimate);
+    }
+    // The shared frontier is one of them.
+    let (assigned, means) = cluster(&estimates, MOST_FRONTIERS - 1, LEAST_DISTANCE);
+    let mut index = |frontier: Frontier| {
+        let stored = octree.frontiers.iter().position(|other| *other == frontier);
+        stored.unwrap_or_else(|| {
+            octree.frontiers.push(frontier);
+            octree.frontiers.len() - 1
+        }) as u32
+    };
+    let mut corners = corners.into_iter();
+    for slots in slots.chunks_exact(ViewDirection::ALL.len()) {
+        let Some(at) = corners.next() else { break };
+        let frontiers = std::array::from_fn(|direction| {
+            let cluster = slots[direction].and_then(|slot| assigned.get(slot));
+            let mean = cluster.and_then(|cluster| means.get(*cluster));
+            index(mean.map_or_else(
+                || known.shared.rounded(),
+                |mean| known.training.frontier(mean).rounded(),
+            ))
         });
         octree.corners.push(Corner { at, frontiers });
     }

@@ -110,6 +110,21 @@ fn halves_of_a_scene_that_differ_get_frontiers_of_their_own() {
 }
 
 #[test]
+fn a_map_of_many_cameras_that_all_differ_stays_small() {
+    let scene = scene(300, 3, 0.1, |position| position.x % 4.0 > 2.0);
+    let fitted = fitted(&scene);
+    assert_eq!(fitted.octree.validate(), Ok(()));
+    assert!(fitted.report.addresses > 50, "{:?}", fitted.report);
+    assert!(
+        (10..=64).contains(&fitted.octree.frontiers.len()),
+        "{}",
+        fitted.octree.frontiers.len()
+    );
+    let bytes = ron::to_string(&fitted.octree).expect("serialisable").len();
+    assert!(bytes < 50_000, "{bytes} bytes");
+}
+
+#[test]
 fn no_camera_and_one_camera_are_maps_too() {
     let nothing = fitted(&Scene { cameras: vec![], views: vec![], table: CostTable::new(0) });
     assert!(nothing.shared.is_empty() && nothing.octree.validate() == Ok(()));
