@@ -9,7 +9,7 @@ use super::precompute::{
 };
 use super::{CliError, inspect};
 use crate::evaluate::{BudgetRequest, PowerBudget, table};
-use crate::report::{Report, captioned, evaluation_section, map_section};
+use crate::report::{Report, captioned, evaluation_section, map_section, search_section};
 
 #[derive(clap::Args, Debug)]
 pub(super) struct Arguments {
@@ -51,15 +51,16 @@ pub(super) fn run(arguments: &Arguments) -> Result<(), CliError> {
     let mut stage = open_stage(&scene, &arguments.scene, &arguments.capture)?;
     let map_path = folder.join(format!("{name}.pareto.ron"));
     let journal = journal_path(&map_path, None);
-    let Searched { map, outcome } =
-        search(&mut stage, &scene, &name, &tracks, &search_arguments, &journal, false)?;
+    let searched = search(&mut stage, &scene, &name, &tracks, &search_arguments, &journal, false)?;
+    let Searched { map, outcome, .. } = &searched;
     let _ = std::fs::remove_file(&journal);
     write(&map_path, map.to_ron().map_err(CliError::failed)?.as_bytes())?;
-    print_outcome(&map, &outcome);
+    print_outcome(map, outcome);
 
     let mut report = Report::new(&format!("frugal: {name}"));
     report.facts(&facts(&arguments.scene));
-    report.section(map_section(&inspect::summary(&map))?);
+    report.section(search_section(&searched.summary())?);
+    report.section(map_section(&inspect::summary(map))?);
     let budgets = [
         ("power", BudgetRequest { power: Some(arguments.power_budget), error: None }),
         ("error", BudgetRequest { power: None, error: Some(error) }),
@@ -67,7 +68,7 @@ pub(super) fn run(arguments: &Arguments) -> Result<(), CliError> {
     for (kind, budget) in budgets {
         let evaluation = play(
             &mut stage,
-            &map,
+            map,
             &arguments.scene.display().to_string(),
             &path,
             budget,

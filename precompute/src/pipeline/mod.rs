@@ -5,7 +5,7 @@
 mod pilots;
 mod renderings;
 #[cfg(test)]
-mod tests;
+pub(crate) mod tests;
 
 use bevy_frugal_gi::frontier::{Bounds, CameraView, CostPoint, ErrorRates, look_up_in};
 use bevy_frugal_gi::knobs::{KnobLevels, KnobSpace};
@@ -17,7 +17,7 @@ use crate::journal::JournalError;
 use crate::pool::{Proposal, Screening, portfolio, propose, round_seed, screening_settings};
 use crate::table::{CostTable, Measure};
 
-pub use renderings::{Job, Progress, Purpose, Renderings, Setup};
+pub use renderings::{Job, Progress, Purpose, Renderings, Setup, StageEffort};
 
 /// Share of the time limit for finding the pool; the rest is for cameras.
 const POOL_SHARE: f64 = 0.3;
@@ -48,7 +48,7 @@ pub struct PipelineConfig {
 impl Default for PipelineConfig {
     fn default() -> Self {
         Self {
-            pilots: 2,
+            pilots: 3,
             rounds: 6,
             batch: 8,
             pool: 20,
@@ -102,8 +102,14 @@ pub struct Outcome {
     pub renderings: usize,
     /// Number of renderings made in this run, and their duration in seconds.
     pub effort: (usize, f64),
+    /// The same by stage.
+    pub stages: Vec<StageEffort>,
     /// Mean error of the best settings rendered twice: the noise floor of errors.
     pub noise: f64,
+    /// Costs of the pool at the training cameras of the map.
+    pub training: CostTable,
+    /// Their numbers in the set of cameras, in the order of the table's rows.
+    pub training_cameras: Vec<usize>,
 }
 
 /// The subject of the search.
@@ -350,6 +356,9 @@ fn finish<M: Measure>(
         cameras: [used.len(), counts[1]],
         renderings: renderings.count(),
         effort: renderings.effort(),
+        stages: renderings.stages().to_vec(),
+        training: smooth.rows_of(&rows),
+        training_cameras: rows,
         noise: repeated.iter().sum::<f64>() / repeated.len().max(1) as f64,
         fitted,
     }

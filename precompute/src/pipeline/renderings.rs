@@ -71,6 +71,18 @@ pub struct Renderings<'a, M> {
     /// Number of renderings made in this run, and their duration in seconds.
     made: usize,
     seconds: f64,
+    stages: Vec<StageEffort>,
+}
+
+/// Effort of one stage of a run.
+#[derive(Clone, Debug, PartialEq)]
+pub struct StageEffort {
+    /// Name of the stage.
+    pub stage: String,
+    /// Renderings made in this run.
+    pub renderings: usize,
+    /// Their duration, seconds.
+    pub seconds: f64,
 }
 
 /// Inputs of a pipeline run.
@@ -117,6 +129,7 @@ impl<'a, M: Measure> Renderings<'a, M> {
             limit,
             made: 0,
             seconds: 0.0,
+            stages: Vec::new(),
         };
         for record in &records {
             if let Some((question, cost)) = read_rendering(record) {
@@ -138,6 +151,28 @@ impl<'a, M: Measure> Renderings<'a, M> {
     /// When rendering fails, the journal cannot be written, or the run is stopped.
     pub fn batch(&mut self, stage: &str, jobs: &[Job]) -> Result<(), PipelineError<M::Error>> {
         let total = jobs.iter().map(|job| job.settings.len()).sum();
+        let before = self.effort();
+        let result = self.render_all(stage, jobs, total);
+        let now = self.effort();
+        let (renderings, seconds) = (now.0 - before.0, now.1 - before.1);
+        match self.stages.iter_mut().find(|known| known.stage == stage) {
+            Some(known) => {
+                known.renderings += renderings;
+                known.seconds += seconds;
+            }
+            None => {
+                self.stages.push(StageEffort { stage: stage.to_owned(), renderings, seconds });
+            }
+        }
+        result
+    }
+
+    fn render_all(
+        &mut self,
+        stage: &str,
+        jobs: &[Job],
+        total: usize,
+    ) -> Result<(), PipelineError<M::Error>> {
         let (mut done, mut is_missing) = (0, false);
         for (number, job) in jobs.iter().enumerate() {
             let is_ours = number % self.shard.1 == self.shard.0;
@@ -225,6 +260,11 @@ impl<'a, M: Measure> Renderings<'a, M> {
     /// Number of renderings made in this run, and their duration in seconds.
     pub fn effort(&self) -> (usize, f64) {
         (self.made, self.seconds)
+    }
+
+    /// The same by stage, in the order of the first batch of each.
+    pub fn stages(&self) -> &[StageEffort] {
+        &self.stages
     }
 }
 

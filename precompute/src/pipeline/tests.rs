@@ -135,6 +135,13 @@ fn run_once(setup: &Run<'_>) -> (Result<Outcome, PipelineError<Infallible>>, usi
     (outcome, formula.renderings)
 }
 
+/// A finished search, for the tests of reports.
+pub(crate) fn searched() -> (KnobSpace, Bounds, CameraSet, Outcome) {
+    let folder = tempfile::tempdir().expect("a folder");
+    let outcome = run_once(&whole(&folder.path().join("whole"))).0.expect("a map");
+    (space(), BOUNDS, cameras(), outcome)
+}
+
 fn whole(journal: &Path) -> Run<'_> {
     Run { journal, shard: (0, 1), patience: usize::MAX, limit: None }
 }

@@ -10,6 +10,7 @@
 //! | `plot` | SVG plots: power-error clouds, series over time, bars |
 //! | `evaluation` | `frugal evaluate` |
 //! | `survey`, `map` | `frugal inspect`: statistics of an octree, and the section on it |
+//! | `search` | `frugal precompute`: cameras, costs, influence of knobs, regret, calibration, effort |
 //! | `price` | `frugal price`, also as CSV |
 //! | `sweep` | `frugal sweep` |
 mod evaluation;
@@ -17,6 +18,7 @@ mod map;
 mod page;
 mod plot;
 mod price;
+mod search;
 mod survey;
 mod sweep;
 
@@ -25,6 +27,7 @@ pub use map::{MapSummary, map_report, map_section};
 pub use page::{Report, Section, escape};
 pub use plot::{Bar, Color, Curve, bars, cloud, curves, staircase};
 pub use price::{LevelPrice, PriceSummary, price_csv, price_report};
+pub use search::{SearchSummary, search_section};
 pub use survey::Survey;
 pub use sweep::{SweepSummary, sweep_report, sweep_section};
 
