@@ -8,7 +8,7 @@ use super::{FrontierMap, OctreeError, SceneIdentity};
 pub enum FrontierMapError {
     /// The text is not a frontier map, or is truncated.
     #[error(
-        "line {line}, column {column}: {reason}: the file is cut off or was edited, run `frugal precompute` again"
+        "line {line}, column {column}: {reason}: the file is no frontier map, is cut off or was edited; `frugal precompute` makes one"
     )]
     Parse {
         /// Line, from 1.

@@ -68,8 +68,15 @@ pub(super) struct CameraArguments {
 }
 
 impl CameraArguments {
-    pub fn pose(&self) -> CameraPose {
-        CameraPose::looking_at(self.position, self.look_at)
+    /// # Errors
+    /// Where the camera looks at itself: it has no direction.
+    pub fn pose(&self) -> Result<CameraPose, CliError> {
+        if self.position == self.look_at {
+            return Err(CliError::usage(
+                "--position and --look-at are the same point: the camera has no direction",
+            ));
+        }
+        Ok(CameraPose::looking_at(self.position, self.look_at))
     }
 }
 

@@ -4,9 +4,7 @@ use std::path::{Path, PathBuf};
 
 use super::arguments::{CaptureArguments, json, open_scene, write};
 use super::evaluate::{plan_path, play};
-use super::precompute::{
-    SearchArguments, Searched, journal_path, open_stage, print_outcome, search,
-};
+use super::precompute::{SearchArguments, journal_path, open_stage, print_outcome, search};
 use super::{CliError, inspect};
 use crate::evaluate::{BudgetRequest, PowerBudget, table};
 use crate::report::{Report, captioned, evaluation_section, map_section, search_section};
@@ -52,10 +50,10 @@ pub(super) fn run(arguments: &Arguments) -> Result<(), CliError> {
     let map_path = folder.join(format!("{name}.pareto.ron"));
     let journal = journal_path(&map_path, None);
     let searched = search(&mut stage, &scene, &name, &tracks, &search_arguments, &journal, false)?;
-    let Searched { map, outcome, .. } = &searched;
+    let map = &searched.map;
     let _ = std::fs::remove_file(&journal);
     write(&map_path, map.to_ron().map_err(CliError::failed)?.as_bytes())?;
-    print_outcome(map, outcome);
+    print_outcome(&searched);
 
     let mut report = Report::new(&format!("frugal: {name}"));
     report.facts(&facts(&arguments.scene));

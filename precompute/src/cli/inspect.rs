@@ -128,7 +128,7 @@ fn print_facts(map: &FrontierMap, text: &str) {
     println!("scene      {} ({})", map.scene.name, map.scene.fingerprint);
     println!("capture    {width}x{height} at {} frames per second", map.capture.frames_per_second);
     println!(
-        "power      {:?}, {}: {}",
+        "meter      {:?}, {}: {}",
         map.meter.provenance, map.meter.name, map.meter.description
     );
     println!("knobs      {}, {} combinations", map.knobs.len(), map.knobs.combinations());
@@ -144,6 +144,18 @@ fn print_facts(map: &FrontierMap, text: &str) {
         survey.empty_views,
         survey.known_views + survey.empty_views
     );
+    if let [first, .., last] = map.shared.points() {
+        println!(
+            "power      {:.2} to {:.2} W with errors of {:.4} to {:.4}, mean over the training cameras",
+            first.cost.power.0, last.cost.power.0, first.cost.error, last.cost.error
+        );
+    }
+    match map.error_rates.0.as_slice() {
+        [first, .., last] => {
+            println!("budgets    errors of {} to {} are calibrated", first.budget, last.budget);
+        }
+        _ => println!("budgets    no error budget is calibrated"),
+    }
     println!("thresholds {:.4} W, {}", map.thresholds.power_w, map.thresholds.error);
     println!("file       {} bytes", text.len());
 }

@@ -183,7 +183,7 @@ pub(super) fn run(arguments: &Arguments) -> Result<(), CliError> {
     let searched =
         search(&mut stage, &scene, &name, &tracks, &arguments.search, &journal, arguments.resume)?;
     write(&output, searched.map.to_ron().map_err(CliError::failed)?.as_bytes())?;
-    print_outcome(&searched.map, &searched.outcome);
+    print_outcome(&searched);
     if let Some(folder) = &arguments.report {
         let mut report = Report::new(&format!("frugal precompute: {name}"));
         report.section(search_section(&searched.summary())?);
@@ -385,7 +385,8 @@ pub(super) fn prices(
     WorkPrices { kinds, joules, idle: Watts(idle), maps: layout.maps, has_sky: layout.has_sky }
 }
 
-pub(super) fn print_outcome(map: &FrontierMap, outcome: &Outcome) {
+pub(super) fn print_outcome(searched: &Searched) {
+    let Searched { map, outcome, cameras } = searched;
     let (made, seconds) = outcome.effort;
     println!(
         "{} renderings ({made} in this run, {seconds:.0} s) at {} training and {} calibration cameras; a pool of {} settings",
@@ -394,6 +395,13 @@ pub(super) fn print_outcome(map: &FrontierMap, outcome: &Outcome) {
         outcome.cameras[1],
         outcome.pool.len()
     );
+    let wanted = [cameras.training.len(), cameras.calibration.len()];
+    if outcome.cameras[0] < wanted[0] || outcome.cameras[1] < wanted[1] {
+        println!(
+            "the time limit ended the run: {} training and {} calibration cameras were planned; a longer one gives a better map",
+            wanted[0], wanted[1]
+        );
+    }
     println!("{}", describe(&outcome.fitted.report));
     println!(
         "{} nodes, {} corners, {} frontiers",

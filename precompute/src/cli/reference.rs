@@ -61,7 +61,7 @@ pub(super) fn run(arguments: &Arguments) -> Result<(), CliError> {
     let (description, name) = open_scene(&arguments.camera.scene)?;
     let png = arguments.picture.png(&name)?;
     let scene = ReferenceScene::new(&description)?;
-    let view = View::new(&description, arguments.camera.pose(), arguments.size);
+    let view = View::new(&description, arguments.camera.pose()?, arguments.size);
     let settings = Settings {
         samples: arguments.spp,
         // Components that are not requested are not traced.

@@ -27,7 +27,7 @@ pub(super) fn run(arguments: &Arguments) -> Result<(), CliError> {
         let options =
             StageOptions { output, component: arguments.component, ..arguments.capture.options() };
         let mut stage = Stage::open(&scene, options)?;
-        let pose = arguments.camera.pose();
+        let pose = arguments.camera.pose()?;
         stage.place(pose.position, pose.rotation);
         stage.apply_text(&arguments.settings)?;
         stage.get_ready()?;

@@ -40,7 +40,7 @@ pub(super) fn run(arguments: &Arguments) -> Result<(), CliError> {
     let mut stage = open_stage(&scene, &arguments.camera.scene, &arguments.capture)?;
     stage.warm()?;
     let space = stage.space().clone();
-    let pose = arguments.camera.pose();
+    let pose = arguments.camera.pose()?;
     let bar = progress::bar(space.combinations());
     let points = measure(&mut stage, &pose, &bar)?;
     bar.finish_and_clear();

@@ -105,7 +105,7 @@ pub(super) fn run(arguments: &Arguments) -> Result<(), CliError> {
     };
     let mut stage = Stage::open(&scene, options)?;
     let reference = reference(&scene, arguments)?;
-    let pose = arguments.camera.pose();
+    let pose = arguments.camera.pose()?;
     stage.place(pose.position, pose.rotation);
     stage.warm()?;
 
@@ -205,7 +205,7 @@ pub(super) fn run(arguments: &Arguments) -> Result<(), CliError> {
 
 /// The reference: bounces between Lambertian surfaces, or sky light that one surface scatters.
 fn reference(scene: &SceneDescription, arguments: &Arguments) -> Result<Radiance, CliError> {
-    let view = View::new(scene, arguments.camera.pose(), arguments.size);
+    let view = View::new(scene, arguments.camera.pose()?, arguments.size);
     let samples = arguments.spp;
     let (scene, settings) = if arguments.sky {
         (scene.clone(), Settings { samples, bounces: Some(0), ..Default::default() })
