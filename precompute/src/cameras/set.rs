@@ -153,9 +153,11 @@ impl Source<'_> {
         let near = share(mix.near_tracks).min(count - on.min(count));
         let mut tracked = Vec::new();
         for index in 0..on {
-            tracked.extend(
-                self.attempt(|random| self.on_track(index, on, 0.1, 0.05, random), &mut random),
-            );
+            let near =
+                self.attempt(|random| self.on_track(index, on, 0.1, 0.05, random), &mut random);
+            // Where the track is closer to surfaces than free cameras may be, its own cameras are
+            // right: without them, the views of highest error would be missing.
+            tracked.extend(near.or_else(|| self.on_track(index, on, 0.0, 0.0, &mut random)));
         }
         let mut beside = Vec::new();
         for index in 0..near {
@@ -303,6 +305,22 @@ mod tests {
         };
         let share = set.training.iter().filter(is_near).count();
         assert!((30..50).contains(&share), "{share} of 60 near a path");
+        // None of the cameras on and near tracks is replaced by one in free space.
+        let tracked = set.training.iter().filter(|camera| camera.is_on_track()).count();
+        assert_eq!(tracked, 36 + 9);
+        // No part of a track is left out.
+        for track in &tracks {
+            for (number, stretch) in track.chunks(45).enumerate() {
+                let is_covered = stretch.iter().any(|sample| {
+                    set.training.iter().any(|camera| {
+                        camera.is_on_track()
+                            && camera.pose.position.distance(sample.pose.position) < 0.2
+                            && camera.pose.forward().dot(sample.pose.forward()) > 0.99
+                    })
+                });
+                assert!(is_covered, "no camera at samples {} to {}", 45 * number, 45 * number + 44);
+            }
+        }
     }
 
     #[test]

@@ -49,9 +49,9 @@ impl Default for PipelineConfig {
     fn default() -> Self {
         Self {
             pilots: 3,
-            rounds: 6,
+            rounds: 9,
             batch: 8,
-            pool: 20,
+            pool: 24,
             block: 6,
             fit: FitConfig::default(),
             seed: 0,
