@@ -52,9 +52,9 @@ use bevy::render::renderer::RenderDevice;
 use bevy::render::view::Msaa;
 use bevy::render::{Render, RenderApp, RenderSystems};
 
-pub use bounces::GiPatches;
-pub use debug::{GI_DIAGNOSTICS, GiCounts, inspect};
-pub use emissive::GiEmitters;
+#[cfg(feature = "inspect")]
+pub use debug::inspect;
+pub use debug::{GI_DIAGNOSTICS, GiCounts};
 pub use rsm::RsmView;
 pub use schedule::GiSystems;
 pub use settings::{

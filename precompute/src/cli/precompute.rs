@@ -105,7 +105,7 @@ fn shard(text: &str) -> Result<(usize, usize), String> {
 }
 
 impl SearchArguments {
-    pub fn check(&self) -> Result<(), CliError> {
+    pub(super) fn check(&self) -> Result<(), CliError> {
         if !(self.error_threshold.is_finite() && self.error_threshold >= 0.0) {
             return Err(CliError::usage(format!(
                 "--error-threshold {}: must be a finite number, 0 or above",
@@ -136,7 +136,7 @@ impl SearchArguments {
     }
 
     /// Tracks of the scene's paths and of recordings.
-    pub fn tracks(
+    pub(super) fn tracks(
         &self,
         scene: &SceneDescription,
         fps: f64,

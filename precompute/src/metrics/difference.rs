@@ -4,7 +4,7 @@ use super::ssim::{self, CompareError};
 use super::{Radiance, tone};
 
 /// Side of the squares that [`Difference::relative_l1_boxes`] averages over, pixels.
-pub const BOX_SIDE: u32 = 4;
+pub(super) const BOX_SIDE: u32 = 4;
 
 /// An image's radiance against a reference's, over all pixels and the three channels.
 #[derive(Clone, Copy, Debug, PartialEq, serde::Serialize)]

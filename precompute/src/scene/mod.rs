@@ -10,27 +10,27 @@
 //! | [`procedural`] | procedural geometry |
 //! | [`sky`] | latitude-longitude environment maps |
 //! | [`rays`] | ray queries: visibility from cameras, inside tests |
-pub mod bounds;
-pub mod builder;
+pub(crate) mod bounds;
+pub(crate) mod builder;
 mod check;
-pub mod description;
+pub(crate) mod description;
 mod fingerprint;
-pub mod gltf;
+pub(crate) mod gltf;
 mod gltf_buffers;
-pub mod load;
+pub(crate) mod load;
 mod locate;
-pub mod mesh;
-pub mod path;
-pub mod procedural;
-pub mod rays;
-pub mod sky;
-pub mod texture;
+pub(crate) mod mesh;
+pub(crate) mod path;
+pub(crate) mod procedural;
+pub(crate) mod rays;
+pub(crate) mod sky;
+pub(crate) mod texture;
 
-pub use bounds::Bounds;
+pub(crate) use bounds::Bounds;
 pub use description::{Camera, Environment, Geometry, Light, SceneDescription};
 pub use load::{SceneError, load};
 pub use mesh::{AlphaMode, SceneGeometry, SceneMaterial, SceneMesh, Triangle};
 pub use path::{CameraKey, CameraPath, CameraPose};
-pub use rays::{Hit, RayScene, Side};
-pub use sky::SkyMap;
-pub use texture::SceneTexture;
+pub(crate) use rays::{RayScene, Side};
+pub(crate) use sky::SkyMap;
+pub(crate) use texture::SceneTexture;

@@ -16,7 +16,8 @@ use bevy::render::render_resource::{
     Extent3d, TextureDimension, TextureFormat, TextureViewDescriptor, TextureViewDimension,
 };
 use bevy::transform::components::Transform;
-use bevy_frugal_gi::gi::{FrugalGi, GiEmitters, inspect};
+use bevy_frugal_gi::gi::FrugalGi;
+use bevy_frugal_gi::gi::inspect::{self, GiEmitters};
 use frugal::stage::{Component, Radiance, Stage};
 use frugal_tests::{gpu, meshes, set};
 use half::f16;
@@ -406,7 +407,7 @@ fn emission_that_is_not_finite_or_huge_stays_finite() {
 
 /// Gives the stage's camera an environment map of six uniform faces (+X, −X, +Y, −Y, +Z, −Z), whose
 /// values are multiplied by `intensity`.
-pub fn surround(stage: &mut Stage, faces: [[f32; 3]; 6], intensity: f32, rotation: Quat) {
+pub(crate) fn surround(stage: &mut Stage, faces: [[f32; 3]; 6], intensity: f32, rotation: Quat) {
     const EDGE: u32 = 4;
     let face =
         |[red, green, blue]: &[f32; 3]| vec![[*red, *green, *blue, 1.0]; (EDGE * EDGE) as usize];

@@ -6,7 +6,7 @@ use libtest_mimic::{Arguments, Trial};
 /// Lists a module's tests for `main`.
 macro_rules! tests {
     ($($test:ident),+ $(,)?) => {
-        pub const TESTS: &[(&str, fn())] = &[$((stringify!($test), $test)),+];
+        pub(crate) const TESTS: &[(&str, fn())] = &[$((stringify!($test), $test)),+];
     };
 }
 

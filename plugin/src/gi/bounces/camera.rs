@@ -37,6 +37,7 @@ struct LightInputs {
 
 /// The GPU objects of a camera's patches, for tests and debuggers.
 #[derive(Clone, Debug)]
+#[non_exhaustive]
 pub struct GiBouncesState {
     /// The bounce VPLs, which light its patches (`vpl/vpl.wgsl`): one set, from the last round.
     pub bounce_vpls: Buffer,
@@ -46,7 +47,7 @@ pub struct GiBouncesState {
 
 /// A GI camera's buffers for bounces beyond the first. In the render world.
 #[derive(Component)]
-pub struct BounceCamera {
+pub(crate) struct BounceCamera {
     /// The content of `patches`.
     held: Arc<Vec<Patch>>,
     pub(super) patches: Buffer,
@@ -90,7 +91,7 @@ impl BounceCamera {
     }
 
     /// Bytes held on the GPU for this camera's patches, without their texels.
-    pub fn bytes(&self) -> u64 {
+    pub(crate) fn bytes(&self) -> u64 {
         [&self.patches, &self.bounce_vpls, &self.plan, &self.importance, &self.range]
             .map(|buffer| buffer.size())
             .iter()

@@ -54,7 +54,8 @@ use super::texels::{TEXEL_BYTES, TexelRange, TexelStore};
 use super::trace::OccluderBuffers;
 use super::view::GiView;
 use super::vpl::{SampleInputs, VplPipelines, VplView};
-pub use camera::{BounceCamera, GiBouncesState};
+pub(crate) use camera::BounceCamera;
+pub use camera::GiBouncesState;
 pub(super) use patch::Patch;
 pub use patches::GiPatches;
 

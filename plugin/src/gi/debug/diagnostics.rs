@@ -22,6 +22,7 @@ use crate::gi::vpl::VplView;
 /// GI's work in the last frame. A resource of the render world; the main world has it as
 /// diagnostics, a frame or two later.
 #[derive(Resource, Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[non_exhaustive]
 pub struct GiCounts {
     /// Reflective shadow maps rendered.
     pub maps: u32,

@@ -11,10 +11,11 @@ use bevy::render::render_resource::{Buffer, ShaderSize, Texture};
 use bevy::render::sync_world::MainEntity;
 use bevy::render::view::ExtractedView;
 
-pub use crate::gi::bounces::GiBouncesState;
 use crate::gi::bounces::{self, BounceCamera, Patch};
+pub use crate::gi::bounces::{GiBouncesState, GiPatches};
 use crate::gi::composite;
 use crate::gi::denoise;
+pub use crate::gi::emissive::GiEmitters;
 use crate::gi::gather::{self, GatherSettings, GatherView};
 pub use crate::gi::rsm::RsmView;
 use crate::gi::rsm::{self, RsmLight};
@@ -44,6 +45,7 @@ pub const STRUCT_BYTES: [(&str, u64); 14] = [
 
 /// The buffers of the last frame. Handles, not copies: the GPU keeps writing them.
 #[derive(Clone, Debug)]
+#[non_exhaustive]
 pub struct GiGpuState {
     /// Texels of every reflective shadow map, then of emissive surfaces, then of cameras' patches
     /// (`texels/texel.wgsl`), where there are any.
@@ -62,6 +64,7 @@ pub struct GiGpuState {
 
 /// One reflective shadow map.
 #[derive(Clone, Copy, Debug, PartialEq)]
+#[non_exhaustive]
 pub struct GiMapState {
     /// Its light, the camera that it serves, and its face.
     pub view: RsmView,
@@ -78,6 +81,7 @@ pub struct GiMapState {
 
 /// State of one camera.
 #[derive(Clone, Debug)]
+#[non_exhaustive]
 pub struct GiCameraState {
     /// The camera in the main world.
     pub camera: Entity,
@@ -148,6 +152,7 @@ fn maps(render_world: &World) -> Vec<GiMapState> {
 
 /// A pass of global illumination, or several that one system encodes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[non_exhaustive]
 pub enum GiPass {
     /// Maps' G-buffers to texels.
     Resolve,

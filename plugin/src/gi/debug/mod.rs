@@ -1,6 +1,7 @@
 //! Counters and GPU state of global illumination, for apps, tests and debuggers.
 
 mod diagnostics;
+#[cfg(feature = "inspect")]
 pub mod inspect;
 
 use bevy::app::{App, Plugin};

@@ -54,19 +54,19 @@ pub(in crate::gi) struct SkyInputs {
 
 impl SkyInputs {
     /// Samples that a low-resolution pixel evaluates.
-    pub fn samples(&self) -> u32 {
+    pub(crate) fn samples(&self) -> u32 {
         self.plan.samples
     }
 
     /// Whether the map is generated in each frame.
-    pub fn is_generated(&self) -> bool {
+    pub(crate) fn is_generated(&self) -> bool {
         self.is_generated
     }
 }
 
 /// A GI camera's buffers for its sky. In the render world.
 #[derive(Component)]
-pub struct SkyCamera {
+pub(crate) struct SkyCamera {
     pub(in crate::gi) plan: SkyPlan,
     pub(in crate::gi) plan_buffer: Buffer,
     /// An array of `SkyLight`, in sets [`SET_BYTES`] apart.
@@ -93,7 +93,7 @@ impl SkyCamera {
     }
 
     /// Bytes held on the GPU for this camera's sky.
-    pub fn bytes(&self) -> u64 {
+    pub(crate) fn bytes(&self) -> u64 {
         [&self.plan_buffer, &self.samples, &self.strata, &self.importance, &self.reading_buffer]
             .map(|buffer| buffer.size())
             .iter()

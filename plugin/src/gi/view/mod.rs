@@ -64,12 +64,12 @@ pub(super) struct GiView {
 
 impl GiView {
     /// Low-resolution pixels along both axes.
-    pub fn cells(&self) -> UVec2 {
+    pub(crate) fn cells(&self) -> UVec2 {
         self.camera.cells()
     }
 
     /// How far this view's buffers serve `next`.
-    pub fn fit(&self, next: &Self) -> Fit {
+    pub(crate) fn fit(&self, next: &Self) -> Fit {
         let sampled = |view: &Self| (view.gi.vpl_count, view.gi.interleave, view.rows.is_empty());
         if sampled(self) != sampled(next) || !same_layout(&self.rows, &next.rows) {
             Fit::Empty
@@ -106,7 +106,7 @@ pub(super) struct GatherCamera {
 }
 
 impl GatherCamera {
-    pub fn new(
+    pub(crate) fn new(
         camera: &ExtractedCamera,
         view: &ExtractedView,
         size: UVec2,
@@ -127,7 +127,7 @@ impl GatherCamera {
     }
 
     /// Low-resolution pixels along both axes.
-    pub fn cells(&self) -> UVec2 {
+    pub(crate) fn cells(&self) -> UVec2 {
         UVec2::new(self.size.x.div_ceil(self.cell.x), self.size.y.div_ceil(self.cell.y))
     }
 }

@@ -32,7 +32,7 @@ pub(in crate::gi) struct SamplingBuffers {
 
 impl SamplingBuffers {
     /// Buffers for at least one row.
-    pub fn new(device: &RenderDevice, rows: Vec<TexelRow>) -> Self {
+    pub(crate) fn new(device: &RenderDevice, rows: Vec<TexelRow>) -> Self {
         let empty = |label, size| {
             let usage = BufferUsages::STORAGE | BufferUsages::COPY_DST;
             device.create_buffer(&BufferDescriptor {
@@ -62,13 +62,13 @@ impl SamplingBuffers {
     }
 
     /// Samples other rows from now on, of the [same layout](crate::gi::texels::same_layout).
-    pub fn set_rows(&mut self, queue: &RenderQueue, rows: Vec<TexelRow>) {
+    pub(crate) fn set_rows(&mut self, queue: &RenderQueue, rows: Vec<TexelRow>) {
         queue.write_buffer(&self.row_table, 0, bytemuck::cast_slice(&rows));
         self.rows = rows;
     }
 
     /// Bytes held on the GPU.
-    pub fn bytes(&self) -> u64 {
+    pub(crate) fn bytes(&self) -> u64 {
         [&self.row_table, &self.importance, &self.occluded_tiles, &self.texel_cdf, &self.row_cdf]
             .map(|buffer| buffer.size())
             .iter()

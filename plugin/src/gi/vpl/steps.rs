@@ -106,13 +106,13 @@ impl VplPipelines {
 
 impl Steps<'_> {
     /// The bind group of the weights, for the step before them, which picks importance points.
-    pub fn weighing(&self) -> &BindGroup {
+    pub(crate) fn weighing(&self) -> &BindGroup {
         &self.weighing
     }
 
     /// Traces tile visibility; group 1 holds the occluders. `occluded_tiles` must have been cleared
     /// before.
-    pub fn trace_tiles(&self, pass: &mut ComputePass, occluders: &BindGroup) {
+    pub(crate) fn trace_tiles(&self, pass: &mut ComputePass, occluders: &BindGroup) {
         pass.set_bind_group(0, &self.tracing, &[self.inputs.view_offset]);
         pass.set_bind_group(1, occluders, &[]);
         pass.set_pipeline(self.trace_tiles);
@@ -124,7 +124,7 @@ impl Steps<'_> {
     }
 
     /// Weights all texels by their importance.
-    pub fn weigh(&self, pass: &mut ComputePass) {
+    pub(crate) fn weigh(&self, pass: &mut ComputePass) {
         pass.set_bind_group(0, &self.weighing, &[self.inputs.view_offset]);
         pass.set_pipeline(self.find_defensive_term);
         pass.dispatch_workgroups(1, 1, 1);
@@ -133,7 +133,7 @@ impl Steps<'_> {
     }
 
     /// Samples VPLs in proportion to the weights.
-    pub fn sample(&self, pass: &mut ComputePass) {
+    pub(crate) fn sample(&self, pass: &mut ComputePass) {
         pass.set_bind_group(0, &self.sampling, &[]);
         pass.set_pipeline(self.accumulate_rows);
         pass.dispatch_workgroups(self.rows().div_ceil(64), 1, 1);

@@ -27,12 +27,12 @@ impl VplView {
     }
 
     /// VPLs that are sampled in this frame.
-    pub fn sampled(&self, view: &GiView) -> u64 {
+    pub(crate) fn sampled(&self, view: &GiView) -> u64 {
         if view.work.sample { u64::from(self.plan.sets) * u64::from(self.plan.per_set) } else { 0 }
     }
 
     /// Bytes held on the GPU.
-    pub fn bytes(&self) -> u64 {
+    pub(crate) fn bytes(&self) -> u64 {
         self.plan_buffer.size()
             + self.vpls.size()
             + self.sampling.as_ref().map_or(0, SamplingBuffers::bytes)
