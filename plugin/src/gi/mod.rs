@@ -8,6 +8,7 @@
 //! | folder | world | job |
 //! |---|---|---|
 //! | `settings`, `schedule` | both | settings of a camera; the order of all systems and passes |
+//! | `compute` | render | what every compute pass begins and ends with |
 //! | `texels` | render | one store of texels: position, normal, area, reflected or emitted flux |
 //! | `view` | both | data of a GI camera and of the frame that all passes share |
 //! | `surfaces` | main | reads geometry, textures and masks from mesh and material assets |
@@ -25,6 +26,7 @@
 
 mod bounces;
 mod composite;
+mod compute;
 mod debug;
 mod denoise;
 mod emissive;

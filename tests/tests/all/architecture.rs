@@ -23,6 +23,7 @@ const PLUGIN: &[&str] = &[
     "resolution",
     "gi/settings",
     "gi/schedule",
+    "gi/compute",
     "gi/texels",
     "gi/view",
     "gi/surfaces",
