@@ -20,8 +20,8 @@ use crate::gi::trace::OccluderBuffers;
 use crate::gi::view::GiFrame;
 use crate::gi::vpl::{IMPORTANCE_POINTS_BYTES, VPL_BYTES, VplPlan};
 
-/// The bounce VPLs: every patch evaluates all of them. As many as in `bounces/reflect.wgsl`.
-pub(super) const BOUNCE_VPLS: VplPlan =
+/// The bounce VPLs: every patch evaluates all of them.
+pub(in crate::gi) const BOUNCE_VPLS: VplPlan =
     VplPlan { interleave: 1, sets: 1, per_set: 512, stride: 512 };
 
 /// The inputs of the patches' light, beside the scene.

@@ -54,6 +54,7 @@ use super::texels::{TEXEL_BYTES, TexelRange, TexelStore};
 use super::trace::OccluderBuffers;
 use super::view::GiView;
 use super::vpl::{SampleInputs, VplPipelines, VplView};
+pub(super) use camera::BOUNCE_VPLS;
 pub(crate) use camera::BounceCamera;
 pub use camera::GiBouncesState;
 pub(super) use patch::Patch;
@@ -243,7 +244,7 @@ pub(super) fn reflect(
         buffers,
         importance: &camera.importance,
         vpls: &camera.bounce_vpls,
-        plan: (&camera.plan, camera::BOUNCE_VPLS.slots()),
+        plan: (&camera.plan, BOUNCE_VPLS.slots()),
     };
     // Tile visibility for patches would take as many rays as for the image, without a measurable
     // gain.

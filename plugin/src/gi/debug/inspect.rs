@@ -20,10 +20,13 @@ use crate::gi::gather::{self, GatherSettings, GatherView};
 pub use crate::gi::rsm::RsmView;
 use crate::gi::rsm::{self, RsmLight};
 use crate::gi::schedule::{GiSystems, PassSystems};
+use crate::gi::settings::FrugalGi;
 use crate::gi::sky::{self, SKY_LIGHT_BYTES, SkyCamera, SkyPlan, SkyReading};
-use crate::gi::texels::{TEXEL_BYTES, TexelRow, TexelStore};
+use crate::gi::texels::{TEXEL_BYTES, TILE, TexelRow, TexelStore};
 use crate::gi::trace::{self, OccluderBuffers};
-use crate::gi::vpl::{self, IMPORTANCE_POINT_BYTES, VPL_BYTES, VplPlan, VplView};
+use crate::gi::vpl::{
+    self, IMPORTANCE_POINT_BYTES, IMPORTANCE_POINTS, VPL_BYTES, VplPlan, VplView,
+};
 
 /// Sizes of the shaders' structs that the plugin assumes: name, and bytes of one in a buffer.
 pub const STRUCT_BYTES: [(&str, u64); 14] = [
@@ -41,6 +44,20 @@ pub const STRUCT_BYTES: [(&str, u64); 14] = [
     ("SkyLight", SKY_LIGHT_BYTES),
     ("SkyPlan", size_of::<SkyPlan>() as u64),
     ("SkySource", size_of::<SkyReading>() as u64),
+];
+
+/// Constants of the shaders that the plugin assumes: file below `gi`, name, and value.
+pub const SHADER_CONSTANTS: [(&str, &str, u64); 10] = [
+    ("texels/rows.wgsl", "TILE", TILE as u64),
+    ("vpl/importance.wgsl", "IMPORTANCE_POINTS", IMPORTANCE_POINTS),
+    ("vpl/tile_visibility.wgsl", "GROUP", vpl::TILE_GROUP as u64),
+    ("gather/gather.wgsl", "MOST_VPLS", FrugalGi::MAX_VPLS_PER_PIXEL as u64),
+    ("gather/gather.wgsl", "MOST_SKY_SAMPLES", FrugalGi::MAX_ENVIRONMENT_SAMPLES as u64),
+    ("sky/sky.wgsl", "SKY_STRATA", sky::STRATA as u64),
+    ("sky/sky.wgsl", "SKY_STRATA_PER_RAY", sky::STRATA_PER_GROUP as u64),
+    ("sky/sky.wgsl", "SKY_STRIDE", FrugalGi::MAX_ENVIRONMENT_SAMPLES as u64),
+    ("sky/fill.wgsl", "STEPS", sky::STEPS as u64),
+    ("bounces/reflect.wgsl", "BOUNCE_VPLS", bounces::BOUNCE_VPLS.per_set as u64),
 ];
 
 /// The buffers of the last frame. Handles, not copies: the GPU keeps writing them.

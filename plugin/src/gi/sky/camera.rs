@@ -16,12 +16,12 @@ use crate::gi::view::SkySource;
 
 /// Bytes of `sky/sky.wgsl`'s `SkyLight`. A test compares it with the shader.
 pub(in crate::gi) const SKY_LIGHT_BYTES: u64 = 32;
-/// Strata of the sky, as many as in `sky/sky.wgsl`.
-pub(super) const STRATA: u32 = 1024;
+/// Strata of the sky.
+pub(in crate::gi) const STRATA: u32 = 1024;
 /// Strata of a workgroup of `weigh.wgsl`.
-pub(super) const STRATA_PER_GROUP: u32 = 4;
+pub(in crate::gi) const STRATA_PER_GROUP: u32 = 4;
 /// Steps along each side of a stratum in which `fill.wgsl` reads the map.
-const STEPS: u32 = 16;
+pub(in crate::gi) const STEPS: u32 = 16;
 /// Bytes from one set of samples to the next: room for the most samples of a pixel, and a multiple
 /// of the alignment of uniform offsets.
 pub(in crate::gi) const SET_BYTES: u64 = FrugalGi::MAX_ENVIRONMENT_SAMPLES as u64 * SKY_LIGHT_BYTES;

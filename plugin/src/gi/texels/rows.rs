@@ -33,7 +33,7 @@ pub(in crate::gi) struct TexelRow {
     cut: [u32; 2],
 }
 
-/// Columns of a tile, and most rows of one, as `texels/rows.wgsl` has them.
+/// Columns of a tile, and most rows of one.
 pub(in crate::gi) const TILE: u32 = 16;
 
 /// Texels in a row of those without a map: short, so that both sample coordinates stratify.

@@ -15,6 +15,8 @@ mod frame;
 mod presence;
 mod work;
 
+use std::sync::Arc;
+
 use bevy::app::{App, Plugin};
 use bevy::ecs::prelude::*;
 use bevy::math::{Mat4, UVec2, Vec3};
@@ -53,8 +55,8 @@ pub(super) struct GiView {
     pub gi: FrugalGi,
     /// Pose, projection and pixels of the gather.
     pub camera: GatherCamera,
-    /// The texels from which its VPLs are sampled.
-    pub rows: Vec<TexelRow>,
+    /// The texels from which its VPLs are sampled. Shared with the buffers that hold them.
+    pub rows: Arc<Vec<TexelRow>>,
     /// Samples of the sky that each low-resolution pixel evaluates.
     pub sky_samples: u32,
     pub work: Work,

@@ -26,7 +26,7 @@ use super::schedule::{PassSystems, PrepareSystems, supported_render_app};
 use super::texels::TexelStore;
 use super::trace::OccluderBuffers;
 use super::view::GiView;
-pub(super) use buffers::{IMPORTANCE_POINT_BYTES, IMPORTANCE_POINTS_BYTES};
+pub(super) use buffers::{IMPORTANCE_POINT_BYTES, IMPORTANCE_POINTS, IMPORTANCE_POINTS_BYTES};
 pub(super) use plan::VplPlan;
 pub(super) use steps::SampleInputs;
 pub(super) use view::VplView;
@@ -35,7 +35,7 @@ pub(super) use view::VplView;
 pub(super) const VPL_BYTES: u64 = 48;
 
 /// Threads in a workgroup of `tile_visibility.wgsl`.
-const TILE_GROUP: u32 = 32;
+pub(super) const TILE_GROUP: u32 = 32;
 
 pub(super) struct VplPlugin;
 
