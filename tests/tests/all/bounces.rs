@@ -23,7 +23,7 @@ use frugal_tests::{gpu, meshes, set};
 
 use super::furnace::{ALBEDO, deviation, direct_radiance};
 use super::gi::{assert_costs_nothing, corner, sun};
-use super::gi_sources::surround;
+use super::gi_sources::sky::surround;
 use super::refresh::{converges_in_one_frame, turn_the_sun};
 
 tests!(
