@@ -246,15 +246,7 @@ pub(super) fn search(
         .with("seed", arguments.seed)
         .with("cameras", format!("{:016x}", hash(&format!("{cameras:?}"))))
         .with("settings", format!("{config:?} {:?}", arguments.time_limit));
-    let opened = if resume {
-        Journal::resume(journal, &header)
-    } else {
-        Journal::create(journal, &header).map(|journal| (journal, Vec::new()))
-    };
-    let journal = opened.map_err(CliError::usage)?;
-    if resume {
-        eprintln!("resuming after {} records", journal.1.len());
-    }
+    let journal = open_journal(journal, &header, resume)?;
     eprintln!(
         "{} knobs, {} combinations; {} training and {} calibration cameras; power by {}",
         space.len(),
@@ -319,6 +311,24 @@ pub(super) fn search(
     };
     map.validate().map_err(CliError::failed)?;
     Ok(Searched { map, outcome })
+}
+
+/// The journal, and the records of an earlier run that is resumed.
+fn open_journal(
+    path: &Path,
+    header: &JournalHeader,
+    resume: bool,
+) -> Result<(Journal, Vec<String>), CliError> {
+    let opened = if resume {
+        Journal::resume(path, header)
+    } else {
+        Journal::create(path, header).map(|journal| (journal, Vec::new()))
+    };
+    let journal = opened.map_err(CliError::usage)?;
+    if resume {
+        eprintln!("resuming after {} records", journal.1.len());
+    }
+    Ok(journal)
 }
 
 /// Frames of a clip: one unmetered, and one metered. Longer clips lower errors only slightly, and

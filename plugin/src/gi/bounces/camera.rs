@@ -67,6 +67,62 @@ pub(crate) struct BounceCamera {
 }
 
 impl BounceCamera {
+    /// Buffers for patches that are due to reflect.
+    fn new(
+        device: &RenderDevice,
+        patches: &Arc<Vec<Patch>>,
+        inputs: LightInputs,
+        kind: ReflectKind,
+    ) -> Self {
+        let empty = |label, size, usage| {
+            device.create_buffer(&BufferDescriptor {
+                label: Some(label),
+                size,
+                usage,
+                mapped_at_creation: false,
+            })
+        };
+        let filled = |label, contents: &[u8], usage| {
+            device.create_buffer_with_data(&BufferInitDescriptor {
+                label: Some(label),
+                contents,
+                usage: usage | BufferUsages::COPY_DST,
+            })
+        };
+        Self {
+            held: Arc::clone(patches),
+            patches: filled(
+                "bevy_frugal_gi/bounces/patches",
+                bytemuck::cast_slice(patches),
+                BufferUsages::STORAGE,
+            ),
+            bounce_vpls: empty(
+                "bevy_frugal_gi/bounces/bounce_vpls",
+                u64::from(BOUNCE_VPLS.slots()) * VPL_BYTES,
+                BufferUsages::STORAGE | BufferUsages::UNIFORM | BufferUsages::COPY_SRC,
+            ),
+            plan: filled(
+                "bevy_frugal_gi/bounces/plan",
+                bytemuck::bytes_of(&BOUNCE_VPLS),
+                BufferUsages::STORAGE,
+            ),
+            importance: empty(
+                "bevy_frugal_gi/bounces/importance",
+                IMPORTANCE_POINTS_BYTES,
+                BufferUsages::STORAGE,
+            ),
+            range: filled(
+                "bevy_frugal_gi/bounces/range",
+                &range_bytes(inputs.store.1),
+                BufferUsages::UNIFORM,
+            ),
+            inputs,
+            is_due: true,
+            is_done: AtomicBool::new(false),
+            kind,
+        }
+    }
+
     /// Index of the first patch's texel in the store.
     pub(super) fn first_texel(&self) -> u32 {
         self.inputs.store.1
@@ -168,53 +224,8 @@ pub(super) fn prepare(
             continue;
         }
         queue.write_buffer(texels, u64::from(first_texel) * TEXEL_BYTES, &vec![0; size as usize]);
-        let empty = |label, size, usage| {
-            device.create_buffer(&BufferDescriptor {
-                label: Some(label),
-                size,
-                usage,
-                mapped_at_creation: false,
-            })
-        };
-        let filled = |label, contents: &[u8], usage| {
-            device.create_buffer_with_data(&BufferInitDescriptor {
-                label: Some(label),
-                contents,
-                usage: usage | BufferUsages::COPY_DST,
-            })
-        };
-        commands.entity(entity).insert(BounceCamera {
-            held: Arc::clone(patches),
-            patches: filled(
-                "bevy_frugal_gi/bounces/patches",
-                bytemuck::cast_slice(patches),
-                BufferUsages::STORAGE,
-            ),
-            bounce_vpls: empty(
-                "bevy_frugal_gi/bounces/bounce_vpls",
-                u64::from(BOUNCE_VPLS.slots()) * VPL_BYTES,
-                BufferUsages::STORAGE | BufferUsages::UNIFORM | BufferUsages::COPY_SRC,
-            ),
-            plan: filled(
-                "bevy_frugal_gi/bounces/plan",
-                bytemuck::bytes_of(&BOUNCE_VPLS),
-                BufferUsages::STORAGE,
-            ),
-            importance: empty(
-                "bevy_frugal_gi/bounces/importance",
-                IMPORTANCE_POINTS_BYTES,
-                BufferUsages::STORAGE,
-            ),
-            range: filled(
-                "bevy_frugal_gi/bounces/range",
-                &range_bytes(first_texel),
-                BufferUsages::UNIFORM,
-            ),
-            inputs,
-            is_due: true,
-            is_done: AtomicBool::new(false),
-            kind,
-        });
+        let camera = BounceCamera::new(&device, patches, inputs, kind);
+        commands.entity(entity).insert(camera);
     }
 }
 
