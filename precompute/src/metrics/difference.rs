@@ -16,7 +16,7 @@ pub struct Difference {
     /// The same for means over squares of 4 × 4 pixels, which reduces the weight of noise and
     /// edges.
     pub relative_l1_boxes: f64,
-    /// 1 − SSIM of both after one tone curve, see [`tone`].
+    /// 1 − SSIM of both after one tone curve, see `metrics/tone.rs`.
     pub one_minus_ssim: f64,
     /// Exposure value of that curve.
     pub exposure_ev100: f32,

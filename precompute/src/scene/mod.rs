@@ -2,14 +2,14 @@
 //!
 //! | module | job |
 //! |---|---|
-//! | [`description`] | contents of a `*.scene.ron` file |
-//! | [`mod@load`] | reads and checks such a file; errors name file, line, column, field and remedy |
-//! | [`path`] | camera paths between keys |
-//! | [`mesh`], [`builder`], [`texture`] | renderer-free geometry, and its construction in code |
-//! | [`gltf`] | geometry from a `.glb` or `.gltf` file |
-//! | [`procedural`] | procedural geometry |
-//! | [`sky`] | latitude-longitude environment maps |
-//! | [`rays`] | ray queries: visibility from cameras, inside tests |
+//! | `description` | contents of a `*.scene.ron` file |
+//! | `load` | reads and checks such a file; errors name file, line, column, field and remedy |
+//! | `path` | camera paths between keys |
+//! | `mesh`, `builder`, `texture` | renderer-free geometry, and its construction in code |
+//! | `gltf` | geometry from a `.glb` or `.gltf` file |
+//! | `procedural` | procedural geometry |
+//! | `sky` | latitude-longitude environment maps |
+//! | `rays` | ray queries: visibility from cameras, inside tests |
 pub(crate) mod bounds;
 pub(crate) mod builder;
 mod check;

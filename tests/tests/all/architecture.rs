@@ -10,6 +10,7 @@ tests!(
     the_tool_imports_downhill,
     links_in_documents_lead_somewhere,
     documents_are_short_and_wrapped,
+    the_glossary_is_short,
     samples_in_documents_are_compiled,
     the_prelude_has_what_the_documents_name
 );
@@ -159,6 +160,18 @@ fn documents_are_short_and_wrapped() {
                 "{name}:{number}: wrap it at 120 characters"
             );
         }
+    }
+}
+
+fn the_glossary_is_short() {
+    let overview = root().join("docs/architecture/overview.md");
+    let text = std::fs::read_to_string(&overview).expect("a document");
+    let (_, text) = text.split_once("## Glossary").expect("a glossary");
+    let rows = text.lines().skip_while(|line| !line.starts_with('|')).skip(2);
+    let rows: Vec<&str> = rows.take_while(|line| line.starts_with('|')).collect();
+    assert!((30..=40).contains(&rows.len()), "{} entries, not 30 to 40", rows.len());
+    for row in rows {
+        assert!(row.chars().count() <= 120, "too long: {row}");
     }
 }
 

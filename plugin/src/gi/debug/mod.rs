@@ -11,7 +11,9 @@ pub use diagnostics::{GI_DIAGNOSTICS, GiCounts};
 pub(super) struct DebugPlugin;
 
 impl Plugin for DebugPlugin {
-    fn build(&self, _: &mut App) {}
+    fn build(&self, app: &mut App) {
+        app.register_type::<GiCounts>();
+    }
 
     fn finish(&self, app: &mut App) {
         diagnostics::finish(app);
