@@ -288,6 +288,7 @@ fn status_line(status: ControlStatus) -> String {
             "power limit met, error limit not met".to_owned()
         }
         ControlStatus::Off(reason) => format!("off: {reason:?}"),
+        other => format!("{other:?}"),
     }
 }
 

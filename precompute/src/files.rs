@@ -9,7 +9,7 @@ use tempfile::NamedTempFile;
 /// Why an output file cannot be written.
 #[derive(Debug, thiserror::Error)]
 #[error("cannot {action} `{path}`: {source}; {remedy}", path = path.display())]
-pub struct FileError {
+pub(crate) struct FileError {
     /// The operation.
     pub action: &'static str,
     /// The file.
@@ -46,7 +46,7 @@ impl FileError {
 /// # Errors
 /// When `write` fails or the file cannot be written; `path` is then unchanged, and the temporary
 /// file is removed.
-pub fn write_atomically(
+pub(crate) fn write_atomically(
     path: &Path,
     write: impl FnOnce(&mut dyn Write) -> io::Result<()>,
 ) -> Result<(), FileError> {
@@ -66,7 +66,7 @@ pub fn write_atomically(
 /// # Errors
 /// When the folder is missing or not writable, or `path` is a folder or a read-only file. Leaves no
 /// files behind.
-pub fn check_writable(path: &Path) -> Result<(), FileError> {
+pub(crate) fn check_writable(path: &Path) -> Result<(), FileError> {
     let failed = |source| FileError::new("write", path, source);
     let target = target(path).map_err(failed)?;
     let mut temporary = temporary_beside(&target).map_err(failed)?;

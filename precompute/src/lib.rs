@@ -1,20 +1,25 @@
 //! The `frugal` tool as a library: scene → cameras → stage → table → pool → fit → map, and the
 //! analysis of maps.
-pub mod cameras;
+//!
+//! [`cli::run`] is the tool. The other public modules are those that the examples and the
+//! integration tests share with it: scene files, the headless renderer, image metrics, the path
+//! tracer and recorded sweeps.
+
+mod cameras;
 pub mod cli;
-pub mod cost;
-pub mod evaluate;
-pub mod files;
-pub mod fit;
-pub mod inspect;
-pub mod journal;
+mod cost;
+mod evaluate;
+mod files;
+mod fit;
+mod inspect;
+mod journal;
 pub mod metrics;
-pub mod pipeline;
-pub mod pool;
+mod pipeline;
+mod pool;
 pub mod reference;
-pub mod report;
+mod report;
 pub mod scene;
-pub mod search;
-pub mod search_bench;
+mod search;
+mod search_bench;
 pub mod stage;
 pub mod table;

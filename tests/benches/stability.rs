@@ -145,24 +145,47 @@ fn show_same_surface(before: &[Option<Seen>], after: &[Option<Seen>], eye: Vec3)
     before.iter().zip(after).map(stays).collect()
 }
 
+/// A frame of the path-traced reference.
+fn traced(
+    scene: &SceneDescription,
+    motion: Motion,
+    frame: i32,
+    seed: u64,
+    options: &Arguments,
+) -> Radiance {
+    let (turn, pose) = motion.at(scene, frame);
+    let tracing =
+        Tracing { size: options.size, samples: options.samples, seed, pixels: Pixels::Middle };
+    reference::one_bounce_untextured(&turned(scene, turn), pose, tracing)
+}
+
+/// The frames from 0 to `count` by a method, after some that fill its history.
+fn rendered(
+    stage: &mut Stage,
+    method: &Method,
+    count: i32,
+    move_to: impl Fn(&mut Stage, i32),
+) -> Vec<Radiance> {
+    move_to(stage, -FRAMES_BEFORE);
+    method.radiance(stage);
+    let mut frames = Vec::new();
+    for frame in 1 - FRAMES_BEFORE..=count {
+        move_to(stage, frame);
+        stage.frame();
+        if frame >= 0 {
+            frames.push(stage.radiance().unwrap_or_else(|error| panic!("{error}")));
+        }
+    }
+    frames
+}
+
 fn measure(motion: Motion, name: &str, options: &Arguments) {
     let scene = reference::without_environment(&set::scene("courtyard"));
     let count = options.count as i32;
     let started = std::time::Instant::now();
-    let traced = |seed: u64| -> Vec<Radiance> {
-        let frame = |frame: i32| {
-            let (turn, pose) = motion.at(&scene, frame);
-            let tracing = Tracing {
-                size: options.size,
-                samples: options.samples,
-                seed,
-                pixels: Pixels::Middle,
-            };
-            reference::one_bounce_untextured(&turned(&scene, turn), pose, tracing)
-        };
-        (0..=count).map(frame).collect()
-    };
-    let (frames, second) = (traced(0), traced(1));
+    let traced =
+        |seed| (0..=count).map(|frame| traced(&scene, motion, frame, seed, options)).collect();
+    let (frames, second): (Vec<Radiance>, Vec<Radiance>) = (traced(0), traced(1));
     let (start, last) = (&frames[0], &frames[frames.len() - 1]);
     let mean = start.mean();
     let (first, second) = (differences(&frames), differences(&second));
@@ -205,16 +228,9 @@ fn measure(motion: Motion, name: &str, options: &Arguments) {
     let initial = sun(&mut stage);
     let mut found = Vec::new();
     for method in methods() {
-        move_to(&mut stage, motion.at(&scene, -FRAMES_BEFORE), initial);
-        method.radiance(&mut stage);
-        let mut frames = Vec::new();
-        for frame in 1 - FRAMES_BEFORE..=count {
-            move_to(&mut stage, motion.at(&scene, frame), initial);
-            stage.frame();
-            if frame >= 0 {
-                frames.push(stage.radiance().unwrap_or_else(|error| panic!("{error}")));
-            }
-        }
+        let frames = rendered(&mut stage, &method, count, |stage, frame| {
+            move_to(stage, motion.at(&scene, frame), initial);
+        });
         let error = |own: &Radiance, reference: &Radiance| {
             Difference::new(own, reference, None)
                 .unwrap_or_else(|error| panic!("{error}"))

@@ -17,5 +17,6 @@ pub mod method;
 pub mod naive_rsm;
 pub mod pixels;
 pub mod reference;
+mod samples;
 pub mod set;
 pub mod table;

@@ -16,6 +16,7 @@ use crate::units::Watts;
 /// - Both: least error within the power limit. Power takes priority where the two conflict.
 #[derive(Component, Clone, Copy, Debug, Default, PartialEq, Reflect)]
 #[reflect(Component, Default, Clone, Debug, PartialEq)]
+#[non_exhaustive]
 pub struct Budget {
     /// Power limit, in watts, at the frame rate of the frontier map; at least 0, infinity for no
     /// limit.
@@ -46,6 +47,11 @@ pub enum BudgetError {
 }
 
 impl Budget {
+    /// The limits that are given, in watts and as 1 − SSIM; `None` is no limit.
+    pub const fn new(power: Option<Watts>, error: Option<f64>) -> Self {
+        Self { power, error }
+    }
+
     /// Least error within `power`, in watts.
     pub const fn power(power: Watts) -> Self {
         Self { power: Some(power), error: None }

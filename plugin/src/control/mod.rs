@@ -38,6 +38,7 @@ use crate::knobs::KnownKnobs;
 
 /// When the controller runs.
 #[derive(SystemSet, Clone, Copy, Debug, PartialEq, Eq, Hash)]
+#[non_exhaustive]
 pub enum ControlSystems {
     /// Part of `PostUpdate`, after transform propagation: writes [`Selection`] and
     /// [`KnobSettings`](crate::knobs::KnobSettings). Settings are applied before cameras are

@@ -11,6 +11,7 @@ use crate::knobs::KnobLevels;
 
 /// Whether the budget is met, and the fallback where it is not.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Reflect)]
+#[non_exhaustive]
 pub enum Outcome {
     /// Every limit is met.
     Met,
@@ -26,6 +27,7 @@ pub enum Outcome {
 
 /// The selected point of a frontier.
 #[derive(Clone, Copy, Debug, PartialEq)]
+#[non_exhaustive]
 pub struct Choice {
     /// The settings.
     pub settings: KnobLevels,

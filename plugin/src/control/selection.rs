@@ -64,6 +64,7 @@ impl FrontierSource {
 
 /// Why the controller is off and leaves a camera's settings unchanged.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Reflect)]
+#[non_exhaustive]
 pub enum OffReason {
     /// The map's file is missing, invalid, or of another version.
     MapNotLoaded,
@@ -79,6 +80,7 @@ pub enum OffReason {
 
 /// State of the controller for one camera.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Reflect)]
+#[non_exhaustive]
 pub enum ControlStatus {
     /// The map is still loading. Settings stay unchanged.
     #[default]
@@ -93,6 +95,7 @@ pub enum ControlStatus {
 /// detection fires only when a value differs.
 #[derive(Component, Clone, Copy, Debug, Default, PartialEq, Reflect)]
 #[reflect(Component, Default, Clone, Debug, PartialEq)]
+#[non_exhaustive]
 pub struct Selection {
     /// Whether the controller is active, and whether the budget is met.
     pub status: ControlStatus,

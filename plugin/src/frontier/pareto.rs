@@ -10,6 +10,7 @@ use crate::units::Watts;
 
 /// Power and error of settings at one camera.
 #[derive(Clone, Copy, Debug, PartialEq, Reflect, Serialize, Deserialize)]
+#[non_exhaustive]
 pub struct CostPoint {
     /// Power at the target frame rate, in watts; finite and at least 0 in a valid map.
     pub power: Watts,

@@ -8,6 +8,7 @@
 //! | folder | world | job |
 //! |---|---|---|
 //! | `settings`, `schedule` | both | settings of a camera; the order of all systems and passes |
+//! | `compute` | render | what every compute pass begins and ends with |
 //! | `texels` | render | one store of texels: position, normal, area, reflected or emitted flux |
 //! | `view` | both | data of a GI camera and of the frame that all passes share |
 //! | `surfaces` | main | reads geometry, textures and masks from mesh and material assets |
@@ -25,6 +26,7 @@
 
 mod bounces;
 mod composite;
+mod compute;
 mod debug;
 mod denoise;
 mod emissive;
@@ -52,9 +54,9 @@ use bevy::render::renderer::RenderDevice;
 use bevy::render::view::Msaa;
 use bevy::render::{Render, RenderApp, RenderSystems};
 
-pub use bounces::GiPatches;
-pub use debug::{GI_DIAGNOSTICS, GiCounts, inspect};
-pub use emissive::GiEmitters;
+#[cfg(feature = "inspect")]
+pub use debug::inspect;
+pub use debug::{GI_DIAGNOSTICS, GiCounts};
 pub use rsm::RsmView;
 pub use schedule::GiSystems;
 pub use settings::{

@@ -16,6 +16,7 @@ use crate::schedule::KnobSystems;
 
 /// System sets of GI's passes in the `Core3d` schedule, to order other passes by.
 #[derive(SystemSet, Clone, Debug, PartialEq, Eq, Hash)]
+#[non_exhaustive]
 pub enum GiSystems {
     /// In a light's own view: its G-buffer becomes texels. After the prepass, before the main pass.
     Resolve,

@@ -10,7 +10,7 @@ use bevy::render::view::Msaa;
 
 /// Global illumination on this camera: one or more diffuse [bounces](Self::bounces) of every
 /// directional, spot and point light, from virtual point lights (VPLs) sampled in reflective shadow
-/// maps; light of [emissive surfaces](super::GiEmitters); and shadowed light of the camera's
+/// maps; light of emissive surfaces; and shadowed light of the camera's
 /// [`EnvironmentMapLight`](bevy::light::EnvironmentMapLight).
 ///
 /// Needs the deferred renderer, which [`GiPlugin`](super::GiPlugin) makes the default, and no
@@ -46,11 +46,10 @@ pub struct FrugalGi {
     /// three quarters). Each further bounce costs a pass over the maps' texels and 16,384 rays
     /// (20,480 with a sky), but not in every frame: only when the maps are rendered, when the sky
     /// or these settings change, and when the camera has moved by a fortieth of
-    /// [`range`](Self::range). At most [`MAX_BOUNCES`](Self::MAX_BOUNCES). See
-    /// [`GiPatches`](super::GiPatches).
+    /// [`range`](Self::range). At most [`MAX_BOUNCES`](Self::MAX_BOUNCES).
     pub bounces: u32,
-    /// Whether [emissive surfaces](super::GiEmitters) light others. Costs nothing where there are
-    /// none.
+    /// Whether emissive surfaces light others: visible meshes of a `StandardMaterial` with
+    /// `emissive`, but unlit and skinned ones. Costs nothing where there are none.
     pub emissive: bool,
     /// Share of pixels at which the VPLs are gathered; the others are upsampled along surfaces.
     /// Higher values: finer indirect detail, at proportional cost. Lower values: indirect light
@@ -135,6 +134,7 @@ impl Default for FrugalGi {
 /// Share of the pixels at which indirect light is gathered.
 #[derive(Reflect, Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
 #[reflect(Default, Clone, PartialEq, Hash)]
+#[non_exhaustive]
 pub enum GiPixelFraction {
     /// One pixel in 4 × 4.
     Sixteenth,
@@ -172,6 +172,7 @@ impl GiPixelFraction {
 /// Sampling").
 #[derive(Reflect, Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
 #[reflect(Default, Clone, PartialEq, Hash)]
+#[non_exhaustive]
 pub enum GiInterleave {
     /// Each of 8 × 8 pixels evaluates a 64th of the VPLs.
     Eight,
@@ -202,6 +203,7 @@ impl GiInterleave {
 /// Visibility of VPLs from surfaces: shadow rays per low-resolution pixel.
 #[derive(Reflect, Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
 #[reflect(Default, Clone, PartialEq, Hash)]
+#[non_exhaustive]
 pub enum GiVisibility {
     /// No rays: light leaks through walls, and a real level gets about a third too much of it.
     None,
@@ -243,6 +245,7 @@ impl GiVisibility {
     Component, ExtractComponent, Reflect, Clone, Copy, Debug, Default, PartialEq, Eq, Hash,
 )]
 #[reflect(Component, Default, Clone, PartialEq, Hash)]
+#[non_exhaustive]
 pub enum GiShading {
     /// Lambertian reflection by the base colour; metals reflect nothing. For comparison with
     /// Lambertian references.
@@ -259,6 +262,7 @@ pub enum GiShading {
 /// Output of GI in the image.
 #[derive(Reflect, Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
 #[reflect(Default, Clone, PartialEq, Hash)]
+#[non_exhaustive]
 pub enum GiOutput {
     /// Indirect light is added to the rendered image.
     #[default]

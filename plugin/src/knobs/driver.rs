@@ -9,6 +9,7 @@ use super::{Knob, KnobSpace, KnobSpaceError, Level};
 
 /// Scope of the state that a knob changes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[non_exhaustive]
 pub enum KnobScope {
     /// One camera.
     Camera,

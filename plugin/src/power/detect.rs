@@ -6,6 +6,7 @@ use crate::units::Watts;
 
 /// Kind of the rendering adapter, for the choice of a meter.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[non_exhaustive]
 pub enum AdapterKind {
     /// Software rendering on the CPU (lavapipe, WARP, SwiftShader).
     Software,
@@ -60,6 +61,7 @@ pub enum OpenMeterError {
 }
 
 /// A known meter, with its state on this machine.
+#[cfg(any(test, feature = "meter-tools"))]
 pub struct SurveyedMeter {
     /// Name, as [`open`] accepts it.
     pub name: &'static str,
@@ -96,7 +98,7 @@ const METERS: &[MeterKind] = &[
 ];
 
 /// Syntax of each meter's argument to [`open`], in the order of detection.
-pub fn known_meters() -> Vec<&'static str> {
+fn known_meters() -> Vec<&'static str> {
     METERS.iter().map(|kind| kind.usage).collect()
 }
 
@@ -139,6 +141,7 @@ pub fn open(name: &str) -> Result<Box<dyn PowerMeter>, OpenMeterError> {
 
 /// Opens every known meter with its defaults and reports the result of each, in the order of
 /// detection. May take some hundred milliseconds.
+#[cfg(any(test, feature = "meter-tools"))]
 pub fn survey() -> Vec<SurveyedMeter> {
     METERS
         .iter()

@@ -5,12 +5,11 @@
 //! |---|---|
 //! | [`PowerMeter`] | contract: cumulative energy with its provenance |
 //! | [`CpuTimeMeter`], [`NvmlMeter`] | the meters |
-//! | [`ScriptedMeter`] | a meter with scripted readings, for tests |
-//! | [`detect`], [`open`], [`survey`] | the meters of this machine, and the one that covers the rendering device |
-//! | [`self_test`] | whether a meter behaves like an energy counter |
-//! | [`EnergyWindow`] | energy between two moments, for measurements on a thread of their own |
-//! | [`PowerSampler`] | power over time, polled on a thread of its own |
+//! | [`detect`], [`open`] | the meters of this machine, and the one that covers the rendering device |
 //! | [`PowerPlugin`] | the sampler in a Bevy app: [`MeteredPower`] and a diagnostic |
+//!
+//! The feature `meter-tools` adds what a tool needs that measures on a thread of its own: `survey` of
+//! this machine's meters, their `self_test`, and `EnergyWindow`.
 //!
 //! An unknown power is never reported as 0 W: a counter that is missing, unreadable or faulty gives
 //! a [`MeterError`] or a [`MeterState`] with the reason.
@@ -22,23 +21,30 @@ mod meter;
 mod nvml;
 mod plugin;
 mod sampler;
+#[cfg(test)]
 mod scripted;
+#[cfg(any(test, feature = "meter-tools"))]
 mod self_test;
 mod tracker;
 mod window;
 
 pub use cpu_time::{CpuTimeMeter, InvalidWattsPerCore};
-pub use detect::{
-    Adapter, AdapterKind, OpenMeterError, SurveyedMeter, detect, known_meters, open, survey,
-};
+pub use detect::{Adapter, AdapterKind, OpenMeterError, detect, open};
+#[cfg(feature = "meter-tools")]
+pub use detect::{SurveyedMeter, survey};
 pub use meter::{MeterError, MeterInfo, PowerMeter, Provenance};
 #[cfg(feature = "nvml")]
 pub use nvml::{BoardChoice, NvmlMeter};
 pub use plugin::{
     MeterChoice, MeterFactory, MeteredPower, POWER_DIAGNOSTIC, PowerPlugin, PowerSystems,
 };
-pub use sampler::{PowerSampler, SamplerSettings};
-pub use scripted::ScriptedMeter;
+pub(crate) use sampler::PowerSampler;
+pub use sampler::SamplerSettings;
+#[cfg(test)]
+pub(crate) use scripted::ScriptedMeter;
+#[cfg(feature = "meter-tools")]
 pub use self_test::{SelfTest, Verdict, busy_cpu_load, self_test};
-pub use tracker::{MeterState, PowerSnapshot};
+pub use tracker::MeterState;
+pub(crate) use tracker::PowerSnapshot;
+#[cfg(feature = "meter-tools")]
 pub use window::EnergyWindow;

@@ -24,6 +24,7 @@ pub type MeterFactory = Arc<dyn Fn() -> Result<Box<dyn PowerMeter>, OpenMeterErr
 
 /// Selects the meter that an app reads.
 #[derive(Clone, Default)]
+#[non_exhaustive]
 pub enum MeterChoice {
     /// The first meter that covers the rendering device, by [`detect`]; meters of other devices are
     /// never used.
@@ -62,6 +63,7 @@ pub struct PowerPlugin {
 /// The app's metered power. Written in [`PowerSystems::Publish`], read-only for the app.
 #[derive(Resource, Clone, Debug, Default, PartialEq, Reflect)]
 #[reflect(Resource)]
+#[non_exhaustive]
 pub struct MeteredPower {
     /// Mean power over the last sampling interval, in watts; finite, at least 0. `None` while
     /// unknown, which differs from 0 W.
@@ -76,6 +78,7 @@ pub struct MeteredPower {
 
 /// When power is published.
 #[derive(SystemSet, Clone, Copy, Debug, PartialEq, Eq, Hash)]
+#[non_exhaustive]
 pub enum PowerSystems {
     /// In [`PreUpdate`]: writes [`MeteredPower`] and the diagnostic, so that all systems in
     /// `Update` read the same figures.

@@ -57,7 +57,7 @@ struct Published {
 /// A failed meter is still polled, so that it recovers after an unplugged charger or a driver's
 /// restart.
 #[derive(Debug)]
-pub struct PowerSampler {
+pub(crate) struct PowerSampler {
     published: Arc<Mutex<Published>>,
     /// Dropped to stop the thread.
     stop: Option<mpsc::Sender<()>>,
@@ -69,7 +69,8 @@ impl PowerSampler {
     ///
     /// # Errors
     /// [`MeterError::Unavailable`] when the thread cannot be created.
-    pub fn start(
+    #[cfg(test)]
+    pub(crate) fn start(
         meter: Box<dyn PowerMeter>,
         settings: SamplerSettings,
     ) -> Result<Self, MeterError> {
@@ -81,7 +82,7 @@ impl PowerSampler {
     ///
     /// # Errors
     /// [`MeterError::Unavailable`] when the thread cannot be created.
-    pub fn start_with(
+    pub(crate) fn start_with(
         open: impl FnOnce() -> Result<Box<dyn PowerMeter>, OpenMeterError> + Send + 'static,
         settings: SamplerSettings,
     ) -> Result<Self, MeterError> {
@@ -113,7 +114,8 @@ impl PowerSampler {
     }
 
     /// The current figures. Never waits for the meter.
-    pub fn snapshot(&self) -> PowerSnapshot {
+    #[cfg(test)]
+    pub(crate) fn snapshot(&self) -> PowerSnapshot {
         let published = lock(&self.published);
         self.with_fault(&published)
     }

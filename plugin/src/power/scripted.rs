@@ -7,7 +7,7 @@ use crate::units::{Joules, Watts};
 
 /// Returns a list of readings, one per call, then repeats the last one for ever.
 #[derive(Clone, Debug)]
-pub struct ScriptedMeter {
+pub(crate) struct ScriptedMeter {
     readings: VecDeque<Result<Joules, MeterError>>,
     last: Result<Joules, MeterError>,
     window_seconds: f64,
@@ -16,11 +16,11 @@ pub struct ScriptedMeter {
 
 impl ScriptedMeter {
     /// Name in its [`MeterInfo`].
-    pub const NAME: &str = "scripted";
+    pub(crate) const NAME: &str = "scripted";
 
     /// Returns `readings`, which may include errors and invalid numbers. Without readings it
     /// returns [`MeterError::Unavailable`].
-    pub fn new(readings: impl IntoIterator<Item = Result<Joules, MeterError>>) -> Self {
+    pub(crate) fn new(readings: impl IntoIterator<Item = Result<Joules, MeterError>>) -> Self {
         Self {
             readings: readings.into_iter().collect(),
             last: Err(MeterError::unavailable(Self::NAME, "the script is empty")),
@@ -30,22 +30,15 @@ impl ScriptedMeter {
     }
 
     /// Returns `joules`, cumulative energy in joules. Any number is accepted.
-    pub fn joules(joules: impl IntoIterator<Item = f64>) -> Self {
+    pub(crate) fn joules(joules: impl IntoIterator<Item = f64>) -> Self {
         Self::new(joules.into_iter().map(|joules| Ok(Joules(joules))))
     }
 
     /// Sets [`window_seconds`](PowerMeter::window_seconds), in seconds. Any number is accepted.
     /// Default: 0.001.
     #[must_use]
-    pub fn with_window_seconds(mut self, seconds: f64) -> Self {
+    pub(crate) fn with_window_seconds(mut self, seconds: f64) -> Self {
         self.window_seconds = seconds;
-        self
-    }
-
-    /// Sets [`idle`](PowerMeter::idle), in watts. Any number is accepted. Default: 0 W.
-    #[must_use]
-    pub fn with_idle(mut self, idle: Watts) -> Self {
-        self.idle = idle;
         self
     }
 }

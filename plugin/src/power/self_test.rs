@@ -22,6 +22,7 @@ const RESPONSE_RATIO: f64 = 1.05;
 
 /// Result of a self-test.
 #[derive(Clone, Debug, PartialEq)]
+#[non_exhaustive]
 pub struct SelfTest {
     /// Mean power while this thread slept, in watts, with [`PowerMeter::idle`]. `None` where the
     /// test failed.

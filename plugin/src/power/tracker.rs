@@ -24,6 +24,7 @@ const STUCK_AFTER_WINDOWS: u32 = 10;
 
 /// Whether the metered power is known.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Reflect)]
+#[non_exhaustive]
 pub enum MeterState {
     /// The meter is being opened, or the first interval has not ended.
     #[default]
@@ -45,7 +46,7 @@ pub enum MeterState {
 
 /// Figures of a sampler at one moment.
 #[derive(Clone, Debug, Default, PartialEq)]
-pub struct PowerSnapshot {
+pub(crate) struct PowerSnapshot {
     /// The meter, once it is open.
     pub info: Option<MeterInfo>,
     /// Whether the power is known.
@@ -95,7 +96,7 @@ pub(crate) struct PowerTracker {
 
 impl PowerTracker {
     /// `window`: shortest valid interval; `smoothing`: time constant of the mean.
-    pub fn new(info: MeterInfo, idle: Watts, window: Duration, smoothing: Duration) -> Self {
+    pub(crate) fn new(info: MeterInfo, idle: Watts, window: Duration, smoothing: Duration) -> Self {
         Self {
             name: info.name.clone(),
             idle,
@@ -109,12 +110,12 @@ impl PowerTracker {
     }
 
     /// The current figures.
-    pub fn snapshot(&self) -> &PowerSnapshot {
+    pub(crate) fn snapshot(&self) -> &PowerSnapshot {
         &self.snapshot
     }
 
     /// Adds the meter's answer at time `at`.
-    pub fn push(&mut self, answer: Result<Joules, MeterError>, at: Duration) {
+    pub(crate) fn push(&mut self, answer: Result<Joules, MeterError>, at: Duration) {
         let energy = match answer {
             Ok(energy) if energy.0.is_finite() => energy,
             Ok(energy) => {

@@ -5,6 +5,7 @@ use super::file::{COLUMNS, VERSION};
 /// A number of a camera sample that is out of its range.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 #[error("`{field}` is {value}, which must be {expected}")]
+#[non_exhaustive]
 pub struct InvalidSample {
     /// Column of the file, or columns separated by commas.
     pub field: &'static str,

@@ -64,6 +64,7 @@ impl CameraRecorderPlugin {
 
 /// When cameras are recorded.
 #[derive(SystemSet, Clone, Copy, Debug, PartialEq, Eq, Hash)]
+#[non_exhaustive]
 pub enum RecordingSystems {
     /// Part of `PostUpdate`, after cameras are updated and transforms are propagated.
     Sample,

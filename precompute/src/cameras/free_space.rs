@@ -16,7 +16,7 @@ const MOST: usize = 60_000;
 
 /// Required clearance around a camera.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Clearance {
+pub(crate) struct Clearance {
     /// Least distance from any surface, metres.
     pub distance: f32,
     /// Least and greatest height above the ground, metres. Without ground below, the height is not
@@ -33,7 +33,7 @@ impl Default for Clearance {
 
 impl Clearance {
     /// Whether a camera can be at `position`.
-    pub fn allows(&self, rays: &RayScene, position: Vec3) -> bool {
+    pub(crate) fn allows(&self, rays: &RayScene, position: Vec3) -> bool {
         is_clear(rays, position, self.distance)
             && !rays.inside_geometry(position)
             && self.height_fits(rays, position)
@@ -58,7 +58,7 @@ fn is_clear(rays: &RayScene, position: Vec3, distance: f32) -> bool {
 
 /// Positions that cameras can reach.
 #[derive(Clone, Debug, Default)]
-pub struct FreeSpace {
+pub(crate) struct FreeSpace {
     positions: Vec<Vec3>,
     voxel: f32,
 }
@@ -66,7 +66,12 @@ pub struct FreeSpace {
 impl FreeSpace {
     /// Flood-fills `bounds` from `seeds`, between voxels without geometry in between. Without a
     /// free seed, starts from every free voxel of the bounds.
-    pub fn fill(rays: &RayScene, bounds: &Bounds, seeds: &[Vec3], clearance: &Clearance) -> Self {
+    pub(crate) fn fill(
+        rays: &RayScene,
+        bounds: &Bounds,
+        seeds: &[Vec3],
+        clearance: &Clearance,
+    ) -> Self {
         let voxel = VOXEL.max(bounds.size().max_element() / MOST_ALONG);
         let at = |index: IVec3| bounds.min + (index.as_vec3() + 0.5) * voxel;
         let voxel_at = |position: Vec3| ((position - bounds.min) / voxel).floor().as_ivec3();
@@ -105,17 +110,19 @@ impl FreeSpace {
     }
 
     /// Number of positions.
-    pub fn len(&self) -> usize {
+    #[cfg(test)]
+    pub(crate) fn len(&self) -> usize {
         self.positions.len()
     }
 
     /// Whether there are no positions.
-    pub fn is_empty(&self) -> bool {
+    #[cfg(test)]
+    pub(crate) fn is_empty(&self) -> bool {
         self.positions.is_empty()
     }
 
     /// A random position in a random voxel, and the voxel's number.
-    pub fn sample(&self, random: &mut impl rand::Rng) -> Option<(Vec3, u32)> {
+    pub(crate) fn sample(&self, random: &mut impl rand::Rng) -> Option<(Vec3, u32)> {
         let center = *self.positions.get(random.random_range(0..self.positions.len().max(1)))?;
         let mut offset = || random.random_range(-0.5..0.5) * self.voxel;
         let position = center + Vec3::new(offset(), offset(), offset());

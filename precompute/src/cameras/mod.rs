@@ -8,7 +8,7 @@ mod pose;
 mod recorded;
 mod set;
 
-pub use free_space::{Clearance, FreeSpace};
-pub use pose::MovingCamera;
-pub use recorded::{RecordedError, recorded};
-pub use set::{CameraMix, CameraSet, TrackSample, tracks_of};
+pub(crate) use free_space::{Clearance, FreeSpace};
+pub(crate) use pose::MovingCamera;
+pub(crate) use recorded::recorded;
+pub(crate) use set::{CameraMix, CameraSet, TrackSample, tracks_of};

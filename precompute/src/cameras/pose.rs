@@ -6,7 +6,7 @@ use crate::scene::CameraPose;
 
 /// A camera's pose and motion at one moment.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct MovingCamera {
+pub(crate) struct MovingCamera {
     /// The pose.
     pub pose: CameraPose,
     /// Metres per second.
@@ -22,19 +22,19 @@ pub(super) const FREE: u32 = 1 << 31;
 
 impl MovingCamera {
     /// Whether the camera is on or near a path or a recording.
-    pub fn is_on_track(&self) -> bool {
+    pub(crate) fn is_on_track(&self) -> bool {
         self.group & FREE == 0
     }
 
     /// The pose `seconds` later, or earlier where negative.
-    pub fn at(&self, seconds: f32) -> CameraPose {
+    pub(crate) fn at(&self, seconds: f32) -> CameraPose {
         let rotation =
             (Quat::from_scaled_axis(self.turn * seconds) * self.pose.rotation).normalize();
         CameraPose { position: self.pose.position + self.velocity * seconds, rotation }
     }
 
     /// The last `frames` poses at `frames_per_second`, the current one last.
-    pub fn clip(&self, frames: u32, frames_per_second: f64) -> Vec<CameraPose> {
+    pub(crate) fn clip(&self, frames: u32, frames_per_second: f64) -> Vec<CameraPose> {
         (0..frames.max(1))
             .rev()
             .map(|back| self.at(-(f64::from(back) / frames_per_second) as f32))

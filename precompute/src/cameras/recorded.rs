@@ -11,7 +11,7 @@ use crate::scene::CameraPose;
 /// Why a recording cannot be used.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
-pub enum RecordedError {
+pub(crate) enum RecordedError {
     /// The file cannot be read.
     #[error("{path}: cannot be read: {source}; give a file that the plugin's recorder wrote", path = path.display())]
     File {
@@ -40,7 +40,7 @@ pub enum RecordedError {
 ///
 /// # Errors
 /// When the file cannot be read, is no recording, or is empty.
-pub fn recorded(path: &Path) -> Result<Vec<Vec<TrackSample>>, RecordedError> {
+pub(crate) fn recorded(path: &Path) -> Result<Vec<Vec<TrackSample>>, RecordedError> {
     let text = std::fs::read_to_string(path)
         .map_err(|source| RecordedError::File { path: path.to_owned(), source })?;
     let samples =

@@ -21,7 +21,7 @@ const TRIES: usize = 60;
 
 /// One moment of a track: a path of the scene, or a recording.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct TrackSample {
+pub(crate) struct TrackSample {
     /// The camera's pose.
     pub pose: CameraPose,
     /// Metres per second.
@@ -32,7 +32,7 @@ pub struct TrackSample {
 
 /// Shares of the sources of cameras. The rest is from free space.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct CameraMix {
+pub(crate) struct CameraMix {
     /// Share on tracks, to within 10 cm. Higher values fit the map to the tracks.
     pub on_tracks: f64,
     /// Share near tracks, displaced and rotated.
@@ -47,7 +47,7 @@ impl Default for CameraMix {
 
 /// Disjoint sets of cameras for two purposes.
 #[derive(Clone, Debug, Default, PartialEq)]
-pub struct CameraSet {
+pub(crate) struct CameraSet {
     /// Cameras for searching settings and fitting frontiers.
     pub training: Vec<MovingCamera>,
     /// Cameras for calibrating error budgets.
@@ -55,7 +55,7 @@ pub struct CameraSet {
 }
 
 /// Samples of `paths` at `frames_per_second`.
-pub fn tracks_of<'a>(
+pub(crate) fn tracks_of<'a>(
     paths: impl IntoIterator<Item = &'a CameraPath>,
     frames_per_second: f64,
 ) -> Vec<Vec<TrackSample>> {
@@ -96,7 +96,7 @@ impl CameraSet {
     ///
     /// `lens`: vertical field of view in radians, and width ÷ height. Returns fewer cameras where
     /// few positions can be reached; none where no position sees any geometry.
-    pub fn sample(
+    pub(crate) fn sample(
         rays: &RayScene,
         bounds: &Bounds,
         tracks: &[Vec<TrackSample>],

@@ -32,7 +32,7 @@ pub(super) struct CaptureArguments {
 
 impl CaptureArguments {
     /// The request for a stage in a child process.
-    pub fn request(&self, scene: &Path) -> StageRequest {
+    pub(super) fn request(&self, scene: &Path) -> StageRequest {
         StageRequest {
             scene: scene.to_owned(),
             size: self.size.to_array(),
@@ -42,7 +42,7 @@ impl CaptureArguments {
         }
     }
 
-    pub fn options(&self) -> StageOptions {
+    pub(super) fn options(&self) -> StageOptions {
         StageOptions {
             size: self.size,
             frames_per_second: self.fps,
@@ -70,7 +70,7 @@ pub(super) struct CameraArguments {
 impl CameraArguments {
     /// # Errors
     /// Where the camera looks at itself: it has no direction.
-    pub fn pose(&self) -> Result<CameraPose, CliError> {
+    pub(super) fn pose(&self) -> Result<CameraPose, CliError> {
         if self.position == self.look_at {
             return Err(CliError::usage(
                 "--position and --look-at are the same point: the camera has no direction",
@@ -94,7 +94,7 @@ pub(super) struct PictureArguments {
 impl PictureArguments {
     /// The PNG to write; by default, named after the scene if no file is given. Fails if either
     /// file cannot be written.
-    pub fn png(&self, scene_name: &str) -> Result<Option<PathBuf>, CliError> {
+    pub(super) fn png(&self, scene_name: &str) -> Result<Option<PathBuf>, CliError> {
         let png = match (&self.output, &self.hdr) {
             (None, None) => Some(PathBuf::from(format!("{scene_name}.png"))),
             (png, _) => png.clone(),

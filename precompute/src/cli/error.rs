@@ -7,7 +7,7 @@ use crate::stage::{RemoteError, StageError};
 
 /// Why a command failed.
 #[derive(Debug, thiserror::Error)]
-pub enum CliError {
+pub(super) enum CliError {
     /// Wrong use or bad input: nothing was written.
     #[error("{0}")]
     Usage(String),
@@ -21,17 +21,17 @@ pub enum CliError {
 
 impl CliError {
     /// Wrong use or bad input.
-    pub fn usage(error: impl ToString) -> Self {
+    pub(super) fn usage(error: impl ToString) -> Self {
         Self::Usage(error.to_string())
     }
 
     /// A failure after the start.
-    pub fn failed(error: impl ToString) -> Self {
+    pub(super) fn failed(error: impl ToString) -> Self {
         Self::Failed(error.to_string())
     }
 
     /// The process's exit status.
-    pub fn status(&self) -> u8 {
+    pub(super) fn status(&self) -> u8 {
         match self {
             Self::Usage(_) => 2,
             Self::Failed(_) => 1,

@@ -27,7 +27,7 @@ use std::process::ExitCode;
 
 use clap::{Parser, Subcommand};
 
-pub use error::CliError;
+use error::CliError;
 
 /// Finds Pareto-optimal rendering settings in power and error for every camera of a scene.
 #[derive(Parser, Debug)]

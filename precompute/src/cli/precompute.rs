@@ -111,7 +111,7 @@ fn shard(text: &str) -> Result<(usize, usize), String> {
 }
 
 impl SearchArguments {
-    pub fn check(&self) -> Result<(), CliError> {
+    pub(super) fn check(&self) -> Result<(), CliError> {
         if !(self.error_threshold.is_finite() && self.error_threshold >= 0.0) {
             return Err(CliError::usage(format!(
                 "--error-threshold {}: must be a finite number, 0 or above",
@@ -142,7 +142,7 @@ impl SearchArguments {
     }
 
     /// Tracks of the scene's paths and of recordings.
-    pub fn tracks(
+    pub(super) fn tracks(
         &self,
         scene: &SceneDescription,
         fps: f64,
@@ -226,7 +226,7 @@ pub(super) struct Searched {
 
 impl Searched {
     /// For the report.
-    pub fn summary(&self) -> SearchSummary<'_> {
+    pub(super) fn summary(&self) -> SearchSummary<'_> {
         SearchSummary { map: &self.map, outcome: &self.outcome, cameras: &self.cameras }
     }
 }
@@ -266,15 +266,7 @@ pub(super) fn search(
         .with("seed", arguments.seed)
         .with("cameras", format!("{:016x}", hash(&format!("{cameras:?}"))))
         .with("settings", format!("{config:?} {:?}", arguments.time_limit));
-    let opened = if resume {
-        Journal::resume(journal, &header)
-    } else {
-        Journal::create(journal, &header).map(|journal| (journal, Vec::new()))
-    };
-    let journal = opened.map_err(CliError::usage)?;
-    if resume {
-        eprintln!("resuming after {} records", journal.1.len());
-    }
+    let journal = open_journal(journal, &header, resume)?;
     eprintln!(
         "{} knobs, {} combinations; {} training and {} calibration cameras; power by {}",
         space.len(),
@@ -339,6 +331,24 @@ pub(super) fn search(
     };
     map.validate().map_err(CliError::failed)?;
     Ok(Searched { map, outcome, cameras })
+}
+
+/// The journal, and the records of an earlier run that is resumed.
+fn open_journal(
+    path: &Path,
+    header: &JournalHeader,
+    resume: bool,
+) -> Result<(Journal, Vec<String>), CliError> {
+    let opened = if resume {
+        Journal::resume(path, header)
+    } else {
+        Journal::create(path, header).map(|journal| (journal, Vec::new()))
+    };
+    let journal = opened.map_err(CliError::usage)?;
+    if resume {
+        eprintln!("resuming after {} records", journal.1.len());
+    }
+    Ok(journal)
 }
 
 /// Frames of a clip: one unmetered, and three metered. History averages noise in play, so a short

@@ -10,7 +10,7 @@ mod reprice;
 mod work;
 mod work_meter;
 
-pub use model::{CostModel, CostReading, FitQuality};
-pub use reprice::{DeviceModel, NewConditions, RepriceError, reprice};
-pub use work::{FrameLayout, Work, work_names};
-pub use work_meter::{WORK_METER, WorkLedger, WorkMeter, is_work_meter};
+pub(crate) use model::{CostModel, CostReading, FitQuality};
+pub(crate) use reprice::{DeviceModel, NewConditions, reprice};
+pub(crate) use work::{FrameLayout, Work, work_names};
+pub(crate) use work_meter::{WORK_METER, WorkLedger, WorkMeter, is_work_meter};

@@ -10,7 +10,7 @@ const CAMERA_PRIOR: f64 = 1.0;
 
 /// A reading of the meter.
 #[derive(Clone, Debug, PartialEq)]
-pub struct CostReading {
+pub(crate) struct CostReading {
     /// Number of the camera.
     pub camera: usize,
     /// Work of the frame.
@@ -21,7 +21,7 @@ pub struct CostReading {
 
 /// Quality of a model's predictions.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct FitQuality {
+pub(crate) struct FitQuality {
     /// Number of readings compared.
     pub readings: usize,
     /// Mean of |predicted ÷ read − 1|.
@@ -33,7 +33,7 @@ pub struct FitQuality {
 /// P = `exp(u_camera)` · Σ βⱼ xⱼ: prices β ≥ 0 of work x, in watts at the target frame rate, and a
 /// factor for each camera.
 #[derive(Clone, Debug, Default, PartialEq)]
-pub struct CostModel {
+pub(crate) struct CostModel {
     /// Watts per unit of each kind of work per frame.
     pub prices: Vec<f64>,
     /// exp(u) by camera.
@@ -43,7 +43,7 @@ pub struct CostModel {
 impl CostModel {
     /// Fits prices and camera factors in alternation, minimising relative errors. Readings that are
     /// not finite and above 0 are left out.
-    pub fn fit(readings: &[CostReading]) -> Self {
+    pub(crate) fn fit(readings: &[CostReading]) -> Self {
         let valid: Vec<_> = readings
             .iter()
             .filter(|reading| reading.power_w.is_finite() && reading.power_w > 0.0)
@@ -79,17 +79,17 @@ impl CostModel {
     }
 
     /// Power of `work` at an unknown camera, watts.
-    pub fn power(&self, work: &Work) -> f64 {
+    pub(crate) fn power(&self, work: &Work) -> f64 {
         self.prices.iter().zip(&work.0).map(|(price, work)| price * work).sum()
     }
 
     /// Power of `work` at a known camera, watts.
-    pub fn power_at(&self, camera: usize, work: &Work) -> f64 {
+    pub(crate) fn power_at(&self, camera: usize, work: &Work) -> f64 {
         self.cameras.get(camera).copied().unwrap_or(1.0) * self.power(work)
     }
 
     /// Deviation of `readings` from the model's predictions.
-    pub fn quality(&self, readings: &[CostReading]) -> FitQuality {
+    pub(crate) fn quality(&self, readings: &[CostReading]) -> FitQuality {
         let mut errors: Vec<f64> = readings
             .iter()
             .map(|reading| {
@@ -108,7 +108,7 @@ impl CostModel {
 
     /// The same by cross-validation: one reading in `folds` is held out in turn, regardless of
     /// camera and settings.
-    pub fn cross_validated(readings: &[CostReading], folds: usize) -> FitQuality {
+    pub(crate) fn cross_validated(readings: &[CostReading], folds: usize) -> FitQuality {
         let folds = folds.max(2);
         let split = |fold: usize, held_out: bool| -> Vec<CostReading> {
             // Hashed instead of every n-th, because readings are ordered by camera.

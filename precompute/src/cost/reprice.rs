@@ -4,14 +4,13 @@
 use bevy_frugal_gi::frontier::{CostPoint, Frontier, FrontierMap, FrontierPoint, WorkPrices};
 use bevy_frugal_gi::knobs::KnobSpace;
 use bevy_frugal_gi::power::MeterInfo;
-use bevy_frugal_gi::units::Watts;
 use serde::{Deserialize, Serialize};
 
 use super::{FrameLayout, Work};
 
 /// Prices of work on one device, as `frugal calibrate` writes them.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub struct DeviceModel {
+pub(crate) struct DeviceModel {
     /// The adapter's name.
     pub adapter: String,
     /// The power meter.
@@ -25,7 +24,7 @@ pub struct DeviceModel {
 /// Why a map cannot be repriced.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[non_exhaustive]
-pub enum RepriceError {
+pub(crate) enum RepriceError {
     /// The map is of an earlier version.
     #[error("the map holds no prices of work: run `frugal precompute` again")]
     NoPrices,
@@ -39,7 +38,7 @@ pub enum RepriceError {
 
 /// New conditions; `None` keeps the map's own.
 #[derive(Clone, Debug, Default, PartialEq)]
-pub struct NewConditions {
+pub(crate) struct NewConditions {
     /// The device.
     pub device: Option<DeviceModel>,
     /// Width and height, pixels.
@@ -56,7 +55,7 @@ pub struct NewConditions {
 ///
 /// # Errors
 /// When the map has no prices, or the device none for some of its work.
-pub fn reprice(map: &FrontierMap, to: &NewConditions) -> Result<FrontierMap, RepriceError> {
+pub(crate) fn reprice(map: &FrontierMap, to: &NewConditions) -> Result<FrontierMap, RepriceError> {
     let old = &map.work_prices;
     if old.kinds.is_empty() {
         return Err(RepriceError::NoPrices);
@@ -88,7 +87,7 @@ pub fn reprice(map: &FrontierMap, to: &NewConditions) -> Result<FrontierMap, Rep
             let power = new.idle.0 + new_rate * energy(&new, &after) * (spent / own);
             Ok(FrontierPoint {
                 settings: point.settings,
-                cost: CostPoint { power: Watts(power), ..point.cost },
+                cost: CostPoint::new(power, point.cost.error),
             })
         };
         Ok(Frontier::from_points(
@@ -143,6 +142,7 @@ mod tests {
         Bounds, Capture, ErrorRate, ErrorRates, Octree, SceneIdentity, Thresholds,
     };
     use bevy_frugal_gi::power::Provenance;
+    use bevy_frugal_gi::units::Watts;
 
     use super::*;
     use crate::cost::work_names;

@@ -54,7 +54,7 @@ const KINDS: [&str; 21] = [
 ];
 
 /// Names of all kinds of work in `space`.
-pub fn work_names(space: &KnobSpace) -> Vec<String> {
+pub(crate) fn work_names(space: &KnobSpace) -> Vec<String> {
     let others = other_levels(space).map(|(knob, level)| {
         let knob = &space.knobs()[knob];
         format!("{}={} pixels", knob.name, knob.levels[level].label)
@@ -88,11 +88,11 @@ fn other_levels(space: &KnobSpace) -> impl Iterator<Item = (usize, usize)> + '_ 
 
 /// Amount of each kind of work in a frame: counts, 0 or more, in the order of [`work_names`].
 #[derive(Clone, Debug, Default, PartialEq)]
-pub struct Work(pub Vec<f64>);
+pub(crate) struct Work(pub Vec<f64>);
 
 impl Work {
     /// The work of `settings`. Knobs that `space` lacks count as at their best.
-    pub fn of(space: &KnobSpace, settings: KnobLevels, layout: &FrameLayout) -> Self {
+    pub(crate) fn of(space: &KnobSpace, settings: KnobLevels, layout: &FrameLayout) -> Self {
         let settings = space.canonical(settings);
         let value = |name: &str, best: f64| space.value(settings, name).unwrap_or(best);
         let [width, height] = layout.size.map(f64::from);

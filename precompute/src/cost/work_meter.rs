@@ -16,14 +16,14 @@ use crate::journal::hash;
 /// Prices of the software renderer lavapipe, from `frugal calibrate`.
 const LAVAPIPE: &str = include_str!("../../prices/lavapipe.prices.ron");
 /// Name of the meter: `work`, or `work=FILE` with prices from `frugal calibrate`.
-pub const WORK_METER: &str = "work";
+pub(crate) const WORK_METER: &str = "work";
 /// Energy is counted in units of 2⁻³⁰ J, which floating point represents exactly up to 8 MJ:
 /// differences of readings are exact, whatever the earlier count.
 const UNITS_PER_JOULE: f64 = (1_u64 << 30) as f64;
 
 /// Reads the energy that its [`WorkLedger`] has counted.
 #[derive(Debug)]
-pub struct WorkMeter {
+pub(crate) struct WorkMeter {
     info: MeterInfo,
     idle: Watts,
     counted: Arc<AtomicU64>,
@@ -31,14 +31,14 @@ pub struct WorkMeter {
 
 /// Counts frames for a [`WorkMeter`].
 #[derive(Debug)]
-pub struct WorkLedger {
+pub(crate) struct WorkLedger {
     device: DeviceModel,
     layout: FrameLayout,
     counted: Arc<AtomicU64>,
 }
 
 /// Whether `name` names the work meter, and its file of prices.
-pub fn is_work_meter(name: &str) -> Option<Option<&str>> {
+pub(crate) fn is_work_meter(name: &str) -> Option<Option<&str>> {
     match name.split_once('=') {
         Some((plain, file)) => (plain.trim() == WORK_METER).then(|| Some(file.trim())),
         None => (name.trim() == WORK_METER).then_some(None),
@@ -50,7 +50,10 @@ impl WorkMeter {
     ///
     /// # Errors
     /// When the file cannot be read, or holds no prices.
-    pub fn open(file: Option<&str>, layout: FrameLayout) -> Result<(Self, WorkLedger), MeterError> {
+    pub(crate) fn open(
+        file: Option<&str>,
+        layout: FrameLayout,
+    ) -> Result<(Self, WorkLedger), MeterError> {
         let name =
             file.map_or_else(|| WORK_METER.to_owned(), |file| format!("{WORK_METER}={file}"));
         let unavailable = |reason: String| MeterError::unavailable(name.as_str(), reason);
@@ -105,14 +108,14 @@ impl PowerMeter for WorkMeter {
 
 impl WorkLedger {
     /// Counts a frame at `settings`.
-    pub fn count(&self, space: &KnobSpace, settings: KnobLevels) {
+    pub(crate) fn count(&self, space: &KnobSpace, settings: KnobLevels) {
         let joules = self.joules(space, settings);
         self.counted.fetch_add((joules * UNITS_PER_JOULE).round() as u64, Ordering::Relaxed);
     }
 
     /// Energy of a frame at `settings`, without the device's idle energy. Kinds of work without a
     /// price are free.
-    pub fn joules(&self, space: &KnobSpace, settings: KnobLevels) -> f64 {
+    pub(crate) fn joules(&self, space: &KnobSpace, settings: KnobLevels) -> f64 {
         let work = Work::of(space, settings, &self.layout);
         let price = |kind: &String| price(&self.device.prices, kind).unwrap_or(0.0);
         work_names(space).iter().zip(&work.0).map(|(kind, work)| price(kind) * work).sum()

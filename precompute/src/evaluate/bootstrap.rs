@@ -14,7 +14,7 @@ const CONFIDENCE: f64 = 0.95;
 
 /// Whether `one` Pareto-dominates `other` in mean power and error over the same frames, in at least
 /// 95 % of resampled paths.
-pub fn dominates(one: &[FrameRecord], other: &[FrameRecord], fps: f64) -> bool {
+pub(super) fn dominates(one: &[FrameRecord], other: &[FrameRecord], fps: f64) -> bool {
     let frames = one.len().min(other.len());
     let block = ((BLOCK_SECONDS * fps).round() as usize).clamp(1, frames.max(1));
     let count = frames.div_ceil(block);

@@ -9,7 +9,7 @@ use serde::{Deserialize, Serialize};
 /// Errors of parsing a budget: wrong use of the tool, exit status 2.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[non_exhaustive]
-pub enum BudgetError {
+pub(crate) enum BudgetError {
     /// Not a number with a unit.
     #[error(
         "`{0}` is not a power budget: write watts as `7W` or `7`, or a percentage between the lowest and the highest settings as `60%`"
@@ -33,7 +33,7 @@ pub enum BudgetError {
 
 /// A power limit as requested.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub enum PowerBudget {
+pub(crate) enum PowerBudget {
     /// In watts, above 0 and finite.
     Power(Watts),
     /// A position between the mean powers of the lowest and the highest settings: above 0 (lowest)
@@ -85,7 +85,7 @@ impl fmt::Display for PowerBudget {
 ///
 /// # Errors
 /// When the text is not a number in that range.
-pub fn parse_error_budget(text: &str) -> Result<f64, BudgetError> {
+pub(crate) fn parse_error_budget(text: &str) -> Result<f64, BudgetError> {
     let number: f64 = text.trim().parse().map_err(|_| BudgetError::NotError(text.to_owned()))?;
     let right = number > 0.0 && number <= 2.0;
     if right { Ok(number) } else { Err(BudgetError::ErrorRange(text.to_owned())) }
@@ -93,7 +93,7 @@ pub fn parse_error_budget(text: &str) -> Result<f64, BudgetError> {
 
 /// A request for a limit on power, on error, on both, or on neither.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct BudgetRequest {
+pub(crate) struct BudgetRequest {
     /// Limit on power.
     pub power: Option<PowerBudget>,
     /// Limit on error, 1 − SSIM.
@@ -103,7 +103,7 @@ pub struct BudgetRequest {
 impl BudgetRequest {
     /// The budget in watts; `lowest` and `highest` are the mean powers of the cheapest and the best
     /// settings on the path.
-    pub fn resolve(&self, lowest: Watts, highest: Watts) -> ResolvedBudget {
+    pub(crate) fn resolve(&self, lowest: Watts, highest: Watts) -> ResolvedBudget {
         let power = self.power.map(|power| match power {
             PowerBudget::Power(watts) => watts,
             PowerBudget::Share(share) => lowest + (highest - lowest) * share,
@@ -125,7 +125,7 @@ impl fmt::Display for BudgetRequest {
 
 /// A budget in absolute terms.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
-pub struct ResolvedBudget {
+pub(crate) struct ResolvedBudget {
     /// Limit on power.
     pub power_w: Option<Watts>,
     /// Limit on error, 1 − SSIM.
@@ -134,7 +134,7 @@ pub struct ResolvedBudget {
 
 impl ResolvedBudget {
     /// Whether `power` and `error` are within the limits. NaN never is within a limit.
-    pub fn keeps(&self, power: Watts, error: f64) -> bool {
+    pub(crate) fn keeps(&self, power: Watts, error: f64) -> bool {
         self.power_w.is_none_or(|limit| power <= limit)
             && self.error.is_none_or(|limit| error <= limit)
     }

@@ -7,7 +7,7 @@ use bevy_frugal_gi::knobs::KnobLevels;
 use super::{Choice, Policy, Pose, ResolvedBudget};
 
 /// Selects settings from frontiers under a budget and applies the temporal filter.
-pub struct Controller<'a> {
+pub(crate) struct Controller<'a> {
     store: &'a dyn FrontierStore,
     budget: Budget,
     lens: (f32, f32),
@@ -20,7 +20,7 @@ pub struct Controller<'a> {
 impl<'a> Controller<'a> {
     /// `lens`: vertical field of view in radians, and width ÷ height. `settings`: time constants of
     /// the filter.
-    pub fn new(
+    pub(crate) fn new(
         store: &'a dyn FrontierStore,
         budget: &ResolvedBudget,
         lens: (f32, f32),
@@ -28,7 +28,7 @@ impl<'a> Controller<'a> {
     ) -> Self {
         Self {
             store,
-            budget: Budget { power: budget.power_w, error: budget.error },
+            budget: Budget::new(budget.power_w, budget.error),
             lens,
             pace: ErrorPace::default(),
             filter: SettingsFilter::default(),

@@ -15,7 +15,7 @@ use super::{
 
 /// One budget on one path.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Judged {
+pub(crate) struct Judged {
     /// The requested limits, in words.
     pub asked: String,
     /// The limits in absolute terms.
@@ -36,7 +36,7 @@ const FAIR: [&str; 4] = ["best-constant-elsewhere", "reactive", "default", "reso
 
 /// Settings to record for all runs: those of the map, the presets, and those with only the
 /// resolution or the share of GI pixels lowered.
-pub fn settings_to_record(map: &FrontierMap) -> Vec<KnobLevels> {
+pub(crate) fn settings_to_record(map: &FrontierMap) -> Vec<KnobLevels> {
     let space = &map.knobs;
     let mut all = vec![space.highest(), space.lowest(), default_settings(space)];
     all.extend([2.0 / 3.0, 1.0 / 3.0].map(|share| space.preset(share)));
@@ -70,7 +70,7 @@ fn elsewhere(map: &FrontierMap, budget: &ResolvedBudget) -> Option<KnobLevels> {
 
 /// Simulates all runs. `lens`: vertical field of view in radians, and width ÷ height. `control`:
 /// time constants of the temporal filter, for the frugal run and the filtered oracle.
-pub fn judge(
+pub(crate) fn judge(
     record: &PathRecord,
     map: &FrontierMap,
     lens: (f32, f32),
@@ -158,7 +158,7 @@ fn oracles(
     let filtered = |oracle: &Oracle| {
         let mut oracle = oracle.clone();
         let mut filter = SettingsFilter::default();
-        let times = control.times(&Budget { power: budget.power_w, error: budget.error });
+        let times = control.times(&Budget::new(budget.power_w, budget.error));
         record.simulate(&mut Controlled(move |frame: usize, dt: f64, pose: &Pose| {
             let target = oracle.decide(frame, dt, pose).settings;
             Choice {

@@ -15,7 +15,7 @@
 //! | `resolution` | the baseline that scales resolution alone |
 //! | `result` | results, as JSON |
 //! | `table` | results as text, and per-frame CSV |
-pub mod baselines;
+pub(crate) mod baselines;
 mod bootstrap;
 mod budget;
 mod controlled;
@@ -29,16 +29,15 @@ mod result;
 mod runner;
 mod table;
 
-pub use bootstrap::dominates;
-pub use budget::{BudgetError, BudgetRequest, PowerBudget, ResolvedBudget, parse_error_budget};
-pub use controlled::Controller;
-pub use judge::{Judged, judge, settings_to_record};
-pub use play::{
-    Choice, Controlled, Fixed, FrameRecord, FrameRenderer, PathError, PathPlan, Policy, Pose,
-    Progress, RenderedFrame,
+pub(crate) use budget::{BudgetRequest, PowerBudget, ResolvedBudget, parse_error_budget};
+pub(crate) use controlled::Controller;
+pub(crate) use judge::{Judged, judge, settings_to_record};
+pub(crate) use play::{
+    Choice, Controlled, Fixed, FrameRecord, FrameRenderer, PathPlan, Policy, Pose, Progress,
+    RenderedFrame,
 };
-pub use record::{PathRecord, RecordError};
-pub use resolution::RESOLUTION_KNOB;
-pub use result::{Drift, EvaluationResult, RunResult, SpotCheck};
-pub use runner::{Evaluation, EvaluationError, EvaluationPlan, FramePicture, evaluate};
-pub use table::{frames_csv, judged_table, table};
+pub(crate) use record::PathRecord;
+pub(crate) use resolution::RESOLUTION_KNOB;
+pub(crate) use result::{Drift, EvaluationResult, RunResult, SpotCheck};
+pub(crate) use runner::{Evaluation, EvaluationError, EvaluationPlan, evaluate};
+pub(crate) use table::{frames_csv, judged_table, table};

@@ -11,11 +11,11 @@ use crate::metrics::{Picture, Reference};
 use super::EvaluationError;
 
 /// A camera's pose.
-pub type Pose = crate::scene::CameraPose;
+pub(crate) type Pose = crate::scene::CameraPose;
 
 /// A rendered frame.
 #[derive(Clone, Debug, PartialEq)]
-pub struct RenderedFrame {
+pub(crate) struct RenderedFrame {
     /// The display-referred image.
     pub picture: Picture,
     /// Power at the target frame rate: idle + this frame's energy × frames per second.
@@ -23,7 +23,7 @@ pub struct RenderedFrame {
 }
 
 /// Renders and meters frames: the headless stage, or formulas in tests.
-pub trait FrameRenderer {
+pub(crate) trait FrameRenderer {
     /// Why no frame was rendered.
     type Error;
 
@@ -52,7 +52,7 @@ pub trait FrameRenderer {
 
 /// A policy's choice for a frame.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Choice {
+pub(crate) struct Choice {
     /// The settings.
     pub settings: KnobLevels,
     /// The settings that the filter moves to; other than `settings` during a transition.
@@ -68,7 +68,7 @@ impl From<KnobLevels> for Choice {
 }
 
 /// Decides the settings of every frame of a run.
-pub trait Policy {
+pub(crate) trait Policy {
     /// The settings of frame number `frame` at `pose`, `dt` seconds after the frame before. Called
     /// once for each frame, in order.
     fn decide(&mut self, frame: usize, dt: f64, pose: &Pose) -> Choice;
@@ -81,7 +81,7 @@ pub trait Policy {
 
 /// The same settings throughout.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Fixed(pub KnobLevels);
+pub(crate) struct Fixed(pub KnobLevels);
 
 impl Policy for Fixed {
     fn decide(&mut self, _: usize, _: f64, _: &Pose) -> Choice {
@@ -91,7 +91,7 @@ impl Policy for Fixed {
 
 /// A policy from a function of the frame's number, the seconds since the frame before, and the
 /// pose.
-pub struct Controlled<F>(pub F);
+pub(crate) struct Controlled<F>(pub F);
 
 impl<F: FnMut(usize, f64, &Pose) -> Choice> Policy for Controlled<F> {
     fn decide(&mut self, frame: usize, dt: f64, pose: &Pose) -> Choice {
@@ -102,7 +102,7 @@ impl<F: FnMut(usize, f64, &Pose) -> Choice> Policy for Controlled<F> {
 /// Why a path cannot be played.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 #[non_exhaustive]
-pub enum PathError {
+pub(crate) enum PathError {
     /// A frame rate that is not above 0 or not finite.
     #[error("{0} frames per second: the frame rate must be above 0 and finite")]
     FrameRate(f64),
@@ -126,7 +126,7 @@ pub enum PathError {
 
 /// A path, sampled at its frames.
 #[derive(Clone, Debug, PartialEq)]
-pub struct PathPlan {
+pub(crate) struct PathPlan {
     name: String,
     fps: f64,
     poses: Vec<Pose>,
@@ -134,7 +134,7 @@ pub struct PathPlan {
 
 impl PathPlan {
     /// The longest path, in frames: an hour at 60 frames per second.
-    pub const MAX_FRAMES: usize = 216_000;
+    pub(crate) const MAX_FRAMES: usize = 216_000;
 
     /// The path called `name`, `duration` seconds long, at `fps` frames per second: round(duration
     /// × fps) frames, at least one, the camera of frame i being `pose_at(i / fps)`.
@@ -142,7 +142,7 @@ impl PathPlan {
     /// # Errors
     /// When the frame rate is not above 0 and finite, or the duration negative, not a number, or
     /// too long.
-    pub fn sample(
+    pub(crate) fn sample(
         name: &str,
         duration: f64,
         fps: f64,
@@ -163,24 +163,24 @@ impl PathPlan {
     }
 
     /// The path's name in the scene.
-    pub fn name(&self) -> &str {
+    pub(crate) fn name(&self) -> &str {
         &self.name
     }
 
     /// Frames per second.
-    pub fn fps(&self) -> f64 {
+    pub(crate) fn fps(&self) -> f64 {
         self.fps
     }
 
     /// The camera pose of every frame; at least one.
-    pub fn poses(&self) -> &[Pose] {
+    pub(crate) fn poses(&self) -> &[Pose] {
         &self.poses
     }
 }
 
 /// Progress of an evaluation.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Progress<'a> {
+pub(crate) struct Progress<'a> {
     /// The run that is playing.
     pub run: &'a str,
     /// Frames of all runs played so far, this one included.
@@ -191,7 +191,7 @@ pub struct Progress<'a> {
 
 /// The record of one frame of a run.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct FrameRecord {
+pub(crate) struct FrameRecord {
     /// Seconds since the path's start.
     pub time: f64,
     /// The settings it was rendered with.
@@ -249,7 +249,7 @@ pub(super) fn play<P: FrameRenderer>(
             }
         };
         let time = frame as f64 * dt;
-        policy.observe(CostPoint { power: rendered.power, error });
+        policy.observe(CostPoint::new(rendered.power.0, error));
         records.push(FrameRecord {
             time,
             settings: choice.settings,

@@ -21,7 +21,7 @@ use crate::table::CostTable;
 
 /// Costs of settings at every frame of a path.
 #[derive(Clone, Debug, PartialEq)]
-pub struct PathRecord {
+pub(crate) struct PathRecord {
     /// The path.
     pub path: PathPlan,
     /// The knobs that settings refer to.
@@ -32,7 +32,7 @@ pub struct PathRecord {
 
 /// Why a path was not recorded. `E` is the frame renderer's error.
 #[derive(Debug, thiserror::Error)]
-pub enum RecordError<E> {
+pub(crate) enum RecordError<E> {
     /// Rendering failed, or was interrupted. Earlier records are kept.
     #[error(transparent)]
     Play(#[from] EvaluationError<E>),
@@ -44,7 +44,7 @@ pub enum RecordError<E> {
 impl PathRecord {
     /// A record of `path` from a journal's lines; lines of other kinds, and incomplete runs, are
     /// left out.
-    pub fn restore(path: &PathPlan, space: &KnobSpace, records: &[String]) -> Self {
+    pub(crate) fn restore(path: &PathPlan, space: &KnobSpace, records: &[String]) -> Self {
         let mut table = CostTable::new(path.poses().len());
         for (settings, frame, cost) in records.iter().filter_map(|record| read_line(record)) {
             table.set(frame, settings, cost);
@@ -68,7 +68,7 @@ impl PathRecord {
     ///
     /// # Errors
     /// When the frame renderer fails, the journal cannot be written, or `on_frame` breaks.
-    pub fn extend<P: FrameRenderer>(
+    pub(crate) fn extend<P: FrameRenderer>(
         &mut self,
         renderer: &mut P,
         settings: &[KnobLevels],
@@ -108,8 +108,8 @@ impl PathRecord {
             let known = self.table.column(settings).is_some();
             for (frame, FrameRecord { power, error, .. }) in series.into_iter().enumerate() {
                 if !known {
-                    journal.append(&write_line(settings, frame, CostPoint { power, error }))?;
-                    self.table.set(frame, settings, CostPoint { power, error });
+                    journal.append(&write_line(settings, frame, CostPoint::new(power.0, error)))?;
+                    self.table.set(frame, settings, CostPoint::new(power.0, error));
                 }
             }
         }
@@ -121,7 +121,7 @@ impl PathRecord {
     ///
     /// # Errors
     /// When the frame renderer fails or `on_frame` breaks.
-    pub fn render_runs<P: FrameRenderer>(
+    pub(crate) fn render_runs<P: FrameRenderer>(
         &self,
         renderer: &mut P,
         policies: &mut [Box<dyn Policy + '_>],
@@ -160,7 +160,7 @@ impl PathRecord {
     }
 
     /// Simulates a policy's run from this record.
-    pub fn simulate(&self, policy: &mut dyn Policy) -> Vec<FrameRecord> {
+    pub(crate) fn simulate(&self, policy: &mut dyn Policy) -> Vec<FrameRecord> {
         let dt = self.path.fps().recip();
         let mut last = None;
         let frames = self.path.poses().iter().enumerate();

@@ -6,7 +6,7 @@ use super::play::FrameRecord;
 use super::result::{mean_error, mean_power};
 
 /// Name of the knob that this baseline sets.
-pub const RESOLUTION_KNOB: &str = "resolution_scale";
+pub(crate) const RESOLUTION_KNOB: &str = "resolution_scale";
 
 /// Result of the search.
 pub(super) struct Found<T> {

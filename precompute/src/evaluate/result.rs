@@ -1,6 +1,6 @@
 //! Results of an evaluation, as `--json` writes them.
 
-use bevy_frugal_gi::knobs::{KnobLevels, KnobSpace};
+use bevy_frugal_gi::knobs::KnobSpace;
 use bevy_frugal_gi::power::MeterInfo;
 use bevy_frugal_gi::units::Watts;
 use serde::{Deserialize, Serialize, Serializer};
@@ -9,7 +9,7 @@ use super::{FrameRecord, ResolvedBudget};
 
 /// Power and error of every run along one path.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub struct EvaluationResult {
+pub(crate) struct EvaluationResult {
     /// The scene, as named on the command line.
     pub scene: String,
     /// The path.
@@ -48,7 +48,7 @@ pub struct EvaluationResult {
 
 /// A rendered frugal run beside its simulation from the record.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-pub struct SpotCheck {
+pub(crate) struct SpotCheck {
     /// Mean power of the rendered run.
     pub mean_power_w: Watts,
     /// Mean error of the rendered run.
@@ -61,7 +61,7 @@ pub struct SpotCheck {
 
 /// One run along the path.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub struct RunResult {
+pub(crate) struct RunResult {
     /// `frugal`, `maximum`, `max-mid`, `mid-min`, `minimum`, `resolution-only` or the name of
     /// another [baseline](super::baselines).
     pub name: String,
@@ -97,7 +97,7 @@ pub struct RunResult {
 
 /// The maximum run, repeated after all others: any change is drift of the machine.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
-pub struct Drift {
+pub(crate) struct Drift {
     /// Mean power of the first maximum run.
     pub first_mean_power_w: Watts,
     /// Mean power of the last.
@@ -126,7 +126,7 @@ impl Drift {
 
 impl SpotCheck {
     /// Compares a rendered run, which is not empty, with the simulated one.
-    pub fn new(real: &[FrameRecord], recorded: &RunResult) -> Self {
+    pub(crate) fn new(real: &[FrameRecord], recorded: &RunResult) -> Self {
         Self {
             mean_power_w: mean_power(real),
             mean_error: mean_error(real),
@@ -188,11 +188,6 @@ impl RunResult {
         });
         self
     }
-
-    /// The settings of frame number `frame`.
-    pub fn settings_at(&self, frame: usize) -> Option<KnobLevels> {
-        self.series.get(frame).map(|record| record.settings)
-    }
 }
 
 pub(super) fn mean_power(series: &[FrameRecord]) -> Watts {
@@ -232,6 +227,8 @@ fn whole_where_whole<S: Serializer>(value: &f64, serializer: S) -> Result<S::Ok,
 
 #[cfg(test)]
 mod tests {
+    use bevy_frugal_gi::knobs::KnobLevels;
+
     use super::*;
 
     fn frame(settings: u64, power: f64, error: f64) -> FrameRecord {

@@ -24,7 +24,7 @@ const NOTABLE_NOISE: f64 = 0.001;
 /// Why an evaluation failed. `E` is the [`FrameRenderer`]'s error.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
-pub enum EvaluationError<E> {
+pub(crate) enum EvaluationError<E> {
     /// Rendering or metering failed.
     #[error("{0}")]
     FrameRenderer(E),
@@ -55,7 +55,7 @@ pub enum EvaluationError<E> {
 
 /// The input of an evaluation.
 #[derive(Clone, Debug)]
-pub struct EvaluationPlan<'a> {
+pub(crate) struct EvaluationPlan<'a> {
     /// The scene's name, for the record.
     pub scene: &'a str,
     /// The knobs that settings refer to.
@@ -73,7 +73,7 @@ pub struct EvaluationPlan<'a> {
 
 /// A frame's image that is returned.
 #[derive(Clone, Debug, PartialEq)]
-pub struct FramePicture {
+pub(crate) struct FramePicture {
     /// The run.
     pub run: String,
     /// The frame's number.
@@ -84,7 +84,7 @@ pub struct FramePicture {
 
 /// The output of an evaluation.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Evaluation {
+pub(crate) struct Evaluation {
     /// The figures.
     pub result: EvaluationResult,
     /// The requested images, run by run in the result's order.
@@ -101,7 +101,7 @@ pub struct Evaluation {
 /// # Errors
 /// When the frame renderer fails, returns images of several sizes or a power that is negative or
 /// not finite, or `on_frame` breaks.
-pub fn evaluate<'c, P: FrameRenderer>(
+pub(crate) fn evaluate<'c, P: FrameRenderer>(
     renderer: &mut P,
     plan: &EvaluationPlan<'_>,
     controller: impl FnOnce(&ResolvedBudget) -> Box<dyn Policy + 'c>,

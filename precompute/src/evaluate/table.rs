@@ -12,7 +12,7 @@ const HEADERS: [&str; 8] =
     ["run", "mean W", "median W", "mean error", "max error", "over budget", "switches", "met"];
 
 /// `result` as plain text; every line ends with a line break.
-pub fn table(result: &EvaluationResult) -> String {
+pub(crate) fn table(result: &EvaluationResult) -> String {
     let rows: Vec<[String; 8]> = result
         .runs
         .iter()
@@ -84,7 +84,7 @@ pub fn table(result: &EvaluationResult) -> String {
 
 /// Several budgets on one path in a few lines each: mean power and mean error of the frugal run and
 /// the baselines.
-pub fn judged_table(all: &[Judged]) -> String {
+pub(crate) fn judged_table(all: &[Judged]) -> String {
     let mut text = String::new();
     for judged in all {
         let limit = match (judged.budget.power_w, judged.budget.error) {
@@ -118,7 +118,7 @@ pub fn judged_table(all: &[Judged]) -> String {
 ///
 /// # Errors
 /// When `to` cannot be written.
-pub fn frames_csv(
+pub(crate) fn frames_csv(
     result: &EvaluationResult,
     space: &KnobSpace,
     to: impl io::Write,

@@ -20,7 +20,7 @@ const BOUND: f64 = 4.0;
 
 /// One calibration camera: its frontier by the map, and the rendered error of each of the
 /// frontier's settings.
-pub struct Calibration<'a> {
+pub(crate) struct Calibration<'a> {
     /// The frontier by the map.
     pub frontier: &'a Frontier,
     /// The rendered error; `None` where not rendered.
@@ -31,7 +31,7 @@ pub struct Calibration<'a> {
 /// calibration cameras, and training cameras with cross-validated frontiers (cross-conformal, Vovk
 /// 2015). Budgets that the number of cameras cannot support, or that even the best settings exceed,
 /// are left out. With `is_conformal` false, plain means are used, for comparison.
-pub fn calibrate(cameras: &[Calibration<'_>], is_conformal: bool) -> ErrorRates {
+pub(crate) fn calibrate(cameras: &[Calibration<'_>], is_conformal: bool) -> ErrorRates {
     let count = cameras.len() as f64;
     let rates: Vec<f64> =
         (0..=9 * STEPS).map(|step| 10_f64.powf(f64::from(step) / f64::from(STEPS) - 2.0)).collect();

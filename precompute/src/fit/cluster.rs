@@ -6,7 +6,7 @@
 
 use bevy_frugal_gi::frontier::CostPoint;
 
-use super::Estimate;
+use super::estimate::Estimate;
 use crate::pool::LEAST_ERROR;
 
 /// Assigns each of `estimates` to one of at most `most` clusters. Returns the cluster of each, and

@@ -16,7 +16,7 @@ const LEAST_ON_TRACK: usize = 6;
 
 /// The training table: costs of every setting of the pool at every camera.
 #[derive(Clone, Debug)]
-pub struct Training {
+pub(crate) struct Training {
     settings: Vec<KnobLevels>,
     /// By camera, then by setting.
     costs: Vec<Vec<CostPoint>>,
@@ -26,7 +26,7 @@ pub struct Training {
 
 impl Training {
     /// Takes the cameras of `table` at which all of `settings` are known.
-    pub fn new(
+    pub(crate) fn new(
         table: &CostTable,
         cameras: &[MovingCamera],
         settings: &[KnobLevels],
@@ -56,22 +56,22 @@ impl Training {
     }
 
     /// Number of cameras.
-    pub fn cameras(&self) -> usize {
+    pub(crate) fn cameras(&self) -> usize {
         self.costs.len()
     }
 
     /// Cost of each setting at a camera.
-    pub fn costs(&self, camera: usize) -> &[CostPoint] {
+    pub(crate) fn costs(&self, camera: usize) -> &[CostPoint] {
         &self.costs[camera]
     }
 
     /// Cross-validation group: cameras of one group are held out together.
-    pub fn group(&self, camera: usize) -> u32 {
+    pub(crate) fn group(&self, camera: usize) -> u32 {
         self.groups[camera]
     }
 
     /// Cameras on tracks, which are representative of an app; all cameras where those are too few.
-    pub fn representative(&self) -> Vec<usize> {
+    pub(crate) fn representative(&self) -> Vec<usize> {
         if self.on_track.len() >= LEAST_ON_TRACK {
             self.on_track.clone()
         } else {
@@ -80,7 +80,7 @@ impl Training {
     }
 
     /// Mean costs over `cameras`; empty without cameras.
-    pub fn mean(&self, cameras: &[usize]) -> Estimate {
+    pub(crate) fn mean(&self, cameras: &[usize]) -> Estimate {
         let count = cameras.len().max(1) as f64;
         let mean = |setting: usize| {
             let sum = |value: fn(&CostPoint) -> f64| {
@@ -100,7 +100,7 @@ impl Training {
     }
 
     /// The frontier of an estimate.
-    pub fn frontier(&self, estimate: &Estimate) -> Frontier {
+    pub(crate) fn frontier(&self, estimate: &Estimate) -> Frontier {
         let points = self.settings.iter().zip(&estimate.costs);
         Frontier::from_points(
             points.map(|(settings, cost)| FrontierPoint { settings: *settings, cost: *cost }),
@@ -110,7 +110,7 @@ impl Training {
 
 /// Estimated costs of the pool at one address.
 #[derive(Clone, Debug, Default, PartialEq)]
-pub struct Estimate {
+pub(crate) struct Estimate {
     /// By setting.
     pub costs: Vec<CostPoint>,
     /// Weight of the evidence, in cameras at the exact viewpoint.
@@ -119,7 +119,7 @@ pub struct Estimate {
 
 /// Each camera's address at every depth of a uniformly divided octree.
 #[derive(Clone, Debug)]
-pub struct Keys {
+pub(crate) struct Keys {
     /// By depth, then by camera.
     pub addresses: Vec<Vec<Address>>,
     /// Position of each camera, normalised to the bounds.
@@ -130,7 +130,7 @@ pub struct Keys {
 
 impl Keys {
     /// Addresses of `views` in an octree of up to `levels` levels over `bounds`.
-    pub fn new(bounds: &Bounds, levels: u8, views: &[CameraView]) -> Self {
+    pub(crate) fn new(bounds: &Bounds, levels: u8, views: &[CameraView]) -> Self {
         let positions: Vec<_> = views.iter().map(|view| bounds.to_unit(view.position)).collect();
         let at_depth = |depth: u8| {
             let address = |view: &CameraView| {
@@ -147,7 +147,7 @@ impl Keys {
     }
 
     /// The viewpoint that an address stands for.
-    pub fn viewpoint(&self, address: Address) -> Viewpoint {
+    pub(crate) fn viewpoint(&self, address: Address) -> Viewpoint {
         let unit =
             glam::Vec3::from_array(address.at.map(f32::from)) / f32::from(1_u16 << self.levels);
         let rotation = address.direction.rotation();
@@ -181,7 +181,7 @@ pub(super) struct Pyramid<'a> {
 }
 
 impl<'a> Pyramid<'a> {
-    pub fn new(
+    pub(super) fn new(
         training: &Training,
         smoother: &'a Smoother<'a>,
         keys: &Keys,
@@ -200,7 +200,7 @@ impl<'a> Pyramid<'a> {
 
     /// The estimate at an address: at the viewpoints of its cameras, or at its own where it has
     /// none.
-    pub fn address(&self, keys: &Keys, address: Address, depth: usize) -> Estimate {
+    pub(super) fn address(&self, keys: &Keys, address: Address, depth: usize) -> Estimate {
         let viewpoints: Vec<Viewpoint> = match self.members[depth].get(&address) {
             Some(members) => {
                 members.iter().map(|camera| self.smoother.viewpoint(*camera)).collect()
@@ -211,14 +211,14 @@ impl<'a> Pyramid<'a> {
     }
 
     /// The mean estimate at several cameras' viewpoints.
-    pub fn viewpoints(&self, cameras: &[usize]) -> Estimate {
+    pub(super) fn viewpoints(&self, cameras: &[usize]) -> Estimate {
         let viewpoints: Vec<Viewpoint> =
             cameras.iter().map(|camera| self.smoother.viewpoint(*camera)).collect();
         self.smoother.at(&viewpoints, &self.cameras, &self.shared)
     }
 
     /// Mean difference of finer estimates from those of `depth`, over `cameras` and settings.
-    pub fn distance(&self, keys: &Keys, cameras: &[usize], depth: usize) -> CostPoint {
+    pub(super) fn distance(&self, keys: &Keys, cameras: &[usize], depth: usize) -> CostPoint {
         let (mut power, mut error, mut count) = (0.0, 0.0, 0.0_f64);
         for camera in cameras {
             let at = |depth: usize| self.address(keys, keys.addresses[depth][*camera], depth);

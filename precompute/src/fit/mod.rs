@@ -15,8 +15,8 @@ mod smooth;
 mod tests;
 mod validate;
 
-pub use calibrate::{Calibration, calibrate};
-pub use estimate::{Estimate, Keys, Training};
-pub use octree::{FitConfig, FitReport, Fitted, fit};
-pub use smooth::{Smoother, Viewpoint};
-pub use validate::Losses;
+pub(crate) use calibrate::{Calibration, calibrate};
+pub(crate) use estimate::Training;
+pub(crate) use octree::{FitConfig, FitReport, Fitted, fit};
+pub(crate) use smooth::Smoother;
+pub(crate) use validate::Losses;

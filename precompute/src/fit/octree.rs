@@ -20,7 +20,7 @@ const MOST_FRONTIERS: usize = 64;
 
 /// Configuration of the fit.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct FitConfig {
+pub(crate) struct FitConfig {
     /// Greatest number of octree levels, at most 6.
     pub levels: u8,
     /// Least number of cameras in a node that is divided. Higher values give smaller maps.
@@ -48,7 +48,7 @@ impl Default for FitConfig {
 
 /// Summary of a fit.
 #[derive(Clone, Debug, Default, PartialEq)]
-pub struct FitReport {
+pub(crate) struct FitReport {
     /// Number of cameras.
     pub cameras: usize,
     /// Cross-validated loss of the shared frontier, as a share of the least cost; mean over cameras
@@ -66,7 +66,7 @@ pub struct FitReport {
 
 /// An octree with its frontiers.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Fitted {
+pub(crate) struct Fitted {
     /// The octree.
     pub octree: Octree,
     /// The shared frontier of all cameras.
@@ -78,7 +78,7 @@ pub struct Fitted {
 }
 
 /// Fits an octree over `bounds` to `training`; `views`: its cameras.
-pub fn fit(
+pub(crate) fn fit(
     training: &Training,
     views: &[CameraView],
     bounds: &Bounds,

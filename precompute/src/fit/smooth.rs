@@ -22,7 +22,7 @@ const SHARED_WEIGHT: f64 = 0.1;
 
 /// A camera's position and direction.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Viewpoint {
+pub(crate) struct Viewpoint {
     position: Vec3,
     forward: Vec3,
 }
@@ -44,24 +44,29 @@ impl Viewpoint {
 
 /// Kernel estimates from the training cameras.
 #[derive(Clone, Debug)]
-pub struct Smoother<'a> {
+pub(crate) struct Smoother<'a> {
     training: &'a Training,
     viewpoints: Vec<Viewpoint>,
 }
 
 impl<'a> Smoother<'a> {
     /// An estimator over `training`; `views`: its cameras.
-    pub fn new(training: &'a Training, views: &[CameraView]) -> Self {
+    pub(crate) fn new(training: &'a Training, views: &[CameraView]) -> Self {
         Self { training, viewpoints: views.iter().map(Viewpoint::from).collect() }
     }
 
     /// The viewpoint of a training camera.
-    pub fn viewpoint(&self, camera: usize) -> Viewpoint {
+    pub(crate) fn viewpoint(&self, camera: usize) -> Viewpoint {
         self.viewpoints[camera]
     }
 
     /// Mean costs at `viewpoints`, from cameras `from`, shrunk towards `shared`.
-    pub fn at(&self, viewpoints: &[Viewpoint], from: &[usize], shared: &Estimate) -> Estimate {
+    pub(crate) fn at(
+        &self,
+        viewpoints: &[Viewpoint],
+        from: &[usize],
+        shared: &Estimate,
+    ) -> Estimate {
         let count = viewpoints.len().max(1) as f64;
         let mut sums = vec![0.0; from.len()];
         // Weight of the evidence, with a bandwidth of one step however sparse cameras are.

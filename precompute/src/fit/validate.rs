@@ -17,7 +17,7 @@ const LEAST_SAVING: (f64, f64) = (1.0, 0.1);
 
 /// Losses at held-out cameras: cost of the selected settings above the optimum, as a share of it.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Losses {
+pub(crate) struct Losses {
     /// By camera, with the shared frontier.
     pub shared: Vec<f64>,
     /// By depth, then by camera.
@@ -26,7 +26,11 @@ pub struct Losses {
 
 impl Losses {
     /// Cross-validated losses of every depth.
-    pub fn cross_validated(training: &Training, smoother: &Smoother<'_>, keys: &Keys) -> Self {
+    pub(crate) fn cross_validated(
+        training: &Training,
+        smoother: &Smoother<'_>,
+        keys: &Keys,
+    ) -> Self {
         let count = training.cameras();
         let depths = keys.addresses.len();
         let mut losses =

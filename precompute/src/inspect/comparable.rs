@@ -7,7 +7,7 @@ use bevy_frugal_gi::power::MeterInfo;
 /// Why two maps cannot be compared.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 #[non_exhaustive]
-pub enum CompareError {
+pub(crate) enum CompareError {
     /// A map that contradicts itself.
     #[error("the {which} map: {source}")]
     Broken {

@@ -14,7 +14,7 @@ use super::CompareError;
 use super::comparable::check;
 
 /// Errors at which maps are compared: the range of error budgets.
-pub const ERRORS: [f64; 6] = [0.005, 0.01, 0.015, 0.02, 0.03, 0.05];
+pub(super) const ERRORS: [f64; 6] = [0.005, 0.01, 0.015, 0.02, 0.03, 0.05];
 
 /// Lower bound of errors in interpolation. Repeated renderings may differ by as much, and 0, the
 /// error of the best settings, has no logarithm. Below every one of [`ERRORS`].
@@ -22,7 +22,7 @@ const LEAST_ERROR: f64 = 0.001;
 
 /// Change of a map's power against an older map.
 #[derive(Clone, Debug, PartialEq, Serialize)]
-pub struct MapComparison {
+pub(crate) struct MapComparison {
     /// The verdict: the greater of the two changes below. 0.02 is 2 % more power than in the old
     /// map.
     pub change: f64,
@@ -39,7 +39,7 @@ pub struct MapComparison {
 
 /// Powers at one error.
 #[derive(Clone, Debug, PartialEq, Serialize)]
-pub struct ErrorLevel {
+pub(crate) struct ErrorLevel {
     /// The error.
     pub error: f64,
     /// Along the shared frontiers; `None` where one of the maps does not reach the error.
@@ -51,7 +51,7 @@ pub struct ErrorLevel {
 
 /// Power in the old map and in the new one.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
-pub struct Change {
+pub(crate) struct Change {
     /// Mean power in the old map without idle power, watts.
     pub old_w: f64,
     /// The same in the new map.
@@ -65,7 +65,7 @@ pub struct Change {
 impl MapComparison {
     /// Whether power rose by more than `tolerance`, a share. A fall never counts. A tolerance of
     /// NaN tolerates nothing.
-    pub fn rose_beyond(&self, tolerance: f64) -> bool {
+    pub(crate) fn rose_beyond(&self, tolerance: f64) -> bool {
         // `max` ignores NaN.
         self.change > tolerance.max(0.0)
     }
@@ -81,7 +81,7 @@ impl MapComparison {
 /// # Errors
 /// When a map is inconsistent, the maps' watts or errors are not comparable, or they have no common
 /// error.
-pub fn compare(old: &FrontierMap, new: &FrontierMap) -> Result<MapComparison, CompareError> {
+pub(crate) fn compare(old: &FrontierMap, new: &FrontierMap) -> Result<MapComparison, CompareError> {
     check(old, new)?;
     let idle_w = old.work_prices.idle.0;
     let (shared, addresses) = ([(&old.shared, &new.shared)], common_addresses(old, new));

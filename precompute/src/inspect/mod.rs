@@ -13,7 +13,7 @@ mod table;
 #[cfg(test)]
 mod testing;
 
-pub use comparable::CompareError;
-pub use compare::{Change, ERRORS, ErrorLevel, MapComparison, compare};
-pub use presets::{PRESET_NAMES, Preset, Presets, PresetsError, presets};
-pub use table::{comparison_table, presets_table};
+pub(crate) use comparable::CompareError;
+pub(crate) use compare::{Change, MapComparison, compare};
+pub(crate) use presets::{Presets, presets};
+pub(crate) use table::{comparison_table, presets_table};

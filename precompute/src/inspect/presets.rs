@@ -13,7 +13,7 @@ use bevy_frugal_gi::power::MeterInfo;
 use serde::{Deserialize, Serialize};
 
 /// The presets, cheapest first.
-pub const PRESET_NAMES: [&str; 5] = ["battery", "low", "medium", "high", "ultra"];
+pub(super) const PRESET_NAMES: [&str; 5] = ["battery", "low", "medium", "high", "ultra"];
 
 /// Visible error: the cheapest preset has at most this, if any settings have.
 const WORST_SHIPPED: f64 = 0.05;
@@ -21,7 +21,7 @@ const WORST_SHIPPED: f64 = 0.05;
 /// A file of presets.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct Presets {
+pub(crate) struct Presets {
     /// The scene.
     pub scene: SceneIdentity,
     /// The capture conditions of watts and errors.
@@ -35,7 +35,7 @@ pub struct Presets {
 /// Named settings.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct Preset {
+pub(crate) struct Preset {
     /// One of [`PRESET_NAMES`].
     pub name: String,
     /// Predicted power, mean over the map's cameras, in watts.
@@ -49,7 +49,7 @@ pub struct Preset {
 /// Why a map has no presets.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 #[non_exhaustive]
-pub enum PresetsError {
+pub(crate) enum PresetsError {
     /// The map is inconsistent.
     #[error(transparent)]
     Broken(#[from] FrontierMapError),
@@ -83,7 +83,7 @@ pub enum PresetsError {
 ///
 /// # Errors
 /// When the map is inconsistent, has no shared frontier, or has ambiguous labels.
-pub fn presets(map: &FrontierMap) -> Result<Presets, PresetsError> {
+pub(crate) fn presets(map: &FrontierMap) -> Result<Presets, PresetsError> {
     map.validate()?;
     let points = map.shared.points();
     let chosen = choose(points).ok_or(PresetsError::NoSharedFrontier)?;
@@ -111,7 +111,7 @@ impl Presets {
     ///
     /// # Errors
     /// When the serialiser fails, which it does not for these types.
-    pub fn to_ron(&self) -> Result<String, PresetsError> {
+    pub(crate) fn to_ron(&self) -> Result<String, PresetsError> {
         let text = ron::ser::to_string_pretty(self, ron::ser::PrettyConfig::new().new_line("\n"));
         text.map(|text| text + "\n")
             .map_err(|error| PresetsError::Unwritable { reason: error.to_string() })

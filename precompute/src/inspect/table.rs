@@ -5,7 +5,7 @@ use std::fmt::Write as _;
 use super::{Change, MapComparison, Presets};
 
 /// `comparison` as plain text; every line ends with a line break.
-pub fn comparison_table(comparison: &MapComparison) -> String {
+pub(crate) fn comparison_table(comparison: &MapComparison) -> String {
     let mut text = String::from("power at equal error");
     if comparison.idle_w > 0.0 {
         let _ = write!(text, ", beyond the {:.3} W of the idle device", comparison.idle_w);
@@ -49,7 +49,7 @@ fn percent(share: f64) -> String {
 }
 
 /// Name, power and error of each preset.
-pub fn presets_table(presets: &Presets) -> String {
+pub(crate) fn presets_table(presets: &Presets) -> String {
     let mut text = format!("{:8}{:>9}{:>9}\n", "preset", "W", "error");
     for preset in &presets.presets {
         let _ = writeln!(text, "{:8}{:>9.3}{:>9.4}", preset.name, preset.power_w, preset.error);

@@ -6,7 +6,7 @@ use std::path::PathBuf;
 /// Why there is no journal.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
-pub enum JournalError {
+pub(crate) enum JournalError {
     /// A file operation failed.
     #[error("cannot {action} the journal `{path}`: {source}; free some disk space or choose another location", path = path.display())]
     File {

@@ -16,7 +16,7 @@ use std::io::{self, Read, Seek, SeekFrom, Write};
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
-pub use error::JournalError;
+pub(crate) use error::JournalError;
 pub(crate) use line::hash;
 use line::{Checksum, checked, line};
 
@@ -30,12 +30,12 @@ const MAGIC: &str = "frugal-journal 2";
 /// Identifies scene and conditions of a journal's records: names and values, the most significant
 /// first. A run with another header must not use them.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
-pub struct JournalHeader(Vec<(String, String)>);
+pub(crate) struct JournalHeader(Vec<(String, String)>);
 
 impl JournalHeader {
     /// The header with one more field.
     #[must_use]
-    pub fn with(mut self, name: &str, value: impl ToString) -> Self {
+    pub(crate) fn with(mut self, name: &str, value: impl ToString) -> Self {
         self.0.push((name.to_owned(), value.to_string()));
         self
     }
@@ -64,7 +64,7 @@ impl JournalHeader {
 
 /// An open journal.
 #[derive(Debug)]
-pub struct Journal {
+pub(crate) struct Journal {
     path: PathBuf,
     file: File,
     checksum: Checksum,
@@ -76,7 +76,7 @@ impl Journal {
     ///
     /// # Errors
     /// When the file cannot be written, or another run has it open.
-    pub fn create(path: &Path, header: &JournalHeader) -> Result<Self, JournalError> {
+    pub(crate) fn create(path: &Path, header: &JournalHeader) -> Result<Self, JournalError> {
         let mut journal = Self::open(path)?;
         journal.start(header)?;
         Ok(journal)
@@ -88,7 +88,7 @@ impl Journal {
     /// # Errors
     /// When the file cannot be read and written, is not a journal, belongs to a run with another
     /// header, or another run has it open.
-    pub fn resume(
+    pub(crate) fn resume(
         path: &Path,
         header: &JournalHeader,
     ) -> Result<(Self, Vec<String>), JournalError> {
@@ -149,7 +149,7 @@ impl Journal {
     ///
     /// # Errors
     /// When the file cannot be written. Earlier records stay readable.
-    pub fn append(&mut self, record: &str) -> Result<(), JournalError> {
+    pub(crate) fn append(&mut self, record: &str) -> Result<(), JournalError> {
         debug_assert!(!record.contains('\n'), "a record is one line");
         let (whole, checksum) = line(record, self.checksum);
         // One write, so that a kill leaves a whole line or a torn one, never two halves.
@@ -208,7 +208,7 @@ impl Contents {
 ///
 /// # Errors
 /// When the file cannot be read or is not a journal.
-pub fn read_journal(path: &Path) -> Result<(JournalHeader, Vec<String>), JournalError> {
+pub(crate) fn read_journal(path: &Path) -> Result<(JournalHeader, Vec<String>), JournalError> {
     let bytes = std::fs::read(path).map_err(|source| JournalError::File {
         action: "read",
         path: path.to_owned(),
@@ -225,7 +225,7 @@ pub fn read_journal(path: &Path) -> Result<(JournalHeader, Vec<String>), Journal
 /// # Errors
 /// When a file cannot be read, is not a journal, or belongs to another run than the first; nothing
 /// is written then.
-pub fn merge_journals(files: &[PathBuf], output: &Path) -> Result<usize, JournalError> {
+pub(crate) fn merge_journals(files: &[PathBuf], output: &Path) -> Result<usize, JournalError> {
     let mut header: Option<JournalHeader> = None;
     let mut seen = std::collections::HashSet::new();
     let mut merged: Vec<String> = Vec::new();

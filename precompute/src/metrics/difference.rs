@@ -4,7 +4,7 @@ use super::ssim::{self, CompareError};
 use super::{Radiance, tone};
 
 /// Side of the squares that [`Difference::relative_l1_boxes`] averages over, pixels.
-pub const BOX_SIDE: u32 = 4;
+pub(super) const BOX_SIDE: u32 = 4;
 
 /// An image's radiance against a reference's, over all pixels and the three channels.
 #[derive(Clone, Copy, Debug, PartialEq, serde::Serialize)]
@@ -16,7 +16,7 @@ pub struct Difference {
     /// The same for means over squares of 4 × 4 pixels, which reduces the weight of noise and
     /// edges.
     pub relative_l1_boxes: f64,
-    /// 1 − SSIM of both after one tone curve, see [`tone`].
+    /// 1 − SSIM of both after one tone curve, see `metrics/tone.rs`.
     pub one_minus_ssim: f64,
     /// Exposure value of that curve.
     pub exposure_ev100: f32,

@@ -1,9 +1,9 @@
 //! Images, and metrics of the difference of two images.
-pub mod difference;
+mod difference;
 mod picture;
 mod radiance;
 pub mod ssim;
-pub mod tone;
+pub(crate) mod tone;
 pub use difference::{Difference, DifferenceError};
 pub use picture::{Picture, PictureError};
 pub use radiance::{Radiance, RadianceError};

@@ -10,13 +10,13 @@ use crate::scene::texture::srgb_from_linear;
 
 /// Exposure factor for scene-referred values at an exposure value at ISO 100, as in Bevy's cameras:
 /// 1 ÷ (1.2 · 2^EV) per nit.
-pub fn exposure(ev100: f32) -> f64 {
+pub(crate) fn exposure(ev100: f32) -> f64 {
     1.0 / (1.2 * f64::from(ev100).exp2())
 }
 
 /// The exposure value at ISO 100 at which the median luminance of the pixels that are not black
 /// becomes middle grey, 0.18; 0 where all are black.
-pub fn middle_grey_ev100(radiance: &Radiance) -> f32 {
+pub(crate) fn middle_grey_ev100(radiance: &Radiance) -> f32 {
     let mut lit: Vec<f32> = radiance
         .luminance()
         .filter(|luminance| *luminance > 0.0 && luminance.is_finite())
@@ -30,7 +30,7 @@ pub fn middle_grey_ev100(radiance: &Radiance) -> f32 {
 }
 
 /// The display-referred image at an exposure value at ISO 100. NaN and negative values are black.
-pub fn display(radiance: &Radiance, ev100: f32) -> Picture {
+pub(crate) fn display(radiance: &Radiance, ev100: f32) -> Picture {
     let exposure = exposure(ev100);
     let byte = |nits: f32| {
         (srgb_from_linear(curve(f64::from(nits) * exposure) as f32) * 255.0 + 0.5) as u8

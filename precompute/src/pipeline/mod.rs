@@ -17,7 +17,7 @@ use crate::journal::JournalError;
 use crate::pool::{Proposal, Screening, portfolio, propose, round_seed, screening_settings};
 use crate::table::{CostTable, Measure};
 
-pub use renderings::{Job, Progress, Purpose, Renderings, Setup, StageEffort};
+pub(crate) use renderings::{Job, Progress, Purpose, Renderings, Setup, StageEffort};
 
 /// Share of the time limit for finding the pool; the rest is for cameras.
 const POOL_SHARE: f64 = 0.3;
@@ -26,7 +26,7 @@ const CAMERAS_SHARE: f64 = 0.97;
 
 /// Extent of the search.
 #[derive(Clone, Debug, PartialEq)]
-pub struct PipelineConfig {
+pub(crate) struct PipelineConfig {
     /// Number of pilot cameras; each proposal is rendered at all of them. Higher values suit the
     /// pool to more kinds of views.
     pub pilots: usize,
@@ -61,7 +61,7 @@ impl Default for PipelineConfig {
 
 /// Why no map was made.
 #[derive(Debug, thiserror::Error)]
-pub enum PipelineError<E> {
+pub(crate) enum PipelineError<E> {
     /// Rendering failed.
     #[error("{0}")]
     Measure(E),
@@ -83,7 +83,7 @@ pub enum PipelineError<E> {
 
 /// Result of a run.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Outcome {
+pub(crate) struct Outcome {
     /// The octree and the shared frontier.
     pub fitted: Fitted,
     /// Exchange rates of error budgets.
@@ -114,7 +114,7 @@ pub struct Outcome {
 
 /// The subject of the search.
 #[derive(Clone, Copy, Debug)]
-pub struct Subject<'a> {
+pub(crate) struct Subject<'a> {
     /// The knobs.
     pub space: &'a KnobSpace,
     /// Parameters of the work model other than settings.
@@ -129,7 +129,7 @@ pub struct Subject<'a> {
 ///
 /// # Errors
 /// When rendering fails or is stopped; what was rendered before is in the journal.
-pub fn run<M: Measure>(
+pub(crate) fn run<M: Measure>(
     subject: &Subject<'_>,
     config: &PipelineConfig,
     setup: Setup<'_, M>,
@@ -413,7 +413,7 @@ fn calibrated(
 }
 
 /// Describes a fit in one line.
-pub fn describe(report: &FitReport) -> String {
+pub(crate) fn describe(report: &FitReport) -> String {
     format!(
         "{} cameras, {} addresses; selections at held-out cameras cost {:.1} % more than the optimum, {:.1} % with one shared frontier; by depth {}",
         report.cameras,

@@ -15,7 +15,7 @@ use crate::table::Measure;
 
 /// Purpose of a camera.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
-pub enum Purpose {
+pub(crate) enum Purpose {
     /// Searching and fitting.
     Training,
     /// Calibrating error budgets.
@@ -33,7 +33,7 @@ impl Purpose {
 
 /// Settings to render at one camera.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Job {
+pub(crate) struct Job {
     /// Purpose of the camera.
     pub purpose: Purpose,
     /// Its number among the cameras of that purpose.
@@ -44,7 +44,7 @@ pub struct Job {
 
 /// Progress of a run.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Progress<'a> {
+pub(crate) struct Progress<'a> {
     /// Name of the stage.
     pub stage: &'a str,
     /// Finished renderings of this stage.
@@ -56,7 +56,7 @@ pub struct Progress<'a> {
 type Question = (Purpose, usize, KnobLevels);
 
 /// All known renderings, and the means to make more.
-pub struct Renderings<'a, M> {
+pub(crate) struct Renderings<'a, M> {
     measure: &'a mut M,
     journal: Journal,
     cameras: &'a CameraSet,
@@ -76,9 +76,9 @@ pub struct Renderings<'a, M> {
 
 /// Effort of one stage of a run.
 #[derive(Clone, Debug, PartialEq)]
-pub struct StageEffort {
+pub(crate) struct StageEffort {
     /// Name of the stage.
-    pub stage: String,
+    pub(crate) stage: String,
     /// Renderings made in this run.
     pub renderings: usize,
     /// Their duration, seconds.
@@ -86,7 +86,7 @@ pub struct StageEffort {
 }
 
 /// Inputs of a pipeline run.
-pub struct Setup<'a, M> {
+pub(crate) struct Setup<'a, M> {
     /// The renderer.
     pub measure: &'a mut M,
     /// The journal, and its earlier records.
@@ -105,7 +105,7 @@ pub struct Setup<'a, M> {
 
 impl<'a, M: Measure> Renderings<'a, M> {
     /// Starts the time limit's clock.
-    pub fn new(setup: Setup<'a, M>) -> Self {
+    pub(crate) fn new(setup: Setup<'a, M>) -> Self {
         let Setup {
             measure,
             journal: (journal, records),
@@ -149,7 +149,11 @@ impl<'a, M: Measure> Renderings<'a, M> {
     ///
     /// # Errors
     /// When rendering fails, the journal cannot be written, or the run is stopped.
-    pub fn batch(&mut self, stage: &str, jobs: &[Job]) -> Result<(), PipelineError<M::Error>> {
+    pub(crate) fn batch(
+        &mut self,
+        stage: &str,
+        jobs: &[Job],
+    ) -> Result<(), PipelineError<M::Error>> {
         let total = jobs.iter().map(|job| job.settings.len()).sum();
         let before = self.effort();
         let result = self.render_all(stage, jobs, total);
@@ -221,12 +225,17 @@ impl<'a, M: Measure> Renderings<'a, M> {
     }
 
     /// Cost of settings at a camera; `None` where not rendered.
-    pub fn get(&self, purpose: Purpose, camera: usize, settings: KnobLevels) -> Option<CostPoint> {
+    pub(crate) fn get(
+        &self,
+        purpose: Purpose,
+        camera: usize,
+        settings: KnobLevels,
+    ) -> Option<CostPoint> {
         self.known.get(&(purpose, camera, settings)).copied()
     }
 
     /// Number of known renderings.
-    pub fn count(&self) -> usize {
+    pub(crate) fn count(&self) -> usize {
         self.known.len()
     }
 
@@ -235,7 +244,7 @@ impl<'a, M: Measure> Renderings<'a, M> {
     ///
     /// # Errors
     /// When the journal cannot be written.
-    pub fn decide(
+    pub(crate) fn decide(
         &mut self,
         name: &str,
         choose: impl FnOnce(&Self) -> bool,
@@ -251,19 +260,19 @@ impl<'a, M: Measure> Renderings<'a, M> {
 
     /// Whether `more` renderings will probably finish within `share` of the time limit. Always true
     /// without a limit.
-    pub fn has_time(&self, more: usize, share: f64) -> bool {
+    pub(crate) fn has_time(&self, more: usize, share: f64) -> bool {
         let Some(limit) = self.limit else { return true };
         let each = if self.made > 0 { self.seconds / self.made as f64 } else { 0.0 };
         self.started.elapsed().as_secs_f64() + each * more as f64 <= share * limit.as_secs_f64()
     }
 
     /// Number of renderings made in this run, and their duration in seconds.
-    pub fn effort(&self) -> (usize, f64) {
+    pub(crate) fn effort(&self) -> (usize, f64) {
         (self.made, self.seconds)
     }
 
     /// The same by stage, in the order of the first batch of each.
-    pub fn stages(&self) -> &[StageEffort] {
+    pub(crate) fn stages(&self) -> &[StageEffort] {
         &self.stages
     }
 }

@@ -18,7 +18,7 @@ const LENGTHS: [f64; 4] = [1.0, 2.0, 4.0, 8.0];
 
 /// Predicts the logarithm of a mean error.
 #[derive(Clone, Debug)]
-pub struct ErrorModel<'a> {
+pub(crate) struct ErrorModel<'a> {
     space: &'a KnobSpace,
     screening: &'a Screening,
     length: f64,
@@ -31,7 +31,7 @@ pub struct ErrorModel<'a> {
 
 impl<'a> ErrorModel<'a> {
     /// Fits mean errors of settings; errors that are not finite are left out.
-    pub fn fit(
+    pub(crate) fn fit(
         space: &'a KnobSpace,
         screening: &'a Screening,
         readings: &[(KnobLevels, f64)],
@@ -59,7 +59,7 @@ impl<'a> ErrorModel<'a> {
     }
 
     /// Mean and standard deviation of ln(error + [`LEAST_ERROR`]).
-    pub fn predict(&self, settings: KnobLevels) -> (f64, f64) {
+    pub(crate) fn predict(&self, settings: KnobLevels) -> (f64, f64) {
         let at = coordinates(self.space, self.screening, settings);
         let near: Vec<f64> =
             self.known.iter().map(|known| kernel(known, &at, self.length)).collect();
@@ -70,7 +70,8 @@ impl<'a> ErrorModel<'a> {
     }
 
     /// The predicted error at the mean.
-    pub fn error(&self, settings: KnobLevels) -> f64 {
+    #[cfg(test)]
+    pub(crate) fn error(&self, settings: KnobLevels) -> f64 {
         (self.predict(settings).0.exp() - LEAST_ERROR).max(0.0)
     }
 }

@@ -9,11 +9,11 @@ mod portfolio;
 mod propose;
 mod screening;
 
-pub use error_model::ErrorModel;
-pub use portfolio::{portfolio, regret};
+pub(crate) use error_model::ErrorModel;
+pub(crate) use portfolio::portfolio;
 pub(crate) use propose::{GREATEST_ERROR, OPTIMISM, model_search, round_seed};
-pub use propose::{Proposal, propose};
-pub use screening::{Screening, screening_settings};
+pub(crate) use propose::{Proposal, propose};
+pub(crate) use screening::{Screening, screening_settings};
 
 /// Errors below this are visually equal.
-pub const LEAST_ERROR: f64 = 1e-3;
+pub(crate) const LEAST_ERROR: f64 = 1e-3;

@@ -69,7 +69,7 @@ fn all_losses(table: &CostTable, columns: &[usize]) -> Vec<Vec<f64>> {
 /// At most `most` settings of `table` with the least loss against using all of them, those of
 /// `always` first. Greedy: each reduces the remaining loss most. Settings that are not known at
 /// every camera are left out.
-pub fn portfolio(table: &CostTable, most: usize, always: &[KnobLevels]) -> Vec<KnobLevels> {
+pub(crate) fn portfolio(table: &CostTable, most: usize, always: &[KnobLevels]) -> Vec<KnobLevels> {
     let columns: Vec<usize> =
         (0..table.settings().len()).filter(|column| table.is_complete(*column)).collect();
     let rows = all_losses(table, &columns);
@@ -109,7 +109,8 @@ pub fn portfolio(table: &CostTable, most: usize, always: &[KnobLevels]) -> Vec<K
 }
 
 /// Loss of `kept` against all settings of `table`: mean over cameras, exchange rates and budgets.
-pub fn regret(table: &CostTable, kept: &[KnobLevels]) -> f64 {
+#[cfg(test)]
+fn regret(table: &CostTable, kept: &[KnobLevels]) -> f64 {
     let columns: Vec<usize> =
         (0..table.settings().len()).filter(|column| table.is_complete(*column)).collect();
     let indices: Vec<usize> = (0..columns.len())

@@ -38,7 +38,7 @@ pub(crate) fn round_seed(seed: u64, round: u64) -> u64 {
 
 /// Inputs of proposals.
 #[derive(Clone, Copy, Debug)]
-pub struct Proposal<'a> {
+pub(crate) struct Proposal<'a> {
     /// The knobs.
     pub space: &'a KnobSpace,
     /// Single effects of the knobs.
@@ -79,7 +79,7 @@ impl Evaluate for Models<'_> {
 
 /// Up to `count` unrendered settings with the greatest expected gain, in the range of error
 /// budgets. Deterministic in `seed`.
-pub fn propose(proposal: &Proposal<'_>, count: usize, seed: u64) -> Vec<KnobLevels> {
+pub(crate) fn propose(proposal: &Proposal<'_>, count: usize, seed: u64) -> Vec<KnobLevels> {
     let mut models = Models {
         proposal,
         error: ErrorModel::fit(proposal.space, proposal.screening, proposal.errors),

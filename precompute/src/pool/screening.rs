@@ -15,7 +15,7 @@ const ALL_LEVELS: usize = 4;
 
 /// The best settings, then those with one knob lowered, then the cheapest and two presets in
 /// between.
-pub fn screening_settings(space: &KnobSpace) -> Vec<KnobLevels> {
+pub(crate) fn screening_settings(space: &KnobSpace) -> Vec<KnobLevels> {
     let best = space.highest();
     let mut all = vec![best];
     for (index, knob) in space.knobs().iter().enumerate() {
@@ -30,7 +30,7 @@ pub fn screening_settings(space: &KnobSpace) -> Vec<KnobLevels> {
 
 /// Single effects of the knobs.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Screening {
+pub(crate) struct Screening {
     /// Mean error by knob and level; 0 at the best. Levels that were not rendered are interpolated
     /// in the logarithm.
     pub effects: Vec<Vec<f64>>,
@@ -40,7 +40,7 @@ pub struct Screening {
 
 impl Screening {
     /// Effects from a table of pilot cameras that contains [`screening_settings`].
-    pub fn of(space: &KnobSpace, table: &CostTable) -> Self {
+    pub(crate) fn of(space: &KnobSpace, table: &CostTable) -> Self {
         let best = space.highest();
         let mut effects = Vec::new();
         let mut without_effect = Vec::new();
@@ -86,7 +86,7 @@ impl Screening {
     }
 
     /// `settings` with the knobs that have no effect at their cheapest.
-    pub fn fixed(&self, space: &KnobSpace, settings: KnobLevels) -> KnobLevels {
+    pub(crate) fn fixed(&self, space: &KnobSpace, settings: KnobLevels) -> KnobLevels {
         space.canonical(
             self.without_effect
                 .iter()

@@ -10,7 +10,7 @@ use super::{Bar, Color, Curve, Report, ReportError, Section, bars, curves, prove
 ///
 /// # Errors
 /// When a plot or an image fails.
-pub fn evaluation_report(
+pub(crate) fn evaluation_report(
     result: &EvaluationResult,
     pictures: &[(String, &Picture)],
     facts: &[(String, String)],
@@ -23,7 +23,7 @@ pub fn evaluation_report(
 }
 
 /// The images of an evaluation, captioned with run, frame and the frame's cost.
-pub fn captioned(evaluation: &Evaluation) -> Vec<(String, &Picture)> {
+pub(crate) fn captioned(evaluation: &Evaluation) -> Vec<(String, &Picture)> {
     let caption = |run: &str, frame: usize| {
         let record = evaluation
             .result
@@ -43,7 +43,7 @@ pub fn captioned(evaluation: &Evaluation) -> Vec<(String, &Picture)> {
 ///
 /// # Errors
 /// As [`evaluation_report`].
-pub fn evaluation_section(
+pub(crate) fn evaluation_section(
     result: &EvaluationResult,
     pictures: &[(String, &Picture)],
 ) -> Result<Section, ReportError> {

@@ -22,7 +22,7 @@ const CORNER: Color = Color::BLUE;
 
 /// A map's metadata and octree.
 #[derive(Clone, Debug)]
-pub struct MapSummary<'a> {
+pub(crate) struct MapSummary<'a> {
     /// The scene's name.
     pub scene: &'a str,
     /// The knobs that settings refer to.
@@ -49,7 +49,7 @@ pub struct MapSummary<'a> {
 ///
 /// # Errors
 /// When plotting fails.
-pub fn map_report(
+pub(crate) fn map_report(
     summary: &MapSummary<'_>,
     facts: &[(String, String)],
 ) -> Result<String, ReportError> {
@@ -62,7 +62,7 @@ pub fn map_report(
 ///
 /// # Errors
 /// When plotting fails.
-pub fn map_section(summary: &MapSummary<'_>) -> Result<Section, ReportError> {
+pub(crate) fn map_section(summary: &MapSummary<'_>) -> Result<Section, ReportError> {
     let (octree, survey) = (summary.octree, Survey::new(summary.octree));
     let mut section = Section::new(&format!("{}: the frontier map", summary.scene));
     section.paragraph(&format!(

@@ -22,14 +22,14 @@ mod search;
 mod survey;
 mod sweep;
 
-pub use evaluation::{captioned, evaluation_report, evaluation_section};
-pub use map::{MapSummary, map_report, map_section};
-pub use page::{Report, Section, escape};
-pub use plot::{Bar, Color, Curve, bars, cloud, curves, staircase};
-pub use price::{LevelPrice, PriceSummary, price_csv, price_report};
-pub use search::{SearchSummary, search_section};
-pub use survey::Survey;
-pub use sweep::{SweepSummary, sweep_report, sweep_section};
+pub(crate) use evaluation::{captioned, evaluation_report, evaluation_section};
+pub(crate) use map::{MapSummary, map_report, map_section};
+pub(crate) use page::{Report, Section, escape};
+pub(crate) use plot::{Bar, Color, Curve, bars, cloud, curves, staircase};
+pub(crate) use price::{LevelPrice, PriceSummary, price_csv, price_report};
+pub(crate) use search::{SearchSummary, search_section};
+pub(crate) use survey::Survey;
+pub(crate) use sweep::{SweepSummary, sweep_report, sweep_section};
 
 use bevy_frugal_gi::frontier::FrontierPoint;
 use bevy_frugal_gi::knobs::KnobSpace;
@@ -38,7 +38,7 @@ use bevy_frugal_gi::power::{MeterInfo, Provenance};
 /// Why a report could not be made.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
-pub enum ReportError {
+pub(crate) enum ReportError {
     /// A plot could not be drawn.
     #[error("a plot could not be drawn: {0}")]
     Plot(String),

@@ -13,7 +13,7 @@ use super::{Color, ReportError};
 const STYLE: &str = include_str!("style.css");
 
 /// `text` as HTML text or as the value of a quoted attribute.
-pub fn escape(text: &str) -> String {
+pub(crate) fn escape(text: &str) -> String {
     let mut escaped = String::with_capacity(text.len());
     for character in text.chars() {
         match character {
@@ -32,7 +32,7 @@ pub fn escape(text: &str) -> String {
 
 /// A page under construction.
 #[derive(Clone, Debug)]
-pub struct Report {
+pub(crate) struct Report {
     title: String,
     body: String,
     contents: Vec<String>,
@@ -40,24 +40,18 @@ pub struct Report {
 
 impl Report {
     /// An empty page. All texts of a report are plain text and are escaped here.
-    pub fn new(title: &str) -> Self {
+    pub(crate) fn new(title: &str) -> Self {
         Self { title: title.to_owned(), body: String::new(), contents: Vec::new() }
     }
 
-    /// A paragraph before the next section.
-    pub fn paragraph(&mut self, text: &str) -> &mut Self {
-        let _ = writeln!(self.body, "<p>{}</p>", escape(text));
-        self
-    }
-
     /// Names and values before the next section: the machine, the date, the device.
-    pub fn facts(&mut self, facts: &[(String, String)]) -> &mut Self {
+    pub(crate) fn facts(&mut self, facts: &[(String, String)]) -> &mut Self {
         self.body.push_str(&facts_html(facts));
         self
     }
 
     /// The next section.
-    pub fn section(&mut self, section: Section) -> &mut Self {
+    pub(crate) fn section(&mut self, section: Section) -> &mut Self {
         let number = self.contents.len() + 1;
         let heading = escape(&section.heading);
         let _ = writeln!(
@@ -70,7 +64,7 @@ impl Report {
     }
 
     /// The HTML file. With more than one section it starts with a list of them.
-    pub fn render(&self) -> String {
+    pub(crate) fn render(&self) -> String {
         let title = escape(&self.title);
         let mut contents = String::new();
         if self.contents.len() > 1 {
@@ -91,44 +85,44 @@ impl Report {
 
 /// Part of a page, under one heading.
 #[derive(Clone, Debug)]
-pub struct Section {
+pub(crate) struct Section {
     heading: String,
     body: String,
 }
 
 impl Section {
     /// An empty section.
-    pub fn new(heading: &str) -> Self {
+    pub(crate) fn new(heading: &str) -> Self {
         Self { heading: heading.to_owned(), body: String::new() }
     }
 
     /// A subheading.
-    pub fn heading(&mut self, text: &str) -> &mut Self {
+    pub(crate) fn heading(&mut self, text: &str) -> &mut Self {
         let _ = writeln!(self.body, "<h3>{}</h3>", escape(text));
         self
     }
 
     /// A paragraph.
-    pub fn paragraph(&mut self, text: &str) -> &mut Self {
+    pub(crate) fn paragraph(&mut self, text: &str) -> &mut Self {
         let _ = writeln!(self.body, "<p>{}</p>", escape(text));
         self
     }
 
     /// A highlighted paragraph.
-    pub fn warning(&mut self, text: &str) -> &mut Self {
+    pub(crate) fn warning(&mut self, text: &str) -> &mut Self {
         let _ =
             writeln!(self.body, "<p class=\"warning\"><strong>Note:</strong> {}</p>", escape(text));
         self
     }
 
     /// Names and values.
-    pub fn facts(&mut self, facts: &[(String, String)]) -> &mut Self {
+    pub(crate) fn facts(&mut self, facts: &[(String, String)]) -> &mut Self {
         self.body.push_str(&facts_html(facts));
         self
     }
 
     /// A table. Cells that are numbers are aligned to the right; the first column names the row.
-    pub fn table<S: AsRef<str>>(
+    pub(crate) fn table<S: AsRef<str>>(
         &mut self,
         caption: &str,
         headers: &[S],
@@ -163,7 +157,7 @@ impl Section {
 
     /// Plots side by side where there is room: a caption and the SVG of each, as drawn by the
     /// functions of this module. The SVG is embedded unescaped.
-    pub fn plots(&mut self, plots: &[(&str, String)]) -> &mut Self {
+    pub(crate) fn plots(&mut self, plots: &[(&str, String)]) -> &mut Self {
         self.body.push_str("<div class=\"plots\">\n");
         for (caption, svg) in plots {
             let _ = writeln!(
@@ -177,7 +171,10 @@ impl Section {
     }
 
     /// A legend of colours.
-    pub fn legend<'a>(&mut self, entries: impl IntoIterator<Item = (&'a str, Color)>) -> &mut Self {
+    pub(crate) fn legend<'a>(
+        &mut self,
+        entries: impl IntoIterator<Item = (&'a str, Color)>,
+    ) -> &mut Self {
         self.body.push_str("<ul class=\"legend\">\n");
         for (name, color) in entries {
             let _ = writeln!(
@@ -195,7 +192,10 @@ impl Section {
     ///
     /// # Errors
     /// When one cannot be encoded; the section then lacks all of them.
-    pub fn pictures(&mut self, pictures: &[(String, &Picture)]) -> Result<&mut Self, ReportError> {
+    pub(crate) fn pictures(
+        &mut self,
+        pictures: &[(String, &Picture)],
+    ) -> Result<&mut Self, ReportError> {
         let mut html = String::from("<div class=\"pictures\">\n");
         for (caption, picture) in pictures {
             let (caption, data) = (escape(caption), STANDARD.encode(picture.to_png()?));
@@ -238,12 +238,12 @@ mod tests {
         section.table(NASTY, &[NASTY], &[vec![NASTY.into()]]).legend([(NASTY, Color::BLUE)]);
         section.pictures(&[(NASTY.into(), &Picture::from_fn(2, 2, |_, _| [9; 3]))]).unwrap();
         let mut report = Report::new(NASTY);
-        report.paragraph(NASTY).facts(&[(NASTY.into(), NASTY.into())]).section(section);
+        report.facts(&[(NASTY.into(), NASTY.into())]).section(section);
         let html = report.render();
         assert!(!html.contains("<script") && !html.contains("alert(\"") && !html.contains('\0'));
         assert_eq!(
             html.matches("&lt;script&gt;alert(&quot;1&quot; &amp; &#39;2&#39;)").count(),
-            17
+            16
         );
     }
 

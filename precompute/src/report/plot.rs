@@ -19,17 +19,17 @@ const FONT: (&str, i32) = ("sans-serif", 17);
 
 /// A colour of data.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Color(pub u8, pub u8, pub u8);
+pub(crate) struct Color(pub u8, pub u8, pub u8);
 
 impl Color {
     /// First choice.
-    pub const BLUE: Self = Self(0x2f, 0x7d, 0xe1);
+    pub(crate) const BLUE: Self = Self(0x2f, 0x7d, 0xe1);
     /// Limits.
-    pub const RED: Self = Self(0xd6, 0x45, 0x50);
+    pub(crate) const RED: Self = Self(0xd6, 0x45, 0x50);
     /// Background data.
-    pub const GREY: Self = Self(0x80, 0x88, 0x90);
+    pub(crate) const GREY: Self = Self(0x80, 0x88, 0x90);
     /// Distinguishable, also with most red-green colour vision deficiencies.
-    pub const SERIES: [Self; 6] = [
+    pub(crate) const SERIES: [Self; 6] = [
         Self::BLUE,
         Self(0xd9, 0x73, 0x0d),
         Self(0x2a, 0x9d, 0x8a),
@@ -39,7 +39,7 @@ impl Color {
     ];
 
     /// As CSS writes it.
-    pub fn css(self) -> String {
+    pub(crate) fn css(self) -> String {
         format!("#{:02x}{:02x}{:02x}", self.0, self.1, self.2)
     }
 
@@ -50,7 +50,7 @@ impl Color {
 
 /// A line through points.
 #[derive(Clone, Debug)]
-pub struct Curve {
+pub(crate) struct Curve {
     /// Its colour.
     pub color: Color,
     /// Line width, pixels.
@@ -61,7 +61,7 @@ pub struct Curve {
 
 /// One bar.
 #[derive(Clone, Debug)]
-pub struct Bar {
+pub(crate) struct Bar {
     /// Label.
     pub name: String,
     /// Its length, 0 or more.
@@ -74,7 +74,7 @@ type Area<'a> = DrawingArea<SVGBackend<'a>, Shift>;
 type Chart<'a, 'b> = ChartContext<'b, SVGBackend<'a>, Cartesian2d<RangedCoordf64, RangedCoordf64>>;
 
 /// A frontier as a step function, power against error: no settings below or left of it were found.
-pub fn staircase(frontier: &Frontier) -> Vec<(f64, f64)> {
+pub(crate) fn staircase(frontier: &Frontier) -> Vec<(f64, f64)> {
     let mut corners = Vec::new();
     for point in frontier.points() {
         if let Some(&(_, error)) = corners.last() {
@@ -89,7 +89,7 @@ pub fn staircase(frontier: &Frontier) -> Vec<(f64, f64)> {
 ///
 /// # Errors
 /// When plotting fails.
-pub fn cloud(
+pub(crate) fn cloud(
     label: &str,
     axes: [&str; 2],
     points: &[(f64, f64)],
@@ -127,7 +127,7 @@ pub fn cloud(
 ///
 /// # Errors
 /// When plotting fails.
-pub fn curves(
+pub(crate) fn curves(
     label: &str,
     axes: [&str; 2],
     curves: &[Curve],
@@ -158,7 +158,7 @@ pub fn curves(
 ///
 /// # Errors
 /// When plotting fails.
-pub fn bars(
+pub(crate) fn bars(
     label: &str,
     axis: &str,
     bars: &[Bar],

@@ -10,7 +10,7 @@ use crate::metrics::Difference;
 
 /// One level of a knob, the others at their best.
 #[derive(Clone, Debug)]
-pub struct LevelPrice {
+pub(crate) struct LevelPrice {
     /// The knob.
     pub knob: String,
     /// The level.
@@ -25,7 +25,7 @@ pub struct LevelPrice {
 
 /// Prices at one view.
 #[derive(Clone, Copy, Debug)]
-pub struct PriceSummary<'a> {
+pub(crate) struct PriceSummary<'a> {
     /// The scene's name.
     pub scene: &'a str,
     /// Width and height of the image, pixels.
@@ -44,7 +44,7 @@ pub struct PriceSummary<'a> {
 ///
 /// # Errors
 /// When the plot cannot be drawn.
-pub fn price_report(summary: &PriceSummary) -> Result<String, ReportError> {
+pub(crate) fn price_report(summary: &PriceSummary) -> Result<String, ReportError> {
     let mut section = Section::new(&format!("{}: cost and error of each level", summary.scene));
     section.facts(&[
         ("Image size".to_owned(), format!("{} × {} pixels", summary.size[0], summary.size[1])),
@@ -100,7 +100,7 @@ fn row(price: &LevelPrice) -> Vec<String> {
 ///
 /// # Errors
 /// When `to` cannot be written.
-pub fn price_csv(prices: &[LevelPrice], to: impl io::Write) -> Result<(), csv::Error> {
+pub(crate) fn price_csv(prices: &[LevelPrice], to: impl io::Write) -> Result<(), csv::Error> {
     let mut writer = csv::Writer::from_writer(to);
     writer.write_record([
         "knob",

@@ -23,7 +23,7 @@ const COLORS: usize = Color::SERIES.len();
 
 /// A finished search.
 #[derive(Clone, Copy, Debug)]
-pub struct SearchSummary<'a> {
+pub(crate) struct SearchSummary<'a> {
     /// Its map.
     pub map: &'a FrontierMap,
     /// Its outcome.
@@ -36,7 +36,7 @@ pub struct SearchSummary<'a> {
 ///
 /// # Errors
 /// When plotting fails.
-pub fn search_section(summary: &SearchSummary<'_>) -> Result<Section, ReportError> {
+pub(crate) fn search_section(summary: &SearchSummary<'_>) -> Result<Section, ReportError> {
     let SearchSummary { map, outcome, .. } = summary;
     let mut section = Section::new(&format!("{}: the search", map.scene.name));
     section.facts(&facts(summary));

@@ -7,7 +7,7 @@ use bevy_frugal_gi::frontier::{Corner, Octree};
 /// Statistics of an octree. Tolerates a malformed one: invalid indices are counted as broken and
 /// skipped.
 #[derive(Clone, Debug, Default, PartialEq)]
-pub struct Survey {
+pub(crate) struct Survey {
     /// Subdivided nodes on every level, the root's first.
     pub inner: Vec<usize>,
     /// Leaves on every level.
@@ -27,7 +27,7 @@ pub struct Survey {
 
 impl Survey {
     /// Counts `octree`.
-    pub fn new(octree: &Octree) -> Self {
+    pub(crate) fn new(octree: &Octree) -> Self {
         let levels = octree.levels.min(15);
         let mut survey = Self::default();
         // Level, node, lowest x and z of every pending node.

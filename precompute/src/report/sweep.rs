@@ -9,7 +9,7 @@ use super::{Color, Curve, Report, ReportError, Section, cloud, knob_table, prove
 
 /// Results of one camera's sweep.
 #[derive(Clone, Debug)]
-pub struct SweepSummary<'a> {
+pub(crate) struct SweepSummary<'a> {
     /// The scene's name.
     pub scene: &'a str,
     /// The knobs that settings refer to.
@@ -34,7 +34,7 @@ pub struct SweepSummary<'a> {
 ///
 /// # Errors
 /// When plotting fails.
-pub fn sweep_report(
+pub(crate) fn sweep_report(
     summary: &SweepSummary<'_>,
     facts: &[(String, String)],
 ) -> Result<String, ReportError> {
@@ -47,7 +47,7 @@ pub fn sweep_report(
 ///
 /// # Errors
 /// When plotting fails.
-pub fn sweep_section(summary: &SweepSummary<'_>) -> Result<Section, ReportError> {
+pub(crate) fn sweep_section(summary: &SweepSummary<'_>) -> Result<Section, ReportError> {
     let frontier = Frontier::from_points(summary.points.iter().copied());
     let points: Vec<(f64, f64)> =
         summary.points.iter().map(|point| (point.cost.power.0, point.cost.error)).collect();

@@ -7,18 +7,18 @@ use std::f32::consts::{PI, TAU};
 
 /// Selection of a box's six faces for [`MeshBuilder::cuboid`].
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Faces(u8);
+pub(crate) struct Faces(u8);
 
 impl Faces {
     /// All six: a closed solid.
-    pub const ALL: Self = Self(0b11_1111);
+    pub(crate) const ALL: Self = Self(0b11_1111);
     /// The face towards −Y.
-    pub const BOTTOM: Self = Self(0b00_1000);
+    pub(crate) const BOTTOM: Self = Self(0b00_1000);
     /// The face towards +Y.
-    pub const TOP: Self = Self(0b00_0100);
+    pub(crate) const TOP: Self = Self(0b00_0100);
 
     /// These faces without `other`.
-    pub const fn without(self, other: Self) -> Self {
+    pub(crate) const fn without(self, other: Self) -> Self {
         Self(self.0 & !other.0)
     }
 }
@@ -30,7 +30,7 @@ impl Faces {
 /// axis, so that masonry is continuous across neighbouring faces;
 /// [`texture_scale`](Self::texture_scale) sets the size of one repeat.
 #[derive(Clone, Debug)]
-pub struct MeshBuilder {
+pub(crate) struct MeshBuilder {
     mesh: SceneMesh,
     tint: [f32; 4],
     metres_per_repeat: f32,
@@ -45,7 +45,7 @@ impl Default for MeshBuilder {
 
 impl MeshBuilder {
     /// An empty builder: white tint, one texture repeat per metre.
-    pub fn new() -> Self {
+    pub(crate) fn new() -> Self {
         Self {
             mesh: SceneMesh::default(),
             tint: [1.0; 4],
@@ -55,35 +55,36 @@ impl MeshBuilder {
     }
 
     /// Sets the linear RGB tint of subsequent geometry, each in [0, 1].
-    pub fn tint(&mut self, [red, green, blue]: [f32; 3]) -> &mut Self {
+    pub(crate) fn tint(&mut self, [red, green, blue]: [f32; 3]) -> &mut Self {
         self.tint = [red, green, blue, 1.0];
         self
     }
 
     /// Sets the size of one texture repeat on subsequent flat faces, metres, greater than 0.
-    pub fn texture_scale(&mut self, metres_per_repeat: f32) -> &mut Self {
+    pub(crate) fn texture_scale(&mut self, metres_per_repeat: f32) -> &mut Self {
         self.metres_per_repeat = metres_per_repeat;
         self
     }
 
     /// Sets the rotation of the texture on subsequent flat faces, radians.
-    pub fn texture_turn(&mut self, angle: f32) -> &mut Self {
+    pub(crate) fn texture_turn(&mut self, angle: f32) -> &mut Self {
         self.texture_turn = angle;
         self
     }
 
     /// The mesh, with `material` as its material's index.
-    pub fn finish(self, material: usize) -> SceneMesh {
+    pub(crate) fn finish(self, material: usize) -> SceneMesh {
         SceneMesh { material, ..self.mesh }
     }
 
     /// Number of triangles so far.
-    pub fn triangle_count(&self) -> usize {
+    #[cfg(test)]
+    pub(crate) fn triangle_count(&self) -> usize {
         self.mesh.indices.len() / 3
     }
 
     /// Adds a vertex and returns its index.
-    pub fn vertex(&mut self, position: Vec3, normal: Vec3, uv: Vec2) -> u32 {
+    pub(crate) fn vertex(&mut self, position: Vec3, normal: Vec3, uv: Vec2) -> u32 {
         self.mesh.positions.push(position);
         self.mesh.normals.push(normal);
         self.mesh.uvs.push(uv);
@@ -92,7 +93,7 @@ impl MeshBuilder {
     }
 
     /// Adds a triangle of vertices from [`vertex`](Self::vertex), counter-clockwise from its front.
-    pub fn triangle(&mut self, a: u32, b: u32, c: u32) {
+    pub(crate) fn triangle(&mut self, a: u32, b: u32, c: u32) {
         self.mesh.indices.extend([a, b, c]);
     }
 
@@ -110,7 +111,7 @@ impl MeshBuilder {
 
     /// A flat convex polygon, its corners counter-clockwise from its front; fewer than three
     /// corners add nothing.
-    pub fn polygon(&mut self, corners: &[Vec3]) {
+    pub(crate) fn polygon(&mut self, corners: &[Vec3]) {
         // Newell's sum: the area vector of any polygon, robust to three consecutive collinear
         // corners.
         let area: Vec3 =
@@ -127,17 +128,23 @@ impl MeshBuilder {
     }
 
     /// A flat quadrilateral, its corners counter-clockwise from its front.
-    pub fn quad(&mut self, corners: [Vec3; 4]) {
+    pub(crate) fn quad(&mut self, corners: [Vec3; 4]) {
         self.polygon(&corners);
     }
 
     /// An axis-aligned box that is solid (front faces outward) between two opposite corners.
-    pub fn cuboid(&mut self, min: Vec3, max: Vec3, faces: Faces) {
+    pub(crate) fn cuboid(&mut self, min: Vec3, max: Vec3, faces: Faces) {
         self.turned_cuboid((min + max) * 0.5, (max - min) * 0.5, Quat::IDENTITY, faces);
     }
 
     /// A solid box around `center` with half extent `half_size`, rotated by `rotation`.
-    pub fn turned_cuboid(&mut self, center: Vec3, half_size: Vec3, rotation: Quat, faces: Faces) {
+    pub(crate) fn turned_cuboid(
+        &mut self,
+        center: Vec3,
+        half_size: Vec3,
+        rotation: Quat,
+        faces: Faces,
+    ) {
         for (bit, axis) in [Vec3::X, Vec3::NEG_X, Vec3::Y, Vec3::NEG_Y, Vec3::Z, Vec3::NEG_Z]
             .into_iter()
             .enumerate()
@@ -158,7 +165,7 @@ impl MeshBuilder {
     }
 
     /// The inside of a box: front faces inward.
-    pub fn room(&mut self, min: Vec3, max: Vec3) {
+    pub(crate) fn room(&mut self, min: Vec3, max: Vec3) {
         // A negative half size flips each face without moving it.
         let (center, half) = ((min + max) * 0.5, (max - min) * 0.5);
         for axis in [Vec3::X, Vec3::NEG_X, Vec3::Y, Vec3::NEG_Y, Vec3::Z, Vec3::NEG_Z] {
@@ -172,7 +179,7 @@ impl MeshBuilder {
     /// An upright pillar or cone: `profile` gives (height above `base`, radius) from bottom to top,
     /// in metres; smooth around, flat along. At least three `sides`. A ring of radius 0 closes the
     /// solid; other ends stay open.
-    pub fn lathe(&mut self, base: Vec3, profile: &[(f32, f32)], sides: u32) {
+    pub(crate) fn lathe(&mut self, base: Vec3, profile: &[(f32, f32)], sides: u32) {
         let sides = sides.max(3);
         for ring in profile.windows(2) {
             let [(low, low_radius), (high, high_radius)] = [ring[0], ring[1]];
@@ -213,7 +220,7 @@ impl MeshBuilder {
     /// side. The arch springs at `spring` metres and its radius is `radius`; the remaining width at
     /// each side is a jamb from `jamb_foot` metres up. Adds front, back and the arch's underside,
     /// and the wall's top if `with_top`.
-    pub fn arch(&mut self, left: Vec3, right: Vec3, shape: ArchShape) {
+    pub(crate) fn arch(&mut self, left: Vec3, right: Vec3, shape: ArchShape) {
         let along = (right - left).normalize_or(Vec3::X);
         let width = (right - left).length();
         let front = along.cross(Vec3::Y) * (shape.thickness * 0.5);
@@ -282,7 +289,7 @@ impl MeshBuilder {
     /// A sphere by splitting an icosahedron's triangles in four `subdivisions` times (20 · 4ⁿ
     /// triangles), with exactly radial normals; `inward` flips faces and normals. Neighbours share
     /// vertices.
-    pub fn icosphere(&mut self, center: Vec3, radius: f32, subdivisions: u32, inward: bool) {
+    pub(crate) fn icosphere(&mut self, center: Vec3, radius: f32, subdivisions: u32, inward: bool) {
         let (mut points, mut faces) = icosahedron();
         for _ in 0..subdivisions {
             let mut middles = HashMap::new();
@@ -319,7 +326,7 @@ impl MeshBuilder {
     /// A curved sheet: `surface` maps (s, t) in [0, 1]² to a world position, metres; seen from the
     /// front, s increases to the right and t upwards. Smooth normals; texture coordinates are (s, 1
     /// − t) · `repeats`.
-    pub fn sheet(
+    pub(crate) fn sheet(
         &mut self,
         columns: u32,
         rows: u32,
@@ -354,7 +361,7 @@ impl MeshBuilder {
 
 /// Measures of [`MeshBuilder::arch`], metres.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct ArchShape {
+pub(crate) struct ArchShape {
     /// Height of the wall's top above its foot.
     pub top: f32,
     /// Height at which the arch begins to curve.

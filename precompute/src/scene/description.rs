@@ -48,7 +48,7 @@ pub struct SceneDescription {
 pub enum Geometry {
     /// A `.glb` or `.gltf` file, relative to the description.
     Gltf(String),
-    /// Procedural: one of [`procedural::NAMES`](super::procedural::NAMES).
+    /// Procedural: one of `NAMES` in `scene/procedural`.
     Procedural(String),
 }
 

@@ -21,7 +21,7 @@ const GREATEST_TRIANGLE_COUNT: usize = 50_000_000;
 /// Why a glTF file cannot be used.
 #[derive(Debug, Error)]
 #[non_exhaustive]
-pub enum GltfError {
+pub(crate) enum GltfError {
     /// A file cannot be read.
     #[error("cannot read {file}: {source}", file = file.display())]
     Unreadable {
@@ -56,7 +56,7 @@ pub enum GltfError {
 ///
 /// # Errors
 /// [`GltfError`], when the file is missing, broken or without a triangle.
-pub fn load(path: &Path) -> Result<SceneGeometry, GltfError> {
+pub(crate) fn load(path: &Path) -> Result<SceneGeometry, GltfError> {
     let bytes = std::fs::read(path)
         .map_err(|source| GltfError::Unreadable { file: path.to_path_buf(), source })?;
     parse(&bytes, path)
@@ -66,7 +66,7 @@ pub fn load(path: &Path) -> Result<SceneGeometry, GltfError> {
 ///
 /// # Errors
 /// As [`load`].
-pub fn parse(bytes: &[u8], path: &Path) -> Result<SceneGeometry, GltfError> {
+pub(crate) fn parse(bytes: &[u8], path: &Path) -> Result<SceneGeometry, GltfError> {
     let (file, buffers) = open(bytes, path)?;
     let mut geometry = SceneGeometry::default();
     let textures: Vec<Option<usize>> = file

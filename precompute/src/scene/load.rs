@@ -64,7 +64,7 @@ pub fn load(path: impl AsRef<Path>) -> Result<SceneDescription, SceneError> {
 ///
 /// # Errors
 /// As [`load`].
-pub fn parse(text: &str, path: &Path) -> Result<SceneDescription, SceneError> {
+pub(crate) fn parse(text: &str, path: &Path) -> Result<SceneDescription, SceneError> {
     let options = ron::Options::default().with_default_extension(Extensions::IMPLICIT_SOME);
     let mut description: SceneDescription =
         options.from_str(text).map_err(|error| explain(text, path, &error))?;

@@ -180,7 +180,7 @@ impl SceneGeometry {
     /// Checks that every index is in range and every attribute is complete.
     ///
     /// # Errors
-    /// The first [`GeometryError`] found.
+    /// The first one found.
     pub fn validate(&self) -> Result<(), GeometryError> {
         for (mesh, data) in self.meshes.iter().enumerate() {
             let positions = data.positions.len();

@@ -282,7 +282,7 @@ fn is_usable(triangle: &Triangle) -> bool {
 
 /// `count` unit vectors distributed uniformly over the sphere: a Fibonacci spiral (Swinbank and
 /// Purser 2006), points at the centres of equal-area bands.
-pub fn sphere_directions(count: u32) -> impl Iterator<Item = Vec3> {
+pub(crate) fn sphere_directions(count: u32) -> impl Iterator<Item = Vec3> {
     let golden_angle = std::f32::consts::PI * (3.0 - 5.0_f32.sqrt());
     (0..count).map(move |i| {
         let y = 1.0 - (i as f32 + 0.5) / count as f32 * 2.0;

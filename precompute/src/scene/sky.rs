@@ -19,7 +19,7 @@ pub struct SkyError {
 /// Radiance of all directions. The first row is straight up, the middle of a row is −Z, and −X is
 /// left of it. Radiance is constant within a texel.
 #[derive(Clone, Debug, PartialEq)]
-pub struct SkyMap {
+pub(crate) struct SkyMap {
     /// Texels in a row, at least 1.
     width: u32,
     /// Rows, at least 1.
@@ -33,7 +33,7 @@ impl SkyMap {
     ///
     /// # Errors
     /// When it cannot be read, is empty, or holds values that are negative or not finite.
-    pub fn read(file: &Path) -> Result<Self, SkyError> {
+    pub(crate) fn read(file: &Path) -> Result<Self, SkyError> {
         let fail = |problem: String| SkyError { file: file.display().to_string(), problem };
         let picture = image::open(file).map_err(|error| fail(error.to_string()))?.into_rgb32f();
         let texels = picture.as_raw().as_chunks().0.to_vec();
@@ -45,7 +45,11 @@ impl SkyMap {
     ///
     /// # Errors
     /// The problem, as for [`read`](Self::read).
-    pub fn new(width: u32, height: u32, texels: Vec<[f32; 3]>) -> Result<Self, &'static str> {
+    pub(crate) fn new(
+        width: u32,
+        height: u32,
+        texels: Vec<[f32; 3]>,
+    ) -> Result<Self, &'static str> {
         if width == 0 || height == 0 || texels.len() as u64 != u64::from(width) * u64::from(height)
         {
             return Err("it is empty");
@@ -64,17 +68,18 @@ impl SkyMap {
     }
 
     /// Texels in a row, and rows.
-    pub fn size(&self) -> (u32, u32) {
+    pub(crate) fn size(&self) -> (u32, u32) {
         (self.width, self.height)
     }
 
     /// The texels, row by row.
-    pub fn texels(&self) -> &[[f32; 3]] {
+    pub(crate) fn texels(&self) -> &[[f32; 3]] {
         &self.texels
     }
 
     /// Mean over directions: rows near the poles cover less solid angle.
-    pub fn mean_radiance(&self) -> [f32; 3] {
+    #[cfg(test)]
+    pub(crate) fn mean_radiance(&self) -> [f32; 3] {
         let mut sum = [0.0f64; 3];
         let mut weights = 0.0;
         for (y, row) in self.texels.chunks_exact(self.width as usize).enumerate() {
@@ -90,7 +95,7 @@ impl SkyMap {
     }
 
     /// Index in [`texels`](Self::texels) of the texel in `direction`, a unit vector.
-    pub fn index(&self, direction: Vec3) -> usize {
+    pub(crate) fn index(&self, direction: Vec3) -> usize {
         let u = 0.5 + direction.x.atan2(-direction.z) / std::f32::consts::TAU;
         let v = direction.y.clamp(-1.0, 1.0).acos() / std::f32::consts::PI;
         let x = ((u * self.width as f32) as u32).min(self.width - 1);
@@ -99,7 +104,7 @@ impl SkyMap {
     }
 
     /// Radiance in a direction, which is a unit vector.
-    pub fn look_up(&self, direction: Vec3) -> [f32; 3] {
+    pub(crate) fn look_up(&self, direction: Vec3) -> [f32; 3] {
         self.texels[self.index(direction)]
     }
 }

@@ -247,10 +247,8 @@ fn rendering(settings: KnobLevels) -> CostPoint {
 #[test]
 fn few_evaluations_find_most_of_a_rendering_frontier() {
     let space = rendering_space();
-    let reference = CostPoint {
-        power: rendering(space.highest()).power,
-        error: rendering(space.lowest()).error,
-    };
+    let reference =
+        CostPoint::new(rendering(space.highest()).power.0, rendering(space.lowest()).error);
     let exact = frontier_of(space.iter(), rendering);
     let best = exact.hypervolume(reference);
     let mut lines = Vec::new();

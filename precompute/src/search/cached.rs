@@ -17,28 +17,28 @@ pub(super) struct Cached<'e, E> {
 }
 
 impl<'e, E: Evaluate> Cached<'e, E> {
-    pub fn new(inner: &'e mut E) -> Self {
+    pub(super) fn new(inner: &'e mut E) -> Self {
         Self { inner, known: BTreeMap::new() }
     }
 
     /// Whether `settings` were evaluated.
-    pub fn knows(&self, settings: KnobLevels) -> bool {
+    pub(super) fn knows(&self, settings: KnobLevels) -> bool {
         self.known.contains_key(&settings)
     }
 
     /// Number of settings evaluated.
-    pub fn len(&self) -> usize {
+    pub(super) fn len(&self) -> usize {
         self.known.len()
     }
 
     /// Every point with a finite cost, by settings.
-    pub fn points(&self) -> impl Iterator<Item = FrontierPoint> + '_ {
+    pub(super) fn points(&self) -> impl Iterator<Item = FrontierPoint> + '_ {
         let finite = self.known.iter().filter(|(_, cost)| cost.is_finite());
         finite.map(|(settings, cost)| FrontierPoint { settings: *settings, cost: *cost })
     }
 
     /// The cost of `settings`, evaluated unless known.
-    pub fn evaluate(&mut self, settings: KnobLevels) -> Result<CostPoint, E::Error> {
+    pub(super) fn evaluate(&mut self, settings: KnobLevels) -> Result<CostPoint, E::Error> {
         if let Some(cost) = self.known.get(&settings) {
             return Ok(*cost);
         }

@@ -6,7 +6,7 @@ const LARGE: u64 = 10_000;
 
 /// Settings of the genetic search.
 #[derive(Clone, Debug, PartialEq)]
-pub struct SearchConfig {
+pub(crate) struct SearchConfig {
     /// Survivors of a generation, at least 4. Higher values keep more of the frontier, lower values
     /// converge in fewer evaluations.
     pub population: usize,
@@ -39,7 +39,7 @@ impl Default for SearchConfig {
 
 impl SearchConfig {
     /// Evaluation budget of a search in a space of `combinations`, before other limits.
-    pub fn evaluations(&self, combinations: u64) -> usize {
+    pub(crate) fn evaluations(&self, combinations: u64) -> usize {
         let generations = self.generations.unwrap_or(if combinations > LARGE { 40 } else { 25 });
         self.population.max(4).saturating_mul(generations.saturating_add(1))
     }

@@ -4,7 +4,7 @@ use bevy_frugal_gi::frontier::CostPoint;
 use bevy_frugal_gi::knobs::KnobLevels;
 
 /// Evaluates the cost of settings: by a renderer at one camera, a recorded table, or a model.
-pub trait Evaluate {
+pub(crate) trait Evaluate {
     /// Why an evaluation failed.
     type Error;
 

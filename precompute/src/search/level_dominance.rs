@@ -5,7 +5,7 @@ use bevy_frugal_gi::knobs::{KnobLevels, KnobSpace};
 
 /// Dominance of a level.
 #[derive(Clone, Debug, PartialEq)]
-pub struct LevelDominance {
+pub(crate) struct LevelDominance {
     /// The knob.
     pub knob: String,
     /// The level.
@@ -20,7 +20,7 @@ pub struct LevelDominance {
 
 /// The dominance of every level in `table`. Costs may be in any unit; rows with a cost that is not
 /// above 0 are left out. Levels without rows are left out, too.
-pub fn level_dominance(
+pub(crate) fn level_dominance(
     space: &KnobSpace,
     table: &[(KnobLevels, CostPoint)],
 ) -> Vec<LevelDominance> {

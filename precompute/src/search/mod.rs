@@ -19,7 +19,9 @@ mod nsga2;
 mod seeding;
 mod sorting;
 
-pub use config::SearchConfig;
-pub use evaluator::Evaluate;
-pub use level_dominance::{LevelDominance, level_dominance};
-pub use nsga2::{Search, SearchOutcome};
+pub(crate) use config::SearchConfig;
+pub(crate) use evaluator::Evaluate;
+pub(crate) use level_dominance::{LevelDominance, level_dominance};
+pub(crate) use nsga2::Search;
+#[cfg(test)]
+pub(crate) use nsga2::SearchOutcome;

@@ -36,7 +36,7 @@ const TRIES: usize = 16;
 
 /// Result of a search.
 #[derive(Clone, Debug, PartialEq)]
-pub struct SearchOutcome {
+pub(crate) struct SearchOutcome {
     /// Frontier of everything evaluated. Empty only if no evaluation was finite, or the search was
     /// stopped before the first.
     pub frontier: Frontier,
@@ -48,7 +48,7 @@ pub struct SearchOutcome {
 
 /// Searches a knob space.
 #[derive(Clone, Debug)]
-pub struct Search<'a> {
+pub(crate) struct Search<'a> {
     space: &'a KnobSpace,
     config: SearchConfig,
     combinations: u64,
@@ -56,12 +56,12 @@ pub struct Search<'a> {
 
 impl<'a> Search<'a> {
     /// A search of `space` by `config`.
-    pub fn new(space: &'a KnobSpace, config: SearchConfig) -> Self {
+    pub(crate) fn new(space: &'a KnobSpace, config: SearchConfig) -> Self {
         Self { space, config, combinations: combinations(space) }
     }
 
     /// Evaluation budget of the search.
-    pub fn limit(&self) -> usize {
+    pub(crate) fn limit(&self) -> usize {
         let evolving = self.config.evaluations(self.combinations);
         let limit = self.config.max_evaluations.unwrap_or(evolving);
         // A space that fits is enumerated, even where the generations alone would end sooner.
@@ -74,7 +74,7 @@ impl<'a> Search<'a> {
     ///
     /// # Errors
     /// When an evaluation fails.
-    pub fn run<E: Evaluate>(
+    pub(crate) fn run<E: Evaluate>(
         &self,
         evaluator: &mut E,
         inherit: &[KnobLevels],

@@ -25,7 +25,7 @@ pub(super) struct Lookup<'a> {
 }
 
 impl<'a> Lookup<'a> {
-    pub fn new(recorded: &'a Recorded, goals: &'a [Goal]) -> Self {
+    pub(super) fn new(recorded: &'a Recorded, goals: &'a [Goal]) -> Self {
         Self {
             recorded,
             goals,
@@ -37,7 +37,7 @@ impl<'a> Lookup<'a> {
 
     /// The cost of `settings`. The first request counts as a rendering, unless the table lacks
     /// them.
-    pub fn ask(&mut self, settings: KnobLevels) -> CostPoint {
+    pub(super) fn ask(&mut self, settings: KnobLevels) -> CostPoint {
         let settings = self.recorded.space.canonical(settings);
         if self.is_known(settings) {
             return self.known.get(0, settings).unwrap_or(MISSING);
@@ -55,7 +55,7 @@ impl<'a> Lookup<'a> {
     }
 
     /// The same for several settings, until all goals are reached.
-    pub fn ask_all(&mut self, settings: impl IntoIterator<Item = KnobLevels>) {
+    pub(super) fn ask_all(&mut self, settings: impl IntoIterator<Item = KnobLevels>) {
         for settings in settings {
             if self.is_done() {
                 return;
@@ -65,22 +65,22 @@ impl<'a> Lookup<'a> {
     }
 
     /// Whether `settings` were requested.
-    pub fn is_known(&self, settings: KnobLevels) -> bool {
+    pub(super) fn is_known(&self, settings: KnobLevels) -> bool {
         self.known.column(settings).is_some()
     }
 
     /// Whether all goals are reached.
-    pub fn is_done(&self) -> bool {
+    pub(super) fn is_done(&self) -> bool {
         self.reached.iter().all(Option::is_some)
     }
 
     /// Number of requested combinations that the table lacks.
-    pub fn missing(&self) -> usize {
+    pub(super) fn missing(&self) -> usize {
         self.known.settings().len() - self.renderings
     }
 
     /// Requested settings that the table has, with their costs.
-    pub fn readings(&self) -> Vec<(KnobLevels, CostPoint)> {
+    pub(super) fn readings(&self) -> Vec<(KnobLevels, CostPoint)> {
         self.known
             .settings()
             .iter()

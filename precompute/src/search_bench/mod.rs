@@ -23,5 +23,7 @@ mod run;
 #[cfg(test)]
 mod tests;
 
-pub use recorded::{Recorded, RecordedError};
-pub use run::{Goal, GoalResult, Method, MethodResult, SearchRuns, Spread, run};
+pub(crate) use recorded::{Recorded, RecordedError};
+#[cfg(test)]
+pub(crate) use run::Method;
+pub(crate) use run::{Goal, MethodResult, SearchRuns, Spread, run};

@@ -47,7 +47,7 @@ struct Models<'a> {
 
 impl Others {
     /// `None` without other cameras.
-    pub fn of(recorded: &Recorded) -> Option<Self> {
+    pub(super) fn of(recorded: &Recorded) -> Option<Self> {
         let table = &recorded.others;
         let mean = |settings: &KnobLevels| {
             let costs: Vec<CostPoint> =
@@ -66,14 +66,14 @@ impl Others {
             .then(|| Self { screening: Screening::of(&recorded.space, table), means })
     }
 
-    pub fn screening(&self) -> &Screening {
+    pub(super) fn screening(&self) -> &Screening {
         &self.screening
     }
 
     /// Up to `count` settings that were not requested yet: those of greatest expected gain over the
     /// known ones; then those on the predicted frontier that are farthest in power from all known
     /// ones.
-    pub fn propose(
+    pub(super) fn propose(
         &self,
         space: &KnobSpace,
         lookup: &Lookup<'_>,

@@ -11,7 +11,7 @@ use crate::table::{ASSUMED_LAYOUT, CostTable, SweepTable};
 /// Why tables cannot be used together, or for the requested errors.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 #[non_exhaustive]
-pub enum RecordedError {
+pub(crate) enum RecordedError {
     /// The knobs or levels of the tables differ.
     #[error(
         "its knobs are {here}, those of the searched table {there}: sweep both with the same `--knobs`"
@@ -52,7 +52,7 @@ pub enum RecordedError {
 /// The searched table, and readings of other cameras. Its knobs have only the levels that occur in
 /// the table.
 #[derive(Clone, Debug)]
-pub struct Recorded {
+pub(crate) struct Recorded {
     /// The knobs, with the levels that occur in the table.
     pub space: KnobSpace,
     /// Parameters of the work model other than settings.
@@ -68,7 +68,10 @@ impl Recorded {
     ///
     /// # Errors
     /// The index of a table in `others` that does not fit, and the reason.
-    pub fn new(table: &SweepTable, others: &[SweepTable]) -> Result<Self, (usize, RecordedError)> {
+    pub(crate) fn new(
+        table: &SweepTable,
+        others: &[SweepTable],
+    ) -> Result<Self, (usize, RecordedError)> {
         let levels = Levels::of(table);
         let space = levels.space();
         let mut known = CostTable::new(others.len());
@@ -93,7 +96,7 @@ impl Recorded {
     }
 
     /// The least power at an error of at most `error`.
-    pub fn least_power(&self, error: f64) -> Option<f64> {
+    pub(crate) fn least_power(&self, error: f64) -> Option<f64> {
         self.costs
             .values()
             .filter(|cost| cost.error <= error)
@@ -102,7 +105,7 @@ impl Recorded {
     }
 
     /// The least error.
-    pub fn least_error(&self) -> f64 {
+    pub(crate) fn least_error(&self) -> f64 {
         self.costs.values().map(|cost| cost.error).fold(f64::INFINITY, f64::min)
     }
 }

@@ -20,7 +20,7 @@ const MOST_ASKED: usize = 10;
 
 /// Configuration of the benchmark.
 #[derive(Clone, Debug, PartialEq)]
-pub struct SearchRuns {
+pub(crate) struct SearchRuns {
     /// Errors at which power is compared.
     pub errors: Vec<f64>,
     /// Tolerance of a search's power above the table's best, as a share.
@@ -34,7 +34,7 @@ pub struct SearchRuns {
 /// Search methods.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "kebab-case")]
-pub enum Method {
+pub(crate) enum Method {
     /// Combinations of the table in random order.
     Random,
     /// [`Search`], on the table itself.
@@ -47,7 +47,7 @@ pub enum Method {
 
 impl Method {
     /// The name in the JSON.
-    pub const fn name(self) -> &'static str {
+    pub(crate) const fn name(self) -> &'static str {
         match self {
             Self::Random => "random",
             Self::Nsga2 => "nsga2",
@@ -59,7 +59,7 @@ impl Method {
 
 /// A goal of searches.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
-pub struct Goal {
+pub(crate) struct Goal {
     /// Greatest error.
     pub error: f64,
     /// Least power at that error in the whole table.
@@ -71,7 +71,7 @@ pub struct Goal {
 /// Quartiles of renderings over the seeds. `None` where a quartile is among the seeds that did not
 /// reach the goal.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
-pub struct Spread {
+pub(crate) struct Spread {
     /// First quartile.
     pub lower_quartile: Option<f64>,
     /// Median.
@@ -82,7 +82,7 @@ pub struct Spread {
 
 /// Renderings of a method for one goal.
 #[derive(Clone, Debug, PartialEq, Serialize)]
-pub struct GoalResult {
+pub(crate) struct GoalResult {
     /// The goal's error.
     pub error: f64,
     /// Share of the seeds that reached it.
@@ -96,7 +96,7 @@ pub struct GoalResult {
 
 /// Renderings of a method.
 #[derive(Clone, Debug, PartialEq, Serialize)]
-pub struct MethodResult {
+pub(crate) struct MethodResult {
     /// The method.
     pub method: Method,
     /// By goal.
@@ -110,7 +110,7 @@ impl SearchRuns {
     ///
     /// # Errors
     /// When no combination has as little error as requested.
-    pub fn goals(&self, recorded: &Recorded) -> Result<Vec<Goal>, RecordedError> {
+    pub(crate) fn goals(&self, recorded: &Recorded) -> Result<Vec<Goal>, RecordedError> {
         let goal = |error: &f64| {
             let best = recorded.least_power(*error);
             let best_w = best.ok_or(RecordedError::NoneWithin {
@@ -125,7 +125,7 @@ impl SearchRuns {
 
 /// Runs every method; the last one only with other cameras. `report` is called after every run;
 /// `None` if it breaks.
-pub fn run(
+pub(crate) fn run(
     recorded: &Recorded,
     runs: &SearchRuns,
     goals: &[Goal],

@@ -55,9 +55,9 @@ impl StageEvaluator {
         self.stage.apply(settings);
         let power = self.play(clip)?;
         let Some((_, reference)) = &self.reference else {
-            return Ok(CostPoint { power, error: 0.0 });
+            return Ok(CostPoint::new(power.0, 0.0));
         };
-        Ok(CostPoint { power, error: reference.error(&self.stage.picture()?)? })
+        Ok(CostPoint::new(power.0, reference.error(&self.stage.picture()?)?))
     }
 
     fn play(&mut self, clip: &[CameraPose]) -> Result<Watts, StageError> {

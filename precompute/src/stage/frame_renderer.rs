@@ -6,13 +6,13 @@ use super::{Stage, StageError};
 use crate::evaluate::{FrameRenderer, Pose, RenderedFrame};
 
 /// Renders consecutive frames on a [`Stage`].
-pub struct StageFrameRenderer<'s> {
+pub(crate) struct StageFrameRenderer<'s> {
     stage: &'s mut Stage,
 }
 
 impl<'s> StageFrameRenderer<'s> {
     /// A frame renderer on `stage`.
-    pub fn new(stage: &'s mut Stage) -> Self {
+    pub(crate) fn new(stage: &'s mut Stage) -> Self {
         Self { stage }
     }
 }

@@ -43,9 +43,10 @@ use crate::scene::{Bounds, RayScene, SceneDescription, SceneError};
 pub use crate::metrics::Radiance;
 pub use adapter::{adapter, software_adapter};
 pub use evaluator::StageEvaluator;
-pub use frame_renderer::StageFrameRenderer;
-pub use remote::{RemoteError, RemoteStage, StageRequest, serve};
-pub use useful::{every_knob, knobs, useful_knobs};
+pub(crate) use frame_renderer::StageFrameRenderer;
+pub(crate) use remote::{RemoteError, RemoteStage, StageRequest, serve};
+pub use useful::every_knob;
+pub(crate) use useful::{knobs, useful_knobs};
 pub use world::populate;
 
 /// Format of the output.

@@ -10,7 +10,7 @@ use crate::scene::{Environment, Light, SceneDescription};
 ///
 /// # Errors
 /// When the scene's geometry cannot be read.
-pub fn useful_knobs(scene: &SceneDescription) -> Result<Vec<String>, StageError> {
+pub(crate) fn useful_knobs(scene: &SceneDescription) -> Result<Vec<String>, StageError> {
     let geometry = scene.geometry()?;
     let has_light = !scene.lights.is_empty();
     let has_sun = scene.lights.iter().any(|light| matches!(light, Light::Directional { .. }));
@@ -41,7 +41,7 @@ pub fn useful_knobs(scene: &SceneDescription) -> Result<Vec<String>, StageError>
 ///
 /// # Errors
 /// Never, as long as the built-in knobs are valid.
-pub fn knobs() -> Result<KnobSpace, StageError> {
+pub(crate) fn knobs() -> Result<KnobSpace, StageError> {
     Ok(super::app::knobs(false)?)
 }
 

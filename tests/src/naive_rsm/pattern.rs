@@ -20,7 +20,7 @@ pub enum Weights {
 ///
 /// The offsets are those of Dachsbacher and Stamminger 2005, `radius` · ξ₁ · (sin 2πξ₂, cos 2πξ₂),
 /// with ξ from a Hammersley set, whose low discrepancy favours the baseline.
-pub fn flat(count: u32, radius: f64, weights: Weights) -> Vec<[f32; 4]> {
+pub(super) fn flat(count: u32, radius: f64, weights: Weights) -> Vec<[f32; 4]> {
     let disk = PI * radius * radius;
     let sample = |(distance, angle): (f64, f64)| {
         let (sine, cosine) = (TAU * angle).sin_cos();
@@ -36,7 +36,7 @@ pub fn flat(count: u32, radius: f64, weights: Weights) -> Vec<[f32; 4]> {
 
 /// Samples around a direction, for lights with a cube map: a unit vector whose z axis is that
 /// direction, and its weight, a solid angle (sr). The largest angle is `radius` · π.
-pub fn spherical(count: u32, radius: f64, weights: Weights) -> Vec<[f32; 4]> {
+pub(super) fn spherical(count: u32, radius: f64, weights: Weights) -> Vec<[f32; 4]> {
     let greatest = PI * radius.min(1.0);
     let sample = |(distance, angle): (f64, f64)| {
         let (sine, cosine) = (TAU * angle).sin_cos();

@@ -1,5 +1,6 @@
 //! Imports run downhill, and documents hold together.
 
+use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 
 use frugal_tests::imports::imports;
@@ -8,7 +9,10 @@ tests!(
     the_plugin_imports_downhill,
     the_tool_imports_downhill,
     links_in_documents_lead_somewhere,
-    documents_are_short_and_wrapped
+    documents_are_short_and_wrapped,
+    the_glossary_is_short,
+    samples_in_documents_are_compiled,
+    the_prelude_has_what_the_documents_name
 );
 
 /// The plugin's parts: each imports only those above it.
@@ -20,6 +24,7 @@ const PLUGIN: &[&str] = &[
     "resolution",
     "gi/settings",
     "gi/schedule",
+    "gi/compute",
     "gi/texels",
     "gi/view",
     "gi/surfaces",
@@ -155,5 +160,72 @@ fn documents_are_short_and_wrapped() {
                 "{name}:{number}: wrap it at 120 characters"
             );
         }
+    }
+}
+
+fn the_glossary_is_short() {
+    let overview = root().join("docs/architecture/overview.md");
+    let text = std::fs::read_to_string(&overview).expect("a document");
+    let (_, text) = text.split_once("## Glossary").expect("a glossary");
+    let rows = text.lines().skip_while(|line| !line.starts_with('|')).skip(2);
+    let rows: Vec<&str> = rows.take_while(|line| line.starts_with('|')).collect();
+    assert!((30..=40).contains(&rows.len()), "{} entries, not 30 to 40", rows.len());
+    for row in rows {
+        assert!(row.chars().count() <= 120, "too long: {row}");
+    }
+}
+
+/// Code without what `rustfmt` may change.
+fn squeezed(code: &str) -> String {
+    let lines = code.lines().map(|line| line.split("//").next().unwrap_or_default());
+    lines.flat_map(str::chars).filter(|c| !c.is_whitespace() && *c != ',').collect()
+}
+
+fn samples_in_documents_are_compiled() {
+    let compiled = squeezed(include_str!("../../src/samples.rs"));
+    let mut count = 0;
+    for (file, text) in documents() {
+        for sample in text.split("```rust\n").skip(1) {
+            let sample = sample.split("```").next().unwrap_or_default();
+            count += 1;
+            assert!(
+                compiled.contains(&squeezed(sample)),
+                "{}: put this sample into tests/src/samples.rs, which is compiled:\n{sample}",
+                file.display()
+            );
+        }
+    }
+    assert!(count >= 8, "samples are found at all: {count}");
+}
+
+/// Identifiers in a text.
+fn words(text: &str) -> impl Iterator<Item = &str> {
+    text.split(|c: char| !c.is_alphanumeric() && c != '_').filter(|word| !word.is_empty())
+}
+
+/// What `pub use` statements of a source name, and the types that it declares.
+fn exported(source: &str) -> BTreeSet<&str> {
+    let lists = source.split("pub use ").skip(1).filter_map(|rest| rest.split(';').next());
+    let types = source.lines().filter_map(|line| {
+        let line = line.strip_prefix("pub struct ").or_else(|| line.strip_prefix("pub enum "))?;
+        words(line).next()
+    });
+    lists.flat_map(words).chain(types).filter(|word| word.starts_with(char::is_uppercase)).collect()
+}
+
+fn the_prelude_has_what_the_documents_name() {
+    let read = |path: &str| std::fs::read_to_string(root().join(path)).expect("a file");
+    let library = read("plugin/src/lib.rs");
+    let prelude = exported(&library);
+    let modules = ["control", "frontier", "gi", "knobs", "power", "recording", "resolution"];
+    let sources = modules.map(|module| read(&format!("plugin/src/{module}/mod.rs")));
+    let public: BTreeSet<&str> = sources.iter().flat_map(|source| exported(source)).collect();
+    assert!(public.len() > 80, "public items are found at all: {}", public.len());
+    for document in ["README.md", "docs/using.md"] {
+        let text = read(document);
+        let named: BTreeSet<&str> = words(&text).filter(|word| public.contains(word)).collect();
+        let lacking: Vec<_> = named.difference(&prelude).collect();
+        println!("    {document} names {} public items", named.len());
+        assert!(lacking.is_empty(), "{document} names {lacking:?}, which the prelude lacks");
     }
 }

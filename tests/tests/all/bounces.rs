@@ -10,7 +10,8 @@ use bevy::mesh::{Mesh, MeshBuilder, Meshable};
 use bevy::pbr::StandardMaterial;
 use bevy::render::render_resource::{Extent3d, TextureDimension, TextureFormat};
 use bevy::transform::components::Transform;
-use bevy_frugal_gi::gi::{FrugalGi, GiPatches, GiRefresh, inspect};
+use bevy_frugal_gi::gi::inspect::{self, GiPatches};
+use bevy_frugal_gi::gi::{FrugalGi, GiRefresh};
 use bevy_frugal_gi::knobs::KnobRegistry;
 use frugal::metrics::Difference;
 use frugal::reference::Pixels;
@@ -22,7 +23,7 @@ use frugal_tests::{gpu, meshes, set};
 
 use super::furnace::{ALBEDO, deviation, direct_radiance};
 use super::gi::{assert_costs_nothing, corner, sun};
-use super::gi_sources::surround;
+use super::gi_sources::sky::surround;
 use super::refresh::{converges_in_one_frame, turn_the_sun};
 
 tests!(

@@ -96,7 +96,7 @@ fn scenes_that_cannot_be_read_are_named() {
 }
 
 /// A valid GLB of one triangle.
-pub fn triangle() -> Vec<u8> {
+pub(crate) fn triangle() -> Vec<u8> {
     let json = r#"{"asset":{"version":"2.0"},"scene":0,"scenes":[{"nodes":[0]}],"nodes":[{"mesh":0}],
         "meshes":[{"primitives":[{"attributes":{"POSITION":0}}]}],
         "accessors":[{"bufferView":0,"componentType":5126,"count":3,"type":"VEC3","min":[0,0,0],"max":[1,1,0]}],

@@ -16,19 +16,19 @@ tests!(
 
 const LUMENS: f64 = 20_000.0;
 const RADIUS: f64 = 2.0;
-pub const ALBEDO: f64 = 0.8;
+pub(crate) const ALBEDO: f64 = 0.8;
 
 /// Relative to the closed form. The G-buffer's eight bits cause 0.4 %, the sphere's facets 0.3 % of
 /// R², half floats 0.05 %.
-pub const TOLERANCE: f64 = 0.02;
+pub(crate) const TOLERANCE: f64 = 0.02;
 
-pub fn direct_radiance() -> f64 {
+pub(crate) fn direct_radiance() -> f64 {
     let candela = LUMENS / (4.0 * std::f64::consts::PI);
     ALBEDO / std::f64::consts::PI * candela / (RADIUS * RADIUS)
 }
 
 /// Largest and mean relative deviation of any pixel and channel.
-pub fn deviation(radiance: &Radiance, expected: f64) -> (f64, f64) {
+pub(crate) fn deviation(radiance: &Radiance, expected: f64) -> (f64, f64) {
     let off: Vec<f64> = radiance
         .rgb
         .iter()

@@ -25,15 +25,15 @@ tests!(
     images_that_are_too_small_are_refused,
 );
 
-pub fn sun(direction: Vec3) -> Light {
+pub(crate) fn sun(direction: Vec3) -> Light {
     Light::Directional { direction, illuminance: 10_000.0, color: [1.0; 3] }
 }
 
 /// Low settings at full resolution: each pixel gathers 64 VPLs.
-pub const PLAIN: &str = "min,gi_refresh_period=1,gi_vpl_count=256,gi_interleave=2x2,gi_pixel_fraction=1/1,resolution_scale=100%";
+pub(crate) const PLAIN: &str = "min,gi_refresh_period=1,gi_vpl_count=256,gi_interleave=2x2,gi_pixel_fraction=1/1,resolution_scale=100%";
 
 /// A white floor, lit from above, and a grey wall, lit by the floor and facing the camera.
-pub fn corner(lights: Vec<Light>) -> Stage {
+pub(crate) fn corner(lights: Vec<Light>) -> Stage {
     let mut stage = set::bare(lights, set::radiance_options(48, 27, Component::Indirect));
     meshes::spawn_corner(&mut stage, 0.5);
     set::look(&mut stage, Vec3::new(0.0, 1.2, 3.0), Vec3::new(0.0, 0.8, -2.0));
@@ -41,7 +41,7 @@ pub fn corner(lights: Vec<Light>) -> Stage {
     stage
 }
 
-pub fn assert_costs_nothing(stage: &mut Stage) {
+pub(crate) fn assert_costs_nothing(stage: &mut Stage) {
     assert_eq!(set::gathered(stage), GiCounts::default(), "GiCounts");
     let state = inspect::gpu_state(stage.render_world());
     assert!(state.cameras.is_empty() && state.texels.is_none(), "{state:?}");
@@ -130,7 +130,7 @@ fn spot(position: Vec3) -> Light {
 }
 
 /// Means of the left and of the right third of the image.
-pub fn sides(stage: &mut Stage) -> (f64, f64) {
+pub(crate) fn sides(stage: &mut Stage) -> (f64, f64) {
     let radiance = set::radiance(stage);
     let third = |from: usize, to: usize| {
         let pixels = radiance.rgb.chunks_exact(48).flat_map(|row| &row[from..to]);

@@ -6,7 +6,7 @@ use libtest_mimic::{Arguments, Trial};
 /// Lists a module's tests for `main`.
 macro_rules! tests {
     ($($test:ident),+ $(,)?) => {
-        pub const TESTS: &[(&str, fn())] = &[$((stringify!($test), $test)),+];
+        pub(crate) const TESTS: &[(&str, fn())] = &[$((stringify!($test), $test)),+];
     };
 }
 
@@ -52,7 +52,8 @@ const MODULES: &[(&str, &[(&str, fn())], bool)] = &[
     ("extremes::views", extremes::views::TESTS, true),
     ("furnace", furnace::TESTS, true),
     ("gi", gi::TESTS, true),
-    ("gi_sources", gi_sources::TESTS, true),
+    ("gi_sources::emissive", gi_sources::emissive::TESTS, true),
+    ("gi_sources::sky", gi_sources::sky::TESTS, true),
     ("golden", golden::TESTS, true),
     ("knobs", knobs::TESTS, true),
     ("materials::custom", materials::custom::TESTS, true),

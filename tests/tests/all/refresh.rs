@@ -48,7 +48,7 @@ fn nothing_is_recomputed_in_a_still_scene() {
 }
 
 /// Rotates the only sun by `angle` radians.
-pub fn turn_the_sun(stage: &mut Stage, angle: f32) {
+pub(crate) fn turn_the_sun(stage: &mut Stage, angle: f32) {
     let world = stage.world_mut();
     world
         .query_filtered::<&mut Transform, With<DirectionalLight>>()
@@ -58,7 +58,7 @@ pub fn turn_the_sun(stage: &mut Stage, angle: f32) {
 }
 
 /// Whether the image after one frame equals that after several frames that recompute everything.
-pub fn converges_in_one_frame(stage: &mut Stage, change: &str) -> bool {
+pub(crate) fn converges_in_one_frame(stage: &mut Stage, change: &str) -> bool {
     stage.frame();
     let after_one_frame = stage.radiance().expect("an image");
     assert_eq!(set::gathered(stage).cameras, 1, "{change}");

@@ -1,8 +1,15 @@
-//! Structs of the shaders have the sizes that the plugin assumes.
+//! Structs and constants of the shaders are what the plugin assumes.
 
-use bevy_frugal_gi::gi::inspect::STRUCT_BYTES;
+use std::path::Path;
 
-tests!(structs_have_the_sizes_that_buffers_assume, the_check_detects_a_larger_struct);
+use bevy_frugal_gi::gi::inspect::{SHADER_CONSTANTS, STRUCT_BYTES};
+
+tests!(
+    structs_have_the_sizes_that_buffers_assume,
+    the_check_detects_a_larger_struct,
+    constants_are_those_of_the_plugin,
+    copies_of_a_constant_are_equal
+);
 
 const SHADERS: [&str; 11] = [
     include_str!("../../../plugin/src/gi/texels/texel.wgsl"),
@@ -47,4 +54,44 @@ fn structs_have_the_sizes_that_buffers_assume() {
 fn the_check_detects_a_larger_struct() {
     let grown = SHADERS[1].replace("padding: f32,", "padding: f32,\n    more: f32,");
     assert_eq!(size("Vpl", &[&grown]), 64);
+}
+
+/// A shader below the plugin's `gi`.
+fn shader(file: &str) -> String {
+    let gi = Path::new(env!("CARGO_MANIFEST_DIR")).join("../plugin/src/gi");
+    std::fs::read_to_string(gi.join(file)).unwrap_or_else(|error| panic!("{file}: {error}"))
+}
+
+/// What a shader sets a constant to.
+fn definition<'a>(name: &str, source: &'a str) -> &'a str {
+    let start = format!("const {name}: ");
+    let text = source.split(&start).nth(1).unwrap_or_else(|| panic!("no constant {name}"));
+    text.split_once('=').and_then(|(_, rest)| rest.split(';').next()).expect("a value").trim()
+}
+
+/// The value of an integer constant: a product of numbers and of other constants of the file.
+fn value(name: &str, source: &str) -> u64 {
+    let factor = |factor: &str| {
+        let number = factor.trim().trim_end_matches('u').parse();
+        number.unwrap_or_else(|_| value(factor.trim(), source))
+    };
+    definition(name, source).split('*').map(factor).product()
+}
+
+fn constants_are_those_of_the_plugin() {
+    for (file, name, assumed) in SHADER_CONSTANTS {
+        assert_eq!(value(name, &shader(file)), assumed, "{name} of {file}");
+    }
+    assert_eq!(value("A", "const A: u32 = B * 4u;\nconst B: u32 = 8u;"), 32, "products are read");
+}
+
+fn copies_of_a_constant_are_equal() {
+    for (name, one, other) in [
+        ("MOST_FLUX", "bounces/reflect.wgsl", "vpl/sample.wgsl"),
+        ("COLUMNS", "sky/weigh.wgsl", "vpl/importance.wgsl"),
+        ("ROWS", "sky/weigh.wgsl", "vpl/importance.wgsl"),
+    ] {
+        let [one, other] = [one, other].map(shader);
+        assert_eq!(definition(name, &one), definition(name, &other), "{name}");
+    }
 }

@@ -20,8 +20,8 @@ use crate::gi::trace::OccluderBuffers;
 use crate::gi::view::GiFrame;
 use crate::gi::vpl::{IMPORTANCE_POINTS_BYTES, VPL_BYTES, VplPlan};
 
-/// The bounce VPLs: every patch evaluates all of them. As many as in `bounces/reflect.wgsl`.
-pub(super) const BOUNCE_VPLS: VplPlan =
+/// The bounce VPLs: every patch evaluates all of them.
+pub(in crate::gi) const BOUNCE_VPLS: VplPlan =
     VplPlan { interleave: 1, sets: 1, per_set: 512, stride: 512 };
 
 /// The inputs of the patches' light, beside the scene.
@@ -37,6 +37,7 @@ struct LightInputs {
 
 /// The GPU objects of a camera's patches, for tests and debuggers.
 #[derive(Clone, Debug)]
+#[non_exhaustive]
 pub struct GiBouncesState {
     /// The bounce VPLs, which light its patches (`vpl/vpl.wgsl`): one set, from the last round.
     pub bounce_vpls: Buffer,
@@ -46,7 +47,7 @@ pub struct GiBouncesState {
 
 /// A GI camera's buffers for bounces beyond the first. In the render world.
 #[derive(Component)]
-pub struct BounceCamera {
+pub(crate) struct BounceCamera {
     /// The content of `patches`.
     held: Arc<Vec<Patch>>,
     pub(super) patches: Buffer,
@@ -66,6 +67,62 @@ pub struct BounceCamera {
 }
 
 impl BounceCamera {
+    /// Buffers for patches that are due to reflect.
+    fn new(
+        device: &RenderDevice,
+        patches: &Arc<Vec<Patch>>,
+        inputs: LightInputs,
+        kind: ReflectKind,
+    ) -> Self {
+        let empty = |label, size, usage| {
+            device.create_buffer(&BufferDescriptor {
+                label: Some(label),
+                size,
+                usage,
+                mapped_at_creation: false,
+            })
+        };
+        let filled = |label, contents: &[u8], usage| {
+            device.create_buffer_with_data(&BufferInitDescriptor {
+                label: Some(label),
+                contents,
+                usage: usage | BufferUsages::COPY_DST,
+            })
+        };
+        Self {
+            held: Arc::clone(patches),
+            patches: filled(
+                "bevy_frugal_gi/bounces/patches",
+                bytemuck::cast_slice(patches),
+                BufferUsages::STORAGE,
+            ),
+            bounce_vpls: empty(
+                "bevy_frugal_gi/bounces/bounce_vpls",
+                u64::from(BOUNCE_VPLS.slots()) * VPL_BYTES,
+                BufferUsages::STORAGE | BufferUsages::UNIFORM | BufferUsages::COPY_SRC,
+            ),
+            plan: filled(
+                "bevy_frugal_gi/bounces/plan",
+                bytemuck::bytes_of(&BOUNCE_VPLS),
+                BufferUsages::STORAGE,
+            ),
+            importance: empty(
+                "bevy_frugal_gi/bounces/importance",
+                IMPORTANCE_POINTS_BYTES,
+                BufferUsages::STORAGE,
+            ),
+            range: filled(
+                "bevy_frugal_gi/bounces/range",
+                &range_bytes(inputs.store.1),
+                BufferUsages::UNIFORM,
+            ),
+            inputs,
+            is_due: true,
+            is_done: AtomicBool::new(false),
+            kind,
+        }
+    }
+
     /// Index of the first patch's texel in the store.
     pub(super) fn first_texel(&self) -> u32 {
         self.inputs.store.1
@@ -90,7 +147,7 @@ impl BounceCamera {
     }
 
     /// Bytes held on the GPU for this camera's patches, without their texels.
-    pub fn bytes(&self) -> u64 {
+    pub(crate) fn bytes(&self) -> u64 {
         [&self.patches, &self.bounce_vpls, &self.plan, &self.importance, &self.range]
             .map(|buffer| buffer.size())
             .iter()
@@ -167,53 +224,8 @@ pub(super) fn prepare(
             continue;
         }
         queue.write_buffer(texels, u64::from(first_texel) * TEXEL_BYTES, &vec![0; size as usize]);
-        let empty = |label, size, usage| {
-            device.create_buffer(&BufferDescriptor {
-                label: Some(label),
-                size,
-                usage,
-                mapped_at_creation: false,
-            })
-        };
-        let filled = |label, contents: &[u8], usage| {
-            device.create_buffer_with_data(&BufferInitDescriptor {
-                label: Some(label),
-                contents,
-                usage: usage | BufferUsages::COPY_DST,
-            })
-        };
-        commands.entity(entity).insert(BounceCamera {
-            held: Arc::clone(patches),
-            patches: filled(
-                "bevy_frugal_gi/bounces/patches",
-                bytemuck::cast_slice(patches),
-                BufferUsages::STORAGE,
-            ),
-            bounce_vpls: empty(
-                "bevy_frugal_gi/bounces/bounce_vpls",
-                u64::from(BOUNCE_VPLS.slots()) * VPL_BYTES,
-                BufferUsages::STORAGE | BufferUsages::UNIFORM | BufferUsages::COPY_SRC,
-            ),
-            plan: filled(
-                "bevy_frugal_gi/bounces/plan",
-                bytemuck::bytes_of(&BOUNCE_VPLS),
-                BufferUsages::STORAGE,
-            ),
-            importance: empty(
-                "bevy_frugal_gi/bounces/importance",
-                IMPORTANCE_POINTS_BYTES,
-                BufferUsages::STORAGE,
-            ),
-            range: filled(
-                "bevy_frugal_gi/bounces/range",
-                &range_bytes(first_texel),
-                BufferUsages::UNIFORM,
-            ),
-            inputs,
-            is_due: true,
-            is_done: AtomicBool::new(false),
-            kind,
-        });
+        let camera = BounceCamera::new(&device, patches, inputs, kind);
+        commands.entity(entity).insert(camera);
     }
 }
 

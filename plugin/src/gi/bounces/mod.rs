@@ -35,7 +35,6 @@ use bevy::core_pipeline::prepass::ViewPrepassTextures;
 use bevy::core_pipeline::schedule::Core3d;
 use bevy::ecs::prelude::*;
 use bevy::platform::collections::HashMap;
-use bevy::render::diagnostic::RecordDiagnostics;
 use bevy::render::extract_resource::ExtractResourcePlugin;
 use bevy::render::render_resource::binding_types::{
     storage_buffer_read_only_sized, storage_buffer_sized, uniform_buffer, uniform_buffer_sized,
@@ -48,13 +47,16 @@ use bevy::shader::{Shader, load_shader_library};
 use bevy::transform::TransformSystems;
 use bevy::utils::default;
 
+use super::compute::{CameraInputs, bind_group, compute_pass};
 use super::schedule::{PassSystems, PrepareSystems, SceneSystems, supported_render_app};
 use super::sky::SkyCamera;
 use super::texels::{TEXEL_BYTES, TexelRange, TexelStore};
 use super::trace::OccluderBuffers;
 use super::view::GiView;
 use super::vpl::{SampleInputs, VplPipelines, VplView};
-pub use camera::{BounceCamera, GiBouncesState};
+pub(super) use camera::BOUNCE_VPLS;
+pub(crate) use camera::BounceCamera;
+pub use camera::GiBouncesState;
 pub(super) use patch::Patch;
 pub use patches::GiPatches;
 
@@ -227,39 +229,33 @@ pub(super) fn reflect(
     else {
         return;
     };
-    let (Some(texels), Some(traced), Some(views), Some(buffers)) = (
-        &store.texels,
-        occluders.bind_group(),
-        view_uniforms.uniforms.binding(),
-        &vpl_view.sampling,
-    ) else {
+    let (Some(texels), Some(traced), Some(buffers)) =
+        (&store.texels, occluders.bind_group(), &vpl_view.sampling)
+    else {
         return;
     };
-    // The layout of the weights has them; they are not read here.
-    let (Some(g_buffer), Some(depth)) = (prepass.deferred_view(), prepass.depth_view()) else {
-        return;
-    };
+    // The layout of the weights has the G-buffer and depth; they are not read here.
+    let Some(inputs) = CameraInputs::new(prepass, &view_uniforms) else { return };
+    let views = inputs.views.clone();
     let inputs = SampleInputs {
-        g_buffer,
-        depth,
-        views: views.clone(),
+        camera: inputs,
         view_offset: view_offset.offset,
         texels,
         buffers,
         importance: &camera.importance,
         vpls: &camera.bounce_vpls,
-        plan: (&camera.plan, camera::BOUNCE_VPLS.slots()),
+        plan: (&camera.plan, BOUNCE_VPLS.slots()),
     };
     // Tile visibility for patches would take as many rays as for the image, without a measurable
     // gain.
-    let Some(steps) = vpl_pipelines.steps(context.render_device(), &cache, false, inputs) else {
+    let Some(steps) = vpl_pipelines.steps(&context, &cache, false, inputs) else {
         return;
     };
     let sky = sky.filter(|_| camera.kind.has_sky);
-    let device = context.render_device();
-    let picking = device.create_bind_group(
-        "bevy_frugal_gi/bounces/pick",
-        &cache.get_bind_group_layout(&pipelines.pick_layout),
+    let picking = bind_group(
+        &context,
+        &cache,
+        &pipelines.pick_layout,
         &BindGroupEntries::sequential((
             camera.patches.as_entire_binding(),
             camera.importance.as_entire_binding(),
@@ -279,32 +275,23 @@ pub(super) fn reflect(
         )),
         None => entries,
     };
-    let layout =
-        cache.get_bind_group_layout(&pipelines.reflect_layouts[usize::from(sky.is_some())]);
-    let reflecting = device.create_bind_group("bevy_frugal_gi/bounces/reflect", &layout, &entries);
-    let diagnostics = context.diagnostic_recorder();
-    let diagnostics = diagnostics.as_deref();
-    let span = diagnostics.time_span(context.command_encoder(), "bevy_frugal_gi/bounces");
+    let layout = &pipelines.reflect_layouts[usize::from(sky.is_some())];
+    let reflecting = bind_group(&context, &cache, layout, &entries);
     // In the first round patches emit nothing yet.
     let first_byte = u64::from(camera.first_texel()) * TEXEL_BYTES;
-    context.command_encoder().clear_buffer(texels, first_byte, Some(PATCHES as u64 * TEXEL_BYTES));
-    {
-        let mut pass = context.command_encoder().begin_compute_pass(&ComputePassDescriptor {
-            label: Some("bevy_frugal_gi/bounces"),
-            timestamp_writes: None,
-        });
+    let clear = (texels, first_byte, Some(PATCHES as u64 * TEXEL_BYTES));
+    compute_pass(&mut context, "bevy_frugal_gi/bounces", &[clear], |pass| {
         pass.set_bind_group(0, &picking, &[]);
         pass.set_pipeline(pick);
         pass.dispatch_workgroups(1, 1, 1);
         for _ in 0..camera.rounds() {
-            steps.weigh(&mut pass);
-            steps.sample(&mut pass);
+            steps.weigh(pass);
+            steps.sample(pass);
             pass.set_bind_group(0, &reflecting, &[view_offset.offset]);
             pass.set_bind_group(1, traced, &[]);
             pass.set_pipeline(reflect);
             pass.dispatch_workgroups(PATCHES.div_ceil(64) as u32, 1, 1);
         }
-    }
-    span.end(context.command_encoder());
+    });
     camera.is_done.store(true, Ordering::Relaxed);
 }

@@ -23,7 +23,7 @@ pub(in crate::gi) struct Patch {
 
 impl Patch {
     /// A patch; `normal` is a unit vector in world space.
-    pub fn new(position: Vec3, area: f32, normal: Vec3, material: &MaterialSample) -> Self {
+    pub(crate) fn new(position: Vec3, area: f32, normal: Vec3, material: &MaterialSample) -> Self {
         let byte = |value: f32| (value * 255.0).round() as u32;
         let pack = |values: [f32; 4]| {
             values.into_iter().rev().fold(0, |packed, value| packed << 8 | byte(value))

@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use bevy::asset::{AssetEvent, AssetId};
+use bevy::asset::AssetId;
 use bevy::camera::Camera;
 use bevy::camera::visibility::InheritedVisibility;
 use bevy::ecs::prelude::*;
@@ -13,7 +13,7 @@ use bevy::math::{Affine3A, Vec3};
 use bevy::mesh::skinning::SkinnedMesh;
 use bevy::mesh::{Mesh, Mesh3d};
 use bevy::pbr::{MeshMaterial3d, StandardMaterial};
-use bevy::platform::collections::{HashMap, HashSet};
+use bevy::platform::collections::HashMap;
 use bevy::render::extract_resource::ExtractResource;
 use bevy::transform::components::GlobalTransform;
 
@@ -22,8 +22,8 @@ use super::choice::{Candidate, choose, density, rank};
 use super::patch::Patch;
 use crate::gi::settings::FrugalGi;
 use crate::gi::surfaces::{
-    MaterialSample, Reflectance, SurfaceAssets, SurfacePoint, SurfacePoints, TrianglePoint,
-    Triangles, area_matrix, triangles,
+    MaterialSample, Reflectance, SurfaceAssets, SurfaceCache, SurfaceEvents, SurfaceKey,
+    SurfacePoint, SurfacePoints, TrianglePoint, Triangles, area_matrix, triangles,
 };
 use crate::gi::view::LightPresence;
 
@@ -87,16 +87,26 @@ impl GiPatches {
 
 /// Identifies a surface's points.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
-struct SurfaceKey {
+struct PatchKey {
     mesh: AssetId<Mesh>,
     reflectance: Reflectance,
+}
+
+impl SurfaceKey for PatchKey {
+    fn mesh(&self) -> AssetId<Mesh> {
+        self.mesh
+    }
+
+    fn reads(&self, image: AssetId<Image>) -> bool {
+        self.reflectance.reads(image)
+    }
 }
 
 /// A surface in the scene.
 #[derive(Clone, Copy, Debug, PartialEq)]
 struct SurfaceInstance {
     entity: Entity,
-    key: SurfaceKey,
+    key: PatchKey,
     affine: Affine3A,
 }
 
@@ -134,28 +144,15 @@ type Points = SurfacePoints<Option<MaterialSample>>;
 #[derive(Resource, Default)]
 pub(super) struct Surfaces {
     /// `None` where a mesh has no readable triangles.
-    points: HashMap<SurfaceKey, Option<Points>>,
+    points: SurfaceCache<PatchKey, Option<Points>>,
     instances: Vec<SurfaceInstance>,
     around: Vec<Around>,
-    /// Set when a mesh or a texture was added or changed.
-    stale: bool,
-}
-
-impl Surfaces {
-    fn forget(&mut self, is_gone: impl Fn(&SurfaceKey) -> bool) {
-        let before = self.points.len();
-        self.points.retain(|key, _| !is_gone(key));
-        self.stale |= self.points.len() != before;
-    }
 }
 
 pub(super) fn update(
     mut surfaces: ResMut<Surfaces>,
     mut patches: ResMut<GiPatches>,
-    (mut mesh_events, mut image_events): (
-        Option<MessageReader<AssetEvent<Mesh>>>,
-        Option<MessageReader<AssetEvent<Image>>>,
-    ),
+    mut events: SurfaceEvents,
     assets: SurfaceAssets,
     light: Res<LightPresence>,
     cameras: Query<(Entity, &Camera, &FrugalGi, &GlobalTransform, Has<EnvironmentMapLight>)>,
@@ -171,14 +168,7 @@ pub(super) fn update(
     >,
 ) {
     let surfaces = &mut *surfaces;
-    for event in mesh_events.iter_mut().flat_map(MessageReader::read) {
-        let (AssetEvent::Modified { id } | AssetEvent::Removed { id }) = event else { continue };
-        surfaces.forget(|key| key.mesh == *id);
-    }
-    for event in image_events.iter_mut().flat_map(MessageReader::read) {
-        let (AssetEvent::Modified { id } | AssetEvent::Removed { id }) = event else { continue };
-        surfaces.forget(|key| key.reflectance.reads(*id));
-    }
+    surfaces.points.read(&mut events);
     let mut around: Vec<Around> = cameras
         .iter()
         .filter(|(_, camera, gi, _, has_map)| {
@@ -208,27 +198,19 @@ pub(super) fn update(
             let reflectance = Reflectance::new(materials?.get(material.id())?)?;
             Some(SurfaceInstance {
                 entity,
-                key: SurfaceKey { mesh: mesh.id(), reflectance },
+                key: PatchKey { mesh: mesh.id(), reflectance },
                 affine: transform.affine(),
             })
         })
         .collect();
     now.sort_unstable_by_key(|instance| instance.entity);
-    let used: HashSet<SurfaceKey> = now.iter().map(|instance| instance.key).collect();
-    surfaces.points.retain(|key, _| used.contains(key));
-    for key in used {
-        if !surfaces.points.contains_key(&key)
-            && let Some(points) = points(&key, FIRST_POINTS, &assets)
-        {
-            surfaces.points.insert(key, points);
-            surfaces.stale = true;
-        }
-    }
-    if surfaces.stale || surfaces.instances != now || surfaces.around != around {
-        refine(&mut surfaces.points, &now, &around, &assets);
+    let used = now.iter().map(|instance| instance.key);
+    surfaces.points.fill(used, |key| points(key, FIRST_POINTS, &assets));
+    if surfaces.points.changed || surfaces.instances != now || surfaces.around != around {
+        refine(&mut surfaces.points.values, &now, &around, &assets);
         let set = |around: &Around| {
             let camera = around.camera;
-            let chosen = chosen(&surfaces.points, &now, around);
+            let chosen = chosen(&surfaces.points.values, &now, around);
             // Keeps the old patches where another camera moved or a change was far away.
             let same =
                 patches.sets.iter().find(|set| set.camera == camera && *set.patches == chosen);
@@ -239,13 +221,13 @@ pub(super) fn update(
         };
         let sets = around.iter().map(set).collect();
         *patches = GiPatches { sets };
-        (surfaces.instances, surfaces.around, surfaces.stale) = (now, around, false);
+        (surfaces.instances, surfaces.around, surfaces.points.changed) = (now, around, false);
     }
 }
 
 /// `count` points of a surface; `None` while its assets are not loaded, and `Some(None)` where they
 /// cannot be read.
-fn points(key: &SurfaceKey, count: usize, assets: &SurfaceAssets) -> Option<Option<Points>> {
+fn points(key: &PatchKey, count: usize, assets: &SurfaceAssets) -> Option<Option<Points>> {
     let mesh = assets.meshes.get(key.mesh)?;
     let material = key.reflectance.on(mesh, assets)?;
     let Some(Triangles { corners, positions }) = triangles(mesh) else {
@@ -286,12 +268,12 @@ fn coarse(fine: &Points, samples: usize) -> Points {
 /// Gives every surface points in proportion to its importance (area × density for the nearest
 /// camera), in powers of two: more where it has too few, fewer where it has far too many.
 fn refine(
-    held: &mut HashMap<SurfaceKey, Option<Points>>,
+    held: &mut HashMap<PatchKey, Option<Points>>,
     instances: &[SurfaceInstance],
     around: &[Around],
     assets: &SurfaceAssets,
 ) {
-    let mut importance: HashMap<SurfaceKey, f64> = HashMap::default();
+    let mut importance: HashMap<PatchKey, f64> = HashMap::default();
     let mut total = 0.0;
     for instance in instances {
         let Some(Some(points)) = held.get(&instance.key) else { continue };
@@ -332,7 +314,7 @@ fn refine(
 
 /// A camera's patches.
 fn chosen(
-    held: &HashMap<SurfaceKey, Option<Points>>,
+    held: &HashMap<PatchKey, Option<Points>>,
     instances: &[SurfaceInstance],
     around: &Around,
 ) -> Vec<Patch> {

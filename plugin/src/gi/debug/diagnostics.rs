@@ -5,6 +5,8 @@ use std::sync::{Arc, Mutex, PoisonError};
 use bevy::app::{App, PreUpdate};
 use bevy::diagnostic::{Diagnostic, DiagnosticPath, Diagnostics, RegisterDiagnostic};
 use bevy::ecs::prelude::*;
+use bevy::prelude::ReflectDefault;
+use bevy::reflect::Reflect;
 use bevy::render::camera::ExtractedCamera;
 use bevy::render::{Render, RenderSystems};
 
@@ -21,7 +23,9 @@ use crate::gi::vpl::VplView;
 
 /// GI's work in the last frame. A resource of the render world; the main world has it as
 /// diagnostics, a frame or two later.
-#[derive(Resource, Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[derive(Resource, Reflect, Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[reflect(Resource, Default, Clone, PartialEq)]
+#[non_exhaustive]
 pub struct GiCounts {
     /// Reflective shadow maps rendered.
     pub maps: u32,

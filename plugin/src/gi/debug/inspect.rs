@@ -11,18 +11,22 @@ use bevy::render::render_resource::{Buffer, ShaderSize, Texture};
 use bevy::render::sync_world::MainEntity;
 use bevy::render::view::ExtractedView;
 
-pub use crate::gi::bounces::GiBouncesState;
 use crate::gi::bounces::{self, BounceCamera, Patch};
+pub use crate::gi::bounces::{GiBouncesState, GiPatches};
 use crate::gi::composite;
 use crate::gi::denoise;
+pub use crate::gi::emissive::GiEmitters;
 use crate::gi::gather::{self, GatherSettings, GatherView};
 pub use crate::gi::rsm::RsmView;
 use crate::gi::rsm::{self, RsmLight};
 use crate::gi::schedule::{GiSystems, PassSystems};
+use crate::gi::settings::FrugalGi;
 use crate::gi::sky::{self, SKY_LIGHT_BYTES, SkyCamera, SkyPlan, SkyReading};
-use crate::gi::texels::{TEXEL_BYTES, TexelRow, TexelStore};
+use crate::gi::texels::{TEXEL_BYTES, TILE, TexelRow, TexelStore};
 use crate::gi::trace::{self, OccluderBuffers};
-use crate::gi::vpl::{self, IMPORTANCE_POINT_BYTES, VPL_BYTES, VplPlan, VplView};
+use crate::gi::vpl::{
+    self, IMPORTANCE_POINT_BYTES, IMPORTANCE_POINTS, VPL_BYTES, VplPlan, VplView,
+};
 
 /// Sizes of the shaders' structs that the plugin assumes: name, and bytes of one in a buffer.
 pub const STRUCT_BYTES: [(&str, u64); 14] = [
@@ -42,8 +46,23 @@ pub const STRUCT_BYTES: [(&str, u64); 14] = [
     ("SkySource", size_of::<SkyReading>() as u64),
 ];
 
+/// Constants of the shaders that the plugin assumes: file below `gi`, name, and value.
+pub const SHADER_CONSTANTS: [(&str, &str, u64); 10] = [
+    ("texels/rows.wgsl", "TILE", TILE as u64),
+    ("vpl/importance.wgsl", "IMPORTANCE_POINTS", IMPORTANCE_POINTS),
+    ("vpl/tile_visibility.wgsl", "GROUP", vpl::TILE_GROUP as u64),
+    ("gather/gather.wgsl", "MOST_VPLS", FrugalGi::MAX_VPLS_PER_PIXEL as u64),
+    ("gather/gather.wgsl", "MOST_SKY_SAMPLES", FrugalGi::MAX_ENVIRONMENT_SAMPLES as u64),
+    ("sky/sky.wgsl", "SKY_STRATA", sky::STRATA as u64),
+    ("sky/sky.wgsl", "SKY_STRATA_PER_RAY", sky::STRATA_PER_GROUP as u64),
+    ("sky/sky.wgsl", "SKY_STRIDE", FrugalGi::MAX_ENVIRONMENT_SAMPLES as u64),
+    ("sky/fill.wgsl", "STEPS", sky::STEPS as u64),
+    ("bounces/reflect.wgsl", "BOUNCE_VPLS", bounces::BOUNCE_VPLS.per_set as u64),
+];
+
 /// The buffers of the last frame. Handles, not copies: the GPU keeps writing them.
 #[derive(Clone, Debug)]
+#[non_exhaustive]
 pub struct GiGpuState {
     /// Texels of every reflective shadow map, then of emissive surfaces, then of cameras' patches
     /// (`texels/texel.wgsl`), where there are any.
@@ -62,6 +81,7 @@ pub struct GiGpuState {
 
 /// One reflective shadow map.
 #[derive(Clone, Copy, Debug, PartialEq)]
+#[non_exhaustive]
 pub struct GiMapState {
     /// Its light, the camera that it serves, and its face.
     pub view: RsmView,
@@ -78,6 +98,7 @@ pub struct GiMapState {
 
 /// State of one camera.
 #[derive(Clone, Debug)]
+#[non_exhaustive]
 pub struct GiCameraState {
     /// The camera in the main world.
     pub camera: Entity,
@@ -148,6 +169,7 @@ fn maps(render_world: &World) -> Vec<GiMapState> {
 
 /// A pass of global illumination, or several that one system encodes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[non_exhaustive]
 pub enum GiPass {
     /// Maps' G-buffers to texels.
     Resolve,

@@ -165,12 +165,12 @@ impl History {
     }
 
     /// Whether the image still changes although nothing moves.
-    pub fn is_converging(&self) -> bool {
+    pub(crate) fn is_converging(&self) -> bool {
         self.length > 1
     }
 
     /// Bytes held on the GPU, without [`GatherView::irradiance`].
-    pub fn bytes(&self) -> u64 {
+    pub(crate) fn bytes(&self) -> u64 {
         self.reprojection.size()
             + [&self.filtered, &self.texture].map(texture_bytes).iter().sum::<u64>()
     }

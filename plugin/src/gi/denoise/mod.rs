@@ -8,7 +8,6 @@ use bevy::asset::{embedded_asset, load_embedded_asset};
 use bevy::core_pipeline::prepass::ViewPrepassTextures;
 use bevy::core_pipeline::schedule::Core3d;
 use bevy::ecs::prelude::*;
-use bevy::render::diagnostic::RecordDiagnostics;
 use bevy::render::render_resource::binding_types::{
     texture_2d, texture_depth_2d, texture_storage_2d, uniform_buffer, uniform_buffer_sized,
 };
@@ -19,6 +18,7 @@ use bevy::render::{GpuResourceAppExt, Render};
 use bevy::shader::ShaderDefVal;
 use bevy::utils::default;
 
+use super::compute::{CameraInputs, bind_group, compute_pass};
 use super::gather::{GatherSettings, GatherView};
 use super::schedule::{PassSystems, PrepareSystems, supported_render_app};
 use super::settings::FrugalGi;
@@ -143,22 +143,20 @@ pub(super) fn denoise(
         .iter()
         .position(|window| *window == history.window)
         .map(|index| pipelines.pipelines[index]);
-    let (Some(g_buffer), Some(depth), Some(views), Some(pipeline)) = (
-        prepass.deferred_view(),
-        prepass.depth_view(),
-        view_uniforms.uniforms.binding(),
+    let (Some(camera), Some(pipeline)) = (
+        CameraInputs::new(prepass, &view_uniforms),
         pipeline.and_then(|pipeline| cache.get_compute_pipeline(pipeline)),
     ) else {
         return;
     };
-    let device = context.render_device();
-    let bind_group = device.create_bind_group(
-        "bevy_frugal_gi/denoise",
-        &cache.get_bind_group_layout(&pipelines.layout),
+    let spatial = bind_group(
+        &context,
+        &cache,
+        &pipelines.layout,
         &BindGroupEntries::sequential((
-            g_buffer,
-            depth,
-            views.clone(),
+            camera.g_buffer,
+            camera.depth,
+            camera.views.clone(),
             gather.first_settings(),
             &gather.irradiance.default_view,
             &history.filtered.default_view,
@@ -168,35 +166,24 @@ pub(super) fn denoise(
     let temporal =
         cache.get_compute_pipeline(pipelines.temporal[usize::from(smooths)]).map(|pipeline| {
             let entries = BindGroupEntries::sequential((
-                g_buffer,
-                depth,
-                views,
+                camera.g_buffer,
+                camera.depth,
+                camera.views,
                 gather.first_settings(),
                 &history.filtered.default_view,
                 &history.texture.default_view,
                 history.reprojection.as_entire_binding(),
                 &gather.irradiance.default_view,
             ));
-            let layout = cache.get_bind_group_layout(&pipelines.temporal_layout);
-            (
-                pipeline,
-                device.create_bind_group("bevy_frugal_gi/denoise/temporal", &layout, &entries),
-            )
+            (pipeline, bind_group(&context, &cache, &pipelines.temporal_layout, &entries))
         });
     let size = history.filtered.texture.size();
-    let diagnostics = context.diagnostic_recorder();
-    let diagnostics = diagnostics.as_deref();
-    let span = diagnostics.time_span(context.command_encoder(), "bevy_frugal_gi/denoise");
-    {
-        let mut pass = context.command_encoder().begin_compute_pass(&ComputePassDescriptor {
-            label: Some("bevy_frugal_gi/denoise"),
-            timestamp_writes: None,
-        });
+    compute_pass(&mut context, "bevy_frugal_gi/denoise", &[], |pass| {
         let (width, height) = (size.width.div_ceil(8), size.height.div_ceil(8));
         // The spatial filter's output stays while nothing is gathered.
         if view.work.gather {
             pass.set_pipeline(pipeline);
-            pass.set_bind_group(0, &bind_group, &[view_offset.offset]);
+            pass.set_bind_group(0, &spatial, &[view_offset.offset]);
             pass.dispatch_workgroups(width, height, 1);
         }
         if let Some((pipeline, bind_group)) = &temporal {
@@ -204,6 +191,5 @@ pub(super) fn denoise(
             pass.set_bind_group(0, bind_group, &[view_offset.offset]);
             pass.dispatch_workgroups(width, height, 1);
         }
-    }
-    span.end(context.command_encoder());
+    });
 }

@@ -22,7 +22,7 @@ pub(super) struct Emission {
 impl Emission {
     /// Radiance for a camera of `exposure`: nits, linear RGB, to be multiplied by the texture's
     /// colour.
-    pub fn radiance(&self, exposure: Option<f32>) -> DVec3 {
+    pub(crate) fn radiance(&self, exposure: Option<f32>) -> DVec3 {
         let unexposed = exposure
             .filter(|exposure| *exposure > 0.0)
             .map_or(DVec3::ZERO, |e| self.unexposed.as_dvec3() / f64::from(e));

@@ -18,7 +18,7 @@ use bevy::math::{Affine3A, DVec3, Vec3};
 use bevy::mesh::skinning::SkinnedMesh;
 use bevy::mesh::{Mesh, Mesh3d};
 use bevy::pbr::{MeshMaterial3d, StandardMaterial};
-use bevy::platform::collections::{HashMap, HashSet};
+use bevy::platform::collections::HashMap;
 use bevy::render::extract_resource::ExtractResource;
 use bevy::transform::components::GlobalTransform;
 
@@ -26,8 +26,8 @@ use super::emission::{Emission, emission};
 use super::surface::EmissiveSurface;
 use crate::gi::settings::FrugalGi;
 use crate::gi::surfaces::{
-    Cutout, Mask, MeshTexture, SurfaceAssets, SurfacePoints, TextureUse, TrianglePoint, Triangles,
-    triangles,
+    Cutout, Mask, MeshTexture, SurfaceAssets, SurfaceCache, SurfaceEvents, SurfaceKey,
+    SurfacePoints, TextureUse, TrianglePoint, Triangles, triangles,
 };
 use crate::gi::texels::{Texel, TexelRow};
 use crate::gi::view::LightPresence;
@@ -96,13 +96,24 @@ impl GiEmitters {
 
 /// Identifies a surface's points: its mesh, the mapping of its texture, and its alpha mask.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
-struct SurfaceKey {
+struct EmissiveKey {
     mesh: AssetId<Mesh>,
     texture: Option<TextureUse>,
     mask: Option<Mask>,
 }
 
-impl SurfaceKey {
+impl SurfaceKey for EmissiveKey {
+    fn mesh(&self) -> AssetId<Mesh> {
+        self.mesh
+    }
+
+    fn reads(&self, image: AssetId<Image>) -> bool {
+        self.texture.is_some_and(|texture| texture.image == image)
+            || self.mask.is_some_and(|mask| mask.reads(image))
+    }
+}
+
+impl EmissiveKey {
     /// Candidate points for each texel.
     fn points_per_texel(&self) -> usize {
         if self.texture.is_some() || self.mask.is_some() { PATTERNED_POINTS } else { 1 }
@@ -113,7 +124,7 @@ impl SurfaceKey {
 #[derive(Clone, Debug, PartialEq)]
 struct EmissiveInstance {
     entity: Entity,
-    key: SurfaceKey,
+    key: EmissiveKey,
     affine: Affine3A,
     emission: Emission,
 }
@@ -124,20 +135,17 @@ pub(super) struct EmissiveState {
     /// Emissive materials.
     materials: HashMap<AssetId<StandardMaterial>, Emission>,
     /// `None` where a mesh has no readable triangles.
-    surfaces: HashMap<SurfaceKey, Option<EmissiveSurface>>,
+    surfaces: SurfaceCache<EmissiveKey, Option<EmissiveSurface>>,
     instances: Vec<EmissiveInstance>,
     exposures: Vec<Option<f32>>,
-    /// Set when a mesh or a texture changed.
-    stale: bool,
 }
 
 pub(super) fn update(
     mut state: ResMut<EmissiveState>,
     mut emitters: ResMut<GiEmitters>,
-    (mut material_events, mut mesh_events, mut image_events): (
+    (mut material_events, mut events): (
         Option<MessageReader<AssetEvent<StandardMaterial>>>,
-        Option<MessageReader<AssetEvent<Mesh>>>,
-        Option<MessageReader<AssetEvent<Image>>>,
+        SurfaceEvents,
     ),
     assets: SurfaceAssets,
     cameras: Query<(&Camera, &FrugalGi, Option<&Exposure>)>,
@@ -164,25 +172,15 @@ pub(super) fn update(
             None => state.materials.remove(id),
         };
     }
-    for event in mesh_events.iter_mut().flat_map(MessageReader::read) {
-        let (AssetEvent::Modified { id } | AssetEvent::Removed { id }) = event else { continue };
-        state.forget(|key| key.mesh == *id);
-    }
-    for event in image_events.iter_mut().flat_map(MessageReader::read) {
-        let (AssetEvent::Modified { id } | AssetEvent::Removed { id }) = event else { continue };
-        state.forget(|key| {
-            key.texture.is_some_and(|texture| texture.image == *id)
-                || key.mask.is_some_and(|mask| mask.reads(*id))
-        });
-    }
+    state.surfaces.read(&mut events);
     let exposures: Vec<f32> = cameras
         .iter()
         .filter(|(camera, gi, _)| camera.is_active && gi.vpl_count > 0 && gi.emissive)
         .map(|(_, _, exposure)| exposure.copied().unwrap_or_default().exposure())
         .collect();
     if exposures.is_empty() || state.materials.is_empty() {
-        if !state.instances.is_empty() || !state.surfaces.is_empty() {
-            (state.surfaces, state.instances, state.exposures) = Default::default();
+        if !state.instances.is_empty() || !state.surfaces.values.is_empty() {
+            (state.surfaces.values, state.instances, state.exposures) = Default::default();
             *emitters = GiEmitters::default();
         }
         return;
@@ -193,50 +191,36 @@ pub(super) fn update(
         .filter_map(|(entity, mesh, material, transform, _)| {
             let emission = *state.materials.get(&material.id())?;
             let key =
-                SurfaceKey { mesh: mesh.id(), texture: emission.texture, mask: emission.mask };
+                EmissiveKey { mesh: mesh.id(), texture: emission.texture, mask: emission.mask };
             Some(EmissiveInstance { entity, key, affine: transform.affine(), emission })
         })
         .collect();
     // Query order is arbitrary; sorting keeps texels the same in every run.
     now.sort_unstable_by_key(|instance| instance.entity);
-    let used: HashSet<SurfaceKey> = now.iter().map(|instance| instance.key).collect();
-    state.surfaces.retain(|key, _| used.contains(key));
-    for key in used {
-        if !state.surfaces.contains_key(&key)
-            && let Some(surface) = surface(&key, FIRST_TEXELS, &assets)
-        {
-            state.surfaces.insert(key, surface);
-            state.stale = true;
-        }
-    }
+    let used = now.iter().map(|instance| instance.key);
+    state.surfaces.fill(used, |key| surface(key, FIRST_TEXELS, &assets));
     let exposures = distinct_exposures(&now, exposures);
-    if state.stale || state.instances != now || state.exposures != exposures {
+    if state.surfaces.changed || state.instances != now || state.exposures != exposures {
         let sets = exposures
             .iter()
-            .map(|exposure| assemble(&mut state.surfaces, &now, *exposure, &assets))
+            .map(|exposure| assemble(&mut state.surfaces.values, &now, *exposure, &assets))
             .collect();
         *emitters = GiEmitters {
             sets,
             surfaces: now
                 .iter()
-                .filter(|instance| matches!(state.surfaces.get(&instance.key), Some(Some(_))))
+                .filter(|instance| {
+                    matches!(state.surfaces.values.get(&instance.key), Some(Some(_)))
+                })
                 .count(),
         };
-        (state.instances, state.exposures, state.stale) = (now, exposures, false);
+        (state.instances, state.exposures, state.surfaces.changed) = (now, exposures, false);
     }
 }
 
 /// For systems that hold nothing while there is no light.
 pub(super) fn note_presence(emitters: Res<GiEmitters>, mut presence: ResMut<LightPresence>) {
     presence.emissive = emitters.texel_count() > 0;
-}
-
-impl EmissiveState {
-    fn forget(&mut self, is_gone: impl Fn(&SurfaceKey) -> bool) {
-        let before = self.surfaces.len();
-        self.surfaces.retain(|key, _| !is_gone(key));
-        self.stale |= self.surfaces.len() != before;
-    }
 }
 
 /// The exposures for which texels differ: each camera's own where a surface is equally bright on
@@ -256,7 +240,7 @@ const FIRST_TEXELS: usize = 64;
 /// Points of a surface for `texels` texels; `None` while its assets are not loaded, and
 /// `Some(None)` where they cannot be read.
 fn surface(
-    key: &SurfaceKey,
+    key: &EmissiveKey,
     texels: usize,
     assets: &SurfaceAssets,
 ) -> Option<Option<EmissiveSurface>> {
@@ -290,7 +274,7 @@ fn surface(
 
 /// The texels of all emissive surfaces for cameras of `exposure`.
 fn assemble(
-    surfaces: &mut HashMap<SurfaceKey, Option<EmissiveSurface>>,
+    surfaces: &mut HashMap<EmissiveKey, Option<EmissiveSurface>>,
     instances: &[EmissiveInstance],
     exposure: Option<f32>,
     assets: &SurfaceAssets,

@@ -19,13 +19,13 @@ pub(super) struct EmissiveSurface(pub SurfacePoints<Vec3>);
 
 impl EmissiveSurface {
     /// Number of candidate points.
-    pub fn len(&self) -> usize {
+    pub(crate) fn len(&self) -> usize {
         self.0.points.len()
     }
 
     /// Luminous flux of one side in lumens (its luminance) at radiance `emission` (nits, linear
     /// RGB, times the texture's colour), transformed by `affine`.
-    pub fn power(&self, affine: &Affine3A, emission: DVec3) -> f64 {
+    pub(crate) fn power(&self, affine: &Affine3A, emission: DVec3) -> f64 {
         let spread = area_matrix(affine);
         self.0.points.iter().map(|point| self.weight(point, &spread, emission)).sum::<f64>()
             * std::f64::consts::PI
@@ -40,7 +40,7 @@ impl EmissiveSurface {
 
     /// Adds `count` texels for each emissive side. Their total flux is the surface's: exactly in
     /// luminance, and in each channel as far as its colour is uniform.
-    pub fn add_texels(
+    pub(crate) fn add_texels(
         &self,
         affine: &Affine3A,
         emission: DVec3,

@@ -9,7 +9,6 @@ use bevy::core_pipeline::prepass::ViewPrepassTextures;
 use bevy::core_pipeline::schedule::Core3d;
 use bevy::ecs::prelude::*;
 use bevy::platform::collections::HashMap;
-use bevy::render::diagnostic::RecordDiagnostics;
 use bevy::render::render_resource::binding_types::{
     storage_buffer_read_only_sized, texture_2d, texture_depth_2d, texture_storage_2d,
     uniform_buffer, uniform_buffer_sized,
@@ -21,6 +20,7 @@ use bevy::render::{GpuResourceAppExt, Render};
 use bevy::shader::{Shader, ShaderDefVal, load_shader_library};
 use bevy::utils::default;
 
+use super::compute::{CameraInputs, bind_group, compute_pass};
 use super::schedule::{PassSystems, PrepareSystems, supported_render_app};
 use super::settings::{FrugalGi, GiVisibility};
 use super::sky::{SET_BYTES, SkyCamera};
@@ -221,19 +221,16 @@ pub(super) fn gather(
         has_sky: sky.is_some(),
         has_masks: is_traced && occluders.are_masked(),
     };
-    let (Some(g_buffer), Some(depth), Some(views), Some(pipeline)) = (
-        prepass.deferred_view(),
-        prepass.depth_view(),
-        view_uniforms.uniforms.binding(),
-        pipelines.get(&cache, kind),
-    ) else {
+    let (Some(camera), Some(pipeline)) =
+        (CameraInputs::new(prepass, &view_uniforms), pipelines.get(&cache, kind))
+    else {
         return;
     };
     let traced = if is_traced { occluders.bind_group() } else { None };
     let entries = DynamicBindGroupEntries::sequential((
-        g_buffer,
-        depth,
-        views,
+        camera.g_buffer,
+        camera.depth,
+        camera.views,
         first_of(&vpl.vpls, u64::from(FrugalGi::MAX_VPLS_PER_PIXEL) * VPL_BYTES),
         gather.first_settings(),
         vpl.plan_buffer.as_entire_binding(),
@@ -246,18 +243,10 @@ pub(super) fn gather(
         )),
         None => entries,
     };
-    let layout = cache.get_bind_group_layout(&pipelines.layouts[usize::from(sky.is_some())]);
-    let bind_group =
-        context.render_device().create_bind_group("bevy_frugal_gi/gather", &layout, &entries);
+    let layout = &pipelines.layouts[usize::from(sky.is_some())];
+    let bind_group = bind_group(&context, &cache, layout, &entries);
     let size = gather.irradiance.texture.size();
-    let diagnostics = context.diagnostic_recorder();
-    let diagnostics = diagnostics.as_deref();
-    let span = diagnostics.time_span(context.command_encoder(), "bevy_frugal_gi/gather");
-    {
-        let mut pass = context.command_encoder().begin_compute_pass(&ComputePassDescriptor {
-            label: Some("bevy_frugal_gi/gather"),
-            timestamp_writes: None,
-        });
+    compute_pass(&mut context, "bevy_frugal_gi/gather", &[], |pass| {
         pass.set_pipeline(pipeline);
         if let Some(traced) = traced {
             pass.set_bind_group(1, traced, &[]);
@@ -270,6 +259,5 @@ pub(super) fn gather(
             pass.set_bind_group(0, &bind_group, &offsets[..if sky.is_some() { 4 } else { 3 }]);
             pass.dispatch_workgroups(size.width.div_ceil(across), size.height.div_ceil(across), 1);
         }
-    }
-    span.end(context.command_encoder());
+    });
 }

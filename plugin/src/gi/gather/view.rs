@@ -26,12 +26,12 @@ pub(in crate::gi) struct GatherView {
 
 impl GatherView {
     /// The settings of the first set, to which a dynamic offset may be added.
-    pub fn first_settings(&self) -> BindingResource<'_> {
+    pub(crate) fn first_settings(&self) -> BindingResource<'_> {
         super::first_of(&self.settings, size_of::<GatherSettings>() as u64)
     }
 
     /// Bytes held on the GPU.
-    pub fn bytes(&self) -> u64 {
+    pub(crate) fn bytes(&self) -> u64 {
         texture_bytes(&self.irradiance) + self.settings.size()
     }
 }

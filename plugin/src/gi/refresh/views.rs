@@ -1,5 +1,7 @@
 //! The work of each GI camera in a frame: whether its VPLs are sampled, and from which texels.
 
+use std::sync::Arc;
+
 use bevy::ecs::prelude::*;
 use bevy::math::{Affine3A, Mat4};
 use bevy::render::camera::{ExtractedCamera, TemporalJitter};
@@ -74,7 +76,7 @@ pub(super) fn prepare(
         let mut next = GiView {
             gi: gi.clone(),
             camera: GatherCamera::new(camera, view, size, gi.pixel_fraction),
-            rows,
+            rows: Arc::new(rows),
             sky_samples: sky.as_ref().map_or(0, |sky| sky.samples()),
             // Its buffers are empty, so the period does not apply.
             work: Work::ALL,
@@ -91,6 +93,9 @@ pub(super) fn prepare(
             continue;
         };
         let is_cut = cuts.0.contains(&main_entity.id());
+        if held.rows == next.rows {
+            next.rows = Arc::clone(&held.rows);
+        }
         let fit = held.fit(&next);
         let switched = held.gi != next.gi || held_inputs.sky != inputs.sky;
         let moved = switched

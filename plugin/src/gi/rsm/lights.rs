@@ -65,7 +65,11 @@ pub(super) struct BouncingLight {
 const CANDELA_PER_LUMEN: f32 = 1.0 / (4.0 * std::f32::consts::PI);
 
 impl BouncingLight {
-    pub fn directional(entity: Entity, light: &DirectionalLight, rotation: Quat) -> Option<Self> {
+    pub(crate) fn directional(
+        entity: Entity,
+        light: &DirectionalLight,
+        rotation: Quat,
+    ) -> Option<Self> {
         let intensity = linear(light.color) * light.illuminance;
         Self {
             entity,
@@ -78,7 +82,12 @@ impl BouncingLight {
         .if_valid()
     }
 
-    pub fn spot(entity: Entity, light: &SpotLight, position: Vec3, rotation: Quat) -> Option<Self> {
+    pub(crate) fn spot(
+        entity: Entity,
+        light: &SpotLight,
+        position: Vec3,
+        rotation: Quat,
+    ) -> Option<Self> {
         // As Bevy clamps it.
         let outer = light.outer_angle.min(std::f32::consts::FRAC_PI_2 - 1e-4);
         let shape = LightShape::Spot { inner: light.inner_angle.min(outer), outer };
@@ -86,7 +95,7 @@ impl BouncingLight {
         Self { entity, shape, intensity, position, rotation, range: light.range }.if_valid()
     }
 
-    pub fn point(entity: Entity, light: &PointLight, position: Vec3) -> Option<Self> {
+    pub(crate) fn point(entity: Entity, light: &PointLight, position: Vec3) -> Option<Self> {
         let intensity = linear(light.color) * light.intensity * CANDELA_PER_LUMEN;
         Self {
             entity,
@@ -110,7 +119,7 @@ impl BouncingLight {
     }
 
     /// Illuminance in lux at a camera at `camera`: lights are ranked by it when there are too many.
-    pub fn importance(&self, camera: Vec3) -> f32 {
+    pub(crate) fn importance(&self, camera: Vec3) -> f32 {
         let brightest = self.intensity.max_element();
         match self.shape {
             LightShape::Directional => brightest,
@@ -119,12 +128,12 @@ impl BouncingLight {
     }
 
     /// Number of its maps.
-    pub fn faces(&self) -> u8 {
+    pub(crate) fn faces(&self) -> u8 {
         if self.shape == LightShape::Point { 6 } else { 1 }
     }
 
     /// Texels along the edge of each of its maps when a single one has `resolution`.
-    pub fn resolution(&self, resolution: u32) -> u32 {
+    pub(crate) fn resolution(&self, resolution: u32) -> u32 {
         // A face of a quarter of the size has texels of 90° ÷ resolution · 4: at 3 m about as large
         // as those of a sun's near cascade. Half the size was tried and took four times the memory,
         // a fifth of all, for the same errors. Small resolutions are not reduced.
@@ -136,7 +145,7 @@ impl BouncingLight {
     }
 
     /// `saturate(cos · scale + offset)²` is the cone's attenuation.
-    pub fn cone(&self) -> (f32, f32) {
+    pub(crate) fn cone(&self) -> (f32, f32) {
         match self.shape {
             LightShape::Spot { inner, outer } => {
                 let scale = 1.0 / (inner.cos() - outer.cos()).max(1e-4);
@@ -147,7 +156,7 @@ impl BouncingLight {
     }
 
     /// 1/m²; 0 where the range is infinite.
-    pub fn inverse_range_squared(&self) -> f32 {
+    pub(crate) fn inverse_range_squared(&self) -> f32 {
         (self.range * self.range).recip()
     }
 }

@@ -32,6 +32,7 @@ pub(super) use views::MapDelta;
 /// `Without<RsmView>` where they mean visible cameras.
 #[derive(Component, ExtractComponent, Reflect, Clone, Copy, Debug, PartialEq, Eq, Hash)]
 #[reflect(Component, Clone, PartialEq, Hash)]
+#[non_exhaustive]
 pub struct RsmView {
     /// The light.
     pub light: Entity,

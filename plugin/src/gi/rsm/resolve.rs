@@ -5,7 +5,6 @@ use bevy::core_pipeline::core_3d::{AlphaMask3d, Opaque3d, Transparent3d};
 use bevy::core_pipeline::prepass::ViewPrepassTextures;
 use bevy::ecs::prelude::*;
 use bevy::pbr::Transmissive3d;
-use bevy::render::diagnostic::RecordDiagnostics;
 use bevy::render::extract_component::{ComponentUniforms, DynamicUniformIndex};
 use bevy::render::render_phase::{ViewBinnedRenderPhases, ViewSortedRenderPhases};
 use bevy::render::render_resource::binding_types::{
@@ -20,6 +19,7 @@ use bevy::utils::default;
 
 use super::RsmView;
 use super::lights::RsmLight;
+use crate::gi::compute::{bind_group, compute_pass};
 use crate::gi::settings::GiShading;
 use crate::gi::texels::{TexelRange, TexelStore};
 
@@ -120,9 +120,10 @@ pub(in crate::gi) fn resolve(
     ) else {
         return;
     };
-    let bind_group = context.render_device().create_bind_group(
-        "bevy_frugal_gi/rsm/resolve",
-        &cache.get_bind_group_layout(&pipelines.layout),
+    let bind_group = bind_group(
+        &context,
+        &cache,
+        &pipelines.layout,
         &BindGroupEntries::sequential((
             g_buffer,
             depth.view(),
@@ -132,17 +133,9 @@ pub(in crate::gi) fn resolve(
         )),
     );
     let (width, height) = (extracted.viewport.z, extracted.viewport.w);
-    let diagnostics = context.diagnostic_recorder();
-    let diagnostics = diagnostics.as_deref();
-    let span = diagnostics.time_span(context.command_encoder(), "bevy_frugal_gi/rsm");
-    {
-        let mut pass = context.command_encoder().begin_compute_pass(&ComputePassDescriptor {
-            label: Some("bevy_frugal_gi/rsm/resolve"),
-            timestamp_writes: None,
-        });
+    compute_pass(&mut context, "bevy_frugal_gi/rsm", &[], |pass| {
         pass.set_bind_group(0, &bind_group, &[view_offset.offset, light_index.index()]);
         pass.set_pipeline(resolve);
         pass.dispatch_workgroups(width.div_ceil(8), height.div_ceil(8), 1);
-    }
-    span.end(context.command_encoder());
+    });
 }

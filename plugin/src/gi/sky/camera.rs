@@ -16,12 +16,12 @@ use crate::gi::view::SkySource;
 
 /// Bytes of `sky/sky.wgsl`'s `SkyLight`. A test compares it with the shader.
 pub(in crate::gi) const SKY_LIGHT_BYTES: u64 = 32;
-/// Strata of the sky, as many as in `sky/sky.wgsl`.
-pub(super) const STRATA: u32 = 1024;
+/// Strata of the sky.
+pub(in crate::gi) const STRATA: u32 = 1024;
 /// Strata of a workgroup of `weigh.wgsl`.
-pub(super) const STRATA_PER_GROUP: u32 = 4;
+pub(in crate::gi) const STRATA_PER_GROUP: u32 = 4;
 /// Steps along each side of a stratum in which `fill.wgsl` reads the map.
-const STEPS: u32 = 16;
+pub(in crate::gi) const STEPS: u32 = 16;
 /// Bytes from one set of samples to the next: room for the most samples of a pixel, and a multiple
 /// of the alignment of uniform offsets.
 pub(in crate::gi) const SET_BYTES: u64 = FrugalGi::MAX_ENVIRONMENT_SAMPLES as u64 * SKY_LIGHT_BYTES;
@@ -54,19 +54,19 @@ pub(in crate::gi) struct SkyInputs {
 
 impl SkyInputs {
     /// Samples that a low-resolution pixel evaluates.
-    pub fn samples(&self) -> u32 {
+    pub(crate) fn samples(&self) -> u32 {
         self.plan.samples
     }
 
     /// Whether the map is generated in each frame.
-    pub fn is_generated(&self) -> bool {
+    pub(crate) fn is_generated(&self) -> bool {
         self.is_generated
     }
 }
 
 /// A GI camera's buffers for its sky. In the render world.
 #[derive(Component)]
-pub struct SkyCamera {
+pub(crate) struct SkyCamera {
     pub(in crate::gi) plan: SkyPlan,
     pub(in crate::gi) plan_buffer: Buffer,
     /// An array of `SkyLight`, in sets [`SET_BYTES`] apart.
@@ -93,7 +93,7 @@ impl SkyCamera {
     }
 
     /// Bytes held on the GPU for this camera's sky.
-    pub fn bytes(&self) -> u64 {
+    pub(crate) fn bytes(&self) -> u64 {
         [&self.plan_buffer, &self.samples, &self.strata, &self.importance, &self.reading_buffer]
             .map(|buffer| buffer.size())
             .iter()

@@ -5,7 +5,6 @@ use std::sync::atomic::Ordering;
 use bevy::asset::{Handle, load_embedded_asset};
 use bevy::core_pipeline::prepass::ViewPrepassTextures;
 use bevy::ecs::prelude::*;
-use bevy::render::diagnostic::RecordDiagnostics;
 use bevy::render::render_asset::RenderAssets;
 use bevy::render::render_resource::binding_types::{
     storage_buffer_read_only_sized, storage_buffer_sized, texture_2d, texture_2d_array,
@@ -19,6 +18,7 @@ use bevy::shader::Shader;
 use bevy::utils::default;
 
 use super::camera::{STRATA, STRATA_PER_GROUP, SkyCamera};
+use crate::gi::compute::{CameraInputs, bind_group, compute_pass};
 use crate::gi::trace::OccluderBuffers;
 use crate::gi::view::{GiView, SkySource};
 
@@ -112,46 +112,43 @@ pub(in crate::gi) fn sample(
     else {
         return;
     };
-    let (Some(g_buffer), Some(depth), Some(views)) =
-        (prepass.deferred_view(), prepass.depth_view(), view_uniforms.uniforms.binding())
-    else {
-        return;
-    };
+    let Some(inputs) = CameraInputs::new(prepass, &view_uniforms) else { return };
     let (Some(image), Some(traced), true) =
         (images.get(source.specular), occluders.bind_group(), camera.is_active)
     else {
         return;
     };
-    let device = context.render_device();
-    let [fill_layout, weigh_layout, sample_layout] =
-        pipelines.layouts.each_ref().map(|layout| cache.get_bind_group_layout(layout));
+    let [fill_layout, weigh_layout, sample_layout] = &pipelines.layouts;
     let faces = image.texture.create_view(&TextureViewDescriptor {
         dimension: Some(TextureViewDimension::D2Array),
         ..default()
     });
-    let filling = device.create_bind_group(
-        "bevy_frugal_gi/sky/fill",
-        &fill_layout,
+    let filling = bind_group(
+        &context,
+        &cache,
+        fill_layout,
         &BindGroupEntries::sequential((
             &faces,
             camera.reading_buffer.as_entire_binding(),
             camera.strata.as_entire_binding(),
         )),
     );
-    let weighing = device.create_bind_group(
-        "bevy_frugal_gi/sky/weigh",
-        &weigh_layout,
+    let weighing = bind_group(
+        &context,
+        &cache,
+        weigh_layout,
         &BindGroupEntries::sequential((
-            g_buffer,
-            depth,
-            views,
+            inputs.g_buffer,
+            inputs.depth,
+            inputs.views,
             camera.strata.as_entire_binding(),
             camera.importance.as_entire_binding(),
         )),
     );
-    let sampling = device.create_bind_group(
-        "bevy_frugal_gi/sky/sample",
-        &sample_layout,
+    let sampling = bind_group(
+        &context,
+        &cache,
+        sample_layout,
         &BindGroupEntries::sequential((
             camera.strata.as_entire_binding(),
             camera.importance.as_entire_binding(),
@@ -159,14 +156,7 @@ pub(in crate::gi) fn sample(
             camera.samples.as_entire_binding(),
         )),
     );
-    let diagnostics = context.diagnostic_recorder();
-    let diagnostics = diagnostics.as_deref();
-    let span = diagnostics.time_span(context.command_encoder(), "bevy_frugal_gi/sky");
-    {
-        let mut pass = context.command_encoder().begin_compute_pass(&ComputePassDescriptor {
-            label: Some("bevy_frugal_gi/sky"),
-            timestamp_writes: None,
-        });
+    compute_pass(&mut context, "bevy_frugal_gi/sky", &[], |pass| {
         if !camera.is_filled.swap(true, Ordering::Relaxed) {
             pass.set_bind_group(0, &filling, &[]);
             pass.set_pipeline(fill);
@@ -179,6 +169,5 @@ pub(in crate::gi) fn sample(
         pass.set_bind_group(0, &sampling, &[]);
         pass.set_pipeline(sample);
         pass.dispatch_workgroups(1, 1, 1);
-    }
-    span.end(context.command_encoder());
+    });
 }

@@ -23,7 +23,7 @@ pub(in crate::gi) struct Mask {
 
 impl Mask {
     /// The mask of a material; `None` where it cannot have holes.
-    pub fn new(material: &StandardMaterial) -> Option<Self> {
+    pub(crate) fn new(material: &StandardMaterial) -> Option<Self> {
         let cutoff = match material.alpha_mode {
             AlphaMode::Mask(cutoff) => cutoff,
             // As Bevy 0.19 renders it without multisampling.
@@ -46,7 +46,7 @@ impl Mask {
     }
 
     /// Whether it depends on this image.
-    pub fn reads(&self, image: AssetId<Image>) -> bool {
+    pub(crate) fn reads(&self, image: AssetId<Image>) -> bool {
         self.texture.is_some_and(|texture| texture.image == image)
     }
 }
@@ -63,7 +63,7 @@ pub(in crate::gi) struct Cutout<'a> {
 
 impl<'a> Cutout<'a> {
     /// `None` while the mask's image is not there, and `Some(None)` without a mask.
-    pub fn new(
+    pub(crate) fn new(
         mask: Option<&Mask>,
         mesh: &'a Mesh,
         images: Option<&'a Assets<Image>>,
@@ -86,19 +86,19 @@ impl<'a> Cutout<'a> {
     }
 
     /// With copies of all borrowed data, for evaluation in the background.
-    pub fn into_owned(self) -> Cutout<'static> {
+    pub(crate) fn into_owned(self) -> Cutout<'static> {
         Cutout { texture: self.texture.map(MeshTexture::into_owned), ..self }
     }
 
     /// Whether a triangle, given by its vertex indices, may have holes.
-    pub fn may_pierce(&self, corners: [usize; 3]) -> bool {
+    pub(crate) fn may_pierce(&self, corners: [usize; 3]) -> bool {
         self.texture.is_some()
             || !corners.iter().all(|corner| self.alpha_of(*corner) >= self.cutoff)
     }
 
     /// Whether the triangle has no hole at a point: barycentric weights of its second and third
     /// corner.
-    pub fn is_there(&self, corners: [usize; 3], weights: [f32; 2]) -> bool {
+    pub(crate) fn is_there(&self, corners: [usize; 3], weights: [f32; 2]) -> bool {
         let alpha = interpolated(corners.map(|corner| self.alpha_of(corner)), weights);
         let texel = self
             .texture

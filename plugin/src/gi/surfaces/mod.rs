@@ -3,6 +3,7 @@
 //! For surfaces outside every rendered view that occlude light, emit it or reflect it again.
 
 mod assets;
+mod cache;
 mod cutout;
 mod points;
 mod reflectance;
@@ -12,6 +13,7 @@ mod triangles;
 mod vertex_colors;
 
 pub(super) use assets::SurfaceAssets;
+pub(super) use cache::{SurfaceCache, SurfaceEvents, SurfaceKey};
 pub(super) use cutout::{Cutout, Mask};
 pub(super) use points::{SurfacePoint, SurfacePoints, TrianglePoint, area_matrix};
 pub(super) use reflectance::{MaterialSample, Reflectance, is_deferred, occludes};

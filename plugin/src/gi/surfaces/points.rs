@@ -46,7 +46,7 @@ pub(in crate::gi) struct SurfacePoints<S> {
 impl<S> SurfacePoints<S> {
     /// `count` points on `triangles`; `None` where these have no area. `sample` evaluates the
     /// material at each.
-    pub fn new(
+    pub(crate) fn new(
         triangles: &[[Vec3; 3]],
         count: usize,
         sample: impl Fn(TrianglePoint) -> S,
@@ -91,7 +91,7 @@ impl<S> SurfacePoints<S> {
 
     /// Keeps every `step`-th point (`step` ≥ 1), each for the area of `step`. Neighbours in the
     /// list are neighbours in space, so the rest is evenly distributed, too.
-    pub fn thin(&mut self, step: usize) {
+    pub(crate) fn thin(&mut self, step: usize) {
         self.points =
             std::mem::take(&mut self.points).into_iter().skip(step / 2).step_by(step).collect();
         self.area *= step as f64;

@@ -66,7 +66,7 @@ pub(in crate::gi) struct MaterialSample {
 impl Reflectance {
     /// The reflectance of a material; `None` where it reflects no indirect light: unlit, (partly)
     /// transparent and forward-rendered materials.
-    pub fn new(material: &StandardMaterial) -> Option<Self> {
+    pub(crate) fn new(material: &StandardMaterial) -> Option<Self> {
         if material.unlit || !occludes(material) || !is_deferred(material) {
             return None;
         }
@@ -95,19 +95,23 @@ impl Reflectance {
     }
 
     /// Whether it changes when this image does.
-    pub fn reads(&self, image: AssetId<Image>) -> bool {
+    pub(crate) fn reads(&self, image: AssetId<Image>) -> bool {
         let textures = [self.color, self.metallic_roughness];
         textures.iter().flatten().any(|texture| texture.image == image)
             || self.mask.is_some_and(|mask| mask.reads(image))
     }
 
     /// Whether it varies over the surface.
-    pub fn is_patterned(&self) -> bool {
+    pub(crate) fn is_patterned(&self) -> bool {
         self.color.is_some() || self.metallic_roughness.is_some() || self.mask.is_some()
     }
 
     /// Applies it to a mesh; `None` while an image is not loaded.
-    pub fn on<'a>(&self, mesh: &'a Mesh, assets: &'a SurfaceAssets) -> Option<MaterialMesh<'a>> {
+    pub(crate) fn on<'a>(
+        &self,
+        mesh: &'a Mesh,
+        assets: &'a SurfaceAssets,
+    ) -> Option<MaterialMesh<'a>> {
         let images = assets.images.as_deref();
         Some(MaterialMesh {
             values: self.values.map(f32::from_bits),
@@ -135,7 +139,7 @@ const UNREAD_METALLIC_ROUGHNESS: LinearRgba = LinearRgba::rgb(0.0, 0.5, 0.0);
 impl MaterialMesh<'_> {
     /// The material at a point of a triangle, given by its vertex indices and barycentric weights
     /// of the second and third corner. `None` in a hole.
-    pub fn at(&self, corners: [usize; 3], weights: [f32; 2]) -> Option<MaterialSample> {
+    pub(crate) fn at(&self, corners: [usize; 3], weights: [f32; 2]) -> Option<MaterialSample> {
         if self.cutout.as_ref().is_some_and(|cutout| !cutout.is_there(corners, weights)) {
             return None;
         }

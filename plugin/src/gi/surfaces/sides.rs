@@ -15,7 +15,7 @@ pub(in crate::gi) enum Sides {
 
 impl Sides {
     /// The sides that a material shows when it culls these faces.
-    pub fn shown(culled: Option<Face>) -> Self {
+    pub(crate) fn shown(culled: Option<Face>) -> Self {
         match culled {
             Some(Face::Back) => Self::Front,
             Some(Face::Front) => Self::Back,
@@ -24,7 +24,7 @@ impl Sides {
     }
 
     /// Signs of their normals.
-    pub fn signs(self) -> &'static [f32] {
+    pub(crate) fn signs(self) -> &'static [f32] {
         match self {
             Self::Front => &[1.0],
             Self::Back => &[-1.0],
@@ -33,7 +33,7 @@ impl Sides {
     }
 
     /// Number of sides.
-    pub fn count(self) -> usize {
+    pub(crate) fn count(self) -> usize {
         self.signs().len()
     }
 }

@@ -22,7 +22,7 @@ pub(in crate::gi) struct TextureUse {
 
 impl TextureUse {
     /// A material's texture, by its channel and `uv_transform`.
-    pub fn new(image: &Handle<Image>, channel: &UvChannel, transform: Affine2) -> Self {
+    pub(crate) fn new(image: &Handle<Image>, channel: &UvChannel, transform: Affine2) -> Self {
         Self {
             image: image.id(),
             second: *channel == UvChannel::Uv1,
@@ -53,7 +53,7 @@ pub(in crate::gi) struct MeshTexture<'a> {
 impl<'a> MeshTexture<'a> {
     /// A texture on `mesh`: `None` while the image is not loaded, and `Some(None)` where there is
     /// no texture, or the mesh has no coordinates for it.
-    pub fn new(
+    pub(crate) fn new(
         texture: Option<TextureUse>,
         mesh: &'a Mesh,
         images: Option<&'a Assets<Image>>,
@@ -70,7 +70,7 @@ impl<'a> MeshTexture<'a> {
     }
 
     /// With copies of all borrowed data.
-    pub fn into_owned(self) -> MeshTexture<'static> {
+    pub(crate) fn into_owned(self) -> MeshTexture<'static> {
         let Self { image, coordinates, transform } = self;
         MeshTexture {
             image: Cow::Owned(image.into_owned()),
@@ -80,13 +80,13 @@ impl<'a> MeshTexture<'a> {
     }
 
     /// Whether the CPU can read the image.
-    pub fn is_readable(&self) -> bool {
+    pub(crate) fn is_readable(&self) -> bool {
         texel(&self.image, Vec2::ZERO).is_some()
     }
 
     /// Linear colour at a point of a triangle, given by its vertex indices and barycentric weights
     /// of the second and third corner. `None` where the CPU cannot read it.
-    pub fn color(&self, corners: [usize; 3], weights: [f32; 2]) -> Option<LinearRgba> {
+    pub(crate) fn color(&self, corners: [usize; 3], weights: [f32; 2]) -> Option<LinearRgba> {
         // Vertices without coordinates have (0, 0).
         let coordinates = corners
             .map(|corner| self.coordinates.get(corner).copied().map_or(Vec2::ZERO, Vec2::from));

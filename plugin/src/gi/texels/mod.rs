@@ -42,17 +42,17 @@ pub(super) struct TexelStore {
 
 impl TexelStore {
     /// Reserves `count` texels in this frame.
-    pub fn reserve(&mut self, range: TexelRange, count: usize) {
+    pub(crate) fn reserve(&mut self, range: TexelRange, count: usize) {
         self.counts[range as usize] = count as u32;
     }
 
     /// Index of a range's first texel.
-    pub fn first(&self, range: TexelRange) -> u32 {
+    pub(crate) fn first(&self, range: TexelRange) -> u32 {
         self.counts[..range as usize].iter().sum()
     }
 
     /// Bytes held on the GPU.
-    pub fn bytes(&self) -> u64 {
+    pub(crate) fn bytes(&self) -> u64 {
         self.texels.as_ref().map_or(0, |texels| texels.size())
     }
 }

@@ -33,7 +33,7 @@ pub(in crate::gi) struct TexelRow {
     cut: [u32; 2],
 }
 
-/// Columns of a tile, and most rows of one, as `texels/rows.wgsl` has them.
+/// Columns of a tile, and most rows of one.
 pub(in crate::gi) const TILE: u32 = 16;
 
 /// Texels in a row of those without a map: short, so that both sample coordinates stratify.
@@ -42,7 +42,7 @@ const SCATTERED_ROW: u32 = 32;
 impl TexelRow {
     /// Adds the `count` rows of a map, of `length` texels each, consecutive in the store from
     /// `first_texel` on.
-    pub fn add_map(
+    pub(crate) fn add_map(
         rows: &mut Vec<Self>,
         first_texel: u32,
         length: u32,
@@ -67,7 +67,7 @@ impl TexelRow {
 
     /// Adds rows for `count` consecutive texels of the store without a map. Each row has tiles of
     /// its own, since the next one may lie in another room.
-    pub fn add_scattered(rows: &mut Vec<Self>, first_texel: u32, count: u32) {
+    pub(crate) fn add_scattered(rows: &mut Vec<Self>, first_texel: u32, count: u32) {
         for row in (0..count).step_by(SCATTERED_ROW as usize) {
             Self::add_map(
                 rows,
@@ -80,7 +80,7 @@ impl TexelRow {
     }
 
     /// Index after the last tile that it runs through.
-    pub fn end_tile(&self) -> u32 {
+    pub(crate) fn end_tile(&self) -> u32 {
         self.first_tile + self.length.div_ceil(TILE)
     }
 }

@@ -21,7 +21,7 @@ pub(in crate::gi) struct Texel {
 
 impl Texel {
     /// A texel; `normal` is a unit vector in world space.
-    pub fn new(position: Vec3, area: f32, flux: Vec3, normal: Vec3) -> Self {
+    pub(crate) fn new(position: Vec3, area: f32, flux: Vec3, normal: Vec3) -> Self {
         Self {
             position: position.to_array(),
             area,

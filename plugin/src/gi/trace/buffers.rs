@@ -30,7 +30,7 @@ struct Held {
 impl OccluderBuffers {
     /// Layout of group 1. Not a field of the resource, since the renderer creates resources in no
     /// particular order.
-    pub fn layout() -> BindGroupLayoutDescriptor {
+    pub(crate) fn layout() -> BindGroupLayoutDescriptor {
         let read = || storage_buffer_read_only_sized(false, None);
         let entries = BindGroupLayoutEntries::sequential(
             ShaderStages::COMPUTE,
@@ -40,22 +40,22 @@ impl OccluderBuffers {
     }
 
     /// Group 1, while a camera traces.
-    pub fn bind_group(&self) -> Option<&BindGroup> {
+    pub(crate) fn bind_group(&self) -> Option<&BindGroup> {
         self.held.as_ref().map(|held| &held.bind_group)
     }
 
     /// Whether any triangle has holes, which shaders test only where MASKS is defined.
-    pub fn are_masked(&self) -> bool {
+    pub(crate) fn are_masked(&self) -> bool {
         self.held.as_ref().is_some_and(|held| held.meshes.is_masked)
     }
 
     /// The buffers of group 1, in the order of its bindings.
-    pub fn buffers(&self) -> Option<&[Buffer; 4]> {
+    pub(crate) fn buffers(&self) -> Option<&[Buffer; 4]> {
         self.held.as_ref().map(|held| &held.buffers)
     }
 
     /// Bytes held on the GPU.
-    pub fn bytes(&self) -> u64 {
+    pub(crate) fn bytes(&self) -> u64 {
         self.held.as_ref().map_or(0, |held| held.buffers.iter().map(|buffer| buffer.size()).sum())
     }
 }

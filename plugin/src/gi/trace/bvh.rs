@@ -29,7 +29,7 @@ const GREATEST_COORDINATE: f32 = 1e15;
 /// `trace/trace.wgsl`'s `Node`.
 #[derive(Clone, Copy, Debug, PartialEq, Pod, Zeroable)]
 #[repr(C)]
-pub struct Node {
+pub(crate) struct Node {
     /// Lower corner of the box.
     pub min: [f32; 3],
     /// Index of the node to go on with when the box is missed, or its leaf is done.
@@ -43,11 +43,11 @@ pub struct Node {
 
 impl Node {
     /// A node that no ray intersects, since buffers must not be empty.
-    pub const NOTHING: Self = Self { min: [1.0; 3], skip: 1, max: [-1.0; 3], leaf: 0 };
+    pub(crate) const NOTHING: Self = Self { min: [1.0; 3], skip: 1, max: [-1.0; 3], leaf: 0 };
 
     /// The primitives of a leaf.
     #[cfg(test)]
-    pub fn primitives(&self) -> std::ops::Range<usize> {
+    pub(crate) fn primitives(&self) -> std::ops::Range<usize> {
         let first = (self.leaf >> COUNT_BITS) as usize;
         first..first + (self.leaf & MOST_IN_LEAF) as usize
     }
@@ -57,7 +57,7 @@ impl Node {
 /// `micromap`).
 #[derive(Clone, Copy, Debug, PartialEq, Pod, Zeroable)]
 #[repr(C)]
-pub struct TriangleWords {
+pub(crate) struct TriangleWords {
     /// The first corner.
     pub corner: [f32; 3],
     padding: u32,
@@ -85,14 +85,14 @@ impl TriangleWords {
     }
 
     /// Its micromap.
-    pub fn map(&self) -> u64 {
+    pub(crate) fn map(&self) -> u64 {
         u64::from(self.map_high) << 32 | u64::from(self.map_low)
     }
 }
 
 /// Nodes in depth-first order, and the primitives in the order in which leaves name them.
 #[derive(Clone, Debug, Default, PartialEq)]
-pub struct FlatBvh {
+pub(crate) struct FlatBvh {
     /// The root first; empty without primitives.
     pub nodes: Vec<Node>,
     /// Leaf order → index as given.
@@ -101,7 +101,7 @@ pub struct FlatBvh {
 
 impl FlatBvh {
     /// A tree over boxes of (lower, upper) corners, all finite.
-    pub fn new(boxes: &[(Vec3A, Vec3A)]) -> Self {
+    pub(crate) fn new(boxes: &[(Vec3A, Vec3A)]) -> Self {
         let boxes: Vec<Aabb> = boxes
             .iter()
             .map(|(min, max)| Aabb { min: min.to_array().into(), max: max.to_array().into() })
@@ -164,7 +164,7 @@ fn flatten(tree: &Bvh2) -> FlatBvh {
 
 /// One mesh's triangles in a tree, in the mesh's own space.
 #[derive(Clone, Debug, Default, PartialEq)]
-pub struct MeshBvh {
+pub(crate) struct MeshBvh {
     /// The tree's nodes.
     pub nodes: Vec<Node>,
     /// Triangles in the order in which leaves name them.
@@ -174,7 +174,7 @@ pub struct MeshBvh {
 impl MeshBvh {
     /// A tree of triangles, each with its micromap. Triangles that are all hole, degenerate, not
     /// finite or too far away are left out.
-    pub fn new(triangles: impl IntoIterator<Item = ([Vec3; 3], u64)>) -> Self {
+    pub(crate) fn new(triangles: impl IntoIterator<Item = ([Vec3; 3], u64)>) -> Self {
         let triangles: Vec<_> = triangles
             .into_iter()
             .filter(|(triangle, map)| *map != 0 && is_usable(triangle))
@@ -193,7 +193,7 @@ impl MeshBvh {
 
     /// The box around it in a space that `affine` maps its own to; `None` where that is not finite
     /// or there is nothing.
-    pub fn bounds(&self, affine: &Affine3A) -> Option<(Vec3A, Vec3A)> {
+    pub(crate) fn bounds(&self, affine: &Affine3A) -> Option<(Vec3A, Vec3A)> {
         let root = self.nodes.first()?;
         let (min, max) = (Vec3A::from(root.min), Vec3A::from(root.max));
         let center = affine.transform_point3a((min + max) * 0.5);

@@ -12,14 +12,14 @@ const SIDE: u32 = 8;
 const SAMPLES: u32 = 8;
 
 /// A triangle without holes.
-pub const SOLID: u64 = u64::MAX;
+pub(crate) const SOLID: u64 = u64::MAX;
 
 /// The micromap of a mask. `is_there`: whether a point, given by barycentric weights of the second
 /// and third corner (each in [0, 1], together at most 1), is opaque.
 ///
 /// A partly opaque micro-triangle is rounded to one or the other, and its rounding error is carried
 /// on to the next (error diffusion), so that the triangle keeps its share of holes.
-pub fn micromap(mut is_there: impl FnMut([f32; 2]) -> bool) -> u64 {
+pub(crate) fn micromap(mut is_there: impl FnMut([f32; 2]) -> bool) -> u64 {
     let (mut map, mut carried, mut number) = (0, 0, 0);
     for (index, micro_triangle) in micro_triangles().enumerate() {
         let mut count = 0;
@@ -77,7 +77,7 @@ fn spread(number: u32) -> [f32; 2] {
 
 /// Whether the micro-triangle at a point is opaque: the twin of `trace.wgsl`'s.
 #[cfg(test)]
-pub fn is_there(map: u64, [second, third]: [f64; 2]) -> bool {
+pub(crate) fn is_there(map: u64, [second, third]: [f64; 2]) -> bool {
     let side = f64::from(SIDE);
     let row = ((second * side) as u64).min(7);
     let column = ((third * side) as u64).min(7 - row);

@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use bevy::asset::{AssetEvent, AssetId};
+use bevy::asset::AssetId;
 use bevy::camera::Camera;
 use bevy::camera::visibility::InheritedVisibility;
 use bevy::ecs::prelude::*;
@@ -13,7 +13,7 @@ use bevy::math::Affine3A;
 use bevy::mesh::skinning::SkinnedMesh;
 use bevy::mesh::{Mesh, Mesh3d};
 use bevy::pbr::{MeshMaterial3d, StandardMaterial};
-use bevy::platform::collections::{HashMap, HashSet};
+use bevy::platform::collections::HashMap;
 use bevy::render::extract_resource::ExtractResource;
 use bevy::tasks::futures::check_ready;
 use bevy::tasks::{AsyncComputeTaskPool, Task};
@@ -23,7 +23,10 @@ use bytemuck::{Pod, Zeroable};
 use super::bvh::{FlatBvh, MeshBvh, Node, TriangleWords};
 use super::micromap::{SOLID, micromap};
 use crate::gi::settings::FrugalGi;
-use crate::gi::surfaces::{Cutout, Mask, SurfaceAssets, Triangles, occludes, triangles};
+use crate::gi::surfaces::{
+    Cutout, Mask, SurfaceAssets, SurfaceCache, SurfaceEvents, SurfaceKey, Triangles, occludes,
+    triangles,
+};
 use crate::gi::view::LightPresence;
 
 /// Trees of meshes of up to so many triangles are built at once, in about a millisecond; larger
@@ -114,32 +117,29 @@ struct TreeKey {
     mask: Option<Mask>,
 }
 
+impl SurfaceKey for TreeKey {
+    fn mesh(&self) -> AssetId<Mesh> {
+        self.mesh
+    }
+
+    fn reads(&self, image: AssetId<Image>) -> bool {
+        self.mask.is_some_and(|mask| mask.reads(image))
+    }
+}
+
 /// A tree per mesh and mask, and the inputs of the current [`GiOccluders`].
 #[derive(Resource, Default)]
 pub(super) struct MeshTrees {
-    trees: HashMap<TreeKey, Tree>,
+    trees: SurfaceCache<TreeKey, Tree>,
     instances: Vec<(Entity, TreeKey, Affine3A)>,
     /// First node and the one after the last of each tree in the current data.
     ranges: HashMap<TreeKey, [u32; 2]>,
-    /// Set when a tree was added, changed or dropped.
-    changed: bool,
-}
-
-impl MeshTrees {
-    fn forget(&mut self, is_gone: impl Fn(&TreeKey) -> bool) {
-        let before = self.trees.len();
-        self.trees.retain(|key, _| !is_gone(key));
-        self.changed |= self.trees.len() != before;
-    }
 }
 
 pub(super) fn update(
     mut trees: ResMut<MeshTrees>,
     mut occluders: ResMut<GiOccluders>,
-    (mut mesh_events, mut image_events): (
-        MessageReader<AssetEvent<Mesh>>,
-        Option<MessageReader<AssetEvent<Image>>>,
-    ),
+    mut events: SurfaceEvents,
     assets: SurfaceAssets,
     light: Res<LightPresence>,
     cameras: Query<(&Camera, &FrugalGi, Has<EnvironmentMapLight>)>,
@@ -155,14 +155,7 @@ pub(super) fn update(
     >,
 ) {
     let trees = &mut *trees;
-    for event in mesh_events.read() {
-        let (AssetEvent::Modified { id } | AssetEvent::Removed { id }) = event else { continue };
-        trees.forget(|key| key.mesh == *id);
-    }
-    for event in image_events.iter_mut().flat_map(MessageReader::read) {
-        let (AssetEvent::Modified { id } | AssetEvent::Removed { id }) = event else { continue };
-        trees.forget(|key| key.mask.is_some_and(|mask| mask.reads(*id)));
-    }
+    trees.trees.read(&mut events);
     if !cameras
         .iter()
         .any(|(camera, gi, has_map)| camera.is_active && gi.traces() && light.lights(gi, has_map))
@@ -172,7 +165,7 @@ pub(super) fn update(
         if occluders.is_kept {
             *occluders = GiOccluders::default();
             trees.instances.clear();
-            trees.changed = true;
+            trees.trees.changed = true;
         }
         return;
     }
@@ -191,40 +184,34 @@ pub(super) fn update(
         .collect();
     // Query order is arbitrary; sorting keeps the tree the same in every run.
     now.sort_unstable_by_key(|(entity, ..)| *entity);
-    build_trees(trees, now.iter().map(|(_, key, _)| *key), &assets);
-    let waiting = trees.trees.values().filter(|tree| matches!(tree, Tree::Building(_))).count();
-    if trees.changed || trees.instances != now || !occluders.is_kept {
+    build_trees(&mut trees.trees, now.iter().map(|(_, key, _)| *key), &assets);
+    let waiting =
+        trees.trees.values.values().filter(|tree| matches!(tree, Tree::Building(_))).count();
+    if trees.trees.changed || trees.instances != now || !occluders.is_kept {
         *occluders = assemble(trees, &now, &occluders);
         trees.instances = now;
-        trees.changed = false;
+        trees.trees.changed = false;
     }
     if occluders.waiting != waiting {
         occluders.waiting = waiting;
     }
 }
 
-/// Starts building trees of new meshes, collects finished ones, and drops those of removed meshes.
-fn build_trees(trees: &mut MeshTrees, used: impl Iterator<Item = TreeKey>, assets: &SurfaceAssets) {
-    let used: HashSet<_> = used.collect();
-    trees.forget(|key| !used.contains(key));
-    for key in used {
-        match trees.trees.get_mut(&key) {
-            Some(Tree::Building(task)) => {
-                if let Some(tree) = check_ready(task) {
-                    trees.trees.insert(key, Tree::Ready(Arc::new(tree)));
-                    trees.changed = true;
-                }
-            }
-            Some(_) => {}
-            // An asset that is still loading is tried again in the next frame.
-            None => {
-                if let Some(tree) = start(&key, assets) {
-                    trees.trees.insert(key, tree);
-                    trees.changed = true;
-                }
-            }
+/// Collects finished trees, drops those of removed meshes, and starts building those of new ones.
+fn build_trees(
+    trees: &mut SurfaceCache<TreeKey, Tree>,
+    used: impl Iterator<Item = TreeKey>,
+    assets: &SurfaceAssets,
+) {
+    for tree in trees.values.values_mut() {
+        if let Tree::Building(task) = tree
+            && let Some(built) = check_ready(task)
+        {
+            *tree = Tree::Ready(Arc::new(built));
+            trees.changed = true;
         }
     }
+    trees.fill(used, |key| start(key, assets));
 }
 
 /// Builds a mesh's tree, at once or in the background; `None` while its assets are not loaded.
@@ -270,11 +257,11 @@ fn assemble(
     before: &GiOccluders,
 ) -> GiOccluders {
     let mut meshes = Arc::clone(&before.meshes);
-    if trees.changed {
+    if trees.trees.changed {
         let mut data = MeshData::default();
         trees.ranges.clear();
         for (_, key, _) in mesh_instances {
-            let Some(Tree::Ready(tree)) = trees.trees.get(key) else { continue };
+            let Some(Tree::Ready(tree)) = trees.trees.values.get(key) else { continue };
             trees.ranges.entry(*key).or_insert_with(|| {
                 let (first, first_triangle) =
                     (data.nodes.len() as u32, data.triangles.len() as u32);
@@ -292,7 +279,8 @@ fn assemble(
     }
     let (mut boxes, mut instances) = (Vec::new(), Vec::new());
     for (_, key, affine) in mesh_instances {
-        let (Some(Tree::Ready(tree)), Some(nodes)) = (trees.trees.get(key), trees.ranges.get(key))
+        let (Some(Tree::Ready(tree)), Some(nodes)) =
+            (trees.trees.values.get(key), trees.ranges.get(key))
         else {
             continue;
         };

@@ -8,6 +8,7 @@ use bevy::render::extract_resource::ExtractResource;
 /// When reflective shadow maps are rendered and light is gathered. A resource of the main world.
 #[derive(Resource, ExtractResource, Reflect, Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[reflect(Resource, Default, Clone, PartialEq)]
+#[non_exhaustive]
 pub enum GiRefresh {
     /// When something moved or changed: meshes, their materials' handles, standard materials,
     /// images, lights, skins, morphs; for the gather, the camera, too. A changed material or mesh
@@ -62,7 +63,7 @@ pub(in crate::gi) struct SceneDelta {
 
 impl GiFrame {
     /// The next frame's. `period`: frames from one rendering of the maps to the next.
-    pub fn next(self, delta: SceneDelta, period: u32) -> Self {
+    pub(crate) fn next(self, delta: SceneDelta, period: u32) -> Self {
         let number = if delta.cut { 0 } else { self.number.wrapping_add(1) };
         let frames_since_change = if delta.changed || delta.laid_out {
             0

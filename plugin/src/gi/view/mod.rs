@@ -15,6 +15,8 @@ mod frame;
 mod presence;
 mod work;
 
+use std::sync::Arc;
+
 use bevy::app::{App, Plugin};
 use bevy::ecs::prelude::*;
 use bevy::math::{Mat4, UVec2, Vec3};
@@ -53,8 +55,8 @@ pub(super) struct GiView {
     pub gi: FrugalGi,
     /// Pose, projection and pixels of the gather.
     pub camera: GatherCamera,
-    /// The texels from which its VPLs are sampled.
-    pub rows: Vec<TexelRow>,
+    /// The texels from which its VPLs are sampled. Shared with the buffers that hold them.
+    pub rows: Arc<Vec<TexelRow>>,
     /// Samples of the sky that each low-resolution pixel evaluates.
     pub sky_samples: u32,
     pub work: Work,
@@ -64,12 +66,12 @@ pub(super) struct GiView {
 
 impl GiView {
     /// Low-resolution pixels along both axes.
-    pub fn cells(&self) -> UVec2 {
+    pub(crate) fn cells(&self) -> UVec2 {
         self.camera.cells()
     }
 
     /// How far this view's buffers serve `next`.
-    pub fn fit(&self, next: &Self) -> Fit {
+    pub(crate) fn fit(&self, next: &Self) -> Fit {
         let sampled = |view: &Self| (view.gi.vpl_count, view.gi.interleave, view.rows.is_empty());
         if sampled(self) != sampled(next) || !same_layout(&self.rows, &next.rows) {
             Fit::Empty
@@ -106,7 +108,7 @@ pub(super) struct GatherCamera {
 }
 
 impl GatherCamera {
-    pub fn new(
+    pub(crate) fn new(
         camera: &ExtractedCamera,
         view: &ExtractedView,
         size: UVec2,
@@ -127,7 +129,7 @@ impl GatherCamera {
     }
 
     /// Low-resolution pixels along both axes.
-    pub fn cells(&self) -> UVec2 {
+    pub(crate) fn cells(&self) -> UVec2 {
         UVec2::new(self.size.x.div_ceil(self.cell.x), self.size.y.div_ceil(self.cell.y))
     }
 }

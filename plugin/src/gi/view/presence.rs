@@ -17,7 +17,7 @@ pub(in crate::gi) struct LightPresence {
 impl LightPresence {
     /// Whether a camera has light to gather: of lights, of emissive surfaces, or of its environment
     /// map where it has one.
-    pub fn lights(&self, gi: &FrugalGi, has_environment_map: bool) -> bool {
+    pub(crate) fn lights(&self, gi: &FrugalGi, has_environment_map: bool) -> bool {
         self.maps
             || gi.emissive && self.emissive
             || has_environment_map && gi.environment_samples > 0

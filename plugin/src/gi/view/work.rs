@@ -15,11 +15,11 @@ pub(in crate::gi) struct Work {
 
 impl Work {
     /// Everything.
-    pub const ALL: Self = Self { sample: true, gather: true, frames_since_change: 0 };
+    pub(crate) const ALL: Self = Self { sample: true, gather: true, frames_since_change: 0 };
 
     /// The next frame's. `changed`: the camera, its sky or its settings changed. `always`: its
     /// pixels are jittered, or its sky is generated in each frame.
-    pub fn next(
+    pub(crate) fn next(
         self,
         changed: bool,
         always: bool,

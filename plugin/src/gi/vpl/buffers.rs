@@ -1,12 +1,14 @@
 //! The buffers with which a camera's VPLs are sampled.
 
+use std::sync::Arc;
+
 use bevy::render::render_resource::{Buffer, BufferDescriptor, BufferInitDescriptor, BufferUsages};
 use bevy::render::renderer::{RenderDevice, RenderQueue};
 
 use crate::gi::texels::TexelRow;
 
-/// Surface points that stand for all surfaces in view. As many as in `vpl/importance.wgsl`.
-const IMPORTANCE_POINTS: u64 = 32;
+/// Surface points that stand for all surfaces in view.
+pub(in crate::gi) const IMPORTANCE_POINTS: u64 = 32;
 /// Bytes of `vpl/importance.wgsl`'s `ImportancePoint`. A test compares it with the shader.
 pub(in crate::gi) const IMPORTANCE_POINT_BYTES: u64 = 32;
 
@@ -17,7 +19,7 @@ pub(in crate::gi) const IMPORTANCE_POINTS_BYTES: u64 =
 /// Buffers between a camera's maps and its VPLs.
 pub(in crate::gi) struct SamplingBuffers {
     /// The content of `row_table`.
-    pub rows: Vec<TexelRow>,
+    pub rows: Arc<Vec<TexelRow>>,
     /// Texels in the longest row.
     pub longest_row: u32,
     pub row_table: Buffer,
@@ -32,7 +34,7 @@ pub(in crate::gi) struct SamplingBuffers {
 
 impl SamplingBuffers {
     /// Buffers for at least one row.
-    pub fn new(device: &RenderDevice, rows: Vec<TexelRow>) -> Self {
+    pub(crate) fn new(device: &RenderDevice, rows: Arc<Vec<TexelRow>>) -> Self {
         let empty = |label, size| {
             let usage = BufferUsages::STORAGE | BufferUsages::COPY_DST;
             device.create_buffer(&BufferDescriptor {
@@ -46,7 +48,7 @@ impl SamplingBuffers {
         Self {
             row_table: device.create_buffer_with_data(&BufferInitDescriptor {
                 label: Some("bevy_frugal_gi/vpl/rows"),
-                contents: bytemuck::cast_slice(&rows),
+                contents: bytemuck::cast_slice(rows.as_slice()),
                 usage: BufferUsages::STORAGE | BufferUsages::COPY_DST,
             }),
             importance: empty("bevy_frugal_gi/vpl/importance", IMPORTANCE_POINTS_BYTES),
@@ -62,13 +64,13 @@ impl SamplingBuffers {
     }
 
     /// Samples other rows from now on, of the [same layout](crate::gi::texels::same_layout).
-    pub fn set_rows(&mut self, queue: &RenderQueue, rows: Vec<TexelRow>) {
-        queue.write_buffer(&self.row_table, 0, bytemuck::cast_slice(&rows));
+    pub(crate) fn set_rows(&mut self, queue: &RenderQueue, rows: Arc<Vec<TexelRow>>) {
+        queue.write_buffer(&self.row_table, 0, bytemuck::cast_slice(rows.as_slice()));
         self.rows = rows;
     }
 
     /// Bytes held on the GPU.
-    pub fn bytes(&self) -> u64 {
+    pub(crate) fn bytes(&self) -> u64 {
         [&self.row_table, &self.importance, &self.occluded_tiles, &self.texel_cdf, &self.row_cdf]
             .map(|buffer| buffer.size())
             .iter()

@@ -21,7 +21,7 @@ const IMPORTANCE_POINTS: u32 = COLUMNS * ROWS;
 struct ImportancePoints {
     /// Defensive-sampling term: added to the importance of every texel, 1/m².
     defensive_term: f32,
-    points: array<ImportancePoint, 32>,
+    points: array<ImportancePoint, IMPORTANCE_POINTS>,
 }
 
 /// Importance of a surface point to an importance point: their unoccluded geometry term, 1/m².

@@ -10,7 +10,6 @@ use bevy::asset::{Handle, embedded_asset, load_embedded_asset};
 use bevy::core_pipeline::prepass::ViewPrepassTextures;
 use bevy::core_pipeline::schedule::Core3d;
 use bevy::ecs::prelude::*;
-use bevy::render::diagnostic::RecordDiagnostics;
 use bevy::render::render_resource::binding_types::{
     storage_buffer_read_only_sized, storage_buffer_sized, texture_2d, texture_depth_2d,
     uniform_buffer,
@@ -22,11 +21,12 @@ use bevy::render::{GpuResourceAppExt, Render};
 use bevy::shader::{Shader, load_shader_library};
 use bevy::utils::default;
 
+use super::compute::{CameraInputs, compute_pass};
 use super::schedule::{PassSystems, PrepareSystems, supported_render_app};
 use super::texels::TexelStore;
 use super::trace::OccluderBuffers;
 use super::view::GiView;
-pub(super) use buffers::{IMPORTANCE_POINT_BYTES, IMPORTANCE_POINTS_BYTES};
+pub(super) use buffers::{IMPORTANCE_POINT_BYTES, IMPORTANCE_POINTS, IMPORTANCE_POINTS_BYTES};
 pub(super) use plan::VplPlan;
 pub(super) use steps::SampleInputs;
 pub(super) use view::VplView;
@@ -35,7 +35,7 @@ pub(super) use view::VplView;
 pub(super) const VPL_BYTES: u64 = 48;
 
 /// Threads in a workgroup of `tile_visibility.wgsl`.
-const TILE_GROUP: u32 = 32;
+pub(super) const TILE_GROUP: u32 = 32;
 
 pub(super) struct VplPlugin;
 
@@ -163,16 +163,10 @@ pub(super) fn sample(
         return;
     }
     let traced = occluders.bind_group().filter(|_| view.gi.visibility.rays() > 0);
-    let (Some(g_buffer), Some(depth), Some(views)) =
-        (prepass.deferred_view(), prepass.depth_view(), view_uniforms.uniforms.binding())
-    else {
-        return;
-    };
+    let Some(camera) = CameraInputs::new(prepass, &view_uniforms) else { return };
     let (Some(texels), Some(buffers)) = (&store.texels, &vpl.sampling) else { return };
     let inputs = SampleInputs {
-        g_buffer,
-        depth,
-        views,
+        camera,
         view_offset: view_offset.offset,
         texels,
         buffers,
@@ -180,31 +174,21 @@ pub(super) fn sample(
         vpls: &vpl.vpls,
         plan: (&vpl.plan_buffer, vpl.plan.slots()),
     };
-    let steps = pipelines.steps(context.render_device(), &cache, traced.is_some(), inputs);
+    let steps = pipelines.steps(&context, &cache, traced.is_some(), inputs);
     let (Some(pick), Some(steps)) =
         (cache.get_compute_pipeline(pipelines.pick_importance_points), steps)
     else {
         return;
     };
-    let diagnostics = context.diagnostic_recorder();
-    let diagnostics = diagnostics.as_deref();
-    let span = diagnostics.time_span(context.command_encoder(), "bevy_frugal_gi/vpl");
-    if traced.is_some() {
-        context.command_encoder().clear_buffer(&buffers.occluded_tiles, 0, None);
-    }
-    {
-        let mut pass = context.command_encoder().begin_compute_pass(&ComputePassDescriptor {
-            label: Some("bevy_frugal_gi/vpl"),
-            timestamp_writes: None,
-        });
+    let clears = traced.map(|_| (&buffers.occluded_tiles, 0, None));
+    compute_pass(&mut context, "bevy_frugal_gi/vpl", clears.as_slice(), |pass| {
         pass.set_bind_group(0, steps.weighing(), &[view_offset.offset]);
         pass.set_pipeline(pick);
         pass.dispatch_workgroups(1, 1, 1);
         if let Some(traced) = traced {
-            steps.trace_tiles(&mut pass, traced);
+            steps.trace_tiles(pass, traced);
         }
-        steps.weigh(&mut pass);
-        steps.sample(&mut pass);
-    }
-    span.end(context.command_encoder());
+        steps.weigh(pass);
+        steps.sample(pass);
+    });
 }

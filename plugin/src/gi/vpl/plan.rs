@@ -26,7 +26,7 @@ pub(in crate::gi) struct VplPlan {
 
 impl VplPlan {
     /// At least `vpl_count` VPLs in equal sets, but no more in a set than a pixel can evaluate.
-    pub fn new(vpl_count: u32, interleave: GiInterleave) -> Self {
+    pub(crate) fn new(vpl_count: u32, interleave: GiInterleave) -> Self {
         let side = interleave.side();
         let sets = side * side;
         let per_set = vpl_count
@@ -38,27 +38,27 @@ impl VplPlan {
 
     /// The same without VPLs, where there are no texels to sample.
     #[must_use]
-    pub fn without_vpls(self) -> Self {
+    pub(crate) fn without_vpls(self) -> Self {
         Self { per_set: 0, ..self }
     }
 
     /// VPLs in the buffer, padding of sets included.
-    pub fn slots(&self) -> u32 {
+    pub(crate) fn slots(&self) -> u32 {
         self.sets * self.stride
     }
 
     /// Bytes of the buffer of VPLs: at every set's offset the shader's whole array fits.
-    pub fn buffer_bytes(&self) -> u64 {
+    pub(crate) fn buffer_bytes(&self) -> u64 {
         u64::from((self.sets - 1) * self.stride + FrugalGi::MAX_VPLS_PER_PIXEL) * VPL_BYTES
     }
 
     /// Byte offset of a set.
-    pub fn offset(&self, set: u32) -> u32 {
+    pub(crate) fn offset(&self, set: u32) -> u32 {
         set * self.stride * VPL_BYTES as u32
     }
 
     /// Interleave offset of a set: position of its low-resolution pixels in the square.
-    pub fn interleave_offset(&self, set: u32) -> UVec2 {
+    pub(crate) fn interleave_offset(&self, set: u32) -> UVec2 {
         UVec2::new(set % self.interleave, set / self.interleave)
     }
 }

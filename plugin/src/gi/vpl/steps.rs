@@ -2,18 +2,16 @@
 //! for its patches share.
 
 use bevy::render::render_resource::*;
-use bevy::render::renderer::RenderDevice;
+use bevy::render::renderer::RenderContext;
 
 use super::buffers::SamplingBuffers;
 use super::{TILE_GROUP, VplPipelines};
+use crate::gi::compute::{CameraInputs, bind_group};
 use crate::gi::texels::TILE;
 
 /// Inputs and output of the sampling.
 pub(in crate::gi) struct SampleInputs<'a> {
-    /// The camera's.
-    pub g_buffer: &'a TextureView,
-    pub depth: &'a TextureView,
-    pub views: BindingResource<'a>,
+    pub camera: CameraInputs<'a>,
     pub view_offset: u32,
     /// Of the store.
     pub texels: &'a Buffer,
@@ -43,21 +41,20 @@ impl VplPipelines {
     /// The steps, once all pipelines are compiled. `is_traced`: with tile visibility.
     pub(in crate::gi) fn steps<'a>(
         &self,
-        device: &RenderDevice,
+        context: &RenderContext,
         cache: &'a PipelineCache,
         is_traced: bool,
         inputs: SampleInputs<'a>,
     ) -> Option<Steps<'a>> {
-        let SampleInputs {
-            g_buffer, depth, views, texels, buffers, importance, vpls, plan, ..
-        } = &inputs;
-        let weighing = device.create_bind_group(
-            "bevy_frugal_gi/vpl/weigh",
-            &cache.get_bind_group_layout(&self.weigh_layout),
+        let SampleInputs { camera, texels, buffers, importance, vpls, plan, .. } = &inputs;
+        let weighing = bind_group(
+            context,
+            cache,
+            &self.weigh_layout,
             &BindGroupEntries::sequential((
-                *g_buffer,
-                *depth,
-                views.clone(),
+                camera.g_buffer,
+                camera.depth,
+                camera.views.clone(),
                 texels.as_entire_binding(),
                 buffers.row_table.as_entire_binding(),
                 importance.as_entire_binding(),
@@ -65,20 +62,22 @@ impl VplPipelines {
                 buffers.occluded_tiles.as_entire_binding(),
             )),
         );
-        let tracing = device.create_bind_group(
-            "bevy_frugal_gi/vpl/tile_visibility",
-            &cache.get_bind_group_layout(&self.tile_layout),
+        let tracing = bind_group(
+            context,
+            cache,
+            &self.tile_layout,
             &BindGroupEntries::sequential((
-                views.clone(),
+                camera.views.clone(),
                 texels.as_entire_binding(),
                 buffers.row_table.as_entire_binding(),
                 importance.as_entire_binding(),
                 buffers.occluded_tiles.as_entire_binding(),
             )),
         );
-        let sampling = device.create_bind_group(
-            "bevy_frugal_gi/vpl/sample",
-            &cache.get_bind_group_layout(&self.sample_layout),
+        let sampling = bind_group(
+            context,
+            cache,
+            &self.sample_layout,
             &BindGroupEntries::sequential((
                 texels.as_entire_binding(),
                 buffers.row_table.as_entire_binding(),
@@ -106,13 +105,13 @@ impl VplPipelines {
 
 impl Steps<'_> {
     /// The bind group of the weights, for the step before them, which picks importance points.
-    pub fn weighing(&self) -> &BindGroup {
+    pub(crate) fn weighing(&self) -> &BindGroup {
         &self.weighing
     }
 
     /// Traces tile visibility; group 1 holds the occluders. `occluded_tiles` must have been cleared
     /// before.
-    pub fn trace_tiles(&self, pass: &mut ComputePass, occluders: &BindGroup) {
+    pub(crate) fn trace_tiles(&self, pass: &mut ComputePass, occluders: &BindGroup) {
         pass.set_bind_group(0, &self.tracing, &[self.inputs.view_offset]);
         pass.set_bind_group(1, occluders, &[]);
         pass.set_pipeline(self.trace_tiles);
@@ -124,7 +123,7 @@ impl Steps<'_> {
     }
 
     /// Weights all texels by their importance.
-    pub fn weigh(&self, pass: &mut ComputePass) {
+    pub(crate) fn weigh(&self, pass: &mut ComputePass) {
         pass.set_bind_group(0, &self.weighing, &[self.inputs.view_offset]);
         pass.set_pipeline(self.find_defensive_term);
         pass.dispatch_workgroups(1, 1, 1);
@@ -133,7 +132,7 @@ impl Steps<'_> {
     }
 
     /// Samples VPLs in proportion to the weights.
-    pub fn sample(&self, pass: &mut ComputePass) {
+    pub(crate) fn sample(&self, pass: &mut ComputePass) {
         pass.set_bind_group(0, &self.sampling, &[]);
         pass.set_pipeline(self.accumulate_rows);
         pass.dispatch_workgroups(self.rows().div_ceil(64), 1, 1);

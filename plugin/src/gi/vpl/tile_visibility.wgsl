@@ -22,9 +22,12 @@
 /// Texels that are tried until one is lit.
 const TRIES: u32 = 4u;
 
+/// Threads in a workgroup.
+const GROUP: u32 = 32u;
+
 /// One thread per row and tile's width of it, a row of workgroups per row of the maps. The rows of
 /// a tile divide the importance points among them.
-@compute @workgroup_size(32)
+@compute @workgroup_size(GROUP)
 fn trace_tiles(@builtin(global_invocation_id) id: vec3<u32>) {
     let row = rows[id.y];
     let first = id.x * TILE;

@@ -1,5 +1,7 @@
 //! A GI camera's buffers for its VPLs.
 
+use std::sync::Arc;
+
 use bevy::ecs::prelude::*;
 use bevy::render::render_resource::*;
 use bevy::render::renderer::{RenderDevice, RenderQueue};
@@ -27,12 +29,12 @@ impl VplView {
     }
 
     /// VPLs that are sampled in this frame.
-    pub fn sampled(&self, view: &GiView) -> u64 {
+    pub(crate) fn sampled(&self, view: &GiView) -> u64 {
         if view.work.sample { u64::from(self.plan.sets) * u64::from(self.plan.per_set) } else { 0 }
     }
 
     /// Bytes held on the GPU.
-    pub fn bytes(&self) -> u64 {
+    pub(crate) fn bytes(&self) -> u64 {
         self.plan_buffer.size()
             + self.vpls.size()
             + self.sampling.as_ref().map_or(0, SamplingBuffers::bytes)
@@ -55,7 +57,7 @@ fn plan_buffers(device: &RenderDevice, plan: &VplPlan) -> (Buffer, Buffer) {
 }
 
 fn sampling_buffers(device: &RenderDevice, view: &GiView) -> Option<SamplingBuffers> {
-    (!view.rows.is_empty()).then(|| SamplingBuffers::new(device, view.rows.clone()))
+    (!view.rows.is_empty()).then(|| SamplingBuffers::new(device, Arc::clone(&view.rows)))
 }
 
 /// Gives every view the buffers that its plan and its rows of texels need.
@@ -84,7 +86,7 @@ pub(super) fn prepare(
         match &mut held.sampling {
             Some(sampling) if same_layout(&sampling.rows, &view.rows) => {
                 if sampling.rows != view.rows {
-                    sampling.set_rows(&queue, view.rows.clone());
+                    sampling.set_rows(&queue, Arc::clone(&view.rows));
                 }
             }
             None if view.rows.is_empty() => {}

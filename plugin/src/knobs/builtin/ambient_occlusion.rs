@@ -9,7 +9,7 @@ use crate::knobs::{Knob, KnobDriver, Level};
 /// Off, 4, 8, 16 or 32 samples per pixel. Higher levels reduce noise and cost more GPU time.
 /// Switching between off and on changes the deferred lighting pipeline: Bevy skips that pass until
 /// the pipeline is compiled.
-pub struct AmbientOcclusion;
+pub(crate) struct AmbientOcclusion;
 
 /// Each slice takes two samples on each side.
 const SAMPLES_PER_SLICE: u32 = 4;

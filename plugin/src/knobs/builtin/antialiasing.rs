@@ -9,7 +9,7 @@ use crate::knobs::{Knob, KnobDriver, Level};
 /// Off, FXAA, or SMAA with 4 to 32 search steps. Levels are in order of quality, not cost: on some
 /// devices FXAA costs more than SMAA, which processes edges only. A search then finds FXAA
 /// dominated and never selects it.
-pub struct Antialiasing;
+pub(crate) struct Antialiasing;
 
 const FXAA: f64 = 1.0;
 

@@ -16,7 +16,7 @@ fn change(world: &mut World, camera: Entity, change: impl FnOnce(&mut FrugalGi))
 
 /// Virtual point lights (VPLs) per image; 0 turns GI off. Higher levels reduce noise; every
 /// gathered pixel evaluates its interleaved share of them.
-pub struct GiVplCount;
+pub(crate) struct GiVplCount;
 
 impl KnobDriver for GiVplCount {
     fn knob(&self) -> Knob {
@@ -30,7 +30,7 @@ impl KnobDriver for GiVplCount {
 
 /// Share of pixels at which indirect light is gathered. Higher levels keep finer indirect detail,
 /// at proportional cost.
-pub struct GiPixelShare;
+pub(crate) struct GiPixelShare;
 
 impl KnobDriver for GiPixelShare {
     fn knob(&self) -> Knob {
@@ -53,7 +53,7 @@ impl KnobDriver for GiPixelShare {
 ///
 /// There is no level without interleaving: it would limit the VPLs of the image to the maximum per
 /// pixel, fewer than at the level before it, and would come no closer to the reference.
-pub struct GiInterleaving;
+pub(crate) struct GiInterleaving;
 
 impl GiInterleaving {
     const LEVELS: [GiInterleave; 3] = [GiInterleave::Eight, GiInterleave::Four, GiInterleave::Two];
@@ -75,7 +75,7 @@ impl KnobDriver for GiInterleaving {
 
 /// Visibility rays between surfaces and VPLs. Higher levels reduce noise in indirect shadows and
 /// trace more rays.
-pub struct GiRays;
+pub(crate) struct GiRays;
 
 impl KnobDriver for GiRays {
     fn knob(&self) -> Knob {
@@ -95,7 +95,7 @@ impl KnobDriver for GiRays {
 /// Number of diffuse bounces; emissive surfaces and the sky get one fewer. Higher levels brighten
 /// indirectly lit areas and trace more rays. Opt-in: more bounces brighten the whole image, and
 /// that difference would mask the errors of the other knobs' cheaper levels.
-pub struct GiBounces;
+pub(crate) struct GiBounces;
 
 impl KnobDriver for GiBounces {
     fn knob(&self) -> Knob {
@@ -114,7 +114,7 @@ impl KnobDriver for GiBounces {
 /// Environment-map samples per gathered pixel, where the camera has an environment map. Higher
 /// levels reduce noise in the sky's shadows, at proportional cost. 0 leaves the diffuse light to
 /// Bevy, unshadowed.
-pub struct GiEnvironmentSamples;
+pub(crate) struct GiEnvironmentSamples;
 
 impl KnobDriver for GiEnvironmentSamples {
     fn knob(&self) -> Knob {
@@ -129,7 +129,7 @@ impl KnobDriver for GiEnvironmentSamples {
 
 /// Texels along the edge of each reflective shadow map. Higher levels capture smaller lit features;
 /// the cost of rasterisation grows with the square.
-pub struct RsmResolution;
+pub(crate) struct RsmResolution;
 
 impl KnobDriver for RsmResolution {
     fn knob(&self) -> Knob {
@@ -145,7 +145,7 @@ impl KnobDriver for RsmResolution {
 
 /// Period of reflective shadow map rendering, in frames, while the scene changes. Shorter periods
 /// lag less and cost more; 1 never lags.
-pub struct GiRefreshPeriod;
+pub(crate) struct GiRefreshPeriod;
 
 impl KnobDriver for GiRefreshPeriod {
     fn knob(&self) -> Knob {

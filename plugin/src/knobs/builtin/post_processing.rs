@@ -11,7 +11,7 @@ use crate::resolution::ResolutionScale;
 /// Off, low, medium or high. The value is the maximum height of bloom's first texture as a fraction
 /// of the view's height, 0 to 1. Higher levels render bloom at a finer resolution and cost more GPU
 /// time.
-pub struct PostProcessing;
+pub(crate) struct PostProcessing;
 
 /// Maximum height of bloom's first texture as a fraction of the view's height.
 ///

@@ -6,7 +6,7 @@ use crate::knobs::{Knob, KnobDriver, Level};
 use crate::resolution::ResolutionScale;
 
 /// 50 to 100 % of the width and height. Higher levels are sharper; the cost grows with the square.
-pub struct ResolutionScaleKnob;
+pub(crate) struct ResolutionScaleKnob;
 
 impl KnobDriver for ResolutionScaleKnob {
     fn knob(&self) -> Knob {

@@ -10,7 +10,7 @@ use crate::knobs::{Knob, KnobDriver, KnobScope, Level};
 
 /// Texels along the edge of a cascade or a spot light's map; a point light's six faces have half as
 /// many. Higher levels give sharper shadow edges and cost more fill rate and memory.
-pub struct ShadowMapResolution;
+pub(crate) struct ShadowMapResolution;
 
 impl KnobDriver for ShadowMapResolution {
     fn knob(&self) -> Knob {
@@ -30,7 +30,7 @@ impl KnobDriver for ShadowMapResolution {
 
 /// Number of cascades of every directional light, over the app's own shadow distance. Higher levels
 /// give sharper near shadows; each cascade renders the casters once more.
-pub struct ShadowCascades;
+pub(crate) struct ShadowCascades;
 
 /// The app's own cascades, whose distance each level divides again.
 #[derive(Component, Clone)]

@@ -7,7 +7,7 @@ use crate::knobs::{Knob, KnobDriver, Level};
 
 /// Mip bias +2 to 0 levels. A higher bias is blurrier and saves bandwidth, but not memory: the
 /// finer mip levels stay resident.
-pub struct TextureDetail;
+pub(crate) struct TextureDetail;
 
 impl KnobDriver for TextureDetail {
     fn knob(&self) -> Knob {

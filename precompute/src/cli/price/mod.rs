@@ -121,33 +121,8 @@ pub(super) fn run(arguments: &Arguments) -> Result<(), CliError> {
         return combinations::run(&mut stage, &reference, off, &name, arguments);
     }
     let priced = levels(&space, best, if arguments.sky { is_sky } else { is_gi });
-    let mut readings = vec![Vec::new(); priced.len() + 1];
-    let mut differences = Vec::new();
-    let bar = progress::bar((ROUNDS * readings.len()) as u64).with_message("readings");
-    for round in 0..ROUNDS {
-        for (index, readings) in readings.iter_mut().enumerate() {
-            if progress::interrupted() {
-                return Err(CliError::failed("interrupted: nothing was written"));
-            }
-            stage.apply(priced.get(index).map_or(off, |level| level.settings));
-            stage.get_ready()?;
-            if round == 0 && index < priced.len() {
-                differences.push(
-                    Difference::new(&stage.radiance()?, &reference, None)
-                        .map_err(CliError::usage)?,
-                );
-            }
-            if arguments.bounces > 1 {
-                stage.world_mut().insert_resource(GiRefresh::EveryFrame);
-                stage.frame();
-            }
-            readings.push(stage.metered_frames(METERED_FRAMES)?.0);
-            stage.world_mut().insert_resource(GiRefresh::AsIfCamerasMoved);
-            bar.inc(1);
-        }
-    }
-    bar.finish_and_clear();
-
+    let (readings, differences) =
+        read_levels(&mut stage, &priced, off, &reference, arguments.bounces)?;
     let power: Vec<f64> = readings.into_iter().map(median).collect();
     let without = power[priced.len()];
     let best =
@@ -166,18 +141,7 @@ pub(super) fn run(arguments: &Arguments) -> Result<(), CliError> {
         })
         .collect();
 
-    println!(
-        "{:18} {:>8} {:>10} {:>11} {:>11} {:>12}",
-        "knob", "level", "cost", "mean ratio", "relative L1", "of 4x4 means"
-    );
-    for price in &prices {
-        let LevelPrice { knob, label, cost_share, difference, .. } = price;
-        let Difference { mean_ratio, relative_l1, relative_l1_boxes, .. } = difference;
-        println!(
-            "{knob:18} {label:>8} {:8.1} % {mean_ratio:11.3} {relative_l1:11.3} {relative_l1_boxes:12.3}",
-            100.0 * cost_share
-        );
-    }
+    print_prices(&prices);
     println!(
         "the best costs {best:.3} W of {:.3} W at {} frames per second, {}",
         best + without,
@@ -201,6 +165,59 @@ pub(super) fn run(arguments: &Arguments) -> Result<(), CliError> {
         write_report(folder, &price_report(&summary)?)?;
     }
     Ok(())
+}
+
+/// Reads the power of each level, and of `off` behind them, in several rounds; and the difference
+/// of each level's image from the reference.
+fn read_levels(
+    stage: &mut Stage,
+    priced: &[PricedLevel],
+    off: KnobLevels,
+    reference: &Radiance,
+    bounces: u32,
+) -> Result<(Vec<Vec<f64>>, Vec<Difference>), CliError> {
+    let mut readings = vec![Vec::new(); priced.len() + 1];
+    let mut differences = Vec::new();
+    let bar = progress::bar((ROUNDS * readings.len()) as u64).with_message("readings");
+    for round in 0..ROUNDS {
+        for (index, readings) in readings.iter_mut().enumerate() {
+            if progress::interrupted() {
+                return Err(CliError::failed("interrupted: nothing was written"));
+            }
+            stage.apply(priced.get(index).map_or(off, |level| level.settings));
+            stage.get_ready()?;
+            if round == 0 && index < priced.len() {
+                differences.push(
+                    Difference::new(&stage.radiance()?, reference, None)
+                        .map_err(CliError::usage)?,
+                );
+            }
+            if bounces > 1 {
+                stage.world_mut().insert_resource(GiRefresh::EveryFrame);
+                stage.frame();
+            }
+            readings.push(stage.metered_frames(METERED_FRAMES)?.0);
+            stage.world_mut().insert_resource(GiRefresh::AsIfCamerasMoved);
+            bar.inc(1);
+        }
+    }
+    bar.finish_and_clear();
+    Ok((readings, differences))
+}
+
+fn print_prices(prices: &[LevelPrice]) {
+    println!(
+        "{:18} {:>8} {:>10} {:>11} {:>11} {:>12}",
+        "knob", "level", "cost", "mean ratio", "relative L1", "of 4x4 means"
+    );
+    for price in prices {
+        let LevelPrice { knob, label, cost_share, difference, .. } = price;
+        let Difference { mean_ratio, relative_l1, relative_l1_boxes, .. } = difference;
+        println!(
+            "{knob:18} {label:>8} {:8.1} % {mean_ratio:11.3} {relative_l1:11.3} {relative_l1_boxes:12.3}",
+            100.0 * cost_share
+        );
+    }
 }
 
 /// The reference: bounces between Lambertian surfaces, or sky light that one surface scatters.

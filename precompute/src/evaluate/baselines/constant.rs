@@ -12,7 +12,7 @@ use crate::table::CostTable;
 /// Under a power budget, the least mean error within it; under an error budget alone, the least
 /// mean power within it. Where no settings meet it, the nearest. `None` for a table without a
 /// complete column.
-pub fn best_constant(
+pub(crate) fn best_constant(
     table: &CostTable,
     budget: &ResolvedBudget,
 ) -> Option<(KnobLevels, CostPoint)> {
@@ -26,7 +26,7 @@ pub fn best_constant(
 }
 
 /// The same among arbitrary candidates.
-pub fn best_of(
+pub(crate) fn best_of(
     candidates: impl IntoIterator<Item = (KnobLevels, CostPoint)>,
     budget: &ResolvedBudget,
 ) -> Option<(KnobLevels, CostPoint)> {

@@ -13,15 +13,15 @@ mod constant;
 mod oracle;
 mod reactive;
 
-pub use constant::{best_constant, best_of};
-pub use oracle::{Oracle, oracle};
-pub use reactive::{Reactive, ladder};
+pub(crate) use constant::{best_constant, best_of};
+pub(crate) use oracle::{Oracle, oracle};
+pub(crate) use reactive::{Reactive, ladder};
 
 use bevy_frugal_gi::gi::FrugalGi;
 use bevy_frugal_gi::knobs::{KnobLevels, KnobSpace};
 
 /// `FrugalGi::default()`, all other knobs at their best: the settings of an app that sets nothing.
-pub fn default_settings(space: &KnobSpace) -> KnobLevels {
+pub(crate) fn default_settings(space: &KnobSpace) -> KnobLevels {
     let gi = FrugalGi::default();
     let authored = |name: &str| match name {
         "gi_vpl_count" => Some(f64::from(gi.vpl_count)),

@@ -17,10 +17,10 @@ mod two_rooms;
 use super::SceneGeometry;
 
 /// The names that [`build`] knows.
-pub const NAMES: [&str; 4] = ["cornell", "courtyard", "two_rooms", "furnace"];
+pub(crate) const NAMES: [&str; 4] = ["cornell", "courtyard", "two_rooms", "furnace"];
 
 /// Builds the scene called `name`, merged; `None` for a name that is not in [`NAMES`].
-pub fn build(name: &str) -> Option<SceneGeometry> {
+pub(crate) fn build(name: &str) -> Option<SceneGeometry> {
     let geometry = match name {
         "cornell" => cornell::build(),
         "courtyard" => courtyard::build(),
@@ -34,7 +34,7 @@ pub fn build(name: &str) -> Option<SceneGeometry> {
 /// Revision of a scene: must be raised whenever its code changes an image, so that older maps are
 /// not taken for maps of the new scene. A hash of the geometry would not do, because sines differ
 /// between machines. 0 for an unknown name.
-pub fn revision(name: &str) -> u32 {
+pub(crate) fn revision(name: &str) -> u32 {
     u32::from(NAMES.contains(&name))
 }
 

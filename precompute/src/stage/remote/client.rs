@@ -25,7 +25,7 @@ pub(crate) const CHILD_COMMAND: &str = "stage-worker";
 /// Why a remote stage gave no answer.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[error("{message}")]
-pub struct RemoteError {
+pub(crate) struct RemoteError {
     /// Whether the cause is the input and not the rendering.
     pub usage: bool,
     /// The message.
@@ -55,7 +55,7 @@ impl Drop for Worker {
 }
 
 /// A stage in a child process.
-pub struct RemoteStage {
+pub(crate) struct RemoteStage {
     request: StageRequest,
     worker: Option<Worker>,
     space: KnobSpace,
@@ -65,7 +65,6 @@ pub struct RemoteStage {
     bounds: Option<Bounds>,
     vertical_fov_degrees: f32,
     warm: bool,
-    restarts: u32,
 }
 
 impl RemoteStage {
@@ -74,7 +73,10 @@ impl RemoteStage {
     /// # Errors
     /// When the scene's geometry cannot be read, the child cannot be started, or its stage cannot
     /// be opened.
-    pub fn open(scene: &SceneDescription, request: StageRequest) -> Result<Self, RemoteError> {
+    pub(crate) fn open(
+        scene: &SceneDescription,
+        request: StageRequest,
+    ) -> Result<Self, RemoteError> {
         let geometry = scene
             .geometry()
             .map_err(|error| RemoteError { usage: true, message: error.to_string() })?;
@@ -92,61 +94,50 @@ impl RemoteStage {
             bounds: geometry.bounds(),
             vertical_fov_degrees: scene.camera.vertical_fov,
             warm: false,
-            restarts: 0,
         };
         stage.start()?;
         Ok(stage)
     }
 
     /// The knobs on offer.
-    pub fn space(&self) -> &KnobSpace {
+    pub(crate) fn space(&self) -> &KnobSpace {
         &self.space
     }
 
     /// The meter's name and provenance.
-    pub fn meter(&self) -> MeterInfo {
+    pub(crate) fn meter(&self) -> MeterInfo {
         self.meter.clone()
     }
 
     /// Idle power, as far as the meter covers it.
-    pub fn idle(&self) -> Watts {
+    pub(crate) fn idle(&self) -> Watts {
         self.idle
     }
 
     /// Bounding box of the geometry; `None` without geometry.
-    pub fn bounds(&self) -> Option<Bounds> {
+    pub(crate) fn bounds(&self) -> Option<Bounds> {
         self.bounds
     }
 
-    /// Vertical field of view, degrees.
-    pub fn vertical_fov_degrees(&self) -> f32 {
-        self.vertical_fov_degrees
-    }
-
     /// Width and height, pixels.
-    pub fn size(&self) -> [u32; 2] {
+    pub(crate) fn size(&self) -> [u32; 2] {
         self.request.size
     }
 
     /// Target frame rate.
-    pub fn frames_per_second(&self) -> f64 {
+    pub(crate) fn frames_per_second(&self) -> f64 {
         self.request.frames_per_second
     }
 
     /// Triangles for ray queries.
-    pub fn rays(&self) -> &RayScene {
+    pub(crate) fn rays(&self) -> &RayScene {
         &self.rays
     }
 
     /// Vertical field of view in radians, and width ÷ height.
-    pub fn lens(&self) -> (f32, f32) {
+    pub(crate) fn lens(&self) -> (f32, f32) {
         let [width, height] = self.request.size;
         (self.vertical_fov_degrees.to_radians(), width as f32 / height as f32)
-    }
-
-    /// Number of times the child was replaced.
-    pub fn restarts(&self) -> u32 {
-        self.restarts
     }
 
     /// Renders every level of every knob once, in this child and in every later one, so that no
@@ -154,7 +145,7 @@ impl RemoteStage {
     ///
     /// # Errors
     /// When the child fails.
-    pub fn warm(&mut self) -> Result<(), RemoteError> {
+    pub(crate) fn warm(&mut self) -> Result<(), RemoteError> {
         self.warm = true;
         self.ask(&Request::Warm).map(drop)
     }
@@ -195,7 +186,6 @@ impl RemoteStage {
     /// fresh child if the child died.
     fn ask(&mut self, request: &Request) -> Result<(Answer, Option<Picture>), RemoteError> {
         if self.worker.as_ref().is_some_and(|worker| worker.resident_bytes > LARGEST_BYTES) {
-            self.restarts += 1;
             self.worker = None;
         }
         if self.worker.is_none() {
@@ -204,7 +194,6 @@ impl RemoteStage {
         }
         match self.exchange(request) {
             Err(error) if self.worker.is_none() => {
-                self.restarts += 1;
                 self.start().map_err(|again| RemoteError {
                     usage: again.usage,
                     message: format!("{error}; then {again}"),

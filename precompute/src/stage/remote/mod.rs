@@ -13,6 +13,6 @@ mod client;
 mod protocol;
 mod server;
 
-pub use client::{RemoteError, RemoteStage};
-pub use protocol::StageRequest;
-pub use server::serve;
+pub(crate) use client::{RemoteError, RemoteStage};
+pub(crate) use protocol::StageRequest;
+pub(crate) use server::serve;

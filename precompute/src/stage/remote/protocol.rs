@@ -12,7 +12,7 @@ use serde::{Deserialize, Serialize, de::DeserializeOwned};
 
 /// Parameters of a child.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub struct StageRequest {
+pub(crate) struct StageRequest {
     /// The scene file.
     pub scene: PathBuf,
     /// Width and height, pixels.

@@ -12,7 +12,7 @@ use crate::stage::{Stage, StageError, StageEvaluator, StageFrameRenderer, StageO
 ///
 /// # Errors
 /// When the pipe breaks.
-pub fn serve() -> io::Result<()> {
+pub(crate) fn serve() -> io::Result<()> {
     let mut input = io::stdin().lock();
     let mut output = io::BufWriter::new(io::stdout().lock());
     let mut stage = None;

@@ -28,7 +28,7 @@ const SIZE: [u32; 2] = [8, 8];
 
 /// `resolve.wgsl`'s `Light`.
 #[derive(Clone, Copy)]
-pub struct Light {
+pub(crate) struct Light {
     pub intensity: Vec3,
     pub texel_extent: f32,
     pub position: Vec3,
@@ -64,10 +64,10 @@ impl Light {
 }
 
 /// The shipped pass `rsm/resolve.wgsl`.
-pub struct Resolve(Kernel);
+pub(crate) struct Resolve(Kernel);
 
 impl Resolve {
-    pub fn new(stage: &mut Stage, defs: Vec<ShaderDefVal>) -> Self {
+    pub(crate) fn new(stage: &mut Stage, defs: Vec<ShaderDefVal>) -> Self {
         let layout = BindGroupLayoutEntries::sequential(
             ShaderStages::COMPUTE,
             (
@@ -81,7 +81,13 @@ impl Resolve {
         Self(Kernel::new(stage, "gi/rsm/resolve.wgsl", "resolve", defs, &layout))
     }
 
-    pub fn run(&self, stage: &Stage, pixels: &Pixels, plane: &Plane, light: &Light) -> Vec<Point> {
+    pub(crate) fn run(
+        &self,
+        stage: &Stage,
+        pixels: &Pixels,
+        plane: &Plane,
+        light: &Light,
+    ) -> Vec<Point> {
         let texels = kernel::buffer(stage, &gpu::bytes(&[0.0; 64 * Point::TEXEL_WORDS]));
         let (view, light) =
             (pixels.view(stage, plane), kernel::buffer(stage, &gpu::bytes(&light.words())));

@@ -1,16 +1,16 @@
 //! The shipped passes at extreme values, against 64-bit floats where these are finite.
 
-pub mod counts;
-pub mod energy;
-pub mod filter;
-pub mod gather;
-pub mod history;
-pub mod lights;
-pub mod maps;
-pub mod rays;
-pub mod scenes;
-pub mod shading;
-pub mod views;
+pub(crate) mod counts;
+pub(crate) mod energy;
+pub(crate) mod filter;
+pub(crate) mod gather;
+pub(crate) mod history;
+pub(crate) mod lights;
+pub(crate) mod maps;
+pub(crate) mod rays;
+pub(crate) mod scenes;
+pub(crate) mod shading;
+pub(crate) mod views;
 
 use bevy::math::{DVec3, Vec3};
 use frugal::stage::{Component, Stage};

@@ -4,9 +4,9 @@
 //! behind it. ARCHITECTURE.md has the table of the results ("What materials do to global
 //! illumination").
 
-pub mod custom;
-pub mod shaped;
-pub mod standard;
+pub(crate) mod custom;
+pub(crate) mod shaped;
+pub(crate) mod standard;
 
 use std::cell::RefCell;
 use std::f32::consts::FRAC_PI_2;
@@ -24,7 +24,7 @@ use frugal_tests::{materials, meshes, set};
 use super::gi::sun;
 
 /// Albedo of the reference, linear.
-pub const GREY: f32 = 0.5;
+pub(crate) const GREY: f32 = 0.5;
 
 /// Low settings: every pixel gathers 64 VPLs, and a filter averages 2 × 2 pixels.
 const SETTINGS: &str = "min,gi_refresh_period=1,gi_vpl_count=256,gi_interleave=2x2,gi_pixel_fraction=1/1,resolution_scale=100%";
@@ -34,7 +34,7 @@ const HEIGHT: f32 = 0.05;
 
 /// Placement of a sample.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub enum Placement {
+pub(crate) enum Placement {
     /// Above the whole floor, with its upper side towards the sun.
     Floor,
     /// Above the whole floor, with its lower side towards the sun.
@@ -48,7 +48,7 @@ pub enum Placement {
 
 impl Placement {
     /// Transform of a plate of 1 m.
-    pub fn transform(self) -> Transform {
+    pub(crate) fn transform(self) -> Transform {
         let flat = Transform::from_xyz(0.0, HEIGHT, 0.0).with_scale(Vec3::new(5.0, 1.0, 5.0));
         match self {
             Self::Floor => flat,
@@ -65,7 +65,7 @@ impl Placement {
 
 /// Measurements of a sample above the middle of the floor as a source of indirect light.
 #[derive(Clone, Copy, Debug)]
-pub struct Source {
+pub(crate) struct Source {
     /// Share of the sun's texels that lie on the sample; the others lie on the floor.
     pub covered: f64,
     /// Flux of the sample's texels per projected area, perpendicular to the light, lm/m².
@@ -78,7 +78,7 @@ pub struct Source {
 
 /// A sample's measurements.
 #[derive(Clone, Copy, Debug)]
-pub struct Effect {
+pub(crate) struct Effect {
     pub source: Source,
     /// Indirect radiance of the sample in front of the wall, nits.
     pub received: [f64; 3],
@@ -87,7 +87,7 @@ pub struct Effect {
 }
 
 /// The test bench.
-pub struct Bench {
+pub(crate) struct Bench {
     pub stage: Stage,
 }
 
@@ -108,7 +108,7 @@ static OPEN_FLOOR: OnceLock<f64> = OnceLock::new();
 static DARK_WALL: OnceLock<[f64; 3]> = OnceLock::new();
 
 /// Runs a test, which must remove its samples.
-pub fn on_bench(test: impl FnOnce(&mut Bench)) {
+pub(crate) fn on_bench(test: impl FnOnce(&mut Bench)) {
     let mut bench = BENCH.take().unwrap_or_else(Bench::new);
     bench.reference();
     test(&mut bench);
@@ -144,22 +144,22 @@ impl Bench {
     }
 
     /// Spawns a plate of a material.
-    pub fn plate<M: Material>(&mut self, material: M) -> Entity {
+    pub(crate) fn plate<M: Material>(&mut self, material: M) -> Entity {
         self.sample(meshes::plate(false), material)
     }
 
     /// Spawns a sample inside the floor.
-    pub fn sample<M: Material>(&mut self, mesh: Mesh, material: M) -> Entity {
+    pub(crate) fn sample<M: Material>(&mut self, mesh: Mesh, material: M) -> Entity {
         meshes::spawn(&mut self.stage, mesh, material, Placement::Away.transform())
     }
 
     /// Removes a sample.
-    pub fn clear(&mut self, entity: Entity) {
+    pub(crate) fn clear(&mut self, entity: Entity) {
         assert!(self.stage.world_mut().despawn(entity), "the sample was there");
     }
 
     /// Moves a sample or its joint.
-    pub fn put(&mut self, entity: Entity, placement: Placement) {
+    pub(crate) fn put(&mut self, entity: Entity, placement: Placement) {
         *self.stage.world_mut().get_mut::<Transform>(entity).expect("a sample") =
             placement.transform();
     }
@@ -172,7 +172,7 @@ impl Bench {
     }
 
     /// Measures a sample as a source of indirect light.
-    pub fn as_source(&mut self, entity: Entity, placement: Placement) -> Source {
+    pub(crate) fn as_source(&mut self, entity: Entity, placement: Placement) -> Source {
         self.put(entity, placement);
         let dark =
             *DARK_WALL.get_or_init(|| self.look_at_wall(&format!("{SETTINGS},gi_vpl_count=0")));
@@ -191,7 +191,7 @@ impl Bench {
 
     /// The sun's texels above the middle of the floor that lie on a sample, and the number of all
     /// texels there.
-    pub fn middle(&self) -> (Vec<Point>, usize) {
+    pub(crate) fn middle(&self) -> (Vec<Point>, usize) {
         let texels = gpu::rsm_texels(&self.stage);
         // A texel without a surface lies at the origin.
         let in_middle = |texel: &&Point| {
@@ -207,7 +207,7 @@ impl Bench {
 
     /// Indirect radiance of a sample in front of the wall, nits: its radiance minus that without
     /// GI.
-    pub fn as_receiver(&mut self, entity: Entity) -> [f64; 3] {
+    pub(crate) fn as_receiver(&mut self, entity: Entity) -> [f64; 3] {
         self.put(entity, Placement::Wall);
         let with = self.look_at_wall(SETTINGS);
         let without = self.look_at_wall(&format!("{SETTINGS},gi_vpl_count=0"));
@@ -222,7 +222,7 @@ impl Bench {
     }
 
     /// Share of the floor's light that a sample in front of the wall keeps from it, by rays.
-    pub fn as_occluder(&mut self, entity: Entity) -> f64 {
+    pub(crate) fn as_occluder(&mut self, entity: Entity) -> f64 {
         self.put(entity, Placement::Away);
         let open = *OPEN_WALL.get_or_init(|| self.behind());
         self.put(entity, Placement::Wall);
@@ -230,14 +230,14 @@ impl Bench {
     }
 
     /// Measures a sample in all three roles.
-    pub fn measure(&mut self, entity: Entity) -> Effect {
+    pub(crate) fn measure(&mut self, entity: Entity) -> Effect {
         let source = self.as_source(entity, Placement::Floor);
         let received = self.as_receiver(entity);
         Effect { source, received, occluded: self.as_occluder(entity) }
     }
 
     /// Measures a plate in all three roles, and removes it.
-    pub fn measure_plate<M: Material>(&mut self, label: &str, material: M) -> Relative {
+    pub(crate) fn measure_plate<M: Material>(&mut self, label: &str, material: M) -> Relative {
         let plate = self.plate(material);
         let effect = self.measure(plate);
         self.clear(plate);
@@ -245,7 +245,7 @@ impl Bench {
     }
 
     /// Measurements of a diffuse grey plate.
-    pub fn reference(&mut self) -> Effect {
+    pub(crate) fn reference(&mut self) -> Effect {
         *REFERENCE.get_or_init(|| {
             let plate = self.plate(meshes::diffuse(GREY, GREY, GREY));
             OPEN_FLOOR.get_or_init(|| self.as_source(plate, Placement::Away).wall[1]);
@@ -256,12 +256,12 @@ impl Bench {
     }
 
     /// Share of the open floor's light that reaches the wall with a sample above the floor.
-    pub fn share_of_open_floor(&self, source: &Source) -> f64 {
+    pub(crate) fn share_of_open_floor(&self, source: &Source) -> f64 {
         source.wall[1] / OPEN_FLOOR.get().expect("the reference was measured")
     }
 
     /// Prints and returns `effect` relative to that of a diffuse grey plate.
-    pub fn relative(&mut self, label: &str, effect: Effect) -> Relative {
+    pub(crate) fn relative(&mut self, label: &str, effect: Effect) -> Relative {
         let reference = self.reference();
         let over =
             |a: [f64; 3], b: [f64; 3]| std::array::from_fn(|channel| a[channel] / b[channel]);
@@ -285,7 +285,7 @@ impl Bench {
 /// A sample's measurements; `sent`, `wall` and `received` are relative to those of a diffuse grey
 /// plate.
 #[derive(Clone, Copy, Debug)]
-pub struct Relative {
+pub(crate) struct Relative {
     pub covered: f64,
     pub sent: [f64; 3],
     pub wall: [f64; 3],
@@ -297,7 +297,7 @@ impl Relative {
     /// Asserts that the sample behaves like a diffuse plate of these albedos: it covers the floor,
     /// sends and receives light, and occludes.
     #[track_caller]
-    pub fn assert_diffuse(&self, label: &str, albedo: [f64; 3]) {
+    pub(crate) fn assert_diffuse(&self, label: &str, albedo: [f64; 3]) {
         self.assert_covers(label, 1.0);
         self.assert_sends(label, albedo);
         self.assert_receives(label, albedo);
@@ -305,14 +305,14 @@ impl Relative {
     }
 
     #[track_caller]
-    pub fn assert_covers(&self, label: &str, share: f64) {
+    pub(crate) fn assert_covers(&self, label: &str, share: f64) {
         assert!((self.covered - share).abs() < 1e-9, "{label}: covers {}", self.covered);
     }
 
     /// The flux of its texels is exact up to the known quantisation of the G-buffer; only these
     /// texels light the wall.
     #[track_caller]
-    pub fn assert_sends(&self, label: &str, albedo: [f64; 3]) {
+    pub(crate) fn assert_sends(&self, label: &str, albedo: [f64; 3]) {
         for (channel, albedo) in albedo.into_iter().enumerate() {
             let expected = relative_albedo(albedo);
             assert!(
@@ -330,7 +330,7 @@ impl Relative {
     }
 
     #[track_caller]
-    pub fn assert_receives(&self, label: &str, albedo: [f64; 3]) {
+    pub(crate) fn assert_receives(&self, label: &str, albedo: [f64; 3]) {
         for (channel, albedo) in albedo.into_iter().enumerate() {
             let expected = relative_albedo(albedo);
             assert!(
@@ -343,7 +343,7 @@ impl Relative {
 
     /// The sample does not occlude the strip of floor between it and the wall, 5 cm wide.
     #[track_caller]
-    pub fn assert_occludes(&self, label: &str, occludes: bool) {
+    pub(crate) fn assert_occludes(&self, label: &str, occludes: bool) {
         assert!(
             if occludes { self.occluded > 0.95 } else { self.occluded.abs() < 0.02 },
             "{label}: occludes {}",
@@ -354,7 +354,7 @@ impl Relative {
 
 /// Projected area of texels perpendicular to the light, m². The store divides areas by the cosine,
 /// clamped to at least 0.1.
-pub fn across(texels: &[Point]) -> f64 {
+pub(crate) fn across(texels: &[Point]) -> f64 {
     texels
         .iter()
         .map(|texel| f64::from(texel.extent * texel.normal[1].max(0.1)))
@@ -363,6 +363,6 @@ pub fn across(texels: &[Point]) -> f64 {
 }
 
 /// An albedo relative to the reference's, both after quantisation in the G-buffer.
-pub fn relative_albedo(albedo: f64) -> f64 {
+pub(crate) fn relative_albedo(albedo: f64) -> f64 {
     meshes::stored_albedo(albedo) / meshes::stored_albedo(f64::from(GREY))
 }

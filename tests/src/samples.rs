@@ -1,0 +1,150 @@
+//! The samples of the documents, word for word, so that they compile. A test looks for each of them
+//! here.
+
+#![allow(dead_code, unused_imports)]
+
+// README.md
+mod readme {
+    fn sample() {
+        use bevy::prelude::*;
+        use bevy_frugal_gi::prelude::*;
+
+        App::new()
+            .add_plugins((DefaultPlugins, FrugalGiPlugins))
+            .add_systems(Startup, |mut commands: Commands, assets: Res<AssetServer>| {
+                commands.spawn((
+                    Camera3d::default(),
+                    FrugalGi::default(), // global illumination on this camera
+                    FrontierMapHandle(assets.load("maps/courtyard.pareto.ron")), // and the controller
+                    Budget::power(Watts(7.0)),
+                ));
+            })
+            .run();
+    }
+}
+
+// docs/using.md
+mod using_added {
+    fn sample() {
+        use bevy::prelude::*;
+        use bevy_frugal_gi::prelude::*;
+
+        App::new()
+            .add_plugins((DefaultPlugins, FrugalGiPlugins))
+            .add_systems(Startup, |mut commands: Commands, assets: Res<AssetServer>| {
+                commands.spawn((
+                    Camera3d::default(),
+                    FrugalGi::default(), // global illumination on this camera
+                    FrontierMapHandle(assets.load("maps/courtyard.pareto.ron")), // and the controller
+                    Budget::power(Watts(7.0)),
+                ));
+            })
+            .run();
+    }
+}
+
+// docs/using.md
+mod using_selection {
+    use bevy::prelude::*;
+    use bevy_frugal_gi::prelude::*;
+
+    fn watch(selections: Query<&Selection, Changed<Selection>>) {
+        for selection in &selections {
+            match selection.status {
+                ControlStatus::Active(Outcome::Met) => {}
+                other => info!("{other:?}, predicted: {:?}", selection.predicted),
+            }
+        }
+    }
+}
+
+// docs/using.md
+mod using_cut {
+    use bevy::prelude::*;
+    use bevy_frugal_gi::prelude::*;
+
+    fn teleport(
+        mut commands: Commands,
+        mut camera: Single<(Entity, &mut Transform, &mut SettingsFilter)>,
+    ) {
+        let (entity, transform, filter) = &mut *camera;
+        **transform = Transform::from_xyz(10.0, 1.7, 3.0).looking_at(Vec3::ZERO, Vec3::Y);
+        filter.cut();
+        commands.entity(*entity).insert(CameraCut);
+    }
+}
+
+// docs/using.md
+mod using_recording {
+    use bevy::prelude::*;
+    use bevy_frugal_gi::prelude::*;
+
+    fn sample() {
+        App::new()
+            .add_plugins((
+                DefaultPlugins,
+                FrugalGiPlugins,
+                CameraRecorderPlugin::new("cameras.txt"),
+            ))
+            .add_systems(Startup, |mut commands: Commands| {
+                commands.spawn((Camera3d::default(), FrugalGi::default(), RecordCamera));
+            })
+            .run();
+    }
+}
+
+// docs/knobs.md
+mod knobs_by_hand {
+    use bevy::prelude::*;
+    use bevy_frugal_gi::prelude::*;
+
+    fn cheapest(
+        mut commands: Commands,
+        registry: Res<KnobRegistry>,
+        camera: Single<Entity, With<FrugalGi>>,
+    ) {
+        let space = registry.space().expect("sound knobs");
+        let settings = space.lowest();
+        commands.entity(*camera).insert(KnobSettings { space: space.into(), settings });
+    }
+}
+
+// docs/knobs.md
+mod own_knob {
+    fn sample() {
+        use bevy::core_pipeline::tonemapping::DebandDither;
+        use bevy::prelude::*;
+        use bevy_frugal_gi::knobs::{Knob, KnobDriver, Level};
+        use bevy_frugal_gi::prelude::*;
+
+        /// Dithering against colour banding.
+        struct Dithering;
+
+        impl KnobDriver for Dithering {
+            fn knob(&self) -> Knob {
+                // Cheapest first. The label is read on the command line and in files.
+                Knob::labelled("dithering", [(0.0, "off"), (1.0, "on")])
+            }
+
+            fn apply(&self, world: &mut World, camera: Entity, level: &Level) {
+                let dither =
+                    if level.value > 0.0 { DebandDither::Enabled } else { DebandDither::Disabled };
+                world.entity_mut(camera).insert(dither);
+            }
+        }
+
+        App::new().add_plugins((DefaultPlugins, FrugalGiPlugins)).register_knob(Dithering);
+    }
+}
+
+// docs/power.md
+mod meter {
+    use bevy::app::PluginGroupBuilder;
+    use bevy::prelude::*;
+    use bevy_frugal_gi::prelude::*;
+
+    fn sample() -> PluginGroupBuilder {
+        FrugalGiPlugins
+            .set(PowerPlugin { meter: MeterChoice::Named("cpu-time=5.0".into()), ..default() })
+    }
+}
