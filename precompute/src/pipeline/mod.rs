@@ -357,7 +357,7 @@ fn finish<M: Measure>(
         renderings: renderings.count(),
         effort: renderings.effort(),
         stages: renderings.stages().to_vec(),
-        training: smooth.rows_of(&rows),
+        training: smooth.with_rows(&rows),
         training_cameras: rows,
         noise: repeated.iter().sum::<f64>() / repeated.len().max(1) as f64,
         fitted,

@@ -38,19 +38,6 @@ impl CostTable {
         self.rows
     }
 
-    /// The table of some of the cameras, in the order of `rows`.
-    pub fn rows_of(&self, rows: &[usize]) -> Self {
-        let mut table = Self::new(rows.len());
-        for (column, settings) in self.settings.iter().enumerate() {
-            for (to, from) in rows.iter().enumerate() {
-                if let Some(cost) = self.at(*from, column) {
-                    table.set(to, *settings, cost);
-                }
-            }
-        }
-        table
-    }
-
     /// All settings with a known cost, in the order of insertion.
     pub fn settings(&self) -> &[KnobLevels] {
         &self.settings
