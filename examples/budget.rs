@@ -288,6 +288,7 @@ fn status_line(status: ControlStatus) -> String {
     match status {
         ControlStatus::Waiting => "waiting for the map".to_owned(),
         ControlStatus::Active(Outcome::Met) => "budget met".to_owned(),
+        ControlStatus::Active(Outcome::Settling) => "on the way to the budget".to_owned(),
         ControlStatus::Active(Outcome::PowerCannotBeMet) => {
             "power limit not met: cheapest settings".to_owned()
         }
