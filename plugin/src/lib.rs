@@ -70,8 +70,11 @@ impl PluginGroup for FrugalGiPlugins {
 /// The items that most apps use.
 pub mod prelude {
     pub use crate::FrugalGiPlugins;
-    pub use crate::control::{Budget, FrontierMapHandle, Selection};
-    pub use crate::frontier::FrontierMap;
+    pub use crate::control::{
+        Budget, BudgetStateChanged, ControlStatus, FrontierMapHandle, MapRejected, Outcome,
+        PowerFeedback, Selection, SettingsFilter, SettingsSwitched,
+    };
+    pub use crate::frontier::{FrontierMap, MapFit};
     pub use crate::gi::{FrugalGi, GiPixelFraction, GiRefresh};
     pub use crate::knobs::{KnobRegistry, KnobSettings, RegisterKnob, WarmKnobs};
     pub use crate::power::MeteredPower;

@@ -311,3 +311,37 @@ fn drivers_are_called_once_a_change_and_again_when_replaced() {
     app.world_mut().despawn(camera);
     app.update();
 }
+
+/// A knob of any name.
+struct Named(&'static str);
+
+impl KnobDriver for Named {
+    fn knob(&self) -> Knob {
+        Knob::new(self.0, [0.0, 1.0])
+    }
+
+    fn apply(&self, _: &mut World, _: Entity, _: &Level) {}
+}
+
+#[test]
+fn more_knobs_than_settings_pack_are_one_clear_error_and_all_are_known() {
+    let mut app = app();
+    for name in ["one", "two", "three"] {
+        app.register_knob(Named(name));
+    }
+    app.finish();
+    let registry = app.world().resource::<KnobRegistry>();
+    let error = registry.space().expect_err("17 knobs").to_string();
+    assert!(error.contains("17 knobs") && error.contains("leave some out"), "{error}");
+    let known = |app: &App| app.world().resource::<KnownKnobs>().clone();
+    assert_eq!(known(&app).0.len(), 18, "the one that must be named included");
+    // A map with 16 of them is accepted, and one with an unknown knob is not.
+    let space = |names: &[&str]| {
+        KnobSpace::new(names.iter().map(|name| Knob::new(name, [0.0])).collect()).expect("a space")
+    };
+    assert_eq!(known(&app).first_unknown(&space(&["one", "gi_vpl_count"])), None);
+    assert_eq!(known(&app).first_unknown(&space(&["one", "four"])), Some("four"));
+    app.register_knob(Named("four"));
+    app.update();
+    assert_eq!(known(&app).first_unknown(&space(&["one", "four"])), None, "registered late");
+}

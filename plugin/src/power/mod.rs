@@ -6,6 +6,7 @@
 //! | [`PowerMeter`] | contract: cumulative energy with its provenance |
 //! | [`CpuTimeMeter`], [`NvmlMeter`] | the meters |
 //! | [`ScriptedMeter`] | a meter with scripted readings, for tests |
+//! | [`SimulatedDevice`], [`SimulatedMeter`] | a device with heat, throttling and a meter, in numbers |
 //! | [`detect`], [`open`], [`survey`] | the meters of this machine, and the one that covers the rendering device |
 //! | [`self_test`] | whether a meter behaves like an energy counter |
 //! | [`EnergyWindow`] | energy between two moments, for measurements on a thread of their own |
@@ -24,6 +25,7 @@ mod plugin;
 mod sampler;
 mod scripted;
 mod self_test;
+mod simulated;
 mod tracker;
 mod window;
 
@@ -40,5 +42,6 @@ pub use plugin::{
 pub use sampler::{PowerSampler, SamplerSettings};
 pub use scripted::ScriptedMeter;
 pub use self_test::{SelfTest, Verdict, busy_cpu_load, self_test};
+pub use simulated::{SimulatedDevice, SimulatedMeter};
 pub use tracker::{MeterState, PowerSnapshot};
 pub use window::EnergyWindow;
