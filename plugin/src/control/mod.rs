@@ -16,6 +16,7 @@
 mod budget;
 mod clock;
 mod controller;
+mod divide;
 mod events;
 mod feedback;
 mod filter;
@@ -28,6 +29,7 @@ mod systems;
 pub use budget::{Budget, BudgetError};
 pub use clock::{FeedbackState, PowerFeedback};
 pub use controller::{Allocation, CameraController, Decisions, Inputs, allocate, switch};
+pub use divide::{AppBudget, CameraPriority, PowerDivision};
 pub use events::{BudgetStateChanged, MapRejected, SettingsSwitched};
 pub use feedback::{PowerCorrection, PowerModel};
 pub use filter::{SettingsFilter, TransitionTimes};
@@ -59,7 +61,7 @@ pub enum ControlSystems {
     /// Then: every camera's frontiers, and how well they fit
     /// ([`MapFit`](crate::frontier::MapFit)).
     LookUp,
-    /// Then: a point of every frontier.
+    /// Then: a point of every frontier, within the [`AppBudget`] where there is one.
     Allocate,
     /// Then: the settings on the way to it.
     Switch,
@@ -76,6 +78,7 @@ pub struct ControlPlugin;
 impl Plugin for ControlPlugin {
     fn build(&self, app: &mut App) {
         app.init_resource::<ControlSettings>()
+            .init_resource::<AppBudget>()
             .init_resource::<PowerFeedback>()
             .init_resource::<clock::ControlClock>()
             .init_resource::<clock::FeedbackModel>()
@@ -83,7 +86,9 @@ impl Plugin for ControlPlugin {
             .add_message::<SettingsSwitched>()
             .add_message::<BudgetStateChanged>()
             .add_message::<MapRejected>()
+            .register_type::<AppBudget>()
             .register_type::<Budget>()
+            .register_type::<CameraPriority>()
             .register_type::<ControlSettings>()
             .register_type::<ControlStatus>()
             .register_type::<ErrorPace>()
@@ -121,7 +126,9 @@ impl Plugin for ControlPlugin {
                     (maps::forget_changed_maps, systems::look_up)
                         .chain()
                         .in_set(ControlSystems::LookUp),
-                    systems::allocate_budgets.in_set(ControlSystems::Allocate),
+                    (systems::allocate_budgets, systems::divide_app_budget)
+                        .chain()
+                        .in_set(ControlSystems::Allocate),
                     systems::switch_settings.in_set(ControlSystems::Switch),
                     systems::write_decisions.in_set(ControlSystems::Write),
                 ),

@@ -5,7 +5,7 @@ use std::sync::Arc;
 use bevy::asset::{AssetServer, Assets};
 use bevy::camera::{Camera, Projection};
 use bevy::ecs::prelude::*;
-use bevy::log::warn;
+use bevy::log::{warn, warn_once};
 use bevy::time::{Real, Time};
 use bevy::transform::components::GlobalTransform;
 
@@ -13,9 +13,9 @@ use super::clock::ControlClock;
 use super::controller::{Allocation, Decisions, Inputs, allocate, switch};
 use super::maps::{PreparedMaps, refuse, space_of, store_of};
 use super::{
-    Budget, BudgetStateChanged, ControlSettings, ControlStatus, ErrorPace, FrontierMapHandle,
-    FrontierSource, MapRejected, OffReason, PowerFeedback, Selection, SettingsFilter,
-    SettingsSwitched,
+    AppBudget, Budget, BudgetStateChanged, CameraPriority, ControlSettings, ControlStatus,
+    ErrorPace, FrontierMapHandle, FrontierSource, MapRejected, OffReason, Outcome, PowerCorrection,
+    PowerDivision, PowerFeedback, Selection, SettingsFilter, SettingsSwitched,
 };
 use crate::frontier::{
     AppConditions, CameraView, FrontierMap, FrontierStore, MapFit, Misfit, ShownScene,
@@ -44,6 +44,8 @@ enum Step {
         view: CameraView,
         space: Arc<KnobSpace>,
         allocation: Allocation,
+        /// The camera's own limits, and its part of the app's.
+        budget: Budget,
     },
     Decided {
         space: Arc<KnobSpace>,
@@ -178,7 +180,7 @@ pub(super) fn allocate_budgets(
         };
         // This state advances every frame without a change for others to detect.
         state.step = match allocate(&inputs, pace.bypass_change_detection()) {
-            Some(allocation) => Step::Allocated { view, space, allocation },
+            Some(allocation) => Step::Allocated { view, space, allocation, budget: inputs.budget },
             None => {
                 let (status, message) = refuse(selection.status, OffReason::NothingKnown, || {
                     "no sample camera of the map has a frontier: check that its scene is not empty and its bounds do not lie inside a wall".to_owned()
@@ -190,6 +192,69 @@ pub(super) fn allocate_budgets(
     }
 }
 
+/// Divides the app's budget among the cameras, each within its own.
+pub(super) fn divide_app_budget(
+    app_budget: Res<AppBudget>,
+    feedback: Res<PowerFeedback>,
+    maps: Res<Assets<FrontierMap>>,
+    mut division: Local<PowerDivision>,
+    mut cameras: Query<(
+        Source<'static>,
+        Option<&Camera>,
+        Option<&CameraPriority>,
+        &mut CameraState,
+    )>,
+) {
+    let Some(limit) = app_budget.power.filter(|limit| limit.0 != f64::INFINITY) else { return };
+    if Budget::power(limit).validate().is_err() {
+        warn_once!("AppBudget of {} W is ignored: give a number of watts of 0 or more", limit.0);
+        return;
+    }
+    division.clear();
+    let (mut count, mut idle) = (0, Watts(0.0));
+    for (source, camera, priority, state) in &cameras {
+        let Step::Allocated { view, allocation, .. } = &state.step else { continue };
+        let Some(store) = store_of(source, &maps) else { continue };
+        let Some(found) = store.look_up(view) else { continue };
+        let size = camera.and_then(Camera::physical_viewport_size);
+        let pixels = size.map_or(1.0, |size| f64::from(size.x) * f64::from(size.y));
+        let priority = priority.map_or(1.0, |priority| priority.0);
+        let weight = if priority.is_nan() { 1.0 } else { priority } * pixels;
+        division.add(found.frontier, allocation.choice.cost.power, weight);
+        count += 1;
+        idle = store.conditions().map_or(idle, |conditions| conditions.idle);
+    }
+    // Every frontier includes the device's idle power; a meter's offset takes that into account.
+    let is_metered = feedback.correction != PowerCorrection::default();
+    let counted_again = if is_metered { 0.0 } else { count.max(1) as f64 - 1.0 };
+    let is_kept = division.divide(feedback.correction.uncorrected(limit) + idle * counted_again);
+    let mut number = 0;
+    for (source, _, _, mut state) in &mut cameras {
+        let state = state.bypass_change_detection();
+        let Step::Allocated { view, allocation, budget, .. } = &mut state.step else { continue };
+        let Some(found) = store_of(source, &maps).and_then(|store| store.look_up(view)) else {
+            continue;
+        };
+        let chosen = division.chosen(number);
+        number += 1;
+        let point = chosen.and_then(|chosen| found.frontier.points().get(chosen));
+        let choice = &mut allocation.choice;
+        if let Some(point) = point {
+            (choice.settings, choice.cost) = (point.settings, point.cost);
+        }
+        choice.outcome = match choice.outcome {
+            _ if !is_kept => Outcome::PowerCannotBeMet,
+            Outcome::Met if budget.error.is_some_and(|limit| choice.cost.error > limit) => {
+                Outcome::LimitedByPower
+            }
+            outcome => outcome,
+        };
+        let part = feedback.per_camera().corrected(choice.cost.power);
+        let own = budget.power.unwrap_or(Watts(f64::INFINITY));
+        budget.power = Some(if own < part { own } else { part });
+    }
+}
+
 /// Moves every camera's settings towards the selected ones.
 pub(super) fn switch_settings(
     time: Res<Time<Real>>,
@@ -198,20 +263,19 @@ pub(super) fn switch_settings(
     maps: Res<Assets<FrontierMap>>,
     mut cameras: Query<(
         Source<'static>,
-        Option<&Budget>,
         &mut CameraState,
         &mut SettingsFilter,
         Option<&KnobSettings>,
     )>,
 ) {
-    for (source, budget, mut state, mut filter, knobs) in &mut cameras {
+    for (source, mut state, mut filter, knobs) in &mut cameras {
         let state = state.bypass_change_detection();
-        let Step::Allocated { view, space, allocation } = &state.step else { continue };
+        let Step::Allocated { view, space, allocation, budget } = &state.step else { continue };
         let Some(store) = store_of(source, &maps) else { continue };
         let inputs = Inputs {
             store,
             view: *view,
-            budget: budget.copied().unwrap_or_default(),
+            budget: *budget,
             delta_seconds: time.delta_secs_f64(),
             // Levels of another knob space do not apply to this one.
             current: knobs

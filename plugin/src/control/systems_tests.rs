@@ -378,6 +378,49 @@ fn a_map_that_does_not_fit_says_so() {
     assert_eq!(fit(&app).outside, Some(10.0));
 }
 
+#[test]
+fn an_app_budget_is_divided_among_its_cameras() {
+    let (mut app, camera, map) = scene(Budget::default());
+    // Along −Z 6, 7 and 9 W, along +X 1, 2 and 4 W, of errors 0.2, 0.05 and 0.
+    let look =
+        GlobalTransform::from(Transform::from_xyz(3.0, 1.5, -3.0).looking_to(Vec3::X, Vec3::Y));
+    let other =
+        app.world_mut().spawn((FrontierMapHandle(map), Budget::default(), lens(), look)).id();
+    app.world_mut().resource_mut::<ControlSettings>().transition_seconds = 0.0;
+    app.world_mut().resource_mut::<ControlSettings>().fall_seconds = 0.0;
+    let powers = |app: &mut App, limit: Option<f64>| {
+        app.world_mut().resource_mut::<AppBudget>().power = limit.map(Watts);
+        app.update();
+        [camera, other]
+            .map(|camera| selection(app, camera).predicted.expect("a prediction").power.0)
+    };
+    assert_eq!(powers(&mut app, None), [9.0, 4.0]);
+    assert_eq!(powers(&mut app, Some(13.0)), [9.0, 4.0]);
+    assert_eq!(powers(&mut app, Some(9.5)), [7.0, 2.0]);
+    assert_eq!(powers(&mut app, Some(7.5)), [6.0, 1.0]);
+    assert_eq!(selection(&app, camera).status, ControlStatus::Active(Outcome::Met));
+    assert_eq!(powers(&mut app, Some(6.5)), [6.0, 1.0]);
+    for camera in [camera, other] {
+        let status = selection(&app, camera).status;
+        assert_eq!(status, ControlStatus::Active(Outcome::PowerCannotBeMet));
+    }
+    // By priority, and within a camera's own budget.
+    for (first, expected) in [(100.0, [9.0, 2.0]), (0.01, [7.0, 4.0])] {
+        app.world_mut().entity_mut(camera).insert(CameraPriority(first));
+        assert_eq!(powers(&mut app, Some(11.0)), expected);
+    }
+    set_budget(&mut app, other, Budget::power(Watts(2.5)));
+    assert_eq!(powers(&mut app, Some(11.0)), [9.0, 2.0]);
+    // An error limit that the app's budget does not allow is told.
+    set_budget(&mut app, camera, Budget::error(0.0));
+    assert_eq!(powers(&mut app, Some(9.5)), [7.0, 2.0]);
+    let status = selection(&app, camera).status;
+    assert_eq!(status, ControlStatus::Active(Outcome::LimitedByPower));
+    for ignored in [f64::NAN, -1.0, f64::INFINITY] {
+        assert_eq!(powers(&mut app, Some(ignored)), [9.0, 2.0], "{ignored}");
+    }
+}
+
 /// A reading of `watts` over the last frame.
 fn read(app: &mut App, watts: Option<f64>) {
     let mut metered = app.world_mut().get_resource_or_init::<MeteredPower>();

@@ -9,6 +9,7 @@ use bevy::reflect::Reflect;
 
 use super::{Bounds, CameraView, Capture, FrontierMap, SceneIdentity};
 use crate::power::MeterInfo;
+use crate::units::Watts;
 
 /// Conditions of a store's frontiers.
 #[derive(Clone, Copy, Debug)]
@@ -21,6 +22,8 @@ pub struct Conditions<'a> {
     pub meter: &'a MeterInfo,
     /// Where the sample cameras are.
     pub bounds: &'a Bounds,
+    /// Idle power of the device that the frontiers' power includes, once for each camera.
+    pub idle: Watts,
 }
 
 impl FrontierMap {
@@ -31,6 +34,7 @@ impl FrontierMap {
             capture: &self.capture,
             meter: &self.meter,
             bounds: &self.bounds,
+            idle: self.work_prices.idle,
         }
     }
 }
