@@ -11,7 +11,10 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
+use bevy::anti_alias::smaa::Smaa;
 use bevy::camera::CameraOutputMode;
+use bevy::pbr::ScreenSpaceAmbientOcclusion;
+use bevy::post_process::bloom::Bloom;
 use bevy::prelude::*;
 use bevy::render::render_resource::BlendState;
 use bevy_frugal_gi::control::{ControlStatus, Outcome};
@@ -48,7 +51,14 @@ fn build(scene: &Path, map: &Path) -> Result<App, String> {
     app.add_plugins((DefaultPlugins, FrugalGiPlugins, ExamplePlugin { title: "budget" }));
     let camera = app
         .world_mut()
-        .spawn((Camera3d::default(), Msaa::Off, FrugalGi::default(), tour.transform()))
+        .spawn((
+            Camera3d::default(),
+            Msaa::Off,
+            FrugalGi::default(),
+            // The effects that the map's knobs turn: a knob adds none by itself.
+            (ScreenSpaceAmbientOcclusion::default(), Smaa::default(), Bloom::NATURAL),
+            tour.transform(),
+        ))
         .id();
     frugal::stage::populate(app.world_mut(), &scene, camera).map_err(|error| error.to_string())?;
     match map {
@@ -278,6 +288,7 @@ fn status_line(status: ControlStatus) -> String {
     match status {
         ControlStatus::Waiting => "waiting for the map".to_owned(),
         ControlStatus::Active(Outcome::Met) => "budget met".to_owned(),
+        ControlStatus::Active(Outcome::Settling) => "on the way to the budget".to_owned(),
         ControlStatus::Active(Outcome::PowerCannotBeMet) => {
             "power limit not met: cheapest settings".to_owned()
         }

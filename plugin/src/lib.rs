@@ -78,10 +78,11 @@ impl PluginGroup for FrugalGiPlugins {
 pub mod prelude {
     pub use crate::FrugalGiPlugins;
     pub use crate::control::{
-        Budget, ControlPlugin, ControlSettings, ControlStatus, ErrorPace, FrontierMapHandle,
-        FrontierSource, OffReason, Outcome, Selection, SettingsFilter,
+        Budget, BudgetStateChanged, ControlPlugin, ControlSettings, ControlStatus, ErrorPace, FrontierMapHandle,
+        FrontierSource, MapRejected, OffReason, Outcome, PowerFeedback, Selection, SettingsFilter,
+        SettingsSwitched,
     };
-    pub use crate::frontier::{FrontierMap, FrontierMapPlugin, FrontierStore};
+    pub use crate::frontier::{FrontierMap, FrontierMapPlugin, FrontierStore, MapFit};
     pub use crate::gi::{
         CameraCut, FrugalGi, GI_DIAGNOSTICS, GiCounts, GiInterleave, GiLimits, GiOutput,
         GiPixelFraction, GiPlugin, GiRefresh, GiShading, GiVisibility, RsmView,

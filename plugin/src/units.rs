@@ -45,3 +45,9 @@ macro_rules! linear_unit {
     )*};
 }
 linear_unit!(Watts, Joules);
+
+impl std::iter::Sum for Watts {
+    fn sum<I: Iterator<Item = Self>>(powers: I) -> Self {
+        Self(powers.map(|power| power.0).sum())
+    }
+}

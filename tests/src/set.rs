@@ -1,6 +1,7 @@
 //! Opens small stages and controls them.
 
 use std::path::PathBuf;
+use std::sync::Arc;
 
 use bevy::app::App;
 use bevy::ecs::entity::Entity;
@@ -9,6 +10,7 @@ use bevy::ecs::world::Mut;
 use bevy::math::{UVec2, Vec3};
 use bevy::mesh::Mesh3d;
 use bevy_frugal_gi::gi::{FrugalGi, GiCounts, GiShading};
+use bevy_frugal_gi::knobs::{AppliedKnobs, KnobSettings};
 use frugal::scene::{self, CameraPose, Geometry, Light, SceneDescription};
 use frugal::stage::{Component, Output, Radiance, Stage, StageOptions};
 
@@ -95,13 +97,41 @@ pub fn camera(stage: &mut Stage) -> Entity {
         .unwrap_or_else(|error| panic!("the stage's camera: {error}"))
 }
 
-/// Settings of the camera's global illumination, including those that no knob controls.
+/// Settings of the camera's global illumination that no applied knob controls. Those that knobs do
+/// are set to their levels again with the next frame; see [`gi_without_knobs`].
 pub fn gi(stage: &mut Stage) -> Mut<'_, FrugalGi> {
     let camera = camera(stage);
     stage
         .world_mut()
         .get_mut::<FrugalGi>(camera)
         .unwrap_or_else(|| panic!("the stage's camera has GI"))
+}
+
+/// Settings of the camera's global illumination, of which no knob controls any until settings are
+/// applied again: they stay as the knobs have set them, and are the test's to change.
+pub fn gi_without_knobs(stage: &mut Stage) -> Mut<'_, FrugalGi> {
+    let entity = camera(stage);
+    let current = stage.world_mut().get::<KnobSettings>(entity).cloned();
+    if let Some(KnobSettings { space, settings }) = current
+        && space.index_of("gi_vpl_count").is_some()
+    {
+        // Applies what was asked last.
+        stage.frame();
+        let names = space.knobs().iter().map(|knob| knob.name.as_str());
+        let kept = space
+            .subset(names.filter(|name| !name.starts_with("gi_") && *name != "rsm_resolution"))
+            .expect("the space's own knobs");
+        let levels = kept.from_levels(|_, knob| {
+            space.index_of(&knob.name).map_or(0, |index| settings.level(index))
+        });
+        // Without the record of what was applied, nothing is released.
+        stage
+            .world_mut()
+            .entity_mut(entity)
+            .remove::<AppliedKnobs>()
+            .insert(KnobSettings { space: Arc::new(kept), settings: levels });
+    }
+    gi(stage)
 }
 
 /// Shades all surfaces as Lambertian.

@@ -13,7 +13,8 @@ use crate::units::Watts;
 /// - Power only: least error within the limit, in every frame (Wang et al. 2016, equation 3.2).
 /// - Error only: least power whose mean error stays within the limit (equation 3.3; for the mean
 ///   see [`ErrorRates`](crate::frontier::ErrorRates)).
-/// - Both: least error within the power limit. Power takes priority where the two conflict.
+/// - Both: least power whose mean error stays within the error limit, as long as that is within the
+///   power limit; else the least error within the power limit.
 #[derive(Component, Clone, Copy, Debug, Default, PartialEq, Reflect)]
 #[reflect(Component, Default, Clone, Debug, PartialEq)]
 #[non_exhaustive]

@@ -6,19 +6,32 @@
 //! | [`FrontierMapHandle`] or [`FrontierSource`] | the app | the source of its frontiers |
 //! | [`Budget`] | the app | its power and error limits |
 //! | [`Selection`] | the controller | the selected settings, their predicted cost, and whether the budget is met |
+//! | [`MapFit`](crate::frontier::MapFit) | the controller | how well the map fits this app |
 //! | [`ErrorPace`] | the controller | correction of the error rate for views unlike the calibration views |
 //! | [`SettingsFilter`] | the controller | the transition from old settings to new ones; the app calls [`cut`](SettingsFilter::cut) on it |
 //! | [`KnobSettings`](crate::knobs::KnobSettings) | the controller | the settings to apply |
 //!
-//! [`choose`], [`select`] and [`SettingsFilter`] do not depend on Bevy's schedule and can be used
-//! without it.
+//! [`PowerFeedback`] says how the app's meter corrects predicted watts. [`CameraController`] is the
+//! same controller without an app: plain data in, [`Decisions`] out.
 mod budget;
+mod clock;
+mod controller;
+mod divide;
+mod events;
+mod feedback;
 mod filter;
+mod history;
+mod maps;
 mod pace;
 mod select;
 mod selection;
 mod systems;
 pub use budget::{Budget, BudgetError};
+pub use clock::{FeedbackState, PowerFeedback};
+pub use controller::{Allocation, CameraController, Decisions, Inputs, allocate, switch};
+pub use divide::{AppBudget, CameraPriority, PowerDivision};
+pub use events::{BudgetStateChanged, MapRejected, SettingsSwitched};
+pub use feedback::{PowerCorrection, PowerModel};
 pub use filter::{SettingsFilter, TransitionTimes};
 pub use pace::{ErrorPace, choose};
 pub use select::{Choice, MOST_OVER_MEAN, Outcome, select};
@@ -40,11 +53,22 @@ use crate::knobs::KnownKnobs;
 #[derive(SystemSet, Clone, Copy, Debug, PartialEq, Eq, Hash)]
 #[non_exhaustive]
 pub enum ControlSystems {
-    /// Part of `PostUpdate`, after transform propagation: writes [`Selection`] and
-    /// [`KnobSettings`](crate::knobs::KnobSettings). Settings are applied before cameras are
-    /// updated, which Bevy does earlier in the schedule: a selection takes effect in the next
-    /// frame.
+    /// All of the following. Part of `PostUpdate`, after transform propagation. Settings are applied
+    /// before cameras are updated, which Bevy does earlier in the schedule: a selection takes
+    /// effect in the next frame.
     Select,
+    /// First: the frame rate, and metered against predicted power ([`PowerFeedback`]).
+    Observe,
+    /// Then: every camera's frontiers, and how well they fit
+    /// ([`MapFit`](crate::frontier::MapFit)).
+    LookUp,
+    /// Then: a point of every frontier, within the [`AppBudget`] where there is one.
+    Allocate,
+    /// Then: the settings on the way to it.
+    Switch,
+    /// Last: writes [`Selection`] and [`KnobSettings`](crate::knobs::KnobSettings), and sends
+    /// [`SettingsSwitched`], [`BudgetStateChanged`] and [`MapRejected`].
+    Write,
 }
 
 /// Adds the controller. Needs [`FrontierMapPlugin`](crate::frontier::FrontierMapPlugin) and Bevy's
@@ -55,8 +79,17 @@ pub struct ControlPlugin;
 impl Plugin for ControlPlugin {
     fn build(&self, app: &mut App) {
         app.init_resource::<ControlSettings>()
-            .init_resource::<systems::PreparedMaps>()
+            .init_resource::<AppBudget>()
+            .init_resource::<PowerFeedback>()
+            .init_resource::<clock::ControlClock>()
+            .init_resource::<clock::FeedbackModel>()
+            .init_resource::<maps::PreparedMaps>()
+            .add_message::<SettingsSwitched>()
+            .add_message::<BudgetStateChanged>()
+            .add_message::<MapRejected>()
+            .register_type::<AppBudget>()
             .register_type::<Budget>()
+            .register_type::<CameraPriority>()
             .register_type::<ControlSettings>()
             .register_type::<ControlStatus>()
             .register_type::<ErrorPace>()
@@ -64,13 +97,20 @@ impl Plugin for ControlPlugin {
             .register_type::<KnownKnobs>()
             .register_type::<OffReason>()
             .register_type::<Outcome>()
+            .register_type::<PowerFeedback>()
             .register_type::<Selection>()
             .register_type::<SettingsFilter>()
             .add_observer(systems::forget_camera::<FrontierMapHandle>)
             .add_observer(systems::forget_camera::<FrontierSource>)
-            .add_systems(
+            .configure_sets(
                 PostUpdate,
-                (systems::forget_changed_maps, systems::select_settings)
+                (
+                    ControlSystems::Observe,
+                    ControlSystems::LookUp,
+                    ControlSystems::Allocate,
+                    ControlSystems::Switch,
+                    ControlSystems::Write,
+                )
                     .chain()
                     .in_set(ControlSystems::Select)
                     // Need this frame's map changes, so that no map is read with the knobs of its
@@ -79,6 +119,20 @@ impl Plugin for ControlPlugin {
                     // Need this frame's camera transforms.
                     .after(TransformSystems::Propagate)
                     .run_if(resource_exists::<Assets<FrontierMap>>),
+            )
+            .add_systems(
+                PostUpdate,
+                (
+                    clock::observe.in_set(ControlSystems::Observe),
+                    (maps::forget_changed_maps, systems::look_up)
+                        .chain()
+                        .in_set(ControlSystems::LookUp),
+                    (systems::allocate_budgets, systems::divide_app_budget)
+                        .chain()
+                        .in_set(ControlSystems::Allocate),
+                    systems::switch_settings.in_set(ControlSystems::Switch),
+                    systems::write_decisions.in_set(ControlSystems::Write),
+                ),
             );
     }
 

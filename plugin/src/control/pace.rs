@@ -11,7 +11,7 @@ use bevy::ecs::reflect::ReflectComponent;
 use bevy::prelude::ReflectDefault;
 use bevy::reflect::Reflect;
 
-use super::{Budget, Choice, select};
+use super::{Budget, Choice, Outcome, select};
 use crate::frontier::{CameraView, FrontierStore, SampleCamera};
 
 /// Seconds in which an error of twice the target changes the error rate by a factor of e. Higher
@@ -46,9 +46,10 @@ impl ErrorPace {
     fn observe(&mut self, error: f64, target: f64, delta_seconds: f64) {
         let step = delta_seconds.clamp(0.0, MAX_FRAME_SECONDS) / TIME_CONSTANT_SECONDS
             * (error / target - 1.0);
-        if step.is_finite() {
-            self.logarithm = (self.logarithm + step).clamp(-MAX_FACTOR.ln(), MAX_FACTOR.ln());
-        }
+        // Reflection may write NaN, which would stay for ever.
+        let logarithm = if self.logarithm.is_finite() { self.logarithm } else { 0.0 };
+        let step = if step.is_finite() { step } else { 0.0 };
+        self.logarithm = (logarithm + step).clamp(-MAX_FACTOR.ln(), MAX_FACTOR.ln());
     }
 }
 
@@ -56,8 +57,8 @@ impl ErrorPace {
 /// [`select`] at the exchange rate that keeps the mean of an error budget. Apps and `frugal
 /// evaluate` share this function.
 ///
-/// `delta_seconds`: duration of the frame, seconds; counts as 0 to 0.25 s. `pace` is updated under
-/// an error limit alone, and reset when that limit changes.
+/// `delta_seconds`: duration of the frame, seconds; counts as 0 to 0.25 s. `pace` is updated while
+/// an error limit decides, and reset when that limit changes.
 ///
 /// `None` where no frontier is known at `view`, or the budget is [invalid](Budget::validate).
 pub fn choose(
@@ -74,8 +75,10 @@ pub fn choose(
     let rate =
         budget.error.and_then(|error| store.error_rate(error)).map(|rate| rate * pace.factor());
     let choice = select(found.frontier, budget, rate)?;
-    if let (None, Some(target)) =
-        (budget.power, budget.error.and_then(|error| store.error_target(error)))
+    // Where power limits the choice, the error says nothing about the rate.
+    let is_free = !matches!(choice.outcome, Outcome::LimitedByPower | Outcome::PowerCannotBeMet);
+    if let (true, Some(target)) =
+        (is_free, budget.error.and_then(|error| store.error_target(error)))
     {
         pace.observe(choice.cost.error, target, delta_seconds);
     }
@@ -182,7 +185,7 @@ mod tests {
     fn power_limits_leave_the_factor_at_one_and_extreme_frames_leave_it_finite() {
         let store = store(Some(0.019));
         let mut pace = ErrorPace::default();
-        let both = Budget::both(crate::units::Watts(3.0), 0.02);
+        let both = Budget::both(crate::units::Watts(1.2), 0.02);
         choose(&store, &view(1.0), &both, &mut pace, 1.0);
         assert_eq!(pace.factor(), 1.0);
         for delta in [f64::NAN, f64::INFINITY, -1.0, 1e300, 0.0] {
@@ -192,6 +195,12 @@ mod tests {
             }
             assert!((1.0 / 16.0..=16.0001).contains(&pace.factor()), "{delta}: {}", pace.factor());
         }
+        // A factor that reflection broke does not stay broken.
+        pace.logarithm = f64::NAN;
+        for _ in 0..3 {
+            assert!(choose(&store, &view(1.0), &Budget::error(0.02), &mut pace, 0.1).is_some());
+        }
+        assert!(pace.factor().is_finite());
         // Another budget resets the factor.
         choose(&store, &view(1.0), &Budget::error(0.05), &mut pace, 0.0);
         assert_eq!(pace.factor(), 1.0);

@@ -15,10 +15,13 @@ use crate::knobs::KnobLevels;
 pub enum Outcome {
     /// Every limit is met.
     Met,
+    /// The selected settings meet the budget; those applied, on the way to them, do not yet. Of the
+    /// applied settings only: a choice is never settling.
+    Settling,
     /// Even the cheapest settings exceed the power limit; they are selected, whatever their error.
     PowerCannotBeMet,
-    /// Even the best settings exceed the error limit, and power is unlimited; the best are
-    /// selected.
+    /// Even the best settings exceed the error limit, and power is not what limits them; the best
+    /// are selected.
     ErrorCannotBeMet,
     /// No settings meet both limits; the least error within the power limit is selected, above the
     /// error limit.
@@ -79,15 +82,23 @@ pub fn select(frontier: &Frontier, budget: &Budget, rate: Option<f64>) -> Option
                 (_, None) => choice(best, Outcome::ErrorCannotBeMet),
             }
         }
-        (Some(limit), error) => match frontier.least_error_within(limit) {
-            // With both limits, the least error within the power limit is selected whether it meets
-            // the error limit or not.
-            Some(point) if error.is_none_or(|error| point.cost.error <= error) => {
-                choice(point, Outcome::Met)
-            }
-            Some(point) => choice(point, Outcome::LimitedByPower),
+        (Some(limit), None) => match frontier.least_error_within(limit) {
+            Some(point) => choice(point, Outcome::Met),
             None => choice(cheapest, Outcome::PowerCannotBeMet),
         },
+        (Some(limit), Some(error)) => {
+            let alone = select(frontier, &Budget::error(error), rate)?;
+            if alone.cost.power <= limit {
+                return Some(alone);
+            }
+            // More power than the error limit asks for is above the power limit: all within it is
+            // used.
+            match frontier.least_error_within(limit) {
+                Some(point) if point.cost.error <= error => choice(point, Outcome::Met),
+                Some(point) => choice(point, Outcome::LimitedByPower),
+                None => choice(cheapest, Outcome::PowerCannotBeMet),
+            }
+        }
     }
 }
 
@@ -149,15 +160,22 @@ mod tests {
         assert_eq!(picked(Budget::both(Watts(3.0), 0.1)), Some((2.0, Outcome::Met)));
         assert_eq!(
             picked(Budget::both(Watts(9.0), 0.1)),
-            Some((4.0, Outcome::Met)),
-            "the least error within the power"
+            Some((2.0, Outcome::Met)),
+            "no more power than the error limit asks for"
         );
         assert_eq!(picked(Budget::both(Watts(1.5), 0.1)), Some((1.0, Outcome::LimitedByPower)));
         assert_eq!(picked(Budget::both(Watts(0.5), 0.3)), Some((1.0, Outcome::PowerCannotBeMet)));
         assert_eq!(
             picked(Budget::both(Watts(f64::INFINITY), f64::INFINITY)),
-            Some((4.0, Outcome::Met))
+            Some((1.0, Outcome::Met))
         );
+        for error in [0.0, 0.02, 0.1, 0.2, 1.0, f64::INFINITY] {
+            assert_eq!(
+                picked(Budget::both(Watts(f64::INFINITY), error)),
+                picked(Budget::error(error)),
+                "{error}"
+            );
+        }
     }
 
     #[test]
@@ -208,12 +226,16 @@ mod tests {
                 match choice.outcome {
                     Outcome::Met => {
                         prop_assert!(fits_power(choice.cost) && fits_error(choice.cost));
-                        if power.is_some() || error.is_none() {
+                        if error.is_none() {
                             prop_assert!(!fits_power(cost) || cost.error >= choice.cost.error);
                         } else {
-                            prop_assert!(!fits_error(cost) || cost.power >= choice.cost.power);
+                            prop_assert!(
+                                !(fits_power(cost) && fits_error(cost))
+                                    || cost.power >= choice.cost.power
+                            );
                         }
                     }
+                    Outcome::Settling => prop_assert!(false, "a choice is never settling"),
                     Outcome::PowerCannotBeMet => prop_assert!(!fits_power(cost) && cost.power >= choice.cost.power),
                     Outcome::ErrorCannotBeMet => prop_assert!(!fits_error(cost) && cost.error >= choice.cost.error),
                     Outcome::LimitedByPower => prop_assert!(!(fits_power(cost) && fits_error(cost)) && fits_power(choice.cost)),

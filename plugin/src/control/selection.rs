@@ -10,15 +10,16 @@ use bevy::ecs::resource::Resource;
 use bevy::prelude::ReflectDefault;
 use bevy::reflect::Reflect;
 
+use super::systems::CameraState;
 use super::{Budget, ErrorPace, Outcome, SettingsFilter, TransitionTimes};
-use crate::frontier::{CostPoint, FrontierMap, FrontierStore, SampleCamera};
+use crate::frontier::{CostPoint, FrontierMap, FrontierStore, MapFit, SampleCamera};
 use crate::knobs::{KnobLevels, KnobSpace};
 
 /// Puts a camera under the controller, with the frontiers of a map. Adds a [`Budget`] without
 /// limits unless the camera has one.
 #[derive(Component, Clone, Debug, Default, PartialEq, Eq, Reflect)]
 #[reflect(Component, Default, Clone, Debug, PartialEq)]
-#[require(Budget, ErrorPace, Selection, SettingsFilter)]
+#[require(Budget, CameraState, ErrorPace, MapFit, Selection, SettingsFilter)]
 pub struct FrontierMapHandle(pub Handle<FrontierMap>);
 
 impl From<Handle<FrontierMap>> for FrontierMapHandle {
@@ -38,7 +39,7 @@ impl AsAssetId for FrontierMapHandle {
 /// Puts a camera under the controller, with the frontiers of any [`FrontierStore`]. Takes
 /// precedence over a [`FrontierMapHandle`] on the same camera.
 #[derive(Component, Clone)]
-#[require(Budget, ErrorPace, Selection, SettingsFilter)]
+#[require(Budget, CameraState, ErrorPace, MapFit, Selection, SettingsFilter)]
 pub struct FrontierSource {
     store: Arc<dyn FrontierStore>,
     space: Arc<KnobSpace>,
@@ -85,7 +86,8 @@ pub enum ControlStatus {
     /// The map is still loading. Settings stay unchanged.
     #[default]
     Waiting,
-    /// The controller sets this camera's knobs; the outcome says whether the budget is met.
+    /// The controller sets this camera's knobs; the outcome says whether the applied settings meet
+    /// the budget.
     Active(Outcome),
     /// The controller is off. Settings stay unchanged; the reason was logged once.
     Off(OffReason),
@@ -105,8 +107,12 @@ pub struct Selection {
     /// [`ControlStatus::Active`].
     pub applied: KnobLevels,
     /// Power (watts) and error (1 − SSIM) of `target` at the sample camera; `None` unless `status`
-    /// is [`ControlStatus::Active`].
+    /// is [`ControlStatus::Active`]. Watts are corrected by the app's meter where
+    /// [`PowerFeedback`](super::PowerFeedback) runs.
     pub predicted: Option<CostPoint>,
+    /// As `predicted`, of `applied`. In a transition to settings that are dearer or cheaper it is
+    /// interpolated.
+    pub predicted_applied: Option<CostPoint>,
     /// The sample camera whose frontier was used; `None` unless `status` is
     /// [`ControlStatus::Active`].
     pub sample: Option<SampleCamera>,

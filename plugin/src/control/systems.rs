@@ -1,196 +1,351 @@
-//! The controller's systems: look up, select, filter, write.
+//! The controller's systems: observe, look up, allocate, switch, write.
 
-use std::collections::HashMap;
 use std::sync::Arc;
 
-use bevy::asset::{AssetEvent, AssetId, AssetServer, Assets, LoadState};
+use bevy::asset::{AssetServer, Assets};
 use bevy::camera::{Camera, Projection};
 use bevy::ecs::prelude::*;
-use bevy::log::warn;
+use bevy::log::{warn, warn_once};
 use bevy::time::{Real, Time};
 use bevy::transform::components::GlobalTransform;
 
+use super::clock::ControlClock;
+use super::controller::{Allocation, Decisions, Inputs, allocate, switch};
+use super::maps::{PreparedMaps, refuse, space_of, store_of};
 use super::{
-    Budget, ControlSettings, ControlStatus, ErrorPace, FrontierMapHandle, FrontierSource,
-    OffReason, Selection, SettingsFilter, choose,
+    AppBudget, Budget, BudgetStateChanged, CameraPriority, ControlSettings, ControlStatus,
+    ErrorPace, FrontierMapHandle, FrontierSource, MapRejected, OffReason, Outcome, PowerCorrection,
+    PowerDivision, PowerFeedback, Selection, SettingsFilter, SettingsSwitched,
 };
-use crate::frontier::{CameraView, FrontierMap, FrontierStore};
+use crate::frontier::{
+    AppConditions, CameraView, FrontierMap, FrontierStore, MapFit, Misfit, ShownScene,
+};
 use crate::knobs::{KnobLevels, KnobSettings, KnobSpace, KnownKnobs};
+use crate::power::MeteredPower;
+use crate::units::Watts;
 
-/// Computed once per map: its knobs, shared by all cameras, or the reason why it cannot be used.
-type Prepared = Result<Arc<KnobSpace>, (OffReason, String)>;
+/// Time for which a misfit lasts before it is logged, seconds: a slow frame or a step out of a door
+/// is none.
+const MISFIT_SECONDS: f64 = 2.0;
 
-/// Cache of validated maps, so that nothing is validated or allocated per frame.
-#[derive(Resource, Default)]
-pub(super) struct PreparedMaps(HashMap<AssetId<FrontierMap>, Prepared>);
+/// What one of a frame's systems leaves to the next.
+#[derive(Clone, Debug, Default)]
+enum Step {
+    /// The camera is inactive: everything stays as it is.
+    #[default]
+    Idle,
+    /// The controller is off or waiting.
+    Off(ControlStatus),
+    LookedUp {
+        view: CameraView,
+        space: Arc<KnobSpace>,
+    },
+    Allocated {
+        view: CameraView,
+        space: Arc<KnobSpace>,
+        allocation: Allocation,
+        /// The camera's own limits, and its part of the app's.
+        budget: Budget,
+    },
+    Decided {
+        space: Arc<KnobSpace>,
+        decisions: Decisions,
+    },
+}
 
-impl PreparedMaps {
-    fn get(
-        &mut self,
-        id: AssetId<FrontierMap>,
-        map: &FrontierMap,
-        known: Option<&KnownKnobs>,
-    ) -> &Prepared {
-        self.0.entry(id).or_insert_with(|| {
-            map.validate().map_err(|error| (OffReason::MapInvalid, error.to_string()))?;
-            check_known(&map.knobs, known)?;
-            Ok(Arc::new(map.knobs.clone()))
-        })
+/// The controller's state of one camera, from system to system and from frame to frame.
+#[derive(Component, Debug, Default)]
+pub struct CameraState {
+    step: Step,
+    /// Predicted power of the applied settings in the map's watts; `None` while the controller is
+    /// off.
+    predicted: Option<Watts>,
+    is_active: bool,
+    /// How long each misfit has lasted, seconds; infinite once it was logged.
+    misfits: [f64; Misfit::ALL.len()],
+}
+
+impl CameraState {
+    /// Predicted power of an active camera, in the map's watts; `Some(None)` if it is unknown.
+    pub(super) fn predicted(&self) -> Option<Option<Watts>> {
+        self.is_active.then_some(self.predicted)
     }
 }
 
-fn check_known(space: &KnobSpace, known: Option<&KnownKnobs>) -> Result<(), (OffReason, String)> {
-    match known.and_then(|known| known.first_unknown(space)) {
-        None => Ok(()),
-        Some(name) => {
-            let reason = format!(
-                "the map sets knob `{name}`, which this app has not registered: register it, or precompute without it"
-            );
-            Err((OffReason::UnknownKnobs, reason))
-        }
-    }
-}
+type Source<'w> = AnyOf<(&'w FrontierMapHandle, &'w FrontierSource)>;
 
-/// Invalidates the cache of maps that changed or were removed, and all of it when the known knobs
-/// change.
-pub(super) fn forget_changed_maps(
-    mut events: MessageReader<AssetEvent<FrontierMap>>,
-    known: Option<Res<KnownKnobs>>,
-    mut prepared: ResMut<PreparedMaps>,
-) {
-    for event in events.read() {
-        match event {
-            AssetEvent::Added { id }
-            | AssetEvent::Modified { id }
-            | AssetEvent::Removed { id }
-            | AssetEvent::Unused { id } => {
-                prepared.0.remove(id);
-            }
-            AssetEvent::LoadedWithDependencies { .. } => {}
-        }
-    }
-    if known.is_some_and(|known| known.is_changed()) {
-        prepared.0.clear();
-    }
-}
-
-/// Selects every controlled camera's settings and writes them to [`KnobSettings`].
-pub(super) fn select_settings(
-    mut commands: Commands,
+/// Finds every camera's frontiers, and how well they fit the app.
+pub(super) fn look_up(
     time: Res<Time<Real>>,
-    settings: Res<ControlSettings>,
-    known: Option<Res<KnownKnobs>>,
+    clock: Res<ControlClock>,
+    (known, scene, metered): (
+        Option<Res<KnownKnobs>>,
+        Option<Res<ShownScene>>,
+        Option<Res<MeteredPower>>,
+    ),
     maps: Res<Assets<FrontierMap>>,
     server: Option<Res<AssetServer>>,
     mut prepared: ResMut<PreparedMaps>,
     mut cameras: Query<(
         Entity,
-        AnyOf<(&FrontierMapHandle, &FrontierSource)>,
+        Source<'static>,
         Option<&Budget>,
         &GlobalTransform,
-        Option<&Projection>,
-        Option<&Camera>,
-        &mut Selection,
-        (&mut SettingsFilter, &mut ErrorPace),
-        Option<&mut KnobSettings>,
+        (Option<&Projection>, Option<&Camera>),
+        &Selection,
+        (&mut CameraState, &mut MapFit),
     )>,
 ) {
-    let known = known.as_deref();
     for (
         entity,
-        (handle, source),
+        source,
         budget,
         transform,
-        projection,
-        camera,
-        mut selection,
-        (mut filter, mut pace),
-        knobs,
+        (projection, camera),
+        selection,
+        (mut state, mut fit),
     ) in &mut cameras
     {
-        if camera.is_some_and(|camera| !camera.is_active) {
+        // What systems hand on to each other is no change for others to detect.
+        let state = state.bypass_change_detection();
+        state.is_active = camera.is_none_or(|camera| camera.is_active);
+        if !state.is_active {
+            state.step = Step::Idle;
             continue;
         }
-        let unlimited = Budget::default();
-        let budget = budget.unwrap_or(&unlimited);
-        let view = CameraView::from_camera(transform, projection);
-
-        let (store, space): (&dyn FrontierStore, &Arc<KnobSpace>) = if let Some(source) = source {
-            if let Err((reason, message)) = check_known(source.space(), known) {
-                turn_off(entity, &mut selection, reason, &message);
-                continue;
-            }
-            (source.store(), source.space())
-        } else if let Some(handle) = handle {
-            let id = handle.0.id();
-            let Some(map) = maps.get(id) else {
-                match server.as_ref().and_then(|server| server.get_load_state(id)) {
-                    Some(LoadState::Failed(error)) => {
-                        turn_off(entity, &mut selection, OffReason::MapNotLoaded, &error);
+        let logged = selection.status;
+        let (server, known) = (server.as_deref(), known.as_deref());
+        let found =
+            space_of(source, &maps, server, &mut prepared, known, logged).and_then(|space| {
+                match budget.map(Budget::validate) {
+                    Some(Err(error)) => {
+                        Err(refuse(logged, OffReason::InvalidBudget, || error.to_string()))
                     }
-                    _ => stand_by(&mut selection, ControlStatus::Waiting),
+                    _ => Ok(space),
                 }
+            });
+        let space = match found {
+            Ok(space) => space,
+            Err((status, message)) => {
+                log(entity, message);
+                state.step = Step::Off(status);
                 continue;
+            }
+        };
+        let view = CameraView::from_camera(transform, projection);
+        let conditions = store_of(source, &maps).and_then(FrontierStore::conditions);
+        let new = conditions.map_or_else(MapFit::default, |conditions| {
+            let app = AppConditions {
+                scene: scene.as_ref().map(|scene| &scene.0),
+                size: camera.and_then(Camera::physical_viewport_size),
+                frames_per_second: clock.frames_per_second(),
+                meter: metered.as_ref().and_then(|metered| metered.info.as_ref()),
             };
-            match prepared.get(id, map, known) {
-                Ok(space) => (map, space),
-                Err((reason, message)) => {
-                    turn_off(entity, &mut selection, *reason, message);
-                    continue;
-                }
-            }
-        } else {
-            continue;
-        };
-
-        if let Err(error) = budget.validate() {
-            turn_off(entity, &mut selection, OffReason::InvalidBudget, &error);
-            continue;
-        }
-        let delta = time.delta_secs_f64();
-        // As the filter below, this state advances every frame without a change for others to
-        // detect.
-        let Some((sample, choice)) =
-            choose(store, &view, budget, pace.bypass_change_detection(), delta)
-        else {
-            let message = "no sample camera of the map has a frontier: check that its scene is not empty and its bounds do not lie inside a wall";
-            turn_off(entity, &mut selection, OffReason::NothingKnown, &message);
-            continue;
-        };
-
-        match &knobs {
-            // The app wrote them since: continue from there. Not at the start, where no transition
-            // from the app's own settings is needed.
-            Some(knobs) if same_space(&knobs.space, space) => {
-                if filter.is_smooth() && knobs.settings != filter.applied() {
-                    filter.resume_from(knobs.settings);
-                }
-            }
-            // Levels of another knob space do not apply to this one.
-            _ => filter.cut(),
-        }
-        // The filter advances every frame without a change for others to detect.
-        let applied = filter.bypass_change_detection().step(
-            space,
-            choice.settings,
-            delta,
-            settings.times(budget),
-        );
-        let status = ControlStatus::Active(choice.outcome);
-        let predicted = Some(choice.cost);
-        selection.set_if_neq(Selection {
-            status,
-            target: choice.settings,
-            applied,
-            predicted,
-            sample: Some(sample),
+            MapFit::of(&conditions, &app, &view)
         });
-        match knobs {
-            Some(knobs) => write(knobs, space, applied),
+        fit.set_if_neq(new);
+        warn_of_misfits(entity, &new, &mut state.misfits, time.delta_secs_f64());
+        state.step = Step::LookedUp { view, space };
+    }
+}
+
+/// Selects a point of every camera's frontier.
+pub(super) fn allocate_budgets(
+    time: Res<Time<Real>>,
+    settings: Res<ControlSettings>,
+    feedback: Res<PowerFeedback>,
+    maps: Res<Assets<FrontierMap>>,
+    mut cameras: Query<(
+        Entity,
+        Source<'static>,
+        Option<&Budget>,
+        &Selection,
+        &mut CameraState,
+        &mut ErrorPace,
+    )>,
+) {
+    for (entity, source, budget, selection, mut state, mut pace) in &mut cameras {
+        let state = state.bypass_change_detection();
+        let Step::LookedUp { view, space } = &state.step else { continue };
+        let (view, space) = (*view, Arc::clone(space));
+        let Some(store) = store_of(source, &maps) else { continue };
+        let inputs = Inputs {
+            store,
+            view,
+            budget: budget.copied().unwrap_or_default(),
+            delta_seconds: time.delta_secs_f64(),
+            current: None,
+            correction: feedback.per_camera(),
+            settings: *settings,
+        };
+        // This state advances every frame without a change for others to detect.
+        state.step = match allocate(&inputs, pace.bypass_change_detection()) {
+            Some(allocation) => Step::Allocated { view, space, allocation, budget: inputs.budget },
             None => {
-                commands
-                    .entity(entity)
-                    .try_insert(KnobSettings { space: Arc::clone(space), settings: applied });
+                let (status, message) = refuse(selection.status, OffReason::NothingKnown, || {
+                    "no sample camera of the map has a frontier: check that its scene is not empty and its bounds do not lie inside a wall".to_owned()
+                });
+                log(entity, message);
+                Step::Off(status)
+            }
+        };
+    }
+}
+
+/// Divides the app's budget among the cameras, each within its own.
+pub(super) fn divide_app_budget(
+    app_budget: Res<AppBudget>,
+    feedback: Res<PowerFeedback>,
+    maps: Res<Assets<FrontierMap>>,
+    mut division: Local<PowerDivision>,
+    mut cameras: Query<(
+        Source<'static>,
+        Option<&Camera>,
+        Option<&CameraPriority>,
+        &mut CameraState,
+    )>,
+) {
+    let Some(limit) = app_budget.power.filter(|limit| limit.0 != f64::INFINITY) else { return };
+    if Budget::power(limit).validate().is_err() {
+        warn_once!("AppBudget of {} W is ignored: give a number of watts of 0 or more", limit.0);
+        return;
+    }
+    division.clear();
+    let (mut count, mut idle) = (0, Watts(0.0));
+    for (source, camera, priority, state) in &cameras {
+        let Step::Allocated { view, allocation, .. } = &state.step else { continue };
+        let Some(store) = store_of(source, &maps) else { continue };
+        let Some(found) = store.look_up(view) else { continue };
+        let size = camera.and_then(Camera::physical_viewport_size);
+        let pixels = size.map_or(1.0, |size| f64::from(size.x) * f64::from(size.y));
+        let priority = priority.map_or(1.0, |priority| priority.0);
+        let weight = if priority.is_nan() { 1.0 } else { priority } * pixels;
+        division.add(found.frontier, allocation.choice.cost.power, weight);
+        count += 1;
+        idle = store.conditions().map_or(idle, |conditions| conditions.idle);
+    }
+    // Every frontier includes the device's idle power; a meter's offset takes that into account.
+    let is_metered = feedback.correction != PowerCorrection::default();
+    let counted_again = if is_metered { 0.0 } else { count.max(1) as f64 - 1.0 };
+    let is_kept = division.divide(feedback.correction.uncorrected(limit) + idle * counted_again);
+    let mut number = 0;
+    for (source, _, _, mut state) in &mut cameras {
+        let state = state.bypass_change_detection();
+        let Step::Allocated { view, allocation, budget, .. } = &mut state.step else { continue };
+        let Some(found) = store_of(source, &maps).and_then(|store| store.look_up(view)) else {
+            continue;
+        };
+        let chosen = division.chosen(number);
+        number += 1;
+        let point = chosen.and_then(|chosen| found.frontier.points().get(chosen));
+        let choice = &mut allocation.choice;
+        if let Some(point) = point {
+            (choice.settings, choice.cost) = (point.settings, point.cost);
+        }
+        choice.outcome = match choice.outcome {
+            _ if !is_kept => Outcome::PowerCannotBeMet,
+            Outcome::Met if budget.error.is_some_and(|limit| choice.cost.error > limit) => {
+                Outcome::LimitedByPower
+            }
+            outcome => outcome,
+        };
+        let part = feedback.per_camera().corrected(choice.cost.power);
+        let own = budget.power.unwrap_or(Watts(f64::INFINITY));
+        budget.power = Some(if own < part { own } else { part });
+    }
+}
+
+/// Moves every camera's settings towards the selected ones.
+pub(super) fn switch_settings(
+    time: Res<Time<Real>>,
+    settings: Res<ControlSettings>,
+    feedback: Res<PowerFeedback>,
+    maps: Res<Assets<FrontierMap>>,
+    mut cameras: Query<(
+        Source<'static>,
+        &mut CameraState,
+        &mut SettingsFilter,
+        Option<&KnobSettings>,
+    )>,
+) {
+    for (source, mut state, mut filter, knobs) in &mut cameras {
+        let state = state.bypass_change_detection();
+        let Step::Allocated { view, space, allocation, budget } = &state.step else { continue };
+        let Some(store) = store_of(source, &maps) else { continue };
+        let inputs = Inputs {
+            store,
+            view: *view,
+            budget: *budget,
+            delta_seconds: time.delta_secs_f64(),
+            // Levels of another knob space do not apply to this one.
+            current: knobs
+                .filter(|knobs| same_space(&knobs.space, space))
+                .map(|knobs| knobs.settings),
+            correction: feedback.per_camera(),
+            settings: *settings,
+        };
+        // The filter advances every frame without a change for others to detect.
+        let decisions = switch(&inputs, allocation, filter.bypass_change_detection());
+        state.predicted = Some(decisions.uncorrected);
+        state.step = Step::Decided { space: Arc::clone(space), decisions };
+    }
+}
+
+/// Writes what was decided, and tells of changes.
+pub(super) fn write_decisions(
+    mut commands: Commands,
+    mut switched: MessageWriter<SettingsSwitched>,
+    mut changed: MessageWriter<BudgetStateChanged>,
+    mut rejected: MessageWriter<MapRejected>,
+    mut cameras: Query<(Entity, &mut CameraState, &mut Selection, Option<&mut KnobSettings>)>,
+) {
+    for (camera, mut state, mut selection, knobs) in &mut cameras {
+        let state = state.bypass_change_detection();
+        let before = *selection;
+        let new = match &state.step {
+            Step::Off(status) => Selection {
+                status: *status,
+                predicted: None,
+                predicted_applied: None,
+                sample: None,
+                ..before
+            },
+            Step::Decided { decisions, .. } => Selection {
+                status: ControlStatus::Active(decisions.outcome),
+                target: decisions.target,
+                applied: decisions.applied,
+                predicted: Some(decisions.predicted),
+                predicted_applied: Some(decisions.predicted_applied),
+                sample: Some(decisions.sample),
+            },
+            Step::Idle | Step::LookedUp { .. } | Step::Allocated { .. } => continue,
+        };
+        if let Step::Off(status) = &state.step {
+            state.predicted = None;
+            if let (ControlStatus::Off(reason), true) = (*status, *status != before.status)
+                && reason != OffReason::InvalidBudget
+            {
+                rejected.write(MapRejected { camera, reason });
+            }
+        }
+        if new.status != before.status {
+            changed.write(BudgetStateChanged { camera, from: before.status, to: new.status });
+        }
+        selection.set_if_neq(new);
+        let Step::Decided { space, decisions } = &state.step else { continue };
+        let to = decisions.applied;
+        match knobs {
+            Some(knobs) => {
+                if same_space(&knobs.space, space) && knobs.settings != to {
+                    let from = knobs.settings;
+                    let target = decisions.target;
+                    switched.write(SettingsSwitched { camera, from, to, target });
+                }
+                write(knobs, space, to);
+            }
+            None => {
+                let settings = KnobSettings { space: Arc::clone(space), settings: to };
+                commands.entity(camera).try_insert(settings);
             }
         }
     }
@@ -212,38 +367,45 @@ fn write(mut knobs: Mut<KnobSettings>, space: &Arc<KnobSpace>, applied: KnobLeve
     }
 }
 
-/// Leaves the camera's settings unchanged, and logs the reason unless it was logged before.
-fn turn_off(
-    camera: Entity,
-    selection: &mut Mut<Selection>,
-    reason: OffReason,
-    message: &dyn std::fmt::Display,
-) {
-    let status = ControlStatus::Off(reason);
-    if selection.status != status {
+fn log(camera: Entity, message: Option<String>) {
+    if let Some(message) = message {
         warn!("the power controller is off for camera {camera}: {message}");
     }
-    stand_by(selection, status);
 }
 
-fn stand_by(selection: &mut Mut<Selection>, status: ControlStatus) {
-    let kept = **selection;
-    selection.set_if_neq(Selection { status, predicted: None, sample: None, ..kept });
+/// Logs every misfit that lasts, once.
+fn warn_of_misfits(
+    camera: Entity,
+    fit: &MapFit,
+    lasted: &mut [f64; Misfit::ALL.len()],
+    delta_seconds: f64,
+) {
+    for (misfit, lasted) in Misfit::ALL.into_iter().zip(lasted) {
+        if *lasted == f64::INFINITY {
+            continue;
+        }
+        *lasted = if fit.has(misfit) { *lasted + delta_seconds } else { 0.0 };
+        if *lasted > MISFIT_SECONDS {
+            warn!(
+                "camera {camera}: its predicted power and error are off: {}",
+                fit.describe(misfit)
+            );
+            *lasted = f64::INFINITY;
+        }
+    }
 }
 
 /// Removes the controller's state from a camera that is no longer controlled. Its [`KnobSettings`]
 /// stay and belong to the app from then on.
-pub(super) fn forget_camera<C: Component>(
-    removed: On<Remove, C>,
-    mut commands: Commands,
-    cameras: Query<AnyOf<(&FrontierMapHandle, &FrontierSource)>>,
-) {
-    // The removed component is still present here. If the other kind is present too, the camera
-    // stays under control.
-    if let Ok((Some(_), Some(_))) = cameras.get(removed.entity) {
-        return;
-    }
-    commands.entity(removed.entity).try_remove::<(Selection, SettingsFilter, ErrorPace)>();
+pub(super) fn forget_camera<C: Component>(removed: On<Remove, C>, mut commands: Commands) {
+    let camera = removed.entity;
+    // The removed components are still present here, both where both are removed at once.
+    commands.queue(move |world: &mut World| {
+        let Ok(mut camera) = world.get_entity_mut(camera) else { return };
+        if !camera.contains::<FrontierMapHandle>() && !camera.contains::<FrontierSource>() {
+            camera.remove::<(Selection, SettingsFilter, ErrorPace, MapFit, CameraState)>();
+        }
+    });
 }
 
 #[cfg(test)]

@@ -9,13 +9,17 @@ use bevy::asset::io::memory::{Dir, MemoryAssetReader};
 use bevy::asset::io::{AssetSourceBuilder, AssetSourceId};
 use bevy::asset::{AssetApp, AssetPlugin, Handle};
 use bevy::camera::PerspectiveProjection;
+use bevy::ecs::message::{Message, Messages};
 use bevy::math::Vec3;
 use bevy::time::TimeUpdateStrategy;
 use bevy::transform::components::Transform;
 
 use super::*;
-use crate::control::{ControlPlugin, Outcome};
-use crate::frontier::{Corner, FrontierMapPlugin, SampleRef, ViewDirection, testing};
+use crate::control::{ControlPlugin, FeedbackState, Outcome};
+use crate::frontier::{
+    Corner, FrontierMapPlugin, SampleRef, SceneIdentity, ViewDirection, testing,
+};
+use crate::power::{MeterInfo, MeterState, Provenance};
 use crate::units::Watts;
 
 const FRAME: Duration = Duration::from_millis(125);
@@ -288,6 +292,215 @@ fn inactive_cameras_are_left_alone() {
     app.world_mut().entity_mut(camera).insert(Camera { is_active: false, ..Default::default() });
     app.update();
     assert_eq!(selection(&app, camera), Selection::default());
+}
+
+/// Messages of one kind so far.
+fn messages<M: Message + Copy>(app: &App) -> Vec<M> {
+    app.world().resource::<Messages<M>>().iter_current_update_messages().copied().collect()
+}
+
+#[test]
+fn a_transition_is_not_met_before_it_arrives() {
+    let (mut app, camera, _) = scene(Budget::default());
+    app.update();
+    set_budget(&mut app, camera, Budget::power(Watts(6.0)));
+    let mut seen = Vec::new();
+    for _ in 0..6 {
+        app.update();
+        let found = selection(&app, camera);
+        let predicted = found.predicted_applied.expect("a prediction").power.0;
+        let is_met = found.status == ControlStatus::Active(Outcome::Met);
+        assert_eq!(is_met, predicted <= 6.0, "{found:?}");
+        assert_eq!(found.predicted.map(|cost| cost.power.0), Some(6.0));
+        seen.push(found.status);
+    }
+    assert_eq!(seen[0], ControlStatus::Active(Outcome::Settling));
+    assert_eq!(seen[5], ControlStatus::Active(Outcome::Met));
+}
+
+#[test]
+fn switches_and_states_are_told_once() {
+    let (mut app, camera, map) = scene(Budget::default());
+    app.update();
+    let to = ControlStatus::Active(Outcome::Met);
+    let first = BudgetStateChanged { camera, from: ControlStatus::Waiting, to };
+    assert_eq!(messages::<BudgetStateChanged>(&app), [first]);
+    assert_eq!(messages::<SettingsSwitched>(&app), [], "the first settings are no switch");
+    app.world_mut().resource_mut::<ControlSettings>().fall_seconds = 0.0;
+    set_budget(&mut app, camera, Budget::power(Watts(6.0)));
+    app.update();
+    let switch = SettingsSwitched { camera, from: at(4, 2), to: at(0, 0), target: at(0, 0) };
+    assert_eq!(messages::<SettingsSwitched>(&app), [switch]);
+    for _ in 0..3 {
+        app.update();
+        assert_eq!(messages::<SettingsSwitched>(&app), []);
+        assert_eq!(messages::<BudgetStateChanged>(&app), []);
+    }
+    let newer = FrontierMap { version: FrontierMap::VERSION + 1, ..testing::map(1) };
+    *app.world_mut().resource_mut::<Assets<FrontierMap>>().get_mut(&map).expect("the map") = newer;
+    app.update();
+    let rejected = MapRejected { camera, reason: OffReason::MapInvalid };
+    assert_eq!(messages::<MapRejected>(&app), [rejected]);
+    app.update();
+    assert_eq!(messages::<MapRejected>(&app), []);
+}
+
+#[test]
+fn removing_both_sources_at_once_forgets_the_camera() {
+    let (mut app, camera, _) = scene(Budget::default());
+    let store = FrontierSource::new(testing::map(1));
+    app.world_mut().entity_mut(camera).insert(store);
+    app.update();
+    app.world_mut().entity_mut(camera).remove::<(FrontierMapHandle, FrontierSource)>();
+    app.update();
+    let camera = app.world().entity(camera);
+    assert!(!camera.contains::<Selection>() && !camera.contains::<CameraState>());
+    assert!(!camera.contains::<SettingsFilter>() && !camera.contains::<MapFit>());
+}
+
+#[test]
+fn a_map_that_does_not_fit_says_so() {
+    let (mut app, camera, _) = scene(Budget::default());
+    app.update();
+    let fit = |app: &App| *app.world().get::<MapFit>(camera).expect("a fit");
+    assert_eq!(fit(&app).outside, Some(0.0));
+    assert!(!fit(&app).has(Misfit::Outside) && !fit(&app).has(Misfit::Scene));
+    app.world_mut().insert_resource(ShownScene(SceneIdentity {
+        name: "another".into(),
+        fingerprint: "ab".into(),
+    }));
+    let far = GlobalTransform::from(Transform::from_xyz(0.0, 12.0, 0.0));
+    app.world_mut().entity_mut(camera).insert(far);
+    // The map is of 30 Hz, and this app runs at 8 Hz.
+    run(&mut app, 10);
+    let misfits: Vec<_> = fit(&app).misfits().collect();
+    assert!(misfits.contains(&Misfit::Scene) && misfits.contains(&Misfit::FrameRate));
+    assert_eq!(fit(&app).outside, Some(10.0));
+}
+
+#[test]
+fn an_app_budget_is_divided_among_its_cameras() {
+    let (mut app, camera, map) = scene(Budget::default());
+    // Along −Z 6, 7 and 9 W, along +X 1, 2 and 4 W, of errors 0.2, 0.05 and 0.
+    let look =
+        GlobalTransform::from(Transform::from_xyz(3.0, 1.5, -3.0).looking_to(Vec3::X, Vec3::Y));
+    let other =
+        app.world_mut().spawn((FrontierMapHandle(map), Budget::default(), lens(), look)).id();
+    app.world_mut().resource_mut::<ControlSettings>().transition_seconds = 0.0;
+    app.world_mut().resource_mut::<ControlSettings>().fall_seconds = 0.0;
+    let powers = |app: &mut App, limit: Option<f64>| {
+        app.world_mut().resource_mut::<AppBudget>().power = limit.map(Watts);
+        app.update();
+        [camera, other]
+            .map(|camera| selection(app, camera).predicted.expect("a prediction").power.0)
+    };
+    assert_eq!(powers(&mut app, None), [9.0, 4.0]);
+    assert_eq!(powers(&mut app, Some(13.0)), [9.0, 4.0]);
+    assert_eq!(powers(&mut app, Some(9.5)), [7.0, 2.0]);
+    assert_eq!(powers(&mut app, Some(7.5)), [6.0, 1.0]);
+    assert_eq!(selection(&app, camera).status, ControlStatus::Active(Outcome::Met));
+    assert_eq!(powers(&mut app, Some(6.5)), [6.0, 1.0]);
+    for camera in [camera, other] {
+        let status = selection(&app, camera).status;
+        assert_eq!(status, ControlStatus::Active(Outcome::PowerCannotBeMet));
+    }
+    // By priority, and within a camera's own budget.
+    for (first, expected) in [(100.0, [9.0, 2.0]), (0.01, [7.0, 4.0])] {
+        app.world_mut().entity_mut(camera).insert(CameraPriority(first));
+        assert_eq!(powers(&mut app, Some(11.0)), expected);
+    }
+    set_budget(&mut app, other, Budget::power(Watts(2.5)));
+    assert_eq!(powers(&mut app, Some(11.0)), [9.0, 2.0]);
+    // An error limit that the app's budget does not allow is told.
+    set_budget(&mut app, camera, Budget::error(0.0));
+    assert_eq!(powers(&mut app, Some(9.5)), [7.0, 2.0]);
+    let status = selection(&app, camera).status;
+    assert_eq!(status, ControlStatus::Active(Outcome::LimitedByPower));
+    for ignored in [f64::NAN, -1.0, f64::INFINITY] {
+        assert_eq!(powers(&mut app, Some(ignored)), [9.0, 2.0], "{ignored}");
+    }
+}
+
+/// A reading of `watts` over the last frame.
+fn read(app: &mut App, watts: Option<f64>) {
+    let mut metered = app.world_mut().get_resource_or_init::<MeteredPower>();
+    let state = if watts.is_some() {
+        MeterState::Running
+    } else {
+        MeterState::Lost { reason: "unplugged".into() }
+    };
+    *metered = MeteredPower {
+        latest: watts.map(Watts),
+        mean: watts.map(Watts),
+        interval_seconds: watts.map(|_| FRAME.as_secs_f64()),
+        sample_count: metered.sample_count + 1,
+        info: Some(MeterInfo {
+            name: "simulated".into(),
+            provenance: Provenance::Measured,
+            description: String::new(),
+        }),
+        state,
+    };
+    app.update();
+}
+
+#[test]
+fn a_budget_is_held_on_a_device_that_is_hungrier_than_the_maps() {
+    let (mut app, camera, _) = scene(Budget::power(Watts(10.0)));
+    run(&mut app, 3);
+    let feedback = |app: &App| *app.world().resource::<PowerFeedback>();
+    assert_eq!((feedback(&app).state, applied(&app, camera)), (FeedbackState::Off, at(4, 2)));
+    // 9 W by the map, 13.5 W by the meter; 6 W by the map is within 10 W.
+    for _ in 0..24 {
+        let predicted = app
+            .world()
+            .get::<CameraState>(camera)
+            .and_then(CameraState::predicted)
+            .flatten()
+            .expect("a prediction");
+        read(&mut app, Some(1.5 * predicted.0));
+    }
+    assert_eq!(feedback(&app).state, FeedbackState::Running);
+    let found = selection(&app, camera);
+    assert_eq!(found.status, ControlStatus::Active(Outcome::Met));
+    assert_eq!(applied(&app, camera), at(0, 0));
+    let predicted = found.predicted_applied.expect("a prediction").power.0;
+    assert!((predicted / 9.0 - 1.0).abs() < 0.05, "{predicted} W, corrected");
+    // A lost meter leaves its correction, and a disabled one nothing.
+    read(&mut app, None);
+    run(&mut app, 8);
+    assert_eq!((feedback(&app).state, applied(&app, camera)), (FeedbackState::Held, at(0, 0)));
+    app.world_mut().resource_mut::<PowerFeedback>().is_enabled = false;
+    run(&mut app, 20);
+    assert_eq!((feedback(&app).state, applied(&app, camera)), (FeedbackState::Off, at(4, 2)));
+}
+
+#[test]
+fn a_modelled_meter_other_than_the_maps_is_not_trusted() {
+    let (mut app, camera, _) = scene(Budget::power(Watts(10.0)));
+    run(&mut app, 3);
+    for name in ["other", "cpu-time"] {
+        for _ in 0..12 {
+            let mut metered = app.world_mut().get_resource_or_init::<MeteredPower>();
+            *metered = MeteredPower {
+                latest: Some(Watts(20.0)),
+                interval_seconds: Some(FRAME.as_secs_f64()),
+                sample_count: metered.sample_count + 1,
+                info: Some(MeterInfo {
+                    name: name.into(),
+                    provenance: Provenance::Modelled,
+                    description: String::new(),
+                }),
+                state: MeterState::Running,
+                ..Default::default()
+            };
+            app.update();
+        }
+        let is_map_meter = name == "cpu-time";
+        let state = app.world().resource::<PowerFeedback>().state;
+        assert_eq!(state == FeedbackState::Running, is_map_meter, "{name}: {state:?}");
+        assert_eq!(applied(&app, camera) == at(0, 0), is_map_meter, "{name}");
+    }
 }
 
 #[test]

@@ -6,7 +6,8 @@ use bevy::asset::{AssetApp, AssetLoader, LoadContext};
 use bevy::reflect::TypePath;
 
 use super::{
-    Bounds, Capture, FrontierMap, FrontierMapError, SampleCamera, SceneIdentity, Thresholds,
+    Bounds, Capture, FrontierMap, FrontierMapError, MapFit, SampleCamera, SceneIdentity,
+    ShownScene, Thresholds,
 };
 
 /// Asset loader of [`FrontierMap`]s from `*.pareto.ron` files: RON text in UTF-8, validated. Fails
@@ -64,6 +65,8 @@ impl Plugin for FrontierMapPlugin {
             .register_type::<Capture>()
             .register_type::<Thresholds>()
             .register_type::<Bounds>()
-            .register_type::<SampleCamera>();
+            .register_type::<SampleCamera>()
+            .register_type::<MapFit>()
+            .register_type::<ShownScene>();
     }
 }

@@ -1,6 +1,8 @@
 //! Pareto frontiers and the map that stores one for every sample camera.
 mod asset;
+mod conditions;
 mod error_rates;
+mod estimate;
 mod map;
 mod map_error;
 mod octree;
@@ -12,6 +14,7 @@ pub(crate) mod testing;
 mod view;
 mod view_cube;
 pub use asset::{FrontierMapLoadError, FrontierMapLoader, FrontierMapPlugin};
+pub use conditions::{AppConditions, Comparison, Conditions, MapFit, Misfit, ShownScene};
 pub use error_rates::{ErrorRate, ErrorRates};
 pub use map::{Bounds, Capture, FrontierMap, SceneIdentity, Thresholds, WorkPrices};
 pub use map_error::FrontierMapError;

@@ -4,7 +4,7 @@ use bevy::math::Vec3;
 use bevy::reflect::Reflect;
 
 use super::view_cube::directions_by_coverage;
-use super::{Bounds, CameraView, Frontier, FrontierMap, Leaf, Octree, ViewDirection};
+use super::{Bounds, CameraView, Conditions, Frontier, FrontierMap, Leaf, Octree, ViewDirection};
 use crate::knobs::KnobSpace;
 
 /// A source of frontiers: [`FrontierMap`], with its octree and view cubes, or any other structure
@@ -25,6 +25,12 @@ pub trait FrontierStore: Send + Sync {
     /// budget then limits each frame's error.
     fn error_rate(&self, budget: f64) -> Option<f64> {
         let _ = budget;
+        None
+    }
+
+    /// What the frontiers' watts and errors refer to. `None` where it is unknown: the app is then
+    /// not compared with it.
+    fn conditions(&self) -> Option<Conditions<'_>> {
         None
     }
 
@@ -105,6 +111,10 @@ impl FrontierStore for FrontierMap {
 
     fn error_target(&self, budget: f64) -> Option<f64> {
         self.error_rates.target(budget)
+    }
+
+    fn conditions(&self) -> Option<Conditions<'_>> {
+        Some(self.conditions())
     }
 }
 

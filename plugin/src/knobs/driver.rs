@@ -34,34 +34,78 @@ pub trait KnobDriver: Send + Sync + 'static {
         false
     }
 
-    /// Applies `level`, one of [`knob`](Self::knob)'s. Called only when it differs from the level
-    /// last applied to `camera`, or to the app for a knob of [app scope](KnobScope::App).
+    /// Applies `level`. Called when its value differs from the one last applied to `camera`, or to
+    /// the app for a knob of [app scope](KnobScope::App), and when
+    /// [`is_applied`](Self::is_applied) is false.
     ///
     /// `camera` is an existing entity with a `Camera`. Must not panic when the component or
-    /// resource that the knob changes is missing: the knob then has no effect.
+    /// resource that the knob changes is missing: the knob then has no effect. Should add no effect
+    /// that the app did not author, such as bloom on a camera without it.
     fn apply(&self, world: &mut World, camera: Entity, level: &Level);
+
+    /// Whether the state is as [`apply`](Self::apply) left it at `level`: false where the app has
+    /// added or overwritten the component that the knob changes. Called once per camera and frame,
+    /// so it should take some nanoseconds and must not allocate. True by default.
+    fn is_applied(&self, world: &World, camera: Entity, level: &Level) -> bool {
+        let _ = (world, camera, level);
+        true
+    }
+
+    /// Restores what the app had authored, when the camera's settings no longer contain the knob.
+    /// For a knob of [app scope](KnobScope::App), when no active camera's do; `camera`, which had
+    /// the highest level, may then no longer exist. Leaves the last level by default.
+    fn release(&self, world: &mut World, camera: Entity) {
+        let _ = (world, camera);
+    }
+}
+
+/// A driver, with what it says of itself: asking it again would build its knob anew.
+#[derive(Clone)]
+pub(super) struct Registered {
+    pub name: String,
+    pub scope: KnobScope,
+    pub driver: Arc<dyn KnobDriver>,
 }
 
 /// All knobs of the app, in the order of registration.
 #[derive(Resource, Clone, Default)]
 pub struct KnobRegistry {
-    drivers: Vec<Arc<dyn KnobDriver>>,
+    drivers: Vec<Registered>,
+    /// Number of additions and replacements.
+    revision: u64,
 }
 
 impl KnobRegistry {
     /// Adds a knob. Replaces a knob of the same name, in place.
     pub fn add(&mut self, driver: impl KnobDriver) {
-        let name = driver.knob().name;
-        let driver: Arc<dyn KnobDriver> = Arc::new(driver);
-        match self.drivers.iter_mut().find(|old| old.knob().name == name) {
-            Some(old) => *old = driver,
-            None => self.drivers.push(driver),
+        let new = Registered {
+            name: driver.knob().name,
+            scope: driver.scope(),
+            driver: Arc::new(driver),
+        };
+        match self.drivers.iter_mut().find(|old| old.name == new.name) {
+            Some(old) => *old = new,
+            None => self.drivers.push(new),
         }
+        self.revision += 1;
     }
 
     /// The driver of the knob called `name`; `None` if none is registered.
     pub fn get(&self, name: &str) -> Option<&Arc<dyn KnobDriver>> {
-        self.drivers.iter().find(|driver| driver.knob().name == name)
+        self.drivers.iter().find(|known| known.name == name).map(|known| &known.driver)
+    }
+
+    /// Names of all knobs, opt-in ones included, in the order of registration.
+    pub fn names(&self) -> impl Iterator<Item = &str> {
+        self.drivers.iter().map(|known| known.name.as_str())
+    }
+
+    pub(super) fn drivers(&self) -> &[Registered] {
+        &self.drivers
+    }
+
+    pub(super) fn revision(&self) -> u64 {
+        self.revision
     }
 
     /// The space of all knobs that are not opt-in, in the order of registration.
@@ -80,11 +124,11 @@ impl KnobRegistry {
     /// [`KnobSpaceError`] when there are more knobs than settings can pack, or one has invalid
     /// levels.
     pub fn space_with(&self, is_named: impl Fn(&str) -> bool) -> Result<KnobSpace, KnobSpaceError> {
-        let offered = self.drivers.iter().map(|driver| (driver.knob(), driver.is_opt_in()));
         KnobSpace::new(
-            offered
-                .filter(|(knob, opt_in)| !opt_in || is_named(&knob.name))
-                .map(|(knob, _)| knob)
+            self.drivers
+                .iter()
+                .filter(|known| !known.driver.is_opt_in() || is_named(&known.name))
+                .map(|known| known.driver.knob())
                 .collect(),
         )
     }

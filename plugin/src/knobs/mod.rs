@@ -10,14 +10,16 @@ mod apply;
 mod builtin;
 mod driver;
 mod known;
+mod reconcile;
 mod settings;
 mod space;
 mod warm;
 
 pub use crate::schedule::KnobSystems;
-pub use apply::{AppliedKnobs, KnobPlugin};
+pub use apply::KnobPlugin;
 pub use driver::{KnobDriver, KnobRegistry, KnobScope, RegisterKnob};
 pub use known::KnownKnobs;
+pub use reconcile::AppliedKnobs;
 pub use settings::KnobSettings;
 pub use space::{DependsOn, Knob, KnobLevels, KnobSpace, KnobSpaceError, Level};
 pub use warm::WarmKnobs;

@@ -153,11 +153,12 @@ fn warm_knobs(
         }
         match warm.step(busy) {
             Some(next) if settings != Some(&next) => {
-                commands.entity(entity).insert(next);
+                // The camera may be despawned by the same flush.
+                commands.entity(entity).try_insert(next);
             }
             Some(_) => {}
             None => {
-                commands.entity(entity).remove::<WarmKnobs>();
+                commands.entity(entity).try_remove::<WarmKnobs>();
             }
         }
     }

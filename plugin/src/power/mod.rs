@@ -6,6 +6,7 @@
 //! | [`PowerMeter`] | contract: cumulative energy with its provenance |
 //! | [`CpuTimeMeter`], [`NvmlMeter`] | the meters |
 //! | [`detect`], [`open`] | the meters of this machine, and the one that covers the rendering device |
+//! | [`SimulatedDevice`], [`SimulatedMeter`] | a device with heat, throttling and a meter, in numbers |
 //! | [`PowerPlugin`] | the sampler in a Bevy app: [`MeteredPower`] and a diagnostic |
 //!
 //! The feature `meter-tools` adds what a tool needs that measures on a thread of its own: `survey` of
@@ -25,6 +26,7 @@ mod sampler;
 mod scripted;
 #[cfg(any(test, feature = "meter-tools"))]
 mod self_test;
+mod simulated;
 mod tracker;
 mod window;
 
@@ -44,6 +46,7 @@ pub use sampler::SamplerSettings;
 pub(crate) use scripted::ScriptedMeter;
 #[cfg(feature = "meter-tools")]
 pub use self_test::{SelfTest, Verdict, busy_cpu_load, self_test};
+pub use simulated::{SimulatedDevice, SimulatedMeter};
 pub use tracker::MeterState;
 pub(crate) use tracker::PowerSnapshot;
 #[cfg(feature = "meter-tools")]

@@ -60,16 +60,17 @@ impl NvmlMeter {
     }
 
     /// Opens the board of a rendering adapter, found by its PCI address, or by its name where the
-    /// address is unknown. Without both, opens board 0.
+    /// address is unknown. Without both, opens the only board.
     ///
     /// # Errors
     /// As [`open`](Self::open), and [`MeterError::Unavailable`] when the adapter is not an NVIDIA
-    /// board, such as another vendor's GPU in a laptop with two.
+    /// board, such as another vendor's GPU in a laptop with two, or is unknown where there are
+    /// several boards.
     pub fn for_adapter(adapter: &Adapter) -> Result<Self, MeterError> {
         let nvml = load()?;
         let (index, board) = match adapter_board(&nvml, adapter) {
             Some(found) => found?,
-            None if adapter.name.is_empty() => (0, board_name(&nvml, 0)?),
+            None if adapter.name.is_empty() => only_board(&nvml)?,
             None => board_named(&nvml, &adapter.name)?,
         };
         Self::checked(nvml, index, board)
@@ -122,6 +123,19 @@ fn load() -> Result<Nvml, MeterError> {
             })
         }
         outcome => outcome.map_err(meter_error),
+    }
+}
+
+/// The machine's board, where there is one: any of several might not be the one that renders.
+fn only_board(nvml: &Nvml) -> Result<(u32, String), MeterError> {
+    match nvml.device_count().map_err(meter_error)? {
+        0 | 1 => Ok((0, board_name(nvml, 0)?)),
+        boards => Err(MeterError::unavailable(
+            NvmlMeter::NAME,
+            format!(
+                "the rendering adapter is unknown, and there are {boards} boards: name one as nvml=INDEX"
+            ),
+        )),
     }
 }
 

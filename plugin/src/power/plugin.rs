@@ -70,6 +70,11 @@ pub struct MeteredPower {
     pub latest: Option<Watts>,
     /// Smoothed power, in watts; finite, at least 0. `None` while unknown.
     pub mean: Option<Watts>,
+    /// Length of the interval that `latest` is the mean of, in seconds; above 0. `None` while
+    /// unknown.
+    pub interval_seconds: Option<f64>,
+    /// Number of intervals so far: another number is another reading.
+    pub sample_count: u64,
     /// The meter and its provenance, once it is open. Show a modelled figure as modelled.
     pub info: Option<MeterInfo>,
     /// Whether the power is known, and if not, why.
@@ -178,6 +183,8 @@ fn publish_power(
     *metered = MeteredPower {
         latest: snapshot.latest,
         mean: snapshot.mean,
+        interval_seconds: snapshot.interval.map(|interval| interval.as_secs_f64()),
+        sample_count: snapshot.sample_count,
         info: snapshot.info,
         state: snapshot.state,
     };

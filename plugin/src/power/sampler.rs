@@ -3,7 +3,10 @@
 
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError, mpsc};
 use std::thread::{self, JoinHandle};
-use std::time::{Duration, Instant};
+use std::time::Duration;
+
+// The standard one panics in a browser.
+use bevy::platform::time::Instant;
 
 use crate::power::tracker::PowerTracker;
 use crate::power::window::least_window;
@@ -151,7 +154,7 @@ impl PowerSampler {
         if self.thread.as_ref().is_none_or(JoinHandle::is_finished) {
             return Some("the meter panicked".to_owned());
         }
-        let timeout = HANG_TIMEOUT.max(published.interval * HANG_INTERVALS);
+        let timeout = HANG_TIMEOUT.max(published.interval.saturating_mul(HANG_INTERVALS));
         // Reports the limit and not the elapsed time, which would change the reason at every call.
         (published.at.elapsed() > timeout)
             .then(|| format!("the meter has not answered for {:.0} s", timeout.as_secs_f64()))
@@ -308,6 +311,15 @@ mod tests {
         let start = Instant::now();
         drop(sampler);
         assert!(start.elapsed() < Duration::from_secs(15), "the meter hangs for 30 s");
+    }
+
+    #[test]
+    fn the_longest_interval_overflows_nothing() {
+        let settings = SamplerSettings { interval: Duration::MAX, ..QUICK };
+        let meter = Box::new(ScriptedMeter::joules([1.0, 2.0]));
+        let sampler = PowerSampler::start(meter, settings).unwrap();
+        let snapshot = wait_for(&sampler, "meter", |snapshot| snapshot.info.is_some());
+        assert_eq!(snapshot.latest, None, "one reading gives no power");
     }
 
     #[test]

@@ -57,6 +57,8 @@ pub(crate) struct PowerSnapshot {
     /// Exponential mean of `latest`, in watts; finite, at least 0. `None` unless the state is
     /// `Running`.
     pub mean: Option<Watts>,
+    /// Length of the interval of `latest`. `None` unless the state is `Running`.
+    pub interval: Option<Duration>,
     /// Number of valid intervals.
     pub sample_count: u64,
     /// Number of intervals dropped because the counter fell or jumped, or time went backwards.
@@ -71,6 +73,7 @@ impl PowerSnapshot {
         self.state = state;
         self.latest = None;
         self.mean = None;
+        self.interval = None;
     }
 }
 
@@ -151,7 +154,7 @@ impl PowerTracker {
         if energy == base.energy {
             // An unchanged counter is not 0 W: the interval grows until the counter updates or
             // counts as stuck.
-            if elapsed >= STUCK_AFTER.max(self.window * STUCK_AFTER_WINDOWS) {
+            if elapsed >= STUCK_AFTER.max(self.window.saturating_mul(STUCK_AFTER_WINDOWS)) {
                 self.lose(MeterError::broken(self.name.as_str(), did_not_move(elapsed)));
                 self.stuck = true;
                 self.base = Some(now);
@@ -183,6 +186,7 @@ impl PowerTracker {
             _ => power,
         });
         snapshot.latest = Some(power);
+        snapshot.interval = Some(elapsed);
         snapshot.state = MeterState::Running;
         snapshot.sample_count += 1;
     }

@@ -1,6 +1,8 @@
 //! Energy between two moments, for a measurement on a thread of its own with exact bounds.
 
-use std::time::{Duration, Instant};
+use std::time::Duration;
+
+use bevy::platform::time::Instant;
 
 use crate::power::{MeterError, PowerMeter};
 use crate::units::{Joules, Watts};

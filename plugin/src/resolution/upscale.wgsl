@@ -23,22 +23,23 @@ fn upscale(in: FullscreenVertexOutput) -> @location(0) vec4<f32> {
     let tap12 = (center + w2 / w12) / size;
     let tap3 = (center + 2.0) / size;
 
-    var sum = vec3(0.0);
-    sum += textureSampleLevel(source_texture, source_sampler, vec2(tap0.x, tap0.y), 0.0).rgb * (w0.x * w0.y);
-    sum += textureSampleLevel(source_texture, source_sampler, vec2(tap12.x, tap0.y), 0.0).rgb * (w12.x * w0.y);
-    sum += textureSampleLevel(source_texture, source_sampler, vec2(tap3.x, tap0.y), 0.0).rgb * (w3.x * w0.y);
-    sum += textureSampleLevel(source_texture, source_sampler, vec2(tap0.x, tap12.y), 0.0).rgb * (w0.x * w12.y);
-    sum += textureSampleLevel(source_texture, source_sampler, vec2(tap12.x, tap12.y), 0.0).rgb * (w12.x * w12.y);
-    sum += textureSampleLevel(source_texture, source_sampler, vec2(tap3.x, tap12.y), 0.0).rgb * (w3.x * w12.y);
-    sum += textureSampleLevel(source_texture, source_sampler, vec2(tap0.x, tap3.y), 0.0).rgb * (w0.x * w3.y);
-    sum += textureSampleLevel(source_texture, source_sampler, vec2(tap12.x, tap3.y), 0.0).rgb * (w12.x * w3.y);
-    sum += textureSampleLevel(source_texture, source_sampler, vec2(tap3.x, tap3.y), 0.0).rgb * (w3.x * w3.y);
+    var sum = vec4(0.0);
+    sum += textureSampleLevel(source_texture, source_sampler, vec2(tap0.x, tap0.y), 0.0) * (w0.x * w0.y);
+    sum += textureSampleLevel(source_texture, source_sampler, vec2(tap12.x, tap0.y), 0.0) * (w12.x * w0.y);
+    sum += textureSampleLevel(source_texture, source_sampler, vec2(tap3.x, tap0.y), 0.0) * (w3.x * w0.y);
+    sum += textureSampleLevel(source_texture, source_sampler, vec2(tap0.x, tap12.y), 0.0) * (w0.x * w12.y);
+    sum += textureSampleLevel(source_texture, source_sampler, vec2(tap12.x, tap12.y), 0.0) * (w12.x * w12.y);
+    sum += textureSampleLevel(source_texture, source_sampler, vec2(tap3.x, tap12.y), 0.0) * (w3.x * w12.y);
+    sum += textureSampleLevel(source_texture, source_sampler, vec2(tap0.x, tap3.y), 0.0) * (w0.x * w3.y);
+    sum += textureSampleLevel(source_texture, source_sampler, vec2(tap12.x, tap3.y), 0.0) * (w12.x * w3.y);
+    sum += textureSampleLevel(source_texture, source_sampler, vec2(tap3.x, tap3.y), 0.0) * (w3.x * w3.y);
 
     let last = vec2<i32>(size) - 1;
     let corner = vec2<i32>(center - 0.5);
-    let a = textureLoad(source_texture, clamp(corner, vec2(0), last), 0).rgb;
-    let b = textureLoad(source_texture, clamp(corner + vec2(1, 0), vec2(0), last), 0).rgb;
-    let c = textureLoad(source_texture, clamp(corner + vec2(0, 1), vec2(0), last), 0).rgb;
-    let d = textureLoad(source_texture, clamp(corner + vec2(1, 1), vec2(0), last), 0).rgb;
-    return vec4(clamp(sum, min(min(a, b), min(c, d)), max(max(a, b), max(c, d))), 1.0);
+    let a = textureLoad(source_texture, clamp(corner, vec2(0), last), 0);
+    let b = textureLoad(source_texture, clamp(corner + vec2(1, 0), vec2(0), last), 0);
+    let c = textureLoad(source_texture, clamp(corner + vec2(0, 1), vec2(0), last), 0);
+    let d = textureLoad(source_texture, clamp(corner + vec2(1, 1), vec2(0), last), 0);
+    // Alpha, too: a camera over another leaves the image under it where it has drawn nothing.
+    return clamp(sum, min(min(a, b), min(c, d)), max(max(a, b), max(c, d)));
 }

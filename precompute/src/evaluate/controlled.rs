@@ -1,6 +1,6 @@
 //! The plugin's controller as a policy, without an app.
 
-use bevy_frugal_gi::control::{Budget, ControlSettings, ErrorPace, SettingsFilter, choose};
+use bevy_frugal_gi::control::{Budget, CameraController, ControlSettings, Inputs, PowerCorrection};
 use bevy_frugal_gi::frontier::{CameraView, FrontierStore};
 use bevy_frugal_gi::knobs::KnobLevels;
 
@@ -11,10 +11,10 @@ pub(crate) struct Controller<'a> {
     store: &'a dyn FrontierStore,
     budget: Budget,
     lens: (f32, f32),
-    pace: ErrorPace,
-    filter: SettingsFilter,
+    controller: CameraController,
     settings: ControlSettings,
     last: KnobLevels,
+    has_decided: bool,
 }
 
 impl<'a> Controller<'a> {
@@ -30,30 +30,39 @@ impl<'a> Controller<'a> {
             store,
             budget: Budget::new(budget.power_w, budget.error),
             lens,
-            pace: ErrorPace::default(),
-            filter: SettingsFilter::default(),
+            controller: CameraController::default(),
             settings,
             last: store.knobs().highest(),
+            has_decided: false,
         }
     }
 }
 
 impl Policy for Controller<'_> {
     fn decide(&mut self, _: usize, dt: f64, pose: &Pose) -> Choice {
-        let view = CameraView {
-            position: pose.position,
-            rotation: pose.rotation,
-            vertical_fov: self.lens.0,
-            aspect: self.lens.1,
+        let inputs = Inputs {
+            store: self.store,
+            view: CameraView {
+                position: pose.position,
+                rotation: pose.rotation,
+                vertical_fov: self.lens.0,
+                aspect: self.lens.1,
+            },
+            budget: self.budget,
+            delta_seconds: dt,
+            current: self.has_decided.then_some(self.last),
+            // The meter is the map's own.
+            correction: PowerCorrection::default(),
+            settings: self.settings,
         };
-        let found = choose(self.store, &view, &self.budget, &mut self.pace, dt);
-        let Some((_, found)) = found else { return Choice::from(self.last) };
-        self.last = self.filter.step(
-            self.store.knobs(),
-            found.settings,
-            dt,
-            self.settings.times(&self.budget),
-        );
-        Choice { settings: self.last, target: found.settings, predicted: Some(found.cost) }
+        let Some(decisions) = self.controller.step(&inputs) else {
+            return Choice::from(self.last);
+        };
+        (self.last, self.has_decided) = (decisions.applied, true);
+        Choice {
+            settings: decisions.applied,
+            target: decisions.target,
+            predicted: Some(decisions.predicted),
+        }
     }
 }

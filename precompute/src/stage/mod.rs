@@ -201,6 +201,8 @@ pub struct Stage {
     target: Handle<Image>,
     options: StageOptions,
     space: Arc<KnobSpace>,
+    /// The settings of the next frame, for the work meter.
+    shown: Option<(Arc<KnobSpace>, KnobLevels)>,
     meter: Box<dyn PowerMeter>,
     /// Counts frames for the work meter, if that is the meter.
     ledger: Option<WorkLedger>,
@@ -260,6 +262,7 @@ impl Stage {
             camera,
             target,
             space: Arc::new(space),
+            shown: None,
             idle: Watts(0.0),
             meter,
             ledger,
@@ -271,7 +274,7 @@ impl Stage {
         };
         // Knobs that are not on offer stay at their best, and all figures refer to that.
         let best = all.highest();
-        stage.insert_settings(Arc::new(all), best);
+        stage.insert_settings(Arc::new(all), best)?;
         stage.get_ready()?;
         stage.idle = stage.measure_idle()?;
         Ok(stage)
@@ -343,7 +346,8 @@ impl Stage {
     /// Sets the knobs on offer without a cut, as a controller does.
     pub fn switch(&mut self, settings: KnobLevels) {
         let space = Arc::clone(&self.space);
-        self.insert_settings(space, settings);
+        // The space was checked when the stage was opened.
+        let _ = self.insert_settings(space, settings);
     }
 
     /// Sets knobs from text with a camera cut: `max`, `min`, or `knob=level` pairs; the others on
@@ -373,31 +377,41 @@ impl Stage {
             .filter(|name| self.space.index_of(name).is_none() && all.index_of(name).is_some());
         let space = all.subset(offered.chain(named))?;
         let settings = space.parse(text)?;
-        self.insert_settings(Arc::new(space), settings);
-        Ok(())
+        self.insert_settings(Arc::new(space), settings)
     }
 
-    fn insert_settings(&mut self, space: Arc<KnobSpace>, settings: KnobLevels) {
-        let wanted = KnobSettings { space, settings };
+    /// Applies `settings`, and the best levels of all knobs outside `space`: without them, those
+    /// would return to what the camera was spawned with.
+    fn insert_settings(
+        &mut self,
+        space: Arc<KnobSpace>,
+        settings: KnobLevels,
+    ) -> Result<(), StageError> {
+        let registry = self.app.world().resource::<KnobRegistry>();
+        let all = registry.space_with(|name| space.index_of(name).is_some())?;
+        let held = world::overridden_knobs(&self.options);
+        let names = all.knobs().iter().map(|knob| knob.name.as_str());
+        let applied = all.subset(names.filter(|name| !held.contains(name)))?;
+        let levels = applied.from_levels(|_, knob| {
+            space.index_of(&knob.name).map_or(knob.levels.len() - 1, |index| settings.level(index))
+        });
+        self.shown = Some((space, settings));
+        let wanted = KnobSettings { space: Arc::new(applied), settings: levels };
         let mut camera = self.app.world_mut().entity_mut(self.camera);
         if camera.get::<KnobSettings>() != Some(&wanted) {
             camera.insert(wanted);
         }
+        Ok(())
     }
 
     /// Renders one frame and waits for the GPU.
     pub fn frame(&mut self) {
-        if self.options.output == Output::Radiance || self.options.component != Component::Full {
-            world::hold_overrides(self.app.world_mut(), self.camera, &self.options);
-        }
         self.app.update();
         let device = self.app.sub_app(RenderApp).world().resource::<RenderDevice>();
         // Fails only when the device is lost, which the next frame reports in more detail.
         let _ = device.poll(PollType::wait_indefinitely());
-        if let (Some(ledger), Some(shown)) =
-            (&self.ledger, self.app.world().get::<KnobSettings>(self.camera))
-        {
-            ledger.count(&shown.space, shown.settings);
+        if let (Some(ledger), Some((space, settings))) = (&self.ledger, &self.shown) {
+            ledger.count(space, *settings);
         }
     }
 

@@ -1,5 +1,6 @@
 //! Spawns a scene's geometry, lights, sky and camera in an app.
 
+use bevy::anti_alias::smaa::Smaa;
 use bevy::app::App;
 use bevy::asset::{Assets, Handle, RenderAssetUsages};
 use bevy::camera::{
@@ -14,7 +15,8 @@ use bevy::light::{
     CascadeShadowConfigBuilder, DirectionalLight, GlobalAmbientLight, PointLight, SpotLight,
 };
 use bevy::mesh::{Indices, Mesh, Mesh3d, PrimitiveTopology};
-use bevy::pbr::{MeshMaterial3d, StandardMaterial};
+use bevy::pbr::{MeshMaterial3d, ScreenSpaceAmbientOcclusion, StandardMaterial};
+use bevy::post_process::bloom::Bloom;
 use bevy::prelude::AlphaMode;
 use bevy::render::render_resource::{
     Extent3d, Face, TextureDescriptor, TextureDimension, TextureFormat, TextureUsages,
@@ -129,38 +131,45 @@ fn spawn_camera(world: &mut World, options: &StageOptions, target: Handle<Image>
         Component::Indirect | Component::Global => GiOutput::IndirectOnly,
         Component::Full | Component::Direct => GiOutput::Added,
     };
-    world
+    let mut gi = FrugalGi { output, ..Default::default() };
+    match options.component {
+        Component::Direct => gi.vpl_count = 0,
+        Component::Indirect => {
+            (gi.emissive, gi.environment_samples) = (false, 0);
+            gi.shading = GiShading::Lambertian;
+        }
+        Component::Full | Component::Global => {}
+    }
+    let camera = world
         .spawn((
             Camera3d::default(),
             RenderTarget::Image(target.into()),
             tonemapping,
             DebandDither::Disabled,
-            FrugalGi { output, ..Default::default() },
+            gi,
             Transform::default(),
         ))
-        .id()
+        .id();
+    spawn_effects(world, camera, options);
+    camera
 }
 
-/// Removes the effects that a measurement of radiance, or of direct light alone, must not contain,
-/// whatever the knobs say.
-pub(super) fn hold_overrides(world: &mut World, camera: Entity, options: &StageOptions) {
+/// Effects on which knobs act, at their own defaults: a knob adds none by itself. A measurement of
+/// radiance must contain none of them but occlusion.
+fn spawn_effects(world: &mut World, camera: Entity, options: &StageOptions) {
     let mut camera = world.entity_mut(camera);
-    if options.component == Component::Direct
-        && let Some(mut gi) = camera.get_mut::<FrugalGi>()
-        && gi.vpl_count != 0
-    {
-        gi.vpl_count = 0;
+    camera.insert(ScreenSpaceAmbientOcclusion::default());
+    if options.output == Output::Display {
+        camera.insert((Bloom::NATURAL, Smaa::default()));
     }
-    if options.component == Component::Indirect
-        && let Some(mut gi) = camera.get_mut::<FrugalGi>()
-        && (gi.emissive || gi.environment_samples != 0 || gi.shading != GiShading::Lambertian)
-    {
-        (gi.emissive, gi.environment_samples, gi.shading) = (false, 0, GiShading::Lambertian);
-    }
-    if options.output == Output::Radiance {
-        camera.remove::<bevy::post_process::bloom::Bloom>();
-        camera.remove::<bevy::anti_alias::smaa::Smaa>();
-        camera.remove::<bevy::anti_alias::fxaa::Fxaa>();
+}
+
+/// Names of the knobs that would undo what `options` ask of the camera.
+pub(super) fn overridden_knobs(options: &StageOptions) -> &'static [&'static str] {
+    match options.component {
+        Component::Direct => &["gi_vpl_count"],
+        Component::Indirect => &["gi_environment_samples"],
+        Component::Full | Component::Global => &[],
     }
 }
 

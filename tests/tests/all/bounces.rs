@@ -344,7 +344,7 @@ fn changes_are_reflected_in_the_next_frame() {
     check(&mut stage, "a camera that moves");
     with_bounces(&mut stage, 2);
     check(&mut stage, "fewer bounces");
-    set::gi(&mut stage).rsm_resolution = 128;
+    set::gi_without_knobs(&mut stage).rsm_resolution = 128;
     check(&mut stage, "finer maps");
     assert!(stage.world_mut().despawn(mesh));
     check(&mut stage, "a mesh that is removed");
@@ -373,7 +373,7 @@ fn without_light_or_rays_patches_cost_nothing() {
     assert!(with > without + 2 * 2048 * 32 && with < without + 200_000, "{with} {without}");
     assert_eq!(stage.world_mut().resource::<GiPatches>().patch_count(), 0);
     with_bounces(&mut stage, 3);
-    set::gi(&mut stage).visibility = bevy_frugal_gi::gi::GiVisibility::None;
+    set::gi_without_knobs(&mut stage).visibility = bevy_frugal_gi::gi::GiVisibility::None;
     set::radiance(&mut stage);
     assert_eq!(stage.world_mut().resource::<GiPatches>().patch_count(), 0);
     stage.world_mut().despawn(light);

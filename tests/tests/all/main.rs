@@ -26,6 +26,7 @@ mod knobs;
 mod materials;
 mod naive;
 mod refresh;
+mod resolution;
 mod sampling;
 mod shaders;
 mod stability;
@@ -61,6 +62,7 @@ const MODULES: &[(&str, &[(&str, fn())], bool)] = &[
     ("materials::standard", materials::standard::TESTS, true),
     ("naive", naive::TESTS, true),
     ("refresh", refresh::TESTS, true),
+    ("resolution", resolution::TESTS, true),
     ("sampling", sampling::TESTS, true),
     ("shaders", shaders::TESTS, false),
     ("stability", stability::TESTS, true),

@@ -4,7 +4,7 @@ use bevy::ecs::query::With;
 use bevy::light::DirectionalLight;
 use bevy::math::{Quat, Vec3};
 use bevy::transform::components::Transform;
-use bevy_frugal_gi::gi::{FrugalGi, GiRefresh};
+use bevy_frugal_gi::gi::GiRefresh;
 use frugal::stage::Stage;
 use frugal_tests::{meshes, set};
 
@@ -102,14 +102,13 @@ fn changes_are_in_the_next_frame() {
     stage.world_mut().get_mut::<Transform>(camera).expect("a transform").translation.x += 0.2;
     changes(&mut stage, "a camera that moves");
 
-    stage.world_mut().get_mut::<FrugalGi>(camera).expect("GI").vpl_count = 512;
+    set::gi_without_knobs(&mut stage).vpl_count = 512;
     changes(&mut stage, "more VPLs");
 
-    stage.world_mut().get_mut::<FrugalGi>(camera).expect("GI").rsm_resolution = 128;
+    set::gi_without_knobs(&mut stage).rsm_resolution = 128;
     changes(&mut stage, "finer maps");
 
-    stage.world_mut().get_mut::<FrugalGi>(camera).expect("GI").visibility =
-        bevy_frugal_gi::gi::GiVisibility::Fine;
+    set::gi_without_knobs(&mut stage).visibility = bevy_frugal_gi::gi::GiVisibility::Fine;
     changes(&mut stage, "rays");
 
     let material = meshes::diffuse(0.1, 0.9, 0.1);
@@ -143,9 +142,8 @@ fn a_walk_through_a_still_scene_renders_no_map() {
 
 fn the_refresh_period_limits_how_often_maps_are_rendered() {
     let mut stage = at_rest(GiRefresh::OnChange);
-    let camera = set::camera(&mut stage);
     for period in [1, 2, 4, 8] {
-        stage.world_mut().get_mut::<FrugalGi>(camera).expect("GI").refresh_period = period;
+        set::gi_without_knobs(&mut stage).refresh_period = period;
         (0..16).for_each(|_| stage.frame());
         let mut rendered = 0;
         for _ in 0..16 {

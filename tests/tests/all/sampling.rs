@@ -51,7 +51,7 @@ fn sun_flux_of_a_box_is_the_closed_form() {
         );
         set::apply(&mut stage, "min,gi_vpl_count=64,rsm_resolution=256");
         // Finer than any level of the knob.
-        set::gi(&mut stage).rsm_resolution = 512;
+        set::gi_without_knobs(&mut stage).rsm_resolution = 512;
         set::radiance(&mut stage);
         let found = gpu::total_flux(&gpu::rsm_texels(&stage));
         let albedo = [0.8, 0.4, 0.2].map(meshes::stored_albedo);

@@ -163,7 +163,7 @@ fn rays_enabled_at_the_end_of_a_frame_work_one_frame_later() {
     // Compiles the pipelines for rays.
     let occluded = mean(&mut stage, "fine");
     let leaking = mean(&mut stage, "none");
-    set::disable_history(&mut stage);
+    set::gi_without_knobs(&mut stage).history_frames = 1;
     stage.world_mut().insert_resource(GiRefresh::OnChange);
     (0..16).for_each(|_| stage.frame());
     stage.world_mut().insert_resource(AskForRays);

@@ -1,12 +1,13 @@
 //! Samples per pixel of Bevy's screen-space ambient occlusion.
 
-use bevy::core_pipeline::prepass::NormalPrepass;
 use bevy::ecs::prelude::*;
 use bevy::pbr::{ScreenSpaceAmbientOcclusion, ScreenSpaceAmbientOcclusionQualityLevel};
 
+use super::held::{self, Authored};
 use crate::knobs::{Knob, KnobDriver, Level};
 
-/// Off, 4, 8, 16 or 32 samples per pixel. Higher levels reduce noise and cost more GPU time.
+/// Off, 4, 8, 16 or 32 samples per pixel, on a camera to which the app gave
+/// [`ScreenSpaceAmbientOcclusion`]. Higher levels reduce noise and cost more GPU time.
 /// Switching between off and on changes the deferred lighting pipeline: Bevy skips that pass until
 /// the pipeline is compiled.
 pub(crate) struct AmbientOcclusion;
@@ -23,26 +24,36 @@ impl KnobDriver for AmbientOcclusion {
     }
 
     fn apply(&self, world: &mut World, camera: Entity, level: &Level) {
-        let mut camera = world.entity_mut(camera);
-        // Kept at every level, so that switching does not change the prepass, which would recompile
-        // every mesh's pipeline.
-        if !camera.contains::<NormalPrepass>() {
-            camera.insert(NormalPrepass);
-        }
         let slice_count = level.value as u32 / SAMPLES_PER_SLICE;
-        if slice_count == 0 {
-            camera.remove::<ScreenSpaceAmbientOcclusion>();
-            return;
-        }
         let quality_level = ScreenSpaceAmbientOcclusionQualityLevel::Custom {
             slice_count,
             samples_per_slice_side: 2,
         };
-        match camera.get_mut::<ScreenSpaceAmbientOcclusion>() {
-            Some(mut occlusion) => occlusion.quality_level = quality_level,
-            None => {
-                camera.insert(ScreenSpaceAmbientOcclusion { quality_level, ..Default::default() });
-            }
+        held::hold(world, camera, |authored: Option<&ScreenSpaceAmbientOcclusion>| {
+            // Bevy's own normal prepass of it stays while it is off: switching does not change the
+            // prepass, which would recompile every mesh's pipeline.
+            let authored = authored.filter(|_| slice_count > 0)?;
+            Some(ScreenSpaceAmbientOcclusion { quality_level, ..authored.clone() })
+        });
+    }
+
+    fn is_applied(&self, world: &World, camera: Entity, _: &Level) -> bool {
+        held::is_held::<ScreenSpaceAmbientOcclusion>(world, camera)
+    }
+
+    fn release(&self, world: &mut World, camera: Entity) {
+        held::release::<ScreenSpaceAmbientOcclusion>(world, camera);
+    }
+}
+
+impl Authored for ScreenSpaceAmbientOcclusion {
+    fn is_same(&self, other: &Self) -> bool {
+        self == other
+    }
+
+    fn take_back(&mut self, written: &Self, authored: &Self) {
+        if self.quality_level == written.quality_level {
+            self.quality_level = authored.quality_level;
         }
     }
 }

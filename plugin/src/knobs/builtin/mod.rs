@@ -2,24 +2,24 @@
 
 mod ambient_occlusion;
 mod antialiasing;
-mod gi;
+pub(super) mod gi;
+mod held;
 mod post_processing;
 mod resolution_scale;
-mod shadows;
+mod shadow_cascades;
+mod shadow_maps;
 mod texture_detail;
 
 pub(super) use ambient_occlusion::AmbientOcclusion;
 pub(super) use antialiasing::Antialiasing;
-pub(super) use gi::{
-    GiBounces, GiEnvironmentSamples, GiInterleaving, GiPixelShare, GiRays, GiRefreshPeriod,
-    GiVplCount, RsmResolution,
-};
 pub(super) use post_processing::PostProcessing;
 pub(super) use resolution_scale::ResolutionScaleKnob;
-pub(super) use shadows::{ShadowCascades, ShadowMapResolution};
+pub(super) use shadow_cascades::ShadowCascades;
+pub(super) use shadow_maps::ShadowMapResolution;
 pub(super) use texture_detail::TextureDetail;
 
-/// Adds the systems of knobs whose levels depend on the view's size.
+/// Adds the systems of knobs whose state other parts of the app change, too.
 pub(super) fn build(app: &mut bevy::app::App) {
     post_processing::build(app);
+    shadow_cascades::build(app);
 }

@@ -5,10 +5,11 @@ use bevy::camera::{Camera, CameraUpdateSystems};
 use bevy::ecs::prelude::*;
 use bevy::post_process::bloom::Bloom;
 
+use super::held::{self, Authored, Held};
 use crate::knobs::{Knob, KnobDriver, Level};
 use crate::resolution::ResolutionScale;
 
-/// Off, low, medium or high. The value is the maximum height of bloom's first texture as a fraction
+/// Off, low, medium or high, on a camera to which the app gave [`Bloom`]. The value is the maximum height of bloom's first texture as a fraction
 /// of the view's height, 0 to 1. Higher levels render bloom at a finer resolution and cost more GPU
 /// time.
 pub(crate) struct PostProcessing;
@@ -20,10 +21,6 @@ pub(crate) struct PostProcessing;
 #[derive(Component, Clone, Copy)]
 struct BloomShare(f64);
 
-/// The app's own bloom, kept while bloom is off.
-#[derive(Component)]
-struct ParkedBloom(Bloom);
-
 impl KnobDriver for PostProcessing {
     fn knob(&self) -> Knob {
         Knob::labelled(
@@ -33,19 +30,52 @@ impl KnobDriver for PostProcessing {
     }
 
     fn apply(&self, world: &mut World, camera: Entity, level: &Level) {
-        let mut camera = world.entity_mut(camera);
-        if level.value == 0.0 {
-            if let Some(bloom) = camera.take::<Bloom>() {
-                camera.insert(ParkedBloom(bloom));
-            }
-            return;
+        let is_on = level.value > 0.0;
+        held::hold(world, camera, |authored: Option<&Bloom>| authored.filter(|_| is_on).cloned());
+        let Ok(mut camera) = world.get_entity_mut(camera) else { return };
+        if camera.contains::<Bloom>() {
+            camera.insert(BloomShare(level.value));
+        } else {
+            camera.remove::<BloomShare>();
         }
-        let bloom = camera
-            .take::<ParkedBloom>()
-            .map(|parked| parked.0)
-            .or_else(|| camera.get::<Bloom>().cloned())
-            .unwrap_or(Bloom::NATURAL);
-        camera.insert((bloom, BloomShare(level.value)));
+    }
+
+    fn is_applied(&self, world: &World, camera: Entity, _: &Level) -> bool {
+        held::is_held::<Bloom>(world, camera)
+    }
+
+    fn release(&self, world: &mut World, camera: Entity) {
+        held::release::<Bloom>(world, camera);
+        if let Ok(mut camera) = world.get_entity_mut(camera) {
+            camera.remove::<BloomShare>();
+        }
+    }
+}
+
+impl Authored for Bloom {
+    fn is_same(&self, other: &Self) -> bool {
+        let numbers = |bloom: &Self| {
+            [
+                bloom.intensity,
+                bloom.low_frequency_boost,
+                bloom.low_frequency_boost_curvature,
+                bloom.high_pass_frequency,
+                bloom.prefilter.threshold,
+                bloom.prefilter.threshold_softness,
+                bloom.scale.x,
+                bloom.scale.y,
+            ]
+            .map(f32::to_bits)
+        };
+        numbers(self) == numbers(other)
+            && self.composite_mode == other.composite_mode
+            && self.max_mip_dimension == other.max_mip_dimension
+    }
+
+    fn take_back(&mut self, written: &Self, authored: &Self) {
+        if self.max_mip_dimension == written.max_mip_dimension {
+            self.max_mip_dimension = authored.max_mip_dimension;
+        }
     }
 }
 
@@ -55,15 +85,23 @@ pub(super) fn build(app: &mut App) {
 }
 
 /// Every frame, since the window and the resolution scale change independently of the knob.
-fn fit_bloom(mut cameras: Query<(&Camera, &BloomShare, &mut Bloom, Option<&ResolutionScale>)>) {
-    for (camera, share, mut bloom, scale) in &mut cameras {
+fn fit_bloom(
+    mut cameras: Query<(
+        &Camera,
+        &BloomShare,
+        &mut Bloom,
+        &mut Held<Bloom>,
+        Option<&ResolutionScale>,
+    )>,
+) {
+    for (camera, share, mut bloom, mut held, scale) in &mut cameras {
         let height = camera.physical_viewport_size().map_or(720, |size| size.y);
         let scale = scale.copied().unwrap_or_default().0;
         let largest = (f64::from(height) * f64::from(scale) * share.0).clamp(8.0, 512.0);
         // Bloom halves it down to 2: powers of two leave no remainder.
         let max_mip_dimension = 1 << (largest as u32).ilog2();
         if bloom.max_mip_dimension != max_mip_dimension {
-            bloom.max_mip_dimension = max_mip_dimension;
+            held.rewrite(&mut bloom, |bloom| bloom.max_mip_dimension = max_mip_dimension);
         }
     }
 }

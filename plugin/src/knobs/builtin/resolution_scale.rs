@@ -2,6 +2,7 @@
 
 use bevy::ecs::prelude::*;
 
+use super::held::{self, Authored};
 use crate::knobs::{Knob, KnobDriver, Level};
 use crate::resolution::ResolutionScale;
 
@@ -18,6 +19,20 @@ impl KnobDriver for ResolutionScaleKnob {
     }
 
     fn apply(&self, world: &mut World, camera: Entity, level: &Level) {
-        world.entity_mut(camera).insert(ResolutionScale(level.value as f32));
+        held::hold(world, camera, |_| Some(ResolutionScale(level.value as f32)));
+    }
+
+    fn is_applied(&self, world: &World, camera: Entity, _: &Level) -> bool {
+        held::is_held::<ResolutionScale>(world, camera)
+    }
+
+    fn release(&self, world: &mut World, camera: Entity) {
+        held::release::<ResolutionScale>(world, camera);
+    }
+}
+
+impl Authored for ResolutionScale {
+    fn is_same(&self, other: &Self) -> bool {
+        self.0.to_bits() == other.0.to_bits()
     }
 }

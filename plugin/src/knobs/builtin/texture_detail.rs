@@ -3,6 +3,7 @@
 use bevy::ecs::prelude::*;
 use bevy::render::camera::MipBias;
 
+use super::held::{self, Authored};
 use crate::knobs::{Knob, KnobDriver, Level};
 
 /// Mip bias +2 to 0 levels. A higher bias is blurrier and saves bandwidth, but not memory: the
@@ -16,6 +17,21 @@ impl KnobDriver for TextureDetail {
     }
 
     fn apply(&self, world: &mut World, camera: Entity, level: &Level) {
-        world.entity_mut(camera).insert(MipBias(-level.value as f32));
+        held::hold(world, camera, |_| Some(MipBias(-level.value as f32)));
+    }
+
+    fn is_applied(&self, world: &World, camera: Entity, _: &Level) -> bool {
+        held::is_held::<MipBias>(world, camera)
+    }
+
+    fn release(&self, world: &mut World, camera: Entity) {
+        held::release::<MipBias>(world, camera);
+    }
+}
+
+impl Authored for MipBias {
+    fn is_same(&self, other: &Self) -> bool {
+        // Equal bits: NaN from the app must not look overwritten in every frame.
+        self.0.to_bits() == other.0.to_bits()
     }
 }

@@ -74,9 +74,8 @@ fn a_camera_takes_any_number_of_vpls() {
     let mut stage = corner(vec![sun(Vec3::new(0.2, -1.0, -0.1))]);
     // The first frame applies the knobs' levels, which would overwrite the following changes.
     stage.frame();
-    let camera = set::camera(&mut stage);
     let mut gather = |vpl_count: u32, interleave| {
-        let mut gi = stage.world_mut().get_mut::<FrugalGi>(camera).expect("a GI camera");
+        let mut gi = set::gi_without_knobs(&mut stage);
         (gi.vpl_count, gi.interleave) = (vpl_count, interleave);
         let radiance = set::radiance(&mut stage);
         assert!(

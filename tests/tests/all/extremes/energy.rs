@@ -3,7 +3,7 @@
 use bevy::camera::Projection;
 use bevy::math::{Quat, Vec3};
 use bevy::transform::components::Transform;
-use bevy_frugal_gi::gi::{FrugalGi, GiInterleave};
+use bevy_frugal_gi::gi::GiInterleave;
 use frugal::scene::Light;
 use frugal::stage::Component;
 use frugal_tests::gather::{Gather, irradiance};
@@ -140,9 +140,9 @@ fn a_closed_room_reflects_no_more_than_its_albedo() {
         );
         // The first frame applies the knobs' levels, which would overwrite the following changes.
         stage.frame();
+        set::gi_without_knobs(&mut stage).interleave = GiInterleave::One;
         let camera = set::camera(&mut stage);
         let mut entity = stage.world_mut().entity_mut(camera);
-        entity.get_mut::<FrugalGi>().expect("a GI camera").interleave = GiInterleave::One;
         let Projection::Perspective(lens) = &mut *entity.get_mut::<Projection>().expect("a lens")
         else {
             panic!("no perspective")

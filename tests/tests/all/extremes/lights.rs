@@ -6,7 +6,7 @@ use bevy::ecs::entity::Entity;
 use bevy::light::{PointLight, SpotLight};
 use bevy::math::Vec3;
 use bevy::transform::components::Transform;
-use bevy_frugal_gi::gi::{FrugalGi, GiLimits, RsmView};
+use bevy_frugal_gi::gi::{GiLimits, RsmView};
 use frugal::stage::Stage;
 use frugal_tests::{gpu, set};
 
@@ -27,7 +27,7 @@ fn the_lights_with_the_highest_illuminance_at_the_camera_get_maps() {
     // The first frame applies the knobs' levels, which would overwrite the following changes.
     stage.frame();
     let camera = set::camera(&mut stage);
-    stage.world_mut().get_mut::<FrugalGi>(camera).expect("a GI camera").rsm_resolution = 16;
+    set::gi_without_knobs(&mut stage).rsm_resolution = 16;
     let eye = stage.world_mut().get::<Transform>(camera).expect("a transform").translation;
     let mut random = Random(23);
     // 200 spot lights and 100 point lights, without shadow maps, which GI does not need.

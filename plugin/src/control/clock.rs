@@ -1,0 +1,188 @@
+//! What the controller observes of the app as a whole: its frame rate, and its metered power.
+
+use bevy::ecs::prelude::*;
+use bevy::ecs::reflect::ReflectResource;
+use bevy::prelude::ReflectDefault;
+use bevy::reflect::Reflect;
+use bevy::time::{Real, Time};
+
+use super::systems::CameraState;
+use super::{PowerCorrection, PowerModel};
+use crate::frontier::{Comparison, MapFit};
+use crate::power::{MeterState, MeteredPower, Provenance};
+use crate::units::Watts;
+
+/// Time constant of the mean frame rate, and time until it is known, seconds.
+const RATE_SECONDS: f64 = 1.0;
+/// Longest frame that counts, seconds: loading says nothing about the frame rate.
+const MAX_FRAME_SECONDS: f64 = 0.25;
+
+/// The app's frame rate.
+#[derive(Resource, Debug, Default)]
+pub(super) struct ControlClock {
+    mean_seconds: f64,
+    seen_seconds: f64,
+}
+
+impl ControlClock {
+    fn observe(&mut self, delta_seconds: f64) {
+        if !(delta_seconds > 0.0 && delta_seconds <= MAX_FRAME_SECONDS) {
+            return;
+        }
+        let weight =
+            if self.seen_seconds == 0.0 { 1.0 } else { -(-delta_seconds / RATE_SECONDS).exp_m1() };
+        self.mean_seconds += (delta_seconds - self.mean_seconds) * weight;
+        self.seen_seconds += delta_seconds;
+    }
+
+    /// Mean frame rate, to 1 %, so that change detection does not fire in every frame; `None` in
+    /// the first second.
+    pub(super) fn frames_per_second(&self) -> Option<f64> {
+        (self.seen_seconds >= RATE_SECONDS).then(|| {
+            let steps = (self.mean_seconds.recip().ln() / 0.01).round();
+            (steps * 0.01).exp()
+        })
+    }
+}
+
+/// What the controller does with the app's meter.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Reflect)]
+pub enum FeedbackState {
+    /// Predictions are not corrected: feedback is disabled, there is no meter, or a modelled one
+    /// that is not the map's.
+    #[default]
+    Off,
+    /// A meter is there, and its first reading is awaited.
+    Waiting,
+    /// Readings correct the predictions.
+    Running,
+    /// The meter is lost: its last correction stays.
+    Held,
+}
+
+/// Correction of predicted power by [`MeteredPower`], which holds a budget in watts on a device
+/// other than the map's, or one that has been throttled. An app may write `is_enabled`; the rest is
+/// written by the controller.
+///
+/// The meter's power must be that of the controlled cameras and of constant others: with it, a
+/// power budget is one on metered watts.
+#[derive(Resource, Clone, Copy, Debug, PartialEq, Reflect)]
+#[reflect(Resource, Default, Clone, Debug, PartialEq)]
+pub struct PowerFeedback {
+    /// Whether a trustworthy meter corrects the predictions: a measured one, or the modelled one
+    /// that the map was made with. Default: true.
+    pub is_enabled: bool,
+    /// What happens.
+    pub state: FeedbackState,
+    /// The correction in use, of the sum over all controlled cameras.
+    pub correction: PowerCorrection,
+    /// Standard deviation of the corrected power, watts; `None` before the first reading.
+    pub deviation: Option<Watts>,
+    /// Number of readings learnt from.
+    pub readings: u64,
+    /// Number of active controlled cameras.
+    cameras: usize,
+}
+
+impl Default for PowerFeedback {
+    fn default() -> Self {
+        Self {
+            is_enabled: true,
+            state: FeedbackState::Off,
+            correction: PowerCorrection::default(),
+            deviation: None,
+            readings: 0,
+            cameras: 0,
+        }
+    }
+}
+
+impl PowerFeedback {
+    /// The correction of one camera's power.
+    pub fn per_camera(&self) -> PowerCorrection {
+        self.correction.shared_by(self.cameras)
+    }
+}
+
+/// The model, and the number of the meter's last reading.
+#[derive(Resource, Default)]
+pub(super) struct FeedbackModel {
+    model: PowerModel,
+    seen: u64,
+}
+
+/// Observes the frame rate, and compares predicted with metered power.
+pub(super) fn observe(
+    time: Res<Time<Real>>,
+    mut clock: ResMut<ControlClock>,
+    metered: Option<Res<MeteredPower>>,
+    cameras: Query<(&CameraState, &MapFit)>,
+    mut model: ResMut<FeedbackModel>,
+    mut feedback: ResMut<PowerFeedback>,
+) {
+    let delta_seconds = time.delta_secs_f64();
+    clock.observe(delta_seconds);
+    let active = || cameras.iter().filter_map(|(state, fit)| Some((state.predicted()?, fit)));
+    let count = active().count();
+    let predicted = active().map(|(predicted, _)| predicted).sum::<Option<Watts>>();
+    let maps_meter = active().all(|(_, fit)| fit.meter == Comparison::Same);
+    let is_trusted = |metered: &MeteredPower| {
+        metered
+            .info
+            .as_ref()
+            .is_some_and(|info| info.provenance == Provenance::Measured || maps_meter)
+    };
+    let FeedbackModel { model, seen } = &mut *model;
+    match predicted.filter(|_| count > 0) {
+        Some(predicted) => model.predict(predicted, delta_seconds),
+        None => model.pause(),
+    }
+    let trusted = metered.as_deref().filter(|metered| feedback.is_enabled && is_trusted(metered));
+    if let Some(metered) = trusted
+        && metered.sample_count != *seen
+        && let (Some(watts), Some(seconds)) = (metered.latest, metered.interval_seconds)
+    {
+        *seen = metered.sample_count;
+        model.read(watts, seconds);
+    }
+    let readings = model.readings();
+    let state = match trusted {
+        None => FeedbackState::Off,
+        Some(metered) if metered.state == MeterState::Running && readings > 0 => {
+            FeedbackState::Running
+        }
+        Some(metered) if readings > 0 && metered.state != MeterState::Running => {
+            FeedbackState::Held
+        }
+        Some(_) => FeedbackState::Waiting,
+    };
+    let correction =
+        if state == FeedbackState::Off { PowerCorrection::default() } else { model.correction() };
+    let deviation = model.deviation().filter(|_| state != FeedbackState::Off);
+    feedback.set_if_neq(PowerFeedback {
+        state,
+        correction,
+        deviation,
+        readings,
+        cameras: count,
+        ..*feedback
+    });
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_frame_rate_is_known_after_a_second_and_ignores_pauses() {
+        let mut clock = ControlClock::default();
+        for odd in [f64::NAN, -1.0, 0.0, 10.0, f64::INFINITY] {
+            clock.observe(odd);
+        }
+        (0..29).for_each(|_| clock.observe(1.0 / 30.0));
+        assert_eq!(clock.frames_per_second(), None);
+        (0..60).for_each(|_| clock.observe(1.0 / 30.0));
+        let rate = clock.frames_per_second().expect("a rate");
+        assert!((rate / 30.0 - 1.0).abs() < 0.006, "{rate}");
+    }
+}

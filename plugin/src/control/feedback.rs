@@ -1,0 +1,228 @@
+//! Corrects predicted power by metered power: gain and offset, by recursive least squares.
+//!
+//! metered = gain × predicted + offset, both over the meter's own interval. Options:
+//! 1. A controller that steps settings by the difference of reading and limit: it waits for the
+//!    meter at every change of the view, and oscillates where the meter lags.
+//! 2. A gain alone: wrong where the device draws power of its own, as every board does.
+//! 3. Gain and offset, with forgetting (Ljung 1999, section 11.2), Huber's weights against single
+//!    bad readings (Huber 1964), and a restart where readings stay off, as after a throttle.
+//!
+//! We use option 3: the map still says at once what a change of view costs, and the meter says how
+//! much that is here. At one operating point gain and offset cannot be told apart; the prior
+//! shares a difference out between them, and the prediction at that point is right either way.
+
+use bevy::reflect::Reflect;
+
+use super::history::{MAX_WATTS, PredictionHistory};
+use crate::units::Watts;
+
+/// Time constant with which readings are forgotten, seconds. Higher values suppress more noise;
+/// lower values follow slow drift, such as a device that warms up, sooner.
+const FORGETTING_SECONDS: f64 = 4.0;
+/// Standard deviation of a reading, as a share of it.
+const NOISE: f64 = 0.03;
+/// Standard deviations beyond which a reading's weight falls.
+const HUBER: f64 = 2.0;
+/// Standard deviations of gain and offset before the first reading; the offset's as a share of the
+/// first predicted power.
+const PRIOR: [f64; 2] = [0.5, 0.5];
+/// Largest gain, its smallest reciprocal, and the largest offset as a multiple of the first
+/// predicted power: beyond, the readings are not those of this renderer.
+const MOST: f64 = 10.0;
+/// Underestimate of the power, as a share, from which a new correction is used.
+const MOST_UNDER: f64 = 0.005;
+/// Overestimate from which it is used: room below a limit is less urgent, and settings that follow
+/// every reading would flicker.
+const MOST_OVER: f64 = 0.03;
+
+/// From the watts of a map to those of the app's meter.
+#[derive(Clone, Copy, Debug, PartialEq, Reflect)]
+pub struct PowerCorrection {
+    /// Metered watts per predicted watt; finite, above 0. 1: none.
+    pub gain: f64,
+    /// Metered power at a predicted power of 0, in watts; finite. 0 W: none.
+    pub offset: Watts,
+}
+
+impl Default for PowerCorrection {
+    fn default() -> Self {
+        Self { gain: 1.0, offset: Watts(0.0) }
+    }
+}
+
+impl PowerCorrection {
+    /// The metered power of a predicted one; at least 0 W. NaN stays NaN.
+    pub fn corrected(self, predicted: Watts) -> Watts {
+        let metered = predicted * self.gain + self.offset;
+        if metered.0 < 0.0 { Watts(0.0) } else { metered }
+    }
+
+    /// The predicted power of a metered one: the inverse of [`corrected`](Self::corrected), at least
+    /// 0 W.
+    pub fn uncorrected(self, metered: Watts) -> Watts {
+        let predicted = (metered - self.offset) / self.gain;
+        if predicted.0 < 0.0 { Watts(0.0) } else { predicted }
+    }
+
+    /// This correction for each of `cameras` whose powers add up to the corrected one.
+    pub fn shared_by(self, cameras: usize) -> Self {
+        Self { offset: self.offset / cameras.max(1) as f64, ..self }
+    }
+}
+
+/// Learns the correction from predictions and readings. Has no clock.
+#[derive(Clone, Debug)]
+pub struct PowerModel {
+    /// Gain and offset.
+    estimate: [f64; 2],
+    covariance: [[f64; 2]; 2],
+    /// Predicted power at the first reading, watts.
+    scale: f64,
+    /// Sign of the last reading's deviation, if it was an outlier.
+    outlier: Option<f64>,
+    readings: u64,
+    used: PowerCorrection,
+    history: PredictionHistory,
+}
+
+impl Default for PowerModel {
+    fn default() -> Self {
+        Self {
+            estimate: [1.0, 0.0],
+            covariance: [[0.0; 2]; 2],
+            scale: 0.0,
+            outlier: None,
+            readings: 0,
+            used: PowerCorrection::default(),
+            history: PredictionHistory::default(),
+        }
+    }
+}
+
+impl PowerModel {
+    /// The correction to use. Changes only where it matters: by more than half a percent of the
+    /// power upwards, or 3 % downwards.
+    pub fn correction(&self) -> PowerCorrection {
+        self.used
+    }
+
+    /// Number of readings learnt from.
+    pub fn readings(&self) -> u64 {
+        self.readings
+    }
+
+    /// Standard deviation of the corrected power at the power predicted last, watts; `None` before
+    /// the first reading.
+    pub fn deviation(&self) -> Option<Watts> {
+        let regressor = [self.history.last()?, 1.0];
+        (self.readings > 0).then(|| Watts(quadratic(&self.covariance, regressor).max(0.0).sqrt()))
+    }
+
+    /// Adds a frame of `delta_seconds` with the predicted power of its settings, without
+    /// correction. Ignored unless the power is from 0 W to 100 kW, and the time above 0.
+    pub fn predict(&mut self, predicted: Watts, delta_seconds: f64) {
+        self.history.push(predicted.0, delta_seconds);
+    }
+
+    /// Forgets the predictions, but not what was learnt: for frames without a prediction.
+    pub fn pause(&mut self) {
+        self.history.clear();
+    }
+
+    /// Adds a reading: the mean power of the last `interval_seconds`. Ignored if it is not from 0 W
+    /// to 100 kW, or there are no predictions of that interval.
+    pub fn read(&mut self, metered: Watts, interval_seconds: f64) {
+        let is_valid = (0.0..=MAX_WATTS).contains(&metered.0) && interval_seconds > 0.0;
+        let Some((predicted, spread)) = self.history.mean(interval_seconds).filter(|_| is_valid)
+        else {
+            return;
+        };
+        if self.readings == 0 {
+            self.scale = predicted.max(1e-3);
+            self.covariance = self.prior();
+        }
+        let forgotten = (interval_seconds / FORGETTING_SECONDS).min(1.0).exp();
+        self.scale_covariance(forgotten);
+        self.learn(predicted, metered.0, spread);
+        self.readings += 1;
+        self.use_estimate();
+    }
+
+    fn prior(&self) -> [[f64; 2]; 2] {
+        let offset = PRIOR[1] * self.scale;
+        [[PRIOR[0] * PRIOR[0], 0.0], [0.0, offset * offset]]
+    }
+
+    /// Without excitation, forgetting alone would let the covariance grow without bound.
+    fn scale_covariance(&mut self, factor: f64) {
+        let prior = self.prior();
+        let room = (0..2)
+            .map(|i| prior[i][i] / self.covariance[i][i].max(f64::MIN_POSITIVE))
+            .fold(factor, f64::min);
+        self.covariance.iter_mut().flatten().for_each(|value| *value *= room.max(0.0));
+    }
+
+    fn learn(&mut self, predicted: f64, metered: f64, spread: f64) {
+        let regressor = [predicted, 1.0];
+        let deviation = metered - self.estimate[0] * predicted - self.estimate[1];
+        // Where settings have just changed, the reading may belong to either.
+        let unsure = 0.5 * spread * self.estimate[0];
+        let noise = (NOISE * metered.max(predicted)).powi(2) + unsure * unsure + 1e-12;
+        let expected = (quadratic(&self.covariance, regressor) + noise).sqrt();
+        let mut weight = (HUBER * expected / deviation.abs()).min(1.0);
+        if weight < 1.0 {
+            let sign = deviation.signum();
+            if self.outlier == Some(sign) {
+                // Two in succession are no accident: the device has changed.
+                (self.covariance, self.outlier, weight) = (self.prior(), None, 1.0);
+            } else {
+                self.outlier = Some(sign);
+            }
+        } else {
+            self.outlier = None;
+        }
+        let along = multiply(&self.covariance, regressor);
+        let total = quadratic(&self.covariance, regressor) + noise / weight.max(1e-6);
+        let mut estimate = self.estimate;
+        for i in 0..2 {
+            estimate[i] += along[i] / total * deviation;
+        }
+        if !estimate.iter().all(|value| value.is_finite()) {
+            return;
+        }
+        self.estimate = [
+            estimate[0].clamp(1.0 / MOST, MOST),
+            estimate[1].clamp(-MOST * self.scale, MOST * self.scale),
+        ];
+        for i in 0..2 {
+            for j in 0..2 {
+                self.covariance[i][j] -= along[i] * along[j] / total;
+            }
+            // Rounding errors must not make a variance negative.
+            self.covariance[i][i] = self.covariance[i][i].max(0.0);
+        }
+    }
+
+    fn use_estimate(&mut self) {
+        let Some(predicted) = self.history.last() else { return };
+        let latest = PowerCorrection { gain: self.estimate[0], offset: Watts(self.estimate[1]) };
+        let (new, old) =
+            (latest.corrected(Watts(predicted)).0, self.used.corrected(Watts(predicted)).0);
+        if new > old * (1.0 + MOST_UNDER) || new < old * (1.0 - MOST_OVER) {
+            self.used = latest;
+        }
+    }
+}
+
+fn multiply(matrix: &[[f64; 2]; 2], vector: [f64; 2]) -> [f64; 2] {
+    [0, 1].map(|row| matrix[row][0] * vector[0] + matrix[row][1] * vector[1])
+}
+
+fn quadratic(matrix: &[[f64; 2]; 2], vector: [f64; 2]) -> f64 {
+    let along = multiply(matrix, vector);
+    along[0] * vector[0] + along[1] * vector[1]
+}
+
+#[cfg(test)]
+#[path = "feedback_tests.rs"]
+mod tests;

@@ -1,0 +1,139 @@
+//! Loaded maps, checked once, and the store that a camera's frontiers come from.
+
+use std::collections::{HashMap, HashSet};
+use std::sync::Arc;
+
+use bevy::asset::{AssetEvent, AssetId, AssetServer, Assets, LoadState};
+use bevy::ecs::prelude::*;
+
+use super::{ControlStatus, FrontierMapHandle, FrontierSource, OffReason};
+use crate::frontier::{FrontierMap, FrontierStore};
+use crate::knobs::{KnobSpace, KnownKnobs};
+
+/// Computed once per map: its knobs, shared by all cameras, or the reason why it cannot be used.
+type Prepared = Result<Arc<KnobSpace>, (OffReason, String)>;
+
+/// Cache of checked maps, so that nothing is checked or allocated per frame.
+#[derive(Resource, Default)]
+pub(super) struct PreparedMaps {
+    checked: HashMap<AssetId<FrontierMap>, Prepared>,
+    /// Maps that changed since they were loaded: the loader has checked all others.
+    changed: HashSet<AssetId<FrontierMap>>,
+}
+
+impl PreparedMaps {
+    fn get(
+        &mut self,
+        id: AssetId<FrontierMap>,
+        map: &FrontierMap,
+        is_loaded: impl FnOnce() -> bool,
+        known: Option<&KnownKnobs>,
+    ) -> &Prepared {
+        let Self { checked, changed } = self;
+        checked.entry(id).or_insert_with(|| {
+            if changed.contains(&id) || !is_loaded() {
+                map.validate().map_err(|error| (OffReason::MapInvalid, error.to_string()))?;
+            }
+            if let Some(name) = unknown(&map.knobs, known) {
+                return Err((OffReason::UnknownKnobs, message_of(name)));
+            }
+            Ok(Arc::new(map.knobs.clone()))
+        })
+    }
+}
+
+fn unknown<'a>(space: &'a KnobSpace, known: Option<&KnownKnobs>) -> Option<&'a str> {
+    known.and_then(|known| known.first_unknown(space))
+}
+
+fn message_of(unknown_knob: &str) -> String {
+    format!(
+        "the map sets knob `{unknown_knob}`, which this app has not registered: register it, or precompute without it"
+    )
+}
+
+/// Invalidates the cache of maps that changed or were removed, and all of it when the known knobs
+/// change.
+pub(super) fn forget_changed_maps(
+    mut events: MessageReader<AssetEvent<FrontierMap>>,
+    known: Option<Res<KnownKnobs>>,
+    mut prepared: ResMut<PreparedMaps>,
+) {
+    for event in events.read() {
+        match event {
+            AssetEvent::Added { id } => {
+                prepared.checked.remove(id);
+            }
+            AssetEvent::Modified { id } => {
+                prepared.checked.remove(id);
+                prepared.changed.insert(*id);
+            }
+            AssetEvent::Removed { id } | AssetEvent::Unused { id } => {
+                prepared.checked.remove(id);
+                prepared.changed.remove(id);
+            }
+            AssetEvent::LoadedWithDependencies { .. } => {}
+        }
+    }
+    if known.is_some_and(|known| known.is_changed()) {
+        prepared.checked.clear();
+    }
+}
+
+/// The store of a camera's frontiers; `None` while there is none.
+pub(super) fn store_of<'a>(
+    (handle, source): (Option<&FrontierMapHandle>, Option<&'a FrontierSource>),
+    maps: &'a Assets<FrontierMap>,
+) -> Option<&'a dyn FrontierStore> {
+    match (source, handle) {
+        (Some(source), _) => Some(source.store()),
+        (None, Some(handle)) => Some(maps.get(handle.0.id())?),
+        (None, None) => None,
+    }
+}
+
+/// Why a camera's frontiers cannot be used: its status, with a message unless `logged` is that
+/// status already. Nothing is formatted in every frame.
+pub(super) type Refusal = (ControlStatus, Option<String>);
+
+pub(super) fn refuse(
+    logged: ControlStatus,
+    reason: OffReason,
+    message: impl FnOnce() -> String,
+) -> Refusal {
+    let status = ControlStatus::Off(reason);
+    (status, (status != logged).then(message))
+}
+
+/// The knob space of a camera's frontiers; no message while they are loading.
+pub(super) fn space_of(
+    (handle, source): (Option<&FrontierMapHandle>, Option<&FrontierSource>),
+    maps: &Assets<FrontierMap>,
+    server: Option<&AssetServer>,
+    prepared: &mut PreparedMaps,
+    known: Option<&KnownKnobs>,
+    logged: ControlStatus,
+) -> Result<Arc<KnobSpace>, Refusal> {
+    if let Some(source) = source {
+        return match unknown(source.space(), known) {
+            None => Ok(Arc::clone(source.space())),
+            Some(name) => Err(refuse(logged, OffReason::UnknownKnobs, || message_of(name))),
+        };
+    }
+    let Some(id) = handle.map(|handle| handle.0.id()) else {
+        return Err((ControlStatus::Waiting, None));
+    };
+    let state = || server.and_then(|server| server.get_load_state(id));
+    let Some(map) = maps.get(id) else {
+        return Err(match state() {
+            Some(LoadState::Failed(error)) => {
+                refuse(logged, OffReason::MapNotLoaded, || error.to_string())
+            }
+            _ => (ControlStatus::Waiting, None),
+        });
+    };
+    match prepared.get(id, map, || matches!(state(), Some(LoadState::Loaded)), known) {
+        Ok(space) => Ok(Arc::clone(space)),
+        Err((reason, message)) => Err(refuse(logged, *reason, || message.clone())),
+    }
+}

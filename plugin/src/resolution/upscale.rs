@@ -1,0 +1,163 @@
+//! The pass that writes a scaled camera's image to its target.
+
+use bevy::asset::load_embedded_asset;
+use bevy::camera::{CameraOutputMode, ClearColor, ClearColorConfig};
+use bevy::core_pipeline::FullscreenShader;
+use bevy::ecs::prelude::*;
+use bevy::render::camera::{ExtractedCamera, SortedCameras};
+use bevy::render::diagnostic::RecordDiagnostics;
+use bevy::render::render_resource::binding_types::{sampler, texture_2d};
+use bevy::render::render_resource::*;
+use bevy::render::renderer::{RenderContext, RenderDevice, ViewQuery};
+use bevy::render::view::ViewTarget;
+use bevy::shader::Shader;
+use bevy::utils::default;
+
+use super::ResolutionScale;
+use super::scaled::ScaledView;
+use super::separate::is_over_another;
+
+/// Upscaling pipeline of a camera that is rendered at a smaller size in this frame, and the color
+/// that its target is cleared with if no camera has written it yet; in the render world.
+#[derive(Component)]
+pub struct UpscalePipelineId(CachedRenderPipelineId, ClearColorConfig);
+
+#[derive(Resource)]
+pub(super) struct UpscalePipelines {
+    layout: BindGroupLayoutDescriptor,
+    shader: bevy::asset::Handle<Shader>,
+    vertex: VertexState,
+    sampler: Sampler,
+}
+
+impl FromWorld for UpscalePipelines {
+    fn from_world(world: &mut World) -> Self {
+        let layout = BindGroupLayoutDescriptor::new(
+            "bevy_frugal_gi/upscale",
+            &BindGroupLayoutEntries::sequential(
+                ShaderStages::FRAGMENT,
+                (
+                    texture_2d(TextureSampleType::Float { filterable: true }),
+                    sampler(SamplerBindingType::Filtering),
+                ),
+            ),
+        );
+        world.init_resource::<SpecializedRenderPipelines<UpscalePipelines>>();
+        let sampler = world.resource::<RenderDevice>().create_sampler(&SamplerDescriptor {
+            label: Some("bevy_frugal_gi/upscale"),
+            min_filter: FilterMode::Linear,
+            mag_filter: FilterMode::Linear,
+            ..default()
+        });
+        let vertex = world.resource::<FullscreenShader>().to_vertex_state();
+        Self { layout, shader: load_embedded_asset!(world, "upscale.wgsl"), vertex, sampler }
+    }
+}
+
+impl SpecializedRenderPipeline for UpscalePipelines {
+    type Key = (TextureFormat, Option<BlendState>);
+
+    fn specialize(&self, (target_format, blend): Self::Key) -> RenderPipelineDescriptor {
+        RenderPipelineDescriptor {
+            label: Some("bevy_frugal_gi/upscale".into()),
+            layout: vec![self.layout.clone()],
+            vertex: self.vertex.clone(),
+            fragment: Some(FragmentState {
+                shader: self.shader.clone(),
+                entry_point: Some("upscale".into()),
+                targets: vec![Some(ColorTargetState {
+                    format: target_format,
+                    blend,
+                    write_mask: ColorWrites::ALL,
+                })],
+                ..default()
+            }),
+            ..default()
+        }
+    }
+}
+
+pub(super) fn prepare_pipelines(
+    mut commands: Commands,
+    cache: Res<PipelineCache>,
+    sorted: Res<SortedCameras>,
+    mut specialized: ResMut<SpecializedRenderPipelines<UpscalePipelines>>,
+    pipelines: Res<UpscalePipelines>,
+    views: Query<(Entity, &ExtractedCamera, Has<ScaledView>, &ViewTarget), With<ResolutionScale>>,
+) {
+    for (entity, camera, is_scaled, target) in &views {
+        let mut entity_commands = commands.entity(entity);
+        let (Some(format), CameraOutputMode::Write { blend_state, clear_color }) =
+            (target.out_texture_view_format(), camera.output_mode)
+        else {
+            entity_commands.remove::<UpscalePipelineId>();
+            continue;
+        };
+        // The image of a camera over another is premultiplied: it was drawn on transparent black.
+        let over =
+            is_over_another(entity, &sorted).then_some(BlendState::PREMULTIPLIED_ALPHA_BLENDING);
+        // Queued in the first frame, also at scale 1, so that no later switch waits for it.
+        let pipeline = specialized.specialize(&cache, &pipelines, (format, blend_state.or(over)));
+        if is_scaled {
+            entity_commands.insert(UpscalePipelineId(pipeline, clear_color));
+        } else {
+            entity_commands.remove::<UpscalePipelineId>();
+        }
+    }
+}
+
+pub(super) fn take_over_output(
+    cache: Res<PipelineCache>,
+    mut views: Query<(&mut ExtractedCamera, &UpscalePipelineId), With<ScaledView>>,
+) {
+    for (mut camera, pipeline) in &mut views {
+        // Until our pipeline is compiled, Bevy's unfiltered blit writes the target.
+        if cache.get_render_pipeline(pipeline.0).is_some() {
+            camera.output_mode = CameraOutputMode::Skip;
+        }
+    }
+}
+
+pub(super) fn upscale(
+    view: ViewQuery<(&ViewTarget, &UpscalePipelineId, &ScaledView)>,
+    pipelines: Res<UpscalePipelines>,
+    global_clear_color: Res<ClearColor>,
+    cache: Res<PipelineCache>,
+    mut context: RenderContext,
+) {
+    let (target, UpscalePipelineId(pipeline, clear_color), part) = view.into_inner();
+    let Some(pipeline) = cache.get_render_pipeline(*pipeline) else { return };
+    // As Bevy's blit does. Only the first camera of a target clears it.
+    let clear_color = match clear_color {
+        ClearColorConfig::Default => Some(global_clear_color.0),
+        ClearColorConfig::Custom(color) => Some(*color),
+        ClearColorConfig::None => None,
+    };
+    let Some(attachment) = target.out_texture_color_attachment(clear_color.map(Into::into)) else {
+        return;
+    };
+    let bind_group = context.render_device().create_bind_group(
+        "bevy_frugal_gi/upscale",
+        &cache.get_bind_group_layout(&pipelines.layout),
+        &BindGroupEntries::sequential((target.main_texture_view(), &pipelines.sampler)),
+    );
+    let diagnostics = context.diagnostic_recorder();
+    let diagnostics = diagnostics.as_deref();
+    let span = diagnostics.time_span(context.command_encoder(), "bevy_frugal_gi/upscale");
+    {
+        let mut pass = context.begin_tracked_render_pass(RenderPassDescriptor {
+            label: Some("bevy_frugal_gi/upscale"),
+            color_attachments: &[Some(attachment)],
+            depth_stencil_attachment: None,
+            timestamp_writes: None,
+            occlusion_query_set: None,
+            multiview_mask: None,
+        });
+        let (position, size) = (part.position.as_vec2(), part.size.as_vec2());
+        pass.set_viewport(position.x, position.y, size.x, size.y, 0.0, 1.0);
+        pass.set_render_pipeline(pipeline);
+        pass.set_bind_group(0, &bind_group, &[]);
+        pass.draw(0..3, 0..1);
+    }
+    span.end(context.command_encoder());
+}
