@@ -55,7 +55,7 @@ enum Step {
 
 /// The controller's state of one camera, from system to system and from frame to frame.
 #[derive(Component, Debug, Default)]
-pub struct CameraState {
+pub(super) struct CameraState {
     step: Step,
     /// Predicted power of the applied settings in the map's watts; `None` while the controller is
     /// off.

@@ -8,7 +8,7 @@ use crate::knobs::{Knob, KnobDriver, KnobScope, KnobSystems, Level};
 
 /// Number of cascades of every directional light, over the app's own shadow distance. Higher levels
 /// give sharper near shadows; each cascade renders the casters once more.
-pub struct ShadowCascades;
+pub(crate) struct ShadowCascades;
 
 /// The app's own cascades, whose distance each level divides again, and what was written last.
 #[derive(Component, Clone)]

@@ -7,7 +7,7 @@ use crate::knobs::{Knob, KnobDriver, KnobScope, Level};
 
 /// Texels along the edge of a cascade or a spot light's map; a point light's six faces have half as
 /// many. Higher levels give sharper shadow edges and cost more fill rate and memory.
-pub struct ShadowMapResolution;
+pub(crate) struct ShadowMapResolution;
 
 /// The app's own sizes, and those written last: of directional lights, of point lights.
 #[derive(Resource, Clone, Copy)]
