@@ -78,9 +78,9 @@ impl PluginGroup for FrugalGiPlugins {
 pub mod prelude {
     pub use crate::FrugalGiPlugins;
     pub use crate::control::{
-        Budget, BudgetStateChanged, ControlPlugin, ControlSettings, ControlStatus, ErrorPace, FrontierMapHandle,
-        FrontierSource, MapRejected, OffReason, Outcome, PowerFeedback, Selection, SettingsFilter,
-        SettingsSwitched,
+        Budget, BudgetStateChanged, ControlPlugin, ControlSettings, ControlStatus, ErrorPace,
+        FrontierMapHandle, FrontierSource, MapRejected, OffReason, Outcome, PowerFeedback,
+        Selection, SettingsFilter, SettingsSwitched,
     };
     pub use crate::frontier::{FrontierMap, FrontierMapPlugin, FrontierStore, MapFit};
     pub use crate::gi::{

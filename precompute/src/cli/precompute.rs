@@ -78,6 +78,9 @@ pub(super) struct SearchArguments {
     pub shard: Option<(usize, usize)>,
 }
 
+/// Time limit below which a search has fewer pilot cameras and a smaller pool.
+const SHORT_SEARCH: Duration = Duration::from_secs(10 * 60);
+
 /// A limit in watts, or as a share of the range of power.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) enum Threshold {
@@ -132,6 +135,11 @@ impl SearchArguments {
 
     fn config(&self) -> PipelineConfig {
         let mut config = PipelineConfig { seed: self.seed, ..PipelineConfig::default() };
+        if self.time_limit.is_some_and(|limit| limit < SHORT_SEARCH) {
+            // Screening alone would take a third of it at three pilots, and a smaller pool leaves time
+            // for more cameras.
+            (config.pilots, config.pool) = (2, 16);
+        }
         config.fit.levels = self.levels;
         config.fit.error_threshold = self.error_threshold;
         match self.power_threshold {

@@ -272,7 +272,12 @@ fn invalid_arguments_are_named() {
         ),
         (&["compare", "missing.exr", "a.scene.ron"], &["missing.exr"]),
         (&["compare", "a.scene.ron", "a.scene.ron"], &["a.scene.ron", "OpenEXR"]),
+        (
+            &["render", "a.scene.ron", "--position", "1,2,3", "--look-at", "1,2,3", "-o", "a.png"],
+            &["--position", "--look-at", "no direction"],
+        ),
         (&["inspect", "missing.pareto.ron"], &["missing.pareto.ron"]),
+        (&["inspect", "a.scene.ron"], &["a.scene.ron", "no frontier map"]),
         (&["inspect", "--compare", "missing.pareto.ron", "a.scene.ron"], &["missing.pareto.ron"]),
         (
             &["inspect", "--compare", "a.scene.ron", "a.scene.ron", "--tolerance", "1"],
@@ -520,6 +525,10 @@ fn presets_come_from_a_map() {
     let inspect = |map: &str| run(folder.path(), &["inspect", map, "--presets", "presets.ron"]);
     let output = inspect("a.pareto.ron");
     assert!(output.status.success(), "{}", stderr(&output));
+    let facts = String::from_utf8_lossy(&output.stdout);
+    for words in [" W with errors of ", "budgets    "] {
+        assert!(facts.contains(words), "{words} in: {facts}");
+    }
     let text = fs::read_to_string(folder.path().join("presets.ron")).expect("was written");
     let order: Vec<_> = ["battery", "low", "medium", "high", "ultra"]
         .iter()
