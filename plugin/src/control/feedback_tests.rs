@@ -95,7 +95,7 @@ impl Loop {
         let windows: Vec<&[f64]> = self.powers[from..].chunks_exact(window).collect();
         windows
             .iter()
-            .rposition(|powers| over(&powers))
+            .rposition(over)
             .map_or(0.0, |last| (last + 1) as f64 * window as f64 * FRAME)
     }
 
