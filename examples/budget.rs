@@ -17,7 +17,7 @@ use bevy::pbr::ScreenSpaceAmbientOcclusion;
 use bevy::post_process::bloom::Bloom;
 use bevy::prelude::*;
 use bevy::render::render_resource::BlendState;
-use bevy_frugal_gi::control::{ControlStatus, Outcome};
+use bevy_frugal_gi::control::{FeedbackState, PowerCorrection};
 use bevy_frugal_gi::frontier::SceneIdentity;
 use bevy_frugal_gi::knobs::{Knob, KnobLevels};
 use bevy_frugal_gi::power::{MeterState, Provenance};
@@ -197,8 +197,7 @@ struct Overlay;
 const SHADE: Color = Color::srgba(0.0, 0.0, 0.0, 0.65);
 
 fn spawn_text(mut commands: Commands) {
-    // A separate camera, which the other camera's resolution scale does not affect. Not HDR:
-    // cameras of the same format share textures, and so must have the same size.
+    // A separate camera, which the other camera's resolution scale does not affect.
     let output_mode = CameraOutputMode::Write {
         blend_state: Some(BlendState::PREMULTIPLIED_ALPHA_BLENDING),
         clear_color: ClearColorConfig::None,
@@ -236,11 +235,14 @@ fn write_text(
     no_map: Option<Res<NoMap>>,
     controlled: Option<Res<Controlled>>,
     maps: Res<Assets<FrontierMap>>,
-    power: Res<MeteredPower>,
-    camera: Single<(Option<&WarmKnobs>, Option<&Selection>, Option<&KnobSettings>), With<FrugalGi>>,
+    (power, feedback): (Res<MeteredPower>, Res<PowerFeedback>),
+    camera: Single<
+        (Option<&WarmKnobs>, Option<&Selection>, Option<&MapFit>, Option<&KnobSettings>),
+        With<FrugalGi>,
+    >,
     mut text: Single<&mut Text>,
 ) {
-    let (warming, selection, settings) = *camera;
+    let (warming, selection, fit, settings) = *camera;
     let mut lines = Vec::new();
     if let Some(warming) = warming {
         lines.push(format!("warming up… {:.0} %", 100.0 * warming.progress()));
@@ -253,6 +255,8 @@ fn write_text(
                 predicted_line(selection, maps.get(&controlled.map))
             ));
             lines.push(format!("state        {}", status_line(selection.status)));
+            lines.extend(fit.map(|fit| format!("map          {}", fit_line(fit))));
+            lines.push(format!("feedback     {}", feedback_line(&feedback)));
         }
         lines.push(format!("metered      {}", metered_line(&power)));
         if let (Some(settings), Some(selection)) = (settings, selection) {
@@ -300,6 +304,26 @@ fn status_line(status: ControlStatus) -> String {
         }
         ControlStatus::Off(reason) => format!("off: {reason:?}"),
         other => format!("{other:?}"),
+    }
+}
+
+fn fit_line(fit: &MapFit) -> String {
+    let misfits: Vec<String> = fit.misfits().map(|misfit| format!("{misfit:?}")).collect();
+    if misfits.is_empty() {
+        "fits this app".to_owned()
+    } else {
+        format!("made for another: {}", misfits.join(", "))
+    }
+}
+
+/// How metered power corrects the predicted one.
+fn feedback_line(feedback: &PowerFeedback) -> String {
+    let PowerCorrection { gain, offset } = feedback.correction;
+    match feedback.state {
+        FeedbackState::Off => "off".to_owned(),
+        FeedbackState::Waiting => "waiting for a reading".to_owned(),
+        FeedbackState::Running => format!("predicted x {gain:.2} + {offset}"),
+        FeedbackState::Held => format!("meter lost, predicted x {gain:.2} + {offset}"),
     }
 }
 
