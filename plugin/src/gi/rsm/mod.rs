@@ -7,13 +7,17 @@
 //! small: the camera has no clusters, so Bevy gives it no cascades and no light lists, and we
 //! remove its main phases.
 
+mod drawn;
+mod focus;
 mod lights;
 mod region;
 mod resolve;
+mod room;
 mod views;
 
 use bevy::app::{App, Plugin, PostUpdate};
 use bevy::asset::embedded_asset;
+use bevy::camera::visibility::{RenderLayers, VisibilitySystems};
 use bevy::core_pipeline::schedule::Core3d;
 use bevy::ecs::prelude::*;
 use bevy::reflect::Reflect;
@@ -42,6 +46,10 @@ pub struct RsmView {
     pub face: u8,
 }
 
+/// Render layers of a map's light: the map draws meshes, and serves cameras, that share one of them.
+#[derive(Component, ExtractComponent, Clone, Debug, Default, PartialEq)]
+pub(super) struct MapLayers(pub RenderLayers);
+
 pub(super) struct RsmPlugin;
 
 impl Plugin for RsmPlugin {
@@ -50,15 +58,24 @@ impl Plugin for RsmPlugin {
         app.register_type::<RsmView>()
             .init_resource::<region::SceneBox>()
             .init_resource::<MapDelta>()
+            .init_resource::<drawn::Levels>()
             .add_plugins((
                 ExtractComponentPlugin::<RsmView>::default(),
                 ExtractComponentPlugin::<RsmLight>::default(),
                 ExtractComponentPlugin::<CascadeCut>::default(),
+                ExtractComponentPlugin::<MapLayers>::default(),
                 UniformComponentPlugin::<RsmLight>::default(),
             ))
             .add_systems(
                 PostUpdate,
-                (region::update_scene_box, views::maintain).chain().in_set(SceneSystems::Maps),
+                (
+                    (region::update_scene_box, views::maintain, drawn::choose_levels)
+                        .chain()
+                        .in_set(SceneSystems::Maps),
+                    drawn::correct_visibility
+                        .after(VisibilitySystems::CheckVisibility)
+                        .before(VisibilitySystems::MarkNewlyHiddenEntitiesInvisible),
+                ),
             );
     }
 
