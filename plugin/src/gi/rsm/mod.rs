@@ -58,7 +58,6 @@ impl Plugin for RsmPlugin {
         app.register_type::<RsmView>()
             .init_resource::<region::SceneBox>()
             .init_resource::<MapDelta>()
-            .init_resource::<drawn::Levels>()
             .add_plugins((
                 ExtractComponentPlugin::<RsmView>::default(),
                 ExtractComponentPlugin::<RsmLight>::default(),
@@ -69,12 +68,8 @@ impl Plugin for RsmPlugin {
             .add_systems(
                 PostUpdate,
                 (
-                    (region::update_scene_box, views::maintain, drawn::choose_levels)
-                        .chain()
-                        .in_set(SceneSystems::Maps),
-                    drawn::correct_visibility
-                        .after(VisibilitySystems::CheckVisibility)
-                        .before(VisibilitySystems::MarkNewlyHiddenEntitiesInvisible),
+                    (region::update_scene_box, views::maintain).chain().in_set(SceneSystems::Maps),
+                    drawn::leave_out_shadowless.after(VisibilitySystems::CheckVisibility),
                 ),
             );
     }

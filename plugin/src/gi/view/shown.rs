@@ -68,7 +68,7 @@ impl Shown {
 
     /// Whether a level of detail is the one at the distance of a GI camera. While two levels fade
     /// into each other it is the one that shows more, so that a single one counts.
-    pub fn has_level(
+    fn has_level(
         &self,
         range: &VisibilityRange,
         aabb: Option<&Aabb>,
