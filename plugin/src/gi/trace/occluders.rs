@@ -442,3 +442,16 @@ fn assemble(
         is_kept: true,
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_exceeds_the_largest_buffer_is_left_out() {
+        assert!(fits(&[0u32; 3], 1, 16) && !fits(&[0u32; 3], 2, 16) && fits::<u32>(&[], 0, 0));
+        let limits = WgpuLimits { max_buffer_size: 1 << 20, ..Default::default() };
+        assert_eq!(largest_buffer(&limits), 1 << 20);
+        assert_eq!(largest_buffer(&WgpuLimits::default()), 128 << 20);
+    }
+}
