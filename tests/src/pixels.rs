@@ -30,6 +30,12 @@ impl Plane {
     pub const ORIGIN: Self =
         Self { center: Vec3::ZERO, spacing: 1.0, eye: Vec3::ZERO, exposure: 0.01 };
 
+    /// Distance at which a lens of 45 degrees shows things as large as an image of `height` rows
+    /// shows them, metres.
+    pub fn apparent_distance(&self, height: u32) -> f64 {
+        (1.0 + 2f64.sqrt()) * f64::from(height) / 2.0 * f64::from(self.spacing)
+    }
+
     /// Centre of pixel (x, y) of an image of `width` × `height`, world space, metres.
     pub fn position(&self, [width, height]: [u32; 2], x: u32, y: u32) -> DVec3 {
         let offset = |at: u32, size: u32| {
@@ -103,7 +109,7 @@ impl Pixels {
 
     /// Bevy's view uniform, of which the kernels read `world_from_clip` (the third matrix), the z
     /// axis of the eye, opposite to the viewing direction (in the fourth: here up), the eye and the
-    /// exposure (after seven matrices).
+    /// exposure (after seven matrices), and the viewport, which fills the image.
     pub fn view(&self, stage: &Stage, plane: &Plane) -> Buffer {
         let mut words = vec![0.0f32; 256];
         let [width, height] = self.size.map(|size| size as f32 / 2.0 * plane.spacing);
@@ -116,6 +122,7 @@ impl Pixels {
         (words[85], words[95]) = (1.0 / height, 1.0);
         words[112..115].copy_from_slice(&plane.eye.to_array());
         words[115] = plane.exposure;
+        (words[118], words[119]) = (self.size[0] as f32, self.size[1] as f32);
         kernel::buffer(stage, &gpu::bytes(&words))
     }
 

@@ -4,11 +4,14 @@ use std::path::PathBuf;
 use std::sync::Arc;
 
 use bevy::app::App;
+use bevy::camera::{Camera, Camera3d, Exposure, Projection, RenderTarget, Viewport};
+use bevy::core_pipeline::tonemapping::{DebandDither, Tonemapping};
 use bevy::ecs::entity::Entity;
 use bevy::ecs::query::With;
 use bevy::ecs::world::Mut;
 use bevy::math::{UVec2, Vec3};
 use bevy::mesh::Mesh3d;
+use bevy::transform::components::Transform;
 use bevy_frugal_gi::gi::{FrugalGi, GiCounts, GiShading};
 use bevy_frugal_gi::knobs::{AppliedKnobs, KnobSettings};
 use frugal::scene::{self, CameraPose, Geometry, Light, SceneDescription};
@@ -95,6 +98,49 @@ pub fn camera(stage: &mut Stage) -> Entity {
         .query_filtered::<Entity, With<FrugalGi>>()
         .single(world)
         .unwrap_or_else(|error| panic!("the stage's camera: {error}"))
+}
+
+/// Gives the stage's camera a part of its target, `position` and `size` in pixels.
+pub fn set_viewport(stage: &mut Stage, camera: Entity, position: UVec2, size: UVec2) {
+    let mut camera = stage
+        .world_mut()
+        .get_mut::<Camera>(camera)
+        .unwrap_or_else(|| panic!("{camera} is a camera"));
+    camera.viewport =
+        Some(Viewport { physical_position: position, physical_size: size, depth: 0.0..1.0 });
+}
+
+/// Spawns a second camera with the settings, lens and target of the stage's own, which looks from
+/// `position` at `target` and is rendered after it.
+pub fn add_camera(stage: &mut Stage, position: Vec3, target: Vec3) -> Entity {
+    let first = camera(stage);
+    let world = stage.world_mut();
+    let (target_image, lens, exposure, gi, knobs, color) = (
+        world.get::<RenderTarget>(first).cloned().unwrap_or_default(),
+        world.get::<Projection>(first).cloned().unwrap_or_default(),
+        world.get::<Exposure>(first).copied().unwrap_or_default(),
+        world.get::<FrugalGi>(first).cloned().unwrap_or_default(),
+        world.get::<KnobSettings>(first).cloned(),
+        world.get::<Camera>(first).map(|camera| camera.clear_color).unwrap_or_default(),
+    );
+    let pose = CameraPose::looking_at(position, target);
+    let second = world
+        .spawn((
+            Camera3d::default(),
+            Camera { order: 1, clear_color: color, ..Default::default() },
+            target_image,
+            lens,
+            exposure,
+            gi,
+            Tonemapping::None,
+            DebandDither::Disabled,
+            Transform::from_translation(pose.position).with_rotation(pose.rotation),
+        ))
+        .id();
+    if let Some(knobs) = knobs {
+        world.entity_mut(second).insert(knobs);
+    }
+    second
 }
 
 /// Settings of the camera's global illumination that no applied knob controls. Those that knobs do

@@ -117,6 +117,7 @@ impl Plugin for GiPlugin {
         let lacking = lacking_limits(&device.limits());
         if !lacking.is_empty() {
             warn!("global illumination stays off: this GPU lacks {}", lacking.join(", "));
+            app.insert_resource(schedule::GiIsOff);
             return;
         }
         render_app.insert_resource(schedule::GiIsSupported);

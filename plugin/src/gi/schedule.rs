@@ -5,11 +5,11 @@
 
 use bevy::app::{App, PostUpdate, SubApp};
 use bevy::camera::CameraUpdateSystems;
-use bevy::core_pipeline::core_3d::{main_opaque_pass_3d, main_transparent_pass_3d};
+use bevy::core_pipeline::core_3d::main_opaque_pass_3d;
 use bevy::core_pipeline::schedule::{Core3d, Core3dSystems};
 use bevy::ecs::prelude::*;
 use bevy::pbr::deferred::deferred_lighting;
-use bevy::pbr::main_transmissive_pass_3d;
+use bevy::pbr::screen_space_reflections;
 use bevy::render::{Render, RenderApp, RenderSystems};
 
 use crate::schedule::KnobSystems;
@@ -23,8 +23,9 @@ pub enum GiSystems {
     /// In a GI camera's view: VPLs are sampled and gathered. After the prepass, before the main
     /// pass.
     Gather,
-    /// In a GI camera's view: indirect light is added to the image. After opaque meshes, before
-    /// transmissive and transparent ones.
+    /// In a GI camera's view: indirect light is added to the image. After deferred lighting; before
+    /// screen-space reflections, forward-rendered meshes, the sky, and transmissive and transparent
+    /// meshes.
     Composite,
 }
 
@@ -90,13 +91,17 @@ pub(super) fn configure_main_world(app: &mut App) {
         (
             // Before cameras are updated, so that changes to the maps' cameras take effect in the
             // same frame.
-            SceneSystems::Maps.after(KnobSystems::Apply).before(CameraUpdateSystems),
-            SceneSystems::Emissive.after(KnobSystems::Apply),
+            SceneSystems::Maps
+                .after(KnobSystems::Apply)
+                .before(CameraUpdateSystems)
+                .run_if(is_not_off),
+            SceneSystems::Emissive.after(KnobSystems::Apply).run_if(is_not_off),
             // Read whether there is light.
             SceneSystems::Surfaces
                 .after(KnobSystems::Apply)
                 .after(SceneSystems::Maps)
-                .after(SceneSystems::Emissive),
+                .after(SceneSystems::Emissive)
+                .run_if(is_not_off),
         ),
     );
 }
@@ -139,15 +144,25 @@ pub(super) fn configure_render_world(render_app: &mut SubApp) {
                 )
                     .chain()
                     .in_set(GiSystems::Gather),
-                // After the opaque pass: its forward-rendered meshes cover deferred ones.
+                // Reflections see it, forward-rendered meshes cover it, and the sky's aerial
+                // perspective, which follows opaque meshes, dims it.
                 GiSystems::Composite
                     .in_set(Core3dSystems::MainPass)
                     .after(deferred_lighting)
-                    .after(main_opaque_pass_3d)
-                    .before(main_transmissive_pass_3d)
-                    .before(main_transparent_pass_3d),
+                    .before(screen_space_reflections)
+                    .before(main_opaque_pass_3d),
             ),
         );
+}
+
+/// Exists in the main world if there is a device and it does not support global illumination: then
+/// nothing is kept up for it.
+#[derive(Resource)]
+pub(super) struct GiIsOff;
+
+/// Whether the device, if any, supports global illumination.
+pub(super) fn is_not_off(off: Option<Res<GiIsOff>>) -> bool {
+    off.is_none()
 }
 
 /// Exists in the render world if the device supports global illumination.

@@ -65,16 +65,17 @@ pub struct FrugalGi {
     /// the maps cost that much less. 1: no lag. While nothing moves, nothing is rendered again; see
     /// [`GiRefresh`](super::GiRefresh). Cameras that share lights share the shortest period.
     pub refresh_period: u32,
-    /// Radius around the camera, in metres, within which directional lights bounce. Scenes smaller
-    /// than twice the radius are covered as a whole. A second, finer cascade covers 0.3 of the
-    /// radius, where that is much less than the scene. Higher values: more distant bounces, fewer
+    /// Radius around the camera, in metres, within which directional lights bounce; for a camera
+    /// outside the scene's bounding box, around where its view enters the box, and at least what
+    /// fills the view there. Light fades over the outer quarter of the radius. Scenes smaller than
+    /// twice the radius are covered as a whole. A second, finer cascade covers 0.3 of the radius,
+    /// where that is much less than the scene. Higher values: more distant bounces, fewer
     /// texels on near surfaces.
     pub range: f32,
     /// Length of temporal accumulation, in frames, while something moves. History is rejected at
     /// disocclusions and where luminance changes by 95 % or more (lights that are switched). Higher
     /// values: less flicker, and light that moves lags by about as many frames. 1: no accumulation.
-    /// In 1 to 64. Not for parallel projections, nor across a cut (more than 1 m or 30° in a
-    /// frame).
+    /// In 1 to 64. Not across a [cut](super::CameraCut).
     pub history_frames: u32,
     /// Reflection model of indirect light. Costs nothing.
     pub shading: GiShading,

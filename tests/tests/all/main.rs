@@ -11,18 +11,21 @@ macro_rules! tests {
 }
 
 mod architecture;
+mod attenuation;
 mod bounces;
 mod cli;
 mod cli_journal;
 mod command;
 mod contracts;
 mod control;
+mod distant;
 mod extremes;
 mod furnace;
 mod gi;
 mod gi_sources;
 mod golden;
 mod knobs;
+mod layers;
 mod materials;
 mod naive;
 mod refresh;
@@ -30,16 +33,20 @@ mod resolution;
 mod sampling;
 mod shaders;
 mod stability;
+mod viewports;
 mod visibility;
+mod weak;
 
 /// Modules, their tests, and whether these need an adapter.
 const MODULES: &[(&str, &[(&str, fn())], bool)] = &[
     ("architecture", architecture::TESTS, false),
+    ("attenuation", attenuation::TESTS, true),
     ("bounces", bounces::TESTS, true),
     ("cli", cli::TESTS, false),
     ("cli_journal", cli_journal::TESTS, true),
     ("contracts", contracts::TESTS, true),
     ("control", control::TESTS, true),
+    ("distant", distant::TESTS, true),
     ("extremes::counts", extremes::counts::TESTS, true),
     ("extremes::energy", extremes::energy::TESTS, true),
     ("extremes::filter", extremes::filter::TESTS, true),
@@ -57,6 +64,7 @@ const MODULES: &[(&str, &[(&str, fn())], bool)] = &[
     ("gi_sources::sky", gi_sources::sky::TESTS, true),
     ("golden", golden::TESTS, true),
     ("knobs", knobs::TESTS, true),
+    ("layers", layers::TESTS, true),
     ("materials::custom", materials::custom::TESTS, true),
     ("materials::shaped", materials::shaped::TESTS, true),
     ("materials::standard", materials::standard::TESTS, true),
@@ -66,7 +74,9 @@ const MODULES: &[(&str, &[(&str, fn())], bool)] = &[
     ("sampling", sampling::TESTS, true),
     ("shaders", shaders::TESTS, false),
     ("stability", stability::TESTS, true),
+    ("viewports", viewports::TESTS, true),
     ("visibility", visibility::TESTS, true),
+    ("weak", weak::TESTS, true),
 ];
 
 /// Environment variable: the number of the part to run.

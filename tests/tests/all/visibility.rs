@@ -22,6 +22,7 @@ tests!(
     coarse_and_fine_have_the_same_mean,
     nothing_is_kept_without_rays,
     rays_enabled_at_the_end_of_a_frame_work_one_frame_later,
+    occluders_that_moved_occlude_where_they_are,
 );
 
 /// Mean indirect radiance of a view, nits.
@@ -177,4 +178,42 @@ fn rays_enabled_at_the_end_of_a_frame_work_one_frame_later() {
         "    {leaking:.3} nits without rays, {occluded:.3} with them; the frames after: {found:.3?}"
     );
     assert!(found[1] < 0.05 * leaking && found[2] == found[1], "{found:?}");
+}
+
+/// Fences before the wall of a corner under the sun, `shift` metres off their first place.
+fn fenced(shift: f32) -> (Stage, Vec<Entity>) {
+    let mut stage = corner(vec![sun(Vec3::NEG_Y)]);
+    set::apply(&mut stage, &format!("{PLAIN},gi_visibility=coarse"));
+    let fences = (0..6).map(|index| {
+        let center = Vec3::new(0.5 * index as f32 - 1.5 + shift, 0.4, -1.6);
+        let black = meshes::diffuse(0.0, 0.0, 0.0);
+        meshes::spawn_box(&mut stage, center, Vec3::new(0.2, 0.7, 0.05), black)
+    });
+    let fences = fences.collect();
+    (stage, fences)
+}
+
+fn occluders_that_moved_occlude_where_they_are() {
+    let (mut stage, fences) = fenced(0.0);
+    let before = set::radiance(&mut stage);
+    // One alone, then all.
+    for moving in [&fences[2..3], &fences[..]] {
+        for _ in 0..4 {
+            for fence in moving {
+                let mut place = stage.world_mut().get_mut::<Transform>(*fence).expect("a place");
+                place.translation.x += 0.03;
+            }
+            stage.frame();
+        }
+    }
+    let mut place = stage.world_mut().get_mut::<Transform>(fences[2]).expect("a place");
+    place.translation.x -= 0.12;
+    let moved = set::radiance(&mut stage);
+    assert!(moved != before);
+    let (mut fresh, places) = fenced(0.0);
+    for (fence, place) in fences.iter().zip(places) {
+        let moved = *stage.world_mut().get::<Transform>(*fence).expect("a place");
+        *fresh.world_mut().get_mut::<Transform>(place).expect("a place") = moved;
+    }
+    assert!(set::radiance(&mut fresh) == moved, "as if they had always been there");
 }

@@ -25,7 +25,7 @@ use crate::gi::surfaces::{
     MaterialSample, Reflectance, SurfaceAssets, SurfaceCache, SurfaceEvents, SurfaceKey,
     SurfacePoint, SurfacePoints, TrianglePoint, Triangles, area_matrix, triangles,
 };
-use crate::gi::view::LightPresence;
+use crate::gi::view::{GiCameras, LightPresence, Showing};
 
 /// Approximate number of points on all surfaces, from which a camera's patches are selected: near
 /// surfaces can have eight times the density of patches of others.
@@ -163,9 +163,11 @@ pub(super) fn update(
             &MeshMaterial3d<StandardMaterial>,
             &GlobalTransform,
             &InheritedVisibility,
+            Showing,
         ),
         (Without<SkinnedMesh>, Without<NotShadowCaster>),
     >,
+    gi_cameras: GiCameras,
 ) {
     let surfaces = &mut *surfaces;
     surfaces.points.read(&mut events);
@@ -191,10 +193,13 @@ pub(super) fn update(
     // Query order is arbitrary; sorting keeps patches the same in every run.
     around.sort_unstable_by_key(|around| around.camera);
     let materials = assets.materials.as_deref();
+    let shown = gi_cameras.shown();
     let mut now: Vec<SurfaceInstance> = meshes
         .iter()
-        .filter(|(.., transform, visible)| visible.get() && transform.affine().is_finite())
-        .filter_map(|(entity, mesh, material, transform, _)| {
+        .filter(|(.., transform, visible, showing)| {
+            visible.get() && transform.affine().is_finite() && shown.has(showing, transform)
+        })
+        .filter_map(|(entity, mesh, material, transform, ..)| {
             let reflectance = Reflectance::new(materials?.get(material.id())?)?;
             Some(SurfaceInstance {
                 entity,

@@ -9,7 +9,7 @@
 #import bevy_render::view::View
 #import bevy_frugal_gi::gi::bounces::patch::{Patch, PatchRange}
 #import bevy_frugal_gi::gi::texels::texel::{Texel, texel_normal}
-#import bevy_frugal_gi::gi::view::surface::scattered_share
+#import bevy_frugal_gi::gi::view::surface::{apparent_distance, scattered_share}
 #import bevy_frugal_gi::gi::trace::trace::{is_occluded, is_open, surface_offset}
 #import bevy_frugal_gi::gi::vpl::stratum::{empty_stratum, update_stratum}
 #import bevy_frugal_gi::gi::vpl::vpl::{Vpl, from_vpl}
@@ -53,7 +53,7 @@ fn reflect_patches(@builtin(global_invocation_id) id: vec3<u32>) {
     texel.flux = vec3(0.0);
     if own.area > 0.0 {
         let normal = texel_normal(texel);
-        let origin = own.position + normal * surface_offset(own.position, distance(own.position, view.world_position), 0.0);
+        let origin = own.position + normal * surface_offset(own.position, apparent_distance(view.clip_from_view, distance(own.position, view.world_position)), 0.0);
         let noise = fract(f32(index) * 0.618034);
         var light = vec3(0.0);
         for (var which = 0u; which < RAYS; which++) {
@@ -63,7 +63,7 @@ fn reflect_patches(@builtin(global_invocation_id) id: vec3<u32>) {
             }
             if stratum.total > 0.0 {
                 let vpl = bounce_vpls[stratum.sampled];
-                let end = vpl.position + vpl.normal * surface_offset(vpl.position, distance(vpl.position, view.world_position), vpl.texel_width);
+                let end = vpl.position + vpl.normal * surface_offset(vpl.position, apparent_distance(view.clip_from_view, distance(vpl.position, view.world_position)), vpl.texel_width);
                 if !is_occluded(origin, end) {
                     light += stratum.sent;
                 }

@@ -1,26 +1,36 @@
 //! The composite: irradiance, upsampled along surfaces, times albedo, added to the image before
 //! tone mapping.
+//!
+//! It is drawn between deferred lighting and everything that lies over it or reflects it:
+//! screen-space reflections, forward-rendered meshes, the sky with its aerial perspective, fog
+//! volumes, and transparent meshes. Distance fog is part of Bevy's shading of each surface, so the
+//! composite dims its own light by it.
+
+mod pipelines;
 
 use bevy::app::{App, Plugin};
-use bevy::asset::{Handle, embedded_asset, load_embedded_asset};
-use bevy::core_pipeline::FullscreenShader;
+use bevy::asset::embedded_asset;
+use bevy::core_pipeline::core_3d::{main_opaque_pass_3d, main_transparent_pass_3d};
 use bevy::core_pipeline::prepass::ViewPrepassTextures;
-use bevy::core_pipeline::schedule::Core3d;
+use bevy::core_pipeline::schedule::{Core3d, Core3dSystems};
 use bevy::ecs::prelude::*;
+use bevy::ecs::query::QueryData;
+use bevy::pbr::{
+    FogMeta, ScreenSpaceAmbientOcclusionResources, ViewFogUniformOffset, main_transmissive_pass_3d,
+};
 use bevy::render::camera::ExtractedCamera;
 use bevy::render::diagnostic::RecordDiagnostics;
-use bevy::render::render_resource::binding_types::{texture_2d, texture_depth_2d, uniform_buffer};
 use bevy::render::render_resource::*;
 use bevy::render::renderer::{RenderContext, ViewQuery};
-use bevy::render::view::{ExtractedView, ViewTarget, ViewUniform, ViewUniformOffset, ViewUniforms};
+use bevy::render::view::{ViewTarget, ViewUniformOffset, ViewUniforms};
 use bevy::render::{GpuResourceAppExt, Render, RenderSystems};
-use bevy::shader::{Shader, ShaderDefVal};
 use bevy::utils::default;
 
 use super::gather::GatherView;
 use super::schedule::{GiSystems, supported_render_app};
-use super::settings::{FrugalGi, GiOutput, GiPixelFraction, GiShading};
+use super::settings::{FrugalGi, GiOutput};
 use super::view::GiView;
+use pipelines::{CompositePipeline, CompositePipelines};
 
 pub(super) struct CompositePlugin;
 
@@ -33,156 +43,110 @@ impl Plugin for CompositePlugin {
         let Some(render_app) = supported_render_app(app) else { return };
         render_app
             .init_gpu_resource::<CompositePipelines>()
-            .add_systems(Render, prepare_pipelines.in_set(RenderSystems::Prepare))
-            .add_systems(Core3d, composite.in_set(GiSystems::Composite));
-    }
-}
-
-#[derive(Resource)]
-pub(super) struct CompositePipelines {
-    layout: BindGroupLayoutDescriptor,
-    shader: Handle<Shader>,
-    vertex: VertexState,
-}
-
-impl FromWorld for CompositePipelines {
-    fn from_world(world: &mut World) -> Self {
-        let layout = BindGroupLayoutDescriptor::new(
-            "bevy_frugal_gi/composite",
-            &BindGroupLayoutEntries::sequential(
-                ShaderStages::FRAGMENT,
+            .add_systems(Render, pipelines::prepare.in_set(RenderSystems::Prepare))
+            .add_systems(
+                Core3d,
                 (
-                    texture_2d(TextureSampleType::Uint),
-                    texture_depth_2d(),
-                    uniform_buffer::<ViewUniform>(true),
-                    texture_2d(TextureSampleType::Float { filterable: false }),
+                    composite.in_set(GiSystems::Composite),
+                    composite_alone
+                        .in_set(Core3dSystems::MainPass)
+                        .after(main_opaque_pass_3d)
+                        .before(main_transmissive_pass_3d)
+                        .before(main_transparent_pass_3d),
                 ),
-            ),
-        );
-        world.init_resource::<SpecializedRenderPipelines<CompositePipelines>>();
-        let vertex = world.resource::<FullscreenShader>().to_vertex_state();
-        Self { layout, vertex, shader: load_embedded_asset!(world, "composite.wgsl") }
+            );
     }
 }
 
-/// Key of a composite pipeline.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
-pub(super) struct CompositeKey {
-    fraction: GiPixelFraction,
-    shading: GiShading,
-    target_format: TextureFormat,
+/// A GI camera's view.
+#[derive(QueryData)]
+pub(super) struct CompositeView {
+    gi: &'static FrugalGi,
+    camera: &'static ExtractedCamera,
+    target: &'static ViewTarget,
+    prepass: &'static ViewPrepassTextures,
+    offset: &'static ViewUniformOffset,
+    fog: Option<&'static ViewFogUniformOffset>,
+    occlusion: Option<&'static ScreenSpaceAmbientOcclusionResources>,
+    pipeline: &'static CompositePipeline,
+    gathered: Option<(&'static GiView, &'static GatherView)>,
 }
 
-impl SpecializedRenderPipeline for CompositePipelines {
-    type Key = CompositeKey;
-
-    fn specialize(&self, key: CompositeKey) -> RenderPipelineDescriptor {
-        let (width, height) = key.fraction.cell();
-        let mut shader_defs = vec![
-            ShaderDefVal::UInt("CELL_WIDTH".into(), width),
-            ShaderDefVal::UInt("CELL_HEIGHT".into(), height),
-        ];
-        if key.fraction == GiPixelFraction::Full {
-            shader_defs.push("FULL_RESOLUTION".into());
-        }
-        if key.shading == GiShading::Lambertian {
-            shader_defs.push("LAMBERTIAN".into());
-        }
-        let add = BlendComponent {
-            src_factor: BlendFactor::One,
-            dst_factor: BlendFactor::One,
-            operation: BlendOperation::Add,
-        };
-        let keep = BlendComponent {
-            src_factor: BlendFactor::Zero,
-            dst_factor: BlendFactor::One,
-            operation: BlendOperation::Add,
-        };
-        RenderPipelineDescriptor {
-            label: Some("bevy_frugal_gi/composite".into()),
-            layout: vec![self.layout.clone()],
-            vertex: self.vertex.clone(),
-            fragment: Some(FragmentState {
-                shader: self.shader.clone(),
-                shader_defs,
-                entry_point: Some("composite".into()),
-                targets: vec![Some(ColorTargetState {
-                    format: key.target_format,
-                    blend: Some(BlendState { color: add, alpha: keep }),
-                    write_mask: ColorWrites::ALL,
-                })],
-            }),
-            ..default()
-        }
-    }
-}
-
-/// The pipeline of one camera.
-#[derive(Component)]
-pub(super) struct CompositePipelineId(CachedRenderPipelineId);
-
-fn prepare_pipelines(
-    mut commands: Commands,
-    mut specialized: ResMut<SpecializedRenderPipelines<CompositePipelines>>,
-    pipelines: Res<CompositePipelines>,
-    cache: Res<PipelineCache>,
-    cameras: Query<(Entity, &FrugalGi, &ExtractedView)>,
-) {
-    for (entity, gi, view) in &cameras {
-        let key = CompositeKey {
-            fraction: gi.pixel_fraction,
-            shading: gi.shading,
-            target_format: view.target_format,
-        };
-        let pipeline = specialized.specialize(&cache, &pipelines, key);
-        commands.entity(entity).insert(CompositePipelineId(pipeline));
-    }
-}
-
-/// In a GI camera's view, after opaque meshes.
+/// Adds indirect light to deferred surfaces.
 pub(super) fn composite(
-    view: ViewQuery<(
-        &FrugalGi,
-        &ExtractedCamera,
-        &ViewTarget,
-        &ViewPrepassTextures,
-        &ViewUniformOffset,
-        &CompositePipelineId,
-        Option<(&GiView, &GatherView)>,
-    )>,
-    pipelines: Res<CompositePipelines>,
+    view: ViewQuery<CompositeView>,
     cache: Res<PipelineCache>,
     view_uniforms: Res<ViewUniforms>,
+    fogs: Res<FogMeta>,
+    context: RenderContext,
+) {
+    let view = view.into_inner();
+    if view.gi.output != GiOutput::IndirectOnly {
+        draw(view, &cache, &view_uniforms, &fogs, context);
+    }
+}
+
+/// Replaces the image by indirect light, after opaque meshes of every kind.
+fn composite_alone(
+    view: ViewQuery<CompositeView>,
+    cache: Res<PipelineCache>,
+    view_uniforms: Res<ViewUniforms>,
+    fogs: Res<FogMeta>,
+    context: RenderContext,
+) {
+    let view = view.into_inner();
+    if view.gi.output == GiOutput::IndirectOnly {
+        draw(view, &cache, &view_uniforms, &fogs, context);
+    }
+}
+
+fn draw(
+    view: CompositeViewItem,
+    cache: &PipelineCache,
+    view_uniforms: &ViewUniforms,
+    fogs: &FogMeta,
     mut context: RenderContext,
 ) {
-    let (gi, camera, target, prepass, view_offset, pipeline, gathered) = view.into_inner();
-    let alone = gi.output == GiOutput::IndirectOnly;
+    let alone = view.gi.output == GiOutput::IndirectOnly;
+    let CompositePipeline { id, key } = view.pipeline;
+    let mut offsets = vec![view.offset.offset];
     let bind_group = (|| {
-        let (_, gather) = gathered?;
-        let entries = BindGroupEntries::sequential((
-            prepass.deferred_view()?,
-            prepass.depth_view()?,
+        let (_, gather) = view.gathered?;
+        let mut entries = DynamicBindGroupEntries::sequential((
+            view.prepass.deferred_view()?,
+            view.prepass.depth_view()?,
             view_uniforms.uniforms.binding()?,
             &gather.irradiance.default_view,
         ));
-        let layout = cache.get_bind_group_layout(&pipelines.layout);
+        if key.fog {
+            offsets.push(view.fog?.offset);
+            entries = entries.extend_with_indices(((4, fogs.gpu_fogs.binding()?),));
+        }
+        if key.occlusion {
+            let occlusion = &view.occlusion?.screen_space_ambient_occlusion_texture;
+            entries = entries.extend_with_indices(((5, &occlusion.default_view),));
+        }
+        let layout = cache.get_bind_group_layout(&key.layout());
         Some(context.render_device().create_bind_group(
             "bevy_frugal_gi/composite",
             &layout,
             &entries,
         ))
     })();
-    let drawn = bind_group.zip(cache.get_render_pipeline(pipeline.0));
+    let drawn = bind_group.zip(cache.get_render_pipeline(*id));
     if drawn.is_none() && !alone {
         return;
     }
     // The fraction may have changed while its pipeline compiles: low-resolution pixels of another
     // size would be misread.
-    let drawn = drawn
-        .filter(|_| gathered.is_some_and(|(view, _)| view.gi.pixel_fraction == gi.pixel_fraction));
+    let drawn = drawn.filter(|_| {
+        view.gathered
+            .is_some_and(|(gathered, _)| gathered.gi.pixel_fraction == view.gi.pixel_fraction)
+    });
 
-    let mut attachment = target.get_color_attachment();
-    if alone {
+    let mut attachment = view.target.get_color_attachment();
+    // A viewport's neighbours stay.
+    if alone && (view.camera.viewport.is_none() || drawn.is_none()) {
         attachment.ops.load = LoadOp::Clear(default());
     }
     let diagnostics = context.diagnostic_recorder();
@@ -198,11 +162,11 @@ pub(super) fn composite(
             multiview_mask: None,
         });
         if let Some((bind_group, pipeline)) = &drawn {
-            if let Some(viewport) = &camera.viewport {
+            if let Some(viewport) = &view.camera.viewport {
                 pass.set_camera_viewport(viewport);
             }
             pass.set_render_pipeline(pipeline);
-            pass.set_bind_group(0, bind_group, &[view_offset.offset]);
+            pass.set_bind_group(0, bind_group, &offsets);
             pass.draw(0..3, 0..1);
         }
     }

@@ -6,6 +6,7 @@ use bevy::math::Mat4;
 use bevy::render::render_resource::*;
 use bevy::render::renderer::{RenderDevice, RenderQueue};
 use bevy::render::texture::CachedTexture;
+use bevy::time::Time;
 use bytemuck::{Pod, Zeroable};
 
 use crate::gi::gather::{GatherView, IRRADIANCE, irradiance_texture, texture_bytes, texture_size};
@@ -16,9 +17,15 @@ const MOST_FRAMES: u32 = 64;
 /// Longest history when settings are switched, in frames. Longer hides the switch better; shorter
 /// converges sooner to the new settings.
 const FRAMES_AT_SWITCH: u32 = 8;
-/// Thresholds of a cut from one frame to the next: metres, and the cosine of an angle.
+/// Thresholds of a cut: what a camera may move and turn from one frame to the next, at any frame
+/// rate (metres, degrees), and in a second (m/s, degrees/s). A fast vehicle is no cut, nor is a
+/// glance at a low frame rate.
 const CUT_DISTANCE: f32 = 1.0;
-const CUT_COSINE: f32 = 0.866;
+const CUT_ANGLE: f32 = 30.0;
+const CUT_SPEED: f32 = 300.0;
+const CUT_TURN: f32 = 900.0;
+/// Longest frame for which they count, seconds: a stall.
+const LONGEST_FRAME: f32 = 0.1;
 
 const FILTERED: &str = "bevy_frugal_gi/denoise/filtered";
 const HISTORY: &str = "bevy_frugal_gi/denoise/history";
@@ -32,7 +39,7 @@ pub(super) struct Reprojection {
     eye: [f32; 3],
     present_weight: f32,
     exposure: f32,
-    padding: f32,
+    is_parallel: f32,
     size: [u32; 2],
     cell: [u32; 2],
     padding_at_end: [u32; 2],
@@ -46,25 +53,29 @@ impl Reprojection {
         eye: [0.0; 3],
         present_weight: 1.0,
         exposure: 1.0,
-        padding: 0.0,
+        is_parallel: 0.0,
         size: [1; 2],
         cell: [1; 2],
         padding_at_end: [0; 2],
     };
 
-    /// Reprojection of the history of `then` for `now`, with weight `present_weight` of the
-    /// present. [`NONE`](Self::NONE) across a cut, and where either is not finite or of parallel
-    /// projection.
-    fn new(then: &GatherCamera, now: &GatherCamera, present_weight: f32) -> Self {
+    /// Reprojection of the history of `then` for `now`, `seconds` later, with weight
+    /// `present_weight` of the present. [`NONE`](Self::NONE) across a cut, where either is not
+    /// finite, and where one is of parallel projection and the other is not.
+    fn new(then: &GatherCamera, now: &GatherCamera, seconds: f32, present_weight: f32) -> Self {
         let world_from_clip = then.clip_from_world.inverse();
         let exposure = now.exposure / then.exposure;
-        let is_cut = then.eye.distance_squared(now.eye) > CUT_DISTANCE * CUT_DISTANCE
-            || then.forward.dot(now.forward) < CUT_COSINE;
+        // Time may stand still, and NaN counts for 0.
+        let seconds = seconds.max(0.0).min(LONGEST_FRAME);
+        let (farthest, widest) =
+            (CUT_DISTANCE.max(CUT_SPEED * seconds), CUT_ANGLE.max(CUT_TURN * seconds));
+        let is_cut = then.eye.distance_squared(now.eye) > farthest * farthest
+            || then.forward.dot(now.forward) < widest.to_radians().cos();
         let is_finite = world_from_clip.is_finite()
             && then.clip_from_world.is_finite()
             && exposure.is_finite()
             && exposure > 0.0;
-        if is_cut || !is_finite || then.is_parallel || now.is_parallel {
+        if is_cut || !is_finite || then.is_parallel != now.is_parallel {
             return Self::NONE;
         }
         Self {
@@ -73,6 +84,7 @@ impl Reprojection {
             eye: then.eye.to_array(),
             present_weight,
             exposure,
+            is_parallel: f32::from(u8::from(then.is_parallel)),
             size: then.size.to_array(),
             cell: then.cell.to_array(),
             ..Self::NONE
@@ -130,6 +142,7 @@ impl History {
         &mut self,
         gather: &mut GatherView,
         view: &GiView,
+        seconds: f32,
         device: &RenderDevice,
         queue: &RenderQueue,
     ) {
@@ -157,8 +170,9 @@ impl History {
         }
         let then = self.camera.filter(|_| length > 1);
         let weight = (length as f32).recip();
-        let reprojection =
-            then.map_or(Reprojection::NONE, |then| Reprojection::new(&then, &view.camera, weight));
+        let reprojection = then.map_or(Reprojection::NONE, |then| {
+            Reprojection::new(&then, &view.camera, seconds, weight)
+        });
         queue.write_buffer(&self.reprojection, 0, bytemuck::bytes_of(&reprojection));
         self.length = if reprojection == Reprojection::NONE { 1 } else { length };
         self.camera = Some(view.camera);
@@ -181,6 +195,7 @@ pub(super) fn prepare(
     mut commands: Commands,
     device: Res<RenderDevice>,
     queue: Res<RenderQueue>,
+    time: Option<Res<Time>>,
     mut views: Query<(Entity, &GiView, &mut GatherView)>,
     mut held: Query<&mut History>,
     stale: Query<Entity, (With<History>, Without<GiView>)>,
@@ -188,6 +203,7 @@ pub(super) fn prepare(
     for entity in &stale {
         commands.entity(entity).remove::<History>();
     }
+    let seconds = time.map_or(0.0, |time| time.delta_secs());
     for (entity, view, mut gather) in &mut views {
         let window = super::window(&view.gi);
         match held.get_mut(entity) {
@@ -196,11 +212,11 @@ pub(super) fn prepare(
             }
             Ok(mut history) => {
                 history.window = window;
-                history.advance(&mut gather, view, &device, &queue);
+                history.advance(&mut gather, view, seconds, &device, &queue);
             }
             Err(_) if window > 1 => {
                 let mut history = History::new(&device, view, window);
-                history.advance(&mut gather, view, &device, &queue);
+                history.advance(&mut gather, view, seconds, &device, &queue);
                 commands.entity(entity).insert(history);
             }
             Err(_) => {}
@@ -210,9 +226,12 @@ pub(super) fn prepare(
 
 #[cfg(test)]
 mod tests {
-    use bevy::math::{UVec2, Vec3};
+    use bevy::math::{Quat, UVec2, Vec3};
 
     use super::*;
+
+    /// Seconds.
+    const FRAME: f32 = 1.0 / 60.0;
 
     fn camera(eye: Vec3, forward: Vec3) -> GatherCamera {
         let clip_from_view = Mat4::perspective_infinite_reverse_rh(1.0, 1.5, 0.1);
@@ -233,17 +252,40 @@ mod tests {
     fn a_step_has_a_history_and_a_cut_has_none() {
         let here = camera(Vec3::ZERO, Vec3::NEG_Z);
         let step = camera(Vec3::new(0.1, 0.0, 0.0), Vec3::new(0.1, 0.0, -1.0).normalize());
-        assert_eq!(Reprojection::new(&here, &step, 0.25).present_weight, 0.25);
-        for cut in [camera(Vec3::new(2.0, 0.0, 0.0), Vec3::NEG_Z), camera(Vec3::ZERO, Vec3::X)] {
-            assert_eq!(Reprojection::new(&here, &cut, 0.25), Reprojection::NONE);
+        assert_eq!(Reprojection::new(&here, &step, FRAME, 0.25).present_weight, 0.25);
+        for cut in [camera(Vec3::new(6.0, 0.0, 0.0), Vec3::NEG_Z), camera(Vec3::ZERO, Vec3::X)] {
+            assert_eq!(Reprojection::new(&here, &cut, FRAME, 0.25), Reprojection::NONE);
         }
+    }
+
+    #[test]
+    fn a_cut_is_told_by_speed_not_by_the_frame_rate() {
+        let here = camera(Vec3::ZERO, Vec3::NEG_Z);
+        let has_history = |distance: f32, degrees: f32, seconds: f32| {
+            let turned = Quat::from_rotation_y(degrees.to_radians()) * Vec3::NEG_Z;
+            let now = camera(Vec3::new(distance, 0.0, 0.0), turned);
+            Reprojection::new(&here, &now, seconds, 0.25) != Reprojection::NONE
+        };
+        for rate in [20.0, 30.0, 60.0, 144.0] {
+            // A car, a jet; a teleport across a street.
+            assert!(has_history(60.0 / rate, 0.0, 1.0 / rate), "{rate} frames a second");
+            assert!(has_history(250.0 / rate, 0.0, 1.0 / rate), "{rate} frames a second");
+            assert!(!has_history(20.0, 0.0, 1.0 / rate), "{rate} frames a second");
+            assert!(has_history(0.0, 500.0 / rate, 1.0 / rate), "{rate} frames a second");
+            assert!(!has_history(0.0, 91.0, 1.0 / rate), "{rate} frames a second");
+        }
+        // Time that stands still or is broken, and a stall.
+        for seconds in [0.0, -1.0, f32::NAN] {
+            assert!(has_history(0.9, 29.0, seconds) && !has_history(1.1, 0.0, seconds));
+        }
+        assert!(!has_history(31.0, 0.0, f32::INFINITY) && !has_history(0.0, 91.0, 1e9));
     }
 
     #[test]
     fn another_resolution_keeps_the_history() {
         let then = camera(Vec3::ZERO, Vec3::NEG_Z);
         let now = GatherCamera { size: UVec2::new(320, 180), cell: UVec2::new(2, 1), ..then };
-        let reprojection = Reprojection::new(&then, &now, 0.5);
+        let reprojection = Reprojection::new(&then, &now, FRAME, 0.5);
         assert_eq!((reprojection.size, reprojection.cell), ([160, 90], [4, 4]));
         assert_eq!((then.cells(), now.cells()), (UVec2::new(40, 23), UVec2::new(160, 180)));
     }
@@ -252,7 +294,7 @@ mod tests {
     fn non_finite_views_have_no_history() {
         let here = camera(Vec3::ZERO, Vec3::NEG_Z);
         let none = |then: &GatherCamera, now: &GatherCamera| {
-            assert_eq!(Reprojection::new(then, now, 0.5), Reprojection::NONE);
+            assert_eq!(Reprojection::new(then, now, FRAME, 0.5), Reprojection::NONE);
         };
         none(
             &GatherCamera { clip_from_world: Mat4::from_cols_array(&[f32::NAN; 16]), ..here },
@@ -261,7 +303,9 @@ mod tests {
         none(&GatherCamera { exposure: 0.0, ..here }, &here);
         none(&here, &GatherCamera { exposure: f32::NAN, ..here });
         none(&GatherCamera { is_parallel: true, ..here }, &here);
+        let parallel = GatherCamera { is_parallel: true, ..here };
+        assert_eq!(Reprojection::new(&parallel, &parallel, FRAME, 0.5).is_parallel, 1.0);
         let darker = GatherCamera { exposure: 0.02, ..here };
-        assert_eq!(Reprojection::new(&here, &darker, 0.5).exposure, 2.0);
+        assert_eq!(Reprojection::new(&here, &darker, FRAME, 0.5).exposure, 2.0);
     }
 }

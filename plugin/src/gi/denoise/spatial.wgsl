@@ -8,7 +8,7 @@
 #import bevy_render::view::View
 #import bevy_frugal_gi::gi::gather::settings::Gather
 #import bevy_frugal_gi::gi::view::luminance::luminance
-#import bevy_frugal_gi::gi::view::surface::{pixel_position, plane_tolerance, representative, surface_affinity, surface_normal}
+#import bevy_frugal_gi::gi::view::surface::{apparent_distance, image_size, in_g_buffer, pixel_position, plane_tolerance, representative, surface_affinity, surface_normal}
 
 @group(0) @binding(0) var g_buffer: texture_2d<u32>;
 @group(0) @binding(1) var depth_buffer: texture_depth_2d;
@@ -34,7 +34,7 @@ fn filter_spatially(
     @builtin(local_invocation_id) local: vec3<u32>,
     @builtin(local_invocation_index) lane: u32,
 ) {
-    let size = textureDimensions(g_buffer);
+    let size = image_size(view.viewport);
     let cells = textureDimensions(gathered);
     let corner = vec2<i32>(group.xy * GROUP) - i32(WINDOW / 2u);
     for (var i = lane; i < TILE * TILE; i += GROUP * GROUP) {
@@ -42,20 +42,20 @@ fn filter_spatially(
         let inside = all(tap >= vec2(0)) && all(tap < vec2<i32>(cells));
         let cell = vec2<u32>(clamp(tap, vec2(0), vec2<i32>(cells) - 1));
         let pixel = representative(cell, vec2(gather.cell_width, gather.cell_height), size);
-        let depth = textureLoad(depth_buffer, pixel, 0);
+        let depth = textureLoad(depth_buffer, in_g_buffer(pixel, view.viewport), 0);
         let position = pixel_position(pixel, size, max(depth, 1e-30), view.world_from_clip);
         let found = textureLoad(gathered, cell, 0).rgb;
         // The largest half float. NaN compares false.
         let valid = all(found >= vec3(0.0)) && all(found <= vec3(65504.0));
         positions[i] = vec4(position, select(0.0, select(-1.0, 1.0, valid), inside && depth > 0.0));
-        normals[i] = surface_normal(textureLoad(g_buffer, pixel, 0));
+        normals[i] = surface_normal(textureLoad(g_buffer, in_g_buffer(pixel, view.viewport), 0));
         light[i] = select(vec3(0.0), found, valid);
     }
     workgroupBarrier();
     let center = (local.y + WINDOW / 2u) * TILE + local.x + WINDOW / 2u;
     let position = positions[center];
     let normal = normals[center];
-    let tolerance = plane_tolerance(distance(position.xyz, view.world_position));
+    let tolerance = plane_tolerance(apparent_distance(view.clip_from_view, distance(position.xyz, view.world_position)));
     var sum = vec3(0.0);
     var weights = 0.0;
     var first = 0.0;

@@ -13,7 +13,7 @@
 #import bevy_render::view::View
 #import bevy_frugal_gi::gi::gather::settings::Gather
 #import bevy_frugal_gi::gi::view::luminance::luminance
-#import bevy_frugal_gi::gi::view::surface::{pixel_position, plane_tolerance, representative, surface_affinity, surface_normal}
+#import bevy_frugal_gi::gi::view::surface::{apparent_distance, image_size, in_g_buffer, pixel_position, plane_tolerance, representative, surface_affinity, surface_normal}
 
 @group(0) @binding(0) var g_buffer: texture_2d<u32>;
 @group(0) @binding(1) var depth_buffer: texture_depth_2d;
@@ -21,7 +21,8 @@
 @group(0) @binding(3) var<uniform> gather: Gather;
 /// Irradiance and the standard error of its luminance.
 @group(0) @binding(4) var filtered: texture_2d<f32>;
-/// Irradiance and the distance of its surface from the eye, metres.
+/// Irradiance and the distance of its surface from the eye, metres; in a parallel projection, from
+/// the eye's plane.
 @group(0) @binding(5) var history: texture_2d<f32>;
 @group(0) @binding(6) var<uniform> reprojection: Reprojection;
 @group(0) @binding(7) var accumulated: texture_storage_2d<rgba16float, write>;
@@ -36,6 +37,8 @@ struct Reprojection {
     present_weight: f32,
     /// Ratio of exposures, present to history.
     exposure: f32,
+    /// 1 for a parallel projection, else 0.
+    is_parallel: f32,
     /// Size of the history's image and of its low-resolution pixels, in pixels: both may differ
     /// from now.
     size: vec2<u32>,
@@ -67,7 +70,7 @@ fn reprojected(position: vec3<f32>, normal: vec3<f32>, tolerance: f32) -> vec4<f
     let nearest = round(cell);
     let read = select(cell, nearest, abs(cell - nearest) < vec2(0.01));
     let corner = floor(read);
-    let along = read - corner;
+    let fraction = read - corner;
     var sum = vec4(0.0);
     for (var i = 0u; i < 4u; i++) {
         let offset = vec2(i & 1u, i >> 1u);
@@ -75,13 +78,18 @@ fn reprojected(position: vec3<f32>, normal: vec3<f32>, tolerance: f32) -> vec4<f
         let inside = all(tap >= vec2(0)) && all(tap < vec2<i32>(cells)) && clip.w > 0.0;
         let at = vec2<u32>(clamp(tap, vec2(0), vec2<i32>(cells) - 1));
         let shown = textureLoad(history, at, 0);
-        let far = pixel_position(representative(at, reprojection.cell, reprojection.size), reprojection.size, 0.5, reprojection.world_from_clip);
-        let there = reprojection.eye + normalize(far - reprojection.eye) * shown.a;
+        let pixel = representative(at, reprojection.cell, reprojection.size);
+        let far = pixel_position(pixel, reprojection.size, 0.5, reprojection.world_from_clip);
+        let near = pixel_position(pixel, reprojection.size, 1.0, reprojection.world_from_clip);
+        let along = normalize(far - select(reprojection.eye, near, reprojection.is_parallel > 0.0));
+        let origin = select(reprojection.eye, near - along * dot(near - reprojection.eye, along), reprojection.is_parallel > 0.0);
+        let there = origin + along * shown.a;
         // NaN compares false, and is not added.
         let valid = all(shown.rgb >= vec3(0.0)) && all(shown.rgb <= vec3(65504.0)) && shown.a > 0.0;
-        let same = valid && inside && abs(dot(there - position, normal)) < tolerance;
-        let near = select(1.0 - along, along, offset == vec2(1u));
-        sum += select(vec4(0.0), vec4(shown.rgb, 1.0) * (near.x * near.y), same);
+        // Half floats round the distance.
+        let same = valid && inside && abs(dot(there - position, normal)) < max(tolerance, 2e-3 * shown.a);
+        let close = select(1.0 - fraction, fraction, offset == vec2(1u));
+        sum += select(vec4(0.0), vec4(shown.rgb, 1.0) * (close.x * close.y), same);
     }
     return sum;
 }
@@ -94,18 +102,18 @@ fn luminance_change(is: f32, was: f32, noise: f32) -> f32 {
 
 @compute @workgroup_size(8, 8)
 fn accumulate(@builtin(global_invocation_id) id: vec3<u32>) {
-    let size = textureDimensions(g_buffer);
+    let size = image_size(view.viewport);
     let cells = textureDimensions(filtered);
     if any(id.xy >= cells) {
         return;
     }
     let step = vec2(gather.cell_width, gather.cell_height);
     let pixel = representative(id.xy, step, size);
-    let depth = textureLoad(depth_buffer, pixel, 0);
+    let depth = textureLoad(depth_buffer, in_g_buffer(pixel, view.viewport), 0);
     let own = textureLoad(filtered, id.xy, 0);
     let position = pixel_position(pixel, size, max(depth, 1e-30), view.world_from_clip);
-    let normal = surface_normal(textureLoad(g_buffer, pixel, 0));
-    let tolerance = plane_tolerance(distance(position, view.world_position));
+    let normal = surface_normal(textureLoad(g_buffer, in_g_buffer(pixel, view.viewport), 0));
+    let tolerance = plane_tolerance(apparent_distance(view.clip_from_view, distance(position, view.world_position)));
     let light = luminance(own.rgb);
     var sum = own.rgb;
     var weights = 1.0;
@@ -119,10 +127,10 @@ fn accumulate(@builtin(global_invocation_id) id: vec3<u32>) {
             let inside = all(tap >= vec2(0)) && all(tap < vec2<i32>(cells)) && any(vec2(x, y) != vec2(0));
             let cell = vec2<u32>(clamp(tap, vec2(0), vec2<i32>(cells) - 1));
             let there = representative(cell, step, size);
-            let there_depth = textureLoad(depth_buffer, there, 0);
+            let there_depth = textureLoad(depth_buffer, in_g_buffer(there, view.viewport), 0);
             let delta = pixel_position(there, size, max(there_depth, 1e-30), view.world_from_clip) - position;
             let found = textureLoad(filtered, cell, 0);
-            let alike = surface_affinity(delta, normal, surface_normal(textureLoad(g_buffer, there, 0)), tolerance);
+            let alike = surface_affinity(delta, normal, surface_normal(textureLoad(g_buffer, in_g_buffer(there, view.viewport), 0)), tolerance);
             let difference = luminance(found.rgb) - light;
             let noise = ERRORS * ERRORS * (own.a * own.a + found.a * found.a);
             let explained = exp(-difference * difference / max(noise, 1e-12));
@@ -148,6 +156,7 @@ fn accumulate(@builtin(global_invocation_id) id: vec3<u32>) {
     // that truncate, and never win it back.
     let blended = before + (present - before) * share;
     let shown = select(present, blended, share < 1.0);
-    let away = min(distance(position, view.world_position), 60000.0);
+    let delta = position - view.world_position;
+    let away = min(select(length(delta), -dot(delta, view.world_from_view[2].xyz), view.clip_from_view[3][3] == 1.0), 60000.0);
     textureStore(accumulated, id.xy, vec4(select(vec3(0.0), shown, depth > 0.0), select(0.0, away, depth > 0.0)));
 }

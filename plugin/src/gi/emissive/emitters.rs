@@ -30,7 +30,7 @@ use crate::gi::surfaces::{
     SurfacePoints, TextureUse, TrianglePoint, Triangles, triangles,
 };
 use crate::gi::texels::{Texel, TexelRow};
-use crate::gi::view::LightPresence;
+use crate::gi::view::{GiCameras, LightPresence, Showing};
 
 /// Texels of all emissive surfaces, approximately: each surface has a power of two of them, so that
 /// one that flickers does not change the others' texels.
@@ -51,13 +51,13 @@ struct EmitterSet {
 
 /// The emissive surfaces. Maintained while a camera has global illumination, else empty.
 ///
-/// These are the visible meshes with a [`StandardMaterial`] whose `emissive` is not black, on the
-/// sides that its `cull_mode` shows. Exceptions: unlit and multiplying materials, skinned meshes
-/// (their triangles here are those of the bind pose), and meshes whose asset is kept for the GPU
-/// alone (with a warning). An emissive texture is read where the CPU has its image in an
-/// uncompressed format, else it counts as white (with a warning). Holes of alpha masks emit
-/// nothing. Morphs, shaders that move vertices, other kinds of material and render layers are
-/// ignored.
+/// These are the meshes with a [`StandardMaterial`] whose `emissive` is not black, on the sides that
+/// its `cull_mode` shows, where they are visible, on a render layer of a GI camera and at the level
+/// of detail of its distance. Exceptions: unlit and multiplying materials, skinned meshes (their
+/// triangles here are those of the bind pose), and meshes whose asset is kept for the GPU alone
+/// (with a warning). An emissive texture is read where the CPU has its image in an uncompressed
+/// format, else it counts as white (with a warning). Holes of alpha masks emit nothing. Morphs,
+/// shaders that move vertices and other kinds of material are ignored.
 #[derive(Resource, ExtractResource, Clone, Debug, Default)]
 pub struct GiEmitters {
     sets: Vec<EmitterSet>,
@@ -156,9 +156,11 @@ pub(super) fn update(
             &MeshMaterial3d<StandardMaterial>,
             &GlobalTransform,
             &InheritedVisibility,
+            Showing,
         ),
         Without<SkinnedMesh>,
     >,
+    gi_cameras: GiCameras,
 ) {
     let state = &mut *state;
     for event in material_events.iter_mut().flat_map(MessageReader::read) {
@@ -185,10 +187,13 @@ pub(super) fn update(
         }
         return;
     }
+    let shown = gi_cameras.shown();
     let mut now: Vec<EmissiveInstance> = meshes
         .iter()
-        .filter(|(.., transform, visible)| visible.get() && transform.affine().is_finite())
-        .filter_map(|(entity, mesh, material, transform, _)| {
+        .filter(|(.., transform, visible, showing)| {
+            visible.get() && transform.affine().is_finite() && shown.has(showing, transform)
+        })
+        .filter_map(|(entity, mesh, material, transform, ..)| {
             let emission = *state.materials.get(&material.id())?;
             let key =
                 EmissiveKey { mesh: mesh.id(), texture: emission.texture, mask: emission.mask };

@@ -12,7 +12,7 @@
 
 #import bevy_render::view::View
 #import bevy_frugal_gi::gi::gather::settings::Gather
-#import bevy_frugal_gi::gi::view::surface::{pixel_position, pixel_width, representative, surface_normal}
+#import bevy_frugal_gi::gi::view::surface::{apparent_distance, image_size, in_g_buffer, pixel_position, pixel_width, representative, surface_normal}
 #import bevy_frugal_gi::gi::vpl::plan::Plan
 #import bevy_frugal_gi::gi::vpl::vpl::{Vpl, from_vpl}
 #ifdef RAYS
@@ -43,8 +43,8 @@ const MOST_SKY_SAMPLES: u32 = 32u;
 /// Origin of a pixel's rays.
 fn departure(position: vec3<f32>, normal: vec3<f32>) -> vec3<f32> {
     let eye = distance(position, view.world_position);
-    let width = pixel_width(view.clip_from_view, textureDimensions(g_buffer).y, eye);
-    return position + normal * surface_offset(position, eye, width);
+    let width = pixel_width(view.clip_from_view, image_size(view.viewport).y, eye);
+    return position + normal * surface_offset(position, apparent_distance(view.clip_from_view, eye), width);
 }
 
 fn gathered(cell: vec2<u32>, position: vec3<f32>, normal: vec3<f32>) -> vec3<f32> {
@@ -64,7 +64,7 @@ fn gathered(cell: vec2<u32>, position: vec3<f32>, normal: vec3<f32>) -> vec3<f32
         all += stratum.total;
         if stratum.total > 0.0 {
             let vpl = vpls[stratum.sampled];
-            let end = vpl.position + vpl.normal * surface_offset(vpl.position, distance(vpl.position, view.world_position), vpl.texel_width);
+            let end = vpl.position + vpl.normal * surface_offset(vpl.position, apparent_distance(view.clip_from_view, distance(vpl.position, view.world_position)), vpl.texel_width);
             if !is_occluded(origin, end) {
                 sum += stratum.sent;
                 sum_sampled += vpl.flux * (stratum.total / max(weight_of(vpl.flux), 1e-35));
@@ -113,15 +113,16 @@ fn gather_vpls(@builtin(global_invocation_id) id: vec3<u32>) {
     if any(cell >= textureDimensions(irradiance)) {
         return;
     }
-    let size = textureDimensions(g_buffer);
+    let size = image_size(view.viewport);
     let pixel = representative(cell, vec2(gather.cell_width, gather.cell_height), size);
-    let depth = textureLoad(depth_buffer, pixel, 0);
+    let texel = in_g_buffer(pixel, view.viewport);
+    let depth = textureLoad(depth_buffer, texel, 0);
     if depth == 0.0 {
         textureStore(irradiance, cell, vec4(0.0));
         return;
     }
     let position = pixel_position(pixel, size, depth, view.world_from_clip);
-    let normal = surface_normal(textureLoad(g_buffer, pixel, 0));
+    let normal = surface_normal(textureLoad(g_buffer, texel, 0));
     var light = gathered(cell, position, normal);
 #ifdef SKY_RAYS
     light += gathered_sky(cell, position, normal);

@@ -18,7 +18,7 @@ use bevy::ecs::prelude::*;
 use bevy::render::Render;
 use bevy::render::extract_resource::ExtractResourcePlugin;
 
-use super::schedule::{PrepareSystems, SceneSystems, supported_render_app};
+use super::schedule::{PrepareSystems, SceneSystems, is_not_off, supported_render_app};
 use super::view::{GiFrame, GiRefresh};
 
 pub(super) struct RefreshPlugin;
@@ -37,7 +37,8 @@ impl Plugin for RefreshPlugin {
                 (scene::decide, scene::wake_maps)
                     .chain()
                     .after(SceneSystems::Maps)
-                    .before(CameraUpdateSystems),
+                    .before(CameraUpdateSystems)
+                    .run_if(is_not_off),
             );
     }
 

@@ -2,6 +2,7 @@
 
 use std::sync::Arc;
 
+use bevy::camera::visibility::RenderLayers;
 use bevy::ecs::prelude::*;
 use bevy::math::{Affine3A, Mat4};
 use bevy::render::camera::{ExtractedCamera, TemporalJitter};
@@ -10,7 +11,7 @@ use bevy::render::view::ExtractedView;
 
 use crate::gi::bounces::BounceCamera;
 use crate::gi::emissive::GiEmitters;
-use crate::gi::rsm::{RsmLight, RsmView};
+use crate::gi::rsm::{MapLayers, RsmLight, RsmView};
 use crate::gi::settings::FrugalGi;
 use crate::gi::sky::{SkyCamera, SkyInputs};
 use crate::gi::texels::{CascadeCut, TexelRange, TexelRow, TexelStore};
@@ -33,7 +34,7 @@ pub(super) fn prepare(
     mut commands: Commands,
     store: Res<TexelStore>,
     (frame, policy, cuts): (Res<GiFrame>, Res<GiRefresh>, Res<CutCameras>),
-    maps: Query<(&RsmView, &RsmLight, &CascadeCut)>,
+    maps: Query<(&RsmView, &RsmLight, &CascadeCut, &MapLayers)>,
     (emitters, occluders): (Res<GiEmitters>, Res<GiOccluders>),
     cameras: Query<(
         Entity,
@@ -42,6 +43,7 @@ pub(super) fn prepare(
         &ExtractedCamera,
         &ExtractedView,
         Has<TemporalJitter>,
+        Option<&RenderLayers>,
         Option<&SkyCamera>,
         Option<&BounceCamera>,
     )>,
@@ -51,8 +53,8 @@ pub(super) fn prepare(
     for entity in &stale {
         commands.entity(entity).remove::<(GiView, ViewInputs)>();
     }
-    for (entity, main_entity, gi, camera, view, jitters, sky, bounces) in &cameras {
-        let mut rows = rows_of(main_entity.id(), &maps);
+    for (entity, main_entity, gi, camera, view, jitters, layers, sky, bounces) in &cameras {
+        let mut rows = rows_of(main_entity.id(), layers.unwrap_or_default(), &maps);
         if gi.emissive {
             emitters.add_rows(camera.exposure, store.first(TexelRange::Emissive), &mut rows);
         }
@@ -119,11 +121,17 @@ pub(super) fn prepare(
 }
 
 /// Rows of every map that serves `camera`, in the order of the store.
-fn rows_of(camera: Entity, maps: &Query<(&RsmView, &RsmLight, &CascadeCut)>) -> Vec<TexelRow> {
+fn rows_of(
+    camera: Entity,
+    layers: &RenderLayers,
+    maps: &Query<(&RsmView, &RsmLight, &CascadeCut, &MapLayers)>,
+) -> Vec<TexelRow> {
     let mut serving: Vec<_> = maps
         .iter()
-        .filter(|(map, ..)| map.camera.is_none_or(|owner| owner == camera))
-        .map(|(_, light, cut)| (light, *cut))
+        .filter(|(map, .., shared)| {
+            map.camera.is_none_or(|owner| owner == camera) && shared.0.intersects(layers)
+        })
+        .map(|(_, light, cut, _)| (light, *cut))
         .collect();
     serving.sort_by_key(|(light, _)| light.texel_offset);
     let mut rows = Vec::new();

@@ -3,7 +3,7 @@
 use bevy::color::{Color, ColorToComponents};
 use bevy::ecs::prelude::*;
 use bevy::light::{DirectionalLight, PointLight, SpotLight};
-use bevy::math::{Quat, Vec3};
+use bevy::math::{Quat, Vec2, Vec3};
 use bevy::render::extract_component::ExtractComponent;
 use bevy::render::render_resource::ShaderType;
 
@@ -29,6 +29,9 @@ pub(in crate::gi) struct RsmLight {
     pub texel_offset: u32,
     /// Texels along the map's edge. The map's texels stay in the store while it is not rendered.
     pub resolution: u32,
+    /// Parallel: share of half the map's width and height over which light fades towards its
+    /// border.
+    pub fade: Vec2,
 }
 
 /// Shape of a light's emission.

@@ -7,13 +7,17 @@
 //! small: the camera has no clusters, so Bevy gives it no cascades and no light lists, and we
 //! remove its main phases.
 
+mod drawn;
+mod focus;
 mod lights;
 mod region;
 mod resolve;
+mod room;
 mod views;
 
 use bevy::app::{App, Plugin, PostUpdate};
 use bevy::asset::embedded_asset;
+use bevy::camera::visibility::{RenderLayers, VisibilitySystems};
 use bevy::core_pipeline::schedule::Core3d;
 use bevy::ecs::prelude::*;
 use bevy::reflect::Reflect;
@@ -43,6 +47,10 @@ pub struct RsmView {
     pub face: u8,
 }
 
+/// Render layers of a map's light: the map draws meshes, and serves cameras, that share one of them.
+#[derive(Component, ExtractComponent, Clone, Debug, Default, PartialEq)]
+pub(super) struct MapLayers(pub RenderLayers);
+
 pub(super) struct RsmPlugin;
 
 impl Plugin for RsmPlugin {
@@ -55,11 +63,15 @@ impl Plugin for RsmPlugin {
                 ExtractComponentPlugin::<RsmView>::default(),
                 ExtractComponentPlugin::<RsmLight>::default(),
                 ExtractComponentPlugin::<CascadeCut>::default(),
+                ExtractComponentPlugin::<MapLayers>::default(),
                 UniformComponentPlugin::<RsmLight>::default(),
             ))
             .add_systems(
                 PostUpdate,
-                (region::update_scene_box, views::maintain).chain().in_set(SceneSystems::Maps),
+                (
+                    (region::update_scene_box, views::maintain).chain().in_set(SceneSystems::Maps),
+                    drawn::leave_out_shadowless.after(VisibilitySystems::CheckVisibility),
+                ),
             );
     }
 

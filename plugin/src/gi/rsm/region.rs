@@ -2,16 +2,20 @@
 
 use bevy::camera::primitives::Aabb;
 use bevy::ecs::prelude::*;
+use bevy::light::NotShadowCaster;
 use bevy::math::{Mat3, Vec2, Vec3, Vec3A};
 use bevy::mesh::Mesh3d;
 use bevy::transform::components::GlobalTransform;
 
 use crate::gi::texels::CascadeCut;
 
-/// Bounding box of all meshes of the world.
+/// Bounding box of all meshes that cast shadows.
 #[derive(Resource, Clone, Copy, Debug, Default, PartialEq)]
 pub(super) struct SceneBox(pub Option<(Vec3, Vec3)>);
 
+/// Share of half a region's width over which its light fades towards its border, so that none
+/// appears at once where the region follows the camera.
+const FADE: f32 = 0.25;
 /// Steps along the side of a region in which it follows the camera.
 const STEPS: u32 = 16;
 /// Radius of the near cascade, as a share of the range.
@@ -20,14 +24,18 @@ const NEAR_SHARE: f32 = 0.3;
 /// both.
 const LARGEST_NEAR: f32 = 0.6;
 
-/// Recomputed only when a mesh was added, moved or removed.
+/// Recomputed only when a mesh was added, moved or removed, or casts a shadow and did not, or the
+/// other way round. A sky dome that casts no shadow is in no map, and must not stretch them.
 pub(super) fn update_scene_box(
     mut scene: ResMut<SceneBox>,
-    meshes: Query<(&Aabb, &GlobalTransform), With<Mesh3d>>,
-    changed: Query<(), (With<Mesh3d>, Or<(Changed<GlobalTransform>, Changed<Aabb>)>)>,
-    mut removed: RemovedComponents<Mesh3d>,
+    meshes: Query<(&Aabb, &GlobalTransform), (With<Mesh3d>, Without<NotShadowCaster>)>,
+    changed: Query<
+        (),
+        (With<Mesh3d>, Or<(Changed<GlobalTransform>, Changed<Aabb>, Added<NotShadowCaster>)>),
+    >,
+    (mut removed, mut lit): (RemovedComponents<Mesh3d>, RemovedComponents<NotShadowCaster>),
 ) {
-    if changed.is_empty() && removed.read().count() == 0 {
+    if changed.is_empty() && removed.read().count() + lit.read().count() == 0 {
         return;
     }
     let mut least = Vec3A::splat(f32::INFINITY);
@@ -54,10 +62,13 @@ pub(super) struct LightRegion {
     pub size: Vec2,
     /// Length along the rays, metres.
     pub depth: f32,
+    /// Share of half the size over which light fades towards the border: 0 where the scene ends
+    /// there.
+    pub fade: Vec2,
 }
 
-/// The region of a map of `texels` × `texels` for a camera at `camera`: the whole scene where it is
-/// small, else a square of twice `range` around the camera. Along the rays it always contains the
+/// The region of a map of `texels` × `texels` around `camera`, where a camera is or looks: the whole
+/// scene where it is small, else a square of twice `range`. Along the rays it always contains the
 /// whole scene, since distant meshes cast shadows on near ones.
 ///
 /// The region moves in steps of a sixteenth, which are whole texels, and grows in steps of an
@@ -82,26 +93,27 @@ pub(super) fn cover(
     let eye = light_from_world * camera;
     let range = if range.is_finite() && range > 0.0 { range } else { f32::MAX };
 
-    let axis = |center: f32, spread: f32, eye: f32| -> (f32, f32) {
+    let axis = |center: f32, spread: f32, eye: f32| -> (f32, f32, f32) {
         if spread <= range || !eye.is_finite() {
             let step = power_of_two_above(spread.max(1e-3)) / 8.0;
             let low = ((center - spread) / step).floor() * step;
             let high = ((center + spread) / step).ceil() * step;
-            (0.5 * (low + high), (high - low).max(step))
+            (0.5 * (low + high), (high - low).max(step), 0.0)
         } else {
             let size = 2.0 * range;
             let step = size / texels as f32 * (texels / STEPS).max(1) as f32;
-            ((eye / step).round() * step, size)
+            ((eye / step).round() * step, size, FADE)
         }
     };
-    let (x, width) = axis(center.x, spread.x, eye.x);
-    let (y, height) = axis(center.y, spread.y, eye.y);
+    let (x, width, fade_x) = axis(center.x, spread.x, eye.x);
+    let (y, height, fade_y) = axis(center.y, spread.y, eye.y);
     let margin = 0.01 * spread.z + 0.01;
     let near = center.z + spread.z + margin;
     LightRegion {
         origin: world_from_light * Vec3::new(x, y, near),
         size: Vec2::new(width, height),
         depth: 2.0 * (spread.z + margin),
+        fade: Vec2::new(fade_x, fade_y),
     }
 }
 
@@ -142,6 +154,7 @@ pub(super) fn near(
         origin: rotation * middle.extend(center.z),
         size: texel * Vec2::new(width as f32, height as f32),
         depth: far.depth,
+        fade: Vec2::ZERO,
     };
     Some((
         region,
@@ -184,6 +197,9 @@ mod tests {
         let c = cover(large, down(), Vec3::new(15.0, 0.0, 12.0), 32.0, 64);
         assert_eq!((c.origin - a.origin).length(), 4.0);
         assert_eq!(a.size, Vec2::splat(64.0));
+        assert_eq!(a.fade, Vec2::splat(FADE), "light fades where the scene goes on");
+        let long = (Vec3::new(-1000.0, 0.0, -5.0), Vec3::new(1000.0, 3.0, 5.0));
+        assert_eq!(cover(long, down(), Vec3::ZERO, 32.0, 64).fade, Vec2::new(FADE, 0.0));
     }
 
     #[test]

@@ -27,6 +27,9 @@ struct Light {
     /// First texel of this map in the store.
     texel_offset: u32,
     resolution: u32,
+    /// Parallel: share of half the map's width and height over which light fades towards its
+    /// border.
+    fade: vec2<f32>,
 }
 
 @group(0) @binding(0) var g_buffer: texture_2d<u32>;
@@ -53,7 +56,9 @@ fn resolve(@builtin(global_invocation_id) id: vec3<u32>) {
     let surface = read_surface(shown, id.xy, size, depth, view.world_from_clip);
 
 #ifdef PARALLEL
-    let light_flux = light.intensity * light.texel_area_or_solid_angle;
+    let to_border = 1.0 - abs((vec2<f32>(id.xy) + 0.5) / vec2<f32>(size) * 2.0 - 1.0);
+    let faded = saturate(to_border / max(light.fade, vec2(1e-6)));
+    let light_flux = light.intensity * (light.texel_area_or_solid_angle * faded.x * faded.y);
     let across = light.texel_area_or_solid_angle;
     let cosine = -dot(surface.normal, light.direction);
 #else

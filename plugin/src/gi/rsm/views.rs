@@ -14,13 +14,16 @@ use bevy::light::{DirectionalLight, PointLight, SpotLight};
 use bevy::math::{Mat3, Quat, UVec2, Vec3};
 use bevy::platform::collections::HashMap;
 use bevy::render::render_resource::TextureUsages;
+use bevy::render::renderer::RenderDevice;
 use bevy::render::view::Msaa;
 use bevy::transform::components::Transform;
 use bevy::transform::helper::TransformHelper;
 
-use super::RsmView;
+use super::focus::Focus;
 use super::lights::{BouncingLight, LightShape, RsmLight};
 use super::region::{LightRegion, SceneBox, cover, near};
+use super::room::Room;
+use super::{MapLayers, RsmView};
 use crate::gi::settings::{FrugalGi, GiLimits, GiShading};
 use crate::gi::texels::CascadeCut;
 use crate::gi::view::LightPresence;
@@ -37,7 +40,7 @@ struct MapSpec {
     light: RsmLight,
     cut: CascadeCut,
     shading: GiShading,
-    layers: Option<RenderLayers>,
+    layers: MapLayers,
 }
 
 impl MapSpec {
@@ -51,10 +54,10 @@ impl MapSpec {
 /// A GI camera of this frame.
 struct GiEye {
     entity: Entity,
-    position: Vec3,
-    range: f32,
+    focus: Focus,
     resolution: u32,
     shading: GiShading,
+    layers: RenderLayers,
 }
 
 /// Changes of maps in this frame.
@@ -66,15 +69,20 @@ pub(in crate::gi) struct MapDelta {
     pub moved: bool,
 }
 
+type Lit<L> = (Entity, &'static L, &'static InheritedVisibility, Option<&'static RenderLayers>);
+
 pub(super) fn maintain(
     mut commands: Commands,
     (mut delta, mut presence): (ResMut<MapDelta>, ResMut<LightPresence>),
-    limits: Res<GiLimits>,
+    (limits, device): (Res<GiLimits>, Option<Res<RenderDevice>>),
     scene: Res<SceneBox>,
-    cameras: Query<(Entity, &Camera, &FrugalGi), Without<RsmView>>,
-    suns: Query<(Entity, &DirectionalLight, &InheritedVisibility, Option<&RenderLayers>)>,
-    spots: Query<(Entity, &SpotLight, &InheritedVisibility, Option<&RenderLayers>)>,
-    points: Query<(Entity, &PointLight, &InheritedVisibility, Option<&RenderLayers>)>,
+    cameras: Query<
+        (Entity, &Camera, &Projection, &FrugalGi, Option<&RenderLayers>),
+        Without<RsmView>,
+    >,
+    suns: Query<Lit<DirectionalLight>, Without<RsmView>>,
+    spots: Query<Lit<SpotLight>, Without<RsmView>>,
+    points: Query<Lit<PointLight>, Without<RsmView>>,
     // Both access transforms: those of lights and cameras are read first, then those of maps are
     // written.
     mut params: ParamSet<(TransformHelper, Query<Map, Without<FrugalGi>>)>,
@@ -84,23 +92,28 @@ pub(super) fn maintain(
         |entity| transforms.compute_global_transform(entity).ok().map(|t| t.compute_transform());
     let eyes: Vec<GiEye> = cameras
         .iter()
-        .filter(|(_, camera, gi)| camera.is_active && gi.vpl_count > 0)
-        .filter_map(|(entity, _, gi)| {
+        .filter(|(_, camera, _, gi, _)| camera.is_active && gi.vpl_count > 0)
+        .filter_map(|(entity, _, projection, gi, layers)| {
             let resolution = gi.rsm_resolution.clamp(16, 2048);
             Some(GiEye {
                 entity,
-                position: transform_of(entity)?.translation,
-                range: gi.range,
+                focus: Focus::new(
+                    scene.0.unwrap_or_default(),
+                    &transform_of(entity)?,
+                    projection.get_clip_from_view(),
+                    gi.range,
+                ),
                 resolution,
                 shading: gi.shading,
+                layers: layers.cloned().unwrap_or_default(),
             })
         })
         .collect();
 
     let mut specs = Vec::new();
     if let (Some(scene), false) = (scene.0, eyes.is_empty()) {
-        let layers = |layers: Option<&RenderLayers>| layers.cloned();
-        let mut lights: Vec<(BouncingLight, Option<RenderLayers>)> = Vec::new();
+        let layers = |layers: Option<&RenderLayers>| MapLayers(layers.cloned().unwrap_or_default());
+        let mut lights: Vec<(BouncingLight, MapLayers)> = Vec::new();
         lights.extend(suns.iter().filter(|(_, _, visible, _)| visible.get()).filter_map(
             |(entity, light, _, mask)| {
                 Some((
@@ -126,7 +139,7 @@ pub(super) fn maintain(
                 ))
             },
         ));
-        specs = choose(&lights, &eyes, scene, limits.max_rsm_count);
+        specs = choose(&lights, &eyes, scene, limits.max_rsm_count, Room::new(device.as_deref()));
     }
     lay_out(&mut specs);
     presence.maps = !specs.is_empty();
@@ -162,6 +175,8 @@ pub(super) struct Map {
     light: &'static mut RsmLight,
     cut: &'static mut CascadeCut,
     shading: &'static mut GiShading,
+    layers: &'static mut MapLayers,
+    drawn_layers: &'static mut RenderLayers,
 }
 
 impl MapItem<'_, '_> {
@@ -183,6 +198,8 @@ impl MapItem<'_, '_> {
             delta.moved = true;
         }
         delta.moved |= self.transform.set_if_neq(spec.transform);
+        self.drawn_layers.set_if_neq(spec.layers.0.clone());
+        delta.moved |= self.layers.set_if_neq(spec.layers);
         delta.moved |= self.light.set_if_neq(spec.light) | self.shading.set_if_neq(spec.shading);
         // The cut moves texels from one cascade to the other, so both must be rendered in this
         // frame.
@@ -190,19 +207,22 @@ impl MapItem<'_, '_> {
     }
 }
 
-/// The maps of the most important lights, up to `most` maps.
+/// The maps of the most important lights, up to `most` maps, as far as the device has room.
 fn choose(
-    lights: &[(BouncingLight, Option<RenderLayers>)],
+    lights: &[(BouncingLight, MapLayers)],
     eyes: &[GiEye],
     scene: (Vec3, Vec3),
     most: usize,
+    mut room: Room,
 ) -> Vec<MapSpec> {
     let mut ranked: Vec<_> = lights
         .iter()
-        .map(|(light, layers)| {
+        .filter_map(|(light, layers)| {
+            // As Bevy: a light lights the cameras with which it shares a layer.
+            let lit = eyes.iter().filter(|eye| eye.layers.intersects(&layers.0));
             let importance =
-                eyes.iter().map(|eye| light.importance(eye.position)).fold(0.0, f32::max);
-            (importance, light, layers)
+                lit.map(|eye| light.importance(eye.focus.position)).max_by(f32::total_cmp)?;
+            Some((importance, light, layers))
         })
         .collect();
     // Ties are broken by entity, so that the choice does not flicker.
@@ -216,13 +236,15 @@ fn choose(
     for (_, light, layers) in ranked {
         let mut maps: Vec<MapSpec> = match light.shape {
             LightShape::Directional => {
-                eyes.iter().flat_map(|eye| parallel_maps(light, eye, scene, layers)).collect()
+                let lit = eyes.iter().filter(|eye| eye.layers.intersects(&layers.0));
+                lit.flat_map(|eye| parallel_maps(light, eye, scene, layers)).collect()
             }
             _ => (0..light.faces())
                 .map(|face| perspective_map(light, face, finest, shading, layers))
                 .collect(),
         };
-        if specs.len() + maps.len() <= most {
+        let largest = maps.iter().map(|map| map.resolution).max().unwrap_or(0);
+        if specs.len() + maps.len() <= most && room.take(maps.len(), largest) {
             specs.append(&mut maps);
         }
     }
@@ -239,12 +261,13 @@ fn parallel_maps(
     light: &BouncingLight,
     eye: &GiEye,
     scene: (Vec3, Vec3),
-    layers: &Option<RenderLayers>,
+    layers: &MapLayers,
 ) -> Vec<MapSpec> {
     let rotation = Mat3::from_quat(light.rotation);
     let shared = shared_resolution(eye.resolution);
-    let far = cover(scene, rotation, eye.position, eye.range, shared);
-    if let Some((near, cut)) = near(&far, rotation, eye.position, eye.range, shared) {
+    let Focus { position, range } = eye.focus;
+    let far = cover(scene, rotation, position, range, shared);
+    if let Some((near, cut)) = near(&far, rotation, position, range, shared) {
         let maps = [(far, cut), (near, CascadeCut::default())];
         return (0..)
             .zip(maps)
@@ -253,7 +276,7 @@ fn parallel_maps(
             })
             .collect();
     }
-    let whole = cover(scene, rotation, eye.position, eye.range, eye.resolution);
+    let whole = cover(scene, rotation, position, range, eye.resolution);
     vec![parallel_map(light, eye, 0, eye.resolution, whole, CascadeCut::default(), layers)]
 }
 
@@ -269,7 +292,7 @@ fn parallel_map(
     resolution: u32,
     region: LightRegion,
     cut: CascadeCut,
-    layers: &Option<RenderLayers>,
+    layers: &MapLayers,
 ) -> MapSpec {
     MapSpec {
         view: RsmView { light: light.entity, camera: Some(eye.entity), face },
@@ -287,6 +310,7 @@ fn parallel_map(
                 / (resolution * resolution) as f32,
             direction: light.rotation * Vec3::NEG_Z,
             cone_offset: 1.0,
+            fade: region.fade,
             ..Default::default()
         },
         cut,
@@ -300,7 +324,7 @@ fn perspective_map(
     face: u8,
     resolution: u32,
     shading: GiShading,
-    layers: &Option<RenderLayers>,
+    layers: &MapLayers,
 ) -> MapSpec {
     let half_angle = match light.shape {
         LightShape::Spot { outer, .. } => outer,
@@ -379,13 +403,16 @@ fn same_projection(a: &Projection, b: &Projection) -> bool {
 fn spawn(commands: &mut Commands, spec: MapSpec) {
     let depth_texture_usages =
         (TextureUsages::RENDER_ATTACHMENT | TextureUsages::TEXTURE_BINDING).into();
+    let order = spec.order();
     let mut camera = commands.spawn((
         spec.view,
+        // Meshes of these layers cast the light's shadows, and reflect its light.
+        spec.layers.0.clone(),
         spec.light,
         spec.cut,
         spec.shading,
         Camera3d { depth_texture_usages, ..Default::default() },
-        Camera { order: spec.order(), ..Default::default() },
+        Camera { order, ..Default::default() },
         RenderTarget::None { size: UVec2::splat(spec.resolution) },
         Msaa::Off,
         // Forward-rendered meshes write only depth: they block light, and reflect none.
@@ -393,10 +420,8 @@ fn spawn(commands: &mut Commands, spec: MapSpec) {
         DeferredPrepass,
         spec.projection,
         spec.transform,
+        spec.layers,
     ));
-    if let Some(layers) = spec.layers {
-        camera.insert(layers);
-    }
     // Without clusters Bevy builds no cascades, light lists or mesh-view bind groups for it. In the
     // same flush as the spawn: the render world must never have seen them.
     camera.remove::<Clusters>();

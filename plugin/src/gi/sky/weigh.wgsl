@@ -7,7 +7,7 @@
 
 #import bevy_render::view::View
 #import bevy_frugal_gi::gi::sky::sky::{SKY_STRATA_PER_RAY, SkyLight}
-#import bevy_frugal_gi::gi::view::surface::{pixel_position, pixel_width, surface_normal}
+#import bevy_frugal_gi::gi::view::surface::{apparent_distance, image_size, in_g_buffer, pixel_position, pixel_width, surface_normal}
 #import bevy_frugal_gi::gi::trace::trace::{is_open, surface_offset}
 
 @group(0) @binding(0) var g_buffer: texture_2d<u32>;
@@ -24,15 +24,15 @@ var<workgroup> cosines: array<vec4<f32>, IMPORTANCE_POINTS>;
 
 @compute @workgroup_size(IMPORTANCE_POINTS)
 fn weigh_sky(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_index) lane: u32) {
-    let size = textureDimensions(g_buffer);
+    let size = image_size(view.viewport);
     // Every other row is shifted by half a rectangle.
     let cell = vec2<f32>(vec2(lane % COLUMNS, lane / COLUMNS));
     let shift = select(0.75, 0.25, (lane / COLUMNS) % 2u == 0u);
     let uv = (cell + vec2(shift, 0.5)) / vec2(f32(COLUMNS), f32(ROWS));
     let pixel = min(vec2<u32>(uv * vec2<f32>(size)), size - 1u);
-    let depth = textureLoad(depth_buffer, pixel, 0);
+    let depth = textureLoad(depth_buffer, in_g_buffer(pixel, view.viewport), 0);
     let position = pixel_position(pixel, size, max(depth, 1e-30), view.world_from_clip);
-    let normal = surface_normal(textureLoad(g_buffer, pixel, 0));
+    let normal = surface_normal(textureLoad(g_buffer, in_g_buffer(pixel, view.viewport), 0));
 
     let first = group.x * SKY_STRATA_PER_RAY;
     var own = vec4(0.0);
@@ -42,7 +42,7 @@ fn weigh_sky(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_
     // Neighbouring points trace their rays to different strata of the four.
     let direction = strata[first + (lane + lane / COLUMNS) % SKY_STRATA_PER_RAY].direction;
     let eye = distance(position, view.world_position);
-    let origin = position + normal * surface_offset(position, eye, pixel_width(view.clip_from_view, size.y, eye));
+    let origin = position + normal * surface_offset(position, apparent_distance(view.clip_from_view, eye), pixel_width(view.clip_from_view, size.y, eye));
     let reaches = depth > 0.0 && dot(normal, direction) > 0.0 && is_open(origin, direction);
     cosines[lane] = select(vec4(0.0), own, reaches);
     workgroupBarrier();

@@ -46,7 +46,6 @@ impl Node {
     pub(crate) const NOTHING: Self = Self { min: [1.0; 3], skip: 1, max: [-1.0; 3], leaf: 0 };
 
     /// The primitives of a leaf.
-    #[cfg(test)]
     pub(crate) fn primitives(&self) -> std::ops::Range<usize> {
         let first = (self.leaf >> COUNT_BITS) as usize;
         first..first + (self.leaf & MOST_IN_LEAF) as usize
@@ -119,6 +118,33 @@ impl FlatBvh {
             }
         }
     }
+}
+
+/// Fits a tree's boxes to primitives that moved. `bounds`: their boxes in the order in which leaves
+/// name them. Returns the sum of the boxes' half areas, by which trees can be compared: it grows as
+/// primitives leave their neighbours.
+pub fn refit(nodes: &mut [Node], bounds: &[(Vec3A, Vec3A)]) -> f32 {
+    let mut areas = 0.0;
+    // Children lie behind their parents.
+    for index in (0..nodes.len()).rev() {
+        let node = nodes[index];
+        let (mut min, mut max) = (Vec3A::INFINITY, Vec3A::NEG_INFINITY);
+        if node.leaf != 0 {
+            for (low, high) in &bounds[node.primitives()] {
+                (min, max) = (min.min(*low), max.max(*high));
+            }
+        } else {
+            let mut child = index + 1;
+            while child < node.skip as usize {
+                (min, max) = (min.min(nodes[child].min.into()), max.max(nodes[child].max.into()));
+                child = nodes[child].skip as usize;
+            }
+        }
+        let side = max - min;
+        areas += side.x * side.y + side.y * side.z + side.z * side.x;
+        (nodes[index].min, nodes[index].max) = (min.to_array(), max.to_array());
+    }
+    areas
 }
 
 fn boxed(aabb: &Aabb) -> Node {

@@ -5,6 +5,7 @@
 //! |---|---|---|
 //! | `bvh` | none | a mesh's triangles as a hierarchy for stackless traversal |
 //! | `micromap` | none | opacity micromaps of alpha masks |
+//! | `changes` | main | what changed of meshes since the last frame |
 //! | `occluders` | main | keeps a hierarchy for every occluding mesh, and the list of its instances |
 //! | `buffers` | render | keeps both on the GPU |
 //! | `trace.wgsl` | | occlusion between two points |
@@ -18,6 +19,7 @@
 
 mod buffers;
 mod bvh;
+mod changes;
 mod micromap;
 mod occluders;
 

@@ -4,30 +4,33 @@ use std::sync::Arc;
 
 use bevy::asset::AssetId;
 use bevy::camera::Camera;
-use bevy::camera::visibility::InheritedVisibility;
+use bevy::camera::visibility::{InheritedVisibility, RenderLayers};
 use bevy::ecs::prelude::*;
 use bevy::image::Image;
 use bevy::light::{EnvironmentMapLight, NotShadowCaster};
 use bevy::log::warn_once;
-use bevy::math::Affine3A;
+use bevy::math::{Affine3A, Vec3A};
 use bevy::mesh::skinning::SkinnedMesh;
 use bevy::mesh::{Mesh, Mesh3d};
 use bevy::pbr::{MeshMaterial3d, StandardMaterial};
 use bevy::platform::collections::HashMap;
 use bevy::render::extract_resource::ExtractResource;
+use bevy::render::renderer::RenderDevice;
+use bevy::render::settings::WgpuLimits;
 use bevy::tasks::futures::check_ready;
 use bevy::tasks::{AsyncComputeTaskPool, Task};
 use bevy::transform::components::GlobalTransform;
 use bytemuck::{Pod, Zeroable};
 
-use super::bvh::{FlatBvh, MeshBvh, Node, TriangleWords};
+use super::bvh::{FlatBvh, MeshBvh, Node, TriangleWords, refit};
+use super::changes::MeshChanges;
 use super::micromap::{SOLID, micromap};
 use crate::gi::settings::FrugalGi;
 use crate::gi::surfaces::{
     Cutout, Mask, SurfaceAssets, SurfaceCache, SurfaceEvents, SurfaceKey, Triangles, occludes,
     triangles,
 };
-use crate::gi::view::LightPresence;
+use crate::gi::view::{GiCameras, LightPresence, Showing};
 
 /// Trees of meshes of up to so many triangles are built at once, in about a millisecond; larger
 /// ones in the background.
@@ -56,7 +59,7 @@ pub(super) struct MeshData {
 }
 
 /// Instances of meshes, and the tree over them.
-#[derive(Debug, Default)]
+#[derive(Clone, Debug, Default)]
 pub(super) struct InstanceData {
     pub nodes: Vec<Node>,
     pub instances: Vec<Instance>,
@@ -65,14 +68,18 @@ pub(super) struct InstanceData {
 /// The occluders of indirect light. Maintained while there is light and a camera with
 /// [`GiVisibility`](crate::gi::GiVisibility), else empty.
 ///
-/// These are all visible meshes. Exceptions: transparent and transmissive ones, those with
-/// [`NotShadowCaster`], skinned ones (their triangles here are those of the bind pose), and those
+/// These are all meshes that are visible and on a [render layer] of a GI camera; of the levels of
+/// detail of a [`VisibilityRange`], the one at the camera's distance. Exceptions: transparent and
+/// transmissive ones, those with [`NotShadowCaster`], skinned ones (their triangles here are those of the bind pose), and those
 /// whose asset is kept for the GPU alone (with a warning). Alpha masks of [`StandardMaterial`] have
 /// holes for rays too, at 64 micro-triangles per triangle, where the CPU has the mask's image in an
 /// uncompressed format (else no holes, with a warning). An image that changes in every frame has
 /// its meshes rebuilt in every frame. Morphs and shaders that move vertices are ignored. Meshes of
 /// more than 4096 triangles, or 64 with a mask, are built in the background and occlude nothing
 /// until then.
+///
+/// [render layer]: bevy::camera::visibility::RenderLayers
+/// [`VisibilityRange`]: bevy::camera::visibility::VisibilityRange
 #[derive(Resource, ExtractResource, Clone, Debug, Default)]
 pub struct GiOccluders {
     pub(super) meshes: Arc<MeshData>,
@@ -132,6 +139,17 @@ impl SurfaceKey for TreeKey {
 pub(super) struct MeshTrees {
     trees: SurfaceCache<TreeKey, Tree>,
     instances: Vec<(Entity, TreeKey, Affine3A)>,
+    /// Places of instances in the current data, by entity, and their boxes in its order.
+    slots: HashMap<Entity, usize>,
+    bounds: Vec<(Vec3A, Vec3A)>,
+    /// Sum of the half areas of the tree over instances when it was built.
+    area: f32,
+    /// Render layers of the GI cameras.
+    layers: RenderLayers,
+    /// The tree over instances no longer fits.
+    must_build: bool,
+    /// An asset was not loaded yet.
+    lacks_assets: bool,
     /// First node and the one after the last of each tree in the current data.
     ranges: HashMap<TreeKey, [u32; 2]>,
 }
@@ -142,7 +160,10 @@ pub(super) fn update(
     mut events: SurfaceEvents,
     assets: SurfaceAssets,
     light: Res<LightPresence>,
+    device: Option<Res<RenderDevice>>,
     cameras: Query<(&Camera, &FrugalGi, Has<EnvironmentMapLight>)>,
+    gi_cameras: GiCameras,
+    mut changes: MeshChanges,
     meshes: Query<
         (
             Entity,
@@ -150,11 +171,13 @@ pub(super) fn update(
             &GlobalTransform,
             &InheritedVisibility,
             Option<&MeshMaterial3d<StandardMaterial>>,
+            Showing,
         ),
         (Without<NotShadowCaster>, Without<SkinnedMesh>),
     >,
 ) {
     let trees = &mut *trees;
+    let are_altered = changes.are_altered();
     trees.trees.read(&mut events);
     if !cameras
         .iter()
@@ -165,14 +188,38 @@ pub(super) fn update(
         if occluders.is_kept {
             *occluders = GiOccluders::default();
             trees.instances.clear();
+            trees.slots.clear();
             trees.trees.changed = true;
         }
         return;
     }
+    let shown = gi_cameras.shown();
+    let is_same = !are_altered
+        && !trees.trees.changed
+        && !trees.lacks_assets
+        && occluders.waiting == 0
+        && occluders.is_kept
+        && trees.layers == *shown.layers();
+    if is_same {
+        let moved: Vec<_> = changes.moved().collect();
+        if moved.is_empty() {
+            return;
+        }
+        if let Some(instances) = move_instances(trees, &moved, &occluders.instances) {
+            if !Arc::ptr_eq(&instances, &occluders.instances) {
+                occluders.instances = instances;
+            }
+            return;
+        }
+        trees.must_build = true;
+    }
+    trees.layers = shown.layers().clone();
     let mut now: Vec<_> = meshes
         .iter()
-        .filter(|(_, _, _, visible, _)| visible.get())
-        .filter_map(|(entity, mesh, transform, _, material)| {
+        .filter(|(_, _, transform, visible, _, showing)| {
+            visible.get() && shown.has(showing, transform)
+        })
+        .filter_map(|(entity, mesh, transform, _, material, _)| {
             // A material of another kind counts as solid.
             let material =
                 material.zip(assets.materials.as_ref()).and_then(|(handle, all)| all.get(handle));
@@ -184,13 +231,14 @@ pub(super) fn update(
         .collect();
     // Query order is arbitrary; sorting keeps the tree the same in every run.
     now.sort_unstable_by_key(|(entity, ..)| *entity);
-    build_trees(&mut trees.trees, now.iter().map(|(_, key, _)| *key), &assets);
+    trees.lacks_assets = !build_trees(&mut trees.trees, now.iter().map(|(_, key, _)| *key), &assets);
     let waiting =
         trees.trees.values.values().filter(|tree| matches!(tree, Tree::Building(_))).count();
-    if trees.trees.changed || trees.instances != now || !occluders.is_kept {
-        *occluders = assemble(trees, &now, &occluders);
+    if trees.trees.changed || trees.must_build || trees.instances != now || !occluders.is_kept {
+        let limits = device.as_deref().map_or_else(WgpuLimits::default, RenderDevice::limits);
+        *occluders = assemble(trees, &now, &occluders, largest_buffer(&limits));
         trees.instances = now;
-        trees.trees.changed = false;
+        (trees.trees.changed, trees.must_build) = (false, false);
     }
     if occluders.waiting != waiting {
         occluders.waiting = waiting;
@@ -198,11 +246,12 @@ pub(super) fn update(
 }
 
 /// Collects finished trees, drops those of removed meshes, and starts building those of new ones.
+/// Returns whether all assets were loaded.
 fn build_trees(
     trees: &mut SurfaceCache<TreeKey, Tree>,
     used: impl Iterator<Item = TreeKey>,
     assets: &SurfaceAssets,
-) {
+) -> bool {
     for tree in trees.values.values_mut() {
         if let Tree::Building(task) = tree
             && let Some(built) = check_ready(task)
@@ -211,7 +260,13 @@ fn build_trees(
             trees.changed = true;
         }
     }
-    trees.fill(used, |key| start(key, assets));
+    let mut are_loaded = true;
+    trees.fill(used, |key| {
+        let tree = start(key, assets);
+        are_loaded &= tree.is_some();
+        tree
+    });
+    are_loaded
 }
 
 /// Builds a mesh's tree, at once or in the background; `None` while its assets are not loaded.
@@ -250,11 +305,78 @@ fn holes(cutout: Option<&Cutout>, corners: [usize; 3]) -> u64 {
     }
 }
 
-/// Assembles the occluders. The meshes' data is rebuilt only when a tree changed.
+/// An instance of a mesh's tree, and its box; `None` where it is scaled to nothing or out of the
+/// range of floats, and occludes nothing.
+fn instance(
+    tree: &MeshBvh,
+    nodes: [u32; 2],
+    affine: &Affine3A,
+) -> Option<(Instance, (Vec3A, Vec3A))> {
+    let inverse = affine.inverse();
+    let bounds = tree.bounds(affine).filter(|_| inverse.is_finite())?;
+    let [x, y, z] = [inverse.matrix3.x_axis, inverse.matrix3.y_axis, inverse.matrix3.z_axis]
+        .map(|axis| axis.to_array());
+    let offset = inverse.translation.to_array();
+    let local_from_world = std::array::from_fn(|row| [x[row], y[row], z[row], offset[row]]);
+    Some((Instance { local_from_world, nodes, padding: [0; 2] }, bounds))
+}
+
+/// A tree over instances is built anew when its boxes have grown by this factor.
+const MOST_GROWTH: f32 = 2.0;
+
+/// The instances after some meshes moved: the same tree with other boxes. `None` where it must be
+/// built anew.
+fn move_instances(
+    trees: &mut MeshTrees,
+    moved: &[(Entity, &GlobalTransform)],
+    before: &Arc<InstanceData>,
+) -> Option<Arc<InstanceData>> {
+    let mut after: Option<InstanceData> = None;
+    for (entity, transform) in moved {
+        // Others occlude nothing, wherever they are.
+        let Ok(index) = trees.instances.binary_search_by_key(entity, |(entity, ..)| *entity) else {
+            continue;
+        };
+        let (_, key, affine) = &mut trees.instances[index];
+        if *affine == transform.affine() {
+            continue;
+        }
+        *affine = transform.affine();
+        let slot = *trees.slots.get(entity)?;
+        let Some(Tree::Ready(tree)) = trees.trees.get(key) else { return None };
+        let (instance, bounds) = instance(tree, *trees.ranges.get(key)?, affine)?;
+        after.get_or_insert_with(|| InstanceData::clone(before)).instances[slot] = instance;
+        trees.bounds[slot] = bounds;
+    }
+    let Some(mut after) = after else { return Some(Arc::clone(before)) };
+    let area = refit(&mut after.nodes, &trees.bounds);
+    (area <= MOST_GROWTH * trees.area).then(|| Arc::new(after))
+}
+
+/// Bytes of the largest storage buffer.
+fn largest_buffer(limits: &WgpuLimits) -> usize {
+    limits.max_storage_buffer_binding_size.min(limits.max_buffer_size) as usize
+}
+
+/// Whether `count` more items fit behind those of `items` in a buffer of `most` bytes; warns once
+/// if not.
+fn fits<T>(items: &[T], count: usize, most: usize) -> bool {
+    let fits = (items.len() + count) * size_of::<T>() <= most;
+    if !fits {
+        warn_once!(
+            "the scene's meshes exceed this GPU's largest storage buffer: those that are left out occlude no indirect light"
+        );
+    }
+    fits
+}
+
+/// Assembles the occluders in buffers of at most `most` bytes. The meshes' data is rebuilt only
+/// when a tree changed.
 fn assemble(
     trees: &mut MeshTrees,
     mesh_instances: &[(Entity, TreeKey, Affine3A)],
     before: &GiOccluders,
+    most: usize,
 ) -> GiOccluders {
     let mut meshes = Arc::clone(&before.meshes);
     if trees.trees.changed {
@@ -262,6 +384,12 @@ fn assemble(
         trees.ranges.clear();
         for (_, key, _) in mesh_instances {
             let Some(Tree::Ready(tree)) = trees.trees.values.get(key) else { continue };
+            if trees.ranges.contains_key(key)
+                || !fits(&data.nodes, tree.nodes.len(), most)
+                || !fits(&data.triangles, tree.triangles.len(), most)
+            {
+                continue;
+            }
             trees.ranges.entry(*key).or_insert_with(|| {
                 let (first, first_triangle) =
                     (data.nodes.len() as u32, data.triangles.len() as u32);
@@ -277,29 +405,44 @@ fn assemble(
         }
         meshes = Arc::new(data);
     }
-    let (mut boxes, mut instances) = (Vec::new(), Vec::new());
-    for (_, key, affine) in mesh_instances {
-        let (Some(Tree::Ready(tree)), Some(nodes)) =
-            (trees.trees.values.get(key), trees.ranges.get(key))
+    let (mut boxes, mut instances) = (Vec::new(), Vec::<Instance>::new());
+    let mut entities = Vec::new();
+    for (entity, key, affine) in mesh_instances {
+        let (Some(Tree::Ready(tree)), Some(nodes)) = (trees.trees.values.get(key), trees.ranges.get(key))
         else {
             continue;
         };
-        let inverse = affine.inverse();
-        // An instance scaled to nothing, or out of the range of floats, occludes nothing.
-        let Some(bounds) = tree.bounds(affine).filter(|_| inverse.is_finite()) else { continue };
+        if !fits(&instances, 1, most) {
+            break;
+        }
+        let Some((instance, bounds)) = instance(tree, *nodes, affine) else { continue };
         boxes.push(bounds);
-        let [x, y, z] = [inverse.matrix3.x_axis, inverse.matrix3.y_axis, inverse.matrix3.z_axis]
-            .map(|axis| axis.to_array());
-        let offset = inverse.translation.to_array();
-        let local_from_world = std::array::from_fn(|row| [x[row], y[row], z[row], offset[row]]);
-        instances.push(Instance { local_from_world, nodes: *nodes, padding: [0; 2] });
+        instances.push(instance);
+        entities.push(*entity);
     }
-    let FlatBvh { nodes, order } = FlatBvh::new(&boxes);
+    let FlatBvh { mut nodes, order } = FlatBvh::new(&boxes);
     let instances = order.iter().map(|index| instances[*index as usize]).collect();
+    trees.bounds = order.iter().map(|index| boxes[*index as usize]).collect();
+    trees.slots =
+        order.iter().enumerate().map(|(slot, index)| (entities[*index as usize], slot)).collect();
+    trees.area = refit(&mut nodes, &trees.bounds);
     GiOccluders {
         meshes,
         instances: Arc::new(InstanceData { nodes, instances }),
         waiting: before.waiting,
         is_kept: true,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_exceeds_the_largest_buffer_is_left_out() {
+        assert!(fits(&[0u32; 3], 1, 16) && !fits(&[0u32; 3], 2, 16) && fits::<u32>(&[], 0, 0));
+        let limits = WgpuLimits { max_buffer_size: 1 << 20, ..Default::default() };
+        assert_eq!(largest_buffer(&limits), 1 << 20);
+        assert_eq!(largest_buffer(&WgpuLimits::default()), 128 << 20);
     }
 }

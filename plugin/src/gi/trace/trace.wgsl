@@ -159,7 +159,7 @@ const SNAPPED: f32 = 0.045;
 ///
 /// Higher values lose contact shadows and leak light through thin walls; lower ones cause
 /// self-shadowing.
-fn surface_offset(position: vec3<f32>, distance_to_eye: f32, width: f32) -> f32 {
+fn surface_offset(position: vec3<f32>, apparent_distance: f32, width: f32) -> f32 {
     let size = max(max(abs(position.x), abs(position.y)), abs(position.z));
-    return 5e-4 + 2e-4 * distance_to_eye + 4e-7 * size + SNAPPED * width;
+    return 5e-4 + 2e-4 * apparent_distance + 4e-7 * size + SNAPPED * width;
 }

@@ -11,7 +11,8 @@ use bevy::render::{ExtractSchedule, MainWorld, RenderApp};
 /// its VPLs are resampled regardless of [`refresh_period`](super::FrugalGi::refresh_period).
 /// Removed as soon as that frame is extracted.
 ///
-/// A cut of more than 1 m or 30° from one frame to the next is detected without it.
+/// Other cuts are detected without it: from one frame to the next the camera moves by more than 1 m
+/// and faster than 300 m/s, or turns by more than 30° and faster than 900° a second.
 #[derive(Component, Reflect, Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[reflect(Component, Default, Clone, PartialEq)]
 pub struct CameraCut;

@@ -6,6 +6,7 @@
 //! | `work` | render | the work of a camera in a frame |
 //! | `cut` | both | camera cuts that the app announces |
 //! | `presence` | main | whether there is light to gather |
+//! | `shown` | main | which meshes GI cameras show |
 //! | `environment` | both | a camera's environment map |
 //! | `surface.wgsl` | | the surface in a pixel of Bevy's deferred G-buffer |
 
@@ -13,6 +14,7 @@ mod cut;
 mod environment;
 mod frame;
 mod presence;
+mod shown;
 mod work;
 
 use std::sync::Arc;
@@ -32,6 +34,7 @@ pub(super) use environment::SkySource;
 pub use frame::GiRefresh;
 pub(super) use frame::{GiFrame, SceneDelta};
 pub(super) use presence::LightPresence;
+pub(super) use shown::{GiCameras, Showing};
 pub(super) use work::{Step, Work};
 
 pub(super) struct ViewPlugin;

@@ -11,6 +11,17 @@ struct Surface {
     normal: vec3<f32>,
 }
 
+/// Size of a view's image, pixels. `viewport`: of Bevy's `View`. The G-buffer may be larger: cameras
+/// that share a target share its G-buffer, each with a viewport of its own.
+fn image_size(viewport: vec4<f32>) -> vec2<u32> {
+    return vec2<u32>(viewport.zw);
+}
+
+/// Where a view's G-buffer holds a pixel of its image.
+fn in_g_buffer(pixel: vec2<u32>, viewport: vec4<f32>) -> vec2<u32> {
+    return pixel + vec2<u32>(viewport.xy);
+}
+
 /// World position of a pixel's centre at `depth` (reverse z, 0 is infinitely far).
 fn pixel_position(pixel: vec2<u32>, size: vec2<u32>, depth: f32, world_from_clip: mat4x4<f32>) -> vec3<f32> {
     let uv = (vec2<f32>(pixel) + 0.5) / vec2<f32>(size);
@@ -23,6 +34,14 @@ fn pixel_position(pixel: vec2<u32>, size: vec2<u32>, depth: f32, world_from_clip
 fn pixel_width(clip_from_view: mat4x4<f32>, height: u32, distance_to_eye: f32) -> f32 {
     // Orthographic projections have 1 in the last element.
     return 2.0 * mix(distance_to_eye, 1.0, clip_from_view[3][3]) / (clip_from_view[1][1] * f32(height));
+}
+
+/// The distance at which a lens of 45 degrees shows things as large as this view shows them at a
+/// distance from the eye, metres: what tolerances grow with. A parallel projection shows them alike
+/// at any distance, and a longer lens larger. A wider lens counts as one of 45 degrees.
+fn apparent_distance(clip_from_view: mat4x4<f32>, distance_to_eye: f32) -> f32 {
+    let lens = 2.4142136 / clip_from_view[1][1];
+    return select(distance_to_eye * min(lens, 1.0), lens, clip_from_view[3][3] == 1.0);
 }
 
 fn surface_normal(texel: vec4<u32>) -> vec3<f32> {
@@ -78,10 +97,10 @@ fn surface_affinity(delta: vec3<f32>, normal: vec3<f32>, other_normal: vec3<f32>
     return exp(-off_plane * off_plane) * pow(alike, 8.0);
 }
 
-/// Tolerance from the tangent plane, metres, at a distance from the eye: it grows with the size of
-/// a pixel.
-fn plane_tolerance(distance_to_eye: f32) -> f32 {
-    return 0.02 * distance_to_eye + 1e-6;
+/// Tolerance from the tangent plane, metres, at an apparent distance: it grows with the size of a
+/// pixel.
+fn plane_tolerance(apparent_distance: f32) -> f32 {
+    return 0.02 * apparent_distance + 1e-6;
 }
 
 /// The pixel that represents a low-resolution pixel of `step` pixels.

@@ -8,6 +8,7 @@
 
 #import bevy_render::view::View
 #import bevy_frugal_gi::gi::texels::texel::{Texel, texel_luminance, texel_normal}
+#import bevy_frugal_gi::gi::view::surface::apparent_distance
 #import bevy_frugal_gi::gi::trace::trace::{is_occluded, surface_offset}
 #import bevy_frugal_gi::gi::vpl::importance::{IMPORTANCE_POINTS, ImportancePoints, importance_of}
 #import bevy_frugal_gi::gi::texels::rows::{Row, TILE, is_cut}
@@ -59,5 +60,5 @@ fn trace_tiles(@builtin(global_invocation_id) id: vec3<u32>) {
 }
 
 fn offset_at(position: vec3<f32>, width: f32) -> f32 {
-    return surface_offset(position, distance(position, view.world_position), width);
+    return surface_offset(position, apparent_distance(view.clip_from_view, distance(position, view.world_position)), width);
 }

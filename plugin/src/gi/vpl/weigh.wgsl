@@ -11,7 +11,7 @@
 
 #import bevy_render::view::View
 #import bevy_frugal_gi::gi::texels::texel::{Texel, texel_luminance, texel_normal}
-#import bevy_frugal_gi::gi::view::surface::{pixel_position, pixel_width, surface_normal}
+#import bevy_frugal_gi::gi::view::surface::{apparent_distance, image_size, in_g_buffer, pixel_position, pixel_width, surface_normal}
 #import bevy_frugal_gi::gi::vpl::importance::{COLUMNS, IMPORTANCE_POINTS, ImportancePoints, ROWS, ImportancePoint, importance_of}
 #import bevy_frugal_gi::gi::texels::rows::{Row, TILE, is_cut}
 
@@ -29,19 +29,21 @@
 /// row shifted by half a rectangle.
 @compute @workgroup_size(IMPORTANCE_POINTS)
 fn pick_importance_points(@builtin(local_invocation_index) index: u32) {
-    let size = textureDimensions(g_buffer);
+    let size = image_size(view.viewport);
     let cell = vec2<f32>(vec2(index % COLUMNS, index / COLUMNS));
     let shift = 0.25 + 0.5 * (f32(index / COLUMNS) - 2.0 * floor(f32(index / COLUMNS) * 0.5));
     let uv = (cell + vec2(shift, 0.5)) / vec2(f32(COLUMNS), f32(ROWS));
     let pixel = min(vec2<u32>(uv * vec2<f32>(size)), size - 1u);
-    let depth = textureLoad(depth_buffer, pixel, 0);
+    let depth = textureLoad(depth_buffer, in_g_buffer(pixel, view.viewport), 0);
     var point: ImportancePoint;
     point.position = pixel_position(pixel, size, max(depth, 1e-30), view.world_from_clip);
-    point.normal = surface_normal(textureLoad(g_buffer, pixel, 0));
+    point.normal = surface_normal(textureLoad(g_buffer, in_g_buffer(pixel, view.viewport), 0));
     // About the surface that a rectangle of the grid covers: distances below that cannot be
     // resolved.
     let delta = point.position - view.world_position;
-    point.radius_squared = select(0.0, clamp(0.02 * dot(delta, delta), 1e-12, 1e18), depth > 0.0);
+    let near = apparent_distance(view.clip_from_view, 1.0);
+    let reach = select(dot(delta, delta), 1.0, view.clip_from_view[3][3] == 1.0) * near * near;
+    point.radius_squared = select(0.0, clamp(0.02 * reach, 1e-12, 1e18), depth > 0.0);
     point.pixel_width = pixel_width(view.clip_from_view, size.y, sqrt(clamp(dot(delta, delta), 0.0, 1e30)));
     importance.points[index] = point;
 }

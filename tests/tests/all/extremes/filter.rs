@@ -97,7 +97,7 @@ fn reference(
     let coordinates = |pixel: usize| [pixel as i32 % SIZE[0] as i32, pixel as i32 / SIZE[0] as i32];
     let position =
         |pixel: usize| plane.position(SIZE, pixel as u32 % SIZE[0], pixel as u32 / SIZE[0]);
-    let tolerance = 0.02 * position(pixel).distance(plane.eye.as_dvec3()) + 1e-6;
+    let tolerance = 0.02 * plane.apparent_distance(SIZE[1]) + 1e-6;
     let (mut sum, mut weights) = (0.0, 0.0);
     for other in (0..COUNT).filter(|other| filter.reaches(pixel, *other)) {
         let found = gpu::half(light[other]);

@@ -8,7 +8,7 @@ use bevy::math::Vec3;
 use bevy::transform::components::Transform;
 use bevy_frugal_gi::gi::{GiLimits, RsmView};
 use frugal::stage::Stage;
-use frugal_tests::{gpu, set};
+use frugal_tests::{gpu, meshes, set};
 
 use super::Random;
 use crate::gi::{corner, sun};
@@ -29,6 +29,8 @@ fn the_lights_with_the_highest_illuminance_at_the_camera_get_maps() {
     let camera = set::camera(&mut stage);
     set::gi_without_knobs(&mut stage).rsm_resolution = 16;
     let eye = stage.world_mut().get::<Transform>(camera).expect("a transform").translation;
+    // The camera is inside the scene, whose lights count by what they do around it.
+    meshes::spawn_box(&mut stage, eye + 1.0, Vec3::splat(0.01), meshes::diffuse(0.0, 0.0, 0.0));
     let mut random = Random(23);
     // 200 spot lights and 100 point lights, without shadow maps, which GI does not need.
     let mut lights = Vec::new();

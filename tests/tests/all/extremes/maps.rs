@@ -59,6 +59,11 @@ impl Light {
             0.0,
             0.0,
             0.0,
+            // Fades nowhere.
+            0.0,
+            0.0,
+            0.0,
+            0.0,
         ]
     }
 }
@@ -334,7 +339,7 @@ fn weights(plane: &Plane, normal: DVec3, texels: &[Point]) -> Vec<f64> {
             let (column, row) = (f64::from(index % 8), f64::from(index / 8));
             let uv = [(column + 0.25 + 0.5 * (row % 2.0)) / 8.0, (row + 0.5) / 4.0];
             let at = plane.position(SIZE, (uv[0] * 8.0) as u32, (uv[1] * 8.0) as u32);
-            (at, (0.02 * at.distance_squared(plane.eye.as_dvec3())).clamp(1e-12, 1e18))
+            (at, (0.02 * plane.apparent_distance(SIZE[1]).powi(2)).clamp(1e-12, 1e18))
         })
         .collect();
     let received = |texel: &Point| {

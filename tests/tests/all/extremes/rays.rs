@@ -210,8 +210,8 @@ fn intersects(triangle: &Triangle, origin: DVec3, direction: DVec3) -> bool {
 }
 
 /// Offset of a ray's ends from their surfaces, metres: `surface_offset` of `trace.wgsl`.
-fn offset(position: DVec3, eye: DVec3, width: f32) -> f64 {
-    5e-4 + 2e-4 * position.distance(eye)
+fn offset(position: DVec3, plane: &Plane, width: f32) -> f64 {
+    5e-4 + 2e-4 * plane.apparent_distance(SIZE[1])
         + 4e-7 * position.abs().max_element()
         + 0.045 * f64::from(width)
 }
@@ -224,11 +224,10 @@ fn is_free(
     [from, normal]: [DVec3; 2],
     vpl: &Point,
 ) -> Option<bool> {
-    let eye = plane.eye.as_dvec3();
     let [at, facing] =
         [vpl.position, vpl.normal].map(|vector| DVec3::from_array(vector.map(f64::from)));
     let (origin, end) =
-        (from + normal * offset(from, eye, plane.spacing), at + facing * offset(at, eye, 0.0));
+        (from + normal * offset(from, plane, plane.spacing), at + facing * offset(at, plane, 0.0));
     let free = |shift: DVec3, other: DVec3| {
         let (origin, end) = (origin + shift, end + other);
         !triangles.iter().any(|triangle| intersects(triangle, origin, end - origin))

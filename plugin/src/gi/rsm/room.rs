@@ -1,0 +1,73 @@
+//! The device's room for maps.
+
+use bevy::log::warn_once;
+use bevy::render::renderer::RenderDevice;
+use bevy::render::settings::WgpuLimits;
+
+use crate::gi::texels::TEXEL_BYTES;
+
+/// Rows and texels that emissive surfaces and patches may need beside maps.
+const OTHER_ROWS: u64 = 4096;
+const OTHER_TEXELS: u64 = 32_768;
+
+/// Texels, and rows of them, that the device can still take. A row of a map is a row of workgroups,
+/// and all texels of the app are one storage buffer.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) struct Room {
+    rows: u64,
+    texels: u64,
+}
+
+impl Room {
+    /// Of a device; without one, of the least that WebGPU guarantees.
+    pub fn new(device: Option<&RenderDevice>) -> Self {
+        Self::with(&device.map_or_else(WgpuLimits::default, RenderDevice::limits))
+    }
+
+    fn with(limits: &WgpuLimits) -> Self {
+        let bytes = limits.max_storage_buffer_binding_size.min(limits.max_buffer_size);
+        Self {
+            rows: u64::from(limits.max_compute_workgroups_per_dimension).saturating_sub(OTHER_ROWS),
+            texels: (bytes / TEXEL_BYTES).saturating_sub(OTHER_TEXELS),
+        }
+    }
+
+    /// Takes room for maps of `resolution` texels along their edges, if there is enough for all;
+    /// warns once if not.
+    pub fn take(&mut self, maps: usize, resolution: u32) -> bool {
+        let rows = maps as u64 * u64::from(resolution);
+        let texels = rows * u64::from(resolution);
+        let fits = rows <= self.rows && texels <= self.texels;
+        if fits {
+            (self.rows, self.texels) = (self.rows - rows, self.texels - texels);
+        } else {
+            warn_once!(
+                "the reflective shadow maps of all lights exceed this GPU's limits: the least important lights do not bounce (lower FrugalGi::rsm_resolution or GiLimits::max_rsm_count)"
+            );
+        }
+        fits
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn maps_that_fit_are_taken_and_others_are_not() {
+        let mut room = Room::with(&WgpuLimits::default());
+        // 128 MiB are 4 M texels.
+        assert!(!room.take(1, 2048), "with the texels of other sources it is too large");
+        assert!(room.take(3, 1024) && !room.take(1, 1024) && room.take(1, 512));
+        // 65,535 rows of workgroups.
+        let large = WgpuLimits {
+            max_storage_buffer_binding_size: u64::MAX,
+            max_buffer_size: u64::MAX,
+            ..Default::default()
+        };
+        let mut room = Room::with(&large);
+        assert!(room.take(29, 2048) && !room.take(1, 2048) && room.take(1, 1024));
+        let none = WgpuLimits { max_storage_buffer_binding_size: 0, ..Default::default() };
+        assert!(!Room::with(&none).take(1, 16) && Room::with(&none).take(0, 16));
+    }
+}

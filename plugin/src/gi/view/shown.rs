@@ -1,0 +1,110 @@
+//! Which meshes GI cameras show: by render layers, and by level of detail.
+
+use bevy::camera::Camera;
+use bevy::camera::primitives::Aabb;
+use bevy::camera::visibility::{RenderLayers, VisibilityRange};
+use bevy::ecs::prelude::*;
+use bevy::ecs::query::QueryData;
+use bevy::ecs::system::SystemParam;
+use bevy::math::Vec3;
+use bevy::transform::components::GlobalTransform;
+
+use crate::gi::settings::FrugalGi;
+
+/// The active GI cameras of the main world.
+#[derive(SystemParam)]
+pub(in crate::gi) struct GiCameras<'w, 's> {
+    cameras: Query<
+        'w,
+        's,
+        (
+            &'static Camera,
+            &'static FrugalGi,
+            &'static GlobalTransform,
+            Option<&'static RenderLayers>,
+        ),
+    >,
+}
+
+impl GiCameras<'_, '_> {
+    /// What they show together.
+    pub fn shown(&self) -> Shown {
+        let mut shown = Shown { layers: RenderLayers::none(), eyes: Vec::new() };
+        for (camera, gi, transform, layers) in &self.cameras {
+            if camera.is_active && gi.vpl_count > 0 {
+                shown.layers = shown.layers.union(layers.unwrap_or_default());
+                shown.eyes.push(transform.translation());
+            }
+        }
+        shown
+    }
+}
+
+/// What decides whether a camera shows a mesh.
+#[derive(QueryData)]
+pub(in crate::gi) struct Showing {
+    layers: Option<&'static RenderLayers>,
+    range: Option<&'static VisibilityRange>,
+    aabb: Option<&'static Aabb>,
+}
+
+/// What the active GI cameras show.
+pub(in crate::gi) struct Shown {
+    layers: RenderLayers,
+    eyes: Vec<Vec3>,
+}
+
+impl Shown {
+    /// Render layers of all of them.
+    pub fn layers(&self) -> &RenderLayers {
+        &self.layers
+    }
+
+    /// Whether a mesh is on a layer, and at a level of detail, of any GI camera.
+    pub fn has(&self, mesh: &ShowingItem, transform: &GlobalTransform) -> bool {
+        self.layers.intersects(mesh.layers.unwrap_or_default())
+            && mesh.range.is_none_or(|range| self.has_level(range, mesh.aabb, transform))
+    }
+
+    /// Whether a level of detail is the one at the distance of a GI camera. While two levels fade
+    /// into each other it is the one that shows more, so that a single one counts.
+    fn has_level(
+        &self,
+        range: &VisibilityRange,
+        aabb: Option<&Aabb>,
+        transform: &GlobalTransform,
+    ) -> bool {
+        let position = match aabb {
+            Some(aabb) if range.use_aabb => {
+                transform.affine().transform_point3a(aabb.center).into()
+            }
+            _ => transform.translation(),
+        };
+        let middle = |margin: &std::ops::Range<f32>| 0.5 * (margin.start + margin.end);
+        let (from, to) = (middle(&range.start_margin), middle(&range.end_margin));
+        self.eyes.iter().any(|eye| (from..to).contains(&eye.distance(position)))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn one_level_of_detail_counts_at_any_distance() {
+        let levels = [
+            VisibilityRange { start_margin: 0.0..0.0, end_margin: 20.0..25.0, use_aabb: false },
+            VisibilityRange { start_margin: 20.0..25.0, end_margin: 70.0..75.0, use_aabb: false },
+            VisibilityRange::abrupt(72.5, f32::INFINITY),
+        ];
+        let place = GlobalTransform::from_xyz(1.0, 0.0, 0.0);
+        for distance in [0.0, 10.0, 20.0, 22.4, 22.5, 25.0, 69.0, 72.4, 72.5, 75.0, 1e9] {
+            let eyes = vec![Vec3::new(1.0, distance, 0.0)];
+            let shown = Shown { layers: RenderLayers::default(), eyes };
+            let count = levels.iter().filter(|level| shown.has_level(level, None, &place)).count();
+            assert_eq!(count, 1, "at {distance} m");
+        }
+        let lost = Shown { layers: RenderLayers::default(), eyes: vec![Vec3::NAN] };
+        assert!(!lost.has_level(&levels[0], None, &place));
+    }
+}
