@@ -20,7 +20,8 @@ use bevy::transform::components::Transform;
 use bevy::window::{ExitCondition, WindowPlugin};
 use bevy::winit::WinitPlugin;
 use bevy_frugal_gi::FrugalGiPlugins;
-use bevy_frugal_gi::gi::{FrugalGi, GiCounts, GiEmitters, GiOccluders, GiVisibility, RsmView};
+use bevy_frugal_gi::gi::inspect::GiEmitters;
+use bevy_frugal_gi::gi::{FrugalGi, GiCounts, GiOccluders, GiVisibility, RsmView};
 
 tests!(a_device_without_enough_storage_buffers_keeps_nothing_up);
 

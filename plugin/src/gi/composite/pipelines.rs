@@ -64,7 +64,7 @@ impl CompositeKey {
     }
 
     /// Entries: G-buffer, depth, view and irradiance; then the fog and the occlusion, if any.
-    pub fn layout(&self) -> BindGroupLayoutDescriptor {
+    pub(crate) fn layout(&self) -> BindGroupLayoutDescriptor {
         let mut entries = DynamicBindGroupLayoutEntries::sequential(
             ShaderStages::FRAGMENT,
             (

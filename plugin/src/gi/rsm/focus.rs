@@ -24,7 +24,12 @@ const MARGIN: f32 = 1.25;
 impl Focus {
     /// For a camera of `pose` and projection. The radius grows in steps, so that maps keep their
     /// texels in place while a camera zooms.
-    pub fn new(scene: (Vec3, Vec3), pose: &Transform, clip_from_view: Mat4, range: f32) -> Self {
+    pub(super) fn new(
+        scene: (Vec3, Vec3),
+        pose: &Transform,
+        clip_from_view: Mat4,
+        range: f32,
+    ) -> Self {
         let around = Self { position: pose.translation, range };
         let view_from_clip = clip_from_view.inverse();
         let is_inside =

@@ -20,7 +20,7 @@ pub(super) struct Room {
 
 impl Room {
     /// Of a device; without one, of the least that WebGPU guarantees.
-    pub fn new(device: Option<&RenderDevice>) -> Self {
+    pub(super) fn new(device: Option<&RenderDevice>) -> Self {
         Self::with(&device.map_or_else(WgpuLimits::default, RenderDevice::limits))
     }
 
@@ -34,7 +34,7 @@ impl Room {
 
     /// Takes room for maps of `resolution` texels along their edges, if there is enough for all;
     /// warns once if not.
-    pub fn take(&mut self, maps: usize, resolution: u32) -> bool {
+    pub(super) fn take(&mut self, maps: usize, resolution: u32) -> bool {
         let rows = maps as u64 * u64::from(resolution);
         let texels = rows * u64::from(resolution);
         let fits = rows <= self.rows && texels <= self.texels;

@@ -123,7 +123,7 @@ impl FlatBvh {
 /// Fits a tree's boxes to primitives that moved. `bounds`: their boxes in the order in which leaves
 /// name them. Returns the sum of the boxes' half areas, by which trees can be compared: it grows as
 /// primitives leave their neighbours.
-pub fn refit(nodes: &mut [Node], bounds: &[(Vec3A, Vec3A)]) -> f32 {
+pub(super) fn refit(nodes: &mut [Node], bounds: &[(Vec3A, Vec3A)]) -> f32 {
     let mut areas = 0.0;
     // Children lie behind their parents.
     for index in (0..nodes.len()).rev() {

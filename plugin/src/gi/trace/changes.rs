@@ -39,7 +39,7 @@ pub(super) struct MeshChanges<'w, 's> {
 impl MeshChanges<'_, '_> {
     /// Whether anything changed but the places of meshes. Reads everything, so that no change
     /// counts twice.
-    pub fn are_altered(&mut self) -> bool {
+    pub(super) fn are_altered(&mut self) -> bool {
         let gone = [
             self.meshes.read().count(),
             self.without_material.read().count(),
@@ -56,7 +56,7 @@ impl MeshChanges<'_, '_> {
     }
 
     /// The meshes that moved.
-    pub fn moved(&self) -> impl Iterator<Item = (Entity, &GlobalTransform)> {
+    pub(super) fn moved(&self) -> impl Iterator<Item = (Entity, &GlobalTransform)> {
         self.moved.iter()
     }
 }

@@ -231,7 +231,8 @@ pub(super) fn update(
         .collect();
     // Query order is arbitrary; sorting keeps the tree the same in every run.
     now.sort_unstable_by_key(|(entity, ..)| *entity);
-    trees.lacks_assets = !build_trees(&mut trees.trees, now.iter().map(|(_, key, _)| *key), &assets);
+    trees.lacks_assets =
+        !build_trees(&mut trees.trees, now.iter().map(|(_, key, _)| *key), &assets);
     let waiting =
         trees.trees.values.values().filter(|tree| matches!(tree, Tree::Building(_))).count();
     if trees.trees.changed || trees.must_build || trees.instances != now || !occluders.is_kept {
@@ -343,7 +344,7 @@ fn move_instances(
         }
         *affine = transform.affine();
         let slot = *trees.slots.get(entity)?;
-        let Some(Tree::Ready(tree)) = trees.trees.get(key) else { return None };
+        let Some(Tree::Ready(tree)) = trees.trees.values.get(key) else { return None };
         let (instance, bounds) = instance(tree, *trees.ranges.get(key)?, affine)?;
         after.get_or_insert_with(|| InstanceData::clone(before)).instances[slot] = instance;
         trees.bounds[slot] = bounds;
@@ -408,7 +409,8 @@ fn assemble(
     let (mut boxes, mut instances) = (Vec::new(), Vec::<Instance>::new());
     let mut entities = Vec::new();
     for (entity, key, affine) in mesh_instances {
-        let (Some(Tree::Ready(tree)), Some(nodes)) = (trees.trees.values.get(key), trees.ranges.get(key))
+        let (Some(Tree::Ready(tree)), Some(nodes)) =
+            (trees.trees.values.get(key), trees.ranges.get(key))
         else {
             continue;
         };

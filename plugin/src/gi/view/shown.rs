@@ -28,7 +28,7 @@ pub(in crate::gi) struct GiCameras<'w, 's> {
 
 impl GiCameras<'_, '_> {
     /// What they show together.
-    pub fn shown(&self) -> Shown {
+    pub(crate) fn shown(&self) -> Shown {
         let mut shown = Shown { layers: RenderLayers::none(), eyes: Vec::new() };
         for (camera, gi, transform, layers) in &self.cameras {
             if camera.is_active && gi.vpl_count > 0 {
@@ -56,12 +56,12 @@ pub(in crate::gi) struct Shown {
 
 impl Shown {
     /// Render layers of all of them.
-    pub fn layers(&self) -> &RenderLayers {
+    pub(crate) fn layers(&self) -> &RenderLayers {
         &self.layers
     }
 
     /// Whether a mesh is on a layer, and at a level of detail, of any GI camera.
-    pub fn has(&self, mesh: &ShowingItem, transform: &GlobalTransform) -> bool {
+    pub(crate) fn has(&self, mesh: &ShowingItem, transform: &GlobalTransform) -> bool {
         self.layers.intersects(mesh.layers.unwrap_or_default())
             && mesh.range.is_none_or(|range| self.has_level(range, mesh.aabb, transform))
     }
