@@ -93,10 +93,7 @@ impl Loop {
         let over =
             |powers: &&[f64]| powers.iter().sum::<f64>() / window as f64 > self.budget.0 * 1.02;
         let windows: Vec<&[f64]> = self.powers[from..].chunks_exact(window).collect();
-        windows
-            .iter()
-            .rposition(over)
-            .map_or(0.0, |last| (last + 1) as f64 * window as f64 * FRAME)
+        windows.iter().rposition(over).map_or(0.0, |last| (last + 1) as f64 * window as f64 * FRAME)
     }
 
     fn frames(&self) -> usize {
