@@ -30,7 +30,7 @@ pub(crate) fn useful_knobs(scene: &SceneDescription) -> Result<Vec<String>, Stag
         name if name.starts_with("gi_") => has_light || has_emissive || has_environment,
         "shadow_cascades" => has_sun,
         "texture_detail" => has_texture,
-        // It attenuates environment light alone.
+        // Beside environment light it dims only indirect light without rays.
         "ambient_occlusion" => has_environment,
         _ => true,
     };

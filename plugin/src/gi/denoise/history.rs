@@ -66,7 +66,7 @@ impl Reprojection {
         let world_from_clip = then.clip_from_world.inverse();
         let exposure = now.exposure / then.exposure;
         // Time may stand still, and NaN counts for 0.
-        let seconds = seconds.max(0.0).min(LONGEST_FRAME);
+        let seconds = if seconds > 0.0 { seconds.min(LONGEST_FRAME) } else { 0.0 };
         let (farthest, widest) =
             (CUT_DISTANCE.max(CUT_SPEED * seconds), CUT_ANGLE.max(CUT_TURN * seconds));
         let is_cut = then.eye.distance_squared(now.eye) > farthest * farthest
