@@ -15,7 +15,7 @@ SCENE = assets/scenes/courtyard.scene.ron
 OUTPUT = target/demo
 SIZE = 160x90
 FPS = 15
-TIME_LIMIT = 5m
+TIME_LIMIT = 4m
 POWER_BUDGET = 60%
 ERROR_BUDGET = 0.02
 

@@ -359,12 +359,14 @@ fn open_journal(
     Ok(journal)
 }
 
-/// Frames of a clip: one unmetered, and three metered. History averages noise in play, so a short
-/// clip exaggerates the errors of settings whose light is noisy: at the courtyard's best settings
-/// with one knob of global illumination lowered, four frames show 0.6 to 0.9 of the error that two
-/// show, eight 0.8 to 0.9 of four, and other knobs the same within 3 %. Longer clips would leave
-/// time for fewer cameras.
-const CLIP_FRAMES: u32 = 4;
+/// Frames of a clip: one unmetered, and one metered.
+///
+/// Rejected: four frames. Their history averages more noise, so that settings whose light is noisy
+/// have 0.6 to 0.9 of the error of two frames. In play, where the history of 32 frames also blurs
+/// and lags, the same settings have 1.25 to 1.4 of the error of four frames at the same poses, and
+/// 0.9 to 1.2 of that of two: two are closer, and cost half. Maps from clips of four frames
+/// exceeded error budgets by up to a fifth.
+const CLIP_FRAMES: u32 = 2;
 
 /// Header of journals of renderings: identifies scene and conditions.
 pub(super) fn journal_header(

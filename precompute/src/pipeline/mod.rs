@@ -20,7 +20,7 @@ use crate::table::{CostTable, Measure};
 pub(crate) use renderings::{Job, Progress, Purpose, Renderings, Setup, StageEffort};
 
 /// Share of the time limit for finding the pool; the rest is for cameras.
-const POOL_SHARE: f64 = 0.4;
+const POOL_SHARE: f64 = 0.3;
 /// Share of the time limit after which no new block of cameras starts.
 const CAMERAS_SHARE: f64 = 0.97;
 

@@ -178,7 +178,7 @@ pub(crate) fn bars(
     };
     draw(label, |area| {
         // Both ends of the range are rows.
-        let mut chart = chart(area, 132)
+        let mut chart = chart(area, 196)
             .build_cartesian_2d(low..high, (0..count - 1).into_segmented())
             .map_err(failed)?;
         chart
