@@ -78,11 +78,12 @@ impl PluginGroup for FrugalGiPlugins {
 pub mod prelude {
     pub use crate::FrugalGiPlugins;
     pub use crate::control::{
-        Budget, BudgetStateChanged, ControlPlugin, ControlSettings, ControlStatus, ErrorPace,
-        FrontierMapHandle, FrontierSource, MapRejected, OffReason, Outcome, PowerFeedback,
-        Selection, SettingsFilter, SettingsSwitched,
+        AppBudget, Budget, BudgetStateChanged, CameraController, CameraPriority, ControlPlugin,
+        ControlSettings, ControlStatus, ControlSystems, ErrorPace, FrontierMapHandle,
+        FrontierSource, MapRejected, OffReason, Outcome, PowerFeedback, Selection, SettingsFilter,
+        SettingsSwitched,
     };
-    pub use crate::frontier::{FrontierMap, FrontierMapPlugin, FrontierStore, MapFit};
+    pub use crate::frontier::{FrontierMap, FrontierMapPlugin, FrontierStore, MapFit, ShownScene};
     pub use crate::gi::{
         CameraCut, FrugalGi, GI_DIAGNOSTICS, GiCounts, GiInterleave, GiLimits, GiOutput,
         GiPixelFraction, GiPlugin, GiRefresh, GiShading, GiVisibility, RsmView,

@@ -11,10 +11,7 @@ use bevy::ecs::schedule::{IntoScheduleConfigs, Schedules};
 use bevy::ecs::system::IntoSystem;
 use bevy::math::Vec3;
 use bevy::pbr::deferred::deferred_lighting;
-use bevy::pbr::{
-    DistanceFog, FogFalloff, ScreenSpaceAmbientOcclusion, StandardMaterial,
-    screen_space_reflections,
-};
+use bevy::pbr::{DistanceFog, FogFalloff, StandardMaterial, screen_space_reflections};
 use bevy::render::RenderApp;
 use bevy::render::render_resource::TextureFormat;
 use bevy_frugal_gi::gi::GiSystems;
@@ -149,17 +146,12 @@ fn a_material_s_occlusion_dims_its_indirect_light() {
 fn the_screen_s_occlusion_dims_indirect_light_in_creases() {
     let mut stage = corner(vec![sun(Vec3::NEG_Y)]);
     let open = set::radiance(&mut stage);
-    let camera = set::camera(&mut stage);
-    let with_occlusion = |stage: &mut Stage, has: bool| {
-        let mut camera = stage.world_mut().entity_mut(camera);
-        if has {
-            camera.insert(ScreenSpaceAmbientOcclusion::default());
-        } else {
-            camera.remove::<ScreenSpaceAmbientOcclusion>();
-        }
+    // The stage's camera has occlusion, and its knob says how much.
+    let with_occlusion = |stage: &mut Stage, settings: &str, level: &str| {
+        set::apply(stage, &format!("{PLAIN},{settings}ambient_occlusion={level}"));
         set::radiance(stage)
     };
-    let dimmed = with_occlusion(&mut stage, true);
+    let dimmed = with_occlusion(&mut stage, "", "16");
     let ratios: Vec<f32> = open
         .rgb
         .iter()
@@ -172,18 +164,16 @@ fn the_screen_s_occlusion_dims_indirect_light_in_creases() {
         .fold((f32::MAX, 0.0f32), |(least, most), ratio| (least.min(*ratio), most.max(*ratio)));
     println!("    the screen's occlusion leaves {least:.2} to {most:.2} of indirect light");
     assert!(least < 0.9 && most > 0.95 && most < 1.001, "{least} {most}");
-    assert!(with_occlusion(&mut stage, false) == open);
+    assert!(with_occlusion(&mut stage, "", "off") == open);
 
     // Where rays find what occludes, nothing is occluded twice.
-    set::apply(&mut stage, &format!("{PLAIN},gi_visibility=coarse"));
-    let traced = with_occlusion(&mut stage, false);
-    assert!(with_occlusion(&mut stage, true) == traced);
-    set::apply(&mut stage, PLAIN);
+    let traced = with_occlusion(&mut stage, "gi_visibility=coarse,", "off");
+    assert!(with_occlusion(&mut stage, "gi_visibility=coarse,", "16") == traced);
 
     // What the material already occludes is not occluded again.
     occlude(&mut stage);
-    let material = with_occlusion(&mut stage, false).mean();
-    let both = with_occlusion(&mut stage, true).mean();
+    let material = with_occlusion(&mut stage, "", "off").mean();
+    let both = with_occlusion(&mut stage, "", "16").mean();
     assert!((both / material - 1.0).abs() < 0.02, "{both} {material}");
 }
 
