@@ -9,6 +9,7 @@ mod cameras;
 pub mod cli;
 mod cost;
 mod evaluate;
+mod farthest;
 mod files;
 mod fit;
 mod inspect;

@@ -3,28 +3,8 @@
 
 #![allow(dead_code, unused_imports)]
 
-// README.md
+// README.md and docs/using.md
 mod readme {
-    fn sample() {
-        use bevy::prelude::*;
-        use bevy_frugal_gi::prelude::*;
-
-        App::new()
-            .add_plugins((DefaultPlugins, FrugalGiPlugins))
-            .add_systems(Startup, |mut commands: Commands, assets: Res<AssetServer>| {
-                commands.spawn((
-                    Camera3d::default(),
-                    FrugalGi::default(), // global illumination on this camera
-                    FrontierMapHandle(assets.load("maps/courtyard.pareto.ron")), // and the controller
-                    Budget::power(Watts(7.0)),
-                ));
-            })
-            .run();
-    }
-}
-
-// docs/using.md
-mod using_added {
     fn sample() {
         use bevy::prelude::*;
         use bevy_frugal_gi::prelude::*;

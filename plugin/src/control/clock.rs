@@ -148,13 +148,9 @@ pub(super) fn observe(
     let readings = model.readings();
     let state = match trusted {
         None => FeedbackState::Off,
-        Some(metered) if metered.state == MeterState::Running && readings > 0 => {
-            FeedbackState::Running
-        }
-        Some(metered) if readings > 0 && metered.state != MeterState::Running => {
-            FeedbackState::Held
-        }
-        Some(_) => FeedbackState::Waiting,
+        Some(_) if readings == 0 => FeedbackState::Waiting,
+        Some(metered) if metered.state == MeterState::Running => FeedbackState::Running,
+        Some(_) => FeedbackState::Held,
     };
     let correction =
         if state == FeedbackState::Off { PowerCorrection::default() } else { model.correction() };

@@ -134,24 +134,18 @@ impl MapFit {
 
     /// Compares an app's camera with the conditions of its map.
     pub fn of(conditions: &Conditions<'_>, app: &AppConditions<'_>, view: &CameraView) -> Self {
-        let scene = match app.scene {
-            None => Comparison::Unknown,
-            Some(scene) => {
-                // A name may belong to several states of a scene; a fingerprint does not.
-                let known =
-                    !conditions.scene.fingerprint.is_empty() && !scene.fingerprint.is_empty();
-                let same = if known {
-                    scene.fingerprint == conditions.scene.fingerprint
-                } else {
-                    scene.name == conditions.scene.name
-                };
-                if same { Comparison::Same } else { Comparison::Different }
+        let is_same_scene = |scene: &SceneIdentity| {
+            // A name may belong to several states of a scene; a fingerprint does not.
+            if conditions.scene.fingerprint.is_empty() || scene.fingerprint.is_empty() {
+                scene.name == conditions.scene.name
+            } else {
+                scene.fingerprint == conditions.scene.fingerprint
             }
         };
         let capture = conditions.capture;
         let ratio = |app: f64, map: f64| Some(app / map).filter(|ratio| ratio.is_finite());
         Self {
-            scene,
+            scene: Comparison::of(true, app.scene.map(is_same_scene)),
             meter: Comparison::of(
                 (&conditions.meter.name, &conditions.meter.provenance),
                 app.meter.map(|info| (&info.name, &info.provenance)),

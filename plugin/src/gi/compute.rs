@@ -1,9 +1,11 @@
-//! What every compute pass needs: its inputs from the camera, its bind groups, and its encoding.
+//! What every compute pass needs: its inputs from the camera, its bind groups, its encoding, and
+//! the device's limits.
 
 use bevy::core_pipeline::prepass::ViewPrepassTextures;
 use bevy::render::diagnostic::RecordDiagnostics;
 use bevy::render::render_resource::*;
-use bevy::render::renderer::RenderContext;
+use bevy::render::renderer::{RenderContext, RenderDevice};
+use bevy::render::settings::WgpuLimits;
 use bevy::render::view::ViewUniforms;
 
 /// A camera's G-buffer, depth and uniforms, which most passes bind first.
@@ -56,4 +58,26 @@ pub(in crate::gi) fn compute_pass(
     let descriptor = ComputePassDescriptor { label: Some(name), timestamp_writes: None };
     encode(&mut context.command_encoder().begin_compute_pass(&descriptor));
     span.end(context.command_encoder());
+}
+
+/// Limits of a device; without one, the least that WebGPU guarantees.
+pub(in crate::gi) fn limits_of(device: Option<&RenderDevice>) -> WgpuLimits {
+    device.map_or_else(WgpuLimits::default, RenderDevice::limits)
+}
+
+/// Bytes of the largest storage buffer.
+pub(in crate::gi) fn largest_storage_buffer(limits: &WgpuLimits) -> u64 {
+    limits.max_storage_buffer_binding_size.min(limits.max_buffer_size)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_smaller_limit_counts() {
+        let limits = WgpuLimits { max_buffer_size: 1 << 20, ..Default::default() };
+        assert_eq!(largest_storage_buffer(&limits), 1 << 20);
+        assert_eq!(largest_storage_buffer(&WgpuLimits::default()), 128 << 20);
+    }
 }

@@ -14,7 +14,6 @@ pub(crate) struct Controller<'a> {
     controller: CameraController,
     settings: ControlSettings,
     last: KnobLevels,
-    has_decided: bool,
 }
 
 impl<'a> Controller<'a> {
@@ -33,7 +32,6 @@ impl<'a> Controller<'a> {
             controller: CameraController::default(),
             settings,
             last: store.knobs().highest(),
-            has_decided: false,
         }
     }
 }
@@ -50,7 +48,8 @@ impl Policy for Controller<'_> {
             },
             budget: self.budget,
             delta_seconds: dt,
-            current: self.has_decided.then_some(self.last),
+            // Before its first step the filter goes straight to the target, whatever this is.
+            current: Some(self.last),
             // The meter is the map's own.
             correction: PowerCorrection::default(),
             settings: self.settings,
@@ -58,7 +57,7 @@ impl Policy for Controller<'_> {
         let Some(decisions) = self.controller.step(&inputs) else {
             return Choice::from(self.last);
         };
-        (self.last, self.has_decided) = (decisions.applied, true);
+        self.last = decisions.applied;
         Choice {
             settings: decisions.applied,
             target: decisions.target,

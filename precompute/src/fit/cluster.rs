@@ -1,12 +1,12 @@
 //! A bounded number of frontiers: similar estimates share one.
 //!
 //! Most corners of the octree have no camera of their own, and their estimates differ by less than
-//! a map can be trusted. Centres are chosen by farthest-point selection (Gonzalez 1985), which at
-//! most doubles the greatest distance of the best choice.
+//! a map can be trusted.
 
 use bevy_frugal_gi::frontier::CostPoint;
 
 use super::estimate::Estimate;
+use crate::farthest::{Farthest, farthest};
 use crate::pool::LEAST_ERROR;
 
 /// Assigns each of `estimates` to one of at most `most` clusters. Returns the cluster of each, and
@@ -17,27 +17,9 @@ pub(super) fn cluster(
     most: usize,
     least: f64,
 ) -> (Vec<usize>, Vec<Estimate>) {
-    let mut nearest = vec![(f64::INFINITY, 0); estimates.len()];
-    let mut centres = 0;
-    while centres < most {
-        // Ties go to the first, so that the result is the same everywhere.
-        let far = |a: &usize, b: &usize| nearest[*a].0.total_cmp(&nearest[*b].0).then(b.cmp(a));
-        let Some(next) = (0..estimates.len()).max_by(far).filter(|next| nearest[*next].0 > least)
-        else {
-            break;
-        };
-        for (estimate, nearest) in estimates.iter().zip(&mut nearest) {
-            let distance = distance(&estimates[next], estimate);
-            if distance < nearest.0 {
-                *nearest = (distance, centres);
-            }
-        }
-        // Its own, even where its distance is not a number.
-        nearest[next] = (0.0, centres);
-        centres += 1;
-    }
-    let assigned: Vec<usize> = nearest.into_iter().map(|(_, centre)| centre).collect();
-    let means = (0..centres)
+    let Farthest { chosen, nearest: assigned } =
+        farthest(estimates.len(), most, least, |a, b| distance(&estimates[a], &estimates[b]));
+    let means = (0..chosen.len())
         .map(|centre| {
             mean(estimates.iter().zip(&assigned).filter(|(_, of)| **of == centre).map(|(e, _)| e))
         })

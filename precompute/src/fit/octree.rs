@@ -252,23 +252,19 @@ fn fill(octree: &mut Octree, leaves: &[(Leaf, usize, Vec<usize>)], known: &Known
     }
     // The shared frontier is one of them.
     let (assigned, means) = cluster(&estimates, MOST_FRONTIERS - 1, LEAST_DISTANCE);
-    let mut index = |frontier: Frontier| {
-        let stored = octree.frontiers.iter().position(|other| *other == frontier);
+    let of_clusters: Vec<Frontier> =
+        means.iter().map(|mean| known.training.frontier(mean).rounded()).collect();
+    let shared = known.shared.rounded();
+    let mut index = |frontier: &Frontier| {
+        let stored = octree.frontiers.iter().position(|other| other == frontier);
         stored.unwrap_or_else(|| {
-            octree.frontiers.push(frontier);
+            octree.frontiers.push(frontier.clone());
             octree.frontiers.len() - 1
         }) as u32
     };
-    let mut corners = corners.into_iter();
-    for slots in slots.chunks_exact(ViewDirection::ALL.len()) {
-        let Some(at) = corners.next() else { break };
+    for (at, slots) in corners.into_iter().zip(slots.chunks_exact(ViewDirection::ALL.len())) {
         let frontiers = std::array::from_fn(|direction| {
-            let cluster = slots[direction].and_then(|slot| assigned.get(slot));
-            let mean = cluster.and_then(|cluster| means.get(*cluster));
-            index(mean.map_or_else(
-                || known.shared.rounded(),
-                |mean| known.training.frontier(mean).rounded(),
-            ))
+            index(slots[direction].map_or(&shared, |slot: usize| &of_clusters[assigned[slot]]))
         });
         octree.corners.push(Corner { at, frontiers });
     }

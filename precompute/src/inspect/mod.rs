@@ -11,7 +11,7 @@ mod compare;
 mod presets;
 mod table;
 #[cfg(test)]
-mod testing;
+pub(crate) mod testing;
 
 pub(crate) use comparable::CompareError;
 pub(crate) use compare::{Change, MapComparison, compare};

@@ -27,7 +27,7 @@ pub(super) fn frontier(scale: f64, count: usize) -> Frontier {
 }
 
 /// A valid map: one cube, with a frontier of its own at each of its 48 addresses.
-pub(super) fn map() -> FrontierMap {
+pub(crate) fn map() -> FrontierMap {
     let knobs = vec![
         Knob::new("samples", (0..16).map(f64::from)),
         Knob::labelled("scale", [(0.5, "50%"), (1.0, "100%")]),

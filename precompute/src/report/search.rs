@@ -84,10 +84,7 @@ pub(crate) fn search_section(summary: &SearchSummary<'_>) -> Result<Section, Rep
         .pool
         .iter()
         .filter_map(|settings| {
-            let cost = outcome
-                .training
-                .mean(outcome.training.column(*settings)?, 0..outcome.training.rows())?;
-            Some(FrontierPoint { settings: *settings, cost })
+            Some(FrontierPoint { settings: *settings, cost: mean_cost(outcome, *settings)? })
         })
         .collect();
     pool.sort_by(|a, b| a.cost.power.0.total_cmp(&b.cost.power.0));
@@ -132,6 +129,12 @@ fn facts(summary: &SearchSummary<'_>) -> Vec<(String, String)> {
     .collect()
 }
 
+/// Mean over the training cameras.
+fn mean_cost(outcome: &Outcome, settings: KnobLevels) -> Option<CostPoint> {
+    let table = &outcome.training;
+    table.mean(table.column(settings)?, 0..table.rows())
+}
+
 fn training_cameras<'a>(
     summary: &SearchSummary<'a>,
 ) -> impl Iterator<Item = (usize, &'a MovingCamera)> + use<'a> {
@@ -167,14 +170,7 @@ fn plan(summary: &SearchSummary<'_>) -> (String, Vec<(String, Color)>) {
             .map_or(Color::GREY, |rank| Color::SERIES[rank])
     };
     let legend = counts.iter().take(COLORS).enumerate().map(|(rank, (settings, count))| {
-        let power = summary
-            .outcome
-            .training
-            .column(*settings)
-            .and_then(|column| {
-                summary.outcome.training.mean(column, 0..summary.outcome.training.rows())
-            })
-            .map_or(f64::NAN, |cost| cost.power.0);
+        let power = mean_cost(summary.outcome, *settings).map_or(f64::NAN, |cost| cost.power.0);
         (format!("{power:.2} W, {count} cameras"), Color::SERIES[rank])
     });
     let mut legend: Vec<_> = legend.collect();
@@ -221,14 +217,8 @@ impl Plan {
 
     fn at(&self, camera: &MovingCamera) -> [f64; 2] {
         let position = camera.pose.position;
-        [position.x, position.z]
-            .map(f64::from)
-            .into_iter()
-            .zip(self.low)
-            .map(|(at, low)| Self::MARGIN + (at - low) * self.scale)
-            .collect::<Vec<_>>()
-            .try_into()
-            .unwrap_or_default()
+        let along = |at: f32, low: f64| Self::MARGIN + (f64::from(at) - low) * self.scale;
+        [along(position.x, self.low[0]), along(position.z, self.low[1])]
     }
 
     fn ring(&mut self, camera: &MovingCamera) {
@@ -355,10 +345,7 @@ fn calibration(summary: &SearchSummary<'_>) -> Result<String, ReportError> {
 
 #[cfg(test)]
 mod tests {
-    use bevy_frugal_gi::frontier::{Capture, SceneIdentity, Thresholds, WorkPrices};
-
     use super::*;
-    use crate::evaluate::fake::meter;
     use crate::pipeline::tests::searched;
     use crate::report::Report;
 
@@ -368,23 +355,12 @@ mod tests {
         knobs: bevy_frugal_gi::knobs::KnobSpace,
     ) -> FrontierMap {
         FrontierMap {
-            version: FrontierMap::VERSION,
-            scene: SceneIdentity { name: "court".into(), fingerprint: "0".into() },
-            capture: Capture {
-                size: [160, 90],
-                frames_per_second: 15.0,
-                vertical_fov: 60.0,
-                exposure_ev100: 12.0,
-            },
-            meter: meter(),
-            thresholds: Thresholds { power_w: 0.1, error: 0.001 },
-            seed: 0,
             shared: outcome.fitted.shared.clone(),
             error_rates: outcome.error_rates.clone(),
-            work_prices: WorkPrices::default(),
             knobs,
             bounds,
             octree: outcome.fitted.octree.clone(),
+            ..crate::inspect::testing::map()
         }
     }
 

@@ -50,6 +50,7 @@ const PLUGIN: &[&str] = &[
 /// The tool's parts.
 const TOOL: &[&str] = &[
     "files",
+    "farthest",
     "scene",
     "metrics",
     "journal",

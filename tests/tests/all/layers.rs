@@ -10,7 +10,7 @@ use bevy::math::Vec3;
 use bevy::mesh::Mesh3d;
 use bevy::pbr::StandardMaterial;
 use bevy::transform::components::Transform;
-use frugal::stage::{Component, Stage};
+use frugal::stage::{Component, Radiance, Stage};
 use frugal_tests::{meshes, set};
 
 use super::gi::{PLAIN, assert_costs_nothing, corner, sun};
@@ -84,7 +84,9 @@ fn a_light_of_other_layers_than_the_camera_s_bounces_nothing() {
     assert_eq!(set::radiance(&mut stage).mean(), lit);
 }
 
-fn meshes_that_no_gi_camera_shows_occlude_nothing() {
+/// A corner with rays and a black fence before its wall: the fence, and the radiance without and
+/// with it.
+fn fenced_corner() -> (Stage, Entity, [Radiance; 2]) {
     let mut stage = corner(vec![sun(Vec3::NEG_Y)]);
     set::apply(&mut stage, &format!("{PLAIN},gi_visibility=coarse"));
     let open = set::radiance(&mut stage);
@@ -92,6 +94,11 @@ fn meshes_that_no_gi_camera_shows_occlude_nothing() {
     let (center, size) = (Vec3::new(0.0, 0.6, -1.6), Vec3::new(4.0, 1.1, 0.02));
     let fence = meshes::spawn_box(&mut stage, center, size, black);
     let fenced = set::radiance(&mut stage);
+    (stage, fence, [open, fenced])
+}
+
+fn meshes_that_no_gi_camera_shows_occlude_nothing() {
+    let (mut stage, fence, [open, fenced]) = fenced_corner();
     assert!(fenced.mean() < 0.9 * open.mean(), "{} {}", fenced.mean(), open.mean());
     stage.world_mut().entity_mut(fence).insert(RenderLayers::layer(1));
     assert!(set::radiance(&mut stage) == open, "neither the sun nor the camera sees it");
@@ -110,23 +117,18 @@ fn meshes_that_no_gi_camera_shows_emit_nothing() {
         emissive: LinearRgba::rgb(10.0, 10.0, 10.0),
         ..meshes::diffuse(0.0, 0.0, 0.0)
     };
-    let lamp = meshes::spawn_box(&mut stage, Vec3::new(0.0, 1.5, 0.0), Vec3::splat(0.4), material);
+    let emitter =
+        meshes::spawn_box(&mut stage, Vec3::new(0.0, 1.5, 0.0), Vec3::splat(0.4), material);
     let lit = set::radiance(&mut stage);
     assert!(lit.mean() > 1.0, "{}", lit.mean());
-    stage.world_mut().entity_mut(lamp).insert(RenderLayers::layer(1));
+    stage.world_mut().entity_mut(emitter).insert(RenderLayers::layer(1));
     assert_eq!(set::radiance(&mut stage).mean(), 0.0);
-    stage.world_mut().entity_mut(lamp).remove::<RenderLayers>();
+    stage.world_mut().entity_mut(emitter).remove::<RenderLayers>();
     assert!(set::radiance(&mut stage) == lit);
 }
 
 fn a_level_of_detail_that_is_not_shown_occludes_nothing() {
-    let mut stage = corner(vec![sun(Vec3::NEG_Y)]);
-    set::apply(&mut stage, &format!("{PLAIN},gi_visibility=coarse"));
-    let open = set::radiance(&mut stage);
-    let black = meshes::diffuse(0.0, 0.0, 0.0);
-    let (center, size) = (Vec3::new(0.0, 0.6, -1.6), Vec3::new(4.0, 1.1, 0.02));
-    let fence = meshes::spawn_box(&mut stage, center, size, black);
-    let fenced = set::radiance(&mut stage);
+    let (mut stage, fence, [open, fenced]) = fenced_corner();
     stage.world_mut().entity_mut(fence).insert(VisibilityRange::abrupt(50.0, 1000.0));
     assert!(set::radiance(&mut stage) == open, "it is for cameras from 50 m on");
     stage.world_mut().entity_mut(fence).insert(VisibilityRange::abrupt(0.0, 50.0));

@@ -46,6 +46,17 @@ fn alone(component: Component, settings: &str, [position, target]: [Vec3; 2]) ->
     set::radiance(&mut stage)
 }
 
+/// The radiance of both players' cameras, each in its half of a target.
+fn side_by_side(component: Component, settings: &str) -> Radiance {
+    let mut stage = scene(UVec2::new(2 * PART.x, PART.y), component, settings);
+    let first = set::camera(&mut stage);
+    set::look(&mut stage, LEFT[0], LEFT[1]);
+    let second = set::add_camera(&mut stage, RIGHT[0], RIGHT[1]);
+    set::set_viewport(&mut stage, first, UVec2::ZERO, PART);
+    set::set_viewport(&mut stage, second, UVec2::new(PART.x, 0), PART);
+    set::radiance(&mut stage)
+}
+
 /// A rectangle of an image.
 fn part(image: &Radiance, corner: UVec2) -> Radiance {
     let row = |y: u32| {
@@ -67,13 +78,7 @@ const ROUNDING: f64 = 2e-3;
 
 fn two_cameras_side_by_side_equal_the_same_cameras_alone() {
     for settings in settings() {
-        let mut stage = scene(UVec2::new(2 * PART.x, PART.y), Component::Full, &settings);
-        let first = set::camera(&mut stage);
-        set::look(&mut stage, LEFT[0], LEFT[1]);
-        let second = set::add_camera(&mut stage, RIGHT[0], RIGHT[1]);
-        set::set_viewport(&mut stage, first, UVec2::ZERO, PART);
-        set::set_viewport(&mut stage, second, UVec2::new(PART.x, 0), PART);
-        let both = set::radiance(&mut stage);
+        let both = side_by_side(Component::Full, &settings);
         for (side, pose) in [(0, LEFT), (1, RIGHT)] {
             let expected = alone(Component::Full, &settings, pose);
             let found = part(&both, UVec2::new(side * PART.x, 0));
@@ -102,13 +107,7 @@ fn a_viewport_of_half_the_target_equals_the_camera_alone() {
 
 fn a_viewport_shows_indirect_light_alone() {
     let settings = &settings()[0];
-    let mut stage = scene(UVec2::new(2 * PART.x, PART.y), Component::Indirect, settings);
-    let first = set::camera(&mut stage);
-    set::look(&mut stage, LEFT[0], LEFT[1]);
-    let second = set::add_camera(&mut stage, RIGHT[0], RIGHT[1]);
-    set::set_viewport(&mut stage, first, UVec2::ZERO, PART);
-    set::set_viewport(&mut stage, second, UVec2::new(PART.x, 0), PART);
-    let both = set::radiance(&mut stage);
+    let both = side_by_side(Component::Indirect, settings);
     for (side, pose) in [(0, LEFT), (1, RIGHT)] {
         let expected = alone(Component::Indirect, settings, pose);
         let off = error(&part(&both, UVec2::new(side * PART.x, 0)), &expected);

@@ -4,6 +4,7 @@ use bevy::log::warn_once;
 use bevy::render::renderer::RenderDevice;
 use bevy::render::settings::WgpuLimits;
 
+use crate::gi::compute::{largest_storage_buffer, limits_of};
 use crate::gi::texels::TEXEL_BYTES;
 
 /// Rows and texels that emissive surfaces and patches may need beside maps.
@@ -19,16 +20,15 @@ pub(super) struct Room {
 }
 
 impl Room {
-    /// Of a device; without one, of the least that WebGPU guarantees.
+    /// Of a device; see [`limits_of`].
     pub(super) fn new(device: Option<&RenderDevice>) -> Self {
-        Self::with(&device.map_or_else(WgpuLimits::default, RenderDevice::limits))
+        Self::with(&limits_of(device))
     }
 
     fn with(limits: &WgpuLimits) -> Self {
-        let bytes = limits.max_storage_buffer_binding_size.min(limits.max_buffer_size);
         Self {
             rows: u64::from(limits.max_compute_workgroups_per_dimension).saturating_sub(OTHER_ROWS),
-            texels: (bytes / TEXEL_BYTES).saturating_sub(OTHER_TEXELS),
+            texels: (largest_storage_buffer(limits) / TEXEL_BYTES).saturating_sub(OTHER_TEXELS),
         }
     }
 

@@ -16,7 +16,6 @@ use bevy::pbr::{MeshMaterial3d, StandardMaterial};
 use bevy::platform::collections::HashMap;
 use bevy::render::extract_resource::ExtractResource;
 use bevy::render::renderer::RenderDevice;
-use bevy::render::settings::WgpuLimits;
 use bevy::tasks::futures::check_ready;
 use bevy::tasks::{AsyncComputeTaskPool, Task};
 use bevy::transform::components::GlobalTransform;
@@ -25,6 +24,7 @@ use bytemuck::{Pod, Zeroable};
 use super::bvh::{FlatBvh, MeshBvh, Node, TriangleWords, refit};
 use super::changes::MeshChanges;
 use super::micromap::{SOLID, micromap};
+use crate::gi::compute::{largest_storage_buffer, limits_of};
 use crate::gi::settings::FrugalGi;
 use crate::gi::surfaces::{
     Cutout, Mask, SurfaceAssets, SurfaceCache, SurfaceEvents, SurfaceKey, Triangles, occludes,
@@ -70,9 +70,9 @@ pub(super) struct InstanceData {
 ///
 /// These are all meshes that are visible and on a [render layer] of a GI camera; of the levels of
 /// detail of a [`VisibilityRange`], the one at the camera's distance. Exceptions: transparent and
-/// transmissive ones, those with [`NotShadowCaster`], skinned ones (their triangles here are those of the bind pose), and those
-/// whose asset is kept for the GPU alone (with a warning). Alpha masks of [`StandardMaterial`] have
-/// holes for rays too, at 64 micro-triangles per triangle, where the CPU has the mask's image in an
+/// transmissive ones, those with [`NotShadowCaster`], skinned ones (their triangles here are those
+/// of the bind pose), and those whose asset is kept for the GPU alone (with a warning). Alpha masks
+/// of [`StandardMaterial`] have holes for rays too, at 64 micro-triangles per triangle, where the CPU has the mask's image in an
 /// uncompressed format (else no holes, with a warning). An image that changes in every frame has
 /// its meshes rebuilt in every frame. Morphs and shaders that move vertices are ignored. Meshes of
 /// more than 4096 triangles, or 64 with a mask, are built in the background and occlude nothing
@@ -236,8 +236,8 @@ pub(super) fn update(
     let waiting =
         trees.trees.values.values().filter(|tree| matches!(tree, Tree::Building(_))).count();
     if trees.trees.changed || trees.must_build || trees.instances != now || !occluders.is_kept {
-        let limits = device.as_deref().map_or_else(WgpuLimits::default, RenderDevice::limits);
-        *occluders = assemble(trees, &now, &occluders, largest_buffer(&limits));
+        let most = largest_storage_buffer(&limits_of(device.as_deref())) as usize;
+        *occluders = assemble(trees, &now, &occluders, most);
         trees.instances = now;
         (trees.trees.changed, trees.must_build) = (false, false);
     }
@@ -354,11 +354,6 @@ fn move_instances(
     (area <= MOST_GROWTH * trees.area).then(|| Arc::new(after))
 }
 
-/// Bytes of the largest storage buffer.
-fn largest_buffer(limits: &WgpuLimits) -> usize {
-    limits.max_storage_buffer_binding_size.min(limits.max_buffer_size) as usize
-}
-
 /// Whether `count` more items fit behind those of `items` in a buffer of `most` bytes; warns once
 /// if not.
 fn fits<T>(items: &[T], count: usize, most: usize) -> bool {
@@ -391,18 +386,15 @@ fn assemble(
             {
                 continue;
             }
-            trees.ranges.entry(*key).or_insert_with(|| {
-                let (first, first_triangle) =
-                    (data.nodes.len() as u32, data.triangles.len() as u32);
-                let moved = |node: &Node| {
-                    let leaf = if node.leaf == 0 { 0 } else { node.leaf + (first_triangle << 3) };
-                    Node { skip: node.skip + first, leaf, ..*node }
-                };
-                data.nodes.extend(tree.nodes.iter().map(moved));
-                data.triangles.extend(&tree.triangles);
-                data.is_masked |= tree.triangles.iter().any(|triangle| triangle.map() != SOLID);
-                [first, data.nodes.len() as u32]
-            });
+            let (first, first_triangle) = (data.nodes.len() as u32, data.triangles.len() as u32);
+            let moved = |node: &Node| {
+                let leaf = if node.leaf == 0 { 0 } else { node.leaf + (first_triangle << 3) };
+                Node { skip: node.skip + first, leaf, ..*node }
+            };
+            data.nodes.extend(tree.nodes.iter().map(moved));
+            data.triangles.extend(&tree.triangles);
+            data.is_masked |= tree.triangles.iter().any(|triangle| triangle.map() != SOLID);
+            trees.ranges.insert(*key, [first, data.nodes.len() as u32]);
         }
         meshes = Arc::new(data);
     }
@@ -443,8 +435,5 @@ mod tests {
     #[test]
     fn what_exceeds_the_largest_buffer_is_left_out() {
         assert!(fits(&[0u32; 3], 1, 16) && !fits(&[0u32; 3], 2, 16) && fits::<u32>(&[], 0, 0));
-        let limits = WgpuLimits { max_buffer_size: 1 << 20, ..Default::default() };
-        assert_eq!(largest_buffer(&limits), 1 << 20);
-        assert_eq!(largest_buffer(&WgpuLimits::default()), 128 << 20);
     }
 }
