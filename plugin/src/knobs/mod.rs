@@ -9,17 +9,25 @@
 mod apply;
 mod builtin;
 mod driver;
+mod knob;
 mod known;
+mod levels;
 mod reconcile;
 mod settings;
 mod space;
+mod suggestion;
 mod warm;
 
 pub use crate::schedule::KnobSystems;
 pub use apply::KnobPlugin;
 pub use driver::{KnobDriver, KnobRegistry, KnobScope, RegisterKnob};
+pub use knob::{DependsOn, Knob, Level};
 pub use known::KnownKnobs;
+pub use levels::KnobLevels;
 pub use reconcile::AppliedKnobs;
 pub use settings::KnobSettings;
-pub use space::{DependsOn, Knob, KnobLevels, KnobSpace, KnobSpaceError, Level};
+pub use space::{KnobSpace, KnobSpaceError};
+// For the tool, whose scene files have misspelt words, too. Not part of the interface.
+#[doc(hidden)]
+pub use suggestion::did_you_mean;
 pub use warm::WarmKnobs;

@@ -3,7 +3,7 @@
 //! Every frame compares what was applied with what is there, which takes some nanoseconds a knob.
 //! Options:
 //! 1. Apply when settings change. A component that is added or overwritten later keeps another
-//!    level than the settings say, and so does a camera that was asleep.
+//!    level than the settings say, and so does a camera that was inactive.
 //! 2. Apply every level in every frame. Change detection would fire for every component.
 //! 3. Compare, and apply what differs.
 //!

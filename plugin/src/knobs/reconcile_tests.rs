@@ -93,7 +93,7 @@ fn a_camera_that_wakes_gets_what_it_missed() {
     app.world_mut().entity_mut(camera).insert(FrugalGi::default());
     set_active(&mut app, camera, false);
     app.update();
-    assert_eq!(vpl_count(&app, camera), FrugalGi::default().vpl_count, "asleep");
+    assert_eq!(vpl_count(&app, camera), FrugalGi::default().vpl_count, "inactive");
     set_active(&mut app, camera, true);
     app.update();
     assert_eq!(vpl_count(&app, camera), 512);
@@ -334,7 +334,7 @@ fn more_knobs_than_settings_pack_are_one_clear_error_and_all_are_known() {
     let error = registry.space().expect_err("17 knobs").to_string();
     assert!(error.contains("17 knobs") && error.contains("leave some out"), "{error}");
     let known = |app: &App| app.world().resource::<KnownKnobs>().clone();
-    assert_eq!(known(&app).0.len(), 18, "the one that must be named included");
+    assert_eq!(known(&app).0.len(), 18, "the opt-in one included");
     // A map with 16 of them is accepted, and one with an unknown knob is not.
     let space = |names: &[&str]| {
         KnobSpace::new(names.iter().map(|name| Knob::new(name, [0.0])).collect()).expect("a space")
