@@ -107,7 +107,7 @@ pub(super) fn run(arguments: &Arguments) -> Result<(), CliError> {
     bar.finish_and_clear();
     if readings.len() < FEWEST {
         return Err(CliError::failed(format!(
-            "{} readings in {:.0} s are too few to fit prices to: give --time-limit more, or --size less",
+            "{} readings in {:.0} s are too few to fit prices: raise --time-limit, or lower --size",
             readings.len(),
             started.elapsed().as_secs_f64()
         )));
@@ -131,7 +131,7 @@ pub(super) fn run(arguments: &Arguments) -> Result<(), CliError> {
         device.adapter
     );
     println!(
-        "error at held-out readings: {:.1} % in the mean, {:.1} % at the 90th percentile; a reading of one frame is itself off by several",
+        "error at held-out readings: {:.1} % in the mean, {:.1} % at the 90th percentile; readings of one frame themselves vary by several percent",
         100.0 * quality.mean_absolute_error,
         100.0 * quality.ninth_decile
     );

@@ -8,7 +8,7 @@ use crate::stage::{RemoteError, StageError};
 /// Why a command failed.
 #[derive(Debug, thiserror::Error)]
 pub(super) enum CliError {
-    /// Wrong use or bad input: nothing was written.
+    /// Invalid arguments or input: nothing was written.
     #[error("{0}")]
     Usage(String),
     /// The command failed after it had started.
@@ -20,7 +20,7 @@ pub(super) enum CliError {
 }
 
 impl CliError {
-    /// Wrong use or bad input.
+    /// Invalid arguments or input.
     pub(super) fn usage(error: impl ToString) -> Self {
         Self::Usage(error.to_string())
     }

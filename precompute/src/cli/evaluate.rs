@@ -5,6 +5,7 @@ use std::path::{Path, PathBuf};
 
 use bevy_frugal_gi::control::ControlSettings;
 use bevy_frugal_gi::frontier::{FrontierMap, SceneIdentity};
+use bevy_frugal_gi::knobs::did_you_mean;
 
 use super::arguments::{check_outputs, json, open_scene, write, write_report};
 use super::precompute::journal_header;
@@ -309,7 +310,8 @@ pub(super) fn plan_path(
         let known = if known.is_empty() {
             "it has none".to_owned()
         } else {
-            format!("it has {}; name one of them with --path", known.join(", "))
+            let guess = did_you_mean(name, known.iter().copied());
+            format!("{guess}it has {}; name one of them with --path", known.join(", "))
         };
         return Err(CliError::usage(format!(
             "{}: no path `{name}`: {known}",
@@ -337,8 +339,9 @@ pub(super) fn open_stage(
         let (path, name) = (map_path.display(), &knob.name);
         match here.index_of(name).map(|index| &here.knobs()[index]) {
             None => {
+                let guess = did_you_mean(name, here.knobs().iter().map(|knob| knob.name.as_str()));
                 return Err(CliError::usage(format!(
-                    "{path}: its knob `{name}` does not exist here: run frugal precompute again"
+                    "{path}: its knob `{name}` does not exist here: {guess}run frugal precompute again"
                 )));
             }
             Some(other) if other.levels != knob.levels => {

@@ -90,7 +90,7 @@ pub(super) fn run(arguments: &Arguments) -> Result<(), CliError> {
 /// Prints the map's summary, and writes the requested files.
 fn tell(arguments: &Arguments) -> Result<(), CliError> {
     let (map, text) = read(&arguments.map)?;
-    // Checked before anything is printed or written: a map without presets is wrong use.
+    // Checked before anything is printed or written: a map without presets is invalid input.
     let presets = arguments
         .presets
         .as_ref()

@@ -1,6 +1,6 @@
 //! The command line: one file per command.
 //!
-//! Exit status: 0 done, 2 wrong use or bad input (one message, nothing written), 1 failed, 3 power
+//! Exit status: 0 done, 2 invalid arguments or input (one message, nothing written), 1 failed, 3 power
 //! rose (`inspect --compare`).
 
 mod arguments;

@@ -11,7 +11,7 @@ const VARIABLE: &str = "XDG_RUNTIME_DIR";
 /// Starts this program once more, in the same process, with a private runtime directory, where the
 /// environment names none. Does nothing where that fails: the directory only quietens Mesa.
 ///
-/// A program cannot safely change its own environment while it has threads, or before it may.
+/// A program must not change its own environment once it may have threads, as drivers start them.
 pub(super) fn provide() {
     if std::env::var_os(VARIABLE).is_some_and(|directory| !directory.is_empty()) {
         return;

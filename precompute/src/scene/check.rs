@@ -2,6 +2,7 @@
 
 use super::description::{Environment, Geometry, Light, SceneDescription};
 use super::{CameraPath, procedural};
+use bevy_frugal_gi::knobs::did_you_mean;
 use glam::Vec3;
 
 /// A problem of a description, and its remedy.
@@ -67,17 +68,22 @@ fn color(field: &str, color: [f32; 3]) -> Result<(), Problem> {
     })
 }
 
+/// A name that is not one of [`procedural::NAMES`].
+pub(super) fn no_such_procedure(name: &str) -> Problem {
+    let known = procedural::NAMES.map(|name| format!("\"{name}\"")).join(", ");
+    Problem {
+        field: "geometry[0]".into(),
+        problem: format!("no procedural scene is called \"{name}\""),
+        remedy: format!("{}use one of {known}", did_you_mean(name, procedural::NAMES)),
+    }
+}
+
 /// Checks every value of a description, but not the files that it names.
 pub(super) fn check(description: &SceneDescription) -> Result<(), Problem> {
     if let Geometry::Procedural(name) = &description.geometry
         && !procedural::NAMES.contains(&name.as_str())
     {
-        let known = procedural::NAMES.map(|name| format!("\"{name}\"")).join(", ");
-        return invalid(
-            "geometry[0]",
-            format!("no procedural scene is called \"{name}\""),
-            format!("use one of {known}"),
-        );
+        return Err(no_such_procedure(name));
     }
     for (i, each) in description.lights.iter().enumerate() {
         light(&format!("lights[{i}]"), each)?;

@@ -4,6 +4,7 @@ use super::check::{self, Problem};
 use super::description::{Environment, Geometry, SceneDescription};
 use super::fingerprint::Fingerprint;
 use super::{SceneGeometry, gltf, locate, procedural};
+use bevy_frugal_gi::knobs::did_you_mean;
 use ron::error::SpannedError;
 use ron::extensions::Extensions;
 use std::path::{Path, PathBuf};
@@ -124,11 +125,9 @@ impl SceneDescription {
             Geometry::Gltf(name) => {
                 gltf::load(&self.resolve(name)).map_err(|error| geometry_problem(name, &error))
             }
-            Geometry::Procedural(name) => procedural::build(name).ok_or_else(|| Problem {
-                field: "geometry[0]".into(),
-                problem: format!("no procedural scene is called \"{name}\""),
-                remedy: format!("use one of {}", procedural::NAMES.join(", ")),
-            }),
+            Geometry::Procedural(name) => {
+                procedural::build(name).ok_or_else(|| check::no_such_procedure(name))
+            }
         }
     }
 
@@ -222,27 +221,8 @@ fn lower_first(sentence: &str) -> String {
 }
 
 fn known(what: &str, found: &str, expected: &[&str]) -> String {
-    let nearest = expected
-        .iter()
-        .min_by_key(|name| distance(found, name))
-        .filter(|name| distance(found, name) <= 3);
-    let guess = nearest.map(|name| format!("did you mean {name}? ")).unwrap_or_default();
+    let guess = did_you_mean(found, expected.iter().copied());
     format!("{guess}known {what}: {}", expected.join(", "))
-}
-
-/// Edit distance (Levenshtein 1966).
-fn distance(a: &str, b: &str) -> usize {
-    let b: Vec<char> = b.chars().collect();
-    let mut row: Vec<usize> = (0..=b.len()).collect();
-    for (i, letter) in a.chars().enumerate() {
-        let mut diagonal = std::mem::replace(&mut row[0], i + 1);
-        for (j, other) in b.iter().enumerate() {
-            let changed = diagonal + usize::from(letter != *other);
-            diagonal = row[j + 1];
-            row[j + 1] = changed.min(row[j] + 1).min(diagonal + 1);
-        }
-    }
-    row[b.len()]
 }
 
 #[cfg(test)]

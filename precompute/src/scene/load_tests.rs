@@ -119,14 +119,17 @@ fn wrong_words_are_named_with_what_is_known() {
     let (line, field, _, remedy) = at("exposure_ev100", "exposure_ev10");
     assert_eq!((line, field.as_str()), (10, "exposure_ev10"));
     assert!(
-        remedy.contains("did you mean exposure_ev100?") && remedy.contains("environment"),
+        remedy.contains("did you mean `exposure_ev100`?") && remedy.contains("environment"),
         "{remedy}"
     );
     let (line, field, _, remedy) = at("range: 31", "reach: 31");
     assert_eq!((line, field.as_str()), (5, "reach"));
     assert!(remedy.contains("luminous_power"), "{remedy}");
     let (line, .., remedy) = at("Point(", "Pint(");
-    assert!(line == 5 && remedy.contains("did you mean Point?"), "{line} {remedy}");
+    assert!(line == 5 && remedy.contains("did you mean `Point`?"), "{line} {remedy}");
+    let (line, field, _, remedy) = at("\"cornell\"", "\"cornel\"");
+    assert_eq!((line, field.as_str()), (2, "geometry[0]"));
+    assert!(remedy.contains("did you mean `cornell`?"), "{remedy}");
     let (line, field, ..) = at("illuminance: 50000.0, ", "");
     assert_eq!((line, field.as_str()), (4, "lights[0].illuminance"));
     let (line, field, problem, _) = at("61.0", "\"wide\"");

@@ -50,9 +50,9 @@ pub(super) fn build(frames_per_second: f64, extend: impl FnOnce(&mut App)) -> Ap
     app
 }
 
-/// The knobs of a stage without opening one: all, or without those that must be named.
-pub(super) fn knobs(named_too: bool) -> Result<KnobSpace, KnobSpaceError> {
+/// The knobs of a stage without opening one: all, or without the opt-in ones.
+pub(super) fn knobs(with_opt_in: bool) -> Result<KnobSpace, KnobSpaceError> {
     let mut app = App::new();
     app.add_plugins(KnobPlugin);
-    app.world().resource::<KnobRegistry>().space_with(|_| named_too)
+    app.world().resource::<KnobRegistry>().space_with(|_| with_opt_in)
 }

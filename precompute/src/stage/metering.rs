@@ -5,14 +5,34 @@
 
 use std::time::{Duration, Instant};
 
-use bevy_frugal_gi::power::{EnergyWindow, MeterError, Provenance};
+use bevy_frugal_gi::power::{Adapter, EnergyWindow, MeterError, PowerMeter, Provenance};
 use bevy_frugal_gi::units::{Joules, Watts};
 use glam::{Quat, Vec3};
 
-use super::{Stage, StageError};
+use super::{Stage, StageError, StageOptions};
+use crate::cost::{FrameLayout, WorkLedger, WorkMeter, is_work_meter};
+use crate::scene::SceneDescription;
 
 /// Steps of the meter's counter in a window, for an error of a few per cent.
 const STEPS_PER_WINDOW: f64 = 10.0;
+
+/// Opens the meter that `options` name, or the one that covers `adapter`. The ledger counts frames for
+/// the work meter.
+pub(super) fn open(
+    scene: &SceneDescription,
+    options: &StageOptions,
+    adapter: &Adapter,
+) -> Result<(Box<dyn PowerMeter>, Option<WorkLedger>), StageError> {
+    let Some(name) = &options.meter else {
+        return Ok((bevy_frugal_gi::power::detect(adapter)?, None));
+    };
+    if let Some(file) = is_work_meter(name) {
+        let (meter, ledger) =
+            WorkMeter::open(file, FrameLayout::of(scene, options.size.to_array()))?;
+        return Ok((Box::new(meter), Some(ledger)));
+    }
+    Ok((bevy_frugal_gi::power::open(name)?, None))
+}
 
 impl Stage {
     /// Power at the target frame rate for an energy of `spent` over `frames` frames that took

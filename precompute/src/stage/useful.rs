@@ -37,7 +37,7 @@ pub(crate) fn useful_knobs(scene: &SceneDescription) -> Result<Vec<String>, Stag
     Ok(knobs()?.knobs().iter().map(|knob| knob.name.clone()).filter(|name| useful(name)).collect())
 }
 
-/// All knobs of a stage except those that must be named.
+/// All knobs of a stage except the opt-in ones.
 ///
 /// # Errors
 /// Never, as long as the built-in knobs are valid.

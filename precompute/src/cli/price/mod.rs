@@ -72,7 +72,7 @@ const SKY: &str = "gi_environment_samples";
 /// The knob that changes the target image, not the approximation quality.
 const BOUNCES: &str = "gi_bounces";
 
-/// The knobs that need not be named, and [`BOUNCES`].
+/// All knobs but the opt-in ones, and [`BOUNCES`].
 fn with_bounces() -> Result<Vec<String>, CliError> {
     let names =
         crate::stage::knobs()?.knobs().iter().map(|knob| knob.name.clone()).collect::<Vec<_>>();

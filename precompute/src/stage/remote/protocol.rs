@@ -96,7 +96,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn messages_survive_the_pipe_and_strangers_are_refused() {
+    fn messages_round_trip_and_invalid_ones_are_refused() {
         let clip = vec![(Vec3::new(0.1, -2.0, 1e6), Quat::IDENTITY); 2];
         let request = Request::Measure { clip, settings: KnobLevels::from_bits(u64::MAX) };
         let mut pipe = Vec::new();

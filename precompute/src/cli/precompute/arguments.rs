@@ -1,0 +1,146 @@
+//! Arguments of a search: its cameras, its extent and its duration.
+
+use std::path::PathBuf;
+use std::time::Duration;
+
+use bevy_frugal_gi::knobs::did_you_mean;
+
+use super::super::CliError;
+use super::super::arguments::duration;
+use crate::cameras::{TrackSample, recorded, tracks_of};
+use crate::pipeline::PipelineConfig;
+use crate::scene::SceneDescription;
+
+/// Training cameras, and extent and duration of the search.
+#[derive(clap::Args, Debug, Clone)]
+pub(in crate::cli) struct SearchArguments {
+    /// Recorded cameras to train on, beside the scene's paths; as the plugin's recorder writes them
+    #[arg(long, value_name = "FILE")]
+    pub cameras: Vec<PathBuf>,
+    /// Paths of the scene to train on; default: all
+    #[arg(long = "path", value_name = "NAME")]
+    pub paths: Vec<String>,
+    /// Training cameras; further ones, a sixth of their number, calibrate error budgets
+    #[arg(long, value_name = "N", default_value_t = 96)]
+    pub training: usize,
+    /// Power threshold for dividing a node: watts, or a share of the power range
+    #[arg(long, value_name = "W|%", default_value = "1%", value_parser = threshold, allow_hyphen_values = true)]
+    pub power_threshold: Threshold,
+    /// Error threshold for dividing a node (1 − SSIM): a node is divided where either is exceeded
+    /// and the division lowers the cost
+    #[arg(long, value_name = "E", default_value_t = 0.001, allow_hyphen_values = true)]
+    pub error_threshold: f64,
+    /// Greatest number of octree levels
+    #[arg(long, value_name = "N", default_value_t = 4)]
+    pub levels: u8,
+    /// Seed of every random choice
+    #[arg(long, value_name = "N", default_value_t = 0)]
+    pub seed: u64,
+    /// Time limit, after which the best map so far is written: 90s, 10m, 1h
+    #[arg(long, value_name = "TIME", value_parser = duration)]
+    pub time_limit: Option<Duration>,
+    /// Renders only every N-th job of each batch, beginning with the I-th: 0/4, 1/4, …; frugal
+    /// merge joins the journals
+    #[arg(long, value_name = "I/N", value_parser = shard)]
+    pub shard: Option<(usize, usize)>,
+}
+
+/// Time limit below which a search has fewer pilot cameras and a smaller pool.
+const SHORT_SEARCH: Duration = Duration::from_secs(10 * 60);
+
+/// A limit in watts, or as a share of the range of power.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(in crate::cli) enum Threshold {
+    Watts(f64),
+    Share(f64),
+}
+
+fn threshold(text: &str) -> Result<Threshold, String> {
+    let text = text.trim();
+    let (number, relative) = match text.strip_suffix('%') {
+        Some(number) => (number, true),
+        None => (text.strip_suffix(['W', 'w']).unwrap_or(text), false),
+    };
+    match number.trim().parse::<f64>() {
+        Ok(value) if value.is_finite() && value >= 0.0 && relative => {
+            Ok(Threshold::Share(value / 100.0))
+        }
+        Ok(value) if value.is_finite() && value >= 0.0 => Ok(Threshold::Watts(value)),
+        _ => Err("expected watts or a share, as in 0.5W or 10%".to_owned()),
+    }
+}
+
+fn shard(text: &str) -> Result<(usize, usize), String> {
+    let parts = text
+        .split_once('/')
+        .and_then(|(index, count)| Some((index.trim().parse().ok()?, count.trim().parse().ok()?)));
+    match parts {
+        Some((index, count)) if index < count => Ok((index, count)),
+        _ => Err("expected a shard's number and how many there are, as in 0/4 to 3/4".to_owned()),
+    }
+}
+
+impl SearchArguments {
+    pub(in crate::cli) fn check(&self) -> Result<(), CliError> {
+        if !(self.error_threshold.is_finite() && self.error_threshold >= 0.0) {
+            return Err(CliError::usage(format!(
+                "--error-threshold {}: must be a finite number, 0 or above",
+                self.error_threshold
+            )));
+        }
+        if self.levels > 6 {
+            return Err(CliError::usage(format!("--levels {}: must be 0 to 6", self.levels)));
+        }
+        if !(1..=100_000).contains(&self.training) {
+            return Err(CliError::usage(format!(
+                "--training {}: must be 1 to 100000",
+                self.training
+            )));
+        }
+        Ok(())
+    }
+
+    pub(super) fn config(&self) -> PipelineConfig {
+        let mut config = PipelineConfig { seed: self.seed, ..PipelineConfig::default() };
+        if self.time_limit.is_some_and(|limit| limit < SHORT_SEARCH) {
+            // At three pilots, screening alone would take a third of the time; a smaller pool leaves time
+            // for more cameras.
+            (config.pilots, config.pool) = (2, 16);
+        }
+        config.fit.levels = self.levels;
+        config.fit.error_threshold = self.error_threshold;
+        match self.power_threshold {
+            Threshold::Watts(watts) => config.fit.power_threshold_w = watts,
+            Threshold::Share(share) => config.fit.power_threshold_share = share,
+        }
+        config
+    }
+
+    /// Tracks of the scene's paths and of recordings.
+    pub(in crate::cli) fn tracks(
+        &self,
+        scene: &SceneDescription,
+        fps: f64,
+    ) -> Result<Vec<Vec<TrackSample>>, CliError> {
+        let mut paths = Vec::new();
+        for name in &self.paths {
+            paths.push(scene.paths.get(name).ok_or_else(|| {
+                let known: Vec<_> = scene.paths.keys().map(String::as_str).collect();
+                CliError::usage(format!(
+                    "{}: no path `{name}`: {}it has: {}",
+                    scene.source.display(),
+                    did_you_mean(name, known.iter().copied()),
+                    known.join(", ")
+                ))
+            })?);
+        }
+        if self.paths.is_empty() {
+            paths.extend(scene.paths.values());
+        }
+        let mut tracks = tracks_of(paths, fps);
+        for file in &self.cameras {
+            tracks.extend(recorded(file).map_err(CliError::usage)?);
+        }
+        Ok(tracks)
+    }
+}

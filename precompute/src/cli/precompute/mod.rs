@@ -1,0 +1,63 @@
+//! `frugal precompute`: a scene's frontier map.
+
+mod arguments;
+mod journal;
+mod outcome;
+mod search;
+
+use std::path::PathBuf;
+
+use super::arguments::{CaptureArguments, check_outputs, open_scene, write, write_report};
+use super::{CliError, inspect};
+use crate::report::{Report, map_section, search_section};
+
+pub(super) use arguments::SearchArguments;
+pub(super) use journal::{journal_header, journal_path};
+pub(super) use outcome::print_outcome;
+pub(super) use search::{Searched, open_stage, prices, search};
+
+#[derive(clap::Args, Debug)]
+pub(super) struct Arguments {
+    /// The scene
+    #[arg(value_name = "SCENE")]
+    scene: PathBuf,
+    /// Map to write; default: the scene's name with .pareto.ron, beside the scene
+    #[arg(short, long, value_name = "MAP")]
+    output: Option<PathBuf>,
+    #[command(flatten)]
+    capture: CaptureArguments,
+    #[command(flatten)]
+    search: SearchArguments,
+    /// Folder for a report on the search and its map
+    #[arg(long, value_name = "DIR")]
+    report: Option<PathBuf>,
+    /// Resume an interrupted run
+    #[arg(long)]
+    resume: bool,
+}
+
+pub(super) fn run(arguments: &Arguments) -> Result<(), CliError> {
+    let (scene, name) = open_scene(&arguments.scene)?;
+    let output = arguments
+        .output
+        .clone()
+        .unwrap_or_else(|| arguments.scene.with_file_name(format!("{name}.pareto.ron")));
+    check_outputs([Some(&output)])?;
+    arguments.search.check()?;
+    let tracks = arguments.search.tracks(&scene, arguments.capture.fps)?;
+    let mut stage = open_stage(&scene, &arguments.scene, &arguments.capture)?;
+    let journal = journal_path(&output, arguments.search.shard);
+    let searched =
+        search(&mut stage, &scene, &name, &tracks, &arguments.search, &journal, arguments.resume)?;
+    write(&output, searched.map.to_ron().map_err(CliError::failed)?.as_bytes())?;
+    print_outcome(&searched);
+    if let Some(folder) = &arguments.report {
+        let mut report = Report::new(&format!("frugal precompute: {name}"));
+        report.section(search_section(&searched.summary())?);
+        report.section(map_section(&inspect::summary(&searched.map))?);
+        write_report(folder, &report.render())?;
+    }
+    // The run is complete: its journal is not needed.
+    let _ = std::fs::remove_file(&journal);
+    Ok(())
+}

@@ -1,0 +1,56 @@
+//! The outcome of a search in words.
+
+use super::Searched;
+use crate::pipeline::describe;
+
+/// Prints effort, losses, size of the map and accuracy of its figures.
+pub(in crate::cli) fn print_outcome(searched: &Searched) {
+    let Searched { map, outcome, cameras } = searched;
+    let (made, seconds) = outcome.effort;
+    println!(
+        "{} renderings ({made} in this run, {seconds:.0} s) at {} training and {} calibration cameras; a pool of {} settings",
+        outcome.renderings,
+        outcome.cameras[0],
+        outcome.cameras[1],
+        outcome.pool.len()
+    );
+    let wanted = [cameras.training.len(), cameras.calibration.len()];
+    if outcome.cameras[0] < wanted[0] || outcome.cameras[1] < wanted[1] {
+        println!(
+            "the time limit ended the run: {} training and {} calibration cameras were planned; a longer one gives a better map",
+            wanted[0], wanted[1]
+        );
+    }
+    println!("{}", describe(&outcome.fitted.report));
+    println!(
+        "{} nodes, {} corners, {} frontiers",
+        map.octree.nodes.len(),
+        map.octree.corners.len(),
+        map.octree.frontiers.len()
+    );
+    let quality = outcome.cost_quality;
+    println!(
+        "power is by the cost model: its error at held-out readings is {:.1} % in the mean, {:.1} % at the 90th percentile",
+        100.0 * quality.mean_absolute_error,
+        100.0 * quality.ninth_decile
+    );
+    let fixed: Vec<&str> = outcome
+        .screening
+        .without_effect
+        .iter()
+        .map(|knob| map.knobs.knobs()[*knob].name.as_str())
+        .collect();
+    if !fixed.is_empty() {
+        println!(
+            "knobs without effect on any image, fixed at their cheapest: {}",
+            fixed.join(", ")
+        );
+    }
+    match map.error_rates.0.first() {
+        Some(least) => println!(
+            "error budgets from {} up are calibrated; the best settings rendered twice differ by {:.4}",
+            least.budget, outcome.noise
+        ),
+        None => println!("no error budget is calibrated: each frame's error is limited instead"),
+    }
+}

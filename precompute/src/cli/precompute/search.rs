@@ -1,0 +1,187 @@
+//! One search: cameras, pipeline, and the map of what it found.
+
+use std::ops::ControlFlow;
+use std::path::Path;
+
+use bevy_frugal_gi::frontier::{
+    Bounds, Capture, FrontierMap, SceneIdentity, Thresholds, WorkPrices,
+};
+use bevy_frugal_gi::knobs::KnobSpace;
+use bevy_frugal_gi::units::Watts;
+
+use super::super::arguments::CaptureArguments;
+use super::super::{CliError, progress};
+use super::SearchArguments;
+use super::journal::{journal_header, open_journal};
+use crate::cameras::{CameraMix, CameraSet, TrackSample};
+use crate::cost::FrameLayout;
+use crate::journal::hash;
+use crate::pipeline::{Outcome, PipelineError, Progress, Setup, Subject, run as run_pipeline};
+use crate::report::SearchSummary;
+use crate::scene::{self, SceneDescription};
+use crate::stage::{RemoteError, RemoteStage};
+
+/// Frames of a clip: one unmetered, and one metered.
+///
+/// Rejected: four frames. Their history averages more noise, so that settings whose light is noisy
+/// have 0.6 to 0.9 of the error of two frames. In play, where the history of 32 frames also blurs
+/// and lags, the same settings have 1.25 to 1.4 of the error of four frames at the same poses, and
+/// 0.9 to 1.2 of that of two: two are closer, and cost half. Maps from clips of four frames
+/// exceeded error budgets by up to a fifth.
+const CLIP_FRAMES: u32 = 2;
+
+/// Stages `scene` with the requested knobs, or with those that affect it.
+pub(in crate::cli) fn open_stage(
+    scene: &SceneDescription,
+    path: &Path,
+    capture: &CaptureArguments,
+) -> Result<RemoteStage, CliError> {
+    let mut request = capture.request(path);
+    if request.knobs.is_none() {
+        request.knobs = Some(crate::stage::useful_knobs(scene)?);
+    }
+    Ok(RemoteStage::open(scene, request)?)
+}
+
+/// A map and the outcome of its search.
+pub(in crate::cli) struct Searched {
+    pub map: FrontierMap,
+    pub outcome: Outcome,
+    pub cameras: CameraSet,
+}
+
+impl Searched {
+    /// For the report.
+    pub(in crate::cli) fn summary(&self) -> SearchSummary<'_> {
+        SearchSummary { map: &self.map, outcome: &self.outcome, cameras: &self.cameras }
+    }
+}
+
+/// Samples cameras and runs the pipeline.
+pub(in crate::cli) fn search(
+    stage: &mut RemoteStage,
+    scene: &SceneDescription,
+    name: &str,
+    tracks: &[Vec<TrackSample>],
+    arguments: &SearchArguments,
+    journal: &Path,
+    resume: bool,
+) -> Result<Searched, CliError> {
+    let config = arguments.config();
+    let space = stage.space().clone();
+    let bounds = scene.camera_bounds(stage.bounds());
+    let cameras = sample_cameras(stage, &bounds, tracks, arguments);
+    let capture = Capture {
+        size: stage.size(),
+        frames_per_second: stage.frames_per_second(),
+        vertical_fov: scene.camera.vertical_fov,
+        exposure_ev100: scene.exposure_ev100,
+    };
+    let identity = SceneIdentity { name: name.to_owned(), fingerprint: scene.fingerprint()? };
+    let header = journal_header(&identity, &space, &capture, &stage.meter())?
+        .with("seed", arguments.seed)
+        .with("cameras", format!("{:016x}", hash(&format!("{cameras:?}"))))
+        .with("settings", format!("{config:?} {:?}", arguments.time_limit));
+    let journal = open_journal(journal, &header, resume)?;
+    eprintln!(
+        "{} knobs, {} combinations; {} training and {} calibration cameras; power by {}",
+        space.len(),
+        space.combinations(),
+        cameras.training.len(),
+        cameras.calibration.len(),
+        stage.meter().description
+    );
+    // Compiles and loads everything before anything is metered.
+    stage.warm()?;
+
+    let layout = FrameLayout::of(scene, stage.size());
+    let map_bounds = Bounds { min: bounds.min.to_array(), max: bounds.max.to_array() };
+    let lens = stage.lens();
+    let subject = Subject { space: &space, layout: &layout, bounds: &map_bounds, lens };
+    let bar = progress::bar(0);
+    let mut report = |progress: &Progress<'_>| {
+        bar.set_length(progress.total as u64);
+        bar.set_position(progress.done as u64);
+        bar.set_message(format!("renderings, {}", progress.stage));
+        if progress::interrupted() { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
+    };
+    let setup = Setup {
+        measure: stage,
+        journal,
+        cameras: &cameras,
+        clip: (CLIP_FRAMES, capture.frames_per_second),
+        shard: arguments.shard.unwrap_or((0, 1)),
+        limit: arguments.time_limit,
+        report: &mut report,
+    };
+    let outcome = run_pipeline(&subject, &config, setup);
+    bar.finish_and_clear();
+    let outcome = outcome.map_err(|error| cli_error(error, scene))?;
+    let map = FrontierMap {
+        version: FrontierMap::VERSION,
+        scene: identity,
+        capture,
+        meter: stage.meter(),
+        thresholds: Thresholds {
+            power_w: outcome.fitted.report.power_threshold_w,
+            error: arguments.error_threshold,
+        },
+        seed: arguments.seed,
+        shared: outcome.fitted.shared.rounded(),
+        error_rates: outcome.error_rates.clone(),
+        work_prices: prices(
+            &outcome.cost,
+            &space,
+            &layout,
+            capture.frames_per_second,
+            stage.idle(),
+        ),
+        knobs: space,
+        bounds: map_bounds,
+        octree: outcome.fitted.octree.clone(),
+    };
+    map.validate().map_err(CliError::failed)?;
+    Ok(Searched { map, outcome, cameras })
+}
+
+/// Training cameras, and a sixth as many for calibration.
+fn sample_cameras(
+    stage: &RemoteStage,
+    bounds: &scene::Bounds,
+    tracks: &[Vec<TrackSample>],
+    arguments: &SearchArguments,
+) -> CameraSet {
+    let counts = [arguments.training, arguments.training.div_ceil(6)];
+    let (mix, lens) = (CameraMix::default(), stage.lens());
+    CameraSet::sample(stage.rays(), bounds, tracks, counts, &mix, lens, arguments.seed)
+}
+
+fn cli_error(error: PipelineError<RemoteError>, scene: &SceneDescription) -> CliError {
+    match error {
+        PipelineError::Interrupted => {
+            CliError::failed("interrupted: the same command with --resume continues")
+        }
+        PipelineError::NoCameras => CliError::usage(format!("{}: {error}", scene.source.display())),
+        error => CliError::failed(error),
+    }
+}
+
+/// A model's prices as energy, for a map or a device file. The model's watts include idle power in
+/// the price of a frame.
+pub(in crate::cli) fn prices(
+    model: &crate::cost::CostModel,
+    space: &KnobSpace,
+    layout: &FrameLayout,
+    frames_per_second: f64,
+    idle: Watts,
+) -> WorkPrices {
+    let kinds = crate::cost::work_names(space);
+    let mut joules: Vec<f64> = model.prices.iter().map(|watts| watts / frames_per_second).collect();
+    joules.resize(kinds.len(), 0.0);
+    // The first kind of work is a frame: its price includes the idle power.
+    let idle = idle.0.clamp(0.0, joules.first().copied().unwrap_or(0.0) * frames_per_second);
+    if let Some(frame) = joules.first_mut() {
+        *frame -= idle / frames_per_second;
+    }
+    WorkPrices { kinds, joules, idle: Watts(idle), maps: layout.maps, has_sky: layout.has_sky }
+}

@@ -1,0 +1,62 @@
+//! Why a scene cannot be staged, or a frame cannot be rendered.
+
+use crate::scene::SceneError;
+
+/// Why a scene cannot be staged, or a frame cannot be rendered.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum StageError {
+    /// There is neither a GPU nor a software adapter.
+    #[error(
+        "no graphics adapter: install a Vulkan driver for the GPU, or a software one (on Debian: apt install mesa-vulkan-drivers), and try again"
+    )]
+    NoAdapter,
+    /// A size of 0, too small for some of the passes, or larger than a texture can be.
+    #[error(
+        "size {0}x{1}: must be 32 pixels or more along one side at least, and no more than 8192 along either"
+    )]
+    Size(u32, u32),
+    /// A frame rate that is not above 0 or not finite.
+    #[error("frame rate {0}: must be a finite number above 0")]
+    FrameRate(f64),
+    /// The scene file, or a file that it names.
+    #[error(transparent)]
+    Scene(#[from] SceneError),
+    /// An unknown knob.
+    #[error(transparent)]
+    Knob(#[from] bevy_frugal_gi::knobs::KnobSpaceError),
+    /// The meter.
+    #[error(transparent)]
+    OpenMeter(#[from] bevy_frugal_gi::power::OpenMeterError),
+    /// A reading.
+    #[error(transparent)]
+    Meter(#[from] bevy_frugal_gi::power::MeterError),
+    /// The environment map.
+    #[error(transparent)]
+    Environment(#[from] crate::scene::sky::SkyError),
+    /// A pipeline that does not compile or never becomes ready.
+    #[error("the renderer did not become ready: {0}")]
+    NotReady(String),
+    /// The image could not be read back.
+    #[error("the image could not be read back: {0}")]
+    ReadBack(String),
+    /// The comparison of images.
+    #[error(transparent)]
+    Compare(#[from] crate::metrics::CompareError),
+}
+
+impl StageError {
+    /// Whether the cause is the input and not the rendering.
+    pub fn is_usage(&self) -> bool {
+        match self {
+            Self::NoAdapter
+            | Self::Size(..)
+            | Self::FrameRate(_)
+            | Self::Scene(_)
+            | Self::Knob(_)
+            | Self::OpenMeter(_)
+            | Self::Environment(_) => true,
+            Self::Meter(_) | Self::NotReady(_) | Self::ReadBack(_) | Self::Compare(_) => false,
+        }
+    }
+}
