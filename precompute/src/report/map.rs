@@ -1,16 +1,15 @@
 //! The report of `frugal inspect`: contents of a frontier map.
 
-use std::fmt::Write as _;
-
 use bevy_frugal_gi::frontier::{Frontier, Octree};
 use bevy_frugal_gi::knobs::KnobSpace;
 use bevy_frugal_gi::power::MeterInfo;
 use bevy_frugal_gi::units::Watts;
 use glam::Vec3;
 
+use super::plan::Plan;
 use super::{
-    Bar, Color, Curve, Report, ReportError, Section, Survey, bars, cloud, escape, knob_table,
-    provenance, staircase,
+    Bar, Color, Curve, Report, ReportError, Section, Survey, bars, cloud, knob_table, provenance,
+    staircase,
 };
 
 /// Number of frontiers shown in full: the largest, the middle one, and the smallest.
@@ -186,43 +185,20 @@ fn sizes(octree: &Octree) -> Vec<Bar> {
         .collect()
 }
 
-/// The octree from above, true to scale.
+/// The octree from above: outlines of leaves, and corners.
 fn plan(summary: &MapSummary<'_>, survey: &Survey) -> String {
-    const EDGE: f64 = 440.0;
-    const MARGIN: f64 = 12.0;
-    let size = summary.bounds_max - summary.bounds_min;
-    let (width, depth) = (f64::from(size.x), f64::from(size.z));
-    let longer = width.max(depth);
-    let scale = if longer > 0.0 && longer.is_finite() { EDGE / longer } else { 0.0 };
-    let lattice = f64::from(1u32 << summary.octree.levels.min(15));
-    let (step_x, step_z) = (width * scale / lattice, depth * scale / lattice);
-    let (total_x, total_z) = (width * scale + 2.0 * MARGIN, depth * scale + 2.0 * MARGIN);
-    let label = escape("The octree from above");
-    let mut svg = format!(
-        "<svg role=\"img\" aria-label=\"{label}\" viewBox=\"0 0 {total_x:.1} {total_z:.1}\" style=\"max-width:{total_x:.0}px\">\n"
-    );
+    let (low, high) = (summary.bounds_min, summary.bounds_max);
+    let step = (high - low) / (1u32 << summary.octree.levels.min(15)) as f32;
+    let at = |x: u32, z: u32| low + step * Vec3::new(x as f32, 0.0, z as f32);
+    let mut plan = Plan::new("The octree from above", low, high);
     for &(x, z, edge) in &survey.squares {
-        let (x, z, edge) = (f64::from(x), f64::from(z), f64::from(edge));
-        let _ = writeln!(
-            svg,
-            "<rect x=\"{:.1}\" y=\"{:.1}\" width=\"{:.1}\" height=\"{:.1}\" fill=\"none\" stroke=\"currentColor\" opacity=\"0.35\"/>",
-            MARGIN + x * step_x,
-            MARGIN + z * step_z,
-            edge * step_x,
-            edge * step_z
-        );
+        plan.outline(at(x, z), at(x + edge, z + edge));
     }
     for (&(x, z), &(known, of)) in &survey.columns {
-        let (x, z) = (MARGIN + f64::from(x) * step_x, MARGIN + f64::from(z) * step_z);
         let opacity = 0.15 + 0.85 * known as f64 / of.max(1) as f64;
-        let _ = writeln!(
-            svg,
-            "<circle cx=\"{x:.1}\" cy=\"{z:.1}\" r=\"4\" fill=\"{}\" opacity=\"{opacity:.2}\"/>",
-            CORNER.css()
-        );
+        plan.dot(at(x.into(), z.into()), CORNER, opacity);
     }
-    svg.push_str("</svg>");
-    svg
+    plan.finish()
 }
 
 /// Rounded to four decimals for display.

@@ -7,6 +7,7 @@
 //! | part | job |
 //! |---|---|
 //! | `page` | the page: headings, tables, figures, escaping, style |
+//! | `plan` | a scene from above, as SVG |
 //! | `plot` | SVG plots: power-error clouds, series over time, bars |
 //! | `evaluation` | `frugal evaluate` |
 //! | `survey`, `map` | `frugal inspect`: statistics of an octree, and the section on it |
@@ -16,6 +17,7 @@
 mod evaluation;
 mod map;
 mod page;
+mod plan;
 mod plot;
 mod price;
 mod search;

@@ -333,7 +333,7 @@ mod tests {
     }
 
     #[test]
-    fn drawings_are_whole_take_the_page_s_colour_and_survive_nonsense() {
+    fn plots_are_complete_use_the_page_s_colour_and_leave_out_invalid_values() {
         let odd = [(f64::NAN, 1.0), (1.0, f64::INFINITY), (1.0, 1.0), (1.0, 1.0), (2.0, 0.5)];
         let line = Curve { color: Color::BLUE, width: 2, points: odd.to_vec() };
         let bar = |value| Bar { name: "<a & b>".into(), value, color: Color::GREY };

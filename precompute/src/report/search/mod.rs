@@ -1,0 +1,211 @@
+//! The section on a search: cameras and the settings selected there, costs, influence of knobs,
+//! regret at held-out cameras, calibration, effort.
+
+mod cameras;
+mod plots;
+
+use bevy_frugal_gi::control::{Budget, select};
+use bevy_frugal_gi::frontier::{CostPoint, FrontierMap, FrontierPoint};
+use bevy_frugal_gi::knobs::KnobLevels;
+
+use super::{ReportError, Section, knob_table};
+use crate::cameras::{CameraSet, MovingCamera};
+use crate::pipeline::Outcome;
+use cameras::PLAN_BUDGET;
+
+/// A finished search.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct SearchSummary<'a> {
+    /// Its map.
+    pub map: &'a FrontierMap,
+    /// Its outcome.
+    pub outcome: &'a Outcome,
+    /// Its cameras.
+    pub cameras: &'a CameraSet,
+}
+
+/// The section.
+///
+/// # Errors
+/// When plotting fails.
+pub(crate) fn search_section(summary: &SearchSummary<'_>) -> Result<Section, ReportError> {
+    let SearchSummary { map, outcome, .. } = summary;
+    let mut section = Section::new(&format!("{}: the search", map.scene.name));
+    section.facts(&facts(summary));
+    let (plan, legend) = cameras::plan(summary);
+    let (influence, without) = plots::influence(summary)?;
+    section.plots(&[
+        (
+            &format!(
+                "Cameras from above. Wedges are training cameras, in the colour of the settings selected there under an error budget of {PLAN_BUDGET} from a frontier fitted without that camera; rings are calibration cameras"
+            ),
+            plan,
+        ),
+        ("Costs of the pool at the training cameras, and the shared frontier", plots::costs(summary)?),
+        ("Error of each knob lowered alone to its worst level, mean over the pilot cameras", influence),
+        (
+            "Error under a power budget at held-out cameras ÷ the least error possible within that budget: blue with the map's frontiers, grey with the one shared frontier",
+            plots::regret(summary)?,
+        ),
+        (
+            "Calibrated error budgets: the predicted error at which the controller keeps each budget (blue); on the grey line predictions would need no correction",
+            plots::calibration(summary)?,
+        ),
+    ]);
+    section.legend(legend.iter().map(|(name, color)| (name.as_str(), *color)));
+    if !without.is_empty() {
+        section.paragraph(&format!(
+            "Without effect in this scene, fixed at their cheapest and not searched: {}.",
+            without.join(", ")
+        ));
+    }
+    let effort = outcome.stages.iter().map(|stage| {
+        vec![
+            stage.stage.clone(),
+            stage.renderings.to_string(),
+            format!("{:.1}", stage.seconds),
+            format!("{:.3}", stage.seconds / stage.renderings.max(1) as f64),
+        ]
+    });
+    section.table(
+        "Effort of this run by stage; renderings of a resumed run are not counted",
+        &["stage", "renderings", "seconds", "seconds each"],
+        &effort.collect::<Vec<_>>(),
+    );
+    let mut pool: Vec<FrontierPoint> = outcome
+        .pool
+        .iter()
+        .filter_map(|settings| {
+            Some(FrontierPoint { settings: *settings, cost: mean_cost(outcome, *settings)? })
+        })
+        .collect();
+    pool.sort_by(|a, b| a.cost.power.0.total_cmp(&b.cost.power.0));
+    let (headers, rows, shared) = knob_table(&map.knobs, &pool);
+    section.table("The pool: mean costs at the training cameras", &headers, &rows);
+    if !shared.is_empty() {
+        section.paragraph(&format!("All of these have {shared}."));
+    }
+    Ok(section)
+}
+
+fn facts(summary: &SearchSummary<'_>) -> Vec<(String, String)> {
+    let outcome = summary.outcome;
+    let report = &outcome.fitted.report;
+    let percent = |share: f64| format!("{:.1} %", 100.0 * share);
+    let (made, seconds) = outcome.effort;
+    [
+        (
+            "Renderings",
+            format!("{}, of them {made} in this run, {seconds:.0} s", outcome.renderings),
+        ),
+        ("Training cameras", outcome.cameras[0].to_string()),
+        ("Calibration cameras", outcome.cameras[1].to_string()),
+        ("Loss at held-out cameras", percent(report.octree_loss)),
+        ("With one shared frontier", percent(report.shared_loss)),
+        (
+            "By depth of the octree",
+            report.depth_losses.iter().map(|loss| percent(*loss)).collect::<Vec<_>>().join(", "),
+        ),
+        (
+            "Error of the cost model at held-out readings",
+            format!(
+                "{} in the mean, {} at the 90th percentile",
+                percent(outcome.cost_quality.mean_absolute_error),
+                percent(outcome.cost_quality.ninth_decile)
+            ),
+        ),
+        ("Noise floor: the best settings rendered twice", format!("{:.4}", outcome.noise)),
+    ]
+    .into_iter()
+    .map(|(name, value)| (name.to_owned(), value))
+    .collect()
+}
+
+/// Mean over the training cameras.
+fn mean_cost(outcome: &Outcome, settings: KnobLevels) -> Option<CostPoint> {
+    let table = &outcome.training;
+    table.mean(table.column(settings)?, 0..table.rows())
+}
+
+/// The training cameras that were rendered, each with its row in the table.
+fn training_cameras<'a>(
+    summary: &SearchSummary<'a>,
+) -> impl Iterator<Item = (usize, &'a MovingCamera)> + use<'a> {
+    let (outcome, cameras) = (summary.outcome, summary.cameras);
+    let cameras = outcome.training_cameras.iter().map(|camera| cameras.training.get(*camera));
+    cameras.enumerate().filter_map(|(row, camera)| Some((row, camera?)))
+}
+
+/// The settings selected at the camera of `row`, by a frontier fitted without it.
+fn selected(summary: &SearchSummary<'_>, row: usize, budget: &Budget) -> Option<KnobLevels> {
+    let rate = budget.error.and_then(|error| summary.map.error_rates.rate(error));
+    Some(select(summary.outcome.fitted.held_out.get(row)?, budget, rate)?.settings)
+}
+
+#[cfg(test)]
+mod tests {
+    use bevy_frugal_gi::frontier::Bounds;
+
+    use super::*;
+    use crate::pipeline::tests::searched;
+    use crate::report::Report;
+
+    fn map(
+        outcome: &Outcome,
+        bounds: Bounds,
+        knobs: bevy_frugal_gi::knobs::KnobSpace,
+    ) -> FrontierMap {
+        FrontierMap {
+            shared: outcome.fitted.shared.clone(),
+            error_rates: outcome.error_rates.clone(),
+            knobs,
+            bounds,
+            octree: outcome.fitted.octree.clone(),
+            ..crate::inspect::testing::map()
+        }
+    }
+
+    #[test]
+    fn a_search_is_described() {
+        let (space, bounds, cameras, outcome) = searched();
+        let map = map(&outcome, bounds, space);
+        let summary = SearchSummary { map: &map, outcome: &outcome, cameras: &cameras };
+        let mut report = Report::new("search");
+        report.section(search_section(&summary).expect("a section"));
+        let html = report.render();
+        for text in [
+            "fixed at their cheapest and not searched: idle.",
+            "Training cameras",
+            "screening",
+            "proposals",
+            "gi_pixel_fraction",
+        ] {
+            assert!(html.contains(text), "{text}");
+        }
+        // A wedge for each training camera, and a ring for each calibration camera.
+        assert_eq!(html.matches("<path d=\"M").count(), outcome.cameras[0]);
+        assert_eq!(
+            html.matches("fill=\"none\" stroke=\"currentColor\" opacity=\"0.6\"").count(),
+            outcome.cameras[1]
+        );
+        assert!(!html.contains("NaN") && !html.contains("inf\""));
+    }
+
+    #[test]
+    fn a_search_that_found_nothing_is_described_too() {
+        let (space, _, _, mut outcome) = searched();
+        outcome.pool.clear();
+        outcome.training_cameras.clear();
+        outcome.training = crate::table::CostTable::new(0);
+        outcome.fitted.shared = bevy_frugal_gi::frontier::Frontier::default();
+        outcome.fitted.held_out.clear();
+        outcome.error_rates.0.clear();
+        outcome.stages.clear();
+        let map = map(&outcome, Bounds { min: [1.0; 3], max: [1.0; 3] }, space);
+        let cameras = CameraSet::default();
+        let summary = SearchSummary { map: &map, outcome: &outcome, cameras: &cameras };
+        let mut report = Report::new("search");
+        report.section(search_section(&summary).expect("a section"));
+        assert!(!report.render().contains("NaN"));
+    }
+}
