@@ -14,7 +14,6 @@ mod architecture;
 mod attenuation;
 mod bounces;
 mod cli;
-mod cli_journal;
 mod command;
 mod contracts;
 mod control;
@@ -41,9 +40,14 @@ mod weak;
 const MODULES: &[(&str, &[(&str, fn())], bool)] = &[
     ("architecture", architecture::TESTS, false),
     ("attenuation", attenuation::TESTS, true),
-    ("bounces", bounces::TESTS, true),
-    ("cli", cli::TESTS, false),
-    ("cli_journal", cli_journal::TESTS, true),
+    ("bounces::changes", bounces::changes::TESTS, true),
+    ("bounces::light", bounces::light::TESTS, true),
+    ("bounces::limits", bounces::limits::TESTS, true),
+    ("cli::analysis", cli::analysis::TESTS, false),
+    ("cli::input", cli::input::TESTS, false),
+    ("cli::journal", cli::journal::TESTS, true),
+    ("cli::knobs", cli::knobs::TESTS, true),
+    ("cli::outputs", cli::outputs::TESTS, false),
     ("contracts", contracts::TESTS, true),
     ("control", control::TESTS, true),
     ("distant", distant::TESTS, true),

@@ -6,7 +6,7 @@ use std::time::{Duration, Instant};
 
 use bevy_frugal_gi::frontier::FrontierMap;
 
-use super::command::{assert_refused, command, run, stderr};
+use super::{assert_refused, command, run, stderr};
 
 tests!(a_killed_search_is_resumed);
 
@@ -33,7 +33,7 @@ fn lines(journal: &Path) -> usize {
 fn a_killed_search_is_resumed() {
     let folder = tempfile::tempdir().expect("a folder");
     fs::write(folder.path().join("a.scene.ron"), SCENE).expect("can be written");
-    fs::write(folder.path().join("a.glb"), super::cli::triangle()).expect("can be written");
+    fs::write(folder.path().join("a.glb"), super::triangle()).expect("can be written");
     let journal = folder.path().join(format!("{MAP}.journal"));
     let mut child = command(folder.path(), &arguments(false))
         .stderr(std::process::Stdio::null())

@@ -1,30 +1,29 @@
-//! Multiple diffuse bounces.
+//! The light of further bounces, against closed forms and references, and its sources.
 
 use bevy::asset::{Assets, RenderAssetUsages};
-use bevy::color::{Color, LinearRgba};
+use bevy::color::LinearRgba;
 use bevy::image::Image;
-use bevy::light::{DirectionalLight, NotShadowCaster};
+use bevy::light::NotShadowCaster;
 use bevy::math::primitives::Plane3d;
 use bevy::math::{DVec3, Quat, UVec2, Vec2, Vec3};
-use bevy::mesh::{Mesh, MeshBuilder, Meshable};
+use bevy::mesh::{MeshBuilder, Meshable};
 use bevy::pbr::StandardMaterial;
 use bevy::render::render_resource::{Extent3d, TextureDimension, TextureFormat};
 use bevy::transform::components::Transform;
+use bevy_frugal_gi::gi::FrugalGi;
 use bevy_frugal_gi::gi::inspect::{self, GiPatches};
-use bevy_frugal_gi::gi::{FrugalGi, GiRefresh};
-use bevy_frugal_gi::knobs::KnobRegistry;
 use frugal::metrics::Difference;
 use frugal::reference::Pixels;
-use frugal::scene::{CameraPose, Light};
+use frugal::scene::CameraPose;
 use frugal::stage::{Component, Stage};
 use frugal_tests::gather::irradiance;
 use frugal_tests::reference::{self, Tracing};
 use frugal_tests::{gpu, meshes, set};
 
-use super::furnace::{ALBEDO, deviation, direct_radiance};
-use super::gi::{assert_costs_nothing, corner, sun};
-use super::gi_sources::sky::surround;
-use super::refresh::{converges_in_one_frame, turn_the_sun};
+use super::super::furnace::{ALBEDO, deviation, direct_radiance};
+use super::super::gi::{corner, sun};
+use super::super::gi_sources::sky::surround;
+use super::{RAYS, patches, with_bounces};
 
 tests!(
     every_bounce_in_a_furnace_adds_its_albedo_times_the_last,
@@ -33,32 +32,7 @@ tests!(
     patches_reflect_the_colours_of_their_texture,
     emissive_surfaces_and_the_sky_are_reflected_too,
     transmissive_surfaces_have_no_patches,
-    patches_rest_when_nothing_changes,
-    changes_are_reflected_in_the_next_frame,
-    without_light_or_rays_patches_cost_nothing,
-    odd_scenes_stay_finite,
-    the_knob_of_bounces_is_opt_in,
 );
-
-/// Every pixel gathered, with rays.
-const RAYS: &str = "min,gi_refresh_period=1,gi_vpl_count=1024,gi_interleave=2x2,gi_visibility=fine,gi_pixel_fraction=1/1,resolution_scale=100%";
-
-fn with_bounces(stage: &mut Stage, bounces: u32) -> &mut Stage {
-    set::gi(stage).bounces = bounces;
-    stage
-}
-
-/// Patches of the last frame, as texels.
-fn patches(stage: &Stage) -> Vec<gpu::Point> {
-    let state = inspect::gpu_state(stage.render_world());
-    let texels = gpu::rsm_texels(stage);
-    let bounces = state
-        .cameras
-        .first()
-        .and_then(|camera| camera.bounces.clone())
-        .expect("light is reflected more than once");
-    texels[bounces.texels.start as usize..bounces.texels.end as usize].to_vec()
-}
 
 fn every_bounce_in_a_furnace_adds_its_albedo_times_the_last() {
     let mut stage =
@@ -284,211 +258,4 @@ fn transmissive_surfaces_have_no_patches() {
         assert_eq!(on_top(&patches(&stage)) > 0, label == "diffuse", "{label}");
         assert!(stage.world_mut().despawn(mesh));
     }
-}
-
-/// A corner under the sun with three bounces, after it has converged.
-fn at_rest() -> Stage {
-    let mut stage = corner(vec![sun(Vec3::new(-0.3, -1.0, -0.2))]);
-    set::apply(&mut stage, RAYS);
-    stage.frame();
-    set::disable_history(&mut stage);
-    with_bounces(&mut stage, 3).world_mut().insert_resource(GiRefresh::OnChange);
-    set::radiance(&mut stage);
-    (0..16).for_each(|_| stage.frame());
-    stage
-}
-
-fn patches_rest_when_nothing_changes() {
-    let mut stage = at_rest();
-    let before = stage.radiance().expect("an image");
-    for _ in 0..8 {
-        stage.frame();
-        assert_eq!(set::gathered(&stage).patches, 0);
-    }
-    assert!(stage.radiance().expect("an image") == before);
-    // A small movement of the camera updates no patches.
-    for step in 0..4 {
-        set::look(
-            &mut stage,
-            Vec3::new(0.01 * (step + 1) as f32, 1.2, 3.0),
-            Vec3::new(0.0, 0.8, -2.0),
-        );
-        stage.frame();
-        let done = set::gathered(&stage);
-        assert!(done.patches == 0 && done.pairs > 0, "{done:?}");
-    }
-    turn_the_sun(&mut stage, 0.1);
-    stage.frame();
-    assert_eq!(set::gathered(&stage).patches, 2 * 2048, "two rounds");
-}
-
-fn changes_are_reflected_in_the_next_frame() {
-    let mut stage = at_rest();
-    let mesh = meshes::spawn_box(
-        &mut stage,
-        Vec3::new(0.5, 0.5, 0.0),
-        Vec3::splat(0.4),
-        meshes::diffuse(0.8, 0.2, 0.2),
-    );
-    (0..16).for_each(|_| stage.frame());
-    let check = |stage: &mut Stage, label: &str| {
-        assert!(converges_in_one_frame(stage, label), "{label}");
-        assert_eq!(set::gathered(stage).patches, 0, "{label}: converged again");
-    };
-    turn_the_sun(&mut stage, 0.2);
-    check(&mut stage, "a light that turns");
-    stage.world_mut().get_mut::<Transform>(mesh).expect("a transform").translation.y += 0.2;
-    check(&mut stage, "a mesh that moves");
-    let camera = set::camera(&mut stage);
-    stage.world_mut().get_mut::<Transform>(camera).expect("a transform").translation.x += 3.0;
-    check(&mut stage, "a camera that moves");
-    with_bounces(&mut stage, 2);
-    check(&mut stage, "fewer bounces");
-    set::gi_without_knobs(&mut stage).rsm_resolution = 128;
-    check(&mut stage, "finer maps");
-    assert!(stage.world_mut().despawn(mesh));
-    check(&mut stage, "a mesh that is removed");
-}
-
-fn without_light_or_rays_patches_cost_nothing() {
-    let mut stage = corner(vec![]);
-    set::apply(&mut stage, RAYS);
-    set::radiance(with_bounces(&mut stage, 3));
-    assert_costs_nothing(&mut stage);
-    let light = stage
-        .world_mut()
-        .spawn((
-            DirectionalLight::default(),
-            Transform::from_xyz(0.5, 1.0, 0.5).looking_at(Vec3::ZERO, Vec3::Y),
-        ))
-        .id();
-    set::radiance(&mut stage);
-    let bytes = |stage: &Stage| set::gathered(stage).bytes;
-    let with = bytes(&stage);
-    with_bounces(&mut stage, 1);
-    set::radiance(&mut stage);
-    let without = bytes(&stage);
-    // Patches and their texels, 512 bounce VPLs, weights and rows.
-    println!("    {} bytes", with - without);
-    assert!(with > without + 2 * 2048 * 32 && with < without + 200_000, "{with} {without}");
-    assert_eq!(stage.world_mut().resource::<GiPatches>().patch_count(), 0);
-    with_bounces(&mut stage, 3);
-    set::gi_without_knobs(&mut stage).visibility = bevy_frugal_gi::gi::GiVisibility::None;
-    set::radiance(&mut stage);
-    assert_eq!(stage.world_mut().resource::<GiPatches>().patch_count(), 0);
-    stage.world_mut().despawn(light);
-    set::radiance(&mut stage);
-    assert_costs_nothing(&mut stage);
-}
-
-fn odd_scenes_stay_finite() {
-    let finite = |stage: &mut Stage, label: &str| {
-        let radiance = set::radiance(with_bounces(stage, 3));
-        assert!(
-            radiance.rgb.iter().flatten().all(|value| value.is_finite() && *value >= 0.0),
-            "{label}"
-        );
-        for patch in patches(stage) {
-            assert!(
-                patch.flux.iter().all(|flux| flux.is_finite() && *flux >= 0.0),
-                "{label}: {patch:?}"
-            );
-        }
-        radiance.mean()
-    };
-    for illuminance in [1e-20, 1e20] {
-        let mut stage = corner(vec![Light::Directional {
-            direction: Vec3::new(-0.3, -1.0, -0.2),
-            illuminance,
-            color: [1.0; 3],
-        }]);
-        set::apply(&mut stage, RAYS);
-        finite(&mut stage, "flux");
-    }
-    for albedo in [0.0, 1e20, -1.0, f32::NAN] {
-        let mut stage = corner(vec![sun(Vec3::new(-0.3, -1.0, -0.2))]);
-        set::apply(&mut stage, RAYS);
-        let color = Color::LinearRgba(LinearRgba::rgb(albedo, albedo, albedo));
-        meshes::spawn_box(
-            &mut stage,
-            Vec3::new(0.5, 0.5, 0.0),
-            Vec3::splat(0.4),
-            StandardMaterial { base_color: color, ..meshes::diffuse(0.5, 0.5, 0.5) },
-        );
-        finite(&mut stage, "albedo");
-    }
-    // Degenerate triangles, and vertices that are not finite or far away.
-    let mut stage = corner(vec![sun(Vec3::new(-0.3, -1.0, -0.2))]);
-    set::apply(&mut stage, RAYS);
-    let expected = finite(&mut stage, "a corner");
-    for corner in [0.0f32, f32::NAN, 1e30] {
-        let mesh = Mesh::new(bevy::mesh::PrimitiveTopology::TriangleList, RenderAssetUsages::all())
-            .with_inserted_attribute(
-                Mesh::ATTRIBUTE_POSITION,
-                vec![[0.0f32; 3], [0.0; 3], [corner; 3]],
-            )
-            .with_inserted_attribute(Mesh::ATTRIBUTE_NORMAL, vec![[0.0f32; 3]; 3]);
-        let id = meshes::spawn(
-            &mut stage,
-            mesh,
-            meshes::diffuse(0.5, 0.5, 0.5),
-            Transform::from_xyz(0.0, 0.5, 0.0),
-        );
-        let found = finite(&mut stage, "triangles");
-        // A finite vertex that is far away makes the scene so large that its maps resolve none of
-        // it.
-        assert!(
-            corner == 1e30 || (found / expected - 1.0).abs() < 0.1,
-            "{corner}: {found} {expected}"
-        );
-        assert!(stage.world_mut().despawn(id));
-    }
-    for range in [0.0, f32::INFINITY, f32::NAN] {
-        set::gi(&mut stage).range = range;
-        finite(&mut stage, "range");
-    }
-    // At 1,000 km from the origin, where the spacing of floats is 1/16 m.
-    let mut stage = set::bare(
-        vec![sun(Vec3::new(-0.3, -1.0, -0.2))],
-        set::radiance_options(48, 27, Component::Indirect),
-    );
-    let far = Vec3::new(1e6, 0.0, 1e6);
-    meshes::spawn_box(
-        &mut stage,
-        far + Vec3::new(0.0, -1.0, 0.0),
-        Vec3::new(40.0, 2.0, 40.0),
-        meshes::diffuse(0.8, 0.8, 0.8),
-    );
-    meshes::spawn_box(
-        &mut stage,
-        far + Vec3::new(0.0, 10.0, -20.0),
-        Vec3::new(40.0, 20.0, 2.0),
-        meshes::diffuse(0.5, 0.5, 0.5),
-    );
-    set::look(&mut stage, far + Vec3::new(0.0, 12.0, 30.0), far + Vec3::new(0.0, 8.0, -20.0));
-    set::apply(&mut stage, RAYS);
-    let light = finite(&mut stage, "far away");
-    assert!(light > 1.0, "{light}");
-}
-
-fn the_knob_of_bounces_is_opt_in() {
-    let mut stage = corner(vec![sun(Vec3::NEG_Y)]);
-    let registry = stage.world_mut().resource::<KnobRegistry>().clone();
-    assert!(
-        stage.space().index_of("gi_bounces").is_none()
-            && registry.space().expect("valid").index_of("gi_bounces").is_none()
-    );
-    assert!(registry.space_with(|_| true).expect("valid").index_of("gi_bounces").is_some());
-    set::apply(&mut stage, "max");
-    stage.frame();
-    assert_eq!(set::gi(&mut stage).bounces, 1);
-    let once = set::radiance(&mut stage);
-    set::apply(&mut stage, "max,gi_bounces=3");
-    stage.frame();
-    assert_eq!(set::gi(&mut stage).bounces, 3);
-    assert!(set::radiance(&mut stage).mean() > once.mean());
-    assert!(
-        stage.apply_text("max,gi_bounces=9").is_err()
-            && stage.apply_text("max,gi_bounce=2").is_err()
-    );
 }

@@ -1,0 +1,77 @@
+//! Patches reflect again after every change, and after nothing else.
+
+use bevy::math::Vec3;
+use bevy::transform::components::Transform;
+use bevy_frugal_gi::gi::GiRefresh;
+use frugal::stage::Stage;
+use frugal_tests::{meshes, set};
+
+use super::super::gi::{corner, sun};
+use super::super::refresh::{converges_in_one_frame, turn_the_sun};
+use super::{RAYS, with_bounces};
+
+tests!(patches_rest_when_nothing_changes, changes_are_reflected_in_the_next_frame,);
+
+/// A corner under the sun with three bounces, after it has converged.
+fn at_rest() -> Stage {
+    let mut stage = corner(vec![sun(Vec3::new(-0.3, -1.0, -0.2))]);
+    set::apply(&mut stage, RAYS);
+    stage.frame();
+    set::disable_history(&mut stage);
+    with_bounces(&mut stage, 3).world_mut().insert_resource(GiRefresh::OnChange);
+    set::radiance(&mut stage);
+    (0..16).for_each(|_| stage.frame());
+    stage
+}
+
+fn patches_rest_when_nothing_changes() {
+    let mut stage = at_rest();
+    let before = stage.radiance().expect("an image");
+    for _ in 0..8 {
+        stage.frame();
+        assert_eq!(set::gathered(&stage).patches, 0);
+    }
+    assert!(stage.radiance().expect("an image") == before);
+    // A small movement of the camera updates no patches.
+    for step in 0..4 {
+        set::look(
+            &mut stage,
+            Vec3::new(0.01 * (step + 1) as f32, 1.2, 3.0),
+            Vec3::new(0.0, 0.8, -2.0),
+        );
+        stage.frame();
+        let done = set::gathered(&stage);
+        assert!(done.patches == 0 && done.pairs > 0, "{done:?}");
+    }
+    turn_the_sun(&mut stage, 0.1);
+    stage.frame();
+    assert_eq!(set::gathered(&stage).patches, 2 * 2048, "two rounds");
+}
+
+fn changes_are_reflected_in_the_next_frame() {
+    let mut stage = at_rest();
+    let mesh = meshes::spawn_box(
+        &mut stage,
+        Vec3::new(0.5, 0.5, 0.0),
+        Vec3::splat(0.4),
+        meshes::diffuse(0.8, 0.2, 0.2),
+    );
+    (0..16).for_each(|_| stage.frame());
+    let check = |stage: &mut Stage, label: &str| {
+        assert!(converges_in_one_frame(stage, label), "{label}");
+        assert_eq!(set::gathered(stage).patches, 0, "{label}: converged again");
+    };
+    turn_the_sun(&mut stage, 0.2);
+    check(&mut stage, "a light that turns");
+    stage.world_mut().get_mut::<Transform>(mesh).expect("a transform").translation.y += 0.2;
+    check(&mut stage, "a mesh that moves");
+    let camera = set::camera(&mut stage);
+    stage.world_mut().get_mut::<Transform>(camera).expect("a transform").translation.x += 3.0;
+    check(&mut stage, "a camera that moves");
+    with_bounces(&mut stage, 2);
+    check(&mut stage, "fewer bounces");
+    set::gi_without_knobs(&mut stage).rsm_resolution = 128;
+    check(&mut stage, "finer maps");
+    assert!(stage.world_mut().despawn(mesh));
+    check(&mut stage, "a mesh that is removed");
+}

@@ -1,0 +1,217 @@
+//! Commands that render nothing: they need no adapter.
+
+use std::fs;
+use std::path::Path;
+
+use bevy_frugal_gi::frontier::{Capture, CostPoint, Frontier, FrontierMap, FrontierPoint, Octree};
+use bevy_frugal_gi::knobs::{Knob, KnobLevels, KnobSpace};
+use frugal::table::{SweepFacts, SweepTable};
+use frugal_tests::map;
+
+use super::{AT, NO_ADAPTER, SCENE, assert_refused, command, entries, folder, run, stderr, write};
+
+tests!(
+    references_are_traced_and_compared_without_an_adapter,
+    recorded_tables_are_searched_without_an_adapter,
+    maps_that_cost_more_have_their_own_exit_status,
+    presets_come_from_a_map,
+);
+
+fn references_are_traced_and_compared_without_an_adapter() {
+    let folder = folder();
+    write(folder.path(), "a.scene.ron", SCENE);
+    let run = |arguments: &[&str]| {
+        let mut command = command(folder.path(), arguments);
+        command.envs(NO_ADAPTER);
+        let output = command.output().expect("starts");
+        assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+        String::from_utf8_lossy(&output.stdout).into_owned()
+    };
+    let trace = |rest: &[&str]| {
+        run(&[&["reference", "a.scene.ron", "--lambertian", "--spp", "16"][..], &AT, rest].concat())
+    };
+    trace(&["--size", "32x18", "--component", "direct", "--hdr", "direct.exr"]);
+    trace(&[
+        "--size",
+        "32x18",
+        "--component",
+        "indirect",
+        "--bounces",
+        "1",
+        "--hdr",
+        "once.exr",
+        "-o",
+        "once.png",
+    ]);
+    trace(&["--size", "16x16", "--hdr", "small.exr"]);
+    // The furnace's walls reflect 80 %: the first bounce is 80 % of the direct light.
+    run(&["compare", "once.exr", "direct.exr", "--json", "difference.json"]);
+    let json = fs::read_to_string(folder.path().join("difference.json")).expect("was written");
+    let ratio = json
+        .lines()
+        .find_map(|line| line.trim().strip_prefix("\"mean_ratio\": "))
+        .expect("is there");
+    let ratio: f64 = ratio.trim_end_matches(',').parse().expect("a number");
+    assert!((ratio - 0.8).abs() < 0.005, "{json}");
+    assert_refused(
+        &super::run(folder.path(), &["compare", "small.exr", "once.exr", "--json", "none.json"]),
+        &["small.exr", "32×18", "16×16"],
+    );
+    assert_eq!(
+        entries(folder.path()),
+        ["a.scene.ron", "difference.json", "direct.exr", "once.exr", "once.png", "small.exr"]
+    );
+}
+
+/// Writes a table of two knobs; `worst` is the error of the lowest settings.
+fn sweep_table(folder: &Path, name: &str, knobs: [&str; 2], worst: f64) {
+    let space =
+        frugal::stage::every_knob().expect("the built-in knobs").subset(knobs).expect("built-in");
+    let point = |settings| {
+        let [a, b] = [0, 1].map(|knob| KnobLevels::level(settings, knob) as f64);
+        FrontierPoint { settings, cost: CostPoint::new(1.0 + a + b, worst / (1.0 + a + 2.0 * b)) }
+    };
+    let table = SweepTable {
+        facts: SweepFacts::default(),
+        points: space.iter().map(point).collect(),
+        space: space.clone(),
+    };
+    let mut text = Vec::new();
+    table.write(&mut text).expect("written");
+    fs::write(folder.join(name), text).expect("can be written");
+}
+
+fn recorded_tables_are_searched_without_an_adapter() {
+    let folder = folder();
+    let knobs = ["gi_vpl_count", "shadow_map_resolution"];
+    sweep_table(folder.path(), "a.csv", knobs, 0.1);
+    sweep_table(folder.path(), "b.csv", knobs, 0.2);
+    sweep_table(folder.path(), "c.csv", ["gi_vpl_count", "antialiasing"], 0.2);
+    let search = |rest: &[&str]| run(folder.path(), &[&["search"][..], rest].concat());
+    let output = search(&[
+        "a.csv",
+        "--known",
+        "b.csv",
+        "--seeds",
+        "3",
+        "--errors",
+        "0.02,0.04",
+        "--json",
+        "out.json",
+    ]);
+    let printed = String::from_utf8_lossy(&output.stdout).into_owned();
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    for word in
+        ["32 of 32 combinations", "random", "nsga2", "frugal-cold", "frugal-warm", "100 %", "0.04"]
+    {
+        assert!(printed.contains(word), "`{word}` is missing in: {printed}");
+    }
+    let json = fs::read_to_string(folder.path().join("out.json")).expect("was written");
+    for key in [
+        "\"best_w\"",
+        "\"median\"",
+        "\"reached\": 1.0",
+        "\"renderings\"",
+        "\"method\": \"frugal-warm\"",
+    ] {
+        assert!(json.contains(key), "`{key}` is missing in: {json}");
+    }
+    let text = fs::read_to_string(folder.path().join("a.csv")).expect("was written");
+    write(folder.path(), "nan.csv", &text.replacen(",2,", ",NaN,", 1));
+    write(folder.path(), "cut.csv", text.rsplit_once(',').map_or("", |(whole, _)| whole));
+    let before = entries(folder.path());
+    for (arguments, words) in [
+        (&["missing.csv"][..], &["missing.csv", "frugal sweep --csv"][..]),
+        (&["nan.csv"], &["nan.csv:", "power_w", "NaN"]),
+        (&["cut.csv"], &["cut.csv:34: row:", "cut off"]),
+        (&["a.csv", "--known", "c.csv"], &["c.csv", "antialiasing", "shadow_map_resolution"]),
+        (&["a.csv", "--errors", "0.001"], &["a.csv", "0.001", "--errors"]),
+        (&["a.csv", "--errors", "NaN"], &["--errors"]),
+        (&["a.csv", "--within", "-5%"], &["--within"]),
+        (&["a.csv", "--seeds", "0"], &["--seeds"]),
+        (&["a.csv", "--json", "no/such/out.json"], &["no/such/out.json"]),
+    ] {
+        assert_refused(&search(arguments), words);
+    }
+    assert_eq!(entries(folder.path()), before, "files appeared");
+}
+
+/// A map with a shared frontier, with all powers multiplied by `scale`.
+fn map_of_cost(scale: f64) -> FrontierMap {
+    let map = map::one_cube(
+        KnobSpace::new(vec![Knob::new("gi_vpl_count", [0.0, 64.0, 4096.0])]).expect("a space"),
+    );
+    let scaled = |point: &FrontierPoint| FrontierPoint {
+        cost: CostPoint::new(scale * point.cost.power.0, point.cost.error),
+        ..*point
+    };
+    let shared = Frontier::from_points(map.octree.frontiers[0].points().iter().map(scaled));
+    FrontierMap { octree: Octree { frontiers: vec![shared.clone()], ..map.octree }, shared, ..map }
+}
+
+fn maps_that_cost_more_have_their_own_exit_status() {
+    let folder = folder();
+    let save =
+        |name: &str, map: &FrontierMap| write(folder.path(), name, &map.to_ron().expect("text"));
+    let map = map_of_cost(1.0);
+    save("old.pareto.ron", &map);
+    save("same.pareto.ron", &map);
+    save("worse.pareto.ron", &map_of_cost(1.02));
+    save(
+        "faster.pareto.ron",
+        &FrontierMap { capture: Capture { frames_per_second: 60.0, ..map.capture }, ..map.clone() },
+    );
+    let compare = |new: &str, more: &[&str]| {
+        run(folder.path(), &[&["inspect", "--compare", "old.pareto.ron", new][..], more].concat())
+    };
+
+    let same = compare("same.pareto.ron", &[]);
+    assert_eq!(same.status.code(), Some(0), "{}", stderr(&same));
+    assert!(String::from_utf8_lossy(&same.stdout).contains("+0.00 %"));
+    let worse = compare("worse.pareto.ron", &["--json", "gate.json"]);
+    let message = stderr(&worse);
+    assert_eq!(worse.status.code(), Some(3), "{message}");
+    assert!(message.contains("rose by 2.00 %, more than the 1.00 % tolerated"), "{message}");
+    let json = fs::read_to_string(folder.path().join("gate.json")).expect("was written");
+    assert!(
+        ["\"rose\": true", "\"old_w\"", "\"error\": 0.005", "\"tolerance\": 0.01"]
+            .iter()
+            .all(|part| json.contains(part)),
+        "{json}"
+    );
+    assert_eq!(compare("worse.pareto.ron", &["--tolerance", "3%"]).status.code(), Some(0));
+    assert_refused(
+        &compare("faster.pareto.ron", &["--json", "none.json"]),
+        &["old.pareto.ron", "faster.pareto.ron", "60 Hz", "--fps"],
+    );
+    assert!(!folder.path().join("none.json").exists());
+}
+
+fn presets_come_from_a_map() {
+    let folder = folder();
+    write(folder.path(), "a.pareto.ron", &map_of_cost(1.0).to_ron().expect("text"));
+    let inspect = |map: &str| run(folder.path(), &["inspect", map, "--presets", "presets.ron"]);
+    let output = inspect("a.pareto.ron");
+    assert!(output.status.success(), "{}", stderr(&output));
+    let facts = String::from_utf8_lossy(&output.stdout);
+    for words in [" W with errors of ", "budgets    "] {
+        assert!(facts.contains(words), "{words} in: {facts}");
+    }
+    let text = fs::read_to_string(folder.path().join("presets.ron")).expect("was written");
+    let order: Vec<_> = ["battery", "low", "medium", "high", "ultra"]
+        .iter()
+        .map(|name| text.find(&format!("\"{name}\"")))
+        .collect();
+    assert!(order.iter().all(Option::is_some) && order.is_sorted(), "{text}");
+    assert!(text.contains("\"gi_vpl_count\": \"4096\""), "{text}");
+    write(
+        folder.path(),
+        "old.pareto.ron",
+        &FrontierMap { shared: Frontier::default(), ..map_of_cost(1.0) }.to_ron().expect("text"),
+    );
+    assert_refused(
+        &inspect("old.pareto.ron"),
+        &["old.pareto.ron", "shared frontier", "frugal precompute"],
+    );
+    assert_eq!(fs::read_to_string(folder.path().join("presets.ron")).expect("still there"), text);
+}

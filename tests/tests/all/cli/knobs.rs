@@ -1,0 +1,26 @@
+//! Knobs and their levels on the command line.
+
+use super::{AT, SCENE, assert_refused, folder, run, write};
+
+tests!(misspelt_knobs_and_levels_get_the_nearest_one);
+
+fn misspelt_knobs_and_levels_get_the_nearest_one() {
+    let folder = folder();
+    write(folder.path(), "a.scene.ron", SCENE);
+    let precompute = |knobs: &str| {
+        run(folder.path(), &["precompute", "a.scene.ron", "--size", "32x18", "--knobs", knobs])
+    };
+    let render = |settings: &str| {
+        let arguments = ["render", "a.scene.ron", "--size", "32x18", "--settings", settings];
+        run(folder.path(), &[&arguments[..], &AT].concat())
+    };
+    for (refused, name) in [
+        (precompute("gi_vpl_cuont"), "gi_vpl_count"),
+        // An opt-in knob, which is in a space only where it is named.
+        (precompute("gi_bounce"), "gi_bounces"),
+        (render("gi_bounce=2"), "gi_bounces"),
+        (render("gi_visibility=Fine"), "fine"),
+    ] {
+        assert_refused(&refused, &[&format!("did you mean `{name}`?")]);
+    }
+}
