@@ -83,7 +83,7 @@ mod knobs_by_hand {
         registry: Res<KnobRegistry>,
         camera: Single<Entity, With<FrugalGi>>,
     ) {
-        let space = registry.space().expect("sound knobs");
+        let space = registry.space().expect("valid knobs");
         let settings = space.lowest();
         commands.entity(*camera).insert(KnobSettings { space: space.into(), settings });
     }

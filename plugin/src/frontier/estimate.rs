@@ -5,7 +5,7 @@ use crate::knobs::{KnobLevels, KnobSpace};
 
 impl Frontier {
     /// Power and error of any `settings` of `space`. Exact for a point of the frontier; else
-    /// interpolated, by the distance in levels, between the dearest point with no higher level and
+    /// interpolated, by the distance in levels, between the most expensive point with no higher level and
     /// the cheapest with no lower level. `None` where the frontier is empty.
     ///
     /// Allocates nothing. Linear in points × knobs, so it is for settings in transition only.

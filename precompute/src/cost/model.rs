@@ -163,7 +163,7 @@ mod tests {
     }
 
     #[test]
-    fn prices_and_cameras_are_told_apart() {
+    fn prices_and_camera_factors_are_separated() {
         let model = CostModel::fit(&readings(0.0));
         assert!(
             model.quality(&readings(0.0)).mean_absolute_error < 0.01,
@@ -192,7 +192,7 @@ mod tests {
     }
 
     #[test]
-    fn strange_readings_are_left_out() {
+    fn invalid_readings_are_left_out() {
         let mut all = readings(0.0);
         for power_w in [0.0, -1.0, f64::NAN, f64::INFINITY] {
             all.push(CostReading { camera: 1, work: Work(vec![1.0, 1.0, 1.0]), power_w });

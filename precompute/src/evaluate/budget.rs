@@ -6,7 +6,7 @@ use std::str::FromStr;
 use bevy_frugal_gi::units::Watts;
 use serde::{Deserialize, Serialize};
 
-/// Errors of parsing a budget: wrong use of the tool, exit status 2.
+/// Errors of parsing a budget: invalid arguments, exit status 2.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[non_exhaustive]
 pub(crate) enum BudgetError {

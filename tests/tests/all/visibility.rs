@@ -17,7 +17,7 @@ use super::gi::{PLAIN, corner, sun};
 
 tests!(
     the_dark_room_is_dark,
-    a_screen_hides_the_bounce_and_follows_its_transform,
+    a_screen_occludes_the_bounce_and_follows_its_transform,
     surfaces_that_cast_no_shadow_occlude_nothing,
     coarse_and_fine_have_the_same_mean,
     nothing_is_kept_without_rays,
@@ -60,7 +60,7 @@ fn screened() -> (Stage, Entity) {
     (stage, screen)
 }
 
-fn a_screen_hides_the_bounce_and_follows_its_transform() {
+fn a_screen_occludes_the_bounce_and_follows_its_transform() {
     let (mut stage, screen) = screened();
     let (leaking, occluded) = (mean(&mut stage, "none"), mean(&mut stage, "fine"));
     stage.world_mut().get_mut::<Transform>(screen).expect("the screen").translation.y = -50.0;

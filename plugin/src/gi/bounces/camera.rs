@@ -24,7 +24,7 @@ use crate::gi::vpl::{IMPORTANCE_POINTS_BYTES, VPL_BYTES, VplPlan};
 pub(in crate::gi) const BOUNCE_VPLS: VplPlan =
     VplPlan { interleave: 1, sets: 1, per_set: 512, stride: 512 };
 
-/// The inputs of the patches' light, beside the scene.
+/// What the light of patches depends on, apart from the scene.
 #[derive(Clone, Debug, PartialEq)]
 struct LightInputs {
     rounds: u32,

@@ -58,8 +58,8 @@ struct PatchSet {
 /// Every visible mesh with a lit, opaque or masked [`StandardMaterial`] reflects. Exceptions:
 /// unlit, transparent and transmissive ones, those with [`NotShadowCaster`], forward-rendered ones,
 /// and skinned ones, whose triangles here are those of the bind pose. Morphs, shaders that move
-/// vertices, other kinds of material and ranges of visibility are ignored: of a mesh with several
-/// levels of detail, all reflect that do not occlude each other. Textures of base colour, metallic
+/// vertices, other kinds of material and ranges of visibility are ignored: all levels of
+/// detail of a mesh reflect, unless one occludes another. Textures of base colour, metallic
 /// and roughness are read where the CPU has their images in uncompressed formats; else grey
 /// replaces them, with a warning.
 #[derive(Resource, ExtractResource, Clone, Debug, Default)]

@@ -69,11 +69,11 @@ struct Fog {
 fn through_fog(distance_to_eye: f32) -> vec3<f32> {
     let linear = 1.0 - clamp((fog.be.y - distance_to_eye) / (fog.be.y - fog.be.x), 0.0, 1.0);
     let depth = distance_to_eye * fog.be;
-    var hidden = vec3(linear);
-    hidden = select(hidden, vec3(1.0 - exp(-depth.x)), fog.mode == 2u);
-    hidden = select(hidden, vec3(1.0 - exp(-depth.x * depth.x)), fog.mode == 3u);
-    hidden = select(hidden, 1.0 - exp(-depth), fog.mode == 4u);
-    return select(vec3(1.0), 1.0 - hidden * fog.color.a, fog.mode > 0u);
+    var fogged = vec3(linear);
+    fogged = select(fogged, vec3(1.0 - exp(-depth.x)), fog.mode == 2u);
+    fogged = select(fogged, vec3(1.0 - exp(-depth.x * depth.x)), fog.mode == 3u);
+    fogged = select(fogged, 1.0 - exp(-depth), fog.mode == 4u);
+    return select(vec3(1.0), 1.0 - fogged * fog.color.a, fog.mode > 0u);
 }
 #endif
 

@@ -259,7 +259,7 @@ fn surface(
         return Some(None);
     };
     let color = |TrianglePoint { triangle, weights }| {
-        if cutout.as_ref().is_some_and(|cutout| !cutout.is_there(corners[triangle], weights)) {
+        if cutout.as_ref().is_some_and(|cutout| !cutout.is_opaque(corners[triangle], weights)) {
             return Vec3::ZERO;
         }
         let Some(texture) = &texture else { return Vec3::ONE };

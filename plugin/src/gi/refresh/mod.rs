@@ -34,7 +34,7 @@ impl Plugin for RefreshPlugin {
             ))
             .add_systems(
                 PostUpdate,
-                (scene::decide, scene::wake_maps)
+                (scene::decide, scene::activate_maps)
                     .chain()
                     .after(SceneSystems::Maps)
                     .before(CameraUpdateSystems)

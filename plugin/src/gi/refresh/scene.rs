@@ -103,7 +103,7 @@ pub(super) fn decide(
 }
 
 /// Switches off the cameras of maps that need not be rendered.
-pub(super) fn wake_maps(frame: Res<GiFrame>, mut maps: Query<&mut Camera, With<RsmView>>) {
+pub(super) fn activate_maps(frame: Res<GiFrame>, mut maps: Query<&mut Camera, With<RsmView>>) {
     for mut camera in &mut maps {
         if camera.is_active != frame.maps {
             camera.is_active = frame.maps;

@@ -18,7 +18,7 @@ use crate::gi::texels::{CascadeCut, TexelRange, TexelRow, TexelStore};
 use crate::gi::trace::GiOccluders;
 use crate::gi::view::{CutCameras, Fit, GatherCamera, GiFrame, GiRefresh, GiView, Step, Work};
 
-/// The inputs of a camera's VPLs and of its gather, beside the scene and what its [`GiView`] holds.
+/// What a camera's VPLs and its gather depend on, apart from the scene and its [`GiView`].
 #[derive(Component, Clone, Debug, PartialEq)]
 pub(super) struct ViewInputs {
     world_from_view: Affine3A,
@@ -110,7 +110,7 @@ pub(super) fn prepare(
         }
         next.step = match next.work.gather {
             false => Step::Rests,
-            // What was gathered before all occluders were there is no history.
+            // Light that was gathered before all occluders existed is no valid history.
             true if is_cut || held_inputs.has_occluders != inputs.has_occluders => Step::Begins,
             true if switched => Step::Switches,
             true if moved || fit > Fit::Same || always || frame.gather => Step::Moves,

@@ -138,8 +138,8 @@ impl BouncingLight {
     /// Texels along the edge of each of its maps when a single one has `resolution`.
     pub(crate) fn resolution(&self, resolution: u32) -> u32 {
         // A face of a quarter of the size has texels of 90° ÷ resolution · 4: at 3 m about as large
-        // as those of a sun's near cascade. Half the size was tried and took four times the memory,
-        // a fifth of all, for the same errors. Small resolutions are not reduced.
+        // as those of a sun's near cascade. Half the size was tried: for the same errors it took
+        // four times the memory, a fifth of all that GI holds. Small resolutions are not reduced.
         if self.shape == LightShape::Point {
             (resolution / 4).max(32).min(resolution / 2).max(8)
         } else {

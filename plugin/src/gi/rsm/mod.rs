@@ -7,12 +7,12 @@
 //! small: the camera has no clusters, so Bevy gives it no cascades and no light lists, and we
 //! remove its main phases.
 
+mod capacity;
 mod drawn;
 mod focus;
 mod lights;
 mod region;
 mod resolve;
-mod room;
 mod views;
 
 use bevy::app::{App, Plugin, PostUpdate};

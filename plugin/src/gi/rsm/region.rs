@@ -252,7 +252,7 @@ mod tests {
     }
 
     #[test]
-    fn hostile_input_stays_finite() {
+    fn extreme_input_stays_finite() {
         for camera in [Vec3::NAN, Vec3::INFINITY, Vec3::splat(1e30)] {
             for range in [0.0, -1.0, f32::NAN, f32::INFINITY, 1e-20] {
                 let region = cover(SCENE, down(), camera, range, 64);

@@ -19,10 +19,10 @@ use bevy::render::view::Msaa;
 use bevy::transform::components::Transform;
 use bevy::transform::helper::TransformHelper;
 
+use super::capacity::MapCapacity;
 use super::focus::Focus;
 use super::lights::{BouncingLight, LightShape, RsmLight};
 use super::region::{LightRegion, SceneBox, cover, near};
-use super::room::Room;
 use super::{MapLayers, RsmView};
 use crate::gi::settings::{FrugalGi, GiLimits, GiShading};
 use crate::gi::texels::CascadeCut;
@@ -51,8 +51,8 @@ impl MapSpec {
     }
 }
 
-/// A GI camera of this frame.
-struct GiEye {
+/// A GI camera of this frame, which maps serve.
+struct Viewer {
     entity: Entity,
     focus: Focus,
     resolution: u32,
@@ -90,12 +90,12 @@ pub(super) fn maintain(
     let transforms = params.p0();
     let transform_of =
         |entity| transforms.compute_global_transform(entity).ok().map(|t| t.compute_transform());
-    let eyes: Vec<GiEye> = cameras
+    let viewers: Vec<Viewer> = cameras
         .iter()
         .filter(|(_, camera, _, gi, _)| camera.is_active && gi.vpl_count > 0)
         .filter_map(|(entity, _, projection, gi, layers)| {
             let resolution = gi.rsm_resolution.clamp(16, 2048);
-            Some(GiEye {
+            Some(Viewer {
                 entity,
                 focus: Focus::new(
                     scene.0.unwrap_or_default(),
@@ -111,7 +111,7 @@ pub(super) fn maintain(
         .collect();
 
     let mut specs = Vec::new();
-    if let (Some(scene), false) = (scene.0, eyes.is_empty()) {
+    if let (Some(scene), false) = (scene.0, viewers.is_empty()) {
         let layers = |layers: Option<&RenderLayers>| MapLayers(layers.cloned().unwrap_or_default());
         let mut lights: Vec<(BouncingLight, MapLayers)> = Vec::new();
         lights.extend(suns.iter().filter(|(_, _, visible, _)| visible.get()).filter_map(
@@ -139,7 +139,13 @@ pub(super) fn maintain(
                 ))
             },
         ));
-        specs = choose(&lights, &eyes, scene, limits.max_rsm_count, Room::new(device.as_deref()));
+        specs = choose(
+            &lights,
+            &viewers,
+            scene,
+            limits.max_rsm_count,
+            MapCapacity::new(device.as_deref()),
+        );
     }
     lay_out(&mut specs);
     presence.maps = !specs.is_empty();
@@ -149,7 +155,7 @@ pub(super) fn maintain(
     *delta = MapDelta::default();
     for map in &mut params.p1() {
         match missing.remove(map.view) {
-            Some(spec) => map.become_as(spec, &mut delta),
+            Some(spec) => map.update(spec, &mut delta),
             None => {
                 commands.entity(map.entity).despawn();
                 delta.laid_out = true;
@@ -181,7 +187,7 @@ pub(super) struct Map {
 
 impl MapItem<'_, '_> {
     /// Applies the differences from `spec`.
-    fn become_as(mut self, spec: MapSpec, delta: &mut MapDelta) {
+    fn update(mut self, spec: MapSpec, delta: &mut MapDelta) {
         delta.laid_out |= (self.light.texel_offset, self.light.resolution)
             != (spec.light.texel_offset, spec.light.resolution);
         let size = UVec2::splat(spec.resolution);
@@ -207,21 +213,21 @@ impl MapItem<'_, '_> {
     }
 }
 
-/// The maps of the most important lights, up to `most` maps, as far as the device has room.
+/// The maps of the most important lights, up to `most` maps, as far as the device has capacity.
 fn choose(
     lights: &[(BouncingLight, MapLayers)],
-    eyes: &[GiEye],
+    viewers: &[Viewer],
     scene: (Vec3, Vec3),
     most: usize,
-    mut room: Room,
+    mut capacity: MapCapacity,
 ) -> Vec<MapSpec> {
     let mut ranked: Vec<_> = lights
         .iter()
         .filter_map(|(light, layers)| {
             // As Bevy: a light lights the cameras with which it shares a layer.
-            let lit = eyes.iter().filter(|eye| eye.layers.intersects(&layers.0));
+            let lit = viewers.iter().filter(|viewer| viewer.layers.intersects(&layers.0));
             let importance =
-                lit.map(|eye| light.importance(eye.focus.position)).max_by(f32::total_cmp)?;
+                lit.map(|viewer| light.importance(viewer.focus.position)).max_by(f32::total_cmp)?;
             Some((importance, light, layers))
         })
         .collect();
@@ -229,22 +235,22 @@ fn choose(
     ranked.sort_by(|a, b| b.0.total_cmp(&a.0).then(a.1.entity.cmp(&b.1.entity)));
 
     // Shared maps satisfy the most demanding camera.
-    let finest = eyes.iter().map(|eye| eye.resolution).max().unwrap_or(0);
-    let lambertian = eyes.iter().all(|eye| eye.shading == GiShading::Lambertian);
+    let finest = viewers.iter().map(|viewer| viewer.resolution).max().unwrap_or(0);
+    let lambertian = viewers.iter().all(|viewer| viewer.shading == GiShading::Lambertian);
     let shading = if lambertian { GiShading::Lambertian } else { GiShading::Standard };
     let mut specs = Vec::new();
     for (_, light, layers) in ranked {
         let mut maps: Vec<MapSpec> = match light.shape {
             LightShape::Directional => {
-                let lit = eyes.iter().filter(|eye| eye.layers.intersects(&layers.0));
-                lit.flat_map(|eye| parallel_maps(light, eye, scene, layers)).collect()
+                let lit = viewers.iter().filter(|viewer| viewer.layers.intersects(&layers.0));
+                lit.flat_map(|viewer| parallel_maps(light, viewer, scene, layers)).collect()
             }
             _ => (0..light.faces())
                 .map(|face| perspective_map(light, face, finest, shading, layers))
                 .collect(),
         };
         let largest = maps.iter().map(|map| map.resolution).max().unwrap_or(0);
-        if specs.len() + maps.len() <= most && room.take(maps.len(), largest) {
+        if specs.len() + maps.len() <= most && capacity.take(maps.len(), largest) {
             specs.append(&mut maps);
         }
     }
@@ -259,25 +265,25 @@ fn choose(
 /// inside, 21 cm each, and the hall's light was 5 % too low.
 fn parallel_maps(
     light: &BouncingLight,
-    eye: &GiEye,
+    viewer: &Viewer,
     scene: (Vec3, Vec3),
     layers: &MapLayers,
 ) -> Vec<MapSpec> {
     let rotation = Mat3::from_quat(light.rotation);
-    let shared = shared_resolution(eye.resolution);
-    let Focus { position, range } = eye.focus;
+    let shared = shared_resolution(viewer.resolution);
+    let Focus { position, range } = viewer.focus;
     let far = cover(scene, rotation, position, range, shared);
     if let Some((near, cut)) = near(&far, rotation, position, range, shared) {
         let maps = [(far, cut), (near, CascadeCut::default())];
         return (0..)
             .zip(maps)
             .map(|(face, (region, cut))| {
-                parallel_map(light, eye, face, shared, region, cut, layers)
+                parallel_map(light, viewer, face, shared, region, cut, layers)
             })
             .collect();
     }
-    let whole = cover(scene, rotation, position, range, eye.resolution);
-    vec![parallel_map(light, eye, 0, eye.resolution, whole, CascadeCut::default(), layers)]
+    let whole = cover(scene, rotation, position, range, viewer.resolution);
+    vec![parallel_map(light, viewer, 0, viewer.resolution, whole, CascadeCut::default(), layers)]
 }
 
 /// Texels along the side of each of two cascades that replace one map of `resolution`.
@@ -287,7 +293,7 @@ fn shared_resolution(resolution: u32) -> u32 {
 
 fn parallel_map(
     light: &BouncingLight,
-    eye: &GiEye,
+    viewer: &Viewer,
     face: u8,
     resolution: u32,
     region: LightRegion,
@@ -295,7 +301,7 @@ fn parallel_map(
     layers: &MapLayers,
 ) -> MapSpec {
     MapSpec {
-        view: RsmView { light: light.entity, camera: Some(eye.entity), face },
+        view: RsmView { light: light.entity, camera: Some(viewer.entity), face },
         resolution,
         transform: Transform::from_translation(region.origin).with_rotation(light.rotation),
         projection: Projection::Orthographic(OrthographicProjection {
@@ -314,7 +320,7 @@ fn parallel_map(
             ..Default::default()
         },
         cut,
-        shading: eye.shading,
+        shading: viewer.shading,
         layers: layers.clone(),
     }
 }

@@ -44,7 +44,7 @@ pub(in crate::gi) struct SkyReading {
     padding: [f32; 2],
 }
 
-/// The inputs of a camera's sky light, beside the camera's pose.
+/// What a camera's sky light depends on, apart from the camera's pose.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(in crate::gi) struct SkyInputs {
     plan: SkyPlan,

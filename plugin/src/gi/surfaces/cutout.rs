@@ -96,9 +96,9 @@ impl<'a> Cutout<'a> {
             || !corners.iter().all(|corner| self.alpha_of(*corner) >= self.cutoff)
     }
 
-    /// Whether the triangle has no hole at a point: barycentric weights of its second and third
+    /// Whether the triangle is opaque at a point: barycentric weights of its second and third
     /// corner.
-    pub(crate) fn is_there(&self, corners: [usize; 3], weights: [f32; 2]) -> bool {
+    pub(crate) fn is_opaque(&self, corners: [usize; 3], weights: [f32; 2]) -> bool {
         let alpha = interpolated(corners.map(|corner| self.alpha_of(corner)), weights);
         let texel = self
             .texture
@@ -189,7 +189,7 @@ mod tests {
             };
             let triangle = triangle();
             let cutout = cutout(&material, &triangle, &images);
-            assert_eq!(cutout.is_there(CORNERS, [0.2, 0.2]), there, "{alpha_mode:?} {alpha}");
+            assert_eq!(cutout.is_opaque(CORNERS, [0.2, 0.2]), there, "{alpha_mode:?} {alpha}");
             assert_eq!(
                 cutout.may_pierce(CORNERS),
                 !there,
@@ -206,7 +206,7 @@ mod tests {
             StandardMaterial { base_color_texture: Some(texture), ..masked(AlphaMode::Mask(0.5)) };
         let left_and_right = |material: &StandardMaterial, mesh: &Mesh| {
             let cutout = cutout(material, mesh, &images);
-            [0.2, 0.7].map(|across| cutout.is_there(CORNERS, [across, 0.2]))
+            [0.2, 0.7].map(|across| cutout.is_opaque(CORNERS, [across, 0.2]))
         };
         assert_eq!(left_and_right(&material, &triangle()), [false, true]);
         let turned = StandardMaterial {
@@ -221,7 +221,7 @@ mod tests {
         );
         assert_eq!(left_and_right(&material, &faded), [false, false]);
         assert!(
-            cutout(&material, &faded, &images).is_there(CORNERS, [0.55, 0.2]),
+            cutout(&material, &faded, &images).is_opaque(CORNERS, [0.55, 0.2]),
             "less towards the second corner"
         );
         let mut bare = triangle();

@@ -140,7 +140,7 @@ impl MaterialMesh<'_> {
     /// The material at a point of a triangle, given by its vertex indices and barycentric weights
     /// of the second and third corner. `None` in a hole.
     pub(crate) fn at(&self, corners: [usize; 3], weights: [f32; 2]) -> Option<MaterialSample> {
-        if self.cutout.as_ref().is_some_and(|cutout| !cutout.is_there(corners, weights)) {
+        if self.cutout.as_ref().is_some_and(|cutout| !cutout.is_opaque(corners, weights)) {
             return None;
         }
         let read = |texture: &Option<MeshTexture>, unread: LinearRgba| {

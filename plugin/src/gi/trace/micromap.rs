@@ -14,18 +14,18 @@ const SAMPLES: u32 = 8;
 /// A triangle without holes.
 pub(crate) const SOLID: u64 = u64::MAX;
 
-/// The micromap of a mask. `is_there`: whether a point, given by barycentric weights of the second
+/// The micromap of a mask. `is_opaque`: whether a point, given by barycentric weights of the second
 /// and third corner (each in [0, 1], together at most 1), is opaque.
 ///
 /// A partly opaque micro-triangle is rounded to one or the other, and its rounding error is carried
 /// on to the next (error diffusion), so that the triangle keeps its share of holes.
-pub(crate) fn micromap(mut is_there: impl FnMut([f32; 2]) -> bool) -> u64 {
+pub(crate) fn micromap(mut is_opaque: impl FnMut([f32; 2]) -> bool) -> u64 {
     let (mut map, mut carried, mut number) = (0, 0, 0);
     for (index, micro_triangle) in micro_triangles().enumerate() {
         let mut count = 0;
         for _ in 0..SAMPLES {
             number += 1;
-            count += i32::from(is_there(micro_triangle.point(spread(number))));
+            count += i32::from(is_opaque(micro_triangle.point(spread(number))));
         }
         carried += count;
         if 2 * carried >= SAMPLES as i32 {
@@ -77,7 +77,7 @@ fn spread(number: u32) -> [f32; 2] {
 
 /// Whether the micro-triangle at a point is opaque: the twin of `trace.wgsl`'s.
 #[cfg(test)]
-pub(crate) fn is_there(map: u64, [second, third]: [f64; 2]) -> bool {
+pub(crate) fn is_opaque(map: u64, [second, third]: [f64; 2]) -> bool {
     let side = f64::from(SIDE);
     let row = ((second * side) as u64).min(7);
     let column = ((third * side) as u64).min(7 - row);
@@ -110,7 +110,7 @@ mod tests {
             );
             for other in 0..64 {
                 assert_eq!(
-                    is_there(1 << other, point.map(f64::from)),
+                    is_opaque(1 << other, point.map(f64::from)),
                     other == index,
                     "bit {other} at {point:?}"
                 );
@@ -118,7 +118,7 @@ mod tests {
         }
         // Corners and edges belong to some micro-triangle.
         for corner in [[0.0, 0.0], [1.0, 0.0], [0.0, 1.0], [0.5, 0.5], [0.875, 0.125]] {
-            assert!(is_there(SOLID, corner) && !is_there(0, corner));
+            assert!(is_opaque(SOLID, corner) && !is_opaque(0, corner));
         }
     }
 
@@ -142,13 +142,13 @@ mod tests {
     proptest! {
         /// A mask cut by a straight line: only micro-triangles on the line may differ.
         #[test]
-        fn coarse_holes_are_where_they_are(angle in 0.0f64..6.3, at in 0.1f64..0.6, u in 0.0f64..1.0, v in 0.0f64..1.0) {
+        fn coarse_holes_are_at_the_right_positions(angle in 0.0f64..6.3, at in 0.1f64..0.6, u in 0.0f64..1.0, v in 0.0f64..1.0) {
             let (u, v) = if u + v > 1.0 { (1.0 - u, 1.0 - v) } else { (u, v) };
             let side = |u: f64, v: f64| (u - at) * angle.cos() + (v - 0.5 * at) * angle.sin();
             let map = micromap(|[u, v]| side(f64::from(u), f64::from(v)) > 0.0);
             // Farther from the line than a micro-triangle's longest side.
             if side(u, v).abs() > 0.18 {
-                prop_assert_eq!(is_there(map, [u, v]), side(u, v) > 0.0);
+                prop_assert_eq!(is_opaque(map, [u, v]), side(u, v) > 0.0);
             }
         }
 

@@ -73,8 +73,8 @@ pub(super) struct InstanceData {
 /// transmissive ones, those with [`NotShadowCaster`], skinned ones (their triangles here are those
 /// of the bind pose), and those whose asset is kept for the GPU alone (with a warning). Alpha masks
 /// of [`StandardMaterial`] have holes for rays too, at 64 micro-triangles per triangle, where the CPU has the mask's image in an
-/// uncompressed format (else no holes, with a warning). An image that changes in every frame has
-/// its meshes rebuilt in every frame. Morphs and shaders that move vertices are ignored. Meshes of
+/// uncompressed format (else no holes, with a warning). Where the image of
+/// a mask changes in every frame, its meshes' trees are rebuilt in every frame. Morphs and shaders that move vertices are ignored. Meshes of
 /// more than 4096 triangles, or 64 with a mask, are built in the background and occlude nothing
 /// until then.
 ///
@@ -300,7 +300,7 @@ fn start(key: &TreeKey, assets: &SurfaceAssets) -> Option<Tree> {
 fn holes(cutout: Option<&Cutout>, corners: [usize; 3]) -> u64 {
     match cutout {
         Some(cutout) if cutout.may_pierce(corners) => {
-            micromap(|weights| cutout.is_there(corners, weights))
+            micromap(|weights| cutout.is_opaque(corners, weights))
         }
         _ => SOLID,
     }

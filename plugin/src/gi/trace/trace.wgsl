@@ -62,7 +62,7 @@ fn meets_box(node: Node, origin: vec3<f32>, inverse: vec3<f32>) -> bool {
 
 #ifdef MASKS
 /// Whether a triangle is opaque at the barycentric weights of its second and third corner.
-fn is_there(triangle: Triangle, second: f32, third: f32) -> bool {
+fn is_opaque(triangle: Triangle, second: f32, third: f32) -> bool {
     let across = second * 8.0;
     let along = third * 8.0;
     let row = u32(across);
@@ -73,7 +73,7 @@ fn is_there(triangle: Triangle, second: f32, third: f32) -> bool {
     return (select(triangle.map_low, triangle.map_high, micro_triangle >= 32u) >> (micro_triangle & 31u) & 1u) == 1u;
 }
 #else
-fn is_there(triangle: Triangle, second: f32, third: f32) -> bool {
+fn is_opaque(triangle: Triangle, second: f32, third: f32) -> bool {
     return true;
 }
 #endif
@@ -89,7 +89,7 @@ fn meets_triangle(triangle: Triangle, origin: vec3<f32>, direction: vec3<f32>) -
     let v = dot(direction, q) * inverse;
     let t = dot(triangle.edge_2, q) * inverse;
     // For a ray in the triangle's plane these are infinite or NaN: no hit.
-    return u >= 0.0 && v >= 0.0 && u + v <= 1.0 && t > 0.0 && t < 1.0 && is_there(triangle, u, v);
+    return u >= 0.0 && v >= 0.0 && u + v <= 1.0 && t > 0.0 && t < 1.0 && is_opaque(triangle, u, v);
 }
 
 fn meets_mesh(instance: Instance, world_origin: vec3<f32>, world_direction: vec3<f32>) -> bool {

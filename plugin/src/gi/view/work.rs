@@ -2,7 +2,7 @@
 
 use super::frame::{GiFrame, GiRefresh};
 
-/// The work of a camera in a frame, beside the composite.
+/// The work of a camera in a frame. The composite is drawn in every frame, and not part of it.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(in crate::gi) struct Work {
     /// Sampling of VPLs.

@@ -23,7 +23,7 @@ use crate::gi::assert_costs_nothing;
 
 tests!(
     a_floor_under_an_even_sky_is_lit_by_all_of_it,
-    a_wall_hides_half_the_sky,
+    a_wall_occludes_half_the_sky,
     the_sky_lights_a_room_through_its_door_only,
     the_sky_rotates_as_in_bevy,
     without_rays_or_samples_bevy_renders_the_sky,
@@ -112,7 +112,7 @@ fn a_floor_under_an_even_sky_is_lit_by_all_of_it() {
     assert!((ours / bevy_s - 1.0).abs() < 0.06, "{ours} {bevy_s}");
 }
 
-fn a_wall_hides_half_the_sky() {
+fn a_wall_occludes_half_the_sky() {
     let mut stage = bare(Component::Global);
     spawn_floor(&mut stage, 20.0);
     meshes::spawn_box(

@@ -15,7 +15,7 @@ use frugal_tests::{gpu, meshes, set};
 use super::{GREY, Placement, on_bench, relative_albedo};
 
 tests!(
-    a_diffuse_plate_sends_receives_and_hides,
+    a_diffuse_plate_sends_receives_and_occludes,
     a_texture_sends_and_receives_its_colours_where_they_are,
     vertex_colours_tint_sent_and_received_light,
     metals_reflect_no_diffuse_light_but_occlude,
@@ -33,7 +33,7 @@ fn grey() -> StandardMaterial {
     meshes::diffuse(GREY, GREY, GREY)
 }
 
-fn a_diffuse_plate_sends_receives_and_hides() {
+fn a_diffuse_plate_sends_receives_and_occludes() {
     on_bench(|bench| {
         let reference = bench.reference();
         println!(

@@ -1,4 +1,4 @@
-//! The device's room for maps.
+//! How many texels of maps the device can hold.
 
 use bevy::log::warn_once;
 use bevy::render::renderer::RenderDevice;
@@ -7,20 +7,20 @@ use bevy::render::settings::WgpuLimits;
 use crate::gi::compute::{largest_storage_buffer, limits_of};
 use crate::gi::texels::TEXEL_BYTES;
 
-/// Rows and texels that emissive surfaces and patches may need beside maps.
+/// Rows and texels that emissive surfaces and patches may need besides maps.
 const OTHER_ROWS: u64 = 4096;
 const OTHER_TEXELS: u64 = 32_768;
 
 /// Texels, and rows of them, that the device can still take. A row of a map is a row of workgroups,
 /// and all texels of the app are one storage buffer.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) struct Room {
+pub(super) struct MapCapacity {
     rows: u64,
     texels: u64,
 }
 
-impl Room {
-    /// Of a device; see [`limits_of`].
+impl MapCapacity {
+    /// That of a device; see [`limits_of`].
     pub(super) fn new(device: Option<&RenderDevice>) -> Self {
         Self::with(&limits_of(device))
     }
@@ -32,7 +32,7 @@ impl Room {
         }
     }
 
-    /// Takes room for maps of `resolution` texels along their edges, if there is enough for all;
+    /// Reserves maps of `resolution` texels along their edges, if all of them fit;
     /// warns once if not.
     pub(super) fn take(&mut self, maps: usize, resolution: u32) -> bool {
         let rows = maps as u64 * u64::from(resolution);
@@ -55,19 +55,19 @@ mod tests {
 
     #[test]
     fn maps_that_fit_are_taken_and_others_are_not() {
-        let mut room = Room::with(&WgpuLimits::default());
+        let mut capacity = MapCapacity::with(&WgpuLimits::default());
         // 128 MiB are 4 M texels.
-        assert!(!room.take(1, 2048), "with the texels of other sources it is too large");
-        assert!(room.take(3, 1024) && !room.take(1, 1024) && room.take(1, 512));
+        assert!(!capacity.take(1, 2048), "with the texels of other sources it is too large");
+        assert!(capacity.take(3, 1024) && !capacity.take(1, 1024) && capacity.take(1, 512));
         // 65,535 rows of workgroups.
         let large = WgpuLimits {
             max_storage_buffer_binding_size: u64::MAX,
             max_buffer_size: u64::MAX,
             ..Default::default()
         };
-        let mut room = Room::with(&large);
-        assert!(room.take(29, 2048) && !room.take(1, 2048) && room.take(1, 1024));
+        let mut capacity = MapCapacity::with(&large);
+        assert!(capacity.take(29, 2048) && !capacity.take(1, 2048) && capacity.take(1, 1024));
         let none = WgpuLimits { max_storage_buffer_binding_size: 0, ..Default::default() };
-        assert!(!Room::with(&none).take(1, 16) && Room::with(&none).take(0, 16));
+        assert!(!MapCapacity::with(&none).take(1, 16) && MapCapacity::with(&none).take(0, 16));
     }
 }
