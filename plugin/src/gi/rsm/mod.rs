@@ -13,6 +13,7 @@ mod focus;
 mod lights;
 mod region;
 mod resolve;
+mod specs;
 mod views;
 
 use bevy::app::{App, Plugin, PostUpdate};

@@ -1,17 +1,16 @@
 //! Maintains one hidden camera per map: spawns, moves, resizes and despawns them as lights and GI
-//! cameras change.
+//! cameras change. [`specs`](super::specs) says which maps should exist.
 
 use bevy::camera::visibility::{InheritedVisibility, RenderLayers};
 use bevy::camera::{
-    Camera, Camera3d, OrthographicProjection, PerspectiveProjection, Projection, RenderTarget,
-    ScalingMode,
+    Camera, Camera3d, OrthographicProjection, Projection, RenderTarget, ScalingMode,
 };
 use bevy::core_pipeline::prepass::{DeferredPrepass, DepthPrepass};
 use bevy::ecs::prelude::*;
 use bevy::ecs::query::QueryData;
 use bevy::light::cluster::Clusters;
 use bevy::light::{DirectionalLight, PointLight, SpotLight};
-use bevy::math::{Mat3, Quat, UVec2, Vec3};
+use bevy::math::UVec2;
 use bevy::platform::collections::HashMap;
 use bevy::render::render_resource::TextureUsages;
 use bevy::render::renderer::RenderDevice;
@@ -21,44 +20,13 @@ use bevy::transform::helper::TransformHelper;
 
 use super::capacity::MapCapacity;
 use super::focus::Focus;
-use super::lights::{BouncingLight, LightShape, RsmLight};
-use super::region::{LightRegion, SceneBox, cover, near};
+use super::lights::{BouncingLight, RsmLight};
+use super::region::SceneBox;
+use super::specs::{MapSpec, Viewer, choose, lay_out};
 use super::{MapLayers, RsmView};
 use crate::gi::settings::{FrugalGi, GiLimits, GiShading};
 use crate::gi::texels::CascadeCut;
 use crate::gi::view::LightPresence;
-
-/// Maps render before every camera that an app orders; each has its own order.
-const FIRST_ORDER: isize = isize::MIN / 2;
-
-/// A map that should exist in this frame.
-struct MapSpec {
-    view: RsmView,
-    resolution: u32,
-    transform: Transform,
-    projection: Projection,
-    light: RsmLight,
-    cut: CascadeCut,
-    shading: GiShading,
-    layers: MapLayers,
-}
-
-impl MapSpec {
-    /// Unique, as offsets in the store are: cameras of equal order and target are ambiguous to
-    /// Bevy.
-    fn order(&self) -> isize {
-        FIRST_ORDER + self.light.texel_offset as isize
-    }
-}
-
-/// A GI camera of this frame, which maps serve.
-struct Viewer {
-    entity: Entity,
-    focus: Focus,
-    resolution: u32,
-    shading: GiShading,
-    layers: RenderLayers,
-}
 
 /// Changes of maps in this frame.
 #[derive(Resource, Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -210,183 +178,6 @@ impl MapItem<'_, '_> {
         // The cut moves texels from one cascade to the other, so both must be rendered in this
         // frame.
         delta.laid_out |= self.cut.set_if_neq(spec.cut);
-    }
-}
-
-/// The maps of the most important lights, up to `most` maps, as far as the device has capacity.
-fn choose(
-    lights: &[(BouncingLight, MapLayers)],
-    viewers: &[Viewer],
-    scene: (Vec3, Vec3),
-    most: usize,
-    mut capacity: MapCapacity,
-) -> Vec<MapSpec> {
-    let mut ranked: Vec<_> = lights
-        .iter()
-        .filter_map(|(light, layers)| {
-            // As Bevy: a light lights the cameras with which it shares a layer.
-            let lit = viewers.iter().filter(|viewer| viewer.layers.intersects(&layers.0));
-            let importance =
-                lit.map(|viewer| light.importance(viewer.focus.position)).max_by(f32::total_cmp)?;
-            Some((importance, light, layers))
-        })
-        .collect();
-    // Ties are broken by entity, so that the choice does not flicker.
-    ranked.sort_by(|a, b| b.0.total_cmp(&a.0).then(a.1.entity.cmp(&b.1.entity)));
-
-    // Shared maps satisfy the most demanding camera.
-    let finest = viewers.iter().map(|viewer| viewer.resolution).max().unwrap_or(0);
-    let lambertian = viewers.iter().all(|viewer| viewer.shading == GiShading::Lambertian);
-    let shading = if lambertian { GiShading::Lambertian } else { GiShading::Standard };
-    let mut specs = Vec::new();
-    for (_, light, layers) in ranked {
-        let mut maps: Vec<MapSpec> = match light.shape {
-            LightShape::Directional => {
-                let lit = viewers.iter().filter(|viewer| viewer.layers.intersects(&layers.0));
-                lit.flat_map(|viewer| parallel_maps(light, viewer, scene, layers)).collect()
-            }
-            _ => (0..light.faces())
-                .map(|face| perspective_map(light, face, finest, shading, layers))
-                .collect(),
-        };
-        let largest = maps.iter().map(|map| map.resolution).max().unwrap_or(0);
-        if specs.len() + maps.len() <= most && capacity.take(maps.len(), largest) {
-            specs.append(&mut maps);
-        }
-    }
-    specs
-}
-
-/// One map where the scene is small; else a far and a near cascade of about as many texels
-/// together.
-///
-/// A map of a whole level is mostly ground that lights nothing in the image. For a hall of 17 m in
-/// the middle of 100 m of ground, a single map of 512 × 512 texels had 2,400 on sunlit surfaces
-/// inside, 21 cm each, and the hall's light was 5 % too low.
-fn parallel_maps(
-    light: &BouncingLight,
-    viewer: &Viewer,
-    scene: (Vec3, Vec3),
-    layers: &MapLayers,
-) -> Vec<MapSpec> {
-    let rotation = Mat3::from_quat(light.rotation);
-    let shared = shared_resolution(viewer.resolution);
-    let Focus { position, range } = viewer.focus;
-    let far = cover(scene, rotation, position, range, shared);
-    if let Some((near, cut)) = near(&far, rotation, position, range, shared) {
-        let maps = [(far, cut), (near, CascadeCut::default())];
-        return (0..)
-            .zip(maps)
-            .map(|(face, (region, cut))| {
-                parallel_map(light, viewer, face, shared, region, cut, layers)
-            })
-            .collect();
-    }
-    let whole = cover(scene, rotation, position, range, viewer.resolution);
-    vec![parallel_map(light, viewer, 0, viewer.resolution, whole, CascadeCut::default(), layers)]
-}
-
-/// Texels along the side of each of two cascades that replace one map of `resolution`.
-fn shared_resolution(resolution: u32) -> u32 {
-    (resolution * 11 / 16).next_multiple_of(4)
-}
-
-fn parallel_map(
-    light: &BouncingLight,
-    viewer: &Viewer,
-    face: u8,
-    resolution: u32,
-    region: LightRegion,
-    cut: CascadeCut,
-    layers: &MapLayers,
-) -> MapSpec {
-    MapSpec {
-        view: RsmView { light: light.entity, camera: Some(viewer.entity), face },
-        resolution,
-        transform: Transform::from_translation(region.origin).with_rotation(light.rotation),
-        projection: Projection::Orthographic(OrthographicProjection {
-            near: 0.0,
-            far: region.depth,
-            scaling_mode: ScalingMode::Fixed { width: region.size.x, height: region.size.y },
-            ..OrthographicProjection::default_3d()
-        }),
-        light: RsmLight {
-            intensity: light.intensity,
-            texel_area_or_solid_angle: region.size.x * region.size.y
-                / (resolution * resolution) as f32,
-            direction: light.rotation * Vec3::NEG_Z,
-            cone_offset: 1.0,
-            fade: region.fade,
-            ..Default::default()
-        },
-        cut,
-        shading: viewer.shading,
-        layers: layers.clone(),
-    }
-}
-
-fn perspective_map(
-    light: &BouncingLight,
-    face: u8,
-    resolution: u32,
-    shading: GiShading,
-    layers: &MapLayers,
-) -> MapSpec {
-    let half_angle = match light.shape {
-        LightShape::Spot { outer, .. } => outer,
-        _ => std::f32::consts::FRAC_PI_4,
-    };
-    let resolution = light.resolution(resolution);
-    let rotation = if light.shape == LightShape::Point { cube_face(face) } else { light.rotation };
-    let edge = 2.0 * half_angle.tan() / resolution as f32;
-    let (cone_scale, cone_offset) = light.cone();
-    MapSpec {
-        view: RsmView { light: light.entity, camera: None, face },
-        resolution,
-        transform: Transform::from_translation(light.position).with_rotation(rotation),
-        projection: Projection::Perspective(PerspectiveProjection {
-            fov: 2.0 * half_angle,
-            aspect_ratio: 1.0,
-            // Surfaces that touch the light do not matter; a nearer plane would show walls around
-            // it from inside.
-            near: 0.02,
-            far: light.range,
-            ..Default::default()
-        }),
-        light: RsmLight {
-            intensity: light.intensity,
-            texel_area_or_solid_angle: edge * edge,
-            position: light.position,
-            inverse_range_squared: light.inverse_range_squared(),
-            direction: light.rotation * Vec3::NEG_Z,
-            cone_scale,
-            cone_offset,
-            ..Default::default()
-        },
-        cut: CascadeCut::default(),
-        shading,
-        layers: layers.clone(),
-    }
-}
-
-/// Rotation of a camera (which looks along its own −Z) for the cube's `face`: +X, −X, +Y, −Y, +Z,
-/// −Z.
-fn cube_face(face: u8) -> Quat {
-    let axis = [Vec3::X, Vec3::Y, Vec3::Z][usize::from(face) / 2 % 3];
-    let forward = if face.is_multiple_of(2) { axis } else { -axis };
-    let up = if axis == Vec3::Y { Vec3::NEG_Z } else { Vec3::Y };
-    Quat::from_mat3(&Mat3::from_cols(forward.cross(up), up, -forward))
-}
-
-/// Assigns every map its offset in the store, in an order that does not depend on the iteration of
-/// entities.
-fn lay_out(specs: &mut [MapSpec]) {
-    specs.sort_by_key(|spec| (spec.view.light, spec.view.camera, spec.view.face));
-    let mut texel = 0;
-    for map in specs {
-        map.light.texel_offset = texel;
-        map.light.resolution = map.resolution;
-        texel += map.resolution * map.resolution;
     }
 }
 

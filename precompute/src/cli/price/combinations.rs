@@ -7,7 +7,7 @@ use super::{Arguments, is_gi, is_still};
 use crate::cli::arguments::{write, write_report};
 use crate::cli::{CliError, progress};
 use crate::metrics::{Difference, Radiance};
-use crate::report::{Report, SweepSummary, sweep_section};
+use crate::report::{Report, ReportError, SweepSummary, sweep_section};
 use crate::search::{LevelDominance, level_dominance};
 use crate::stage::Stage;
 use crate::table::{SweepFacts, SweepTable};
@@ -25,8 +25,54 @@ pub(super) fn run(
     scene: &str,
     arguments: &Arguments,
 ) -> Result<(), CliError> {
-    let whole = stage.space().as_ref().clone();
-    let combinations = combinations(&whole)?;
+    let space = stage.space().as_ref().clone();
+    let table = measure(stage, reference, without, &combinations(&space)?)?;
+    let dominances: Vec<LevelDominance> = level_dominance(&space, &table)
+        .into_iter()
+        .filter(|dominance| is_gi(&dominance.knob) && !is_still(&dominance.knob))
+        .collect();
+    print_dominances(&dominances, table.len());
+    let points: Vec<_> =
+        table.into_iter().map(|(settings, cost)| FrontierPoint { settings, cost }).collect();
+    if let Some(path) = &arguments.csv {
+        // Power is that which global illumination adds, not that of whole frames, so the table
+        // omits their size.
+        let facts = SweepFacts {
+            scene: Some(scene.to_owned()),
+            meter: Some(stage.meter()),
+            ..SweepFacts::default()
+        };
+        let mut text = Vec::new();
+        SweepTable { facts, space: space.clone(), points: points.clone() }
+            .write(&mut text)
+            .map_err(CliError::failed)?;
+        write(path, &text)?;
+    }
+    if let Some(folder) = &arguments.report {
+        let summary = SweepSummary {
+            scene,
+            space: &space,
+            points: &points,
+            error: "the relative L1 of means over 4 × 4 pixels of indirect light, against one path-traced bounce; power is what global illumination adds",
+            meter: &stage.meter(),
+            size: arguments.size.to_array(),
+            fps: stage.options().frames_per_second,
+            position: arguments.camera.position,
+            look_at: arguments.camera.look_at,
+        };
+        write_report(folder, &page(&summary, &dominances)?)?;
+    }
+    Ok(())
+}
+
+/// Power that global illumination adds, and error, of all `combinations`. `without`: settings
+/// without global illumination.
+fn measure(
+    stage: &mut Stage,
+    reference: &Radiance,
+    without: KnobLevels,
+    combinations: &[KnobLevels],
+) -> Result<Vec<(KnobLevels, CostPoint)>, CliError> {
     let bar = progress::bar(combinations.len() as u64).with_message("combinations");
     let mut table = Vec::new();
     let reading = |stage: &mut Stage, settings: KnobLevels| -> Result<f64, CliError> {
@@ -50,73 +96,45 @@ pub(super) fn run(
         }
     }
     bar.finish_and_clear();
+    Ok(table)
+}
 
+fn print_dominances(dominances: &[LevelDominance], combinations: usize) {
     println!(
-        "{} combinations of the global illumination's levels; cost in watts that it adds, error against the reference",
-        table.len()
+        "{combinations} combinations of the global illumination's levels; cost in watts that it adds, error against the reference"
     );
     println!("{:20} {:>8} {:>14} {:>12}", "knob", "level", "Pareto-optimal", "dominated by");
-    let dominances = level_dominance(&whole, &table)
-        .into_iter()
-        .filter(|dominance| is_gi(&dominance.knob) && !is_still(&dominance.knob));
-    let dominances: Vec<LevelDominance> = dominances.collect();
-    for dominance in &dominances {
+    for dominance in dominances {
         println!(
             "{:20} {:>8} {:14} {:12.3}",
             dominance.knob, dominance.label, dominance.non_dominated, dominance.dominated_by
         );
     }
-    let points: Vec<_> =
-        table.into_iter().map(|(settings, cost)| FrontierPoint { settings, cost }).collect();
-    if let Some(path) = &arguments.csv {
-        // Power is that which global illumination adds, not that of whole frames, so the table
-        // omits their size.
-        let facts = SweepFacts {
-            scene: Some(scene.to_owned()),
-            meter: Some(stage.meter()),
-            ..SweepFacts::default()
-        };
-        let mut text = Vec::new();
-        SweepTable { facts, space: whole.clone(), points: points.clone() }
-            .write(&mut text)
-            .map_err(CliError::failed)?;
-        write(path, &text)?;
-    }
-    if let Some(folder) = &arguments.report {
-        let summary = SweepSummary {
-            scene,
-            space: &whole,
-            points: &points,
-            error: "the relative L1 of means over 4 × 4 pixels of indirect light, against one path-traced bounce; power is what global illumination adds",
-            meter: &stage.meter(),
-            size: arguments.size.to_array(),
-            fps: stage.options().frames_per_second,
-            position: arguments.camera.position,
-            look_at: arguments.camera.look_at,
-        };
-        let mut section = sweep_section(&summary)?;
-        let row = |dominance: &LevelDominance| {
-            vec![
-                dominance.knob.clone(),
-                dominance.label.clone(),
-                dominance.non_dominated.to_string(),
-                format!("{:.3}", dominance.dominated_by),
-            ]
-        };
-        let headers = [
-            "knob",
-            "level",
-            "Pareto-optimal combinations with it",
-            "its best combination is dominated by a factor of",
+}
+
+/// The page: the cloud of combinations, and the dominance of levels.
+fn page(summary: &SweepSummary<'_>, dominances: &[LevelDominance]) -> Result<String, ReportError> {
+    let row = |dominance: &LevelDominance| {
+        vec![
+            dominance.knob.clone(),
+            dominance.label.clone(),
+            dominance.non_dominated.to_string(),
+            format!("{:.3}", dominance.dominated_by),
         ]
-        .map(String::from);
-        section.table("Level dominance", &headers, &dominances.iter().map(row).collect::<Vec<_>>());
-        let mut report =
-            Report::new(&format!("Every combination of global illumination's levels in {scene}"));
-        report.section(section);
-        write_report(folder, &report.render())?;
-    }
-    Ok(())
+    };
+    let headers = [
+        "knob",
+        "level",
+        "Pareto-optimal combinations with it",
+        "its best combination is dominated by a factor of",
+    ]
+    .map(String::from);
+    let mut section = sweep_section(summary)?;
+    section.table("Level dominance", &headers, &dominances.iter().map(row).collect::<Vec<_>>());
+    let title = format!("Every combination of global illumination's levels in {}", summary.scene);
+    let mut report = Report::new(&title);
+    report.section(section);
+    Ok(report.render())
 }
 
 /// All combinations of global illumination's levels with it on, the other knobs at their best.

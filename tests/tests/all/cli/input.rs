@@ -131,8 +131,6 @@ fn invalid_arguments_are_named() {
         (&["precompute", "a.scene.ron", "--size", "0x9"], &["--size"]),
         (&["precompute", "a.scene.ron", "--fps", "0"], &["frame rate"]),
         (&["precompute", "a.scene.ron", "--fps", "-30"], &["frame rate"]),
-        (&["precompute", "a.scene.ron", "--knobs", "sharpness"], &["sharpness", "gi_vpl_count"]),
-        (&["precompute", "a.scene.ron", "--meter", "crystal-ball"], &["crystal-ball"]),
         (
             &[&["reference", "a.scene.ron", "--bounces", "-1"][..], &AT].concat(),
             &["--bounces", "all"],

@@ -6,8 +6,8 @@
 pub(crate) mod analysis;
 pub(crate) mod input;
 pub(crate) mod journal;
-pub(crate) mod knobs;
 pub(crate) mod outputs;
+pub(crate) mod stage;
 
 use std::fs;
 use std::path::Path;

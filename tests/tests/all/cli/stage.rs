@@ -1,8 +1,20 @@
-//! Knobs and their levels on the command line.
+//! Knobs, levels and meters, which only a stage can refuse: these need an adapter.
 
-use super::{AT, SCENE, assert_refused, folder, run, write};
+use super::{AT, SCENE, assert_refused, entries, folder, run, write};
 
-tests!(misspelt_knobs_and_levels_get_the_nearest_one);
+tests!(unknown_knobs_and_meters_are_named, misspelt_knobs_and_levels_get_the_nearest_one);
+
+fn unknown_knobs_and_meters_are_named() {
+    let folder = folder();
+    write(folder.path(), "a.scene.ron", SCENE);
+    for (option, value, words) in [
+        ("--knobs", "sharpness", &["sharpness", "gi_vpl_count"][..]),
+        ("--meter", "crystal-ball", &["crystal-ball"]),
+    ] {
+        assert_refused(&run(folder.path(), &["precompute", "a.scene.ron", option, value]), words);
+    }
+    assert_eq!(entries(folder.path()), ["a.scene.ron"], "files appeared");
+}
 
 fn misspelt_knobs_and_levels_get_the_nearest_one() {
     let folder = folder();
