@@ -37,12 +37,13 @@ pub struct Knob {
 }
 
 impl Knob {
-    /// A knob with its values as labels. [`KnobSpace::new`] checks the levels.
+    /// A knob with its values as labels. [`KnobSpace::new`](super::KnobSpace::new) checks the
+    /// levels.
     pub fn new(name: &str, levels: impl IntoIterator<Item = f64>) -> Self {
         Self::labelled(name, levels.into_iter().map(|value| (value, value.to_string())))
     }
 
-    /// A knob with a label per level. [`KnobSpace::new`] checks the levels.
+    /// A knob with a label per level. [`KnobSpace::new`](super::KnobSpace::new) checks the levels.
     pub fn labelled<L: Into<String>>(
         name: &str,
         levels: impl IntoIterator<Item = (f64, L)>,

@@ -6,8 +6,8 @@ use serde::{Deserialize, Serialize};
 /// Bits per knob in [`KnobLevels`].
 const BITS: u32 = 4;
 
-/// One level per knob of a [`KnobSpace`], four bits each, with the space's first knob in the lowest
-/// bits. Higher levels give higher quality, usually at a higher cost.
+/// One level per knob of a [`KnobSpace`](super::KnobSpace), four bits each, with the space's first
+/// knob in the lowest bits. Higher levels give higher quality, usually at a higher cost.
 ///
 /// Wang et al. 2016, section 3.7.2, use the same packing in 32 bits.
 #[derive(
@@ -33,8 +33,8 @@ impl KnobLevels {
     /// Maximum number of levels of a knob.
     pub const MAX_LEVELS: usize = 1 << BITS;
 
-    /// The settings of the packed form `bits`. Any value is accepted; [`KnobSpace::contains`]
-    /// checks it.
+    /// The settings of the packed form `bits`. Any value is accepted;
+    /// [`KnobSpace::contains`](super::KnobSpace::contains) checks it.
     pub const fn from_bits(bits: u64) -> Self {
         Self(bits)
     }
