@@ -15,6 +15,7 @@ tests!(
     a_cut_discards_history,
     history_reduces_flicker_and_leaves_no_trace_at_rest,
     history_outlives_a_switch_of_settings,
+    what_comes_into_view_loses_its_noise_at_once,
     a_clip_costs_the_same_whatever_was_rendered_before
 );
 
@@ -205,6 +206,61 @@ fn history_outlives_a_switch_of_settings() {
         assert!(kept < most * dropped, "{to}: {kept} {dropped}");
         assert!(rested == fresh, "{to}: a still image does not depend on history");
     }
+}
+
+/// Mean absolute difference in columns `from..to`.
+fn difference(a: &Radiance, b: &Radiance, from: usize, to: usize) -> f64 {
+    let pixels = a.rgb.iter().zip(&b.rgb).enumerate();
+    pixels
+        .filter(|(index, _)| (from..to).contains(&(index % a.width as usize)))
+        .map(|(_, (a, b))| a.iter().zip(b).map(|(a, b)| f64::from((a - b).abs())).sum::<f64>())
+        .sum()
+}
+
+fn what_comes_into_view_loses_its_noise_at_once() {
+    const FRAMES: u8 = 30;
+    /// Degrees a frame: about four of 96 columns.
+    const TURN: f32 = 4.0;
+    let mut stage =
+        set::open(&set::scene("courtyard"), set::radiance_options(96, 54, Component::Indirect));
+    stage.world_mut().insert_resource(GiRefresh::OnChange);
+    let noisy = "max,rsm_resolution=128,gi_vpl_count=64,gi_interleave=4x4,gi_visibility=coarse";
+    let best = "max,rsm_resolution=128,gi_vpl_count=2048,gi_visibility=coarse";
+    // With history, and without, for columns seen for 4 to 8 frames, and for more than 18.
+    let mut errors = [[0.0; 2]; 2];
+    for start in [0.0, 90.0, 180.0, 270.0f32] {
+        let pose = |frame: u8| {
+            let turned = Quat::from_rotation_y((start + TURN * f32::from(frame)).to_radians());
+            CameraPose {
+                position: Vec3::new(1.0, 1.8, 1.0) + turned * Vec3::X * 0.5,
+                rotation: turned,
+            }
+        };
+        look(&mut stage, pose(FRAMES));
+        set::apply(&mut stage, best);
+        let expected = set::radiance(&mut stage);
+        set::apply(&mut stage, noisy);
+        stage.frame();
+        let fresh = stage.radiance().expect("radiance");
+        set::apply(&mut stage, noisy);
+        for frame in 0..=FRAMES {
+            look(&mut stage, pose(frame));
+            stage.frame();
+        }
+        let shown = stage.radiance().expect("radiance");
+        // The camera turns to the left.
+        for (errors, (from, to)) in errors.iter_mut().zip([(16, 32), (72, 96)]) {
+            errors[0] += difference(&shown, &expected, from, to);
+            errors[1] += difference(&fresh, &expected, from, to);
+        }
+    }
+    let [new, old] = errors.map(|[shown, fresh]| shown / fresh);
+    println!(
+        "    history leaves {:.0} % of the error of one frame, {:.0} % where a surface came into view 4 to 8 frames ago",
+        100.0 * old,
+        100.0 * new
+    );
+    assert!(old < 0.9 && new < 1.2 * old, "{new} {old}");
 }
 
 fn a_clip_costs_the_same_whatever_was_rendered_before() {

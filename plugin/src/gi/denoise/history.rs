@@ -9,7 +9,9 @@ use bevy::render::texture::CachedTexture;
 use bevy::time::Time;
 use bytemuck::{Pod, Zeroable};
 
-use crate::gi::gather::{GatherView, IRRADIANCE, irradiance_texture, texture_bytes, texture_size};
+use crate::gi::gather::{
+    GatherView, IRRADIANCE, irradiance_texture, low_resolution_texture, texture_bytes, texture_size,
+};
 use crate::gi::view::{GatherCamera, GiView, Step};
 
 /// Longest history, in frames.
@@ -29,6 +31,9 @@ const LONGEST_FRAME: f32 = 0.1;
 
 const FILTERED: &str = "bevy_frugal_gi/denoise/filtered";
 const HISTORY: &str = "bevy_frugal_gi/denoise/history";
+const LENGTHS: &str = "bevy_frugal_gi/denoise/lengths";
+/// Format of the lengths of history: every device can write it.
+pub(super) const LENGTH_FORMAT: TextureFormat = TextureFormat::R32Float;
 
 /// `denoise/temporal.wgsl`'s `Reprojection`: the camera of the history.
 #[derive(Clone, Copy, Debug, PartialEq, Pod, Zeroable)]
@@ -102,11 +107,15 @@ pub(in crate::gi) struct History {
     /// The accumulated irradiance of the last frame. Swaps textures with
     /// [`GatherView::irradiance`].
     pub(super) texture: CachedTexture,
+    /// Frames in the mean of each low-resolution pixel of [`texture`](Self::texture).
+    pub(super) lengths: CachedTexture,
+    /// The same of this frame's accumulated irradiance.
+    pub(super) new_lengths: CachedTexture,
     /// A [`Reprojection`].
     pub(super) reprojection: Buffer,
     /// Its camera.
     camera: Option<GatherCamera>,
-    /// Frames in the accumulated mean. At rest it falls to 1: the last gather, without any history.
+    /// Most frames in the accumulated mean of any pixel. At rest it falls to 1: the last gather, without any history.
     length: u32,
     /// Whether the accumulated irradiance changes in this frame.
     pub(super) accumulates: bool,
@@ -121,10 +130,14 @@ impl History {
         });
         let [filtered, texture] =
             [FILTERED, HISTORY].map(|label| irradiance_texture(device, label, view.cells()));
+        let [lengths, new_lengths] = [LENGTHS; 2]
+            .map(|label| low_resolution_texture(device, label, view.cells(), LENGTH_FORMAT));
         Self {
             window,
             filtered,
             texture,
+            lengths,
+            new_lengths,
             reprojection,
             camera: None,
             length: 0,
@@ -163,6 +176,10 @@ impl History {
             Some(replaced) => self.texture = replaced,
             None => std::mem::swap(shown, &mut self.texture),
         }
+        std::mem::swap(&mut self.lengths, &mut self.new_lengths);
+        if texture_size(&self.new_lengths) != view.cells() {
+            self.new_lengths = low_resolution_texture(device, LENGTHS, view.cells(), LENGTH_FORMAT);
+        }
         for (texture, label) in [(shown, IRRADIANCE), (&mut self.filtered, FILTERED)] {
             if texture_size(texture) != view.cells() {
                 *texture = irradiance_texture(device, label, view.cells());
@@ -186,7 +203,10 @@ impl History {
     /// Bytes held on the GPU, without [`GatherView::irradiance`].
     pub(crate) fn bytes(&self) -> u64 {
         self.reprojection.size()
-            + [&self.filtered, &self.texture].map(texture_bytes).iter().sum::<u64>()
+            + [&self.filtered, &self.texture, &self.lengths, &self.new_lengths]
+                .map(texture_bytes)
+                .iter()
+                .sum::<u64>()
     }
 }
 

@@ -24,7 +24,7 @@ use super::schedule::{PassSystems, PrepareSystems, supported_render_app};
 use super::settings::FrugalGi;
 use super::view::GiView;
 pub(super) use history::History;
-use history::Reprojection;
+use history::{LENGTH_FORMAT, Reprojection};
 
 /// Window sizes with a pipeline.
 const WINDOWS: [u32; 3] = [2, 4, 8];
@@ -110,6 +110,8 @@ impl FromWorld for DenoisePipelines {
                     light(),
                     uniform_buffer_sized(false, BufferSize::new(size_of::<Reprojection>() as u64)),
                     texture_storage_2d(TextureFormat::Rgba16Float, StorageTextureAccess::WriteOnly),
+                    light(),
+                    texture_storage_2d(LENGTH_FORMAT, StorageTextureAccess::WriteOnly),
                 ),
             ),
         );
@@ -174,6 +176,8 @@ pub(super) fn denoise(
                 &history.texture.default_view,
                 history.reprojection.as_entire_binding(),
                 &gather.irradiance.default_view,
+                &history.lengths.default_view,
+                &history.new_lengths.default_view,
             ));
             (pipeline, bind_group(&context, &cache, &pipelines.temporal_layout, &entries))
         });

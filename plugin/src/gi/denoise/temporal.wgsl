@@ -26,6 +26,9 @@
 @group(0) @binding(5) var history: texture_2d<f32>;
 @group(0) @binding(6) var<uniform> reprojection: Reprojection;
 @group(0) @binding(7) var accumulated: texture_storage_2d<rgba16float, write>;
+/// Frames in the mean of each low-resolution pixel of the history.
+@group(0) @binding(8) var history_lengths: texture_2d<f32>;
+@group(0) @binding(9) var lengths: texture_storage_2d<r32float, write>;
 
 /// The camera of the history.
 struct Reprojection {
@@ -33,7 +36,7 @@ struct Reprojection {
     world_from_clip: mat4x4<f32>,
     /// World space, metres.
     eye: vec3<f32>,
-    /// Weight of the present where there is history, in (0, 1]: 1 for no reprojection.
+    /// Least weight of the present where there is history, in (0, 1]: 1 for no reprojection.
     present_weight: f32,
     /// Ratio of exposures, present to history.
     exposure: f32,
@@ -43,6 +46,16 @@ struct Reprojection {
     /// from now.
     size: vec2<u32>,
     cell: vec2<u32>,
+}
+
+/// What the history knows of a surface.
+struct Found {
+    /// Irradiance.
+    light: vec3<f32>,
+    /// Share of the surface that the history shows, 0 to 1.
+    share: f32,
+    /// Frames in its mean.
+    length: f32,
 }
 
 /// Low-resolution pixels from one tap to the next: the width of the spatial filter's window, so
@@ -58,8 +71,8 @@ fn spline(x: i32) -> f32 {
     return select(select(1.0, 0.6666667, abs(x) == 1), 0.1666667, abs(x) == 2);
 }
 
-/// Reprojected irradiance of a surface, weighted, and the sum of weights: 0 to 1.
-fn reprojected(position: vec3<f32>, normal: vec3<f32>, tolerance: f32) -> vec4<f32> {
+/// The history of a surface, reprojected.
+fn reprojected(position: vec3<f32>, normal: vec3<f32>, tolerance: f32) -> Found {
     let cells = textureDimensions(history);
     let clip = reprojection.clip_from_world * vec4(position, 1.0);
     let uv = clip.xy / max(clip.w, 1e-9) * vec2(0.5, -0.5) + 0.5;
@@ -72,6 +85,7 @@ fn reprojected(position: vec3<f32>, normal: vec3<f32>, tolerance: f32) -> vec4<f
     let corner = floor(read);
     let fraction = read - corner;
     var sum = vec4(0.0);
+    var length = 0.0;
     for (var i = 0u; i < 4u; i++) {
         let offset = vec2(i & 1u, i >> 1u);
         let tap = vec2<i32>(corner) + vec2<i32>(offset);
@@ -89,9 +103,14 @@ fn reprojected(position: vec3<f32>, normal: vec3<f32>, tolerance: f32) -> vec4<f
         // Half floats round the distance.
         let same = valid && inside && abs(dot(there - position, normal)) < max(tolerance, 2e-3 * shown.a);
         let close = select(1.0 - fraction, fraction, offset == vec2(1u));
-        sum += select(vec4(0.0), vec4(shown.rgb, 1.0) * (close.x * close.y), same);
+        let weight = select(0.0, close.x * close.y, same);
+        sum += select(vec4(0.0), vec4(shown.rgb, 1.0) * weight, same);
+        let frames = textureLoad(history_lengths, at, 0).r;
+        // NaN compares false here, too.
+        length += weight * select(1.0, frames, frames >= 1.0 && frames <= 65504.0);
     }
-    return sum;
+    let least = max(sum.a, 1e-6);
+    return Found(sum.rgb / least, sum.a, length / least);
 }
 
 /// Luminance change, 0 to 1: 0 where noise of size `noise` explains the difference, 1 where the
@@ -146,16 +165,20 @@ fn accumulate(@builtin(global_invocation_id) id: vec3<u32>) {
 #endif
     let present = sum / weights;
     let found = reprojected(position, normal, tolerance);
-    let before = found.rgb / max(found.a, 1e-6) * reprojection.exposure;
+    let before = found.light * reprojection.exposure;
     // History is rejected where luminance changes by 95 % or more, so that lights switch without
     // lag.
     let was = luminance(before);
     let changed = min(luminance_change(luminance(present), was, ERRORS * own.a), luminance_change(around / around_weights, was, ERRORS * own.a));
-    let share = mix(1.0, max(reprojection.present_weight, changed), select(0.0, found.a, found.a > 0.01));
+    // The mean of all frames that showed the surface, up to the longest history: otherwise the noise
+    // of the first frame would stay for as long as a whole history does.
+    let least_share = max(reprojection.present_weight, 1.0 / (found.length + 1.0));
+    let share = mix(1.0, max(least_share, changed), select(0.0, found.share, found.share > 0.01));
     // Not mix(): where nothing changes it would lose a bit of the half float in each frame, on devices
     // that truncate, and never win it back.
     let blended = before + (present - before) * share;
     let shown = select(present, blended, share < 1.0);
+    textureStore(lengths, id.xy, vec4(select(1.0, 1.0 / share, share > 0.0), 0.0, 0.0, 0.0));
     let delta = position - view.world_position;
     let away = min(select(length(delta), -dot(delta, view.world_from_view[2].xyz), view.clip_from_view[3][3] == 1.0), 60000.0);
     textureStore(accumulated, id.xy, vec4(select(vec3(0.0), shown, depth > 0.0), select(0.0, away, depth > 0.0)));

@@ -28,7 +28,9 @@ use super::trace::OccluderBuffers;
 use super::view::GiView;
 use super::vpl::{VPL_BYTES, VplView};
 pub(super) use settings::GatherSettings;
-pub(super) use view::{GatherView, IRRADIANCE, irradiance_texture, texture_bytes, texture_size};
+pub(super) use view::{
+    GatherView, IRRADIANCE, irradiance_texture, low_resolution_texture, texture_bytes, texture_size,
+};
 
 pub(super) struct GatherPlugin;
 

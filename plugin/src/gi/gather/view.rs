@@ -36,12 +36,22 @@ impl GatherView {
     }
 }
 
-/// A texture of irradiance at low resolution. Not from Bevy's cache, whose textures may go to
-/// another camera in the next frame: irradiance must persist.
+/// A texture of irradiance at low resolution.
 pub(in crate::gi) fn irradiance_texture(
     device: &RenderDevice,
     label: &'static str,
     cells: UVec2,
+) -> CachedTexture {
+    low_resolution_texture(device, label, cells, TextureFormat::Rgba16Float)
+}
+
+/// A texture with a texel for each low-resolution pixel. Not from Bevy's cache, whose textures may
+/// go to another camera in the next frame: what it holds must persist.
+pub(in crate::gi) fn low_resolution_texture(
+    device: &RenderDevice,
+    label: &'static str,
+    cells: UVec2,
+    format: TextureFormat,
 ) -> CachedTexture {
     let texture = device.create_texture(&TextureDescriptor {
         label: Some(label),
@@ -49,7 +59,7 @@ pub(in crate::gi) fn irradiance_texture(
         mip_level_count: 1,
         sample_count: 1,
         dimension: TextureDimension::D2,
-        format: TextureFormat::Rgba16Float,
+        format,
         usage: TextureUsages::STORAGE_BINDING
             | TextureUsages::TEXTURE_BINDING
             | TextureUsages::COPY_SRC,
@@ -64,10 +74,11 @@ pub(in crate::gi) fn texture_size(texture: &CachedTexture) -> UVec2 {
     UVec2::new(texture.texture.width(), texture.texture.height())
 }
 
-/// Bytes of an [`irradiance_texture`].
+/// Bytes of a [`low_resolution_texture`].
 pub(in crate::gi) fn texture_bytes(texture: &CachedTexture) -> u64 {
     let size = texture_size(texture).as_u64vec2();
-    size.x * size.y * 8
+    let texel = texture.texture.format().block_copy_size(None).unwrap_or(0);
+    size.x * size.y * u64::from(texel)
 }
 
 /// Label of [`GatherView::irradiance`].
