@@ -440,6 +440,7 @@ fn read(app: &mut App, watts: Option<f64>) {
             description: String::new(),
         }),
         state,
+        read_at: None,
     };
     app.update();
 }

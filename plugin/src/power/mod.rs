@@ -4,7 +4,7 @@
 //! | item | job |
 //! |---|---|
 //! | [`PowerMeter`] | contract: cumulative energy with its provenance |
-//! | [`CpuTimeMeter`], [`NvmlMeter`] | the meters |
+//! | [`CpuTimeMeter`], [`NvmlMeter`], and those of Linux' files by name | the meters |
 //! | [`detect`], [`open`] | the meters of this machine, and the one that covers the rendering device |
 //! | [`SimulatedDevice`], [`SimulatedMeter`] | a device with heat, throttling and a meter, in numbers |
 //! | [`PowerPlugin`] | the sampler in a Bevy app: [`MeteredPower`] and a diagnostic |
@@ -15,6 +15,7 @@
 //! An unknown power is never reported as 0 W: a counter that is missing, unreadable or faulty gives
 //! a [`MeterError`] or a [`MeterState`] with the reason.
 
+mod adapter;
 mod cpu_time;
 mod detect;
 mod meter;
@@ -27,11 +28,13 @@ mod scripted;
 #[cfg(any(test, feature = "meter-tools"))]
 mod self_test;
 mod simulated;
+mod sysfs;
 mod tracker;
 mod window;
 
+pub use adapter::{Adapter, AdapterKind};
 pub use cpu_time::{CpuTimeMeter, InvalidWattsPerCore};
-pub use detect::{Adapter, AdapterKind, OpenMeterError, detect, open};
+pub use detect::{OpenMeterError, detect, open};
 #[cfg(feature = "meter-tools")]
 pub use detect::{SurveyedMeter, survey};
 pub use meter::{MeterError, MeterInfo, PowerMeter, Provenance};
