@@ -52,5 +52,13 @@ pub use self_test::{SelfTest, Verdict, busy_cpu_load, self_test};
 pub use simulated::{SimulatedDevice, SimulatedMeter};
 pub use tracker::MeterState;
 pub(crate) use tracker::PowerSnapshot;
+
+use crate::units::{Joules, Watts};
+
+/// Energy left in the machine's batteries, and the power that they give; `None` unless they alone
+/// feed the machine. May take milliseconds, or hang with a driver.
+pub(crate) fn battery_left() -> Option<(Joules, Watts)> {
+    sysfs::battery::left(&sysfs::SysRoot::default())
+}
 #[cfg(feature = "meter-tools")]
 pub use window::EnergyWindow;

@@ -34,6 +34,9 @@ struct Battery {
     power: NumberFile,
     current: NumberFile,
     voltage: NumberFile,
+    /// Energy left: microwatt-hours, or microampere-hours.
+    energy: NumberFile,
+    charge: NumberFile,
 }
 
 /// All batteries, or a named one.
@@ -46,6 +49,20 @@ struct Batteries {
 }
 
 fn find(root: &SysRoot, wanted: Option<&str>) -> Result<Box<dyn Source>, MeterError> {
+    Ok(Box::new(batteries(root, wanted)?))
+}
+
+/// Energy left in the machine's batteries, and the power that they give; `None` unless they alone
+/// feed the machine.
+pub(crate) fn left(root: &SysRoot) -> Option<(Joules, Watts)> {
+    let batteries = batteries(root, None).ok()?;
+    let power = batteries.power().ok()?;
+    let energies = batteries.batteries.iter().map(Battery::energy);
+    let energy: f64 = energies.sum::<Option<f64>>()?;
+    (energy.is_finite() && energy > 0.0).then_some((Joules(energy), power))
+}
+
+fn batteries(root: &SysRoot, wanted: Option<&str>) -> Result<Batteries, MeterError> {
     let (mut batteries, mut chargers) = (Vec::new(), Vec::new());
     for folder in root.list(&root.path(FOLDER), |_| true) {
         let name = folder.file_name().unwrap_or_default().to_string_lossy().into_owned();
@@ -60,6 +77,8 @@ fn find(root: &SysRoot, wanted: Option<&str>) -> Result<Box<dyn Source>, MeterEr
                         power: root.number(folder.join("power_now")),
                         current: root.number(folder.join("current_now")),
                         voltage: root.number(folder.join("voltage_now")),
+                        energy: root.number(folder.join("energy_now")),
+                        charge: root.number(folder.join("charge_now")),
                     });
                 }
             }
@@ -77,12 +96,7 @@ fn find(root: &SysRoot, wanted: Option<&str>) -> Result<Box<dyn Source>, MeterEr
         };
         return Err(MeterError::unavailable(NAME, reason));
     }
-    Ok(Box::new(Batteries {
-        root: root.clone(),
-        batteries,
-        chargers,
-        gauge: Gauge::new(STALE_AFTER),
-    }))
+    Ok(Batteries { root: root.clone(), batteries, chargers, gauge: Gauge::new(STALE_AFTER) })
 }
 
 fn find_for(root: &SysRoot, adapter: &Adapter) -> Result<Box<dyn Source>, MeterError> {
@@ -136,6 +150,18 @@ impl Batteries {
 }
 
 impl Battery {
+    /// Energy left, joules.
+    fn energy(&self) -> Option<f64> {
+        let positive = |file: &NumberFile| file.read().ok().filter(|value| *value > 0);
+        // Micro-hours to seconds.
+        let unit = 3600.0 * 1e-6;
+        if let Some(energy) = positive(&self.energy) {
+            return Some(energy as f64 * unit);
+        }
+        let (charge, voltage) = (positive(&self.charge)?, positive(&self.voltage)?);
+        Some(charge as f64 * unit * voltage as f64 * 1e-6)
+    }
+
     /// The power that it gives: drivers disagree about the sign.
     fn power(&self) -> Result<Watts, MeterError> {
         let error = |file: &NumberFile, fault| file.error(NAME, fault, REMEDY);

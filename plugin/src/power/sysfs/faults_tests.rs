@@ -563,3 +563,26 @@ fn a_file_that_hangs_is_lost_in_seconds_and_comes_back() {
     }
     assert!(waits(), "it answers again");
 }
+
+#[test]
+fn the_energy_left_is_that_of_the_machines_batteries_while_they_feed_it() {
+    let tree = Tree::of(&[
+        ("sys/class/power_supply/BAT0/type", "Battery"),
+        ("sys/class/power_supply/BAT0/status", "Discharging"),
+        ("sys/class/power_supply/BAT0/power_now", "-9000000"),
+        ("sys/class/power_supply/BAT0/energy_now", "20000000"),
+        ("sys/class/power_supply/BAT1/type", "Battery"),
+        ("sys/class/power_supply/BAT1/status", "Full"),
+        ("sys/class/power_supply/BAT1/voltage_now", "10000000"),
+        ("sys/class/power_supply/BAT1/charge_now", "1500000"),
+    ]);
+    let left = || battery::left(&tree.root()).map(|(energy, power)| (energy.0.round(), power.0));
+    assert_eq!(left(), Some((35.0 * 3600.0, 9.0)), "20 Wh and 1.5 Ah at 10 V");
+    for text in ["0", "-5", "unknown", ""] {
+        tree.write("sys/class/power_supply/BAT1/charge_now", text);
+        assert_eq!(left(), None, "{text}");
+    }
+    tree.write("sys/class/power_supply/BAT1/charge_now", "1500000");
+    tree.write("sys/class/power_supply/BAT0/status", "Charging");
+    assert_eq!(left(), None);
+}
