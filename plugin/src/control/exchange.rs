@@ -12,7 +12,7 @@ const INTERVAL_SECONDS: f64 = 0.25;
 
 /// The recursion for one quantity.
 #[derive(Clone, Debug, Default)]
-pub struct ExchangeModel {
+pub(super) struct ExchangeModel {
     model: PowerModel,
     /// Factor on readings, so that gain and offset begin near those of power.
     scale: Option<f64>,
@@ -24,20 +24,20 @@ pub struct ExchangeModel {
 impl ExchangeModel {
     /// Adds a frame of `delta_seconds` with the predicted power of all cameras' settings, without
     /// correction. Invalid numbers are ignored.
-    pub fn predict(&mut self, predicted: Watts, delta_seconds: f64) {
+    pub(super) fn predict(&mut self, predicted: Watts, delta_seconds: f64) {
         self.predicted = predicted.0;
         self.model.predict(predicted, delta_seconds);
     }
 
     /// Forgets predictions and readings on their way, for frames without a prediction.
-    pub fn pause(&mut self) {
+    pub(super) fn pause(&mut self) {
         self.pending = (0.0, 0.0);
         self.model.pause();
     }
 
     /// Adds a reading: the mean over the last `seconds`. Ignored unless both are finite and above
     /// 0.
-    pub fn read(&mut self, value: f64, seconds: f64) {
+    pub(super) fn read(&mut self, value: f64, seconds: f64) {
         let is_valid = |number: f64| number.is_finite() && number > 0.0;
         if !(is_valid(value) && is_valid(seconds)) {
             return;
@@ -55,7 +55,7 @@ impl ExchangeModel {
     }
 
     /// What was learnt; `None` before the first reading.
-    pub fn exchange(&self) -> Option<Exchange> {
+    pub(super) fn exchange(&self) -> Option<Exchange> {
         let scale = self.scale.filter(|scale| scale.is_finite())?;
         let correction = self.model.correction();
         (self.model.readings() > 0).then_some(Exchange { correction, scale })

@@ -31,11 +31,11 @@ pub enum Limit {
 
 /// Watts of a map by readings of another quantity, of all controlled cameras together.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Exchange {
+pub(super) struct Exchange {
     /// Scaled readings per predicted watt, and their offset.
-    pub correction: PowerCorrection,
+    pub(super) correction: PowerCorrection,
     /// Factor on readings: the first one's predicted watts.
-    pub scale: f64,
+    pub(super) scale: f64,
 }
 
 impl Exchange {
@@ -47,44 +47,44 @@ impl Exchange {
 
 /// What is known of the app and its device when limits are resolved; `None` is unknown.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct Observed {
+pub(super) struct Observed {
     /// Frames per second that watts refer to.
-    pub frames_per_second: Option<f64>,
+    pub(super) frames_per_second: Option<f64>,
     /// Frame time in seconds, in terms of predicted power.
-    pub frame_time: Option<Exchange>,
+    pub(super) frame_time: Option<Exchange>,
     /// Seconds since the app has started.
-    pub now_seconds: f64,
+    pub(super) now_seconds: f64,
     /// Energy left in the battery.
-    pub battery: Option<Joules>,
+    pub(super) battery: Option<Joules>,
     /// The battery's power in watts, in terms of predicted power. `None`: the battery feeds the
     /// cameras alone.
-    pub battery_power: Option<Exchange>,
+    pub(super) battery_power: Option<Exchange>,
     /// Distance from throttling, 0 to 1.
-    pub headroom: Option<f64>,
+    pub(super) headroom: Option<f64>,
     /// From the map's watts to those of the app's meter, of all cameras together.
-    pub correction: PowerCorrection,
+    pub(super) correction: PowerCorrection,
     /// Number of active controlled cameras; 0 counts as 1.
-    pub cameras: usize,
+    pub(super) cameras: usize,
     /// Least and most power of the camera's settings, in the watts of the app's meter.
-    pub range: Option<(Watts, Watts)>,
+    pub(super) range: Option<(Watts, Watts)>,
 }
 
 /// The limits of one camera, with the currency of its power limit.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct Envelope {
+pub(super) struct Envelope {
     /// Power limit, in the watts of the app's meter; at least 0.
-    pub power: Option<Watts>,
+    pub(super) power: Option<Watts>,
     /// What it comes from.
-    pub power_by: Option<Limit>,
+    pub(super) power_by: Option<Limit>,
     /// Error limit.
-    pub error: Option<f64>,
+    pub(super) error: Option<f64>,
 }
 
 /// Resolves all limits of a [valid](Budget::validate) budget. Limits of the whole app are shared
 /// equally by its cameras.
 ///
 /// Monotone: a looser limit, more energy left and more headroom never lower the power.
-pub fn resolve(budget: &Budget, observed: &Observed) -> Envelope {
+pub(super) fn resolve(budget: &Budget, observed: &Observed) -> Envelope {
     let part = 1.0 / observed.cameras.max(1) as f64;
     let in_app = |predicted: Watts| observed.correction.corrected(predicted) * part;
     let limits = [
@@ -139,7 +139,7 @@ pub fn resolve(budget: &Budget, observed: &Observed) -> Envelope {
 
 impl Envelope {
     /// The budget of power and error.
-    pub fn budget(&self) -> Budget {
+    pub(super) fn budget(&self) -> Budget {
         Budget::new(self.power, self.error)
     }
 

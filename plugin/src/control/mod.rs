@@ -34,11 +34,9 @@ pub use clock::{FeedbackState, PowerFeedback};
 pub use controller::{Allocation, CameraController, Decisions, Inputs, allocate, switch};
 pub use divide::{AppBudget, CameraPriority, PowerDivision};
 pub use events::{BudgetStateChanged, MapRejected, SettingsSwitched};
-pub use exchange::ExchangeModel;
 pub use feedback::{PowerCorrection, PowerModel};
 pub use filter::{SettingsFilter, TransitionTimes};
-pub use limits::{Envelope, Exchange, Limit, Observed, resolve};
-pub use observed::{FrameSignals, SignalModel};
+pub use limits::Limit;
 pub use pace::{ErrorPace, choose};
 pub use select::{Choice, MOST_OVER_MEAN, Outcome, select};
 pub use selection::{
@@ -91,7 +89,7 @@ impl Plugin for ControlPlugin {
             .init_resource::<BatteryLevel>()
             .init_resource::<FrameTime>()
             .init_resource::<ThermalHeadroom>()
-            .init_resource::<SignalModel>()
+            .init_resource::<observed::SignalModel>()
             .init_resource::<clock::ControlClock>()
             .init_resource::<clock::FeedbackModel>()
             .init_resource::<maps::PreparedMaps>()

@@ -21,28 +21,28 @@ const MAX_READING_SECONDS: f64 = 5.0;
 
 /// What one frame's signals say.
 #[derive(Clone, Copy, Debug, Default)]
-pub struct FrameSignals {
+pub(super) struct FrameSignals {
     /// Predicted power of all cameras' applied settings, without correction; `None` while unknown.
-    pub predicted: Option<Watts>,
+    pub(super) predicted: Option<Watts>,
     /// Real time of the frame, and since the app's start, seconds.
-    pub delta_seconds: f64,
+    pub(super) delta_seconds: f64,
     /// Real time since the app's start, seconds.
-    pub now_seconds: f64,
+    pub(super) now_seconds: f64,
     /// Time of the frame's work, seconds.
-    pub frame_seconds: Option<f64>,
+    pub(super) frame_seconds: Option<f64>,
     /// Energy left in the battery.
-    pub battery: Option<Joules>,
+    pub(super) battery: Option<Joules>,
     /// Power of the battery; `None`: by the fall of its energy.
-    pub battery_power: Option<Watts>,
+    pub(super) battery_power: Option<Watts>,
     /// Whether the battery's figures are new in this frame.
-    pub is_battery_new: bool,
+    pub(super) is_battery_new: bool,
     /// Distance from throttling, 0 to 1.
-    pub headroom: Option<f64>,
+    pub(super) headroom: Option<f64>,
 }
 
 /// Learns from signals. Has no clock.
 #[derive(Resource, Clone, Debug, Default)]
-pub struct SignalModel {
+pub(super) struct SignalModel {
     frame_time: ExchangeModel,
     drain: ExchangeModel,
     /// Energy and time at the start of the interval in which its fall is watched.
@@ -54,12 +54,12 @@ pub struct SignalModel {
 
 impl SignalModel {
     /// What is known now. Correction, cameras, frame rate and range are the caller's.
-    pub fn observed(&self) -> Observed {
+    pub(super) fn observed(&self) -> Observed {
         self.observed
     }
 
     /// Adds a frame.
-    pub fn step(&mut self, frame: &FrameSignals) {
+    pub(super) fn step(&mut self, frame: &FrameSignals) {
         match frame.predicted {
             Some(predicted) => {
                 self.frame_time.predict(predicted, frame.delta_seconds);

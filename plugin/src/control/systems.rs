@@ -11,13 +11,13 @@ use bevy::transform::components::GlobalTransform;
 
 use super::clock::{ControlClock, FeedbackState};
 use super::controller::{Allocation, Decisions, Inputs, allocate, switch};
+use super::limits::resolve;
 use super::maps::{PreparedMaps, refuse, space_of, store_of};
 use super::observed::SignalModel;
 use super::{
     AppBudget, Budget, BudgetStateChanged, CameraPriority, ControlSettings, ControlStatus,
     ErrorPace, FrontierMapHandle, FrontierSource, Limit, MapRejected, OffReason, Outcome,
     PowerCorrection, PowerDivision, PowerFeedback, Selection, SettingsFilter, SettingsSwitched,
-    resolve,
 };
 use crate::frontier::{
     AppConditions, CameraView, FrontierMap, FrontierStore, MapFit, Misfit, ShownScene,

@@ -6,8 +6,7 @@
 //! | [`BatteryLevel`] | this module on Linux, or the app | the energy that is left, and the power drawn |
 //! | [`ThermalHeadroom`] | the app | how far the device is from throttling |
 //!
-//! A number that is none (NaN, or out of its range) is unknown: [`valid`](BatteryLevel::valid) values
-//! only are used, with one warning for the others.
+//! A number that is none (NaN, or out of its range) counts as unknown.
 
 mod battery;
 mod frame_time;

@@ -69,18 +69,16 @@ fn batteries(root: &SysRoot, wanted: Option<&str>) -> Result<Batteries, MeterErr
         // A mouse has a battery, too.
         let is_machines = root.word(&folder.join("scope")).is_none_or(|scope| scope != "Device");
         match root.word(&folder.join("type")).as_deref() {
-            Some("Battery") if is_machines => {
-                if wanted.is_none_or(|wanted| wanted == name) {
-                    batteries.push(Battery {
-                        name,
-                        status: folder.join("status"),
-                        power: root.number(folder.join("power_now")),
-                        current: root.number(folder.join("current_now")),
-                        voltage: root.number(folder.join("voltage_now")),
-                        energy: root.number(folder.join("energy_now")),
-                        charge: root.number(folder.join("charge_now")),
-                    });
-                }
+            Some("Battery") if is_machines && wanted.is_none_or(|wanted| wanted == name) => {
+                batteries.push(Battery {
+                    name,
+                    status: folder.join("status"),
+                    power: root.number(folder.join("power_now")),
+                    current: root.number(folder.join("current_now")),
+                    voltage: root.number(folder.join("voltage_now")),
+                    energy: root.number(folder.join("energy_now")),
+                    charge: root.number(folder.join("charge_now")),
+                });
             }
             Some("Mains" | "USB" | "Wireless") if is_machines => {
                 chargers.push(root.number(folder.join("online")));
