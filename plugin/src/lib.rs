@@ -41,6 +41,7 @@ pub mod power;
 pub mod recording;
 pub mod resolution;
 mod schedule;
+pub mod signals;
 pub mod units;
 
 use bevy::app::{PluginGroup, PluginGroupBuilder};
@@ -80,8 +81,8 @@ pub mod prelude {
     pub use crate::control::{
         AppBudget, Budget, BudgetStateChanged, CameraController, CameraPriority, ControlPlugin,
         ControlSettings, ControlStatus, ControlSystems, ErrorPace, FrontierMapHandle,
-        FrontierSource, MapRejected, OffReason, Outcome, PowerFeedback, Selection, SettingsFilter,
-        SettingsSwitched,
+        FrontierSource, Limit, MapRejected, OffReason, Outcome, PowerFeedback, Selection,
+        SettingsFilter, SettingsSwitched,
     };
     pub use crate::frontier::{FrontierMap, FrontierMapPlugin, FrontierStore, MapFit, ShownScene};
     pub use crate::gi::{
@@ -95,5 +96,6 @@ pub mod prelude {
     };
     pub use crate::recording::{CameraRecorder, CameraRecorderPlugin, RecordCamera};
     pub use crate::resolution::{ResolutionPlugin, ResolutionScale};
-    pub use crate::units::Watts;
+    pub use crate::signals::{BatteryLevel, FrameTime, ThermalHeadroom};
+    pub use crate::units::{Joules, Watts};
 }

@@ -24,6 +24,20 @@ mod readme {
 }
 
 // docs/using.md
+mod using_currencies {
+    use std::time::Duration;
+
+    use bevy::prelude::*;
+    use bevy_frugal_gi::prelude::*;
+
+    fn two_more_hours(mut budget: Single<&mut Budget>, time: Res<Time<Real>>) {
+        **budget = Budget::error(0.01)
+            .with_battery_until(time.elapsed() + Duration::from_secs(2 * 3600))
+            .with_frame_time(Duration::from_millis(16));
+    }
+}
+
+// docs/using.md
 mod using_selection {
     use bevy::prelude::*;
     use bevy_frugal_gi::prelude::*;

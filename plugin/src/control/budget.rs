@@ -1,13 +1,15 @@
-//! The power and error limits of a camera.
+//! The limits of a camera.
+
+use std::time::Duration;
 
 use bevy::ecs::component::Component;
 use bevy::ecs::reflect::ReflectComponent;
 use bevy::prelude::ReflectDefault;
 use bevy::reflect::Reflect;
 
-use crate::units::Watts;
+use crate::units::{Joules, Watts};
 
-/// Limits on a camera's power, error, or both. Without a limit the controller selects the best
+/// Limits on a camera's power, error, and other currencies. Without a limit the controller selects the best
 /// settings.
 ///
 /// - Power only: least error within the limit, in every frame (Wang et al. 2016, equation 3.2).
@@ -15,6 +17,10 @@ use crate::units::Watts;
 ///   see [`ErrorRates`](crate::frontier::ErrorRates)).
 /// - Both: least power whose mean error stays within the error limit, as long as that is within the
 ///   power limit; else the least error within the power limit.
+///
+/// Limits of other currencies become power limits by signals of the app and its device, and the
+/// tightest one holds; [`Selection::binding`](super::Selection::binding) names it. While a limit's
+/// signal is not known it limits nothing.
 #[derive(Component, Clone, Copy, Debug, Default, PartialEq, Reflect)]
 #[reflect(Component, Default, Clone, Debug, PartialEq)]
 #[non_exhaustive]
@@ -33,9 +39,26 @@ pub struct Budget {
     /// which error is expensive to reduce may exceed the limit, by at most
     /// [`MOST_OVER_MEAN`](super::MOST_OVER_MEAN).
     pub error: Option<f64>,
+    /// Limit on the energy of a frame, in joules; at least 0, infinity for no limit. The app's
+    /// power over its frame rate; without a meter that corrects predictions, the map's.
+    pub energy_per_frame: Option<Joules>,
+    /// Limit on the time of a frame's work ([`FrameTime`](crate::signals::FrameTime)).
+    ///
+    /// The map knows no times: what a predicted watt takes is learnt from frame to frame.
+    pub frame_time: Option<Duration>,
+    /// When the battery ([`BatteryLevel`](crate::signals::BatteryLevel)) may be empty, in real time
+    /// since the app's start: for two more hours, `time.elapsed() + Duration::from_secs(7200)` of
+    /// `Time<Real>`. Without a battery, or after that time, it limits nothing.
+    pub battery_until: Option<Duration>,
+    /// Thermal headroom ([`ThermalHeadroom`](crate::signals::ThermalHeadroom)) to keep, 0 to 1; 0
+    /// for no limit. Below it, the power limit falls in proportion from the best settings' power to
+    /// the cheapest ones' at a headroom of 0.
+    ///
+    /// Higher values keep the device cooler, lower values more quality.
+    pub headroom: Option<f64>,
 }
 
-/// Invalid budget: a limit that is NaN or negative.
+/// Invalid budget: a limit that is NaN, negative or out of its range.
 #[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum BudgetError {
@@ -45,40 +68,80 @@ pub enum BudgetError {
     /// The error limit (1 − SSIM) is NaN or negative.
     #[error("error budget of {0}: give 1 - SSIM as a number of 0 or more, or no limit")]
     Error(f64),
+    /// The limit on the energy of a frame, in joules, is NaN or negative.
+    #[error("energy budget of {0} J per frame: give a number of joules of 0 or more, or no limit")]
+    EnergyPerFrame(f64),
+    /// The thermal headroom to keep is not from 0 to 1.
+    #[error("thermal headroom of {0} to keep: give a number from 0 to 1, or no limit")]
+    Headroom(f64),
 }
 
 impl Budget {
     /// The limits that are given, in watts and as 1 − SSIM; `None` is no limit.
     pub const fn new(power: Option<Watts>, error: Option<f64>) -> Self {
-        Self { power, error }
+        let (energy_per_frame, frame_time, battery_until, headroom) = (None, None, None, None);
+        Self { power, error, energy_per_frame, frame_time, battery_until, headroom }
     }
 
     /// Least error within `power`, in watts.
     pub const fn power(power: Watts) -> Self {
-        Self { power: Some(power), error: None }
+        Self::new(Some(power), None)
     }
 
     /// Least power whose mean error is at most `error` (1 − SSIM, no unit).
     pub const fn error(error: f64) -> Self {
-        Self { power: None, error: Some(error) }
+        Self::new(None, Some(error))
     }
 
     /// Both limits, in watts and as 1 − SSIM. Power takes priority where they conflict.
     pub const fn both(power: Watts, error: f64) -> Self {
-        Self { power: Some(power), error: Some(error) }
+        Self::new(Some(power), Some(error))
     }
 
-    /// Checks that each limit is at least 0. Infinity is valid.
+    /// The same with a limit on the energy of a frame, in joules.
+    #[must_use]
+    pub const fn with_energy_per_frame(self, energy: Joules) -> Self {
+        Self { energy_per_frame: Some(energy), ..self }
+    }
+
+    /// The same with a limit on the time of a frame's work.
+    #[must_use]
+    pub const fn with_frame_time(self, time: Duration) -> Self {
+        Self { frame_time: Some(time), ..self }
+    }
+
+    /// The same with a time until which the battery lasts, since the app's start.
+    #[must_use]
+    pub const fn with_battery_until(self, until: Duration) -> Self {
+        Self { battery_until: Some(until), ..self }
+    }
+
+    /// The same with a thermal headroom to keep, 0 to 1.
+    #[must_use]
+    pub const fn with_headroom(self, share: f64) -> Self {
+        Self { headroom: Some(share), ..self }
+    }
+
+    /// Checks that each limit is at least 0, and a headroom at most 1. Infinity is valid otherwise.
     ///
     /// # Errors
-    /// [`BudgetError`] for a limit that is NaN or negative; the power limit is checked first.
+    /// [`BudgetError`] for the first limit that is not, NaN included; the power limit is checked
+    /// first.
     pub fn validate(&self) -> Result<(), BudgetError> {
         // This comparison rejects NaN.
         let valid = |limit: f64| limit >= 0.0;
-        match (self.power, self.error) {
-            (Some(Watts(power)), _) if !valid(power) => Err(BudgetError::Power(power)),
-            (_, Some(error)) if !valid(error) => Err(BudgetError::Error(error)),
-            _ => Ok(()),
+        if let Some(Watts(power)) = self.power.filter(|power| !valid(power.0)) {
+            return Err(BudgetError::Power(power));
+        }
+        if let Some(error) = self.error.filter(|error| !valid(*error)) {
+            return Err(BudgetError::Error(error));
+        }
+        if let Some(Joules(energy)) = self.energy_per_frame.filter(|energy| !valid(energy.0)) {
+            return Err(BudgetError::EnergyPerFrame(energy));
+        }
+        match self.headroom.filter(|share| !(0.0..=1.0).contains(share)) {
+            Some(share) => Err(BudgetError::Headroom(share)),
+            None => Ok(()),
         }
     }
 }
@@ -103,6 +166,28 @@ mod tests {
             ));
         }
         assert_eq!(Budget::default().validate(), Ok(()));
+    }
+
+    #[test]
+    fn limits_of_other_currencies_are_checked_too() {
+        let none = Budget::default();
+        for energy in [0.0, 0.2, f64::INFINITY] {
+            assert_eq!(none.with_energy_per_frame(Joules(energy)).validate(), Ok(()));
+        }
+        for odd in [f64::NAN, -0.1, f64::NEG_INFINITY] {
+            let energy = none.with_energy_per_frame(Joules(odd)).validate();
+            assert!(matches!(energy, Err(BudgetError::EnergyPerFrame(_))), "{odd}");
+            let headroom = none.with_headroom(odd).validate();
+            assert!(matches!(headroom, Err(BudgetError::Headroom(_))), "{odd}");
+        }
+        assert!(none.with_headroom(1.1).validate().is_err());
+        for share in [0.0, 0.3, 1.0] {
+            assert_eq!(none.with_headroom(share).validate(), Ok(()));
+        }
+        let all = Budget::both(Watts(7.0), 0.02)
+            .with_frame_time(Duration::ZERO)
+            .with_battery_until(Duration::MAX);
+        assert_eq!((all.validate(), all.power, all.error), (Ok(()), Some(Watts(7.0)), Some(0.02)));
     }
 
     #[test]

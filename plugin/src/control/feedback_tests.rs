@@ -5,28 +5,11 @@ use proptest::prelude::*;
 
 use super::*;
 use crate::control::{Budget, CameraController, ControlSettings, Inputs};
-use crate::frontier::{CameraView, CostPoint, Frontier, FrontierMap, FrontierPoint, testing};
-use crate::knobs::{Knob, KnobLevels, KnobSpace};
+use crate::frontier::{CameraView, FrontierMap, testing};
+use crate::knobs::KnobLevels;
 use crate::power::{SimulatedDevice, SimulatedMeter};
 
 const FRAME: f64 = 1.0 / 60.0;
-
-/// One frontier everywhere: 20 settings from 4 W to 14 W.
-fn map() -> FrontierMap {
-    let knobs =
-        vec![Knob::new("a", (0..10).map(f64::from)), Knob::new("b", (0..11).map(f64::from))];
-    let point = |step: usize| {
-        let settings =
-            KnobLevels::default().with_level(0, step / 2).with_level(1, step.div_ceil(2));
-        let power = 4.0 + 10.0 * step as f64 / 19.0;
-        FrontierPoint { settings, cost: CostPoint::new(power, 0.4 / power - 0.4 / 14.0) }
-    };
-    let frontier = Frontier::from_points((0..20).map(point));
-    let mut map = testing::map(1);
-    map.knobs = KnobSpace::new(knobs).expect("a space");
-    map.octree.frontiers.iter_mut().for_each(|known| *known = frontier.clone());
-    map
-}
 
 /// A controlled app on a simulated device.
 struct Loop {
@@ -45,7 +28,7 @@ struct Loop {
 impl Loop {
     fn new(device: SimulatedDevice, meter: SimulatedMeter, budget: f64) -> Self {
         Self {
-            map: map(),
+            map: testing::steps(),
             controller: CameraController::default(),
             model: PowerModel::default(),
             device,

@@ -18,10 +18,13 @@ mod clock;
 mod controller;
 mod divide;
 mod events;
+mod exchange;
 mod feedback;
 mod filter;
 mod history;
+mod limits;
 mod maps;
+mod observed;
 mod pace;
 mod select;
 mod selection;
@@ -33,6 +36,7 @@ pub use divide::{AppBudget, CameraPriority, PowerDivision};
 pub use events::{BudgetStateChanged, MapRejected, SettingsSwitched};
 pub use feedback::{PowerCorrection, PowerModel};
 pub use filter::{SettingsFilter, TransitionTimes};
+pub use limits::Limit;
 pub use pace::{ErrorPace, choose};
 pub use select::{Choice, MOST_OVER_MEAN, Outcome, select};
 pub use selection::{
@@ -48,6 +52,7 @@ use bevy::transform::TransformSystems;
 
 use crate::frontier::FrontierMap;
 use crate::knobs::KnownKnobs;
+use crate::signals::{BatteryLevel, FrameTime, ThermalHeadroom, read_battery};
 
 /// When the controller runs.
 #[derive(SystemSet, Clone, Copy, Debug, PartialEq, Eq, Hash)]
@@ -57,7 +62,7 @@ pub enum ControlSystems {
     /// before cameras are updated, which Bevy does earlier in the schedule: a selection takes
     /// effect in the next frame.
     Select,
-    /// First: the frame rate, and metered against predicted power ([`PowerFeedback`]).
+    /// First: the frame rate, the device's signals, and metered against predicted power ([`PowerFeedback`]).
     Observe,
     /// Then: every camera's frontiers, and how well they fit
     /// ([`MapFit`](crate::frontier::MapFit)).
@@ -81,6 +86,10 @@ impl Plugin for ControlPlugin {
         app.init_resource::<ControlSettings>()
             .init_resource::<AppBudget>()
             .init_resource::<PowerFeedback>()
+            .init_resource::<BatteryLevel>()
+            .init_resource::<FrameTime>()
+            .init_resource::<ThermalHeadroom>()
+            .init_resource::<observed::SignalModel>()
             .init_resource::<clock::ControlClock>()
             .init_resource::<clock::FeedbackModel>()
             .init_resource::<maps::PreparedMaps>()
@@ -92,7 +101,11 @@ impl Plugin for ControlPlugin {
             .register_type::<CameraPriority>()
             .register_type::<ControlSettings>()
             .register_type::<ControlStatus>()
+            .register_type::<BatteryLevel>()
             .register_type::<ErrorPace>()
+            .register_type::<FrameTime>()
+            .register_type::<Limit>()
+            .register_type::<ThermalHeadroom>()
             .register_type::<FrontierMapHandle>()
             .register_type::<KnownKnobs>()
             .register_type::<OffReason>()
@@ -123,7 +136,13 @@ impl Plugin for ControlPlugin {
             .add_systems(
                 PostUpdate,
                 (
-                    clock::observe.in_set(ControlSystems::Observe),
+                    (
+                        read_battery.run_if(observed::needs_battery),
+                        clock::observe,
+                        observed::observe_signals,
+                    )
+                        .chain()
+                        .in_set(ControlSystems::Observe),
                     (maps::forget_changed_maps, systems::look_up)
                         .chain()
                         .in_set(ControlSystems::LookUp),

@@ -202,7 +202,7 @@ mod tests {
     proptest! {
         #[test]
         fn more_power_never_gives_more_error(frontier in any_frontier(), a in 0.0..25.0_f64, b in 0.0..25.0_f64, error in prop::option::of(0.0..1.0_f64)) {
-            let at = |power: f64| select(&frontier, &Budget { power: Some(Watts(power)), error }, None).expect("a choice");
+            let at = |power: f64| select(&frontier, &Budget::new(Some(Watts(power)), error), None).expect("a choice");
             let (less, more) = (at(a.min(b)), at(a.max(b)));
             prop_assert!(more.cost.error <= less.cost.error && more.cost.power >= less.cost.power);
         }
@@ -215,7 +215,7 @@ mod tests {
 
         #[test]
         fn nothing_within_the_budget_is_better(frontier in any_frontier(), power in prop::option::of(0.0..25.0_f64), error in prop::option::of(0.0..1.5_f64)) {
-            let budget = Budget { power: power.map(Watts), error };
+            let budget = Budget::new(power.map(Watts), error);
             let choice = select(&frontier, &budget, None).expect("a choice");
             prop_assert_eq!(select(&frontier, &budget, None), Some(choice));
             let fits_power = |cost: CostPoint| power.is_none_or(|limit| cost.power.0 <= limit);

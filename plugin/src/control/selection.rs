@@ -11,7 +11,7 @@ use bevy::prelude::ReflectDefault;
 use bevy::reflect::Reflect;
 
 use super::systems::CameraState;
-use super::{Budget, ErrorPace, Outcome, SettingsFilter, TransitionTimes};
+use super::{Budget, ErrorPace, Limit, Outcome, SettingsFilter, TransitionTimes};
 use crate::frontier::{CostPoint, FrontierMap, FrontierStore, MapFit, SampleCamera};
 use crate::knobs::{KnobLevels, KnobSpace};
 
@@ -113,6 +113,9 @@ pub struct Selection {
     /// As `predicted`, of `applied`. In a transition to settings that are dearer or cheaper it is
     /// interpolated.
     pub predicted_applied: Option<CostPoint>,
+    /// The limit that keeps the selected settings from being better. `None` where nothing does:
+    /// they are the best ones, or `status` is not [`ControlStatus::Active`].
+    pub binding: Option<Limit>,
     /// The sample camera whose frontier was used; `None` unless `status` is
     /// [`ControlStatus::Active`].
     pub sample: Option<SampleCamera>,

@@ -9,13 +9,15 @@ use bevy::log::{warn, warn_once};
 use bevy::time::{Real, Time};
 use bevy::transform::components::GlobalTransform;
 
-use super::clock::ControlClock;
+use super::clock::{ControlClock, FeedbackState};
 use super::controller::{Allocation, Decisions, Inputs, allocate, switch};
+use super::limits::resolve;
 use super::maps::{PreparedMaps, refuse, space_of, store_of};
+use super::observed::SignalModel;
 use super::{
     AppBudget, Budget, BudgetStateChanged, CameraPriority, ControlSettings, ControlStatus,
-    ErrorPace, FrontierMapHandle, FrontierSource, MapRejected, OffReason, Outcome, PowerCorrection,
-    PowerDivision, PowerFeedback, Selection, SettingsFilter, SettingsSwitched,
+    ErrorPace, FrontierMapHandle, FrontierSource, Limit, MapRejected, OffReason, Outcome,
+    PowerCorrection, PowerDivision, PowerFeedback, Selection, SettingsFilter, SettingsSwitched,
 };
 use crate::frontier::{
     AppConditions, CameraView, FrontierMap, FrontierStore, MapFit, Misfit, ShownScene,
@@ -44,11 +46,13 @@ enum Step {
         view: CameraView,
         space: Arc<KnobSpace>,
         allocation: Allocation,
-        /// The camera's own limits, and its part of the app's.
+        /// The camera's own limits as power and error, and its part of the app's.
         budget: Budget,
+        binding: Option<Limit>,
     },
     Decided {
         space: Arc<KnobSpace>,
+        binding: Option<Limit>,
         decisions: Decisions,
     },
 }
@@ -153,7 +157,7 @@ pub(super) fn look_up(
 pub(super) fn allocate_budgets(
     time: Res<Time<Real>>,
     settings: Res<ControlSettings>,
-    feedback: Res<PowerFeedback>,
+    (feedback, signals): (Res<PowerFeedback>, Res<SignalModel>),
     maps: Res<Assets<FrontierMap>>,
     mut cameras: Query<(
         Entity,
@@ -169,18 +173,39 @@ pub(super) fn allocate_budgets(
         let Step::LookedUp { view, space } = &state.step else { continue };
         let (view, space) = (*view, Arc::clone(space));
         let Some(store) = store_of(source, &maps) else { continue };
+        let budget = budget.copied().unwrap_or_default();
+        let correction = feedback.per_camera();
+        let points = store.look_up(&view).map(|found| found.frontier.points());
+        let ends = points.and_then(|points| points.first().zip(points.last()));
+        let mut observed = signals.observed();
+        observed.range = ends.map(|(least, most)| {
+            (correction.corrected(least.cost.power), correction.corrected(most.cost.power))
+        });
+        if feedback.state == FeedbackState::Off
+            && let Some(conditions) = store.conditions()
+        {
+            // Predicted watts are those of the map's frame rate.
+            observed.frames_per_second = Some(conditions.capture.frames_per_second);
+        }
+        let envelope = resolve(&budget, &observed);
         let inputs = Inputs {
             store,
             view,
-            budget: budget.copied().unwrap_or_default(),
+            budget: envelope.budget(),
             delta_seconds: time.delta_secs_f64(),
             current: None,
-            correction: feedback.per_camera(),
+            correction,
             settings: *settings,
         };
         // This state advances every frame without a change for others to detect.
         state.step = match allocate(&inputs, pace.bypass_change_detection()) {
-            Some(allocation) => Step::Allocated { view, space, allocation, budget: inputs.budget },
+            Some(allocation) => {
+                let power = envelope.power.map(|power| correction.uncorrected(power));
+                let found = store.look_up(&view);
+                let binding =
+                    found.and_then(|f| envelope.binds(power, f.frontier, &allocation.choice));
+                Step::Allocated { view, space, allocation, budget: inputs.budget, binding }
+            }
             None => {
                 let (status, message) = refuse(selection.status, OffReason::NothingKnown, || {
                     "no sample camera of the map has a frontier: check that its scene is not empty and its bounds do not lie inside a wall".to_owned()
@@ -231,7 +256,9 @@ pub(super) fn divide_app_budget(
     let mut number = 0;
     for (source, _, _, mut state) in &mut cameras {
         let state = state.bypass_change_detection();
-        let Step::Allocated { view, allocation, budget, .. } = &mut state.step else { continue };
+        let Step::Allocated { view, allocation, budget, binding, .. } = &mut state.step else {
+            continue;
+        };
         let Some(found) = store_of(source, &maps).and_then(|store| store.look_up(view)) else {
             continue;
         };
@@ -239,6 +266,9 @@ pub(super) fn divide_app_budget(
         number += 1;
         let point = chosen.and_then(|chosen| found.frontier.points().get(chosen));
         let choice = &mut allocation.choice;
+        if point.is_some_and(|point| point.settings != choice.settings) || !is_kept {
+            *binding = Some(Limit::AppBudget);
+        }
         if let Some(point) = point {
             (choice.settings, choice.cost) = (point.settings, point.cost);
         }
@@ -270,7 +300,10 @@ pub(super) fn switch_settings(
 ) {
     for (source, mut state, mut filter, knobs) in &mut cameras {
         let state = state.bypass_change_detection();
-        let Step::Allocated { view, space, allocation, budget } = &state.step else { continue };
+        let Step::Allocated { view, space, allocation, budget, binding } = &state.step else {
+            continue;
+        };
+        let binding = *binding;
         let Some(store) = store_of(source, &maps) else { continue };
         let inputs = Inputs {
             store,
@@ -287,7 +320,7 @@ pub(super) fn switch_settings(
         // The filter advances every frame without a change for others to detect.
         let decisions = switch(&inputs, allocation, filter.bypass_change_detection());
         state.predicted = Some(decisions.uncorrected);
-        state.step = Step::Decided { space: Arc::clone(space), decisions };
+        state.step = Step::Decided { space: Arc::clone(space), binding, decisions };
     }
 }
 
@@ -307,10 +340,12 @@ pub(super) fn write_decisions(
                 status: *status,
                 predicted: None,
                 predicted_applied: None,
+                binding: None,
                 sample: None,
                 ..before
             },
-            Step::Decided { decisions, .. } => Selection {
+            Step::Decided { decisions, binding, .. } => Selection {
+                binding: *binding,
                 status: ControlStatus::Active(decisions.outcome),
                 target: decisions.target,
                 applied: decisions.applied,
@@ -332,7 +367,7 @@ pub(super) fn write_decisions(
             changed.write(BudgetStateChanged { camera, from: before.status, to: new.status });
         }
         selection.set_if_neq(new);
-        let Step::Decided { space, decisions } = &state.step else { continue };
+        let Step::Decided { space, decisions, .. } = &state.step else { continue };
         let to = decisions.applied;
         match knobs {
             Some(knobs) => {

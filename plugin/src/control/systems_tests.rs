@@ -20,7 +20,8 @@ use crate::frontier::{
     Corner, FrontierMapPlugin, SampleRef, SceneIdentity, ViewDirection, testing,
 };
 use crate::power::{MeterInfo, MeterState, Provenance};
-use crate::units::Watts;
+use crate::signals::{BatteryLevel, ThermalHeadroom};
+use crate::units::{Joules, Watts};
 
 const FRAME: Duration = Duration::from_millis(125);
 
@@ -440,6 +441,7 @@ fn read(app: &mut App, watts: Option<f64>) {
             description: String::new(),
         }),
         state,
+        read_at: None,
     };
     app.update();
 }
@@ -588,4 +590,54 @@ fn files_that_do_not_load_turn_the_controller_off() {
         );
         assert!(app.world().get::<KnobSettings>(camera).is_none());
     }
+}
+
+#[test]
+fn limits_of_other_currencies_are_kept_and_named() {
+    // Points at 6 W, 7 W and 9 W.
+    let named = |app: &App, camera| {
+        let found = selection(app, camera);
+        (found.predicted.map(|cost| cost.power.0), found.binding, found.status)
+    };
+    let met = ControlStatus::Active(Outcome::Met);
+    let cannot = ControlStatus::Active(Outcome::PowerCannotBeMet);
+    let (mut app, camera, map) = scene(Budget::default());
+    run(&mut app, 2);
+    assert_eq!(named(&app, camera), (Some(9.0), None, met));
+    let rate = {
+        let maps = app.world().resource::<Assets<FrontierMap>>();
+        maps.get(&map).expect("the map").capture.frames_per_second
+    };
+    set_budget(&mut app, camera, Budget::default().with_energy_per_frame(Joules(7.5 / rate)));
+    run(&mut app, 20);
+    assert_eq!(named(&app, camera), (Some(7.0), Some(Limit::EnergyPerFrame), met));
+    // Twenty minutes at 6.5 W, or at none.
+    let until = Duration::from_secs_f64(app.world().resource::<Time<Real>>().elapsed_secs_f64());
+    set_budget(
+        &mut app,
+        camera,
+        Budget::default().with_battery_until(until + Duration::from_secs(1200)),
+    );
+    for (joules, watts, binding, status) in [
+        (f64::NAN, 9.0, None, met),
+        (6.5 * 1200.0, 6.0, Some(Limit::Battery), met),
+        (1e9, 9.0, None, met),
+        (0.0, 6.0, Some(Limit::Battery), cannot),
+    ] {
+        let energy = Some(Joules(joules));
+        app.insert_resource(BatteryLevel { is_automatic: false, energy, power: None });
+        run(&mut app, 20);
+        assert_eq!(named(&app, camera), (Some(watts), binding, status), "{joules} J");
+    }
+    set_budget(&mut app, camera, Budget::default().with_headroom(0.5));
+    app.insert_resource(ThermalHeadroom { share: Some(0.2) });
+    run(&mut app, 20);
+    assert_eq!(named(&app, camera), (Some(7.0), Some(Limit::Headroom), met), "6 + 0.4 × 3 W");
+    set_budget(&mut app, camera, Budget::default().with_headroom(f64::NAN));
+    run(&mut app, 2);
+    assert_eq!(
+        selection(&app, camera).status,
+        ControlStatus::Off(OffReason::InvalidBudget),
+        "refused with a message"
+    );
 }

@@ -95,3 +95,20 @@ pub(crate) fn map(levels: u8) -> FrontierMap {
         octree: subdivided(levels),
     }
 }
+
+/// One frontier everywhere: 20 settings from 4 W to 14 W.
+pub(crate) fn steps() -> FrontierMap {
+    let knobs =
+        vec![Knob::new("a", (0..10).map(f64::from)), Knob::new("b", (0..11).map(f64::from))];
+    let point = |step: usize| {
+        let settings =
+            KnobLevels::default().with_level(0, step / 2).with_level(1, step.div_ceil(2));
+        let power = 4.0 + 10.0 * step as f64 / 19.0;
+        FrontierPoint { settings, cost: CostPoint::new(power, 0.4 / power - 0.4 / 14.0) }
+    };
+    let frontier = Frontier::from_points((0..20).map(point));
+    let mut map = map(1);
+    map.knobs = KnobSpace::new(knobs).expect("a space");
+    map.octree.frontiers.iter_mut().for_each(|known| *known = frontier.clone());
+    map
+}

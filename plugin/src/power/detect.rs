@@ -1,33 +1,9 @@
 //! The available meters, and the choice of the one that covers the rendering device. A new meter is
 //! one entry in [`METERS`].
 
-use crate::power::{CpuTimeMeter, MeterError, PowerMeter};
+use crate::power::sysfs::{SysRoot, battery, gpu, jetson, rapl};
+use crate::power::{Adapter, AdapterKind, CpuTimeMeter, MeterError, PowerMeter};
 use crate::units::Watts;
-
-/// Kind of the rendering adapter, for the choice of a meter.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-#[non_exhaustive]
-pub enum AdapterKind {
-    /// Software rendering on the CPU (lavapipe, WARP, SwiftShader).
-    Software,
-    /// A GPU.
-    Hardware,
-    /// Unknown, or no renderer.
-    #[default]
-    Unknown,
-}
-
-/// The rendering adapter, as described by the caller: this module does not depend on the renderer.
-#[derive(Clone, Debug, Default, PartialEq, Eq)]
-pub struct Adapter {
-    /// CPU or GPU.
-    pub kind: AdapterKind,
-    /// Name reported by the graphics API, such as "NVIDIA GeForce RTX 3080". Empty where unknown.
-    pub name: String,
-    /// PCI address, `domain:bus:device.function`, such as "0000:01:00.0". Empty where unknown.
-    /// Distinguishes boards of the same name.
-    pub pci_bus_id: String,
-}
 
 /// Why no meter was opened.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
@@ -71,49 +47,57 @@ pub struct SurveyedMeter {
     pub meter: Result<Box<dyn PowerMeter>, MeterError>,
 }
 
+/// A meter that was opened by name.
+pub(crate) type Opened = Result<Box<dyn PowerMeter>, OpenMeterError>;
+
 /// A kind of meter, with its constructors.
-struct MeterKind {
-    name: &'static str,
-    usage: &'static str,
+pub(crate) trait MeterKind: Sync {
+    /// Name, as [`open`] accepts it.
+    fn name(&self) -> &'static str;
+
+    /// Syntax of its argument to [`open`].
+    fn usage(&self) -> &'static str;
+
     /// Opens it with the text after `=`.
-    open: fn(Option<&str>) -> Result<Box<dyn PowerMeter>, OpenMeterError>,
+    fn open(&self, root: &SysRoot, parameter: Option<&str>) -> Opened;
+
     /// Opens it for the rendering device; an error says why it does not cover that device.
-    open_for: fn(&Adapter) -> Result<Box<dyn PowerMeter>, MeterError>,
+    fn open_for(
+        &self,
+        root: &SysRoot,
+        adapter: &Adapter,
+    ) -> Result<Box<dyn PowerMeter>, MeterError>;
 }
 
-/// All meters in the order of detection: measured before modelled.
-const METERS: &[MeterKind] = &[
-    MeterKind {
-        name: "nvml",
-        usage: "nvml[=INDEX|=BOARD NAME]",
-        open: open_nvml,
-        open_for: open_nvml_for,
-    },
-    MeterKind {
-        name: CpuTimeMeter::NAME,
-        usage: "cpu-time[=WATTS_PER_CORE]",
-        open: open_cpu_time,
-        open_for: open_cpu_time_for,
-    },
-];
+/// All meters in the order of detection: measured before modelled, and of the measured ones first
+/// those that cover the GPU alone, then its package, its module, and the machine.
+const METERS: &[&dyn MeterKind] =
+    &[&Nvml, &gpu::AMD, &gpu::INTEL, &rapl::KIND, &jetson::KIND, &battery::KIND, &CpuTime];
 
 /// Syntax of each meter's argument to [`open`], in the order of detection.
 fn known_meters() -> Vec<&'static str> {
-    METERS.iter().map(|kind| kind.usage).collect()
+    METERS.iter().map(|kind| kind.usage()).collect()
 }
 
-/// Opens the first meter that covers the rendering adapter and gives a reading. May take some
-/// hundred milliseconds: do not call it on the main thread.
+/// Opens the first meter that covers the rendering adapter and gives a reading. May take seconds:
+/// do not call it on the main thread.
 ///
 /// Meters of other devices are never used: on a machine with an NVIDIA board that renders in
-/// software or on another vendor's GPU, NVML would meter an idle board.
+/// software or on another vendor's GPU, NVML would meter an idle board. Software rendering has the
+/// CPU time of this process: meters of the whole package or machine, which contain all programs, are
+/// for those who name them.
 ///
 /// # Errors
 /// [`OpenMeterError::NoneSuits`], with a reason per meter.
 pub fn detect(adapter: &Adapter) -> Result<Box<dyn PowerMeter>, OpenMeterError> {
+    detect_in(&SysRoot::default(), adapter)
+}
+
+/// The same on a system under another root.
+fn detect_in(root: &SysRoot, adapter: &Adapter) -> Opened {
     let mut reasons = Vec::new();
     for kind in METERS {
-        match (kind.open_for)(adapter).and_then(with_first_reading) {
+        match kind.open_for(root, adapter).and_then(with_first_reading) {
             Ok(meter) => return Ok(meter),
             Err(error) => reasons.push(error.to_string()),
         }
@@ -122,37 +106,47 @@ pub fn detect(adapter: &Adapter) -> Result<Box<dyn PowerMeter>, OpenMeterError> 
 }
 
 /// Opens a meter by name, with an optional parameter after `=`: `nvml`, `nvml=1` (board index or
-/// name), `cpu-time`, `cpu-time=5.0` (watts per busy core). The caller decides whether it covers
-/// the rendering device. May take some hundred milliseconds.
+/// name), `amdgpu=card0`, `battery`, `cpu-time=5.0` (watts per busy core). The caller decides whether
+/// it covers the rendering device. May take seconds.
 ///
 /// # Errors
 /// [`OpenMeterError`] when the name is unknown, the parameter is invalid, or the meter gives no
 /// reading on this machine.
 pub fn open(name: &str) -> Result<Box<dyn PowerMeter>, OpenMeterError> {
+    open_in(&SysRoot::default(), name)
+}
+
+/// The same on a system under another root.
+fn open_in(root: &SysRoot, name: &str) -> Opened {
     let (plain, parameter) = match name.split_once('=') {
         Some((plain, parameter)) => (plain.trim(), Some(parameter.trim())),
         None => (name.trim(), None),
     };
-    let Some(kind) = METERS.iter().find(|kind| kind.name == plain) else {
+    let Some(kind) = METERS.iter().find(|kind| kind.name() == plain) else {
         return Err(OpenMeterError::UnknownName { name: plain.to_owned() });
     };
-    Ok(with_first_reading((kind.open)(parameter)?)?)
+    Ok(with_first_reading(kind.open(root, parameter)?)?)
 }
 
 /// Opens every known meter with its defaults and reports the result of each, in the order of
-/// detection. May take some hundred milliseconds.
+/// detection. May take seconds.
 #[cfg(any(test, feature = "meter-tools"))]
 pub fn survey() -> Vec<SurveyedMeter> {
+    survey_in(&SysRoot::default())
+}
+
+/// The same of a system under another root.
+#[cfg(any(test, feature = "meter-tools"))]
+fn survey_in(root: &SysRoot) -> Vec<SurveyedMeter> {
     METERS
         .iter()
         .map(|kind| {
-            let meter = (kind.open)(None).and_then(|meter| Ok(with_first_reading(meter)?)).map_err(
-                |error| match error {
-                    OpenMeterError::Meter(error) => error,
-                    other => MeterError::unavailable(kind.name, other.to_string()),
-                },
-            );
-            SurveyedMeter { name: kind.name, usage: kind.usage, meter }
+            let opened = kind.open(root, None).and_then(|meter| Ok(with_first_reading(meter)?));
+            let meter = opened.map_err(|error| match error {
+                OpenMeterError::Meter(error) => error,
+                other => MeterError::unavailable(kind.name(), other.to_string()),
+            });
+            SurveyedMeter { name: kind.name(), usage: kind.usage(), meter }
         })
         .collect()
 }
@@ -161,6 +155,46 @@ pub fn survey() -> Vec<SurveyedMeter> {
 fn with_first_reading(mut meter: Box<dyn PowerMeter>) -> Result<Box<dyn PowerMeter>, MeterError> {
     crate::power::window::read(meter.as_mut())?;
     Ok(meter)
+}
+
+struct Nvml;
+
+impl MeterKind for Nvml {
+    fn name(&self) -> &'static str {
+        "nvml"
+    }
+
+    fn usage(&self) -> &'static str {
+        "nvml[=INDEX|=BOARD NAME]"
+    }
+
+    fn open(&self, _: &SysRoot, parameter: Option<&str>) -> Opened {
+        open_nvml(parameter)
+    }
+
+    fn open_for(&self, _: &SysRoot, adapter: &Adapter) -> Result<Box<dyn PowerMeter>, MeterError> {
+        open_nvml_for(adapter)
+    }
+}
+
+struct CpuTime;
+
+impl MeterKind for CpuTime {
+    fn name(&self) -> &'static str {
+        CpuTimeMeter::NAME
+    }
+
+    fn usage(&self) -> &'static str {
+        "cpu-time[=WATTS_PER_CORE]"
+    }
+
+    fn open(&self, _: &SysRoot, parameter: Option<&str>) -> Opened {
+        open_cpu_time(parameter)
+    }
+
+    fn open_for(&self, _: &SysRoot, adapter: &Adapter) -> Result<Box<dyn PowerMeter>, MeterError> {
+        open_cpu_time_for(adapter)
+    }
 }
 
 #[cfg(feature = "nvml")]
@@ -189,6 +223,13 @@ fn open_nvml_for(adapter: &Adapter) -> Result<Box<dyn PowerMeter>, MeterError> {
         return Err(MeterError::unavailable(
             NvmlMeter::NAME,
             "the adapter renders on the CPU, which this meter does not cover",
+        ));
+    }
+    // Without loading the library, which would start the driver of an idle board.
+    if adapter.vendor().is_some_and(|vendor| vendor != crate::power::adapter::vendor::NVIDIA) {
+        return Err(MeterError::unavailable(
+            NvmlMeter::NAME,
+            "the adapter is another vendor's, which this meter does not cover",
         ));
     }
     Ok(Box::new(NvmlMeter::for_adapter(adapter)?))
@@ -237,61 +278,5 @@ fn open_cpu_time_for(adapter: &Adapter) -> Result<Box<dyn PowerMeter>, MeterErro
 }
 
 #[cfg(test)]
-mod tests {
-    use super::*;
-    use crate::power::Provenance;
-
-    #[test]
-    fn an_unknown_name_lists_the_known_ones() {
-        let message = open("wattmeter").err().expect("there is no such meter").to_string();
-        for part in ["\"wattmeter\"", "nvml", "cpu-time[=WATTS_PER_CORE]"] {
-            assert!(message.contains(part), "{message}");
-        }
-        assert!(matches!(open(""), Err(OpenMeterError::UnknownName { .. })));
-    }
-
-    #[cfg(unix)]
-    #[test]
-    fn a_parameter_reaches_its_meter() {
-        let info = open("cpu-time=5.0").expect("every unix has the clock").info();
-        assert!(info.description.contains("× 5 W per busy core"), "{}", info.description);
-        for bad in ["cpu-time=", "cpu-time=much", "cpu-time=-1", "cpu-time=nan", "cpu-time=inf"] {
-            assert!(matches!(open(bad), Err(OpenMeterError::Parameter { .. })), "{bad}");
-        }
-    }
-
-    #[cfg(unix)]
-    #[test]
-    fn software_rendering_is_metered_on_the_cpu_whatever_boards_are_present() {
-        let adapter = Adapter {
-            kind: AdapterKind::Software,
-            name: "llvmpipe (LLVM 19, 256 bits)".to_owned(),
-            ..Adapter::default()
-        };
-        let info = detect(&adapter).expect("every unix has the clock").info();
-        assert_eq!((info.name.as_str(), info.provenance), ("cpu-time", Provenance::Modelled));
-    }
-
-    #[test]
-    fn a_gpu_of_another_vendor_gets_reasons_and_no_meter() {
-        let adapter = Adapter {
-            kind: AdapterKind::Hardware,
-            name: "Some Other GPU".to_owned(),
-            ..Adapter::default()
-        };
-        let message = detect(&adapter).err().expect("no meter covers it").to_string();
-        assert!(message.contains("nvml:") && message.contains("cpu-time:"), "{message}");
-    }
-
-    #[test]
-    fn the_survey_lists_every_meter_with_info_or_reason() {
-        let found = survey();
-        assert_eq!(found.iter().map(|entry| entry.name).collect::<Vec<_>>(), ["nvml", "cpu-time"]);
-        for entry in found {
-            match entry.meter {
-                Ok(meter) => assert_eq!(meter.info().name, entry.name),
-                Err(error) => assert!(error.to_string().starts_with(entry.name), "{error}"),
-            }
-        }
-    }
-}
+#[path = "detect_tests.rs"]
+mod tests;

@@ -4,7 +4,7 @@
 //! | item | job |
 //! |---|---|
 //! | [`PowerMeter`] | contract: cumulative energy with its provenance |
-//! | [`CpuTimeMeter`], [`NvmlMeter`] | the meters |
+//! | [`CpuTimeMeter`], [`NvmlMeter`], and those of Linux' files by name | the meters |
 //! | [`detect`], [`open`] | the meters of this machine, and the one that covers the rendering device |
 //! | [`SimulatedDevice`], [`SimulatedMeter`] | a device with heat, throttling and a meter, in numbers |
 //! | [`PowerPlugin`] | the sampler in a Bevy app: [`MeteredPower`] and a diagnostic |
@@ -15,6 +15,7 @@
 //! An unknown power is never reported as 0 W: a counter that is missing, unreadable or faulty gives
 //! a [`MeterError`] or a [`MeterState`] with the reason.
 
+mod adapter;
 mod cpu_time;
 mod detect;
 mod meter;
@@ -27,11 +28,13 @@ mod scripted;
 #[cfg(any(test, feature = "meter-tools"))]
 mod self_test;
 mod simulated;
+mod sysfs;
 mod tracker;
 mod window;
 
+pub use adapter::{Adapter, AdapterKind};
 pub use cpu_time::{CpuTimeMeter, InvalidWattsPerCore};
-pub use detect::{Adapter, AdapterKind, OpenMeterError, detect, open};
+pub use detect::{OpenMeterError, detect, open};
 #[cfg(feature = "meter-tools")]
 pub use detect::{SurveyedMeter, survey};
 pub use meter::{MeterError, MeterInfo, PowerMeter, Provenance};
@@ -49,5 +52,13 @@ pub use self_test::{SelfTest, Verdict, busy_cpu_load, self_test};
 pub use simulated::{SimulatedDevice, SimulatedMeter};
 pub use tracker::MeterState;
 pub(crate) use tracker::PowerSnapshot;
+
+use crate::units::{Joules, Watts};
+
+/// Energy left in the machine's batteries, and the power that they give; `None` unless they alone
+/// feed the machine. May take milliseconds, or hang with a driver.
+pub(crate) fn battery_left() -> Option<(Joules, Watts)> {
+    sysfs::battery::left(&sysfs::SysRoot::default())
+}
 #[cfg(feature = "meter-tools")]
 pub use window::EnergyWindow;

@@ -5,6 +5,8 @@ use std::fmt;
 use std::sync::Arc;
 
 use bevy::diagnostic::{Diagnostic, DiagnosticPath, Diagnostics, RegisterDiagnostic};
+// The standard one panics in a browser.
+use bevy::platform::time::Instant;
 use bevy::prelude::*;
 use bevy::render::renderer::RenderAdapterInfo;
 
@@ -73,12 +75,23 @@ pub struct MeteredPower {
     /// Length of the interval that `latest` is the mean of, in seconds; above 0. `None` while
     /// unknown.
     pub interval_seconds: Option<f64>,
+    /// When the reading that ends this interval was taken, on the monotonic clock. `None` while
+    /// unknown. See [`age_seconds`](Self::age_seconds).
+    pub read_at: Option<Instant>,
     /// Number of intervals so far: another number is another reading.
     pub sample_count: u64,
     /// The meter and its provenance, once it is open. Show a modelled figure as modelled.
     pub info: Option<MeterInfo>,
     /// Whether the power is known, and if not, why.
     pub state: MeterState,
+}
+
+impl MeteredPower {
+    /// Seconds since the reading that `latest` is of, at least 0; `None` while the power is unknown.
+    /// It grows beyond the interval where the meter updates more slowly than it is polled.
+    pub fn age_seconds(&self) -> Option<f64> {
+        self.read_at.map(|at| at.elapsed().as_secs_f64())
+    }
 }
 
 /// When power is published.
@@ -147,12 +160,20 @@ fn start_sampler(
 fn describe(info: &RenderAdapterInfo) -> Adapter {
     // Bevy exposes the adapter's description but not the type of this field; a dependency on the
     // graphics library for one type is not worthwhile.
-    let kind = match format!("{:?}", info.device_type).as_str() {
+    let device_type = format!("{:?}", info.device_type);
+    let kind = match device_type.as_str() {
         "Cpu" => AdapterKind::Software,
         "IntegratedGpu" | "DiscreteGpu" | "VirtualGpu" => AdapterKind::Hardware,
         _ => AdapterKind::Unknown,
     };
-    Adapter { kind, name: info.name.clone(), pci_bus_id: info.device_pci_bus_id.clone() }
+    Adapter {
+        kind,
+        name: info.name.clone(),
+        pci_bus_id: info.device_pci_bus_id.clone(),
+        vendor_id: info.vendor,
+        device_id: info.device,
+        is_integrated: device_type == "IntegratedGpu",
+    }
 }
 
 /// Publishes changed figures of the sampler. Warns once per reason why the power is unknown.
@@ -184,6 +205,7 @@ fn publish_power(
         latest: snapshot.latest,
         mean: snapshot.mean,
         interval_seconds: snapshot.interval.map(|interval| interval.as_secs_f64()),
+        read_at: sampler.0.read_at(&snapshot),
         sample_count: snapshot.sample_count,
         info: snapshot.info,
         state: snapshot.state,
@@ -193,7 +215,7 @@ fn publish_power(
 #[cfg(test)]
 mod tests {
     use std::thread;
-    use std::time::{Duration, Instant};
+    use std::time::Duration;
 
     use bevy::diagnostic::DiagnosticsStore;
 
@@ -233,6 +255,8 @@ mod tests {
             app_with(scripted((0..500).map(|index| Ok(Joules(f64::from(index)))).collect()));
         let power = run_until(&mut app, "power", |power| power.latest.is_some());
         assert_eq!(power.state, MeterState::Running);
+        let age = power.age_seconds().expect("an age");
+        assert!((0.0..20.0).contains(&age), "{age}");
         assert_eq!(power.info.unwrap().name, ScriptedMeter::NAME);
         app.update();
         let diagnostics = app.world().resource::<DiagnosticsStore>();
@@ -263,7 +287,7 @@ mod tests {
         let mut app = app_with(scripted(vec![Ok(Joules(0.0)), Ok(Joules(1.0)), denied]));
         let power =
             run_until(&mut app, "loss", |power| matches!(power.state, MeterState::Lost { .. }));
-        assert_eq!((power.latest, power.mean), (None, None));
+        assert_eq!((power.latest, power.mean, power.age_seconds()), (None, None, None));
     }
 
     #[test]

@@ -46,6 +46,8 @@ impl Default for SamplerSettings {
 /// State shared by the sampling thread.
 #[derive(Debug)]
 struct Published {
+    /// The fixed moment that times of the snapshot count from.
+    origin: Instant,
     snapshot: PowerSnapshot,
     interval: Duration,
     /// Increases with every poll.
@@ -89,11 +91,13 @@ impl PowerSampler {
         open: impl FnOnce() -> Result<Box<dyn PowerMeter>, OpenMeterError> + Send + 'static,
         settings: SamplerSettings,
     ) -> Result<Self, MeterError> {
+        let origin = Instant::now();
         let published = Arc::new(Mutex::new(Published {
+            origin,
             snapshot: PowerSnapshot::default(),
             interval: settings.interval,
             revision: 0,
-            at: Instant::now(),
+            at: origin,
         }));
         let (stop, stopped) = mpsc::channel();
         let shared = Arc::clone(&published);
@@ -136,6 +140,11 @@ impl PowerSampler {
         }
         *seen = current;
         Some(self.with_fault(&published))
+    }
+
+    /// When the reading of a snapshot was taken; `None` while the power is unknown.
+    pub(crate) fn read_at(&self, snapshot: &PowerSnapshot) -> Option<Instant> {
+        snapshot.at.map(|at| lock(&self.published).origin + at)
     }
 
     fn with_fault(&self, published: &Published) -> PowerSnapshot {
@@ -191,7 +200,7 @@ fn poll(
     let window = least_window(meter.as_ref());
     let interval = settings.interval.max(window).max(MIN_INTERVAL);
     let mut tracker = PowerTracker::new(meter.info(), meter.idle(), window, settings.smoothing);
-    let origin = Instant::now();
+    let origin = lock(published).origin;
     loop {
         let before = origin.elapsed();
         let answer = meter.energy();

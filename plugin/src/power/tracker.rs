@@ -59,6 +59,9 @@ pub(crate) struct PowerSnapshot {
     pub mean: Option<Watts>,
     /// Length of the interval of `latest`. `None` unless the state is `Running`.
     pub interval: Option<Duration>,
+    /// Time of the reading that ends the interval, on the caller's clock. `None` unless the state
+    /// is `Running`.
+    pub at: Option<Duration>,
     /// Number of valid intervals.
     pub sample_count: u64,
     /// Number of intervals dropped because the counter fell or jumped, or time went backwards.
@@ -74,6 +77,7 @@ impl PowerSnapshot {
         self.latest = None;
         self.mean = None;
         self.interval = None;
+        self.at = None;
     }
 }
 
@@ -171,10 +175,10 @@ impl PowerTracker {
         }
         self.base = Some(now);
         self.drops_in_succession = 0;
-        self.publish(power, elapsed);
+        self.publish(power, elapsed, at);
     }
 
-    fn publish(&mut self, power: Watts, elapsed: Duration) {
+    fn publish(&mut self, power: Watts, elapsed: Duration, at: Duration) {
         let snapshot = &mut self.snapshot;
         snapshot.mean = Some(match snapshot.mean {
             // An interval's weight depends on its length relative to the time constant, so that the
@@ -187,6 +191,7 @@ impl PowerTracker {
         });
         snapshot.latest = Some(power);
         snapshot.interval = Some(elapsed);
+        snapshot.at = Some(at);
         snapshot.state = MeterState::Running;
         snapshot.sample_count += 1;
     }
@@ -255,6 +260,7 @@ mod tests {
         let tracker = after([100.0, 102.0, 104.0, 108.0]);
         let snapshot = tracker.snapshot();
         assert_eq!((snapshot.latest, snapshot.sample_count), (Some(Watts(16.0)), 3));
+        assert_eq!(snapshot.at, Some(Duration::from_millis(750)), "the reading's own time");
         let mean = snapshot.mean.unwrap().0;
         assert!(
             mean > 8.0 && mean < 10.0,

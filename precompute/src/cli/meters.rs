@@ -33,7 +33,9 @@ pub(super) fn run(_: &Arguments) -> Result<(), CliError> {
         match test.verdict {
             Verdict::Works => println!("  works"),
             Verdict::Unresponsive => {
-                println!("  does not respond to a load on the CPU, as a GPU's meter need not");
+                println!(
+                    "  does not respond to a load on the CPU, as a GPU's meter need not, and a battery's is slow"
+                );
             }
             Verdict::Failed(error) => println!("  FAILED: {error}"),
         }

@@ -20,7 +20,14 @@ pub fn adapter() -> Option<Adapter> {
         wgpu::DeviceType::Other => AdapterKind::Unknown,
         _ => AdapterKind::Hardware,
     };
-    Some(Adapter { kind, name: info.name, pci_bus_id: info.device_pci_bus_id })
+    Some(Adapter {
+        kind,
+        name: info.name,
+        pci_bus_id: info.device_pci_bus_id,
+        vendor_id: info.vendor,
+        device_id: info.device,
+        is_integrated: info.device_type == wgpu::DeviceType::IntegratedGpu,
+    })
 }
 
 /// Whether the renderer runs on the CPU.

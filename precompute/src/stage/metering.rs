@@ -75,6 +75,7 @@ impl Stage {
             frames += 1;
         }
         let (spent, elapsed) = window.finish(self.meter.as_mut())?;
+        self.moved(spent)?;
         valid_power(self.power(spent, frames, elapsed.as_secs_f64()), &self.meter.info().name)
     }
 
@@ -89,7 +90,21 @@ impl Stage {
             (STEPS_PER_WINDOW * self.meter.window_seconds()).max(2.0),
         ));
         let (spent, elapsed) = window.finish(self.meter.as_mut())?;
+        self.moved(spent)?;
         Ok(spent.per_seconds(elapsed.as_secs_f64()))
+    }
+}
+
+impl Stage {
+    /// A measured counter that stood still says nothing: its idle power would pass for that of the
+    /// frames.
+    fn moved(&self, spent: Joules) -> Result<(), StageError> {
+        let info = self.meter.info();
+        if info.provenance == Provenance::Measured && spent.0 == 0.0 {
+            let reason = "the counter did not move in a window";
+            return Err(MeterError::broken(info.name, reason).into());
+        }
+        Ok(())
     }
 }
 

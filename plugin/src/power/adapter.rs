@@ -1,0 +1,77 @@
+//! The rendering adapter, for the choice of a meter.
+
+/// Kind of the rendering adapter, for the choice of a meter.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[non_exhaustive]
+pub enum AdapterKind {
+    /// Software rendering on the CPU (lavapipe, WARP, SwiftShader).
+    Software,
+    /// A GPU.
+    Hardware,
+    /// Unknown, or no renderer.
+    #[default]
+    Unknown,
+}
+
+/// The rendering adapter, as described by the caller: this module does not depend on the renderer.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Adapter {
+    /// CPU or GPU.
+    pub kind: AdapterKind,
+    /// Name reported by the graphics API, such as "NVIDIA GeForce RTX 3080". Empty where unknown.
+    pub name: String,
+    /// PCI address, `domain:bus:device.function`, such as "0000:01:00.0". Empty where unknown.
+    /// Distinguishes boards of the same name.
+    pub pci_bus_id: String,
+    /// PCI identifier of the vendor, such as 0x1002; 0 where unknown.
+    pub vendor_id: u32,
+    /// PCI identifier of the device, such as 0x163f; 0 where unknown.
+    pub device_id: u32,
+    /// Whether the GPU is part of the processor's package, and its power part of the package's.
+    pub is_integrated: bool,
+}
+
+/// PCI identifiers of vendors that have meters here.
+pub(crate) mod vendor {
+    pub(crate) const AMD: u32 = 0x1002;
+    pub(crate) const INTEL: u32 = 0x8086;
+    pub(crate) const NVIDIA: u32 = 0x10de;
+}
+
+impl Adapter {
+    /// PCI identifier of the vendor: the reported one, or by the name; `None` where both say
+    /// nothing.
+    pub(crate) fn vendor(&self) -> Option<u32> {
+        if self.vendor_id != 0 {
+            return Some(self.vendor_id);
+        }
+        let name = self.name.to_lowercase();
+        let has = |words: &[&str]| words.iter().any(|word| name.contains(word));
+        if has(&["nvidia", "geforce", "quadro"]) {
+            Some(vendor::NVIDIA)
+        } else if has(&["amd ", "radeon"]) {
+            Some(vendor::AMD)
+        } else if has(&["intel"]) {
+            Some(vendor::INTEL)
+        } else {
+            None
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_vendor_is_the_reported_one_or_by_the_name() {
+        let of = |vendor_id, name: &str| {
+            Adapter { vendor_id, name: name.to_owned(), ..Adapter::default() }.vendor()
+        };
+        assert_eq!(of(0x5143, "Adreno of NVIDIA"), Some(0x5143));
+        assert_eq!(of(0, "NVIDIA GeForce RTX 3080/PCIe/SSE2"), Some(vendor::NVIDIA));
+        assert_eq!(of(0, "AMD Custom GPU 0405 (radeonsi, vangogh)"), Some(vendor::AMD));
+        assert_eq!(of(0, "Mesa Intel(R) Xe Graphics (TGL GT2)"), Some(vendor::INTEL));
+        assert_eq!((of(0, "Apple M2"), of(0, "")), (None, None));
+    }
+}

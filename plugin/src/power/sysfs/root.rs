@@ -1,0 +1,139 @@
+//! The folder under which the kernel's files lie, and reading of one number with its faults.
+
+use std::fs::{self, File};
+use std::io::{self, ErrorKind, Read};
+use std::path::{Path, PathBuf};
+
+use crate::power::MeterError;
+
+/// Longest number in a file, bytes: more is no number.
+const MAX_BYTES: usize = 64;
+
+/// The root of the system's files; `/` but for tests.
+#[derive(Clone, Debug)]
+pub(crate) struct SysRoot {
+    root: PathBuf,
+    open: fn(&Path) -> io::Result<File>,
+}
+
+impl Default for SysRoot {
+    fn default() -> Self {
+        Self { root: PathBuf::from("/"), open: |path| File::open(path) }
+    }
+}
+
+impl SysRoot {
+    /// Another root, and another way to open files: tests run as root, whom no file denies access.
+    #[cfg(test)]
+    pub(crate) fn new(root: PathBuf, open: fn(&Path) -> io::Result<File>) -> Self {
+        Self { root, open }
+    }
+
+    /// A path under the root.
+    pub(crate) fn path(&self, path: &str) -> PathBuf {
+        self.root.join(path)
+    }
+
+    /// Folders and links in `folder` that have such a name, sorted; none where there is no folder.
+    pub(crate) fn list(&self, folder: &Path, is_named: impl Fn(&str) -> bool) -> Vec<PathBuf> {
+        let entries = fs::read_dir(folder).into_iter().flatten().flatten();
+        let named = entries.filter(|entry| entry.file_name().to_str().is_some_and(&is_named));
+        let mut found: Vec<PathBuf> = named.map(|entry| entry.path()).collect();
+        found.sort();
+        found
+    }
+
+    /// A file with one number.
+    pub(crate) fn number(&self, path: PathBuf) -> NumberFile {
+        NumberFile { path, open: self.open }
+    }
+
+    /// The first line of a file, without white space around it; `None` where it cannot be read.
+    pub(crate) fn word(&self, path: &Path) -> Option<String> {
+        let mut buffer = [0; 4096];
+        let length = read(self.open, path, &mut buffer).ok()?;
+        let text = String::from_utf8_lossy(&buffer[..length]);
+        let word = text.lines().next().unwrap_or_default().trim();
+        (!word.is_empty()).then(|| word.to_owned())
+    }
+
+    /// The text of a short file; `None` where it cannot be read.
+    pub(crate) fn text(&self, path: &Path) -> Option<String> {
+        let mut buffer = [0; 4096];
+        let length = read(self.open, path, &mut buffer).ok()?;
+        Some(String::from_utf8_lossy(&buffer[..length]).into_owned())
+    }
+}
+
+/// A file with one whole number.
+#[derive(Clone, Debug)]
+pub(crate) struct NumberFile {
+    path: PathBuf,
+    open: fn(&Path) -> io::Result<File>,
+}
+
+/// Why a file has no number.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub(crate) enum Fault {
+    Gone,
+    Denied,
+    Failed(String),
+    NotANumber(String),
+}
+
+impl NumberFile {
+    /// The file's path.
+    pub(crate) fn path(&self) -> &Path {
+        &self.path
+    }
+
+    /// The file's number now. Allocates nothing unless it fails.
+    ///
+    /// # Errors
+    /// [`Fault`] says why there is none.
+    pub(crate) fn read(&self) -> Result<i64, Fault> {
+        let mut buffer = [0; MAX_BYTES];
+        let length = read(self.open, &self.path, &mut buffer).map_err(|error| {
+            match error.kind() {
+                ErrorKind::NotFound => Fault::Gone,
+                ErrorKind::PermissionDenied => Fault::Denied,
+                // Also what a driver answers for a device that is off or unplugged.
+                _ => Fault::Failed(error.to_string()),
+            }
+        })?;
+        let bytes = &buffer[..length];
+        let number = std::str::from_utf8(bytes).ok().and_then(|text| text.trim().parse().ok());
+        number.ok_or_else(|| Fault::NotANumber(String::from_utf8_lossy(bytes).trim().to_owned()))
+    }
+
+    /// The meter's error for a fault of this file. `remedy`: what to do where access is denied.
+    pub(crate) fn error(&self, meter: &str, fault: Fault, remedy: &str) -> MeterError {
+        let path = self.path.display();
+        let reason = match fault {
+            Fault::Gone => {
+                format!("{path} is gone: was the device unplugged or its driver unloaded?")
+            }
+            Fault::Denied => format!("permission denied for {path}: {remedy}"),
+            Fault::Failed(error) => format!("{path}: {error}"),
+            Fault::NotANumber(text) => {
+                return MeterError::broken(meter, format!("{path} reads \"{text}\", no number"));
+            }
+        };
+        MeterError::unreadable(meter, reason)
+    }
+}
+
+/// Fills the buffer from the file, and returns the length.
+fn read(open: fn(&Path) -> io::Result<File>, path: &Path, buffer: &mut [u8]) -> io::Result<usize> {
+    let mut file = open(path)?;
+    let mut length = 0;
+    while length < buffer.len() {
+        match file.read(&mut buffer[length..]) {
+            Ok(0) => break,
+            Ok(more) => length += more,
+            Err(error) if error.kind() == ErrorKind::Interrupted => {}
+            Err(error) => return Err(error),
+        }
+    }
+    Ok(length)
+}

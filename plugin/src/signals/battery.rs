@@ -1,0 +1,123 @@
+//! The energy that is left in the battery.
+
+use std::sync::mpsc::{self, TrySendError};
+use std::thread;
+use std::time::Duration;
+
+use bevy::ecs::change_detection::DetectChangesMut;
+use bevy::ecs::reflect::ReflectResource;
+use bevy::ecs::resource::Resource;
+use bevy::ecs::system::{Local, ResMut};
+use bevy::log::warn_once;
+use bevy::prelude::ReflectDefault;
+use bevy::reflect::Reflect;
+
+use crate::power::battery_left;
+use crate::units::{Joules, Watts};
+
+/// Time between readings. A battery's driver may take some milliseconds, and hours pass anyway.
+const INTERVAL: Duration = Duration::from_secs(5);
+
+/// The battery's state, for budgets of battery time. On Linux it is read every five seconds while a
+/// camera has such a budget; elsewhere the app writes it.
+#[derive(Resource, Clone, Copy, Debug, PartialEq, Reflect)]
+#[reflect(Resource, Default, Clone, Debug, PartialEq)]
+pub struct BatteryLevel {
+    /// Whether this crate writes the other fields. Set it to false to write them yourself. Default:
+    /// true.
+    pub is_automatic: bool,
+    /// Energy that is left, in joules (a watt-hour is 3600 J); finite, at least 0. `None`: unknown,
+    /// or a charger feeds the machine; there is no limit then. Default: `None`.
+    pub energy: Option<Joules>,
+    /// Power that the battery gives, in watts; finite, at least 0. `None`: it is found by the fall
+    /// of the energy. Default: `None`.
+    pub power: Option<Watts>,
+}
+
+impl Default for BatteryLevel {
+    fn default() -> Self {
+        Self { is_automatic: true, energy: None, power: None }
+    }
+}
+
+impl BatteryLevel {
+    /// Energy and power as far as they are valid; warns once of numbers that are none.
+    pub(crate) fn valid(&self) -> (Option<Joules>, Option<Watts>) {
+        let is_valid = |value: f64| value.is_finite() && value >= 0.0;
+        let energy = self.energy.filter(|energy| is_valid(energy.0));
+        let power = self.power.filter(|power| is_valid(power.0));
+        if energy != self.energy || power != self.power {
+            warn_once!(
+                "BatteryLevel of {:?}, {:?} is ignored: give joules and watts of 0 or more, or None",
+                self.energy,
+                self.power
+            );
+        }
+        (energy, power)
+    }
+}
+
+/// Reads the battery's files on a thread of its own, since drivers may take long or hang. The thread
+/// ends with the app.
+#[derive(Debug)]
+pub(crate) struct BatteryReader {
+    levels: mpsc::Receiver<Option<(Joules, Watts)>>,
+    _stop: mpsc::Sender<()>,
+}
+
+impl BatteryReader {
+    fn start() -> Option<Self> {
+        let (sender, levels) = mpsc::sync_channel(1);
+        let (stop, stopped) = mpsc::channel();
+        let work = move || {
+            // A level that nobody has taken yet stays; the next one replaces it in its turn.
+            while !matches!(sender.try_send(battery_left()), Err(TrySendError::Disconnected(_))) {
+                match stopped.recv_timeout(INTERVAL) {
+                    Err(mpsc::RecvTimeoutError::Timeout) => {}
+                    Ok(()) | Err(mpsc::RecvTimeoutError::Disconnected) => return,
+                }
+            }
+        };
+        thread::Builder::new().name("frugal-gi-battery".to_owned()).spawn(work).ok()?;
+        Some(Self { levels, _stop: stop })
+    }
+}
+
+/// Writes the level that was read, where a budget asks for it.
+pub(crate) fn read_battery(
+    mut level: ResMut<BatteryLevel>,
+    mut reader: Local<Option<BatteryReader>>,
+) {
+    if !level.is_automatic {
+        *reader = None;
+        return;
+    }
+    if reader.is_none() {
+        *reader = BatteryReader::start();
+    }
+    let Some(reader) = reader.as_ref() else { return };
+    if let Some(read) = reader.levels.try_iter().last() {
+        level.set_if_neq(BatteryLevel {
+            is_automatic: true,
+            energy: read.map(|(energy, _)| energy),
+            power: read.map(|(_, power)| power),
+        });
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_number_that_is_no_energy_is_unknown() {
+        let of = |value| {
+            let energy = Some(Joules(value));
+            BatteryLevel { energy, power: Some(Watts(value)), is_automatic: false }.valid()
+        };
+        assert_eq!(of(0.0), (Some(Joules(0.0)), Some(Watts(0.0))));
+        for odd in [f64::NAN, f64::INFINITY, -1.0] {
+            assert_eq!(of(odd), (None, None), "{odd}");
+        }
+    }
+}
