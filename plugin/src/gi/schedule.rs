@@ -11,6 +11,7 @@ use bevy::ecs::prelude::*;
 use bevy::pbr::deferred::deferred_lighting;
 use bevy::pbr::screen_space_reflections;
 use bevy::render::{Render, RenderApp, RenderSystems};
+use bevy::transform::TransformSystems;
 
 use crate::schedule::KnobSystems;
 
@@ -94,6 +95,7 @@ pub(super) fn configure_main_world(app: &mut App) {
             SceneSystems::Maps
                 .after(KnobSystems::Apply)
                 .before(CameraUpdateSystems)
+                .before(TransformSystems::Propagate)
                 .run_if(is_not_off),
             SceneSystems::Emissive.after(KnobSystems::Apply).run_if(is_not_off),
             // Read whether there is light.
