@@ -1,9 +1,13 @@
-//! Code that the windowed examples share: window size, screenshots for CI, and a tour of a scene.
+//! Code that the windowed examples share: window size, screenshots for CI, a tour of a scene, maps, and
+//! texts.
 //!
 //! With `FRUGAL_EXAMPLE_FRAMES=N` in the environment an example ends after N frames, counted from
 //! the end of shader compilation and knob warm-up; with `FRUGAL_EXAMPLE_SCREENSHOT=image.png` it
-//! saves a screenshot of its window before. The exit code is 0 on success.
+//! saves a screenshot of its window before. The exit code is 0 on success. With
+//! `FRUGAL_EXAMPLE_SIZE=320x180` the window has that size.
 
+mod map;
+mod text;
 mod tour;
 
 use std::path::{Path, PathBuf};
@@ -14,6 +18,8 @@ use bevy::window::PrimaryWindow;
 use bevy_frugal_gi::gi::FrugalGi;
 use bevy_frugal_gi::knobs::{KnobSpace, WarmKnobs};
 
+pub use map::{BudgetRange, MapWhenWarm, control, read_map};
+pub use text::{caption, ui_camera};
 pub use tour::{Tour, travel};
 
 /// Path of a file in the workspace, whatever the working directory. `path` is relative to the
@@ -24,8 +30,8 @@ pub fn workspace_file(path: &str) -> PathBuf {
     workspace.canonicalize().unwrap_or(workspace).join(path)
 }
 
-/// Sets the title and size (640 × 360) of the window, and runs the CI mode above. Add it after
-/// `DefaultPlugins`.
+/// Sets the title and size (640 × 360 by default) of the window, and runs the CI mode above. Add it
+/// after `DefaultPlugins`.
 pub struct ExamplePlugin {
     /// Title of the window.
     pub title: &'static str,
@@ -40,11 +46,15 @@ struct CiRun {
 
 impl Plugin for ExamplePlugin {
     fn build(&self, app: &mut App) {
+        let size = std::env::var("FRUGAL_EXAMPLE_SIZE").unwrap_or_default();
+        let size = size.split_once('x').and_then(|(width, height)| {
+            Some((width.parse::<u32>().ok()?, height.parse::<u32>().ok()?))
+        });
         let world = app.world_mut();
         for mut window in world.query_filtered::<&mut Window, With<PrimaryWindow>>().iter_mut(world)
         {
             window.title = self.title.to_owned();
-            window.resolution = (640, 360).into();
+            window.resolution = size.unwrap_or((640, 360)).into();
         }
         let Ok(frames) = std::env::var("FRUGAL_EXAMPLE_FRAMES") else { return };
         let Ok(frames_left) = frames.parse() else {

@@ -35,6 +35,8 @@
 pub mod control;
 pub mod frontier;
 pub mod gi;
+#[cfg(feature = "hud")]
+pub mod hud;
 pub mod knobs;
 mod pipelines;
 pub mod power;
@@ -58,7 +60,8 @@ use bevy::app::{PluginGroup, PluginGroupBuilder};
 /// | [`PowerPlugin`](power::PowerPlugin) | meters power in the background |
 ///
 /// [`CameraRecorderPlugin`](recording::CameraRecorderPlugin) is not included: an app adds it to
-/// record its camera paths.
+/// record its camera paths. Nor is `HudPlugin`, with the feature `hud`: panels that show what the
+/// controller does.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct FrugalGiPlugins;
 
@@ -89,6 +92,8 @@ pub mod prelude {
         CameraCut, FrugalGi, GI_DIAGNOSTICS, GiCounts, GiInterleave, GiLimits, GiOutput,
         GiPixelFraction, GiPlugin, GiRefresh, GiShading, GiVisibility, RsmView,
     };
+    #[cfg(feature = "hud")]
+    pub use crate::hud::{HudPart, HudPlugin, HudSettings};
     pub use crate::knobs::{KnobPlugin, KnobRegistry, KnobSettings, RegisterKnob, WarmKnobs};
     pub use crate::power::{
         MeterChoice, MeterState, MeteredPower, POWER_DIAGNOSTIC, PowerPlugin, Provenance,

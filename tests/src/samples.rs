@@ -87,6 +87,19 @@ mod using_recording {
     }
 }
 
+// docs/using.md
+mod using_hud {
+    use bevy::prelude::*;
+    use bevy_frugal_gi::prelude::*;
+
+    fn sample() {
+        App::new()
+            .add_plugins((DefaultPlugins, FrugalGiPlugins, HudPlugin))
+            .insert_resource(HudSettings { key: Some(KeyCode::F1), ..default() })
+            .run();
+    }
+}
+
 // docs/knobs.md
 mod knobs_by_hand {
     use bevy::prelude::*;

@@ -46,6 +46,7 @@ const PLUGIN: &[&str] = &[
     "frontier",
     "control",
     "recording",
+    "hud",
 ];
 
 /// The tool's parts.
@@ -219,8 +220,17 @@ fn the_prelude_has_what_the_documents_name() {
     let read = |path: &str| std::fs::read_to_string(root().join(path)).expect("a file");
     let library = read("plugin/src/lib.rs");
     let prelude = exported(&library);
-    let modules =
-        ["control", "frontier", "gi", "knobs", "power", "recording", "resolution", "signals"];
+    let modules = [
+        "control",
+        "frontier",
+        "gi",
+        "hud",
+        "knobs",
+        "power",
+        "recording",
+        "resolution",
+        "signals",
+    ];
     let sources = modules.map(|module| read(&format!("plugin/src/{module}/mod.rs")));
     let public: BTreeSet<&str> = sources.iter().flat_map(|source| exported(source)).collect();
     assert!(public.len() > 80, "public items are found at all: {}", public.len());

@@ -1,0 +1,91 @@
+//! Frontier maps of the examples that have one.
+
+use std::path::Path;
+use std::sync::Arc;
+use std::time::{Duration, Instant};
+
+use bevy::prelude::*;
+use bevy_frugal_gi::frontier::SceneIdentity;
+use bevy_frugal_gi::prelude::*;
+use frugal::scene::SceneDescription;
+
+/// Reads the map at `path`.
+///
+/// # Errors
+/// Why there is no map for `scene`, with the remedy, in lines of less than 80 characters or so.
+pub fn read_map(path: &Path, scene: &SceneDescription) -> Result<FrontierMap, String> {
+    let file = path.display();
+    let text = std::fs::read_to_string(path)
+        .map_err(|error| format!("no map: {file}\n{error}\n`make demo` writes one"))?;
+    let map = FrontierMap::from_ron(&text).map_err(|error| format!("no map: {file}: {error}"))?;
+    let fingerprint = scene.fingerprint().map_err(|error| error.to_string())?;
+    let identity = SceneIdentity { name: scene.source.display().to_string(), fingerprint };
+    map.matches_scene(&identity).map_err(|error| format!("no map: {file}: {error}"))?;
+    Ok(map)
+}
+
+/// Range of power, and maximum error, over all points of a map.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct BudgetRange {
+    /// Power of the cheapest point, watts.
+    pub least_power: Watts,
+    /// Power of the most expensive point, watts.
+    pub most_power: Watts,
+    /// Largest error of a point, 1 − SSIM.
+    pub most_error: f64,
+}
+
+impl BudgetRange {
+    /// The range of `map`; zeros for a map without points.
+    pub fn of(map: &FrontierMap) -> Self {
+        let points = || map.octree.frontiers.iter().flat_map(|frontier| frontier.points());
+        let powers = || points().map(|point| point.cost.power.0);
+        Self {
+            least_power: Watts(powers().reduce(f64::min).unwrap_or(0.0)),
+            most_power: Watts(powers().reduce(f64::max).unwrap_or(0.0)),
+            most_error: points().map(|point| point.cost.error).reduce(f64::max).unwrap_or(0.0),
+        }
+    }
+
+    /// The power at `share` of the range, 0 to 1.
+    pub fn power(&self, share: f64) -> Watts {
+        self.least_power + (self.most_power - self.least_power) * share
+    }
+}
+
+/// Puts a camera under the controller with this map, after its knobs are warmed.
+#[derive(Component)]
+pub struct MapWhenWarm(Handle<FrontierMap>);
+
+/// Adds `map` to the app, and warms its knobs on `cameras`: the first switch to a level compiles
+/// its shaders. After that the controller takes over, and the frame rate is held at the map's.
+/// Power is energy per frame times frames per second, so the map's watts are valid at its own frame
+/// rate only.
+pub fn control(app: &mut App, map: FrontierMap, cameras: &[Entity]) {
+    let knobs = Arc::new(map.knobs.clone());
+    let period = Duration::from_secs_f64(1.0 / map.capture.frames_per_second);
+    let map = app.world_mut().resource_mut::<Assets<FrontierMap>>().add(map);
+    for camera in cameras {
+        let parts = (WarmKnobs::new(Arc::clone(&knobs)), MapWhenWarm(map.clone()));
+        app.world_mut().entity_mut(*camera).insert(parts);
+    }
+    app.add_systems(Update, start_controller).add_systems(
+        Last,
+        move |mut last: Local<Option<Instant>>| {
+            if let Some(rest) = last.and_then(|last| period.checked_sub(last.elapsed())) {
+                std::thread::sleep(rest);
+            }
+            *last = Some(Instant::now());
+        },
+    );
+}
+
+fn start_controller(
+    mut commands: Commands,
+    cameras: Query<(Entity, &MapWhenWarm), Without<WarmKnobs>>,
+) {
+    for (camera, MapWhenWarm(map)) in &cameras {
+        let map = FrontierMapHandle(map.clone());
+        commands.entity(camera).insert(map).remove::<MapWhenWarm>();
+    }
+}
