@@ -1,9 +1,9 @@
 //! A light that circles around a column, and its indirect light.
 //!
-//! Look at the shadows: behind the column there is no direct light, and all that is seen there is
-//! red or green from the wall that the light passes. It follows the light without delay or
-//! flicker. Space switches global illumination off and on; the shadows turn black. P pauses the
-//! light: in a still image nothing is rendered or gathered again.
+//! Look at the shadow of the column: all light in it has bounced, and it is redder towards one wall
+//! and greener towards the other. It follows the light without delay or flicker. Space switches
+//! global illumination off and on; the shadows turn black. P pauses the light: in a still image
+//! nothing is rendered or gathered again.
 
 use bevy::prelude::*;
 use bevy_frugal_gi::prelude::*;
@@ -38,6 +38,7 @@ fn set_up(
     let (red, green) = (Color::srgb(0.9, 0.12, 0.1), Color::srgb(0.12, 0.75, 0.2));
     let blocks = [
         (vec3(8.0, 0.1, 6.0), vec3(0.0, -0.05, 0.0), grey),
+        (vec3(8.0, 0.1, 6.0), vec3(0.0, 3.05, 0.0), grey),
         (vec3(8.0, 3.0, 0.1), vec3(0.0, 1.5, -3.05), grey),
         (vec3(0.1, 3.0, 6.0), vec3(-4.05, 1.5, 0.0), red),
         (vec3(0.1, 3.0, 6.0), vec3(4.05, 1.5, 0.0), green),
@@ -58,7 +59,7 @@ fn set_up(
     }
     let light = PointLight { intensity: 250_000.0, shadow_maps_enabled: true, ..default() };
     commands.spawn((light, Circling::default(), Transform::default()));
-    let view = Transform::from_xyz(0.0, 2.6, 7.2).looking_at(vec3(0.0, 1.2, 0.0), Vec3::Y);
+    let view = Transform::from_xyz(0.0, 1.8, 6.6).looking_at(vec3(0.0, 1.4, 0.0), Vec3::Y);
     commands.spawn((Camera3d::default(), Msaa::Off, FrugalGi::default(), view));
     commands.spawn(caption("Space: global illumination   P: pause"));
 }

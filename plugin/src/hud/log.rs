@@ -52,13 +52,18 @@ impl SwitchLog {
 
     /// The last `count` switches of a camera as lines, the latest first. Each names `knobs` knobs
     /// and counts the others.
-    pub(super) fn lines(&self, camera: Entity, count: usize, knobs: usize) -> String {
-        let own = self.entries.iter().rev().filter(|entry| entry.camera == camera);
-        let line = |entry: &Entry| {
+    pub(super) fn lines(
+        &self,
+        camera: Entity,
+        count: usize,
+        knobs: usize,
+    ) -> impl Iterator<Item = String> {
+        let own = self.entries.iter().rev().filter(move |entry| entry.camera == camera);
+        let line = move |entry: &Entry| {
             let is_done = entry.to == entry.target;
             switch_line(&entry.space, entry.seconds, (entry.from, entry.to), is_done, knobs)
         };
-        own.take(count).map(line).collect::<Vec<_>>().join("\n")
+        own.take(count).map(line)
     }
 }
 
@@ -94,6 +99,9 @@ mod tests {
     fn steps_to_one_target_are_one_line() {
         let (camera, other) = (entity(1), entity(2));
         let (space, mut log) = (Arc::new(testing::space()), SwitchLog::default());
+        let lines = |log: &SwitchLog, camera, count| {
+            log.lines(camera, count, 2).collect::<Vec<_>>().join("\n")
+        };
         let step = |from, to, target| SettingsSwitched {
             camera,
             from: at(from),
@@ -101,15 +109,15 @@ mod tests {
             target: at(target),
         };
         log.add(&step(0, 1, 2), &space, 1.0);
-        assert_eq!(log.lines(camera, 9, 2), "1.0 s  samples 0 > 4 ...");
+        assert_eq!(lines(&log, camera, 9), "1.0 s  samples 0 > 4 ...");
         log.add(&SettingsSwitched { camera: other, ..step(4, 3, 3) }, &space, 1.1);
         log.add(&step(1, 2, 2), &space, 1.2);
-        assert_eq!(log.lines(camera, 9, 2), "1.0 s  samples 0 > 8");
+        assert_eq!(lines(&log, camera, 9), "1.0 s  samples 0 > 8");
         log.add(&step(2, 1, 1), &space, 2.0);
-        assert_eq!(log.lines(camera, 9, 2), "2.0 s  samples 8 > 4\n1.0 s  samples 0 > 8");
-        assert_eq!(log.lines(camera, 1, 2), "2.0 s  samples 8 > 4");
-        assert_eq!(log.lines(other, 9, 2), "1.1 s  samples 32 > 16");
-        assert_eq!(log.lines(camera, 0, 2), "");
+        assert_eq!(lines(&log, camera, 9), "2.0 s  samples 8 > 4\n1.0 s  samples 0 > 8");
+        assert_eq!(lines(&log, camera, 1), "2.0 s  samples 8 > 4");
+        assert_eq!(lines(&log, other, 9), "1.1 s  samples 32 > 16");
+        assert_eq!(lines(&log, camera, 0), "");
     }
 
     #[test]
@@ -121,6 +129,7 @@ mod tests {
             log.add(&switch, &Arc::new(testing::space()), second as f64);
         }
         assert_eq!(log.entries.len(), MOST);
-        assert!(log.lines(camera, 1, 1).starts_with("999.0 s"));
+        let last = log.lines(camera, 9, 1).next().expect("a line");
+        assert!(last.starts_with("999.0 s"), "{last}");
     }
 }

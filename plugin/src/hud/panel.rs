@@ -198,11 +198,15 @@ pub(super) fn write(
         };
         let frontier = shown.frontier(sources.maps.as_deref());
         let (switches, knobs) = if detail == Detail::Full { (6, 2) } else { (2, 1) };
-        let switches = sources.log.lines(panel.camera, switches, knobs);
+        let mut log = caption(frontier, correction);
+        for line in sources.log.lines(panel.camera, switches, knobs) {
+            log.push('\n');
+            log.push_str(&line);
+        }
         let size = FontSize::Px(if detail == Detail::Full { 11.0 } else { 10.0 });
         for (entity, text) in [
             (panel.summary, facts.summary(detail)),
-            (panel.log, format!("{}\n{switches}", caption(frontier, correction))),
+            (panel.log, log),
             (panel.knobs, facts.knobs(detail)),
         ] {
             let Ok((mut old, mut font)) = texts.get_mut(entity) else { continue };
@@ -246,7 +250,11 @@ fn lay_out(
     let display = |is_shown: bool| if is_shown { Display::Flex } else { Display::None };
     change(panel.plot, &|node| node.display = display(has_plot));
     change(panel.log, &|node| node.display = display(has_plot));
-    change(panel.knobs, &|node| node.display = display(detail > Detail::Brief));
+    change(panel.knobs, &|node| {
+        node.display = display(detail > Detail::Brief);
+        // A paragraph needs a width: the height of its root is that of its lines without one.
+        node.width = if detail == Detail::Medium { px(plot::WIDTH as f32) } else { Val::Auto };
+    });
 }
 
 /// Draws the plot anew if it differs from the one shown.

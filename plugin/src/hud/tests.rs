@@ -61,7 +61,7 @@ fn the_text_follows_a_switch() {
     let [summary, log, knobs] = texts(&mut app, camera).expect("a panel");
     assert!(summary.contains("7.50 W") && summary.contains("outcome   met"), "{summary}");
     assert!(summary.contains("predicted 7.00 W, error 0.0500"), "{summary}");
-    assert_eq!(log, "3 points, 6.00..9.00 W, error 0.200..0.000\n");
+    assert_eq!(log, "3 points, 6.00..9.00 W, error 0.200..0.000");
     assert_eq!(knobs, "samples   3/5  8\nscale     1/3  0.5");
 
     app.world_mut().entity_mut(camera).insert(Budget::default());

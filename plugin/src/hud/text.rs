@@ -76,7 +76,8 @@ impl Facts<'_> {
         if let Some(metered) = self.metered {
             row("metered", power(metered));
         }
-        if let Some(feedback) = self.feedback
+        // It corrects predictions; without any it says nothing.
+        if let (Some(feedback), Some(_)) = (self.feedback, predicted)
             && let Some(text) = correction(feedback)
         {
             row("feedback", text);

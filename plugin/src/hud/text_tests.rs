@@ -79,6 +79,11 @@ fn feedback_has_its_uncertainty() {
     feedback.state = FeedbackState::Held;
     let text = "meter lost, map x 1.25 + 0.50 W, +-0.40 W";
     assert_eq!(correction(&feedback).as_deref(), Some(text));
+    let selection = active(Outcome::Met);
+    let facts = Facts { feedback: Some(&feedback), ..Default::default() };
+    assert!(!facts.summary(Detail::Full).contains("feedback"), "no prediction to correct");
+    let facts = Facts { selection: Some(&selection), ..facts };
+    assert!(facts.summary(Detail::Full).ends_with(text));
 }
 
 #[test]
