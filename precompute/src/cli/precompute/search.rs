@@ -21,8 +21,8 @@ use crate::report::SearchSummary;
 use crate::scene::{self, SceneDescription};
 use crate::stage::{RemoteError, RemoteStage};
 
-/// Frames of a clip: a half unmetered, and a half metered. Higher values leave less to extrapolate,
-/// and cost more. Errors are extrapolated to those in play, where history is longer.
+/// Frames of a clip: one unmetered, and the rest metered. Higher values are closer to play, where
+/// history is longer and averages more noise, and cost more.
 const CLIP_FRAMES: u32 = 4;
 
 /// Stages `scene` with the requested knobs, or with those that affect it.
