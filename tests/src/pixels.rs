@@ -146,6 +146,19 @@ impl Pixels {
         );
         texture.create_view(&Default::default())
     }
+
+    /// A texture of floats of the same size with contents, for a kernel to read.
+    pub fn float_input(&self, stage: &Stage, floats: &[f32]) -> TextureView {
+        let usage = TextureUsages::TEXTURE_BINDING | TextureUsages::COPY_DST;
+        let texture = texture(stage, self.size, TextureFormat::R32Float, usage);
+        write(stage, &texture, &gpu::bytes(floats));
+        texture.create_view(&Default::default())
+    }
+
+    /// A texture of floats of the same size, for a kernel to write and the CPU to read.
+    pub fn float_output(&self, stage: &Stage) -> Texture {
+        texture(stage, self.size, TextureFormat::R32Float, TextureUsages::STORAGE_BINDING)
+    }
 }
 
 fn texture(

@@ -20,7 +20,8 @@ use super::{Random, stage};
 tests!(
     history_counts_for_its_share_where_it_shows_the_same_surface,
     values_that_are_not_finite_are_gone_in_a_frame,
-    history_is_rejected_where_light_is_switched
+    history_is_rejected_where_light_is_switched,
+    short_histories_count_for_their_frames
 );
 
 const SIZE: [u32; 2] = [13, 9];
@@ -44,6 +45,8 @@ impl TemporalFilter {
                 light(),
                 uniform_buffer_sized(false, None),
                 texture_storage_2d(TextureFormat::Rgba16Float, StorageTextureAccess::WriteOnly),
+                light(),
+                texture_storage_2d(TextureFormat::R32Float, StorageTextureAccess::WriteOnly),
             ),
         );
         let defs = if smooth { vec!["SMOOTH".into()] } else { vec![] };
@@ -57,6 +60,20 @@ impl TemporalFilter {
         stage: &Stage,
         current: &[[u16; 2]],
         history: &[[u16; 2]],
+        share: f32,
+        exposure: f32,
+        shift: f32,
+    ) -> Vec<[f64; 4]> {
+        self.run_with_lengths(stage, current, history, &[LONG; COUNT], share, exposure, shift)
+    }
+
+    /// The same with the number of frames in each pixel of the history.
+    fn run_with_lengths(
+        &self,
+        stage: &Stage,
+        current: &[[u16; 2]],
+        history: &[[u16; 2]],
+        lengths: &[f32],
         share: f32,
         exposure: f32,
         shift: f32,
@@ -87,6 +104,8 @@ impl TemporalFilter {
             pixels.output(stage),
         );
         let output = texture.create_view(&Default::default());
+        let history_lengths = pixels.float_input(stage, lengths);
+        let new_lengths = pixels.float_output(stage).create_view(&Default::default());
         let bindings = BindGroupEntries::sequential((
             &pixels.g_buffer,
             &pixels.depth,
@@ -96,6 +115,8 @@ impl TemporalFilter {
             &history_texture,
             history_uniform.as_entire_binding(),
             &output,
+            &history_lengths,
+            &new_lengths,
         ));
         self.0.run(stage, &bindings, (SIZE[0].div_ceil(8), SIZE[1].div_ceil(8)));
         gpu::read_halves(stage.render_world(), &texture)
@@ -118,6 +139,8 @@ fn distance(pixel: usize, factor: f64) -> u16 {
 }
 
 const NOISELESS: u16 = 0;
+/// A history so long that the uniform's share decides.
+const LONG: f32 = 60000.0;
 
 fn noise(random: &mut Random) -> Vec<f64> {
     (0..COUNT).map(|_| f64::from(1.0 + random.next())).collect()
@@ -229,4 +252,38 @@ fn history_is_rejected_where_light_is_switched() {
             found[0]
         );
     }
+}
+
+fn short_histories_count_for_their_frames() {
+    let mut stage = stage();
+    let filter = TemporalFilter::new(&mut stage, false);
+    let current = [[half(2.0), NOISELESS]; COUNT];
+    let history: Vec<_> = (0..COUNT).map(|pixel| [half(1.0), distance(pixel, 1.0)]).collect();
+    // The mean of all frames, until the uniform's share is larger; what is no length is one frame.
+    for (length, share, expected) in [
+        (1.0, 0.03125, 0.5),
+        (3.0, 0.03125, 0.25),
+        (15.0, 0.03125, 0.0625),
+        (1000.0, 0.03125, 0.03125),
+        (15.0, 0.25, 0.25),
+        (0.0, 0.03125, 0.5),
+        (-5.0, 0.03125, 0.5),
+        (f32::NAN, 0.03125, 0.5),
+        (f32::INFINITY, 0.03125, 0.5),
+    ] {
+        let lengths = [length; COUNT];
+        let found = filter.run_with_lengths(&stage, &current, &history, &lengths, share, 1.0, 0.0);
+        assert!(
+            found.iter().all(|texel| (texel[0] - 1.0 - expected).abs() < 2e-3),
+            "{length} {share}: {:?}, {} expected",
+            found[0],
+            1.0 + expected
+        );
+    }
+    // Halfway between a pixel of one frame and one of three: a mean of two.
+    let lengths: Vec<f32> =
+        (0..COUNT).map(|pixel| (1 + 2 * (pixel % SIZE[0] as usize % 2)) as f32).collect();
+    let found = filter.run_with_lengths(&stage, &current, &history, &lengths, 0.03125, 1.0, 0.5);
+    let middle = &found[COUNT / 2];
+    assert!((middle[0] - 1.0 - 1.0 / 3.0).abs() < 2e-3, "{middle:?}");
 }
