@@ -8,7 +8,7 @@
 //! Without a map the settings are fixed; `make demo` writes the default map,
 //! `target/demo/courtyard.pareto.ron`.
 
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 use bevy::anti_alias::smaa::Smaa;
 use bevy::pbr::ScreenSpaceAmbientOcclusion;
@@ -17,35 +17,21 @@ use bevy::prelude::*;
 use bevy_frugal_gi::prelude::*;
 use frugal::scene;
 use frugal_examples::{
-    BudgetRange, ExamplePlugin, Tour, caption, control, read_map, travel, ui_camera, workspace_file,
+    BudgetRange, ExamplePlugin, Tour, add_ui_camera, caption, control, read_map, run, travel,
 };
 
 fn main() -> AppExit {
-    let mut arguments = std::env::args_os().skip(1).map(PathBuf::from);
-    let scene =
-        arguments.next().unwrap_or_else(|| workspace_file("assets/scenes/courtyard.scene.ron"));
-    let map =
-        arguments.next().unwrap_or_else(|| workspace_file("target/demo/courtyard.pareto.ron"));
-    match build(&scene, &map) {
-        Ok(mut app) => app.run(),
-        Err(message) => {
-            eprintln!("{message}");
-            AppExit::from_code(2)
-        }
-    }
+    run("target/demo/courtyard.pareto.ron", build)
 }
 
 fn build(scene: &Path, map: &Path) -> Result<App, String> {
     let scene = scene::load(scene).map_err(|error| error.to_string())?;
-    let path = scene.paths.get("tour").or_else(|| scene.paths.values().next());
-    let tour =
-        Tour::new(path.ok_or_else(|| format!("{}: no camera path", scene.source.display()))?);
+    let tour = Tour::of(&scene)?;
 
     let mut app = App::new();
     app.add_plugins((DefaultPlugins, FrugalGiPlugins, HudPlugin));
     app.add_plugins(ExamplePlugin { title: "budget" });
-    let ui_camera = app.world_mut().spawn(ui_camera()).id();
-    app.insert_resource(HudSettings { camera: Some(ui_camera), ..default() });
+    add_ui_camera(&mut app);
     let camera = app
         .world_mut()
         .spawn((

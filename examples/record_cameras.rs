@@ -5,33 +5,22 @@
 //! `target/cameras.txt` by default, while this runs: each line is a camera pose. A second run
 //! appends to it.
 
-use std::path::PathBuf;
+use std::path::Path;
 
 use bevy::prelude::*;
 use bevy_frugal_gi::prelude::*;
 use bevy_frugal_gi::recording::CameraRecorder;
 use frugal::scene;
-use frugal_examples::{ExamplePlugin, Tour, travel, workspace_file};
+use frugal_examples::{ExamplePlugin, Tour, run, travel};
 
 fn main() -> AppExit {
-    match build() {
-        Ok(mut app) => app.run(),
-        Err(message) => {
-            eprintln!("{message}");
-            AppExit::from_code(2)
-        }
-    }
+    run("target/cameras.txt", build)
 }
 
-fn build() -> Result<App, String> {
-    let mut arguments = std::env::args_os().skip(1).map(PathBuf::from);
-    let scene =
-        arguments.next().unwrap_or_else(|| workspace_file("assets/scenes/courtyard.scene.ron"));
-    let file = arguments.next().unwrap_or_else(|| workspace_file("target").join("cameras.txt"));
+fn build(scene: &Path, file: &Path) -> Result<App, String> {
     let scene = scene::load(scene).map_err(|error| error.to_string())?;
-    let path = scene.paths.get("tour").or_else(|| scene.paths.values().next());
-    let tour =
-        Tour::new(path.ok_or_else(|| format!("{}: no camera path", scene.source.display()))?);
+    let tour = Tour::of(&scene)?;
+    let file = file.to_owned();
 
     let mut app = App::new();
     let example = ExamplePlugin { title: "record_cameras" };

@@ -12,7 +12,7 @@
 //! ```
 
 use std::collections::BTreeMap;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::sync::Arc;
 
 use bevy::anti_alias::smaa::Smaa;
@@ -22,7 +22,7 @@ use bevy::prelude::*;
 use bevy_frugal_gi::knobs::KnobLevels;
 use bevy_frugal_gi::prelude::*;
 use frugal::scene;
-use frugal_examples::{ExamplePlugin, Tour, caption, travel, ui_camera, workspace_file};
+use frugal_examples::{ExamplePlugin, Tour, add_ui_camera, caption, run, travel};
 use serde::Deserialize;
 
 /// What this app needs of the file; serde skips the rest.
@@ -41,24 +41,12 @@ struct Preset {
 }
 
 fn main() -> AppExit {
-    let mut arguments = std::env::args_os().skip(1).map(PathBuf::from);
-    let scene =
-        arguments.next().unwrap_or_else(|| workspace_file("assets/scenes/courtyard.scene.ron"));
-    let presets = arguments.next().unwrap_or_else(|| workspace_file("target/demo/presets.ron"));
-    match build(&scene, &presets) {
-        Ok(mut app) => app.run(),
-        Err(message) => {
-            eprintln!("{message}");
-            AppExit::from_code(2)
-        }
-    }
+    run("target/demo/presets.ron", build)
 }
 
 fn build(scene: &Path, presets: &Path) -> Result<App, String> {
     let scene = scene::load(scene).map_err(|error| error.to_string())?;
-    let path = scene.paths.get("tour").or_else(|| scene.paths.values().next());
-    let tour =
-        Tour::new(path.ok_or_else(|| format!("{}: no camera path", scene.source.display()))?);
+    let tour = Tour::of(&scene)?;
     let file = presets.display();
     let text = std::fs::read_to_string(presets).map_err(|error| {
         format!("{file}: {error}\n`frugal inspect MAP --presets {file}` writes it")
@@ -69,8 +57,7 @@ fn build(scene: &Path, presets: &Path) -> Result<App, String> {
     let mut app = App::new();
     app.add_plugins((DefaultPlugins, FrugalGiPlugins, HudPlugin));
     app.add_plugins(ExamplePlugin { title: "settings_menu" });
-    let ui_camera = app.world_mut().spawn(ui_camera()).id();
-    app.insert_resource(HudSettings { camera: Some(ui_camera), ..default() });
+    add_ui_camera(&mut app);
     let space =
         app.world().resource::<KnobRegistry>().space().map_err(|error| error.to_string())?;
     let menu = presets.into_iter().map(|preset| {

@@ -8,7 +8,7 @@
 //! The map is that of `make demo`. It was made for one image of the window's size, which the panels
 //! say.
 
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 use bevy::anti_alias::smaa::Smaa;
 use bevy::camera::{Exposure, Viewport};
@@ -20,22 +20,11 @@ use bevy::prelude::*;
 use bevy_frugal_gi::prelude::*;
 use frugal::scene;
 use frugal_examples::{
-    BudgetRange, ExamplePlugin, Tour, caption, control, read_map, ui_camera, workspace_file,
+    BudgetRange, ExamplePlugin, Tour, add_ui_camera, caption, control, read_map, run,
 };
 
 fn main() -> AppExit {
-    let mut arguments = std::env::args_os().skip(1).map(PathBuf::from);
-    let scene =
-        arguments.next().unwrap_or_else(|| workspace_file("assets/scenes/courtyard.scene.ron"));
-    let map =
-        arguments.next().unwrap_or_else(|| workspace_file("target/demo/courtyard.pareto.ron"));
-    match build(&scene, &map) {
-        Ok(mut app) => app.run(),
-        Err(message) => {
-            eprintln!("{message}");
-            AppExit::from_code(2)
-        }
-    }
+    run("target/demo/courtyard.pareto.ron", build)
 }
 
 fn build(scene: &Path, map: &Path) -> Result<App, String> {
@@ -44,8 +33,7 @@ fn build(scene: &Path, map: &Path) -> Result<App, String> {
     let mut app = App::new();
     app.add_plugins((DefaultPlugins, FrugalGiPlugins, HudPlugin));
     app.add_plugins(ExamplePlugin { title: "split_screen" });
-    let ui_camera = app.world_mut().spawn(ui_camera()).id();
-    app.insert_resource(HudSettings { camera: Some(ui_camera), ..default() });
+    add_ui_camera(&mut app);
 
     // One camera at the start of the scene's first path, the other at that of its last.
     let first = scene.paths.values().next();

@@ -19,7 +19,7 @@ use bevy_frugal_gi::gi::FrugalGi;
 use bevy_frugal_gi::knobs::{KnobSpace, WarmKnobs};
 
 pub use map::{BudgetRange, MapWhenWarm, control, read_map};
-pub use text::{caption, ui_camera};
+pub use text::{add_ui_camera, caption};
 pub use tour::{Tour, travel};
 
 /// Path of a file in the workspace, whatever the working directory. `path` is relative to the
@@ -28,6 +28,21 @@ pub fn workspace_file(path: &str) -> PathBuf {
     let workspace = Path::new(env!("CARGO_MANIFEST_DIR")).join("..");
     // Keeps `..` out of messages, whether the file exists or not.
     workspace.canonicalize().unwrap_or(workspace).join(path)
+}
+
+/// Runs an example whose arguments are a scene and a second file, by default the courtyard and
+/// `second`, relative to the workspace root. Exit code 2 and the message where it cannot be built.
+pub fn run(second: &str, build: impl FnOnce(&Path, &Path) -> Result<App, String>) -> AppExit {
+    let mut arguments = std::env::args_os().skip(1).map(PathBuf::from);
+    let mut argument = |default: &str| arguments.next().unwrap_or_else(|| workspace_file(default));
+    let scene = argument("assets/scenes/courtyard.scene.ron");
+    match build(&scene, &argument(second)) {
+        Ok(mut app) => app.run(),
+        Err(message) => {
+            eprintln!("{message}");
+            AppExit::from_code(2)
+        }
+    }
 }
 
 /// Sets the title and size (640 × 360 by default) of the window, and runs the CI mode above. Add it

@@ -4,7 +4,7 @@ use bevy::prelude::*;
 use bevy_frugal_gi::control::SettingsFilter;
 use bevy_frugal_gi::gi::FrugalGi;
 use bevy_frugal_gi::knobs::WarmKnobs;
-use frugal::scene::CameraPath;
+use frugal::scene::{CameraPath, SceneDescription};
 
 /// Playback speed as a fraction of the path's own, which is many metres per second, for
 /// measurements.
@@ -25,6 +25,16 @@ impl Tour {
     /// A tour at the start of `path`.
     pub fn new(path: &CameraPath) -> Self {
         Self { path: path.clone(), time: 0.0, paused: false }
+    }
+
+    /// A tour of the scene's path "tour", or else of its first path.
+    ///
+    /// # Errors
+    /// Where the scene has no path.
+    pub fn of(scene: &SceneDescription) -> Result<Self, String> {
+        let path = scene.paths.get("tour").or_else(|| scene.paths.values().next());
+        let path = path.ok_or_else(|| format!("{}: no camera path", scene.source.display()))?;
+        Ok(Self::new(path))
     }
 
     /// The camera's pose; the identity for an empty path.

@@ -1,7 +1,5 @@
 //! Tests of the controller without an app.
 
-use bevy::math::{Quat, Vec3};
-
 use super::*;
 use crate::frontier::testing;
 
@@ -9,12 +7,7 @@ fn inputs(store: &dyn FrontierStore, budget: Budget, current: Option<KnobLevels>
     Inputs {
         store,
         // Along −Z: points at 6 W / 0.2, 7 W / 0.05 and 9 W / 0.
-        view: CameraView {
-            position: Vec3::ZERO,
-            rotation: Quat::IDENTITY,
-            vertical_fov: 1.0,
-            aspect: 1.0,
-        },
+        view: testing::view(),
         budget,
         delta_seconds: 0.125,
         current,

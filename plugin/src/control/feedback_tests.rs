@@ -1,11 +1,10 @@
 //! The controller with feedback on a simulated device.
 
-use bevy::math::{Quat, Vec3};
 use proptest::prelude::*;
 
 use super::*;
 use crate::control::{Budget, CameraController, ControlSettings, Inputs};
-use crate::frontier::{CameraView, FrontierMap, testing};
+use crate::frontier::{FrontierMap, testing};
 use crate::knobs::KnobLevels;
 use crate::power::{SimulatedDevice, SimulatedMeter};
 
@@ -44,12 +43,7 @@ impl Loop {
         for _ in 0..(seconds / FRAME).round() as usize {
             let inputs = Inputs {
                 store: &self.map,
-                view: CameraView {
-                    position: Vec3::ZERO,
-                    rotation: Quat::IDENTITY,
-                    vertical_fov: 1.0,
-                    aspect: 1.0,
-                },
+                view: testing::view(),
                 budget: Budget::power(self.budget),
                 delta_seconds: FRAME,
                 current: self.current,

@@ -2,14 +2,12 @@
 
 use std::time::Duration;
 
-use bevy::math::{Quat, Vec3};
-
 use super::*;
 use crate::control::limits::resolve;
 use crate::control::{
     Budget, CameraController, ControlSettings, Inputs, Limit, Outcome, PowerCorrection,
 };
-use crate::frontier::{CameraView, FrontierMap, testing};
+use crate::frontier::{FrontierMap, testing};
 use crate::knobs::KnobLevels;
 use crate::power::SimulatedDevice;
 
@@ -69,12 +67,7 @@ impl Loop {
             let envelope = resolve(&self.budget, &observed);
             let inputs = Inputs {
                 store: &self.map,
-                view: CameraView {
-                    position: Vec3::ZERO,
-                    rotation: Quat::IDENTITY,
-                    vertical_fov: 1.0,
-                    aspect: 1.0,
-                },
+                view: testing::view(),
                 budget: envelope.budget(),
                 delta_seconds: self.frame,
                 current: self.current,

@@ -87,11 +87,12 @@ pub fn choose(
 
 #[cfg(test)]
 mod tests {
-    use bevy::math::{Quat, Vec3};
+    use bevy::math::Vec3;
 
     use super::*;
     use crate::frontier::{
         CostPoint, ErrorRate, ErrorRates, Frontier, FrontierPoint, SampleRef, ViewDirection,
+        testing,
     };
     use crate::knobs::{KnobLevels, KnobSpace};
 
@@ -139,12 +140,7 @@ mod tests {
     }
 
     fn view(x: f32) -> CameraView {
-        CameraView {
-            position: Vec3::X * x,
-            rotation: Quat::IDENTITY,
-            vertical_fov: 1.0,
-            aspect: 1.0,
-        }
+        CameraView { position: Vec3::X * x, ..testing::view() }
     }
 
     /// Mean error and power of 20 s at 30 Hz.

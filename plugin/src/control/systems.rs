@@ -175,8 +175,8 @@ pub(super) fn allocate_budgets(
         let Some(store) = store_of(source, &maps) else { continue };
         let budget = budget.copied().unwrap_or_default();
         let correction = feedback.per_camera();
-        let points = store.look_up(&view).map(|found| found.frontier.points());
-        let ends = points.and_then(|points| points.first().zip(points.last()));
+        let frontier = store.look_up(&view).map(|found| found.frontier);
+        let ends = frontier.and_then(|f| f.points().first().zip(f.points().last()));
         let mut observed = signals.observed();
         observed.range = ends.map(|(least, most)| {
             (correction.corrected(least.cost.power), correction.corrected(most.cost.power))
@@ -201,9 +201,7 @@ pub(super) fn allocate_budgets(
         state.step = match allocate(&inputs, pace.bypass_change_detection()) {
             Some(allocation) => {
                 let power = envelope.power.map(|power| correction.uncorrected(power));
-                let found = store.look_up(&view);
-                let binding =
-                    found.and_then(|f| envelope.binds(power, f.frontier, &allocation.choice));
+                let binding = frontier.and_then(|f| envelope.binds(power, f, &allocation.choice));
                 Step::Allocated { view, space, allocation, budget: inputs.budget, binding }
             }
             None => {

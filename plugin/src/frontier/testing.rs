@@ -2,9 +2,11 @@
 
 use std::collections::BTreeSet;
 
+use bevy::math::{Quat, Vec3};
+
 use super::{
-    Bounds, Capture, Corner, CostPoint, ErrorRates, Frontier, FrontierMap, FrontierPoint, Leaf,
-    Octree, SceneIdentity, Thresholds, WorkPrices,
+    Bounds, CameraView, Capture, Corner, CostPoint, ErrorRates, Frontier, FrontierMap,
+    FrontierPoint, Leaf, Octree, SceneIdentity, Thresholds, WorkPrices,
 };
 use crate::knobs::{Knob, KnobLevels, KnobSpace};
 use crate::power::{MeterInfo, Provenance};
@@ -44,6 +46,11 @@ pub(crate) fn subdivided(levels: u8) -> Octree {
         octree.frontiers.extend((0..6).map(|view| frontier(1.0 + view as f64)));
     }
     octree
+}
+
+/// A view from the origin along −Z.
+pub(crate) fn view() -> CameraView {
+    CameraView { position: Vec3::ZERO, rotation: Quat::IDENTITY, vertical_fov: 1.0, aspect: 1.0 }
 }
 
 /// A frontier of three points at `base`, `base` + 1 and `base` + 3 watts with errors of 0.2, 0.05

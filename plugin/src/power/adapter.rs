@@ -38,6 +38,14 @@ pub(crate) mod vendor {
     pub(crate) const NVIDIA: u32 = 0x10de;
 }
 
+/// Why a meter of all programs is not chosen for software rendering.
+pub(crate) const CPU_TIME_IS_BETTER: &str =
+    "it contains all programs, the CPU time of this one orders settings better; request it by name";
+
+/// Why a meter of a GPU is not chosen for software rendering.
+pub(crate) const RENDERS_ON_CPU: &str =
+    "the adapter renders on the CPU, which this meter does not cover";
+
 impl Adapter {
     /// PCI identifier of the vendor: the reported one, or by the name; `None` where both say
     /// nothing.

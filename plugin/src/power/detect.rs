@@ -1,6 +1,8 @@
 //! The available meters, and the choice of the one that covers the rendering device. A new meter is
 //! one entry in [`METERS`].
 
+#[cfg(feature = "nvml")]
+use crate::power::adapter::{RENDERS_ON_CPU, vendor};
 use crate::power::sysfs::{SysRoot, battery, gpu, jetson, rapl};
 use crate::power::{Adapter, AdapterKind, CpuTimeMeter, MeterError, PowerMeter};
 use crate::units::Watts;
@@ -220,13 +222,10 @@ fn open_nvml(parameter: Option<&str>) -> Result<Box<dyn PowerMeter>, OpenMeterEr
 fn open_nvml_for(adapter: &Adapter) -> Result<Box<dyn PowerMeter>, MeterError> {
     use crate::power::NvmlMeter;
     if adapter.kind == AdapterKind::Software {
-        return Err(MeterError::unavailable(
-            NvmlMeter::NAME,
-            "the adapter renders on the CPU, which this meter does not cover",
-        ));
+        return Err(MeterError::unavailable(NvmlMeter::NAME, RENDERS_ON_CPU));
     }
     // Without loading the library, which would start the driver of an idle board.
-    if adapter.vendor().is_some_and(|vendor| vendor != crate::power::adapter::vendor::NVIDIA) {
+    if adapter.vendor().is_some_and(|other| other != vendor::NVIDIA) {
         return Err(MeterError::unavailable(
             NvmlMeter::NAME,
             "the adapter is another vendor's, which this meter does not cover",

@@ -15,7 +15,7 @@ use super::{Losses, Smoother};
 const LEAST_WEIGHT: f64 = 0.5;
 /// Mean difference, of the logarithms of power and error, below which frontiers are the same.
 const LEAST_DISTANCE: f64 = 0.02;
-/// Greatest number of frontiers; each takes about half a kilobyte of a map's file.
+/// Greatest number of frontiers; each takes most of a kilobyte of a map's file.
 const MOST_FRONTIERS: usize = 56;
 
 /// Configuration of the fit.

@@ -208,7 +208,7 @@ fn history_outlives_a_switch_of_settings() {
     }
 }
 
-/// Mean radiance of columns `from..to`.
+/// Sum of the radiance of columns `from..to`.
 fn columns(image: &Radiance, from: usize, to: usize) -> f64 {
     let pixels = image.rgb.iter().enumerate();
     let inside = pixels.filter(|(index, _)| (from..to).contains(&(index % image.width as usize)));

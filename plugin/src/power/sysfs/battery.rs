@@ -162,16 +162,15 @@ impl Battery {
 
     /// The power that it gives: drivers disagree about the sign.
     fn power(&self) -> Result<Watts, MeterError> {
-        let error = |file: &NumberFile, fault| file.error(NAME, fault, REMEDY);
         let watts = match self.power.read() {
             Ok(microwatts) => microwatts as f64 * 1e-6,
             Err(fault @ (Fault::Denied | Fault::NotANumber(_))) => {
-                return Err(error(&self.power, fault));
+                return Err(self.power.error(NAME, fault, REMEDY));
             }
             // Many have current and voltage only, and some a file of power that never answers.
             Err(Fault::Gone | Fault::Failed(_)) => {
-                let current = self.current.read().map_err(|fault| error(&self.current, fault))?;
-                let voltage = self.voltage.read().map_err(|fault| error(&self.voltage, fault))?;
+                let current = self.current.reading(NAME, REMEDY)?;
+                let voltage = self.voltage.reading(NAME, REMEDY)?;
                 let voltage = if voltage > 0 { voltage as f64 } else { f64::NAN };
                 current as f64 * voltage * 1e-12
             }
@@ -208,8 +207,7 @@ impl Source for Batteries {
     }
 
     fn energy_at(&mut self, at: Duration) -> Result<Option<Joules>, MeterError> {
-        let power = self.power().inspect_err(|_| self.gauge.restart())?;
-        let energy = self.gauge.push(power, at);
-        energy.map(Some).map_err(|fault| MeterError::broken(NAME, fault))
+        let power = self.power();
+        self.gauge.add(NAME, power, at)
     }
 }

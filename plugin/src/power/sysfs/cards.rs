@@ -3,6 +3,7 @@
 use std::path::PathBuf;
 
 use super::SysRoot;
+use crate::power::adapter::RENDERS_ON_CPU;
 use crate::power::{Adapter, AdapterKind, MeterError};
 
 /// A graphics card with the hardware monitors of its driver.
@@ -100,7 +101,7 @@ pub(super) fn choose_for(
 ) -> Result<Card, MeterError> {
     let unsuitable = |reason: &str| Err(MeterError::unavailable(meter, reason));
     if adapter.kind == AdapterKind::Software {
-        return unsuitable("the adapter renders on the CPU, which this meter does not cover");
+        return unsuitable(RENDERS_ON_CPU);
     }
     if adapter.vendor().is_some_and(|other| other != vendor) {
         return unsuitable("the adapter is another vendor's");

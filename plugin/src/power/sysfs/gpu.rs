@@ -102,12 +102,8 @@ impl Source for AmdGpu {
     }
 
     fn energy_at(&mut self, at: Duration) -> Result<Option<Joules>, MeterError> {
-        let microwatts = self.file.read().map_err(|fault| {
-            self.gauge.restart();
-            self.file.error(AMD_NAME, fault, REMEDY)
-        })?;
-        let energy = self.gauge.push(Watts(microwatts as f64 * 1e-6), at);
-        energy.map(Some).map_err(|fault| MeterError::broken(AMD_NAME, fault))
+        let power = self.file.reading(AMD_NAME, REMEDY);
+        self.gauge.add(AMD_NAME, power.map(|microwatts| Watts(microwatts as f64 * 1e-6)), at)
     }
 }
 
@@ -162,10 +158,6 @@ impl Source for IntelGpu {
     }
 
     fn energy_at(&mut self, at: Duration) -> Result<Option<Joules>, MeterError> {
-        let microjoules = self.file.read().map_err(|fault| {
-            self.counter.restart();
-            self.file.error(INTEL_NAME, fault, REMEDY)
-        })?;
-        self.counter.push(microjoules, at).map_err(|fault| MeterError::broken(INTEL_NAME, fault))
+        self.counter.add(INTEL_NAME, self.file.reading(INTEL_NAME, REMEDY), at)
     }
 }

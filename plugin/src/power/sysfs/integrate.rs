@@ -5,6 +5,7 @@
 
 use std::time::Duration;
 
+use crate::power::MeterError;
 use crate::units::{Joules, Watts};
 
 /// Largest plausible power of one machine that renders, watts; more is a fault of the reading.
@@ -18,7 +19,7 @@ const MAX_GAP: Duration = Duration::from_secs(10);
 const MAX_WRAP_RATIO: f64 = 2.0;
 
 /// A reading's fault, in words.
-pub(super) type Fault = String;
+type Fault = String;
 
 /// A counter of microjoules.
 #[derive(Clone, Debug, Default)]
@@ -42,13 +43,24 @@ impl Counter {
         Self { range: range.filter(|range| *range > 0), ..Self::default() }
     }
 
+    /// Adds the reading of a meter's file. The energy so far; `None` until a change was seen.
+    pub(super) fn add(
+        &mut self,
+        meter: &str,
+        reading: Result<i64, MeterError>,
+        at: Duration,
+    ) -> Result<Option<Joules>, MeterError> {
+        let value = reading.inspect_err(|_| self.restart())?;
+        self.push(value, at).map_err(|fault| MeterError::broken(meter, fault))
+    }
+
     /// Forgets the last value, but no energy.
-    pub(super) fn restart(&mut self) {
+    fn restart(&mut self) {
         (self.last, self.is_aligned, self.is_stuck, self.watts) = (None, false, false, None);
     }
 
     /// Adds a reading. The energy so far, in joules; `None` until a change was seen.
-    pub(super) fn push(&mut self, value: i64, at: Duration) -> Result<Option<Joules>, Fault> {
+    fn push(&mut self, value: i64, at: Duration) -> Result<Option<Joules>, Fault> {
         if value < 0 {
             self.restart();
             return Err(format!("the counter reads {value} µJ"));
@@ -129,13 +141,24 @@ impl Gauge {
         Self { stale_after, last: None, same: None, joules: 0.0 }
     }
 
+    /// Adds the reading of a meter's files. The energy so far.
+    pub(super) fn add(
+        &mut self,
+        meter: &str,
+        reading: Result<Watts, MeterError>,
+        at: Duration,
+    ) -> Result<Option<Joules>, MeterError> {
+        let power = reading.inspect_err(|_| self.restart())?;
+        self.push(power, at).map(Some).map_err(|fault| MeterError::broken(meter, fault))
+    }
+
     /// Forgets the last power, but no energy: for a reading that failed.
-    pub(super) fn restart(&mut self) {
+    fn restart(&mut self) {
         self.last = None;
     }
 
     /// Adds a reading. The energy so far, in joules.
-    pub(super) fn push(&mut self, power: Watts, at: Duration) -> Result<Joules, Fault> {
+    fn push(&mut self, power: Watts, at: Duration) -> Result<Joules, Fault> {
         let last = self.last.take();
         if power.0 == 0.0 {
             return Err("it reads 0 W, which no machine draws that renders".to_owned());

@@ -9,12 +9,13 @@ use std::time::Duration;
 use super::integrate::Gauge;
 use super::root::NumberFile;
 use super::{Source, SourceKind, SysRoot};
+use crate::power::adapter::CPU_TIME_IS_BETTER;
 use crate::power::{Adapter, AdapterKind, MeterError, MeterInfo, Provenance};
 use crate::units::{Joules, Watts};
 
 const NAME: &str = "jetson";
 const REMEDY: &str = "give this user access to the monitor's folder, in a container too";
-/// Names of the input rail: Xavier NX, Orin NX and Nano, TX2; Nano; TX1; older carriers.
+/// Names of the input rail: Xavier NX, Orin NX and Nano, TX2; Nano; TX1; older boards.
 const INPUTS: [&str; 4] = ["VDD_IN", "POM_5V_IN", "VDD_MUX", "VDD_SYS"];
 /// A monitor has a resolution of 8 mA, and its rail noise.
 const STALE_AFTER: Duration = Duration::from_secs(60);
@@ -78,14 +79,23 @@ fn find(root: &SysRoot, wanted: Option<&str>) -> Result<Box<dyn Source>, MeterEr
 fn find_for(root: &SysRoot, adapter: &Adapter) -> Result<Box<dyn Source>, MeterError> {
     match adapter.kind {
         AdapterKind::Hardware if adapter.is_integrated => find(root, None),
-        AdapterKind::Software => Err(MeterError::unavailable(
-            NAME,
-            "it contains all programs, the CPU time of this one orders settings better; request it by name",
-        )),
+        AdapterKind::Software => Err(MeterError::unavailable(NAME, CPU_TIME_IS_BETTER)),
         _ => Err(MeterError::unavailable(
             NAME,
             "the adapter is not known to be part of the module; request it by name",
         )),
+    }
+}
+
+impl Rail {
+    fn power(&self) -> Result<Watts, MeterError> {
+        let read = |file: &NumberFile| {
+            let value = file.reading(NAME, REMEDY)?;
+            // Two faults of sign would make a power.
+            Ok(if value < 0 { f64::NAN } else { value as f64 })
+        };
+        let [millivolts, milliamperes] = &self.files;
+        Ok(Watts(read(millivolts)? * read(milliamperes)? * 1e-6))
     }
 }
 
@@ -108,17 +118,7 @@ impl Source for Rail {
     }
 
     fn energy_at(&mut self, at: Duration) -> Result<Option<Joules>, MeterError> {
-        let mut values = [0; 2];
-        for (value, file) in values.iter_mut().zip(&self.files) {
-            *value = file.read().map_err(|fault| {
-                self.gauge.restart();
-                file.error(NAME, fault, REMEDY)
-            })?;
-        }
-        // Two faults of sign would make a power.
-        let [millivolts, milliamperes] =
-            values.map(|value| if value < 0 { f64::NAN } else { value as f64 });
-        let energy = self.gauge.push(Watts(millivolts * milliamperes * 1e-6), at);
-        energy.map(Some).map_err(|fault| MeterError::broken(NAME, fault))
+        let power = self.power();
+        self.gauge.add(NAME, power, at)
     }
 }

@@ -10,6 +10,7 @@ use std::time::Duration;
 use super::integrate::Counter;
 use super::root::NumberFile;
 use super::{Source, SourceKind, SysRoot};
+use crate::power::adapter::CPU_TIME_IS_BETTER;
 use crate::power::{Adapter, AdapterKind, MeterError, MeterInfo, Provenance};
 use crate::units::Joules;
 
@@ -68,9 +69,7 @@ fn find_for(root: &SysRoot, adapter: &Adapter) -> Result<Box<dyn Source>, MeterE
     let reason = match adapter.kind {
         AdapterKind::Hardware if adapter.is_integrated => return find(root, "package"),
         AdapterKind::Hardware => "the GPU is not part of the processor's package",
-        AdapterKind::Software => {
-            "it contains all programs, the CPU time of this one orders settings better; request it by name"
-        }
+        AdapterKind::Software => CPU_TIME_IS_BETTER,
         AdapterKind::Unknown => {
             "the adapter is not known to be part of the processor's package; request it by name"
         }
@@ -104,16 +103,7 @@ impl Source for Rapl {
         let mut sum = Some(Joules(0.0));
         let mut failed = None;
         for (file, counter) in &mut self.domains {
-            let energy = match file.read() {
-                Ok(value) => {
-                    counter.push(value, at).map_err(|fault| MeterError::broken(NAME, fault))
-                }
-                Err(fault) => {
-                    counter.restart();
-                    Err(file.error(NAME, fault, REMEDY))
-                }
-            };
-            match energy {
+            match counter.add(NAME, file.reading(NAME, REMEDY), at) {
                 Ok(energy) => sum = sum.zip(energy).map(|(sum, energy)| sum + energy),
                 Err(error) => failed = failed.or(Some(error)),
             }

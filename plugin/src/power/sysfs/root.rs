@@ -50,9 +50,7 @@ impl SysRoot {
 
     /// The first line of a file, without white space around it; `None` where it cannot be read.
     pub(crate) fn word(&self, path: &Path) -> Option<String> {
-        let mut buffer = [0; 4096];
-        let length = read(self.open, path, &mut buffer).ok()?;
-        let text = String::from_utf8_lossy(&buffer[..length]);
+        let text = self.text(path)?;
         let word = text.lines().next().unwrap_or_default().trim();
         (!word.is_empty()).then(|| word.to_owned())
     }
@@ -104,6 +102,14 @@ impl NumberFile {
         let bytes = &buffer[..length];
         let number = std::str::from_utf8(bytes).ok().and_then(|text| text.trim().parse().ok());
         number.ok_or_else(|| Fault::NotANumber(String::from_utf8_lossy(bytes).trim().to_owned()))
+    }
+
+    /// The same with the meter's [`error`](Self::error).
+    ///
+    /// # Errors
+    /// Why there is no number.
+    pub(crate) fn reading(&self, meter: &str, remedy: &str) -> Result<i64, MeterError> {
+        self.read().map_err(|fault| self.error(meter, fault, remedy))
     }
 
     /// The meter's error for a fault of this file. `remedy`: what to do where access is denied.

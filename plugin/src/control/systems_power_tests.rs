@@ -1,0 +1,179 @@
+//! Limits of the whole app and in other currencies, and metered power.
+
+use super::*;
+
+#[test]
+fn an_app_budget_is_divided_among_its_cameras() {
+    let (mut app, camera, map) = scene(Budget::default());
+    // Along −Z 6, 7 and 9 W, along +X 1, 2 and 4 W, of errors 0.2, 0.05 and 0.
+    let look =
+        GlobalTransform::from(Transform::from_xyz(3.0, 1.5, -3.0).looking_to(Vec3::X, Vec3::Y));
+    let other =
+        app.world_mut().spawn((FrontierMapHandle(map), Budget::default(), lens(), look)).id();
+    app.world_mut().resource_mut::<ControlSettings>().transition_seconds = 0.0;
+    app.world_mut().resource_mut::<ControlSettings>().fall_seconds = 0.0;
+    let powers = |app: &mut App, limit: Option<f64>| {
+        app.world_mut().resource_mut::<AppBudget>().power = limit.map(Watts);
+        app.update();
+        [camera, other]
+            .map(|camera| selection(app, camera).predicted.expect("a prediction").power.0)
+    };
+    assert_eq!(powers(&mut app, None), [9.0, 4.0]);
+    assert_eq!(powers(&mut app, Some(13.0)), [9.0, 4.0]);
+    assert_eq!(powers(&mut app, Some(9.5)), [7.0, 2.0]);
+    assert_eq!(powers(&mut app, Some(7.5)), [6.0, 1.0]);
+    assert_eq!(selection(&app, camera).status, ControlStatus::Active(Outcome::Met));
+    assert_eq!(powers(&mut app, Some(6.5)), [6.0, 1.0]);
+    for camera in [camera, other] {
+        let status = selection(&app, camera).status;
+        assert_eq!(status, ControlStatus::Active(Outcome::PowerCannotBeMet));
+    }
+    // By priority, and within a camera's own budget.
+    for (first, expected) in [(100.0, [9.0, 2.0]), (0.01, [7.0, 4.0])] {
+        app.world_mut().entity_mut(camera).insert(CameraPriority(first));
+        assert_eq!(powers(&mut app, Some(11.0)), expected);
+    }
+    set_budget(&mut app, other, Budget::power(Watts(2.5)));
+    assert_eq!(powers(&mut app, Some(11.0)), [9.0, 2.0]);
+    // An error limit that the app's budget does not allow is told.
+    set_budget(&mut app, camera, Budget::error(0.0));
+    assert_eq!(powers(&mut app, Some(9.5)), [7.0, 2.0]);
+    let status = selection(&app, camera).status;
+    assert_eq!(status, ControlStatus::Active(Outcome::LimitedByPower));
+    for ignored in [f64::NAN, -1.0, f64::INFINITY] {
+        assert_eq!(powers(&mut app, Some(ignored)), [9.0, 2.0], "{ignored}");
+    }
+}
+
+/// A reading of `watts` over the last frame.
+fn read(app: &mut App, watts: Option<f64>) {
+    let mut metered = app.world_mut().get_resource_or_init::<MeteredPower>();
+    let state = if watts.is_some() {
+        MeterState::Running
+    } else {
+        MeterState::Lost { reason: "unplugged".into() }
+    };
+    *metered = MeteredPower {
+        latest: watts.map(Watts),
+        mean: watts.map(Watts),
+        interval_seconds: watts.map(|_| FRAME.as_secs_f64()),
+        sample_count: metered.sample_count + 1,
+        info: Some(MeterInfo {
+            name: "simulated".into(),
+            provenance: Provenance::Measured,
+            description: String::new(),
+        }),
+        state,
+        read_at: None,
+    };
+    app.update();
+}
+
+#[test]
+fn a_budget_is_held_on_a_device_that_is_hungrier_than_the_maps() {
+    let (mut app, camera, _) = scene(Budget::power(Watts(10.0)));
+    run(&mut app, 3);
+    let feedback = |app: &App| *app.world().resource::<PowerFeedback>();
+    assert_eq!((feedback(&app).state, applied(&app, camera)), (FeedbackState::Off, at(4, 2)));
+    // 9 W by the map, 13.5 W by the meter; 6 W by the map is within 10 W.
+    for _ in 0..24 {
+        let predicted = app
+            .world()
+            .get::<CameraState>(camera)
+            .and_then(CameraState::predicted)
+            .flatten()
+            .expect("a prediction");
+        read(&mut app, Some(1.5 * predicted.0));
+    }
+    assert_eq!(feedback(&app).state, FeedbackState::Running);
+    let found = selection(&app, camera);
+    assert_eq!(found.status, ControlStatus::Active(Outcome::Met));
+    assert_eq!(applied(&app, camera), at(0, 0));
+    let predicted = found.predicted_applied.expect("a prediction").power.0;
+    assert!((predicted / 9.0 - 1.0).abs() < 0.05, "{predicted} W, corrected");
+    // A lost meter leaves its correction, and a disabled one nothing.
+    read(&mut app, None);
+    run(&mut app, 8);
+    assert_eq!((feedback(&app).state, applied(&app, camera)), (FeedbackState::Held, at(0, 0)));
+    app.world_mut().resource_mut::<PowerFeedback>().is_enabled = false;
+    run(&mut app, 20);
+    assert_eq!((feedback(&app).state, applied(&app, camera)), (FeedbackState::Off, at(4, 2)));
+}
+
+#[test]
+fn a_modelled_meter_other_than_the_maps_is_not_trusted() {
+    let (mut app, camera, _) = scene(Budget::power(Watts(10.0)));
+    run(&mut app, 3);
+    for name in ["other", "cpu-time"] {
+        for _ in 0..12 {
+            let mut metered = app.world_mut().get_resource_or_init::<MeteredPower>();
+            *metered = MeteredPower {
+                latest: Some(Watts(20.0)),
+                interval_seconds: Some(FRAME.as_secs_f64()),
+                sample_count: metered.sample_count + 1,
+                info: Some(MeterInfo {
+                    name: name.into(),
+                    provenance: Provenance::Modelled,
+                    description: String::new(),
+                }),
+                state: MeterState::Running,
+                ..Default::default()
+            };
+            app.update();
+        }
+        let is_map_meter = name == "cpu-time";
+        let state = app.world().resource::<PowerFeedback>().state;
+        assert_eq!(state == FeedbackState::Running, is_map_meter, "{name}: {state:?}");
+        assert_eq!(applied(&app, camera) == at(0, 0), is_map_meter, "{name}");
+    }
+}
+
+#[test]
+fn limits_of_other_currencies_are_kept_and_named() {
+    // Points at 6 W, 7 W and 9 W.
+    let named = |app: &App, camera| {
+        let found = selection(app, camera);
+        (found.predicted.map(|cost| cost.power.0), found.binding, found.status)
+    };
+    let met = ControlStatus::Active(Outcome::Met);
+    let cannot = ControlStatus::Active(Outcome::PowerCannotBeMet);
+    let (mut app, camera, map) = scene(Budget::default());
+    run(&mut app, 2);
+    assert_eq!(named(&app, camera), (Some(9.0), None, met));
+    let rate = {
+        let maps = app.world().resource::<Assets<FrontierMap>>();
+        maps.get(&map).expect("the map").capture.frames_per_second
+    };
+    set_budget(&mut app, camera, Budget::default().with_energy_per_frame(Joules(7.5 / rate)));
+    run(&mut app, 20);
+    assert_eq!(named(&app, camera), (Some(7.0), Some(Limit::EnergyPerFrame), met));
+    // Twenty minutes at 6.5 W, or at none.
+    let until = Duration::from_secs_f64(app.world().resource::<Time<Real>>().elapsed_secs_f64());
+    set_budget(
+        &mut app,
+        camera,
+        Budget::default().with_battery_until(until + Duration::from_secs(1200)),
+    );
+    for (joules, watts, binding, status) in [
+        (f64::NAN, 9.0, None, met),
+        (6.5 * 1200.0, 6.0, Some(Limit::Battery), met),
+        (1e9, 9.0, None, met),
+        (0.0, 6.0, Some(Limit::Battery), cannot),
+    ] {
+        let energy = Some(Joules(joules));
+        app.insert_resource(BatteryLevel { is_automatic: false, energy, power: None });
+        run(&mut app, 20);
+        assert_eq!(named(&app, camera), (Some(watts), binding, status), "{joules} J");
+    }
+    set_budget(&mut app, camera, Budget::default().with_headroom(0.5));
+    app.insert_resource(ThermalHeadroom { share: Some(0.2) });
+    run(&mut app, 20);
+    assert_eq!(named(&app, camera), (Some(7.0), Some(Limit::Headroom), met), "6 + 0.4 × 3 W");
+    set_budget(&mut app, camera, Budget::default().with_headroom(f64::NAN));
+    run(&mut app, 2);
+    assert_eq!(
+        selection(&app, camera).status,
+        ControlStatus::Off(OffReason::InvalidBudget),
+        "refused with a message"
+    );
+}
