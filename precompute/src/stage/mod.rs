@@ -15,6 +15,7 @@ mod metering;
 mod options;
 mod prefilter;
 mod ready;
+mod real_time;
 mod remote;
 mod settings;
 mod useful;
@@ -62,7 +63,8 @@ pub struct Stage {
     meter: Box<dyn PowerMeter>,
     /// Counts frames for the work meter, if that is the meter.
     ledger: Option<WorkLedger>,
-    idle: Watts,
+    /// `None` until it is needed: a meter of a device takes seconds to measure it.
+    idle: Option<Watts>,
     rays: RayScene,
     bounds: Option<Bounds>,
     exposure: f32,
@@ -117,7 +119,7 @@ impl Stage {
             target,
             space: Arc::new(space),
             shown: None,
-            idle: Watts(0.0),
+            idle: None,
             meter,
             ledger,
             rays,
@@ -130,7 +132,6 @@ impl Stage {
         let best = all.highest();
         stage.insert_settings(Arc::new(all), best)?;
         stage.get_ready()?;
-        stage.idle = stage.measure_idle()?;
         Ok(stage)
     }
 
@@ -147,11 +148,6 @@ impl Stage {
     /// The meter's name and provenance.
     pub fn meter(&self) -> MeterInfo {
         self.meter.info()
-    }
-
-    /// Idle power, as far as the meter covers it.
-    pub fn idle(&self) -> Watts {
-        self.idle
     }
 
     /// Triangles for ray queries.

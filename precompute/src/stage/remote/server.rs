@@ -47,11 +47,11 @@ fn answer(
             meter: request.meter,
             ..Default::default()
         };
-        let opened = Stage::open(&scene::load(&request.scene)?, options)?;
+        let mut opened = Stage::open(&scene::load(&request.scene)?, options)?;
         let answer = Answer::Opened {
             space: opened.space().as_ref().clone(),
             meter: opened.meter(),
-            idle: opened.idle(),
+            idle: opened.idle()?,
         };
         *stage = Some(StageEvaluator::new(opened));
         return Ok((answer, None));

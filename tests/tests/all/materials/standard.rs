@@ -185,7 +185,8 @@ fn rough_metals_and_gloss_reflect_as_bevy_shades_them() {
         shade(bench, GiShading::Lambertian);
         println!("    sent with Lambertian shading {lambertian:.0?}, with Bevy's {standard:.0?}");
         let [diffuse, metallic, glossy] = [0, 1, 2].map(|plate| standard[plate] / lambertian[0]);
-        assert_eq!(lambertian[1], 0.0);
+        // Sums of pixels of two images, whose roundings need not cancel.
+        assert!((lambertian[1] / lambertian[0]).abs() < 1e-6, "{lambertian:?}");
         assert!(
             (lambertian[2] / lambertian[0] - 1.0).abs() < 1e-6 && (diffuse - 1.0).abs() < 0.02,
             "{lambertian:?} {standard:?}"
