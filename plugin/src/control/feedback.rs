@@ -8,8 +8,12 @@
 //!    bad readings (Huber 1964), and a restart where readings stay off, as after a throttle.
 //!
 //! We use option 3: the map still says at once what a change of view costs, and the meter says how
-//! much that is here. At one operating point gain and offset cannot be told apart; the prior
-//! shares a difference out between them, and the prediction at that point is right either way.
+//! much that is here. At one operating point gain and offset cannot be told apart, and the
+//! prediction at that point is right either way. Readings are therefore forgotten towards the prior
+//! (ridge regression with exponential weights), which shares a difference out between the two. With
+//! forgetting alone, an H100 under one budget after another had gains of 0.1 to 2.9: what noise and
+//! drift said about the gain was all there was to go by. A gain of 2.9 then kept the controller from
+//! settings that the next budget had room for.
 
 use bevy::reflect::Reflect;
 
@@ -23,8 +27,10 @@ const FORGETTING_SECONDS: f64 = 4.0;
 const NOISE: f64 = 0.03;
 /// Standard deviations beyond which a reading's weight falls.
 const HUBER: f64 = 2.0;
-/// Standard deviations of gain and offset before the first reading; the offset's as a share of the
-/// first predicted power.
+/// Gain and offset before the first reading.
+const NEUTRAL: [f64; 2] = [1.0, 0.0];
+/// Standard deviations of gain and offset around that; the offset's as a share of the first predicted
+/// power.
 const PRIOR: [f64; 2] = [0.5, 0.5];
 /// Largest gain, its smallest reciprocal, and the largest offset as a multiple of the first
 /// predicted power: beyond, the readings are not those of this renderer.
@@ -34,6 +40,9 @@ const MOST_UNDER: f64 = 0.005;
 /// Overestimate from which it is used: room below a limit is less urgent, and settings that follow
 /// every reading would flicker.
 const MOST_OVER: f64 = 0.03;
+/// Change, as a share, at half and at twice the present power from which it is used: what is believed
+/// of other settings decides whether they are tried.
+const MOST_ELSEWHERE: f64 = 0.1;
 
 /// From the watts of a map to those of the app's meter.
 #[derive(Clone, Copy, Debug, PartialEq, Reflect)]
@@ -64,6 +73,11 @@ impl PowerCorrection {
         if predicted.0 < 0.0 { Watts(0.0) } else { predicted }
     }
 
+    /// This correction of powers that `first` has corrected.
+    pub(super) fn after(self, first: Self) -> Self {
+        Self { gain: self.gain * first.gain, offset: first.offset * self.gain + self.offset }
+    }
+
     /// This correction for each of `cameras` whose powers add up to the corrected one.
     pub fn shared_by(self, cameras: usize) -> Self {
         Self { offset: self.offset / cameras.max(1) as f64, ..self }
@@ -73,9 +87,12 @@ impl PowerCorrection {
 /// Learns the correction from predictions and readings. Has no clock.
 #[derive(Clone, Debug)]
 pub struct PowerModel {
-    /// Gain and offset.
+    /// Gain, and offset as a multiple of `scale`: both are near 1 in size.
     estimate: [f64; 2],
-    covariance: [[f64; 2]; 2],
+    /// Inverse of the estimate's covariance.
+    information: [[f64; 2]; 2],
+    /// `information` × `estimate`.
+    weighted: [f64; 2],
     /// Predicted power at the first reading, watts.
     scale: f64,
     /// Sign of the last reading's deviation, if it was an outlier.
@@ -87,15 +104,18 @@ pub struct PowerModel {
 
 impl Default for PowerModel {
     fn default() -> Self {
-        Self {
-            estimate: [1.0, 0.0],
-            covariance: [[0.0; 2]; 2],
+        let mut model = Self {
+            estimate: NEUTRAL,
+            information: [[0.0; 2]; 2],
+            weighted: [0.0; 2],
             scale: 0.0,
             outlier: None,
             readings: 0,
             used: PowerCorrection::default(),
             history: PredictionHistory::default(),
-        }
+        };
+        model.forget(0.0);
+        model
     }
 }
 
@@ -114,8 +134,9 @@ impl PowerModel {
     /// Standard deviation of the corrected power at the power predicted last, watts; `None` before
     /// the first reading.
     pub fn deviation(&self) -> Option<Watts> {
-        let regressor = [self.history.last()?, 1.0];
-        (self.readings > 0).then(|| Watts(quadratic(&self.covariance, regressor).max(0.0).sqrt()))
+        let regressor = [self.history.last()? / self.scale, 1.0];
+        let variance = quadratic(&self.covariance()?, regressor);
+        (self.readings > 0).then(|| Watts(variance.max(0.0).sqrt() * self.scale))
     }
 
     /// Adds a frame of `delta_seconds` with the predicted power of its settings, without
@@ -139,76 +160,84 @@ impl PowerModel {
         };
         if self.readings == 0 {
             self.scale = predicted.max(1e-3);
-            self.covariance = self.prior();
         }
-        let forgotten = (interval_seconds / FORGETTING_SECONDS).min(1.0).exp();
-        self.scale_covariance(forgotten);
-        self.learn(predicted, metered.0, spread);
+        self.forget((-interval_seconds / FORGETTING_SECONDS).exp());
+        self.learn(predicted / self.scale, metered.0 / self.scale, spread / self.scale);
         self.readings += 1;
         self.use_estimate();
     }
 
-    fn prior(&self) -> [[f64; 2]; 2] {
-        let offset = PRIOR[1] * self.scale;
-        [[PRIOR[0] * PRIOR[0], 0.0], [0.0, offset * offset]]
+    /// Keeps a share of what was learnt; the prior takes the place of the rest.
+    fn forget(&mut self, kept: f64) {
+        for i in 0..2 {
+            let prior = PRIOR[i].powi(-2) * (1.0 - kept);
+            self.information[i].iter_mut().for_each(|value| *value *= kept);
+            self.information[i][i] += prior;
+            self.weighted[i] = self.weighted[i] * kept + prior * NEUTRAL[i];
+        }
     }
 
-    /// Without excitation, forgetting alone would let the covariance grow without bound.
-    fn scale_covariance(&mut self, factor: f64) {
-        let prior = self.prior();
-        let room = (0..2)
-            .map(|i| prior[i][i] / self.covariance[i][i].max(f64::MIN_POSITIVE))
-            .fold(factor, f64::min);
-        self.covariance.iter_mut().flatten().for_each(|value| *value *= room.max(0.0));
+    /// Inverse of the information; `None` where numbers have left the range of 64 bits.
+    fn covariance(&self) -> Option<[[f64; 2]; 2]> {
+        let [[a, b], [c, d]] = self.information;
+        let determinant = a * d - b * c;
+        (determinant > 0.0 && determinant.is_finite())
+            .then(|| [[d, -b], [-c, a]].map(|row| row.map(|value| value / determinant)))
     }
 
+    /// Adds a reading. All powers are multiples of `scale`.
     fn learn(&mut self, predicted: f64, metered: f64, spread: f64) {
         let regressor = [predicted, 1.0];
         let deviation = metered - self.estimate[0] * predicted - self.estimate[1];
         // Where settings have just changed, the reading may belong to either.
         let unsure = 0.5 * spread * self.estimate[0];
         let noise = (NOISE * metered.max(predicted)).powi(2) + unsure * unsure + 1e-12;
-        let expected = (quadratic(&self.covariance, regressor) + noise).sqrt();
+        let Some(covariance) = self.covariance() else {
+            self.forget(0.0);
+            return;
+        };
+        let expected = (quadratic(&covariance, regressor) + noise).sqrt();
         let mut weight = (HUBER * expected / deviation.abs()).min(1.0);
         if weight < 1.0 {
             let sign = deviation.signum();
             if self.outlier == Some(sign) {
                 // Two in succession are no accident: the device has changed.
-                (self.covariance, self.outlier, weight) = (self.prior(), None, 1.0);
+                self.forget(0.0);
+                (self.outlier, weight) = (None, 1.0);
             } else {
                 self.outlier = Some(sign);
             }
         } else {
             self.outlier = None;
         }
-        let along = multiply(&self.covariance, regressor);
-        let total = quadratic(&self.covariance, regressor) + noise / weight.max(1e-6);
-        let mut estimate = self.estimate;
-        for i in 0..2 {
-            estimate[i] += along[i] / total * deviation;
-        }
-        if !estimate.iter().all(|value| value.is_finite()) {
-            return;
-        }
-        self.estimate = [
-            estimate[0].clamp(1.0 / MOST, MOST),
-            estimate[1].clamp(-MOST * self.scale, MOST * self.scale),
-        ];
+        let precision = weight / noise;
         for i in 0..2 {
             for j in 0..2 {
-                self.covariance[i][j] -= along[i] * along[j] / total;
+                self.information[i][j] += precision * regressor[i] * regressor[j];
             }
-            // Rounding errors must not make a variance negative.
-            self.covariance[i][i] = self.covariance[i][i].max(0.0);
+            self.weighted[i] += precision * regressor[i] * metered;
+        }
+        let Some(covariance) = self.covariance() else {
+            self.forget(0.0);
+            return;
+        };
+        let [gain, offset] = multiply(&covariance, self.weighted);
+        if gain.is_finite() && offset.is_finite() {
+            self.estimate = [gain.clamp(1.0 / MOST, MOST), offset.clamp(-MOST, MOST)];
         }
     }
 
     fn use_estimate(&mut self) {
         let Some(predicted) = self.history.last() else { return };
-        let latest = PowerCorrection { gain: self.estimate[0], offset: Watts(self.estimate[1]) };
-        let (new, old) =
-            (latest.corrected(Watts(predicted)).0, self.used.corrected(Watts(predicted)).0);
-        if new > old * (1.0 + MOST_UNDER) || new < old * (1.0 - MOST_OVER) {
+        let [gain, offset] = self.estimate;
+        let latest = PowerCorrection { gain, offset: Watts(offset * self.scale) };
+        let change = |at: f64| {
+            let [new, old] = [latest, self.used].map(|it| it.corrected(Watts(predicted * at)).0);
+            new / old - 1.0
+        };
+        let here = change(1.0);
+        let is_far_off = [0.5, 2.0].into_iter().any(|at| change(at).abs() > MOST_ELSEWHERE);
+        if here > MOST_UNDER || here < -MOST_OVER || is_far_off {
             self.used = latest;
         }
     }

@@ -229,3 +229,53 @@ proptest! {
         }
     }
 }
+
+/// A device that cannot hold the map's frame rate at dear settings: beyond 6 W of the map's, frames
+/// take longer, and power grows by a fifth as much.
+fn saturating(predicted: f64) -> f64 {
+    2.0 + predicted.min(6.0) + 0.2 * (predicted - 6.0).max(0.0)
+}
+
+#[test]
+fn noise_at_one_operating_point_says_nothing_about_the_gain() {
+    let mut model = PowerModel::default();
+    let mut worst = (f64::INFINITY, 0.0_f64);
+    // Views change predictions by a percent, and the device drifts by 4 % for reasons of its own.
+    for reading in 0..2400_u32 {
+        let phase = f64::from(reading) * 0.7;
+        let predicted = Watts(5.0 + 0.05 * phase.sin());
+        for _ in 0..15 {
+            model.predict(predicted, FRAME);
+        }
+        let drift = 1.0 + 0.04 * (f64::from(reading) * 0.011).sin();
+        model.read(Watts(saturating(predicted.0) * drift), 0.25);
+        let gain = model.correction().gain;
+        worst = (worst.0.min(gain), worst.1.max(gain));
+        let there = model.correction().corrected(predicted).0;
+        if reading > 40 {
+            assert!((there / (saturating(predicted.0) * drift) - 1.0).abs() < 0.05, "{there}");
+        }
+    }
+    println!("    gains from {:.2} to {:.2}", worst.0, worst.1);
+    assert!(worst.0 > 0.7 && worst.1 < 1.6, "{worst:?}");
+}
+
+#[test]
+fn the_gain_relaxes_to_the_prior_so_that_no_setting_is_shut_out_for_ever() {
+    let mut model = PowerModel::default();
+    let mut play = |predicted: f64, metered: f64, readings: u32| {
+        for _ in 0..readings {
+            for _ in 0..15 {
+                model.predict(Watts(predicted), FRAME);
+            }
+            model.read(Watts(metered), 0.25);
+        }
+        model.correction().gain
+    };
+    // Two points that a third explains badly.
+    play(4.0, 4.0, 20);
+    let steep = play(6.0, 9.0, 12);
+    let later = play(6.0, 9.0, 120);
+    println!("    a gain of {steep:.2} is {later:.2} after half a minute");
+    assert!(steep > 1.6 && later < steep - 0.1 && later > 1.0);
+}

@@ -9,7 +9,7 @@ use bevy::log::{warn, warn_once};
 use bevy::time::{Real, Time};
 use bevy::transform::components::GlobalTransform;
 
-use super::clock::{ControlClock, FeedbackState};
+use super::clock::{ControlClock, FeedbackState, RatedAt};
 use super::controller::{Allocation, Decisions, Inputs, allocate, switch};
 use super::limits::resolve;
 use super::maps::{PreparedMaps, refuse, space_of, store_of};
@@ -64,6 +64,8 @@ pub(super) struct CameraState {
     /// Predicted power of the applied settings in the map's watts; `None` while the controller is
     /// off.
     predicted: Option<Watts>,
+    /// Of the camera's map; `None` for other stores.
+    pub(super) rated_at: Option<RatedAt>,
     is_active: bool,
     /// How long each misfit has lasted, seconds; infinite once it was logged.
     misfits: [f64; Misfit::ALL.len()],
@@ -138,6 +140,10 @@ pub(super) fn look_up(
         };
         let view = CameraView::from_camera(transform, projection);
         let conditions = store_of(source, &maps).and_then(FrontierStore::conditions);
+        state.rated_at = conditions.as_ref().map(|conditions| RatedAt {
+            frames_per_second: conditions.capture.frames_per_second,
+            idle: conditions.idle,
+        });
         let new = conditions.map_or_else(MapFit::default, |conditions| {
             let app = AppConditions {
                 scene: scene.as_ref().map(|scene| &scene.0),

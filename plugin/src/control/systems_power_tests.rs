@@ -69,9 +69,38 @@ fn read(app: &mut App, watts: Option<f64>) {
     app.update();
 }
 
+/// Makes the app's frame rate `share` times the map's.
+fn rate(app: &mut App, map: &Handle<FrontierMap>, share: f64) {
+    let mut maps = app.world_mut().resource_mut::<Assets<FrontierMap>>();
+    let map = &mut *maps.get_mut(map).expect("the map");
+    map.capture.frames_per_second = 1.0 / (FRAME.as_secs_f64() * share);
+    map.work_prices.idle = Watts(2.0);
+}
+
+#[test]
+fn a_frame_rate_below_the_maps_leaves_room_for_better_settings() {
+    // 2 W idle and 4, 5 or 7 W of frames by the map; the app has half the frames.
+    for (limit, expected) in [(4.6, at(2, 0)), (5.6, at(4, 2))] {
+        let (mut app, camera, map) = scene(Budget::power(Watts(limit)));
+        rate(&mut app, &map, 0.5);
+        run(&mut app, 12);
+        assert_eq!(applied(&app, camera), at(0, 0), "without a meter, watts are the map's");
+        for _ in 0..40 {
+            let state = app.world().get::<CameraState>(camera).expect("a state");
+            let predicted = state.predicted().flatten().expect("a prediction");
+            read(&mut app, Some(2.0 + 0.5 * (predicted.0 - 2.0)));
+        }
+        let feedback = *app.world().resource::<PowerFeedback>();
+        assert_eq!(applied(&app, camera), expected, "{limit} W: {feedback:?}");
+        let found = selection(&app, camera).predicted_applied.expect("a prediction").power.0;
+        assert!(found <= limit && (feedback.correction.gain - 0.5).abs() < 0.05, "{feedback:?}");
+    }
+}
+
 #[test]
 fn a_budget_is_held_on_a_device_that_is_hungrier_than_the_maps() {
-    let (mut app, camera, _) = scene(Budget::power(Watts(10.0)));
+    let (mut app, camera, map) = scene(Budget::power(Watts(10.0)));
+    rate(&mut app, &map, 1.0);
     run(&mut app, 3);
     let feedback = |app: &App| *app.world().resource::<PowerFeedback>();
     assert_eq!((feedback(&app).state, applied(&app, camera)), (FeedbackState::Off, at(4, 2)));
