@@ -1,0 +1,312 @@
+//! Metered power of an app under budgets: the plugin's map, controller and closed loop, at the app's
+//! own frame rate, with a meter of the device.
+//!
+//! `make bench BENCH=metered ARGS='--count REPEATS MAP [METER]'`. MAP is one of `courtyard`, made or
+//! repriced for the size and the frame rate to measure at. Without METER: the one that suits the
+//! adapter.
+//!
+//! The camera goes along the tour and back. Runs last ten seconds after two to settle, each after a
+//! second of rest; budgets alternate, in turn and in reverse. The meter is read by a thread of its
+//! own, apart from the plugin's, from step to step of its counter.
+
+use std::path::Path;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::{Arc, Mutex, PoisonError};
+use std::time::{Duration, Instant};
+
+use bevy::asset::Assets;
+use bevy::diagnostic::DiagnosticsStore;
+use bevy::ecs::entity::Entity;
+use bevy::ecs::query::With;
+use bevy::math::UVec2;
+use bevy::render::diagnostic::RenderDiagnosticsPlugin;
+use bevy::time::TimeUpdateStrategy;
+use bevy_frugal_gi::control::{
+    Budget, FrontierMapHandle, PowerCorrection, PowerFeedback, Selection,
+};
+use bevy_frugal_gi::frontier::FrontierMap;
+use bevy_frugal_gi::gi::FrugalGi;
+use bevy_frugal_gi::power::{MeterChoice, PowerMeter, PowerPlugin, detect, open};
+use bevy_frugal_gi::units::{Joules, Watts};
+use frugal::scene::SceneDescription;
+use frugal::stage::{Stage, StageOptions, adapter};
+use frugal_tests::arguments::Arguments;
+use frugal_tests::cost::median;
+use frugal_tests::set;
+use frugal_tests::table::markdown;
+
+const SETTLE: Duration = Duration::from_secs(2);
+const WINDOW: Duration = Duration::from_secs(10);
+const REST: Duration = Duration::from_secs(1);
+/// Budgets, as shares of the range from the cheapest to the best settings' metered power.
+const SHARES: [f64; 3] = [0.3, 0.5, 0.7];
+/// 1 s windows above the budget by more than this share count as over.
+const TOLERANCE: f64 = 0.02;
+
+/// What a meter's counter read, and when: one entry for each step.
+#[derive(Clone, Default)]
+struct Steps(Arc<Mutex<Vec<(Instant, f64)>>>);
+
+impl Steps {
+    /// Reads `meter` until `is_over`.
+    fn watch(mut meter: Box<dyn PowerMeter>, is_over: Arc<AtomicBool>) -> Self {
+        let steps = Self::default();
+        let kept = steps.clone();
+        std::thread::spawn(move || {
+            let mut last = Joules(f64::NAN);
+            while !is_over.load(Ordering::Relaxed) {
+                let before = Instant::now();
+                let energy = meter.energy().unwrap_or_else(|error| panic!("{error}"));
+                if energy != last {
+                    last = energy;
+                    let at = before + before.elapsed() / 2;
+                    kept.0.lock().unwrap_or_else(PoisonError::into_inner).push((at, energy.0));
+                }
+                std::thread::sleep(Duration::from_millis(5));
+            }
+        });
+        steps
+    }
+
+    fn within(&self, from: Instant, to: Instant) -> Vec<(Instant, f64)> {
+        let steps = self.0.lock().unwrap_or_else(PoisonError::into_inner);
+        steps.iter().filter(|(at, _)| (from..=to).contains(at)).copied().collect()
+    }
+}
+
+/// Mean power from the first to the last step, watts; NaN for fewer than two.
+fn mean(steps: &[(Instant, f64)]) -> f64 {
+    let (Some(first), Some(last)) = (steps.first(), steps.last()) else { return f64::NAN };
+    (last.1 - first.1) / (last.0 - first.0).as_secs_f64()
+}
+
+/// Share of 1 s windows, one from each step, that are over `limit`.
+fn over(steps: &[(Instant, f64)], limit: f64) -> f64 {
+    let windows: Vec<f64> = steps
+        .iter()
+        .enumerate()
+        .filter_map(|(index, start)| {
+            let rest = &steps[index..];
+            let end = rest.iter().position(|(at, _)| *at - start.0 >= Duration::from_secs(1))?;
+            Some(mean(&rest[..=end]))
+        })
+        .collect();
+    let over = windows.iter().filter(|watts| **watts > limit * (1.0 + TOLERANCE)).count();
+    over as f64 / windows.len().max(1) as f64
+}
+
+/// One run's figures.
+struct Run {
+    watts: f64,
+    over: f64,
+    frames_per_second: f64,
+    /// The controller's prediction with the meter's correction, and the map's own.
+    predicted: [f64; 2],
+    error: f64,
+}
+
+struct Bench {
+    stage: Stage,
+    scene: SceneDescription,
+    camera: Entity,
+    steps: Steps,
+    interval: Duration,
+}
+
+impl Bench {
+    /// Renders at the frame rate for `duration`, from the start of the tour. Returns the number of
+    /// frames, and the means of predicted power and error.
+    fn play(&mut self, duration: Duration) -> (u32, [f64; 2], f64) {
+        let path = &self.scene.paths["tour"];
+        let (start, length) = (path.start(), path.duration());
+        let started = Instant::now();
+        let mut next = started;
+        let (mut frames, mut sums) = (0, [0.0; 3]);
+        while started.elapsed() < duration {
+            // There and back.
+            let phase = (started.elapsed().as_secs_f32() / length).rem_euclid(2.0);
+            let time = start + length * (1.0 - (phase - 1.0).abs());
+            if let Some(pose) = path.sample(time) {
+                self.stage.place(pose.position, pose.rotation);
+            }
+            self.stage.frame();
+            frames += 1;
+            let world = self.stage.world_mut();
+            let correction = world.resource::<PowerFeedback>().correction;
+            let applied = world.get::<Selection>(self.camera).and_then(|it| it.predicted_applied);
+            if let Some(cost) = applied {
+                let own = correction.uncorrected(cost.power);
+                sums = [sums[0] + cost.power.0, sums[1] + own.0, sums[2] + cost.error];
+            }
+            next = (next + self.interval).max(Instant::now());
+            std::thread::sleep(next.saturating_duration_since(Instant::now()));
+        }
+        let means = sums.map(|sum| sum / f64::from(frames));
+        (frames, [means[0], means[1]], means[2])
+    }
+
+    fn run(&mut self, budget: f64) -> Run {
+        std::thread::sleep(REST);
+        let camera = self.camera;
+        self.stage.world_mut().entity_mut(camera).insert(Budget::power(Watts(budget)));
+        self.play(SETTLE);
+        let from = Instant::now();
+        let (frames, predicted, error) = self.play(WINDOW);
+        let steps = self.steps.within(from, Instant::now());
+        Run {
+            watts: mean(&steps),
+            over: over(&steps, budget),
+            frames_per_second: f64::from(frames) / from.elapsed().as_secs_f64(),
+            predicted,
+            error,
+        }
+    }
+
+    fn correction(&mut self) -> PowerCorrection {
+        self.stage.world_mut().resource::<PowerFeedback>().correction
+    }
+
+    fn idle(&self) -> f64 {
+        std::thread::sleep(SETTLE);
+        let from = Instant::now();
+        std::thread::sleep(Duration::from_secs(3));
+        mean(&self.steps.within(from, Instant::now()))
+    }
+
+    /// Time of each pass on the GPU, milliseconds.
+    fn passes(&mut self) -> Vec<(String, f64)> {
+        let store = self.stage.world_mut().resource::<DiagnosticsStore>();
+        let mut passes: Vec<(String, f64)> = store
+            .iter()
+            .filter_map(|it| {
+                let name = it.path().as_str().strip_prefix("render/")?;
+                Some((name.strip_suffix("/elapsed_gpu")?.to_owned(), it.average()?))
+            })
+            .collect();
+        passes.sort_by(|a, b| b.1.total_cmp(&a.1));
+        passes
+    }
+}
+
+fn open_bench(map: &Path, meter: Option<&str>) -> Bench {
+    let text = std::fs::read_to_string(map).unwrap_or_else(|error| panic!("{map:?}: {error}"));
+    let map = FrontierMap::from_ron(&text).unwrap_or_else(|error| panic!("{map:?}: {error}"));
+    let scene = set::scene("courtyard");
+    let options = StageOptions {
+        size: UVec2::from_array(map.capture.size),
+        frames_per_second: map.capture.frames_per_second,
+        // The plugin reads the real one.
+        meter: Some("work".to_owned()),
+        ..Default::default()
+    };
+    let choice = meter.map_or(MeterChoice::Automatic, |name| MeterChoice::Named(name.to_owned()));
+    let mut stage = Stage::open_with(&scene, options, |app| {
+        app.add_plugins((
+            PowerPlugin { meter: choice, ..Default::default() },
+            RenderDiagnosticsPlugin,
+        ));
+    })
+    .unwrap_or_else(|error| panic!("{error}"));
+    stage.warm().unwrap_or_else(|error| panic!("{error}"));
+    let meter = match meter {
+        Some(name) => open(name).unwrap_or_else(|error| panic!("{error}")),
+        None => detect(&adapter().expect("an adapter")).unwrap_or_else(|error| panic!("{error}")),
+    };
+    println!("power by {}: {}", meter.info().name, meter.info().description);
+    // Frames take as long as they take.
+    stage.world_mut().insert_resource(TimeUpdateStrategy::Automatic);
+    let interval = Duration::from_secs_f64(map.capture.frames_per_second.recip());
+    let world = stage.world_mut();
+    let handle = world.resource_mut::<Assets<FrontierMap>>().add(map);
+    let camera = world.query_filtered::<Entity, With<FrugalGi>>().single(world).expect("a camera");
+    world.entity_mut(camera).insert(FrontierMapHandle(handle));
+    let steps = Steps::watch(meter, Arc::default());
+    Bench { stage, scene, camera, steps, interval }
+}
+
+/// Mean, and half the width of its 95 % interval by Student's t.
+fn interval(values: &[f64]) -> (f64, f64) {
+    /// Two-sided 95 % quantiles for 1, 2, … degrees of freedom.
+    const T: [f64; 9] = [12.706, 4.303, 3.182, 2.776, 2.571, 2.447, 2.365, 2.306, 2.262];
+    let count = values.len() as f64;
+    let mean = values.iter().sum::<f64>() / count;
+    let variance = values.iter().map(|value| (value - mean).powi(2)).sum::<f64>() / (count - 1.0);
+    let t = T[(values.len().max(2) - 2).min(T.len() - 1)];
+    (mean, t * (variance / count).sqrt())
+}
+
+fn main() {
+    let defaults = Arguments { size: UVec2::ZERO, samples: 0, count: 5, names: vec![] }.read();
+    let Some(map) = arguments.names.first() else {
+        println!("metered: name a map: ARGS='MAP [METER]'");
+        return;
+    };
+    if adapter().is_none() {
+        println!("no graphics adapter: nothing is measured");
+        return;
+    }
+    let mut bench = open_bench(Path::new(map), arguments.names.get(1).map(String::as_str));
+    let before = bench.idle();
+    let ends = [0.0, f64::INFINITY].map(|budget| bench.run(budget).watts);
+    println!("idle {before:.1} W; cheapest settings {:.1} W, best {:.1} W", ends[0], ends[1]);
+    let passes: Vec<Vec<String>> = bench
+        .passes()
+        .into_iter()
+        .take(20)
+        .map(|(name, ms)| vec![name, format!("{ms:.3}")])
+        .collect();
+    println!("\n{}\n", markdown(&["pass, at the best settings", "GPU ms"], &passes));
+    let budgets = SHARES.map(|share| ends[0] + share * (ends[1] - ends[0]));
+    let mut runs: Vec<Vec<Run>> = budgets.iter().map(|_| Vec::new()).collect();
+    for repeat in 0..arguments.count.max(2) {
+        let order: Vec<usize> = (0..budgets.len()).collect();
+        let order: Vec<usize> =
+            if repeat % 2 == 0 { order } else { order.into_iter().rev().collect() };
+        for index in order {
+            let run = bench.run(budgets[index]);
+            let correction = bench.correction();
+            println!(
+                "run {repeat}: budget {:.1} W: {:.2} W, {:.0} % of windows over, {:.1} frames/s, predicted {:.1} W, by the map alone {:.1} W, gain {:.2}, offset {:.1}",
+                budgets[index],
+                run.watts,
+                100.0 * run.over,
+                run.frames_per_second,
+                run.predicted[0],
+                run.predicted[1],
+                correction.gain,
+                correction.offset
+            );
+            runs[index].push(run);
+        }
+    }
+    println!("idle afterwards {:.1} W", bench.idle());
+    let rows: Vec<Vec<String>> = budgets
+        .iter()
+        .zip(&runs)
+        .map(|(budget, runs)| {
+            let of = |value: fn(&Run) -> f64| runs.iter().map(value).collect::<Vec<_>>();
+            let (watts, half) = interval(&of(|run| run.watts));
+            vec![
+                format!("{budget:.1} W"),
+                format!("{watts:.2} ± {half:.2} W"),
+                format!("{:.1} %", 100.0 * watts / budget),
+                format!("{:.1} %", 100.0 * interval(&of(|run| run.over)).0),
+                format!("{:.4}", median(of(|run| run.error))),
+                format!("{:.1} W", median(of(|run| run.predicted[0]))),
+                format!("{:.1} W", median(of(|run| run.predicted[1]))),
+                format!("{:.1}", median(of(|run| run.frames_per_second))),
+            ]
+        })
+        .collect();
+    let headers = [
+        "budget",
+        "metered, 95 %",
+        "used",
+        "1 s windows over",
+        "error by the map",
+        "predicted",
+        "by the map alone",
+        "frames/s",
+    ];
+    println!("\n{}", markdown(&headers, &rows));
+}
