@@ -164,6 +164,24 @@ fn a_governor_with_hysteresis_causes_no_limit_cycle() {
 }
 
 #[test]
+fn views_that_the_map_prices_wrong_leave_the_mean_within_the_budget() {
+    for (wrong, seconds) in [(0.08, 1.5), (0.08, 3.0), (0.15, 3.0), (0.15, 8.0)] {
+        let mut app = Loop::new(SimulatedDevice::default(), noisy(1.0), 9.0);
+        for view in 0..(120.0 / seconds) as u32 {
+            app.device.gain = if view.is_multiple_of(2) { 1.0 + wrong } else { 1.0 - wrong };
+            app.run(seconds);
+        }
+        let used = app.used(90.0);
+        println!(
+            "    {:.0} % up and down every {seconds} s: {:.1} % of the budget used",
+            100.0 * wrong,
+            100.0 * used
+        );
+        assert!((0.93..=1.005).contains(&used), "{used}");
+    }
+}
+
+#[test]
 fn a_lost_meter_keeps_its_last_correction() {
     let device = SimulatedDevice { gain: 1.4, ..Default::default() };
     let mut app = Loop::new(device, noisy(0.25), 11.0);
