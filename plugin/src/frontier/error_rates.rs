@@ -5,9 +5,8 @@
 //! λ (Everett 1963, "Generalized Lagrange multiplier method for solving problems of optimum
 //! allocation of resources"). A limit on every frame's error (Wang et al. 2016, equation 3.3)
 //! spends most where error is most expensive to reduce. The λ of each budget is calibrated on
-//! held-out cameras by conformal risk control (Angelopoulos, Bates, Fisch, Lei, Schuster 2022): n
-//! cameras support a mean of b where (n R̂ + B) / (n + 1) ≤ b, with R̂ the mean error over them and
-//! errors bounded by B.
+//! held-out cameras: it is the least at which an upper confidence bound of their mean error is within
+//! the budget (risk-controlling sets; Bates, Angelopoulos, Lei, Malik, Jordan 2021).
 
 use bevy::reflect::Reflect;
 use serde::{Deserialize, Serialize};
