@@ -236,7 +236,7 @@ fn interval(values: &[f64]) -> (f64, f64) {
 }
 
 fn main() {
-    let defaults = Arguments { size: UVec2::ZERO, samples: 0, count: 5, names: vec![] }.read();
+    let arguments = Arguments { size: UVec2::ZERO, samples: 0, count: 5, names: vec![] }.read();
     let Some(map) = arguments.names.first() else {
         println!("metered: name a map: ARGS='MAP [METER]'");
         return;

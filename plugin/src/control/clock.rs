@@ -237,4 +237,30 @@ mod tests {
         let rate = clock.frames_per_second().expect("a rate");
         assert!((rate / 30.0 - 1.0).abs() < 0.006, "{rate}");
     }
+
+    #[test]
+    fn watts_follow_the_frame_rate_where_maps_agree_on_theirs() {
+        let at = |frames_per_second: f64, idle: f64| {
+            Some(RatedAt { frames_per_second, idle: Watts(idle) })
+        };
+        let mut held = None;
+        let two = [at(60.0, 5.0), at(60.0, 5.0)];
+        let half = rate_correction(two.into_iter(), Some(30.0), &mut held);
+        // Two maps of 5 W idle and 20 W of frames.
+        assert_eq!(half.corrected(Watts(50.0)), Watts(30.0));
+        // A change of less than 3 % is none.
+        let near = rate_correction(two.into_iter(), Some(30.6), &mut held);
+        assert_eq!(near, half);
+        assert_ne!(rate_correction(two.into_iter(), Some(33.0), &mut held), half);
+        for mixed in [[at(60.0, 5.0), at(30.0, 5.0)], [at(60.0, 5.0), None]] {
+            let none = rate_correction(mixed.into_iter(), Some(30.0), &mut held);
+            assert_eq!((none, held), (PowerCorrection::default(), None));
+        }
+        for odd in [None, Some(0.0), Some(-1.0), Some(f64::NAN), Some(f64::INFINITY)] {
+            let none = rate_correction(two.into_iter(), odd, &mut held);
+            assert_eq!((none, held), (PowerCorrection::default(), None), "{odd:?}");
+        }
+        let nobody = rate_correction(std::iter::empty(), Some(30.0), &mut held);
+        assert_eq!(nobody, PowerCorrection::default());
+    }
 }

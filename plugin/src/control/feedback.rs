@@ -237,7 +237,7 @@ impl PowerModel {
         };
         let here = change(1.0);
         let is_far_off = [0.5, 2.0].into_iter().any(|at| change(at).abs() > MOST_ELSEWHERE);
-        if here > MOST_UNDER || here < -MOST_OVER || is_far_off {
+        if !(-MOST_OVER..=MOST_UNDER).contains(&here) || is_far_off {
             self.used = latest;
         }
     }
