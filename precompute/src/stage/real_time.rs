@@ -154,10 +154,10 @@ mod tests {
         let metered = meter_frames(&mut meter, 50.0, &mut || frames += 1).unwrap();
         let power = metered.spent.0 / metered.seconds;
         // Unaligned it is off by up to 20 %. The rest is for a loaded machine.
-        assert!((power - 80.0).abs() < 4.0, "{power} W in {metered:?}");
+        assert!((power - 80.0).abs() < 8.0, "{power} W in {metered:?}");
         let rate = f64::from(metered.frames) / metered.seconds;
         assert!(
-            (30.0..51.5).contains(&rate) && frames > metered.frames,
+            (10.0..51.5).contains(&rate) && frames > metered.frames,
             "{rate} frames per second"
         );
     }
