@@ -20,7 +20,7 @@ use bevy::asset::{AssetPlugin, Assets};
 use bevy::ecs::query::With;
 use bevy::ecs::system::{Local, Query};
 use bevy::math::{Quat, Vec3};
-use bevy::transform::components::GlobalTransform;
+use bevy::transform::components::{GlobalTransform, Transform};
 use bevy_frugal_gi::control::{Budget, ControlPlugin, FrontierMapHandle, Selection, select};
 use bevy_frugal_gi::frontier::{
     CameraView, Corner, CostPoint, Frontier, FrontierMap, FrontierMapPlugin, FrontierPoint,
@@ -124,6 +124,10 @@ fn view(index: usize) -> CameraView {
     }
 }
 
+fn placed(view: &CameraView) -> GlobalTransform {
+    Transform { translation: view.position, rotation: view.rotation, ..Transform::IDENTITY }.into()
+}
+
 /// The given share of the way through `sorted`.
 fn quantile(sorted: &[u64], share: f64) -> u64 {
     sorted[((sorted.len() - 1) as f64 * share) as usize]
@@ -159,9 +163,7 @@ fn look_ups(leaves: usize) -> Vec<String> {
 fn travel(mut frame: Local<usize>, mut cameras: Query<&mut GlobalTransform, With<Selection>>) {
     *frame += 1;
     for (number, mut transform) in (0..).zip(&mut cameras) {
-        let view = view(*frame / 8 + 31 * number);
-        *transform = GlobalTransform::from_rotation(view.rotation)
-            * bevy::transform::components::Transform::from_translation(view.position);
+        *transform = placed(&view(*frame / 8 + 31 * number));
     }
 }
 
@@ -176,14 +178,8 @@ fn frames(cameras: usize, moves: bool) -> (f64, f64, f64) {
     app.cleanup();
     let handle = app.world_mut().resource_mut::<Assets<FrontierMap>>().add(map_of(10));
     for number in 0..cameras {
-        let view = view(number);
-        let transform = bevy::transform::components::Transform {
-            translation: view.position,
-            rotation: view.rotation,
-            ..Default::default()
-        };
         let parts = (FrontierMapHandle(handle.clone()), Budget::power(Watts(7.5)));
-        app.world_mut().spawn((GlobalTransform::from(transform), parts));
+        app.world_mut().spawn((placed(&view(number)), parts));
     }
     // Settings reach their targets.
     (0..200).for_each(|_| app.update());

@@ -170,10 +170,12 @@ pub(super) fn observe(
 ) {
     let delta_seconds = time.delta_secs_f64();
     clock.observe(delta_seconds);
-    let active = || cameras.iter().filter_map(|(state, fit)| Some((state.predicted()?, fit)));
+    let active = || {
+        cameras.iter().filter_map(|(state, fit)| Some((state.predicted()?, fit, state.rated_at)))
+    };
     let count = active().count();
-    let predicted = active().map(|(predicted, _)| predicted).sum::<Option<Watts>>();
-    let maps_meter = active().all(|(_, fit)| fit.meter == Comparison::Same);
+    let predicted = active().map(|(predicted, ..)| predicted).sum::<Option<Watts>>();
+    let maps_meter = active().all(|(_, fit, _)| fit.meter == Comparison::Same);
     let is_trusted = |metered: &MeteredPower| {
         metered
             .info
@@ -181,10 +183,7 @@ pub(super) fn observe(
             .is_some_and(|info| info.provenance == Provenance::Measured || maps_meter)
     };
     let FeedbackModel { model, seen, rate } = &mut *model;
-    let rated = cameras
-        .iter()
-        .filter(|(state, _)| state.predicted().is_some())
-        .map(|(state, _)| state.rated_at);
+    let rated = active().map(|(.., rated_at)| rated_at);
     let at_rate = rate_correction(rated, clock.frames_per_second(), rate);
     match predicted.filter(|_| count > 0) {
         Some(predicted) => model.predict(at_rate.corrected(predicted), delta_seconds),

@@ -4,14 +4,13 @@ use bevy_frugal_gi::frontier::CostPoint;
 use bevy_frugal_gi::knobs::KnobLevels;
 use bevy_frugal_gi::units::Watts;
 
+use super::metering::SHORT_WINDOW;
 use super::{Stage, StageError};
 use crate::metrics::{Picture, Reference};
 use crate::scene::CameraPose;
 
 /// Unmetered frames at the start of a clip: the first creates textures and pipelines.
 const UNMETERED_FRAMES: usize = 1;
-/// Windows of a meter below this, seconds, are as short as a frame.
-const SHORT_WINDOW: f64 = 0.01;
 
 /// Renders and meters on a [`Stage`]; the reference is the best settings' image at the same camera.
 pub struct StageEvaluator {

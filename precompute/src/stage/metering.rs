@@ -16,6 +16,8 @@ use crate::scene::SceneDescription;
 
 /// Steps of the meter's counter in a window, for an error of a few per cent.
 const STEPS_PER_WINDOW: f64 = 10.0;
+/// Windows of a meter below this, seconds, are as short as a frame.
+pub(super) const SHORT_WINDOW: f64 = 0.01;
 /// Time in which a device's clocks fall after its last frame.
 const REST: Duration = Duration::from_secs(2);
 /// Share of the target frame rate from which frames count as rendered at that rate.
@@ -70,7 +72,7 @@ impl Stage {
         least: u32,
     ) -> Result<Watts, StageError> {
         let seconds = self.meter.window_seconds();
-        let least_seconds = if seconds < 0.01 { 0.0 } else { STEPS_PER_WINDOW * seconds };
+        let least_seconds = if seconds < SHORT_WINDOW { 0.0 } else { STEPS_PER_WINDOW * seconds };
         let window = EnergyWindow::start(self.meter.as_mut())?;
         let start = Instant::now();
         let mut frames = 0;
