@@ -117,7 +117,10 @@ pub fn settings(stage: &Stage) -> Buffer {
 
 /// Uniform `Plan` of the shader: one set of `count` VPLs.
 pub fn plan(stage: &Stage, count: u32) -> Buffer {
-    kernel::buffer(stage, &[1, 1, count, count.next_multiple_of(16)].map(u32::to_le_bytes).concat())
+    kernel::buffer(
+        stage,
+        &[1, 1, count, count.next_multiple_of(16), 0].map(u32::to_le_bytes).concat(),
+    )
 }
 
 /// Exposed irradiance of one point: `gather.wgsl` in 64-bit floats, without rounding to half

@@ -77,6 +77,13 @@ pub struct FrugalGi {
     /// values: less flicker, and light that moves lags by about as many frames. 1: no accumulation.
     /// In 1 to 64. Not across a [cut](super::CameraCut).
     pub history_frames: u32,
+    /// Frames for which a camera at rest goes on gathering, each with other samples: the image
+    /// converges to their mean, and then nothing is gathered until something changes. Higher values:
+    /// less noise and finer detail at rest, and the gather's cost for that much longer after each
+    /// stop. 0: history fades out, and the noise of the last gather stays. In 0 to
+    /// [`MAX_REST_FRAMES`](Self::MAX_REST_FRAMES). Without [`visibility`](Self::visibility) and
+    /// [`interleave`](Self::interleave) there is no history, and nothing to average.
+    pub rest_frames: u32,
     /// Reflection model of indirect light. Costs nothing.
     pub shading: GiShading,
     /// Output written to the image.
@@ -93,6 +100,9 @@ impl FrugalGi {
     /// Largest [`environment_samples`](Self::environment_samples).
     pub const MAX_ENVIRONMENT_SAMPLES: u32 = 32;
 
+    /// Largest [`rest_frames`](Self::rest_frames).
+    pub const MAX_REST_FRAMES: u32 = 256;
+
     /// Largest [`bounces`](Self::bounces).
     pub const MAX_BOUNCES: u32 = 8;
 
@@ -104,6 +114,12 @@ impl FrugalGi {
     /// Whether rays are traced for this camera.
     pub(super) fn traces(&self) -> bool {
         self.gathers() && self.visibility.rays() > 0
+    }
+
+    /// Whether neighbouring low-resolution pixels use different VPLs or rays, whose noise is
+    /// filtered in space and time.
+    pub(super) fn filters(&self) -> bool {
+        self.interleave.side() > 1 || self.visibility.rays() > 0
     }
 
     /// Whether this camera has more than one bounce.
@@ -126,6 +142,7 @@ impl Default for FrugalGi {
             refresh_period: 1,
             range: 40.0,
             history_frames: 32,
+            rest_frames: 64,
             shading: GiShading::Standard,
             output: GiOutput::Added,
         }
@@ -280,14 +297,20 @@ pub enum GiOutput {
 #[derive(Resource, Reflect, Clone, Debug, PartialEq)]
 #[reflect(Resource, Default, Clone, PartialEq)]
 pub struct GiLimits {
-    /// Most reflective shadow maps rendered in a frame (a point light takes six). Where lights need
-    /// more, those that illuminate the surroundings of a GI camera most keep theirs. Higher values:
-    /// more lights bounce; each map costs about as much as a shadow map.
+    /// Most reflective shadow maps (a point light has six). Where lights need more, those that
+    /// illuminate the surroundings of a GI camera most keep theirs; others fade in and out as the
+    /// camera moves. Higher values: more lights bounce; each map's texels take memory, and time where
+    /// VPLs are sampled.
     pub max_rsm_count: usize,
+    /// Most maps rendered in a frame, but at least those of one light. Maps that are not out of date
+    /// need none; of the others, those that matter most or have waited longest come first. A map
+    /// costs about as much as a shadow map. Higher values: light follows sooner where many maps
+    /// change at once. After a [cut](super::CameraCut) all are rendered.
+    pub max_rsms_per_frame: usize,
 }
 
 impl Default for GiLimits {
     fn default() -> Self {
-        Self { max_rsm_count: 24 }
+        Self { max_rsm_count: 384, max_rsms_per_frame: 24 }
     }
 }

@@ -46,7 +46,7 @@ impl Stage {
             let accumulating = self
                 .render_world()
                 .get_resource::<GiCounts>()
-                .is_some_and(|counts| counts.settling > 0);
+                .is_some_and(|counts| counts.settling > 0 || counts.waiting_maps > 0);
             if ready_frames >= if accumulating { MOST_ACCUMULATION_FRAMES } else { 4 } {
                 return Ok(());
             }

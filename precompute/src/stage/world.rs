@@ -131,7 +131,8 @@ fn spawn_camera(world: &mut World, options: &StageOptions, target: Handle<Image>
         Component::Indirect | Component::Global => GiOutput::IndirectOnly,
         Component::Full | Component::Direct => GiOutput::Added,
     };
-    let mut gi = FrugalGi { output, ..Default::default() };
+    // What is measured is motion, and a picture at rest is that of its last gather.
+    let mut gi = FrugalGi { output, rest_frames: 0, ..Default::default() };
     match options.component {
         Component::Direct => gi.vpl_count = 0,
         Component::Indirect => {

@@ -113,11 +113,14 @@ fn sample(
         .map(|(index, texel)| texel.luminance() as f32 * importance(index))
         .collect();
     let rows: Vec<u8> = (0..row_count)
-        .flat_map(|row| [row * length, row * length, length, 0, 0, 1, 0, 0].map(u32::to_le_bytes))
+        .flat_map(|row| {
+            let share = 1f32.to_bits();
+            [row * length, row * length, length, 0, 0, 1, 0, 0, share, 0].map(u32::to_le_bytes)
+        })
         .flatten()
         .collect();
     // One set of all VPLs.
-    let plan = [1, 1, count as u32, count as u32].map(u32::to_le_bytes).concat();
+    let plan = [1, 1, count as u32, count as u32, 0].map(u32::to_le_bytes).concat();
     let zeros = |floats: usize| gpu::bytes(&vec![0.0; floats]);
     let contents = [
         gpu::bytes(&words),

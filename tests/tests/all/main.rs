@@ -25,6 +25,7 @@ mod gi_sources;
 mod golden;
 mod knobs;
 mod layers;
+mod many_lights;
 mod materials;
 mod naive;
 mod refresh;
@@ -69,6 +70,7 @@ const MODULES: &[(&str, &[(&str, fn())], bool)] = &[
     ("golden", golden::TESTS, true),
     ("knobs", knobs::TESTS, true),
     ("layers", layers::TESTS, true),
+    ("many_lights", many_lights::TESTS, true),
     ("materials::custom", materials::custom::TESTS, true),
     ("materials::shaped", materials::shaped::TESTS, true),
     ("materials::standard", materials::standard::TESTS, true),

@@ -4,7 +4,7 @@ use bevy::ecs::query::With;
 use bevy::light::{DirectionalLight, PointLight};
 use bevy::math::{Quat, Vec3};
 use bevy::transform::components::Transform;
-use bevy_frugal_gi::gi::GiRefresh;
+use bevy_frugal_gi::gi::{CameraCut, GiRefresh};
 use frugal::metrics::Radiance;
 use frugal::scene::CameraPose;
 use frugal::stage::{Component, Stage, StageEvaluator, StageOptions};
@@ -15,6 +15,8 @@ tests!(
     a_cut_discards_history,
     history_reduces_flicker_and_leaves_no_trace_at_rest,
     history_outlives_a_switch_of_settings,
+    a_camera_at_rest_converges_and_then_gathers_nothing,
+    where_a_camera_comes_from_hardly_matters_at_rest,
     what_came_into_view_has_a_history_of_its_own,
     a_clip_costs_the_same_whatever_was_rendered_before
 );
@@ -206,6 +208,75 @@ fn history_outlives_a_switch_of_settings() {
         assert!(kept < most * dropped, "{to}: {kept} {dropped}");
         assert!(rested == fresh, "{to}: a still image does not depend on history");
     }
+}
+
+/// The court of `courtyard`, whose camera gathers for `rest_frames` frames at rest.
+fn court(rest_frames: u32) -> Stage {
+    let mut stage =
+        set::open(&set::scene("courtyard"), set::radiance_options(48, 27, Component::Indirect));
+    stage.world_mut().insert_resource(GiRefresh::OnChange);
+    set::look(&mut stage, Vec3::new(4.9, 2.0, 2.2), Vec3::new(-4.0, 1.8, -3.4));
+    set::gi(&mut stage).rest_frames = rest_frames;
+    stage
+}
+
+/// Renders until nothing is gathered any more.
+fn rest(stage: &mut Stage) -> Radiance {
+    for _ in 0..600 {
+        stage.frame();
+        let done = set::gathered(stage);
+        if (done.cameras, done.settling) == (0, 0) {
+            return stage.radiance().expect("radiance");
+        }
+    }
+    panic!("the camera never rests: {:?}", set::gathered(stage));
+}
+
+fn a_camera_at_rest_converges_and_then_gathers_nothing() {
+    let mut stage = court(64);
+    set::apply(&mut stage, "max,rsm_resolution=128,gi_interleave=2x2");
+    let best = rest(&mut stage);
+    let middle = "gi_vpl_count=1024,gi_interleave=4x4,gi_visibility=coarse";
+    set::apply(&mut stage, &format!("max,rsm_resolution=128,{middle}"));
+    // Pipelines are compiled.
+    (0..6).for_each(|_| stage.frame());
+    let camera = set::camera(&mut stage);
+    stage.world_mut().entity_mut(camera).insert(CameraCut);
+    // The same samples as in motion, and then others.
+    let mut frame = 0;
+    let errors = [1, 8, 64].map(|until| {
+        (frame..until).for_each(|_| stage.frame());
+        frame = until;
+        change(&stage.radiance().expect("radiance"), &best)
+    });
+    println!("    L1 {errors:.4?} after 1, 8 and 64 frames");
+    assert!(errors[1] < 0.6 * errors[0] && errors[2] < 0.35 * errors[0], "{errors:?}");
+    let settled = rest(&mut stage);
+    for _ in 0..20 {
+        stage.frame();
+        assert!(stage.radiance().expect("radiance") == settled, "it changes at rest");
+        let done = set::gathered(&stage);
+        assert_eq!((done.cameras, done.maps, done.pairs, done.vpls), (0, 0, 0, 0));
+    }
+}
+
+fn where_a_camera_comes_from_hardly_matters_at_rest() {
+    let mut stage = court(64);
+    let settings = "max,rsm_resolution=128,gi_vpl_count=1024,gi_visibility=coarse";
+    set::apply(&mut stage, settings);
+    let cut = rest(&mut stage);
+    let mut differences = Vec::new();
+    for from in [Vec3::new(4.9, 2.0, 3.2), Vec3::new(3.9, 1.6, 2.2)] {
+        let to = Vec3::new(4.9, 2.0, 2.2);
+        for frame in 0..=20u8 {
+            let position = from.lerp(to, f32::from(frame) / 20.0);
+            set::look(&mut stage, position, Vec3::new(-4.0, 1.8, -3.4));
+            stage.frame();
+        }
+        differences.push(change(&rest(&mut stage), &cut));
+    }
+    println!("    at rest two walks differ from a cut by {differences:.5?} of the light");
+    assert!(differences.iter().all(|difference| *difference < 1e-3), "{differences:?}");
 }
 
 /// Sum of the radiance of columns `from..to`.

@@ -22,7 +22,7 @@ use crate::gi::vpl::{IMPORTANCE_POINTS_BYTES, VPL_BYTES, VplPlan};
 
 /// The bounce VPLs: every patch evaluates all of them.
 pub(in crate::gi) const BOUNCE_VPLS: VplPlan =
-    VplPlan { interleave: 1, sets: 1, per_set: 512, stride: 512 };
+    VplPlan { interleave: 1, sets: 1, per_set: 512, stride: 512, sequence: 0 };
 
 /// What the light of patches depends on, apart from the scene.
 #[derive(Clone, Debug, PartialEq)]
@@ -218,7 +218,7 @@ pub(super) fn prepare(
             let is_same =
                 Arc::ptr_eq(&held.held, patches) && held.inputs == inputs && held.kind == kind;
             let is_done = held.is_done.load(Ordering::Relaxed);
-            held.is_due = frame.maps || always || !is_same || !is_done;
+            held.is_due = frame.relit || always || !is_same || !is_done;
             held.is_done.store(!held.is_due, Ordering::Relaxed);
             (held.held, held.inputs, held.kind) = (Arc::clone(patches), inputs, kind);
             continue;

@@ -220,7 +220,8 @@ pub(super) fn reflect(
     mut context: RenderContext,
 ) {
     let (camera, gi_view, vpl_view, sky, prepass, view_offset) = view.into_inner();
-    if !gi_view.work.sample || !camera.is_due {
+    // What samples again has the weights of its texels as they were.
+    if !gi_view.work.sample || gi_view.work.samples_again() || !camera.is_due {
         return;
     }
     let ready = |id: Option<&CachedComputePipelineId>| cache.get_compute_pipeline(*id?);

@@ -18,7 +18,7 @@ use crate::gi::schedule::supported_render_app;
 use crate::gi::sky::SkyCamera;
 use crate::gi::texels::TexelStore;
 use crate::gi::trace::OccluderBuffers;
-use crate::gi::view::GiView;
+use crate::gi::view::{GiFrame, GiView};
 use crate::gi::vpl::VplView;
 
 /// GI's work in the last frame. A resource of the render world; the main world has it as
@@ -29,6 +29,8 @@ use crate::gi::vpl::VplView;
 pub struct GiCounts {
     /// Reflective shadow maps rendered.
     pub maps: u32,
+    /// Maps that are out of date and wait for a later frame.
+    pub waiting_maps: u32,
     /// Cameras that gathered; the others show their last gather.
     pub cameras: u32,
     /// Cameras at rest whose temporal accumulation still converges to the last gather.
@@ -51,8 +53,9 @@ type Count = (DiagnosticPath, &'static str, fn(&GiCounts) -> f64);
 
 /// The diagnostics of global illumination, in Bevy's store; GPU times have `bevy_frugal_gi/…` paths
 /// in Bevy's render diagnostics.
-pub const GI_DIAGNOSTICS: [Count; 8] = [
+pub const GI_DIAGNOSTICS: [Count; 9] = [
     (DiagnosticPath::const_new("gi/maps"), "", |counts| f64::from(counts.maps)),
+    (DiagnosticPath::const_new("gi/waiting_maps"), "", |counts| f64::from(counts.waiting_maps)),
     (DiagnosticPath::const_new("gi/cameras"), "", |counts| f64::from(counts.cameras)),
     (DiagnosticPath::const_new("gi/settling"), "", |counts| f64::from(counts.settling)),
     (DiagnosticPath::const_new("gi/patches"), "", |counts| counts.patches as f64),
@@ -113,10 +116,12 @@ fn count(
     occluders: Res<OccluderBuffers>,
     views: Query<(&GiView, &VplView, &GatherView, Option<&History>, Option<&BounceCamera>)>,
     skies: Query<&SkyCamera>,
+    frame: Res<GiFrame>,
     maps: Query<(), (With<RsmView>, With<ExtractedCamera>)>,
 ) {
     *counts = GiCounts {
         maps: maps.iter().count() as u32,
+        waiting_maps: frame.waiting,
         bytes: store.bytes() + occluders.bytes() + skies.iter().map(SkyCamera::bytes).sum::<u64>(),
         ..GiCounts::default()
     };

@@ -16,6 +16,13 @@ use crate::gi::view::{GatherCamera, GiView, Step};
 
 /// Longest history, in frames.
 const MOST_FRAMES: u32 = 64;
+/// How much more the late frames of a rest count than its early ones: the n-th counts for n to this
+/// power. Higher values: what was gathered in motion, lag and blur included, weighs less in the end,
+/// and fewer frames share the mean.
+const REST_POWER: f32 = 3.0;
+/// Frames of a rest for which history before it counts, whatever its length, so that the image
+/// hardly depends on it. Higher values: less noise right after a stop, and history lasts longer.
+const REST_HISTORY: f32 = 8.0;
 /// Longest history when settings are switched, in frames. Longer hides the switch better; shorter
 /// converges sooner to the new settings.
 const FRAMES_AT_SWITCH: u32 = 8;
@@ -47,7 +54,10 @@ pub(super) struct Reprojection {
     is_parallel: f32,
     size: [u32; 2],
     cell: [u32; 2],
-    padding_at_end: [u32; 2],
+    /// 1 at rest, else 0.
+    is_at_rest: f32,
+    /// Frames of rest.
+    rested: f32,
 }
 
 impl Reprojection {
@@ -61,7 +71,8 @@ impl Reprojection {
         is_parallel: 0.0,
         size: [1; 2],
         cell: [1; 2],
-        padding_at_end: [0; 2],
+        is_at_rest: 0.0,
+        rested: 0.0,
     };
 
     /// Reprojection of the history of `then` for `now`, `seconds` later, with weight
@@ -148,9 +159,10 @@ impl History {
     /// Makes the accumulated irradiance of the last frame this frame's history.
     ///
     /// While something moves, the result is the mean of all frames since the history began, and
-    /// then an exponential moving average (Yang et al. 2009, "Amortized Supersampling"). At rest
-    /// the history's weight falls from frame to frame to 0: a still image does not depend on
-    /// history.
+    /// then an exponential moving average (Yang et al. 2009, "Amortized Supersampling"). At rest it
+    /// converges to the mean of [`rest_frames`](crate::gi::FrugalGi::rest_frames) sets of samples;
+    /// without them the history's weight falls from frame to frame to 0. Either way a still image
+    /// hardly depends on history.
     fn advance(
         &mut self,
         gather: &mut GatherView,
@@ -164,8 +176,15 @@ impl History {
             Step::Begins => 1,
             Step::Moves => frames.min(self.length + 1),
             Step::Switches => frames.min(self.length.min(FRAMES_AT_SWITCH) + 1),
-            Step::Rests => self.length.saturating_sub(1),
+            Step::Averages => self.length.max(1),
+            Step::Rests if view.gi.rest_frames == 0 => self.length.saturating_sub(1),
+            Step::Rests => {
+                self.accumulates = false;
+                return;
+            }
         };
+        let averages = view.step == Step::Averages;
+        let rested = if averages { view.work.rested } else { 0 };
         self.accumulates = length > 0;
         if !self.accumulates {
             return;
@@ -185,19 +204,22 @@ impl History {
                 *texture = irradiance_texture(device, label, view.cells());
             }
         }
-        let then = self.camera.filter(|_| length > 1);
-        let weight = (length as f32).recip();
+        let then = self.camera.filter(|_| length > 1 || averages);
+        let weight = if averages { rest_weight(rested) } else { (length as f32).recip() };
         let reprojection = then.map_or(Reprojection::NONE, |then| {
             Reprojection::new(&then, &view.camera, seconds, weight)
         });
+        let is_at_rest = f32::from(u8::from(averages));
+        let reprojection = Reprojection { is_at_rest, rested: rested as f32, ..reprojection };
         queue.write_buffer(&self.reprojection, 0, bytemuck::bytes_of(&reprojection));
-        self.length = if reprojection == Reprojection::NONE { 1 } else { length };
+        // The weight of 1 is that of no history.
+        self.length = if reprojection.present_weight < 1.0 { length } else { 1 };
         self.camera = Some(view.camera);
     }
 
     /// Whether the image still changes although nothing moves.
     pub(crate) fn is_converging(&self) -> bool {
-        self.length > 1
+        self.accumulates && self.length > 1
     }
 
     /// Bytes held on the GPU, without [`GatherView::irradiance`].
@@ -208,6 +230,12 @@ impl History {
                 .iter()
                 .sum::<u64>()
     }
+}
+
+/// Weight of the present in the `rested`-th frame of a rest. The product of all (1 − weight) is the
+/// history's own: (8 ÷ (8 + rested))^4, nearly.
+fn rest_weight(rested: u32) -> f32 {
+    (REST_POWER + 1.0) / (rested as f32 + REST_HISTORY + REST_POWER)
 }
 
 /// Gives every filtered view its history, and removes that of others.
@@ -308,6 +336,24 @@ mod tests {
         let reprojection = Reprojection::new(&then, &now, FRAME, 0.5);
         assert_eq!((reprojection.size, reprojection.cell), ([160, 90], [4, 4]));
         assert_eq!((then.cells(), now.cells()), (UVec2::new(40, 23), UVec2::new(160, 180)));
+    }
+
+    #[test]
+    fn history_and_the_first_frames_of_a_rest_count_for_little() {
+        let mut shares: Vec<f32> = vec![1.0];
+        for rested in 1..=64 {
+            let weight = rest_weight(rested);
+            assert!((0.0..1.0).contains(&weight));
+            shares.iter_mut().for_each(|share| *share *= 1.0 - weight);
+            shares.push(weight);
+        }
+        assert!(shares[0] < 3e-4, "history counts for {}", shares[0]);
+        let (first, last) = shares[1..].split_at(16);
+        assert!(first.iter().sum::<f32>() < 0.02, "{first:?}");
+        assert!(last.windows(2).all(|pair| pair[0] < pair[1] && pair[1] < 0.06), "{last:?}");
+        let squares: f32 = shares.iter().map(|share| share * share).sum();
+        assert!((30.0..34.0).contains(&squares.recip()), "of 64 frames' noise {squares}");
+        assert!(rest_weight(u32::MAX) > 0.0);
     }
 
     #[test]

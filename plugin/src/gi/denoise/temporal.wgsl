@@ -46,6 +46,10 @@ struct Reprojection {
     /// from now.
     size: vec2<u32>,
     cell: vec2<u32>,
+    /// 1 at rest, else 0.
+    is_at_rest: f32,
+    /// Frames of rest.
+    rested: f32,
 }
 
 /// What the history knows of a surface.
@@ -119,6 +123,15 @@ fn luminance_change(is: f32, was: f32, noise: f32) -> f32 {
     return smoothstep(0.95, 0.995, max(abs(is - was) - noise, 0.0) / max(max(is, was), 1e-9));
 }
 
+/// At rest, `light` and a random part of the last bit of its half float. A mean over many frames
+/// changes by less than that bit, and would stop short of the limit.
+fn dithered(cell: vec2<u32>, light: vec3<f32>) -> vec3<f32> {
+    let random = fract(52.9829189 * fract(dot(vec2<f32>(cell), vec2(0.06711056, 0.00583715))) + reprojection.rested * 0.618034) - 0.5;
+    // 2^-14 is the least normal half float.
+    let bit = exp2(floor(log2(max(light, vec3(6.1035156e-5)))) - 10.0);
+    return max(light + bit * random * reprojection.is_at_rest, vec3(0.0));
+}
+
 @compute @workgroup_size(8, 8)
 fn accumulate(@builtin(global_invocation_id) id: vec3<u32>) {
     let size = image_size(view.viewport);
@@ -172,12 +185,13 @@ fn accumulate(@builtin(global_invocation_id) id: vec3<u32>) {
     let changed = min(luminance_change(luminance(present), was, ERRORS * own.a), luminance_change(around / around_weights, was, ERRORS * own.a));
     // The mean of all frames that showed the surface, up to the longest history: otherwise the noise
     // of the first frame would stay for as long as a whole history does.
+    // At rest nothing changes but the samples.
     let least_share = max(reprojection.present_weight, 1.0 / (found.length + 1.0));
-    let share = mix(1.0, max(least_share, changed), select(0.0, found.share, found.share > 0.01));
+    let share = mix(1.0, max(least_share, changed * (1.0 - reprojection.is_at_rest)), select(0.0, found.share, found.share > 0.01));
     // Not mix(): where nothing changes it would lose a bit of the half float in each frame, on devices
     // that truncate, and never win it back.
     let blended = before + (present - before) * share;
-    let shown = select(present, blended, share < 1.0);
+    let shown = dithered(id.xy, select(present, blended, share < 1.0));
     textureStore(lengths, id.xy, vec4(select(1.0, 1.0 / share, share > 0.0), 0.0, 0.0, 0.0));
     let delta = position - view.world_position;
     let away = min(select(length(delta), -dot(delta, view.world_from_view[2].xyz), view.clip_from_view[3][3] == 1.0), 60000.0);

@@ -1,14 +1,20 @@
 //! The work of each frame: light is not gathered again while nothing changes.
 //!
-//! Maps are rendered while anything visible in them changes. After a mesh, a texture or a material
-//! is added, they are rendered for a few more frames, since it may not be rendered in its first. A
-//! camera gathers while its maps change or it moves. In a still image only the composite is left.
+//! A map is rendered when its light changes, or when something does that it can show, and then only
+//! as soon as the app's limit of maps in a frame allows. After a mesh, a texture or a material is
+//! added, all are rendered for a few more frames, since it may not be rendered in its first. A camera
+//! gathers while anything changes or it moves, and at rest until its image has converged. Then only
+//! the composite is left.
 //!
 //! | file | world | job |
 //! |---|---|---|
-//! | `scene` | main | detects changes of the scene |
+//! | `changes` | main | where the scene changed |
+//! | `queue` | none | which maps are rendered, of those that are out of date |
+//! | `scene` | main | decides on the frame's work |
 //! | `views` | render | decides the work of each GI camera: from which texels it samples, and whether it gathers |
 
+mod changes;
+mod queue;
 mod scene;
 mod views;
 
@@ -34,8 +40,7 @@ impl Plugin for RefreshPlugin {
             ))
             .add_systems(
                 PostUpdate,
-                (scene::decide, scene::activate_maps)
-                    .chain()
+                scene::decide
                     .after(SceneSystems::Maps)
                     .before(CameraUpdateSystems)
                     .run_if(is_not_off),

@@ -1,112 +1,103 @@
-//! Changes of the scene, which decide whether maps are rendered and light is gathered.
+//! Decides which maps are rendered and whether light is gathered, from the changes of the scene.
 
-use bevy::asset::AssetEvent;
-use bevy::camera::Camera;
-use bevy::camera::visibility::{InheritedVisibility, RenderLayers};
+use bevy::camera::{Camera, Projection};
 use bevy::ecs::prelude::*;
-use bevy::image::Image;
-use bevy::light::NotShadowCaster;
 use bevy::log::info_once;
-use bevy::mesh::morph::MeshMorphWeights;
-use bevy::mesh::skinning::SkinnedMesh;
-use bevy::mesh::{Mesh, Mesh3d};
+use bevy::mesh::Mesh3d;
 use bevy::pbr::{MeshMaterial3d, StandardMaterial};
-use bevy::transform::components::{GlobalTransform, Transform};
+use bevy::transform::components::Transform;
 
-use crate::gi::rsm::{MapDelta, RsmView};
-use crate::gi::settings::FrugalGi;
+use super::changes::SceneChanges;
+use super::queue::{Gate, Waiting, due};
+use crate::gi::rsm::{MapAge, MapDelta, MapExtent, MapWeight, RsmView};
+use crate::gi::settings::{FrugalGi, GiLimits};
 use crate::gi::trace::GiOccluders;
 use crate::gi::view::{CameraCut, GiFrame, GiRefresh, SceneDelta};
 use crate::pipelines::PipelinesBusy;
 
-type Touched = Or<(
-    Changed<Transform>,
-    Changed<GlobalTransform>,
-    Changed<Mesh3d>,
-    Changed<MeshMaterial3d<StandardMaterial>>,
-    Changed<InheritedVisibility>,
-    Changed<MeshMorphWeights>,
-    Changed<RenderLayers>,
-    Changed<NotShadowCaster>,
-)>;
-
-/// Whether anything in the scene changed since the last frame.
-#[derive(bevy::ecs::system::SystemParam)]
-pub(super) struct SceneChanges<'w, 's> {
-    meshes: Query<'w, 's, (), (With<Mesh3d>, Touched)>,
-    // A child's global transform is known only after propagation, which may be later in the frame.
-    parents: Query<'w, 's, (), (With<Children>, Without<Camera>, Changed<Transform>)>,
-    skins: Query<'w, 's, &'static SkinnedMesh>,
-    moved: Query<'w, 's, (), Or<(Changed<Transform>, Changed<GlobalTransform>)>>,
-    gone: RemovedComponents<'w, 's, Mesh3d>,
-    unhidden: RemovedComponents<'w, 's, NotShadowCaster>,
-    mesh_assets: Option<MessageReader<'w, 's, AssetEvent<Mesh>>>,
-    image_assets: Option<MessageReader<'w, 's, AssetEvent<Image>>>,
-    material_assets: Option<MessageReader<'w, 's, AssetEvent<StandardMaterial>>>,
-}
-
-fn touches<A: bevy::asset::Asset>(events: &mut Option<MessageReader<AssetEvent<A>>>) -> bool {
-    let touches = |event: &AssetEvent<A>| {
-        !matches!(event, AssetEvent::Unused { .. } | AssetEvent::LoadedWithDependencies { .. })
-    };
-    // Reads all events, or the rest would count in the next frame.
-    events.as_mut().is_some_and(|events| events.read().filter(|event| touches(event)).count() > 0)
-}
-
-impl SceneChanges<'_, '_> {
-    /// Reads everything, so that no change counts twice.
-    fn read(&mut self) -> SceneDelta {
-        let gone = self.gone.read().count() + self.unhidden.read().count() > 0;
-        let assets = [
-            touches(&mut self.mesh_assets),
-            touches(&mut self.image_assets),
-            touches(&mut self.material_assets),
-        ];
-        let skins = || {
-            self.skins.iter().flat_map(|skin| &skin.joints).any(|joint| self.moved.contains(*joint))
-        };
-        let changed = gone || !self.meshes.is_empty() || !self.parents.is_empty() || skins();
-        SceneDelta { changed, arrived: assets.contains(&true), ..Default::default() }
-    }
-}
+/// A map's camera.
+type Map = (
+    &'static RsmView,
+    &'static MapWeight,
+    &'static Transform,
+    &'static Projection,
+    &'static mut MapAge,
+    &'static mut Camera,
+);
 
 pub(super) fn decide(
     mut frame: ResMut<GiFrame>,
-    policy: Res<GiRefresh>,
-    maps: Res<MapDelta>,
+    (policy, limits, maps_delta): (Res<GiRefresh>, Res<GiLimits>, Res<MapDelta>),
     busy: Option<Res<PipelinesBusy>>,
     occluders: Res<GiOccluders>,
-    cameras: Query<(&Camera, &FrugalGi)>,
+    cameras: Query<(&Camera, &FrugalGi), Without<RsmView>>,
     cuts: Query<(), With<CameraCut>>,
     other_materials: Query<(), (With<Mesh3d>, Without<MeshMaterial3d<StandardMaterial>>)>,
     mut scene: SceneChanges,
+    mut maps: Query<Map>,
 ) {
-    let mut delta = scene.read();
-    // The renderer reports pipelines one or two frames late: meshes that it left out are then
-    // rendered again.
-    let busy = busy.is_some_and(|busy| busy.get()) || occluders.waiting() > 0;
-    delta.missing = busy;
-    delta.changed |= maps.moved;
-    delta.laid_out = maps.laid_out;
-    delta.cut = !cuts.is_empty();
-    delta.always = *policy == GiRefresh::EveryFrame || !other_materials.is_empty();
-    if delta.always && *policy != GiRefresh::EveryFrame {
+    let changes = scene.read();
+    let always = *policy == GiRefresh::EveryFrame || !other_materials.is_empty();
+    if always && *policy != GiRefresh::EveryFrame {
         info_once!(
             "a mesh has no StandardMaterial: global illumination is refreshed in every frame, since its material may change by itself"
         );
+    }
+    let mut delta = SceneDelta {
+        changed: changes.any() || maps_delta.reweighted,
+        arrived: changes.arrived,
+        // The renderer reports pipelines one or two frames late: meshes that it left out are then
+        // rendered again.
+        missing: busy.is_some_and(|busy| busy.get()) || occluders.waiting() > 0,
+        always,
+        unfilled: false,
+        cut: !cuts.is_empty(),
+    };
+    for (.., age, _) in &maps {
+        delta.changed |= age.stale > 0;
+        delta.unfilled |= !age.filled || age.urgent;
     }
     let periods = cameras
         .iter()
         .filter(|(camera, gi)| camera.is_active && gi.vpl_count > 0)
         .map(|(_, gi)| gi.refresh_period.max(1));
-    *frame = frame.next(delta, periods.min().unwrap_or(1));
-}
-
-/// Switches off the cameras of maps that need not be rendered.
-pub(super) fn activate_maps(frame: Res<GiFrame>, mut maps: Query<&mut Camera, With<RsmView>>) {
-    for mut camera in &mut maps {
-        if camera.is_active != frame.maps {
-            camera.is_active = frame.maps;
+    let mut next = frame.next(delta, periods.min().unwrap_or(1));
+    let everywhere = changes.everywhere || always || next.arriving > 0;
+    let gate = match next.maps {
+        true if delta.cut => Gate::All,
+        true => Gate::Most(limits.max_rsms_per_frame),
+        false => Gate::Urgent,
+    };
+    let mut sorted: Vec<_> = maps.iter_mut().collect();
+    sorted.sort_by_key(|(view, ..)| view.key());
+    let waiting: Vec<Waiting> = sorted
+        .iter_mut()
+        .map(|(view, weight, transform, projection, age, _)| {
+            let is_hit = || {
+                let extent = MapExtent::new(transform, projection);
+                changes.spheres.iter().any(|sphere| extent.meets(sphere))
+            };
+            if age.stale == 0 && (everywhere || !changes.spheres.is_empty() && is_hit()) {
+                age.stale = 1;
+            }
+            let group = (view.light, view.camera);
+            Waiting { group, importance: weight.importance, age: **age }
+        })
+        .collect();
+    let mut rendered = false;
+    for ((.., age, camera), is_due) in sorted.iter_mut().zip(due(&waiting, gate)) {
+        rendered |= is_due;
+        if is_due {
+            age.set_if_neq(MapAge { stale: 0, filled: true, urgent: false });
+        } else if age.stale > 0 {
+            age.stale = age.stale.saturating_add(1);
+            next.waiting += u32::from(gate != Gate::Urgent);
+        }
+        if camera.is_active != is_due {
+            camera.is_active = is_due;
         }
     }
+    next.maps = rendered;
+    next.relit = rendered || maps_delta.reweighted;
+    *frame = next;
 }

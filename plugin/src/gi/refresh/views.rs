@@ -11,7 +11,7 @@ use bevy::render::view::ExtractedView;
 
 use crate::gi::bounces::BounceCamera;
 use crate::gi::emissive::GiEmitters;
-use crate::gi::rsm::{MapLayers, RsmLight, RsmView};
+use crate::gi::rsm::{MapAge, MapLayers, MapWeight, RsmLight, RsmView};
 use crate::gi::settings::FrugalGi;
 use crate::gi::sky::{SkyCamera, SkyInputs};
 use crate::gi::texels::{CascadeCut, TexelRange, TexelRow, TexelStore};
@@ -34,7 +34,7 @@ pub(super) fn prepare(
     mut commands: Commands,
     store: Res<TexelStore>,
     (frame, policy, cuts): (Res<GiFrame>, Res<GiRefresh>, Res<CutCameras>),
-    maps: Query<(&RsmView, &RsmLight, &CascadeCut, &MapLayers)>,
+    maps: Query<MapRow>,
     (emitters, occluders): (Res<GiEmitters>, Res<GiOccluders>),
     cameras: Query<(
         Entity,
@@ -106,10 +106,18 @@ pub(super) fn prepare(
             || is_cut;
         if fit != Fit::Empty {
             let changed = moved || fit == Fit::LaidOut;
-            next.work = held.work.next(changed, always, &frame, *policy, gi.refresh_period.max(1));
+            next.work = held.work.next(
+                changed,
+                always,
+                &frame,
+                *policy,
+                gi.refresh_period.max(1),
+                if gi.filters() { gi.rest_frames.min(FrugalGi::MAX_REST_FRAMES) } else { 0 },
+            );
         }
         next.step = match next.work.gather {
             false => Step::Rests,
+            true if next.work.rested > 0 => Step::Averages,
             // Light that was gathered before all occluders existed is no valid history.
             true if is_cut || held_inputs.has_occluders != inputs.has_occluders => Step::Begins,
             true if switched => Step::Switches,
@@ -120,23 +128,32 @@ pub(super) fn prepare(
     }
 }
 
-/// Rows of every map that serves `camera`, in the order of the store.
-fn rows_of(
-    camera: Entity,
-    layers: &RenderLayers,
-    maps: &Query<(&RsmView, &RsmLight, &CascadeCut, &MapLayers)>,
-) -> Vec<TexelRow> {
+/// A map in the render world.
+type MapRow = (
+    &'static RsmView,
+    &'static RsmLight,
+    &'static CascadeCut,
+    &'static MapLayers,
+    &'static MapAge,
+    &'static MapWeight,
+);
+
+/// Rows of every map that serves `camera` and has texels, in an order that does not depend on where
+/// they lie in the store.
+fn rows_of(camera: Entity, layers: &RenderLayers, maps: &Query<MapRow>) -> Vec<TexelRow> {
     let mut serving: Vec<_> = maps
         .iter()
-        .filter(|(map, .., shared)| {
-            map.camera.is_none_or(|owner| owner == camera) && shared.0.intersects(layers)
+        .filter(|(map, _, _, shared, age, _)| {
+            age.filled
+                && map.camera.is_none_or(|owner| owner == camera)
+                && shared.0.intersects(layers)
         })
-        .map(|(_, light, cut, _)| (light, *cut))
         .collect();
-    serving.sort_by_key(|(light, _)| light.texel_offset);
+    serving.sort_by_key(|(map, ..)| map.key());
     let mut rows = Vec::new();
-    for (RsmLight { texel_offset, resolution, .. }, cut) in serving {
-        TexelRow::add_map(&mut rows, *texel_offset, *resolution, *resolution, cut);
+    for (_, RsmLight { texel_offset, resolution, .. }, cut, _, _, weight) in serving {
+        let side = *resolution;
+        TexelRow::add_map(&mut rows, *texel_offset, side, side, (*cut, weight.share));
     }
     rows
 }

@@ -32,6 +32,11 @@ impl MapCapacity {
         }
     }
 
+    /// Texels that the device can still take.
+    pub(super) fn texels(&self) -> u64 {
+        self.texels
+    }
+
     /// Reserves maps of `resolution` texels along their edges, if all of them fit;
     /// warns once if not.
     pub(super) fn take(&mut self, maps: usize, resolution: u32) -> bool {

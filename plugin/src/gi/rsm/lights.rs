@@ -1,5 +1,6 @@
 //! The lights that bounce, and their data for the shader.
 
+use bevy::camera::primitives::{Frustum, Sphere};
 use bevy::color::{Color, ColorToComponents};
 use bevy::ecs::prelude::*;
 use bevy::light::{DirectionalLight, PointLight, SpotLight};
@@ -63,6 +64,10 @@ pub(super) struct BouncingLight {
     pub range: f32,
 }
 
+/// Factor of the importance of a light that reaches nothing in view: its light comes from there only
+/// by a further reflection.
+const OUT_OF_VIEW: f32 = 0.1;
+
 /// Candela per lumen of a point or spot light: Bevy divides both by 4π, so that a spot is as bright
 /// in its cone as a point light.
 const CANDELA_PER_LUMEN: f32 = 1.0 / (4.0 * std::f32::consts::PI);
@@ -121,13 +126,17 @@ impl BouncingLight {
         (lit && has_pose).then_some(self)
     }
 
-    /// Illuminance in lux at a camera at `camera`: lights are ranked by it when there are too many.
-    pub(crate) fn importance(&self, camera: Vec3) -> f32 {
+    /// Illuminance in lux at a camera, by which lights are ranked when there are too many: what it
+    /// lights on the image falls with the square of the distance, too. Less where it lights nothing
+    /// in view.
+    pub(crate) fn importance(&self, camera: Vec3, frustum: &Frustum) -> f32 {
         let brightest = self.intensity.max_element();
-        match self.shape {
-            LightShape::Directional => brightest,
-            _ => brightest / self.position.distance_squared(camera).max(1.0),
+        if self.shape == LightShape::Directional {
+            return brightest;
         }
+        let reach = Sphere { center: self.position.into(), radius: self.range };
+        let share = if frustum.intersects_sphere(&reach, false) { 1.0 } else { OUT_OF_VIEW };
+        share * brightest / self.position.distance_squared(camera).max(1.0)
     }
 
     /// Number of its maps.

@@ -9,10 +9,13 @@
 
 mod capacity;
 mod drawn;
+mod extent;
 mod focus;
 mod lights;
 mod region;
 mod resolve;
+mod selection;
+mod slots;
 mod specs;
 mod views;
 
@@ -29,6 +32,7 @@ use bevy::render::{GpuResourceAppExt, Render, RenderSystems};
 
 use super::schedule::{GiSystems, PrepareSystems, SceneSystems, supported_render_app};
 use super::texels::CascadeCut;
+pub(super) use extent::{Around, MapExtent};
 pub(super) use lights::RsmLight;
 pub(super) use resolve::resolve;
 pub(super) use views::MapDelta;
@@ -52,6 +56,32 @@ pub struct RsmView {
 #[derive(Component, ExtractComponent, Clone, Debug, Default, PartialEq)]
 pub(super) struct MapLayers(pub RenderLayers);
 
+/// How up to date a map's texels are.
+#[derive(Component, ExtractComponent, Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub(super) struct MapAge {
+    /// Frames for which the scene has differed from its texels; 0 where it does not.
+    pub stale: u32,
+    /// Whether its range of the store holds its texels.
+    pub filled: bool,
+    /// Whether texels of other maps are wrong until it is rendered.
+    pub urgent: bool,
+}
+
+/// What a map's light matters to GI cameras, and how much of it they get.
+#[derive(Component, ExtractComponent, Clone, Copy, Debug, PartialEq)]
+pub(super) struct MapWeight {
+    /// Above 0; those of other maps compare with it.
+    pub importance: f32,
+    /// Share of its light, 0 to 1: below 1 while it fades in or out.
+    pub share: f32,
+}
+
+impl Default for MapWeight {
+    fn default() -> Self {
+        Self { importance: 0.0, share: 1.0 }
+    }
+}
+
 pub(super) struct RsmPlugin;
 
 impl Plugin for RsmPlugin {
@@ -60,11 +90,15 @@ impl Plugin for RsmPlugin {
         app.register_type::<RsmView>()
             .init_resource::<region::SceneBox>()
             .init_resource::<MapDelta>()
+            .init_resource::<selection::LightSelection>()
+            .init_resource::<slots::MapSlots>()
             .add_plugins((
                 ExtractComponentPlugin::<RsmView>::default(),
                 ExtractComponentPlugin::<RsmLight>::default(),
                 ExtractComponentPlugin::<CascadeCut>::default(),
                 ExtractComponentPlugin::<MapLayers>::default(),
+                ExtractComponentPlugin::<MapAge>::default(),
+                ExtractComponentPlugin::<MapWeight>::default(),
                 UniformComponentPlugin::<RsmLight>::default(),
             ))
             .add_systems(

@@ -1,7 +1,9 @@
 //! The maps that should exist in a frame: which lights get one, of which size, and what each covers.
 
+use bevy::camera::primitives::Frustum;
 use bevy::camera::visibility::RenderLayers;
 use bevy::camera::{OrthographicProjection, PerspectiveProjection, Projection, ScalingMode};
+use bevy::ecs::entity::EntityHashMap;
 use bevy::ecs::prelude::*;
 use bevy::math::{Mat3, Quat, Vec3};
 use bevy::transform::components::Transform;
@@ -10,7 +12,8 @@ use super::capacity::MapCapacity;
 use super::focus::Focus;
 use super::lights::{BouncingLight, LightShape, RsmLight};
 use super::region::{LightRegion, cover, near};
-use super::{MapLayers, RsmView};
+use super::selection::{Candidate, LightSelection};
+use super::{MapLayers, MapWeight, RsmView};
 use crate::gi::settings::GiShading;
 use crate::gi::texels::CascadeCut;
 
@@ -27,6 +30,7 @@ pub(super) struct MapSpec {
     pub cut: CascadeCut,
     pub shading: GiShading,
     pub layers: MapLayers,
+    pub weight: MapWeight,
 }
 
 impl MapSpec {
@@ -41,51 +45,61 @@ impl MapSpec {
 pub(super) struct Viewer {
     pub entity: Entity,
     pub focus: Focus,
+    pub frustum: Frustum,
     pub resolution: u32,
     pub shading: GiShading,
     pub layers: RenderLayers,
 }
 
 /// The maps of the most important lights, up to `most` maps, as far as the device has capacity.
+/// `seconds` since the last frame.
 pub(super) fn choose(
     lights: &[(BouncingLight, MapLayers)],
     viewers: &[Viewer],
     scene: (Vec3, Vec3),
-    most: usize,
+    selection: &mut LightSelection,
+    (most, seconds): (usize, f32),
     mut capacity: MapCapacity,
 ) -> Vec<MapSpec> {
-    let mut ranked: Vec<_> = lights
-        .iter()
-        .filter_map(|(light, layers)| {
-            // As Bevy: a light lights the cameras with which it shares a layer.
-            let lit = viewers.iter().filter(|viewer| viewer.layers.intersects(&layers.0));
-            let importance =
-                lit.map(|viewer| light.importance(viewer.focus.position)).max_by(f32::total_cmp)?;
-            Some((importance, light, layers))
-        })
-        .collect();
-    // Ties are broken by entity, so that the choice does not flicker.
-    ranked.sort_by(|a, b| b.0.total_cmp(&a.0).then(a.1.entity.cmp(&b.1.entity)));
-
+    let lit = |layers: &MapLayers| {
+        // As Bevy: a light lights the cameras with which it shares a layer.
+        let layers = layers.0.clone();
+        viewers.iter().filter(move |viewer| viewer.layers.intersects(&layers))
+    };
     // Shared maps satisfy the most demanding camera.
     let finest = viewers.iter().map(|viewer| viewer.resolution).max().unwrap_or(0);
     let lambertian = viewers.iter().all(|viewer| viewer.shading == GiShading::Lambertian);
     let shading = if lambertian { GiShading::Lambertian } else { GiShading::Standard };
-    let mut specs = Vec::new();
-    for (_, light, layers) in ranked {
-        let mut maps: Vec<MapSpec> = match light.shape {
+    let mut maps = EntityHashMap::default();
+    let mut candidates = Vec::new();
+    for (light, layers) in lights {
+        let importance = lit(layers)
+            .map(|viewer| light.importance(viewer.focus.position, &viewer.frustum))
+            .max_by(f32::total_cmp);
+        let Some(importance) = importance else { continue };
+        let specs: Vec<MapSpec> = match light.shape {
             LightShape::Directional => {
-                let lit = viewers.iter().filter(|viewer| viewer.layers.intersects(&layers.0));
-                lit.flat_map(|viewer| parallel_maps(light, viewer, scene, layers)).collect()
+                lit(layers).flat_map(|viewer| parallel_maps(light, viewer, scene, layers)).collect()
             }
             _ => (0..light.faces())
                 .map(|face| perspective_map(light, face, finest, shading, layers))
                 .collect(),
         };
+        candidates.push(Candidate { light: light.entity, importance, maps: specs.len() });
+        maps.insert(light.entity, (importance, specs));
+    }
+    let chosen = selection.next(&candidates, most, seconds, |candidate| {
+        let maps = &maps[&candidate.light].1;
         let largest = maps.iter().map(|map| map.resolution).max().unwrap_or(0);
-        if specs.len() + maps.len() <= most && capacity.take(maps.len(), largest) {
-            specs.append(&mut maps);
+        capacity.take(maps.len(), largest)
+    });
+    let mut specs = Vec::new();
+    for (light, share) in chosen {
+        let Some((importance, mut maps)) = maps.remove(&light) else { continue };
+        for map in &mut maps {
+            map.weight = MapWeight { importance, share };
         }
+        specs.append(&mut maps);
     }
     specs
 }
@@ -155,6 +169,7 @@ fn parallel_map(
         cut,
         shading: viewer.shading,
         layers: layers.clone(),
+        weight: MapWeight::default(),
     }
 }
 
@@ -199,6 +214,7 @@ fn perspective_map(
         cut: CascadeCut::default(),
         shading,
         layers: layers.clone(),
+        weight: MapWeight::default(),
     }
 }
 
@@ -209,16 +225,4 @@ fn cube_face(face: u8) -> Quat {
     let forward = if face.is_multiple_of(2) { axis } else { -axis };
     let up = if axis == Vec3::Y { Vec3::NEG_Z } else { Vec3::Y };
     Quat::from_mat3(&Mat3::from_cols(forward.cross(up), up, -forward))
-}
-
-/// Assigns every map its offset in the store, in an order that does not depend on the iteration of
-/// entities.
-pub(super) fn lay_out(specs: &mut [MapSpec]) {
-    specs.sort_by_key(|spec| (spec.view.light, spec.view.camera, spec.view.face));
-    let mut texel = 0;
-    for map in specs {
-        map.light.texel_offset = texel;
-        map.light.resolution = map.resolution;
-        texel += map.resolution * map.resolution;
-    }
 }

@@ -1,6 +1,7 @@
 //! Maintains one hidden camera per map: spawns, moves, resizes and despawns them as lights and GI
 //! cameras change. [`specs`](super::specs) says which maps should exist.
 
+use bevy::camera::primitives::Frustum;
 use bevy::camera::visibility::{InheritedVisibility, RenderLayers};
 use bevy::camera::{
     Camera, Camera3d, OrthographicProjection, Projection, RenderTarget, ScalingMode,
@@ -11,10 +12,12 @@ use bevy::ecs::query::QueryData;
 use bevy::light::cluster::Clusters;
 use bevy::light::{DirectionalLight, PointLight, SpotLight};
 use bevy::math::UVec2;
+use bevy::math::primitives::ViewFrustum;
 use bevy::platform::collections::HashMap;
 use bevy::render::render_resource::TextureUsages;
 use bevy::render::renderer::RenderDevice;
 use bevy::render::view::Msaa;
+use bevy::time::Time;
 use bevy::transform::components::Transform;
 use bevy::transform::helper::TransformHelper;
 
@@ -22,28 +25,34 @@ use super::capacity::MapCapacity;
 use super::focus::Focus;
 use super::lights::{BouncingLight, RsmLight};
 use super::region::SceneBox;
-use super::specs::{MapSpec, Viewer, choose, lay_out};
-use super::{MapLayers, RsmView};
+use super::selection::LightSelection;
+use super::slots::MapSlots;
+use super::specs::{MapSpec, Viewer, choose};
+use super::{MapAge, MapLayers, MapWeight, RsmView};
 use crate::gi::settings::{FrugalGi, GiLimits, GiShading};
 use crate::gi::texels::CascadeCut;
-use crate::gi::view::LightPresence;
+use crate::gi::view::{CameraCut, LightPresence};
 
 /// Changes of maps in this frame.
 #[derive(Resource, Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(in crate::gi) struct MapDelta {
-    /// A map was added, removed or resized: the layout of the store changed.
-    pub laid_out: bool,
-    /// A map's light or region moved or changed.
-    pub moved: bool,
+    /// A map went, or its light fades: texels that need not be rendered count differently.
+    pub reweighted: bool,
 }
 
 type Lit<L> = (Entity, &'static L, &'static InheritedVisibility, Option<&'static RenderLayers>);
 
 pub(super) fn maintain(
     mut commands: Commands,
-    (mut delta, mut presence): (ResMut<MapDelta>, ResMut<LightPresence>),
+    (mut delta, mut selection, mut slots, mut presence): (
+        ResMut<MapDelta>,
+        ResMut<LightSelection>,
+        ResMut<MapSlots>,
+        ResMut<LightPresence>,
+    ),
     (limits, device): (Res<GiLimits>, Option<Res<RenderDevice>>),
-    scene: Res<SceneBox>,
+    (scene, time): (Res<SceneBox>, Option<Res<Time>>),
+    cuts: Query<(), With<CameraCut>>,
     cameras: Query<
         (Entity, &Camera, &Projection, &FrugalGi, Option<&RenderLayers>),
         Without<RsmView>,
@@ -63,14 +72,13 @@ pub(super) fn maintain(
         .filter(|(_, camera, _, gi, _)| camera.is_active && gi.vpl_count > 0)
         .filter_map(|(entity, _, projection, gi, layers)| {
             let resolution = gi.rsm_resolution.clamp(16, 2048);
+            let (pose, clip_from_view) = (transform_of(entity)?, projection.get_clip_from_view());
             Some(Viewer {
                 entity,
-                focus: Focus::new(
-                    scene.0.unwrap_or_default(),
-                    &transform_of(entity)?,
-                    projection.get_clip_from_view(),
-                    gi.range,
-                ),
+                focus: Focus::new(scene.0.unwrap_or_default(), &pose, clip_from_view, gi.range),
+                frustum: Frustum(ViewFrustum::from_clip_from_world(
+                    &(clip_from_view * pose.to_matrix().inverse()),
+                )),
                 resolution,
                 shading: gi.shading,
                 layers: layers.cloned().unwrap_or_default(),
@@ -78,6 +86,11 @@ pub(super) fn maintain(
         })
         .collect();
 
+    if !cuts.is_empty() {
+        selection.forget();
+    }
+    let capacity = MapCapacity::new(device.as_deref());
+    let most_texels = capacity.texels();
     let mut specs = Vec::new();
     if let (Some(scene), false) = (scene.0, viewers.is_empty()) {
         let layers = |layers: Option<&RenderLayers>| MapLayers(layers.cloned().unwrap_or_default());
@@ -111,11 +124,12 @@ pub(super) fn maintain(
             &lights,
             &viewers,
             scene,
-            limits.max_rsm_count,
-            MapCapacity::new(device.as_deref()),
+            &mut selection,
+            (limits.max_rsm_count, time.map_or(0.0, |time| time.delta_secs())),
+            capacity,
         );
     }
-    lay_out(&mut specs);
+    slots.lay_out(&mut specs, most_texels);
     presence.maps = !specs.is_empty();
 
     let mut missing: HashMap<RsmView, MapSpec> =
@@ -123,14 +137,16 @@ pub(super) fn maintain(
     *delta = MapDelta::default();
     for map in &mut params.p1() {
         match missing.remove(map.view) {
-            Some(spec) => map.update(spec, &mut delta),
+            Some(spec) => {
+                delta.reweighted |= map.weight.share != spec.weight.share;
+                map.update(spec);
+            }
             None => {
+                delta.reweighted = true;
                 commands.entity(map.entity).despawn();
-                delta.laid_out = true;
             }
         }
     }
-    delta.laid_out |= !missing.is_empty();
     for (_, spec) in missing {
         spawn(&mut commands, spec);
     }
@@ -150,14 +166,17 @@ pub(super) struct Map {
     cut: &'static mut CascadeCut,
     shading: &'static mut GiShading,
     layers: &'static mut MapLayers,
+    weight: &'static mut MapWeight,
+    age: &'static mut MapAge,
     drawn_layers: &'static mut RenderLayers,
 }
 
 impl MapItem<'_, '_> {
     /// Applies the differences from `spec`.
-    fn update(mut self, spec: MapSpec, delta: &mut MapDelta) {
-        delta.laid_out |= (self.light.texel_offset, self.light.resolution)
-            != (spec.light.texel_offset, spec.light.resolution);
+    fn update(mut self, spec: MapSpec) {
+        let slot = |light: &RsmLight| (light.texel_offset, light.resolution);
+        let is_elsewhere = slot(&self.light) != slot(&spec.light);
+        let mut moved = is_elsewhere;
         let size = UVec2::splat(spec.resolution);
         let resized = !matches!(*self.target, RenderTarget::None { size: old } if old == size);
         if resized {
@@ -169,15 +188,23 @@ impl MapItem<'_, '_> {
         // Bevy checks a target without texture only when the projection is marked as changed.
         if resized || !same_projection(&self.projection, &spec.projection) {
             *self.projection = spec.projection;
-            delta.moved = true;
+            moved = true;
         }
-        delta.moved |= self.transform.set_if_neq(spec.transform);
+        moved |= self.transform.set_if_neq(spec.transform);
         self.drawn_layers.set_if_neq(spec.layers.0.clone());
-        delta.moved |= self.layers.set_if_neq(spec.layers);
-        delta.moved |= self.light.set_if_neq(spec.light) | self.shading.set_if_neq(spec.shading);
+        moved |= self.layers.set_if_neq(spec.layers);
+        moved |= self.light.set_if_neq(spec.light) | self.shading.set_if_neq(spec.shading);
         // The cut moves texels from one cascade to the other, so both must be rendered in this
         // frame.
-        delta.laid_out |= self.cut.set_if_neq(spec.cut);
+        let is_cut = self.cut.set_if_neq(spec.cut);
+        self.weight.set_if_neq(spec.weight);
+        let age = *self.age;
+        self.age.set_if_neq(MapAge {
+            stale: if moved || is_cut { age.stale.max(1) } else { age.stale },
+            filled: age.filled && !is_elsewhere,
+            // A map that was there must not leave its light out for a while.
+            urgent: age.urgent || is_cut || is_elsewhere && age.filled,
+        });
     }
 }
 
@@ -217,7 +244,9 @@ fn spawn(commands: &mut Commands, spec: MapSpec) {
         DeferredPrepass,
         spec.projection,
         spec.transform,
-        spec.layers,
+        (spec.layers, spec.weight),
+        // Until it is rendered.
+        MapAge { stale: 1, ..Default::default() },
     ));
     // Without clusters Bevy builds no cascades, light lists or mesh-view bind groups for it. In the
     // same flush as the spawn: the render world must never have seen them.

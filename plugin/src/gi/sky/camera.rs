@@ -12,7 +12,7 @@ use bytemuck::{Pod, Zeroable};
 
 use super::pass::SkyPipelines;
 use crate::gi::settings::FrugalGi;
-use crate::gi::view::SkySource;
+use crate::gi::view::{GiView, SkySource};
 
 /// Bytes of `sky/sky.wgsl`'s `SkyLight`. A test compares it with the shader.
 pub(in crate::gi) const SKY_LIGHT_BYTES: u64 = 32;
@@ -32,6 +32,7 @@ pub(in crate::gi) const SET_BYTES: u64 = FrugalGi::MAX_ENVIRONMENT_SAMPLES as u6
 pub(in crate::gi) struct SkyPlan {
     pub samples: u32,
     pub sets: u32,
+    pub sequence: u32,
 }
 
 /// `sky/fill.wgsl`'s `SkySource`.
@@ -67,7 +68,10 @@ impl SkyInputs {
 /// A GI camera's buffers for its sky. In the render world.
 #[derive(Component)]
 pub(crate) struct SkyCamera {
+    /// Of sequence 0.
     pub(in crate::gi) plan: SkyPlan,
+    /// The sequence of `plan_buffer`.
+    sequence: u32,
     pub(in crate::gi) plan_buffer: Buffer,
     /// An array of `SkyLight`, in sets [`SET_BYTES`] apart.
     pub(in crate::gi) samples: Buffer,
@@ -134,7 +138,7 @@ pub(super) fn prepare(
             continue;
         };
         let is_active = pipelines.are_ready(&cache);
-        let plan = SkyPlan { samples, sets: gi.interleave.side().pow(2) };
+        let plan = SkyPlan { samples, sets: gi.interleave.side().pow(2), sequence: 0 };
         let reading = (image.texture.id(), reading(source, image));
         if let Ok(mut held) = held.get_mut(entity)
             && held.plan == plan
@@ -170,6 +174,7 @@ pub(super) fn prepare(
         };
         commands.entity(entity).insert(SkyCamera {
             plan,
+            sequence: 0,
             plan_buffer: filled("bevy_frugal_gi/sky/plan", bytemuck::bytes_of(&plan)),
             samples: empty(
                 "bevy_frugal_gi/sky/samples",
@@ -192,6 +197,20 @@ pub(super) fn prepare(
             is_generated: source.is_generated,
             is_active,
         });
+    }
+}
+
+/// Tells every sky which samples its camera takes in this frame.
+pub(super) fn prepare_sequences(
+    queue: Res<RenderQueue>,
+    mut cameras: Query<(&GiView, &mut SkyCamera)>,
+) {
+    for (view, mut sky) in &mut cameras {
+        if view.work.sample && sky.sequence != view.work.rested {
+            sky.sequence = view.work.rested;
+            let plan = SkyPlan { sequence: sky.sequence, ..sky.plan };
+            queue.write_buffer(&sky.plan_buffer, 0, bytemuck::bytes_of(&plan));
+        }
     }
 }
 

@@ -49,6 +49,8 @@ impl Plugin for SkyPlugin {
                 Render,
                 (
                     camera::prepare.in_set(PrepareSystems::Sky),
+                    // After views decide on their work.
+                    camera::prepare_sequences.in_set(PrepareSystems::Gather),
                     // Reads whose sky is gathered in this frame.
                     ambient::take_out_diffuse.in_set(PrepareSystems::Environment),
                 ),

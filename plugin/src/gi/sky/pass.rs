@@ -156,7 +156,13 @@ pub(in crate::gi) fn sample(
             camera.samples.as_entire_binding(),
         )),
     );
+    let again = gi_view.work.samples_again() && camera.is_filled.load(Ordering::Relaxed);
     compute_pass(&mut context, "bevy_frugal_gi/sky", &[], |pass| {
+        if again {
+            pass.set_bind_group(0, &sampling, &[]);
+            pass.set_pipeline(sample);
+            return pass.dispatch_workgroups(1, 1, 1);
+        }
         if !camera.is_filled.swap(true, Ordering::Relaxed) {
             pass.set_bind_group(0, &filling, &[]);
             pass.set_pipeline(fill);

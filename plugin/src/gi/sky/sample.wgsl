@@ -81,7 +81,8 @@ fn sample_sky(@builtin(local_invocation_index) lane: u32) {
     for (var i = lane; i < plan.sets * plan.samples; i += LANES) {
         let which = i / plan.samples;
         let member = i % plan.samples;
-        let index = find_stratum((f32(member) + (f32(which) + 0.5) / f32(plan.sets)) / count * total);
+        let shift = f32(plan.sequence) * 0.618034;
+        let index = find_stratum((f32(member) + fract((f32(which) + 0.5) / f32(plan.sets) + shift)) / count * total);
         // The step of the cumulative sum, not the weight that was added: this is the probability
         // with which the stratum was sampled, rounding included.
         let weight = cumulative[index] - select(0.0, cumulative[max(index, 1u) - 1u], index > 0u);

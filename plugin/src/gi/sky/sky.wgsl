@@ -19,6 +19,8 @@ struct SkyPlan {
     samples: u32,
     /// Sets of samples, each of which represents the whole sky.
     sets: u32,
+    /// Which samples of the weights: 0 while something changes, others at rest.
+    sequence: u32,
 }
 
 /// Strata along each side of the square onto which the sphere is mapped.

@@ -82,7 +82,7 @@ fn allocate(
 ) {
     let (texels, map_texels) =
         (store.counts.iter().map(|count| u64::from(*count)).sum::<u64>(), store.counts[0]);
-    let old_map_texels = std::mem::replace(&mut store.map_texels, map_texels);
+    let kept = std::mem::replace(&mut store.map_texels, map_texels).min(map_texels);
     if texels == 0 || cameras.is_empty() {
         store.texels = None;
         return;
@@ -97,14 +97,12 @@ fn allocate(
         usage: BufferUsages::STORAGE | BufferUsages::COPY_SRC | BufferUsages::COPY_DST,
         mapped_at_creation: false,
     });
-    // Keeps the maps' texels where only the ranges behind them grow or shrink, so that the maps
-    // need not be rendered again.
-    if let Some(old) =
-        store.texels.as_ref().filter(|_| map_texels > 0 && map_texels == old_map_texels)
-    {
+    // Keeps the maps' texels, which stay in place while ranges grow or shrink, so that the maps need
+    // not be rendered again.
+    if let Some(old) = store.texels.as_ref().filter(|_| kept > 0) {
         let label = Some("bevy_frugal_gi/texels/keep");
         let mut encoder = device.create_command_encoder(&CommandEncoderDescriptor { label });
-        encoder.copy_buffer_to_buffer(old, 0, &new, 0, u64::from(map_texels) * TEXEL_BYTES);
+        encoder.copy_buffer_to_buffer(old, 0, &new, 0, u64::from(kept) * TEXEL_BYTES);
         queue.submit([encoder.finish()]);
     }
     store.texels = Some(new);

@@ -14,7 +14,7 @@ pub(in crate::gi) struct CascadeCut {
 }
 
 /// `texels/rows.wgsl`'s `Row`: one row of one of a camera's maps.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Pod, Zeroable)]
+#[derive(Clone, Copy, Debug, PartialEq, Pod, Zeroable)]
 #[repr(C)]
 pub(in crate::gi) struct TexelRow {
     /// Index of its first texel among all maps' texels.
@@ -31,6 +31,9 @@ pub(in crate::gi) struct TexelRow {
     tile_rows: u32,
     /// First column that is not sampled, and the one after the last: a finer cascade covers them.
     cut: [u32; 2],
+    /// Share of its texels' flux, 0 to 1.
+    share: f32,
+    padding: u32,
 }
 
 /// Columns of a tile, and most rows of one.
@@ -41,13 +44,13 @@ const SCATTERED_ROW: u32 = 32;
 
 impl TexelRow {
     /// Adds the `count` rows of a map, of `length` texels each, consecutive in the store from
-    /// `first_texel` on.
+    /// `first_texel` on, but for its cut, with a share of their flux.
     pub(crate) fn add_map(
         rows: &mut Vec<Self>,
         first_texel: u32,
         length: u32,
         count: u32,
-        cut: CascadeCut,
+        (cut, share): (CascadeCut, f32),
     ) {
         let (first_weight, first_tile) =
             rows.last().map_or((0, 0), |row| (row.first_weight + row.length, row.end_tile()));
@@ -61,6 +64,8 @@ impl TexelRow {
                 row_in_tile: index % TILE,
                 tile_rows: (count - tile_row * TILE).min(TILE),
                 cut: if (cut.rows[0]..cut.rows[1]).contains(&index) { cut.columns } else { [0; 2] },
+                share,
+                padding: 0,
             }
         }));
     }
@@ -74,7 +79,7 @@ impl TexelRow {
                 first_texel + row,
                 SCATTERED_ROW.min(count - row),
                 1,
-                CascadeCut::default(),
+                (CascadeCut::default(), 1.0),
             );
         }
     }

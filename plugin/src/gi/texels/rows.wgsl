@@ -16,6 +16,8 @@ struct Row {
     tile_rows: u32,
     /// First column that is not sampled, and the one after the last: a finer cascade covers them.
     cut: vec2<u32>,
+    /// Share of its texels' flux, 0 to 1.
+    share: f32,
 }
 
 /// Whether a finer cascade covers a column.

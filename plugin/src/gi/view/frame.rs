@@ -36,6 +36,10 @@ pub(in crate::gi) struct GiFrame {
     pub number: u32,
     /// Whether maps are rendered.
     pub maps: bool,
+    /// Whether texels of maps, or what they count for, changed.
+    pub relit: bool,
+    /// Maps that are out of date and wait for their turn.
+    pub waiting: u32,
     /// Whether cameras gather even if they have not moved.
     pub gather: bool,
     /// Frames since a visible change of the scene.
@@ -47,7 +51,7 @@ pub(in crate::gi) struct GiFrame {
 /// Changes of the scene since the last frame.
 #[derive(Clone, Copy, Debug, Default)]
 pub(in crate::gi) struct SceneDelta {
-    /// Something visible in maps changed.
+    /// Something visible changed.
     pub changed: bool,
     /// An asset was added, changed or removed.
     pub arrived: bool,
@@ -55,17 +59,18 @@ pub(in crate::gi) struct SceneDelta {
     pub missing: bool,
     /// All work is due in every frame.
     pub always: bool,
-    /// The layout of the store of texels changed.
-    pub laid_out: bool,
+    /// A map was never rendered where its texels are.
+    pub unfilled: bool,
     /// A camera has a cut.
     pub cut: bool,
 }
 
 impl GiFrame {
-    /// The next frame's. `period`: frames from one rendering of the maps to the next.
+    /// The next frame's, in which maps are rendered if any is out of date. `period`: frames from one
+    /// rendering of the maps to the next.
     pub(crate) fn next(self, delta: SceneDelta, period: u32) -> Self {
         let number = if delta.cut { 0 } else { self.number.wrapping_add(1) };
-        let frames_since_change = if delta.changed || delta.laid_out {
+        let frames_since_change = if delta.changed || delta.unfilled {
             0
         } else {
             self.frames_since_change.saturating_add(1)
@@ -76,7 +81,9 @@ impl GiFrame {
             self.arriving.saturating_sub(1).max(u32::from(delta.missing))
         };
         // A whole period from the last change on: one frame in it renders maps.
-        let gather = delta.always || arriving > 0 || frames_since_change < period;
+        // What waits was due in an earlier frame.
+        let waits = self.waiting > 0;
+        let gather = delta.always || arriving > 0 || waits || frames_since_change < period;
         // Texels at a new position in the store must be written before they are sampled, and the
         // period must not delay what was missing.
         Self {
@@ -84,7 +91,12 @@ impl GiFrame {
             frames_since_change,
             arriving,
             gather,
-            maps: delta.laid_out || arriving > 0 || gather && number.is_multiple_of(period),
+            maps: delta.unfilled
+                || arriving > 0
+                || waits
+                || gather && number.is_multiple_of(period),
+            relit: false,
+            waiting: 0,
         }
     }
 }
@@ -98,7 +110,7 @@ mod tests {
         arrived: false,
         missing: false,
         always: false,
-        laid_out: false,
+        unfilled: false,
         cut: false,
     };
     const CHANGE: SceneDelta = SceneDelta { changed: true, ..NOTHING };
@@ -150,7 +162,9 @@ mod tests {
         assert!(!frame.next(CHANGE, 8).maps);
         assert!(frame.next(SceneDelta { arrived: true, ..NOTHING }, 8).maps);
         assert!(frame.next(SceneDelta { missing: true, ..NOTHING }, 8).maps);
-        assert!(frame.next(SceneDelta { laid_out: true, ..NOTHING }, 8).maps);
+        assert!(frame.next(SceneDelta { unfilled: true, ..NOTHING }, 8).maps);
+        let waiting = GiFrame { waiting: 3, ..frame }.next(NOTHING, 8);
+        assert!(waiting.maps && waiting.gather);
     }
 
     #[test]

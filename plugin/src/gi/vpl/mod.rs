@@ -163,6 +163,7 @@ pub(super) fn sample(
         return;
     }
     let traced = occluders.bind_group().filter(|_| view.gi.visibility.rays() > 0);
+    let again = view.work.samples_again();
     let Some(camera) = CameraInputs::new(prepass, &view_uniforms) else { return };
     let (Some(texels), Some(buffers)) = (&store.texels, &vpl.sampling) else { return };
     let inputs = SampleInputs {
@@ -180,8 +181,11 @@ pub(super) fn sample(
     else {
         return;
     };
-    let clears = traced.map(|_| (&buffers.occluded_tiles, 0, None));
+    let clears = traced.filter(|_| !again).map(|_| (&buffers.occluded_tiles, 0, None));
     compute_pass(&mut context, "bevy_frugal_gi/vpl", clears.as_slice(), |pass| {
+        if again {
+            return steps.sample_again(pass);
+        }
         pass.set_bind_group(0, steps.weighing(), &[view_offset.offset]);
         pass.set_pipeline(pick);
         pass.dispatch_workgroups(1, 1, 1);

@@ -22,6 +22,8 @@ pub(in crate::gi) struct VplPlan {
     pub per_set: u32,
     /// VPLs from one set to the next in the buffer.
     pub stride: u32,
+    /// Which samples of the weights: 0 while something changes, others at rest.
+    pub sequence: u32,
 }
 
 impl VplPlan {
@@ -33,7 +35,13 @@ impl VplPlan {
             .min(FrugalGi::MAX_VPL_COUNT)
             .div_ceil(sets)
             .clamp(1, FrugalGi::MAX_VPLS_PER_PIXEL);
-        Self { interleave: side, sets, per_set, stride: per_set.next_multiple_of(STRIDE) }
+        Self {
+            interleave: side,
+            sets,
+            per_set,
+            stride: per_set.next_multiple_of(STRIDE),
+            sequence: 0,
+        }
     }
 
     /// The same without VPLs, where there are no texels to sample.

@@ -12,4 +12,6 @@ struct Plan {
     per_set: u32,
     /// VPLs from one set to the next in the buffer.
     stride: u32,
+    /// Which samples of the weights: 0 while something changes, others at rest.
+    sequence: u32,
 }

@@ -1,7 +1,8 @@
 // Samples a camera's virtual point lights from the texels of its reflective shadow maps, in
 // proportion to their weights (see `weigh.wgsl`).
 //
-// The sequence is fixed, so a still scene has still VPLs. Each set of VPLs (see `plan.wgsl`) is a
+// The sequence is fixed while something changes, so a slow camera has nearly still VPLs. At rest each
+// frame has another one: shifts by the R2 sequence (Roberts 2018) spread them. Each set of VPLs (see `plan.wgsl`) is a
 // Hammersley set of its own: the first coordinate stratifies rows, the radical inverse places the
 // texel in its row. Sets are shifted against each other, rows by a fraction of a stratum and texels
 // by multiples of the golden ratio, so that their union is one stratified set of all VPLs. Every
@@ -108,9 +109,10 @@ fn sample_vpls(@builtin(global_invocation_id) id: vec3<u32>) {
     }
     let total = row_cdf[arrayLength(&row_cdf) - 1u];
     let count = f32(plan.per_set);
-    let along_rows = (f32(member) + (f32(which) + 0.5) / f32(plan.sets)) / count;
+    let shift = f32(plan.sequence) * vec2(0.7548777, 0.5698403);
+    let along_rows = (f32(member) + fract((f32(which) + 0.5) / f32(plan.sets) + shift.x)) / count;
     // 2^-32; and never 1.
-    let along_row = min(fract(f32(reverseBits(member)) * 2.3283064e-10 + f32(which) * 0.618034), 0.99999994);
+    let along_row = min(fract(f32(reverseBits(member)) * 2.3283064e-10 + f32(which) * 0.618034 + shift.y), 0.99999994);
     let row = rows[find_row(along_rows * total)];
     let last = row.first_weight + row.length - 1u;
     let index = find_texel(row.first_weight, row.length, along_row * texel_cdf[last]);
@@ -130,6 +132,6 @@ fn sample_vpls(@builtin(global_invocation_id) id: vec3<u32>) {
     // The disk of all texels that the VPL stands for among all sets' VPLs, at least its own.
     let disk = texel.area * max(share / f32(plan.sets), 1.0) * 0.31830987;
     vpl.largest_geometry_term = 1.0 / clamp(disk, LEAST_RADIUS_SQUARED, 1e18);
-    vpl.flux = select(vec3(0.0), min(texel.flux * share, vec3(MOST_FLUX)), carries);
+    vpl.flux = select(vec3(0.0), min(texel.flux * (row.share * share), vec3(MOST_FLUX)), carries);
     vpls[id.x] = vpl;
 }

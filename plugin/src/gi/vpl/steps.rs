@@ -138,6 +138,12 @@ impl Steps<'_> {
         pass.dispatch_workgroups(self.rows().div_ceil(64), 1, 1);
         pass.set_pipeline(self.accumulate_maps);
         pass.dispatch_workgroups(1, 1, 1);
+        self.sample_again(pass);
+    }
+
+    /// Samples VPLs by the cumulative sums of an earlier frame.
+    pub(crate) fn sample_again(&self, pass: &mut ComputePass) {
+        pass.set_bind_group(0, &self.sampling, &[]);
         pass.set_pipeline(self.sample);
         pass.dispatch_workgroups(self.inputs.plan.1.div_ceil(64), 1, 1);
     }

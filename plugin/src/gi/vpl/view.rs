@@ -45,7 +45,7 @@ fn plan_buffers(device: &RenderDevice, plan: &VplPlan) -> (Buffer, Buffer) {
     let plan_buffer = device.create_buffer_with_data(&BufferInitDescriptor {
         label: Some("bevy_frugal_gi/vpl/plan"),
         contents: bytemuck::bytes_of(plan),
-        usage: BufferUsages::STORAGE,
+        usage: BufferUsages::STORAGE | BufferUsages::COPY_DST,
     });
     let vpls = device.create_buffer(&BufferDescriptor {
         label: Some("bevy_frugal_gi/vpl/vpls"),
@@ -79,10 +79,14 @@ pub(super) fn prepare(
             commands.entity(entity).insert(VplView::new(&device, plan, view));
             continue;
         };
-        if held.plan != plan {
+        let sequence = if view.work.sample { view.work.rested } else { held.plan.sequence };
+        let plan = VplPlan { sequence, ..plan };
+        if (VplPlan { sequence, ..held.plan }) != plan {
             (held.plan_buffer, held.vpls) = plan_buffers(&device, &plan);
-            held.plan = plan;
+        } else if held.plan.sequence != sequence {
+            queue.write_buffer(&held.plan_buffer, 0, bytemuck::bytes_of(&plan));
         }
+        held.plan = plan;
         match &mut held.sampling {
             Some(sampling) if same_layout(&sampling.rows, &view.rows) => {
                 if sampling.rows != view.rows {

@@ -88,7 +88,7 @@ fn find_defensive_term(@builtin(local_invocation_index) lane: u32) {
         let row = rows[sample_index * count / (LANES * TEXELS_PER_LANE)];
         let column = min(u32(fract(f32(sample_index) * 0.618034) * f32(row.length)), row.length - 1u);
         let texel = texels[row.first_texel + column];
-        let luminance = select(texel_luminance(texel) * 1e-3, 0.0, is_cut(row, column));
+        let luminance = select(texel_luminance(texel) * row.share * 1e-3, 0.0, is_cut(row, column));
         flux += luminance;
         weighted += luminance * texel_importance(row, column, texel);
     }
@@ -115,7 +115,7 @@ fn weigh_texels(@builtin(global_invocation_id) id: vec3<u32>) {
     }
     let texel = texels[row.first_texel + id.x];
     // Clamped so that a sum over all texels stays finite, whatever the flux.
-    let luminance = texel_luminance(texel);
+    let luminance = texel_luminance(texel) * row.share;
     let weight = clamp(luminance * (texel_importance(row, id.x, texel) + importance.defensive_term), 1e-36, 1e30);
     weights[row.first_weight + id.x] = select(0.0, weight, luminance > 0.0 && !is_cut(row, id.x));
 }

@@ -7,17 +7,19 @@
 //! | `courtyard` | the showcase: sun, shade, drapes, thin and finely textured objects, where every knob has an effect |
 //! | `two_rooms` | light leaks: one room is lit, the other must stay black |
 //! | `furnace` | energy conservation: the inside of a white sphere, with a closed-form solution |
+//! | `hall` | dozens of lamps: sixteen rooms with doorways between them |
 
 mod cornell;
 mod courtyard;
 mod furnace;
+mod hall;
 mod pattern;
 mod two_rooms;
 
 use super::SceneGeometry;
 
 /// The names that [`build`] knows.
-pub(crate) const NAMES: [&str; 4] = ["cornell", "courtyard", "two_rooms", "furnace"];
+pub(crate) const NAMES: [&str; 5] = ["cornell", "courtyard", "two_rooms", "furnace", "hall"];
 
 /// Builds the scene called `name`, merged; `None` for a name that is not in [`NAMES`].
 pub(crate) fn build(name: &str) -> Option<SceneGeometry> {
@@ -26,6 +28,7 @@ pub(crate) fn build(name: &str) -> Option<SceneGeometry> {
         "courtyard" => courtyard::build(),
         "two_rooms" => two_rooms::build(),
         "furnace" => furnace::build(),
+        "hall" => hall::build(),
         _ => return None,
     };
     Some(geometry.merge())

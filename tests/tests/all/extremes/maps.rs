@@ -302,7 +302,10 @@ fn weigh(stage: &mut Stage, pixels: &Pixels, plane: &Plane, texels: &[Point]) ->
         .map(|entry| Kernel::new(stage, "gi/vpl/weigh.wgsl", entry, vec![], &layout));
     let words: Vec<f32> = texels.iter().flat_map(|texel| texel.to_texel()).collect();
     let rows: Vec<u8> = (0..ROWS)
-        .flat_map(|row| [row * LENGTH, row * LENGTH, LENGTH, 0, 0, 1, 0, 0].map(u32::to_le_bytes))
+        .flat_map(|row| {
+            let share = 1f32.to_bits();
+            [row * LENGTH, row * LENGTH, LENGTH, 0, 0, 1, 0, 0, share, 0].map(u32::to_le_bytes)
+        })
         .flatten()
         .collect();
     let contents = [

@@ -1,0 +1,236 @@
+//! More lights than maps can be rendered in a frame, or exist: only maps that are out of date are
+//! rendered, in turns, and lights fade when they get or lose their maps.
+
+use bevy::camera::visibility::Visibility;
+use bevy::color::Color;
+use bevy::ecs::entity::Entity;
+use bevy::image::Image;
+use bevy::light::{PointLight, SpotLight};
+use bevy::math::{Quat, Vec3};
+use bevy::transform::components::Transform;
+use bevy_frugal_gi::gi::{CameraCut, GiLimits, GiRefresh, RsmView};
+use frugal::stage::Stage;
+use frugal_tests::{gpu, meshes, set};
+
+use super::gi::corner;
+
+tests!(
+    only_maps_that_can_show_a_change_are_rendered,
+    what_no_map_shows_renders_none,
+    maps_are_rendered_in_turns,
+    a_light_that_goes_takes_its_light_with_it,
+    lights_are_exchanged_without_a_step,
+);
+
+/// Reach of the lamps, metres.
+const RANGE: f32 = 2.0;
+/// Middle of a second place, out of the first one's reach.
+const ELSEWHERE: Vec3 = Vec3::new(60.0, 0.0, 0.0);
+
+fn lamp(stage: &mut Stage, position: Vec3, color: Color) -> Entity {
+    let light = PointLight { color, intensity: 1e5, range: RANGE, ..Default::default() };
+    stage.world_mut().spawn((light, Transform::from_translation(position))).id()
+}
+
+fn small_box(stage: &mut Stage, position: Vec3) -> Entity {
+    meshes::spawn_box(stage, position, Vec3::splat(0.2), meshes::diffuse(0.7, 0.3, 0.3))
+}
+
+/// Two places, each with a lamp and a box, and a flashlight in the first: nothing changes any more.
+/// The boxes and the flashlight.
+fn two_places() -> (Stage, [Entity; 2], Entity) {
+    let mut stage = corner(vec![]);
+    stage.frame();
+    set::disable_history(&mut stage);
+    let boxes = [Vec3::ZERO, ELSEWHERE].map(|place| {
+        lamp(&mut stage, place + Vec3::new(0.5, 1.0, 0.0), Color::WHITE);
+        small_box(&mut stage, place + Vec3::new(0.0, 0.5, 0.0))
+    });
+    let flashlight = stage
+        .world_mut()
+        .spawn((
+            SpotLight { intensity: 1e5, range: RANGE, ..Default::default() },
+            Transform::from_xyz(0.0, 1.0, 0.5),
+        ))
+        .id();
+    rest(&mut stage);
+    (stage, boxes, flashlight)
+}
+
+fn rest(stage: &mut Stage) {
+    stage.world_mut().insert_resource(GiRefresh::OnChange);
+    stage.get_ready().expect("a ready stage");
+    (0..16).for_each(|_| stage.frame());
+    let done = set::gathered(stage);
+    assert_eq!((done.maps, done.cameras, done.waiting_maps), (0, 0, 0), "{done:?}");
+}
+
+/// Maps that the next frame renders.
+fn rendered(stage: &mut Stage) -> u32 {
+    stage.frame();
+    set::gathered(stage).maps
+}
+
+fn moved(stage: &mut Stage, entity: Entity, by: Vec3) {
+    stage.world_mut().get_mut::<Transform>(entity).expect("a transform").translation += by;
+}
+
+fn only_maps_that_can_show_a_change_are_rendered() {
+    let (mut stage, [near, far], flashlight) = two_places();
+    let before = stage.radiance().expect("radiance");
+    moved(&mut stage, far, Vec3::Y * 0.1);
+    assert_eq!(rendered(&mut stage), 6, "of the lamp beside it");
+    assert!(set::gathered(&stage).cameras == 1, "rays may meet it");
+    rest(&mut stage);
+    moved(&mut stage, near, Vec3::Y * 0.1);
+    assert_eq!(rendered(&mut stage), 7, "of the lamp and of the flashlight");
+    rest(&mut stage);
+    assert!(stage.radiance().expect("radiance") != before, "and the image shows it");
+    let mut transform = stage.world_mut().get_mut::<Transform>(flashlight).expect("a transform");
+    transform.rotation *= Quat::from_rotation_y(0.3);
+    assert_eq!(rendered(&mut stage), 1, "its own");
+    rest(&mut stage);
+    // From one place to the other: both the old place and the new one count.
+    moved(&mut stage, near, ELSEWHERE + Vec3::X * 0.3);
+    assert_eq!(rendered(&mut stage), 13);
+    rest(&mut stage);
+    // What all of it comes to is what rendering everything does.
+    let shown = stage.radiance().expect("radiance");
+    stage.world_mut().insert_resource(GiRefresh::EveryFrame);
+    (0..3).for_each(|_| stage.frame());
+    assert!(stage.radiance().expect("radiance") == shown);
+}
+
+fn what_no_map_shows_renders_none() {
+    let (mut stage, [near, _], _) = two_places();
+    // A mesh that nothing lights, which rays may meet; it comes with a mesh and a material.
+    let alone = small_box(&mut stage, Vec3::Y * 40.0);
+    rest(&mut stage);
+    moved(&mut stage, alone, Vec3::X);
+    assert_eq!((rendered(&mut stage), set::gathered(&stage).cameras), (0, 1));
+    rest(&mut stage);
+    // An image of the interface, say.
+    let world = stage.world_mut();
+    let image = world.resource_mut::<bevy::asset::Assets<Image>>().add(Image::default());
+    for _ in 0..6 {
+        assert_eq!((rendered(&mut stage), set::gathered(&stage).cameras), (0, 0));
+    }
+    // A mesh that nothing shows.
+    let world = stage.world_mut();
+    let cube = bevy::math::primitives::Cuboid::default();
+    let mesh = world.resource_mut::<bevy::asset::Assets<bevy::mesh::Mesh>>().add(cube);
+    for _ in 0..6 {
+        assert_eq!((rendered(&mut stage), set::gathered(&stage).cameras), (0, 0));
+    }
+    drop((image, mesh));
+    // The children of what moves, before Bevy tells them.
+    let parent = stage.world_mut().spawn((Transform::default(), Visibility::default())).id();
+    stage.world_mut().entity_mut(parent).add_child(near);
+    rest(&mut stage);
+    moved(&mut stage, parent, Vec3::Y * 0.1);
+    assert_eq!(rendered(&mut stage), 7, "of the lamp and of the flashlight");
+}
+
+fn maps_are_rendered_in_turns() {
+    const LAMPS: usize = 8;
+    let mut stage = corner(vec![]);
+    stage.frame();
+    set::disable_history(&mut stage);
+    stage.world_mut().insert_resource(GiLimits { max_rsms_per_frame: 12, ..Default::default() });
+    let lamps: Vec<Entity> = (0..LAMPS)
+        .map(|index| {
+            let at = Vec3::new(index as f32 * 0.4 - 1.4, 0.5, 0.3 * (index % 3) as f32);
+            lamp(&mut stage, at, Color::WHITE)
+        })
+        .collect();
+    rest(&mut stage);
+    let move_all = |stage: &mut Stage| {
+        for lamp in &lamps {
+            moved(stage, *lamp, Vec3::Y * 0.05);
+        }
+    };
+    move_all(&mut stage);
+    let turns: Vec<(u32, u32)> =
+        (0..5).map(|_| (rendered(&mut stage), set::gathered(&stage).waiting_maps)).collect();
+    assert_eq!(turns, [(12, 36), (12, 24), (12, 12), (12, 0), (0, 0)]);
+    rest(&mut stage);
+    // While all of them move, each gets its turn.
+    let mut last = stage.radiance().expect("radiance");
+    for _ in 0..8 {
+        move_all(&mut stage);
+        assert_eq!(rendered(&mut stage), 12);
+    }
+    assert!(stage.radiance().expect("radiance") != last);
+    rest(&mut stage);
+    // After a cut nothing waits.
+    move_all(&mut stage);
+    let camera = set::camera(&mut stage);
+    stage.world_mut().entity_mut(camera).insert(CameraCut);
+    assert_eq!(rendered(&mut stage), 6 * LAMPS as u32);
+    // A limit below one light's maps still goes on.
+    stage.world_mut().insert_resource(GiLimits { max_rsms_per_frame: 0, ..Default::default() });
+    rest(&mut stage);
+    move_all(&mut stage);
+    assert_eq!(rendered(&mut stage), 6);
+    rest(&mut stage);
+    last = stage.radiance().expect("radiance");
+    stage.world_mut().insert_resource(GiLimits { max_rsms_per_frame: 999, ..Default::default() });
+    stage.world_mut().insert_resource(GiRefresh::EveryFrame);
+    (0..3).for_each(|_| stage.frame());
+    assert!(stage.radiance().expect("radiance") == last, "in turns or at once");
+}
+
+fn a_light_that_goes_takes_its_light_with_it() {
+    let mut stage = corner(vec![]);
+    stage.frame();
+    set::disable_history(&mut stage);
+    let red = lamp(&mut stage, Vec3::new(-0.5, 0.6, -1.0), Color::linear_rgb(1.0, 0.0, 0.0));
+    rest(&mut stage);
+    let alone = stage.radiance().expect("radiance");
+    let green = lamp(&mut stage, Vec3::new(0.5, 0.6, -1.0), Color::linear_rgb(0.0, 1.0, 0.0));
+    rest(&mut stage);
+    let [red_light, green_light, _] = set::channel_means(&stage.radiance().expect("radiance"));
+    assert!(red_light > 0.0 && green_light > 0.0);
+    assert!(stage.world_mut().despawn(green));
+    assert_eq!(rendered(&mut stage), 0, "the other one's map is as it was");
+    assert!(stage.radiance().expect("radiance") == alone);
+    assert!(stage.world_mut().despawn(red));
+    rest(&mut stage);
+    assert_eq!(stage.radiance().expect("radiance").mean(), 0.0);
+}
+
+fn lights_are_exchanged_without_a_step() {
+    let mut stage = corner(vec![]);
+    stage.frame();
+    set::gi_without_knobs(&mut stage).rsm_resolution = 64;
+    stage.world_mut().insert_resource(GiLimits { max_rsm_count: 6, ..Default::default() });
+    meshes::spawn_box(
+        &mut stage,
+        Vec3::new(0.0, -0.3, 0.0),
+        Vec3::new(60.0, 0.2, 4.0),
+        meshes::diffuse(0.5, 0.5, 0.5),
+    );
+    let place = Vec3::new(20.0, 1.0, 0.0);
+    lamp(&mut stage, Vec3::Y, Color::linear_rgb(1.0, 0.0, 0.0));
+    lamp(&mut stage, place, Color::linear_rgb(0.0, 1.0, 0.0));
+    rest(&mut stage);
+    let [red, green, _] = gpu::total_flux(&gpu::vpls(&stage));
+    assert!(red > 0.0 && green == 0.0, "only the first one has maps");
+    let mut last = [red, green];
+    let mut largest = 0.0f64;
+    for step in 1..=40u8 {
+        let x = 0.5 * f32::from(step);
+        set::look(&mut stage, Vec3::new(x, 1.2, 3.0), Vec3::new(x, 0.8, -2.0));
+        stage.frame();
+        let [is_red, is_green, _] = gpu::total_flux(&gpu::vpls(&stage));
+        for (now, last) in [is_red, is_green].into_iter().zip(last) {
+            largest = largest.max((now - last).abs() / red);
+        }
+        last = [is_red, is_green];
+    }
+    println!("    the largest step of a lamp is {:.0} % of its light", 100.0 * largest);
+    assert!(last[0] == 0.0 && last[1] > 0.3 * red, "{last:?} {red}");
+    assert!(largest < 0.3, "{largest}");
+    let world = stage.world_mut();
+    assert_eq!(world.query::<&RsmView>().iter(world).count(), 6, "the first one's maps are gone");
+}
