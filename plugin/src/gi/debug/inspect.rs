@@ -47,10 +47,13 @@ pub const STRUCT_BYTES: [(&str, u64); 14] = [
 ];
 
 /// Constants of the shaders that the plugin assumes: file below `gi`, name, and value.
-pub const SHADER_CONSTANTS: [(&str, &str, u64); 10] = [
+pub const SHADER_CONSTANTS: [(&str, &str, u64); 13] = [
     ("texels/rows.wgsl", "TILE", TILE as u64),
     ("vpl/importance.wgsl", "IMPORTANCE_POINTS", IMPORTANCE_POINTS),
-    ("vpl/tile_visibility.wgsl", "GROUP", vpl::TILE_GROUP as u64),
+    ("vpl/tile_visibility.wgsl", "GROUP_TILES", vpl::TILE_GROUP[0] as u64),
+    ("vpl/tile_visibility.wgsl", "GROUP_ROWS", vpl::TILE_GROUP[1] as u64),
+    ("vpl/weigh.wgsl", "GROUP_TEXELS", vpl::WEIGH_GROUP[0] as u64),
+    ("vpl/weigh.wgsl", "GROUP_ROWS", vpl::WEIGH_GROUP[1] as u64),
     ("gather/gather.wgsl", "MOST_VPLS", FrugalGi::MAX_VPLS_PER_PIXEL as u64),
     ("gather/gather.wgsl", "MOST_SKY_SAMPLES", FrugalGi::MAX_ENVIRONMENT_SAMPLES as u64),
     ("sky/sky.wgsl", "SKY_STRATA", sky::STRATA as u64),

@@ -34,8 +34,9 @@ pub(super) use view::VplView;
 /// Bytes of `vpl/vpl.wgsl`'s `Vpl`. A test compares it with the shader.
 pub(super) const VPL_BYTES: u64 = 48;
 
-/// Threads in a workgroup of `tile_visibility.wgsl`.
-pub(super) const TILE_GROUP: u32 = 32;
+/// Tiles and rows of a workgroup of `tile_visibility.wgsl`, texels and rows of one of `weigh.wgsl`.
+pub(super) const TILE_GROUP: [u32; 2] = [2, 16];
+pub(super) const WEIGH_GROUP: [u32; 2] = [16, 4];
 
 pub(super) struct VplPlugin;
 

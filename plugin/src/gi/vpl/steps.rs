@@ -5,7 +5,7 @@ use bevy::render::render_resource::*;
 use bevy::render::renderer::RenderContext;
 
 use super::buffers::SamplingBuffers;
-use super::{TILE_GROUP, VplPipelines};
+use super::{TILE_GROUP, VplPipelines, WEIGH_GROUP};
 use crate::gi::compute::{CameraInputs, bind_group};
 use crate::gi::texels::TILE;
 
@@ -116,8 +116,8 @@ impl Steps<'_> {
         pass.set_bind_group(1, occluders, &[]);
         pass.set_pipeline(self.trace_tiles);
         pass.dispatch_workgroups(
-            self.inputs.buffers.longest_row.div_ceil(TILE).div_ceil(TILE_GROUP),
-            self.rows(),
+            self.inputs.buffers.longest_row.div_ceil(TILE).div_ceil(TILE_GROUP[0]),
+            self.rows().div_ceil(TILE_GROUP[1]),
             1,
         );
     }
@@ -128,7 +128,11 @@ impl Steps<'_> {
         pass.set_pipeline(self.find_defensive_term);
         pass.dispatch_workgroups(1, 1, 1);
         pass.set_pipeline(self.weigh_texels);
-        pass.dispatch_workgroups(self.inputs.buffers.longest_row.div_ceil(64), self.rows(), 1);
+        pass.dispatch_workgroups(
+            self.inputs.buffers.longest_row.div_ceil(WEIGH_GROUP[0]),
+            self.rows().div_ceil(WEIGH_GROUP[1]),
+            1,
+        );
     }
 
     /// Samples VPLs in proportion to the weights.

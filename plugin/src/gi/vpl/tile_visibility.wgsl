@@ -23,13 +23,18 @@
 /// Texels that are tried until one is lit.
 const TRIES: u32 = 4u;
 
-/// Threads in a workgroup.
-const GROUP: u32 = 32u;
+/// Tiles and rows of a workgroup. The smallest maps have rows of one or two tiles: a workgroup for
+/// each row would leave most threads idle.
+const GROUP_TILES: u32 = 2u;
+const GROUP_ROWS: u32 = 16u;
 
-/// One thread per row and tile's width of it, a row of workgroups per row of the maps. The rows of
-/// a tile divide the importance points among them.
-@compute @workgroup_size(GROUP)
+/// One thread per row and tile's width of it. The rows of a tile divide the importance points among
+/// them.
+@compute @workgroup_size(GROUP_TILES, GROUP_ROWS)
 fn trace_tiles(@builtin(global_invocation_id) id: vec3<u32>) {
+    if id.y >= arrayLength(&rows) {
+        return;
+    }
     let row = rows[id.y];
     let first = id.x * TILE;
     if first >= row.length {

@@ -106,9 +106,16 @@ fn find_defensive_term(@builtin(local_invocation_index) lane: u32) {
     }
 }
 
-/// One thread per texel, a row of workgroups for each row of the camera's maps.
-@compute @workgroup_size(64)
+/// Texels and rows of a workgroup.
+const GROUP_TEXELS: u32 = 16u;
+const GROUP_ROWS: u32 = 4u;
+
+/// One thread per texel of the camera's maps.
+@compute @workgroup_size(GROUP_TEXELS, GROUP_ROWS)
 fn weigh_texels(@builtin(global_invocation_id) id: vec3<u32>) {
+    if id.y >= arrayLength(&rows) {
+        return;
+    }
     let row = rows[id.y];
     if id.x >= row.length {
         return;

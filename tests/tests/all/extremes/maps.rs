@@ -328,7 +328,9 @@ fn weigh(stage: &mut Stage, pixels: &Pixels, plane: &Plane, texels: &[Point]) ->
         d,
         e,
     ));
-    for (kernel, groups) in kernels.iter().zip([(1, 1), (1, 1), (LENGTH.div_ceil(64), ROWS)]) {
+    for (kernel, groups) in
+        kernels.iter().zip([(1, 1), (1, 1), (LENGTH.div_ceil(16), ROWS.div_ceil(4))])
+    {
         kernel.run(stage, &bindings, groups);
     }
     gpu::floats(&gpu::read_buffer(stage.render_world(), &buffers[3]))
