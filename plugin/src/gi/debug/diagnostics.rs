@@ -33,7 +33,7 @@ pub struct GiCounts {
     pub waiting_maps: u32,
     /// Cameras that gathered; the others show their last gather.
     pub cameras: u32,
-    /// Cameras at rest whose temporal accumulation still converges to the last gather.
+    /// Cameras whose temporal accumulation still converges.
     pub settling: u32,
     /// Patches that reflected, times their rounds.
     pub patches: u64,
