@@ -1,21 +1,21 @@
-//! Dozens of lamps: what they cost, how right their light is, and whether it steps as the camera walks.
+//! Dozens of lights: their cost, their error, and whether the image steps as the camera walks.
 //!
 //! `make bench BENCH=lights ARGS='…'`: `[--size WxH] [--spp N] [--count FRAMES] [error | cost |
 //! walk]…`
 //!
 //! `hall`, which has 64 point lights. Error: relative L1 of 4x4 means against one path-traced bounce,
-//! at three views of the tour. Cost: medians of frames along the tour, with the lamps nearest to its
+//! at three views of the tour. Cost: medians of frames along the tour, with the lights nearest to its
 //! beginning alone, or all. Walk: from one end of the hall to the other, the largest change of the
-//! image's mean light from frame to frame. With all lamps in maps that is the scene's own.
+//! image's mean light from frame to frame. With all lights in maps that is the scene's own.
 
 use std::time::Instant;
 
 use bevy::light::PointLight;
 use bevy::math::{UVec2, Vec3};
-use bevy_frugal_gi::gi::{CameraCut, GiLimits};
+use bevy_frugal_gi::gi::GiLimits;
 use frugal::metrics::Difference;
 use frugal::reference::Pixels;
-use frugal::scene::{Light, SceneDescription};
+use frugal::scene::{CameraPose, Light, SceneDescription};
 use frugal::stage::{Component, Stage, adapter};
 use frugal_tests::arguments::Arguments;
 use frugal_tests::method::Method;
@@ -23,7 +23,7 @@ use frugal_tests::reference::{self, Tracing};
 use frugal_tests::set;
 use frugal_tests::table::markdown;
 
-/// Maps of four, eight and all 64 lamps.
+/// Maps of four, eight and all 64 lights.
 const LIMITS: [usize; 3] = [24, 48, 384];
 /// Seconds between two frames of a walk.
 const STEP: f32 = 1.0 / 30.0;
@@ -51,7 +51,7 @@ fn main() {
 fn open(scene: &SceneDescription, size: UVec2, most: usize) -> Stage {
     let mut stage = set::open(scene, set::radiance_options(size.x, size.y, Component::Indirect));
     stage.world_mut().insert_resource(GiLimits { max_rsm_count: most, ..Default::default() });
-    // Direct shadows of 64 lamps are 384 more maps in every frame, which GI does not need.
+    // Direct shadows of 64 lights are 384 more maps in every frame, which GI does not need.
     let world = stage.world_mut();
     for mut light in world.query::<&mut PointLight>().iter_mut(world) {
         light.shadow_maps_enabled = false;
@@ -59,14 +59,19 @@ fn open(scene: &SceneDescription, size: UVec2, most: usize) -> Stage {
     stage
 }
 
+fn pose(scene: &SceneDescription, path: &str, time: f32) -> CameraPose {
+    scene.paths[path].sample(time).unwrap_or_else(|| panic!("hall has no {path}"))
+}
+
 fn place(stage: &mut Stage, scene: &SceneDescription, path: &str, time: f32) {
-    let pose = scene.paths[path].sample(time).unwrap_or_else(|| panic!("hall has a path"));
+    let pose = pose(scene, path, time);
     stage.place(pose.position, pose.rotation);
 }
 
-fn cut(stage: &mut Stage) {
-    let camera = set::camera(stage);
-    stage.world_mut().entity_mut(camera).insert(CameraCut);
+/// The given share of the way through `values`, which it sorts.
+fn quantile(values: &mut [f64], share: f64) -> f64 {
+    values.sort_by(f64::total_cmp);
+    values[(share * (values.len() - 1) as f64) as usize]
 }
 
 fn methods() -> [Method; 2] {
@@ -77,14 +82,13 @@ fn error(scene: &SceneDescription, options: &Arguments) {
     let mut rows = Vec::new();
     let times = [0.0, 3.0, 6.0];
     let traced = times.map(|time| {
-        let pose = scene.paths["tour"].sample(time).unwrap_or_else(|| panic!("a path"));
         let tracing = Tracing {
             size: options.size,
             samples: options.samples,
             seed: 0,
             pixels: Pixels::Middle,
         };
-        reference::one_bounce_untextured(scene, pose, tracing)
+        reference::one_bounce_untextured(scene, pose(scene, "tour", time), tracing)
     });
     for method in methods() {
         for most in LIMITS {
@@ -93,7 +97,7 @@ fn error(scene: &SceneDescription, options: &Arguments) {
             let mut bytes = 0;
             for (time, traced) in times.into_iter().zip(&traced) {
                 place(&mut stage, scene, "tour", time);
-                cut(&mut stage);
+                set::cut(&mut stage);
                 let found = method.radiance(&mut stage);
                 let difference =
                     Difference::new(&found, traced, None).unwrap_or_else(|error| panic!("{error}"));
@@ -105,7 +109,7 @@ fn error(scene: &SceneDescription, options: &Arguments) {
             rows.push(row);
         }
     }
-    let headers = ["settings", "lamps", "L1", "mean", "L1", "mean", "L1", "mean", "MiB"];
+    let headers = ["settings", "lights", "L1", "mean", "L1", "mean", "L1", "mean", "MiB"];
     println!("{}", markdown(&headers, &rows));
 }
 
@@ -123,7 +127,7 @@ fn frames(stage: &mut Stage, scene: &SceneDescription, count: u32) -> Vec<f64> {
 }
 
 fn cost(scene: &SceneDescription, options: &Arguments) {
-    let start = scene.paths["tour"].sample(0.0).unwrap_or_else(|| panic!("a path")).position;
+    let start = pose(scene, "tour", 0.0).position;
     let distance = |light: &Light| match light {
         Light::Point { position, .. } => Vec3::distance(*position, start),
         _ => f32::INFINITY,
@@ -146,8 +150,7 @@ fn cost(scene: &SceneDescription, options: &Arguments) {
     }
     let mut rows = Vec::new();
     for ((count, stage), mut found) in counts.into_iter().zip(&stages).zip(milliseconds) {
-        found.sort_by(f64::total_cmp);
-        let at = |share: f64| found[(share * (found.len() - 1) as f64) as usize];
+        let mut at = |share| quantile(&mut found, share);
         let counted = set::gathered(stage);
         rows.push(vec![
             count.to_string(),
@@ -157,7 +160,7 @@ fn cost(scene: &SceneDescription, options: &Arguments) {
             format!("{:.1}", counted.bytes as f64 / 1_048_576.0),
         ]);
     }
-    let headers = ["lamps", "median ms", "p10 to p90", "maps rendered", "MiB"];
+    let headers = ["lights", "median ms", "p10 to p90", "maps rendered", "MiB"];
     println!("{}", markdown(&headers, &rows));
 }
 
@@ -178,8 +181,7 @@ fn walk(scene: &SceneDescription, options: &Arguments) {
                 step
             })
             .collect();
-        steps.sort_by(f64::total_cmp);
-        let at = |share: f64| 100.0 * steps[(share * (steps.len() - 1) as f64) as usize];
+        let mut at = |share| 100.0 * quantile(&mut steps, share);
         rows.push(vec![
             (most / 6).to_string(),
             format!("{:.2} %", at(0.5)),
@@ -187,5 +189,5 @@ fn walk(scene: &SceneDescription, options: &Arguments) {
             format!("{:.2} %", at(1.0)),
         ]);
     }
-    println!("{}", markdown(&["lamps", "median step", "p99", "largest"], &rows));
+    println!("{}", markdown(&["lights", "median step", "p99", "largest"], &rows));
 }

@@ -115,12 +115,14 @@ pub fn settings(stage: &Stage) -> Buffer {
     kernel::buffer(stage, &[1, 1, 0, 0].map(u32::to_le_bytes).concat())
 }
 
-/// Uniform `Plan` of the shader: one set of `count` VPLs.
+/// `Plan` of the shader: one set of `count` VPLs.
 pub fn plan(stage: &Stage, count: u32) -> Buffer {
-    kernel::buffer(
-        stage,
-        &[1, 1, count, count.next_multiple_of(16), 0].map(u32::to_le_bytes).concat(),
-    )
+    kernel::buffer(stage, &plan_bytes(count, count.next_multiple_of(16)))
+}
+
+/// Bytes of a `Plan`: one set of `count` VPLs, in `stride` slots.
+pub fn plan_bytes(count: u32, stride: u32) -> Vec<u8> {
+    [1, 1, count, stride, 0].map(u32::to_le_bytes).concat()
 }
 
 /// Exposed irradiance of one point: `gather.wgsl` in 64-bit floats, without rounding to half

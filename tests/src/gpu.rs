@@ -89,6 +89,14 @@ pub fn unpack_normal(packed: u32) -> [f32; 3] {
     [x / length, y / length, z / length]
 }
 
+/// Bytes of a table of `Row`s: `count` consecutive ones of `length` texels each, of which each has
+/// tiles of its own and its whole flux.
+pub fn row_table(count: u32, length: u32) -> Vec<u8> {
+    let share = 1f32.to_bits();
+    let row = |row| [row * length, row * length, length, 0, 0, 1, 0, 0, share, 0];
+    (0..count).flat_map(row).flat_map(u32::to_le_bytes).collect()
+}
+
 /// Sum of the flux over all points, by channel, lumens.
 pub fn total_flux(points: &[Point]) -> [f64; 3] {
     [0, 1, 2].map(|channel| points.iter().map(|point| f64::from(point.flux[channel])).sum())

@@ -12,7 +12,7 @@ use bevy::ecs::world::Mut;
 use bevy::math::{UVec2, Vec3};
 use bevy::mesh::Mesh3d;
 use bevy::transform::components::Transform;
-use bevy_frugal_gi::gi::{FrugalGi, GiCounts, GiShading};
+use bevy_frugal_gi::gi::{CameraCut, FrugalGi, GiCounts, GiShading};
 use bevy_frugal_gi::knobs::{AppliedKnobs, KnobSettings};
 use frugal::scene::{self, CameraPose, Geometry, Light, SceneDescription};
 use frugal::stage::{Component, Output, Radiance, Stage, StageOptions};
@@ -98,6 +98,12 @@ pub fn camera(stage: &mut Stage) -> Entity {
         .query_filtered::<Entity, With<FrugalGi>>()
         .single(world)
         .unwrap_or_else(|error| panic!("the stage's camera: {error}"))
+}
+
+/// Announces that the next frame is a cut.
+pub fn cut(stage: &mut Stage) {
+    let camera = camera(stage);
+    stage.world_mut().entity_mut(camera).insert(CameraCut);
 }
 
 /// Gives the stage's camera a part of its target, `position` and `size` in pixels.

@@ -7,7 +7,7 @@ use bevy::render::render_resource::binding_types::{
 };
 use bevy::render::render_resource::{BindGroupEntries, BindGroupLayoutEntries, ShaderStages};
 use frugal::stage::{Component, Stage};
-use frugal_tests::gather::{Gather, irradiance};
+use frugal_tests::gather::{Gather, irradiance, plan_bytes};
 use frugal_tests::gpu::{self, Point};
 use frugal_tests::kernel::{self, Kernel};
 use frugal_tests::pixels::{Pixels, Plane, g_buffer_normal};
@@ -112,23 +112,15 @@ fn sample(
         .enumerate()
         .map(|(index, texel)| texel.luminance() as f32 * importance(index))
         .collect();
-    let rows: Vec<u8> = (0..row_count)
-        .flat_map(|row| {
-            let share = 1f32.to_bits();
-            [row * length, row * length, length, 0, 0, 1, 0, 0, share, 0].map(u32::to_le_bytes)
-        })
-        .flatten()
-        .collect();
-    // One set of all VPLs.
-    let plan = [1, 1, count as u32, count as u32, 0].map(u32::to_le_bytes).concat();
     let zeros = |floats: usize| gpu::bytes(&vec![0.0; floats]);
     let contents = [
         gpu::bytes(&words),
-        rows,
+        gpu::row_table(row_count, length),
         gpu::bytes(&weights),
         zeros(row_count as usize),
         zeros(count * 12),
-        plan,
+        // One set of all VPLs.
+        plan_bytes(count as u32, count as u32),
     ];
     let buffers = contents.map(|contents| kernel::buffer(stage, &contents));
     let [a, b, c, d, e, f] = buffers.each_ref().map(|buffer| buffer.as_entire_binding());

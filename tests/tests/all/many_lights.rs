@@ -8,7 +8,7 @@ use bevy::image::Image;
 use bevy::light::{PointLight, SpotLight};
 use bevy::math::{Quat, Vec3};
 use bevy::transform::components::Transform;
-use bevy_frugal_gi::gi::{CameraCut, GiLimits, GiRefresh, RsmView};
+use bevy_frugal_gi::gi::{GiLimits, GiRefresh, RsmView};
 use frugal::stage::Stage;
 use frugal_tests::{gpu, meshes, set};
 
@@ -22,12 +22,12 @@ tests!(
     lights_are_exchanged_without_a_step,
 );
 
-/// Reach of the lamps, metres.
+/// Range of the point lights, metres.
 const RANGE: f32 = 2.0;
 /// Middle of a second place, out of the first one's reach.
 const ELSEWHERE: Vec3 = Vec3::new(60.0, 0.0, 0.0);
 
-fn lamp(stage: &mut Stage, position: Vec3, color: Color) -> Entity {
+fn point_light(stage: &mut Stage, position: Vec3, color: Color) -> Entity {
     let light = PointLight { color, intensity: 1e5, range: RANGE, ..Default::default() };
     stage.world_mut().spawn((light, Transform::from_translation(position))).id()
 }
@@ -36,14 +36,14 @@ fn small_box(stage: &mut Stage, position: Vec3) -> Entity {
     meshes::spawn_box(stage, position, Vec3::splat(0.2), meshes::diffuse(0.7, 0.3, 0.3))
 }
 
-/// Two places, each with a lamp and a box, and a flashlight in the first: nothing changes any more.
+/// Two places, each with a point light and a box, and a flashlight in the first: nothing changes any more.
 /// The boxes and the flashlight.
 fn two_places() -> (Stage, [Entity; 2], Entity) {
     let mut stage = corner(vec![]);
     stage.frame();
     set::disable_history(&mut stage);
     let boxes = [Vec3::ZERO, ELSEWHERE].map(|place| {
-        lamp(&mut stage, place + Vec3::new(0.5, 1.0, 0.0), Color::WHITE);
+        point_light(&mut stage, place + Vec3::new(0.5, 1.0, 0.0), Color::WHITE);
         small_box(&mut stage, place + Vec3::new(0.0, 0.5, 0.0))
     });
     let flashlight = stage
@@ -79,11 +79,11 @@ fn only_maps_that_can_show_a_change_are_rendered() {
     let (mut stage, [near, far], flashlight) = two_places();
     let before = stage.radiance().expect("radiance");
     moved(&mut stage, far, Vec3::Y * 0.1);
-    assert_eq!(rendered(&mut stage), 6, "of the lamp beside it");
+    assert_eq!(rendered(&mut stage), 6, "of the light beside it");
     assert!(set::gathered(&stage).cameras == 1, "rays may meet it");
     rest(&mut stage);
     moved(&mut stage, near, Vec3::Y * 0.1);
-    assert_eq!(rendered(&mut stage), 7, "of the lamp and of the flashlight");
+    assert_eq!(rendered(&mut stage), 7, "of the light and of the flashlight");
     rest(&mut stage);
     assert!(stage.radiance().expect("radiance") != before, "and the image shows it");
     let mut transform = stage.world_mut().get_mut::<Transform>(flashlight).expect("a transform");
@@ -128,25 +128,25 @@ fn what_no_map_shows_renders_none() {
     stage.world_mut().entity_mut(parent).add_child(near);
     rest(&mut stage);
     moved(&mut stage, parent, Vec3::Y * 0.1);
-    assert_eq!(rendered(&mut stage), 7, "of the lamp and of the flashlight");
+    assert_eq!(rendered(&mut stage), 7, "of the light and of the flashlight");
 }
 
 fn maps_are_rendered_in_turns() {
-    const LAMPS: usize = 8;
+    const LIGHTS: usize = 8;
     let mut stage = corner(vec![]);
     stage.frame();
     set::disable_history(&mut stage);
     stage.world_mut().insert_resource(GiLimits { max_rsms_per_frame: 12, ..Default::default() });
-    let lamps: Vec<Entity> = (0..LAMPS)
+    let lights: Vec<Entity> = (0..LIGHTS)
         .map(|index| {
             let at = Vec3::new(index as f32 * 0.4 - 1.4, 0.5, 0.3 * (index % 3) as f32);
-            lamp(&mut stage, at, Color::WHITE)
+            point_light(&mut stage, at, Color::WHITE)
         })
         .collect();
     rest(&mut stage);
     let move_all = |stage: &mut Stage| {
-        for lamp in &lamps {
-            moved(stage, *lamp, Vec3::Y * 0.05);
+        for light in &lights {
+            moved(stage, *light, Vec3::Y * 0.05);
         }
     };
     move_all(&mut stage);
@@ -164,9 +164,8 @@ fn maps_are_rendered_in_turns() {
     rest(&mut stage);
     // After a cut nothing waits.
     move_all(&mut stage);
-    let camera = set::camera(&mut stage);
-    stage.world_mut().entity_mut(camera).insert(CameraCut);
-    assert_eq!(rendered(&mut stage), 6 * LAMPS as u32);
+    set::cut(&mut stage);
+    assert_eq!(rendered(&mut stage), 6 * LIGHTS as u32);
     // A limit below one light's maps still goes on.
     stage.world_mut().insert_resource(GiLimits { max_rsms_per_frame: 0, ..Default::default() });
     rest(&mut stage);
@@ -184,10 +183,11 @@ fn a_light_that_goes_takes_its_light_with_it() {
     let mut stage = corner(vec![]);
     stage.frame();
     set::disable_history(&mut stage);
-    let red = lamp(&mut stage, Vec3::new(-0.5, 0.6, -1.0), Color::linear_rgb(1.0, 0.0, 0.0));
+    let red = point_light(&mut stage, Vec3::new(-0.5, 0.6, -1.0), Color::linear_rgb(1.0, 0.0, 0.0));
     rest(&mut stage);
     let alone = stage.radiance().expect("radiance");
-    let green = lamp(&mut stage, Vec3::new(0.5, 0.6, -1.0), Color::linear_rgb(0.0, 1.0, 0.0));
+    let green =
+        point_light(&mut stage, Vec3::new(0.5, 0.6, -1.0), Color::linear_rgb(0.0, 1.0, 0.0));
     rest(&mut stage);
     let [red_light, green_light, _] = set::channel_means(&stage.radiance().expect("radiance"));
     assert!(red_light > 0.0 && green_light > 0.0);
@@ -211,8 +211,8 @@ fn lights_are_exchanged_without_a_step() {
         meshes::diffuse(0.5, 0.5, 0.5),
     );
     let place = Vec3::new(20.0, 1.0, 0.0);
-    lamp(&mut stage, Vec3::Y, Color::linear_rgb(1.0, 0.0, 0.0));
-    lamp(&mut stage, place, Color::linear_rgb(0.0, 1.0, 0.0));
+    point_light(&mut stage, Vec3::Y, Color::linear_rgb(1.0, 0.0, 0.0));
+    point_light(&mut stage, place, Color::linear_rgb(0.0, 1.0, 0.0));
     rest(&mut stage);
     let [red, green, _] = gpu::total_flux(&gpu::vpls(&stage));
     assert!(red > 0.0 && green == 0.0, "only the first one has maps");
@@ -228,7 +228,7 @@ fn lights_are_exchanged_without_a_step() {
         }
         last = [is_red, is_green];
     }
-    println!("    the largest step of a lamp is {:.0} % of its light", 100.0 * largest);
+    println!("    the largest step of a light is {:.0} % of its flux", 100.0 * largest);
     assert!(last[0] == 0.0 && last[1] > 0.3 * red, "{last:?} {red}");
     assert!(largest < 0.3, "{largest}");
     let world = stage.world_mut();

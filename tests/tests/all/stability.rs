@@ -4,7 +4,7 @@ use bevy::ecs::query::With;
 use bevy::light::{DirectionalLight, PointLight};
 use bevy::math::{Quat, Vec3};
 use bevy::transform::components::Transform;
-use bevy_frugal_gi::gi::{CameraCut, GiRefresh};
+use bevy_frugal_gi::gi::GiRefresh;
 use frugal::metrics::Radiance;
 use frugal::scene::CameraPose;
 use frugal::stage::{Component, Stage, StageEvaluator, StageOptions};
@@ -21,6 +21,10 @@ tests!(
     a_clip_costs_the_same_whatever_was_rendered_before
 );
 
+/// A place in the court of `courtyard`, and one across from it.
+const IN_COURT: Vec3 = Vec3::new(4.9, 2.0, 2.2);
+const ACROSS_COURT: Vec3 = Vec3::new(-4.0, 1.8, -3.4);
+
 /// Settings with every effect that keeps history.
 const RICH: &str = "max,rsm_resolution=128,gi_vpl_count=512,shadow_map_resolution=512";
 
@@ -33,7 +37,7 @@ fn a_still_scene_is_still_for_120_frames() {
         (",gi_pixel_fraction=1/16,gi_interleave=8x8,gi_visibility=coarse", GiRefresh::EveryFrame),
     ] {
         let mut stage = set::open(&set::scene("courtyard"), set::options(48, 27));
-        set::look(&mut stage, Vec3::new(4.9, 2.0, 2.2), Vec3::new(-4.0, 1.8, -3.4));
+        set::look(&mut stage, IN_COURT, ACROSS_COURT);
         set::apply(&mut stage, &format!("{RICH}{more}"));
         stage.world_mut().insert_resource(policy);
         stage.get_ready().expect("a ready stage");
@@ -58,7 +62,7 @@ fn a_cut_discards_history() {
         // From the court to the gallery.
         (
             "courtyard",
-            (Vec3::new(4.9, 2.0, 2.2), Vec3::new(-4.0, 1.8, -3.4)),
+            (IN_COURT, ACROSS_COURT),
             (Vec3::new(-7.2, 1.5, -1.4), Vec3::new(-6.2, 1.5, -6.6)),
         ),
         // From the lit room to the dark one.
@@ -106,7 +110,7 @@ fn history_reduces_flicker_and_leaves_no_trace_at_rest() {
     let shown = |frames: u32| -> (f64, Radiance) {
         let mut stage =
             set::open(&set::scene("courtyard"), set::radiance_options(64, 36, Component::Indirect));
-        set::look(&mut stage, Vec3::new(4.9, 2.0, 2.2), Vec3::new(-4.0, 1.8, -3.4));
+        set::look(&mut stage, IN_COURT, ACROSS_COURT);
         set::apply(&mut stage, "max,rsm_resolution=128,gi_vpl_count=512,gi_visibility=coarse");
         stage.world_mut().insert_resource(GiRefresh::OnChange);
         set::gi(&mut stage).history_frames = frames;
@@ -180,7 +184,7 @@ fn history_outlives_a_switch_of_settings() {
                 &set::scene("courtyard"),
                 set::radiance_options(64, 36, Component::Indirect),
             );
-            set::look(&mut stage, Vec3::new(4.9, 2.0, 2.2), Vec3::new(-4.0, 1.8, -3.4));
+            set::look(&mut stage, IN_COURT, ACROSS_COURT);
             stage.world_mut().insert_resource(GiRefresh::OnChange);
             set::apply(&mut stage, &from);
             let mut last = set::radiance(&mut stage);
@@ -215,7 +219,7 @@ fn court(rest_frames: u32) -> Stage {
     let mut stage =
         set::open(&set::scene("courtyard"), set::radiance_options(48, 27, Component::Indirect));
     stage.world_mut().insert_resource(GiRefresh::OnChange);
-    set::look(&mut stage, Vec3::new(4.9, 2.0, 2.2), Vec3::new(-4.0, 1.8, -3.4));
+    set::look(&mut stage, IN_COURT, ACROSS_COURT);
     set::gi(&mut stage).rest_frames = rest_frames;
     stage
 }
@@ -240,8 +244,7 @@ fn a_camera_at_rest_converges_and_then_gathers_nothing() {
     set::apply(&mut stage, &format!("max,rsm_resolution=128,{middle}"));
     // Pipelines are compiled.
     (0..6).for_each(|_| stage.frame());
-    let camera = set::camera(&mut stage);
-    stage.world_mut().entity_mut(camera).insert(CameraCut);
+    set::cut(&mut stage);
     // The same samples as in motion, and then others.
     let mut frame = 0;
     let errors = [1, 8, 64].map(|until| {
@@ -267,10 +270,9 @@ fn where_a_camera_comes_from_hardly_matters_at_rest() {
     let cut = rest(&mut stage);
     let mut differences = Vec::new();
     for from in [Vec3::new(4.9, 2.0, 3.2), Vec3::new(3.9, 1.6, 2.2)] {
-        let to = Vec3::new(4.9, 2.0, 2.2);
         for frame in 0..=20u8 {
-            let position = from.lerp(to, f32::from(frame) / 20.0);
-            set::look(&mut stage, position, Vec3::new(-4.0, 1.8, -3.4));
+            let position = from.lerp(IN_COURT, f32::from(frame) / 20.0);
+            set::look(&mut stage, position, ACROSS_COURT);
             stage.frame();
         }
         differences.push(change(&rest(&mut stage), &cut));

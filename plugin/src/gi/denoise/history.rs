@@ -255,14 +255,14 @@ pub(super) fn prepare(
     for (entity, view, mut gather) in &mut views {
         let window = super::window(&view.gi);
         match held.get_mut(entity) {
-            Ok(_) if window == 1 => {
+            Ok(_) if !view.gi.filters() => {
                 commands.entity(entity).remove::<History>();
             }
             Ok(mut history) => {
                 history.window = window;
                 history.advance(&mut gather, view, seconds, &device, &queue);
             }
-            Err(_) if window > 1 => {
+            Err(_) if view.gi.filters() => {
                 let mut history = History::new(&device, view, window);
                 history.advance(&mut gather, view, seconds, &device, &queue);
                 commands.entity(entity).insert(history);

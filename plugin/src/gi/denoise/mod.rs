@@ -31,7 +31,8 @@ const WINDOWS: [u32; 3] = [2, 4, 8];
 /// Window that averages the noise of rays where VPLs are not interleaved.
 const RAY_WINDOW: u32 = 4;
 
-/// Side of the window in low-resolution pixels; 1 is no filter. It covers every set of VPLs once.
+/// Side of the window in low-resolution pixels, above 1 where settings
+/// [filter](FrugalGi::filters). It covers every set of VPLs once.
 fn window(gi: &FrugalGi) -> u32 {
     let rays = if gi.visibility.rays() == 0 { 1 } else { RAY_WINDOW };
     gi.interleave.side().max(rays)

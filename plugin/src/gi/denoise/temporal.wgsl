@@ -13,6 +13,7 @@
 #import bevy_render::view::View
 #import bevy_frugal_gi::gi::gather::settings::Gather
 #import bevy_frugal_gi::gi::view::luminance::luminance
+#import bevy_frugal_gi::gi::view::noise::pixel_noise
 #import bevy_frugal_gi::gi::view::surface::{apparent_distance, image_size, in_g_buffer, pixel_position, plane_tolerance, representative, surface_affinity, surface_normal}
 
 @group(0) @binding(0) var g_buffer: texture_2d<u32>;
@@ -126,7 +127,7 @@ fn luminance_change(is: f32, was: f32, noise: f32) -> f32 {
 /// At rest, `light` and a random part of the last bit of its half float. A mean over many frames
 /// changes by less than that bit, and would stop short of the limit.
 fn dithered(cell: vec2<u32>, light: vec3<f32>) -> vec3<f32> {
-    let random = fract(52.9829189 * fract(dot(vec2<f32>(cell), vec2(0.06711056, 0.00583715))) + reprojection.rested * 0.618034) - 0.5;
+    let random = pixel_noise(cell, reprojection.rested) - 0.5;
     // 2^-14 is the least normal half float.
     let bit = exp2(floor(log2(max(light, vec3(6.1035156e-5)))) - 10.0);
     return max(light + bit * random * reprojection.is_at_rest, vec3(0.0));

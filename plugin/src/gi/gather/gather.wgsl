@@ -16,6 +16,7 @@
 #import bevy_frugal_gi::gi::vpl::plan::Plan
 #import bevy_frugal_gi::gi::vpl::vpl::{Vpl, from_vpl}
 #ifdef RAYS
+#import bevy_frugal_gi::gi::view::noise::pixel_noise
 #import bevy_frugal_gi::gi::vpl::stratum::{empty_stratum, update_stratum, weight_of}
 #import bevy_frugal_gi::gi::trace::trace::{is_occluded, is_open, surface_offset}
 #endif
@@ -49,9 +50,8 @@ fn departure(position: vec3<f32>, normal: vec3<f32>) -> vec3<f32> {
 
 fn gathered(cell: vec2<u32>, position: vec3<f32>, normal: vec3<f32>) -> vec3<f32> {
     let origin = departure(position, normal);
-    // Interleaved gradient noise (Jimenez 2014): the pixels of a small filter have every value
-    // about once. Fixed while something changes; at rest a pixel's values spread over the frames.
-    let noise = fract(52.9829189 * fract(dot(vec2<f32>(cell), vec2(0.06711056, 0.00583715))) + f32(plan.sequence) * 0.618034);
+    // Fixed while something changes.
+    let noise = pixel_noise(cell, f32(plan.sequence));
     var sum = vec3(0.0);
     var sum_sampled = vec3(0.0);
     var all = 0.0;
@@ -90,7 +90,7 @@ fn gathered(cell: vec2<u32>, position: vec3<f32>, normal: vec3<f32>) -> vec3<f32
 /// occluded, a shared ray would nearly always be spent on it.
 fn gathered_sky(cell: vec2<u32>, position: vec3<f32>, normal: vec3<f32>) -> vec3<f32> {
     let origin = departure(position, normal);
-    let noise = fract(52.9829189 * fract(dot(vec2<f32>(cell), vec2(0.00583715, 0.06711056))) + f32(plan.sequence) * 0.618034);
+    let noise = pixel_noise(cell.yx, f32(plan.sequence));
     var sum = vec3(0.0);
     for (var which = 0u; which < #{SKY_RAYS}u; which++) {
         var stratum = empty_stratum(fract(noise + f32(which) * 0.618034));

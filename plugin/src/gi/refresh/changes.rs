@@ -9,7 +9,6 @@ use bevy::ecs::prelude::*;
 use bevy::ecs::system::SystemParam;
 use bevy::image::Image;
 use bevy::light::NotShadowCaster;
-use bevy::math::Vec3A;
 use bevy::mesh::morph::MeshMorphWeights;
 use bevy::mesh::skinning::SkinnedMesh;
 use bevy::mesh::{Mesh, Mesh3d};
@@ -96,7 +95,7 @@ impl SceneChanges<'_, '_> {
                 changes.everywhere = true;
                 continue;
             };
-            let is = around(aabb, &transform);
+            let is = Around::mesh(aabb, &transform);
             let was = self.known.insert(mesh, is);
             changes.spheres.extend(was.filter(|was| *was != is));
             changes.spheres.push(is);
@@ -106,13 +105,6 @@ impl SceneChanges<'_, '_> {
         }
         changes
     }
-}
-
-/// The sphere around a mesh's box.
-fn around(aabb: &Aabb, transform: &GlobalTransform) -> Around {
-    let affine = transform.affine();
-    let half: Vec3A = affine.matrix3.abs() * aabb.half_extents;
-    Around { center: affine.transform_point3a(aabb.center), radius: half.length() }
 }
 
 /// Whether assets of the scene changed since the last frame.

@@ -9,13 +9,13 @@ use bevy::transform::components::Transform;
 
 use super::changes::SceneChanges;
 use super::queue::{Gate, Waiting, due};
-use crate::gi::rsm::{MapAge, MapDelta, MapExtent, MapWeight, RsmView};
+use crate::gi::rsm::{Around, MapAge, MapDelta, MapExtent, MapWeight, RsmView};
 use crate::gi::settings::{FrugalGi, GiLimits};
 use crate::gi::trace::GiOccluders;
 use crate::gi::view::{CameraCut, GiFrame, GiRefresh, SceneDelta};
 use crate::pipelines::PipelinesBusy;
 
-/// A map's camera.
+/// A map's camera, to query and as found.
 type Map = (
     &'static RsmView,
     &'static MapWeight,
@@ -24,6 +24,8 @@ type Map = (
     &'static mut MapAge,
     &'static mut Camera,
 );
+type MapItem<'w> =
+    (&'w RsmView, &'w MapWeight, &'w Transform, &'w Projection, Mut<'w, MapAge>, Mut<'w, Camera>);
 
 pub(super) fn decide(
     mut frame: ResMut<GiFrame>,
@@ -63,41 +65,60 @@ pub(super) fn decide(
         .map(|(_, gi)| gi.refresh_period.max(1));
     let mut next = frame.next(delta, periods.min().unwrap_or(1));
     let everywhere = changes.everywhere || always || next.arriving > 0;
-    let gate = match next.maps {
-        true if delta.cut => Gate::All,
-        true => Gate::Most(limits.max_rsms_per_frame),
-        false => Gate::Urgent,
-    };
-    let mut sorted: Vec<_> = maps.iter_mut().collect();
-    sorted.sort_by_key(|(view, ..)| view.key());
-    let waiting: Vec<Waiting> = sorted
-        .iter_mut()
-        .map(|(view, weight, transform, projection, age, _)| {
-            let is_hit = || {
-                let extent = MapExtent::new(transform, projection);
-                changes.spheres.iter().any(|sphere| extent.meets(sphere))
-            };
-            if age.stale == 0 && (everywhere || !changes.spheres.is_empty() && is_hit()) {
-                age.stale = 1;
-            }
-            let group = (view.light, view.camera);
-            Waiting { group, importance: weight.importance, age: **age }
+    // In a still scene nothing is left to do but to let maps of the last frame rest.
+    if delta.changed || delta.unfilled || everywhere || frame.maps {
+        let mut maps: Vec<_> = maps.iter_mut().collect();
+        maps.sort_by_key(|(view, ..)| view.key());
+        mark(&mut maps, &changes.spheres, everywhere);
+        let gate = match next.maps {
+            true if delta.cut => Gate::All,
+            true => Gate::Most(limits.max_rsms_per_frame),
+            false => Gate::Urgent,
+        };
+        (next.maps, next.waiting) = activate(&mut maps, gate);
+    } else {
+        next.maps = false;
+    }
+    next.relit = next.maps || maps_delta.reweighted;
+    *frame = next;
+}
+
+/// Marks maps as stale that can show a change: all, or those that meet a sphere.
+fn mark(maps: &mut [MapItem], spheres: &[Around], everywhere: bool) {
+    for (_, _, transform, projection, age, _) in maps {
+        let is_hit = || {
+            let extent = MapExtent::new(transform, projection);
+            spheres.iter().any(|sphere| extent.meets(sphere))
+        };
+        if age.stale == 0 && (everywhere || !spheres.is_empty() && is_hit()) {
+            age.stale = 1;
+        }
+    }
+}
+
+/// Lets the maps that are due be rendered, and no others. Whether there is any, and how many wait
+/// although the gate is open.
+fn activate(maps: &mut [MapItem], gate: Gate) -> (bool, u32) {
+    let waiting: Vec<Waiting> = maps
+        .iter()
+        .map(|(view, weight, _, _, age, _)| Waiting {
+            group: (view.light, view.camera),
+            importance: weight.importance,
+            age: **age,
         })
         .collect();
-    let mut rendered = false;
-    for ((.., age, camera), is_due) in sorted.iter_mut().zip(due(&waiting, gate)) {
-        rendered |= is_due;
+    let (mut any, mut left) = (false, 0);
+    for ((.., age, camera), is_due) in maps.iter_mut().zip(due(&waiting, gate)) {
+        any |= is_due;
         if is_due {
             age.set_if_neq(MapAge { stale: 0, filled: true, urgent: false });
         } else if age.stale > 0 {
             age.stale = age.stale.saturating_add(1);
-            next.waiting += u32::from(gate != Gate::Urgent);
+            left += u32::from(gate != Gate::Urgent);
         }
         if camera.is_active != is_due {
             camera.is_active = is_due;
         }
     }
-    next.maps = rendered;
-    next.relit = rendered || maps_delta.reweighted;
-    *frame = next;
+    (any, left)
 }

@@ -1,14 +1,29 @@
 //! What a map can show, to tell which changes of the scene it must be rendered again for.
 
+use bevy::camera::primitives::Aabb;
 use bevy::camera::{Projection, ScalingMode};
 use bevy::math::{Affine3A, Vec3A};
-use bevy::transform::components::Transform;
+use bevy::transform::components::{GlobalTransform, Transform};
 
 /// Centre in world space and radius of a sphere around a mesh, metres.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(in crate::gi) struct Around {
     pub center: Vec3A,
     pub radius: f32,
+}
+
+/// Centre of a mesh's box in world space, and half its sides along the world's axes.
+pub(super) fn world_box(aabb: &Aabb, transform: &GlobalTransform) -> (Vec3A, Vec3A) {
+    let affine = transform.affine();
+    (affine.transform_point3a(aabb.center), affine.matrix3.abs() * aabb.half_extents)
+}
+
+impl Around {
+    /// The sphere around a mesh's box.
+    pub(in crate::gi) fn mesh(aabb: &Aabb, transform: &GlobalTransform) -> Self {
+        let (center, half) = world_box(aabb, transform);
+        Self { center, radius: half.length() }
+    }
 }
 
 /// The part of the world that a map's camera can show.
@@ -81,7 +96,7 @@ mod tests {
     }
 
     #[test]
-    fn a_lamp_reaches_as_far_as_its_range() {
+    fn a_point_light_reaches_as_far_as_its_range() {
         let lens = PerspectiveProjection {
             fov: std::f32::consts::FRAC_PI_2,
             far: 10.0,

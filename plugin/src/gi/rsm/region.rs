@@ -7,6 +7,7 @@ use bevy::math::{Mat3, Vec2, Vec3, Vec3A};
 use bevy::mesh::Mesh3d;
 use bevy::transform::components::GlobalTransform;
 
+use super::extent::world_box;
 use crate::gi::texels::CascadeCut;
 
 /// Bounding box of all meshes that cast shadows.
@@ -41,9 +42,7 @@ pub(super) fn update_scene_box(
     let mut least = Vec3A::splat(f32::INFINITY);
     let mut most = Vec3A::splat(f32::NEG_INFINITY);
     for (aabb, transform) in &meshes {
-        let affine = transform.affine();
-        let center = affine.transform_point3a(aabb.center);
-        let half = affine.matrix3.abs() * aabb.half_extents;
+        let (center, half) = world_box(aabb, transform);
         if (center + half).is_finite() && (center - half).is_finite() {
             least = least.min(center - half);
             most = most.max(center + half);

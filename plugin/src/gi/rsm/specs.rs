@@ -61,11 +61,6 @@ pub(super) fn choose(
     (most, seconds): (usize, f32),
     mut capacity: MapCapacity,
 ) -> Vec<MapSpec> {
-    let lit = |layers: &MapLayers| {
-        // As Bevy: a light lights the cameras with which it shares a layer.
-        let layers = layers.0.clone();
-        viewers.iter().filter(move |viewer| viewer.layers.intersects(&layers))
-    };
     // Shared maps satisfy the most demanding camera.
     let finest = viewers.iter().map(|viewer| viewer.resolution).max().unwrap_or(0);
     let lambertian = viewers.iter().all(|viewer| viewer.shading == GiShading::Lambertian);
@@ -73,14 +68,14 @@ pub(super) fn choose(
     let mut maps = EntityHashMap::default();
     let mut candidates = Vec::new();
     for (light, layers) in lights {
-        let importance = lit(layers)
+        let importance = lit(viewers, layers)
             .map(|viewer| light.importance(viewer.focus.position, &viewer.frustum))
             .max_by(f32::total_cmp);
         let Some(importance) = importance else { continue };
         let specs: Vec<MapSpec> = match light.shape {
-            LightShape::Directional => {
-                lit(layers).flat_map(|viewer| parallel_maps(light, viewer, scene, layers)).collect()
-            }
+            LightShape::Directional => lit(viewers, layers)
+                .flat_map(|viewer| parallel_maps(light, viewer, scene, layers))
+                .collect(),
             _ => (0..light.faces())
                 .map(|face| perspective_map(light, face, finest, shading, layers))
                 .collect(),
@@ -102,6 +97,11 @@ pub(super) fn choose(
         specs.append(&mut maps);
     }
     specs
+}
+
+/// The cameras that a light lights, as Bevy's: those with which it shares a layer.
+fn lit<'a>(viewers: &'a [Viewer], layers: &'a MapLayers) -> impl Iterator<Item = &'a Viewer> {
+    viewers.iter().filter(|viewer| viewer.layers.intersects(&layers.0))
 }
 
 /// One map where the scene is small; else a far and a near cascade of about as many texels

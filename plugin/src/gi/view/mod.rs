@@ -8,6 +8,7 @@
 //! | `presence` | main | whether there is light to gather |
 //! | `shown` | main | which meshes GI cameras show |
 //! | `environment` | both | a camera's environment map |
+//! | `noise.wgsl` | | noise of low-resolution pixels |
 //! | `surface.wgsl` | | the surface in a pixel of Bevy's deferred G-buffer |
 
 mod cut;
@@ -42,6 +43,7 @@ pub(super) struct ViewPlugin;
 impl Plugin for ViewPlugin {
     fn build(&self, app: &mut App) {
         load_shader_library!(app, "luminance.wgsl");
+        load_shader_library!(app, "noise.wgsl");
         load_shader_library!(app, "surface.wgsl");
         app.init_resource::<LightPresence>();
         cut::build(app);

@@ -1,5 +1,5 @@
-//! Sixteen rooms in a hall, with doorways between them, for dozens of lamps: each lights its own room,
-//! and only what comes through the doors lights others.
+//! Sixteen rooms in a hall, with doorways between them, for dozens of lights: each illuminates its own
+//! room, and only what comes through the doorways illuminates others.
 
 use crate::scene::builder::{Faces, MeshBuilder};
 use crate::scene::{SceneGeometry, SceneMaterial};

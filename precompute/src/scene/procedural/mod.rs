@@ -7,7 +7,7 @@
 //! | `courtyard` | the showcase: sun, shade, drapes, thin and finely textured objects, where every knob has an effect |
 //! | `two_rooms` | light leaks: one room is lit, the other must stay black |
 //! | `furnace` | energy conservation: the inside of a white sphere, with a closed-form solution |
-//! | `hall` | dozens of lamps: sixteen rooms with doorways between them |
+//! | `hall` | dozens of lights: sixteen rooms with doorways between them |
 
 mod cornell;
 mod courtyard;

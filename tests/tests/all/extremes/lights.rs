@@ -7,7 +7,7 @@ use bevy::ecs::entity::Entity;
 use bevy::light::{PointLight, SpotLight};
 use bevy::math::Vec3;
 use bevy::transform::components::Transform;
-use bevy_frugal_gi::gi::{CameraCut, GiLimits, RsmView};
+use bevy_frugal_gi::gi::{GiLimits, RsmView};
 use frugal::stage::Stage;
 use frugal_tests::{gpu, meshes, set};
 
@@ -26,8 +26,7 @@ fn bouncing(stage: &mut Stage) -> (HashSet<Entity>, usize) {
 /// Limits the number of maps. At a cut lights do not fade, and what had maps has no advantage.
 fn limit(stage: &mut Stage, most: usize) {
     stage.world_mut().insert_resource(GiLimits { max_rsm_count: most, ..Default::default() });
-    let camera = set::camera(stage);
-    stage.world_mut().entity_mut(camera).insert(CameraCut);
+    set::cut(stage);
 }
 
 fn the_lights_with_the_highest_illuminance_at_the_camera_get_maps() {
@@ -95,13 +94,15 @@ fn the_lights_with_the_highest_illuminance_at_the_camera_get_maps() {
         set::gathered(&stage)
     );
 
-    // No map, one map, and five, too few for a point light.
-    for most in [0, 1, 5] {
+    // As few as are rendered in a frame, no map, one map, and five, too few for a point light.
+    for most in [GiLimits::default().max_rsms_per_frame, 0, 1, 5] {
         limit(&mut stage, most);
         let found = set::radiance(&mut stage).mean();
         let (chosen, maps) = bouncing(&mut stage);
         assert_eq!((chosen, maps), expect(most), "at most {most}");
         assert!(maps == most && (most > 0 || found == 0.0), "{most}: {found}");
+        let bytes = set::gathered(&stage).bytes;
+        assert!(bytes < 1 << 20, "{most}: {bytes}");
     }
     // The sun is the brightest light.
     let sun = sun(Vec3::NEG_Y);

@@ -301,16 +301,9 @@ fn weigh(stage: &mut Stage, pixels: &Pixels, plane: &Plane, texels: &[Point]) ->
     let kernels = ["pick_importance_points", "find_defensive_term", "weigh_texels"]
         .map(|entry| Kernel::new(stage, "gi/vpl/weigh.wgsl", entry, vec![], &layout));
     let words: Vec<f32> = texels.iter().flat_map(|texel| texel.to_texel()).collect();
-    let rows: Vec<u8> = (0..ROWS)
-        .flat_map(|row| {
-            let share = 1f32.to_bits();
-            [row * LENGTH, row * LENGTH, LENGTH, 0, 0, 1, 0, 0, share, 0].map(u32::to_le_bytes)
-        })
-        .flatten()
-        .collect();
     let contents = [
         gpu::bytes(&words),
-        rows,
+        gpu::row_table(ROWS, LENGTH),
         gpu::bytes(&[0.0; 4 + 32 * 8]),
         gpu::bytes(&vec![0.0; texels.len()]),
         vec![0; 4],

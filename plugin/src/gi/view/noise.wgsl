@@ -1,0 +1,8 @@
+// Noise of low-resolution pixels.
+#define_import_path bevy_frugal_gi::gi::view::noise
+
+/// Interleaved gradient noise (Jimenez 2014), 0 to 1: the pixels of a small filter have every value
+/// about once. Over frames 0, 1, 2… a pixel's values spread by the golden ratio.
+fn pixel_noise(cell: vec2<u32>, frame: f32) -> f32 {
+    return fract(52.9829189 * fract(dot(vec2<f32>(cell), vec2(0.06711056, 0.00583715))) + frame * 0.618034);
+}
