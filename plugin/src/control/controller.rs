@@ -70,26 +70,30 @@ impl CameraController {
     /// the budget is [invalid](Budget::validate).
     pub fn step(&mut self, inputs: &Inputs<'_>) -> Option<Decisions> {
         let allocation = allocate(inputs, &mut self.pace)?;
-        Some(switch(inputs, &allocation, &mut self.filter))
+        Some(switch(inputs, &allocation, &mut self.filter, &mut self.pace))
     }
 }
 
 /// Selects the point of the frontier at the view. `None` where no frontier is known there, or the
 /// budget is [invalid](Budget::validate).
+///
+/// `pace` is left to [`switch`], unless the error limit has changed.
 pub fn allocate(inputs: &Inputs<'_>, pace: &mut ErrorPace) -> Option<Allocation> {
     // Before the correction, which would turn an invalid limit into a valid one.
     inputs.budget.validate().ok()?;
     let power = inputs.budget.power.map(|limit| inputs.correction.uncorrected(limit));
     let budget = Budget { power, ..inputs.budget };
-    let (sample, choice) = choose(inputs.store, &inputs.view, &budget, pace, inputs.delta_seconds)?;
+    let (sample, choice) = choose(inputs.store, &inputs.view, &budget, pace)?;
     Some(Allocation { sample, choice })
 }
 
-/// Moves the applied settings towards those of `allocation`.
+/// Moves the applied settings towards those of `allocation`, and counts their predicted error in
+/// `pace`.
 pub fn switch(
     inputs: &Inputs<'_>,
     allocation: &Allocation,
     filter: &mut SettingsFilter,
+    pace: &mut ErrorPace,
 ) -> Decisions {
     let (space, choice) = (inputs.store.knobs(), &allocation.choice);
     match inputs.current {
@@ -109,6 +113,7 @@ pub fn switch(
         let found = inputs.store.look_up(&inputs.view);
         found.and_then(|found| found.frontier.estimate(space, applied)).unwrap_or(choice.cost)
     };
+    pace.observe(inputs.store, choice, cost, inputs.delta_seconds);
     let corrected =
         |cost: CostPoint| CostPoint { power: inputs.correction.corrected(cost.power), ..cost };
     let (predicted, predicted_applied) = (corrected(choice.cost), corrected(cost));

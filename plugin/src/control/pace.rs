@@ -2,9 +2,10 @@
 //! on.
 //!
 //! Dual ascent (Arrow, Hurwicz and Uzawa 1958; Boyd and Vandenberghe 2004, section 5.4): the error
-//! rate λ (watts per unit of error) rises while the predicted error exceeds the target mean, and
-//! falls while it is below. A path through easy views then costs less power, and a path through
-//! hard views keeps its mean.
+//! rate λ (watts per unit of error) rises while the predicted error of the applied settings exceeds
+//! the target mean, and falls while it is below. A path through easy views then costs less power,
+//! and a path through hard views keeps its mean. Where no point of a frontier has the target's error,
+//! two points take turns, which costs less than the better one throughout.
 
 use bevy::ecs::component::Component;
 use bevy::ecs::reflect::ReflectComponent;
@@ -12,11 +13,11 @@ use bevy::prelude::ReflectDefault;
 use bevy::reflect::Reflect;
 
 use super::{Budget, Choice, Outcome, select};
-use crate::frontier::{CameraView, FrontierStore, SampleCamera};
+use crate::frontier::{CameraView, CostPoint, FrontierStore, SampleCamera};
 
 /// Seconds in which an error of twice the target changes the error rate by a factor of e. Higher
 /// values keep settings more stable; lower values keep the mean over shorter intervals.
-const TIME_CONSTANT_SECONDS: f64 = 2.0;
+const TIME_CONSTANT_SECONDS: f64 = 4.0;
 /// Largest factor on the calibrated error rate, up and down: a larger deviation has other causes
 /// than the error budget.
 const MAX_FACTOR: f64 = 16.0;
@@ -41,9 +42,29 @@ impl ErrorPace {
         self.logarithm.exp()
     }
 
+    /// Takes account of a frame of `delta_seconds` (seconds; counts as 0 to 0.25 s) that is rendered
+    /// with settings of the predicted `applied` cost, on their way to `choice`.
+    ///
+    /// Nothing changes unless an error limit decides, and `store` knows its target.
+    pub fn observe(
+        &mut self,
+        store: &dyn FrontierStore,
+        choice: &Choice,
+        applied: CostPoint,
+        delta_seconds: f64,
+    ) {
+        // Where power limits the choice, the error says nothing about the rate.
+        if matches!(choice.outcome, Outcome::LimitedByPower | Outcome::PowerCannotBeMet) {
+            return;
+        }
+        if let Some(target) = self.budget.and_then(|error| store.error_target(error)) {
+            self.step(applied.error, target, delta_seconds);
+        }
+    }
+
     /// Dual-ascent step for a frame of `delta_seconds` with the predicted `error`, towards the mean
     /// `target`.
-    fn observe(&mut self, error: f64, target: f64, delta_seconds: f64) {
+    fn step(&mut self, error: f64, target: f64, delta_seconds: f64) {
         let step = delta_seconds.clamp(0.0, MAX_FRAME_SECONDS) / TIME_CONSTANT_SECONDS
             * (error / target - 1.0);
         // Reflection may write NaN, which would stay for ever.
@@ -57,8 +78,7 @@ impl ErrorPace {
 /// [`select`] at the exchange rate that keeps the mean of an error budget. Apps and `frugal
 /// evaluate` share this function.
 ///
-/// `delta_seconds`: duration of the frame, seconds; counts as 0 to 0.25 s. `pace` is updated while
-/// an error limit decides, and reset when that limit changes.
+/// `pace` is reset when the error limit changes, and otherwise left to [`ErrorPace::observe`].
 ///
 /// `None` where no frontier is known at `view`, or the budget is [invalid](Budget::validate).
 pub fn choose(
@@ -66,7 +86,6 @@ pub fn choose(
     view: &CameraView,
     budget: &Budget,
     pace: &mut ErrorPace,
-    delta_seconds: f64,
 ) -> Option<(SampleCamera, Choice)> {
     if pace.budget != budget.error {
         *pace = ErrorPace { logarithm: 0.0, budget: budget.error };
@@ -74,15 +93,7 @@ pub fn choose(
     let found = store.look_up(view)?;
     let rate =
         budget.error.and_then(|error| store.error_rate(error)).map(|rate| rate * pace.factor());
-    let choice = select(found.frontier, budget, rate)?;
-    // Where power limits the choice, the error says nothing about the rate.
-    let is_free = !matches!(choice.outcome, Outcome::LimitedByPower | Outcome::PowerCannotBeMet);
-    if let (true, Some(target)) =
-        (is_free, budget.error.and_then(|error| store.error_target(error)))
-    {
-        pace.observe(choice.cost.error, target, delta_seconds);
-    }
-    Some((found.camera, choice))
+    Some((found.camera, select(found.frontier, budget, rate)?))
 }
 
 #[cfg(test)]
@@ -91,12 +102,11 @@ mod tests {
 
     use super::*;
     use crate::frontier::{
-        CostPoint, ErrorRate, ErrorRates, Frontier, FrontierPoint, SampleRef, ViewDirection,
-        testing,
+        ErrorRate, ErrorRates, Frontier, FrontierPoint, SampleRef, ViewDirection, testing,
     };
     use crate::knobs::{KnobLevels, KnobSpace};
 
-    /// Easy views where x is below 0, hard ones elsewhere: an error of 0.015 or 0.1 at 1 W, falling
+    /// Easy views where x is below 0, hard ones elsewhere: an error of 0.015 or 0.14 at 1 W, falling
     /// as 1 / W.
     struct TwoViews(KnobSpace, [Frontier; 2], ErrorRates);
 
@@ -111,10 +121,10 @@ mod tests {
             };
             Frontier::from_points((0..100).map(point))
         };
-        let rate = ErrorRate { budget: 0.02, watts_per_error: 50.0, predicted: target };
+        let rate = ErrorRate { budget: 0.02, watts_per_error: 15.0, predicted: target };
         TwoViews(
             KnobSpace::new(Vec::new()).expect("no knobs"),
-            [frontier(0.015), frontier(0.1)],
+            [frontier(0.015), frontier(0.14)],
             ErrorRates(vec![rate]),
         )
     }
@@ -143,6 +153,19 @@ mod tests {
         CameraView { position: Vec3::X * x, ..testing::view() }
     }
 
+    /// Chooses, and applies the choice at once.
+    fn play(
+        store: &TwoViews,
+        x: f32,
+        budget: &Budget,
+        pace: &mut ErrorPace,
+        delta: f64,
+    ) -> Option<CostPoint> {
+        let (_, choice) = choose(store, &view(x), budget, pace)?;
+        pace.observe(store, &choice, choice.cost, delta);
+        Some(choice.cost)
+    }
+
     /// Mean error and power of 20 s at 30 Hz.
     fn mean_cost(
         store: &TwoViews,
@@ -152,12 +175,7 @@ mod tests {
     ) -> (f64, f64) {
         let mut pace = ErrorPace::default();
         let costs: Vec<CostPoint> = (0..600)
-            .map(|frame| {
-                choose(store, &view(x(frame)), &budget, &mut pace, delta)
-                    .expect("a frontier")
-                    .1
-                    .cost
-            })
+            .map(|frame| play(store, x(frame), &budget, &mut pace, delta).expect("a frontier"))
             .collect();
         let mean = |value: fn(&CostPoint) -> f64| costs.iter().map(value).sum::<f64>() / 600.0;
         (mean(|cost| cost.error), mean(|cost| cost.power.0))
@@ -182,26 +200,26 @@ mod tests {
         let store = store(Some(0.019));
         let mut pace = ErrorPace::default();
         let both = Budget::both(crate::units::Watts(1.2), 0.02);
-        choose(&store, &view(1.0), &both, &mut pace, 1.0);
+        play(&store, 1.0, &both, &mut pace, 1.0);
         assert_eq!(pace.factor(), 1.0);
         for delta in [f64::NAN, f64::INFINITY, -1.0, 1e300, 0.0] {
             let budget = Budget::error(0.02);
             for _ in 0..1000 {
-                choose(&store, &view(1.0), &budget, &mut pace, delta);
+                play(&store, 1.0, &budget, &mut pace, delta);
             }
             assert!((1.0 / 16.0..=16.0001).contains(&pace.factor()), "{delta}: {}", pace.factor());
         }
         // A factor that reflection broke does not stay broken.
         pace.logarithm = f64::NAN;
         for _ in 0..3 {
-            assert!(choose(&store, &view(1.0), &Budget::error(0.02), &mut pace, 0.1).is_some());
+            assert!(play(&store, 1.0, &Budget::error(0.02), &mut pace, 0.1).is_some());
         }
         assert!(pace.factor().is_finite());
         // Another budget resets the factor.
-        choose(&store, &view(1.0), &Budget::error(0.05), &mut pace, 0.0);
+        play(&store, 1.0, &Budget::error(0.05), &mut pace, 0.0);
         assert_eq!(pace.factor(), 1.0);
         for odd in [0.0, f64::INFINITY] {
-            choose(&store, &view(1.0), &Budget::error(odd), &mut pace, 0.1);
+            play(&store, 1.0, &Budget::error(odd), &mut pace, 0.1);
             assert!(pace.factor().is_finite());
         }
     }

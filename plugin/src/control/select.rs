@@ -139,14 +139,13 @@ mod tests {
 
     #[test]
     fn a_rate_keeps_the_mean_and_limits_every_frame() {
-        // Points at 1 W / 0.2, 2 W / 0.05 and 4 W / 0: the first step reduces the error by 0.15 for
-        // 1 W, the second by 0.025 per watt.
+        // Points at 1 W / 0.2, 2 W / 0.05 and 4 W / 0: error² ÷ 0.01 is 4, 0.25 and 0.
         let picked = |limit: f64, rate: f64| {
             select(&testing::frontier(1.0), &Budget::error(limit), Some(rate))
                 .map(|choice| choice.cost.power.0)
         };
         assert_eq!(
-            [6.0, 7.0, 39.0, 41.0, f64::INFINITY].map(|rate| picked(0.16, rate)),
+            [0.26, 0.27, 7.9, 8.1, f64::INFINITY].map(|rate| picked(0.16, rate)),
             [Some(1.0), Some(2.0), Some(2.0), Some(4.0), Some(4.0)]
         );
         assert_eq!(picked(0.09, 0.0), Some(2.0), "0.2 is more than two budgets");

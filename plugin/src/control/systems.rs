@@ -299,10 +299,11 @@ pub(super) fn switch_settings(
         Source<'static>,
         &mut CameraState,
         &mut SettingsFilter,
+        &mut ErrorPace,
         Option<&KnobSettings>,
     )>,
 ) {
-    for (source, mut state, mut filter, knobs) in &mut cameras {
+    for (source, mut state, mut filter, mut pace, knobs) in &mut cameras {
         let state = state.bypass_change_detection();
         let Step::Allocated { view, space, allocation, budget, binding } = &state.step else {
             continue;
@@ -321,8 +322,13 @@ pub(super) fn switch_settings(
             correction: feedback.per_camera(),
             settings: *settings,
         };
-        // The filter advances every frame without a change for others to detect.
-        let decisions = switch(&inputs, allocation, filter.bypass_change_detection());
+        // Both advance every frame without a change for others to detect.
+        let decisions = switch(
+            &inputs,
+            allocation,
+            filter.bypass_change_detection(),
+            pace.bypass_change_detection(),
+        );
         state.predicted = Some(decisions.uncorrected);
         state.step = Step::Decided { space: Arc::clone(space), binding, decisions };
     }

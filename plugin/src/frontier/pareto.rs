@@ -54,6 +54,10 @@ pub struct Frontier {
     points: Vec<FrontierPoint>,
 }
 
+/// Error (1 − SSIM) at which exchange rates are in watts per unit of error: in the middle of common
+/// budgets.
+const ERROR_UNIT: f64 = 0.01;
+
 impl Frontier {
     /// The frontier of any points. Drops dominated points, points that are not finite, and all but
     /// one of equal cost.
@@ -109,9 +113,15 @@ impl Frontier {
         self.points.get(worse)
     }
 
-    /// The point that minimises power + `rate` × error, with `rate` in watts per unit of error; the
-    /// best settings where `rate` is infinite. `None` where the frontier is empty, or `rate` is
-    /// NaN.
+    /// The point that minimises power + `rate` × error² ÷ 0.01, with `rate` in watts per
+    /// unit of error (1 − SSIM) where the error is 0.01; the best settings where `rate` is infinite.
+    /// `None` where the frontier is empty, or `rate` is NaN.
+    ///
+    /// Without the square only points of the convex hull are ever selected. The best settings have
+    /// no error by definition, and others a good part of the budget, so that the hull may jump from
+    /// half of the power to all of it. With it points between are selected as well, and views differ
+    /// less. On three recorded paths, selections that know every frame's costs take 0.0 to 2.8 %
+    /// more power than without it, at the same mean error.
     ///
     /// A linear search over a few dozen points: a binary search would need the convex hull and save
     /// a few nanoseconds.
@@ -122,7 +132,10 @@ impl Frontier {
         if rate == f64::INFINITY {
             return self.points.last();
         }
-        let sum = |point: &FrontierPoint| point.cost.power.0 + rate * point.cost.error;
+        let sum = |point: &FrontierPoint| {
+            let CostPoint { power, error } = point.cost;
+            power.0 + rate * error * (error / ERROR_UNIT)
+        };
         self.points.iter().min_by(|a, b| sum(a).total_cmp(&sum(b)))
     }
 
@@ -192,9 +205,9 @@ mod tests {
     fn a_rate_selects_the_least_weighted_sum() {
         let frontier = staircase();
         let at = |rate| frontier.least_weighted(rate).map(|p| p.settings.bits());
-        // From 1 W to 2 W each watt reduces the error by 0.2, from 2 W to 4 W by 0.15.
+        // Errors of 0.5, 0.3 and 0 at 1 W, 2 W and 4 W weigh 25, 9 and 0.
         assert_eq!(
-            [0.0, 4.9, 5.1, 6.6, 6.7, f64::INFINITY].map(at),
+            [0.0, 0.062, 0.063, 0.222, 0.223, f64::INFINITY].map(at),
             [Some(0), Some(0), Some(1), Some(1), Some(3), Some(3)]
         );
         assert_eq!(
