@@ -217,12 +217,19 @@ impl<'a> Pyramid<'a> {
         self.smoother.at(&viewpoints, &self.cameras, &self.shared)
     }
 
-    /// Mean difference of finer estimates from those of `depth`, over `cameras` and settings.
-    pub(super) fn distance(&self, keys: &Keys, cameras: &[usize], depth: usize) -> CostPoint {
+    /// Mean difference of estimates at depth `finer` from those of `depth`, over `cameras` and
+    /// settings.
+    pub(super) fn distance(
+        &self,
+        keys: &Keys,
+        cameras: &[usize],
+        depth: usize,
+        finer: usize,
+    ) -> CostPoint {
         let (mut power, mut error, mut count) = (0.0, 0.0, 0.0_f64);
         for camera in cameras {
             let at = |depth: usize| self.address(keys, keys.addresses[depth][*camera], depth);
-            for (coarse, fine) in at(depth).costs.iter().zip(&at(depth + 1).costs) {
+            for (coarse, fine) in at(depth).costs.iter().zip(&at(finer).costs) {
                 power += (coarse.power.0 - fine.power.0).abs();
                 error += (coarse.error - fine.error).abs();
                 count += 1.0;

@@ -108,9 +108,13 @@ pub(crate) fn fit(
     };
     report.power_threshold_w =
         config.power_threshold_w.max(config.power_threshold_share * range(&shared));
-    let differs = |depth: usize, cameras: &[usize]| {
-        let distance = pyramid.distance(&keys, cameras, depth);
-        distance.power.0 > report.power_threshold_w || distance.error > config.error_threshold
+    let threshold_w = report.power_threshold_w;
+    // At any finer depth: eight children may look alike, and their children not.
+    let differs = |depth: usize, deepest: usize, cameras: &[usize]| {
+        (depth + 1..=deepest).any(|finer| {
+            let distance = pyramid.distance(&keys, cameras, depth, finer);
+            distance.power.0 > threshold_w || distance.error > config.error_threshold
+        })
     };
     let mut tree =
         Tree { octree: Octree { levels, nodes: vec![0], ..Octree::default() }, leaves: Vec::new() };
@@ -126,7 +130,7 @@ pub(crate) fn fit(
             Leaf { min: [0; 3], size: 1 << levels },
             &all,
             &mut |at, cameras| {
-                at < depth && cameras.len() >= config.least_cameras && differs(at, cameras)
+                at < depth && cameras.len() >= config.least_cameras && differs(at, depth, cameras)
             },
             &keys,
         );
