@@ -7,8 +7,10 @@ mod free_space;
 mod pose;
 mod recorded;
 mod set;
+mod stretch;
 
 pub(crate) use free_space::{Clearance, FreeSpace};
 pub(crate) use pose::MovingCamera;
 pub(crate) use recorded::recorded;
 pub(crate) use set::{CameraMix, CameraSet, TrackSample, tracks_of};
+pub(crate) use stretch::stretches;

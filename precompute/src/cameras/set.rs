@@ -6,7 +6,7 @@ use rand_chacha::ChaCha8Rng;
 
 use super::free_space::is_usable;
 use super::pose::FREE;
-use super::{Clearance, FreeSpace, MovingCamera};
+use super::{Clearance, FreeSpace, MovingCamera, stretches};
 use crate::scene::{Bounds, CameraPath, CameraPose, RayScene};
 
 /// Greatest pitch of a camera in free space, radians: cameras look ahead more than up or down.
@@ -45,6 +45,9 @@ impl Default for CameraMix {
     }
 }
 
+/// Stretches of tracks, and their frames: about a second of play at 15 frames per second.
+const STRETCHES: (usize, usize) = (6, 16);
+
 /// Disjoint sets of cameras for two purposes.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub(crate) struct CameraSet {
@@ -52,6 +55,8 @@ pub(crate) struct CameraSet {
     pub training: Vec<MovingCamera>,
     /// Cameras for calibrating error budgets.
     pub calibration: Vec<MovingCamera>,
+    /// Poses of consecutive frames of tracks, long enough for the history of play.
+    pub stretches: Vec<Vec<CameraPose>>,
 }
 
 /// Samples of `paths` at `frames_per_second`.
@@ -120,7 +125,12 @@ impl CameraSet {
         // cameras.
         let mut random = ChaCha8Rng::seed_from_u64(seed);
         random.set_stream(1);
-        Self { training, calibration: source.sample(calibration, mix, random) }
+        let (stretches_count, frames) = STRETCHES;
+        Self {
+            training,
+            calibration: source.sample(calibration, mix, random),
+            stretches: stretches(tracks, stretches_count, frames),
+        }
     }
 }
 

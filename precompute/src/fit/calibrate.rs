@@ -26,44 +26,70 @@ pub(crate) struct Calibration<'a> {
     pub error: &'a dyn Fn(KnobLevels) -> Option<f64>,
 }
 
-/// The least rate that keeps each budget, for `cameras` that did not contribute to their frontiers:
-/// calibration cameras, and training cameras with cross-validated frontiers. `played` is the error
-/// in play as a share of the cameras' own. Budgets that the cameras cannot support, or that even the
-/// best settings exceed, are left out.
+/// The rate and the target that keep each budget, for `cameras` that did not contribute to their
+/// frontiers: calibration cameras, and training cameras with cross-validated frontiers, those of a
+/// track in the track's order. Budgets that the cameras cannot support, or that even the best
+/// settings exceed, are left out. `uncertainty`: standard error that all cameras' errors have in
+/// common, as a part of a mean error.
 ///
-/// A budget is kept where the upper confidence bound of the mean error is within it (Bates,
-/// Angelopoulos, Lei, Malik, Jordan 2021, "Distribution-free, risk-controlling prediction sets",
-/// with the bound of the central limit theorem). Rejected: conformal risk control (Angelopoulos et
-/// al. 2022), whose margin is a bound on the loss, divided by the number of cameras, whatever their
-/// spread. With a bound of four budgets a quarter of the error stayed unspent on the courtyard's
-/// tour from 0.015 on, and with one of two budgets the budget of 0.005 was exceeded by 3 and 14 %.
-/// By their spread, two maps kept 14 of 14 budgets and used 73 to 96 % of them.
-pub(crate) fn calibrate(cameras: &[Calibration<'_>], played: f64) -> ErrorRates {
+/// At run time the controller keeps the mean *predicted* error at the target, whatever views come.
+/// What is uncertain is the mean of what errors differ from their predictions. A target is kept
+/// where it plus the upper confidence bound of that mean is within the budget (Bates, Angelopoulos,
+/// Lei, Malik, Jordan 2021, "Distribution-free, risk-controlling prediction sets", with the bound of
+/// the central limit theorem). Between two rates of a grid target and bound are interpolated: the
+/// controller lets two settings take turns.
+///
+/// Rejected:
+/// - Conformal risk control (Angelopoulos et al. 2022), whose margin is a bound on the loss, divided
+///   by the number of cameras, whatever their spread. With a bound of four budgets a quarter of the
+///   error stayed unspent on the courtyard's tour from 0.015 on, and with one of two budgets the
+///   budget of 0.005 was exceeded by 3 and 14 %.
+/// - The bound of errors themselves, as of independent cameras. Where one frontier serves all views
+///   it is the spread of the views, which the track's order explains. In an arena it left half of
+///   each budget unspent.
+pub(crate) fn calibrate(
+    cameras: &[Calibration<'_>],
+    uncertainty: &dyn Fn(f64) -> f64,
+) -> ErrorRates {
     let rates: Vec<f64> =
         (0..=9 * STEPS).map(|step| 10_f64.powf(f64::from(step) / f64::from(STEPS) - 2.0)).collect();
     let mut supported: Vec<ErrorRate> = Vec::new();
     let budgets =
         [1000.0, 100.0, 10.0].into_iter().flat_map(|part| BUDGETS.map(|budget| budget / part));
     for budget in budgets.filter(|budget| (RANGE.0..=RANGE.1).contains(budget)) {
-        // Bound of the error, and mean prediction.
         let outcome = |rate: f64| {
-            let (errors, predictions): (Vec<f64>, Vec<f64>) = cameras
+            let (predictions, differences): (Vec<f64>, Vec<f64>) = cameras
                 .iter()
                 .filter_map(|camera| {
                     // The controller's own selection.
                     let picked = select(camera.frontier, &Budget::error(budget), Some(rate))?;
-                    Some(((camera.error)(picked.settings)? * played, picked.cost.error))
+                    let error = (camera.error)(picked.settings)?;
+                    Some((picked.cost.error, error - picked.cost.error))
                 })
                 .unzip();
-            (upper_bound(&errors), mean(&predictions))
+            let predicted = mean(&predictions);
+            let common = predicted * uncertainty(predicted);
+            At { rate, predicted, bound: predicted + upper_bound(&differences, common) }
         };
         // Apart from noise, errors fall as the rate rises: takes the least rate above which every
         // rate keeps the budget.
-        let kept = rates.iter().rev().take_while(|rate| outcome(**rate).0 <= budget).last();
-        if let Some(rate) = kept {
-            let predicted = outcome(*rate).1;
-            let predicted = (predicted.is_finite() && predicted > 0.0).then_some(predicted);
-            supported.push(ErrorRate { budget, watts_per_error: *rate, predicted });
+        let (mut kept, mut exceeds) = (None, None);
+        for rate in rates.iter().rev() {
+            let at = outcome(*rate);
+            if at.bound <= budget {
+                kept = Some(at);
+            } else {
+                exceeds = Some(at);
+                break;
+            }
+        }
+        if let Some(kept) = kept {
+            let target = exceeds.map_or(kept.predicted, |exceeds| kept.towards(&exceeds, budget));
+            supported.push(ErrorRate {
+                budget,
+                watts_per_error: kept.rate,
+                predicted: (target.is_finite() && target > 0.0).then_some(target),
+            });
         }
     }
     // Because single frames are limited too, a smaller budget may need a lower rate. It then takes
@@ -76,26 +102,55 @@ pub(crate) fn calibrate(cameras: &[Calibration<'_>], played: f64) -> ErrorRates 
     ErrorRates(supported)
 }
 
+/// What a rate gives at the cameras.
+#[derive(Clone, Copy, Debug)]
+struct At {
+    rate: f64,
+    /// Mean predicted error.
+    predicted: f64,
+    /// Upper confidence bound of the mean error.
+    bound: f64,
+}
+
+impl At {
+    /// Mean predicted error at which the bound reaches `budget`, between this rate, which keeps it,
+    /// and `other`, which does not.
+    fn towards(&self, other: &Self, budget: f64) -> f64 {
+        let share = (budget - self.bound) / (other.bound - self.bound);
+        if share.is_finite() && other.predicted > self.predicted {
+            self.predicted + share.clamp(0.0, 1.0) * (other.predicted - self.predicted)
+        } else {
+            self.predicted
+        }
+    }
+}
+
 fn mean(values: &[f64]) -> f64 {
     values.iter().sum::<f64>() / values.len() as f64
 }
 
-/// Upper confidence bound of the mean of what `values` are a sample of. Infinite for fewer than two,
-/// which say nothing of the spread; NaN counts as infinite.
-fn upper_bound(values: &[f64]) -> f64 {
+/// Upper confidence bound of the mean of what `values` are a sample of, in the order in which they
+/// were taken along tracks. Infinite for fewer than two, which say nothing of the spread; NaN counts
+/// as infinite. `common`: standard error that all values have in common.
+///
+/// Cameras lie evenly along tracks, so what changes slowly along a track does not make their mean
+/// uncertain. The variance is that of differences between neighbours (von Neumann 1941; Wolter 2007,
+/// "Introduction to variance estimation", section 8.2); of independent values it is the usual one.
+fn upper_bound(values: &[f64], common: f64) -> f64 {
     let freedom = values.len() as f64 - 1.0;
     if freedom < 1.0 {
         return f64::INFINITY;
     }
     let mean = mean(values);
-    let variance = values.iter().map(|value| (value - mean).powi(2)).sum::<f64>() / freedom;
+    let squares = values.windows(2).map(|two| (two[1] - two[0]).powi(2)).sum::<f64>();
+    let variance = squares / (2.0 * freedom);
     // Student's quantile from the normal one (Cornish and Fisher 1937), to 3 % from two degrees of
     // freedom on.
     let z = QUANTILE;
     let student = z
         + (z.powi(3) + z) / (4.0 * freedom)
         + (5.0 * z.powi(5) + 16.0 * z.powi(3) + 3.0 * z) / (96.0 * freedom * freedom);
-    let bound = mean + student * (variance / (freedom + 1.0)).sqrt();
+    let bound = mean + student * (variance / (freedom + 1.0) + common * common).sqrt();
     if bound.is_nan() { f64::INFINITY } else { bound }
 }
 
@@ -104,24 +159,37 @@ mod tests {
     use super::*;
 
     #[test]
+    fn what_changes_slowly_along_a_track_is_no_uncertainty() {
+        // A ramp, in its order and in one that is as good as random: the usual variance.
+        let ramp: Vec<f64> = (0..101).map(|index| f64::from(index) / 100.0).collect();
+        let mixed: Vec<f64> = (0..101).map(|index| f64::from(index * 37 % 101) / 100.0).collect();
+        let margin = |values: &[f64]| upper_bound(values, 0.0) - 0.5;
+        let usual = 1.29 * (1.0_f64 / 12.0 / 101.0).sqrt();
+        assert!(margin(&ramp) < 0.05 * usual, "{}", margin(&ramp));
+        assert!((margin(&mixed) / usual - 1.0).abs() < 0.3, "{} and {usual}", margin(&mixed));
+    }
+
+    #[test]
     fn the_bound_is_that_of_students_distribution() {
         // Quantiles of 90 % for 2, 4 and 9 degrees of freedom: 1.886, 1.533 and 1.383.
         for (count, quantile) in [(3_u32, 1.886), (5, 1.533), (10, 1.383)] {
+            // Neighbours differ by 1: half of the mean square difference is 0.5.
             let values: Vec<f64> = (0..count).map(f64::from).collect();
             let n = f64::from(count);
-            let deviation = (n * (n + 1.0) / 12.0).sqrt();
-            let expected = (n - 1.0) / 2.0 + quantile * deviation / n.sqrt();
-            let bound = upper_bound(&values);
+            let expected = (n - 1.0) / 2.0 + quantile * (0.5 / n).sqrt();
+            let bound = upper_bound(&values, 0.0);
             assert!((bound / expected - 1.0).abs() < 0.02, "{count}: {bound} and {expected}");
         }
-        assert_eq!(upper_bound(&[0.3; 7]), 0.3);
+        assert_eq!(upper_bound(&[0.3; 7], 0.0), 0.3);
+        // Quantile of 90 % for 6 degrees of freedom: 1.440.
+        assert!((upper_bound(&[0.3; 7], 0.1) - 0.444).abs() < 2e-3);
         for (odd, why) in [
             (vec![], "none"),
             (vec![0.1], "one"),
             (vec![0.1, f64::NAN], "NaN"),
             (vec![0.1, f64::INFINITY], "infinite"),
         ] {
-            assert_eq!(upper_bound(&odd), f64::INFINITY, "{why}");
+            assert_eq!(upper_bound(&odd, 0.0), f64::INFINITY, "{why}");
         }
     }
 }

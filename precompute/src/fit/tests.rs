@@ -173,7 +173,7 @@ fn calibrated_budgets_hold_at_cameras_that_were_never_seen() {
             .iter()
             .map(|error| Calibration { frontier: &fitted.octree.frontiers[0], error })
             .collect();
-        let rates = calibrate(&cameras, 1.0);
+        let rates = calibrate(&cameras, &|_| 0.0);
         assert!(rates.is_sound() && rates.0.len() > 8, "{rates:?}");
         for budget in [0.01, 0.02, 0.04] {
             all += 1;
@@ -186,21 +186,20 @@ fn calibrated_budgets_hold_at_cameras_that_were_never_seen() {
 
 #[test]
 fn without_cameras_nothing_is_calibrated_and_few_support_little() {
-    assert_eq!(calibrate(&[], 1.0), ErrorRates::default());
+    assert_eq!(calibrate(&[], &|_| 0.0), ErrorRates::default());
     let train = scene(40, 9, 0.0, |_| true);
     let fitted = fitted(&train);
     let error = |settings: KnobLevels| train.table.get(0, settings).map(|cost| cost.error);
     let camera = || Calibration { frontier: &fitted.shared, error: &error };
     assert_eq!(
-        calibrate(&[camera()], 1.0),
+        calibrate(&[camera()], &|_| 0.0),
         ErrorRates::default(),
         "one says nothing of the spread"
     );
-    let least = |played: f64| {
-        calibrate(&[camera(), camera(), camera()], played).0.first().map(|rate| rate.budget)
-    };
-    assert!(least(1.0).is_some() && least(0.5) <= least(1.0), "{:?} {:?}", least(0.5), least(1.0));
+    let least =
+        calibrate(&[camera(), camera(), camera()], &|_| 0.0).0.first().map(|rate| rate.budget);
+    assert!(least.is_some());
     let broken = |_: KnobLevels| None;
-    let unknown = calibrate(&[Calibration { frontier: &fitted.shared, error: &broken }], 1.0);
+    let unknown = calibrate(&[Calibration { frontier: &fitted.shared, error: &broken }], &|_| 0.0);
     assert!(unknown.is_sound());
 }

@@ -3,6 +3,7 @@
 //! All renderings go through [`Renderings`] and are journaled. Everything derived from renderings
 //! alone is recomputed when a run is resumed. Independent of the renderer: [`Measure`] renders.
 mod pilots;
+mod play;
 mod renderings;
 #[cfg(test)]
 pub(crate) mod tests;
@@ -17,6 +18,7 @@ use crate::journal::JournalError;
 use crate::pool::{Proposal, Screening, portfolio, propose, round_seed, screening_settings};
 use crate::table::{CostTable, Measure};
 
+pub(crate) use play::PlayShare;
 pub(crate) use renderings::{Job, Progress, Purpose, Renderings, Setup, StageEffort};
 
 /// Share of the time limit for finding the pool; the rest is for cameras.
@@ -104,6 +106,8 @@ pub(crate) struct Outcome {
     pub effort: (usize, f64),
     /// The same by stage.
     pub stages: Vec<StageEffort>,
+    /// Errors in play as a share of those of clips, whose history is shorter.
+    pub played: PlayShare,
     /// Mean error of the best settings rendered twice: the noise floor of errors.
     pub noise: f64,
     /// Costs of the pool at the training cameras of the map.
@@ -141,9 +145,9 @@ pub(crate) fn run<M: Measure>(
     let mut renderings = Renderings::new(setup);
     let pilots = pilots::choose(&cameras.training, config.pilots);
     let (screening, candidates) = find_pool(subject, config, &pilots, &mut renderings)?;
-    let (pool, counts) =
+    let (pool, counts, played) =
         render_cameras(subject, config, cameras, &pilots, &candidates, &mut renderings)?;
-    Ok(finish(subject, config, cameras, screening, pool, counts, &renderings))
+    Ok(finish(subject, config, cameras, screening, (pool, counts, played), &renderings))
 }
 
 /// Screening and rounds of proposals at the pilot cameras. Returns the knobs' effects, and the
@@ -211,8 +215,9 @@ fn every_other(rows: usize, which: usize) -> Vec<usize> {
     if rows < 2 { (0..rows).collect() } else { (which..rows).step_by(2).collect() }
 }
 
-/// Renders the pool at blocks of training and calibration cameras. Returns the pool, and the number
-/// of cameras of each purpose.
+/// Renders the pool at blocks of training and calibration cameras, and some of it over stretches of
+/// the tracks. Returns the pool, the number of cameras of each purpose, and errors in play as a
+/// share of those of clips.
 fn render_cameras<M: Measure>(
     subject: &Subject<'_>,
     config: &PipelineConfig,
@@ -220,7 +225,7 @@ fn render_cameras<M: Measure>(
     pilots: &[usize],
     candidates: &[KnobLevels],
     renderings: &mut Renderings<'_, M>,
-) -> Result<(Vec<KnobLevels>, [usize; 2]), PipelineError<M::Error>> {
+) -> Result<(Vec<KnobLevels>, [usize; 2], PlayShare), PipelineError<M::Error>> {
     let space = subject.space;
     let ends = [space.highest(), space.lowest()].map(|settings| space.canonical(settings));
     let pool = portfolio(
@@ -228,6 +233,8 @@ fn render_cameras<M: Measure>(
         config.pool,
         &ends,
     );
+    let at_pilots = table(renderings, Purpose::Training, pilots, &pool);
+    let played = play::share_of_play(&at_pilots, space, renderings)?;
     // The pilot cameras are already rendered.
     let order: Vec<usize> = pilots
         .iter()
@@ -252,7 +259,7 @@ fn render_cameras<M: Measure>(
         renderings.batch("cameras", &jobs)?;
         counts = [counts[0] + training.len(), calibration.end];
     }
-    Ok((pool, counts))
+    Ok((pool, counts, played))
 }
 
 fn table<M: Measure>(
@@ -332,18 +339,19 @@ fn finish<M: Measure>(
     config: &PipelineConfig,
     cameras: &CameraSet,
     screening: Screening,
-    pool: Vec<KnobLevels>,
-    counts: [usize; 2],
+    (pool, counts, played): (Vec<KnobLevels>, [usize; 2], PlayShare),
     renderings: &Renderings<'_, M>,
 ) -> Outcome {
     let all: Vec<usize> = (0..cameras.training.len()).collect();
     let raw = table(renderings, Purpose::Training, &all, &pool);
     let apart = table(renderings, Purpose::Calibration, &(0..counts[1]).collect::<Vec<_>>(), &pool);
     let (smooth, cost) = modelled(subject, &raw);
+    // The map holds errors as in play.
+    let (smooth, apart) = (played.apply(&smooth, &smooth), played.apply(&apart, &smooth));
     let (training, rows) = Training::new(&smooth, &cameras.training, &pool);
     let used: Vec<MovingCamera> = rows.iter().map(|row| cameras.training[*row]).collect();
     let fitted = fit(&training, &views(&used, subject.lens), subject.bounds, &config.fit);
-    let error_rates = calibrated(subject, cameras, &fitted, (&smooth, &rows), &apart);
+    let error_rates = calibrated(subject, cameras, &fitted, (&smooth, &rows), &apart, &played);
     let best = subject.space.canonical(subject.space.highest());
     let repeated: Vec<f64> =
         (0..raw.rows()).filter_map(|row| Some(raw.get(row, best)?.error)).collect();
@@ -359,22 +367,13 @@ fn finish<M: Measure>(
         stages: renderings.stages().to_vec(),
         training: smooth.with_rows(&rows),
         training_cameras: rows,
+        played,
         noise: repeated.iter().sum::<f64>() / repeated.len().max(1) as f64,
         fitted,
     }
 }
 
-/// Error in play as a share of that of a clip, whose history is shorter: 0.80 to 0.99 for 17 settings
-/// on the courtyard's tour, this in the mean.
-const PLAYED_ERROR: f64 = 0.92;
-
 /// Cameras of tracks that are enough to calibrate by them alone.
-///
-/// Rejected: scaling errors by what long clips show beside short ones, since history averages more
-/// noise in play. For all settings together, five cameras of the courtyard gave 0.93, while on the
-/// tour itself nearly all settings have 1.02 to 1.23 of the mean over training cameras. By setting,
-/// four cameras gave factors so noisy that error budgets of 0.01 to 0.02 were exceeded by a fifth;
-/// power budgets above 70 % gained.
 const ENOUGH_ON_TRACKS: usize = 20;
 
 /// Calibrates error budgets: by cameras of tracks where there are enough, since these are the views
@@ -386,6 +385,7 @@ fn calibrated(
     fitted: &Fitted,
     (trained, rows): (&CostTable, &[usize]),
     apart: &CostTable,
+    played: &PlayShare,
 ) -> ErrorRates {
     let error = |table: &'_ CostTable, row: usize, settings: KnobLevels| {
         Some(table.get(row, settings)?.error)
@@ -393,18 +393,20 @@ fn calibrated(
     let views = views(&cameras.calibration, subject.lens);
     let apart = views.iter().enumerate().take(apart.rows()).filter_map(|(row, view)| {
         let frontier = look_up_in(&fitted.octree, subject.bounds, view)?.frontier;
-        Some((cameras.calibration[row].is_on_track(), frontier, apart, row))
+        Some((cameras.calibration[row], frontier, apart, row))
     });
     let crossed = fitted
         .held_out
         .iter()
         .zip(rows)
-        .map(|(frontier, row)| (cameras.training[*row].is_on_track(), frontier, trained, *row));
+        .map(|(frontier, row)| (cameras.training[*row], frontier, trained, *row));
     let mut all: Vec<_> =
         apart.chain(crossed).filter(|(_, frontier, ..)| !frontier.is_empty()).collect();
-    if all.iter().filter(|(is_on_track, ..)| *is_on_track).count() >= ENOUGH_ON_TRACKS {
-        all.retain(|(is_on_track, ..)| *is_on_track);
+    if all.iter().filter(|(camera, ..)| camera.is_on_track()).count() >= ENOUGH_ON_TRACKS {
+        all.retain(|(camera, ..)| camera.is_on_track());
     }
+    // Groups are numbered along tracks.
+    all.sort_by_key(|(camera, ..)| camera.group);
     let all: Vec<_> = all
         .into_iter()
         .map(|(_, frontier, table, row)| {
@@ -413,7 +415,7 @@ fn calibrated(
         .collect();
     let cameras: Vec<Calibration<'_>> =
         all.iter().map(|(frontier, error)| Calibration { frontier, error }).collect();
-    calibrate(&cameras, PLAYED_ERROR)
+    calibrate(&cameras, &|error| played.uncertainty(error))
 }
 
 /// Describes a fit in one line.

@@ -11,6 +11,7 @@ use bevy_frugal_gi::knobs::KnobLevels;
 use super::PipelineError;
 use crate::cameras::{CameraSet, MovingCamera};
 use crate::journal::Journal;
+use crate::scene::CameraPose;
 use crate::table::Measure;
 
 /// Purpose of a camera.
@@ -20,6 +21,10 @@ pub(crate) enum Purpose {
     Training,
     /// Calibrating error budgets.
     Calibration,
+    /// A whole stretch of a track.
+    Play,
+    /// The end of a stretch, as long as a clip.
+    Clip,
 }
 
 impl Purpose {
@@ -27,6 +32,8 @@ impl Purpose {
         match self {
             Self::Training => 't',
             Self::Calibration => 'c',
+            Self::Play => 'p',
+            Self::Clip => 'e',
         }
     }
 }
@@ -36,7 +43,7 @@ impl Purpose {
 pub(crate) struct Job {
     /// Purpose of the camera.
     pub purpose: Purpose,
-    /// Its number among the cameras of that purpose.
+    /// Its number among the cameras of that purpose, or among the stretches.
     pub camera: usize,
     /// The settings.
     pub settings: Vec<KnobLevels>,
@@ -206,8 +213,10 @@ impl<'a, M: Measure> Renderings<'a, M> {
 
     fn render(&mut self, question: Question) -> Result<(), PipelineError<M::Error>> {
         let (purpose, camera, settings) = question;
-        let Some(camera) = self.camera(purpose, camera) else { return Ok(()) };
-        let clip = camera.clip(self.frames, self.frames_per_second);
+        let clip = self.clip(purpose, camera);
+        if clip.is_empty() {
+            return Ok(());
+        }
         let started = Instant::now();
         let cost = self.measure.measure(&clip, settings).map_err(PipelineError::Measure)?;
         self.seconds += started.elapsed().as_secs_f64();
@@ -217,11 +226,39 @@ impl<'a, M: Measure> Renderings<'a, M> {
         Ok(())
     }
 
-    fn camera(&self, purpose: Purpose, camera: usize) -> Option<&MovingCamera> {
+    /// The poses to render; none for numbers out of range.
+    fn clip(&self, purpose: Purpose, number: usize) -> Vec<CameraPose> {
+        let of_camera = |cameras: &[MovingCamera]| {
+            cameras
+                .get(number)
+                .map(|camera| camera.clip(self.frames, self.frames_per_second))
+                .unwrap_or_default()
+        };
+        let stretch = || self.cameras.stretches.get(number).map_or(&[][..], Vec::as_slice);
         match purpose {
-            Purpose::Training => self.cameras.training.get(camera),
-            Purpose::Calibration => self.cameras.calibration.get(camera),
+            Purpose::Training => of_camera(&self.cameras.training),
+            Purpose::Calibration => of_camera(&self.cameras.calibration),
+            Purpose::Play => stretch().to_vec(),
+            Purpose::Clip => {
+                let start = stretch().len().saturating_sub(self.frames_per_clip());
+                stretch()[start..].to_vec()
+            }
         }
+    }
+
+    /// Number of stretches of tracks.
+    pub(crate) fn stretches(&self) -> usize {
+        self.cameras.stretches.len()
+    }
+
+    /// Number of frames of one rendering.
+    pub(crate) fn frames(&self, purpose: Purpose, number: usize) -> usize {
+        self.clip(purpose, number).len()
+    }
+
+    /// Number of frames of a rendering at a camera.
+    pub(crate) fn frames_per_clip(&self) -> usize {
+        self.frames.max(1) as usize
     }
 
     /// Cost of settings at a camera; `None` where not rendered.
@@ -294,6 +331,8 @@ fn read_rendering(record: &str) -> Option<(Question, CostPoint)> {
     let purpose = match words.next()? {
         "t" => Purpose::Training,
         "c" => Purpose::Calibration,
+        "p" => Purpose::Play,
+        "e" => Purpose::Clip,
         _ => return None,
     };
     let mut number = || u64::from_str_radix(words.next()?, 16).ok();

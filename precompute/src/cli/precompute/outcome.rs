@@ -46,6 +46,7 @@ pub(in crate::cli) fn print_outcome(searched: &Searched) {
             fixed.join(", ")
         );
     }
+    println!("errors in play, as a share of those of short clips: {}", outcome.played);
     match map.error_rates.0.first() {
         Some(least) => println!(
             "error budgets from {} up are calibrated; the best settings rendered twice differ by {:.4}",

@@ -114,6 +114,7 @@ fn facts(summary: &SearchSummary<'_>) -> Vec<(String, String)> {
                 percent(outcome.cost_quality.ninth_decile)
             ),
         ),
+        ("Errors in play, as a share of those of short clips", outcome.played.to_string()),
         ("Noise floor: the best settings rendered twice", format!("{:.4}", outcome.noise)),
     ]
     .into_iter()
