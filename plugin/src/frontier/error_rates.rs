@@ -2,11 +2,13 @@
 //!
 //! An error budget limits the mean error of the rendered frames. A mean takes the least power when
 //! a watt reduces the error equally everywhere: each camera minimises P + λe with one exchange rate
-//! λ (Everett 1963, "Generalized Lagrange multiplier method for solving problems of optimum
+//! λ, and in fact P + λe² ÷ 0.01 (see [`Frontier::least_weighted`](super::Frontier::least_weighted);
+//! Everett 1963, "Generalized Lagrange multiplier method for solving problems of optimum
 //! allocation of resources"). A limit on every frame's error (Wang et al. 2016, equation 3.3)
 //! spends most where error is most expensive to reduce. The λ of each budget is calibrated on
-//! held-out cameras: it is the least at which an upper confidence bound of their mean error is within
-//! the budget (risk-controlling sets; Bates, Angelopoulos, Lei, Malik, Jordan 2021).
+//! held-out cameras: it is the least at which the mean predicted error, plus an upper confidence bound
+//! of how errors differ from their predictions, is within the budget (risk-controlling sets; Bates,
+//! Angelopoulos, Lei, Malik, Jordan 2021).
 
 use bevy::reflect::Reflect;
 use serde::{Deserialize, Serialize};
@@ -16,7 +18,7 @@ use serde::{Deserialize, Serialize};
 pub struct ErrorRate {
     /// Budget of the mean error, 1 − SSIM; finite, above 0.
     pub budget: f64,
-    /// Exchange rate λ, in watts per unit of error; finite, at least 0. Higher values select better
+    /// Exchange rate λ, in watts per unit of error where the error is 0.01; finite, at least 0. Higher values select better
     /// and more expensive settings.
     pub watts_per_error: f64,
     /// Mean predicted error at which the measured error just meets the budget: the controller's
