@@ -158,7 +158,7 @@ fn find_pool<M: Measure>(
     pilots: &[usize],
     renderings: &mut Renderings<'_, M>,
 ) -> Result<(Screening, Vec<KnobLevels>), PipelineError<M::Error>> {
-    let Subject { space, layout, .. } = *subject;
+    let space = subject.space;
     let jobs = |settings: &[KnobLevels]| -> Vec<Job> {
         pilots
             .iter()
@@ -179,28 +179,10 @@ fn find_pool<M: Measure>(
         {
             break;
         }
-        let table = table(renderings, Purpose::Training, pilots, &rendered);
-        let cost = CostModel::fit(&readings(subject, &table));
-        // Alternates between all pilot cameras and each half of them, because the pool must suit
-        // different views.
-        let halves: [Vec<usize>; 3] = [
-            (0..table.rows()).collect(),
-            every_other(table.rows(), 0),
-            every_other(table.rows(), 1),
-        ];
-        let rows = &halves[round % 3];
-        let mean = |column: usize| {
-            table.mean(column, rows.iter().copied()).map_or(f64::NAN, |cost| cost.error)
-        };
-        let errors: Vec<_> = table
-            .settings()
-            .iter()
-            .enumerate()
-            .map(|(column, settings)| (*settings, mean(column)))
-            .collect();
-        let proposal =
-            Proposal { space, screening: &screening, cost: &cost, layout, errors: &errors };
-        let proposed = propose(&proposal, config.batch, round_seed(config.seed, round as u64));
+        let proposed = renderings.settings(&format!("round {round}"), |renderings| {
+            let table = table(renderings, Purpose::Training, pilots, &rendered);
+            propose_round(subject, config, &screening, &table, round)
+        })?;
         if proposed.is_empty() {
             break;
         }
@@ -208,6 +190,34 @@ fn find_pool<M: Measure>(
         rendered.extend(proposed);
     }
     Ok((screening, rendered))
+}
+
+/// Settings to render next at the pilot cameras; `table`: costs there so far.
+fn propose_round(
+    subject: &Subject<'_>,
+    config: &PipelineConfig,
+    screening: &Screening,
+    table: &CostTable,
+    round: usize,
+) -> Vec<KnobLevels> {
+    let Subject { space, layout, .. } = *subject;
+    let cost = CostModel::fit(&readings(subject, table));
+    // Alternates between all pilot cameras and each half of them, because the pool must suit
+    // different views.
+    let halves: [Vec<usize>; 3] =
+        [(0..table.rows()).collect(), every_other(table.rows(), 0), every_other(table.rows(), 1)];
+    let rows = &halves[round % 3];
+    let mean = |column: usize| {
+        table.mean(column, rows.iter().copied()).map_or(f64::NAN, |cost| cost.error)
+    };
+    let errors: Vec<_> = table
+        .settings()
+        .iter()
+        .enumerate()
+        .map(|(column, settings)| (*settings, mean(column)))
+        .collect();
+    let proposal = Proposal { space, screening, cost: &cost, layout, errors: &errors };
+    propose(&proposal, config.batch, round_seed(config.seed, round as u64))
 }
 
 /// Every other row, starting at `which`; all rows if there is only one.

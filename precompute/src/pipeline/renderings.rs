@@ -72,6 +72,7 @@ pub(crate) struct Renderings<'a, M> {
     shard: (usize, usize),
     known: HashMap<Question, CostPoint>,
     decisions: HashMap<String, bool>,
+    proposals: HashMap<String, Vec<KnobLevels>>,
     report: &'a mut dyn FnMut(&Progress<'_>) -> ControlFlow<()>,
     started: Instant,
     limit: Option<Duration>,
@@ -131,6 +132,7 @@ impl<'a, M: Measure> Renderings<'a, M> {
             shard,
             known: HashMap::new(),
             decisions: HashMap::new(),
+            proposals: HashMap::new(),
             report,
             started: Instant::now(),
             limit,
@@ -143,6 +145,8 @@ impl<'a, M: Measure> Renderings<'a, M> {
                 renderings.known.insert(question, cost);
             } else if let Some((name, yes)) = read_decision(record) {
                 renderings.decisions.insert(name, yes);
+            } else if let Some((name, settings)) = read_proposal(record) {
+                renderings.proposals.insert(name, settings);
             }
         }
         renderings
@@ -295,6 +299,25 @@ impl<'a, M: Measure> Renderings<'a, M> {
         Ok(yes)
     }
 
+    /// Settings that take long to choose, although they follow from the renderings: chosen once and
+    /// journaled. A run that is killed every few seconds would otherwise do nothing else.
+    ///
+    /// # Errors
+    /// When the journal cannot be written.
+    pub(crate) fn settings(
+        &mut self,
+        name: &str,
+        choose: impl FnOnce(&Self) -> Vec<KnobLevels>,
+    ) -> Result<Vec<KnobLevels>, PipelineError<M::Error>> {
+        if let Some(known) = self.proposals.get(name) {
+            return Ok(known.clone());
+        }
+        let settings = choose(self);
+        self.journal.append(&write_proposal(name, &settings))?;
+        self.proposals.insert(name.to_owned(), settings.clone());
+        Ok(settings)
+    }
+
     /// Whether `more` renderings will probably finish within `share` of the time limit. Always true
     /// without a limit.
     pub(crate) fn has_time(&self, more: usize, share: f64) -> bool {
@@ -324,6 +347,19 @@ fn write_rendering((purpose, camera, settings): Question, cost: CostPoint) -> St
         bits[0],
         bits[1]
     )
+}
+
+fn write_proposal(name: &str, settings: &[KnobLevels]) -> String {
+    let bits: Vec<String> = settings.iter().map(|one| format!("{:x}", one.bits())).collect();
+    format!("settings {name}: {}", bits.join(" "))
+}
+
+fn read_proposal(record: &str) -> Option<(String, Vec<KnobLevels>)> {
+    let (name, bits) = record.strip_prefix("settings ")?.split_once(':')?;
+    let settings = bits
+        .split_whitespace()
+        .map(|bits| u64::from_str_radix(bits, 16).ok().map(KnobLevels::from_bits));
+    Some((name.to_owned(), settings.collect::<Option<_>>()?))
 }
 
 fn read_rendering(record: &str) -> Option<(Question, CostPoint)> {
@@ -359,6 +395,11 @@ mod tests {
             assert_eq!(read_rendering(&write_rendering(question, cost)), Some((question, cost)));
         }
         assert_eq!(read_decision("decide round 3 1"), Some(("round 3".to_owned(), true)));
+        for settings in [vec![], vec![KnobLevels::from_bits(0x1f), KnobLevels::from_bits(0)]] {
+            let record = write_proposal("round 2", &settings);
+            assert_eq!(read_proposal(&record), Some(("round 2".to_owned(), settings)));
+        }
+        assert_eq!(read_proposal("settings round 2: 1f x"), None);
         assert_eq!((read_rendering("render x 0 0 0 0"), read_decision("render")), (None, None));
     }
 }
