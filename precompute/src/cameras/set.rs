@@ -75,6 +75,22 @@ pub(crate) fn tracks_of<'a>(
     paths.into_iter().map(track).filter(|track: &Vec<_>| !track.is_empty()).collect()
 }
 
+/// Number and samples of the track with sample `of_all` of all tracks' samples, and the sample's
+/// index in it.
+pub(super) fn locate(
+    tracks: &[Vec<TrackSample>],
+    of_all: usize,
+) -> Option<(usize, &[TrackSample], usize)> {
+    let mut index = of_all;
+    for (number, track) in tracks.iter().enumerate() {
+        if index < track.len() {
+            return Some((number, track, index));
+        }
+        index -= track.len();
+    }
+    None
+}
+
 /// The sample at `to`, `step` seconds after `from`. A jump is a cut, with no motion.
 pub(super) fn sample(from: CameraPose, to: CameraPose, step: f32) -> TrackSample {
     let velocity = (to.position - from.position) / step;
@@ -208,13 +224,8 @@ impl Source<'_> {
         random: &mut ChaCha8Rng,
     ) -> Option<MovingCamera> {
         let all: usize = self.tracks.iter().map(Vec::len).sum();
-        let mut sample_index =
-            ((index as f64 + random.random::<f64>()) / count as f64 * all as f64) as usize;
-        let (number, track) = self.tracks.iter().enumerate().find(|(_, track)| {
-            let is_here = sample_index < track.len();
-            sample_index -= if is_here { 0 } else { track.len() };
-            is_here
-        })?;
+        let of_all = ((index as f64 + random.random::<f64>()) / count as f64 * all as f64) as usize;
+        let (number, track, sample_index) = locate(self.tracks, of_all)?;
         let TrackSample { pose, velocity, turn: turning } = track[sample_index];
         let mut within = |greatest: f32| random.random_range(-greatest..=greatest);
         // Less vertically than horizontally, as people move and look.

@@ -1,6 +1,7 @@
 //! Stretches of tracks: what a camera shows in the second before a moment, as in play.
 
 use super::TrackSample;
+use super::set::locate;
 use crate::scene::CameraPose;
 
 /// `count` stretches of `frames` poses each, that end evenly over all of `tracks`. Fewer where a
@@ -12,12 +13,8 @@ pub(crate) fn stretches(
 ) -> Vec<Vec<CameraPose>> {
     let all: usize = tracks.iter().map(Vec::len).sum();
     let ends = (0..count).map(|index| (2 * index + 1) * all / (2 * count));
-    ends.filter_map(|mut end| {
-        let track = tracks.iter().find(|track| {
-            let is_here = end < track.len();
-            end -= if is_here { 0 } else { track.len() };
-            is_here
-        })?;
+    ends.filter_map(|end| {
+        let (_, track, end) = locate(tracks, end)?;
         let end = end.max(frames.saturating_sub(1));
         let stretch = track.get((end + 1).checked_sub(frames)?..=end)?;
         let is_whole = stretch.windows(2).all(|two| {

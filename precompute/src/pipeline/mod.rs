@@ -1,7 +1,7 @@
 //! From cameras to a map: screening, pool, blocks of cameras, fit, calibration.
 //!
-//! All renderings go through [`Renderings`] and are journaled. Everything derived from renderings
-//! alone is recomputed when a run is resumed. Independent of the renderer: [`Measure`] renders.
+//! All renderings go through [`Renderings`] and are journaled, as are proposals, which take seconds.
+//! Everything else that follows from renderings is recomputed when a run is resumed. Independent of the renderer: [`Measure`] renders.
 mod pilots;
 mod play;
 mod renderings;
@@ -293,12 +293,10 @@ fn readings(subject: &Subject<'_>, table: &CostTable) -> Vec<CostReading> {
     let columns = table.settings().iter().enumerate();
     let of = columns.flat_map(|(column, settings)| {
         let work = Work::of(subject.space, *settings, subject.layout);
-        (0..table.rows()).filter_map(move |row| {
-            Some(CostReading {
-                camera: row,
-                work: work.clone(),
-                power_w: table.at(row, column)?.power.0,
-            })
+        table.known(column).map(move |(row, cost)| CostReading {
+            camera: row,
+            work: work.clone(),
+            power_w: cost.power.0,
         })
     });
     of.collect()
@@ -316,13 +314,13 @@ fn modelled(subject: &Subject<'_>, table: &CostTable) -> (CostTable, CostModel) 
     let mut smooth = CostTable::new(table.rows());
     for (column, settings) in table.settings().iter().enumerate() {
         let work = Work::of(subject.space, *settings, subject.layout);
-        let known = || (0..table.rows()).filter_map(|row| Some((row, table.at(row, column)?)));
-        let beyond: Vec<f64> = known()
+        let beyond: Vec<f64> = table
+            .known(column)
             .map(|(row, cost)| (cost.power.0 / model.power_at(row, &work)).ln())
             .filter(|ln| ln.is_finite())
             .collect();
         let factor = (beyond.iter().sum::<f64>() / (beyond.len() as f64 + SETTING_PRIOR)).exp();
-        for (row, cost) in known() {
+        for (row, cost) in table.known(column) {
             smooth.set(
                 row,
                 *settings,
@@ -363,8 +361,6 @@ fn finish<M: Measure>(
     let fitted = fit(&training, &views(&used, subject.lens), subject.bounds, &config.fit);
     let error_rates = calibrated(subject, cameras, &fitted, (&smooth, &rows), &apart, &played);
     let best = subject.space.canonical(subject.space.highest());
-    let repeated: Vec<f64> =
-        (0..raw.rows()).filter_map(|row| Some(raw.get(row, best)?.error)).collect();
     Outcome {
         error_rates,
         pool,
@@ -378,7 +374,7 @@ fn finish<M: Measure>(
         training: smooth.with_rows(&rows),
         training_cameras: rows,
         played,
-        noise: repeated.iter().sum::<f64>() / repeated.len().max(1) as f64,
+        noise: raw.known_mean_error(best).unwrap_or(0.0),
         fitted,
     }
 }

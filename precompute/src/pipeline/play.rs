@@ -149,15 +149,10 @@ impl PlayShare {
     pub(super) fn apply(&self, table: &CostTable, means: &CostTable) -> CostTable {
         let mut played = CostTable::new(table.rows());
         for (column, settings) in table.settings().iter().enumerate() {
-            let known: Vec<f64> = (0..means.rows())
-                .filter_map(|row| Some(means.get(row, *settings)?.error))
-                .collect();
-            let share = self.at(known.iter().sum::<f64>() / known.len() as f64);
-            for row in 0..table.rows() {
-                if let Some(cost) = table.at(row, column) {
-                    let error = cost.error * share;
-                    played.set(row, *settings, CostPoint::new(cost.power.0, error));
-                }
+            let share = self.at(means.known_mean_error(*settings).unwrap_or(f64::NAN));
+            for (row, cost) in table.known(column) {
+                let error = cost.error * share;
+                played.set(row, *settings, CostPoint::new(cost.power.0, error));
             }
         }
         played

@@ -45,20 +45,13 @@ impl Screening {
         let mut effects = Vec::new();
         let mut without_effect = Vec::new();
         for (index, knob) in space.knobs().iter().enumerate() {
-            let column =
-                |level: usize| table.column(space.canonical(best.with_level(index, level)));
-            let mean = |level: usize| {
-                let column = column(level)?;
-                let known: Vec<f64> = (0..table.rows())
-                    .filter_map(|row| Some(table.at(row, column)?.error))
-                    .collect();
-                (!known.is_empty()).then(|| known.iter().sum::<f64>() / known.len() as f64)
-            };
+            let lowered = |level: usize| space.canonical(best.with_level(index, level));
+            let column = |level: usize| table.column(lowered(level));
             let top = knob.levels.len() - 1;
             let mut errors: Vec<f64> = vec![0.0; knob.levels.len()];
             let mut above = top;
             for level in (0..top).rev() {
-                let Some(error) = mean(level) else { continue };
+                let Some(error) = table.known_mean_error(lowered(level)) else { continue };
                 // A lower level is never better: a lower error is noise.
                 errors[level] = error.max(errors[above]);
                 for between in level + 1..above {
@@ -73,7 +66,7 @@ impl Screening {
             }
             let greatest = (0..top)
                 .filter_map(column)
-                .flat_map(|column| (0..table.rows()).filter_map(move |row| table.at(row, column)));
+                .flat_map(|column| table.known(column).map(|(_, cost)| cost));
             if top > 0
                 && greatest.map(|cost| cost.error).fold(0.0, f64::max) < NO_EFFECT
                 && column(0).is_some()

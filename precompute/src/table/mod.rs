@@ -70,6 +70,21 @@ impl CostTable {
         self.costs.get(column)?.get(row).copied().filter(|cost| cost.is_finite())
     }
 
+    /// The known costs of a column, each with its row.
+    pub fn known(&self, column: usize) -> impl Iterator<Item = (usize, CostPoint)> + '_ {
+        (0..self.rows).filter_map(move |row| Some((row, self.at(row, column)?)))
+    }
+
+    /// Mean error of the known costs of `settings`; `None` where none is known.
+    pub fn known_mean_error(&self, settings: KnobLevels) -> Option<f64> {
+        let (mut sum, mut count) = (0.0, 0.0);
+        for (_, cost) in self.known(self.column(settings)?) {
+            sum += cost.error;
+            count += 1.0;
+        }
+        (count > 0.0).then(|| sum / count)
+    }
+
     /// Mean of a column over `rows`; `None` where one of them is unknown, or `rows` is empty.
     pub fn mean(&self, column: usize, rows: impl IntoIterator<Item = usize>) -> Option<CostPoint> {
         let (mut power, mut error, mut count) = (0.0, 0.0, 0.0);

@@ -15,8 +15,8 @@ const REGRET_BUDGETS: [f64; 9] = [0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9];
 pub(super) fn costs(summary: &SearchSummary<'_>) -> Result<String, ReportError> {
     let table = &summary.outcome.training;
     let points: Vec<(f64, f64)> = (0..table.settings().len())
-        .flat_map(|column| (0..table.rows()).filter_map(move |row| table.at(row, column)))
-        .map(|cost| (cost.power.0, cost.error))
+        .flat_map(|column| table.known(column))
+        .map(|(_, cost)| (cost.power.0, cost.error))
         .collect();
     let shared =
         Curve { color: Color::BLUE, width: 2, points: staircase(&summary.outcome.fitted.shared) };
