@@ -4,6 +4,7 @@ use bevy::asset::{Assets, Handle, RenderAssetUsages};
 use bevy::camera::visibility::NoFrustumCulling;
 use bevy::color::{Color, LinearRgba};
 use bevy::ecs::entity::Entity;
+use bevy::ecs::hierarchy::ChildOf;
 use bevy::image::{Image, ImageSampler};
 use bevy::math::{Mat4, Vec3};
 use bevy::mesh::skinning::{SkinnedMesh, SkinnedMeshInverseBindposes};
@@ -67,26 +68,30 @@ pub fn plate(coordinates: bool) -> Mesh {
     mesh
 }
 
-/// Adds a skin of one joint, which moves the mesh like a transform.
-pub fn with_one_joint(mesh: Mesh) -> Mesh {
+/// Adds a skin in which each vertex follows one joint, as a transform would move it.
+pub fn with_joints(mesh: Mesh, joint: impl Fn(usize) -> u16) -> Mesh {
     let count = mesh.count_vertices();
+    let joints = (0..count).map(|vertex| [joint(vertex), 0, 0, 0]).collect();
     mesh.with_inserted_attribute(
         Mesh::ATTRIBUTE_JOINT_INDEX,
-        VertexAttributeValues::Uint16x4(vec![[0; 4]; count]),
+        VertexAttributeValues::Uint16x4(joints),
     )
     .with_inserted_attribute(Mesh::ATTRIBUTE_JOINT_WEIGHT, vec![[1.0f32, 0.0, 0.0, 0.0]; count])
 }
 
-/// Spawns the joint of a mesh [`with_one_joint`] and returns it.
-pub fn add_joint(stage: &mut Stage, skin: Entity) -> Entity {
+/// Spawns the joints of a mesh [`with_joints`], each a child of the one before, and returns them.
+pub fn add_joints(stage: &mut Stage, skin: Entity, count: usize) -> Vec<Entity> {
     let world = stage.world_mut();
-    let joint = world.spawn(Transform::default()).id();
-    let bind: SkinnedMeshInverseBindposes = vec![Mat4::IDENTITY].into();
+    let joints: Vec<_> = (0..count).map(|_| world.spawn(Transform::default()).id()).collect();
+    for pair in joints.windows(2) {
+        world.entity_mut(pair[1]).insert(ChildOf(pair[0]));
+    }
+    let bind: SkinnedMeshInverseBindposes = vec![Mat4::IDENTITY; count].into();
     let inverse_bindposes = world.resource_mut::<Assets<SkinnedMeshInverseBindposes>>().add(bind);
     world
         .entity_mut(skin)
-        .insert((SkinnedMesh { inverse_bindposes, joints: vec![joint] }, NoFrustumCulling));
-    joint
+        .insert((SkinnedMesh { inverse_bindposes, joints: joints.clone() }, NoFrustumCulling));
+    joints
 }
 
 /// A texture of `width` × `height` texels with nearest-neighbour sampling, in

@@ -247,7 +247,7 @@ mod tests {
     fn frontier(costs: &[(f64, f64)]) -> Frontier {
         Frontier::from_points(costs.iter().enumerate().map(|(bits, (power, error))| {
             FrontierPoint {
-                settings: KnobLevels::from_bits(bits as u64),
+                settings: KnobLevels::from_bits(bits as u128),
                 cost: CostPoint::new(*power, *error),
             }
         }))

@@ -299,7 +299,7 @@ fn usual_times() -> impl Strategy<Value = TransitionTimes> {
 
 /// A filter after any sequence of steps.
 fn mid_transition() -> impl Strategy<Value = SettingsFilter> {
-    (usual_times(), prop::collection::vec((any::<u64>(), 0.0..0.5), 1..20)).prop_map(
+    (usual_times(), prop::collection::vec((any::<u128>(), 0.0..0.5), 1..20)).prop_map(
         |(times, steps)| {
             let mut filter = SettingsFilter::default();
             for (bits, delta) in steps {
@@ -313,7 +313,7 @@ fn mid_transition() -> impl Strategy<Value = SettingsFilter> {
 proptest! {
     #[test]
     fn every_step_returns_settings_of_the_space(
-        steps in prop::collection::vec((any::<u64>(), any_seconds(), any_seconds(), any_seconds(), any::<bool>()), 0..50),
+        steps in prop::collection::vec((any::<u128>(), any_seconds(), any_seconds(), any_seconds(), any::<bool>()), 0..50),
     ) {
         let mut filter = SettingsFilter::default();
         for (bits, delta, rise_seconds, fall_seconds, cut) in steps {
@@ -336,14 +336,14 @@ proptest! {
     fn a_knob_enters_its_targets_range_in_time_and_stays_inside(
         mut filter in mid_transition(),
         times in usual_times(),
-        targets in prop::collection::vec((any::<u64>(), 0.0..0.2, 1_usize..9), 1..100),
+        targets in prop::collection::vec((any::<u128>(), 0.0..0.2, 1_usize..9), 1..100),
         low in 0_usize..16,
         width in 0_usize..4,
     ) {
         let space = long_space();
         let high = (low + width).min(15);
         let longest = times.rise_seconds.max(times.fall_seconds);
-        let target = |bits: u64| space.from_levels(|knob, _| low + bits as usize / (1 + 99 * knob) % (high - low + 1));
+        let target = |bits: u128| space.from_levels(|knob, _| low + bits as usize / (1 + 99 * knob) % (high - low + 1));
         // t = 0: this step belongs to the previous target.
         filter.step(&space, target(targets[0].0), 0.3, times);
         let mut elapsed = 0.0;
@@ -367,7 +367,7 @@ proptest! {
     fn a_constant_target_is_approached_monotonically(
         mut filter in mid_transition(),
         times in usual_times(),
-        bits in any::<u64>(),
+        bits in any::<u128>(),
         deltas in prop::collection::vec(0.0..0.2, 1..100),
     ) {
         let space = long_space();

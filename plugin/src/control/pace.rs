@@ -112,7 +112,7 @@ mod tests {
 
     fn store(target: Option<f64>) -> TwoViews {
         let frontier = |error: f64| {
-            let point = |level: u64| {
+            let point = |level: u128| {
                 let power = 1.0 + 0.1 * level as f64;
                 FrontierPoint {
                     settings: KnobLevels::from_bits(level),

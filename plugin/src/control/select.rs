@@ -191,7 +191,7 @@ mod tests {
         prop::collection::vec((0.0..20.0_f64, 0.0..1.0_f64), 1..60).prop_map(|costs| {
             Frontier::from_points(costs.iter().enumerate().map(|(bits, (power, error))| {
                 FrontierPoint {
-                    settings: KnobLevels::from_bits(bits as u64),
+                    settings: KnobLevels::from_bits(bits as u128),
                     cost: CostPoint::new(*power, *error),
                 }
             }))

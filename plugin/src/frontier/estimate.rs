@@ -68,6 +68,6 @@ mod tests {
         assert!((1.0..=4.0).contains(&odd), "{odd}");
         assert_eq!(Frontier::default().estimate(&space, at(0, 0)), None);
         // Levels that the space lacks are no danger.
-        assert!(estimate(KnobLevels::from_bits(u64::MAX)).is_finite());
+        assert!(estimate(KnobLevels::from_bits(u128::MAX)).is_finite());
     }
 }

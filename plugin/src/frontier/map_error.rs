@@ -56,7 +56,7 @@ pub enum FrontierMapError {
         /// Index of the frontier.
         frontier: usize,
         /// The packed settings.
-        bits: u64,
+        bits: u128,
     },
     /// A power below 0 W or not finite, or an error outside 0 to 2.
     #[error(

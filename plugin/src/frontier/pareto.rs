@@ -160,7 +160,7 @@ impl Frontier {
 mod tests {
     use super::*;
 
-    fn point(bits: u64, power: f64, error: f64) -> FrontierPoint {
+    fn point(bits: u128, power: f64, error: f64) -> FrontierPoint {
         FrontierPoint { settings: KnobLevels::from_bits(bits), cost: CostPoint::new(power, error) }
     }
 

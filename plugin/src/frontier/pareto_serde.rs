@@ -89,7 +89,7 @@ mod tests {
 
     use super::*;
 
-    fn point(bits: u64, power: f64, error: f64) -> FrontierPoint {
+    fn point(bits: u128, power: f64, error: f64) -> FrontierPoint {
         FrontierPoint { settings: KnobLevels::from_bits(bits), cost: CostPoint::new(power, error) }
     }
 
@@ -130,7 +130,7 @@ mod tests {
     proptest! {
         #[test]
         fn written_frontiers_are_read_back(costs in prop::collection::vec((0.0..500.0_f64, 0.0..2.0_f64), 0..40)) {
-            let points = costs.iter().enumerate().map(|(bits, (power, error))| point(bits as u64, *power, *error));
+            let points = costs.iter().enumerate().map(|(bits, (power, error))| point(bits as u128, *power, *error));
             let frontier = Frontier::from_points(points);
             let text = ron::to_string(&frontier).expect("serialisable");
             let back: Frontier = ron::from_str(&text).expect("the written text");

@@ -96,6 +96,7 @@ impl Plugin for GiPlugin {
             ExtractComponentPlugin::<GiShading>::default(),
             view::ViewPlugin,
             texels::TexelPlugin,
+            surfaces::SurfacesPlugin,
             trace::TracePlugin,
             (rsm::RsmPlugin, emissive::EmissivePlugin, sky::SkyPlugin, bounces::BouncePlugin),
             refresh::RefreshPlugin,

@@ -35,6 +35,8 @@ pub enum GiSystems {
 pub(super) enum SceneSystems {
     /// Cameras of reflective shadow maps are spawned, moved and despawned.
     Maps,
+    /// Changes of meshes are noted, for the sets below.
+    Changes,
     /// Texels of emissive surfaces are updated.
     Emissive,
     /// Occluders and patches are updated.
@@ -97,7 +99,11 @@ pub(super) fn configure_main_world(app: &mut App) {
                 .before(CameraUpdateSystems)
                 .before(TransformSystems::Propagate)
                 .run_if(is_not_off),
-            SceneSystems::Emissive.after(KnobSystems::Apply).run_if(is_not_off),
+            SceneSystems::Changes.run_if(is_not_off),
+            SceneSystems::Emissive
+                .after(KnobSystems::Apply)
+                .after(SceneSystems::Changes)
+                .run_if(is_not_off),
             // Read whether there is light.
             SceneSystems::Surfaces
                 .after(KnobSystems::Apply)

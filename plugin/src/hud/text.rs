@@ -67,6 +67,9 @@ impl Facts<'_> {
         let mut row = |label: &str, text: String| lines.push(format!("{label:<10}{text}"));
         row("budget", self.limits());
         row("outcome", self.outcome());
+        if let Some(limit) = self.selection.and_then(|selection| selection.binding) {
+            row("held by", words(&limit));
+        }
         if let (Some(selection), Some(applied)) = (self.selection, predicted) {
             row("predicted", cost(applied));
             if let Some(target) = selection.predicted.filter(|target| *target != applied) {
@@ -91,17 +94,28 @@ impl Facts<'_> {
     }
 
     fn limits(&self) -> String {
-        let power = self.budget.and_then(|budget| budget.power);
-        let error = self.budget.and_then(|budget| budget.error);
-        let mut limits: Vec<String> = Vec::new();
+        let budget = self.budget.copied().unwrap_or_default();
+        let app = self.app_budget.map(|limit| format!("{} of the app", watts(limit)));
         // Infinity is no limit.
-        limits.extend(power.filter(|limit| limit.0 != f64::INFINITY).map(watts));
-        limits.extend(
-            error
-                .filter(|limit| *limit != f64::INFINITY)
-                .map(|limit| format!("error {}", number(limit, 4))),
-        );
-        limits.extend(self.app_budget.map(|limit| format!("{} of the app", watts(limit))));
+        let finite = |limit: Option<f64>| limit.filter(|limit| *limit != f64::INFINITY);
+        let energy = finite(budget.energy_per_frame.map(|limit| limit.0));
+        let limits: Vec<String> = [
+            finite(budget.power.map(|limit| limit.0)).map(|limit| watts(Watts(limit))),
+            finite(budget.error).map(|limit| format!("error {}", number(limit, 4))),
+            energy.map(|limit| format!("{} mJ a frame", number(1e3 * limit, 1))),
+            budget.frame_time.map(|limit| format!("{} ms", number(1e3 * limit.as_secs_f64(), 1))),
+            budget
+                .battery_until
+                .map(|end| format!("battery until {} min", number(end.as_secs_f64() / 60.0, 1))),
+            budget
+                .headroom
+                .filter(|keep| *keep > 0.0)
+                .map(|keep| format!("headroom {} %", number(100.0 * keep, 0))),
+            app,
+        ]
+        .into_iter()
+        .flatten()
+        .collect();
         if limits.is_empty() { "none".to_owned() } else { limits.join(", ") }
     }
 

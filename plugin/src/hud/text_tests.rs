@@ -1,11 +1,13 @@
 //! Tests of the HUD's text.
 
 use std::sync::Arc;
+use std::time::Duration;
 
 use super::*;
-use crate::control::OffReason;
+use crate::control::{Limit, OffReason};
 use crate::frontier::testing;
 use crate::power::MeterInfo;
+use crate::units::Joules;
 
 fn active(outcome: Outcome) -> Selection {
     Selection {
@@ -107,12 +109,12 @@ fn numbers_at_extremes_stay_short() {
         let selection = Selection {
             predicted: Some(CostPoint::new(value, value)),
             predicted_applied: Some(CostPoint::new(value, value)),
-            target: KnobLevels::from_bits(u64::MAX),
+            target: KnobLevels::from_bits(u128::MAX),
             ..active(Outcome::Met)
         };
         let settings = KnobSettings {
             space: Arc::new(testing::space()),
-            settings: KnobLevels::from_bits(u64::MAX),
+            settings: KnobLevels::from_bits(u128::MAX),
         };
         let (budget, metered) = (
             Budget::both(Watts(value), value),
@@ -144,6 +146,25 @@ fn an_infinite_limit_is_none() {
     assert_eq!(limits(Budget::default(), None), "none");
     assert_eq!(limits(Budget::both(Watts(f64::INFINITY), f64::INFINITY), None), "none");
     assert_eq!(limits(Budget::error(0.02), Some(Watts(9.0))), "error 0.0200, 9.00 W of the app");
+}
+
+#[test]
+fn every_currency_is_named_and_the_limit_that_binds() {
+    let budget = Budget::error(0.02)
+        .with_energy_per_frame(Joules(0.25))
+        .with_frame_time(Duration::from_millis(16))
+        .with_battery_until(Duration::from_secs(7200))
+        .with_headroom(0.3);
+    let selection = Selection { binding: Some(Limit::FrameTime), ..active(Outcome::Met) };
+    let facts = Facts { budget: Some(&budget), selection: Some(&selection), ..Default::default() };
+    let text = facts.summary(Detail::Full);
+    assert!(
+        text.starts_with(
+            "budget    error 0.0200, 250.0 mJ a frame, 16.0 ms, battery until 120.0 min, headroom 30 %\n"
+        ),
+        "{text}"
+    );
+    assert!(text.contains("held by   frame time\n"), "{text}");
 }
 
 #[test]

@@ -33,7 +33,7 @@ pub(crate) enum RepriceError {
     MissingPrice(String),
     /// Settings have no cost at the map's own prices.
     #[error("settings {0:#x} cost nothing at the map's own prices: the file was changed")]
-    FreeSettings(u64),
+    FreeSettings(u128),
 }
 
 /// New conditions; `None` keeps the map's own.

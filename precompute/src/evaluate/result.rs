@@ -231,7 +231,7 @@ mod tests {
 
     use super::*;
 
-    fn frame(settings: u64, power: f64, error: f64) -> FrameRecord {
+    fn frame(settings: u128, power: f64, error: f64) -> FrameRecord {
         let settings = KnobLevels::from_bits(settings);
         FrameRecord { time: 0.0, settings, power: Watts(power), error, predicted: None }
     }

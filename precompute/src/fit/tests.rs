@@ -13,7 +13,7 @@ use crate::scene::CameraPose;
 use crate::table::CostTable;
 
 const BOUNDS: Bounds = Bounds { min: [0.0; 3], max: [8.0, 8.0, 8.0] };
-const SETTINGS: u64 = 24;
+const SETTINGS: u128 = 24;
 
 fn settings() -> Vec<KnobLevels> {
     (0..SETTINGS).map(KnobLevels::from_bits).collect()

@@ -10,7 +10,7 @@ const TOLERANCE: f64 = 0.01;
 
 fn of(points: &[(f64, f64)]) -> Frontier {
     let point = |(bits, (power, error)): (usize, &(f64, f64))| FrontierPoint {
-        settings: KnobLevels::from_bits(bits as u64),
+        settings: KnobLevels::from_bits(bits as u128),
         cost: CostPoint::new(*power, *error),
     };
     Frontier::from_points(points.iter().enumerate().map(point))

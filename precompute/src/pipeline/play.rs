@@ -182,7 +182,7 @@ mod tests {
         let mut table = CostTable::new(1);
         let costs = [(9.0, 0.0), (5.0, 0.005), (5.5, 0.006), (3.0, 0.02), (1.0, 0.4)];
         for (bits, (power, error)) in costs.into_iter().enumerate() {
-            table.set(0, KnobLevels::from_bits(bits as u64), CostPoint::new(power, error));
+            table.set(0, KnobLevels::from_bits(bits as u128), CostPoint::new(power, error));
         }
         // The third is dominated; the best have no error, and so no share.
         assert_eq!(settings(&table), [1, 3].map(KnobLevels::from_bits));

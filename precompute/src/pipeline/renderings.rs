@@ -358,7 +358,7 @@ fn read_proposal(record: &str) -> Option<(String, Vec<KnobLevels>)> {
     let (name, bits) = record.strip_prefix("settings ")?.split_once(':')?;
     let settings = bits
         .split_whitespace()
-        .map(|bits| u64::from_str_radix(bits, 16).ok().map(KnobLevels::from_bits));
+        .map(|bits| u128::from_str_radix(bits, 16).ok().map(KnobLevels::from_bits));
     Some((name.to_owned(), settings.collect::<Option<_>>()?))
 }
 
@@ -371,8 +371,9 @@ fn read_rendering(record: &str) -> Option<(Question, CostPoint)> {
         "e" => Purpose::Clip,
         _ => return None,
     };
+    let camera = usize::from_str_radix(words.next()?, 16).ok()?;
+    let settings = KnobLevels::from_bits(u128::from_str_radix(words.next()?, 16).ok()?);
     let mut number = || u64::from_str_radix(words.next()?, 16).ok();
-    let (camera, settings) = (usize::try_from(number()?).ok()?, KnobLevels::from_bits(number()?));
     Some((
         (purpose, camera, settings),
         CostPoint::new(f64::from_bits(number()?), f64::from_bits(number()?)),
@@ -391,7 +392,7 @@ mod tests {
     #[test]
     fn records_survive_to_the_last_bit() {
         for cost in [CostPoint::new(0.1 + 0.2, 1e-300), CostPoint::new(f64::INFINITY, -0.0)] {
-            let question = (Purpose::Calibration, 77, KnobLevels::from_bits(u64::MAX));
+            let question = (Purpose::Calibration, 77, KnobLevels::from_bits(u128::MAX));
             assert_eq!(read_rendering(&write_rendering(question, cost)), Some((question, cost)));
         }
         assert_eq!(read_decision("decide round 3 1"), Some(("round 3".to_owned(), true)));

@@ -131,9 +131,9 @@ mod tests {
     fn table() -> CostTable {
         let mut table = CostTable::new(6);
         for row in 0..6 {
-            for bits in 0..40u64 {
+            for bits in 0..40u128 {
                 let quality = (bits / 2) as f64 / 19.0;
-                let suits = bits % 2 == row as u64 % 2;
+                let suits = bits % 2 == row as u128 % 2;
                 let error = 0.2 * (1.0 - quality).powi(2) * if suits { 1.0 } else { 3.0 };
                 table.set(
                     row,

@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use bevy::asset::AssetId;
 use bevy::camera::Camera;
-use bevy::camera::visibility::InheritedVisibility;
+use bevy::camera::visibility::{InheritedVisibility, RenderLayers};
 use bevy::ecs::prelude::*;
 use bevy::image::Image;
 use bevy::light::{EnvironmentMapLight, NotShadowCaster};
@@ -22,7 +22,7 @@ use super::choice::{Candidate, choose, density, rank};
 use super::patch::Patch;
 use crate::gi::settings::FrugalGi;
 use crate::gi::surfaces::{
-    MaterialSample, Reflectance, SurfaceAssets, SurfaceCache, SurfaceEvents, SurfaceKey,
+    MaterialSample, MeshDelta, Reflectance, SurfaceAssets, SurfaceCache, SurfaceEvents, SurfaceKey,
     SurfacePoint, SurfacePoints, TrianglePoint, Triangles, area_matrix, triangles,
 };
 use crate::gi::view::{GiCameras, LightPresence, Showing};
@@ -147,6 +147,33 @@ pub(super) struct Surfaces {
     points: SurfaceCache<PatchKey, Option<Points>>,
     instances: Vec<SurfaceInstance>,
     around: Vec<Around>,
+    /// An asset was not loaded yet, or a mesh was nowhere: the scene is read again.
+    is_incomplete: bool,
+    /// Render layers of the GI cameras.
+    layers: RenderLayers,
+}
+
+impl Surfaces {
+    /// Whether nothing but the places of meshes changed since the instances were read.
+    fn are_kept(&self, delta: &MeshDelta, layers: &RenderLayers) -> bool {
+        !self.around.is_empty()
+            && !delta.altered
+            && !self.points.changed
+            && !self.is_incomplete
+            && self.layers == *layers
+    }
+
+    /// The instances after some meshes moved; `None` where one is nowhere.
+    fn moved(&self, delta: &MeshDelta) -> Option<Vec<SurfaceInstance>> {
+        let mut now = self.instances.clone();
+        for (entity, affine) in &delta.moved {
+            // Others reflect nothing, wherever they are.
+            if let Ok(place) = now.binary_search_by_key(entity, |instance| instance.entity) {
+                now[place].affine = *affine;
+            }
+        }
+        now.iter().all(|instance| instance.affine.is_finite()).then_some(now)
+    }
 }
 
 pub(super) fn update(
@@ -168,6 +195,7 @@ pub(super) fn update(
         (Without<SkinnedMesh>, Without<NotShadowCaster>),
     >,
     gi_cameras: GiCameras,
+    delta: Res<MeshDelta>,
 ) {
     let surfaces = &mut *surfaces;
     surfaces.points.read(&mut events);
@@ -194,23 +222,37 @@ pub(super) fn update(
     around.sort_unstable_by_key(|around| around.camera);
     let materials = assets.materials.as_deref();
     let shown = gi_cameras.shown();
-    let mut now: Vec<SurfaceInstance> = meshes
-        .iter()
-        .filter(|(.., transform, visible, showing)| {
-            visible.get() && transform.affine().is_finite() && shown.has(showing, transform)
-        })
-        .filter_map(|(entity, mesh, material, transform, ..)| {
-            let reflectance = Reflectance::new(materials?.get(material.id())?)?;
-            Some(SurfaceInstance {
-                entity,
-                key: PatchKey { mesh: mesh.id(), reflectance },
-                affine: transform.affine(),
+    let mut is_incomplete = false;
+    let from_scene = || {
+        let mut now: Vec<SurfaceInstance> = meshes
+            .iter()
+            .filter(|(.., transform, visible, showing)| {
+                let is_somewhere = transform.affine().is_finite();
+                is_incomplete |= !is_somewhere;
+                visible.get() && is_somewhere && shown.has(showing, transform)
             })
-        })
-        .collect();
-    now.sort_unstable_by_key(|instance| instance.entity);
+            .filter_map(|(entity, mesh, material, transform, ..)| {
+                let reflectance = Reflectance::new(materials?.get(material.id())?)?;
+                Some(SurfaceInstance {
+                    entity,
+                    key: PatchKey { mesh: mesh.id(), reflectance },
+                    affine: transform.affine(),
+                })
+            })
+            .collect();
+        now.sort_unstable_by_key(|instance| instance.entity);
+        now
+    };
+    let are_kept = surfaces.are_kept(&delta, shown.layers());
+    if are_kept && delta.moved.is_empty() && surfaces.around == around {
+        return;
+    }
+    let moved = if are_kept { surfaces.moved(&delta) } else { None };
+    let now = moved.unwrap_or_else(from_scene);
+    surfaces.layers = shown.layers().clone();
     let used = now.iter().map(|instance| instance.key);
-    surfaces.points.fill(used, |key| points(key, FIRST_POINTS, &assets));
+    let are_loaded = surfaces.points.fill(used, |key| points(key, FIRST_POINTS, &assets));
+    surfaces.is_incomplete = is_incomplete || !are_loaded;
     if surfaces.points.changed || surfaces.instances != now || surfaces.around != around {
         refine(&mut surfaces.points.values, &now, &around, &assets);
         let set = |around: &Around| {

@@ -8,7 +8,7 @@
 use std::sync::Arc;
 
 use bevy::asset::{AssetEvent, AssetId};
-use bevy::camera::visibility::InheritedVisibility;
+use bevy::camera::visibility::{InheritedVisibility, RenderLayers};
 use bevy::camera::{Camera, Exposure};
 use bevy::color::ColorToComponents;
 use bevy::ecs::prelude::*;
@@ -26,7 +26,7 @@ use super::emission::{Emission, emission};
 use super::surface::EmissiveSurface;
 use crate::gi::settings::FrugalGi;
 use crate::gi::surfaces::{
-    Cutout, Mask, MeshTexture, SurfaceAssets, SurfaceCache, SurfaceEvents, SurfaceKey,
+    Cutout, Mask, MeshDelta, MeshTexture, SurfaceAssets, SurfaceCache, SurfaceEvents, SurfaceKey,
     SurfacePoints, TextureUse, TrianglePoint, Triangles, triangles,
 };
 use crate::gi::texels::{Texel, TexelRow};
@@ -138,6 +138,35 @@ pub(super) struct EmissiveState {
     surfaces: SurfaceCache<EmissiveKey, Option<EmissiveSurface>>,
     instances: Vec<EmissiveInstance>,
     exposures: Vec<Option<f32>>,
+    /// An asset was not loaded yet, or a mesh was nowhere: the scene is read again.
+    is_incomplete: bool,
+    /// Render layers of the GI cameras.
+    layers: RenderLayers,
+    /// `instances` are those of the scene.
+    is_kept: bool,
+}
+
+impl EmissiveState {
+    /// Whether nothing but the places of meshes changed since the instances were read.
+    fn are_kept(&self, delta: &MeshDelta, layers: &RenderLayers) -> bool {
+        self.is_kept
+            && !delta.altered
+            && !self.surfaces.changed
+            && !self.is_incomplete
+            && self.layers == *layers
+    }
+
+    /// The instances after some meshes moved; `None` where one is nowhere.
+    fn moved(&self, delta: &MeshDelta) -> Option<Vec<EmissiveInstance>> {
+        let mut now = self.instances.clone();
+        for (entity, affine) in &delta.moved {
+            // Others emit nothing, wherever they are.
+            if let Ok(place) = now.binary_search_by_key(entity, |instance| instance.entity) {
+                now[place].affine = *affine;
+            }
+        }
+        now.iter().all(|instance| instance.affine.is_finite()).then_some(now)
+    }
 }
 
 pub(super) fn update(
@@ -161,6 +190,7 @@ pub(super) fn update(
         Without<SkinnedMesh>,
     >,
     gi_cameras: GiCameras,
+    delta: Res<MeshDelta>,
 ) {
     let state = &mut *state;
     for event in material_events.iter_mut().flat_map(MessageReader::read) {
@@ -185,25 +215,43 @@ pub(super) fn update(
             (state.surfaces.values, state.instances, state.exposures) = Default::default();
             *emitters = GiEmitters::default();
         }
+        state.is_kept = false;
         return;
     }
     let shown = gi_cameras.shown();
-    let mut now: Vec<EmissiveInstance> = meshes
-        .iter()
-        .filter(|(.., transform, visible, showing)| {
-            visible.get() && transform.affine().is_finite() && shown.has(showing, transform)
-        })
-        .filter_map(|(entity, mesh, material, transform, ..)| {
-            let emission = *state.materials.get(&material.id())?;
-            let key =
-                EmissiveKey { mesh: mesh.id(), texture: emission.texture, mask: emission.mask };
-            Some(EmissiveInstance { entity, key, affine: transform.affine(), emission })
-        })
-        .collect();
-    // Query order is arbitrary; sorting keeps texels the same in every run.
-    now.sort_unstable_by_key(|instance| instance.entity);
+    let mut is_incomplete = false;
+    let from_scene = || {
+        let mut now: Vec<EmissiveInstance> = meshes
+            .iter()
+            .filter(|(.., transform, visible, showing)| {
+                let is_somewhere = transform.affine().is_finite();
+                is_incomplete |= !is_somewhere;
+                visible.get() && is_somewhere && shown.has(showing, transform)
+            })
+            .filter_map(|(entity, mesh, material, transform, ..)| {
+                let emission = *state.materials.get(&material.id())?;
+                let key =
+                    EmissiveKey { mesh: mesh.id(), texture: emission.texture, mask: emission.mask };
+                Some(EmissiveInstance { entity, key, affine: transform.affine(), emission })
+            })
+            .collect();
+        // Query order is arbitrary; sorting keeps texels the same in every run.
+        now.sort_unstable_by_key(|instance| instance.entity);
+        now
+    };
+    let are_kept = state.are_kept(&delta, shown.layers());
+    if are_kept
+        && delta.moved.is_empty()
+        && state.exposures == distinct_exposures(&state.instances, exposures.clone())
+    {
+        return;
+    }
+    let moved = if are_kept { state.moved(&delta) } else { None };
+    let now = moved.unwrap_or_else(from_scene);
+    (state.layers, state.is_kept) = (shown.layers().clone(), true);
     let used = now.iter().map(|instance| instance.key);
-    state.surfaces.fill(used, |key| surface(key, FIRST_TEXELS, &assets));
+    let are_loaded = state.surfaces.fill(used, |key| surface(key, FIRST_TEXELS, &assets));
+    state.is_incomplete = is_incomplete || !are_loaded;
     let exposures = distinct_exposures(&now, exposures);
     if state.surfaces.changed || state.instances != now || state.exposures != exposures {
         let sets = exposures

@@ -32,8 +32,8 @@ impl Plugin for EmissivePlugin {
             .add_plugins(ExtractResourcePlugin::<GiEmitters>::default())
             .add_systems(
                 PostUpdate,
-                // Need this frame's asset events: a surface that becomes emissive lights others in
-                // the same frame.
+                // After this frame's asset events and transforms: a surface that becomes emissive
+                // lights others in the same frame.
                 (emitters::update, emitters::note_presence)
                     .chain()
                     .in_set(SceneSystems::Emissive)

@@ -57,22 +57,29 @@ impl<Key: SurfaceKey, Value> SurfaceCache<Key, Value> {
     }
 
     /// Drops values of surfaces that are not `used`, and makes those that are missing. `make` gives
-    /// `None` while assets are not loaded; it is then asked again in the next frame.
+    /// `None` while assets are not loaded; it is then asked again in the next frame. Returns whether
+    /// all have a value.
     pub(crate) fn fill(
         &mut self,
         used: impl IntoIterator<Item = Key>,
         mut make: impl FnMut(&Key) -> Option<Value>,
-    ) {
+    ) -> bool {
         let used: HashSet<Key> = used.into_iter().collect();
         self.keep(|key| used.contains(key));
+        let mut have_values = true;
         for key in used {
-            if !self.values.contains_key(&key)
-                && let Some(value) = make(&key)
-            {
-                self.values.insert(key, value);
-                self.changed = true;
+            if self.values.contains_key(&key) {
+                continue;
+            }
+            match make(&key) {
+                Some(value) => {
+                    self.values.insert(key, value);
+                    self.changed = true;
+                }
+                None => have_values = false,
             }
         }
+        have_values
     }
 
     fn keep(&mut self, is_kept: impl Fn(&Key) -> bool) {
@@ -106,12 +113,13 @@ mod tests {
         let mut fill = |cache: &mut SurfaceCache<Key, u32>, used: &[Key]| {
             cache.changed = false;
             // The third one's assets are not loaded.
-            cache.fill(used.iter().copied(), |key| {
+            let have_values = cache.fill(used.iter().copied(), |key| {
                 (key.0 != 3).then(|| {
                     made += 1;
                     made
                 })
             });
+            assert_eq!(have_values, !used.contains(&Key(3)));
             (cache.values.len(), cache.changed)
         };
         assert_eq!(fill(&mut cache, &[Key(1), Key(1), Key(2), Key(3)]), (2, true));

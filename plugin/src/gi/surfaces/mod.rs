@@ -4,6 +4,7 @@
 
 mod assets;
 mod cache;
+mod changes;
 mod cutout;
 mod points;
 mod reflectance;
@@ -12,11 +13,35 @@ mod texture;
 mod triangles;
 mod vertex_colors;
 
+use bevy::app::{App, Plugin, PostUpdate};
+use bevy::asset::AssetEventSystems;
+use bevy::camera::visibility::VisibilitySystems;
+use bevy::ecs::prelude::*;
+use bevy::transform::TransformSystems;
+
+use super::schedule::SceneSystems;
 pub(super) use assets::SurfaceAssets;
 pub(super) use cache::{SurfaceCache, SurfaceEvents, SurfaceKey};
+pub(super) use changes::MeshDelta;
 pub(super) use cutout::{Cutout, Mask};
 pub(super) use points::{SurfacePoint, SurfacePoints, TrianglePoint, area_matrix};
 pub(super) use reflectance::{MaterialSample, Reflectance, is_deferred, occludes};
 pub(super) use sides::Sides;
 pub(super) use texture::{MeshTexture, TextureUse};
 pub(super) use triangles::{Triangles, triangles};
+
+pub(super) struct SurfacesPlugin;
+
+impl Plugin for SurfacesPlugin {
+    fn build(&self, app: &mut App) {
+        app.init_resource::<MeshDelta>().add_systems(
+            PostUpdate,
+            // Need this frame's asset events, final transforms and visibility.
+            changes::note
+                .in_set(SceneSystems::Changes)
+                .after(AssetEventSystems)
+                .after(TransformSystems::Propagate)
+                .after(VisibilitySystems::VisibilityPropagate),
+        );
+    }
+}

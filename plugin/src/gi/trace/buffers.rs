@@ -8,7 +8,8 @@ use bevy::render::render_resource::*;
 use bevy::render::renderer::{RenderDevice, RenderQueue};
 
 use super::bvh::Node;
-use super::occluders::{GiOccluders, InstanceData, MeshData};
+use super::data::{InstanceData, MeshData};
+use super::occluders::GiOccluders;
 use crate::gi::settings::FrugalGi;
 use crate::gi::texels::TexelStore;
 use crate::gi::view::SkySource;

@@ -5,8 +5,10 @@
 //! |---|---|---|
 //! | `bvh` | none | a mesh's triangles as a hierarchy for stackless traversal |
 //! | `micromap` | none | opacity micromaps of alpha masks |
-//! | `changes` | main | what changed of meshes since the last frame |
-//! | `occluders` | main | keeps a hierarchy for every occluding mesh, and the list of its instances |
+//! | `trees` | main | a hierarchy for every occluding mesh, built once |
+//! | `skin` | main | what joints move of skinned meshes, and where |
+//! | `occluders` | main | keeps the instances of all hierarchies, and the hierarchy over them |
+//! | `data` | none | both, in the GPU's layout |
 //! | `buffers` | render | keeps both on the GPU |
 //! | `trace.wgsl` | | occlusion between two points |
 //!
@@ -19,9 +21,11 @@
 
 mod buffers;
 mod bvh;
-mod changes;
+mod data;
 mod micromap;
 mod occluders;
+mod skin;
+mod trees;
 
 use bevy::app::{App, Plugin, PostUpdate};
 use bevy::camera::visibility::VisibilitySystems;
@@ -38,7 +42,7 @@ pub use occluders::GiOccluders;
 /// Bytes of the structs of `trace.wgsl`. A test compares them with the shader.
 pub(super) const STRUCT_BYTES: [(&str, u64); 3] = [
     ("Node", size_of::<bvh::Node>() as u64),
-    ("Instance", size_of::<occluders::Instance>() as u64),
+    ("Instance", size_of::<data::Instance>() as u64),
     ("Triangle", size_of::<bvh::TriangleWords>() as u64),
 ];
 

@@ -161,7 +161,7 @@ mod tests {
 
     #[test]
     fn the_largest_space_is_counted_without_overflow() {
-        let knobs = (0..16).map(|i| Knob::new(&format!("k{i}"), (0..16).map(f64::from))).collect();
+        let knobs = (0..32).map(|i| Knob::new(&format!("k{i}"), (0..16).map(f64::from))).collect();
         assert_eq!(
             KnobSpace::new(knobs).expect("as large as settings pack").combinations(),
             u64::MAX

@@ -63,7 +63,7 @@ mod tests {
                 let sign = if row == 0 { 1.0 } else { -1.0 };
                 table.set(
                     row,
-                    KnobLevels::from_bits(bits as u64),
+                    KnobLevels::from_bits(bits as u128),
                     CostPoint::new(power + 0.1 * sign, error * (1.0 + 0.5 * sign)),
                 );
             }

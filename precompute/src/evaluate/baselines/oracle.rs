@@ -75,7 +75,7 @@ mod tests {
     /// Two views: lowering the error costs ten times as much in the second.
     fn table() -> CostTable {
         let mut table = CostTable::new(2);
-        for level in 0..=10u64 {
+        for level in 0..=10u128 {
             let quality = level as f64 / 10.0;
             for (row, price) in [(0, 1.0), (1, 10.0)] {
                 table.set(

@@ -108,7 +108,7 @@ mod tests {
     use crate::evaluate::fake::path;
 
     fn frontier() -> Frontier {
-        Frontier::from_points((0..20u64).map(|bits| FrontierPoint {
+        Frontier::from_points((0..20u128).map(|bits| FrontierPoint {
             settings: KnobLevels::from_bits(bits),
             cost: CostPoint::new(1.3f64.powi(bits as i32), 0.5 / (bits + 1) as f64),
         }))
@@ -122,7 +122,7 @@ mod tests {
         assert!(ladder(&Frontier::default()).is_empty());
     }
 
-    fn converged(budget: ResolvedBudget) -> (u64, usize) {
+    fn converged(budget: ResolvedBudget) -> (u128, usize) {
         let (mut policy, pose) = (Reactive::new(ladder(&frontier()), budget), path().poses()[0]);
         let mut last = None;
         let mut switches = 0;

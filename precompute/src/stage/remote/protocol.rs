@@ -98,7 +98,7 @@ mod tests {
     #[test]
     fn messages_round_trip_and_invalid_ones_are_refused() {
         let clip = vec![(Vec3::new(0.1, -2.0, 1e6), Quat::IDENTITY); 2];
-        let request = Request::Measure { clip, settings: KnobLevels::from_bits(u64::MAX) };
+        let request = Request::Measure { clip, settings: KnobLevels::from_bits(u128::MAX) };
         let mut pipe = Vec::new();
         send(&mut pipe, &request).expect("a vector takes it");
         assert_eq!(receive::<Request>(&mut pipe.as_slice()).expect("what was sent"), request);

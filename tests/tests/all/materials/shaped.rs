@@ -6,7 +6,7 @@ use bevy::math::{Vec2, Vec3};
 use bevy::mesh::Mesh;
 use bevy::mesh::morph::{MeshMorphWeights, MorphAttributes};
 use bevy::pbr::StandardMaterial;
-use bevy::prelude::AlphaMode;
+use bevy::prelude::{AlphaMode, Meshable, Plane3d, Transform};
 use bevy::render::render_resource::TextureFormat;
 use frugal_tests::meshes;
 
@@ -15,7 +15,8 @@ use super::{Bench, GREY, Placement, on_bench};
 tests!(
     a_normal_map_tilts_sent_and_received_light,
     holes_of_a_mask_let_light_and_rays_through,
-    a_skin_follows_its_joint_but_occludes_nothing,
+    a_skin_follows_its_joint,
+    a_joint_takes_its_part_of_an_occluder_along,
     a_morph_follows_its_weights_but_occludes_at_the_original_position,
 );
 
@@ -145,19 +146,54 @@ fn holes_of_a_mask_let_light_and_rays_through() {
     });
 }
 
-fn a_skin_follows_its_joint_but_occludes_nothing() {
+fn a_skin_follows_its_joint() {
     on_bench(|bench| {
-        let skin = bench.sample(meshes::with_one_joint(meshes::plate(false)), grey());
-        let joint = meshes::add_joint(&mut bench.stage, skin);
+        let skin = bench.sample(meshes::with_joints(meshes::plate(false), |_| 0), grey());
+        let joint = meshes::add_joints(&mut bench.stage, skin, 1)[0];
         let effect = bench.measure(joint);
         bench.clear(skin);
         bench.clear(joint);
-        let found = bench.relative("skin", effect);
-        found.assert_covers("skin", 1.0);
-        found.assert_sends("skin", [f64::from(GREY); 3]);
-        found.assert_receives("skin", [f64::from(GREY); 3]);
-        found.assert_occludes("skin", false);
+        bench.relative("skin", effect).assert_diffuse("skin", [f64::from(GREY); 3]);
     });
+}
+
+/// Each joint moves its own part of an occluder: half of the plate goes away with its joint.
+fn a_joint_takes_its_part_of_an_occluder_along() {
+    on_bench(|bench| {
+        let mesh = meshes::with_joints(halves(), |vertex| u16::from(vertex >= 4));
+        let skin = bench.sample(mesh, grey());
+        let joints = meshes::add_joints(&mut bench.stage, skin, 2);
+        let whole = bench.as_occluder(joints[0]);
+        let mut shift = |x: f32| {
+            bench
+                .stage
+                .world_mut()
+                .get_mut::<Transform>(joints[1])
+                .expect("a joint")
+                .translation
+                .x = x;
+            bench.as_occluder(joints[0])
+        };
+        let (half, again) = (shift(50.0), shift(0.0));
+        bench.clear(skin);
+        // Its child goes with it.
+        bench.clear(joints[0]);
+        println!("    both halves occlude {whole:.3}, one {half:.3}, both again {again:.3}");
+        assert!(whole > 0.95, "{whole}");
+        assert!((half - 0.5 * whole).abs() < 0.03, "{half} of {whole}");
+        assert!((again - whole).abs() < 1e-3, "{again} of {whole}");
+    });
+}
+
+/// A plate of two halves, four vertices each, along x.
+fn halves() -> Mesh {
+    let half = |x: f32| {
+        let mesh: Mesh = Plane3d::default().mesh().size(0.5, 1.0).into();
+        mesh.translated_by(Vec3::X * x).with_removed_attribute(Mesh::ATTRIBUTE_UV_0)
+    };
+    let mut mesh = half(-0.25);
+    mesh.merge(&half(0.25)).expect("the same attributes");
+    mesh
 }
 
 /// A plate displaced from its mesh by a morph target, by `offset` in local space.
