@@ -5,6 +5,7 @@
 
 #![expect(missing_docs, reason = "the macros of criterion make public functions")]
 
+use std::collections::VecDeque;
 use std::hint::black_box;
 use std::time::Duration;
 
@@ -12,8 +13,10 @@ use bevy::app::{App, PluginGroup, Update};
 use bevy::asset::{AssetPlugin, Assets};
 use bevy::camera::Camera3d;
 use bevy::ecs::component::Component;
+use bevy::ecs::entity::Entity;
 use bevy::ecs::query::With;
-use bevy::ecs::system::{Query, Res};
+use bevy::ecs::resource::Resource;
+use bevy::ecs::system::{Commands, Query, Res, ResMut};
 use bevy::light::DirectionalLight;
 use bevy::log::LogPlugin;
 use bevy::math::{Quat, Vec3};
@@ -154,8 +157,46 @@ fn crowd(count: usize, moving: usize, has_gi: bool) -> App {
     app
 }
 
+/// Replaces the oldest meshes of a [`crowd`] by new ones in every frame, `count` of them.
+#[derive(Resource)]
+struct Stream {
+    count: usize,
+    meshes: VecDeque<Entity>,
+    next: usize,
+}
+
+fn stream(
+    mut commands: Commands,
+    mut stream: ResMut<Stream>,
+    kinds: Query<(&Mesh3d, &MeshMaterial3d<StandardMaterial>)>,
+) {
+    let stream = &mut *stream;
+    let Some(kind) = stream.meshes.back().and_then(|mesh| kinds.get(*mesh).ok()) else { return };
+    for _ in 0..stream.count {
+        let place =
+            Transform::from_xyz((stream.next % 100) as f32, 1.0, (stream.next / 100 % 100) as f32);
+        stream.next += 1;
+        stream.meshes.push_back(commands.spawn((kind.0.clone(), kind.1.clone(), place)).id());
+        if let Some(oldest) = stream.meshes.pop_front() {
+            commands.entity(oldest).despawn();
+        }
+    }
+}
+
 /// What global illumination costs the main thread is the difference of each pair.
 fn main_thread(criterion: &mut Criterion) {
+    for has_gi in [false, true] {
+        let mut app = crowd(10_000, 0, has_gi);
+        let world = app.world_mut();
+        let meshes = world.query_filtered::<Entity, With<Mesh3d>>().iter(world).collect();
+        app.insert_resource(Stream { count: 1000, meshes, next: 0 }).add_systems(Update, stream);
+        (0..10).for_each(|_| app.update());
+        let with = if has_gi { "with" } else { "without" };
+        criterion.bench_function(
+            &format!("update of an app with 10,000 meshes, 1,000 of them new, {with} GI"),
+            |bencher| bencher.iter(|| app.update()),
+        );
+    }
     for moving in [0, 1, 1000] {
         for has_gi in [false, true] {
             let mut app = crowd(10_000, moving, has_gi);

@@ -157,7 +157,7 @@ impl Surfaces {
     /// Whether nothing but the places of meshes changed since the instances were read.
     fn are_kept(&self, delta: &MeshDelta, layers: &RenderLayers) -> bool {
         !self.around.is_empty()
-            && !delta.altered
+            && !delta.is_altered()
             && !self.points.changed
             && !self.is_incomplete
             && self.layers == *layers

@@ -150,7 +150,7 @@ impl EmissiveState {
     /// Whether nothing but the places of meshes changed since the instances were read.
     fn are_kept(&self, delta: &MeshDelta, layers: &RenderLayers) -> bool {
         self.is_kept
-            && !delta.altered
+            && !delta.is_altered()
             && !self.surfaces.changed
             && !self.is_incomplete
             && self.layers == *layers

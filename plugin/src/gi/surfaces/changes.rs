@@ -1,6 +1,6 @@
 //! What changed of meshes since the last frame, found once for all that is derived from them.
 
-use bevy::asset::AssetEvent;
+use bevy::asset::{AssetEvent, AssetId};
 use bevy::camera::visibility::{InheritedVisibility, RenderLayers, VisibilityRange};
 use bevy::ecs::prelude::*;
 use bevy::ecs::system::SystemParam;
@@ -9,16 +9,25 @@ use bevy::math::Affine3A;
 use bevy::mesh::Mesh3d;
 use bevy::mesh::skinning::{SkinnedMesh, SkinnedMeshInverseBindposes};
 use bevy::pbr::{MeshMaterial3d, StandardMaterial};
+use bevy::platform::collections::HashSet;
 use bevy::transform::components::GlobalTransform;
 
 /// What changed of meshes since the last frame.
 #[derive(Resource, Default)]
 pub(in crate::gi) struct MeshDelta {
-    /// Anything but the places of meshes and their assets: what there is, its materials, what is
-    /// shown.
-    pub altered: bool,
+    /// Anything may have changed.
+    pub unknown: bool,
+    /// Meshes that came, went or changed in anything but their place or the mesh asset itself.
+    pub altered: Vec<Entity>,
     /// Meshes without a skin that moved, and where they are.
     pub moved: Vec<(Entity, Affine3A)>,
+}
+
+impl MeshDelta {
+    /// Whether anything but places changed.
+    pub(crate) fn is_altered(&self) -> bool {
+        self.unknown || !self.altered.is_empty()
+    }
 }
 
 type Altered = Or<(
@@ -32,7 +41,7 @@ type Altered = Or<(
 
 #[derive(SystemParam)]
 pub(super) struct MeshChanges<'w, 's> {
-    altered: Query<'w, 's, (), (With<Mesh3d>, Altered)>,
+    altered: Query<'w, 's, Entity, (With<Mesh3d>, Altered)>,
     moved: Query<
         'w,
         's,
@@ -40,7 +49,7 @@ pub(super) struct MeshChanges<'w, 's> {
         (With<Mesh3d>, Without<SkinnedMesh>, Changed<GlobalTransform>),
     >,
     // Their level of detail depends on where cameras are.
-    ranged: Query<'w, 's, (), (With<Mesh3d>, With<VisibilityRange>)>,
+    ranged: Query<'w, 's, Entity, (With<Mesh3d>, With<VisibilityRange>)>,
     meshes: RemovedComponents<'w, 's, Mesh3d>,
     without_material: RemovedComponents<'w, 's, MeshMaterial3d<StandardMaterial>>,
     shadowed: RemovedComponents<'w, 's, NotShadowCaster>,
@@ -48,34 +57,45 @@ pub(super) struct MeshChanges<'w, 's> {
     on_all_layers: RemovedComponents<'w, 's, RenderLayers>,
     unranged: RemovedComponents<'w, 's, VisibilityRange>,
     materials: Option<MessageReader<'w, 's, AssetEvent<StandardMaterial>>>,
+    with_material: Query<'w, 's, (Entity, &'static MeshMaterial3d<StandardMaterial>)>,
     bind_poses: Option<MessageReader<'w, 's, AssetEvent<SkinnedMeshInverseBindposes>>>,
 }
 
 impl MeshChanges<'_, '_> {
     /// Reads everything, so that no change counts twice.
-    fn are_altered(&mut self) -> bool {
-        let counts = [
-            self.meshes.read().count(),
-            self.without_material.read().count(),
-            self.shadowed.read().count(),
-            self.unskinned.read().count(),
-            self.on_all_layers.read().count(),
-            self.unranged.read().count(),
-            self.materials.as_mut().map_or(0, |events| events.read().count()),
-            self.bind_poses.as_mut().map_or(0, |events| events.read().count()),
-        ];
-        counts.iter().any(|count| *count > 0) || !self.ranged.is_empty() || !self.altered.is_empty()
+    fn read(&mut self, delta: &mut MeshDelta) {
+        delta.unknown = self.bind_poses.as_mut().map_or(0, |events| events.read().count()) > 0;
+        delta.altered.clear();
+        delta.altered.extend(self.altered.iter().chain(&self.ranged));
+        delta.altered.extend(self.meshes.read());
+        delta.altered.extend(self.without_material.read());
+        delta.altered.extend(self.shadowed.read());
+        delta.altered.extend(self.unskinned.read());
+        delta.altered.extend(self.on_all_layers.read());
+        delta.altered.extend(self.unranged.read());
+        let events = self.materials.iter_mut().flat_map(MessageReader::read);
+        let materials: HashSet<_> = events.filter_map(changed).collect();
+        if !materials.is_empty() {
+            let uses = self.with_material.iter();
+            let uses = uses.filter(|(_, material)| materials.contains(&material.id()));
+            delta.altered.extend(uses.map(|(entity, _)| entity));
+        }
+        let moved = self.moved.iter();
+        delta.moved.clear();
+        delta.moved.extend(moved.map(|(entity, transform)| (entity, transform.affine())));
+    }
+}
+
+fn changed(event: &AssetEvent<StandardMaterial>) -> Option<AssetId<StandardMaterial>> {
+    match event {
+        AssetEvent::Added { id } | AssetEvent::Modified { id } | AssetEvent::Removed { id } => {
+            Some(*id)
+        }
+        AssetEvent::Unused { .. } | AssetEvent::LoadedWithDependencies { .. } => None,
     }
 }
 
 /// Notes what changed. In a frame in which it does not run, changes are kept for the next one.
 pub(super) fn note(mut delta: ResMut<MeshDelta>, mut changes: MeshChanges) {
-    let delta = &mut *delta;
-    delta.altered = changes.are_altered();
-    delta.moved.clear();
-    // Whoever reads an altered scene reads all of it.
-    if !delta.altered {
-        let moved = changes.moved.iter();
-        delta.moved.extend(moved.map(|(entity, transform)| (entity, transform.affine())));
-    }
+    changes.read(&mut delta);
 }

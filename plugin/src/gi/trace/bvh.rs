@@ -45,6 +45,17 @@ impl Node {
     /// A node that no ray intersects, since buffers must not be empty.
     pub(crate) const NOTHING: Self = Self { min: [1.0; 3], skip: 1, max: [-1.0; 3], leaf: 0 };
 
+    /// The node of a tree that is put behind `nodes` nodes and `primitives` primitives.
+    pub(super) fn moved(self, nodes: usize, primitives: usize) -> Self {
+        let leaf = if self.leaf == 0 { 0 } else { self.leaf + ((primitives as u32) << COUNT_BITS) };
+        Self { skip: self.skip + nodes as u32, leaf, ..self }
+    }
+
+    /// Half the surface area of the box.
+    pub(super) fn half_area(&self) -> f32 {
+        half_area(Vec3A::from(self.max) - Vec3A::from(self.min))
+    }
+
     /// The primitives of a leaf.
     pub(crate) fn primitives(&self) -> std::ops::Range<usize> {
         let first = (self.leaf >> COUNT_BITS) as usize;
@@ -140,11 +151,14 @@ pub(super) fn refit(nodes: &mut [Node], bounds: &[(Vec3A, Vec3A)]) -> f32 {
                 child = nodes[child].skip as usize;
             }
         }
-        let side = max - min;
-        areas += side.x * side.y + side.y * side.z + side.z * side.x;
+        areas += half_area(max - min);
         (nodes[index].min, nodes[index].max) = (min.to_array(), max.to_array());
     }
     areas
+}
+
+fn half_area(side: Vec3A) -> f32 {
+    side.x * side.y + side.y * side.z + side.z * side.x
 }
 
 fn boxed(aabb: &Aabb) -> Node {

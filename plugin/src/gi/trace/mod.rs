@@ -7,7 +7,8 @@
 //! | `micromap` | none | opacity micromaps of alpha masks |
 //! | `trees` | main | a hierarchy for every occluding mesh, built once |
 //! | `skin` | main | what joints move of skinned meshes, and where |
-//! | `occluders` | main | keeps the instances of all hierarchies, and the hierarchy over them |
+//! | `occluders` | main | keeps the instances of all hierarchies |
+//! | `top` | main | the hierarchy over instances, edited as meshes come, move and go |
 //! | `data` | none | both, in the GPU's layout |
 //! | `buffers` | render | keeps both on the GPU |
 //! | `trace.wgsl` | | occlusion between two points |
@@ -25,6 +26,7 @@ mod data;
 mod micromap;
 mod occluders;
 mod skin;
+mod top;
 mod trees;
 
 use bevy::app::{App, Plugin, PostUpdate};
@@ -52,7 +54,7 @@ impl Plugin for TracePlugin {
     fn build(&self, app: &mut App) {
         load_shader_library!(app, "trace.wgsl");
         app.init_resource::<GiOccluders>()
-            .init_resource::<occluders::MeshTrees>()
+            .init_resource::<occluders::OccluderScene>()
             .add_plugins(ExtractResourcePlugin::<GiOccluders>::default())
             .add_systems(
                 PostUpdate,

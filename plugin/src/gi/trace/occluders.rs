@@ -5,8 +5,9 @@ use std::sync::Arc;
 use bevy::camera::Camera;
 use bevy::camera::visibility::{InheritedVisibility, RenderLayers};
 use bevy::ecs::prelude::*;
+use bevy::ecs::query::QueryData;
 use bevy::light::{EnvironmentMapLight, NotShadowCaster};
-use bevy::math::{Affine3A, Vec3A};
+use bevy::math::Affine3A;
 use bevy::mesh::Mesh3d;
 use bevy::mesh::skinning::SkinnedMesh;
 use bevy::pbr::{MeshMaterial3d, StandardMaterial};
@@ -15,15 +16,15 @@ use bevy::render::extract_resource::ExtractResource;
 use bevy::render::renderer::RenderDevice;
 use bevy::transform::components::GlobalTransform;
 
-use super::bvh::{FlatBvh, Node, refit};
 use super::data::{Instance, InstanceData, MeshData, fits, instance};
 use super::micromap::SOLID;
 use super::skin::{Part, Skins};
-use super::trees::{self, Tree, TreeKey, Trees, ready, waiting};
+use super::top::{Bounds, TopTree};
+use super::trees::{self, TreeKey, Trees, ready, waiting};
 use crate::gi::compute::{largest_storage_buffer, limits_of};
 use crate::gi::settings::FrugalGi;
 use crate::gi::surfaces::{Mask, MeshDelta, SurfaceAssets, SurfaceEvents, occludes};
-use crate::gi::view::{GiCameras, LightPresence, Showing};
+use crate::gi::view::{GiCameras, LightPresence, Showing, Shown};
 
 /// The occluders of indirect light. Maintained while there is light and a camera with
 /// [`GiVisibility`](crate::gi::GiVisibility), else empty.
@@ -71,28 +72,48 @@ impl GiOccluders {
     }
 }
 
-/// A tree per mesh and mask, and the inputs of the current [`GiOccluders`].
+/// What occludes light, and the trees of it.
 #[derive(Resource, Default)]
-pub(super) struct MeshTrees {
+pub(super) struct OccluderScene {
     trees: Trees,
-    instances: Vec<(Part, TreeKey, Affine3A)>,
-    /// Places of instances in the current data, and their boxes in its order.
-    slots: HashMap<Part, usize>,
-    bounds: Vec<(Vec3A, Vec3A)>,
-    /// Sum of the half areas of the tree over instances when it was built.
-    area: f32,
-    /// Render layers of the GI cameras.
-    layers: RenderLayers,
-    /// The tree over instances no longer fits.
-    must_build: bool,
-    /// An asset was not loaded yet.
-    lacks_assets: bool,
+    /// Each part's tree, and what maps that to the world.
+    parts: HashMap<Part, (TreeKey, Affine3A)>,
+    /// Numbers of joints of skinned meshes.
+    joints: HashMap<Entity, u16>,
+    /// Number of parts with each tree.
+    uses: HashMap<TreeKey, usize>,
+    /// The instances of parts whose trees are built.
+    top: TopTree,
     /// First node and the one after the last of each tree in the current data.
     ranges: HashMap<(TreeKey, u16), [u32; 2]>,
+    /// Skinned meshes whose bind poses were not loaded yet.
+    without_poses: Vec<Entity>,
+    /// An asset was not loaded yet.
+    lacks_assets: bool,
+    /// Render layers of the GI cameras.
+    layers: RenderLayers,
 }
 
+/// Parts whose tree or place is new, and parts that are gone.
+#[derive(Default)]
+struct Edit {
+    set: Vec<Part>,
+    removed: Vec<Part>,
+}
+
+/// A mesh that may occlude light.
+type Mesh<'a> = (
+    Entity,
+    &'a Mesh3d,
+    &'a GlobalTransform,
+    &'a InheritedVisibility,
+    Option<&'a MeshMaterial3d<StandardMaterial>>,
+    Option<&'a SkinnedMesh>,
+    Showing,
+);
+
 pub(super) fn update(
-    mut trees: ResMut<MeshTrees>,
+    mut scene: ResMut<OccluderScene>,
     mut occluders: ResMut<GiOccluders>,
     mut events: SurfaceEvents,
     assets: SurfaceAssets,
@@ -101,22 +122,11 @@ pub(super) fn update(
     cameras: Query<(&Camera, &FrugalGi, Has<EnvironmentMapLight>)>,
     gi_cameras: GiCameras,
     delta: Res<MeshDelta>,
-    meshes: Query<
-        (
-            Entity,
-            &Mesh3d,
-            &GlobalTransform,
-            &InheritedVisibility,
-            Option<&MeshMaterial3d<StandardMaterial>>,
-            Option<&SkinnedMesh>,
-            Showing,
-        ),
-        Without<NotShadowCaster>,
-    >,
+    meshes: Query<Mesh<'static>, Without<NotShadowCaster>>,
     skins: Skins,
 ) {
-    let trees = &mut *trees;
-    trees.trees.read(&mut events);
+    let scene = &mut *scene;
+    scene.trees.read(&mut events);
     if !cameras
         .iter()
         .any(|(camera, gi, has_map)| camera.is_active && gi.traces() && light.lights(gi, has_map))
@@ -125,167 +135,194 @@ pub(super) fn update(
         // after rays are switched on again. The assembled data and its buffers are dropped.
         if occluders.is_kept {
             *occluders = GiOccluders::default();
-            trees.instances.clear();
-            trees.slots.clear();
-            trees.trees.changed = true;
+            let trees = std::mem::take(&mut scene.trees);
+            *scene = OccluderScene { trees, ..Default::default() };
+            scene.trees.changed = true;
         }
         return;
     }
     let shown = gi_cameras.shown();
-    let is_same = !delta.altered
-        && !trees.trees.changed
-        && !trees.lacks_assets
-        && occluders.waiting == 0
-        && occluders.is_kept
-        && trees.layers == *shown.layers();
-    if is_same {
+    let is_whole = delta.unknown || !occluders.is_kept || scene.layers != *shown.layers();
+    let mut edit = Edit::default();
+    let read = |mesh| scene_parts(mesh, &shown, &assets, &skins);
+    if is_whole {
+        scene.layers = shown.layers().clone();
+        scene.clear();
+        for mesh in &meshes {
+            scene.put(mesh.0, read(mesh), &mut edit);
+        }
+    } else {
+        let without_poses = std::mem::take(&mut scene.without_poses);
+        for entity in delta.altered.iter().chain(&without_poses) {
+            let parts = meshes.get(*entity).map_or(Some(Vec::new()), read);
+            scene.put(*entity, parts, &mut edit);
+        }
         let whole = delta.moved.iter().map(|(entity, affine)| (Part::whole(*entity), *affine));
-        let moved: Vec<_> = whole.chain(skins.moved()).collect();
-        if moved.is_empty() {
-            return;
-        }
-        if let Some(instances) = move_instances(trees, &moved, &occluders.instances) {
-            if !Arc::ptr_eq(&instances, &occluders.instances) {
-                occluders.instances = instances;
-            }
-            return;
-        }
-        trees.must_build = true;
-    }
-    trees.layers = shown.layers().clone();
-    let (mut now, mut lack_poses) = (Vec::new(), false);
-    for (entity, mesh, transform, visible, material, skin, showing) in &meshes {
-        if !visible.get() || !shown.has(&showing, transform) {
-            continue;
-        }
-        // A material of another kind counts as solid.
-        let material =
-            material.zip(assets.materials.as_ref()).and_then(|(handle, all)| all.get(handle));
-        if !material.is_none_or(occludes) {
-            continue;
-        }
-        let mask = material.and_then(Mask::new);
-        let key = TreeKey { mesh: mesh.id(), mask, is_skinned: skin.is_some() };
-        let Some(skin) = skin else {
-            now.push((Part::whole(entity), key, transform.affine()));
-            continue;
-        };
-        match skins.places(skin) {
-            Some(places) => {
-                now.extend(places.map(|(joint, affine)| (Part { entity, joint }, key, affine)))
-            }
-            None => lack_poses = true,
+        for (part, affine) in whole.chain(skins.moved()) {
+            scene.displace(part, affine, &mut edit);
         }
     }
-    // Query order is arbitrary; sorting keeps the tree the same in every run.
-    now.sort_unstable_by_key(|(part, ..)| *part);
-    let are_loaded = trees::build(&mut trees.trees, now.iter().map(|(_, key, _)| *key), &assets);
-    trees.lacks_assets = !are_loaded || lack_poses;
-    let waiting = waiting(&trees.trees);
-    if trees.trees.changed || trees.must_build || trees.instances != now || !occluders.is_kept {
-        let most = largest_storage_buffer(&limits_of(device.as_deref())) as usize;
-        *occluders = assemble(trees, &now, &occluders, most);
-        trees.instances = now;
-        (trees.trees.changed, trees.must_build) = (false, false);
+    if is_whole
+        || !edit.set.is_empty()
+        || !edit.removed.is_empty()
+        || scene.trees.changed
+        || scene.lacks_assets
+        || occluders.waiting > 0
+    {
+        scene.lacks_assets = !trees::build(&mut scene.trees, scene.uses.keys().copied(), &assets);
+    } else if !scene.top.is_rebuilt() {
+        return;
     }
+    let waiting = waiting(&scene.trees);
     if occluders.waiting != waiting {
         occluders.waiting = waiting;
     }
-}
-
-/// A tree over instances is built anew when its boxes have grown by this factor.
-const MOST_GROWTH: f32 = 2.0;
-
-/// The instances after some meshes moved: the same tree with other boxes. `None` where it must be
-/// built anew.
-fn move_instances(
-    trees: &mut MeshTrees,
-    moved: &[(Part, Affine3A)],
-    before: &Arc<InstanceData>,
-) -> Option<Arc<InstanceData>> {
-    let mut after: Option<InstanceData> = None;
-    for (part, place) in moved {
-        // Others occlude nothing, wherever they are.
-        let Ok(index) = trees.instances.binary_search_by_key(part, |(part, ..)| *part) else {
-            continue;
-        };
-        let (_, key, affine) = &mut trees.instances[index];
-        if affine == place {
-            continue;
+    let most = largest_storage_buffer(&limits_of(device.as_deref())) as usize;
+    if scene.trees.changed || is_whole {
+        if scene.trees.changed {
+            occluders.meshes = Arc::new(scene.assemble(most));
         }
-        *affine = *place;
-        let Some(Tree::Ready(pieces)) = trees.trees.values.get(key) else { return None };
-        // Joints that move no triangles have no piece.
-        let Some(tree) = pieces.of(part.joint) else { continue };
-        let slot = *trees.slots.get(part)?;
-        let nodes = *trees.ranges.get(&(*key, part.joint))?;
-        let (instance, bounds) = instance(tree, nodes, affine)?;
-        after.get_or_insert_with(|| InstanceData::clone(before)).instances[slot] = instance;
-        trees.bounds[slot] = bounds;
+        edit.set = scene.parts.keys().copied().collect();
+        scene.trees.changed = false;
     }
-    let Some(mut after) = after else { return Some(Arc::clone(before)) };
-    let area = refit(&mut after.nodes, &trees.bounds);
-    (area <= MOST_GROWTH * trees.area).then(|| Arc::new(after))
+    // Hash order is arbitrary; sorting keeps the tree the same in every run.
+    edit.set.sort_unstable();
+    let (mut placed, mut removed) = (Vec::with_capacity(edit.set.len()), edit.removed);
+    for part in edit.set {
+        match scene.place(&part) {
+            Some((instance, bounds)) => placed.push((part, instance, bounds)),
+            None => removed.push(part),
+        }
+    }
+    removed.retain(|part| scene.top.holds(part));
+    if is_whole {
+        occluders.instances = Arc::new(scene.top.build(&placed, most));
+        occluders.is_kept = true;
+    } else if !placed.is_empty() || !removed.is_empty() || scene.top.is_rebuilt() {
+        let edited = scene.top.edit(&occluders.instances, placed, &removed, most);
+        occluders.instances = Arc::new(edited);
+    }
 }
 
-/// Assembles the occluders in buffers of at most `most` bytes. The meshes' data is rebuilt only
-/// when a tree changed.
-fn assemble(
-    trees: &mut MeshTrees,
-    mesh_instances: &[(Part, TreeKey, Affine3A)],
-    before: &GiOccluders,
-    most: usize,
-) -> GiOccluders {
-    let mut meshes = Arc::clone(&before.meshes);
-    if trees.trees.changed {
+/// The parts of a mesh that occlude light, each with its tree and what maps that to the world;
+/// `None` while its bind poses are not loaded.
+fn scene_parts(
+    (entity, mesh, transform, visible, material, skin, showing): <Mesh<'static> as QueryData>::Item<
+        '_,
+        '_,
+    >,
+    shown: &Shown,
+    assets: &SurfaceAssets,
+    skins: &Skins,
+) -> Option<Vec<(Part, TreeKey, Affine3A)>> {
+    if !visible.get() || !shown.has(&showing, transform) {
+        return Some(Vec::new());
+    }
+    // A material of another kind counts as solid.
+    let material =
+        material.zip(assets.materials.as_ref()).and_then(|(handle, all)| all.get(handle));
+    if !material.is_none_or(occludes) {
+        return Some(Vec::new());
+    }
+    let mask = material.and_then(Mask::new);
+    let key = TreeKey { mesh: mesh.id(), mask, is_skinned: skin.is_some() };
+    let Some(skin) = skin else {
+        return Some(vec![(Part::whole(entity), key, transform.affine())]);
+    };
+    let places = skins.places(skin)?;
+    Some(places.map(|(joint, affine)| (Part { entity, joint }, key, affine)).collect())
+}
+
+impl OccluderScene {
+    fn clear(&mut self) {
+        self.parts.clear();
+        self.joints.clear();
+        self.uses.clear();
+        self.without_poses.clear();
+    }
+
+    /// Replaces the parts of a mesh; `None`: its bind poses are not loaded yet.
+    fn put(
+        &mut self,
+        entity: Entity,
+        parts: Option<Vec<(Part, TreeKey, Affine3A)>>,
+        edit: &mut Edit,
+    ) {
+        if parts.is_none() {
+            self.without_poses.push(entity);
+        }
+        let parts = parts.unwrap_or_default();
+        // The joints that a skinned mesh had, or the mesh itself.
+        let joints = self.joints.remove(&entity).unwrap_or(1);
+        let before = (0..joints).map(|joint| Part { entity, joint });
+        for part in before.filter(|part| !parts.iter().any(|(now, ..)| now == part)) {
+            if let Some((key, _)) = self.parts.remove(&part) {
+                self.release(&key);
+                edit.removed.push(part);
+            }
+        }
+        if let Some((last, ..)) = parts.last().filter(|(_, key, _)| key.is_skinned) {
+            self.joints.insert(entity, last.joint + 1);
+        }
+        for (part, key, affine) in parts {
+            let before = self.parts.insert(part, (key, affine));
+            if before == Some((key, affine)) {
+                continue;
+            }
+            *self.uses.entry(key).or_default() += 1;
+            if let Some((key, _)) = before {
+                self.release(&key);
+            }
+            edit.set.push(part);
+        }
+    }
+
+    fn release(&mut self, key: &TreeKey) {
+        if let Some(count) = self.uses.get_mut(key) {
+            *count -= 1;
+            if *count == 0 {
+                self.uses.remove(key);
+            }
+        }
+    }
+
+    /// Moves a part. Others occlude nothing, wherever they are.
+    fn displace(&mut self, part: Part, affine: Affine3A, edit: &mut Edit) {
+        if let Some((_, before)) = self.parts.get_mut(&part)
+            && *before != affine
+        {
+            *before = affine;
+            edit.set.push(part);
+        }
+    }
+
+    /// A part's instance; `None` where nothing of it occludes light.
+    fn place(&self, part: &Part) -> Option<(Instance, Bounds)> {
+        let (key, affine) = self.parts.get(part)?;
+        let nodes = self.ranges.get(&(*key, part.joint))?;
+        instance(ready(&self.trees, key, part.joint)?, *nodes, affine)
+    }
+
+    /// All trees, one after another, in buffers of at most `most` bytes.
+    fn assemble(&mut self, most: usize) -> MeshData {
         let mut data = MeshData::default();
-        trees.ranges.clear();
-        for (part, key, _) in mesh_instances {
-            let Some(tree) = ready(&trees.trees, key, part.joint) else { continue };
-            if trees.ranges.contains_key(&(*key, part.joint))
+        self.ranges.clear();
+        let mut parts: Vec<_> = self.parts.iter().map(|(part, (key, _))| (*part, *key)).collect();
+        parts.sort_unstable_by_key(|(part, _)| *part);
+        for (part, key) in parts {
+            let Some(tree) = ready(&self.trees, &key, part.joint) else { continue };
+            if self.ranges.contains_key(&(key, part.joint))
                 || !fits(&data.nodes, tree.nodes.len(), most)
                 || !fits(&data.triangles, tree.triangles.len(), most)
             {
                 continue;
             }
-            let (first, first_triangle) = (data.nodes.len() as u32, data.triangles.len() as u32);
-            let moved = |node: &Node| {
-                let leaf = if node.leaf == 0 { 0 } else { node.leaf + (first_triangle << 3) };
-                Node { skip: node.skip + first, leaf, ..*node }
-            };
-            data.nodes.extend(tree.nodes.iter().map(moved));
+            let (first, first_triangle) = (data.nodes.len(), data.triangles.len());
+            data.nodes.extend(tree.nodes.iter().map(|node| node.moved(first, first_triangle)));
             data.triangles.extend(&tree.triangles);
             data.is_masked |= tree.triangles.iter().any(|triangle| triangle.map() != SOLID);
-            trees.ranges.insert((*key, part.joint), [first, data.nodes.len() as u32]);
+            self.ranges.insert((key, part.joint), [first as u32, data.nodes.len() as u32]);
         }
-        meshes = Arc::new(data);
-    }
-    let (mut boxes, mut instances) = (Vec::new(), Vec::<Instance>::new());
-    let mut parts = Vec::new();
-    for (part, key, affine) in mesh_instances {
-        let (Some(tree), Some(nodes)) =
-            (ready(&trees.trees, key, part.joint), trees.ranges.get(&(*key, part.joint)))
-        else {
-            continue;
-        };
-        if !fits(&instances, 1, most) {
-            break;
-        }
-        let Some((instance, bounds)) = instance(tree, *nodes, affine) else { continue };
-        boxes.push(bounds);
-        instances.push(instance);
-        parts.push(*part);
-    }
-    let FlatBvh { mut nodes, order } = FlatBvh::new(&boxes);
-    let instances = order.iter().map(|index| instances[*index as usize]).collect();
-    trees.bounds = order.iter().map(|index| boxes[*index as usize]).collect();
-    trees.slots =
-        order.iter().enumerate().map(|(slot, index)| (parts[*index as usize], slot)).collect();
-    trees.area = refit(&mut nodes, &trees.bounds);
-    GiOccluders {
-        meshes,
-        instances: Arc::new(InstanceData { nodes, instances }),
-        waiting: before.waiting,
-        is_kept: true,
+        data
     }
 }

@@ -122,7 +122,8 @@ fn meets_mesh(instance: Instance, world_origin: vec3<f32>, world_direction: vec3
 fn is_occluded(origin: vec3<f32>, end: vec3<f32>) -> bool {
     let direction = end - origin;
     let inverse = reciprocal(direction);
-    let count = arrayLength(&instance_nodes);
+    // The buffer may be larger than the tree.
+    let count = instance_nodes[0].skip;
     var index = 0u;
     while index < count {
         let node = instance_nodes[index];

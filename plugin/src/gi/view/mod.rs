@@ -35,7 +35,7 @@ pub(super) use environment::SkySource;
 pub use frame::GiRefresh;
 pub(super) use frame::{GiFrame, SceneDelta};
 pub(super) use presence::LightPresence;
-pub(super) use shown::{GiCameras, Showing};
+pub(super) use shown::{GiCameras, Showing, Shown};
 pub(super) use work::{Step, Work};
 
 pub(super) struct ViewPlugin;
