@@ -14,6 +14,7 @@ mod focus;
 mod lights;
 mod region;
 mod resolve;
+mod scene_box;
 mod selection;
 mod slots;
 mod specs;
@@ -88,7 +89,7 @@ impl Plugin for RsmPlugin {
     fn build(&self, app: &mut App) {
         embedded_asset!(app, "resolve.wgsl");
         app.register_type::<RsmView>()
-            .init_resource::<region::SceneBox>()
+            .init_resource::<scene_box::SceneBox>()
             .init_resource::<MapDelta>()
             .init_resource::<selection::LightSelection>()
             .init_resource::<slots::MapSlots>()
@@ -104,7 +105,9 @@ impl Plugin for RsmPlugin {
             .add_systems(
                 PostUpdate,
                 (
-                    (region::update_scene_box, views::maintain).chain().in_set(SceneSystems::Maps),
+                    (scene_box::update_scene_box, views::maintain)
+                        .chain()
+                        .in_set(SceneSystems::Maps),
                     drawn::leave_out_shadowless.after(VisibilitySystems::CheckVisibility),
                 ),
             );

@@ -1,18 +1,8 @@
 //! The region of the world that a directional light's cascades cover.
 
-use bevy::camera::primitives::Aabb;
-use bevy::ecs::prelude::*;
-use bevy::light::NotShadowCaster;
-use bevy::math::{Mat3, Vec2, Vec3, Vec3A};
-use bevy::mesh::Mesh3d;
-use bevy::transform::components::GlobalTransform;
+use bevy::math::{Mat3, Vec2, Vec3};
 
-use super::extent::world_box;
 use crate::gi::texels::CascadeCut;
-
-/// Bounding box of all meshes that cast shadows.
-#[derive(Resource, Clone, Copy, Debug, Default, PartialEq)]
-pub(super) struct SceneBox(pub Option<(Vec3, Vec3)>);
 
 /// Share of half a region's width over which its light fades towards its border, so that none
 /// appears at once where the region follows the camera.
@@ -24,33 +14,6 @@ const NEAR_SHARE: f32 = 0.3;
 /// Where the near cascade would be larger than this share of the far one's side, one map replaces
 /// both.
 const LARGEST_NEAR: f32 = 0.6;
-
-/// Recomputed only when a mesh was added, moved or removed, or casts a shadow and did not, or the
-/// other way round. A sky dome that casts no shadow is in no map, and must not stretch them.
-pub(super) fn update_scene_box(
-    mut scene: ResMut<SceneBox>,
-    meshes: Query<(&Aabb, &GlobalTransform), (With<Mesh3d>, Without<NotShadowCaster>)>,
-    changed: Query<
-        (),
-        (With<Mesh3d>, Or<(Changed<GlobalTransform>, Changed<Aabb>, Added<NotShadowCaster>)>),
-    >,
-    (mut removed, mut lit): (RemovedComponents<Mesh3d>, RemovedComponents<NotShadowCaster>),
-) {
-    if changed.is_empty() && removed.read().count() + lit.read().count() == 0 {
-        return;
-    }
-    let mut least = Vec3A::splat(f32::INFINITY);
-    let mut most = Vec3A::splat(f32::NEG_INFINITY);
-    for (aabb, transform) in &meshes {
-        let (center, half) = world_box(aabb, transform);
-        if (center + half).is_finite() && (center - half).is_finite() {
-            least = least.min(center - half);
-            most = most.max(center + half);
-        }
-    }
-    let found = least.cmple(most).all().then(|| (Vec3::from(least), Vec3::from(most)));
-    scene.set_if_neq(SceneBox(found));
-}
 
 /// Extent of a directional light's map in the light's own axes (the light shines along −Z).
 #[derive(Clone, Copy, Debug, PartialEq)]

@@ -24,7 +24,7 @@ use bevy::transform::helper::TransformHelper;
 use super::capacity::MapCapacity;
 use super::focus::Focus;
 use super::lights::{BouncingLight, RsmLight};
-use super::region::SceneBox;
+use super::scene_box::SceneBox;
 use super::selection::LightSelection;
 use super::slots::MapSlots;
 use super::specs::{MapSpec, Viewer, choose};
