@@ -1,8 +1,9 @@
 //! Presence of global illumination, its response to changes, and the cases in which it costs
 //! nothing.
 
+use bevy::camera::Camera;
 use bevy::ecs::entity::Entity;
-use bevy::ecs::query::With;
+use bevy::ecs::query::{Has, With};
 use bevy::light::{PointLight, SpotLight};
 use bevy::math::{Quat, Vec3};
 use bevy::transform::components::Transform;
@@ -23,6 +24,7 @@ tests!(
     two_stages_of_a_scene_agree,
     lights_that_are_not_finite_are_ignored,
     images_that_are_too_small_are_refused,
+    an_app_finds_its_own_camera_by_its_transform,
 );
 
 pub(crate) fn sun(direction: Vec3) -> Light {
@@ -235,4 +237,17 @@ fn images_that_are_too_small_are_refused() {
     }
     let stage = set::open(&set::scene("furnace"), set::options(32, 1));
     assert_eq!(stage.picture().expect("an image").rgb.len(), 32);
+}
+
+/// `Single<&mut Transform, With<Camera>>` is how apps move their camera. With the hidden cameras of
+/// lights among those found, Bevy would leave out such a system without a word.
+fn an_app_finds_its_own_camera_by_its_transform() {
+    let mut stage = corner(vec![sun(Vec3::new(0.1, -1.0, -0.2))]);
+    assert_eq!(set::gathered(&mut stage).cameras, 1);
+    let world = stage.world_mut();
+    let hidden =
+        world.query_filtered::<Entity, (With<RsmView>, With<Camera>)>().iter(world).count();
+    assert!(hidden > 0);
+    let mut cameras = world.query_filtered::<Has<FrugalGi>, (With<Transform>, With<Camera>)>();
+    assert_eq!(cameras.iter(world).collect::<Vec<_>>(), [true]);
 }

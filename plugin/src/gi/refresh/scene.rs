@@ -5,7 +5,7 @@ use bevy::ecs::prelude::*;
 use bevy::log::info_once;
 use bevy::mesh::Mesh3d;
 use bevy::pbr::{MeshMaterial3d, StandardMaterial};
-use bevy::transform::components::Transform;
+use bevy::transform::components::GlobalTransform;
 
 use super::changes::SceneChanges;
 use super::queue::{Gate, Waiting, due};
@@ -19,13 +19,19 @@ use crate::pipelines::PipelinesBusy;
 type Map = (
     &'static RsmView,
     &'static MapWeight,
-    &'static Transform,
+    &'static GlobalTransform,
     &'static Projection,
     &'static mut MapAge,
     &'static mut Camera,
 );
-type MapItem<'w> =
-    (&'w RsmView, &'w MapWeight, &'w Transform, &'w Projection, Mut<'w, MapAge>, Mut<'w, Camera>);
+type MapItem<'w> = (
+    &'w RsmView,
+    &'w MapWeight,
+    &'w GlobalTransform,
+    &'w Projection,
+    Mut<'w, MapAge>,
+    Mut<'w, Camera>,
+);
 
 pub(super) fn decide(
     mut frame: ResMut<GiFrame>,
@@ -87,7 +93,7 @@ pub(super) fn decide(
 fn mark(maps: &mut [MapItem], spheres: &[Around], everywhere: bool) {
     for (_, _, transform, projection, age, _) in maps {
         let is_hit = || {
-            let extent = MapExtent::new(transform, projection);
+            let extent = MapExtent::new(&transform.compute_transform(), projection);
             spheres.iter().any(|sphere| extent.meets(sphere))
         };
         if age.stale == 0 && (everywhere || !spheres.is_empty() && is_hit()) {

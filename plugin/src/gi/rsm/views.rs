@@ -18,7 +18,7 @@ use bevy::render::render_resource::TextureUsages;
 use bevy::render::renderer::RenderDevice;
 use bevy::render::view::Msaa;
 use bevy::time::Time;
-use bevy::transform::components::Transform;
+use bevy::transform::components::{GlobalTransform, Transform};
 use bevy::transform::helper::TransformHelper;
 
 use super::capacity::MapCapacity;
@@ -161,7 +161,7 @@ pub(super) struct Map {
     camera: &'static mut Camera,
     target: &'static mut RenderTarget,
     projection: &'static mut Projection,
-    transform: &'static mut Transform,
+    transform: &'static mut GlobalTransform,
     light: &'static mut RsmLight,
     cut: &'static mut CascadeCut,
     shading: &'static mut GiShading,
@@ -190,7 +190,7 @@ impl MapItem<'_, '_> {
             *self.projection = spec.projection;
             moved = true;
         }
-        moved |= self.transform.set_if_neq(spec.transform);
+        moved |= self.transform.set_if_neq(spec.transform.into());
         self.drawn_layers.set_if_neq(spec.layers.0.clone());
         moved |= self.layers.set_if_neq(spec.layers);
         moved |= self.light.set_if_neq(spec.light) | self.shading.set_if_neq(spec.shading);
@@ -243,7 +243,7 @@ fn spawn(commands: &mut Commands, spec: MapSpec) {
         DepthPrepass,
         DeferredPrepass,
         spec.projection,
-        spec.transform,
+        GlobalTransform::from(spec.transform),
         (spec.layers, spec.weight),
         // Until it is rendered.
         MapAge { stale: 1, ..Default::default() },
@@ -251,4 +251,6 @@ fn spawn(commands: &mut Commands, spec: MapSpec) {
     // Without clusters Bevy builds no cascades, light lists or mesh-view bind groups for it. In the
     // same flush as the spawn: the render world must never have seen them.
     camera.remove::<Clusters>();
+    // An app's `Single<&mut Transform, With<Camera>>` means its own camera.
+    camera.remove::<Transform>();
 }
