@@ -243,7 +243,7 @@ fn images_that_are_too_small_are_refused() {
 /// lights among those found, Bevy would leave out such a system without a word.
 fn an_app_finds_its_own_camera_by_its_transform() {
     let mut stage = corner(vec![sun(Vec3::new(0.1, -1.0, -0.2))]);
-    assert_eq!(set::gathered(&mut stage).cameras, 1);
+    assert_eq!(set::gathered(&stage).cameras, 1);
     let world = stage.world_mut();
     let hidden =
         world.query_filtered::<Entity, (With<RsmView>, With<Camera>)>().iter(world).count();

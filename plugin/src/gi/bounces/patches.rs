@@ -162,18 +162,6 @@ impl Surfaces {
             && !self.is_incomplete
             && self.layers == *layers
     }
-
-    /// The instances after some meshes moved; `None` where one is nowhere.
-    fn moved(&self, delta: &MeshDelta) -> Option<Vec<SurfaceInstance>> {
-        let mut now = self.instances.clone();
-        for (entity, affine) in &delta.moved {
-            // Others reflect nothing, wherever they are.
-            if let Ok(place) = now.binary_search_by_key(entity, |instance| instance.entity) {
-                now[place].affine = *affine;
-            }
-        }
-        now.iter().all(|instance| instance.affine.is_finite()).then_some(now)
-    }
 }
 
 pub(super) fn update(
@@ -247,7 +235,11 @@ pub(super) fn update(
     if are_kept && delta.moved.is_empty() && surfaces.around == around {
         return;
     }
-    let moved = if are_kept { surfaces.moved(&delta) } else { None };
+    let moved = if are_kept {
+        delta.displace(&surfaces.instances, |mesh| mesh.entity, |mesh| &mut mesh.affine)
+    } else {
+        None
+    };
     let now = moved.unwrap_or_else(from_scene);
     surfaces.layers = shown.layers().clone();
     let used = now.iter().map(|instance| instance.key);

@@ -155,18 +155,6 @@ impl EmissiveState {
             && !self.is_incomplete
             && self.layers == *layers
     }
-
-    /// The instances after some meshes moved; `None` where one is nowhere.
-    fn moved(&self, delta: &MeshDelta) -> Option<Vec<EmissiveInstance>> {
-        let mut now = self.instances.clone();
-        for (entity, affine) in &delta.moved {
-            // Others emit nothing, wherever they are.
-            if let Ok(place) = now.binary_search_by_key(entity, |instance| instance.entity) {
-                now[place].affine = *affine;
-            }
-        }
-        now.iter().all(|instance| instance.affine.is_finite()).then_some(now)
-    }
 }
 
 pub(super) fn update(
@@ -246,7 +234,11 @@ pub(super) fn update(
     {
         return;
     }
-    let moved = if are_kept { state.moved(&delta) } else { None };
+    let moved = if are_kept {
+        delta.displace(&state.instances, |mesh| mesh.entity, |mesh| &mut mesh.affine)
+    } else {
+        None
+    };
     let now = moved.unwrap_or_else(from_scene);
     (state.layers, state.is_kept) = (shown.layers().clone(), true);
     let used = now.iter().map(|instance| instance.key);

@@ -28,6 +28,23 @@ impl MeshDelta {
     pub(crate) fn is_altered(&self) -> bool {
         self.unknown || !self.altered.is_empty()
     }
+
+    /// Instances, sorted by entity, after meshes moved; `None` where one is nowhere. Moves of other
+    /// meshes do not matter.
+    pub(crate) fn displace<I: Clone>(
+        &self,
+        instances: &[I],
+        entity: impl Fn(&I) -> Entity,
+        place: impl Fn(&mut I) -> &mut Affine3A,
+    ) -> Option<Vec<I>> {
+        let mut now = instances.to_vec();
+        for (moved, affine) in &self.moved {
+            if let Ok(index) = now.binary_search_by_key(moved, &entity) {
+                *place(&mut now[index]) = *affine;
+            }
+        }
+        now.iter_mut().all(|instance| place(instance).is_finite()).then_some(now)
+    }
 }
 
 type Altered = Or<(
