@@ -138,6 +138,9 @@ fn tell(time: Res<Time<Real>>, handheld: Res<Handheld>, mut text: Single<&mut Te
         let lasts = handheld.left.0 / handheld.power.0.max(1e-3);
         format!("must last {asked:.0} s, lasts {lasts:.0} s at {:.1} W", handheld.power.0)
     };
-    let load = if handheld.has_other_load { ", other load 2 W" } else { "" };
-    text.set_if_neq(Text::new(format!("{keys}\n{:.0} J left, {state}{load}", handheld.left.0)));
+    let mut status = format!("{keys}\n{:.0} J left, {state}", handheld.left.0);
+    if handheld.has_other_load {
+        status += &format!(", other load {OTHER_LOAD} W");
+    }
+    text.set_if_neq(Text::new(status));
 }

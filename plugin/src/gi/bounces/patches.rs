@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use bevy::asset::AssetId;
 use bevy::camera::Camera;
-use bevy::camera::visibility::{InheritedVisibility, RenderLayers};
+use bevy::camera::visibility::InheritedVisibility;
 use bevy::ecs::prelude::*;
 use bevy::image::Image;
 use bevy::light::{EnvironmentMapLight, NotShadowCaster};
@@ -22,8 +22,8 @@ use super::choice::{Candidate, choose, density, rank};
 use super::patch::Patch;
 use crate::gi::settings::FrugalGi;
 use crate::gi::surfaces::{
-    MaterialSample, MeshDelta, Reflectance, SurfaceAssets, SurfaceCache, SurfaceEvents, SurfaceKey,
-    SurfacePoint, SurfacePoints, TrianglePoint, Triangles, area_matrix, triangles,
+    MaterialSample, MeshDelta, Reading, Reflectance, SurfaceAssets, SurfaceCache, SurfaceEvents,
+    SurfaceKey, SurfacePoint, SurfacePoints, TrianglePoint, Triangles, area_matrix, triangles,
 };
 use crate::gi::view::{GiCameras, LightPresence, Showing};
 
@@ -147,21 +147,8 @@ pub(super) struct Surfaces {
     points: SurfaceCache<PatchKey, Option<Points>>,
     instances: Vec<SurfaceInstance>,
     around: Vec<Around>,
-    /// An asset was not loaded yet, or a mesh was nowhere: the scene is read again.
-    is_incomplete: bool,
-    /// Render layers of the GI cameras.
-    layers: RenderLayers,
-}
-
-impl Surfaces {
-    /// Whether nothing but the places of meshes changed since the instances were read.
-    fn are_kept(&self, delta: &MeshDelta, layers: &RenderLayers) -> bool {
-        !self.around.is_empty()
-            && !delta.is_altered()
-            && !self.points.changed
-            && !self.is_incomplete
-            && self.layers == *layers
-    }
+    /// `None` where instances are not those of the scene.
+    reading: Option<Reading>,
 }
 
 pub(super) fn update(
@@ -202,6 +189,7 @@ pub(super) fn update(
             // Points stay, since they take longer to compute than patches.
             surfaces.instances.clear();
             surfaces.around.clear();
+            surfaces.reading = None;
             *patches = GiPatches::default();
         }
         return;
@@ -231,7 +219,8 @@ pub(super) fn update(
         now.sort_unstable_by_key(|instance| instance.entity);
         now
     };
-    let are_kept = surfaces.are_kept(&delta, shown.layers());
+    let holds = |reading: &Reading| reading.holds(&delta, shown.layers());
+    let are_kept = surfaces.reading.as_ref().is_some_and(holds) && !surfaces.points.changed;
     if are_kept && delta.moved.is_empty() && surfaces.around == around {
         return;
     }
@@ -241,10 +230,12 @@ pub(super) fn update(
         None
     };
     let now = moved.unwrap_or_else(from_scene);
-    surfaces.layers = shown.layers().clone();
     let used = now.iter().map(|instance| instance.key);
     let are_loaded = surfaces.points.fill(used, |key| points(key, FIRST_POINTS, &assets));
-    surfaces.is_incomplete = is_incomplete || !are_loaded;
+    surfaces.reading = Some(Reading {
+        layers: shown.layers().clone(),
+        is_incomplete: is_incomplete || !are_loaded,
+    });
     if surfaces.points.changed || surfaces.instances != now || surfaces.around != around {
         refine(&mut surfaces.points.values, &now, &around, &assets);
         let set = |around: &Around| {

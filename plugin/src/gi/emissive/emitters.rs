@@ -8,7 +8,7 @@
 use std::sync::Arc;
 
 use bevy::asset::{AssetEvent, AssetId};
-use bevy::camera::visibility::{InheritedVisibility, RenderLayers};
+use bevy::camera::visibility::InheritedVisibility;
 use bevy::camera::{Camera, Exposure};
 use bevy::color::ColorToComponents;
 use bevy::ecs::prelude::*;
@@ -26,8 +26,8 @@ use super::emission::{Emission, emission};
 use super::surface::EmissiveSurface;
 use crate::gi::settings::FrugalGi;
 use crate::gi::surfaces::{
-    Cutout, Mask, MeshDelta, MeshTexture, SurfaceAssets, SurfaceCache, SurfaceEvents, SurfaceKey,
-    SurfacePoints, TextureUse, TrianglePoint, Triangles, triangles,
+    Cutout, Mask, MeshDelta, MeshTexture, Reading, SurfaceAssets, SurfaceCache, SurfaceEvents,
+    SurfaceKey, SurfacePoints, TextureUse, TrianglePoint, Triangles, triangles,
 };
 use crate::gi::texels::{Texel, TexelRow};
 use crate::gi::view::{GiCameras, LightPresence, Showing};
@@ -138,23 +138,8 @@ pub(super) struct EmissiveState {
     surfaces: SurfaceCache<EmissiveKey, Option<EmissiveSurface>>,
     instances: Vec<EmissiveInstance>,
     exposures: Vec<Option<f32>>,
-    /// An asset was not loaded yet, or a mesh was nowhere: the scene is read again.
-    is_incomplete: bool,
-    /// Render layers of the GI cameras.
-    layers: RenderLayers,
-    /// `instances` are those of the scene.
-    is_kept: bool,
-}
-
-impl EmissiveState {
-    /// Whether nothing but the places of meshes changed since the instances were read.
-    fn are_kept(&self, delta: &MeshDelta, layers: &RenderLayers) -> bool {
-        self.is_kept
-            && !delta.is_altered()
-            && !self.surfaces.changed
-            && !self.is_incomplete
-            && self.layers == *layers
-    }
+    /// `None` where instances are not those of the scene.
+    reading: Option<Reading>,
 }
 
 pub(super) fn update(
@@ -203,7 +188,7 @@ pub(super) fn update(
             (state.surfaces.values, state.instances, state.exposures) = Default::default();
             *emitters = GiEmitters::default();
         }
-        state.is_kept = false;
+        state.reading = None;
         return;
     }
     let shown = gi_cameras.shown();
@@ -227,7 +212,8 @@ pub(super) fn update(
         now.sort_unstable_by_key(|instance| instance.entity);
         now
     };
-    let are_kept = state.are_kept(&delta, shown.layers());
+    let holds = |reading: &Reading| reading.holds(&delta, shown.layers());
+    let are_kept = state.reading.as_ref().is_some_and(holds) && !state.surfaces.changed;
     if are_kept
         && delta.moved.is_empty()
         && state.exposures == distinct_exposures(&state.instances, exposures.clone())
@@ -240,10 +226,12 @@ pub(super) fn update(
         None
     };
     let now = moved.unwrap_or_else(from_scene);
-    (state.layers, state.is_kept) = (shown.layers().clone(), true);
     let used = now.iter().map(|instance| instance.key);
     let are_loaded = state.surfaces.fill(used, |key| surface(key, FIRST_TEXELS, &assets));
-    state.is_incomplete = is_incomplete || !are_loaded;
+    state.reading = Some(Reading {
+        layers: shown.layers().clone(),
+        is_incomplete: is_incomplete || !are_loaded,
+    });
     let exposures = distinct_exposures(&now, exposures);
     if state.surfaces.changed || state.instances != now || state.exposures != exposures {
         let sets = exposures

@@ -47,6 +47,21 @@ impl MeshDelta {
     }
 }
 
+/// What was read of the scene at once, as far as it tells whether it must be read again.
+pub(in crate::gi) struct Reading {
+    /// Render layers of the GI cameras.
+    pub layers: RenderLayers,
+    /// An asset was not loaded yet, or a mesh was nowhere.
+    pub is_incomplete: bool,
+}
+
+impl Reading {
+    /// Whether nothing but the places of meshes, and their assets, changed since.
+    pub(crate) fn holds(&self, delta: &MeshDelta, layers: &RenderLayers) -> bool {
+        !delta.is_altered() && !self.is_incomplete && self.layers == *layers
+    }
+}
+
 type Altered = Or<(
     Changed<Mesh3d>,
     Changed<MeshMaterial3d<StandardMaterial>>,

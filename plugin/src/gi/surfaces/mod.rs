@@ -22,7 +22,7 @@ use bevy::transform::TransformSystems;
 use super::schedule::SceneSystems;
 pub(super) use assets::SurfaceAssets;
 pub(super) use cache::{SurfaceCache, SurfaceEvents, SurfaceKey};
-pub(super) use changes::MeshDelta;
+pub(super) use changes::{MeshDelta, Reading};
 pub(super) use cutout::{Cutout, Mask};
 pub(super) use points::{SurfacePoint, SurfacePoints, TrianglePoint, area_matrix};
 pub(super) use reflectance::{MaterialSample, Reflectance, is_deferred, occludes};

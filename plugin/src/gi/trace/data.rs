@@ -54,11 +54,16 @@ pub(super) fn instance(
 pub(super) fn fits<T>(items: &[T], count: usize, most: usize) -> bool {
     let fits = (items.len() + count) * size_of::<T>() <= most;
     if !fits {
-        warn_once!(
-            "the scene's meshes exceed this GPU's largest storage buffer: those that are left out occlude no indirect light"
-        );
+        warn_of_full_buffer();
     }
     fits
+}
+
+/// Warns once.
+pub(super) fn warn_of_full_buffer() {
+    warn_once!(
+        "the scene's meshes exceed this GPU's largest storage buffer: those that are left out occlude no indirect light"
+    );
 }
 
 #[cfg(test)]

@@ -6,7 +6,6 @@
 //! one root. Once too much has changed, all are built anew as one, in the background where they are
 //! large.
 
-use bevy::log::warn_once;
 use bevy::math::Vec3A;
 use bevy::platform::collections::HashMap;
 use bevy::tasks::futures::check_ready;
@@ -14,7 +13,7 @@ use bevy::tasks::{AsyncComputeTaskPool, Task};
 use bytemuck::Zeroable;
 
 use super::bvh::{FlatBvh, Node, refit};
-use super::data::{Instance, InstanceData};
+use super::data::{Instance, InstanceData, warn_of_full_buffer};
 use super::skin::Part;
 
 /// A box: its lower and its upper corner.
@@ -130,9 +129,7 @@ impl TopTree {
     fn append(&mut self, data: &mut InstanceData, placed: &[Placed], most: usize) {
         let room = (most / size_of::<Instance>()).saturating_sub(data.instances.len());
         if placed.len() > room {
-            warn_once!(
-                "the scene's meshes exceed this GPU's largest storage buffer: those that are left out occlude no indirect light"
-            );
+            warn_of_full_buffer();
         }
         let placed = &placed[..placed.len().min(room)];
         if placed.is_empty() {
