@@ -33,11 +33,13 @@
 )]
 
 pub mod control;
+mod cut;
 pub mod frontier;
 pub mod gi;
 #[cfg(feature = "hud")]
 pub mod hud;
 pub mod knobs;
+pub mod pacing;
 mod pipelines;
 pub mod power;
 pub mod recording;
@@ -54,6 +56,7 @@ use bevy::app::{PluginGroup, PluginGroupBuilder};
 /// |---|---|
 /// | [`GiPlugin`](gi::GiPlugin) | global illumination on cameras with [`FrugalGi`](gi::FrugalGi); makes deferred rendering the default |
 /// | [`ResolutionPlugin`](resolution::ResolutionPlugin) | per-camera resolution scale, with a filtered upscale |
+/// | [`FramePacingPlugin`](pacing::FramePacingPlugin) | a limit of the frame rate, for the knob `frame_rate` |
 /// | [`KnobPlugin`](knobs::KnobPlugin) | the registry of knobs; applies [`KnobSettings`](knobs::KnobSettings) |
 /// | [`FrontierMapPlugin`](frontier::FrontierMapPlugin) | the `*.pareto.ron` asset |
 /// | [`ControlPlugin`](control::ControlPlugin) | selects settings from a camera's map under its [`Budget`](control::Budget) |
@@ -70,6 +73,7 @@ impl PluginGroup for FrugalGiPlugins {
         PluginGroupBuilder::start::<Self>()
             .add(gi::GiPlugin)
             .add(resolution::ResolutionPlugin)
+            .add(pacing::FramePacingPlugin)
             .add(knobs::KnobPlugin)
             .add(frontier::FrontierMapPlugin)
             .add(control::ControlPlugin)
@@ -95,6 +99,7 @@ pub mod prelude {
     #[cfg(feature = "hud")]
     pub use crate::hud::{HudPart, HudPlugin, HudSettings};
     pub use crate::knobs::{KnobPlugin, KnobRegistry, KnobSettings, RegisterKnob, WarmKnobs};
+    pub use crate::pacing::{FramePacingPlugin, FrameRateLimit};
     pub use crate::power::{
         MeterChoice, MeterState, MeteredPower, POWER_DIAGNOSTIC, PowerPlugin, Provenance,
         SamplerSettings,

@@ -31,6 +31,9 @@ impl Plugin for KnobPlugin {
             .register_knob(builtin::TextureDetail)
             .register_knob(builtin::PostProcessing)
             .register_knob(builtin::ResolutionScaleKnob)
+            .register_knob(builtin::Effects)
+            .register_knob(builtin::ViewDistance)
+            .register_knob(builtin::FrameRate)
             .register_type::<KnobLevels>()
             .configure_sets(PostUpdate, KnobSystems::Apply.before(CameraUpdateSystems))
             .add_systems(PostUpdate, reconcile.in_set(KnobSystems::Apply));

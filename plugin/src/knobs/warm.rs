@@ -68,6 +68,20 @@ impl WarmKnobs {
         }
     }
 
+    /// Also shows each of `settings` as a whole: passes of several knobs may share a pipeline. Give
+    /// those of a map ([`FrontierMap::settings`](crate::frontier::FrontierMap::settings)), and none
+    /// of its switches compiles anything.
+    #[must_use]
+    pub fn with_settings(mut self, settings: impl IntoIterator<Item = KnobLevels>) -> Self {
+        for settings in settings {
+            let settings = self.space.from_levels(|knob, _| settings.level(knob));
+            if !self.levels.contains(&settings) {
+                self.levels.push(settings);
+            }
+        }
+        self
+    }
+
     /// Fraction of the levels shown so far, 0 to 1. Stays at 1 while the last pipelines compile.
     pub fn progress(&self) -> f32 {
         match self.phase {
@@ -249,6 +263,17 @@ mod tests {
                 && shown.iter().any(|settings| settings.level(2) == 1)
         );
         assert!(WarmKnobs::new(KnobSpace::default()).levels.is_empty());
+    }
+
+    #[test]
+    fn whole_settings_are_shown_once_and_within_the_space() {
+        let knobs = vec![Knob::new("one", [0.0, 1.0]), Knob::new("two", [0.0, 1.0])];
+        let warm = WarmKnobs::new(KnobSpace::new(knobs).expect("a valid space"));
+        let both = KnobLevels::default().with_level(0, 1).with_level(1, 1);
+        let shown = warm.levels.len();
+        assert!(!warm.levels.contains(&both));
+        let warm = warm.with_settings([both, both, KnobLevels::from_bits(u128::MAX)]);
+        assert_eq!((warm.levels.len(), warm.levels.last()), (shown + 1, Some(&both)));
     }
 
     #[test]

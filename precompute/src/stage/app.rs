@@ -15,6 +15,7 @@ use bevy::winit::WinitPlugin;
 use bevy_frugal_gi::FrugalGiPlugins;
 use bevy_frugal_gi::gi::GiRefresh;
 use bevy_frugal_gi::knobs::{KnobPlugin, KnobRegistry, KnobSpace, KnobSpaceError};
+use bevy_frugal_gi::pacing::FramePacingPlugin;
 use bevy_frugal_gi::power::PowerPlugin;
 
 /// An app without window, log, signal handler and user interface, whose clock steps by one frame
@@ -37,8 +38,8 @@ pub(super) fn build(frames_per_second: f64, extend: impl FnOnce(&mut App)) -> Ap
             // Each update must return with its own frame.
             .disable::<PipelinedRenderingPlugin>(),
     )
-    // The stage itself reads the meter around each frame.
-    .add_plugins(FrugalGiPlugins.build().disable::<PowerPlugin>())
+    // The stage itself reads the meter around each frame, and sleeps in none.
+    .add_plugins(FrugalGiPlugins.build().disable::<PowerPlugin>().disable::<FramePacingPlugin>())
     // A stage's camera is often still where an app's moves: frames must not be cheaper for it.
     .insert_resource(GiRefresh::AsIfCamerasMoved)
     .insert_resource(TimeUpdateStrategy::ManualDuration(Duration::from_secs_f64(

@@ -19,10 +19,12 @@ tests!(
 const PLUGIN: &[&str] = &[
     "units",
     "schedule",
+    "cut",
     "pipelines",
     "power",
     "signals",
     "resolution",
+    "pacing",
     "gi/settings",
     "gi/schedule",
     "gi/compute",

@@ -4,17 +4,22 @@ use std::collections::BTreeMap;
 
 use bevy::anti_alias::fxaa::Fxaa;
 use bevy::anti_alias::smaa::{Smaa, SmaaPreset};
+use bevy::camera::Projection;
+use bevy::ecs::entity::Entity;
+use bevy::ecs::query::With;
 use bevy::light::{
-    CascadeShadowConfig, DirectionalLight, DirectionalLightShadowMap, PointLightShadowMap,
+    CascadeShadowConfig, DirectionalLight, DirectionalLightShadowMap, FogVolume,
+    PointLightShadowMap, VolumetricFog, VolumetricLight,
 };
 use bevy::math::{UVec2, Vec3};
 use bevy::pbr::{ScreenSpaceAmbientOcclusion, ScreenSpaceAmbientOcclusionQualityLevel};
 use bevy::post_process::bloom::Bloom;
 use bevy::render::camera::MipBias;
+use bevy::transform::components::Transform;
 use bevy_frugal_gi::gi::{FrugalGi, RsmView};
 use bevy_frugal_gi::knobs::{AppliedKnobs, KnobLevels};
 use bevy_frugal_gi::resolution::ResolutionScale;
-use frugal::metrics::Picture;
+use frugal::metrics::{Picture, Reference};
 use frugal::scene::Environment;
 use frugal::stage::Stage;
 use frugal_tests::set;
@@ -34,6 +39,26 @@ fn stage() -> Stage {
     let mut stage = set::open(&scene, set::options(SIZE.x, SIZE.y));
     set::look(&mut stage, Vec3::new(4.9, 2.0, 2.2), Vec3::new(-4.0, 1.8, -3.4));
     stage
+}
+
+/// Fog and a far plane within the scene: what a scene file cannot ask for.
+fn add_effects(stage: &mut Stage) {
+    let camera = set::camera(stage);
+    let world = stage.world_mut();
+    // The march begins where it ends without jitter: frames repeat.
+    let fog = VolumetricFog { ambient_intensity: 0.0, jitter: 0.0, ..Default::default() };
+    world.entity_mut(camera).insert(fog);
+    let mut lens = world.get_mut::<Projection>(camera).expect("a lens");
+    if let Projection::Perspective(lens) = &mut *lens {
+        lens.far = 40.0;
+    }
+    let volume = FogVolume { density_factor: 0.3, ..Default::default() };
+    world.spawn((volume, Transform::from_scale(Vec3::splat(30.0))));
+    let suns: Vec<Entity> =
+        world.query_filtered::<Entity, With<DirectionalLight>>().iter(world).collect();
+    for sun in suns {
+        world.entity_mut(sun).insert(VolumetricLight);
+    }
 }
 
 fn render(stage: &mut Stage) -> Picture {
@@ -67,8 +92,7 @@ fn assert_applied(stage: &mut Stage, name: &str, value: f64) {
             assert_eq!(world.resource::<PointLightShadowMap>().size as f64, value / 2.0);
         }
         "shadow_cascades" => {
-            let mut lights = world
-                .query_filtered::<&CascadeShadowConfig, bevy::ecs::query::With<DirectionalLight>>();
+            let mut lights = world.query_filtered::<&CascadeShadowConfig, With<DirectionalLight>>();
             assert!(lights.iter(world).all(|cascades| cascades.bounds.len() as f64 == value));
         }
         "ambient_occlusion" => {
@@ -105,6 +129,12 @@ fn assert_applied(stage: &mut Stage, name: &str, value: f64) {
                 texture.is_some_and(|size| size <= f64::from(SIZE.y) * value)
             });
         }
+        "effects" => {
+            let steps = world.get::<VolumetricFog>(camera).map(|fog| fog.step_count);
+            assert_eq!(steps, (value > 0.0).then_some((64.0 * value) as u32));
+        }
+        // Which meshes are left is tested beside the knob.
+        "view_distance" => {}
         "resolution_scale" => {
             assert_eq!(world.get::<ResolutionScale>(camera), Some(&ResolutionScale(value as f32)));
         }
@@ -114,6 +144,7 @@ fn assert_applied(stage: &mut Stage, name: &str, value: f64) {
 
 fn every_level_is_applied_changes_the_image_and_leaves_no_trace() {
     let mut stage = stage();
+    add_effects(&mut stage);
     let space = stage.space().clone();
     let best = space.highest();
     let at = |knob: usize, level: usize| best.with_level(knob, level);
@@ -127,8 +158,10 @@ fn every_level_is_applied_changes_the_image_and_leaves_no_trace() {
     stage.apply(best);
     stage.get_ready().expect("a ready stage");
     let reference = stage.picture().expect("an image");
+    let ssim = Reference::new(&reference).expect("an image");
     let mut changed: BTreeMap<&str, usize> = BTreeMap::new();
     for (index, knob) in space.knobs().iter().enumerate() {
+        let mut errors = Vec::new();
         for (number, level) in knob.levels.iter().enumerate() {
             stage.apply(at(index, number));
             let first = render(&mut stage);
@@ -142,7 +175,11 @@ fn every_level_is_applied_changes_the_image_and_leaves_no_trace() {
                 level.label
             );
             *changed.entry(&knob.name).or_default() += usize::from(converged != reference);
+            errors.push(ssim.error(&converged).expect("images of one size"));
         }
+        let (cheapest, last_but_one) = (errors[0], errors[errors.len() - 2]);
+        assert!(cheapest >= last_but_one, "{}: lower levels err more: {errors:?}", knob.name);
+        println!("    {}: {errors:.4?}", knob.name);
         let camera = set::camera(&mut stage);
         let applied = stage.world_mut().get::<AppliedKnobs>(camera).expect("applied knobs");
         let last = knob.levels.last().map(|level| level.value);
