@@ -64,9 +64,11 @@ pub struct MapWhenWarm(Handle<FrontierMap>);
 pub fn control(app: &mut App, map: FrontierMap, cameras: &[Entity]) {
     let knobs = Arc::new(map.knobs.clone());
     let period = Duration::from_secs_f64(1.0 / map.capture.frames_per_second);
+    let settings = map.settings();
     let map = app.world_mut().resource_mut::<Assets<FrontierMap>>().add(map);
     for camera in cameras {
-        let parts = (WarmKnobs::new(Arc::clone(&knobs)), MapWhenWarm(map.clone()));
+        let warm = WarmKnobs::new(Arc::clone(&knobs)).with_settings(settings.iter().copied());
+        let parts = (warm, MapWhenWarm(map.clone()));
         app.world_mut().entity_mut(*camera).insert(parts);
     }
     app.add_systems(Update, start_controller).add_systems(

@@ -1,8 +1,7 @@
 //! Moves the camera along a scene's path in a loop.
 
 use bevy::prelude::*;
-use bevy_frugal_gi::control::SettingsFilter;
-use bevy_frugal_gi::gi::FrugalGi;
+use bevy_frugal_gi::gi::{CameraCut, FrugalGi};
 use bevy_frugal_gi::knobs::WarmKnobs;
 use frugal::scene::{CameraPath, SceneDescription};
 
@@ -62,12 +61,10 @@ pub fn travel(
     keys: Res<ButtonInput<KeyCode>>,
     time: Res<Time>,
     mut tour: ResMut<Tour>,
-    cameras: Single<
-        (&mut Transform, Option<&mut SettingsFilter>),
-        (With<FrugalGi>, Without<WarmKnobs>),
-    >,
+    mut commands: Commands,
+    camera: Single<(Entity, &mut Transform), (With<FrugalGi>, Without<WarmKnobs>)>,
 ) {
-    let (mut transform, filter) = cameras.into_inner();
+    let (camera, mut transform) = camera.into_inner();
     if keys.just_pressed(KeyCode::Space) {
         tour.paused = !tour.paused;
     }
@@ -76,10 +73,7 @@ pub fn travel(
     let skipped = if cuts { tour.path.duration() * CUT_FRACTION } else { 0.0 };
     let wraps = tour.advance(seconds + skipped);
     *transform = tour.transform();
-    if (cuts || wraps)
-        && let Some(mut filter) = filter
-    {
-        // After a cut no transition is visible, so settings may jump.
-        filter.cut();
+    if cuts || wraps {
+        commands.entity(camera).insert(CameraCut);
     }
 }

@@ -1,12 +1,14 @@
 //! The frontier map: the octree of frontiers with the metadata that its numbers refer to.
 
+use std::collections::BTreeSet;
+
 use bevy::asset::Asset;
 use bevy::math::Vec3;
 use bevy::reflect::Reflect;
 use serde::{Deserialize, Serialize};
 
 use super::{ErrorRates, Frontier, FrontierMapError, Octree};
-use crate::knobs::KnobSpace;
+use crate::knobs::{KnobLevels, KnobSpace};
 use crate::power::MeterInfo;
 use crate::units::Watts;
 
@@ -189,6 +191,14 @@ impl FrontierMap {
             .map_err(|error| FrontierMapError::Unwritable { reason: error.to_string() })?;
         text.push('\n');
         Ok(text)
+    }
+
+    /// All settings that the map may select, each once, in ascending order.
+    pub fn settings(&self) -> BTreeSet<KnobLevels> {
+        std::iter::once(&self.shared)
+            .chain(&self.octree.frontiers)
+            .flat_map(|frontier| frontier.points().iter().map(|point| point.settings))
+            .collect()
     }
 
     /// Checks everything that the controller relies on: version, ranges, octree, settings and

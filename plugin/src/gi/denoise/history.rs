@@ -9,6 +9,7 @@ use bevy::render::texture::CachedTexture;
 use bevy::time::Time;
 use bytemuck::{Pod, Zeroable};
 
+use crate::cut::is_cut;
 use crate::gi::gather::{
     GatherView, IRRADIANCE, irradiance_texture, low_resolution_texture, texture_bytes, texture_size,
 };
@@ -26,15 +27,6 @@ const REST_HISTORY: f32 = 8.0;
 /// Longest history when settings are switched, in frames. Longer hides the switch better; shorter
 /// converges sooner to the new settings.
 const FRAMES_AT_SWITCH: u32 = 8;
-/// Thresholds of a cut: what a camera may move and turn from one frame to the next, at any frame
-/// rate (metres, degrees), and in a second (m/s, degrees/s). A fast vehicle is no cut, nor is a
-/// glance at a low frame rate.
-const CUT_DISTANCE: f32 = 1.0;
-const CUT_ANGLE: f32 = 30.0;
-const CUT_SPEED: f32 = 300.0;
-const CUT_TURN: f32 = 900.0;
-/// Longest frame for which they count, seconds: a stall.
-const LONGEST_FRAME: f32 = 0.1;
 
 const FILTERED: &str = "bevy_frugal_gi/denoise/filtered";
 const HISTORY: &str = "bevy_frugal_gi/denoise/history";
@@ -81,12 +73,7 @@ impl Reprojection {
     fn new(then: &GatherCamera, now: &GatherCamera, seconds: f32, present_weight: f32) -> Self {
         let world_from_clip = then.clip_from_world.inverse();
         let exposure = now.exposure / then.exposure;
-        // Time may stand still, and NaN counts for 0.
-        let seconds = if seconds > 0.0 { seconds.min(LONGEST_FRAME) } else { 0.0 };
-        let (farthest, widest) =
-            (CUT_DISTANCE.max(CUT_SPEED * seconds), CUT_ANGLE.max(CUT_TURN * seconds));
-        let is_cut = then.eye.distance_squared(now.eye) > farthest * farthest
-            || then.forward.dot(now.forward) < widest.to_radians().cos();
+        let is_cut = is_cut((then.eye, then.forward), (now.eye, now.forward), seconds);
         let is_finite = world_from_clip.is_finite()
             && then.clip_from_world.is_finite()
             && exposure.is_finite()

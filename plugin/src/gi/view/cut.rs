@@ -1,21 +1,11 @@
-//! Camera cuts: an app announces that a camera's next frame does not continue its last.
+//! Camera cuts that an app announced, in the render world.
 
 use bevy::app::App;
 use bevy::ecs::entity::EntityHashSet;
 use bevy::ecs::prelude::*;
-use bevy::prelude::ReflectDefault;
-use bevy::reflect::Reflect;
 use bevy::render::{ExtractSchedule, MainWorld, RenderApp};
 
-/// Marks a camera whose next frame is a cut: a teleport, another scene. Its history is dropped, and
-/// its VPLs are resampled regardless of [`refresh_period`](super::FrugalGi::refresh_period).
-/// Removed as soon as that frame is extracted.
-///
-/// Other cuts are detected without it: from one frame to the next the camera moves by more than 1 m
-/// and faster than 300 m/s, or turns by more than 30° and faster than 900° a second.
-#[derive(Component, Reflect, Clone, Copy, Debug, Default, PartialEq, Eq)]
-#[reflect(Component, Default, Clone, PartialEq)]
-pub struct CameraCut;
+use crate::cut::CameraCut;
 
 /// Cameras with a cut in this frame, by main-world entity. A resource of the render world.
 #[derive(Resource, Default)]

@@ -29,7 +29,7 @@ use bevy::shader::load_shader_library;
 
 use super::settings::{FrugalGi, GiPixelFraction};
 use super::texels::{TexelRow, same_layout};
-pub use cut::CameraCut;
+pub use crate::cut::CameraCut;
 pub(super) use cut::CutCameras;
 pub(super) use environment::SkySource;
 pub use frame::GiRefresh;
