@@ -24,3 +24,7 @@ mod search;
 mod search_bench;
 pub mod stage;
 pub mod table;
+
+// For the benchmarks. Not part of the interface.
+#[doc(hidden)]
+pub use evaluate::{ReactiveLadder, RecordedPath};

@@ -96,6 +96,7 @@ pub fn switch(
     pace: &mut ErrorPace,
 ) -> Decisions {
     let (space, choice) = (inputs.store.knobs(), &allocation.choice);
+    filter.observe_view(&inputs.view, inputs.delta_seconds);
     match inputs.current {
         // Others have written them since: continue from there. Not at the start, where no
         // transition from the app's own settings is needed.
@@ -105,21 +106,30 @@ pub fn switch(
         Some(_) => {}
         None => filter.cut(),
     }
-    let times = inputs.settings.times(&inputs.budget);
-    let applied = filter.step(space, choice.settings, inputs.delta_seconds, times);
-    let cost = if applied == choice.settings {
-        choice.cost
-    } else {
-        let found = inputs.store.look_up(&inputs.view);
-        found.and_then(|found| found.frontier.estimate(space, applied)).unwrap_or(choice.cost)
-    };
-    pace.observe(inputs.store, choice, cost, inputs.delta_seconds);
     let corrected =
         |cost: CostPoint| CostPoint { power: inputs.correction.corrected(cost.power), ..cost };
-    let (predicted, predicted_applied) = (corrected(choice.cost), corrected(cost));
+    let cost_of = |settings: KnobLevels| {
+        let found = inputs.store.look_up(&inputs.view);
+        found.and_then(|found| found.frontier.estimate(space, settings))
+    };
+    let (seconds, dwell) = (inputs.delta_seconds, inputs.settings.dwell_seconds);
+    let target = filter.dwell.choose(choice.settings, &inputs.budget, seconds, dwell, |settings| {
+        cost_of(settings).map(corrected)
+    });
+    let target_cost = if target == choice.settings {
+        choice.cost
+    } else {
+        cost_of(target).unwrap_or(choice.cost)
+    };
+    let times = inputs.settings.times(&inputs.budget);
+    let applied = filter.step(space, target, seconds, times);
+    let cost =
+        if applied == target { target_cost } else { cost_of(applied).unwrap_or(target_cost) };
+    pace.observe(inputs.store, choice, cost, inputs.delta_seconds);
+    let (predicted, predicted_applied) = (corrected(target_cost), corrected(cost));
     Decisions {
         sample: allocation.sample,
-        target: choice.settings,
+        target,
         applied,
         outcome: outcome_of(&inputs.budget, choice.outcome, predicted, predicted_applied),
         predicted,

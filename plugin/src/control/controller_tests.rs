@@ -53,6 +53,20 @@ fn the_outcome_is_that_of_the_applied_settings() {
 }
 
 #[test]
+fn a_teleport_needs_no_word_from_the_app() {
+    let map = testing::map(1);
+    let mut controller = CameraController::default();
+    let current = controller.step(&inputs(&map, Budget::default(), None)).expect("9 W").applied;
+    let limited = inputs(&map, Budget::power(Watts(6.5)), Some(current));
+    let smooth = controller.clone().step(&limited).expect("a decision");
+    assert_ne!(smooth.applied, smooth.target);
+    let mut elsewhere = limited;
+    elsewhere.view.position.x += 100.0;
+    let cut = controller.step(&elsewhere).expect("a decision");
+    assert_eq!(cut.applied, cut.target);
+}
+
+#[test]
 fn a_budget_is_in_the_watts_of_the_apps_meter() {
     let map = testing::map(1);
     let correction = PowerCorrection { gain: 2.0, offset: Watts(1.0) };

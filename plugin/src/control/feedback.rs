@@ -7,6 +7,10 @@
 //! 3. Gain and offset, with forgetting (Ljung 1999, section 11.2), Huber's weights against single
 //!    bad readings (Huber 1964), and a restart where readings stay off, as after a throttle.
 //!
+//! Beside these there is a bias of the present address, which the map prices a few percent wrong and
+//! the next address otherwise. Taken for a gain, such an error once made a gain of 0.9 one of 0.1 within
+//! half a second, and a meter that was lost right then left the app at its cheapest settings.
+//!
 //! We use option 3: the map still says at once what a change of view costs, and the meter says how
 //! much that is here. At one operating point gain and offset cannot be told apart, and the
 //! prediction at that point is right either way. Readings are therefore forgotten towards the prior
@@ -25,13 +29,24 @@ use crate::units::Watts;
 const FORGETTING_SECONDS: f64 = 4.0;
 /// Standard deviation of a reading, as a share of it.
 const NOISE: f64 = 0.03;
+/// Standard deviation of a map's power at one address, as a share of it. Readings at one address
+/// have it in common: however many there are, they say no more of the gain than one. Lower values
+/// take what an address is off for a gain, which at the next address may be anything; higher values
+/// learn more slowly what other settings cost.
+const MAP_NOISE: f64 = 0.08;
+/// Time constant of the bias, seconds: what is left beside gain and offset, and belongs to the present
+/// address. Lower values follow the map's errors sooner, and the meter's noise more.
+const BIAS_SECONDS: f64 = 0.5;
+/// Part of a bias that is not corrected, as a share of the power: the meter's noise reaches it, and
+/// would make the correction wander.
+const LEAST_BIAS: f64 = 0.015;
 /// Standard deviations beyond which a reading's weight falls.
 const HUBER: f64 = 2.0;
 /// Gain and offset before the first reading.
 const NEUTRAL: [f64; 2] = [1.0, 0.0];
 /// Standard deviations of gain and offset around that; the offset's as a share of the first predicted
 /// power.
-const PRIOR: [f64; 2] = [0.5, 0.5];
+const PRIOR: [f64; 2] = [0.5, 0.3];
 /// Largest gain, its smallest reciprocal, and the largest offset as a multiple of the first
 /// predicted power: beyond, the readings are not those of this renderer.
 const MOST: f64 = 10.0;
@@ -95,6 +110,12 @@ pub struct PowerModel {
     weighted: [f64; 2],
     /// Predicted power at the first reading, watts.
     scale: f64,
+    /// What the present address is off beside the estimate, a multiple of `scale`.
+    bias: f64,
+    /// Weight of a reading's rest in `bias`.
+    bias_weight: f64,
+    /// Number of readings that share an error of the map.
+    alike: f64,
     /// Sign of the last reading's deviation, if it was an outlier.
     outlier: Option<f64>,
     readings: u64,
@@ -109,6 +130,9 @@ impl Default for PowerModel {
             information: [[0.0; 2]; 2],
             weighted: [0.0; 2],
             scale: 0.0,
+            bias: 0.0,
+            bias_weight: 0.0,
+            alike: 0.0,
             outlier: None,
             readings: 0,
             used: PowerCorrection::default(),
@@ -162,7 +186,14 @@ impl PowerModel {
             self.scale = predicted.max(1e-3);
         }
         self.forget((-interval_seconds / FORGETTING_SECONDS).exp());
-        self.learn(predicted / self.scale, metered.0 / self.scale, spread / self.scale);
+        // Readings that share the memory, and with it an error of the map: the first is the only
+        // one.
+        self.alike = (self.alike + 1.0).min((FORGETTING_SECONDS / interval_seconds).max(1.0));
+        // At most half of a time constant: a slow meter's bias would swing.
+        self.bias_weight = -(-(interval_seconds / BIAS_SECONDS).min(0.5)).exp_m1();
+        let [predicted, metered, spread] =
+            [predicted, metered.0, spread].map(|watts| watts / self.scale);
+        self.learn(predicted, metered, spread);
         self.readings += 1;
         self.use_estimate();
     }
@@ -188,21 +219,25 @@ impl PowerModel {
     /// Adds a reading. All powers are multiples of `scale`.
     fn learn(&mut self, predicted: f64, metered: f64, spread: f64) {
         let regressor = [predicted, 1.0];
-        let deviation = metered - self.estimate[0] * predicted - self.estimate[1];
+        let deviation = metered - self.estimate[0] * predicted - self.estimate[1] - self.bias;
         // Where settings have just changed, the reading may belong to either.
         let unsure = 0.5 * spread * self.estimate[0];
-        let noise = (NOISE * metered.max(predicted)).powi(2) + unsure * unsure + 1e-12;
+        let size = metered.max(predicted);
+        let noise = (NOISE * size).powi(2) + unsure * unsure + 1e-12;
+        let of_map = (MAP_NOISE * size).powi(2);
         let Some(covariance) = self.covariance() else {
             self.forget(0.0);
             return;
         };
-        let expected = (quadratic(&covariance, regressor) + noise).sqrt();
+        let expected = (quadratic(&covariance, regressor) + noise + of_map).sqrt();
         let mut weight = (HUBER * expected / deviation.abs()).min(1.0);
         if weight < 1.0 {
             let sign = deviation.signum();
             if self.outlier == Some(sign) {
                 // Two in succession are no accident: the device has changed.
                 self.forget(0.0);
+                // What the prior does not believe of the new device is a bias at once.
+                (self.alike, self.bias_weight) = (1.0, 1.0);
                 (self.outlier, weight) = (None, 1.0);
             } else {
                 self.outlier = Some(sign);
@@ -210,7 +245,7 @@ impl PowerModel {
         } else {
             self.outlier = None;
         }
-        let precision = weight / noise;
+        let precision = weight / (noise + of_map * self.alike);
         for i in 0..2 {
             for j in 0..2 {
                 self.information[i][j] += precision * regressor[i] * regressor[j];
@@ -225,12 +260,20 @@ impl PowerModel {
         if gain.is_finite() && offset.is_finite() {
             self.estimate = [gain.clamp(1.0 / MOST, MOST), offset.clamp(-MOST, MOST)];
         }
+        let rest = metered - self.estimate[0] * predicted - self.estimate[1];
+        // An outlier is none of the address, and a reading across a switch partly.
+        let sure = if weight < 1.0 { 0.0 } else { of_map / (of_map + unsure * unsure + 1e-12) };
+        let bias = self.bias + (rest - self.bias) * (self.bias_weight * sure);
+        self.bias = if bias.is_finite() { bias } else { 0.0 };
     }
 
     fn use_estimate(&mut self) {
         let Some(predicted) = self.history.last() else { return };
         let [gain, offset] = self.estimate;
-        let latest = PowerCorrection { gain, offset: Watts(offset * self.scale) };
+        let there = (predicted / self.scale * gain + offset).abs();
+        let least = LEAST_BIAS * there;
+        let bias = self.bias - self.bias.clamp(-least, least);
+        let latest = PowerCorrection { gain, offset: Watts((offset + bias) * self.scale) };
         let change = |at: f64| {
             let [new, old] = [latest, self.used].map(|it| it.corrected(Watts(predicted * at)).0);
             new / old - 1.0

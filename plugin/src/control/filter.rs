@@ -21,9 +21,13 @@
 
 use bevy::ecs::component::Component;
 use bevy::ecs::reflect::ReflectComponent;
+use bevy::math::Vec3;
 use bevy::prelude::ReflectDefault;
 use bevy::reflect::Reflect;
 
+use super::dwell::Dwell;
+use crate::cut::is_cut;
+use crate::frontier::CameraView;
 use crate::knobs::{KnobLevels, KnobSpace};
 
 /// Upper limit of one step, in seconds. A longer step ends every transition anyway.
@@ -162,6 +166,9 @@ pub struct SettingsFilter {
     applied: KnobLevels,
     /// Whether the next step continues from `applied` instead of jumping to its target.
     smooth: bool,
+    /// Position and viewing direction of the last frame.
+    seen: Option<(Vec3, Vec3)>,
+    pub(super) dwell: Dwell,
 }
 
 impl SettingsFilter {
@@ -174,6 +181,19 @@ impl SettingsFilter {
     /// transition from the previous image is visible. The first step of a new filter jumps too.
     pub fn cut(&mut self) {
         self.smooth = false;
+        self.dwell.end();
+    }
+
+    /// Tells the filter of this frame's view, `delta_seconds` after that of the last call: one that
+    /// is elsewhere is a [cut](Self::cut). The limits are those of
+    /// [global illumination](crate::gi::CameraCut).
+    pub fn observe_view(&mut self, view: &CameraView, delta_seconds: f64) {
+        let now = (view.position, view.rotation * Vec3::NEG_Z);
+        if let Some(then) = self.seen.replace(now)
+            && is_cut(then, now, delta_seconds as f32)
+        {
+            self.cut();
+        }
     }
 
     /// Whether the next step continues from the applied settings: false after a [cut](Self::cut)

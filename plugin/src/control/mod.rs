@@ -17,6 +17,7 @@ mod budget;
 mod clock;
 mod controller;
 mod divide;
+mod dwell;
 mod events;
 mod exchange;
 mod feedback;

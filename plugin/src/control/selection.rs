@@ -124,7 +124,7 @@ pub struct Selection {
 /// Transition times of the controller, for all cameras.
 ///
 /// Settings fall quickly when the power limit is exceeded and rise slowly when power is left over;
-/// see [`times`](Self::times). Both fields are in seconds of real time, 0 to infinity. 0 and
+/// see [`times`](Self::times). All fields are in seconds of real time, 0 to infinity. 0 and
 /// negative values switch at once, infinity never switches, NaN means the default.
 #[derive(Resource, Clone, Copy, Debug, PartialEq, Reflect)]
 #[reflect(Resource, Default, Clone, Debug, PartialEq)]
@@ -137,6 +137,11 @@ pub struct ControlSettings {
     /// the limit sooner and change quality more visibly; higher values change it more gradually and
     /// exceed the limit for longer. Default: 0.5 s.
     pub fall_seconds: f64,
+    /// Under a power limit, the least time from one change of the target to the next, as long as the
+    /// earlier one keeps the limits. Higher values change quality less often and use less of the budget; lower values follow
+    /// every border between two addresses of the map. A broken limit, another budget and a cut do not
+    /// wait. Default: 0.5 s.
+    pub dwell_seconds: f64,
 }
 
 impl ControlSettings {
@@ -148,6 +153,9 @@ impl ControlSettings {
     /// Default of [`fall_seconds`](Self::fall_seconds), in seconds. Each intermediate level still
     /// lasts several frames.
     pub const FALL_SECONDS: f64 = 0.5;
+
+    /// Default of [`dwell_seconds`](Self::dwell_seconds), in seconds.
+    pub const DWELL_SECONDS: f64 = 0.5;
 
     /// Transition times under `budget`, in seconds; never NaN. An infinite limit counts as none.
     /// With two limits the power limit decides, as it does where they conflict. An error limit
@@ -166,7 +174,11 @@ impl ControlSettings {
 
 impl Default for ControlSettings {
     fn default() -> Self {
-        Self { transition_seconds: Self::TRANSITION_SECONDS, fall_seconds: Self::FALL_SECONDS }
+        Self {
+            transition_seconds: Self::TRANSITION_SECONDS,
+            fall_seconds: Self::FALL_SECONDS,
+            dwell_seconds: Self::DWELL_SECONDS,
+        }
     }
 }
 
@@ -177,7 +189,8 @@ mod tests {
 
     #[test]
     fn falls_under_a_power_limit_are_fast() {
-        let settings = ControlSettings { transition_seconds: 3.0, fall_seconds: 0.25 };
+        let settings =
+            ControlSettings { transition_seconds: 3.0, fall_seconds: 0.25, ..Default::default() };
         let power = TransitionTimes { rise_seconds: 3.0, fall_seconds: 0.25 };
         let error = TransitionTimes::both(3.0);
         assert_eq!(settings.times(&Budget::power(Watts(5.0))), power);
@@ -202,11 +215,19 @@ mod tests {
 
     #[test]
     fn nan_is_the_default_of_its_own_field() {
-        let nan = ControlSettings { transition_seconds: f64::NAN, fall_seconds: f64::NAN };
+        let nan = ControlSettings {
+            transition_seconds: f64::NAN,
+            fall_seconds: f64::NAN,
+            ..Default::default()
+        };
         for budget in [Budget::default(), Budget::power(Watts(5.0)), Budget::error(0.1)] {
             assert_eq!(nan.times(&budget), ControlSettings::default().times(&budget));
         }
-        let at_once = ControlSettings { transition_seconds: -1.0, fall_seconds: f64::NAN };
+        let at_once = ControlSettings {
+            transition_seconds: -1.0,
+            fall_seconds: f64::NAN,
+            ..Default::default()
+        };
         let expected =
             TransitionTimes { rise_seconds: -1.0, fall_seconds: ControlSettings::FALL_SECONDS };
         assert_eq!(at_once.times(&Budget::power(Watts(5.0))), expected);

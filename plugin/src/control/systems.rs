@@ -19,6 +19,7 @@ use super::{
     ErrorPace, FrontierMapHandle, FrontierSource, Limit, MapRejected, OffReason, Outcome,
     PowerCorrection, PowerDivision, PowerFeedback, Selection, SettingsFilter, SettingsSwitched,
 };
+use crate::cut::CameraCut;
 use crate::frontier::{
     AppConditions, CameraView, FrontierMap, FrontierStore, MapFit, Misfit, ShownScene,
 };
@@ -301,9 +302,10 @@ pub(super) fn switch_settings(
         &mut SettingsFilter,
         &mut ErrorPace,
         Option<&KnobSettings>,
+        Has<CameraCut>,
     )>,
 ) {
-    for (source, mut state, mut filter, mut pace, knobs) in &mut cameras {
+    for (source, mut state, mut filter, mut pace, knobs, has_cut) in &mut cameras {
         let state = state.bypass_change_detection();
         let Step::Allocated { view, space, allocation, budget, binding } = &state.step else {
             continue;
@@ -323,12 +325,11 @@ pub(super) fn switch_settings(
             settings: *settings,
         };
         // Both advance every frame without a change for others to detect.
-        let decisions = switch(
-            &inputs,
-            allocation,
-            filter.bypass_change_detection(),
-            pace.bypass_change_detection(),
-        );
+        let filter = filter.bypass_change_detection();
+        if has_cut {
+            filter.cut();
+        }
+        let decisions = switch(&inputs, allocation, filter, pace.bypass_change_detection());
         state.predicted = Some(decisions.uncorrected);
         state.step = Step::Decided { space: Arc::clone(space), binding, decisions };
     }

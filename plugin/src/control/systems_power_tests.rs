@@ -153,7 +153,8 @@ fn a_modelled_meter_other_than_the_maps_is_not_trusted() {
         let is_map_meter = name == "cpu-time";
         let state = app.world().resource::<PowerFeedback>().state;
         assert_eq!(state == FeedbackState::Running, is_map_meter, "{name}: {state:?}");
-        assert_eq!(applied(&app, camera) == at(0, 0), is_map_meter, "{name}");
+        let found = (applied(&app, camera), *app.world().resource::<PowerFeedback>());
+        assert_eq!(found.0 == at(0, 0), is_map_meter, "{name}: {found:?}");
     }
 }
 

@@ -151,7 +151,7 @@ fn an_exceeded_power_budget_is_met_in_half_a_second() {
     assert_eq!(frames_from(&mut app, camera, at(4, 2)), 7, "and rises at the same rate");
     // Other durations.
     *app.world_mut().resource_mut::<ControlSettings>() =
-        ControlSettings { transition_seconds: 4.0, fall_seconds: 0.0 };
+        ControlSettings { transition_seconds: 4.0, fall_seconds: 0.0, dwell_seconds: 0.0 };
     set_budget(&mut app, camera, Budget::power(Watts(6.0)));
     app.update();
     assert_eq!(applied(&app, camera), at(0, 0));

@@ -89,6 +89,7 @@ impl Arguments {
         self.transition.map_or_else(ControlSettings::default, |seconds| ControlSettings {
             transition_seconds: seconds,
             fall_seconds: seconds,
+            ..Default::default()
         })
     }
 

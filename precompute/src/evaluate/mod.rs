@@ -12,6 +12,7 @@
 //! | `baselines`, `judge` | the baselines, and the comparison with them |
 //! | `controlled` | the plugin's controller as a policy |
 //! | `bootstrap` | statistical significance of differences |
+//! | `recorded` | a record read back, for benchmarks |
 //! | `resolution` | the baseline that scales resolution alone |
 //! | `result` | results, as JSON |
 //! | `table` | results as text, and per-frame CSV |
@@ -24,6 +25,7 @@ pub(crate) mod fake;
 mod judge;
 mod play;
 mod record;
+mod recorded;
 mod resolution;
 mod result;
 mod runner;
@@ -37,6 +39,7 @@ pub(crate) use play::{
     RenderedFrame,
 };
 pub(crate) use record::PathRecord;
+pub use recorded::{ReactiveLadder, RecordedPath};
 pub(crate) use resolution::RESOLUTION_KNOB;
 pub(crate) use result::{Drift, EvaluationResult, RunResult, SpotCheck};
 pub(crate) use runner::{Evaluation, EvaluationError, EvaluationPlan, evaluate};

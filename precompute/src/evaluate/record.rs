@@ -182,7 +182,7 @@ impl PathRecord {
     /// Cost of `settings` at a frame. `last`: the last recorded settings of the run. Unrecorded
     /// settings between them and `target` are interpolated by the share of level steps completed,
     /// in the logarithms of power and error.
-    fn cost(
+    pub(super) fn cost(
         &self,
         frame: usize,
         settings: KnobLevels,

@@ -33,7 +33,11 @@ fn stage() -> Stage {
 fn control(stage: &mut Stage, knobs: KnobSpace, budget: Budget, seconds: f64) {
     let camera = set::camera(stage);
     let world = stage.world_mut();
-    world.insert_resource(ControlSettings { transition_seconds: seconds, fall_seconds: seconds });
+    world.insert_resource(ControlSettings {
+        transition_seconds: seconds,
+        fall_seconds: seconds,
+        dwell_seconds: 0.0,
+    });
     let map = world.resource_mut::<Assets<FrontierMap>>().add(map::one_cube(knobs));
     world.entity_mut(camera).insert((FrontierMapHandle(map), budget));
     (0..2).for_each(|_| stage.frame());

@@ -1,0 +1,144 @@
+//! Dwell: how long a target stays before another takes its place.
+//!
+//! Where a camera turns to and fro across the border of two addresses, each frame's best point
+//! alternates between two settings of nearly equal cost. Options:
+//! 1. Follow: knobs switch twice a second for nothing that anybody sees but the switches.
+//! 2. A deadband on the predicted gain: how much one setting must be better is in another unit for
+//!    each budget, and two addresses that differ by more still alternate.
+//! 3. A least time between two changes, unless the earlier target breaks a limit.
+//!
+//! We use option 3, under power limits. The first change after a rest does not wait.
+
+use bevy::reflect::Reflect;
+
+use super::Budget;
+use crate::frontier::CostPoint;
+use crate::knobs::KnobLevels;
+
+/// Relative change of a limit from which it is another budget. What a battery or a meter says drifts.
+const OTHER_LIMIT: f64 = 0.05;
+
+/// The target in use, since when, and for which limits.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Reflect)]
+pub(super) struct Dwell {
+    target: Option<KnobLevels>,
+    seconds: f64,
+    power: Option<f64>,
+    error: Option<f64>,
+}
+
+impl Dwell {
+    /// The target of this frame, `delta_seconds` after the last: `wanted`, or the one in use.
+    /// `cost_of` is what settings cost here, in the watts of `budget`.
+    pub(super) fn choose(
+        &mut self,
+        wanted: KnobLevels,
+        budget: &Budget,
+        delta_seconds: f64,
+        dwell_seconds: f64,
+        cost_of: impl FnOnce(KnobLevels) -> Option<CostPoint>,
+    ) -> KnobLevels {
+        self.seconds += if delta_seconds > 0.0 { delta_seconds } else { 0.0 };
+        let limits = (budget.power.map(|limit| limit.0), budget.error);
+        let is_other = differs(limits.0, self.power) || differs(limits.1, self.error);
+        if is_other {
+            (self.power, self.error) = limits;
+        }
+        let Some(held) = self.target.filter(|held| *held != wanted) else {
+            if self.target.is_none() {
+                self.seconds = 0.0;
+            }
+            self.target = Some(wanted);
+            return wanted;
+        };
+        // An error limit is one on the mean: what another view leaves unspent is spent here, and what
+        // waits is paid elsewhere. On recorded tours dwelling cost a third of what addresses save.
+        let limit = limits.0.filter(|limit| *limit < f64::INFINITY);
+        let keeps = |cost: CostPoint| {
+            limit.is_some_and(|limit| cost.power.0 <= limit)
+                && limits.1.is_none_or(|limit| cost.error <= limit)
+        };
+        // Not `>=`, so that NaN does not wait for ever.
+        let waits = !is_other && self.seconds < dwell_seconds && cost_of(held).is_some_and(keeps);
+        if waits {
+            return held;
+        }
+        (self.target, self.seconds) = (Some(wanted), 0.0);
+        wanted
+    }
+
+    /// Lets the next target in at once.
+    pub(super) fn end(&mut self) {
+        self.target = None;
+    }
+}
+
+fn differs(now: Option<f64>, then: Option<f64>) -> bool {
+    match (now, then) {
+        (Some(now), Some(then)) => {
+            // Equal infinities do not differ, and NaN, for which nothing is near, does.
+            let is_near = (now - then).abs() <= OTHER_LIMIT * then.abs();
+            now != then && !is_near
+        }
+        (now, then) => now.is_some() != then.is_some(),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::units::Watts;
+
+    const LOW: KnobLevels = KnobLevels::from_bits(1);
+    const HIGH: KnobLevels = KnobLevels::from_bits(2);
+
+    fn cost(settings: KnobLevels) -> Option<CostPoint> {
+        Some(if settings == LOW { CostPoint::new(5.0, 0.03) } else { CostPoint::new(6.0, 0.01) })
+    }
+
+    #[test]
+    fn alternating_targets_change_once_a_second() {
+        let (mut dwell, budget) = (Dwell::default(), Budget::power(Watts(7.0)));
+        let (mut last, mut changes) = (LOW, 0);
+        for frame in 0..600 {
+            let wanted = if (frame / 6) % 2 == 0 { LOW } else { HIGH };
+            let target = dwell.choose(wanted, &budget, 1.0 / 60.0, 1.0, cost);
+            changes += usize::from(target != last);
+            last = target;
+        }
+        assert!((5..=10).contains(&changes), "{changes} in ten seconds");
+    }
+
+    #[test]
+    fn the_first_change_a_broken_limit_another_budget_and_a_cut_do_not_wait() {
+        let start = |budget: &Budget| {
+            let mut dwell = Dwell::default();
+            assert_eq!(dwell.choose(LOW, budget, 0.1, 1.0, cost), LOW);
+            for _ in 0..20 {
+                assert_eq!(dwell.choose(LOW, budget, 0.1, 1.0, cost), LOW);
+            }
+            assert_eq!(dwell.choose(HIGH, budget, 0.1, 1.0, cost), HIGH, "after a rest");
+            dwell
+        };
+        let wide = Budget::power(Watts(7.0));
+        assert_eq!(start(&wide).choose(LOW, &wide, 0.1, 1.0, cost), HIGH);
+        let dearer = |_| Some(CostPoint::new(7.5, 0.01));
+        assert_eq!(start(&wide).choose(LOW, &wide, 0.1, 1.0, dearer), LOW, "a broken limit");
+        let near = Budget::power(Watts(6.9));
+        assert_eq!(start(&wide).choose(LOW, &near, 0.1, 1.0, cost), HIGH, "a drifting limit");
+        for other in [Budget::power(Watts(6.3)), Budget::default(), Budget::error(0.1)] {
+            assert_eq!(start(&wide).choose(LOW, &other, 0.1, 1.0, cost), LOW, "{other:?}");
+        }
+        let both = Budget::both(Watts(7.0), 0.012);
+        assert_eq!(start(&both).choose(LOW, &both, 0.1, 1.0, cost), HIGH);
+        let worse = |_| Some(CostPoint::new(5.0, 0.03));
+        assert_eq!(start(&both).choose(LOW, &both, 0.1, 1.0, worse), LOW, "a broken limit");
+        let mean = Budget::error(0.012);
+        assert_eq!(start(&mean).choose(LOW, &mean, 0.1, 1.0, cost), LOW, "a limit on the mean");
+        let mut cut = start(&wide);
+        cut.end();
+        assert_eq!(cut.choose(LOW, &wide, 0.1, 1.0, cost), LOW);
+        assert_eq!(start(&wide).choose(LOW, &wide, 0.1, f64::NAN, cost), LOW);
+        assert_eq!(start(&wide).choose(LOW, &wide, 0.1, 1.0, |_| None), LOW, "unknown");
+    }
+}
