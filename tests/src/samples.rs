@@ -59,11 +59,10 @@ mod using_cut {
 
     fn teleport(
         mut commands: Commands,
-        mut camera: Single<(Entity, &mut Transform, &mut SettingsFilter)>,
+        mut camera: Single<(Entity, &mut Transform), With<FrugalGi>>,
     ) {
-        let (entity, transform, filter) = &mut *camera;
+        let (entity, transform) = &mut *camera;
         **transform = Transform::from_xyz(10.0, 1.7, 3.0).looking_at(Vec3::ZERO, Vec3::Y);
-        filter.cut();
         commands.entity(*entity).insert(CameraCut);
     }
 }
