@@ -11,6 +11,7 @@ use super::refresh::turn_the_sun;
 
 tests!(
     a_distant_camera_sees_the_sun_s_bounce_where_it_looks,
+    the_view_distance_leaves_out_what_is_far,
     a_distant_parallel_camera_sees_what_a_near_one_sees,
     a_parallel_camera_and_a_long_lens_have_a_history,
 );
@@ -24,7 +25,7 @@ fn plain() -> Stage {
     meshes::spawn_corner(&mut stage, 0.5);
     let dark = meshes::diffuse(0.02, 0.02, 0.02);
     meshes::spawn_box(&mut stage, Vec3::new(0.0, -1.5, 0.0), Vec3::new(2000.0, 1.0, 2000.0), dark);
-    set::apply(&mut stage, &format!("{PLAIN},rsm_resolution=128"));
+    set::apply(&mut stage, &format!("{PLAIN},rsm_resolution=128,view_distance=100%"));
     stage
 }
 
@@ -69,11 +70,34 @@ fn a_distant_camera_sees_the_sun_s_bounce_where_it_looks() {
     }
 }
 
+fn the_view_distance_leaves_out_what_is_far() {
+    let mut stage = plain();
+    let fov = stage.vertical_fov_degrees().to_radians();
+    let mut at = |level: &str, distance: f32| {
+        set::apply(&mut stage, &format!("{PLAIN},rsm_resolution=128,view_distance={level}"));
+        set_lens(
+            &mut stage,
+            PerspectiveProjection { fov, near: 0.1, far: 40.0, ..Default::default() },
+        );
+        seen_from(&mut stage, distance).mean()
+    };
+    // From 15 m away all but the ground, on which the camera stands, is beyond 10 m.
+    let shares: Vec<f64> =
+        ["25%", "50%", "75%"].iter().map(|level| at(level, 15.0) / at("100%", 15.0)).collect();
+    println!("    from 15 m, of a far plane at 40 m: {shares:.3?} of the light");
+    assert!(shares[0] < 0.5 && (shares[1] - 1.0).abs() < 0.02 && (shares[2] - 1.0).abs() < 0.02);
+    let near = at("25%", 6.0) / at("100%", 6.0);
+    assert!((near - 1.0).abs() < 0.02, "from 6 m: {near:.3} of the light");
+}
+
 fn a_distant_parallel_camera_sees_what_a_near_one_sees() {
     let mut stage = plain();
     set_lens(&mut stage, parallel());
     for rays in ["none", "coarse"] {
-        set::apply(&mut stage, &format!("{PLAIN},rsm_resolution=128,gi_visibility={rays}"));
+        set::apply(
+            &mut stage,
+            &format!("{PLAIN},rsm_resolution=128,view_distance=100%,gi_visibility={rays}"),
+        );
         let near = seen_from(&mut stage, 10.0);
         for distance in [100.0, 1000.0] {
             let far = seen_from(&mut stage, distance);
