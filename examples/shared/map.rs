@@ -2,7 +2,6 @@
 
 use std::path::Path;
 use std::sync::Arc;
-use std::time::{Duration, Instant};
 
 use bevy::prelude::*;
 use bevy_frugal_gi::frontier::SceneIdentity;
@@ -63,7 +62,7 @@ pub struct MapWhenWarm(Handle<FrontierMap>);
 /// rate only.
 pub fn control(app: &mut App, map: FrontierMap, cameras: &[Entity]) {
     let knobs = Arc::new(map.knobs.clone());
-    let period = Duration::from_secs_f64(1.0 / map.capture.frames_per_second);
+    app.insert_resource(FrameRateLimit(Some(map.capture.frames_per_second)));
     let settings = map.settings();
     let map = app.world_mut().resource_mut::<Assets<FrontierMap>>().add(map);
     for camera in cameras {
@@ -71,15 +70,7 @@ pub fn control(app: &mut App, map: FrontierMap, cameras: &[Entity]) {
         let parts = (warm, MapWhenWarm(map.clone()));
         app.world_mut().entity_mut(*camera).insert(parts);
     }
-    app.add_systems(Update, start_controller).add_systems(
-        Last,
-        move |mut last: Local<Option<Instant>>| {
-            if let Some(rest) = last.and_then(|last| period.checked_sub(last.elapsed())) {
-                std::thread::sleep(rest);
-            }
-            *last = Some(Instant::now());
-        },
-    );
+    app.add_systems(Update, start_controller);
 }
 
 fn start_controller(

@@ -1,7 +1,8 @@
 //! Power budgets on a simulated device: the plugin's controller in an app, along recorded paths.
 //!
 //! `make bench BENCH=simulated ARGS='[budgets] [changes] [company] SCENE MAP RECORD …'`, three
-//! arguments for each scene. The record of its `tour` is that of `frugal evaluate --record`, made with the map.
+//! arguments for each scene. The record of its `tour` is that of `frugal evaluate --record`, made
+//! with the map.
 //!
 //! Every frame takes the recorded power of the settings in effect, which the map only predicts; a
 //! device turns it into watts, and a meter with an interval and noise says what it took. The camera
@@ -53,7 +54,7 @@ enum Method {
 }
 
 /// What the machine does beside.
-#[derive(Clone, Copy, Default)]
+#[derive(Clone, Copy)]
 struct Machine {
     gain: f64,
     /// From the middle of the run on.
@@ -159,7 +160,6 @@ impl<'a> Simulated<'a> {
 /// Runs `method` under a mean power of `limit` for `seconds`.
 fn run(level: &Level, method: Method, limit: Watts, machine: &Machine, seconds: f64) -> Vec<Frame> {
     let mut app = Simulated::new(level);
-    app.set_budget(Some(limit));
     let rate = level.map.capture.frames_per_second;
     let mut device = SimulatedDevice { gain: machine.gain, ..Default::default() };
     let mut meter = SimulatedMeter::new(INTERVAL).with_noise(NOISE);
@@ -207,13 +207,12 @@ fn run(level: &Level, method: Method, limit: Watts, machine: &Machine, seconds: 
         });
         if let Some(share) = machine.governor {
             // A second's mean, and a clock that follows it slowly, as those of handhelds do.
-            seen += (watts.0 - seen) * (frame / 1.0).min(1.0);
+            seen += (watts.0 - seen) * frame.min(1.0);
             let wanted = (share * limit.0 / seen.max(1e-6)).cbrt() * clock;
             clock += (wanted.clamp(0.4, 1.0) - clock) * (frame / 0.5).min(1.0);
         }
-        let next = app.update(at, frame);
         shown = match method {
-            Method::Frugal => next,
+            Method::Frugal => app.update(at, frame),
             Method::BestConstant => (constant, constant),
             Method::Reactive => {
                 let settings = reactive.step(frame, metered);
@@ -244,6 +243,10 @@ fn windows(frames: &[Frame]) -> Vec<(f64, f64)> {
     found
 }
 
+fn is_over(watts: f64, limit: Watts) -> bool {
+    watts > limit.0 * (1.0 + TOLERANCE)
+}
+
 struct Figures {
     used: f64,
     over: f64,
@@ -251,6 +254,12 @@ struct Figures {
     /// Changes of the selected settings in a second, and of the busiest knob's level.
     targets: f64,
     busiest: f64,
+}
+
+impl Figures {
+    fn entry(&self) -> String {
+        format!("{}, {}, {:.4}", percent(self.used), percent(self.over), self.error)
+    }
 }
 
 fn figures(level: &Level, frames: &[Frame], limit: Watts) -> Figures {
@@ -261,7 +270,7 @@ fn figures(level: &Level, frames: &[Frame], limit: Watts) -> Figures {
         counted.iter().map(|frame| value(frame) * frame.seconds).sum::<f64>() / seconds
     };
     let windows = windows(frames);
-    let over = windows.iter().filter(|(_, watts)| *watts > limit.0 * (1.0 + TOLERANCE)).count();
+    let over = windows.iter().filter(|(_, watts)| is_over(*watts, limit)).count();
     let targets = counted.windows(2).filter(|pair| pair[0].target != pair[1].target).count();
     let switches = |knob: usize| {
         counted
@@ -284,9 +293,7 @@ fn figures(level: &Level, frames: &[Frame], limit: Watts) -> Figures {
 fn recovery(frames: &[Frame], event: f64, limit: Watts) -> f64 {
     windows(frames)
         .iter()
-        .filter(|(at, watts)| {
-            (event..event + 10.0).contains(at) && *watts > limit.0 * (1.0 + TOLERANCE)
-        })
+        .filter(|(at, watts)| (event..event + 10.0).contains(at) && is_over(*watts, limit))
         .map(|(at, _)| at - event)
         .fold(0.0, f64::max)
 }
@@ -309,14 +316,12 @@ fn budgets(level: &Level) {
         let of = |method| figures(level, &run(level, method, limit, &PLAIN, SECONDS), limit);
         let [ours, constant, reactive] =
             [Method::Frugal, Method::BestConstant, Method::Reactive].map(of);
-        let entry =
-            |it: &Figures| format!("{}, {}, {:.4}", percent(it.used), percent(it.over), it.error);
         rows.push(vec![
             format!("{percents} %: {:.2} W", limit.0),
-            entry(&ours),
+            ours.entry(),
             format!("{:.2}, {:.2}", ours.targets, ours.busiest),
-            entry(&constant),
-            entry(&reactive),
+            constant.entry(),
+            reactive.entry(),
         ]);
     }
     let heads = [
@@ -331,39 +336,31 @@ fn budgets(level: &Level) {
 
 fn changes(level: &Level) {
     println!("\n## {}: the machine changes half way\n", level.name);
-    let cases: [(&str, Machine); 7] = [
-        ("1.4 times hungrier from the start", Machine { gain: 1.4, ..PLAIN }),
-        ("1.4 times hungrier half way", Machine { gain_later: 1.4, ..PLAIN }),
-        ("throttles to 0.8 of its clock", Machine { clock_later: 0.8, ..PLAIN }),
-        ("loses its meter", Machine { gain: 1.2, loses_meter: true, ..PLAIN }),
-        ("plugged in, and out half way", Machine { is_plugged: true, ..PLAIN }),
-        ("camera cut", Machine { cuts: true, ..PLAIN }),
-        ("camera cut, 1.4 times hungrier", Machine { gain: 1.4, cuts: true, ..PLAIN }),
+    let half = 0.5 * SECONDS;
+    // When the change comes, in seconds.
+    let cases: [(&str, f64, Machine); 7] = [
+        ("1.4 times hungrier from the start", 0.0, Machine { gain: 1.4, ..PLAIN }),
+        ("1.4 times hungrier half way", half, Machine { gain_later: 1.4, ..PLAIN }),
+        ("throttles to 0.8 of its clock", half, Machine { clock_later: 0.8, ..PLAIN }),
+        ("loses its meter", half, Machine { gain: 1.2, loses_meter: true, ..PLAIN }),
+        ("plugged in, and out half way", half, Machine { is_plugged: true, ..PLAIN }),
+        ("camera cut", half, Machine { cuts: true, ..PLAIN }),
+        ("camera cut, 1.4 times hungrier", half, Machine { gain: 1.4, cuts: true, ..PLAIN }),
     ];
     let mut rows = Vec::new();
-    for (name, machine) in cases {
+    for (name, event, machine) in cases {
         for share in [0.4, 0.6, 0.8] {
             let limit = limit_at(level, share);
             let of = |method| run(level, method, limit, &machine, SECONDS);
             let (ours, reactive) = (of(Method::Frugal), of(Method::Reactive));
-            let event = if machine.gain_later == 1.0
-                && machine.clock_later == 1.0
-                && !machine.cuts
-                && !machine.is_plugged
-                && !machine.loses_meter
-            {
-                0.0
-            } else {
-                0.5 * SECONDS
-            };
             let (mine, theirs) = (figures(level, &ours, limit), figures(level, &reactive, limit));
             rows.push(vec![
                 name.to_owned(),
                 percent(share),
-                format!("{}, {}, {:.4}", percent(mine.used), percent(mine.over), mine.error),
+                mine.entry(),
                 format!("{:.1} s", recovery(&ours, event, limit)),
                 format!("{:.2}", mine.busiest),
-                format!("{}, {}, {:.4}", percent(theirs.used), percent(theirs.over), theirs.error),
+                theirs.entry(),
                 format!("{:.1} s", recovery(&reactive, event, limit)),
             ]);
         }

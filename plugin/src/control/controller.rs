@@ -113,14 +113,13 @@ pub fn switch(
         found.and_then(|found| found.frontier.estimate(space, settings))
     };
     let (seconds, dwell) = (inputs.delta_seconds, inputs.settings.dwell_seconds);
-    let target = filter.dwell.choose(choice.settings, &inputs.budget, seconds, dwell, |settings| {
-        cost_of(settings).map(corrected)
+    let mut held_cost = None;
+    let target = filter.dwell.choose(choice.settings, &inputs.budget, seconds, dwell, |held| {
+        held_cost = cost_of(held);
+        held_cost.map(corrected)
     });
-    let target_cost = if target == choice.settings {
-        choice.cost
-    } else {
-        cost_of(target).unwrap_or(choice.cost)
-    };
+    let held_cost = held_cost.filter(|_| target != choice.settings);
+    let target_cost = held_cost.unwrap_or(choice.cost);
     let times = inputs.settings.times(&inputs.budget);
     let applied = filter.step(space, target, seconds, times);
     let cost =

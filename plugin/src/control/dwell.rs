@@ -44,13 +44,9 @@ impl Dwell {
         if is_other {
             (self.power, self.error) = limits;
         }
-        let Some(held) = self.target.filter(|held| *held != wanted) else {
-            if self.target.is_none() {
-                self.seconds = 0.0;
-            }
-            self.target = Some(wanted);
+        if self.target == Some(wanted) {
             return wanted;
-        };
+        }
         // An error limit is one on the mean: what another view leaves unspent is spent here, and what
         // waits is paid elsewhere. On recorded tours dwelling cost a third of what addresses save.
         let limit = limits.0.filter(|limit| *limit < f64::INFINITY);
@@ -59,8 +55,10 @@ impl Dwell {
                 && limits.1.is_none_or(|limit| cost.error <= limit)
         };
         // Not `>=`, so that NaN does not wait for ever.
-        let waits = !is_other && self.seconds < dwell_seconds && cost_of(held).is_some_and(keeps);
-        if waits {
+        let may_wait = !is_other && self.seconds < dwell_seconds;
+        if let Some(held) = self.target.filter(|_| may_wait)
+            && cost_of(held).is_some_and(keeps)
+        {
             return held;
         }
         (self.target, self.seconds) = (Some(wanted), 0.0);

@@ -112,8 +112,6 @@ pub struct PowerModel {
     scale: f64,
     /// What the present address is off beside the estimate, a multiple of `scale`.
     bias: f64,
-    /// Weight of a reading's rest in `bias`.
-    bias_weight: f64,
     /// Number of readings that share an error of the map.
     alike: f64,
     /// Sign of the last reading's deviation, if it was an outlier.
@@ -131,7 +129,6 @@ impl Default for PowerModel {
             weighted: [0.0; 2],
             scale: 0.0,
             bias: 0.0,
-            bias_weight: 0.0,
             alike: 0.0,
             outlier: None,
             readings: 0,
@@ -190,10 +187,10 @@ impl PowerModel {
         // one.
         self.alike = (self.alike + 1.0).min((FORGETTING_SECONDS / interval_seconds).max(1.0));
         // At most half of a time constant: a slow meter's bias would swing.
-        self.bias_weight = -(-(interval_seconds / BIAS_SECONDS).min(0.5)).exp_m1();
+        let bias_weight = -(-(interval_seconds / BIAS_SECONDS).min(0.5)).exp_m1();
         let [predicted, metered, spread] =
             [predicted, metered.0, spread].map(|watts| watts / self.scale);
-        self.learn(predicted, metered, spread);
+        self.learn(predicted, metered, spread, bias_weight);
         self.readings += 1;
         self.use_estimate();
     }
@@ -216,10 +213,16 @@ impl PowerModel {
             .then(|| [[d, -b], [-c, a]].map(|row| row.map(|value| value / determinant)))
     }
 
-    /// Adds a reading. All powers are multiples of `scale`.
-    fn learn(&mut self, predicted: f64, metered: f64, spread: f64) {
+    /// What a reading is off the estimate. All powers are multiples of `scale`.
+    fn rest(&self, predicted: f64, metered: f64) -> f64 {
+        metered - self.estimate[0] * predicted - self.estimate[1]
+    }
+
+    /// Adds a reading, of whose rest `bias_weight` belongs to the bias. All powers are multiples of
+    /// `scale`.
+    fn learn(&mut self, predicted: f64, metered: f64, spread: f64, mut bias_weight: f64) {
         let regressor = [predicted, 1.0];
-        let deviation = metered - self.estimate[0] * predicted - self.estimate[1] - self.bias;
+        let deviation = self.rest(predicted, metered) - self.bias;
         // Where settings have just changed, the reading may belong to either.
         let unsure = 0.5 * spread * self.estimate[0];
         let size = metered.max(predicted);
@@ -237,7 +240,7 @@ impl PowerModel {
                 // Two in succession are no accident: the device has changed.
                 self.forget(0.0);
                 // What the prior does not believe of the new device is a bias at once.
-                (self.alike, self.bias_weight) = (1.0, 1.0);
+                (self.alike, bias_weight) = (1.0, 1.0);
                 (self.outlier, weight) = (None, 1.0);
             } else {
                 self.outlier = Some(sign);
@@ -260,10 +263,10 @@ impl PowerModel {
         if gain.is_finite() && offset.is_finite() {
             self.estimate = [gain.clamp(1.0 / MOST, MOST), offset.clamp(-MOST, MOST)];
         }
-        let rest = metered - self.estimate[0] * predicted - self.estimate[1];
+        let rest = self.rest(predicted, metered);
         // An outlier is none of the address, and a reading across a switch partly.
         let sure = if weight < 1.0 { 0.0 } else { of_map / (of_map + unsure * unsure + 1e-12) };
-        let bias = self.bias + (rest - self.bias) * (self.bias_weight * sure);
+        let bias = self.bias + (rest - self.bias) * (bias_weight * sure);
         self.bias = if bias.is_finite() { bias } else { 0.0 };
     }
 

@@ -8,7 +8,7 @@
 //! | [`Selection`] | the controller | the selected settings, their predicted cost, and whether the budget is met |
 //! | [`MapFit`](crate::frontier::MapFit) | the controller | how well the map fits this app |
 //! | [`ErrorPace`] | the controller | correction of the error rate for views unlike the calibration views |
-//! | [`SettingsFilter`] | the controller | the transition from old settings to new ones; the app calls [`cut`](SettingsFilter::cut) on it |
+//! | [`SettingsFilter`] | the controller | the transition from old settings to new ones; the app may call [`cut`](SettingsFilter::cut) on it |
 //! | [`KnobSettings`](crate::knobs::KnobSettings) | the controller | the settings to apply |
 //!
 //! [`PowerFeedback`] says how the app's meter corrects predicted watts. [`CameraController`] is the

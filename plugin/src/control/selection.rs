@@ -125,7 +125,7 @@ pub struct Selection {
 ///
 /// Settings fall quickly when the power limit is exceeded and rise slowly when power is left over;
 /// see [`times`](Self::times). All fields are in seconds of real time, 0 to infinity. 0 and
-/// negative values switch at once, infinity never switches, NaN means the default.
+/// negative values switch at once, infinity never switches, NaN means the default of a duration.
 #[derive(Resource, Clone, Copy, Debug, PartialEq, Reflect)]
 #[reflect(Resource, Default, Clone, Debug, PartialEq)]
 pub struct ControlSettings {
@@ -138,9 +138,9 @@ pub struct ControlSettings {
     /// exceed the limit for longer. Default: 0.5 s.
     pub fall_seconds: f64,
     /// Under a power limit, the least time from one change of the target to the next, as long as the
-    /// earlier one keeps the limits. Higher values change quality less often and use less of the budget; lower values follow
-    /// every border between two addresses of the map. A broken limit, another budget and a cut do not
-    /// wait. Default: 0.5 s.
+    /// earlier one keeps the limits. Higher values change quality less often and use less of the
+    /// budget; lower values follow every border between two addresses of the map. A broken limit,
+    /// another budget and a cut do not wait. NaN does not wait, either. Default: 0.5 s.
     pub dwell_seconds: f64,
 }
 

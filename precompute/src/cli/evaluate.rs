@@ -12,7 +12,7 @@ use super::precompute::journal_header;
 use super::{CliError, progress};
 use crate::evaluate::{
     BudgetRequest, Controller, Evaluation, EvaluationPlan, EvaluationResult, Judged, PathPlan,
-    PathRecord, Policy, Pose, PowerBudget, SpotCheck, evaluate, frames_csv, judge, judged_table,
+    PathRecord, Policy, PowerBudget, SpotCheck, evaluate, frames_csv, judge, judged_table,
     parse_error_budget, settings_to_record, table,
 };
 use crate::journal::{Journal, hash};
@@ -319,12 +319,7 @@ pub(super) fn plan_path(
             scene.source.display()
         )));
     };
-    let start = path.start();
-    let pose_at = |seconds: f64| {
-        path.sample(start + seconds as f32)
-            .unwrap_or(Pose { position: glam::Vec3::ZERO, rotation: glam::Quat::IDENTITY })
-    };
-    PathPlan::sample(name, f64::from(path.duration()), fps, pose_at).map_err(CliError::usage)
+    PathPlan::along(name, path, fps).map_err(CliError::usage)
 }
 
 /// Stages `scene` under the map's capture conditions.

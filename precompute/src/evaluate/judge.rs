@@ -42,8 +42,7 @@ pub(crate) fn settings_to_record(map: &FrontierMap) -> Vec<KnobLevels> {
     all.extend([2.0 / 3.0, 1.0 / 3.0].map(|share| space.preset(share)));
     all.extend(resolutions(space));
     all.extend(hand_written(space));
-    let frontiers = map.octree.frontiers.iter().chain([&map.shared]);
-    all.extend(frontiers.flat_map(|frontier| frontier.points().iter().map(|point| point.settings)));
+    all.extend(map.settings());
     space.canonical_once(all)
 }
 

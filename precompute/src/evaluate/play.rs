@@ -7,6 +7,7 @@ use bevy_frugal_gi::knobs::KnobLevels;
 use bevy_frugal_gi::units::Watts;
 
 use crate::metrics::{Picture, Reference};
+use crate::scene::CameraPath;
 
 use super::EvaluationError;
 
@@ -135,6 +136,17 @@ pub(crate) struct PathPlan {
 impl PathPlan {
     /// The longest path, in frames: an hour at 60 frames per second.
     pub(crate) const MAX_FRAMES: usize = 216_000;
+
+    /// A scene's path called `name`, from its start, at `fps` frames per second.
+    ///
+    /// # Errors
+    /// As [`sample`](Self::sample).
+    pub(crate) fn along(name: &str, path: &CameraPath, fps: f64) -> Result<Self, PathError> {
+        Self::sample(name, f64::from(path.duration()), fps, |seconds| {
+            path.sample(path.start() + seconds as f32)
+                .unwrap_or(Pose { position: glam::Vec3::ZERO, rotation: glam::Quat::IDENTITY })
+        })
+    }
 
     /// The path called `name`, `duration` seconds long, at `fps` frames per second: round(duration
     /// × fps) frames, at least one, the camera of frame i being `pose_at(i / fps)`.

@@ -30,13 +30,8 @@ impl RecordedPath {
     ) -> Result<Self, String> {
         let path =
             scene.paths.get(name).ok_or_else(|| format!("the scene has no path `{name}`"))?;
-        let pose_at = |seconds: f64| {
-            let pose = path.sample(path.start() + seconds as f32);
-            pose.unwrap_or(Pose { position: glam::Vec3::ZERO, rotation: glam::Quat::IDENTITY })
-        };
         let fps = map.capture.frames_per_second;
-        let plan = PathPlan::sample(name, f64::from(path.duration()), fps, pose_at)
-            .map_err(|error| error.to_string())?;
+        let plan = PathPlan::along(name, path, fps).map_err(|error| error.to_string())?;
         let (_, lines) = read_journal(file).map_err(|error| error.to_string())?;
         let record = PathRecord::restore(&plan, &map.knobs, &lines);
         if record.table.settings().is_empty() {

@@ -5,9 +5,6 @@ use bevy_frugal_gi::knobs::KnobSpace;
 use super::StageError;
 use crate::scene::{Environment, Light, SceneDescription};
 
-/// Share of the far plane's distance that the knob `view_distance` keeps at its cheapest level.
-const SHORTEST_VIEW: f32 = 0.25;
-
 /// Names of the built-in knobs that can affect images of `scene`. All levels of the others look and
 /// cost the same, and would only lengthen the search.
 ///
@@ -25,17 +22,21 @@ pub(crate) fn useful_knobs(scene: &SceneDescription) -> Result<Vec<String>, Stag
         Environment::Map(_, intensity) => *intensity > 0.0,
     };
     let has_emissive = geometry.materials.iter().any(|material| material.emissive != [0.0; 3]);
+    let space = knobs()?;
     // From a corner, the shortest view distance may leave out the opposite one.
-    let is_wide = geometry.meshes.len() > 1
-        && geometry
-            .bounds()
-            .is_some_and(|bounds| bounds.size().length() > SHORTEST_VIEW * scene.camera.far);
+    let is_wide = || {
+        let share = space.value(space.lowest(), "view_distance").unwrap_or(1.0);
+        geometry.meshes.len() > 1
+            && geometry
+                .bounds()
+                .is_some_and(|bounds| bounds.size().length() > share as f32 * scene.camera.far)
+    };
     let useful = |name: &str| match name {
         // Only the camera moves in a scene file.
         "gi_refresh_period" => false,
         // Nor does it ask for reflections, contact shadows or fog.
         "effects" => false,
-        "view_distance" => is_wide,
+        "view_distance" => is_wide(),
         "rsm_resolution" | "shadow_map_resolution" => has_light,
         "gi_environment_samples" => has_environment,
         name if name.starts_with("gi_") => has_light || has_emissive || has_environment,
@@ -45,7 +46,7 @@ pub(crate) fn useful_knobs(scene: &SceneDescription) -> Result<Vec<String>, Stag
         "ambient_occlusion" => has_environment,
         _ => true,
     };
-    Ok(knobs()?.knobs().iter().map(|knob| knob.name.clone()).filter(|name| useful(name)).collect())
+    Ok(space.knobs().iter().map(|knob| knob.name.clone()).filter(|name| useful(name)).collect())
 }
 
 /// All knobs of a stage except the opt-in ones.

@@ -10,7 +10,6 @@ use bevy::ecs::prelude::*;
 use bevy::mesh::Mesh3d;
 use bevy::transform::components::GlobalTransform;
 
-use super::held::{self, Authored};
 use crate::knobs::{Knob, KnobDriver, Level};
 
 /// A quarter, a half, three quarters or all of the distance to the camera's far plane. Lower levels
@@ -35,21 +34,16 @@ impl KnobDriver for ViewDistance {
     }
 
     fn apply(&self, world: &mut World, camera: Entity, level: &Level) {
-        held::hold(world, camera, |_| Some(ViewShare(level.value as f32)));
-    }
-
-    fn is_applied(&self, world: &World, camera: Entity, _: &Level) -> bool {
-        held::is_held::<ViewShare>(world, camera)
+        // Private, so that no app has authored or overwritten it.
+        if let Ok(mut camera) = world.get_entity_mut(camera) {
+            camera.insert(ViewShare(level.value as f32));
+        }
     }
 
     fn release(&self, world: &mut World, camera: Entity) {
-        held::release::<ViewShare>(world, camera);
-    }
-}
-
-impl Authored for ViewShare {
-    fn is_same(&self, other: &Self) -> bool {
-        self.0.to_bits() == other.0.to_bits()
+        if let Ok(mut camera) = world.get_entity_mut(camera) {
+            camera.remove::<ViewShare>();
+        }
     }
 }
 
@@ -66,11 +60,9 @@ fn far(projection: &Projection) -> f32 {
     }
 }
 
-type Bounded = (&'static GlobalTransform, &'static Aabb);
-
 fn cull_by_distance(
     mut cameras: Query<(&ViewShare, &Camera, &Projection, &GlobalTransform, &mut VisibleEntities)>,
-    meshes: Query<Bounded, Without<NoFrustumCulling>>,
+    meshes: Query<(&GlobalTransform, &Aabb), Without<NoFrustumCulling>>,
 ) {
     for (share, camera, projection, transform, mut visible) in &mut cameras {
         let distance = share.0 * far(projection);
