@@ -5,6 +5,8 @@
 //! view. Up and Down change the budget by 5 % of the map's range, P selects a power budget and E an
 //! error budget, Space pauses the tour, C cuts to another place, F3 hides the panel.
 //!
+//! `target/budget.csv` logs it all; `frugal report target/budget.csv` plots it afterwards.
+//!
 //! Without a map the settings are fixed; `make demo` writes the default map,
 //! `target/demo/courtyard.pareto.ron`.
 
@@ -29,7 +31,8 @@ fn build(scene: &Path, map: &Path) -> Result<App, String> {
     let tour = Tour::of(&scene)?;
 
     let mut app = App::new();
-    app.add_plugins((DefaultPlugins, FrugalGiPlugins, HudPlugin));
+    let log = ControlLogPlugin::new("target/budget.csv");
+    app.add_plugins((DefaultPlugins, FrugalGiPlugins, HudPlugin, log));
     app.add_plugins(ExamplePlugin { title: "budget" });
     add_ui_camera(&mut app);
     let camera = app

@@ -33,7 +33,9 @@
 )]
 
 pub mod control;
+pub mod control_log;
 mod cut;
+mod file_thread;
 pub mod frontier;
 pub mod gi;
 #[cfg(feature = "hud")]
@@ -63,8 +65,8 @@ use bevy::app::{PluginGroup, PluginGroupBuilder};
 /// | [`PowerPlugin`](power::PowerPlugin) | meters power in the background |
 ///
 /// [`CameraRecorderPlugin`](recording::CameraRecorderPlugin) is not included: an app adds it to
-/// record its camera paths. Nor is `HudPlugin`, with the feature `hud`: panels that show what the
-/// controller does.
+/// record its camera paths. Nor is [`ControlLogPlugin`](control_log::ControlLogPlugin), which writes
+/// what the controller does to a file, or `HudPlugin`, with the feature `hud`, which shows it.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct FrugalGiPlugins;
 
@@ -91,6 +93,7 @@ pub mod prelude {
         FrontierSource, Limit, MapRejected, OffReason, Outcome, PowerFeedback, Selection,
         SettingsFilter, SettingsSwitched,
     };
+    pub use crate::control_log::ControlLogPlugin;
     pub use crate::frontier::{FrontierMap, FrontierMapPlugin, FrontierStore, MapFit, ShownScene};
     pub use crate::gi::{
         CameraCut, FrugalGi, GI_DIAGNOSTICS, GiCounts, GiInterleave, GiLimits, GiOutput,

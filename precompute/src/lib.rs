@@ -7,6 +7,7 @@
 
 mod cameras;
 pub mod cli;
+mod control_log;
 mod cost;
 mod evaluate;
 mod farthest;

@@ -53,6 +53,18 @@ mod using_selection {
 }
 
 // docs/using.md
+mod using_log {
+    fn sample() {
+        use bevy::prelude::*;
+        use bevy_frugal_gi::prelude::*;
+
+        App::new()
+            .add_plugins((DefaultPlugins, FrugalGiPlugins, ControlLogPlugin::new("control.csv")))
+            .run();
+    }
+}
+
+// docs/using.md
 mod using_cut {
     use bevy::prelude::*;
     use bevy_frugal_gi::prelude::*;

@@ -48,7 +48,7 @@ mod file;
 mod plugin;
 mod sample;
 #[cfg(test)]
-mod testing;
+pub(crate) mod testing;
 mod writer;
 pub use error::{CameraFileError, InvalidSample};
 pub use file::{COLUMNS, VERSION, parse, to_text};

@@ -12,7 +12,8 @@ use bevy::time::Real;
 use bevy::transform::TransformSystems;
 
 use super::CameraSample;
-use super::writer::{CameraWriter, Sent};
+use super::writer::{self, CameraWriter};
+use crate::file_thread::Sent;
 use crate::frontier::CameraView;
 
 /// Marks a camera whose path [`CameraRecorderPlugin`] records. An inactive camera is not recorded.
@@ -181,7 +182,7 @@ impl Plugin for CameraRecorderPlugin {
 
 /// In `Startup`, and not when plugins are built: an app that never runs changes no file.
 fn start(commands: &mut Commands, settings: &CameraRecorderPlugin) {
-    let writer = CameraWriter::start(settings.path.clone(), settings.max_samples);
+    let writer = writer::start(settings.path.clone(), settings.max_samples);
     if let Err(error) = &writer {
         error!(
             "cameras are not recorded to {}: the writing thread cannot be created: {error}",

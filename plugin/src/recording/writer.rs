@@ -3,98 +3,33 @@
 use std::fs::File;
 use std::io::{self, Read, Seek, SeekFrom, Write};
 use std::path::{Path, PathBuf};
-use std::sync::mpsc::{Receiver, SyncSender, TrySendError, sync_channel};
-use std::thread::{self, JoinHandle};
-use std::time::{Duration, Instant};
+use std::sync::mpsc::Receiver;
 
 use bevy::log::{error, warn};
 
 use super::file::{NAME, header, parse, push_line};
 use super::{CameraFileError, CameraSample};
+use crate::file_thread::FileThread;
 
-/// Capacity of the queue; samples beyond it are dropped.
-const QUEUE: usize = 4096;
+/// The thread that writes samples.
+pub(super) type CameraWriter = FileThread<CameraSample>;
 
-/// Timeout for joining the writing thread when the disk does not answer.
-const JOIN_TIMEOUT: Duration = Duration::from_secs(5);
-
-/// Result of sending a sample.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Sent {
-    /// The sample is queued for the file.
-    Queued,
-    /// The queue is full: the sample is dropped.
-    Dropped,
-    /// The thread has stopped; the reason was logged.
-    Stopped,
-}
-
-/// Handle of the writing thread, which writes samples as they arrive and ends when this is dropped.
-pub(super) struct CameraWriter {
-    path: PathBuf,
-    samples: Option<SyncSender<CameraSample>>,
-    thread: Option<JoinHandle<()>>,
-}
-
-impl CameraWriter {
-    /// Appends to the file at `path` until it has `max_samples` samples. A file error is logged
-    /// once.
-    ///
-    /// # Errors
-    ///
-    /// The thread cannot be created.
-    pub(super) fn start(path: PathBuf, max_samples: usize) -> io::Result<Self> {
-        let (sender, receiver) = sync_channel(QUEUE);
-        let file = path.clone();
-        let run = move || match record(&file, max_samples, &receiver) {
+/// Appends to the file at `path` until it has `max_samples` samples. A file error is logged once.
+///
+/// # Errors
+///
+/// The thread cannot be created.
+pub(super) fn start(path: PathBuf, max_samples: usize) -> io::Result<CameraWriter> {
+    let file = path.clone();
+    FileThread::start("camera recorder", path, move |samples| {
+        match record(&file, max_samples, samples) {
             Ok(()) => {}
             Err(stop @ Stop::Full(_)) => {
                 warn!("recording of cameras to {} ends: {stop}", file.display());
             }
             Err(stop) => error!("cameras are not recorded to {}: {stop}", file.display()),
-        };
-        let thread = thread::Builder::new().name("camera recorder".to_owned()).spawn(run)?;
-        Ok(Self { path, samples: Some(sender), thread: Some(thread) })
-    }
-
-    /// Queues a sample. Never waits.
-    pub(super) fn send(&self, sample: CameraSample) -> Sent {
-        match self.samples.as_ref().map(|samples| samples.try_send(sample)) {
-            Some(Ok(())) => Sent::Queued,
-            Some(Err(TrySendError::Full(_))) => Sent::Dropped,
-            Some(Err(TrySendError::Disconnected(_))) | None => Sent::Stopped,
         }
-    }
-
-    /// Whether the thread accepts samples.
-    pub(super) fn is_running(&self) -> bool {
-        self.thread.as_ref().is_some_and(|thread| !thread.is_finished())
-    }
-}
-
-impl Drop for CameraWriter {
-    fn drop(&mut self) {
-        // Without a sender the thread ends after it has written the queued samples.
-        self.samples = None;
-        let Some(thread) = self.thread.take() else { return };
-        let start = Instant::now();
-        while !thread.is_finished() {
-            if start.elapsed() > JOIN_TIMEOUT {
-                warn!(
-                    "{} may lack the last samples: the disk does not answer",
-                    self.path.display()
-                );
-                return;
-            }
-            thread::sleep(Duration::from_millis(1));
-        }
-        if thread.join().is_err() {
-            error!(
-                "{} may lack the last samples: the thread that writes it panicked",
-                self.path.display()
-            );
-        }
-    }
+    })
 }
 
 /// Why the thread stops before the app ends.

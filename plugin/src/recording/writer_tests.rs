@@ -2,7 +2,10 @@
 
 use bevy::math::{Quat, Vec3};
 
+use std::sync::mpsc::sync_channel;
+
 use super::*;
+use crate::file_thread::Sent;
 use crate::recording::testing::{TestFolder, read};
 use crate::recording::to_text;
 
@@ -140,7 +143,7 @@ fn everything_is_written_when_the_writer_is_dropped() {
     let folder = TestFolder::new();
     let path = folder.file("cameras.txt");
     let samples: Vec<_> = (0..1000).map(|time| sample(time.into(), 0)).collect();
-    let writer = CameraWriter::start(path.clone(), 10_000).expect("a thread");
+    let writer = start(path.clone(), 10_000).expect("a thread");
     assert!(writer.is_running());
     samples.iter().for_each(|sample| assert_eq!(writer.send(*sample), Sent::Queued));
     drop(writer);

@@ -17,6 +17,7 @@ mod price;
 mod progress;
 mod reference;
 mod render;
+mod report;
 mod reprice;
 #[cfg(unix)]
 mod runtime_dir;
@@ -67,6 +68,8 @@ enum Command {
     Meters(meters::Arguments),
     /// Precomputes, evaluates under a power and an error budget, and writes one report
     Demo(demo::Arguments),
+    /// Plots the control log of an app: power, error, frame times and switches under its budgets
+    Report(report::Arguments),
     /// Renders for a parent process
     #[command(hide = true)]
     StageWorker,
@@ -93,6 +96,7 @@ pub fn run() -> ExitCode {
         Command::Merge(arguments) => merge::run(arguments),
         Command::Meters(arguments) => meters::run(arguments),
         Command::Demo(arguments) => demo::run(arguments),
+        Command::Report(arguments) => report::run(arguments),
         Command::StageWorker => crate::stage::serve().map_err(CliError::failed),
     };
     match result {

@@ -14,6 +14,8 @@
 //! | `search` | `frugal precompute`: cameras, costs, influence of knobs, regret, calibration, effort |
 //! | `price` | `frugal price`, also as CSV |
 //! | `sweep` | `frugal sweep` |
+//! | `control_log` | `frugal report` |
+mod control_log;
 mod evaluation;
 mod map;
 mod page;
@@ -24,6 +26,9 @@ mod search;
 mod survey;
 mod sweep;
 
+pub(crate) use control_log::{
+    control_log_report, facts as control_log_facts, heading as control_log_heading,
+};
 pub(crate) use evaluation::{captioned, evaluation_report, evaluation_section};
 pub(crate) use map::{MapSummary, map_report, map_section};
 pub(crate) use page::{Report, Section, escape};

@@ -47,7 +47,9 @@ const PLUGIN: &[&str] = &[
     "knobs",
     "frontier",
     "control",
+    "file_thread",
     "recording",
+    "control_log",
     "hud",
 ];
 
@@ -63,6 +65,7 @@ const TOOL: &[&str] = &[
     "table",
     "cameras",
     "reference",
+    "control_log",
     "pool",
     "fit",
     "search_bench",

@@ -3,6 +3,7 @@
 use std::fs;
 use std::path::Path;
 
+use bevy_frugal_gi::control_log::{ControlSample, to_text};
 use bevy_frugal_gi::frontier::{Capture, CostPoint, Frontier, FrontierMap, FrontierPoint, Octree};
 use bevy_frugal_gi::knobs::{Knob, KnobLevels, KnobSpace};
 use frugal::table::{SweepFacts, SweepTable};
@@ -15,6 +16,7 @@ tests!(
     recorded_tables_are_searched_without_an_adapter,
     maps_that_cost_more_have_their_own_exit_status,
     presets_come_from_a_map,
+    control_logs_are_plotted,
 );
 
 fn references_are_traced_and_compared_without_an_adapter() {
@@ -214,4 +216,36 @@ fn presets_come_from_a_map() {
         &["old.pareto.ron", "shared frontier", "frugal precompute"],
     );
     assert_eq!(fs::read_to_string(folder.path().join("presets.ron")).expect("still there"), text);
+}
+
+fn control_logs_are_plotted() {
+    let folder = folder();
+    let sample = |time_s: f64, power: f64| ControlSample {
+        time_s,
+        status: "met".into(),
+        power_budget_w: Some(5.0),
+        predicted_w: Some(power),
+        metered_w: Some(power),
+        meter: "simulated (modelled)".into(),
+        ..ControlSample::default()
+    };
+    let text = to_text(&[sample(0.0, 4.0), sample(0.5, 6.5), sample(1.5, 4.0), sample(0.0, 3.0)]);
+    write(folder.path(), "play.csv", &text);
+    let output = run(folder.path(), &["report", "play.csv"]);
+    let said = String::from_utf8_lossy(&output.stdout).into_owned();
+    assert!(output.status.success(), "{}", stderr(&output));
+    for text in ["run 1, camera 0", "run 2, camera 0", "1 of 2 windows", "simulated (modelled)"] {
+        assert!(said.contains(text), "{text}: {said}");
+    }
+    let page = fs::read_to_string(folder.path().join("play.report/report.html")).expect("a page");
+    assert_eq!(page.matches("<svg ").count(), 2);
+
+    write(folder.path(), "odd.csv", &text.replacen("5.0", "five", 1));
+    let refused = run(folder.path(), &["report", "odd.csv", "-o", "none"]);
+    assert_refused(&refused, &["odd.csv", "line 2", "power_budget_w", "five", "correct the line"]);
+    write(folder.path(), "empty.csv", &to_text(&[]));
+    assert_refused(&run(folder.path(), &["report", "empty.csv"]), &["empty.csv", "no samples"]);
+    assert_refused(&run(folder.path(), &["report", "missing.csv"]), &["missing.csv"]);
+    let left = entries(folder.path());
+    assert!(!left.iter().any(|name| name == "none" || name == "empty.report"), "{left:?}");
 }

@@ -1,0 +1,222 @@
+//! The report of `frugal report`: what a controller did in an app.
+
+use bevy_frugal_gi::control_log::ControlSample;
+
+use super::{Color, Curve, Report, ReportError, Section, curves};
+use crate::control_log::{CameraLog, changes};
+
+/// Most points of a curve; a longer log is averaged.
+const MOST_POINTS: usize = 1000;
+
+/// A page with a section for each of `logs`; `name`: the file's.
+///
+/// # Errors
+/// When a plot fails.
+pub(crate) fn control_log_report(name: &str, logs: &[CameraLog]) -> Result<String, ReportError> {
+    let mut report = Report::new(&format!("Budgets of an app: {name}"));
+    for log in logs {
+        report.section(section(log)?);
+    }
+    Ok(report.render())
+}
+
+/// Name of a log: its run and camera.
+pub(crate) fn heading(log: &CameraLog) -> String {
+    format!("run {}, camera {}", log.run, log.camera)
+}
+
+/// Figures of a log, with names.
+pub(crate) fn facts(log: &CameraLog) -> Vec<(String, String)> {
+    let number = |value: Option<f64>, unit: &str, decimals: usize| {
+        value.map_or("unknown".to_owned(), |value| format!("{value:.decimals$}{unit}"))
+    };
+    let percent = |share: f64| format!("{:.1} %", 100.0 * share);
+    let statuses: Vec<String> = log
+        .statuses()
+        .iter()
+        .map(|(status, share)| format!("{status} {}", percent(*share)))
+        .collect();
+    let mut facts = vec![
+        ("Duration".to_owned(), format!("{:.1} s, {} samples", log.seconds(), log.samples.len())),
+        ("Status".to_owned(), statuses.join(", ")),
+        ("Predicted power".to_owned(), number(log.mean(|sample| sample.predicted_w), " W", 3)),
+    ];
+    let meter =
+        log.samples.iter().map(|sample| sample.meter.as_str()).find(|name| !name.is_empty());
+    if let Some(meter) = meter {
+        let metered = number(log.mean(|sample| sample.metered_w), " W", 3);
+        facts.push(("Metered power".to_owned(), format!("{metered} of the whole app, by {meter}")));
+    }
+    let (windows, over) = log.windows_over();
+    if windows > 0 {
+        let share = percent(over as f64 / windows as f64);
+        facts.push((
+            "Over budget".to_owned(),
+            format!("{over} of {windows} windows of 1 s by more than 2 %: {share}"),
+        ));
+    }
+    facts.push((
+        "Predicted error".to_owned(),
+        number(log.mean(|sample| sample.predicted_error), "", 4),
+    ));
+    if let Some(budget) = log.mean(|sample| sample.error_budget) {
+        facts.push(("Error budget".to_owned(), number(Some(budget), "", 4)));
+    }
+    let frame = number(log.mean(|sample| sample.frame_ms), " ms", 2);
+    let longest = number(log.longest_frame_ms(), " ms", 1);
+    facts.push(("Frame time".to_owned(), format!("{frame}, at most {longest} after the first")));
+    facts.push(("Switches".to_owned(), number(log.switches_per_second(), " a second", 2)));
+    facts
+}
+
+fn section(log: &CameraLog) -> Result<Section, ReportError> {
+    let mut section = Section::new(&heading(log));
+    section.facts(&facts(log));
+    let mut plots = Vec::new();
+    let metered = curve(log, Color::GREY, |sample| sample.metered_w);
+    let predicted = curve(log, Color::BLUE, |sample| sample.predicted_w);
+    let limits = limits(log, |sample| {
+        let own = sample.power_budget_w;
+        [own, sample.app_budget_w].into_iter().flatten().reduce(f64::min)
+    });
+    let of_power: Vec<Curve> = predicted.into_iter().chain(limits).chain(metered).collect();
+    let axes = |value: &'static str| ["time, s", value];
+    if !of_power.is_empty() {
+        plots.push(("Power", curves("Power", axes("power, W"), &of_power, None)?));
+    }
+    let predicted = curve(log, Color::BLUE, |sample| sample.predicted_error);
+    let limits = self::limits(log, |sample| sample.error_budget);
+    let of_error: Vec<Curve> = predicted.into_iter().chain(limits).collect();
+    if !of_error.is_empty() {
+        plots.push((
+            "Predicted error",
+            curves("Predicted error", axes("error, 1 − SSIM"), &of_error, None)?,
+        ));
+    }
+    let mean = curve(log, Color::BLUE, |sample| sample.frame_ms);
+    let longest = curve(log, Color::GREY, |sample| sample.longest_frame_ms);
+    let of_time: Vec<Curve> = [mean, longest].into_iter().flatten().collect();
+    if !of_time.is_empty() {
+        plots.push(("Frame time", curves("Frame time", axes("frame, ms"), &of_time, None)?));
+    }
+    if !plots.is_empty() {
+        section.legend([
+            ("predicted; mean frame", Color::BLUE),
+            ("budget", Color::RED),
+            ("metered; longest frame", Color::GREY),
+        ]);
+        section.plots(&plots);
+    }
+    let knobs = changes(&log.samples);
+    if knobs.is_empty() {
+        section.paragraph("No knob changed.");
+    } else {
+        let rows: Vec<Vec<String>> = knobs
+            .iter()
+            .map(|knob| {
+                let levels = knob.levels.iter().take(6);
+                let levels: Vec<String> = levels
+                    .map(|(level, share)| format!("{level} {:.0} %", 100.0 * share))
+                    .collect();
+                vec![knob.name.clone(), knob.changes.to_string(), levels.join(", ")]
+            })
+            .collect();
+        section.table("Knobs that changed", &["knob", "changes", "levels, share of time"], &rows);
+    }
+    Ok(section)
+}
+
+/// A value over time; `None` where no sample has it.
+fn curve(
+    log: &CameraLog,
+    color: Color,
+    value: impl Fn(&ControlSample) -> Option<f64>,
+) -> Option<Curve> {
+    let points: Vec<(f64, f64)> =
+        log.samples.iter().filter_map(|sample| Some((sample.time_s, value(sample)?))).collect();
+    let points = thinned(&points);
+    (!points.is_empty()).then_some(Curve { color, width: 2, points })
+}
+
+/// A limit over time: a curve for each time in which there is one.
+fn limits(log: &CameraLog, limit: impl Fn(&ControlSample) -> Option<f64>) -> Vec<Curve> {
+    let points = |samples: &[ControlSample]| -> Vec<(f64, f64)> {
+        samples.iter().filter_map(|sample| Some((sample.time_s, limit(sample)?))).collect()
+    };
+    log.samples
+        .chunk_by(|a, b| limit(a).is_some() == limit(b).is_some())
+        .map(|samples| thinned(&points(samples)))
+        .filter(|points| !points.is_empty())
+        .map(|points| Curve { color: Color::RED, width: 2, points })
+        .collect()
+}
+
+/// At most [`MOST_POINTS`] means of neighbouring points.
+fn thinned(points: &[(f64, f64)]) -> Vec<(f64, f64)> {
+    let each = points.len().div_ceil(MOST_POINTS).max(1);
+    let mean = |chunk: &[(f64, f64)]| {
+        let count = chunk.len() as f64;
+        let sum = chunk.iter().fold((0.0, 0.0), |sum, point| (sum.0 + point.0, sum.1 + point.1));
+        (sum.0 / count, sum.1 / count)
+    };
+    points.chunks(each).map(mean).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::control_log::cameras;
+
+    fn log(count: usize) -> Vec<CameraLog> {
+        let sample = |index: usize| ControlSample {
+            time_s: 0.1 * index as f64,
+            status: "met".into(),
+            power_budget_w: Some(5.0),
+            predicted_w: Some(4.5),
+            metered_w: (index % 2 == 0).then_some(5.2),
+            meter: "<rapl> (measured)".into(),
+            frame_ms: Some(16.0),
+            longest_frame_ms: Some(20.0),
+            settings: format!("a={},b=1", index % 3),
+            ..ControlSample::default()
+        };
+        cameras(&(0..count).map(sample).collect::<Vec<_>>())
+    }
+
+    #[test]
+    fn the_page_has_figures_plots_and_knobs() {
+        let page = control_log_report("<play>.csv", &log(100)).expect("a page");
+        for text in [
+            "&lt;play&gt;.csv",
+            "run 1, camera 0",
+            "met 100.0 %",
+            "5.200 W of the whole app, by &lt;rapl&gt; (measured)",
+            "10 of 10 windows of 1 s by more than 2 %: 100.0 %",
+            "16.00 ms, at most 20.0 ms",
+            "<td>a</td><td class=\"number\">99</td><td>0 34 %, 1 33 %, 2 33 %</td>",
+        ] {
+            assert!(page.contains(text), "{text}\n{page}");
+        }
+        // Power and frame time; no sample has an error.
+        assert_eq!(page.matches("<svg ").count(), 2);
+        assert!(!page.contains("<rapl>"), "escaped");
+    }
+
+    #[test]
+    fn a_limit_has_a_curve_for_each_time_in_which_there_is_one() {
+        let mut log = log(10).remove(0);
+        log.samples[4].power_budget_w = None;
+        let curves = limits(&log, |sample| sample.power_budget_w);
+        assert_eq!(curves.iter().map(|curve| curve.points.len()).collect::<Vec<_>>(), [4, 5]);
+        assert!(limits(&log, |sample| sample.error_budget).is_empty());
+    }
+
+    #[test]
+    fn a_long_log_is_thinned_and_a_short_one_drawn() {
+        let points: Vec<(f64, f64)> = (0..2500).map(|index| (f64::from(index), 1.0)).collect();
+        let thin = thinned(&points);
+        assert!(thin.len() <= MOST_POINTS && thin[0] == (1.0, 1.0), "{:?}", thin[0]);
+        assert!(control_log_report("one", &log(1)).is_ok());
+        assert!(control_log_report("none", &[]).is_ok());
+    }
+}
