@@ -25,6 +25,7 @@ mod search;
 mod search_bench;
 pub mod stage;
 pub mod table;
+mod view_features;
 
 // For the benchmarks. Not part of the interface.
 #[doc(hidden)]

@@ -45,6 +45,9 @@ impl Default for CameraMix {
     }
 }
 
+/// Sources of unrendered views: cameras cover the tracks, and these all else.
+const UNRENDERED: CameraMix = CameraMix { on_tracks: 0.0, near_tracks: 0.2 };
+
 /// Stretches of tracks, and their frames: about a second of play at 15 frames per second.
 const STRETCHES: (usize, usize) = (6, 16);
 
@@ -55,6 +58,9 @@ pub(crate) struct CameraSet {
     pub training: Vec<MovingCamera>,
     /// Cameras for calibrating error budgets.
     pub calibration: Vec<MovingCamera>,
+    /// Views that are not rendered, all over free space and around the tracks: what they cost is
+    /// predicted.
+    pub unrendered: Vec<MovingCamera>,
     /// Poses of consecutive frames of tracks, long enough for the history of play.
     pub stretches: Vec<Vec<CameraPose>>,
 }
@@ -113,7 +119,8 @@ struct Source<'a> {
 }
 
 impl CameraSet {
-    /// Samples `count` training cameras, and `calibration` others. Deterministic in `seed`.
+    /// Samples `count` training cameras, `calibration` others, and `unrendered` views. Deterministic
+    /// in `seed`.
     ///
     /// `lens`: vertical field of view in radians, and width ÷ height. Returns fewer cameras where
     /// few positions can be reached; none where no position sees any geometry.
@@ -121,7 +128,7 @@ impl CameraSet {
         rays: &RayScene,
         bounds: &Bounds,
         tracks: &[Vec<TrackSample>],
-        [count, calibration]: [usize; 2],
+        [count, calibration, unrendered]: [usize; 3],
         mix: &CameraMix,
         lens: (f32, f32),
         seed: u64,
@@ -141,10 +148,13 @@ impl CameraSet {
         // cameras.
         let mut random = ChaCha8Rng::seed_from_u64(seed);
         random.set_stream(1);
+        let mut others = ChaCha8Rng::seed_from_u64(seed);
+        others.set_stream(2);
         let (stretches_count, frames) = STRETCHES;
         Self {
             training,
             calibration: source.sample(calibration, mix, random),
+            unrendered: source.sample(unrendered, &UNRENDERED, others),
             stretches: stretches(tracks, stretches_count, frames),
         }
     }
@@ -299,13 +309,21 @@ mod tests {
         let tracks = tracks_of(scene.paths.values(), 15.0);
         let lens = (scene.camera.vertical_fov.to_radians(), 16.0 / 9.0);
         let sampled = |seed| {
-            CameraSet::sample(&rays, &bounds, &tracks, [60, 20], &CameraMix::default(), lens, seed)
+            CameraSet::sample(
+                &rays,
+                &bounds,
+                &tracks,
+                [60, 20, 30],
+                &CameraMix::default(),
+                lens,
+                seed,
+            )
         };
         let set = sampled(3);
-        assert_eq!((set.training.len(), set.calibration.len()), (60, 20));
+        assert_eq!((set.training.len(), set.calibration.len(), set.unrendered.len()), (60, 20, 30));
         assert_eq!(set, sampled(3), "the same seed");
         assert_ne!(set, sampled(4));
-        for camera in set.training.iter().chain(&set.calibration) {
+        for camera in set.training.iter().chain(&set.calibration).chain(&set.unrendered) {
             let position = camera.pose.position;
             assert!(!rays.inside_geometry(position), "{position}");
             // Under the arcade or in the court: a floor below, within the walls.
@@ -349,7 +367,7 @@ mod tests {
         let (scene, rays) = courtyard();
         let bounds = scene.camera_bounds(None);
         let sampled = |rays: &RayScene, bounds| {
-            CameraSet::sample(rays, bounds, &[], [10, 5], &CameraMix::default(), (1.0, 1.5), 1)
+            CameraSet::sample(rays, bounds, &[], [10, 5, 2], &CameraMix::default(), (1.0, 1.5), 1)
         };
         assert_eq!(sampled(&rays, &bounds).training.len(), 10);
         let nothing = RayScene::new([]);

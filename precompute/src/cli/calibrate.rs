@@ -67,7 +67,7 @@ pub(super) fn run(arguments: &Arguments) -> Result<(), CliError> {
         stage.rays(),
         &bounds,
         &tracks,
-        [CAMERAS, 0],
+        [CAMERAS, 0, 0],
         &CameraMix::default(),
         stage.lens(),
         arguments.seed,

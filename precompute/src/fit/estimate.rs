@@ -7,6 +7,7 @@ use bevy_frugal_gi::frontier::{
 };
 use bevy_frugal_gi::knobs::KnobLevels;
 
+use super::regression::{Regression, Seen};
 use super::smooth::{Smoother, Viewpoint};
 use crate::cameras::MovingCamera;
 use crate::table::CostTable;
@@ -22,6 +23,9 @@ pub(crate) struct Training {
     costs: Vec<Vec<CostPoint>>,
     groups: Vec<u32>,
     on_track: Vec<usize>,
+    /// What the views show, of the cameras and of the unrendered views after them; empty without
+    /// unrendered views.
+    seen: Vec<Seen>,
 }
 
 impl Training {
@@ -36,6 +40,7 @@ impl Training {
             costs: Vec::new(),
             groups: Vec::new(),
             on_track: Vec::new(),
+            seen: Vec::new(),
         };
         let mut rows = Vec::new();
         for (row, camera) in cameras.iter().enumerate().take(table.rows()) {
@@ -55,14 +60,63 @@ impl Training {
         (training, rows)
     }
 
+    /// Adds views that no camera has rendered, with predicted costs; `cameras`: what the cameras
+    /// see. Without enough cameras, nothing is added.
+    pub(crate) fn with_unrendered(mut self, cameras: Vec<Seen>, unrendered: Vec<Seen>) -> Self {
+        if cameras.len() == self.groups.len() {
+            self.seen = cameras;
+            self.seen.extend(unrendered);
+        }
+        self.without(&[])
+    }
+
+    /// The same cameras, and the unrendered views as predicted without the cameras `out`.
+    pub(super) fn without(&self, out: &[usize]) -> Self {
+        let mut training = self.clone();
+        training.costs.truncate(self.cameras());
+        let kept: Vec<usize> = (0..self.cameras()).filter(|camera| !out.contains(camera)).collect();
+        if self.seen.len() <= self.cameras() {
+            return training;
+        }
+        let errors: Vec<Vec<f64>> = kept
+            .iter()
+            .map(|camera| self.costs[*camera].iter().map(|cost| cost.error).collect())
+            .collect();
+        let seen = kept.iter().map(|camera| self.seen[*camera].clone()).collect();
+        let Some(regression) = Regression::fit(seen, &errors) else {
+            // Views without a prediction would shift the addresses of those with one.
+            training.seen.clear();
+            return training;
+        };
+        // Power hardly differs by view; errors do.
+        let power = self.mean(&kept).costs;
+        for view in &self.seen[self.cameras()..] {
+            let costs = regression.errors(view).into_iter().zip(&power);
+            training
+                .costs
+                .push(costs.map(|(error, mean)| CostPoint::new(mean.power.0, error)).collect());
+        }
+        training
+    }
+
     /// Number of cameras.
     pub(crate) fn cameras(&self) -> usize {
+        self.groups.len()
+    }
+
+    /// Number of cameras and unrendered views with costs.
+    pub(super) fn views(&self) -> usize {
         self.costs.len()
     }
 
-    /// Cost of each setting at a camera.
+    /// Cost of each setting at a camera, or at an unrendered view.
     pub(crate) fn costs(&self, camera: usize) -> &[CostPoint] {
         &self.costs[camera]
+    }
+
+    /// Cameras on tracks.
+    pub(super) fn on_track(&self) -> &[usize] {
+        &self.on_track
     }
 
     /// Cross-validation group: cameras of one group are held out together.
@@ -195,7 +249,9 @@ impl<'a> Pyramid<'a> {
             members
         };
         let members = keys.addresses.iter().map(of_depth).collect();
-        Self { smoother, cameras: cameras.to_vec(), shared: training.mean(cameras), members }
+        let rendered: Vec<usize> =
+            cameras.iter().copied().filter(|camera| *camera < training.cameras()).collect();
+        Self { smoother, cameras: cameras.to_vec(), shared: training.mean(&rendered), members }
     }
 
     /// The estimate at an address: at the viewpoints of its cameras, or at its own where it has

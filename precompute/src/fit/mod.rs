@@ -2,21 +2,27 @@
 //! where that lowers the cost.
 //!
 //! Costs at an address are a mean over the training cameras, weighted by their distance to the
-//! address's own. A node of the octree is divided where settings selected by the finer estimates
+//! address's own. Between cameras are views that no camera has rendered, whose costs a regression
+//! predicts from what they show. A node of the octree is divided where settings selected by the finer estimates
 //! cost less at held-out cameras. Where no division does, all addresses share one frontier, so no
 //! map is worse than its own best constant. Differs from Wang et al. 2016, section 3.5.3, who
 //! divide where frontiers differ, to which noise suffices. Independent of the renderer.
 mod calibrate;
 mod cluster;
+mod completion;
 mod estimate;
+mod margin;
 mod octree;
+mod regression;
 mod smooth;
 #[cfg(test)]
 mod tests;
 mod validate;
 
 pub(crate) use calibrate::{Calibration, calibrate};
+pub(crate) use completion::Completion;
 pub(crate) use estimate::Training;
 pub(crate) use octree::{FitConfig, FitReport, Fitted, fit};
+pub(crate) use regression::Seen;
 pub(crate) use smooth::Smoother;
 pub(crate) use validate::Losses;

@@ -8,6 +8,8 @@ use bevy_frugal_gi::frontier::{
 
 use super::cluster::cluster;
 use super::estimate::{Estimate, Keys, Pyramid, Training, leaf_at};
+use super::margin::{Margin, is_away};
+use super::smooth::Viewpoint;
 use super::validate::held_out;
 use super::{Losses, Smoother};
 
@@ -15,8 +17,10 @@ use super::{Losses, Smoother};
 const LEAST_WEIGHT: f64 = 0.5;
 /// Mean difference, of the logarithms of power and error, below which frontiers are the same.
 const LEAST_DISTANCE: f64 = 0.02;
+/// Number of unrendered views that justify a division as a camera does.
+const UNRENDERED_PER_CAMERA: usize = 4;
 /// Greatest number of frontiers; each takes most of a kilobyte of a map's file.
-const MOST_FRONTIERS: usize = 56;
+const MOST_FRONTIERS: usize = 44;
 
 /// Configuration of the fit.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -60,6 +64,8 @@ pub(crate) struct FitReport {
     pub depth_losses: Vec<f64>,
     /// Number of addresses with cameras.
     pub addresses: usize,
+    /// Factor on errors away from the tracks, mean over settings.
+    pub margin: f64,
     /// The power threshold used, watts.
     pub power_threshold_w: f64,
 }
@@ -77,7 +83,7 @@ pub(crate) struct Fitted {
     pub held_out: Vec<Frontier>,
 }
 
-/// Fits an octree over `bounds` to `training`; `views`: its cameras.
+/// Fits an octree over `bounds` to `training`; `views`: its cameras and unrendered views.
 pub(crate) fn fit(
     training: &Training,
     views: &[CameraView],
@@ -85,19 +91,23 @@ pub(crate) fn fit(
     config: &FitConfig,
 ) -> Fitted {
     let levels = config.levels.min(6);
+    let all: Vec<usize> = (0..training.views()).collect();
+    let views = &views[..all.len().min(views.len())];
     let keys = Keys::new(bounds, levels, views);
-    let all: Vec<usize> = (0..training.cameras()).collect();
     let smoother = Smoother::new(training, views);
     let pyramid = Pyramid::new(training, &smoother, &keys, &all);
-    let losses = Losses::cross_validated(training, &smoother, &keys);
+    let losses = Losses::cross_validated(training, views, &keys);
     let representative = training.representative();
     let mean = |losses: &[f64]| {
         representative.iter().map(|camera| losses[*camera]).sum::<f64>()
             / representative.len().max(1) as f64
     };
     let shared = training.frontier(&pyramid.shared);
-    let mut report =
-        FitReport { cameras: all.len(), shared_loss: mean(&losses.shared), ..FitReport::default() };
+    let mut report = FitReport {
+        cameras: training.cameras(),
+        shared_loss: mean(&losses.shared),
+        ..FitReport::default()
+    };
 
     let range = |frontier: &Frontier| {
         let points = frontier.points();
@@ -116,6 +126,11 @@ pub(crate) fn fit(
             distance.power.0 > threshold_w || distance.error > config.error_threshold
         })
     };
+    let is_enough = |cameras: &[usize]| {
+        let rendered = cameras.iter().filter(|camera| **camera < training.cameras()).count();
+        UNRENDERED_PER_CAMERA * rendered + (cameras.len() - rendered)
+            >= UNRENDERED_PER_CAMERA * config.least_cameras
+    };
     let mut tree =
         Tree { octree: Octree { levels, nodes: vec![0], ..Octree::default() }, leaves: Vec::new() };
     let by_depth: Vec<f64> = losses.by_depth.iter().map(|losses| mean(losses)).collect();
@@ -129,9 +144,7 @@ pub(crate) fn fit(
             0,
             Leaf { min: [0; 3], size: 1 << levels },
             &all,
-            &mut |at, cameras| {
-                at < depth && cameras.len() >= config.least_cameras && differs(at, depth, cameras)
-            },
+            &mut |at, cameras| at < depth && is_enough(cameras) && differs(at, depth, cameras),
             &keys,
         );
     } else {
@@ -152,15 +165,32 @@ pub(crate) fn fit(
         mean(
             &depths
                 .iter()
-                .zip(&all)
-                .map(|(depth, camera)| losses.by_depth[*depth][*camera])
+                .take(training.cameras())
+                .enumerate()
+                .map(|(camera, depth)| losses.by_depth[*depth][camera])
                 .collect::<Vec<_>>(),
         )
     };
     report.octree_loss = depths.as_ref().map_or(report.shared_loss, of_octree);
-    let held_out = held_out(training, &smoother, &keys, depths.as_deref());
-    let known =
-        Known { training, keys: &keys, pyramid: &pyramid, estimates: &estimates, shared: &shared };
+    let is_away = |viewpoint: &Viewpoint| is_away(&smoother, training.on_track(), viewpoint);
+    let away: Vec<bool> =
+        (0..training.cameras()).map(|camera| is_away(&smoother.viewpoint(camera))).collect();
+    let held_out = held_out(training, views, &keys, depths.as_deref());
+    let margin = Margin::of(training, &held_out, &away);
+    report.margin = margin.mean();
+    let with_margin = |(estimate, is_away): (Estimate, bool)| {
+        training.frontier(&if is_away { margin.applied(estimate) } else { estimate })
+    };
+    let held_out = held_out.into_iter().zip(away).map(with_margin).collect();
+    let known = Known {
+        training,
+        keys: &keys,
+        pyramid: &pyramid,
+        estimates: &estimates,
+        shared: &shared,
+        margin: &margin,
+        is_away: &is_away,
+    };
     fill(&mut octree, &leaves, &known);
     Fitted { octree, shared, report, held_out }
 }
@@ -224,12 +254,21 @@ struct Known<'a> {
     pyramid: &'a Pyramid<'a>,
     estimates: &'a BTreeMap<Address, Estimate>,
     shared: &'a Frontier,
+    margin: &'a Margin,
+    is_away: &'a dyn Fn(&Viewpoint) -> bool,
 }
 
 impl Known<'_> {
-    /// The estimate of an address: from its cameras, or from those around it; `None` for the
+    /// The estimate of an address, with the margin where it is away from the tracks; `None` for the
     /// shared one.
     fn estimate(&self, address: Address) -> Option<Estimate> {
+        let estimate = self.nearby(address)?;
+        let is_away = (self.is_away)(&self.keys.viewpoint(address));
+        Some(if is_away { self.margin.applied(estimate) } else { estimate })
+    }
+
+    /// The estimate of an address: from its cameras, or from those around it.
+    fn nearby(&self, address: Address) -> Option<Estimate> {
         if self.estimates.is_empty() {
             return None;
         }

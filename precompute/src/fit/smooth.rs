@@ -35,7 +35,7 @@ impl From<&CameraView> for Viewpoint {
 
 impl Viewpoint {
     /// Distance of two viewpoints in steps; infinite instead of NaN.
-    fn steps(&self, other: &Self) -> f32 {
+    pub(super) fn steps(&self, other: &Self) -> f32 {
         let metres = self.position.distance(other.position) / STEP.0;
         let turn = self.forward.angle_between(other.forward) / STEP.1;
         if (metres + turn).is_finite() { metres + turn } else { f32::INFINITY }

@@ -142,6 +142,86 @@ fn cameras_that_lack_a_reading_take_no_part() {
     assert_eq!((training.cameras(), rows), (4, vec![0, 1, 3, 5]));
 }
 
+/// What the views show: how hard they are.
+fn seen(scene: &Scene) -> Vec<Seen> {
+    let difficulty = |row: usize| {
+        scene.table.get(row, KnobLevels::from_bits(0)).map_or(f64::NAN, |cost| cost.error.ln())
+    };
+    let views = scene.views.iter().enumerate();
+    views
+        .map(|(row, view)| Seen { viewpoint: view.into(), features: vec![difficulty(row)] })
+        .collect()
+}
+
+#[test]
+fn views_that_no_camera_has_rendered_get_predicted_costs() {
+    let (known, other) = (scene(60, 1, 0.02, |_| true), scene(40, 2, 0.02, |_| true));
+    let (plain, _) = Training::new(&known.table, &known.cameras, &settings());
+    let training = plain.clone().with_unrendered(seen(&known), seen(&other));
+    assert_eq!((training.cameras(), training.views()), (60, 100));
+    let (mut off, mut count) = (0.0, 0.0);
+    for row in 0..40 {
+        for (index, settings) in settings().into_iter().enumerate() {
+            let expected = other.table.get(row, settings).expect("known");
+            let found = training.costs(60 + row)[index];
+            assert!((found.power.0 / expected.power.0).ln().abs() < 0.1);
+            if expected.error > 1e-3 {
+                off += (found.error / expected.error).ln().abs();
+                count += 1.0;
+            }
+        }
+    }
+    assert!(off / count < 0.1, "{}", off / count);
+    // Without some of the cameras the predictions are others, and the cameras' costs the same.
+    let without = training.without(&[0, 1, 2, 3]);
+    assert_eq!((without.cameras(), without.views()), (60, 100));
+    assert!(without.costs(0) == training.costs(0) && without.costs(70) != training.costs(70));
+    let views: Vec<CameraView> = known.views.iter().chain(&other.views).copied().collect();
+    let fitted = fit(&training, &views, &BOUNDS, &FitConfig::default());
+    assert_eq!((fitted.octree.validate(), fitted.held_out.len()), (Ok(()), 60));
+    // Features of other views than the cameras, or of too few: nothing is added.
+    assert_eq!(plain.clone().with_unrendered(seen(&other), seen(&other)).views(), 60);
+    let (few, _) = Training::new(&known.table.with_rows(&[0, 1, 2]), &known.cameras, &settings());
+    let few = few.with_unrendered(seen(&known)[..3].to_vec(), seen(&other));
+    assert_eq!((few.cameras(), few.views()), (3, 3));
+}
+
+#[test]
+fn errors_away_from_tracks_get_a_margin() {
+    // A track in one corner; cameras elsewhere, whose errors are 1.4 times what estimates say.
+    let mut scene = scene(60, 4, 0.02, |_| true);
+    for (row, camera) in scene.cameras.iter_mut().enumerate() {
+        if row >= 20 {
+            camera.group |= 1 << 31;
+        }
+    }
+    for (row, view) in scene.views.iter_mut().enumerate() {
+        view.rotation = Quat::IDENTITY;
+        view.position = if row < 20 { Vec3::splat(0.1) } else { Vec3::splat(7.0) };
+    }
+    let (training, _) = Training::new(&scene.table, &scene.cameras, &settings());
+    let smoother = Smoother::new(&training, &scene.views);
+    let is_away = |camera: usize| {
+        margin::is_away(&smoother, training.on_track(), &smoother.viewpoint(camera))
+    };
+    let away: Vec<bool> = (0..60).map(is_away).collect();
+    assert!(away[..20].iter().all(|away| !away) && away[20..].iter().all(|away| *away));
+    assert!(!margin::is_away(&smoother, &[], &smoother.viewpoint(30)), "without tracks");
+    let estimates: Vec<estimate::Estimate> = (0..60)
+        .map(|camera| estimate::Estimate {
+            costs: training
+                .costs(camera)
+                .iter()
+                .map(|cost| CostPoint::new(cost.power.0, cost.error / 1.4))
+                .collect(),
+            weight: 1.0,
+        })
+        .collect();
+    let of = |away: &[bool]| margin::Margin::of(&training, &estimates, away).mean();
+    assert!((1.35..1.45).contains(&of(&away)), "{}", of(&away));
+    assert_eq!(of(&[false; 60]), 1.0, "no camera there");
+}
+
 /// Mean error at fresh cameras of the settings selected under a budget.
 fn played(octree: &Octree, rates: &ErrorRates, budget: f64, seed: u64) -> f64 {
     let scene = scene(400, seed, 0.02, |_| true);

@@ -1,6 +1,6 @@
 //! Cross-validation of estimates: costs of their selections at held-out cameras.
 
-use bevy_frugal_gi::frontier::Frontier;
+use bevy_frugal_gi::frontier::CameraView;
 
 use super::Smoother;
 use super::estimate::{Estimate, Keys, Pyramid, Training};
@@ -31,11 +31,7 @@ pub(crate) struct Losses {
 
 impl Losses {
     /// Cross-validated losses of every depth.
-    pub(crate) fn cross_validated(
-        training: &Training,
-        smoother: &Smoother<'_>,
-        keys: &Keys,
-    ) -> Self {
+    pub(crate) fn cross_validated(training: &Training, views: &[CameraView], keys: &Keys) -> Self {
         let count = training.cameras();
         let depths = keys.addresses.len();
         let mut losses =
@@ -45,7 +41,9 @@ impl Losses {
         };
         let scale = (0..count).map(power).sum::<f64>() / count.max(1) as f64;
         for (out, kept) in folds(training) {
-            let pyramid = Pyramid::new(training, smoother, keys, &kept);
+            let known = training.without(&out);
+            let smoother = Smoother::new(&known, views);
+            let pyramid = Pyramid::new(&known, &smoother, keys, &with_unrendered(&known, kept));
             for camera in out {
                 losses.shared[camera] = loss(training, camera, &pyramid.shared, scale);
                 for (depth, by_camera) in losses.by_depth.iter_mut().enumerate() {
@@ -111,25 +109,33 @@ fn folds(training: &Training) -> impl Iterator<Item = (Vec<usize>, Vec<usize>)> 
     splits.filter(|(out, kept): &(Vec<usize>, Vec<usize>)| !out.is_empty() && !kept.is_empty())
 }
 
-/// For each camera the frontier of its address at its depth, from the cameras of other folds; the
-/// shared frontier without depths.
+/// `cameras`, and all unrendered views.
+fn with_unrendered(training: &Training, mut cameras: Vec<usize>) -> Vec<usize> {
+    cameras.extend(training.cameras()..training.views());
+    cameras
+}
+
+/// For each camera the estimate of its address at its depth, from the cameras of other folds; the
+/// shared one without depths.
 pub(super) fn held_out(
     training: &Training,
-    smoother: &Smoother<'_>,
+    views: &[CameraView],
     keys: &Keys,
     depths: Option<&[usize]>,
-) -> Vec<Frontier> {
-    let mut frontiers = vec![Frontier::default(); training.cameras()];
+) -> Vec<Estimate> {
+    let mut estimates = vec![Estimate::default(); training.cameras()];
     for (out, kept) in folds(training) {
-        let pyramid = Pyramid::new(training, smoother, keys, &kept);
+        let known = training.without(&out);
+        let smoother = Smoother::new(&known, views);
+        let pyramid = Pyramid::new(&known, &smoother, keys, &with_unrendered(&known, kept));
         for camera in out {
             let estimate = depths
                 .map(|depths| depths[camera])
                 .map(|depth| pyramid.address(keys, keys.addresses[depth][camera], depth));
-            frontiers[camera] = training.frontier(estimate.as_ref().unwrap_or(&pyramid.shared));
+            estimates[camera] = estimate.unwrap_or_else(|| pyramid.shared.clone());
         }
     }
-    frontiers
+    estimates
 }
 
 /// Mean over the rates of the selection's cost at `camera` above the optimum there.

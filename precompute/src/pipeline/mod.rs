@@ -13,10 +13,13 @@ use bevy_frugal_gi::knobs::{KnobLevels, KnobSpace};
 
 use crate::cameras::{CameraSet, MovingCamera};
 use crate::cost::{CostModel, CostReading, FitQuality, FrameLayout, Work};
-use crate::fit::{Calibration, FitConfig, FitReport, Fitted, Training, calibrate, fit};
+use crate::fit::{
+    Calibration, Completion, FitConfig, FitReport, Fitted, Seen, Training, calibrate, fit,
+};
 use crate::journal::JournalError;
 use crate::pool::{Proposal, Screening, portfolio, propose, round_seed, screening_settings};
 use crate::table::{CostTable, Measure};
+use crate::view_features::ViewFeatures;
 
 pub(crate) use play::PlayShare;
 pub(crate) use renderings::{Job, Progress, Purpose, Renderings, Setup, StageEffort};
@@ -36,8 +39,14 @@ pub(crate) struct PipelineConfig {
     pub rounds: usize,
     /// Settings proposed per round.
     pub batch: usize,
-    /// Greatest number of settings that every camera renders.
+    /// Greatest number of settings that a map may select.
     pub pool: usize,
+    /// Number of training cameras that render the whole pool. All others render the anchors, from
+    /// which the rest follows ([`Completion`]). Higher values are more accurate, and take longer.
+    pub full: usize,
+    /// Number of anchors. Higher values are more accurate at each camera, and leave time for fewer
+    /// cameras.
+    pub anchors: usize,
     /// Training cameras per block, between two checks of the time limit; a block has a sixth as
     /// many calibration cameras.
     pub block: usize,
@@ -54,6 +63,8 @@ impl Default for PipelineConfig {
             rounds: 9,
             batch: 8,
             pool: 24,
+            full: 24,
+            anchors: 6,
             block: 6,
             fit: FitConfig::default(),
             seed: 0,
@@ -117,7 +128,7 @@ pub(crate) struct Outcome {
 }
 
 /// The subject of the search.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy)]
 pub(crate) struct Subject<'a> {
     /// The knobs.
     pub space: &'a KnobSpace,
@@ -127,6 +138,8 @@ pub(crate) struct Subject<'a> {
     pub bounds: &'a Bounds,
     /// Vertical field of view, radians, and width ÷ height.
     pub lens: (f32, f32),
+    /// Describes what a camera sees; `None` where that is not known.
+    pub describe: Option<&'a dyn Fn(&MovingCamera) -> ViewFeatures>,
 }
 
 /// Runs the pipeline.
@@ -145,9 +158,42 @@ pub(crate) fn run<M: Measure>(
     let mut renderings = Renderings::new(setup);
     let pilots = pilots::choose(&cameras.training, config.pilots);
     let (screening, candidates) = find_pool(subject, config, &pilots, &mut renderings)?;
-    let (pool, counts, played) =
-        render_cameras(subject, config, cameras, &pilots, &candidates, &mut renderings)?;
-    Ok(finish(subject, config, cameras, screening, (pool, counts, played), &renderings))
+    let rendered = render_cameras(subject, config, cameras, &pilots, &candidates, &mut renderings)?;
+    let features = view_features(subject, cameras, &mut renderings)?;
+    Ok(finish(subject, config, (cameras, &features), screening, rendered, &renderings))
+}
+
+/// What training cameras and unrendered views show.
+#[derive(Default)]
+struct Features {
+    training: Vec<ViewFeatures>,
+    unrendered: Vec<ViewFeatures>,
+}
+
+fn view_features<M: Measure>(
+    subject: &Subject<'_>,
+    cameras: &CameraSet,
+    renderings: &mut Renderings<'_, M>,
+) -> Result<Features, PipelineError<M::Error>> {
+    let Some(describe) = subject.describe.filter(|_| !cameras.unrendered.is_empty()) else {
+        return Ok(Features::default());
+    };
+    let total = cameras.training.len() + cameras.unrendered.len();
+    let mut of = |purpose: Purpose,
+                  cameras: &[MovingCamera],
+                  before: usize|
+     -> Result<Vec<ViewFeatures>, PipelineError<M::Error>> {
+        let mut all = Vec::new();
+        for (index, camera) in cameras.iter().enumerate() {
+            let progress = Progress { stage: "views", done: before + index, total };
+            all.push(renderings.features(purpose, index, &progress, || describe(camera))?);
+        }
+        Ok(all)
+    };
+    Ok(Features {
+        training: of(Purpose::Training, &cameras.training, 0)?,
+        unrendered: of(Purpose::Unrendered, &cameras.unrendered, cameras.training.len())?,
+    })
 }
 
 /// Screening and rounds of proposals at the pilot cameras. Returns the knobs' effects, and the
@@ -225,9 +271,19 @@ fn every_other(rows: usize, which: usize) -> Vec<usize> {
     if rows < 2 { (0..rows).collect() } else { (which..rows).step_by(2).collect() }
 }
 
+/// What was rendered at cameras.
+struct Rendered {
+    pool: Vec<KnobLevels>,
+    /// Numbers of training and calibration cameras.
+    counts: [usize; 2],
+    /// Errors in play as a share of those of clips.
+    played: PlayShare,
+    /// Errors of the settings that a camera has not rendered; `None` where all have all.
+    completion: Option<Completion>,
+}
+
 /// Renders the pool at blocks of training and calibration cameras, and some of it over stretches of
-/// the tracks. Returns the pool, the number of cameras of each purpose, and errors in play as a
-/// share of those of clips.
+/// the tracks.
 fn render_cameras<M: Measure>(
     subject: &Subject<'_>,
     config: &PipelineConfig,
@@ -235,11 +291,11 @@ fn render_cameras<M: Measure>(
     pilots: &[usize],
     candidates: &[KnobLevels],
     renderings: &mut Renderings<'_, M>,
-) -> Result<(Vec<KnobLevels>, [usize; 2], PlayShare), PipelineError<M::Error>> {
+) -> Result<Rendered, PipelineError<M::Error>> {
     let space = subject.space;
     let ends = [space.highest(), space.lowest()].map(|settings| space.canonical(settings));
     let pool = portfolio(
-        &modelled(subject, &table(renderings, Purpose::Training, pilots, candidates)).0,
+        &Modelled::of(subject, &table(renderings, Purpose::Training, pilots, candidates)).table,
         config.pool,
         &ends,
     );
@@ -252,14 +308,25 @@ fn render_cameras<M: Measure>(
         .chain((0..cameras.training.len()).filter(|camera| !pilots.contains(camera)))
         .collect();
     let mut counts = [pilots.len().min(order.len()), 0];
+    let mut completion = None;
+    let mut anchors = pool.clone();
     while counts[0] < order.len() || counts[1] < cameras.calibration.len() {
         let training = &order[counts[0]..(counts[0] + config.block).min(order.len())];
         let sixth = if training.is_empty() { config.block } else { (config.block / 6).max(1) };
         let calibration = counts[1]..(counts[1] + sixth).min(cameras.calibration.len());
-        let job = |purpose: Purpose, camera: usize| Job { purpose, camera, settings: pool.clone() };
+        if completion.is_none() && counts[0] >= config.full {
+            let full = table(renderings, Purpose::Training, &order[..counts[0]], &pool);
+            completion = Completion::fit(&full, &pool, config.anchors);
+            anchors = completion.as_ref().map_or(pool.clone(), Completion::anchors);
+        }
+        let job = |purpose: Purpose, camera: usize, settings: &Vec<KnobLevels>| Job {
+            purpose,
+            camera,
+            settings: settings.clone(),
+        };
         let mut jobs: Vec<Job> =
-            training.iter().map(|camera| job(Purpose::Training, *camera)).collect();
-        jobs.extend(calibration.clone().map(|camera| job(Purpose::Calibration, camera)));
+            training.iter().map(|camera| job(Purpose::Training, *camera, &anchors)).collect();
+        jobs.extend(calibration.clone().map(|camera| job(Purpose::Calibration, camera, &pool)));
         // Plus the reference image at each camera.
         let more = jobs.iter().map(|job| job.settings.len() + 2).sum();
         let name = format!("block {} {}", counts[0], counts[1]);
@@ -269,7 +336,7 @@ fn render_cameras<M: Measure>(
         renderings.batch("cameras", &jobs)?;
         counts = [counts[0] + training.len(), calibration.end];
     }
-    Ok((pool, counts, played))
+    Ok(Rendered { pool, counts, played, completion })
 }
 
 fn table<M: Measure>(
@@ -305,30 +372,49 @@ fn readings(subject: &Subject<'_>, table: &CostTable) -> Vec<CostReading> {
 /// Prior weight, in readings, of a deviation of 0 of a setting from the model.
 const SETTING_PRIOR: f64 = 3.0;
 
-/// The table with power from the fitted model in place of single readings: price of the work × the
-/// camera's factor × the mean deviation of the setting's readings. Errors are unchanged. Also
-/// returns the model.
-fn modelled(subject: &Subject<'_>, table: &CostTable) -> (CostTable, CostModel) {
-    let readings = readings(subject, table);
-    let model = CostModel::fit(&readings);
-    let mut smooth = CostTable::new(table.rows());
-    for (column, settings) in table.settings().iter().enumerate() {
-        let work = Work::of(subject.space, *settings, subject.layout);
-        let beyond: Vec<f64> = table
-            .known(column)
-            .map(|(row, cost)| (cost.power.0 / model.power_at(row, &work)).ln())
-            .filter(|ln| ln.is_finite())
-            .collect();
-        let factor = (beyond.iter().sum::<f64>() / (beyond.len() as f64 + SETTING_PRIOR)).exp();
-        for (row, cost) in table.known(column) {
-            smooth.set(
-                row,
-                *settings,
-                CostPoint::new(model.power_at(row, &work) * factor, cost.error),
-            );
+/// A table with power from the fitted model in place of single readings: price of the work × the
+/// camera's factor × the mean deviation of the setting's readings. Errors are unchanged.
+struct Modelled {
+    table: CostTable,
+    model: CostModel,
+    /// Mean deviation of each setting, in the order of the table's columns.
+    deviations: Vec<f64>,
+}
+
+impl Modelled {
+    fn of(subject: &Subject<'_>, table: &CostTable) -> Self {
+        let model = CostModel::fit(&readings(subject, table));
+        let mut modelled =
+            Self { table: CostTable::new(table.rows()), model, deviations: Vec::new() };
+        for (column, settings) in table.settings().iter().enumerate() {
+            let work = Work::of(subject.space, *settings, subject.layout);
+            let beyond: Vec<f64> = table
+                .known(column)
+                .map(|(row, cost)| (cost.power.0 / modelled.model.power_at(row, &work)).ln())
+                .filter(|ln| ln.is_finite())
+                .collect();
+            let deviation =
+                (beyond.iter().sum::<f64>() / (beyond.len() as f64 + SETTING_PRIOR)).exp();
+            modelled.deviations.push(deviation);
+            for (row, cost) in table.known(column) {
+                let power = modelled.model.power_at(row, &work) * deviation;
+                modelled.table.set(row, *settings, CostPoint::new(power, cost.error));
+            }
         }
+        modelled
     }
-    (smooth, model)
+
+    /// With errors of settings that a camera has not rendered, at the power of the model.
+    fn completed(self, subject: &Subject<'_>, completion: &Completion) -> Self {
+        let power = |row: usize, settings: KnobLevels| {
+            let work = Work::of(subject.space, settings, subject.layout);
+            let deviation =
+                self.table.column(settings).map_or(1.0, |column| self.deviations[column]);
+            self.model.power_at(row, &work) * deviation
+        };
+        let table = completion.complete(&self.table, power);
+        Self { table, ..self }
+    }
 }
 
 fn views(cameras: &[MovingCamera], lens: (f32, f32)) -> Vec<CameraView> {
@@ -345,20 +431,40 @@ fn views(cameras: &[MovingCamera], lens: (f32, f32)) -> Vec<CameraView> {
 fn finish<M: Measure>(
     subject: &Subject<'_>,
     config: &PipelineConfig,
-    cameras: &CameraSet,
+    (cameras, features): (&CameraSet, &Features),
     screening: Screening,
-    (pool, counts, played): (Vec<KnobLevels>, [usize; 2], PlayShare),
+    Rendered { pool, counts, played, completion }: Rendered,
     renderings: &Renderings<'_, M>,
 ) -> Outcome {
     let all: Vec<usize> = (0..cameras.training.len()).collect();
     let raw = table(renderings, Purpose::Training, &all, &pool);
     let apart = table(renderings, Purpose::Calibration, &(0..counts[1]).collect::<Vec<_>>(), &pool);
-    let (smooth, cost) = modelled(subject, &raw);
+    let Modelled { table: smooth, model: cost, .. } = {
+        let modelled = Modelled::of(subject, &raw);
+        match &completion {
+            Some(completion) => modelled.completed(subject, completion),
+            None => modelled,
+        }
+    };
     // The map holds errors as in play.
     let (smooth, apart) = (played.apply(&smooth, &smooth), played.apply(&apart, &smooth));
     let (training, rows) = Training::new(&smooth, &cameras.training, &pool);
     let used: Vec<MovingCamera> = rows.iter().map(|row| cameras.training[*row]).collect();
-    let fitted = fit(&training, &views(&used, subject.lens), subject.bounds, &config.fit);
+    let mut views = views(&used, subject.lens);
+    let used = views.len();
+    views.extend(self::views(&cameras.unrendered, subject.lens));
+    let seen = |views: &[CameraView], features: &mut dyn Iterator<Item = &ViewFeatures>| {
+        let pairs = views.iter().zip(features);
+        pairs
+            .map(|(view, features)| Seen { viewpoint: view.into(), features: features.clone() })
+            .collect()
+    };
+    let of_training = &mut rows.iter().filter_map(|row| features.training.get(*row));
+    let training = training.with_unrendered(
+        seen(&views[..used], of_training),
+        seen(&views[used..], &mut features.unrendered.iter()),
+    );
+    let fitted = fit(&training, &views, subject.bounds, &config.fit);
     let error_rates = calibrated(subject, cameras, &fitted, (&smooth, &rows), &apart, &played);
     let best = subject.space.canonical(subject.space.highest());
     Outcome {
@@ -367,7 +473,7 @@ fn finish<M: Measure>(
         screening,
         cost_quality: CostModel::cross_validated(&readings(subject, &raw), 5),
         cost,
-        cameras: [used.len(), counts[1]],
+        cameras: [used, counts[1]],
         renderings: renderings.count(),
         effort: renderings.effort(),
         stages: renderings.stages().to_vec(),
@@ -427,7 +533,7 @@ fn calibrated(
 /// Describes a fit in one line.
 pub(crate) fn describe(report: &FitReport) -> String {
     format!(
-        "{} cameras, {} addresses; selections at held-out cameras cost {:.1} % more than the optimum, {:.1} % with one shared frontier; by depth {}",
+        "{} cameras, {} addresses; selections at held-out cameras cost {:.1} % more than the optimum, {:.1} % with one shared frontier; by depth {}; errors away from paths × {:.2}",
         report.cameras,
         report.addresses,
         100.0 * report.octree_loss,
@@ -437,6 +543,7 @@ pub(crate) fn describe(report: &FitReport) -> String {
             .iter()
             .map(|loss| format!("{:.1}", 100.0 * loss))
             .collect::<Vec<_>>()
-            .join(" ")
+            .join(" "),
+        report.margin
     )
 }

@@ -13,6 +13,7 @@ use crate::cameras::{CameraSet, MovingCamera};
 use crate::journal::Journal;
 use crate::scene::CameraPose;
 use crate::table::Measure;
+use crate::view_features::ViewFeatures;
 
 /// Purpose of a camera.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
@@ -25,6 +26,8 @@ pub(crate) enum Purpose {
     Play,
     /// The end of a stretch, as long as a clip.
     Clip,
+    /// Predicting costs; nothing is rendered.
+    Unrendered,
 }
 
 impl Purpose {
@@ -34,7 +37,14 @@ impl Purpose {
             Self::Calibration => 'c',
             Self::Play => 'p',
             Self::Clip => 'e',
+            Self::Unrendered => 'u',
         }
+    }
+
+    fn read(word: &str) -> Option<Self> {
+        [Self::Training, Self::Calibration, Self::Play, Self::Clip, Self::Unrendered]
+            .into_iter()
+            .find(|purpose| word.chars().eq([purpose.letter()]))
     }
 }
 
@@ -73,6 +83,7 @@ pub(crate) struct Renderings<'a, M> {
     known: HashMap<Question, CostPoint>,
     decisions: HashMap<String, bool>,
     proposals: HashMap<String, Vec<KnobLevels>>,
+    features: HashMap<(Purpose, usize), ViewFeatures>,
     report: &'a mut dyn FnMut(&Progress<'_>) -> ControlFlow<()>,
     started: Instant,
     limit: Option<Duration>,
@@ -133,6 +144,7 @@ impl<'a, M: Measure> Renderings<'a, M> {
             known: HashMap::new(),
             decisions: HashMap::new(),
             proposals: HashMap::new(),
+            features: HashMap::new(),
             report,
             started: Instant::now(),
             limit,
@@ -147,6 +159,8 @@ impl<'a, M: Measure> Renderings<'a, M> {
                 renderings.decisions.insert(name, yes);
             } else if let Some((name, settings)) = read_proposal(record) {
                 renderings.proposals.insert(name, settings);
+            } else if let Some((view, features)) = read_features(record) {
+                renderings.features.insert(view, features);
             }
         }
         renderings
@@ -242,6 +256,7 @@ impl<'a, M: Measure> Renderings<'a, M> {
         match purpose {
             Purpose::Training => of_camera(&self.cameras.training),
             Purpose::Calibration => of_camera(&self.cameras.calibration),
+            Purpose::Unrendered => Vec::new(),
             Purpose::Play => stretch().to_vec(),
             Purpose::Clip => {
                 let start = stretch().len().saturating_sub(self.frames_per_clip());
@@ -318,6 +333,30 @@ impl<'a, M: Measure> Renderings<'a, M> {
         Ok(settings)
     }
 
+    /// What a view shows: described once and journaled, for the same reason.
+    ///
+    /// # Errors
+    /// When the journal cannot be written, or the run is stopped.
+    pub(crate) fn features(
+        &mut self,
+        purpose: Purpose,
+        camera: usize,
+        progress: &Progress<'_>,
+        describe: impl FnOnce() -> ViewFeatures,
+    ) -> Result<ViewFeatures, PipelineError<M::Error>> {
+        let view = (purpose, camera);
+        if let Some(known) = self.features.get(&view) {
+            return Ok(known.clone());
+        }
+        let features = describe();
+        self.journal.append(&write_features(view, &features))?;
+        self.features.insert(view, features.clone());
+        if (self.report)(progress).is_break() {
+            return Err(PipelineError::Interrupted);
+        }
+        Ok(features)
+    }
+
     /// Whether `more` renderings will probably finish within `share` of the time limit. Always true
     /// without a limit.
     pub(crate) fn has_time(&self, more: usize, share: f64) -> bool {
@@ -362,15 +401,22 @@ fn read_proposal(record: &str) -> Option<(String, Vec<KnobLevels>)> {
     Some((name.to_owned(), settings.collect::<Option<_>>()?))
 }
 
+fn write_features((purpose, camera): (Purpose, usize), features: &[f64]) -> String {
+    let bits: Vec<String> = features.iter().map(|one| format!("{:016x}", one.to_bits())).collect();
+    format!("view {} {camera:x} {}", purpose.letter(), bits.join(" "))
+}
+
+fn read_features(record: &str) -> Option<((Purpose, usize), ViewFeatures)> {
+    let mut words = record.strip_prefix("view ")?.split_whitespace();
+    let purpose = Purpose::read(words.next()?)?;
+    let camera = usize::from_str_radix(words.next()?, 16).ok()?;
+    let numbers = words.map(|bits| u64::from_str_radix(bits, 16).ok().map(f64::from_bits));
+    Some(((purpose, camera), numbers.collect::<Option<_>>()?))
+}
+
 fn read_rendering(record: &str) -> Option<(Question, CostPoint)> {
     let mut words = record.strip_prefix("render ")?.split(' ');
-    let purpose = match words.next()? {
-        "t" => Purpose::Training,
-        "c" => Purpose::Calibration,
-        "p" => Purpose::Play,
-        "e" => Purpose::Clip,
-        _ => return None,
-    };
+    let purpose = Purpose::read(words.next()?)?;
     let camera = usize::from_str_radix(words.next()?, 16).ok()?;
     let settings = KnobLevels::from_bits(u128::from_str_radix(words.next()?, 16).ok()?);
     let mut number = || u64::from_str_radix(words.next()?, 16).ok();
@@ -401,6 +447,11 @@ mod tests {
             assert_eq!(read_proposal(&record), Some(("round 2".to_owned(), settings)));
         }
         assert_eq!(read_proposal("settings round 2: 1f x"), None);
+        for features in [vec![], vec![0.1 + 0.2, -0.0, f64::INFINITY]] {
+            let view = (Purpose::Unrendered, 0x2a);
+            assert_eq!(read_features(&write_features(view, &features)), Some((view, features)));
+        }
+        assert_eq!((read_features("view u 1 x"), read_features("view x 1 0")), (None, None));
         assert_eq!((read_rendering("render x 0 0 0 0"), read_decision("render")), (None, None));
     }
 }

@@ -99,6 +99,7 @@ fn cameras() -> CameraSet {
     CameraSet {
         training: (0..40).map(camera).collect(),
         calibration: (100..130).map(camera).collect(),
+        unrendered: (300..340).map(camera).collect(),
         stretches: (200..204).map(|index| camera(index).clip(9, 15.0)).collect(),
     }
 }
@@ -121,7 +122,14 @@ fn run_once(setup: &Run<'_>) -> (Result<Outcome, PipelineError<Infallible>>, usi
         left = left.saturating_sub(1);
         if left == 0 { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
     };
-    let subject = Subject { space: &space, layout: &layout(), bounds: &BOUNDS, lens: (1.0, 1.5) };
+    let describe = |camera: &MovingCamera| camera.pose.position.to_array().map(f64::from).to_vec();
+    let subject = Subject {
+        space: &space,
+        layout: &layout(),
+        bounds: &BOUNDS,
+        lens: (1.0, 1.5),
+        describe: Some(&describe),
+    };
     let config = PipelineConfig::default();
     let outcome = run(
         &subject,
@@ -159,6 +167,26 @@ fn product(outcome: &Outcome) -> (Fitted, ErrorRates, Vec<KnobLevels>, [usize; 2
         outcome.cameras,
         outcome.renderings,
     )
+}
+
+#[test]
+fn most_cameras_render_the_anchors_alone_and_other_views_are_described_once() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let file = folder.path().join("journal");
+    let outcome = run_once(&whole(&file)).0.expect("a map");
+    let text = std::fs::read_to_string(&file).expect("a journal");
+    let lines = |start: &str| text.lines().filter(|line| line.starts_with(start)).count();
+    let PipelineConfig { full, anchors, block, .. } = PipelineConfig::default();
+    let of_camera: Vec<usize> =
+        (0..40).map(|camera| lines(&format!("render t {camera:x} "))).collect();
+    let few = of_camera.iter().filter(|count| **count <= anchors).count();
+    assert!((40 - full - block..=40 - full).contains(&few), "{of_camera:?}");
+    assert!(of_camera.iter().all(|count| *count > 0), "{of_camera:?}");
+    assert_eq!((lines("view t "), lines("view u ")), (40, 40));
+    // All cameras take part in the map, with all settings.
+    assert_eq!((outcome.cameras, outcome.training.rows()), ([40, 30], 40));
+    let columns = 0..outcome.training.settings().len();
+    assert!(columns.into_iter().all(|column| outcome.training.is_complete(column)));
 }
 
 #[test]
@@ -300,7 +328,13 @@ fn without_cameras_there_is_one_clear_error() {
     let folder = tempfile::tempdir().expect("a folder");
     let space = space();
     let mut formula = Formula { space: space.clone(), renderings: 0 };
-    let subject = Subject { space: &space, layout: &layout(), bounds: &BOUNDS, lens: (1.0, 1.5) };
+    let subject = Subject {
+        space: &space,
+        layout: &layout(),
+        bounds: &BOUNDS,
+        lens: (1.0, 1.5),
+        describe: None,
+    };
     let setup = Setup {
         measure: &mut formula,
         journal: Journal::resume(&folder.path().join("journal"), &JournalHeader::default())

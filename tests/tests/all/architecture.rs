@@ -65,6 +65,7 @@ const TOOL: &[&str] = &[
     "table",
     "cameras",
     "reference",
+    "view_features",
     "control_log",
     "pool",
     "fit",

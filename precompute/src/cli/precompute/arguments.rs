@@ -100,12 +100,22 @@ impl SearchArguments {
         Ok(())
     }
 
+    fn is_short(&self) -> bool {
+        self.time_limit.is_some_and(|limit| limit < SHORT_SEARCH)
+    }
+
+    /// Number of views whose costs are predicted. Each takes a few hundredths of a second.
+    pub(super) fn unrendered(&self) -> usize {
+        if self.is_short() { 150 } else { 500 }
+    }
+
     pub(super) fn config(&self) -> PipelineConfig {
         let mut config = PipelineConfig { seed: self.seed, ..PipelineConfig::default() };
-        if self.time_limit.is_some_and(|limit| limit < SHORT_SEARCH) {
-            // At three pilots, screening alone would take a third of the time; a smaller pool leaves time
-            // for more cameras.
+        if self.is_short() {
+            // At three pilots, screening alone would take a third of the time; a smaller pool, and fewer
+            // cameras that render all of it, leave time for more cameras.
             (config.pilots, config.pool) = (2, 16);
+            (config.full, config.anchors) = (10, 4);
         }
         config.fit.levels = self.levels;
         config.fit.error_threshold = self.error_threshold;

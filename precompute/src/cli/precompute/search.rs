@@ -13,17 +13,21 @@ use super::super::arguments::CaptureArguments;
 use super::super::{CliError, progress};
 use super::SearchArguments;
 use super::journal::{journal_header, open_journal};
-use crate::cameras::{CameraMix, CameraSet, TrackSample};
+use crate::cameras::{CameraMix, CameraSet, MovingCamera, TrackSample};
 use crate::cost::FrameLayout;
 use crate::journal::hash;
 use crate::pipeline::{Outcome, PipelineError, Progress, Setup, Subject, run as run_pipeline};
 use crate::report::SearchSummary;
 use crate::scene::{self, SceneDescription};
 use crate::stage::{RemoteError, RemoteStage};
+use crate::view_features::{ViewDescriber, ViewFeatures};
 
 /// Frames of a clip: one unmetered, and the rest metered. Higher values are closer to play, where
 /// history is longer and averages more noise, and cost more.
 const CLIP_FRAMES: u32 = 4;
+
+/// Most calibration cameras. They render the whole pool, beside held-out training cameras.
+const MOST_CALIBRATION: usize = 24;
 
 /// Stages `scene` with the requested knobs, or with those that affect it.
 pub(in crate::cli) fn open_stage(
@@ -92,7 +96,18 @@ pub(in crate::cli) fn search(
     let layout = FrameLayout::of(scene, stage.size());
     let map_bounds = Bounds { min: bounds.min.to_array(), max: bounds.max.to_array() };
     let lens = stage.lens();
-    let subject = Subject { space: &space, layout: &layout, bounds: &map_bounds, lens };
+    let describer = ViewDescriber::new(scene);
+    let describe =
+        describer.as_ref().map(|describer| |camera: &MovingCamera| describer.describe(camera));
+    let subject = Subject {
+        space: &space,
+        layout: &layout,
+        bounds: &map_bounds,
+        lens,
+        describe: describe
+            .as_ref()
+            .map(|describe| describe as &dyn Fn(&MovingCamera) -> ViewFeatures),
+    };
     let bar = progress::bar(0);
     let mut report = |progress: &Progress<'_>| {
         bar.set_length(progress.total as u64);
@@ -139,14 +154,15 @@ pub(in crate::cli) fn search(
     Ok(Searched { map, outcome, cameras })
 }
 
-/// Training cameras, and a sixth as many for calibration.
+/// Training cameras, and a sixth as many for calibration, up to [`MOST_CALIBRATION`].
 fn sample_cameras(
     stage: &RemoteStage,
     bounds: &scene::Bounds,
     tracks: &[Vec<TrackSample>],
     arguments: &SearchArguments,
 ) -> CameraSet {
-    let counts = [arguments.training, arguments.training.div_ceil(6)];
+    let calibration = arguments.training.div_ceil(6).min(MOST_CALIBRATION);
+    let counts = [arguments.training, calibration, arguments.unrendered()];
     let (mix, lens) = (CameraMix::default(), stage.lens());
     CameraSet::sample(stage.rays(), bounds, tracks, counts, &mix, lens, arguments.seed)
 }
