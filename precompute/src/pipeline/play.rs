@@ -18,6 +18,11 @@ const SHARE: f64 = 0.45;
 /// Share of a clip's error where nothing is known: without tracks, or without time. The highest of
 /// three levels' means.
 const ASSUMED: f64 = 0.92;
+/// How much of what the rendered settings gain in play others gain, too. History averages noise, and
+/// the settings around budgets are noisier than most: on two levels' tours errors in play were 0.98
+/// and 0.94 of those of clips in the mean over a pool of 24, where the rendered three had 0.90 and
+/// 0.84. With all of the gain a budget in four was exceeded on the very tours, by 1 to 8 %.
+const COMMON: f64 = 0.5;
 /// Shares outside this range have other causes than history.
 const RANGE: (f64, f64) = (0.5, 1.2);
 
@@ -112,10 +117,15 @@ impl PlayShare {
         Self(known)
     }
 
-    /// The share for settings with the mean `error`: interpolated in its logarithm between those
+    /// The share for settings with the mean `error`: half of what the rendered ones gain, interpolated in its logarithm between those
     /// measured, beyond them that of the last, and below them towards 1 at an error of 0, where
     /// nothing is known and an error budget has the least room.
     pub(crate) fn at(&self, error: f64) -> f64 {
+        1.0 - COMMON * (1.0 - self.of_rendered(error))
+    }
+
+    /// The same of the settings that are rendered.
+    fn of_rendered(&self, error: f64) -> f64 {
         let Some(first) = self.0.first() else { return ASSUMED };
         let below = (error.ln() - first.ln_error).exp();
         if below < 1.0 {
@@ -200,12 +210,12 @@ mod tests {
     #[test]
     fn shares_are_interpolated() {
         let share = known(&[(0.04, 0.9), (0.01, 0.7)]);
-        assert!((share.at(0.02) - 0.8).abs() < 1e-9, "{share:?}");
+        assert!((share.at(0.02) - 0.9).abs() < 1e-9, "{share:?}");
         assert!((share.uncertainty(0.02) - 0.08).abs() < 1e-9, "{share:?}");
-        assert_eq!([0.01, f64::NAN].map(|error| share.at(error)), [0.7; 2]);
-        assert!((share.at(0.005) - 0.85).abs() < 1e-9 && share.at(0.0) == 1.0, "{share:?}");
-        assert_eq!([0.04, 0.5, f64::INFINITY].map(|error| share.at(error)), [0.9; 3]);
-        assert_eq!((known(&[]).at(0.1), known(&[]).uncertainty(0.1)), (ASSUMED, 0.0));
+        assert_eq!([0.01, f64::NAN].map(|error| share.of_rendered(error)), [0.7; 2]);
+        assert!((share.at(0.005) - 0.925).abs() < 1e-9 && share.at(0.0) == 1.0, "{share:?}");
+        assert_eq!([0.04, 0.5, f64::INFINITY].map(|error| share.of_rendered(error)), [0.9; 3]);
+        assert_eq!((known(&[]).of_rendered(0.1), known(&[]).uncertainty(0.1)), (ASSUMED, 0.0));
         assert_eq!(share.to_string(), "0.70 ± 0.05 at 0.010, 0.90 ± 0.08 at 0.040");
     }
 
@@ -241,10 +251,10 @@ mod tests {
         let played = share.apply(&table, &table);
         let error = |row, settings| played.get(row, settings).map(|cost| cost.error);
         for (found, expected) in [
-            (error(0, good), 0.0035),
-            (error(1, good), 0.0105),
-            (error(0, bad), 0.027),
-            (error(1, bad), 0.045),
+            (error(0, good), 0.00425),
+            (error(1, good), 0.01275),
+            (error(0, bad), 0.0285),
+            (error(1, bad), 0.0475),
         ] {
             assert!((found.expect("known") - expected).abs() < 1e-12, "{found:?}, {expected}");
         }
