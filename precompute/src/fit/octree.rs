@@ -20,7 +20,7 @@ const LEAST_DISTANCE: f64 = 0.02;
 /// Number of unrendered views that justify a division as a camera does.
 const UNRENDERED_PER_CAMERA: usize = 4;
 /// Greatest number of frontiers; each takes most of a kilobyte of a map's file.
-const MOST_FRONTIERS: usize = 44;
+const MOST_FRONTIERS: usize = 40;
 
 /// Configuration of the fit.
 #[derive(Clone, Copy, Debug, PartialEq)]

@@ -214,13 +214,16 @@ fn a_run_that_is_killed_again_and_again_ends_with_the_same_map() {
                 break;
             }
             Err(PipelineError::Interrupted) if patience % 2 == 0 => {
+                // It may be a view's, which is no rendering.
+                let text = std::fs::read_to_string(&file).expect("a journal");
+                let last = text.lines().next_back().expect("lines");
+                made -= usize::from(last.starts_with("render "));
                 std::fs::OpenOptions::new()
                     .write(true)
                     .open(&file)
                     .expect("opens")
                     .set_len(length - 3)
                     .expect("shortened");
-                made -= 1;
             }
             Err(PipelineError::Interrupted) => {}
             Err(error) => panic!("{error}"),
