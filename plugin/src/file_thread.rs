@@ -1,7 +1,8 @@
 //! A thread that writes a file, so that no frame waits for the disk.
 
+use std::fs::File;
 use std::io;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::sync::mpsc::{Receiver, SyncSender, TrySendError, sync_channel};
 use std::thread::{self, JoinHandle};
 use std::time::{Duration, Instant};
@@ -85,4 +86,16 @@ impl<T> Drop for FileThread<T> {
             );
         }
     }
+}
+
+/// Opens a file for reading and writing, from its start. Creates it, and its folder, where missing;
+/// leaves what it holds.
+pub(crate) fn open_or_create(path: &Path) -> io::Result<File> {
+    // An existing path, folder or not, is left to `open`, whose errors are more specific.
+    if let Some(folder) = path.parent()
+        && !folder.exists()
+    {
+        std::fs::create_dir_all(folder)?;
+    }
+    File::options().read(true).write(true).create(true).truncate(false).open(path)
 }

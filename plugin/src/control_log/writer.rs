@@ -9,7 +9,7 @@ use bevy::log::{error, warn};
 
 use super::ControlSample;
 use super::file::{header, push_line};
-use crate::file_thread::FileThread;
+use crate::file_thread::{FileThread, open_or_create};
 
 /// The thread that writes samples.
 pub(super) type ControlWriter = FileThread<ControlSample>;
@@ -48,14 +48,7 @@ enum Stop {
 /// Opens or creates the log, and removes a truncated last line. Never changes a file that is not a
 /// log.
 fn open(path: &Path) -> Result<File, Stop> {
-    // An existing path, folder or not, is left to `open`, whose errors are more specific.
-    if let Some(folder) = path.parent()
-        && !folder.exists()
-    {
-        std::fs::create_dir_all(folder).map_err(Stop::Open)?;
-    }
-    let file = File::options().read(true).write(true).create(true).truncate(false).open(path);
-    let mut file = file.map_err(Stop::Open)?;
+    let mut file = open_or_create(path).map_err(Stop::Open)?;
     if !file.metadata().map_err(Stop::Open)?.is_file() {
         return Err(Stop::OtherFile);
     }

@@ -9,7 +9,7 @@ use bevy::log::{error, warn};
 
 use super::file::{NAME, header, parse, push_line};
 use super::{CameraFileError, CameraSample};
-use crate::file_thread::FileThread;
+use crate::file_thread::{FileThread, open_or_create};
 
 /// The thread that writes samples.
 pub(super) type CameraWriter = FileThread<CameraSample>;
@@ -63,14 +63,7 @@ fn record(path: &Path, max_samples: usize, samples: &Receiver<CameraSample>) -> 
 /// Opens or creates the file and prepares it for appending: removes a truncated last line. Never
 /// changes a file that is not a recording.
 fn open(path: &Path) -> Result<(File, ExistingRecording), Stop> {
-    // An existing path, folder or not, is left to `open`, whose errors are more specific.
-    if let Some(folder) = path.parent()
-        && !folder.exists()
-    {
-        std::fs::create_dir_all(folder).map_err(Stop::Open)?;
-    }
-    let file = File::options().read(true).write(true).create(true).truncate(false).open(path);
-    let mut file = file.map_err(Stop::Open)?;
+    let mut file = open_or_create(path).map_err(Stop::Open)?;
     if !file.metadata().map_err(Stop::Open)?.is_file() {
         return Err(Stop::NoFile);
     }

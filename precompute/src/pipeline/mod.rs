@@ -2,25 +2,27 @@
 //!
 //! All renderings go through [`Renderings`] and are journaled, as are proposals, which take seconds.
 //! Everything else that follows from renderings is recomputed when a run is resumed. Independent of the renderer: [`Measure`] renders.
+mod budgets;
+mod modelled;
 mod pilots;
 mod play;
 mod renderings;
 #[cfg(test)]
 pub(crate) mod tests;
 
-use bevy_frugal_gi::frontier::{Bounds, CameraView, CostPoint, ErrorRates, Frontier, look_up_in};
+use bevy_frugal_gi::frontier::{Bounds, CameraView, ErrorRates};
 use bevy_frugal_gi::knobs::{KnobLevels, KnobSpace};
 
 use crate::cameras::{CameraSet, MovingCamera};
-use crate::cost::{CostModel, CostReading, FitQuality, FrameLayout, Work};
-use crate::fit::{
-    Calibration, Completion, FitConfig, FitReport, Fitted, Seen, Training, calibrate, fit,
-};
+use crate::cost::{CostModel, FitQuality, FrameLayout};
+use crate::fit::{Completion, FitConfig, FitReport, Fitted, Seen, Training, fit};
 use crate::journal::JournalError;
 use crate::pool::{Proposal, Screening, portfolio, propose, round_seed, screening_settings};
 use crate::table::{CostTable, Measure};
 use crate::view_features::ViewFeatures;
 
+use budgets::calibrated;
+use modelled::{Modelled, readings};
 pub(crate) use play::PlayShare;
 pub(crate) use renderings::{Job, Progress, Purpose, Renderings, Setup, StageEffort};
 
@@ -356,67 +358,6 @@ fn table<M: Measure>(
     table
 }
 
-fn readings(subject: &Subject<'_>, table: &CostTable) -> Vec<CostReading> {
-    let columns = table.settings().iter().enumerate();
-    let of = columns.flat_map(|(column, settings)| {
-        let work = Work::of(subject.space, *settings, subject.layout);
-        table.known(column).map(move |(row, cost)| CostReading {
-            camera: row,
-            work: work.clone(),
-            power_w: cost.power.0,
-        })
-    });
-    of.collect()
-}
-
-/// Prior weight, in readings, of a deviation of 0 of a setting from the model.
-const SETTING_PRIOR: f64 = 3.0;
-
-/// A table with power from the fitted model in place of single readings: price of the work × the
-/// camera's factor × the mean deviation of the setting's readings. Errors are unchanged.
-struct Modelled {
-    table: CostTable,
-    model: CostModel,
-    /// Mean deviation of each setting, in the order of the table's columns.
-    deviations: Vec<f64>,
-}
-
-impl Modelled {
-    fn of(subject: &Subject<'_>, table: &CostTable) -> Self {
-        let model = CostModel::fit(&readings(subject, table));
-        let mut modelled =
-            Self { table: CostTable::new(table.rows()), model, deviations: Vec::new() };
-        for (column, settings) in table.settings().iter().enumerate() {
-            let work = Work::of(subject.space, *settings, subject.layout);
-            let beyond: Vec<f64> = table
-                .known(column)
-                .map(|(row, cost)| (cost.power.0 / modelled.model.power_at(row, &work)).ln())
-                .filter(|ln| ln.is_finite())
-                .collect();
-            let deviation =
-                (beyond.iter().sum::<f64>() / (beyond.len() as f64 + SETTING_PRIOR)).exp();
-            modelled.deviations.push(deviation);
-            for (row, cost) in table.known(column) {
-                let power = modelled.model.power_at(row, &work) * deviation;
-                modelled.table.set(row, *settings, CostPoint::new(power, cost.error));
-            }
-        }
-        modelled
-    }
-
-    /// With errors of settings that a camera has not rendered, at the power of the model.
-    fn completed(self, subject: &Subject<'_>, completion: &Completion) -> Self {
-        let power = |row: usize, settings: KnobLevels| {
-            let work = Work::of(subject.space, settings, subject.layout);
-            let deviation =
-                self.table.column(settings).map_or(1.0, |column| self.deviations[column]);
-            self.model.power_at(row, &work) * deviation
-        };
-        let table = completion.complete(&self.table, power);
-        Self { table, ..self }
-    }
-}
-
 fn views(cameras: &[MovingCamera], lens: (f32, f32)) -> Vec<CameraView> {
     let view = |camera: &MovingCamera| CameraView {
         position: camera.pose.position,
@@ -485,73 +426,6 @@ fn finish<M: Measure>(
         noise: raw.known_mean_error(best).unwrap_or(0.0),
         fitted,
     }
-}
-
-/// Cameras of tracks that are enough to calibrate by them alone.
-const ENOUGH_ON_TRACKS: usize = 20;
-
-/// A camera by which error budgets are calibrated.
-struct Judge<'a> {
-    camera: MovingCamera,
-    /// Its frontier by cameras without it.
-    frontier: &'a Frontier,
-    /// Its errors, and its row there.
-    table: &'a CostTable,
-    row: usize,
-    /// Whether it has rendered the whole pool.
-    is_full: bool,
-}
-
-/// Calibrates error budgets: by cameras of tracks where there are enough, since these are the views
-/// that users play, and by all else. `trained`: costs at training cameras, the numbers of those in
-/// the fit, and whether one has rendered the whole pool; `apart`: costs at calibration cameras.
-///
-/// Where there are enough, only cameras that have rendered the whole pool take part: errors that are
-/// completed go wrong together with the predictions that they are compared with.
-fn calibrated(
-    subject: &Subject<'_>,
-    cameras: &CameraSet,
-    fitted: &Fitted,
-    (trained, rows, is_full): (&CostTable, &[usize], &dyn Fn(usize) -> bool),
-    apart: &CostTable,
-    played: &PlayShare,
-) -> ErrorRates {
-    let error = |table: &'_ CostTable, row: usize, settings: KnobLevels| {
-        Some(table.get(row, settings)?.error)
-    };
-    let views = views(&cameras.calibration, subject.lens);
-    let apart = views.iter().enumerate().take(apart.rows()).filter_map(|(row, view)| {
-        let frontier = look_up_in(&fitted.octree, subject.bounds, view)?.frontier;
-        let camera = cameras.calibration[row];
-        Some(Judge { camera, frontier, table: apart, row, is_full: true })
-    });
-    let crossed = fitted.held_out.iter().zip(rows).map(|(frontier, row)| Judge {
-        camera: cameras.training[*row],
-        frontier,
-        table: trained,
-        row: *row,
-        is_full: is_full(*row),
-    });
-    let mut all: Vec<Judge<'_>> =
-        apart.chain(crossed).filter(|judge| !judge.frontier.is_empty()).collect();
-    let on_track = |judge: &Judge<'_>| judge.camera.is_on_track();
-    if all.iter().filter(|judge| judge.is_full && on_track(judge)).count() >= ENOUGH_ON_TRACKS {
-        all.retain(|judge| judge.is_full);
-    }
-    if all.iter().filter(|judge| on_track(judge)).count() >= ENOUGH_ON_TRACKS {
-        all.retain(on_track);
-    }
-    // Groups are numbered along tracks.
-    all.sort_by_key(|judge| judge.camera.group);
-    let all: Vec<_> = all
-        .into_iter()
-        .map(|Judge { frontier, table, row, .. }| {
-            (frontier, move |settings: KnobLevels| error(table, row, settings))
-        })
-        .collect();
-    let cameras: Vec<Calibration<'_>> =
-        all.iter().map(|(frontier, error)| Calibration { frontier, error }).collect();
-    calibrate(&cameras, &|error| played.uncertainty(error))
 }
 
 /// Describes a fit in one line.

@@ -5,10 +5,12 @@ use std::ops::ControlFlow;
 use std::path::Path;
 use std::time::Duration;
 
+use bevy_frugal_gi::frontier::CostPoint;
 use bevy_frugal_gi::knobs::Knob;
 use glam::{Quat, Vec3};
 
 use super::*;
+use crate::cost::Work;
 use crate::journal::{Journal, JournalHeader, merge_journals};
 use crate::scene::CameraPose;
 

@@ -1,0 +1,76 @@
+//! Calibration of error budgets by a search's cameras.
+
+use bevy_frugal_gi::frontier::{ErrorRates, Frontier, look_up_in};
+use bevy_frugal_gi::knobs::KnobLevels;
+
+use super::{PlayShare, Subject, views};
+use crate::cameras::{CameraSet, MovingCamera};
+use crate::fit::{Calibration, Fitted, calibrate};
+use crate::table::CostTable;
+
+/// Cameras of tracks that are enough to calibrate by them alone.
+const ENOUGH_ON_TRACKS: usize = 20;
+
+/// A camera by which error budgets are calibrated.
+struct Judge<'a> {
+    camera: MovingCamera,
+    /// Its frontier by cameras without it.
+    frontier: &'a Frontier,
+    /// Its errors, and its row there.
+    table: &'a CostTable,
+    row: usize,
+    /// Whether it has rendered the whole pool.
+    is_full: bool,
+}
+
+/// Calibrates error budgets: by cameras of tracks where there are enough, since these are the views
+/// that users play, and by all else. `trained`: costs at training cameras, the numbers of those in
+/// the fit, and whether one has rendered the whole pool; `apart`: costs at calibration cameras.
+///
+/// Where there are enough, only cameras that have rendered the whole pool take part: errors that are
+/// completed go wrong together with the predictions that they are compared with.
+pub(super) fn calibrated(
+    subject: &Subject<'_>,
+    cameras: &CameraSet,
+    fitted: &Fitted,
+    (trained, rows, is_full): (&CostTable, &[usize], &dyn Fn(usize) -> bool),
+    apart: &CostTable,
+    played: &PlayShare,
+) -> ErrorRates {
+    let error = |table: &'_ CostTable, row: usize, settings: KnobLevels| {
+        Some(table.get(row, settings)?.error)
+    };
+    let views = views(&cameras.calibration, subject.lens);
+    let apart = views.iter().enumerate().take(apart.rows()).filter_map(|(row, view)| {
+        let frontier = look_up_in(&fitted.octree, subject.bounds, view)?.frontier;
+        let camera = cameras.calibration[row];
+        Some(Judge { camera, frontier, table: apart, row, is_full: true })
+    });
+    let crossed = fitted.held_out.iter().zip(rows).map(|(frontier, row)| Judge {
+        camera: cameras.training[*row],
+        frontier,
+        table: trained,
+        row: *row,
+        is_full: is_full(*row),
+    });
+    let mut all: Vec<Judge<'_>> =
+        apart.chain(crossed).filter(|judge| !judge.frontier.is_empty()).collect();
+    let on_track = |judge: &Judge<'_>| judge.camera.is_on_track();
+    if all.iter().filter(|judge| judge.is_full && on_track(judge)).count() >= ENOUGH_ON_TRACKS {
+        all.retain(|judge| judge.is_full);
+    }
+    if all.iter().filter(|judge| on_track(judge)).count() >= ENOUGH_ON_TRACKS {
+        all.retain(on_track);
+    }
+    // Groups are numbered along tracks.
+    all.sort_by_key(|judge| judge.camera.group);
+    let all: Vec<_> = all
+        .into_iter()
+        .map(|Judge { frontier, table, row, .. }| {
+            (frontier, move |settings: KnobLevels| error(table, row, settings))
+        })
+        .collect();
+    let cameras: Vec<Calibration<'_>> =
+        all.iter().map(|(frontier, error)| Calibration { frontier, error }).collect();
+    calibrate(&cameras, &|error| played.uncertainty(error))
+}
