@@ -11,7 +11,7 @@ use crate::report::{control_log_facts, control_log_heading, control_log_report};
 
 #[derive(clap::Args, Debug)]
 pub(super) struct Arguments {
-    /// The log, as the plugin's ControlLogPlugin writes it
+    /// The log, as the plugin's `ControlLogPlugin` writes it
     #[arg(value_name = "LOG")]
     log: PathBuf,
     /// Folder for the report; default: the log's name with .report, beside the log

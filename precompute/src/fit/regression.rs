@@ -152,7 +152,7 @@ fn inverse(mut matrix: Vec<Vec<f64>>) -> Option<Vec<Vec<f64>>> {
             let known = dot(&matrix[row][..column], &matrix[column][..column]);
             let rest = matrix[row][column] - known;
             matrix[row][column] = if row == column {
-                if !(rest > 0.0) {
+                if rest.is_nan() || rest <= 0.0 {
                     return None;
                 }
                 rest.sqrt()
@@ -230,8 +230,8 @@ mod tests {
             }
             assert!(found[2] < 1e-9, "no error is none everywhere: {}", found[2]);
         }
-        for setting in 0..2 {
-            let ratio = sums[0][setting] / sums[1][setting];
+        for (found, expected) in sums[0].iter().zip(&sums[1]).take(2) {
+            let ratio = found / expected;
             assert!((ratio - 1.0).abs() < 0.05, "{ratio}");
         }
     }
@@ -271,10 +271,10 @@ mod tests {
     fn the_inverse_is_one() {
         let matrix = vec![vec![4.0, 1.0, 0.5], vec![1.0, 3.0, -0.2], vec![0.5, -0.2, 2.0]];
         let inverse = inverse(matrix.clone()).expect("positive definite");
-        for a in 0..3 {
+        for (a, row) in matrix.iter().enumerate() {
             for b in 0..3 {
-                let product: f64 = (0..3).map(|at| matrix[a][at] * inverse[at][b]).sum();
-                assert!((product - f64::from(u8::from(a == b))).abs() < 1e-12);
+                let column: Vec<f64> = inverse.iter().map(|row| row[b]).collect();
+                assert!((dot(row, &column) - f64::from(u8::from(a == b))).abs() < 1e-12);
             }
         }
         assert_eq!(super::inverse(vec![vec![1.0, 2.0], vec![2.0, 1.0]]), None);

@@ -173,7 +173,7 @@ mod tests {
             status: "met".into(),
             power_budget_w: Some(5.0),
             predicted_w: Some(4.5),
-            metered_w: (index % 2 == 0).then_some(5.2),
+            metered_w: index.is_multiple_of(2).then_some(5.2),
             meter: "<rapl> (measured)".into(),
             frame_ms: Some(16.0),
             longest_frame_ms: Some(20.0),
