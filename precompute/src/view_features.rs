@@ -3,9 +3,9 @@
 //!
 //! How much a setting costs in quality depends on what is in view: how bright it is, how much of its
 //! light is indirect, how many edges and shadows there are. All that is known from a path-traced
-//! thumbnail, which takes a fiftieth of the time of one rendering of a clip, and a camera's renderings
-//! are dozens. Over two levels the distance to the nearest rendered camera explained nothing of what
-//! errors at unseen places differ from their mean; these numbers explained three fifths of it.
+//! thumbnail, which takes a fifteenth of the time of one rendering of a clip. On a path that no camera
+//! came from, the distance to 130 rendered cameras explained a seventh of the variance of errors over
+//! views and settings, and these numbers over half of it.
 
 use glam::{DVec3, UVec2};
 
