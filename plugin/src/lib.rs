@@ -48,6 +48,7 @@ pub mod recording;
 pub mod resolution;
 mod schedule;
 pub mod signals;
+mod text_lines;
 pub mod units;
 
 use bevy::app::{PluginGroup, PluginGroupBuilder};

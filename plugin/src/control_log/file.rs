@@ -1,9 +1,9 @@
 //! The format of control logs: see [the module](super).
 
-use std::fmt::Write;
 use std::str::FromStr;
 
 use super::{ControlLogError, ControlSample};
+use crate::text_lines::{quote, unmarked, whole_lines};
 
 /// Names of the columns, in order; a suffix gives the unit.
 pub const COLUMNS: [&str; 15] = [
@@ -34,15 +34,8 @@ pub(super) fn header() -> String {
 
 /// Appends a sample's line. Numbers have enough digits to restore every bit.
 pub(super) fn push_line(text: &mut String, sample: &ControlSample) {
-    let mut number = String::new();
-    let mut optional = |value: Option<f64>| {
-        number.clear();
-        if let Some(value) = value {
-            // Writing to a string cannot fail.
-            let _ = write!(number, "{value:?}");
-        }
-        number.clone()
-    };
+    let optional =
+        |value: Option<f64>| value.map_or_else(String::new, |value| format!("{value:?}"));
     let fields = [
         format!("{:?}", sample.time_s),
         sample.camera.to_string(),
@@ -88,18 +81,11 @@ pub fn to_text<'a>(samples: impl IntoIterator<Item = &'a ControlSample>) -> Stri
 /// [`ControlLogError`] when the text is not a log, or has an invalid line; it names line, field and
 /// remedy.
 pub fn parse(text: &str) -> Result<Vec<ControlSample>, ControlLogError> {
-    // Some editors write a byte order mark.
-    let text = text.strip_prefix('\u{feff}').unwrap_or(text);
-    let lines = text
-        .split_inclusive('\n')
-        .filter(|line| line.ends_with('\n'))
-        .map(str::trim_end)
-        .enumerate()
-        .map(|(index, line)| (index + 1, line));
-    let mut lines = lines;
+    let text = unmarked(text);
+    let mut lines = whole_lines(text);
     let first = lines.next().map_or(text, |(_, line)| line);
     if !first.split(',').map(str::trim).eq(COLUMNS) {
-        return Err(ControlLogError::Columns { found: quote(first) });
+        return Err(ControlLogError::Columns { found: quote(first, QUOTE) });
     }
     lines.filter(|(_, line)| !line.is_empty()).map(|(line, text)| parse_line(line, text)).collect()
 }
@@ -112,7 +98,7 @@ fn parse_line(line: usize, text: &str) -> Result<ControlSample, ControlLogError>
     let invalid = |column: usize, expected: &'static str| ControlLogError::NotANumber {
         line,
         field: COLUMNS[column],
-        found: quote(&fields[column]),
+        found: quote(&fields[column], QUOTE),
         expected,
     };
     let number = |column: usize| {
@@ -163,10 +149,6 @@ fn fields(line: &str) -> Vec<String> {
         }
     }
     fields
-}
-
-fn quote(text: &str) -> String {
-    text.lines().next().unwrap_or_default().chars().take(QUOTE).collect()
 }
 
 #[cfg(test)]

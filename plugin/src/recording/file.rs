@@ -6,6 +6,7 @@ use std::str::FromStr;
 use bevy::math::{Quat, Vec3};
 
 use super::{CameraFileError, CameraSample};
+use crate::text_lines::{quote, unmarked, whole_lines};
 
 /// Version of the format that this build writes and reads.
 pub const VERSION: u32 = 1;
@@ -52,17 +53,10 @@ pub fn to_text<'a>(samples: impl IntoIterator<Item = &'a CameraSample>) -> Strin
 /// [`CameraFileError`] when the text is not a recording, is of another version, or has an invalid
 /// line; it names line, field and remedy.
 pub fn parse(text: &str) -> Result<Vec<CameraSample>, CameraFileError> {
-    // Some editors write a byte order mark.
-    let text = text.strip_prefix('\u{feff}').unwrap_or(text);
-    let lines = text
-        .split_inclusive('\n')
-        .map(str::trim_end)
-        .enumerate()
-        .map(|(index, line)| (index + 1, line));
-    let mut lines = lines.take(text.matches('\n').count());
-
+    let text = unmarked(text);
+    let mut lines = whole_lines(text);
     let first = lines.next().map_or(text, |(_, line)| line);
-    let no_header = || CameraFileError::Header { found: quote(first) };
+    let no_header = || CameraFileError::Header { found: quote(first, QUOTE) };
     let version =
         first.strip_prefix(NAME).and_then(|rest| rest.strip_prefix(' ')).ok_or_else(no_header)?;
     match version.parse() {
@@ -72,7 +66,7 @@ pub fn parse(text: &str) -> Result<Vec<CameraSample>, CameraFileError> {
     }
     let Some((_, columns)) = lines.next() else { return Ok(Vec::new()) };
     if !columns.split(',').map(str::trim).eq(COLUMNS) {
-        return Err(CameraFileError::Columns { found: quote(columns) });
+        return Err(CameraFileError::Columns { found: quote(columns, QUOTE) });
     }
     lines
         .filter(|(_, line)| !line.is_empty())
@@ -110,15 +104,10 @@ fn field<T: FromStr>(
     let error = |_| CameraFileError::NotANumber {
         line,
         field: COLUMNS[column],
-        found: quote(text),
+        found: quote(text, QUOTE),
         expected,
     };
     text.parse().map_err(error)
-}
-
-fn quote(text: &str) -> String {
-    let line = text.lines().next().unwrap_or_default();
-    line.chars().take(QUOTE).collect()
 }
 
 #[cfg(test)]

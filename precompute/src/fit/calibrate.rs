@@ -15,7 +15,7 @@ const RANGE: (f64, f64) = (0.0015, 0.2);
 const STEPS: i32 = 40;
 /// Normal quantile of the confidence with which a budget's mean is kept: 90 %, one-sided. Higher values
 /// leave a larger margin.
-const QUANTILE: f64 = 1.2816;
+pub(super) const QUANTILE: f64 = 1.2816;
 
 /// One calibration camera: its frontier by the map, and the rendered error of each of the
 /// frontier's settings.

@@ -10,6 +10,7 @@
 
 use bevy_frugal_gi::frontier::CostPoint;
 
+use super::calibrate::QUANTILE;
 use super::estimate::{Estimate, Training};
 use super::smooth::{Smoother, Viewpoint};
 
@@ -20,8 +21,6 @@ const FAMILIAR: f64 = 0.5;
 /// neighbouring views go wrong together. Lower values give a larger margin. By one unseen path, whose
 /// mean was a fifth above its prediction.
 const INDEPENDENT_VIEWS: f64 = 4.0;
-/// Normal quantile of the confidence with which a path keeps its budget: 90 %, one-sided.
-const QUANTILE: f64 = 1.2816;
 /// Greatest factor: a larger ratio has other causes than distance.
 const MOST: f64 = 3.0;
 /// Greatest error, 1 − SSIM.

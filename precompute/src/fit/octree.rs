@@ -10,7 +10,7 @@ use super::cluster::cluster;
 use super::estimate::{Estimate, Keys, Pyramid, Training, leaf_at};
 use super::margin::{Margin, is_away};
 use super::smooth::Viewpoint;
-use super::validate::held_out;
+use super::validate::HeldOut;
 use super::{Losses, Smoother};
 
 /// Least weight of evidence; an address without cameras and with less takes the shared frontier.
@@ -96,7 +96,8 @@ pub(crate) fn fit(
     let keys = Keys::new(bounds, levels, views);
     let smoother = Smoother::new(training, views);
     let pyramid = Pyramid::new(training, &smoother, &keys, &all);
-    let losses = Losses::cross_validated(training, views, &keys);
+    let held_out = HeldOut::new(training, views, &keys);
+    let losses = Losses::of(training, &held_out);
     let representative = training.representative();
     let mean = |losses: &[f64]| {
         representative.iter().map(|camera| losses[*camera]).sum::<f64>()
@@ -175,7 +176,7 @@ pub(crate) fn fit(
     let is_away = |viewpoint: &Viewpoint| is_away(&smoother, training.on_track(), viewpoint);
     let away: Vec<bool> =
         (0..training.cameras()).map(|camera| is_away(&smoother.viewpoint(camera))).collect();
-    let held_out = held_out(training, views, &keys, depths.as_deref());
+    let held_out = held_out.at(depths.as_deref());
     let margin = Margin::of(training, &held_out, &away);
     report.margin = margin.mean();
     let with_margin = |(estimate, is_away): (Estimate, bool)| {

@@ -30,33 +30,21 @@ pub(crate) struct Losses {
 }
 
 impl Losses {
-    /// Cross-validated losses of every depth.
-    pub(crate) fn cross_validated(training: &Training, views: &[CameraView], keys: &Keys) -> Self {
+    /// Losses of every depth's estimates at cameras held out.
+    pub(super) fn of(training: &Training, held_out: &HeldOut) -> Self {
         let count = training.cameras();
-        let depths = keys.addresses.len();
-        let mut losses =
-            Self { shared: vec![0.0; count], by_depth: vec![vec![0.0; count]; depths] };
         let power = |camera: usize| {
             training.costs(camera).iter().map(|cost| cost.power.0).fold(0.0, f64::max)
         };
         let scale = (0..count).map(power).sum::<f64>() / count.max(1) as f64;
-        for (out, kept) in folds(training) {
-            let known = training.without(&out);
-            let smoother = Smoother::new(&known, views);
-            let pyramid = Pyramid::new(&known, &smoother, keys, &with_unrendered(&known, kept));
-            for camera in out {
-                losses.shared[camera] = loss(training, camera, &pyramid.shared, scale);
-                for (depth, by_camera) in losses.by_depth.iter_mut().enumerate() {
-                    by_camera[camera] = loss(
-                        training,
-                        camera,
-                        &pyramid.address(keys, keys.addresses[depth][camera], depth),
-                        scale,
-                    );
-                }
-            }
+        let losses = |estimates: &Vec<Estimate>| {
+            let of = |(camera, estimate)| loss(training, camera, estimate, scale);
+            estimates.iter().enumerate().map(of).collect()
+        };
+        Self {
+            shared: losses(&held_out.shared),
+            by_depth: held_out.by_depth.iter().map(losses).collect(),
         }
-        losses
     }
 
     /// The greatest depth whose loss at `cameras` is within one standard error of the least, and no
@@ -109,33 +97,44 @@ fn folds(training: &Training) -> impl Iterator<Item = (Vec<usize>, Vec<usize>)> 
     splits.filter(|(out, kept): &(Vec<usize>, Vec<usize>)| !out.is_empty() && !kept.is_empty())
 }
 
-/// `cameras`, and all unrendered views.
-fn with_unrendered(training: &Training, mut cameras: Vec<usize>) -> Vec<usize> {
-    cameras.extend(training.cameras()..training.views());
-    cameras
+/// For each camera the estimates of its addresses from the cameras of other folds.
+pub(super) struct HeldOut {
+    /// The shared one, by camera.
+    shared: Vec<Estimate>,
+    /// By depth, then by camera.
+    by_depth: Vec<Vec<Estimate>>,
 }
 
-/// For each camera the estimate of its address at its depth, from the cameras of other folds; the
-/// shared one without depths.
-pub(super) fn held_out(
-    training: &Training,
-    views: &[CameraView],
-    keys: &Keys,
-    depths: Option<&[usize]>,
-) -> Vec<Estimate> {
-    let mut estimates = vec![Estimate::default(); training.cameras()];
-    for (out, kept) in folds(training) {
-        let known = training.without(&out);
-        let smoother = Smoother::new(&known, views);
-        let pyramid = Pyramid::new(&known, &smoother, keys, &with_unrendered(&known, kept));
-        for camera in out {
-            let estimate = depths
-                .map(|depths| depths[camera])
-                .map(|depth| pyramid.address(keys, keys.addresses[depth][camera], depth));
-            estimates[camera] = estimate.unwrap_or_else(|| pyramid.shared.clone());
+impl HeldOut {
+    /// Estimates of every depth. In each fold the unrendered views, too, are predicted without the
+    /// cameras that are held out.
+    pub(super) fn new(training: &Training, views: &[CameraView], keys: &Keys) -> Self {
+        let none = vec![Estimate::default(); training.cameras()];
+        let mut estimates =
+            Self { by_depth: vec![none.clone(); keys.addresses.len()], shared: none };
+        for (out, mut kept) in folds(training) {
+            let known = training.without(&out);
+            let smoother = Smoother::new(&known, views);
+            kept.extend(known.cameras()..known.views());
+            let pyramid = Pyramid::new(&known, &smoother, keys, &kept);
+            for camera in out {
+                estimates.shared[camera] = pyramid.shared.clone();
+                for (depth, by_camera) in estimates.by_depth.iter_mut().enumerate() {
+                    by_camera[camera] = pyramid.address(keys, keys.addresses[depth][camera], depth);
+                }
+            }
         }
+        estimates
     }
-    estimates
+
+    /// The estimate of each camera's address at its depth; the shared one without depths.
+    pub(super) fn at(&self, depths: Option<&[usize]>) -> Vec<Estimate> {
+        let of = |(camera, shared): (usize, &Estimate)| match depths {
+            Some(depths) => self.by_depth[depths[camera]][camera].clone(),
+            None => shared.clone(),
+        };
+        self.shared.iter().enumerate().map(of).collect()
+    }
 }
 
 /// Mean over the rates of the selection's cost at `camera` above the optimum there.

@@ -140,8 +140,8 @@ pub(crate) struct Subject<'a> {
     pub bounds: &'a Bounds,
     /// Vertical field of view, radians, and width ÷ height.
     pub lens: (f32, f32),
-    /// Describes what a camera sees; `None` where that is not known.
-    pub describe: Option<&'a dyn Fn(&MovingCamera) -> ViewFeatures>,
+    /// Describes what a camera sees; without features where that is not known.
+    pub describe: &'a dyn Fn(&MovingCamera) -> ViewFeatures,
 }
 
 /// Runs the pipeline.
@@ -177,9 +177,9 @@ fn view_features<M: Measure>(
     cameras: &CameraSet,
     renderings: &mut Renderings<'_, M>,
 ) -> Result<Features, PipelineError<M::Error>> {
-    let Some(describe) = subject.describe.filter(|_| !cameras.unrendered.is_empty()) else {
+    if cameras.unrendered.is_empty() {
         return Ok(Features::default());
-    };
+    }
     let total = cameras.training.len() + cameras.unrendered.len();
     let mut of = |purpose: Purpose,
                   cameras: &[MovingCamera],
@@ -188,7 +188,9 @@ fn view_features<M: Measure>(
         let mut all = Vec::new();
         for (index, camera) in cameras.iter().enumerate() {
             let progress = Progress { stage: "views", done: before + index, total };
-            all.push(renderings.features(purpose, index, &progress, || describe(camera))?);
+            all.push(
+                renderings.features(purpose, index, &progress, || (subject.describe)(camera))?,
+            );
         }
         Ok(all)
     };
@@ -311,7 +313,6 @@ fn render_cameras<M: Measure>(
         .collect();
     let mut counts = [pilots.len().min(order.len()), 0];
     let mut completion = None;
-    let mut anchors = pool.clone();
     while counts[0] < order.len() || counts[1] < cameras.calibration.len() {
         let training = &order[counts[0]..(counts[0] + config.block).min(order.len())];
         let sixth = if training.is_empty() { config.block } else { (config.block / 6).max(1) };
@@ -319,8 +320,8 @@ fn render_cameras<M: Measure>(
         if completion.is_none() && counts[0] >= config.full {
             let full = table(renderings, Purpose::Training, &order[..counts[0]], &pool);
             completion = Completion::fit(&full, &pool, config.anchors);
-            anchors = completion.as_ref().map_or(pool.clone(), Completion::anchors);
         }
+        let anchors = completion.as_ref().map_or_else(|| pool.clone(), Completion::anchors);
         let job = |purpose: Purpose, camera: usize, settings: &Vec<KnobLevels>| Job {
             purpose,
             camera,

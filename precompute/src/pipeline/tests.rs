@@ -130,7 +130,7 @@ fn run_once(setup: &Run<'_>) -> (Result<Outcome, PipelineError<Infallible>>, usi
         layout: &layout(),
         bounds: &BOUNDS,
         lens: (1.0, 1.5),
-        describe: Some(&describe),
+        describe: &describe,
     };
     let config = PipelineConfig::default();
     let outcome = run(
@@ -338,7 +338,7 @@ fn without_cameras_there_is_one_clear_error() {
         layout: &layout(),
         bounds: &BOUNDS,
         lens: (1.0, 1.5),
-        describe: None,
+        describe: &|_| Vec::new(),
     };
     let setup = Setup {
         measure: &mut formula,

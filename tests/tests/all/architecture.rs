@@ -48,6 +48,7 @@ const PLUGIN: &[&str] = &[
     "frontier",
     "control",
     "file_thread",
+    "text_lines",
     "recording",
     "control_log",
     "hud",

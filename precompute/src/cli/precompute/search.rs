@@ -1,5 +1,6 @@
 //! One search: cameras, pipeline, and the map of what it found.
 
+use std::cell::LazyCell;
 use std::ops::ControlFlow;
 use std::path::Path;
 
@@ -20,7 +21,7 @@ use crate::pipeline::{Outcome, PipelineError, Progress, Setup, Subject, run as r
 use crate::report::SearchSummary;
 use crate::scene::{self, SceneDescription};
 use crate::stage::{RemoteError, RemoteStage};
-use crate::view_features::{ViewDescriber, ViewFeatures};
+use crate::view_features::ViewDescriber;
 
 /// Frames of a clip: one unmetered, and the rest metered. Higher values are closer to play, where
 /// history is longer and averages more noise, and cost more.
@@ -96,18 +97,13 @@ pub(in crate::cli) fn search(
     let layout = FrameLayout::of(scene, stage.size());
     let map_bounds = Bounds { min: bounds.min.to_array(), max: bounds.max.to_array() };
     let lens = stage.lens();
-    let describer = ViewDescriber::new(scene);
-    let describe =
-        describer.as_ref().map(|describer| |camera: &MovingCamera| describer.describe(camera));
-    let subject = Subject {
-        space: &space,
-        layout: &layout,
-        bounds: &map_bounds,
-        lens,
-        describe: describe
-            .as_ref()
-            .map(|describe| describe as &dyn Fn(&MovingCamera) -> ViewFeatures),
+    // Only when the first view is described: on a resumed run it may never be.
+    let describer = LazyCell::new(|| ViewDescriber::new(scene));
+    let describe = |camera: &MovingCamera| {
+        describer.as_ref().map(|describer| describer.describe(camera)).unwrap_or_default()
     };
+    let subject =
+        Subject { space: &space, layout: &layout, bounds: &map_bounds, lens, describe: &describe };
     let bar = progress::bar(0);
     let mut report = |progress: &Progress<'_>| {
         bar.set_length(progress.total as u64);
