@@ -3,7 +3,8 @@
 //! Look at the panel: settings follow the budget while the camera tours the scene, and the image
 //! hardly changes. In its plot the selected point moves along the frontier, which changes with the
 //! view. Up and Down change the budget by 5 % of the map's range, P selects a power budget and E an
-//! error budget, Space pauses the tour, C cuts to another place, F3 hides the panel.
+//! error budget, Space pauses the tour, C cuts to another place, F3 hides the panel. F4 shows the best
+//! settings in the right half; Left and Right move the border.
 //!
 //! `target/budget.csv` logs it all; `frugal report target/budget.csv` plots it afterwards.
 //!
@@ -56,7 +57,7 @@ fn build(scene: &Path, map: &Path) -> Result<App, String> {
             app.insert_resource(controlled).add_systems(Update, change_budget);
             app.world_mut().spawn((
                 caption(
-                    "Up, Down: budget   P: power   E: error   Space: pause   C: cut   F3: panel",
+                    "Up, Down: budget   P: power   E: error   Space: pause   C: cut   F3: panel   F4, Left, Right: wipe",
                 ),
                 Cover,
             ));
@@ -65,7 +66,7 @@ fn build(scene: &Path, map: &Path) -> Result<App, String> {
             app.world_mut().spawn(caption(format!("{problem}\nSpace: pause   C: cut")));
         }
     }
-    app.insert_resource(tour).add_systems(Update, (travel, uncover));
+    app.insert_resource(tour).add_systems(Update, (travel, uncover, move_wipe));
     Ok(app)
 }
 
@@ -108,6 +109,14 @@ fn change_budget(
         }
     }
     budget.set_if_neq(controlled.budget());
+}
+
+fn move_wipe(keys: Res<ButtonInput<KeyCode>>, mut wipe: ResMut<HudWipe>) {
+    let step = f32::from(keys.just_pressed(KeyCode::ArrowRight))
+        - f32::from(keys.just_pressed(KeyCode::ArrowLeft));
+    if let (Some(at), true) = (wipe.at, step != 0.0) {
+        wipe.at = Some((at + 0.05 * step).clamp(0.0, 1.0));
+    }
 }
 
 /// Marks the caption that covers the window while knobs are warmed, and the image changes with them.

@@ -46,6 +46,8 @@ mod pipelines;
 pub mod power;
 pub mod recording;
 pub mod resolution;
+#[cfg(feature = "scene-export")]
+pub mod scene_export;
 mod schedule;
 pub mod signals;
 mod text_lines;
@@ -67,7 +69,8 @@ use bevy::app::{PluginGroup, PluginGroupBuilder};
 ///
 /// [`CameraRecorderPlugin`](recording::CameraRecorderPlugin) is not included: an app adds it to
 /// record its camera paths. Nor is [`ControlLogPlugin`](control_log::ControlLogPlugin), which writes
-/// what the controller does to a file, or `HudPlugin`, with the feature `hud`, which shows it.
+/// what the controller does to a file, `HudPlugin`, with the feature `hud`, which shows it, or
+/// `SceneExportPlugin`, with the feature `scene-export`, which writes the app's scene for `frugal`.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct FrugalGiPlugins;
 
@@ -101,7 +104,7 @@ pub mod prelude {
         GiPixelFraction, GiPlugin, GiRefresh, GiShading, GiVisibility, RsmView,
     };
     #[cfg(feature = "hud")]
-    pub use crate::hud::{HudPart, HudPlugin, HudSettings};
+    pub use crate::hud::{HudPart, HudPlugin, HudSettings, HudWipe};
     pub use crate::knobs::{KnobPlugin, KnobRegistry, KnobSettings, RegisterKnob, WarmKnobs};
     pub use crate::pacing::{FramePacingPlugin, FrameRateLimit};
     pub use crate::power::{
@@ -110,6 +113,8 @@ pub mod prelude {
     };
     pub use crate::recording::{CameraRecorder, CameraRecorderPlugin, RecordCamera};
     pub use crate::resolution::{ResolutionPlugin, ResolutionScale};
+    #[cfg(feature = "scene-export")]
+    pub use crate::scene_export::{ExportScene, SceneExportPlugin};
     pub use crate::signals::{BatteryLevel, FrameTime, ThermalHeadroom};
     pub use crate::units::{Joules, Watts};
 }

@@ -53,6 +53,18 @@ mod using_selection {
 }
 
 // docs/using.md
+mod using_export {
+    fn sample() {
+        use bevy::prelude::*;
+        use bevy_frugal_gi::prelude::*;
+
+        App::new()
+            .add_plugins((DefaultPlugins, FrugalGiPlugins, SceneExportPlugin::new("my.scene.ron")))
+            .run();
+    }
+}
+
+// docs/using.md
 mod using_log {
     fn sample() {
         use bevy::prelude::*;

@@ -14,15 +14,19 @@ mod panel;
 mod plot;
 mod show;
 mod text;
+mod wipe;
 
+use bevy::camera::visibility::VisibilitySystems;
 use bevy::prelude::*;
+
+pub use wipe::HudWipe;
 
 /// The HUD: panels that show what the controller does. Needs the feature `hud`, and an app with
 /// Bevy's UI. Not part of [`FrugalGiPlugins`](crate::FrugalGiPlugins).
 ///
 /// There is a panel for each camera with a [`Selection`](crate::control::Selection) or
 /// [`KnobSettings`](crate::knobs::KnobSettings), at the upper left corner of its viewport. Small
-/// viewports get shorter text. See [`HudSettings`].
+/// viewports get shorter text. See [`HudSettings`]. [`HudWipe`] shows the best settings beside the current ones.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct HudPlugin;
 
@@ -64,9 +68,11 @@ pub enum HudSystems {
 impl Plugin for HudPlugin {
     fn build(&self, app: &mut App) {
         app.init_resource::<HudSettings>()
+            .init_resource::<HudWipe>()
             .init_resource::<log::SwitchLog>()
             .add_message::<crate::control::SettingsSwitched>()
             .register_type::<HudSettings>()
+            .register_type::<HudWipe>()
             .register_type::<HudPart>()
             .add_systems(
                 Update,
@@ -74,9 +80,19 @@ impl Plugin for HudPlugin {
                     show::toggle.run_if(resource_exists::<ButtonInput<KeyCode>>),
                     show::remove_panels.run_if(resource_changed::<HudSettings>),
                     (show::spawn_panels, log::record, panel::write).chain().run_if(is_visible),
+                    wipe::toggle.run_if(resource_exists::<ButtonInput<KeyCode>>),
+                    (wipe::spawn, wipe::retarget).chain().run_if(wipe::is_wanted),
                 )
                     .chain()
                     .in_set(HudSystems::Write),
+            )
+            // A view's frustum follows from its transform.
+            .add_systems(
+                PostUpdate,
+                wipe::follow
+                    .after(TransformSystems::Propagate)
+                    .before(VisibilitySystems::UpdateFrusta)
+                    .run_if(wipe::is_wanted),
             );
     }
 }

@@ -8,6 +8,7 @@ use bevy::prelude::*;
 use bevy::render::render_resource::BlendState;
 
 use super::panel::{Panel, spawn};
+use super::wipe::{WipeCamera, WipeNode};
 use super::{HudPart, HudSettings};
 use crate::control::Selection;
 use crate::knobs::KnobSettings;
@@ -16,7 +17,8 @@ use crate::knobs::KnobSettings;
 const ORDER: isize = 10_000;
 
 /// A camera that has a panel.
-pub(super) type HasPanel = (With<Camera>, Or<(With<Selection>, With<KnobSettings>)>);
+pub(super) type HasPanel =
+    (With<Camera>, Or<(With<Selection>, With<KnobSettings>)>, Without<WipeCamera>);
 
 /// Changes visibility where the key is pressed.
 pub(super) fn toggle(keys: Res<ButtonInput<KeyCode>>, mut settings: ResMut<HudSettings>) {
@@ -25,8 +27,11 @@ pub(super) fn toggle(keys: Res<ButtonInput<KeyCode>>, mut settings: ResMut<HudSe
     }
 }
 
-/// Removes everything. Where the HUD is visible, it is spawned again with the changed settings.
-pub(super) fn remove_panels(mut commands: Commands, parts: Query<Entity, With<HudPart>>) {
+/// Panels, and the camera that draws them. Not the wipe, whose history would be lost.
+type HudOwn = (With<HudPart>, Without<WipeCamera>, Without<WipeNode>);
+
+/// Removes all of them. Where the HUD is visible, it is spawned again with the changed settings.
+pub(super) fn remove_panels(mut commands: Commands, parts: Query<Entity, HudOwn>) {
     for part in &parts {
         commands.entity(part).despawn();
     }
@@ -39,7 +44,7 @@ pub(super) fn spawn_panels(
     mut images: Option<ResMut<Assets<Image>>>,
     cameras: Query<(Entity, &Camera), HasPanel>,
     panels: Query<(Entity, &Panel)>,
-    own: Query<Entity, (With<HudPart>, With<Camera>)>,
+    own: Query<Entity, (With<HudPart>, With<Camera2d>)>,
 ) {
     let mut shown = HashSet::new();
     for (entity, panel) in &panels {
@@ -58,7 +63,7 @@ pub(super) fn spawn_panels(
     }
 }
 
-fn spawn_camera(commands: &mut Commands) -> Entity {
+pub(super) fn spawn_camera(commands: &mut Commands) -> Entity {
     let output_mode = CameraOutputMode::Write {
         blend_state: Some(BlendState::PREMULTIPLIED_ALPHA_BLENDING),
         clear_color: ClearColorConfig::None,

@@ -4,6 +4,7 @@ use std::sync::Arc;
 use std::time::Duration;
 
 use bevy::asset::AssetEvent;
+use bevy::camera::{Exposure, Viewport};
 use bevy::ecs::message::Messages;
 use bevy::time::TimeUpdateStrategy;
 
@@ -139,4 +140,54 @@ fn an_app_can_draw_it_by_a_camera_of_its_own() {
     assert_eq!(parts(&mut app), 1);
     let mut roots = app.world_mut().query::<(&HudPart, &UiTargetCamera)>();
     assert!(roots.iter(app.world()).all(|(_, target)| target.0 == camera));
+}
+
+/// A component of the app's own.
+#[derive(Component, Clone)]
+struct Player;
+
+fn seconds(app: &mut App) -> Vec<Entity> {
+    let mut found = app.world_mut().query_filtered::<Entity, With<wipe::WipeCamera>>();
+    found.iter(app.world()).collect()
+}
+
+fn place(app: &mut App, camera: Entity) -> (Transform, KnobLevels) {
+    let knobs = app.world().get::<KnobSettings>(camera).expect("settings").settings;
+    (*app.world().get::<Transform>(camera).expect("a transform"), knobs)
+}
+
+#[test]
+fn a_wipe_shows_the_same_view_at_the_best_settings() {
+    let (mut app, camera) = scene();
+    app.world_mut().entity_mut(camera).insert((Player, Exposure { ev100: 3.0 }));
+    let viewport = Viewport { physical_size: UVec2::new(64, 36), ..default() };
+    app.world_mut().get_mut::<Camera>(camera).expect("a camera").viewport = Some(viewport);
+    run(&mut app, 2);
+    assert!(seconds(&mut app).is_empty());
+    app.world_mut().resource_mut::<ButtonInput<KeyCode>>().press(KeyCode::F4);
+    run(&mut app, 1);
+    app.world_mut().resource_mut::<ButtonInput<KeyCode>>().clear();
+    run(&mut app, 2);
+    let [second] = seconds(&mut app)[..] else { panic!("one wipe") };
+    let moved = Transform::from_xyz(1.0, 2.0, 3.0);
+    app.world_mut().entity_mut(camera).insert((moved, GlobalTransform::from(moved)));
+    run(&mut app, 1);
+    let space = Arc::clone(&app.world().get::<KnobSettings>(camera).expect("settings").space);
+    assert_eq!(place(&mut app, second), (moved, space.highest()));
+    assert_ne!(place(&mut app, camera).1, space.highest(), "the camera's own stay");
+    let world = app.world();
+    assert_eq!(world.get::<Exposure>(second).map(|exposure| exposure.ev100), Some(3.0));
+    assert!(!world.entity(second).contains::<Player>(), "a query by it means one camera");
+    assert!(!world.entity(second).contains::<Budget>(), "nothing controls it");
+
+    // It outlives panels that are spawned anew, and leaves with the key or its camera.
+    app.world_mut().resource_mut::<HudSettings>().visible = false;
+    app.world_mut().resource_mut::<HudWipe>().at = Some(f32::NAN);
+    run(&mut app, 2);
+    assert_eq!(seconds(&mut app), [second]);
+    app.world_mut().entity_mut(camera).despawn();
+    run(&mut app, 2);
+    assert!(seconds(&mut app).is_empty());
+    let mut nodes = app.world_mut().query_filtered::<(), With<wipe::WipeNode>>();
+    assert_eq!(nodes.iter(app.world()).count(), 0);
 }

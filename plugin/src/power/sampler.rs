@@ -21,6 +21,11 @@ const MIN_INTERVAL: Duration = Duration::from_millis(50);
 const HANG_TIMEOUT: Duration = Duration::from_secs(5);
 const HANG_INTERVALS: u32 = 10;
 
+/// Time until a meter that could not be opened is tried again. It doubles with each trial, as a
+/// meter's self-test takes power, up to the second.
+const FIRST_REOPENING: Duration = Duration::from_millis(if cfg!(test) { 20 } else { 5_000 });
+const LAST_REOPENING: Duration = Duration::from_secs(40);
+
 /// Timeout for joining the sampling thread. A thread that hangs in a driver is detached, so that
 /// the app does not hang too.
 const JOIN_TIMEOUT: Duration = Duration::from_millis(500);
@@ -79,16 +84,18 @@ impl PowerSampler {
         meter: Box<dyn PowerMeter>,
         settings: SamplerSettings,
     ) -> Result<Self, MeterError> {
-        Self::start_with(move || Ok(meter), settings)
+        let mut meter = Some(meter);
+        Self::start_with(move || Ok(meter.take().expect("opened once")), settings)
     }
 
     /// Opens a meter on the sampling thread, which may block, and starts to sample it. When `open`
-    /// fails, the state becomes [`MeterState::Unavailable`] with the reason.
+    /// fails, the state becomes [`MeterState::Unavailable`] with the reason, and it is tried again
+    /// later: a battery meters a laptop only once its charger is unplugged.
     ///
     /// # Errors
     /// [`MeterError::Unavailable`] when the thread cannot be created.
     pub(crate) fn start_with(
-        open: impl FnOnce() -> Result<Box<dyn PowerMeter>, OpenMeterError> + Send + 'static,
+        mut open: impl FnMut() -> Result<Box<dyn PowerMeter>, OpenMeterError> + Send + 'static,
         settings: SamplerSettings,
     ) -> Result<Self, MeterError> {
         let origin = Instant::now();
@@ -103,12 +110,17 @@ impl PowerSampler {
         let shared = Arc::clone(&published);
         let thread = thread::Builder::new()
             .name("frugal-gi-power".to_owned())
-            .spawn(move || match open() {
-                Ok(meter) => poll(meter, settings, &shared, &stopped),
-                Err(error) => {
-                    let mut published = lock(&shared);
-                    published.snapshot.lose(MeterState::Unavailable { reason: error.to_string() });
-                    published.revision += 1;
+            .spawn(move || {
+                let mut wait = FIRST_REOPENING;
+                loop {
+                    match open() {
+                        Ok(meter) => return poll(meter, settings, &shared, &stopped),
+                        Err(error) => refuse(&shared, error.to_string()),
+                    }
+                    if stopped.recv_timeout(wait) != Err(mpsc::RecvTimeoutError::Timeout) {
+                        return;
+                    }
+                    wait = (wait * 2).min(LAST_REOPENING);
                 }
             })
             .map_err(|error| {
@@ -190,6 +202,16 @@ fn lock(published: &Mutex<Published>) -> MutexGuard<'_, Published> {
     published.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
+/// Says why there is no meter. The same reason is said once.
+fn refuse(published: &Mutex<Published>, reason: String) {
+    let mut published = lock(published);
+    let state = MeterState::Unavailable { reason };
+    if published.snapshot.state != state {
+        published.snapshot.lose(state);
+        published.revision += 1;
+    }
+}
+
 /// Polls until the sampler is dropped.
 fn poll(
     mut meter: Box<dyn PowerMeter>,
@@ -266,6 +288,34 @@ mod tests {
         assert_eq!((lost.latest, lost.mean), (None, None));
         let back = wait_for(&sampler, "return", |snapshot| snapshot.state == MeterState::Running);
         assert!(back.latest.unwrap().0 > 0.0);
+    }
+
+    #[test]
+    fn a_meter_that_could_not_be_opened_is_tried_again() {
+        let mut trials = 0;
+        let open = move || {
+            trials += 1;
+            if trials < 4 {
+                return crate::power::open("no such meter");
+            }
+            let readings = (0..200).map(|index| Ok(Joules(f64::from(index))));
+            Ok(Box::new(ScriptedMeter::new(readings)) as Box<dyn PowerMeter>)
+        };
+        let sampler = PowerSampler::start_with(open, QUICK).unwrap();
+        let mut seen = None;
+        let mut refusals = 0;
+        let running = loop {
+            if let Some(snapshot) = sampler.snapshot_if_changed(&mut seen) {
+                match snapshot.state {
+                    MeterState::Unavailable { .. } => refusals += 1,
+                    MeterState::Running => break snapshot,
+                    _ => {}
+                }
+            }
+            thread::sleep(Duration::from_millis(1));
+        };
+        assert!(running.latest.unwrap().0 > 0.0);
+        assert!(refusals <= 1, "the same reason is said once, not {refusals} times");
     }
 
     #[test]

@@ -294,7 +294,9 @@ fn convert_material(material: &gltf::Material, textures: &[Option<usize>]) -> Sc
         perceptual_roughness: clamped(surface.roughness_factor(), 0.0, 1.0),
         metallic: clamped(surface.metallic_factor(), 0.0, 1.0),
         reflectance: 0.5,
-        emissive: material.emissive_factor().map(|value| clamped(value, 0.0, f32::MAX)),
+        emissive: material.emissive_factor().map(|value| {
+            clamped(value * material.emissive_strength().unwrap_or(1.0), 0.0, f32::MAX)
+        }),
         alpha: match material.alpha_mode() {
             gltf::material::AlphaMode::Mask => {
                 AlphaMode::Mask(clamped(material.alpha_cutoff().unwrap_or(0.5), 0.0, 1.0))

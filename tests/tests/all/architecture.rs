@@ -51,6 +51,7 @@ const PLUGIN: &[&str] = &[
     "text_lines",
     "recording",
     "control_log",
+    "scene_export",
     "hud",
 ];
 

@@ -1,0 +1,139 @@
+//! Writes what an app shows as a scene file, which `frugal` precomputes a map for.
+//!
+//! ```no_run
+//! use bevy::prelude::*;
+//! use bevy_frugal_gi::prelude::*;
+//!
+//! App::new()
+//!     .add_plugins((DefaultPlugins, FrugalGiPlugins, SceneExportPlugin::new("my.scene.ron")))
+//!     .run();
+//! ```
+//!
+//! Play, and close the window: `my.scene.ron` names the geometry (`my.glb` beside it), lights, lens,
+//! exposure, and the camera's way as the path `tour`. The plugin is not part of
+//! [`FrugalGiPlugins`](crate::FrugalGiPlugins), and needs the feature `scene-export`.
+//!
+//! Data flows from `gather` (the app's entities as plain data) to `glb` and `description` (bytes and
+//! text), which know no app.
+
+mod description;
+mod gather;
+mod glb;
+mod tour;
+
+use std::fs::{self, File};
+use std::io::{self, Write};
+use std::path::{Path, PathBuf};
+
+use bevy::app::{AppExit, Last};
+use bevy::prelude::*;
+
+use gather::Shown;
+use tour::Tour;
+
+/// Writes a scene file when the app ends, and on [`ExportScene`]. Both files are replaced, each as a
+/// whole or not at all. What cannot be written costs one logged error.
+///
+/// Exported are visible opaque and masked meshes with a [`StandardMaterial`] in their present place,
+/// with base color and its texture, roughness, metallic and emission; directional, point and spot
+/// lights; ambient light as a constant environment; lens and exposure of one camera, one with
+/// [`FrugalGi`](crate::gi::FrugalGi) if there is any. Left out, and counted in the log: skinned and
+/// transparent meshes, other materials, and meshes that the CPU cannot read.
+#[derive(Clone, Debug)]
+pub struct SceneExportPlugin {
+    file: PathBuf,
+}
+
+impl SceneExportPlugin {
+    /// Writes to `file`, such as `my.scene.ron`; geometry goes to `my.glb` beside it.
+    pub fn new(file: impl Into<PathBuf>) -> Self {
+        Self { file: file.into() }
+    }
+}
+
+/// Writes the scene files at the end of this frame.
+#[derive(Message, Clone, Copy, Debug, Default)]
+pub struct ExportScene;
+
+#[derive(Resource)]
+struct Export {
+    file: PathBuf,
+    tour: Tour,
+}
+
+impl Plugin for SceneExportPlugin {
+    fn build(&self, app: &mut App) {
+        app.add_message::<ExportScene>()
+            .insert_resource(Export { file: self.file.clone(), tour: Tour::default() })
+            .add_systems(Last, (follow, export).chain());
+    }
+}
+
+/// Records the camera's way.
+fn follow(mut export: ResMut<Export>, shown: Shown, time: Res<Time<Real>>) {
+    if let Some(at) = shown.camera_transform() {
+        export.tour.push(time.elapsed_secs_f64(), at.translation(), *at.forward());
+    }
+}
+
+fn export(
+    mut asked: MessageReader<ExportScene>,
+    mut ends: MessageReader<AppExit>,
+    export: Res<Export>,
+    shown: Shown,
+) {
+    if asked.read().count() + ends.read().count() == 0 {
+        return;
+    }
+    match write(&export, &shown) {
+        Ok(summary) => info!("{}: {summary}", export.file.display()),
+        Err(error) => error!("{}: the scene is not exported: {error}", export.file.display()),
+    }
+}
+
+fn write(export: &Export, shown: &Shown) -> io::Result<String> {
+    let geometry_file = glb_beside(&export.file);
+    let (geometry, left_out) = shown.geometry();
+    if geometry.instances.is_empty() {
+        return Err(io::Error::other(format!("no mesh can be exported ({left_out})")));
+    }
+    let scene = shown.scene(&geometry, export.tour.keys());
+    let name = geometry_file.file_name().unwrap_or_default().to_string_lossy();
+    replace(&geometry_file, &geometry.to_glb())?;
+    replace(&export.file, scene.to_ron(&name).as_bytes())?;
+    Ok(format!(
+        "{} meshes in {} places, {} lights, {} keys of a tour; left out: {left_out}",
+        geometry.meshes.len(),
+        geometry.instances.len(),
+        scene.lights.len(),
+        scene.tour.len()
+    ))
+}
+
+/// `my.glb` for `my.scene.ron`.
+fn glb_beside(file: &Path) -> PathBuf {
+    let name = file.file_name().unwrap_or_default().to_string_lossy();
+    let stem = name.split_once('.').map_or(&*name, |(stem, _)| stem);
+    file.with_file_name(format!("{stem}.glb"))
+}
+
+/// Writes a file as a whole or not at all.
+fn replace(file: &Path, bytes: &[u8]) -> io::Result<()> {
+    let mut name = file.file_name().unwrap_or_default().to_owned();
+    name.push(".tmp");
+    let temporary = file.with_file_name(name);
+    let written = File::create(&temporary)
+        .and_then(|mut file| {
+            file.write_all(bytes)?;
+            file.sync_all()
+        })
+        .and_then(|()| fs::rename(&temporary, file));
+    if written.is_err() {
+        // Nothing half-written is left; the first error counts.
+        let _ = fs::remove_file(&temporary);
+    }
+    written
+}
+
+#[cfg(test)]
+mod tests;
