@@ -10,14 +10,14 @@
 use std::path::Path;
 
 use bevy::camera::visibility::RenderLayers;
-use bevy::camera::{Camera, Camera3d, CameraOutputMode, ClearColorConfig, Hdr, RenderTarget};
+use bevy::camera::{Camera, CameraOutputMode, ClearColorConfig, Hdr, RenderTarget};
 use bevy::prelude::*;
 use bevy::render::render_resource::BlendState;
 use bevy::ui::{IsDefaultUiCamera, UiPlugin};
 use bevy::ui_render::UiRenderPlugin;
 use bevy_frugal_gi::knobs::KnobSettings;
 use bevy_frugal_gi::resolution::ResolutionScale;
-use frugal::metrics::{Picture, error};
+use frugal::metrics::{Picture, ssim};
 use frugal::stage::{Stage, adapter};
 use frugal_tests::arguments::Arguments;
 use frugal_tests::cost::{Clock, median};
@@ -265,7 +265,7 @@ fn measure(arrangement: Arrangement, options: &Arguments, images: &Path) -> Vec<
         .zip(times)
         .map(|(picture, times)| Found {
             cost: median(times) / native,
-            error: error(&reference, &cropped(picture, part))
+            error: ssim::error(&reference, &cropped(picture, part))
                 .unwrap_or_else(|error| panic!("{error}")),
         })
         .collect()

@@ -49,7 +49,8 @@ pub(super) struct SceneData {
     pub near: f32,
     pub far: f32,
     pub bounds: (Vec3, Vec3),
-    pub tour: Vec<Key>,
+    /// The first one is the path `tour`.
+    pub tours: Vec<Vec<Key>>,
 }
 
 fn vector(value: Vec3) -> String {
@@ -123,9 +124,10 @@ impl SceneData {
         let (min, max) = self.bounds;
         line(format!("bounds: (min: {}, max: {}),", vector(min), vector(max)));
         line("paths: {".into());
-        if !self.tour.is_empty() {
-            line("    \"tour\": [".into());
-            for key in &self.tour {
+        for (number, tour) in self.tours.iter().enumerate().filter(|(_, tour)| !tour.is_empty()) {
+            let name = if number == 0 { "tour".into() } else { format!("camera-{}", number + 1) };
+            line(format!("    {name:?}: ["));
+            for key in tour {
                 let look_at = key.position + LOOK_AT_DISTANCE * key.forward;
                 line(format!(
                     "        (time: {:?}, position: {}, look_at: {}),",

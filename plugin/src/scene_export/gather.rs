@@ -37,6 +37,7 @@ type Surface = (
 );
 
 type View = (
+    Entity,
     &'static Camera,
     &'static GlobalTransform,
     &'static Projection,
@@ -86,12 +87,17 @@ pub(super) struct Shown<'w, 's> {
 impl Shown<'_, '_> {
     /// The exported camera: an active one, with global illumination if there is any.
     fn camera(&self) -> Option<bevy::ecs::query::QueryItem<'_, '_, View>> {
-        let active = || self.cameras.iter().filter(|(camera, ..)| camera.is_active);
-        active().find(|view| view.7).or_else(|| active().next())
+        let active = || self.cameras.iter().filter(|(_, camera, ..)| camera.is_active);
+        active().find(|view| view.8).or_else(|| active().next())
     }
 
-    pub(super) fn camera_transform(&self) -> Option<&GlobalTransform> {
-        self.camera().map(|(_, transform, ..)| transform)
+    pub(super) fn main_camera(&self) -> Option<Entity> {
+        self.camera().map(|(camera, ..)| camera)
+    }
+
+    pub(super) fn active_cameras(&self) -> impl Iterator<Item = (Entity, &GlobalTransform)> {
+        let active = self.cameras.iter().filter(|(_, camera, ..)| camera.is_active);
+        active.map(|(entity, _, at, ..)| (entity, at))
     }
 
     /// Every mesh that an active camera can show, in its place.
@@ -99,8 +105,8 @@ impl Shown<'_, '_> {
         let layers: Vec<RenderLayers> = self
             .cameras
             .iter()
-            .filter(|(camera, ..)| camera.is_active)
-            .map(|view| view.4.cloned().unwrap_or_default())
+            .filter(|(_, camera, ..)| camera.is_active)
+            .map(|view| view.5.cloned().unwrap_or_default())
             .collect();
         let mut found = GeometryData::default();
         let mut left_out = LeftOut { other_materials: self.others.iter().count(), ..default() };
@@ -151,31 +157,31 @@ impl Shown<'_, '_> {
     }
 
     fn exposure_ev100(&self) -> f32 {
-        let exposure = self.camera().and_then(|view| view.3.copied()).unwrap_or_default();
+        let exposure = self.camera().and_then(|view| view.4.copied()).unwrap_or_default();
         exposure.ev100
     }
 
     /// All but the geometry.
-    pub(super) fn scene(&self, geometry: &GeometryData, tour: &[Key]) -> SceneData {
+    pub(super) fn scene(&self, geometry: &GeometryData, tours: Vec<Vec<Key>>) -> SceneData {
         let camera = self.camera();
-        let (vertical_fov, near, far) = match camera.as_ref().map(|view| view.2) {
+        let (vertical_fov, near, far) = match camera.as_ref().map(|view| view.3) {
             Some(Projection::Perspective(lens)) => (lens.fov.to_degrees(), lens.near, lens.far),
             _ => LENS,
         };
         let ambient = camera
             .as_ref()
-            .and_then(|view| view.5.map(|own| (own.color, own.brightness)))
+            .and_then(|view| view.6.map(|own| (own.color, own.brightness)))
             .or_else(|| self.ambient.as_ref().map(|all| (all.color, all.brightness)));
         SceneData {
             lights: self.lights(),
             ambient: ambient.map_or([0.0; 3], |(color, nits)| scaled(color, nits)),
-            has_environment_map: camera.is_some_and(|view| view.6),
+            has_environment_map: camera.is_some_and(|view| view.7),
             exposure_ev100: self.exposure_ev100(),
             vertical_fov,
             near,
             far,
-            bounds: bounds(geometry, tour),
-            tour: tour.to_vec(),
+            bounds: bounds(geometry, &tours),
+            tours,
         }
     }
 
@@ -306,15 +312,16 @@ fn png(image: &Image) -> Option<Vec<u8>> {
     Some(bytes)
 }
 
-/// The box of geometry and camera.
-fn bounds(geometry: &GeometryData, tour: &[Key]) -> (Vec3, Vec3) {
+/// The box of geometry and cameras.
+fn bounds(geometry: &GeometryData, tours: &[Vec<Key>]) -> (Vec3, Vec3) {
     let corners = geometry.instances.iter().flat_map(|instance| {
         let mesh = &geometry.meshes[instance.mesh];
         mesh.positions
             .iter()
             .map(|position| instance.transform.transform_point3(Vec3::from_array(*position)))
     });
-    let around = tour.iter().flat_map(|key| [key.position - MARGIN, key.position + MARGIN]);
+    let keys = tours.iter().flatten();
+    let around = keys.flat_map(|key| [key.position - MARGIN, key.position + MARGIN]);
     let all: Vec<Vec3> = corners.chain(around).collect();
     let reduce = |pick: fn(Vec3, Vec3) -> Vec3| all.iter().copied().reduce(pick);
     // A floor alone has no height.

@@ -10,7 +10,7 @@
 //! ```
 //!
 //! Play, and close the window: `my.scene.ron` names the geometry (`my.glb` beside it), lights, lens,
-//! exposure, and the camera's way as the path `tour`. The plugin is not part of
+//! exposure, and the cameras' ways as paths. The plugin is not part of
 //! [`FrugalGiPlugins`](crate::FrugalGiPlugins), and needs the feature `scene-export`.
 //!
 //! Data flows from `gather` (the app's entities as plain data) to `glb` and `description` (bytes and
@@ -27,6 +27,7 @@ use std::path::{Path, PathBuf};
 
 use bevy::app::{AppExit, Last};
 use bevy::prelude::*;
+use bevy::window::ExitSystems;
 
 use gather::Shown;
 use tour::Tour;
@@ -37,7 +38,8 @@ use tour::Tour;
 /// Exported are visible opaque and masked meshes with a [`StandardMaterial`] in their present place,
 /// with base color and its texture, roughness, metallic and emission; directional, point and spot
 /// lights; ambient light as a constant environment; lens and exposure of one camera, one with
-/// [`FrugalGi`](crate::gi::FrugalGi) if there is any. Left out, and counted in the log: skinned and
+/// [`FrugalGi`](crate::gi::FrugalGi) if there is any; and the ways of all cameras as paths, that one's as
+/// `tour`. Left out, and counted in the log: skinned and
 /// transparent meshes, other materials, and meshes that the CPU cannot read.
 #[derive(Clone, Debug)]
 pub struct SceneExportPlugin {
@@ -58,21 +60,36 @@ pub struct ExportScene;
 #[derive(Resource)]
 struct Export {
     file: PathBuf,
-    tour: Tour,
+    /// The way of each camera, in the order in which they became active.
+    tours: Vec<(Entity, Tour)>,
 }
 
 impl Plugin for SceneExportPlugin {
     fn build(&self, app: &mut App) {
         app.add_message::<ExportScene>()
-            .insert_resource(Export { file: self.file.clone(), tour: Tour::default() })
-            .add_systems(Last, (follow, export).chain());
+            // The frame in which the last window closes is the last one: after what ends the app.
+            .insert_resource(Export { file: self.file.clone(), tours: Vec::new() })
+            .add_systems(Last, (follow, export).chain().after(ExitSystems));
     }
 }
 
-/// Records the camera's way.
+/// Greatest number of cameras whose ways are exported.
+const MOST_CAMERAS: usize = 16;
+
+/// Records the cameras' ways.
 fn follow(mut export: ResMut<Export>, shown: Shown, time: Res<Time<Real>>) {
-    if let Some(at) = shown.camera_transform() {
-        export.tour.push(time.elapsed_secs_f64(), at.translation(), *at.forward());
+    let tours = &mut export.tours;
+    for (camera, at) in shown.active_cameras() {
+        let known = tours.iter().position(|(known, _)| *known == camera);
+        let index = match known {
+            Some(index) => index,
+            None if tours.len() < MOST_CAMERAS => {
+                tours.push((camera, Tour::default()));
+                tours.len() - 1
+            }
+            None => continue,
+        };
+        tours[index].1.push(time.elapsed_secs_f64(), at.translation(), *at.forward());
     }
 }
 
@@ -97,16 +114,21 @@ fn write(export: &Export, shown: &Shown) -> io::Result<String> {
     if geometry.instances.is_empty() {
         return Err(io::Error::other(format!("no mesh can be exported ({left_out})")));
     }
-    let scene = shown.scene(&geometry, export.tour.keys());
+    let main = shown.main_camera();
+    // The exported camera's is the path that `frugal` plays.
+    let mut tours: Vec<&(Entity, Tour)> = export.tours.iter().collect();
+    tours.sort_by_key(|(camera, _)| Some(*camera) != main);
+    let tours = tours.into_iter().map(|(_, tour)| tour.keys().to_vec()).collect();
+    let scene = shown.scene(&geometry, tours);
     let name = geometry_file.file_name().unwrap_or_default().to_string_lossy();
     replace(&geometry_file, &geometry.to_glb())?;
     replace(&export.file, scene.to_ron(&name).as_bytes())?;
     Ok(format!(
-        "{} meshes in {} places, {} lights, {} keys of a tour; left out: {left_out}",
+        "{} meshes in {} places, {} lights, ways of {} cameras; left out: {left_out}",
         geometry.meshes.len(),
         geometry.instances.len(),
         scene.lights.len(),
-        scene.tour.len()
+        scene.tours.len()
     ))
 }
 

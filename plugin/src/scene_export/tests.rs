@@ -3,6 +3,7 @@
 use bevy::asset::AssetPlugin;
 use bevy::image::Image;
 use bevy::transform::TransformPlugin;
+use bevy::window::WindowPlugin;
 
 use super::*;
 
@@ -53,6 +54,24 @@ fn files_appear_when_asked_for_and_when_the_app_ends() {
     assert!(file.exists());
     let names = fs::read_dir(&folder).unwrap().count();
     assert_eq!(names, 2, "no temporary file is left");
+    fs::remove_dir_all(folder).unwrap();
+}
+
+#[test]
+fn closing_the_window_exports() {
+    let folder = folder("window");
+    let file = folder.join("my.scene.ron");
+    let mut app = app(&file);
+    app.add_plugins(WindowPlugin::default());
+    spawn_cube(&mut app);
+    app.update();
+    let mut windows = app.world_mut().query_filtered::<Entity, With<Window>>();
+    let window = windows.single(app.world()).unwrap();
+    app.world_mut().despawn(window);
+    while app.should_exit().is_none() {
+        app.update();
+    }
+    assert!(file.exists());
     fs::remove_dir_all(folder).unwrap();
 }
 
