@@ -16,6 +16,11 @@
 //! rate while its target stays on the same side, so it reaches the range of its targets within T
 //! whatever the targets do inside that range.
 //!
+//! A knob that needs another (rays need virtual point lights) moves while it has no effect: before the
+//! other is switched on, and after it is switched off, at the latest within T. Each by its own time,
+//! settings in between were none of the frontier's: lights without rays shine through walls, and on a
+//! map's furthest switches the filter made the image step further than it does without a filter.
+//!
 //! T may differ up and down ([`TransitionTimes`]): settings fall quickly when the power limit is
 //! exceeded, and rise slowly when power is left over.
 
@@ -233,21 +238,32 @@ impl SettingsFilter {
             self.resume_from(target);
             return target;
         }
-        let transitions = &mut self.transitions;
+        let (transitions, before) = (&mut self.transitions, self.applied);
         self.applied = space.from_levels(|index, knob| {
             let transition = &mut transitions[index];
             let highest = (knob.levels.len() - 1) as f64;
+            let to = target.level(index) as u8;
+            let is_at_rest = transition.to == to && transition.remaining() == 0.0;
+            let depends = !is_at_rest && knob.needs.is_some();
+            if depends && !space.has_effect(before, knob) {
+                // Nobody sees it: it is there before it has an effect.
+                *transition = Transition::at_rest(to);
+                return target.level(index);
+            }
             transition.advance(delta_seconds, times);
             // Resumed settings may belong to a larger space. `max` also rejects NaN, which
             // reflection may write.
             transition.position = transition.position.max(0.0).min(highest);
-            let to = target.level(index) as u8;
             if transition.to != to {
                 transition.turn_to(to);
                 // A time of 0 completes the transition here.
                 transition.advance(0.0, times);
             }
-            transition.round();
+            let is_kept =
+                depends && transition.remaining() != 0.0 && !space.has_effect(target, knob);
+            if !is_kept {
+                transition.round();
+            }
             usize::from(transition.level)
         });
         self.applied

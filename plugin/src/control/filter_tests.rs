@@ -201,6 +201,48 @@ fn a_target_that_stays_long_enough_is_followed_each_time() {
     }
 }
 
+/// Lights of 4 levels, and rays of 3 that need them.
+fn dependent_space() -> KnobSpace {
+    let lights = Knob::new("lights", [0.0, 64.0, 256.0, 1024.0]);
+    let rays = Knob::new("rays", [0.0, 2.0, 8.0]).needing("lights", 1);
+    KnobSpace::new(vec![lights, rays]).expect("a valid space")
+}
+
+#[test]
+fn a_knob_moves_while_what_it_needs_is_off() {
+    let space = dependent_space();
+    let (off, on) = (settings(0, 0), settings(3, 2));
+    for times in [TWO, QUICK_FALL, QUICK_RISE] {
+        for (from, to) in [(off, on), (on, off)] {
+            let mut filter = SettingsFilter::default();
+            filter.resume_from(from);
+            let mut seen = Vec::new();
+            for _ in 0..130 {
+                seen.push(filter.step(&space, to, FRAME, times));
+            }
+            assert_eq!(filter.applied(), to, "it arrives");
+            let without_rays = seen.iter().find(|it| it.level(0) > 0 && it.level(1) < 2);
+            assert_eq!(without_rays, None, "{from:?} to {to:?}");
+            assert!(seen.iter().any(|it| (1..3).contains(&it.level(0))), "no jump");
+        }
+    }
+}
+
+#[test]
+fn knobs_that_need_each_other_arrive() {
+    let a = Knob::new("a", [0.0, 1.0]).needing("b", 1);
+    let b = Knob::new("b", [0.0, 1.0]).needing("a", 1);
+    let Ok(space) = KnobSpace::new(vec![a, b]) else { return };
+    for to in [settings(0, 0), settings(1, 1)] {
+        let mut filter = SettingsFilter::default();
+        filter.resume_from(settings(1 - to.level(0), 1 - to.level(1)));
+        for _ in 0..130 {
+            filter.step(&space, to, FRAME, TWO);
+        }
+        assert_eq!(filter.applied(), to);
+    }
+}
+
 #[test]
 fn cuts_and_zero_length_transitions_act_at_once() {
     let [now, before, default, long] = [0.0, -1.0, f64::NAN, 1e6].map(TransitionTimes::both);

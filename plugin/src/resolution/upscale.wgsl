@@ -1,37 +1,10 @@
 // Catmull-Rom upscaling in nine bilinear taps, clamped to the range of the four nearest texels so
-// that edges do not ring, and sharpened where contrast is low.
-//
-// Sharpening follows Lottes, "FidelityFX contrast adaptive sharpening" (AMD, 2019): a negative lobe
-// on the four neighbours of a texel, less of it the nearer they are to black, to white, and to each
-// other's opposite. Each of the four nearest texels is sharpened by its own neighbours, and the
-// changes are interpolated.
+// that edges do not ring.
 
 #import bevy_core_pipeline::fullscreen_vertex_shader::FullscreenVertexOutput
 
 @group(0) @binding(0) var source_texture: texture_2d<f32>;
 @group(0) @binding(1) var source_sampler: sampler;
-
-/// Weight of the lobe on each neighbour where contrast is lowest, as a share of the texel's own:
-/// 0 is none, 0.2 the most that Lottes gives. By the least error of three scales
-/// (docs/results-over-time.md).
-const LOBE: f32 = 0.125;
-
-/// What sharpening changes at a texel with neighbours `north`, `west`, `east` and `south`.
-fn sharpening(texel: vec4<f32>, north: vec4<f32>, west: vec4<f32>, east: vec4<f32>, south: vec4<f32>) -> vec3<f32> {
-    let least = min(texel, min(min(north, south), min(west, east)));
-    let most = max(texel, max(max(north, south), max(west, east)));
-    // 0 beyond white, too: radiance without tone mapping stays as it is.
-    let room = clamp(min(least.rgb, 1.0 - most.rgb) / max(most.rgb, vec3(1e-6)), vec3(0.0), vec3(1.0));
-    // None at the edge of what a camera over another has drawn: premultiplied color must not exceed alpha.
-    let lobe = -LOBE * sqrt(room) * select(0.0, 1.0, least.a >= 1.0);
-    let sum = (north + south + west + east).rgb;
-    return (texel.rgb + lobe * sum) / (1.0 + 4.0 * lobe) - texel.rgb;
-}
-
-fn texel(position: vec2<i32>) -> vec4<f32> {
-    let last = vec2<i32>(textureDimensions(source_texture)) - 1;
-    return textureLoad(source_texture, clamp(position, vec2(0), last), 0);
-}
 
 @fragment
 fn upscale(in: FullscreenVertexOutput) -> @location(0) vec4<f32> {
@@ -61,23 +34,12 @@ fn upscale(in: FullscreenVertexOutput) -> @location(0) vec4<f32> {
     sum += textureSampleLevel(source_texture, source_sampler, vec2(tap12.x, tap3.y), 0.0) * (w12.x * w3.y);
     sum += textureSampleLevel(source_texture, source_sampler, vec2(tap3.x, tap3.y), 0.0) * (w3.x * w3.y);
 
+    let last = vec2<i32>(size) - 1;
     let corner = vec2<i32>(center - 0.5);
-    let a = texel(corner);
-    let b = texel(corner + vec2(1, 0));
-    let c = texel(corner + vec2(0, 1));
-    let d = texel(corner + vec2(1, 1));
+    let a = textureLoad(source_texture, clamp(corner, vec2(0), last), 0);
+    let b = textureLoad(source_texture, clamp(corner + vec2(1, 0), vec2(0), last), 0);
+    let c = textureLoad(source_texture, clamp(corner + vec2(0, 1), vec2(0), last), 0);
+    let d = textureLoad(source_texture, clamp(corner + vec2(1, 1), vec2(0), last), 0);
     // Alpha, too: a camera over another leaves the image under it where it has drawn nothing.
-    let color = clamp(sum, min(min(a, b), min(c, d)), max(max(a, b), max(c, d)));
-
-    let above = mix(
-        sharpening(a, texel(corner + vec2(0, -1)), texel(corner + vec2(-1, 0)), b, c),
-        sharpening(b, texel(corner + vec2(1, -1)), a, texel(corner + vec2(2, 0)), d),
-        fraction.x,
-    );
-    let below = mix(
-        sharpening(c, a, texel(corner + vec2(-1, 1)), d, texel(corner + vec2(0, 2))),
-        sharpening(d, b, c, texel(corner + vec2(2, 1)), texel(corner + vec2(1, 2))),
-        fraction.x,
-    );
-    return vec4(max(color.rgb + mix(above, below, fraction.y), vec3(0.0)), color.a);
+    return clamp(sum, min(min(a, b), min(c, d)), max(max(a, b), max(c, d)));
 }

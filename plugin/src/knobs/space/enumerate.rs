@@ -31,7 +31,8 @@ impl KnobSpace {
             .collect()
     }
 
-    fn has_effect(&self, settings: KnobLevels, knob: &Knob) -> bool {
+    /// Whether `knob` has an effect in `settings`: whether they meet what it needs.
+    pub(crate) fn has_effect(&self, settings: KnobLevels, knob: &Knob) -> bool {
         self.dependencies(knob).all(|(other, at_least)| settings.level(other) >= at_least)
     }
 
