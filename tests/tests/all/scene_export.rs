@@ -88,7 +88,7 @@ fn what_an_app_spawned_is_read_back() {
     stage.frame();
     export(&mut stage);
 
-    let read = scene::load(&folder.path().join("my.scene.ron")).unwrap_or_else(|e| panic!("{e}"));
+    let read = scene::load(folder.path().join("my.scene.ron")).unwrap_or_else(|e| panic!("{e}"));
     let geometry = read.geometry().unwrap_or_else(|error| panic!("{error}"));
     let triangles: usize = geometry.meshes.iter().map(|mesh| mesh.indices.len() / 3).sum();
     assert_eq!(triangles, 12 + 12 + 2, "two cubes and a floor; neither glass nor the hidden one");
@@ -141,7 +141,7 @@ fn an_exported_scene_looks_the_same() {
     let expected = picture(&mut stage);
     export(&mut stage);
     drop(stage);
-    let read = scene::load(&folder.path().join("my.scene.ron")).unwrap_or_else(|e| panic!("{e}"));
+    let read = scene::load(folder.path().join("my.scene.ron")).unwrap_or_else(|e| panic!("{e}"));
     assert_eq!(read.lights.len(), original.lights.len());
     let mut stage = set::open(&read, options);
     let found = picture(&mut stage);
