@@ -1,5 +1,7 @@
 //! Exported scenes, read again by the tool.
 
+use std::time::Instant;
+
 use bevy::app::App;
 use bevy::asset::{Assets, RenderAssetUsages};
 use bevy::camera::Exposure;
@@ -85,7 +87,11 @@ fn what_an_app_spawned_is_read_back() {
     let camera = set::camera(&mut stage);
     stage.world_mut().entity_mut(camera).insert(exposure);
     set::look(&mut stage, Vec3::new(0.0, 2.0, 6.0), Vec3::ZERO);
-    stage.frame();
+    // The tour has a key for every half second.
+    let start = Instant::now();
+    while start.elapsed().as_secs_f32() < 1.1 {
+        stage.frame();
+    }
     export(&mut stage);
 
     let read = scene::load(folder.path().join("my.scene.ron")).unwrap_or_else(|e| panic!("{e}"));
@@ -123,8 +129,10 @@ fn what_an_app_spawned_is_read_back() {
     assert!(lights.any(|light| matches!(light, Light::Spot { luminous_power, outer_angle, .. }
         if *luminous_power == 789.0 && (outer_angle - 0.5_f32.to_degrees()).abs() < 1e-3)));
     assert_eq!(read.exposure_ev100, 8.0);
-    let start = read.paths["tour"].sample(0.0).expect("a key");
-    assert!(close(start.position, Vec3::new(0.0, 2.0, 6.0)), "{start:?}");
+    let tour = &read.paths["tour"];
+    let end = tour.sample(tour.duration()).expect("a key");
+    assert!(close(end.position, Vec3::new(0.0, 2.0, 6.0)), "{end:?}");
+    assert!((end.rotation * Vec3::NEG_Z).dot(Vec3::new(0.0, -2.0, -6.0).normalize()) > 0.9999);
 }
 
 fn an_exported_scene_looks_the_same() {
