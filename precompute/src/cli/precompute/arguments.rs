@@ -112,9 +112,9 @@ impl SearchArguments {
     pub(super) fn config(&self) -> PipelineConfig {
         let mut config = PipelineConfig { seed: self.seed, ..PipelineConfig::default() };
         if self.is_short() {
-            // At three pilots, screening alone would take a third of the time; a smaller pool, and fewer
+            // At six pilots, screening alone would take a third of the time; a smaller pool, and fewer
             // cameras that render all of it, leave time for more cameras.
-            (config.pilots, config.pool) = (2, 16);
+            (config.pilots, config.rounds, config.pool) = (2, 9, 16);
             (config.full, config.anchors) = (10, 4);
         }
         config.fit.levels = self.levels;
