@@ -131,7 +131,8 @@ pub(super) fn spawn(
         let image = images.add(target(size));
         let node = commands
             .spawn((HudPart, WipeNode, ImageNode::new(image.clone()), UiTargetCamera(drawn_by)))
-            .insert((GlobalZIndex(i32::MAX - 1), BorderColor::all(BORDER)))
+            // Under the app's interface: both sides have that.
+            .insert((GlobalZIndex(i32::MIN), BorderColor::all(BORDER)))
             .id();
         let second = commands.spawn_empty().id();
         commands.queue(move |world: &mut World| copy(world, camera, second));
