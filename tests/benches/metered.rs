@@ -189,8 +189,7 @@ impl Bench {
 }
 
 fn open_bench(map: &Path, meter: Option<&str>) -> Bench {
-    let text = std::fs::read_to_string(map).unwrap_or_else(|error| panic!("{map:?}: {error}"));
-    let map = FrontierMap::from_ron(&text).unwrap_or_else(|error| panic!("{map:?}: {error}"));
+    let map = frugal_tests::map::read(map);
     let scene = set::scene("courtyard");
     let options = StageOptions {
         size: UVec2::from_array(map.capture.size),

@@ -231,9 +231,7 @@ fn main() {
         println!("no graphics adapter: nothing is measured");
         return;
     };
-    let text =
-        std::fs::read_to_string(Path::new(path)).unwrap_or_else(|error| panic!("{path}: {error}"));
-    let map = FrontierMap::from_ron(&text).unwrap_or_else(|error| panic!("{path}: {error}"));
+    let map = frugal_tests::map::read(Path::new(path));
     let settings: Vec<KnobLevels> = map.settings().into_iter().collect();
     let mut bench = Bench::open(&map);
     let middle = 0.5 * bench.scene.paths["tour"].duration();

@@ -1,4 +1,6 @@
-//! A hand-written frontier map.
+//! Frontier maps: read from a file, or written by hand.
+
+use std::path::Path;
 
 use bevy_frugal_gi::frontier::{
     Bounds, Capture, Corner, CostPoint, ErrorRates, Frontier, FrontierMap, FrontierPoint, Octree,
@@ -6,6 +8,12 @@ use bevy_frugal_gi::frontier::{
 };
 use bevy_frugal_gi::knobs::KnobSpace;
 use bevy_frugal_gi::power::{MeterInfo, Provenance};
+
+/// Reads the map in `file`.
+pub fn read(file: &Path) -> FrontierMap {
+    let text = std::fs::read_to_string(file).unwrap_or_else(|error| panic!("{file:?}: {error}"));
+    FrontierMap::from_ron(&text).unwrap_or_else(|error| panic!("{file:?}: {error}"))
+}
 
 /// One cube of 20 m around the origin. The frontier of every view at every corner holds three
 /// settings: the lowest at 1 W, the middle at 2 W and the highest at 4 W, with errors of 0.2, 0.05

@@ -232,7 +232,7 @@ fn a_knob_moves_while_what_it_needs_is_off() {
 fn knobs_that_need_each_other_arrive() {
     let a = Knob::new("a", [0.0, 1.0]).needing("b", 1);
     let b = Knob::new("b", [0.0, 1.0]).needing("a", 1);
-    let Ok(space) = KnobSpace::new(vec![a, b]) else { return };
+    let space = KnobSpace::new(vec![a, b]).expect("a valid space");
     for to in [settings(0, 0), settings(1, 1)] {
         let mut filter = SettingsFilter::default();
         filter.resume_from(settings(1 - to.level(0), 1 - to.level(1)));

@@ -26,7 +26,8 @@ pub use wipe::HudWipe;
 ///
 /// There is a panel for each camera with a [`Selection`](crate::control::Selection) or
 /// [`KnobSettings`](crate::knobs::KnobSettings), at the upper left corner of its viewport. Small
-/// viewports get shorter text. See [`HudSettings`]. [`HudWipe`] shows the best settings beside the current ones.
+/// viewports get shorter text. See [`HudSettings`]. [`HudWipe`] shows the best settings beside the
+/// current ones.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct HudPlugin;
 

@@ -4,6 +4,7 @@ use std::collections::HashSet;
 
 use bevy::camera::CameraOutputMode;
 use bevy::camera::visibility::RenderLayers;
+use bevy::ecs::system::SystemParam;
 use bevy::prelude::*;
 use bevy::render::render_resource::BlendState;
 
@@ -37,14 +38,28 @@ pub(super) fn remove_panels(mut commands: Commands, parts: Query<Entity, HudOwn>
     }
 }
 
+/// The camera that draws the HUD.
+#[derive(SystemParam)]
+pub(super) struct UiCamera<'w, 's> {
+    settings: Res<'w, HudSettings>,
+    own: Query<'w, 's, Entity, (With<HudPart>, With<Camera2d>)>,
+}
+
+impl UiCamera<'_, '_> {
+    /// The app's, or the HUD's own, or a new one.
+    pub(super) fn get(&self, commands: &mut Commands) -> Entity {
+        let known = self.settings.camera.or_else(|| self.own.iter().next());
+        known.unwrap_or_else(|| spawn_camera(commands))
+    }
+}
+
 /// Gives every camera its panel, and removes the panels of cameras that are gone.
 pub(super) fn spawn_panels(
     mut commands: Commands,
-    settings: Res<HudSettings>,
+    ui_camera: UiCamera,
     mut images: Option<ResMut<Assets<Image>>>,
     cameras: Query<(Entity, &Camera), HasPanel>,
     panels: Query<(Entity, &Panel)>,
-    own: Query<Entity, (With<HudPart>, With<Camera2d>)>,
 ) {
     let mut shown = HashSet::new();
     for (entity, panel) in &panels {
@@ -55,15 +70,15 @@ pub(super) fn spawn_panels(
             commands.entity(entity).despawn();
         }
     }
-    let mut drawn_by = settings.camera.or_else(|| own.iter().next());
+    let mut drawn_by = None;
     let is_new = |(entity, camera): &(Entity, &Camera)| camera.is_active && !shown.contains(entity);
     for (camera, _) in cameras.iter().filter(is_new) {
-        let drawn_by = *drawn_by.get_or_insert_with(|| spawn_camera(&mut commands));
+        let drawn_by = *drawn_by.get_or_insert_with(|| ui_camera.get(&mut commands));
         spawn(&mut commands, images.as_deref_mut(), camera, drawn_by);
     }
 }
 
-pub(super) fn spawn_camera(commands: &mut Commands) -> Entity {
+fn spawn_camera(commands: &mut Commands) -> Entity {
     let output_mode = CameraOutputMode::Write {
         blend_state: Some(BlendState::PREMULTIPLIED_ALPHA_BLENDING),
         clear_color: ClearColorConfig::None,

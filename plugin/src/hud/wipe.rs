@@ -32,8 +32,8 @@ use bevy::prelude::*;
 use bevy::render::render_resource::TextureFormat;
 use bevy::render::view::{ColorGrading, Msaa};
 
-use super::show::spawn_camera;
-use super::{HudPart, HudSettings};
+use super::HudPart;
+use super::show::UiCamera;
 use crate::control::Selection;
 use crate::gi::FrugalGi;
 use crate::knobs::KnobSettings;
@@ -105,11 +105,10 @@ type Controlled = (With<Selection>, With<KnobSettings>, Without<WipeCamera>);
 pub(super) fn spawn(
     mut commands: Commands,
     wipe: Res<HudWipe>,
-    settings: Res<HudSettings>,
+    ui_camera: UiCamera,
     mut images: ResMut<Assets<Image>>,
     cameras: Query<(Entity, &Camera), Controlled>,
     seconds: Query<(Entity, &WipeCamera)>,
-    own: Query<Entity, (With<HudPart>, With<Camera2d>)>,
 ) {
     let is_shown = |camera: Entity| {
         wipe.at.is_some() && cameras.get(camera).is_ok_and(|(_, camera)| camera.is_active)
@@ -121,13 +120,13 @@ pub(super) fn spawn(
             images.remove(&second.image);
         }
     }
-    let mut drawn_by = settings.camera.or_else(|| own.iter().next());
+    let mut drawn_by = None;
     for (camera, view) in &cameras {
         if !is_shown(camera) || seconds.iter().any(|(_, second)| second.of == camera) {
             continue;
         }
         let Some(size) = view.physical_viewport_size() else { continue };
-        let drawn_by = *drawn_by.get_or_insert_with(|| spawn_camera(&mut commands));
+        let drawn_by = *drawn_by.get_or_insert_with(|| ui_camera.get(&mut commands));
         let image = images.add(target(size));
         let node = commands
             .spawn((HudPart, WipeNode, ImageNode::new(image.clone()), UiTargetCamera(drawn_by)))
@@ -231,13 +230,12 @@ pub(super) fn follow(
 /// Draws the wipe by the HUD's present camera: the HUD replaces its own where its settings change.
 pub(super) fn retarget(
     mut commands: Commands,
-    settings: Res<HudSettings>,
-    own: Query<Entity, (With<HudPart>, With<Camera2d>)>,
+    ui_camera: UiCamera,
     mut nodes: Query<&mut UiTargetCamera, With<WipeNode>>,
 ) {
+    let mut drawn_by = None;
     for mut target in &mut nodes {
-        let wanted = settings.camera.or_else(|| own.iter().next());
-        let wanted = wanted.unwrap_or_else(|| spawn_camera(&mut commands));
+        let wanted = *drawn_by.get_or_insert_with(|| ui_camera.get(&mut commands));
         if target.0 != wanted {
             target.0 = wanted;
         }

@@ -1,8 +1,10 @@
 //! The text of a scene file.
 
-use std::fmt::Write;
+use std::collections::BTreeMap;
 
 use bevy::math::Vec3;
+use ron::ser::PrettyConfig;
+use serde::Serialize;
 
 use super::tour::Key;
 
@@ -10,23 +12,23 @@ use super::tour::Key;
 const LOOK_AT_DISTANCE: f32 = 5.0;
 
 /// A light, in the units of a scene file.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub(super) enum LightData {
     Directional {
-        direction: Vec3,
+        direction: [f32; 3],
         illuminance: f32,
         color: [f32; 3],
     },
     Point {
-        position: Vec3,
+        position: [f32; 3],
         luminous_power: f32,
         range: f32,
         color: [f32; 3],
     },
     /// Angles are half angles, degrees.
     Spot {
-        position: Vec3,
-        direction: Vec3,
+        position: [f32; 3],
+        direction: [f32; 3],
         luminous_power: f32,
         range: f32,
         inner_angle: f32,
@@ -53,93 +55,98 @@ pub(super) struct SceneData {
     pub tours: Vec<Vec<Key>>,
 }
 
-fn vector(value: Vec3) -> String {
-    numbers(value.to_array())
+/// The file, as the tool reads it.
+#[derive(Serialize)]
+struct SceneFile<'a> {
+    geometry: Geometry<'a>,
+    lights: &'a [LightData],
+    environment: Environment,
+    exposure_ev100: f32,
+    camera: Lens,
+    bounds: Bounds,
+    paths: BTreeMap<String, Vec<PathKey>>,
 }
 
-fn numbers(values: [f32; 3]) -> String {
-    let [x, y, z] = values;
-    format!("({x:?}, {y:?}, {z:?})")
+#[derive(Serialize)]
+enum Geometry<'a> {
+    Gltf(&'a str),
 }
 
-impl LightData {
-    fn to_ron(self) -> String {
-        match self {
-            Self::Directional { direction, illuminance, color } => format!(
-                "Directional(direction: {}, illuminance: {illuminance:?}, color: {})",
-                vector(direction),
-                numbers(color)
-            ),
-            Self::Point { position, luminous_power, range, color } => format!(
-                "Point(position: {}, luminous_power: {luminous_power:?}, range: {range:?}, color: {})",
-                vector(position),
-                numbers(color)
-            ),
-            Self::Spot {
-                position,
-                direction,
-                luminous_power,
-                range,
-                inner_angle,
-                outer_angle,
-                color,
-            } => format!(
-                "Spot(position: {}, direction: {}, luminous_power: {luminous_power:?}, range: {range:?}, \
-                 inner_angle: {inner_angle:?}, outer_angle: {outer_angle:?}, color: {})",
-                vector(position),
-                vector(direction),
-                numbers(color)
-            ),
+#[derive(Serialize)]
+enum Environment {
+    None,
+    Constant([f32; 3]),
+}
+
+#[derive(Serialize)]
+struct Lens {
+    vertical_fov: f32,
+    near: f32,
+    far: f32,
+}
+
+#[derive(Serialize)]
+struct Bounds {
+    min: [f32; 3],
+    max: [f32; 3],
+}
+
+#[derive(Serialize)]
+struct PathKey {
+    time: f32,
+    position: [f32; 3],
+    look_at: [f32; 3],
+}
+
+impl PathKey {
+    fn of(key: &Key) -> Self {
+        let look_at = key.position + LOOK_AT_DISTANCE * key.forward;
+        Self {
+            time: key.seconds as f32,
+            position: key.position.to_array(),
+            look_at: look_at.to_array(),
         }
     }
 }
 
 impl SceneData {
     /// The file's text, for geometry in `glb` beside it.
-    pub(super) fn to_ron(&self, glb: &str) -> String {
-        let mut text = String::from("// Written by bevy_frugal_gi's SceneExportPlugin.\n(\n");
-        let mut line = |line: String| {
-            let _ = writeln!(text, "    {line}");
-        };
-        line(format!("geometry: Gltf({glb:?}),"));
-        line("lights: [".into());
-        self.lights.iter().for_each(|light| line(format!("    {},", light.to_ron())));
-        line("],".into());
-        if self.has_environment_map {
-            line("// The app's environment map is not exported. Name an equirectangular image of it:".into());
-            line("// environment: Map(\"sky.hdr\", nits),".into());
-        }
-        if self.ambient == [0.0; 3] {
-            line("environment: None,".into());
-        } else {
-            line("// Ambient light of the app.".into());
-            line(format!("environment: Constant({}),", numbers(self.ambient)));
-        }
-        line(format!("exposure_ev100: {:?},", self.exposure_ev100));
-        line(format!(
-            "camera: (vertical_fov: {:?}, near: {:?}, far: {:?}),",
-            self.vertical_fov, self.near, self.far
-        ));
-        line("// Where cameras go: narrow it to where players get.".into());
-        let (min, max) = self.bounds;
-        line(format!("bounds: (min: {}, max: {}),", vector(min), vector(max)));
-        line("paths: {".into());
-        for (number, tour) in self.tours.iter().enumerate().filter(|(_, tour)| !tour.is_empty()) {
+    ///
+    /// # Errors
+    /// None that is known: the serializer's own.
+    pub(super) fn to_ron(&self, glb: &str) -> ron::Result<String> {
+        let path = |(number, tour): (usize, &Vec<Key>)| {
             let name = if number == 0 { "tour".into() } else { format!("camera-{}", number + 1) };
-            line(format!("    {name:?}: ["));
-            for key in tour {
-                let look_at = key.position + LOOK_AT_DISTANCE * key.forward;
-                line(format!(
-                    "        (time: {:?}, position: {}, look_at: {}),",
-                    key.seconds as f32,
-                    vector(key.position),
-                    vector(look_at)
-                ));
-            }
-            line("    ],".into());
+            (name, tour.iter().map(PathKey::of).collect())
+        };
+        let tours = self.tours.iter().enumerate().filter(|(_, tour)| !tour.is_empty());
+        let file = SceneFile {
+            geometry: Geometry::Gltf(glb),
+            lights: &self.lights,
+            environment: match self.ambient {
+                [0.0, 0.0, 0.0] => Environment::None,
+                ambient => Environment::Constant(ambient),
+            },
+            exposure_ev100: self.exposure_ev100,
+            camera: Lens { vertical_fov: self.vertical_fov, near: self.near, far: self.far },
+            bounds: Bounds { min: self.bounds.0.to_array(), max: self.bounds.1.to_array() },
+            paths: tours.map(path).collect(),
+        };
+        let mut text = String::from(
+            "// Written by bevy_frugal_gi's SceneExportPlugin.\n\
+             // bounds: where cameras go; narrow it to where players get.\n\
+             // environment: the app's ambient light.\n",
+        );
+        if self.has_environment_map {
+            text.push_str(
+                "// The app's environment map is not exported. Name an equirectangular image of it:\n\
+                 // environment: Map(\"sky.hdr\", nits),\n",
+            );
         }
-        line("},".into());
-        text.push_str(")\n");
-        text
+        // Keys and lights take a line each.
+        let layout = PrettyConfig::new().depth_limit(3).new_line("\n");
+        text.push_str(&ron::ser::to_string_pretty(&file, layout)?);
+        text.push('\n');
+        Ok(text)
     }
 }

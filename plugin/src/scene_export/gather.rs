@@ -7,6 +7,7 @@ use std::io::Cursor;
 use bevy::asset::AssetId;
 use bevy::camera::Exposure;
 use bevy::camera::visibility::{RenderLayers, VisibilityRange};
+use bevy::ecs::query::QueryItem;
 use bevy::ecs::system::SystemParam;
 use bevy::image::Image;
 use bevy::light::{AmbientLight, EnvironmentMapLight, GlobalAmbientLight};
@@ -85,10 +86,13 @@ pub(super) struct Shown<'w, 's> {
 }
 
 impl Shown<'_, '_> {
+    fn active(&self) -> impl Iterator<Item = QueryItem<'_, '_, View>> {
+        self.cameras.iter().filter(|(_, camera, ..)| camera.is_active)
+    }
+
     /// The exported camera: an active one, with global illumination if there is any.
-    fn camera(&self) -> Option<bevy::ecs::query::QueryItem<'_, '_, View>> {
-        let active = || self.cameras.iter().filter(|(_, camera, ..)| camera.is_active);
-        active().find(|view| view.8).or_else(|| active().next())
+    fn camera(&self) -> Option<QueryItem<'_, '_, View>> {
+        self.active().find(|view| view.8).or_else(|| self.active().next())
     }
 
     pub(super) fn main_camera(&self) -> Option<Entity> {
@@ -96,18 +100,14 @@ impl Shown<'_, '_> {
     }
 
     pub(super) fn active_cameras(&self) -> impl Iterator<Item = (Entity, &GlobalTransform)> {
-        let active = self.cameras.iter().filter(|(_, camera, ..)| camera.is_active);
-        active.map(|(entity, _, at, ..)| (entity, at))
+        self.active().map(|(entity, _, at, ..)| (entity, at))
     }
 
     /// Every mesh that an active camera can show, in its place.
     pub(super) fn geometry(&self) -> (GeometryData, LeftOut) {
-        let layers: Vec<RenderLayers> = self
-            .cameras
-            .iter()
-            .filter(|(_, camera, ..)| camera.is_active)
-            .map(|view| view.5.cloned().unwrap_or_default())
-            .collect();
+        let layers: Vec<RenderLayers> =
+            self.active().map(|view| view.5.cloned().unwrap_or_default()).collect();
+        let exposure = exposure(self.exposure_ev100());
         let mut found = GeometryData::default();
         let mut left_out = LeftOut { other_materials: self.others.iter().count(), ..default() };
         let mut meshes: HashMap<AssetId<Mesh>, Option<usize>> = HashMap::new();
@@ -145,7 +145,6 @@ impl Shown<'_, '_> {
                                 Some(found.images.len() - 1)
                             })
                         });
-                        let exposure = exposure(self.exposure_ev100());
                         found.materials.push(material_data(surface, texture, exposure));
                         found.materials.len() - 1
                     });
@@ -193,7 +192,7 @@ impl Shown<'_, '_> {
         for (light, at, shown) in &self.directional {
             if is_shown(shown, light.illuminance) {
                 lights.push(LightData::Directional {
-                    direction: *at.forward(),
+                    direction: at.forward().to_array(),
                     illuminance: light.illuminance,
                     color: scaled(light.color, 1.0),
                 });
@@ -202,7 +201,7 @@ impl Shown<'_, '_> {
         for (light, at, shown) in &self.points {
             if is_shown(shown, light.intensity) {
                 lights.push(LightData::Point {
-                    position: at.translation(),
+                    position: at.translation().to_array(),
                     luminous_power: light.intensity,
                     range: light.range,
                     color: scaled(light.color, 1.0),
@@ -212,8 +211,8 @@ impl Shown<'_, '_> {
         for (light, at, shown) in &self.spots {
             if is_shown(shown, light.intensity) {
                 lights.push(LightData::Spot {
-                    position: at.translation(),
-                    direction: *at.forward(),
+                    position: at.translation().to_array(),
+                    direction: at.forward().to_array(),
                     luminous_power: light.intensity,
                     range: light.range,
                     inner_angle: light.inner_angle.min(light.outer_angle).to_degrees(),

@@ -121,8 +121,9 @@ fn write(export: &Export, shown: &Shown) -> io::Result<String> {
     let tours = tours.into_iter().map(|(_, tour)| tour.keys().to_vec()).collect();
     let scene = shown.scene(&geometry, tours);
     let name = geometry_file.file_name().unwrap_or_default().to_string_lossy();
+    let text = scene.to_ron(&name).map_err(io::Error::other)?;
     replace(&geometry_file, &geometry.to_glb())?;
-    replace(&export.file, scene.to_ron(&name).as_bytes())?;
+    replace(&export.file, text.as_bytes())?;
     Ok(format!(
         "{} meshes in {} places, {} lights, ways of {} cameras; left out: {left_out}",
         geometry.meshes.len(),

@@ -50,7 +50,7 @@ fn what_an_app_spawned_is_read_back() {
         MeshMaterial3d(world.resource_mut::<Assets<StandardMaterial>>().add(material))
     };
     let exposure = Exposure { ev100: 8.0 };
-    let lamp = add(StandardMaterial {
+    let emissive = add(StandardMaterial {
         emissive: LinearRgba::rgb(300.0, 600.0, 0.0),
         emissive_exposure_weight: 1.0,
         perceptual_roughness: 0.25,
@@ -68,11 +68,11 @@ fn what_an_app_spawned_is_read_back() {
     let mut meshes = world.resource_mut::<Assets<Mesh>>();
     let (cube, floor) = (meshes.add(Cuboid::from_length(1.0)), meshes.add(Plane3d::default()));
     let at = Transform::from_xyz(3.0, 1.0, -2.0).with_scale(Vec3::new(-2.0, 1.0, 1.0));
-    world.spawn((Mesh3d(cube.clone()), lamp.clone(), at));
+    world.spawn((Mesh3d(cube.clone()), emissive.clone(), at));
     world.spawn((Mesh3d(cube.clone()), leaf.clone(), Transform::default()));
     world.spawn((Mesh3d(floor), leaf, Transform::default()));
     world.spawn((Mesh3d(cube.clone()), glass, Transform::default()));
-    world.spawn((Mesh3d(cube), lamp, Transform::default(), bevy::prelude::Visibility::Hidden));
+    world.spawn((Mesh3d(cube), emissive, Transform::default(), bevy::prelude::Visibility::Hidden));
     let down = Transform::default().looking_to(Vec3::NEG_Y, Vec3::X);
     world.spawn((DirectionalLight { illuminance: 123.0, ..Default::default() }, down));
     world.spawn((
@@ -93,11 +93,12 @@ fn what_an_app_spawned_is_read_back() {
     let geometry = read.geometry().unwrap_or_else(|error| panic!("{error}"));
     let triangles: usize = geometry.meshes.iter().map(|mesh| mesh.indices.len() / 3).sum();
     assert_eq!(triangles, 12 + 12 + 2, "two cubes and a floor; neither glass nor the hidden one");
-    let lamp = geometry.materials.iter().find(|material| material.emissive[0] > 0.0).expect("it");
-    for (found, nits) in lamp.emissive.into_iter().zip([300.0, 600.0, 0.0]) {
-        assert!((found - nits).abs() < 1e-3 * 600.0, "{:?}", lamp.emissive);
+    let emissive =
+        geometry.materials.iter().find(|material| material.emissive[0] > 0.0).expect("it");
+    for (found, nits) in emissive.emissive.into_iter().zip([300.0, 600.0, 0.0]) {
+        assert!((found - nits).abs() < 1e-3 * 600.0, "{:?}", emissive.emissive);
     }
-    assert_eq!((lamp.perceptual_roughness, lamp.metallic), (0.25, 0.5));
+    assert_eq!((emissive.perceptual_roughness, emissive.metallic), (0.25, 0.5));
     let leaf = geometry.materials.iter().find(|material| material.double_sided).expect("it");
     assert_eq!(leaf.alpha, SceneAlpha::Mask(0.75));
     // The tool moves colors from materials to vertices, so that meshes can be merged.
