@@ -2,6 +2,7 @@
 
 use bevy::ecs::prelude::*;
 use bevy::ecs::reflect::ReflectResource;
+use bevy::log::warn;
 use bevy::prelude::ReflectDefault;
 use bevy::reflect::Reflect;
 use bevy::time::{Real, Time};
@@ -84,6 +85,10 @@ pub struct PowerFeedback {
     pub deviation: Option<Watts>,
     /// Number of readings learnt from.
     pub readings: u64,
+    /// Whether readings stay off whatever the correction: the scene is no longer the map's. The
+    /// controller then selects from the frontier over all views, and predicts more power by as much
+    /// as readings are off.
+    pub has_left_map: bool,
     /// Number of active controlled cameras.
     cameras: usize,
 }
@@ -96,6 +101,7 @@ impl Default for PowerFeedback {
             correction: PowerCorrection::default(),
             deviation: None,
             readings: 0,
+            has_left_map: false,
             cameras: 0,
         }
     }
@@ -209,12 +215,23 @@ pub(super) fn observe(
         FeedbackState::Off => PowerCorrection::default(),
         _ => model.correction().after(at_rate),
     };
+    let has_left_map = state == FeedbackState::Running && model.has_left_map();
+    if has_left_map && !feedback.has_left_map {
+        warn!(
+            "metered power is off the map's by {:.0} % from view to view: the scene has changed since the map was made. The controller selects more carefully; run `frugal precompute` again",
+            100.0 * model.residual()
+        );
+    }
+    let margin = if has_left_map { 1.0 + (model.residual() * 10.0).round() / 10.0 } else { 1.0 };
+    let correction =
+        PowerCorrection { gain: correction.gain * margin, offset: correction.offset * margin };
     let deviation = model.deviation().filter(|_| state != FeedbackState::Off);
     feedback.set_if_neq(PowerFeedback {
         state,
         correction,
         deviation,
         readings,
+        has_left_map,
         cameras: count,
         ..*feedback
     });

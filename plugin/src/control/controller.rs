@@ -26,6 +26,17 @@ pub struct Inputs<'a> {
     pub correction: PowerCorrection,
     /// Transition times.
     pub settings: ControlSettings,
+    /// Levels of the store's [shared knobs](FrontierStore::shared_levels) that all cameras of the
+    /// app agree on. `None`: this camera's own.
+    pub agreed: Option<KnobLevels>,
+}
+
+impl Inputs<'_> {
+    /// Power that the camera pays for the shared knobs of others, in the store's watts.
+    fn charge(&self, settings: KnobLevels) -> Watts {
+        let shared = self.agreed.zip(self.store.shared_levels());
+        shared.map_or(Watts(0.0), |(agreed, shared)| shared.charge(settings, agreed))
+    }
 }
 
 /// The point of a frontier that a budget selects.
@@ -33,7 +44,8 @@ pub struct Inputs<'a> {
 pub struct Allocation {
     /// The sample camera of the frontier.
     pub sample: SampleCamera,
-    /// The point, in the store's watts.
+    /// The point, in the store's watts; with several cameras, what it pays for the shared knobs of
+    /// others included.
     pub choice: Choice,
 }
 
@@ -109,8 +121,9 @@ pub fn switch(
     let corrected =
         |cost: CostPoint| CostPoint { power: inputs.correction.corrected(cost.power), ..cost };
     let cost_of = |settings: KnobLevels| {
-        let found = inputs.store.look_up(&inputs.view);
-        found.and_then(|found| found.frontier.estimate(space, settings))
+        let found = inputs.store.look_up(&inputs.view)?;
+        let CostPoint { power, error } = found.frontier.estimate(space, settings)?;
+        Some(CostPoint { power: power + inputs.charge(settings), error })
     };
     let (seconds, dwell) = (inputs.delta_seconds, inputs.settings.dwell_seconds);
     let mut held_cost = None;
@@ -121,6 +134,10 @@ pub fn switch(
     let held_cost = held_cost.filter(|_| target != choice.settings);
     let target_cost = held_cost.unwrap_or(choice.cost);
     let times = inputs.settings.times(&inputs.budget);
+    filter.limit_changes(inputs.settings.change_limit(&inputs.budget));
+    if filter.dwell.has_new_limits {
+        filter.forget_changes();
+    }
     let applied = filter.step(space, target, seconds, times);
     let cost =
         if applied == target { target_cost } else { cost_of(applied).unwrap_or(target_cost) };

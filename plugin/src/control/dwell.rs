@@ -25,6 +25,8 @@ pub(super) struct Dwell {
     seconds: f64,
     power: Option<f64>,
     error: Option<f64>,
+    /// Whether the limits of this frame are others than those of the frame before.
+    pub(super) has_new_limits: bool,
 }
 
 impl Dwell {
@@ -41,6 +43,7 @@ impl Dwell {
         self.seconds += if delta_seconds > 0.0 { delta_seconds } else { 0.0 };
         let limits = (budget.power.map(|limit| limit.0), budget.error);
         let is_other = differs(limits.0, self.power) || differs(limits.1, self.error);
+        self.has_new_limits = is_other;
         if is_other {
             (self.power, self.error) = limits;
         }

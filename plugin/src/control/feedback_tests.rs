@@ -49,6 +49,7 @@ impl Loop {
                 current: self.current,
                 correction: self.model.correction(),
                 settings: ControlSettings::default(),
+                agreed: None,
             };
             let found = self.controller.step(&inputs).expect("a decision");
             self.switches += usize::from(self.current.is_some_and(|old| old != found.applied));

@@ -21,6 +21,10 @@
 //! settings in between were none of the frontier's: lights without rays shine through walls, and on a
 //! map's furthest switches the filter made the image step further than it does without a filter.
 //!
+//! Where targets alternate for long, a knob that has changed often of late
+//! ([`limit_changes`](SettingsFilter::limit_changes)) waits before it rises again, and falls in one step
+//! instead of level by level.
+//!
 //! T may differ up and down ([`TransitionTimes`]): settings fall quickly when the power limit is
 //! exceeded, and rise slowly when power is left over.
 
@@ -48,6 +52,10 @@ const MAX_STEP_SECONDS: f64 = 1e9;
 /// position oscillate over A·r·f / (r + f − r·f) levels, where r and f are h in units of the rise
 /// and fall times; up to two margins, the level comes to rest.
 const REVERSAL_MARGIN: f64 = 0.25;
+
+/// Changes of a knob's level in succession before their rate is limited: a transition over some levels
+/// stays gradual.
+const BURST: f64 = 4.0;
 
 /// Duration of a knob's transition to its new level. Levels are ordered cheapest first: falling
 /// saves power, rising reduces error.
@@ -110,11 +118,20 @@ struct Transition {
     /// The applied level.
     level: u8,
     last: Change,
+    /// Changes of the level of late; falls with time.
+    changes: f64,
 }
 
 impl Transition {
     fn at_rest(level: u8) -> Self {
-        Self { position: f64::from(level), to: level, rate: 0.0, level, last: Change::None }
+        Self {
+            position: f64::from(level),
+            to: level,
+            rate: 0.0,
+            level,
+            last: Change::None,
+            changes: 0.0,
+        }
     }
 
     /// Remaining levels; negative downwards.
@@ -145,7 +162,8 @@ impl Transition {
         }
     }
 
-    /// Rounds the position as the closed form does, with hysteresis on reversals.
+    /// Rounds the position as the closed form does, with hysteresis on reversals. A knob that has
+    /// changed too often rises later, and falls to its target at once.
     fn round(&mut self) {
         let margin = |taken_back| if self.last == taken_back { REVERSAL_MARGIN } else { 0.0 };
         let (up, down) = (0.5 + margin(Change::Down), 0.5 + margin(Change::Up));
@@ -158,7 +176,17 @@ impl Transition {
         } else {
             return;
         };
+        if self.changes >= BURST {
+            if change == Change::Up {
+                return;
+            }
+            // A budget must not wait.
+            if self.to < self.level {
+                self.position = f64::from(self.to);
+            }
+        }
         self.level = self.position.round() as u8;
+        self.changes += 1.0;
         self.last = change;
     }
 }
@@ -174,6 +202,8 @@ pub struct SettingsFilter {
     /// Position and viewing direction of the last frame.
     seen: Option<(Vec3, Vec3)>,
     pub(super) dwell: Dwell,
+    /// Mean changes of a knob's level per second that are allowed; `None` for any number.
+    changes_per_second: Option<f64>,
 }
 
 impl SettingsFilter {
@@ -187,6 +217,18 @@ impl SettingsFilter {
     pub fn cut(&mut self) {
         self.smooth = false;
         self.dwell.end();
+    }
+
+    /// Limits how often a knob's level changes, in changes per second; four in succession are always
+    /// allowed. `None`, infinity, NaN and negative numbers are no limit. Lower values switch less
+    /// often and leave more of a budget unused; 0 lets every knob change four times and then only fall.
+    pub fn limit_changes(&mut self, per_second: Option<f64>) {
+        self.changes_per_second = per_second.filter(|rate| (0.0..f64::INFINITY).contains(rate));
+    }
+
+    /// Forgets earlier changes of levels: another budget does not wait for them.
+    pub(super) fn forget_changes(&mut self) {
+        self.transitions.iter_mut().for_each(|transition| transition.changes = 0.0);
     }
 
     /// Tells the filter of this frame's view, `delta_seconds` after that of the last call: one that
@@ -239,8 +281,10 @@ impl SettingsFilter {
             return target;
         }
         let (transitions, before) = (&mut self.transitions, self.applied);
+        let forgotten = self.changes_per_second.map_or(f64::INFINITY, |rate| rate * delta_seconds);
         self.applied = space.from_levels(|index, knob| {
             let transition = &mut transitions[index];
+            transition.changes = (transition.changes - forgotten).max(0.0);
             let highest = (knob.levels.len() - 1) as f64;
             let to = target.level(index) as u8;
             let is_at_rest = transition.to == to && transition.remaining() == 0.0;

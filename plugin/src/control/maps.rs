@@ -7,7 +7,9 @@ use bevy::asset::{AssetEvent, AssetId, AssetServer, Assets, LoadState};
 use bevy::ecs::prelude::*;
 
 use super::{ControlStatus, FrontierMapHandle, FrontierSource, OffReason};
-use crate::frontier::{FrontierMap, FrontierStore};
+use crate::frontier::{
+    CameraView, Conditions, Frontier, FrontierMap, FrontierStore, SampleRef, SharedLevels,
+};
 use crate::knobs::{KnobSpace, KnownKnobs};
 
 /// Computed once per map: its knobs, shared by all cameras, or the reason why it cannot be used.
@@ -89,6 +91,41 @@ pub(super) fn store_of<'a>(
         (Some(source), _) => Some(source.store()),
         (None, Some(handle)) => Some(maps.get(handle.0.id())?),
         (None, None) => None,
+    }
+}
+
+/// A store whose frontier over all views stands for every view: local frontiers say nothing of a scene
+/// that has changed since they were found.
+pub(super) struct Overall<'a>(pub(super) &'a dyn FrontierStore);
+
+impl FrontierStore for Overall<'_> {
+    fn look_up(&self, view: &CameraView) -> Option<SampleRef<'_>> {
+        let found = self.0.look_up(view)?;
+        Some(SampleRef { frontier: self.0.overall().unwrap_or(found.frontier), ..found })
+    }
+
+    fn knobs(&self) -> &KnobSpace {
+        self.0.knobs()
+    }
+
+    fn error_rate(&self, budget: f64) -> Option<f64> {
+        self.0.error_rate(budget)
+    }
+
+    fn error_target(&self, budget: f64) -> Option<f64> {
+        self.0.error_target(budget)
+    }
+
+    fn conditions(&self) -> Option<Conditions<'_>> {
+        self.0.conditions()
+    }
+
+    fn shared_levels(&self) -> Option<SharedLevels<'_>> {
+        self.0.shared_levels()
+    }
+
+    fn overall(&self) -> Option<&Frontier> {
+        self.0.overall()
     }
 }
 

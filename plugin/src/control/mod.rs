@@ -13,10 +13,12 @@
 //!
 //! [`PowerFeedback`] says how the app's meter corrects predicted watts. [`CameraController`] is the
 //! same controller without an app: plain data in, [`Decisions`] out.
+mod agree;
 mod budget;
 mod clock;
 mod controller;
 mod divide;
+mod dividing;
 mod dwell;
 mod events;
 mod exchange;
@@ -147,7 +149,7 @@ impl Plugin for ControlPlugin {
                     (maps::forget_changed_maps, systems::look_up)
                         .chain()
                         .in_set(ControlSystems::LookUp),
-                    (systems::allocate_budgets, systems::divide_app_budget)
+                    (systems::allocate_budgets, dividing::divide_app_budget)
                         .chain()
                         .in_set(ControlSystems::Allocate),
                     systems::switch_settings.in_set(ControlSystems::Switch),

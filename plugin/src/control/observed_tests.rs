@@ -73,6 +73,7 @@ impl Loop {
                 current: self.current,
                 correction: PowerCorrection::default(),
                 settings: ControlSettings::default(),
+                agreed: None,
             };
             let found = self.controller.step(&inputs).expect("a decision");
             (self.current, self.outcome) = (Some(found.applied), Some(found.outcome));

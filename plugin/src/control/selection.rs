@@ -142,6 +142,10 @@ pub struct ControlSettings {
     /// budget; lower values follow every border between two addresses of the map. A broken limit,
     /// another budget and a cut do not wait. NaN does not wait, either. Default: 0.5 s.
     pub dwell_seconds: f64,
+    /// Under a power limit, how often a knob's level changes on average, in changes per second; four
+    /// in succession are always allowed. Lower values change quality less often and use less of the
+    /// budget; infinity and NaN are no limit. Default: 0.9.
+    pub changes_per_second: f64,
 }
 
 impl ControlSettings {
@@ -156,6 +160,15 @@ impl ControlSettings {
 
     /// Default of [`dwell_seconds`](Self::dwell_seconds), in seconds.
     pub const DWELL_SECONDS: f64 = 0.5;
+    /// Default of [`changes_per_second`](Self::changes_per_second).
+    pub const CHANGES_PER_SECOND: f64 = 0.9;
+
+    /// [`changes_per_second`](Self::changes_per_second) under `budget`; `None` without a power limit:
+    /// what waits under an error limit is paid at the next view.
+    pub(super) fn change_limit(&self, budget: &Budget) -> Option<f64> {
+        let has_limit = budget.power.is_some_and(|limit| limit.0 < f64::INFINITY);
+        has_limit.then_some(self.changes_per_second)
+    }
 
     /// Transition times under `budget`, in seconds; never NaN. An infinite limit counts as none.
     /// With two limits the power limit decides, as it does where they conflict. An error limit
@@ -178,6 +191,7 @@ impl Default for ControlSettings {
             transition_seconds: Self::TRANSITION_SECONDS,
             fall_seconds: Self::FALL_SECONDS,
             dwell_seconds: Self::DWELL_SECONDS,
+            changes_per_second: Self::CHANGES_PER_SECOND,
         }
     }
 }

@@ -5,19 +5,19 @@ use std::sync::Arc;
 use bevy::asset::{AssetServer, Assets};
 use bevy::camera::{Camera, Projection};
 use bevy::ecs::prelude::*;
-use bevy::log::{warn, warn_once};
+use bevy::log::warn;
 use bevy::time::{Real, Time};
 use bevy::transform::components::GlobalTransform;
 
 use super::clock::{ControlClock, FeedbackState, RatedAt};
 use super::controller::{Allocation, Decisions, Inputs, allocate, switch};
 use super::limits::resolve;
-use super::maps::{PreparedMaps, refuse, space_of, store_of};
+use super::maps::{Overall, PreparedMaps, refuse, space_of, store_of};
 use super::observed::SignalModel;
 use super::{
-    AppBudget, Budget, BudgetStateChanged, CameraPriority, ControlSettings, ControlStatus,
-    ErrorPace, FrontierMapHandle, FrontierSource, Limit, MapRejected, OffReason, Outcome,
-    PowerCorrection, PowerDivision, PowerFeedback, Selection, SettingsFilter, SettingsSwitched,
+    Budget, BudgetStateChanged, ControlSettings, ControlStatus, ErrorPace, FrontierMapHandle,
+    FrontierSource, Limit, MapRejected, OffReason, PowerFeedback, Selection, SettingsFilter,
+    SettingsSwitched,
 };
 use crate::cut::CameraCut;
 use crate::frontier::{
@@ -33,7 +33,7 @@ const MISFIT_SECONDS: f64 = 2.0;
 
 /// What one of a frame's systems leaves to the next.
 #[derive(Clone, Debug, Default)]
-enum Step {
+pub(super) enum Step {
     /// The camera is inactive: everything stays as it is.
     #[default]
     Idle,
@@ -50,6 +50,8 @@ enum Step {
         /// The camera's own limits as power and error, and its part of the app's.
         budget: Budget,
         binding: Option<Limit>,
+        /// Levels of the knobs that the cameras share.
+        agreed: Option<KnobLevels>,
     },
     Decided {
         space: Arc<KnobSpace>,
@@ -61,7 +63,7 @@ enum Step {
 /// The controller's state of one camera, from system to system and from frame to frame.
 #[derive(Component, Debug, Default)]
 pub(super) struct CameraState {
-    step: Step,
+    pub(super) step: Step,
     /// Predicted power of the applied settings in the map's watts; `None` while the controller is
     /// off.
     predicted: Option<Watts>,
@@ -79,7 +81,7 @@ impl CameraState {
     }
 }
 
-type Source<'w> = AnyOf<(&'w FrontierMapHandle, &'w FrontierSource)>;
+pub(super) type Source<'w> = AnyOf<(&'w FrontierMapHandle, &'w FrontierSource)>;
 
 /// Finds every camera's frontiers, and how well they fit the app.
 pub(super) fn look_up(
@@ -180,6 +182,8 @@ pub(super) fn allocate_budgets(
         let Step::LookedUp { view, space } = &state.step else { continue };
         let (view, space) = (*view, Arc::clone(space));
         let Some(store) = store_of(source, &maps) else { continue };
+        let overall = Overall(store);
+        let store = if feedback.has_left_map { &overall } else { store };
         let budget = budget.copied().unwrap_or_default();
         let correction = feedback.per_camera();
         let frontier = store.look_up(&view).map(|found| found.frontier);
@@ -203,13 +207,15 @@ pub(super) fn allocate_budgets(
             current: None,
             correction,
             settings: *settings,
+            agreed: None,
         };
         // This state advances every frame without a change for others to detect.
         state.step = match allocate(&inputs, pace.bypass_change_detection()) {
             Some(allocation) => {
                 let power = envelope.power.map(|power| correction.uncorrected(power));
                 let binding = frontier.and_then(|f| envelope.binds(power, f, &allocation.choice));
-                Step::Allocated { view, space, allocation, budget: inputs.budget, binding }
+                let (budget, agreed) = (inputs.budget, None);
+                Step::Allocated { view, space, allocation, budget, binding, agreed }
             }
             None => {
                 let (status, message) = refuse(selection.status, OffReason::NothingKnown, || {
@@ -219,74 +225,6 @@ pub(super) fn allocate_budgets(
                 Step::Off(status)
             }
         };
-    }
-}
-
-/// Divides the app's budget among the cameras, each within its own.
-pub(super) fn divide_app_budget(
-    app_budget: Res<AppBudget>,
-    feedback: Res<PowerFeedback>,
-    maps: Res<Assets<FrontierMap>>,
-    mut division: Local<PowerDivision>,
-    mut cameras: Query<(
-        Source<'static>,
-        Option<&Camera>,
-        Option<&CameraPriority>,
-        &mut CameraState,
-    )>,
-) {
-    let Some(limit) = app_budget.power.filter(|limit| limit.0 != f64::INFINITY) else { return };
-    if Budget::power(limit).validate().is_err() {
-        warn_once!("AppBudget of {} W is ignored: give a number of watts of 0 or more", limit.0);
-        return;
-    }
-    division.clear();
-    let (mut count, mut idle) = (0, Watts(0.0));
-    for (source, camera, priority, state) in &cameras {
-        let Step::Allocated { view, allocation, .. } = &state.step else { continue };
-        let Some(store) = store_of(source, &maps) else { continue };
-        let Some(found) = store.look_up(view) else { continue };
-        let size = camera.and_then(Camera::physical_viewport_size);
-        let pixels = size.map_or(1.0, |size| f64::from(size.x) * f64::from(size.y));
-        let priority = priority.map_or(1.0, |priority| priority.0);
-        let weight = if priority.is_nan() { 1.0 } else { priority } * pixels;
-        division.add(found.frontier, allocation.choice.cost.power, weight);
-        count += 1;
-        idle = store.conditions().map_or(idle, |conditions| conditions.idle);
-    }
-    // Every frontier includes the device's idle power; a meter's offset takes that into account.
-    let is_metered = feedback.correction != PowerCorrection::default();
-    let counted_again = if is_metered { 0.0 } else { count.max(1) as f64 - 1.0 };
-    let is_kept = division.divide(feedback.correction.uncorrected(limit) + idle * counted_again);
-    let mut number = 0;
-    for (source, _, _, mut state) in &mut cameras {
-        let state = state.bypass_change_detection();
-        let Step::Allocated { view, allocation, budget, binding, .. } = &mut state.step else {
-            continue;
-        };
-        let Some(found) = store_of(source, &maps).and_then(|store| store.look_up(view)) else {
-            continue;
-        };
-        let chosen = division.chosen(number);
-        number += 1;
-        let point = chosen.and_then(|chosen| found.frontier.points().get(chosen));
-        let choice = &mut allocation.choice;
-        if point.is_some_and(|point| point.settings != choice.settings) || !is_kept {
-            *binding = Some(Limit::AppBudget);
-        }
-        if let Some(point) = point {
-            (choice.settings, choice.cost) = (point.settings, point.cost);
-        }
-        choice.outcome = match choice.outcome {
-            _ if !is_kept => Outcome::PowerCannotBeMet,
-            Outcome::Met if budget.error.is_some_and(|limit| choice.cost.error > limit) => {
-                Outcome::LimitedByPower
-            }
-            outcome => outcome,
-        };
-        let part = feedback.per_camera().corrected(choice.cost.power);
-        let own = budget.power.unwrap_or(Watts(f64::INFINITY));
-        budget.power = Some(if own < part { own } else { part });
     }
 }
 
@@ -307,11 +245,14 @@ pub(super) fn switch_settings(
 ) {
     for (source, mut state, mut filter, mut pace, knobs, has_cut) in &mut cameras {
         let state = state.bypass_change_detection();
-        let Step::Allocated { view, space, allocation, budget, binding } = &state.step else {
+        let Step::Allocated { view, space, allocation, budget, binding, agreed } = &state.step
+        else {
             continue;
         };
         let binding = *binding;
         let Some(store) = store_of(source, &maps) else { continue };
+        let overall = Overall(store);
+        let store = if feedback.has_left_map { &overall } else { store };
         let inputs = Inputs {
             store,
             view: *view,
@@ -323,6 +264,7 @@ pub(super) fn switch_settings(
                 .map(|knobs| knobs.settings),
             correction: feedback.per_camera(),
             settings: *settings,
+            agreed: *agreed,
         };
         // Both advance every frame without a change for others to detect.
         let filter = filter.bypass_change_detection();
@@ -399,7 +341,7 @@ pub(super) fn write_decisions(
 
 /// Whether two spaces are equal. Compares contents only where the pointers differ; [`write`] then
 /// makes the pointers equal.
-fn same_space(a: &Arc<KnobSpace>, b: &Arc<KnobSpace>) -> bool {
+pub(super) fn same_space(a: &Arc<KnobSpace>, b: &Arc<KnobSpace>) -> bool {
     Arc::ptr_eq(a, b) || a == b
 }
 

@@ -207,3 +207,89 @@ fn limits_of_other_currencies_are_kept_and_named() {
         "refused with a message"
     );
 }
+
+#[test]
+fn a_knob_of_the_app_is_agreed_on_and_paid_by_every_camera() {
+    let (mut app, camera, map) = scene(Budget::default());
+    {
+        // The second knob is kept once for the app: each level takes 1 W of every camera.
+        let mut maps = app.world_mut().resource_mut::<Assets<FrontierMap>>();
+        let map = &mut *maps.get_mut(&map).expect("the map");
+        let joules = [0.0, 1.0, 2.0].map(|watts| watts / map.capture.frames_per_second).to_vec();
+        map.work_prices.shared = SharedKnobs { names: vec!["scale".into()], joules };
+        assert_eq!(map.validate(), Ok(()));
+    }
+    // Along −Z 6, 7 and 9 W, along +X 1, 2 and 4 W, of errors 0.2, 0.05 and 0; the best ones ask for
+    // the second knob's highest level.
+    let look =
+        GlobalTransform::from(Transform::from_xyz(3.0, 1.5, -3.0).looking_to(Vec3::X, Vec3::Y));
+    let limited = Budget::power(Watts(3.0));
+    let other = app.world_mut().spawn((FrontierMapHandle(map), limited, lens(), look)).id();
+    let mut settings = app.world_mut().resource_mut::<ControlSettings>();
+    (settings.transition_seconds, settings.fall_seconds) = (0.0, 0.0);
+    settings.dwell_seconds = 0.0;
+    let powers = |app: &mut App, priority: f64, limit: f64| {
+        app.world_mut().entity_mut(camera).insert(CameraPriority(priority));
+        set_budget(app, other, Budget::power(Watts(limit)));
+        app.update();
+        [camera, other]
+            .map(|camera| selection(app, camera).predicted_applied.expect("a prediction").power.0)
+    };
+    let met = ControlStatus::Active(Outcome::Met);
+    // For both 7 + 2 W at 0.05; at the highest level it would be 9 W at 0, and 1 + 2 W at 0.2.
+    assert_eq!(powers(&mut app, 1.0, 3.0), [7.0, 2.0]);
+    assert_eq!(powers(&mut app, 100.0, 3.0), [9.0, 3.0], "the other pays for it");
+    assert_eq!(powers(&mut app, 1.0, 4.0), [9.0, 4.0], "2 + 2 W, or 4 W of its own");
+    // A limit is kept however much another camera would gain.
+    assert_eq!(powers(&mut app, 1e6, 1.5), [7.0, 1.0]);
+    assert_eq!([camera, other].map(|camera| selection(&app, camera).status), [met; 2]);
+    // One that cannot be kept is told.
+    powers(&mut app, 1.0, 0.5);
+    let cannot = ControlStatus::Active(Outcome::PowerCannotBeMet);
+    assert_eq!([camera, other].map(|camera| selection(&app, camera).status), [met, cannot]);
+    // Within the app's budget as well: 7 + 2 W, where 9 + 3 W do not fit.
+    app.world_mut().resource_mut::<AppBudget>().power = Some(Watts(11.5));
+    assert_eq!(powers(&mut app, 100.0, 3.0), [7.0, 2.0]);
+    app.world_mut().resource_mut::<AppBudget>().power = Some(Watts(12.5));
+    assert_eq!(powers(&mut app, 100.0, 3.0), [9.0, 3.0]);
+}
+
+/// A camera that looks the one way for a second and the other way for the next, while the meter reads
+/// the prediction times a factor for each way. Returns whether the scene counts as another than the
+/// map's after `seconds`.
+fn looks_about(app: &mut App, camera: Entity, factors: [f64; 2], seconds: usize) -> bool {
+    let look =
+        GlobalTransform::from(Transform::from_xyz(3.0, 1.5, -3.0).looking_to(Vec3::X, Vec3::Y));
+    let ways = [GlobalTransform::IDENTITY, look];
+    for second in 0..seconds {
+        app.world_mut().entity_mut(camera).insert(ways[second % 2]);
+        for _ in 0..8 {
+            let state = app.world().get::<CameraState>(camera).expect("a state");
+            let predicted = state.predicted().flatten().map_or(6.0, |watts| watts.0);
+            read(app, Some(predicted * factors[second % 2]));
+        }
+    }
+    app.world().resource::<PowerFeedback>().has_left_map
+}
+
+#[test]
+fn a_scene_that_is_no_longer_the_maps_is_noticed_and_selected_for_more_carefully() {
+    let (mut app, camera, map) = scene(Budget::power(Watts(30.0)));
+    rate(&mut app, &map, 1.0);
+    let overall = testing::frontier(11.0);
+    let mut maps = app.world_mut().resource_mut::<Assets<FrontierMap>>();
+    maps.get_mut(&map).expect("the map").shared = overall.clone();
+    assert!(!looks_about(&mut app, camera, [1.4, 1.4], 30), "another device");
+    assert!(!looks_about(&mut app, camera, [0.95, 1.05], 30), "a map that is off by 5 %");
+    assert!(looks_about(&mut app, camera, [0.5, 1.8], 40), "another scene");
+    // From the frontier over all views, at more than the meter says.
+    let feedback = *app.world().resource::<PowerFeedback>();
+    let found = selection(&app, camera);
+    let predicted = found.predicted.expect("a prediction");
+    let points = overall.points();
+    let own = points.iter().find(|point| point.settings == found.target).expect("a point");
+    let expected = feedback.correction.corrected(own.cost.power).0;
+    assert!((predicted.power.0 / expected - 1.0).abs() < 1e-9, "{predicted:?}, {feedback:?}");
+    assert_eq!(predicted.error, own.cost.error);
+    assert!(!looks_about(&mut app, camera, [1.0, 1.0], 60), "the scene is back");
+}

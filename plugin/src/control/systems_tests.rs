@@ -15,9 +15,9 @@ use bevy::time::TimeUpdateStrategy;
 use bevy::transform::components::Transform;
 
 use super::*;
-use crate::control::{ControlPlugin, FeedbackState, Outcome};
+use crate::control::{AppBudget, CameraPriority, ControlPlugin, FeedbackState, Outcome};
 use crate::frontier::{
-    Corner, FrontierMapPlugin, SampleRef, SceneIdentity, ViewDirection, testing,
+    Corner, FrontierMapPlugin, SampleRef, SceneIdentity, SharedKnobs, ViewDirection, testing,
 };
 use crate::power::{MeterInfo, MeterState, Provenance};
 use crate::signals::{BatteryLevel, ThermalHeadroom};
@@ -150,8 +150,12 @@ fn an_exceeded_power_budget_is_met_in_half_a_second() {
     set_budget(&mut app, camera, Budget::error(0.0));
     assert_eq!(frames_from(&mut app, camera, at(4, 2)), 7, "and rises at the same rate");
     // Other durations.
-    *app.world_mut().resource_mut::<ControlSettings>() =
-        ControlSettings { transition_seconds: 4.0, fall_seconds: 0.0, dwell_seconds: 0.0 };
+    *app.world_mut().resource_mut::<ControlSettings>() = ControlSettings {
+        transition_seconds: 4.0,
+        fall_seconds: 0.0,
+        dwell_seconds: 0.0,
+        ..Default::default()
+    };
     set_budget(&mut app, camera, Budget::power(Watts(6.0)));
     app.update();
     assert_eq!(applied(&app, camera), at(0, 0));

@@ -7,7 +7,7 @@ use bevy::math::Vec3;
 use bevy::reflect::Reflect;
 use serde::{Deserialize, Serialize};
 
-use super::{ErrorRates, Frontier, FrontierMapError, Octree};
+use super::{ErrorRates, Frontier, FrontierMapError, Octree, SharedKnobs};
 use crate::knobs::{KnobLevels, KnobSpace};
 use crate::power::MeterInfo;
 use crate::units::Watts;
@@ -98,6 +98,9 @@ pub struct WorkPrices {
     pub maps: u32,
     /// Whether the scene gathers light from an environment map.
     pub has_sky: bool,
+    /// What levels of knobs of app scope cost each camera. Empty in maps of earlier versions.
+    #[serde(default)]
+    pub shared: SharedKnobs,
 }
 
 impl WorkPrices {
@@ -256,6 +259,12 @@ impl FrontierMap {
             &self.work_prices,
             valid,
             "as many kinds as prices, all finite and at least 0",
+        )?;
+        check(
+            "work_prices.shared",
+            &self.work_prices.shared,
+            self.work_prices.shared.is_sound(&self.knobs),
+            "at most four of the map's knobs, with a finite energy of at least 0 for each combination of levels",
         )?;
         self.octree.validate()?;
         self.validate_frontiers()

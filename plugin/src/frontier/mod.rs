@@ -8,6 +8,7 @@ mod map_error;
 mod octree;
 mod pareto;
 mod pareto_serde;
+mod shared_knobs;
 mod store;
 #[cfg(test)]
 pub(crate) mod testing;
@@ -20,5 +21,6 @@ pub use map::{Bounds, Capture, FrontierMap, SceneIdentity, Thresholds, WorkPrice
 pub use map_error::FrontierMapError;
 pub use octree::{Corner, CornerNumberError, Leaf, Octree, OctreeError};
 pub use pareto::{CostPoint, Frontier, FrontierPoint};
+pub use shared_knobs::{SharedKnobs, SharedLevels};
 pub use store::{Address, FrontierStore, SampleCamera, SampleRef, address_in, look_up_in};
 pub use view::{CameraView, ViewDirection};

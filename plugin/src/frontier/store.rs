@@ -4,7 +4,10 @@ use bevy::math::Vec3;
 use bevy::reflect::Reflect;
 
 use super::view_cube::directions_by_coverage;
-use super::{Bounds, CameraView, Conditions, Frontier, FrontierMap, Leaf, Octree, ViewDirection};
+use super::{
+    Bounds, CameraView, Conditions, Frontier, FrontierMap, Leaf, Octree, SharedLevels,
+    ViewDirection,
+};
 use crate::knobs::KnobSpace;
 
 /// A source of frontiers: [`FrontierMap`], with its octree and view cubes, or any other structure
@@ -25,6 +28,18 @@ pub trait FrontierStore: Send + Sync {
     /// budget then limits each frame's error.
     fn error_rate(&self, budget: f64) -> Option<f64> {
         let _ = budget;
+        None
+    }
+
+    /// What the levels of knobs of app scope cost each camera. `None` where there are none, or their
+    /// cost is unknown: with several cameras the levels of others then cost nothing.
+    fn shared_levels(&self) -> Option<SharedLevels<'_>> {
+        None
+    }
+
+    /// The frontier over all views together, for a scene that is no longer as the local ones say.
+    /// `None` where there is none.
+    fn overall(&self) -> Option<&Frontier> {
         None
     }
 
@@ -115,6 +130,15 @@ impl FrontierStore for FrontierMap {
 
     fn conditions(&self) -> Option<Conditions<'_>> {
         Some(self.conditions())
+    }
+
+    fn shared_levels(&self) -> Option<SharedLevels<'_>> {
+        let rate = self.capture.frames_per_second;
+        SharedLevels::new(&self.work_prices.shared, &self.knobs, rate)
+    }
+
+    fn overall(&self) -> Option<&Frontier> {
+        (!self.shared.is_empty()).then_some(&self.shared)
     }
 }
 

@@ -7,10 +7,12 @@
 mod model;
 mod nnls;
 mod reprice;
+mod shared;
 mod work;
 mod work_meter;
 
 pub(crate) use model::{CostModel, CostReading, FitQuality};
 pub(crate) use reprice::{DeviceModel, NewConditions, reprice};
+pub(crate) use shared::with_shared_knobs;
 pub(crate) use work::{FrameLayout, Work, work_names};
 pub(crate) use work_meter::{WORK_METER, WorkLedger, WorkMeter, is_work_meter};

@@ -6,7 +6,7 @@ use bevy_frugal_gi::knobs::KnobSpace;
 use bevy_frugal_gi::power::MeterInfo;
 use serde::{Deserialize, Serialize};
 
-use super::{FrameLayout, Work};
+use super::{FrameLayout, Work, with_shared_knobs};
 
 /// Prices of work on one device, as `frugal calibrate` writes them.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -104,7 +104,7 @@ pub(crate) fn reprice(map: &FrontierMap, to: &NewConditions) -> Result<FrontierM
     let scale = top(&repriced.shared) / top(&map.shared);
     repriced.error_rates.0.iter_mut().for_each(|rate| rate.watts_per_error *= scale);
     repriced.thresholds.power_w *= scale;
-    repriced.work_prices = new;
+    repriced.work_prices = with_shared_knobs(new, space, &after);
     Ok(repriced)
 }
 
@@ -168,7 +168,8 @@ mod tests {
                 }
             })
             .collect();
-        WorkPrices { kinds, joules, idle: Watts(2.0), maps: LAYOUT.maps, has_sky: LAYOUT.has_sky }
+        let (maps, has_sky) = (LAYOUT.maps, LAYOUT.has_sky);
+        WorkPrices { kinds, joules, idle: Watts(2.0), maps, has_sky, ..WorkPrices::default() }
     }
 
     /// Recorded power is 1.2 times that by the prices.

@@ -53,6 +53,7 @@ impl Policy for Controller<'_> {
             // The meter is the map's own.
             correction: PowerCorrection::default(),
             settings: self.settings,
+            agreed: None,
         };
         let Some(decisions) = self.controller.step(&inputs) else {
             return Choice::from(self.last);

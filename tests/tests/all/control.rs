@@ -37,6 +37,7 @@ fn control(stage: &mut Stage, knobs: KnobSpace, budget: Budget, seconds: f64) {
         transition_seconds: seconds,
         fall_seconds: seconds,
         dwell_seconds: 0.0,
+        ..Default::default()
     });
     let map = world.resource_mut::<Assets<FrontierMap>>().add(map::one_cube(knobs));
     world.entity_mut(camera).insert((FrontierMapHandle(map), budget));

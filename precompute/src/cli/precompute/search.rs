@@ -190,5 +190,13 @@ pub(in crate::cli) fn prices(
     if let Some(frame) = joules.first_mut() {
         *frame -= idle / frames_per_second;
     }
-    WorkPrices { kinds, joules, idle: Watts(idle), maps: layout.maps, has_sky: layout.has_sky }
+    let prices = WorkPrices {
+        kinds,
+        joules,
+        idle: Watts(idle),
+        maps: layout.maps,
+        has_sky: layout.has_sky,
+        ..WorkPrices::default()
+    };
+    crate::cost::with_shared_knobs(prices, space, layout)
 }

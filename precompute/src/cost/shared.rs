@@ -1,0 +1,82 @@
+//! What levels of knobs that the renderer keeps once for the whole app cost a camera.
+
+use bevy_frugal_gi::frontier::{SharedKnobs, WorkPrices};
+use bevy_frugal_gi::knobs::{KnobLevels, KnobSpace};
+
+use super::{FrameLayout, Work};
+
+/// Built-in knobs of app scope whose work is priced, in the order of the table. The frame rate is the
+/// app's, too, but no work of a frame.
+const SHARED: [&str; 2] = ["shadow_map_resolution", "shadow_cascades"];
+
+/// `prices` with the energy of each combination of levels of the shared knobs that `space` has, all
+/// other knobs at their best.
+pub(crate) fn with_shared_knobs(
+    mut prices: WorkPrices,
+    space: &KnobSpace,
+    layout: &FrameLayout,
+) -> WorkPrices {
+    let shared: Vec<usize> = SHARED.iter().filter_map(|name| space.index_of(name)).collect();
+    let mut combinations = vec![space.highest()];
+    for knob in &shared {
+        let levels = 0..space.knobs()[*knob].levels.len();
+        combinations = combinations
+            .iter()
+            .flat_map(|held| levels.clone().map(|level| held.with_level(*knob, level)))
+            .collect();
+    }
+    let energy = |settings: &KnobLevels| -> f64 {
+        let work = Work::of(space, *settings, layout);
+        work.0.iter().zip(&prices.joules).map(|(work, joules)| work * joules).sum()
+    };
+    let energies: Vec<f64> = combinations.iter().map(energy).collect();
+    let lowest = energies.iter().copied().fold(f64::INFINITY, f64::min);
+    prices.shared = if shared.is_empty() {
+        SharedKnobs::default()
+    } else {
+        SharedKnobs {
+            names: shared.iter().map(|knob| space.knobs()[*knob].name.clone()).collect(),
+            // Six digits: prices are known to a few percent.
+            joules: energies
+                .iter()
+                .map(|energy| format!("{:.5e}", energy - lowest).parse().unwrap_or(0.0))
+                .collect(),
+        }
+    };
+    prices
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::cost::work_names;
+
+    #[test]
+    fn finer_shadows_cost_every_camera_more() {
+        let space = crate::stage::every_knob().expect("the built-in knobs");
+        let layout = FrameLayout { size: [160, 90], maps: 1, has_sky: true };
+        let kinds = work_names(&space);
+        let joules = kinds.iter().map(|kind| if kind == "shadow texels" { 1e-9 } else { 1e-6 });
+        let prices = WorkPrices { joules: joules.collect(), kinds, ..WorkPrices::default() };
+        let shared = with_shared_knobs(prices.clone(), &space, &layout).shared;
+        assert!(shared.is_sound(&space) && shared.joules.len() == 16, "{shared:?}");
+        assert_eq!((shared.joules[0], shared.names.len()), (0.0, 2));
+        // 2048² texels in four cascades, less 256² in one, and three cascades.
+        let expected = 1e-9 * (4.0 * 2048.0 * 2048.0 - 256.0 * 256.0) + 3e-6;
+        assert!((shared.joules[15] / expected - 1.0).abs() < 1e-4, "{}", shared.joules[15]);
+        let scopes = space.subset(["gi_vpl_count"]).expect("a knob");
+        assert_eq!(with_shared_knobs(prices, &scopes, &layout).shared, SharedKnobs::default());
+    }
+
+    #[test]
+    fn every_shared_knob_is_of_app_scope() {
+        use bevy_frugal_gi::knobs::{KnobPlugin, KnobRegistry, KnobScope};
+        let mut app = bevy::app::App::new();
+        app.add_plugins(KnobPlugin);
+        let registry = app.world().resource::<KnobRegistry>();
+        for name in SHARED {
+            let driver = registry.get(name).expect("a built-in knob");
+            assert_eq!(driver.scope(), KnobScope::App, "{name}");
+        }
+    }
+}
