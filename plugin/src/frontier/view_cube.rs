@@ -19,7 +19,7 @@ use bevy::math::{Quat, Vec3};
 
 use super::{CameraView, ViewDirection};
 
-/// Rays along each side of the image. 8 × 8 rays resolve shares of 2 % and take some 200 ns.
+/// Rays along each side of the image. 8 × 8 rays resolve shares of 2 % and take some 300 ns.
 const RAYS: usize = 8;
 
 /// Distance of the ray origin from the centre, as a fraction of the camera's distance.
@@ -67,31 +67,40 @@ fn offset(index: usize) -> f32 {
 /// Number of rays that leave by each face. A ray through an edge leaves by the face of the first
 /// axis.
 ///
-/// Without branches and a row at a time, so that the compiler uses vector instructions: a quarter of
-/// the time of one ray after another, whose branches no processor can predict.
+/// Masks instead of branches, which no processor could predict, a row at a time, and arithmetic that
+/// wraps, since a check of overflow keeps the compiler from using vector instructions: with checks of
+/// overflow, as in the development profile, 0.28 µs instead of 0.8 to 1.2.
+#[expect(clippy::needless_range_loop, reason = "lanes of several arrays at once")]
 fn faces(forward: Vec3, right: Vec3, up: Vec3, to_upper: Vec3, to_lower: Vec3) -> [u32; 6] {
-    let mut counts = [0; 6];
+    let mask = |is: bool| 0_u32.wrapping_sub(u32::from(is));
+    let [right, to_upper, to_lower] = [right, to_upper, to_lower].map(|it| it.to_array());
+    let mut counts = [[0_u32; RAYS]; 6];
     for row in 0..RAYS {
-        let along_row = forward + up * offset(row);
-        let rays: [[f32; RAYS]; 3] = std::array::from_fn(|axis| {
-            std::array::from_fn(|column| along_row[axis] + right[axis] * offset(column))
-        });
-        // Both distances are positive, so the greater product is the one of the side ahead.
-        let rates: [[f32; RAYS]; 3] = std::array::from_fn(|axis| {
-            rays[axis].map(|ray| (ray * to_upper[axis]).max(-ray * to_lower[axis]))
-        });
-        let [x, y, z] = &rates;
-        for column in 0..RAYS {
-            let along_x = (x[column] >= y[column]) & (x[column] >= z[column]);
-            let along_y = !along_x & (y[column] >= z[column]);
-            for (axis, along) in [along_x, along_y, !along_x & !along_y].into_iter().enumerate() {
-                let lower = rays[axis][column] < 0.0;
-                counts[2 * axis] += u32::from(along & !lower);
-                counts[2 * axis + 1] += u32::from(along & lower);
+        let along_row = (forward + up * offset(row)).to_array();
+        let (mut rays, mut rates) = ([[0.0_f32; RAYS]; 3], [[0.0_f32; RAYS]; 3]);
+        for axis in 0..3 {
+            for lane in 0..RAYS {
+                let ray = along_row[axis] + right[axis] * offset(lane);
+                // Both distances are positive, so the greater product is the one of the side ahead.
+                let (upper, lower) = (ray * to_upper[axis], -ray * to_lower[axis]);
+                rays[axis][lane] = ray;
+                rates[axis][lane] = if upper > lower { upper } else { lower };
+            }
+        }
+        for lane in 0..RAYS {
+            let [x, y, z] = [rates[0][lane], rates[1][lane], rates[2][lane]];
+            let along_x = mask(x >= y) & mask(x >= z);
+            let along_y = !along_x & mask(y >= z);
+            let along = [along_x, along_y, !(along_x | along_y)];
+            for axis in 0..3 {
+                let is_lower = mask(rays[axis][lane] < 0.0);
+                let [upper, lower] = [along[axis] & !is_lower, along[axis] & is_lower];
+                counts[2 * axis][lane] = counts[2 * axis][lane].wrapping_sub(upper);
+                counts[2 * axis + 1][lane] = counts[2 * axis + 1][lane].wrapping_sub(lower);
             }
         }
     }
-    counts
+    counts.map(|lanes| lanes.iter().sum())
 }
 
 fn not_nan_or(value: f32, otherwise: f32) -> f32 {

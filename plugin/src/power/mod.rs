@@ -58,6 +58,9 @@ use crate::units::{Joules, Watts};
 /// Energy left in the machine's batteries, and the power that they give; `None` unless they alone
 /// feed the machine. May take milliseconds, or hang with a driver.
 pub(crate) fn battery_left() -> Option<(Joules, Watts)> {
+    #[cfg(any(windows, target_os = "macos"))]
+    return sysfs::notebook::left();
+    #[cfg(not(any(windows, target_os = "macos")))]
     sysfs::battery::left(&sysfs::SysRoot::default())
 }
 #[cfg(feature = "meter-tools")]

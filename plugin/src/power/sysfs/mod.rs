@@ -6,11 +6,13 @@
 //! | `integrate` | energy of a counter that wraps, and of a source of power, over time |
 //! | `background` | a thread that polls a source, so that a file that hangs blocks nobody |
 //! | `rapl`, `cards`, `gpu`, `battery`, `jetson` | the sources |
+//! | `notebook` | batteries of macOS and Windows, which have no such files |
 //!
 //! A source knows no clock: its caller says the time of each reading. So tests play hours in
 //! milliseconds, on fake trees of files.
 
 mod background;
+#[cfg_attr(any(windows, target_os = "macos"), allow(dead_code))]
 pub(crate) mod battery;
 mod cards;
 #[cfg(test)]
@@ -18,6 +20,8 @@ pub(crate) mod fake;
 pub(crate) mod gpu;
 mod integrate;
 pub(crate) mod jetson;
+#[cfg(any(test, windows, target_os = "macos"))]
+pub(crate) mod notebook;
 pub(crate) mod rapl;
 mod root;
 
