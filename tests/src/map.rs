@@ -46,6 +46,7 @@ pub fn one_cube(knobs: KnobSpace) -> FrontierMap {
         shared: Frontier::default(),
         error_rates: ErrorRates::default(),
         work_prices: WorkPrices::default(),
+        knob_effects: Default::default(),
         thresholds: Thresholds { power_w: 0.5, error: 0.005 },
         seed: 0,
         knobs,

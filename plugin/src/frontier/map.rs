@@ -7,7 +7,7 @@ use bevy::math::Vec3;
 use bevy::reflect::Reflect;
 use serde::{Deserialize, Serialize};
 
-use super::{ErrorRates, Frontier, FrontierMapError, Octree, SharedKnobs};
+use super::{ErrorRates, Frontier, FrontierMapError, KnobEffects, Octree, SharedKnobs};
 use crate::knobs::{KnobLevels, KnobSpace};
 use crate::power::MeterInfo;
 use crate::units::Watts;
@@ -152,6 +152,9 @@ pub struct FrontierMap {
     /// Energy prices of work on the map's device. Empty in maps of earlier versions.
     #[serde(default)]
     pub work_prices: WorkPrices,
+    /// What each knob saves and costs alone. Empty in maps of earlier versions.
+    #[serde(default)]
+    pub knob_effects: KnobEffects,
     /// The frontiers by camera position and view direction.
     pub octree: Octree,
 }
@@ -265,6 +268,12 @@ impl FrontierMap {
             &self.work_prices.shared,
             self.work_prices.shared.is_sound(&self.knobs),
             "at most four of the map's knobs, with a finite energy of at least 0 for each combination of levels",
+        )?;
+        check(
+            "knob_effects",
+            &self.knob_effects,
+            self.knob_effects.is_sound(&self.knobs),
+            "a finite energy of at least 0 and an error from 0 to 2 for each level of each knob",
         )?;
         self.octree.validate()?;
         self.validate_frontiers()

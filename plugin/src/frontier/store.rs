@@ -5,7 +5,7 @@ use bevy::reflect::Reflect;
 
 use super::view_cube::directions_by_coverage;
 use super::{
-    Bounds, CameraView, Conditions, Frontier, FrontierMap, Leaf, Octree, SharedLevels,
+    Bounds, CameraView, Conditions, Frontier, FrontierMap, KnobEffects, Leaf, Octree, SharedLevels,
     ViewDirection,
 };
 use crate::knobs::KnobSpace;
@@ -34,6 +34,11 @@ pub trait FrontierStore: Send + Sync {
     /// What the levels of knobs of app scope cost each camera. `None` where there are none, or their
     /// cost is unknown: with several cameras the levels of others then cost nothing.
     fn shared_levels(&self) -> Option<SharedLevels<'_>> {
+        None
+    }
+
+    /// What each knob saves and costs alone, for people. `None` where it is not known.
+    fn knob_effects(&self) -> Option<&KnobEffects> {
         None
     }
 
@@ -135,6 +140,10 @@ impl FrontierStore for FrontierMap {
     fn shared_levels(&self) -> Option<SharedLevels<'_>> {
         let rate = self.capture.frames_per_second;
         SharedLevels::new(&self.work_prices.shared, &self.knobs, rate)
+    }
+
+    fn knob_effects(&self) -> Option<&KnobEffects> {
+        Some(&self.knob_effects)
     }
 
     fn overall(&self) -> Option<&Frontier> {

@@ -6,7 +6,7 @@ use bevy::math::{Quat, Vec3};
 
 use super::{
     Bounds, CameraView, Capture, Corner, CostPoint, ErrorRates, Frontier, FrontierMap,
-    FrontierPoint, Leaf, Octree, SceneIdentity, Thresholds, WorkPrices,
+    FrontierPoint, KnobEffects, Leaf, Octree, SceneIdentity, Thresholds, WorkPrices,
 };
 use crate::knobs::{Knob, KnobLevels, KnobSpace};
 use crate::power::{MeterInfo, Provenance};
@@ -95,6 +95,7 @@ pub(crate) fn map(levels: u8) -> FrontierMap {
         shared: Frontier::default(),
         error_rates: ErrorRates::default(),
         work_prices: WorkPrices::default(),
+        knob_effects: KnobEffects::default(),
         thresholds: Thresholds { power_w: 0.5, error: 0.005 },
         seed: 7,
         knobs: space(),

@@ -70,7 +70,6 @@ fn offset(index: usize) -> f32 {
 /// Masks instead of branches, which no processor could predict, a row at a time, and arithmetic that
 /// wraps, since a check of overflow keeps the compiler from using vector instructions: with checks of
 /// overflow, as in the development profile, 0.28 µs instead of 0.8 to 1.2.
-#[expect(clippy::needless_range_loop, reason = "lanes of several arrays at once")]
 fn faces(forward: Vec3, right: Vec3, up: Vec3, to_upper: Vec3, to_lower: Vec3) -> [u32; 6] {
     let mask = |is: bool| 0_u32.wrapping_sub(u32::from(is));
     let [right, to_upper, to_lower] = [right, to_upper, to_lower].map(|it| it.to_array());

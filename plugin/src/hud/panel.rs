@@ -14,7 +14,9 @@ use super::text::{Detail, Facts, caption};
 use crate::control::{
     AppBudget, Budget, FrontierMapHandle, FrontierSource, PowerCorrection, PowerFeedback, Selection,
 };
-use crate::frontier::{CameraView, CostPoint, Frontier, FrontierMap, FrontierStore, MapFit};
+use crate::frontier::{
+    CameraView, CostPoint, Frontier, FrontierMap, FrontierStore, KnobEffects, MapFit,
+};
 use crate::knobs::{KnobSettings, WarmKnobs};
 use crate::power::MeteredPower;
 use crate::units::Watts;
@@ -98,13 +100,28 @@ pub(super) struct Shown {
 }
 
 impl ShownItem<'_, '_> {
+    fn store<'a>(&'a self, maps: Option<&'a Assets<FrontierMap>>) -> Option<&'a dyn FrontierStore> {
+        match (self.source, self.map) {
+            (Some(source), _) => Some(source.store()),
+            (None, Some(handle)) => Some(maps?.get(handle.0.id())?),
+            (None, None) => None,
+        }
+    }
+
+    /// What levels save and cost alone, at the map's frame rate.
+    fn effects<'a>(
+        &'a self,
+        maps: Option<&'a Assets<FrontierMap>>,
+    ) -> Option<(&'a KnobEffects, f64)> {
+        let store = self.store(maps)?;
+        let is_its_space = self.settings.is_some_and(|it| *it.space == *store.knobs());
+        let rate = store.conditions()?.capture.frames_per_second;
+        Some((store.knob_effects().filter(|_| is_its_space)?, rate))
+    }
+
     /// The frontier at the camera's view.
     fn frontier<'a>(&'a self, maps: Option<&'a Assets<FrontierMap>>) -> Option<&'a Frontier> {
-        let store: &dyn FrontierStore = match (self.source, self.map) {
-            (Some(source), _) => source.store(),
-            (None, Some(handle)) => maps?.get(handle.0.id())?,
-            (None, None) => return None,
-        };
+        let store = self.store(maps)?;
         let view = CameraView::from_camera(self.transform, self.projection);
         store.look_up(&view).map(|found| found.frontier)
     }
@@ -193,6 +210,7 @@ pub(super) fn write(
             app_budget: sources.budget.as_ref().and_then(|budget| budget.power),
             fit: shown.fit,
             settings: shown.settings,
+            effects: shown.effects(sources.maps.as_deref()),
             metered: sources.metered.as_deref(),
             feedback,
         };

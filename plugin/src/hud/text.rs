@@ -8,7 +8,7 @@ use bevy::math::Vec2;
 use crate::control::{
     Budget, ControlStatus, FeedbackState, Outcome, PowerCorrection, PowerFeedback, Selection,
 };
-use crate::frontier::{CostPoint, Frontier, MapFit};
+use crate::frontier::{CostPoint, Frontier, KnobEffects, MapFit};
 use crate::knobs::{Knob, KnobLevels, KnobSettings, KnobSpace};
 use crate::power::{MeterState, MeteredPower, Provenance};
 use crate::units::Watts;
@@ -49,6 +49,8 @@ pub(super) struct Facts<'a> {
     pub app_budget: Option<Watts>,
     pub fit: Option<&'a MapFit>,
     pub settings: Option<&'a KnobSettings>,
+    /// What levels save and cost alone, at a frame rate.
+    pub effects: Option<(&'a KnobEffects, f64)>,
     pub metered: Option<&'a MeteredPower>,
     pub feedback: Option<&'a PowerFeedback>,
 }
@@ -89,6 +91,9 @@ impl Facts<'_> {
             self.fit.into_iter().flat_map(MapFit::misfits).map(|misfit| words(&misfit)).collect();
         if !misfits.is_empty() {
             row("map", format!("made for another {}", misfits.join(", ")));
+        }
+        if self.feedback.is_some_and(|feedback| feedback.has_left_map) {
+            row("map", "the scene has changed since: all views as one".to_owned());
         }
         lines.join("\n")
     }
@@ -141,6 +146,15 @@ impl Facts<'_> {
         }
     }
 
+    /// Power and error of a knob's level against its best, alone; nothing where neither is seen.
+    fn effect(&self, knob: usize, level: usize) -> String {
+        let effect = self.effects.and_then(|(effects, rate)| effects.of(knob, level, rate));
+        let seen = effect.filter(|effect| effect.power.0 >= 0.005 || effect.error >= 0.00005);
+        seen.map_or(String::new(), |CostPoint { power, error }| {
+            format!(" -{}, error +{}", watts(power), number(error, 4))
+        })
+    }
+
     /// The knobs in force with their levels.
     pub(super) fn knobs(&self, detail: Detail) -> String {
         let Some(KnobSettings { space, settings }) = self.settings else { return String::new() };
@@ -169,7 +183,10 @@ impl Facts<'_> {
                 let width = knobs().map(|(_, knob)| knob.name.len()).max().unwrap_or(0);
                 let line = |(index, knob)| {
                     let (name, level) = (spaced(knob), place(index, knob));
-                    format!("{name:<width$} {level:>5}  {}", change(index, knob))
+                    let effect = self.effect(index, settings.level(index));
+                    format!("{name:<width$} {level:>5}  {:<8}{effect}", change(index, knob))
+                        .trim_end()
+                        .to_owned()
                 };
                 knobs().map(line).collect::<Vec<_>>().join("\n")
             }

@@ -86,6 +86,31 @@ fn feedback_has_its_uncertainty() {
     assert!(!facts.summary(Detail::Full).contains("feedback"), "no prediction to correct");
     let facts = Facts { selection: Some(&selection), ..facts };
     assert!(facts.summary(Detail::Full).ends_with(text));
+    let mut changed = feedback;
+    changed.has_left_map = true;
+    let facts = Facts { feedback: Some(&changed), ..facts };
+    assert!(facts.summary(Detail::Full).contains("the scene has changed"));
+}
+
+#[test]
+fn what_a_level_saves_and_costs_alone_stands_beside_it() {
+    let settings = KnobLevels::default().with_level(0, 1).with_level(1, 2);
+    let settings = KnobSettings { space: Arc::new(testing::space()), settings };
+    let effects = KnobEffects {
+        joules: vec![vec![0.08, 0.06, 0.04, 0.02, 0.0], vec![0.02, 0.01, 0.0]],
+        errors: vec![vec![0.1, 0.05, 0.02, 0.01, 0.0], vec![0.2, 0.1, 0.0]],
+    };
+    let facts =
+        Facts { settings: Some(&settings), effects: Some((&effects, 30.0)), ..Default::default() };
+    let text = facts.knobs(Detail::Full);
+    let lines: Vec<&str> = text.lines().collect();
+    assert!(lines[0].ends_with("-1.80 W, error +0.0500"), "{text}");
+    assert!(lines[1].ends_with("  1"), "the best level: {text}");
+    assert!(!facts.knobs(Detail::Medium).contains('W'));
+    // Effects of other knobs are none of these.
+    let other = KnobEffects { joules: vec![vec![0.1]], errors: vec![] };
+    let facts = Facts { effects: Some((&other, 30.0)), ..facts };
+    assert!(!facts.knobs(Detail::Full).contains('W'));
 }
 
 #[test]

@@ -6,7 +6,7 @@ use bevy_frugal_gi::knobs::KnobSpace;
 use bevy_frugal_gi::power::MeterInfo;
 use serde::{Deserialize, Serialize};
 
-use super::{FrameLayout, Work, with_shared_knobs};
+use super::{FrameLayout, Work, saved_joules, with_shared_knobs};
 
 /// Prices of work on one device, as `frugal calibrate` writes them.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -104,6 +104,9 @@ pub(crate) fn reprice(map: &FrontierMap, to: &NewConditions) -> Result<FrontierM
     let scale = top(&repriced.shared) / top(&map.shared);
     repriced.error_rates.0.iter_mut().for_each(|rate| rate.watts_per_error *= scale);
     repriced.thresholds.power_w *= scale;
+    if !map.knob_effects.joules.is_empty() {
+        repriced.knob_effects.joules = saved_joules(&new, space, &after);
+    }
     repriced.work_prices = with_shared_knobs(new, space, &after);
     Ok(repriced)
 }
@@ -219,6 +222,7 @@ mod tests {
             },
             shared,
             work_prices: prices.clone(),
+            knob_effects: Default::default(),
             knobs: space,
         }
     }

@@ -62,6 +62,7 @@ pub(crate) fn map() -> FrontierMap {
         shared: frontier(1.0, POINTS),
         error_rates: ErrorRates::default(),
         work_prices: WorkPrices::default(),
+        knob_effects: Default::default(),
         octree: Octree { levels: 0, nodes: vec![0], corners, frontiers },
     }
 }

@@ -42,7 +42,9 @@ pub(crate) struct PipelineConfig {
     pub rounds: usize,
     /// Settings proposed per round.
     pub batch: usize,
-    /// Greatest number of settings that a map may select.
+    /// Greatest number of settings that a map may select. Higher values leave less of a power budget
+    /// unused: of 139 settings at six views of a court, the best of each view among 24 had up to 27 %
+    /// more error than the best of all, among 32 at most 4 %.
     pub pool: usize,
     /// Number of training cameras that render the whole pool. All others render the anchors, from
     /// which the rest follows ([`Completion`]). Higher values are more accurate, and take longer.
@@ -65,8 +67,8 @@ impl Default for PipelineConfig {
             pilots: 6,
             rounds: 12,
             batch: 8,
-            pool: 24,
-            full: 24,
+            pool: 32,
+            full: 20,
             anchors: 6,
             block: 6,
             fit: FitConfig::default(),

@@ -5,7 +5,7 @@ use std::ops::ControlFlow;
 use std::path::Path;
 
 use bevy_frugal_gi::frontier::{
-    Bounds, Capture, FrontierMap, SceneIdentity, Thresholds, WorkPrices,
+    Bounds, Capture, FrontierMap, KnobEffects, SceneIdentity, Thresholds, WorkPrices,
 };
 use bevy_frugal_gi::knobs::KnobSpace;
 use bevy_frugal_gi::units::Watts;
@@ -123,6 +123,18 @@ pub(in crate::cli) fn search(
     let outcome = run_pipeline(&subject, &config, setup);
     bar.finish_and_clear();
     let outcome = outcome.map_err(|error| cli_error(error, scene))?;
+    let work_prices =
+        prices(&outcome.cost, &space, &layout, capture.frames_per_second, stage.idle());
+    let knob_effects = KnobEffects {
+        joules: crate::cost::saved_joules(&work_prices, &space, &layout),
+        // Six decimals, as the errors of frontiers.
+        errors: outcome
+            .screening
+            .effects
+            .iter()
+            .map(|levels| levels.iter().map(|error| six_decimals(*error)).collect())
+            .collect(),
+    };
     let map = FrontierMap {
         version: FrontierMap::VERSION,
         scene: identity,
@@ -135,13 +147,8 @@ pub(in crate::cli) fn search(
         seed: arguments.seed,
         shared: outcome.fitted.shared.rounded(),
         error_rates: outcome.error_rates.clone(),
-        work_prices: prices(
-            &outcome.cost,
-            &space,
-            &layout,
-            capture.frames_per_second,
-            stage.idle(),
-        ),
+        work_prices,
+        knob_effects,
         knobs: space,
         bounds: map_bounds,
         octree: outcome.fitted.octree.clone(),
@@ -171,6 +178,10 @@ fn cli_error(error: PipelineError<RemoteError>, scene: &SceneDescription) -> Cli
         PipelineError::NoCameras => CliError::usage(format!("{}: {error}", scene.source.display())),
         error => CliError::failed(error),
     }
+}
+
+fn six_decimals(error: f64) -> f64 {
+    format!("{error:.6}").parse().unwrap_or(error)
 }
 
 /// A model's prices as energy, for a map or a device file. The model's watts include idle power in
