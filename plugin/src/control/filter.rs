@@ -53,9 +53,9 @@ const MAX_STEP_SECONDS: f64 = 1e9;
 /// and fall times; up to two margins, the level comes to rest.
 const REVERSAL_MARGIN: f64 = 0.25;
 
-/// Changes of a knob's level in succession before their rate is limited: a transition over some levels
-/// stays gradual.
-const BURST: f64 = 4.0;
+/// Changes of a knob's level in succession before their rate is limited; more where it has more levels,
+/// so that a transition over all of them stays gradual.
+const BURST: usize = 4;
 
 /// Duration of a knob's transition to its new level. Levels are ordered cheapest first: falling
 /// saves power, rising reduces error.
@@ -164,7 +164,7 @@ impl Transition {
 
     /// Rounds the position as the closed form does, with hysteresis on reversals. A knob that has
     /// changed too often rises later, and falls to its target at once.
-    fn round(&mut self) {
+    fn round(&mut self, most_changes: f64) {
         let margin = |taken_back| if self.last == taken_back { REVERSAL_MARGIN } else { 0.0 };
         let (up, down) = (0.5 + margin(Change::Down), 0.5 + margin(Change::Up));
         let offset = self.position - f64::from(self.level);
@@ -176,7 +176,7 @@ impl Transition {
         } else {
             return;
         };
-        if self.changes >= BURST {
+        if self.changes >= most_changes {
             if change == Change::Up {
                 return;
             }
@@ -219,9 +219,10 @@ impl SettingsFilter {
         self.dwell.end();
     }
 
-    /// Limits how often a knob's level changes, in changes per second; four in succession are always
-    /// allowed. `None`, infinity, NaN and negative numbers are no limit. Lower values switch less
-    /// often and leave more of a budget unused; 0 lets every knob change four times and then only fall.
+    /// Limits how often a knob's level changes, in changes per second; those of one transition, and
+    /// four in succession, are always allowed. `None`, infinity, NaN and negative numbers are no
+    /// limit. Lower values switch less often and leave more of a budget unused; 0 allows one
+    /// transition, and then only falls.
     pub fn limit_changes(&mut self, per_second: Option<f64>) {
         self.changes_per_second = per_second.filter(|rate| (0.0..f64::INFINITY).contains(rate));
     }
@@ -306,7 +307,7 @@ impl SettingsFilter {
             let is_kept =
                 depends && transition.remaining() != 0.0 && !space.has_effect(target, knob);
             if !is_kept {
-                transition.round();
+                transition.round(highest.max(BURST as f64));
             }
             usize::from(transition.level)
         });

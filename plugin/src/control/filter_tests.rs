@@ -204,7 +204,7 @@ fn a_target_that_stays_long_enough_is_followed_each_time() {
 #[test]
 fn a_knob_that_alternates_changes_no_oftener_than_is_allowed_and_still_falls_in_time() {
     let (space, high, low) = (long_space(), settings(9, 0), settings(0, 0));
-    for (limit, most) in [(None, f64::INFINITY), (Some(0.9), 0.9 * 120.0 + BURST + 1.0)] {
+    for (limit, most) in [(None, f64::INFINITY), (Some(0.9), 0.9 * 120.0 + 15.0 + 1.0)] {
         let mut filter = started(high);
         filter.limit_changes(limit);
         let (mut levels, mut late) = (Vec::new(), 0);

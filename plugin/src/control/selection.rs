@@ -142,9 +142,9 @@ pub struct ControlSettings {
     /// budget; lower values follow every border between two addresses of the map. A broken limit,
     /// another budget and a cut do not wait. NaN does not wait, either. Default: 0.5 s.
     pub dwell_seconds: f64,
-    /// Under a power limit, how often a knob's level changes on average, in changes per second; four
-    /// in succession are always allowed. Lower values change quality less often and use less of the
-    /// budget; infinity and NaN are no limit. Default: 0.9.
+    /// Under a power limit, how often a knob's level changes on average, in changes per second;
+    /// those of one transition are always allowed. Lower values change quality less often and use less of the
+    /// budget; infinity and NaN are no limit. Default: 0.85.
     pub changes_per_second: f64,
 }
 
@@ -161,7 +161,7 @@ impl ControlSettings {
     /// Default of [`dwell_seconds`](Self::dwell_seconds), in seconds.
     pub const DWELL_SECONDS: f64 = 0.5;
     /// Default of [`changes_per_second`](Self::changes_per_second).
-    pub const CHANGES_PER_SECOND: f64 = 0.9;
+    pub const CHANGES_PER_SECOND: f64 = 0.85;
 
     /// [`changes_per_second`](Self::changes_per_second) under `budget`; `None` without a power limit:
     /// what waits under an error limit is paid at the next view.
