@@ -98,13 +98,19 @@ fn batteries(root: &SysRoot, wanted: Option<&str>) -> Result<Batteries, MeterErr
 }
 
 fn find_for(root: &SysRoot, adapter: &Adapter) -> Result<Box<dyn Source>, MeterError> {
+    suits(adapter)?;
+    find(root, None)
+}
+
+/// Whether a battery is the meter to take for `adapter` where nobody names one.
+pub(super) fn suits(adapter: &Adapter) -> Result<(), MeterError> {
     if adapter.kind == AdapterKind::Software {
         return Err(MeterError::unavailable(
             NAME,
             "it contains the whole machine, the CPU time of this program orders settings better; request it by name",
         ));
     }
-    find(root, None)
+    Ok(())
 }
 
 impl Batteries {

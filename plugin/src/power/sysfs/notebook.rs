@@ -7,9 +7,10 @@
 
 use std::time::Duration;
 
+use super::battery::suits;
 use super::integrate::Gauge;
 use super::{Source, SourceKind, SysRoot};
-use crate::power::{Adapter, AdapterKind, MeterError, MeterInfo, Provenance};
+use crate::power::{Adapter, MeterError, MeterInfo, Provenance};
 use crate::units::{Joules, Watts};
 
 const NAME: &str = "battery";
@@ -91,12 +92,7 @@ fn find(_: &SysRoot, wanted: Option<&str>) -> Result<Box<dyn Source>, MeterError
 }
 
 fn find_for(root: &SysRoot, adapter: &Adapter) -> Result<Box<dyn Source>, MeterError> {
-    if adapter.kind == AdapterKind::Software {
-        return Err(MeterError::unavailable(
-            NAME,
-            "it contains the whole machine, the CPU time of this program orders settings better; request it by name",
-        ));
-    }
+    suits(adapter)?;
     find(root, None)
 }
 
