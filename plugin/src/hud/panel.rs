@@ -82,6 +82,9 @@ fn image_of(plot: &Plot) -> Image {
     Image::new(size, TextureDimension::D2, plot.draw(), format, RenderAssetUsages::default())
 }
 
+/// Width of a panel's room from which it says what levels save and cost, logical pixels.
+const EFFECTS_WIDTH: f32 = 840.0;
+
 /// A camera that has a panel.
 #[derive(QueryData)]
 pub(super) struct Shown {
@@ -210,7 +213,12 @@ pub(super) fn write(
             app_budget: sources.budget.as_ref().and_then(|budget| budget.power),
             fit: shown.fit,
             settings: shown.settings,
-            effects: shown.effects(sources.maps.as_deref()),
+            // Narrower, their lines would wrap.
+            effects: place
+                .room
+                .is_none_or(|room| room.x >= EFFECTS_WIDTH)
+                .then(|| shown.effects(sources.maps.as_deref()))
+                .flatten(),
             metered: sources.metered.as_deref(),
             feedback,
         };
