@@ -44,7 +44,7 @@ pub(crate) struct PipelineConfig {
     pub batch: usize,
     /// Greatest number of settings that a map may select. Higher values leave less of a power budget
     /// unused: of 139 settings at six views of a court, the best of each view among 24 had up to 27 %
-    /// more error than the best of all, among 32 at most 4 %.
+    /// more error than the best of all, among 32 at most 6 %.
     pub pool: usize,
     /// Number of training cameras that render the whole pool. All others render the anchors, from
     /// which the rest follows ([`Completion`]). Higher values are more accurate, and take longer.
