@@ -143,8 +143,8 @@ pub struct ControlSettings {
     /// another budget and a cut do not wait. NaN does not wait, either. Default: 0.5 s.
     pub dwell_seconds: f64,
     /// Under a power limit, how often a knob's level changes on average, in changes per second;
-    /// those of one transition are always allowed. Lower values change quality less often and use less of the
-    /// budget; infinity and NaN are no limit. Default: 0.85.
+    /// those of one transition are always allowed. Lower values change quality less often and use
+    /// less of the budget; infinity and NaN are no limit. Default: 0.85.
     pub changes_per_second: f64,
 }
 
@@ -166,8 +166,7 @@ impl ControlSettings {
     /// [`changes_per_second`](Self::changes_per_second) under `budget`; `None` without a power limit:
     /// what waits under an error limit is paid at the next view.
     pub(super) fn change_limit(&self, budget: &Budget) -> Option<f64> {
-        let has_limit = budget.power.is_some_and(|limit| limit.0 < f64::INFINITY);
-        has_limit.then_some(self.changes_per_second)
+        has_power_limit(budget).then_some(self.changes_per_second)
     }
 
     /// Transition times under `budget`, in seconds; never NaN. An infinite limit counts as none.
@@ -177,12 +176,17 @@ impl ControlSettings {
         let or = |seconds: f64, default| if seconds.is_nan() { default } else { seconds };
         let slow = or(self.transition_seconds, Self::TRANSITION_SECONDS);
         let quick = or(self.fall_seconds, Self::FALL_SECONDS);
-        if budget.power.is_some_and(|limit| limit.0 < f64::INFINITY) {
+        if has_power_limit(budget) {
             TransitionTimes { rise_seconds: slow, fall_seconds: quick }
         } else {
             TransitionTimes::both(slow)
         }
     }
+}
+
+/// Infinity is no limit.
+fn has_power_limit(budget: &Budget) -> bool {
+    budget.power.is_some_and(|limit| limit.0 < f64::INFINITY)
 }
 
 impl Default for ControlSettings {

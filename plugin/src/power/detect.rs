@@ -3,6 +3,10 @@
 
 #[cfg(feature = "nvml")]
 use crate::power::adapter::{RENDERS_ON_CPU, vendor};
+#[cfg(not(any(windows, target_os = "macos")))]
+use crate::power::sysfs::battery::KIND as BATTERY;
+#[cfg(any(windows, target_os = "macos"))]
+use crate::power::sysfs::notebook::KIND as BATTERY;
 use crate::power::sysfs::{SysRoot, gpu, jetson, rapl};
 use crate::power::{Adapter, AdapterKind, CpuTimeMeter, MeterError, PowerMeter};
 use crate::units::Watts;
@@ -75,11 +79,6 @@ pub(crate) trait MeterKind: Sync {
 /// those that cover the GPU alone, then its package, its module, and the machine.
 const METERS: &[&dyn MeterKind] =
     &[&Nvml, &gpu::AMD, &gpu::INTEL, &rapl::KIND, &jetson::KIND, &BATTERY, &CpuTime];
-
-#[cfg(not(any(windows, target_os = "macos")))]
-use crate::power::sysfs::battery::KIND as BATTERY;
-#[cfg(any(windows, target_os = "macos"))]
-use crate::power::sysfs::notebook::KIND as BATTERY;
 
 /// Syntax of each meter's argument to [`open`], in the order of detection.
 fn known_meters() -> Vec<&'static str> {

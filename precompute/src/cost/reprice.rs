@@ -2,11 +2,11 @@
 //! search.
 
 use bevy_frugal_gi::frontier::{CostPoint, Frontier, FrontierMap, FrontierPoint, WorkPrices};
-use bevy_frugal_gi::knobs::KnobSpace;
 use bevy_frugal_gi::power::MeterInfo;
 use serde::{Deserialize, Serialize};
 
-use super::{FrameLayout, Work, saved_joules, with_shared_knobs};
+use super::shared::energy;
+use super::{FrameLayout, saved_joules, with_shared_knobs};
 
 /// Prices of work on one device, as `frugal calibrate` writes them.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -77,8 +77,9 @@ pub(crate) fn reprice(map: &FrontierMap, to: &NewConditions) -> Result<FrontierM
     let space = &map.knobs;
     let frontier = |frontier: &Frontier| -> Result<Frontier, RepriceError> {
         let point = |point: &FrontierPoint| {
-            let energy =
-                |prices: &WorkPrices, layout: &FrameLayout| energy(space, point, prices, layout);
+            let energy = |prices: &WorkPrices, layout: &FrameLayout| {
+                energy(prices, space, point.settings, layout)
+            };
             let own = energy(old, &before);
             let spent = (point.cost.power.0 - old.idle.0).max(0.0) / old_rate;
             if own <= 0.0 {
@@ -111,20 +112,6 @@ pub(crate) fn reprice(map: &FrontierMap, to: &NewConditions) -> Result<FrontierM
     Ok(repriced)
 }
 
-fn energy(
-    space: &KnobSpace,
-    point: &FrontierPoint,
-    prices: &WorkPrices,
-    layout: &FrameLayout,
-) -> f64 {
-    Work::of(space, point.settings, layout)
-        .0
-        .iter()
-        .zip(&prices.joules)
-        .map(|(work, joules)| work * joules)
-        .sum()
-}
-
 /// Joules per unit of a kind of work; `None` where `prices` lack it.
 pub(super) fn price(prices: &WorkPrices, kind: &str) -> Option<f64> {
     let at = prices.kinds.iter().position(|other| other == kind)?;
@@ -144,11 +131,12 @@ mod tests {
     use bevy_frugal_gi::frontier::{
         Bounds, Capture, ErrorRate, ErrorRates, Octree, SceneIdentity, Thresholds,
     };
+    use bevy_frugal_gi::knobs::KnobSpace;
     use bevy_frugal_gi::power::Provenance;
     use bevy_frugal_gi::units::Watts;
 
     use super::*;
-    use crate::cost::work_names;
+    use crate::cost::{Work, work_names};
 
     const FPS: f64 = 30.0;
     const LAYOUT: FrameLayout = FrameLayout { size: [160, 90], maps: 1, has_sky: true };

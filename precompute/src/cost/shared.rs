@@ -55,7 +55,8 @@ pub(crate) fn saved_joules(
     knobs.map(|(knob, it)| (0..it.levels.len()).map(|level| saved(knob, level)).collect()).collect()
 }
 
-fn energy(
+/// Energy of a frame's work at `prices`, joules.
+pub(super) fn energy(
     prices: &WorkPrices,
     space: &KnobSpace,
     settings: KnobLevels,
