@@ -1,39 +1,20 @@
-//! Cost of the controller when nothing changes, of global illumination on the main thread by what
-//! moves, and its memory at its largest settings.
+//! Cost of the controller when nothing changes, and memory of global illumination at its largest
+//! settings.
 //!
 //! `make bench BENCH=costs`
 
 #![expect(missing_docs, reason = "the macros of criterion make public functions")]
 
-use std::collections::VecDeque;
 use std::hint::black_box;
 use std::time::Duration;
 
-use bevy::app::{App, PluginGroup, Update};
+use bevy::MinimalPlugins;
+use bevy::app::App;
 use bevy::asset::{AssetPlugin, Assets};
-use bevy::camera::Camera3d;
-use bevy::ecs::component::Component;
-use bevy::ecs::entity::Entity;
-use bevy::ecs::query::With;
-use bevy::ecs::resource::Resource;
-use bevy::ecs::system::{Commands, Query, Res, ResMut};
-use bevy::light::DirectionalLight;
-use bevy::log::LogPlugin;
 use bevy::math::{Quat, Vec3};
-use bevy::mesh::{Mesh, Mesh3d};
-use bevy::pbr::{MeshMaterial3d, StandardMaterial};
-use bevy::prelude::Cuboid;
-use bevy::render::RenderPlugin;
-use bevy::render::settings::WgpuSettings;
-use bevy::time::Time;
 use bevy::transform::components::{GlobalTransform, Transform};
-use bevy::window::WindowPlugin;
-use bevy::winit::WinitPlugin;
-use bevy::{DefaultPlugins, MinimalPlugins};
-use bevy_frugal_gi::FrugalGiPlugins;
 use bevy_frugal_gi::control::{Budget, ControlPlugin, FrontierMapHandle, select};
 use bevy_frugal_gi::frontier::{CameraView, FrontierMap, FrontierMapPlugin, FrontierStore};
-use bevy_frugal_gi::gi::FrugalGi;
 use bevy_frugal_gi::knobs::{Knob, KnobSpace};
 use bevy_frugal_gi::units::Watts;
 use criterion::{Criterion, criterion_group, criterion_main};
@@ -107,108 +88,6 @@ fn metric(criterion: &mut Criterion) {
     }
 }
 
-/// Moves in every frame.
-#[derive(Component)]
-struct Mover;
-
-/// An app of `count` meshes under a sun, of which `moving` move, without a renderer.
-fn crowd(count: usize, moving: usize, has_gi: bool) -> App {
-    let mut app = App::new();
-    let nowhere = WgpuSettings { backends: None, ..Default::default() };
-    app.add_plugins(
-        DefaultPlugins
-            .set(RenderPlugin { render_creation: nowhere.into(), ..Default::default() })
-            .set(WindowPlugin { primary_window: None, ..Default::default() })
-            .disable::<WinitPlugin>()
-            .disable::<LogPlugin>(),
-    );
-    if has_gi {
-        app.add_plugins(FrugalGiPlugins);
-    }
-    app.add_systems(Update, |time: Res<Time>, mut movers: Query<&mut Transform, With<Mover>>| {
-        for mut transform in &mut movers {
-            transform.translation.y = (3.0 * time.elapsed_secs()).sin();
-        }
-    });
-    app.finish();
-    app.cleanup();
-    let world = app.world_mut();
-    let mesh = world.resource_mut::<Assets<Mesh>>().add(Cuboid::new(0.5, 0.5, 0.5));
-    let material =
-        world.resource_mut::<Assets<StandardMaterial>>().add(StandardMaterial::default());
-    let side = (count as f32).sqrt().ceil() as usize;
-    for index in 0..count {
-        let place = Transform::from_xyz((index % side) as f32, 0.0, (index / side) as f32);
-        let mesh = (Mesh3d(mesh.clone()), MeshMaterial3d(material.clone()), place);
-        let mut mesh = world.spawn(mesh);
-        if index < moving {
-            mesh.insert(Mover);
-        }
-    }
-    let down = Transform::default().looking_to(Vec3::new(0.1, -1.0, 0.2), Vec3::X);
-    world.spawn((DirectionalLight::default(), down));
-    let eye = Transform::from_xyz(0.0, 3.0, 10.0);
-    if has_gi {
-        world.spawn((FrugalGi::default(), eye));
-    } else {
-        world.spawn((Camera3d::default(), eye));
-    }
-    (0..10).for_each(|_| app.update());
-    app
-}
-
-/// Replaces the oldest meshes of a [`crowd`] by new ones in every frame, `count` of them.
-#[derive(Resource)]
-struct Stream {
-    count: usize,
-    meshes: VecDeque<Entity>,
-    next: usize,
-}
-
-fn stream(
-    mut commands: Commands,
-    mut stream: ResMut<Stream>,
-    kinds: Query<(&Mesh3d, &MeshMaterial3d<StandardMaterial>)>,
-) {
-    let stream = &mut *stream;
-    let Some(kind) = stream.meshes.back().and_then(|mesh| kinds.get(*mesh).ok()) else { return };
-    for _ in 0..stream.count {
-        let place =
-            Transform::from_xyz((stream.next % 100) as f32, 1.0, (stream.next / 100 % 100) as f32);
-        stream.next += 1;
-        stream.meshes.push_back(commands.spawn((kind.0.clone(), kind.1.clone(), place)).id());
-        if let Some(oldest) = stream.meshes.pop_front() {
-            commands.entity(oldest).despawn();
-        }
-    }
-}
-
-/// What global illumination costs the main thread is the difference of each pair.
-fn main_thread(criterion: &mut Criterion) {
-    for has_gi in [false, true] {
-        let mut app = crowd(10_000, 0, has_gi);
-        let world = app.world_mut();
-        let meshes = world.query_filtered::<Entity, With<Mesh3d>>().iter(world).collect();
-        app.insert_resource(Stream { count: 1000, meshes, next: 0 }).add_systems(Update, stream);
-        (0..10).for_each(|_| app.update());
-        let with = if has_gi { "with" } else { "without" };
-        criterion.bench_function(
-            &format!("update of an app with 10,000 meshes, 1,000 of them new, {with} GI"),
-            |bencher| bencher.iter(|| app.update()),
-        );
-    }
-    for moving in [0, 1, 1000] {
-        for has_gi in [false, true] {
-            let mut app = crowd(10_000, moving, has_gi);
-            let with = if has_gi { "with" } else { "without" };
-            criterion.bench_function(
-                &format!("update of an app with 10,000 meshes, {moving} moving, {with} GI"),
-                |bencher| bencher.iter(|| app.update()),
-            );
-        }
-    }
-}
-
 /// Printed, not timed.
 fn memory(_: &mut Criterion) {
     if frugal::stage::adapter().is_none() {
@@ -252,6 +131,6 @@ fn memory(_: &mut Criterion) {
 criterion_group! {
     name = costs;
     config = Criterion::default().warm_up_time(Duration::from_millis(500)).measurement_time(Duration::from_secs(2));
-    targets = controller, metric, main_thread, memory
+    targets = controller, metric, memory
 }
 criterion_main!(costs);
