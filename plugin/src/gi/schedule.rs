@@ -99,7 +99,7 @@ pub(super) fn configure_main_world(app: &mut App) {
                 .before(CameraUpdateSystems)
                 .before(TransformSystems::Propagate)
                 .run_if(is_not_off),
-            SceneSystems::Changes.run_if(is_not_off),
+            SceneSystems::Changes.after(SceneSystems::Maps).run_if(is_not_off),
             SceneSystems::Emissive
                 .after(KnobSystems::Apply)
                 .after(SceneSystems::Changes)

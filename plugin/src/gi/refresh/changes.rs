@@ -1,35 +1,19 @@
 //! Where the scene changed since the last frame.
 
 use bevy::asset::{Asset, AssetEvent, AssetId, Assets, VisitAssetDependencies};
-use bevy::camera::Camera;
 use bevy::camera::primitives::Aabb;
-use bevy::camera::visibility::{InheritedVisibility, RenderLayers};
 use bevy::ecs::entity::EntityHashMap;
 use bevy::ecs::prelude::*;
 use bevy::ecs::system::SystemParam;
 use bevy::image::Image;
-use bevy::light::NotShadowCaster;
-use bevy::mesh::morph::MeshMorphWeights;
 use bevy::mesh::skinning::SkinnedMesh;
 use bevy::mesh::{Mesh, Mesh3d};
-use bevy::pbr::{MeshMaterial3d, StandardMaterial};
+use bevy::pbr::StandardMaterial;
 use bevy::platform::collections::HashSet;
-use bevy::transform::components::{GlobalTransform, Transform};
-use bevy::transform::helper::TransformHelper;
+use bevy::transform::components::GlobalTransform;
 
 use crate::gi::rsm::Around;
-
-type Touched = Or<(
-    Changed<Transform>,
-    Changed<GlobalTransform>,
-    Changed<Aabb>,
-    Changed<Mesh3d>,
-    Changed<MeshMaterial3d<StandardMaterial>>,
-    Changed<InheritedVisibility>,
-    Changed<MeshMorphWeights>,
-    Changed<RenderLayers>,
-    Changed<NotShadowCaster>,
-)>;
+use crate::gi::surfaces::MeshDelta;
 
 /// What changed since the last frame.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -53,16 +37,10 @@ impl Changes {
 /// Whether anything in the scene changed since the last frame, and where.
 #[derive(SystemParam)]
 pub(super) struct SceneChanges<'w, 's> {
-    touched: Query<'w, 's, Entity, (With<Mesh3d>, Touched)>,
-    // A child's global transform is known only after propagation, which may be later in the frame.
-    parents: Query<'w, 's, Entity, (With<Children>, Without<Camera>, Changed<Transform>)>,
-    children: Query<'w, 's, &'static Children>,
+    delta: Res<'w, MeshDelta>,
+    meshes: Query<'w, 's, (Option<&'static Aabb>, &'static GlobalTransform), With<Mesh3d>>,
     skins: Query<'w, 's, &'static SkinnedMesh>,
-    moved: Query<'w, 's, (), Or<(Changed<Transform>, Changed<GlobalTransform>)>>,
-    bounds: Query<'w, 's, &'static Aabb, With<Mesh3d>>,
-    transforms: TransformHelper<'w, 's>,
-    gone: RemovedComponents<'w, 's, Mesh3d>,
-    unhidden: RemovedComponents<'w, 's, NotShadowCaster>,
+    moved: Query<'w, 's, (), Changed<GlobalTransform>>,
     known: Local<'s, EntityHashMap<Around>>,
     assets: AssetChanges<'w, 's>,
 }
@@ -72,33 +50,31 @@ impl SceneChanges<'_, '_> {
     pub(super) fn read(&mut self) -> Changes {
         let mut changes = Changes { arrived: self.assets.read(), ..Default::default() };
         // Joints move vertices out of the mesh's box.
-        changes.everywhere = self
-            .skins
-            .iter()
-            .flat_map(|skin| &skin.joints)
-            .any(|joint| self.moved.contains(*joint));
-        for mesh in self.gone.read() {
-            match self.known.remove(&mesh) {
+        changes.everywhere = self.delta.unknown
+            || self
+                .skins
+                .iter()
+                .flat_map(|skin| &skin.joints)
+                .any(|joint| self.moved.contains(*joint));
+        for mesh in &self.delta.gone {
+            match self.known.remove(mesh) {
                 Some(was) => changes.spheres.push(was),
                 None => changes.everywhere = true,
             }
         }
-        let inherited =
-            self.parents.iter().flat_map(|parent| self.children.iter_descendants(parent));
-        for mesh in self.touched.iter().chain(inherited).chain(self.unhidden.read()) {
-            let Ok(aabb) = self.bounds.get(mesh) else {
-                // Not a mesh, or one that Bevy has not measured yet.
-                changes.everywhere |= self.touched.contains(mesh);
-                continue;
-            };
-            let Ok(transform) = self.transforms.compute_global_transform(mesh) else {
-                changes.everywhere = true;
-                continue;
-            };
-            let is = Around::mesh(aabb, &transform);
-            let was = self.known.insert(mesh, is);
-            changes.spheres.extend(was.filter(|was| *was != is));
-            changes.spheres.push(is);
+        for mesh in &self.delta.touched {
+            match self.meshes.get(*mesh) {
+                Ok((Some(aabb), transform)) => {
+                    let is = Around::mesh(aabb, transform);
+                    let was = self.known.insert(*mesh, is);
+                    changes.spheres.extend(was.filter(|was| *was != is));
+                    changes.spheres.push(is);
+                }
+                // Bevy has not measured it yet.
+                Ok((None, _)) => changes.everywhere = true,
+                // Gone.
+                Err(_) => {}
+            }
         }
         if changes.everywhere {
             changes.spheres.clear();

@@ -19,7 +19,7 @@ mod scene;
 mod views;
 
 use bevy::app::{App, Plugin, PostUpdate};
-use bevy::camera::CameraUpdateSystems;
+use bevy::camera::visibility::VisibilitySystems;
 use bevy::ecs::prelude::*;
 use bevy::render::Render;
 use bevy::render::extract_resource::ExtractResourcePlugin;
@@ -42,7 +42,10 @@ impl Plugin for RefreshPlugin {
                 PostUpdate,
                 scene::decide
                     .after(SceneSystems::Maps)
-                    .before(CameraUpdateSystems)
+                    .after(SceneSystems::Changes)
+                    .before(SceneSystems::Emissive)
+                    .before(SceneSystems::Surfaces)
+                    .before(VisibilitySystems::CheckVisibility)
                     .run_if(is_not_off),
             );
     }

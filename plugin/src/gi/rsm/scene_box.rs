@@ -8,6 +8,7 @@ use bevy::mesh::Mesh3d;
 use bevy::transform::components::GlobalTransform;
 
 use super::extent::world_box;
+use crate::gi::surfaces::MeshDelta;
 
 /// Bounding box of all meshes that cast shadows.
 #[derive(Resource, Clone, Copy, Debug, Default, PartialEq)]
@@ -50,30 +51,26 @@ impl Extremes {
     }
 }
 
-/// Grows the box by meshes that came or moved, and finds it anew where one that it touches moved or
-/// went. A sky dome that casts no shadow is in no map, and must not stretch them.
+/// Grows the box by meshes that came or moved in the last frame, and finds it anew where one that it
+/// touches moved or went. A sky dome that casts no shadow is in no map, and must not stretch them.
 pub(super) fn update_scene_box(
     mut scene: ResMut<SceneBox>,
     mut extremes: Local<Extremes>,
     meshes: Query<(Entity, &Aabb, &GlobalTransform), (With<Mesh3d>, Without<NotShadowCaster>)>,
-    changed: Query<
-        Entity,
-        (With<Mesh3d>, Or<(Changed<GlobalTransform>, Changed<Aabb>, Added<NotShadowCaster>)>),
-    >,
-    (mut removed, mut lit): (RemovedComponents<Mesh3d>, RemovedComponents<NotShadowCaster>),
+    delta: Res<MeshDelta>,
 ) {
-    let changed: Vec<Entity> = changed.iter().chain(removed.read()).chain(lit.read()).collect();
-    if changed.is_empty() {
+    let changed = || delta.touched.iter().chain(&delta.gone);
+    if changed().next().is_none() {
         return;
     }
-    if changed.iter().any(|mesh| extremes.holders.contains(mesh)) {
+    if changed().any(|mesh| extremes.holders.contains(mesh)) {
         *extremes = Extremes::default();
         for (mesh, aabb, transform) in &meshes {
             extremes.grow(mesh, aabb, transform);
         }
     } else {
-        for mesh in changed {
-            if let Ok((_, aabb, transform)) = meshes.get(mesh) {
+        for mesh in changed() {
+            if let Ok((mesh, aabb, transform)) = meshes.get(*mesh) {
                 extremes.grow(mesh, aabb, transform);
             }
         }
@@ -91,6 +88,7 @@ mod tests {
     use proptest::prelude::*;
 
     use super::*;
+    use crate::gi::surfaces::note_changes;
 
     /// A change of one of eight meshes: to a place, to nowhere, into the shade, into the light, or
     /// away.
@@ -162,7 +160,8 @@ mod tests {
         ) {
             let mut app = App::new();
             app.init_resource::<SceneBox>().init_resource::<Assets<Mesh>>();
-            app.add_systems(Update, update_scene_box);
+            app.init_resource::<MeshDelta>();
+            app.add_systems(Update, (note_changes, update_scene_box).chain());
             let mut meshes = [None; 8];
             for changes in frames {
                 for (index, change) in &changes {

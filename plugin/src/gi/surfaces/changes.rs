@@ -1,16 +1,18 @@
 //! What changed of meshes since the last frame, found once for all that is derived from them.
 
 use bevy::asset::{AssetEvent, AssetId};
-use bevy::camera::visibility::{InheritedVisibility, RenderLayers, VisibilityRange};
+use bevy::camera::visibility::{RenderLayers, VisibilityRange};
 use bevy::ecs::prelude::*;
 use bevy::ecs::system::SystemParam;
 use bevy::light::NotShadowCaster;
 use bevy::math::Affine3A;
 use bevy::mesh::Mesh3d;
+use bevy::mesh::morph::{MeshMorphWeights, MorphWeights};
 use bevy::mesh::skinning::{SkinnedMesh, SkinnedMeshInverseBindposes};
 use bevy::pbr::{MeshMaterial3d, StandardMaterial};
 use bevy::platform::collections::HashSet;
-use bevy::transform::components::GlobalTransform;
+
+use super::scan::{Columns, MeshChange, scan};
 
 /// What changed of meshes since the last frame.
 #[derive(Resource, Default)]
@@ -21,6 +23,11 @@ pub(in crate::gi) struct MeshDelta {
     pub altered: Vec<Entity>,
     /// Meshes without a skin that moved, and where they are.
     pub moved: Vec<(Entity, Affine3A)>,
+    /// Meshes of which anything changed that can be seen, and those that lost a component. Changed
+    /// assets are not among it.
+    pub touched: Vec<Entity>,
+    /// Entities that are no mesh any more.
+    pub gone: Vec<Entity>,
 }
 
 impl MeshDelta {
@@ -62,24 +69,9 @@ impl Reading {
     }
 }
 
-type Altered = Or<(
-    Changed<Mesh3d>,
-    Changed<MeshMaterial3d<StandardMaterial>>,
-    Changed<InheritedVisibility>,
-    Changed<RenderLayers>,
-    Added<NotShadowCaster>,
-    Changed<SkinnedMesh>,
-)>;
-
 #[derive(SystemParam)]
-pub(super) struct MeshChanges<'w, 's> {
-    altered: Query<'w, 's, Entity, (With<Mesh3d>, Altered)>,
-    moved: Query<
-        'w,
-        's,
-        (Entity, &'static GlobalTransform),
-        (With<Mesh3d>, Without<SkinnedMesh>, Changed<GlobalTransform>),
-    >,
+pub(in crate::gi) struct MeshChanges<'w, 's> {
+    columns: Query<'w, 's, Columns, With<Mesh3d>>,
     // Their level of detail depends on where cameras are.
     ranged: Query<'w, 's, Entity, (With<Mesh3d>, With<VisibilityRange>)>,
     meshes: RemovedComponents<'w, 's, Mesh3d>,
@@ -91,30 +83,54 @@ pub(super) struct MeshChanges<'w, 's> {
     materials: Option<MessageReader<'w, 's, AssetEvent<StandardMaterial>>>,
     with_material: Query<'w, 's, (Entity, &'static MeshMaterial3d<StandardMaterial>)>,
     bind_poses: Option<MessageReader<'w, 's, AssetEvent<SkinnedMeshInverseBindposes>>>,
+    morphed: Query<'w, 's, (Entity, &'static MeshMorphWeights), With<Mesh3d>>,
+    weights: Query<'w, 's, (), Changed<MorphWeights>>,
 }
 
 impl MeshChanges<'_, '_> {
     /// Reads everything, so that no change counts twice.
     fn read(&mut self, delta: &mut MeshDelta) {
-        delta.unknown = self.bind_poses.as_mut().map_or(0, |events| events.read().count()) > 0;
-        delta.altered.clear();
-        delta.altered.extend(self.altered.iter().chain(&self.ranged));
-        delta.altered.extend(self.meshes.read());
-        delta.altered.extend(self.without_material.read());
-        delta.altered.extend(self.shadowed.read());
-        delta.altered.extend(self.unskinned.read());
-        delta.altered.extend(self.on_all_layers.read());
-        delta.altered.extend(self.unranged.read());
+        let MeshDelta { unknown, altered, moved, touched, gone } = delta;
+        for list in [&mut *altered, touched, gone] {
+            list.clear();
+        }
+        moved.clear();
+        *unknown = self.bind_poses.as_mut().map_or(0, |events| events.read().count()) > 0;
+        let is_scanned = scan(&self.columns, |mesh| {
+            touched.push(mesh.entity);
+            if mesh.changes.contains(MeshChange::Kind) {
+                altered.push(mesh.entity);
+            }
+            if mesh.changes.contains(MeshChange::Place)
+                && !mesh.is_skinned
+                && let Some(transform) = mesh.transform
+            {
+                moved.push((mesh.entity, transform.affine()));
+            }
+        });
+        *unknown |= !is_scanned;
+        // Weights that another entity holds for several meshes.
+        touched.extend(self.morphed.iter().filter_map(|(mesh, weights)| match weights {
+            MeshMorphWeights::Reference(holder) => self.weights.contains(*holder).then_some(mesh),
+            MeshMorphWeights::Value { .. } => None,
+        }));
+        gone.extend(self.meshes.read());
+        altered.extend_from_slice(gone);
+        let lost = touched.len();
+        touched.extend(self.without_material.read());
+        touched.extend(self.shadowed.read());
+        touched.extend(self.unskinned.read());
+        touched.extend(self.on_all_layers.read());
+        touched.extend(self.unranged.read());
+        altered.extend_from_slice(&touched[lost..]);
+        altered.extend(&self.ranged);
         let events = self.materials.iter_mut().flat_map(MessageReader::read);
         let materials: HashSet<_> = events.filter_map(changed).collect();
         if !materials.is_empty() {
             let uses = self.with_material.iter();
             let uses = uses.filter(|(_, material)| materials.contains(&material.id()));
-            delta.altered.extend(uses.map(|(entity, _)| entity));
+            altered.extend(uses.map(|(entity, _)| entity));
         }
-        let moved = self.moved.iter();
-        delta.moved.clear();
-        delta.moved.extend(moved.map(|(entity, transform)| (entity, transform.affine())));
     }
 }
 
@@ -128,6 +144,6 @@ fn changed(event: &AssetEvent<StandardMaterial>) -> Option<AssetId<StandardMater
 }
 
 /// Notes what changed. In a frame in which it does not run, changes are kept for the next one.
-pub(super) fn note(mut delta: ResMut<MeshDelta>, mut changes: MeshChanges) {
+pub(in crate::gi) fn note(mut delta: ResMut<MeshDelta>, mut changes: MeshChanges) {
     changes.read(&mut delta);
 }

@@ -8,6 +8,7 @@ mod changes;
 mod cutout;
 mod points;
 mod reflectance;
+mod scan;
 mod sides;
 mod texture;
 mod triangles;
@@ -22,6 +23,8 @@ use bevy::transform::TransformSystems;
 use super::schedule::SceneSystems;
 pub(super) use assets::SurfaceAssets;
 pub(super) use cache::{SurfaceCache, SurfaceEvents, SurfaceKey};
+#[cfg(test)]
+pub(super) use changes::note as note_changes;
 pub(super) use changes::{MeshDelta, Reading};
 pub(super) use cutout::{Cutout, Mask};
 pub(super) use points::{SurfacePoint, SurfacePoints, TrianglePoint, area_matrix};
@@ -36,12 +39,13 @@ impl Plugin for SurfacesPlugin {
     fn build(&self, app: &mut App) {
         app.init_resource::<MeshDelta>().add_systems(
             PostUpdate,
-            // Need this frame's asset events, final transforms and visibility.
+            // Need this frame's asset events, final transforms, boxes and visibility.
             changes::note
                 .in_set(SceneSystems::Changes)
                 .after(AssetEventSystems)
                 .after(TransformSystems::Propagate)
-                .after(VisibilitySystems::VisibilityPropagate),
+                .after(VisibilitySystems::VisibilityPropagate)
+                .after(VisibilitySystems::CalculateBounds),
         );
     }
 }
