@@ -13,7 +13,9 @@ use std::time::Instant;
 use bevy::DefaultPlugins;
 use bevy::app::{App, PluginGroup, Update};
 use bevy::asset::Assets;
-use bevy::camera::Camera3d;
+use bevy::camera::{
+    Camera, Camera3d, OrthographicProjection, Projection, RenderTarget, ScalingMode,
+};
 use bevy::ecs::component::Component;
 use bevy::ecs::entity::Entity;
 use bevy::ecs::query::With;
@@ -21,7 +23,7 @@ use bevy::ecs::resource::Resource;
 use bevy::ecs::system::{Commands, Query, Res, ResMut};
 use bevy::light::DirectionalLight;
 use bevy::log::LogPlugin;
-use bevy::math::Vec3;
+use bevy::math::{UVec2, Vec3};
 use bevy::mesh::{Mesh, Mesh3d};
 use bevy::pbr::{MeshMaterial3d, StandardMaterial};
 use bevy::prelude::Cuboid;
@@ -50,21 +52,25 @@ enum Case {
     Tenth,
     /// A tenth of the meshes go, and as many come.
     Streamed,
+    /// Nothing, and instead of GI there are two more cameras that see all: what Bevy takes to find out
+    /// what two maps show.
+    Views,
 }
 
-const CASES: [(&str, Case); 4] = [
+const CASES: [(&str, Case); 5] = [
     ("still", Case::Still),
     ("one", Case::One),
     ("tenth", Case::Tenth),
     ("streamed", Case::Streamed),
+    ("views", Case::Views),
 ];
 
 /// Moves in every frame.
 #[derive(Component)]
 struct Mover;
 
-/// An app of `count` meshes under a sun, without a renderer.
-fn crowd(case: Case, count: usize, has_gi: bool) -> App {
+/// An app of `count` meshes under a sun, without a renderer. `is_subject`: with what the case adds.
+fn crowd(case: Case, count: usize, is_subject: bool) -> App {
     let mut app = App::new();
     let nowhere = WgpuSettings { backends: None, ..Default::default() };
     app.add_plugins(
@@ -74,6 +80,10 @@ fn crowd(case: Case, count: usize, has_gi: bool) -> App {
             .disable::<WinitPlugin>()
             .disable::<LogPlugin>(),
     );
+    let (has_gi, has_views) = match case {
+        Case::Views => (false, is_subject),
+        _ => (is_subject, false),
+    };
     if has_gi {
         app.add_plugins(FrugalGiPlugins);
     }
@@ -88,7 +98,7 @@ fn crowd(case: Case, count: usize, has_gi: bool) -> App {
     let moving = match case {
         Case::One => 1,
         Case::Tenth => count / 10,
-        Case::Still | Case::Streamed => 0,
+        Case::Still | Case::Streamed | Case::Views => 0,
     };
     let mut meshes = VecDeque::new();
     for index in 0..count {
@@ -109,6 +119,22 @@ fn crowd(case: Case, count: usize, has_gi: bool) -> App {
         world.spawn((FrugalGi::default(), eye));
     } else {
         world.spawn((Camera3d::default(), eye));
+    }
+    for order in (0..2).filter(|_| has_views) {
+        let size = side as f32;
+        let above =
+            Transform::from_xyz(0.5 * size, 50.0, 0.5 * size).looking_to(Vec3::NEG_Y, Vec3::X);
+        let projection = OrthographicProjection {
+            scaling_mode: ScalingMode::Fixed { width: 2.0 * size, height: 2.0 * size },
+            ..OrthographicProjection::default_3d()
+        };
+        app.world_mut().spawn((
+            Camera3d::default(),
+            Camera { order: -1 - order, ..Default::default() },
+            RenderTarget::None { size: UVec2::splat(64) },
+            Projection::Orthographic(projection),
+            above,
+        ));
     }
     (0..100).for_each(|_| app.update());
     app

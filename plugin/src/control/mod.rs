@@ -47,9 +47,11 @@ pub use selection::{
 };
 
 use bevy::app::{App, Plugin, PostUpdate};
-use bevy::asset::{AssetEventSystems, Assets};
-use bevy::ecs::schedule::common_conditions::resource_exists;
-use bevy::ecs::schedule::{IntoScheduleConfigs, SystemSet};
+use bevy::asset::{AssetEvent, AssetEventSystems, Assets};
+use bevy::ecs::schedule::common_conditions::{
+    any_with_component, on_message, resource_exists, resource_exists_and_changed,
+};
+use bevy::ecs::schedule::{IntoScheduleConfigs, SystemCondition, SystemSet};
 use bevy::log::warn;
 use bevy::transform::TransformSystems;
 
@@ -136,6 +138,16 @@ impl Plugin for ControlPlugin {
                     .after(TransformSystems::Propagate)
                     .run_if(resource_exists::<Assets<FrontierMap>>),
             )
+            .configure_sets(
+                PostUpdate,
+                (
+                    ControlSystems::LookUp,
+                    ControlSystems::Allocate,
+                    ControlSystems::Switch,
+                    ControlSystems::Write,
+                )
+                    .run_if(any_with_component::<systems::CameraState>),
+            )
             .add_systems(
                 PostUpdate,
                 (
@@ -143,12 +155,15 @@ impl Plugin for ControlPlugin {
                         read_battery.run_if(observed::needs_battery),
                         clock::observe,
                         observed::observe_signals,
+                        // With or without cameras, so that no change is missed.
+                        maps::forget_changed_maps.run_if(
+                            on_message::<AssetEvent<FrontierMap>>
+                                .or_eager(resource_exists_and_changed::<KnownKnobs>),
+                        ),
                     )
                         .chain()
                         .in_set(ControlSystems::Observe),
-                    (maps::forget_changed_maps, systems::look_up)
-                        .chain()
-                        .in_set(ControlSystems::LookUp),
+                    systems::look_up.in_set(ControlSystems::LookUp),
                     (systems::allocate_budgets, dividing::divide_app_budget)
                         .chain()
                         .in_set(ControlSystems::Allocate),

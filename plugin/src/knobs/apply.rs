@@ -4,7 +4,7 @@ use bevy::app::{App, Plugin, PostUpdate};
 use bevy::camera::CameraUpdateSystems;
 use bevy::ecs::prelude::*;
 
-use super::reconcile::reconcile;
+use super::reconcile::{is_needed, reconcile};
 use super::{KnobLevels, KnobRegistry, KnownKnobs, RegisterKnob};
 use super::{builtin, warm};
 use crate::schedule::KnobSystems;
@@ -36,7 +36,7 @@ impl Plugin for KnobPlugin {
             .register_knob(builtin::FrameRate)
             .register_type::<KnobLevels>()
             .configure_sets(PostUpdate, KnobSystems::Apply.before(CameraUpdateSystems))
-            .add_systems(PostUpdate, reconcile.in_set(KnobSystems::Apply));
+            .add_systems(PostUpdate, reconcile.in_set(KnobSystems::Apply).run_if(is_needed));
         builtin::build(app);
         warm::build(app);
     }

@@ -69,6 +69,17 @@ pub(super) struct Reconciled {
     registry: u64,
 }
 
+/// Whether a camera has settings, or had some in the last frame, or there is a new knob. An exclusive
+/// system waits for all others, so it does not run for nothing.
+pub(super) fn is_needed(
+    cameras: Query<(), Or<(With<KnobSettings>, With<AppliedKnobs>)>>,
+    registry: Res<KnobRegistry>,
+    mut had_any: Local<bool>,
+) -> bool {
+    let has_any = !cameras.is_empty();
+    std::mem::replace(&mut *had_any, has_any) || has_any || registry.is_changed()
+}
+
 /// Applies what differs from the settings of active cameras, and releases what no settings contain
 /// any more.
 pub(super) fn reconcile(

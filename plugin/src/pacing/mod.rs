@@ -28,8 +28,13 @@ impl Plugin for FramePacingPlugin {
     fn build(&self, app: &mut App) {
         app.init_resource::<FrameRateLimit>()
             .register_type::<FrameRateLimit>()
-            .add_systems(Last, keep_frame_rate);
+            .add_systems(Last, keep_frame_rate.run_if(is_limited));
     }
+}
+
+/// Whether there is a limit, or was one in the last frame.
+fn is_limited(limit: Res<FrameRateLimit>) -> bool {
+    limit.0.is_some() || limit.is_changed()
 }
 
 fn keep_frame_rate(limit: Res<FrameRateLimit>, mut deadline: Local<Deadline>) {

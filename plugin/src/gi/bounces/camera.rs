@@ -166,7 +166,7 @@ pub(super) fn prepare(
     mut commands: Commands,
     mut pipelines: ResMut<BouncePipelines>,
     (device, queue, cache): (Res<RenderDevice>, Res<RenderQueue>, Res<PipelineCache>),
-    (store, patches, occluders): (Res<TexelStore>, Res<GiPatches>, Res<OccluderBuffers>),
+    (mut store, patches, occluders): (ResMut<TexelStore>, Res<GiPatches>, Res<OccluderBuffers>),
     frame: Res<GiFrame>,
     cameras: Query<(Entity, &MainEntity, &FrugalGi, &ExtractedCamera, Option<&SkyCamera>)>,
     mut held: Query<&mut BounceCamera>,
@@ -177,7 +177,7 @@ pub(super) fn prepare(
     }
     for (entity, main_entity, gi, camera, sky) in &cameras {
         let found = patches.of(main_entity.id()).filter(|_| gi.reflects());
-        let (Some((patches, before)), Some(texels)) = (found, &store.texels) else {
+        let (Some((patches, before)), Some(texels)) = (found, store.texels.clone()) else {
             if held.contains(entity) {
                 commands.entity(entity).remove::<BounceCamera>();
             }
@@ -203,13 +203,15 @@ pub(super) fn prepare(
         let size = PATCHES as u64 * TEXEL_BYTES;
         if let Ok(mut held) = held.get_mut(entity) {
             if !Arc::ptr_eq(&held.held, patches) {
-                queue.write_buffer(&held.patches, 0, bytemuck::cast_slice(patches));
+                let bytes: &[u8] = bytemuck::cast_slice(patches);
+                queue.write_buffer(&held.patches, 0, bytes);
+                store.uploaded += bytes.len() as u64;
             }
             if held.inputs.store != inputs.store {
                 // The new range holds other texels, which would be sampled if the patches cannot
                 // reflect in this frame.
                 queue.write_buffer(
-                    texels,
+                    &texels,
                     u64::from(first_texel) * TEXEL_BYTES,
                     &vec![0; size as usize],
                 );
@@ -223,7 +225,7 @@ pub(super) fn prepare(
             (held.held, held.inputs, held.kind) = (Arc::clone(patches), inputs, kind);
             continue;
         }
-        queue.write_buffer(texels, u64::from(first_texel) * TEXEL_BYTES, &vec![0; size as usize]);
+        queue.write_buffer(&texels, u64::from(first_texel) * TEXEL_BYTES, &vec![0; size as usize]);
         let camera = BounceCamera::new(&device, patches, inputs, kind);
         commands.entity(entity).insert(camera);
     }

@@ -46,6 +46,8 @@ pub struct GiCounts {
     pub rays: u64,
     /// Bytes of GPU memory that GI holds.
     pub bytes: u64,
+    /// Bytes of the scene uploaded: what occludes, texels of emissive surfaces, and patches.
+    pub uploaded: u64,
 }
 
 /// A diagnostic: path, unit suffix, and its value.
@@ -53,7 +55,7 @@ type Count = (DiagnosticPath, &'static str, fn(&GiCounts) -> f64);
 
 /// The diagnostics of global illumination, in Bevy's store; GPU times have `bevy_frugal_gi/…` paths
 /// in Bevy's render diagnostics.
-pub const GI_DIAGNOSTICS: [Count; 9] = [
+pub const GI_DIAGNOSTICS: [Count; 10] = [
     (DiagnosticPath::const_new("gi/maps"), "", |counts| f64::from(counts.maps)),
     (DiagnosticPath::const_new("gi/waiting_maps"), "", |counts| f64::from(counts.waiting_maps)),
     (DiagnosticPath::const_new("gi/cameras"), "", |counts| f64::from(counts.cameras)),
@@ -63,6 +65,7 @@ pub const GI_DIAGNOSTICS: [Count; 9] = [
     (DiagnosticPath::const_new("gi/pairs"), "", |counts| counts.pairs as f64),
     (DiagnosticPath::const_new("gi/rays"), "", |counts| counts.rays as f64),
     (DiagnosticPath::const_new("gi/memory"), " MiB", |counts| counts.bytes as f64 / 1_048_576.0),
+    (DiagnosticPath::const_new("gi/uploads"), " KiB", |counts| counts.uploaded as f64 / 1024.0),
 ];
 
 /// Shared by both worlds.
@@ -122,6 +125,7 @@ fn count(
     *counts = GiCounts {
         maps: maps.iter().count() as u32,
         waiting_maps: frame.waiting,
+        uploaded: store.uploaded + occluders.uploaded(),
         bytes: store.bytes() + occluders.bytes() + skies.iter().map(SkyCamera::bytes).sum::<u64>(),
         ..GiCounts::default()
     };

@@ -124,7 +124,7 @@ pub fn gpu_state(render_world: &World) -> GiGpuState {
     let texels = render_world.get_resource::<TexelStore>().and_then(|store| store.texels.clone());
     let occluders = render_world
         .get_resource::<OccluderBuffers>()
-        .and_then(|occluders| occluders.buffers().cloned());
+        .and_then(|occluders| occluders.buffers().map(|buffers| buffers.map(Buffer::clone)));
     let cameras = render_world
         .try_query::<(&MainEntity, &VplView, &GatherView, Option<&BounceCamera>)>()
         .map_or_else(Vec::new, |mut cameras| {

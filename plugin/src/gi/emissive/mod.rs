@@ -34,7 +34,7 @@ impl Plugin for EmissivePlugin {
                 PostUpdate,
                 // After this frame's asset events and transforms: a surface that becomes emissive
                 // lights others in the same frame.
-                (emitters::update, emitters::note_presence)
+                (emitters::update, emitters::note_presence.run_if(resource_changed::<GiEmitters>))
                     .chain()
                     .in_set(SceneSystems::Emissive)
                     .after(AssetEventSystems)

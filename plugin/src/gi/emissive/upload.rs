@@ -19,11 +19,11 @@ pub(super) fn reserve(mut store: ResMut<TexelStore>, emitters: Res<GiEmitters>) 
 /// Writes the texels when they changed or the store did.
 pub(super) fn upload(
     mut uploaded: Local<Option<Uploaded>>,
-    store: Res<TexelStore>,
+    mut store: ResMut<TexelStore>,
     emitters: Res<GiEmitters>,
     queue: Res<RenderQueue>,
 ) {
-    let Some(buffer) = store.texels.as_ref().filter(|_| emitters.texel_count() > 0) else {
+    let Some(buffer) = store.texels.clone().filter(|_| emitters.texel_count() > 0) else {
         *uploaded = None;
         return;
     };
@@ -41,7 +41,8 @@ pub(super) fn upload(
     for texels in emitters.texels() {
         let bytes: &[u8] = bytemuck::cast_slice(texels);
         if !bytes.is_empty() {
-            queue.write_buffer(buffer, offset, bytes);
+            queue.write_buffer(&buffer, offset, bytes);
+            store.uploaded += bytes.len() as u64;
         }
         offset += bytes.len() as u64;
     }

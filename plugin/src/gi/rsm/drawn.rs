@@ -17,9 +17,6 @@ pub(super) fn leave_out_shadowless(
     mut maps: Query<(&Camera, &mut VisibleEntities), With<RsmView>>,
     shadowless: Query<(), With<NotShadowCaster>>,
 ) {
-    if shadowless.is_empty() {
-        return;
-    }
     for (_, mut visible) in maps.iter_mut().filter(|(camera, _)| camera.is_active) {
         let meshes = visible.get_mut(TypeId::of::<Mesh3d>());
         meshes.retain(|mesh| !shadowless.contains(*mesh));

@@ -1,6 +1,7 @@
 //! The bounding box of the scene.
 
 use bevy::camera::primitives::Aabb;
+use bevy::ecs::entity::EntityHashMap;
 use bevy::ecs::prelude::*;
 use bevy::light::NotShadowCaster;
 use bevy::math::{Vec3, Vec3A};
@@ -14,70 +15,105 @@ use crate::gi::surfaces::MeshDelta;
 #[derive(Resource, Clone, Copy, Debug, Default, PartialEq)]
 pub(super) struct SceneBox(pub Option<(Vec3, Vec3)>);
 
-/// The box, and the mesh that each of its faces touches.
-pub(super) struct Extremes {
-    least: Vec3A,
-    most: Vec3A,
-    /// At the lower faces, then at the upper ones.
-    holders: [Entity; 6],
+/// A box: its lower and its upper corner.
+type Box = (Vec3A, Vec3A);
+
+/// The box around nothing.
+const NOTHING: Box = (Vec3A::INFINITY, Vec3A::NEG_INFINITY);
+
+/// The boxes of all meshes as the leaves of a binary tree, whose inner nodes are the boxes around
+/// their children: a mesh that moves changes those above it, and no other mesh is looked at.
+pub(super) struct BoxTree {
+    slots: EntityHashMap<usize>,
+    unused: Vec<usize>,
+    /// The root is the first but one; the children of the `n`-th are the `2n`-th and the next.
+    /// Leaves are the second half.
+    boxes: Vec<Box>,
 }
 
-impl Default for Extremes {
+impl Default for BoxTree {
     fn default() -> Self {
-        Self {
-            least: Vec3A::INFINITY,
-            most: Vec3A::NEG_INFINITY,
-            holders: [Entity::PLACEHOLDER; 6],
-        }
+        Self { slots: EntityHashMap::default(), unused: vec![0], boxes: vec![NOTHING; 2] }
     }
 }
 
-impl Extremes {
-    fn grow(&mut self, mesh: Entity, aabb: &Aabb, transform: &GlobalTransform) {
-        let (center, half) = world_box(aabb, transform);
-        let (low, high) = (center - half, center + half);
-        if !low.is_finite() || !high.is_finite() {
-            return;
-        }
-        for axis in 0..3 {
-            if low[axis] < self.least[axis] {
-                self.holders[axis] = mesh;
+impl BoxTree {
+    /// The box around all.
+    fn all(&self) -> Option<(Vec3, Vec3)> {
+        let (least, most) = self.boxes[1];
+        least.cmple(most).all().then(|| (Vec3::from(least), Vec3::from(most)))
+    }
+
+    /// Sets a mesh's box, or takes it out.
+    fn set(&mut self, mesh: Entity, place: Option<Box>) {
+        let slot = match (place, self.slots.get(&mesh)) {
+            (Some(_), Some(slot)) => *slot,
+            (Some(_), None) => {
+                let slot = self.unused.pop().unwrap_or_else(|| self.grow());
+                self.slots.insert(mesh, slot);
+                slot
             }
-            if high[axis] > self.most[axis] {
-                self.holders[axis + 3] = mesh;
+            (None, Some(slot)) => {
+                self.unused.push(*slot);
+                let slot = *slot;
+                self.slots.remove(&mesh);
+                slot
             }
+            (None, None) => return,
+        };
+        let mut index = self.boxes.len() / 2 + slot;
+        self.boxes[index] = place.unwrap_or(NOTHING);
+        while index > 1 {
+            index /= 2;
+            let around = union(self.boxes[2 * index], self.boxes[2 * index + 1]);
+            if self.boxes[index] == around {
+                break;
+            }
+            self.boxes[index] = around;
         }
-        (self.least, self.most) = (self.least.min(low), self.most.max(high));
+    }
+
+    /// Twice as many leaves. Returns an unused one.
+    fn grow(&mut self) -> usize {
+        let count = self.boxes.len() / 2;
+        let leaves = self.boxes.split_off(count);
+        self.boxes = vec![NOTHING; 2 * count];
+        self.boxes.extend(leaves);
+        self.boxes.resize(4 * count, NOTHING);
+        for index in (1..2 * count).rev() {
+            self.boxes[index] = union(self.boxes[2 * index], self.boxes[2 * index + 1]);
+        }
+        self.unused.extend((count + 1..2 * count).rev());
+        count
     }
 }
 
-/// Grows the box by meshes that came or moved in the last frame, and finds it anew where one that it
-/// touches moved or went. A sky dome that casts no shadow is in no map, and must not stretch them.
+fn union(a: Box, b: Box) -> Box {
+    (a.0.min(b.0), a.1.max(b.1))
+}
+
+/// Whether any mesh changed or went in the last frame.
+pub(super) fn is_touched(delta: Res<MeshDelta>) -> bool {
+    !delta.touched.is_empty() || !delta.gone.is_empty()
+}
+
+/// Fits the box to meshes that came, moved or went in the last frame. A sky dome that casts no shadow
+/// is in no map, and must not stretch them.
 pub(super) fn update_scene_box(
     mut scene: ResMut<SceneBox>,
-    mut extremes: Local<Extremes>,
-    meshes: Query<(Entity, &Aabb, &GlobalTransform), (With<Mesh3d>, Without<NotShadowCaster>)>,
+    mut boxes: Local<BoxTree>,
+    meshes: Query<(&Aabb, &GlobalTransform), (With<Mesh3d>, Without<NotShadowCaster>)>,
     delta: Res<MeshDelta>,
 ) {
-    let changed = || delta.touched.iter().chain(&delta.gone);
-    if changed().next().is_none() {
-        return;
+    for mesh in delta.touched.iter().chain(&delta.gone) {
+        let place = meshes.get(*mesh).ok().and_then(|(aabb, transform)| {
+            let (center, half) = world_box(aabb, transform);
+            let (low, high) = (center - half, center + half);
+            (low.is_finite() && high.is_finite()).then_some((low, high))
+        });
+        boxes.set(*mesh, place);
     }
-    if changed().any(|mesh| extremes.holders.contains(mesh)) {
-        *extremes = Extremes::default();
-        for (mesh, aabb, transform) in &meshes {
-            extremes.grow(mesh, aabb, transform);
-        }
-    } else {
-        for mesh in changed() {
-            if let Ok((mesh, aabb, transform)) = meshes.get(*mesh) {
-                extremes.grow(mesh, aabb, transform);
-            }
-        }
-    }
-    let Extremes { least, most, .. } = *extremes;
-    let found = least.cmple(most).all().then(|| (Vec3::from(least), Vec3::from(most)));
-    scene.set_if_neq(SceneBox(found));
+    scene.set_if_neq(SceneBox(boxes.all()));
 }
 
 #[cfg(test)]
@@ -161,7 +197,7 @@ mod tests {
             let mut app = App::new();
             app.init_resource::<SceneBox>().init_resource::<Assets<Mesh>>();
             app.init_resource::<MeshDelta>();
-            app.add_systems(Update, (note_changes, update_scene_box).chain());
+            app.add_systems(Update, (note_changes, update_scene_box.run_if(is_touched)).chain());
             let mut meshes = [None; 8];
             for changes in frames {
                 for (index, change) in &changes {

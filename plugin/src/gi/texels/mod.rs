@@ -38,6 +38,8 @@ pub(super) struct TexelStore {
     counts: [u32; 3],
     /// Texels of maps in the buffer.
     map_texels: u32,
+    /// Bytes of texels and of patches written by the CPU in this frame.
+    pub uploaded: u64,
 }
 
 impl TexelStore {
@@ -80,6 +82,7 @@ fn allocate(
     queue: Res<RenderQueue>,
     cameras: Query<(), With<FrugalGi>>,
 ) {
+    store.uploaded = 0;
     let (texels, map_texels) =
         (store.counts.iter().map(|count| u64::from(*count)).sum::<u64>(), store.counts[0]);
     let kept = std::mem::replace(&mut store.map_texels, map_texels).min(map_texels);

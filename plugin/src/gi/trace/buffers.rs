@@ -1,32 +1,118 @@
 //! The occluders on the GPU.
 
-use std::sync::Arc;
-
 use bevy::ecs::prelude::*;
+use bevy::render::Extract;
 use bevy::render::render_resource::binding_types::storage_buffer_read_only_sized;
 use bevy::render::render_resource::*;
 use bevy::render::renderer::{RenderDevice, RenderQueue};
 
-use super::bvh::Node;
-use super::data::{InstanceData, MeshData};
-use super::occluders::GiOccluders;
+use super::bvh::{Node, TriangleWords};
+use super::data::Instance;
+use super::mirror::Upload;
+use super::occluders::{GiOccluders, OccluderScene};
 use crate::gi::settings::FrugalGi;
 use crate::gi::texels::TexelStore;
 use crate::gi::view::SkySource;
+
+/// A buffer that holds a copy of an array of the main world.
+#[derive(Debug, Default)]
+struct ArrayBuffer {
+    buffer: Option<Buffer>,
+    /// The version that it holds once `pending` is uploaded; 0: none.
+    version: u64,
+    /// What it lacks.
+    pending: Option<Upload>,
+}
+
+impl ArrayBuffer {
+    /// Number of items of `bytes` each that it has room for.
+    fn capacity(&self, bytes: usize) -> usize {
+        self.buffer.as_ref().map_or(0, |buffer| buffer.size() as usize / bytes)
+    }
+
+    /// Takes what it lacks out of the main world: `missing` of a version and a capacity.
+    fn extract(&mut self, bytes: usize, missing: impl Fn(u64, usize) -> Option<Upload>) {
+        if let Some(upload) = missing(self.version, self.capacity(bytes)) {
+            // Changes on top of what is not uploaded yet are no changes of what the buffer holds.
+            let upload = match self.pending.is_some() && !upload.is_whole {
+                true => missing(0, 0),
+                false => Some(upload),
+            };
+            self.version = upload.as_ref().map_or(0, |upload| upload.version);
+            self.pending = upload;
+        }
+    }
+
+    /// Uploads what it lacks; `nothing` stands in an empty array. Returns the number of bytes, and
+    /// whether it is another buffer now.
+    fn upload(
+        &mut self,
+        label: &'static str,
+        nothing: &[u8],
+        bytes: usize,
+        (device, queue): (&RenderDevice, &RenderQueue),
+    ) -> (u64, bool) {
+        let mut is_new = false;
+        let pending = self.pending.take();
+        let Some(upload) = pending.or_else(|| self.buffer.is_none().then(Upload::default)) else {
+            return (0, false);
+        };
+        // One that has grown is likely to grow again.
+        let has_grown = self.buffer.is_some();
+        let needed = upload.count.max(nothing.len().div_ceil(bytes));
+        if self.capacity(bytes) < needed {
+            let spare = if has_grown { needed / 2 } else { 0 };
+            let most = device.limits().max_storage_buffer_binding_size / bytes as u64;
+            let count = ((needed + spare) as u64).min(most).max(needed as u64);
+            self.buffer = Some(device.create_buffer(&BufferDescriptor {
+                label: Some(label),
+                size: count * bytes as u64,
+                usage: BufferUsages::STORAGE | BufferUsages::COPY_DST,
+                mapped_at_creation: false,
+            }));
+            is_new = true;
+        }
+        let Some(buffer) = &self.buffer else { return (0, false) };
+        let mut written = 0;
+        if upload.count == 0 {
+            queue.write_buffer(buffer, 0, nothing);
+        }
+        for (offset, bytes) in upload.pieces.iter().filter(|(_, bytes)| !bytes.is_empty()) {
+            queue.write_buffer(buffer, *offset as u64, bytes);
+            written += bytes.len() as u64;
+        }
+        (written, is_new)
+    }
+
+    /// Drops the buffer, if any.
+    fn drop_buffer(&mut self) {
+        if self.buffer.is_some() {
+            *self = Self::default();
+        }
+    }
+}
 
 /// Buffers of the tree over instances, the instances, the meshes' trees and their triangles: group
 /// 1 of every shader that traces.
 #[derive(Resource, Default)]
 pub(in crate::gi) struct OccluderBuffers {
-    held: Option<Held>,
+    /// In the order of the bindings.
+    arrays: [ArrayBuffer; 4],
+    bind_group: Option<BindGroup>,
+    are_masked: bool,
+    uploaded: u64,
 }
 
-struct Held {
-    meshes: Arc<MeshData>,
-    instances: Arc<InstanceData>,
-    buffers: [Buffer; 4],
-    bind_group: BindGroup,
-}
+/// Bytes of an item of each array.
+const ITEM_BYTES: [usize; 4] =
+    [size_of::<Node>(), size_of::<Instance>(), size_of::<Node>(), size_of::<TriangleWords>()];
+
+const LABELS: [&str; 4] = [
+    "bevy_frugal_gi/trace/instance_nodes",
+    "bevy_frugal_gi/trace/instances",
+    "bevy_frugal_gi/trace/mesh_nodes",
+    "bevy_frugal_gi/trace/triangles",
+];
 
 impl OccluderBuffers {
     /// Layout of group 1. Not a field of the resource, since the renderer creates resources in no
@@ -42,23 +128,44 @@ impl OccluderBuffers {
 
     /// Group 1, while a camera traces.
     pub(crate) fn bind_group(&self) -> Option<&BindGroup> {
-        self.held.as_ref().map(|held| &held.bind_group)
+        self.bind_group.as_ref()
     }
 
     /// Whether any triangle has holes, which shaders test only where MASKS is defined.
     pub(crate) fn are_masked(&self) -> bool {
-        self.held.as_ref().is_some_and(|held| held.meshes.is_masked)
+        self.are_masked
     }
 
     /// The buffers of group 1, in the order of its bindings.
-    pub(crate) fn buffers(&self) -> Option<&[Buffer; 4]> {
-        self.held.as_ref().map(|held| &held.buffers)
+    pub(crate) fn buffers(&self) -> Option<[&Buffer; 4]> {
+        let [a, b, c, d] = self.arrays.each_ref().map(|array| array.buffer.as_ref());
+        Some([a?, b?, c?, d?])
     }
 
     /// Bytes held on the GPU.
     pub(crate) fn bytes(&self) -> u64 {
-        self.held.as_ref().map_or(0, |held| held.buffers.iter().map(|buffer| buffer.size()).sum())
+        self.arrays
+            .iter()
+            .filter_map(|array| array.buffer.as_ref())
+            .map(|buffer| buffer.size())
+            .sum()
     }
+
+    /// Bytes uploaded in this frame.
+    pub(crate) fn uploaded(&self) -> u64 {
+        self.uploaded
+    }
+}
+
+/// Takes what changed out of the main world.
+pub(super) fn extract(mut buffers: ResMut<OccluderBuffers>, scene: Extract<Res<OccluderScene>>) {
+    let [instance_nodes, instances, mesh_nodes, triangles] = &mut buffers.arrays;
+    let [a, b, c, d] = ITEM_BYTES;
+    let (top, geometry) = (&scene.top, &scene.geometry);
+    instance_nodes.extract(a, |version, room| top.nodes.missing(version, room));
+    instances.extract(b, |version, room| top.instances.missing(version, room));
+    mesh_nodes.extract(c, |version, room| geometry.nodes.missing(version, room));
+    triangles.extract(d, |version, room| geometry.triangles.missing(version, room));
 }
 
 /// Uploads changes to the GPU; drops all buffers while no camera traces rays.
@@ -71,67 +178,42 @@ pub(super) fn prepare(
     queue: Res<RenderQueue>,
     cache: Res<PipelineCache>,
 ) {
+    let buffers = &mut *buffers;
+    buffers.uploaded = 0;
     // Depends on this frame's extracted cameras, not on the main world's occluders: a camera whose
     // settings changed after those were made traces what exists.
     let is_lit = |gi: &FrugalGi, has_sky: bool| {
         store.texels.is_some() || has_sky && gi.environment_samples > 0
     };
     if !cameras.iter().any(|(gi, has_sky)| gi.traces() && is_lit(gi, has_sky)) {
-        buffers.held = None;
+        buffers.bind_group = None;
+        buffers.arrays.iter_mut().for_each(ArrayBuffer::drop_buffer);
         return;
     }
-    let held = buffers.held.take();
-    let same = |held: &Held| {
-        [
-            Arc::ptr_eq(&held.meshes, &occluders.meshes),
-            Arc::ptr_eq(&held.instances, &occluders.instances),
-        ]
-    };
-    let [meshes_same, instances_same] = held.as_ref().map_or([false; 2], same);
-    if meshes_same && instances_same {
-        buffers.held = held;
-        return;
-    }
-    let (meshes, instances) = (Arc::clone(&occluders.meshes), Arc::clone(&occluders.instances));
-    let contents: [(&'static str, &[u8], bool); 4] = [
-        ("bevy_frugal_gi/trace/instance_nodes", node_bytes(&instances.nodes), instances_same),
-        (
-            "bevy_frugal_gi/trace/instances",
-            bytemuck::cast_slice(&instances.instances),
-            instances_same,
-        ),
-        ("bevy_frugal_gi/trace/mesh_nodes", node_bytes(&meshes.nodes), meshes_same),
-        ("bevy_frugal_gi/trace/triangles", bytemuck::cast_slice(&meshes.triangles), meshes_same),
-    ];
-    let old = held.map(|held| held.buffers);
-    let new = std::array::from_fn(|index| {
-        let (label, bytes, unchanged) = contents[index];
-        // No binding may be empty; behind a node that no ray intersects, nothing is read.
-        let bytes = if bytes.is_empty() { &[0; 64] } else { bytes };
-        match old.as_ref().map(|old| &old[index]) {
-            Some(buffer) if unchanged => buffer.clone(),
-            // Data of unchanged size keeps its buffer.
-            Some(buffer) if buffer.size() == bytes.len() as u64 => {
-                queue.write_buffer(buffer, 0, bytes);
-                buffer.clone()
-            }
-            _ => device.create_buffer_with_data(&BufferInitDescriptor {
-                label: Some(label),
-                contents: bytes,
-                usage: BufferUsages::STORAGE | BufferUsages::COPY_DST,
-            }),
+    buffers.are_masked = occluders.is_masked;
+    // No binding may be empty; behind a node that no ray intersects, nothing is read.
+    let nothing = [0_u8; 64];
+    for (index, array) in buffers.arrays.iter_mut().enumerate() {
+        let nothing = match index {
+            0 | 2 => bytemuck::bytes_of(&Node::NOTHING),
+            _ => &nothing[..ITEM_BYTES[index]],
+        };
+        let gpu = (&*device, &*queue);
+        let (written, is_new) = array.upload(LABELS[index], nothing, ITEM_BYTES[index], gpu);
+        buffers.uploaded += written;
+        if is_new {
+            buffers.bind_group = None;
         }
-    });
-    let entries = new.each_ref().map(|buffer: &Buffer| buffer.as_entire_binding());
-    let [a, b, c, d] = entries;
-    let bind_group = device.create_bind_group(
-        "bevy_frugal_gi/trace",
-        &cache.get_bind_group_layout(&OccluderBuffers::layout()),
-        &BindGroupEntries::sequential((a, b, c, d)),
-    );
-    buffers.held = Some(Held { meshes, instances, buffers: new, bind_group });
-}
-
-fn node_bytes(nodes: &[Node]) -> &[u8] {
-    if nodes.is_empty() { bytemuck::bytes_of(&Node::NOTHING) } else { bytemuck::cast_slice(nodes) }
+    }
+    if buffers.bind_group.is_none()
+        && let Some([a, b, c, d]) = buffers.buffers()
+    {
+        let entries = [a, b, c, d].map(|buffer| buffer.as_entire_binding());
+        let [a, b, c, d] = entries;
+        buffers.bind_group = Some(device.create_bind_group(
+            "bevy_frugal_gi/trace",
+            &cache.get_bind_group_layout(&OccluderBuffers::layout()),
+            &BindGroupEntries::sequential((a, b, c, d)),
+        ));
+    }
 }

@@ -100,6 +100,15 @@ impl TriangleWords {
     }
 }
 
+/// How long a tree may take to build.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Effort {
+    /// It is traversed in many frames.
+    ForLong,
+    /// It is built anew soon.
+    ForNow,
+}
+
 /// Nodes in depth-first order, and the primitives in the order in which leaves name them.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub(crate) struct FlatBvh {
@@ -111,7 +120,7 @@ pub(crate) struct FlatBvh {
 
 impl FlatBvh {
     /// A tree over boxes of (lower, upper) corners, all finite.
-    pub(crate) fn new(boxes: &[(Vec3A, Vec3A)]) -> Self {
+    pub(crate) fn new(boxes: &[(Vec3A, Vec3A)], effort: Effort) -> Self {
         let boxes: Vec<Aabb> = boxes
             .iter()
             .map(|(min, max)| Aabb { min: min.to_array().into(), max: max.to_array().into() })
@@ -123,8 +132,11 @@ impl FlatBvh {
                 Self { nodes: vec![Node { leaf: 1, skip: 1, ..boxed(&boxes[0]) }], order: vec![0] }
             }
             _ => {
-                let params =
-                    BvhBuildParams { max_prims_per_leaf: 4, ..BvhBuildParams::medium_build() };
+                let params = match effort {
+                    Effort::ForLong => BvhBuildParams::medium_build(),
+                    Effort::ForNow => BvhBuildParams::very_fast_build(),
+                };
+                let params = BvhBuildParams { max_prims_per_leaf: 4, ..params };
                 flatten(&obvhs::bvh2::builder::build_bvh2(&boxes, params, &mut Duration::default()))
             }
         }
@@ -138,23 +150,29 @@ pub(super) fn refit(nodes: &mut [Node], bounds: &[(Vec3A, Vec3A)]) -> f32 {
     let mut areas = 0.0;
     // Children lie behind their parents.
     for index in (0..nodes.len()).rev() {
-        let node = nodes[index];
-        let (mut min, mut max) = (Vec3A::INFINITY, Vec3A::NEG_INFINITY);
-        if node.leaf != 0 {
-            for (low, high) in &bounds[node.primitives()] {
-                (min, max) = (min.min(*low), max.max(*high));
-            }
-        } else {
-            let mut child = index + 1;
-            while child < node.skip as usize {
-                (min, max) = (min.min(nodes[child].min.into()), max.max(nodes[child].max.into()));
-                child = nodes[child].skip as usize;
-            }
-        }
+        let (min, max) = fitted(nodes, index, bounds);
         areas += half_area(max - min);
         (nodes[index].min, nodes[index].max) = (min.to_array(), max.to_array());
     }
     areas
+}
+
+/// The box around a node's primitives or children.
+pub(super) fn fitted(nodes: &[Node], index: usize, bounds: &[(Vec3A, Vec3A)]) -> (Vec3A, Vec3A) {
+    let node = nodes[index];
+    let (mut min, mut max) = (Vec3A::INFINITY, Vec3A::NEG_INFINITY);
+    if node.leaf != 0 {
+        for (low, high) in &bounds[node.primitives()] {
+            (min, max) = (min.min(*low), max.max(*high));
+        }
+    } else {
+        let mut child = index + 1;
+        while child < node.skip as usize {
+            (min, max) = (min.min(nodes[child].min.into()), max.max(nodes[child].max.into()));
+            child = nodes[child].skip as usize;
+        }
+    }
+    (min, max)
 }
 
 fn half_area(side: Vec3A) -> f32 {
@@ -223,7 +241,7 @@ impl MeshBvh {
             .iter()
             .map(|([a, b, c], _)| (a.min(*b).min(*c).into(), a.max(*b).max(*c).into()))
             .collect();
-        let FlatBvh { nodes, order } = FlatBvh::new(&boxes);
+        let FlatBvh { nodes, order } = FlatBvh::new(&boxes, Effort::ForLong);
         let words = |index: &u32| {
             let (triangle, map) = triangles[*index as usize];
             TriangleWords::new(triangle, map)

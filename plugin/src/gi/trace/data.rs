@@ -4,7 +4,7 @@ use bevy::log::warn_once;
 use bevy::math::{Affine3A, Vec3A};
 use bytemuck::{Pod, Zeroable};
 
-use super::bvh::{MeshBvh, Node, TriangleWords};
+use super::bvh::MeshBvh;
 
 /// `trace/trace.wgsl`'s `Instance`.
 #[derive(Clone, Copy, Debug, PartialEq, Pod, Zeroable)]
@@ -15,22 +15,6 @@ pub(super) struct Instance {
     /// The mesh's first node and the one after its last.
     pub nodes: [u32; 2],
     pub padding: [u32; 2],
-}
-
-/// Trees of all meshes, one after another.
-#[derive(Debug, Default)]
-pub(super) struct MeshData {
-    pub nodes: Vec<Node>,
-    pub triangles: Vec<TriangleWords>,
-    /// Whether any triangle has holes.
-    pub is_masked: bool,
-}
-
-/// Instances of meshes, and the tree over them.
-#[derive(Clone, Debug, Default)]
-pub(super) struct InstanceData {
-    pub nodes: Vec<Node>,
-    pub instances: Vec<Instance>,
 }
 
 /// An instance of a mesh's tree, and its box; `None` where it is scaled to nothing or out of the
@@ -49,29 +33,9 @@ pub(super) fn instance(
     Some((Instance { local_from_world, nodes, padding: [0; 2] }, bounds))
 }
 
-/// Whether `count` more items fit behind those of `items` in a buffer of `most` bytes; warns once
-/// if not.
-pub(super) fn fits<T>(items: &[T], count: usize, most: usize) -> bool {
-    let fits = (items.len() + count) * size_of::<T>() <= most;
-    if !fits {
-        warn_of_full_buffer();
-    }
-    fits
-}
-
-/// Warns once.
+/// Warns once that there is no room for more.
 pub(super) fn warn_of_full_buffer() {
     warn_once!(
         "the scene's meshes exceed this GPU's largest storage buffer: those that are left out occlude no indirect light"
     );
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn what_exceeds_the_largest_buffer_is_left_out() {
-        assert!(fits(&[0u32; 3], 1, 16) && !fits(&[0u32; 3], 2, 16) && fits::<u32>(&[], 0, 0));
-    }
 }

@@ -7,10 +7,12 @@
 //! | `micromap` | none | opacity micromaps of alpha masks |
 //! | `trees` | main | a hierarchy for every occluding mesh, built once |
 //! | `skin` | main | what joints move of skinned meshes, and where |
-//! | `occluders` | main | keeps the instances of all hierarchies |
+//! | `occluders` | main | which meshes occlude, and where they are |
+//! | `geometry`, `arena` | main | all hierarchies in one array, each in its place |
 //! | `top` | main | the hierarchy over instances, edited as meshes come, move and go |
-//! | `data` | none | both, in the GPU's layout |
-//! | `buffers` | render | keeps both on the GPU |
+//! | `data` | none | an instance in the GPU's layout |
+//! | `mirror` | none | arrays that know what the GPU's copy lacks |
+//! | `buffers` | render | keeps all on the GPU |
 //! | `trace.wgsl` | | occlusion between two points |
 //!
 //! Why rays and not imperfect shadow maps (Ritschel et al. 2008): low-resolution depth maps, one
@@ -20,10 +22,13 @@
 //! sampled in proportion to their unoccluded irradiance (see `gather/gather.wgsl`), and rays answer
 //! these exactly.
 
+mod arena;
 mod buffers;
 mod bvh;
 mod data;
+mod geometry;
 mod micromap;
+mod mirror;
 mod occluders;
 mod skin;
 mod top;
@@ -33,7 +38,7 @@ use bevy::app::{App, Plugin, PostUpdate};
 use bevy::camera::visibility::VisibilitySystems;
 use bevy::ecs::prelude::*;
 use bevy::render::extract_resource::ExtractResourcePlugin;
-use bevy::render::{GpuResourceAppExt, Render};
+use bevy::render::{ExtractSchedule, GpuResourceAppExt, Render};
 use bevy::shader::load_shader_library;
 use bevy::transform::TransformSystems;
 
@@ -70,6 +75,7 @@ impl Plugin for TracePlugin {
         let Some(render_app) = supported_render_app(app) else { return };
         render_app
             .init_gpu_resource::<OccluderBuffers>()
+            .add_systems(ExtractSchedule, buffers::extract)
             .add_systems(Render, buffers::prepare.in_set(PrepareSystems::Trace));
     }
 }

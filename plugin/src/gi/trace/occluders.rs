@@ -1,7 +1,5 @@
 //! Meshes that occlude indirect light, and their instances.
 
-use std::sync::Arc;
-
 use bevy::camera::Camera;
 use bevy::camera::visibility::{InheritedVisibility, RenderLayers};
 use bevy::ecs::prelude::*;
@@ -11,13 +9,13 @@ use bevy::math::Affine3A;
 use bevy::mesh::Mesh3d;
 use bevy::mesh::skinning::SkinnedMesh;
 use bevy::pbr::{MeshMaterial3d, StandardMaterial};
-use bevy::platform::collections::HashMap;
+use bevy::platform::collections::{HashMap, HashSet};
 use bevy::render::extract_resource::ExtractResource;
 use bevy::render::renderer::RenderDevice;
 use bevy::transform::components::GlobalTransform;
 
-use super::data::{Instance, InstanceData, MeshData, fits, instance};
-use super::micromap::SOLID;
+use super::data::{Instance, instance};
+use super::geometry::Geometry;
 use super::skin::{Part, Skins};
 use super::top::{Bounds, TopTree};
 use super::trees::{self, TreeKey, Trees, ready, waiting};
@@ -42,12 +40,13 @@ use crate::gi::view::{GiCameras, LightPresence, Showing, Shown};
 ///
 /// [render layer]: bevy::camera::visibility::RenderLayers
 /// [`VisibilityRange`]: bevy::camera::visibility::VisibilityRange
-#[derive(Resource, ExtractResource, Clone, Debug, Default)]
+#[derive(Resource, ExtractResource, Clone, Debug, Default, PartialEq)]
 pub struct GiOccluders {
-    pub(super) meshes: Arc<MeshData>,
-    pub(super) instances: Arc<InstanceData>,
     waiting: usize,
+    triangles: usize,
+    instances: usize,
     is_kept: bool,
+    pub(super) is_masked: bool,
 }
 
 impl GiOccluders {
@@ -63,12 +62,12 @@ impl GiOccluders {
 
     /// Number of triangles in all trees; each mesh counts once.
     pub fn triangle_count(&self) -> usize {
-        self.meshes.triangles.len()
+        self.triangles
     }
 
     /// Number of instances that occlude light.
     pub fn instance_count(&self) -> usize {
-        self.instances.instances.len()
+        self.instances
     }
 }
 
@@ -82,10 +81,10 @@ pub(super) struct OccluderScene {
     joints: HashMap<Entity, u16>,
     /// Number of parts with each tree.
     uses: HashMap<TreeKey, usize>,
+    /// The trees that are built.
+    pub(super) geometry: Geometry,
     /// The instances of parts whose trees are built.
-    top: TopTree,
-    /// First node and the one after the last of each tree in the current data.
-    ranges: HashMap<(TreeKey, u16), [u32; 2]>,
+    pub(super) top: TopTree,
     /// Skinned meshes whose bind poses were not loaded yet.
     without_poses: Vec<Entity>,
     /// An asset was not loaded yet.
@@ -126,18 +125,20 @@ pub(super) fn update(
     skins: Skins,
 ) {
     let scene = &mut *scene;
+    scene.geometry.end_version();
+    scene.top.end_version();
     scene.trees.read(&mut events);
     if !cameras
         .iter()
         .any(|(camera, gi, has_map)| camera.is_active && gi.traces() && light.lights(gi, has_map))
     {
         // The trees stay: rebuilt in the background, they would be missing in the first frames
-        // after rays are switched on again. The assembled data and its buffers are dropped.
+        // after rays are switched on again. The arrays and their buffers are dropped.
         if occluders.is_kept {
             *occluders = GiOccluders::default();
-            let trees = std::mem::take(&mut scene.trees);
-            *scene = OccluderScene { trees, ..Default::default() };
-            scene.trees.changed = true;
+            scene.clear();
+            scene.geometry.clear();
+            scene.top.clear();
         }
         return;
     }
@@ -173,17 +174,19 @@ pub(super) fn update(
     } else if !scene.top.is_rebuilt() {
         return;
     }
-    let waiting = waiting(&scene.trees);
-    if occluders.waiting != waiting {
-        occluders.waiting = waiting;
-    }
     let most = largest_storage_buffer(&limits_of(device.as_deref())) as usize;
     if scene.trees.changed || is_whole {
-        if scene.trees.changed {
-            occluders.meshes = Arc::new(scene.assemble(most));
-        }
-        edit.set = scene.parts.keys().copied().collect();
+        let changed = scene.place_trees(most);
         scene.trees.changed = false;
+        if is_whole {
+            edit.set = scene.parts.keys().copied().collect();
+        } else if !changed.is_empty() {
+            let known: HashSet<Part> = edit.set.iter().copied().collect();
+            let parts = scene.parts.iter();
+            let parts =
+                parts.filter(|(part, (key, _))| changed.contains(key) && !known.contains(*part));
+            edit.set.extend(parts.map(|(part, _)| *part));
+        }
     }
     // Hash order is arbitrary; sorting keeps the tree the same in every run.
     edit.set.sort_unstable();
@@ -196,12 +199,17 @@ pub(super) fn update(
     }
     removed.retain(|part| scene.top.holds(part));
     if is_whole {
-        occluders.instances = Arc::new(scene.top.build(&placed, most));
-        occluders.is_kept = true;
+        scene.top.build(&placed, most);
     } else if !placed.is_empty() || !removed.is_empty() || scene.top.is_rebuilt() {
-        let edited = scene.top.edit(&occluders.instances, placed, &removed, most);
-        occluders.instances = Arc::new(edited);
+        scene.top.edit(placed, &removed, most);
     }
+    occluders.set_if_neq(GiOccluders {
+        waiting: waiting(&scene.trees),
+        triangles: scene.geometry.triangle_count(),
+        instances: scene.top.len(),
+        is_kept: true,
+        is_masked: scene.geometry.is_masked(),
+    });
 }
 
 /// The parts of a mesh that occlude light, each with its tree and what maps that to the world;
@@ -299,30 +307,27 @@ impl OccluderScene {
     /// A part's instance; `None` where nothing of it occludes light.
     fn place(&self, part: &Part) -> Option<(Instance, Bounds)> {
         let (key, affine) = self.parts.get(part)?;
-        let nodes = self.ranges.get(&(*key, part.joint))?;
-        instance(ready(&self.trees, key, part.joint)?, *nodes, affine)
+        let nodes = self.geometry.nodes_of(key, part.joint)?;
+        instance(ready(&self.trees, key, part.joint)?, nodes, affine)
     }
 
-    /// All trees, one after another, in buffers of at most `most` bytes.
-    fn assemble(&mut self, most: usize) -> MeshData {
-        let mut data = MeshData::default();
-        self.ranges.clear();
-        let mut parts: Vec<_> = self.parts.iter().map(|(part, (key, _))| (*part, *key)).collect();
-        parts.sort_unstable_by_key(|(part, _)| *part);
-        for (part, key) in parts {
-            let Some(tree) = ready(&self.trees, &key, part.joint) else { continue };
-            if self.ranges.contains_key(&(key, part.joint))
-                || !fits(&data.nodes, tree.nodes.len(), most)
-                || !fits(&data.triangles, tree.triangles.len(), most)
-            {
-                continue;
+    /// Puts the trees that are built into the arrays, and takes those out that are gone. Returns
+    /// which.
+    fn place_trees(&mut self, most: usize) -> HashSet<TreeKey> {
+        let Self { trees, geometry, parts, .. } = self;
+        // Trees lie in the order of the first part that each has.
+        let first_parts = |keys: &[TreeKey]| {
+            let mut first: HashMap<TreeKey, Option<Part>> =
+                keys.iter().map(|key| (*key, None)).collect();
+            for (part, (key, _)) in &*parts {
+                if let Some(first) = first.get_mut(key)
+                    && first.is_none_or(|first| *part < first)
+                {
+                    *first = Some(*part);
+                }
             }
-            let (first, first_triangle) = (data.nodes.len(), data.triangles.len());
-            data.nodes.extend(tree.nodes.iter().map(|node| node.moved(first, first_triangle)));
-            data.triangles.extend(&tree.triangles);
-            data.is_masked |= tree.triangles.iter().any(|triangle| triangle.map() != SOLID);
-            self.ranges.insert((key, part.joint), [first as u32, data.nodes.len() as u32]);
-        }
-        data
+            first
+        };
+        geometry.update(trees, first_parts, most).into_iter().collect()
     }
 }

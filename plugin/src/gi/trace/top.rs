@@ -2,9 +2,9 @@
 //!
 //! A tree of ten thousand instances takes some 10 ms to build, a frame's time. So what came since it
 //! was built gets a small tree of its own behind it, what went stays as an instance of nothing, and
-//! what moved widens the boxes around it. Rays traverse the trees one after another, as children of
-//! one root. Once too much has changed, all are built anew as one, in the background where they are
-//! large.
+//! what moved widens the boxes around it, up to the root. Rays traverse the trees one after another,
+//! as children of one root. Once too much has changed, all are built anew as one, in the background
+//! where they are large.
 
 use bevy::math::Vec3A;
 use bevy::platform::collections::HashMap;
@@ -12,8 +12,9 @@ use bevy::tasks::futures::check_ready;
 use bevy::tasks::{AsyncComputeTaskPool, Task};
 use bytemuck::Zeroable;
 
-use super::bvh::{FlatBvh, Node, refit};
-use super::data::{Instance, InstanceData, warn_of_full_buffer};
+use super::bvh::{Effort, FlatBvh, Node, fitted, refit};
+use super::data::{Instance, warn_of_full_buffer};
+use super::mirror::Mirrored;
 use super::skin::Part;
 
 /// A box: its lower and its upper corner.
@@ -25,11 +26,13 @@ pub(super) type Placed = (Part, Instance, Bounds);
 /// Trees of up to so many instances are built at once, in less than a millisecond.
 const AT_ONCE: usize = 1024;
 /// All are built anew when their boxes have grown by this factor,
-const MOST_GROWTH: f32 = 2.0;
+const MOST_GROWTH: f64 = 2.0;
 /// when so many trees were added,
 const MOST_TREES: usize = 16;
 /// or when this share of the instances is gone, as a divisor.
 const GONE_SHARE: usize = 4;
+/// All boxes are fitted at once where this share of the instances moved, as a divisor.
+const MOVED_SHARE: usize = 8;
 
 /// A new order of instances, built in the background.
 struct Rebuilt {
@@ -38,18 +41,25 @@ struct Rebuilt {
     boxes: Vec<Bounds>,
 }
 
-/// Where instances are in the current [`InstanceData`].
+/// The instances, and the tree over them.
 #[derive(Default)]
 pub(super) struct TopTree {
+    pub nodes: Mirrored<Node>,
+    pub instances: Mirrored<Instance>,
     slots: HashMap<Part, usize>,
     /// By slot; `None` where an instance is gone.
     parts: Vec<Option<Part>>,
     bounds: Vec<Bounds>,
+    /// The leaf of each slot.
+    leaves: Vec<u32>,
+    /// The node above each node; the root's is the root.
+    parents: Vec<u32>,
     gone: usize,
     /// Number of trees added since all were built.
     added: usize,
-    /// Sum of the half areas of all boxes when they were built or added.
-    area: f32,
+    /// Sum of the half areas of all boxes but the root's: now, and when they were built or added.
+    area: f64,
+    area_built: f64,
     rebuilding: Option<Task<Rebuilt>>,
 }
 
@@ -64,70 +74,136 @@ impl TopTree {
         self.slots.contains_key(part)
     }
 
+    /// Number of instances.
+    pub(super) fn len(&self) -> usize {
+        self.slots.len()
+    }
+
+    /// Ends a version of both arrays.
+    pub(super) fn end_version(&mut self) {
+        self.nodes.end_version();
+        self.instances.end_version();
+    }
+
+    /// Takes all out; returns it, and the instances.
+    fn restart(&mut self) -> (Self, Vec<Instance>) {
+        self.nodes.take();
+        let instances = self.instances.take();
+        let empty = Self {
+            nodes: std::mem::take(&mut self.nodes),
+            instances: std::mem::take(&mut self.instances),
+            ..Self::default()
+        };
+        (std::mem::replace(self, empty), instances)
+    }
+
+    /// Takes all out.
+    pub(super) fn clear(&mut self) {
+        self.restart();
+    }
+
     /// A tree over these instances, each of another part, in buffers of at most `most` bytes.
-    pub(super) fn build(&mut self, placed: &[Placed], most: usize) -> InstanceData {
-        *self = Self::default();
-        let mut data = InstanceData::default();
-        self.append(&mut data, placed, most);
-        refit(&mut data.nodes, &self.bounds);
+    pub(super) fn build(&mut self, placed: &[Placed], most: usize) {
+        self.clear();
+        self.append(placed, Effort::ForLong, most);
+        self.fit(0);
         self.added = 0;
-        data
     }
 
     /// The tree after instances of parts were set and removed.
-    pub(super) fn edit(
-        &mut self,
-        before: &InstanceData,
-        set: Vec<Placed>,
-        removed: &[Part],
-        most: usize,
-    ) -> InstanceData {
-        let mut data = before.clone();
+    pub(super) fn edit(&mut self, set: Vec<Placed>, removed: &[Part], most: usize) {
         for part in removed {
             if let Some(slot) = self.slots.remove(part) {
-                data.instances[slot].nodes = [0; 2];
+                let instance = Instance { nodes: [0; 2], ..self.instances[slot] };
+                self.instances.set(slot, instance);
                 self.parts[slot] = None;
                 self.gone += 1;
             }
         }
-        let mut new = Vec::new();
+        let (mut new, mut moved) = (Vec::new(), Vec::new());
         for (part, instance, bounds) in set {
             match self.slots.get(&part) {
-                Some(slot) => (data.instances[*slot], self.bounds[*slot]) = (instance, bounds),
+                Some(slot) => {
+                    self.instances.set(*slot, instance);
+                    if self.bounds[*slot] != bounds {
+                        self.bounds[*slot] = bounds;
+                        moved.push(*slot);
+                    }
+                }
                 None => new.push((part, instance, bounds)),
             }
         }
         if let Some(rebuilt) = self.rebuilding.as_mut().and_then(check_ready) {
-            data = self.adopt(&data, rebuilt);
+            self.adopt(rebuilt);
+            moved.clear();
         }
-        self.append(&mut data, &new, most);
-        let all = refit(&mut data.nodes, &self.bounds);
-        let area = all - data.nodes.first().map_or(0.0, Node::half_area);
-        let must_build = area > MOST_GROWTH * self.area
+        self.append(&new, Effort::ForNow, most);
+        if moved.len() * MOVED_SHARE > self.parts.len() {
+            self.fit_all();
+        } else {
+            for slot in moved {
+                self.fit(self.leaves[slot] as usize);
+            }
+            self.fit(0);
+        }
+        let must_build = self.area > MOST_GROWTH * self.area_built
             || self.added > MOST_TREES
             || self.gone * GONE_SHARE > self.parts.len();
         if must_build && self.rebuilding.is_none() {
             if self.slots.len() <= AT_ONCE {
-                let placed: Vec<_> = self.live(&data).collect();
+                let placed: Vec<_> = self.live(&self.instances).collect();
                 return self.build(&placed, most);
             }
             let (parts, boxes): (Vec<_>, Vec<_>) =
-                self.live(&data).map(|(part, _, bounds)| (part, bounds)).unzip();
-            let build = async move { Rebuilt { tree: FlatBvh::new(&boxes), parts, boxes } };
+                self.live(&self.instances).map(|(part, _, bounds)| (part, bounds)).unzip();
+            let build = async move {
+                Rebuilt { tree: FlatBvh::new(&boxes, Effort::ForLong), parts, boxes }
+            };
             self.rebuilding = Some(AsyncComputeTaskPool::get().spawn(build));
         }
-        data
+    }
+
+    /// Fits the box of a node, and those above it for as long as they change.
+    fn fit(&mut self, mut index: usize) {
+        while index < self.nodes.len() {
+            let before = self.nodes[index];
+            let (min, max) = fitted(&self.nodes, index, &self.bounds);
+            let now = Node { min: min.to_array(), max: max.to_array(), ..before };
+            if now == before {
+                return;
+            }
+            self.nodes.set(index, now);
+            if index == 0 {
+                return;
+            }
+            self.area += f64::from(now.half_area()) - f64::from(before.half_area());
+            index = self.parents[index] as usize;
+        }
+    }
+
+    /// Fits all boxes.
+    fn fit_all(&mut self) {
+        self.area = 0.0;
+        // Children lie behind their parents.
+        for index in (0..self.nodes.len()).rev() {
+            let (min, max) = fitted(&self.nodes, index, &self.bounds);
+            let node = Node { min: min.to_array(), max: max.to_array(), ..self.nodes[index] };
+            self.nodes.set(index, node);
+            if index > 0 {
+                self.area += f64::from(node.half_area());
+            }
+        }
     }
 
     /// The instances that are there.
-    fn live<'a>(&'a self, data: &'a InstanceData) -> impl Iterator<Item = Placed> + 'a {
-        let slots = self.parts.iter().zip(&data.instances).zip(&self.bounds);
+    fn live<'a>(&'a self, instances: &'a [Instance]) -> impl Iterator<Item = Placed> + 'a {
+        let slots = self.parts.iter().zip(instances).zip(&self.bounds);
         slots.filter_map(|((part, instance), bounds)| Some(((*part)?, *instance, *bounds)))
     }
 
     /// Adds a tree behind the others.
-    fn append(&mut self, data: &mut InstanceData, placed: &[Placed], most: usize) {
-        let room = (most / size_of::<Instance>()).saturating_sub(data.instances.len());
+    fn append(&mut self, placed: &[Placed], effort: Effort, most: usize) {
+        let room = (most / size_of::<Instance>()).saturating_sub(self.instances.len());
         if placed.len() > room {
             warn_of_full_buffer();
         }
@@ -136,7 +212,7 @@ impl TopTree {
             return;
         }
         let boxes: Vec<Bounds> = placed.iter().map(|(.., bounds)| *bounds).collect();
-        let tree = FlatBvh::new(&boxes);
+        let tree = FlatBvh::new(&boxes, effort);
         let part = |index: &u32| Some(placed[*index as usize].0);
         let parts: Vec<_> = tree.order.iter().map(part).collect();
         let placed = |index: &u32| {
@@ -144,25 +220,26 @@ impl TopTree {
             (instance, bounds)
         };
         let placed: Vec<_> = tree.order.iter().map(placed).collect();
-        self.push(data, tree.nodes, &parts, placed);
+        self.push(tree.nodes, &parts, placed);
         self.added += 1;
     }
 
     /// Puts a tree of instances behind the others.
     fn push(
         &mut self,
-        data: &mut InstanceData,
         mut nodes: Vec<Node>,
         parts: &[Option<Part>],
         placed: Vec<(Instance, Bounds)>,
     ) {
         let (instances, bounds): (Vec<_>, Vec<_>) = placed.into_iter().unzip();
-        self.area += refit(&mut nodes, &bounds);
-        if data.nodes.is_empty() {
+        let area = f64::from(refit(&mut nodes, &bounds));
+        (self.area, self.area_built) = (self.area + area, self.area_built + area);
+        if self.nodes.is_empty() {
             // The root of all trees.
-            data.nodes.push(Node { leaf: 0, ..Node::NOTHING });
+            self.nodes.extend(&[Node { leaf: 0, ..Node::NOTHING }]);
+            self.parents.push(0);
         }
-        let (first_node, first) = (data.nodes.len(), data.instances.len());
+        let (first_node, first) = (self.nodes.len(), self.instances.len());
         for (slot, part) in (first..).zip(parts) {
             if let Some(part) = part {
                 self.slots.insert(*part, slot);
@@ -170,35 +247,53 @@ impl TopTree {
         }
         self.parts.extend(parts);
         self.gone += parts.iter().filter(|part| part.is_none()).count();
-        data.nodes.extend(nodes.into_iter().map(|node| node.moved(first_node, first)));
-        data.instances.extend(instances);
+        let nodes: Vec<Node> =
+            nodes.into_iter().map(|node| node.moved(first_node, first)).collect();
+        self.nodes.extend(&nodes);
+        self.instances.extend(&instances);
         self.bounds.extend(bounds);
-        data.nodes[0].skip = data.nodes.len() as u32;
+        self.link(first_node);
+        let root = Node { skip: self.nodes.len() as u32, ..self.nodes[0] };
+        self.nodes.set(0, root);
+    }
+
+    /// Notes what lies above the nodes from `first` on.
+    fn link(&mut self, first: usize) {
+        self.parents.resize(self.nodes.len(), 0);
+        self.leaves.resize(self.parts.len(), 0);
+        for index in first..self.nodes.len() {
+            let node = self.nodes[index];
+            if node.leaf != 0 {
+                self.leaves[node.primitives()].fill(index as u32);
+                continue;
+            }
+            let mut child = index + 1;
+            while child < node.skip as usize {
+                self.parents[child] = index as u32;
+                child = self.nodes[child].skip as usize;
+            }
+        }
     }
 
     /// Takes over a new order. What has gone meanwhile is an instance of nothing, and what has come
     /// gets a tree behind it.
-    fn adopt(&mut self, before: &InstanceData, rebuilt: Rebuilt) -> InstanceData {
+    fn adopt(&mut self, rebuilt: Rebuilt) {
         let Rebuilt { tree, parts, boxes } = rebuilt;
-        let old = std::mem::take(self);
-        let mut data = InstanceData::default();
+        let (old, instances) = self.restart();
         let (ordered, placed): (Vec<_>, Vec<_>) = tree
             .order
             .iter()
             .map(|index| {
                 let index = *index as usize;
                 match old.slots.get(&parts[index]) {
-                    Some(slot) => {
-                        (Some(parts[index]), (before.instances[*slot], old.bounds[*slot]))
-                    }
+                    Some(slot) => (Some(parts[index]), (instances[*slot], old.bounds[*slot])),
                     None => (None, (Instance::zeroed(), boxes[index])),
                 }
             })
             .unzip();
-        self.push(&mut data, tree.nodes, &ordered, placed);
-        let come: Vec<_> = old.live(before).filter(|(part, ..)| !self.holds(part)).collect();
-        self.append(&mut data, &come, usize::MAX);
-        data
+        self.push(tree.nodes, &ordered, placed);
+        let come: Vec<_> = old.live(&instances).filter(|(part, ..)| !self.holds(part)).collect();
+        self.append(&come, Effort::ForNow, usize::MAX);
     }
 }
 

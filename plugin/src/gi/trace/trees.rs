@@ -19,7 +19,10 @@ use crate::gi::surfaces::{
 /// Trees of meshes of up to so many triangles are built at once, in about a millisecond; larger
 /// ones in the background.
 const TRIANGLES_AT_ONCE: usize = 4096;
-/// Weight of a triangle with an alpha mask in that count: its mask is sampled 512 times.
+/// Meshes are built at once in a frame up to so many triangles together, so that a level that is
+/// streamed in stalls no frame; the rest of them in the background.
+const TRIANGLES_PER_FRAME: usize = 4 * TRIANGLES_AT_ONCE;
+/// Weight of a triangle with an alpha mask in these counts: its mask is sampled 512 times.
 const MASKED_TRIANGLE: usize = 64;
 
 /// A tree for each joint that moves any triangles, in the order of joints. A mesh without a skin
@@ -28,6 +31,17 @@ const MASKED_TRIANGLE: usize = 64;
 pub(super) struct Pieces(Vec<(u16, MeshBvh)>);
 
 impl Pieces {
+    /// From pieces in the order of their joints.
+    #[cfg(test)]
+    pub(super) fn new(pieces: Vec<(u16, MeshBvh)>) -> Self {
+        Self(pieces)
+    }
+
+    /// All pieces, each with its joint.
+    pub(super) fn iter(&self) -> impl Iterator<Item = &(u16, MeshBvh)> {
+        self.0.iter()
+    }
+
     /// What a joint moves.
     pub(super) fn of(&self, joint: u16) -> Option<&MeshBvh> {
         let place = self.0.binary_search_by_key(&joint, |(joint, _)| *joint).ok()?;
@@ -35,6 +49,7 @@ impl Pieces {
     }
 }
 
+/// A mesh's tree.
 pub(super) enum Tree {
     Building(Task<Pieces>),
     Ready(Arc<Pieces>),
@@ -89,11 +104,13 @@ pub(super) fn build(
             trees.changed = true;
         }
     }
-    trees.fill(used, |key| start(key, assets))
+    let mut left = TRIANGLES_PER_FRAME;
+    trees.fill(used, |key| start(key, assets, &mut left))
 }
 
 /// Builds a mesh's tree, at once or in the background; `None` while its assets are not loaded.
-fn start(key: &TreeKey, assets: &SurfaceAssets) -> Option<Tree> {
+/// `left`: triangles that may still be built at once in this frame.
+fn start(key: &TreeKey, assets: &SurfaceAssets, left: &mut usize) -> Option<Tree> {
     let mesh = assets.meshes.get(key.mesh)?;
     let cutout =
         Cutout::new(key.mask.as_ref(), mesh, assets.images.as_deref())?.map(Cutout::into_owned);
@@ -119,7 +136,8 @@ fn start(key: &TreeKey, assets: &SurfaceAssets) -> Option<Tree> {
         let build = |(joint, piece)| (joint, tree(piece, cutout.as_ref()));
         Pieces(pieces.into_iter().map(build).collect())
     };
-    Some(if work <= TRIANGLES_AT_ONCE {
+    Some(if work <= TRIANGLES_AT_ONCE.min(*left) {
+        *left -= work;
         Tree::Ready(Arc::new(build()))
     } else {
         Tree::Building(AsyncComputeTaskPool::get().spawn(async move { build() }))

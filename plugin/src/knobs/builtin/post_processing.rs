@@ -81,7 +81,10 @@ impl Authored for Bloom {
 
 pub(super) fn build(app: &mut App) {
     // Needs this frame's viewport size and resolution scale.
-    app.add_systems(PostUpdate, fit_bloom.after(CameraUpdateSystems));
+    app.add_systems(
+        PostUpdate,
+        fit_bloom.after(CameraUpdateSystems).run_if(any_with_component::<BloomShare>),
+    );
 }
 
 /// Every frame, since the window and the resolution scale change independently of the knob.

@@ -88,15 +88,18 @@ fn is_same(a: &CascadeShadowConfig, b: &CascadeShadowConfig) -> bool {
 }
 
 pub(super) fn build(app: &mut App) {
-    app.init_resource::<CascadesDiffer>()
-        .add_systems(PostUpdate, watch_cascades.before(KnobSystems::Apply));
+    app.init_resource::<CascadesDiffer>().add_systems(
+        PostUpdate,
+        watch_cascades.before(KnobSystems::Apply).run_if(any_match_filter::<ChangedCascades>),
+    );
 }
 
+/// Lights whose cascades are new.
+type ChangedCascades =
+    (With<DirectionalLight>, Or<(Added<DirectionalLight>, Changed<CascadeShadowConfig>)>);
+
 fn watch_cascades(
-    lights: Query<
-        (&CascadeShadowConfig, Option<&HeldCascades>),
-        (With<DirectionalLight>, Or<(Added<DirectionalLight>, Changed<CascadeShadowConfig>)>),
-    >,
+    lights: Query<(&CascadeShadowConfig, Option<&HeldCascades>), ChangedCascades>,
     mut differ: ResMut<CascadesDiffer>,
 ) {
     let is_ours = |(current, held): (&CascadeShadowConfig, Option<&HeldCascades>)| {

@@ -48,7 +48,12 @@ impl KnobDriver for ViewDistance {
 }
 
 pub(super) fn build(app: &mut App) {
-    app.add_systems(PostUpdate, cull_by_distance.after(VisibilitySystems::CheckVisibility));
+    app.add_systems(
+        PostUpdate,
+        cull_by_distance
+            .after(VisibilitySystems::CheckVisibility)
+            .run_if(any_with_component::<ViewShare>),
+    );
 }
 
 /// Far plane of a projection, metres; infinite where it has none.
