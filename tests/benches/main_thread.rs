@@ -4,8 +4,8 @@
 //! are the tenth part: `make bench BENCH=main_thread ARGS='still 0 1000'`
 //!
 //! Each case has two apps without a renderer, one with GI and one without, that are updated in turn.
-//! Printed are the medians of both, and the median of the differences with the range that holds half
-//! of them.
+//! Printed are the medians of both, the median of the differences with the range that holds half of
+//! them, and what a frame uploads of occluders.
 
 use std::collections::VecDeque;
 use std::time::Instant;
@@ -35,6 +35,7 @@ use bevy::window::WindowPlugin;
 use bevy::winit::WinitPlugin;
 use bevy_frugal_gi::FrugalGiPlugins;
 use bevy_frugal_gi::gi::FrugalGi;
+use bevy_frugal_gi::gi::inspect::UploadMeter;
 
 /// Number of meshes where none is given.
 const MESHES: usize = 10_000;
@@ -197,22 +198,25 @@ fn main() {
         counts.push(MESHES);
     }
     println!("milliseconds per update, medians of {UPDATES}");
-    println!("  meshes            without     with  GI adds  half of the differences");
+    println!("  meshes            without     with  GI adds  half of the differences, uploaded");
     for (count, (name, case)) in
         counts.into_iter().flat_map(|count| cases.iter().map(move |case| (count, *case)))
     {
-        let [without, with, added] = compare(case, count);
+        let ([without, with, added], kib) = compare(case, count);
         println!(
-            "{count:8} {name:8} {:8.3} {:8.3} {:8.3}  {:.3} to {:.3}",
+            "{count:8} {name:8} {:8.3} {:8.3} {:8.3}  {:.3} to {:.3}, {kib:.1} KiB",
             without[1], with[1], added[1], added[0], added[2]
         );
     }
 }
 
-/// Quartiles of an update without GI, with it, and of the difference, milliseconds.
-fn compare(case: Case, count: usize) -> [[f64; 3]; 3] {
+/// Quartiles of an update without GI, with it, and of the difference, milliseconds; and the median of
+/// what a frame uploads, KiB.
+fn compare(case: Case, count: usize) -> ([[f64; 3]; 3], f64) {
     let (mut without, mut with) = (crowd(case, count, false), crowd(case, count, true));
     let mut times = [const { Vec::new() }; 3];
+    let (mut meter, mut bytes) = (UploadMeter::default(), Vec::new());
+    meter.bytes(with.world());
     for update in 0..UPDATES {
         let (before, after) = if update % 2 == 0 {
             let before = timed(&mut without);
@@ -224,6 +228,7 @@ fn compare(case: Case, count: usize) -> [[f64; 3]; 3] {
         for (times, time) in times.iter_mut().zip([before, after, after - before]) {
             times.push(time);
         }
+        bytes.push(meter.bytes(with.world()) as f64 / 1024.0);
     }
-    times.map(|mut times| quartiles(&mut times))
+    (times.map(|mut times| quartiles(&mut times)), quartiles(&mut bytes)[1])
 }

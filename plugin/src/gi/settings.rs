@@ -84,6 +84,10 @@ pub struct FrugalGi {
     /// [`MAX_REST_FRAMES`](Self::MAX_REST_FRAMES). Without [`visibility`](Self::visibility) and
     /// [`interleave`](Self::interleave) there is no history, and nothing to average.
     pub rest_frames: u32,
+    /// Whether Bevy's [irradiance volumes](bevy::light::IrradianceVolume) light the camera while it
+    /// gathers. `true` suits volumes that hold only what is not gathered, such as the light of lamps
+    /// that are in no map; else their light counts twice. Where GI is off they always do.
+    pub irradiance_volumes: bool,
     /// Reflection model of indirect light. Costs nothing.
     pub shading: GiShading,
     /// Output written to the image.
@@ -143,6 +147,7 @@ impl Default for FrugalGi {
             range: 40.0,
             history_frames: 32,
             rest_frames: 64,
+            irradiance_volumes: false,
             shading: GiShading::Standard,
             output: GiOutput::Added,
         }

@@ -3,17 +3,20 @@
 
 use std::any::TypeId;
 
-use bevy::asset::Assets;
+use bevy::asset::{Assets, RenderAssetUsages};
 use bevy::color::{Alpha, Color};
 use bevy::core_pipeline::core_3d::main_opaque_pass_3d;
 use bevy::core_pipeline::schedule::Core3d;
 use bevy::ecs::schedule::{IntoScheduleConfigs, Schedules};
 use bevy::ecs::system::IntoSystem;
+use bevy::image::Image;
+use bevy::light::{IrradianceVolume, LightProbe};
 use bevy::math::Vec3;
 use bevy::pbr::deferred::deferred_lighting;
 use bevy::pbr::{DistanceFog, FogFalloff, StandardMaterial, screen_space_reflections};
 use bevy::render::RenderApp;
-use bevy::render::render_resource::TextureFormat;
+use bevy::render::render_resource::{Extent3d, TextureDimension, TextureFormat};
+use bevy::transform::components::Transform;
 use bevy_frugal_gi::gi::GiSystems;
 use frugal::stage::{Component, Radiance, Stage};
 use frugal_tests::{meshes, set};
@@ -26,6 +29,7 @@ tests!(
     a_material_s_occlusion_dims_its_indirect_light,
     the_screen_s_occlusion_dims_indirect_light_in_creases,
     indirect_light_is_there_before_reflections_and_the_sky,
+    irradiance_volumes_light_only_what_is_not_gathered,
 );
 
 const EYE: Vec3 = Vec3::new(0.0, 1.2, 3.0);
@@ -202,4 +206,42 @@ fn indirect_light_is_there_before_reflections_and_the_sky() {
         (screen_space_reflections.system_type_id(), main_opaque_pass_3d.system_type_id());
     assert!(composite < at(reflections, "screen-space reflections"));
     assert!(composite < at(opaque, "opaque meshes"));
+}
+
+/// A volume of one voxel of white light around everything.
+fn spawn_volume(stage: &mut Stage) {
+    // A voxel's six faces: two along the height, three along the depth.
+    let size = Extent3d { width: 1, height: 2, depth_or_array_layers: 3 };
+    let faces = vec![255; 6 * 4];
+    let format = TextureFormat::Rgba8Unorm;
+    let voxels =
+        Image::new(size, TextureDimension::D3, faces, format, RenderAssetUsages::RENDER_WORLD);
+    let world = stage.world_mut();
+    let voxels = world.resource_mut::<Assets<Image>>().add(voxels);
+    world.spawn((
+        LightProbe::default(),
+        IrradianceVolume { voxels, intensity: 500.0, ..Default::default() },
+        Transform::from_scale(Vec3::splat(40.0)),
+    ));
+}
+
+fn irradiance_volumes_light_only_what_is_not_gathered() {
+    let mut stage = full();
+    let [direct, all] = both(&mut stage);
+    spawn_volume(&mut stage);
+    stage.get_ready().expect("a ready stage");
+    let [baked, gathered] = both(&mut stage);
+    println!(
+        "    mean: direct {:.0}, with a volume {:.0}; gathered {:.0}, with a volume {:.0}",
+        direct.mean(),
+        baked.mean(),
+        all.mean(),
+        gathered.mean()
+    );
+    assert!(baked.mean() > 1.2 * direct.mean(), "without GI the volume lights");
+    assert!(gathered == all, "its light does not count twice");
+    set::gi(&mut stage).irradiance_volumes = true;
+    let added = set::radiance(&mut stage).mean() - all.mean();
+    let expected = baked.mean() - direct.mean();
+    assert!((added / expected - 1.0).abs() < 0.02, "{added} {expected}");
 }

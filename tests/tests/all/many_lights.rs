@@ -6,17 +6,20 @@ use bevy::color::Color;
 use bevy::ecs::entity::Entity;
 use bevy::image::Image;
 use bevy::light::{PointLight, SpotLight};
+use bevy::math::primitives::Sphere;
 use bevy::math::{Quat, Vec3};
+use bevy::mesh::Meshable;
 use bevy::transform::components::Transform;
 use bevy_frugal_gi::gi::{GiLimits, GiRefresh, RsmView};
 use frugal::stage::Stage;
 use frugal_tests::{gpu, meshes, set};
 
-use super::gi::corner;
+use super::gi::{PLAIN, corner};
 
 tests!(
     only_maps_that_can_show_a_change_are_rendered,
     what_no_map_shows_renders_none,
+    only_what_changed_is_uploaded,
     maps_are_rendered_in_turns,
     a_light_that_goes_takes_its_light_with_it,
     lights_are_exchanged_without_a_step,
@@ -129,6 +132,63 @@ fn what_no_map_shows_renders_none() {
     rest(&mut stage);
     moved(&mut stage, parent, Vec3::Y * 0.1);
     assert_eq!(rendered(&mut stage), 7, "of the light and of the flashlight");
+}
+
+fn only_what_changed_is_uploaded() {
+    const NODE: u64 = 32;
+    const INSTANCE: u64 = 64;
+    let (mut stage, [near, far], flashlight) = two_places();
+    set::apply(&mut stage, &format!("{PLAIN},gi_visibility=coarse"));
+    let uploaded = |stage: &mut Stage| {
+        stage.frame();
+        set::gathered(stage).uploaded
+    };
+    // A mesh of a thousand triangles, and one that makes the buffers grow, which uploads all.
+    let sphere = Sphere::new(0.3).mesh().uv(32, 18);
+    let ball = |stage: &mut Stage, place: Vec3| {
+        meshes::spawn(
+            stage,
+            sphere.clone(),
+            meshes::diffuse(0.5, 0.5, 0.5),
+            Transform::from_translation(place),
+        )
+    };
+    for place in [Vec3::new(-0.5, 0.5, 0.0), Vec3::new(-0.5, 0.5, 0.7)] {
+        ball(&mut stage, place);
+        rest(&mut stage);
+    }
+    let whole = set::gathered(&stage).bytes;
+    assert_eq!(uploaded(&mut stage), 0, "nothing changed");
+
+    moved(&mut stage, far, Vec3::Y * 0.1);
+    let moving = uploaded(&mut stage);
+    assert!(
+        (INSTANCE..=INSTANCE + 16 * NODE).contains(&moving),
+        "{moving}: itself and boxes above"
+    );
+    rest(&mut stage);
+    for entity in [near, far] {
+        moved(&mut stage, entity, Vec3::Y * 0.1);
+    }
+    assert!(uploaded(&mut stage) <= 8 * INSTANCE + 16 * NODE, "both, and what lies between");
+    rest(&mut stage);
+
+    let mut transform = stage.world_mut().get_mut::<Transform>(flashlight).expect("a transform");
+    transform.rotation *= Quat::from_rotation_y(0.3);
+    assert_eq!(uploaded(&mut stage), 0, "a light is no occluder");
+    rest(&mut stage);
+    let image =
+        stage.world_mut().resource_mut::<bevy::asset::Assets<Image>>().add(Image::default());
+    assert_eq!((0..6).map(|_| uploaded(&mut stage)).sum::<u64>(), 0, "an image of the interface");
+    drop(image);
+
+    // Geometry that comes is uploaded alone, and once.
+    small_box(&mut stage, Vec3::new(0.3, 0.5, 0.3));
+    let coming: u64 = (0..16).map(|_| uploaded(&mut stage)).sum();
+    println!(
+        "    uploaded: {moving} B for a mesh that moves, {coming} B for a box that comes, of {whole} B"
+    );
+    assert!((12 * 48..4000).contains(&coming), "{coming}");
 }
 
 fn maps_are_rendered_in_turns() {

@@ -6,6 +6,7 @@
 //! volumes, and transparent meshes. Distance fog is part of Bevy's shading of each surface, so the
 //! composite dims its own light by it.
 
+mod baked;
 mod pipelines;
 
 use bevy::app::{App, Plugin};
@@ -43,7 +44,13 @@ impl Plugin for CompositePlugin {
         let Some(render_app) = supported_render_app(app) else { return };
         render_app
             .init_gpu_resource::<CompositePipelines>()
-            .add_systems(Render, pipelines::prepare.in_set(RenderSystems::Prepare))
+            .add_systems(
+                Render,
+                (
+                    baked::leave_out_volumes.in_set(RenderSystems::CreateViews),
+                    pipelines::prepare.in_set(RenderSystems::Prepare),
+                ),
+            )
             .add_systems(
                 Core3d,
                 (

@@ -119,6 +119,21 @@ pub struct GiCameraState {
     pub bounces: Option<GiBouncesState>,
 }
 
+/// Counts the bytes of occluders that frames upload, without a renderer: as one with room for all of
+/// them would get them.
+#[derive(Clone, Debug, Default)]
+pub struct UploadMeter {
+    versions: [u64; 4],
+}
+
+impl UploadMeter {
+    /// Bytes since the last call, or all of them. `world` is the main world, after a frame; the next
+    /// call must come after the next frame.
+    pub fn bytes(&mut self, world: &World) -> u64 {
+        trace::missing_bytes(world, &mut self.versions)
+    }
+}
+
 /// The GPU state of a render world.
 pub fn gpu_state(render_world: &World) -> GiGpuState {
     let texels = render_world.get_resource::<TexelStore>().and_then(|store| store.texels.clone());

@@ -157,6 +157,26 @@ impl OccluderBuffers {
     }
 }
 
+/// Bytes that a renderer with room for everything would upload, if it last did so at the versions
+/// `held`; they become the current ones.
+pub(in crate::gi) fn missing_bytes(world: &World, held: &mut [u64; 4]) -> u64 {
+    let Some(OccluderScene { top, geometry, .. }) = world.get_resource() else { return 0 };
+    let [a, b, c, d] = *held;
+    let uploads = [
+        top.nodes.missing(a, usize::MAX),
+        top.instances.missing(b, usize::MAX),
+        geometry.nodes.missing(c, usize::MAX),
+        geometry.triangles.missing(d, usize::MAX),
+    ];
+    let mut bytes = 0;
+    for (held, upload) in held.iter_mut().zip(uploads) {
+        let Some(upload) = upload else { continue };
+        *held = upload.version;
+        bytes += upload.pieces.iter().map(|(_, bytes)| bytes.len() as u64).sum::<u64>();
+    }
+    bytes
+}
+
 /// Takes what changed out of the main world.
 pub(super) fn extract(mut buffers: ResMut<OccluderBuffers>, scene: Extract<Res<OccluderScene>>) {
     let [instance_nodes, instances, mesh_nodes, triangles] = &mut buffers.arrays;

@@ -43,7 +43,7 @@ use bevy::shader::load_shader_library;
 use bevy::transform::TransformSystems;
 
 use super::schedule::{PrepareSystems, SceneSystems, supported_render_app};
-pub(super) use buffers::OccluderBuffers;
+pub(super) use buffers::{OccluderBuffers, missing_bytes};
 pub use occluders::GiOccluders;
 
 /// Bytes of the structs of `trace.wgsl`. A test compares them with the shader.
