@@ -12,8 +12,8 @@ use bevy::pbr::RenderViewLightProbes;
 use crate::gi::settings::FrugalGi;
 use crate::gi::view::GiView;
 
-/// Before pipelines are specialized by whether a view has volumes. A view that begins to gather is
-/// known from its first frame.
+/// Runs before Bevy notes, for the keys of pipelines, whether a view has volumes: pipelines that read
+/// volumes which are not bound end rendering. A view is known to gather from its second frame on.
 pub(super) fn leave_out_volumes(
     mut commands: Commands,
     views: Query<

@@ -47,7 +47,9 @@ impl Plugin for CompositePlugin {
             .add_systems(
                 Render,
                 (
-                    baked::leave_out_volumes.in_set(RenderSystems::CreateViews),
+                    baked::leave_out_volumes
+                        .after(RenderSystems::ExtractCommands)
+                        .before(RenderSystems::PrepareAssets),
                     pipelines::prepare.in_set(RenderSystems::Prepare),
                 ),
             )

@@ -11,8 +11,7 @@ use bevy::render::extract_resource::ExtractResource;
 #[non_exhaustive]
 pub enum GiRefresh {
     /// When something moved or changed: meshes, their materials' handles, standard materials,
-    /// images, lights, skins, morphs; for the gather, the camera, too. A changed material or mesh
-    /// asset takes effect a frame late, since Bevy reports assets after cameras. While any mesh has
+    /// images, lights, skins, morphs; for the gather, the camera, too. While any mesh has
     /// a material of another kind it is as [`EveryFrame`](Self::EveryFrame), since such a material
     /// may change by itself.
     #[default]
