@@ -11,9 +11,10 @@ use bevy::ecs::schedule::{IntoScheduleConfigs, Schedules};
 use bevy::ecs::system::IntoSystem;
 use bevy::image::Image;
 use bevy::light::{IrradianceVolume, LightProbe};
-use bevy::math::Vec3;
+use bevy::math::{Rect, Vec3};
+use bevy::mesh::Mesh;
 use bevy::pbr::deferred::deferred_lighting;
-use bevy::pbr::{DistanceFog, FogFalloff, StandardMaterial, screen_space_reflections};
+use bevy::pbr::{DistanceFog, FogFalloff, Lightmap, StandardMaterial, screen_space_reflections};
 use bevy::render::RenderApp;
 use bevy::render::render_resource::{Extent3d, TextureDimension, TextureFormat};
 use bevy::transform::components::Transform;
@@ -30,6 +31,7 @@ tests!(
     the_screen_s_occlusion_dims_indirect_light_in_creases,
     indirect_light_is_there_before_reflections_and_the_sky,
     irradiance_volumes_light_only_what_is_not_gathered,
+    lightmaps_and_gathered_light_add_up,
 );
 
 const EYE: Vec3 = Vec3::new(0.0, 1.2, 3.0);
@@ -244,4 +246,37 @@ fn irradiance_volumes_light_only_what_is_not_gathered() {
     let added = set::radiance(&mut stage).mean() - all.mean();
     let expected = baked.mean() - direct.mean();
     assert!((added / expected - 1.0).abs() < 0.02, "{added} {expected}");
+}
+
+/// The corner with a plate, which has a lightmap or not, without and with indirect light.
+fn with_plate(has_lightmap: bool) -> [Radiance; 2] {
+    let mut stage = full();
+    let mut plate = meshes::plate(true);
+    let coordinates = plate.attribute(Mesh::ATTRIBUTE_UV_0).expect("coordinates").clone();
+    plate.insert_attribute(Mesh::ATTRIBUTE_UV_1, coordinates);
+    let material = StandardMaterial { lightmap_exposure: 5000.0, ..meshes::diffuse(0.8, 0.8, 0.8) };
+    let place = Transform::from_xyz(0.0, 0.02, -0.8).with_scale(Vec3::new(3.0, 1.0, 2.0));
+    let plate = meshes::spawn(&mut stage, plate, material, place);
+    if has_lightmap {
+        let image = meshes::texture(&mut stage, TextureFormat::Rgba8Unorm, 1, 1, &[[255; 4]]);
+        let lightmap =
+            Lightmap { image, uv_rect: Rect::new(0.0, 0.0, 1.0, 1.0), bicubic_sampling: false };
+        stage.world_mut().entity_mut(plate).insert(lightmap);
+    }
+    both(&mut stage)
+}
+
+/// A limit, which the documents state: Bevy's deferred rendering passes a lightmap's light on as
+/// emission, so that nothing tells a pixel with a lightmap from others.
+fn lightmaps_and_gathered_light_add_up() {
+    let [direct, all] = with_plate(false).map(|image| image.mean());
+    let [baked, added] = with_plate(true).map(|image| image.mean());
+    println!(
+        "    mean: direct {direct:.0}, gathered {all:.0}; with a lightmap {baked:.0}, {added:.0}"
+    );
+    assert!(baked > 1.05 * direct, "the lightmap lights");
+    assert!(
+        ((added - baked) / (all - direct) - 1.0).abs() < 0.02,
+        "{added} {baked} {all} {direct}"
+    );
 }

@@ -1,7 +1,8 @@
 //! What is left out of reflective shadow maps and of occluders: meshes that cast no shadow, and
 //! meshes and lights on other render layers.
 
-use bevy::camera::visibility::{RenderLayers, VisibilityRange};
+use bevy::camera::visibility::{NoCpuCulling, RenderLayers, VisibilityRange};
+use bevy::camera::{Camera, Camera3d};
 use bevy::color::LinearRgba;
 use bevy::ecs::entity::Entity;
 use bevy::ecs::query::{With, Without};
@@ -9,7 +10,9 @@ use bevy::light::{DirectionalLight, NotShadowCaster};
 use bevy::math::Vec3;
 use bevy::mesh::Mesh3d;
 use bevy::pbr::StandardMaterial;
+use bevy::render::view::Msaa;
 use bevy::transform::components::Transform;
+use bevy_frugal_gi::gi::FrugalGi;
 use frugal::stage::{Component, Radiance, Stage};
 use frugal_tests::{meshes, set};
 
@@ -17,6 +20,8 @@ use super::gi::{PLAIN, assert_costs_nothing, corner, sun};
 
 tests!(
     meshes_that_cast_no_shadow_are_in_no_map,
+    meshes_that_bevy_does_not_cull_are_in_maps,
+    multisampling_is_switched_off_on_gi_cameras,
     a_light_reflects_meshes_of_its_layers,
     a_light_of_other_layers_than_the_camera_s_bounces_nothing,
     meshes_that_no_gi_camera_shows_occlude_nothing,
@@ -53,6 +58,33 @@ fn meshes_that_cast_no_shadow_are_in_no_map() {
     assert!(set::radiance(&mut stage) == open, "the dome casts no shadow");
     stage.world_mut().entity_mut(lid).remove::<NotShadowCaster>();
     assert_eq!(set::radiance(&mut stage).mean(), closed, "the lid casts its shadow again");
+}
+
+fn meshes_that_bevy_does_not_cull_are_in_maps() {
+    let mut stage = corner(vec![sun(Vec3::NEG_Y)]);
+    let open = set::radiance(&mut stage).mean();
+    let lid = spawn_lid(&mut stage);
+    stage.world_mut().entity_mut(lid).insert(NoCpuCulling);
+    let closed = set::radiance(&mut stage).mean();
+    assert!(open > 1.0 && closed < 0.01 * open, "it casts its shadow: {closed} {open}");
+}
+
+fn multisampling_is_switched_off_on_gi_cameras() {
+    let mut stage = corner(vec![]);
+    let world = stage.world_mut();
+    let camera = (Camera3d::default(), Camera { is_active: false, ..Default::default() });
+    let [before, after] = [true, false].map(|has_samples| {
+        let camera = world.spawn(camera.clone()).id();
+        if has_samples {
+            world.entity_mut(camera).insert(Msaa::Sample4);
+        }
+        world.entity_mut(camera).insert(FrugalGi::default());
+        camera
+    });
+    stage.frame();
+    for camera in [before, after] {
+        assert_eq!(stage.world_mut().get::<Msaa>(camera), Some(&Msaa::Off));
+    }
 }
 
 fn a_light_reflects_meshes_of_its_layers() {
