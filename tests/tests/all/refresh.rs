@@ -1,8 +1,10 @@
 //! Nothing is recomputed without a change, and changes take effect at once.
 
+use bevy::camera::visibility::NoFrustumCulling;
 use bevy::ecs::query::With;
 use bevy::light::DirectionalLight;
 use bevy::math::{Quat, Vec3};
+use bevy::mesh::morph::{MeshMorphWeights, MorphAttributes, MorphWeights};
 use bevy::transform::components::Transform;
 use bevy_frugal_gi::gi::GiRefresh;
 use frugal::stage::Stage;
@@ -13,6 +15,7 @@ use super::gi::{corner, sun};
 tests!(
     nothing_is_recomputed_in_a_still_scene,
     changes_are_in_the_next_frame,
+    weights_of_morphs_that_another_entity_holds_wake_the_maps,
     a_walk_through_a_still_scene_renders_no_map,
     the_refresh_period_limits_how_often_maps_are_rendered,
 );
@@ -118,12 +121,32 @@ fn changes_are_in_the_next_frame() {
     for id in ids {
         drop(materials.insert(id, material.clone()));
     }
-    // Bevy sends asset events after it has updated cameras: their changes are a frame late.
-    stage.frame();
     changes(&mut stage, "materials of another colour");
 
     assert!(stage.world_mut().despawn(mesh));
     changes(&mut stage, "a mesh that is removed");
+}
+
+fn weights_of_morphs_that_another_entity_holds_wake_the_maps() {
+    let mut stage = at_rest(GiRefresh::OnChange);
+    let mut mesh = meshes::plate(false);
+    let raised = MorphAttributes::new(Vec3::Y, Vec3::ZERO, Vec3::ZERO);
+    mesh.set_morph_targets(vec![raised; mesh.count_vertices()]);
+    let weights = MorphWeights::new(vec![0.0], None).expect("one target");
+    let holder = stage.world_mut().spawn(weights).id();
+    let place = Transform::from_xyz(0.0, 0.2, 0.0);
+    let plate = meshes::spawn(&mut stage, mesh, meshes::diffuse(0.9, 0.1, 0.1), place);
+    let weights = (MeshMorphWeights::Reference(holder), NoFrustumCulling);
+    stage.world_mut().entity_mut(plate).insert(weights);
+    (0..16).for_each(|_| stage.frame());
+    let before = stage.radiance().expect("an image");
+    let world = stage.world_mut();
+    world.get_mut::<MorphWeights>(holder).expect("weights").weights_mut()[0] = 0.5;
+    stage.frame();
+    assert_eq!(set::gathered(&stage).maps, 1);
+    assert!(stage.radiance().expect("an image") != before, "the plate is higher");
+    (0..16).for_each(|_| stage.frame());
+    assert_eq!(set::gathered(&stage).maps, 0, "until they rest");
 }
 
 fn a_walk_through_a_still_scene_renders_no_map() {
