@@ -18,6 +18,7 @@ use frugal::reference::Pixels;
 use frugal::scene::{CameraPose, Light, SceneDescription};
 use frugal::stage::{Component, Stage, adapter};
 use frugal_tests::arguments::Arguments;
+use frugal_tests::cost::quantile;
 use frugal_tests::method::Method;
 use frugal_tests::reference::{self, Tracing};
 use frugal_tests::set;
@@ -66,12 +67,6 @@ fn pose(scene: &SceneDescription, path: &str, time: f32) -> CameraPose {
 fn place(stage: &mut Stage, scene: &SceneDescription, path: &str, time: f32) {
     let pose = pose(scene, path, time);
     stage.place(pose.position, pose.rotation);
-}
-
-/// The given share of the way through `values`, which it sorts.
-fn quantile(values: &mut [f64], share: f64) -> f64 {
-    values.sort_by(f64::total_cmp);
-    values[(share * (values.len() - 1) as f64) as usize]
 }
 
 fn methods() -> [Method; 2] {

@@ -36,6 +36,7 @@ use bevy::winit::WinitPlugin;
 use bevy_frugal_gi::FrugalGiPlugins;
 use bevy_frugal_gi::gi::FrugalGi;
 use bevy_frugal_gi::gi::inspect::UploadMeter;
+use frugal_tests::cost::{median, quantile};
 
 /// Number of meshes where none is given.
 const MESHES: usize = 10_000;
@@ -180,12 +181,6 @@ fn timed(app: &mut App) -> f64 {
     1e3 * start.elapsed().as_secs_f64()
 }
 
-/// The quartiles.
-fn quartiles(values: &mut [f64]) -> [f64; 3] {
-    values.sort_by(f64::total_cmp);
-    [1, 2, 3].map(|quarter| values[values.len() * quarter / 4])
-}
-
 fn main() {
     let arguments: Vec<String> =
         std::env::args().skip(1).filter(|word| !word.starts_with("--")).collect();
@@ -230,5 +225,8 @@ fn compare(case: Case, count: usize) -> ([[f64; 3]; 3], f64) {
         }
         bytes.push(meter.bytes(with.world()) as f64 / 1024.0);
     }
-    (times.map(|mut times| quartiles(&mut times)), quartiles(&mut bytes)[1])
+    (
+        times.map(|mut times| [0.25, 0.5, 0.75].map(|share| quantile(&mut times, share))),
+        median(bytes),
+    )
 }

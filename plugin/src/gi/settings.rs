@@ -85,8 +85,8 @@ pub struct FrugalGi {
     /// [`interleave`](Self::interleave) there is no history, and nothing to average.
     pub rest_frames: u32,
     /// Whether Bevy's [irradiance volumes](bevy::light::IrradianceVolume) light the camera while it
-    /// gathers. `true` suits volumes that hold only what is not gathered, such as the light of lamps
-    /// that are in no map; else their light counts twice. Where GI is off they always do.
+    /// gathers. `true` suits volumes that hold only what is not gathered, such as light of
+    /// punctual lights without a map; else their light counts twice. Where GI is off they always do.
     pub irradiance_volumes: bool,
     /// Reflection model of indirect light. Costs nothing.
     pub shading: GiShading,

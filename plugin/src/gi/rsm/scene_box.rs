@@ -15,11 +15,11 @@ use crate::gi::surfaces::MeshDelta;
 #[derive(Resource, Clone, Copy, Debug, Default, PartialEq)]
 pub(super) struct SceneBox(pub Option<(Vec3, Vec3)>);
 
-/// A box: its lower and its upper corner.
-type Box = (Vec3A, Vec3A);
+/// Lower and upper corner of a box.
+type Corners = (Vec3A, Vec3A);
 
 /// The box around nothing.
-const NOTHING: Box = (Vec3A::INFINITY, Vec3A::NEG_INFINITY);
+const NOTHING: Corners = (Vec3A::INFINITY, Vec3A::NEG_INFINITY);
 
 /// The boxes of all meshes as the leaves of a binary tree, whose inner nodes are the boxes around
 /// their children: a mesh that moves changes those above it, and no other mesh is looked at.
@@ -28,7 +28,7 @@ pub(super) struct BoxTree {
     unused: Vec<usize>,
     /// The root is the first but one; the children of the `n`-th are the `2n`-th and the next.
     /// Leaves are the second half.
-    boxes: Vec<Box>,
+    boxes: Vec<Corners>,
 }
 
 impl Default for BoxTree {
@@ -45,22 +45,18 @@ impl BoxTree {
     }
 
     /// Sets a mesh's box, or takes it out.
-    fn set(&mut self, mesh: Entity, place: Option<Box>) {
-        let slot = match (place, self.slots.get(&mesh)) {
-            (Some(_), Some(slot)) => *slot,
-            (Some(_), None) => {
-                let slot = self.unused.pop().unwrap_or_else(|| self.grow());
-                self.slots.insert(mesh, slot);
-                slot
-            }
-            (None, Some(slot)) => {
-                self.unused.push(*slot);
-                let slot = *slot;
-                self.slots.remove(&mesh);
-                slot
-            }
-            (None, None) => return,
+    fn set(&mut self, mesh: Entity, place: Option<Corners>) {
+        let slot = match self.slots.get(&mesh) {
+            Some(slot) => *slot,
+            None if place.is_none() => return,
+            None => self.unused.pop().unwrap_or_else(|| self.grow()),
         };
+        if place.is_some() {
+            self.slots.insert(mesh, slot);
+        } else {
+            self.slots.remove(&mesh);
+            self.unused.push(slot);
+        }
         let mut index = self.boxes.len() / 2 + slot;
         self.boxes[index] = place.unwrap_or(NOTHING);
         while index > 1 {
@@ -88,7 +84,7 @@ impl BoxTree {
     }
 }
 
-fn union(a: Box, b: Box) -> Box {
+fn union(a: Corners, b: Corners) -> Corners {
     (a.0.min(b.0), a.1.max(b.1))
 }
 

@@ -34,10 +34,8 @@ impl ArrayBuffer {
     fn extract(&mut self, bytes: usize, missing: impl Fn(u64, usize) -> Option<Upload>) {
         if let Some(upload) = missing(self.version, self.capacity(bytes)) {
             // Changes on top of what is not uploaded yet are no changes of what the buffer holds.
-            let upload = match self.pending.is_some() && !upload.is_whole {
-                true => missing(0, 0),
-                false => Some(upload),
-            };
+            let is_on_top = self.pending.is_some() && !upload.is_whole;
+            let upload = if is_on_top { missing(0, 0) } else { Some(upload) };
             self.version = upload.as_ref().map_or(0, |upload| upload.version);
             self.pending = upload;
         }
@@ -103,6 +101,17 @@ pub(in crate::gi) struct OccluderBuffers {
     uploaded: u64,
 }
 
+/// What a copy of one of the arrays, by its binding, lacks that holds a version with room for so many
+/// items.
+fn missing(scene: &OccluderScene, array: usize, version: u64, room: usize) -> Option<Upload> {
+    match array {
+        0 => scene.top.nodes.missing(version, room),
+        1 => scene.top.instances.missing(version, room),
+        2 => scene.geometry.nodes.missing(version, room),
+        _ => scene.geometry.triangles.missing(version, room),
+    }
+}
+
 /// Bytes of an item of each array.
 const ITEM_BYTES: [usize; 4] =
     [size_of::<Node>(), size_of::<Instance>(), size_of::<Node>(), size_of::<TriangleWords>()];
@@ -160,32 +169,22 @@ impl OccluderBuffers {
 /// Bytes that a renderer with room for everything would upload, if it last did so at the versions
 /// `held`; they become the current ones.
 pub(in crate::gi) fn missing_bytes(world: &World, held: &mut [u64; 4]) -> u64 {
-    let Some(OccluderScene { top, geometry, .. }) = world.get_resource() else { return 0 };
-    let [a, b, c, d] = *held;
-    let uploads = [
-        top.nodes.missing(a, usize::MAX),
-        top.instances.missing(b, usize::MAX),
-        geometry.nodes.missing(c, usize::MAX),
-        geometry.triangles.missing(d, usize::MAX),
-    ];
+    let Some(scene) = world.get_resource::<OccluderScene>() else { return 0 };
     let mut bytes = 0;
-    for (held, upload) in held.iter_mut().zip(uploads) {
-        let Some(upload) = upload else { continue };
-        *held = upload.version;
-        bytes += upload.pieces.iter().map(|(_, bytes)| bytes.len() as u64).sum::<u64>();
+    for (array, held) in held.iter_mut().enumerate() {
+        if let Some(upload) = missing(scene, array, *held, usize::MAX) {
+            *held = upload.version;
+            bytes += upload.pieces.iter().map(|(_, bytes)| bytes.len() as u64).sum::<u64>();
+        }
     }
     bytes
 }
 
 /// Takes what changed out of the main world.
 pub(super) fn extract(mut buffers: ResMut<OccluderBuffers>, scene: Extract<Res<OccluderScene>>) {
-    let [instance_nodes, instances, mesh_nodes, triangles] = &mut buffers.arrays;
-    let [a, b, c, d] = ITEM_BYTES;
-    let (top, geometry) = (&scene.top, &scene.geometry);
-    instance_nodes.extract(a, |version, room| top.nodes.missing(version, room));
-    instances.extract(b, |version, room| top.instances.missing(version, room));
-    mesh_nodes.extract(c, |version, room| geometry.nodes.missing(version, room));
-    triangles.extract(d, |version, room| geometry.triangles.missing(version, room));
+    for (array, buffer) in buffers.arrays.iter_mut().enumerate() {
+        buffer.extract(ITEM_BYTES[array], |version, room| missing(&scene, array, version, room));
+    }
 }
 
 /// Uploads changes to the GPU; drops all buffers while no camera traces rays.
@@ -206,7 +205,7 @@ pub(super) fn prepare(
         store.texels.is_some() || has_sky && gi.environment_samples > 0
     };
     if !cameras.iter().any(|(gi, has_sky)| gi.traces() && is_lit(gi, has_sky)) {
-        buffers.bind_group = None;
+        (buffers.bind_group, buffers.are_masked) = (None, false);
         buffers.arrays.iter_mut().for_each(ArrayBuffer::drop_buffer);
         return;
     }
@@ -228,8 +227,7 @@ pub(super) fn prepare(
     if buffers.bind_group.is_none()
         && let Some([a, b, c, d]) = buffers.buffers()
     {
-        let entries = [a, b, c, d].map(|buffer| buffer.as_entire_binding());
-        let [a, b, c, d] = entries;
+        let [a, b, c, d] = [a, b, c, d].map(|buffer| buffer.as_entire_binding());
         buffers.bind_group = Some(device.create_bind_group(
             "bevy_frugal_gi/trace",
             &cache.get_bind_group_layout(&OccluderBuffers::layout()),

@@ -178,18 +178,12 @@ pub(super) fn update(
     if scene.trees.changed || is_whole {
         let changed = scene.place_trees(most);
         scene.trees.changed = false;
-        if is_whole {
-            edit.set = scene.parts.keys().copied().collect();
-        } else if !changed.is_empty() {
-            let known: HashSet<Part> = edit.set.iter().copied().collect();
-            let parts = scene.parts.iter();
-            let parts =
-                parts.filter(|(part, (key, _))| changed.contains(key) && !known.contains(*part));
-            edit.set.extend(parts.map(|(part, _)| *part));
-        }
+        let parts = scene.parts.iter().filter(|(_, (key, _))| changed.contains(key));
+        edit.set.extend(parts.map(|(part, _)| *part));
     }
     // Hash order is arbitrary; sorting keeps the tree the same in every run.
     edit.set.sort_unstable();
+    edit.set.dedup();
     let (mut placed, mut removed) = (Vec::with_capacity(edit.set.len()), edit.removed);
     for part in edit.set {
         match scene.place(&part) {

@@ -163,12 +163,17 @@ impl TopTree {
         }
     }
 
+    /// A node with the box around what lies below it.
+    fn fitted(&self, index: usize) -> Node {
+        let (min, max) = fitted(&self.nodes, index, &self.bounds);
+        Node { min: min.to_array(), max: max.to_array(), ..self.nodes[index] }
+    }
+
     /// Fits the box of a node, and those above it for as long as they change.
     fn fit(&mut self, mut index: usize) {
         while index < self.nodes.len() {
             let before = self.nodes[index];
-            let (min, max) = fitted(&self.nodes, index, &self.bounds);
-            let now = Node { min: min.to_array(), max: max.to_array(), ..before };
+            let now = self.fitted(index);
             if now == before {
                 return;
             }
@@ -186,8 +191,7 @@ impl TopTree {
         self.area = 0.0;
         // Children lie behind their parents.
         for index in (0..self.nodes.len()).rev() {
-            let (min, max) = fitted(&self.nodes, index, &self.bounds);
-            let node = Node { min: min.to_array(), max: max.to_array(), ..self.nodes[index] };
+            let node = self.fitted(index);
             self.nodes.set(index, node);
             if index > 0 {
                 self.area += f64::from(node.half_area());

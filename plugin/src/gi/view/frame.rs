@@ -11,9 +11,9 @@ use bevy::render::extract_resource::ExtractResource;
 #[non_exhaustive]
 pub enum GiRefresh {
     /// When something moved or changed: meshes, their materials' handles, standard materials,
-    /// images, lights, skins, morphs; for the gather, the camera, too. While any mesh has
-    /// a material of another kind it is as [`EveryFrame`](Self::EveryFrame), since such a material
-    /// may change by itself.
+    /// images, lights, skins, morphs; for the gather, the camera, too. While any mesh has a material of
+    /// another kind it is as [`EveryFrame`](Self::EveryFrame), since such a material may change by
+    /// itself.
     #[default]
     OnChange,
     /// As `OnChange`, but cameras gather in every frame, as if they moved. Measures the cost of a
