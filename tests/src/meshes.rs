@@ -110,6 +110,22 @@ pub fn texture(
     stage.world_mut().resource_mut::<Assets<Image>>().add(image)
 }
 
+/// A compressed texture (BC1) of one row of blocks of 4 x 4 texels, each of one colour: five, six
+/// and five bits of red, green and blue.
+pub fn compressed_texture(stage: &mut Stage, colors: &[u16]) -> Handle<Image> {
+    let block = |color: &u16| [color.to_le_bytes()[0], color.to_le_bytes()[1], 0, 0, 0, 0, 0, 0];
+    let size = Extent3d { width: 4 * colors.len() as u32, height: 4, depth_or_array_layers: 1 };
+    let mut image = Image::new(
+        size,
+        TextureDimension::D2,
+        colors.iter().flat_map(block).collect(),
+        TextureFormat::Bc1RgbaUnormSrgb,
+        RenderAssetUsages::all(),
+    );
+    image.sampler = ImageSampler::nearest();
+    stage.world_mut().resource_mut::<Assets<Image>>().add(image)
+}
+
 /// Keeps a texture on the GPU only; no frame may have rendered it yet.
 pub fn keep_for_the_gpu(stage: &mut Stage, texture: &Handle<Image>) {
     let mut images = stage.world_mut().resource_mut::<Assets<Image>>();

@@ -11,7 +11,7 @@
 //! | `compute` | render | what every compute pass begins and ends with |
 //! | `texels` | render | one store of texels: position, normal, area, reflected or emitted flux |
 //! | `view` | both | data of a GI camera and of the frame that all passes share |
-//! | `surfaces` | main | reads geometry, textures and masks from mesh and material assets |
+//! | `surfaces` | both | reads geometry, textures and masks from mesh and material assets |
 //! | `trace` | both | keeps a bounding volume hierarchy of the scene on the GPU, for shadow rays |
 //! | `vpl` | render | samples each view's VPLs from texels, by their importance to the view |
 //! | `rsm` | both | renders each light's reflective shadow map, and turns it into texels |
@@ -62,6 +62,7 @@ pub use schedule::GiSystems;
 pub use settings::{
     FrugalGi, GiInterleave, GiLimits, GiOutput, GiPixelFraction, GiShading, GiVisibility,
 };
+pub use surfaces::GiTextureCopies;
 pub use trace::GiOccluders;
 pub use view::{CameraCut, GiRefresh};
 

@@ -6,7 +6,7 @@ use std::time::Duration;
 
 use bevy::render::render_resource::{CachedPipelineState, PipelineCache, PipelineDescriptor};
 use bevy::shader::ShaderCacheError;
-use bevy_frugal_gi::gi::{GiCounts, GiOccluders};
+use bevy_frugal_gi::gi::{GiCounts, GiOccluders, GiTextureCopies};
 
 use super::{Stage, StageError};
 
@@ -34,7 +34,8 @@ impl Stage {
                 }
             }
             let waiting = cache.waiting_pipelines().next().is_some()
-                || self.app.world().resource::<GiOccluders>().waiting() > 0;
+                || self.app.world().resource::<GiOccluders>().waiting() > 0
+                || self.app.world().resource::<GiTextureCopies>().waiting() > 0;
             // The count lags a frame behind the image.
             ready_frames = if waiting { 0 } else { ready_frames + 1 };
             if ready_frames == 0 {

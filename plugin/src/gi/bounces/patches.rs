@@ -237,7 +237,7 @@ pub(super) fn update(
         is_incomplete: is_incomplete || !are_loaded,
     });
     if surfaces.points.changed || surfaces.instances != now || surfaces.around != around {
-        refine(&mut surfaces.points.values, &now, &around, &assets);
+        let are_refined = refine(&mut surfaces.points.values, &now, &around, &assets);
         let set = |around: &Around| {
             let camera = around.camera;
             let chosen = chosen(&surfaces.points.values, &now, around);
@@ -251,7 +251,8 @@ pub(super) fn update(
         };
         let sets = around.iter().map(set).collect();
         *patches = GiPatches { sets };
-        (surfaces.instances, surfaces.around, surfaces.points.changed) = (now, around, false);
+        (surfaces.instances, surfaces.around) = (now, around);
+        surfaces.points.changed = !are_refined;
     }
 }
 
@@ -296,13 +297,14 @@ fn coarse(fine: &Points, samples: usize) -> Points {
 }
 
 /// Gives every surface points in proportion to its importance (area × density for the nearest
-/// camera), in powers of two: more where it has too few, fewer where it has far too many.
+/// camera), in powers of two: more where it has too few, fewer where it has far too many. Returns
+/// whether no texture must be waited for.
 fn refine(
     held: &mut HashMap<PatchKey, Option<Points>>,
     instances: &[SurfaceInstance],
     around: &[Around],
     assets: &SurfaceAssets,
-) {
+) -> bool {
     let mut importance: HashMap<PatchKey, f64> = HashMap::default();
     let mut total = 0.0;
     for instance in instances {
@@ -326,6 +328,7 @@ fn refine(
             *most = most.max(own);
         }
     }
+    let mut are_refined = true;
     for (key, importance) in importance {
         let target =
             (POINTS as f64 * importance / total).ceil().clamp(1.0, MOST_POINTS as f64) as usize;
@@ -334,12 +337,16 @@ fn refine(
         let count = points.points.len();
         if count > TOO_MANY * target {
             points.thin(count / target);
-        } else if count < target
-            && let Some(Some(finer)) = self::points(&key, target, assets)
-        {
-            *points = finer;
+        } else if count < target {
+            match self::points(&key, target, assets) {
+                Some(Some(finer)) => *points = finer,
+                Some(None) => {}
+                // Its texture went to the GPU since the first points were read.
+                None => are_refined = false,
+            }
         }
     }
+    are_refined
 }
 
 /// A camera's patches.

@@ -55,8 +55,8 @@ struct EmitterSet {
 /// its `cull_mode` shows, where they are visible, on a render layer of a GI camera and at the level
 /// of detail of its distance. Exceptions: unlit and multiplying materials, skinned meshes (their
 /// triangles here are those of the bind pose), and meshes whose asset is kept for the GPU alone
-/// (with a warning). An emissive texture is read where the CPU has its image in an uncompressed
-/// format, else it counts as white (with a warning). Holes of alpha masks emit nothing. Morphs,
+/// (with a warning). Emissive textures that are compressed or kept for the GPU alone are
+/// [copied](crate::gi::GiTextureCopies) once. Holes of alpha masks emit nothing. Morphs,
 /// shaders that move vertices and other kinds of material are ignored.
 #[derive(Resource, ExtractResource, Clone, Debug, Default)]
 pub struct GiEmitters {
@@ -234,10 +234,11 @@ pub(super) fn update(
     });
     let exposures = distinct_exposures(&now, exposures);
     if state.surfaces.changed || state.instances != now || state.exposures != exposures {
-        let sets = exposures
-            .iter()
-            .map(|exposure| assemble(&mut state.surfaces.values, &now, *exposure, &assets))
-            .collect();
+        let mut is_coarse = false;
+        let mut set = |exposure: &Option<f32>| {
+            assemble(&mut state.surfaces.values, &now, *exposure, &assets, &mut is_coarse)
+        };
+        let sets = exposures.iter().map(&mut set).collect();
         *emitters = GiEmitters {
             sets,
             surfaces: now
@@ -247,7 +248,7 @@ pub(super) fn update(
                 })
                 .count(),
         };
-        (state.instances, state.exposures, state.surfaces.changed) = (now, exposures, false);
+        (state.instances, state.exposures, state.surfaces.changed) = (now, exposures, is_coarse);
     }
 }
 
@@ -278,8 +279,8 @@ fn surface(
     assets: &SurfaceAssets,
 ) -> Option<Option<EmissiveSurface>> {
     let mesh = assets.meshes.get(key.mesh)?;
-    let texture = MeshTexture::new(key.texture, mesh, assets.images.as_deref())?;
-    let cutout = Cutout::new(key.mask.as_ref(), mesh, assets.images.as_deref())?;
+    let texture = MeshTexture::new(key.texture, mesh, assets.textures())?;
+    let cutout = Cutout::new(key.mask.as_ref(), mesh, assets.textures())?;
     let Some(Triangles { corners, positions }) = triangles(mesh) else {
         warn_once!(
             "an emissive mesh is kept for the GPU alone or is no triangle list: it lights nothing (RenderAssetUsages::MAIN_WORLD keeps it readable)"
@@ -293,7 +294,7 @@ fn surface(
         let Some(texture) = &texture else { return Vec3::ONE };
         let Some(color) = texture.color(corners[triangle], weights) else {
             warn_once!(
-                "an emissive texture is kept for the GPU alone or is compressed: it emits as if it were white"
+                "neither the CPU nor a shader can read an emissive texture: it emits as if it were white"
             );
             return Vec3::ONE;
         };
@@ -305,12 +306,14 @@ fn surface(
     )
 }
 
-/// The texels of all emissive surfaces for cameras of `exposure`.
+/// The texels of all emissive surfaces for cameras of `exposure`. `is_coarse` is set where more
+/// points of a surface must be waited for.
 fn assemble(
     surfaces: &mut HashMap<EmissiveKey, Option<EmissiveSurface>>,
     instances: &[EmissiveInstance],
     exposure: Option<f32>,
     assets: &SurfaceAssets,
+    is_coarse: &mut bool,
 ) -> EmitterSet {
     let mut emissive: Vec<(&EmissiveInstance, DVec3, f64)> = instances
         .iter()
@@ -338,10 +341,13 @@ fn assemble(
         let share = (TEXELS as f64 * power / total / sides.count() as f64).ceil() as usize;
         let count = share.clamp(1, TEXELS).next_power_of_two();
         let Some(Some(points)) = surfaces.get_mut(&instance.key) else { continue };
-        if points.len() < count * instance.key.points_per_texel()
-            && let Some(Some(finer)) = surface(&instance.key, count, assets)
-        {
-            *points = finer;
+        if points.len() < count * instance.key.points_per_texel() {
+            match surface(&instance.key, count, assets) {
+                Some(Some(finer)) => *points = finer,
+                Some(None) => {}
+                // Its texture went to the GPU since the first points were read.
+                None => *is_coarse = true,
+            }
         }
         points.add_texels(&instance.affine, radiance, sides, count, &mut texels);
     }

@@ -1,6 +1,6 @@
 //! Alpha masks on meshes, as far as the main world can read them.
 
-use bevy::asset::{AssetId, Assets};
+use bevy::asset::AssetId;
 use bevy::color::Alpha;
 use bevy::image::Image;
 use bevy::log::warn_once;
@@ -8,6 +8,7 @@ use bevy::material::AlphaMode;
 use bevy::mesh::Mesh;
 use bevy::pbr::StandardMaterial;
 
+use super::copies::Textures;
 use super::points::interpolated;
 use super::texture::{MeshTexture, TextureUse};
 use super::vertex_colors::vertex_colors;
@@ -66,13 +67,13 @@ impl<'a> Cutout<'a> {
     pub(crate) fn new(
         mask: Option<&Mask>,
         mesh: &'a Mesh,
-        images: Option<&'a Assets<Image>>,
+        textures: Textures<'a>,
     ) -> Option<Option<Self>> {
         let Some(mask) = mask else { return Some(None) };
-        let texture = MeshTexture::new(mask.texture, mesh, images)?;
+        let texture = MeshTexture::new(mask.texture, mesh, textures)?;
         if texture.as_ref().is_some_and(|texture| !texture.is_readable()) {
             warn_once!(
-                "the texture of an alpha mask is kept for the GPU alone or is compressed: its surfaces occlude indirect light as if they had no holes (RenderAssetUsages::MAIN_WORLD keeps it readable)"
+                "neither the CPU nor a shader can read the texture of an alpha mask: its surfaces occlude indirect light as if they had no holes"
             );
         }
         let texture = texture.filter(MeshTexture::is_readable);
@@ -116,13 +117,16 @@ impl<'a> Cutout<'a> {
 
 #[cfg(test)]
 mod tests {
-    use bevy::asset::RenderAssetUsages;
+    use std::sync::LazyLock;
+
+    use bevy::asset::{Assets, RenderAssetUsages};
     use bevy::color::Color;
     use bevy::math::{Affine2, Vec2};
     use bevy::mesh::PrimitiveTopology;
     use bevy::render::render_resource::{Extent3d, TextureDimension, TextureFormat};
 
     use super::*;
+    use crate::gi::surfaces::copies::GiTextureCopies;
 
     const CORNERS: [usize; 3] = [0, 1, 2];
 
@@ -154,12 +158,19 @@ mod tests {
         StandardMaterial { alpha_mode, ..Default::default() }
     }
 
+    /// Of an app without a renderer.
+    fn textures(images: &Assets<Image>) -> Textures<'_> {
+        static COPIES: LazyLock<GiTextureCopies> = LazyLock::new(GiTextureCopies::default);
+        Textures { images: Some(images), copies: &COPIES }
+    }
+
     fn cutout<'a>(
         material: &StandardMaterial,
         mesh: &'a Mesh,
         images: &'a Assets<Image>,
     ) -> Cutout<'a> {
-        Cutout::new(Some(&Mask::new(material).unwrap()), mesh, Some(images)).unwrap().unwrap()
+        let mask = Mask::new(material).unwrap();
+        Cutout::new(Some(&mask), mesh, textures(images)).unwrap().unwrap()
     }
 
     #[test]
@@ -240,7 +251,7 @@ mod tests {
         let material =
             StandardMaterial { base_color_texture: Some(later), ..masked(AlphaMode::Mask(0.5)) };
         assert!(
-            Cutout::new(Some(&Mask::new(&material).unwrap()), &triangle(), Some(&images)).is_none()
+            Cutout::new(Mask::new(&material).as_ref(), &triangle(), textures(&images)).is_none()
         );
         let unread = images.add(Image { data: None, ..half_clear() });
         let material =

@@ -5,6 +5,7 @@
 mod assets;
 mod cache;
 mod changes;
+mod copies;
 mod cutout;
 mod points;
 mod reflectance;
@@ -26,6 +27,7 @@ pub(super) use cache::{SurfaceCache, SurfaceEvents, SurfaceKey};
 #[cfg(test)]
 pub(super) use changes::note as note_changes;
 pub(super) use changes::{MeshDelta, Reading};
+pub use copies::GiTextureCopies;
 pub(super) use cutout::{Cutout, Mask};
 pub(super) use points::{SurfacePoint, SurfacePoints, TrianglePoint, area_matrix};
 pub(super) use reflectance::{MaterialSample, Reflectance, is_deferred, occludes};
@@ -47,5 +49,10 @@ impl Plugin for SurfacesPlugin {
                 .after(VisibilitySystems::VisibilityPropagate)
                 .after(VisibilitySystems::CalculateBounds),
         );
+        copies::build(app);
+    }
+
+    fn finish(&self, app: &mut App) {
+        copies::finish(app);
     }
 }

@@ -106,19 +106,19 @@ impl Reflectance {
         self.color.is_some() || self.metallic_roughness.is_some() || self.mask.is_some()
     }
 
-    /// Applies it to a mesh; `None` while an image is not loaded.
+    /// Applies it to a mesh; `None` while an image cannot be read yet.
     pub(crate) fn on<'a>(
         &self,
         mesh: &'a Mesh,
         assets: &'a SurfaceAssets,
     ) -> Option<MaterialMesh<'a>> {
-        let images = assets.images.as_deref();
+        let textures = assets.textures();
         Some(MaterialMesh {
             values: self.values.map(f32::from_bits),
-            color: MeshTexture::new(self.color, mesh, images)?,
-            metallic_roughness: MeshTexture::new(self.metallic_roughness, mesh, images)?,
+            color: MeshTexture::new(self.color, mesh, textures)?,
+            metallic_roughness: MeshTexture::new(self.metallic_roughness, mesh, textures)?,
             vertex_colors: vertex_colors(mesh),
-            cutout: Cutout::new(self.mask.as_ref(), mesh, images)?,
+            cutout: Cutout::new(self.mask.as_ref(), mesh, textures)?,
         })
     }
 }
@@ -132,7 +132,7 @@ pub(in crate::gi) struct MaterialMesh<'a> {
     cutout: Option<Cutout<'a>>,
 }
 
-/// For textures that the CPU cannot read: an average colour, half rough, no metal.
+/// For textures that cannot be read: an average colour, half rough, no metal.
 const UNREAD_COLOR: LinearRgba = LinearRgba::rgb(0.4, 0.4, 0.4);
 const UNREAD_METALLIC_ROUGHNESS: LinearRgba = LinearRgba::rgb(0.0, 0.5, 0.0);
 
@@ -147,7 +147,7 @@ impl MaterialMesh<'_> {
             texture.as_ref().map_or(LinearRgba::WHITE, |texture| {
                 texture.color(corners, weights).unwrap_or_else(|| {
                     warn_once!(
-                        "a texture is kept for the GPU alone or is compressed: its surfaces reflect indirect light as if they were grey (RenderAssetUsages::MAIN_WORLD keeps it readable)"
+                        "neither the CPU nor a shader can read a texture: its surfaces reflect indirect light as if they were grey"
                     );
                     unread
                 })

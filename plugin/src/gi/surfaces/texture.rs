@@ -2,12 +2,13 @@
 
 use std::borrow::Cow;
 
-use bevy::asset::{AssetId, Assets, Handle};
+use bevy::asset::{AssetId, Handle};
 use bevy::color::LinearRgba;
 use bevy::image::Image;
 use bevy::math::{Affine2, Vec2};
 use bevy::mesh::{Mesh, MeshVertexAttribute, UvChannel, VertexAttributeValues};
 
+use super::copies::Textures;
 use super::points::interpolated;
 
 /// The mapping of a texture onto a mesh.
@@ -51,15 +52,15 @@ pub(in crate::gi) struct MeshTexture<'a> {
 }
 
 impl<'a> MeshTexture<'a> {
-    /// A texture on `mesh`: `None` while the image is not loaded, and `Some(None)` where there is
-    /// no texture, or the mesh has no coordinates for it.
+    /// A texture on `mesh`: `None` while it cannot be read yet, and `Some(None)` where there is no
+    /// texture, or the mesh has no coordinates for it.
     pub(crate) fn new(
         texture: Option<TextureUse>,
         mesh: &'a Mesh,
-        images: Option<&'a Assets<Image>>,
+        textures: Textures<'a>,
     ) -> Option<Option<Self>> {
         let Some(texture) = texture else { return Some(None) };
-        let image = images?.get(texture.image)?;
+        let image = textures.get(texture.image)?;
         let transform = Affine2::from_cols_array(&texture.transform.map(f32::from_bits));
         let on_mesh = |coordinates| Self {
             image: Cow::Borrowed(image),
@@ -81,7 +82,7 @@ impl<'a> MeshTexture<'a> {
 
     /// Whether the CPU can read the image.
     pub(crate) fn is_readable(&self) -> bool {
-        texel(&self.image, Vec2::ZERO).is_some()
+        is_readable(&self.image)
     }
 
     /// Linear colour at a point of a triangle, given by its vertex indices and barycentric weights
@@ -94,8 +95,12 @@ impl<'a> MeshTexture<'a> {
     }
 }
 
-/// Linear colour of the texel at `uv`; `None` where the CPU cannot read it: an image that is kept
-/// for the GPU alone, or compressed.
+/// Whether the CPU can read an image: it is not kept for the GPU alone, and not compressed.
+pub(super) fn is_readable(image: &Image) -> bool {
+    texel(image, Vec2::ZERO).is_some()
+}
+
+/// Linear colour of the texel at `uv`; `None` where the CPU cannot read it.
 fn texel(image: &Image, uv: Vec2) -> Option<LinearRgba> {
     let (width, height) = (image.width().max(1), image.height().max(1));
     // Repeats outside the unit square.

@@ -112,8 +112,7 @@ pub(super) fn build(
 /// `left`: triangles that may still be built at once in this frame.
 fn start(key: &TreeKey, assets: &SurfaceAssets, left: &mut usize) -> Option<Tree> {
     let mesh = assets.meshes.get(key.mesh)?;
-    let cutout =
-        Cutout::new(key.mask.as_ref(), mesh, assets.images.as_deref())?.map(Cutout::into_owned);
+    let cutout = Cutout::new(key.mask.as_ref(), mesh, assets.textures())?.map(Cutout::into_owned);
     let Some(triangles) = triangles(mesh) else {
         warn_once!(
             "a mesh is kept for the GPU alone or is no triangle list: it occludes no indirect light (RenderAssetUsages::MAIN_WORLD keeps it readable)"

@@ -1,14 +1,12 @@
 //! The light of further bounces, against closed forms and references, and its sources.
 
-use bevy::asset::{Assets, RenderAssetUsages};
 use bevy::color::LinearRgba;
-use bevy::image::Image;
 use bevy::light::NotShadowCaster;
 use bevy::math::primitives::Plane3d;
 use bevy::math::{DVec3, Quat, UVec2, Vec2, Vec3};
 use bevy::mesh::{MeshBuilder, Meshable};
 use bevy::pbr::StandardMaterial;
-use bevy::render::render_resource::{Extent3d, TextureDimension, TextureFormat};
+use bevy::render::render_resource::TextureFormat;
 use bevy::transform::components::Transform;
 use bevy_frugal_gi::gi::FrugalGi;
 use bevy_frugal_gi::gi::inspect::{self, GiPatches};
@@ -128,19 +126,21 @@ fn patches_match_their_cpu_reference() {
 }
 
 fn patches_reflect_the_colours_of_their_texture() {
+    reflects_the_colours_of_a_texture(true);
+    reflects_the_colours_of_a_texture(false);
+}
+
+/// `is_readable`: by the CPU, too.
+fn reflects_the_colours_of_a_texture(is_readable: bool) {
     // A floor whose left half is red and whose right half is black.
     let mut stage =
         set::bare(vec![sun(Vec3::NEG_Y)], set::radiance_options(48, 27, Component::Indirect));
-    let size = Extent3d { width: 2, height: 1, depth_or_array_layers: 1 };
-    let texels = vec![255, 0, 0, 255, 0, 0, 0, 255];
-    let image = Image::new(
-        size,
-        TextureDimension::D2,
-        texels,
-        TextureFormat::Rgba8UnormSrgb,
-        RenderAssetUsages::all(),
-    );
-    let texture = stage.world_mut().resource_mut::<Assets<Image>>().add(image);
+    let texture = if is_readable {
+        let texels = [[255, 0, 0, 255], [0, 0, 0, 255]];
+        meshes::texture(&mut stage, TextureFormat::Rgba8UnormSrgb, 2, 1, &texels)
+    } else {
+        meshes::compressed_texture(&mut stage, &[0xf800, 0])
+    };
     let floor = Plane3d::new(Vec3::Y, Vec2::splat(2.0)).mesh().build();
     meshes::spawn(
         &mut stage,

@@ -2,7 +2,7 @@
 
 use std::f64::consts::PI;
 
-use bevy::asset::{Assets, Handle};
+use bevy::asset::{Assets, Handle, RenderAssetUsages};
 use bevy::color::{Alpha, Color, LinearRgba};
 use bevy::image::Image;
 use bevy::math::primitives::Sphere;
@@ -12,8 +12,8 @@ use bevy::pbr::{MeshMaterial3d, StandardMaterial};
 use bevy::prelude::AlphaMode;
 use bevy::render::render_resource::TextureFormat;
 use bevy::transform::components::Transform;
-use bevy_frugal_gi::gi::FrugalGi;
 use bevy_frugal_gi::gi::inspect::GiEmitters;
+use bevy_frugal_gi::gi::{FrugalGi, GiTextureCopies};
 use frugal::stage::{Component, Stage};
 use frugal_tests::{gpu, meshes, set};
 
@@ -31,6 +31,7 @@ tests!(
     light_follows_an_emissive_surface,
     only_the_bright_part_of_an_emissive_texture_emits,
     only_the_opaque_part_of_a_mask_emits,
+    textures_that_the_cpu_cannot_read_emit_alike,
     a_surface_that_is_not_emissive_costs_nothing,
     emission_that_is_not_finite_or_huge_stays_finite,
 );
@@ -199,39 +200,66 @@ fn light_follows_an_emissive_surface() {
 
 fn only_the_bright_part_of_an_emissive_texture_emits() {
     // White where u is below a quarter, black elsewhere.
-    lights_by_a_quarter([255, 0, 0, 255], [0, 0, 0, 255], |texture| StandardMaterial {
-        emissive_texture: Some(texture),
-        ..emissive_material(4.0 * NITS)
-    });
+    lights_by_a_quarter(
+        |stage| quarter_texture(stage, [255, 0, 0, 255], [0, 0, 0, 255]),
+        with_emissive_texture,
+    );
+}
+
+fn textures_that_the_cpu_cannot_read_emit_alike() {
+    let kept_for_the_gpu = |stage: &mut Stage| {
+        let texture = quarter_texture(stage, [255, 0, 0, 255], [0, 0, 0, 255]);
+        meshes::keep_for_the_gpu(stage, &texture);
+        texture
+    };
+    let (mut stage, texture) = lights_by_a_quarter(kept_for_the_gpu, with_emissive_texture);
+    // Another image in its place is read anew.
+    let black = Image { asset_usage: RenderAssetUsages::RENDER_WORLD, ..Image::default() };
+    let black = Image { data: Some(vec![0; 4]), ..black };
+    stage.world_mut().resource_mut::<Assets<Image>>().insert(&texture, black).expect("a place");
+    assert_eq!(set::radiance(&mut stage).mean(), 0.0, "a black texture emits nothing");
+    assert_eq!(stage.world_mut().resource::<GiTextureCopies>().waiting(), 0);
+
+    lights_by_a_quarter(
+        |stage| meshes::compressed_texture(stage, &[0xf800, 0, 0, 0]),
+        with_emissive_texture,
+    );
+}
+
+/// A texture of four texels, of which the first differs.
+fn quarter_texture(stage: &mut Stage, quarter: [u8; 4], rest: [u8; 4]) -> Handle<Image> {
+    meshes::texture(stage, TextureFormat::Rgba8UnormSrgb, 4, 1, &[quarter, rest, rest, rest])
+}
+
+fn with_emissive_texture(texture: Handle<Image>) -> StandardMaterial {
+    StandardMaterial { emissive_texture: Some(texture), ..emissive_material(4.0 * NITS) }
 }
 
 fn only_the_opaque_part_of_a_mask_emits() {
     let red = LinearRgba { green: 0.0, blue: 0.0, ..emissive_material(4.0 * NITS).emissive };
-    lights_by_a_quarter([0, 0, 0, 200], [0, 0, 0, 100], |texture| StandardMaterial {
-        base_color: Color::WHITE,
-        base_color_texture: Some(texture),
-        alpha_mode: AlphaMode::Mask(0.5),
-        emissive: red,
-        ..emissive_material(0.0)
-    });
+    lights_by_a_quarter(
+        |stage| quarter_texture(stage, [0, 0, 0, 200], [0, 0, 0, 100]),
+        |texture| StandardMaterial {
+            base_color: Color::WHITE,
+            base_color_texture: Some(texture),
+            alpha_mode: AlphaMode::Mask(0.5),
+            emissive: red,
+            ..emissive_material(0.0)
+        },
+    );
 }
 
-/// Tests the light of a panel with a texture of which the first quarter emits red.
+/// Tests the light of a panel with a texture of which the first quarter emits red. Returns its
+/// stage, and the texture.
 fn lights_by_a_quarter(
-    quarter: [u8; 4],
-    rest: [u8; 4],
+    texture: impl FnOnce(&mut Stage) -> Handle<Image>,
     material: impl FnOnce(Handle<Image>) -> StandardMaterial,
-) {
+) -> (Stage, Handle<Image>) {
     let mut stage = bare(Component::Global);
     spawn_floor(&mut stage, 8.0);
-    let texture = meshes::texture(
-        &mut stage,
-        TextureFormat::Rgba8UnormSrgb,
-        4,
-        1,
-        &[quarter, rest, rest, rest],
-    );
-    spawn_panel(&mut stage, Vec3::new(0.0, 1.0, -1.0), Vec2::new(4.0, 0.4), material(texture));
+    let texture = texture(&mut stage);
+    let material = material(texture.clone());
+    spawn_panel(&mut stage, Vec3::new(0.0, 1.0, -1.0), Vec2::new(4.0, 0.4), material);
     set::look(&mut stage, Vec3::new(0.0, 1.5, 3.0), Vec3::new(0.0, 0.0, -1.0));
     let radiance = set::radiance(&mut stage);
     let [red, green, blue] = set::channel_means(&radiance);
@@ -253,6 +281,7 @@ fn lights_by_a_quarter(
     );
     let expected = PI * f64::from(4.0 * NITS) * 0.4;
     assert!((flux[0] / expected - 1.0).abs() < 0.01, "{} of {expected}", flux[0]);
+    (stage, texture)
 }
 
 fn a_surface_that_is_not_emissive_costs_nothing() {

@@ -142,7 +142,12 @@ fn holes_of_a_mask_let_light_and_rays_through() {
         assert_eq!(all.covered, 0.0);
         all.assert_occludes("a plate of holes", false);
         let unread = masked("a mask with 50 % holes, kept for the GPU", [255, 0, 0, 255], false);
-        unread.assert_occludes("a mask that cannot be read counts as opaque", true);
+        assert!(
+            (unread.occluded - half.occluded).abs() < 0.02,
+            "the GPU reads it: {} {}",
+            unread.occluded,
+            half.occluded
+        );
     });
 }
 

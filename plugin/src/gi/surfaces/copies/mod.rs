@@ -1,0 +1,222 @@
+//! Copies of textures that the CPU cannot read, because they are compressed or kept for the GPU
+//! alone: the GPU averages each of them once into a small image, which is read back.
+//!
+//! | step | world |
+//! |---|---|
+//! | a surface asks for a texture ([`Textures::get`]) and waits, as for one that is still loading | main |
+//! | `ask` spawns a [`CopyRequest`] with a buffer | main |
+//! | `copy.wgsl` averages the texture into the buffer | render |
+//! | `receive` keeps the image, and the surface finds it | main |
+
+mod pass;
+
+use std::sync::{Mutex, PoisonError};
+
+use bevy::app::{App, PostUpdate};
+use bevy::asset::{AssetEvent, AssetEventSystems, AssetId, Assets, Handle, RenderAssetUsages};
+use bevy::ecs::prelude::*;
+use bevy::ecs::system::SystemParam;
+use bevy::image::Image;
+use bevy::math::UVec2;
+use bevy::platform::collections::{HashMap, HashSet};
+use bevy::render::extract_component::{ExtractComponent, ExtractComponentPlugin};
+use bevy::render::gpu_readback::{Readback, ReadbackComplete};
+use bevy::render::render_resource::{
+    Extent3d, TextureDimension, TextureFormat, TextureSampleType, TextureViewDimension,
+};
+use bevy::render::storage::ShaderBuffer;
+
+use super::texture::is_readable;
+use crate::gi::schedule::SceneSystems;
+pub(super) use pass::finish;
+
+/// Most texels along a side of a copy. Emission and reflectance are averaged over surfaces, which
+/// hides finer ones; holes of masks are as fine as they are (`docs/limits.md`).
+const MOST_SIDE: u32 = 128;
+/// Copies on their way at once: at most 0.5 MiB are read back in a frame.
+const MOST_REQUESTS: usize = 4;
+/// Frames after which a texture is given up. Its pipeline compiles, and the texture itself loads,
+/// within far fewer.
+const PATIENCE_FRAMES: u32 = 600;
+/// Bytes of a texel: four half floats.
+const TEXEL_BYTES: usize = 8;
+
+/// Textures that are read by the GPU for the CPU: those of surfaces that emit, reflect or occlude
+/// indirect light, where they are compressed or kept for the GPU alone.
+#[derive(Resource, Debug, Default)]
+pub struct GiTextureCopies {
+    /// `None` where a texture cannot be copied.
+    copies: HashMap<AssetId<Image>, Option<Image>>,
+    /// Asked for since the last frame. Surfaces are read in parallel.
+    wanted: Mutex<HashSet<AssetId<Image>>>,
+    /// On their way.
+    requested: HashMap<AssetId<Image>, Entity>,
+    /// Wanted, in the order of the requests to come.
+    queue: Vec<AssetId<Image>>,
+    /// Whether there is a renderer to make copies.
+    has_renderer: bool,
+}
+
+impl GiTextureCopies {
+    /// Number of textures whose copy is awaited. Surfaces that use them are dark, and let light
+    /// pass, until it is there.
+    pub fn waiting(&self) -> usize {
+        let wanted = self.wanted.lock().unwrap_or_else(PoisonError::into_inner);
+        wanted.len() + self.queue.len() + self.requested.len()
+    }
+
+    fn forget(&mut self, image: AssetId<Image>, commands: &mut Commands) {
+        self.copies.remove(&image);
+        self.queue.retain(|queued| *queued != image);
+        if let Some(request) = self.requested.remove(&image) {
+            commands.entity(request).despawn();
+        }
+    }
+}
+
+/// The images of an app as surfaces read them.
+#[derive(Clone, Copy)]
+pub(in crate::gi) struct Textures<'a> {
+    /// `None` in an app without images.
+    pub images: Option<&'a Assets<Image>>,
+    pub copies: &'a GiTextureCopies,
+}
+
+impl<'a> Textures<'a> {
+    /// The image, or its copy. `None` while it is not loaded or its copy is on the way; an image
+    /// that cannot be read where it cannot be copied, either.
+    pub(crate) fn get(self, id: AssetId<Image>) -> Option<&'a Image> {
+        let image = self.images?.get(id)?;
+        if is_readable(image) || !self.copies.has_renderer {
+            return Some(image);
+        }
+        match self.copies.copies.get(&id) {
+            Some(copy) => Some(copy.as_ref().unwrap_or(image)),
+            None => {
+                let mut wanted = self.copies.wanted.lock().unwrap_or_else(PoisonError::into_inner);
+                wanted.insert(id);
+                None
+            }
+        }
+    }
+}
+
+/// A texture on its way to the CPU.
+#[derive(Component, ExtractComponent, Clone, Debug)]
+struct CopyRequest {
+    image: AssetId<Image>,
+    /// The copy's texels, row by row, and behind them 1 once they are written.
+    buffer: Handle<ShaderBuffer>,
+    size: UVec2,
+    frames: u32,
+}
+
+/// Events of images, and the assets for requests.
+#[derive(SystemParam)]
+struct CopyAssets<'w, 's> {
+    events: Option<MessageReader<'w, 's, AssetEvent<Image>>>,
+    images: Option<Res<'w, Assets<Image>>>,
+    buffers: Option<ResMut<'w, Assets<ShaderBuffer>>>,
+}
+
+pub(super) fn build(app: &mut App) {
+    pass::embed(app);
+    app.init_resource::<GiTextureCopies>()
+        .add_plugins(ExtractComponentPlugin::<CopyRequest>::default())
+        // Before surfaces are read, so that they find no copy of an image that changed.
+        .add_systems(PostUpdate, ask.in_set(SceneSystems::Changes).after(AssetEventSystems));
+}
+
+/// Forgets copies of images that changed, and requests those that surfaces asked for.
+fn ask(
+    mut copies: ResMut<GiTextureCopies>,
+    mut requests: Query<&mut CopyRequest>,
+    mut assets: CopyAssets,
+    mut commands: Commands,
+) {
+    // A copy that cannot be had now may be later: an image that is replaced counts as changed.
+    for event in assets.events.iter_mut().flat_map(MessageReader::read) {
+        if let AssetEvent::Modified { id } | AssetEvent::Removed { id } = event {
+            copies.bypass_change_detection().forget(*id, &mut commands);
+        }
+    }
+    let copies = copies.bypass_change_detection();
+    for mut request in &mut requests {
+        request.frames += 1;
+        if request.frames > PATIENCE_FRAMES {
+            copies.forget(request.image, &mut commands);
+            copies.copies.insert(request.image, None);
+        }
+    }
+    let wanted = copies.wanted.get_mut().unwrap_or_else(PoisonError::into_inner);
+    let mut wanted: Vec<_> = wanted.drain().collect();
+    wanted.retain(|id| {
+        !copies.copies.contains_key(id)
+            && !copies.requested.contains_key(id)
+            && !copies.queue.contains(id)
+    });
+    // The same order in every run.
+    wanted.sort_unstable();
+    copies.queue.extend(wanted);
+    let (Some(images), Some(buffers)) = (assets.images, assets.buffers.as_mut()) else { return };
+    while copies.requested.len() < MOST_REQUESTS && !copies.queue.is_empty() {
+        let id = copies.queue.remove(0);
+        let Some(image) = images.get(id) else { continue };
+        if !is_sampled(image) {
+            copies.copies.insert(id, None);
+            continue;
+        }
+        let size = image.size().max(UVec2::ONE).min(UVec2::splat(MOST_SIDE));
+        let bytes = (size.element_product() as usize + 1) * TEXEL_BYTES;
+        let buffer = buffers.add(ShaderBuffer::with_size(bytes, RenderAssetUsages::RENDER_WORLD));
+        let readback = Readback::buffer(buffer.clone());
+        let request = CopyRequest { image: id, buffer, size, frames: 0 };
+        let entity = commands.spawn((request, readback)).observe(receive).id();
+        copies.requested.insert(id, entity);
+    }
+}
+
+/// Whether a shader can read the image as one plane of colours.
+fn is_sampled(image: &Image) -> bool {
+    let texture = &image.texture_descriptor;
+    let view = image.texture_view_descriptor.as_ref().and_then(|view| view.dimension);
+    matches!(texture.format.sample_type(None, None), Some(TextureSampleType::Float { .. }))
+        && texture.dimension == TextureDimension::D2
+        && texture.size.depth_or_array_layers == 1
+        && texture.sample_count == 1
+        && view.is_none_or(|view| view == TextureViewDimension::D2)
+}
+
+/// Keeps a copy that has arrived.
+fn receive(
+    read: On<ReadbackComplete>,
+    requests: Query<&CopyRequest>,
+    mut copies: ResMut<GiTextureCopies>,
+    mut commands: Commands,
+) {
+    let Ok(request) = requests.get(read.entity) else { return };
+    let texels = request.size.element_product() as usize * TEXEL_BYTES;
+    // Not written yet: the pipeline compiles, or the texture loads.
+    if read.data.len() < texels + TEXEL_BYTES || read.data[texels] == 0 {
+        return;
+    }
+    // Of a request that is still meant: its image did not change.
+    if copies.requested.remove(&request.image).is_some() {
+        let copy = copied(request.size, read.data[..texels].to_vec());
+        copies.copies.insert(request.image, Some(copy));
+    }
+    commands.entity(read.entity).despawn();
+}
+
+/// An image for the CPU alone.
+fn copied(size: UVec2, texels: Vec<u8>) -> Image {
+    let size = Extent3d { width: size.x, height: size.y, depth_or_array_layers: 1 };
+    // Linear, whatever the texture's colour space: the GPU has converted it.
+    Image::new(
+        size,
+        TextureDimension::D2,
+        texels,
+        TextureFormat::Rgba16Float,
+        RenderAssetUsages::MAIN_WORLD,
+    )
+}
