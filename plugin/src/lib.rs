@@ -35,6 +35,7 @@
 pub mod control;
 pub mod control_log;
 mod cut;
+pub mod error_meter;
 mod file_thread;
 pub mod frontier;
 pub mod gi;
@@ -65,6 +66,7 @@ use bevy::app::{PluginGroup, PluginGroupBuilder};
 /// | [`KnobPlugin`](knobs::KnobPlugin) | the registry of knobs; applies [`KnobSettings`](knobs::KnobSettings) |
 /// | [`FrontierMapPlugin`](frontier::FrontierMapPlugin) | the `*.pareto.ron` asset |
 /// | [`ControlPlugin`](control::ControlPlugin) | selects settings from a camera's map under its [`Budget`](control::Budget) |
+/// | [`ErrorMeterPlugin`](error_meter::ErrorMeterPlugin) | measures errors on cameras with [`ErrorMeter`](error_meter::ErrorMeter) |
 /// | [`PowerPlugin`](power::PowerPlugin) | meters power in the background |
 ///
 /// [`CameraRecorderPlugin`](recording::CameraRecorderPlugin) is not included: an app adds it to
@@ -83,6 +85,7 @@ impl PluginGroup for FrugalGiPlugins {
             .add(knobs::KnobPlugin)
             .add(frontier::FrontierMapPlugin)
             .add(control::ControlPlugin)
+            .add(error_meter::ErrorMeterPlugin)
             .add(power::PowerPlugin::default())
     }
 }
@@ -93,11 +96,12 @@ pub mod prelude {
     pub use crate::FrugalGiPlugins;
     pub use crate::control::{
         AppBudget, Budget, BudgetStateChanged, CameraController, CameraPriority, ControlPlugin,
-        ControlSettings, ControlStatus, ControlSystems, ErrorPace, FrontierMapHandle,
-        FrontierSource, Limit, MapRejected, OffReason, Outcome, PowerFeedback, Selection,
-        SettingsFilter, SettingsSwitched,
+        ControlSettings, ControlStatus, ControlSystems, ErrorFeedback, ErrorPace,
+        FrontierMapHandle, FrontierSource, Limit, MapRejected, OffReason, Outcome, PowerFeedback,
+        Selection, SettingsFilter, SettingsSwitched,
     };
     pub use crate::control_log::ControlLogPlugin;
+    pub use crate::error_meter::{ErrorMeter, ErrorMeterPlugin, ErrorProbe, MeasuredError};
     pub use crate::frontier::{FrontierMap, FrontierMapPlugin, FrontierStore, MapFit, ShownScene};
     pub use crate::gi::{
         CameraCut, FrugalGi, GI_DIAGNOSTICS, GiCounts, GiInterleave, GiLimits, GiOutput,

@@ -55,6 +55,11 @@ impl Method {
         Self { name, ..self.with(&format!("gi_refresh_period={period}")) }
     }
 
+    /// The same under another name.
+    pub fn named(self, name: String) -> Self {
+        Self { name, ..self }
+    }
+
     /// The baseline, on maps of `rsm` × `rsm` texels.
     pub fn naive(naive: NaiveRsm, rsm: u32) -> Self {
         let weights = match naive.weights {

@@ -53,6 +53,16 @@ mod using_selection {
 }
 
 // docs/using.md
+mod using_error_meter {
+    use bevy::prelude::*;
+    use bevy_frugal_gi::prelude::*;
+
+    fn measure(mut commands: Commands, camera: Single<Entity, With<FrugalGi>>) {
+        commands.entity(*camera).insert(ErrorMeter::default());
+    }
+}
+
+// docs/using.md
 mod using_export {
     fn sample() {
         use bevy::prelude::*;

@@ -2,7 +2,8 @@
 //! schedule: the app's systems and `frugal evaluate` call the same functions.
 
 use super::{
-    Budget, Choice, ControlSettings, ErrorPace, Outcome, PowerCorrection, SettingsFilter, choose,
+    Budget, Choice, ControlSettings, ErrorFeedback, ErrorPace, Outcome, PowerCorrection,
+    SettingsFilter, choose,
 };
 use crate::frontier::{CameraView, CostPoint, FrontierStore, SampleCamera};
 use crate::knobs::KnobLevels;
@@ -24,6 +25,8 @@ pub struct Inputs<'a> {
     pub current: Option<KnobLevels>,
     /// From the store's watts to those of the app's meter.
     pub correction: PowerCorrection,
+    /// From the store's errors to those measured.
+    pub errors: ErrorFeedback,
     /// Transition times.
     pub settings: ControlSettings,
     /// Levels of the store's [shared knobs](FrontierStore::shared_levels) that all cameras of the
@@ -141,7 +144,7 @@ pub fn switch(
     let applied = filter.step(space, target, seconds, times);
     let cost =
         if applied == target { target_cost } else { cost_of(applied).unwrap_or(target_cost) };
-    pace.observe(inputs.store, choice, cost, inputs.delta_seconds);
+    pace.observe(inputs.store, &inputs.errors, choice, cost, inputs.delta_seconds);
     let (predicted, predicted_applied) = (corrected(target_cost), corrected(cost));
     Decisions {
         sample: allocation.sample,

@@ -13,6 +13,7 @@ fn inputs(store: &dyn FrontierStore, budget: Budget, current: Option<KnobLevels>
         current,
         correction: PowerCorrection::default(),
         settings: ControlSettings::default(),
+        errors: ErrorFeedback::default(),
         agreed: None,
     }
 }

@@ -49,6 +49,7 @@ impl Loop {
                 current: self.current,
                 correction: self.model.correction(),
                 settings: ControlSettings::default(),
+                errors: crate::control::ErrorFeedback::default(),
                 agreed: None,
             };
             let found = self.controller.step(&inputs).expect("a decision");

@@ -7,6 +7,7 @@
 //! | [`Budget`] | the app | its power and error limits |
 //! | [`Selection`] | the controller | the selected settings, their predicted cost, and whether the budget is met |
 //! | [`MapFit`](crate::frontier::MapFit) | the controller | how well the map fits this app |
+//! | [`ErrorFeedback`] | the app | how measured errors compare with predicted ones, where it measures them |
 //! | [`ErrorPace`] | the controller | correction of the error rate for views unlike the calibration views |
 //! | [`SettingsFilter`] | the controller | the transition from old settings to new ones; the app may call [`cut`](SettingsFilter::cut) on it |
 //! | [`KnobSettings`](crate::knobs::KnobSettings) | the controller | the settings to apply |
@@ -20,6 +21,7 @@ mod controller;
 mod divide;
 mod dividing;
 mod dwell;
+mod error_feedback;
 mod events;
 mod exchange;
 mod feedback;
@@ -36,6 +38,7 @@ pub use budget::{Budget, BudgetError};
 pub use clock::{FeedbackState, PowerFeedback};
 pub use controller::{Allocation, CameraController, Decisions, Inputs, allocate, switch};
 pub use divide::{AppBudget, CameraPriority, PowerDivision};
+pub use error_feedback::ErrorFeedback;
 pub use events::{BudgetStateChanged, MapRejected, SettingsSwitched};
 pub use feedback::{PowerCorrection, PowerModel};
 pub use filter::{SettingsFilter, TransitionTimes};
@@ -107,6 +110,7 @@ impl Plugin for ControlPlugin {
             .register_type::<ControlSettings>()
             .register_type::<ControlStatus>()
             .register_type::<BatteryLevel>()
+            .register_type::<ErrorFeedback>()
             .register_type::<ErrorPace>()
             .register_type::<FrameTime>()
             .register_type::<Limit>()

@@ -73,6 +73,7 @@ impl Loop {
                 current: self.current,
                 correction: PowerCorrection::default(),
                 settings: ControlSettings::default(),
+                errors: crate::control::ErrorFeedback::default(),
                 agreed: None,
             };
             let found = self.controller.step(&inputs).expect("a decision");

@@ -12,7 +12,7 @@ use bevy::ecs::reflect::ReflectComponent;
 use bevy::prelude::ReflectDefault;
 use bevy::reflect::Reflect;
 
-use super::{Budget, Choice, Outcome, select};
+use super::{Budget, Choice, ErrorFeedback, Outcome, select};
 use crate::frontier::{CameraView, CostPoint, FrontierStore, SampleCamera};
 
 /// Seconds in which an error of twice the target changes the error rate by a factor of e. Higher
@@ -45,10 +45,11 @@ impl ErrorPace {
     /// Takes account of a frame of `delta_seconds` (seconds; counts as 0 to 0.25 s) that is rendered
     /// with settings of the predicted `applied` cost, on their way to `choice`.
     ///
-    /// Nothing changes unless an error limit decides, and `store` knows its target.
+    /// Nothing changes unless an error limit decides, and `store` or `measured` knows its target.
     pub fn observe(
         &mut self,
         store: &dyn FrontierStore,
+        measured: &ErrorFeedback,
         choice: &Choice,
         applied: CostPoint,
         delta_seconds: f64,
@@ -57,7 +58,8 @@ impl ErrorPace {
         if matches!(choice.outcome, Outcome::LimitedByPower | Outcome::PowerCannotBeMet) {
             return;
         }
-        if let Some(target) = self.budget.and_then(|error| store.error_target(error)) {
+        let target = |budget| measured.target(budget, store.error_target(budget));
+        if let Some(target) = self.budget.and_then(target) {
             self.step(applied.error, target, delta_seconds);
         }
     }
@@ -162,7 +164,7 @@ mod tests {
         delta: f64,
     ) -> Option<CostPoint> {
         let (_, choice) = choose(store, &view(x), budget, pace)?;
-        pace.observe(store, &choice, choice.cost, delta);
+        pace.observe(store, &ErrorFeedback::default(), &choice, choice.cost, delta);
         Some(choice.cost)
     }
 

@@ -11,7 +11,7 @@ use bevy::prelude::ReflectDefault;
 use bevy::reflect::Reflect;
 
 use super::systems::CameraState;
-use super::{Budget, ErrorPace, Limit, Outcome, SettingsFilter, TransitionTimes};
+use super::{Budget, ErrorFeedback, ErrorPace, Limit, Outcome, SettingsFilter, TransitionTimes};
 use crate::frontier::{CostPoint, FrontierMap, FrontierStore, MapFit, SampleCamera};
 use crate::knobs::{KnobLevels, KnobSpace};
 
@@ -19,7 +19,7 @@ use crate::knobs::{KnobLevels, KnobSpace};
 /// limits unless the camera has one.
 #[derive(Component, Clone, Debug, Default, PartialEq, Eq, Reflect)]
 #[reflect(Component, Default, Clone, Debug, PartialEq)]
-#[require(Budget, CameraState, ErrorPace, MapFit, Selection, SettingsFilter)]
+#[require(Budget, CameraState, ErrorFeedback, ErrorPace, MapFit, Selection, SettingsFilter)]
 pub struct FrontierMapHandle(pub Handle<FrontierMap>);
 
 impl From<Handle<FrontierMap>> for FrontierMapHandle {
@@ -39,7 +39,7 @@ impl AsAssetId for FrontierMapHandle {
 /// Puts a camera under the controller, with the frontiers of any [`FrontierStore`]. Takes
 /// precedence over a [`FrontierMapHandle`] on the same camera.
 #[derive(Component, Clone)]
-#[require(Budget, CameraState, ErrorPace, MapFit, Selection, SettingsFilter)]
+#[require(Budget, CameraState, ErrorFeedback, ErrorPace, MapFit, Selection, SettingsFilter)]
 pub struct FrontierSource {
     store: Arc<dyn FrontierStore>,
     space: Arc<KnobSpace>,

@@ -15,9 +15,9 @@ use super::limits::resolve;
 use super::maps::{Overall, PreparedMaps, refuse, space_of, store_of};
 use super::observed::SignalModel;
 use super::{
-    Budget, BudgetStateChanged, ControlSettings, ControlStatus, ErrorPace, FrontierMapHandle,
-    FrontierSource, Limit, MapRejected, OffReason, PowerFeedback, Selection, SettingsFilter,
-    SettingsSwitched,
+    Budget, BudgetStateChanged, ControlSettings, ControlStatus, ErrorFeedback, ErrorPace,
+    FrontierMapHandle, FrontierSource, Limit, MapRejected, OffReason, PowerFeedback, Selection,
+    SettingsFilter, SettingsSwitched,
 };
 use crate::cut::CameraCut;
 use crate::frontier::{
@@ -174,10 +174,10 @@ pub(super) fn allocate_budgets(
         Option<&Budget>,
         &Selection,
         &mut CameraState,
-        &mut ErrorPace,
+        (&ErrorFeedback, &mut ErrorPace),
     )>,
 ) {
-    for (entity, source, budget, selection, mut state, mut pace) in &mut cameras {
+    for (entity, source, budget, selection, mut state, (errors, mut pace)) in &mut cameras {
         let state = state.bypass_change_detection();
         let Step::LookedUp { view, space } = &state.step else { continue };
         let (view, space) = (*view, Arc::clone(space));
@@ -206,6 +206,7 @@ pub(super) fn allocate_budgets(
             delta_seconds: time.delta_secs_f64(),
             current: None,
             correction,
+            errors: *errors,
             settings: *settings,
             agreed: None,
         };
@@ -238,12 +239,12 @@ pub(super) fn switch_settings(
         Source<'static>,
         &mut CameraState,
         &mut SettingsFilter,
-        &mut ErrorPace,
+        (&ErrorFeedback, &mut ErrorPace),
         Option<&KnobSettings>,
         Has<CameraCut>,
     )>,
 ) {
-    for (source, mut state, mut filter, mut pace, knobs, has_cut) in &mut cameras {
+    for (source, mut state, mut filter, (errors, mut pace), knobs, has_cut) in &mut cameras {
         let state = state.bypass_change_detection();
         let Step::Allocated { view, space, allocation, budget, binding, agreed } = &state.step
         else {
@@ -263,6 +264,7 @@ pub(super) fn switch_settings(
                 .filter(|knobs| same_space(&knobs.space, space))
                 .map(|knobs| knobs.settings),
             correction: feedback.per_camera(),
+            errors: *errors,
             settings: *settings,
             agreed: *agreed,
         };
@@ -391,7 +393,7 @@ pub(super) fn forget_camera<C: Component>(removed: On<Remove, C>, mut commands: 
     commands.queue(move |world: &mut World| {
         let Ok(mut camera) = world.get_entity_mut(camera) else { return };
         if !camera.contains::<FrontierMapHandle>() && !camera.contains::<FrontierSource>() {
-            camera.remove::<(Selection, SettingsFilter, ErrorPace, MapFit, CameraState)>();
+            camera.remove::<(Selection, SettingsFilter, ErrorFeedback, ErrorPace, MapFit, CameraState)>();
         }
     });
 }

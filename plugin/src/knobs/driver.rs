@@ -100,6 +100,11 @@ impl KnobRegistry {
         self.drivers.iter().map(|known| known.name.as_str())
     }
 
+    /// Whether a knob called `name` is registered and of [app scope](KnobScope::App).
+    pub(crate) fn is_app_wide(&self, name: &str) -> bool {
+        self.drivers.iter().any(|known| known.name == name && known.scope == KnobScope::App)
+    }
+
     pub(super) fn drivers(&self) -> &[Registered] {
         &self.drivers
     }

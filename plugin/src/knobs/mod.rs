@@ -20,6 +20,7 @@ mod warm;
 
 pub use crate::schedule::KnobSystems;
 pub use apply::KnobPlugin;
+pub(crate) use builtin::allow_authored;
 pub use driver::{KnobDriver, KnobRegistry, KnobScope, RegisterKnob};
 pub use knob::{DependsOn, Knob, Level};
 pub use known::KnownKnobs;

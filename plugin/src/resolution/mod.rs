@@ -12,6 +12,8 @@ mod scaled;
 mod separate;
 mod upscale;
 
+pub(crate) use scaled::ScaledView;
+
 use bevy::app::{App, Plugin};
 use bevy::asset::embedded_asset;
 use bevy::core_pipeline::schedule::{Core2d, Core2dSystems, Core3d, Core3dSystems};
@@ -23,6 +25,7 @@ use bevy::reflect::Reflect;
 use bevy::render::extract_component::{ExtractComponent, ExtractComponentPlugin};
 use bevy::render::view::{prepare_view_attachments, prepare_view_targets};
 use bevy::render::{GpuResourceAppExt, Render, RenderApp, RenderSystems};
+use bevy::shader::load_shader_library;
 
 /// Rendered size as a fraction of the target's width and height, in [0.1, 1]; clamped, NaN counts
 /// as 1. Default: 1.
@@ -36,7 +39,7 @@ use bevy::render::{GpuResourceAppExt, Render, RenderApp, RenderSystems};
 /// cameras before it, whose image it does not read.
 #[derive(Component, ExtractComponent, Reflect, Clone, Copy, Debug, PartialEq)]
 #[reflect(Component, Default, Clone, PartialEq)]
-#[extract_component_sync_target((Self, scaled::ScaledView, upscale::UpscalePipelineId))]
+#[extract_component_sync_target((Self, ScaledView, upscale::UpscalePipelineId))]
 pub struct ResolutionScale(pub f32);
 
 impl Default for ResolutionScale {
@@ -60,6 +63,7 @@ pub struct ResolutionPlugin;
 
 impl Plugin for ResolutionPlugin {
     fn build(&self, app: &mut App) {
+        load_shader_library!(app, "catmull_rom.wgsl");
         embedded_asset!(app, "upscale.wgsl");
         app.register_type::<ResolutionScale>()
             .add_plugins(ExtractComponentPlugin::<ResolutionScale>::default());

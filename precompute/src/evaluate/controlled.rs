@@ -1,7 +1,9 @@
 //! The plugin's controller as a policy, without an app.
 
-use bevy_frugal_gi::control::{Budget, CameraController, ControlSettings, Inputs, PowerCorrection};
-use bevy_frugal_gi::frontier::{CameraView, FrontierStore};
+use bevy_frugal_gi::control::{
+    Budget, CameraController, ControlSettings, ErrorFeedback, Inputs, PowerCorrection,
+};
+use bevy_frugal_gi::frontier::{CameraView, CostPoint, FrontierStore};
 use bevy_frugal_gi::knobs::KnobLevels;
 
 use super::{Choice, Policy, Pose, ResolvedBudget};
@@ -14,6 +16,22 @@ pub(crate) struct Controller<'a> {
     controller: CameraController,
     settings: ControlSettings,
     last: KnobLevels,
+    /// What measurements say of predicted errors.
+    errors: ErrorFeedback,
+    /// Predicted error of the last frame.
+    predicted: Option<f64>,
+    /// Duration of the last frame, seconds.
+    dt: f64,
+    meter: Option<Meter>,
+}
+
+/// An error meter that measures a whole frame now and then, without noise.
+struct Meter {
+    /// Between two measurements, seconds.
+    period: f64,
+    /// Since the last one.
+    seconds: f64,
+    count: u32,
 }
 
 impl<'a> Controller<'a> {
@@ -32,12 +50,22 @@ impl<'a> Controller<'a> {
             controller: CameraController::default(),
             settings,
             last: store.knobs().highest(),
+            errors: ErrorFeedback::default(),
+            predicted: None,
+            dt: 0.0,
+            meter: None,
         }
+    }
+
+    /// With an error meter that measures every `period` seconds.
+    pub(crate) fn measuring(self, period: f64) -> Self {
+        Self { meter: Some(Meter { period, seconds: 0.0, count: 0 }), ..self }
     }
 }
 
 impl Policy for Controller<'_> {
     fn decide(&mut self, _: usize, dt: f64, pose: &Pose) -> Choice {
+        self.dt = dt;
         let inputs = Inputs {
             store: self.store,
             view: CameraView {
@@ -53,16 +81,32 @@ impl Policy for Controller<'_> {
             // The meter is the map's own.
             correction: PowerCorrection::default(),
             settings: self.settings,
+            errors: self.errors,
             agreed: None,
         };
         let Some(decisions) = self.controller.step(&inputs) else {
             return Choice::from(self.last);
         };
         self.last = decisions.applied;
+        self.predicted = Some(decisions.predicted_applied.error);
         Choice {
             settings: decisions.applied,
             target: decisions.target,
             predicted: Some(decisions.predicted),
+        }
+    }
+
+    fn observe(&mut self, cost: CostPoint) {
+        let Some(meter) = &mut self.meter else { return };
+        meter.seconds += self.dt;
+        // As the plugin's: no fixed period, which would measure the same views of a path again and
+        // again.
+        let varied = 0.5 + (0.618_033_988_749_895 * f64::from(meter.count)).fract();
+        if meter.seconds >= meter.period * varied
+            && let Some(predicted) = self.predicted
+        {
+            (meter.seconds, meter.count) = (0.0, meter.count + 1);
+            self.errors.observe(cost.error, predicted);
         }
     }
 }

@@ -34,6 +34,15 @@ pub(crate) struct Judged {
 /// Baselines that have no more information about the path than the frugal run.
 const FAIR: [&str; 4] = ["best-constant-elsewhere", "reactive", "default", "resolution-only"];
 
+/// Seconds between two measurements of a simulated error meter: as the plugin's does by default.
+const MEASURED_EVERY: f64 = 10.0;
+/// Play that counts, and before that, seconds.
+const PLAYED_SECONDS: f64 = 600.0;
+/// What measuring adds to power, as a share (`make bench BENCH=error_meter`).
+const METER_SHARE: f64 = 0.02;
+/// Most walks along a path in that time.
+const MOST_WALKS: f64 = 200.0;
+
 /// Settings to record for all runs: those of the map, the presets, and those with only the
 /// resolution or the share of GI pixels lowered.
 pub(crate) fn settings_to_record(map: &FrontierMap) -> Vec<KnobLevels> {
@@ -94,6 +103,13 @@ pub(crate) fn judge(
         ("mid-min", fixed(space.preset(1.0 / 3.0)), None),
         ("minimum", fixed(space.lowest()), None),
     ];
+    if budget.error.is_some() {
+        let controller = Controller::new(map, &budget, lens, control);
+        let note = format!(
+            "ten minutes after ten others, an error measured every {MEASURED_EVERY} s, its power included"
+        );
+        runs.push(("frugal-measured", measured(record, controller), Some(note)));
+    }
     let scaled = resolutions(space);
     let scaled = record.table.with_columns(|settings| scaled.contains(&settings));
     if let Some((settings, _)) = best_constant(&scaled, &budget) {
@@ -139,6 +155,29 @@ pub(crate) fn judge(
         .collect();
     let gap_closed = gap(&runs, &budget);
     Judged { asked: request.to_string(), budget, runs, gap_closed, dominated_by }
+}
+
+/// The mean of some walks along the path after as many others, with an error meter. A single walk's
+/// mean is off by what the next one makes good.
+fn measured(record: &PathRecord, controller: Controller<'_>) -> Vec<FrameRecord> {
+    let mut controller = controller.measuring(MEASURED_EVERY);
+    let seconds = record.path.poses().len() as f64 / record.path.fps();
+    let walks = (PLAYED_SECONDS / seconds).ceil().clamp(1.0, MOST_WALKS);
+    for _ in 0..walks as u32 {
+        record.simulate(&mut controller);
+    }
+    let mut mean = record.simulate(&mut controller);
+    for walk in 2..=walks as u32 {
+        let share = f64::from(walk).recip();
+        for (mean, frame) in mean.iter_mut().zip(record.simulate(&mut controller)) {
+            mean.power.0 += share * (frame.power.0 - mean.power.0);
+            mean.error += share * (frame.error - mean.error);
+        }
+    }
+    for frame in &mut mean {
+        frame.power.0 *= 1.0 + METER_SHARE;
+    }
+    mean
 }
 
 /// The oracle, and the run of an oracle through the temporal filter.

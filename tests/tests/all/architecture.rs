@@ -47,6 +47,7 @@ const PLUGIN: &[&str] = &[
     "knobs",
     "frontier",
     "control",
+    "error_meter",
     "file_thread",
     "text_lines",
     "recording",

@@ -18,6 +18,7 @@ mod command;
 mod contracts;
 mod control;
 mod distant;
+mod error_meter;
 mod extremes;
 mod furnace;
 mod gi;
@@ -53,6 +54,7 @@ const MODULES: &[(&str, &[(&str, fn())], bool)] = &[
     ("contracts", contracts::TESTS, true),
     ("control", control::TESTS, true),
     ("distant", distant::TESTS, true),
+    ("error_meter", error_meter::TESTS, true),
     ("extremes::counts", extremes::counts::TESTS, true),
     ("extremes::energy", extremes::energy::TESTS, true),
     ("extremes::filter", extremes::filter::TESTS, true),

@@ -54,7 +54,14 @@ pub(super) fn maintain(
     (scene, time): (Res<SceneBox>, Option<Res<Time>>),
     cuts: Query<(), With<CameraCut>>,
     cameras: Query<
-        (Entity, &Camera, &Projection, &FrugalGi, Option<&RenderLayers>),
+        (
+            Entity,
+            &Camera,
+            &Projection,
+            &FrugalGi,
+            Option<&RenderLayers>,
+            (&GlobalTransform, Has<Transform>),
+        ),
         Without<RsmView>,
     >,
     suns: Query<Lit<DirectionalLight>, Without<RsmView>>,
@@ -69,10 +76,13 @@ pub(super) fn maintain(
         |entity| transforms.compute_global_transform(entity).ok().map(|t| t.compute_transform());
     let viewers: Vec<Viewer> = cameras
         .iter()
-        .filter(|(_, camera, _, gi, _)| camera.is_active && gi.vpl_count > 0)
-        .filter_map(|(entity, _, projection, gi, layers)| {
+        .filter(|(_, camera, _, gi, ..)| camera.is_active && gi.vpl_count > 0)
+        .filter_map(|(entity, _, projection, gi, layers, (placed, has_transform))| {
             let resolution = gi.rsm_resolution.clamp(16, 2048);
-            let (pose, clip_from_view) = (transform_of(entity)?, projection.get_clip_from_view());
+            // The hidden camera of an error meter has no transform of its own.
+            let pose =
+                if has_transform { transform_of(entity)? } else { placed.compute_transform() };
+            let clip_from_view = projection.get_clip_from_view();
             Some(Viewer {
                 entity,
                 focus: Focus::new(scene.0.unwrap_or_default(), &pose, clip_from_view, gi.range),

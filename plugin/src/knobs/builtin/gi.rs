@@ -17,7 +17,7 @@ pub(crate) struct GiKnob<T> {
 
 /// The authored values of all fields, and those that knobs wrote last.
 #[derive(Component, Clone)]
-struct HeldGi {
+pub(super) struct HeldGi {
     authored: FrugalGi,
     written: FrugalGi,
 }

@@ -1,0 +1,141 @@
+//! What measured errors say about predicted ones.
+//!
+//! A map's error budgets are calibrated on views before anybody plays, with a margin for views that
+//! differ. Where errors are measured in play, the margin gives way to them: the mean measured error
+//! divided by the mean predicted one, for which the calibration counts as a few measurements (a
+//! ratio estimator with a prior; Cochran 1977, "Sampling Techniques", section 6.3).
+
+use bevy::ecs::component::Component;
+use bevy::ecs::reflect::ReflectComponent;
+use bevy::prelude::ReflectDefault;
+use bevy::reflect::Reflect;
+
+/// Measurements that the map's calibration counts for. Higher values keep its margin for longer;
+/// lower values follow the first measurements, which may be of an unusual view.
+const PRIOR: f64 = 4.0;
+/// Measurements until an old one counts 1/e. Higher values average more views; lower values follow a
+/// camera to another part of the level.
+const MEMORY: f64 = 64.0;
+/// Margin on the ratio with one measurement; it falls with the square root of their number, as the
+/// spread of a mean does: half of the 0.4 by which views differ in the ratio. Higher values keep more
+/// budgets; lower values use more of them.
+const MARGIN: f64 = 0.2;
+/// Largest ratio of measured to predicted errors, either way: a larger one has other causes than the
+/// views.
+const MOST: f64 = 8.0;
+
+/// How measured errors of a camera's frames compare with those that its map predicted. Without
+/// measurements the map's own calibration holds.
+#[derive(Component, Clone, Copy, Debug, Default, PartialEq, Reflect)]
+#[reflect(Component, Default, Clone, Debug, PartialEq)]
+pub struct ErrorFeedback {
+    /// Sums of errors, 1 − SSIM, in which older ones fade.
+    measured: f64,
+    predicted: f64,
+    /// Number of measurements, faded alike.
+    count: f64,
+}
+
+impl ErrorFeedback {
+    /// Takes account of a frame's `measured` error (1 − SSIM, 0 or more), of which `predicted` was
+    /// expected. Values that are negative or not finite, or a prediction of 0, change nothing.
+    pub fn observe(&mut self, measured: f64, predicted: f64) {
+        let is_error = |error: f64| error.is_finite() && error >= 0.0;
+        if !is_error(measured) || !is_error(predicted) || predicted == 0.0 {
+            return;
+        }
+        // Reflection may write anything.
+        if ![self.measured, self.predicted, self.count].into_iter().all(is_error) {
+            *self = Self::default();
+        }
+        let fading = (-MEMORY.recip()).exp();
+        for (sum, value) in [
+            (&mut self.measured, measured),
+            (&mut self.predicted, predicted),
+            (&mut self.count, 1.0),
+        ] {
+            *sum = fading * *sum + value;
+        }
+    }
+
+    /// Number of measurements that count, 0 to about 64; older ones count less.
+    pub fn count(&self) -> f64 {
+        self.count
+    }
+
+    /// Mean predicted error at which the mean measured one meets `budget`. `calibrated`: the same by
+    /// the map's calibration, which alone counts before anything is measured; `None` where the map
+    /// has none.
+    pub fn target(&self, budget: f64, calibrated: Option<f64>) -> Option<f64> {
+        let is_positive = |value: f64| value > 0.0 && value.is_finite();
+        if !is_positive(self.count) || !is_positive(self.predicted) || !is_positive(budget) {
+            return calibrated;
+        }
+        let prior = calibrated.filter(|target| is_positive(*target)).map_or(1.0, |t| budget / t);
+        let mean = self.predicted / self.count;
+        let ratio = (self.measured + PRIOR * mean * prior) / (self.predicted + PRIOR * mean);
+        // The calibration has its own margin.
+        let share = self.count / (self.count + PRIOR);
+        let margin = 1.0 + share * MARGIN / (self.count + PRIOR).sqrt();
+        Some(budget / (ratio * margin).clamp(MOST.recip(), MOST))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_calibration_gives_way_to_measurements() {
+        let mut feedback = ErrorFeedback::default();
+        assert_eq!(feedback.target(0.02, Some(0.015)), Some(0.015), "nothing is measured");
+        assert_eq!(feedback.target(0.02, None), None);
+        let mut targets = vec![0.015];
+        for _ in 0..200 {
+            // Three quarters of what is predicted.
+            feedback.observe(0.012, 0.016);
+            targets.extend(feedback.target(0.02, Some(0.015)));
+        }
+        assert!(targets.is_sorted(), "{targets:?}");
+        let last = targets[200];
+        assert!((0.90..0.99).contains(&(last / (0.02 / 0.75))), "with a margin: {last}");
+        assert!((feedback.count() - 64.0).abs() < 4.0, "{}", feedback.count());
+        assert!((targets[4] / targets[0]) < 1.4, "four count as much as the calibration");
+    }
+
+    #[test]
+    fn views_that_are_harder_than_predicted_lower_the_target() {
+        let mut feedback = ErrorFeedback::default();
+        for _ in 0..8 {
+            feedback.observe(0.03, 0.015);
+        }
+        let target = feedback.target(0.02, Some(0.019)).unwrap();
+        assert!((0.010..0.013).contains(&target), "{target}");
+    }
+
+    #[test]
+    fn odd_measurements_change_nothing_and_odd_ratios_are_bounded() {
+        let mut feedback = ErrorFeedback::default();
+        for odd in [f64::NAN, f64::INFINITY, -1.0] {
+            feedback.observe(odd, 0.01);
+            feedback.observe(0.01, odd);
+        }
+        feedback.observe(0.01, 0.0);
+        assert_eq!(feedback, ErrorFeedback::default());
+        for (measured, predicted) in [(1e300, 1e-300), (0.0, 1.0), (1e-20, 1e20)] {
+            let mut feedback = ErrorFeedback::default();
+            for _ in 0..1000 {
+                feedback.observe(measured, predicted);
+            }
+            for budget in [0.0, 0.02, 1e300, f64::INFINITY, f64::NAN] {
+                let target = feedback.target(budget, Some(0.02));
+                assert!(target.is_some_and(|target| target > 0.0), "{budget}: {target:?}");
+            }
+            let target = feedback.target(0.02, Some(0.02)).unwrap();
+            assert!((0.02 / MOST..=0.02 * MOST).contains(&target), "{target}");
+        }
+        let mut broken = ErrorFeedback { measured: f64::NAN, predicted: 1.0, count: 1.0 };
+        broken.observe(0.01, 0.01);
+        assert_eq!(broken.count(), 1.0);
+    }
+}

@@ -1,0 +1,94 @@
+//! Measures the error of a camera's frames in the running app: now and then a hidden camera renders
+//! a part of the same view at the best settings, and the GPU compares both images.
+//!
+//! | file | world | job |
+//! |---|---|---|
+//! | `probe` | main | the hidden camera: when, where, and with which settings |
+//! | `tile` | none | the part of the image that is compared |
+//! | `compare`, `compare.wgsl` | render | 1 − SSIM of the part |
+//!
+//! The error is that of `frugal`'s maps: 1 − SSIM (Wang et al. 2004) against the best settings.
+//! Measurements correct what the map predicts, by
+//! [`ErrorFeedback`](crate::control::ErrorFeedback): an error budget then holds in views that the
+//! map does not know, and is used where they are easier than it expects.
+
+mod compare;
+mod probe;
+mod tile;
+
+use bevy::app::{App, Plugin, PostUpdate};
+use bevy::asset::embedded_asset;
+use bevy::camera::CameraUpdateSystems;
+use bevy::ecs::prelude::*;
+use bevy::prelude::ReflectDefault;
+use bevy::reflect::Reflect;
+use bevy::render::extract_component::ExtractComponentPlugin;
+use bevy::shader::load_shader_library;
+
+use crate::schedule::KnobSystems;
+pub use probe::ErrorProbe;
+
+/// Measures the error of this camera's frames while it is there. For a camera with
+/// [`KnobSettings`](crate::knobs::KnobSettings), such as one under the controller.
+#[derive(Component, Clone, Debug, PartialEq, Reflect)]
+#[reflect(Component, Default, Clone, PartialEq)]
+#[require(MeasuredError, probe::MeterState)]
+pub struct ErrorMeter {
+    /// Mean of the seconds between two measurements, 0 or more; they vary by half of it. Default: 10. Lower values follow views faster;
+    /// higher values cost less: a measurement renders `frames` frames of its part of the image at
+    /// the best settings.
+    pub period_seconds: f32,
+    /// Share of the image's width and height that is measured, 0 to 1; rounded down to a part with
+    /// the image's exact aspect ratio. Default: ¼. Its place changes from measurement to
+    /// measurement. Higher values vary less; lower values cost less.
+    pub share: f32,
+    /// Frames that the hidden camera renders before it is compared, at least 1. Default: 6. Higher
+    /// values have less noise in the reference: its history is longer. Lower values cost less.
+    pub frames: u32,
+}
+
+impl Default for ErrorMeter {
+    fn default() -> Self {
+        Self { period_seconds: 10.0, share: 0.25, frames: 6 }
+    }
+}
+
+/// What an [`ErrorMeter`] has measured.
+#[derive(Component, Clone, Copy, Debug, Default, PartialEq, Reflect)]
+#[reflect(Component, Default, Clone, PartialEq)]
+pub struct MeasuredError {
+    /// 1 − SSIM of the last measurement, 0 to 2; `None` before the first.
+    pub last: Option<f64>,
+    /// Number of measurements.
+    pub count: u32,
+}
+
+/// Adds [`ErrorMeter`].
+#[derive(Clone, Copy, Debug, Default)]
+pub struct ErrorMeterPlugin;
+
+impl Plugin for ErrorMeterPlugin {
+    fn build(&self, app: &mut App) {
+        load_shader_library!(app, "ssim.wgsl");
+        embedded_asset!(app, "compare.wgsl");
+        app.register_type::<ErrorMeter>()
+            .register_type::<MeasuredError>()
+            .add_plugins((
+                ExtractComponentPlugin::<ErrorProbe>::default(),
+                ExtractComponentPlugin::<compare::Comparison>::default(),
+            ))
+            .add_observer(probe::stop)
+            .add_systems(
+                PostUpdate,
+                // The probe is spawned in time for its settings, its lights' maps and its size.
+                probe::drive
+                    .before(KnobSystems::Apply)
+                    .before(CameraUpdateSystems)
+                    .run_if(any_with_component::<ErrorMeter>),
+            );
+    }
+
+    fn finish(&self, app: &mut App) {
+        compare::finish(app);
+    }
+}

@@ -1,0 +1,263 @@
+//! The hidden camera that renders a part of a camera's view at the best settings.
+
+use std::sync::Arc;
+
+use bevy::anti_alias::fxaa::Fxaa;
+use bevy::anti_alias::smaa::Smaa;
+use bevy::asset::{Assets, RenderAssetUsages};
+use bevy::camera::visibility::RenderLayers;
+use bevy::camera::{Camera, Camera3d, Exposure, Hdr, Projection, RenderTarget, SubCameraView};
+use bevy::core_pipeline::tonemapping::{DebandDither, Tonemapping};
+use bevy::ecs::entity::{EntityClonerBuilder, OptIn};
+use bevy::ecs::prelude::*;
+use bevy::ecs::system::SystemParam;
+use bevy::image::Image;
+use bevy::light::{AmbientLight, EnvironmentMapLight, Skybox, VolumetricFog};
+use bevy::pbr::{ContactShadows, DistanceFog, ScreenSpaceAmbientOcclusion, ScreenSpaceReflections};
+use bevy::post_process::bloom::Bloom;
+use bevy::render::extract_component::ExtractComponent;
+use bevy::render::gpu_readback::{Readback, ReadbackComplete};
+use bevy::render::render_resource::TextureFormat;
+use bevy::render::storage::ShaderBuffer;
+use bevy::render::view::{ColorGrading, Msaa};
+use bevy::time::{Real, Time};
+use bevy::transform::components::{GlobalTransform, Transform};
+use bevy::transform::helper::TransformHelper;
+
+use super::compare::{Comparison, bytes, error};
+use super::tile::Tile;
+use super::{ErrorMeter, MeasuredError};
+use crate::control::{ErrorFeedback, Selection};
+use crate::gi::FrugalGi;
+use crate::knobs::{KnobLevels, KnobRegistry, KnobSettings, allow_authored};
+
+/// Frames after which a comparison without a result is given up: its pipeline compiles meanwhile.
+const PATIENCE_FRAMES: u32 = 240;
+
+/// Marks the hidden camera that renders a part of another camera's view at the best settings, while
+/// there is one. It has what Bevy's own rendering reads of that camera: an app that adds effects of
+/// its own gives it those by an observer of this component's insertion.
+#[derive(Component, ExtractComponent, Clone, Copy, Debug, PartialEq, Eq)]
+pub struct ErrorProbe {
+    /// The camera whose error is measured.
+    pub camera: Entity,
+}
+
+/// An [`ErrorMeter`]'s state.
+#[derive(Component, Debug, Default)]
+pub(super) struct MeterState {
+    /// Since the last measurement began, seconds.
+    seconds: f32,
+    /// Measurements begun.
+    begun: u32,
+    /// Where the camera was at the last measurement, and its settings: nothing new is to be
+    /// measured of a view that stays.
+    last: Option<(GlobalTransform, KnobLevels)>,
+    phase: Phase,
+}
+
+#[derive(Debug, Default)]
+enum Phase {
+    #[default]
+    Waits,
+    /// A probe renders.
+    Renders { probe: Entity, tile: Tile, frames: u32 },
+    /// It was compared in the last frame, or before, and the sums are on their way.
+    Reads { probe: Entity, reader: Entity, frames: u32 },
+}
+
+/// On the entity that reads sums back.
+#[derive(Component, Debug)]
+pub(super) struct Reading {
+    camera: Entity,
+    tile: Tile,
+    /// Error of the frame that the camera's map predicted.
+    predicted: Option<f64>,
+}
+
+/// Assets of probes.
+#[derive(SystemParam)]
+pub(super) struct ProbeAssets<'w> {
+    images: ResMut<'w, Assets<Image>>,
+    buffers: ResMut<'w, Assets<ShaderBuffer>>,
+}
+
+type Measured = (
+    Entity,
+    &'static ErrorMeter,
+    &'static mut MeterState,
+    &'static Camera,
+    &'static Projection,
+    &'static KnobSettings,
+    Option<&'static Selection>,
+    Has<Bloom>,
+);
+
+/// Begins, goes on with and ends the measurements of all meters.
+pub(super) fn drive(
+    time: Res<Time<Real>>,
+    registry: Option<Res<KnobRegistry>>,
+    transforms: TransformHelper,
+    mut meters: Query<Measured, Without<ErrorProbe>>,
+    mut probes: Query<(&mut Projection, &mut GlobalTransform), With<ErrorProbe>>,
+    mut assets: ProbeAssets,
+    mut commands: Commands,
+) {
+    let Some(registry) = registry else { return };
+    for (camera, meter, mut state, view, projection, knobs, selection, has_bloom) in &mut meters {
+        let state = state.bypass_change_detection();
+        state.seconds += time.delta_secs();
+        let Ok(place) = transforms.compute_global_transform(camera) else { continue };
+        match &mut state.phase {
+            Phase::Waits => {
+                // No fixed period, which would meet the same views of a round again and again.
+                let varied = 0.5 + (0.618_033_988_749_895 * f64::from(state.begun)).fract() as f32;
+                let is_due = state.begun == 0 || state.seconds >= meter.period_seconds * varied;
+                let best = best(&registry, knobs);
+                if !is_due
+                    || !view.is_active
+                    || view.sub_camera_view.is_some()
+                    || knobs.settings == best
+                    || state.last == Some((place, knobs.settings))
+                {
+                    continue;
+                }
+                // Light blooms from outside a part into it.
+                let share = if has_bloom { 1.0 } else { meter.share };
+                let size = view.physical_viewport_size();
+                let Some(tile) = size.and_then(|size| Tile::new(size, share, state.begun)) else {
+                    continue;
+                };
+                let best = KnobSettings { space: Arc::clone(&knobs.space), settings: best };
+                let target = Image::new_target_texture(
+                    tile.size.x,
+                    tile.size.y,
+                    TextureFormat::Rgba8UnormSrgb,
+                    None,
+                );
+                let target = assets.images.add(target);
+                let probe = commands
+                    .spawn((
+                        ErrorProbe { camera },
+                        Camera3d::default(),
+                        Camera {
+                            // Drawn before it is compared.
+                            order: view.order.saturating_sub(1),
+                            clear_color: view.clear_color,
+                            sub_camera_view: Some(SubCameraView {
+                                full_size: tile.full,
+                                offset: tile.offset.as_vec2(),
+                                size: tile.size,
+                            }),
+                            ..Default::default()
+                        },
+                        RenderTarget::Image(target.into()),
+                        projection.clone(),
+                        place,
+                        best,
+                    ))
+                    // An app's `Single<&mut Transform, With<Camera>>` means its own camera.
+                    .remove::<Transform>()
+                    .id();
+                commands.entity(camera).clone_with_opt_in(probe, allow_looks);
+                state.phase = Phase::Renders { probe, tile, frames: 0 };
+                state.seconds = 0.0;
+                state.begun = state.begun.wrapping_add(1).max(1);
+            }
+            Phase::Renders { probe, tile, frames } => {
+                *frames += 1;
+                let same = view.physical_viewport_size() == Some(tile.full) && view.is_active;
+                let (Ok((mut lens, mut at)), true) = (probes.get_mut(*probe), same) else {
+                    commands.entity(*probe).try_despawn();
+                    state.phase = Phase::Waits;
+                    continue;
+                };
+                *lens = projection.clone();
+                at.set_if_neq(place);
+                if *frames < meter.frames.max(1) {
+                    continue;
+                }
+                let buffer = ShaderBuffer::with_size(bytes(tile), RenderAssetUsages::RENDER_WORLD);
+                let sums = assets.buffers.add(buffer);
+                commands.entity(*probe).insert(Comparison {
+                    camera,
+                    tile: *tile,
+                    sums: sums.clone(),
+                });
+                let predicted = selection.and_then(|selection| selection.predicted_applied);
+                let predicted = predicted.map(|cost| cost.error);
+                let reading = Reading { camera, tile: *tile, predicted };
+                let reader = commands.spawn((reading, Readback::buffer(sums))).observe(read).id();
+                state.last = Some((place, knobs.settings));
+                state.phase = Phase::Reads { probe: *probe, reader, frames: 0 };
+            }
+            Phase::Reads { probe, reader, frames } => {
+                if *frames == 0 {
+                    commands.entity(*probe).try_despawn();
+                }
+                *frames += 1;
+                if *frames > PATIENCE_FRAMES {
+                    commands.entity(*reader).try_despawn();
+                    state.phase = Phase::Waits;
+                }
+            }
+        }
+    }
+}
+
+/// What Bevy's rendering, and ours, reads of a camera, besides its place and lens.
+fn allow_looks(builder: &mut EntityClonerBuilder<OptIn>) {
+    builder.without_required_components(|builder| {
+        builder
+            .allow::<(Hdr, Msaa, Exposure, Tonemapping, DebandDither, ColorGrading)>()
+            .allow::<(RenderLayers, FrugalGi, AmbientLight, EnvironmentMapLight, Skybox)>()
+            .allow::<(DistanceFog, VolumetricFog, Bloom, Fxaa, Smaa)>()
+            .allow::<(ScreenSpaceAmbientOcclusion, ScreenSpaceReflections, ContactShadows)>();
+        // Knobs may have taken some away, or reduced them.
+        allow_authored(builder);
+    });
+}
+
+/// The best settings for a probe of a camera with `knobs`: knobs of the whole app stay as they are,
+/// since they would change in the camera's image, too.
+fn best(registry: &KnobRegistry, knobs: &KnobSettings) -> KnobLevels {
+    let space = &knobs.space;
+    (0..space.len()).fold(space.canonical(space.highest()), |best, knob| {
+        let is_shared = registry.is_app_wide(&space.knobs()[knob].name);
+        if is_shared { best.with_level(knob, knobs.settings.level(knob)) } else { best }
+    })
+}
+
+/// Takes account of sums that have arrived.
+fn read(
+    sums: On<ReadbackComplete>,
+    readings: Query<&Reading>,
+    mut meters: Query<(&mut MeterState, &mut MeasuredError, Option<&mut ErrorFeedback>)>,
+    mut commands: Commands,
+) {
+    let Ok(Reading { camera, tile, predicted }) = readings.get(sums.entity) else { return };
+    // Nothing was compared yet: the pipeline compiles.
+    let Some(error) = error(tile, &sums.data) else { return };
+    commands.entity(sums.entity).try_despawn();
+    let Ok((mut state, mut measured, feedback)) = meters.get_mut(*camera) else { return };
+    state.bypass_change_detection().phase = Phase::Waits;
+    *measured = MeasuredError { last: Some(error), count: measured.count.wrapping_add(1) };
+    if let (Some(mut feedback), Some(predicted)) = (feedback, *predicted) {
+        feedback.observe(error, predicted);
+    }
+}
+
+/// Ends a measurement with its meter.
+pub(super) fn stop(
+    removed: On<Remove, ErrorMeter>,
+    probes: Query<(Entity, &ErrorProbe)>,
+    readings: Query<(Entity, &Reading)>,
+    mut commands: Commands,
+) {
+    let probes = probes.iter().filter(|(_, probe)| probe.camera == removed.entity);
+    let readings = readings.iter().filter(|(_, reading)| reading.camera == removed.entity);
+    for entity in probes.map(|(entity, _)| entity).chain(readings.map(|(entity, _)| entity)) {
+        commands.entity(entity).try_despawn();
+    }
+    commands.entity(removed.entity).try_remove::<(MeterState, MeasuredError)>();
+}

@@ -1,0 +1,113 @@
+//! What an error meter costs, and how its measurements spread.
+//!
+//! `make bench BENCH=error_meter ARGS='[--size WxH] [--count ROUNDS]'`
+//!
+//! `courtyard` along its tour at settings of a third of the best ones' cost. Each round takes 64
+//! frames without a meter and 64 with one measurement, in turn. The cost of a measurement is the
+//! difference, in frames of the camera without one and as a share of the cost of 600 frames: of one
+//! measurement every 10 s at 60 frames per second. CPU time of all threads on a software adapter,
+//! else wall time.
+
+use bevy::ecs::entity::Entity;
+use bevy::math::UVec2;
+use bevy_frugal_gi::error_meter::{ErrorMeter, MeasuredError};
+use frugal::scene::SceneDescription;
+use frugal::stage::{Stage, StageOptions, adapter};
+use frugal_tests::arguments::Arguments;
+use frugal_tests::cost::{Clock, median, quantile};
+use frugal_tests::set;
+use frugal_tests::table::markdown;
+
+/// Cheaper in all that a frame costs: pixels, VPLs, rays and maps.
+const SETTINGS: &str =
+    "max,resolution_scale=70%,gi_pixel_fraction=1/4,gi_vpl_count=1024,rsm_resolution=128";
+/// Frames of a reading: a measurement and its arrival fit in.
+const FRAMES: u32 = 24;
+/// Frames from one measurement to the next: 10 s at 60 frames per second.
+const PERIOD_FRAMES: f64 = 600.0;
+/// Seconds along the tour from frame to frame.
+const STEP_SECONDS: f32 = 1.0 / 60.0;
+
+struct Walk {
+    stage: Stage,
+    scene: SceneDescription,
+    camera: Entity,
+    time: f32,
+    clock: Clock,
+}
+
+impl Walk {
+    fn new(size: UVec2) -> Self {
+        let scene = set::scene("courtyard");
+        let mut stage = set::open(&scene, StageOptions { size, ..Default::default() });
+        set::apply(&mut stage, SETTINGS);
+        let camera = set::camera(&mut stage);
+        let mut walk = Self { stage, scene, camera, time: 0.0, clock: Clock::suitable() };
+        walk.stage.get_ready().unwrap_or_else(|error| panic!("{error}"));
+        // The pipelines of the best settings, which the hidden camera takes.
+        walk.reading(Some(1.0));
+        walk
+    }
+
+    /// Milliseconds of all frames of a reading, and the error that was measured.
+    fn reading(&mut self, share: Option<f32>) -> (f64, Option<f64>) {
+        let mut camera = self.stage.world_mut().entity_mut(self.camera);
+        if let Some(share) = share {
+            camera.insert(ErrorMeter { share, period_seconds: f32::MAX, ..Default::default() });
+        }
+        let path = &self.scene.paths["tour"];
+        let mut milliseconds = 0.0;
+        for _ in 0..FRAMES {
+            self.time = (self.time + STEP_SECONDS) % path.duration();
+            if let Some(pose) = path.sample(self.time) {
+                self.stage.place(pose.position, pose.rotation);
+            }
+            milliseconds += self.clock.frames_ms(&mut self.stage, 1);
+        }
+        let mut camera = self.stage.world_mut().entity_mut(self.camera);
+        let measured = camera.get::<MeasuredError>().and_then(|measured| measured.last);
+        camera.remove::<ErrorMeter>();
+        self.stage.frame();
+        (milliseconds, measured)
+    }
+}
+
+fn main() {
+    let Some(adapter) = adapter() else {
+        println!("no graphics adapter: nothing is measured");
+        return;
+    };
+    let options =
+        Arguments { size: UVec2::new(160, 90), samples: 0, count: 5, names: vec![] }.read();
+    let mut walk = Walk::new(options.size);
+    println!(
+        "Adapter: {}. `courtyard` at {}x{}, {SETTINGS}; {}.\n",
+        adapter.name,
+        options.size.x,
+        options.size.y,
+        walk.clock.label()
+    );
+    let mut rows = Vec::new();
+    for share in [0.25, 0.5] {
+        let (mut costs, mut plain, mut errors) = (Vec::new(), Vec::new(), Vec::new());
+        for _ in 0..options.count.max(1) {
+            let (without, _) = walk.reading(None);
+            let (with, error) = walk.reading(Some(share));
+            costs.push(with - without);
+            plain.push(without / f64::from(FRAMES));
+            errors.extend(error);
+        }
+        let (cost, frame) = (median(costs.clone()), median(plain));
+        let range = [0.25, 0.75].map(|at| quantile(&mut costs, at) / frame);
+        rows.push(vec![
+            format!("{share}"),
+            format!("{frame:.2}"),
+            format!("{:.1} ({:.1} to {:.1})", cost / frame, range[0], range[1]),
+            format!("{:.1} %", 100.0 * cost / frame / PERIOD_FRAMES),
+            format!("{} of {}", errors.len(), costs.len()),
+        ]);
+    }
+    let header =
+        ["share", "ms a frame", "frames that one measurement costs", "every 10 s", "measured"];
+    println!("{}", markdown(&header, &rows));
+}
