@@ -17,6 +17,7 @@ use bevy::ecs::query::With;
 use bevy::light::DirectionalLight;
 use bevy::math::{Quat, UVec2, Vec3};
 use bevy::transform::components::Transform;
+use bevy_frugal_gi::gi::FrugalGi;
 use frugal::metrics::{Difference, Radiance};
 use frugal::reference::{Pixels, Seen};
 use frugal::scene::{CameraPose, Light, SceneDescription};
@@ -173,6 +174,10 @@ fn rendered(
 ) -> Vec<Radiance> {
     move_to(stage, -FRAMES_BEFORE);
     method.radiance(stage);
+    let camera = set::camera(stage);
+    if let Some(mut gi) = stage.world_mut().get_mut::<FrugalGi>(camera) {
+        gi.rest_frames = rest.min(FrugalGi::MAX_REST_FRAMES);
+    }
     let mut frames = Vec::new();
     for frame in 1 - FRAMES_BEFORE..=count {
         move_to(stage, frame);

@@ -34,7 +34,7 @@ pub use probe::ErrorProbe;
 #[reflect(Component, Default, Clone, PartialEq)]
 #[require(MeasuredError, probe::MeterState)]
 pub struct ErrorMeter {
-    /// Mean of the seconds between two measurements, 0 or more; they vary by half of it. Default: 10. Lower values follow views faster;
+    /// Mean of the seconds between two measurements, 0 or more; they vary by half of it. Default: 20. Lower values follow views faster;
     /// higher values cost less: a measurement renders `frames` frames of its part of the image at
     /// the best settings.
     pub period_seconds: f32,
@@ -49,7 +49,7 @@ pub struct ErrorMeter {
 
 impl Default for ErrorMeter {
     fn default() -> Self {
-        Self { period_seconds: 10.0, share: 0.25, frames: 6 }
+        Self { period_seconds: 20.0, share: 0.25, frames: 6 }
     }
 }
 

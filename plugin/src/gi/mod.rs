@@ -45,7 +45,7 @@ mod vpl;
 
 use bevy::app::{App, Plugin};
 use bevy::camera::Camera3d;
-use bevy::core_pipeline::prepass::DeferredPrepass;
+use bevy::core_pipeline::prepass::{DeferredPrepass, DepthPrepass};
 use bevy::ecs::prelude::*;
 use bevy::log::warn;
 use bevy::pbr::DefaultOpaqueRendererMethod;
@@ -69,7 +69,9 @@ pub use view::{CameraCut, GiRefresh};
 /// Adds [`FrugalGi`] to an app, and makes deferred rendering its default.
 ///
 /// Every `Camera3d` then gets a `DeferredPrepass`: without one, Bevy draws no deferred mesh to a
-/// camera that has no prepass, and panics at one that has another prepass.
+/// camera that has no prepass, and panics at one that has another prepass. It gets a `DepthPrepass`,
+/// too: without one, Bevy's deferred lighting does not know where surfaces are, and point and spot
+/// lights leave them black.
 #[derive(Clone, Debug, Default)]
 pub struct GiPlugin;
 
@@ -81,9 +83,11 @@ impl Plugin for GiPlugin {
             .register_type::<GiLimits>();
         // Required components also cover cameras that are spawned later. They must be registered
         // before the first camera.
-        if app.try_register_required_components::<Camera3d, DeferredPrepass>().is_err() {
+        let deferred = app.try_register_required_components::<Camera3d, DeferredPrepass>();
+        let depth = app.try_register_required_components::<Camera3d, DepthPrepass>();
+        if deferred.is_err() || depth.is_err() {
             warn!(
-                "a Camera3d was spawned before GiPlugin was added, or already requires a DeferredPrepass: give every Camera3d one"
+                "a Camera3d was spawned before GiPlugin was added, or already requires a DeferredPrepass or DepthPrepass: give every Camera3d both"
             );
         }
         // The requirement does not replace the `Msaa` of a camera that has one; Bevy would switch

@@ -35,13 +35,13 @@ pub(crate) struct Judged {
 const FAIR: [&str; 4] = ["best-constant-elsewhere", "reactive", "default", "resolution-only"];
 
 /// Seconds between two measurements of a simulated error meter: as the plugin's does by default.
-const MEASURED_EVERY: f64 = 10.0;
+const MEASURED_EVERY: f64 = 20.0;
 /// Play that counts, and before that, seconds.
-const PLAYED_SECONDS: f64 = 600.0;
+const PLAYED_SECONDS: f64 = 1200.0;
 /// What measuring adds to power, as a share (`make bench BENCH=error_meter`).
 const METER_SHARE: f64 = 0.02;
 /// Most walks along a path in that time.
-const MOST_WALKS: f64 = 200.0;
+const MOST_WALKS: f64 = 400.0;
 
 /// Settings to record for all runs: those of the map, the presets, and those with only the
 /// resolution or the share of GI pixels lowered.
@@ -106,7 +106,7 @@ pub(crate) fn judge(
     if budget.error.is_some() {
         let controller = Controller::new(map, &budget, lens, control);
         let note = format!(
-            "ten minutes after ten others, an error measured every {MEASURED_EVERY} s, its power included"
+            "twenty minutes after twenty others, an error measured every {MEASURED_EVERY} s, its power included"
         );
         runs.push(("frugal-measured", measured(record, controller), Some(note)));
     }

@@ -1,14 +1,15 @@
 //! Presence of global illumination, its response to changes, and the cases in which it costs
 //! nothing.
 
-use bevy::camera::Camera;
+use bevy::camera::{Camera, Camera3d, Exposure, RenderTarget};
 use bevy::ecs::entity::Entity;
 use bevy::ecs::query::{Has, With};
 use bevy::light::{PointLight, SpotLight};
 use bevy::math::{Quat, Vec3};
+use bevy::render::view::Msaa;
 use bevy::transform::components::Transform;
 use bevy_frugal_gi::gi::{FrugalGi, GiCounts, RsmView, inspect};
-use frugal::scene::Light;
+use frugal::scene::{CameraPose, Light};
 use frugal::stage::{Component, Stage};
 use frugal_tests::{meshes, set};
 
@@ -17,6 +18,7 @@ tests!(
     no_lights_no_cost,
     an_empty_scene_costs_nothing,
     a_camera_without_gi_costs_nothing,
+    a_camera_without_gi_shows_every_light,
     gi_is_the_same_after_it_was_switched_off_and_on,
     moving_the_light_moves_the_bounce,
     moving_an_object_changes_the_bounce,
@@ -107,6 +109,37 @@ fn a_camera_without_gi_costs_nothing() {
     stage.world_mut().entity_mut(camera).remove::<FrugalGi>();
     assert!(set::radiance(&mut stage).mean() > 1.0, "direct light is still there");
     assert_costs_nothing(&mut stage);
+}
+
+/// A camera that an app spawns without any component of the plugin.
+fn a_camera_without_gi_shows_every_light() {
+    for light in [sun(Vec3::NEG_Y), spot(Vec3::new(0.0, 3.0, 0.0))] {
+        let mut stage = set::bare(vec![light], set::options(48, 27));
+        meshes::spawn_corner(&mut stage, 0.5);
+        let first = set::camera(&mut stage);
+        let world = stage.world_mut();
+        let target = world.get::<RenderTarget>(first).cloned().expect("a target");
+        world.despawn(first);
+        let pose = CameraPose::looking_at(Vec3::new(0.0, 1.0, 4.0), Vec3::ZERO);
+        world.spawn((
+            Camera3d::default(),
+            Msaa::Off,
+            target,
+            Exposure { ev100: 8.0 },
+            Transform::from_translation(pose.position).with_rotation(pose.rotation),
+        ));
+        let mut brightest = 0;
+        for _ in 0..200 {
+            stage.frame();
+            let picture = stage.picture().expect("a picture");
+            brightest = picture.rgb.iter().map(|rgb| rgb[1]).max().unwrap_or(0);
+            if brightest > 20 {
+                break;
+            }
+        }
+        println!("    the brightest pixel has {brightest} of 255");
+        assert!(brightest > 20, "the floor is lit");
+    }
 }
 
 fn gi_is_the_same_after_it_was_switched_off_and_on() {
