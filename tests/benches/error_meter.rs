@@ -2,9 +2,8 @@
 //!
 //! `make bench BENCH=error_meter ARGS='[--size WxH] [--count ROUNDS]'`
 //!
-//! `courtyard` along its tour at settings of a third of the best ones' cost. Each round takes 64
-//! frames without a meter and 64 with one measurement, in turn. The cost of a measurement is the
-//! difference, in frames of the camera without one and as a share of the cost of 1,200 frames: of one
+//! `courtyard` along its tour, at settings below the best ones. Each round takes 24 frames without a
+//! meter and 24 with one measurement, in turn. The cost of a measurement is the difference, in frames of the camera without one and as a share of the cost of 1,200 frames: of one
 //! measurement every 20 s at 60 frames per second. CPU time of all threads on a software adapter,
 //! else wall time.
 

@@ -7,7 +7,7 @@
 //! | [`Budget`] | the app | its power and error limits |
 //! | [`Selection`] | the controller | the selected settings, their predicted cost, and whether the budget is met |
 //! | [`MapFit`](crate::frontier::MapFit) | the controller | how well the map fits this app |
-//! | [`ErrorFeedback`] | the app | how measured errors compare with predicted ones, where it measures them |
+//! | [`ErrorFeedback`] | the [error meter](crate::error_meter), or the app | how measured errors compare with predicted ones |
 //! | [`ErrorPace`] | the controller | correction of the error rate for views unlike the calibration views |
 //! | [`SettingsFilter`] | the controller | the transition from old settings to new ones; the app may call [`cut`](SettingsFilter::cut) on it |
 //! | [`KnobSettings`](crate::knobs::KnobSettings) | the controller | the settings to apply |

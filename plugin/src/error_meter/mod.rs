@@ -53,6 +53,14 @@ impl Default for ErrorMeter {
     }
 }
 
+impl ErrorMeter {
+    /// Seconds from measurement number `count` to the next. No fixed period, which would meet the
+    /// same views of a round again and again: ½ to 1½ times `period_seconds`, by the golden ratio.
+    pub fn interval_seconds(&self, count: u32) -> f64 {
+        f64::from(self.period_seconds) * (0.5 + (0.618_033_988_749_895 * f64::from(count)).fract())
+    }
+}
+
 /// What an [`ErrorMeter`] has measured.
 #[derive(Component, Clone, Copy, Debug, Default, PartialEq, Reflect)]
 #[reflect(Component, Default, Clone, PartialEq)]

@@ -110,12 +110,13 @@ pub(super) fn drive(
         let Ok(place) = transforms.compute_global_transform(camera) else { continue };
         match &mut state.phase {
             Phase::Waits => {
-                // No fixed period, which would meet the same views of a round again and again.
-                let varied = 0.5 + (0.618_033_988_749_895 * f64::from(state.begun)).fract() as f32;
-                let is_due = state.begun == 0 || state.seconds >= meter.period_seconds * varied;
+                let is_due = state.begun == 0
+                    || f64::from(state.seconds) >= meter.interval_seconds(state.begun);
+                if !is_due {
+                    continue;
+                }
                 let best = best(&registry, knobs);
-                if !is_due
-                    || !view.is_active
+                if !view.is_active
                     || view.sub_camera_view.is_some()
                     || knobs.settings == best
                     || state.last == Some((place, knobs.settings))

@@ -3,6 +3,7 @@
 use bevy_frugal_gi::control::{
     Budget, CameraController, ControlSettings, ErrorFeedback, Inputs, PowerCorrection,
 };
+use bevy_frugal_gi::error_meter::ErrorMeter;
 use bevy_frugal_gi::frontier::{CameraView, CostPoint, FrontierStore};
 use bevy_frugal_gi::knobs::KnobLevels;
 
@@ -26,10 +27,10 @@ pub(crate) struct Controller<'a> {
 }
 
 /// An error meter that measures a whole frame now and then, without noise.
+#[derive(Default)]
 struct Meter {
-    /// Between two measurements, seconds.
-    period: f64,
-    /// Since the last one.
+    settings: ErrorMeter,
+    /// Since the last measurement.
     seconds: f64,
     count: u32,
 }
@@ -57,9 +58,9 @@ impl<'a> Controller<'a> {
         }
     }
 
-    /// With an error meter that measures every `period` seconds.
-    pub(crate) fn measuring(self, period: f64) -> Self {
-        Self { meter: Some(Meter { period, seconds: 0.0, count: 0 }), ..self }
+    /// With the plugin's error meter as it is by default.
+    pub(crate) fn measuring(self) -> Self {
+        Self { meter: Some(Meter::default()), ..self }
     }
 }
 
@@ -99,10 +100,7 @@ impl Policy for Controller<'_> {
     fn observe(&mut self, cost: CostPoint) {
         let Some(meter) = &mut self.meter else { return };
         meter.seconds += self.dt;
-        // As the plugin's: no fixed period, which would measure the same views of a path again and
-        // again.
-        let varied = 0.5 + (0.618_033_988_749_895 * f64::from(meter.count)).fract();
-        if meter.seconds >= meter.period * varied
+        if meter.seconds >= meter.settings.interval_seconds(meter.count)
             && let Some(predicted) = self.predicted
         {
             (meter.seconds, meter.count) = (0.0, meter.count + 1);

@@ -34,8 +34,6 @@ pub(crate) struct Judged {
 /// Baselines that have no more information about the path than the frugal run.
 const FAIR: [&str; 4] = ["best-constant-elsewhere", "reactive", "default", "resolution-only"];
 
-/// Seconds between two measurements of a simulated error meter: as the plugin's does by default.
-const MEASURED_EVERY: f64 = 20.0;
 /// Play that counts, and before that, seconds.
 const PLAYED_SECONDS: f64 = 1200.0;
 /// What measuring adds to power, as a share (`make bench BENCH=error_meter`).
@@ -105,10 +103,8 @@ pub(crate) fn judge(
     ];
     if budget.error.is_some() {
         let controller = Controller::new(map, &budget, lens, control);
-        let note = format!(
-            "twenty minutes after twenty others, an error measured every {MEASURED_EVERY} s, its power included"
-        );
-        runs.push(("frugal-measured", measured(record, controller), Some(note)));
+        let note = "twenty minutes after twenty others, with an error meter and its power";
+        runs.push(("frugal-measured", measured(record, controller), Some(note.to_owned())));
     }
     let scaled = resolutions(space);
     let scaled = record.table.with_columns(|settings| scaled.contains(&settings));
@@ -160,7 +156,7 @@ pub(crate) fn judge(
 /// The mean of some walks along the path after as many others, with an error meter. A single walk's
 /// mean is off by what the next one makes good.
 fn measured(record: &PathRecord, controller: Controller<'_>) -> Vec<FrameRecord> {
-    let mut controller = controller.measuring(MEASURED_EVERY);
+    let mut controller = controller.measuring();
     let seconds = record.path.poses().len() as f64 / record.path.fps();
     let walks = (PLAYED_SECONDS / seconds).ceil().clamp(1.0, MOST_WALKS);
     for _ in 0..walks as u32 {

@@ -47,12 +47,11 @@ const TEXEL_BYTES: usize = 8;
 pub struct GiTextureCopies {
     /// `None` where a texture cannot be copied.
     copies: HashMap<AssetId<Image>, Option<Image>>,
-    /// Asked for since the last frame. Surfaces are read in parallel.
+    /// Asked for since the last frame: surfaces ask again in every frame until they have it. They
+    /// are read in parallel.
     wanted: Mutex<HashSet<AssetId<Image>>>,
     /// On their way.
     requested: HashMap<AssetId<Image>, Entity>,
-    /// Wanted, in the order of the requests to come.
-    queue: Vec<AssetId<Image>>,
     /// Whether there is a renderer to make copies.
     has_renderer: bool,
 }
@@ -62,12 +61,16 @@ impl GiTextureCopies {
     /// pass, until it is there.
     pub fn waiting(&self) -> usize {
         let wanted = self.wanted.lock().unwrap_or_else(PoisonError::into_inner);
-        wanted.len() + self.queue.len() + self.requested.len()
+        wanted.iter().filter(|id| self.is_new(**id)).count() + self.requested.len()
+    }
+
+    /// Whether the image is neither copied nor on its way.
+    fn is_new(&self, image: AssetId<Image>) -> bool {
+        !self.copies.contains_key(&image) && !self.requested.contains_key(&image)
     }
 
     fn forget(&mut self, image: AssetId<Image>, commands: &mut Commands) {
         self.copies.remove(&image);
-        self.queue.retain(|queued| *queued != image);
         if let Some(request) = self.requested.remove(&image) {
             commands.entity(request).despawn();
         }
@@ -134,13 +137,13 @@ fn ask(
     mut assets: CopyAssets,
     mut commands: Commands,
 ) {
+    let copies = &mut *copies;
     // A copy that cannot be had now may be later: an image that is replaced counts as changed.
     for event in assets.events.iter_mut().flat_map(MessageReader::read) {
         if let AssetEvent::Modified { id } | AssetEvent::Removed { id } = event {
-            copies.bypass_change_detection().forget(*id, &mut commands);
+            copies.forget(*id, &mut commands);
         }
     }
-    let copies = copies.bypass_change_detection();
     for mut request in &mut requests {
         request.frames += 1;
         if request.frames > PATIENCE_FRAMES {
@@ -150,17 +153,12 @@ fn ask(
     }
     let wanted = copies.wanted.get_mut().unwrap_or_else(PoisonError::into_inner);
     let mut wanted: Vec<_> = wanted.drain().collect();
-    wanted.retain(|id| {
-        !copies.copies.contains_key(id)
-            && !copies.requested.contains_key(id)
-            && !copies.queue.contains(id)
-    });
-    // The same order in every run.
+    wanted.retain(|id| copies.is_new(*id));
+    // The same order in every run. The others are asked for again.
     wanted.sort_unstable();
-    copies.queue.extend(wanted);
+    wanted.truncate(MOST_REQUESTS.saturating_sub(copies.requested.len()));
     let (Some(images), Some(buffers)) = (assets.images, assets.buffers.as_mut()) else { return };
-    while copies.requested.len() < MOST_REQUESTS && !copies.queue.is_empty() {
-        let id = copies.queue.remove(0);
+    for id in wanted {
         let Some(image) = images.get(id) else { continue };
         if !is_sampled(image) {
             copies.copies.insert(id, None);
