@@ -5,6 +5,7 @@
 
 use bevy::app::{App, PostUpdate, SubApp};
 use bevy::camera::CameraUpdateSystems;
+use bevy::camera::visibility::check_visibility_cpu_culling;
 use bevy::core_pipeline::core_3d::main_opaque_pass_3d;
 use bevy::core_pipeline::schedule::{Core3d, Core3dSystems};
 use bevy::ecs::prelude::*;
@@ -37,6 +38,11 @@ pub(super) enum SceneSystems {
     Maps,
     /// Changes of meshes are noted, for the sets below.
     Changes,
+    /// What is rendered in this frame is decided: from here on, cameras of maps that are due are
+    /// active.
+    Refresh,
+    /// What those maps draw is listed.
+    Drawn,
     /// Texels of emissive surfaces are updated.
     Emissive,
     /// Occluders and patches are updated.
@@ -100,9 +106,17 @@ pub(super) fn configure_main_world(app: &mut App) {
                 .before(TransformSystems::Propagate)
                 .run_if(is_not_off),
             SceneSystems::Changes.after(SceneSystems::Maps).run_if(is_not_off),
+            // Bevy leaves out the cameras of maps, which are not active yet: they keep lists of
+            // their own.
+            SceneSystems::Refresh
+                .after(SceneSystems::Maps)
+                .after(SceneSystems::Changes)
+                .after(check_visibility_cpu_culling)
+                .run_if(is_not_off),
+            SceneSystems::Drawn.after(SceneSystems::Refresh).run_if(is_not_off),
             SceneSystems::Emissive
                 .after(KnobSystems::Apply)
-                .after(SceneSystems::Changes)
+                .after(SceneSystems::Refresh)
                 .run_if(is_not_off),
             // Read whether there is light.
             SceneSystems::Surfaces

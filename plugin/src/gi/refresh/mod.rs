@@ -19,12 +19,11 @@ mod scene;
 mod views;
 
 use bevy::app::{App, Plugin, PostUpdate};
-use bevy::camera::visibility::VisibilitySystems;
 use bevy::ecs::prelude::*;
 use bevy::render::Render;
 use bevy::render::extract_resource::ExtractResourcePlugin;
 
-use super::schedule::{PrepareSystems, SceneSystems, is_not_off, supported_render_app};
+use super::schedule::{PrepareSystems, SceneSystems, supported_render_app};
 use super::view::{GiFrame, GiRefresh};
 
 pub(super) struct RefreshPlugin;
@@ -38,16 +37,7 @@ impl Plugin for RefreshPlugin {
                 ExtractResourcePlugin::<GiRefresh>::default(),
                 ExtractResourcePlugin::<GiFrame>::default(),
             ))
-            .add_systems(
-                PostUpdate,
-                scene::decide
-                    .after(SceneSystems::Maps)
-                    .after(SceneSystems::Changes)
-                    .before(SceneSystems::Emissive)
-                    .before(SceneSystems::Surfaces)
-                    .before(VisibilitySystems::CheckVisibility)
-                    .run_if(is_not_off),
-            );
+            .add_systems(PostUpdate, scene::decide.in_set(SceneSystems::Refresh));
     }
 
     fn finish(&self, app: &mut App) {

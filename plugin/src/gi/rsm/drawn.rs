@@ -1,24 +1,244 @@
-//! Which meshes maps draw: those that cast shadows.
+//! Which meshes maps draw: those that cast shadows and are in the map's frustum.
 //!
-//! Bevy's visibility takes a map's camera for any other, and would draw meshes that cast no shadow.
+//! Bevy tests every mesh against every active view in every frame. Few meshes change, and most maps
+//! hardly move: here a map keeps its list, somewhat wider than its frustum, and what changed edits
+//! it. Bevy leaves out the cameras of maps, since they are active only from then on to the end of the
+//! frame.
 
 use std::any::TypeId;
 
-use bevy::camera::Camera;
-use bevy::camera::visibility::VisibleEntities;
+use bevy::camera::primitives::{Aabb, Frustum, Sphere};
+use bevy::camera::visibility::{
+    InheritedVisibility, NoCpuCulling, NoFrustumCulling, RenderLayers, SetViewVisibility,
+    ViewVisibility, VisibilityRange, VisibleEntities, VisibleEntityRanges,
+};
+use bevy::camera::{Camera, Projection};
 use bevy::ecs::prelude::*;
+use bevy::ecs::query::QueryData;
 use bevy::light::NotShadowCaster;
+use bevy::math::primitives::{HalfSpace, ViewFrustum};
+use bevy::math::{Vec3A, Vec4};
 use bevy::mesh::Mesh3d;
+use bevy::transform::components::GlobalTransform;
 
 use super::RsmView;
+use crate::gi::surfaces::MeshDelta;
+use crate::gi::view::GiFrame;
 
-/// Takes meshes that cast no shadow out of the lists of what is visible to maps.
-pub(super) fn leave_out_shadowless(
-    mut maps: Query<(&Camera, &mut VisibleEntities), With<RsmView>>,
-    shadowless: Query<(), With<NotShadowCaster>>,
+/// Room around a map's frustum, as a share of its diagonal. Higher values list anew less often while
+/// a map moves; lower values draw fewer meshes that it does not show.
+const ROOM: f32 = 1.0 / 32.0;
+
+/// What a map's list, its camera's [`VisibleEntities`], is of.
+#[derive(Component, Clone, Copy, Debug, Default)]
+pub(super) struct MapMeshes {
+    /// The list has what casts shadows in it. `None`: it must be made anew.
+    room: Option<Room>,
+}
+
+/// A frustum around a map's.
+#[derive(Clone, Copy, Debug)]
+struct Room {
+    frustum: Frustum,
+    /// Of what the map could show when it was made: from a corner of the near plane to the opposite
+    /// one of the far plane, metres.
+    diagonal: f32,
+}
+
+/// A map and its list.
+#[derive(QueryData)]
+#[query_data(mutable)]
+pub(super) struct Map {
+    entity: Entity,
+    camera: &'static Camera,
+    projection: &'static Projection,
+    place: &'static GlobalTransform,
+    frustum: Ref<'static, Frustum>,
+    layers: Ref<'static, RenderLayers>,
+    visible: &'static mut VisibleEntities,
+    meshes: &'static mut MapMeshes,
+}
+
+/// A mesh that a map may show. Those that Bevy does not cull on the CPU are in every view's list.
+#[derive(QueryData)]
+pub(super) struct Candidate {
+    entity: Entity,
+    inherited: &'static InheritedVisibility,
+    place: &'static GlobalTransform,
+    bounds: Option<&'static Aabb>,
+    layers: Option<&'static RenderLayers>,
+    is_everywhere: Has<NoFrustumCulling>,
+    has_range: Has<VisibilityRange>,
+}
+
+type Casts = (With<Mesh3d>, Without<NotShadowCaster>, Without<NoCpuCulling>);
+
+/// Whether a list may have to change, or is drawn.
+pub(super) fn is_needed(delta: Res<MeshDelta>, frame: Res<GiFrame>) -> bool {
+    frame.maps || !delta.is_empty()
+}
+
+/// Keeps the lists of maps, and makes what is drawn in this frame visible, so that Bevy extracts it.
+pub(super) fn list(
+    mut maps: Query<Map, With<RsmView>>,
+    meshes: Query<Candidate, Casts>,
+    mut visibilities: Query<(Entity, &mut ViewVisibility), With<Mesh3d>>,
+    ranges: Option<Res<VisibleEntityRanges>>,
+    delta: Res<MeshDelta>,
 ) {
-    for (_, mut visible) in maps.iter_mut().filter(|(camera, _)| camera.is_active) {
-        let meshes = visible.get_mut(TypeId::of::<Mesh3d>());
-        meshes.retain(|mesh| !shadowless.contains(*mesh));
+    let changed = delta.changed();
+    let mut drawn = EntityBits::default();
+    for mut map in &mut maps {
+        if delta.unknown || map.layers.is_changed() {
+            map.meshes.room = None;
+        }
+        let corners = corners(map.projection, map.place);
+        if map.frustum.is_changed() {
+            map.meshes.room = map.meshes.room.filter(|room| room.fits(&corners));
+        }
+        let is_listed = map.meshes.room.is_some();
+        if !is_listed && map.camera.is_active {
+            map.meshes.room = Some(Room::new(&map.frustum, &corners));
+        }
+        let Some(room) = map.meshes.room else { continue };
+        let list = map.visible.get_mut(TypeId::of::<Mesh3d>());
+        let is_in_range = |mesh| {
+            ranges.as_ref().is_none_or(|ranges| ranges.entity_is_in_range_of_view(mesh, map.entity))
+        };
+        let is_shown = |mesh: &CandidateItem| {
+            mesh.inherited.get()
+                && map.layers.intersects(mesh.layers.unwrap_or_default())
+                && (!mesh.has_range || is_in_range(mesh.entity))
+                && (mesh.is_everywhere
+                    || mesh
+                        .bounds
+                        .is_none_or(|bounds| is_inside(&room.frustum, bounds, mesh.place)))
+        };
+        if is_listed {
+            edit(list, &changed, |mesh| meshes.get(mesh).is_ok_and(|mesh| is_shown(&mesh)));
+        } else {
+            list.clear();
+            list.extend(meshes.iter().filter(|mesh| is_shown(mesh)).map(|mesh| mesh.entity));
+            // Bevy finds out what joined and what left by comparing sorted lists.
+            list.sort_unstable();
+        }
+        if map.camera.is_active {
+            list.iter().for_each(|mesh| drawn.insert(*mesh));
+        }
+    }
+    if drawn.is_empty() {
+        return;
+    }
+    for (mesh, mut visibility) in &mut visibilities {
+        if drawn.contains(mesh) {
+            visibility.set_visible();
+        }
     }
 }
+
+/// Corners of what a map can show, in the world. Those of Bevy's half-spaces are others: of a parallel
+/// projection its near plane lies behind the far one, and cuts nothing off in front.
+fn corners(projection: &Projection, place: &GlobalTransform) -> [Vec3A; 8] {
+    let near = match projection {
+        Projection::Perspective(lens) => lens.near,
+        Projection::Orthographic(lens) => lens.near,
+        Projection::Custom(_) => 0.0,
+    };
+    let world_from_map = place.affine();
+    projection
+        .get_frustum_corners(-near, -projection.far())
+        .map(|corner| world_from_map.transform_point3a(corner))
+}
+
+impl Room {
+    fn new(frustum: &Frustum, corners: &[Vec3A; 8]) -> Self {
+        let mut room = Self { frustum: *frustum, diagonal: diagonal(corners) };
+        if room.diagonal.is_finite() {
+            for side in &mut room.frustum.half_spaces[..ViewFrustum::FAR_PLANE_IDX] {
+                *side = HalfSpace::new(side.normal_d() + ROOM * room.diagonal * Vec4::W);
+            }
+        }
+        room
+    }
+
+    /// Whether it fits around these corners: all are in it, but for its far plane, which does not
+    /// count in [`is_inside`] either, and it is not much wider. False where a corner is not finite.
+    fn fits(&self, corners: &[Vec3A; 8]) -> bool {
+        let sides = &self.frustum.half_spaces[..ViewFrustum::FAR_PLANE_IDX];
+        diagonal(corners) >= (1.0 - 2.0 * ROOM) * self.diagonal
+            && sides.iter().all(|side| {
+                corners.iter().all(|corner| side.normal_d().dot(corner.extend(1.0)) >= 0.0)
+            })
+    }
+}
+
+/// In the order of `CameraProjection::get_frustum_corners`.
+fn diagonal(corners: &[Vec3A; 8]) -> f32 {
+    corners[0].distance(corners[6])
+}
+
+/// Bevy's own test, so that a map draws what a camera in its place would.
+fn is_inside(frustum: &Frustum, aabb: &Aabb, place: &GlobalTransform) -> bool {
+    let world_from_local = place.affine();
+    let sphere = Sphere {
+        center: world_from_local.transform_point3a(aabb.center),
+        radius: place.radius_vec3a(aabb.half_extents),
+    };
+    frustum.intersects_sphere(&sphere, false)
+        && frustum.intersects_obb(aabb, &world_from_local, true, false)
+}
+
+/// Takes those of `changed` out of a list that are not shown any more, and puts those in that are
+/// now. Both are sorted.
+fn edit(list: &mut Vec<Entity>, changed: &[Entity], is_shown: impl Fn(Entity) -> bool) {
+    let (mut joined, mut left) = (Vec::new(), Vec::new());
+    for mesh in changed {
+        match (list.binary_search(mesh).is_ok(), is_shown(*mesh)) {
+            (false, true) => joined.push(*mesh),
+            (true, false) => left.push(*mesh),
+            _ => {}
+        }
+    }
+    if !left.is_empty() {
+        let mut left = left.iter().peekable();
+        list.retain(|mesh| left.next_if_eq(&mesh).is_none());
+    }
+    if !joined.is_empty() {
+        list.append(&mut joined);
+        // Finds the two sorted parts, and merges them.
+        list.sort();
+    }
+}
+
+/// A set of entities, one bit for each that there may be.
+#[derive(Default)]
+struct EntityBits(Vec<u64>);
+
+impl EntityBits {
+    fn is_empty(&self) -> bool {
+        self.0.is_empty()
+    }
+
+    fn insert(&mut self, entity: Entity) {
+        let (word, bit) = Self::place(entity);
+        if word >= self.0.len() {
+            self.0.resize(word + 1, 0);
+        }
+        self.0[word] |= bit;
+    }
+
+    fn contains(&self, entity: Entity) -> bool {
+        let (word, bit) = Self::place(entity);
+        self.0.get(word).is_some_and(|bits| bits & bit != 0)
+    }
+
+    /// Entities that live at the same time differ in their index.
+    fn place(entity: Entity) -> (usize, u64) {
+        let index = entity.index_u32();
+        (index as usize / 64, 1 << (index % 64))
+    }
+}
+
+#[cfg(test)]
+#[path = "drawn_tests.rs"]
+mod tests;

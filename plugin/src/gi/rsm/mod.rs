@@ -25,7 +25,6 @@ use bevy::asset::embedded_asset;
 use bevy::camera::visibility::{RenderLayers, VisibilitySystems};
 use bevy::core_pipeline::schedule::Core3d;
 use bevy::ecs::prelude::*;
-use bevy::light::NotShadowCaster;
 use bevy::reflect::Reflect;
 use bevy::render::extract_component::{
     ExtractComponent, ExtractComponentPlugin, UniformComponentPlugin,
@@ -109,9 +108,10 @@ impl Plugin for RsmPlugin {
                     (scene_box::update_scene_box.run_if(scene_box::is_touched), views::maintain)
                         .chain()
                         .in_set(SceneSystems::Maps),
-                    drawn::leave_out_shadowless
-                        .after(VisibilitySystems::CheckVisibility)
-                        .run_if(any_with_component::<NotShadowCaster>),
+                    drawn::list
+                        .in_set(VisibilitySystems::CheckVisibility)
+                        .in_set(SceneSystems::Drawn)
+                        .run_if(drawn::is_needed),
                 ),
             );
     }

@@ -22,6 +22,7 @@ use bevy::transform::components::{GlobalTransform, Transform};
 use bevy::transform::helper::TransformHelper;
 
 use super::capacity::MapCapacity;
+use super::drawn::MapMeshes;
 use super::focus::Focus;
 use super::lights::{BouncingLight, RsmLight};
 use super::scene_box::SceneBox;
@@ -187,6 +188,9 @@ impl MapItem<'_, '_> {
         let slot = |light: &RsmLight| (light.texel_offset, light.resolution);
         let is_elsewhere = slot(&self.light) != slot(&spec.light);
         let mut moved = is_elsewhere;
+        if self.camera.is_active {
+            self.camera.is_active = false;
+        }
         let size = UVec2::splat(spec.resolution);
         let resized = !matches!(*self.target, RenderTarget::None { size: old } if old == size);
         if resized {
@@ -246,7 +250,7 @@ fn spawn(commands: &mut Commands, spec: MapSpec) {
         spec.cut,
         spec.shading,
         Camera3d { depth_texture_usages, ..Default::default() },
-        Camera { order, ..Default::default() },
+        Camera { order, is_active: false, ..Default::default() },
         RenderTarget::None { size: UVec2::splat(spec.resolution) },
         Msaa::Off,
         // Forward-rendered meshes write only depth: they block light, and reflect none.
@@ -254,7 +258,7 @@ fn spawn(commands: &mut Commands, spec: MapSpec) {
         DeferredPrepass,
         spec.projection,
         GlobalTransform::from(spec.transform),
-        (spec.layers, spec.weight),
+        (spec.layers, spec.weight, MapMeshes::default()),
         // Until it is rendered.
         MapAge { stale: 1, ..Default::default() },
     ));

@@ -1,7 +1,7 @@
 //! What changed of meshes since the last frame, found once for all that is derived from them.
 
 use bevy::asset::{AssetEvent, AssetId};
-use bevy::camera::visibility::{RenderLayers, VisibilityRange};
+use bevy::camera::visibility::{NoFrustumCulling, RenderLayers, VisibilityRange};
 use bevy::ecs::prelude::*;
 use bevy::ecs::system::SystemParam;
 use bevy::light::NotShadowCaster;
@@ -31,6 +31,19 @@ pub(in crate::gi) struct MeshDelta {
 }
 
 impl MeshDelta {
+    /// Whether nothing changed.
+    pub(crate) fn is_empty(&self) -> bool {
+        !self.is_altered() && self.touched.is_empty() && self.gone.is_empty()
+    }
+
+    /// Everything that changed, sorted, each once.
+    pub(crate) fn changed(&self) -> Vec<Entity> {
+        let mut all = [&self.altered[..], &self.touched, &self.gone].concat();
+        all.sort_unstable();
+        all.dedup();
+        all
+    }
+
     /// Whether anything but places changed.
     pub(crate) fn is_altered(&self) -> bool {
         self.unknown || !self.altered.is_empty()
@@ -80,6 +93,7 @@ pub(in crate::gi) struct MeshChanges<'w, 's> {
     unskinned: RemovedComponents<'w, 's, SkinnedMesh>,
     on_all_layers: RemovedComponents<'w, 's, RenderLayers>,
     unranged: RemovedComponents<'w, 's, VisibilityRange>,
+    culled: RemovedComponents<'w, 's, NoFrustumCulling>,
     materials: Option<MessageReader<'w, 's, AssetEvent<StandardMaterial>>>,
     with_material: Query<'w, 's, (Entity, &'static MeshMaterial3d<StandardMaterial>)>,
     bind_poses: Option<MessageReader<'w, 's, AssetEvent<SkinnedMeshInverseBindposes>>>,
@@ -122,6 +136,7 @@ impl MeshChanges<'_, '_> {
         touched.extend(self.unskinned.read());
         touched.extend(self.on_all_layers.read());
         touched.extend(self.unranged.read());
+        touched.extend(self.culled.read());
         altered.extend_from_slice(&touched[lost..]);
         altered.extend(&self.ranged);
         let events = self.materials.iter_mut().flat_map(MessageReader::read);

@@ -5,7 +5,7 @@
 //! them, one after another, many at once. One scan serves all that follows changes of meshes.
 
 use bevy::camera::primitives::Aabb;
-use bevy::camera::visibility::{InheritedVisibility, RenderLayers};
+use bevy::camera::visibility::{InheritedVisibility, NoFrustumCulling, RenderLayers};
 use bevy::ecs::change_detection::{ContiguousRef, Tick};
 use bevy::ecs::prelude::*;
 use bevy::light::NotShadowCaster;
@@ -27,6 +27,7 @@ pub(super) type Columns = (
     Option<Ref<'static, SkinnedMesh>>,
     Option<Ref<'static, Aabb>>,
     Option<Ref<'static, MeshMorphWeights>>,
+    Option<Ref<'static, NoFrustumCulling>>,
 );
 
 /// Something that changed of a mesh.
@@ -37,7 +38,7 @@ pub(super) enum MeshChange {
     Place = 1,
     /// Its mesh, material, visibility, render layers, skin, or whether it casts shadows.
     Kind = 2,
-    /// Its bounding box or the weights of its morphs.
+    /// Its bounding box, whether it is culled by it, or the weights of its morphs.
     Shape = 4,
 }
 
@@ -76,11 +77,22 @@ pub(super) fn scan<'w>(
     mut found: impl FnMut(ChangedMesh<'w>),
 ) -> bool {
     let Ok(tables) = meshes.contiguous_iter() else { return false };
-    for (entities, mesh, transform, material, visible, layers, shadowless, skin, aabb, morph) in
-        tables
+    for (
+        entities,
+        mesh,
+        transform,
+        material,
+        visible,
+        layers,
+        shadowless,
+        skin,
+        aabb,
+        morph,
+        unculled,
+    ) in tables
     {
         let (last_run, this_run) = (mesh.last_run_tick(), mesh.this_run_tick());
-        let columns: [Option<Ticks>; 9] = [
+        let columns: [Option<Ticks>; 10] = [
             Some(Ticks { changed: mesh.changed_ticks_slice(), change: MeshChange::Kind }),
             ticks(&transform, MeshChange::Place),
             ticks(&material, MeshChange::Kind),
@@ -90,6 +102,7 @@ pub(super) fn scan<'w>(
             ticks(&skin, MeshChange::Kind),
             ticks(&aabb, MeshChange::Shape),
             ticks(&morph, MeshChange::Shape),
+            ticks(&unculled, MeshChange::Shape),
         ];
         let columns: Vec<Ticks> = columns.into_iter().flatten().collect();
         let is_skinned = skin.is_some();
@@ -173,11 +186,12 @@ mod tests {
             5 => mesh.insert(MeshMaterial3d(Handle::<StandardMaterial>::default())),
             6 => mesh.insert(SkinnedMesh::default()),
             7 => mesh.insert(MeshMorphWeights::Value { weights: Vec::new() }),
+            8 => mesh.insert(NoFrustumCulling),
             _ => mesh.insert(Mesh3d(Handle::default())),
         };
         match what {
             0 => MeshChange::Place as u8,
-            1 | 7 => MeshChange::Shape as u8,
+            1 | 7 | 8 => MeshChange::Shape as u8,
             _ => MeshChange::Kind as u8,
         }
     }
@@ -187,7 +201,7 @@ mod tests {
         #[test]
         fn what_changed_is_found_once_and_nothing_else(
             count in 1usize..700,
-            frames in prop::collection::vec(prop::collection::vec((0usize..700, 0u8..9), 0..6), 1..6),
+            frames in prop::collection::vec(prop::collection::vec((0usize..700, 0u8..10), 0..6), 1..6),
         ) {
             let mut app = app();
             let meshes: Vec<Entity> = (0..count)
