@@ -8,15 +8,13 @@ use bevy::ecs::prelude::*;
 use bevy::log::warn_once;
 
 use super::agree::{Rank, agree};
-use super::maps::store_of;
+use super::maps::{frontier_in_play, store_of};
 use super::systems::{CameraState, Source, Step, same_space};
 use super::{
     AppBudget, Budget, CameraPriority, Limit, Outcome, PowerCorrection, PowerDivision,
     PowerFeedback,
 };
-use crate::frontier::{
-    CameraView, CostPoint, Frontier, FrontierMap, FrontierPoint, FrontierStore, SharedLevels,
-};
+use crate::frontier::{CostPoint, Frontier, FrontierMap, FrontierPoint, SharedLevels};
 use crate::knobs::{KnobLevels, KnobSpace};
 use crate::units::Watts;
 
@@ -81,7 +79,9 @@ pub(super) fn divide_app_budget(
                 continue;
             };
             let Some(store) = store_of(source, &maps) else { continue };
-            let Some(found) = frontier_at(store, view, &feedback) else { continue };
+            let Some(found) = frontier_in_play(store, view, feedback.has_left_map) else {
+                continue;
+            };
             let shared = agreement
                 .as_ref()
                 .zip(agreed)
@@ -116,7 +116,7 @@ pub(super) fn divide_app_budget(
             continue;
         };
         let Some(store) = store_of(source, &maps) else { continue };
-        let Some(found) = frontier_at(store, view, &feedback) else { continue };
+        let Some(found) = frontier_in_play(store, view, feedback.has_left_map) else { continue };
         let chosen = division.chosen(number);
         number += 1;
         let point = chosen.and_then(|chosen| found.points().get(chosen));
@@ -149,16 +149,6 @@ pub(super) fn divide_app_budget(
             budget.power = Some(if limit < part { limit } else { part });
         }
     }
-}
-
-/// The frontier that the camera's own choice was made from.
-fn frontier_at<'a>(
-    store: &'a dyn FrontierStore,
-    view: &CameraView,
-    feedback: &PowerFeedback,
-) -> Option<&'a Frontier> {
-    let overall = store.overall().filter(|_| feedback.has_left_map);
-    overall.or_else(|| Some(store.look_up(view)?.frontier))
 }
 
 /// How much a camera's error counts: its priority times its pixels.

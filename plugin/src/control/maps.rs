@@ -94,14 +94,31 @@ pub(super) fn store_of<'a>(
     }
 }
 
+/// The frontier that choices at `view` are made from: over all views where the scene has left its map
+/// ([`PowerFeedback::has_left_map`](super::PowerFeedback::has_left_map)).
+pub(crate) fn frontier_in_play<'a>(
+    store: &'a dyn FrontierStore,
+    view: &CameraView,
+    has_left_map: bool,
+) -> Option<&'a Frontier> {
+    let found = if has_left_map { Overall(store).found(view) } else { store.look_up(view) };
+    found.map(|found| found.frontier)
+}
+
 /// A store whose frontier over all views stands for every view: local frontiers say nothing of a scene
 /// that has changed since they were found.
 pub(super) struct Overall<'a>(pub(super) &'a dyn FrontierStore);
 
-impl FrontierStore for Overall<'_> {
-    fn look_up(&self, view: &CameraView) -> Option<SampleRef<'_>> {
+impl<'a> Overall<'a> {
+    fn found(&self, view: &CameraView) -> Option<SampleRef<'a>> {
         let found = self.0.look_up(view)?;
         Some(SampleRef { frontier: self.0.overall().unwrap_or(found.frontier), ..found })
+    }
+}
+
+impl FrontierStore for Overall<'_> {
+    fn look_up(&self, view: &CameraView) -> Option<SampleRef<'_>> {
+        self.found(view)
     }
 
     fn knobs(&self) -> &KnobSpace {

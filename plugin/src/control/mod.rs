@@ -43,6 +43,7 @@ pub use events::{BudgetStateChanged, MapRejected, SettingsSwitched};
 pub use feedback::{PowerCorrection, PowerModel};
 pub use filter::{SettingsFilter, TransitionTimes};
 pub use limits::Limit;
+pub(crate) use maps::frontier_in_play;
 pub use pace::{ErrorPace, choose};
 pub use select::{Choice, MOST_OVER_MEAN, Outcome, select};
 pub use selection::{

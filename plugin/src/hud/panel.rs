@@ -12,8 +12,10 @@ use super::plot::{self, Plot};
 use super::show::HasPanel;
 use super::text::{Detail, Facts, caption};
 use crate::control::{
-    AppBudget, Budget, FrontierMapHandle, FrontierSource, PowerCorrection, PowerFeedback, Selection,
+    AppBudget, Budget, FrontierMapHandle, FrontierSource, PowerCorrection, PowerFeedback,
+    Selection, frontier_in_play,
 };
+use crate::error_meter::MeasuredError;
 use crate::frontier::{
     CameraView, CostPoint, Frontier, FrontierMap, FrontierStore, KnobEffects, MapFit,
 };
@@ -100,6 +102,7 @@ pub(super) struct Shown {
     warming: Option<&'static WarmKnobs>,
     map: Option<&'static FrontierMapHandle>,
     source: Option<&'static FrontierSource>,
+    measured: Option<&'static MeasuredError>,
 }
 
 impl ShownItem<'_, '_> {
@@ -122,11 +125,15 @@ impl ShownItem<'_, '_> {
         Some((store.knob_effects().filter(|_| is_its_space)?, rate))
     }
 
-    /// The frontier at the camera's view.
-    fn frontier<'a>(&'a self, maps: Option<&'a Assets<FrontierMap>>) -> Option<&'a Frontier> {
-        let store = self.store(maps)?;
+    /// The frontier that the controller chooses from at the camera's view.
+    fn frontier<'a>(
+        &'a self,
+        maps: Option<&'a Assets<FrontierMap>>,
+        feedback: Option<&PowerFeedback>,
+    ) -> Option<&'a Frontier> {
         let view = CameraView::from_camera(self.transform, self.projection);
-        store.look_up(&view).map(|found| found.frontier)
+        let has_left_map = feedback.is_some_and(|feedback| feedback.has_left_map);
+        frontier_in_play(self.store(maps)?, &view, has_left_map)
     }
 
     fn plot(&self, frontier: Option<&Frontier>, correction: PowerCorrection) -> Plot {
@@ -220,9 +227,10 @@ pub(super) fn write(
                 .then(|| shown.effects(sources.maps.as_deref()))
                 .flatten(),
             metered: sources.metered.as_deref(),
+            measured: shown.measured,
             feedback,
         };
-        let frontier = shown.frontier(sources.maps.as_deref());
+        let frontier = shown.frontier(sources.maps.as_deref(), feedback);
         let (switches, knobs) = if detail == Detail::Full { (6, 2) } else { (2, 1) };
         let mut log = caption(frontier, correction);
         for line in sources.log.lines(panel.camera, switches, knobs) {

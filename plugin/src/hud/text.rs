@@ -8,6 +8,7 @@ use bevy::math::Vec2;
 use crate::control::{
     Budget, ControlStatus, FeedbackState, Outcome, PowerCorrection, PowerFeedback, Selection,
 };
+use crate::error_meter::MeasuredError;
 use crate::frontier::{CostPoint, Frontier, KnobEffects, MapFit};
 use crate::knobs::{Knob, KnobLevels, KnobSettings, KnobSpace};
 use crate::power::{MeterState, MeteredPower, Provenance};
@@ -52,6 +53,7 @@ pub(super) struct Facts<'a> {
     /// What levels save and cost alone, at a frame rate.
     pub effects: Option<(&'a KnobEffects, f64)>,
     pub metered: Option<&'a MeteredPower>,
+    pub measured: Option<&'a MeasuredError>,
     pub feedback: Option<&'a PowerFeedback>,
 }
 
@@ -80,6 +82,9 @@ impl Facts<'_> {
         }
         if let Some(metered) = self.metered {
             row("metered", power(metered));
+        }
+        if let Some((error, count)) = self.measured.and_then(|it| Some((it.last?, it.count))) {
+            row("measured", format!("error {}, number {count}", number(error, 4)));
         }
         // It corrects predictions; without any it says nothing.
         if let (Some(feedback), Some(_)) = (self.feedback, predicted)

@@ -93,6 +93,21 @@ fn feedback_has_its_uncertainty() {
 }
 
 #[test]
+fn a_measured_error_stands_beside_the_predicted_one() {
+    let selection = active(Outcome::Met);
+    let mut measured = MeasuredError::default();
+    let text = |measured: &MeasuredError, detail| {
+        let facts =
+            Facts { selection: Some(&selection), measured: Some(measured), ..Default::default() };
+        facts.summary(detail)
+    };
+    assert!(!text(&measured, Detail::Full).contains("measured"), "nothing is yet");
+    measured = MeasuredError { last: Some(0.021_34), count: 3 };
+    assert!(text(&measured, Detail::Full).ends_with("measured  error 0.0213, number 3"));
+    assert!(!text(&measured, Detail::Brief).contains("0.0213"));
+}
+
+#[test]
 fn what_a_level_saves_and_costs_alone_stands_beside_it() {
     let settings = KnobLevels::default().with_level(0, 1).with_level(1, 2);
     let settings = KnobSettings { space: Arc::new(testing::space()), settings };
