@@ -3,9 +3,10 @@
 //! `make bench BENCH=error_meter ARGS='[--size WxH] [--count ROUNDS]'`
 //!
 //! `courtyard` along its tour, at settings below the best ones. Each round takes 24 frames without a
-//! meter and 24 with one measurement, in turn. The cost of a measurement is the difference, in frames of the camera without one and as a share of the cost of 1,200 frames: of one
-//! measurement every 20 s at 60 frames per second. CPU time of all threads on a software adapter,
-//! else wall time.
+//! meter and 24 with one measurement, in turn. The cost of a measurement is the difference, in frames
+//! of the camera without one and as a share of the cost of 1,200 frames: of one measurement every
+//! 20 s at 60 frames per second. CPU time of all threads on a software adapter, else wall time. All
+//! rows measure at the same places, so that their mean errors compare.
 
 use bevy::ecs::entity::Entity;
 use bevy::math::UVec2;
@@ -44,15 +45,15 @@ impl Walk {
         let mut walk = Self { stage, scene, camera, time: 0.0, clock: Clock::suitable() };
         walk.stage.get_ready().unwrap_or_else(|error| panic!("{error}"));
         // The pipelines of the best settings, which the hidden camera takes.
-        walk.reading(Some(1.0));
+        walk.reading(Some((1.0, 6)));
         walk
     }
 
     /// Milliseconds of all frames of a reading, and the error that was measured.
-    fn reading(&mut self, share: Option<f32>) -> (f64, Option<f64>) {
+    fn reading(&mut self, meter: Option<(f32, u32)>) -> (f64, Option<f64>) {
         let mut camera = self.stage.world_mut().entity_mut(self.camera);
-        if let Some(share) = share {
-            camera.insert(ErrorMeter { share, period_seconds: f32::MAX, ..Default::default() });
+        if let Some((share, frames)) = meter {
+            camera.insert(ErrorMeter { share, frames, period_seconds: f32::MAX });
         }
         let path = &self.scene.paths["tour"];
         let mut milliseconds = 0.0;
@@ -87,11 +88,12 @@ fn main() {
         walk.clock.label()
     );
     let mut rows = Vec::new();
-    for share in [0.25, 0.5] {
+    for (share, frames) in [(0.25, 12), (0.25, 6), (0.5, 6), (0.25, 4), (0.25, 3), (0.25, 2)] {
+        walk.time = 0.0;
         let (mut costs, mut plain, mut errors) = (Vec::new(), Vec::new(), Vec::new());
         for _ in 0..options.count.max(1) {
             let (without, _) = walk.reading(None);
-            let (with, error) = walk.reading(Some(share));
+            let (with, error) = walk.reading(Some((share, frames)));
             costs.push(with - without);
             plain.push(without / f64::from(FRAMES));
             errors.extend(error);
@@ -100,13 +102,22 @@ fn main() {
         let range = [0.25, 0.75].map(|at| quantile(&mut costs, at) / frame);
         rows.push(vec![
             format!("{share}"),
+            format!("{frames}"),
             format!("{frame:.2}"),
             format!("{:.1} ({:.1} to {:.1})", cost / frame, range[0], range[1]),
             format!("{:.1} %", 100.0 * cost / frame / PERIOD_FRAMES),
+            format!("{:.4}", errors.iter().sum::<f64>() / errors.len().max(1) as f64),
             format!("{} of {}", errors.len(), costs.len()),
         ]);
     }
-    let header =
-        ["share", "ms a frame", "frames that one measurement costs", "every 20 s", "measured"];
+    let header = [
+        "share",
+        "frames",
+        "ms a frame",
+        "frames that one measurement costs",
+        "every 20 s",
+        "mean error",
+        "measured",
+    ];
     println!("{}", markdown(&header, &rows));
 }

@@ -1,7 +1,7 @@
 //! Temporal stability while the light or the camera moves: the plugin against `naive-rsm`.
 //!
 //! `make bench BENCH=stability ARGS='…'`: `[--size WxH] [--spp N] [--count FRAMES] [light |
-//! camera]…`
+//! camera | both | disocclusion]…`
 //!
 //! `courtyard` with only its sun and without textures, after 32 frames of the same motion. Temporal
 //! error: mean over successive frames, pixels and channels of |Δframe − Δreference| ÷ mean of the
@@ -12,12 +12,15 @@
 //! edges cross pixels. Error of the first and the last frame: relative L1 of 4x4 means; that of the
 //! last includes the lag of temporal accumulation. The last row is at rest in every frame: its error
 //! is in the images themselves, none of it noise or lag.
+//!
+//! Disocclusion: the camera goes half a metre in five frames and stays. Error of the pixels that show
+//! another surface than before, relative L1 against the path-traced image, by frames after that.
 
 use bevy::ecs::query::With;
 use bevy::light::DirectionalLight;
 use bevy::math::{Quat, UVec2, Vec3};
 use bevy::transform::components::Transform;
-use bevy_frugal_gi::gi::FrugalGi;
+use bevy_frugal_gi::gi::{FrugalGi, GiRefresh};
 use frugal::metrics::{Difference, Radiance};
 use frugal::reference::{Pixels, Seen};
 use frugal::scene::{CameraPose, Light, SceneDescription};
@@ -66,6 +69,7 @@ fn methods() -> Vec<Method> {
 enum Motion {
     Light,
     Camera,
+    Both,
 }
 
 impl Motion {
@@ -73,9 +77,9 @@ impl Motion {
     /// precede frame 0.
     fn at(self, scene: &SceneDescription, frame: i32) -> (Quat, CameraPose) {
         let frame = frame + FRAMES_BEFORE;
-        let turn =
-            if self == Self::Light { frame as f32 * SUN_STEP_DEGREES.to_radians() } else { 0.0 };
-        let time = if self == Self::Camera { frame as f32 * PATH_STEP_SECONDS } else { 0.0 };
+        let frame = frame as f32;
+        let turn = if self == Self::Camera { 0.0 } else { frame * SUN_STEP_DEGREES.to_radians() };
+        let time = if self == Self::Light { 0.0 } else { frame * PATH_STEP_SECONDS };
         let pose =
             scene.paths["tour"].sample(time).unwrap_or_else(|| panic!("courtyard has a path"));
         (Quat::from_rotation_y(turn), pose)
@@ -93,11 +97,117 @@ fn main() {
         "Adapter: {}. `courtyard`, sun alone, no textures, {}x{}, {} steps.\n",
         adapter.name, options.size.x, options.size.y, options.count
     );
-    for (motion, name) in [(Motion::Light, "light"), (Motion::Camera, "camera")] {
+    for (motion, name, moving) in [
+        (Motion::Light, "light", "The light moves"),
+        (Motion::Camera, "camera", "The camera moves"),
+        (Motion::Both, "both", "Both move"),
+    ] {
         if options.wants(name) {
-            measure(motion, name, &options);
+            measure(motion, moving, &options);
         }
     }
+    if options.wants("disocclusion") {
+        disocclude(&options);
+    }
+}
+
+/// Steps of the camera's path in each of five frames, and frames after which errors are printed.
+const STRIDE: i32 = 5;
+const AFTER: [u32; 6] = [1, 2, 4, 8, 16, REST_FRAMES];
+
+/// Errors of what came into view, by frames since.
+fn disocclude(options: &Arguments) {
+    let scene = reference::without_environment(&set::scene("courtyard"));
+    let (motion, end) = (Motion::Camera, 5 * STRIDE);
+    let [first, second] = [0, 1].map(|seed| traced(&scene, motion, end, seed, options));
+    let reference: Vec<[f32; 3]> = first
+        .rgb
+        .iter()
+        .zip(&second.rgb)
+        .map(|(a, b)| [0, 1, 2].map(|i| 0.5 * (a[i] + b[i])))
+        .collect();
+    let seen = |frame: i32| {
+        reference::surfaces_untextured(&scene, motion.at(&scene, frame).1, options.size)
+    };
+    let stays = reprojected(
+        &seen(0),
+        &seen(end),
+        (motion.at(&scene, 0).1, scene.camera.vertical_fov),
+        options.size,
+    );
+    let new = |rgb: &[[f32; 3]]| -> Vec<[f32; 3]> {
+        rgb.iter().zip(&stays).filter(|(_, stays)| !**stays).map(|(rgb, _)| *rgb).collect()
+    };
+    let shown = new(&reference);
+    let mean =
+        shown.iter().flatten().map(|v| f64::from(*v)).sum::<f64>() / (3 * shown.len()) as f64;
+    let mut stage = set::open(
+        &scene,
+        set::radiance_options(options.size.x, options.size.y, Component::Indirect),
+    );
+    reference::strip_textures(&mut stage);
+    let initial = sun(&mut stage);
+    let mut rows = Vec::new();
+    for method in methods().into_iter().filter(|method| !method.is_naive()) {
+        move_to(&mut stage, motion.at(&scene, -FRAMES_BEFORE), initial);
+        method.radiance(&mut stage);
+        // As in an app: the camera goes on gathering where it stays.
+        stage.world_mut().insert_resource(GiRefresh::OnChange);
+        set::gi(&mut stage).rest_frames = FrugalGi::default().rest_frames;
+        let walk = (1 - FRAMES_BEFORE..=0).chain((1..=5).map(|step| step * STRIDE));
+        for frame in walk {
+            move_to(&mut stage, motion.at(&scene, frame), initial);
+            stage.frame();
+        }
+        let mut errors = Vec::new();
+        for frame in 1..=AFTER[AFTER.len() - 1] {
+            // That in which the camera arrived is the first.
+            if frame > 1 {
+                stage.frame();
+            }
+            if AFTER.contains(&frame) {
+                let image = stage.radiance().unwrap_or_else(|error| panic!("{error}"));
+                errors.push(mean_absolute_difference(&new(&image.rgb), &shown) / mean);
+            }
+        }
+        let settled = errors[errors.len() - 1];
+        let of = |error: &f64| format!("{error:.3} ({:.2})", error / settled);
+        rows.push([vec![method.name.clone()], errors.iter().map(of).collect()].concat());
+    }
+    println!("## Disocclusion\n\n{} of {} pixels are new.\n", shown.len(), reference.len());
+    let after = AFTER.map(|frames| format!("after {frames} (relative to the last)"));
+    let headers: Vec<&str> =
+        std::iter::once("method").chain(after.iter().map(String::as_str)).collect();
+    println!("{}\n", markdown(&headers, &rows));
+}
+
+/// For each pixel of a view, whether the pose `from` showed its surface: the point projects to a
+/// pixel that `before` shows on the same surface. `before`: what that pose shows, with a vertical field
+/// of view of `degrees`.
+fn reprojected(
+    before: &[Option<Seen>],
+    now: &[Option<Seen>],
+    (from, degrees): (CameraPose, f32),
+    size: UVec2,
+) -> Vec<bool> {
+    let view = from.rotation.inverse();
+    let scale = 1.0 / (0.5 * degrees.to_radians()).tan();
+    let aspect = size.x as f32 / size.y as f32;
+    let shows = |seen: &Option<Seen>| {
+        let Some(seen) = seen else { return true };
+        let at = view * (seen.position.as_vec3() - from.position);
+        let (x, y) = (at.x * scale / aspect / -at.z, at.y * scale / -at.z);
+        if at.z >= 0.0 || x.abs() >= 1.0 || y.abs() >= 1.0 {
+            return false;
+        }
+        let pixel = |at: f32, count: u32| ((at * count as f32) as u32).min(count - 1);
+        let (column, row) = (pixel(0.5 + 0.5 * x, size.x), pixel(0.5 - 0.5 * y, size.y));
+        let Some(other) = &before[(row * size.x + column) as usize] else { return false };
+        let far = f64::from(at.length());
+        (seen.position - other.position).dot(other.normal).abs() < 1e-2 * far
+            && (seen.position - other.position).length() < 0.1 * far
+    };
+    now.iter().map(shows).collect()
 }
 
 fn turned(scene: &SceneDescription, turn: Quat) -> SceneDescription {
@@ -178,6 +288,9 @@ fn rendered(
     if let Some(mut gi) = stage.world_mut().get_mut::<FrugalGi>(camera) {
         gi.rest_frames = rest.min(FrugalGi::MAX_REST_FRAMES);
     }
+    // The stage's own policy, under which nothing rests.
+    let policy = if rest > 0 { GiRefresh::OnChange } else { GiRefresh::AsIfCamerasMoved };
+    stage.world_mut().insert_resource(policy);
     let mut frames = Vec::new();
     for frame in 1 - FRAMES_BEFORE..=count {
         move_to(stage, frame);
@@ -190,7 +303,7 @@ fn rendered(
     frames
 }
 
-fn measure(motion: Motion, name: &str, options: &Arguments) {
+fn measure(motion: Motion, moving: &str, options: &Arguments) {
     let scene = reference::without_environment(&set::scene("courtyard"));
     let count = options.count as i32;
     let started = std::time::Instant::now();
@@ -218,7 +331,7 @@ fn measure(motion: Motion, name: &str, options: &Arguments) {
         shown.windows(2).map(|pair| show_same_surface(&pair[0], &pair[1], eye)).collect();
     let still = vec![vec![[0.0; 3]; reference[0].len()]; reference.len()];
     let percent = |value: f64| format!("{:.3} %", 100.0 * value / mean);
-    println!("## The {name} moves\n");
+    println!("## {moving}\n");
     println!(
         "Reference: twice {} paths per pixel, {:.0} s. Its own noise: {} of the mean, {} along surfaces; a constant image has an error of {}, {} along \
          surfaces, which are {:.1} % of the pixels.\n",
