@@ -120,12 +120,7 @@ fn disocclude(options: &Arguments) {
     let scene = reference::without_environment(&set::scene("courtyard"));
     let (motion, end) = (Motion::Camera, 5 * STRIDE);
     let [first, second] = [0, 1].map(|seed| traced(&scene, motion, end, seed, options));
-    let reference: Vec<[f32; 3]> = first
-        .rgb
-        .iter()
-        .zip(&second.rgb)
-        .map(|(a, b)| [0, 1, 2].map(|i| 0.5 * (a[i] + b[i])))
-        .collect();
+    let reference = means(&first.rgb, &second.rgb);
     let seen = |frame: i32| {
         reference::surfaces_untextured(&scene, motion.at(&scene, frame).1, options.size)
     };
@@ -141,12 +136,7 @@ fn disocclude(options: &Arguments) {
     let shown = new(&reference);
     let mean =
         shown.iter().flatten().map(|v| f64::from(*v)).sum::<f64>() / (3 * shown.len()) as f64;
-    let mut stage = set::open(
-        &scene,
-        set::radiance_options(options.size.x, options.size.y, Component::Indirect),
-    );
-    reference::strip_textures(&mut stage);
-    let initial = sun(&mut stage);
+    let (mut stage, initial) = open(&scene, options);
     let mut rows = Vec::new();
     for method in methods().into_iter().filter(|method| !method.is_naive()) {
         move_to(&mut stage, motion.at(&scene, -FRAMES_BEFORE), initial);
@@ -313,13 +303,8 @@ fn measure(motion: Motion, moving: &str, options: &Arguments) {
     let (start, last) = (&frames[0], &frames[frames.len() - 1]);
     let mean = start.mean();
     let (first, second) = (differences(&frames), differences(&second));
-    let reference: Vec<Vec<[f32; 3]>> = first
-        .iter()
-        .zip(&second)
-        .map(|(a, b)| {
-            a.iter().zip(b).map(|(a, b)| [0, 1, 2].map(|i| 0.5 * (a[i] + b[i]))).collect()
-        })
-        .collect();
+    let reference: Vec<Vec<[f32; 3]>> =
+        first.iter().zip(&second).map(|(a, b)| means(a, b)).collect();
     let everywhere = vec![vec![true; reference[0].len()]; reference.len()];
     let shown: Vec<_> = (0..=count)
         .map(|frame| {
@@ -344,12 +329,7 @@ fn measure(motion: Motion, moving: &str, options: &Arguments) {
         100.0 * along.iter().flatten().filter(|stays| **stays).count() as f64
             / along.iter().flatten().count() as f64
     );
-    let mut stage = set::open(
-        &scene,
-        set::radiance_options(options.size.x, options.size.y, Component::Indirect),
-    );
-    reference::strip_textures(&mut stage);
-    let initial = sun(&mut stage);
+    let (mut stage, initial) = open(&scene, options);
     let mut found = Vec::new();
     let moving = methods().into_iter().map(|method| (method, 0));
     // Without noise and lag: what is left is in the image itself.
@@ -399,6 +379,20 @@ fn measure(motion: Motion, moving: &str, options: &Arguments) {
         "along surfaces (the same)",
     ];
     println!("{}\n", markdown(&headers, &found.iter().map(row).collect::<Vec<_>>()));
+}
+
+/// A stage without textures, and the initial rotation of its sun.
+fn open(scene: &SceneDescription, options: &Arguments) -> (Stage, Quat) {
+    let size = options.size;
+    let mut stage = set::open(scene, set::radiance_options(size.x, size.y, Component::Indirect));
+    reference::strip_textures(&mut stage);
+    let initial = sun(&mut stage);
+    (stage, initial)
+}
+
+/// Means of two images, or of two differences, pixel by pixel.
+fn means(a: &[[f32; 3]], b: &[[f32; 3]]) -> Vec<[f32; 3]> {
+    a.iter().zip(b).map(|(a, b)| [0, 1, 2].map(|i| 0.5 * (a[i] + b[i]))).collect()
 }
 
 /// Initial rotation of the sun.

@@ -71,8 +71,7 @@ pub(super) fn decide(
         .map(|(_, gi)| gi.refresh_period.max(1));
     let mut next = frame.next(delta, periods.min().unwrap_or(1));
     let everywhere = changes.everywhere || always || next.arriving > 0;
-    // In a still scene nothing is left to do but to let maps of the last frame rest.
-    if delta.changed || delta.unfilled || everywhere || frame.maps {
+    if delta.changed || delta.unfilled || everywhere {
         let mut maps: Vec<_> = maps.iter_mut().collect();
         maps.sort_by_key(|(view, ..)| view.key());
         mark(&mut maps, &changes.spheres, everywhere);
@@ -102,7 +101,7 @@ fn mark(maps: &mut [MapItem], spheres: &[Around], everywhere: bool) {
     }
 }
 
-/// Lets the maps that are due be rendered, and no others. Whether there is any, and how many wait
+/// Lets the maps that are due be rendered; their cameras were inactive. Whether there is any, and how many wait
 /// although the gate is open.
 fn activate(maps: &mut [MapItem], gate: Gate) -> (bool, u32) {
     let waiting: Vec<Waiting> = maps
@@ -117,13 +116,11 @@ fn activate(maps: &mut [MapItem], gate: Gate) -> (bool, u32) {
     for ((.., age, camera), is_due) in maps.iter_mut().zip(due(&waiting, gate)) {
         any |= is_due;
         if is_due {
+            camera.is_active = true;
             age.set_if_neq(MapAge { stale: 0, filled: true, urgent: false });
         } else if age.stale > 0 {
             age.stale = age.stale.saturating_add(1);
             left += u32::from(gate != Gate::Urgent);
-        }
-        if camera.is_active != is_due {
-            camera.is_active = is_due;
         }
     }
     (any, left)

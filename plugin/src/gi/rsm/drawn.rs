@@ -20,6 +20,7 @@ use bevy::math::primitives::{HalfSpace, ViewFrustum};
 use bevy::math::{Vec3A, Vec4};
 use bevy::mesh::Mesh3d;
 use bevy::transform::components::GlobalTransform;
+use fixedbitset::FixedBitSet;
 
 use super::RsmView;
 use crate::gi::surfaces::MeshDelta;
@@ -87,18 +88,19 @@ pub(super) fn list(
     delta: Res<MeshDelta>,
 ) {
     let changed = delta.changed();
-    let mut drawn = EntityBits::default();
+    // Entities that live at the same time differ in their index.
+    let mut drawn = FixedBitSet::new();
     for mut map in &mut maps {
         if delta.unknown || map.layers.is_changed() {
             map.meshes.room = None;
         }
-        let corners = corners(map.projection, map.place);
+        let corners = || corners(map.projection, map.place);
         if map.frustum.is_changed() {
-            map.meshes.room = map.meshes.room.filter(|room| room.fits(&corners));
+            map.meshes.room = map.meshes.room.filter(|room| room.fits(&corners()));
         }
         let is_listed = map.meshes.room.is_some();
         if !is_listed && map.camera.is_active {
-            map.meshes.room = Some(Room::new(&map.frustum, &corners));
+            map.meshes.room = Some(Room::new(&map.frustum, &corners()));
         }
         let Some(room) = map.meshes.room else { continue };
         let list = map.visible.get_mut(TypeId::of::<Mesh3d>());
@@ -123,14 +125,14 @@ pub(super) fn list(
             list.sort_unstable();
         }
         if map.camera.is_active {
-            list.iter().for_each(|mesh| drawn.insert(*mesh));
+            list.iter().for_each(|mesh| drawn.grow_and_insert(mesh.index_u32() as usize));
         }
     }
-    if drawn.is_empty() {
+    if drawn.is_clear() {
         return;
     }
     for (mesh, mut visibility) in &mut visibilities {
-        if drawn.contains(mesh) {
+        if drawn.contains(mesh.index_u32() as usize) {
             visibility.set_visible();
         }
     }
@@ -207,35 +209,6 @@ fn edit(list: &mut Vec<Entity>, changed: &[Entity], is_shown: impl Fn(Entity) ->
         list.append(&mut joined);
         // Finds the two sorted parts, and merges them.
         list.sort();
-    }
-}
-
-/// A set of entities, one bit for each that there may be.
-#[derive(Default)]
-struct EntityBits(Vec<u64>);
-
-impl EntityBits {
-    fn is_empty(&self) -> bool {
-        self.0.is_empty()
-    }
-
-    fn insert(&mut self, entity: Entity) {
-        let (word, bit) = Self::place(entity);
-        if word >= self.0.len() {
-            self.0.resize(word + 1, 0);
-        }
-        self.0[word] |= bit;
-    }
-
-    fn contains(&self, entity: Entity) -> bool {
-        let (word, bit) = Self::place(entity);
-        self.0.get(word).is_some_and(|bits| bits & bit != 0)
-    }
-
-    /// Entities that live at the same time differ in their index.
-    fn place(entity: Entity) -> (usize, u64) {
-        let index = entity.index_u32();
-        (index as usize / 64, 1 << (index % 64))
     }
 }
 

@@ -188,6 +188,7 @@ impl MapItem<'_, '_> {
         let slot = |light: &RsmLight| (light.texel_offset, light.resolution);
         let is_elsewhere = slot(&self.light) != slot(&spec.light);
         let mut moved = is_elsewhere;
+        // Until it is decided that the map is due.
         if self.camera.is_active {
             self.camera.is_active = false;
         }

@@ -26,19 +26,19 @@ pub(in crate::gi) struct MeshDelta {
     /// Meshes of which anything changed that can be seen, and those that lost a component. Changed
     /// assets are not among it.
     pub touched: Vec<Entity>,
-    /// Entities that are no mesh any more.
+    /// Entities that are no mesh any more; among `altered`, too.
     pub gone: Vec<Entity>,
 }
 
 impl MeshDelta {
     /// Whether nothing changed.
     pub(crate) fn is_empty(&self) -> bool {
-        !self.is_altered() && self.touched.is_empty() && self.gone.is_empty()
+        !self.is_altered() && self.touched.is_empty()
     }
 
     /// Everything that changed, sorted, each once.
     pub(crate) fn changed(&self) -> Vec<Entity> {
-        let mut all = [&self.altered[..], &self.touched, &self.gone].concat();
+        let mut all = [&self.altered[..], &self.touched].concat();
         all.sort_unstable();
         all.dedup();
         all
