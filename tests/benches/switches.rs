@@ -26,7 +26,8 @@ use frugal::metrics::Picture;
 use frugal::scene::SceneDescription;
 use frugal::stage::{Stage, StageOptions, adapter};
 use frugal_tests::arguments::Arguments;
-use frugal_tests::cost::median;
+use frugal_tests::cost::{median, spread};
+use frugal_tests::map::{change, circuit};
 use frugal_tests::set;
 use frugal_tests::table::markdown;
 
@@ -69,22 +70,6 @@ impl Step {
             block: self.block.max(other.block),
         }
     }
-}
-
-/// A circuit through `0..count` in which every ordered pair of different numbers follow each other
-/// once; it ends where it began (Hierholzer 1873).
-fn circuit(count: usize) -> Vec<usize> {
-    let mut left: Vec<Vec<usize>> =
-        (0..count).map(|from| (0..count).filter(|to| *to != from).collect()).collect();
-    let (mut path, mut found) = (vec![0], Vec::new());
-    while let Some(&at) = path.last() {
-        match left.get_mut(at).and_then(Vec::pop) {
-            Some(next) => path.push(next),
-            None => found.extend(path.pop()),
-        }
-    }
-    found.reverse();
-    found
 }
 
 struct Bench {
@@ -204,15 +189,6 @@ struct Switch {
     /// Milliseconds of each frame.
     times: [f64; FRAMES],
     step: Step,
-}
-
-/// Median, 95 % quantile and greatest value.
-fn spread(mut values: Vec<f64>) -> [f64; 3] {
-    values.sort_by(f64::total_cmp);
-    let at = |share: f64| {
-        values.get((share * (values.len().max(1) - 1) as f64).round() as usize).copied()
-    };
-    [0.5, 0.95, 1.0].map(|share| at(share).unwrap_or(f64::NAN))
 }
 
 fn row(name: &str, values: Vec<f64>) -> Vec<String> {
@@ -339,15 +315,4 @@ fn main() {
             change(&map, settings[switch.from], settings[switch.to])
         );
     }
-}
-
-/// The knobs that differ, with their levels.
-fn change(map: &FrontierMap, from: KnobLevels, to: KnobLevels) -> String {
-    let knobs = map.knobs.knobs().iter().enumerate();
-    let changed = knobs.filter(|(index, _)| from.level(*index) != to.level(*index));
-    let text = changed.map(|(index, knob)| {
-        let label = |settings: KnobLevels| knob.levels[settings.level(index)].label.as_str();
-        format!("{} {} to {}", knob.name, label(from), label(to))
-    });
-    text.collect::<Vec<_>>().join(", ")
 }

@@ -120,3 +120,12 @@ pub fn quantile(values: &mut [f64], share: f64) -> f64 {
     values.sort_by(f64::total_cmp);
     values[(share * (values.len() - 1) as f64) as usize]
 }
+
+/// Median, 95 % quantile and greatest value.
+pub fn spread(mut values: Vec<f64>) -> [f64; 3] {
+    values.sort_by(f64::total_cmp);
+    let at = |share: f64| {
+        values.get((share * (values.len().max(1) - 1) as f64).round() as usize).copied()
+    };
+    [0.5, 0.95, 1.0].map(|share| at(share).unwrap_or(f64::NAN))
+}

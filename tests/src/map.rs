@@ -6,7 +6,7 @@ use bevy_frugal_gi::frontier::{
     Bounds, Capture, Corner, CostPoint, ErrorRates, Frontier, FrontierMap, FrontierPoint, Octree,
     SceneIdentity, Thresholds, WorkPrices,
 };
-use bevy_frugal_gi::knobs::KnobSpace;
+use bevy_frugal_gi::knobs::{KnobLevels, KnobSpace};
 use bevy_frugal_gi::power::{MeterInfo, Provenance};
 
 /// Reads the map in `file`.
@@ -58,4 +58,31 @@ pub fn one_cube(knobs: KnobSpace) -> FrontierMap {
             frontiers: vec![Frontier::from_points(points)],
         },
     }
+}
+
+/// A circuit through `0..count` in which every ordered pair of different numbers follow each other
+/// once; it ends where it began (Hierholzer 1873).
+pub fn circuit(count: usize) -> Vec<usize> {
+    let mut left: Vec<Vec<usize>> =
+        (0..count).map(|from| (0..count).filter(|to| *to != from).collect()).collect();
+    let (mut path, mut found) = (vec![0], Vec::new());
+    while let Some(&at) = path.last() {
+        match left.get_mut(at).and_then(Vec::pop) {
+            Some(next) => path.push(next),
+            None => found.extend(path.pop()),
+        }
+    }
+    found.reverse();
+    found
+}
+
+/// The knobs that differ, with their levels.
+pub fn change(map: &FrontierMap, from: KnobLevels, to: KnobLevels) -> String {
+    let knobs = map.knobs.knobs().iter().enumerate();
+    let changed = knobs.filter(|(index, _)| from.level(*index) != to.level(*index));
+    let text = changed.map(|(index, knob)| {
+        let label = |settings: KnobLevels| knob.levels[settings.level(index)].label.as_str();
+        format!("{} {} to {}", knob.name, label(from), label(to))
+    });
+    text.collect::<Vec<_>>().join(", ")
 }

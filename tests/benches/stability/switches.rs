@@ -1,0 +1,226 @@
+//! Temporal error at every switch between two settings of a map, beside `naive-rsm`'s in the same motion.
+//!
+//! The camera walks to and fro over the frames of one stretch, 2 cm a frame, so that a few path-traced
+//! images serve as reference of any number of steps. Settings follow each other along a circuit through
+//! all ordered pairs. Each stays four frames, and the error of the step into each is recorded; those that
+//! err most go through the temporal filter, too.
+
+use std::path::Path;
+
+use bevy::math::{Quat, UVec2};
+use bevy_frugal_gi::control::{ControlSettings, SettingsFilter, TransitionTimes};
+use bevy_frugal_gi::frontier::FrontierMap;
+use bevy_frugal_gi::gi::GiRefresh;
+use bevy_frugal_gi::knobs::KnobLevels;
+use frugal::metrics::Radiance;
+use frugal::scene::SceneDescription;
+use frugal::stage::{Component, Stage, StageOptions};
+use frugal_tests::arguments::Arguments;
+use frugal_tests::cost::spread;
+use frugal_tests::map::{change, circuit, read};
+use frugal_tests::naive_rsm::NaiveRsm;
+use frugal_tests::reference::{self, mean_absolute_difference};
+use frugal_tests::set;
+use frugal_tests::table::markdown;
+
+use crate::moving::{FRAMES_BEFORE, Motion, differences, means, methods, move_to, sun, traced};
+
+/// Frames that settings stay.
+const FRAMES: usize = 4;
+/// Switches that go through the temporal filter.
+const FILTERED: usize = 40;
+
+/// A stretch of the camera's path, walked to and fro, and the reference's steps along it.
+struct Walk {
+    scene: SceneDescription,
+    /// Difference of each frame of the stretch to the one before.
+    steps: Vec<Vec<[f32; 3]>>,
+    /// Mean radiance of the reference, nits.
+    mean: f64,
+    initial: Quat,
+    at: usize,
+    forward: bool,
+}
+
+impl Walk {
+    /// Moves the camera by one frame.
+    fn step(&mut self, stage: &mut Stage) {
+        if self.at == self.steps.len() {
+            self.forward = false;
+        } else if self.at == 0 {
+            self.forward = true;
+        }
+        self.at = if self.forward { self.at + 1 } else { self.at - 1 };
+        move_to(stage, Motion::Camera.at(&self.scene, self.at as i32), self.initial);
+    }
+
+    /// Error of the last step from `before` to `after`, relative to the reference's mean.
+    fn error(&self, before: &Radiance, after: &Radiance) -> f64 {
+        let step = &self.steps[if self.forward { self.at - 1 } else { self.at }];
+        let sign = if self.forward { 1.0 } else { -1.0 };
+        let own: Vec<[f32; 3]> = (before.rgb.iter().zip(&after.rgb))
+            .map(|(before, after)| [0, 1, 2].map(|i| sign * (after[i] - before[i])))
+            .collect();
+        mean_absolute_difference(&own, step) / self.mean
+    }
+}
+
+struct Bench {
+    stage: Stage,
+    walk: Walk,
+    last: Radiance,
+}
+
+impl Bench {
+    /// Walks on by one frame, and returns the error of that step.
+    fn frame(&mut self) -> f64 {
+        self.walk.step(&mut self.stage);
+        self.stage.frame();
+        let image = self.stage.radiance().unwrap_or_else(|error| panic!("{error}"));
+        let error = self.walk.error(&self.last, &image);
+        self.last = image;
+        error
+    }
+
+    /// Mean error of a step while settings stay as they are.
+    fn settled(&mut self) -> f64 {
+        (0..FRAMES_BEFORE).for_each(|_| {
+            self.frame();
+        });
+        let count = 2 * self.walk.steps.len();
+        (0..count).map(|_| self.frame()).sum::<f64>() / count as f64
+    }
+
+    fn switch(&mut self, to: KnobLevels) -> [f64; FRAMES] {
+        self.stage.switch(to);
+        std::array::from_fn(|_| self.frame())
+    }
+
+    /// Errors of the steps on the way from one setting to another through the temporal filter.
+    fn filtered(&mut self, map: &FrontierMap, from: KnobLevels, to: KnobLevels) -> Vec<f64> {
+        self.switch(from);
+        let seconds = self.stage.options().frames_per_second.recip();
+        let times = TransitionTimes::both(ControlSettings::TRANSITION_SECONDS);
+        let mut filter = SettingsFilter::default();
+        filter.resume_from(from);
+        let frames = (ControlSettings::TRANSITION_SECONDS / seconds).ceil() as usize + FRAMES;
+        let step = |_| {
+            let applied = filter.step(&map.knobs, to, seconds, times);
+            self.stage.switch(applied);
+            self.frame()
+        };
+        (0..frames).map(step).collect()
+    }
+}
+
+/// Settings that concern GI; all others are at their best, and equal.
+fn gi_settings(map: &FrontierMap) -> Vec<KnobLevels> {
+    let best = map.knobs.highest();
+    let names: Vec<_> = map.knobs.knobs().iter().map(|knob| knob.name.as_str()).collect();
+    let of_gi = |name: &str| name.starts_with("gi_") || name == "rsm_resolution";
+    let mut found: Vec<KnobLevels> = (map.settings().into_iter())
+        .map(|settings| {
+            map.knobs.from_levels(|index, _| {
+                let kept = if of_gi(names[index]) { settings } else { best };
+                kept.level(index)
+            })
+        })
+        .collect();
+    found.sort_unstable();
+    found.dedup();
+    found
+}
+
+/// Prints the errors at all switches of a map.
+pub(crate) fn measure(file: &Path, options: &Arguments) {
+    let map = read(file);
+    let scene = reference::without_environment(&set::scene("courtyard"));
+    let motion = Motion::Camera;
+    let images = |seed| -> Vec<Radiance> {
+        (0..=options.count as i32)
+            .map(|frame| traced(&scene, motion, frame, seed, options))
+            .collect()
+    };
+    let [first, second] = [images(0), images(1)];
+    let steps: Vec<_> =
+        (differences(&first).iter().zip(&differences(&second))).map(|(a, b)| means(a, b)).collect();
+    let stage_options = StageOptions {
+        knobs: Some(map.knobs.knobs().iter().map(|knob| knob.name.clone()).collect()),
+        ..set::radiance_options(options.size.x, options.size.y, Component::Indirect)
+    };
+    let mut stage = set::open(&scene, stage_options);
+    reference::strip_textures(&mut stage);
+    let initial = sun(&mut stage);
+    let walk = Walk { scene, steps, mean: first[0].mean(), initial, at: 0, forward: false };
+    let last = first[0].clone();
+    let mut bench = Bench { stage, walk, last };
+
+    // As in `steps`: the variant with the smallest error of the image.
+    let naive: Vec<(f64, f64)> = (methods().iter().filter(|method| method.is_naive()))
+        .map(|method| {
+            bench.last = method.radiance(&mut bench.stage);
+            let at = &first[bench.walk.at];
+            let image = mean_absolute_difference(&bench.last.rgb, &at.rgb);
+            (image, bench.settled())
+        })
+        .collect();
+    let naive = naive.into_iter().min_by(|a, b| a.0.total_cmp(&b.0)).map_or(f64::NAN, |n| n.1);
+    report(&mut bench, &map, naive, options.size);
+}
+
+fn report(bench: &mut Bench, map: &FrontierMap, naive: f64, size: UVec2) {
+    let settings = gi_settings(map);
+    let gi = bevy_frugal_gi::gi::GiOutput::IndirectOnly;
+    frugal_tests::naive_rsm::show(&mut bench.stage, None::<NaiveRsm>, gi);
+    bench.stage.world_mut().insert_resource(GiRefresh::AsIfCamerasMoved);
+    let settled: Vec<f64> = (settings.iter())
+        .map(|settings| {
+            bench.stage.switch(*settings);
+            bench.settled()
+        })
+        .collect();
+    let order = circuit(settings.len());
+    bench.switch(settings[order[0]]);
+    let mut pairs: Vec<(usize, usize, [f64; FRAMES])> = (order.windows(2))
+        .map(|pair| (pair[0], pair[1], bench.switch(settings[pair[1]])))
+        .collect();
+    let most = |errors: &[f64]| errors.iter().copied().fold(0.0, f64::max);
+    pairs.sort_by(|a, b| most(&b.2).total_cmp(&most(&a.2)));
+    let furthest = &pairs[..pairs.len().min(FILTERED)];
+    let filtered: Vec<Vec<f64>> = (furthest.iter())
+        .map(|(from, to, _)| bench.filtered(map, settings[*from], settings[*to]))
+        .collect();
+
+    println!(
+        "## Switches of a map\n\n{} settings of GI, {} switches, {}x{}. Temporal error of `naive-rsm`: {:.3} % of the mean.\n",
+        settings.len(),
+        pairs.len(),
+        size.x,
+        size.y,
+        100.0 * naive
+    );
+    let mut rows = Vec::new();
+    let mut add = |name: &str, errors: Vec<f64>| {
+        let third = errors.iter().filter(|error| 3.0 * **error <= naive).count();
+        let mut row = vec![name.to_owned(), errors.len().to_string()];
+        row.extend(spread(errors).map(|error| format!("{:.2}", error / naive)));
+        row.push(third.to_string());
+        rows.push(row);
+    };
+    add("settings that stay", settled.clone());
+    for frame in 0..FRAMES {
+        let errors = pairs.iter().map(|pair| pair.2[frame]).collect();
+        add(&format!("all switches, frame {}", frame + 1), errors);
+    }
+    add("all switches, worst frame", pairs.iter().map(|pair| most(&pair.2)).collect());
+    add("furthest switches, worst frame", furthest.iter().map(|pair| most(&pair.2)).collect());
+    let mean = |errors: &Vec<f64>| errors.iter().sum::<f64>() / errors.len() as f64;
+    add("the same filtered, worst frame", filtered.iter().map(|errors| most(errors)).collect());
+    add("the same filtered, mean over the second", filtered.iter().map(mean).collect());
+    let headers =
+        ["temporal error, relative to naive-rsm's", "number", "median", "95 %", "most", "≤ 1/3"];
+    println!("{}\n", markdown(&headers, &rows));
+    for (from, to, errors) in furthest.iter().take(5) {
+        println!("- {:.2}: {}", most(errors) / naive, change(map, settings[*from], settings[*to]));
+    }
+}
