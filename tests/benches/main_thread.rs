@@ -42,6 +42,10 @@ use frugal_tests::cost::{median, quantile};
 const MESHES: usize = 10_000;
 /// Updates of each app that are timed.
 const UPDATES: usize = 400;
+/// Number of the first update that is timed.
+const WARM: usize = 101;
+/// Updates from one burst to the next.
+const BURST: usize = 8;
 
 /// What changes in every frame.
 #[derive(Clone, Copy, Debug)]
@@ -54,16 +58,19 @@ enum Case {
     Tenth,
     /// A tenth of the meshes go, and as many come.
     Streamed,
+    /// A tenth comes in every eighth frame, and as many go four frames later.
+    Burst,
     /// Nothing, and instead of GI there are two more cameras that see all: what Bevy takes to find out
     /// what two maps show.
     Views,
 }
 
-const CASES: [(&str, Case); 5] = [
+const CASES: [(&str, Case); 6] = [
     ("still", Case::Still),
     ("one", Case::One),
     ("tenth", Case::Tenth),
     ("streamed", Case::Streamed),
+    ("burst", Case::Burst),
     ("views", Case::Views),
 ];
 
@@ -100,7 +107,7 @@ fn crowd(case: Case, count: usize, is_subject: bool) -> App {
     let moving = match case {
         Case::One => 1,
         Case::Tenth => count / 10,
-        Case::Still | Case::Streamed | Case::Views => 0,
+        Case::Still | Case::Streamed | Case::Burst | Case::Views => 0,
     };
     let mut meshes = VecDeque::new();
     for index in 0..count {
@@ -112,8 +119,12 @@ fn crowd(case: Case, count: usize, is_subject: bool) -> App {
         }
         meshes.push_back(mesh.id());
     }
-    let count = if matches!(case, Case::Streamed) { count / 10 } else { 0 };
-    world.insert_resource(Stream { count, meshes, next: 0 });
+    let (count, every) = match case {
+        Case::Streamed => (count / 10, 1),
+        Case::Burst => (count / 10, BURST),
+        _ => (0, 1),
+    };
+    world.insert_resource(Stream { count, every, meshes, next: 0, updates: 0 });
     let down = Transform::default().looking_to(Vec3::new(0.1, -1.0, 0.2), Vec3::X);
     world.spawn((DirectionalLight::default(), down));
     let eye = Transform::from_xyz(0.0, 3.0, 10.0);
@@ -138,7 +149,7 @@ fn crowd(case: Case, count: usize, is_subject: bool) -> App {
             above,
         ));
     }
-    (0..100).for_each(|_| app.update());
+    (1..WARM).for_each(|_| app.update());
     app
 }
 
@@ -148,12 +159,15 @@ fn move_all(time: Res<Time>, mut movers: Query<&mut Transform, With<Mover>>) {
     }
 }
 
-/// Replaces the oldest meshes by new ones in every frame, `count` of them.
+/// Replaces the oldest meshes by new ones in each `every`th frame, `count` of them; the old ones go half as
+/// many frames later.
 #[derive(Resource)]
 struct Stream {
     count: usize,
+    every: usize,
     meshes: VecDeque<Entity>,
     next: usize,
+    updates: usize,
 }
 
 fn stream(
@@ -162,15 +176,20 @@ fn stream(
     kinds: Query<(&Mesh3d, &MeshMaterial3d<StandardMaterial>)>,
 ) {
     let stream = &mut *stream;
+    stream.updates += 1;
+    // The first of the timed updates is one in which meshes come.
+    let phase = (stream.updates + stream.every - WARM % stream.every) % stream.every;
+    if phase == stream.every / 2 {
+        for oldest in stream.meshes.drain(..stream.count) {
+            commands.entity(oldest).despawn();
+        }
+    }
     let Some(kind) = stream.meshes.back().and_then(|mesh| kinds.get(*mesh).ok()) else { return };
-    for _ in 0..stream.count {
+    for _ in 0..if phase == 0 { stream.count } else { 0 } {
         let (x, z) = (stream.next % 100, stream.next / 100 % 100);
         let place = Transform::from_xyz(x as f32, 1.0, z as f32);
         stream.next += 1;
         stream.meshes.push_back(commands.spawn((kind.0.clone(), kind.1.clone(), place)).id());
-        if let Some(oldest) = stream.meshes.pop_front() {
-            commands.entity(oldest).despawn();
-        }
     }
 }
 
@@ -197,17 +216,31 @@ fn main() {
     for (count, (name, case)) in
         counts.into_iter().flat_map(|count| cases.iter().map(move |case| (count, *case)))
     {
-        let ([without, with, added], kib) = compare(case, count);
+        let (times, kib) = compare(case, count);
+        let differences = times[2].clone();
+        let [without, with, added] =
+            times.map(|mut times| [0.25, 0.5, 0.75].map(|share| quantile(&mut times, share)));
         println!(
             "{count:8} {name:8} {:8.3} {:8.3} {:8.3}  {:.3} to {:.3}, {kib:.1} KiB",
             without[1], with[1], added[1], added[0], added[2]
         );
+        if matches!(case, Case::Burst) {
+            let by_update = (0..BURST).map(|update| {
+                let mut times: Vec<f64> =
+                    differences.iter().skip(update).step_by(BURST).copied().collect();
+                format!("{:.3}", quantile(&mut times, 0.5))
+            });
+            println!(
+                "  GI adds in each update after a burst: {}",
+                by_update.collect::<Vec<_>>().join(", ")
+            );
+        }
     }
 }
 
-/// Quartiles of an update without GI, with it, and of the difference, milliseconds; and the median of
-/// what a frame uploads, KiB.
-fn compare(case: Case, count: usize) -> ([[f64; 3]; 3], f64) {
+/// Times of updates without GI, with it, and their differences, milliseconds; and the median of what a
+/// frame uploads, KiB.
+fn compare(case: Case, count: usize) -> ([Vec<f64>; 3], f64) {
     let (mut without, mut with) = (crowd(case, count, false), crowd(case, count, true));
     let mut times = [const { Vec::new() }; 3];
     let (mut meter, mut bytes) = (UploadMeter::default(), Vec::new());
@@ -225,8 +258,5 @@ fn compare(case: Case, count: usize) -> ([[f64; 3]; 3], f64) {
         }
         bytes.push(meter.bytes(with.world()) as f64 / 1024.0);
     }
-    (
-        times.map(|mut times| [0.25, 0.5, 0.75].map(|share| quantile(&mut times, share))),
-        median(bytes),
-    )
+    (times, median(bytes))
 }

@@ -3,7 +3,8 @@
 //! The camera walks to and fro over the frames of one stretch, 2 cm a frame, so that a few path-traced
 //! images serve as reference of any number of steps. Settings follow each other along a circuit through
 //! all ordered pairs. Each stays four frames, and the error of the step into each is recorded; those that
-//! err most go through the temporal filter, too.
+//! err most go through the temporal filter, too. Where one of two settings has no indirect light, all of it
+//! comes or goes: those switches have rows of their own.
 
 use std::path::Path;
 
@@ -27,8 +28,8 @@ use crate::moving::{FRAMES_BEFORE, Motion, differences, means, methods, move_to,
 
 /// Frames that settings stay.
 const FRAMES: usize = 4;
-/// Switches that go through the temporal filter.
-const FILTERED: usize = 40;
+/// Switches of each kind that go through the temporal filter.
+const FILTERED: usize = 20;
 
 /// A stretch of the camera's path, walked to and fro, and the reference's steps along it.
 struct Walk {
@@ -181,46 +182,83 @@ fn report(bench: &mut Bench, map: &FrontierMap, naive: f64, size: UVec2) {
         .collect();
     let order = circuit(settings.len());
     bench.switch(settings[order[0]]);
-    let mut pairs: Vec<(usize, usize, [f64; FRAMES])> = (order.windows(2))
-        .map(|pair| (pair[0], pair[1], bench.switch(settings[pair[1]])))
+    let mut pairs: Vec<Pair> = (order.windows(2))
+        .map(|pair| Pair {
+            from: pair[0],
+            to: pair[1],
+            errors: bench.switch(settings[pair[1]]).to_vec(),
+            filtered: Vec::new(),
+        })
         .collect();
-    let most = |errors: &[f64]| errors.iter().copied().fold(0.0, f64::max);
-    pairs.sort_by(|a, b| most(&b.2).total_cmp(&most(&a.2)));
-    let furthest = &pairs[..pairs.len().min(FILTERED)];
-    let filtered: Vec<Vec<f64>> = (furthest.iter())
-        .map(|(from, to, _)| bench.filtered(map, settings[*from], settings[*to]))
-        .collect();
+    pairs.sort_by(|a, b| most(&b.errors).total_cmp(&most(&a.errors)));
+    let has_light = lights(map, &settings);
+    let (mut lit, mut dark): (Vec<Pair>, Vec<Pair>) =
+        pairs.into_iter().partition(|pair| has_light[pair.from] && has_light[pair.to]);
+    for pair in lit.iter_mut().take(FILTERED).chain(dark.iter_mut().take(FILTERED)) {
+        pair.filtered = bench.filtered(map, settings[pair.from], settings[pair.to]);
+    }
 
     println!(
         "## Switches of a map\n\n{} settings of GI, {} switches, {}x{}. Temporal error of `naive-rsm`: {:.3} % of the mean.\n",
         settings.len(),
-        pairs.len(),
+        lit.len() + dark.len(),
         size.x,
         size.y,
         100.0 * naive
     );
-    let mut rows = Vec::new();
-    let mut add = |name: &str, errors: Vec<f64>| {
-        let third = errors.iter().filter(|error| 3.0 * **error <= naive).count();
-        let mut row = vec![name.to_owned(), errors.len().to_string()];
-        row.extend(spread(errors).map(|error| format!("{:.2}", error / naive)));
-        row.push(third.to_string());
-        rows.push(row);
-    };
-    add("settings that stay", settled.clone());
-    for frame in 0..FRAMES {
-        let errors = pairs.iter().map(|pair| pair.2[frame]).collect();
-        add(&format!("all switches, frame {}", frame + 1), errors);
+    let mut rows = vec![row("settings that stay", settled, naive)];
+    for (name, pairs) in [("with light", &lit), ("light comes or goes", &dark)] {
+        for frame in 0..FRAMES {
+            let errors = pairs.iter().map(|pair| pair.errors[frame]).collect();
+            rows.push(row(&format!("{name}, frame {}", frame + 1), errors, naive));
+        }
+        let furthest = || pairs.iter().take(FILTERED);
+        let worst = |errors: &dyn Fn(&Pair) -> f64| furthest().map(errors).collect::<Vec<_>>();
+        rows.push(row("the furthest, worst frame", worst(&|pair| most(&pair.errors)), naive));
+        rows.push(row("filtered, worst frame", worst(&|pair| most(&pair.filtered)), naive));
+        let mean = |errors: &[f64]| errors.iter().sum::<f64>() / errors.len() as f64;
+        rows.push(row(
+            "filtered, mean over the second",
+            worst(&|pair| mean(&pair.filtered)),
+            naive,
+        ));
     }
-    add("all switches, worst frame", pairs.iter().map(|pair| most(&pair.2)).collect());
-    add("furthest switches, worst frame", furthest.iter().map(|pair| most(&pair.2)).collect());
-    let mean = |errors: &Vec<f64>| errors.iter().sum::<f64>() / errors.len() as f64;
-    add("the same filtered, worst frame", filtered.iter().map(|errors| most(errors)).collect());
-    add("the same filtered, mean over the second", filtered.iter().map(mean).collect());
     let headers =
         ["temporal error, relative to naive-rsm's", "number", "median", "95 %", "most", "≤ 1/3"];
     println!("{}\n", markdown(&headers, &rows));
-    for (from, to, errors) in furthest.iter().take(5) {
-        println!("- {:.2}: {}", most(errors) / naive, change(map, settings[*from], settings[*to]));
+    for pair in lit.iter().take(5).chain(dark.iter().take(2)) {
+        let change = change(map, settings[pair.from], settings[pair.to]);
+        println!("- {:.2}: {change}", most(&pair.errors) / naive);
     }
+}
+
+/// A switch from one setting to another, by their numbers.
+struct Pair {
+    from: usize,
+    to: usize,
+    /// Of each frame after it.
+    errors: Vec<f64>,
+    /// The same through the temporal filter, of those that err most.
+    filtered: Vec<f64>,
+}
+
+/// Which settings have indirect light.
+fn lights(map: &FrontierMap, settings: &[KnobLevels]) -> Vec<bool> {
+    let knob = map.knobs.index_of("gi_vpl_count");
+    let value = |settings: &KnobLevels, knob: usize| {
+        map.knobs.knobs()[knob].levels[settings.level(knob)].value
+    };
+    settings.iter().map(|settings| knob.is_none_or(|knob| value(settings, knob) > 0.0)).collect()
+}
+
+fn most(errors: &[f64]) -> f64 {
+    errors.iter().copied().fold(0.0, f64::max)
+}
+
+fn row(name: &str, errors: Vec<f64>, naive: f64) -> Vec<String> {
+    let third = errors.iter().filter(|error| 3.0 * **error <= naive).count();
+    let mut row = vec![name.to_owned(), errors.len().to_string()];
+    row.extend(spread(errors).map(|error| format!("{:.2}", error / naive)));
+    row.push(third.to_string());
+    row
 }

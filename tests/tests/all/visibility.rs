@@ -1,13 +1,14 @@
 //! Visibility between surfaces and virtual point lights.
 
 use bevy::app::Last;
+use bevy::asset::Assets;
 use bevy::ecs::entity::Entity;
 use bevy::ecs::resource::Resource;
 use bevy::ecs::system::{Commands, Query, Res};
 use bevy::light::NotShadowCaster;
 use bevy::math::Vec3;
-use bevy::mesh::Mesh3d;
-use bevy::prelude::AlphaMode;
+use bevy::mesh::{Mesh, Mesh3d};
+use bevy::prelude::{AlphaMode, Cuboid};
 use bevy::transform::components::Transform;
 use bevy_frugal_gi::gi::{FrugalGi, GiOccluders, GiRefresh, GiVisibility};
 use frugal::stage::{Component, Stage};
@@ -23,6 +24,7 @@ tests!(
     nothing_is_kept_without_rays,
     rays_enabled_at_the_end_of_a_frame_work_one_frame_later,
     occluders_that_moved_occlude_where_they_are,
+    what_streams_in_is_spread_over_frames,
 );
 
 /// Mean indirect radiance of a view, nits.
@@ -216,4 +218,40 @@ fn occluders_that_moved_occlude_where_they_are() {
         *fresh.world_mut().get_mut::<Transform>(place).expect("a place") = moved;
     }
     assert!(set::radiance(&mut fresh) == moved, "as if they had always been there");
+}
+
+fn what_streams_in_is_spread_over_frames() {
+    let mut stage = corner(vec![sun(Vec3::NEG_Y)]);
+    mean(&mut stage, "coarse");
+    let speck = stage.world_mut().resource_mut::<Assets<Mesh>>().add(Cuboid::from_length(0.01));
+    let spawn = |stage: &mut Stage, count: usize| -> Vec<Entity> {
+        let place = |index| Transform::from_xyz(0.02 * index as f32, 0.5, 0.5);
+        (0..count)
+            .map(|index| stage.world_mut().spawn((Mesh3d(speck.clone()), place(index))).id())
+            .collect()
+    };
+    let after_frame = |stage: &mut Stage| {
+        stage.frame();
+        let occluders = stage.world_mut().resource::<GiOccluders>();
+        (occluders.instance_count(), occluders.waiting())
+    };
+    // More than were there: a scene that arrives.
+    spawn(&mut stage, 600);
+    assert_eq!(after_frame(&mut stage), (602, 0));
+    // Fewer than were there.
+    let streamed = spawn(&mut stage, 600);
+    assert_eq!(after_frame(&mut stage), (602 + 256, 344));
+    // Of those that wait, some go, one moves, and others come.
+    for mesh in &streamed[500..] {
+        assert!(stage.world_mut().despawn(*mesh));
+    }
+    stage.world_mut().entity_mut(streamed[499]).insert(Transform::from_xyz(0.0, 0.9, 0.0));
+    spawn(&mut stage, 20);
+    assert_eq!(after_frame(&mut stage), (602 + 512, 8));
+    assert_eq!(after_frame(&mut stage), (602 + 520, 0));
+    // What goes is gone at once.
+    for mesh in &streamed[..500] {
+        assert!(stage.world_mut().despawn(*mesh));
+    }
+    assert_eq!(after_frame(&mut stage), (602 + 20, 0));
 }

@@ -1,5 +1,7 @@
 //! Meshes that occlude indirect light, and their instances.
 
+use std::collections::VecDeque;
+
 use bevy::camera::Camera;
 use bevy::camera::visibility::{InheritedVisibility, RenderLayers};
 use bevy::ecs::prelude::*;
@@ -36,7 +38,8 @@ use crate::gi::view::{GiCameras, LightPresence, Showing, Shown};
 /// uncompressed format (else no holes, with a warning). Where the image of
 /// a mask changes in every frame, its meshes' trees are rebuilt in every frame. Morphs and shaders that move vertices are ignored. Meshes of
 /// more than 4096 triangles, or 64 with a mask, are built in the background and occlude nothing
-/// until then.
+/// until then. Where fewer meshes come than are there, 256 a frame become occluders, so that what a level
+/// streams in is spread over frames.
 ///
 /// [render layer]: bevy::camera::visibility::RenderLayers
 /// [`VisibilityRange`]: bevy::camera::visibility::VisibilityRange
@@ -55,7 +58,8 @@ impl GiOccluders {
         self.is_kept
     }
 
-    /// Number of meshes whose trees are still being built.
+    /// Number of meshes that do not occlude light yet: those whose trees are still being built, and
+    /// those for which earlier frames had no time.
     pub fn waiting(&self) -> usize {
         self.waiting
     }
@@ -70,6 +74,10 @@ impl GiOccluders {
         self.instances
     }
 }
+
+/// Meshes that become occluders in one frame, at most, where fewer come than are there. Higher values make
+/// them occlude earlier, and frames in which many come take longer.
+const MOST_NEW: usize = 256;
 
 /// What occludes light, and the trees of it.
 #[derive(Resource, Default)]
@@ -87,6 +95,8 @@ pub(super) struct OccluderScene {
     pub(super) top: TopTree,
     /// Skinned meshes whose bind poses were not loaded yet.
     without_poses: Vec<Entity>,
+    /// Meshes that came and are no occluders yet, in their order.
+    new: VecDeque<Entity>,
     /// An asset was not loaded yet.
     lacks_assets: bool,
     /// Render layers of the GI cameras.
@@ -153,10 +163,20 @@ pub(super) fn update(
             scene.put(mesh.0, read(mesh), &mut edit);
         }
     } else {
-        let without_poses = std::mem::take(&mut scene.without_poses);
-        for entity in delta.altered.iter().chain(&without_poses) {
-            let parts = meshes.get(*entity).map_or(Some(Vec::new()), read);
-            scene.put(*entity, parts, &mut edit);
+        let (known, new): (Vec<_>, Vec<_>) =
+            delta.altered.iter().copied().partition(|entity| scene.holds(*entity));
+        // A scene that arrives is no stream: it is there at once, in one long frame.
+        let most = if new.len() > scene.parts.len() { usize::MAX } else { MOST_NEW };
+        if !delta.gone.is_empty() {
+            scene.new.retain(|entity| meshes.contains(*entity));
+        }
+        scene.new.extend(new.into_iter().filter(|entity| meshes.contains(*entity)));
+        let mut due = known;
+        due.append(&mut scene.without_poses);
+        due.extend(scene.new.drain(..most.min(scene.new.len())));
+        for entity in due {
+            let parts = meshes.get(entity).map_or(Some(Vec::new()), read);
+            scene.put(entity, parts, &mut edit);
         }
         let whole = delta.moved.iter().map(|(entity, affine)| (Part::whole(*entity), *affine));
         for (part, affine) in whole.chain(skins.moved()) {
@@ -198,7 +218,7 @@ pub(super) fn update(
         scene.top.edit(placed, &removed, most);
     }
     occluders.set_if_neq(GiOccluders {
-        waiting: waiting(&scene.trees),
+        waiting: waiting(&scene.trees) + scene.new.len(),
         triangles: scene.geometry.triangle_count(),
         instances: scene.top.len(),
         is_kept: true,
@@ -241,6 +261,12 @@ impl OccluderScene {
         self.joints.clear();
         self.uses.clear();
         self.without_poses.clear();
+        self.new.clear();
+    }
+
+    /// Whether a mesh has parts.
+    fn holds(&self, entity: Entity) -> bool {
+        self.parts.contains_key(&Part::whole(entity)) || self.joints.contains_key(&entity)
     }
 
     /// Replaces the parts of a mesh; `None`: its bind poses are not loaded yet.
