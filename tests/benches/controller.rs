@@ -21,7 +21,9 @@ use bevy::ecs::query::With;
 use bevy::ecs::system::{Local, Query};
 use bevy::math::{Quat, Vec3};
 use bevy::transform::components::{GlobalTransform, Transform};
-use bevy_frugal_gi::control::{Budget, ControlPlugin, FrontierMapHandle, Selection, select};
+use bevy_frugal_gi::control::{
+    Budget, ControlPlugin, ErrorPrice, FrontierMapHandle, Selection, select,
+};
 use bevy_frugal_gi::frontier::{
     CameraView, Corner, CostPoint, Frontier, FrontierMap, FrontierMapPlugin, FrontierPoint,
     FrontierStore, Leaf, Octree,
@@ -144,7 +146,8 @@ fn look_ups(leaves: usize) -> Vec<String> {
         let before = ALLOCATIONS.load(Ordering::Relaxed);
         let start = Instant::now();
         let found = map.look_up(black_box(view)).expect("a frontier");
-        black_box(select(found.frontier, black_box(budget), Some(40.0)));
+        let price = budget.error.map(|error| ErrorPrice::calibrated(40.0, error));
+        black_box(select(found.frontier, black_box(budget), price));
         nanoseconds.push(start.elapsed().as_nanos() as u64);
         allocations += ALLOCATIONS.load(Ordering::Relaxed) - before;
     }

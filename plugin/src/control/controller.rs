@@ -98,7 +98,7 @@ pub fn allocate(inputs: &Inputs<'_>, pace: &mut ErrorPace) -> Option<Allocation>
     inputs.budget.validate().ok()?;
     let power = inputs.budget.power.map(|limit| inputs.correction.uncorrected(limit));
     let budget = Budget { power, ..inputs.budget };
-    let (sample, choice) = choose(inputs.store, &inputs.view, &budget, pace)?;
+    let (sample, choice) = choose(inputs.store, &inputs.view, &budget, &inputs.errors, pace)?;
     Some(Allocation { sample, choice })
 }
 

@@ -2,8 +2,9 @@
 //!
 //! A map's error budgets are calibrated on views before anybody plays, with a margin for views that
 //! differ. Where errors are measured in play, the margin gives way to them: the mean measured error
-//! divided by the mean predicted one, for which the calibration counts as a few measurements (a
-//! ratio estimator with a prior; Cochran 1977, "Sampling Techniques", section 6.3).
+//! divided by the mean predicted one, for which the calibration counts as a few measurements before
+//! the first, which fade as all do (a ratio estimator with a prior; Cochran 1977, "Sampling
+//! Techniques", section 6.3).
 
 use bevy::ecs::component::Component;
 use bevy::ecs::reflect::ReflectComponent;
@@ -13,13 +14,13 @@ use bevy::reflect::Reflect;
 /// Measurements that the map's calibration counts for. Higher values keep its margin for longer;
 /// lower values follow the first measurements, which may be of an unusual view.
 const PRIOR: f64 = 4.0;
-/// Measurements until an old one counts 1/e. Higher values average more views; lower values follow a
-/// camera to another part of the level.
-const MEMORY: f64 = 64.0;
+/// What a measurement counts after the next one, as a share: 1/e after 128. Higher values average more
+/// views; lower values follow a camera to another part of the level.
+const FADING: f64 = 1.0 - 1.0 / 128.0;
 /// Margin on the ratio with one measurement; it falls with the square root of their number, as the
-/// spread of a mean does: half of the 0.4 by which views differ in the ratio. Higher values keep more
-/// budgets; lower values use more of them.
-const MARGIN: f64 = 0.2;
+/// spread of a mean does: three quarters of the 0.4 by which views differ in the ratio. Higher values keep
+/// more budgets; lower values use more of them.
+const MARGIN: f64 = 0.3;
 /// Largest ratio of measured to predicted errors, either way: a larger one has other causes than the
 /// views.
 const MOST: f64 = 8.0;
@@ -48,17 +49,16 @@ impl ErrorFeedback {
         if ![self.measured, self.predicted, self.count].into_iter().all(is_error) {
             *self = Self::default();
         }
-        let fading = (-MEMORY.recip()).exp();
         for (sum, value) in [
             (&mut self.measured, measured),
             (&mut self.predicted, predicted),
             (&mut self.count, 1.0),
         ] {
-            *sum = fading * *sum + value;
+            *sum = FADING * *sum + value;
         }
     }
 
-    /// Number of measurements that count, 0 to about 64; older ones count less.
+    /// Number of measurements that count, 0 to 128; older ones count less.
     pub fn count(&self) -> f64 {
         self.count
     }
@@ -73,10 +73,12 @@ impl ErrorFeedback {
         }
         let prior = calibrated.filter(|target| is_positive(*target)).map_or(1.0, |t| budget / t);
         let mean = self.predicted / self.count;
-        let ratio = (self.measured + PRIOR * mean * prior) / (self.predicted + PRIOR * mean);
+        // n measurements count (1 - f^n) / (1 - f), and what was there before them f^n.
+        let weight = PRIOR * (1.0 - self.count * (1.0 - FADING)).clamp(0.0, 1.0);
+        let ratio = (self.measured + weight * mean * prior) / (self.predicted + weight * mean);
         // The calibration has its own margin.
-        let share = self.count / (self.count + PRIOR);
-        let margin = 1.0 + share * MARGIN / (self.count + PRIOR).sqrt();
+        let share = self.count / (self.count + weight);
+        let margin = 1.0 + share * MARGIN / (self.count + weight).sqrt();
         Some(budget / (ratio * margin).clamp(MOST.recip(), MOST))
     }
 }
@@ -91,15 +93,15 @@ mod tests {
         assert_eq!(feedback.target(0.02, Some(0.015)), Some(0.015), "nothing is measured");
         assert_eq!(feedback.target(0.02, None), None);
         let mut targets = vec![0.015];
-        for _ in 0..200 {
+        for _ in 0..400 {
             // Three quarters of what is predicted.
             feedback.observe(0.012, 0.016);
             targets.extend(feedback.target(0.02, Some(0.015)));
         }
         assert!(targets.is_sorted(), "{targets:?}");
-        let last = targets[200];
-        assert!((0.90..0.99).contains(&(last / (0.02 / 0.75))), "with a margin: {last}");
-        assert!((feedback.count() - 64.0).abs() < 4.0, "{}", feedback.count());
+        let last = targets[400];
+        assert!((0.96..0.99).contains(&(last / (0.02 / 0.75))), "with a margin alone: {last}");
+        assert!((feedback.count() - 128.0).abs() < 8.0, "{}", feedback.count());
         assert!((targets[4] / targets[0]) < 1.4, "four count as much as the calibration");
     }
 

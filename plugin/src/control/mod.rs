@@ -45,7 +45,7 @@ pub use filter::{SettingsFilter, TransitionTimes};
 pub use limits::Limit;
 pub(crate) use maps::frontier_in_play;
 pub use pace::{ErrorPace, choose};
-pub use select::{Choice, MOST_OVER_MEAN, Outcome, select};
+pub use select::{Choice, ErrorPrice, MOST_OVER_MEAN, Outcome, select};
 pub use selection::{
     ControlSettings, ControlStatus, FrontierMapHandle, FrontierSource, OffReason, Selection,
 };

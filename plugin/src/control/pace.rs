@@ -12,7 +12,7 @@ use bevy::ecs::reflect::ReflectComponent;
 use bevy::prelude::ReflectDefault;
 use bevy::reflect::Reflect;
 
-use super::{Budget, Choice, ErrorFeedback, Outcome, select};
+use super::{Budget, Choice, ErrorFeedback, ErrorPrice, Outcome, select};
 use crate::frontier::{CameraView, CostPoint, FrontierStore, SampleCamera};
 
 /// Seconds in which an error of twice the target changes the error rate by a factor of e. Higher
@@ -81,21 +81,31 @@ impl ErrorPace {
 /// evaluate` share this function.
 ///
 /// `pace` is reset when the error limit changes, and otherwise left to [`ErrorPace::observe`].
+/// `measured`: what measurements say of predicted errors; once there is one, errors weigh as
+/// [`ErrorPrice::measured`] says.
 ///
 /// `None` where no frontier is known at `view`, or the budget is [invalid](Budget::validate).
 pub fn choose(
     store: &dyn FrontierStore,
     view: &CameraView,
     budget: &Budget,
+    measured: &ErrorFeedback,
     pace: &mut ErrorPace,
 ) -> Option<(SampleCamera, Choice)> {
     if pace.budget != budget.error {
         *pace = ErrorPace { logarithm: 0.0, budget: budget.error };
     }
     let found = store.look_up(view)?;
-    let rate =
-        budget.error.and_then(|error| store.error_rate(error)).map(|rate| rate * pace.factor());
-    Some((found.camera, select(found.frontier, budget, rate)?))
+    let price = |error: f64| {
+        let rate = store.error_rate(error)? * pace.factor();
+        let target = measured.target(error, store.error_target(error));
+        Some(match target.filter(|_| measured.count() > 0.0) {
+            Some(target) => ErrorPrice::measured(rate, target),
+            None => ErrorPrice::calibrated(rate, error),
+        })
+    };
+    let price = budget.error.and_then(price);
+    Some((found.camera, select(found.frontier, budget, price)?))
 }
 
 #[cfg(test)]
@@ -163,7 +173,7 @@ mod tests {
         pace: &mut ErrorPace,
         delta: f64,
     ) -> Option<CostPoint> {
-        let (_, choice) = choose(store, &view(x), budget, pace)?;
+        let (_, choice) = choose(store, &view(x), budget, &ErrorFeedback::default(), pace)?;
         pace.observe(store, &ErrorFeedback::default(), &choice, choice.cost, delta);
         Some(choice.cost)
     }

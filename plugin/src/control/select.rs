@@ -6,7 +6,7 @@
 use bevy::reflect::Reflect;
 
 use super::Budget;
-use crate::frontier::{CostPoint, Frontier, FrontierPoint};
+use crate::frontier::{CostPoint, ERROR_UNIT, Frontier, FrontierPoint};
 use crate::knobs::KnobLevels;
 
 /// Whether the budget is met, and the fallback where it is not.
@@ -40,23 +40,59 @@ pub struct Choice {
     pub outcome: Outcome,
 }
 
-/// Upper limit of a frame's predicted error, as a multiple of the error budget; no unit.
+/// Upper limit of a frame's predicted error, as a multiple of the mean that an error budget allows; no
+/// unit.
 ///
 /// A mean allows some views above it. Higher values save more power on paths whose views resemble
 /// the calibration views; lower values keep the mean on paths with harder views.
 pub const MOST_OVER_MEAN: f64 = 2.0;
 
+/// What a frame's error is worth under a budget of the mean error, and what it may be at most.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct ErrorPrice {
+    rate: f64,
+    most: f64,
+    is_squared: bool,
+}
+
+impl ErrorPrice {
+    /// By a map's calibration. `rate`: exchange rate λ, watts per unit of error where the error is
+    /// 0.01, at least 0 ([`FrontierStore::error_rate`](crate::frontier::FrontierStore::error_rate));
+    /// NaN is none. Errors weigh by their squares ([`Frontier::least_weighted`]): views then differ
+    /// less, and a path that is unlike the calibration views misses the mean by less.
+    pub fn calibrated(rate: f64, budget: f64) -> Self {
+        Self { rate, most: MOST_OVER_MEAN * budget, is_squared: true }
+    }
+
+    /// Where errors are measured in play, so that the mean is kept on any path: errors weigh as they
+    /// are, which takes the least power for a mean (Everett 1963). `rate` as in
+    /// [`calibrated`](Self::calibrated); at `target`, the mean of predicted errors that meets the
+    /// budget, a watt is worth as much as by that.
+    pub fn measured(rate: f64, target: f64) -> Self {
+        let linear = 2.0 * rate * target / ERROR_UNIT;
+        Self { rate: linear, most: MOST_OVER_MEAN * target, is_squared: false }
+    }
+
+    /// The point of `frontier` with the least sum of power and error. `None` without a rate.
+    fn least<'a>(&self, frontier: &'a Frontier) -> Option<&'a FrontierPoint> {
+        if self.is_squared {
+            frontier.least_weighted(self.rate)
+        } else {
+            frontier.least_sum(self.rate)
+        }
+    }
+}
+
 /// Selects the point of `frontier` for `budget`. `None` where the frontier is empty or the budget
 /// is [invalid](Budget::validate). Source: Wang et al. 2016, equations 3.2 and 3.3.
 ///
-/// `rate`: exchange rate λ under an error budget, in watts per unit of error, at least 0, where the
-/// map has one ([`FrontierStore::error_rate`](crate::frontier::FrontierStore::error_rate)). Without
-/// a rate, or with NaN, the budget limits the error of each frame.
+/// `price`: what error is worth under an error budget, where that is known. Without a price, or with
+/// a rate of NaN, the budget limits the error of each frame.
 ///
 /// Every point meets an infinite limit: an infinite power limit selects the best settings, an
 /// infinite error limit the cheapest. No limit selects the best settings. On a frontier each
 /// additional watt reduces the error, so no power is wasted.
-pub fn select(frontier: &Frontier, budget: &Budget, rate: Option<f64>) -> Option<Choice> {
+pub fn select(frontier: &Frontier, budget: &Budget, price: Option<ErrorPrice>) -> Option<Choice> {
     budget.validate().ok()?;
     let cheapest = frontier.points().first()?;
     let best = frontier.points().last()?;
@@ -66,13 +102,10 @@ pub fn select(frontier: &Frontier, budget: &Budget, rate: Option<f64>) -> Option
     match (budget.power, budget.error) {
         (None, None) => choice(best, Outcome::Met),
         (None, Some(limit)) => {
-            let weighted =
-                rate.filter(|_| limit.is_finite()).and_then(|rate| frontier.least_weighted(rate));
-            let within = frontier.least_power_within(if weighted.is_some() {
-                MOST_OVER_MEAN * limit
-            } else {
-                limit
-            });
+            let price = price.filter(|_| limit.is_finite());
+            let weighted = price.and_then(|price| price.least(frontier));
+            let most = price.filter(|_| weighted.is_some()).map_or(limit, |price| price.most);
+            let within = frontier.least_power_within(most);
             match (weighted, within) {
                 // The better of the two: points rise in power and fall in error together.
                 (Some(weighted), Some(within)) if within.cost.power <= weighted.cost.power => {
@@ -87,7 +120,7 @@ pub fn select(frontier: &Frontier, budget: &Budget, rate: Option<f64>) -> Option
             None => choice(cheapest, Outcome::PowerCannotBeMet),
         },
         (Some(limit), Some(error)) => {
-            let alone = select(frontier, &Budget::error(error), rate)?;
+            let alone = select(frontier, &Budget::error(error), price)?;
             if alone.cost.power <= limit {
                 return Some(alone);
             }
@@ -141,7 +174,8 @@ mod tests {
     fn a_rate_keeps_the_mean_and_limits_every_frame() {
         // Points at 1 W / 0.2, 2 W / 0.05 and 4 W / 0: error² ÷ 0.01 is 4, 0.25 and 0.
         let picked = |limit: f64, rate: f64| {
-            select(&testing::frontier(1.0), &Budget::error(limit), Some(rate))
+            let price = ErrorPrice::calibrated(rate, limit);
+            select(&testing::frontier(1.0), &Budget::error(limit), Some(price))
                 .map(|choice| choice.cost.power.0)
         };
         assert_eq!(
@@ -152,6 +186,40 @@ mod tests {
         assert_eq!(picked(0.01, 0.0), Some(4.0));
         assert_eq!(picked(f64::INFINITY, 1e9), Some(1.0), "no limit is no limit");
         assert_eq!(picked(0.05, f64::NAN), Some(2.0), "as without a rate");
+    }
+
+    #[test]
+    fn measured_errors_weigh_as_they_are() {
+        // 1 W / 0.2, 2 W / 0.05, 4 W / 0: a watt buys 0.15, and then 0.025.
+        let picked = |target: f64, rate: f64| {
+            let price = ErrorPrice::measured(rate, target);
+            select(&testing::frontier(1.0), &Budget::error(0.16), Some(price))
+                .map(|choice| choice.cost.power.0)
+        };
+        // At a target of 0.16 a rate of 1 is worth 32 W for each unit of error.
+        assert_eq!(
+            [6.0, 7.0, 39.0, 41.0].map(|linear| picked(0.16, linear / 32.0)),
+            [Some(1.0), Some(2.0), Some(2.0), Some(4.0)]
+        );
+        assert_eq!(picked(0.16, f64::INFINITY), Some(4.0));
+        assert_eq!(picked(0.09, 0.0), Some(2.0), "0.2 is more than two targets");
+        assert_eq!(picked(0.09, f64::NAN), Some(2.0), "as without a rate: 0.16 for each frame");
+        let at_target = Frontier::from_points(testing::frontier(1.0).points()[..2].iter().copied());
+        for rate in [0.1, 1.0, 10.0] {
+            // Both are worth the same about the target.
+            let sum = |price: ErrorPrice, error: f64| {
+                if price.is_squared {
+                    price.rate * error * error / 0.01
+                } else {
+                    price.rate * error
+                }
+            };
+            let slope = |price| (sum(price, 0.0501) - sum(price, 0.0499)) / 0.0002;
+            let both = [ErrorPrice::calibrated(rate, 0.05), ErrorPrice::measured(rate, 0.05)];
+            let [a, b] = both.map(slope);
+            assert!((a / b - 1.0).abs() < 1e-6, "{a} and {b}");
+            assert!(both.iter().all(|price| price.least(&at_target).is_some()));
+        }
     }
 
     #[test]

@@ -28,13 +28,21 @@ use bevy::shader::load_shader_library;
 use crate::schedule::KnobSystems;
 pub use probe::ErrorProbe;
 
+/// Measurement after which the mean period is that of the settings. Higher values cost more; lower values
+/// leave fewer for views that the map does not know.
+const STEADY: f64 = 64.0;
+/// Shortest and longest mean period, as multiples of that. Lower values find a new level's errors sooner,
+/// and follow a camera to another part of it; higher values cost less.
+const STRETCH: [f64; 2] = [0.25, 3.0];
+
 /// Measures the error of this camera's frames while it is there. For a camera with
 /// [`KnobSettings`](crate::knobs::KnobSettings), such as one under the controller.
 #[derive(Component, Clone, Debug, PartialEq, Reflect)]
 #[reflect(Component, Default, Clone, PartialEq)]
 #[require(MeasuredError, probe::MeterState)]
 pub struct ErrorMeter {
-    /// Mean of the seconds between two measurements, 0 or more; they vary by half of it. Default: 20. Lower values follow views faster;
+    /// Mean of the seconds from the 64th measurement to the next, 0 or more; see
+    /// [`interval_seconds`](Self::interval_seconds). Default: 20. Lower values follow views faster;
     /// higher values cost less: a measurement renders `frames` frames of its part of the image at
     /// the best settings.
     pub period_seconds: f32,
@@ -55,9 +63,13 @@ impl Default for ErrorMeter {
 
 impl ErrorMeter {
     /// Seconds from measurement number `count` to the next. No fixed period, which would meet the
-    /// same views of a round again and again: ½ to 1½ times `period_seconds`, by the golden ratio.
+    /// same views of a round again and again: ½ to 1½ times a mean, by the golden ratio. The mean is
+    /// a quarter of `period_seconds` for 16 measurements, and then rises in proportion to their number,
+    /// up to three times `period_seconds`: the more are known, the less another one says.
     pub fn interval_seconds(&self, count: u32) -> f64 {
-        f64::from(self.period_seconds) * (0.5 + (0.618_033_988_749_895 * f64::from(count)).fract())
+        let count = f64::from(count);
+        let stretch = (count / STEADY).clamp(STRETCH[0], STRETCH[1]);
+        f64::from(self.period_seconds) * stretch * (0.5 + (0.618_033_988_749_895 * count).fract())
     }
 }
 

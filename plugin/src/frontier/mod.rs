@@ -22,6 +22,7 @@ pub use knob_effects::KnobEffects;
 pub use map::{Bounds, Capture, FrontierMap, SceneIdentity, Thresholds, WorkPrices};
 pub use map_error::FrontierMapError;
 pub use octree::{Corner, CornerNumberError, Leaf, Octree, OctreeError};
+pub(crate) use pareto::ERROR_UNIT;
 pub use pareto::{CostPoint, Frontier, FrontierPoint};
 pub use shared_knobs::{SharedKnobs, SharedLevels};
 pub use store::{Address, FrontierStore, SampleCamera, SampleRef, address_in, look_up_in};

@@ -56,7 +56,7 @@ pub struct Frontier {
 
 /// Error (1 − SSIM) at which exchange rates are in watts per unit of error: in the middle of common
 /// budgets.
-const ERROR_UNIT: f64 = 0.01;
+pub(crate) const ERROR_UNIT: f64 = 0.01;
 
 impl Frontier {
     /// The frontier of any points. Drops dominated points, points that are not finite, and all but
@@ -126,16 +126,26 @@ impl Frontier {
     /// A linear search over a few dozen points: a binary search would need the convex hull and save
     /// a few nanoseconds.
     pub fn least_weighted(&self, rate: f64) -> Option<&FrontierPoint> {
+        self.least(rate, |error| error * (error / ERROR_UNIT))
+    }
+
+    /// The point that minimises power + `rate` × error, with `rate` in watts per unit of error; the
+    /// best settings where `rate` is infinite. `None` where the frontier is empty, or `rate` is NaN.
+    ///
+    /// Of all selections with one rate, these have the least power for their mean error (Everett
+    /// 1963).
+    pub fn least_sum(&self, rate: f64) -> Option<&FrontierPoint> {
+        self.least(rate, |error| error)
+    }
+
+    fn least(&self, rate: f64, weight: impl Fn(f64) -> f64) -> Option<&FrontierPoint> {
         if rate.is_nan() {
             return None;
         }
         if rate == f64::INFINITY {
             return self.points.last();
         }
-        let sum = |point: &FrontierPoint| {
-            let CostPoint { power, error } = point.cost;
-            power.0 + rate * error * (error / ERROR_UNIT)
-        };
+        let sum = |point: &FrontierPoint| point.cost.power.0 + rate * weight(point.cost.error);
         self.points.iter().min_by(|a, b| sum(a).total_cmp(&sum(b)))
     }
 

@@ -58,6 +58,11 @@ impl<'a> Controller<'a> {
         }
     }
 
+    /// Number of measurements of the error meter.
+    pub(crate) fn measurements(&self) -> u32 {
+        self.meter.as_ref().map_or(0, |meter| meter.count)
+    }
+
     /// With the plugin's error meter as it is by default.
     pub(crate) fn measuring(self) -> Self {
         Self { meter: Some(Meter::default()), ..self }

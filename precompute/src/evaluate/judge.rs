@@ -36,8 +36,10 @@ const FAIR: [&str; 4] = ["best-constant-elsewhere", "reactive", "default", "reso
 
 /// Play that counts, and before that, seconds.
 const PLAYED_SECONDS: f64 = 1200.0;
-/// What measuring adds to power, as a share (`make bench BENCH=error_meter`).
-const METER_SHARE: f64 = 0.02;
+/// What a measurement costs, in frames of the best settings (`make bench BENCH=error_meter`).
+const METER_FRAMES: f64 = 6.0;
+/// Frame rate at which the meter's cost is spread, hertz. Recorded paths have fewer frames a second.
+const METER_FPS: f64 = 60.0;
 /// Most walks along a path in that time.
 const MOST_WALKS: f64 = 400.0;
 
@@ -162,6 +164,7 @@ fn measured(record: &PathRecord, controller: Controller<'_>) -> Vec<FrameRecord>
     for _ in 0..walks as u32 {
         record.simulate(&mut controller);
     }
+    let before = controller.measurements();
     let mut mean = record.simulate(&mut controller);
     for walk in 2..=walks as u32 {
         let share = f64::from(walk).recip();
@@ -170,8 +173,13 @@ fn measured(record: &PathRecord, controller: Controller<'_>) -> Vec<FrameRecord>
             mean.error += share * (frame.error - mean.error);
         }
     }
+    // Power is that of the recorded rate whatever is drawn, so that a frame's energy is a share of it.
+    let share = METER_FRAMES * f64::from(controller.measurements() - before)
+        / (f64::from(walks as u32) * seconds * METER_FPS);
+    let best = record.table.column(record.space.canonical(record.space.highest()));
+    let best = best.and_then(|best| record.table.mean(best, 0..record.table.rows()));
     for frame in &mut mean {
-        frame.power.0 *= 1.0 + METER_SHARE;
+        frame.power.0 += share * best.map_or(f64::NAN, |best| best.power.0);
     }
     mean
 }

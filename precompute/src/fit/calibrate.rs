@@ -1,6 +1,6 @@
 //! Calibration of exchange rates to error budgets.
 
-use bevy_frugal_gi::control::{Budget, select};
+use bevy_frugal_gi::control::{Budget, ErrorPrice, select};
 use bevy_frugal_gi::frontier::{ErrorRate, ErrorRates, Frontier};
 use bevy_frugal_gi::knobs::KnobLevels;
 
@@ -62,7 +62,8 @@ pub(crate) fn calibrate(
                 .iter()
                 .filter_map(|camera| {
                     // The controller's own selection.
-                    let picked = select(camera.frontier, &Budget::error(budget), Some(rate))?;
+                    let price = ErrorPrice::calibrated(rate, budget);
+                    let picked = select(camera.frontier, &Budget::error(budget), Some(price))?;
                     let error = (camera.error)(picked.settings)?;
                     Some((picked.cost.error, error - picked.cost.error))
                 })

@@ -1,6 +1,6 @@
 //! Fits to synthetic scenes with known optimal maps.
 
-use bevy_frugal_gi::control::{Budget, select};
+use bevy_frugal_gi::control::{Budget, ErrorPrice, select};
 use bevy_frugal_gi::frontier::{Bounds, CameraView, CostPoint, ErrorRates, Octree, ViewDirection};
 use bevy_frugal_gi::knobs::KnobLevels;
 use glam::{Quat, Vec3};
@@ -226,8 +226,8 @@ fn errors_away_from_tracks_get_a_margin() {
 fn played(octree: &Octree, rates: &ErrorRates, budget: f64, seed: u64) -> f64 {
     let scene = scene(400, seed, 0.02, |_| true);
     let frontier = &octree.frontiers[0];
-    let settings =
-        select(frontier, &Budget::error(budget), rates.rate(budget)).expect("a frontier").settings;
+    let price = rates.rate(budget).map(|rate| ErrorPrice::calibrated(rate, budget));
+    let settings = select(frontier, &Budget::error(budget), price).expect("a frontier").settings;
     (0..400).filter_map(|row| Some(scene.table.get(row, settings)?.error)).sum::<f64>() / 400.0
 }
 

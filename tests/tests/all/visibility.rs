@@ -94,8 +94,7 @@ fn surfaces_that_cast_no_shadow_occlude_nothing() {
         .expect("a material")
         .0
         .clone();
-    let mut materials =
-        stage.world_mut().resource_mut::<bevy::asset::Assets<bevy::pbr::StandardMaterial>>();
+    let mut materials = stage.world_mut().resource_mut::<Assets<bevy::pbr::StandardMaterial>>();
     materials.get_mut(&material).expect("the material").alpha_mode = AlphaMode::Blend;
     assert!(mean(&mut stage, "fine") > 0.5 * open, "glass occludes nothing");
 }

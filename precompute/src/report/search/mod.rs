@@ -4,7 +4,7 @@
 mod cameras;
 mod plots;
 
-use bevy_frugal_gi::control::{Budget, select};
+use bevy_frugal_gi::control::{Budget, ErrorPrice, select};
 use bevy_frugal_gi::frontier::{CostPoint, FrontierMap, FrontierPoint};
 use bevy_frugal_gi::knobs::KnobLevels;
 
@@ -139,8 +139,10 @@ fn training_cameras<'a>(
 
 /// The settings selected at the camera of `row`, by a frontier fitted without it.
 fn selected(summary: &SearchSummary<'_>, row: usize, budget: &Budget) -> Option<KnobLevels> {
-    let rate = budget.error.and_then(|error| summary.map.error_rates.rate(error));
-    Some(select(summary.outcome.fitted.held_out.get(row)?, budget, rate)?.settings)
+    let price = budget.error.and_then(|error| {
+        Some(ErrorPrice::calibrated(summary.map.error_rates.rate(error)?, error))
+    });
+    Some(select(summary.outcome.fitted.held_out.get(row)?, budget, price)?.settings)
 }
 
 #[cfg(test)]
