@@ -15,6 +15,7 @@ mod files;
 mod fit;
 mod inspect;
 mod journal;
+mod medoids;
 pub mod metrics;
 mod pipeline;
 mod pool;

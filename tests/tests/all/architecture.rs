@@ -60,6 +60,7 @@ const PLUGIN: &[&str] = &[
 const TOOL: &[&str] = &[
     "files",
     "farthest",
+    "medoids",
     "scene",
     "metrics",
     "journal",
