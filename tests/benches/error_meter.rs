@@ -92,8 +92,8 @@ fn measure(options: &Arguments, settings: &str) {
     let mut walk = Walk::new(options.size, settings);
     set::apply(&mut walk.stage, "max");
     walk.reading(None);
-    let mut best: Vec<f64> = (0..options.count.max(1)).map(|_| walk.reading(None).0).collect();
-    let best = quantile(&mut best, 0.5) / f64::from(FRAMES);
+    let readings = (0..options.count.max(1)).map(|_| walk.reading(None).0);
+    let best = median(readings.collect()) / f64::from(FRAMES);
     set::apply(&mut walk.stage, settings);
     walk.reading(None);
     println!("{settings}; {}; {best:.2} ms a frame at the best settings:\n", walk.clock.label());

@@ -184,8 +184,11 @@ fn stream(
             commands.entity(oldest).despawn();
         }
     }
+    if phase != 0 {
+        return;
+    }
     let Some(kind) = stream.meshes.back().and_then(|mesh| kinds.get(*mesh).ok()) else { return };
-    for _ in 0..if phase == 0 { stream.count } else { 0 } {
+    for _ in 0..stream.count {
         let (x, z) = (stream.next % 100, stream.next / 100 % 100);
         let place = Transform::from_xyz(x as f32, 1.0, z as f32);
         stream.next += 1;
@@ -226,9 +229,8 @@ fn main() {
         );
         if matches!(case, Case::Burst) {
             let by_update = (0..BURST).map(|update| {
-                let mut times: Vec<f64> =
-                    differences.iter().skip(update).step_by(BURST).copied().collect();
-                format!("{:.3}", quantile(&mut times, 0.5))
+                let times = differences.iter().skip(update).step_by(BURST).copied();
+                format!("{:.3}", median(times.collect()))
             });
             println!(
                 "  GI adds in each update after a burst: {}",

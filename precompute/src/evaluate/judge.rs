@@ -3,6 +3,7 @@
 use bevy_frugal_gi::control::{Budget, ControlSettings, SettingsFilter};
 use bevy_frugal_gi::frontier::{CostPoint, FrontierMap};
 use bevy_frugal_gi::knobs::{KnobLevels, KnobSpace};
+use bevy_frugal_gi::units::Watts;
 
 use super::baselines::{
     Oracle, Reactive, best_constant, best_of, default_settings, ladder, oracle,
@@ -106,7 +107,11 @@ pub(crate) fn judge(
     if budget.error.is_some() {
         let controller = Controller::new(map, &budget, lens, control);
         let note = "twenty minutes after twenty others, with an error meter and its power";
-        runs.push(("frugal-measured", measured(record, controller), Some(note.to_owned())));
+        runs.push((
+            "frugal-measured",
+            measured(record, controller, highest.power),
+            Some(note.to_owned()),
+        ));
     }
     let scaled = resolutions(space);
     let scaled = record.table.with_columns(|settings| scaled.contains(&settings));
@@ -156,8 +161,8 @@ pub(crate) fn judge(
 }
 
 /// The mean of some walks along the path after as many others, with an error meter. A single walk's
-/// mean is off by what the next one makes good.
-fn measured(record: &PathRecord, controller: Controller<'_>) -> Vec<FrameRecord> {
+/// mean is off by what the next one makes good. `best`: power of the best settings.
+fn measured(record: &PathRecord, controller: Controller<'_>, best: Watts) -> Vec<FrameRecord> {
     let mut controller = controller.measuring();
     let seconds = record.path.poses().len() as f64 / record.path.fps();
     let walks = (PLAYED_SECONDS / seconds).ceil().clamp(1.0, MOST_WALKS);
@@ -176,10 +181,8 @@ fn measured(record: &PathRecord, controller: Controller<'_>) -> Vec<FrameRecord>
     // Power is that of the recorded rate whatever is drawn, so that a frame's energy is a share of it.
     let share = METER_FRAMES * f64::from(controller.measurements() - before)
         / (f64::from(walks as u32) * seconds * METER_FPS);
-    let best = record.table.column(record.space.canonical(record.space.highest()));
-    let best = best.and_then(|best| record.table.mean(best, 0..record.table.rows()));
     for frame in &mut mean {
-        frame.power.0 += share * best.map_or(f64::NAN, |best| best.power.0);
+        frame.power.0 += share * best.0;
     }
     mean
 }
