@@ -2,8 +2,9 @@
 //! Data", chapter 2). The sum of distances to the nearest medoid is least, as far as exchanging one for
 //! another can lower it. Where many elements are alike one of them is a medoid; an outlier is none.
 
-/// Numbers of at most `most` of `count` elements. NaN counts as no distance. Ties go to the first, so that
-/// the result is the same everywhere.
+/// Numbers of at most `most` of `count` elements, in an order in which each lowers the sum of distances
+/// most after those before it. NaN counts as no distance. Ties go to the first, so that the result is the
+/// same everywhere.
 pub(crate) fn medoids(
     count: usize,
     most: usize,
@@ -17,15 +18,19 @@ pub(crate) fn medoids(
         };
         (0..count).map(nearest).sum()
     };
-    let mut chosen: Vec<usize> = Vec::new();
     // Built one by one …
-    while chosen.len() < most.min(count) {
-        let with = |next: usize| sum(&[&chosen[..], &[next]].concat());
-        let open = (0..count).filter(|next| !chosen.contains(next));
-        let sums = open.map(|next| (next, with(next)));
-        let Some((next, _)) = sums.min_by(|a, b| a.1.total_cmp(&b.1)) else { break };
-        chosen.push(next);
-    }
+    let one_by_one = |from: &[usize]| {
+        let mut chosen: Vec<usize> = Vec::new();
+        while chosen.len() < most.min(count) {
+            let with = |next: usize| sum(&[&chosen[..], &[next]].concat());
+            let open = from.iter().copied().filter(|next| !chosen.contains(next));
+            let sums = open.map(|next| (next, with(next)));
+            let Some((next, _)) = sums.min_by(|a, b| a.1.total_cmp(&b.1)) else { break };
+            chosen.push(next);
+        }
+        chosen
+    };
+    let mut chosen = one_by_one(&(0..count).collect::<Vec<_>>());
     // … and exchanged while that helps. The sum falls each time, so this ends.
     let mut now = sum(&chosen);
     loop {
@@ -37,9 +42,11 @@ pub(crate) fn medoids(
         });
         match after.min_by(|a, b| a.0.total_cmp(&b.0)) {
             Some((least, after)) if least < now => (now, chosen) = (least, after),
-            _ => return chosen,
+            _ => break,
         }
     }
+    chosen.sort_unstable();
+    one_by_one(&chosen)
 }
 
 #[cfg(test)]
@@ -61,6 +68,14 @@ mod tests {
             (0..40).map(|index| f64::from(index) / 40.0).chain([1.6, -0.6]).collect();
         let chosen = of(&dense, 3);
         assert!(chosen.iter().all(|element| *element < 40), "{chosen:?}");
+    }
+
+    #[test]
+    fn the_first_represents_most() {
+        // Five around 5, three around 0, one at 9.
+        let at = [0.0, 0.1, 0.2, 5.0, 5.1, 5.2, 5.3, 5.4, 9.0];
+        let chosen = medoids(at.len(), 3, |a, b| (at[a] - at[b]).abs());
+        assert_eq!(chosen, [5, 1, 8]);
     }
 
     #[test]

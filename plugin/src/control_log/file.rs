@@ -6,7 +6,7 @@ use super::{ControlLogError, ControlSample};
 use crate::text_lines::{quote, unmarked, whole_lines};
 
 /// Names of the columns, in order; a suffix gives the unit.
-pub const COLUMNS: [&str; 15] = [
+pub const COLUMNS: [&str; 16] = [
     "time_s",
     "camera",
     "status",
@@ -18,6 +18,7 @@ pub const COLUMNS: [&str; 15] = [
     "meter",
     "error_budget",
     "predicted_error",
+    "measured_error",
     "frame_ms",
     "longest_frame_ms",
     "switches",
@@ -48,6 +49,7 @@ pub(super) fn push_line(text: &mut String, sample: &ControlSample) {
         quoted(&sample.meter),
         optional(sample.error_budget),
         optional(sample.predicted_error),
+        optional(sample.measured_error),
         optional(sample.frame_ms),
         optional(sample.longest_frame_ms),
         sample.switches.to_string(),
@@ -125,10 +127,11 @@ fn parse_line(line: usize, text: &str) -> Result<ControlSample, ControlLogError>
         meter: text(8),
         error_budget: optional(9)?,
         predicted_error: optional(10)?,
-        frame_ms: optional(11)?,
-        longest_frame_ms: optional(12)?,
-        switches: whole(13)?,
-        settings: text(14),
+        measured_error: optional(11)?,
+        frame_ms: optional(12)?,
+        longest_frame_ms: optional(13)?,
+        switches: whole(14)?,
+        settings: text(15),
     })
 }
 
@@ -170,6 +173,7 @@ mod tests {
             meter: "a \"fine\" meter, modelled".into(),
             error_budget: Some(0.02),
             predicted_error: Some(1e-300),
+            measured_error: Some(0.021),
             frame_ms: Some(16.6),
             longest_frame_ms: Some(33.3),
             switches: 2,
@@ -202,7 +206,7 @@ mod tests {
             ("7.5", "seven", "line 2: `power_budget_w` is `seven`"),
             ("7.1", "inf", "line 2: `predicted_w` is `inf`, which is not a finite number"),
             ("1.25,3", "1.25,-3", "line 2: `camera` is `-3`"),
-            ("1.25,3,met", "1.25,3", "line 2: 14 fields instead of 15"),
+            ("1.25,3,met", "1.25,3", "line 2: 15 fields instead of 16"),
         ] {
             let message = error(from, to).to_string();
             assert!(message.starts_with(expected), "{message}");

@@ -31,6 +31,7 @@
 //! | `metered_w` | the meter's reading of the whole app, watts, once for every reading |
 //! | `meter` | name of the meter, and whether it measures or models |
 //! | `error_budget`, `predicted_error` | 1 − SSIM |
+//! | `measured_error` | what an [`ErrorMeter`](crate::error_meter::ErrorMeter) measured, once for every measurement, 1 − SSIM |
 //! | `frame_ms`, `longest_frame_ms` | mean and longest frame since the line before, milliseconds |
 //! | `switches` | number of changes of this camera's settings since the line before |
 //! | `settings` | every knob with its level |

@@ -13,6 +13,7 @@ use super::ControlSample;
 use super::sample::status;
 use super::writer::{self, ControlWriter};
 use crate::control::{AppBudget, Budget, Selection, SettingsSwitched};
+use crate::error_meter::MeasuredError;
 use crate::file_thread::Sent;
 use crate::knobs::KnobSettings;
 use crate::power::{MeteredPower, Provenance};
@@ -84,6 +85,8 @@ struct ControlLog {
     next_sample: Duration,
     numbers: HashMap<Entity, u32>,
     switches: HashMap<Entity, u32>,
+    /// Numbers of measurements of errors that are logged.
+    measured: HashMap<Entity, u32>,
     frames: Frames,
     /// Number of the last logged reading of the meter.
     reading: u64,
@@ -127,6 +130,7 @@ fn start(commands: &mut Commands, settings: &ControlLogPlugin) {
         next_sample: Duration::ZERO,
         numbers: HashMap::new(),
         switches: HashMap::new(),
+        measured: HashMap::new(),
         frames: Frames::default(),
         reading: 0,
         warned_of_disk: false,
@@ -136,7 +140,13 @@ fn start(commands: &mut Commands, settings: &ControlLogPlugin) {
 type Cameras<'w, 's> = Query<
     'w,
     's,
-    (Entity, &'static Selection, Option<&'static Budget>, Option<&'static KnobSettings>),
+    (
+        Entity,
+        &'static Selection,
+        Option<&'static Budget>,
+        Option<&'static KnobSettings>,
+        Option<&'static MeasuredError>,
+    ),
 >;
 
 fn sample(
@@ -174,10 +184,12 @@ fn sample(
         longest_frame_ms: frames.map(|frames| frames.1),
         ..ControlSample::default()
     };
-    for (entity, selection, budget, settings) in &cameras {
+    for (entity, selection, budget, settings, measured) in &cameras {
         let next = log.numbers.len() as u32;
         let camera = *log.numbers.entry(entity).or_insert(next);
         let predicted = selection.predicted_applied;
+        let count = measured.map_or(0, |measured| measured.count);
+        let is_measured = log.measured.insert(entity, count).unwrap_or(0) != count;
         let sample = ControlSample {
             camera,
             status: status(selection.status),
@@ -186,6 +198,10 @@ fn sample(
             predicted_w: predicted.and_then(|cost| finite(cost.power.0)),
             error_budget: budget.and_then(|budget| budget.error).and_then(finite),
             predicted_error: predicted.and_then(|cost| finite(cost.error)),
+            measured_error: measured
+                .filter(|_| is_measured)
+                .and_then(|measured| measured.last)
+                .and_then(finite),
             switches: log.switches.remove(&entity).unwrap_or(0),
             settings: settings
                 .map(|knobs| knobs.space.describe(knobs.settings))
@@ -203,6 +219,7 @@ fn sample(
         }
     }
     log.switches.retain(|camera, _| cameras.contains(*camera));
+    log.measured.retain(|camera, _| cameras.contains(*camera));
 }
 
 fn finite(number: f64) -> Option<f64> {
@@ -278,6 +295,7 @@ mod tests {
         for _ in 0..12 {
             app.update();
         }
+        app.world_mut().entity_mut(camera).insert(MeasuredError { last: Some(0.07), count: 1 });
         // Last, since it corrects predictions.
         app.insert_resource(metered);
         app.update();
@@ -298,6 +316,7 @@ mod tests {
         assert_eq!((samples[16].metered_w, samples[17].metered_w), (Some(8.0), None));
         assert_eq!(samples[17].meter, "rapl (measured)");
         assert!(last.settings.contains("samples="), "{}", last.settings);
+        assert_eq!((samples[16].measured_error, samples[17].measured_error), (Some(0.07), None));
         // One reading is logged once; every switch is counted.
         assert_eq!(samples.iter().filter(|sample| sample.metered_w.is_some()).count(), 1);
         let switches: u32 = samples.iter().map(|sample| sample.switches).sum();

@@ -28,6 +28,9 @@ pub struct ControlSample {
     pub error_budget: Option<f64>,
     /// Predicted error of the applied settings, 1 − SSIM.
     pub predicted_error: Option<f64>,
+    /// What the camera's [`ErrorMeter`](crate::error_meter::ErrorMeter) measured since the last sample,
+    /// 1 − SSIM. `None` where it measured nothing since, and without one.
+    pub measured_error: Option<f64>,
     /// Mean duration of the frames since the last sample, milliseconds.
     pub frame_ms: Option<f64>,
     /// The longest of them, milliseconds.

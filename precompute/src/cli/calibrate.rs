@@ -47,7 +47,7 @@ fn calibration_settings(space: &KnobSpace) -> Vec<KnobLevels> {
         .flat_map(|knob| (1..space.knobs()[knob].levels.len()).map(move |level| (knob, level)));
     let raised = raised.map(|(knob, level)| space.lowest().with_level(knob, level));
     // Alternating, so that an interrupted run has both.
-    let (lowered, raised) = (screening_settings(space), space.canonical_once(raised));
+    let (lowered, raised) = (screening_settings(space, true), space.canonical_once(raised));
     let mut all = Vec::new();
     for step in 0..lowered.len().max(raised.len()) {
         all.extend([lowered.get(step), raised.get(step)].into_iter().flatten());

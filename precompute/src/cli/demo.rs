@@ -40,12 +40,12 @@ pub(super) fn run(arguments: &Arguments) -> Result<(), CliError> {
     })?;
 
     let mut search_arguments = arguments.search.clone();
-    if search_arguments.paths.is_empty() {
+    if search_arguments.tracks.paths.is_empty() {
         // The path of the evaluation.
-        search_arguments.paths.push("tour".to_owned());
+        search_arguments.tracks.paths.push("tour".to_owned());
     }
     search_arguments.check()?;
-    let tracks = search_arguments.tracks(&scene, arguments.capture.fps)?;
+    let tracks = search_arguments.tracks.tracks(&scene, arguments.capture.fps)?;
     let mut stage = open_stage(&scene, &arguments.scene, &arguments.capture)?;
     let map_path = folder.join(format!("{name}.pareto.ron"));
     let journal = journal_path(&map_path, None);

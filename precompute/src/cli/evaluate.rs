@@ -376,6 +376,7 @@ pub(super) fn play(
         path,
         meter: stage.meter(),
         budget,
+        trained: Some(&map.shared),
         keep_frames: &keep,
     };
     let lens = stage.lens();

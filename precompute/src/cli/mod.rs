@@ -16,6 +16,7 @@ mod precompute;
 mod price;
 mod progress;
 mod reference;
+mod regret;
 mod render;
 mod report;
 mod reprice;
@@ -44,6 +45,8 @@ enum Command {
     Precompute(precompute::Arguments),
     /// Plays a camera path under a budget beside baselines
     Evaluate(evaluate::Arguments),
+    /// Measures how much power a map wastes at cameras that it has not seen
+    Regret(regret::Arguments),
     /// Renders every combination of settings at one camera: the full power-error cloud
     Sweep(sweep::Arguments),
     /// Counts the renderings that search methods need, on recorded sweeps
@@ -84,6 +87,7 @@ pub fn run() -> ExitCode {
     let result = match &cli.command {
         Command::Precompute(arguments) => precompute::run(arguments),
         Command::Evaluate(arguments) => evaluate::run(arguments),
+        Command::Regret(arguments) => regret::run(arguments),
         Command::Sweep(arguments) => sweep::run(arguments),
         Command::Search(arguments) => search::run(arguments),
         Command::Render(arguments) => render::run(arguments),

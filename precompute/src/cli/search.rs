@@ -9,7 +9,7 @@ use serde::Serialize;
 
 use super::arguments::{check_outputs, json, write};
 use super::{CliError, progress};
-use crate::pipeline::PipelineConfig;
+use crate::pipeline::Extent;
 use crate::search_bench::{Goal, MethodResult, Recorded, SearchRuns, Spread, run as run_searches};
 use crate::table::{ASSUMED_LAYOUT, SweepTable};
 
@@ -63,7 +63,7 @@ pub(super) fn run(arguments: &Arguments) -> Result<(), CliError> {
         errors: arguments.errors.clone(),
         within: arguments.within,
         seeds: arguments.seeds,
-        batch: PipelineConfig::default().batch,
+        batch: Extent::WHOLE.batch,
     };
     let goals = runs.goals(&recorded).map_err(|error| fault(&arguments.table, &error))?;
     println!("{}", heading(&arguments.table, &table, &recorded));

@@ -6,9 +6,10 @@ use bevy_frugal_gi::knobs::{KnobLevels, KnobSpace};
 use bevy_frugal_gi::units::Watts;
 
 use super::baselines::{
-    Oracle, Reactive, best_constant, best_of, default_settings, ladder, oracle,
+    Oracle, Reactive, best_constant, best_on, default_settings, ladder, oracle,
 };
 use super::bootstrap::dominates;
+use super::runner::ELSEWHERE;
 use super::{
     BudgetRequest, Choice, Controlled, Controller, Fixed, FrameRecord, PathRecord, Policy, Pose,
     RESOLUTION_KNOB, ResolvedBudget, RunResult,
@@ -33,7 +34,7 @@ pub(crate) struct Judged {
 }
 
 /// Baselines that have no more information about the path than the frugal run.
-const FAIR: [&str; 4] = ["best-constant-elsewhere", "reactive", "default", "resolution-only"];
+const FAIR: [&str; 4] = [ELSEWHERE, "reactive", "default", "resolution-only"];
 
 /// Play that counts, and before that, seconds.
 const PLAYED_SECONDS: f64 = 1200.0;
@@ -69,12 +70,6 @@ fn resolutions(space: &KnobSpace) -> Vec<KnobLevels> {
     (0..space.knobs()[knob].levels.len())
         .map(|level| space.canonical(space.highest().with_level(knob, level)))
         .collect()
-}
-
-/// The best constant by the map's training cameras.
-fn elsewhere(map: &FrontierMap, budget: &ResolvedBudget) -> Option<KnobLevels> {
-    let points = map.shared.points().iter().map(|point| (point.settings, point.cost));
-    best_of(points, budget).map(|(settings, _)| settings)
 }
 
 /// Simulates all runs. `lens`: vertical field of view in radians, and width ÷ height. `control`:
@@ -122,12 +117,8 @@ pub(crate) fn judge(
     if let Some((settings, _)) = best_constant(&record.table, &budget) {
         runs.push(("best-constant", fixed(settings), Some("tuned on this path".to_owned())));
     }
-    if let Some(settings) = elsewhere(map, &budget) {
-        runs.push((
-            "best-constant-elsewhere",
-            fixed(settings),
-            Some("tuned on the training cameras".to_owned()),
-        ));
+    if let Some(settings) = best_on(&map.shared, &budget) {
+        runs.push((ELSEWHERE, fixed(settings), Some("tuned on the training cameras".to_owned())));
     }
     let (plain, filtered) = oracles(record, &budget, control);
     runs.push((

@@ -6,6 +6,7 @@ use bevy_frugal_gi::units::Watts;
 use serde::{Deserialize, Serialize, Serializer};
 
 use super::{FrameRecord, ResolvedBudget};
+use crate::quantile::quantile;
 
 /// Power and error of every run along one path.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -207,15 +208,6 @@ fn mean(values: impl ExactSizeIterator<Item = f64>) -> f64 {
     values.sum::<f64>() / count
 }
 
-/// Quantile with linear interpolation; 0 for an empty slice.
-fn quantile(sorted: &[f64], share: f64) -> f64 {
-    let Some(last) = sorted.len().checked_sub(1) else { return 0.0 };
-    let position = share * last as f64;
-    let below = position.floor() as usize;
-    let above = (below + 1).min(last);
-    sorted[below] + (sorted[above] - sorted[below]) * (position - below as f64)
-}
-
 /// Whole frame rates are written as integers: `30`.
 fn whole_where_whole<S: Serializer>(value: &f64, serializer: S) -> Result<S::Ok, S::Error> {
     if value.fract() == 0.0 && value.abs() < 1e9 {
@@ -234,15 +226,6 @@ mod tests {
     fn frame(settings: u128, power: f64, error: f64) -> FrameRecord {
         let settings = KnobLevels::from_bits(settings);
         FrameRecord { time: 0.0, settings, power: Watts(power), error, predicted: None }
-    }
-
-    #[test]
-    fn quantiles_lie_between_neighbours() {
-        assert_eq!(quantile(&[1.0, 2.0, 3.0, 10.0], 0.5), 2.5);
-        assert_eq!(quantile(&[1.0], 0.99), 1.0);
-        assert_eq!(quantile(&[], 0.5), 0.0);
-        let hundred: Vec<f64> = (0..=100).map(f64::from).collect();
-        assert_eq!(quantile(&hundred, 0.99), 99.0);
     }
 
     #[test]

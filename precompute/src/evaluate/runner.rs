@@ -2,11 +2,13 @@
 
 use std::ops::ControlFlow;
 
+use bevy_frugal_gi::frontier::Frontier;
 use bevy_frugal_gi::knobs::KnobSpace;
 use bevy_frugal_gi::power::MeterInfo;
 
 use crate::metrics::{CompareError, Picture, Reference};
 
+use super::baselines::best_on;
 use super::play::{Against, play};
 use super::resolution::{self, RESOLUTION_KNOB};
 use super::result::mean_power;
@@ -20,6 +22,9 @@ const NOTABLE_DRIFT: f64 = 0.05;
 /// Mean error between two runs at the same settings from which noise is reported. Half the smallest
 /// error step that subdivision considers.
 const NOTABLE_NOISE: f64 = 0.001;
+
+/// Name of the run of the best constant settings by the training cameras.
+pub(super) const ELSEWHERE: &str = "best-constant-elsewhere";
 
 /// Why an evaluation failed. `E` is the [`FrameRenderer`]'s error.
 #[derive(Debug, thiserror::Error)]
@@ -66,6 +71,9 @@ pub(crate) struct EvaluationPlan<'a> {
     pub meter: MeterInfo,
     /// The limits.
     pub budget: BudgetRequest,
+    /// Mean costs at training cameras, from which the best constant is chosen; without it there is no
+    /// such run.
+    pub trained: Option<&'a Frontier>,
     /// Numbers of the frames whose images are returned for every run; those beyond the path are
     /// ignored.
     pub keep_frames: &'a [usize],
@@ -92,8 +100,9 @@ pub(crate) struct Evaluation {
 }
 
 /// Renders `plan`'s path at the maximum and at the minimum, which define percentages; then under
-/// the policy that `controller` makes from the budget in watts; then with the presets in between
-/// and with resolution alone; and once more at the maximum, to measure the machine's drift.
+/// the policy that `controller` makes from the budget in watts, and with the best constant by the
+/// training cameras; then with the presets in between and with resolution alone; and once more at
+/// the maximum, to measure the machine's drift.
 ///
 /// The maximum's images are the references: they stay in memory, 16 bytes per pixel and frame.
 /// `on_frame` is called after every frame; `Break` ends the evaluation.
@@ -110,8 +119,9 @@ pub(crate) fn evaluate<'c, P: FrameRenderer>(
     let (space, path) = (plan.space, plan.path);
     let resolution_knob = space.index_of(RESOLUTION_KNOB);
     let levels = resolution_knob.map_or(0, |knob| space.knobs()[knob].levels.len());
-    // Six runs, and those of the binary search.
-    let runs = 6 + levels.checked_ilog2().unwrap_or(0) as usize + 1;
+    // Seven runs, and those of the binary search.
+    let runs =
+        6 + usize::from(plan.trained.is_some()) + levels.checked_ilog2().unwrap_or(0) as usize + 1;
     let mut context = RunContext {
         renderer,
         plan,
@@ -127,6 +137,11 @@ pub(crate) fn evaluate<'c, P: FrameRenderer>(
     let (p_min, p_max) = (mean_power(&minimum.0), mean_power(&maximum.0));
     let budget = plan.budget.resolve(p_min, p_max);
     let frugal = context.run("frugal", controller(&budget).as_mut())?;
+    let constant = plan.trained.and_then(|trained| best_on(trained, &budget));
+    let constant = match constant {
+        Some(settings) => Some(context.run(ELSEWHERE, &mut Fixed(settings))?),
+        None => None,
+    };
     let max_mid = context.run("max-mid", &mut Fixed(space.preset(2.0 / 3.0)))?;
     let mid_min = context.run("mid-min", &mut Fixed(space.preset(1.0 / 3.0)))?;
     let resolution_only = match resolution_knob {
@@ -153,6 +168,11 @@ pub(crate) fn evaluate<'c, P: FrameRenderer>(
         add("mid-min", mid_min),
         add("minimum", minimum),
     ];
+    runs.extend(constant.map(|constant| {
+        let mut run = add(ELSEWHERE, constant);
+        run.note = Some("tuned on the training cameras".to_owned());
+        run
+    }));
     match resolution_only {
         Some(found) => {
             let mut renamed = maximum_frames;

@@ -22,6 +22,7 @@ fn evaluated(
         path: &path,
         meter: meter(),
         budget,
+        trained: None,
         keep_frames: &[0, 7, 99],
     };
     let frontier = frontier(&space);
@@ -174,6 +175,7 @@ fn impossible_power_and_interruption_end_it() {
         path: &path,
         meter: meter(),
         budget: BudgetRequest::default(),
+        trained: None,
         keep_frames: &[],
     };
     let mut seen = Vec::new();
@@ -196,6 +198,45 @@ fn impossible_power_and_interruption_end_it() {
 }
 
 #[test]
+fn the_best_constant_is_chosen_by_other_cameras_and_played_here() {
+    let (space, path) = (space(), path());
+    // As if errors elsewhere were higher: a budget of twice the error takes what is within it there.
+    let dearer = |point: &FrontierPoint| FrontierPoint {
+        settings: point.settings,
+        cost: CostPoint::new(point.cost.power.0, 2.0 * point.cost.error),
+    };
+    let trained = Frontier::from_points(frontier(&space).points().iter().map(dearer));
+    let at = error(space.highest().with_level(1, 3));
+    let plan = EvaluationPlan {
+        scene: "",
+        space: &space,
+        path: &path,
+        meter: meter(),
+        budget: BudgetRequest { power: None, error: Some(2.0 * at + 1e-6) },
+        trained: Some(&trained),
+        keep_frames: &[],
+    };
+    let mut most = 0;
+    let evaluation = evaluate(
+        &mut Fake::default(),
+        &plan,
+        |_| Box::new(Fixed(space.highest())),
+        &mut |progress| {
+            most = most.max(progress.frames_done);
+            assert!(progress.frames_done <= progress.frames_total);
+            ControlFlow::Continue(())
+        },
+    )
+    .unwrap();
+    let constant = run(&evaluation, "best-constant-elsewhere");
+    assert!(constant.mean_error <= at + 1e-6 && constant.met, "{constant:?}");
+    let expected = trained.least_power_within(2.0 * at + 1e-6).expect("a point");
+    assert_eq!(constant.settings, Some(space.describe(expected.settings)));
+    assert!(constant.note.as_deref().is_some_and(|note| note.contains("training")));
+    assert!(most > 70, "its frames count: {most}");
+}
+
+#[test]
 fn progress_never_exceeds_its_total() {
     let (space, path) = (space(), path());
     for watts in [0.5, 1.5, 2.3, 2.7, 3.1, 3.5, 3.9, 9.0] {
@@ -206,6 +247,7 @@ fn progress_never_exceeds_its_total() {
             path: &path,
             meter: meter(),
             budget,
+            trained: None,
             keep_frames: &[],
         };
         let done = evaluate(
@@ -253,6 +295,7 @@ fn a_scene_without_a_resolution_knob_has_no_such_run() {
         path: &path,
         meter: meter(),
         budget: BudgetRequest::default(),
+        trained: None,
         keep_frames: &[],
     };
     let evaluation =

@@ -173,6 +173,7 @@ mod tests {
             path: &path,
             meter: meter(),
             budget,
+            trained: None,
             keep_frames: &[],
         };
         evaluate(&mut Fake::default(), &plan, |_| Box::new(Fixed(space.lowest())), &mut |_| {

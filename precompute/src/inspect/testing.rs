@@ -9,6 +9,8 @@ use bevy_frugal_gi::power::{MeterInfo, Provenance};
 use rand::{RngExt as _, SeedableRng as _};
 use rand_chacha::ChaCha8Rng;
 
+use crate::pipeline::Outcome;
+
 /// Points of each frontier.
 const POINTS: usize = 18;
 
@@ -64,6 +66,18 @@ pub(crate) fn map() -> FrontierMap {
         work_prices: WorkPrices::default(),
         knob_effects: Default::default(),
         octree: Octree { levels: 0, nodes: vec![0], corners, frontiers },
+    }
+}
+
+/// The map of a search's `outcome`, under the synthetic map's conditions.
+pub(crate) fn map_of(outcome: &Outcome, bounds: Bounds, knobs: KnobSpace) -> FrontierMap {
+    FrontierMap {
+        shared: outcome.fitted.shared.clone(),
+        error_rates: outcome.error_rates.clone(),
+        knobs,
+        bounds,
+        octree: outcome.fitted.octree.clone(),
+        ..map()
     }
 }
 

@@ -3,6 +3,7 @@
 //! All renderings go through [`Renderings`] and are journaled, as are proposals, which take seconds.
 //! Everything else that follows from renderings is recomputed when a run is resumed. Independent of the renderer: [`Measure`] renders.
 mod budgets;
+mod extent;
 mod modelled;
 mod pilots;
 mod play;
@@ -22,59 +23,25 @@ use crate::table::{CostTable, Measure};
 use crate::view_features::ViewFeatures;
 
 use budgets::calibrated;
+pub(crate) use extent::Extent;
 use modelled::{Modelled, readings};
 pub(crate) use play::PlayShare;
 pub(crate) use renderings::{Job, Progress, Purpose, Renderings, Setup, StageEffort};
 
-/// Share of the time limit for finding the pool; the rest is for cameras.
-const POOL_SHARE: f64 = 0.3;
+/// Frames of a clip: one unmetered, and the rest metered. Higher values are closer to play, where
+/// history is longer and averages more noise, and cost more.
+pub(crate) const CLIP_FRAMES: u32 = 4;
+
 /// Share of the time limit after which no new block of cameras starts.
 const CAMERAS_SHARE: f64 = 0.97;
 
-/// Extent of the search.
-#[derive(Clone, Debug, PartialEq)]
+/// Configuration of a search. How far it goes follows from its time limit ([`Extent`]).
+#[derive(Clone, Debug, Default, PartialEq)]
 pub(crate) struct PipelineConfig {
-    /// Number of pilot cameras; each proposal is rendered at all of them. Higher values suit the
-    /// pool to more kinds of views: with 3 and 9 rounds, each frame's best of a court's tour saved
-    /// 56 % at an error of 0.018, with 6 and 12 rounds 62 %.
-    pub pilots: usize,
-    /// Greatest number of rounds of proposals.
-    pub rounds: usize,
-    /// Settings proposed per round.
-    pub batch: usize,
-    /// Greatest number of settings that a map may select. Higher values leave less of a power budget
-    /// unused: of 139 settings at six views of a court, the best of each view among 24 had up to 27 %
-    /// more error than the best of all, among 32 at most 6 %.
-    pub pool: usize,
-    /// Number of training cameras that render the whole pool. All others render the anchors, from
-    /// which the rest follows ([`Completion`]). Higher values are more accurate, and take longer.
-    pub full: usize,
-    /// Number of anchors. Higher values are more accurate at each camera, and leave time for fewer
-    /// cameras.
-    pub anchors: usize,
-    /// Training cameras per block, between two checks of the time limit; a block has a sixth as
-    /// many calibration cameras.
-    pub block: usize,
     /// Configuration of the fit.
     pub fit: FitConfig,
     /// Seed of every random choice.
     pub seed: u64,
-}
-
-impl Default for PipelineConfig {
-    fn default() -> Self {
-        Self {
-            pilots: 6,
-            rounds: 12,
-            batch: 8,
-            pool: 32,
-            full: 20,
-            anchors: 6,
-            block: 6,
-            fit: FitConfig::default(),
-            seed: 0,
-        }
-    }
 }
 
 /// Why no map was made.
@@ -161,11 +128,17 @@ pub(crate) fn run<M: Measure>(
         return Err(PipelineError::NoCameras);
     }
     let mut renderings = Renderings::new(setup);
-    let pilots = pilots::choose(&cameras.training, config.pilots);
-    let (screening, candidates) = find_pool(subject, config, &pilots, &mut renderings)?;
-    let rendered = render_cameras(subject, config, cameras, &pilots, &candidates, &mut renderings)?;
-    let features = view_features(subject, cameras, &mut renderings)?;
-    Ok(finish(subject, config, (cameras, &features), screening, rendered, &renderings))
+    let mut pilots = pilots::choose(&cameras.training, Extent::WHOLE.pilots);
+    let extent = Extent::choose(subject.space, pilots.first().copied(), &mut renderings)?;
+    pilots.truncate(extent.pilots);
+    let (screening, candidates) =
+        find_pool(subject, config.seed, &extent, &pilots, &mut renderings)?;
+    let rendered =
+        render_cameras(subject, &extent, cameras, &pilots, &candidates, &mut renderings)?;
+    let views = &cameras.unrendered[..extent.views.min(cameras.unrendered.len())];
+    let features = view_features(subject, cameras, views, &mut renderings)?;
+    let seen = (cameras, views, &features);
+    Ok(finish(subject, &config.fit, seen, screening, rendered, &renderings))
 }
 
 /// What training cameras and unrendered views show.
@@ -178,12 +151,13 @@ struct Features {
 fn view_features<M: Measure>(
     subject: &Subject<'_>,
     cameras: &CameraSet,
+    unrendered: &[MovingCamera],
     renderings: &mut Renderings<'_, M>,
 ) -> Result<Features, PipelineError<M::Error>> {
-    if cameras.unrendered.is_empty() {
+    if unrendered.is_empty() {
         return Ok(Features::default());
     }
-    let total = cameras.training.len() + cameras.unrendered.len();
+    let total = cameras.training.len() + unrendered.len();
     let mut of = |purpose: Purpose,
                   cameras: &[MovingCamera],
                   before: usize|
@@ -199,7 +173,7 @@ fn view_features<M: Measure>(
     };
     Ok(Features {
         training: of(Purpose::Training, &cameras.training, 0)?,
-        unrendered: of(Purpose::Unrendered, &cameras.unrendered, cameras.training.len())?,
+        unrendered: of(Purpose::Unrendered, unrendered, cameras.training.len())?,
     })
 }
 
@@ -207,7 +181,8 @@ fn view_features<M: Measure>(
 /// candidates for the pool.
 fn find_pool<M: Measure>(
     subject: &Subject<'_>,
-    config: &PipelineConfig,
+    seed: u64,
+    extent: &Extent,
     pilots: &[usize],
     renderings: &mut Renderings<'_, M>,
 ) -> Result<(Screening, Vec<KnobLevels>), PipelineError<M::Error>> {
@@ -222,19 +197,20 @@ fn find_pool<M: Measure>(
             })
             .collect()
     };
-    let mut rendered = screening_settings(space);
+    let mut rendered = screening_settings(space, extent.all_levels);
     renderings.batch("screening", &jobs(&rendered))?;
     let screening = Screening::of(space, &table(renderings, Purpose::Training, pilots, &rendered));
-    for round in 0..config.rounds {
-        let more = config.batch * pilots.len();
-        if !renderings
-            .decide(&format!("round {round}"), |renderings| renderings.has_time(more, POOL_SHARE))?
-        {
+    for round in 0..extent.rounds {
+        let more = extent.batch * pilots.len();
+        let has_time =
+            |renderings: &Renderings<'_, M>| renderings.has_time(more, extent.pool_share);
+        if !renderings.decide(&format!("round {round}"), has_time)? {
             break;
         }
         let proposed = renderings.settings(&format!("round {round}"), |renderings| {
             let table = table(renderings, Purpose::Training, pilots, &rendered);
-            propose_round(subject, config, &screening, &table, round)
+            let seed = round_seed(seed, round as u64);
+            propose_round(subject, (extent.batch, seed), &screening, &table, round)
         })?;
         if proposed.is_empty() {
             break;
@@ -248,7 +224,7 @@ fn find_pool<M: Measure>(
 /// Settings to render next at the pilot cameras; `table`: costs there so far.
 fn propose_round(
     subject: &Subject<'_>,
-    config: &PipelineConfig,
+    (count, seed): (usize, u64),
     screening: &Screening,
     table: &CostTable,
     round: usize,
@@ -270,7 +246,7 @@ fn propose_round(
         .map(|(column, settings)| (*settings, mean(column)))
         .collect();
     let proposal = Proposal { space, screening, cost: &cost, layout, errors: &errors };
-    propose(&proposal, config.batch, round_seed(config.seed, round as u64))
+    propose(&proposal, count, seed)
 }
 
 /// Every other row, starting at `which`; all rows if there is only one.
@@ -293,7 +269,7 @@ struct Rendered {
 /// the tracks.
 fn render_cameras<M: Measure>(
     subject: &Subject<'_>,
-    config: &PipelineConfig,
+    extent: &Extent,
     cameras: &CameraSet,
     pilots: &[usize],
     candidates: &[KnobLevels],
@@ -303,7 +279,7 @@ fn render_cameras<M: Measure>(
     let ends = [space.highest(), space.lowest()].map(|settings| space.canonical(settings));
     let pool = portfolio(
         &Modelled::of(subject, &table(renderings, Purpose::Training, pilots, candidates)).table,
-        config.pool,
+        extent.pool,
         &ends,
     );
     let at_pilots = table(renderings, Purpose::Training, pilots, &pool);
@@ -317,12 +293,14 @@ fn render_cameras<M: Measure>(
     let mut counts = [pilots.len().min(order.len()), 0];
     let mut completion = None;
     while counts[0] < order.len() || counts[1] < cameras.calibration.len() {
-        let training = &order[counts[0]..(counts[0] + config.block).min(order.len())];
-        let sixth = if training.is_empty() { config.block } else { (config.block / 6).max(1) };
-        let calibration = counts[1]..(counts[1] + sixth).min(cameras.calibration.len());
-        if completion.is_none() && counts[0] >= config.full {
+        let training = &order[counts[0]..(counts[0] + extent.block).min(order.len())];
+        // A sixth as many, and the rest at the end.
+        let due = (counts[0] + training.len()) / 6;
+        let due = if training.is_empty() { counts[1] + extent.block } else { due };
+        let calibration = counts[1]..due.clamp(counts[1], cameras.calibration.len());
+        if completion.is_none() && counts[0] >= extent.full {
             let full = table(renderings, Purpose::Training, &order[..counts[0]], &pool);
-            completion = Completion::fit(&full, &pool, config.anchors);
+            completion = Completion::fit(&full, &pool, extent.anchors);
         }
         let anchors = completion.as_ref().map_or_else(|| pool.clone(), Completion::anchors);
         let job = |purpose: Purpose, camera: usize, settings: &Vec<KnobLevels>| Job {
@@ -375,8 +353,8 @@ fn views(cameras: &[MovingCamera], lens: (f32, f32)) -> Vec<CameraView> {
 /// Fits the octree and calibrates error budgets.
 fn finish<M: Measure>(
     subject: &Subject<'_>,
-    config: &PipelineConfig,
-    (cameras, features): (&CameraSet, &Features),
+    config: &FitConfig,
+    (cameras, unrendered, features): (&CameraSet, &[MovingCamera], &Features),
     screening: Screening,
     Rendered { pool, counts, played, completion }: Rendered,
     renderings: &Renderings<'_, M>,
@@ -397,7 +375,7 @@ fn finish<M: Measure>(
     let used: Vec<MovingCamera> = rows.iter().map(|row| cameras.training[*row]).collect();
     let mut views = views(&used, subject.lens);
     let used = views.len();
-    views.extend(self::views(&cameras.unrendered, subject.lens));
+    views.extend(self::views(unrendered, subject.lens));
     let seen = |views: &[CameraView], features: &mut dyn Iterator<Item = &ViewFeatures>| {
         let pairs = views.iter().zip(features);
         pairs
@@ -409,7 +387,7 @@ fn finish<M: Measure>(
         seen(&views[..used], of_training),
         seen(&views[used..], &mut features.unrendered.iter()),
     );
-    let fitted = fit(&training, &views, subject.bounds, &config.fit);
+    let fitted = fit(&training, &views, subject.bounds, config);
     let is_full = |row: usize| pool.iter().all(|settings| raw.get(row, *settings).is_some());
     let error_rates =
         calibrated(subject, cameras, &fitted, (&smooth, &rows, &is_full), &apart, &played);

@@ -6,8 +6,9 @@ use crate::medoids::medoids;
 /// Metres equivalent to a turn of 180°.
 const METRES_PER_TURN: f32 = 12.0;
 
-/// Numbers of `count` cameras, the [`medoids`] in position and direction. Cameras far from all others
-/// would be those in corners of free space, and the pool would suit them instead of the tracks.
+/// Numbers of `count` cameras, the [`medoids`] in position and direction, the most representative
+/// first. Cameras far from all others would be those in corners of free space, and the pool would suit
+/// them instead of the tracks.
 pub(super) fn choose(cameras: &[MovingCamera], count: usize) -> Vec<usize> {
     let distance = |a: &MovingCamera, b: &MovingCamera| {
         let turn = a.pose.forward().distance(b.pose.forward()) / 2.0;

@@ -290,6 +290,12 @@ impl<'a, M: Measure> Renderings<'a, M> {
         self.known.get(&(purpose, camera, settings)).copied()
     }
 
+    /// All known costs at a camera.
+    pub(crate) fn at(&self, purpose: Purpose, camera: usize) -> Vec<CostPoint> {
+        let of_camera = self.known.iter().filter(|(of, _)| (of.0, of.1) == (purpose, camera));
+        of_camera.map(|(_, cost)| *cost).collect()
+    }
+
     /// Number of known renderings.
     pub(crate) fn count(&self) -> usize {
         self.known.len()
@@ -355,6 +361,11 @@ impl<'a, M: Measure> Renderings<'a, M> {
             return Err(PipelineError::Interrupted);
         }
         Ok(features)
+    }
+
+    /// Whether there is a time limit.
+    pub(crate) fn is_limited(&self) -> bool {
+        self.limit.is_some()
     }
 
     /// Whether `more` renderings will probably finish within `share` of the time limit. Always true

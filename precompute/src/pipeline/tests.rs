@@ -28,14 +28,14 @@ fn space() -> KnobSpace {
     .expect("a valid space")
 }
 
-fn layout() -> FrameLayout {
+pub(crate) fn layout() -> FrameLayout {
     FrameLayout { size: [160, 90], maps: 1, has_sky: false }
 }
 
 /// Power follows work; indirect light matters where x < 4, shadows elsewhere.
-struct Formula {
-    space: KnobSpace,
-    renderings: usize,
+pub(crate) struct Formula {
+    pub(crate) space: KnobSpace,
+    pub(crate) renderings: usize,
 }
 
 fn cost(space: &KnobSpace, pose: &CameraPose, settings: KnobLevels) -> CostPoint {
@@ -178,7 +178,7 @@ fn most_cameras_render_the_anchors_alone_and_other_views_are_described_once() {
     let outcome = run_once(&whole(&file)).0.expect("a map");
     let text = std::fs::read_to_string(&file).expect("a journal");
     let lines = |start: &str| text.lines().filter(|line| line.starts_with(start)).count();
-    let PipelineConfig { full, anchors, block, .. } = PipelineConfig::default();
+    let Extent { full, anchors, block, .. } = Extent::WHOLE;
     let of_camera: Vec<usize> =
         (0..40).map(|camera| lines(&format!("render t {camera:x} "))).collect();
     let few = of_camera.iter().filter(|count| **count <= anchors).count();
@@ -326,6 +326,23 @@ fn a_time_limit_ends_with_a_map_whenever_it_strikes() {
             .expect("a map");
         assert_eq!(product(&again), product(&outcome));
     }
+}
+
+#[test]
+fn a_search_is_as_large_as_its_time_allows() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let file = folder.path().join("journal");
+    let run = |limit: Option<Duration>| {
+        let _ = std::fs::remove_file(&file);
+        let outcome = run_once(&Run { limit, ..whole(&file) }).0.expect("a map");
+        let text = std::fs::read_to_string(&file).expect("a journal");
+        (outcome.pool.len(), text.lines().filter(|line| line.contains(" renderings ")).count())
+    };
+    let (whole, questions) = run(Some(Duration::from_secs(3600)));
+    let (shortest, more_questions) = run(Some(Duration::ZERO));
+    assert!(shortest <= 8 && whole > 8, "{shortest} and {whole} settings");
+    // Asked once and never again on resuming; without a limit not at all.
+    assert_eq!((questions, more_questions, run(None).1), (1, 2, 0));
 }
 
 #[test]

@@ -5,11 +5,13 @@
 //! settings to render next; [`portfolio`] keeps the settings whose loss would cost cameras most
 //! (Xu, Hoos, Leyton-Brown 2010, "Hydra"). Independent of the renderer.
 mod error_model;
+mod one_camera;
 mod portfolio;
 mod propose;
 mod screening;
 
 pub(crate) use error_model::ErrorModel;
+pub(crate) use one_camera::{OneCamera, OneSearch};
 pub(crate) use portfolio::portfolio;
 pub(crate) use propose::{GREATEST_ERROR, OPTIMISM, model_search, round_seed};
 pub(crate) use propose::{Proposal, propose};

@@ -224,7 +224,7 @@ mod tests {
         };
         let mut table = CostTable::new(1);
         let mut readings = Vec::new();
-        for settings in screening_settings(&space) {
+        for settings in screening_settings(&space, true) {
             table.set(0, settings, CostPoint::new(power(settings), error(settings)));
             readings.push(CostReading {
                 camera: 0,

@@ -14,14 +14,18 @@ const NO_EFFECT: f64 = 2e-4;
 const ALL_LEVELS: usize = 4;
 
 /// The best settings, then those with one knob lowered, then the cheapest and two presets in
-/// between.
-pub(crate) fn screening_settings(space: &KnobSpace) -> Vec<KnobLevels> {
+/// between. Without `all_levels` a knob is lowered by one level and to the lowest, no more.
+pub(crate) fn screening_settings(space: &KnobSpace, all_levels: bool) -> Vec<KnobLevels> {
     let best = space.highest();
     let mut all = vec![best];
     for (index, knob) in space.knobs().iter().enumerate() {
         let top = knob.levels.len() - 1;
-        let levels: Vec<usize> =
-            if top < ALL_LEVELS { (0..top).rev().collect() } else { vec![top - 1, top / 2, 0] };
+        let levels: Vec<usize> = match top {
+            0 => Vec::new(),
+            _ if !all_levels => vec![top - 1, 0],
+            _ if top < ALL_LEVELS => (0..top).rev().collect(),
+            _ => vec![top - 1, top / 2, 0],
+        };
         all.extend(levels.into_iter().map(|level| best.with_level(index, level)));
     }
     all.extend([2.0 / 3.0, 1.0 / 3.0, 0.0].map(|share| space.preset(share)));
@@ -107,7 +111,13 @@ mod tests {
     #[test]
     fn every_one_level_step_is_tried_once() {
         let space = space();
-        let all = screening_settings(&space);
+        for all_levels in [true, false] {
+            let all = screening_settings(&space, all_levels);
+            assert_every_step(&space, &all);
+        }
+    }
+
+    fn assert_every_step(space: &KnobSpace, all: &[KnobLevels]) {
         for (index, knob) in space.knobs().iter().enumerate() {
             for level in [knob.levels.len() - 2, 0] {
                 assert!(all.contains(&space.canonical(space.highest().with_level(index, level))));
@@ -123,7 +133,7 @@ mod tests {
         let space = space();
         let mut table = CostTable::new(2);
         for row in 0..2 {
-            for settings in screening_settings(&space) {
+            for settings in screening_settings(&space, true) {
                 let missing = 2 - settings.level(0);
                 let rays = if settings.level(1) == 0 { 0.05 } else { 0.0 };
                 table.set(row, settings, CostPoint::new(3.0, 0.1 * missing as f64 + rays));

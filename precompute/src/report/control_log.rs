@@ -59,6 +59,15 @@ pub(crate) fn facts(log: &CameraLog) -> Vec<(String, String)> {
         "Predicted error".to_owned(),
         number(log.mean(|sample| sample.predicted_error), "", 4),
     ));
+    let measured: Vec<f64> =
+        log.samples.iter().filter_map(|sample| sample.measured_error).collect();
+    if !measured.is_empty() {
+        let mean = measured.iter().sum::<f64>() / measured.len() as f64;
+        facts.push((
+            "Measured error".to_owned(),
+            format!("{mean:.4}, mean of {} measurements", measured.len()),
+        ));
+    }
     if let Some(budget) = log.mean(|sample| sample.error_budget) {
         facts.push(("Error budget".to_owned(), number(Some(budget), "", 4)));
     }
@@ -86,12 +95,10 @@ fn section(log: &CameraLog) -> Result<Section, ReportError> {
     }
     let predicted = curve(log, Color::BLUE, |sample| sample.predicted_error);
     let limits = self::limits(log, |sample| sample.error_budget);
-    let of_error: Vec<Curve> = predicted.into_iter().chain(limits).collect();
+    let measured = curve(log, Color::GREY, |sample| sample.measured_error);
+    let of_error: Vec<Curve> = predicted.into_iter().chain(limits).chain(measured).collect();
     if !of_error.is_empty() {
-        plots.push((
-            "Predicted error",
-            curves("Predicted error", axes("error, 1 − SSIM"), &of_error, None)?,
-        ));
+        plots.push(("Error", curves("Error", axes("error, 1 − SSIM"), &of_error, None)?));
     }
     let mean = curve(log, Color::BLUE, |sample| sample.frame_ms);
     let longest = curve(log, Color::GREY, |sample| sample.longest_frame_ms);
@@ -103,7 +110,7 @@ fn section(log: &CameraLog) -> Result<Section, ReportError> {
         section.legend([
             ("predicted; mean frame", Color::BLUE),
             ("budget", Color::RED),
-            ("metered; longest frame", Color::GREY),
+            ("metered, measured; longest frame", Color::GREY),
         ]);
         section.plots(&plots);
     }
@@ -200,6 +207,17 @@ mod tests {
         // Power and frame time; no sample has an error.
         assert_eq!(page.matches("<svg ").count(), 2);
         assert!(!page.contains("<rapl>"), "escaped");
+    }
+
+    #[test]
+    fn errors_measured_in_play_are_shown() {
+        let mut log = log(100);
+        for index in [3, 50, 70] {
+            log[0].samples[index].measured_error = Some(0.01 * (index + 1) as f64);
+        }
+        let page = control_log_report("play.csv", &log).expect("a page");
+        assert!(page.contains("0.4200, mean of 3 measurements"), "{page}");
+        assert_eq!(page.matches("<svg ").count(), 3);
     }
 
     #[test]

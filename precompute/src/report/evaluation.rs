@@ -252,6 +252,7 @@ mod tests {
             path: &path,
             meter: meter(),
             budget,
+            trained: None,
             keep_frames: &[4],
         };
         let evaluation =

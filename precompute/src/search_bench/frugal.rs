@@ -1,20 +1,13 @@
-//! The project's own search at one camera, as in precomputation: screening, then rounds of
-//! proposals on models of power and error.
-
-use bevy_frugal_gi::frontier::CostPoint;
-use bevy_frugal_gi::knobs::KnobLevels;
+//! The project's own search at one camera, as in precomputation.
 
 use super::Recorded;
 use super::lookup::Lookup;
 use super::others::Others;
-use crate::cost::{CostModel, CostReading, Work};
-use crate::pool::{Proposal, Screening, propose, round_seed, screening_settings};
+use crate::pool::{OneSearch, round_seed};
 
 /// Without prior knowledge.
 pub(super) fn cold(recorded: &Recorded, batch: usize, seed: u64, lookup: &mut Lookup<'_>) {
-    lookup.ask_all(screening_settings(&recorded.space));
-    let screening = Screening::of(&recorded.space, &lookup.known);
-    rounds(recorded, &screening, batch, seed, lookup);
+    let Ok(()) = search(recorded, batch, seed).run(lookup);
 }
 
 /// With readings of other cameras, which replace the screening and provide the prior of the models.
@@ -31,47 +24,14 @@ pub(super) fn warm(
         if proposed.is_empty() {
             break;
         }
-        lookup.ask_all(proposed);
-        if lookup.is_done() {
+        lookup.look_up_all(proposed);
+        if lookup.reaches_all() {
             return;
         }
     }
-    rounds(recorded, others.screening(), batch, seed, lookup);
+    let Ok(()) = search(recorded, batch, seed).rounds(others.screening(), lookup);
 }
 
-/// Rounds of proposals, until all goals are reached or there are no more proposals.
-fn rounds(
-    recorded: &Recorded,
-    screening: &Screening,
-    batch: usize,
-    seed: u64,
-    lookup: &mut Lookup<'_>,
-) {
-    let Recorded { space, layout, .. } = recorded;
-    for round in 0.. {
-        if lookup.is_done() {
-            return;
-        }
-        let readings = lookup.readings();
-        let reading = |(settings, cost): &(KnobLevels, CostPoint)| CostReading {
-            camera: 0,
-            work: Work::of(space, *settings, layout),
-            power_w: cost.power.0,
-        };
-        let cost = CostModel::fit(&readings.iter().map(reading).collect::<Vec<_>>());
-        let errors: Vec<_> =
-            readings.iter().map(|(settings, cost)| (*settings, cost.error)).collect();
-        let proposal = Proposal { space, screening, cost: &cost, layout, errors: &errors };
-        // Settings that the table lacks have no reading, and so are proposed again.
-        let proposed = propose(&proposal, batch + lookup.missing(), round_seed(seed, round));
-        let fresh: Vec<_> = proposed
-            .into_iter()
-            .filter(|settings| !lookup.is_known(*settings))
-            .take(batch)
-            .collect();
-        if fresh.is_empty() {
-            return;
-        }
-        lookup.ask_all(fresh);
-    }
+const fn search(recorded: &Recorded, batch: usize, seed: u64) -> OneSearch<'_> {
+    OneSearch { space: &recorded.space, layout: &recorded.layout, batch, seed }
 }

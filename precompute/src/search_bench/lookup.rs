@@ -1,10 +1,13 @@
 //! Look-ups in a table, with a count of renderings.
 
+use std::convert::Infallible;
+
 use bevy_frugal_gi::frontier::CostPoint;
 use bevy_frugal_gi::knobs::KnobLevels;
 
 use super::Recorded;
 use super::run::Goal;
+use crate::pool::OneCamera;
 use crate::search::Evaluate;
 use crate::table::CostTable;
 
@@ -55,9 +58,9 @@ impl<'a> Lookup<'a> {
     }
 
     /// The same for several settings, until all goals are reached.
-    pub(super) fn ask_all(&mut self, settings: impl IntoIterator<Item = KnobLevels>) {
+    pub(super) fn look_up_all(&mut self, settings: impl IntoIterator<Item = KnobLevels>) {
         for settings in settings {
-            if self.is_done() {
+            if self.reaches_all() {
                 return;
             }
             self.ask(settings);
@@ -70,7 +73,7 @@ impl<'a> Lookup<'a> {
     }
 
     /// Whether all goals are reached.
-    pub(super) fn is_done(&self) -> bool {
+    pub(super) fn reaches_all(&self) -> bool {
         self.reached.iter().all(Option::is_some)
     }
 
@@ -78,14 +81,22 @@ impl<'a> Lookup<'a> {
     pub(super) fn missing(&self) -> usize {
         self.known.settings().len() - self.renderings
     }
+}
 
-    /// Requested settings that the table has, with their costs.
-    pub(super) fn readings(&self) -> Vec<(KnobLevels, CostPoint)> {
-        self.known
-            .settings()
-            .iter()
-            .filter_map(|settings| Some((*settings, self.known.get(0, *settings)?)))
-            .collect()
+impl OneCamera for Lookup<'_> {
+    type Error = Infallible;
+
+    fn ask_all(&mut self, settings: Vec<KnobLevels>) -> Result<(), Infallible> {
+        self.look_up_all(settings);
+        Ok(())
+    }
+
+    fn known(&self) -> &CostTable {
+        &self.known
+    }
+
+    fn is_done(&self) -> bool {
+        self.reaches_all()
     }
 }
 
@@ -98,6 +109,6 @@ impl Evaluate for Lookup<'_> {
 
     fn evaluate(&mut self, settings: KnobLevels) -> Result<CostPoint, Done> {
         let cost = self.ask(settings);
-        if self.is_done() { Err(Done) } else { Ok(cost) }
+        if self.reaches_all() { Err(Done) } else { Ok(cost) }
     }
 }

@@ -158,7 +158,7 @@ fn search(
         (Method::Random, _) => {
             let mut all: Vec<KnobLevels> = recorded.costs.keys().copied().collect();
             all.shuffle(&mut ChaCha8Rng::seed_from_u64(seed));
-            lookup.ask_all(all);
+            lookup.look_up_all(all);
         }
         (Method::Nsga2, _) => nsga2(recorded, seed, lookup),
         (Method::FrugalWarm, Some(others)) => frugal::warm(recorded, others, batch, seed, lookup),

@@ -61,6 +61,7 @@ const TOOL: &[&str] = &[
     "files",
     "farthest",
     "medoids",
+    "quantile",
     "scene",
     "metrics",
     "journal",
@@ -78,6 +79,7 @@ const TOOL: &[&str] = &[
     "stage",
     "pipeline",
     "inspect",
+    "regret",
     "report",
     "cli",
 ];

@@ -240,11 +240,12 @@ fn what_streams_in_is_spread_over_frames() {
     // Fewer than were there.
     let streamed = spawn(&mut stage, 600);
     assert_eq!(after_frame(&mut stage), (602 + 256, 344));
-    // Of those that wait, some go, one moves, and others come.
+    // Of those that wait, some go, one moves, one gets another mesh, and others come.
     for mesh in &streamed[500..] {
         assert!(stage.world_mut().despawn(*mesh));
     }
     stage.world_mut().entity_mut(streamed[499]).insert(Transform::from_xyz(0.0, 0.9, 0.0));
+    stage.world_mut().entity_mut(streamed[498]).insert(Mesh3d(speck.clone()));
     spawn(&mut stage, 20);
     assert_eq!(after_frame(&mut stage), (602 + 512, 8));
     assert_eq!(after_frame(&mut stage), (602 + 520, 0));

@@ -163,14 +163,19 @@ pub(super) fn update(
             scene.put(mesh.0, read(mesh), &mut edit);
         }
     } else {
-        let (known, new): (Vec<_>, Vec<_>) =
+        let (known, mut new): (Vec<_>, Vec<_>) =
             delta.altered.iter().copied().partition(|entity| scene.holds(*entity));
+        if !new.is_empty() {
+            // Those that went in the same frame, or that wait already, do not come.
+            let queued: HashSet<Entity> = scene.new.iter().copied().collect();
+            new.retain(|entity| meshes.contains(*entity) && !queued.contains(entity));
+        }
         // A scene that arrives is no stream: it is there at once, in one long frame.
         let most = if new.len() > scene.parts.len() { usize::MAX } else { MOST_NEW };
         if !delta.gone.is_empty() {
             scene.new.retain(|entity| meshes.contains(*entity));
         }
-        scene.new.extend(new.into_iter().filter(|entity| meshes.contains(*entity)));
+        scene.new.extend(new);
         let mut due = known;
         due.append(&mut scene.without_poses);
         due.extend(scene.new.drain(..most.min(scene.new.len())));

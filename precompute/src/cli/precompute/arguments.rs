@@ -11,15 +11,22 @@ use crate::cameras::{TrackSample, recorded, tracks_of};
 use crate::pipeline::PipelineConfig;
 use crate::scene::SceneDescription;
 
-/// Training cameras, and extent and duration of the search.
+/// Tracks, on and around which cameras are sampled.
 #[derive(clap::Args, Debug, Clone)]
-pub(in crate::cli) struct SearchArguments {
+pub(in crate::cli) struct TrackArguments {
     /// Recorded cameras to train on, beside the scene's paths; as the plugin's recorder writes them
-    #[arg(long, value_name = "FILE")]
-    pub cameras: Vec<PathBuf>,
+    #[arg(long = "cameras", value_name = "FILE")]
+    pub recordings: Vec<PathBuf>,
     /// Paths of the scene to train on; default: all
     #[arg(long = "path", value_name = "NAME")]
     pub paths: Vec<String>,
+}
+
+/// Training cameras, and extent and duration of the search.
+#[derive(clap::Args, Debug, Clone)]
+pub(in crate::cli) struct SearchArguments {
+    #[command(flatten)]
+    pub tracks: TrackArguments,
     /// Training cameras; further ones, a sixth of their number, calibrate error budgets
     #[arg(long, value_name = "N", default_value_t = 96)]
     pub training: usize,
@@ -44,9 +51,6 @@ pub(in crate::cli) struct SearchArguments {
     #[arg(long, value_name = "I/N", value_parser = shard)]
     pub shard: Option<(usize, usize)>,
 }
-
-/// Time limit below which a search has fewer pilot cameras and a smaller pool.
-const SHORT_SEARCH: Duration = Duration::from_secs(10 * 60);
 
 /// A limit in watts, or as a share of the range of power.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -100,23 +104,8 @@ impl SearchArguments {
         Ok(())
     }
 
-    fn is_short(&self) -> bool {
-        self.time_limit.is_some_and(|limit| limit < SHORT_SEARCH)
-    }
-
-    /// Number of views whose costs are predicted. Each takes a few hundredths of a second.
-    pub(super) fn unrendered(&self) -> usize {
-        if self.is_short() { 150 } else { 500 }
-    }
-
     pub(super) fn config(&self) -> PipelineConfig {
         let mut config = PipelineConfig { seed: self.seed, ..PipelineConfig::default() };
-        if self.is_short() {
-            // At six pilots, screening alone would take a third of the time; a smaller pool, and fewer
-            // cameras that render all of it, leave time for more cameras.
-            (config.pilots, config.rounds, config.pool) = (2, 9, 16);
-            (config.full, config.anchors) = (10, 4);
-        }
         config.fit.levels = self.levels;
         config.fit.error_threshold = self.error_threshold;
         match self.power_threshold {
@@ -125,7 +114,9 @@ impl SearchArguments {
         }
         config
     }
+}
 
+impl TrackArguments {
     /// Tracks of the scene's paths and of recordings.
     pub(in crate::cli) fn tracks(
         &self,
@@ -148,7 +139,7 @@ impl SearchArguments {
             paths.extend(scene.paths.values());
         }
         let mut tracks = tracks_of(paths, fps);
-        for file in &self.cameras {
+        for file in &self.recordings {
             tracks.extend(recorded(file).map_err(CliError::usage)?);
         }
         Ok(tracks)

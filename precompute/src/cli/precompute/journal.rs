@@ -38,7 +38,7 @@ pub(in crate::cli) fn journal_header(
 }
 
 /// The journal, and the records of an earlier run that is resumed.
-pub(super) fn open_journal(
+pub(in crate::cli) fn open_journal(
     path: &Path,
     header: &JournalHeader,
     resume: bool,

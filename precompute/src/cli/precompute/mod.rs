@@ -11,8 +11,8 @@ use super::arguments::{CaptureArguments, check_outputs, open_scene, write, write
 use super::{CliError, inspect};
 use crate::report::{Report, map_section, search_section};
 
-pub(super) use arguments::SearchArguments;
-pub(super) use journal::{journal_header, journal_path};
+pub(super) use arguments::{SearchArguments, TrackArguments};
+pub(super) use journal::{journal_header, journal_path, open_journal};
 pub(super) use outcome::print_outcome;
 pub(super) use search::{Searched, open_stage, prices, search};
 
@@ -44,7 +44,7 @@ pub(super) fn run(arguments: &Arguments) -> Result<(), CliError> {
         .unwrap_or_else(|| arguments.scene.with_file_name(format!("{name}.pareto.ron")));
     check_outputs([Some(&output)])?;
     arguments.search.check()?;
-    let tracks = arguments.search.tracks(&scene, arguments.capture.fps)?;
+    let tracks = arguments.search.tracks.tracks(&scene, arguments.capture.fps)?;
     let mut stage = open_stage(&scene, &arguments.scene, &arguments.capture)?;
     let journal = journal_path(&output, arguments.search.shard);
     let searched =

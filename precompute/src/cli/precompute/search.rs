@@ -17,15 +17,13 @@ use super::journal::{journal_header, open_journal};
 use crate::cameras::{CameraMix, CameraSet, MovingCamera, TrackSample};
 use crate::cost::FrameLayout;
 use crate::journal::hash;
-use crate::pipeline::{Outcome, PipelineError, Progress, Setup, Subject, run as run_pipeline};
+use crate::pipeline::{
+    CLIP_FRAMES, Extent, Outcome, PipelineError, Progress, Setup, Subject, run as run_pipeline,
+};
 use crate::report::SearchSummary;
 use crate::scene::{self, SceneDescription};
 use crate::stage::{RemoteError, RemoteStage};
 use crate::view_features::ViewDescriber;
-
-/// Frames of a clip: one unmetered, and the rest metered. Higher values are closer to play, where
-/// history is longer and averages more noise, and cost more.
-const CLIP_FRAMES: u32 = 4;
 
 /// Most calibration cameras. They render the whole pool, beside held-out training cameras.
 const MOST_CALIBRATION: usize = 24;
@@ -165,7 +163,7 @@ fn sample_cameras(
     arguments: &SearchArguments,
 ) -> CameraSet {
     let calibration = arguments.training.div_ceil(6).min(MOST_CALIBRATION);
-    let counts = [arguments.training, calibration, arguments.unrendered()];
+    let counts = [arguments.training, calibration, Extent::WHOLE.views];
     let (mix, lens) = (CameraMix::default(), stage.lens());
     CameraSet::sample(stage.rays(), bounds, tracks, counts, &mix, lens, arguments.seed)
 }

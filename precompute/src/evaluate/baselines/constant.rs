@@ -1,6 +1,6 @@
 //! The best single settings for a budget.
 
-use bevy_frugal_gi::frontier::CostPoint;
+use bevy_frugal_gi::frontier::{CostPoint, Frontier};
 use bevy_frugal_gi::knobs::KnobLevels;
 
 use crate::evaluate::ResolvedBudget;
@@ -25,8 +25,14 @@ pub(crate) fn best_constant(
     )
 }
 
+/// The same among the points of `trained`: mean costs at other cameras.
+pub(crate) fn best_on(trained: &Frontier, budget: &ResolvedBudget) -> Option<KnobLevels> {
+    let points = trained.points().iter().map(|point| (point.settings, point.cost));
+    best_of(points, budget).map(|(settings, _)| settings)
+}
+
 /// The same among arbitrary candidates.
-pub(crate) fn best_of(
+fn best_of(
     candidates: impl IntoIterator<Item = (KnobLevels, CostPoint)>,
     budget: &ResolvedBudget,
 ) -> Option<(KnobLevels, CostPoint)> {

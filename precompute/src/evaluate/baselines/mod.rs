@@ -13,7 +13,7 @@ mod constant;
 mod oracle;
 mod reactive;
 
-pub(crate) use constant::{best_constant, best_of};
+pub(crate) use constant::{best_constant, best_on};
 pub(crate) use oracle::{Oracle, oracle};
 pub(crate) use reactive::{Reactive, ladder};
 

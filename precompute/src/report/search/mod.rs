@@ -150,28 +150,14 @@ mod tests {
     use bevy_frugal_gi::frontier::Bounds;
 
     use super::*;
+    use crate::inspect::testing::map_of;
     use crate::pipeline::tests::searched;
     use crate::report::Report;
-
-    fn map(
-        outcome: &Outcome,
-        bounds: Bounds,
-        knobs: bevy_frugal_gi::knobs::KnobSpace,
-    ) -> FrontierMap {
-        FrontierMap {
-            shared: outcome.fitted.shared.clone(),
-            error_rates: outcome.error_rates.clone(),
-            knobs,
-            bounds,
-            octree: outcome.fitted.octree.clone(),
-            ..crate::inspect::testing::map()
-        }
-    }
 
     #[test]
     fn a_search_is_described() {
         let (space, bounds, cameras, outcome) = searched();
-        let map = map(&outcome, bounds, space);
+        let map = map_of(&outcome, bounds, space);
         let summary = SearchSummary { map: &map, outcome: &outcome, cameras: &cameras };
         let mut report = Report::new("search");
         report.section(search_section(&summary).expect("a section"));
@@ -204,7 +190,7 @@ mod tests {
         outcome.fitted.held_out.clear();
         outcome.error_rates.0.clear();
         outcome.stages.clear();
-        let map = map(&outcome, Bounds { min: [1.0; 3], max: [1.0; 3] }, space);
+        let map = map_of(&outcome, Bounds { min: [1.0; 3], max: [1.0; 3] }, space);
         let cameras = CameraSet::default();
         let summary = SearchSummary { map: &map, outcome: &outcome, cameras: &cameras };
         let mut report = Report::new("search");
