@@ -73,7 +73,7 @@ mod tests {
     #[test]
     fn the_first_represents_most() {
         // Five around 5, three around 0, one at 9.
-        let at = [0.0, 0.1, 0.2, 5.0, 5.1, 5.2, 5.3, 5.4, 9.0];
+        let at: [f64; 9] = [0.0, 0.1, 0.2, 5.0, 5.1, 5.2, 5.3, 5.4, 9.0];
         let chosen = medoids(at.len(), 3, |a, b| (at[a] - at[b]).abs());
         assert_eq!(chosen, [5, 1, 8]);
     }

@@ -185,7 +185,7 @@ mod tests {
     fn a_few_readings_reveal_interactions_of_knobs() {
         let space = space();
         let mut table = CostTable::new(1);
-        for settings in screening_settings(&space) {
+        for settings in screening_settings(&space, true) {
             table.set(0, settings, CostPoint::new(1.0, exact(settings)));
         }
         let screening = Screening::of(&space, &table);
