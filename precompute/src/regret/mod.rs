@@ -17,7 +17,7 @@ use serde::Serialize;
 use crate::cameras::MovingCamera;
 use crate::cost::FrameLayout;
 use crate::pipeline::{Job, PipelineError, Purpose, Renderings, Setup};
-use crate::pool::{OneCamera, OneSearch};
+use crate::pool::{CameraSearch, SearchedCamera};
 use crate::table::{CostTable, Measure};
 
 /// The extent of the comparison.
@@ -111,7 +111,7 @@ pub(crate) fn run<M: Measure>(
             most: plan.renderings,
             renderings: &mut renderings,
         };
-        let search = OneSearch {
+        let search = CameraSearch {
             space: &plan.map.knobs,
             layout: plan.layout,
             batch: plan.batch,
@@ -162,7 +162,7 @@ struct Rendered<'a, 'b, M> {
     renderings: &'a mut Renderings<'b, M>,
 }
 
-impl<M: Measure> OneCamera for Rendered<'_, '_, M> {
+impl<M: Measure> SearchedCamera for Rendered<'_, '_, M> {
     type Error = PipelineError<M::Error>;
 
     fn ask_all(&mut self, mut settings: Vec<KnobLevels>) -> Result<(), Self::Error> {

@@ -3,7 +3,7 @@
 use super::Recorded;
 use super::lookup::Lookup;
 use super::others::Others;
-use crate::pool::{OneSearch, round_seed};
+use crate::pool::{CameraSearch, round_seed};
 
 /// Without prior knowledge.
 pub(super) fn cold(recorded: &Recorded, batch: usize, seed: u64, lookup: &mut Lookup<'_>) {
@@ -32,6 +32,6 @@ pub(super) fn warm(
     let Ok(()) = search(recorded, batch, seed).rounds(others.screening(), lookup);
 }
 
-const fn search(recorded: &Recorded, batch: usize, seed: u64) -> OneSearch<'_> {
-    OneSearch { space: &recorded.space, layout: &recorded.layout, batch, seed }
+const fn search(recorded: &Recorded, batch: usize, seed: u64) -> CameraSearch<'_> {
+    CameraSearch { space: &recorded.space, layout: &recorded.layout, batch, seed }
 }

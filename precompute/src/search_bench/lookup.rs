@@ -7,7 +7,7 @@ use bevy_frugal_gi::knobs::KnobLevels;
 
 use super::Recorded;
 use super::run::Goal;
-use crate::pool::OneCamera;
+use crate::pool::SearchedCamera;
 use crate::search::Evaluate;
 use crate::table::CostTable;
 
@@ -83,7 +83,7 @@ impl<'a> Lookup<'a> {
     }
 }
 
-impl OneCamera for Lookup<'_> {
+impl SearchedCamera for Lookup<'_> {
     type Error = Infallible;
 
     fn ask_all(&mut self, settings: Vec<KnobLevels>) -> Result<(), Infallible> {

@@ -12,8 +12,8 @@ use bevy_frugal_gi::knobs::{KnobLevels, KnobSpace};
 use super::Recorded;
 use super::lookup::Lookup;
 use crate::pool::{
-    ErrorModel, GREATEST_ERROR, LEAST_ERROR, OPTIMISM, OneCamera as _, Screening, model_search,
-    portfolio,
+    ErrorModel, GREATEST_ERROR, LEAST_ERROR, OPTIMISM, Screening, SearchedCamera as _,
+    model_search, portfolio,
 };
 use crate::search::{Evaluate, Search};
 use crate::table::CostTable;

@@ -1,4 +1,5 @@
-//! The search at one camera, without knowledge of others: screening, then rounds of proposals.
+//! The search at one camera alone: screening, then rounds of proposals. The reference for what maps
+//! select, and what `frugal search` counts.
 
 use bevy_frugal_gi::frontier::CostPoint;
 use bevy_frugal_gi::knobs::{KnobLevels, KnobSpace};
@@ -8,7 +9,7 @@ use crate::cost::{CostModel, CostReading, FrameLayout, Work};
 use crate::table::CostTable;
 
 /// A camera at which settings are rendered, or looked up in a table.
-pub(crate) trait OneCamera {
+pub(crate) trait SearchedCamera {
     /// Why settings cannot be rendered.
     type Error;
 
@@ -32,14 +33,13 @@ pub(crate) trait OneCamera {
             .settings()
             .iter()
             .filter_map(|settings| Some((*settings, known.get(0, *settings)?)))
-            .filter(|(_, cost)| cost.is_finite())
             .collect()
     }
 }
 
 /// The knobs that are searched, and the parameters of the work model other than settings.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct OneSearch<'a> {
+pub(crate) struct CameraSearch<'a> {
     /// The knobs.
     pub space: &'a KnobSpace,
     /// Parameters of the work model.
@@ -50,12 +50,12 @@ pub(crate) struct OneSearch<'a> {
     pub seed: u64,
 }
 
-impl OneSearch<'_> {
+impl CameraSearch<'_> {
     /// Screening and rounds, until the camera is done or nothing is proposed.
     ///
     /// # Errors
     /// When rendering fails.
-    pub(crate) fn run<C: OneCamera>(&self, camera: &mut C) -> Result<(), C::Error> {
+    pub(crate) fn run<C: SearchedCamera>(&self, camera: &mut C) -> Result<(), C::Error> {
         camera.ask_all(screening_settings(self.space, true))?;
         let screening = Screening::of(self.space, camera.known());
         self.rounds(&screening, camera)
@@ -65,7 +65,7 @@ impl OneSearch<'_> {
     ///
     /// # Errors
     /// When rendering fails.
-    pub(crate) fn rounds<C: OneCamera>(
+    pub(crate) fn rounds<C: SearchedCamera>(
         &self,
         screening: &Screening,
         camera: &mut C,
