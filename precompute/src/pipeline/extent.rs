@@ -26,8 +26,8 @@ pub(crate) struct Extent {
     /// more error than the best of all, among 32 at most 6 %.
     pub pool: usize,
     /// Number of training cameras that render the whole pool. All others render the anchors, from
-    /// which the rest follows ([`crate::fit::Completion`]). Higher values are more accurate, and take
-    /// longer.
+    /// which the rest follows ([`crate::fit::Completion`]), so more than twice as many as anchors.
+    /// Higher values are more accurate, and take longer.
     pub full: usize,
     /// Number of anchors. Higher values are more accurate at each camera, and leave time for fewer
     /// cameras.
@@ -60,7 +60,7 @@ impl Extent {
         batch: 6,
         pool_share: 0.4,
         pool: 16,
-        full: 8,
+        full: 12,
         anchors: 5,
         block: 2,
         views: 150,
@@ -72,7 +72,7 @@ impl Extent {
         rounds: 2,
         pool_share: 0.55,
         pool: 8,
-        full: 6,
+        full: 9,
         anchors: 4,
         block: 1,
         ..Self::SHORT
@@ -80,7 +80,9 @@ impl Extent {
 
     /// Renderings that a search of an extent is worth having for: with fewer it would find a pool and
     /// have no time for cameras.
-    const WORTH: [(Self, usize); 2] = [(Self::WHOLE, 1500), (Self::SHORT, 200)];
+    const WORTH: [(Self, usize); 2] = [(Self::WHOLE, Self::WHOLE_RENDERINGS), (Self::SHORT, 200)];
+    /// Renderings for which there must be time in a whole search.
+    pub(crate) const WHOLE_RENDERINGS: usize = 1500;
 
     /// The extent that the time allows, from the duration of the first renderings: those that the
     /// first pilot camera needs in any case.

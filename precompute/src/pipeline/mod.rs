@@ -69,6 +69,8 @@ pub(crate) enum PipelineError<E> {
 /// Result of a run.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct Outcome {
+    /// How far the search went.
+    pub extent: Extent,
     /// The octree and the shared frontier.
     pub fitted: Fitted,
     /// Exchange rates of error budgets.
@@ -138,7 +140,8 @@ pub(crate) fn run<M: Measure>(
     let views = &cameras.unrendered[..extent.views.min(cameras.unrendered.len())];
     let features = view_features(subject, cameras, views, &mut renderings)?;
     let seen = (cameras, views, &features);
-    Ok(finish(subject, &config.fit, seen, screening, rendered, &renderings))
+    let found = (screening, rendered);
+    Ok(finish(subject, &config.fit, &extent, seen, found, &renderings))
 }
 
 /// What training cameras and unrendered views show.
@@ -354,11 +357,12 @@ fn views(cameras: &[MovingCamera], lens: (f32, f32)) -> Vec<CameraView> {
 fn finish<M: Measure>(
     subject: &Subject<'_>,
     config: &FitConfig,
+    extent: &Extent,
     (cameras, unrendered, features): (&CameraSet, &[MovingCamera], &Features),
-    screening: Screening,
-    Rendered { pool, counts, played, completion }: Rendered,
+    (screening, rendered): (Screening, Rendered),
     renderings: &Renderings<'_, M>,
 ) -> Outcome {
+    let Rendered { pool, counts, played, completion } = rendered;
     let all: Vec<usize> = (0..cameras.training.len()).collect();
     let raw = table(renderings, Purpose::Training, &all, &pool);
     let apart = table(renderings, Purpose::Calibration, &(0..counts[1]).collect::<Vec<_>>(), &pool);
@@ -393,6 +397,7 @@ fn finish<M: Measure>(
         calibrated(subject, cameras, &fitted, (&smooth, &rows, &is_full), &apart, &played);
     let best = subject.space.canonical(subject.space.highest());
     Outcome {
+        extent: *extent,
         error_rates,
         pool,
         screening,

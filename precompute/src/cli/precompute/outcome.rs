@@ -1,7 +1,7 @@
 //! The outcome of a search in words.
 
 use super::Searched;
-use crate::pipeline::describe;
+use crate::pipeline::{Extent, describe};
 
 /// Prints effort, losses, size of the map and accuracy of its figures.
 pub(in crate::cli) fn print_outcome(searched: &Searched) {
@@ -19,6 +19,17 @@ pub(in crate::cli) fn print_outcome(searched: &Searched) {
         println!(
             "the time limit ended the run: {} training and {} calibration cameras were planned; a longer one gives a better map",
             wanted[0], wanted[1]
+        );
+    }
+    let extent = outcome.extent;
+    if extent != Extent::WHOLE && made > 0 {
+        let minutes = seconds / made as f64 * Extent::WHOLE_RENDERINGS as f64 / 60.0;
+        println!(
+            "a short search: {} pilot cameras and at most {} settings; with {minutes:.0} minutes it would have {} and {}",
+            extent.pilots,
+            extent.pool,
+            Extent::WHOLE.pilots,
+            Extent::WHOLE.pool
         );
     }
     println!("{}", describe(&outcome.fitted.report));
