@@ -26,8 +26,8 @@ pub(crate) struct Extent {
     /// more error than the best of all, among 32 at most 6 %.
     pub pool: usize,
     /// Number of training cameras that render the whole pool. All others render the anchors, from
-    /// which the rest follows ([`crate::fit::Completion`]), so more than twice as many as anchors.
-    /// Higher values are more accurate, and take longer.
+    /// which the rest follows ([`crate::fit::Completion`]), so at least three. Higher values are more
+    /// accurate, and take longer. Error budgets are calibrated by these alone where there are enough.
     pub full: usize,
     /// Number of anchors. Higher values are more accurate at each camera, and leave time for fewer
     /// cameras.
@@ -59,9 +59,9 @@ impl Extent {
         rounds: 9,
         batch: 6,
         pool_share: 0.4,
-        pool: 16,
-        full: 12,
-        anchors: 5,
+        pool: 24,
+        full: 4,
+        anchors: 6,
         block: 2,
         views: 150,
     };

@@ -303,7 +303,7 @@ fn render_cameras<M: Measure>(
         let calibration = counts[1]..due.clamp(counts[1], cameras.calibration.len());
         if completion.is_none() && counts[0] >= extent.full {
             let full = table(renderings, Purpose::Training, &order[..counts[0]], &pool);
-            completion = Completion::fit(&full, &pool, extent.anchors);
+            completion = Completion::fit(space, &full, &pool, extent.anchors);
         }
         let anchors = completion.as_ref().map_or_else(|| pool.clone(), Completion::anchors);
         let job = |purpose: Purpose, camera: usize, settings: &Vec<KnobLevels>| Job {
