@@ -1,9 +1,12 @@
 //! Progress bars, and the interrupt key.
 
+use std::ops::ControlFlow;
 use std::sync::OnceLock;
 use std::sync::atomic::{AtomicBool, Ordering};
 
 use indicatif::{ProgressBar, ProgressStyle};
+
+use crate::pipeline::Progress;
 
 static INTERRUPTED: AtomicBool = AtomicBool::new(false);
 static HANDLER: OnceLock<()> = OnceLock::new();
@@ -32,4 +35,14 @@ pub(super) fn bar(total: u64) -> ProgressBar {
         bar.set_style(style);
     }
     bar
+}
+
+/// Shows the progress of renderings on `bar`; breaks once the user has interrupted the command.
+pub(super) fn of_renderings(bar: &ProgressBar) -> impl FnMut(&Progress<'_>) -> ControlFlow<()> {
+    |progress| {
+        bar.set_length(progress.total as u64);
+        bar.set_position(progress.done as u64);
+        bar.set_message(format!("renderings, {}", progress.stage));
+        if interrupted() { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
+    }
 }

@@ -1,6 +1,5 @@
 //! `frugal regret`: how much power a map wastes at cameras that it has not seen.
 
-use std::ops::ControlFlow;
 use std::path::PathBuf;
 
 use bevy_frugal_gi::frontier::{FrontierMap, SceneIdentity};
@@ -13,7 +12,7 @@ use super::{CliError, progress};
 use crate::cameras::{CameraMix, CameraSet};
 use crate::cost::FrameLayout;
 use crate::journal::hash;
-use crate::pipeline::{CLIP_FRAMES, Extent, PipelineError, Progress, Setup};
+use crate::pipeline::{CLIP_FRAMES, Extent, PipelineError, Setup};
 use crate::quantile::quantile;
 use crate::regret::{AtCamera, CameraRegret, RegretPlan, run as run_regret};
 
@@ -121,12 +120,7 @@ pub(super) fn run(arguments: &Arguments) -> Result<(), CliError> {
     let journal = open_journal(&file, &header, arguments.resume)?;
     stage.warm()?;
     let bar = progress::bar(0);
-    let mut report = |progress: &Progress<'_>| {
-        bar.set_length(progress.total as u64);
-        bar.set_position(progress.done as u64);
-        bar.set_message(format!("renderings, {}", progress.stage));
-        if progress::interrupted() { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
-    };
+    let mut report = progress::of_renderings(&bar);
     let setup = Setup {
         measure: &mut stage,
         journal,

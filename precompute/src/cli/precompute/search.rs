@@ -1,7 +1,6 @@
 //! One search: cameras, pipeline, and the map of what it found.
 
 use std::cell::LazyCell;
-use std::ops::ControlFlow;
 use std::path::Path;
 
 use bevy_frugal_gi::frontier::{
@@ -18,7 +17,7 @@ use crate::cameras::{CameraMix, CameraSet, MovingCamera, TrackSample};
 use crate::cost::FrameLayout;
 use crate::journal::hash;
 use crate::pipeline::{
-    CLIP_FRAMES, Extent, Outcome, PipelineError, Progress, Setup, Subject, run as run_pipeline,
+    CLIP_FRAMES, Extent, Outcome, PipelineError, Setup, Subject, run as run_pipeline,
 };
 use crate::report::SearchSummary;
 use crate::scene::{self, SceneDescription};
@@ -103,12 +102,7 @@ pub(in crate::cli) fn search(
     let subject =
         Subject { space: &space, layout: &layout, bounds: &map_bounds, lens, describe: &describe };
     let bar = progress::bar(0);
-    let mut report = |progress: &Progress<'_>| {
-        bar.set_length(progress.total as u64);
-        bar.set_position(progress.done as u64);
-        bar.set_message(format!("renderings, {}", progress.stage));
-        if progress::interrupted() { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
-    };
+    let mut report = progress::of_renderings(&bar);
     let setup = Setup {
         measure: stage,
         journal,
