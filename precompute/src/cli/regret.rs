@@ -210,7 +210,14 @@ mod tests {
         let camera = |power_w: f64, error: f64, least_w: Option<f64>| CameraRegret {
             position: [0.0; 3],
             rendered: 3,
-            budgets: vec![AtCamera { budget: 0.02, power_w, error, least_w }],
+            budgets: vec![AtCamera {
+                budget: 0.02,
+                settings: String::new(),
+                power_w,
+                error,
+                least_w,
+                least_settings: None,
+            }],
         };
         let cameras =
             [camera(6.0, 0.02, Some(5.0)), camera(4.0, 0.01, None), camera(5.0, 0.03, Some(5.0))];

@@ -1,7 +1,7 @@
 //! Renderings, requested in batches: journaled, answered from the journal where known, and
 //! distributed to shards.
 
-use std::collections::HashMap;
+use std::collections::{BTreeMap, HashMap};
 use std::ops::ControlFlow;
 use std::time::{Duration, Instant};
 
@@ -290,10 +290,10 @@ impl<'a, M: Measure> Renderings<'a, M> {
         self.known.get(&(purpose, camera, settings)).copied()
     }
 
-    /// All known costs at a camera.
-    pub(crate) fn at(&self, purpose: Purpose, camera: usize) -> Vec<CostPoint> {
+    /// All that is known at a camera, by settings.
+    pub(crate) fn at(&self, purpose: Purpose, camera: usize) -> BTreeMap<KnobLevels, CostPoint> {
         let of_camera = self.known.iter().filter(|(of, _)| (of.0, of.1) == (purpose, camera));
-        of_camera.map(|(_, cost)| *cost).collect()
+        of_camera.map(|((.., settings), cost)| (*settings, *cost)).collect()
     }
 
     /// Number of known renderings.

@@ -10,6 +10,8 @@ mod select;
 #[cfg(test)]
 mod tests;
 
+use std::collections::BTreeMap;
+
 use bevy_frugal_gi::frontier::{CameraView, CostPoint, FrontierMap};
 use bevy_frugal_gi::knobs::KnobLevels;
 use serde::Serialize;
@@ -40,17 +42,21 @@ pub(crate) struct RegretPlan<'a> {
 }
 
 /// A budget at one camera.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+#[derive(Clone, Debug, PartialEq, Serialize)]
 pub(crate) struct AtCamera {
     /// The error budget.
     pub budget: f64,
-    /// Power of what the map selects, watts.
+    /// What the map selects, in words.
+    pub settings: String,
+    /// Its power, watts.
     pub power_w: f64,
     /// Its error.
     pub error: f64,
     /// The least power of at most that error that is known at the camera, watts. `None` where no search
     /// was made.
     pub least_w: Option<f64>,
+    /// The settings of that power, in words.
+    pub least_settings: Option<String>,
 }
 
 impl AtCamera {
@@ -124,7 +130,15 @@ pub(crate) fn run<M: Measure>(
         let is_searched = (0..searched).any(|number| number * cameras.len() / searched == camera);
         let at = |(budget, settings): (&f64, &KnobLevels)| {
             let cost = renderings.get(Purpose::Training, camera, *settings)?;
-            Some(at_camera(*budget, cost, is_searched.then_some(&known[..])))
+            let least = is_searched.then(|| least(&known, (*settings, cost)));
+            Some(AtCamera {
+                budget: *budget,
+                settings: plan.map.knobs.describe(*settings),
+                power_w: cost.power.0,
+                error: cost.error,
+                least_w: least.map(|(_, power)| power),
+                least_settings: least.map(|(settings, _)| plan.map.knobs.describe(settings)),
+            })
         };
         CameraRegret {
             position: cameras[camera].pose.position.to_array(),
@@ -135,12 +149,16 @@ pub(crate) fn run<M: Measure>(
     Ok(selected.iter().enumerate().map(of_camera).collect())
 }
 
-fn at_camera(budget: f64, cost: CostPoint, known: Option<&[CostPoint]>) -> AtCamera {
-    let least = |known: &[CostPoint]| {
-        let within = known.iter().filter(|other| other.error <= cost.error);
-        within.map(|other| other.power.0).fold(cost.power.0, f64::min)
-    };
-    AtCamera { budget, power_w: cost.power.0, error: cost.error, least_w: known.map(least) }
+/// The settings of least power, watts, whose error is at most that of the `selected` ones; these where
+/// none takes less.
+fn least(
+    known: &BTreeMap<KnobLevels, CostPoint>,
+    selected: (KnobLevels, CostPoint),
+) -> (KnobLevels, f64) {
+    let within = known.iter().filter(|(_, cost)| cost.error <= selected.1.error);
+    let powers = within.map(|(settings, cost)| (*settings, cost.power.0));
+    let start = (selected.0, selected.1.power.0);
+    powers.fold(start, |least, other| if other.1 < least.1 { other } else { least })
 }
 
 /// `settings` at a camera, each once.

@@ -118,12 +118,26 @@ fn an_interrupted_comparison_goes_on_where_it_was() {
 
 #[test]
 fn regret_is_power_above_the_least_of_as_little_error() {
-    let cost = CostPoint::new(6.0, 0.02);
-    let known = [(4.0, 0.03), (5.0, 0.02), (5.5, 0.001), (6.0, 0.02)]
-        .map(|(power, error)| CostPoint::new(power, error));
-    let at = at_camera(0.02, cost, Some(&known));
-    assert!((at.regret().expect("searched") - 0.2).abs() < 1e-12, "{at:?}");
-    assert_eq!(at_camera(0.02, cost, None).regret(), None);
-    let odd = at_camera(0.02, CostPoint::new(0.0, 0.0), Some(&[]));
-    assert_eq!(odd.regret(), None, "0 of 0 W");
+    let known: BTreeMap<KnobLevels, CostPoint> =
+        [(4.0, 0.03), (5.0, 0.02), (5.5, 0.001), (6.0, 0.02)]
+            .into_iter()
+            .enumerate()
+            .map(|(bits, (power, error))| {
+                (KnobLevels::from_bits(bits as u128), CostPoint::new(power, error))
+            })
+            .collect();
+    let selected = (KnobLevels::from_bits(3), CostPoint::new(6.0, 0.02));
+    assert_eq!(least(&known, selected), (KnobLevels::from_bits(1), 5.0));
+    assert_eq!(least(&BTreeMap::new(), selected), (selected.0, 6.0), "nothing takes less");
+    let at = |power_w: f64, least_w: Option<f64>| AtCamera {
+        budget: 0.02,
+        settings: String::new(),
+        power_w,
+        error: 0.02,
+        least_w,
+        least_settings: None,
+    };
+    assert!((at(6.0, Some(5.0)).regret().expect("searched") - 0.2).abs() < 1e-12);
+    assert_eq!(at(6.0, None).regret(), None);
+    assert_eq!(at(0.0, Some(0.0)).regret(), None, "0 of 0 W");
 }
