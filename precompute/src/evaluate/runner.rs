@@ -138,10 +138,8 @@ pub(crate) fn evaluate<'c, P: FrameRenderer>(
     let budget = plan.budget.resolve(p_min, p_max);
     let frugal = context.run("frugal", controller(&budget).as_mut())?;
     let constant = plan.trained.and_then(|trained| best_on(trained, &budget));
-    let constant = match constant {
-        Some(settings) => Some(context.run(ELSEWHERE, &mut Fixed(settings))?),
-        None => None,
-    };
+    let constant =
+        constant.map(|settings| context.run(ELSEWHERE, &mut Fixed(settings))).transpose()?;
     let max_mid = context.run("max-mid", &mut Fixed(space.preset(2.0 / 3.0)))?;
     let mid_min = context.run("mid-min", &mut Fixed(space.preset(1.0 / 3.0)))?;
     let resolution_only = match resolution_knob {

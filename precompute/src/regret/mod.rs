@@ -103,16 +103,18 @@ pub(crate) fn run<M: Measure>(
             plan.budgets.iter().map(|budget| select::settings(plan.map, &view, *budget)).collect()
         })
         .collect();
-    let jobs: Vec<Job> = selected
-        .iter()
-        .enumerate()
-        .map(|(camera, settings)| job(camera, settings.iter().copied()))
-        .collect();
+    let job = |(camera, settings): (usize, &Vec<KnobLevels>)| Job {
+        purpose: Purpose::Training,
+        camera,
+        settings: plan.map.knobs.canonical_once(settings.iter().copied()),
+    };
+    let jobs: Vec<Job> = selected.iter().enumerate().map(job).collect();
     renderings.batch("selections", &jobs)?;
-    let searched = plan.searched.min(cameras.len());
-    for number in 0..searched {
+    let count = plan.searched.min(cameras.len());
+    let searched: Vec<usize> = (0..count).map(|number| number * cameras.len() / count).collect();
+    for camera in &searched {
         let mut camera = Rendered {
-            camera: number * cameras.len() / searched,
+            camera: *camera,
             known: CostTable::new(1),
             most: plan.renderings,
             renderings: &mut renderings,
@@ -127,7 +129,7 @@ pub(crate) fn run<M: Measure>(
     }
     let of_camera = |(camera, selected): (usize, &Vec<KnobLevels>)| {
         let known = renderings.at(Purpose::Training, camera);
-        let is_searched = (0..searched).any(|number| number * cameras.len() / searched == camera);
+        let is_searched = searched.contains(&camera);
         let at = |(budget, settings): (&f64, &KnobLevels)| {
             let cost = renderings.get(Purpose::Training, camera, *settings)?;
             let least = is_searched.then(|| least(&known, (*settings, cost)));
@@ -161,17 +163,6 @@ fn least(
     powers.fold(start, |least, other| if other.1 < least.1 { other } else { least })
 }
 
-/// `settings` at a camera, each once.
-fn job(camera: usize, settings: impl IntoIterator<Item = KnobLevels>) -> Job {
-    let mut once: Vec<KnobLevels> = Vec::new();
-    for settings in settings {
-        if !once.contains(&settings) {
-            once.push(settings);
-        }
-    }
-    Job { purpose: Purpose::Training, camera, settings: once }
-}
-
 /// A camera at which a search renders.
 struct Rendered<'a, 'b, M> {
     camera: usize,
@@ -185,9 +176,11 @@ impl<M: Measure> SearchedCamera for Rendered<'_, '_, M> {
 
     fn ask_all(&mut self, mut settings: Vec<KnobLevels>) -> Result<(), Self::Error> {
         settings.truncate(self.most.saturating_sub(self.known.settings().len()));
-        self.renderings.batch("searches", &[job(self.camera, settings.iter().copied())])?;
+        let (purpose, camera) = (Purpose::Training, self.camera);
+        self.renderings
+            .batch("searches", &[Job { purpose, camera, settings: settings.clone() }])?;
         for settings in settings {
-            if let Some(cost) = self.renderings.get(Purpose::Training, self.camera, settings) {
+            if let Some(cost) = self.renderings.get(purpose, camera, settings) {
                 self.known.set(0, settings, cost);
             }
         }

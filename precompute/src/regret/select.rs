@@ -10,6 +10,6 @@ pub(super) fn settings(map: &FrontierMap, view: &CameraView, budget: f64) -> Kno
     let found = look_up_in(&map.octree, &map.bounds, view).map(|found| found.frontier);
     let frontier: &Frontier = found.filter(|frontier| !frontier.is_empty()).unwrap_or(&map.shared);
     let price = map.error_rates.rate(budget).map(|rate| ErrorPrice::calibrated(rate, budget));
-    select(frontier, &Budget::error(budget), price)
-        .map_or_else(|| map.knobs.highest(), |choice| choice.settings)
+    let choice = select(frontier, &Budget::error(budget), price);
+    map.knobs.canonical(choice.map_or_else(|| map.knobs.highest(), |choice| choice.settings))
 }

@@ -3,7 +3,7 @@
 use super::Recorded;
 use super::lookup::Lookup;
 use super::others::Others;
-use crate::pool::{CameraSearch, round_seed};
+use crate::pool::{CameraSearch, SearchedCamera as _, round_seed};
 
 /// Without prior knowledge.
 pub(super) fn cold(recorded: &Recorded, batch: usize, seed: u64, lookup: &mut Lookup<'_>) {
@@ -24,8 +24,8 @@ pub(super) fn warm(
         if proposed.is_empty() {
             break;
         }
-        lookup.look_up_all(proposed);
-        if lookup.reaches_all() {
+        let Ok(()) = lookup.ask_all(proposed);
+        if lookup.is_done() {
             return;
         }
     }

@@ -57,24 +57,9 @@ impl<'a> Lookup<'a> {
         cost
     }
 
-    /// The same for several settings, until all goals are reached.
-    pub(super) fn look_up_all(&mut self, settings: impl IntoIterator<Item = KnobLevels>) {
-        for settings in settings {
-            if self.reaches_all() {
-                return;
-            }
-            self.ask(settings);
-        }
-    }
-
     /// Whether `settings` were requested.
     pub(super) fn is_known(&self, settings: KnobLevels) -> bool {
         self.known.column(settings).is_some()
-    }
-
-    /// Whether all goals are reached.
-    pub(super) fn reaches_all(&self) -> bool {
-        self.reached.iter().all(Option::is_some)
     }
 
     /// Number of requested combinations that the table lacks.
@@ -87,7 +72,12 @@ impl SearchedCamera for Lookup<'_> {
     type Error = Infallible;
 
     fn ask_all(&mut self, settings: Vec<KnobLevels>) -> Result<(), Infallible> {
-        self.look_up_all(settings);
+        for settings in settings {
+            if self.is_done() {
+                break;
+            }
+            self.ask(settings);
+        }
         Ok(())
     }
 
@@ -95,8 +85,9 @@ impl SearchedCamera for Lookup<'_> {
         &self.known
     }
 
+    /// Whether all goals are reached.
     fn is_done(&self) -> bool {
-        self.reaches_all()
+        self.reached.iter().all(Option::is_some)
     }
 }
 
@@ -109,6 +100,6 @@ impl Evaluate for Lookup<'_> {
 
     fn evaluate(&mut self, settings: KnobLevels) -> Result<CostPoint, Done> {
         let cost = self.ask(settings);
-        if self.reaches_all() { Err(Done) } else { Ok(cost) }
+        if self.is_done() { Err(Done) } else { Ok(cost) }
     }
 }

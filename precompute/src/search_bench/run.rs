@@ -12,6 +12,7 @@ use serde::Serialize;
 use super::lookup::Lookup;
 use super::others::Others;
 use super::{Recorded, RecordedError, frugal};
+use crate::pool::SearchedCamera as _;
 use crate::search::{Search, SearchConfig};
 
 /// Limit of NSGA-II's requests, per combination of the table, where the table lacks most
@@ -158,7 +159,7 @@ fn search(
         (Method::Random, _) => {
             let mut all: Vec<KnobLevels> = recorded.costs.keys().copied().collect();
             all.shuffle(&mut ChaCha8Rng::seed_from_u64(seed));
-            lookup.look_up_all(all);
+            let Ok(()) = lookup.ask_all(all);
         }
         (Method::Nsga2, _) => nsga2(recorded, seed, lookup),
         (Method::FrugalWarm, Some(others)) => frugal::warm(recorded, others, batch, seed, lookup),
