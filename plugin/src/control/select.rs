@@ -6,7 +6,7 @@
 use bevy::reflect::Reflect;
 
 use super::Budget;
-use crate::frontier::{CostPoint, ERROR_UNIT, Frontier, FrontierPoint};
+use crate::frontier::{CostPoint, ERROR_UNIT, ErrorRates, Frontier, FrontierPoint};
 use crate::knobs::KnobLevels;
 
 /// Whether the budget is met, and the fallback where it is not.
@@ -62,6 +62,12 @@ impl ErrorPrice {
     /// less, and a path that is unlike the calibration views misses the mean by less.
     pub fn calibrated(rate: f64, budget: f64) -> Self {
         Self { rate, most: MOST_OVER_MEAN * budget, is_squared: true }
+    }
+
+    /// By the calibration of a map: what `rates` hold for a `budget` of the mean error. `None` without
+    /// calibration.
+    pub fn of_budget(rates: &ErrorRates, budget: f64) -> Option<Self> {
+        rates.rate(budget).map(|rate| Self::calibrated(rate, budget))
     }
 
     /// Where errors are measured in play, so that the mean is kept on any path: errors weigh as they

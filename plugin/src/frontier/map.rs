@@ -7,6 +7,7 @@ use bevy::math::Vec3;
 use bevy::reflect::Reflect;
 use serde::{Deserialize, Serialize};
 
+use super::stored::StoredMap;
 use super::{ErrorRates, Frontier, FrontierMapError, KnobEffects, Octree, SharedKnobs};
 use crate::knobs::{KnobLevels, KnobSpace};
 use crate::power::MeterInfo;
@@ -124,8 +125,9 @@ impl WorkPrices {
 /// An earlier version ignores fields that a later version adds; missing fields of `shared`,
 /// `error_rates` and `work_prices` get defaults.
 #[derive(Asset, Clone, Debug, PartialEq, Reflect, Serialize, Deserialize)]
+#[serde(try_from = "StoredMap", into = "StoredMap")]
 pub struct FrontierMap {
-    /// Version of the format; valid is [`VERSION`](Self::VERSION) only.
+    /// Version of the format; valid is [`VERSION`](Self::VERSION) only, which a map that was read has.
     pub version: u32,
     /// The scene.
     pub scene: SceneIdentity,
@@ -143,17 +145,13 @@ pub struct FrontierMap {
     pub bounds: Bounds,
     /// Frontier over all training cameras together: the fallback where no local frontier is known.
     /// Empty in maps of earlier versions.
-    #[serde(default)]
     pub shared: Frontier,
     /// Calibrated exchange rates of error budgets. Empty in maps of earlier versions, whose error
     /// budgets limit every frame.
-    #[serde(default)]
     pub error_rates: ErrorRates,
     /// Energy prices of work on the map's device. Empty in maps of earlier versions.
-    #[serde(default)]
     pub work_prices: WorkPrices,
     /// What each knob saves and costs alone. Empty in maps of earlier versions.
-    #[serde(default)]
     pub knob_effects: KnobEffects,
     /// The frontiers by camera position and view direction.
     pub octree: Octree,
@@ -166,8 +164,10 @@ struct VersionOnly {
 }
 
 impl FrontierMap {
-    /// The version of the format that this build reads and writes.
-    pub const VERSION: u32 = 1;
+    /// The version of the format that this build writes.
+    pub const VERSION: u32 = 2;
+    /// The oldest version that it reads.
+    pub const OLDEST_VERSION: u32 = 1;
 
     /// Parses and validates a map.
     ///
@@ -178,13 +178,13 @@ impl FrontierMap {
         // The version is checked alone first, so that a newer map is reported as newer and not as
         // one with an unknown field.
         let VersionOnly { version } = ron::from_str(text)?;
-        FrontierMapError::check_version(version)?;
-        let map: Self = ron::from_str(text)?;
+        FrontierMapError::check_version(version, Self::OLDEST_VERSION)?;
+        let map: Self = ron::from_str::<StoredMap>(text)?.try_into()?;
         map.validate()?;
         Ok(map)
     }
 
-    /// The map as RON text: one frontier, corner or node per line, so that diffs are readable.
+    /// The map as RON text: one frontier, corner, node or settings per line, so that diffs are readable.
     /// Numbers are rounded as [`Frontier::rounded`](super::Frontier::rounded) says.
     ///
     /// # Errors
@@ -214,7 +214,7 @@ impl FrontierMap {
     /// The first fault found: another version, a number out of range, an invalid octree, or
     /// settings with a level that the knobs lack.
     pub fn validate(&self) -> Result<(), FrontierMapError> {
-        FrontierMapError::check_version(self.version)?;
+        FrontierMapError::check_version(self.version, Self::VERSION)?;
         let Capture { size, frames_per_second, vertical_fov, exposure_ev100 } = self.capture;
         check("capture.size", size, size[0] > 0 && size[1] > 0, "two numbers above 0")?;
         let positive = frames_per_second.is_finite() && frames_per_second > 0.0;

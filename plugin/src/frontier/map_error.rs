@@ -20,7 +20,7 @@ pub enum FrontierMapError {
     },
     /// Written by a newer version of this crate.
     #[error(
-        "frontier map of format version {found}, newer than {known}, the only version that this build reads: update bevy_frugal_gi, or run the matching `frugal precompute` again",
+        "frontier map of format version {found}, newer than {known}, the newest that this build reads: update bevy_frugal_gi, or run the matching `frugal precompute` again",
         known = FrontierMap::VERSION
     )]
     Newer {
@@ -28,7 +28,7 @@ pub enum FrontierMapError {
         found: u32,
     },
     /// Written by an older version of this crate.
-    #[error("frontier map of format version {found}, older than {known}: run `frugal precompute` again", known = FrontierMap::VERSION)]
+    #[error("frontier map of format version {found}, older than {known}, the oldest that this build reads: run `frugal precompute` again", known = FrontierMap::OLDEST_VERSION)]
     Older {
         /// The file's version.
         found: u32,
@@ -57,6 +57,16 @@ pub enum FrontierMapError {
         frontier: usize,
         /// The packed settings.
         bits: u128,
+    },
+    /// Settings that the map's list of settings lacks.
+    #[error(
+        "frontier {frontier} has settings beyond the {count} that the map lists: run `frugal precompute` again"
+    )]
+    UnlistedSettings {
+        /// Index of the frontier.
+        frontier: usize,
+        /// Number of settings in the list.
+        count: usize,
     },
     /// A power below 0 W or not finite, or an error outside 0 to 2.
     #[error(
@@ -90,11 +100,14 @@ pub enum FrontierMapError {
 }
 
 impl FrontierMapError {
-    pub(super) fn check_version(found: u32) -> Result<(), Self> {
-        match found.cmp(&FrontierMap::VERSION) {
-            std::cmp::Ordering::Greater => Err(Self::Newer { found }),
-            std::cmp::Ordering::Less => Err(Self::Older { found }),
-            std::cmp::Ordering::Equal => Ok(()),
+    /// `oldest` is the least valid version, [`FrontierMap::VERSION`] the greatest.
+    pub(super) fn check_version(found: u32, oldest: u32) -> Result<(), Self> {
+        if found > FrontierMap::VERSION {
+            Err(Self::Newer { found })
+        } else if found < oldest {
+            Err(Self::Older { found })
+        } else {
+            Ok(())
         }
     }
 }

@@ -11,6 +11,7 @@ mod pareto;
 mod pareto_serde;
 mod shared_knobs;
 mod store;
+mod stored;
 #[cfg(test)]
 pub(crate) mod testing;
 mod view;

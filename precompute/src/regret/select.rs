@@ -9,7 +9,7 @@ use bevy_frugal_gi::knobs::KnobLevels;
 pub(super) fn settings(map: &FrontierMap, view: &CameraView, budget: f64) -> KnobLevels {
     let found = look_up_in(&map.octree, &map.bounds, view).map(|found| found.frontier);
     let frontier: &Frontier = found.filter(|frontier| !frontier.is_empty()).unwrap_or(&map.shared);
-    let price = map.error_rates.rate(budget).map(|rate| ErrorPrice::calibrated(rate, budget));
+    let price = ErrorPrice::of_budget(&map.error_rates, budget);
     let choice = select(frontier, &Budget::error(budget), price);
     map.knobs.canonical(choice.map_or_else(|| map.knobs.highest(), |choice| choice.settings))
 }

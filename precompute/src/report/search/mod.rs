@@ -139,9 +139,8 @@ fn training_cameras<'a>(
 
 /// The settings selected at the camera of `row`, by a frontier fitted without it.
 fn selected(summary: &SearchSummary<'_>, row: usize, budget: &Budget) -> Option<KnobLevels> {
-    let price = budget.error.and_then(|error| {
-        Some(ErrorPrice::calibrated(summary.map.error_rates.rate(error)?, error))
-    });
+    let price =
+        budget.error.and_then(|error| ErrorPrice::of_budget(&summary.map.error_rates, error));
     Some(select(summary.outcome.fitted.held_out.get(row)?, budget, price)?.settings)
 }
 
