@@ -1,5 +1,6 @@
 //! Arguments that several commands share.
 
+use std::num::NonZeroUsize;
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
@@ -7,6 +8,7 @@ use clap::Args;
 use glam::{UVec2, Vec3};
 
 use super::CliError;
+use crate::cost::is_work_meter;
 use crate::files;
 use crate::scene::{self, CameraPose, SceneDescription};
 use crate::stage::{StageOptions, StageRequest};
@@ -50,6 +52,34 @@ impl CaptureArguments {
             meter: self.meter.clone(),
             ..Default::default()
         }
+    }
+}
+
+/// Number of processes that render.
+#[derive(Args, Debug, Clone)]
+pub(super) struct WorkerArguments {
+    /// Processes that render side by side. Higher values keep more of a processor or GPU busy, and take
+    /// as many times the memory. More than 1 needs `--meter work`
+    #[arg(long, value_name = "N", default_value = "1")]
+    workers: NonZeroUsize,
+}
+
+impl WorkerArguments {
+    /// One process, for what is rendered in order.
+    pub(super) const ONE: Self = Self { workers: NonZeroUsize::MIN };
+
+    /// The number, for a meter of this name.
+    ///
+    /// # Errors
+    /// Where several processes would disturb what the meter reads.
+    pub(super) fn count(&self, meter: Option<&str>) -> Result<NonZeroUsize, CliError> {
+        if self.workers.get() > 1 && !meter.is_some_and(|name| is_work_meter(name).is_some()) {
+            return Err(CliError::usage(format!(
+                "--workers {}: meters read the whole machine, so that processes would disturb each other's readings: add `--meter work`, or `--meter work=FILE` with prices from `frugal calibrate`",
+                self.workers
+            )));
+        }
+        Ok(self.workers)
     }
 }
 

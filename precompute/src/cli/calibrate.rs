@@ -1,5 +1,6 @@
 //! `frugal calibrate`: prices of work on this device.
 
+use std::num::NonZeroUsize;
 use std::path::PathBuf;
 use std::time::{Duration, Instant};
 
@@ -58,7 +59,7 @@ fn calibration_settings(space: &KnobSpace) -> Vec<KnobLevels> {
 pub(super) fn run(arguments: &Arguments) -> Result<(), CliError> {
     let (scene, _) = open_scene(&arguments.scene)?;
     check_outputs([Some(&arguments.output)])?;
-    let mut stage = open_stage(&scene, &arguments.scene, &arguments.capture)?;
+    let mut stage = open_stage(&scene, &arguments.scene, &arguments.capture, NonZeroUsize::MIN)?;
     let space = stage.space().clone();
     let bounds = scene.camera_bounds(stage.bounds());
     let fps = arguments.capture.fps;

@@ -1,5 +1,6 @@
 //! `frugal demo`: precompute, evaluate and report in one command.
 
+use std::num::NonZeroUsize;
 use std::path::{Path, PathBuf};
 
 use super::arguments::{CaptureArguments, json, open_scene, write};
@@ -46,7 +47,7 @@ pub(super) fn run(arguments: &Arguments) -> Result<(), CliError> {
     }
     search_arguments.check()?;
     let tracks = search_arguments.tracks.tracks(&scene, arguments.capture.fps)?;
-    let mut stage = open_stage(&scene, &arguments.scene, &arguments.capture)?;
+    let mut stage = open_stage(&scene, &arguments.scene, &arguments.capture, NonZeroUsize::MIN)?;
     let map_path = folder.join(format!("{name}.pareto.ron"));
     let journal = journal_path(&map_path, None);
     let searched = search(&mut stage, &scene, &name, &tracks, &search_arguments, &journal, false)?;

@@ -7,7 +7,7 @@ use bevy_frugal_gi::control::ControlSettings;
 use bevy_frugal_gi::frontier::{FrontierMap, SceneIdentity};
 use bevy_frugal_gi::knobs::did_you_mean;
 
-use super::arguments::{check_outputs, json, open_scene, write, write_report};
+use super::arguments::{WorkerArguments, check_outputs, json, open_scene, write, write_report};
 use super::precompute::journal_header;
 use super::{CliError, progress};
 use crate::evaluate::{
@@ -129,8 +129,9 @@ pub(super) fn run(arguments: &Arguments) -> Result<(), CliError> {
         ));
     }
 
-    let mut stage =
-        open_stage(&scene, &arguments.scene, &map, &arguments.map, arguments.meter.clone())?;
+    let meter = arguments.meter.clone();
+    let workers = &WorkerArguments::ONE;
+    let mut stage = open_stage(&scene, &arguments.scene, &map, &arguments.map, meter, workers)?;
     let label = arguments.scene.display().to_string();
     if arguments.baselines == Baselines::Quick {
         let evaluation = play(&mut stage, &map, &label, &path, budgets[0], arguments.control())?;
@@ -329,6 +330,7 @@ pub(super) fn open_stage(
     map: &FrontierMap,
     map_path: &Path,
     meter: Option<String>,
+    workers: &WorkerArguments,
 ) -> Result<RemoteStage, CliError> {
     let here = crate::stage::every_knob()?;
     for knob in map.knobs.knobs() {
@@ -355,8 +357,8 @@ pub(super) fn open_stage(
         knobs: Some(map.knobs.knobs().iter().map(|knob| knob.name.clone()).collect()),
         meter: meter.or_else(|| Some(map.meter.name.clone())),
     };
-    let stage = RemoteStage::open(scene, request)?;
-    Ok(stage)
+    let workers = workers.count(request.meter.as_deref())?;
+    Ok(RemoteStage::open(scene, request, workers)?)
 }
 
 /// Renders all runs.

@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use bevy_frugal_gi::frontier::{FrontierMap, SceneIdentity};
 use serde::Serialize;
 
-use super::arguments::{check_outputs, json, open_scene, write};
+use super::arguments::{WorkerArguments, check_outputs, json, open_scene, write};
 use super::evaluate::{open_stage, read_map};
 use super::precompute::{TrackArguments, journal_header, open_journal};
 use super::{CliError, progress};
@@ -44,6 +44,8 @@ pub(super) struct Arguments {
     /// Power meter; default: the map's. `work`: prices of work, the same in every run
     #[arg(long, value_name = "NAME")]
     meter: Option<String>,
+    #[command(flatten)]
+    workers: WorkerArguments,
     /// Result for programs
     #[arg(long, value_name = "FILE")]
     json: Option<PathBuf>,
@@ -93,7 +95,8 @@ pub(super) fn run(arguments: &Arguments) -> Result<(), CliError> {
     }
     let tracks = arguments.tracks.tracks(&scene, map.capture.frames_per_second)?;
     let meter = arguments.meter.clone();
-    let mut stage = open_stage(&scene, &arguments.scene, &map, &arguments.map, meter)?;
+    let workers = &arguments.workers;
+    let mut stage = open_stage(&scene, &arguments.scene, &map, &arguments.map, meter, workers)?;
     let bounds = scene.camera_bounds(stage.bounds());
     let (mix, lens) = (CameraMix::default(), stage.lens());
     let counts = [arguments.unseen as usize, 0, 0];

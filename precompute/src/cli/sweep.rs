@@ -1,12 +1,16 @@
 //! `frugal sweep`: every combination at one camera.
 
+use std::collections::HashMap;
+use std::ops::ControlFlow;
 use std::path::PathBuf;
 
 use bevy_frugal_gi::frontier::{CostPoint, Frontier, FrontierPoint};
+use bevy_frugal_gi::knobs::KnobLevels;
 use indicatif::ProgressBar;
 
 use super::arguments::{
-    CameraArguments, CaptureArguments, check_outputs, open_scene, write, write_report,
+    CameraArguments, CaptureArguments, WorkerArguments, check_outputs, open_scene, write,
+    write_report,
 };
 use super::precompute::open_stage;
 use super::{CliError, progress};
@@ -14,7 +18,7 @@ use crate::cost::FrameLayout;
 use crate::report::{SweepSummary, sweep_report};
 use crate::scene::{CameraPose, SceneDescription};
 use crate::stage::RemoteStage;
-use crate::table::{Measure as _, SweepFacts, SweepTable};
+use crate::table::{Batch, Measure as _, Measured, SweepFacts, SweepTable};
 
 #[derive(clap::Args, Debug)]
 pub(super) struct Arguments {
@@ -22,6 +26,8 @@ pub(super) struct Arguments {
     camera: CameraArguments,
     #[command(flatten)]
     capture: CaptureArguments,
+    #[command(flatten)]
+    workers: WorkerArguments,
     /// Table to write: `frugal search` runs searches in it
     #[arg(long, value_name = "FILE")]
     csv: Option<PathBuf>,
@@ -33,11 +39,18 @@ pub(super) struct Arguments {
 /// Frames metered for each combination: more than in a search, because a sweep is the reference for
 /// searches.
 const METERED_FRAMES: usize = 4;
+/// Combinations that one process renders in a row. Lower values share work out more evenly at the end.
+const COMBINATIONS: usize = 16;
 
 pub(super) fn run(arguments: &Arguments) -> Result<(), CliError> {
     let (scene, name) = open_scene(&arguments.camera.scene)?;
     check_outputs([arguments.csv.as_ref()])?;
-    let mut stage = open_stage(&scene, &arguments.camera.scene, &arguments.capture)?;
+    let mut stage = open_stage(
+        &scene,
+        &arguments.camera.scene,
+        &arguments.capture,
+        arguments.workers.count(arguments.capture.meter.as_deref())?,
+    )?;
     stage.warm()?;
     let space = stage.space().clone();
     let pose = arguments.camera.pose()?;
@@ -93,24 +106,31 @@ pub(super) fn run(arguments: &Arguments) -> Result<(), CliError> {
     Ok(())
 }
 
+/// All combinations, in their order.
 fn measure(
     stage: &mut RemoteStage,
     pose: &CameraPose,
     bar: &ProgressBar,
 ) -> Result<Vec<FrontierPoint>, CliError> {
     let space = stage.space().clone();
-    let mut points = Vec::new();
-    for settings in space.iter() {
-        if progress::interrupted() {
-            return Err(CliError::failed("interrupted: nothing was written"));
-        }
-        points.push(FrontierPoint {
-            settings,
-            cost: stage.measure(&[*pose; 1 + METERED_FRAMES], settings)?,
-        });
+    let all: Vec<_> = space.iter().collect();
+    let batches: Vec<Batch> = all
+        .chunks(COMBINATIONS)
+        .map(|some| Batch { clip: vec![*pose; 1 + METERED_FRAMES], settings: some.to_vec() })
+        .collect();
+    let mut costs = HashMap::new();
+    stage.measure_all(&batches, &mut |Measured { settings, cost, .. }| {
+        costs.insert(settings, cost);
         bar.inc(1);
+        if progress::interrupted() { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
+    })?;
+    if progress::interrupted() {
+        return Err(CliError::failed("interrupted: nothing was written"));
     }
-    Ok(points)
+    let point = |settings: KnobLevels| {
+        costs.get(&settings).map(|cost| FrontierPoint { settings, cost: *cost })
+    };
+    Ok(all.into_iter().filter_map(point).collect())
 }
 
 fn facts(scene: &SceneDescription, name: &str, stage: &RemoteStage) -> SweepFacts {

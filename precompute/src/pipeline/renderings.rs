@@ -1,7 +1,7 @@
 //! Renderings, requested in batches: journaled, answered from the journal where known, and
 //! distributed to shards.
 
-use std::collections::{BTreeMap, HashMap};
+use std::collections::{BTreeMap, HashMap, HashSet};
 use std::ops::ControlFlow;
 use std::time::{Duration, Instant};
 
@@ -12,7 +12,7 @@ use super::PipelineError;
 use crate::cameras::{CameraSet, MovingCamera};
 use crate::journal::Journal;
 use crate::scene::CameraPose;
-use crate::table::Measure;
+use crate::table::{Batch, Measure, Measured};
 use crate::view_features::ViewFeatures;
 
 /// Purpose of a camera.
@@ -87,7 +87,7 @@ pub(crate) struct Renderings<'a, M> {
     report: &'a mut dyn FnMut(&Progress<'_>) -> ControlFlow<()>,
     started: Instant,
     limit: Option<Duration>,
-    /// Number of renderings made in this run, and their duration in seconds.
+    /// Number of renderings made in this run, and the time that they took, seconds.
     made: usize,
     seconds: f64,
     stages: Vec<StageEffort>,
@@ -202,46 +202,58 @@ impl<'a, M: Measure> Renderings<'a, M> {
         jobs: &[Job],
         total: usize,
     ) -> Result<(), PipelineError<M::Error>> {
-        let (mut done, mut is_missing) = (0, false);
-        for (number, job) in jobs.iter().enumerate() {
-            let is_ours = number % self.shard.1 == self.shard.0;
-            let forwards = job.settings.iter();
-            let order: Vec<KnobLevels> = if number % 2 == 0 {
-                forwards.copied().collect()
-            } else {
-                forwards.rev().copied().collect()
-            };
-            for settings in order {
-                done += 1;
-                let question = (job.purpose, job.camera, settings);
-                if self.known.contains_key(&question) {
-                    continue;
-                } else if !is_ours {
-                    is_missing = true;
-                    continue;
-                }
-                self.render(question)?;
-                if (self.report)(&Progress { stage, done, total }).is_break() {
-                    return Err(PipelineError::Interrupted);
-                }
+        let (batches, cameras, is_missing) = self.unknown(jobs);
+        let unknown: usize = batches.iter().map(|batch| batch.settings.len()).sum();
+        let mut done = total.saturating_sub(unknown);
+        let mut failure = Ok(());
+        let Self { measure, journal, known, report, made, .. } = self;
+        let mut keep = |Measured { batch, settings, cost }: Measured| {
+            let (purpose, camera) = cameras[batch];
+            let question = (purpose, camera, settings);
+            *made += 1;
+            done += 1;
+            known.insert(question, cost);
+            if let Err(error) = journal.append(&write_rendering(question, cost)) {
+                failure = Err(error.into());
+            } else if report(&Progress { stage, done, total }).is_break() && failure.is_ok() {
+                failure = Err(PipelineError::Interrupted);
             }
-        }
+            if failure.is_ok() { ControlFlow::Continue(()) } else { ControlFlow::Break(()) }
+        };
+        let started = Instant::now();
+        let measured = measure.measure_all(&batches, &mut keep);
+        self.seconds += started.elapsed().as_secs_f64();
+        measured.map_err(PipelineError::Measure)?;
+        failure?;
         if is_missing { Err(PipelineError::NeedsMerge) } else { Ok(()) }
     }
 
-    fn render(&mut self, question: Question) -> Result<(), PipelineError<M::Error>> {
-        let (purpose, camera, settings) = question;
-        let clip = self.clip(purpose, camera);
-        if clip.is_empty() {
-            return Ok(());
+    /// What of `jobs` is not known and this shard's to render, the purpose and number of the camera of
+    /// each batch, and whether other shards lack anything.
+    fn unknown(&self, jobs: &[Job]) -> (Vec<Batch>, Vec<(Purpose, usize)>, bool) {
+        let (mut batches, mut cameras, mut is_missing) = (Vec::new(), Vec::new(), false);
+        let mut asked = HashSet::new();
+        for (number, job) in jobs.iter().enumerate() {
+            let clip = self.clip(job.purpose, job.camera);
+            let is_unknown = |settings: &&KnobLevels| {
+                let question = (job.purpose, job.camera, **settings);
+                !clip.is_empty() && !self.known.contains_key(&question) && asked.insert(question)
+            };
+            let mut settings: Vec<KnobLevels> =
+                job.settings.iter().filter(is_unknown).copied().collect();
+            if settings.is_empty() {
+                continue;
+            } else if number % self.shard.1 != self.shard.0 {
+                is_missing = true;
+                continue;
+            }
+            if number % 2 == 1 {
+                settings.reverse();
+            }
+            batches.push(Batch { clip, settings });
+            cameras.push((job.purpose, job.camera));
         }
-        let started = Instant::now();
-        let cost = self.measure.measure(&clip, settings).map_err(PipelineError::Measure)?;
-        self.seconds += started.elapsed().as_secs_f64();
-        self.made += 1;
-        self.journal.append(&write_rendering(question, cost))?;
-        self.known.insert(question, cost);
-        Ok(())
+        (batches, cameras, is_missing)
     }
 
     /// The poses to render; none for numbers out of range.

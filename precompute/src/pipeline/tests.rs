@@ -13,6 +13,7 @@ use super::*;
 use crate::cost::Work;
 use crate::journal::{Journal, JournalHeader, merge_journals};
 use crate::scene::CameraPose;
+use crate::table::{Batch, Measured};
 
 const BOUNDS: Bounds = Bounds { min: [0.0; 3], max: [8.0; 3] };
 
@@ -73,6 +74,42 @@ fn cost(space: &KnobSpace, pose: &CameraPose, settings: KnobLevels) -> CostPoint
     )
 }
 
+/// Hands over the costs of several processes, the later batches first.
+struct SideBySide(Formula);
+
+impl Measure for SideBySide {
+    type Error = Infallible;
+
+    fn measure(
+        &mut self,
+        clip: &[CameraPose],
+        settings: KnobLevels,
+    ) -> Result<CostPoint, Infallible> {
+        self.0.measure(clip, settings)
+    }
+
+    fn measure_all(
+        &mut self,
+        batches: &[Batch],
+        done: &mut dyn FnMut(Measured) -> ControlFlow<()>,
+    ) -> Result<(), Infallible> {
+        let mut after_the_end = 2;
+        for (batch, Batch { clip, settings }) in batches.iter().enumerate().rev() {
+            for settings in settings.iter().rev().copied() {
+                let cost = self.measure(clip, settings)?;
+                // The other processes finish what they are at.
+                if done(Measured { batch, settings, cost }).is_break() {
+                    after_the_end -= 1;
+                }
+                if after_the_end == 0 {
+                    return Ok(());
+                }
+            }
+        }
+        Ok(())
+    }
+}
+
 impl Measure for Formula {
     type Error = Infallible;
 
@@ -115,8 +152,15 @@ struct Run<'a> {
 }
 
 fn run_once(setup: &Run<'_>) -> (Result<Outcome, PipelineError<Infallible>>, usize) {
+    let mut formula = Formula { space: space(), renderings: 0 };
+    (run_with(&mut formula, setup), formula.renderings)
+}
+
+fn run_with<M: Measure<Error = Infallible>>(
+    measure: &mut M,
+    setup: &Run<'_>,
+) -> Result<Outcome, PipelineError<Infallible>> {
     let (space, cameras) = (space(), cameras());
-    let mut formula = Formula { space: space.clone(), renderings: 0 };
     let journal = Journal::resume(setup.journal, &JournalHeader::default().with("seed", 0))
         .expect("a journal");
     let mut left = setup.patience;
@@ -133,11 +177,11 @@ fn run_once(setup: &Run<'_>) -> (Result<Outcome, PipelineError<Infallible>>, usi
         describe: &describe,
     };
     let config = PipelineConfig::default();
-    let outcome = run(
+    run(
         &subject,
         &config,
         Setup {
-            measure: &mut formula,
+            measure,
             journal,
             cameras: &cameras,
             clip: (2, 15.0),
@@ -145,8 +189,7 @@ fn run_once(setup: &Run<'_>) -> (Result<Outcome, PipelineError<Infallible>>, usi
             limit: setup.limit,
             report: &mut report,
         },
-    );
-    (outcome, formula.renderings)
+    )
 }
 
 /// A finished search, for the tests of reports.
@@ -232,6 +275,24 @@ fn a_run_that_is_killed_again_and_again_ends_with_the_same_map() {
         }
     }
     assert_eq!(made, all, "kept renderings are not repeated");
+}
+
+#[test]
+fn renderings_in_any_order_make_the_same_map_and_none_is_made_twice() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let (outcome, all) = run_once(&whole(&folder.path().join("whole")));
+    let reference = product(&outcome.expect("a map"));
+    let file = folder.path().join("side by side");
+    let mut measure = SideBySide(Formula { space: space(), renderings: 0 });
+    let outcome = loop {
+        match run_with(&mut measure, &Run { patience: 100, ..whole(&file) }) {
+            Ok(outcome) => break outcome,
+            Err(PipelineError::Interrupted) => {}
+            Err(error) => panic!("{error}"),
+        }
+    };
+    assert_eq!(product(&outcome), reference);
+    assert_eq!(measure.0.renderings, all);
 }
 
 #[test]

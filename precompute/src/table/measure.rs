@@ -1,5 +1,7 @@
 //! The interface for filling a table.
 
+use std::ops::ControlFlow;
+
 use bevy_frugal_gi::frontier::CostPoint;
 use bevy_frugal_gi::knobs::KnobLevels;
 
@@ -19,4 +21,45 @@ pub trait Measure {
         clip: &[CameraPose],
         settings: KnobLevels,
     ) -> Result<CostPoint, Self::Error>;
+
+    /// Measures all of `batches`, in order or side by side, and hands over each cost as it is known,
+    /// until `done` breaks.
+    ///
+    /// # Errors
+    /// When a rendering or its metering fails. What was handed over before counts.
+    fn measure_all(
+        &mut self,
+        batches: &[Batch],
+        done: &mut dyn FnMut(Measured) -> ControlFlow<()>,
+    ) -> Result<(), Self::Error> {
+        for (batch, Batch { clip, settings }) in batches.iter().enumerate() {
+            for settings in settings.iter().copied() {
+                let cost = self.measure(clip, settings)?;
+                if done(Measured { batch, settings, cost }).is_break() {
+                    return Ok(());
+                }
+            }
+        }
+        Ok(())
+    }
+}
+
+/// Settings to measure at one camera.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Batch {
+    /// The poses of consecutive frames.
+    pub clip: Vec<CameraPose>,
+    /// The settings.
+    pub settings: Vec<KnobLevels>,
+}
+
+/// A cost of [`Measure::measure_all`].
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Measured {
+    /// Number of the batch.
+    pub batch: usize,
+    /// The settings.
+    pub settings: KnobLevels,
+    /// Their power and error.
+    pub cost: CostPoint,
 }

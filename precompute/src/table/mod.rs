@@ -12,7 +12,7 @@ use std::collections::HashMap;
 use bevy_frugal_gi::frontier::CostPoint;
 use bevy_frugal_gi::knobs::KnobLevels;
 
-pub use measure::Measure;
+pub use measure::{Batch, Measure, Measured};
 pub use sweep::{ASSUMED_LAYOUT, SweepFacts, SweepTable, SweepTableError};
 
 /// Power and error by camera and settings. Settings that were not rendered are unknown.

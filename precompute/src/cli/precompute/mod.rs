@@ -7,7 +7,9 @@ mod search;
 
 use std::path::PathBuf;
 
-use super::arguments::{CaptureArguments, check_outputs, open_scene, write, write_report};
+use super::arguments::{
+    CaptureArguments, WorkerArguments, check_outputs, open_scene, write, write_report,
+};
 use super::{CliError, inspect};
 use crate::report::{Report, map_section, search_section};
 
@@ -28,6 +30,8 @@ pub(super) struct Arguments {
     capture: CaptureArguments,
     #[command(flatten)]
     search: SearchArguments,
+    #[command(flatten)]
+    workers: WorkerArguments,
     /// Folder for a report on the search and its map
     #[arg(long, value_name = "DIR")]
     report: Option<PathBuf>,
@@ -45,7 +49,8 @@ pub(super) fn run(arguments: &Arguments) -> Result<(), CliError> {
     check_outputs([Some(&output)])?;
     arguments.search.check()?;
     let tracks = arguments.search.tracks.tracks(&scene, arguments.capture.fps)?;
-    let mut stage = open_stage(&scene, &arguments.scene, &arguments.capture)?;
+    let workers = arguments.workers.count(arguments.capture.meter.as_deref())?;
+    let mut stage = open_stage(&scene, &arguments.scene, &arguments.capture, workers)?;
     let journal = journal_path(&output, arguments.search.shard);
     let searched =
         search(&mut stage, &scene, &name, &tracks, &arguments.search, &journal, arguments.resume)?;

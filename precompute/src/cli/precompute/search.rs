@@ -1,6 +1,7 @@
 //! One search: cameras, pipeline, and the map of what it found.
 
 use std::cell::LazyCell;
+use std::num::NonZeroUsize;
 use std::path::Path;
 
 use bevy_frugal_gi::frontier::{
@@ -32,12 +33,13 @@ pub(in crate::cli) fn open_stage(
     scene: &SceneDescription,
     path: &Path,
     capture: &CaptureArguments,
+    workers: NonZeroUsize,
 ) -> Result<RemoteStage, CliError> {
     let mut request = capture.request(path);
     if request.knobs.is_none() {
         request.knobs = Some(crate::stage::useful_knobs(scene)?);
     }
-    Ok(RemoteStage::open(scene, request)?)
+    Ok(RemoteStage::open(scene, request, workers)?)
 }
 
 /// A map and the outcome of its search.

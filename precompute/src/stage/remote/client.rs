@@ -1,74 +1,37 @@
-//! The parent: starts the child, sends requests, and replaces a child that has grown too large or
-//! died.
+//! The parent's side: what is asked of the child processes, one after the other or side by side.
 
-use std::io::{BufReader, Read};
-use std::process::{Child, ChildStdin, ChildStdout, Command, Stdio};
+use std::num::NonZeroUsize;
+use std::ops::ControlFlow;
+use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
+use std::sync::mpsc;
 
 use bevy_frugal_gi::frontier::CostPoint;
 use bevy_frugal_gi::knobs::{KnobLevels, KnobSpace};
 use bevy_frugal_gi::power::MeterInfo;
 use bevy_frugal_gi::units::Watts;
 
-use super::protocol::{Answer, Reply, Request, StageRequest, receive, send};
+use super::process::{Opened, RemoteError, StageProcess};
+use super::protocol::{Answer, Request, StageRequest};
 use crate::evaluate::{FrameRenderer, Pose, RenderedFrame};
-use crate::metrics::Picture;
 use crate::scene::{Bounds, CameraPose, RayScene, SceneDescription};
-use crate::table::Measure;
+use crate::table::{Batch, Measure, Measured};
 
-/// Resident size above which a child is replaced, bytes. Well above a scene's own textures, well
-/// below the memory of a small machine.
-const LARGEST_BYTES: u64 = 4 << 30;
-
-/// Name of the child's hidden command.
-pub(crate) const CHILD_COMMAND: &str = "stage-worker";
-
-/// Why a remote stage gave no answer.
-#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
-#[error("{message}")]
-pub(crate) struct RemoteError {
-    /// Whether the cause is the input and not the rendering.
-    pub usage: bool,
-    /// The message.
-    pub message: String,
-}
-
-impl RemoteError {
-    fn failed(message: impl ToString) -> Self {
-        Self { usage: false, message: message.to_string() }
-    }
-}
-
-/// A child with its pipes.
-struct Worker {
-    child: Child,
-    input: ChildStdin,
-    output: BufReader<ChildStdout>,
-    resident_bytes: u64,
-}
-
-impl Drop for Worker {
-    fn drop(&mut self) {
-        // The child has no state to save.
-        let _ = self.child.kill();
-        let _ = self.child.wait();
-    }
-}
-
-/// A stage in a child process.
+/// A stage in a child process, with more of them for what can be rendered side by side.
 pub(crate) struct RemoteStage {
-    request: StageRequest,
-    worker: Option<Worker>,
+    first: StageProcess,
+    others: Vec<StageProcess>,
     space: KnobSpace,
     meter: MeterInfo,
     idle: Watts,
     rays: RayScene,
     bounds: Option<Bounds>,
     vertical_fov_degrees: f32,
-    warm: bool,
 }
 
 impl RemoteStage {
-    /// Starts a child with `scene`, which was read from `request.scene`.
+    /// Starts a child with `scene`, which was read from `request.scene`. Further ones, up to `workers`,
+    /// start when they are warmed. They share the processor: a meter that reads the machine reads them
+    /// all.
     ///
     /// # Errors
     /// When the scene's geometry cannot be read, the child cannot be started, or its stage cannot
@@ -76,27 +39,27 @@ impl RemoteStage {
     pub(crate) fn open(
         scene: &SceneDescription,
         request: StageRequest,
+        workers: NonZeroUsize,
     ) -> Result<Self, RemoteError> {
         let geometry = scene
             .geometry()
             .map_err(|error| RemoteError { usage: true, message: error.to_string() })?;
-        let mut stage = Self {
-            request,
-            worker: None,
-            space: KnobSpace::default(),
-            meter: MeterInfo {
-                name: String::new(),
-                provenance: bevy_frugal_gi::power::Provenance::Modelled,
-                description: String::new(),
-            },
-            idle: Watts(0.0),
+        let count = workers.get();
+        let cores = std::thread::available_parallelism().map_or(1, NonZeroUsize::get);
+        let threads = (count > 1).then_some((cores / count).max(1));
+        let process = || StageProcess::new(request.clone(), threads);
+        let mut first = process();
+        let Opened { space, meter, idle } = first.start()?;
+        Ok(Self {
+            first,
+            others: (1..count).map(|_| process()).collect(),
+            space,
+            meter,
+            idle,
             rays: RayScene::from_geometry(&geometry),
             bounds: geometry.bounds(),
             vertical_fov_degrees: scene.camera.vertical_fov,
-            warm: false,
-        };
-        stage.start()?;
-        Ok(stage)
+        })
     }
 
     /// The knobs on offer.
@@ -121,12 +84,12 @@ impl RemoteStage {
 
     /// Width and height, pixels.
     pub(crate) fn size(&self) -> [u32; 2] {
-        self.request.size
+        self.first.request().size
     }
 
     /// Target frame rate.
     pub(crate) fn frames_per_second(&self) -> f64 {
-        self.request.frames_per_second
+        self.first.request().frames_per_second
     }
 
     /// Triangles for ray queries.
@@ -136,146 +99,109 @@ impl RemoteStage {
 
     /// Vertical field of view in radians, and width ÷ height.
     pub(crate) fn lens(&self) -> (f32, f32) {
-        let [width, height] = self.request.size;
+        let [width, height] = self.first.request().size;
         (self.vertical_fov_degrees.to_radians(), width as f32 / height as f32)
     }
 
-    /// Renders every level of every knob once, in this child and in every later one, so that no
-    /// metered frame compiles.
+    /// Renders every level of every knob once, in every child, so that no metered frame compiles.
     ///
     /// # Errors
     /// When the child fails.
     pub(crate) fn warm(&mut self) -> Result<(), RemoteError> {
-        self.warm = true;
-        self.ask(&Request::Warm).map(drop)
-    }
-
-    fn start(&mut self) -> Result<(), RemoteError> {
-        let program = std::env::current_exe().map_err(RemoteError::failed)?;
-        let mut command = Command::new(program);
-        command.arg(CHILD_COMMAND).stdin(Stdio::piped()).stdout(Stdio::piped());
-        // Only the parent handles the interrupt key: in the same process group it would kill the
-        // child in mid-frame.
-        #[cfg(unix)]
-        std::os::unix::process::CommandExt::process_group(&mut command, 0);
-        let mut child = command.spawn().map_err(|error| {
-            RemoteError::failed(format!("cannot start the renderer's process: {error}"))
-        })?;
-        let (Some(input), Some(output)) = (child.stdin.take(), child.stdout.take()) else {
-            return Err(RemoteError::failed("the renderer's process has no pipes"));
-        };
-        self.worker =
-            Some(Worker { child, input, output: BufReader::new(output), resident_bytes: 0 });
-        match self.exchange(&Request::Open(self.request.clone()))? {
-            (Answer::Opened { space, meter, idle }, _) => {
-                (self.space, self.meter, self.idle) = (space, meter, idle);
-            }
-            other => {
-                return Err(RemoteError::failed(format!(
-                    "the renderer's process sent an unexpected answer: {other:?}"
-                )));
-            }
-        }
-        if self.warm {
-            self.exchange(&Request::Warm)?;
-        }
-        Ok(())
-    }
-
-    /// Sends a request, after replacing a child that has grown too large; repeats it once with a
-    /// fresh child if the child died.
-    fn ask(&mut self, request: &Request) -> Result<(Answer, Option<Picture>), RemoteError> {
-        if self.worker.as_ref().is_some_and(|worker| worker.resident_bytes > LARGEST_BYTES) {
-            self.worker = None;
-        }
-        if self.worker.is_none() {
-            self.start()?;
-            self.prepare(request)?;
-        }
-        match self.exchange(request) {
-            Err(error) if self.worker.is_none() => {
-                self.start().map_err(|again| RemoteError {
-                    usage: again.usage,
-                    message: format!("{error}; then {again}"),
-                })?;
-                self.prepare(request)?;
-                self.exchange(request)
-            }
-            result => result,
-        }
-    }
-
-    /// Begins a run at the frame's pose in a fresh child, so that the frame does not pay for first
-    /// use of resources.
-    fn prepare(&mut self, request: &Request) -> Result<(), RemoteError> {
-        if let Request::Play { position, rotation, settings } = *request {
-            self.exchange(&Request::Begin { position, rotation, settings })?;
-        }
-        Ok(())
-    }
-
-    fn exchange(&mut self, request: &Request) -> Result<(Answer, Option<Picture>), RemoteError> {
-        let Some(worker) = &mut self.worker else {
-            return Err(RemoteError::failed("the renderer's process is not running"));
-        };
-        let reply = send(&mut worker.input, request)
-            .and_then(|()| std::io::Write::flush(&mut worker.input))
-            .and_then(|()| receive::<Reply>(&mut worker.output))
-            .and_then(|reply| {
-                let Answer::Frame { width, height, .. } = reply.answer else {
-                    return Ok((reply, None));
-                };
-                let mut bytes = vec![0; width as usize * height as usize * 3];
-                worker.output.read_exact(&mut bytes)?;
-                let rgb =
-                    bytes.chunks_exact(3).map(|pixel| [pixel[0], pixel[1], pixel[2]]).collect();
-                Ok((reply, Some((width, height, rgb))))
+        std::thread::scope(|scope| {
+            let all = self.others.iter_mut().chain([&mut self.first]);
+            let threads: Vec<_> = all.map(|process| scope.spawn(|| process.warm())).collect();
+            let ended = threads.into_iter().map(|thread| {
+                thread.join().unwrap_or_else(|_| Err(RemoteError::failed("a thread panicked")))
             });
-        match reply {
-            Ok((Reply { answer: Answer::Failed { usage, message }, .. }, _)) => {
-                Err(RemoteError { usage, message })
-            }
-            Ok((reply, picture)) => {
-                worker.resident_bytes = reply.resident_bytes;
-                let picture = picture
-                    .map(|(width, height, rgb)| Picture::new(width, height, rgb))
-                    .transpose();
-                Ok((reply.answer, picture.map_err(RemoteError::failed)?))
-            }
-            Err(error) => {
-                self.worker = None;
-                Err(RemoteError::failed(format!(
-                    "the renderer's process broke off ({error}): it crashed, or ran out of memory"
-                )))
-            }
-        }
+            // All of them, so that none is left to panic unheard.
+            ended.collect::<Vec<_>>().into_iter().collect()
+        })
     }
 }
 
 impl Measure for RemoteStage {
     type Error = RemoteError;
 
-    /// Power is the mean of all frames but the first.
     fn measure(
         &mut self,
         clip: &[CameraPose],
         settings: KnobLevels,
     ) -> Result<CostPoint, RemoteError> {
-        let clip = clip.iter().map(|pose| (pose.position, pose.rotation)).collect();
-        match self.ask(&Request::Measure { clip, settings })? {
-            (Answer::Cost(cost), _) => Ok(cost),
-            other => Err(RemoteError::failed(format!(
-                "the renderer's process sent an unexpected answer: {other:?}"
-            ))),
-        }
+        self.first.measure(clip, settings)
     }
+
+    /// Each child takes the next batch when it is done with its last. All end after the rendering that
+    /// they are at where one fails, or `done` breaks.
+    fn measure_all(
+        &mut self,
+        batches: &[Batch],
+        done: &mut dyn FnMut(Measured) -> ControlFlow<()>,
+    ) -> Result<(), RemoteError> {
+        let batches = split(batches, 1 + self.others.len());
+        let (next, ends) = (AtomicUsize::new(0), AtomicBool::new(false));
+        let (sender, results) = mpsc::channel();
+        std::thread::scope(|scope| {
+            for process in self.others.iter_mut().chain([&mut self.first]) {
+                let (sender, batches, next, ends) = (sender.clone(), &batches, &next, &ends);
+                scope.spawn(move || {
+                    while let Some((batch, clip, settings)) =
+                        batches.get(next.fetch_add(1, Ordering::Relaxed))
+                    {
+                        for settings in *settings {
+                            if ends.load(Ordering::Relaxed) {
+                                return;
+                            }
+                            let (batch, settings) = (*batch, *settings);
+                            let cost = process.measure(clip, settings);
+                            let result = cost.map(|cost| Measured { batch, settings, cost });
+                            let has_failed = result.is_err();
+                            if sender.send(result).is_err() || has_failed {
+                                return;
+                            }
+                        }
+                    }
+                });
+            }
+            drop(sender);
+            let mut failure = Ok(());
+            for result in results {
+                match result {
+                    // What was rendered counts, even after the end.
+                    Ok(measured) if done(measured).is_continue() => {}
+                    Ok(_) => ends.store(true, Ordering::Relaxed),
+                    Err(error) => {
+                        ends.store(true, Ordering::Relaxed);
+                        failure = Err(error);
+                    }
+                }
+            }
+            failure
+        })
+    }
+}
+
+/// The batches in parts, at least `count` where there are as many settings: the number of the batch,
+/// its clip, and some of its settings. A part renders the reference at its camera once more.
+fn split<'a>(
+    batches: &'a [Batch],
+    count: usize,
+) -> Vec<(usize, &'a [CameraPose], &'a [KnobLevels])> {
+    let parts = count.div_ceil(batches.len().max(1));
+    let of_batch = |(number, batch): (usize, &'a Batch)| {
+        let length = batch.settings.len().div_ceil(parts).max(1);
+        let parts = batch.settings.chunks(length);
+        parts.map(move |settings| (number, batch.clip.as_slice(), settings))
+    };
+    batches.iter().enumerate().flat_map(of_batch).collect()
 }
 
 impl FrameRenderer for RemoteStage {
     type Error = RemoteError;
 
     fn begin_run(&mut self, _: &str, pose: &Pose, settings: KnobLevels) -> Result<(), RemoteError> {
-        self.ask(&Request::Begin { position: pose.position, rotation: pose.rotation, settings })
+        self.first
+            .ask(&Request::Begin { position: pose.position, rotation: pose.rotation, settings })
             .map(drop)
     }
 
@@ -284,16 +210,39 @@ impl FrameRenderer for RemoteStage {
         pose: &Pose,
         settings: KnobLevels,
     ) -> Result<RenderedFrame, RemoteError> {
-        match self.ask(&Request::Play {
+        match self.first.ask(&Request::Play {
             position: pose.position,
             rotation: pose.rotation,
             settings,
         })? {
             (Answer::Frame { power, .. }, Some(picture)) => Ok(RenderedFrame { picture, power }),
-            other => Err(RemoteError::failed(format!(
-                "the renderer's process sent an unexpected answer: {:?}",
-                other.0
-            ))),
+            (other, _) => Err(RemoteError::unexpected(&other)),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn few_batches_are_split_so_that_every_process_has_some() {
+        let batch = |count: u128| Batch {
+            clip: Vec::new(),
+            settings: (0..count).map(KnobLevels::from_bits).collect(),
+        };
+        for (counts, processes, expected) in [
+            (&[12][..], 4, &[(0, 3), (0, 3), (0, 3), (0, 3)][..]),
+            (&[12, 1], 3, &[(0, 6), (0, 6), (1, 1)]),
+            (&[2, 3], 2, &[(0, 2), (1, 3)]),
+            (&[0, 1], 8, &[(1, 1)]),
+            (&[], 2, &[]),
+        ] {
+            let batches: Vec<Batch> = counts.iter().copied().map(batch).collect();
+            let parts = split(&batches, processes);
+            let sizes: Vec<_> =
+                parts.iter().map(|(number, _, settings)| (*number, settings.len())).collect();
+            assert_eq!(sizes, expected, "{counts:?} for {processes}");
         }
     }
 }

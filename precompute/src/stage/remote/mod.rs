@@ -6,13 +6,17 @@
 //! too large. Its meter also covers the renderer alone: search, comparison and report run in the
 //! parent.
 //!
+//! Several children render side by side what does not depend on the order (`Measure::measure_all`).
+//!
 //! Messages are a length (u32, little endian) and that many bytes of JSON; a reply with an image is
 //! followed by its pixels.
 
 mod client;
+mod process;
 mod protocol;
 mod server;
 
-pub(crate) use client::{RemoteError, RemoteStage};
+pub(crate) use client::RemoteStage;
+pub(crate) use process::RemoteError;
 pub(crate) use protocol::StageRequest;
 pub(crate) use server::serve;

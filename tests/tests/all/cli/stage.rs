@@ -1,8 +1,14 @@
 //! Knobs, levels and meters, which only a stage can refuse: these need an adapter.
 
-use super::{AT, SCENE, assert_refused, entries, folder, run, write};
+use std::fs;
 
-tests!(unknown_knobs_and_meters_are_named, misspelt_knobs_and_levels_get_the_nearest_one);
+use super::{AT, SCENE, assert_refused, entries, folder, run, stderr, write};
+
+tests!(
+    unknown_knobs_and_meters_are_named,
+    misspelt_knobs_and_levels_get_the_nearest_one,
+    several_processes_render_the_same_table,
+);
 
 fn unknown_knobs_and_meters_are_named() {
     let folder = folder();
@@ -35,4 +41,23 @@ fn misspelt_knobs_and_levels_get_the_nearest_one() {
     ] {
         assert_refused(&refused, &[&format!("did you mean `{name}`?")]);
     }
+}
+
+fn several_processes_render_the_same_table() {
+    let folder = folder();
+    write(folder.path(), "a.scene.ron", SCENE);
+    let sweep = |options: &[&str]| {
+        let knobs = ["--size", "32x18", "--knobs", "antialiasing,post_processing"];
+        run(folder.path(), &[&["sweep", "a.scene.ron"][..], &AT, &knobs, options].concat())
+    };
+    assert_refused(&sweep(&["--workers", "3"]), &["--workers 3", "--meter work"]);
+    let table = |workers: &str| {
+        let name = format!("{workers}.csv");
+        let done = sweep(&["--meter", "work", "--workers", workers, "--csv", &name]);
+        assert!(done.status.success(), "{}", stderr(&done));
+        fs::read_to_string(folder.path().join(name)).expect("a table")
+    };
+    let one = table("1");
+    assert!(one.lines().count() > 24, "{one}");
+    assert_eq!(table("3"), one);
 }
