@@ -7,6 +7,7 @@
 //! Independent of the renderer.
 mod camera_search;
 mod error_model;
+mod goals;
 mod portfolio;
 mod propose;
 mod screening;

@@ -3,51 +3,24 @@
 use bevy_frugal_gi::frontier::CostPoint;
 use bevy_frugal_gi::knobs::KnobLevels;
 
-use super::LEAST_ERROR;
+use super::goals::Goals;
 use crate::table::CostTable;
 
-/// Exchange rates of the losses, in units of the best settings' power per unit of error: those of
-/// error budgets from a few hundredths to a few thousandths.
-pub(super) const RATES: [f64; 8] = [4.0, 8.0, 16.0, 32.0, 64.0, 128.0, 256.0, 512.0];
-/// Number of power budgets of the losses, evenly spread over the range of power.
-pub(super) const BUDGETS: usize = 19;
-/// The least power budget, as a share of the range: cheaper settings have errors that no app would
-/// ship.
-const LEAST_BUDGET: f64 = 0.1;
-/// Weight of the error at a power budget relative to the cost at an exchange rate. Of 139 settings at
-/// six views of a court, the best of each view among 32 chosen at 0.5 has at most 6 % more error at power
-/// budgets of 20 to 90 % than the best of all; at 0.25 it has 4 and 2 % more than at 0.5 at two of them.
-pub(super) const BUDGET_WEIGHT: f64 = 0.5;
 /// Least relative gain for which another setting is kept.
 const LEAST_GAIN: f64 = 1e-5;
 
-/// The power budget of number `step` within a range of power.
-pub(super) fn budget(range: (f64, f64), step: usize) -> f64 {
-    let share = LEAST_BUDGET + (1.0 - LEAST_BUDGET) * step as f64 / (BUDGETS - 1) as f64;
-    (range.0 + (range.1 - range.0) * share) * (1.0 + 1e-9)
-}
-
-/// Losses of settings at one camera: a number for each exchange rate and power budget, lower is
-/// better.
-fn losses(costs: &[CostPoint], best_power: f64, range: (f64, f64)) -> Vec<Vec<f64>> {
-    let rates = RATES.iter().map(|rate| {
-        let sum = |cost: &CostPoint| cost.power.0 / best_power + rate * cost.error;
-        let least = costs.iter().map(sum).fold(f64::INFINITY, f64::min);
-        costs.iter().map(|cost| sum(cost) / least - 1.0).collect()
-    });
-    let budgets = (0..BUDGETS).map(|step| {
-        let limit = budget(range, step);
-        let error = |cost: &CostPoint| {
-            if cost.power.0 <= limit {
-                (cost.error + LEAST_ERROR).ln()
-            } else {
-                LEAST_ERROR.ln() + 8.0
-            }
-        };
-        let least = costs.iter().map(error).fold(f64::INFINITY, f64::min);
-        costs.iter().map(|cost| BUDGET_WEIGHT * (error(cost) - least)).collect()
-    });
-    rates.chain(budgets).collect()
+/// Losses of settings at one camera against the best of them: a row for each goal.
+fn losses(costs: &[CostPoint]) -> Vec<Vec<f64>> {
+    let power = || costs.iter().map(|cost| cost.power.0);
+    let goals = Goals::new(power().fold(f64::INFINITY, f64::min)..power().fold(0.0, f64::max));
+    let scores: Vec<Vec<f64>> = costs.iter().map(|cost| goals.scores(cost).collect()).collect();
+    let count = scores.first().map_or(0, Vec::len);
+    let row = |goal: usize| {
+        let at = scores.iter().map(|scores| scores[goal]);
+        let least = at.clone().fold(f64::INFINITY, f64::min);
+        at.map(|score| score - least).collect()
+    };
+    (0..count).map(row).collect()
 }
 
 /// Every camera's losses, a row for each.
@@ -59,11 +32,7 @@ fn all_losses(table: &CostTable, columns: &[usize]) -> Vec<Vec<f64>> {
         let Some(costs) = costs.filter(|costs| costs.iter().all(|cost| cost.power.0 > 0.0)) else {
             continue;
         };
-        let power = |pick: fn(f64, f64) -> f64, start: f64| {
-            costs.iter().map(|cost| cost.power.0).fold(start, pick)
-        };
-        let range = (power(f64::min, f64::INFINITY), power(f64::max, 0.0));
-        rows.extend(losses(&costs, range.1, range));
+        rows.extend(losses(&costs));
     }
     rows
 }
@@ -110,20 +79,6 @@ pub(crate) fn portfolio(table: &CostTable, most: usize, always: &[KnobLevels]) -
     kept.into_iter().map(|index| table.settings()[columns[index]]).collect()
 }
 
-/// Loss of `kept` against all settings of `table`: mean over cameras, exchange rates and budgets.
-#[cfg(test)]
-fn regret(table: &CostTable, kept: &[KnobLevels]) -> f64 {
-    let columns: Vec<usize> =
-        (0..table.settings().len()).filter(|column| table.is_complete(*column)).collect();
-    let indices: Vec<usize> = (0..columns.len())
-        .filter(|index| kept.contains(&table.settings()[columns[*index]]))
-        .collect();
-    let rows = all_losses(table, &columns);
-    let least =
-        |row: &Vec<f64>| indices.iter().map(|index| row[*index]).fold(f64::INFINITY, f64::min);
-    rows.iter().map(least).sum::<f64>() / rows.len().max(1) as f64
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -145,6 +100,23 @@ mod tests {
             }
         }
         table
+    }
+
+    /// Power of the best of `kept` above that of the best of all, for error budgets: the mean logarithm
+    /// over cameras and budgets.
+    fn regret(table: &CostTable, kept: &[KnobLevels]) -> f64 {
+        let mut ratios = Vec::new();
+        for row in 0..table.rows() {
+            for budget in [0.005, 0.01, 0.02, 0.03, 0.05, 0.1] {
+                let least = |settings: &[KnobLevels]| {
+                    let costs = settings.iter().filter_map(|settings| table.get(row, *settings));
+                    let within = costs.filter(|cost| cost.error <= budget);
+                    within.map(|cost| cost.power.0).fold(f64::INFINITY, f64::min)
+                };
+                ratios.push((least(kept) / least(table.settings())).ln());
+            }
+        }
+        ratios.iter().sum::<f64>() / ratios.len().max(1) as f64
     }
 
     #[test]

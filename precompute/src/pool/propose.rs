@@ -5,7 +5,7 @@ use std::convert::Infallible;
 use bevy_frugal_gi::frontier::{CostPoint, FrontierPoint};
 use bevy_frugal_gi::knobs::{KnobLevels, KnobSpace};
 
-use super::portfolio::{BUDGET_WEIGHT, BUDGETS, RATES, budget};
+use super::goals::Goals;
 use super::{ErrorModel, LEAST_ERROR, Screening};
 use crate::cost::{CostModel, FrameLayout, Work};
 use crate::search::{Evaluate, Search, SearchConfig};
@@ -14,7 +14,7 @@ use crate::search::{Evaluate, Search, SearchConfig};
 pub(crate) const GREATEST_ERROR: f64 = 0.3;
 /// Optimism of proposals, standard deviations below the expected error (a lower confidence bound).
 pub(crate) const OPTIMISM: f64 = 0.5;
-/// Least gain, summed over rates and budgets, for which settings are rendered.
+/// Least gain, summed over goals, for which settings are rendered.
 const LEAST_GAIN: f64 = 1e-3;
 /// Model evaluations per round, and survivors per generation.
 const EVALUATIONS: usize = 4000;
@@ -107,52 +107,33 @@ pub(crate) fn propose(proposal: &Proposal<'_>, count: usize, seed: u64) -> Vec<K
     greatest_gains(&rendered, &candidates, power(proposal.space.lowest()) / best_power, count)
 }
 
-/// The best results of rendered settings: the least power + rate × error at each exchange rate, and
-/// the least error within each power budget. Powers are shares of the best settings' power.
+/// The best scores of rendered settings. Powers are shares of the best settings' power.
 struct Reached {
-    weighted: Vec<f64>,
-    range: (f64, f64),
-    within: Vec<f64>,
+    goals: Goals,
+    least: Vec<f64>,
 }
 
 impl Reached {
     /// `cheapest`: the least power of all settings.
     fn new(rendered: &[(KnobLevels, CostPoint)], cheapest: f64) -> Self {
-        let mut reached = Self {
-            weighted: vec![f64::INFINITY; RATES.len()],
-            range: (cheapest, 1.0),
-            within: vec![GREATEST_ERROR; BUDGETS],
-        };
+        let goals = Goals::new(cheapest..1.0);
+        // The best settings at the greatest error that counts: something to gain on where nothing is
+        // rendered.
+        let least = goals.scores(&CostPoint::new(1.0, GREATEST_ERROR)).collect();
+        let mut reached = Self { goals, least };
         rendered.iter().for_each(|(_, cost)| reached.add(cost));
         reached
     }
 
     fn add(&mut self, cost: &CostPoint) {
-        self.weighted
-            .iter_mut()
-            .zip(&RATES)
-            .for_each(|(least, rate)| *least = least.min(cost.power.0 + rate * cost.error));
-        for (step, least) in self.within.iter_mut().enumerate() {
-            if cost.power.0 <= budget(self.range, step) {
-                *least = least.min(cost.error);
-            }
-        }
+        let scores = self.goals.scores(cost);
+        self.least.iter_mut().zip(scores).for_each(|(least, score)| *least = least.min(score));
     }
 
-    /// Gain of a cost over these results, summed over rates and budgets.
+    /// Gain of a cost over these results, summed over goals.
     fn gain(&self, cost: &CostPoint) -> f64 {
-        let weighted = RATES
-            .iter()
-            .zip(&self.weighted)
-            .map(|(rate, least)| (1.0 - (cost.power.0 + rate * cost.error) / least).max(0.0));
-        let error = (cost.error + LEAST_ERROR).ln();
-        let within = self
-            .within
-            .iter()
-            .enumerate()
-            .filter(|(step, _)| cost.power.0 <= budget(self.range, *step));
-        let within = within.map(|(_, least)| ((least + LEAST_ERROR).ln() - error).max(0.0));
-        weighted.sum::<f64>() + BUDGET_WEIGHT * within.sum::<f64>()
+        let scores = self.goals.scores(cost);
+        self.least.iter().zip(scores).map(|(least, score)| (least - score).max(0.0)).sum()
     }
 }
 
