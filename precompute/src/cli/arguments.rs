@@ -65,9 +65,6 @@ pub(super) struct WorkerArguments {
 }
 
 impl WorkerArguments {
-    /// One process, for what is rendered in order.
-    pub(super) const ONE: Self = Self { workers: NonZeroUsize::MIN };
-
     /// The number, for a meter of this name.
     ///
     /// # Errors

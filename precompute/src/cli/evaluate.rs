@@ -55,6 +55,8 @@ pub(super) struct Arguments {
     /// Power meter; default: the map's. `work`: prices of work, the same in every run
     #[arg(long, value_name = "NAME")]
     meter: Option<String>,
+    #[command(flatten)]
+    workers: WorkerArguments,
     /// Result for programs
     #[arg(long, value_name = "FILE")]
     json: Option<PathBuf>,
@@ -130,7 +132,7 @@ pub(super) fn run(arguments: &Arguments) -> Result<(), CliError> {
     }
 
     let meter = arguments.meter.clone();
-    let workers = &WorkerArguments::ONE;
+    let workers = &arguments.workers;
     let mut stage = open_stage(&scene, &arguments.scene, &map, &arguments.map, meter, workers)?;
     let label = arguments.scene.display().to_string();
     if arguments.baselines == Baselines::Quick {
@@ -265,7 +267,7 @@ fn record(
     if settings.iter().any(|settings| record.table.column(*settings).is_none()) {
         stage.warm()?;
     }
-    let recorded = record.extend(stage, &settings, &mut journal, &mut |progress| {
+    let recorded = record.extend(stage.processes(), &settings, &mut journal, &mut |progress| {
         bar.set_length(progress.frames_total as u64);
         bar.set_position(progress.frames_done as u64);
         bar.set_message("frames of the path's record");

@@ -9,6 +9,7 @@
 //! | `play` | one run along a path: frame renderer, policy, per-frame records |
 //! | `runner` | rendered runs under one budget: selection, order, reference images |
 //! | `record` | power and error of many settings at every frame of a path; policies are simulated from it without rendering |
+//! | `recording` | makes a record, with several renderers side by side |
 //! | `baselines`, `judge` | the baselines, and the comparison with them |
 //! | `controlled` | the plugin's controller as a policy |
 //! | `bootstrap` | statistical significance of differences |
@@ -26,6 +27,7 @@ mod judge;
 mod play;
 mod record;
 mod recorded;
+mod recording;
 mod resolution;
 mod result;
 mod runner;

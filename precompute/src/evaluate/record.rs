@@ -12,10 +12,11 @@ use bevy_frugal_gi::frontier::CostPoint;
 use bevy_frugal_gi::knobs::{KnobLevels, KnobSpace};
 
 use super::play::{Against, play};
+use super::recording::read_line;
 use super::{
     Choice, EvaluationError, Fixed, FrameRecord, FrameRenderer, PathPlan, Policy, Progress,
 };
-use crate::journal::{Journal, JournalError};
+use crate::journal::JournalError;
 use crate::metrics::Reference;
 use crate::table::CostTable;
 
@@ -58,62 +59,6 @@ impl PathRecord {
             space: space.clone(),
             table: table.with_columns(|settings| complete.contains(&settings)),
         }
-    }
-
-    /// Renders the whole path with each of `settings` that is not recorded yet, and stores each
-    /// frame's cost.
-    ///
-    /// The best settings are rendered first, whether recorded or not: their images are the
-    /// references.
-    ///
-    /// # Errors
-    /// When the frame renderer fails, the journal cannot be written, or `on_frame` breaks.
-    pub(crate) fn extend<P: FrameRenderer>(
-        &mut self,
-        renderer: &mut P,
-        settings: &[KnobLevels],
-        journal: &mut Journal,
-        on_frame: &mut dyn FnMut(&Progress<'_>) -> ControlFlow<()>,
-    ) -> Result<(), RecordError<P::Error>> {
-        let mut missing = self.space.canonical_once(settings.iter().copied());
-        missing.retain(|settings| self.table.column(*settings).is_none());
-        if missing.is_empty() {
-            return Ok(());
-        }
-        let best = self.space.canonical(self.space.highest());
-        missing.retain(|settings| *settings != best);
-        let frames_total = (1 + missing.len()) * self.path.poses().len();
-        let mut frames_done = 0;
-        let mut references: Vec<Reference> = Vec::new();
-        for settings in std::iter::once(best).chain(missing) {
-            let run = self.space.describe(settings);
-            let mut told = || {
-                frames_done += 1;
-                on_frame(&Progress { run: &run, frames_done, frames_total })
-            };
-            let against = if references.is_empty() {
-                Against::Collect(&mut references)
-            } else {
-                Against::Compare(&references)
-            };
-            let series = play(
-                renderer,
-                &self.path,
-                &run,
-                &mut Fixed(settings),
-                against,
-                &mut |_, _| (),
-                &mut told,
-            )?;
-            let known = self.table.column(settings).is_some();
-            for (frame, FrameRecord { power, error, .. }) in series.into_iter().enumerate() {
-                if !known {
-                    journal.append(&write_line(settings, frame, CostPoint::new(power.0, error)))?;
-                    self.table.set(frame, settings, CostPoint::new(power.0, error));
-                }
-            }
-        }
-        Ok(())
     }
 
     /// Renders runs of `policies`, after a run of the best settings, whose images are the
@@ -222,30 +167,12 @@ impl PathRecord {
 /// Keeps the logarithm of an error of 0 finite.
 const LEAST: f64 = 1e-4;
 
-/// Exact bits, so that a resumed record is identical.
-fn write_line(settings: KnobLevels, frame: usize, cost: CostPoint) -> String {
-    format!(
-        "frame {:x} {frame:x} {:016x} {:016x}",
-        settings.bits(),
-        cost.power.0.to_bits(),
-        cost.error.to_bits()
-    )
-}
-
-fn read_line(record: &str) -> Option<(KnobLevels, usize, CostPoint)> {
-    let mut words = record.strip_prefix("frame ")?.split(' ');
-    let settings = KnobLevels::from_bits(u128::from_str_radix(words.next()?, 16).ok()?);
-    let mut number = || u64::from_str_radix(words.next()?, 16).ok();
-    let frame = usize::try_from(number()?).ok()?;
-    Some((settings, frame, CostPoint::new(f64::from_bits(number()?), f64::from_bits(number()?))))
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
     use crate::evaluate::Controlled;
     use crate::evaluate::fake::{Fake, path, space};
-    use crate::journal::JournalHeader;
+    use crate::journal::{Journal, JournalHeader};
 
     fn recorded(settings: &[KnobLevels]) -> PathRecord {
         let folder = tempfile::tempdir().expect("a folder");
@@ -255,7 +182,7 @@ mod tests {
         let mut record = PathRecord::restore(&path(), &space(), &[]);
         record
             .extend(
-                &mut Fake::default(),
+                &mut [Fake::default(), Fake::default(), Fake::default()],
                 settings,
                 &mut journal,
                 &mut |_| ControlFlow::Continue(()),
@@ -288,30 +215,6 @@ mod tests {
             let real = run(settings, Against::Compare(&references));
             assert_eq!(record.simulate(&mut Fixed(settings)), real);
         }
-    }
-
-    #[test]
-    fn an_interrupted_record_resumes_with_the_missing_settings() {
-        let (low, high) = (space().canonical(space().lowest()), space().highest());
-        let folder = tempfile::tempdir().expect("a folder");
-        let file = folder.path().join("journal");
-        let mut journal = Journal::create(&file, &JournalHeader::default()).expect("a journal");
-        let mut record = PathRecord::restore(&path(), &space(), &[]);
-        let mut frames = 0;
-        let stopped = record.extend(&mut Fake::default(), &[low], &mut journal, &mut |_| {
-            frames += 1;
-            if frames == 15 { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
-        });
-        assert!(matches!(stopped, Err(RecordError::Play(EvaluationError::Interrupted))));
-        drop(journal);
-        let (mut journal, lines) =
-            Journal::resume(&file, &JournalHeader::default()).expect("resumes");
-        let mut again = PathRecord::restore(&path(), &space(), &lines);
-        assert_eq!(again.table.settings(), [high]);
-        again
-            .extend(&mut Fake::default(), &[low], &mut journal, &mut |_| ControlFlow::Continue(()))
-            .expect("plays");
-        assert_eq!(again, recorded(&[low]));
     }
 
     #[test]

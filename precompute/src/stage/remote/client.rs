@@ -11,15 +11,15 @@ use bevy_frugal_gi::power::MeterInfo;
 use bevy_frugal_gi::units::Watts;
 
 use super::process::{Opened, RemoteError, StageProcess};
-use super::protocol::{Answer, Request, StageRequest};
+use super::protocol::StageRequest;
 use crate::evaluate::{FrameRenderer, Pose, RenderedFrame};
 use crate::scene::{Bounds, CameraPose, RayScene, SceneDescription};
 use crate::table::{Batch, Measure, Measured};
 
 /// A stage in a child process, with more of them for what can be rendered side by side.
 pub(crate) struct RemoteStage {
-    first: StageProcess,
-    others: Vec<StageProcess>,
+    /// At least one.
+    processes: Vec<StageProcess>,
     space: KnobSpace,
     meter: MeterInfo,
     idle: Watts,
@@ -47,12 +47,11 @@ impl RemoteStage {
         let count = workers.get();
         let cores = std::thread::available_parallelism().map_or(1, NonZeroUsize::get);
         let threads = (count > 1).then_some((cores / count).max(1));
-        let process = || StageProcess::new(request.clone(), threads);
-        let mut first = process();
-        let Opened { space, meter, idle } = first.start()?;
+        let mut processes: Vec<_> =
+            (0..count).map(|_| StageProcess::new(request.clone(), threads)).collect();
+        let Opened { space, meter, idle } = processes[0].start()?;
         Ok(Self {
-            first,
-            others: (1..count).map(|_| process()).collect(),
+            processes,
             space,
             meter,
             idle,
@@ -84,12 +83,12 @@ impl RemoteStage {
 
     /// Width and height, pixels.
     pub(crate) fn size(&self) -> [u32; 2] {
-        self.first.request().size
+        self.processes[0].request().size
     }
 
     /// Target frame rate.
     pub(crate) fn frames_per_second(&self) -> f64 {
-        self.first.request().frames_per_second
+        self.processes[0].request().frames_per_second
     }
 
     /// Triangles for ray queries.
@@ -99,8 +98,13 @@ impl RemoteStage {
 
     /// Vertical field of view in radians, and width ÷ height.
     pub(crate) fn lens(&self) -> (f32, f32) {
-        let [width, height] = self.first.request().size;
+        let [width, height] = self.processes[0].request().size;
         (self.vertical_fov_degrees.to_radians(), width as f32 / height as f32)
+    }
+
+    /// Every process, for what each can render alone.
+    pub(crate) fn processes(&mut self) -> &mut [StageProcess] {
+        &mut self.processes
     }
 
     /// Renders every level of every knob once, in every child, so that no metered frame compiles.
@@ -109,7 +113,7 @@ impl RemoteStage {
     /// When the child fails.
     pub(crate) fn warm(&mut self) -> Result<(), RemoteError> {
         std::thread::scope(|scope| {
-            let all = self.others.iter_mut().chain([&mut self.first]);
+            let all = self.processes.iter_mut();
             let threads: Vec<_> = all.map(|process| scope.spawn(|| process.warm())).collect();
             let ended = threads.into_iter().map(|thread| {
                 thread.join().unwrap_or_else(|_| Err(RemoteError::failed("a thread panicked")))
@@ -128,7 +132,7 @@ impl Measure for RemoteStage {
         clip: &[CameraPose],
         settings: KnobLevels,
     ) -> Result<CostPoint, RemoteError> {
-        self.first.measure(clip, settings)
+        self.processes[0].measure(clip, settings)
     }
 
     /// Each child takes the next batch when it is done with its last. All end after the rendering that
@@ -138,11 +142,11 @@ impl Measure for RemoteStage {
         batches: &[Batch],
         done: &mut dyn FnMut(Measured) -> ControlFlow<()>,
     ) -> Result<(), RemoteError> {
-        let batches = split(batches, 1 + self.others.len());
+        let batches = split(batches, self.processes.len());
         let (next, ends) = (AtomicUsize::new(0), AtomicBool::new(false));
         let (sender, results) = mpsc::channel();
         std::thread::scope(|scope| {
-            for process in self.others.iter_mut().chain([&mut self.first]) {
+            for process in &mut self.processes {
                 let (sender, batches, next, ends) = (sender.clone(), &batches, &next, &ends);
                 scope.spawn(move || {
                     while let Some((batch, clip, settings)) =
@@ -196,13 +200,17 @@ fn split<'a>(
     batches.iter().enumerate().flat_map(of_batch).collect()
 }
 
+/// In the first process.
 impl FrameRenderer for RemoteStage {
     type Error = RemoteError;
 
-    fn begin_run(&mut self, _: &str, pose: &Pose, settings: KnobLevels) -> Result<(), RemoteError> {
-        self.first
-            .ask(&Request::Begin { position: pose.position, rotation: pose.rotation, settings })
-            .map(drop)
+    fn begin_run(
+        &mut self,
+        name: &str,
+        pose: &Pose,
+        settings: KnobLevels,
+    ) -> Result<(), RemoteError> {
+        self.processes[0].begin_run(name, pose, settings)
     }
 
     fn render_frame(
@@ -210,14 +218,7 @@ impl FrameRenderer for RemoteStage {
         pose: &Pose,
         settings: KnobLevels,
     ) -> Result<RenderedFrame, RemoteError> {
-        match self.first.ask(&Request::Play {
-            position: pose.position,
-            rotation: pose.rotation,
-            settings,
-        })? {
-            (Answer::Frame { power, .. }, Some(picture)) => Ok(RenderedFrame { picture, power }),
-            (other, _) => Err(RemoteError::unexpected(&other)),
-        }
+        self.processes[0].render_frame(pose, settings)
     }
 }
 

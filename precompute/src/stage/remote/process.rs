@@ -9,6 +9,7 @@ use bevy_frugal_gi::power::MeterInfo;
 use bevy_frugal_gi::units::Watts;
 
 use super::protocol::{Answer, Reply, Request, StageRequest, receive, send};
+use crate::evaluate::{FrameRenderer, Pose, RenderedFrame};
 use crate::metrics::Picture;
 use crate::scene::CameraPose;
 
@@ -67,7 +68,7 @@ pub(super) struct Opened {
 }
 
 /// A stage's child process, running or to be started.
-pub(super) struct StageProcess {
+pub(crate) struct StageProcess {
     request: StageRequest,
     /// Threads of a software driver; `None`: as many as it likes.
     threads: Option<usize>,
@@ -216,6 +217,30 @@ impl StageProcess {
                     "the renderer's process broke off ({error}): it crashed, or ran out of memory"
                 )))
             }
+        }
+    }
+}
+
+impl FrameRenderer for StageProcess {
+    type Error = RemoteError;
+
+    fn begin_run(&mut self, _: &str, pose: &Pose, settings: KnobLevels) -> Result<(), RemoteError> {
+        self.ask(&Request::Begin { position: pose.position, rotation: pose.rotation, settings })
+            .map(drop)
+    }
+
+    fn render_frame(
+        &mut self,
+        pose: &Pose,
+        settings: KnobLevels,
+    ) -> Result<RenderedFrame, RemoteError> {
+        match self.ask(&Request::Play {
+            position: pose.position,
+            rotation: pose.rotation,
+            settings,
+        })? {
+            (Answer::Frame { power, .. }, Some(picture)) => Ok(RenderedFrame { picture, power }),
+            (other, _) => Err(RemoteError::unexpected(&other)),
         }
     }
 }

@@ -2,12 +2,13 @@
 
 use std::fs;
 
-use super::{AT, SCENE, assert_refused, entries, folder, run, stderr, write};
+use super::{AT, SCENE, assert_refused, entries, folder, run, scene_with_map, stderr, write};
 
 tests!(
     unknown_knobs_and_meters_are_named,
     misspelt_knobs_and_levels_get_the_nearest_one,
     several_processes_render_the_same_table,
+    several_processes_record_the_same_path,
 );
 
 fn unknown_knobs_and_meters_are_named() {
@@ -60,4 +61,25 @@ fn several_processes_render_the_same_table() {
     let one = table("1");
     assert!(one.lines().count() > 24, "{one}");
     assert_eq!(table("3"), one);
+}
+
+fn several_processes_record_the_same_path() {
+    let folder = folder();
+    scene_with_map(folder.path());
+    let evaluate = |options: &[&str]| {
+        let of_map = ["--map", "a.pareto.ron", "--error-budget", "0.02", "--baselines", "all"];
+        run(folder.path(), &[&["evaluate", "a.scene.ron"][..], &of_map, options].concat())
+    };
+    // The map's own meter reads the machine.
+    assert_refused(&evaluate(&["--workers", "2"]), &["--workers 2", "--meter work"]);
+    let result = |workers: &str| {
+        let (json, record) = (format!("{workers}.json"), format!("{workers}.record"));
+        let options = ["--meter", "work", "--workers", workers, "--json", &json];
+        let done = evaluate(&[&options[..], &["--record", &record]].concat());
+        assert!(done.status.success(), "{}", stderr(&done));
+        fs::read_to_string(folder.path().join(json)).expect("a result")
+    };
+    let one = result("1");
+    assert!(one.contains("best-constant"), "{one}");
+    assert_eq!(result("2"), one);
 }

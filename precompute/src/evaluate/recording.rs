@@ -1,0 +1,196 @@
+//! Recording: the whole path with every setting, by one renderer or several side by side.
+
+use std::ops::ControlFlow;
+use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
+use std::sync::mpsc;
+
+use bevy_frugal_gi::frontier::CostPoint;
+use bevy_frugal_gi::knobs::{KnobLevels, KnobSpace};
+
+use super::play::{Against, play};
+use super::record::RecordError;
+use super::{EvaluationError, Fixed, FrameRecord, FrameRenderer, PathPlan, PathRecord, Progress};
+use crate::journal::{Journal, JournalError};
+use crate::metrics::Reference;
+
+impl PathRecord {
+    /// Renders the whole path with each of `settings` that is not recorded yet, and stores each
+    /// frame's cost. Several renderers play different settings side by side.
+    ///
+    /// The best settings are rendered first, whether recorded or not: their images are the
+    /// references.
+    ///
+    /// # Errors
+    /// When a frame renderer fails, the journal cannot be written, or `on_frame` breaks.
+    pub(crate) fn extend<P: FrameRenderer + Send>(
+        &mut self,
+        renderers: &mut [P],
+        settings: &[KnobLevels],
+        journal: &mut Journal,
+        on_frame: &mut dyn FnMut(&Progress<'_>) -> ControlFlow<()>,
+    ) -> Result<(), RecordError<P::Error>>
+    where
+        P::Error: Send,
+    {
+        let Self { path, space, table } = self;
+        let mut missing = space.canonical_once(settings.iter().copied());
+        missing.retain(|settings| table.column(*settings).is_none());
+        let Some(first) = renderers.first_mut().filter(|_| !missing.is_empty()) else {
+            return Ok(());
+        };
+        let best = space.canonical(space.highest());
+        missing.retain(|settings| *settings != best);
+        let frames_total = (1 + missing.len()) * path.poses().len();
+        let mut frames_done = 0;
+        let mut told = |settings: KnobLevels| {
+            frames_done += 1;
+            on_frame(&Progress { run: &space.describe(settings), frames_done, frames_total })
+        };
+        let mut keep = |settings: KnobLevels, series: Vec<FrameRecord>| {
+            if table.column(settings).is_some() {
+                return Ok(());
+            }
+            for (frame, FrameRecord { power, error, .. }) in series.into_iter().enumerate() {
+                let cost = CostPoint::new(power.0, error);
+                journal.append(&write_line(settings, frame, cost))?;
+                table.set(frame, settings, cost);
+            }
+            Ok::<_, JournalError>(())
+        };
+        let mut references: Vec<Reference> = Vec::new();
+        let series =
+            constant(first, (path, space), best, Against::Collect(&mut references), &mut || {
+                told(best)
+            })?;
+        keep(best, series)?;
+
+        let (next, ends) = (AtomicUsize::new(0), AtomicBool::new(false));
+        // Without a buffer, so that no more than a frame is rendered after the end.
+        let (sender, results) = mpsc::sync_channel(0);
+        std::thread::scope(|scope| {
+            for renderer in renderers {
+                let (sender, next, ends) = (sender.clone(), &next, &ends);
+                let (path, space, missing, references) = (&*path, &*space, &missing, &references);
+                scope.spawn(move || {
+                    while let Some(settings) =
+                        missing.get(next.fetch_add(1, Ordering::Relaxed)).copied()
+                    {
+                        let against = Against::Compare(references);
+                        let series =
+                            constant(renderer, (path, space), settings, against, &mut || {
+                                let is_heard = sender.send((settings, None)).is_ok();
+                                if is_heard && !ends.load(Ordering::Relaxed) {
+                                    ControlFlow::Continue(())
+                                } else {
+                                    ControlFlow::Break(())
+                                }
+                            });
+                        let has_ended = series.is_err();
+                        if sender.send((settings, Some(series))).is_err() || has_ended {
+                            return;
+                        }
+                    }
+                });
+            }
+            drop(sender);
+            let mut result = Ok(());
+            for (settings, played) in results {
+                let now = match played {
+                    None if told(settings).is_break() => Err(EvaluationError::Interrupted.into()),
+                    None => Ok(()),
+                    Some(Ok(series)) => keep(settings, series).map_err(RecordError::from),
+                    Some(Err(error)) => Err(error.into()),
+                };
+                if now.is_err() {
+                    ends.store(true, Ordering::Relaxed);
+                }
+                result = result.and(now);
+            }
+            result
+        })
+    }
+}
+
+/// Plays a path with the same settings throughout.
+fn constant<P: FrameRenderer>(
+    renderer: &mut P,
+    (path, space): (&PathPlan, &KnobSpace),
+    settings: KnobLevels,
+    against: Against<'_>,
+    on_frame: &mut dyn FnMut() -> ControlFlow<()>,
+) -> Result<Vec<FrameRecord>, EvaluationError<P::Error>> {
+    let run = space.describe(settings);
+    play(renderer, path, &run, &mut Fixed(settings), against, &mut |_, _| (), on_frame)
+}
+
+/// Exact bits, so that a resumed record is identical.
+fn write_line(settings: KnobLevels, frame: usize, cost: CostPoint) -> String {
+    format!(
+        "frame {:x} {frame:x} {:016x} {:016x}",
+        settings.bits(),
+        cost.power.0.to_bits(),
+        cost.error.to_bits()
+    )
+}
+
+pub(super) fn read_line(record: &str) -> Option<(KnobLevels, usize, CostPoint)> {
+    let mut words = record.strip_prefix("frame ")?.split(' ');
+    let settings = KnobLevels::from_bits(u128::from_str_radix(words.next()?, 16).ok()?);
+    let mut number = || u64::from_str_radix(words.next()?, 16).ok();
+    let frame = usize::try_from(number()?).ok()?;
+    Some((settings, frame, CostPoint::new(f64::from_bits(number()?), f64::from_bits(number()?))))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::evaluate::fake::{Fake, path, space};
+    use crate::journal::JournalHeader;
+
+    #[test]
+    fn an_interrupted_record_resumes_with_the_missing_settings() {
+        let (low, high) = (space().canonical(space().lowest()), space().highest());
+        let folder = tempfile::tempdir().expect("a folder");
+        let file = folder.path().join("journal");
+        let mut journal = Journal::create(&file, &JournalHeader::default()).expect("a journal");
+        let mut record = PathRecord::restore(&path(), &space(), &[]);
+        let mut frames = 0;
+        let stopped = record.extend(&mut [Fake::default()], &[low], &mut journal, &mut |_| {
+            frames += 1;
+            if frames == 15 { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
+        });
+        assert!(matches!(stopped, Err(RecordError::Play(EvaluationError::Interrupted))));
+        drop(journal);
+        let (mut journal, lines) =
+            Journal::resume(&file, &JournalHeader::default()).expect("resumes");
+        let mut again = PathRecord::restore(&path(), &space(), &lines);
+        assert_eq!(again.table.settings(), [high]);
+        again
+            .extend(
+                &mut [Fake::default()],
+                &[low],
+                &mut journal,
+                &mut |_| ControlFlow::Continue(()),
+            )
+            .expect("plays");
+        assert!((0..2).all(|column| again.table.is_complete(column)));
+        assert_eq!(again.table.settings(), [high, low]);
+    }
+
+    #[test]
+    fn a_failure_of_one_renderer_ends_all_and_keeps_whole_runs() {
+        let all: Vec<KnobLevels> = space().iter().collect();
+        let folder = tempfile::tempdir().expect("a folder");
+        let file = folder.path().join("journal");
+        let mut journal = Journal::create(&file, &JournalHeader::default()).expect("a journal");
+        let mut record = PathRecord::restore(&path(), &space(), &[]);
+        let broken = Fake { broken_at: Some(25), ..Fake::default() };
+        let failed = record.extend(&mut [Fake::default(), broken], &all, &mut journal, &mut |_| {
+            ControlFlow::Continue(())
+        });
+        assert!(matches!(failed, Err(RecordError::Play(EvaluationError::BadPower { .. }))));
+        let kept = record.table.settings().len();
+        assert!((2..all.len()).contains(&kept), "{kept} of {}", all.len());
+        assert!((0..kept).all(|column| record.table.is_complete(column)));
+    }
+}
