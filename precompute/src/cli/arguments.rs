@@ -70,7 +70,8 @@ impl WorkerArguments {
     /// # Errors
     /// Where several processes would disturb what the meter reads.
     pub(super) fn count(&self, meter: Option<&str>) -> Result<NonZeroUsize, CliError> {
-        if self.workers.get() > 1 && !meter.is_some_and(|name| is_work_meter(name).is_some()) {
+        let reads_machine = meter.is_none_or(|name| is_work_meter(name).is_none());
+        if self.workers.get() > 1 && reads_machine {
             return Err(CliError::usage(format!(
                 "--workers {}: meters read the whole machine, so that processes would disturb each other's readings: add `--meter work`, or `--meter work=FILE` with prices from `frugal calibrate`",
                 self.workers
