@@ -14,6 +14,10 @@ use crate::search::{Evaluate, Search, SearchConfig};
 pub(crate) const GREATEST_ERROR: f64 = 0.3;
 /// Optimism of proposals, standard deviations below the expected error (a lower confidence bound).
 pub(crate) const OPTIMISM: f64 = 0.5;
+/// The same where too little is expected to gain: the search goes on where the model knows least. Of 4,048
+/// combinations at a view of the courtyard, it stopped after 50 renderings, 5 % short of the least power
+/// at an error of 0.04, and would never have found it.
+const EXPLORATION: f64 = 3.0;
 /// Least gain, summed over goals, for which settings are rendered.
 const LEAST_GAIN: f64 = 1e-3;
 /// Model evaluations per round, and survivors per generation.
@@ -55,7 +59,8 @@ pub(crate) struct Proposal<'a> {
 /// budgets.
 struct Models<'a> {
     proposal: &'a Proposal<'a>,
-    error: ErrorModel<'a>,
+    error: &'a ErrorModel<'a>,
+    optimism: f64,
 }
 
 impl Evaluate for Models<'_> {
@@ -71,40 +76,45 @@ impl Evaluate for Models<'_> {
         let (mean, deviation) = self.error.predict(settings);
         Ok(CostPoint::new(
             power,
-            (mean - OPTIMISM * deviation)
+            (mean - self.optimism * deviation)
                 .clamp(LEAST_ERROR.ln(), (GREATEST_ERROR + LEAST_ERROR).ln()),
         ))
     }
 }
 
 /// Up to `count` unrendered settings with the greatest expected gain, in the range of error
-/// budgets. Deterministic in `seed`.
+/// budgets. Where the expected gain is too small for so many, the most uncertain ones follow.
+/// Deterministic in `seed`.
 pub(crate) fn propose(proposal: &Proposal<'_>, count: usize, seed: u64) -> Vec<KnobLevels> {
-    let mut models = Models {
-        proposal,
-        error: ErrorModel::fit(proposal.space, proposal.screening, proposal.errors),
-    };
-    let known: Vec<KnobLevels> = proposal
-        .errors
-        .iter()
-        .map(|(settings, _)| proposal.screening.fixed(proposal.space, *settings))
-        .collect();
-    let Ok(found) =
-        Search::new(proposal.space, model_search(seed)).run(&mut models, &known, &mut |_| true);
-    let rendered = proposal.errors.iter().filter(|(_, error)| error.is_finite());
-    let power = |settings: KnobLevels| {
-        proposal.cost.power(&Work::of(proposal.space, settings, proposal.layout))
-    };
-    let best_power = power(proposal.space.highest()).max(1e-9);
-    let rendered: Vec<(KnobLevels, CostPoint)> = rendered
+    let Proposal { space, screening, cost, layout, errors } = *proposal;
+    let error = ErrorModel::fit(space, screening, errors);
+    let known: Vec<KnobLevels> =
+        errors.iter().map(|(settings, _)| screening.fixed(space, *settings)).collect();
+    let power = |settings: KnobLevels| cost.power(&Work::of(space, settings, layout));
+    let best_power = power(space.highest()).max(1e-9);
+    let rendered = errors.iter().filter(|(_, error)| error.is_finite());
+    let mut rendered: Vec<(KnobLevels, CostPoint)> = rendered
         .map(|(settings, error)| (*settings, CostPoint::new(power(*settings) / best_power, *error)))
         .collect();
     let point = |point: &FrontierPoint| {
         let error = (point.cost.error.exp() - LEAST_ERROR).max(0.0);
         (point.settings, CostPoint::new(point.cost.power.0.exp() / best_power, error))
     };
-    let candidates: Vec<_> = found.frontier.points().iter().map(point).collect();
-    greatest_gains(&rendered, &candidates, power(proposal.space.lowest()) / best_power, count)
+    let cheapest = power(space.lowest()) / best_power;
+    let mut proposed = Vec::new();
+    for optimism in [OPTIMISM, EXPLORATION] {
+        let mut models = Models { proposal, error: &error, optimism };
+        let Ok(found) =
+            Search::new(space, model_search(seed)).run(&mut models, &known, &mut |_| true);
+        let candidates: Vec<_> = found.frontier.points().iter().map(point).collect();
+        let more = greatest_gains(&rendered, &candidates, cheapest, count - proposed.len());
+        proposed.extend(more.iter().map(|(settings, _)| *settings));
+        if proposed.len() == count {
+            break;
+        }
+        rendered.extend(more);
+    }
+    proposed
 }
 
 /// The best scores of rendered settings. Powers are shares of the best settings' power.
@@ -143,7 +153,7 @@ fn greatest_gains(
     candidates: &[(KnobLevels, CostPoint)],
     cheapest: f64,
     count: usize,
-) -> Vec<KnobLevels> {
+) -> Vec<(KnobLevels, CostPoint)> {
     let mut reached = Reached::new(rendered, cheapest);
     let mut open: Vec<&(KnobLevels, CostPoint)> = candidates
         .iter()
@@ -159,7 +169,7 @@ fn greatest_gains(
         };
         let (settings, cost) = *open.swap_remove(next);
         reached.add(&cost);
-        taken.push(settings);
+        taken.push((settings, cost));
     }
     taken
 }
