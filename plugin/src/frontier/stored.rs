@@ -3,8 +3,6 @@
 //! Packed settings take up to 16 digits and occur in most frontiers: written out at every point they
 //! were half of a file. Version 1 did so, and is still read.
 
-use std::collections::BTreeSet;
-
 use serde::{Deserialize, Serialize};
 
 use super::{
@@ -56,23 +54,19 @@ fn with_settings(
 }
 
 impl From<FrontierMap> for StoredMap {
-    fn from(map: FrontierMap) -> Self {
+    fn from(mut map: FrontierMap) -> Self {
         // Rounding drops points, and with them settings that only they have.
-        let mut shared = map.shared.rounded();
-        let mut octree = map.octree;
-        octree.frontiers.iter_mut().for_each(|frontier| *frontier = frontier.rounded());
+        for frontier in map.octree.frontiers.iter_mut().chain([&mut map.shared]) {
+            *frontier = frontier.rounded();
+        }
         let mut settings = Vec::new();
         if map.version >= FIRST_WITH_LIST {
-            let frontiers = || octree.frontiers.iter().chain([&shared]);
-            let all: BTreeSet<KnobLevels> = frontiers()
-                .flat_map(|frontier| frontier.points().iter().map(|point| point.settings))
-                .collect();
-            settings.extend(all);
+            settings.extend(map.settings());
             let index = |one: KnobLevels| {
                 let index = settings.binary_search(&one).ok()?;
                 Some(KnobLevels::from_bits(index as u128))
             };
-            for frontier in octree.frontiers.iter_mut().chain([&mut shared]) {
+            for frontier in map.octree.frontiers.iter_mut().chain([&mut map.shared]) {
                 // Every settings is in the list, which was made of these frontiers.
                 if let Some(indexed) = with_settings(frontier, index) {
                     *frontier = indexed;
@@ -89,11 +83,11 @@ impl From<FrontierMap> for StoredMap {
             knobs: map.knobs,
             bounds: map.bounds,
             settings,
-            shared,
+            shared: map.shared,
             error_rates: map.error_rates,
             work_prices: map.work_prices,
             knob_effects: map.knob_effects,
-            octree,
+            octree: map.octree,
         }
     }
 }

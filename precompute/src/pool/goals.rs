@@ -50,13 +50,13 @@ impl Goals {
     pub(super) fn scores<'a>(&'a self, cost: &'a CostPoint) -> impl Iterator<Item = f64> + 'a {
         let power = cost.power.0 / self.power.end;
         let rates = RATES.iter().map(move |rate| (power + rate * cost.error).ln());
-        let within = (0..POWER_BUDGETS).map(move |step| {
-            let is_kept = cost.power.0 <= self.power_budget(step);
-            (if is_kept { cost.error.min(MOST_ERROR) } else { MOST_ERROR } + LEAST_ERROR).ln()
-        });
-        let errors = ERROR_BUDGETS
-            .iter()
-            .map(move |budget| if cost.error <= *budget { power.ln().min(0.0) } else { 0.0 });
+        let [error, most] =
+            [cost.error.min(MOST_ERROR), MOST_ERROR].map(|e| (e + LEAST_ERROR).ln());
+        let within = (0..POWER_BUDGETS)
+            .map(move |step| if cost.power.0 <= self.power_budget(step) { error } else { most });
+        let less = power.ln().min(0.0);
+        let errors =
+            ERROR_BUDGETS.iter().map(move |budget| if cost.error <= *budget { less } else { 0.0 });
         rates.chain(within).chain(errors)
     }
 
