@@ -25,7 +25,11 @@ pub use tour::{Tour, travel};
 /// Path of a file in the workspace, whatever the working directory. `path` is relative to the
 /// workspace root; the file need not exist.
 pub fn workspace_file(path: &str) -> PathBuf {
-    let workspace = Path::new(env!("CARGO_MANIFEST_DIR")).join("..");
+    // Clones that share one build share its executables, which know the first clone's folder: what
+    // the running Cargo says goes first.
+    let package = std::env::var_os("CARGO_MANIFEST_DIR")
+        .map_or_else(|| env!("CARGO_MANIFEST_DIR").into(), PathBuf::from);
+    let workspace = package.join("..");
     // Keeps `..` out of messages, whether the file exists or not.
     workspace.canonicalize().unwrap_or(workspace).join(path)
 }

@@ -6,9 +6,11 @@
 //! adapter.
 //!
 //! The camera goes along the tour and back. Runs last ten seconds after two to settle, each after a
-//! second of rest; budgets alternate, in turn and in reverse. The meter is read by a thread of its
+//! second of rest; power budgets, error budgets and the best settings alternate, in turn and in
+//! reverse, so that savings compare runs of the same minutes. The meter is read by a thread of its
 //! own, apart from the plugin's, from step to step of its counter.
 
+use std::fmt::{self, Display, Formatter};
 use std::path::Path;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex, PoisonError};
@@ -38,8 +40,10 @@ use frugal_tests::table::markdown;
 const SETTLE: Duration = Duration::from_secs(2);
 const WINDOW: Duration = Duration::from_secs(10);
 const REST: Duration = Duration::from_secs(1);
-/// Budgets, as shares of the range from the cheapest to the best settings' metered power.
+/// Power budgets, as shares of the range from the cheapest to the best settings' metered power.
 const SHARES: [f64; 3] = [0.3, 0.5, 0.7];
+/// Error budgets.
+const ERRORS: [f64; 2] = [0.01, 0.018];
 /// 1 s windows above the budget by more than this share count as over.
 const TOLERANCE: f64 = 0.02;
 
@@ -95,6 +99,44 @@ fn over(steps: &[(Instant, f64)], limit: f64) -> f64 {
     over as f64 / windows.len().max(1) as f64
 }
 
+/// What a run plays.
+enum Kind {
+    /// Least error within watts.
+    Power(f64),
+    /// Least power within an error, by the map alone: a closed loop over errors would add its own
+    /// meter's power.
+    Error(f64),
+    /// The best settings, which savings refer to.
+    Best,
+}
+
+impl Kind {
+    fn budget(&self) -> Budget {
+        match *self {
+            Self::Error(error) => Budget::error(error),
+            Self::Power(_) | Self::Best => Budget::power(Watts(self.watts())),
+        }
+    }
+
+    /// The limit, watts; infinite without one.
+    fn watts(&self) -> f64 {
+        match *self {
+            Self::Power(watts) => watts,
+            Self::Error(_) | Self::Best => f64::INFINITY,
+        }
+    }
+}
+
+impl Display for Kind {
+    fn fmt(&self, formatter: &mut Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Power(watts) => write!(formatter, "{watts:.1} W"),
+            Self::Error(error) => write!(formatter, "error {error}"),
+            Self::Best => write!(formatter, "best settings"),
+        }
+    }
+}
+
 /// One run's figures.
 struct Run {
     watts: f64,
@@ -145,17 +187,17 @@ impl Bench {
         (frames, [means[0], means[1]], means[2])
     }
 
-    fn run(&mut self, budget: f64) -> Run {
+    fn run(&mut self, budget: Budget) -> Run {
         std::thread::sleep(REST);
         let camera = self.camera;
-        self.stage.world_mut().entity_mut(camera).insert(Budget::power(Watts(budget)));
+        self.stage.world_mut().entity_mut(camera).insert(budget);
         self.play(SETTLE);
         let from = Instant::now();
         let (frames, predicted, error) = self.play(WINDOW);
         let steps = self.steps.within(from, Instant::now());
         Run {
             watts: mean(&steps),
-            over: over(&steps, budget),
+            over: over(&steps, budget.power.map_or(f64::INFINITY, |limit| limit.0)),
             frames_per_second: f64::from(frames) / from.elapsed().as_secs_f64(),
             predicted,
             error,
@@ -246,7 +288,7 @@ fn main() {
     }
     let mut bench = open_bench(Path::new(map), arguments.names.get(1).map(String::as_str));
     let before = bench.idle();
-    let ends = [0.0, f64::INFINITY].map(|budget| bench.run(budget).watts);
+    let ends = [0.0, f64::INFINITY].map(|watts| bench.run(Budget::power(Watts(watts))).watts);
     println!("idle {before:.1} W; cheapest settings {:.1} W, best {:.1} W", ends[0], ends[1]);
     let passes: Vec<Vec<String>> = bench
         .passes()
@@ -255,18 +297,23 @@ fn main() {
         .map(|(name, ms)| vec![name, format!("{ms:.3}")])
         .collect();
     println!("\n{}\n", markdown(&["pass, at the best settings", "GPU ms"], &passes));
-    let budgets = SHARES.map(|share| ends[0] + share * (ends[1] - ends[0]));
-    let mut runs: Vec<Vec<Run>> = budgets.iter().map(|_| Vec::new()).collect();
+    let kinds: Vec<Kind> = SHARES
+        .iter()
+        .map(|share| Kind::Power(ends[0] + share * (ends[1] - ends[0])))
+        .chain(ERRORS.map(Kind::Error))
+        .chain([Kind::Best])
+        .collect();
+    let mut runs: Vec<Vec<Run>> = kinds.iter().map(|_| Vec::new()).collect();
     for repeat in 0..arguments.count.max(2) {
-        let order: Vec<usize> = (0..budgets.len()).collect();
+        let order: Vec<usize> = (0..kinds.len()).collect();
         let order: Vec<usize> =
             if repeat % 2 == 0 { order } else { order.into_iter().rev().collect() };
         for index in order {
-            let run = bench.run(budgets[index]);
+            let run = bench.run(kinds[index].budget());
             let correction = bench.correction();
             println!(
-                "run {repeat}: budget {:.1} W: {:.2} W, {:.0} % of windows over, {:.1} frames/s, predicted {:.1} W, by the map alone {:.1} W, gain {:.2}, offset {:.1}",
-                budgets[index],
+                "run {repeat}: {}: {:.2} W, {:.0} % of windows over, {:.1} frames/s, predicted {:.1} W, by the map alone {:.1} W, gain {:.2}, offset {:.1}",
+                kinds[index],
                 run.watts,
                 100.0 * run.over,
                 run.frames_per_second,
@@ -279,21 +326,32 @@ fn main() {
         }
     }
     println!("idle afterwards {:.1} W", bench.idle());
-    let rows: Vec<Vec<String>> = budgets
+    let best: Vec<f64> =
+        runs.last().map(|runs| runs.iter().map(|run| run.watts).collect()).unwrap_or_default();
+    let rows: Vec<Vec<String>> = kinds
         .iter()
         .zip(&runs)
-        .map(|(budget, runs)| {
+        .map(|(kind, runs)| {
             let of = |value: fn(&Run) -> f64| runs.iter().map(value).collect::<Vec<_>>();
             let (watts, half) = interval(&of(|run| run.watts));
+            let saved: Vec<f64> =
+                runs.iter().zip(&best).map(|(run, best)| 1.0 - run.watts / best).collect();
+            let (saved, saved_half) = interval(&saved);
+            let of_budget = |text: String| match kind {
+                Kind::Power(_) => text,
+                Kind::Error(_) | Kind::Best => String::new(),
+            };
             vec![
-                format!("{budget:.1} W"),
+                kind.to_string(),
                 format!("{watts:.2} ± {half:.2} W"),
-                format!("{:.1} %", 100.0 * watts / budget),
-                format!("{:.1} %", 100.0 * interval(&of(|run| run.over)).0),
+                of_budget(format!("{:.1} %", 100.0 * watts / kind.watts())),
+                of_budget(format!("{:.1} %", 100.0 * interval(&of(|run| run.over)).0)),
+                format!("{:.1} ± {:.1} %", 100.0 * saved, 100.0 * saved_half),
                 format!("{:.4}", median(of(|run| run.error))),
                 format!("{:.1} W", median(of(|run| run.predicted[0]))),
                 format!("{:.1} W", median(of(|run| run.predicted[1]))),
                 format!("{:.1}", median(of(|run| run.frames_per_second))),
+                format!("{:.2} J", median(of(|run| run.watts / run.frames_per_second))),
             ]
         })
         .collect();
@@ -302,10 +360,12 @@ fn main() {
         "metered, 95 %",
         "used",
         "1 s windows over",
+        "saved of the best's, 95 %",
         "error by the map",
         "predicted",
         "by the map alone",
         "frames/s",
+        "a frame",
     ];
     println!("\n{}", markdown(&headers, &rows));
 }

@@ -278,7 +278,7 @@ fn main() {
         println!("no graphics adapter: nothing is measured");
         return;
     };
-    let images = Path::new(env!("CARGO_MANIFEST_DIR")).join("../target/scaled");
+    let images = frugal_tests::folder::workspace().join("target/scaled");
     std::fs::create_dir_all(&images).unwrap_or_else(|error| panic!("{images:?}: {error}"));
     println!(
         "{}; `courtyard`, {}x{}, {} rounds; images in target/scaled\n",

@@ -16,7 +16,7 @@ pub const BLESS: &str = "FRUGAL_BLESS";
 
 /// Folder of the references.
 pub fn folder() -> PathBuf {
-    PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("golden")
+    crate::folder::package().join("golden")
 }
 
 /// Compares `image` with `folder`/`name`.png and returns the error (1 − SSIM).

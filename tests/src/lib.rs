@@ -5,6 +5,7 @@
 
 pub mod arguments;
 pub mod cost;
+pub mod folder;
 pub mod gather;
 pub mod golden;
 pub mod gpu;

@@ -1,6 +1,5 @@
 //! Opens small stages and controls them.
 
-use std::path::PathBuf;
 use std::sync::Arc;
 
 use bevy::app::App;
@@ -17,12 +16,12 @@ use bevy_frugal_gi::knobs::{AppliedKnobs, KnobSettings};
 use frugal::scene::{self, CameraPose, Geometry, Light, SceneDescription};
 use frugal::stage::{Component, Output, Radiance, Stage, StageOptions};
 
+use crate::folder;
 use crate::naive_rsm::NaiveRsmPlugin;
 
 /// Loads a scene of the repository by its name.
 pub fn scene(name: &str) -> SceneDescription {
-    let file = PathBuf::from(env!("CARGO_MANIFEST_DIR"))
-        .join(format!("../assets/scenes/{name}.scene.ron"));
+    let file = folder::workspace().join(format!("assets/scenes/{name}.scene.ron"));
     scene::load(&file).unwrap_or_else(|error| panic!("{error}"))
 }
 

@@ -85,7 +85,7 @@ const TOOL: &[&str] = &[
 ];
 
 fn root() -> PathBuf {
-    Path::new(env!("CARGO_MANIFEST_DIR")).join("..")
+    frugal_tests::folder::workspace()
 }
 
 fn assert_downhill(folder: &str, split: &[&str], order: &[&str]) {

@@ -1,7 +1,5 @@
 //! Structs and constants of the shaders are what the plugin assumes.
 
-use std::path::Path;
-
 use bevy_frugal_gi::gi::inspect::{SHADER_CONSTANTS, STRUCT_BYTES};
 
 tests!(
@@ -58,7 +56,7 @@ fn the_check_detects_a_larger_struct() {
 
 /// A shader below the plugin's `gi`.
 fn shader(file: &str) -> String {
-    let gi = Path::new(env!("CARGO_MANIFEST_DIR")).join("../plugin/src/gi");
+    let gi = frugal_tests::folder::workspace().join("plugin/src/gi");
     std::fs::read_to_string(gi.join(file)).unwrap_or_else(|error| panic!("{file}: {error}"))
 }
 
