@@ -33,7 +33,7 @@ use bevy_frugal_gi::units::{Joules, Watts};
 use frugal::scene::SceneDescription;
 use frugal::stage::{Stage, StageOptions, adapter};
 use frugal_tests::arguments::Arguments;
-use frugal_tests::cost::median;
+use frugal_tests::cost::{median, spread};
 use frugal_tests::set;
 use frugal_tests::table::markdown;
 
@@ -101,6 +101,8 @@ fn over(steps: &[(Instant, f64)], limit: f64) -> f64 {
 
 /// What a run plays.
 enum Kind {
+    /// The cheapest settings.
+    Cheapest,
     /// Least error within watts.
     Power(f64),
     /// Least power within an error, by the map alone: a closed loop over errors would add its own
@@ -114,6 +116,7 @@ impl Kind {
     fn budget(&self) -> Budget {
         match *self {
             Self::Error(error) => Budget::error(error),
+            Self::Cheapest => Budget::power(Watts(0.0)),
             Self::Power(_) | Self::Best => Budget::power(Watts(self.watts())),
         }
     }
@@ -122,7 +125,7 @@ impl Kind {
     fn watts(&self) -> f64 {
         match *self {
             Self::Power(watts) => watts,
-            Self::Error(_) | Self::Best => f64::INFINITY,
+            Self::Cheapest | Self::Error(_) | Self::Best => f64::INFINITY,
         }
     }
 }
@@ -130,6 +133,7 @@ impl Kind {
 impl Display for Kind {
     fn fmt(&self, formatter: &mut Formatter<'_>) -> fmt::Result {
         match self {
+            Self::Cheapest => write!(formatter, "cheapest settings"),
             Self::Power(watts) => write!(formatter, "{watts:.1} W"),
             Self::Error(error) => write!(formatter, "error {error}"),
             Self::Best => write!(formatter, "best settings"),
@@ -137,14 +141,24 @@ impl Display for Kind {
     }
 }
 
+/// What frames of one run took and chose.
+struct Played {
+    frames_per_second: f64,
+    /// 95th percentile of the time until the GPU has finished a frame, milliseconds.
+    slow_frame: f64,
+    switches_per_second: f64,
+    /// The controller's prediction with the meter's correction, and the map's own.
+    predicted: [f64; 2],
+    error: f64,
+}
+
 /// One run's figures.
 struct Run {
     watts: f64,
     over: f64,
-    frames_per_second: f64,
-    /// The controller's prediction with the meter's correction, and the map's own.
-    predicted: [f64; 2],
-    error: f64,
+    /// Time of a frame's passes on the GPU, milliseconds.
+    gpu: f64,
+    played: Played,
 }
 
 struct Bench {
@@ -156,14 +170,14 @@ struct Bench {
 }
 
 impl Bench {
-    /// Renders at the frame rate for `duration`, from the start of the tour. Returns the number of
-    /// frames, and the means of predicted power and error.
-    fn play(&mut self, duration: Duration) -> (u32, [f64; 2], f64) {
+    /// Renders at the frame rate for `duration`, from the start of the tour.
+    fn play(&mut self, duration: Duration) -> Played {
         let path = &self.scene.paths["tour"];
         let (start, length) = (path.start(), path.duration());
         let started = Instant::now();
         let mut next = started;
-        let (mut frames, mut sums) = (0, [0.0; 3]);
+        let (mut frames, mut switches, mut sums) = (vec![], 0, [0.0; 3]);
+        let mut shown = None;
         while started.elapsed() < duration {
             // There and back.
             let phase = (started.elapsed().as_secs_f32() / length).rem_euclid(2.0);
@@ -171,11 +185,15 @@ impl Bench {
             if let Some(pose) = path.sample(time) {
                 self.stage.place(pose.position, pose.rotation);
             }
+            let before = Instant::now();
             self.stage.frame();
-            frames += 1;
+            frames.push(before.elapsed().as_secs_f64() * 1e3);
             let world = self.stage.world_mut();
             let correction = world.resource::<PowerFeedback>().correction;
             let applied = world.get::<Selection>(self.camera).and_then(|it| it.predicted_applied);
+            let settings = world.get::<Selection>(self.camera).map(|it| it.applied);
+            switches += u32::from(shown.is_some() && settings != shown);
+            shown = settings;
             if let Some(cost) = applied {
                 let own = correction.uncorrected(cost.power);
                 sums = [sums[0] + cost.power.0, sums[1] + own.0, sums[2] + cost.error];
@@ -183,8 +201,15 @@ impl Bench {
             next = (next + self.interval).max(Instant::now());
             std::thread::sleep(next.saturating_duration_since(Instant::now()));
         }
-        let means = sums.map(|sum| sum / f64::from(frames));
-        (frames, [means[0], means[1]], means[2])
+        let seconds = started.elapsed().as_secs_f64();
+        let means = sums.map(|sum| sum / frames.len() as f64);
+        Played {
+            frames_per_second: frames.len() as f64 / seconds,
+            slow_frame: spread(frames)[1],
+            switches_per_second: f64::from(switches) / seconds,
+            predicted: [means[0], means[1]],
+            error: means[2],
+        }
     }
 
     fn run(&mut self, budget: Budget) -> Run {
@@ -193,14 +218,13 @@ impl Bench {
         self.stage.world_mut().entity_mut(camera).insert(budget);
         self.play(SETTLE);
         let from = Instant::now();
-        let (frames, predicted, error) = self.play(WINDOW);
+        let played = self.play(WINDOW);
         let steps = self.steps.within(from, Instant::now());
         Run {
             watts: mean(&steps),
             over: over(&steps, budget.power.map_or(f64::INFINITY, |limit| limit.0)),
-            frames_per_second: f64::from(frames) / from.elapsed().as_secs_f64(),
-            predicted,
-            error,
+            gpu: self.gpu_time(),
+            played,
         }
     }
 
@@ -213,6 +237,16 @@ impl Bench {
         let from = Instant::now();
         std::thread::sleep(Duration::from_secs(3));
         mean(&self.steps.within(from, Instant::now()))
+    }
+
+    /// Time of all passes of a frame on the GPU, milliseconds.
+    fn gpu_time(&mut self) -> f64 {
+        let passes = self.passes();
+        // `fxaa/fxaa` is within `fxaa`.
+        let is_within = |name: &str| {
+            name.rsplit_once('/').is_some_and(|(parent, _)| passes.iter().any(|it| it.0 == parent))
+        };
+        passes.iter().filter(|(name, _)| !is_within(name)).map(|(_, ms)| ms).sum()
     }
 
     /// Time of each pass on the GPU, milliseconds.
@@ -301,7 +335,7 @@ fn main() {
         .iter()
         .map(|share| Kind::Power(ends[0] + share * (ends[1] - ends[0])))
         .chain(ERRORS.map(Kind::Error))
-        .chain([Kind::Best])
+        .chain([Kind::Cheapest, Kind::Best])
         .collect();
     let mut runs: Vec<Vec<Run>> = kinds.iter().map(|_| Vec::new()).collect();
     for repeat in 0..arguments.count.max(2) {
@@ -312,13 +346,16 @@ fn main() {
             let run = bench.run(kinds[index].budget());
             let correction = bench.correction();
             println!(
-                "run {repeat}: {}: {:.2} W, {:.0} % of windows over, {:.1} frames/s, predicted {:.1} W, by the map alone {:.1} W, gain {:.2}, offset {:.1}",
+                "run {repeat}: {}: {:.2} W, {:.0} % of windows over, {:.1} frames/s, {:.1} ms of the GPU, 95 % of frames within {:.1} ms, {:.2} switches/s, predicted {:.1} W, by the map alone {:.1} W, gain {:.2}, offset {:.1}",
                 kinds[index],
                 run.watts,
                 100.0 * run.over,
-                run.frames_per_second,
-                run.predicted[0],
-                run.predicted[1],
+                run.played.frames_per_second,
+                run.gpu,
+                run.played.slow_frame,
+                run.played.switches_per_second,
+                run.played.predicted[0],
+                run.played.predicted[1],
                 correction.gain,
                 correction.offset
             );
@@ -339,7 +376,7 @@ fn main() {
             let (saved, saved_half) = interval(&saved);
             let of_budget = |text: String| match kind {
                 Kind::Power(_) => text,
-                Kind::Error(_) | Kind::Best => String::new(),
+                Kind::Cheapest | Kind::Error(_) | Kind::Best => String::new(),
             };
             vec![
                 kind.to_string(),
@@ -347,11 +384,12 @@ fn main() {
                 of_budget(format!("{:.1} %", 100.0 * watts / kind.watts())),
                 of_budget(format!("{:.1} %", 100.0 * interval(&of(|run| run.over)).0)),
                 format!("{:.1} ± {:.1} %", 100.0 * saved, 100.0 * saved_half),
-                format!("{:.4}", median(of(|run| run.error))),
-                format!("{:.1} W", median(of(|run| run.predicted[0]))),
-                format!("{:.1} W", median(of(|run| run.predicted[1]))),
-                format!("{:.1}", median(of(|run| run.frames_per_second))),
-                format!("{:.2} J", median(of(|run| run.watts / run.frames_per_second))),
+                format!("{:.4}", median(of(|run| run.played.error))),
+                format!("{:.1} W", median(of(|run| run.played.predicted[0]))),
+                format!("{:.1} W", median(of(|run| run.played.predicted[1]))),
+                format!("{:.1}", median(of(|run| run.played.frames_per_second))),
+                format!("{:.1} ms", median(of(|run| run.gpu))),
+                format!("{:.2} J", median(of(|run| run.watts / run.played.frames_per_second))),
             ]
         })
         .collect();
@@ -365,7 +403,8 @@ fn main() {
         "predicted",
         "by the map alone",
         "frames/s",
-        "a frame",
+        "GPU",
+        "energy a frame",
     ];
     println!("\n{}", markdown(&headers, &rows));
 }

@@ -1,9 +1,24 @@
 //! Looks up the adapter that Bevy will render on before starting Bevy, which panics without one.
 
+use std::sync::OnceLock;
+
 use bevy_frugal_gi::power::{Adapter, AdapterKind};
+
+/// The adapter, and the instance that found it. The instance is kept so that the driver stays
+/// loaded between stages: on NVIDIA's, processes that opened one stage after another found no
+/// adapter any more after three to thirty of them.
+static FOUND: OnceLock<(wgpu::Instance, Adapter)> = OnceLock::new();
 
 /// The adapter that the renderer will choose; `None` if there is none.
 pub fn adapter() -> Option<Adapter> {
+    if let Some((_, adapter)) = FOUND.get() {
+        return Some(adapter.clone());
+    }
+    let (instance, adapter) = find()?;
+    Some(FOUND.get_or_init(|| (instance, adapter)).1.clone())
+}
+
+fn find() -> Option<(wgpu::Instance, Adapter)> {
     let mut descriptor = wgpu::InstanceDescriptor::new_without_display_handle();
     descriptor.backends =
         wgpu::Backends::from_env().unwrap_or(wgpu::Backends::PRIMARY | wgpu::Backends::SECONDARY);
@@ -20,14 +35,15 @@ pub fn adapter() -> Option<Adapter> {
         wgpu::DeviceType::Other => AdapterKind::Unknown,
         _ => AdapterKind::Hardware,
     };
-    Some(Adapter {
+    let adapter = Adapter {
         kind,
         name: info.name,
         pci_bus_id: info.device_pci_bus_id,
         vendor_id: info.vendor,
         device_id: info.device,
         is_integrated: info.device_type == wgpu::DeviceType::IntegratedGpu,
-    })
+    };
+    Some((instance, adapter))
 }
 
 /// Whether the renderer runs on the CPU.
