@@ -117,13 +117,13 @@ pub(super) fn run(arguments: &Arguments) -> Result<(), CliError> {
             started.elapsed().as_secs_f64()
         )));
     }
-    let quality = CostModel::cross_validated(&readings, FOLDS);
-    let model = CostModel::fit(&readings);
+    let quality = CostModel::cross_validated(&readings, Watts(0.0), FOLDS);
+    let model = CostModel::fit(&readings, Watts(0.0));
     let device = DeviceModel {
         adapter: crate::stage::adapter().map_or_else(|| "none".to_owned(), |adapter| adapter.name),
         meter: stage.meter(),
         mean_absolute_error: quality.mean_absolute_error,
-        prices: WorkPrices { idle, ..prices(&model, &space, &layout, fps, Watts(0.0)) },
+        prices: WorkPrices { idle, ..prices(&model, &space, &layout, fps) },
     };
     let text = ron::ser::to_string_pretty(&device, ron::ser::PrettyConfig::new())
         .map_err(CliError::failed)?;

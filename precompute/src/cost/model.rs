@@ -1,5 +1,7 @@
 //! Prices of work, fitted to readings.
 
+use bevy_frugal_gi::units::Watts;
+
 use super::Work;
 use super::nnls::nonnegative_least_squares;
 
@@ -30,10 +32,16 @@ pub(crate) struct FitQuality {
     pub ninth_decile: f64,
 }
 
-/// P = `exp(u_camera)` · Σ βⱼ xⱼ: prices β ≥ 0 of work x, in watts at the target frame rate, and a
-/// factor for each camera.
+/// P = idle + `exp(u_camera)` · Σ βⱼ xⱼ: prices β ≥ 0 of work x, in watts at the target frame rate,
+/// and a factor for each camera.
+///
+/// Idle power is measured apart. At one frame rate a fit cannot tell it from what every frame
+/// costs, and shares it out among all work that all readings have: a search with prices of a board
+/// of 73.3 W idle gave its map 59.8 W, and what the map says of another frame rate was wrong.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub(crate) struct CostModel {
+    /// Watts of the idle device, 0 or more.
+    pub idle: Watts,
     /// Watts per unit of each kind of work per frame.
     pub prices: Vec<f64>,
     /// exp(u) by camera.
@@ -42,14 +50,17 @@ pub(crate) struct CostModel {
 
 impl CostModel {
     /// Fits prices and camera factors in alternation, minimising relative errors. Readings that are
-    /// not finite and above 0 are left out.
-    pub(crate) fn fit(readings: &[CostReading]) -> Self {
+    /// not finite and above 0 are left out. An `idle` power above the least of them counts as that.
+    pub(crate) fn fit(readings: &[CostReading], idle: Watts) -> Self {
         let valid: Vec<_> = readings
             .iter()
             .filter(|reading| reading.power_w.is_finite() && reading.power_w > 0.0)
             .collect();
+        let least = valid.iter().map(|reading| reading.power_w).fold(f64::INFINITY, f64::min);
+        let idle = Watts(idle.0.max(0.0).min(if valid.is_empty() { 0.0 } else { least }));
         let cameras = valid.iter().map(|reading| reading.camera + 1).max().unwrap_or(0);
-        let mut model = Self { prices: Vec::new(), cameras: vec![1.0; cameras] };
+        let mut model = Self { idle, prices: Vec::new(), cameras: vec![1.0; cameras] };
+        let beyond = |reading: &CostReading| reading.power_w - idle.0;
         for _ in 0..ROUNDS {
             // Divided by the reading, so that readings of 1 W and of 20 W weigh alike.
             let rows: Vec<Vec<f64>> = valid
@@ -63,10 +74,12 @@ impl CostModel {
                         .collect()
                 })
                 .collect();
-            model.prices = nonnegative_least_squares(&rows, &vec![1.0; rows.len()]);
+            let shares: Vec<f64> =
+                valid.iter().map(|reading| beyond(reading) / reading.power_w).collect();
+            model.prices = nonnegative_least_squares(&rows, &shares);
             let mut logarithms = vec![(0.0, CAMERA_PRIOR); cameras];
             for reading in &valid {
-                let ratio = reading.power_w / model.power(&reading.work);
+                let ratio = beyond(reading) / model.beyond_idle(&reading.work);
                 if ratio.is_finite() && ratio > 0.0 {
                     logarithms[reading.camera].0 += ratio.ln();
                     logarithms[reading.camera].1 += 1.0;
@@ -80,12 +93,16 @@ impl CostModel {
 
     /// Power of `work` at an unknown camera, watts.
     pub(crate) fn power(&self, work: &Work) -> f64 {
-        self.prices.iter().zip(&work.0).map(|(price, work)| price * work).sum()
+        self.idle.0 + self.beyond_idle(work)
     }
 
     /// Power of `work` at a known camera, watts.
     pub(crate) fn power_at(&self, camera: usize, work: &Work) -> f64 {
-        self.cameras.get(camera).copied().unwrap_or(1.0) * self.power(work)
+        self.idle.0 + self.cameras.get(camera).copied().unwrap_or(1.0) * self.beyond_idle(work)
+    }
+
+    fn beyond_idle(&self, work: &Work) -> f64 {
+        self.prices.iter().zip(&work.0).map(|(price, work)| price * work).sum()
     }
 
     /// Deviation of `readings` from the model's predictions.
@@ -108,7 +125,11 @@ impl CostModel {
 
     /// The same by cross-validation: one reading in `folds` is held out in turn, regardless of
     /// camera and settings.
-    pub(crate) fn cross_validated(readings: &[CostReading], folds: usize) -> FitQuality {
+    pub(crate) fn cross_validated(
+        readings: &[CostReading],
+        idle: Watts,
+        folds: usize,
+    ) -> FitQuality {
         let folds = folds.max(2);
         let split = |fold: usize, held_out: bool| -> Vec<CostReading> {
             // Hashed instead of every n-th, because readings are ordered by camera.
@@ -121,7 +142,7 @@ impl CostModel {
             readings.map(|(_, reading)| reading.clone()).collect()
         };
         let all: Vec<FitQuality> = (0..folds)
-            .map(|fold| Self::fit(&split(fold, false)).quality(&split(fold, true)))
+            .map(|fold| Self::fit(&split(fold, false), idle).quality(&split(fold, true)))
             .collect();
         let count: usize = all.iter().map(|quality| quality.readings).sum();
         let mean = |value: fn(&FitQuality) -> f64| {
@@ -164,7 +185,7 @@ mod tests {
 
     #[test]
     fn prices_and_camera_factors_are_separated() {
-        let model = CostModel::fit(&readings(0.0));
+        let model = CostModel::fit(&readings(0.0), Watts(0.0));
         assert!(
             model.quality(&readings(0.0)).mean_absolute_error < 0.01,
             "{:?}",
@@ -179,10 +200,38 @@ mod tests {
     }
 
     #[test]
+    fn idle_power_is_not_shared_out() {
+        let idle = Watts(40.0);
+        let with_idle = |mut reading: CostReading| {
+            reading.power_w += idle.0;
+            reading
+        };
+        let all: Vec<_> = readings(0.0).into_iter().map(with_idle).collect();
+        let (model, without) =
+            (CostModel::fit(&all, idle), CostModel::fit(&readings(0.0), Watts(0.0)));
+        assert_eq!(model.idle, idle);
+        // Prices and cameras' factors share a scale.
+        for (price, expected) in model.prices.iter().zip(&without.prices) {
+            let (found, expected) = (price / model.prices[0], expected / without.prices[0]);
+            assert!((found / expected - 1.0).abs() < 0.01, "{model:?}, {without:?}");
+        }
+        assert!(model.quality(&all).mean_absolute_error < 0.001, "{model:?}");
+        // A device that was busy when it should have been idle.
+        let least = all.iter().map(|it| it.power_w).fold(f64::INFINITY, f64::min);
+        for (idle, expected) in [(1e9, least), (f64::NAN, 0.0), (-3.0, 0.0)] {
+            let model = CostModel::fit(&all, Watts(idle));
+            assert_eq!(model.idle.0, expected);
+            assert!(model.prices.iter().all(|price| price.is_finite()), "{model:?}");
+        }
+        assert_eq!(CostModel::fit(&[], idle).idle.0, 0.0);
+    }
+
+    #[test]
     fn noise_of_readings_averages_out() {
-        let held_out = CostModel::fit(&readings(0.1)).quality(&readings(0.0)).mean_absolute_error;
+        let held_out =
+            CostModel::fit(&readings(0.1), Watts(0.0)).quality(&readings(0.0)).mean_absolute_error;
         assert!(held_out < 0.03, "{held_out}, of readings that are off by 5 % in the mean");
-        let crossed = CostModel::cross_validated(&readings(0.1), 5);
+        let crossed = CostModel::cross_validated(&readings(0.1), Watts(0.0), 5);
         assert!(
             crossed.readings == 120
                 && crossed.mean_absolute_error > 0.02
@@ -197,8 +246,8 @@ mod tests {
         for power_w in [0.0, -1.0, f64::NAN, f64::INFINITY] {
             all.push(CostReading { camera: 1, work: Work(vec![1.0, 1.0, 1.0]), power_w });
         }
-        assert_eq!(CostModel::fit(&all), CostModel::fit(&readings(0.0)));
-        let nothing = CostModel::fit(&[]);
+        assert_eq!(CostModel::fit(&all, Watts(0.0)), CostModel::fit(&readings(0.0), Watts(0.0)));
+        let nothing = CostModel::fit(&[], Watts(0.0));
         assert_eq!((nothing.power(&Work(vec![1.0])), nothing.quality(&[]).readings), (0.0, 0));
     }
 }

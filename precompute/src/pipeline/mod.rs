@@ -13,6 +13,7 @@ pub(crate) mod tests;
 
 use bevy_frugal_gi::frontier::{Bounds, CameraView, ErrorRates};
 use bevy_frugal_gi::knobs::{KnobLevels, KnobSpace};
+use bevy_frugal_gi::units::Watts;
 
 use crate::cameras::{CameraSet, MovingCamera};
 use crate::cost::{CostModel, FitQuality, FrameLayout};
@@ -112,6 +113,8 @@ pub(crate) struct Subject<'a> {
     pub bounds: &'a Bounds,
     /// Vertical field of view, radians, and width ÷ height.
     pub lens: (f32, f32),
+    /// Power of the idle device, which readings contain.
+    pub idle: Watts,
     /// Describes what a camera sees; without features where that is not known.
     pub describe: &'a dyn Fn(&MovingCamera) -> ViewFeatures,
 }
@@ -233,7 +236,7 @@ fn propose_round(
     round: usize,
 ) -> Vec<KnobLevels> {
     let Subject { space, layout, .. } = *subject;
-    let cost = CostModel::fit(&readings(subject, table));
+    let cost = CostModel::fit(&readings(subject, table), subject.idle);
     // Alternates between all pilot cameras and each half of them, because the pool must suit
     // different views.
     let halves: [Vec<usize>; 3] =
@@ -401,7 +404,7 @@ fn finish<M: Measure>(
         error_rates,
         pool,
         screening,
-        cost_quality: CostModel::cross_validated(&readings(subject, &raw), 5),
+        cost_quality: CostModel::cross_validated(&readings(subject, &raw), subject.idle, 5),
         cost,
         cameras: [used, counts[1]],
         renderings: renderings.count(),

@@ -39,7 +39,7 @@ pub(super) struct Modelled {
 impl Modelled {
     /// Fits the model to `table`.
     pub(super) fn of(subject: &Subject<'_>, table: &CostTable) -> Self {
-        let model = CostModel::fit(&readings(subject, table));
+        let model = CostModel::fit(&readings(subject, table), subject.idle);
         let mut modelled =
             Self { table: CostTable::new(table.rows()), model, deviations: Vec::new() };
         for (column, settings) in table.settings().iter().enumerate() {

@@ -174,6 +174,7 @@ fn run_with<M: Measure<Error = Infallible>>(
         layout: &layout(),
         bounds: &BOUNDS,
         lens: (1.0, 1.5),
+        idle: Watts(0.0),
         describe: &describe,
     };
     let config = PipelineConfig::default();
@@ -416,6 +417,7 @@ fn without_cameras_there_is_one_clear_error() {
         layout: &layout(),
         bounds: &BOUNDS,
         lens: (1.0, 1.5),
+        idle: Watts(0.0),
         describe: &|_| Vec::new(),
     };
     let setup = Setup {

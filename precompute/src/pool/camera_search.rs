@@ -3,6 +3,7 @@
 
 use bevy_frugal_gi::frontier::CostPoint;
 use bevy_frugal_gi::knobs::{KnobLevels, KnobSpace};
+use bevy_frugal_gi::units::Watts;
 
 use super::{Proposal, Screening, propose, round_seed, screening_settings};
 use crate::cost::{CostModel, CostReading, FrameLayout, Work};
@@ -80,7 +81,9 @@ impl CameraSearch<'_> {
                 work: Work::of(self.space, *settings, self.layout),
                 power_w: cost.power.0,
             };
-            let cost = CostModel::fit(&readings.iter().map(reading).collect::<Vec<_>>());
+            // One frame rate throughout: idle power may count as the price of a frame.
+            let readings_of_work: Vec<_> = readings.iter().map(reading).collect();
+            let cost = CostModel::fit(&readings_of_work, Watts(0.0));
             let errors: Vec<_> =
                 readings.iter().map(|(settings, cost)| (*settings, cost.error)).collect();
             let proposal = Proposal {

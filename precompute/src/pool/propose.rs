@@ -176,6 +176,8 @@ fn greatest_gains(
 
 #[cfg(test)]
 mod tests {
+    use bevy_frugal_gi::units::Watts;
+
     use super::*;
     use crate::cost::CostReading;
     use crate::pool::screening_settings;
@@ -224,7 +226,7 @@ mod tests {
             });
         }
         let screening = Screening::of(&space, &table);
-        let cost = CostModel::fit(&readings);
+        let cost = CostModel::fit(&readings, Watts(0.0));
         let errors: Vec<_> =
             table.settings().iter().map(|settings| (*settings, error(*settings))).collect();
         let proposal = Proposal {

@@ -1,7 +1,7 @@
 //! Imports run downhill, and documents hold together.
 
 use std::collections::BTreeSet;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
 use frugal_tests::imports::imports;
 

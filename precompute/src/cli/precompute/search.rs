@@ -8,7 +8,6 @@ use bevy_frugal_gi::frontier::{
     Bounds, Capture, FrontierMap, KnobEffects, SceneIdentity, Thresholds, WorkPrices,
 };
 use bevy_frugal_gi::knobs::KnobSpace;
-use bevy_frugal_gi::units::Watts;
 
 use super::super::arguments::CaptureArguments;
 use super::super::{CliError, progress};
@@ -96,13 +95,20 @@ pub(in crate::cli) fn search(
     let layout = FrameLayout::of(scene, stage.size());
     let map_bounds = Bounds { min: bounds.min.to_array(), max: bounds.max.to_array() };
     let lens = stage.lens();
+    let idle = stage.idle();
     // Only when the first view is described: on a resumed run it may never be.
     let describer = LazyCell::new(|| ViewDescriber::new(scene));
     let describe = |camera: &MovingCamera| {
         describer.as_ref().map(|describer| describer.describe(camera)).unwrap_or_default()
     };
-    let subject =
-        Subject { space: &space, layout: &layout, bounds: &map_bounds, lens, describe: &describe };
+    let subject = Subject {
+        space: &space,
+        layout: &layout,
+        bounds: &map_bounds,
+        lens,
+        idle,
+        describe: &describe,
+    };
     let bar = progress::bar(0);
     let mut report = progress::of_renderings(&bar);
     let setup = Setup {
@@ -117,8 +123,7 @@ pub(in crate::cli) fn search(
     let outcome = run_pipeline(&subject, &config, setup);
     bar.finish_and_clear();
     let outcome = outcome.map_err(|error| cli_error(error, scene))?;
-    let work_prices =
-        prices(&outcome.cost, &space, &layout, capture.frames_per_second, stage.idle());
+    let work_prices = prices(&outcome.cost, &space, &layout, capture.frames_per_second);
     let knob_effects = KnobEffects {
         joules: crate::cost::saved_joules(&work_prices, &space, &layout),
         // Six decimals, as the errors of frontiers.
@@ -178,27 +183,20 @@ fn six_decimals(error: f64) -> f64 {
     format!("{error:.6}").parse().unwrap_or(error)
 }
 
-/// A model's prices as energy, for a map or a device file. The model's watts include idle power in
-/// the price of a frame.
+/// A model's prices as energy, for a map or a device file.
 pub(in crate::cli) fn prices(
     model: &crate::cost::CostModel,
     space: &KnobSpace,
     layout: &FrameLayout,
     frames_per_second: f64,
-    idle: Watts,
 ) -> WorkPrices {
     let kinds = crate::cost::work_names(space);
     let mut joules: Vec<f64> = model.prices.iter().map(|watts| watts / frames_per_second).collect();
     joules.resize(kinds.len(), 0.0);
-    // The first kind of work is a frame: its price includes the idle power.
-    let idle = idle.0.clamp(0.0, joules.first().copied().unwrap_or(0.0) * frames_per_second);
-    if let Some(frame) = joules.first_mut() {
-        *frame -= idle / frames_per_second;
-    }
     let prices = WorkPrices {
         kinds,
         joules,
-        idle: Watts(idle),
+        idle: model.idle,
         maps: layout.maps,
         has_sky: layout.has_sky,
         ..WorkPrices::default()
