@@ -106,10 +106,28 @@ impl PathRecord {
 
     /// Simulates a policy's run from this record.
     pub(crate) fn simulate(&self, policy: &mut dyn Policy) -> Vec<FrameRecord> {
+        self.walk(policy, 0..self.path.poses().len())
+    }
+
+    /// Simulates a policy's run along the path and back to its start: the frames of the way there
+    /// and of the way back, both in the path's order.
+    pub(crate) fn simulate_return(&self, policy: &mut dyn Policy) -> [Vec<FrameRecord>; 2] {
+        let frames = 0..self.path.poses().len();
+        let there = self.walk(policy, frames.clone());
+        let mut back = self.walk(policy, frames.rev());
+        back.reverse();
+        [there, back]
+    }
+
+    fn walk(
+        &self,
+        policy: &mut dyn Policy,
+        frames: impl Iterator<Item = usize>,
+    ) -> Vec<FrameRecord> {
         let dt = self.path.fps().recip();
         let mut last = None;
-        let frames = self.path.poses().iter().enumerate();
-        let records = frames.map(|(frame, pose)| {
+        let records = frames.map(|frame| {
+            let pose = &self.path.poses()[frame];
             let Choice { settings, target, predicted } = policy.decide(frame, dt, pose);
             let cost = self.cost(frame, settings, target, &mut last);
             policy.observe(cost);
@@ -170,7 +188,7 @@ const LEAST: f64 = 1e-4;
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::evaluate::Controlled;
+    use crate::evaluate::{Controlled, Pose};
     use crate::evaluate::fake::{Fake, path, space};
     use crate::journal::{Journal, JournalHeader};
 
@@ -189,6 +207,24 @@ mod tests {
             )
             .expect("plays");
         record
+    }
+
+    #[test]
+    fn a_return_goes_on_where_the_way_there_ended() {
+        let (low, high) = (space().canonical(space().lowest()), space().highest());
+        let record = recorded(&[low, high]);
+        let mut visited = Vec::new();
+        // Low on the first half of the whole walk, then high.
+        let frames = path().poses().len();
+        let mut policy = Controlled(|frame: usize, _: f64, _: &Pose| {
+            visited.push(frame);
+            Choice::from(if visited.len() <= frames { low } else { high })
+        });
+        let [there, back] = record.simulate_return(&mut policy);
+        let walked: Vec<usize> = (0..frames).chain((0..frames).rev()).collect();
+        assert_eq!(visited, walked);
+        assert_eq!(there, record.simulate(&mut Fixed(low)));
+        assert_eq!(back, record.simulate(&mut Fixed(high)), "in the path's order, too");
     }
 
     #[test]
