@@ -188,8 +188,8 @@ const LEAST: f64 = 1e-4;
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::evaluate::{Controlled, Pose};
     use crate::evaluate::fake::{Fake, path, space};
+    use crate::evaluate::{Controlled, Pose};
     use crate::journal::{Journal, JournalHeader};
 
     fn recorded(settings: &[KnobLevels]) -> PathRecord {
