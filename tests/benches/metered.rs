@@ -115,17 +115,10 @@ enum Kind {
 impl Kind {
     fn budget(&self) -> Budget {
         match *self {
-            Self::Error(error) => Budget::error(error),
             Self::Cheapest => Budget::power(Watts(0.0)),
-            Self::Power(_) | Self::Best => Budget::power(Watts(self.watts())),
-        }
-    }
-
-    /// The limit, watts; infinite without one.
-    fn watts(&self) -> f64 {
-        match *self {
-            Self::Power(watts) => watts,
-            Self::Cheapest | Self::Error(_) | Self::Best => f64::INFINITY,
+            Self::Power(watts) => Budget::power(Watts(watts)),
+            Self::Error(error) => Budget::error(error),
+            Self::Best => Budget::power(Watts(f64::INFINITY)),
         }
     }
 }
@@ -190,8 +183,9 @@ impl Bench {
             frames.push(before.elapsed().as_secs_f64() * 1e3);
             let world = self.stage.world_mut();
             let correction = world.resource::<PowerFeedback>().correction;
-            let applied = world.get::<Selection>(self.camera).and_then(|it| it.predicted_applied);
-            let settings = world.get::<Selection>(self.camera).map(|it| it.applied);
+            let selection = world.get::<Selection>(self.camera);
+            let applied = selection.and_then(|it| it.predicted_applied);
+            let settings = selection.map(|it| it.applied);
             switches += u32::from(shown.is_some() && settings != shown);
             shown = settings;
             if let Some(cost) = applied {
@@ -325,7 +319,7 @@ fn main() {
     }
     let mut bench = open_bench(Path::new(map), arguments.names.get(1).map(String::as_str));
     let before = bench.idle();
-    let ends = [0.0, f64::INFINITY].map(|watts| bench.run(Budget::power(Watts(watts))).watts);
+    let ends = [Kind::Cheapest, Kind::Best].map(|kind| bench.run(kind.budget()).watts);
     println!("idle {before:.1} W; cheapest settings {:.1} W, best {:.1} W", ends[0], ends[1]);
     let passes: Vec<Vec<String>> = bench
         .passes()
@@ -377,15 +371,18 @@ fn main() {
             let saved: Vec<f64> =
                 runs.iter().zip(&best).map(|(run, best)| 1.0 - run.watts / best).collect();
             let (saved, saved_half) = interval(&saved);
-            let of_budget = |text: String| match kind {
-                Kind::Power(_) => text,
-                Kind::Cheapest | Kind::Error(_) | Kind::Best => String::new(),
+            let (used, over) = match kind {
+                Kind::Power(limit) => (
+                    format!("{:.1} %", 100.0 * watts / limit),
+                    format!("{:.1} %", 100.0 * interval(&of(|run| run.over)).0),
+                ),
+                Kind::Cheapest | Kind::Error(_) | Kind::Best => Default::default(),
             };
             vec![
                 kind.to_string(),
                 format!("{watts:.2} ± {half:.2} W"),
-                of_budget(format!("{:.1} %", 100.0 * watts / kind.watts())),
-                of_budget(format!("{:.1} %", 100.0 * interval(&of(|run| run.over)).0)),
+                used,
+                over,
                 format!("{:.1} ± {:.1} %", 100.0 * saved, 100.0 * saved_half),
                 format!("{:.4}", median(of(|run| run.played.error))),
                 format!("{:.1} W", median(of(|run| run.played.predicted[0]))),

@@ -3,6 +3,7 @@
 use std::collections::BTreeSet;
 use std::path::PathBuf;
 
+use frugal_tests::folder::workspace;
 use frugal_tests::imports::imports;
 
 tests!(
@@ -84,12 +85,8 @@ const TOOL: &[&str] = &[
     "cli",
 ];
 
-fn root() -> PathBuf {
-    frugal_tests::folder::workspace()
-}
-
 fn assert_downhill(folder: &str, split: &[&str], order: &[&str]) {
-    let found = imports(&root().join(folder), split).expect("sources");
+    let found = imports(&workspace().join(folder), split).expect("sources");
     let place = |part: &str| {
         order
             .iter()
@@ -116,9 +113,9 @@ fn the_tool_imports_downhill() {
 
 /// Every document, and its text.
 fn documents() -> Vec<(PathBuf, String)> {
-    let mut files = vec![root().join("README.md"), root().join("ARCHITECTURE.md")];
+    let mut files = vec![workspace().join("README.md"), workspace().join("ARCHITECTURE.md")];
     for folder in ["docs", "docs/architecture"] {
-        let entries = std::fs::read_dir(root().join(folder)).expect("documents");
+        let entries = std::fs::read_dir(workspace().join(folder)).expect("documents");
         files.extend(entries.map(|entry| entry.expect("an entry").path()));
     }
     files.retain(|file| file.extension().is_some_and(|extension| extension == "md"));
@@ -179,7 +176,7 @@ fn documents_are_short_and_wrapped() {
 }
 
 fn the_glossary_is_short() {
-    let overview = root().join("docs/architecture/overview.md");
+    let overview = workspace().join("docs/architecture/overview.md");
     let text = std::fs::read_to_string(&overview).expect("a document");
     let (_, text) = text.split_once("## Glossary").expect("a glossary");
     let rows = text.lines().skip_while(|line| !line.starts_with('|')).skip(2);
@@ -229,7 +226,7 @@ fn exported(source: &str) -> BTreeSet<&str> {
 }
 
 fn the_prelude_has_what_the_documents_name() {
-    let read = |path: &str| std::fs::read_to_string(root().join(path)).expect("a file");
+    let read = |path: &str| std::fs::read_to_string(workspace().join(path)).expect("a file");
     let library = read("plugin/src/lib.rs");
     let prelude = exported(&library);
     let modules = [
