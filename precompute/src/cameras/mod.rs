@@ -10,6 +10,8 @@ mod set;
 mod stretch;
 
 pub(crate) use free_space::{Clearance, FreeSpace};
+#[cfg(test)]
+pub(crate) use pose::FREE;
 pub(crate) use pose::MovingCamera;
 pub(crate) use recorded::recorded;
 pub(crate) use set::{CameraMix, CameraSet, TrackSample, tracks_of};

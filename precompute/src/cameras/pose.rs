@@ -18,7 +18,7 @@ pub(crate) struct MovingCamera {
 }
 
 /// Flag in the [`group`](MovingCamera::group) of cameras in free space, away from any app's camera.
-pub(super) const FREE: u32 = 1 << 31;
+pub(crate) const FREE: u32 = 1 << 31;
 
 impl MovingCamera {
     /// Whether the camera is on or near a path or a recording.

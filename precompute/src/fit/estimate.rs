@@ -266,6 +266,11 @@ impl<'a> Pyramid<'a> {
         self.smoother.at(&viewpoints, &self.cameras, &self.shared)
     }
 
+    /// The viewpoint of a camera, or of an unrendered view.
+    pub(super) fn viewpoint(&self, camera: usize) -> Viewpoint {
+        self.smoother.viewpoint(camera)
+    }
+
     /// The mean estimate at several cameras' viewpoints.
     pub(super) fn viewpoints(&self, cameras: &[usize]) -> Estimate {
         let viewpoints: Vec<Viewpoint> =

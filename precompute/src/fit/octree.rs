@@ -152,8 +152,8 @@ pub(crate) fn fit(
         tree.leaves.push((Leaf { min: [0; 3], size: 1 << levels }, 0, all.clone()));
     }
     let Tree { mut octree, leaves } = tree;
-    let estimates = if is_divided { estimates(&keys, &pyramid, &leaves) } else { BTreeMap::new() };
-    report.addresses = estimates.len();
+    let members = if is_divided { members(&keys, &leaves) } else { BTreeMap::new() };
+    report.addresses = members.len();
     let depths = is_divided.then(|| {
         let mut depths = vec![0; all.len()];
         leaves.iter().for_each(|(_, depth, cameras)| {
@@ -187,7 +187,7 @@ pub(crate) fn fit(
         training,
         keys: &keys,
         pyramid: &pyramid,
-        estimates: &estimates,
+        members: &members,
         shared: &shared,
         margin: &margin,
         is_away: &is_away,
@@ -232,20 +232,15 @@ impl Tree {
     }
 }
 
-/// Estimates of the addresses with cameras; corners on the border of two leaves have cameras of
-/// both.
-fn estimates(
-    keys: &Keys,
-    pyramid: &Pyramid<'_>,
-    leaves: &[(Leaf, usize, Vec<usize>)],
-) -> BTreeMap<Address, Estimate> {
+/// Cameras and unrendered views by address; corners on the border of two leaves have those of both.
+fn members(keys: &Keys, leaves: &[(Leaf, usize, Vec<usize>)]) -> BTreeMap<Address, Vec<usize>> {
     let mut members: BTreeMap<Address, Vec<usize>> = BTreeMap::new();
     for (_, depth, cameras) in leaves {
         for camera in cameras {
             members.entry(keys.addresses[*depth][*camera]).or_default().push(*camera);
         }
     }
-    members.iter().map(|(address, members)| (*address, pyramid.viewpoints(members))).collect()
+    members
 }
 
 /// Inputs of a corner's frontier.
@@ -253,31 +248,36 @@ struct Known<'a> {
     training: &'a Training,
     keys: &'a Keys,
     pyramid: &'a Pyramid<'a>,
-    estimates: &'a BTreeMap<Address, Estimate>,
+    members: &'a BTreeMap<Address, Vec<usize>>,
     shared: &'a Frontier,
     margin: &'a Margin,
     is_away: &'a dyn Fn(&Viewpoint) -> bool,
 }
 
 impl Known<'_> {
-    /// The estimate of an address, with the margin where it is away from the tracks; `None` for the
-    /// shared one.
+    /// The estimate of an address: from its cameras, or from those around it; with the margin where
+    /// it is away from the tracks. `None` for the shared one.
+    ///
+    /// An address is where its cameras are: its corner is up to a leaf away from them, and would have a
+    /// margin next to a track, for which error budgets are calibrated without.
     fn estimate(&self, address: Address) -> Option<Estimate> {
-        let estimate = self.nearby(address)?;
-        let is_away = (self.is_away)(&self.keys.viewpoint(address));
-        Some(if is_away { self.margin.applied(estimate) } else { estimate })
-    }
-
-    /// The estimate of an address: from its cameras, or from those around it.
-    fn nearby(&self, address: Address) -> Option<Estimate> {
-        if self.estimates.is_empty() {
+        if self.members.is_empty() {
             return None;
         }
-        if let Some(estimate) = self.estimates.get(&address) {
-            return Some(estimate.clone());
-        }
-        let around = self.pyramid.address(self.keys, address, 0);
-        (around.weight >= LEAST_WEIGHT).then_some(around)
+        let (estimate, is_away) = match self.members.get(&address) {
+            Some(members) => {
+                let is_away = |view: &usize| (self.is_away)(&self.pyramid.viewpoint(*view));
+                (self.pyramid.viewpoints(members), members.iter().all(is_away))
+            }
+            None => {
+                let around = self.pyramid.address(self.keys, address, 0);
+                if around.weight < LEAST_WEIGHT {
+                    return None;
+                }
+                (around, (self.is_away)(&self.keys.viewpoint(address)))
+            }
+        };
+        Some(if is_away { self.margin.applied(estimate) } else { estimate })
     }
 }
 

@@ -1,14 +1,16 @@
 //! Fits to synthetic scenes with known optimal maps.
 
 use bevy_frugal_gi::control::{Budget, ErrorPrice, select};
-use bevy_frugal_gi::frontier::{Bounds, CameraView, CostPoint, ErrorRates, Octree, ViewDirection};
+use bevy_frugal_gi::frontier::{
+    Bounds, CameraView, CostPoint, ErrorRates, Octree, ViewDirection, look_up_in,
+};
 use bevy_frugal_gi::knobs::KnobLevels;
 use glam::{Quat, Vec3};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
 use super::*;
-use crate::cameras::MovingCamera;
+use crate::cameras::{FREE, MovingCamera};
 use crate::scene::CameraPose;
 use crate::table::CostTable;
 
@@ -284,4 +286,44 @@ fn without_cameras_nothing_is_calibrated_and_few_support_little() {
     let broken = |_: KnobLevels| None;
     let unknown = calibrate(&[Calibration { frontier: &fitted.shared, error: &broken }], &|_| 0.0);
     assert!(unknown.is_sound());
+}
+
+#[test]
+fn a_track_has_no_margin_however_far_its_corners_are() {
+    // Leaves of 8 m at most, whose corners are metres away from the track at x = 40 to 63.
+    let bounds = Bounds { min: [0.0; 3], max: [128.0; 3] };
+    let mut random = ChaCha8Rng::seed_from_u64(3);
+    let rotation = Quat::from_rotation_y(-std::f32::consts::FRAC_PI_2);
+    let mut scene = Scene { cameras: Vec::new(), views: Vec::new(), table: CostTable::new(48) };
+    for row in 0..48_usize {
+        let is_on_track = row < 24;
+        let (position, difficulty) = if is_on_track {
+            (Vec3::new(40.0 + row as f32, 43.5, 43.5), 1.0)
+        } else {
+            // Elsewhere every other view is much harder than its neighbours.
+            let at = |random: &mut ChaCha8Rng| random.random_range(80.0..120.0);
+            let difficulty = if row % 2 == 0 { 0.3 } else { 3.0 };
+            (Vec3::from_array(std::array::from_fn(|_| at(&mut random))), difficulty)
+        };
+        let group = if is_on_track { row as u32 / 2 } else { FREE };
+        let pose = CameraPose { position, rotation };
+        scene.cameras.push(MovingCamera { pose, velocity: Vec3::ZERO, turn: Vec3::ZERO, group });
+        scene.views.push(CameraView { position, rotation, vertical_fov: 1.0, aspect: 1.5 });
+        for settings in settings() {
+            let cost = cost(settings, position.x < 52.0, difficulty, 0.0, &mut random);
+            scene.table.set(row, settings, cost);
+        }
+    }
+    let (training, _) = Training::new(&scene.table, &scene.cameras, &settings());
+    let fitted = fit(&training, &scene.views, &bounds, &FitConfig::default());
+    assert!(fitted.report.margin > 1.2, "{:?}", fitted.report);
+    let (mut predicted, mut measured) = (0.0, 0.0);
+    for (row, view) in scene.views.iter().enumerate().take(24) {
+        let found = look_up_in(&fitted.octree, &bounds, view).expect("a frontier");
+        for point in found.frontier.points() {
+            predicted += point.cost.error;
+            measured += scene.table.get(row, point.settings).expect("a cost").error;
+        }
+    }
+    assert!((0.9..1.12).contains(&(predicted / measured)), "{predicted} of {measured}");
 }
