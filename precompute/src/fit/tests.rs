@@ -45,26 +45,33 @@ struct Scene {
     table: CostTable,
 }
 
+impl Scene {
+    fn new(count: usize) -> Self {
+        Self { cameras: Vec::new(), views: Vec::new(), table: CostTable::new(count) }
+    }
+
+    /// The next camera, at rest at `pose`, with what `cost` says of each setting.
+    fn add(&mut self, pose: CameraPose, group: u32, mut cost: impl FnMut(KnobLevels) -> CostPoint) {
+        let (row, CameraPose { position, rotation }) = (self.cameras.len(), pose);
+        self.cameras.push(MovingCamera { pose, velocity: Vec3::ZERO, turn: Vec3::ZERO, group });
+        self.views.push(CameraView { position, rotation, vertical_fov: 1.0, aspect: 1.5 });
+        for settings in settings() {
+            self.table.set(row, settings, cost(settings));
+        }
+    }
+}
+
 /// `count` cameras at random positions; `kind` classifies a position.
 fn scene(count: usize, seed: u64, noise: f64, kind: impl Fn(Vec3) -> bool) -> Scene {
     let mut random = ChaCha8Rng::seed_from_u64(seed);
-    let mut scene = Scene { cameras: Vec::new(), views: Vec::new(), table: CostTable::new(count) };
+    let mut scene = Scene::new(count);
     for row in 0..count {
         let position = Vec3::from_array(std::array::from_fn(|_| random.random_range(0.1..7.9)));
         let rotation = Quat::from_rotation_y(random.random_range(0.0..std::f32::consts::TAU));
-        let pose = CameraPose { position, rotation };
-        scene.cameras.push(MovingCamera {
-            pose,
-            velocity: Vec3::ZERO,
-            turn: Vec3::ZERO,
-            group: row as u32,
-        });
-        scene.views.push(CameraView { position, rotation, vertical_fov: 1.0, aspect: 1.5 });
         let difficulty = random.random_range(0.7..1.4);
-        for settings in settings() {
-            let cost = cost(settings, kind(position), difficulty, noise, &mut random);
-            scene.table.set(row, settings, cost);
-        }
+        scene.add(CameraPose { position, rotation }, row as u32, |settings| {
+            cost(settings, kind(position), difficulty, noise, &mut random)
+        });
     }
     scene
 }
@@ -128,7 +135,7 @@ fn a_map_of_many_cameras_that_all_differ_stays_small() {
 
 #[test]
 fn no_camera_and_one_camera_are_maps_too() {
-    let nothing = fitted(&Scene { cameras: vec![], views: vec![], table: CostTable::new(0) });
+    let nothing = fitted(&Scene::new(0));
     assert!(nothing.shared.is_empty() && nothing.octree.validate() == Ok(()));
     let one = fitted(&scene(1, 3, 0.0, |_| true));
     assert_eq!((one.octree.validate(), one.octree.frontiers.len()), (Ok(()), 1));
@@ -294,7 +301,7 @@ fn a_track_has_no_margin_however_far_its_corners_are() {
     let bounds = Bounds { min: [0.0; 3], max: [128.0; 3] };
     let mut random = ChaCha8Rng::seed_from_u64(3);
     let rotation = Quat::from_rotation_y(-std::f32::consts::FRAC_PI_2);
-    let mut scene = Scene { cameras: Vec::new(), views: Vec::new(), table: CostTable::new(48) };
+    let mut scene = Scene::new(48);
     for row in 0..48_usize {
         let is_on_track = row < 24;
         let (position, difficulty) = if is_on_track {
@@ -306,13 +313,9 @@ fn a_track_has_no_margin_however_far_its_corners_are() {
             (Vec3::from_array(std::array::from_fn(|_| at(&mut random))), difficulty)
         };
         let group = if is_on_track { row as u32 / 2 } else { FREE };
-        let pose = CameraPose { position, rotation };
-        scene.cameras.push(MovingCamera { pose, velocity: Vec3::ZERO, turn: Vec3::ZERO, group });
-        scene.views.push(CameraView { position, rotation, vertical_fov: 1.0, aspect: 1.5 });
-        for settings in settings() {
-            let cost = cost(settings, position.x < 52.0, difficulty, 0.0, &mut random);
-            scene.table.set(row, settings, cost);
-        }
+        scene.add(CameraPose { position, rotation }, group, |settings| {
+            cost(settings, position.x < 52.0, difficulty, 0.0, &mut random)
+        });
     }
     let (training, _) = Training::new(&scene.table, &scene.cameras, &settings());
     let fitted = fit(&training, &scene.views, &bounds, &FitConfig::default());
