@@ -20,9 +20,10 @@ use frugal_tests::table::markdown;
 
 /// Cheaper in all that a frame costs, pixels, VPLs, rays and maps; and of little error, beside which
 /// noise of the reference counts.
-const SETTINGS: [&str; 2] = [
+const SETTINGS: [&str; 3] = [
     "max,resolution_scale=70%,gi_pixel_fraction=1/4,gi_vpl_count=1024,rsm_resolution=128",
     "max,gi_pixel_fraction=1/4",
+    "max,gi_pixel_fraction=1/2",
 ];
 /// Frames of a reading: a measurement and its arrival fit in.
 const FRAMES: u32 = 24;
