@@ -50,14 +50,15 @@ pub struct ErrorMeter {
     /// the image's exact aspect ratio. Default: ¼. Its place changes from measurement to
     /// measurement. Higher values vary less; lower values cost less.
     pub share: f32,
-    /// Frames that the hidden camera renders before it is compared, at least 1. Default: 6. Higher
-    /// values have less noise in the reference: its history is longer. Lower values cost less.
+    /// Frames that the hidden camera renders before it is compared, at least 1. Default: 4. Higher
+    /// values have less noise in the reference: its history is longer. Lower values cost less; with 3 and
+    /// 2 of them errors of 0.016 are measured as 0.019.
     pub frames: u32,
 }
 
 impl Default for ErrorMeter {
     fn default() -> Self {
-        Self { period_seconds: 20.0, share: 0.25, frames: 6 }
+        Self { period_seconds: 20.0, share: 0.25, frames: 4 }
     }
 }
 

@@ -39,7 +39,7 @@ const FAIR: [&str; 4] = [ELSEWHERE, "reactive", "default", "resolution-only"];
 /// Play that counts, and before that, seconds.
 const PLAYED_SECONDS: f64 = 1200.0;
 /// What a measurement costs, in frames of the best settings (`make bench BENCH=error_meter`).
-const METER_FRAMES: f64 = 7.0;
+const METER_FRAMES: f64 = 5.0;
 /// Frame rate at which the meter's cost is spread, hertz. Recorded paths have fewer frames a second.
 const METER_FPS: f64 = 60.0;
 /// Most walks along a path in that time.
