@@ -18,8 +18,9 @@ const PRIOR: f64 = 4.0;
 /// views; lower values follow a camera to another part of the level.
 const FADING: f64 = 1.0 - 1.0 / 128.0;
 /// Margin on the ratio, in standard errors. Higher values keep more budgets; lower values use more of
-/// them. Over 105 budgets on fifteen recorded paths 0, 0.35, 0.5 and 1 kept 67, 81, 96 and 101.
-const MARGIN: f64 = 0.5;
+/// them. Of 105 budgets on fifteen recorded paths 0, 0.35, 0.75 and 1 kept 67, 81, 95 and 101; of 28 on
+/// four others 0.5, 0.75 and 1 kept 23, 26 and 28.
+const MARGIN: f64 = 0.75;
 /// Spread of measurements about the ratio times their predictions, as a share of their mean, before any
 /// is known. Views of two levels and a court differ by 0.2 at mean errors of 0.05, and by up to 0.7 at
 /// 0.005.
@@ -127,7 +128,7 @@ mod tests {
         }
         assert!(targets.is_sorted(), "{targets:?}");
         let last = targets[400];
-        assert!((0.99..0.999).contains(&(last / (0.02 / 0.75))), "with a margin alone: {last}");
+        assert!((0.985..0.999).contains(&(last / (0.02 / 0.75))), "with a margin alone: {last}");
         assert!((feedback.count() - 128.0).abs() < 8.0, "{}", feedback.count());
         assert!((targets[4] / targets[0]) < 1.4, "four count as much as the calibration");
     }
