@@ -257,13 +257,10 @@ impl<'a> Pyramid<'a> {
     /// The estimate at an address: at the viewpoints of its cameras, or at its own where it has
     /// none.
     pub(super) fn address(&self, keys: &Keys, address: Address, depth: usize) -> Estimate {
-        let viewpoints: Vec<Viewpoint> = match self.members[depth].get(&address) {
-            Some(members) => {
-                members.iter().map(|camera| self.smoother.viewpoint(*camera)).collect()
-            }
-            None => vec![keys.viewpoint(address)],
-        };
-        self.smoother.at(&viewpoints, &self.cameras, &self.shared)
+        match self.members[depth].get(&address) {
+            Some(members) => self.viewpoints(members),
+            None => self.smoother.at(&[keys.viewpoint(address)], &self.cameras, &self.shared),
+        }
     }
 
     /// The viewpoint of a camera, or of an unrendered view.
@@ -274,7 +271,7 @@ impl<'a> Pyramid<'a> {
     /// The mean estimate at several cameras' viewpoints.
     pub(super) fn viewpoints(&self, cameras: &[usize]) -> Estimate {
         let viewpoints: Vec<Viewpoint> =
-            cameras.iter().map(|camera| self.smoother.viewpoint(*camera)).collect();
+            cameras.iter().map(|camera| self.viewpoint(*camera)).collect();
         self.smoother.at(&viewpoints, &self.cameras, &self.shared)
     }
 
