@@ -342,13 +342,16 @@ fn main() {
         for index in order {
             let run = bench.run(kinds[index].budget());
             let correction = bench.correction();
+            let longest: Vec<String> =
+                bench.passes().iter().take(4).map(|(pass, ms)| format!("{pass} {ms:.1}")).collect();
             println!(
-                "run {repeat}: {}: {:.2} W, {:.0} % of windows over, {:.1} frames/s, {:.1} ms of the GPU, 95 % of frames within {:.1} ms, {:.2} switches/s, predicted {:.1} W, by the map alone {:.1} W, gain {:.2}, offset {:.1}",
+                "run {repeat}: {}: {:.2} W, {:.0} % of windows over, {:.1} frames/s, {:.1} ms of the GPU ({}), 95 % of frames within {:.1} ms, {:.2} switches/s, predicted {:.1} W, by the map alone {:.1} W, gain {:.2}, offset {:.1}",
                 kinds[index],
                 run.watts,
                 100.0 * run.over,
                 run.played.frames_per_second,
                 run.gpu,
+                longest.join(", "),
                 run.played.slow_frame,
                 run.played.switches_per_second,
                 run.played.predicted[0],

@@ -5,15 +5,13 @@ use std::path::PathBuf;
 use std::time::{Duration, Instant};
 
 use bevy_frugal_gi::frontier::WorkPrices;
-use bevy_frugal_gi::knobs::{KnobLevels, KnobSpace};
 use bevy_frugal_gi::units::Watts;
 
 use super::arguments::{CaptureArguments, check_outputs, duration, open_scene, write};
 use super::precompute::{open_stage, prices};
 use super::{CliError, progress};
 use crate::cameras::{CameraMix, CameraSet, tracks_of};
-use crate::cost::{CostModel, CostReading, DeviceModel, FrameLayout, Work};
-use crate::pool::screening_settings;
+use crate::cost::{CostModel, CostReading, DeviceModel, FrameLayout, ReadingPlan, Work};
 use crate::table::Measure as _;
 
 #[derive(clap::Args, Debug)]
@@ -29,7 +27,7 @@ pub(super) struct Arguments {
     /// Duration of the readings
     #[arg(long, value_name = "TIME", default_value = "2m", value_parser = duration)]
     time_limit: Duration,
-    /// Seed of the cameras
+    /// Seed of the cameras and settings
     #[arg(long, value_name = "N", default_value_t = 0)]
     seed: u64,
 }
@@ -40,21 +38,6 @@ const CAMERAS: usize = 6;
 const FOLDS: usize = 5;
 /// Fewest readings for a fit of prices.
 const FEWEST: usize = 40;
-
-/// The best settings with one knob lowered, and the cheapest with one knob raised: prices must be
-/// valid at both ends.
-fn calibration_settings(space: &KnobSpace) -> Vec<KnobLevels> {
-    let raised = (0..space.len())
-        .flat_map(|knob| (1..space.knobs()[knob].levels.len()).map(move |level| (knob, level)));
-    let raised = raised.map(|(knob, level)| space.lowest().with_level(knob, level));
-    // Alternating, so that an interrupted run has both.
-    let (lowered, raised) = (screening_settings(space, true), space.canonical_once(raised));
-    let mut all = Vec::new();
-    for step in 0..lowered.len().max(raised.len()) {
-        all.extend([lowered.get(step), raised.get(step)].into_iter().flatten());
-    }
-    space.canonical_once(all)
-}
 
 pub(super) fn run(arguments: &Arguments) -> Result<(), CliError> {
     let (scene, _) = open_scene(&arguments.scene)?;
@@ -81,7 +64,6 @@ pub(super) fn run(arguments: &Arguments) -> Result<(), CliError> {
         )));
     }
     stage.warm()?;
-    let settings = calibration_settings(&space);
     let layout = FrameLayout::of(&scene, stage.size());
     let bar = progress::bar(arguments.time_limit.as_secs());
     bar.set_message("seconds of readings");
@@ -89,25 +71,20 @@ pub(super) fn run(arguments: &Arguments) -> Result<(), CliError> {
     let idle = stage.idle();
     let started = Instant::now();
     let mut readings = Vec::new();
-    // Rounds alternate between forward and reverse order, so that drift does not favour some
-    // settings.
-    'rounds: for round in 0.. {
-        for (camera, moving) in cameras.iter().enumerate() {
-            for step in 0..settings.len() {
-                if started.elapsed() >= arguments.time_limit || progress::interrupted() {
-                    break 'rounds;
-                }
-                let settings =
-                    settings[if round % 2 == 0 { step } else { settings.len() - 1 - step }];
-                let cost = stage.measure(&moving.clip(2, fps), settings)?;
-                readings.push(CostReading {
-                    camera,
-                    work: Work::of(&space, settings, &layout),
-                    power_w: (cost.power - idle).0.max(0.0),
-                });
-                bar.set_position(started.elapsed().as_secs());
-            }
+    for (index, settings) in ReadingPlan::new(&space, arguments.seed).enumerate() {
+        if started.elapsed() >= arguments.time_limit || progress::interrupted() {
+            break;
         }
+        // Two at each camera: every other settings have a single knob changed, and all cameras get
+        // both kinds.
+        let camera = index / 2 % cameras.len();
+        let cost = stage.measure(&cameras[camera].clip(2, fps), settings)?;
+        readings.push(CostReading {
+            camera,
+            work: Work::of(&space, settings, &layout),
+            power_w: (cost.power - idle).0.max(0.0),
+        });
+        bar.set_position(started.elapsed().as_secs());
     }
     bar.finish_and_clear();
     if readings.len() < FEWEST {

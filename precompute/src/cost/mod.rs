@@ -6,12 +6,14 @@
 //! better than two frames of them, and also that of settings that were never rendered.
 mod model;
 mod nnls;
+mod plan;
 mod reprice;
 mod shared;
 mod work;
 mod work_meter;
 
 pub(crate) use model::{CostModel, CostReading, FitQuality};
+pub(crate) use plan::ReadingPlan;
 pub(crate) use reprice::{DeviceModel, NewConditions, reprice};
 pub(crate) use shared::{saved_joules, with_shared_knobs};
 pub(crate) use work::{FrameLayout, Work, work_names};
