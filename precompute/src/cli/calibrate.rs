@@ -71,13 +71,10 @@ pub(super) fn run(arguments: &Arguments) -> Result<(), CliError> {
     let idle = stage.idle();
     let started = Instant::now();
     let mut readings = Vec::new();
-    for (index, settings) in ReadingPlan::new(&space, arguments.seed).enumerate() {
+    for (camera, settings) in ReadingPlan::new(&space, cameras.len(), arguments.seed) {
         if started.elapsed() >= arguments.time_limit || progress::interrupted() {
             break;
         }
-        // Two at each camera: every other settings have a single knob changed, and all cameras get
-        // both kinds.
-        let camera = index / 2 % cameras.len();
         let cost = stage.measure(&cameras[camera].clip(2, fps), settings)?;
         readings.push(CostReading {
             camera,
