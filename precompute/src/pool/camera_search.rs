@@ -57,55 +57,62 @@ impl CameraSearch<'_> {
     /// # Errors
     /// When rendering fails.
     pub(crate) fn run<C: SearchedCamera>(&self, camera: &mut C) -> Result<(), C::Error> {
-        camera.ask_all(screening_settings(self.space, true))?;
-        let screening = Screening::of(self.space, camera.known());
-        self.rounds(&screening, camera)
+        let screening = self.screen(camera)?;
+        for round in 0.. {
+            if camera.is_done() || !self.round(&screening, round, camera)? {
+                break;
+            }
+        }
+        Ok(())
     }
 
-    /// Rounds of proposals.
+    /// Single effects of the knobs at the camera.
     ///
     /// # Errors
     /// When rendering fails.
-    pub(crate) fn rounds<C: SearchedCamera>(
+    pub(crate) fn screen<C: SearchedCamera>(&self, camera: &mut C) -> Result<Screening, C::Error> {
+        camera.ask_all(screening_settings(self.space, true))?;
+        Ok(Screening::of(self.space, camera.known()))
+    }
+
+    /// A round of proposals; false if nothing is proposed.
+    ///
+    /// # Errors
+    /// When rendering fails.
+    pub(crate) fn round<C: SearchedCamera>(
         &self,
         screening: &Screening,
+        round: u64,
         camera: &mut C,
-    ) -> Result<(), C::Error> {
-        for round in 0.. {
-            if camera.is_done() {
-                break;
-            }
-            let readings = camera.readings();
-            let reading = |(settings, cost): &(KnobLevels, CostPoint)| CostReading {
-                camera: 0,
-                work: Work::of(self.space, *settings, self.layout),
-                power_w: cost.power.0,
-            };
-            // One frame rate throughout: idle power may count as the price of a frame.
-            let readings_of_work: Vec<_> = readings.iter().map(reading).collect();
-            let cost = CostModel::fit(&readings_of_work, Watts(0.0));
-            let errors: Vec<_> =
-                readings.iter().map(|(settings, cost)| (*settings, cost.error)).collect();
-            let proposal = Proposal {
-                space: self.space,
-                screening,
-                cost: &cost,
-                layout: self.layout,
-                errors: &errors,
-            };
-            // Settings that cannot be had have no reading, and so are proposed again.
-            let missing = camera.known().settings().len() - readings.len();
-            let seed = round_seed(self.seed, round);
-            let fresh: Vec<_> = propose(&proposal, self.batch + missing, seed)
-                .into_iter()
-                .filter(|settings| camera.known().column(*settings).is_none())
-                .take(self.batch)
-                .collect();
-            if fresh.is_empty() {
-                break;
-            }
-            camera.ask_all(fresh)?;
-        }
-        Ok(())
+    ) -> Result<bool, C::Error> {
+        let readings = camera.readings();
+        let reading = |(settings, cost): &(KnobLevels, CostPoint)| CostReading {
+            camera: 0,
+            work: Work::of(self.space, *settings, self.layout),
+            power_w: cost.power.0,
+        };
+        // One frame rate throughout: idle power may count as the price of a frame.
+        let readings_of_work: Vec<_> = readings.iter().map(reading).collect();
+        let cost = CostModel::fit(&readings_of_work, Watts(0.0));
+        let errors: Vec<_> =
+            readings.iter().map(|(settings, cost)| (*settings, cost.error)).collect();
+        let proposal = Proposal {
+            space: self.space,
+            screening,
+            cost: &cost,
+            layout: self.layout,
+            errors: &errors,
+        };
+        // Settings that cannot be had have no reading, and so are proposed again.
+        let missing = camera.known().settings().len() - readings.len();
+        let seed = round_seed(self.seed, round);
+        let fresh: Vec<_> = propose(&proposal, self.batch + missing, seed)
+            .into_iter()
+            .filter(|settings| camera.known().column(*settings).is_none())
+            .take(self.batch)
+            .collect();
+        let proposes = !fresh.is_empty();
+        camera.ask_all(fresh)?;
+        Ok(proposes)
     }
 }

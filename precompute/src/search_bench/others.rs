@@ -67,10 +67,6 @@ impl Others {
             .then(|| Self { screening: Screening::of(&recorded.space, table), means })
     }
 
-    pub(super) fn screening(&self) -> &Screening {
-        &self.screening
-    }
-
     /// Up to `count` settings that were not requested yet: those of greatest expected gain over the
     /// known ones; then those on the predicted frontier that are farthest in power from all known
     /// ones.
