@@ -12,6 +12,7 @@ use super::precompute::{open_stage, prices};
 use super::{CliError, progress};
 use crate::cameras::{CameraMix, CameraSet, tracks_of};
 use crate::cost::{CostModel, CostReading, DeviceModel, FrameLayout, ReadingPlan, Work};
+use crate::pipeline::CLIP_FRAMES;
 use crate::table::Measure as _;
 
 #[derive(clap::Args, Debug)]
@@ -75,7 +76,7 @@ pub(super) fn run(arguments: &Arguments) -> Result<(), CliError> {
         if started.elapsed() >= arguments.time_limit || progress::interrupted() {
             break;
         }
-        let cost = stage.measure(&cameras[camera].clip(2, fps), settings)?;
+        let cost = stage.measure(&cameras[camera].clip(CLIP_FRAMES, fps), settings)?;
         readings.push(CostReading {
             camera,
             work: Work::of(&space, settings, &layout),
