@@ -1,9 +1,11 @@
 //! What a calibration reads, in an order of which any beginning tells all prices.
 
 use bevy_frugal_gi::knobs::{KnobLevels, KnobSpace};
+use rand::SeedableRng as _;
 use rand::seq::SliceRandom as _;
-use rand::{RngExt as _, SeedableRng as _};
 use rand_chacha::ChaCha8Rng;
+
+use crate::search::random_settings;
 
 /// Readings at a camera before the next one. Higher values reach fewer cameras in a minute; lower values
 /// spend more of it on references, which every change of the camera renders anew.
@@ -59,13 +61,7 @@ impl Iterator for ReadingPlan<'_> {
             0 => self.space.highest(),
             1 => self.space.canonical(self.space.lowest()),
             _ if step.is_multiple_of(2) => self.single[(step / 2) % self.single.len()],
-            _ => {
-                let knobs = self.space.knobs().iter().enumerate();
-                let settings = knobs.fold(self.space.lowest(), |settings, (knob, it)| {
-                    settings.with_level(knob, self.random.random_range(0..it.levels.len()))
-                });
-                self.space.canonical(settings)
-            }
+            _ => self.space.canonical(random_settings(self.space, &mut self.random)),
         };
         Some((step / PER_CAMERA % self.cameras.max(1), settings))
     }
@@ -76,6 +72,7 @@ mod tests {
     use std::collections::BTreeSet;
 
     use bevy_frugal_gi::units::Watts;
+    use rand::RngExt as _;
 
     use super::*;
     use crate::cost::{CostModel, CostReading, FrameLayout, Work, work_names};

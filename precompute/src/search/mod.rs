@@ -22,6 +22,7 @@ mod sorting;
 pub(crate) use config::SearchConfig;
 pub(crate) use evaluator::Evaluate;
 pub(crate) use level_dominance::{LevelDominance, level_dominance};
+pub(crate) use mutation::random_settings;
 pub(crate) use nsga2::Search;
 #[cfg(test)]
 pub(crate) use nsga2::SearchOutcome;

@@ -43,7 +43,7 @@ pub(crate) fn mutate_one(
 }
 
 /// Uniformly sampled levels.
-pub(crate) fn any(space: &KnobSpace, random: &mut impl Rng) -> KnobLevels {
+pub(crate) fn random_settings(space: &KnobSpace, random: &mut impl Rng) -> KnobLevels {
     space.from_levels(|_, knob| random.random_range(0..knob.levels.len()))
 }
 
@@ -116,7 +116,7 @@ mod tests {
             assert_eq!(mutate(&space, space.lowest(), 0.0, &mut random), space.lowest());
             let all = mutate(&space, space.lowest(), 1.0, &mut random);
             assert!(all.level(0) == 0 && all.level(1) == 1 && all.level(2) > 0);
-            assert!(space.contains(any(&space, &mut random)));
+            assert!(space.contains(random_settings(&space, &mut random)));
         }
         let fixed = KnobSpace::new(vec![Knob::new("a", [0.0])]).expect("a valid space");
         assert_eq!(mutate_one(&fixed, fixed.lowest(), &mut random), fixed.lowest());

@@ -166,7 +166,7 @@ impl<E: Evaluate> Run<'_, '_, '_, E> {
         // Random settings keep the population diverse, but almost all are dominated: at most a
         // quarter of the evaluation budget.
         while population.len() < capacity.min(self.limit / 4) && self.may_spend(until) {
-            let random = mutation::any(self.search.space, &mut self.random);
+            let random = mutation::random_settings(self.search.space, &mut self.random);
             let Some(settings) = self.unseen(random, &HashSet::new()) else { break };
             population.extend(self.measure(settings)?);
         }
@@ -197,7 +197,7 @@ impl<E: Evaluate> Run<'_, '_, '_, E> {
             let settings = match proposed {
                 Some(settings) => settings,
                 None => {
-                    let random = mutation::any(self.search.space, &mut self.random);
+                    let random = mutation::random_settings(self.search.space, &mut self.random);
                     let Some(settings) = self.unseen(random, &HashSet::new()) else {
                         return Ok(());
                     };
@@ -226,7 +226,7 @@ impl<E: Evaluate> Run<'_, '_, '_, E> {
         while candidates.len() < count {
             if population.is_empty() {
                 // No finite cost so far: samples at random.
-                candidates.push(mutation::any(space, random));
+                candidates.push(mutation::random_settings(space, random));
                 continue;
             }
             let parents = [0; 2].map(|_| tournament(random));
@@ -270,7 +270,7 @@ impl<E: Evaluate> Run<'_, '_, '_, E> {
             candidate = space.canonical(mutation::mutate_one(space, candidate, random));
         }
         for _ in 0..TRIES {
-            candidate = space.canonical(mutation::any(space, random));
+            candidate = space.canonical(mutation::random_settings(space, random));
             if new(candidate) {
                 return Some(candidate);
             }

@@ -20,21 +20,22 @@ pub(super) fn warm(
     seed: u64,
     lookup: &mut Lookup<'_>,
 ) {
-    let search = search(recorded, batch, seed);
-    let mut screening = None;
-    for round in 0.. {
+    let by_others = |round: u64, lookup: &mut Lookup<'_>| {
         let proposed = others.propose(&recorded.space, lookup, batch, round_seed(seed, round));
-        let mut goes_on = !proposed.is_empty();
+        let proposes = !proposed.is_empty();
         let Ok(()) = lookup.ask_all(proposed);
-        if let Some(screening) = &screening {
-            let Ok(proposes) = search.round(screening, round, lookup);
-            goes_on |= proposes;
-        } else {
-            let Ok(effects) = search.screen(lookup);
-            screening = Some(effects);
-            goes_on = true;
+        proposes
+    };
+    let search = search(recorded, batch, seed);
+    by_others(0, lookup);
+    let Ok(screening) = search.screen(lookup);
+    for round in 1.. {
+        if lookup.is_done() {
+            break;
         }
-        if lookup.is_done() || !goes_on {
+        let others_propose = by_others(round, lookup);
+        let Ok(proposes) = search.round(&screening, round, lookup);
+        if !(others_propose || proposes) {
             break;
         }
     }

@@ -69,7 +69,7 @@ fn random_search(
     let ends = [space.highest(), space.lowest()];
     frontier_of(
         ends.into_iter()
-            .chain((2..evaluations).map(|_| space.canonical(mutation::any(space, &mut random)))),
+            .chain((2..evaluations).map(|_| space.canonical(random_settings(space, &mut random)))),
         cost,
     )
 }
