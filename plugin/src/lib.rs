@@ -97,8 +97,8 @@ pub mod prelude {
     pub use crate::control::{
         AppBudget, Budget, BudgetStateChanged, CameraController, CameraPriority, ControlPlugin,
         ControlSettings, ControlStatus, ControlSystems, ErrorFeedback, ErrorPace,
-        FrontierMapHandle, FrontierSource, Limit, MapRejected, OffReason, Outcome, PowerFeedback,
-        Selection, SettingsFilter, SettingsSwitched,
+        FrontierMapHandle, FrontierSource, KnobBounds, Limit, MapRejected, OffReason, Outcome,
+        PowerFeedback, Selection, SettingsFilter, SettingsSwitched,
     };
     pub use crate::control_log::ControlLogPlugin;
     pub use crate::error_meter::{ErrorMeter, ErrorMeterPlugin, ErrorProbe, MeasuredError};

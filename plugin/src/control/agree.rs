@@ -1,15 +1,9 @@
 //! Levels of the knobs that the renderer keeps once for all cameras.
 //!
-//! The highest level that a camera asks for holds for all, and all pay for it. Options:
-//! 1. Let each camera choose alone. One that asks for fine shadows takes the power of the others,
-//!    whose budgets then do not hold, and whose predictions are wrong.
-//! 2. Charge every camera for the highest level that any chose alone. Budgets hold, but all pay for
-//!    what one camera gains little by.
-//! 3. Try every combination of levels: each divides the power anew, with every camera charged.
-//! 4. Lower one level at a time as long as that helps.
-//!
-//! We use option 3 for a few cameras, since there are no more than some ten combinations, and option
-//! 4 for more. Where all cameras get what they would choose alone, nothing is tried.
+//! The highest level that a camera asks for holds for all, and all pay for it: else one camera that
+//! asks for fine shadows would take the power of the others. Combinations of lower levels are tried
+//! unless all cameras get what they would choose alone: each for a few cameras, and one step down at
+//! a time for more.
 
 use crate::frontier::SharedLevels;
 use crate::knobs::KnobLevels;

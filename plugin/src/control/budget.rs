@@ -1,4 +1,4 @@
-//! The limits of a camera.
+//! The limits of a camera, as the app gives them.
 
 use std::time::Duration;
 
@@ -19,8 +19,9 @@ use crate::units::{Joules, Watts};
 ///   power limit; else the least error within the power limit.
 ///
 /// Limits of other currencies become power limits by signals of the app and its device, and the
-/// tightest one holds; [`Selection::binding`](super::Selection::binding) names it. While a limit's
-/// signal is not known it limits nothing.
+/// tightest one holds; [`Selection::binding`](super::Selection::binding) names it. A limit begins
+/// with the first figure of its signal. Figures that are missing later are the last one for ten
+/// seconds, then the conservative one: no headroom, and a battery that goes on giving its power.
 #[derive(Component, Clone, Copy, Debug, Default, PartialEq, Reflect)]
 #[reflect(Component, Default, Clone, Debug, PartialEq)]
 #[non_exhaustive]
@@ -48,7 +49,7 @@ pub struct Budget {
     pub frame_time: Option<Duration>,
     /// When the battery ([`BatteryLevel`](crate::signals::BatteryLevel)) may be empty, in real time
     /// since the app's start: for two more hours, `time.elapsed() + Duration::from_secs(7200)` of
-    /// `Time<Real>`. Without a battery, or after that time, it limits nothing.
+    /// `Time<Real>`. Without a battery, with a charger, or after that time, it limits nothing.
     pub battery_until: Option<Duration>,
     /// Thermal headroom ([`ThermalHeadroom`](crate::signals::ThermalHeadroom)) to keep, 0 to 1; 0
     /// for no limit. Below it, the power limit falls in proportion from the best settings' power to
@@ -56,6 +57,28 @@ pub struct Budget {
     ///
     /// Higher values keep the device cooler, lower values more quality.
     pub headroom: Option<f64>,
+}
+
+/// A currency of a [`Budget`].
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Reflect)]
+#[non_exhaustive]
+pub enum Limit {
+    /// Power, in watts.
+    Power,
+    /// Error, as 1 − SSIM.
+    Error,
+    /// Energy of a frame, in joules.
+    EnergyPerFrame,
+    /// Time of a frame's work.
+    FrameTime,
+    /// Time until the battery is empty.
+    Battery,
+    /// Distance from throttling.
+    Headroom,
+    /// The camera's part of an [`AppBudget`](super::AppBudget).
+    AppBudget,
+    /// Levels that the camera's [`KnobBounds`](super::KnobBounds) exclude.
+    KnobBounds,
 }
 
 /// Invalid budget: a limit that is NaN, negative or out of its range.
@@ -129,14 +152,14 @@ impl Budget {
     /// first.
     pub fn validate(&self) -> Result<(), BudgetError> {
         // This comparison rejects NaN.
-        let valid = |limit: f64| limit >= 0.0;
-        if let Some(Watts(power)) = self.power.filter(|power| !valid(power.0)) {
+        let is_invalid = |limit: &f64| !(*limit >= 0.0);
+        if let Some(power) = self.power.map(|power| power.0).filter(is_invalid) {
             return Err(BudgetError::Power(power));
         }
-        if let Some(error) = self.error.filter(|error| !valid(*error)) {
+        if let Some(error) = self.error.filter(is_invalid) {
             return Err(BudgetError::Error(error));
         }
-        if let Some(Joules(energy)) = self.energy_per_frame.filter(|energy| !valid(energy.0)) {
+        if let Some(energy) = self.energy_per_frame.map(|energy| energy.0).filter(is_invalid) {
             return Err(BudgetError::EnergyPerFrame(energy));
         }
         match self.headroom.filter(|share| !(0.0..=1.0).contains(share)) {

@@ -1,12 +1,14 @@
 //! One camera's controller: view, frontiers and budget in, settings out. Independent of Bevy's
-//! schedule: the app's systems and `frugal evaluate` call the same functions.
+//! schedule: the app's system and `frugal evaluate` call the same functions.
 
+use super::limits::Limits;
+use super::pace::choose;
 use super::{
     Budget, Choice, ControlSettings, ErrorFeedback, ErrorPace, Outcome, PowerCorrection,
-    SettingsFilter, choose,
+    SettingsFilter,
 };
-use crate::frontier::{CameraView, CostPoint, FrontierStore, SampleCamera};
-use crate::knobs::KnobLevels;
+use crate::frontier::{CameraView, CostPoint, Frontier, FrontierStore, SampleCamera};
+use crate::knobs::{KnobLevels, KnobSpace};
 use crate::units::Watts;
 
 /// What a controller sees in one frame.
@@ -16,7 +18,7 @@ pub struct Inputs<'a> {
     pub store: &'a dyn FrontierStore,
     /// The camera's view.
     pub view: CameraView,
-    /// The limits, in the watts of the app's meter.
+    /// The limits, in the watts of the app's meter; those of power and error count.
     pub budget: Budget,
     /// Duration of the frame, seconds of real time. Negative and NaN count as 0.
     pub delta_seconds: f64,
@@ -29,27 +31,6 @@ pub struct Inputs<'a> {
     pub errors: ErrorFeedback,
     /// Transition times.
     pub settings: ControlSettings,
-    /// Levels of the store's [shared knobs](FrontierStore::shared_levels) that all cameras of the
-    /// app agree on. `None`: this camera's own.
-    pub agreed: Option<KnobLevels>,
-}
-
-impl Inputs<'_> {
-    /// Power that the camera pays for the shared knobs of others, in the store's watts.
-    fn charge(&self, settings: KnobLevels) -> Watts {
-        let shared = self.agreed.zip(self.store.shared_levels());
-        shared.map_or(Watts(0.0), |(agreed, shared)| shared.charge(settings, agreed))
-    }
-}
-
-/// The point of a frontier that a budget selects.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Allocation {
-    /// The sample camera of the frontier.
-    pub sample: SampleCamera,
-    /// The point, in the store's watts; with several cameras, what it pays for the shared knobs of
-    /// others included.
-    pub choice: Choice,
 }
 
 /// What a controller decides in one frame.
@@ -84,92 +65,116 @@ impl CameraController {
     /// Decides the settings of the next frame. `None` where no frontier is known at the view, or
     /// the budget is [invalid](Budget::validate).
     pub fn step(&mut self, inputs: &Inputs<'_>) -> Option<Decisions> {
-        let allocation = allocate(inputs, &mut self.pace)?;
-        Some(switch(inputs, &allocation, &mut self.filter, &mut self.pace))
-    }
-}
-
-/// Selects the point of the frontier at the view. `None` where no frontier is known there, or the
-/// budget is [invalid](Budget::validate).
-///
-/// `pace` is left to [`switch`], unless the error limit has changed.
-pub fn allocate(inputs: &Inputs<'_>, pace: &mut ErrorPace) -> Option<Allocation> {
-    // Before the correction, which would turn an invalid limit into a valid one.
-    inputs.budget.validate().ok()?;
-    let power = inputs.budget.power.map(|limit| inputs.correction.uncorrected(limit));
-    let budget = Budget { power, ..inputs.budget };
-    let (sample, choice) = choose(inputs.store, &inputs.view, &budget, &inputs.errors, pace)?;
-    Some(Allocation { sample, choice })
-}
-
-/// Moves the applied settings towards those of `allocation`, and counts their predicted error in
-/// `pace`.
-pub fn switch(
-    inputs: &Inputs<'_>,
-    allocation: &Allocation,
-    filter: &mut SettingsFilter,
-    pace: &mut ErrorPace,
-) -> Decisions {
-    let (space, choice) = (inputs.store.knobs(), &allocation.choice);
-    filter.observe_view(&inputs.view, inputs.delta_seconds);
-    match inputs.current {
-        // Others have written them since: continue from there. Not at the start, where no
-        // transition from the app's own settings is needed.
-        Some(current) if filter.is_smooth() && current != filter.applied() => {
-            filter.resume_from(current);
-        }
-        Some(_) => {}
-        None => filter.cut(),
-    }
-    let corrected =
-        |cost: CostPoint| CostPoint { power: inputs.correction.corrected(cost.power), ..cost };
-    let cost_of = |settings: KnobLevels| {
+        // Before the correction, which would turn an invalid limit into a valid one.
+        let limits = inputs.budget.limits().ok()?;
         let found = inputs.store.look_up(&inputs.view)?;
-        let CostPoint { power, error } = found.frontier.estimate(space, settings)?;
-        Some(CostPoint { power: power + inputs.charge(settings), error })
-    };
-    let (seconds, dwell) = (inputs.delta_seconds, inputs.settings.dwell_seconds);
-    let mut held_cost = None;
-    let target = filter.dwell.choose(choice.settings, &inputs.budget, seconds, dwell, |held| {
-        held_cost = cost_of(held);
-        held_cost.map(corrected)
-    });
-    let held_cost = held_cost.filter(|_| target != choice.settings);
-    let target_cost = held_cost.unwrap_or(choice.cost);
-    let times = inputs.settings.times(&inputs.budget);
-    filter.limit_changes(inputs.settings.change_limit(&inputs.budget));
-    if filter.dwell.has_new_limits {
-        filter.forget_changes();
+        let stored = limits.uncorrected(inputs.correction);
+        let (store, errors) = (inputs.store, &inputs.errors);
+        let choice = choose(store, found.frontier, &stored, errors, &mut self.pace)?;
+        let switch = Switch {
+            store,
+            frontier: found.frontier,
+            space: store.knobs(),
+            sample: found.camera,
+            view: inputs.view,
+            limits,
+            delta_seconds: inputs.delta_seconds,
+            current: inputs.current,
+            correction: inputs.correction,
+            errors,
+            settings: &inputs.settings,
+        };
+        Some(switch.step(&choice, |_| Watts(0.0), &mut self.filter, &mut self.pace))
     }
-    let applied = filter.step(space, target, seconds, times);
-    let cost =
-        if applied == target { target_cost } else { cost_of(applied).unwrap_or(target_cost) };
-    pace.observe(inputs.store, &inputs.errors, choice, cost, inputs.delta_seconds);
-    let (predicted, predicted_applied) = (corrected(target_cost), corrected(cost));
-    Decisions {
-        sample: allocation.sample,
-        target,
-        applied,
-        outcome: outcome_of(&inputs.budget, choice.outcome, predicted, predicted_applied),
-        predicted,
-        predicted_applied,
-        uncorrected: cost.power,
+}
+
+/// A frame's step from the settings in effect towards a choice.
+pub(super) struct Switch<'a> {
+    pub(super) store: &'a dyn FrontierStore,
+    pub(super) frontier: &'a Frontier,
+    pub(super) space: &'a KnobSpace,
+    pub(super) sample: SampleCamera,
+    pub(super) view: CameraView,
+    /// In the watts of the app's meter.
+    pub(super) limits: Limits,
+    /// As in [`Inputs`].
+    pub(super) delta_seconds: f64,
+    pub(super) current: Option<KnobLevels>,
+    pub(super) correction: PowerCorrection,
+    pub(super) errors: &'a ErrorFeedback,
+    pub(super) settings: &'a ControlSettings,
+}
+
+impl Switch<'_> {
+    /// Moves the applied settings towards those of `choice`, and counts their predicted error in
+    /// `pace`. `charge`: power that settings pay for the shared knobs of other cameras, in the
+    /// store's watts; that of `choice` is included in its cost.
+    pub(super) fn step(
+        &self,
+        choice: &Choice,
+        charge: impl Fn(KnobLevels) -> Watts,
+        filter: &mut SettingsFilter,
+        pace: &mut ErrorPace,
+    ) -> Decisions {
+        filter.observe_view(&self.view, self.delta_seconds);
+        match self.current {
+            // Others have written them since: continue from there. Not at the start, where no
+            // transition from the app's own settings is needed.
+            Some(current) if filter.is_smooth() && current != filter.applied() => {
+                filter.resume_from(current);
+            }
+            Some(_) => {}
+            None => filter.cut(),
+        }
+        let corrected =
+            |cost: CostPoint| CostPoint { power: self.correction.corrected(cost.power), ..cost };
+        let cost_of = |settings: KnobLevels| {
+            let CostPoint { power, error } = self.frontier.estimate(self.space, settings)?;
+            Some(CostPoint { power: power + charge(settings), error })
+        };
+        let (seconds, dwell) = (self.delta_seconds, self.settings.dwell_seconds);
+        let mut held_cost = None;
+        let target = filter.dwell.choose(choice.settings, &self.limits, seconds, dwell, |held| {
+            held_cost = cost_of(held);
+            held_cost.map(corrected)
+        });
+        let held_cost = held_cost.filter(|_| target != choice.settings);
+        let target_cost = held_cost.unwrap_or(choice.cost);
+        let times = self.settings.times(&Budget::new(self.limits.power, self.limits.error));
+        filter.limit_changes(self.settings.change_limit(&self.limits));
+        if filter.dwell.has_new_limits {
+            filter.forget_changes();
+        }
+        let applied = filter.step(self.space, target, seconds, times);
+        let cost =
+            if applied == target { target_cost } else { cost_of(applied).unwrap_or(target_cost) };
+        pace.observe(self.store, self.errors, choice, cost, self.delta_seconds);
+        let (predicted, predicted_applied) = (corrected(target_cost), corrected(cost));
+        Decisions {
+            sample: self.sample,
+            target,
+            applied,
+            outcome: outcome_of(&self.limits, choice.outcome, predicted, predicted_applied),
+            predicted,
+            predicted_applied,
+            uncorrected: cost.power,
+        }
     }
 }
 
 /// The outcome of settings on their way to a target with the outcome `target`.
 fn outcome_of(
-    budget: &Budget,
+    limits: &Limits,
     target: Outcome,
     selected: CostPoint,
     applied: CostPoint,
 ) -> Outcome {
     // The target keeps its limit by construction; the applied settings keep it if they cost no more.
     let exceeds_power =
-        budget.power.is_some_and(|limit| applied.power > limit && applied.power > selected.power);
+        limits.power.is_some_and(|limit| applied.power > limit && applied.power > selected.power);
     // An error limit is one on the mean, which the target's error may exceed in a frame.
     let exceeds_error =
-        budget.error.is_some_and(|limit| applied.error > limit && applied.error > selected.error);
+        limits.error.is_some_and(|limit| applied.error > limit && applied.error > selected.error);
     match target {
         Outcome::Met if exceeds_power || exceeds_error => Outcome::Settling,
         Outcome::LimitedByPower if exceeds_power => Outcome::Settling,

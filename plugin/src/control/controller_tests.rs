@@ -14,7 +14,6 @@ fn inputs(store: &dyn FrontierStore, budget: Budget, current: Option<KnobLevels>
         correction: PowerCorrection::default(),
         settings: ControlSettings::default(),
         errors: ErrorFeedback::default(),
-        agreed: None,
     }
 }
 

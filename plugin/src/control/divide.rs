@@ -1,22 +1,10 @@
 //! Divides an app's power among its cameras.
 //!
 //! The sum of weighted errors is least where one more watt lowers it equally for every camera
-//! (Lagrange; Shoham and Gersho 1988 for discrete steps). Options:
-//! 1. Bisect the common exchange rate: finds points of the frontiers' convex hulls only, and leaves
-//!    the power between two rates unused.
-//! 2. Dynamic programming over power: exact on a grid of watts, and slow on a fine one.
-//! 3. Raise the camera with the most error per watt, as long as the limit allows it, then exchange
-//!    power between pairs of cameras while that lowers the sum. Alone it is more than a percent
-//!    above the least sum in one of twenty cases.
-//!
-//! We use option 2 on a coarse grid for up to eight cameras, and option 3 for what it leaves, and
-//! for more cameras. Nothing is allocated once the buffers have grown.
-
-use bevy::ecs::component::Component;
-use bevy::ecs::reflect::{ReflectComponent, ReflectResource};
-use bevy::ecs::resource::Resource;
-use bevy::prelude::ReflectDefault;
-use bevy::reflect::Reflect;
+//! (Lagrange; Shoham and Gersho 1988 for discrete steps). Dynamic programming on a coarse grid of
+//! power finds the division for up to eight cameras. What it leaves, and more cameras, are raised one
+//! step at a time by error per watt, then exchange power in pairs while that lowers the sum. Nothing
+//! is allocated once the buffers have grown.
 
 use crate::frontier::{CostPoint, Frontier};
 use crate::units::Watts;
@@ -28,32 +16,6 @@ const GRID: usize = 1024;
 const MAX_PLANNED: usize = 8;
 /// Most rounds of exchanges; each lowers the sum, and few are needed.
 const MAX_EXCHANGES: usize = 8;
-
-/// One power limit for all active controlled cameras together, beside the limits of their own
-/// [`Budget`](super::Budget)s.
-#[derive(Resource, Clone, Copy, Debug, Default, PartialEq, Reflect)]
-#[reflect(Resource, Default, Clone, Debug, PartialEq)]
-pub struct AppBudget {
-    /// Power limit, in watts; at least 0, `None` or infinity for no limit. NaN and negative limits
-    /// are ignored, with a warning.
-    ///
-    /// Divided so that one more watt lowers the error equally for every camera, by
-    /// [`CameraPriority`] and share of the pixels.
-    pub power: Option<Watts>,
-}
-
-/// How much a camera's error counts when an [`AppBudget`] is divided, beside its share of the
-/// pixels; at least 0, NaN counts as 1. Higher values give this camera more of the power; at 0 it
-/// gets the cheapest settings unless power is left over. Default: 1.
-#[derive(Component, Clone, Copy, Debug, PartialEq, Reflect)]
-#[reflect(Component, Default, Clone, Debug, PartialEq)]
-pub struct CameraPriority(pub f64);
-
-impl Default for CameraPriority {
-    fn default() -> Self {
-        Self(1.0)
-    }
-}
 
 /// A camera's part: its points, and the one that is chosen.
 #[derive(Clone, Copy, Debug)]

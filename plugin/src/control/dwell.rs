@@ -1,17 +1,12 @@
 //! Dwell: how long a target stays before another takes its place.
 //!
 //! Where a camera turns to and fro across the border of two addresses, each frame's best point
-//! alternates between two settings of nearly equal cost. Options:
-//! 1. Follow: knobs switch twice a second for nothing that anybody sees but the switches.
-//! 2. A deadband on the predicted gain: how much one setting must be better is in another unit for
-//!    each budget, and two addresses that differ by more still alternate.
-//! 3. A least time between two changes, unless the earlier target breaks a limit.
-//!
-//! We use option 3, under power limits. The first change after a rest does not wait.
+//! alternates between two settings of nearly equal cost. A target therefore stays for a least time,
+//! unless it breaks a limit. The first change after a rest does not wait.
 
 use bevy::reflect::Reflect;
 
-use super::Budget;
+use super::limits::Limits;
 use crate::frontier::CostPoint;
 use crate::knobs::KnobLevels;
 
@@ -31,17 +26,17 @@ pub(super) struct Dwell {
 
 impl Dwell {
     /// The target of this frame, `delta_seconds` after the last: `wanted`, or the one in use.
-    /// `cost_of` is what settings cost here, in the watts of `budget`.
+    /// `cost_of` is what settings cost here, in the watts of `limits`.
     pub(super) fn choose(
         &mut self,
         wanted: KnobLevels,
-        budget: &Budget,
+        limits: &Limits,
         delta_seconds: f64,
         dwell_seconds: f64,
         cost_of: impl FnOnce(KnobLevels) -> Option<CostPoint>,
     ) -> KnobLevels {
         self.seconds += if delta_seconds > 0.0 { delta_seconds } else { 0.0 };
-        let limits = (budget.power.map(|limit| limit.0), budget.error);
+        let limits = (limits.power.map(|limit| limit.0), limits.error);
         let is_other = differs(limits.0, self.power) || differs(limits.1, self.error);
         self.has_new_limits = is_other;
         if is_other {
@@ -88,7 +83,12 @@ fn differs(now: Option<f64>, then: Option<f64>) -> bool {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::control::Budget;
     use crate::units::Watts;
+
+    fn limits(budget: Budget) -> Limits {
+        budget.limits().expect("valid limits")
+    }
 
     const LOW: KnobLevels = KnobLevels::from_bits(1);
     const HIGH: KnobLevels = KnobLevels::from_bits(2);
@@ -99,7 +99,7 @@ mod tests {
 
     #[test]
     fn alternating_targets_change_once_a_second() {
-        let (mut dwell, budget) = (Dwell::default(), Budget::power(Watts(7.0)));
+        let (mut dwell, budget) = (Dwell::default(), limits(Budget::power(Watts(7.0))));
         let (mut last, mut changes) = (LOW, 0);
         for frame in 0..600 {
             let wanted = if (frame / 6) % 2 == 0 { LOW } else { HIGH };
@@ -112,7 +112,7 @@ mod tests {
 
     #[test]
     fn the_first_change_a_broken_limit_another_budget_and_a_cut_do_not_wait() {
-        let start = |budget: &Budget| {
+        let start = |budget: &Limits| {
             let mut dwell = Dwell::default();
             assert_eq!(dwell.choose(LOW, budget, 0.1, 1.0, cost), LOW);
             for _ in 0..20 {
@@ -121,20 +121,20 @@ mod tests {
             assert_eq!(dwell.choose(HIGH, budget, 0.1, 1.0, cost), HIGH, "after a rest");
             dwell
         };
-        let wide = Budget::power(Watts(7.0));
+        let wide = limits(Budget::power(Watts(7.0)));
         assert_eq!(start(&wide).choose(LOW, &wide, 0.1, 1.0, cost), HIGH);
         let dearer = |_| Some(CostPoint::new(7.5, 0.01));
         assert_eq!(start(&wide).choose(LOW, &wide, 0.1, 1.0, dearer), LOW, "a broken limit");
-        let near = Budget::power(Watts(6.9));
+        let near = limits(Budget::power(Watts(6.9)));
         assert_eq!(start(&wide).choose(LOW, &near, 0.1, 1.0, cost), HIGH, "a drifting limit");
         for other in [Budget::power(Watts(6.3)), Budget::default(), Budget::error(0.1)] {
-            assert_eq!(start(&wide).choose(LOW, &other, 0.1, 1.0, cost), LOW, "{other:?}");
+            assert_eq!(start(&wide).choose(LOW, &limits(other), 0.1, 1.0, cost), LOW, "{other:?}");
         }
-        let both = Budget::both(Watts(7.0), 0.012);
+        let both = limits(Budget::both(Watts(7.0), 0.012));
         assert_eq!(start(&both).choose(LOW, &both, 0.1, 1.0, cost), HIGH);
         let worse = |_| Some(CostPoint::new(5.0, 0.03));
         assert_eq!(start(&both).choose(LOW, &both, 0.1, 1.0, worse), LOW, "a broken limit");
-        let mean = Budget::error(0.012);
+        let mean = limits(Budget::error(0.012));
         assert_eq!(start(&mean).choose(LOW, &mean, 0.1, 1.0, cost), LOW, "a limit on the mean");
         let mut cut = start(&wide);
         cut.end();

@@ -18,19 +18,17 @@ const PRIOR: f64 = 4.0;
 /// views; lower values follow a camera to another part of the level.
 const FADING: f64 = 1.0 - 1.0 / 128.0;
 /// Margin on the ratio, in standard errors. Higher values keep more budgets; lower values use more of
-/// them. Of 105 budgets on fifteen recorded paths 0, 0.35, 0.75 and 1 kept 67, 81, 95 and 101; of 28 on
-/// four others 0.5, 0.75 and 1 kept 23, 26 and 28.
+/// them.
 const MARGIN: f64 = 0.75;
 /// Spread of measurements about the ratio times their predictions, as a share of their mean, before any
-/// is known. Views of two levels and a court differ by 0.2 at mean errors of 0.05, and by up to 0.7 at
-/// 0.005.
+/// is known.
 const USUAL_SPREAD: f64 = 0.4;
 /// Measurements that the usual spread counts for. Higher values keep its margin for longer; lower values
 /// trust a few measurements that agree by chance.
 const USUAL_COUNT: f64 = 8.0;
 /// Largest ratio of measured to predicted errors, either way: a larger one has other causes than the
 /// views.
-const MOST: f64 = 8.0;
+const MAX_RATIO: f64 = 8.0;
 
 /// How measured errors of a camera's frames compare with those that its map predicted. Without
 /// measurements the map's own calibration holds.
@@ -93,7 +91,7 @@ impl ErrorFeedback {
         // The calibration has its own margin.
         let share = self.count / (self.count + weight);
         let margin = 1.0 + share * MARGIN * self.spread() / (self.count + weight).sqrt();
-        Some(budget / (ratio * margin).clamp(MOST.recip(), MOST))
+        Some(budget / (ratio * margin).clamp(MAX_RATIO.recip(), MAX_RATIO))
     }
 
     /// Standard deviation of measurements about the ratio times their predictions, as a share of
@@ -184,7 +182,7 @@ mod tests {
                 assert!(target.is_some_and(|target| target > 0.0), "{budget}: {target:?}");
             }
             let target = feedback.target(0.02, Some(0.02)).unwrap();
-            assert!((0.02 / MOST..=0.02 * MOST).contains(&target), "{target}");
+            assert!((0.02 / MAX_RATIO..=0.02 * MAX_RATIO).contains(&target), "{target}");
         }
         let mut broken =
             ErrorFeedback { measured: f64::NAN, predicted: 1.0, count: 1.0, ..Default::default() };

@@ -4,17 +4,11 @@
 //! seconds after the target changed; T is 2 s there and 1 s here. For a constant target the filter
 //! equals this closed form.
 //!
-//! The equation does not cover a target that changes before T has passed. Options:
-//! 1. Restart all knobs. While the camera turns, knobs with an unchanged target would never arrive.
-//! 2. Restart, from the applied level, the knobs whose own target changed. A target that alternates
-//!    between two levels far below holds the knob up: the budget stays exceeded.
-//! 3. Continue from the unrounded position. Every knob progresses, but a target that alternates at
-//!    a leaf's border holds the position near one half, where each change flips the level.
-//!
-//! We use option 3 with hysteresis: a level reverses its last change only `REVERSAL_MARGIN` beyond
-//! the half-way point. The position is then a running mean of the target. A moving knob keeps its
-//! rate while its target stays on the same side, so it reaches the range of its targets within T
-//! whatever the targets do inside that range.
+//! Where a target changes before T has passed, every knob continues from its unrounded position, with
+//! hysteresis: a level reverses its last change only `REVERSAL_MARGIN` beyond the half-way point. The
+//! position is then a running mean of the target. A moving knob keeps its rate while its target stays
+//! on the same side, so it reaches the range of its targets within T whatever the targets do inside
+//! that range.
 //!
 //! A knob that needs another (rays need virtual point lights) moves while it has no effect: before the
 //! other is switched on, and after it is switched off, at the latest within T. Each by its own time,

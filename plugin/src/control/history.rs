@@ -54,7 +54,7 @@ impl PredictionHistory {
     }
 
     /// Mean over the last `seconds`, and the range of values then and shortly before, both in
-    /// watts. `None` if there is nothing of at least half of that time.
+    /// watts. `None` if a tenth of that time is unknown.
     pub(super) fn mean(&self, seconds: f64) -> Option<(f64, f64)> {
         let (mut sum, mut length, mut passed) = (0.0, 0.0, 0.0);
         let (mut low, mut high) = (f64::INFINITY, f64::NEG_INFINITY);
@@ -67,8 +67,9 @@ impl PredictionHistory {
             (low, high) = (low.min(*watts), high.max(*watts));
             passed += part;
         }
-        // A meter of long intervals is compared with what there is.
-        let enough = length >= 0.5 * seconds.min(PARTS as f64 * PART_SECONDS);
+        // A meter of long intervals is compared with what there is. What it measured while nothing was
+        // predicted belongs to something else.
+        let enough = length >= 0.9 * seconds.min(PARTS as f64 * PART_SECONDS);
         (length > 0.0 && enough).then(|| (sum / length, high - low))
     }
 }

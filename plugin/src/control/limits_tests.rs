@@ -5,8 +5,10 @@ use std::time::Duration;
 use proptest::prelude::*;
 
 use super::*;
-use crate::control::select;
+use crate::control::exchange::Exchange;
+use crate::control::select::select_within;
 use crate::frontier::testing;
+use crate::units::Joules;
 
 fn all_known() -> Observed {
     Observed {
@@ -30,10 +32,14 @@ fn all_known() -> Observed {
     }
 }
 
+fn limits_of(budget: &Budget, observed: &Observed) -> Limits {
+    resolve(budget, observed).expect("valid limits")
+}
+
 /// The power limit, rounded, and what it comes from.
 fn resolved(budget: Budget, observed: &Observed) -> Option<(f64, Limit)> {
-    let envelope = resolve(&budget, observed);
-    Some(((envelope.power?.0 * 1e6).round() / 1e6, envelope.power_by?))
+    let limits = limits_of(&budget, observed);
+    Some(((limits.power?.0 * 1e6).round() / 1e6, limits.power_by?))
 }
 
 #[test]
@@ -54,7 +60,7 @@ fn every_currency_becomes_watts_and_the_tightest_holds() {
     assert_eq!(resolved(together, &known), Some((7.0, Limit::Battery)));
     let tighter = Budget { power: Some(Watts(6.5)), error: Some(0.02), ..together };
     assert_eq!(resolved(tighter, &known), Some((6.5, Limit::Power)));
-    assert_eq!(resolve(&tighter, &known).error, Some(0.02));
+    assert_eq!(limits_of(&tighter, &known).error, Some(0.02));
 }
 
 #[test]
@@ -112,10 +118,10 @@ fn what_cannot_be_met_is_the_cheapest_and_names_the_limit() {
         ),
         (none.with_headroom(0.3), hot, Limit::Headroom, Outcome::Met),
     ] {
-        let envelope = resolve(&budget, &observed);
-        let choice = select(&frontier, &envelope.budget(), None).expect("a choice");
+        let limits = limits_of(&budget, &observed);
+        let choice = select_within(&frontier, &limits, None).expect("a choice");
         assert_eq!((choice.cost.power, choice.outcome), (Watts(1.0), outcome), "{limit:?}");
-        assert_eq!(envelope.binds(envelope.power, &frontier, &choice), Some(limit));
+        assert_eq!(limits.binds(&frontier, &choice), Some(limit));
     }
 }
 
@@ -124,9 +130,9 @@ fn the_binding_limit_is_the_one_without_which_settings_were_better() {
     // Points at 1 W / 0.2, 2 W / 0.05 and 4 W / 0.
     let frontier = testing::frontier(1.0);
     let binds = |budget: Budget| {
-        let envelope = resolve(&budget, &all_known());
-        let choice = select(&frontier, &envelope.budget(), None).expect("a choice");
-        envelope.binds(envelope.power, &frontier, &choice)
+        let limits = limits_of(&budget, &all_known());
+        let choice = select_within(&frontier, &limits, None).expect("a choice");
+        limits.binds(&frontier, &choice)
     };
     assert_eq!(binds(Budget::default()), None);
     assert_eq!(binds(Budget::power(Watts(2.5))), Some(Limit::Power));
@@ -160,7 +166,7 @@ proptest! {
                 battery_power: exchange,
                 ..all_known()
             };
-            resolve(&budget, &observed).power.map_or(f64::INFINITY, |power| power.0)
+            limits_of(&budget, &observed).power.map_or(f64::INFINITY, |power| power.0)
         };
         let more = [0, 1, 2, 3].map(|i| limits[i] + looser[i]);
         prop_assert!(with(more) >= with(limits));
@@ -190,7 +196,7 @@ proptest! {
             cameras,
             range: Some((Watts(gain), Watts(offset))),
         };
-        let power = resolve(&budget, &observed).power;
+        let Ok(Limits { power, .. }) = resolve(&budget, &observed) else { return Ok(()) };
         prop_assert!(power.is_none_or(|power| power.0 >= 0.0 && power.0.is_finite()), "{:?}", power);
     }
 }

@@ -7,9 +7,7 @@ use bevy::asset::{AssetEvent, AssetId, AssetServer, Assets, LoadState};
 use bevy::ecs::prelude::*;
 
 use super::{ControlStatus, FrontierMapHandle, FrontierSource, OffReason};
-use crate::frontier::{
-    CameraView, Conditions, Frontier, FrontierMap, FrontierStore, SampleRef, SharedLevels,
-};
+use crate::frontier::{Frontier, FrontierMap, FrontierStore, SampleRef};
 use crate::knobs::{KnobSpace, KnownKnobs};
 
 /// Computed once per map: its knobs, shared by all cameras, or the reason why it cannot be used.
@@ -94,56 +92,15 @@ pub(super) fn store_of<'a>(
     }
 }
 
-/// The frontier that choices at `view` are made from: over all views where the scene has left its map
-/// ([`PowerFeedback::has_left_map`](super::PowerFeedback::has_left_map)).
+/// The frontier that choices at a view are made from: over all views where the scene has left its
+/// map ([`PowerFeedback::has_left_map`](super::PowerFeedback::has_left_map)), since local ones say
+/// nothing of it then.
 pub(crate) fn frontier_in_play<'a>(
     store: &'a dyn FrontierStore,
-    view: &CameraView,
+    found: SampleRef<'a>,
     has_left_map: bool,
-) -> Option<&'a Frontier> {
-    let found = if has_left_map { Overall(store).found(view) } else { store.look_up(view) };
-    found.map(|found| found.frontier)
-}
-
-/// A store whose frontier over all views stands for every view: local frontiers say nothing of a scene
-/// that has changed since they were found.
-pub(super) struct Overall<'a>(pub(super) &'a dyn FrontierStore);
-
-impl<'a> Overall<'a> {
-    fn found(&self, view: &CameraView) -> Option<SampleRef<'a>> {
-        let found = self.0.look_up(view)?;
-        Some(SampleRef { frontier: self.0.overall().unwrap_or(found.frontier), ..found })
-    }
-}
-
-impl FrontierStore for Overall<'_> {
-    fn look_up(&self, view: &CameraView) -> Option<SampleRef<'_>> {
-        self.found(view)
-    }
-
-    fn knobs(&self) -> &KnobSpace {
-        self.0.knobs()
-    }
-
-    fn error_rate(&self, budget: f64) -> Option<f64> {
-        self.0.error_rate(budget)
-    }
-
-    fn error_target(&self, budget: f64) -> Option<f64> {
-        self.0.error_target(budget)
-    }
-
-    fn conditions(&self) -> Option<Conditions<'_>> {
-        self.0.conditions()
-    }
-
-    fn shared_levels(&self) -> Option<SharedLevels<'_>> {
-        self.0.shared_levels()
-    }
-
-    fn overall(&self) -> Option<&Frontier> {
-        self.0.overall()
-    }
+) -> &'a Frontier {
+    store.overall().filter(|_| has_left_map).unwrap_or(found.frontier)
 }
 
 /// Why a camera's frontiers cannot be used: its status, with a message unless `logged` is that

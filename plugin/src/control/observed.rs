@@ -1,16 +1,11 @@
-//! Signals of the app and its device for limits in other currencies than watts, frame by frame.
+//! What signals of the app and its device say, for limits in other currencies than watts.
+//!
+//! A figure that is missing is the last one for some seconds, then the conservative one.
 
-use bevy::ecs::change_detection::DetectChanges;
 use bevy::ecs::resource::Resource;
-use bevy::ecs::system::{Query, Res, ResMut};
-use bevy::time::{Real, Time};
 
-use super::Budget;
-use super::clock::{ControlClock, PowerFeedback};
-use super::exchange::ExchangeModel;
-use super::limits::Observed;
-use super::systems::CameraState;
-use crate::signals::{BatteryLevel, FrameTime, ThermalHeadroom};
+use super::PowerCorrection;
+use super::exchange::{Exchange, ExchangeModel};
 use crate::units::{Joules, Watts};
 
 /// Shortest time over which the fall of the battery's energy is its power, seconds: drivers count
@@ -18,19 +13,55 @@ use crate::units::{Joules, Watts};
 const DRAIN_SECONDS: f64 = 20.0;
 /// Longest interval of one reading of a battery's power, seconds.
 const MAX_READING_SECONDS: f64 = 5.0;
+/// Largest power of a battery, watts, and as a multiple of what it gave before: the first larger fall
+/// of its energy has another cause, such as a machine that slept.
+const MAX_DRAIN_WATTS: f64 = 500.0;
+const MAX_DRAIN_RATIO: f64 = 3.0;
+/// How long a figure stands in for a missing one, seconds.
+const HOLD_SECONDS: f64 = 10.0;
+/// Longest part of a frame that counts towards it, seconds: after a sleep signals come anew.
+const MAX_MISSING_SECONDS: f64 = 0.25;
+
+/// What is known of the app and its device when limits are resolved; `None` is unknown.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub(super) struct Observed {
+    /// Frames per second that watts refer to.
+    pub(super) frames_per_second: Option<f64>,
+    /// Frame time in seconds, in terms of predicted power.
+    pub(super) frame_time: Option<Exchange>,
+    /// Seconds since the app has started.
+    pub(super) now_seconds: f64,
+    /// Energy left in the battery.
+    pub(super) battery: Option<Joules>,
+    /// The battery's power in watts, in terms of predicted power. `None`: the battery feeds the
+    /// cameras alone.
+    pub(super) battery_power: Option<Exchange>,
+    /// Distance from throttling, 0 to 1.
+    pub(super) headroom: Option<f64>,
+    /// From the map's watts to those of the app's meter, of all cameras together.
+    pub(super) correction: PowerCorrection,
+    /// Number of active controlled cameras; 0 counts as 1.
+    pub(super) cameras: usize,
+    /// Least and most power of the camera's settings, in the watts of the app's meter.
+    pub(super) range: Option<(Watts, Watts)>,
+}
 
 /// What one frame's signals say.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct FrameSignals {
     /// Predicted power of all cameras' applied settings, without correction; `None` while unknown.
     pub(super) predicted: Option<Watts>,
-    /// Real time of the frame, and since the app's start, seconds.
+    /// Whether the app renders continuously: a device that waits for its app says nothing about the
+    /// settings' power.
+    pub(super) is_playing: bool,
+    /// Real time of the frame, seconds.
     pub(super) delta_seconds: f64,
     /// Real time since the app's start, seconds.
     pub(super) now_seconds: f64,
     /// Time of the frame's work, seconds.
     pub(super) frame_seconds: Option<f64>,
-    /// Energy left in the battery.
+    /// Energy left in the battery: `None` is unknown, and infinity a machine that its battery does
+    /// not feed.
     pub(super) battery: Option<Joules>,
     /// Power of the battery; `None`: by the fall of its energy.
     pub(super) battery_power: Option<Watts>,
@@ -40,15 +71,39 @@ pub(super) struct FrameSignals {
     pub(super) headroom: Option<f64>,
 }
 
+/// A figure that stands in for missing ones.
+#[derive(Clone, Copy, Debug)]
+struct Held<T> {
+    latest: Option<T>,
+    missing_seconds: f64,
+}
+
+impl<T> Default for Held<T> {
+    fn default() -> Self {
+        Self { latest: None, missing_seconds: 0.0 }
+    }
+}
+
+impl<T: Copy> Held<T> {
+    /// Adds this frame's figure. Returns it, or the last one, or `conservative` once that is too
+    /// old; `None` if there never was one.
+    fn step(&mut self, figure: Option<T>, delta_seconds: f64, conservative: T) -> Option<T> {
+        match figure {
+            Some(_) => (self.latest, self.missing_seconds) = (figure, 0.0),
+            None => self.missing_seconds += delta_seconds.clamp(0.0, MAX_MISSING_SECONDS),
+        }
+        // Not `<=`, so that NaN counts as too old.
+        let is_recent = self.missing_seconds < HOLD_SECONDS;
+        self.latest.map(|latest| if is_recent { latest } else { conservative })
+    }
+}
+
 /// Learns from signals. Has no clock.
 #[derive(Resource, Clone, Debug, Default)]
 pub(super) struct SignalModel {
     frame_time: ExchangeModel,
-    drain: ExchangeModel,
-    /// Energy and time at the start of the interval in which its fall is watched.
-    since: Option<(Joules, f64)>,
-    /// Time of the last reading of the battery.
-    read_at: Option<f64>,
+    battery: Battery,
+    headroom: Held<f64>,
     observed: Observed,
 }
 
@@ -58,40 +113,99 @@ impl SignalModel {
         self.observed
     }
 
+    /// Completes what is known of the app.
+    pub(super) fn set_app(
+        &mut self,
+        frames_per_second: Option<f64>,
+        correction: PowerCorrection,
+        cameras: usize,
+    ) {
+        self.observed = Observed { frames_per_second, correction, cameras, ..self.observed };
+    }
+
     /// Adds a frame.
     pub(super) fn step(&mut self, frame: &FrameSignals) {
         match frame.predicted {
-            Some(predicted) => {
-                self.frame_time.predict(predicted, frame.delta_seconds);
-                self.drain.predict(predicted, frame.delta_seconds);
-            }
-            None => {
-                self.frame_time.pause();
-                self.drain.pause();
-            }
+            Some(predicted) => self.frame_time.predict(predicted, frame.delta_seconds),
+            None => self.frame_time.pause(),
         }
-        if let Some(seconds) = frame.frame_seconds.filter(|_| frame.predicted.is_some()) {
+        if let Some(seconds) = frame.frame_seconds {
             self.frame_time.read(seconds, frame.delta_seconds);
         }
-        if frame.is_battery_new {
-            self.read_battery(frame);
-        }
+        let battery = self.battery.step(frame);
         self.observed = Observed {
             frame_time: self.frame_time.exchange(),
             now_seconds: frame.now_seconds,
-            battery: frame.battery,
-            battery_power: self.drain.exchange(),
-            headroom: frame.headroom,
+            battery,
+            battery_power: self.battery.drain.exchange(),
+            headroom: self.headroom.step(frame.headroom, frame.delta_seconds, 0.0),
             ..Observed::default()
         };
     }
+}
 
-    fn read_battery(&mut self, frame: &FrameSignals) {
-        let now = frame.now_seconds;
-        let Some(energy) = frame.battery else {
-            (self.since, self.read_at) = (None, None);
-            return;
+/// The battery's energy between its readings, and its power in terms of predicted power.
+#[derive(Clone, Debug, Default)]
+struct Battery {
+    drain: ExchangeModel,
+    /// Energy at the last reading, less what was drawn since.
+    left: Option<Joules>,
+    /// How long the battery has not fed the machine, seconds.
+    fed_seconds: f64,
+    /// Power at the last reading.
+    power: Option<Watts>,
+    /// Energy and time at the start of the interval in which its fall is watched.
+    since: Option<(Joules, f64)>,
+    /// Whether the last fall was too large to be believed at once.
+    is_sudden: bool,
+    /// Time of the last reading.
+    read_at: Option<f64>,
+}
+
+impl Battery {
+    /// Adds a frame; returns the energy that is left. `None`: no battery feeds the machine.
+    fn step(&mut self, frame: &FrameSignals) -> Option<Joules> {
+        let predicted = frame.predicted.filter(|_| frame.is_playing);
+        match predicted {
+            Some(predicted) => self.drain.predict(predicted, frame.delta_seconds),
+            None => {
+                self.drain.pause();
+                (self.since, self.read_at) = (None, None);
+            }
+        }
+        let is_fed = frame.battery.is_some_and(|energy| energy.0 == f64::INFINITY);
+        self.fed_seconds = if is_fed {
+            self.fed_seconds + frame.delta_seconds.clamp(0.0, MAX_MISSING_SECONDS)
+        } else {
+            0.0
         };
+        match frame.battery.filter(|_| frame.is_battery_new && !is_fed) {
+            Some(energy) => {
+                self.left = Some(energy);
+                self.power = frame.battery_power;
+                if predicted.is_some() {
+                    self.read(energy, frame);
+                }
+            }
+            // Between readings, and while there are none, it is drawn from.
+            None => {
+                let power = self.drain.quantity().or(self.power.map(|power| power.0));
+                let drawn = power.unwrap_or(0.0) * frame.delta_seconds.clamp(0.0, HOLD_SECONDS);
+                self.left = self.left.map(|left| Joules((left.0 - drawn).max(0.0)));
+            }
+        }
+        if is_fed {
+            (self.since, self.read_at) = (None, None);
+            if self.fed_seconds >= HOLD_SECONDS {
+                (self.left, self.power) = (None, None);
+            }
+        }
+        self.left
+    }
+
+    /// Learns the power from a reading in a frame with a prediction.
+    fn read(&mut self, energy: Joules, frame: &FrameSignals) {
+        let now = frame.now_seconds;
         if let Some(power) = frame.battery_power {
             let seconds = self.read_at.map_or(frame.delta_seconds, |before| now - before);
             self.drain.read(power.0, seconds.min(MAX_READING_SECONDS));
@@ -104,7 +218,12 @@ impl SignalModel {
                 let elapsed = now - since;
                 if elapsed >= DRAIN_SECONDS && energy < before {
                     let watts = (before - energy).per_seconds(elapsed);
-                    self.drain.read(watts.0, elapsed.min(MAX_READING_SECONDS));
+                    let most = self.drain.quantity().map_or(f64::MAX, |it| MAX_DRAIN_RATIO * it);
+                    let is_sudden = watts.0 > most && !self.is_sudden;
+                    if !is_sudden && watts.0 <= MAX_DRAIN_WATTS {
+                        self.drain.read(watts.0, elapsed.min(MAX_READING_SECONDS));
+                    }
+                    self.is_sudden = is_sudden;
                     self.since = Some((energy, now));
                 }
             }
@@ -112,38 +231,6 @@ impl SignalModel {
             _ => self.since = Some((energy, now)),
         }
     }
-}
-
-/// Whether a camera's budget asks for the battery.
-pub(super) fn needs_battery(budgets: Query<&Budget>) -> bool {
-    budgets.iter().any(|budget| budget.battery_until.is_some())
-}
-
-/// Feeds the model with this frame's signals.
-pub(super) fn observe_signals(
-    time: Res<Time<Real>>,
-    (frame_time, battery, headroom): (Res<FrameTime>, Res<BatteryLevel>, Res<ThermalHeadroom>),
-    cameras: Query<&CameraState>,
-    clock: Res<ControlClock>,
-    feedback: Res<PowerFeedback>,
-    mut model: ResMut<SignalModel>,
-) {
-    let active = || cameras.iter().filter_map(CameraState::predicted);
-    let count = active().count();
-    let (energy, power) = battery.valid();
-    model.step(&FrameSignals {
-        predicted: active().sum::<Option<Watts>>().filter(|_| count > 0),
-        delta_seconds: time.delta_secs_f64(),
-        now_seconds: time.elapsed_secs_f64(),
-        frame_seconds: frame_time.valid(time.delta_secs_f64()),
-        battery: energy,
-        battery_power: power,
-        is_battery_new: battery.is_changed(),
-        headroom: headroom.valid(),
-    });
-    model.observed.frames_per_second = clock.frames_per_second();
-    model.observed.correction = feedback.correction;
-    model.observed.cameras = count;
 }
 
 #[cfg(test)]

@@ -4,9 +4,7 @@ use std::time::Duration;
 
 use super::*;
 use crate::control::limits::resolve;
-use crate::control::{
-    Budget, CameraController, ControlSettings, Inputs, Limit, Outcome, PowerCorrection,
-};
+use crate::control::{Budget, CameraController, ControlSettings, Inputs, Limit, Outcome};
 use crate::frontier::{FrontierMap, testing};
 use crate::knobs::KnobLevels;
 use crate::power::SimulatedDevice;
@@ -64,21 +62,20 @@ impl Loop {
             let mut observed = self.signals.observed();
             observed.cameras = 1;
             observed.range = Some((Watts(4.0), Watts(14.0)));
-            let envelope = resolve(&self.budget, &observed);
+            let limits = resolve(&self.budget, &observed).expect("valid limits");
             let inputs = Inputs {
                 store: &self.map,
                 view: testing::view(),
-                budget: envelope.budget(),
+                budget: Budget::new(limits.power, limits.error),
                 delta_seconds: self.frame,
                 current: self.current,
                 correction: PowerCorrection::default(),
                 settings: ControlSettings::default(),
                 errors: crate::control::ErrorFeedback::default(),
-                agreed: None,
             };
             let found = self.controller.step(&inputs).expect("a decision");
             (self.current, self.outcome) = (Some(found.applied), Some(found.outcome));
-            self.binding = envelope.power_by;
+            self.binding = limits.power_by;
             let power = self.device.step(found.uncorrected, self.frame).0;
             let work = 0.004 + self.seconds_per_watt * power;
             let (before, drawn) = (self.now, power + self.others);
@@ -88,6 +85,7 @@ impl Loop {
             self.frames.push((work, power, headroom));
             self.signals.step(&FrameSignals {
                 predicted: Some(found.uncorrected),
+                is_playing: true,
                 delta_seconds: self.frame,
                 now_seconds: self.now,
                 frame_seconds: Some(work),
@@ -210,6 +208,7 @@ fn readings_that_are_none_teach_nothing() {
     for odd in [f64::NAN, f64::INFINITY, -1.0, 0.0] {
         model.step(&FrameSignals {
             predicted: Some(Watts(7.0)),
+            is_playing: true,
             delta_seconds: odd,
             now_seconds: odd,
             frame_seconds: Some(odd),

@@ -12,8 +12,10 @@ use bevy::ecs::reflect::ReflectComponent;
 use bevy::prelude::ReflectDefault;
 use bevy::reflect::Reflect;
 
-use super::{Budget, Choice, ErrorFeedback, ErrorPrice, Outcome, select};
-use crate::frontier::{CameraView, CostPoint, FrontierStore, SampleCamera};
+use super::limits::Limits;
+use super::select::select_within;
+use super::{Choice, ErrorFeedback, ErrorPrice, Outcome};
+use crate::frontier::{CostPoint, Frontier, FrontierStore};
 
 /// Seconds in which an error of twice the target changes the error rate by a factor of e. Higher
 /// values keep settings more stable; lower values keep the mean over shorter intervals.
@@ -76,26 +78,23 @@ impl ErrorPace {
     }
 }
 
-/// The best choice within `budget` at `view`, with the sample camera whose frontier it comes from:
-/// [`select`] at the exchange rate that keeps the mean of an error budget. Apps and `frugal
-/// evaluate` share this function.
+/// The best choice on `frontier` within `limits`, at the exchange rate of `store` that keeps the mean
+/// of an error budget. `None` where the frontier is empty. Apps and `frugal evaluate` share this
+/// function.
 ///
 /// `pace` is reset when the error limit changes, and otherwise left to [`ErrorPace::observe`].
 /// `measured`: what measurements say of predicted errors; once there is one, errors weigh as
 /// [`ErrorPrice::measured`] says.
-///
-/// `None` where no frontier is known at `view`, or the budget is [invalid](Budget::validate).
-pub fn choose(
+pub(super) fn choose(
     store: &dyn FrontierStore,
-    view: &CameraView,
-    budget: &Budget,
+    frontier: &Frontier,
+    limits: &Limits,
     measured: &ErrorFeedback,
     pace: &mut ErrorPace,
-) -> Option<(SampleCamera, Choice)> {
-    if pace.budget != budget.error {
-        *pace = ErrorPace { logarithm: 0.0, budget: budget.error };
+) -> Option<Choice> {
+    if pace.budget != limits.error {
+        *pace = ErrorPace { logarithm: 0.0, budget: limits.error };
     }
-    let found = store.look_up(view)?;
     let price = |error: f64| {
         let rate = store.error_rate(error)? * pace.factor();
         let target = measured.target(error, store.error_target(error));
@@ -104,8 +103,8 @@ pub fn choose(
             None => ErrorPrice::calibrated(rate, error),
         })
     };
-    let price = budget.error.and_then(price);
-    Some((found.camera, select(found.frontier, budget, price)?))
+    let price = limits.error.and_then(price);
+    select_within(frontier, limits, price)
 }
 
 #[cfg(test)]
@@ -113,8 +112,10 @@ mod tests {
     use bevy::math::Vec3;
 
     use super::*;
+    use crate::control::Budget;
     use crate::frontier::{
-        ErrorRate, ErrorRates, Frontier, FrontierPoint, SampleRef, ViewDirection, testing,
+        CameraView, ErrorRate, ErrorRates, FrontierPoint, SampleCamera, SampleRef, ViewDirection,
+        testing,
     };
     use crate::knobs::{KnobLevels, KnobSpace};
 
@@ -173,7 +174,9 @@ mod tests {
         pace: &mut ErrorPace,
         delta: f64,
     ) -> Option<CostPoint> {
-        let (_, choice) = choose(store, &view(x), budget, &ErrorFeedback::default(), pace)?;
+        let found = store.look_up(&view(x))?;
+        let limits = budget.limits().expect("valid limits");
+        let choice = choose(store, found.frontier, &limits, &ErrorFeedback::default(), pace)?;
         pace.observe(store, &ErrorFeedback::default(), &choice, choice.cost, delta);
         Some(choice.cost)
     }

@@ -6,6 +6,7 @@
 use bevy::reflect::Reflect;
 
 use super::Budget;
+use super::limits::Limits;
 use crate::frontier::{CostPoint, ERROR_UNIT, ErrorRates, Frontier, FrontierPoint};
 use crate::knobs::KnobLevels;
 
@@ -99,13 +100,21 @@ impl ErrorPrice {
 /// infinite error limit the cheapest. No limit selects the best settings. On a frontier each
 /// additional watt reduces the error, so no power is wasted.
 pub fn select(frontier: &Frontier, budget: &Budget, price: Option<ErrorPrice>) -> Option<Choice> {
-    budget.validate().ok()?;
+    select_within(frontier, &budget.limits().ok()?, price)
+}
+
+/// The same within limits that are valid. `None` where the frontier is empty.
+pub(super) fn select_within(
+    frontier: &Frontier,
+    limits: &Limits,
+    price: Option<ErrorPrice>,
+) -> Option<Choice> {
     let cheapest = frontier.points().first()?;
     let best = frontier.points().last()?;
     let choice = |point: &FrontierPoint, outcome| {
         Some(Choice { settings: point.settings, cost: point.cost, outcome })
     };
-    match (budget.power, budget.error) {
+    match (limits.power, limits.error) {
         (None, None) => choice(best, Outcome::Met),
         (None, Some(limit)) => {
             let price = price.filter(|_| limit.is_finite());

@@ -133,7 +133,8 @@ impl ShownItem<'_, '_> {
     ) -> Option<&'a Frontier> {
         let view = CameraView::from_camera(self.transform, self.projection);
         let has_left_map = feedback.is_some_and(|feedback| feedback.has_left_map);
-        frontier_in_play(self.store(maps)?, &view, has_left_map)
+        let store = self.store(maps)?;
+        Some(frontier_in_play(store, store.look_up(&view)?, has_left_map))
     }
 
     fn plot(&self, frontier: Option<&Frontier>, correction: PowerCorrection) -> Plot {

@@ -1,6 +1,8 @@
-//! A limit of the frame rate, which is the strongest knob of power where the display allows it.
+//! Frame-rate cap: the most effective power knob where the display allows it.
 
 mod deadline;
+
+use std::time::Duration;
 
 use bevy::app::{App, Last, Plugin};
 use bevy::ecs::prelude::*;
@@ -20,6 +22,10 @@ use deadline::Deadline;
 #[reflect(Resource, Default, Clone, Debug, PartialEq)]
 pub struct FrameRateLimit(pub Option<f64>);
 
+/// How long the app waited at the end of the last frame.
+#[derive(Resource, Clone, Copy, Debug, Default)]
+pub(crate) struct FrameWait(pub(crate) Duration);
+
 /// Adds [`FrameRateLimit`] and keeps it.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct FramePacingPlugin;
@@ -27,6 +33,7 @@ pub struct FramePacingPlugin;
 impl Plugin for FramePacingPlugin {
     fn build(&self, app: &mut App) {
         app.init_resource::<FrameRateLimit>()
+            .init_resource::<FrameWait>()
             .register_type::<FrameRateLimit>()
             .add_systems(Last, keep_frame_rate.run_if(is_limited));
     }
@@ -37,10 +44,19 @@ fn is_limited(limit: Res<FrameRateLimit>) -> bool {
     limit.0.is_some() || limit.is_changed()
 }
 
-fn keep_frame_rate(limit: Res<FrameRateLimit>, mut deadline: Local<Deadline>) {
+fn keep_frame_rate(
+    limit: Res<FrameRateLimit>,
+    mut waited: ResMut<FrameWait>,
+    mut deadline: Local<Deadline>,
+) {
+    waited.0 = Duration::ZERO;
     #[cfg(not(target_arch = "wasm32"))]
-    if let Some(wait) = deadline.next(limit.0, bevy::platform::time::Instant::now()) {
-        std::thread::sleep(wait);
+    {
+        let start = bevy::platform::time::Instant::now();
+        if let Some(wait) = deadline.next(limit.0, start) {
+            std::thread::sleep(wait);
+            waited.0 = start.elapsed();
+        }
     }
     #[cfg(target_arch = "wasm32")]
     let _ = (limit, &mut *deadline);

@@ -18,16 +18,17 @@ use crate::units::{Joules, Watts};
 /// Time between readings. A battery's driver may take some milliseconds, and hours pass anyway.
 const INTERVAL: Duration = Duration::from_secs(5);
 
-/// The battery's state, for budgets of battery time. On Linux it is read every five seconds while a
-/// camera has such a budget; elsewhere the app writes it.
+/// The battery's state, for budgets of battery time. On Linux, macOS and Windows it is read every five
+/// seconds while a camera has such a budget; elsewhere the app writes it.
 #[derive(Resource, Clone, Copy, Debug, PartialEq, Reflect)]
 #[reflect(Resource, Default, Clone, Debug, PartialEq)]
 pub struct BatteryLevel {
     /// Whether this crate writes the other fields. Set it to false to write them yourself. Default:
     /// true.
     pub is_automatic: bool,
-    /// Energy that is left, in joules (a watt-hour is 3600 J); finite, at least 0. `None`: unknown,
-    /// or a charger feeds the machine; there is no limit then. Default: `None`.
+    /// Energy that is left, in joules (a watt-hour is 3600 J); finite, at least 0. `None`: there is no
+    /// battery, or a charger feeds the machine; after ten seconds of it there is no limit. A number
+    /// that is invalid is unknown: the last energy counts, less what was drawn since. Default: `None`.
     pub energy: Option<Joules>,
     /// Power that the battery gives, in watts; finite, at least 0. `None`: it is found by the fall
     /// of the energy. Default: `None`.
@@ -41,7 +42,8 @@ impl Default for BatteryLevel {
 }
 
 impl BatteryLevel {
-    /// Energy and power as far as they are valid; warns once of numbers that are none.
+    /// Energy, infinite where the battery does not feed the machine, and power, as far as they are
+    /// valid; warns once of numbers that are none.
     pub(crate) fn valid(&self) -> (Option<Joules>, Option<Watts>) {
         let is_valid = |value: f64| value.is_finite() && value >= 0.0;
         let energy = self.energy.filter(|energy| is_valid(energy.0));
@@ -53,7 +55,8 @@ impl BatteryLevel {
                 self.power
             );
         }
-        (energy, power)
+        let is_fed = self.energy.is_none();
+        (if is_fed { Some(Joules(f64::INFINITY)) } else { energy }, power)
     }
 }
 
@@ -119,5 +122,7 @@ mod tests {
         for odd in [f64::NAN, f64::INFINITY, -1.0] {
             assert_eq!(of(odd), (None, None), "{odd}");
         }
+        let on_charger = BatteryLevel::default().valid();
+        assert_eq!(on_charger, (Some(Joules(f64::INFINITY)), None));
     }
 }

@@ -88,7 +88,6 @@ impl Policy for Controller<'_> {
             correction: PowerCorrection::default(),
             settings: self.settings,
             errors: self.errors,
-            agreed: None,
         };
         let Some(decisions) = self.controller.step(&inputs) else {
             return Choice::from(self.last);

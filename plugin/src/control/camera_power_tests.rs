@@ -86,8 +86,7 @@ fn a_frame_rate_below_the_maps_leaves_room_for_better_settings() {
         run(&mut app, 12);
         assert_eq!(applied(&app, camera), at(0, 0), "without a meter, watts are the map's");
         for _ in 0..40 {
-            let state = app.world().get::<CameraState>(camera).expect("a state");
-            let predicted = state.predicted().flatten().expect("a prediction");
+            let predicted = predicted(&app, camera).expect("a prediction");
             read(&mut app, Some(2.0 + 0.5 * (predicted.0 - 2.0)));
         }
         let feedback = *app.world().resource::<PowerFeedback>();
@@ -106,12 +105,7 @@ fn a_budget_is_held_on_a_device_that_is_hungrier_than_the_maps() {
     assert_eq!((feedback(&app).state, applied(&app, camera)), (FeedbackState::Off, at(4, 2)));
     // 9 W by the map, 13.5 W by the meter; 6 W by the map is within 10 W.
     for _ in 0..24 {
-        let predicted = app
-            .world()
-            .get::<CameraState>(camera)
-            .and_then(CameraState::predicted)
-            .flatten()
-            .expect("a prediction");
+        let predicted = predicted(&app, camera).expect("a prediction");
         read(&mut app, Some(1.5 * predicted.0));
     }
     assert_eq!(feedback(&app).state, FeedbackState::Running);
@@ -264,8 +258,7 @@ fn looks_about(app: &mut App, camera: Entity, factors: [f64; 2], seconds: usize)
     for second in 0..seconds {
         app.world_mut().entity_mut(camera).insert(ways[second % 2]);
         for _ in 0..8 {
-            let state = app.world().get::<CameraState>(camera).expect("a state");
-            let predicted = state.predicted().flatten().map_or(6.0, |watts| watts.0);
+            let predicted = predicted(app, camera).map_or(6.0, |watts| watts.0);
             read(app, Some(predicted * factors[second % 2]));
         }
     }

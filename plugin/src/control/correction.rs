@@ -1,23 +1,14 @@
 //! Corrects predicted power by metered power: gain and offset, by recursive least squares.
 //!
-//! metered = gain × predicted + offset, both over the meter's own interval. Options:
-//! 1. A controller that steps settings by the difference of reading and limit: it waits for the
-//!    meter at every change of the view, and oscillates where the meter lags.
-//! 2. A gain alone: wrong where the device draws power of its own, as every board does.
-//! 3. Gain and offset, with forgetting (Ljung 1999, section 11.2), Huber's weights against single
-//!    bad readings (Huber 1964), and a restart where readings stay off, as after a throttle.
+//! metered = gain × predicted + offset, both over the meter's own interval, with exponential forgetting
+//! (Ljung 1999, section 11.2), Huber's weights against single bad readings (Huber 1964), and a restart
+//! where readings stay off, as after a throttle. The map still says at once what a change of view
+//! costs, and the meter how much that is here.
 //!
-//! Beside these there is a bias of the present address, which the map prices a few percent wrong and
-//! the next address otherwise. Taken for a gain, such an error once made a gain of 0.9 one of 0.1 within
-//! half a second, and a meter that was lost right then left the app at its cheapest settings.
-//!
-//! We use option 3: the map still says at once what a change of view costs, and the meter says how
-//! much that is here. At one operating point gain and offset cannot be told apart, and the
-//! prediction at that point is right either way. Readings are therefore forgotten towards the prior
-//! (ridge regression with exponential weights), which shares a difference out between the two. With
-//! forgetting alone, an H100 under one budget after another had gains of 0.1 to 2.9: what noise and
-//! drift said about the gain was all there was to go by. A gain of 2.9 then kept the controller from
-//! settings that the next budget had room for.
+//! At one operating point gain and offset cannot be told apart. Readings are therefore forgotten
+//! towards a prior (ridge regression with exponential weights), which shares a difference out between
+//! the two. Beside them there is a bias of the present address: the map's price error differs between
+//! addresses, and would be taken for a gain.
 
 use bevy::reflect::Reflect;
 
@@ -36,15 +27,10 @@ const NOISE: f64 = 0.03;
 const MAP_NOISE: f64 = 0.08;
 /// Time constant of the bias, seconds: what is left beside gain and offset, and belongs to the present
 /// address. Lower values follow the map's errors sooner, and the meter's noise more.
-///
-/// Rejected: 0.35 s with a [`LEAST_BIAS`] of 0.5 % and a [`MOST_OVER`] of 1 %. With steps of 6 % between
-/// settings and a map that is 3 % off at each address it used 97.0 instead of 96.5 % of a budget. Along a
-/// recorded tour, whose settings lie further apart, targets changed up to three times as often, and
-/// errors were 4 % lower at one of nine budgets, and 6 and 9 % higher at two.
 const BIAS_SECONDS: f64 = 0.5;
 /// Part of a bias that is not corrected, as a share of the power: the meter's noise reaches it, and
 /// would make the correction wander.
-const LEAST_BIAS: f64 = 0.015;
+const MIN_BIAS: f64 = 0.015;
 /// Standard deviations beyond which a reading's weight falls.
 const HUBER: f64 = 2.0;
 /// Gain and offset before the first reading.
@@ -54,23 +40,23 @@ const NEUTRAL: [f64; 2] = [1.0, 0.0];
 const PRIOR: [f64; 2] = [0.5, 0.3];
 /// Largest gain, its smallest reciprocal, and the largest offset as a multiple of the first
 /// predicted power: beyond, the readings are not those of this renderer.
-const MOST: f64 = 10.0;
+const MAX_RATIO: f64 = 10.0;
 /// Underestimate of the power, as a share, from which a new correction is used.
-const MOST_UNDER: f64 = 0.005;
+const MAX_UNDERESTIMATE: f64 = 0.005;
 /// Overestimate from which it is used: room below a limit is less urgent, and settings that follow
 /// every reading would flicker.
-const MOST_OVER: f64 = 0.03;
+const MAX_OVERESTIMATE: f64 = 0.03;
 /// Change, as a share, at half and at twice the present power from which it is used: what is believed
 /// of other settings decides whether they are tried.
-const MOST_ELSEWHERE: f64 = 0.1;
+const MAX_CHANGE_ELSEWHERE: f64 = 0.1;
 
 /// Time constant of the residual, seconds: a throttle or a switch is over by then.
 const RESIDUAL_SECONDS: f64 = 8.0;
 /// Largest deviation of one reading that counts, as a share: a single one says no more.
-const MOST_RESIDUAL: f64 = 0.5;
+const MAX_RESIDUAL: f64 = 0.5;
 /// Residual from which the scene is no longer the map's, and below which it is again, as shares.
 /// Maps of a scene that has not changed are off by 5 to 8 %, CPU time by a tenth.
-const LEFT: [f64; 2] = [0.18, 0.1];
+const MAP_MISMATCH_THRESHOLDS: [f64; 2] = [0.18, 0.1];
 
 /// From the watts of a map to those of the app's meter.
 #[derive(Clone, Copy, Debug, PartialEq, Reflect)]
@@ -234,10 +220,10 @@ impl PowerModel {
         if size <= 0.0 || spread > 0.05 * predicted {
             return;
         }
-        let off = ((metered - expected) / size).clamp(-MOST_RESIDUAL, MOST_RESIDUAL);
+        let off = ((metered - expected) / size).clamp(-MAX_RESIDUAL, MAX_RESIDUAL);
         let weight = -(-interval_seconds / RESIDUAL_SECONDS).exp_m1();
         self.residual += (off * off - self.residual) * weight;
-        let [left, back] = LEFT;
+        let [left, back] = MAP_MISMATCH_THRESHOLDS;
         self.has_left = self.residual() > if self.has_left { back } else { left };
     }
 
@@ -307,7 +293,8 @@ impl PowerModel {
         };
         let [gain, offset] = multiply(&covariance, self.weighted);
         if gain.is_finite() && offset.is_finite() {
-            self.estimate = [gain.clamp(1.0 / MOST, MOST), offset.clamp(-MOST, MOST)];
+            self.estimate =
+                [gain.clamp(1.0 / MAX_RATIO, MAX_RATIO), offset.clamp(-MAX_RATIO, MAX_RATIO)];
         }
         let rest = self.rest(predicted, metered);
         // An outlier is none of the address, and a reading across a switch partly.
@@ -320,7 +307,7 @@ impl PowerModel {
         let Some(predicted) = self.history.last() else { return };
         let [gain, offset] = self.estimate;
         let there = (predicted / self.scale * gain + offset).abs();
-        let least = LEAST_BIAS * there;
+        let least = MIN_BIAS * there;
         let bias = self.bias - self.bias.clamp(-least, least);
         let latest = PowerCorrection { gain, offset: Watts((offset + bias) * self.scale) };
         let change = |at: f64| {
@@ -328,8 +315,8 @@ impl PowerModel {
             new / old - 1.0
         };
         let here = change(1.0);
-        let is_far_off = [0.5, 2.0].into_iter().any(|at| change(at).abs() > MOST_ELSEWHERE);
-        if !(-MOST_OVER..=MOST_UNDER).contains(&here) || is_far_off {
+        let is_far_off = [0.5, 2.0].into_iter().any(|at| change(at).abs() > MAX_CHANGE_ELSEWHERE);
+        if !(-MAX_OVERESTIMATE..=MAX_UNDERESTIMATE).contains(&here) || is_far_off {
             self.used = latest;
         }
     }
@@ -345,5 +332,5 @@ fn quadratic(matrix: &[[f64; 2]; 2], vector: [f64; 2]) -> f64 {
 }
 
 #[cfg(test)]
-#[path = "feedback_tests.rs"]
+#[path = "correction_tests.rs"]
 mod tests;

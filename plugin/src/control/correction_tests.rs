@@ -50,7 +50,6 @@ impl Loop {
                 correction: self.model.correction(),
                 settings: ControlSettings::default(),
                 errors: crate::control::ErrorFeedback::default(),
-                agreed: None,
             };
             let found = self.controller.step(&inputs).expect("a decision");
             self.switches += usize::from(self.current.is_some_and(|old| old != found.applied));

@@ -15,10 +15,11 @@ use bevy::time::TimeUpdateStrategy;
 use bevy::transform::components::Transform;
 
 use super::*;
-use crate::control::{AppBudget, CameraPriority, ControlPlugin, FeedbackState, Outcome};
+use crate::control::{ControlPlugin, Outcome};
 use crate::frontier::{
     Corner, FrontierMapPlugin, SampleRef, SceneIdentity, SharedKnobs, ViewDirection, testing,
 };
+use crate::knobs::KnobLevels;
 use crate::power::{MeterInfo, MeterState, Provenance};
 use crate::signals::{BatteryLevel, ThermalHeadroom};
 use crate::units::{Joules, Watts};
@@ -62,6 +63,10 @@ fn lens() -> Projection {
 
 fn selection(app: &App, camera: Entity) -> Selection {
     *app.world().get::<Selection>(camera).expect("a selection")
+}
+
+fn predicted(app: &App, camera: Entity) -> Option<Watts> {
+    app.world().get::<CameraState>(camera).expect("a state").predicted
 }
 
 fn applied(app: &App, camera: Entity) -> KnobLevels {
@@ -232,8 +237,12 @@ fn a_released_camera_keeps_its_settings_and_can_return() {
     app.world_mut().entity_mut(camera).insert(FrontierMapHandle(map));
     app.update();
     assert_eq!(applied(&app, camera), at(0, 0));
-    // From settings that the app writes over the controller's, the filter moves step by step.
+    // What the app writes over the controller's settings stays until it is released; from there the
+    // filter moves step by step.
     app.world_mut().get_mut::<KnobSettings>(camera).expect("settings").settings = at(4, 2);
+    run(&mut app, 10);
+    assert_eq!(applied(&app, camera), at(4, 2));
+    app.world_mut().get_mut::<KnobBounds>(camera).expect("bounds").clear();
     app.update();
     assert_eq!(applied(&app, camera), at(4, 2));
     // Under a power limit they fall in 0.5 s, four frames.
@@ -317,7 +326,9 @@ fn removing_both_sources_at_once_forgets_the_camera() {
     assert!(!camera.contains::<SettingsFilter>() && !camera.contains::<MapFit>());
 }
 
-#[path = "systems_map_tests.rs"]
+#[path = "camera_field_tests.rs"]
+mod field;
+#[path = "camera_map_tests.rs"]
 mod maps;
-#[path = "systems_power_tests.rs"]
+#[path = "camera_power_tests.rs"]
 mod power;

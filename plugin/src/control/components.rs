@@ -10,8 +10,11 @@ use bevy::ecs::resource::Resource;
 use bevy::prelude::ReflectDefault;
 use bevy::reflect::Reflect;
 
-use super::systems::CameraState;
-use super::{Budget, ErrorFeedback, ErrorPace, Limit, Outcome, SettingsFilter, TransitionTimes};
+use super::camera::CameraState;
+use super::limits::Limits;
+use super::{
+    Budget, ErrorFeedback, ErrorPace, KnobBounds, Limit, Outcome, SettingsFilter, TransitionTimes,
+};
 use crate::frontier::{CostPoint, FrontierMap, FrontierStore, MapFit, SampleCamera};
 use crate::knobs::{KnobLevels, KnobSpace};
 
@@ -19,7 +22,16 @@ use crate::knobs::{KnobLevels, KnobSpace};
 /// limits unless the camera has one.
 #[derive(Component, Clone, Debug, Default, PartialEq, Eq, Reflect)]
 #[reflect(Component, Default, Clone, Debug, PartialEq)]
-#[require(Budget, CameraState, ErrorFeedback, ErrorPace, MapFit, Selection, SettingsFilter)]
+#[require(
+    Budget,
+    CameraState,
+    ErrorFeedback,
+    ErrorPace,
+    KnobBounds,
+    MapFit,
+    Selection,
+    SettingsFilter
+)]
 pub struct FrontierMapHandle(pub Handle<FrontierMap>);
 
 impl From<Handle<FrontierMap>> for FrontierMapHandle {
@@ -39,7 +51,16 @@ impl AsAssetId for FrontierMapHandle {
 /// Puts a camera under the controller, with the frontiers of any [`FrontierStore`]. Takes
 /// precedence over a [`FrontierMapHandle`] on the same camera.
 #[derive(Component, Clone)]
-#[require(Budget, CameraState, ErrorFeedback, ErrorPace, MapFit, Selection, SettingsFilter)]
+#[require(
+    Budget,
+    CameraState,
+    ErrorFeedback,
+    ErrorPace,
+    KnobBounds,
+    MapFit,
+    Selection,
+    SettingsFilter
+)]
 pub struct FrontierSource {
     store: Arc<dyn FrontierStore>,
     space: Arc<KnobSpace>,
@@ -124,7 +145,7 @@ pub struct Selection {
 /// Transition times of the controller, for all cameras.
 ///
 /// Settings fall quickly when the power limit is exceeded and rise slowly when power is left over;
-/// see [`times`](Self::times). All fields are in seconds of real time, 0 to infinity. 0 and
+/// All fields are in seconds of real time, 0 to infinity. 0 and
 /// negative values switch at once, infinity never switches, NaN means the default of a duration.
 #[derive(Resource, Clone, Copy, Debug, PartialEq, Reflect)]
 #[reflect(Resource, Default, Clone, Debug, PartialEq)]
@@ -163,10 +184,10 @@ impl ControlSettings {
     /// Default of [`changes_per_second`](Self::changes_per_second).
     pub const CHANGES_PER_SECOND: f64 = 0.85;
 
-    /// [`changes_per_second`](Self::changes_per_second) under `budget`; `None` without a power limit:
+    /// [`changes_per_second`](Self::changes_per_second) under `limits`; `None` without a power limit:
     /// what waits under an error limit is paid at the next view.
-    pub(super) fn change_limit(&self, budget: &Budget) -> Option<f64> {
-        has_power_limit(budget).then_some(self.changes_per_second)
+    pub(super) fn change_limit(&self, limits: &Limits) -> Option<f64> {
+        limits.finite_power().map(|_| self.changes_per_second)
     }
 
     /// Transition times under `budget`, in seconds; never NaN. An infinite limit counts as none.
@@ -176,17 +197,12 @@ impl ControlSettings {
         let or = |seconds: f64, default| if seconds.is_nan() { default } else { seconds };
         let slow = or(self.transition_seconds, Self::TRANSITION_SECONDS);
         let quick = or(self.fall_seconds, Self::FALL_SECONDS);
-        if has_power_limit(budget) {
+        if budget.power.is_some_and(|limit| limit.0 < f64::INFINITY) {
             TransitionTimes { rise_seconds: slow, fall_seconds: quick }
         } else {
             TransitionTimes::both(slow)
         }
     }
-}
-
-/// Infinity is no limit.
-fn has_power_limit(budget: &Budget) -> bool {
-    budget.power.is_some_and(|limit| limit.0 < f64::INFINITY)
 }
 
 impl Default for ControlSettings {
@@ -205,28 +221,32 @@ mod tests {
     use super::*;
     use crate::units::Watts;
 
+    fn times(settings: &ControlSettings, budget: Budget) -> TransitionTimes {
+        settings.times(&budget)
+    }
+
     #[test]
     fn falls_under_a_power_limit_are_fast() {
         let settings =
             ControlSettings { transition_seconds: 3.0, fall_seconds: 0.25, ..Default::default() };
         let power = TransitionTimes { rise_seconds: 3.0, fall_seconds: 0.25 };
         let error = TransitionTimes::both(3.0);
-        assert_eq!(settings.times(&Budget::power(Watts(5.0))), power);
-        assert_eq!(settings.times(&Budget::power(Watts(0.0))), power);
-        assert_eq!(settings.times(&Budget::both(Watts(5.0), 0.1)), power);
-        assert_eq!(settings.times(&Budget::error(0.1)), error);
+        assert_eq!(times(&settings, Budget::power(Watts(5.0))), power);
+        assert_eq!(times(&settings, Budget::power(Watts(0.0))), power);
+        assert_eq!(times(&settings, Budget::both(Watts(5.0), 0.1)), power);
+        assert_eq!(times(&settings, Budget::error(0.1)), error);
         assert_eq!(
-            settings.times(&Budget::both(Watts(f64::INFINITY), 0.1)),
+            times(&settings, Budget::both(Watts(f64::INFINITY), 0.1)),
             error,
             "no limit on power"
         );
-        assert_eq!(settings.times(&Budget::default()), TransitionTimes::both(3.0));
+        assert_eq!(times(&settings, Budget::default()), TransitionTimes::both(3.0));
         assert_eq!(
-            settings.times(&Budget::both(Watts(f64::INFINITY), f64::INFINITY)),
+            times(&settings, Budget::both(Watts(f64::INFINITY), f64::INFINITY)),
             TransitionTimes::both(3.0)
         );
         assert_eq!(
-            ControlSettings::default().times(&Budget::default()),
+            times(&ControlSettings::default(), Budget::default()),
             TransitionTimes::default()
         );
     }
@@ -239,7 +259,7 @@ mod tests {
             ..Default::default()
         };
         for budget in [Budget::default(), Budget::power(Watts(5.0)), Budget::error(0.1)] {
-            assert_eq!(nan.times(&budget), ControlSettings::default().times(&budget));
+            assert_eq!(times(&nan, budget), times(&ControlSettings::default(), budget));
         }
         let at_once = ControlSettings {
             transition_seconds: -1.0,
@@ -248,6 +268,6 @@ mod tests {
         };
         let expected =
             TransitionTimes { rise_seconds: -1.0, fall_seconds: ControlSettings::FALL_SECONDS };
-        assert_eq!(at_once.times(&Budget::power(Watts(5.0))), expected);
+        assert_eq!(times(&at_once, Budget::power(Watts(5.0))), expected);
     }
 }

@@ -1,0 +1,490 @@
+//! One system for every camera's frame: look up, choose, divide, switch, write.
+
+use std::ops::Deref;
+use std::sync::Arc;
+
+use bevy::asset::{AssetServer, Assets};
+use bevy::camera::{Camera, Projection};
+use bevy::ecs::prelude::*;
+use bevy::ecs::query::QueryData;
+use bevy::ecs::system::SystemParam;
+use bevy::log::warn;
+use bevy::time::{Real, Time};
+use bevy::transform::components::GlobalTransform;
+use smallvec::SmallVec;
+
+use super::app_budget::Agreement;
+use super::bounds::BoundedFrontier;
+use super::controller::{Decisions, Switch};
+use super::frame_rate::{FrameKind, FrameRate, RatedAt};
+use super::limits::{Limits, resolve};
+use super::maps::{PreparedMaps, frontier_in_play, refuse, space_of, store_of};
+use super::observed::SignalModel;
+use super::pace::choose;
+use super::power_feedback::{FeedbackState, Predicted};
+use super::{
+    AppBudget, Budget, BudgetStateChanged, CameraPriority, Choice, ControlSettings, ControlStatus,
+    ErrorFeedback, ErrorPace, FrontierMapHandle, FrontierSource, KnobBounds, Limit, MapRejected,
+    OffReason, PowerDivision, PowerFeedback, Selection, SettingsFilter, SettingsSwitched,
+};
+use crate::cut::CameraCut;
+use crate::frontier::{
+    AppConditions, CameraView, Conditions, Frontier, FrontierMap, FrontierStore, MapFit, Misfit,
+    SampleCamera, ShownScene,
+};
+use crate::knobs::{KnobSettings, KnobSpace, KnownKnobs, WarmKnobs};
+use crate::power::MeteredPower;
+use crate::units::Watts;
+
+/// Time for which a misfit lasts before it is logged, seconds: a slow frame or a step out of a door
+/// is none.
+const MISFIT_SECONDS: f64 = 2.0;
+
+/// The controller's state of one camera from frame to frame, beside the components that an app sees.
+#[derive(Component, Debug, Default)]
+pub(super) struct CameraState {
+    /// Predicted power of the applied settings in the map's watts; `None` while the controller is
+    /// off.
+    predicted: Option<Watts>,
+    /// Of the camera's map; `None` for other stores.
+    rated_at: Option<RatedAt>,
+    is_active: bool,
+    bounded: BoundedFrontier,
+    /// How long each misfit has lasted, seconds; infinite once it was logged.
+    misfits: [f64; Misfit::ALL.len()],
+}
+
+impl CameraState {
+    /// What an active camera's map predicts.
+    pub(super) fn predicted(&self, fit: &MapFit) -> Option<Predicted> {
+        let Self { predicted: power, rated_at, is_active, .. } = *self;
+        is_active.then_some(Predicted { power, meter: fit.meter, rated_at })
+    }
+}
+
+pub(super) type Source<'w> = AnyOf<(&'w FrontierMapHandle, &'w FrontierSource)>;
+
+/// A camera under the controller.
+#[derive(QueryData)]
+#[query_data(mutable)]
+pub(super) struct Controlled {
+    entity: Entity,
+    source: Source<'static>,
+    budget: Option<&'static Budget>,
+    priority: Option<&'static CameraPriority>,
+    transform: &'static GlobalTransform,
+    projection: Option<&'static Projection>,
+    camera: Option<&'static Camera>,
+    has_cut: Has<CameraCut>,
+    is_warming: Has<WarmKnobs>,
+    state: &'static mut CameraState,
+    fit: &'static mut MapFit,
+    selection: &'static mut Selection,
+    bounds: &'static mut KnobBounds,
+    filter: &'static mut SettingsFilter,
+    errors: &'static ErrorFeedback,
+    pace: &'static mut ErrorPace,
+    knobs: Option<&'static mut KnobSettings>,
+}
+
+/// What all cameras have in common.
+#[derive(SystemParam)]
+pub(super) struct Common<'w> {
+    time: Res<'w, Time<Real>>,
+    rate: Res<'w, FrameRate>,
+    settings: Res<'w, ControlSettings>,
+    feedback: Res<'w, PowerFeedback>,
+    signals: Res<'w, SignalModel>,
+    app_budget: Res<'w, AppBudget>,
+    known: Option<Res<'w, KnownKnobs>>,
+    scene: Option<Res<'w, ShownScene>>,
+    metered: Option<Res<'w, MeteredPower>>,
+    maps: Res<'w, Assets<FrontierMap>>,
+    server: Option<Res<'w, AssetServer>>,
+}
+
+/// What is told of changes.
+#[derive(SystemParam)]
+pub(super) struct Told<'w> {
+    switched: MessageWriter<'w, SettingsSwitched>,
+    changed: MessageWriter<'w, BudgetStateChanged>,
+    rejected: MessageWriter<'w, MapRejected>,
+}
+
+/// A frontier of the map, or one within a camera's bounds.
+pub(super) enum FrontierInUse<'a> {
+    Whole(&'a Frontier),
+    Bounded(Arc<Frontier>),
+}
+
+impl Deref for FrontierInUse<'_> {
+    type Target = Frontier;
+
+    fn deref(&self) -> &Frontier {
+        match self {
+            Self::Whole(frontier) => frontier,
+            Self::Bounded(frontier) => frontier,
+        }
+    }
+}
+
+/// A camera's frame after its look-up and its own choice.
+pub(super) struct Frame<'a> {
+    pub(super) camera: ControlledItem<'a, 'a>,
+    pub(super) store: &'a dyn FrontierStore,
+    pub(super) space: Arc<KnobSpace>,
+    view: CameraView,
+    sample: SampleCamera,
+    /// The frontier that was found.
+    whole: &'a Frontier,
+    /// The one that choices are made from.
+    pub(super) frontier: FrontierInUse<'a>,
+    /// In the watts of the app's meter.
+    pub(super) limits: Limits,
+    /// In the store's watts.
+    pub(super) choice: Choice,
+    pub(super) binding: Option<Limit>,
+    /// Levels of the knobs that the cameras share, and what they cost.
+    pub(super) agreed: Option<Agreement<'a>>,
+}
+
+impl Frame<'_> {
+    /// How much the camera's error counts: its priority times its pixels.
+    pub(super) fn weight(&self) -> f64 {
+        let size = self.camera.camera.and_then(Camera::physical_viewport_size);
+        let pixels = size.map_or(1.0, |size| f64::from(size.x) * f64::from(size.y));
+        let priority = self.camera.priority.map_or(1.0, |priority| priority.0);
+        if priority.is_nan() { pixels } else { priority * pixels }
+    }
+}
+
+/// Decides and writes every camera's settings.
+pub(super) fn control_cameras(
+    mut commands: Commands,
+    common: Common,
+    mut prepared: ResMut<PreparedMaps>,
+    mut division: Local<PowerDivision>,
+    mut told: Told,
+    mut cameras: Query<Controlled>,
+) {
+    let mut frames: SmallVec<[Frame; 4]> = SmallVec::new();
+    for mut camera in &mut cameras {
+        // What the controller keeps for itself is no change for others to detect.
+        let state = camera.state.bypass_change_detection();
+        // A minimised window has no pixels.
+        let has_pixels = |camera: &Camera| {
+            camera.physical_viewport_size().is_none_or(|size| size.x > 0 && size.y > 0)
+        };
+        state.is_active = camera.camera.is_none_or(|camera| camera.is_active && has_pixels(camera));
+        if !state.is_active {
+            continue;
+        }
+        match common.look_up(&mut prepared, camera) {
+            Ok(frame) => frames.push(frame),
+            Err((mut camera, status)) => {
+                camera.state.bypass_change_detection().predicted = None;
+                let off = Selection {
+                    status,
+                    predicted: None,
+                    predicted_applied: None,
+                    binding: None,
+                    sample: None,
+                    ..*camera.selection
+                };
+                told.select(&mut camera, off);
+            }
+        }
+    }
+    common.divide(&mut division, &mut frames);
+    for frame in frames {
+        common.switch(frame, &mut told, &mut commands);
+    }
+}
+
+/// A camera whose controller is off or waiting.
+type Refused<'a> = (ControlledItem<'a, 'a>, ControlStatus);
+
+impl Common<'_> {
+    /// Finds the camera's frontier, and its own choice there.
+    fn look_up<'a>(
+        &'a self,
+        prepared: &mut PreparedMaps,
+        mut camera: ControlledItem<'a, 'a>,
+    ) -> Result<Frame<'a>, Refused<'a>> {
+        let (source, logged) = (camera.source, camera.selection.status);
+        let (server, known) = (self.server.as_deref(), self.known.as_deref());
+        let off = |camera: ControlledItem<'a, 'a>, (status, message): (_, Option<String>)| {
+            if let Some(message) = message {
+                let entity = camera.entity;
+                warn!("the power controller is off for camera {entity}: {message}");
+            }
+            Err((camera, status))
+        };
+        let space = match space_of(source, &self.maps, server, prepared, known, logged) {
+            Ok(space) => space,
+            Err(refusal) => return off(camera, refusal),
+        };
+        let Some(store) = store_of(source, &self.maps) else {
+            return off(camera, (ControlStatus::Waiting, None));
+        };
+        let view = CameraView::from_camera(camera.transform, camera.projection);
+        let conditions = store.conditions();
+        self.compare(&mut camera, conditions.as_ref(), &view);
+        let budget = camera.budget.copied().unwrap_or_default();
+        let found = store.look_up(&view);
+        let has_left_map = self.feedback.has_left_map;
+        let whole = found.map(|found| frontier_in_play(store, found, has_left_map));
+        let limits = match resolve(&budget, &self.observed(whole, conditions.as_ref())) {
+            Ok(limits) => limits,
+            Err(error) => {
+                let refusal = refuse(logged, OffReason::InvalidBudget, || error.to_string());
+                return off(camera, refusal);
+            }
+        };
+        pin_what_others_wrote(&mut camera, &space);
+        let state = camera.state.bypass_change_detection();
+        let bounded = whole.and_then(|whole| state.bounded.get(&camera.bounds, &space, whole));
+        let frontier = bounded.map(FrontierInUse::Bounded).or(whole.map(FrontierInUse::Whole));
+        let stored = limits.uncorrected(self.feedback.per_camera());
+        // This state advances every frame without a change for others to detect.
+        let pace = camera.pace.bypass_change_detection();
+        let choice = frontier
+            .as_ref()
+            .and_then(|frontier| choose(store, frontier, &stored, camera.errors, pace));
+        let (Some(found), Some(whole), Some(frontier), Some(choice)) =
+            (found, whole, frontier, choice)
+        else {
+            let refusal = refuse(logged, OffReason::NothingKnown, || {
+                "no sample camera of the map has a frontier: check that its scene is not empty and its bounds do not lie inside a wall".to_owned()
+            });
+            return off(camera, refusal);
+        };
+        let is_excluded = || {
+            let best = whole.points().last();
+            best.is_some_and(|best| best.cost.error < choice.cost.error)
+        };
+        let binding = stored.binds(&frontier, &choice);
+        let binding = match &frontier {
+            FrontierInUse::Bounded(_) => {
+                binding.or_else(|| is_excluded().then_some(Limit::KnobBounds))
+            }
+            FrontierInUse::Whole(_) => binding,
+        };
+        let (sample, agreed) = (found.camera, None);
+        Ok(Frame {
+            camera,
+            store,
+            space,
+            view,
+            sample,
+            whole,
+            frontier,
+            limits,
+            choice,
+            binding,
+            agreed,
+        })
+    }
+
+    /// How well the camera's map fits the app.
+    fn compare(
+        &self,
+        camera: &mut ControlledItem<'_, '_>,
+        conditions: Option<&Conditions<'_>>,
+        view: &CameraView,
+    ) {
+        let state = camera.state.bypass_change_detection();
+        state.rated_at = conditions.map(|conditions| RatedAt {
+            frames_per_second: conditions.capture.frames_per_second,
+            idle: conditions.idle,
+        });
+        let new = conditions.map_or_else(MapFit::default, |conditions| {
+            let app = AppConditions {
+                scene: self.scene.as_ref().map(|scene| &scene.0),
+                size: camera.camera.and_then(Camera::physical_viewport_size),
+                frames_per_second: self.rate.frames_per_second(),
+                meter: self.metered.as_ref().and_then(|metered| metered.info.as_ref()),
+            };
+            MapFit::of(conditions, &app, view)
+        });
+        camera.fit.set_if_neq(new);
+        if self.rate.kind() != FrameKind::Pause {
+            warn_of_misfits(camera.entity, &new, &mut state.misfits, self.time.delta_secs_f64());
+        }
+    }
+
+    /// What is known for the limits of a camera with this frontier.
+    fn observed(
+        &self,
+        frontier: Option<&Frontier>,
+        conditions: Option<&Conditions<'_>>,
+    ) -> super::observed::Observed {
+        let correction = self.feedback.per_camera();
+        let ends = frontier.and_then(|it| it.points().first().zip(it.points().last()));
+        let mut observed = self.signals.observed();
+        observed.range = ends.map(|(least, most)| {
+            (correction.corrected(least.cost.power), correction.corrected(most.cost.power))
+        });
+        let of_map = conditions.map(|conditions| conditions.capture.frames_per_second);
+        // Without a meter, predicted watts are those of the map's frame rate.
+        observed.frames_per_second = match self.feedback.state {
+            FeedbackState::Off => of_map.or(self.rate.frames_per_second()),
+            _ => self.rate.frames_per_second().or(of_map),
+        };
+        observed
+    }
+
+    fn divide(&self, division: &mut PowerDivision, frames: &mut [Frame]) {
+        super::app_budget::divide(&self.app_budget, &self.feedback, division, frames);
+    }
+
+    /// Moves the camera's settings towards the choice, and writes them.
+    fn switch(&self, frame: Frame<'_>, told: &mut Told, commands: &mut Commands) {
+        let Frame { mut camera, store, space, choice, binding, agreed, .. } = frame;
+        // Both advance every frame without a change for others to detect.
+        let filter = camera.filter.bypass_change_detection();
+        if camera.has_cut {
+            filter.cut();
+        }
+        if camera.bounds.is_changed() {
+            filter.dwell.end();
+        }
+        let switch = Switch {
+            store,
+            frontier: frame.whole,
+            space: &space,
+            sample: frame.sample,
+            view: frame.view,
+            limits: frame.limits,
+            delta_seconds: self.time.delta_secs_f64(),
+            // Levels of another knob space do not apply to this one.
+            current: camera
+                .knobs
+                .as_ref()
+                .filter(|knobs| same_space(&knobs.space, &space))
+                .map(|knobs| knobs.settings),
+            correction: self.feedback.per_camera(),
+            errors: camera.errors,
+            settings: &self.settings,
+        };
+        let charge =
+            |settings| agreed.as_ref().map_or(Watts(0.0), |agreed| agreed.charge(settings));
+        let pace = camera.pace.bypass_change_detection();
+        let decisions = switch.step(&choice, charge, filter, pace);
+        camera.state.bypass_change_detection().predicted = Some(decisions.uncorrected);
+        told.select(
+            &mut camera,
+            Selection {
+                binding,
+                status: ControlStatus::Active(decisions.outcome),
+                target: decisions.target,
+                applied: decisions.applied,
+                predicted: Some(decisions.predicted),
+                predicted_applied: Some(decisions.predicted_applied),
+                sample: Some(decisions.sample),
+            },
+        );
+        told.apply(camera, &space, &decisions, commands);
+    }
+}
+
+impl Told<'_> {
+    /// Writes a camera's selection.
+    fn select(&mut self, camera: &mut ControlledItem<'_, '_>, new: Selection) {
+        let (entity, from, to) = (camera.entity, camera.selection.status, new.status);
+        if to != from {
+            if let ControlStatus::Off(reason) = to
+                && reason != OffReason::InvalidBudget
+            {
+                self.rejected.write(MapRejected { camera: entity, reason });
+            }
+            self.changed.write(BudgetStateChanged { camera: entity, from, to });
+        }
+        camera.selection.set_if_neq(new);
+    }
+
+    /// Writes a camera's settings; change detection fires only if their meaning differs.
+    fn apply(
+        &mut self,
+        camera: ControlledItem<'_, '_>,
+        space: &Arc<KnobSpace>,
+        decisions: &Decisions,
+        commands: &mut Commands,
+    ) {
+        let Decisions { target, applied: to, .. } = *decisions;
+        let new = || KnobSettings { space: Arc::clone(space), settings: to };
+        let Some(mut knobs) = camera.knobs else {
+            commands.entity(camera.entity).try_insert(new());
+            return;
+        };
+        if !same_space(&knobs.space, space) {
+            *knobs = new();
+        } else if knobs.settings != to {
+            let from = knobs.settings;
+            self.switched.write(SettingsSwitched { camera: camera.entity, from, to, target });
+            *knobs = new();
+        } else if !Arc::ptr_eq(&knobs.space, space) {
+            knobs.bypass_change_detection().space = Arc::clone(space);
+        }
+    }
+}
+
+/// Pins the knobs that somebody beside the controller has written since the last frame.
+fn pin_what_others_wrote(camera: &mut ControlledItem<'_, '_>, space: &Arc<KnobSpace>) {
+    let Some(knobs) = camera.knobs.as_ref() else { return };
+    let applied = camera.filter.applied();
+    let is_others = camera.filter.is_smooth()
+        && camera.selection.predicted.is_some()
+        && same_space(&knobs.space, space)
+        && knobs.settings != applied;
+    // A warm-up shows every level for a frame.
+    if camera.is_warming || !is_others {
+        return;
+    }
+    let new = knobs.settings;
+    camera.bounds.pin_changes(space, applied, new);
+}
+
+/// Whether two spaces are equal. Compares contents only where the pointers differ.
+pub(super) fn same_space(a: &Arc<KnobSpace>, b: &Arc<KnobSpace>) -> bool {
+    Arc::ptr_eq(a, b) || a == b
+}
+
+/// Logs every misfit that lasts, once.
+fn warn_of_misfits(
+    camera: Entity,
+    fit: &MapFit,
+    lasted: &mut [f64; Misfit::ALL.len()],
+    delta_seconds: f64,
+) {
+    for (misfit, lasted) in Misfit::ALL.into_iter().zip(lasted) {
+        if *lasted == f64::INFINITY {
+            continue;
+        }
+        *lasted = if fit.has(misfit) { *lasted + delta_seconds } else { 0.0 };
+        if *lasted > MISFIT_SECONDS {
+            warn!(
+                "camera {camera}: its predicted power and error are off: {}",
+                fit.describe(misfit)
+            );
+            *lasted = f64::INFINITY;
+        }
+    }
+}
+
+/// Removes the controller's state from a camera that is no longer controlled. Its [`KnobSettings`]
+/// and [`KnobBounds`] stay and belong to the app from then on.
+pub(super) fn forget_camera<C: Component>(removed: On<Remove, C>, mut commands: Commands) {
+    let camera = removed.entity;
+    // The removed components are still present here, both where both are removed at once.
+    commands.queue(move |world: &mut World| {
+        let Ok(mut camera) = world.get_entity_mut(camera) else { return };
+        if !camera.contains::<FrontierMapHandle>() && !camera.contains::<FrontierSource>() {
+            camera.remove::<(Selection, SettingsFilter, ErrorFeedback, ErrorPace, MapFit, CameraState)>();
+        }
+    });
+}
+
+#[cfg(test)]
+#[path = "camera_tests.rs"]
+mod tests;

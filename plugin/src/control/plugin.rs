@@ -1,0 +1,165 @@
+//! The plugin, its sets, and the system that observes the app.
+
+use bevy::app::{App, Plugin, PostUpdate};
+use bevy::asset::{AssetEvent, AssetEventSystems, Assets};
+use bevy::ecs::change_detection::{DetectChanges, DetectChangesMut};
+use bevy::ecs::schedule::common_conditions::{
+    any_with_component, on_message, resource_exists, resource_exists_and_changed,
+};
+use bevy::ecs::schedule::{IntoScheduleConfigs, SystemCondition, SystemSet};
+use bevy::ecs::system::{Query, Res, ResMut};
+use bevy::log::warn;
+use bevy::time::{Real, Time};
+use bevy::transform::TransformSystems;
+
+use super::frame_rate::{FrameKind, FrameRate};
+use super::observed::{FrameSignals, SignalModel};
+use super::power_feedback::{FeedbackModel, sum};
+use super::*;
+use crate::frontier::{FrontierMap, MapFit};
+use crate::knobs::KnownKnobs;
+use crate::pacing::FrameWait;
+use crate::power::MeteredPower;
+use crate::signals::{BatteryLevel, FrameTime, ThermalHeadroom, read_battery};
+
+/// When the controller runs.
+#[derive(SystemSet, Clone, Copy, Debug, PartialEq, Eq, Hash)]
+#[non_exhaustive]
+pub enum ControlSystems {
+    /// Both of the following. Part of `PostUpdate`, after transform propagation. Settings are applied
+    /// before cameras are updated, which Bevy does earlier in the schedule: a selection takes
+    /// effect in the next frame.
+    Select,
+    /// First: the frame rate, the device's signals, and metered against predicted power
+    /// ([`PowerFeedback`]).
+    Observe,
+    /// Then, for every camera: finds its frontier and how well it fits
+    /// ([`MapFit`](crate::frontier::MapFit)), selects a point of it, divides the [`AppBudget`], moves
+    /// the settings, writes [`Selection`] and [`KnobSettings`](crate::knobs::KnobSettings), and sends
+    /// [`SettingsSwitched`], [`BudgetStateChanged`] and [`MapRejected`].
+    Control,
+}
+
+/// Adds the controller. Needs [`FrontierMapPlugin`](crate::frontier::FrontierMapPlugin) and Bevy's
+/// `TimePlugin`; without the former it stays off and logs a warning.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct ControlPlugin;
+
+impl Plugin for ControlPlugin {
+    fn build(&self, app: &mut App) {
+        app.init_resource::<ControlSettings>()
+            .init_resource::<AppBudget>()
+            .init_resource::<PowerFeedback>()
+            .init_resource::<BatteryLevel>()
+            .init_resource::<FrameTime>()
+            .init_resource::<ThermalHeadroom>()
+            .init_resource::<SignalModel>()
+            .init_resource::<FrameRate>()
+            .init_resource::<FeedbackModel>()
+            .init_resource::<maps::PreparedMaps>()
+            .add_message::<SettingsSwitched>()
+            .add_message::<BudgetStateChanged>()
+            .add_message::<MapRejected>()
+            .register_type::<AppBudget>()
+            .register_type::<Budget>()
+            .register_type::<CameraPriority>()
+            .register_type::<ControlSettings>()
+            .register_type::<ControlStatus>()
+            .register_type::<BatteryLevel>()
+            .register_type::<ErrorFeedback>()
+            .register_type::<ErrorPace>()
+            .register_type::<FrameTime>()
+            .register_type::<KnobBounds>()
+            .register_type::<Limit>()
+            .register_type::<ThermalHeadroom>()
+            .register_type::<FrontierMapHandle>()
+            .register_type::<KnownKnobs>()
+            .register_type::<OffReason>()
+            .register_type::<Outcome>()
+            .register_type::<PowerFeedback>()
+            .register_type::<Selection>()
+            .register_type::<SettingsFilter>()
+            .add_observer(camera::forget_camera::<FrontierMapHandle>)
+            .add_observer(camera::forget_camera::<FrontierSource>)
+            .configure_sets(
+                PostUpdate,
+                (ControlSystems::Observe, ControlSystems::Control)
+                    .chain()
+                    .in_set(ControlSystems::Select)
+                    // Need this frame's map changes, so that no map is read with the knobs of its
+                    // predecessor.
+                    .after(AssetEventSystems)
+                    // Need this frame's camera transforms.
+                    .after(TransformSystems::Propagate)
+                    .run_if(resource_exists::<Assets<FrontierMap>>),
+            )
+            .add_systems(
+                PostUpdate,
+                (
+                    (
+                        read_battery.run_if(needs_battery),
+                        observe_app,
+                        // With or without cameras, so that no change is missed.
+                        maps::forget_changed_maps.run_if(
+                            on_message::<AssetEvent<FrontierMap>>
+                                .or_eager(resource_exists_and_changed::<KnownKnobs>),
+                        ),
+                    )
+                        .chain()
+                        .in_set(ControlSystems::Observe),
+                    camera::control_cameras
+                        .run_if(any_with_component::<camera::CameraState>)
+                        .in_set(ControlSystems::Control),
+                ),
+            );
+    }
+
+    fn finish(&self, app: &mut App) {
+        if !app.world().contains_resource::<Assets<FrontierMap>>() {
+            warn!(
+                "ControlPlugin stays off: this app has no frontier map assets, add FrontierMapPlugin"
+            );
+        }
+    }
+}
+
+/// Whether a camera's budget asks for the battery.
+fn needs_battery(budgets: Query<&Budget>) -> bool {
+    budgets.iter().any(|budget| budget.battery_until.is_some())
+}
+
+/// Observes the frame rate, compares predicted with metered power, and learns from signals.
+fn observe_app(
+    time: Res<Time<Real>>,
+    mut rate: ResMut<FrameRate>,
+    wait: Option<Res<FrameWait>>,
+    metered: Option<Res<MeteredPower>>,
+    (frame_time, battery, headroom): (Res<FrameTime>, Res<BatteryLevel>, Res<ThermalHeadroom>),
+    cameras: Query<(&camera::CameraState, &MapFit)>,
+    mut model: ResMut<FeedbackModel>,
+    mut feedback: ResMut<PowerFeedback>,
+    mut signals: ResMut<SignalModel>,
+) {
+    let delta_seconds = time.delta_secs_f64();
+    rate.observe(delta_seconds);
+    let active = cameras.iter().filter_map(|(state, fit)| state.predicted(fit));
+    let new =
+        model.observe(active.clone(), delta_seconds, metered.as_deref(), &mut rate, &feedback);
+    feedback.set_if_neq(new);
+    // What a limiter of the frame rate waits is no work.
+    let waited = wait.map_or(0.0, |wait| wait.0.as_secs_f64());
+    let work = Some(delta_seconds - waited).filter(|_| rate.kind() != FrameKind::Pause);
+    let (energy, power) = battery.valid();
+    signals.step(&FrameSignals {
+        predicted: sum(active.clone()),
+        is_playing: rate.kind() == FrameKind::Usual,
+        delta_seconds,
+        now_seconds: time.elapsed_secs_f64(),
+        frame_seconds: frame_time.valid().or(work),
+        battery: energy,
+        battery_power: power,
+        is_battery_new: battery.is_changed(),
+        headroom: headroom.valid(),
+    });
+    signals.set_app(rate.frames_per_second(), new.correction, active.count());
+}

@@ -1,0 +1,184 @@
+//! Metered against predicted power, of all controlled cameras together.
+
+use bevy::ecs::prelude::*;
+use bevy::ecs::reflect::ReflectResource;
+use bevy::log::warn;
+use bevy::prelude::ReflectDefault;
+use bevy::reflect::Reflect;
+
+use super::frame_rate::{FrameKind, FrameRate, RatedAt};
+use super::{PowerCorrection, PowerModel};
+use crate::frontier::Comparison;
+use crate::power::{MeterState, MeteredPower, Provenance};
+use crate::units::Watts;
+
+/// What the controller does with the app's meter.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Reflect)]
+pub enum FeedbackState {
+    /// Predictions are not corrected: feedback is disabled, there is no meter, or a modelled one
+    /// that is not the map's.
+    #[default]
+    Off,
+    /// A meter is there, and its first reading is awaited.
+    Waiting,
+    /// Readings correct the predictions.
+    Running,
+    /// The meter is lost: its last correction stays.
+    Held,
+}
+
+/// Correction of predicted power by [`MeteredPower`], which holds a budget in watts on a device
+/// other than the map's, or one that has been throttled. An app may write `is_enabled`; the rest is
+/// written by the controller.
+///
+/// The meter's power must be that of the controlled cameras and of constant others: with it, a
+/// power budget is one on metered watts.
+#[derive(Resource, Clone, Copy, Debug, PartialEq, Reflect)]
+#[reflect(Resource, Default, Clone, Debug, PartialEq)]
+pub struct PowerFeedback {
+    /// Whether a trustworthy meter corrects the predictions: a measured one, or the modelled one
+    /// that the map was made with. Default: true.
+    pub is_enabled: bool,
+    /// What happens.
+    pub state: FeedbackState,
+    /// The correction in use, of the sum over all controlled cameras: what the meter says, after
+    /// the map's watts are scaled to the app's frame rate.
+    pub correction: PowerCorrection,
+    /// Standard deviation of the corrected power, watts; `None` before the first reading.
+    pub deviation: Option<Watts>,
+    /// Number of readings learnt from.
+    pub readings: u64,
+    /// Whether readings stay off whatever the correction: the scene is no longer the map's. The
+    /// controller then selects from the frontier over all views, and predicts more power by as much
+    /// as readings are off.
+    pub has_left_map: bool,
+    /// Number of active controlled cameras.
+    cameras: usize,
+}
+
+impl Default for PowerFeedback {
+    fn default() -> Self {
+        Self {
+            is_enabled: true,
+            state: FeedbackState::Off,
+            correction: PowerCorrection::default(),
+            deviation: None,
+            readings: 0,
+            has_left_map: false,
+            cameras: 0,
+        }
+    }
+}
+
+impl PowerFeedback {
+    /// The correction of one camera's power.
+    pub fn per_camera(&self) -> PowerCorrection {
+        self.correction.shared_by(self.cameras)
+    }
+}
+
+/// What an active camera's map predicts.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Predicted {
+    /// Power of the applied settings in the map's watts; `None` while the controller is off.
+    pub(super) power: Option<Watts>,
+    /// Whether the map's meter is the app's.
+    pub(super) meter: Comparison,
+    pub(super) rated_at: Option<RatedAt>,
+}
+
+/// The model, and the number of the meter's last reading.
+#[derive(Resource, Default)]
+pub(super) struct FeedbackModel {
+    model: PowerModel,
+    seen: u64,
+}
+
+impl FeedbackModel {
+    /// Adds a frame of `delta_seconds`, and compares what `cameras` predicted with the meter.
+    pub(super) fn observe(
+        &mut self,
+        cameras: impl Iterator<Item = Predicted> + Clone,
+        delta_seconds: f64,
+        metered: Option<&MeteredPower>,
+        rate: &mut FrameRate,
+        feedback: &PowerFeedback,
+    ) -> PowerFeedback {
+        let count = cameras.clone().count();
+        let predicted = sum(cameras.clone());
+        if let Some(predicted) = predicted {
+            rate.respond(predicted, delta_seconds);
+        }
+        let at_rate = rate.correction(cameras.clone().map(|camera| camera.rated_at));
+        // A device that waits for the app says nothing about its settings, and watts mean little before
+        // the frame rate is known.
+        let is_playing = rate.kind() == FrameKind::Usual && rate.frames_per_second().is_some();
+        match predicted.filter(|_| is_playing) {
+            Some(predicted) => self.model.predict(at_rate.corrected(predicted), delta_seconds),
+            None => self.model.pause(),
+        }
+        let is_maps_meter = cameras.clone().all(|camera| camera.meter == Comparison::Same);
+        let trusted = metered.filter(|metered| {
+            let is_measured = |info: &crate::power::MeterInfo| {
+                info.provenance == Provenance::Measured || is_maps_meter
+            };
+            feedback.is_enabled && metered.info.as_ref().is_some_and(is_measured)
+        });
+        if let Some(metered) = trusted
+            && metered.sample_count != self.seen
+            && let (Some(watts), Some(seconds)) = (metered.latest, metered.interval_seconds)
+        {
+            self.seen = metered.sample_count;
+            self.model.read(watts, seconds);
+        }
+        self.feedback(trusted, at_rate, count, feedback)
+    }
+
+    fn feedback(
+        &self,
+        trusted: Option<&MeteredPower>,
+        at_rate: PowerCorrection,
+        cameras: usize,
+        before: &PowerFeedback,
+    ) -> PowerFeedback {
+        let readings = self.model.readings();
+        let state = match trusted {
+            None => FeedbackState::Off,
+            Some(_) if readings == 0 => FeedbackState::Waiting,
+            Some(metered) if metered.state == MeterState::Running => FeedbackState::Running,
+            Some(_) => FeedbackState::Held,
+        };
+        // Without a meter, watts are those of the map's frame rate.
+        let correction = match state {
+            FeedbackState::Off => PowerCorrection::default(),
+            _ => self.model.correction().after(at_rate),
+        };
+        let has_left_map = state == FeedbackState::Running && self.model.has_left_map();
+        let residual = self.model.residual();
+        if has_left_map && !before.has_left_map {
+            warn!(
+                "metered power is off the map's by {:.0} % from view to view: the scene has changed since the map was made. The controller selects more carefully; run `frugal precompute` again",
+                100.0 * residual
+            );
+        }
+        let margin = if has_left_map { 1.0 + (residual * 10.0).round() / 10.0 } else { 1.0 };
+        PowerFeedback {
+            state,
+            correction: PowerCorrection {
+                gain: correction.gain * margin,
+                offset: correction.offset * margin,
+            },
+            deviation: self.model.deviation().filter(|_| state != FeedbackState::Off),
+            readings,
+            has_left_map,
+            cameras,
+            ..*before
+        }
+    }
+}
+
+/// Predicted power of all cameras; `None` where there is no camera, or one without a prediction.
+pub(super) fn sum(mut cameras: impl Iterator<Item = Predicted>) -> Option<Watts> {
+    let first = cameras.next()?.power?;
+    cameras.try_fold(first, |sum, camera| Some(sum + camera.power?))
+}
