@@ -2,104 +2,50 @@
 //!
 //! It is the whole machine's, with display, radio and all programs. Drivers differ: power, or
 //! current and voltage; above or below 0 while discharging; a new value every second or every
-//! minute.
+//! minute; "Unknown" for a battery at rest. The crate `starship-battery`, which reads those of other
+//! systems, knows no chargers and no other root than `/sys`.
 
-use std::path::PathBuf;
-use std::time::Duration;
+use std::hash::{DefaultHasher, Hash, Hasher};
+use std::path::{Path, PathBuf};
 
-use super::integrate::Gauge;
-use super::root::{Fault, NumberFile};
-use super::{Source, SourceKind, SysRoot};
-use crate::power::{Adapter, AdapterKind, MeterError, MeterInfo, Provenance};
+use super::files::is_numbered;
+use crate::power::kind::{MeterKind, Opened, Wanted};
+use crate::power::root::{Fault, SysRoot};
+use crate::power::{Adapter, AdapterKind, MeterError, MeterInfo, PowerMeter, Provenance, Reading};
 use crate::units::{Joules, Watts};
 
 const NAME: &str = "battery";
 const FOLDER: &str = "sys/class/power_supply";
 const REMEDY: &str = "give this user access to the battery's folder, in a container too";
-/// Slow drivers have a new value every minute.
-const STALE_AFTER: Duration = Duration::from_secs(120);
+/// Files whose numbers change while a battery gives power.
+const LIVE: [&str; 5] = ["power_now", "current_now", "voltage_now", "energy_now", "charge_now"];
 
-pub(crate) const KIND: SourceKind = SourceKind {
+pub(crate) const KIND: MeterKind = MeterKind {
     name: NAME,
     usage: "battery[=NAME]",
     expected: "a battery's name, such as BAT0",
-    find,
-    find_for,
+    open,
 };
 
-/// One battery of the machine.
-struct Battery {
-    name: String,
-    status: PathBuf,
-    power: NumberFile,
-    current: NumberFile,
-    voltage: NumberFile,
-    /// Energy left: microwatt-hours, or microampere-hours.
-    energy: NumberFile,
-    charge: NumberFile,
-}
-
-/// All batteries, or a named one.
+/// All batteries, or a named one. They are looked up for each reading, since they come and go.
 struct Batteries {
     root: SysRoot,
-    batteries: Vec<Battery>,
-    /// Of chargers: 1 while one feeds the machine.
-    chargers: Vec<NumberFile>,
-    gauge: Gauge,
+    wanted: Option<String>,
+    names: Vec<String>,
 }
 
-fn find(root: &SysRoot, wanted: Option<&str>) -> Result<Box<dyn Source>, MeterError> {
-    Ok(Box::new(batteries(root, wanted)?))
-}
-
-/// Energy left in the machine's batteries, and the power that they give; `None` unless they alone
-/// feed the machine.
-pub(crate) fn left(root: &SysRoot) -> Option<(Joules, Watts)> {
-    let batteries = batteries(root, None).ok()?;
-    let power = batteries.power().ok()?;
-    let energies = batteries.batteries.iter().map(Battery::energy);
-    let energy: f64 = energies.sum::<Option<f64>>()?;
-    (energy.is_finite() && energy > 0.0).then_some((Joules(energy), power))
-}
-
-fn batteries(root: &SysRoot, wanted: Option<&str>) -> Result<Batteries, MeterError> {
-    let (mut batteries, mut chargers) = (Vec::new(), Vec::new());
-    for folder in root.list(&root.path(FOLDER), |_| true) {
-        let name = folder.file_name().unwrap_or_default().to_string_lossy().into_owned();
-        // A mouse has a battery, too.
-        let is_machines = root.word(&folder.join("scope")).is_none_or(|scope| scope != "Device");
-        match root.word(&folder.join("type")).as_deref() {
-            Some("Battery") if is_machines && wanted.is_none_or(|wanted| wanted == name) => {
-                batteries.push(Battery {
-                    name,
-                    status: folder.join("status"),
-                    power: root.number(folder.join("power_now")),
-                    current: root.number(folder.join("current_now")),
-                    voltage: root.number(folder.join("voltage_now")),
-                    energy: root.number(folder.join("energy_now")),
-                    charge: root.number(folder.join("charge_now")),
-                });
-            }
-            Some("Mains" | "USB" | "Wireless") if is_machines => {
-                chargers.push(root.number(folder.join("online")));
-            }
-            _ => {}
+fn open(root: &SysRoot, wanted: Wanted) -> Opened {
+    let wanted = match wanted {
+        Wanted::Usual => None,
+        Wanted::Named(name) => Some(name.to_owned()),
+        Wanted::For(adapter) => {
+            suits(adapter)?;
+            None
         }
-    }
-    if batteries.is_empty() {
-        let folder = root.path(FOLDER);
-        let reason = match wanted {
-            Some(name) => format!("no battery \"{name}\" in {}", folder.display()),
-            None => format!("no battery of the machine in {}", folder.display()),
-        };
-        return Err(MeterError::unavailable(NAME, reason));
-    }
-    Ok(Batteries { root: root.clone(), batteries, chargers, gauge: Gauge::new(STALE_AFTER) })
-}
-
-fn find_for(root: &SysRoot, adapter: &Adapter) -> Result<Box<dyn Source>, MeterError> {
-    suits(adapter)?;
-    find(root, None)
+    };
+    let batteries = batteries(root, wanted.as_deref())?;
+    let names = batteries.into_iter().map(|battery| battery.name).collect();
+    Ok(Box::new(Batteries { root: root.clone(), wanted, names }))
 }
 
 /// Whether a battery is the meter to take for `adapter` where nobody names one.
@@ -113,94 +59,217 @@ pub(super) fn suits(adapter: &Adapter) -> Result<(), MeterError> {
     Ok(())
 }
 
-impl Batteries {
-    /// The sum of the discharging batteries' powers.
-    fn power(&self) -> Result<Watts, MeterError> {
-        if self.chargers.iter().any(|charger| charger.read().is_ok_and(|online| online > 0)) {
-            return Err(MeterError::unreadable(
-                NAME,
-                "a charger feeds the machine; a battery measures it only without one",
-            ));
+/// Energy left in the machine's batteries, and the power that they give; `None` unless they alone
+/// feed the machine.
+pub(crate) fn left(root: &SysRoot) -> Option<(Joules, Watts)> {
+    let batteries = batteries(root, None).ok()?;
+    let power = power(root, &batteries).ok()?;
+    let energy: f64 = batteries.iter().map(|battery| battery.energy(root)).sum::<Option<f64>>()?;
+    (energy.is_finite() && energy > 0.0).then_some((Joules(energy), power))
+}
+
+/// A battery in its bay.
+struct Battery {
+    name: String,
+    folder: PathBuf,
+}
+
+/// What a battery does for the machine.
+enum Job {
+    Gives(Watts),
+    /// Nothing, as it says.
+    Rests(String),
+}
+
+/// Folders and types of the machine's own supplies: a mouse has a battery, too.
+fn supplies(root: &SysRoot) -> impl Iterator<Item = (PathBuf, String)> {
+    let folders = root.list(&root.path(FOLDER), |_| true).into_iter();
+    folders.filter_map(|folder| {
+        let is_machines = root.word(&folder.join("scope")).is_none_or(|scope| scope != "Device");
+        let kind = root.word(&folder.join("type")).filter(|_| is_machines)?;
+        Some((folder, kind))
+    })
+}
+
+fn batteries(root: &SysRoot, wanted: Option<&str>) -> Result<Vec<Battery>, MeterError> {
+    let mut batteries = Vec::new();
+    for (folder, kind) in supplies(root) {
+        let name = folder.file_name().unwrap_or_default().to_string_lossy().into_owned();
+        // Firmware lists an empty bay.
+        let is_there = root.number(folder.join("present")).read() != Ok(0);
+        if kind == "Battery" && is_there && wanted.is_none_or(|wanted| wanted == name) {
+            batteries.push(Battery { name, folder });
         }
-        let mut sum = None;
-        for battery in &self.batteries {
-            let status = self.root.word(&battery.status);
-            match status.as_deref() {
-                Some("Discharging") => {
-                    sum = Some(sum.unwrap_or(Watts(0.0)) + battery.power()?);
-                }
-                // Of two batteries one rests.
-                Some("Full" | "Not charging") => {}
-                Some(other) => {
-                    let reason = format!(
-                        "{} is {other}; a battery measures the machine only while it discharges",
-                        battery.name
-                    );
-                    return Err(MeterError::unreadable(NAME, reason));
-                }
-                None => {
-                    let reason = format!("{} is gone or without status", battery.name);
-                    return Err(MeterError::unreadable(NAME, reason));
-                }
-            }
-        }
-        sum.ok_or_else(|| {
-            MeterError::unreadable(
-                NAME,
-                "no battery discharges; a battery measures the machine only while it does",
-            )
-        })
     }
+    if batteries.is_empty() {
+        let folder = root.path(FOLDER);
+        let reason = match wanted {
+            Some(name) => format!("no battery \"{name}\" in {}", folder.display()),
+            None => format!("no battery of the machine in {}", folder.display()),
+        };
+        return Err(MeterError::unavailable(NAME, reason));
+    }
+    Ok(batteries)
+}
+
+/// Whether a supply feeds the machine. A port that feeds a phone can be online, too.
+fn is_charger(root: &SysRoot, folder: &Path, kind: &str) -> bool {
+    if !["Mains", "USB", "Wireless"].contains(&kind) {
+        return false;
+    }
+    let number = |file: &str| root.number(folder.join(file)).read();
+    let is_online = number("online").is_ok_and(|online| online > 0);
+    let gives = root.word(&folder.join("status")).is_some_and(|status| status == "Discharging")
+        || number("current_now").is_ok_and(|current| current < 0);
+    is_online && !gives && !(kind == "USB" && is_source(root, folder))
+}
+
+/// Whether a port's contract is to give power.
+fn is_source(root: &SysRoot, folder: &Path) -> bool {
+    // "[source] sink": what stands in brackets holds, and one word holds anyway.
+    let says = |file: &Path| {
+        let roles = root.text(file)?;
+        Some(roles.contains("[source]") || roles.trim() == "source")
+    };
+    if let Some(is_source) = says(&folder.join("power_role")) {
+        return is_source;
+    }
+    let ports = root.list(&root.path("sys/class/typec"), |name| is_numbered(name, "port"));
+    let roles: Vec<bool> =
+        ports.iter().map(|port| says(&port.join("power_role")) == Some(true)).collect();
+    // `ucsi-source-psy-USBC000:002` is that of `port1`.
+    let name = folder.file_name().unwrap_or_default().to_string_lossy().into_owned();
+    let number = name.rsplit_once(':').and_then(|(_, number)| number.parse::<usize>().ok());
+    let own = number.and_then(|number| roles.get(number.checked_sub(1)?));
+    own.copied().unwrap_or(!roles.is_empty() && roles.iter().all(|is_source| *is_source))
+}
+
+/// The sum of the discharging batteries' powers.
+fn power(root: &SysRoot, batteries: &[Battery]) -> Result<Watts, MeterError> {
+    if supplies(root).any(|(folder, kind)| is_charger(root, &folder, &kind)) {
+        return Err(MeterError::unreadable(
+            NAME,
+            "a charger feeds the machine; a battery measures it only without one",
+        ));
+    }
+    let (mut sum, mut resting) = (None, Vec::new());
+    for battery in batteries {
+        match battery.job(root, batteries.len() > 1)? {
+            Job::Gives(watts) => sum = Some(sum.unwrap_or(Watts(0.0)) + watts),
+            Job::Rests(how) => resting.push(format!("{} {how}", battery.name)),
+        }
+    }
+    sum.ok_or_else(|| {
+        let resting = resting.join(", ");
+        let reason =
+            format!("no battery feeds the machine ({resting}); one measures it only while it does");
+        MeterError::unreadable(NAME, reason)
+    })
 }
 
 impl Battery {
-    /// Energy left, joules.
-    fn energy(&self) -> Option<f64> {
-        let positive = |file: &NumberFile| file.read().ok().filter(|value| *value > 0);
-        // Micro-hours to seconds.
-        let unit = 3600.0 * 1e-6;
-        if let Some(energy) = positive(&self.energy) {
-            return Some(energy as f64 * unit);
+    fn number(&self, root: &SysRoot, file: &str) -> Result<i64, Fault> {
+        root.number(self.folder.join(file)).read()
+    }
+
+    /// What it does; an error where it is not known, or it takes power.
+    fn job(&self, root: &SysRoot, has_others: bool) -> Result<Job, MeterError> {
+        let status = root.word(&self.folder.join("status"));
+        match status.as_deref() {
+            Some("Discharging") if has_others && self.charge(root) == Some(0.0) => {
+                Ok(Job::Rests("is empty".to_owned()))
+            }
+            Some("Discharging") => match self.power(root)? {
+                Watts(0.0) => Ok(Job::Rests("discharges with 0 W".to_owned())),
+                power => Ok(Job::Gives(power)),
+            },
+            Some(status @ ("Full" | "Not charging")) => Ok(Job::Rests(format!("is {status}"))),
+            // What drivers say of the one of two that rests.
+            Some("Unknown") if self.power(root).map_or(true, |power| power.0 == 0.0) => {
+                Ok(Job::Rests("is Unknown".to_owned()))
+            }
+            None if has_others => Ok(Job::Rests("is gone".to_owned())),
+            other => {
+                let is = other.map_or("gone or without status".to_owned(), str::to_owned);
+                let reason = format!(
+                    "{} is {is}; a battery measures the machine only while it discharges",
+                    self.name
+                );
+                Err(MeterError::unreadable(NAME, reason))
+            }
         }
-        let (charge, voltage) = (positive(&self.charge)?, positive(&self.voltage)?);
-        Some(charge as f64 * unit * voltage as f64 * 1e-6)
+    }
+
+    /// The energy or charge left, in the driver's units.
+    fn charge(&self, root: &SysRoot) -> Option<f64> {
+        let charge = self.number(root, "energy_now").or_else(|_| self.number(root, "charge_now"));
+        charge.ok().map(|charge| charge as f64)
+    }
+
+    /// Energy left, joules.
+    fn energy(&self, root: &SysRoot) -> Option<f64> {
+        // Of micro-hours, in seconds.
+        let unit = 3600.0 * 1e-6;
+        let valid = |value: i64| (value >= 0).then_some(value as f64);
+        let charge = match (self.number(root, "energy_now"), self.number(root, "charge_now")) {
+            (Ok(energy), _) => return valid(energy).map(|energy| energy * unit),
+            (_, Ok(0)) => return Some(0.0),
+            (_, Ok(charge)) => valid(charge)?,
+            // An empty bay has neither.
+            (Err(Fault::Gone), Err(Fault::Gone)) => {
+                return matches!(self.job(root, true), Ok(Job::Rests(_))).then_some(0.0);
+            }
+            _ => return None,
+        };
+        let voltage = self.number(root, "voltage_now").ok().filter(|voltage| *voltage > 0)?;
+        Some(charge * unit * voltage as f64 * 1e-6)
     }
 
     /// The power that it gives: drivers disagree about the sign.
-    fn power(&self) -> Result<Watts, MeterError> {
-        let watts = match self.power.read() {
+    fn power(&self, root: &SysRoot) -> Result<Watts, MeterError> {
+        let read = |file: &str| {
+            let file = root.number(self.folder.join(file));
+            file.read().map_err(|fault| (fault.clone(), file.error(NAME, fault, REMEDY)))
+        };
+        let watts = match read("power_now") {
             Ok(microwatts) => microwatts as f64 * 1e-6,
-            Err(fault @ (Fault::Denied | Fault::NotANumber(_))) => {
-                return Err(self.power.error(NAME, fault, REMEDY));
-            }
+            Err((Fault::Denied | Fault::NotANumber(_), error)) => return Err(error),
             // Many have current and voltage only, and some a file of power that never answers.
-            Err(Fault::Gone | Fault::Failed(_)) => {
-                let current = self.current.reading(NAME, REMEDY)?;
-                let voltage = self.voltage.reading(NAME, REMEDY)?;
+            Err(_) => {
+                let current = read("current_now").map_err(|(_, error)| error)?;
+                let voltage = read("voltage_now").map_err(|(_, error)| error)?;
                 let voltage = if voltage > 0 { voltage as f64 } else { f64::NAN };
                 current as f64 * voltage * 1e-12
             }
         };
-        if watts == 0.0 {
-            let reason =
-                format!("{} discharges with 0 W, which is no power of a machine", self.name);
-            return Err(MeterError::broken(NAME, reason));
-        }
         Ok(Watts(watts.abs()))
     }
 }
 
-impl Source for Batteries {
+impl PowerMeter for Batteries {
     fn info(&self) -> MeterInfo {
-        let names: Vec<_> = self.batteries.iter().map(|battery| battery.name.as_str()).collect();
         MeterInfo {
             name: NAME.to_owned(),
             provenance: Provenance::Measured,
             description: format!(
                 "the whole machine with display and all programs, while {} discharges",
-                names.join(" + ")
+                self.names.join(" + ")
             ),
         }
+    }
+
+    fn energy(&mut self) -> Result<Joules, MeterError> {
+        self.read()?.energy(NAME)
+    }
+
+    fn read(&mut self) -> Result<Reading, MeterError> {
+        let batteries = batteries(&self.root, self.wanted.as_deref())?;
+        let power = power(&self.root, &batteries)?;
+        let mut hasher = DefaultHasher::new();
+        for battery in &batteries {
+            LIVE.map(|file| battery.number(&self.root, file).ok()).hash(&mut hasher);
+        }
+        Ok(Reading::Power { power, sign_of_life: Some(hasher.finish()) })
     }
 
     fn window_seconds(&self) -> f64 {
@@ -208,12 +277,7 @@ impl Source for Batteries {
         5.0
     }
 
-    fn poll(&self) -> Duration {
-        Duration::from_secs(1)
-    }
-
-    fn energy_at(&mut self, at: Duration) -> Result<Option<Joules>, MeterError> {
-        let power = self.power();
-        self.gauge.add(NAME, power, at)
+    fn poll_seconds(&self) -> f64 {
+        1.0
     }
 }

@@ -5,22 +5,23 @@
 //! plain data ([`Cell`]), from which everything follows that can be wrong; only the few lines that ask
 //! the system are not tested, and they are compiled with the tests on every system.
 
-use std::time::Duration;
+use std::hash::{DefaultHasher, Hash, Hasher};
 
 use super::battery::suits;
-use super::integrate::Gauge;
-use super::{Source, SourceKind, SysRoot};
-use crate::power::{Adapter, MeterError, MeterInfo, Provenance};
+use crate::power::kind::{MeterKind, Opened, Wanted};
+use crate::power::{MeterError, MeterInfo, PowerMeter, Provenance, Reading};
 use crate::units::{Joules, Watts};
 
 const NAME: &str = "battery";
-/// Windows and macOS have a new value at least every minute.
-const STALE_AFTER: Duration = Duration::from_secs(120);
 
 /// Meter kind of these systems; there is one machine, and all of its batteries count.
 #[cfg_attr(not(any(windows, target_os = "macos")), expect(dead_code, reason = "Linux has files"))]
-pub(crate) const KIND: SourceKind =
-    SourceKind { name: NAME, usage: NAME, expected: "nothing", find, find_for };
+pub(crate) const KIND: MeterKind = MeterKind {
+    name: NAME,
+    usage: NAME,
+    expected: "nothing: all batteries count",
+    open: |_, wanted| open(wanted),
+};
 
 /// What a battery does.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -78,22 +79,18 @@ impl Cells for System {
 /// All batteries of the machine.
 struct Notebook {
     cells: Box<dyn Cells>,
-    gauge: Gauge,
 }
 
-fn find(_: &SysRoot, wanted: Option<&str>) -> Result<Box<dyn Source>, MeterError> {
-    if let Some(name) = wanted {
-        return Err(MeterError::unavailable(
-            NAME,
-            format!("batteries have no names on this system: leave out \"={name}\""),
-        ));
+fn open(wanted: Wanted) -> Opened {
+    match wanted {
+        Wanted::Usual => {}
+        Wanted::Named(name) => {
+            let reason = format!("batteries have no names on this system: leave out \"={name}\"");
+            return Err(MeterError::unavailable(NAME, reason).into());
+        }
+        Wanted::For(adapter) => suits(adapter)?,
     }
     Ok(Box::new(notebook(Box::new(System))?))
-}
-
-fn find_for(root: &SysRoot, adapter: &Adapter) -> Result<Box<dyn Source>, MeterError> {
-    suits(adapter)?;
-    find(root, None)
 }
 
 fn notebook(mut cells: Box<dyn Cells>) -> Result<Notebook, MeterError> {
@@ -101,7 +98,7 @@ fn notebook(mut cells: Box<dyn Cells>) -> Result<Notebook, MeterError> {
     if found.is_empty() {
         return Err(MeterError::unavailable(NAME, "this machine has no battery"));
     }
-    Ok(Notebook { cells, gauge: Gauge::new(STALE_AFTER) })
+    Ok(Notebook { cells })
 }
 
 /// Energy left in the machine's batteries, and the power that they give; `None` unless they alone
@@ -122,17 +119,12 @@ fn power_of(cells: &[Cell]) -> Result<Watts, MeterError> {
     let mut sum = None;
     for cell in cells {
         match cell.state {
-            State::Discharging if cell.power.0 == 0.0 => {
-                return Err(MeterError::broken(
-                    NAME,
-                    "a battery discharges with 0 W, which is no power of a machine",
-                ));
-            }
+            // Of two batteries one rests, whatever it says.
+            State::Resting => {}
+            State::Discharging | State::Unknown if cell.power.0 == 0.0 => {}
             State::Discharging => {
                 sum = Some(sum.unwrap_or(Watts(0.0)) + Watts(cell.power.0.abs()));
             }
-            // Of two batteries one rests.
-            State::Resting => {}
             State::Charging | State::Unknown => {
                 return Err(MeterError::unreadable(
                     NAME,
@@ -147,12 +139,12 @@ fn power_of(cells: &[Cell]) -> Result<Watts, MeterError> {
     sum.ok_or_else(|| {
         MeterError::unreadable(
             NAME,
-            "no battery discharges; a battery measures the machine only while it does",
+            "no battery feeds the machine; one measures it only while it does",
         )
     })
 }
 
-impl Source for Notebook {
+impl PowerMeter for Notebook {
     fn info(&self) -> MeterInfo {
         MeterInfo {
             name: NAME.to_owned(),
@@ -168,20 +160,33 @@ impl Source for Notebook {
         60.0
     }
 
-    fn poll(&self) -> Duration {
-        Duration::from_secs(2)
+    fn poll_seconds(&self) -> f64 {
+        2.0
     }
 
-    fn energy_at(&mut self, at: Duration) -> Result<Option<Joules>, MeterError> {
+    fn energy(&mut self) -> Result<Joules, MeterError> {
+        self.read()?.energy(NAME)
+    }
+
+    fn read(&mut self) -> Result<Reading, MeterError> {
         let cells = self.cells.read();
-        let power = cells.map_err(|reason| MeterError::unreadable(NAME, reason));
-        self.gauge.add(NAME, power.and_then(|cells| power_of(&cells)), at)
+        let cells = cells.map_err(|reason| MeterError::unreadable(NAME, reason))?;
+        let power = power_of(&cells)?;
+        let mut hasher = DefaultHasher::new();
+        let bits = |cell: &Cell| (cell.power.0.to_bits(), cell.energy.0.to_bits());
+        cells.iter().map(bits).collect::<Vec<_>>().hash(&mut hasher);
+        Ok(Reading::Power { power, sign_of_life: Some(hasher.finish()) })
     }
 }
 
 #[cfg(test)]
 mod tests {
+    use std::time::Duration;
+
     use super::*;
+    use crate::power::MeterState;
+    use crate::power::root::SysRoot;
+    use crate::power::tracker::{Moment, PowerTracker};
 
     /// Answers one after the other, and the last for ever.
     struct Scripted(Vec<Result<Vec<Cell>, String>>);
@@ -197,16 +202,22 @@ mod tests {
     }
 
     /// Energy or message of each reading, one every two seconds.
-    fn readings(script: Vec<Result<Vec<Cell>, String>>) -> Vec<Result<Option<Joules>, String>> {
-        let count = script.len() as u64;
+    fn readings(script: Vec<Result<Vec<Cell>, String>>) -> Vec<Result<Joules, String>> {
+        let count = script.len() as u32;
         let mut script = script;
         // The first answer is read when it is opened.
         script.insert(0, script[0].clone());
         let mut meter = notebook(Box::new(Scripted(script))).expect("a battery");
+        let poll = Duration::from_secs(2);
+        let mut tracker = PowerTracker::new(&meter, poll, Duration::ZERO);
         (0..count)
             .map(|step| {
-                let at = Duration::from_secs(2 * step);
-                meter.energy_at(at).map_err(|error| error.to_string())
+                let at = Moment { clock: poll * step, ..Moment::default() };
+                tracker.push(meter.read(), at);
+                match &tracker.snapshot().state {
+                    MeterState::Lost { reason } => Err(reason.clone()),
+                    _ => Ok(tracker.snapshot().counted.0),
+                }
             })
             .collect()
     }
@@ -214,8 +225,9 @@ mod tests {
     #[test]
     fn the_power_of_discharging_batteries_adds_up_whatever_its_sign() {
         let two = |watts| Ok(vec![cell(State::Discharging, watts), cell(State::Resting, 0.0)]);
-        let found = readings(vec![two(-10.0), two(10.0), two(-12.0)]);
-        assert_eq!(found.last(), Some(&Ok(Some(Joules(42.0)))), "{found:?}");
+        let found = readings(vec![two(-10.0), two(10.0), two(-10.0), two(-12.0)]);
+        // The first two seconds only say how much is usual.
+        assert_eq!(found.last(), Some(&Ok(Joules(42.0))), "{found:?}");
         let cells = [cell(State::Discharging, 4.0), cell(State::Discharging, -3.0)];
         assert_eq!(left_in(&cells), Some((Joules(2000.0), Watts(7.0))));
         assert_eq!(left_in(&[cell(State::Charging, 4.0)]), None);
@@ -237,10 +249,12 @@ mod tests {
             Err("access denied".to_owned()),
         ];
         for fault in faults {
-            let found = readings(vec![good(), good(), fault.clone(), good(), good()]);
-            assert!(found[2].is_err(), "{fault:?}: {found:?}");
-            // Ten watts for two seconds twice, and none for the time of the fault.
-            assert_eq!(found[4], Ok(Some(Joules(40.0))), "{fault:?}: {found:?}");
+            let mut script = vec![good(); 8];
+            script[3] = fault.clone();
+            let found = readings(script);
+            assert!(found[3].is_err(), "{fault:?}: {found:?}");
+            // Ten watts for two seconds three times, and none for the time of the fault.
+            assert_eq!(found[7], Ok(Joules(60.0)), "{fault:?}: {found:?}");
         }
     }
 
@@ -251,7 +265,8 @@ mod tests {
             let error = notebook(Box::new(Scripted(vec![script]))).err().expect("no meter");
             assert!(error.to_string().contains(said), "{error}");
         }
-        let named = find(&SysRoot::default(), Some("BAT0")).err().expect("no names");
+        let named =
+            (KIND.open)(&SysRoot::default(), Wanted::Named("BAT0")).err().expect("no names");
         assert!(named.to_string().contains("leave out"), "{named}");
         // This machine's own, by the same lines as on other systems: any answer, and no panic.
         let _ = System.read();

@@ -9,7 +9,10 @@ use crate::power::MeterError;
 /// Longest number in a file, bytes: more is no number.
 const MAX_BYTES: usize = 64;
 
-/// The root of the system's files; `/` but for tests.
+/// Environment variable that names another root.
+const ROOT_VARIABLE: &str = "FRUGAL_SYS_ROOT";
+
+/// The root of the system's files: `/`, or the folder in `FRUGAL_SYS_ROOT`, for tests by hand.
 #[derive(Clone, Debug)]
 pub(crate) struct SysRoot {
     root: PathBuf,
@@ -18,7 +21,9 @@ pub(crate) struct SysRoot {
 
 impl Default for SysRoot {
     fn default() -> Self {
-        Self { root: PathBuf::from("/"), open: |path| File::open(path) }
+        let other = std::env::var_os(ROOT_VARIABLE).filter(|root| !root.is_empty());
+        let root = other.map_or_else(|| PathBuf::from("/"), PathBuf::from);
+        Self { root, open: |path| File::open(path) }
     }
 }
 
@@ -74,9 +79,36 @@ pub(crate) struct NumberFile {
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(crate) enum Fault {
     Gone,
+    /// This user may not read it.
     Denied,
+    /// The driver refuses: what `amdgpu` answers for a card that sleeps.
+    Refused(String),
+    /// The driver has no value now.
+    Busy(String),
     Failed(String),
     NotANumber(String),
+}
+
+impl From<io::Error> for Fault {
+    fn from(error: io::Error) -> Self {
+        // Linux' numbers; these files are Linux'.
+        const EPERM: i32 = 1;
+        const EAGAIN: i32 = 11;
+        const EBUSY: i32 = 16;
+        const ENODEV: i32 = 19;
+        const ENODATA: i32 = 61;
+        match error.raw_os_error() {
+            Some(EPERM) => Self::Refused(error.to_string()),
+            Some(EAGAIN | EBUSY | ENODATA) => Self::Busy(error.to_string()),
+            // Of a device that went while its file was open.
+            Some(ENODEV) => Self::Gone,
+            _ => match error.kind() {
+                ErrorKind::NotFound => Self::Gone,
+                ErrorKind::PermissionDenied => Self::Denied,
+                _ => Self::Failed(error.to_string()),
+            },
+        }
+    }
 }
 
 impl NumberFile {
@@ -91,14 +123,7 @@ impl NumberFile {
     /// [`Fault`] says why there is none.
     pub(crate) fn read(&self) -> Result<i64, Fault> {
         let mut buffer = [0; MAX_BYTES];
-        let length = read(self.open, &self.path, &mut buffer).map_err(|error| {
-            match error.kind() {
-                ErrorKind::NotFound => Fault::Gone,
-                ErrorKind::PermissionDenied => Fault::Denied,
-                // Also what a driver answers for a device that is off or unplugged.
-                _ => Fault::Failed(error.to_string()),
-            }
-        })?;
+        let length = read(self.open, &self.path, &mut buffer)?;
         let bytes = &buffer[..length];
         let number = std::str::from_utf8(bytes).ok().and_then(|text| text.trim().parse().ok());
         number.ok_or_else(|| Fault::NotANumber(String::from_utf8_lossy(bytes).trim().to_owned()))
@@ -120,7 +145,9 @@ impl NumberFile {
                 format!("{path} is gone: was the device unplugged or its driver unloaded?")
             }
             Fault::Denied => format!("permission denied for {path}: {remedy}"),
-            Fault::Failed(error) => format!("{path}: {error}"),
+            Fault::Refused(error) | Fault::Busy(error) | Fault::Failed(error) => {
+                format!("{path}: {error}")
+            }
             Fault::NotANumber(text) => {
                 return MeterError::broken(meter, format!("{path} reads \"{text}\", no number"));
             }
