@@ -129,14 +129,6 @@ impl NumberFile {
         number.ok_or_else(|| Fault::NotANumber(String::from_utf8_lossy(bytes).trim().to_owned()))
     }
 
-    /// The same with the meter's [`error`](Self::error).
-    ///
-    /// # Errors
-    /// Why there is no number.
-    pub(crate) fn reading(&self, meter: &str, remedy: &str) -> Result<i64, MeterError> {
-        self.read().map_err(|fault| self.error(meter, fault, remedy))
-    }
-
     /// The meter's error for a fault of this file. `remedy`: what to do where access is denied.
     pub(crate) fn error(&self, meter: &str, fault: Fault, remedy: &str) -> MeterError {
         let path = self.path.display();

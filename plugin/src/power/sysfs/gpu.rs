@@ -9,7 +9,7 @@ use super::cards::{Card, choose};
 use super::files::{self, FileKind, Found, Quantity};
 use crate::power::MeterError;
 use crate::power::adapter::vendor;
-use crate::power::kind::{MeterKind, Wanted};
+use crate::power::kind::MeterKind;
 use crate::power::root::{Fault, SysRoot};
 
 const AMD_NAME: &str = "amdgpu";

@@ -2,8 +2,9 @@
 
 use super::super::battery;
 use super::super::fake::Tree;
+use super::each;
 use super::play::Play;
-use super::variants::VARIANTS;
+use super::variants::{VARIANTS, Variant};
 use crate::power::kind::Wanted;
 
 const BAT0: &str = "sys/class/power_supply/BAT0";
@@ -65,6 +66,14 @@ fn a_second_battery_that_rests_leaves_the_first_ones_power() {
         let files = [&[("type", "Battery")], files].concat();
         with(&tree, BAT1, &files);
         assert_eq!((power(&tree), watt_hours(&tree)), (Ok(11.0), Some(left)), "{files:?}");
+        // It comes to a running meter of each kind of battery, and goes.
+        each(Variant::is_battery, &format!("a second one that rests, {files:?}"), |play, fault| {
+            with(&play.tree, "sys/class/power_supply/BAT9", &files);
+            play.run(30.0, true);
+            assert!(play.is_running() && play.warnings.is_empty(), "{fault}");
+            std::fs::remove_dir_all(play.tree.path("sys/class/power_supply/BAT9")).expect("it");
+            play.assert_returns(fault);
+        });
     }
     with(&tree, BAT1, &[("type", "Battery"), ("status", "Discharging"), ("power_now", "4000000")]);
     assert_eq!((power(&tree), watt_hours(&tree)), (Ok(15.0), None), "energy unknown");
@@ -138,14 +147,13 @@ fn a_charger_or_another_status_stops_the_meter_until_it_goes() {
     play.run(60.0, true).assert_lost("charger", &["charger feeds"]);
     play.tree.write("sys/class/power_supply/AC/online", "0");
     play.assert_returns("charger");
-    for variant in VARIANTS.iter().filter(|variant| variant.is_battery()) {
-        for status in ["Charging", "Full", "Not charging", "Unknown"] {
-            let mut play = Play::started(*variant, 0.0);
+    for status in ["Charging", "Full", "Not charging", "Unknown"] {
+        each(Variant::is_battery, status, |play, status| {
             let file = play.main().rsplit_once('/').expect("a folder").0.to_owned() + "/status";
             play.tree.write(&file, status);
             play.run(60.0, true).assert_lost(status, &[status]);
             play.tree.write(&file, "Discharging");
             play.assert_returns(status);
-        }
+        });
     }
 }

@@ -39,7 +39,7 @@ pub(super) struct Play {
     pub lie: f64,
     /// Seconds from update to update of the files; 0: always.
     pub update: f64,
-    updated: f64,
+    pub updated: f64,
     /// A folder that was renamed.
     renamed: Option<(&'static str, &'static str)>,
     /// Every reading, watts.
