@@ -18,9 +18,10 @@ const MAX_WATTS: f64 = 5_000.0;
 /// A piece waits if it is above the recent power by more than this factor and these watts.
 const RISE: f64 = 2.0;
 const RISE_WATTS: f64 = 1.0;
-/// Pieces in succession above that, the first included, and their length, which make a load; the
-/// length is at least the meter's window.
+/// Pieces in succession above that, the first included, which make a load.
 const PIECES_OF_A_LOAD: usize = 3;
+/// Their length where a sensor tells them: a false value stays for some readings, where a false
+/// count is in one piece. At least the meter's window.
 const LOAD_SECONDS: f64 = 1.0;
 /// A high piece and the next are one that was read late if their mean is above the recent power by no
 /// more than this factor.
@@ -237,6 +238,7 @@ impl PowerTracker {
                     // The machine slept. What it drew is nobody's power, and the last figures are
                     // those of another time.
                     self.restart();
+                    self.life = None;
                     if self.snapshot.state == MeterState::Running {
                         self.snapshot.lose(MeterState::Starting);
                     }
@@ -415,8 +417,9 @@ impl PowerTracker {
         } else {
             self.pending.push(piece);
             let seconds: f64 = self.pending.iter().map(|piece| piece.seconds).sum();
-            let enough = LOAD_SECONDS.max(self.window.as_secs_f64()) * 0.9;
-            if self.pending.len() >= PIECES_OF_A_LOAD && seconds >= enough {
+            let is_long = matches!(self.base, Some(Base::Counters { .. }))
+                || seconds >= LOAD_SECONDS.max(self.window.as_secs_f64()) * 0.9;
+            if self.pending.len() >= PIECES_OF_A_LOAD && is_long {
                 let pending = std::mem::take(&mut self.pending);
                 let least = pending.iter().map(|piece| piece.watts()).fold(f64::MAX, f64::min);
                 self.recent = Some((least, false));

@@ -24,8 +24,9 @@ pub(crate) use self_test::{Verdict, busy_cpu_load, self_test};
 
 /// A meter's windows are at most this long, whatever it says.
 const LONGEST_WINDOW_SECONDS: f64 = 60.0;
-/// Work goes on for this long before a measurement, so that clocks and regulators have settled.
-const SETTLE: Duration = Duration::from_millis(200);
+/// Work goes on for this long before a measurement, so that clocks and regulators have settled, and
+/// the plugin's thread knows the load for one.
+const SETTLE: Duration = Duration::from_millis(400);
 /// Time beyond thrice its length after which a measurement is given up: a counter counts as stuck
 /// after 10 s.
 const PATIENCE: Duration = Duration::from_secs(15);
