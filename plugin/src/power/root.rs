@@ -137,9 +137,8 @@ impl NumberFile {
                 format!("{path} is gone: was the device unplugged or its driver unloaded?")
             }
             Fault::Denied => format!("permission denied for {path}: {remedy}"),
-            Fault::Refused(error) | Fault::Busy(error) | Fault::Failed(error) => {
-                format!("{path}: {error}")
-            }
+            Fault::Refused(error) => format!("{path}: {error}: {remedy}"),
+            Fault::Busy(error) | Fault::Failed(error) => format!("{path}: {error}"),
             Fault::NotANumber(text) => {
                 return MeterError::broken(meter, format!("{path} reads \"{text}\", no number"));
             }
