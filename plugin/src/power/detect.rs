@@ -7,12 +7,12 @@ use std::time::Duration;
 use bevy::platform::time::Instant;
 
 use crate::power::kind::{MeterKind, Opened, Wanted};
+#[cfg(any(windows, target_os = "macos"))]
+use crate::power::notebook::KIND as BATTERY;
 use crate::power::root::SysRoot;
 use crate::power::sampler::Clock;
 #[cfg(not(any(windows, target_os = "macos")))]
 use crate::power::sysfs::battery::KIND as BATTERY;
-#[cfg(any(windows, target_os = "macos"))]
-use crate::power::sysfs::notebook::KIND as BATTERY;
 use crate::power::sysfs::{gpu, jetson, rapl};
 use crate::power::tracker::PowerTracker;
 use crate::power::{

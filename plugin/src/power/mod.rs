@@ -15,10 +15,13 @@
 //! a [`MeterError`] or a [`MeterState`] with the reason.
 
 mod adapter;
+mod battery;
 mod cpu_time;
 mod detect;
 mod kind;
 mod meter;
+#[cfg(any(test, windows, target_os = "macos"))]
+mod notebook;
 #[cfg(feature = "nvml")]
 mod nvml;
 mod plugin;
@@ -68,8 +71,10 @@ use crate::units::{Joules, Watts};
 /// Energy left in the machine's batteries, and the power that they give; `None` unless they alone
 /// feed the machine. May take milliseconds, or hang with a driver.
 pub(crate) fn battery_left() -> Option<(Joules, Watts)> {
+    use battery::Cells;
     #[cfg(any(windows, target_os = "macos"))]
-    return sysfs::notebook::left();
+    let mut cells = notebook::System;
     #[cfg(not(any(windows, target_os = "macos")))]
-    sysfs::battery::left(&root::SysRoot::default())
+    let mut cells = sysfs::battery::Files { root: root::SysRoot::default(), wanted: None };
+    battery::left_in(&cells.read().ok()?)
 }

@@ -1,20 +1,19 @@
-//! The machine's batteries: the power that they give while nothing else feeds the machine.
+//! Batteries and chargers in Linux' files.
 //!
-//! It is the whole machine's, with display, radio and all programs. Drivers differ: power, or
-//! current and voltage; above or below 0 while discharging; a new value every second or every
-//! minute; "Unknown" for a battery at rest. The crate `starship-battery`, which reads those of other
-//! systems, knows no chargers and no other root than `/sys`.
+//! Drivers differ: power, or current and voltage; above or below 0 while discharging; a new value
+//! every second or every minute; "Unknown" for a battery at rest. The crate `starship-battery`, which
+//! reads those of other systems, knows no chargers and no other root than `/sys`.
 
 use std::hash::{DefaultHasher, Hash, Hasher};
 use std::path::{Path, PathBuf};
 
 use super::files::is_numbered;
+use crate::power::MeterError;
+use crate::power::battery::{self, Cell, Cells, NAME, State};
 use crate::power::kind::{MeterKind, Opened, Wanted};
 use crate::power::root::{Fault, SysRoot};
-use crate::power::{Adapter, AdapterKind, MeterError, MeterInfo, PowerMeter, Provenance, Reading};
 use crate::units::{Joules, Watts};
 
-const NAME: &str = "battery";
 const FOLDER: &str = "sys/class/power_supply";
 const REMEDY: &str = "give this user access to the battery's folder, in a container too";
 /// Files whose numbers change while a battery gives power.
@@ -28,256 +27,156 @@ pub(crate) const KIND: MeterKind = MeterKind {
 };
 
 /// All batteries, or a named one. They are looked up for each reading, since they come and go.
-struct Batteries {
-    root: SysRoot,
-    wanted: Option<String>,
-    names: Vec<String>,
+pub(crate) struct Files {
+    pub root: SysRoot,
+    pub wanted: Option<String>,
 }
 
 fn open(root: &SysRoot, wanted: Wanted) -> Opened {
-    let wanted = match wanted {
-        Wanted::Usual => None,
-        Wanted::Named(name) => Some(name.to_owned()),
-        Wanted::For(adapter) => {
-            suits(adapter)?;
-            None
+    let files = Files { root: root.clone(), wanted: battery::name(wanted)? };
+    let names: Vec<String> = files.cells()?.into_iter().map(|cell| cell.name).collect();
+    battery::open(Box::new(files), &names.join(" + "))
+}
+
+impl Cells for Files {
+    fn read(&mut self) -> Result<Vec<Cell>, MeterError> {
+        if self.supplies().any(|(folder, kind)| self.is_charger(&folder, &kind)) {
+            let reason = "a charger feeds the machine; a battery measures it only without one";
+            return Err(MeterError::unreadable(NAME, reason));
         }
-    };
-    let batteries = batteries(root, wanted.as_deref())?;
-    let names = batteries.into_iter().map(|battery| battery.name).collect();
-    Ok(Box::new(Batteries { root: root.clone(), wanted, names }))
-}
-
-/// Whether a battery is the meter to take for `adapter` where nobody names one.
-pub(super) fn suits(adapter: &Adapter) -> Result<(), MeterError> {
-    if adapter.kind == AdapterKind::Software {
-        return Err(MeterError::unavailable(
-            NAME,
-            "it contains the whole machine, the CPU time of this program orders settings better; request it by name",
-        ));
+        self.cells()
     }
-    Ok(())
+
+    fn times(&self) -> [f64; 2] {
+        [1.0, 5.0]
+    }
 }
 
-/// Energy left in the machine's batteries, and the power that they give; `None` unless they alone
-/// feed the machine.
-pub(crate) fn left(root: &SysRoot) -> Option<(Joules, Watts)> {
-    let batteries = batteries(root, None).ok()?;
-    let power = power(root, &batteries).ok()?;
-    let energy: f64 = batteries.iter().map(|battery| battery.energy(root)).sum::<Option<f64>>()?;
-    (energy.is_finite() && energy > 0.0).then_some((Joules(energy), power))
-}
+impl Files {
+    /// Folders and types of the machine's own supplies: a mouse has a battery, too.
+    fn supplies(&self) -> impl Iterator<Item = (PathBuf, String)> {
+        let folders = self.root.list(&self.root.path(FOLDER), |_| true).into_iter();
+        folders.filter_map(|folder| {
+            let scope = self.root.word(&folder.join("scope"));
+            let is_machines = scope.is_none_or(|scope| scope != "Device");
+            let kind = self.root.word(&folder.join("type")).filter(|_| is_machines)?;
+            Some((folder, kind))
+        })
+    }
 
-/// A battery in its bay.
-struct Battery {
-    name: String,
-    folder: PathBuf,
-}
+    fn number(&self, folder: &Path, file: &str) -> Result<i64, Fault> {
+        self.root.number(folder.join(file)).read()
+    }
 
-/// What a battery does for the machine.
-enum Job {
-    Gives(Watts),
-    /// Nothing, as it says.
-    Rests(String),
-}
-
-/// Folders and types of the machine's own supplies: a mouse has a battery, too.
-fn supplies(root: &SysRoot) -> impl Iterator<Item = (PathBuf, String)> {
-    let folders = root.list(&root.path(FOLDER), |_| true).into_iter();
-    folders.filter_map(|folder| {
-        let is_machines = root.word(&folder.join("scope")).is_none_or(|scope| scope != "Device");
-        let kind = root.word(&folder.join("type")).filter(|_| is_machines)?;
-        Some((folder, kind))
-    })
-}
-
-fn batteries(root: &SysRoot, wanted: Option<&str>) -> Result<Vec<Battery>, MeterError> {
-    let mut batteries = Vec::new();
-    for (folder, kind) in supplies(root) {
-        let name = folder.file_name().unwrap_or_default().to_string_lossy().into_owned();
-        // Firmware lists an empty bay.
-        let is_there = root.number(folder.join("present")).read() != Ok(0);
-        if kind == "Battery" && is_there && wanted.is_none_or(|wanted| wanted == name) {
-            batteries.push(Battery { name, folder });
+    fn cells(&self) -> Result<Vec<Cell>, MeterError> {
+        let mut cells = Vec::new();
+        for (folder, kind) in self.supplies() {
+            let name = folder.file_name().unwrap_or_default().to_string_lossy().into_owned();
+            // Firmware lists an empty bay.
+            let is_there = self.number(&folder, "present") != Ok(0);
+            let is_wanted = self.wanted.as_ref().is_none_or(|wanted| *wanted == name);
+            if kind == "Battery" && is_there && is_wanted {
+                cells.push(self.cell(&folder, name));
+            }
         }
+        if cells.is_empty() {
+            let folder = self.root.path(FOLDER);
+            let reason = match &self.wanted {
+                Some(name) => format!("no battery \"{name}\" in {}", folder.display()),
+                None => format!("no battery of the machine in {}", folder.display()),
+            };
+            return Err(MeterError::unavailable(NAME, reason));
+        }
+        Ok(cells)
     }
-    if batteries.is_empty() {
-        let folder = root.path(FOLDER);
-        let reason = match wanted {
-            Some(name) => format!("no battery \"{name}\" in {}", folder.display()),
-            None => format!("no battery of the machine in {}", folder.display()),
+
+    fn cell(&self, folder: &Path, name: String) -> Cell {
+        let status = self.root.word(&folder.join("status"));
+        let state = match status.as_deref() {
+            Some("Discharging") => State::Discharging,
+            Some("Full" | "Not charging") => State::Resting,
+            Some("Charging") => State::Charging,
+            Some(_) => State::Unknown,
+            None => State::Gone,
         };
-        return Err(MeterError::unavailable(NAME, reason));
-    }
-    Ok(batteries)
-}
-
-/// Whether a supply feeds the machine. A port that feeds a phone can be online, too.
-fn is_charger(root: &SysRoot, folder: &Path, kind: &str) -> bool {
-    if !["Mains", "USB", "Wireless"].contains(&kind) {
-        return false;
-    }
-    let number = |file: &str| root.number(folder.join(file)).read();
-    let is_online = number("online").is_ok_and(|online| online > 0);
-    let gives = root.word(&folder.join("status")).is_some_and(|status| status == "Discharging")
-        || number("current_now").is_ok_and(|current| current < 0);
-    is_online && !gives && !(kind == "USB" && is_source(root, folder))
-}
-
-/// Whether a port's contract is to give power.
-fn is_source(root: &SysRoot, folder: &Path) -> bool {
-    // "[source] sink": what stands in brackets holds, and one word holds anyway.
-    let says = |file: &Path| {
-        let roles = root.text(file)?;
-        Some(roles.contains("[source]") || roles.trim() == "source")
-    };
-    if let Some(is_source) = says(&folder.join("power_role")) {
-        return is_source;
-    }
-    let ports = root.list(&root.path("sys/class/typec"), |name| is_numbered(name, "port"));
-    let roles: Vec<bool> =
-        ports.iter().map(|port| says(&port.join("power_role")) == Some(true)).collect();
-    // `ucsi-source-psy-USBC000:002` is that of `port1`.
-    let name = folder.file_name().unwrap_or_default().to_string_lossy().into_owned();
-    let number = name.rsplit_once(':').and_then(|(_, number)| number.parse::<usize>().ok());
-    let own = number.and_then(|number| roles.get(number.checked_sub(1)?));
-    own.copied().unwrap_or(!roles.is_empty() && roles.iter().all(|is_source| *is_source))
-}
-
-/// The sum of the discharging batteries' powers.
-fn power(root: &SysRoot, batteries: &[Battery]) -> Result<Watts, MeterError> {
-    if supplies(root).any(|(folder, kind)| is_charger(root, &folder, &kind)) {
-        return Err(MeterError::unreadable(
-            NAME,
-            "a charger feeds the machine; a battery measures it only without one",
-        ));
-    }
-    let (mut sum, mut resting) = (None, Vec::new());
-    for battery in batteries {
-        match battery.job(root, batteries.len() > 1)? {
-            Job::Gives(watts) => sum = Some(sum.unwrap_or(Watts(0.0)) + watts),
-            Job::Rests(how) => resting.push(format!("{} {how}", battery.name)),
+        let mut hasher = DefaultHasher::new();
+        LIVE.map(|file| self.number(folder, file).ok()).hash(&mut hasher);
+        Cell {
+            name,
+            state,
+            power: self.power(folder),
+            energy: self.energy(folder, state).map(Joules),
+            said: status.unwrap_or_else(|| "gone, or without status".to_owned()),
+            sign_of_life: hasher.finish(),
         }
-    }
-    sum.ok_or_else(|| {
-        let resting = resting.join(", ");
-        let reason =
-            format!("no battery feeds the machine ({resting}); one measures it only while it does");
-        MeterError::unreadable(NAME, reason)
-    })
-}
-
-impl Battery {
-    fn number(&self, root: &SysRoot, file: &str) -> Result<i64, Fault> {
-        root.number(self.folder.join(file)).read()
-    }
-
-    /// What it does; an error where it is not known, or it takes power.
-    fn job(&self, root: &SysRoot, has_others: bool) -> Result<Job, MeterError> {
-        let status = root.word(&self.folder.join("status"));
-        match status.as_deref() {
-            Some("Discharging") if has_others && self.charge(root) == Some(0.0) => {
-                Ok(Job::Rests("is empty".to_owned()))
-            }
-            Some("Discharging") => match self.power(root)? {
-                Watts(0.0) => Ok(Job::Rests("discharges with 0 W".to_owned())),
-                power => Ok(Job::Gives(power)),
-            },
-            Some(status @ ("Full" | "Not charging")) => Ok(Job::Rests(format!("is {status}"))),
-            // What drivers say of the one of two that rests.
-            Some("Unknown") if self.power(root).map_or(true, |power| power.0 == 0.0) => {
-                Ok(Job::Rests("is Unknown".to_owned()))
-            }
-            None if has_others => Ok(Job::Rests("is gone".to_owned())),
-            other => {
-                let is = other.map_or("gone or without status".to_owned(), str::to_owned);
-                let reason = format!(
-                    "{} is {is}; a battery measures the machine only while it discharges",
-                    self.name
-                );
-                Err(MeterError::unreadable(NAME, reason))
-            }
-        }
-    }
-
-    /// The energy or charge left, in the driver's units.
-    fn charge(&self, root: &SysRoot) -> Option<f64> {
-        let charge = self.number(root, "energy_now").or_else(|_| self.number(root, "charge_now"));
-        charge.ok().map(|charge| charge as f64)
     }
 
     /// Energy left, joules.
-    fn energy(&self, root: &SysRoot) -> Option<f64> {
+    fn energy(&self, folder: &Path, state: State) -> Option<f64> {
         // Of micro-hours, in seconds.
         let unit = 3600.0 * 1e-6;
         let valid = |value: i64| (value >= 0).then_some(value as f64);
-        let charge = match (self.number(root, "energy_now"), self.number(root, "charge_now")) {
+        let read = |file: &str| self.number(folder, file);
+        let charge = match (read("energy_now"), read("charge_now")) {
             (Ok(energy), _) => return valid(energy).map(|energy| energy * unit),
             (_, Ok(0)) => return Some(0.0),
             (_, Ok(charge)) => valid(charge)?,
             // An empty bay has neither.
-            (Err(Fault::Gone), Err(Fault::Gone)) => {
-                return matches!(self.job(root, true), Ok(Job::Rests(_))).then_some(0.0);
+            (Err(Fault::Gone), Err(Fault::Gone)) if state != State::Discharging => {
+                return Some(0.0);
             }
             _ => return None,
         };
-        let voltage = self.number(root, "voltage_now").ok().filter(|voltage| *voltage > 0)?;
+        let voltage = read("voltage_now").ok().filter(|voltage| *voltage > 0)?;
         Some(charge * unit * voltage as f64 * 1e-6)
     }
 
-    /// The power that it gives: drivers disagree about the sign.
-    fn power(&self, root: &SysRoot) -> Result<Watts, MeterError> {
+    fn power(&self, folder: &Path) -> Result<Watts, MeterError> {
         let read = |file: &str| {
-            let file = root.number(self.folder.join(file));
+            let file = self.root.number(folder.join(file));
             file.read().map_err(|fault| (fault.clone(), file.error(NAME, fault, REMEDY)))
         };
-        let watts = match read("power_now") {
-            Ok(microwatts) => microwatts as f64 * 1e-6,
-            Err((Fault::Denied | Fault::NotANumber(_), error)) => return Err(error),
+        match read("power_now") {
+            Ok(microwatts) => Ok(Watts(microwatts as f64 * 1e-6)),
+            Err((Fault::Denied | Fault::NotANumber(_), error)) => Err(error),
             // Many have current and voltage only, and some a file of power that never answers.
             Err(_) => {
                 let current = read("current_now").map_err(|(_, error)| error)?;
                 let voltage = read("voltage_now").map_err(|(_, error)| error)?;
                 let voltage = if voltage > 0 { voltage as f64 } else { f64::NAN };
-                current as f64 * voltage * 1e-12
+                Ok(Watts(current as f64 * voltage * 1e-12))
             }
+        }
+    }
+
+    /// Whether a supply feeds the machine. A port that feeds a phone can be online, too.
+    fn is_charger(&self, folder: &Path, kind: &str) -> bool {
+        let is_online = self.number(folder, "online").is_ok_and(|online| online > 0);
+        let status = self.root.word(&folder.join("status"));
+        let gives = status.is_some_and(|status| status == "Discharging")
+            || self.number(folder, "current_now").is_ok_and(|current| current < 0)
+            || (kind == "USB" && self.is_source(folder));
+        ["Mains", "USB", "Wireless"].contains(&kind) && is_online && !gives
+    }
+
+    /// Whether a port's contract is to give power.
+    fn is_source(&self, folder: &Path) -> bool {
+        // "[source] sink": what stands in brackets holds, and one word holds anyway.
+        let says = |file: &Path| {
+            let roles = self.root.text(file)?;
+            Some(roles.contains("[source]") || roles.trim() == "source")
         };
-        Ok(Watts(watts.abs()))
-    }
-}
-
-impl PowerMeter for Batteries {
-    fn info(&self) -> MeterInfo {
-        MeterInfo {
-            name: NAME.to_owned(),
-            provenance: Provenance::Measured,
-            description: format!(
-                "the whole machine with display and all programs, while {} discharges",
-                self.names.join(" + ")
-            ),
+        if let Some(is_source) = says(&folder.join("power_role")) {
+            return is_source;
         }
-    }
-
-    fn energy(&mut self) -> Result<Joules, MeterError> {
-        self.read()?.energy(NAME)
-    }
-
-    fn read(&mut self) -> Result<Reading, MeterError> {
-        let batteries = batteries(&self.root, self.wanted.as_deref())?;
-        let power = power(&self.root, &batteries)?;
-        let mut hasher = DefaultHasher::new();
-        for battery in &batteries {
-            LIVE.map(|file| battery.number(&self.root, file).ok()).hash(&mut hasher);
-        }
-        Ok(Reading::Power { power, sign_of_life: Some(hasher.finish()) })
-    }
-
-    fn window_seconds(&self) -> f64 {
-        // Some values of usual drivers.
-        5.0
-    }
-
-    fn poll_seconds(&self) -> f64 {
-        1.0
+        let ports =
+            self.root.list(&self.root.path("sys/class/typec"), |name| is_numbered(name, "port"));
+        let roles: Vec<bool> =
+            ports.iter().map(|port| says(&port.join("power_role")) == Some(true)).collect();
+        // `ucsi-source-psy-USBC000:002` is that of `port1`.
+        let name = folder.file_name().unwrap_or_default().to_string_lossy().into_owned();
+        let number = name.rsplit_once(':').and_then(|(_, number)| number.parse::<usize>().ok());
+        let own = number.and_then(|number| roles.get(number.checked_sub(1)?));
+        own.copied().unwrap_or(!roles.is_empty() && roles.iter().all(|is_source| *is_source))
     }
 }

@@ -5,8 +5,7 @@
 //! | `files` | one reader for meters that are numbers in files |
 //! | `rapl`, `gpu`, `jetson` | which files these are, and of which device |
 //! | `cards` | graphics cards, and the choice of the one that renders |
-//! | `battery` | batteries, whose files mean something only together |
-//! | `notebook` | batteries of macOS and Windows, which have no such files |
+//! | `battery` | batteries and chargers, whose files mean something only together |
 
 #[cfg_attr(any(windows, target_os = "macos"), allow(dead_code))]
 pub(crate) mod battery;
@@ -16,8 +15,6 @@ pub(crate) mod fake;
 mod files;
 pub(crate) mod gpu;
 pub(crate) mod jetson;
-#[cfg(any(test, windows, target_os = "macos"))]
-pub(crate) mod notebook;
 pub(crate) mod rapl;
 #[cfg(test)]
 mod tests;
