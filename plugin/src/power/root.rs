@@ -48,6 +48,22 @@ impl SysRoot {
         found
     }
 
+    /// Folders and links `prefixN` in `folder`, sorted.
+    pub(crate) fn numbered(&self, folder: &Path, prefix: &str) -> Vec<PathBuf> {
+        self.list(folder, |name| {
+            let number = name.strip_prefix(prefix).unwrap_or_default();
+            !number.is_empty() && number.bytes().all(|byte| byte.is_ascii_digit())
+        })
+    }
+
+    /// The same with the names in their files `name`; none where there is no such file.
+    pub(crate) fn named(&self, folder: &Path, prefix: &str) -> Vec<(PathBuf, String)> {
+        let folders = self.numbered(folder, prefix).into_iter();
+        folders
+            .filter_map(|found| self.word(&found.join("name")).map(|name| (found, name)))
+            .collect()
+    }
+
     /// A file with one number.
     pub(crate) fn number(&self, path: PathBuf) -> NumberFile {
         NumberFile { path, open: self.open }

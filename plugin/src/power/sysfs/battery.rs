@@ -7,7 +7,6 @@
 use std::hash::{DefaultHasher, Hash, Hasher};
 use std::path::{Path, PathBuf};
 
-use super::files::is_numbered;
 use crate::power::MeterError;
 use crate::power::battery::{self, Cell, Cells, NAME, State};
 use crate::power::kind::{MeterKind, Opened, Wanted};
@@ -169,8 +168,7 @@ impl Files {
         if let Some(is_source) = says(&folder.join("power_role")) {
             return is_source;
         }
-        let ports =
-            self.root.list(&self.root.path("sys/class/typec"), |name| is_numbered(name, "port"));
+        let ports = self.root.numbered(&self.root.path("sys/class/typec"), "port");
         let roles: Vec<bool> =
             ports.iter().map(|port| says(&port.join("power_role")) == Some(true)).collect();
         // `ucsi-source-psy-USBC000:002` is that of `port1`.

@@ -3,7 +3,6 @@
 use std::fmt::{self, Display, Formatter};
 use std::path::PathBuf;
 
-use super::files::{is_numbered, monitors};
 use crate::power::adapter::RENDERS_ON_CPU;
 use crate::power::kind::Wanted;
 use crate::power::root::SysRoot;
@@ -80,7 +79,7 @@ fn address_in(root: &SysRoot, device: &std::path::Path) -> String {
 
 /// All cards.
 pub(crate) fn cards(root: &SysRoot) -> Vec<Card> {
-    let folders = root.list(&root.path("sys/class/drm"), |name| is_numbered(name, "card"));
+    let folders = root.numbered(&root.path("sys/class/drm"), "card");
     let card = |folder: PathBuf| {
         let device = folder.join("device");
         let identifier = |file: &str| {
@@ -92,7 +91,7 @@ pub(crate) fn cards(root: &SysRoot) -> Vec<Card> {
             vendor: identifier("vendor"),
             device: identifier("device"),
             address: address_in(root, &device),
-            monitors: monitors(root, device.join("hwmon"), "hwmon"),
+            monitors: root.named(&device.join("hwmon"), "hwmon"),
             folder: device,
         }
     };

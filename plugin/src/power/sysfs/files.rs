@@ -1,7 +1,5 @@
 //! The one reader of meters that are numbers in files.
 
-use std::path::PathBuf;
-
 use super::cards::Card;
 use crate::power::kind::{Opened, Wanted};
 use crate::power::root::{Fault, NumberFile, SysRoot};
@@ -151,16 +149,4 @@ impl PowerMeter for FileMeter {
         let is_power = matches!(self.found.parts.first(), Some(Quantity::Power { .. }));
         if is_power { POLL_SECONDS } else { f64::INFINITY }
     }
-}
-
-/// Numbers in a name after `prefix`.
-pub(super) fn is_numbered(name: &str, prefix: &str) -> bool {
-    let number = name.strip_prefix(prefix);
-    number.is_some_and(|rest| !rest.is_empty() && rest.bytes().all(|byte| byte.is_ascii_digit()))
-}
-
-/// Folders `prefixN` in `folder`, with the names in their file `name`, sorted by path.
-pub(super) fn monitors(root: &SysRoot, folder: PathBuf, prefix: &str) -> Vec<(PathBuf, String)> {
-    let named = |monitor: PathBuf| root.word(&monitor.join("name")).map(|name| (monitor, name));
-    root.list(&folder, |name| is_numbered(name, prefix)).into_iter().filter_map(named).collect()
 }

@@ -11,7 +11,7 @@
 
 use std::path::{Path, PathBuf};
 
-use super::files::{self, FileKind, Found, Quantity, is_numbered, monitors};
+use super::files::{self, FileKind, Found, Quantity};
 use crate::power::adapter::CPU_TIME_IS_BETTER;
 use crate::power::kind::{MeterKind, Wanted};
 use crate::power::root::SysRoot;
@@ -50,7 +50,7 @@ type Rail = (String, Quantity);
 /// All rails of all monitors.
 fn rails(root: &SysRoot) -> Vec<Rail> {
     let mut rails = Vec::new();
-    for (folder, name) in monitors(root, root.path("sys/class/hwmon"), "hwmon") {
+    for (folder, name) in root.named(&root.path("sys/class/hwmon"), "hwmon") {
         if name == "ina3221" {
             rails.extend((1..=3).filter_map(|channel| {
                 let label = root.word(&folder.join(format!("in{channel}_label")))?;
@@ -80,7 +80,7 @@ fn rails(root: &SysRoot) -> Vec<Rail> {
 
 /// Folders of the monitors that NVIDIA's older driver serves. Not every kernel lists them on the bus.
 fn iio_devices(root: &SysRoot) -> Vec<PathBuf> {
-    let of = |folder: &Path| root.list(folder, |name| is_numbered(name, "iio:device"));
+    let of = |folder: &Path| root.numbered(folder, "iio:device");
     let listed = of(&root.path("sys/bus/iio/devices"));
     let is_ours =
         |folder: &PathBuf| root.word(&folder.join("name")).is_none_or(|n| n.starts_with("ina3221"));

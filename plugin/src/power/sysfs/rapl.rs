@@ -5,7 +5,7 @@
 //! package (`core`, `uncore`), which the package contains. `intel-rapl-mmio:N` is the same package
 //! once more. Packages are added up, and nothing else.
 
-use super::files::{self, FileKind, Found, Quantity, is_numbered};
+use super::files::{self, FileKind, Found, Quantity};
 use crate::power::adapter::CPU_TIME_IS_BETTER;
 use crate::power::kind::{MeterKind, Wanted};
 use crate::power::root::SysRoot;
@@ -47,7 +47,7 @@ fn find(root: &SysRoot, wanted: Wanted) -> Result<Found, MeterError> {
     };
     let folder = root.path(FOLDER);
     let mut domains = Vec::new();
-    for found in root.list(&folder, |name| is_numbered(name, "intel-rapl:")) {
+    for found in root.numbered(&folder, "intel-rapl:") {
         let Some(name) = root.word(&found.join("name")) else { continue };
         if name.starts_with(domain) && domains.iter().all(|(other, _)| *other != name) {
             let range = root.number(found.join("max_energy_range_uj")).read().ok();
