@@ -27,10 +27,7 @@
 //! settings) → `knobs` (applied levels) → `gi`, `resolution` and Bevy's renderer.
 
 // Fewer features reach and use less of the crate: these lints run where all of it is built.
-#![cfg_attr(
-    not(all(feature = "inspect", feature = "meter-tools")),
-    allow(dead_code, unreachable_pub, unused_imports)
-)]
+#![cfg_attr(not(feature = "inspect"), allow(dead_code, unreachable_pub, unused_imports))]
 
 pub mod control;
 pub mod control_log;

@@ -16,6 +16,7 @@ mod fit;
 mod inspect;
 mod journal;
 mod medoids;
+mod meters;
 pub mod metrics;
 mod pipeline;
 mod pool;

@@ -28,7 +28,9 @@ use bevy_frugal_gi::control::{
 };
 use bevy_frugal_gi::frontier::FrontierMap;
 use bevy_frugal_gi::gi::FrugalGi;
-use bevy_frugal_gi::power::{MeterChoice, PowerMeter, PowerPlugin, detect, open};
+use bevy_frugal_gi::power::{
+    MeterChoice, MeterState, PowerMeter, PowerPlugin, PowerSampler, detect, open,
+};
 use bevy_frugal_gi::units::{Joules, Watts};
 use frugal::scene::SceneDescription;
 use frugal::stage::{Stage, StageOptions, adapter};
@@ -52,21 +54,25 @@ const TOLERANCE: f64 = 0.02;
 struct Steps(Arc<Mutex<Vec<(Instant, f64)>>>);
 
 impl Steps {
-    /// Reads `meter` until `is_over`.
-    fn watch(mut meter: Box<dyn PowerMeter>, is_over: Arc<AtomicBool>) -> Self {
+    /// Samples `meter` until `is_over`.
+    fn watch(meter: Box<dyn PowerMeter>, is_over: Arc<AtomicBool>) -> Self {
         let steps = Self::default();
         let kept = steps.clone();
         std::thread::spawn(move || {
-            let mut last = Joules(f64::NAN);
+            let sampler = PowerSampler::fine(meter).unwrap_or_else(|error| panic!("{error}"));
+            let mut last = Joules(0.0);
             while !is_over.load(Ordering::Relaxed) {
-                let before = Instant::now();
-                let energy = meter.energy().unwrap_or_else(|error| panic!("{error}"));
+                let snapshot = sampler.snapshot();
+                if let MeterState::Lost { reason } = snapshot.state {
+                    panic!("{reason}");
+                }
+                let (energy, _) = snapshot.counted;
                 if energy != last {
                     last = energy;
-                    let at = before + before.elapsed() / 2;
-                    kept.0.lock().unwrap_or_else(PoisonError::into_inner).push((at, energy.0));
+                    let mut kept = kept.0.lock().unwrap_or_else(PoisonError::into_inner);
+                    kept.push((Instant::now(), energy.0));
                 }
-                std::thread::sleep(Duration::from_millis(5));
+                std::thread::sleep(Duration::from_millis(1));
             }
         });
         steps

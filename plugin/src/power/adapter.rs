@@ -13,7 +13,7 @@ pub enum AdapterKind {
     Unknown,
 }
 
-/// The rendering adapter, as described by the caller: this module does not depend on the renderer.
+/// The rendering adapter, as its caller or the renderer describes it.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Adapter {
     /// CPU or GPU.
@@ -45,6 +45,28 @@ pub(crate) const CPU_TIME_IS_BETTER: &str =
 /// Why a meter of a GPU is not chosen for software rendering.
 pub(crate) const RENDERS_ON_CPU: &str =
     "the adapter renders on the CPU, which this meter does not cover";
+
+impl From<&wgpu::AdapterInfo> for Adapter {
+    fn from(info: &wgpu::AdapterInfo) -> Self {
+        // Every kind is named, so that a renamed one does not compile.
+        let (kind, is_integrated) = match info.device_type {
+            wgpu::DeviceType::Cpu => (AdapterKind::Software, false),
+            wgpu::DeviceType::IntegratedGpu => (AdapterKind::Hardware, true),
+            wgpu::DeviceType::DiscreteGpu | wgpu::DeviceType::VirtualGpu => {
+                (AdapterKind::Hardware, false)
+            }
+            wgpu::DeviceType::Other => (AdapterKind::Unknown, false),
+        };
+        Self {
+            kind,
+            name: info.name.clone(),
+            pci_bus_id: info.device_pci_bus_id.clone(),
+            vendor_id: info.vendor,
+            device_id: info.device,
+            is_integrated,
+        }
+    }
+}
 
 impl Adapter {
     /// PCI identifier of the vendor: the reported one, or by the name; `None` where both say

@@ -1,88 +1,38 @@
 //! The available meters, and the choice of the one that covers the rendering device. A new meter is
 //! one entry in [`METERS`].
 
-#[cfg(feature = "nvml")]
-use crate::power::adapter::{RENDERS_ON_CPU, vendor};
+use std::time::Duration;
+
+// The standard one panics in a browser.
+use bevy::platform::time::Instant;
+
+use crate::power::kind::{MeterKind, Opened, Wanted};
+#[cfg(any(windows, target_os = "macos"))]
+use crate::power::notebook::KIND as BATTERY;
+use crate::power::root::SysRoot;
+use crate::power::sampler::Clock;
 #[cfg(not(any(windows, target_os = "macos")))]
 use crate::power::sysfs::battery::KIND as BATTERY;
-#[cfg(any(windows, target_os = "macos"))]
-use crate::power::sysfs::notebook::KIND as BATTERY;
-use crate::power::sysfs::{SysRoot, gpu, jetson, rapl};
-use crate::power::{Adapter, AdapterKind, CpuTimeMeter, MeterError, PowerMeter};
-use crate::units::Watts;
+use crate::power::sysfs::{gpu, jetson, rapl};
+use crate::power::tracker::PowerTracker;
+use crate::power::{
+    Adapter, MeterError, MeterState, OpenMeterError, PowerMeter, Provenance, Reading, cpu_time,
+    nvml,
+};
 
-/// Why no meter was opened.
-#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
-#[non_exhaustive]
-pub enum OpenMeterError {
-    /// No meter has this name.
-    #[error("there is no power meter called \"{name}\"; known: {}", known_meters().join(", "))]
-    UnknownName {
-        /// The requested name.
-        name: String,
-    },
-    /// The part after `=` is invalid for this meter.
-    #[error("{meter}: \"{parameter}\" is not a valid parameter: {expected}")]
-    Parameter {
-        /// Name of the meter.
-        meter: String,
-        /// The text after `=`.
-        parameter: String,
-        /// The valid parameters, in words.
-        expected: String,
-    },
-    /// The meter is known but gives no reading on this machine.
-    #[error(transparent)]
-    Meter(#[from] MeterError),
-    /// No meter covers the rendering device.
-    #[error("no power meter for this adapter: {}", reasons.join("; "))]
-    NoneSuits {
-        /// One reason per meter, in the order tried.
-        reasons: Vec<String>,
-    },
-}
-
-/// A known meter, with its state on this machine.
-#[cfg(any(test, feature = "meter-tools"))]
-pub struct SurveyedMeter {
-    /// Name, as [`open`] accepts it.
-    pub name: &'static str,
-    /// Syntax of its argument to [`open`], such as `cpu-time[=WATTS_PER_CORE]`.
-    pub usage: &'static str,
-    /// The opened meter, or why it is not available.
-    pub meter: Result<Box<dyn PowerMeter>, MeterError>,
-}
-
-/// A meter that was opened by name.
-pub(crate) type Opened = Result<Box<dyn PowerMeter>, OpenMeterError>;
-
-/// A kind of meter, with its constructors.
-pub(crate) trait MeterKind: Sync {
-    /// Name, as [`open`] accepts it.
-    fn name(&self) -> &'static str;
-
-    /// Syntax of its argument to [`open`].
-    fn usage(&self) -> &'static str;
-
-    /// Opens it with the text after `=`.
-    fn open(&self, root: &SysRoot, parameter: Option<&str>) -> Opened;
-
-    /// Opens it for the rendering device; an error says why it does not cover that device.
-    fn open_for(
-        &self,
-        root: &SysRoot,
-        adapter: &Adapter,
-    ) -> Result<Box<dyn PowerMeter>, MeterError>;
-}
+/// Time in which a counter must move when it is opened: the slowest update every two seconds.
+const SETTLE_TIMEOUT: Duration = Duration::from_secs(5);
+const SETTLE_INTERVAL: Duration = Duration::from_millis(20);
 
 /// All meters in the order of detection: measured before modelled, and of the measured ones first
 /// those that cover the GPU alone, then its package, its module, and the machine.
-const METERS: &[&dyn MeterKind] =
-    &[&Nvml, &gpu::AMD, &gpu::INTEL, &rapl::KIND, &jetson::KIND, &BATTERY, &CpuTime];
+const METERS: &[&MeterKind] =
+    &[&nvml::KIND, &gpu::AMD, &gpu::INTEL, &rapl::KIND, &jetson::KIND, &BATTERY, &cpu_time::KIND];
 
-/// Syntax of each meter's argument to [`open`], in the order of detection.
-fn known_meters() -> Vec<&'static str> {
-    METERS.iter().map(|kind| kind.usage()).collect()
+/// Name and syntax of each meter that [`open`] knows, in the order of detection: `cpu-time` and
+/// `cpu-time[=WATTS_PER_CORE]`.
+pub fn meters() -> Vec<(&'static str, &'static str)> {
+    METERS.iter().map(|kind| (kind.name, kind.usage)).collect()
 }
 
 /// Opens the first meter that covers the rendering adapter and gives a reading. May take seconds:
@@ -103,7 +53,7 @@ pub fn detect(adapter: &Adapter) -> Result<Box<dyn PowerMeter>, OpenMeterError> 
 fn detect_in(root: &SysRoot, adapter: &Adapter) -> Opened {
     let mut reasons = Vec::new();
     for kind in METERS {
-        match kind.open_for(root, adapter).and_then(with_first_reading) {
+        match (kind.open)(root, Wanted::For(adapter)).and_then(probed) {
             Ok(meter) => return Ok(meter),
             Err(error) => reasons.push(error.to_string()),
         }
@@ -112,8 +62,8 @@ fn detect_in(root: &SysRoot, adapter: &Adapter) -> Opened {
 }
 
 /// Opens a meter by name, with an optional parameter after `=`: `nvml`, `nvml=1` (board index or
-/// name), `amdgpu=card0`, `battery`, `cpu-time=5.0` (watts per busy core). The caller decides whether
-/// it covers the rendering device. May take seconds.
+/// name), `amdgpu=0000:03:00.0`, `battery`, `cpu-time=5.0` (watts per busy core). The caller decides
+/// whether it covers the rendering device. May take seconds.
 ///
 /// # Errors
 /// [`OpenMeterError`] when the name is unknown, the parameter is invalid, or the meter gives no
@@ -123,161 +73,48 @@ pub fn open(name: &str) -> Result<Box<dyn PowerMeter>, OpenMeterError> {
 }
 
 /// The same on a system under another root.
-fn open_in(root: &SysRoot, name: &str) -> Opened {
-    let (plain, parameter) = match name.split_once('=') {
-        Some((plain, parameter)) => (plain.trim(), Some(parameter.trim())),
-        None => (name.trim(), None),
+pub(crate) fn open_in(root: &SysRoot, name: &str) -> Opened {
+    let (plain, wanted) = match name.split_once('=') {
+        Some((plain, parameter)) => (plain.trim(), Wanted::Named(parameter.trim())),
+        None => (name.trim(), Wanted::Usual),
     };
-    let Some(kind) = METERS.iter().find(|kind| kind.name() == plain) else {
-        return Err(OpenMeterError::UnknownName { name: plain.to_owned() });
+    let Some(kind) = METERS.iter().find(|kind| kind.name == plain) else {
+        let known = METERS.iter().map(|kind| kind.usage).collect();
+        return Err(OpenMeterError::UnknownName { name: plain.to_owned(), known });
     };
-    Ok(with_first_reading(kind.open(root, parameter)?)?)
+    if let Wanted::Named("") = wanted {
+        return Err(OpenMeterError::Parameter {
+            meter: kind.name.to_owned(),
+            parameter: String::new(),
+            expected: kind.expected.to_owned(),
+        });
+    }
+    (kind.open)(root, wanted).and_then(probed)
 }
 
-/// Opens every known meter with its defaults and reports the result of each, in the order of
-/// detection. May take seconds.
-#[cfg(any(test, feature = "meter-tools"))]
-pub fn survey() -> Vec<SurveyedMeter> {
-    survey_in(&SysRoot::default())
-}
-
-/// The same of a system under another root.
-#[cfg(any(test, feature = "meter-tools"))]
-fn survey_in(root: &SysRoot) -> Vec<SurveyedMeter> {
-    METERS
-        .iter()
-        .map(|kind| {
-            let opened = kind.open(root, None).and_then(|meter| Ok(with_first_reading(meter)?));
-            let meter = opened.map_err(|error| match error {
-                OpenMeterError::Meter(error) => error,
-                other => MeterError::unavailable(kind.name(), other.to_string()),
-            });
-            SurveyedMeter { name: kind.name(), usage: kind.usage(), meter }
-        })
-        .collect()
-}
-
-/// Takes one reading: some libraries initialise successfully and then reject every query.
-fn with_first_reading(mut meter: Box<dyn PowerMeter>) -> Result<Box<dyn PowerMeter>, MeterError> {
-    crate::power::window::read(meter.as_mut())?;
+/// Waits for the first valid reading: some libraries initialise successfully and then reject every
+/// query, and some counters stand at 0 for ever.
+fn probed(mut meter: Box<dyn PowerMeter>) -> Opened {
+    let clock = Clock::since(Instant::now());
+    let mut tracker = PowerTracker::new(meter.as_ref(), SETTLE_INTERVAL, Duration::ZERO);
+    let first = meter.read()?;
+    tracker.push(Ok(first.clone()), clock.now());
+    if let MeterState::Lost { reason } = &tracker.snapshot().state {
+        // The tracker names the meter, as the error does.
+        let name = meter.info().name;
+        let reason = reason.trim_start_matches(&format!("{name}: broken: ")).to_owned();
+        return Err(MeterError::broken(name, reason).into());
+    }
+    let is_counter = matches!(first, Reading::Energy(_));
+    while is_counter && meter.info().provenance == Provenance::Measured && meter.read()? == first {
+        if clock.now().clock > SETTLE_TIMEOUT {
+            let seconds = SETTLE_TIMEOUT.as_secs_f64();
+            let reason = format!("the counter did not move in {seconds:.0} s");
+            return Err(MeterError::broken(meter.info().name, reason).into());
+        }
+        std::thread::sleep(SETTLE_INTERVAL);
+    }
     Ok(meter)
-}
-
-struct Nvml;
-
-impl MeterKind for Nvml {
-    fn name(&self) -> &'static str {
-        "nvml"
-    }
-
-    fn usage(&self) -> &'static str {
-        "nvml[=INDEX|=BOARD NAME]"
-    }
-
-    fn open(&self, _: &SysRoot, parameter: Option<&str>) -> Opened {
-        open_nvml(parameter)
-    }
-
-    fn open_for(&self, _: &SysRoot, adapter: &Adapter) -> Result<Box<dyn PowerMeter>, MeterError> {
-        open_nvml_for(adapter)
-    }
-}
-
-struct CpuTime;
-
-impl MeterKind for CpuTime {
-    fn name(&self) -> &'static str {
-        CpuTimeMeter::NAME
-    }
-
-    fn usage(&self) -> &'static str {
-        "cpu-time[=WATTS_PER_CORE]"
-    }
-
-    fn open(&self, _: &SysRoot, parameter: Option<&str>) -> Opened {
-        open_cpu_time(parameter)
-    }
-
-    fn open_for(&self, _: &SysRoot, adapter: &Adapter) -> Result<Box<dyn PowerMeter>, MeterError> {
-        open_cpu_time_for(adapter)
-    }
-}
-
-#[cfg(feature = "nvml")]
-fn open_nvml(parameter: Option<&str>) -> Result<Box<dyn PowerMeter>, OpenMeterError> {
-    use crate::power::{BoardChoice, NvmlMeter};
-    let choice = match parameter {
-        None => BoardChoice::Index(0),
-        Some("") => {
-            return Err(OpenMeterError::Parameter {
-                meter: NvmlMeter::NAME.to_owned(),
-                parameter: String::new(),
-                expected: "a board's index from 0, or its name".to_owned(),
-            });
-        }
-        Some(text) => {
-            text.parse().map_or_else(|_| BoardChoice::Name(text.to_owned()), BoardChoice::Index)
-        }
-    };
-    Ok(Box::new(NvmlMeter::open(&choice)?))
-}
-
-#[cfg(feature = "nvml")]
-fn open_nvml_for(adapter: &Adapter) -> Result<Box<dyn PowerMeter>, MeterError> {
-    use crate::power::NvmlMeter;
-    if adapter.kind == AdapterKind::Software {
-        return Err(MeterError::unavailable(NvmlMeter::NAME, RENDERS_ON_CPU));
-    }
-    // Without loading the library, which would start the driver of an idle board.
-    if adapter.vendor().is_some_and(|other| other != vendor::NVIDIA) {
-        return Err(MeterError::unavailable(
-            NvmlMeter::NAME,
-            "the adapter is another vendor's, which this meter does not cover",
-        ));
-    }
-    Ok(Box::new(NvmlMeter::for_adapter(adapter)?))
-}
-
-#[cfg(not(feature = "nvml"))]
-fn open_nvml(_parameter: Option<&str>) -> Result<Box<dyn PowerMeter>, OpenMeterError> {
-    Err(nvml_disabled().into())
-}
-
-#[cfg(not(feature = "nvml"))]
-fn open_nvml_for(_adapter: &Adapter) -> Result<Box<dyn PowerMeter>, MeterError> {
-    Err(nvml_disabled())
-}
-
-#[cfg(not(feature = "nvml"))]
-fn nvml_disabled() -> MeterError {
-    MeterError::unavailable("nvml", "built without the feature `nvml`; enable it")
-}
-
-fn open_cpu_time(parameter: Option<&str>) -> Result<Box<dyn PowerMeter>, OpenMeterError> {
-    let Some(text) = parameter else { return Ok(Box::new(CpuTimeMeter::default())) };
-    let invalid = |expected: String| OpenMeterError::Parameter {
-        meter: CpuTimeMeter::NAME.to_owned(),
-        parameter: text.to_owned(),
-        expected,
-    };
-    let watts = text.parse().map_err(|_| invalid("watts per busy core, such as 5.0".to_owned()))?;
-    let meter = CpuTimeMeter::with_watts_per_core(Watts(watts))
-        .map_err(|error| invalid(error.to_string()))?;
-    Ok(Box::new(meter))
-}
-
-fn open_cpu_time_for(adapter: &Adapter) -> Result<Box<dyn PowerMeter>, MeterError> {
-    match adapter.kind {
-        AdapterKind::Software => Ok(Box::new(CpuTimeMeter::default())),
-        AdapterKind::Hardware => Err(MeterError::unavailable(
-            CpuTimeMeter::NAME,
-            "the adapter is a GPU, which CPU time does not cover",
-        )),
-        AdapterKind::Unknown => Err(MeterError::unavailable(
-            CpuTimeMeter::NAME,
-            "the adapter is not known to render on the CPU; request this meter by name",
-        )),
-    }
 }
 
 #[cfg(test)]

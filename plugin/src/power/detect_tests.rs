@@ -1,8 +1,8 @@
 //! Tests of the choice of a meter.
 
 use super::*;
-use crate::power::Provenance;
 use crate::power::sysfs::fake::Tree;
+use crate::power::{AdapterKind, Provenance};
 
 #[test]
 fn an_unknown_name_lists_the_known_ones() {
@@ -47,17 +47,20 @@ fn a_gpu_of_another_vendor_gets_reasons_and_no_meter() {
 }
 
 #[test]
-fn the_survey_lists_every_meter_with_info_or_reason() {
-    let found = survey();
-    assert_eq!(
-        found.iter().map(|entry| entry.name).collect::<Vec<_>>(),
-        ["nvml", "amdgpu", "intel-gpu", "rapl", "jetson", "battery", "cpu-time"]
-    );
-    for entry in found {
-        match entry.meter {
-            Ok(meter) => assert_eq!(meter.info().name, entry.name),
-            Err(error) => assert!(error.to_string().starts_with(entry.name), "{error}"),
+fn every_meter_is_listed_and_names_itself() {
+    let known = meters();
+    let names: Vec<_> = known.iter().map(|(name, _)| *name).collect();
+    assert_eq!(names, ["nvml", "amdgpu", "intel-gpu", "rapl", "jetson", "battery", "cpu-time"]);
+    let empty = Tree::new();
+    for (name, usage) in known {
+        assert!(usage.starts_with(name));
+        match open_in(&empty.root(), name) {
+            Ok(meter) => assert_eq!(meter.info().name, name),
+            Err(error) => assert!(error.to_string().starts_with(name), "{error}"),
         }
+    }
+    for name in ["amdgpu", "intel-gpu", "rapl", "jetson", "battery"] {
+        assert!(open_in(&empty.root(), name).is_err(), "an empty machine has no files");
     }
 }
 
@@ -107,7 +110,7 @@ fn the_gpus_own_meter_comes_before_those_that_contain_more() {
         assert_eq!(detected(&tree, &amd).as_deref(), Ok("battery"), "{other:?}");
     }
     let intel = adapter(0x8086, 0, "", true);
-    tree.deny("sys/class/powercap/intel-rapl:0/energy_uj", true);
+    tree.fail("sys/class/powercap/intel-rapl:0/energy_uj", Some(13));
     assert_eq!(detected(&tree, &intel).as_deref(), Ok("battery"));
     tree.write("sys/class/power_supply/BAT0/status", "Charging");
     let reasons = detected(&tree, &intel).expect_err("no meter is left");
@@ -159,9 +162,41 @@ fn meters_of_files_are_opened_by_name_and_parameter() {
     assert!(message.contains("several cards"), "{message}");
 }
 
+/// Two cards, of which the NVIDIA one sleeps.
+fn laptop_with_a_sleeping_card() -> Tree {
+    Tree::of(&[
+        ("sys/class/drm/card0/device/vendor", "0x8086"),
+        ("sys/class/drm/card0/device/uevent", "PCI_SLOT_NAME=0000:00:02.0"),
+        ("sys/class/drm/card1/device/vendor", "0x10de"),
+        ("sys/class/drm/card1/device/uevent", "PCI_SLOT_NAME=0000:01:00.0"),
+        ("sys/class/drm/card1/device/power/runtime_status", "suspended"),
+    ])
+}
+
+#[cfg(feature = "nvml")]
 #[test]
-fn the_survey_tells_every_reason() {
-    let found = survey_in(&Tree::new().root());
-    let files = &found[1..6];
-    assert!(files.iter().all(|entry| entry.meter.is_err()), "an empty machine has no files");
+fn a_card_that_sleeps_or_may_not_render_is_not_woken_by_its_library() {
+    let tree = laptop_with_a_sleeping_card();
+    let refusal = |adapter: &Adapter| {
+        let opened = (nvml::KIND.open)(&tree.root(), Wanted::For(adapter));
+        opened.err().expect("no meter").to_string()
+    };
+    let renders = adapter(0x10de, 0, "00000000:01:00.0", false);
+    assert!(refusal(&Adapter::default()).contains("several cards"));
+    assert!(refusal(&renders).contains("the GPU sleeps (runtime suspended)"));
+    let named = (nvml::KIND.open)(&tree.root(), Wanted::Usual).err().expect("no meter");
+    assert!(named.to_string().contains("the GPU sleeps"), "{named}");
+    tree.write("sys/class/drm/card1/device/power/runtime_status", "active");
+    assert!(refusal(&Adapter::default()).contains("several cards"));
+    assert!(!refusal(&renders).contains("sleeps"), "the library is asked");
+    std::fs::remove_dir_all(tree.path("sys/class/drm/card1")).expect("a card");
+    assert!(refusal(&Adapter::default()).contains("another vendor's"));
+}
+
+#[test]
+fn a_card_that_sleeps_is_no_matter_of_permission() {
+    let tree = laptop();
+    tree.fail("sys/class/drm/card1/device/hwmon/hwmon2/power1_average", Some(1));
+    let message = open_in(&tree.root(), "amdgpu").err().expect("it sleeps").to_string();
+    assert!(message.contains("the GPU sleeps (runtime suspended)"), "{message}");
 }

@@ -57,17 +57,6 @@ pub enum MeterError {
         /// The observed fault.
         reason: String,
     },
-    /// The window is shorter than the counter's update interval, so its energy does not determine
-    /// the power.
-    #[error("{meter}: window too short: {elapsed:?}, but the counter needs {least:?}")]
-    WindowTooShort {
-        /// Name of the meter.
-        meter: String,
-        /// Length of the window.
-        elapsed: Duration,
-        /// Shortest valid window.
-        least: Duration,
-    },
 }
 
 impl MeterError {
@@ -89,25 +78,91 @@ impl MeterError {
     }
 }
 
-/// A source of cumulative energy.
-pub trait PowerMeter: Send {
-    /// Name, provenance and coverage.
-    fn info(&self) -> MeterInfo;
+/// What a meter tells when it is read.
+#[derive(Clone, Debug, PartialEq)]
+#[non_exhaustive]
+pub enum Reading {
+    /// Counters of energy; their sum is the device's.
+    Energy(Vec<Count>),
+    /// The power at this moment.
+    Power {
+        /// In watts; finite and above 0, anything else is a fault.
+        power: Watts,
+        /// A number that changes at least every two minutes while the sensor works, such as the
+        /// energy left in a battery. `None`: a power that stays the same for hours is no fault.
+        sign_of_life: Option<u64>,
+    },
+}
 
-    /// Energy since an arbitrary fixed moment, in joules, monotonically increasing. Only
-    /// differences of two readings are meaningful.
+impl Reading {
+    /// The sum of counters.
     ///
     /// # Errors
-    /// [`MeterError`] when there is no reading.
+    /// [`MeterError::Unavailable`] for a power.
+    pub(crate) fn energy(self, meter: &str) -> Result<Joules, MeterError> {
+        match self {
+            Self::Energy(counts) => {
+                Ok(counts.iter().fold(Joules(0.0), |sum, count| sum + count.energy))
+            }
+            Self::Power { .. } => {
+                let reason = "it tells a power and no energy: sample it by a PowerSampler";
+                Err(MeterError::unavailable(meter, reason))
+            }
+        }
+    }
+}
+
+/// The value of a counter of energy.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Count {
+    /// Energy since an arbitrary fixed moment, in joules.
+    pub energy: Joules,
+    /// Energy at which the counter starts again from 0, in joules, above 0; `None`: never.
+    pub range: Option<Joules>,
+}
+
+/// A source of energy or power. A meter tells what it reads; whether that can be true is judged
+/// by who samples it, in the same way for every meter.
+pub trait PowerMeter: Send {
+    /// Name, provenance and coverage. The same for the same device after a restart of the machine.
+    fn info(&self) -> MeterInfo;
+
+    /// Energy since an arbitrary fixed moment, in joules, monotonically increasing but for the
+    /// wraps and faults of its counters. Only differences of two readings are meaningful.
+    ///
+    /// # Errors
+    /// [`MeterError`] when there is no reading, or the meter tells a power.
     fn energy(&mut self) -> Result<Joules, MeterError>;
 
-    /// Idle power that [`energy`](Self::energy) does not include, in watts; finite, at least 0. 0
-    /// by default, where the counter covers the whole device.
+    /// The meter's reading as it is. By default the counter of [`energy`](Self::energy).
+    ///
+    /// # Errors
+    /// [`MeterError`] when there is no reading. Its reason must not change while the fault lasts:
+    /// each new reason is a new warning.
+    fn read(&mut self) -> Result<Reading, MeterError> {
+        Ok(Reading::Energy(vec![Count { energy: self.energy()?, range: None }]))
+    }
+
+    /// Idle power that the readings do not include, in watts; finite, at least 0. 0 by default,
+    /// where the meter covers the whole device.
     fn idle(&self) -> Watts {
         Watts(0.0)
     }
 
-    /// The shortest window, in seconds, over which a difference of two readings is meaningful: the
-    /// counter's update interval. Callers clamp it to 0 to 60 s; NaN counts as 1 s.
+    /// The shortest window, in seconds, over which a mean power is meaningful: some of the
+    /// counter's updates. Callers clamp it to 0 to 60 s; NaN counts as 1 s.
     fn window_seconds(&self) -> f64;
+
+    /// The longest time between two readings, in seconds, above 0: a power is read more often than
+    /// its window is long. By default infinity: once in a window.
+    fn poll_seconds(&self) -> f64 {
+        f64::INFINITY
+    }
+}
+
+/// The shortest valid window of `meter`: its [`window_seconds`](PowerMeter::window_seconds),
+/// clamped to 0 s to 60 s, and 1 s for NaN.
+pub(crate) fn least_window(meter: &dyn PowerMeter) -> Duration {
+    let seconds = meter.window_seconds();
+    Duration::from_secs_f64(if seconds.is_nan() { 1.0 } else { seconds.clamp(0.0, 60.0) })
 }

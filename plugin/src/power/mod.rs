@@ -3,65 +3,78 @@
 //!
 //! | item | job |
 //! |---|---|
-//! | [`PowerMeter`] | contract: cumulative energy with its provenance |
+//! | [`PowerMeter`] | contract: energy or power as it is read, with its provenance |
 //! | [`CpuTimeMeter`], [`NvmlMeter`], and those of Linux' files by name | the meters |
 //! | [`detect`], [`open`] | the meters of this machine, and the one that covers the rendering device |
-//! | [`SimulatedDevice`], [`SimulatedMeter`] | a device with heat, throttling and a meter, in numbers |
+//! | `tracker` | the fault model, which judges the readings of every meter |
+//! | [`PowerSampler`] | the one thread that reads a meter |
 //! | [`PowerPlugin`] | the sampler in a Bevy app: [`MeteredPower`] and a diagnostic |
-//!
-//! The feature `meter-tools` adds what a tool needs that measures on a thread of its own: `survey` of
-//! this machine's meters, their `self_test`, and `EnergyWindow`.
+//! | [`SimulatedDevice`], [`SimulatedMeter`] | a device with heat, throttling and a meter, in numbers |
 //!
 //! An unknown power is never reported as 0 W: a counter that is missing, unreadable or faulty gives
 //! a [`MeterError`] or a [`MeterState`] with the reason.
 
 mod adapter;
+mod battery;
 mod cpu_time;
 mod detect;
+mod kind;
 mod meter;
+#[cfg(any(test, windows, target_os = "macos"))]
+mod notebook;
 #[cfg(feature = "nvml")]
 mod nvml;
 mod plugin;
+mod root;
 mod sampler;
 #[cfg(test)]
 mod scripted;
-#[cfg(any(test, feature = "meter-tools"))]
-mod self_test;
 mod simulated;
 mod sysfs;
 mod tracker;
-mod window;
+mod warnings;
 
 pub use adapter::{Adapter, AdapterKind};
 pub use cpu_time::{CpuTimeMeter, InvalidWattsPerCore};
-pub use detect::{OpenMeterError, detect, open};
-#[cfg(feature = "meter-tools")]
-pub use detect::{SurveyedMeter, survey};
-pub use meter::{MeterError, MeterInfo, PowerMeter, Provenance};
+pub use detect::{detect, meters, open};
+pub use kind::OpenMeterError;
+pub use meter::{Count, MeterError, MeterInfo, PowerMeter, Provenance, Reading};
 #[cfg(feature = "nvml")]
 pub use nvml::{BoardChoice, NvmlMeter};
 pub use plugin::{
     MeterChoice, MeterFactory, MeteredPower, POWER_DIAGNOSTIC, PowerPlugin, PowerSystems,
 };
-pub(crate) use sampler::PowerSampler;
-pub use sampler::SamplerSettings;
+pub use sampler::{PowerSampler, SamplerSettings};
 #[cfg(test)]
 pub(crate) use scripted::ScriptedMeter;
-#[cfg(feature = "meter-tools")]
-pub use self_test::{SelfTest, Verdict, busy_cpu_load, self_test};
 pub use simulated::{SimulatedDevice, SimulatedMeter};
-pub use tracker::MeterState;
-pub(crate) use tracker::PowerSnapshot;
+pub use tracker::{MeterState, PowerSnapshot};
+
+/// In place of NVML in a build without it.
+#[cfg(not(feature = "nvml"))]
+mod nvml {
+    use super::kind::MeterKind;
+
+    pub(crate) const KIND: MeterKind = MeterKind {
+        name: "nvml",
+        usage: "nvml[=INDEX|=BOARD NAME]",
+        expected: "a board's index from 0, or its name",
+        open: |_, _| {
+            let reason = "built without the feature `nvml`; enable it";
+            Err(super::MeterError::unavailable("nvml", reason).into())
+        },
+    };
+}
 
 use crate::units::{Joules, Watts};
 
 /// Energy left in the machine's batteries, and the power that they give; `None` unless they alone
 /// feed the machine. May take milliseconds, or hang with a driver.
 pub(crate) fn battery_left() -> Option<(Joules, Watts)> {
+    use battery::Cells;
     #[cfg(any(windows, target_os = "macos"))]
-    return sysfs::notebook::left();
+    let mut cells = notebook::System;
     #[cfg(not(any(windows, target_os = "macos")))]
-    sysfs::battery::left(&sysfs::SysRoot::default())
+    let mut cells = sysfs::battery::Files { root: root::SysRoot::default(), wanted: None };
+    battery::left_in(&cells.read().ok()?)
 }
-#[cfg(feature = "meter-tools")]
-pub use window::EnergyWindow;

@@ -1,23 +1,84 @@
 //! Energy of an NVIDIA board by NVML's energy counter (`nvmlDeviceGetTotalEnergyConsumption`).
 //!
-//! Options:
-//! 1. `nvmlDeviceGetPowerUsage`: a trailing mean over 1 s on most boards, to be integrated by
-//!    polling.
-//! 2. The instantaneous power field: sampled for only a part of the time on some boards.
-//! 3. The energy counter: integrated by the board itself.
-//!
-//! We use option 3 because a difference of two readings loses nothing between them. It covers the
-//! whole board, with memory, regulators and fans, and every process that uses it.
+//! The board integrates its power itself, so that a difference of two readings loses nothing between
+//! them: the power that NVML shows is a trailing mean of a second on most boards, and sampled for a
+//! part of the time on some. The counter covers the whole board, with memory, regulators and fans,
+//! and every process that uses it.
 //!
 //! Limits: Volta and newer; not on virtual GPUs. The counter updates about every 0.1 s (some
 //! boards: 0.01 s), so windows under a second are inaccurate. A call takes milliseconds: never read
-//! it on a thread that a frame waits for.
+//! it on a thread that a frame waits for. Loading the library wakes a board that sleeps and keeps it
+//! awake, so that it is not loaded for a board that does not render.
 
+use std::time::Duration;
+
+use bevy::platform::time::Instant;
 use nvml_wrapper::Nvml;
 use nvml_wrapper::error::NvmlError;
 
-use crate::power::{Adapter, MeterError, MeterInfo, PowerMeter, Provenance};
+use crate::power::adapter::{RENDERS_ON_CPU, vendor};
+use crate::power::kind::{MeterKind, Opened, Wanted};
+use crate::power::root::SysRoot;
+use crate::power::sysfs::cards::{Card, SLEEPS, cards};
+use crate::power::{Adapter, AdapterKind, MeterError, MeterInfo, PowerMeter, Provenance};
 use crate::units::Joules;
+
+pub(crate) const KIND: MeterKind = MeterKind {
+    name: NvmlMeter::NAME,
+    usage: "nvml[=INDEX|=BOARD NAME]",
+    expected: "a board's index from 0, or its name",
+    open,
+};
+
+/// Time between two trials to load the driver's library anew, after it or the board failed.
+const RELOAD_INTERVAL: Duration = Duration::from_secs(5);
+
+fn open(root: &SysRoot, wanted: Wanted) -> Opened {
+    let choice = match wanted {
+        Wanted::Usual => BoardChoice::Index(0),
+        Wanted::Named(text) => {
+            text.parse().map_or_else(|_| BoardChoice::Name(text.to_owned()), BoardChoice::Index)
+        }
+        Wanted::For(adapter) => return Ok(Box::new(NvmlMeter::for_adapter_in(root, adapter)?)),
+    };
+    Ok(Box::new(NvmlMeter::open_in(root, &choice)?))
+}
+
+/// Whether the library may be loaded for `adapter`: not where that would start the driver of a board
+/// that does not render, or that sleeps.
+fn may_load(root: &SysRoot, adapter: Option<&Adapter>) -> Result<(), MeterError> {
+    let refuse = |reason: &str| Err(MeterError::unavailable(NvmlMeter::NAME, reason));
+    let all = cards(root);
+    if let Some(adapter) = adapter {
+        if adapter.kind == AdapterKind::Software {
+            return refuse(RENDERS_ON_CPU);
+        }
+        match adapter.vendor() {
+            Some(vendor::NVIDIA) => {}
+            Some(_) => {
+                return refuse("the adapter is another vendor's, which this meter does not cover");
+            }
+            None if all.len() > 1 => {
+                return refuse(
+                    "the adapter is unknown, and there are several cards: name a board as nvml=INDEX",
+                );
+            }
+            None if all.iter().any(|card| card.vendor != vendor::NVIDIA) => {
+                return refuse("the machine's card is another vendor's");
+            }
+            None => {}
+        }
+    }
+    let is_it = |card: &&Card| {
+        let address = adapter.map_or("", |adapter| adapter.pci_bus_id.as_str());
+        card.vendor == vendor::NVIDIA && (address.is_empty() || card.is_at(address))
+    };
+    let ours: Vec<&Card> = all.iter().filter(is_it).collect();
+    if !ours.is_empty() && ours.iter().all(|card| card.is_asleep(root)) {
+        return Err(MeterError::unreadable(NvmlMeter::NAME, SLEEPS));
+    }
+    Ok(())
+}
 
 /// Selects one of several NVIDIA boards.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -31,13 +92,19 @@ pub enum BoardChoice {
 
 /// Measured meter: NVML's energy counter of one board.
 ///
-/// A reading takes milliseconds. Each reading looks the board up again by its index: a handle would
-/// borrow the library, and the look-up takes far less time than the reading.
+/// A reading takes milliseconds. Each reading looks the board up again, by its PCI address: a handle
+/// would borrow the library, and boards are numbered anew when one goes.
 #[derive(Debug)]
 pub struct NvmlMeter {
-    nvml: Nvml,
+    root: SysRoot,
+    /// The board as the kernel knows it.
+    card: Option<Card>,
+    nvml: Result<Nvml, MeterError>,
     index: u32,
     board: String,
+    /// Empty where NVML does not tell it.
+    address: String,
+    loaded: Instant,
 }
 
 impl NvmlMeter {
@@ -49,14 +116,20 @@ impl NvmlMeter {
     ///
     /// # Errors
     /// [`MeterError::Unavailable`] without driver, board or counter, with the remedy where there is
-    /// one; [`MeterError::Unreadable`] when the counter exists but rejects the query.
+    /// one, and where all boards sleep; [`MeterError::Unreadable`] when the counter exists but
+    /// rejects the query.
     pub fn open(choice: &BoardChoice) -> Result<Self, MeterError> {
+        Self::open_in(&SysRoot::default(), choice)
+    }
+
+    fn open_in(root: &SysRoot, choice: &BoardChoice) -> Result<Self, MeterError> {
+        may_load(root, None)?;
         let nvml = load()?;
         let (index, board) = match choice {
             BoardChoice::Index(index) => (*index, board_name(&nvml, *index)?),
             BoardChoice::Name(name) => board_named(&nvml, name)?,
         };
-        Self::checked(nvml, index, board)
+        Self::checked(root, nvml, index, board)
     }
 
     /// Opens the board of a rendering adapter, found by its PCI address, or by its name where the
@@ -65,41 +138,67 @@ impl NvmlMeter {
     /// # Errors
     /// As [`open`](Self::open), and [`MeterError::Unavailable`] when the adapter is not an NVIDIA
     /// board, such as another vendor's GPU in a laptop with two, or is unknown where there are
-    /// several boards.
+    /// several cards of any vendor.
     pub fn for_adapter(adapter: &Adapter) -> Result<Self, MeterError> {
+        Self::for_adapter_in(&SysRoot::default(), adapter)
+    }
+
+    fn for_adapter_in(root: &SysRoot, adapter: &Adapter) -> Result<Self, MeterError> {
+        may_load(root, Some(adapter))?;
         let nvml = load()?;
         let (index, board) = match adapter_board(&nvml, adapter) {
             Some(found) => found?,
             None if adapter.name.is_empty() => only_board(&nvml)?,
             None => board_named(&nvml, &adapter.name)?,
         };
-        Self::checked(nvml, index, board)
+        Self::checked(root, nvml, index, board)
     }
 
-    fn checked(nvml: Nvml, index: u32, board: String) -> Result<Self, MeterError> {
-        let mut meter = Self { nvml, index, board };
+    fn checked(root: &SysRoot, nvml: Nvml, index: u32, board: String) -> Result<Self, MeterError> {
+        let address = nvml.device_by_index(index).and_then(|device| device.pci_info());
+        let address = address.map(|pci| pci.bus_id.to_lowercase()).unwrap_or_default();
+        let (root, nvml, loaded) = (root.clone(), Ok(nvml), Instant::now());
+        let card = cards(&root).into_iter().find(|card| card.is_at(&address));
+        let mut meter = Self { root, card, nvml, index, board, address, loaded };
         meter.energy()?;
         Ok(meter)
+    }
+
+    fn counter(&self) -> Result<Joules, MeterError> {
+        let nvml = self.nvml.as_ref().map_err(Clone::clone)?;
+        let device = if self.address.is_empty() {
+            nvml.device_by_index(self.index)
+        } else {
+            nvml.device_by_pci_bus_id(self.address.as_str())
+        };
+        let millijoules = device.and_then(|device| device.total_energy_consumption());
+        // Exact in f64 up to 2^53 mJ: 285 years at 1 kW.
+        Ok(Joules(millijoules.map_err(meter_error)? as f64 * 1e-3))
     }
 }
 
 impl PowerMeter for NvmlMeter {
     fn info(&self) -> MeterInfo {
+        let at =
+            if self.address.is_empty() { String::new() } else { format!(" at {}", self.address) };
         MeterInfo {
             name: Self::NAME.to_owned(),
             provenance: Provenance::Measured,
-            description: format!(
-                "whole board {} ({}), NVML energy counter",
-                self.index, self.board
-            ),
+            description: format!("whole board {}{at}, NVML energy counter", self.board),
         }
     }
 
     fn energy(&mut self) -> Result<Joules, MeterError> {
-        let device = self.nvml.device_by_index(self.index).map_err(meter_error)?;
-        let millijoules = device.total_energy_consumption().map_err(meter_error)?;
-        // Exact in f64 up to 2^53 mJ: 285 years at 1 kW.
-        Ok(Joules(millijoules as f64 * 1e-3))
+        if self.card.as_ref().is_some_and(|card| card.is_asleep(&self.root)) {
+            return Err(MeterError::unreadable(Self::NAME, SLEEPS));
+        }
+        let energy = self.counter();
+        // A driver that was restarted answers a library that is loaded after it only.
+        if energy.is_err() && self.loaded.elapsed() >= RELOAD_INTERVAL {
+            self.loaded = Instant::now();
+            self.nvml = load();
+        }
+        energy
     }
 
     fn window_seconds(&self) -> f64 {

@@ -10,9 +10,10 @@ use bevy::platform::time::Instant;
 use bevy::prelude::*;
 use bevy::render::renderer::RenderAdapterInfo;
 
+use crate::power::warnings::SaidFaults;
 use crate::power::{
-    Adapter, AdapterKind, MeterInfo, MeterState, OpenMeterError, PowerMeter, PowerSampler,
-    SamplerSettings, detect, open,
+    Adapter, MeterInfo, MeterState, OpenMeterError, PowerMeter, PowerSampler, SamplerSettings,
+    detect, open,
 };
 use crate::units::Watts;
 
@@ -20,8 +21,9 @@ use crate::units::Watts;
 /// while the meter is lost.
 pub const POWER_DIAGNOSTIC: DiagnosticPath = DiagnosticPath::const_new("frugal_gi/power/board");
 
-/// Opens a meter; called once, on the sampling thread. An error makes [`MeteredPower::state`]
-/// `Unavailable` with its message.
+/// Opens a meter, on the sampling thread. An error makes [`MeteredPower::state`] `Unavailable` with
+/// its message, and it is called again after 5 s, 10 s, 20 s, and then every 40 s; never again after
+/// it has opened one.
 pub type MeterFactory = Arc<dyn Fn() -> Result<Box<dyn PowerMeter>, OpenMeterError> + Send + Sync>;
 
 /// Selects the meter that an app reads.
@@ -135,12 +137,12 @@ fn start_sampler(
     adapter_info: Option<Res<RenderAdapterInfo>>,
     mut metered: ResMut<MeteredPower>,
 ) {
-    let adapter = adapter_info.map(|info| describe(&info)).unwrap_or_default();
+    let adapter = adapter_info.map(|info| Adapter::from(&*info.0)).unwrap_or_default();
     let PowerPlugin { meter, sampler } = settings.0.clone();
     let started = match meter {
-        MeterChoice::Automatic => PowerSampler::start_with(move || detect(&adapter), sampler),
-        MeterChoice::Named(name) => PowerSampler::start_with(move || open(&name), sampler),
-        MeterChoice::Custom(factory) => PowerSampler::start_with(move || factory(), sampler),
+        MeterChoice::Automatic => PowerSampler::start(move || detect(&adapter), sampler, false),
+        MeterChoice::Named(name) => PowerSampler::start(move || open(&name), sampler, false),
+        MeterChoice::Custom(factory) => PowerSampler::start(move || factory(), sampler, false),
         MeterChoice::Off => {
             metered.state =
                 MeterState::Unavailable { reason: "metering is switched off".to_owned() };
@@ -156,34 +158,24 @@ fn start_sampler(
     }
 }
 
-/// The renderer's adapter as this crate's type.
-fn describe(info: &RenderAdapterInfo) -> Adapter {
-    // Bevy exposes the adapter's description but not the type of this field; a dependency on the
-    // graphics library for one type is not worthwhile.
-    let device_type = format!("{:?}", info.device_type);
-    let kind = match device_type.as_str() {
-        "Cpu" => AdapterKind::Software,
-        "IntegratedGpu" | "DiscreteGpu" | "VirtualGpu" => AdapterKind::Hardware,
-        _ => AdapterKind::Unknown,
-    };
-    Adapter {
-        kind,
-        name: info.name.clone(),
-        pci_bus_id: info.device_pci_bus_id.clone(),
-        vendor_id: info.vendor,
-        device_id: info.device,
-        is_integrated: device_type == "IntegratedGpu",
+/// When the first figures were published.
+struct Started(Instant);
+
+impl Default for Started {
+    fn default() -> Self {
+        Self(Instant::now())
     }
 }
 
-/// Publishes changed figures of the sampler. Warns once per reason why the power is unknown.
+/// Publishes changed figures of the sampler. Warns once of each fault.
 fn publish_power(
     sampler: Res<RunningSampler>,
     mut metered: ResMut<MeteredPower>,
     mut diagnostics: Diagnostics,
     mut seen: Local<Option<(u64, bool)>>,
     mut sample_count: Local<u64>,
-    mut warned: Local<Option<String>>,
+    mut said: Local<SaidFaults>,
+    time: Local<Started>,
 ) {
     let Some(snapshot) = sampler.0.snapshot_if_changed(&mut seen) else { return };
     if let (Some(latest), true) = (snapshot.latest, snapshot.sample_count > *sample_count) {
@@ -191,10 +183,9 @@ fn publish_power(
     }
     *sample_count = snapshot.sample_count;
     if let MeterState::Lost { reason } | MeterState::Unavailable { reason } = &snapshot.state
-        && warned.as_ref() != Some(reason)
+        && said.is_new(reason, time.0.elapsed())
     {
         warn!("power is not metered: {reason}");
-        *warned = Some(reason.clone());
     }
     if metered.info.is_none()
         && let Some(info) = &snapshot.info

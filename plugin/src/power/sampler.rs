@@ -1,4 +1,4 @@
-//! Polls a meter on a thread of its own, since a reading may take milliseconds and a driver may
+//! Samples a meter on a thread of its own, since a reading may take milliseconds and a driver may
 //! hang.
 
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError, mpsc};
@@ -8,21 +8,25 @@ use std::time::Duration;
 // The standard one panics in a browser.
 use bevy::platform::time::Instant;
 
-use crate::power::tracker::PowerTracker;
-use crate::power::window::least_window;
+use crate::power::meter::least_window;
+use crate::power::tracker::{Moment, PowerTracker};
 use crate::power::{MeterError, MeterState, OpenMeterError, PowerMeter, PowerSnapshot};
 
-/// Shortest polling interval. Faster polling costs more power than the extra readings are worth: at
-/// 1 kHz, polling alone slowed programs by tens of percent.
+/// Shortest time between an app's readings. Faster polling costs more power than the extra readings
+/// are worth: at 1 kHz, polling alone slowed programs by tens of percent.
 const MIN_INTERVAL: Duration = Duration::from_millis(50);
+/// Time between readings of a measurement, which sees each step of a counter.
+const FINE_INTERVAL: Duration = Duration::from_millis(5);
+/// Time between readings of a meter that fails, at least.
+const LOST_INTERVAL: Duration = Duration::from_secs(1);
 
-/// Time without an answer after which a meter counts as hung; the longer of this and
-/// `HANG_INTERVALS` intervals applies.
-const HANG_TIMEOUT: Duration = Duration::from_secs(5);
-const HANG_INTERVALS: u32 = 10;
+/// Time without an answer, beyond the time between readings, after which a meter counts as hung, and
+/// the same of one that is being opened: each may take seconds until its counter moves.
+const HANG_TIMEOUT: Duration = Duration::from_secs(2);
+const OPEN_TIMEOUT: Duration = Duration::from_secs(45);
 
-/// Time until a meter that could not be opened is tried again. It doubles with each trial, as a
-/// meter's self-test takes power, up to the second.
+/// Time until a meter that could not be opened is tried again. It doubles with each trial of one that
+/// is not there, as looking for it takes power, up to the second.
 const FIRST_REOPENING: Duration = Duration::from_millis(if cfg!(test) { 20 } else { 5_000 });
 const LAST_REOPENING: Duration = Duration::from_secs(40);
 
@@ -54,20 +58,21 @@ struct Published {
     /// The fixed moment that times of the snapshot count from.
     origin: Instant,
     snapshot: PowerSnapshot,
-    interval: Duration,
+    /// Longest time until the next update that is no hang.
+    patience: Duration,
     /// Increases with every poll.
     revision: u64,
     /// Time of the thread's last update.
     at: Instant,
 }
 
-/// Polls a meter in the background and keeps the latest and the mean power. Stops when dropped;
-/// waits at most 0.5 s for its thread.
+/// Samples a meter in the background and judges its readings. Stops when dropped; waits at most
+/// 0.5 s for its thread.
 ///
-/// A failed meter is still polled, so that it recovers after an unplugged charger or a driver's
+/// A failed meter is still read, so that it recovers after an unplugged charger or a driver's
 /// restart.
 #[derive(Debug)]
-pub(crate) struct PowerSampler {
+pub struct PowerSampler {
     published: Arc<Mutex<Published>>,
     /// Dropped to stop the thread.
     stop: Option<mpsc::Sender<()>>,
@@ -75,17 +80,28 @@ pub(crate) struct PowerSampler {
 }
 
 impl PowerSampler {
-    /// Starts to sample `meter`.
+    /// Samples an open meter every 5 ms, or where it tells a power every
+    /// [`poll_seconds`](PowerMeter::poll_seconds): for a measurement, whose
+    /// [`counted`](PowerSnapshot::counted) energy goes from step to step of the counter.
     ///
     /// # Errors
     /// [`MeterError::Unavailable`] when the thread cannot be created.
-    #[cfg(test)]
-    pub(crate) fn start(
+    pub fn fine(meter: Box<dyn PowerMeter>) -> Result<Self, MeterError> {
+        let interval = FINE_INTERVAL;
+        Self::of(meter, SamplerSettings { interval, smoothing: Duration::ZERO }, true)
+    }
+
+    /// Samples an open meter.
+    fn of(
         meter: Box<dyn PowerMeter>,
         settings: SamplerSettings,
+        is_fine: bool,
     ) -> Result<Self, MeterError> {
         let mut meter = Some(meter);
-        Self::start_with(move || Ok(meter.take().expect("opened once")), settings)
+        let open = move || {
+            meter.take().ok_or_else(|| MeterError::unavailable("sampler", "it was opened").into())
+        };
+        Self::start(open, settings, is_fine)
     }
 
     /// Opens a meter on the sampling thread, which may block, and starts to sample it. When `open`
@@ -94,15 +110,16 @@ impl PowerSampler {
     ///
     /// # Errors
     /// [`MeterError::Unavailable`] when the thread cannot be created.
-    pub(crate) fn start_with(
+    pub(crate) fn start(
         mut open: impl FnMut() -> Result<Box<dyn PowerMeter>, OpenMeterError> + Send + 'static,
         settings: SamplerSettings,
+        is_fine: bool,
     ) -> Result<Self, MeterError> {
         let origin = Instant::now();
         let published = Arc::new(Mutex::new(Published {
             origin,
             snapshot: PowerSnapshot::default(),
-            interval: settings.interval,
+            patience: OPEN_TIMEOUT,
             revision: 0,
             at: origin,
         }));
@@ -114,8 +131,14 @@ impl PowerSampler {
                 let mut wait = FIRST_REOPENING;
                 loop {
                     match open() {
-                        Ok(meter) => return poll(meter, settings, &shared, &stopped),
-                        Err(error) => refuse(&shared, error.to_string()),
+                        Ok(meter) => return poll(meter, settings, is_fine, &shared, &stopped),
+                        Err(error) => {
+                            // It is there, and may answer at any time.
+                            if let OpenMeterError::Meter(MeterError::Unreadable { .. }) = error {
+                                wait = FIRST_REOPENING;
+                            }
+                            refuse(&shared, error.to_string());
+                        }
                     }
                     if stopped.recv_timeout(wait) != Err(mpsc::RecvTimeoutError::Timeout) {
                         return;
@@ -133,8 +156,7 @@ impl PowerSampler {
     }
 
     /// The current figures. Never waits for the meter.
-    #[cfg(test)]
-    pub(crate) fn snapshot(&self) -> PowerSnapshot {
+    pub fn snapshot(&self) -> PowerSnapshot {
         let published = lock(&self.published);
         self.with_fault(&published)
     }
@@ -175,8 +197,8 @@ impl PowerSampler {
         if self.thread.as_ref().is_none_or(JoinHandle::is_finished) {
             return Some("the meter panicked".to_owned());
         }
-        let timeout = HANG_TIMEOUT.max(published.interval.saturating_mul(HANG_INTERVALS));
         // Reports the limit and not the elapsed time, which would change the reason at every call.
+        let timeout = published.patience;
         (published.at.elapsed() > timeout)
             .then(|| format!("the meter has not answered for {:.0} s", timeout.as_secs_f64()))
     }
@@ -216,31 +238,88 @@ fn refuse(published: &Mutex<Published>, reason: String) {
 fn poll(
     mut meter: Box<dyn PowerMeter>,
     settings: SamplerSettings,
+    is_fine: bool,
     published: &Mutex<Published>,
     stopped: &mpsc::Receiver<()>,
 ) {
     let window = least_window(meter.as_ref());
-    let interval = settings.interval.max(window).max(MIN_INTERVAL);
-    let mut tracker = PowerTracker::new(meter.info(), meter.idle(), window, settings.smoothing);
-    let origin = lock(published).origin;
+    let interval = settings.interval.max(if is_fine { FINE_INTERVAL } else { MIN_INTERVAL });
+    // A power is read at its own rate, a counter once in a window.
+    let least = meter.poll_seconds().max(MIN_INTERVAL.as_secs_f64());
+    let (interval, settling) = match Duration::try_from_secs_f64(least) {
+        Ok(least) => (interval.max(window).min(least), least),
+        Err(_) if is_fine => (interval, interval),
+        Err(_) => (interval.max(window), interval.min(MIN_INTERVAL.max(window / 4))),
+    };
+    let mut tracker = PowerTracker::new(meter.as_ref(), interval, settings.smoothing);
+    // What is counted before a sleep is no matter: sleeps are told by changes.
+    let clock = Clock::since(lock(published).origin);
     loop {
-        let before = origin.elapsed();
-        let answer = meter.energy();
+        let before = clock.now();
+        let answer = meter.read();
+        let after = clock.now();
         // The midpoint of the call: a driver may take milliseconds to answer.
-        let at = before + (origin.elapsed() - before) / 2;
-        tracker.push(answer, at);
+        let at = before.clock + (after.clock - before.clock) / 2;
+        let has_failed = answer.is_err();
+        tracker.push(answer, Moment { clock: at, slept: after.slept });
+        let wait = match tracker.is_settling() {
+            _ if has_failed => interval.max(LOST_INTERVAL),
+            true => interval.min(settling),
+            false => interval,
+        };
         {
             let mut published = lock(published);
             published.snapshot.clone_from(tracker.snapshot());
-            published.interval = interval;
+            published.patience = wait.saturating_add(HANG_TIMEOUT);
             published.revision += 1;
             published.at = Instant::now();
         }
-        match stopped.recv_timeout(interval) {
+        match stopped.recv_timeout(wait) {
             Err(mpsc::RecvTimeoutError::Timeout) => {}
             Ok(()) | Err(mpsc::RecvTimeoutError::Disconnected) => return,
         }
     }
+}
+
+/// A clock that tells sleep.
+pub(crate) struct Clock {
+    origin: Instant,
+    /// Of a clock that runs on in sleep.
+    started: Option<Duration>,
+}
+
+impl Clock {
+    /// A clock that counts from `origin`, which is about now.
+    pub(crate) fn since(origin: Instant) -> Self {
+        Self { origin, started: running_on() }
+    }
+
+    /// The time since the origin.
+    pub(crate) fn now(&self) -> Moment {
+        let clock = self.origin.elapsed();
+        let all = running_on().zip(self.started).map(|(now, started)| now.saturating_sub(started));
+        Moment { clock, slept: all.map_or(Duration::ZERO, |all| all.saturating_sub(clock)) }
+    }
+}
+
+/// A clock that runs on while the machine sleeps, where the other one stands still: that of
+/// `Instant` does on Linux and Apple's systems.
+#[cfg(any(target_os = "linux", target_os = "android", target_vendor = "apple"))]
+fn running_on() -> Option<Duration> {
+    use rustix::time::{ClockId, clock_gettime};
+    #[cfg(any(target_os = "linux", target_os = "android"))]
+    let clock = ClockId::Boottime;
+    #[cfg(target_vendor = "apple")]
+    let clock = ClockId::Monotonic;
+    let time = clock_gettime(clock);
+    let nanoseconds = u32::try_from(time.tv_nsec).unwrap_or_default();
+    Some(Duration::new(u64::try_from(time.tv_sec).unwrap_or_default(), nanoseconds))
+}
+
+/// Elsewhere the clock runs on, and the time without a reading tells a sleep.
+#[cfg(not(any(target_os = "linux", target_os = "android", target_vendor = "apple")))]
+fn running_on() -> Option<Duration> {
+    None
 }
 
 #[cfg(test)]
@@ -280,7 +359,8 @@ mod tests {
         let readings =
             (0..4).map(|index| Ok(Joules(f64::from(index)))).chain([failing.clone(), failing]);
         let readings = readings.chain((10..200).map(|index| Ok(Joules(f64::from(index)))));
-        let sampler = PowerSampler::start(Box::new(ScriptedMeter::new(readings)), QUICK).unwrap();
+        let sampler =
+            PowerSampler::of(Box::new(ScriptedMeter::new(readings)), QUICK, false).unwrap();
         let running =
             wait_for(&sampler, "first figures", |snapshot| snapshot.state == MeterState::Running);
         assert!(running.latest.unwrap().0 > 0.0 && running.mean.unwrap().0 > 0.0);
@@ -301,7 +381,7 @@ mod tests {
             let readings = (0..200).map(|index| Ok(Joules(f64::from(index))));
             Ok(Box::new(ScriptedMeter::new(readings)) as Box<dyn PowerMeter>)
         };
-        let sampler = PowerSampler::start_with(open, QUICK).unwrap();
+        let sampler = PowerSampler::start(open, QUICK, false).unwrap();
         let mut seen = None;
         let mut refusals = 0;
         let running = loop {
@@ -321,7 +401,7 @@ mod tests {
     #[test]
     fn a_meter_that_cannot_be_opened_is_unavailable_with_the_reason() {
         let sampler =
-            PowerSampler::start_with(|| crate::power::open("no such meter"), QUICK).unwrap();
+            PowerSampler::start(|| crate::power::open("no such meter"), QUICK, false).unwrap();
         let snapshot =
             wait_for(&sampler, "refusal", |snapshot| snapshot.state != MeterState::Starting);
         let MeterState::Unavailable { reason } = snapshot.state else { panic!("{snapshot:?}") };
@@ -358,15 +438,18 @@ mod tests {
 
     #[test]
     fn a_meter_that_panics_is_lost() {
-        let sampler = PowerSampler::start(Box::new(BadMeter { hang: None }), QUICK).unwrap();
+        let sampler = PowerSampler::of(Box::new(BadMeter { hang: None }), QUICK, false).unwrap();
         wait_for(&sampler, "loss", is_lost);
     }
 
     #[test]
     fn a_meter_that_hangs_does_not_block_the_drop() {
-        let sampler =
-            PowerSampler::start(Box::new(BadMeter { hang: Some(Duration::from_secs(30)) }), QUICK)
-                .unwrap();
+        let sampler = PowerSampler::of(
+            Box::new(BadMeter { hang: Some(Duration::from_secs(30)) }),
+            QUICK,
+            false,
+        )
+        .unwrap();
         let start = Instant::now();
         drop(sampler);
         assert!(start.elapsed() < Duration::from_secs(15), "the meter hangs for 30 s");
@@ -376,16 +459,17 @@ mod tests {
     fn the_longest_interval_overflows_nothing() {
         let settings = SamplerSettings { interval: Duration::MAX, ..QUICK };
         let meter = Box::new(ScriptedMeter::joules([1.0, 2.0]));
-        let sampler = PowerSampler::start(meter, settings).unwrap();
+        let sampler = PowerSampler::of(meter, settings, false).unwrap();
         let snapshot = wait_for(&sampler, "meter", |snapshot| snapshot.info.is_some());
         assert_eq!(snapshot.latest, None, "one reading gives no power");
     }
 
     #[test]
     fn a_change_is_reported_once() {
-        let sampler = PowerSampler::start(
+        let sampler = PowerSampler::of(
             Box::new(ScriptedMeter::joules([1.0]).with_window_seconds(50.0)),
             QUICK,
+            false,
         )
         .unwrap();
         wait_for(&sampler, "meter", |snapshot| snapshot.info.is_some());

@@ -1,32 +1,61 @@
-//! Power over time from a counter's readings, with handling of readings that fall, stand still,
-//! jump or fail. Has no threads and no clock, so that tests can inject every fault.
+//! The fault model of every meter: power over time from readings that may fall, stand still, jump,
+//! sleep or fail. Has no threads and no clock, so that tests can inject every fault.
+//!
+//! Readings become *pieces*, energy over a time. A piece far above the recent power waits for the
+//! pieces after it: a load stays, a counter that jumped does not. The energy of a time with a fault
+//! is never counted.
 
 use std::time::Duration;
 
 use bevy::reflect::Reflect;
 
-use crate::power::window::{did_not_move, fell, not_a_number};
-use crate::power::{MeterError, MeterInfo};
+use crate::power::meter::least_window;
+use crate::power::{Count, MeterError, MeterInfo, PowerMeter, Provenance, Reading};
 use crate::units::{Joules, Watts};
 
-/// Largest plausible power of a machine that runs this plugin; a higher value means that the
-/// counter jumped.
-const MAXIMUM_PLAUSIBLE: Watts = Watts(100_000.0);
-
-/// Number of consecutive dropped intervals after which the meter is lost.
+/// Largest plausible power of one machine that renders, watts.
+const MAX_WATTS: f64 = 5_000.0;
+/// A piece waits if it is above the recent power by more than this factor and these watts.
+const RISE: f64 = 2.0;
+const RISE_WATTS: f64 = 1.0;
+/// Pieces in succession above that, the first included, which make a load.
+const PIECES_OF_A_LOAD: usize = 3;
+/// Their length where a sensor tells them: a false value stays for some readings, where a false
+/// count is in one piece. At least the meter's window.
+const LOAD_SECONDS: f64 = 1.0;
+/// A high piece and the next are one that was read late if their mean is above the recent power by no
+/// more than this factor.
+const LATE: f64 = 1.25;
+/// The recent power falls with this time constant, seconds.
+const RECENT_SECONDS: f64 = 2.0;
+/// Lone high pieces that recur without a fall of the counter are bursts of load from this many on,
+/// where one counts for this many seconds.
+const BURSTS_OF_A_LOAD: f64 = 3.0;
+const BURST_SECONDS: f64 = 8.0;
+/// Shortest piece that is judged, seconds; of less, power is mostly the counter's steps.
+const MIN_PIECE: Duration = Duration::from_millis(90);
+/// Ratio of the powers after and before a wrap. A reset, too, lets a counter fall; what it then seems
+/// to have counted is rarely near the power before.
+const WRAP_RATIO: f64 = 2.0;
+/// Dropped intervals in succession after which the meter is lost.
 const DROPS_IN_SUCCESSION: u32 = 3;
-
 /// Time without an increase after which a counter counts as stuck; the longer of this and
-/// `STUCK_AFTER_WINDOWS` of its windows applies. Counters that update only once a second, or more
-/// slowly than specified, are common; a device without power draw for seconds is not.
-const STUCK_AFTER: Duration = Duration::from_secs(5);
-const STUCK_AFTER_WINDOWS: u32 = 10;
+/// `STUCK_WINDOWS` windows. Drivers update more slowly than they say.
+const STUCK_AFTER: Duration = Duration::from_secs(10);
+const STUCK_WINDOWS: u32 = 10;
+/// Time without a sign of life after which a sensor counts as stuck. Batteries have new values every
+/// minute at the latest.
+const LIFELESS_AFTER: Duration = Duration::from_secs(120);
+/// Time by which clocks must disagree to tell a sleep; less is the time between reading them.
+const MIN_SLEEP: Duration = Duration::from_millis(500);
+/// Shortest time without a reading that tells a sleep where the clock runs on.
+const MIN_GAP: Duration = Duration::from_secs(5);
 
 /// Whether the metered power is known.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Reflect)]
 #[non_exhaustive]
 pub enum MeterState {
-    /// The meter is being opened, or the first interval has not ended.
+    /// The meter is being opened, or the first interval has not ended, also after a sleep.
     #[default]
     Starting,
     /// Valid readings arrive.
@@ -44,9 +73,19 @@ pub enum MeterState {
     },
 }
 
-/// Figures of a sampler at one moment.
+/// A moment on a clock that may stand still while the machine sleeps.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub(crate) struct Moment {
+    /// Time since a fixed moment.
+    pub clock: Duration,
+    /// Time by which a clock that runs on in sleep is ahead; grows with each sleep.
+    pub slept: Duration,
+}
+
+/// Figures of a meter at one moment.
 #[derive(Clone, Debug, Default, PartialEq)]
-pub(crate) struct PowerSnapshot {
+#[non_exhaustive]
+pub struct PowerSnapshot {
     /// The meter, once it is open.
     pub info: Option<MeterInfo>,
     /// Whether the power is known.
@@ -59,15 +98,18 @@ pub(crate) struct PowerSnapshot {
     pub mean: Option<Watts>,
     /// Length of the interval of `latest`. `None` unless the state is `Running`.
     pub interval: Option<Duration>,
-    /// Time of the reading that ends the interval, on the caller's clock. `None` unless the state
-    /// is `Running`.
+    /// Time of the reading that ends the interval, since the sampler's start. `None` unless the
+    /// state is `Running`.
     pub at: Option<Duration>,
     /// Number of valid intervals.
     pub sample_count: u64,
-    /// Number of intervals dropped because the counter fell or jumped, or time went backwards.
+    /// Number of pieces dropped because the counter fell or jumped, or time went backwards.
     pub dropped_count: u64,
-    /// Why the last dropped interval was dropped.
+    /// Why the last dropped piece was dropped.
     pub note: Option<String>,
+    /// Energy of all valid pieces so far, without the meter's idle power, and their length. The
+    /// quotient of two differences is a mean power, whatever was dropped between.
+    pub counted: (Joules, Duration),
 }
 
 impl PowerSnapshot {
@@ -81,37 +123,95 @@ impl PowerSnapshot {
     }
 }
 
-/// A counter's value and its time since a fixed moment.
-#[derive(Clone, Copy, Debug)]
-struct Base {
-    energy: Joules,
-    at: Duration,
+/// Energy over a time.
+#[derive(Clone, Copy, Debug, Default)]
+struct Piece {
+    joules: f64,
+    seconds: f64,
 }
 
-/// Computes power from a counter's readings.
+impl Piece {
+    fn watts(self) -> f64 {
+        self.joules / self.seconds
+    }
+
+    fn and(self, other: Self) -> Self {
+        Self { joules: self.joules + other.joules, seconds: self.seconds + other.seconds }
+    }
+}
+
+/// What the next piece begins with.
+#[derive(Debug)]
+enum Base {
+    Counters {
+        counts: Vec<Count>,
+        at: Duration,
+        /// The last value of each, and the time since when it is so.
+        seen: Vec<(Joules, Duration)>,
+        is_stuck: bool,
+    },
+    Power {
+        watts: f64,
+        at: Duration,
+    },
+}
+
+/// Why a reading makes no piece.
+enum Fault {
+    /// The time up to here is not counted.
+    Dropped(String),
+    Lost(MeterError),
+}
+
+/// Computes power from a meter's readings.
 #[derive(Debug)]
 pub(crate) struct PowerTracker {
     name: String,
     idle: Watts,
     window: Duration,
+    /// Shortest piece.
+    least: Duration,
     smoothing: Duration,
+    /// Longest time between two readings that is no sleep.
+    gap: Duration,
+    /// A model is right about every jump: it counts what happens.
+    believes_jumps: bool,
+    last: Option<Moment>,
     base: Option<Base>,
+    /// A sign of life, and since when it is the same.
+    life: Option<(u64, Duration)>,
+    /// The recent power, watts, and whether it is only that of a first piece, whose begin is not
+    /// known.
+    recent: Option<(f64, bool)>,
+    pending: Vec<Piece>,
+    /// Lone high pieces of late, and when they were counted.
+    bursts: (f64, Duration),
+    /// The interval that has not ended.
+    open: Piece,
     drops_in_succession: u32,
-    stuck: bool,
     snapshot: PowerSnapshot,
 }
 
 impl PowerTracker {
-    /// `window`: shortest valid interval; `smoothing`: time constant of the mean.
-    pub(crate) fn new(info: MeterInfo, idle: Watts, window: Duration, smoothing: Duration) -> Self {
+    /// For readings of `meter` every `poll`; `smoothing`: time constant of the mean.
+    pub(crate) fn new(meter: &dyn PowerMeter, poll: Duration, smoothing: Duration) -> Self {
+        let (info, window) = (meter.info(), least_window(meter));
         Self {
             name: info.name.clone(),
-            idle,
+            idle: meter.idle(),
             window,
+            least: window.min(MIN_PIECE),
             smoothing,
+            gap: MIN_GAP.max(poll.saturating_mul(4)),
+            believes_jumps: info.provenance == Provenance::Modelled,
+            last: None,
             base: None,
+            life: None,
+            recent: None,
+            pending: Vec::new(),
+            bursts: (0.0, Duration::ZERO),
+            open: Piece::default(),
             drops_in_succession: 0,
-            stuck: false,
             snapshot: PowerSnapshot { info: Some(info), ..PowerSnapshot::default() },
         }
     }
@@ -121,253 +221,295 @@ impl PowerTracker {
         &self.snapshot
     }
 
-    /// Adds the meter's answer at time `at`.
-    pub(crate) fn push(&mut self, answer: Result<Joules, MeterError>, at: Duration) {
-        let energy = match answer {
-            Ok(energy) if energy.0.is_finite() => energy,
-            Ok(energy) => {
-                return self.lose(MeterError::broken(self.name.as_str(), not_a_number(energy)));
-            }
-            Err(error) => return self.lose(error),
-        };
-        let now = Base { energy, at };
-        let Some(base) = self.base else {
-            self.base = Some(now);
-            return;
-        };
-        if at < base.at {
-            return self.drop_interval(now, "time went backwards".to_owned());
-        }
-        if energy < base.energy {
-            // A wrap, a driver reload, or a fault cannot be distinguished here, so the interval is
-            // dropped.
-            return self.drop_interval(now, fell(base.energy, energy));
-        }
-        let elapsed = at - base.at;
-        // Timers are slightly late or early: an interval up to a tenth shorter than the window
-        // still counts.
-        if elapsed.is_zero() || elapsed < self.window.mul_f64(0.9) {
-            return;
-        }
-        if self.stuck {
-            // The first increase after a standstill may include the energy of all of it.
-            self.stuck = energy == base.energy;
-            self.base = Some(now);
-            return;
-        }
-        if energy == base.energy {
-            // An unchanged counter is not 0 W: the interval grows until the counter updates or
-            // counts as stuck.
-            if elapsed >= STUCK_AFTER.max(self.window.saturating_mul(STUCK_AFTER_WINDOWS)) {
-                self.lose(MeterError::broken(self.name.as_str(), did_not_move(elapsed)));
-                self.stuck = true;
-                self.base = Some(now);
-            }
-            return;
-        }
-        let power = self.idle + (energy - base.energy).per_seconds(elapsed.as_secs_f64());
-        // Also rejects a difference that overflowed, and a NaN idle power.
-        if !(0.0..=MAXIMUM_PLAUSIBLE.0).contains(&power.0) {
-            return self.drop_interval(
-                now,
-                format!("the counter jumped from {} J to {} J", base.energy.0, energy.0),
-            );
-        }
-        self.base = Some(now);
-        self.drops_in_succession = 0;
-        self.publish(power, elapsed, at);
+    /// Whether more readings are needed before one says something.
+    pub(crate) fn is_settling(&self) -> bool {
+        self.recent.is_none_or(|(_, is_first)| is_first) || !self.pending.is_empty()
     }
 
-    fn publish(&mut self, power: Watts, elapsed: Duration, at: Duration) {
+    /// Adds the meter's answer at a moment.
+    pub(crate) fn push(&mut self, answer: Result<Reading, MeterError>, now: Moment) {
+        if let Some(last) = self.last.replace(now) {
+            match now.clock.checked_sub(last.clock) {
+                None => {
+                    self.restart();
+                    self.drop_piece("time went backwards".to_owned());
+                }
+                Some(gap) if gap > self.gap || now.slept > last.slept + MIN_SLEEP => {
+                    // The machine slept. What it drew is nobody's power, and the last figures are
+                    // those of another time.
+                    self.restart();
+                    self.life = None;
+                    if self.snapshot.state == MeterState::Running {
+                        self.snapshot.lose(MeterState::Starting);
+                    }
+                }
+                Some(_) => {}
+            }
+        }
+        let piece = answer.map_err(Fault::Lost).and_then(|reading| match reading {
+            Reading::Energy(counts) => self.count(counts, now.clock),
+            Reading::Power { power, sign_of_life } => {
+                self.integrate(power.0, sign_of_life, now.clock)
+            }
+        });
+        match piece {
+            Ok(Some(piece)) => self.judge(piece, now.clock),
+            Ok(None) => {}
+            Err(Fault::Dropped(note)) => {
+                self.bursts.0 = 0.0;
+                self.drop_piece(note);
+            }
+            Err(Fault::Lost(error)) => {
+                self.restart_unless_stuck();
+                self.snapshot.lose(MeterState::Lost { reason: error.to_string() });
+            }
+        }
+    }
+
+    fn broken(&self, reason: String) -> Fault {
+        Fault::Lost(MeterError::broken(self.name.as_str(), reason))
+    }
+
+    /// Forgets what pieces are made of and compared with.
+    fn restart(&mut self) {
+        self.base = None;
+        self.recent = None;
+        self.pending.clear();
+        self.open = Piece::default();
+    }
+
+    /// The same, but a stuck counter is still known when it moves.
+    fn restart_unless_stuck(&mut self) {
+        let base = self.base.take();
+        self.restart();
+        self.base = base.filter(|base| matches!(base, Base::Counters { is_stuck: true, .. }));
+    }
+
+    /// The piece up to these values of counters.
+    fn count(&mut self, counts: Vec<Count>, at: Duration) -> Result<Option<Piece>, Fault> {
+        if let Some(odd) = counts.iter().find(|count| !count.energy.0.is_finite()) {
+            return Err(self.broken(format!("the counter reads {} J", odd.energy.0)));
+        }
+        let stuck_after = STUCK_AFTER.max(self.window.saturating_mul(STUCK_WINDOWS));
+        let Some(Base::Counters { counts: before, at: since, seen, is_stuck }) = &mut self.base
+        else {
+            self.base = Some(counters(counts, at));
+            return Ok(None);
+        };
+        if before.len() != counts.len() {
+            self.base = Some(counters(counts, at));
+            return Err(Fault::Dropped("another counter takes part".to_owned()));
+        }
+        for (count, seen) in counts.iter().zip(seen.iter_mut()) {
+            if count.energy != seen.0 {
+                *seen = (count.energy, at);
+            }
+        }
+        if seen.iter().any(|(_, since)| at.saturating_sub(*since) >= stuck_after) {
+            *is_stuck = true;
+            let seconds = stuck_after.as_secs_f64();
+            return Err(self.broken(format!("the counter did not move in {seconds:.0} s")));
+        }
+        let elapsed = at - *since;
+        if *is_stuck {
+            // The first increase after a standstill may include the energy of all of it.
+            self.base = Some(counters(counts, at));
+            return Ok(None);
+        }
+        let (mut rise, mut wrap) = (0.0, None);
+        for (before, count) in before.iter().zip(&counts) {
+            let (mut from, to) = (before.energy, count.energy);
+            if to < from {
+                let fault = fell(from, to);
+                match count.range {
+                    Some(range) if from <= range => from = from - range,
+                    _ => {
+                        self.base = Some(counters(counts, at));
+                        return Err(fault);
+                    }
+                }
+                wrap = Some(fault);
+            }
+            rise += (to - from).0;
+        }
+        if rise == 0.0 || elapsed.is_zero() || elapsed < self.least {
+            return Ok(None);
+        }
+        let piece = Piece { joules: rise, seconds: elapsed.as_secs_f64() };
+        let seen = std::mem::take(seen);
+        self.base = Some(Base::Counters { counts, at, seen, is_stuck: false });
+        let is_wrap = |recent: f64| {
+            piece.watts() <= recent * WRAP_RATIO && piece.watts() * WRAP_RATIO >= recent
+        };
+        match wrap {
+            Some(fault) if !self.recent.is_some_and(|(recent, _)| is_wrap(recent)) => Err(fault),
+            _ => Ok(Some(piece)),
+        }
+    }
+
+    /// The piece up to this power, by the trapezoidal rule.
+    fn integrate(
+        &mut self,
+        watts: f64,
+        life: Option<u64>,
+        at: Duration,
+    ) -> Result<Option<Piece>, Fault> {
+        if watts == 0.0 {
+            return Err(self.broken("it reads 0 W, which no machine draws that renders".to_owned()));
+        }
+        // Also rejects NaN.
+        if !(watts > 0.0 && watts <= MAX_WATTS) {
+            return Err(self.broken(format!("it reads {watts} W")));
+        }
+        if let Some(life) = life {
+            match self.life {
+                Some((same, since)) if same == life && at >= since => {
+                    if at - since >= LIFELESS_AFTER {
+                        let seconds = LIFELESS_AFTER.as_secs_f64();
+                        let reason = format!("its files say the same for {seconds:.0} s");
+                        return Err(self.broken(reason));
+                    }
+                }
+                _ => self.life = Some((life, at)),
+            }
+        }
+        let base = self.base.replace(Base::Power { watts, at });
+        let Some(Base::Power { watts: before, at: since }) = base else { return Ok(None) };
+        let seconds = (at - since).as_secs_f64();
+        let piece = Piece { joules: (before + watts) * 0.5 * seconds, seconds };
+        Ok((seconds > 0.0).then_some(piece))
+    }
+
+    /// Counts a piece, or lets it wait, or drops it.
+    fn judge(&mut self, piece: Piece, at: Duration) {
+        let watts = piece.watts();
+        // Also rejects a difference that overflowed.
+        if !(0.0..=MAX_WATTS).contains(&watts) {
+            return self.drop_piece(format!("the counter jumped by {} J", piece.joules));
+        }
+        let Some((recent, _)) = self.recent else {
+            // It is not known how old the first value was, and so the time of its piece.
+            self.recent = Some((watts, true));
+            if self.believes_jumps {
+                self.accept(piece, at);
+            }
+            return;
+        };
+        let is_load = |piece: Piece| piece.watts() <= RISE * recent + RISE_WATTS;
+        if self.believes_jumps {
+            self.accept(piece, at);
+        } else if is_load(piece) {
+            match std::mem::take(&mut self.pending)[..] {
+                [] => self.accept(piece, at),
+                // A late reading takes from one piece what it gives to the next.
+                [high] if high.and(piece).watts() <= LATE * recent => {
+                    self.accept(high.and(piece), at);
+                }
+                [high, ..] if self.is_burst(at) => {
+                    self.recent = Some((high.watts(), false));
+                    self.accept(high.and(piece), at);
+                }
+                [high, ..] => {
+                    self.drop_piece(format!("the counter jumped by {} J", high.joules));
+                    self.accept(piece, at);
+                }
+            }
+        } else {
+            self.pending.push(piece);
+            let seconds: f64 = self.pending.iter().map(|piece| piece.seconds).sum();
+            let is_long = matches!(self.base, Some(Base::Counters { .. }))
+                || seconds >= LOAD_SECONDS.max(self.window.as_secs_f64()) * 0.9;
+            if self.pending.len() >= PIECES_OF_A_LOAD && is_long {
+                let pending = std::mem::take(&mut self.pending);
+                let least = pending.iter().map(|piece| piece.watts()).fold(f64::MAX, f64::min);
+                self.recent = Some((least, false));
+                self.open = Piece::default();
+                // The load began somewhere in the first one.
+                for piece in pending.into_iter().skip(1) {
+                    if piece.watts() <= RISE * least + RISE_WATTS {
+                        self.accept(piece, at);
+                    }
+                }
+            }
+        }
+    }
+
+    /// Counts a lone high piece. Whether so many come that they are bursts of load.
+    fn is_burst(&mut self, at: Duration) -> bool {
+        let (count, since) = self.bursts;
+        let passed = at.saturating_sub(since).as_secs_f64();
+        self.bursts = (count * (-passed / BURST_SECONDS).exp() + 1.0, at);
+        self.bursts.0 >= BURSTS_OF_A_LOAD
+    }
+
+    fn accept(&mut self, piece: Piece, at: Duration) {
+        let faded = match self.recent {
+            Some((recent, false)) => recent * (-piece.seconds / RECENT_SECONDS).exp(),
+            _ => 0.0,
+        };
+        self.recent = Some((piece.watts().max(faded), false));
+        self.drops_in_succession = 0;
+        if let MeterState::Lost { .. } = self.snapshot.state {
+            self.snapshot.state = MeterState::Starting;
+        }
+        let (energy, length) = self.snapshot.counted;
+        let more = Duration::from_secs_f64(piece.seconds);
+        self.snapshot.counted = (energy + Joules(piece.joules), length + more);
+        self.open = self.open.and(piece);
+        // Timers are slightly late or early: an interval a tenth shorter than the window counts.
+        if self.open.seconds >= 0.9 * self.window.as_secs_f64() {
+            let interval = std::mem::take(&mut self.open);
+            self.publish(self.idle + Watts(interval.watts()), interval.seconds, at);
+        }
+    }
+
+    fn publish(&mut self, power: Watts, seconds: f64, at: Duration) {
+        if !power.0.is_finite() || power.0 < 0.0 {
+            return self.drop_piece(format!("the power is {} W", power.0));
+        }
         let snapshot = &mut self.snapshot;
         snapshot.mean = Some(match snapshot.mean {
             // An interval's weight depends on its length relative to the time constant, so that the
             // mean is independent of the polling rate.
             Some(mean) if !self.smoothing.is_zero() => {
-                let weight = -(-elapsed.as_secs_f64() / self.smoothing.as_secs_f64()).exp_m1();
+                let weight = -(-seconds / self.smoothing.as_secs_f64()).exp_m1();
                 mean + (power - mean) * weight
             }
             _ => power,
         });
         snapshot.latest = Some(power);
-        snapshot.interval = Some(elapsed);
+        snapshot.interval = Some(Duration::from_secs_f64(seconds));
         snapshot.at = Some(at);
         snapshot.state = MeterState::Running;
         snapshot.sample_count += 1;
     }
 
-    /// Drops the interval that ends now, and starts the next one here.
-    fn drop_interval(&mut self, now: Base, note: String) {
+    /// Drops what was read since the last valid piece.
+    fn drop_piece(&mut self, note: String) {
+        self.pending.clear();
+        self.open = Piece::default();
         self.snapshot.dropped_count += 1;
         self.drops_in_succession += 1;
         if self.drops_in_succession >= DROPS_IN_SUCCESSION {
             // The figures are out of date, and the counter is unusable.
             let reason =
                 format!("{DROPS_IN_SUCCESSION} intervals in succession were invalid: {note}");
-            self.lose(MeterError::broken(self.name.as_str(), reason));
+            let reason = MeterError::broken(self.name.as_str(), reason).to_string();
+            self.snapshot.lose(MeterState::Lost { reason });
         }
         self.snapshot.note = Some(note);
-        self.base = Some(now);
     }
+}
 
-    fn lose(&mut self, error: MeterError) {
-        self.snapshot.lose(MeterState::Lost { reason: error.to_string() });
-        self.base = None;
-        self.stuck = false;
-    }
+fn counters(counts: Vec<Count>, at: Duration) -> Base {
+    let seen = counts.iter().map(|count| (count.energy, at)).collect();
+    Base::Counters { counts, at, seen, is_stuck: false }
+}
+
+fn fell(from: Joules, to: Joules) -> Fault {
+    Fault::Dropped(format!("the counter fell from {} J to {} J", from.0, to.0))
 }
 
 #[cfg(test)]
-mod tests {
-    use super::*;
-    use crate::power::{PowerMeter, ScriptedMeter};
-
-    /// A tracker with a window of 0.25 s after `readings`, 0.25 s apart, from 0 s on.
-    fn after(readings: impl IntoIterator<Item = f64>) -> PowerTracker {
-        let meter = ScriptedMeter::joules([]);
-        let mut tracker = PowerTracker::new(
-            meter.info(),
-            Watts(0.0),
-            Duration::from_millis(250),
-            Duration::from_secs(2),
-        );
-        for (index, joules) in readings.into_iter().enumerate() {
-            tracker.push(Ok(Joules(joules)), Duration::from_millis(250) * index as u32);
-        }
-        tracker
-    }
-
-    fn lost_reason(tracker: &PowerTracker) -> &str {
-        let MeterState::Lost { reason } = &tracker.snapshot().state else {
-            panic!("{:?}", tracker.snapshot())
-        };
-        assert_eq!(
-            (tracker.snapshot().latest, tracker.snapshot().mean),
-            (None, None),
-            "a lost meter reports no power"
-        );
-        reason
-    }
-
-    #[test]
-    fn one_reading_gives_no_power() {
-        assert_eq!(after([5.0]).snapshot().state, MeterState::Starting);
-        assert_eq!(after([5.0]).snapshot().latest, None);
-    }
-
-    #[test]
-    fn power_is_rise_over_time() {
-        let tracker = after([100.0, 102.0, 104.0, 108.0]);
-        let snapshot = tracker.snapshot();
-        assert_eq!((snapshot.latest, snapshot.sample_count), (Some(Watts(16.0)), 3));
-        assert_eq!(snapshot.at, Some(Duration::from_millis(750)), "the reading's own time");
-        let mean = snapshot.mean.unwrap().0;
-        assert!(
-            mean > 8.0 && mean < 10.0,
-            "a step of 8 W for an eighth of the time constant is about 1 W: {mean}"
-        );
-    }
-
-    #[test]
-    fn idle_power_is_added() {
-        let mut tracker = PowerTracker::new(
-            ScriptedMeter::joules([]).info(),
-            Watts(3.0),
-            Duration::ZERO,
-            Duration::ZERO,
-        );
-        tracker.push(Ok(Joules(0.0)), Duration::ZERO);
-        tracker.push(Ok(Joules(2.0)), Duration::from_secs(1));
-        assert_eq!(tracker.snapshot().latest, Some(Watts(5.0)));
-    }
-
-    #[test]
-    fn a_wrap_drops_one_interval() {
-        let tracker = after([100.0, 101.0, 0.5, 1.5]);
-        let snapshot = tracker.snapshot();
-        assert_eq!(
-            (snapshot.latest, snapshot.sample_count, snapshot.dropped_count),
-            (Some(Watts(4.0)), 2, 1)
-        );
-        assert!(snapshot.note.as_deref().unwrap().contains("fell from 101 J to 0.5 J"));
-    }
-
-    #[test]
-    fn a_counter_that_keeps_falling_is_lost() {
-        assert!(lost_reason(&after([9.0, 8.0, 7.0, 6.0])).contains("fell"));
-        assert_eq!(
-            after([9.0, 8.0, 7.0, 6.0, 7.0]).snapshot().latest,
-            Some(Watts(4.0)),
-            "and comes back when it rises"
-        );
-    }
-
-    #[test]
-    fn a_jump_is_dropped() {
-        let tracker = after([1.0, 2.0, 1e300, f64::MAX, 1e300]);
-        assert!(lost_reason(&tracker).contains("in succession"));
-        assert_eq!(after([1.0, 2.0, 1e12, 1e12 + 1.0]).snapshot().latest, Some(Watts(4.0)));
-        assert_eq!(after([f64::MIN, f64::MAX]).snapshot().latest, None, "the difference overflows");
-    }
-
-    #[test]
-    fn invalid_values_and_errors_lose_the_meter_until_it_returns() {
-        for invalid in [f64::NAN, f64::INFINITY, f64::NEG_INFINITY] {
-            assert!(lost_reason(&after([1.0, 2.0, invalid])).contains("reads"));
-            assert_eq!(after([1.0, 2.0, invalid, 3.0, 4.0]).snapshot().latest, Some(Watts(4.0)));
-        }
-        let mut tracker = after([1.0, 2.0]);
-        tracker.push(
-            Err(MeterError::unreadable("scripted", "permission denied")),
-            Duration::from_secs(1),
-        );
-        assert!(lost_reason(&tracker).contains("permission denied"));
-    }
-
-    #[test]
-    fn an_interval_of_zero_length_waits() {
-        let mut tracker = after([1.0, 2.0]);
-        let before = tracker.snapshot().clone();
-        tracker.push(Ok(Joules(9.0)), Duration::from_millis(250));
-        tracker.push(Ok(Joules(9.0)), Duration::from_millis(251));
-        assert_eq!(*tracker.snapshot(), before);
-    }
-
-    #[test]
-    fn time_that_goes_backwards_drops_one_interval() {
-        let mut tracker = after([1.0, 2.0]);
-        tracker.push(Ok(Joules(3.0)), Duration::ZERO);
-        assert_eq!(
-            (tracker.snapshot().latest, tracker.snapshot().dropped_count),
-            (Some(Watts(4.0)), 1)
-        );
-    }
-
-    #[test]
-    fn a_staircase_is_never_zero_watts() {
-        // 4 J once a second, polled four times a second.
-        let mut tracker = after([]);
-        for index in 0..40_u32 {
-            tracker
-                .push(Ok(Joules(f64::from(index / 4) * 4.0)), Duration::from_millis(250) * index);
-            if let Some(latest) = tracker.snapshot().latest {
-                assert_eq!(latest, Watts(4.0));
-            }
-        }
-        assert_eq!(tracker.snapshot().sample_count, 9);
-    }
-
-    #[test]
-    fn a_stuck_counter_is_lost_and_its_return_is_not_a_spike() {
-        let stuck = [1.0, 2.0].into_iter().chain([2.0; 40]);
-        assert!(lost_reason(&after(stuck.clone())).contains("did not move"));
-        // It returns with a jump that includes all missed energy, and continues at 4 W.
-        let back = after(stuck.chain([50.0, 51.0]));
-        assert_eq!(back.snapshot().latest, Some(Watts(4.0)));
-        assert_eq!(
-            after([0.0; 40]).snapshot().latest,
-            None,
-            "a counter that stays at 0 from the start never reports 0 W"
-        );
-    }
-}
+#[path = "tracker_tests.rs"]
+mod tests;

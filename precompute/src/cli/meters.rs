@@ -1,17 +1,20 @@
 //! `frugal meters`: the power meters of this machine.
 
-use bevy_frugal_gi::power::{Provenance, Verdict, busy_cpu_load, self_test, survey};
+use bevy_frugal_gi::power::{Provenance, meters, open};
 
 use super::CliError;
 use crate::cost::WORK_METER;
+use crate::meters::{Meter, Verdict, busy_cpu_load, self_test};
 
 #[derive(clap::Args, Debug)]
 pub(super) struct Arguments {}
 
 pub(super) fn run(_: &Arguments) -> Result<(), CliError> {
-    for found in survey() {
-        println!("{}   (--meter {})", found.name, found.usage);
-        let mut meter = match found.meter {
+    for (name, usage) in meters() {
+        println!("{name}   (--meter {usage})");
+        let opened = open(name).map_err(|error| error.to_string());
+        let meter = opened.and_then(|meter| Meter::new(meter).map_err(|error| error.to_string()));
+        let mut meter = match meter {
             Ok(meter) => meter,
             Err(error) => {
                 println!("  {error}");
@@ -25,19 +28,12 @@ pub(super) fn run(_: &Arguments) -> Result<(), CliError> {
         };
         println!("  {provenance}: {}", info.description);
         println!("  unit W, window {} s", meter.window_seconds());
-        let test = self_test(meter.as_mut(), &mut busy_cpu_load);
-        let watts = |reading: Option<bevy_frugal_gi::units::Watts>| {
-            reading.map_or("no reading".to_owned(), |watts| watts.to_string())
-        };
-        println!("  idle {}, under CPU load {}", watts(test.idle), watts(test.loaded));
-        match test.verdict {
-            Verdict::Works => println!("  works"),
-            Verdict::Unresponsive => {
-                println!(
-                    "  does not respond to a load on the CPU, as a GPU's meter need not, and a battery's is slow"
-                );
+        match self_test(&mut meter, &mut busy_cpu_load) {
+            Ok(test) => {
+                println!("  idle {}, under CPU load {}", test.idle, test.loaded);
+                println!("  {}", said(test.verdict));
             }
-            Verdict::Failed(error) => println!("  FAILED: {error}"),
+            Err(error) => println!("  no reading\n  FAILED: {error}"),
         }
     }
     println!("{WORK_METER}   (--meter {WORK_METER}, {WORK_METER}=FILE; for frugal's own commands)");
@@ -45,4 +41,13 @@ pub(super) fn run(_: &Arguments) -> Result<(), CliError> {
         "  modelled: the work of each frame at fixed prices; the same in every run, whatever the machine does"
     );
     Ok(())
+}
+
+fn said(verdict: Verdict) -> &'static str {
+    match verdict {
+        Verdict::Works => "works",
+        Verdict::Unresponsive => {
+            "does not respond to a load on the CPU, as a GPU's meter need not, and a battery's is slow"
+        }
+    }
 }

@@ -68,6 +68,9 @@ enum Command {
     /// Joins the journals of a run's shards
     Merge(merge::Arguments),
     /// Lists the power meters of this machine, each tested under load
+    #[command(
+        after_help = "FRUGAL_SYS_ROOT=FOLDER reads FOLDER/sys in place of /sys, for fake trees."
+    )]
     Meters(meters::Arguments),
     /// Precomputes, evaluates under a power and an error budget, and writes one report
     Demo(demo::Arguments),

@@ -29,20 +29,7 @@ fn find() -> Option<(wgpu::Instance, Adapter)> {
         ..Default::default()
     };
     let adapter = bevy::tasks::block_on(instance.request_adapter(&options)).ok()?;
-    let info = adapter.get_info();
-    let kind = match info.device_type {
-        wgpu::DeviceType::Cpu => AdapterKind::Software,
-        wgpu::DeviceType::Other => AdapterKind::Unknown,
-        _ => AdapterKind::Hardware,
-    };
-    let adapter = Adapter {
-        kind,
-        name: info.name,
-        pci_bus_id: info.device_pci_bus_id,
-        vendor_id: info.vendor,
-        device_id: info.device,
-        is_integrated: info.device_type == wgpu::DeviceType::IntegratedGpu,
-    };
+    let adapter = Adapter::from(&adapter.get_info());
     Some((instance, adapter))
 }
 

@@ -32,11 +32,12 @@ use bevy::render::render_resource::PollType;
 use bevy::render::renderer::RenderDevice;
 use bevy::transform::components::Transform;
 use bevy_frugal_gi::knobs::{KnobLevels, KnobRegistry, KnobSpace};
-use bevy_frugal_gi::power::{MeterInfo, PowerMeter};
+use bevy_frugal_gi::power::MeterInfo;
 use bevy_frugal_gi::units::Watts;
 use glam::{Quat, Vec3};
 
 use crate::cost::WorkLedger;
+use crate::meters::Meter;
 use crate::metrics::Picture;
 use crate::scene::{Bounds, RayScene, SceneDescription};
 
@@ -60,7 +61,7 @@ pub struct Stage {
     space: Arc<KnobSpace>,
     /// The settings of the next frame, for the work meter.
     shown: Option<(Arc<KnobSpace>, KnobLevels)>,
-    meter: Box<dyn PowerMeter>,
+    meter: Meter,
     /// Counts frames for the work meter, if that is the meter.
     ledger: Option<WorkLedger>,
     /// `None` until it is needed: a meter of a device takes seconds to measure it.

@@ -66,6 +66,7 @@ const TOOL: &[&str] = &[
     "scene",
     "metrics",
     "journal",
+    "meters",
     "search",
     "cost",
     "table",

@@ -1,219 +1,180 @@
-//! The machine's batteries: the power that they give while nothing else feeds the machine.
+//! Batteries and chargers in Linux' files.
 //!
-//! It is the whole machine's, with display, radio and all programs. Drivers differ: power, or
-//! current and voltage; above or below 0 while discharging; a new value every second or every
-//! minute.
+//! Drivers differ: power, or current and voltage; above or below 0 while discharging; a new value
+//! every second or every minute; "Unknown" for a battery at rest. The crate `starship-battery`, which
+//! reads those of other systems, knows no chargers and no other root than `/sys`.
 
-use std::path::PathBuf;
-use std::time::Duration;
+use std::hash::{DefaultHasher, Hash, Hasher};
+use std::path::{Path, PathBuf};
 
-use super::integrate::Gauge;
-use super::root::{Fault, NumberFile};
-use super::{Source, SourceKind, SysRoot};
-use crate::power::{Adapter, AdapterKind, MeterError, MeterInfo, Provenance};
+use crate::power::MeterError;
+use crate::power::battery::{self, Cell, Cells, NAME, State};
+use crate::power::kind::{MeterKind, Opened, Wanted};
+use crate::power::root::{Fault, SysRoot};
 use crate::units::{Joules, Watts};
 
-const NAME: &str = "battery";
 const FOLDER: &str = "sys/class/power_supply";
 const REMEDY: &str = "give this user access to the battery's folder, in a container too";
-/// Slow drivers have a new value every minute.
-const STALE_AFTER: Duration = Duration::from_secs(120);
+/// Files whose numbers change while a battery gives power.
+const LIVE: [&str; 5] = ["power_now", "current_now", "voltage_now", "energy_now", "charge_now"];
 
-pub(crate) const KIND: SourceKind = SourceKind {
+pub(crate) const KIND: MeterKind = MeterKind {
     name: NAME,
     usage: "battery[=NAME]",
     expected: "a battery's name, such as BAT0",
-    find,
-    find_for,
+    open,
 };
 
-/// One battery of the machine.
-struct Battery {
-    name: String,
-    status: PathBuf,
-    power: NumberFile,
-    current: NumberFile,
-    voltage: NumberFile,
-    /// Energy left: microwatt-hours, or microampere-hours.
-    energy: NumberFile,
-    charge: NumberFile,
+/// All batteries, or a named one. They are looked up for each reading, since they come and go.
+pub(crate) struct Files {
+    pub root: SysRoot,
+    pub wanted: Option<String>,
 }
 
-/// All batteries, or a named one.
-struct Batteries {
-    root: SysRoot,
-    batteries: Vec<Battery>,
-    /// Of chargers: 1 while one feeds the machine.
-    chargers: Vec<NumberFile>,
-    gauge: Gauge,
+fn open(root: &SysRoot, wanted: Wanted) -> Opened {
+    let files = Files { root: root.clone(), wanted: battery::name(wanted)? };
+    let names: Vec<String> = files.cells()?.into_iter().map(|cell| cell.name).collect();
+    battery::open(Box::new(files), &names.join(" + "))
 }
 
-fn find(root: &SysRoot, wanted: Option<&str>) -> Result<Box<dyn Source>, MeterError> {
-    Ok(Box::new(batteries(root, wanted)?))
-}
-
-/// Energy left in the machine's batteries, and the power that they give; `None` unless they alone
-/// feed the machine.
-pub(crate) fn left(root: &SysRoot) -> Option<(Joules, Watts)> {
-    let batteries = batteries(root, None).ok()?;
-    let power = batteries.power().ok()?;
-    let energies = batteries.batteries.iter().map(Battery::energy);
-    let energy: f64 = energies.sum::<Option<f64>>()?;
-    (energy.is_finite() && energy > 0.0).then_some((Joules(energy), power))
-}
-
-fn batteries(root: &SysRoot, wanted: Option<&str>) -> Result<Batteries, MeterError> {
-    let (mut batteries, mut chargers) = (Vec::new(), Vec::new());
-    for folder in root.list(&root.path(FOLDER), |_| true) {
-        let name = folder.file_name().unwrap_or_default().to_string_lossy().into_owned();
-        // A mouse has a battery, too.
-        let is_machines = root.word(&folder.join("scope")).is_none_or(|scope| scope != "Device");
-        match root.word(&folder.join("type")).as_deref() {
-            Some("Battery") if is_machines && wanted.is_none_or(|wanted| wanted == name) => {
-                batteries.push(Battery {
-                    name,
-                    status: folder.join("status"),
-                    power: root.number(folder.join("power_now")),
-                    current: root.number(folder.join("current_now")),
-                    voltage: root.number(folder.join("voltage_now")),
-                    energy: root.number(folder.join("energy_now")),
-                    charge: root.number(folder.join("charge_now")),
-                });
-            }
-            Some("Mains" | "USB" | "Wireless") if is_machines => {
-                chargers.push(root.number(folder.join("online")));
-            }
-            _ => {}
+impl Cells for Files {
+    fn read(&mut self) -> Result<Vec<Cell>, MeterError> {
+        if self.supplies().any(|(folder, kind)| self.is_charger(&folder, &kind)) {
+            let reason = "a charger feeds the machine; a battery measures it only without one";
+            return Err(MeterError::unreadable(NAME, reason));
         }
+        self.cells()
     }
-    if batteries.is_empty() {
-        let folder = root.path(FOLDER);
-        let reason = match wanted {
-            Some(name) => format!("no battery \"{name}\" in {}", folder.display()),
-            None => format!("no battery of the machine in {}", folder.display()),
-        };
-        return Err(MeterError::unavailable(NAME, reason));
+
+    fn times(&self) -> [f64; 2] {
+        [1.0, 5.0]
     }
-    Ok(Batteries { root: root.clone(), batteries, chargers, gauge: Gauge::new(STALE_AFTER) })
 }
 
-fn find_for(root: &SysRoot, adapter: &Adapter) -> Result<Box<dyn Source>, MeterError> {
-    suits(adapter)?;
-    find(root, None)
-}
-
-/// Whether a battery is the meter to take for `adapter` where nobody names one.
-pub(super) fn suits(adapter: &Adapter) -> Result<(), MeterError> {
-    if adapter.kind == AdapterKind::Software {
-        return Err(MeterError::unavailable(
-            NAME,
-            "it contains the whole machine, the CPU time of this program orders settings better; request it by name",
-        ));
-    }
-    Ok(())
-}
-
-impl Batteries {
-    /// The sum of the discharging batteries' powers.
-    fn power(&self) -> Result<Watts, MeterError> {
-        if self.chargers.iter().any(|charger| charger.read().is_ok_and(|online| online > 0)) {
-            return Err(MeterError::unreadable(
-                NAME,
-                "a charger feeds the machine; a battery measures it only without one",
-            ));
-        }
-        let mut sum = None;
-        for battery in &self.batteries {
-            let status = self.root.word(&battery.status);
-            match status.as_deref() {
-                Some("Discharging") => {
-                    sum = Some(sum.unwrap_or(Watts(0.0)) + battery.power()?);
-                }
-                // Of two batteries one rests.
-                Some("Full" | "Not charging") => {}
-                Some(other) => {
-                    let reason = format!(
-                        "{} is {other}; a battery measures the machine only while it discharges",
-                        battery.name
-                    );
-                    return Err(MeterError::unreadable(NAME, reason));
-                }
-                None => {
-                    let reason = format!("{} is gone or without status", battery.name);
-                    return Err(MeterError::unreadable(NAME, reason));
-                }
-            }
-        }
-        sum.ok_or_else(|| {
-            MeterError::unreadable(
-                NAME,
-                "no battery discharges; a battery measures the machine only while it does",
-            )
+impl Files {
+    /// Folders and types of the machine's own supplies: a mouse has a battery, too.
+    fn supplies(&self) -> impl Iterator<Item = (PathBuf, String)> {
+        let folders = self.root.list(&self.root.path(FOLDER), |_| true).into_iter();
+        folders.filter_map(|folder| {
+            let scope = self.root.word(&folder.join("scope"));
+            let is_machines = scope.is_none_or(|scope| scope != "Device");
+            let kind = self.root.word(&folder.join("type")).filter(|_| is_machines)?;
+            Some((folder, kind))
         })
     }
-}
 
-impl Battery {
-    /// Energy left, joules.
-    fn energy(&self) -> Option<f64> {
-        let positive = |file: &NumberFile| file.read().ok().filter(|value| *value > 0);
-        // Micro-hours to seconds.
-        let unit = 3600.0 * 1e-6;
-        if let Some(energy) = positive(&self.energy) {
-            return Some(energy as f64 * unit);
-        }
-        let (charge, voltage) = (positive(&self.charge)?, positive(&self.voltage)?);
-        Some(charge as f64 * unit * voltage as f64 * 1e-6)
+    fn number(&self, folder: &Path, file: &str) -> Result<i64, Fault> {
+        self.root.number(folder.join(file)).read()
     }
 
-    /// The power that it gives: drivers disagree about the sign.
-    fn power(&self) -> Result<Watts, MeterError> {
-        let watts = match self.power.read() {
-            Ok(microwatts) => microwatts as f64 * 1e-6,
-            Err(fault @ (Fault::Denied | Fault::NotANumber(_))) => {
-                return Err(self.power.error(NAME, fault, REMEDY));
+    fn cells(&self) -> Result<Vec<Cell>, MeterError> {
+        let mut cells = Vec::new();
+        for (folder, kind) in self.supplies() {
+            let name = folder.file_name().unwrap_or_default().to_string_lossy().into_owned();
+            // Firmware lists an empty bay.
+            let is_there = self.number(&folder, "present") != Ok(0);
+            let is_wanted = self.wanted.as_ref().is_none_or(|wanted| *wanted == name);
+            if kind == "Battery" && is_there && is_wanted {
+                cells.push(self.cell(&folder, name));
             }
-            // Many have current and voltage only, and some a file of power that never answers.
-            Err(Fault::Gone | Fault::Failed(_)) => {
-                let current = self.current.reading(NAME, REMEDY)?;
-                let voltage = self.voltage.reading(NAME, REMEDY)?;
-                let voltage = if voltage > 0 { voltage as f64 } else { f64::NAN };
-                current as f64 * voltage * 1e-12
-            }
+        }
+        if cells.is_empty() {
+            let folder = self.root.path(FOLDER);
+            let reason = match &self.wanted {
+                Some(name) => format!("no battery \"{name}\" in {}", folder.display()),
+                None => format!("no battery of the machine in {}", folder.display()),
+            };
+            return Err(MeterError::unavailable(NAME, reason));
+        }
+        Ok(cells)
+    }
+
+    fn cell(&self, folder: &Path, name: String) -> Cell {
+        let status = self.root.word(&folder.join("status"));
+        let state = match status.as_deref() {
+            Some("Discharging") => State::Discharging,
+            Some("Full" | "Not charging") => State::Resting,
+            Some("Charging") => State::Charging,
+            Some(_) => State::Unknown,
+            None => State::Gone,
         };
-        if watts == 0.0 {
-            let reason =
-                format!("{} discharges with 0 W, which is no power of a machine", self.name);
-            return Err(MeterError::broken(NAME, reason));
-        }
-        Ok(Watts(watts.abs()))
-    }
-}
-
-impl Source for Batteries {
-    fn info(&self) -> MeterInfo {
-        let names: Vec<_> = self.batteries.iter().map(|battery| battery.name.as_str()).collect();
-        MeterInfo {
-            name: NAME.to_owned(),
-            provenance: Provenance::Measured,
-            description: format!(
-                "the whole machine with display and all programs, while {} discharges",
-                names.join(" + ")
-            ),
+        let mut hasher = DefaultHasher::new();
+        LIVE.map(|file| self.number(folder, file).ok()).hash(&mut hasher);
+        Cell {
+            name,
+            state,
+            power: self.power(folder),
+            energy: self.energy(folder, state).map(Joules),
+            said: status.unwrap_or_else(|| "gone, or without status".to_owned()),
+            sign_of_life: hasher.finish(),
         }
     }
 
-    fn window_seconds(&self) -> f64 {
-        // Some values of usual drivers.
-        5.0
+    /// Energy left, joules.
+    fn energy(&self, folder: &Path, state: State) -> Option<f64> {
+        // Of micro-hours, in seconds.
+        let unit = 3600.0 * 1e-6;
+        let valid = |value: i64| (value >= 0).then_some(value as f64);
+        let read = |file: &str| self.number(folder, file);
+        let charge = match (read("energy_now"), read("charge_now")) {
+            (Ok(energy), _) => return valid(energy).map(|energy| energy * unit),
+            (_, Ok(0)) => return Some(0.0),
+            (_, Ok(charge)) => valid(charge)?,
+            // An empty bay has neither.
+            (Err(Fault::Gone), Err(Fault::Gone)) if state != State::Discharging => {
+                return Some(0.0);
+            }
+            _ => return None,
+        };
+        let voltage = read("voltage_now").ok().filter(|voltage| *voltage > 0)?;
+        Some(charge * unit * voltage as f64 * 1e-6)
     }
 
-    fn poll(&self) -> Duration {
-        Duration::from_secs(1)
+    fn power(&self, folder: &Path) -> Result<Watts, MeterError> {
+        let read = |file: &str| {
+            let file = self.root.number(folder.join(file));
+            file.read().map_err(|fault| (fault.clone(), file.error(NAME, fault, REMEDY)))
+        };
+        match read("power_now") {
+            Ok(microwatts) => Ok(Watts(microwatts as f64 * 1e-6)),
+            Err((Fault::Denied | Fault::NotANumber(_), error)) => Err(error),
+            // Many have current and voltage only, and some a file of power that never answers.
+            Err(_) => {
+                let current = read("current_now").map_err(|(_, error)| error)?;
+                let voltage = read("voltage_now").map_err(|(_, error)| error)?;
+                let voltage = if voltage > 0 { voltage as f64 } else { f64::NAN };
+                Ok(Watts(current as f64 * voltage * 1e-12))
+            }
+        }
     }
 
-    fn energy_at(&mut self, at: Duration) -> Result<Option<Joules>, MeterError> {
-        let power = self.power();
-        self.gauge.add(NAME, power, at)
+    /// Whether a supply feeds the machine. A port that feeds a phone can be online, too.
+    fn is_charger(&self, folder: &Path, kind: &str) -> bool {
+        let is_online = self.number(folder, "online").is_ok_and(|online| online > 0);
+        let status = self.root.word(&folder.join("status"));
+        let gives = status.is_some_and(|status| status == "Discharging")
+            || self.number(folder, "current_now").is_ok_and(|current| current < 0)
+            || (kind == "USB" && self.is_source(folder));
+        ["Mains", "USB", "Wireless"].contains(&kind) && is_online && !gives
+    }
+
+    /// Whether a port's contract is to give power.
+    fn is_source(&self, folder: &Path) -> bool {
+        // "[source] sink": what stands in brackets holds, and one word holds anyway.
+        let says = |file: &Path| {
+            let roles = self.root.text(file)?;
+            Some(roles.contains("[source]") || roles.trim() == "source")
+        };
+        if let Some(is_source) = says(&folder.join("power_role")) {
+            return is_source;
+        }
+        let ports = self.root.numbered(&self.root.path("sys/class/typec"), "port");
+        let roles: Vec<bool> =
+            ports.iter().map(|port| says(&port.join("power_role")) == Some(true)).collect();
+        // `ucsi-source-psy-USBC000:002` is that of `port1`.
+        let name = folder.file_name().unwrap_or_default().to_string_lossy().into_owned();
+        let number = name.rsplit_once(':').and_then(|(_, number)| number.parse::<usize>().ok());
+        let own = number.and_then(|number| roles.get(number.checked_sub(1)?));
+        own.copied().unwrap_or(!roles.is_empty() && roles.iter().all(|is_source| *is_source))
     }
 }

@@ -1,52 +1,98 @@
 //! The graphics cards that the kernel knows, and the choice of the one that renders.
 
+use std::fmt::{self, Display, Formatter};
 use std::path::PathBuf;
 
-use super::SysRoot;
 use crate::power::adapter::RENDERS_ON_CPU;
+use crate::power::kind::Wanted;
+use crate::power::root::SysRoot;
 use crate::power::{Adapter, AdapterKind, MeterError};
+
+/// Why a card that is asleep is not read.
+pub(crate) const SLEEPS: &str = "the GPU sleeps (runtime suspended)";
 
 /// A graphics card with the hardware monitors of its driver.
 #[derive(Clone, Debug)]
-pub(super) struct Card {
-    /// `card0`…
-    pub name: String,
-    vendor: u32,
+pub(crate) struct Card {
+    /// `card0`…, which may be another one after a restart.
+    name: String,
+    pub vendor: u32,
     device: u32,
     /// `0000:03:00.0`; empty where unknown.
-    pub address: String,
+    address: String,
+    /// Folder of the device.
+    folder: PathBuf,
     /// Folders of its monitors, with the monitors' names.
     pub monitors: Vec<(PathBuf, String)>,
 }
 
-/// Numbers in a name after `prefix`.
-fn is_numbered(name: &str, prefix: &str) -> bool {
-    let number = name.strip_prefix(prefix);
-    number.is_some_and(|rest| !rest.is_empty() && rest.bytes().all(|byte| byte.is_ascii_digit()))
+impl Display for Card {
+    /// A name that stays: the address, or the model.
+    fn fmt(&self, formatter: &mut Formatter<'_>) -> fmt::Result {
+        if self.address.is_empty() {
+            write!(formatter, "{:04x}:{:04x}", self.vendor, self.device)
+        } else {
+            formatter.write_str(&self.address)
+        }
+    }
+}
+
+impl Card {
+    pub(crate) fn is_at(&self, address: &str) -> bool {
+        parsed(address).is_some_and(|address| parsed(&self.address) == Some(address))
+    }
+
+    fn state(&self, root: &SysRoot) -> Option<String> {
+        // Neither file wakes the card.
+        let runtime = root.word(&self.folder.join("power/runtime_status"));
+        runtime.or_else(|| root.word(&self.folder.join("power_state")))
+    }
+
+    /// Whether its driver says that it sleeps.
+    pub(crate) fn is_asleep(&self, root: &SysRoot) -> bool {
+        let state = self.state(root);
+        matches!(state.as_deref(), Some("suspended" | "suspending" | "D3hot" | "D3cold"))
+    }
+
+    /// Whether its driver says that it does not.
+    pub(super) fn is_awake(&self, root: &SysRoot) -> bool {
+        matches!(self.state(root).as_deref(), Some("active" | "D0"))
+    }
+
+    /// Whether its files can be read without waking it, and are still its own.
+    pub(super) fn check(&self, root: &SysRoot, meter: &str) -> Result<(), MeterError> {
+        let address = address_in(root, &self.folder);
+        if !address.is_empty() && address != self.address {
+            let reason = format!("{} is no longer card {self}", self.folder.display());
+            return Err(MeterError::unreadable(meter, reason));
+        }
+        if self.is_asleep(root) { Err(MeterError::unreadable(meter, SLEEPS)) } else { Ok(()) }
+    }
+}
+
+/// The PCI address of a device; empty where unknown.
+fn address_in(root: &SysRoot, device: &std::path::Path) -> String {
+    let events = root.text(&device.join("uevent")).unwrap_or_default();
+    let address = events.lines().find_map(|line| line.strip_prefix("PCI_SLOT_NAME="));
+    address.unwrap_or_default().trim().to_owned()
 }
 
 /// All cards.
-pub(super) fn cards(root: &SysRoot) -> Vec<Card> {
-    let folders = root.list(&root.path("sys/class/drm"), |name| is_numbered(name, "card"));
+pub(crate) fn cards(root: &SysRoot) -> Vec<Card> {
+    let folders = root.numbered(&root.path("sys/class/drm"), "card");
     let card = |folder: PathBuf| {
         let device = folder.join("device");
         let identifier = |file: &str| {
             let text = root.word(&device.join(file)).unwrap_or_default();
             u32::from_str_radix(text.trim_start_matches("0x"), 16).unwrap_or(0)
         };
-        let events = root.text(&device.join("uevent")).unwrap_or_default();
-        let address = events.lines().find_map(|line| line.strip_prefix("PCI_SLOT_NAME="));
-        let named = |monitor: PathBuf| {
-            let name = root.word(&monitor.join("name"))?;
-            Some((monitor, name))
-        };
-        let monitors = root.list(&device.join("hwmon"), |name| is_numbered(name, "hwmon"));
         Card {
             name: folder.file_name().unwrap_or_default().to_string_lossy().into_owned(),
             vendor: identifier("vendor"),
             device: identifier("device"),
-            address: address.unwrap_or_default().trim().to_owned(),
-            monitors: monitors.into_iter().filter_map(named).collect(),
+            address: address_in(root, &device),
+            monitors: root.named(&device.join("hwmon"), "hwmon"),
+            folder: device,
         }
     };
     folders.into_iter().map(card).collect()
@@ -65,22 +111,26 @@ fn named(cards: &[&Card]) -> String {
     names.collect::<Vec<_>>().join(", ")
 }
 
-/// The vendor's card that `wanted` names by card or address; without it the only one.
+/// The vendor's card that is wanted.
 pub(super) fn choose(
     root: &SysRoot,
     meter: &'static str,
     vendor: u32,
-    wanted: Option<&str>,
+    wanted: Wanted,
 ) -> Result<Card, MeterError> {
+    let wanted = match wanted {
+        Wanted::For(adapter) => return choose_for(root, meter, vendor, adapter),
+        Wanted::Named(name) => Some(name),
+        Wanted::Usual => None,
+    };
     let all = cards(root);
     let ours: Vec<&Card> = all.iter().filter(|card| card.vendor == vendor).collect();
-    let found = ours.iter().find(|card| {
+    let is_wanted = |card: &&&Card| {
         wanted.is_some_and(|wanted| {
-            card.name == wanted
-                || (parsed(wanted).is_some() && parsed(wanted) == parsed(&card.address))
+            card.name == wanted || card.is_at(wanted) || card.to_string() == wanted
         })
-    });
-    match (wanted, found, &ours[..]) {
+    };
+    match (wanted, ours.iter().find(is_wanted), &ours[..]) {
         (Some(_), Some(card), _) => Ok((*card).clone()),
         (None, _, [card]) => Ok((*card).clone()),
         (_, _, []) => Err(none(root, meter)),
@@ -93,7 +143,7 @@ pub(super) fn choose(
 }
 
 /// The vendor's card that is the rendering adapter.
-pub(super) fn choose_for(
+fn choose_for(
     root: &SysRoot,
     meter: &'static str,
     vendor: u32,

@@ -1,11 +1,17 @@
 //! Fake trees of the kernel's files, for tests.
 
+use std::cell::RefCell;
 use std::fs::{self, File};
 use std::io::{self, Write};
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicU32, Ordering};
 
-use super::SysRoot;
+use crate::power::root::SysRoot;
+
+thread_local! {
+    /// Files that were opened by this thread since they were last taken.
+    static OPENED: RefCell<Vec<PathBuf>> = const { RefCell::new(Vec::new()) };
+}
 
 /// A temporary folder with files; removed when dropped.
 pub(crate) struct Tree(PathBuf);
@@ -49,26 +55,40 @@ impl Tree {
         fs::remove_file(self.path(path)).expect("a file");
     }
 
-    /// Denies access to a file, or allows it again.
-    pub(crate) fn deny(&self, path: &str, is_denied: bool) {
+    /// Renames a file or folder.
+    pub(crate) fn rename(&self, from: &str, to: &str) {
+        fs::rename(self.path(from), self.path(to)).expect("a file");
+    }
+
+    /// Lets a file fail with an error of Linux, or answer again.
+    pub(crate) fn fail(&self, path: &str, number: Option<i32>) {
         let mark = mark(&self.path(path));
-        if is_denied {
-            fs::write(mark, "").expect("a file");
-        } else {
-            let _ = fs::remove_file(mark);
+        match number {
+            Some(number) => fs::write(mark, number.to_string()).expect("a file"),
+            None => {
+                let _ = fs::remove_file(mark);
+            }
         }
     }
 
     /// The tree as a system's root.
     pub(crate) fn root(&self) -> SysRoot {
         let open = |path: &Path| {
-            if mark(path).exists() {
-                return Err(io::ErrorKind::PermissionDenied.into());
+            OPENED.with_borrow_mut(|opened| opened.push(path.to_owned()));
+            match fs::read_to_string(mark(path)).map(|number| number.parse()) {
+                Ok(Ok(number)) => Err(io::Error::from_raw_os_error(number)),
+                _ => File::open(path),
             }
-            File::open(path)
         };
         SysRoot::new(self.0.clone(), open)
     }
+}
+
+/// The names of the files that this thread has opened since the last call.
+pub(crate) fn opened() -> Vec<String> {
+    let opened = OPENED.take();
+    let name = |path: &PathBuf| Some(path.file_name()?.to_string_lossy().into_owned());
+    opened.iter().filter_map(name).collect()
 }
 
 impl Drop for Tree {
@@ -79,5 +99,5 @@ impl Drop for Tree {
 
 fn mark(path: &Path) -> PathBuf {
     let name = path.file_name().unwrap_or_default().to_string_lossy();
-    path.with_file_name(format!(".{name}.denied"))
+    path.with_file_name(format!(".{name}.fails"))
 }

@@ -1,124 +1,152 @@
-//! Jetson modules by the ina3221 monitors of their rails: volts times amperes of the input rail.
+//! Jetson modules by the monitors of their rails.
 //!
-//! The input feeds all other rails, so that nothing is added to it. Modules without a rail of their
-//! own for the input are refused: which of their rails contain each other differs by module.
+//! | monitor | where | what it shows |
+//! |---|---|---|
+//! | INA3221, Xavier NX, Orin and later | `hwmon`, `inN_label` | millivolts, milliamperes |
+//! | INA3221, Nano, TX1, TX2, Xavier to L4T 32 | `iio`, `rail_name_N` | milliwatts |
+//! | INA238, Thor's carrier | `hwmon` | microwatts |
+//!
+//! The input feeds all other rails, so that nothing is added to it. The AGX modules have no rail of
+//! their own for it: theirs add up. Of others it is not known which rails contain each other.
 
-use std::path::PathBuf;
-use std::time::Duration;
+use std::path::{Path, PathBuf};
 
-use super::integrate::Gauge;
-use super::root::NumberFile;
-use super::{Source, SourceKind, SysRoot};
+use super::files::{self, FileKind, Found, Quantity};
 use crate::power::adapter::CPU_TIME_IS_BETTER;
-use crate::power::{Adapter, AdapterKind, MeterError, MeterInfo, Provenance};
-use crate::units::{Joules, Watts};
+use crate::power::kind::{MeterKind, Wanted};
+use crate::power::root::SysRoot;
+use crate::power::{Adapter, AdapterKind, MeterError};
 
 const NAME: &str = "jetson";
-const REMEDY: &str = "give this user access to the monitor's folder, in a container too";
-/// Names of the input rail: Xavier NX, Orin NX and Nano, TX2; Nano; TX1; older boards.
-const INPUTS: [&str; 4] = ["VDD_IN", "POM_5V_IN", "VDD_MUX", "VDD_SYS"];
-/// A monitor has a resolution of 8 mA, and its rail noise.
-const STALE_AFTER: Duration = Duration::from_secs(60);
+/// Names of the input rail: Nano; Xavier NX, Orin NX and Nano, TX2; Xavier NX before; Thor; TX1;
+/// older boards.
+const INPUTS: [&str; 6] = ["POM_5V_IN", "VDD_IN", "5V_IN", "VIN", "VDD_MUX", "VDD_SYS"];
+/// Rails of modules without an input rail, which together are the module: AGX Xavier, AGX Orin, Thor.
+/// What they feed has rails, too, which are not named here.
+const SUMS: [&[&str]; 3] = [
+    &["GPU", "CPU", "SOC", "CV", "VDDRQ", "SYS5V"],
+    &["VDD_GPU_SOC", "VDD_CPU_CV", "VIN_SYS_5V0"],
+    &["VDD_GPU", "VDD_CPU_SOC_MSS", "VIN_SYS_5V0"],
+];
 
-pub(crate) const KIND: SourceKind = SourceKind {
+pub(crate) const KIND: MeterKind = MeterKind {
     name: NAME,
     usage: "jetson[=RAIL]",
     expected: "the label of a rail, such as VDD_IN",
-    find,
-    find_for,
+    open: |root, wanted| files::open(&FILES, root, wanted),
 };
 
-/// A rail with its monitor's files.
-struct Rail {
-    label: String,
-    /// Millivolts and milliamperes.
-    files: [NumberFile; 2],
-    gauge: Gauge,
-}
+static FILES: FileKind = FileKind {
+    name: NAME,
+    remedy: "give this user access to the monitor's folder, in a container too",
+    // Ten readings.
+    window_seconds: 1.0,
+    find,
+};
 
-/// Labels and files of all rails.
-fn rails(root: &SysRoot) -> Vec<(String, [NumberFile; 2])> {
-    let monitors = root.list(&root.path("sys/class/hwmon"), |name| name.starts_with("hwmon"));
-    let is_ours =
-        |folder: &PathBuf| root.word(&folder.join("name")).is_some_and(|name| name == "ina3221");
-    let channels = |folder: PathBuf| {
-        (1..=3).filter_map(move |channel| {
-            let label = root.word(&folder.join(format!("in{channel}_label")))?;
-            let file = |name: String| root.number(folder.join(name));
-            let files = [file(format!("in{channel}_input")), file(format!("curr{channel}_input"))];
-            Some((label, files))
-        })
-    };
-    monitors.into_iter().filter(is_ours).flat_map(channels).collect()
-}
+/// A rail's name and power.
+type Rail = (String, Quantity);
 
-fn find(root: &SysRoot, wanted: Option<&str>) -> Result<Box<dyn Source>, MeterError> {
-    let mut rails = rails(root);
-    if rails.is_empty() {
-        let folder = root.path("sys/class/hwmon");
-        let reason = format!("no ina3221 monitor in {}: is this a Jetson?", folder.display());
-        return Err(MeterError::unavailable(NAME, reason));
-    }
-    let place = |label: &str| rails.iter().position(|(other, _)| other == label);
-    let found = match wanted {
-        Some(label) => place(label),
-        None => INPUTS.iter().find_map(|label| place(label)),
-    };
-    let Some(found) = found else {
-        let labels: Vec<_> = rails.iter().map(|(label, _)| label.as_str()).collect();
-        let missing = wanted.map_or("no rail of the module's input".to_owned(), |label| {
-            format!("there is no rail \"{label}\"")
-        });
-        let reason = format!("{missing}; name one of {} after =", labels.join(", "));
-        return Err(MeterError::unavailable(NAME, reason));
-    };
-    let (label, files) = rails.swap_remove(found);
-    Ok(Box::new(Rail { label, files, gauge: Gauge::new(STALE_AFTER) }))
-}
-
-fn find_for(root: &SysRoot, adapter: &Adapter) -> Result<Box<dyn Source>, MeterError> {
-    match adapter.kind {
-        AdapterKind::Hardware if adapter.is_integrated => find(root, None),
-        AdapterKind::Software => Err(MeterError::unavailable(NAME, CPU_TIME_IS_BETTER)),
-        _ => Err(MeterError::unavailable(
-            NAME,
-            "the adapter is not known to be part of the module; request it by name",
-        )),
-    }
-}
-
-impl Rail {
-    fn power(&self) -> Result<Watts, MeterError> {
-        let read = |file: &NumberFile| {
-            let value = file.reading(NAME, REMEDY)?;
-            // Two faults of sign would make a power.
-            Ok(if value < 0 { f64::NAN } else { value as f64 })
-        };
-        let [millivolts, milliamperes] = &self.files;
-        Ok(Watts(read(millivolts)? * read(milliamperes)? * 1e-6))
-    }
-}
-
-impl Source for Rail {
-    fn info(&self) -> MeterInfo {
-        let whole = if INPUTS.contains(&&*self.label) { "whole module, " } else { "" };
-        MeterInfo {
-            name: NAME.to_owned(),
-            provenance: Provenance::Measured,
-            description: format!("{whole}rail {}, all programs, ina3221 monitor", self.label),
+/// All rails of all monitors.
+fn rails(root: &SysRoot) -> Vec<Rail> {
+    let mut rails = Vec::new();
+    for (folder, name) in root.named(&root.path("sys/class/hwmon"), "hwmon") {
+        if name == "ina3221" {
+            rails.extend((1..=3).filter_map(|channel| {
+                let label = root.word(&folder.join(format!("in{channel}_label")))?;
+                let file = |name: String| root.number(folder.join(name));
+                let volts = file(format!("in{channel}_input"));
+                let files = vec![volts, file(format!("curr{channel}_input"))];
+                Some((label, Quantity::Power { files, unit: 1e-6 }))
+            }));
+        } else if name == "ina238" {
+            let label = root.word(&folder.join("label"));
+            let files = vec![root.number(folder.join("power1_input"))];
+            let rail = Quantity::Power { files, unit: 1e-6 };
+            rails.push((label.unwrap_or_else(|| "VIN".to_owned()), rail));
         }
     }
-
-    fn window_seconds(&self) -> f64 {
-        1.0
+    for folder in iio_devices(root) {
+        rails.extend((0..=2).filter_map(|channel| {
+            let name = root.word(&folder.join(format!("rail_name_{channel}")))?;
+            let files = vec![root.number(folder.join(format!("in_power{channel}_input")))];
+            Some((name, Quantity::Power { files, unit: 1e-3 }))
+        }));
     }
+    // Channels that are not connected.
+    rails.retain(|(name, _)| name != "NC");
+    rails
+}
 
-    fn poll(&self) -> Duration {
-        Duration::from_millis(100)
+/// Folders of the monitors that NVIDIA's older driver serves. Not every kernel lists them on the bus.
+fn iio_devices(root: &SysRoot) -> Vec<PathBuf> {
+    let of = |folder: &Path| root.numbered(folder, "iio:device");
+    let listed = of(&root.path("sys/bus/iio/devices"));
+    let is_ours =
+        |folder: &PathBuf| root.word(&folder.join("name")).is_none_or(|n| n.starts_with("ina3221"));
+    let listed: Vec<PathBuf> = listed.into_iter().filter(is_ours).collect();
+    if !listed.is_empty() {
+        return listed;
     }
+    let drivers = ["sys/bus/i2c/drivers/ina3221x", "sys/bus/i2c/drivers/ina3221"];
+    let chips = drivers.iter().flat_map(|driver| root.list(&root.path(driver), |_| true));
+    // Some kernels put a folder `iio` or `iio_device` between.
+    let folders = chips.flat_map(|chip| {
+        let between = root.list(&chip, |name| name == "iio" || name == "iio_device");
+        std::iter::once(chip).chain(between)
+    });
+    folders.flat_map(|folder| of(&folder)).collect()
+}
 
-    fn energy_at(&mut self, at: Duration) -> Result<Option<Joules>, MeterError> {
-        let power = self.power();
-        self.gauge.add(NAME, power, at)
+fn find(root: &SysRoot, wanted: Wanted) -> Result<Found, MeterError> {
+    if let Wanted::For(adapter) = wanted {
+        suits(adapter)?;
     }
+    let rails = rails(root);
+    if rails.is_empty() {
+        let folders = [root.path("sys/class/hwmon"), root.path("sys/bus/iio/devices")];
+        let [hwmon, iio] = folders.map(|folder| folder.display().to_string());
+        let reason = format!("no ina3221 or ina238 monitor in {hwmon} or {iio}: is this a Jetson?");
+        return Err(MeterError::unavailable(NAME, reason));
+    }
+    let rail = |name: &str| rails.iter().find(|(other, _)| other == name).cloned();
+    let all = |names: &[&str]| names.iter().map(|name| rail(name)).collect::<Option<Vec<Rail>>>();
+    let (found, missing) = match wanted {
+        Wanted::Named(names) => {
+            let names: Vec<&str> = names.split('+').map(str::trim).collect();
+            (all(&names), format!("there is no rail \"{}\"", names.join("+")))
+        }
+        _ => {
+            let input = INPUTS.iter().find_map(|name| all(&[name]));
+            let found = input.or_else(|| SUMS.iter().find_map(|names| all(names)));
+            (found, "no rail of the module's input".to_owned())
+        }
+    };
+    let Some(found) = found else {
+        let names: Vec<_> = rails.iter().map(|(name, _)| name.as_str()).collect();
+        let reason = format!("{missing}; name one of {} after =", names.join(", "));
+        return Err(MeterError::unavailable(NAME, reason));
+    };
+    let (names, parts): (Vec<String>, _) = found.into_iter().unzip();
+    let is_input = INPUTS.contains(&names[0].as_str());
+    let whole = if is_input || names.len() > 1 { "whole module, " } else { "" };
+    let rails = if names.len() > 1 { "rails" } else { "rail" };
+    Ok(Found {
+        what: format!("{whole}{rails} {}, all programs, power monitors", names.join(" + ")),
+        identity: names.join("+"),
+        parts,
+        card: None,
+    })
+}
+
+fn suits(adapter: &Adapter) -> Result<(), MeterError> {
+    let reason = match adapter.kind {
+        AdapterKind::Hardware if adapter.is_integrated => return Ok(()),
+        AdapterKind::Hardware => "the GPU is not part of the module",
+        AdapterKind::Software => CPU_TIME_IS_BETTER,
+        AdapterKind::Unknown => {
+            "the adapter is not known to be part of the module; request it by name"
+        }
+    };
+    Err(MeterError::unavailable(NAME, reason))
 }

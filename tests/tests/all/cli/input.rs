@@ -6,8 +6,8 @@ use bevy_frugal_gi::frontier::{Capture, FrontierMap};
 use frugal::scene;
 
 use super::{
-    AT, OUTPUT, SCENE, assert_refused, entries, folder, refused_evaluation, run, scene_with_map,
-    triangle, write,
+    AT, OUTPUT, SCENE, assert_refused, command, entries, folder, refused_evaluation, run,
+    scene_with_map, triangle, write,
 };
 
 tests!(
@@ -17,6 +17,7 @@ tests!(
     invalid_budgets_are_named,
     invalid_arguments_are_named,
     misspelt_names_get_the_nearest_one,
+    meters_read_the_files_of_another_root,
 );
 
 /// Renders a scene to an existing output file, and asserts that the scene is refused and the file
@@ -183,4 +184,20 @@ fn misspelt_names_get_the_nearest_one() {
     ] {
         assert_refused(&run(folder.path(), arguments), &[&format!("did you mean `{name}`?")]);
     }
+}
+
+fn meters_read_the_files_of_another_root() {
+    let folder = folder();
+    let rail = folder.path().join("sys/bus/iio/devices/iio:device0");
+    fs::create_dir_all(&rail).expect("a folder");
+    for (file, text) in [("rail_name_0", "POM_5V_IN"), ("in_power0_input", "4838")] {
+        write(&rail, file, text);
+    }
+    let mut command = command(folder.path(), &["meters"]);
+    let output = command.env("FRUGAL_SYS_ROOT", folder.path()).output().expect("it runs");
+    let text = String::from_utf8_lossy(&output.stdout);
+    let (_, jetson) = text.split_once("\njetson ").expect("a meter");
+    let (jetson, others) = jetson.split_once("\nbattery ").expect("a meter");
+    assert!(jetson.contains("POM_5V_IN") && jetson.contains("idle 4.84 W"), "{jetson}");
+    assert!(others.contains("no battery of the machine"), "{others}");
 }

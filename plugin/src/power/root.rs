@@ -9,7 +9,10 @@ use crate::power::MeterError;
 /// Longest number in a file, bytes: more is no number.
 const MAX_BYTES: usize = 64;
 
-/// The root of the system's files; `/` but for tests.
+/// Environment variable that names another root.
+const ROOT_VARIABLE: &str = "FRUGAL_SYS_ROOT";
+
+/// The root of the system's files: `/`, or the folder in `FRUGAL_SYS_ROOT`, for tests by hand.
 #[derive(Clone, Debug)]
 pub(crate) struct SysRoot {
     root: PathBuf,
@@ -18,7 +21,9 @@ pub(crate) struct SysRoot {
 
 impl Default for SysRoot {
     fn default() -> Self {
-        Self { root: PathBuf::from("/"), open: |path| File::open(path) }
+        let other = std::env::var_os(ROOT_VARIABLE).filter(|root| !root.is_empty());
+        let root = other.map_or_else(|| PathBuf::from("/"), PathBuf::from);
+        Self { root, open: |path| File::open(path) }
     }
 }
 
@@ -41,6 +46,22 @@ impl SysRoot {
         let mut found: Vec<PathBuf> = named.map(|entry| entry.path()).collect();
         found.sort();
         found
+    }
+
+    /// Folders and links `prefixN` in `folder`, sorted.
+    pub(crate) fn numbered(&self, folder: &Path, prefix: &str) -> Vec<PathBuf> {
+        self.list(folder, |name| {
+            let number = name.strip_prefix(prefix).unwrap_or_default();
+            !number.is_empty() && number.bytes().all(|byte| byte.is_ascii_digit())
+        })
+    }
+
+    /// The same with the names in their files `name`; none where there is no such file.
+    pub(crate) fn named(&self, folder: &Path, prefix: &str) -> Vec<(PathBuf, String)> {
+        let folders = self.numbered(folder, prefix).into_iter();
+        folders
+            .filter_map(|found| self.word(&found.join("name")).map(|name| (found, name)))
+            .collect()
     }
 
     /// A file with one number.
@@ -74,9 +95,36 @@ pub(crate) struct NumberFile {
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(crate) enum Fault {
     Gone,
+    /// This user may not read it.
     Denied,
+    /// The driver refuses: what `amdgpu` answers for a card that sleeps.
+    Refused(String),
+    /// The driver has no value now.
+    Busy(String),
     Failed(String),
     NotANumber(String),
+}
+
+impl From<io::Error> for Fault {
+    fn from(error: io::Error) -> Self {
+        // Linux' numbers; these files are Linux'.
+        const EPERM: i32 = 1;
+        const EAGAIN: i32 = 11;
+        const EBUSY: i32 = 16;
+        const ENODEV: i32 = 19;
+        const ENODATA: i32 = 61;
+        match error.raw_os_error() {
+            Some(EPERM) => Self::Refused(error.to_string()),
+            Some(EAGAIN | EBUSY | ENODATA) => Self::Busy(error.to_string()),
+            // Of a device that went while its file was open.
+            Some(ENODEV) => Self::Gone,
+            _ => match error.kind() {
+                ErrorKind::NotFound => Self::Gone,
+                ErrorKind::PermissionDenied => Self::Denied,
+                _ => Self::Failed(error.to_string()),
+            },
+        }
+    }
 }
 
 impl NumberFile {
@@ -91,25 +139,10 @@ impl NumberFile {
     /// [`Fault`] says why there is none.
     pub(crate) fn read(&self) -> Result<i64, Fault> {
         let mut buffer = [0; MAX_BYTES];
-        let length = read(self.open, &self.path, &mut buffer).map_err(|error| {
-            match error.kind() {
-                ErrorKind::NotFound => Fault::Gone,
-                ErrorKind::PermissionDenied => Fault::Denied,
-                // Also what a driver answers for a device that is off or unplugged.
-                _ => Fault::Failed(error.to_string()),
-            }
-        })?;
+        let length = read(self.open, &self.path, &mut buffer)?;
         let bytes = &buffer[..length];
         let number = std::str::from_utf8(bytes).ok().and_then(|text| text.trim().parse().ok());
         number.ok_or_else(|| Fault::NotANumber(String::from_utf8_lossy(bytes).trim().to_owned()))
-    }
-
-    /// The same with the meter's [`error`](Self::error).
-    ///
-    /// # Errors
-    /// Why there is no number.
-    pub(crate) fn reading(&self, meter: &str, remedy: &str) -> Result<i64, MeterError> {
-        self.read().map_err(|fault| self.error(meter, fault, remedy))
     }
 
     /// The meter's error for a fault of this file. `remedy`: what to do where access is denied.
@@ -120,7 +153,8 @@ impl NumberFile {
                 format!("{path} is gone: was the device unplugged or its driver unloaded?")
             }
             Fault::Denied => format!("permission denied for {path}: {remedy}"),
-            Fault::Failed(error) => format!("{path}: {error}"),
+            Fault::Refused(error) => format!("{path}: {error}: {remedy}"),
+            Fault::Busy(error) | Fault::Failed(error) => format!("{path}: {error}"),
             Fault::NotANumber(text) => {
                 return MeterError::broken(meter, format!("{path} reads \"{text}\", no number"));
             }
