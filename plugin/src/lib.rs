@@ -32,6 +32,8 @@
     allow(dead_code, unreachable_pub, unused_imports)
 )]
 
+mod atmosphere;
+mod camera_copy;
 pub mod control;
 pub mod control_log;
 mod cut;
