@@ -29,6 +29,8 @@
 // Fewer features reach and use less of the crate: these lints run where all of it is built.
 #![cfg_attr(not(feature = "inspect"), allow(dead_code, unreachable_pub, unused_imports))]
 
+mod atmosphere;
+mod camera_copy;
 pub mod control;
 pub mod control_log;
 mod cut;

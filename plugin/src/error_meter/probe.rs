@@ -2,24 +2,17 @@
 
 use std::sync::Arc;
 
-use bevy::anti_alias::fxaa::Fxaa;
-use bevy::anti_alias::smaa::Smaa;
+use bevy::anti_alias::taa::TemporalAntiAliasing;
 use bevy::asset::{Assets, RenderAssetUsages};
-use bevy::camera::visibility::RenderLayers;
-use bevy::camera::{Camera, Camera3d, Exposure, Hdr, Projection, RenderTarget, SubCameraView};
-use bevy::core_pipeline::tonemapping::{DebandDither, Tonemapping};
-use bevy::ecs::entity::{EntityClonerBuilder, OptIn};
+use bevy::camera::{Camera, Camera3d, Projection, RenderTarget, SubCameraView};
 use bevy::ecs::prelude::*;
 use bevy::ecs::system::SystemParam;
 use bevy::image::Image;
-use bevy::light::{AmbientLight, EnvironmentMapLight, Skybox, VolumetricFog};
-use bevy::pbr::{ContactShadows, DistanceFog, ScreenSpaceAmbientOcclusion, ScreenSpaceReflections};
-use bevy::post_process::bloom::Bloom;
+use bevy::post_process::auto_exposure::AutoExposure;
 use bevy::render::extract_component::ExtractComponent;
 use bevy::render::gpu_readback::{Readback, ReadbackComplete};
 use bevy::render::render_resource::TextureFormat;
 use bevy::render::storage::ShaderBuffer;
-use bevy::render::view::{ColorGrading, Msaa};
 use bevy::time::{Real, Time};
 use bevy::transform::components::{GlobalTransform, Transform};
 use bevy::transform::helper::TransformHelper;
@@ -27,15 +20,21 @@ use bevy::transform::helper::TransformHelper;
 use super::compare::{Comparison, bytes, error};
 use super::tile::Tile;
 use super::{ErrorMeter, MeasuredError};
+use crate::camera_copy::{ShowsWholeOnly, copy_looks};
 use crate::control::{ErrorFeedback, Selection};
-use crate::gi::FrugalGi;
-use crate::knobs::{KnobLevels, KnobRegistry, KnobSettings, allow_authored};
+use crate::knobs::{KnobLevels, KnobRegistry, KnobSettings};
 
 /// Frames after which a comparison without a result is given up: its pipeline compiles meanwhile.
 const PATIENCE_FRAMES: u32 = 240;
+/// Least frames that a probe renders: motion is known from the second on.
+const LEAST_FRAMES: u32 = 2;
+/// The same with temporal antialiasing: its jitter has gone round twice.
+const TEMPORAL_FRAMES: u32 = 16;
+/// Distance within which a probe's automatic exposure is where it belongs in one frame, f-stops.
+const ANY_EXPOSURE: f32 = 64.0;
 
 /// Marks the hidden camera that renders a part of another camera's view at the best settings, while
-/// there is one. It has what Bevy's own rendering reads of that camera: an app that adds effects of
+/// there is one. It has what Bevy's own rendering reads of that camera, as the app authored it: an app that adds effects of
 /// its own gives it those by an observer of this component's insertion.
 #[derive(Component, ExtractComponent, Clone, Copy, Debug, PartialEq, Eq)]
 pub struct ErrorProbe {
@@ -90,21 +89,27 @@ type Measured = (
     &'static Projection,
     &'static KnobSettings,
     Option<&'static Selection>,
-    Has<Bloom>,
+    (Has<TemporalAntiAliasing>, Has<AutoExposure>),
 );
+
+/// A probe.
+type Probe =
+    (&'static mut Projection, &'static mut GlobalTransform, Option<&'static mut AutoExposure>);
 
 /// Begins, goes on with and ends the measurements of all meters.
 pub(super) fn drive(
-    time: Res<Time<Real>>,
+    (time, shown_time): (Res<Time<Real>>, Res<Time>),
     registry: Option<Res<KnobRegistry>>,
     transforms: TransformHelper,
     mut meters: Query<Measured, Without<ErrorProbe>>,
-    mut probes: Query<(&mut Projection, &mut GlobalTransform), With<ErrorProbe>>,
+    whole: Query<(), ShowsWholeOnly>,
+    mut probes: Query<Probe, With<ErrorProbe>>,
     mut assets: ProbeAssets,
     mut commands: Commands,
 ) {
     let Some(registry) = registry else { return };
-    for (camera, meter, mut state, view, projection, knobs, selection, has_bloom) in &mut meters {
+    for (camera, meter, mut state, view, projection, knobs, selection, history) in &mut meters {
+        let (is_temporal, is_exposed) = history;
         let state = state.bypass_change_detection();
         state.seconds += time.delta_secs();
         let Ok(place) = transforms.compute_global_transform(camera) else { continue };
@@ -120,11 +125,11 @@ pub(super) fn drive(
                     || view.sub_camera_view.is_some()
                     || knobs.settings == best
                     || state.last == Some((place, knobs.settings))
+                    || is_exposed && shown_time.delta_secs() <= 0.0
                 {
                     continue;
                 }
-                // Light blooms from outside a part into it.
-                let share = if has_bloom { 1.0 } else { meter.share };
+                let share = if whole.contains(camera) { 1.0 } else { meter.share };
                 let size = view.physical_viewport_size();
                 let Some(tile) = size.and_then(|size| Tile::new(size, share, state.begun)) else {
                     continue;
@@ -145,6 +150,7 @@ pub(super) fn drive(
                             // Drawn before it is compared.
                             order: view.order.saturating_sub(1),
                             clear_color: view.clear_color,
+                            invert_culling: view.invert_culling,
                             sub_camera_view: Some(SubCameraView {
                                 full_size: tile.full,
                                 offset: tile.offset.as_vec2(),
@@ -160,7 +166,7 @@ pub(super) fn drive(
                     // An app's `Single<&mut Transform, With<Camera>>` means its own camera.
                     .remove::<Transform>()
                     .id();
-                commands.entity(camera).clone_with_opt_in(probe, allow_looks);
+                commands.queue(move |world: &mut World| copy_looks(world, camera, probe));
                 state.phase = Phase::Renders { probe, tile, frames: 0 };
                 state.seconds = 0.0;
                 state.begun = state.begun.wrapping_add(1).max(1);
@@ -168,14 +174,24 @@ pub(super) fn drive(
             Phase::Renders { probe, tile, frames } => {
                 *frames += 1;
                 let same = view.physical_viewport_size() == Some(tile.full) && view.is_active;
-                let (Ok((mut lens, mut at)), true) = (probes.get_mut(*probe), same) else {
+                let (Ok((mut lens, mut at, exposure)), true) = (probes.get_mut(*probe), same)
+                else {
                     commands.entity(*probe).try_despawn();
                     state.phase = Phase::Waits;
                     continue;
                 };
                 *lens = projection.clone();
                 at.set_if_neq(place);
-                if *frames < meter.frames.max(1) {
+                if let Some(mut exposure) = exposure {
+                    let seconds = shown_time.delta_secs();
+                    if seconds <= 0.0 {
+                        *frames -= 1;
+                        continue;
+                    }
+                    adapt(&mut exposure, seconds);
+                }
+                let least = if is_temporal { TEMPORAL_FRAMES } else { LEAST_FRAMES };
+                if *frames < meter.frames.max(least) {
                     continue;
                 }
                 let buffer = ShaderBuffer::with_size(bytes(tile), RenderAssetUsages::RENDER_WORLD);
@@ -206,17 +222,12 @@ pub(super) fn drive(
     }
 }
 
-/// What Bevy's rendering, and ours, reads of a camera, besides its place and lens.
-fn allow_looks(builder: &mut EntityClonerBuilder<OptIn>) {
-    builder.without_required_components(|builder| {
-        builder
-            .allow::<(Hdr, Msaa, Exposure, Tonemapping, DebandDither, ColorGrading)>()
-            .allow::<(RenderLayers, FrugalGi, AmbientLight, EnvironmentMapLight, Skybox)>()
-            .allow::<(DistanceFog, VolumetricFog, Bloom, Fxaa, Smaa)>()
-            .allow::<(ScreenSpaceAmbientOcclusion, ScreenSpaceReflections, ContactShadows)>();
-        // Knobs may have taken some away, or reduced them.
-        allow_authored(builder);
-    });
+/// Lets automatic exposure come to rest in a frame of `seconds`. The camera's own has followed its
+/// image for long; that of a probe would begin with none.
+fn adapt(exposure: &mut AutoExposure, seconds: f32) {
+    let speed = ANY_EXPOSURE / seconds;
+    exposure.exponential_transition_distance = ANY_EXPOSURE;
+    (exposure.speed_brighten, exposure.speed_darken) = (speed, speed);
 }
 
 /// The best settings for a probe of a camera with `knobs`: knobs of the whole app stay as they are,

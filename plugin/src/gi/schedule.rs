@@ -5,10 +5,11 @@
 
 use bevy::app::{App, PostUpdate, SubApp};
 use bevy::camera::CameraUpdateSystems;
-use bevy::camera::visibility::check_visibility_cpu_culling;
+use bevy::camera::visibility::{VisibilitySystems, check_visibility_cpu_culling};
 use bevy::core_pipeline::core_3d::main_opaque_pass_3d;
 use bevy::core_pipeline::schedule::{Core3d, Core3dSystems};
 use bevy::ecs::prelude::*;
+use bevy::light::SimulationLightSystems;
 use bevy::pbr::deferred::deferred_lighting;
 use bevy::pbr::screen_space_reflections;
 use bevy::render::{Render, RenderApp, RenderSystems};
@@ -34,10 +35,10 @@ pub enum GiSystems {
 /// In the main world's `PostUpdate`.
 #[derive(SystemSet, Clone, Debug, PartialEq, Eq, Hash)]
 pub(super) enum SceneSystems {
-    /// Cameras of reflective shadow maps are spawned, moved and despawned.
-    Maps,
     /// Changes of meshes are noted, for the sets below.
     Changes,
+    /// Cameras of reflective shadow maps are spawned, moved and despawned.
+    Maps,
     /// What is rendered in this frame is decided: from here on, cameras of maps that are due are
     /// active.
     Refresh,
@@ -98,19 +99,21 @@ pub(super) fn configure_main_world(app: &mut App) {
     app.configure_sets(
         PostUpdate,
         (
-            // Before cameras are updated, so that changes to the maps' cameras take effect in the
-            // same frame.
+            SceneSystems::Changes.run_if(is_not_off),
+            // Cameras, lights and meshes are where this frame shows them, whoever propagates their
+            // transforms; nothing was made yet for the maps' cameras.
             SceneSystems::Maps
                 .after(KnobSystems::Apply)
-                .before(CameraUpdateSystems)
-                .before(TransformSystems::Propagate)
+                .after(CameraUpdateSystems)
+                .after(TransformSystems::Propagate)
+                .after(SceneSystems::Changes)
+                .before(VisibilitySystems::UpdateFrusta)
+                .before(SimulationLightSystems::UpdateDirectionalLightCascades)
                 .run_if(is_not_off),
-            SceneSystems::Changes.after(SceneSystems::Maps).run_if(is_not_off),
             // Bevy leaves out the cameras of maps, which are not active yet: they keep lists of
             // their own.
             SceneSystems::Refresh
                 .after(SceneSystems::Maps)
-                .after(SceneSystems::Changes)
                 .after(check_visibility_cpu_culling)
                 .run_if(is_not_off),
             SceneSystems::Drawn.after(SceneSystems::Refresh).run_if(is_not_off),

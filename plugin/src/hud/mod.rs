@@ -96,6 +96,10 @@ impl Plugin for HudPlugin {
                     .run_if(wipe::is_wanted),
             );
     }
+
+    fn finish(&self, app: &mut App) {
+        crate::atmosphere::finish(app);
+    }
 }
 
 fn is_visible(settings: Res<HudSettings>) -> bool {

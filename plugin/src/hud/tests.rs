@@ -6,13 +6,16 @@ use std::time::Duration;
 use bevy::asset::AssetEvent;
 use bevy::camera::{Exposure, Viewport};
 use bevy::ecs::message::Messages;
+use bevy::light::VolumetricFog;
+use bevy::light::{DirectionalLightShadowMap, PointLightShadowMap};
+use bevy::pbr::{ScreenSpaceAmbientOcclusion, ScreenSpaceReflections};
 use bevy::time::TimeUpdateStrategy;
 
 use super::panel::Panel;
 use super::*;
-use crate::control::{Budget, ControlPlugin, FrontierMapHandle};
+use crate::control::{Budget, ControlPlugin, FrontierMapHandle, Selection};
 use crate::frontier::{FrontierMap, FrontierMapPlugin, testing};
-use crate::knobs::{KnobLevels, KnobSettings};
+use crate::knobs::{KnobLevels, KnobPlugin, KnobRegistry, KnobSettings};
 use crate::units::Watts;
 
 /// An app with a map whose look-ups along −Z find points at 6 W / 0.2, 7 W / 0.05 and 9 W / 0, and
@@ -190,4 +193,41 @@ fn a_wipe_shows_the_same_view_at_the_best_settings() {
     assert!(seconds(&mut app).is_empty());
     let mut nodes = app.world_mut().query_filtered::<(), With<wipe::WipeNode>>();
     assert_eq!(nodes.iter(app.world()).count(), 0);
+}
+
+#[test]
+fn a_wipe_shows_what_knobs_took_away() {
+    let mut app = App::new();
+    app.add_plugins((MinimalPlugins, AssetPlugin::default(), KnobPlugin, HudPlugin))
+        .init_asset::<Image>()
+        .init_resource::<ButtonInput<KeyCode>>()
+        .init_resource::<DirectionalLightShadowMap>()
+        .init_resource::<PointLightShadowMap>();
+    let all = app.world().resource::<KnobRegistry>().space().expect("a registry");
+    let space = all.subset(["ambient_occlusion", "effects"]).expect("knobs");
+    let settings = space.parse("ambient_occlusion=off,effects=low").expect("settings");
+    let authored = (
+        ScreenSpaceAmbientOcclusion::default(),
+        ScreenSpaceReflections { linear_steps: 40, ..default() },
+        VolumetricFog { step_count: 64, ..default() },
+    );
+    let knobs = KnobSettings { space: Arc::new(space), settings };
+    let camera = (Camera::default(), Projection::default(), Selection::default());
+    let camera = app.world_mut().spawn((camera, authored, knobs)).id();
+    run(&mut app, 2);
+    let looks = |app: &App, camera| {
+        let steps = app.world().get::<ScreenSpaceReflections>(camera).map(|it| it.linear_steps);
+        let fog = app.world().get::<VolumetricFog>(camera).map(|it| it.step_count);
+        let has_occlusion = app.world().get::<ScreenSpaceAmbientOcclusion>(camera).is_some();
+        (has_occlusion, steps, fog)
+    };
+    assert_eq!(looks(&app, camera), (false, Some(10), Some(16)));
+    // Without a target there is no viewport, unless it is set.
+    let viewport = Viewport { physical_size: UVec2::new(64, 36), ..default() };
+    app.world_mut().get_mut::<Camera>(camera).expect("a camera").viewport = Some(viewport);
+    app.world_mut().resource_mut::<HudWipe>().at = Some(0.5);
+    run(&mut app, 3);
+    let [second] = seconds(&mut app)[..] else { panic!("one wipe") };
+    assert_eq!(looks(&app, second), (true, Some(40), Some(64)), "the best settings");
+    assert_eq!(looks(&app, camera), (false, Some(10), Some(16)), "the camera's own stay");
 }

@@ -6,51 +6,23 @@
 //!    border, and moving the border resizes its textures, which drops the history.
 //! 3. A second camera that renders all of the view into an image, of which the right part is shown.
 //!
-//! We use option 3. It is a copy of the camera as far as the image goes. An app's own components stay with
-//! the original, as queries by them mean one camera.
+//! We use option 3. It is a copy of the camera as far as the image goes, with what knobs took away. It
+//! has histories of its own, which go on for as long as the wipe is there.
 
 use std::sync::Arc;
 
-use bevy::anti_alias::contrast_adaptive_sharpening::ContrastAdaptiveSharpening;
-use bevy::anti_alias::fxaa::Fxaa;
-use bevy::anti_alias::smaa::Smaa;
-use bevy::anti_alias::taa::TemporalAntiAliasing;
-use bevy::camera::visibility::RenderLayers;
-use bevy::camera::{CameraOutputMode, Exposure, Hdr, ImageRenderTarget, RenderTarget};
-use bevy::core_pipeline::prepass::{
-    DeferredPrepass, DepthPrepass, MotionVectorPrepass, NormalPrepass,
-};
-use bevy::core_pipeline::tonemapping::{DebandDither, Tonemapping};
+use bevy::camera::{CameraOutputMode, ImageRenderTarget, RenderTarget};
 use bevy::ecs::entity::EntityCloner;
-use bevy::light::{AmbientLight, EnvironmentMapLight, Skybox, VolumetricFog};
-use bevy::pbr::{ContactShadows, DistanceFog, ScreenSpaceAmbientOcclusion, ScreenSpaceReflections};
-use bevy::post_process::bloom::Bloom;
-use bevy::post_process::dof::DepthOfField;
-use bevy::post_process::effect_stack::ChromaticAberration;
-use bevy::post_process::motion_blur::MotionBlur;
 use bevy::prelude::*;
 use bevy::render::render_resource::TextureFormat;
-use bevy::render::view::{ColorGrading, Msaa};
 
 use super::HudPart;
 use super::show::UiCamera;
+use crate::camera_copy::copy_looks;
 use crate::control::Selection;
-use crate::gi::FrugalGi;
 use crate::knobs::KnobSettings;
 use crate::resolution::ResolutionScale;
 
-/// What the second camera has of the first one: Bevy's components that change an image, and ours. An
-/// effect of another crate is not copied.
-type Copied = (
-    (Camera, Camera3d, Projection, Transform, Visibility, RenderLayers),
-    (Msaa, Hdr, Exposure, Tonemapping, DebandDither, ColorGrading),
-    (DepthPrepass, NormalPrepass, MotionVectorPrepass, DeferredPrepass),
-    (Fxaa, Smaa, TemporalAntiAliasing, ContrastAdaptiveSharpening),
-    (Bloom, DepthOfField, MotionBlur, ChromaticAberration),
-    (ScreenSpaceAmbientOcclusion, ScreenSpaceReflections, ContactShadows),
-    (DistanceFog, VolumetricFog, AmbientLight, EnvironmentMapLight, Skybox),
-    (FrugalGi, ResolutionScale),
-);
 const BORDER: Color = Color::srgb(1.0, 0.9, 0.2);
 
 /// The wipe: left of its border each controlled camera's image at the current settings, right of it
@@ -149,14 +121,15 @@ fn target(size: UVec2) -> Image {
     Image::new_target_texture(size.x, size.y, TextureFormat::Rgba8UnormSrgb, None)
 }
 
-/// Gives `to` the rendering components of `from`.
+/// Gives `to` the view of `from`, and what rendering reads of it.
 fn copy(world: &mut World, from: Entity, to: Entity) {
     if world.get_entity(from).is_err() || world.get_entity(to).is_err() {
         return;
     }
     let mut cloner = EntityCloner::build_opt_in(world);
-    cloner.allow::<Copied>();
+    cloner.allow::<(Camera, Projection, Transform, Visibility, ResolutionScale)>();
     cloner.clone_entity(from, to);
+    copy_looks(world, from, to);
 }
 
 /// What a second camera copies in every frame.

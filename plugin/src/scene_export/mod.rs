@@ -77,7 +77,13 @@ impl Plugin for SceneExportPlugin {
 const MOST_CAMERAS: usize = 16;
 
 /// Records the cameras' ways.
-fn follow(mut export: ResMut<Export>, shown: Shown, time: Res<Time<Real>>) {
+fn follow(mut export: ResMut<Export>, shown: Shown, time: Option<Res<Time<Real>>>) {
+    let Some(time) = time else {
+        warn_once!(
+            "SceneExportPlugin exports no ways of cameras: this app has no clock, add TimePlugin"
+        );
+        return;
+    };
     let tours = &mut export.tours;
     for (camera, at) in shown.active_cameras() {
         let known = tours.iter().position(|(known, _)| *known == camera);

@@ -88,3 +88,19 @@ fn an_empty_scene_and_a_missing_folder_leave_no_file() {
     assert_eq!(fs::read_dir(&folder).unwrap().count(), 0);
     fs::remove_dir_all(folder).unwrap();
 }
+
+#[test]
+fn an_app_without_a_clock_exports_its_scene_without_ways() {
+    let folder = folder("clockless");
+    let file = folder.join("my.scene.ron");
+    let mut app = App::new();
+    app.add_plugins((TaskPoolPlugin::default(), AssetPlugin::default(), TransformPlugin));
+    app.add_plugins(SceneExportPlugin::new(&file));
+    app.init_asset::<Mesh>().init_asset::<StandardMaterial>().init_asset::<Image>();
+    spawn_cube(&mut app);
+    app.update();
+    app.world_mut().write_message(ExportScene);
+    app.update();
+    assert!(file.exists());
+    fs::remove_dir_all(folder).unwrap();
+}

@@ -38,6 +38,7 @@ mod stability;
 mod viewports;
 mod visibility;
 mod weak;
+mod worlds;
 
 /// Modules, their tests, and whether these need an adapter.
 const MODULES: &[(&str, &[(&str, fn())], bool)] = &[
@@ -87,6 +88,7 @@ const MODULES: &[(&str, &[(&str, fn())], bool)] = &[
     ("viewports", viewports::TESTS, true),
     ("visibility", visibility::TESTS, true),
     ("weak", weak::TESTS, true),
+    ("worlds", worlds::TESTS, true),
 ];
 
 /// Environment variable: the number of the part to run.

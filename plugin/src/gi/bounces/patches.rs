@@ -20,6 +20,7 @@ use bevy::transform::components::GlobalTransform;
 use super::PATCHES;
 use super::choice::{Candidate, choose, density, rank};
 use super::patch::Patch;
+use crate::cut::Jumps;
 use crate::gi::settings::FrugalGi;
 use crate::gi::surfaces::{
     MaterialSample, MeshDelta, Reading, Reflectance, SurfaceAssets, SurfaceCache, SurfaceEvents,
@@ -170,7 +171,7 @@ pub(super) fn update(
         (Without<SkinnedMesh>, Without<NotShadowCaster>),
     >,
     gi_cameras: GiCameras,
-    delta: Res<MeshDelta>,
+    (delta, jumps): (Res<MeshDelta>, Res<Jumps>),
 ) {
     let surfaces = &mut *surfaces;
     surfaces.points.read(&mut events);
@@ -181,7 +182,9 @@ pub(super) fn update(
         })
         .map(|(entity, _, gi, transform, _)| {
             let before = surfaces.around.iter().find(|around| around.camera == entity);
-            Around::new(entity, transform.translation(), gi.range, before)
+            let shift = jumps.shifts.get(&entity).copied().unwrap_or_default();
+            let before = before.map(|before| Around { center: before.center + shift, ..*before });
+            Around::new(entity, transform.translation(), gi.range, before.as_ref())
         })
         .collect();
     if around.is_empty() {

@@ -5,11 +5,11 @@ use bevy::ecs::prelude::*;
 use bevy::math::Mat4;
 use bevy::render::render_resource::*;
 use bevy::render::renderer::{RenderDevice, RenderQueue};
+use bevy::render::sync_world::MainEntity;
 use bevy::render::texture::CachedTexture;
-use bevy::time::Time;
 use bytemuck::{Pod, Zeroable};
 
-use crate::cut::is_cut;
+use crate::cut::{Jumps, is_cut};
 use crate::gi::gather::{
     GatherView, IRRADIANCE, irradiance_texture, low_resolution_texture, texture_bytes, texture_size,
 };
@@ -230,16 +230,16 @@ pub(super) fn prepare(
     mut commands: Commands,
     device: Res<RenderDevice>,
     queue: Res<RenderQueue>,
-    time: Option<Res<Time>>,
-    mut views: Query<(Entity, &GiView, &mut GatherView)>,
+    jumps: Res<Jumps>,
+    mut views: Query<(Entity, &MainEntity, &GiView, &mut GatherView)>,
     mut held: Query<&mut History>,
     stale: Query<Entity, (With<History>, Without<GiView>)>,
 ) {
     for entity in &stale {
         commands.entity(entity).remove::<History>();
     }
-    let seconds = time.map_or(0.0, |time| time.delta_secs());
-    for (entity, view, mut gather) in &mut views {
+    let seconds = jumps.seconds;
+    for (entity, main_entity, view, mut gather) in &mut views {
         let window = super::window(&view.gi);
         match held.get_mut(entity) {
             Ok(_) if !view.gi.filters() => {
@@ -247,6 +247,9 @@ pub(super) fn prepare(
             }
             Ok(mut history) => {
                 history.window = window;
+                if let Some(by) = jumps.shifts.get(&main_entity.id()) {
+                    history.camera = history.camera.map(|camera| camera.shifted(*by));
+                }
                 history.advance(&mut gather, view, seconds, &device, &queue);
             }
             Err(_) if view.gi.filters() => {

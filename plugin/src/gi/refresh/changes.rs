@@ -6,12 +6,14 @@ use bevy::ecs::entity::EntityHashMap;
 use bevy::ecs::prelude::*;
 use bevy::ecs::system::SystemParam;
 use bevy::image::Image;
+use bevy::math::Vec3;
 use bevy::mesh::skinning::SkinnedMesh;
 use bevy::mesh::{Mesh, Mesh3d};
 use bevy::pbr::StandardMaterial;
 use bevy::platform::collections::HashSet;
 use bevy::transform::components::GlobalTransform;
 
+use crate::cut::CUT_DISTANCE;
 use crate::gi::rsm::Around;
 use crate::gi::surfaces::MeshDelta;
 
@@ -25,6 +27,8 @@ pub(super) struct Changes {
     pub everywhere: bool,
     /// An asset of the scene was added, changed or removed.
     pub arrived: bool,
+    /// Meshes that moved farther than most motion, and by how much, metres; `None`: those that came.
+    pub jumps: EntityHashMap<Option<Vec3>>,
 }
 
 impl Changes {
@@ -34,6 +38,14 @@ impl Changes {
     }
 }
 
+/// Where a mesh was in the last frame.
+#[derive(Clone, Copy)]
+struct Known {
+    /// `None`: Bevy has not measured it, or never does.
+    around: Option<Around>,
+    origin: Vec3,
+}
+
 /// Whether anything in the scene changed since the last frame, and where.
 #[derive(SystemParam)]
 pub(super) struct SceneChanges<'w, 's> {
@@ -41,7 +53,7 @@ pub(super) struct SceneChanges<'w, 's> {
     meshes: Query<'w, 's, (Option<&'static Aabb>, &'static GlobalTransform), With<Mesh3d>>,
     skins: Query<'w, 's, &'static SkinnedMesh>,
     moved: Query<'w, 's, (), Changed<GlobalTransform>>,
-    known: Local<'s, EntityHashMap<Around>>,
+    known: Local<'s, EntityHashMap<Known>>,
     assets: AssetChanges<'w, 's>,
 }
 
@@ -57,23 +69,29 @@ impl SceneChanges<'_, '_> {
                 .flat_map(|skin| &skin.joints)
                 .any(|joint| self.moved.contains(*joint));
         for mesh in &self.delta.gone {
-            match self.known.remove(mesh) {
+            match self.known.remove(mesh).and_then(|was| was.around) {
                 Some(was) => changes.spheres.push(was),
                 None => changes.everywhere = true,
             }
         }
         for mesh in &self.delta.touched {
-            match self.meshes.get(*mesh) {
-                Ok((Some(aabb), transform)) => {
-                    let is = Around::mesh(aabb, transform);
-                    let was = self.known.insert(*mesh, is);
+            // Gone.
+            let Ok((aabb, transform)) = self.meshes.get(*mesh) else { continue };
+            let around = aabb.map(|aabb| Around::mesh(aabb, transform));
+            let origin = transform.translation();
+            let was = self.known.insert(*mesh, Known { around, origin });
+            let jump = was.map(|was| origin - was.origin);
+            // NaN is none.
+            if jump.is_none_or(|jump| jump.length_squared() > CUT_DISTANCE * CUT_DISTANCE) {
+                changes.jumps.insert(*mesh, jump);
+            }
+            match around {
+                Some(is) => {
+                    let was = was.and_then(|was| was.around);
                     changes.spheres.extend(was.filter(|was| *was != is));
                     changes.spheres.push(is);
                 }
-                // Bevy has not measured it yet.
-                Ok((None, _)) => changes.everywhere = true,
-                // Gone.
-                Err(_) => {}
+                None => changes.everywhere = true,
             }
         }
         if changes.everywhere {
@@ -120,6 +138,31 @@ impl AssetChanges<'_, '_> {
     }
 }
 
+/// By how much the world around a camera was shifted, metres: what moved along with the camera is
+/// most of what it shows. `by`: how far the camera moved. `seen`: how far each mesh in its view moved.
+///
+/// A median: what moves besides, and the rounding of large coordinates, are no part of it.
+pub(super) fn shift(by: Vec3, seen: impl Iterator<Item = Vec3>) -> Option<Vec3> {
+    if by.length_squared() <= CUT_DISTANCE * CUT_DISTANCE {
+        return None;
+    }
+    let mut count = 0;
+    let mut along: Vec<Vec3> = seen
+        .inspect(|_| count += 1)
+        .filter(|jump| jump.distance_squared(by) <= CUT_DISTANCE * CUT_DISTANCE)
+        .collect();
+    if along.is_empty() || 4 * along.len() < 3 * count {
+        return None;
+    }
+    let middle = along.len() / 2;
+    let mut median = |axis: usize| {
+        let (_, found, _) =
+            along.select_nth_unstable_by(middle, |a, b| a[axis].total_cmp(&b[axis]));
+        found[axis]
+    };
+    Some(Vec3::new(median(0), median(1), median(2)))
+}
+
 fn changed<A: Asset>(events: &mut Option<MessageReader<AssetEvent<A>>>) -> HashSet<AssetId<A>> {
     let id = |event: &AssetEvent<A>| match event {
         AssetEvent::Added { id } | AssetEvent::Modified { id } | AssetEvent::Removed { id } => {
@@ -128,4 +171,28 @@ fn changed<A: Asset>(events: &mut Option<MessageReader<AssetEvent<A>>>) -> HashS
         AssetEvent::Unused { .. } | AssetEvent::LoadedWithDependencies { .. } => None,
     };
     events.iter_mut().flat_map(MessageReader::read).filter_map(id).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_shift_is_what_most_of_the_view_and_the_camera_share() {
+        let by = Vec3::new(4096.0, 0.0, -2048.0);
+        let walked = by + Vec3::new(0.1, 0.0, 0.05);
+        let seen = |still: usize, along: usize, odd: usize| {
+            let jumps = [(still, Vec3::ZERO), (along, by), (odd, by + Vec3::X * 0.3)];
+            jumps.into_iter().flat_map(|(count, jump)| std::iter::repeat_n(jump, count))
+        };
+        assert_eq!(shift(walked, seen(0, 5, 2)), Some(by), "what walks moves besides");
+        assert_eq!(shift(walked, seen(2, 6, 0)), Some(by), "what belongs to nobody stays");
+        assert_eq!(shift(walked, seen(3, 6, 0)), None);
+        assert_eq!(shift(walked, seen(0, 0, 0)), None, "nothing is in view");
+        assert_eq!(shift(walked, seen(9, 0, 0)), None, "the camera teleports");
+        assert_eq!(shift(Vec3::ZERO, seen(0, 9, 0)), None, "the scene is exchanged");
+        assert_eq!(shift(Vec3::NAN, seen(0, 9, 0)), None);
+        let rounded = (0..9).map(|index| by + Vec3::Y * (index as f32 - 4.0) * 1e-3);
+        assert_eq!(shift(by, rounded), Some(by));
+    }
 }

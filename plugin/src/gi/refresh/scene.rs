@@ -1,14 +1,20 @@
 //! Decides which maps are rendered and whether light is gathered, from the changes of the scene.
 
+use std::any::TypeId;
+
+use bevy::camera::visibility::VisibleEntities;
 use bevy::camera::{Camera, Projection};
+use bevy::ecs::entity::EntityHashMap;
 use bevy::ecs::prelude::*;
 use bevy::log::info_once;
+use bevy::math::Vec3;
 use bevy::mesh::Mesh3d;
 use bevy::pbr::{MeshMaterial3d, StandardMaterial};
 use bevy::transform::components::GlobalTransform;
 
-use super::changes::SceneChanges;
+use super::changes::{SceneChanges, shift};
 use super::queue::{Gate, Waiting, due};
+use crate::cut::Jumps;
 use crate::gi::rsm::{Around, MapAge, MapDelta, MapExtent, MapWeight, RsmView};
 use crate::gi::settings::{FrugalGi, GiLimits};
 use crate::gi::trace::GiOccluders;
@@ -33,18 +39,45 @@ type MapItem<'w> = (
     Mut<'w, Camera>,
 );
 
+/// A GI camera.
+type Viewer = (
+    Entity,
+    &'static Camera,
+    &'static FrugalGi,
+    &'static GlobalTransform,
+    &'static VisibleEntities,
+    Has<CameraCut>,
+);
+
 pub(super) fn decide(
-    mut frame: ResMut<GiFrame>,
+    (mut frame, mut jumps): (ResMut<GiFrame>, ResMut<Jumps>),
     (policy, limits, maps_delta): (Res<GiRefresh>, Res<GiLimits>, Res<MapDelta>),
     busy: Option<Res<PipelinesBusy>>,
     occluders: Res<GiOccluders>,
-    cameras: Query<(&Camera, &FrugalGi), Without<RsmView>>,
-    cuts: Query<(), With<CameraCut>>,
+    cameras: Query<Viewer, Without<RsmView>>,
+    mut places: Local<EntityHashMap<Vec3>>,
     other_materials: Query<(), (With<Mesh3d>, Without<MeshMaterial3d<StandardMaterial>>)>,
     mut scene: SceneChanges,
     mut maps: Query<Map>,
 ) {
     let changes = scene.read();
+    let are_active = |camera: &Camera, gi: &FrugalGi| camera.is_active && gi.vpl_count > 0;
+    let mut before = std::mem::take(&mut *places);
+    let mut has_cut = false;
+    jumps.shifts.clear();
+    for (entity, camera, gi, at, visible, cuts) in &cameras {
+        has_cut |= cuts;
+        if !are_active(camera, gi) {
+            continue;
+        }
+        let now = at.translation();
+        places.insert(entity, now);
+        let Some(was) = before.remove(&entity).filter(|_| !cuts) else { continue };
+        let seen = visible.get(TypeId::of::<Mesh3d>()).iter();
+        let seen = seen.map(|mesh| changes.jumps.get(mesh).copied().unwrap_or(Some(Vec3::ZERO)));
+        let found = shift(now - was, seen.flatten());
+        jumps.shifts.extend(found.map(|by| (entity, by)));
+    }
     let always = *policy == GiRefresh::EveryFrame || !other_materials.is_empty();
     if always && *policy != GiRefresh::EveryFrame {
         info_once!(
@@ -59,7 +92,8 @@ pub(super) fn decide(
         missing: busy.is_some_and(|busy| busy.get()) || occluders.waiting() > 0,
         always,
         unfilled: false,
-        cut: !cuts.is_empty(),
+        // What belongs to another place is rendered anew at once.
+        cut: has_cut || !jumps.shifts.is_empty(),
     };
     for (.., age, _) in &maps {
         delta.changed |= age.stale > 0;
@@ -67,8 +101,8 @@ pub(super) fn decide(
     }
     let periods = cameras
         .iter()
-        .filter(|(camera, gi)| camera.is_active && gi.vpl_count > 0)
-        .map(|(_, gi)| gi.refresh_period.max(1));
+        .filter(|(_, camera, gi, ..)| are_active(camera, gi))
+        .map(|(_, _, gi, ..)| gi.refresh_period.max(1));
     let mut next = frame.next(delta, periods.min().unwrap_or(1));
     let everywhere = changes.everywhere || always || next.arriving > 0;
     if delta.changed || delta.unfilled || everywhere {

@@ -9,6 +9,7 @@ use bevy::render::camera::{ExtractedCamera, TemporalJitter};
 use bevy::render::sync_world::MainEntity;
 use bevy::render::view::ExtractedView;
 
+use crate::cut::Jumps;
 use crate::gi::bounces::BounceCamera;
 use crate::gi::emissive::GiEmitters;
 use crate::gi::rsm::{MapAge, MapLayers, MapWeight, RsmLight, RsmView};
@@ -16,7 +17,7 @@ use crate::gi::settings::FrugalGi;
 use crate::gi::sky::{SkyCamera, SkyInputs};
 use crate::gi::texels::{CascadeCut, TexelRange, TexelRow, TexelStore};
 use crate::gi::trace::GiOccluders;
-use crate::gi::view::{CutCameras, Fit, GatherCamera, GiFrame, GiRefresh, GiView, Step, Work};
+use crate::gi::view::{Fit, GatherCamera, GiFrame, GiRefresh, GiView, Step, Work};
 
 /// What a camera's VPLs and its gather depend on, apart from the scene and its [`GiView`].
 #[derive(Component, Clone, Debug, PartialEq)]
@@ -33,7 +34,7 @@ pub(super) struct ViewInputs {
 pub(super) fn prepare(
     mut commands: Commands,
     store: Res<TexelStore>,
-    (frame, policy, cuts): (Res<GiFrame>, Res<GiRefresh>, Res<CutCameras>),
+    (frame, policy, jumps): (Res<GiFrame>, Res<GiRefresh>, Res<Jumps>),
     maps: Query<MapRow>,
     (emitters, occluders): (Res<GiEmitters>, Res<GiOccluders>),
     cameras: Query<(
@@ -94,7 +95,7 @@ pub(super) fn prepare(
             commands.entity(entity).insert((next, inputs));
             continue;
         };
-        let is_cut = cuts.0.contains(&main_entity.id());
+        let is_cut = jumps.cuts.contains(&main_entity.id());
         if held.rows == next.rows {
             next.rows = Arc::clone(&held.rows);
         }

@@ -3,7 +3,7 @@
 use bevy::camera::primitives::{Frustum, Sphere};
 use bevy::color::{Color, ColorToComponents};
 use bevy::ecs::prelude::*;
-use bevy::light::{DirectionalLight, PointLight, SpotLight};
+use bevy::light::{DirectionalLight, PointLight, SpotLight, SunDisk};
 use bevy::math::{Quat, Vec2, Vec3};
 use bevy::render::extract_component::ExtractComponent;
 use bevy::render::render_resource::ShaderType;
@@ -62,6 +62,8 @@ pub(super) struct BouncingLight {
     pub rotation: Quat,
     /// Metres; infinite where parallel.
     pub range: f32,
+    /// Of the disk of parallel light in the sky, radians.
+    pub disk: f32,
 }
 
 /// Factor of the importance of a light that reaches nothing in view: its light comes from there only
@@ -77,6 +79,7 @@ impl BouncingLight {
         entity: Entity,
         light: &DirectionalLight,
         rotation: Quat,
+        disk: Option<&SunDisk>,
     ) -> Option<Self> {
         let intensity = linear(light.color) * light.illuminance;
         Self {
@@ -86,6 +89,7 @@ impl BouncingLight {
             position: Vec3::ZERO,
             rotation,
             range: f32::INFINITY,
+            disk: disk.map_or_else(|| SunDisk::default().angular_size, |disk| disk.angular_size),
         }
         .if_valid()
     }
@@ -100,7 +104,8 @@ impl BouncingLight {
         let outer = light.outer_angle.min(std::f32::consts::FRAC_PI_2 - 1e-4);
         let shape = LightShape::Spot { inner: light.inner_angle.min(outer), outer };
         let intensity = linear(light.color) * light.intensity * CANDELA_PER_LUMEN;
-        Self { entity, shape, intensity, position, rotation, range: light.range }.if_valid()
+        Self { entity, shape, intensity, position, rotation, range: light.range, disk: 0.0 }
+            .if_valid()
     }
 
     pub(crate) fn point(entity: Entity, light: &PointLight, position: Vec3) -> Option<Self> {
@@ -112,6 +117,7 @@ impl BouncingLight {
             position,
             rotation: Quat::IDENTITY,
             range: light.range,
+            disk: 0.0,
         }
         .if_valid()
     }

@@ -7,6 +7,7 @@
 //! small: the camera has no clusters, so Bevy gives it no cascades and no light lists, and we
 //! remove its main phases.
 
+mod air;
 mod capacity;
 mod drawn;
 mod extent;

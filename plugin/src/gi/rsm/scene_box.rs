@@ -88,12 +88,12 @@ fn union(a: Corners, b: Corners) -> Corners {
     (a.0.min(b.0), a.1.max(b.1))
 }
 
-/// Whether any mesh changed or went in the last frame.
+/// Whether any mesh changed or went in this frame.
 pub(super) fn is_touched(delta: Res<MeshDelta>) -> bool {
     !delta.touched.is_empty() || !delta.gone.is_empty()
 }
 
-/// Fits the box to meshes that came, moved or went in the last frame. A sky dome that casts no shadow
+/// Fits the box to meshes that came, moved or went in this frame. A sky dome that casts no shadow
 /// is in no map, and must not stretch them.
 pub(super) fn update_scene_box(
     mut scene: ResMut<SceneBox>,

@@ -8,6 +8,7 @@ use bevy::ecs::prelude::*;
 use bevy::math::{Mat3, Quat, Vec3};
 use bevy::transform::components::Transform;
 
+use super::air::Air;
 use super::capacity::MapCapacity;
 use super::focus::Focus;
 use super::lights::{BouncingLight, LightShape, RsmLight};
@@ -42,13 +43,14 @@ impl MapSpec {
 }
 
 /// A GI camera of this frame, which maps serve.
-pub(super) struct Viewer {
+pub(super) struct Viewer<'a> {
     pub entity: Entity,
     pub focus: Focus,
     pub frustum: Frustum,
     pub resolution: u32,
     pub shading: GiShading,
     pub layers: RenderLayers,
+    pub air: Option<Air<'a>>,
 }
 
 /// The maps of the most important lights, up to `most` maps, as far as the device has capacity.
@@ -100,7 +102,10 @@ pub(super) fn choose(
 }
 
 /// The cameras that a light lights, as Bevy's: those with which it shares a layer.
-fn lit<'a>(viewers: &'a [Viewer], layers: &'a MapLayers) -> impl Iterator<Item = &'a Viewer> {
+fn lit<'a>(
+    viewers: &'a [Viewer<'a>],
+    layers: &'a MapLayers,
+) -> impl Iterator<Item = &'a Viewer<'a>> {
     viewers.iter().filter(|viewer| viewer.layers.intersects(&layers.0))
 }
 
@@ -147,6 +152,8 @@ fn parallel_map(
     cut: CascadeCut,
     layers: &MapLayers,
 ) -> MapSpec {
+    let direction = light.rotation * Vec3::NEG_Z;
+    let arriving = viewer.air.map_or(Vec3::ONE, |air| air.sunlight(-direction, light.disk));
     MapSpec {
         view: RsmView { light: light.entity, camera: Some(viewer.entity), face },
         resolution,
@@ -158,10 +165,10 @@ fn parallel_map(
             ..OrthographicProjection::default_3d()
         }),
         light: RsmLight {
-            intensity: light.intensity,
+            intensity: light.intensity * arriving,
             texel_area_or_solid_angle: region.size.x * region.size.y
                 / (resolution * resolution) as f32,
-            direction: light.rotation * Vec3::NEG_Z,
+            direction,
             cone_offset: 1.0,
             fade: region.fade,
             ..Default::default()

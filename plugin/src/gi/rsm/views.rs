@@ -4,23 +4,24 @@
 use bevy::camera::primitives::Frustum;
 use bevy::camera::visibility::{InheritedVisibility, RenderLayers};
 use bevy::camera::{
-    Camera, Camera3d, OrthographicProjection, Projection, RenderTarget, ScalingMode,
+    Camera, Camera3d, OrthographicProjection, Projection, RenderTarget, RenderTargetInfo,
+    ScalingMode,
 };
 use bevy::core_pipeline::prepass::{DeferredPrepass, DepthPrepass};
 use bevy::ecs::prelude::*;
 use bevy::ecs::query::QueryData;
 use bevy::light::cluster::Clusters;
-use bevy::light::{DirectionalLight, PointLight, SpotLight};
+use bevy::light::{DirectionalLight, PointLight, SpotLight, SunDisk};
 use bevy::math::UVec2;
 use bevy::math::primitives::ViewFrustum;
 use bevy::platform::collections::HashMap;
 use bevy::render::render_resource::TextureUsages;
 use bevy::render::renderer::RenderDevice;
 use bevy::render::view::Msaa;
-use bevy::time::Time;
+use bevy::time::{Real, Time};
 use bevy::transform::components::{GlobalTransform, Transform};
-use bevy::transform::helper::TransformHelper;
 
+use super::air::Atmospheres;
 use super::capacity::MapCapacity;
 use super::drawn::MapMeshes;
 use super::focus::Focus;
@@ -41,7 +42,13 @@ pub(in crate::gi) struct MapDelta {
     pub reweighted: bool,
 }
 
-type Lit<L> = (Entity, &'static L, &'static InheritedVisibility, Option<&'static RenderLayers>);
+type Lit<L> = (
+    Entity,
+    &'static L,
+    &'static GlobalTransform,
+    &'static InheritedVisibility,
+    Option<&'static RenderLayers>,
+);
 
 pub(super) fn maintain(
     mut commands: Commands,
@@ -51,40 +58,26 @@ pub(super) fn maintain(
         ResMut<MapSlots>,
         ResMut<LightPresence>,
     ),
-    (limits, device): (Res<GiLimits>, Option<Res<RenderDevice>>),
-    (scene, time): (Res<SceneBox>, Option<Res<Time>>),
+    (limits, device, atmospheres): (Res<GiLimits>, Option<Res<RenderDevice>>, Atmospheres),
+    (scene, time): (Res<SceneBox>, Option<Res<Time<Real>>>),
     cuts: Query<(), With<CameraCut>>,
     cameras: Query<
-        (
-            Entity,
-            &Camera,
-            &Projection,
-            &FrugalGi,
-            Option<&RenderLayers>,
-            (&GlobalTransform, Has<Transform>),
-        ),
+        (Entity, &Camera, &Projection, &FrugalGi, Option<&RenderLayers>, &GlobalTransform),
         Without<RsmView>,
     >,
-    suns: Query<Lit<DirectionalLight>, Without<RsmView>>,
+    suns: Query<(Lit<DirectionalLight>, Option<&SunDisk>), Without<RsmView>>,
     spots: Query<Lit<SpotLight>, Without<RsmView>>,
     points: Query<Lit<PointLight>, Without<RsmView>>,
-    // Both access transforms: those of lights and cameras are read first, then those of maps are
-    // written.
-    mut params: ParamSet<(TransformHelper, Query<Map, Without<FrugalGi>>)>,
+    mut maps: Query<Map, Without<FrugalGi>>,
 ) {
-    let transforms = params.p0();
-    let transform_of =
-        |entity| transforms.compute_global_transform(entity).ok().map(|t| t.compute_transform());
     let viewers: Vec<Viewer> = cameras
         .iter()
         .filter(|(_, camera, _, gi, ..)| camera.is_active && gi.vpl_count > 0)
-        .filter_map(|(entity, _, projection, gi, layers, (placed, has_transform))| {
+        .map(|(entity, _, projection, gi, layers, placed)| {
             let resolution = gi.rsm_resolution.clamp(16, 2048);
-            // The hidden camera of an error meter has no transform of its own.
-            let pose =
-                if has_transform { transform_of(entity)? } else { placed.compute_transform() };
+            let pose = placed.compute_transform();
             let clip_from_view = projection.get_clip_from_view();
-            Some(Viewer {
+            Viewer {
                 entity,
                 focus: Focus::new(scene.0.unwrap_or_default(), &pose, clip_from_view, gi.range),
                 frustum: Frustum(ViewFrustum::from_clip_from_world(
@@ -93,7 +86,8 @@ pub(super) fn maintain(
                 resolution,
                 shading: gi.shading,
                 layers: layers.cloned().unwrap_or_default(),
-            })
+                air: atmospheres.around(entity, pose.translation),
+            }
         })
         .collect();
 
@@ -106,29 +100,21 @@ pub(super) fn maintain(
     if let (Some(scene), false) = (scene.0, viewers.is_empty()) {
         let layers = |layers: Option<&RenderLayers>| MapLayers(layers.cloned().unwrap_or_default());
         let mut lights: Vec<(BouncingLight, MapLayers)> = Vec::new();
-        lights.extend(suns.iter().filter(|(_, _, visible, _)| visible.get()).filter_map(
-            |(entity, light, _, mask)| {
-                Some((
-                    BouncingLight::directional(entity, light, transform_of(entity)?.rotation)?,
-                    layers(mask),
-                ))
+        lights.extend(suns.iter().filter(|((_, _, _, visible, _), _)| visible.get()).filter_map(
+            |((entity, light, at, _, mask), disk)| {
+                let sun = BouncingLight::directional(entity, light, at.rotation(), disk);
+                Some((sun?, layers(mask)))
             },
         ));
-        lights.extend(spots.iter().filter(|(_, _, visible, _)| visible.get()).filter_map(
-            |(entity, light, _, mask)| {
-                let at = transform_of(entity)?;
-                Some((
-                    BouncingLight::spot(entity, light, at.translation, at.rotation)?,
-                    layers(mask),
-                ))
+        lights.extend(spots.iter().filter(|(_, _, _, visible, _)| visible.get()).filter_map(
+            |(entity, light, at, _, mask)| {
+                let (position, rotation) = (at.translation(), at.rotation());
+                Some((BouncingLight::spot(entity, light, position, rotation)?, layers(mask)))
             },
         ));
-        lights.extend(points.iter().filter(|(_, _, visible, _)| visible.get()).filter_map(
-            |(entity, light, _, mask)| {
-                Some((
-                    BouncingLight::point(entity, light, transform_of(entity)?.translation)?,
-                    layers(mask),
-                ))
+        lights.extend(points.iter().filter(|(_, _, _, visible, _)| visible.get()).filter_map(
+            |(entity, light, at, _, mask)| {
+                Some((BouncingLight::point(entity, light, at.translation())?, layers(mask)))
             },
         ));
         specs = choose(
@@ -146,7 +132,7 @@ pub(super) fn maintain(
     let mut missing: HashMap<RsmView, MapSpec> =
         specs.into_iter().map(|spec| (spec.view, spec)).collect();
     *delta = MapDelta::default();
-    for map in &mut params.p1() {
+    for map in &mut maps {
         match missing.remove(map.view) {
             Some(spec) => {
                 delta.reweighted |= map.weight.share != spec.weight.share;
@@ -203,6 +189,7 @@ impl MapItem<'_, '_> {
         // Bevy checks a target without texture only when the projection is marked as changed.
         if resized || !same_projection(&self.projection, &spec.projection) {
             *self.projection = spec.projection;
+            measure(&mut self.camera, &mut self.projection, size);
             moved = true;
         }
         moved |= self.transform.set_if_neq(spec.transform.into());
@@ -223,6 +210,13 @@ impl MapItem<'_, '_> {
     }
 }
 
+/// What Bevy has computed for this frame's other cameras already.
+fn measure(camera: &mut Camera, projection: &mut Projection, size: UVec2) {
+    projection.update(size.x as f32, size.y as f32);
+    camera.computed.target_info = Some(RenderTargetInfo { physical_size: size, scale_factor: 1.0 });
+    camera.computed.clip_from_view = projection.get_clip_from_view();
+}
+
 fn same_projection(a: &Projection, b: &Projection) -> bool {
     match (a, b) {
         (Projection::Perspective(a), Projection::Perspective(b)) => {
@@ -239,10 +233,13 @@ fn same_projection(a: &Projection, b: &Projection) -> bool {
     }
 }
 
-fn spawn(commands: &mut Commands, spec: MapSpec) {
+fn spawn(commands: &mut Commands, mut spec: MapSpec) {
     let depth_texture_usages =
         (TextureUsages::RENDER_ATTACHMENT | TextureUsages::TEXTURE_BINDING).into();
     let order = spec.order();
+    let size = UVec2::splat(spec.resolution);
+    let mut camera = Camera { order, is_active: false, ..Default::default() };
+    measure(&mut camera, &mut spec.projection, size);
     let mut camera = commands.spawn((
         spec.view,
         // Meshes of these layers cast the light's shadows, and reflect its light.
@@ -251,8 +248,8 @@ fn spawn(commands: &mut Commands, spec: MapSpec) {
         spec.cut,
         spec.shading,
         Camera3d { depth_texture_usages, ..Default::default() },
-        Camera { order, is_active: false, ..Default::default() },
-        RenderTarget::None { size: UVec2::splat(spec.resolution) },
+        camera,
+        RenderTarget::None { size },
         Msaa::Off,
         // Forward-rendered meshes write only depth: they block light, and reflect none.
         DepthPrepass,

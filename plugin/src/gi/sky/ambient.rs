@@ -32,11 +32,14 @@ use crate::gi::view::SkySource;
 const FIRST_NAME: u128 = 0x6b5f_0f4e_9d1c_4a53_b7a2_3f6d_1e8c_0000;
 
 /// Black cubes by the map that each replaces: the same texture, but each with that map's sampler,
-/// since Bevy samples the specular map with it, too.
+/// since Bevy samples the specular map with it, too. Those of maps that no camera has any more are
+/// dropped.
 #[derive(Resource, Default)]
 pub(super) struct BlackCubes {
     texture: Option<Texture>,
     names: HashMap<AssetId<Image>, AssetId<Image>>,
+    /// Names given so far.
+    given: u128,
 }
 
 pub(super) fn take_out_diffuse(
@@ -46,6 +49,14 @@ pub(super) fn take_out_diffuse(
     queue: Res<RenderQueue>,
     mut views: Query<(&SkyCamera, &SkySource, &mut RenderViewLightProbes<EnvironmentMapLight>)>,
 ) {
+    let BlackCubes { texture, names, given } = &mut *cubes;
+    names.retain(|replaced, name| {
+        let is_used = views.iter().any(|(_, source, _)| source.diffuse == *replaced);
+        if !is_used {
+            images.remove(*name);
+        }
+        is_used
+    });
     for (camera, source, mut probes) in &mut views {
         if !camera.is_active {
             continue;
@@ -58,14 +69,12 @@ pub(super) fn take_out_diffuse(
             continue;
         };
         let Some(replaced) = images.get(source.diffuse) else { continue };
-        let cubes = &mut *cubes;
-        let texture = cubes.texture.get_or_insert_with(|| black_cube(&device, &queue));
+        let texture = texture.get_or_insert_with(|| black_cube(&device, &queue));
         let sampler = replaced.sampler.clone();
-        let next = FIRST_NAME + cubes.names.len() as u128;
-        let name = *cubes
-            .names
-            .entry(source.diffuse)
-            .or_insert_with(|| AssetId::Uuid { uuid: Uuid::from_u128(next) });
+        let name = *names.entry(source.diffuse).or_insert_with(|| {
+            *given += 1;
+            AssetId::Uuid { uuid: Uuid::from_u128(FIRST_NAME + *given) }
+        });
         // The map may have been reloaded.
         if images.get(name).is_none_or(|old| old.sampler.id() != sampler.id()) {
             let black = GpuImage {

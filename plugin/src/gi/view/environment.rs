@@ -33,14 +33,10 @@ pub(super) fn finish(app: &mut App) {
 /// Extracts GI cameras' environment maps into the render world.
 fn extract_environments(
     mut commands: Commands,
-    cameras: Extract<
-        Query<
-            (RenderEntity, Option<&EnvironmentMapLight>, Has<GeneratedEnvironmentMapLight>),
-            With<FrugalGi>,
-        >,
-    >,
+    cameras: Extract<Query<(RenderEntity, Option<&EnvironmentMapLight>), With<FrugalGi>>>,
+    generated: Extract<Query<&EnvironmentMapLight, With<GeneratedEnvironmentMapLight>>>,
 ) {
-    for (entity, environment, is_generated) in &cameras {
+    for (entity, environment) in &cameras {
         let Ok(mut entity) = commands.get_entity(entity) else { continue };
         match environment {
             Some(environment) => entity.insert(SkySource {
@@ -48,7 +44,10 @@ fn extract_environments(
                 specular: environment.specular_map.id(),
                 intensity: environment.intensity,
                 rotation: environment.rotation,
-                is_generated,
+                // Its own, or that of another camera or a light probe.
+                is_generated: generated
+                    .iter()
+                    .any(|other| other.specular_map == environment.specular_map),
             }),
             None => entity.remove::<SkySource>(),
         };

@@ -31,7 +31,8 @@ const ARRIVAL: u32 = 4;
 /// The work of this frame.
 #[derive(Resource, ExtractResource, Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(in crate::gi) struct GiFrame {
-    /// Frames since the last camera cut, so that the frames after a cut do not depend on its time.
+    /// Frames since the last camera cut or shift, so that the frames after it do not depend on its
+    /// time.
     pub number: u32,
     /// Whether maps are rendered.
     pub maps: bool,
@@ -60,7 +61,7 @@ pub(in crate::gi) struct SceneDelta {
     pub always: bool,
     /// A map was never rendered where its texels are.
     pub unfilled: bool,
-    /// A camera has a cut.
+    /// A camera has a cut, or its world was shifted.
     pub cut: bool,
 }
 

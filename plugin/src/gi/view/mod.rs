@@ -4,14 +4,12 @@
 //! |---|---|---|
 //! | `frame` | both | the work of a frame, from the changes of the scene |
 //! | `work` | render | the work of a camera in a frame |
-//! | `cut` | both | camera cuts that the app announces |
 //! | `presence` | main | whether there is light to gather |
 //! | `shown` | main | which meshes GI cameras show |
 //! | `environment` | both | a camera's environment map |
 //! | `noise.wgsl` | | noise of low-resolution pixels |
 //! | `surface.wgsl` | | the surface in a pixel of Bevy's deferred G-buffer |
 
-mod cut;
 mod environment;
 mod frame;
 mod presence;
@@ -22,15 +20,16 @@ use std::sync::Arc;
 
 use bevy::app::{App, Plugin};
 use bevy::ecs::prelude::*;
-use bevy::math::{Mat4, UVec2, Vec3};
+use bevy::math::{DMat4, DVec3, Mat4, UVec2, Vec3};
 use bevy::render::camera::ExtractedCamera;
+use bevy::render::extract_resource::ExtractResourcePlugin;
 use bevy::render::view::ExtractedView;
 use bevy::shader::load_shader_library;
 
 use super::settings::{FrugalGi, GiPixelFraction};
 use super::texels::{TexelRow, same_layout};
 pub use crate::cut::CameraCut;
-pub(super) use cut::CutCameras;
+use crate::cut::Jumps;
 pub(super) use environment::SkySource;
 pub use frame::GiRefresh;
 pub(super) use frame::{GiFrame, SceneDelta};
@@ -45,8 +44,8 @@ impl Plugin for ViewPlugin {
         load_shader_library!(app, "luminance.wgsl");
         load_shader_library!(app, "noise.wgsl");
         load_shader_library!(app, "surface.wgsl");
-        app.init_resource::<LightPresence>();
-        cut::build(app);
+        app.init_resource::<LightPresence>().add_plugins(ExtractResourcePlugin::<Jumps>::default());
+        crate::cut::build(app);
     }
 
     fn finish(&self, app: &mut App) {
@@ -131,6 +130,14 @@ impl GatherCamera {
             size,
             cell: fraction.cell().into(),
         }
+    }
+
+    /// The same in a world that was shifted, in metres.
+    pub(crate) fn shifted(&self, by: Vec3) -> Self {
+        // Kilometres from the origin, 32 bits would lose millimetres.
+        let back = DMat4::from_translation(-DVec3::from(by));
+        let clip_from_world = (self.clip_from_world.as_dmat4() * back).as_mat4();
+        Self { clip_from_world, eye: self.eye + by, ..*self }
     }
 
     /// Low-resolution pixels along both axes.
