@@ -140,6 +140,7 @@ fn facts(scene: &SceneDescription, name: &str, stage: &RemoteStage) -> SweepFact
         size: Some(layout.size),
         frames_per_second: Some(stage.frames_per_second()),
         maps: Some(layout.maps),
+        point_lights: Some(layout.point_lights),
         has_sky: Some(layout.has_sky),
         meter: Some(stage.meter()),
     }

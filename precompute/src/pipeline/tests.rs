@@ -30,7 +30,7 @@ fn space() -> KnobSpace {
 }
 
 pub(crate) fn layout() -> FrameLayout {
-    FrameLayout { size: [160, 90], maps: 1, has_sky: false }
+    FrameLayout { size: [160, 90], maps: 1, point_lights: 0, has_sky: false }
 }
 
 /// Power follows work; indirect light matters where x < 4, shadows elsewhere.

@@ -198,6 +198,7 @@ pub(in crate::cli) fn prices(
         joules,
         idle: model.idle,
         maps: layout.maps,
+        point_lights: layout.point_lights,
         has_sky: layout.has_sky,
         ..WorkPrices::default()
     };
