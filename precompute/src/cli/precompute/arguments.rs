@@ -11,6 +11,9 @@ use crate::cameras::{TrackSample, recorded, tracks_of};
 use crate::pipeline::PipelineConfig;
 use crate::scene::SceneDescription;
 
+/// Highest frame rate at which tracks are sampled, hertz.
+const FASTEST: f64 = 1000.0;
+
 /// Tracks, on and around which cameras are sampled.
 #[derive(clap::Args, Debug, Clone)]
 pub(in crate::cli) struct TrackArguments {
@@ -123,6 +126,11 @@ impl TrackArguments {
         scene: &SceneDescription,
         fps: f64,
     ) -> Result<Vec<Vec<TrackSample>>, CliError> {
+        if !(fps > 0.0 && fps <= FASTEST) {
+            return Err(CliError::usage(format!(
+                "a frame rate of {fps}: must be above 0 and at most {FASTEST}"
+            )));
+        }
         let mut paths = Vec::new();
         for name in &self.paths {
             paths.push(scene.paths.get(name).ok_or_else(|| {
@@ -140,7 +148,7 @@ impl TrackArguments {
         }
         let mut tracks = tracks_of(paths, fps);
         for file in &self.recordings {
-            tracks.extend(recorded(file).map_err(CliError::usage)?);
+            tracks.extend(recorded(file, fps).map_err(CliError::usage)?);
         }
         Ok(tracks)
     }
