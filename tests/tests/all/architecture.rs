@@ -68,6 +68,7 @@ const TOOL: &[&str] = &[
     "journal",
     "search",
     "cost",
+    "device",
     "table",
     "cameras",
     "reference",
