@@ -8,7 +8,7 @@ use bevy_frugal_gi::units::Watts;
 use glam::Vec3;
 
 use super::CliError;
-use super::arguments::{check_outputs, json, write, write_report};
+use super::arguments::{check_outputs, check_report, json, write, write_report};
 use crate::inspect::{
     CompareError, MapComparison, compare, comparison_table, presets, presets_table,
 };
@@ -87,6 +87,7 @@ pub(super) fn read(path: &Path) -> Result<(FrontierMap, String), CliError> {
 
 pub(super) fn run(arguments: &Arguments) -> Result<(), CliError> {
     check_outputs([arguments.presets.as_ref(), arguments.json.as_ref()])?;
+    check_report(arguments.report.as_ref())?;
     match &arguments.compare {
         Some(old) => guard(arguments, old),
         None => tell(arguments),

@@ -7,11 +7,12 @@ use serde::Serialize;
 
 use super::arguments::{WorkerArguments, check_outputs, json, open_scene, write};
 use super::evaluate::{open_stage, read_map};
-use super::precompute::{TrackArguments, journal_header, open_journal};
+use super::journal::{JournalArguments, JournalUse, journal_header, open_journal, rendered_by};
+use super::precompute::TrackArguments;
 use super::{CliError, progress};
 use crate::cameras::{CameraMix, CameraSet};
 use crate::cost::FrameLayout;
-use crate::journal::hash;
+use crate::journal::{Journal, hash};
 use crate::pipeline::{CLIP_FRAMES, Extent, PipelineError, Setup};
 use crate::quantile::quantile;
 use crate::regret::{AtCamera, CameraRegret, RegretPlan, run as run_regret};
@@ -49,9 +50,8 @@ pub(super) struct Arguments {
     /// Result for programs
     #[arg(long, value_name = "FILE")]
     json: Option<PathBuf>,
-    /// Resume an interrupted run
-    #[arg(long)]
-    resume: bool,
+    #[command(flatten)]
+    journal: JournalArguments,
 }
 
 /// The result for programs.
@@ -94,6 +94,17 @@ pub(super) fn run(arguments: &Arguments) -> Result<(), CliError> {
         )));
     }
     let tracks = arguments.tracks.tracks(&scene, map.capture.frames_per_second)?;
+    let mut file = arguments.map.as_os_str().to_owned();
+    file.push(".regret.journal");
+    let file = PathBuf::from(file);
+    let identity = SceneIdentity { name: name.clone(), fingerprint: scene.fingerprint()? };
+    let (existing, of) = (arguments.journal.existing(), JournalUse::REGRET);
+    let header = journal_header(&identity, &map.capture)
+        .with("map", format!("{:016x}", hash(&map.to_ron().map_err(CliError::failed)?)))
+        .with("seed", arguments.seed)
+        .with("number of cameras", arguments.unseen);
+    check_outputs([Some(&file)])?;
+    Journal::check(&file, &header, existing).map_err(|error| of.refused(&error))?;
     let meter = arguments.meter.clone();
     let workers = &arguments.workers;
     let mut stage = open_stage(&scene, &arguments.scene, &map, &arguments.map, meter, workers)?;
@@ -113,14 +124,9 @@ pub(super) fn run(arguments: &Arguments) -> Result<(), CliError> {
         seed: arguments.seed,
     };
 
-    let mut file = arguments.map.as_os_str().to_owned();
-    file.push(".regret.journal");
-    let file = PathBuf::from(file);
-    let identity = SceneIdentity { name: name.clone(), fingerprint: scene.fingerprint()? };
-    let header = journal_header(&identity, &map.knobs, &map.capture, &stage.meter())?
-        .with("map", format!("{:016x}", hash(&map.to_ron().map_err(CliError::failed)?)))
-        .with("cameras", format!("{:016x}", hash(&format!("{cameras:?}"))));
-    let journal = open_journal(&file, &header, arguments.resume)?;
+    let header = rendered_by(header, &map.knobs, &stage.meter())?
+        .with("set of cameras", format!("{:016x}", hash(&format!("{cameras:?}"))));
+    let journal = open_journal(&file, &header, existing, of)?;
     stage.warm()?;
     let bar = progress::bar(0);
     let mut report = progress::of_renderings(&bar);
@@ -136,9 +142,8 @@ pub(super) fn run(arguments: &Arguments) -> Result<(), CliError> {
     let found = run_regret(&plan, lens, setup);
     bar.finish_and_clear();
     let found = found.map_err(|error| match error {
-        PipelineError::Interrupted => {
-            CliError::failed("interrupted: the same command with --resume continues")
-        }
+        PipelineError::Interrupted => of.interrupted(),
+        PipelineError::Journal(error) => of.failed(&error),
         error => CliError::failed(error),
     })?;
     let budgets: Vec<BudgetRegret> =

@@ -49,17 +49,22 @@ pub(in crate::cli) struct SearchArguments {
     /// Time limit, after which the best map so far is written: 90s, 10m, 1h
     #[arg(long, value_name = "TIME", value_parser = duration)]
     pub time_limit: Option<Duration>,
-    /// Renders only every N-th job of each batch, beginning with the I-th: 0/4, 1/4, …; frugal
-    /// merge joins the journals
-    #[arg(long, value_name = "I/N", value_parser = shard)]
-    pub shard: Option<(usize, usize)>,
 }
 
-/// A limit in watts, or as a share of the range of power.
+/// Watts, or a share of the range of power.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(in crate::cli) enum Threshold {
     Watts(f64),
     Share(f64),
+}
+
+impl std::fmt::Display for Threshold {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        match self {
+            Self::Watts(watts) => write!(f, "{watts} W"),
+            Self::Share(share) => write!(f, "{} %", 100.0 * share),
+        }
+    }
 }
 
 fn threshold(text: &str) -> Result<Threshold, String> {
@@ -77,7 +82,8 @@ fn threshold(text: &str) -> Result<Threshold, String> {
     }
 }
 
-fn shard(text: &str) -> Result<(usize, usize), String> {
+/// `0/4`.
+pub(super) fn shard(text: &str) -> Result<(usize, usize), String> {
     let parts = text
         .split_once('/')
         .and_then(|(index, count)| Some((index.trim().parse().ok()?, count.trim().parse().ok()?)));
