@@ -207,24 +207,10 @@ pub(super) fn check_outputs<'p>(
 
 /// The same for the folder of a report, which is made if missing.
 pub(super) fn check_report(folder: Option<&PathBuf>) -> Result<(), CliError> {
-    let Some(folder) = folder else { return Ok(()) };
-    let parents = || {
-        folder.ancestors().skip(1).map(|parent| match parent.as_os_str().is_empty() {
-            true => Path::new("."),
-            false => parent,
-        })
+    let there = |folder: &PathBuf| {
+        folder.ancestors().find(|parent| parent.exists()).unwrap_or(Path::new("")).join(REPORT)
     };
-    let file = match folder.is_dir() {
-        true => folder.join(REPORT),
-        false if folder.exists() => {
-            return Err(CliError::usage(format!(
-                "{} is not a folder: give --report a folder",
-                folder.display()
-            )));
-        }
-        false => parents().find(|parent| parent.exists()).unwrap_or(Path::new(".")).join(REPORT),
-    };
-    check_outputs([Some(&file)])
+    check_outputs([folder.map(there).as_ref()])
 }
 
 /// The file of a report in its folder.

@@ -33,9 +33,9 @@ pub(super) struct Arguments {
     /// Cameras at which a search is made
     #[arg(long, value_name = "N", default_value_t = 10)]
     searched: usize,
-    /// Renderings of each search
-    #[arg(long, value_name = "N", default_value_t = 200)]
-    renderings: usize,
+    /// Renderings of each search; default: 200
+    #[arg(long, value_name = "N")]
+    renderings: Option<usize>,
     /// Error budgets, 1 − SSIM
     #[arg(long, value_name = "E1,E2,…", value_delimiter = ',', default_value = "0.005,0.01,0.015,0.02,0.03,0.05", value_parser = crate::evaluate::parse_error_budget)]
     budgets: Vec<f64>,
@@ -80,6 +80,9 @@ struct BudgetRegret {
     of_means: f64,
 }
 
+/// Renderings of a search, unless others are asked for.
+const RENDERINGS: usize = 200;
+
 /// Quantiles of [`BudgetRegret`].
 const SHARES: [f64; 5] = [0.25, 0.5, 0.75, 0.9, 1.0];
 
@@ -92,6 +95,9 @@ pub(super) fn run(arguments: &Arguments) -> Result<(), CliError> {
             "--seed {}: the map was trained on the cameras of this seed: give another one",
             map.seed
         )));
+    }
+    if arguments.searched == 0 && arguments.renderings.is_some() {
+        return Err(CliError::usage("--renderings is for searches: raise --searched above 0"));
     }
     let tracks = arguments.tracks.tracks(&scene, map.capture.frames_per_second)?;
     let mut file = arguments.map.as_os_str().to_owned();
@@ -119,7 +125,7 @@ pub(super) fn run(arguments: &Arguments) -> Result<(), CliError> {
         layout: &layout,
         budgets: &arguments.budgets,
         searched: arguments.searched,
-        renderings: arguments.renderings,
+        renderings: arguments.renderings.unwrap_or(RENDERINGS),
         batch: Extent::WHOLE.batch,
         seed: arguments.seed,
     };

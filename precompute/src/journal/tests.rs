@@ -248,7 +248,7 @@ fn a_file_that_was_replaced_is_opened_again() {
     let folder = tempfile::tempdir().expect("a folder");
     let path = folder.path().join("run.journal");
     written(&path);
-    let held = fs::OpenOptions::new().read(true).write(true).open(&path).expect("opens");
+    let held = OpenOptions::new().read(true).write(true).open(&path).expect("opens");
     assert!(contents::is_at(&held, &path));
     merge_journals(&[path.clone()], None).expect("merges");
     assert!(!contents::is_at(&held, &path));

@@ -159,6 +159,7 @@ mod tests {
             size: Some([128, 72]),
             frames_per_second: Some(15.0),
             maps: Some(2),
+            point_lights: Some(3),
             has_sky: Some(false),
             meter: Some(meter()),
         };
@@ -194,7 +195,7 @@ mod tests {
         assert_eq!(read(&text.replace('\n', "\r\n"), &KnobSpace::default()), Ok(table.clone()));
         assert_eq!(
             table.facts.layout(),
-            Some(FrameLayout { size: [128, 72], maps: 2, point_lights: 0, has_sky: false })
+            Some(FrameLayout { size: [128, 72], maps: 2, point_lights: 3, has_sky: false })
         );
     }
 
