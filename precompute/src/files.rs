@@ -21,8 +21,9 @@ pub(crate) struct FileError {
 }
 
 impl FileError {
-    fn new(action: &'static str, path: &Path, source: io::Error) -> Self {
+    pub(crate) fn new(action: &'static str, path: &Path, source: io::Error) -> Self {
         let remedy = match source.kind() {
+            io::ErrorKind::NotFound if action == "read" => "give a file that is there",
             io::ErrorKind::NotFound => "create its folder first",
             io::ErrorKind::PermissionDenied | io::ErrorKind::ReadOnlyFilesystem => {
                 "allow writing there, or give another output"
@@ -34,6 +35,12 @@ impl FileError {
             _ => "give another output",
         };
         Self { action, path: path.to_owned(), source, remedy }
+    }
+
+    /// Whether the file, or all of its file system, is read-only to this user.
+    pub(crate) fn is_denied(&self) -> bool {
+        use io::ErrorKind::{PermissionDenied, ReadOnlyFilesystem};
+        matches!(self.source.kind(), PermissionDenied | ReadOnlyFilesystem)
     }
 }
 

@@ -9,6 +9,7 @@ mod cameras;
 pub mod cli;
 mod control_log;
 mod cost;
+mod device;
 mod evaluate;
 mod farthest;
 mod files;

@@ -95,8 +95,12 @@ pub struct WorkPrices {
     /// Idle power of the device, in watts, as far as the map's power includes it; finite, at least
     /// 0.
     pub idle: Watts,
-    /// Number of reflective shadow maps of the scene.
+    /// Number of reflective shadow maps of the scene, without those of point lights.
     pub maps: u32,
+    /// Number of point lights of the scene, which have six smaller maps each. 0 in maps of earlier
+    /// versions.
+    #[serde(default)]
+    pub point_lights: u32,
     /// Whether the scene gathers light from an environment map.
     pub has_sky: bool,
     /// What levels of knobs of app scope cost each camera. Empty in maps of earlier versions.

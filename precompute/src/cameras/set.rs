@@ -71,14 +71,26 @@ pub(crate) fn tracks_of<'a>(
     frames_per_second: f64,
 ) -> Vec<Vec<TrackSample>> {
     let track = |path: &CameraPath| {
-        let step = frames_per_second.recip() as f32;
-        let count = (path.duration() / step).round().max(1.0) as usize;
-        let pose = |frame: usize| path.sample(path.start() + frame as f32 * step);
-        (0..count)
-            .filter_map(|frame| Some(sample(pose(frame.saturating_sub(1))?, pose(frame)?, step)))
-            .collect()
+        sampled(path.duration().into(), frames_per_second, |seconds| {
+            path.sample(path.start() + seconds as f32)
+        })
     };
     paths.into_iter().map(track).filter(|track: &Vec<_>| !track.is_empty()).collect()
+}
+
+/// A sample for each frame of `seconds`, and at least one: `pose` gives the camera's by the time since
+/// the start.
+pub(super) fn sampled(
+    seconds: f64,
+    frames_per_second: f64,
+    pose: impl Fn(f64) -> Option<CameraPose>,
+) -> Vec<TrackSample> {
+    let count = (seconds * frames_per_second).round().max(1.0) as usize;
+    let step = frames_per_second.recip();
+    let at = |frame: usize| pose(frame as f64 * step);
+    (0..count)
+        .filter_map(|frame| Some(sample(at(frame.saturating_sub(1))?, at(frame)?, step as f32)))
+        .collect()
 }
 
 /// Number and samples of the track with sample `of_all` of all tracks' samples, and the sample's
@@ -95,6 +107,13 @@ pub(super) fn locate(
         index -= track.len();
     }
     None
+}
+
+impl TrackSample {
+    /// Whether the camera did not move here `from` another place, but was cut.
+    pub(super) fn is_cut(&self, from: CameraPose) -> bool {
+        self.pose != from && self.velocity == Vec3::ZERO && self.turn == Vec3::ZERO
+    }
 }
 
 /// The sample at `to`, `step` seconds after `from`. A jump is a cut, with no motion.

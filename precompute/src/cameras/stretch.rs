@@ -17,11 +17,7 @@ pub(crate) fn stretches(
         let (_, track, end) = locate(tracks, end)?;
         let end = end.max(frames.saturating_sub(1));
         let stretch = track.get((end + 1).checked_sub(frames)?..=end)?;
-        let is_whole = stretch.windows(2).all(|two| {
-            let moves = two[0].pose != two[1].pose;
-            // A cut has no motion.
-            !moves || two[1].velocity.length_squared() + two[1].turn.length_squared() > 0.0
-        });
+        let is_whole = stretch.windows(2).all(|two| !two[1].is_cut(two[0].pose));
         is_whole.then(|| stretch.iter().map(|sample| sample.pose).collect())
     })
     .collect()

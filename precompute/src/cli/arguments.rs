@@ -8,23 +8,30 @@ use clap::Args;
 use glam::{UVec2, Vec3};
 
 use super::CliError;
-use crate::cost::is_work_meter;
+use crate::cost::{WORK_METER, is_work_meter};
 use crate::files;
 use crate::scene::{self, CameraPose, SceneDescription};
 use crate::stage::{StageOptions, StageRequest};
 
-/// Capture conditions: size, frame rate, knobs and meter.
+/// Conditions of images: size, frame rate and knobs.
 #[derive(Args, Debug, Clone)]
-pub(super) struct CaptureArguments {
+pub(super) struct ImageArguments {
     /// Size of the images in pixels; use the app's own size for watts and errors of the app
     #[arg(long, value_name = "WxH", default_value = "320x180", value_parser = size)]
     pub size: UVec2,
-    /// Frame rate to which watts refer
+    /// Frame rate, to which watts refer
     #[arg(long, value_name = "N", default_value_t = 30.0, allow_hyphen_values = true)]
     pub fps: f64,
     /// Knobs to use, by name; default: all that affect the scene
     #[arg(long, value_name = "K1,K2,…", value_delimiter = ',')]
     pub knobs: Option<Vec<String>>,
+}
+
+/// Capture conditions: those of the images, and the meter.
+#[derive(Args, Debug, Clone)]
+pub(super) struct CaptureArguments {
+    #[command(flatten)]
+    pub image: ImageArguments,
     /// Power meter, as `frugal meters` names it; default: the one that suits the adapter. `work`
     /// counts each frame's work at fixed prices and is the same in every run; `work=FILE` takes the
     /// prices from `frugal calibrate`
@@ -37,19 +44,22 @@ impl CaptureArguments {
     pub(super) fn request(&self, scene: &Path) -> StageRequest {
         StageRequest {
             scene: scene.to_owned(),
-            size: self.size.to_array(),
-            frames_per_second: self.fps,
-            knobs: self.knobs.clone(),
+            size: self.image.size.to_array(),
+            frames_per_second: self.image.fps,
+            knobs: self.image.knobs.clone(),
             meter: self.meter.clone(),
         }
     }
+}
 
+impl ImageArguments {
+    /// For a stage whose power nobody reads.
     pub(super) fn options(&self) -> StageOptions {
         StageOptions {
             size: self.size,
             frames_per_second: self.fps,
             knobs: self.knobs.clone(),
-            meter: self.meter.clone(),
+            meter: Some(WORK_METER.to_owned()),
             ..Default::default()
         }
     }
@@ -65,6 +75,11 @@ pub(super) struct WorkerArguments {
 }
 
 impl WorkerArguments {
+    /// Whether there is more than one.
+    pub(super) fn several(&self) -> bool {
+        self.workers.get() > 1
+    }
+
     /// The number, for a meter of this name.
     ///
     /// # Errors
@@ -190,6 +205,17 @@ pub(super) fn check_outputs<'p>(
         .try_for_each(|path| files::check_writable(path).map_err(CliError::usage))
 }
 
+/// The same for the folder of a report, which is made if missing.
+pub(super) fn check_report(folder: Option<&PathBuf>) -> Result<(), CliError> {
+    let there = |folder: &PathBuf| {
+        folder.ancestors().find(|parent| parent.exists()).unwrap_or(Path::new("")).join(REPORT)
+    };
+    check_outputs([folder.map(there).as_ref()])
+}
+
+/// The file of a report in its folder.
+const REPORT: &str = "report.html";
+
 /// Writes a file atomically, and prints its path.
 pub(super) fn write(path: &Path, bytes: &[u8]) -> Result<(), CliError> {
     files::write_atomically(path, |file| file.write_all(bytes))?;
@@ -202,7 +228,7 @@ pub(super) fn write_report(folder: &Path, html: &str) -> Result<(), CliError> {
     std::fs::create_dir_all(folder).map_err(|error| {
         CliError::failed(format!("cannot make the folder {}: {error}", folder.display()))
     })?;
-    write(&folder.join("report.html"), html.as_bytes())
+    write(&folder.join(REPORT), html.as_bytes())
 }
 
 /// Indented JSON.

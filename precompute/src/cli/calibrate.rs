@@ -46,7 +46,7 @@ pub(super) fn run(arguments: &Arguments) -> Result<(), CliError> {
     let mut stage = open_stage(&scene, &arguments.scene, &arguments.capture, NonZeroUsize::MIN)?;
     let space = stage.space().clone();
     let bounds = scene.camera_bounds(stage.bounds());
-    let fps = arguments.capture.fps;
+    let fps = arguments.capture.image.fps;
     let tracks = tracks_of(scene.paths.values(), fps);
     let cameras = CameraSet::sample(
         stage.rays(),

@@ -7,15 +7,17 @@ use bevy_frugal_gi::control::ControlSettings;
 use bevy_frugal_gi::frontier::{FrontierMap, SceneIdentity};
 use bevy_frugal_gi::knobs::did_you_mean;
 
-use super::arguments::{WorkerArguments, check_outputs, json, open_scene, write, write_report};
-use super::precompute::journal_header;
+use super::arguments::{
+    WorkerArguments, check_outputs, check_report, json, open_scene, write, write_report,
+};
+use super::journal::{JournalUse, journal_header, open_journal, rendered_by};
 use super::{CliError, progress};
 use crate::evaluate::{
-    BudgetRequest, Controller, Evaluation, EvaluationPlan, EvaluationResult, Judged, PathPlan,
-    PathRecord, Policy, PowerBudget, SpotCheck, evaluate, frames_csv, judge, judged_table,
-    parse_error_budget, settings_to_record, table,
+    BudgetRequest, Controller, Evaluation, EvaluationError, EvaluationPlan, EvaluationResult,
+    Judged, PathPlan, PathRecord, Policy, PowerBudget, RecordError, SpotCheck, evaluate,
+    frames_csv, judge, judged_table, parse_error_budget, settings_to_record, table,
 };
-use crate::journal::{Journal, hash};
+use crate::journal::{Existing, Journal, JournalHeader, hash};
 use crate::report::{captioned, evaluation_report};
 use crate::scene::SceneDescription;
 use crate::stage::{RemoteStage, StageRequest};
@@ -46,8 +48,8 @@ pub(super) struct Arguments {
     #[arg(long, value_name = "FILE")]
     record: Option<PathBuf>,
     /// With a record: number of budgets, from the first, that are rendered as well
-    #[arg(long, value_name = "N", default_value_t = 0)]
-    spot_checks: usize,
+    #[arg(long, value_name = "N")]
+    spot_checks: Option<usize>,
     /// Duration of transitions between settings, up and down, in seconds; default as in an app: 1
     /// s, and 0.5 s down under a power limit
     #[arg(long, value_name = "S", value_parser = transition, allow_hyphen_values = true)]
@@ -95,6 +97,45 @@ impl Arguments {
         })
     }
 
+    /// Fails where an option would be ignored.
+    fn check(&self, budgets: usize) -> Result<(), CliError> {
+        let quick = self.baselines == Baselines::Quick;
+        if quick && budgets > 1 {
+            return Err(CliError::usage(
+                "several budgets need a record: add --baselines all, or give one budget",
+            ));
+        }
+        let of_record = [
+            ("--record", self.record.is_some()),
+            ("--spot-checks", self.spot_checks.is_some()),
+            ("--workers", self.workers.several()),
+        ];
+        let of_one = [("--csv", self.csv.is_some()), ("--report", self.report.is_some())];
+        if let Some((option, _)) = of_record.iter().find(|(_, given)| quick && *given) {
+            return Err(CliError::usage(format!(
+                "{option} is for a record: add --baselines all, or --baselines none"
+            )));
+        }
+        if let Some((option, _)) = of_one.iter().find(|(_, given)| budgets > 1 && *given) {
+            return Err(CliError::usage(format!(
+                "{option} is for one budget, here are {budgets}: give one, or --json for all"
+            )));
+        }
+        match self.spot_checks {
+            Some(checks) if checks > budgets => Err(CliError::usage(format!(
+                "--spot-checks {checks}: more than the budgets, {budgets}"
+            ))),
+            _ => Ok(()),
+        }
+    }
+
+    /// The path's record.
+    fn record_file(&self) -> PathBuf {
+        let mut file = self.map.as_os_str().to_owned();
+        file.push(format!(".{}.record", self.path));
+        self.record.clone().unwrap_or_else(|| file.into())
+    }
+
     fn budgets(&self) -> Result<Vec<BudgetRequest>, CliError> {
         let power = |text: &String| text.parse::<PowerBudget>().map_err(CliError::usage);
         let error = |text: &String| parse_error_budget(text).map_err(CliError::usage);
@@ -121,14 +162,19 @@ impl Arguments {
 
 pub(super) fn run(arguments: &Arguments) -> Result<(), CliError> {
     let budgets = arguments.budgets()?;
+    arguments.check(budgets.len())?;
     let (scene, name) = open_scene(&arguments.scene)?;
     let map = read_map(&arguments.map, &scene, &name)?;
     let path = plan_path(&scene, &arguments.path, map.capture.frames_per_second)?;
-    check_outputs([arguments.json.as_ref(), arguments.csv.as_ref(), arguments.record.as_ref()])?;
-    if arguments.baselines == Baselines::Quick && budgets.len() > 1 {
-        return Err(CliError::usage(
-            "several budgets need a record: add --baselines all, or give one budget",
-        ));
+    check_outputs([arguments.json.as_ref(), arguments.csv.as_ref()])?;
+    check_report(arguments.report.as_ref())?;
+    let header =
+        record_header(&SceneIdentity { name, fingerprint: scene.fingerprint()? }, &map, &path);
+    if arguments.baselines != Baselines::Quick {
+        let file = arguments.record_file();
+        check_outputs([Some(&file)])?;
+        Journal::check(&file, &header, Existing::Resume)
+            .map_err(|error| JournalUse::EVALUATE.refused(&error))?;
     }
 
     let meter = arguments.meter.clone();
@@ -145,8 +191,7 @@ pub(super) fn run(arguments: &Arguments) -> Result<(), CliError> {
             Some(&evaluation),
         );
     }
-    let identity = SceneIdentity { name, fingerprint: scene.fingerprint()? };
-    let record = record(&mut stage, &map, &identity, &path, arguments)?;
+    let record = record(&mut stage, &map, header, &path, arguments)?;
     let lens = stage.lens();
     let mut judged: Vec<Judged> = budgets
         .iter()
@@ -181,7 +226,7 @@ fn spot_checks(
     judged: &[Judged],
     arguments: &Arguments,
 ) -> Result<Vec<SpotCheck>, CliError> {
-    let checked = &judged[..arguments.spot_checks.min(judged.len())];
+    let checked = &judged[..arguments.spot_checks.unwrap_or(0)];
     if checked.is_empty() {
         return Ok(Vec::new());
     }
@@ -247,20 +292,23 @@ fn outputs(
     Ok(())
 }
 
+/// The part of the record's header that is known before anything is rendered.
+fn record_header(scene: &SceneIdentity, map: &FrontierMap, path: &PathPlan) -> JournalHeader {
+    let poses = hash(&format!("{:?}", path.poses()));
+    journal_header(scene, &map.capture).with("path", format!("{} {poses:016x}", path.name()))
+}
+
 /// The path's record: read, extended with every setting of the map, and kept.
 fn record(
     stage: &mut RemoteStage,
     map: &FrontierMap,
-    identity: &SceneIdentity,
+    header: JournalHeader,
     path: &PathPlan,
     arguments: &Arguments,
 ) -> Result<PathRecord, CliError> {
-    let mut file = arguments.map.as_os_str().to_owned();
-    file.push(format!(".{}.record", path.name()));
-    let file = arguments.record.clone().unwrap_or_else(|| file.into());
-    let header = journal_header(identity, &map.knobs, &map.capture, &stage.meter())?
-        .with("path", format!("{} {:016x}", path.name(), hash(&format!("{:?}", path.poses()))));
-    let (mut journal, lines) = Journal::resume(&file, &header).map_err(CliError::usage)?;
+    let (file, of) = (arguments.record_file(), JournalUse::EVALUATE);
+    let header = rendered_by(header, &map.knobs, &stage.meter())?;
+    let (mut journal, lines) = open_journal(&file, &header, Existing::Resume, of)?;
     let mut record = PathRecord::restore(path, &map.knobs, &lines);
     let settings = settings_to_record(map);
     let bar = progress::bar(0);
@@ -274,7 +322,11 @@ fn record(
         if progress::interrupted() { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
     });
     bar.finish_and_clear();
-    recorded.map_err(CliError::failed)?;
+    recorded.map_err(|error| match error {
+        RecordError::Journal(error) => of.failed(&error),
+        RecordError::Play(EvaluationError::Interrupted) => of.interrupted(),
+        error => CliError::failed(error),
+    })?;
     eprintln!(
         "{}: {} settings at {} frames",
         file.display(),

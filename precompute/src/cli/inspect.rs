@@ -8,8 +8,10 @@ use bevy_frugal_gi::units::Watts;
 use glam::Vec3;
 
 use super::CliError;
-use super::arguments::{check_outputs, json, write, write_report};
-use crate::inspect::{MapComparison, compare, comparison_table, presets, presets_table};
+use super::arguments::{check_outputs, check_report, json, write, write_report};
+use crate::inspect::{
+    CompareError, MapComparison, compare, comparison_table, presets, presets_table,
+};
 use crate::report::{MapSummary, Survey, map_report};
 
 #[derive(clap::Args, Debug)]
@@ -27,6 +29,10 @@ pub(super) struct Arguments {
     /// the tolerance
     #[arg(long, value_name = "OLD", conflicts_with_all = ["report", "presets"])]
     compare: Option<PathBuf>,
+    /// Compare although the watts are of two devices, or of two models of power: a difference of the
+    /// devices then looks like one of the builds
+    #[arg(long, requires = "compare")]
+    any_device: bool,
     /// Tolerated rise of power at equal error
     #[arg(long, value_name = "P%", default_value = "1%", value_parser = tolerance, requires = "compare", allow_hyphen_values = true)]
     tolerance: f64,
@@ -81,6 +87,7 @@ pub(super) fn read(path: &Path) -> Result<(FrontierMap, String), CliError> {
 
 pub(super) fn run(arguments: &Arguments) -> Result<(), CliError> {
     check_outputs([arguments.presets.as_ref(), arguments.json.as_ref()])?;
+    check_report(arguments.report.as_ref())?;
     match &arguments.compare {
         Some(old) => guard(arguments, old),
         None => tell(arguments),
@@ -164,11 +171,16 @@ fn print_facts(map: &FrontierMap, text: &str) {
 /// everything is written.
 fn guard(arguments: &Arguments, old: &Path) -> Result<(), CliError> {
     let ((old_map, _), (new_map, _)) = (read(old)?, read(&arguments.map)?);
-    let comparison = compare(&old_map, &new_map).map_err(|error| {
-        CliError::usage(format!("{} and {}: {error}", old.display(), arguments.map.display()))
+    let comparison = compare(&old_map, &new_map, arguments.any_device).map_err(|error| {
+        let way = if matches!(error, CompareError::OtherDevice { .. }) {
+            "; --any-device compares all the same"
+        } else {
+            ""
+        };
+        CliError::usage(format!("{} and {}: {error}{way}", old.display(), arguments.map.display()))
     })?;
     print!("{}", comparison_table(&comparison));
-    if old_map.meter.description != new_map.meter.description {
+    if !crate::device::is_same(&old_map.meter, &new_map.meter) {
         println!(
             "the watts are of two devices or models: {}; {}",
             old_map.meter.description, new_map.meter.description

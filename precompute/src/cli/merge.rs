@@ -4,7 +4,7 @@ use std::path::PathBuf;
 
 use super::CliError;
 use super::arguments::check_outputs;
-use crate::journal::merge_journals;
+use crate::journal::{JournalError, merge_journals};
 
 #[derive(clap::Args, Debug)]
 pub(super) struct Arguments {
@@ -18,22 +18,35 @@ pub(super) struct Arguments {
 }
 
 pub(super) fn run(arguments: &Arguments) -> Result<(), CliError> {
-    let outputs: Vec<&PathBuf> = arguments
-        .output
-        .as_ref()
-        .map_or_else(|| arguments.journals.iter().collect(), |output| vec![output]);
-    check_outputs(outputs.iter().map(|output| Some(*output)))?;
-    // All are read before the first is overwritten.
-    let first = outputs[0];
-    let records = merge_journals(&arguments.journals, first).map_err(CliError::usage)?;
-    for output in &outputs[1..] {
-        let bytes = std::fs::read(first).map_err(CliError::failed)?;
-        crate::files::write_atomically(output, |file| file.write_all(&bytes))?;
-    }
+    let outputs = match &arguments.output {
+        Some(output) => vec![output],
+        None => arguments.journals.iter().collect(),
+    };
+    check_outputs(outputs.into_iter().map(Some))?;
+    let (records, written) = merge_journals(&arguments.journals, arguments.output.as_deref())
+        .map_err(|error| CliError::usage(with_advice(&error)))?;
     println!(
         "{records} records of {} journals in {}",
         arguments.journals.len(),
-        outputs.iter().map(|o| o.display().to_string()).collect::<Vec<_>>().join(", ")
+        written.iter().map(|path| path.display().to_string()).collect::<Vec<_>>().join(", ")
     );
     Ok(())
+}
+
+fn with_advice(error: &JournalError) -> String {
+    let advice = match error {
+        JournalError::InUse { .. } => "wait until that has ended; a shard ends with its share",
+        JournalError::OtherRun { .. } => "give the journals of one run",
+        JournalError::HasRecords { .. } => {
+            "give it among the journals that are merged, or give another --output"
+        }
+        JournalError::NotAJournal { .. } => {
+            "give the journals of a run's shards, and to --output a new file"
+        }
+        JournalError::NoLocks { .. } => {
+            "nobody can tell whether a shard still writes it: copy the journals to a local disk"
+        }
+        JournalError::File(_) | JournalError::Header(_) => return error.to_string(),
+    };
+    format!("{error}: {advice}")
 }

@@ -10,6 +10,7 @@ mod demo;
 mod error;
 mod evaluate;
 mod inspect;
+mod journal;
 mod merge;
 mod meters;
 mod precompute;
@@ -127,4 +128,59 @@ fn end_when_nobody_reads() {
         }
         otherwise(panic);
     }));
+}
+
+#[cfg(test)]
+pub(super) mod tests {
+    use std::path::Path;
+
+    use clap::CommandFactory as _;
+
+    use super::*;
+
+    /// Words like `--resume` in `text`.
+    fn options_in(text: &str) -> impl Iterator<Item = &str> {
+        let is_word = |letter: char| letter.is_ascii_lowercase() || letter == '-';
+        text.match_indices("--").filter_map(move |(at, _)| {
+            let name = &text[at + 2..];
+            let name = &name[..name.find(|letter| !is_word(letter)).unwrap_or(name.len())];
+            (name.len() > 1 && !name.starts_with('-')).then_some(name)
+        })
+    }
+
+    /// Asserts that all options in `said` are the command's.
+    pub(in crate::cli) fn assert_options_of(name: &str, said: &[String]) {
+        let cli = Cli::command();
+        let command = cli.find_subcommand(name).unwrap_or_else(|| panic!("no command `{name}`"));
+        for option in said.iter().flat_map(|text| options_in(text)) {
+            let is_there = command.get_arguments().any(|it| it.get_long() == Some(option));
+            assert!(is_there, "`{name}` has no --{option}: {said:?}");
+        }
+    }
+
+    #[test]
+    fn no_message_of_a_command_names_an_option_that_it_lacks() {
+        let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("src/cli");
+        let read = |file: &Path| {
+            let text = std::fs::read_to_string(file).expect("a source file");
+            let code = text.split("#[cfg(test)]").next().unwrap_or_default();
+            // Comments are help, which names what clap knows; other commands are named in full.
+            let lines = code.lines().filter(|line| !line.trim().starts_with("//"));
+            lines.filter(|line| !line.contains("frugal ")).map(str::to_owned).collect::<Vec<_>>()
+        };
+        let cli = Cli::command();
+        // The list of meters says what `--meter` of other commands takes.
+        let names = cli.get_subcommands().map(clap::Command::get_name);
+        for name in names.filter(|name| *name != "meters") {
+            let files = if folder.join(name).is_dir() {
+                let entries = std::fs::read_dir(folder.join(name)).expect("a folder");
+                entries.map(|entry| entry.expect("a file").path()).collect()
+            } else {
+                vec![folder.join(format!("{name}.rs"))]
+            };
+            for file in files.iter().filter(|file| file.exists()) {
+                assert_options_of(name, &read(file));
+            }
+        }
+    }
 }

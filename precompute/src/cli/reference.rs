@@ -20,9 +20,9 @@ pub(super) struct Arguments {
     /// Component of the light
     #[arg(long, value_enum, default_value_t = Component::Full)]
     component: Component,
-    /// Indirect bounces: a number, or `all`
-    #[arg(long, value_name = "N|all", default_value = "all", value_parser = bounces, allow_hyphen_values = true)]
-    bounces: Bounces,
+    /// Indirect bounces: a number, or `all`, the default; direct light has none
+    #[arg(long, value_name = "N|all", value_parser = bounces, allow_hyphen_values = true)]
+    bounces: Option<Bounces>,
     /// Paths per pixel; powers of two are best
     #[arg(long, value_name = "N", default_value_t = 256, value_parser = clap::value_parser!(u32).range(1..=1 << 24), allow_hyphen_values = true)]
     spp: u32,
@@ -58,6 +58,10 @@ impl From<ReferenceError> for CliError {
 }
 
 pub(super) fn run(arguments: &Arguments) -> Result<(), CliError> {
+    let is_direct = arguments.component == Component::Direct;
+    if is_direct && arguments.bounces.is_some_and(|bounces| bounces.0 != Some(0)) {
+        return Err(CliError::usage("--bounces: direct light has none; give another --component"));
+    }
     let (description, name) = open_scene(&arguments.camera.scene)?;
     let png = arguments.picture.png(&name)?;
     let scene = ReferenceScene::new(&description)?;
@@ -65,11 +69,7 @@ pub(super) fn run(arguments: &Arguments) -> Result<(), CliError> {
     let settings = Settings {
         samples: arguments.spp,
         // Components that are not requested are not traced.
-        bounces: if arguments.component == Component::Direct {
-            Some(0)
-        } else {
-            arguments.bounces.0
-        },
+        bounces: if is_direct { Some(0) } else { arguments.bounces.and_then(|bounces| bounces.0) },
         seed: arguments.seed,
         shading: if arguments.lambertian { Shading::Lambertian } else { Shading::Standard },
         ..Default::default()

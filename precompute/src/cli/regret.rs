@@ -7,11 +7,12 @@ use serde::Serialize;
 
 use super::arguments::{WorkerArguments, check_outputs, json, open_scene, write};
 use super::evaluate::{open_stage, read_map};
-use super::precompute::{TrackArguments, journal_header, open_journal};
+use super::journal::{JournalArguments, JournalUse, journal_header, open_journal, rendered_by};
+use super::precompute::TrackArguments;
 use super::{CliError, progress};
 use crate::cameras::{CameraMix, CameraSet};
 use crate::cost::FrameLayout;
-use crate::journal::hash;
+use crate::journal::{Journal, hash};
 use crate::pipeline::{CLIP_FRAMES, Extent, PipelineError, Setup};
 use crate::quantile::quantile;
 use crate::regret::{AtCamera, CameraRegret, RegretPlan, run as run_regret};
@@ -32,9 +33,9 @@ pub(super) struct Arguments {
     /// Cameras at which a search is made
     #[arg(long, value_name = "N", default_value_t = 10)]
     searched: usize,
-    /// Renderings of each search
-    #[arg(long, value_name = "N", default_value_t = 200)]
-    renderings: usize,
+    /// Renderings of each search; default: 200
+    #[arg(long, value_name = "N")]
+    renderings: Option<usize>,
     /// Error budgets, 1 − SSIM
     #[arg(long, value_name = "E1,E2,…", value_delimiter = ',', default_value = "0.005,0.01,0.015,0.02,0.03,0.05", value_parser = crate::evaluate::parse_error_budget)]
     budgets: Vec<f64>,
@@ -49,9 +50,8 @@ pub(super) struct Arguments {
     /// Result for programs
     #[arg(long, value_name = "FILE")]
     json: Option<PathBuf>,
-    /// Resume an interrupted run
-    #[arg(long)]
-    resume: bool,
+    #[command(flatten)]
+    journal: JournalArguments,
 }
 
 /// The result for programs.
@@ -80,6 +80,9 @@ struct BudgetRegret {
     of_means: f64,
 }
 
+/// Renderings of a search, unless others are asked for.
+const RENDERINGS: usize = 200;
+
 /// Quantiles of [`BudgetRegret`].
 const SHARES: [f64; 5] = [0.25, 0.5, 0.75, 0.9, 1.0];
 
@@ -93,7 +96,21 @@ pub(super) fn run(arguments: &Arguments) -> Result<(), CliError> {
             map.seed
         )));
     }
+    if arguments.searched == 0 && arguments.renderings.is_some() {
+        return Err(CliError::usage("--renderings is for searches: raise --searched above 0"));
+    }
     let tracks = arguments.tracks.tracks(&scene, map.capture.frames_per_second)?;
+    let mut file = arguments.map.as_os_str().to_owned();
+    file.push(".regret.journal");
+    let file = PathBuf::from(file);
+    let identity = SceneIdentity { name: name.clone(), fingerprint: scene.fingerprint()? };
+    let (existing, of) = (arguments.journal.existing(), JournalUse::REGRET);
+    let header = journal_header(&identity, &map.capture)
+        .with("map", format!("{:016x}", hash(&map.to_ron().map_err(CliError::failed)?)))
+        .with("seed", arguments.seed)
+        .with("number of cameras", arguments.unseen);
+    check_outputs([Some(&file)])?;
+    Journal::check(&file, &header, existing).map_err(|error| of.refused(&error))?;
     let meter = arguments.meter.clone();
     let workers = &arguments.workers;
     let mut stage = open_stage(&scene, &arguments.scene, &map, &arguments.map, meter, workers)?;
@@ -108,19 +125,14 @@ pub(super) fn run(arguments: &Arguments) -> Result<(), CliError> {
         layout: &layout,
         budgets: &arguments.budgets,
         searched: arguments.searched,
-        renderings: arguments.renderings,
+        renderings: arguments.renderings.unwrap_or(RENDERINGS),
         batch: Extent::WHOLE.batch,
         seed: arguments.seed,
     };
 
-    let mut file = arguments.map.as_os_str().to_owned();
-    file.push(".regret.journal");
-    let file = PathBuf::from(file);
-    let identity = SceneIdentity { name: name.clone(), fingerprint: scene.fingerprint()? };
-    let header = journal_header(&identity, &map.knobs, &map.capture, &stage.meter())?
-        .with("map", format!("{:016x}", hash(&map.to_ron().map_err(CliError::failed)?)))
-        .with("cameras", format!("{:016x}", hash(&format!("{cameras:?}"))));
-    let journal = open_journal(&file, &header, arguments.resume)?;
+    let header = rendered_by(header, &map.knobs, &stage.meter())?
+        .with("set of cameras", format!("{:016x}", hash(&format!("{cameras:?}"))));
+    let journal = open_journal(&file, &header, existing, of)?;
     stage.warm()?;
     let bar = progress::bar(0);
     let mut report = progress::of_renderings(&bar);
@@ -136,9 +148,8 @@ pub(super) fn run(arguments: &Arguments) -> Result<(), CliError> {
     let found = run_regret(&plan, lens, setup);
     bar.finish_and_clear();
     let found = found.map_err(|error| match error {
-        PipelineError::Interrupted => {
-            CliError::failed("interrupted: the same command with --resume continues")
-        }
+        PipelineError::Interrupted => of.interrupted(),
+        PipelineError::Journal(error) => of.failed(&error),
         error => CliError::failed(error),
     })?;
     let budgets: Vec<BudgetRegret> =

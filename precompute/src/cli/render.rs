@@ -1,7 +1,7 @@
 //! `frugal render`: one image.
 
 use super::CliError;
-use super::arguments::{CameraArguments, CaptureArguments, PictureArguments, open_scene, write};
+use super::arguments::{CameraArguments, ImageArguments, PictureArguments, open_scene, write};
 use crate::stage::{Component, Output, Stage, StageOptions};
 
 #[derive(clap::Args, Debug)]
@@ -9,7 +9,7 @@ pub(super) struct Arguments {
     #[command(flatten)]
     camera: CameraArguments,
     #[command(flatten)]
-    capture: CaptureArguments,
+    image: ImageArguments,
     /// `max`, `min`, or knob=level pairs; the other knobs are at their best
     #[arg(long, value_name = "SETTINGS", default_value = "max")]
     settings: String,
@@ -25,7 +25,7 @@ pub(super) fn run(arguments: &Arguments) -> Result<(), CliError> {
     let png = arguments.picture.png(&name)?;
     let take = |output: Output| -> Result<Stage, CliError> {
         let options =
-            StageOptions { output, component: arguments.component, ..arguments.capture.options() };
+            StageOptions { output, component: arguments.component, ..arguments.image.options() };
         let mut stage = Stage::open(&scene, options)?;
         let pose = arguments.camera.pose()?;
         stage.place(pose.position, pose.rotation);

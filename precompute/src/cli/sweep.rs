@@ -9,8 +9,8 @@ use bevy_frugal_gi::knobs::KnobLevels;
 use indicatif::ProgressBar;
 
 use super::arguments::{
-    CameraArguments, CaptureArguments, WorkerArguments, check_outputs, open_scene, write,
-    write_report,
+    CameraArguments, CaptureArguments, WorkerArguments, check_outputs, check_report, open_scene,
+    write, write_report,
 };
 use super::precompute::open_stage;
 use super::{CliError, progress};
@@ -45,6 +45,7 @@ const COMBINATIONS: usize = 16;
 pub(super) fn run(arguments: &Arguments) -> Result<(), CliError> {
     let (scene, name) = open_scene(&arguments.camera.scene)?;
     check_outputs([arguments.csv.as_ref()])?;
+    check_report(arguments.report.as_ref())?;
     let mut stage = open_stage(
         &scene,
         &arguments.camera.scene,
@@ -89,7 +90,7 @@ pub(super) fn run(arguments: &Arguments) -> Result<(), CliError> {
         write(path, &text)?;
     }
     if let Some(folder) = &arguments.report {
-        let size = arguments.capture.size;
+        let size = arguments.capture.image.size;
         let summary = SweepSummary {
             scene: &name,
             space: &space,
@@ -97,7 +98,7 @@ pub(super) fn run(arguments: &Arguments) -> Result<(), CliError> {
             error: "1 − SSIM against the highest settings",
             meter: &stage.meter(),
             size: [size.x, size.y],
-            fps: arguments.capture.fps,
+            fps: arguments.capture.image.fps,
             position: arguments.camera.position,
             look_at: arguments.camera.look_at,
         };
@@ -140,6 +141,7 @@ fn facts(scene: &SceneDescription, name: &str, stage: &RemoteStage) -> SweepFact
         size: Some(layout.size),
         frames_per_second: Some(stage.frames_per_second()),
         maps: Some(layout.maps),
+        point_lights: Some(layout.point_lights),
         has_sky: Some(layout.has_sky),
         meter: Some(stage.meter()),
     }

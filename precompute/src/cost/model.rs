@@ -106,21 +106,15 @@ impl CostModel {
     }
 
     /// Deviation of `readings` from the model's predictions.
+    #[cfg(test)]
     pub(crate) fn quality(&self, readings: &[CostReading]) -> FitQuality {
-        let mut errors: Vec<f64> = readings
-            .iter()
-            .map(|reading| {
-                (self.power_at(reading.camera, &reading.work) / reading.power_w - 1.0).abs()
-            })
-            .collect();
-        errors.retain(|error| error.is_finite());
-        errors.sort_by(f64::total_cmp);
-        let count = errors.len();
-        FitQuality {
-            readings: count,
-            mean_absolute_error: errors.iter().sum::<f64>() / count.max(1) as f64,
-            ninth_decile: errors.get((0.9 * count as f64) as usize).copied().unwrap_or(0.0),
-        }
+        FitQuality::of(self.errors(readings))
+    }
+
+    fn errors<'a>(&'a self, readings: &'a [CostReading]) -> impl Iterator<Item = f64> + 'a {
+        readings.iter().map(|reading| {
+            (self.power_at(reading.camera, &reading.work) / reading.power_w - 1.0).abs()
+        })
     }
 
     /// The same by cross-validation: one reading in `folds` is held out in turn, regardless of
@@ -141,18 +135,23 @@ impl CostModel {
                 .filter(|(index, _)| (hash(*index) % folds == fold) == held_out);
             readings.map(|(_, reading)| reading.clone()).collect()
         };
-        let all: Vec<FitQuality> = (0..folds)
-            .map(|fold| Self::fit(&split(fold, false), idle).quality(&split(fold, true)))
-            .collect();
-        let count: usize = all.iter().map(|quality| quality.readings).sum();
-        let mean = |value: fn(&FitQuality) -> f64| {
-            all.iter().map(|quality| value(quality) * quality.readings as f64).sum::<f64>()
-                / count.max(1) as f64
+        let errors = |fold: usize| -> Vec<f64> {
+            Self::fit(&split(fold, false), idle).errors(&split(fold, true)).collect()
         };
-        FitQuality {
+        FitQuality::of((0..folds).flat_map(errors))
+    }
+}
+
+impl FitQuality {
+    /// Of |predicted ÷ read − 1|; numbers that are not finite are left out.
+    fn of(errors: impl Iterator<Item = f64>) -> Self {
+        let mut errors: Vec<f64> = errors.filter(|error| error.is_finite()).collect();
+        errors.sort_by(f64::total_cmp);
+        let count = errors.len();
+        Self {
             readings: count,
-            mean_absolute_error: mean(|quality| quality.mean_absolute_error),
-            ninth_decile: mean(|quality| quality.ninth_decile),
+            mean_absolute_error: errors.iter().sum::<f64>() / count.max(1) as f64,
+            ninth_decile: errors.get((0.9 * count as f64) as usize).copied().unwrap_or(0.0),
         }
     }
 }
@@ -238,6 +237,20 @@ mod tests {
                 && crossed.mean_absolute_error < 0.08,
             "{crossed:?}"
         );
+    }
+
+    #[test]
+    fn the_ninth_decile_is_that_of_all_held_out_readings() {
+        // One reading in eight is off by half: some folds have more of them than others.
+        let mut all = readings(0.0);
+        all.iter_mut().step_by(8).for_each(|reading| reading.power_w *= 1.5);
+        let (folds, idle) = (20, Watts(0.0));
+        let crossed = CostModel::cross_validated(&all, idle, folds);
+        assert_eq!(crossed.readings, 120);
+        // More than a tenth of all are off by a quarter and more, so the ninth decile is.
+        assert!(crossed.ninth_decile > 0.25, "{crossed:?}");
+        let few = FitQuality::of([0.5, f64::NAN, 0.1].into_iter().chain([0.0; 18]));
+        assert_eq!((few.readings, few.ninth_decile), (20, 0.1));
     }
 
     #[test]

@@ -77,7 +77,8 @@ mod tests {
     use super::*;
     use crate::cost::{CostModel, CostReading, FrameLayout, Work, work_names};
 
-    const LAYOUT: FrameLayout = FrameLayout { size: [1920, 1080], maps: 1, has_sky: true };
+    const LAYOUT: FrameLayout =
+        FrameLayout { size: [1920, 1080], maps: 1, point_lights: 0, has_sky: true };
     const CAMERAS: usize = 6;
 
     /// Watts of a large board, as metered, with every knob's work at a price.

@@ -3,6 +3,7 @@
 
 use bevy_frugal_gi::frontier::{CostPoint, Frontier, FrontierMap, FrontierPoint, WorkPrices};
 use bevy_frugal_gi::power::MeterInfo;
+use bevy_frugal_gi::units::Watts;
 use serde::{Deserialize, Serialize};
 
 use super::shared::energy;
@@ -71,7 +72,12 @@ pub(crate) fn reprice(map: &FrontierMap, to: &NewConditions) -> Result<FrontierM
     if let Some(device) = &to.device {
         repriced.meter = device.meter.clone();
     }
-    let layout = |size| FrameLayout { size, maps: old.maps, has_sky: old.has_sky };
+    let layout = |size| FrameLayout {
+        size,
+        maps: old.maps,
+        point_lights: old.point_lights,
+        has_sky: old.has_sky,
+    };
     let (before, after) = (layout(map.capture.size), layout(repriced.capture.size));
     let (old_rate, new_rate) = (map.capture.frames_per_second, repriced.capture.frames_per_second);
     let space = &map.knobs;
@@ -99,10 +105,13 @@ pub(crate) fn reprice(map: &FrontierMap, to: &NewConditions) -> Result<FrontierM
     repriced.octree.frontiers =
         map.octree.frontiers.iter().map(frontier).collect::<Result<_, _>>()?;
     repriced.shared = frontier(&map.shared)?;
-    // Exchange rates scale with the power of the frontier.
-    let top =
-        |frontier: &Frontier| frontier.points().last().map_or(1.0, |point| point.cost.power.0);
-    let scale = top(&repriced.shared) / top(&map.shared);
+    // Exchange rates are watts of one setting more than another's, and scale with what the best
+    // settings take beyond the idle device.
+    let beyond = |frontier: &Frontier, idle: Watts| {
+        frontier.points().last().map_or(0.0, |point| point.cost.power.0 - idle.0)
+    };
+    let scale = beyond(&repriced.shared, new.idle) / beyond(&map.shared, old.idle);
+    let scale = if scale.is_finite() && scale > 0.0 { scale } else { 1.0 };
     repriced.error_rates.0.iter_mut().for_each(|rate| rate.watts_per_error *= scale);
     repriced.thresholds.power_w *= scale;
     if !map.knob_effects.joules.is_empty() {
@@ -133,13 +142,13 @@ mod tests {
     };
     use bevy_frugal_gi::knobs::KnobSpace;
     use bevy_frugal_gi::power::Provenance;
-    use bevy_frugal_gi::units::Watts;
 
     use super::*;
     use crate::cost::{Work, work_names};
 
     const FPS: f64 = 30.0;
-    const LAYOUT: FrameLayout = FrameLayout { size: [160, 90], maps: 1, has_sky: true };
+    const LAYOUT: FrameLayout =
+        FrameLayout { size: [160, 90], maps: 1, point_lights: 2, has_sky: true };
 
     fn space() -> KnobSpace {
         crate::stage::knobs().expect("the built-in knobs")
@@ -159,8 +168,9 @@ mod tests {
                 }
             })
             .collect();
-        let (maps, has_sky) = (LAYOUT.maps, LAYOUT.has_sky);
-        WorkPrices { kinds, joules, idle: Watts(2.0), maps, has_sky, ..WorkPrices::default() }
+        let FrameLayout { maps, point_lights, has_sky, .. } = LAYOUT;
+        let idle = Watts(2.0);
+        WorkPrices { kinds, joules, idle, maps, point_lights, has_sky, ..WorkPrices::default() }
     }
 
     /// Recorded power is 1.2 times that by the prices.
@@ -254,6 +264,31 @@ mod tests {
         );
         // Unchanged conditions give the same map.
         agree(&reprice(&original, &NewConditions::default()).expect("a map"), &original);
+    }
+
+    #[test]
+    fn idle_power_is_no_part_of_exchange_rates() {
+        let here = WorkPrices { idle: Watts(0.0), ..prices(0.01, 2e-6) };
+        let original = map(&here, &LAYOUT, FPS);
+        // A board that idles at 73 W and takes 12.7 times as much for the same work.
+        let there = WorkPrices {
+            idle: Watts(73.0),
+            joules: here.joules.iter().map(|joules| 12.7 * joules).collect(),
+            ..here.clone()
+        };
+        let device = DeviceModel {
+            adapter: "a board".into(),
+            meter: original.meter.clone(),
+            mean_absolute_error: 0.0,
+            prices: there,
+        };
+        let to = NewConditions { device: Some(device), ..NewConditions::default() };
+        let repriced = reprice(&original, &to).expect("a map");
+        let rate = repriced.error_rates.0[0].watts_per_error / 100.0;
+        let threshold = repriced.thresholds.power_w / original.thresholds.power_w;
+        for scale in [rate, threshold] {
+            assert!((scale / 12.7 - 1.0).abs() < 1e-3, "{scale}");
+        }
     }
 
     #[test]

@@ -79,7 +79,7 @@ mod tests {
     #[test]
     fn finer_shadows_cost_every_camera_more() {
         let space = crate::stage::every_knob().expect("the built-in knobs");
-        let layout = FrameLayout { size: [160, 90], maps: 1, has_sky: true };
+        let layout = FrameLayout { size: [160, 90], maps: 1, point_lights: 0, has_sky: true };
         let kinds = work_names(&space);
         let joules = kinds.iter().map(|kind| if kind == "shadow texels" { 1e-9 } else { 1e-6 });
         let prices = WorkPrices { joules: joules.collect(), kinds, ..WorkPrices::default() };
@@ -96,7 +96,7 @@ mod tests {
     #[test]
     fn a_lower_level_saves_energy_and_the_best_none() {
         let space = crate::stage::knobs().expect("the built-in knobs");
-        let layout = FrameLayout { size: [160, 90], maps: 1, has_sky: true };
+        let layout = FrameLayout { size: [160, 90], maps: 1, point_lights: 0, has_sky: true };
         let kinds = work_names(&space);
         let prices = WorkPrices { joules: vec![1e-9; kinds.len()], kinds, ..WorkPrices::default() };
         let saved = saved_joules(&prices, &space, &layout);

@@ -1,17 +1,19 @@
 //! Work of a frame as a function of its settings.
 
-use bevy_frugal_gi::gi::{FrugalGi, GiVisibility};
+use bevy_frugal_gi::gi::{FrugalGi, GiLimits, GiVisibility};
 use bevy_frugal_gi::knobs::{KnobLevels, KnobSpace};
 
-use crate::scene::{Environment, SceneDescription};
+use crate::scene::{Environment, Light, SceneDescription};
 
 /// Parameters of a frame's work other than its settings.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct FrameLayout {
     /// Width and height, pixels.
     pub size: [u32; 2],
-    /// Number of reflective shadow maps.
+    /// Number of whole reflective shadow maps: one for each light that is no point light.
     pub maps: u32,
+    /// Number of point lights: each has six smaller maps.
+    pub point_lights: u32,
     /// Whether a sky is gathered.
     pub has_sky: bool,
 }
@@ -24,8 +26,30 @@ impl FrameLayout {
             Environment::Constant(radiance) => *radiance != [0.0; 3],
             Environment::Map(_, intensity) => *intensity > 0.0,
         };
-        Self { size, maps: scene.lights.len().max(1) as u32, has_sky }
+        let is_point = |light: &&Light| matches!(light, Light::Point { .. });
+        let points = scene.lights.iter().filter(is_point).count();
+        let most = GiLimits::default().max_rsm_count;
+        let maps = (scene.lights.len() - points).max(usize::from(points == 0)).min(most);
+        let points = points.min((most - maps) / FACES as usize);
+        Self { size, maps: maps as u32, point_lights: points as u32, has_sky }
     }
+
+    /// Number of reflective shadow maps, and of their texels, where a whole map has `resolution` texels
+    /// along its edge.
+    fn maps(&self, resolution: f64) -> (f64, f64) {
+        let faces = FACES * f64::from(self.point_lights);
+        let edge = face_resolution(resolution);
+        let texels = f64::from(self.maps) * resolution * resolution + faces * edge * edge;
+        (f64::from(self.maps) + faces, texels)
+    }
+}
+
+/// Maps of a point light.
+const FACES: f64 = 6.0;
+
+/// Texels along the edge of each map of a point light, as the plugin renders it (its `gi/rsm/lights.rs`).
+fn face_resolution(resolution: f64) -> f64 {
+    (resolution / 4.0).floor().max(32.0).min((resolution / 2.0).floor()).max(8.0)
 }
 
 /// Kinds of work, in the order of [`Work`]'s values. Levels of unknown knobs follow.
@@ -136,7 +160,7 @@ fn indirect(value: &impl Fn(&str, f64) -> f64, pixels: f64, layout: &FrameLayout
         if layout.has_sky && rays > 0.0 { value("gi_environment_samples", 32.0) } else { 0.0 };
     let traced = rays.min(per_set) + f64::from(visibility.sky_rays()).min(sky);
     let resolution = value("rsm_resolution", 256.0);
-    let texels = resolution * resolution * f64::from(layout.maps);
+    let (maps, texels) = layout.maps(resolution);
     // Maps are rendered in one frame per period.
     let rendered = value("gi_refresh_period", 1.0);
     let radius = if rays > 0.0 { side.max(4.0) } else { side };
@@ -150,7 +174,7 @@ fn indirect(value: &impl Fn(&str, f64) -> f64, pixels: f64, layout: &FrameLayout
         per_set * side * side,
         texels,
         texels * rendered,
-        f64::from(layout.maps) * rendered,
+        maps * rendered,
         if rays > 0.0 { texels / 256.0 * 32.0 } else { 0.0 },
     ]
 }
@@ -168,7 +192,8 @@ fn bloom(share: f64, [width, height]: [f64; 2]) -> f64 {
 mod tests {
     use super::*;
 
-    const LAYOUT: FrameLayout = FrameLayout { size: [160, 90], maps: 2, has_sky: true };
+    const LAYOUT: FrameLayout =
+        FrameLayout { size: [160, 90], maps: 2, point_lights: 0, has_sky: true };
 
     fn named(space: &KnobSpace, settings: KnobLevels, name: &str) -> f64 {
         let at = work_names(space).iter().position(|kind| kind == name).expect("a kind of work");
@@ -204,6 +229,40 @@ mod tests {
                 .0
                 .iter()
                 .all(|count| count.is_finite() && *count >= 0.0)
+        );
+    }
+
+    #[test]
+    fn a_point_light_has_six_maps_of_a_quarter_of_the_size() {
+        let space = crate::stage::knobs().expect("the built-in knobs");
+        let count = |layout: &FrameLayout, settings: &str, kind: &str| {
+            let settings = space.parse(settings).expect("settings");
+            let at = work_names(&space).iter().position(|it| it == kind).expect("a kind of work");
+            Work::of(&space, settings, layout).0[at]
+        };
+        let point = FrameLayout { maps: 0, point_lights: 1, ..LAYOUT };
+        let both = FrameLayout { maps: 1, point_lights: 2, ..LAYOUT };
+        for (settings, edge) in [("max,rsm_resolution=256", 64.0), ("max,rsm_resolution=64", 32.0)]
+        {
+            let whole: f64 = if edge == 64.0 { 256.0 } else { 64.0 };
+            let faces = 6.0 * edge * edge;
+            assert_eq!(count(&point, settings, "maps"), 6.0);
+            assert_eq!(count(&point, settings, "map texels"), faces);
+            assert_eq!(count(&point, settings, "tile rays"), faces / 256.0 * 32.0);
+            assert_eq!(count(&both, settings, "maps"), 13.0);
+            assert_eq!(count(&both, settings, "weighed texels"), whole * whole + 2.0 * faces);
+        }
+        let layout = |scene: &str| {
+            let file = format!("../assets/scenes/{scene}.scene.ron");
+            let file = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join(file);
+            let layout = FrameLayout::of(&crate::scene::load(&file).expect("a scene"), [160, 90]);
+            (layout.maps, layout.point_lights)
+        };
+        // A hall of 64 point lights has as many maps as the plugin renders.
+        assert_eq!(layout("hall"), (0, 64));
+        assert_eq!(
+            [layout("courtyard"), layout("cornell"), layout("furnace")],
+            [(1, 0), (1, 0), (0, 1)]
         );
     }
 

@@ -126,7 +126,8 @@ impl WorkLedger {
 mod tests {
     use super::*;
 
-    const LAYOUT: FrameLayout = FrameLayout { size: [160, 90], maps: 2, has_sky: true };
+    const LAYOUT: FrameLayout =
+        FrameLayout { size: [160, 90], maps: 2, point_lights: 0, has_sky: true };
 
     #[test]
     fn readings_equal_the_count_to_the_last_bit() {

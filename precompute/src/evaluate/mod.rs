@@ -40,7 +40,7 @@ pub(crate) use play::{
     Choice, Controlled, Fixed, FrameRecord, FrameRenderer, PathPlan, Policy, Pose, Progress,
     RenderedFrame,
 };
-pub(crate) use record::PathRecord;
+pub(crate) use record::{PathRecord, RecordError};
 pub use recorded::{ReactiveLadder, RecordedPath};
 pub(crate) use resolution::RESOLUTION_KNOB;
 pub(crate) use result::{Drift, EvaluationResult, RunResult, SpotCheck};

@@ -190,13 +190,12 @@ mod tests {
     use super::*;
     use crate::evaluate::fake::{Fake, path, space};
     use crate::evaluate::{Controlled, Pose};
-    use crate::journal::{Journal, JournalHeader};
+    use crate::journal::{Existing, Journal, JournalHeader};
 
     fn recorded(settings: &[KnobLevels]) -> PathRecord {
         let folder = tempfile::tempdir().expect("a folder");
-        let mut journal =
-            Journal::create(&folder.path().join("journal"), &JournalHeader::default())
-                .expect("a journal");
+        let (file, header) = (folder.path().join("journal"), JournalHeader::default());
+        let (mut journal, _) = Journal::open(&file, &header, Existing::Refuse).expect("a journal");
         let mut record = PathRecord::restore(&path(), &space(), &[]);
         record
             .extend(

@@ -32,7 +32,8 @@ impl RecordedPath {
             scene.paths.get(name).ok_or_else(|| format!("the scene has no path `{name}`"))?;
         let fps = map.capture.frames_per_second;
         let plan = PathPlan::along(name, path, fps).map_err(|error| error.to_string())?;
-        let (_, lines) = read_journal(file).map_err(|error| error.to_string())?;
+        let (_, lines) = read_journal(file)
+            .map_err(|error| format!("{error}; `frugal evaluate --record` writes such a file"))?;
         let record = PathRecord::restore(&plan, &map.knobs, &lines);
         if record.table.settings().is_empty() {
             return Err(format!(

@@ -145,14 +145,15 @@ pub(super) fn read_line(record: &str) -> Option<(KnobLevels, usize, CostPoint)> 
 mod tests {
     use super::*;
     use crate::evaluate::fake::{Fake, path, space};
-    use crate::journal::JournalHeader;
+    use crate::journal::{Existing, JournalHeader};
 
     #[test]
     fn an_interrupted_record_resumes_with_the_missing_settings() {
         let (low, high) = (space().canonical(space().lowest()), space().highest());
         let folder = tempfile::tempdir().expect("a folder");
         let file = folder.path().join("journal");
-        let mut journal = Journal::create(&file, &JournalHeader::default()).expect("a journal");
+        let (mut journal, _) =
+            Journal::open(&file, &JournalHeader::default(), Existing::Refuse).expect("a journal");
         let mut record = PathRecord::restore(&path(), &space(), &[]);
         let mut frames = 0;
         let stopped = record.extend(&mut [Fake::default()], &[low], &mut journal, &mut |_| {
@@ -162,7 +163,7 @@ mod tests {
         assert!(matches!(stopped, Err(RecordError::Play(EvaluationError::Interrupted))));
         drop(journal);
         let (mut journal, lines) =
-            Journal::resume(&file, &JournalHeader::default()).expect("resumes");
+            Journal::open(&file, &JournalHeader::default(), Existing::Resume).expect("resumes");
         let mut again = PathRecord::restore(&path(), &space(), &lines);
         assert_eq!(again.table.settings(), [high]);
         again
@@ -182,7 +183,8 @@ mod tests {
         let all: Vec<KnobLevels> = space().iter().collect();
         let folder = tempfile::tempdir().expect("a folder");
         let file = folder.path().join("journal");
-        let mut journal = Journal::create(&file, &JournalHeader::default()).expect("a journal");
+        let (mut journal, _) =
+            Journal::open(&file, &JournalHeader::default(), Existing::Refuse).expect("a journal");
         let mut record = PathRecord::restore(&path(), &space(), &[]);
         let broken = Fake { broken_at: Some(25), ..Fake::default() };
         let failed = record.extend(&mut [Fake::default(), broken], &all, &mut journal, &mut |_| {

@@ -4,6 +4,8 @@ use bevy_frugal_gi::frontier::{FrontierMap, FrontierMapError, SceneIdentity};
 use bevy_frugal_gi::knobs::KnobSpace;
 use bevy_frugal_gi::power::MeterInfo;
 
+use crate::device;
+
 /// Why two maps cannot be compared.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 #[non_exhaustive]
@@ -57,6 +59,16 @@ pub(crate) enum CompareError {
         /// The new map's meter.
         new: String,
     },
+    /// The watts are of two devices.
+    #[error(
+        "the maps' watts are of two devices or models, `{old}` and `{new}`: run `frugal precompute` for both on one, or `frugal reprice` both with one file of --prices"
+    )]
+    OtherDevice {
+        /// The old map's meter and device.
+        old: String,
+        /// The new map's meter and device.
+        new: String,
+    },
     /// The frontiers have no common error level.
     #[error(
         "the maps' frontiers have no error from {least} to {most} in common: run `frugal precompute` again for both, with more time"
@@ -69,8 +81,13 @@ pub(crate) enum CompareError {
     },
 }
 
-/// Fails for two maps whose watts or errors are not comparable.
-pub(super) fn check(old: &FrontierMap, new: &FrontierMap) -> Result<(), CompareError> {
+/// Fails for two maps whose watts or errors are not comparable. `any_device`: watts of two devices or
+/// models of power are compared all the same.
+pub(super) fn check(
+    old: &FrontierMap,
+    new: &FrontierMap,
+    any_device: bool,
+) -> Result<(), CompareError> {
     old.validate().map_err(|source| CompareError::Broken { which: "old", source })?;
     new.validate().map_err(|source| CompareError::Broken { which: "new", source })?;
     if old.scene.fingerprint != new.scene.fingerprint {
@@ -81,6 +98,10 @@ pub(super) fn check(old: &FrontierMap, new: &FrontierMap) -> Result<(), CompareE
         let name =
             |meter: &MeterInfo| format!("{}, {:?}", meter.name, meter.provenance).to_lowercase();
         return Err(CompareError::OtherMeter { old: name(&old.meter), new: name(&new.meter) });
+    }
+    if !any_device && !device::is_same(&old.meter, &new.meter) {
+        let device = |meter: &MeterInfo| format!("{}: {}", meter.name, meter.description);
+        return Err(CompareError::OtherDevice { old: device(&old.meter), new: device(&new.meter) });
     }
     difference(&old.knobs, &new.knobs)
         .map_or(Ok(()), |difference| Err(CompareError::OtherKnobs { difference }))
@@ -117,11 +138,9 @@ fn check_capture(old: &FrontierMap, new: &FrontierMap) -> Result<(), CompareErro
     )
 }
 
-/// Whether two meters are of one kind. The part of a name after `=` is an option, such as a file of
-/// prices. Two builds may have different options: a difference to report, not to reject.
+/// Whether two meters are of one kind.
 fn same_meter(old: &MeterInfo, new: &MeterInfo) -> bool {
-    let kind = |name: &str| name.split('=').next().unwrap_or_default().trim().to_owned();
-    old.provenance == new.provenance && kind(&old.name) == kind(&new.name)
+    old.provenance == new.provenance && device::kind(&old.name) == device::kind(&new.name)
 }
 
 /// The difference of two spaces in words; `None` where they are equal.
@@ -167,7 +186,7 @@ mod tests {
     fn refused(change: impl FnOnce(&mut FrontierMap)) -> String {
         let (old, mut new) = (map(), map());
         change(&mut new);
-        check(&old, &new).expect_err("maps that differ").to_string()
+        check(&old, &new, false).expect_err("maps that differ").to_string()
     }
 
     #[test]
@@ -202,6 +221,10 @@ mod tests {
                 refused(|map| map.meter.provenance = Provenance::Measured),
                 ["work, modelled", "work, measured", "--meter"],
             ),
+            (
+                refused(|map| map.meter.description = "other prices".into()),
+                ["work: synthetic", "work: other prices", "--prices"],
+            ),
         ] {
             words.iter().for_each(|word| {
                 assert!(message.contains(word), "`{word}` is missing in: {message}");
@@ -231,13 +254,30 @@ mod tests {
     }
 
     #[test]
-    fn names_and_options_may_differ() {
+    fn names_and_options_may_differ_and_devices_where_that_is_asked_for() {
         let (old, mut new) = (map(), map());
         new.scene.name = "renamed".into();
         new.meter.name = "work=new.prices.ron".into();
-        new.meter.description = "another price".into();
         new.seed = 99;
-        assert_eq!(check(&old, &new), Ok(()));
+        assert_eq!(check(&old, &new, false), Ok(()));
+        new.meter.description = "another price".into();
+        assert!(matches!(check(&old, &new, false), Err(CompareError::OtherDevice { .. })));
+        assert_eq!(check(&old, &new, true), Ok(()));
+    }
+
+    #[test]
+    fn a_card_that_got_another_number_is_the_same() {
+        let of = |description: &str| {
+            let mut map = map();
+            map.meter.name = "amdgpu".into();
+            map.meter.description = description.into();
+            map
+        };
+        let old = of("whole card 0000:04:00.0 (card1, PPT), power1_average of its driver");
+        let new = of("whole card 0000:04:00.0 (card0, PPT), power1_average of its driver");
+        let other = of("whole card 0000:0b:00.0 (card1, PPT), power1_average of its driver");
+        assert_eq!(check(&old, &new, false), Ok(()));
+        assert!(matches!(check(&old, &other, false), Err(CompareError::OtherDevice { .. })));
     }
 
     #[test]
@@ -246,6 +286,9 @@ mod tests {
         assert!(refused(|map| map.work_prices.idle.0 = f64::NAN).contains("work_prices"));
         let mut old = map();
         old.thresholds.error = f64::NAN;
-        assert!(matches!(check(&old, &map()), Err(CompareError::Broken { which: "old", .. })));
+        assert!(matches!(
+            check(&old, &map(), false),
+            Err(CompareError::Broken { which: "old", .. })
+        ));
     }
 }

@@ -30,9 +30,9 @@ pub(crate) struct MapComparison {
     pub shared_change: Option<f64>,
     /// Change of the mean over common addresses, mean over the error levels.
     pub addresses_change: Option<f64>,
-    /// Idle power of the old map's device, watts. It does not depend on the build, so all powers
-    /// here exclude it.
-    pub idle_w: f64,
+    /// Idle power of the old map's device and of the new one's, watts. It does not depend on the
+    /// build, so all powers here exclude it, each map's its own.
+    pub idle_w: [f64; 2],
     /// The error levels.
     pub errors: Vec<ErrorLevel>,
 }
@@ -78,12 +78,18 @@ impl MapComparison {
 /// shows at all levels. The worse of shared frontier and addresses decides, because cameras use
 /// both.
 ///
+/// `any_device`: watts of two devices or models are compared all the same.
+///
 /// # Errors
 /// When a map is inconsistent, the maps' watts or errors are not comparable, or they have no common
 /// error.
-pub(crate) fn compare(old: &FrontierMap, new: &FrontierMap) -> Result<MapComparison, CompareError> {
-    check(old, new)?;
-    let idle_w = old.work_prices.idle.0;
+pub(crate) fn compare(
+    old: &FrontierMap,
+    new: &FrontierMap,
+    any_device: bool,
+) -> Result<MapComparison, CompareError> {
+    check(old, new, any_device)?;
+    let idle_w = [old, new].map(|map| map.work_prices.idle.0);
     let (shared, addresses) = ([(&old.shared, &new.shared)], common_addresses(old, new));
     let level = |error| ErrorLevel {
         error,
@@ -104,9 +110,13 @@ pub(crate) fn compare(old: &FrontierMap, new: &FrontierMap) -> Result<MapCompari
 impl Change {
     /// The change over the pairs that both reach `error`; `None` without such pairs, or where the
     /// ratio of their powers is undefined.
-    fn at(error: f64, pairs: &[(&Frontier, &Frontier)], idle_w: f64) -> Option<Self> {
+    fn at(
+        error: f64,
+        pairs: &[(&Frontier, &Frontier)],
+        [old_idle, new_idle]: [f64; 2],
+    ) -> Option<Self> {
         let powers = pairs.iter().filter_map(|(old, new)| {
-            Some((power_at(old, error)? - idle_w, power_at(new, error)? - idle_w))
+            Some((power_at(old, error)? - old_idle, power_at(new, error)? - new_idle))
         });
         let (old_w, new_w, frontiers) =
             powers.fold((0.0, 0.0, 0), |(old, new, count), (a, b)| (old + a, new + b, count + 1));

@@ -3,7 +3,7 @@ use bevy_frugal_gi::knobs::KnobLevels;
 use bevy_frugal_gi::units::Watts;
 
 use super::super::testing::{frontier, map, with_costs, with_noise, with_power};
-use super::*;
+use super::{compare as compare_with, *};
 
 /// The command's default tolerance.
 const TOLERANCE: f64 = 0.01;
@@ -14,6 +14,10 @@ fn of(points: &[(f64, f64)]) -> Frontier {
         cost: CostPoint::new(*power, *error),
     };
     Frontier::from_points(points.iter().enumerate().map(point))
+}
+
+fn compare(old: &FrontierMap, new: &FrontierMap) -> Result<MapComparison, CompareError> {
+    compare_with(old, new, false)
 }
 
 fn close(a: f64, b: f64) -> bool {
@@ -102,13 +106,20 @@ fn the_same_settings_at_more_error_cost_more_at_equal_error() {
 
 #[test]
 fn power_of_the_idle_device_does_not_hide_a_rise() {
-    let idle = |map: &FrontierMap| {
-        let mut map = with_costs(map, |cost| CostPoint::new(cost.power.0 + 40.0, cost.error));
-        map.work_prices.idle = Watts(40.0);
+    let idle = |map: &FrontierMap, watts: f64| {
+        let mut map = with_costs(map, |cost| CostPoint::new(cost.power.0 + watts, cost.error));
+        map.work_prices.idle = Watts(watts);
         map
     };
-    let comparison = compare(&idle(&map()), &idle(&with_power(&map(), 1.02))).expect("comparable");
-    assert!((comparison.change - 0.02).abs() < 1e-6 && comparison.idle_w == 40.0, "{comparison:?}");
+    let worse = with_power(&map(), 1.02);
+    // The device idles at another power in each search.
+    let warmer = compare(&idle(&map(), 72.0), &idle(&worse, 75.0)).expect("comparable");
+    assert!((warmer.change - 0.02).abs() < 1e-6, "{warmer:?}");
+    let comparison = compare(&idle(&map(), 40.0), &idle(&worse, 40.0)).expect("comparable");
+    assert!(
+        (comparison.change - 0.02).abs() < 1e-6 && comparison.idle_w == [40.0; 2],
+        "{comparison:?}"
+    );
     // Powers below the idle power have no ratio.
     let mut absurd = map();
     absurd.work_prices.idle = Watts(1e6);

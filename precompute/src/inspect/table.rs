@@ -7,8 +7,11 @@ use super::{Change, MapComparison, Presets};
 /// `comparison` as plain text; every line ends with a line break.
 pub(crate) fn comparison_table(comparison: &MapComparison) -> String {
     let mut text = String::from("power at equal error");
-    if comparison.idle_w > 0.0 {
-        let _ = write!(text, ", beyond the {:.3} W of the idle device", comparison.idle_w);
+    let [old, new] = comparison.idle_w;
+    if old == new && old > 0.0 {
+        let _ = write!(text, ", beyond the {old:.3} W of the idle device");
+    } else if old != new {
+        let _ = write!(text, ", beyond the {old:.3} W and {new:.3} W of the idle device");
     }
     let heads = ["old W", "new W", "change"].map(|head| format!("{head:>9}")).concat();
     let _ = write!(text, "\n{:6}{:>27}{:>27}\n", "", "shared frontier", "mean over addresses");
@@ -69,7 +72,8 @@ mod tests {
     fn a_table_has_a_line_for_each_error() {
         let mut old = map();
         old.shared = Frontier::default();
-        let text = comparison_table(&compare(&old, &with_power(&map(), 1.02)).expect("comparable"));
+        let text =
+            comparison_table(&compare(&old, &with_power(&map(), 1.02), false).expect("comparable"));
         let lines: Vec<_> = text.lines().collect();
         assert_eq!(lines.len(), 10, "{text}");
         assert!(

@@ -1,31 +1,34 @@
 //! Why there is no journal.
 
-use std::io;
 use std::path::PathBuf;
 
-/// Why there is no journal.
+use crate::files::FileError;
+
+/// Why there is no journal. The text is the fault alone: what helps depends on the options of the
+/// command, which adds it.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub(crate) enum JournalError {
     /// A file operation failed.
-    #[error("cannot {action} the journal `{path}`: {source}; free some disk space or choose another location", path = path.display())]
-    File {
-        /// The operation.
-        action: &'static str,
-        /// The journal.
-        path: PathBuf,
-        /// The system's error.
-        source: io::Error,
-    },
+    #[error(transparent)]
+    File(#[from] FileError),
     /// The file is not a journal, or its first line is damaged.
-    #[error("`{path}` is not a journal of this version: move it away, or run without --resume to start anew", path = path.display())]
+    #[error("`{path}` is no journal of this version, or its first line is damaged", path = path.display())]
     NotAJournal {
         /// The file.
         path: PathBuf,
     },
+    /// The journal holds an earlier run's records, which nobody asked to use or to drop.
+    #[error("the journal `{path}` holds {records} records of an earlier run", path = path.display())]
+    HasRecords {
+        /// The journal.
+        path: PathBuf,
+        /// How many.
+        records: usize,
+    },
     /// The journal belongs to another run.
     #[error(
-        "the journal `{path}` is of another run: its {field} is `{found}`, here it is `{expected}`; resume with the same, or run without --resume to start anew",
+        "the journal `{path}` is of another run: its {field} is `{found}`, here it is `{expected}`",
         path = path.display()
     )]
     OtherRun {
@@ -39,8 +42,14 @@ pub(crate) enum JournalError {
         expected: String,
     },
     /// Another process has the journal open.
-    #[error("the journal `{path}` is in use: wait for the other run, or give this one another output", path = path.display())]
+    #[error("the journal `{path}` is in use by another process", path = path.display())]
     InUse {
+        /// The journal.
+        path: PathBuf,
+    },
+    /// The file system has no locks, so that nobody can tell whether the journal is in use.
+    #[error("the journal `{path}` is on a file system without locks", path = path.display())]
+    NoLocks {
         /// The journal.
         path: PathBuf,
     },

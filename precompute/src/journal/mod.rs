@@ -6,26 +6,44 @@
 //! deterministic: a resumed run makes the same requests, and the journal answers them up to the
 //! point of interruption.
 
+mod contents;
 mod error;
 mod line;
+mod merge;
 #[cfg(test)]
 mod tests;
 
-use std::fs::{File, OpenOptions, TryLockError};
-use std::io::{self, Read, Seek, SeekFrom, Write};
+use std::fs::{File, OpenOptions};
+use std::io::{self, Seek, SeekFrom, Write};
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
+use contents::{Contents, Locked, is_of_us, is_unbegun};
 pub(crate) use error::JournalError;
 pub(crate) use line::hash;
-use line::{Checksum, checked, line};
+use line::{Checksum, line};
+pub(crate) use merge::merge_journals;
+
+use crate::files::FileError;
 
 /// Greatest delay before records reach the disk; they reach the operating system at once. A kill
 /// loses nothing, a power cut a second.
 const SYNC: Duration = Duration::from_secs(1);
 
-/// First word of a journal, with the version of its format.
-const MAGIC: &str = "frugal-journal 2";
+/// First word of a journal, with the version of its format: of its lines, and of what is counted in
+/// them.
+const MAGIC: &str = "frugal-journal 3";
+
+/// What to do with a journal that holds records.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Existing {
+    /// Continue it, if it is of the same run.
+    Resume,
+    /// Empty it, of whatever run it is.
+    Overwrite,
+    /// Leave it as it is: an error.
+    Refuse,
+}
 
 /// Identifies scene and conditions of a journal's records: names and values, the most significant
 /// first. A run with another header must not use them.
@@ -40,15 +58,24 @@ impl JournalHeader {
         self
     }
 
-    /// Name and both values of the first field in which two headers differ.
+    fn value(&self, name: &str) -> Option<&String> {
+        self.0.iter().rev().find(|(other, _)| other == name).map(|(_, value)| value)
+    }
+
+    /// Name and both values of the first field in which this header differs from another.
     fn difference(&self, other: &Self) -> Option<(String, String, String)> {
-        let find = |header: &Self, name: &str| {
-            header.0.iter().rev().find(|(other, _)| other == name).map(|(_, value)| value.clone())
-        };
-        let text = |value: Option<String>| value.unwrap_or_else(|| "nothing".to_owned());
-        self.0.iter().chain(&other.0).find_map(|(name, _)| {
-            let (here, there) = (find(self, name), find(other, name));
-            (here != there).then(|| (name.clone(), text(here), text(there)))
+        self.contradiction(other).or_else(|| {
+            let (name, value) = self.0.iter().find(|(name, _)| other.value(name).is_none())?;
+            Some((name.clone(), value.clone(), "nothing".to_owned()))
+        })
+    }
+
+    /// The same for the fields that `known`, a part of a header, has.
+    fn contradiction(&self, known: &Self) -> Option<(String, String, String)> {
+        known.0.iter().find_map(|(name, value)| {
+            let own = self.value(name);
+            let text = own.map_or("nothing", String::as_str).to_owned();
+            (own != Some(value)).then(|| (name.clone(), text, value.clone()))
         })
     }
 
@@ -69,71 +96,64 @@ pub(crate) struct Journal {
     file: File,
     checksum: Checksum,
     synced: Instant,
+    damaged: usize,
 }
 
 impl Journal {
-    /// Starts a journal at `path`, replacing an existing file.
+    /// Opens the journal at `path` for the run of `header`; starts one if there is none, or if the one
+    /// that is there holds no records. Returns its records in the order of writing.
     ///
     /// # Errors
-    /// When the file cannot be written, or another run has it open.
-    pub(crate) fn create(path: &Path, header: &JournalHeader) -> Result<Self, JournalError> {
-        let mut journal = Self::open(path)?;
-        journal.start(header)?;
-        Ok(journal)
-    }
-
-    /// Continues the journal at `path` after its last valid line; starts one if there is none.
-    /// Returns its records in the order of writing.
-    ///
-    /// # Errors
-    /// When the file cannot be read and written, is not a journal, belongs to a run with another
-    /// header, or another run has it open.
-    pub(crate) fn resume(
+    /// When the file cannot be read and written, is not a journal, another process has it open, or it
+    /// holds records and `existing` does not allow their use.
+    pub(crate) fn open(
         path: &Path,
         header: &JournalHeader,
+        existing: Existing,
     ) -> Result<(Self, Vec<String>), JournalError> {
-        let mut journal = Self::open(path)?;
-        let mut bytes = Vec::new();
-        journal.file.read_to_end(&mut bytes).map_err(|source| journal.failed("read", source))?;
-        let (first, _) = line(&header.text()?, Checksum::START);
-        // Killed before the first line was complete: nothing is lost.
-        if bytes.len() < first.len() && first.as_bytes().starts_with(&bytes) {
+        let mut options = OpenOptions::new();
+        options.read(true).write(true).create(true).truncate(false);
+        let Locked { file, bytes, .. } = Locked::open(path, &options, "open")?;
+        let mut journal = Self {
+            path: path.to_owned(),
+            file,
+            checksum: Checksum::START,
+            synced: Instant::now(),
+            damaged: 0,
+        };
+        let Some(contents) = admitted(path, &bytes, existing, |found| found.difference(header))?
+        else {
             journal.start(header)?;
             return Ok((journal, Vec::new()));
-        }
-        let Some(Contents { header: found, records, end, checksum }) = Contents::read(&bytes)
-        else {
-            return Err(JournalError::NotAJournal { path: path.to_owned() });
         };
-        if let Some((field, found, expected)) = found.difference(header) {
-            return Err(JournalError::OtherRun { path: path.to_owned(), field, found, expected });
-        }
-        journal.checksum = checksum;
-        journal.file.set_len(end as u64).map_err(|source| journal.failed("shorten", source))?;
-        journal
-            .file
-            .seek(SeekFrom::Start(end as u64))
-            .map_err(|source| journal.failed("read", source))?;
-        Ok((journal, records))
+        journal.checksum = contents.checksum;
+        journal.damaged = contents.damaged;
+        let end = contents.end as u64;
+        journal.file.set_len(end).map_err(|source| journal.failed("shorten", source))?;
+        journal.file.seek(SeekFrom::Start(end)).map_err(|source| journal.failed("read", source))?;
+        Ok((journal, contents.records))
     }
 
-    fn open(path: &Path) -> Result<Self, JournalError> {
-        let failed = |source| JournalError::File { action: "open", path: path.to_owned(), source };
-        let file = OpenOptions::new()
-            .read(true)
-            .write(true)
-            .create(true)
-            .truncate(false)
-            .open(path)
-            .map_err(failed)?;
-        match file.try_lock() {
-            // Some file systems have no locks; concurrent runs are then not detected.
-            Ok(()) | Err(TryLockError::Error(_)) => {}
-            Err(TryLockError::WouldBlock) => {
-                return Err(JournalError::InUse { path: path.to_owned() });
-            }
+    /// Whether [`open`](Self::open) will accept the file, as far as the fields in `known` tell; touches
+    /// nothing.
+    ///
+    /// # Errors
+    /// As `open`.
+    pub(crate) fn check(
+        path: &Path,
+        known: &JournalHeader,
+        existing: Existing,
+    ) -> Result<(), JournalError> {
+        if path.exists() {
+            let Locked { bytes, .. } = Locked::open(path, OpenOptions::new().read(true), "read")?;
+            admitted(path, &bytes, existing, |found| found.contradiction(known))?;
         }
-        Ok(Self { path: path.to_owned(), file, checksum: Checksum::START, synced: Instant::now() })
+        Ok(())
+    }
+
+    /// Complete lines that were left out, because one of them is damaged.
+    pub(crate) fn damaged(&self) -> usize {
+        self.damaged
     }
 
     fn start(&mut self, header: &JournalHeader) -> Result<(), JournalError> {
@@ -163,45 +183,35 @@ impl Journal {
     }
 
     fn failed(&self, action: &'static str, source: io::Error) -> JournalError {
-        JournalError::File { action, path: self.path.clone(), source }
+        FileError::new(action, &self.path, source).into()
     }
 }
 
-/// The valid part of a journal.
-struct Contents {
-    header: JournalHeader,
-    records: Vec<String>,
-    /// Bytes up to the end of the last valid line.
-    end: usize,
-    checksum: Checksum,
-}
-
-impl Contents {
-    /// `None` where the header is invalid.
-    fn read(bytes: &[u8]) -> Option<Self> {
-        let mut lines =
-            bytes.split_inclusive(|byte| *byte == b'\n').filter(|line| line.ends_with(b"\n"));
-        let good = |line: &[u8], before: Checksum| {
-            let (text, checksum) =
-                checked(std::str::from_utf8(line).ok()?.strip_suffix('\n')?, before)?;
-            Some((text.to_owned(), checksum))
-        };
-        let first = lines.next()?;
-        let (text, checksum) = good(first, Checksum::START)?;
-        let mut contents = Self {
-            header: JournalHeader::read(&text)?,
-            records: Vec::new(),
-            end: first.len(),
-            checksum,
-        };
-        for line in lines {
-            let Some((record, checksum)) = good(line, contents.checksum) else { break };
-            contents.records.push(record);
-            contents.checksum = checksum;
-            contents.end += line.len();
-        }
-        Some(contents)
+/// What a file holds that is to be continued; `None` where it is to be begun.
+fn admitted(
+    path: &Path,
+    bytes: &[u8],
+    existing: Existing,
+    difference: impl FnOnce(&JournalHeader) -> Option<(String, String, String)>,
+) -> Result<Option<Contents>, JournalError> {
+    if is_unbegun(bytes) || existing == Existing::Overwrite && is_of_us(bytes) {
+        return Ok(None);
     }
+    let path = path.to_owned();
+    let Some(contents) = Contents::read(bytes) else {
+        return Err(JournalError::NotAJournal { path });
+    };
+    if contents.is_empty() {
+        return Ok(None);
+    }
+    if let Some((field, found, expected)) = difference(&contents.header) {
+        return Err(JournalError::OtherRun { path, field, found, expected });
+    }
+    if existing == Existing::Refuse {
+        let records = contents.records.len() + contents.damaged;
+        return Err(JournalError::HasRecords { path, records });
+    }
+    Ok(Some(contents))
 }
 
 /// Reads a journal that no run is writing: its header and its valid records.
@@ -209,48 +219,8 @@ impl Contents {
 /// # Errors
 /// When the file cannot be read or is not a journal.
 pub(crate) fn read_journal(path: &Path) -> Result<(JournalHeader, Vec<String>), JournalError> {
-    let bytes = std::fs::read(path).map_err(|source| JournalError::File {
-        action: "read",
-        path: path.to_owned(),
-        source,
-    })?;
+    let bytes = std::fs::read(path).map_err(|source| FileError::new("read", path, source))?;
     let contents = Contents::read(&bytes)
         .ok_or_else(|| JournalError::NotAJournal { path: path.to_owned() })?;
     Ok((contents.header, contents.records))
-}
-
-/// Merges journals of one run, each with a share of its records, into one at `output`: every record
-/// once, in the order of the files.
-///
-/// # Errors
-/// When a file cannot be read, is not a journal, or belongs to another run than the first; nothing
-/// is written then.
-pub(crate) fn merge_journals(files: &[PathBuf], output: &Path) -> Result<usize, JournalError> {
-    let mut header: Option<JournalHeader> = None;
-    let mut seen = std::collections::HashSet::new();
-    let mut merged: Vec<String> = Vec::new();
-    for file in files {
-        let (found, records) = read_journal(file)?;
-        let expected = header.get_or_insert_with(|| found.clone());
-        if let Some((field, found, expected)) = found.difference(expected) {
-            return Err(JournalError::OtherRun { path: file.clone(), field, found, expected });
-        }
-        merged.extend(records.into_iter().filter(|record| seen.insert(record.clone())));
-    }
-    let mut text = String::new();
-    let mut checksum = Checksum::START;
-    for record in std::iter::once(header.unwrap_or_default().text()?).chain(merged.iter().cloned())
-    {
-        let (whole, next) = line(&record, checksum);
-        text.push_str(&whole);
-        checksum = next;
-    }
-    crate::files::write_atomically(output, |file| file.write_all(text.as_bytes())).map_err(
-        |error| JournalError::File {
-            action: "write",
-            path: output.to_owned(),
-            source: error.source,
-        },
-    )?;
-    Ok(merged.len())
 }

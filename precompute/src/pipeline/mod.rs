@@ -3,6 +3,7 @@
 //! All renderings go through [`Renderings`] and are journaled, as are proposals, which take seconds.
 //! Everything else that follows from renderings is recomputed when a run is resumed. Independent of the renderer: [`Measure`] renders.
 mod budgets;
+mod clock;
 mod extent;
 mod modelled;
 mod pilots;
@@ -58,9 +59,7 @@ pub(crate) enum PipelineError<E> {
     #[error("interrupted")]
     Interrupted,
     /// This shard has rendered its share of the batch; other shards have not.
-    #[error(
-        "this shard's share is rendered: merge the shards' journals with `frugal merge`, then run every shard again with --resume"
-    )]
+    #[error("this shard's share is rendered: merge the shards' journals")]
     NeedsMerge,
     /// No camera in free space sees any geometry.
     #[error("no camera in free space sees the scene: check its bounds and paths")]

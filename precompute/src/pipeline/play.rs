@@ -1,9 +1,8 @@
 //! Errors in play as a share of those of clips.
 //!
 //! A clip has few frames, and so a short history. In play the history is longer and averages more
-//! noise. How much differs by scene: on the tours of three levels errors were 0.72 to 0.96 of those
-//! of clips at the same places. So a few settings are rendered over stretches of the tracks, as long
-//! as the history takes, and over the last frames of the same stretches, as clips.
+//! noise. How much differs by scene. So a few settings are rendered over stretches of the tracks, as
+//! long as the history takes, and over the last frames of the same stretches, as clips.
 
 use bevy_frugal_gi::frontier::{CostPoint, Frontier, FrontierPoint};
 use bevy_frugal_gi::knobs::{KnobLevels, KnobSpace};

@@ -9,8 +9,9 @@ use bevy_frugal_gi::frontier::CostPoint;
 use bevy_frugal_gi::knobs::KnobLevels;
 
 use super::PipelineError;
+use super::clock::Clock;
 use crate::cameras::{CameraSet, MovingCamera};
-use crate::journal::Journal;
+use crate::journal::{Journal, JournalError};
 use crate::scene::CameraPose;
 use crate::table::{Batch, Measure, Measured};
 use crate::view_features::ViewFeatures;
@@ -85,11 +86,7 @@ pub(crate) struct Renderings<'a, M> {
     proposals: HashMap<String, Vec<KnobLevels>>,
     features: HashMap<(Purpose, usize), ViewFeatures>,
     report: &'a mut dyn FnMut(&Progress<'_>) -> ControlFlow<()>,
-    started: Instant,
-    limit: Option<Duration>,
-    /// Number of renderings made in this run, and the time that they took, seconds.
-    made: usize,
-    seconds: f64,
+    clock: Clock,
     stages: Vec<StageEffort>,
 }
 
@@ -123,7 +120,7 @@ pub(crate) struct Setup<'a, M> {
 }
 
 impl<'a, M: Measure> Renderings<'a, M> {
-    /// Starts the time limit's clock.
+    /// Starts the time limit's clock, or continues it where the journal has one.
     pub(crate) fn new(setup: Setup<'a, M>) -> Self {
         let Setup {
             measure,
@@ -146,10 +143,7 @@ impl<'a, M: Measure> Renderings<'a, M> {
             proposals: HashMap::new(),
             features: HashMap::new(),
             report,
-            started: Instant::now(),
-            limit,
-            made: 0,
-            seconds: 0.0,
+            clock: Clock::start(limit),
             stages: Vec::new(),
         };
         for record in &records {
@@ -161,6 +155,8 @@ impl<'a, M: Measure> Renderings<'a, M> {
                 renderings.proposals.insert(name, settings);
             } else if let Some((view, features)) = read_features(record) {
                 renderings.features.insert(view, features);
+            } else {
+                renderings.clock.read(record);
             }
         }
         renderings
@@ -206,23 +202,24 @@ impl<'a, M: Measure> Renderings<'a, M> {
         let unknown: usize = batches.iter().map(|batch| batch.settings.len()).sum();
         let mut done = total.saturating_sub(unknown);
         let mut failure = Ok(());
-        let Self { measure, journal, known, report, made, .. } = self;
+        let Self { measure, journal, known, report, clock, .. } = self;
+        let before = clock.effort().1;
+        let started = Instant::now();
         let mut keep = |Measured { batch, settings, cost }: Measured| {
             let (purpose, camera) = cameras[batch];
             let question = (purpose, camera, settings);
-            *made += 1;
+            clock.made_one(before + started.elapsed().as_secs_f64());
             done += 1;
             known.insert(question, cost);
-            if let Err(error) = journal.append(&write_rendering(question, cost)) {
+            let records = std::iter::once(write_rendering(question, cost)).chain(clock.record());
+            if let Err(error) = append(journal, records) {
                 failure = Err(error.into());
             } else if report(&Progress { stage, done, total }).is_break() && failure.is_ok() {
                 failure = Err(PipelineError::Interrupted);
             }
             if failure.is_ok() { ControlFlow::Continue(()) } else { ControlFlow::Break(()) }
         };
-        let started = Instant::now();
         let measured = measure.measure_all(&batches, &mut keep);
-        self.seconds += started.elapsed().as_secs_f64();
         measured.map_err(PipelineError::Measure)?;
         failure?;
         if is_missing { Err(PipelineError::NeedsMerge) } else { Ok(()) }
@@ -327,7 +324,7 @@ impl<'a, M: Measure> Renderings<'a, M> {
             return Ok(*known);
         }
         let yes = choose(self);
-        self.journal.append(&format!("decide {name} {}", u8::from(yes)))?;
+        self.keep(format!("decide {name} {}", u8::from(yes)))?;
         self.decisions.insert(name.to_owned(), yes);
         Ok(yes)
     }
@@ -346,7 +343,7 @@ impl<'a, M: Measure> Renderings<'a, M> {
             return Ok(known.clone());
         }
         let settings = choose(self);
-        self.journal.append(&write_proposal(name, &settings))?;
+        self.keep(write_proposal(name, &settings))?;
         self.proposals.insert(name.to_owned(), settings.clone());
         Ok(settings)
     }
@@ -367,7 +364,7 @@ impl<'a, M: Measure> Renderings<'a, M> {
             return Ok(known.clone());
         }
         let features = describe();
-        self.journal.append(&write_features(view, &features))?;
+        self.keep(write_features(view, &features))?;
         self.features.insert(view, features.clone());
         if (self.report)(progress).is_break() {
             return Err(PipelineError::Interrupted);
@@ -375,28 +372,38 @@ impl<'a, M: Measure> Renderings<'a, M> {
         Ok(features)
     }
 
+    /// Appends a record, and what is spent by then.
+    fn keep(&mut self, record: String) -> Result<(), JournalError> {
+        append(&mut self.journal, std::iter::once(record).chain(self.clock.record()))
+    }
+
     /// Whether there is a time limit.
     pub(crate) fn is_limited(&self) -> bool {
-        self.limit.is_some()
+        self.clock.is_limited()
     }
 
-    /// Whether `more` renderings will probably finish within `share` of the time limit. Always true
-    /// without a limit.
+    /// Whether `more` renderings will probably finish within `share` of the time limit, by the duration
+    /// of those before. Always true without a limit.
     pub(crate) fn has_time(&self, more: usize, share: f64) -> bool {
-        let Some(limit) = self.limit else { return true };
-        let each = if self.made > 0 { self.seconds / self.made as f64 } else { 0.0 };
-        self.started.elapsed().as_secs_f64() + each * more as f64 <= share * limit.as_secs_f64()
+        self.clock.has_time(more, share)
     }
 
-    /// Number of renderings made in this run, and their duration in seconds.
+    /// Number of renderings made in this session, and their duration in seconds.
     pub(crate) fn effort(&self) -> (usize, f64) {
-        (self.made, self.seconds)
+        self.clock.effort()
     }
 
     /// The same by stage, in the order of the first batch of each.
     pub(crate) fn stages(&self) -> &[StageEffort] {
         &self.stages
     }
+}
+
+fn append(
+    journal: &mut Journal,
+    records: impl Iterator<Item = String>,
+) -> Result<(), JournalError> {
+    records.into_iter().try_for_each(|record| journal.append(&record))
 }
 
 /// Exact bits, so that a record reads back as it was rendered.

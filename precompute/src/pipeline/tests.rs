@@ -11,7 +11,7 @@ use glam::{Quat, Vec3};
 
 use super::*;
 use crate::cost::Work;
-use crate::journal::{Journal, JournalHeader, merge_journals};
+use crate::journal::{Existing, Journal, JournalHeader, merge_journals};
 use crate::scene::CameraPose;
 use crate::table::{Batch, Measured};
 
@@ -30,7 +30,7 @@ fn space() -> KnobSpace {
 }
 
 pub(crate) fn layout() -> FrameLayout {
-    FrameLayout { size: [160, 90], maps: 1, has_sky: false }
+    FrameLayout { size: [160, 90], maps: 1, point_lights: 0, has_sky: false }
 }
 
 /// Power follows work; indirect light matters where x < 4, shadows elsewhere.
@@ -161,8 +161,8 @@ fn run_with<M: Measure<Error = Infallible>>(
     setup: &Run<'_>,
 ) -> Result<Outcome, PipelineError<Infallible>> {
     let (space, cameras) = (space(), cameras());
-    let journal = Journal::resume(setup.journal, &JournalHeader::default().with("seed", 0))
-        .expect("a journal");
+    let header = JournalHeader::default().with("seed", 0);
+    let journal = Journal::open(setup.journal, &header, Existing::Resume).expect("a journal");
     let mut left = setup.patience;
     let mut report = |_: &Progress<'_>| {
         left = left.saturating_sub(1);
@@ -318,11 +318,7 @@ fn shards_that_are_merged_make_the_same_map() {
             if let Some(outcome) = last {
                 break outcome;
             }
-            let merged = folder.path().join("merged");
-            merge_journals(&files, &merged).expect("one run's");
-            for file in &files {
-                std::fs::copy(&merged, file).expect("a copy");
-            }
+            merge_journals(&files, None).expect("one run's");
         };
         assert_eq!(product(&outcome), product(&reference));
         let total: usize = renderings.iter().sum();
@@ -391,6 +387,57 @@ fn a_time_limit_ends_with_a_map_whenever_it_strikes() {
 }
 
 #[test]
+fn a_resumed_run_has_the_time_that_is_left() {
+    /// Takes a millisecond for each rendering.
+    struct Slow(Formula);
+    impl Measure for Slow {
+        type Error = Infallible;
+
+        fn measure(
+            &mut self,
+            clip: &[CameraPose],
+            settings: KnobLevels,
+        ) -> Result<CostPoint, Infallible> {
+            std::thread::sleep(Duration::from_millis(1));
+            self.0.measure(clip, settings)
+        }
+    }
+    let folder = tempfile::tempdir().expect("a folder");
+    let file = folder.path().join("journal");
+    let made = std::cell::Cell::new(0);
+    let run = |patience: usize, limit: f64| {
+        let mut slow = Slow(Formula { space: space(), renderings: 0 });
+        let limit = Some(Duration::from_secs_f64(limit));
+        let outcome = run_with(&mut slow, &Run { patience, limit, ..whole(&file) });
+        made.set(made.get() + slow.0.renderings);
+        outcome
+    };
+    // Stopped every 20 renderings: a session alone never takes as long as the limit.
+    let limit = 0.4;
+    let mut sessions = 0;
+    let outcome = loop {
+        sessions += 1;
+        match run(20, limit) {
+            Err(PipelineError::Interrupted) => assert!(sessions < 60, "the limit never strikes"),
+            other => break other.expect("a map"),
+        }
+    };
+    assert!(sessions > 1, "{sessions}");
+    assert!(outcome.cameras[0] < 40, "{:?} in {} renderings", outcome.cameras, made.get());
+
+    // The first decision of a session knows how long a rendering takes: there is no time for 1,500.
+    let _ = std::fs::remove_file(&file);
+    while let Err(PipelineError::Interrupted) = run(1, 1.0) {
+        let text = std::fs::read_to_string(&file).expect("a journal");
+        if text.contains("decide ") {
+            assert!(text.contains("decide 1500 renderings 0"), "{text}");
+            return;
+        }
+    }
+    panic!("no decision was made");
+}
+
+#[test]
 fn a_search_is_as_large_as_its_time_allows() {
     let folder = tempfile::tempdir().expect("a folder");
     let file = folder.path().join("journal");
@@ -422,8 +469,12 @@ fn without_cameras_there_is_one_clear_error() {
     };
     let setup = Setup {
         measure: &mut formula,
-        journal: Journal::resume(&folder.path().join("journal"), &JournalHeader::default())
-            .expect("a journal"),
+        journal: Journal::open(
+            &folder.path().join("journal"),
+            &JournalHeader::default(),
+            Existing::Resume,
+        )
+        .expect("a journal"),
         cameras: &CameraSet::default(),
         clip: (2, 15.0),
         shard: (0, 1),

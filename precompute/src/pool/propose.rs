@@ -186,7 +186,7 @@ mod tests {
     #[test]
     fn proposals_are_new_and_better_than_one_knob_at_a_time() {
         let space = crate::stage::knobs().expect("the built-in knobs");
-        let layout = FrameLayout { size: [160, 90], maps: 2, has_sky: true };
+        let layout = FrameLayout { size: [160, 90], maps: 2, point_lights: 0, has_sky: true };
         let names = crate::cost::work_names(&space);
         let price = |name: &str| match name {
             "frame" => 1.0,

@@ -8,7 +8,7 @@ use bevy_frugal_gi::frontier::{Frontier, FrontierMap, FrontierPoint, Octree};
 use super::*;
 use crate::cameras::CameraSet;
 use crate::inspect::testing::map_of;
-use crate::journal::{Journal, JournalHeader};
+use crate::journal::{Existing, Journal, JournalHeader};
 use crate::pipeline::Progress;
 use crate::pipeline::tests::{Formula, layout, searched};
 
@@ -40,7 +40,8 @@ fn regret(
     };
     let setup = Setup {
         measure: &mut formula,
-        journal: Journal::resume(journal, &JournalHeader::default()).expect("a journal"),
+        journal: Journal::open(journal, &JournalHeader::default(), Existing::Resume)
+            .expect("a journal"),
         cameras,
         clip: (2, 15.0),
         shard: (0, 1),

@@ -9,7 +9,8 @@ use super::*;
 use crate::cost::{FrameLayout, Work, work_names};
 use crate::table::{SweepFacts, SweepTable};
 
-const LAYOUT: FrameLayout = FrameLayout { size: [128, 72], maps: 1, has_sky: true };
+const LAYOUT: FrameLayout =
+    FrameLayout { size: [128, 72], maps: 1, point_lights: 0, has_sky: true };
 
 fn space() -> KnobSpace {
     let names = ["gi_vpl_count", "gi_pixel_fraction", "gi_visibility", "shadow_map_resolution"];

@@ -23,7 +23,8 @@ const MARK: &str = "# frugal sweep ";
 const COLUMNS: (&str, [&str; 2]) = ("settings_bits", ["power_w", "error"]);
 
 /// Assumed layout of a file without one: the default size of `frugal sweep`, one light, and a sky.
-pub const ASSUMED_LAYOUT: FrameLayout = FrameLayout { size: [320, 180], maps: 1, has_sky: true };
+pub const ASSUMED_LAYOUT: FrameLayout =
+    FrameLayout { size: [320, 180], maps: 1, point_lights: 0, has_sky: true };
 
 /// Conditions of a sweep. Absent in older files and in tables of other kinds.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
@@ -35,8 +36,10 @@ pub struct SweepFacts {
     pub size: Option<[u32; 2]>,
     /// Target frame rate.
     pub frames_per_second: Option<f64>,
-    /// Number of reflective shadow maps.
+    /// Number of whole reflective shadow maps.
     pub maps: Option<u32>,
+    /// Number of point lights, which have six smaller maps each.
+    pub point_lights: Option<u32>,
     /// Whether a sky is gathered.
     pub has_sky: Option<bool>,
     /// The power meter.
@@ -46,7 +49,12 @@ pub struct SweepFacts {
 impl SweepFacts {
     /// Parameters of a frame's work other than settings; `None` where the file has none.
     pub fn layout(&self) -> Option<FrameLayout> {
-        Some(FrameLayout { size: self.size?, maps: self.maps?, has_sky: self.has_sky? })
+        Some(FrameLayout {
+            size: self.size?,
+            maps: self.maps?,
+            point_lights: self.point_lights.unwrap_or(0),
+            has_sky: self.has_sky?,
+        })
     }
 }
 
@@ -151,6 +159,7 @@ mod tests {
             size: Some([128, 72]),
             frames_per_second: Some(15.0),
             maps: Some(2),
+            point_lights: Some(3),
             has_sky: Some(false),
             meter: Some(meter()),
         };
@@ -186,7 +195,7 @@ mod tests {
         assert_eq!(read(&text.replace('\n', "\r\n"), &KnobSpace::default()), Ok(table.clone()));
         assert_eq!(
             table.facts.layout(),
-            Some(FrameLayout { size: [128, 72], maps: 2, has_sky: false })
+            Some(FrameLayout { size: [128, 72], maps: 2, point_lights: 3, has_sky: false })
         );
     }
 

@@ -71,6 +71,7 @@ const TOOL: &[&str] = &[
     "meters",
     "search",
     "cost",
+    "device",
     "table",
     "cameras",
     "reference",

@@ -11,6 +11,9 @@ use crate::cameras::{TrackSample, recorded, tracks_of};
 use crate::pipeline::PipelineConfig;
 use crate::scene::SceneDescription;
 
+/// Highest frame rate at which tracks are sampled, hertz.
+const FASTEST: f64 = 1000.0;
+
 /// Tracks, on and around which cameras are sampled.
 #[derive(clap::Args, Debug, Clone)]
 pub(in crate::cli) struct TrackArguments {
@@ -46,17 +49,22 @@ pub(in crate::cli) struct SearchArguments {
     /// Time limit, after which the best map so far is written: 90s, 10m, 1h
     #[arg(long, value_name = "TIME", value_parser = duration)]
     pub time_limit: Option<Duration>,
-    /// Renders only every N-th job of each batch, beginning with the I-th: 0/4, 1/4, …; frugal
-    /// merge joins the journals
-    #[arg(long, value_name = "I/N", value_parser = shard)]
-    pub shard: Option<(usize, usize)>,
 }
 
-/// A limit in watts, or as a share of the range of power.
+/// Watts, or a share of the range of power.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(in crate::cli) enum Threshold {
     Watts(f64),
     Share(f64),
+}
+
+impl std::fmt::Display for Threshold {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        match self {
+            Self::Watts(watts) => write!(f, "{watts} W"),
+            Self::Share(share) => write!(f, "{} %", 100.0 * share),
+        }
+    }
 }
 
 fn threshold(text: &str) -> Result<Threshold, String> {
@@ -74,7 +82,8 @@ fn threshold(text: &str) -> Result<Threshold, String> {
     }
 }
 
-fn shard(text: &str) -> Result<(usize, usize), String> {
+/// `0/4`.
+pub(super) fn shard(text: &str) -> Result<(usize, usize), String> {
     let parts = text
         .split_once('/')
         .and_then(|(index, count)| Some((index.trim().parse().ok()?, count.trim().parse().ok()?)));
@@ -123,6 +132,11 @@ impl TrackArguments {
         scene: &SceneDescription,
         fps: f64,
     ) -> Result<Vec<Vec<TrackSample>>, CliError> {
+        if !(fps > 0.0 && fps <= FASTEST) {
+            return Err(CliError::usage(format!(
+                "a frame rate of {fps}: must be above 0 and at most {FASTEST}"
+            )));
+        }
         let mut paths = Vec::new();
         for name in &self.paths {
             paths.push(scene.paths.get(name).ok_or_else(|| {
@@ -140,7 +154,7 @@ impl TrackArguments {
         }
         let mut tracks = tracks_of(paths, fps);
         for file in &self.recordings {
-            tracks.extend(recorded(file).map_err(CliError::usage)?);
+            tracks.extend(recorded(file, fps).map_err(CliError::usage)?);
         }
         Ok(tracks)
     }

@@ -1,22 +1,22 @@
 //! `frugal precompute`: a scene's frontier map.
 
 mod arguments;
-mod journal;
 mod outcome;
 mod search;
 
 use std::path::PathBuf;
 
 use super::arguments::{
-    CaptureArguments, WorkerArguments, check_outputs, open_scene, write, write_report,
+    CaptureArguments, WorkerArguments, check_outputs, check_report, open_scene, write, write_report,
 };
+use super::journal::{JournalArguments, JournalUse, journal_path};
 use super::{CliError, inspect};
 use crate::report::{Report, map_section, search_section};
 
+use arguments::shard;
 pub(super) use arguments::{SearchArguments, TrackArguments};
-pub(super) use journal::{journal_header, journal_path, open_journal};
 pub(super) use outcome::print_outcome;
-pub(super) use search::{Searched, open_stage, prices, search};
+pub(super) use search::{SearchPlan, Searched, open_stage, prices, search};
 
 #[derive(clap::Args, Debug)]
 pub(super) struct Arguments {
@@ -30,14 +30,17 @@ pub(super) struct Arguments {
     capture: CaptureArguments,
     #[command(flatten)]
     search: SearchArguments,
+    /// Renders only every N-th job of each batch, beginning with the I-th: 0/4, 1/4, …; frugal
+    /// merge joins the journals. Without a time limit, which each shard would keep apart
+    #[arg(long, value_name = "I/N", value_parser = shard, conflicts_with = "time_limit")]
+    shard: Option<(usize, usize)>,
     #[command(flatten)]
     workers: WorkerArguments,
+    #[command(flatten)]
+    journal: JournalArguments,
     /// Folder for a report on the search and its map
     #[arg(long, value_name = "DIR")]
     report: Option<PathBuf>,
-    /// Resume an interrupted run
-    #[arg(long)]
-    resume: bool,
 }
 
 pub(super) fn run(arguments: &Arguments) -> Result<(), CliError> {
@@ -47,13 +50,24 @@ pub(super) fn run(arguments: &Arguments) -> Result<(), CliError> {
         .clone()
         .unwrap_or_else(|| arguments.scene.with_file_name(format!("{name}.pareto.ron")));
     check_outputs([Some(&output)])?;
+    check_report(arguments.report.as_ref())?;
     arguments.search.check()?;
-    let tracks = arguments.search.tracks.tracks(&scene, arguments.capture.fps)?;
+    let tracks = arguments.search.tracks.tracks(&scene, arguments.capture.image.fps)?;
     let workers = arguments.workers.count(arguments.capture.meter.as_deref())?;
+    let plan = SearchPlan {
+        scene: &scene,
+        name: &name,
+        tracks: &tracks,
+        capture: &arguments.capture,
+        arguments: &arguments.search,
+        shard: arguments.shard.unwrap_or((0, 1)),
+        journal: journal_path(&output, arguments.shard),
+        existing: arguments.journal.existing(),
+        of: JournalUse::PRECOMPUTE,
+    };
+    plan.check_journal()?;
     let mut stage = open_stage(&scene, &arguments.scene, &arguments.capture, workers)?;
-    let journal = journal_path(&output, arguments.search.shard);
-    let searched =
-        search(&mut stage, &scene, &name, &tracks, &arguments.search, &journal, arguments.resume)?;
+    let searched = search(&mut stage, &plan)?;
     write(&output, searched.map.to_ron().map_err(CliError::failed)?.as_bytes())?;
     print_outcome(&searched);
     if let Some(folder) = &arguments.report {
@@ -63,6 +77,6 @@ pub(super) fn run(arguments: &Arguments) -> Result<(), CliError> {
         write_report(folder, &report.render())?;
     }
     // The run is complete: its journal is not needed.
-    let _ = std::fs::remove_file(&journal);
+    let _ = std::fs::remove_file(&plan.journal);
     Ok(())
 }

@@ -2,26 +2,28 @@
 
 use std::cell::LazyCell;
 use std::num::NonZeroUsize;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use bevy_frugal_gi::frontier::{
     Bounds, Capture, FrontierMap, KnobEffects, SceneIdentity, Thresholds, WorkPrices,
 };
 use bevy_frugal_gi::knobs::KnobSpace;
+use bevy_frugal_gi::power::detect;
 
 use super::super::arguments::CaptureArguments;
+use super::super::journal::{JournalUse, journal_header, names_of, open_journal, rendered_by};
 use super::super::{CliError, progress};
 use super::SearchArguments;
-use super::journal::{journal_header, open_journal};
 use crate::cameras::{CameraMix, CameraSet, MovingCamera, TrackSample};
 use crate::cost::FrameLayout;
-use crate::journal::hash;
+use crate::device;
+use crate::journal::{Existing, Journal, JournalHeader, hash};
 use crate::pipeline::{
     CLIP_FRAMES, Extent, Outcome, PipelineError, Setup, Subject, run as run_pipeline,
 };
 use crate::report::SearchSummary;
 use crate::scene::{self, SceneDescription};
-use crate::stage::{RemoteError, RemoteStage};
+use crate::stage::{self, RemoteError, RemoteStage, StageRequest};
 use crate::view_features::ViewDescriber;
 
 /// Most calibration cameras. They render the whole pool, beside held-out training cameras.
@@ -34,11 +36,16 @@ pub(in crate::cli) fn open_stage(
     capture: &CaptureArguments,
     workers: NonZeroUsize,
 ) -> Result<RemoteStage, CliError> {
-    let mut request = capture.request(path);
-    if request.knobs.is_none() {
-        request.knobs = Some(crate::stage::useful_knobs(scene)?);
-    }
+    let request = StageRequest { knobs: Some(knobs(scene, capture)?), ..capture.request(path) };
     Ok(RemoteStage::open(scene, request, workers)?)
+}
+
+/// Names of the requested knobs, or of those that affect the scene.
+fn knobs(scene: &SceneDescription, capture: &CaptureArguments) -> Result<Vec<String>, CliError> {
+    Ok(match &capture.image.knobs {
+        Some(names) => names.clone(),
+        None => stage::useful_knobs(scene)?,
+    })
 }
 
 /// A map and the outcome of its search.
@@ -55,32 +62,92 @@ impl Searched {
     }
 }
 
+/// What is searched, and which journal keeps it.
+pub(in crate::cli) struct SearchPlan<'a> {
+    pub scene: &'a SceneDescription,
+    /// The scene's name.
+    pub name: &'a str,
+    pub tracks: &'a [Vec<TrackSample>],
+    pub capture: &'a CaptureArguments,
+    pub arguments: &'a SearchArguments,
+    /// The shard: its number, from 0, and the number of shards.
+    pub shard: (usize, usize),
+    pub journal: PathBuf,
+    pub existing: Existing,
+    pub of: JournalUse,
+}
+
+impl SearchPlan<'_> {
+    /// Fails if the journal that is there must be left as it is, before a renderer starts.
+    pub(in crate::cli) fn check_journal(&self) -> Result<(), CliError> {
+        if !self.journal.exists() {
+            return Ok(());
+        }
+        let mut header = self.header()?;
+        let names = knobs(self.scene, self.capture)?;
+        // An unknown knob is the stage's to refuse, as is a machine without a meter.
+        if let Ok(space) = stage::every_knob()?.subset(names.iter().map(String::as_str)) {
+            header = header.with("list of knobs", names_of(&space));
+        }
+        let detected = || Some(detect(&stage::adapter()?).ok()?.info().name);
+        if let Some(meter) = self.capture.meter.clone().or_else(detected) {
+            header = header.with("meter", device::kind(&meter));
+        }
+        Journal::check(&self.journal, &header, self.existing)
+            .map_err(|error| self.of.refused(&error))
+    }
+
+    fn capture(&self) -> Capture {
+        Capture {
+            size: self.capture.image.size.to_array(),
+            frames_per_second: self.capture.image.fps,
+            vertical_fov: self.scene.camera.vertical_fov,
+            exposure_ev100: self.scene.exposure_ev100,
+        }
+    }
+
+    fn identity(&self) -> Result<SceneIdentity, CliError> {
+        let fingerprint = self.scene.fingerprint()?;
+        Ok(SceneIdentity { name: self.name.to_owned(), fingerprint })
+    }
+
+    /// The part of the journal's header that is known before anything is rendered.
+    fn header(&self) -> Result<JournalHeader, CliError> {
+        let arguments = self.arguments;
+        let limit = arguments.time_limit.map(|limit| format!("{} s", limit.as_secs_f64()));
+        let paths = &arguments.tracks.paths;
+        let paths = if paths.is_empty() {
+            self.scene.paths.keys().cloned().collect::<Vec<_>>().join(",")
+        } else {
+            paths.join(",")
+        };
+        let paths = if paths.is_empty() { "none".to_owned() } else { paths };
+        Ok(journal_header(&self.identity()?, &self.capture())
+            .with("seed", arguments.seed)
+            .with("time limit", limit.unwrap_or_else(|| "none".to_owned()))
+            .with("number of training cameras", arguments.training)
+            .with("number of levels", arguments.levels)
+            .with("power threshold", arguments.power_threshold)
+            .with("error threshold", arguments.error_threshold)
+            .with("list of paths", paths))
+    }
+}
+
 /// Samples cameras and runs the pipeline.
 pub(in crate::cli) fn search(
     stage: &mut RemoteStage,
-    scene: &SceneDescription,
-    name: &str,
-    tracks: &[Vec<TrackSample>],
-    arguments: &SearchArguments,
-    journal: &Path,
-    resume: bool,
+    plan: &SearchPlan<'_>,
 ) -> Result<Searched, CliError> {
+    let SearchPlan { scene, tracks, arguments, of, .. } = *plan;
     let config = arguments.config();
     let space = stage.space().clone();
     let bounds = scene.camera_bounds(stage.bounds());
     let cameras = sample_cameras(stage, &bounds, tracks, arguments);
-    let capture = Capture {
-        size: stage.size(),
-        frames_per_second: stage.frames_per_second(),
-        vertical_fov: scene.camera.vertical_fov,
-        exposure_ev100: scene.exposure_ev100,
-    };
-    let identity = SceneIdentity { name: name.to_owned(), fingerprint: scene.fingerprint()? };
-    let header = journal_header(&identity, &space, &capture, &stage.meter())?
-        .with("seed", arguments.seed)
-        .with("cameras", format!("{:016x}", hash(&format!("{cameras:?}"))))
-        .with("settings", format!("{config:?} {:?}", arguments.time_limit));
-    let journal = open_journal(journal, &header, resume)?;
+    let (capture, identity) = (plan.capture(), plan.identity()?);
+    let header = rendered_by(plan.header()?, &space, &stage.meter())?
+        .with("set of cameras", format!("{:016x}", hash(&format!("{cameras:?}"))))
+        .with("configuration", format!("{:016x}", hash(&format!("{config:?}"))));
+    let journal = open_journal(&plan.journal, &header, plan.existing, of)?;
     eprintln!(
         "{} knobs, {} combinations; {} training and {} calibration cameras; power by {}",
         space.len(),
@@ -116,13 +183,13 @@ pub(in crate::cli) fn search(
         journal,
         cameras: &cameras,
         clip: (CLIP_FRAMES, capture.frames_per_second),
-        shard: arguments.shard.unwrap_or((0, 1)),
+        shard: plan.shard,
         limit: arguments.time_limit,
         report: &mut report,
     };
     let outcome = run_pipeline(&subject, &config, setup);
     bar.finish_and_clear();
-    let outcome = outcome.map_err(|error| cli_error(error, scene))?;
+    let outcome = outcome.map_err(|error| cli_error(error, scene, of))?;
     let work_prices = prices(&outcome.cost, &space, &layout, capture.frames_per_second);
     let knob_effects = KnobEffects {
         joules: crate::cost::saved_joules(&work_prices, &space, &layout),
@@ -169,11 +236,15 @@ fn sample_cameras(
     CameraSet::sample(stage.rays(), bounds, tracks, counts, &mix, lens, arguments.seed)
 }
 
-fn cli_error(error: PipelineError<RemoteError>, scene: &SceneDescription) -> CliError {
+fn cli_error(
+    error: PipelineError<RemoteError>,
+    scene: &SceneDescription,
+    of: JournalUse,
+) -> CliError {
     match error {
-        PipelineError::Interrupted => {
-            CliError::failed("interrupted: the same command with --resume continues")
-        }
+        PipelineError::Interrupted => of.interrupted(),
+        PipelineError::Journal(error) => of.failed(&error),
+        PipelineError::NeedsMerge => of.needs_merge(),
         PipelineError::NoCameras => CliError::usage(format!("{}: {error}", scene.source.display())),
         error => CliError::failed(error),
     }
@@ -198,6 +269,7 @@ pub(in crate::cli) fn prices(
         joules,
         idle: model.idle,
         maps: layout.maps,
+        point_lights: layout.point_lights,
         has_sky: layout.has_sky,
         ..WorkPrices::default()
     };

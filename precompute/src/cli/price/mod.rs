@@ -9,7 +9,9 @@ use bevy_frugal_gi::gi::GiRefresh;
 use bevy_frugal_gi::knobs::{KnobLevels, KnobSpace};
 use glam::UVec2;
 
-use super::arguments::{CameraArguments, check_outputs, open_scene, size, write, write_report};
+use super::arguments::{
+    CameraArguments, check_outputs, check_report, open_scene, size, write, write_report,
+};
 use super::{CliError, progress};
 use crate::metrics::{Difference, Radiance};
 use crate::reference::{ReferenceScene, Rendering, Settings, Shading, View, Watch, render};
@@ -87,6 +89,7 @@ fn is_still(name: &str) -> bool {
 pub(super) fn run(arguments: &Arguments) -> Result<(), CliError> {
     let (mut scene, name) = open_scene(&arguments.camera.scene)?;
     check_outputs([arguments.csv.as_ref()])?;
+    check_report(arguments.report.as_ref())?;
     if arguments.sky {
         if matches!(scene.environment, Environment::None) {
             return Err(CliError::usage(format!("--sky: {name} has no environment")));

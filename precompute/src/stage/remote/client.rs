@@ -12,6 +12,7 @@ use bevy_frugal_gi::units::Watts;
 
 use super::process::{Opened, RemoteError, StageProcess};
 use super::protocol::StageRequest;
+use crate::device::on_this_machine;
 use crate::evaluate::{FrameRenderer, Pose, RenderedFrame};
 use crate::scene::{Bounds, CameraPose, RayScene, SceneDescription};
 use crate::table::{Batch, Measure, Measured};
@@ -53,7 +54,7 @@ impl RemoteStage {
         Ok(Self {
             processes,
             space,
-            meter,
+            meter: on_this_machine(meter, crate::stage::adapter()),
             idle,
             rays: RayScene::from_geometry(&geometry),
             bounds: geometry.bounds(),
@@ -66,7 +67,7 @@ impl RemoteStage {
         &self.space
     }
 
-    /// The meter's name and provenance.
+    /// The meter's name, provenance and device.
     pub(crate) fn meter(&self) -> MeterInfo {
         self.meter.clone()
     }

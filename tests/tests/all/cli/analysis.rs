@@ -15,6 +15,7 @@ tests!(
     references_are_traced_and_compared_without_an_adapter,
     recorded_tables_are_searched_without_an_adapter,
     maps_that_cost_more_have_their_own_exit_status,
+    watts_of_two_devices_are_not_compared,
     presets_come_from_a_map,
     control_logs_are_plotted,
 );
@@ -187,6 +188,40 @@ fn maps_that_cost_more_have_their_own_exit_status() {
         &["old.pareto.ron", "faster.pareto.ron", "60 Hz", "--fps"],
     );
     assert!(!folder.path().join("none.json").exists());
+}
+
+fn watts_of_two_devices_are_not_compared() {
+    let folder = folder();
+    let save = |name: &str, description: &str, scale: f64| {
+        let mut map = map_of_cost(scale);
+        map.meter.name = "amdgpu".into();
+        map.meter.description = description.into();
+        write(folder.path(), name, &map.to_ron().expect("text"));
+    };
+    save(
+        "old.ron",
+        "whole card or APU 0000:03:00.0 (card0, PPT), power1_average of its driver",
+        1.0,
+    );
+    let other = "whole card or APU 0000:0b:00.0 (card1, slowPPT), power1_input of its driver";
+    save("new.ron", other, 1.12);
+    save("low.ron", other, 0.8);
+    save(
+        "same.ron",
+        "whole card or APU 0000:03:00.0 (card1, PPT), power1_average of its driver",
+        1.0,
+    );
+    let compare = |new: &str, more: &[&str]| {
+        run(folder.path(), &[&["inspect", "--compare", "old.ron", new][..], more].concat())
+    };
+    for new in ["new.ron", "low.ron"] {
+        let words = ["0000:03:00.0", "0000:0b:00.0", "frugal reprice", "--prices", "--any-device"];
+        assert_refused(&compare(new, &["--json", "gate.json"]), &words);
+    }
+    assert!(!folder.path().join("gate.json").exists());
+    let any = |new: &str| compare(new, &["--any-device"]).status.code();
+    assert_eq!((any("new.ron"), any("low.ron")), (Some(3), Some(0)));
+    assert_eq!(compare("same.ron", &[]).status.code(), Some(0), "the card got another number");
 }
 
 fn presets_come_from_a_map() {

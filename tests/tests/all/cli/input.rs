@@ -16,6 +16,7 @@ tests!(
     maps_that_cannot_be_used_are_named,
     invalid_budgets_are_named,
     invalid_arguments_are_named,
+    options_that_would_be_ignored_are_refused,
     misspelt_names_get_the_nearest_one,
     meters_read_the_files_of_another_root,
 );
@@ -169,6 +170,49 @@ fn invalid_arguments_are_named() {
         assert_refused(&run(folder.path(), arguments), words);
     }
     assert_eq!(entries(folder.path()), ["a.scene.ron"], "files appeared");
+}
+
+fn options_that_would_be_ignored_are_refused() {
+    let folder = folder();
+    scene_with_map(folder.path());
+    let one = ["--error-budget", "0.02"];
+    let several = ["--error-budget", "0.02", "--error-budget", "0.03", "--baselines", "all"];
+    let none = ["--error-budget", "0.02", "--baselines", "none"];
+    let refused = |budgets: &[&str], more: &[&str]| {
+        refused_evaluation(folder.path(), &[budgets, more].concat(), &[more[0]]);
+    };
+    refused(&several, &["--csv", "frames.csv"]);
+    refused(&several, &["--report", "report"]);
+    refused(&one, &["--record", "a.record"]);
+    refused(&one, &["--spot-checks", "1"]);
+    refused(&one, &["--spot-checks", "0"]);
+    refused(&one, &["--workers", "2", "--meter", "work"]);
+    refused(&none, &["--spot-checks", "2"]);
+
+    let before = entries(folder.path());
+    let direct = ["--component", "direct", "--bounces", "2", "-o", "a.png"];
+    for (arguments, words) in [
+        (
+            &["precompute", "a.scene.ron", "--shard", "0/2", "--time-limit", "1m"][..],
+            &["--shard", "--time-limit"][..],
+        ),
+        (&["precompute", "a.scene.ron", "--resume", "--overwrite"], &["--resume", "--overwrite"]),
+        (&["demo", "a.scene.ron", "--shard", "0/2"], &["--shard"]),
+        (&["inspect", "a.pareto.ron", "--any-device"], &["--compare"]),
+        (
+            &[
+                &["regret", "a.scene.ron", "--map", "a.pareto.ron"][..],
+                &["--searched", "0", "--renderings", "9"],
+            ]
+            .concat(),
+            &["--renderings", "--searched"],
+        ),
+        (&[&["render", "a.scene.ron", "--meter", "work"][..], &AT].concat(), &["--meter"]),
+        (&[&["reference", "a.scene.ron"][..], &AT, &direct].concat(), &["--bounces", "direct"]),
+    ] {
+        assert_refused(&run(folder.path(), arguments), words);
+    }
+    assert_eq!(entries(folder.path()), before, "files appeared");
 }
 
 fn misspelt_names_get_the_nearest_one() {

@@ -1,6 +1,7 @@
-//! A search that was killed resumes from its journal.
+//! A search that was killed resumes from its journal, which nothing else takes or empties.
 
 use std::fs;
+use std::io::BufRead as _;
 use std::path::Path;
 use std::time::{Duration, Instant};
 
@@ -14,15 +15,18 @@ const MAP: &str = "a.pareto.ron";
 
 /// One triangle without punctual lights: few views contain it, and a frame takes milliseconds.
 const SCENE: &str = r#"(geometry: Gltf("a.glb"), environment: Constant((900.0, 900.0, 900.0)), camera: (vertical_fov: 50.0),
-    bounds: (min: (0.1, 0.1, 0.8), max: (0.6, 0.5, 1.4)))"#;
+    bounds: (min: (0.1, 0.1, 0.8), max: (0.6, 0.5, 1.4)),
+    paths: { "tour": [
+        (time: 0.0, position: (0.3, 0.3, 1.0), look_at: (0.3, 0.3, 0.0)),
+        (time: 0.3, position: (0.4, 0.3, 1.0), look_at: (0.4, 0.3, 0.0)),
+    ] })"#;
 
-fn arguments(resume: bool) -> Vec<&'static str> {
-    let knobs = ["--knobs", "antialiasing,post_processing"];
-    let mut arguments =
-        [&["precompute", "a.scene.ron", "-o", MAP, "--size", "32x32", "--levels", "0"][..], &knobs]
-            .concat();
-    arguments.extend(resume.then_some("--resume"));
-    arguments
+/// The same search by `precompute` and by `demo`, whose maps have one place.
+const SEARCH: [&str; 6] =
+    ["--size", "32x32", "--levels", "0", "--knobs", "antialiasing,post_processing"];
+
+fn precompute(more: &[&'static str]) -> Vec<&'static str> {
+    [&["precompute", "a.scene.ron", "-o", MAP][..], &SEARCH, more].concat()
 }
 
 /// Number of complete lines of the journal.
@@ -35,27 +39,62 @@ fn a_killed_search_is_resumed() {
     fs::write(folder.path().join("a.scene.ron"), SCENE).expect("can be written");
     fs::write(folder.path().join("a.glb"), super::triangle()).expect("can be written");
     let journal = folder.path().join(format!("{MAP}.journal"));
-    let mut child = command(folder.path(), &arguments(false))
+    let mut child = command(folder.path(), &precompute(&[]))
         .stderr(std::process::Stdio::null())
         .spawn()
         .expect("starts");
     let start = Instant::now();
-    while lines(&journal) < 20 {
-        assert!(start.elapsed() < Duration::from_secs(60), "no journal after a minute");
-        assert!(child.try_wait().expect("a child").is_none(), "over before it could be killed");
-        std::thread::sleep(Duration::from_millis(20));
+    let mut wait_for = |count: usize| {
+        while lines(&journal) < count {
+            assert!(start.elapsed() < Duration::from_secs(60), "no journal after a minute");
+            assert!(child.try_wait().expect("a child").is_none(), "over before it could be killed");
+            std::thread::sleep(Duration::from_millis(20));
+        }
+    };
+    wait_for(5);
+    // While it runs, nobody takes its journal.
+    let name = journal.file_name().and_then(|name| name.to_str()).expect("a name");
+    for arguments in
+        [&["merge", name][..], &["merge", name, "-o", "merged"], &precompute(&["--resume"])]
+    {
+        assert_refused(&run(folder.path(), arguments), &[name, "in use"]);
     }
+    wait_for(20);
     // SIGKILL: the process cannot clean up.
     child.kill().expect("can be killed");
     child.wait().expect("ends");
     assert!(!folder.path().join(MAP).exists(), "no map before the end");
     let kept = lines(&journal) - 1;
 
-    // A journal of another seed is refused.
-    let other = [&arguments(true)[..], &["--seed", "9"]].concat();
-    assert_refused(&run(folder.path(), &other), &["seed"]);
+    // Without being asked for, nothing is emptied; and a journal of another seed is refused.
+    let bytes = fs::read(&journal).expect("a journal");
+    assert_refused(
+        &run(folder.path(), &precompute(&[])),
+        &[name, "records", "--resume", "--overwrite"],
+    );
+    let seeds: [&[&str]; 2] = [&["--seed", "9"], &["--seed", "9", "--resume"]];
+    for more in seeds {
+        let words = ["its seed is `0`, here it is `9`", "--overwrite"];
+        assert_refused(&run(folder.path(), &precompute(more)), &words);
+    }
+    let demo = [&["demo", "a.scene.ron", "-o", "."][..], &SEARCH].concat();
+    let other = run(folder.path(), &[&demo[..], &["--seed", "9"]].concat());
+    assert_refused(&other, &["its seed is `0`, here it is `9`", "--overwrite"]);
+    assert!(!stderr(&other).contains("--resume"), "the demo has none: {}", stderr(&other));
+    assert!(fs::read(&journal).expect("still there") == bytes, "the journal was changed");
 
-    let resumed = run(folder.path(), &arguments(true));
+    // The demo goes on by itself.
+    let mut child =
+        command(folder.path(), &demo).stdout(std::process::Stdio::null()).spawn().expect("starts");
+    let said = std::io::BufReader::new(child.stderr.take().expect("its messages"));
+    let told = said.lines().map_while(Result::ok).find(|line| line.starts_with("resuming after "));
+    child.kill().expect("can be killed");
+    child.wait().expect("ends");
+    assert!(told.is_some(), "the demo did not resume");
+    assert!(lines(&journal) >= kept, "the demo dropped records");
+    let kept = lines(&journal) - 1;
+
+    let resumed = run(folder.path(), &precompute(&["--resume"]));
     let said = stderr(&resumed);
     assert!(resumed.status.success(), "{said}");
     let told = said.lines().find_map(|line| {

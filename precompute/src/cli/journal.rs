@@ -1,0 +1,262 @@
+//! Journals of commands: their names and headers, opening them, and advice on those that are there.
+
+use std::path::{Path, PathBuf};
+
+use bevy_frugal_gi::frontier::{Capture, SceneIdentity};
+use bevy_frugal_gi::knobs::KnobSpace;
+use bevy_frugal_gi::power::MeterInfo;
+
+use super::CliError;
+use crate::cost::is_work_meter;
+use crate::device;
+use crate::journal::{Existing, Journal, JournalError, JournalHeader, hash};
+use crate::stage::adapter;
+
+/// What to do with the journal of an earlier run.
+#[derive(clap::Args, Debug, Clone, Copy)]
+pub(super) struct JournalArguments {
+    /// Continue an interrupted run from its journal
+    #[arg(long, conflicts_with = "overwrite")]
+    resume: bool,
+    /// Begin anew, and drop the journal of an earlier run
+    #[arg(long)]
+    overwrite: bool,
+}
+
+impl JournalArguments {
+    pub(super) fn existing(self) -> Existing {
+        match self {
+            Self { resume: true, .. } => Existing::Resume,
+            Self { overwrite: true, .. } => Existing::Overwrite,
+            _ => Existing::Refuse,
+        }
+    }
+}
+
+/// A command's ways with its journal. All advice on journals is made from them, so that none names an
+/// option that the command lacks.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) struct JournalUse {
+    /// Its name.
+    command: &'static str,
+    /// Whether it has `--resume`; without it the same command goes on by itself.
+    has_resume: bool,
+    /// Whether it has `--overwrite`.
+    has_overwrite: bool,
+    /// The option that gives the journal another place.
+    place: Option<&'static str>,
+}
+
+impl JournalUse {
+    pub(super) const PRECOMPUTE: Self = Self {
+        command: "precompute",
+        has_resume: true,
+        has_overwrite: true,
+        place: Some("--output"),
+    };
+    pub(super) const REGRET: Self = Self { command: "regret", place: None, ..Self::PRECOMPUTE };
+    pub(super) const DEMO: Self = Self { command: "demo", has_resume: false, ..Self::PRECOMPUTE };
+    pub(super) const EVALUATE: Self = Self {
+        command: "evaluate",
+        has_resume: false,
+        has_overwrite: false,
+        place: Some("--record"),
+    };
+
+    /// The user stopped the run.
+    pub(super) fn interrupted(self) -> CliError {
+        CliError::failed(format!("interrupted: {}", self.going_on()))
+    }
+
+    /// A fault of a journal that was to be opened: nothing was touched.
+    pub(super) fn refused(self, error: &JournalError) -> CliError {
+        CliError::usage(self.with_advice(error))
+    }
+
+    /// A journal that can no longer be written.
+    pub(super) fn failed(self, error: &JournalError) -> CliError {
+        CliError::failed(format!("{error}; then {}", self.going_on()))
+    }
+
+    /// This shard has rendered its share.
+    pub(super) fn needs_merge(self) -> CliError {
+        let again = self.going_on();
+        CliError::failed(format!(
+            "this shard's share is rendered: merge the shards' journals with `frugal merge`; then, for every shard, {again}"
+        ))
+    }
+
+    fn going_on(self) -> &'static str {
+        if self.has_resume {
+            "the same command with --resume continues"
+        } else {
+            "the same command continues"
+        }
+    }
+
+    fn with_advice(self, error: &JournalError) -> String {
+        let resume = if self.has_resume { " and --resume" } else { "" };
+        let first = match error {
+            JournalError::HasRecords { .. } if self.has_resume => {
+                Some("add --resume to continue it".to_owned())
+            }
+            JournalError::HasRecords { .. } => None,
+            JournalError::OtherRun { field, .. } => Some(format!("run with that {field}{resume}")),
+            JournalError::NotAJournal { .. } => Some("move it away".to_owned()),
+            JournalError::InUse { .. } => Some("wait until that has ended".to_owned()),
+            JournalError::NoLocks { .. } => Some("copy it to a local disk".to_owned()),
+            JournalError::File(_) | JournalError::Header(_) => return error.to_string(),
+        };
+        let is_earlier =
+            matches!(error, JournalError::HasRecords { .. } | JournalError::OtherRun { .. });
+        let anew = (is_earlier && self.has_overwrite)
+            .then(|| "add --overwrite to drop it and begin anew".to_owned());
+        let elsewhere = self.place.map(|place| format!("give another {place}"));
+        let ways: Vec<String> = [first, anew, elsewhere].into_iter().flatten().collect();
+        format!("{error}: {}", ways.join(", or "))
+    }
+}
+
+/// The journal beside the map; each shard has its own.
+pub(super) fn journal_path(map: &Path, shard: Option<(usize, usize)>) -> PathBuf {
+    let mut path = map.as_os_str().to_owned();
+    if let Some((index, count)) = shard.filter(|(_, count)| *count > 1) {
+        path.push(format!(".{index}-of-{count}"));
+    }
+    path.push(".journal");
+    path.into()
+}
+
+/// The part of a journal's header that is known before anything is rendered.
+pub(super) fn journal_header(scene: &SceneIdentity, capture: &Capture) -> JournalHeader {
+    let [width, height] = capture.size;
+    JournalHeader::default()
+        .with("scene", &scene.fingerprint)
+        .with("size", format!("{width}x{height}"))
+        .with("frame rate", capture.frames_per_second)
+        .with("field of view", capture.vertical_fov)
+        .with("exposure", capture.exposure_ev100)
+}
+
+/// The names of a space's knobs.
+pub(super) fn names_of(space: &KnobSpace) -> String {
+    space.knobs().iter().map(|knob| knob.name.as_str()).collect::<Vec<_>>().join(",")
+}
+
+/// The rest of it: what renders, and what is read. Counted work is the same on every machine; all other
+/// watts are of one device.
+pub(super) fn rendered_by(
+    header: JournalHeader,
+    space: &KnobSpace,
+    meter: &MeterInfo,
+) -> Result<JournalHeader, CliError> {
+    let knobs = serde_json::to_string(space).map_err(CliError::failed)?;
+    let header = header
+        .with("list of knobs", names_of(space))
+        .with("set of levels", format!("{:016x}", hash(&knobs)))
+        .with("meter", device::kind(&meter.name));
+    let header = if is_work_meter(&meter.name).is_some() {
+        header
+    } else {
+        let adapter = adapter().map_or_else(|| "none".to_owned(), |adapter| adapter.name);
+        header.with("processor", device::processor()).with("adapter", adapter)
+    };
+    Ok(header.with("metered device", device::stable_device(meter)))
+}
+
+/// The journal, and the records of an earlier run that is continued.
+pub(super) fn open_journal(
+    path: &Path,
+    header: &JournalHeader,
+    existing: Existing,
+    of: JournalUse,
+) -> Result<(Journal, Vec<String>), CliError> {
+    let (journal, records) =
+        Journal::open(path, header, existing).map_err(|error| of.refused(&error))?;
+    if existing == Existing::Resume && (of.has_resume || !records.is_empty()) {
+        eprintln!("resuming after {} records", records.len());
+    }
+    if journal.damaged() > 0 {
+        eprintln!(
+            "{}: {} lines from the first damaged one on are left out, and made anew",
+            path.display(),
+            journal.damaged()
+        );
+    }
+    Ok((journal, records))
+}
+
+#[cfg(test)]
+mod tests {
+    use clap::CommandFactory as _;
+
+    use bevy_frugal_gi::power::Provenance;
+
+    use super::*;
+    use crate::files::FileError;
+
+    fn header(name: &str, description: &str) -> JournalHeader {
+        let meter = MeterInfo {
+            name: name.to_owned(),
+            provenance: Provenance::Measured,
+            description: description.to_owned(),
+        };
+        let space = crate::stage::knobs().expect("the built-in knobs");
+        rendered_by(JournalHeader::default(), &space, &meter).expect("a header")
+    }
+
+    #[test]
+    fn a_renumbered_card_resumes_and_another_processor_only_where_work_is_counted() {
+        let card = "whole card or APU 0000:04:00.0 (card1, PPT), power1_average of its driver";
+        assert_eq!(header("amdgpu", card), header("amdgpu", &card.replace("card1", "card0")));
+        assert_ne!(header("amdgpu", card), header("amdgpu", &card.replace("04:", "0b:")));
+        let folder = tempfile::tempdir().expect("a folder");
+        for (name, field) in [("cpu-time", "processor"), ("rapl", "processor"), ("rapl", "adapter")]
+        {
+            let here = header(name, "a counter");
+            let file = folder.path().join(field);
+            let there = here.clone().with(field, "PDP-11");
+            let (mut journal, _) =
+                Journal::open(&file, &there, Existing::Overwrite).expect("a journal");
+            journal.append("m 1").expect("room");
+            drop(journal);
+            let error = open_journal(&file, &here, Existing::Resume, JournalUse::PRECOMPUTE)
+                .expect_err("another machine")
+                .to_string();
+            assert!(error.contains(&format!("its {field} is `PDP-11`, here it is ")), "{error}");
+        }
+        let work = format!("{:?}", header("work", "work of each frame at the prices of a device"));
+        assert!(!work.contains("processor") && !work.contains("adapter"), "{work}");
+    }
+
+    #[test]
+    fn no_advice_names_an_option_that_its_command_lacks() {
+        let (path, text) = (|| PathBuf::from("a.journal"), || "seed".to_owned());
+        let full = std::io::ErrorKind::StorageFull.into();
+        let errors = [
+            JournalError::File(FileError::new("write", Path::new("a.journal"), full)),
+            JournalError::NotAJournal { path: path() },
+            JournalError::HasRecords { path: path(), records: 3 },
+            JournalError::OtherRun { path: path(), field: text(), found: text(), expected: text() },
+            JournalError::InUse { path: path() },
+            JournalError::NoLocks { path: path() },
+        ];
+        let all =
+            [JournalUse::PRECOMPUTE, JournalUse::REGRET, JournalUse::DEMO, JournalUse::EVALUATE];
+        for of in all {
+            let mut said: Vec<String> =
+                errors.iter().map(|error| of.refused(error).to_string()).collect();
+            said.extend(errors.iter().map(|error| of.failed(error).to_string()));
+            said.extend([of.interrupted().to_string(), of.needs_merge().to_string()]);
+            crate::cli::tests::assert_options_of(of.command, &said);
+            // And every option that goes on or begins anew is named somewhere.
+            let cli = crate::cli::Cli::command();
+            let command = cli.find_subcommand(of.command).expect("a command");
+            for option in ["resume", "overwrite"] {
+                let is_there = command.get_arguments().any(|it| it.get_long() == Some(option));
+                let is_named = said.iter().any(|text| text.contains(&format!("--{option}")));
+                assert_eq!(is_there, is_named, "{}: --{option}", of.command);
+            }
+        }
+    }
+}
