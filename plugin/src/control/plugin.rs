@@ -47,6 +47,7 @@ pub struct ControlPlugin;
 
 impl Plugin for ControlPlugin {
     fn build(&self, app: &mut App) {
+        crate::cut::build(app);
         app.init_resource::<ControlSettings>()
             .init_resource::<AppBudget>()
             .init_resource::<PowerFeedback>()

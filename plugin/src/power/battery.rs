@@ -79,11 +79,32 @@ pub(crate) fn name(wanted: Wanted) -> Result<Option<String>, MeterError> {
     }
 }
 
-/// Energy left in batteries, and the power that they give; `None` unless they alone feed the machine.
-pub(crate) fn left_in(cells: &[Cell]) -> Option<(Joules, Watts)> {
-    let power = power_of(cells).ok()?;
-    let energy = cells.iter().map(|cell| Some(cell.energy?.0)).sum::<Option<f64>>()?;
-    (energy.is_finite() && energy > 0.0).then_some((Joules(energy), power))
+/// What feeds the machine.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) enum Feed {
+    /// A charger; or there is no battery.
+    Charger,
+    /// Batteries alone, with the energy that is left in them and the power that they give.
+    Batteries(Joules, Watts),
+    /// Their figures are missing or make no sense.
+    Unknown,
+}
+
+/// What feeds a machine with these batteries.
+pub(crate) fn feed_of(cells: &[Cell]) -> Feed {
+    if cells.iter().any(|cell| cell.state == State::Charging) {
+        return Feed::Charger;
+    }
+    let energy = cells.iter().map(|cell| Some(cell.energy?.0)).sum::<Option<f64>>();
+    match (power_of(cells), energy) {
+        (Ok(power), Some(energy)) if energy.is_finite() && energy > 0.0 => {
+            Feed::Batteries(Joules(energy), power)
+        }
+        (Err(_), _) if cells.iter().all(|it| matches!(it.state, State::Resting | State::Gone)) => {
+            Feed::Charger
+        }
+        _ => Feed::Unknown,
+    }
 }
 
 /// The sum of the discharging batteries' powers.

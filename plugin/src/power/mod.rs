@@ -35,6 +35,7 @@ mod tracker;
 mod warnings;
 
 pub use adapter::{Adapter, AdapterKind};
+pub(crate) use battery::Feed;
 pub use cpu_time::{CpuTimeMeter, InvalidWattsPerCore};
 pub use detect::{detect, meters, open};
 pub use kind::OpenMeterError;
@@ -66,15 +67,19 @@ mod nvml {
     };
 }
 
-use crate::units::{Joules, Watts};
 
-/// Energy left in the machine's batteries, and the power that they give; `None` unless they alone
-/// feed the machine. May take milliseconds, or hang with a driver.
-pub(crate) fn battery_left() -> Option<(Joules, Watts)> {
+/// What feeds the machine. May take milliseconds, or hang with a driver.
+pub(crate) fn feed() -> Feed {
     use battery::Cells;
     #[cfg(any(windows, target_os = "macos"))]
     let mut cells = notebook::System;
     #[cfg(not(any(windows, target_os = "macos")))]
     let mut cells = sysfs::battery::Files { root: root::SysRoot::default(), wanted: None };
-    battery::left_in(&cells.read().ok()?)
+    match cells.read() {
+        Ok(cells) => battery::feed_of(&cells),
+        // Linux' files have a charger, or no battery.
+        Err(MeterError::Unavailable { .. }) => Feed::Charger,
+        Err(_) if cfg!(any(windows, target_os = "macos")) => Feed::Unknown,
+        Err(_) => Feed::Charger,
+    }
 }

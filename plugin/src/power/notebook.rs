@@ -9,7 +9,7 @@ use crate::power::kind::{MeterKind, Opened, Wanted};
 use crate::units::{Joules, Watts};
 
 /// Meter kind of these systems; there is one machine, and all of its batteries count.
-#[cfg_attr(not(any(windows, target_os = "macos")), expect(dead_code, reason = "Linux has files"))]
+#[cfg_attr(not(any(windows, target_os = "macos")), allow(dead_code, reason = "Linux has files"))]
 pub(crate) const KIND: MeterKind = MeterKind {
     name: NAME,
     usage: NAME,
@@ -79,6 +79,7 @@ mod tests {
 
     use super::*;
     use crate::power::MeterState;
+    use crate::power::battery::Feed;
     use crate::power::root::SysRoot;
     use crate::power::tracker::{Moment, PowerTracker};
 
@@ -136,9 +137,10 @@ mod tests {
         // The first two seconds only say how much is usual.
         assert_eq!(found.last(), Some(&Ok(Joules(42.0))), "{found:?}");
         let cells = [cell(State::Discharging, 4.0), cell(State::Discharging, -3.0)];
-        assert_eq!(battery::left_in(&cells), Some((Joules(2000.0), Watts(7.0))));
-        assert_eq!(battery::left_in(&[cell(State::Charging, 4.0)]), None);
-        assert_eq!(battery::left_in(&[]), None);
+        assert_eq!(battery::feed_of(&cells), Feed::Batteries(Joules(2000.0), Watts(7.0)));
+        assert_eq!(battery::feed_of(&[cell(State::Charging, 4.0)]), Feed::Charger);
+        assert_eq!(battery::feed_of(&[]), Feed::Charger);
+        assert_eq!(battery::feed_of(&[cell(State::Unknown, 0.0)]), Feed::Unknown);
     }
 
     #[test]

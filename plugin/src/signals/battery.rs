@@ -12,7 +12,7 @@ use bevy::log::warn_once;
 use bevy::prelude::ReflectDefault;
 use bevy::reflect::Reflect;
 
-use crate::power::battery_left;
+use crate::power::{Feed, feed};
 use crate::units::{Joules, Watts};
 
 /// Time between readings. A battery's driver may take some milliseconds, and hours pass anyway.
@@ -73,8 +73,18 @@ impl BatteryReader {
         let (sender, levels) = mpsc::sync_channel(1);
         let (stop, stopped) = mpsc::channel();
         let work = move || {
-            // A level that nobody has taken yet stays; the next one replaces it in its turn.
-            while !matches!(sender.try_send(battery_left()), Err(TrySendError::Disconnected(_))) {
+            loop {
+                let level = match feed() {
+                    Feed::Charger => Some(None),
+                    Feed::Batteries(energy, power) => Some(Some((energy, power))),
+                    // The last level counts, less what is drawn.
+                    Feed::Unknown => None,
+                };
+                // A level that nobody has taken yet stays; the next one replaces it in its turn.
+                let sent = level.map(|level| sender.try_send(level));
+                if matches!(sent, Some(Err(TrySendError::Disconnected(_)))) {
+                    return;
+                }
                 match stopped.recv_timeout(INTERVAL) {
                     Err(mpsc::RecvTimeoutError::Timeout) => {}
                     Ok(()) | Err(mpsc::RecvTimeoutError::Disconnected) => return,

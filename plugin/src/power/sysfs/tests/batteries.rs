@@ -5,7 +5,7 @@ use super::super::fake::Tree;
 use super::each;
 use super::play::Play;
 use super::variants::{VARIANTS, Variant};
-use crate::power::battery::{Cells, left_in};
+use crate::power::battery::{Cells, Feed, feed_of};
 use crate::power::kind::Wanted;
 
 const BAT0: &str = "sys/class/power_supply/BAT0";
@@ -40,10 +40,9 @@ fn machine() -> Tree {
 
 fn watt_hours(tree: &Tree) -> Option<f64> {
     let mut files = battery::Files { root: tree.root(), wanted: None };
-    left_in(&files.read().ok()?).map(|(energy, power)| {
-        assert_eq!(Ok(power.0), super::batteries::power(tree), "one reading for both");
-        (energy.0 / 3600.0 * 1e6).round() / 1e6
-    })
+    let Feed::Batteries(energy, power) = feed_of(&files.read().ok()?) else { return None };
+    assert_eq!(Ok(power.0), super::batteries::power(tree), "one reading for both");
+    Some((energy.0 / 3600.0 * 1e6).round() / 1e6)
 }
 
 #[test]
