@@ -9,7 +9,6 @@ use crate::power::kind::{MeterKind, Opened, Wanted};
 use crate::units::{Joules, Watts};
 
 /// Meter kind of these systems; there is one machine, and all of its batteries count.
-#[cfg_attr(not(any(windows, target_os = "macos")), allow(dead_code, reason = "Linux has files"))]
 pub(crate) const KIND: MeterKind = MeterKind {
     name: NAME,
     usage: NAME,
