@@ -128,7 +128,7 @@ fn end_when_nobody_reads() {
 }
 
 #[cfg(test)]
-pub(super) mod tests {
+mod tests {
     use std::path::Path;
 
     use clap::CommandFactory as _;
