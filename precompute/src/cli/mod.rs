@@ -131,7 +131,7 @@ fn end_when_nobody_reads() {
 }
 
 #[cfg(test)]
-pub(super) mod tests {
+mod tests {
     use std::path::Path;
 
     use clap::CommandFactory as _;
@@ -140,7 +140,8 @@ pub(super) mod tests {
 
     /// Words like `--resume` in `text`.
     fn options_in(text: &str) -> impl Iterator<Item = &str> {
-        let is_word = |letter: char| letter.is_ascii_lowercase() || letter == '-';
+        let is_word =
+            |letter: char| letter.is_ascii_lowercase() || letter.is_ascii_digit() || letter == '-';
         text.match_indices("--").filter_map(move |(at, _)| {
             let name = &text[at + 2..];
             let name = &name[..name.find(|letter| !is_word(letter)).unwrap_or(name.len())];

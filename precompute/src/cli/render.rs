@@ -23,11 +23,11 @@ pub(super) struct Arguments {
 pub(super) fn run(arguments: &Arguments) -> Result<(), CliError> {
     let (scene, name) = open_scene(&arguments.camera.scene)?;
     let png = arguments.picture.png(&name)?;
+    let pose = arguments.camera.pose()?;
     let take = |output: Output| -> Result<Stage, CliError> {
         let options =
             StageOptions { output, component: arguments.component, ..arguments.image.options() };
         let mut stage = Stage::open(&scene, options)?;
-        let pose = arguments.camera.pose()?;
         stage.place(pose.position, pose.rotation);
         stage.apply_text(&arguments.settings)?;
         stage.get_ready()?;

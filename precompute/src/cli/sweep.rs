@@ -44,6 +44,7 @@ const COMBINATIONS: usize = 16;
 
 pub(super) fn run(arguments: &Arguments) -> Result<(), CliError> {
     let (scene, name) = open_scene(&arguments.camera.scene)?;
+    let pose = arguments.camera.pose()?;
     check_outputs([arguments.csv.as_ref()])?;
     check_report(arguments.report.as_ref())?;
     let mut stage = open_stage(
@@ -54,7 +55,6 @@ pub(super) fn run(arguments: &Arguments) -> Result<(), CliError> {
     )?;
     stage.warm()?;
     let space = stage.space().clone();
-    let pose = arguments.camera.pose()?;
     let bar = progress::bar(space.combinations());
     let points = measure(&mut stage, &pose, &bar)?;
     bar.finish_and_clear();

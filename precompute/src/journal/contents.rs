@@ -86,6 +86,7 @@ impl Locked {
         action: &'static str,
     ) -> Result<Self, JournalError> {
         let failed = |action| move |source| FileError::new(action, path, source);
+        let mut tries = 9;
         loop {
             let mut file = options.open(path).map_err(failed(action))?;
             let is_certain = match file.try_lock() {
@@ -95,12 +96,14 @@ impl Locked {
                     return Err(JournalError::InUse { path: path.to_owned() });
                 }
             };
-            // A merge may have put another file in its place before it was locked.
-            if is_at(&file, path) {
+            // A merge may have put another file in its place before it was locked. Some file systems
+            // number a file anew each time.
+            if tries == 0 || is_at(&file, path) {
                 let mut bytes = Vec::new();
                 file.read_to_end(&mut bytes).map_err(failed("read"))?;
                 return Ok(Self { file, bytes, is_certain });
             }
+            tries -= 1;
         }
     }
 }

@@ -13,7 +13,7 @@ pub(crate) enum JournalError {
     #[error(transparent)]
     File(#[from] FileError),
     /// The file is not a journal, or its first line is damaged.
-    #[error("`{path}` is no journal of this version, or its first line is damaged", path = path.display())]
+    #[error("`{path}` is not a journal of this version, or its first line is damaged", path = path.display())]
     NotAJournal {
         /// The file.
         path: PathBuf,

@@ -227,7 +227,7 @@ fn a_merge_takes_no_journal_that_is_being_written() {
     let over = |path: &Path| merge_journals(&both, Some(path)).expect_err("refused").to_string();
     assert!(over(&whole).contains("holds 3 records"), "{}", over(&whole));
     fs::write(&other, "a letter to a friend\n").expect("can be written");
-    assert!(over(&other).contains("is no journal"), "{}", over(&other));
+    assert!(over(&other).contains("is not a journal"), "{}", over(&other));
     assert_eq!(fs::read(&other).expect("the letter"), b"a letter to a friend\n");
     // Nothing of another run, and nothing is written then.
     let seed = header().with("seed", 4);

@@ -88,6 +88,7 @@ fn is_still(name: &str) -> bool {
 
 pub(super) fn run(arguments: &Arguments) -> Result<(), CliError> {
     let (mut scene, name) = open_scene(&arguments.camera.scene)?;
+    let pose = arguments.camera.pose()?;
     check_outputs([arguments.csv.as_ref()])?;
     check_report(arguments.report.as_ref())?;
     if arguments.sky {
@@ -108,7 +109,6 @@ pub(super) fn run(arguments: &Arguments) -> Result<(), CliError> {
     };
     let mut stage = Stage::open(&scene, options)?;
     let reference = reference(&scene, arguments)?;
-    let pose = arguments.camera.pose()?;
     stage.place(pose.position, pose.rotation);
     stage.warm()?;
 
