@@ -30,7 +30,7 @@ tests!(
     a_generated_sky_can_be_shared_go_and_come_back,
 );
 
-const SETTINGS: &str = "max,rsm_resolution=128,gi_vpl_count=1024,gi_interleave=4x4,gi_visibility=coarse,gi_pixel_fraction=1/4,resolution_scale=100%";
+const SETTINGS: &str = "max,rsm_resolution=128,gi_vpl_count=1024,gi_interleave=4x4,gi_visibility=coarse,gi_pixel_fraction=1/4,gi_bounces=2,resolution_scale=100%";
 
 fn white(color: f32) -> StandardMaterial {
     meshes::diffuse(color, color, color)
@@ -100,7 +100,6 @@ impl Room {
         let joints = meshes::add_joints(&mut stage, skinned, 1);
         *stage.world_mut().get_mut::<Transform>(joints[0]).expect("a joint") = place;
         set::apply(&mut stage, SETTINGS);
-        set::gi(&mut stage).bounces = 2;
         set::look(&mut stage, Vec3::new(0.8, 1.4, 2.6), Vec3::new(-0.4, 1.3, -2.0));
         set::radiance(&mut stage);
         let mut room = Self { stage, swinging, origin: Vec3::ZERO, frame: 0 };
@@ -165,7 +164,7 @@ fn a_shift_renders_every_map_at_once() {
         range: 10.0,
     });
     let mut room = Room::new(lights.collect());
-    set::gi(&mut room.stage).refresh_period = 8;
+    set::switch(&mut room.stage, &format!("{SETTINGS},gi_refresh_period=8"));
     (0..80).for_each(|_| drop(room.next()));
     let before = room.next();
     room.shift(Vec3::new(2000.0, 0.0, 500.0));

@@ -76,8 +76,9 @@ fn spline(x: i32) -> f32 {
     return select(select(1.0, 0.6666667, abs(x) == 1), 0.1666667, abs(x) == 2);
 }
 
-/// The history of a surface, reprojected.
-fn reprojected(position: vec3<f32>, normal: vec3<f32>, tolerance: f32) -> Found {
+/// The history of a surface, reprojected. At rest it is that of the pixel itself: kilometres from the
+/// origin, rounded positions would shift it in each frame.
+fn reprojected(own: vec2<u32>, position: vec3<f32>, normal: vec3<f32>, tolerance: f32) -> Found {
     let cells = textureDimensions(history);
     let clip = reprojection.clip_from_world * vec4(position, 1.0);
     let uv = clip.xy / max(clip.w, 1e-9) * vec2(0.5, -0.5) + 0.5;
@@ -86,7 +87,9 @@ fn reprojected(position: vec3<f32>, normal: vec3<f32>, tolerance: f32) -> Found 
     let cell = clamp((uv * vec2<f32>(reprojection.size) - 0.5 - vec2<f32>(reprojection.cell / 2u)) / vec2<f32>(reprojection.cell), vec2(-2.0), vec2<f32>(cells) + 2.0);
     // Motion below a hundredth of a low-resolution pixel is snapped, so that it does not blur.
     let nearest = round(cell);
-    let read = select(cell, nearest, abs(cell - nearest) < vec2(0.01));
+    let moved = select(cell, nearest, abs(cell - nearest) < vec2(0.01));
+    let rests = reprojection.is_at_rest > 0.0;
+    let read = select(moved, vec2<f32>(own), rests);
     let corner = floor(read);
     let fraction = read - corner;
     var sum = vec4(0.0);
@@ -94,7 +97,7 @@ fn reprojected(position: vec3<f32>, normal: vec3<f32>, tolerance: f32) -> Found 
     for (var i = 0u; i < 4u; i++) {
         let offset = vec2(i & 1u, i >> 1u);
         let tap = vec2<i32>(corner) + vec2<i32>(offset);
-        let inside = all(tap >= vec2(0)) && all(tap < vec2<i32>(cells)) && clip.w > 0.0;
+        let inside = all(tap >= vec2(0)) && all(tap < vec2<i32>(cells)) && (clip.w > 0.0 || rests);
         let at = vec2<u32>(clamp(tap, vec2(0), vec2<i32>(cells) - 1));
         let shown = textureLoad(history, at, 0);
         let pixel = representative(at, reprojection.cell, reprojection.size);
@@ -106,7 +109,7 @@ fn reprojected(position: vec3<f32>, normal: vec3<f32>, tolerance: f32) -> Found 
         // NaN compares false, and is not added.
         let valid = all(shown.rgb >= vec3(0.0)) && all(shown.rgb <= vec3(65504.0)) && shown.a > 0.0;
         // Half floats round the distance.
-        let same = valid && inside && abs(dot(there - position, normal)) < max(tolerance, 2e-3 * shown.a);
+        let same = valid && inside && (rests || abs(dot(there - position, normal)) < max(tolerance, 2e-3 * shown.a));
         let close = select(1.0 - fraction, fraction, offset == vec2(1u));
         let weight = select(0.0, close.x * close.y, same);
         sum += select(vec4(0.0), vec4(shown.rgb, 1.0) * weight, same);
@@ -178,7 +181,7 @@ fn accumulate(@builtin(global_invocation_id) id: vec3<u32>) {
     }
 #endif
     let present = sum / weights;
-    let found = reprojected(position, normal, tolerance);
+    let found = reprojected(id.xy, position, normal, tolerance);
     let before = found.light * reprojection.exposure;
     // History is rejected where luminance changes by 95 % or more, so that lights switch without
     // lag.
