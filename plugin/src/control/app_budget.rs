@@ -8,7 +8,7 @@ use bevy::prelude::ReflectDefault;
 use bevy::reflect::Reflect;
 
 use super::agree::{Rank, agree};
-use super::camera::{Frame, same_space};
+use super::frame::{Agreement, Frame, same_space};
 use super::{Limit, Outcome, PowerCorrection, PowerDivision, PowerFeedback};
 use crate::frontier::{CostPoint, Frontier, FrontierPoint, SharedLevels};
 use crate::knobs::KnobLevels;
@@ -37,20 +37,6 @@ pub struct CameraPriority(pub f64);
 impl Default for CameraPriority {
     fn default() -> Self {
         Self(1.0)
-    }
-}
-
-/// Levels of shared knobs that all cameras of a knob space get.
-#[derive(Clone, Copy)]
-pub(super) struct Agreement<'a> {
-    shared: SharedLevels<'a>,
-    levels: KnobLevels,
-}
-
-impl Agreement<'_> {
-    /// Power that `settings` pay for the levels of other cameras, in the store's watts.
-    pub(super) fn charge(&self, settings: KnobLevels) -> Watts {
-        self.shared.charge(settings, self.levels)
     }
 }
 

@@ -1,91 +1,40 @@
 //! One system for every camera's frame: look up, choose, divide, switch, write.
 
-use std::ops::Deref;
 use std::sync::Arc;
 
 use bevy::asset::{AssetServer, Assets};
-use bevy::camera::{Camera, Projection};
+use bevy::camera::Camera;
 use bevy::ecs::prelude::*;
-use bevy::ecs::query::QueryData;
 use bevy::ecs::system::SystemParam;
 use bevy::log::warn;
 use bevy::time::{Real, Time};
-use bevy::transform::components::GlobalTransform;
 use smallvec::SmallVec;
 
-use super::app_budget::Agreement;
-use super::bounds::BoundedFrontier;
-use super::controller::{Decisions, Switch};
+use super::controller::Switch;
+use super::frame::{Controlled, ControlledItem, Frame, FrontierInUse, same_space};
 use super::frame_rate::{FrameKind, FrameRate, RatedAt};
-use super::limits::{Limits, resolve};
+use super::limits::resolve;
 use super::maps::{PreparedMaps, frontier_in_play, refuse, space_of, store_of};
 use super::observed::SignalModel;
 use super::pace::choose;
-use super::power_feedback::{FeedbackState, Predicted};
+use super::power_feedback::FeedbackState;
+use super::state::CameraState;
+use super::write::Told;
 use super::{
-    AppBudget, Budget, BudgetStateChanged, CameraPriority, Choice, ControlSettings, ControlStatus,
-    ErrorFeedback, ErrorPace, FrontierMapHandle, FrontierSource, KnobBounds, Limit, MapRejected,
-    OffReason, PowerDivision, PowerFeedback, Selection, SettingsFilter, SettingsSwitched,
+    AppBudget, ControlSettings, ControlStatus, ErrorFeedback, ErrorPace, FrontierMapHandle,
+    FrontierSource, Limit, OffReason, PowerDivision, PowerFeedback, Selection, SettingsFilter,
 };
-use crate::cut::CameraCut;
 use crate::frontier::{
     AppConditions, CameraView, Conditions, Frontier, FrontierMap, FrontierStore, MapFit, Misfit,
-    SampleCamera, ShownScene,
+    ShownScene,
 };
-use crate::knobs::{KnobSettings, KnobSpace, KnownKnobs, WarmKnobs};
+use crate::knobs::{KnobSpace, KnownKnobs};
 use crate::power::MeteredPower;
 use crate::units::Watts;
 
 /// Time for which a misfit lasts before it is logged, seconds: a slow frame or a step out of a door
 /// is none.
 const MISFIT_SECONDS: f64 = 2.0;
-
-/// The controller's state of one camera from frame to frame, beside the components that an app sees.
-#[derive(Component, Debug, Default)]
-pub(super) struct CameraState {
-    /// Predicted power of the applied settings in the map's watts; `None` while the controller is
-    /// off.
-    predicted: Option<Watts>,
-    /// Of the camera's map; `None` for other stores.
-    rated_at: Option<RatedAt>,
-    is_active: bool,
-    bounded: BoundedFrontier,
-    /// How long each misfit has lasted, seconds; infinite once it was logged.
-    misfits: [f64; Misfit::ALL.len()],
-}
-
-impl CameraState {
-    /// What an active camera's map predicts.
-    pub(super) fn predicted(&self, fit: &MapFit) -> Option<Predicted> {
-        let Self { predicted: power, rated_at, is_active, .. } = *self;
-        is_active.then_some(Predicted { power, meter: fit.meter, rated_at })
-    }
-}
-
-pub(super) type Source<'w> = AnyOf<(&'w FrontierMapHandle, &'w FrontierSource)>;
-
-/// A camera under the controller.
-#[derive(QueryData)]
-#[query_data(mutable)]
-pub(super) struct Controlled {
-    entity: Entity,
-    source: Source<'static>,
-    budget: Option<&'static Budget>,
-    priority: Option<&'static CameraPriority>,
-    transform: &'static GlobalTransform,
-    projection: Option<&'static Projection>,
-    camera: Option<&'static Camera>,
-    has_cut: Has<CameraCut>,
-    is_warming: Has<WarmKnobs>,
-    state: &'static mut CameraState,
-    fit: &'static mut MapFit,
-    selection: &'static mut Selection,
-    bounds: &'static mut KnobBounds,
-    filter: &'static mut SettingsFilter,
-    errors: &'static ErrorFeedback,
-    pace: &'static mut ErrorPace,
-    knobs: Option<&'static mut KnobSettings>,
-}
 
 /// What all cameras have in common.
 #[derive(SystemParam)]
@@ -101,61 +50,6 @@ pub(super) struct Common<'w> {
     metered: Option<Res<'w, MeteredPower>>,
     maps: Res<'w, Assets<FrontierMap>>,
     server: Option<Res<'w, AssetServer>>,
-}
-
-/// What is told of changes.
-#[derive(SystemParam)]
-pub(super) struct Told<'w> {
-    switched: MessageWriter<'w, SettingsSwitched>,
-    changed: MessageWriter<'w, BudgetStateChanged>,
-    rejected: MessageWriter<'w, MapRejected>,
-}
-
-/// A frontier of the map, or one within a camera's bounds.
-pub(super) enum FrontierInUse<'a> {
-    Whole(&'a Frontier),
-    Bounded(Arc<Frontier>),
-}
-
-impl Deref for FrontierInUse<'_> {
-    type Target = Frontier;
-
-    fn deref(&self) -> &Frontier {
-        match self {
-            Self::Whole(frontier) => frontier,
-            Self::Bounded(frontier) => frontier,
-        }
-    }
-}
-
-/// A camera's frame after its look-up and its own choice.
-pub(super) struct Frame<'a> {
-    pub(super) camera: ControlledItem<'a, 'a>,
-    pub(super) store: &'a dyn FrontierStore,
-    pub(super) space: Arc<KnobSpace>,
-    view: CameraView,
-    sample: SampleCamera,
-    /// The frontier that was found.
-    whole: &'a Frontier,
-    /// The one that choices are made from.
-    pub(super) frontier: FrontierInUse<'a>,
-    /// In the watts of the app's meter.
-    pub(super) limits: Limits,
-    /// In the store's watts.
-    pub(super) choice: Choice,
-    pub(super) binding: Option<Limit>,
-    /// Levels of the knobs that the cameras share, and what they cost.
-    pub(super) agreed: Option<Agreement<'a>>,
-}
-
-impl Frame<'_> {
-    /// How much the camera's error counts: its priority times its pixels.
-    pub(super) fn weight(&self) -> f64 {
-        let size = self.camera.camera.and_then(Camera::physical_viewport_size);
-        let pixels = size.map_or(1.0, |size| f64::from(size.x) * f64::from(size.y));
-        let priority = self.camera.priority.map_or(1.0, |priority| priority.0);
-        if priority.is_nan() { pixels } else { priority * pixels }
-    }
 }
 
 /// Decides and writes every camera's settings.
@@ -388,47 +282,6 @@ impl Common<'_> {
     }
 }
 
-impl Told<'_> {
-    /// Writes a camera's selection.
-    fn select(&mut self, camera: &mut ControlledItem<'_, '_>, new: Selection) {
-        let (entity, from, to) = (camera.entity, camera.selection.status, new.status);
-        if to != from {
-            if let ControlStatus::Off(reason) = to
-                && reason != OffReason::InvalidBudget
-            {
-                self.rejected.write(MapRejected { camera: entity, reason });
-            }
-            self.changed.write(BudgetStateChanged { camera: entity, from, to });
-        }
-        camera.selection.set_if_neq(new);
-    }
-
-    /// Writes a camera's settings; change detection fires only if their meaning differs.
-    fn apply(
-        &mut self,
-        camera: ControlledItem<'_, '_>,
-        space: &Arc<KnobSpace>,
-        decisions: &Decisions,
-        commands: &mut Commands,
-    ) {
-        let Decisions { target, applied: to, .. } = *decisions;
-        let new = || KnobSettings { space: Arc::clone(space), settings: to };
-        let Some(mut knobs) = camera.knobs else {
-            commands.entity(camera.entity).try_insert(new());
-            return;
-        };
-        if !same_space(&knobs.space, space) {
-            *knobs = new();
-        } else if knobs.settings != to {
-            let from = knobs.settings;
-            self.switched.write(SettingsSwitched { camera: camera.entity, from, to, target });
-            *knobs = new();
-        } else if !Arc::ptr_eq(&knobs.space, space) {
-            knobs.bypass_change_detection().space = Arc::clone(space);
-        }
-    }
-}
-
 /// Pins the knobs that somebody beside the controller has written since the last frame.
 fn pin_what_others_wrote(camera: &mut ControlledItem<'_, '_>, space: &Arc<KnobSpace>) {
     let Some(knobs) = camera.knobs.as_ref() else { return };
@@ -443,11 +296,6 @@ fn pin_what_others_wrote(camera: &mut ControlledItem<'_, '_>, space: &Arc<KnobSp
     }
     let new = knobs.settings;
     camera.bounds.pin_changes(space, applied, new);
-}
-
-/// Whether two spaces are equal. Compares contents only where the pointers differ.
-pub(super) fn same_space(a: &Arc<KnobSpace>, b: &Arc<KnobSpace>) -> bool {
-    Arc::ptr_eq(a, b) || a == b
 }
 
 /// Logs every misfit that lasts, once.

@@ -8,18 +8,21 @@ use bevy::app::{App, Update};
 use bevy::asset::io::memory::{Dir, MemoryAssetReader};
 use bevy::asset::io::{AssetSourceBuilder, AssetSourceId};
 use bevy::asset::{AssetApp, AssetPlugin, Handle};
-use bevy::camera::PerspectiveProjection;
+use bevy::camera::{PerspectiveProjection, Projection};
 use bevy::ecs::message::{Message, Messages};
 use bevy::math::Vec3;
 use bevy::time::TimeUpdateStrategy;
-use bevy::transform::components::Transform;
+use bevy::transform::components::{GlobalTransform, Transform};
 
 use super::*;
-use crate::control::{ControlPlugin, Outcome};
+use crate::control::{
+    Budget, BudgetStateChanged, CameraPriority, ControlPlugin, KnobBounds, MapRejected, Outcome,
+    SettingsSwitched,
+};
 use crate::frontier::{
     Corner, FrontierMapPlugin, SampleRef, SceneIdentity, SharedKnobs, ViewDirection, testing,
 };
-use crate::knobs::KnobLevels;
+use crate::knobs::{KnobLevels, KnobSettings};
 use crate::power::{MeterInfo, MeterState, Provenance};
 use crate::signals::{BatteryLevel, ThermalHeadroom};
 use crate::units::{Joules, Watts};

@@ -10,8 +10,8 @@ use bevy::ecs::resource::Resource;
 use bevy::prelude::ReflectDefault;
 use bevy::reflect::Reflect;
 
-use super::camera::CameraState;
 use super::limits::Limits;
+use super::state::CameraState;
 use super::{
     Budget, ErrorFeedback, ErrorPace, KnobBounds, Limit, Outcome, SettingsFilter, TransitionTimes,
 };

@@ -30,6 +30,7 @@ mod error_feedback;
 mod events;
 mod exchange;
 mod filter;
+mod frame;
 mod frame_rate;
 mod history;
 mod limits;
@@ -39,6 +40,8 @@ mod pace;
 mod plugin;
 mod power_feedback;
 mod select;
+mod state;
+mod write;
 
 pub use app_budget::{AppBudget, CameraPriority};
 pub use bounds::KnobBounds;

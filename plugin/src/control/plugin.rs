@@ -15,6 +15,7 @@ use bevy::transform::TransformSystems;
 use super::frame_rate::{FrameKind, FrameRate};
 use super::observed::{FrameSignals, SignalModel};
 use super::power_feedback::{FeedbackModel, sum};
+use super::state::CameraState;
 use super::*;
 use crate::frontier::{FrontierMap, MapFit};
 use crate::knobs::KnownKnobs;
@@ -109,7 +110,7 @@ impl Plugin for ControlPlugin {
                         .chain()
                         .in_set(ControlSystems::Observe),
                     camera::control_cameras
-                        .run_if(any_with_component::<camera::CameraState>)
+                        .run_if(any_with_component::<CameraState>)
                         .in_set(ControlSystems::Control),
                 ),
             );
@@ -136,7 +137,7 @@ fn observe_app(
     wait: Option<Res<FrameWait>>,
     metered: Option<Res<MeteredPower>>,
     (frame_time, battery, headroom): (Res<FrameTime>, Res<BatteryLevel>, Res<ThermalHeadroom>),
-    cameras: Query<(&camera::CameraState, &MapFit)>,
+    cameras: Query<(&CameraState, &MapFit)>,
     mut model: ResMut<FeedbackModel>,
     mut feedback: ResMut<PowerFeedback>,
     mut signals: ResMut<SignalModel>,

@@ -67,7 +67,6 @@ mod nvml {
     };
 }
 
-
 /// What feeds the machine. May take milliseconds, or hang with a driver.
 pub(crate) fn feed() -> Feed {
     use battery::Cells;

@@ -1,0 +1,111 @@
+//! A controlled camera, and its frame between look-up and switch.
+
+use std::ops::Deref;
+use std::sync::Arc;
+
+use bevy::camera::{Camera, Projection};
+use bevy::ecs::prelude::*;
+use bevy::ecs::query::QueryData;
+use bevy::transform::components::GlobalTransform;
+
+use super::limits::Limits;
+use super::state::CameraState;
+use super::{
+    Budget, CameraPriority, Choice, ErrorFeedback, ErrorPace, FrontierMapHandle, FrontierSource,
+    KnobBounds, Limit, Selection, SettingsFilter,
+};
+use crate::cut::CameraCut;
+use crate::frontier::{CameraView, Frontier, FrontierStore, MapFit, SampleCamera, SharedLevels};
+use crate::knobs::{KnobLevels, KnobSettings, KnobSpace, WarmKnobs};
+use crate::units::Watts;
+
+pub(super) type Source<'w> = AnyOf<(&'w FrontierMapHandle, &'w FrontierSource)>;
+
+/// A camera under the controller.
+#[derive(QueryData)]
+#[query_data(mutable)]
+pub(super) struct Controlled {
+    pub(super) entity: Entity,
+    pub(super) source: Source<'static>,
+    pub(super) budget: Option<&'static Budget>,
+    pub(super) priority: Option<&'static CameraPriority>,
+    pub(super) transform: &'static GlobalTransform,
+    pub(super) projection: Option<&'static Projection>,
+    pub(super) camera: Option<&'static Camera>,
+    pub(super) has_cut: Has<CameraCut>,
+    pub(super) is_warming: Has<WarmKnobs>,
+    pub(super) state: &'static mut CameraState,
+    pub(super) fit: &'static mut MapFit,
+    pub(super) selection: &'static mut Selection,
+    pub(super) bounds: &'static mut KnobBounds,
+    pub(super) filter: &'static mut SettingsFilter,
+    pub(super) errors: &'static ErrorFeedback,
+    pub(super) pace: &'static mut ErrorPace,
+    pub(super) knobs: Option<&'static mut KnobSettings>,
+}
+
+/// A frontier of the map, or one within a camera's bounds.
+pub(super) enum FrontierInUse<'a> {
+    Whole(&'a Frontier),
+    Bounded(Arc<Frontier>),
+}
+
+impl Deref for FrontierInUse<'_> {
+    type Target = Frontier;
+
+    fn deref(&self) -> &Frontier {
+        match self {
+            Self::Whole(frontier) => frontier,
+            Self::Bounded(frontier) => frontier,
+        }
+    }
+}
+
+/// A camera's frame after its look-up and its own choice.
+pub(super) struct Frame<'a> {
+    pub(super) camera: ControlledItem<'a, 'a>,
+    pub(super) store: &'a dyn FrontierStore,
+    pub(super) space: Arc<KnobSpace>,
+    pub(super) view: CameraView,
+    pub(super) sample: SampleCamera,
+    /// The frontier that was found.
+    pub(super) whole: &'a Frontier,
+    /// The one that choices are made from.
+    pub(super) frontier: FrontierInUse<'a>,
+    /// In the watts of the app's meter.
+    pub(super) limits: Limits,
+    /// In the store's watts.
+    pub(super) choice: Choice,
+    pub(super) binding: Option<Limit>,
+    /// Levels of the knobs that the cameras share, and what they cost.
+    pub(super) agreed: Option<Agreement<'a>>,
+}
+
+impl Frame<'_> {
+    /// How much the camera's error counts: its priority times its pixels.
+    pub(super) fn weight(&self) -> f64 {
+        let size = self.camera.camera.and_then(Camera::physical_viewport_size);
+        let pixels = size.map_or(1.0, |size| f64::from(size.x) * f64::from(size.y));
+        let priority = self.camera.priority.map_or(1.0, |priority| priority.0);
+        if priority.is_nan() { pixels } else { priority * pixels }
+    }
+}
+
+/// Levels of shared knobs that all cameras of a knob space get.
+#[derive(Clone, Copy)]
+pub(super) struct Agreement<'a> {
+    pub(super) shared: SharedLevels<'a>,
+    pub(super) levels: KnobLevels,
+}
+
+impl Agreement<'_> {
+    /// Power that `settings` pay for the levels of other cameras, in the store's watts.
+    pub(super) fn charge(&self, settings: KnobLevels) -> Watts {
+        self.shared.charge(settings, self.levels)
+    }
+}
+
+/// Whether two spaces are equal. Compares contents only where the pointers differ.
+pub(super) fn same_space(a: &Arc<KnobSpace>, b: &Arc<KnobSpace>) -> bool {
+    Arc::ptr_eq(a, b) || a == b
+}
