@@ -79,8 +79,8 @@ pub(crate) fn busy_cpu_load(duration: Duration) {
 mod tests {
     use bevy_frugal_gi::power::CpuTimeMeter;
 
-    use super::super::testing::Steps;
     use super::*;
+    use crate::meters::testing::Steps;
 
     #[test]
     fn a_steady_device_does_not_respond() {
