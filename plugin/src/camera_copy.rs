@@ -126,7 +126,7 @@ mod tests {
     ];
 
     /// What is not copied, by the reason.
-    const LEFT_OUT: [(&str, &[&str]); 10] = [
+    const LEFT_OUT: [(&str, &[&str]); 9] = [
         (
             "of its own: place, lens, target, order, and what the renderer made of them",
             &[
@@ -162,7 +162,6 @@ mod tests {
                 "bevy_camera::primitives::Sphere",
                 "bevy_camera::visibility::NoFrustumCulling",
                 "bevy_camera::visibility::DynamicSkinnedMeshBounds",
-                "bevy_camera::visibility::NoAutoAabb",
                 "bevy_camera::visibility::range::VisibilityRange",
             ],
         ),
@@ -197,7 +196,6 @@ mod tests {
         (
             "of meshes and decals, as the renderer shows them",
             &[
-                "bevy_pbr::decal::forward::ForwardDecal",
                 "bevy_pbr::lightmap::Lightmap",
                 "bevy_pbr::mesh_material::MeshMaterial3d",
                 "bevy_pbr::wireframe::Wireframe",
@@ -208,11 +206,7 @@ mod tests {
                 "bevy_pbr::wireframe::Mesh3dWireframe",
             ],
         ),
-        ("of the render world", &["bevy_pbr::atmosphere::GpuAtmosphereSettings"]),
-        (
-            "of the render world, too",
-            &["bevy_anti_alias::contrast_adaptive_sharpening::DenoiseCas"],
-        ),
+        ("of the render world", &["bevy_anti_alias::contrast_adaptive_sharpening::DenoiseCas"]),
         ("of views without a camera", &["bevy_core_pipeline::schedule::RootNonCameraView"]),
         (
             "of an entity's own part in the renderer",
