@@ -10,7 +10,7 @@ use bevy::reflect::Reflect;
 use super::agree::{Rank, agree};
 use super::frame::{Agreement, Frame, same_space};
 use super::{Limit, Outcome, PowerCorrection, PowerDivision, PowerFeedback};
-use crate::frontier::{CostPoint, Frontier, FrontierPoint, SharedLevels};
+use crate::frontier::{CostPoint, Frontier, FrontierPoint};
 use crate::knobs::KnobLevels;
 use crate::units::Watts;
 
