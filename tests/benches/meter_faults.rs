@@ -197,8 +197,8 @@ impl Run {
 
 /// Seconds from `event` until no window of the next 30 s is over.
 fn held_after(over: &[f64], event: f64) -> f64 {
-    let after = over.iter().filter(|end| (event..event + 30.0).contains(*end));
-    after.last().map_or(0.0, |end| end - event)
+    let mut after = over.iter().rev().filter(|end| (event..event + 30.0).contains(*end));
+    after.next().map_or(0.0, |end| end - event)
 }
 
 fn main() {

@@ -74,7 +74,7 @@ pub(super) fn divide(
     let limit = app_limit.map_or(Watts(f64::INFINITY), |limit| {
         feedback.correction.uncorrected(limit) + idle.unwrap_or(Watts(0.0)) * counted_again
     });
-    let alone = frames.iter().map(|frame| frame.weight() * frame.choice.cost.error).sum();
+    let alone = frames.iter().map(|frame| frame.weight * frame.choice.cost.error).sum();
     let mut is_kept = true;
     let mut among = |frames: &[Frame<'_>], agreed: Option<(usize, Agreement<'_>)>| {
         division.clear();
@@ -85,7 +85,7 @@ pub(super) fn divide(
             let own = frame.limits.power.map(|limit| correction.uncorrected(limit));
             let limits = (own, frame.choice.cost.power);
             let shared = shared.map(|(_, agreed)| agreed);
-            missed += add_points(division, &frame.frontier, limits, shared, frame.weight())?;
+            missed += add_points(division, &frame.frontier, limits, shared, frame.weight)?;
         }
         is_kept = division.divide(limit);
         let (error, power) = division.sums();

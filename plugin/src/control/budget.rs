@@ -151,8 +151,7 @@ impl Budget {
     /// [`BudgetError`] for the first limit that is not, NaN included; the power limit is checked
     /// first.
     pub fn validate(&self) -> Result<(), BudgetError> {
-        // This comparison rejects NaN.
-        let is_invalid = |limit: &f64| !(*limit >= 0.0);
+        let is_invalid = |limit: &f64| limit.is_nan() || *limit < 0.0;
         if let Some(power) = self.power.map(|power| power.0).filter(is_invalid) {
             return Err(BudgetError::Power(power));
         }

@@ -11,10 +11,10 @@ use bevy::time::{Real, Time};
 use smallvec::SmallVec;
 
 use super::controller::Switch;
-use super::frame::{Controlled, ControlledItem, Frame, FrontierInUse, same_space};
+use super::frame::{Controlled, ControlledItem, Frame, FrontierInUse, same_space, weight_of};
 use super::frame_rate::{FrameKind, FrameRate, RatedAt};
 use super::limits::resolve;
-use super::maps::{PreparedMaps, frontier_in_play, refuse, space_of, store_of};
+use super::maps::{PreparedMaps, Refusal, frontier_in_play, refuse, space_of, store_of};
 use super::observed::SignalModel;
 use super::pace::choose;
 use super::power_feedback::FeedbackState;
@@ -25,8 +25,7 @@ use super::{
     FrontierSource, Limit, OffReason, PowerDivision, PowerFeedback, Selection, SettingsFilter,
 };
 use crate::frontier::{
-    AppConditions, CameraView, Conditions, Frontier, FrontierMap, FrontierStore, MapFit, Misfit,
-    ShownScene,
+    AppConditions, CameraView, Conditions, Frontier, FrontierMap, MapFit, Misfit, ShownScene,
 };
 use crate::knobs::{KnobSpace, KnownKnobs};
 use crate::power::MeteredPower;
@@ -61,6 +60,7 @@ pub(super) fn control_cameras(
     mut told: Told,
     mut cameras: Query<Controlled>,
 ) {
+    let mut active: SmallVec<[ControlledItem; 4]> = SmallVec::new();
     let mut frames: SmallVec<[Frame; 4]> = SmallVec::new();
     for mut camera in &mut cameras {
         // What the controller keeps for itself is no change for others to detect.
@@ -73,9 +73,12 @@ pub(super) fn control_cameras(
         if !state.is_active {
             continue;
         }
-        match common.look_up(&mut prepared, camera) {
-            Ok(frame) => frames.push(frame),
-            Err((mut camera, status)) => {
+        match common.look_up(&mut prepared, &mut camera) {
+            Ok(frame) => {
+                active.push(camera);
+                frames.push(frame);
+            }
+            Err(status) => {
                 camera.state.bypass_change_detection().predicted = None;
                 let off = Selection {
                     status,
@@ -90,40 +93,38 @@ pub(super) fn control_cameras(
         }
     }
     common.divide(&mut division, &mut frames);
-    for frame in frames {
-        common.switch(frame, &mut told, &mut commands);
+    for (camera, frame) in active.into_iter().zip(frames) {
+        common.switch(camera, frame, &mut told, &mut commands);
     }
 }
 
-/// A camera whose controller is off or waiting.
-type Refused<'a> = (ControlledItem<'a, 'a>, ControlStatus);
-
 impl Common<'_> {
-    /// Finds the camera's frontier, and its own choice there.
+    /// Finds the camera's frontier, and its own choice there. An error says why the controller is off
+    /// or waiting.
     fn look_up<'a>(
         &'a self,
         prepared: &mut PreparedMaps,
-        mut camera: ControlledItem<'a, 'a>,
-    ) -> Result<Frame<'a>, Refused<'a>> {
+        camera: &mut ControlledItem<'a, '_>,
+    ) -> Result<Frame<'a>, ControlStatus> {
         let (source, logged) = (camera.source, camera.selection.status);
         let (server, known) = (self.server.as_deref(), self.known.as_deref());
-        let off = |camera: ControlledItem<'a, 'a>, (status, message): (_, Option<String>)| {
+        let entity = camera.entity;
+        let off = |(status, message): Refusal| {
             if let Some(message) = message {
-                let entity = camera.entity;
                 warn!("the power controller is off for camera {entity}: {message}");
             }
-            Err((camera, status))
+            Err(status)
         };
         let space = match space_of(source, &self.maps, server, prepared, known, logged) {
             Ok(space) => space,
-            Err(refusal) => return off(camera, refusal),
+            Err(refusal) => return off(refusal),
         };
         let Some(store) = store_of(source, &self.maps) else {
-            return off(camera, (ControlStatus::Waiting, None));
+            return off((ControlStatus::Waiting, None));
         };
         let view = CameraView::from_camera(camera.transform, camera.projection);
         let conditions = store.conditions();
-        self.compare(&mut camera, conditions.as_ref(), &view);
+        self.compare(camera, conditions.as_ref(), &view);
         let budget = camera.budget.copied().unwrap_or_default();
         let found = store.look_up(&view);
         let has_left_map = self.feedback.has_left_map;
@@ -132,10 +133,10 @@ impl Common<'_> {
             Ok(limits) => limits,
             Err(error) => {
                 let refusal = refuse(logged, OffReason::InvalidBudget, || error.to_string());
-                return off(camera, refusal);
+                return off(refusal);
             }
         };
-        pin_what_others_wrote(&mut camera, &space);
+        pin_what_others_wrote(camera, &space);
         let state = camera.state.bypass_change_detection();
         let bounded = whole.and_then(|whole| state.bounded.get(&camera.bounds, &space, whole));
         let frontier = bounded.map(FrontierInUse::Bounded).or(whole.map(FrontierInUse::Whole));
@@ -151,7 +152,7 @@ impl Common<'_> {
             let refusal = refuse(logged, OffReason::NothingKnown, || {
                 "no sample camera of the map has a frontier: check that its scene is not empty and its bounds do not lie inside a wall".to_owned()
             });
-            return off(camera, refusal);
+            return off(refusal);
         };
         let is_excluded = || {
             let best = whole.points().last();
@@ -165,8 +166,9 @@ impl Common<'_> {
             FrontierInUse::Whole(_) => binding,
         };
         let (sample, agreed) = (found.camera, None);
+        let weight = weight_of(camera.camera, camera.priority);
         Ok(Frame {
-            camera,
+            weight,
             store,
             space,
             view,
@@ -233,8 +235,14 @@ impl Common<'_> {
     }
 
     /// Moves the camera's settings towards the choice, and writes them.
-    fn switch(&self, frame: Frame<'_>, told: &mut Told, commands: &mut Commands) {
-        let Frame { mut camera, store, space, choice, binding, agreed, .. } = frame;
+    fn switch(
+        &self,
+        mut camera: ControlledItem<'_, '_>,
+        frame: Frame<'_>,
+        told: &mut Told,
+        commands: &mut Commands,
+    ) {
+        let Frame { store, space, choice, binding, agreed, .. } = frame;
         // Both advance every frame without a change for others to detect.
         let filter = camera.filter.bypass_change_detection();
         if camera.has_cut {

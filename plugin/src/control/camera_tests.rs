@@ -20,7 +20,8 @@ use crate::control::{
     SettingsSwitched,
 };
 use crate::frontier::{
-    Corner, FrontierMapPlugin, SampleRef, SceneIdentity, SharedKnobs, ViewDirection, testing,
+    Corner, FrontierMapPlugin, FrontierStore, SampleRef, SceneIdentity, SharedKnobs, ViewDirection,
+    testing,
 };
 use crate::knobs::{KnobLevels, KnobSettings};
 use crate::power::{MeterInfo, MeterState, Provenance};

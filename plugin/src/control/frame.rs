@@ -63,7 +63,8 @@ impl Deref for FrontierInUse<'_> {
 
 /// A camera's frame after its look-up and its own choice.
 pub(super) struct Frame<'a> {
-    pub(super) camera: ControlledItem<'a, 'a>,
+    /// How much its error counts.
+    pub(super) weight: f64,
     pub(super) store: &'a dyn FrontierStore,
     pub(super) space: Arc<KnobSpace>,
     pub(super) view: CameraView,
@@ -81,14 +82,12 @@ pub(super) struct Frame<'a> {
     pub(super) agreed: Option<Agreement<'a>>,
 }
 
-impl Frame<'_> {
-    /// How much the camera's error counts: its priority times its pixels.
-    pub(super) fn weight(&self) -> f64 {
-        let size = self.camera.camera.and_then(Camera::physical_viewport_size);
-        let pixels = size.map_or(1.0, |size| f64::from(size.x) * f64::from(size.y));
-        let priority = self.camera.priority.map_or(1.0, |priority| priority.0);
-        if priority.is_nan() { pixels } else { priority * pixels }
-    }
+/// How much a camera's error counts: its priority times its pixels.
+pub(super) fn weight_of(camera: Option<&Camera>, priority: Option<&CameraPriority>) -> f64 {
+    let size = camera.and_then(Camera::physical_viewport_size);
+    let pixels = size.map_or(1.0, |size| f64::from(size.x) * f64::from(size.y));
+    let priority = priority.map_or(1.0, |priority| priority.0);
+    if priority.is_nan() { pixels } else { priority * pixels }
 }
 
 /// Levels of shared knobs that all cameras of a knob space get.

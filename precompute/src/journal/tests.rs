@@ -250,7 +250,7 @@ fn a_file_that_was_replaced_is_opened_again() {
     written(&path);
     let held = OpenOptions::new().read(true).write(true).open(&path).expect("opens");
     assert!(contents::is_at(&held, &path));
-    merge_journals(&[path.clone()], None).expect("merges");
+    merge_journals(std::slice::from_ref(&path), None).expect("merges");
     assert!(!contents::is_at(&held, &path));
     let (mut journal, records) = resumed(&path).expect("resumes");
     journal.append("m 3").expect("room");

@@ -361,7 +361,7 @@ fn a_card_that_sleeps_is_said_to_and_is_not_woken() {
         assert!(!opened.iter().any(is_power), "a reading wakes it");
         play.tree.write(&format!("{device}/power/runtime_status"), "active");
         play.assert_returns(fault);
-    })
+    });
 }
 
 #[test]
