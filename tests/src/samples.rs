@@ -53,6 +53,19 @@ mod using_selection {
 }
 
 // docs/using.md
+mod using_knob_bounds {
+    use bevy::prelude::*;
+    use bevy_frugal_gi::prelude::*;
+
+    fn pin(mut bounds: Single<&mut KnobBounds>) {
+        bounds
+            .pin("resolution_scale", 5)
+            .at_least("antialiasing", 1)
+            .at_most("shadow_map_resolution", 2);
+    }
+}
+
+// docs/using.md
 mod using_error_meter {
     use bevy::prelude::*;
     use bevy_frugal_gi::prelude::*;
