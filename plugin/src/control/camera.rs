@@ -14,7 +14,7 @@ use super::controller::Switch;
 use super::frame::{Controlled, ControlledItem, Frame, FrontierInUse, same_space, weight_of};
 use super::frame_rate::{FrameKind, FrameRate, RatedAt};
 use super::limits::resolve;
-use super::maps::{PreparedMaps, Refusal, frontier_in_play, refuse, space_of, store_of};
+use super::maps::{PreparedMaps, Refusal, frontier_in_play, refuse, source_of};
 use super::observed::SignalModel;
 use super::pace::choose;
 use super::power_feedback::FeedbackState;
@@ -115,12 +115,9 @@ impl Common<'_> {
             }
             Err(status)
         };
-        let space = match space_of(source, &self.maps, server, prepared, known, logged) {
-            Ok(space) => space,
+        let (store, space) = match source_of(source, &self.maps, server, prepared, known, logged) {
+            Ok(found) => found,
             Err(refusal) => return off(refusal),
-        };
-        let Some(store) = store_of(source, &self.maps) else {
-            return off((ControlStatus::Waiting, None));
         };
         let view = CameraView::from_camera(camera.transform, camera.projection);
         let conditions = store.conditions();
@@ -218,6 +215,7 @@ impl Common<'_> {
         let correction = self.feedback.per_camera();
         let ends = frontier.and_then(|it| it.points().first().zip(it.points().last()));
         let mut observed = self.signals.observed();
+        (observed.correction, observed.cameras) = (self.feedback.correction, self.feedback.cameras);
         observed.range = ends.map(|(least, most)| {
             (correction.corrected(least.cost.power), correction.corrected(most.cost.power))
         });

@@ -39,9 +39,7 @@ pub(super) struct FrameRate {
     long_in_succession: u32,
     mean_seconds: f64,
     seen_seconds: f64,
-    /// Weight of the last frame in the mean, and the mean power of the settings by the same weights,
-    /// watts of the map.
-    weight: f64,
+    /// Mean power of the settings by the same weights, watts of the map.
     mean_power: f64,
     response: RateResponse,
     /// The rate in use, as a multiple of the map's.
@@ -49,8 +47,9 @@ pub(super) struct FrameRate {
 }
 
 impl FrameRate {
-    /// Adds a frame of `delta_seconds`.
-    pub(super) fn observe(&mut self, delta_seconds: f64) {
+    /// Adds a frame of `delta_seconds` that was rendered with settings of the `predicted` power; `None`
+    /// is unknown.
+    pub(super) fn observe(&mut self, delta_seconds: f64, predicted: Option<Watts>) {
         self.kind = self.kind_of(delta_seconds);
         if self.kind == FrameKind::Pause {
             return;
@@ -59,10 +58,15 @@ impl FrameRate {
             // The mean of the other kind would take seconds to be forgotten.
             (self.counted, self.seen_seconds) = (self.kind, 0.0);
         }
-        self.weight =
+        let weight =
             if self.seen_seconds == 0.0 { 1.0 } else { -(-delta_seconds / RATE_SECONDS).exp_m1() };
-        self.mean_seconds += (delta_seconds - self.mean_seconds) * self.weight;
+        self.mean_seconds += (delta_seconds - self.mean_seconds) * weight;
         self.seen_seconds += delta_seconds;
+        let predicted = predicted.filter(|power| power.0.is_finite());
+        if let Some(power) = predicted.filter(|_| self.kind == FrameKind::Usual) {
+            self.mean_power += (power.0 - self.mean_power) * weight;
+            self.response.observe(power, delta_seconds);
+        }
     }
 
     fn kind_of(&mut self, delta_seconds: f64) -> FrameKind {
@@ -95,14 +99,6 @@ impl FrameRate {
         })
     }
 
-    /// Adds a frame of `delta_seconds` that was rendered with settings of the `predicted` power.
-    pub(super) fn respond(&mut self, predicted: Watts, delta_seconds: f64) {
-        if self.kind == FrameKind::Usual && predicted.0.is_finite() {
-            self.mean_power += (predicted.0 - self.mean_power) * self.weight;
-            self.response.observe(predicted, delta_seconds);
-        }
-    }
-
     /// From the watts of maps to those at the app's frame rate, for the sum over all cameras: energy
     /// beyond the idle device's is spent by the frame. Neutral where maps differ in their rate, or a
     /// camera has none.
@@ -130,7 +126,7 @@ impl FrameRate {
         // Of the frames that the rate is the mean of.
         let frames = (self.mean_power - at.idle.0).max(0.0);
         let is_free = self.held.is_some() && frames > 0.0;
-        let free = if is_free { self.response.share() } else { 0.0 };
+        let free = if is_free { self.response.share } else { 0.0 };
         let gain = share * (1.0 - free);
         PowerCorrection { gain, offset: at.idle * (1.0 - gain) + Watts(share * free * frames) }
     }
@@ -173,6 +169,7 @@ struct RateResponse {
     mean: [f64; 2],
     /// Variance of ln power, and its covariance with ln rate.
     moments: [f64; 2],
+    /// 0: a limit holds the frame rate; near 1: it follows the settings.
     share: f64,
 }
 
@@ -198,11 +195,6 @@ impl RateResponse {
             self.share = if slope < LEAST_SLOPE { 0.0 } else { slope.min(MAX_SHARE) };
         }
     }
-
-    /// 0: a limit holds the frame rate; near 1: it follows the settings.
-    fn share(&self) -> f64 {
-        self.share
-    }
 }
 
 #[cfg(test)]
@@ -210,20 +202,20 @@ mod tests {
     use super::*;
 
     fn frames(rate: &mut FrameRate, seconds: f64, count: usize) {
-        (0..count).for_each(|_| rate.observe(seconds));
+        (0..count).for_each(|_| rate.observe(seconds, None));
     }
 
     #[test]
     fn the_frame_rate_is_known_after_a_second_and_ignores_pauses() {
         let mut rate = FrameRate::default();
         for odd in [f64::NAN, -1.0, 0.0, 10.0, f64::INFINITY] {
-            rate.observe(odd);
+            rate.observe(odd, None);
             assert_eq!(rate.kind(), FrameKind::Pause);
         }
         frames(&mut rate, 1.0 / 30.0, 29);
         assert_eq!(rate.frames_per_second(), None);
         frames(&mut rate, 1.0 / 30.0, 60);
-        rate.observe(2.0);
+        rate.observe(2.0, None);
         let known = rate.frames_per_second().expect("a rate");
         assert!((known / 30.0 - 1.0).abs() < 0.006, "{known}");
     }
@@ -286,8 +278,7 @@ mod tests {
         while passed < 10.0 {
             let watts = 4.0 + f64::from(passed as u32 % 10);
             let seconds = seconds_of(watts);
-            rate.observe(seconds);
-            rate.respond(Watts(watts), seconds);
+            rate.observe(seconds, Some(Watts(watts)));
             passed += seconds;
         }
         rate

@@ -80,18 +80,6 @@ pub(super) fn forget_changed_maps(
     }
 }
 
-/// The store of a camera's frontiers; `None` while there is none.
-pub(super) fn store_of<'a>(
-    (handle, source): (Option<&FrontierMapHandle>, Option<&'a FrontierSource>),
-    maps: &'a Assets<FrontierMap>,
-) -> Option<&'a dyn FrontierStore> {
-    match (source, handle) {
-        (Some(source), _) => Some(source.store()),
-        (None, Some(handle)) => Some(maps.get(handle.0.id())?),
-        (None, None) => None,
-    }
-}
-
 /// The frontier that choices at a view are made from: over all views where the scene has left its
 /// map ([`PowerFeedback::has_left_map`](super::PowerFeedback::has_left_map)), since local ones say
 /// nothing of it then.
@@ -116,18 +104,18 @@ pub(super) fn refuse(
     (status, (status != logged).then(message))
 }
 
-/// The knob space of a camera's frontiers; no message while they are loading.
-pub(super) fn space_of(
-    (handle, source): (Option<&FrontierMapHandle>, Option<&FrontierSource>),
-    maps: &Assets<FrontierMap>,
+/// The store of a camera's frontiers and its knob space; no message while they are loading.
+pub(super) fn source_of<'a>(
+    (handle, source): (Option<&FrontierMapHandle>, Option<&'a FrontierSource>),
+    maps: &'a Assets<FrontierMap>,
     server: Option<&AssetServer>,
     prepared: &mut PreparedMaps,
     known: Option<&KnownKnobs>,
     logged: ControlStatus,
-) -> Result<Arc<KnobSpace>, Refusal> {
+) -> Result<(&'a dyn FrontierStore, Arc<KnobSpace>), Refusal> {
     if let Some(source) = source {
         return match unknown(source.space(), known) {
-            None => Ok(Arc::clone(source.space())),
+            None => Ok((source.store(), Arc::clone(source.space()))),
             Some(name) => Err(refuse(logged, OffReason::UnknownKnobs, || message_of(name))),
         };
     }
@@ -144,7 +132,7 @@ pub(super) fn space_of(
         });
     };
     match prepared.get(id, map, || matches!(state(), Some(LoadState::Loaded)), known) {
-        Ok(space) => Ok(Arc::clone(space)),
+        Ok(space) => Ok((map, Arc::clone(space))),
         Err((reason, message)) => Err(refuse(logged, *reason, || message.clone())),
     }
 }

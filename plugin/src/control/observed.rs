@@ -113,16 +113,6 @@ impl SignalModel {
         self.observed
     }
 
-    /// Completes what is known of the app.
-    pub(super) fn set_app(
-        &mut self,
-        frames_per_second: Option<f64>,
-        correction: PowerCorrection,
-        cameras: usize,
-    ) {
-        self.observed = Observed { frames_per_second, correction, cameras, ..self.observed };
-    }
-
     /// Adds a frame.
     pub(super) fn step(&mut self, frame: &FrameSignals) {
         match frame.predicted {

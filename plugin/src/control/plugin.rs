@@ -143,17 +143,18 @@ fn observe_app(
     mut signals: ResMut<SignalModel>,
 ) {
     let delta_seconds = time.delta_secs_f64();
-    rate.observe(delta_seconds);
     let active = cameras.iter().filter_map(|(state, fit)| state.predicted(fit));
+    let predicted = sum(active.clone());
+    rate.observe(delta_seconds, predicted);
     let new =
-        model.observe(active.clone(), delta_seconds, metered.as_deref(), &mut rate, &feedback);
+        model.observe(active, predicted, delta_seconds, metered.as_deref(), &mut rate, &feedback);
     feedback.set_if_neq(new);
     // What a limiter of the frame rate waits is no work.
     let waited = wait.map_or(0.0, |wait| wait.0.as_secs_f64());
     let work = Some(delta_seconds - waited).filter(|_| rate.kind() != FrameKind::Pause);
     let (energy, power) = battery.valid();
     signals.step(&FrameSignals {
-        predicted: sum(active.clone()),
+        predicted,
         is_playing: rate.kind() == FrameKind::Usual,
         delta_seconds,
         now_seconds: time.elapsed_secs_f64(),
@@ -163,5 +164,4 @@ fn observe_app(
         is_battery_new: battery.is_changed(),
         headroom: headroom.valid(),
     });
-    signals.set_app(rate.frames_per_second(), new.correction, active.count());
 }

@@ -53,7 +53,7 @@ pub struct PowerFeedback {
     /// as readings are off.
     pub has_left_map: bool,
     /// Number of active controlled cameras.
-    cameras: usize,
+    pub(super) cameras: usize,
 }
 
 impl Default for PowerFeedback {
@@ -95,20 +95,18 @@ pub(super) struct FeedbackModel {
 }
 
 impl FeedbackModel {
-    /// Adds a frame of `delta_seconds`, and compares what `cameras` predicted with the meter.
+    /// Adds a frame of `delta_seconds`, and compares what `cameras` predicted, together `predicted`,
+    /// with the meter.
     pub(super) fn observe(
         &mut self,
         cameras: impl Iterator<Item = Predicted> + Clone,
+        predicted: Option<Watts>,
         delta_seconds: f64,
         metered: Option<&MeteredPower>,
         rate: &mut FrameRate,
         feedback: &PowerFeedback,
     ) -> PowerFeedback {
         let count = cameras.clone().count();
-        let predicted = sum(cameras.clone());
-        if let Some(predicted) = predicted {
-            rate.respond(predicted, delta_seconds);
-        }
         let at_rate = rate.correction(cameras.clone().map(|camera| camera.rated_at));
         // A device that waits for the app says nothing about its settings, and watts mean little before
         // the frame rate is known.
@@ -117,7 +115,7 @@ impl FeedbackModel {
             Some(predicted) => self.model.predict(at_rate.corrected(predicted), delta_seconds),
             None => self.model.pause(),
         }
-        let is_maps_meter = cameras.clone().all(|camera| camera.meter == Comparison::Same);
+        let is_maps_meter = cameras.into_iter().all(|camera| camera.meter == Comparison::Same);
         let trusted = metered.filter(|metered| {
             let is_measured = |info: &crate::power::MeterInfo| {
                 info.provenance == Provenance::Measured || is_maps_meter

@@ -34,8 +34,8 @@ const TEMPORAL_FRAMES: u32 = 16;
 const ANY_EXPOSURE: f32 = 64.0;
 
 /// Marks the hidden camera that renders a part of another camera's view at the best settings, while
-/// there is one. It has what Bevy's own rendering reads of that camera, as the app authored it: an app that adds effects of
-/// its own gives it those by an observer of this component's insertion.
+/// there is one. It has what Bevy's own rendering reads of that camera, as the app authored it: an
+/// app that adds effects of its own gives it those by an observer of this component's insertion.
 #[derive(Component, ExtractComponent, Clone, Copy, Debug, PartialEq, Eq)]
 pub struct ErrorProbe {
     /// The camera whose error is measured.

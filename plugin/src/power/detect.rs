@@ -14,7 +14,7 @@ use crate::power::sampler::Clock;
 #[cfg(not(any(windows, target_os = "macos")))]
 use crate::power::sysfs::battery::KIND as BATTERY;
 use crate::power::sysfs::{gpu, jetson, rapl};
-use crate::power::tracker::PowerTracker;
+use crate::power::tracker::{PowerTracker, did_not_move};
 use crate::power::{
     Adapter, MeterError, MeterState, OpenMeterError, PowerMeter, Provenance, Reading, cpu_time,
     nvml,
@@ -108,8 +108,7 @@ fn probed(mut meter: Box<dyn PowerMeter>) -> Opened {
     let is_counter = matches!(first, Reading::Energy(_));
     while is_counter && meter.info().provenance == Provenance::Measured && meter.read()? == first {
         if clock.now().clock > SETTLE_TIMEOUT {
-            let seconds = SETTLE_TIMEOUT.as_secs_f64();
-            let reason = format!("the counter did not move in {seconds:.0} s");
+            let reason = did_not_move(SETTLE_TIMEOUT);
             return Err(MeterError::broken(meter.info().name, reason).into());
         }
         std::thread::sleep(SETTLE_INTERVAL);

@@ -163,6 +163,11 @@ enum Fault {
     Lost(MeterError),
 }
 
+/// Fault of a counter that stands still for that long.
+pub(crate) fn did_not_move(after: Duration) -> String {
+    format!("the counter did not move in {:.0} s", after.as_secs_f64())
+}
+
 /// Computes power from a meter's readings.
 #[derive(Debug)]
 pub(crate) struct PowerTracker {
@@ -307,8 +312,7 @@ impl PowerTracker {
         }
         if seen.iter().any(|(_, since)| at.saturating_sub(*since) >= stuck_after) {
             *is_stuck = true;
-            let seconds = stuck_after.as_secs_f64();
-            return Err(self.broken(format!("the counter did not move in {seconds:.0} s")));
+            return Err(self.broken(did_not_move(stuck_after)));
         }
         let elapsed = at - *since;
         if *is_stuck {

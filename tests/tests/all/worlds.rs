@@ -88,10 +88,10 @@ impl Room {
             stage.world_mut().entity_mut(wall).insert(ChildOf(grid));
         }
         let panel = Plane3d::default().mesh().size(0.6, 0.6).build();
-        let glow = StandardMaterial { emissive: LinearRgba::rgb(8.0, 8.0, 2.0), ..white(0.0) };
+        let emissive = StandardMaterial { emissive: LinearRgba::rgb(8.0, 8.0, 2.0), ..white(0.0) };
         let facing = Transform::from_xyz(1.0, 1.2, -2.95)
             .with_rotation(Quat::from_rotation_x(std::f32::consts::FRAC_PI_2));
-        meshes::spawn(&mut stage, panel, glow, facing);
+        meshes::spawn(&mut stage, panel, emissive, facing);
         let small: Mesh = Cuboid::from_length(0.4).into();
         let swinging =
             meshes::spawn(&mut stage, small.clone(), red, Transform::from_xyz(0.4, 0.2, -1.0));
