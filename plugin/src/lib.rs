@@ -51,9 +51,9 @@ pub mod scene_export;
 mod schedule;
 pub mod signals;
 mod text_lines;
-pub mod units;
 
 use bevy::app::{PluginGroup, PluginGroupBuilder};
+pub use frugal_core::units;
 
 /// All plugins of this crate. Each can be disabled or replaced.
 ///

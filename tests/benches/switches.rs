@@ -144,10 +144,10 @@ impl Bench {
         self.stage.switch(from);
         (0..FRAMES).for_each(|_| self.stage.frame());
         let seconds = self.frames_per_second.recip();
-        let times = TransitionTimes::both(ControlSettings::TRANSITION_SECONDS);
+        let times = TransitionTimes::both(ControlSettings::TRANSITION);
         let mut filter = SettingsFilter::default();
         filter.resume_from(from);
-        let frames = (ControlSettings::TRANSITION_SECONDS / seconds).ceil() as usize + FRAMES;
+        let frames = (ControlSettings::TRANSITION.as_secs_f64() / seconds).ceil() as usize + FRAMES;
         let (mut step, mut before) = (Step::default(), self.picture());
         for _ in 0..frames {
             let applied = filter.step(&map.knobs, to, seconds, times);

@@ -6,8 +6,8 @@ use bevy::ecs::resource::Resource;
 use bevy::log::warn_once;
 use bevy::prelude::ReflectDefault;
 use bevy::reflect::Reflect;
+use frugal_core::control::{Rank, agree};
 
-use super::agree::{Rank, agree};
 use super::frame::{Agreement, Frame, same_space};
 use super::{Limit, Outcome, PowerCorrection, PowerDivision, PowerFeedback};
 use crate::frontier::{CostPoint, Frontier, FrontierPoint};

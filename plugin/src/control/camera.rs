@@ -8,15 +8,13 @@ use bevy::ecs::prelude::*;
 use bevy::ecs::system::SystemParam;
 use bevy::log::warn;
 use bevy::time::{Real, Time};
+use frugal_core::control::{
+    FrameKind, FrameRate, Observed, RatedAt, SignalModel, Switch, choose, resolve,
+};
 use smallvec::SmallVec;
 
-use super::controller::Switch;
 use super::frame::{Controlled, ControlledItem, Frame, FrontierInUse, same_space, weight_of};
-use super::frame_rate::{FrameKind, FrameRate, RatedAt};
-use super::limits::resolve;
 use super::maps::{PreparedMaps, Refusal, frontier_in_play, refuse, source_of};
-use super::observed::SignalModel;
-use super::pace::choose;
 use super::power_feedback::FeedbackState;
 use super::state::CameraState;
 use super::write::Told;
@@ -26,6 +24,7 @@ use super::{
 };
 use crate::frontier::{
     AppConditions, CameraView, Conditions, Frontier, FrontierMap, MapFit, Misfit, ShownScene,
+    camera_view,
 };
 use crate::knobs::{KnobSpace, KnownKnobs};
 use crate::power::MeteredPower;
@@ -119,7 +118,7 @@ impl Common<'_> {
             Ok(found) => found,
             Err(refusal) => return off(refusal),
         };
-        let view = CameraView::from_camera(camera.transform, camera.projection);
+        let view = camera_view(camera.transform, camera.projection);
         let conditions = store.conditions();
         self.compare(camera, conditions.as_ref(), &view);
         let budget = camera.budget.copied().unwrap_or_default();
@@ -211,7 +210,7 @@ impl Common<'_> {
         &self,
         frontier: Option<&Frontier>,
         conditions: Option<&Conditions<'_>>,
-    ) -> super::observed::Observed {
+    ) -> Observed {
         let correction = self.feedback.per_camera();
         let ends = frontier.and_then(|it| it.points().first().zip(it.points().last()));
         let mut observed = self.signals.observed();
@@ -247,7 +246,7 @@ impl Common<'_> {
             filter.cut();
         }
         if camera.bounds.is_changed() {
-            filter.dwell.end();
+            filter.end_dwell();
         }
         let switch = Switch {
             store,

@@ -133,7 +133,7 @@ fn a_new_budget_takes_a_second_and_cuts_act_at_once() {
     app.world_mut().get_mut::<SettingsFilter>(camera).expect("a filter").cut();
     app.update();
     assert_eq!(applied(&app, camera), at(0, 0));
-    app.world_mut().resource_mut::<ControlSettings>().transition_seconds = 0.0;
+    app.world_mut().resource_mut::<ControlSettings>().transition = Duration::ZERO;
     set_budget(&mut app, camera, Budget::default());
     app.update();
     assert_eq!(applied(&app, camera), at(4, 2));
@@ -160,9 +160,9 @@ fn an_exceeded_power_budget_is_met_in_half_a_second() {
     assert_eq!(frames_from(&mut app, camera, at(4, 2)), 7, "and rises at the same rate");
     // Other durations.
     *app.world_mut().resource_mut::<ControlSettings>() = ControlSettings {
-        transition_seconds: 4.0,
-        fall_seconds: 0.0,
-        dwell_seconds: 0.0,
+        transition: Duration::from_secs(4),
+        fall: Duration::ZERO,
+        dwell: Duration::ZERO,
         ..Default::default()
     };
     set_budget(&mut app, camera, Budget::power(Watts(6.0)));
@@ -298,7 +298,7 @@ fn switches_and_states_are_told_once() {
     let first = BudgetStateChanged { camera, from: ControlStatus::Waiting, to };
     assert_eq!(messages::<BudgetStateChanged>(&app), [first]);
     assert_eq!(messages::<SettingsSwitched>(&app), [], "the first settings are no switch");
-    app.world_mut().resource_mut::<ControlSettings>().fall_seconds = 0.0;
+    app.world_mut().resource_mut::<ControlSettings>().fall = Duration::ZERO;
     set_budget(&mut app, camera, Budget::power(Watts(6.0)));
     app.update();
     let switch = SettingsSwitched { camera, from: at(4, 2), to: at(0, 0), target: at(0, 0) };

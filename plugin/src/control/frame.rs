@@ -7,8 +7,8 @@ use bevy::camera::{Camera, Projection};
 use bevy::ecs::prelude::*;
 use bevy::ecs::query::QueryData;
 use bevy::transform::components::GlobalTransform;
+use frugal_core::control::Limits;
 
-use super::limits::Limits;
 use super::state::CameraState;
 use super::{
     Budget, CameraPriority, Choice, ErrorFeedback, ErrorPace, FrontierMapHandle, FrontierSource,

@@ -16,47 +16,25 @@
 //! [`PowerFeedback`] says how the app's meter corrects predicted watts. [`CameraController`] is the
 //! same controller without an app: plain data in, [`Decisions`] out.
 
-mod agree;
 mod app_budget;
-mod bounds;
-mod budget;
 mod camera;
 mod components;
-mod controller;
-mod correction;
-mod divide;
-mod dwell;
-mod error_feedback;
 mod events;
-mod exchange;
-mod filter;
 mod frame;
-mod frame_rate;
-mod history;
-mod limits;
 mod maps;
-mod observed;
-mod pace;
 mod plugin;
 mod power_feedback;
-mod select;
 mod state;
 mod write;
 
 pub use app_budget::{AppBudget, CameraPriority};
-pub use bounds::KnobBounds;
-pub use budget::{Budget, BudgetError, Limit};
-pub use components::{
-    ControlSettings, ControlStatus, FrontierMapHandle, FrontierSource, OffReason, Selection,
-};
-pub use controller::{CameraController, Decisions, Inputs};
-pub use correction::{PowerCorrection, PowerModel};
-pub use divide::PowerDivision;
-pub use error_feedback::ErrorFeedback;
+pub use components::{ControlStatus, FrontierMapHandle, FrontierSource, OffReason, Selection};
 pub use events::{BudgetStateChanged, MapRejected, SettingsSwitched};
-pub use filter::{SettingsFilter, TransitionTimes};
+pub use frugal_core::control::{
+    Budget, BudgetError, CameraController, Choice, ControlSettings, Decisions, ErrorFeedback,
+    ErrorPace, ErrorPrice, Inputs, KnobBounds, Limit, MAX_OVER_MEAN, Outcome, PowerCorrection,
+    PowerDivision, PowerModel, SettingsFilter, TransitionTimes, select,
+};
 pub(crate) use maps::frontier_in_play;
-pub use pace::ErrorPace;
 pub use plugin::{ControlPlugin, ControlSystems};
 pub use power_feedback::{FeedbackState, PowerFeedback};
-pub use select::{Choice, ErrorPrice, MOST_OVER_MEAN, Outcome, select};

@@ -11,9 +11,8 @@ use bevy::ecs::system::{Query, Res, ResMut};
 use bevy::log::warn;
 use bevy::time::{Real, Time};
 use bevy::transform::TransformSystems;
+use frugal_core::control::{FrameKind, FrameRate, FrameSignals, SignalModel};
 
-use super::frame_rate::{FrameKind, FrameRate};
-use super::observed::{FrameSignals, SignalModel};
 use super::power_feedback::{FeedbackModel, sum};
 use super::state::CameraState;
 use super::*;
@@ -62,25 +61,6 @@ impl Plugin for ControlPlugin {
             .add_message::<SettingsSwitched>()
             .add_message::<BudgetStateChanged>()
             .add_message::<MapRejected>()
-            .register_type::<AppBudget>()
-            .register_type::<Budget>()
-            .register_type::<CameraPriority>()
-            .register_type::<ControlSettings>()
-            .register_type::<ControlStatus>()
-            .register_type::<BatteryLevel>()
-            .register_type::<ErrorFeedback>()
-            .register_type::<ErrorPace>()
-            .register_type::<FrameTime>()
-            .register_type::<KnobBounds>()
-            .register_type::<Limit>()
-            .register_type::<ThermalHeadroom>()
-            .register_type::<FrontierMapHandle>()
-            .register_type::<KnownKnobs>()
-            .register_type::<OffReason>()
-            .register_type::<Outcome>()
-            .register_type::<PowerFeedback>()
-            .register_type::<Selection>()
-            .register_type::<SettingsFilter>()
             .add_observer(camera::forget_camera::<FrontierMapHandle>)
             .add_observer(camera::forget_camera::<FrontierSource>)
             .configure_sets(

@@ -5,8 +5,8 @@ use bevy::ecs::reflect::ReflectResource;
 use bevy::log::warn;
 use bevy::prelude::ReflectDefault;
 use bevy::reflect::Reflect;
+use frugal_core::control::{FrameKind, FrameRate, RatedAt};
 
-use super::frame_rate::{FrameKind, FrameRate, RatedAt};
 use super::{PowerCorrection, PowerModel};
 use crate::frontier::Comparison;
 use crate::power::{MeterState, MeteredPower, Provenance};

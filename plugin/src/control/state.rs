@@ -1,9 +1,8 @@
 //! What the controller keeps of a camera from frame to frame, beside the components that an app sees.
 
 use bevy::ecs::component::Component;
+use frugal_core::control::{BoundedFrontier, RatedAt};
 
-use super::bounds::BoundedFrontier;
-use super::frame_rate::RatedAt;
 use super::power_feedback::Predicted;
 use crate::frontier::{MapFit, Misfit};
 use crate::units::Watts;

@@ -4,8 +4,8 @@ use std::sync::Arc;
 
 use bevy::ecs::prelude::*;
 use bevy::ecs::system::SystemParam;
+use frugal_core::control::Decisions;
 
-use super::controller::Decisions;
 use super::frame::{ControlledItem, same_space};
 use super::{
     BudgetStateChanged, ControlStatus, MapRejected, OffReason, Selection, SettingsSwitched,

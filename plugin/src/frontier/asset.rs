@@ -5,10 +5,7 @@ use bevy::asset::io::Reader;
 use bevy::asset::{AssetApp, AssetLoader, LoadContext};
 use bevy::reflect::TypePath;
 
-use super::{
-    Bounds, Capture, FrontierMap, FrontierMapError, MapFit, SampleCamera, SceneIdentity,
-    ShownScene, Thresholds,
-};
+use super::{FrontierMap, FrontierMapError};
 
 /// Asset loader of [`FrontierMap`]s from `*.pareto.ron` files: RON text in UTF-8, validated. Fails
 /// with [`FrontierMapLoadError`].
@@ -58,15 +55,6 @@ pub struct FrontierMapPlugin;
 
 impl Plugin for FrontierMapPlugin {
     fn build(&self, app: &mut App) {
-        app.init_asset::<FrontierMap>()
-            .init_asset_loader::<FrontierMapLoader>()
-            .register_asset_reflect::<FrontierMap>()
-            .register_type::<SceneIdentity>()
-            .register_type::<Capture>()
-            .register_type::<Thresholds>()
-            .register_type::<Bounds>()
-            .register_type::<SampleCamera>()
-            .register_type::<MapFit>()
-            .register_type::<ShownScene>();
+        app.init_asset::<FrontierMap>().init_asset_loader::<FrontierMapLoader>();
     }
 }

@@ -1,30 +1,12 @@
-//! Pareto frontiers and the map that stores one for every sample camera.
+//! Frontier maps in an app: the asset, its loader, and a Bevy camera's view of them.
+
 mod asset;
-mod conditions;
-mod error_rates;
-mod estimate;
-mod knob_effects;
-mod map;
-mod map_error;
-mod octree;
-mod pareto;
-mod pareto_serde;
-mod shared_knobs;
-mod store;
-mod stored;
 #[cfg(test)]
+#[path = "../../core/src/frontier/testing.rs"]
+#[allow(dead_code, unreachable_pub, unused_qualifications)]
 pub(crate) mod testing;
 mod view;
-mod view_cube;
+
 pub use asset::{FrontierMapLoadError, FrontierMapLoader, FrontierMapPlugin};
-pub use conditions::{AppConditions, Comparison, Conditions, MapFit, Misfit, ShownScene};
-pub use error_rates::{ErrorRate, ErrorRates};
-pub use knob_effects::KnobEffects;
-pub use map::{Bounds, Capture, FrontierMap, SceneIdentity, Thresholds, WorkPrices};
-pub use map_error::FrontierMapError;
-pub use octree::{Corner, CornerNumberError, Leaf, Octree, OctreeError};
-pub(crate) use pareto::ERROR_UNIT;
-pub use pareto::{CostPoint, Frontier, FrontierPoint};
-pub use shared_knobs::{SharedKnobs, SharedLevels};
-pub use store::{Address, FrontierStore, SampleCamera, SampleRef, address_in, look_up_in};
-pub use view::{CameraView, ViewDirection};
+pub use frugal_core::frontier::*;
+pub use view::camera_view;

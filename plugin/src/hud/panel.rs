@@ -17,7 +17,7 @@ use crate::control::{
 };
 use crate::error_meter::MeasuredError;
 use crate::frontier::{
-    CameraView, CostPoint, Frontier, FrontierMap, FrontierStore, KnobEffects, MapFit,
+    CostPoint, Frontier, FrontierMap, FrontierStore, KnobEffects, MapFit, camera_view,
 };
 use crate::knobs::{KnobSettings, WarmKnobs};
 use crate::power::MeteredPower;
@@ -131,7 +131,7 @@ impl ShownItem<'_, '_> {
         maps: Option<&'a Assets<FrontierMap>>,
         feedback: Option<&PowerFeedback>,
     ) -> Option<&'a Frontier> {
-        let view = CameraView::from_camera(self.transform, self.projection);
+        let view = camera_view(self.transform, self.projection);
         let has_left_map = feedback.is_some_and(|feedback| feedback.has_left_map);
         let store = self.store(maps)?;
         Some(frontier_in_play(store, store.look_up(&view)?, has_left_map))

@@ -9,26 +9,17 @@
 mod apply;
 mod builtin;
 mod driver;
-mod knob;
 mod known;
-mod levels;
 mod reconcile;
 mod settings;
-mod space;
-mod suggestion;
 mod warm;
 
 pub use crate::schedule::KnobSystems;
 pub use apply::KnobPlugin;
 pub(crate) use builtin::allow_authored;
 pub use driver::{KnobDriver, KnobRegistry, KnobScope, RegisterKnob};
-pub use knob::{DependsOn, Knob, Level};
+pub use frugal_core::knobs::*;
 pub use known::KnownKnobs;
-pub use levels::KnobLevels;
 pub use reconcile::AppliedKnobs;
 pub use settings::KnobSettings;
-pub use space::{KnobSpace, KnobSpaceError};
-// For the tool, whose scene files have misspelt words, too. Not part of the interface.
-#[doc(hidden)]
-pub use suggestion::did_you_mean;
 pub use warm::WarmKnobs;

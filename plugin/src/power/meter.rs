@@ -2,32 +2,9 @@
 
 use std::time::Duration;
 
-use bevy::reflect::Reflect;
-use serde::{Deserialize, Serialize};
+pub use frugal_core::power::{MeterInfo, Provenance};
 
 use crate::units::{Joules, Watts};
-
-/// Provenance of a power figure.
-#[derive(Clone, Debug, PartialEq, Eq, Reflect, Serialize, Deserialize)]
-#[serde(rename_all = "lowercase")]
-pub enum Provenance {
-    /// Read from a hardware counter.
-    Measured,
-    /// Computed from another quantity by a model.
-    Modelled,
-}
-
-/// A meter's name, provenance and coverage.
-#[derive(Clone, Debug, PartialEq, Eq, Reflect, Serialize, Deserialize)]
-pub struct MeterInfo {
-    /// Name, as on the command line: `nvml`, `cpu-time`…
-    pub name: String,
-    /// Measured or modelled.
-    pub provenance: Provenance,
-    /// Coverage and method, in one line: "whole board, NVML energy counter", "process CPU time ×
-    /// 3.5 W per core".
-    pub description: String,
-}
 
 /// Why a meter gives no reading. An unknown power is always an error, never 0 W.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]

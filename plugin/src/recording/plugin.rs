@@ -14,7 +14,7 @@ use bevy::transform::TransformSystems;
 use super::CameraSample;
 use super::writer::{self, CameraWriter};
 use crate::file_thread::Sent;
-use crate::frontier::CameraView;
+use crate::frontier::{CameraView, camera_view};
 
 /// Marks a camera whose path [`CameraRecorderPlugin`] records. An inactive camera is not recorded.
 #[derive(Component, Clone, Copy, Debug, Default, PartialEq, Eq, Reflect)]
@@ -214,7 +214,7 @@ fn sample_cameras(
     recorder.tracks.retain(|camera, _| cameras.contains(*camera));
     for (entity, camera, transform, projection) in &cameras {
         if camera.is_active {
-            recorder.sample(entity, now, CameraView::from_camera(transform, projection));
+            recorder.sample(entity, now, camera_view(transform, projection));
         }
     }
 }

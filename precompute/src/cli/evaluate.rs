@@ -2,6 +2,7 @@
 
 use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
+use std::time::Duration;
 
 use bevy_frugal_gi::control::ControlSettings;
 use bevy_frugal_gi::frontier::{FrontierMap, SceneIdentity};
@@ -53,7 +54,7 @@ pub(super) struct Arguments {
     /// Duration of transitions between settings, up and down, in seconds; default as in an app: 1
     /// s, and 0.5 s down under a power limit
     #[arg(long, value_name = "S", value_parser = transition, allow_hyphen_values = true)]
-    transition: Option<f64>,
+    transition: Option<Duration>,
     /// Power meter; default: the map's. `work`: prices of work, the same in every run
     #[arg(long, value_name = "NAME")]
     meter: Option<String>,
@@ -81,18 +82,18 @@ pub(super) enum Baselines {
     None,
 }
 
-fn transition(text: &str) -> Result<f64, String> {
-    text.parse()
-        .ok()
-        .filter(|seconds: &f64| *seconds >= 0.0)
-        .ok_or_else(|| "expected seconds, 0 or more".to_owned())
+fn transition(text: &str) -> Result<Duration, String> {
+    let seconds = text.parse().ok().filter(|seconds: &f64| *seconds >= 0.0);
+    // Beyond what a duration holds, infinity among it, is never.
+    let time = |seconds| Duration::try_from_secs_f64(seconds).unwrap_or(Duration::MAX);
+    seconds.map(time).ok_or_else(|| "expected seconds, 0 or more".to_owned())
 }
 
 impl Arguments {
     fn control(&self) -> ControlSettings {
-        self.transition.map_or_else(ControlSettings::default, |seconds| ControlSettings {
-            transition_seconds: seconds,
-            fall_seconds: seconds,
+        self.transition.map_or_else(ControlSettings::default, |time| ControlSettings {
+            transition: time,
+            fall: time,
             ..Default::default()
         })
     }

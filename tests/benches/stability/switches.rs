@@ -101,10 +101,10 @@ impl Bench {
     fn filtered(&mut self, map: &FrontierMap, from: KnobLevels, to: KnobLevels) -> Vec<f64> {
         self.switch(from);
         let seconds = self.stage.options().frames_per_second.recip();
-        let times = TransitionTimes::both(ControlSettings::TRANSITION_SECONDS);
+        let times = TransitionTimes::both(ControlSettings::TRANSITION);
         let mut filter = SettingsFilter::default();
         filter.resume_from(from);
-        let frames = (ControlSettings::TRANSITION_SECONDS / seconds).ceil() as usize + FRAMES;
+        let frames = (ControlSettings::TRANSITION.as_secs_f64() / seconds).ceil() as usize + FRAMES;
         let step = |_| {
             let applied = filter.step(&map.knobs, to, seconds, times);
             self.stage.switch(applied);

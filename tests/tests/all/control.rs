@@ -1,5 +1,7 @@
 //! A camera under the controller, with a hand-written map.
 
+use std::time::Duration;
+
 use bevy::asset::Assets;
 use bevy::math::Vec3;
 use bevy_frugal_gi::control::{
@@ -34,9 +36,9 @@ fn control(stage: &mut Stage, knobs: KnobSpace, budget: Budget, seconds: f64) {
     let camera = set::camera(stage);
     let world = stage.world_mut();
     world.insert_resource(ControlSettings {
-        transition_seconds: seconds,
-        fall_seconds: seconds,
-        dwell_seconds: 0.0,
+        transition: Duration::from_secs_f64(seconds),
+        fall: Duration::from_secs_f64(seconds),
+        dwell: Duration::ZERO,
         ..Default::default()
     });
     let map = world.resource_mut::<Assets<FrontierMap>>().add(map::one_cube(knobs));
@@ -132,9 +134,10 @@ fn settings_move_smoothly() {
     let knobs = space(&stage);
     control(&mut stage, knobs, Budget::power(Watts(1.0)), 0.0);
     // The stage's clock steps by 1/30 s: a second is 30 frames.
-    stage
-        .world_mut()
-        .insert_resource(ControlSettings { transition_seconds: 1.0, ..Default::default() });
+    stage.world_mut().insert_resource(ControlSettings {
+        transition: Duration::from_secs(1),
+        ..Default::default()
+    });
     let camera = set::camera(&mut stage);
     stage.world_mut().entity_mut(camera).insert(Budget::power(Watts(4.0)));
     let mut levels = Vec::new();

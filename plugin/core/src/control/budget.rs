@@ -1,0 +1,227 @@
+//! The limits of a camera, as the app gives them.
+
+#[cfg(feature = "bevy")]
+use bevy_ecs::reflect::ReflectComponent;
+#[cfg(feature = "bevy")]
+use bevy_reflect::Reflect;
+#[cfg(feature = "bevy")]
+use bevy_reflect::std_traits::ReflectDefault;
+use std::time::Duration;
+
+use crate::units::{Joules, Watts};
+
+/// Limits on a camera's power, error, and other currencies. Without a limit the controller selects the best
+/// settings.
+///
+/// - Power only: least error within the limit, in every frame (Wang et al. 2016, equation 3.2).
+/// - Error only: least power whose mean error stays within the limit (equation 3.3; for the mean
+///   see [`ErrorRates`](crate::frontier::ErrorRates)).
+/// - Both: least power whose mean error stays within the error limit, as long as that is within the
+///   power limit; else the least error within the power limit.
+///
+/// Limits of other currencies become power limits by signals of the app and its device, and the
+/// tightest one holds; `Selection::binding` names it. A limit begins
+/// with the first figure of its signal. Figures that are missing later are the last one for ten
+/// seconds, then the conservative one: no headroom, and a battery that goes on giving its power.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[cfg_attr(
+    feature = "bevy",
+    derive(bevy_ecs::component::Component, Reflect),
+    reflect(Component, Default, Clone, Debug, PartialEq)
+)]
+#[non_exhaustive]
+pub struct Budget {
+    /// Power limit, in watts, at the frame rate of the frontier map; at least 0, infinity for no
+    /// limit.
+    ///
+    /// Higher values improve quality and cost more power; lower values cost less and raise the
+    /// error. No settings cost 0 W: the controller then selects the cheapest and reports the unmet
+    /// limit in the selection.
+    pub power: Option<Watts>,
+    /// Limit on the error averaged over frames: 1 − SSIM against the best settings, 0 to 2; at
+    /// least 0, infinity for no limit.
+    ///
+    /// Higher values cost less power and lower quality; lower values cost more. A single frame in
+    /// which error is expensive to reduce may exceed the limit, by at most
+    /// [`MAX_OVER_MEAN`](super::MAX_OVER_MEAN).
+    pub error: Option<f64>,
+    /// Limit on the energy of a frame, in joules; at least 0, infinity for no limit. The app's
+    /// power over its frame rate; without a meter that corrects predictions, the map's.
+    pub energy_per_frame: Option<Joules>,
+    /// Limit on the time of a frame's work (`FrameTime`).
+    ///
+    /// The map knows no times: what a predicted watt takes is learnt from frame to frame.
+    pub frame_time: Option<Duration>,
+    /// When the battery (`BatteryLevel`) may be empty, in real time
+    /// since the app's start: for two more hours, `time.elapsed() + Duration::from_secs(7200)` of
+    /// `Time<Real>`. Without a battery, with a charger, or after that time, it limits nothing.
+    pub battery_until: Option<Duration>,
+    /// Thermal headroom (`ThermalHeadroom`) to keep, 0 to 1; 0
+    /// for no limit. Below it, the power limit falls in proportion from the best settings' power to
+    /// the cheapest ones' at a headroom of 0.
+    ///
+    /// Higher values keep the device cooler, lower values more quality.
+    pub headroom: Option<f64>,
+}
+
+/// A currency of a [`Budget`].
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "bevy", derive(Reflect))]
+#[non_exhaustive]
+pub enum Limit {
+    /// Power, in watts.
+    Power,
+    /// Error, as 1 − SSIM.
+    Error,
+    /// Energy of a frame, in joules.
+    EnergyPerFrame,
+    /// Time of a frame's work.
+    FrameTime,
+    /// Time until the battery is empty.
+    Battery,
+    /// Distance from throttling.
+    Headroom,
+    /// The camera's part of an `AppBudget`.
+    AppBudget,
+    /// Levels that the camera's [`KnobBounds`](super::KnobBounds) exclude.
+    KnobBounds,
+}
+
+/// Invalid budget: a limit that is NaN, negative or out of its range.
+#[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
+#[non_exhaustive]
+pub enum BudgetError {
+    /// The power limit, in watts, is NaN or negative.
+    #[error("power budget of {0} W: give a number of watts of 0 or more, or no limit")]
+    Power(f64),
+    /// The error limit (1 − SSIM) is NaN or negative.
+    #[error("error budget of {0}: give 1 - SSIM as a number of 0 or more, or no limit")]
+    Error(f64),
+    /// The limit on the energy of a frame, in joules, is NaN or negative.
+    #[error("energy budget of {0} J per frame: give a number of joules of 0 or more, or no limit")]
+    EnergyPerFrame(f64),
+    /// The thermal headroom to keep is not from 0 to 1.
+    #[error("thermal headroom of {0} to keep: give a number from 0 to 1, or no limit")]
+    Headroom(f64),
+}
+
+impl Budget {
+    /// The limits that are given, in watts and as 1 − SSIM; `None` is no limit.
+    pub const fn new(power: Option<Watts>, error: Option<f64>) -> Self {
+        let (energy_per_frame, frame_time, battery_until, headroom) = (None, None, None, None);
+        Self { power, error, energy_per_frame, frame_time, battery_until, headroom }
+    }
+
+    /// Least error within `power`, in watts.
+    pub const fn power(power: Watts) -> Self {
+        Self::new(Some(power), None)
+    }
+
+    /// Least power whose mean error is at most `error` (1 − SSIM, no unit).
+    pub const fn error(error: f64) -> Self {
+        Self::new(None, Some(error))
+    }
+
+    /// Both limits, in watts and as 1 − SSIM. Power takes priority where they conflict.
+    pub const fn both(power: Watts, error: f64) -> Self {
+        Self::new(Some(power), Some(error))
+    }
+
+    /// The same with a limit on the energy of a frame, in joules.
+    #[must_use]
+    pub const fn with_energy_per_frame(self, energy: Joules) -> Self {
+        Self { energy_per_frame: Some(energy), ..self }
+    }
+
+    /// The same with a limit on the time of a frame's work.
+    #[must_use]
+    pub const fn with_frame_time(self, time: Duration) -> Self {
+        Self { frame_time: Some(time), ..self }
+    }
+
+    /// The same with a time until which the battery lasts, since the app's start.
+    #[must_use]
+    pub const fn with_battery_until(self, until: Duration) -> Self {
+        Self { battery_until: Some(until), ..self }
+    }
+
+    /// The same with a thermal headroom to keep, 0 to 1.
+    #[must_use]
+    pub const fn with_headroom(self, share: f64) -> Self {
+        Self { headroom: Some(share), ..self }
+    }
+
+    /// Checks that each limit is at least 0, and a headroom at most 1. Infinity is valid otherwise.
+    ///
+    /// # Errors
+    /// [`BudgetError`] for the first limit that is not, NaN included; the power limit is checked
+    /// first.
+    pub fn validate(&self) -> Result<(), BudgetError> {
+        let is_invalid = |limit: &f64| limit.is_nan() || *limit < 0.0;
+        if let Some(power) = self.power.map(|power| power.0).filter(is_invalid) {
+            return Err(BudgetError::Power(power));
+        }
+        if let Some(error) = self.error.filter(is_invalid) {
+            return Err(BudgetError::Error(error));
+        }
+        if let Some(energy) = self.energy_per_frame.map(|energy| energy.0).filter(is_invalid) {
+            return Err(BudgetError::EnergyPerFrame(energy));
+        }
+        match self.headroom.filter(|share| !(0.0..=1.0).contains(share)) {
+            Some(share) => Err(BudgetError::Headroom(share)),
+            None => Ok(()),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn zero_and_infinity_are_valid_limits_nan_and_negative_numbers_are_not() {
+        for limit in [0.0, -0.0, 1e-300, 7.0, f64::INFINITY] {
+            assert_eq!(Budget::power(Watts(limit)).validate(), Ok(()));
+            assert_eq!(Budget::error(limit).validate(), Ok(()));
+            assert_eq!(Budget::both(Watts(limit), limit).validate(), Ok(()));
+        }
+        for limit in [f64::NAN, -1e-300, -7.0, f64::NEG_INFINITY] {
+            assert!(matches!(Budget::power(Watts(limit)).validate(), Err(BudgetError::Power(_))));
+            assert!(matches!(Budget::error(limit).validate(), Err(BudgetError::Error(_))));
+            assert!(matches!(
+                Budget::both(Watts(1.0), limit).validate(),
+                Err(BudgetError::Error(_))
+            ));
+        }
+        assert_eq!(Budget::default().validate(), Ok(()));
+    }
+
+    #[test]
+    fn limits_of_other_currencies_are_checked_too() {
+        let none = Budget::default();
+        for energy in [0.0, 0.2, f64::INFINITY] {
+            assert_eq!(none.with_energy_per_frame(Joules(energy)).validate(), Ok(()));
+        }
+        for odd in [f64::NAN, -0.1, f64::NEG_INFINITY] {
+            let energy = none.with_energy_per_frame(Joules(odd)).validate();
+            assert!(matches!(energy, Err(BudgetError::EnergyPerFrame(_))), "{odd}");
+            let headroom = none.with_headroom(odd).validate();
+            assert!(matches!(headroom, Err(BudgetError::Headroom(_))), "{odd}");
+        }
+        assert!(none.with_headroom(1.1).validate().is_err());
+        for share in [0.0, 0.3, 1.0] {
+            assert_eq!(none.with_headroom(share).validate(), Ok(()));
+        }
+        let all = Budget::both(Watts(7.0), 0.02)
+            .with_frame_time(Duration::ZERO)
+            .with_battery_until(Duration::MAX);
+        assert_eq!((all.validate(), all.power, all.error), (Ok(()), Some(Watts(7.0)), Some(0.02)));
+    }
+
+    #[test]
+    fn the_message_tells_the_value_and_the_remedy() {
+        let message =
+            Budget::power(Watts(-2.0)).validate().expect_err("a negative budget").to_string();
+        assert!(message.contains("-2 W") && message.contains("0 or more"), "{message}");
+    }
+}

@@ -1,0 +1,315 @@
+//! Temporal filter: moves settings to their target level by level, so that quality never jumps.
+//!
+//! Wang et al. 2016, equation 3.8: `s = round((1 − t/T)·s_old + (t/T)·s_new)` for each knob, t
+//! seconds after the target changed; T is 2 s there and 1 s here. For a constant target the filter
+//! equals this closed form.
+//!
+//! Where a target changes before T has passed, every knob continues from its unrounded position, with
+//! hysteresis: a level reverses its last change only `REVERSAL_MARGIN` beyond the half-way point. The
+//! position is then a running mean of the target. A moving knob keeps its rate while its target stays
+//! on the same side, so it reaches the range of its targets within T whatever the targets do inside
+//! that range.
+//!
+//! A knob that needs another (rays need virtual point lights) moves while it has no effect: before the
+//! other is switched on, and after it is switched off, at the latest within T. Each by its own time,
+//! settings in between were none of the frontier's: lights without rays shine through walls, and on a
+//! map's furthest switches the filter made the image step further than it does without a filter.
+//!
+//! Where targets alternate for long, a knob that has changed often of late
+//! ([`limit_changes`](SettingsFilter::limit_changes)) waits before it rises again, and falls in one step
+//! instead of level by level.
+//!
+//! T may differ up and down ([`TransitionTimes`]): settings fall quickly when the power limit is
+//! exceeded, and rise slowly when power is left over.
+
+use std::time::Duration;
+
+use glam::Vec3;
+
+use super::dwell::Dwell;
+use crate::cut::is_cut;
+use crate::frontier::CameraView;
+use crate::knobs::{KnobLevels, KnobSpace};
+
+/// Upper limit of one step, in seconds. A longer step ends every transition anyway.
+const MAX_STEP_SECONDS: f64 = 1e9;
+
+/// Distance beyond the half-way point at which a position reverses the last change of its level, in
+/// levels.
+///
+/// Higher values suppress more level changes under an alternating target. The margin must stay
+/// below one half, so that a knob at rest is at its target. A target that alternates between
+/// neighbouring levels then moves the level only if it stays at each for more than half a
+/// transition. A target that alternates between levels A apart, h seconds at each, makes the
+/// position oscillate over A·r·f / (r + f − r·f) levels, where r and f are h in units of the rise
+/// and fall times; up to two margins, the level comes to rest.
+const REVERSAL_MARGIN: f64 = 0.25;
+
+/// Changes of a knob's level in succession before their rate is limited; more where it has more levels,
+/// so that a transition over all of them stays gradual.
+const BURST: usize = 4;
+
+/// Duration of a knob's transition to its new level. Levels are ordered cheapest first: falling
+/// saves power, rising reduces error.
+///
+/// Higher values change quality more gradually and take longer to end an excess over the budget.
+/// [`Duration::ZERO`] switches at once, [`Duration::MAX`] never. Default:
+/// [`ControlSettings::TRANSITION`](super::ControlSettings::TRANSITION) in both directions.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct TransitionTimes {
+    /// To a more expensive level. Lower values raise quality sooner and more visibly; higher values
+    /// save power during the transition.
+    pub rise: Duration,
+    /// To a cheaper level. Lower values reduce power sooner and more visibly; higher values keep
+    /// quality, at its power, during the transition.
+    pub fall: Duration,
+}
+
+impl TransitionTimes {
+    /// `time` in both directions, as in the closed form of Wang et al.
+    pub const fn both(time: Duration) -> Self {
+        Self { rise: time, fall: time }
+    }
+
+    /// Fraction of a transition in `delta_seconds`, 0 to 1, for a knob with `remaining` levels to
+    /// go.
+    fn fraction(self, delta_seconds: f64, remaining: f64) -> f64 {
+        match if remaining > 0.0 { self.rise } else { self.fall } {
+            Duration::ZERO => 1.0,
+            Duration::MAX => 0.0,
+            time => (delta_seconds / time.as_secs_f64()).min(1.0),
+        }
+    }
+}
+
+impl Default for TransitionTimes {
+    fn default() -> Self {
+        Self::both(super::ControlSettings::TRANSITION)
+    }
+}
+
+/// Direction of a level's last change since its knob was at rest.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+enum Change {
+    #[default]
+    None,
+    Up,
+    Down,
+}
+
+/// The transition of one knob.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+struct Transition {
+    /// Unrounded position, in levels.
+    position: f64,
+    to: u8,
+    /// Levels per transition, at least the remaining distance. Not per second, so that times may
+    /// change during a transition.
+    rate: f64,
+    /// The applied level.
+    level: u8,
+    last: Change,
+    /// Changes of the level of late; falls with time.
+    changes: f64,
+}
+
+impl Transition {
+    fn at_rest(level: u8) -> Self {
+        Self {
+            position: f64::from(level),
+            to: level,
+            rate: 0.0,
+            level,
+            last: Change::None,
+            changes: 0.0,
+        }
+    }
+
+    /// Remaining levels; negative downwards.
+    fn remaining(&self) -> f64 {
+        f64::from(self.to) - self.position
+    }
+
+    fn advance(&mut self, delta_seconds: f64, times: TransitionTimes) {
+        let remaining = self.remaining();
+        let step = self.rate * times.fraction(delta_seconds, remaining);
+        // Set exactly at the end: rounding errors must not prolong a transition for ever.
+        self.position = if remaining.abs() <= step {
+            f64::from(self.to)
+        } else {
+            self.position + step.copysign(remaining)
+        };
+    }
+
+    fn turn_to(&mut self, to: u8) {
+        let before = self.remaining();
+        self.to = to;
+        let after = self.remaining();
+        // A knob that slowed at each change of the target's distance would never arrive.
+        let same_side = before * after > 0.0;
+        self.rate = if same_side { self.rate.max(after.abs()) } else { after.abs() };
+        if before == 0.0 {
+            self.last = Change::None;
+        }
+    }
+
+    /// Rounds the position as the closed form does, with hysteresis on reversals. A knob that has
+    /// changed too often rises later, and falls to its target at once.
+    fn round(&mut self, most_changes: f64) {
+        let margin = |taken_back| if self.last == taken_back { REVERSAL_MARGIN } else { 0.0 };
+        let (up, down) = (0.5 + margin(Change::Down), 0.5 + margin(Change::Up));
+        let offset = self.position - f64::from(self.level);
+        // A tie rounds up, as in `f64::round`: positions are never negative.
+        let change = if offset >= up {
+            Change::Up
+        } else if offset < -down {
+            Change::Down
+        } else {
+            return;
+        };
+        if self.changes >= most_changes {
+            if change == Change::Up {
+                return;
+            }
+            // A budget must not wait.
+            if self.to < self.level {
+                self.position = f64::from(self.to);
+            }
+        }
+        self.level = self.position.round() as u8;
+        self.changes += 1.0;
+        self.last = change;
+    }
+}
+
+/// The temporal filter of one camera.
+#[derive(Clone, Debug, Default, PartialEq)]
+#[cfg_attr(feature = "bevy", derive(bevy_ecs::component::Component))]
+pub struct SettingsFilter {
+    transitions: [Transition; KnobLevels::MAX_KNOBS],
+    applied: KnobLevels,
+    /// Whether the next step continues from `applied` instead of jumping to its target.
+    smooth: bool,
+    /// Position and viewing direction of the last frame.
+    seen: Option<(Vec3, Vec3)>,
+    pub(super) dwell: Dwell,
+    /// Mean changes of a knob's level per second that are allowed; `None` for any number.
+    changes_per_second: Option<f64>,
+}
+
+impl SettingsFilter {
+    /// Settings of the last step; all levels 0 before the first.
+    pub fn applied(&self) -> KnobLevels {
+        self.applied
+    }
+
+    /// Makes the next step jump to its target. Call it when the camera cuts to another place: no
+    /// transition from the previous image is visible. The first step of a new filter jumps too.
+    pub fn cut(&mut self) {
+        self.smooth = false;
+        self.dwell.end();
+    }
+
+    /// Lets the next target in at once, with a transition.
+    pub fn end_dwell(&mut self) {
+        self.dwell.end();
+    }
+
+    /// Limits how often a knob's level changes, in changes per second; those of one transition, and
+    /// four in succession, are always allowed. `None`, infinity, NaN and negative numbers are no
+    /// limit. Lower values switch less often and leave more of a budget unused; 0 allows one
+    /// transition, and then only falls.
+    pub fn limit_changes(&mut self, per_second: Option<f64>) {
+        self.changes_per_second = per_second.filter(|rate| (0.0..f64::INFINITY).contains(rate));
+    }
+
+    /// Forgets earlier changes of levels: another budget does not wait for them.
+    pub fn forget_changes(&mut self) {
+        self.transitions.iter_mut().for_each(|transition| transition.changes = 0.0);
+    }
+
+    /// Tells the filter of this frame's view, `delta_seconds` after that of the last call: one that
+    /// is elsewhere is a [cut](Self::cut), as [`is_cut`] tells.
+    pub fn observe_view(&mut self, view: &CameraView, delta_seconds: f64) {
+        let now = (view.position, view.rotation * Vec3::NEG_Z);
+        if let Some(then) = self.seen.replace(now)
+            && is_cut(then, now, delta_seconds as f32)
+        {
+            self.cut();
+        }
+    }
+
+    /// Whether the next step continues from the applied settings: false after a [cut](Self::cut)
+    /// and before the first step.
+    pub fn is_smooth(&self) -> bool {
+        self.smooth
+    }
+
+    /// Continues from `settings`, which were applied outside this filter, at the start of a full
+    /// transition.
+    pub fn resume_from(&mut self, settings: KnobLevels) {
+        for (knob, transition) in self.transitions.iter_mut().enumerate() {
+            *transition = Transition::at_rest(settings.level(knob) as u8);
+        }
+        self.applied = settings;
+        self.smooth = true;
+    }
+
+    /// Advances by `delta_seconds` towards `target` and returns the settings to apply, always valid
+    /// in `space`.
+    ///
+    /// A transition from rest takes its entry in `times`, whatever its length in levels. The step
+    /// itself belongs to the previous target: a new target starts at t = 0. A negative or NaN step
+    /// counts as 0. Levels of `target` beyond those of `space` are clamped.
+    pub fn step(
+        &mut self,
+        space: &KnobSpace,
+        target: KnobLevels,
+        delta_seconds: f64,
+        times: TransitionTimes,
+    ) -> KnobLevels {
+        // Not `clamp` alone, which lets NaN pass.
+        let delta_seconds =
+            if delta_seconds > 0.0 { delta_seconds.min(MAX_STEP_SECONDS) } else { 0.0 };
+        let target = space.from_levels(|knob, _| target.level(knob));
+        if !self.smooth {
+            self.resume_from(target);
+            return target;
+        }
+        let (transitions, before) = (&mut self.transitions, self.applied);
+        let forgotten = self.changes_per_second.map_or(f64::INFINITY, |rate| rate * delta_seconds);
+        self.applied = space.from_levels(|index, knob| {
+            let transition = &mut transitions[index];
+            transition.changes = (transition.changes - forgotten).max(0.0);
+            let highest = (knob.levels.len() - 1) as f64;
+            let to = target.level(index) as u8;
+            let is_at_rest = transition.to == to && transition.remaining() == 0.0;
+            let depends = !is_at_rest && knob.needs.is_some();
+            if depends && !space.has_effect(before, knob) {
+                // Nobody sees it: it is there before it has an effect.
+                *transition = Transition::at_rest(to);
+                return target.level(index);
+            }
+            transition.advance(delta_seconds, times);
+            // Resumed settings may belong to a larger space. `max` also rejects NaN, which
+            // reflection may write.
+            transition.position = transition.position.max(0.0).min(highest);
+            if transition.to != to {
+                transition.turn_to(to);
+                // A time of 0 completes the transition here.
+                transition.advance(0.0, times);
+            }
+            let is_kept =
+                depends && transition.remaining() != 0.0 && !space.has_effect(target, knob);
+            if !is_kept {
+                transition.round(highest.max(BURST as f64));
+            }
+            usize::from(transition.level)
+        });
+        self.applied
+    }
+}
+
+#[cfg(test)]
+#[path = "filter_tests.rs"]
+mod tests;

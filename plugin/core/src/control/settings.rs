@@ -1,0 +1,106 @@
+//! Transition times of the controller.
+
+use std::time::Duration;
+
+#[cfg(feature = "bevy")]
+use bevy_ecs::reflect::ReflectResource;
+#[cfg(feature = "bevy")]
+use bevy_reflect::Reflect;
+#[cfg(feature = "bevy")]
+use bevy_reflect::std_traits::ReflectDefault;
+
+use super::limits::Limits;
+use super::{Budget, TransitionTimes};
+
+/// Transition times of the controller, for all cameras, in real time. [`Duration::ZERO`] switches at
+/// once, [`Duration::MAX`] never.
+///
+/// Settings fall quickly when the power limit is exceeded and rise slowly when power is left over.
+#[derive(Clone, Copy, Debug, PartialEq)]
+#[cfg_attr(
+    feature = "bevy",
+    derive(bevy_ecs::resource::Resource, Reflect),
+    reflect(Resource, Default, Clone, Debug, PartialEq)
+)]
+pub struct ControlSettings {
+    /// Duration of every transition except a fall under a power limit. Higher values change quality
+    /// more gradually and follow the view later, which costs power under an error limit; lower
+    /// values follow sooner and change quality more visibly. Default: 1 s; Wang et al. 2016, equation
+    /// 3.8, use 2 s.
+    pub transition: Duration,
+    /// Duration of a fall to cheaper settings under a power limit. Lower values end an excess over
+    /// the limit sooner and change quality more visibly; higher values change it more gradually and
+    /// exceed the limit for longer. Default: 0.5 s.
+    pub fall: Duration,
+    /// Under a power limit, the least time from one change of the target to the next, as long as the
+    /// earlier one keeps the limits. Higher values change quality less often and use less of the
+    /// budget; lower values follow every border between two addresses of the map. A broken limit,
+    /// another budget and a cut do not wait. Default: 0.5 s.
+    pub dwell: Duration,
+    /// Under a power limit, how often a knob's level changes on average, in changes per second;
+    /// those of one transition are always allowed. Lower values change quality less often and use
+    /// less of the budget; infinity and NaN are no limit. Default: 0.85.
+    pub changes_per_second: f64,
+}
+
+impl ControlSettings {
+    /// Default of [`transition`](Self::transition).
+    pub const TRANSITION: Duration = Duration::from_secs(1);
+
+    /// [`changes_per_second`](Self::changes_per_second) under `limits`; `None` without a power limit:
+    /// what waits under an error limit is paid at the next view.
+    pub(super) fn change_limit(&self, limits: &Limits) -> Option<f64> {
+        limits.finite_power().map(|_| self.changes_per_second)
+    }
+
+    /// Transition times under `budget`. An infinite limit counts as none. With two limits the power
+    /// limit decides, as it does where they conflict. An error limit alone applies to the mean, so
+    /// neither direction is more urgent.
+    pub fn times(&self, budget: &Budget) -> TransitionTimes {
+        if budget.power.is_some_and(|limit| limit.0 < f64::INFINITY) {
+            TransitionTimes { rise: self.transition, fall: self.fall }
+        } else {
+            TransitionTimes::both(self.transition)
+        }
+    }
+}
+
+impl Default for ControlSettings {
+    fn default() -> Self {
+        Self {
+            transition: Self::TRANSITION,
+            fall: Duration::from_millis(500),
+            dwell: Duration::from_millis(500),
+            changes_per_second: 0.85,
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::units::Watts;
+
+    #[test]
+    fn falls_under_a_power_limit_are_fast() {
+        let (slow, fast) = (Duration::from_secs(3), Duration::from_millis(250));
+        let settings =
+            ControlSettings { transition: slow, fall: fast, ..ControlSettings::default() };
+        let power = TransitionTimes { rise: slow, fall: fast };
+        let error = TransitionTimes::both(slow);
+        let none = Watts(f64::INFINITY);
+        for (budget, expected) in [
+            (Budget::power(Watts(5.0)), power),
+            (Budget::power(Watts(0.0)), power),
+            (Budget::both(Watts(5.0), 0.1), power),
+            (Budget::error(0.1), error),
+            (Budget::both(none, 0.1), error),
+            (Budget::default(), error),
+            (Budget::both(none, f64::INFINITY), error),
+        ] {
+            assert_eq!(settings.times(&budget), expected, "{budget:?}");
+        }
+        let default = ControlSettings::default();
+        assert_eq!(default.times(&Budget::default()), TransitionTimes::default());
+    }
+}

@@ -1,0 +1,326 @@
+//! What a store's watts and errors refer to, and how well an app matches it.
+
+#[cfg(feature = "bevy")]
+use bevy_ecs::reflect::ReflectComponent;
+#[cfg(feature = "bevy")]
+use bevy_ecs::reflect::ReflectResource;
+#[cfg(feature = "bevy")]
+use bevy_reflect::Reflect;
+#[cfg(feature = "bevy")]
+use bevy_reflect::std_traits::ReflectDefault;
+use glam::{UVec2, Vec3};
+
+use super::{Bounds, CameraView, Capture, FrontierMap, SceneIdentity};
+use crate::power::MeterInfo;
+use crate::units::Watts;
+
+/// Conditions of a store's frontiers.
+#[derive(Clone, Copy, Debug)]
+pub struct Conditions<'a> {
+    /// The scene.
+    pub scene: &'a SceneIdentity,
+    /// Image size, frame rate and field of view.
+    pub capture: &'a Capture,
+    /// The power meter.
+    pub meter: &'a MeterInfo,
+    /// Where the sample cameras are.
+    pub bounds: &'a Bounds,
+    /// Idle power of the device that the frontiers' power includes, once for each camera.
+    pub idle: Watts,
+}
+
+impl FrontierMap {
+    /// Conditions of this map's frontiers.
+    pub fn conditions(&self) -> Conditions<'_> {
+        Conditions {
+            scene: &self.scene,
+            capture: &self.capture,
+            meter: &self.meter,
+            bounds: &self.bounds,
+            idle: self.work_prices.idle,
+        }
+    }
+}
+
+/// The scene that the app shows, for the comparison with a camera's map. Optional: without it the
+/// scenes are not compared.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+#[cfg_attr(
+    feature = "bevy",
+    derive(bevy_ecs::resource::Resource, Reflect),
+    reflect(Resource, Default, Clone, Debug, PartialEq)
+)]
+pub struct ShownScene(pub SceneIdentity);
+
+/// What is known of the app that shows a camera; `None` is unknown.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct AppConditions<'a> {
+    /// The scene.
+    pub scene: Option<&'a SceneIdentity>,
+    /// Size of the camera's image before resolution scale, pixels.
+    pub size: Option<UVec2>,
+    /// Frames per second.
+    pub frames_per_second: Option<f64>,
+    /// The power meter.
+    pub meter: Option<&'a MeterInfo>,
+}
+
+/// Result of a comparison.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[cfg_attr(feature = "bevy", derive(Reflect))]
+pub enum Comparison {
+    /// One side is unknown.
+    #[default]
+    Unknown,
+    /// Equal.
+    Same,
+    /// Different.
+    Different,
+}
+
+impl Comparison {
+    fn of<T: PartialEq>(a: T, b: Option<T>) -> Self {
+        match b {
+            None => Self::Unknown,
+            Some(b) if a == b => Self::Same,
+            Some(_) => Self::Different,
+        }
+    }
+}
+
+/// How well a camera's map fits the app that shows it: where it does not, the predicted watts and
+/// errors are those of another image. Written by the controller, read-only for the app.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[cfg_attr(
+    feature = "bevy",
+    derive(bevy_ecs::component::Component, Reflect),
+    reflect(Component, Default, Clone, Debug, PartialEq)
+)]
+pub struct MapFit {
+    /// Whether the map was made for the scene of [`ShownScene`].
+    pub scene: Comparison,
+    /// Whether the app's power is metered as the map's was. The watts of another meter may differ
+    /// by any factor.
+    pub meter: Comparison,
+    /// Pixels of the app's image ÷ the map's; `None` while unknown.
+    pub pixels: Option<f64>,
+    /// Frame rate of the app ÷ the map's; `None` while unknown.
+    pub frame_rate: Option<f64>,
+    /// Vertical field of view of the camera minus the map's, degrees; `None` while unknown.
+    pub field_of_view: Option<f64>,
+    /// Distance of the camera from the map's bounds, metres; 0 inside, `None` while unknown. The
+    /// frontier outside is that of the nearest position inside.
+    pub outside: Option<f32>,
+}
+
+/// A difference between a map and the app that shows it.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "bevy", derive(Reflect))]
+pub enum Misfit {
+    /// Another scene, or an earlier state of it.
+    Scene,
+    /// Another power meter, so another device.
+    Meter,
+    /// An image of another size.
+    Size,
+    /// Another frame rate.
+    FrameRate,
+    /// Another field of view.
+    FieldOfView,
+    /// A camera outside the map's bounds.
+    Outside,
+}
+
+impl Misfit {
+    /// All, in the order of declaration.
+    pub const ALL: [Self; 6] =
+        [Self::Scene, Self::Meter, Self::Size, Self::FrameRate, Self::FieldOfView, Self::Outside];
+}
+
+impl MapFit {
+    /// Relative difference in pixels, and in frame rate, above which they count as different.
+    pub const TOLERANCE: f64 = 0.05;
+    /// Difference in the field of view above which it counts as different, degrees.
+    pub const FIELD_OF_VIEW_TOLERANCE: f64 = 2.0;
+    /// Distance from the bounds above which a camera counts as outside, metres.
+    pub const OUTSIDE_TOLERANCE: f32 = 0.25;
+
+    /// Compares an app's camera with the conditions of its map.
+    pub fn of(conditions: &Conditions<'_>, app: &AppConditions<'_>, view: &CameraView) -> Self {
+        let is_same_scene = |scene: &SceneIdentity| {
+            // A name may belong to several states of a scene; a fingerprint does not.
+            if conditions.scene.fingerprint.is_empty() || scene.fingerprint.is_empty() {
+                scene.name == conditions.scene.name
+            } else {
+                scene.fingerprint == conditions.scene.fingerprint
+            }
+        };
+        let capture = conditions.capture;
+        let ratio = |app: f64, map: f64| Some(app / map).filter(|ratio| ratio.is_finite());
+        Self {
+            scene: Comparison::of(true, app.scene.map(is_same_scene)),
+            meter: Comparison::of(
+                (&conditions.meter.name, &conditions.meter.provenance),
+                app.meter.map(|info| (&info.name, &info.provenance)),
+            ),
+            // A minimised window has no pixels, and shows nothing that could differ.
+            pixels: app.size.filter(|size| size.x > 0 && size.y > 0).and_then(|size| {
+                let pixels = |width: u32, height: u32| f64::from(width) * f64::from(height);
+                ratio(pixels(size.x, size.y), pixels(capture.size[0], capture.size[1]))
+            }),
+            frame_rate: app
+                .frames_per_second
+                .and_then(|rate| ratio(rate, capture.frames_per_second)),
+            field_of_view: Some(f64::from(view.vertical_fov.to_degrees() - capture.vertical_fov))
+                .filter(|difference| difference.is_finite()),
+            outside: Some(distance_outside(conditions.bounds, view.position))
+                .filter(|distance| distance.is_finite()),
+        }
+    }
+
+    /// Whether `misfit` is known to be the case.
+    pub fn has(&self, misfit: Misfit) -> bool {
+        let off =
+            |ratio: Option<f64>| ratio.is_some_and(|ratio| (ratio - 1.0).abs() > Self::TOLERANCE);
+        match misfit {
+            Misfit::Scene => self.scene == Comparison::Different,
+            Misfit::Meter => self.meter == Comparison::Different,
+            Misfit::Size => off(self.pixels),
+            Misfit::FrameRate => off(self.frame_rate),
+            Misfit::FieldOfView => self
+                .field_of_view
+                .is_some_and(|difference| difference.abs() > Self::FIELD_OF_VIEW_TOLERANCE),
+            Misfit::Outside => {
+                self.outside.is_some_and(|distance| distance > Self::OUTSIDE_TOLERANCE)
+            }
+        }
+    }
+
+    /// Everything in which map and app are known to differ; empty where the map fits.
+    pub fn misfits(&self) -> impl Iterator<Item = Misfit> + '_ {
+        Misfit::ALL.into_iter().filter(|misfit| self.has(*misfit))
+    }
+
+    /// Whether nothing is known to differ.
+    pub fn is_good(&self) -> bool {
+        self.misfits().next().is_none()
+    }
+
+    /// The difference in words, with its remedy.
+    pub fn describe(&self, misfit: Misfit) -> String {
+        let percent = |ratio: Option<f64>| 100.0 * ratio.unwrap_or(1.0);
+        match misfit {
+            Misfit::Scene => {
+                "the map is of another scene: run `frugal precompute` for this one".to_owned()
+            }
+            Misfit::Meter => "the map's watts are of another meter: reprice the map, or let the controller correct them by this device's meter".to_owned(),
+            Misfit::Size => format!(
+                "the image has {:.0} % of the map's pixels: run `frugal precompute` with the app's --size",
+                percent(self.pixels)
+            ),
+            Misfit::FrameRate => format!(
+                "the frame rate is {:.0} % of the map's: hold that rate, or run `frugal precompute` with the app's --fps",
+                percent(self.frame_rate)
+            ),
+            Misfit::FieldOfView => format!(
+                "the field of view differs from the map's by {:.1} degrees: set `camera.vertical_fov` in the scene file",
+                self.field_of_view.unwrap_or(0.0)
+            ),
+            Misfit::Outside => format!(
+                "the camera is {:.1} m outside the map's bounds: widen `bounds` in the scene file",
+                self.outside.unwrap_or(0.0)
+            ),
+        }
+    }
+}
+
+fn distance_outside(bounds: &Bounds, position: Vec3) -> f32 {
+    let (min, max) = (Vec3::from_array(bounds.min), Vec3::from_array(bounds.max));
+    if !position.is_finite() {
+        return f32::NAN;
+    }
+    (min - position).max(position - max).max(Vec3::ZERO).length()
+}
+
+#[cfg(test)]
+mod tests {
+    use glam::Quat;
+
+    use super::*;
+    use crate::frontier::testing;
+    use crate::power::Provenance;
+
+    fn view(position: Vec3) -> CameraView {
+        let vertical_fov = 60.0_f32.to_radians();
+        CameraView { position, rotation: Quat::IDENTITY, vertical_fov, aspect: 16.0 / 9.0 }
+    }
+
+    #[test]
+    fn what_is_unknown_is_no_misfit() {
+        let map = testing::map(1);
+        let fit = MapFit::of(&map.conditions(), &AppConditions::default(), &view(Vec3::ZERO));
+        assert!(fit.is_good(), "{fit:?}");
+        assert_eq!(
+            (fit.scene, fit.meter, fit.pixels),
+            (Comparison::Unknown, Comparison::Unknown, None)
+        );
+        assert!(MapFit::default().is_good());
+    }
+
+    #[test]
+    fn every_difference_is_told() {
+        let map = testing::map(1);
+        let good = AppConditions {
+            scene: Some(&map.scene),
+            size: Some(UVec2::new(320, 180)),
+            frames_per_second: Some(30.3),
+            meter: Some(&map.meter),
+        };
+        let fit = MapFit::of(&map.conditions(), &good, &view(Vec3::ZERO));
+        assert!(fit.is_good() && fit.scene == Comparison::Same, "{fit:?}");
+        let other = MeterInfo { provenance: Provenance::Measured, ..map.meter.clone() };
+        let scene = SceneIdentity { fingerprint: "ff".into(), ..map.scene.clone() };
+        let bad = AppConditions {
+            scene: Some(&scene),
+            size: Some(UVec2::new(3840, 2160)),
+            frames_per_second: Some(144.0),
+            meter: Some(&other),
+        };
+        let wide = CameraView { vertical_fov: 1.5, ..view(Vec3::new(10.0, 0.0, 0.0)) };
+        let fit = MapFit::of(&map.conditions(), &bad, &wide);
+        assert_eq!(fit.misfits().collect::<Vec<_>>(), Misfit::ALL);
+        assert_eq!((fit.pixels, fit.outside), (Some(144.0), Some(6.0)));
+        for misfit in Misfit::ALL {
+            assert!(fit.describe(misfit).contains(':'), "with a remedy");
+        }
+    }
+
+    #[test]
+    fn scenes_without_fingerprints_are_compared_by_name() {
+        let map = testing::map(1);
+        let named = |name: &str| SceneIdentity { name: name.into(), fingerprint: String::new() };
+        for (name, expected) in
+            [("courtyard", Comparison::Same), ("cornell", Comparison::Different)]
+        {
+            let scene = named(name);
+            let app = AppConditions { scene: Some(&scene), ..Default::default() };
+            let fit = MapFit::of(&map.conditions(), &app, &view(Vec3::ZERO));
+            assert_eq!(fit.scene, expected);
+        }
+    }
+
+    #[test]
+    fn extreme_cameras_and_rates_give_no_false_misfit() {
+        let map = testing::map(1);
+        for odd in [f32::NAN, f32::INFINITY] {
+            let app = AppConditions {
+                frames_per_second: Some(f64::from(odd)),
+                size: Some(UVec2::ZERO),
+                ..Default::default()
+            };
+            let view = CameraView { vertical_fov: f32::NAN, ..view(Vec3::splat(odd)) };
+            let fit = MapFit::of(&map.conditions(), &app, &view);
+            assert_eq!(fit.misfits().collect::<Vec<_>>(), []);
+        }
+    }
+}

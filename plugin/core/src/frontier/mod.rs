@@ -1,0 +1,29 @@
+//! Pareto frontiers and the map that stores one for every sample camera.
+
+mod conditions;
+mod error_rates;
+mod estimate;
+mod knob_effects;
+mod map;
+mod map_error;
+mod octree;
+mod pareto;
+mod pareto_serde;
+mod shared_knobs;
+mod store;
+mod stored;
+#[cfg(test)]
+pub(crate) mod testing;
+mod view;
+mod view_cube;
+
+pub use conditions::{AppConditions, Comparison, Conditions, MapFit, Misfit, ShownScene};
+pub use error_rates::{ErrorRate, ErrorRates};
+pub use knob_effects::KnobEffects;
+pub use map::{Bounds, Capture, FrontierMap, SceneIdentity, Thresholds, WorkPrices};
+pub use map_error::FrontierMapError;
+pub use octree::{Corner, CornerNumberError, Leaf, Octree, OctreeError};
+pub use pareto::{CostPoint, ERROR_UNIT, Frontier, FrontierPoint};
+pub use shared_knobs::{SharedKnobs, SharedLevels};
+pub use store::{Address, FrontierStore, SampleCamera, SampleRef, address_in, look_up_in};
+pub use view::{CameraView, ViewDirection};

@@ -1,0 +1,297 @@
+//! The octree over camera positions: each corner of its leaves stores six frontiers.
+//!
+//! Wang et al. 2016, "Real-Time Rendering on a Power Budget", sections 3.5.3 (how it is built) and
+//! 3.6 (how it is read).
+
+use glam::Vec3;
+use serde::{Deserialize, Serialize};
+
+use super::{Frontier, ViewDirection};
+
+/// A lattice position with its frontiers.
+///
+/// Serialised as nine integers: `at`, then `frontiers` with −1 for [`UNKNOWN`](Self::UNKNOWN). A
+/// map has hundreds of corners; field names would make up most of its file.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(try_from = "[i64; 9]", into = "[i64; 9]")]
+pub struct Corner {
+    /// Lattice coordinates: the root spans 0 to 2^`levels` on each axis.
+    pub at: [u16; 3],
+    /// Index into [`Octree::frontiers`] for each [`ViewDirection`], in index order;
+    /// [`Corner::UNKNOWN`] for an empty view.
+    pub frontiers: [u32; 6],
+}
+
+impl Corner {
+    /// Index of a view without a frontier: an empty view, or a camera inside geometry.
+    pub const UNKNOWN: u32 = u32::MAX;
+}
+
+/// A number in a serialised [`Corner`] that is neither a lattice coordinate (0 to 65535) nor a
+/// frontier index or −1.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
+#[error(
+    "{0} in an octree corner: coordinates are 0 to 65535, frontiers are -1 (unknown) or an index"
+)]
+pub struct CornerNumberError(i64);
+
+impl TryFrom<[i64; 9]> for Corner {
+    type Error = CornerNumberError;
+
+    fn try_from(numbers: [i64; 9]) -> Result<Self, CornerNumberError> {
+        let mut corner = Self { at: [0; 3], frontiers: [Self::UNKNOWN; 6] };
+        for (to, number) in corner.at.iter_mut().zip(&numbers[..3]) {
+            *to = u16::try_from(*number).map_err(|_| CornerNumberError(*number))?;
+        }
+        for (to, number) in corner.frontiers.iter_mut().zip(&numbers[3..]) {
+            if *number != -1 {
+                *to = u32::try_from(*number)
+                    .ok()
+                    .filter(|index| *index != Self::UNKNOWN)
+                    .ok_or(CornerNumberError(*number))?;
+            }
+        }
+        Ok(corner)
+    }
+}
+
+impl From<Corner> for [i64; 9] {
+    fn from(corner: Corner) -> Self {
+        let mut numbers = [-1; 9];
+        for (to, coordinate) in numbers.iter_mut().zip(corner.at) {
+            *to = i64::from(coordinate);
+        }
+        for (to, index) in numbers[3..].iter_mut().zip(corner.frontiers) {
+            if index != Corner::UNKNOWN {
+                *to = i64::from(index);
+            }
+        }
+        numbers
+    }
+}
+
+/// Octree over camera positions, subdivided where frontiers differ (Wang et al. 2016, section
+/// 3.5.3).
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Octree {
+    /// Depth of the lattice, 0 to 15: a corner's coordinates range from 0 to 2^`levels`.
+    pub levels: u8,
+    /// `nodes[0]` is the root. 0 marks a leaf; any other value is the index of the first of eight
+    /// consecutive children, in the order x + 2y + 4z (x = 1 is the upper half along X, and so on).
+    pub nodes: Vec<u32>,
+    /// Every corner of every leaf once, sorted by `at` (lexicographically, as the array compares).
+    pub corners: Vec<Corner>,
+    /// The frontiers, shared by corners through their indices.
+    pub frontiers: Vec<Frontier>,
+}
+
+/// A leaf of an [`Octree`]: a cube of the lattice.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Leaf {
+    /// Lattice coordinates of the minimum corner.
+    pub min: [u16; 3],
+    /// Length of an edge, in lattice steps: a power of two, at least 1.
+    pub size: u16,
+}
+
+impl Leaf {
+    /// Lattice coordinates of one of the eight corners, numbered x + 2y + 4z like children. Bits of
+    /// `number` above the third are ignored.
+    pub fn corner(self, number: usize) -> [u16; 3] {
+        std::array::from_fn(|axis| {
+            if number >> axis & 1 == 1 {
+                self.min[axis].saturating_add(self.size)
+            } else {
+                self.min[axis]
+            }
+        })
+    }
+}
+
+/// Why an [`Octree`] is invalid.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+#[non_exhaustive]
+pub enum OctreeError {
+    /// More levels than lattice coordinates can represent.
+    #[error("the octree has {0} levels, where at most {max} are allowed", max = Octree::MAX_LEVELS)]
+    TooDeep(u8),
+    /// No root.
+    #[error("the octree has no nodes, not even a root")]
+    NoRoot,
+    /// Children beyond the end of the list.
+    #[error("octree node {node} has children from {first} on, but there are only {count} nodes")]
+    ChildOutOfRange {
+        /// The parent.
+        node: u32,
+        /// Its first child.
+        first: u32,
+        /// Number of nodes.
+        count: usize,
+    },
+    /// A node with two parents, or one that is its own ancestor.
+    #[error("octree node {0} is reached twice: the nodes are not a tree")]
+    ReachedTwice(u32),
+    /// A node without a parent.
+    #[error("octree node {0} has no parent")]
+    Unreachable(usize),
+    /// A node below the last level.
+    #[error("octree node {0} has children below the last level")]
+    BelowLastLevel(u32),
+    /// A corner outside the root.
+    #[error("octree corner {at:?} lies outside the root, whose largest coordinate is {limit}")]
+    CornerOutside {
+        /// Lattice coordinates of the corner.
+        at: [u16; 3],
+        /// The largest coordinate of the lattice.
+        limit: u16,
+    },
+    /// Corners out of order, or a duplicate.
+    #[error("octree corner {0:?} is out of order or appears twice")]
+    CornersUnsorted([u16; 3]),
+    /// A leaf without one of its eight corners.
+    #[error("octree corner {0:?}, which a leaf needs, is missing")]
+    CornerMissing([u16; 3]),
+    /// A frontier index beyond the end of the list.
+    #[error("octree corner {at:?} uses frontier {index}, but there are only {count}")]
+    FrontierOutOfRange {
+        /// Lattice coordinates of the corner.
+        at: [u16; 3],
+        /// The frontier's index.
+        index: u32,
+        /// Number of frontiers.
+        count: usize,
+    },
+}
+
+impl Octree {
+    /// Maximum number of levels, so that 2^levels fits a `u16` coordinate.
+    pub const MAX_LEVELS: u8 = 15;
+
+    /// The largest lattice coordinate: 2^`levels`, with `levels` limited to
+    /// [`MAX_LEVELS`](Self::MAX_LEVELS).
+    pub fn lattice(&self) -> u16 {
+        1 << self.levels.min(Self::MAX_LEVELS)
+    }
+
+    /// The leaf that contains `position`, with the root spanning 0 to 1 on each axis. Positions
+    /// outside are clamped to the root; NaN counts as 0.
+    ///
+    /// A position on the border of two leaves belongs to the upper one. Safe for invalid octrees:
+    /// the descent stops at the first invalid node, and visits at most 15 nodes.
+    pub fn leaf_at(&self, position: Vec3) -> Leaf {
+        let size = self.lattice();
+        // Float to integer conversion saturates and maps NaN to 0. Multiplication by a power of two
+        // is exact, so borders are exact too.
+        let coordinates =
+            position.to_array().map(|unit| ((unit * f32::from(size)) as u16).min(size - 1));
+        let mut leaf = Leaf { min: [0; 3], size };
+        let mut node = 0;
+        while leaf.size > 1 {
+            let Some(&first) = self.nodes.get(node).filter(|first| **first != 0) else { break };
+            leaf.size /= 2;
+            let mut octant = 0;
+            for (axis, coordinate) in coordinates.iter().enumerate() {
+                if coordinate & leaf.size != 0 {
+                    octant |= 1 << axis;
+                    leaf.min[axis] += leaf.size;
+                }
+            }
+            node = (first as usize).saturating_add(octant);
+        }
+        leaf
+    }
+
+    /// Index in [`corners`](Self::corners) of the corner with lattice coordinates `at`, by binary
+    /// search; `None` where there is none.
+    pub fn corner_index(&self, at: [u16; 3]) -> Option<usize> {
+        self.corners.binary_search_by(|corner| corner.at.cmp(&at)).ok()
+    }
+
+    /// The frontier of one view of a corner: `None` where it is unknown or empty.
+    pub fn frontier(&self, corner: &Corner, direction: ViewDirection) -> Option<&Frontier> {
+        self.frontiers
+            .get(corner.frontiers[direction.index()] as usize)
+            .filter(|frontier| !frontier.is_empty())
+    }
+
+    /// Checks everything that look-ups rely on. Takes O(n log c) time for n nodes and c corners,
+    /// whatever the data.
+    ///
+    /// # Errors
+    /// The first fault found; see [`OctreeError`].
+    pub fn validate(&self) -> Result<(), OctreeError> {
+        if self.levels > Self::MAX_LEVELS {
+            return Err(OctreeError::TooDeep(self.levels));
+        }
+        self.validate_corners()?;
+        self.validate_nodes()
+    }
+
+    fn validate_corners(&self) -> Result<(), OctreeError> {
+        let limit = self.lattice();
+        let mut previous = None;
+        for corner in &self.corners {
+            let at = corner.at;
+            if at.iter().any(|coordinate| *coordinate > limit) {
+                return Err(OctreeError::CornerOutside { at, limit });
+            }
+            if previous.is_some_and(|previous| previous >= at) {
+                return Err(OctreeError::CornersUnsorted(at));
+            }
+            previous = Some(at);
+            let count = self.frontiers.len();
+            let missing = |index: &&u32| **index != Corner::UNKNOWN && **index as usize >= count;
+            if let Some(&index) = corner.frontiers.iter().find(missing) {
+                return Err(OctreeError::FrontierOutOfRange { at, index, count });
+            }
+        }
+        Ok(())
+    }
+
+    fn validate_nodes(&self) -> Result<(), OctreeError> {
+        let count = self.nodes.len();
+        if count == 0 {
+            return Err(OctreeError::NoRoot);
+        }
+        // Each node is marked before it is pushed and never pushed twice, so the loop ends on any
+        // data.
+        let mut reached = vec![false; count];
+        reached[0] = true;
+        let mut open = vec![(0_u32, Leaf { min: [0; 3], size: self.lattice() })];
+        while let Some((node, cube)) = open.pop() {
+            let first = self.nodes[node as usize];
+            if first == 0 {
+                let missing = (0..8)
+                    .map(|number| cube.corner(number))
+                    .find(|at| self.corner_index(*at).is_none());
+                match missing {
+                    Some(at) => return Err(OctreeError::CornerMissing(at)),
+                    None => continue,
+                }
+            }
+            if cube.size == 1 {
+                return Err(OctreeError::BelowLastLevel(node));
+            }
+            if (first as usize).checked_add(8).is_none_or(|end| end > count) {
+                return Err(OctreeError::ChildOutOfRange { node, first, count });
+            }
+            let half = Leaf { min: cube.min, size: cube.size / 2 };
+            for octant in 0..8_u32 {
+                let child = first + octant;
+                if std::mem::replace(&mut reached[child as usize], true) {
+                    return Err(OctreeError::ReachedTwice(child));
+                }
+                open.push((child, Leaf { min: half.corner(octant as usize), size: half.size }));
+            }
+        }
+        reached
+            .iter()
+            .position(|reached| !reached)
+            .map_or(Ok(()), |node| Err(OctreeError::Unreachable(node)))
+    }
+}
+
+#[cfg(test)]
+#[path = "octree_tests.rs"]
+mod tests;

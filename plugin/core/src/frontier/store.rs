@@ -1,0 +1,205 @@
+//! Look-up of the frontier for a run-time camera.
+
+#[cfg(feature = "bevy")]
+use bevy_reflect::Reflect;
+use glam::Vec3;
+
+use super::view_cube::directions_by_coverage;
+use super::{
+    Bounds, CameraView, Conditions, Frontier, FrontierMap, KnobEffects, Leaf, Octree, SharedLevels,
+    ViewDirection,
+};
+use crate::knobs::KnobSpace;
+
+/// A source of frontiers: [`FrontierMap`], with its octree and view cubes, or any other structure
+/// over a scene's cameras.
+///
+/// The controller calls [`look_up`](Self::look_up) once per camera and frame, so it should take
+/// less than a microsecond and must not allocate.
+pub trait FrontierStore: Send + Sync {
+    /// The frontier that fits `view` best, with its sample camera. `None` where no frontier is
+    /// known. Must not panic for any numbers in `view`, NaN included.
+    fn look_up(&self, view: &CameraView) -> Option<SampleRef<'_>>;
+
+    /// The knobs of the frontiers' settings.
+    fn knobs(&self) -> &KnobSpace;
+
+    /// Exchange rate λ that keeps the mean error within `budget` (1 − SSIM), in watts per unit of
+    /// error, at least 0; see [`ErrorRates`](super::ErrorRates). `None` without calibration: the
+    /// budget then limits each frame's error.
+    fn error_rate(&self, budget: f64) -> Option<f64> {
+        let _ = budget;
+        None
+    }
+
+    /// What the levels of knobs of app scope cost each camera. `None` where there are none, or their
+    /// cost is unknown: with several cameras the levels of others then cost nothing.
+    fn shared_levels(&self) -> Option<SharedLevels<'_>> {
+        None
+    }
+
+    /// What each knob saves and costs alone, for people. `None` where it is not known.
+    fn knob_effects(&self) -> Option<&KnobEffects> {
+        None
+    }
+
+    /// The frontier over all views together, for a scene that is no longer as the local ones say.
+    /// `None` where there is none.
+    fn overall(&self) -> Option<&Frontier> {
+        None
+    }
+
+    /// What the frontiers' watts and errors refer to. `None` where it is unknown: the app is then
+    /// not compared with it.
+    fn conditions(&self) -> Option<Conditions<'_>> {
+        None
+    }
+
+    /// Mean predicted error (1 − SSIM) at which the error budget `budget` is just met. `None` where
+    /// it is unknown: the rate is then not adapted.
+    fn error_target(&self, budget: f64) -> Option<f64> {
+        let _ = budget;
+        None
+    }
+}
+
+/// First candidate of a look-up: an octree corner and a view direction.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
+pub struct Address {
+    /// Lattice coordinates of the corner.
+    pub at: [u16; 3],
+    /// The direction that covers most of the image.
+    pub direction: ViewDirection,
+}
+
+/// The address of a camera in `leaf` of an octree with `levels` levels (0 to 15; more count as 15)
+/// over `bounds`: the leaf's nearest corner, and the view direction that covers most of the image
+/// (Wang et al. 2016, section 3.6).
+pub fn address_in(bounds: &Bounds, levels: u8, leaf: Leaf, view: &CameraView) -> Address {
+    let in_leaf =
+        position_in(bounds, f32::from(1_u16 << levels.min(Octree::MAX_LEVELS)), leaf, view);
+    let corner = corners_by_distance(in_leaf, bounds.extent())[0];
+    Address {
+        at: leaf.corner(usize::from(corner)),
+        direction: directions_by_coverage(in_leaf, view)[0],
+    }
+}
+
+/// The camera's position, with the leaf spanning 0 to 1 on each axis.
+fn position_in(bounds: &Bounds, lattice: f32, leaf: Leaf, view: &CameraView) -> Vec3 {
+    (bounds.to_unit(view.position) * lattice - Vec3::from_array(leaf.min.map(f32::from)))
+        / f32::from(leaf.size)
+}
+
+/// A camera with a known frontier.
+#[derive(Clone, Copy, Debug, PartialEq)]
+#[cfg_attr(feature = "bevy", derive(Reflect))]
+pub struct SampleCamera {
+    /// Index of the position in its store: for a [`FrontierMap`], the index of the octree corner.
+    pub corner: u32,
+    /// World position, metres.
+    pub position: Vec3,
+    /// View direction.
+    pub direction: ViewDirection,
+}
+
+/// Result of a look-up.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct SampleRef<'a> {
+    /// The sample camera of the frontier.
+    pub camera: SampleCamera,
+    /// The frontier; not empty.
+    pub frontier: &'a Frontier,
+}
+
+impl FrontierStore for FrontierMap {
+    /// Wang et al. 2016, section 3.6: the leaf that contains the camera, the view direction that
+    /// covers most of its image, and the nearest corner.
+    ///
+    /// Where that corner has no frontier for that direction, the next nearest corner of the leaf
+    /// that has one; where none has, the direction with the next largest share of the image. A
+    /// camera outside the bounds counts as one at the nearest position inside.
+    fn look_up(&self, view: &CameraView) -> Option<SampleRef<'_>> {
+        look_up_in(&self.octree, &self.bounds, view)
+    }
+
+    fn knobs(&self) -> &KnobSpace {
+        &self.knobs
+    }
+
+    fn error_rate(&self, budget: f64) -> Option<f64> {
+        self.error_rates.rate(budget)
+    }
+
+    fn error_target(&self, budget: f64) -> Option<f64> {
+        self.error_rates.target(budget)
+    }
+
+    fn conditions(&self) -> Option<Conditions<'_>> {
+        Some(self.conditions())
+    }
+
+    fn shared_levels(&self) -> Option<SharedLevels<'_>> {
+        let rate = self.capture.frames_per_second;
+        SharedLevels::new(&self.work_prices.shared, &self.knobs, rate)
+    }
+
+    fn knob_effects(&self) -> Option<&KnobEffects> {
+        Some(&self.knob_effects)
+    }
+
+    fn overall(&self) -> Option<&Frontier> {
+        (!self.shared.is_empty()).then_some(&self.shared)
+    }
+}
+
+/// [`FrontierMap`]'s look-up, for an octree over `bounds` that is not part of a map.
+pub fn look_up_in<'a>(
+    octree: &'a Octree,
+    bounds: &Bounds,
+    view: &CameraView,
+) -> Option<SampleRef<'a>> {
+    let leaf = octree.leaf_at(bounds.to_unit(view.position));
+    let lattice = f32::from(octree.lattice());
+    let in_leaf = position_in(bounds, lattice, leaf, view);
+    let corners = corners_by_distance(in_leaf, bounds.extent());
+    for direction in directions_by_coverage(in_leaf, view) {
+        for number in corners {
+            let at = leaf.corner(usize::from(number));
+            let Some(index) = octree.corner_index(at) else { continue };
+            let Some(frontier) = octree.frontier(&octree.corners[index], direction) else {
+                continue;
+            };
+            let position = bounds.from_unit(Vec3::from_array(at.map(f32::from)) / lattice);
+            return Some(SampleRef {
+                camera: SampleCamera { corner: index as u32, position, direction },
+                frontier,
+            });
+        }
+    }
+    None
+}
+
+/// Numbers of a leaf's eight corners in order of distance to `in_leaf`, for a leaf with the
+/// proportions of `extent`.
+///
+/// Ties are in order of the numbers, so that a static camera keeps its sample camera.
+fn corners_by_distance(in_leaf: Vec3, extent: Vec3) -> [u8; 8] {
+    let to_lower = in_leaf * extent;
+    let to_upper = (Vec3::ONE - in_leaf) * extent;
+    let (to_lower, to_upper) = (to_lower * to_lower, to_upper * to_upper);
+    let distances: [f32; 8] = std::array::from_fn(|number| {
+        (0..3)
+            .map(|axis| if number >> axis & 1 == 1 { to_upper[axis] } else { to_lower[axis] })
+            .sum()
+    });
+    let mut corners = [0, 1, 2, 3, 4, 5, 6, 7];
+    corners.sort_unstable_by(|a, b| {
+        distances[usize::from(*a)].total_cmp(&distances[usize::from(*b)]).then(a.cmp(b))
+    });
+    corners
+}
+
+#[cfg(test)]
+#[path = "store_tests.rs"]
+mod tests;

@@ -1,0 +1,140 @@
+//! Settings: one level per knob, packed into an integer.
+
+#[cfg(feature = "bevy")]
+use bevy_reflect::Reflect;
+use std::fmt;
+
+use serde::de::{Error, Visitor};
+use serde::{Deserialize, Deserializer, Serialize, Serializer};
+
+/// Bits per knob in [`KnobLevels`].
+const BITS: u32 = 4;
+
+/// One level per knob of a [`KnobSpace`](super::KnobSpace), four bits each, with the space's first
+/// knob in the lowest bits. Higher levels give higher quality, usually at a higher cost.
+///
+/// Wang et al. 2016, section 3.7.2, use the same packing in 32 bits.
+///
+/// In files these are an integer, or a string like `"0x1_0000_0000_0000_0000"` without the
+/// separators where a 17th knob takes more than 64 bits, which few formats have.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, PartialOrd, Ord)]
+#[cfg_attr(feature = "bevy", derive(Reflect))]
+pub struct KnobLevels(u128);
+
+impl KnobLevels {
+    /// Maximum number of knobs of a space.
+    pub const MAX_KNOBS: usize = (u128::BITS / BITS) as usize;
+    /// Maximum number of levels of a knob.
+    pub const MAX_LEVELS: usize = 1 << BITS;
+
+    /// The settings of the packed form `bits`. Any value is accepted;
+    /// [`KnobSpace::contains`](super::KnobSpace::contains) checks it.
+    pub const fn from_bits(bits: u128) -> Self {
+        Self(bits)
+    }
+
+    /// The packed form.
+    pub const fn bits(self) -> u128 {
+        self.0
+    }
+
+    /// Level of the space's `knob`-th knob, 0 to 15, for `knob` from 0 to 31.
+    pub const fn level(self, knob: usize) -> usize {
+        ((self.0 >> (knob as u32 * BITS)) & (Self::MAX_LEVELS as u128 - 1)) as usize
+    }
+
+    /// These settings with the `knob`-th knob, 0 to 31, at `level`. Panics if `level` is not below
+    /// [`MAX_LEVELS`](Self::MAX_LEVELS).
+    #[must_use]
+    pub const fn with_level(self, knob: usize, level: usize) -> Self {
+        assert!(level < Self::MAX_LEVELS, "a level takes four bits");
+        let shift = knob as u32 * BITS;
+        let mask = (Self::MAX_LEVELS as u128 - 1) << shift;
+        Self((self.0 & !mask) | ((level as u128) << shift))
+    }
+}
+
+impl Serialize for KnobLevels {
+    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        match u64::try_from(self.0) {
+            Ok(bits) => serializer.serialize_u64(bits),
+            Err(_) => serializer.collect_str(&format_args!("{:#x}", self.0)),
+        }
+    }
+}
+
+impl<'de> Deserialize<'de> for KnobLevels {
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+        deserializer.deserialize_any(Bits)
+    }
+}
+
+struct Bits;
+
+impl Visitor<'_> for Bits {
+    type Value = KnobLevels;
+
+    fn expecting(&self, formatter: &mut fmt::Formatter) -> fmt::Result {
+        formatter.write_str(
+            "settings as an integer of 0 or more, or as hexadecimal digits after 0x in quotes",
+        )
+    }
+
+    fn visit_u64<E: Error>(self, bits: u64) -> Result<KnobLevels, E> {
+        Ok(KnobLevels(bits.into()))
+    }
+
+    fn visit_i64<E: Error>(self, bits: i64) -> Result<KnobLevels, E> {
+        let bits = u128::try_from(bits)
+            .map_err(|_| E::invalid_value(serde::de::Unexpected::Signed(bits), &self))?;
+        Ok(KnobLevels(bits))
+    }
+
+    fn visit_str<E: Error>(self, text: &str) -> Result<KnobLevels, E> {
+        let bits = text.strip_prefix("0x").and_then(|digits| u128::from_str_radix(digits, 16).ok());
+        let unexpected = || E::invalid_value(serde::de::Unexpected::Str(text), &self);
+        bits.map(KnobLevels).ok_or_else(unexpected)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_knob_has_its_own_bits() {
+        let last = KnobLevels::MAX_KNOBS - 1;
+        assert_eq!(last, 31);
+        for knob in 0..=last {
+            let settings = KnobLevels::default().with_level(knob, 15);
+            assert!(
+                (0..=last).all(|other| settings.level(other) == if other == knob { 15 } else { 0 })
+            );
+            assert_eq!(settings.with_level(knob, 0), KnobLevels::default());
+        }
+    }
+
+    #[test]
+    fn settings_of_many_knobs_survive_a_file() {
+        for bits in [0, 7, u128::from(u64::MAX), u128::from(u64::MAX) + 1, u128::MAX] {
+            let settings = KnobLevels::from_bits(bits);
+            let text = ron::to_string(&settings).unwrap();
+            assert_eq!(ron::from_str::<KnobLevels>(&text), Ok(settings), "{text}");
+        }
+        assert_eq!(
+            ron::to_string(&KnobLevels::from_bits(1 << 64)).unwrap(),
+            "\"0x10000000000000000\""
+        );
+        for wrong in [
+            "-1",
+            "1.5",
+            "\"\"",
+            "\"0x\"",
+            "\"12\"",
+            "\"0x100000000000000000000000000000000\"",
+            "[]",
+        ] {
+            assert!(ron::from_str::<KnobLevels>(wrong).is_err(), "{wrong}");
+        }
+    }
+}

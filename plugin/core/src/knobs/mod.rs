@@ -1,0 +1,11 @@
+//! Quality knobs: the available knobs ([`KnobSpace`]) and one level for each ([`KnobLevels`]).
+
+mod knob;
+mod levels;
+mod space;
+mod suggestion;
+
+pub use knob::{DependsOn, Knob, Level};
+pub use levels::KnobLevels;
+pub use space::{KnobSpace, KnobSpaceError};
+pub use suggestion::did_you_mean;

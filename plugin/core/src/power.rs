@@ -1,0 +1,34 @@
+//! What a power figure is and where it comes from.
+
+#[cfg(feature = "bevy")]
+use bevy_reflect::Reflect;
+use serde::{Deserialize, Serialize};
+
+/// Provenance of a power figure.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "bevy", derive(Reflect))]
+#[serde(rename_all = "lowercase")]
+pub enum Provenance {
+    /// Read from a hardware counter.
+    Measured,
+    /// Computed from another quantity by a model.
+    Modelled,
+}
+
+/// A meter's name, provenance and coverage.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "bevy", derive(Reflect))]
+pub struct MeterInfo {
+    /// Name, as on the command line: `nvml`, `cpu-time`…
+    pub name: String,
+    /// Measured or modelled.
+    pub provenance: Provenance,
+    /// Coverage and method, in one line: "whole board, NVML energy counter", "process CPU time ×
+    /// 3.5 W per core".
+    pub description: String,
+}
+
+#[cfg(test)]
+#[path = "../../src/power/simulated.rs"]
+#[allow(unreachable_pub)]
+pub(crate) mod simulated;
