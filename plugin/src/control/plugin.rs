@@ -75,7 +75,6 @@ impl Plugin for ControlPlugin {
             .register_type::<Limit>()
             .register_type::<ThermalHeadroom>()
             .register_type::<FrontierMapHandle>()
-            .register_type::<KnownKnobs>()
             .register_type::<OffReason>()
             .register_type::<Outcome>()
             .register_type::<PowerFeedback>()
