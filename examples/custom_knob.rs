@@ -48,11 +48,7 @@ use marbles::Marbles;
 fn marbles_knob() -> FieldKnob {
     FieldKnob::new(
         Knob::new("marbles", [0.0, 20.0, 80.0, 200.0]),
-        KnobField::new(
-            |marbles: &Marbles| marbles.0,
-            |marbles, count| marbles.0 = count,
-            |level, _| level.value as usize,
-        ),
+        KnobField::new(|marbles: &mut Marbles| &mut marbles.0, |level, _| level.value as usize),
     )
 }
 

@@ -176,12 +176,14 @@ mod own_knob {
                 // Cheapest first. The label is read on the command line and in files.
                 Knob::labelled("dithering", [(0.0, "off"), (1.0, "on")]),
                 KnobField::new(
-                    |dither: &DebandDither| *dither == DebandDither::Enabled,
-                    |dither, is_on| {
-                        *dither =
-                            if is_on { DebandDither::Enabled } else { DebandDither::Disabled };
+                    |dither: &mut DebandDither| dither,
+                    |level, _| {
+                        if level.value > 0.0 {
+                            DebandDither::Enabled
+                        } else {
+                            DebandDither::Disabled
+                        }
                     },
-                    |level, _| level.value > 0.0,
                 ),
             )
         }

@@ -3,42 +3,42 @@
 use bevy::ecs::component::Mutable;
 use bevy::ecs::prelude::*;
 
-use super::overrides::Lens;
+use super::overrides::Field;
 use super::{Knob, KnobDriver, KnobScope, Level};
 
 /// A field of a component or resource `C`, of type `T`, that a knob writes.
 pub struct KnobField<C, T> {
-    lens: Lens<C, T>,
+    field: Field<C, T>,
     value: fn(&Level, T) -> T,
     /// The component at a level, from the authored one.
-    wanted: fn(&Self, &Level, Option<&C>) -> Option<C>,
+    wanted: fn(&Self, &Level, Option<C>) -> Option<C>,
     /// The entity with the component, from the camera.
     owner: fn(&World, Entity) -> Option<Entity>,
     is_app_wide: bool,
 }
 
-impl<C: Component<Mutability = Mutable> + Clone, T: PartialEq + 'static> KnobField<C, T> {
+impl<C: Component<Mutability = Mutable> + Clone, T: PartialEq + Clone + 'static> KnobField<C, T> {
     /// A field of the camera's component `C`; without effect on a camera that lacks it.
     ///
-    /// `read` and `write` access the field. `value` returns its value at a level. It also receives
-    /// the value that the app authored, and decides whether that is a bound, the base of a share,
-    /// or ignored.
-    pub fn new(read: fn(&C) -> T, write: fn(&mut C, T), value: fn(&Level, T) -> T) -> Self {
+    /// `field` accesses it, in clones too: one per frame, so `C` should be cheap to clone. `value`
+    /// returns its value at a level. It also receives the value that the app authored, and decides
+    /// whether that is a bound, the base of a share, or ignored.
+    pub fn new(field: fn(&mut C) -> &mut T, value: fn(&Level, T) -> T) -> Self {
         Self {
-            lens: Lens { read, write },
+            field: Field(field),
             value,
-            wanted: |field, level, authored| Some(field.at(level, authored?.clone())),
+            wanted: |field, level, authored| Some(field.at(level, authored?)),
             owner: |_, camera| Some(camera),
             is_app_wide: false,
         }
     }
 
-    /// Levels of value 0 remove the component. No other knob should write it.
+    /// Levels of value 0 remove the component.
     #[must_use]
     pub fn removed_at_zero(mut self) -> Self {
         self.wanted = |field, level, authored| {
             let authored = authored.filter(|_| level.value != 0.0)?;
-            Some(field.at(level, authored.clone()))
+            Some(field.at(level, authored))
         };
         self
     }
@@ -49,8 +49,7 @@ impl<C: Component<Mutability = Mutable> + Clone, T: PartialEq + 'static> KnobFie
     where
         C: Default,
     {
-        self.wanted =
-            |field, level, authored| Some(field.at(level, authored.cloned().unwrap_or_default()));
+        self.wanted = |field, level, authored| Some(field.at(level, authored.unwrap_or_default()));
         self
     }
 
@@ -67,8 +66,8 @@ impl<C: Component<Mutability = Mutable> + Clone, T: PartialEq + 'static> KnobFie
     }
 
     fn at(&self, level: &Level, mut component: C) -> C {
-        let value = (self.value)(level, (self.lens.read)(&component));
-        (self.lens.write)(&mut component, value);
+        let field = (self.field.0)(&mut component);
+        *field = (self.value)(level, field.clone());
         component
     }
 }
@@ -81,24 +80,26 @@ trait AnyField: Send + Sync {
     fn release(&self, world: &mut World, camera: Entity);
 }
 
-impl<C: Component<Mutability = Mutable> + Clone, T: PartialEq> AnyField for KnobField<C, T> {
+impl<C: Component<Mutability = Mutable> + Clone, T: PartialEq + Clone> AnyField
+    for KnobField<C, T>
+{
     fn is_app_wide(&self) -> bool {
         self.is_app_wide
     }
 
     fn apply(&self, world: &mut World, camera: Entity, level: &Level) {
         if let Some(owner) = (self.owner)(world, camera) {
-            self.lens.set(world, owner, |authored| (self.wanted)(self, level, authored));
+            self.field.set(world, owner, |authored| (self.wanted)(self, level, authored));
         }
     }
 
     fn is_applied(&self, world: &World, camera: Entity) -> bool {
-        (self.owner)(world, camera).is_none_or(|owner| self.lens.is_set(world, owner))
+        (self.owner)(world, camera).is_none_or(|owner| self.field.is_set(world, owner))
     }
 
     fn release(&self, world: &mut World, camera: Entity) {
         if let Some(owner) = (self.owner)(world, camera) {
-            self.lens.release(world, owner);
+            self.field.release(world, owner);
         }
     }
 }
@@ -118,8 +119,7 @@ impl<C: Component<Mutability = Mutable> + Clone, T: PartialEq> AnyField for Knob
 /// let knob = FieldKnob::new(
 ///     Knob::new("grass", [0.0, 1000.0, 8000.0]),
 ///     KnobField::new(
-///         |grass: &Grass| grass.blades,
-///         |grass, blades| grass.blades = blades,
+///         |grass: &mut Grass| &mut grass.blades,
 ///         |level, authored| authored.min(level.value as u32),
 ///     ),
 /// );
@@ -135,7 +135,7 @@ impl FieldKnob {
     pub fn new<C, T>(knob: Knob, field: KnobField<C, T>) -> Self
     where
         C: Component<Mutability = Mutable> + Clone,
-        T: PartialEq + 'static,
+        T: PartialEq + Clone + 'static,
     {
         Self { knob, is_opt_in: false, fields: Vec::new() }.and(field)
     }
@@ -145,7 +145,7 @@ impl FieldKnob {
     pub fn and<C, T>(mut self, field: KnobField<C, T>) -> Self
     where
         C: Component<Mutability = Mutable> + Clone,
-        T: PartialEq + 'static,
+        T: PartialEq + Clone + 'static,
     {
         self.fields.push(Box::new(field));
         self

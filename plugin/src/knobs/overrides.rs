@@ -3,46 +3,59 @@
 use bevy::ecs::component::Mutable;
 use bevy::ecs::prelude::*;
 
-/// The authored value of a component under knobs, and the value that they wrote last; `None` is an
-/// absent component. Only fields with a [`Lens`] are kept up to date.
+/// What is kept of a component under knobs. `None` is an absent component. Of each value only the
+/// fields that knobs write are up to date. The bound on `C` lets Bevy clone it with a camera.
 #[derive(Component, Clone)]
-pub(super) struct Override<C: Component> {
+pub(super) struct Override<C: Component + Clone> {
     authored: Option<C>,
     pub written: Option<C>,
+    /// Whether a knob has removed the component, which was `written` then.
+    is_removed: bool,
 }
 
-/// A field of a component, which one knob writes. Several fields of a component may have a knob
-/// each, but a component that a knob removes should have no other.
-pub(super) struct Lens<C, T> {
-    pub read: fn(&C) -> T,
-    pub write: fn(&mut C, T),
-}
+/// Access to a field of a component that a knob writes.
+pub(super) struct Field<C, T>(pub fn(&mut C) -> &mut T);
 
-impl<C: Component<Mutability = Mutable> + Clone, T: PartialEq> Lens<C, T> {
+impl<C: Component<Mutability = Mutable> + Clone, T: PartialEq + Clone> Field<C, T> {
+    /// Reads from a clone, so that one accessor both reads and writes.
+    fn get(&self, component: &C) -> T {
+        (self.0)(&mut component.clone()).clone()
+    }
+
     /// The record of the component. A field that differs from what was written is the app's.
     fn record(&self, world: &World, entity: Entity) -> Override<C> {
         let current = world.get::<C>(entity);
-        let new = || Override { authored: current.cloned(), written: current.cloned() };
-        let Some(mut record) = world.get::<Override<C>>(entity).cloned() else { return new() };
-        match (current, &record.written) {
-            (Some(current), Some(written)) => {
-                let value = (self.read)(current);
-                if value != (self.read)(written) {
-                    let authored = record.authored.get_or_insert_with(|| current.clone());
-                    (self.write)(authored, value);
+        match (current, world.get::<Override<C>>(entity)) {
+            (
+                Some(current),
+                Some(Override { authored, written: Some(written), is_removed: false }),
+            ) => {
+                let (value, mut authored) = (self.get(current), authored.clone());
+                if value != self.get(written) {
+                    *(self.0)(authored.get_or_insert_with(|| current.clone())) = value;
                 }
-                record
+                Override { authored, written: Some(written.clone()), is_removed: false }
             }
-            // Removed by the knob.
-            (None, None) => record,
-            // Added or removed by the app.
-            _ => new(),
+            (None, Some(record)) if record.is_removed => record.clone(),
+            // Not written yet, or added or removed by the app since.
+            _ => Override {
+                authored: current.cloned(),
+                written: current.cloned(),
+                is_removed: false,
+            },
         }
     }
 
     /// The component with the authored value of the field; `None` if the app gave `entity` none.
     pub(super) fn authored(&self, world: &World, entity: Entity) -> Option<C> {
-        self.record(world, entity).authored
+        self.authored_of(&self.record(world, entity), world.get::<C>(entity))
+    }
+
+    fn authored_of(&self, record: &Override<C>, current: Option<&C>) -> Option<C> {
+        let value = self.get(record.authored.as_ref()?);
+        let mut component = current.or(record.written.as_ref())?.clone();
+        *(self.0)(&mut component) = value;
+        Some(component)
     }
 
     /// Gives the field the value that it has in `wanted` of the authored component. Adds the
@@ -51,49 +64,47 @@ impl<C: Component<Mutability = Mutable> + Clone, T: PartialEq> Lens<C, T> {
         &self,
         world: &mut World,
         entity: Entity,
-        wanted: impl FnOnce(Option<&C>) -> Option<C>,
+        wanted: impl FnOnce(Option<C>) -> Option<C>,
     ) {
         let mut record = self.record(world, entity);
-        let wanted = wanted(record.authored.as_ref());
+        let wanted = wanted(self.authored_of(&record, world.get::<C>(entity)));
         let Ok(mut entity) = world.get_entity_mut(entity) else { return };
-        match (&wanted, entity.get_mut::<C>()) {
+        let current = entity.get_mut::<C>();
+        record.is_removed = wanted.is_none() && (current.is_some() || record.is_removed);
+        match (wanted, current) {
             (Some(wanted), Some(mut current)) => {
-                let value = (self.read)(wanted);
+                let value = self.get(&wanted);
                 // Change detection fires only for changes.
-                if (self.read)(&current) != value {
-                    (self.write)(&mut current, value);
+                if self.get(&current) != value {
+                    *(self.0)(&mut current) = value.clone();
                 }
+                *(self.0)(record.written.get_or_insert(wanted)) = value;
             }
-            (Some(wanted), None) => drop(entity.insert(wanted.clone())),
+            (Some(wanted), None) => {
+                record.written = Some(wanted.clone());
+                entity.insert(wanted);
+            }
             (None, Some(current)) => {
-                // The other fields return as they are now.
-                if let Some(authored) = &mut record.authored {
-                    let value = (self.read)(authored);
-                    authored.clone_from(&current);
-                    (self.write)(authored, value);
-                }
+                record.written = Some(current.clone());
                 entity.remove::<C>();
             }
             (None, None) => {}
-        }
-        match (&mut record.written, wanted) {
-            (Some(written), Some(wanted)) => (self.write)(written, (self.read)(&wanted)),
-            (written, wanted) => *written = wanted,
         }
         entity.insert(record);
     }
 
     /// Whether the field is as [`set`](Self::set) left it.
     pub(super) fn is_set(&self, world: &World, entity: Entity) -> bool {
-        let current = world.get::<C>(entity);
-        let written = world.get::<Override<C>>(entity).and_then(|record| record.written.as_ref());
-        current.map(self.read) == written.map(self.read)
+        let current = world.get::<C>(entity).map(|current| self.get(current));
+        let record = world.get::<Override<C>>(entity).filter(|record| !record.is_removed);
+        current
+            == record.and_then(|record| record.written.as_ref()).map(|written| self.get(written))
     }
 
     /// Restores the authored value.
     pub(super) fn release(&self, world: &mut World, entity: Entity) {
         if world.get::<Override<C>>(entity).is_some() {
-            self.set(world, entity, |authored| authored.cloned());
+            self.set(world, entity, |authored| authored);
         }
     }
 }

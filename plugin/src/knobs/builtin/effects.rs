@@ -12,7 +12,7 @@ use bevy::pbr::{
 };
 use bevy::post_process::bloom::Bloom;
 
-use crate::knobs::overrides::{Lens, Override};
+use crate::knobs::overrides::{Field, Override};
 use crate::knobs::{FieldKnob, Knob, KnobDriver, KnobField, Level};
 use crate::resolution::ResolutionScale;
 
@@ -25,8 +25,7 @@ pub(super) fn ambient_occlusion() -> FieldKnob {
     FieldKnob::new(
         Knob::labelled("ambient_occlusion", levels),
         KnobField::new(
-            |occlusion: &ScreenSpaceAmbientOcclusion| occlusion.quality_level,
-            |occlusion, quality| occlusion.quality_level = quality,
+            |occlusion: &mut ScreenSpaceAmbientOcclusion| &mut occlusion.quality_level,
             |level, _| ScreenSpaceAmbientOcclusionQualityLevel::Custom {
                 // Each slice takes two samples on each side.
                 slice_count: level.value as u32 / 4,
@@ -46,33 +45,23 @@ pub(super) fn effects() -> FieldKnob {
     FieldKnob::new(
         Knob::labelled("effects", levels),
         KnobField::new(
-            |reflections: &ScreenSpaceReflections| {
-                (reflections.linear_steps, reflections.bisection_steps)
-            },
-            |reflections, (linear, bisection)| {
-                reflections.linear_steps = linear;
-                reflections.bisection_steps = bisection;
-            },
-            |level, (linear, bisection)| (share_of(level, linear), share_of(level, bisection)),
-        )
-        .removed_at_zero(),
-    )
-    .and(
-        KnobField::new(
-            |shadows: &ContactShadows| shadows.linear_steps,
-            |shadows, steps| shadows.linear_steps = steps,
+            |reflections: &mut ScreenSpaceReflections| &mut reflections.linear_steps,
             share_of,
         )
         .removed_at_zero(),
     )
     .and(
         KnobField::new(
-            |fog: &VolumetricFog| fog.step_count,
-            |fog, steps| fog.step_count = steps,
+            |reflections: &mut ScreenSpaceReflections| &mut reflections.bisection_steps,
             share_of,
         )
         .removed_at_zero(),
     )
+    .and(
+        KnobField::new(|shadows: &mut ContactShadows| &mut shadows.linear_steps, share_of)
+            .removed_at_zero(),
+    )
+    .and(KnobField::new(|fog: &mut VolumetricFog| &mut fog.step_count, share_of).removed_at_zero())
 }
 
 /// A level's share of the app's `steps`; at least one, which Bevy's shaders need.
@@ -87,11 +76,9 @@ pub(super) struct Antialiasing;
 
 const FXAA_VALUE: f64 = 1.0;
 
-const SMAA: Lens<Smaa, SmaaPreset> =
-    Lens { read: |smaa| smaa.preset, write: |smaa, preset| smaa.preset = preset };
-
-/// The knob adds and removes it, and changes no field.
-const FXAA: Lens<Fxaa, ()> = Lens { read: |_| (), write: |_, ()| () };
+const SMAA: Field<Smaa, SmaaPreset> = Field(|smaa| &mut smaa.preset);
+/// The knob adds and removes it, and leaves the field as it is.
+const FXAA: Field<Fxaa, bool> = Field(|fxaa| &mut fxaa.enabled);
 
 impl KnobDriver for Antialiasing {
     fn knob(&self) -> Knob {
@@ -119,7 +106,7 @@ impl KnobDriver for Antialiasing {
         let smaa = preset.filter(|_| is_authored).map(|preset| Smaa { preset });
         SMAA.set(world, camera, |_| smaa);
         let is_fxaa = is_authored && level.value == FXAA_VALUE;
-        FXAA.set(world, camera, |authored| is_fxaa.then(|| authored.cloned().unwrap_or_default()));
+        FXAA.set(world, camera, |authored| is_fxaa.then(|| authored.unwrap_or_default()));
     }
 
     fn is_applied(&self, world: &World, camera: Entity, _: &Level) -> bool {
@@ -140,21 +127,13 @@ pub(super) fn post_processing() -> FieldKnob {
     FieldKnob::new(
         Knob::labelled("post_processing", levels),
         KnobField::new(
-            |bloom: &Bloom| bloom.max_mip_dimension,
-            |bloom, height| bloom.max_mip_dimension = height,
+            |bloom: &mut Bloom| &mut bloom.max_mip_dimension,
             // `fit_bloom` reduces it.
             |_, authored| authored,
         )
         .removed_at_zero(),
     )
-    .and(
-        KnobField::new(
-            |share: &BloomShare| share.0,
-            |share, value| share.0 = value,
-            |level, _| level.value,
-        )
-        .added(),
-    )
+    .and(KnobField::new(|share: &mut BloomShare| &mut share.0, |level, _| level.value).added())
 }
 
 /// Maximum height of bloom's first texture as a fraction of the view's height.

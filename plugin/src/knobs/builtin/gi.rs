@@ -8,11 +8,7 @@ use crate::knobs::{FieldKnob, Knob, KnobField};
 pub(super) fn vpl_count() -> FieldKnob {
     FieldKnob::new(
         Knob::new("gi_vpl_count", [0.0, 64.0, 128.0, 256.0, 512.0, 1024.0, 2048.0, 4096.0]),
-        KnobField::new(
-            |gi: &FrugalGi| gi.vpl_count,
-            |gi, count| gi.vpl_count = count,
-            |level, _| level.value as u32,
-        ),
+        KnobField::new(|gi: &mut FrugalGi| &mut gi.vpl_count, |level, _| level.value as u32),
     )
 }
 
@@ -24,8 +20,7 @@ pub(super) fn pixel_fraction() -> FieldKnob {
     FieldKnob::new(
         Knob::labelled("gi_pixel_fraction", levels).needing("gi_vpl_count", 1),
         KnobField::new(
-            |gi: &FrugalGi| gi.pixel_fraction,
-            |gi, fraction| gi.pixel_fraction = fraction,
+            |gi: &mut FrugalGi| &mut gi.pixel_fraction,
             |level, _| {
                 let mut fractions = GiPixelFraction::ALL.into_iter();
                 let found = fractions.find(|fraction| fraction.share() >= level.value);
@@ -49,8 +44,7 @@ pub(super) fn interleave() -> FieldKnob {
     FieldKnob::new(
         Knob::labelled("gi_interleave", levels).needing("gi_vpl_count", 1),
         KnobField::new(
-            |gi: &FrugalGi| gi.interleave,
-            |gi, width| gi.interleave = width,
+            |gi: &mut FrugalGi| &mut gi.interleave,
             |level, _| {
                 let mut widths = INTERLEAVES.into_iter();
                 let found = widths.find(|width| f64::from(width.side()) <= level.value);
@@ -68,8 +62,7 @@ pub(super) fn visibility() -> FieldKnob {
     FieldKnob::new(
         Knob::labelled("gi_visibility", levels).needing("gi_vpl_count", 1),
         KnobField::new(
-            |gi: &FrugalGi| gi.visibility,
-            |gi, visibility| gi.visibility = visibility,
+            |gi: &mut FrugalGi| &mut gi.visibility,
             |level, _| {
                 let mut all = GiVisibility::ALL.into_iter();
                 let found = all.find(|visibility| f64::from(visibility.rays()) >= level.value);
@@ -87,8 +80,7 @@ pub(super) fn environment_samples() -> FieldKnob {
         // Visibility in turn needs VPLs.
         Knob::new("gi_environment_samples", [0.0, 8.0, 16.0, 32.0]).needing("gi_visibility", 1),
         KnobField::new(
-            |gi: &FrugalGi| gi.environment_samples,
-            |gi, samples| gi.environment_samples = samples,
+            |gi: &mut FrugalGi| &mut gi.environment_samples,
             |level, _| level.value as u32,
         ),
     )
@@ -100,11 +92,7 @@ pub(super) fn environment_samples() -> FieldKnob {
 pub(super) fn bounces() -> FieldKnob {
     FieldKnob::new(
         Knob::new("gi_bounces", [1.0, 2.0, 3.0]).needing("gi_visibility", 1),
-        KnobField::new(
-            |gi: &FrugalGi| gi.bounces,
-            |gi, bounces| gi.bounces = bounces,
-            |level, _| level.value as u32,
-        ),
+        KnobField::new(|gi: &mut FrugalGi| &mut gi.bounces, |level, _| level.value as u32),
     )
     .opt_in()
 }
@@ -115,11 +103,7 @@ pub(super) fn bounces() -> FieldKnob {
 pub(super) fn rsm_resolution() -> FieldKnob {
     FieldKnob::new(
         Knob::new("rsm_resolution", [64.0, 128.0, 256.0]).needing("gi_vpl_count", 1),
-        KnobField::new(
-            |gi: &FrugalGi| gi.rsm_resolution,
-            |gi, resolution| gi.rsm_resolution = resolution,
-            |level, _| level.value as u32,
-        ),
+        KnobField::new(|gi: &mut FrugalGi| &mut gi.rsm_resolution, |level, _| level.value as u32),
     )
 }
 
@@ -131,8 +115,7 @@ pub(super) fn refresh_period() -> FieldKnob {
     FieldKnob::new(
         Knob::labelled("gi_refresh_period", levels).needing("gi_vpl_count", 1),
         KnobField::new(
-            |gi: &FrugalGi| gi.refresh_period,
-            |gi, period| gi.refresh_period = period,
+            |gi: &mut FrugalGi| &mut gi.refresh_period,
             |level, _| level.value.recip().round() as u32,
         ),
     )

@@ -13,12 +13,8 @@ pub(super) fn resolution_scale() -> FieldKnob {
         .map(|percent| (f64::from(percent) / 100.0, format!("{percent}%")));
     FieldKnob::new(
         Knob::labelled("resolution_scale", levels),
-        KnobField::new(
-            |scale: &ResolutionScale| scale.0,
-            |scale, share| scale.0 = share,
-            |level, _| level.value as f32,
-        )
-        .added(),
+        KnobField::new(|scale: &mut ResolutionScale| &mut scale.0, |level, _| level.value as f32)
+            .added(),
     )
 }
 
@@ -28,12 +24,7 @@ pub(super) fn texture_detail() -> FieldKnob {
     FieldKnob::new(
         // The value is the negated bias, so that it increases with quality.
         Knob::labelled("texture_detail", [(-2.0, "+2"), (-1.0, "+1"), (-0.5, "+0.5"), (0.0, "0")]),
-        KnobField::new(
-            |bias: &MipBias| bias.0,
-            |bias, levels| bias.0 = levels,
-            |level, _| -level.value as f32,
-        )
-        .added(),
+        KnobField::new(|bias: &mut MipBias| &mut bias.0, |level, _| -level.value as f32).added(),
     )
 }
 
@@ -43,16 +34,14 @@ pub(super) fn shadow_map_resolution() -> FieldKnob {
     FieldKnob::new(
         Knob::new("shadow_map_resolution", [256.0, 512.0, 1024.0, 2048.0]),
         KnobField::new(
-            |map: &DirectionalLightShadowMap| map.size,
-            |map, size| map.size = size,
+            |map: &mut DirectionalLightShadowMap| &mut map.size,
             |level, _| level.value as usize,
         )
         .of_resource(),
     )
     .and(
         KnobField::new(
-            |map: &PointLightShadowMap| map.size,
-            |map, size| map.size = size,
+            |map: &mut PointLightShadowMap| &mut map.size,
             |level, _| level.value as usize / 2,
         )
         .of_resource(),
@@ -70,8 +59,7 @@ pub(super) fn frame_rate() -> FieldKnob {
     FieldKnob::new(
         Knob::labelled("frame_rate", rates.into_iter().chain([unlimited])),
         KnobField::new(
-            |limit: &FrameRateLimit| limit.hertz,
-            |limit, hertz| limit.hertz = hertz,
+            |limit: &mut FrameRateLimit| &mut limit.hertz,
             |level, authored| {
                 let hertz = (level.value < UNLIMITED).then_some(level.value);
                 authored.map_or(hertz, |own| Some(hertz.map_or(own, |hertz| hertz.min(own))))

@@ -5,7 +5,7 @@ use bevy::camera::CameraUpdateSystems;
 use bevy::ecs::prelude::*;
 use bevy::light::{CascadeShadowConfig, CascadeShadowConfigBuilder, DirectionalLight};
 
-use crate::knobs::overrides::Lens;
+use crate::knobs::overrides::Field;
 use crate::knobs::{FieldKnob, Knob, KnobField, KnobSystems};
 
 /// Number of cascades of every directional light, over the app's own shadow distance. Higher levels
@@ -14,8 +14,7 @@ pub(super) fn knob() -> FieldKnob {
     FieldKnob::new(
         Knob::new("shadow_cascades", [1.0, 2.0, 3.0, 4.0]),
         KnobField::new(
-            |count: &CascadeCount| count.0,
-            |count, cascades| count.0 = cascades,
+            |count: &mut CascadeCount| &mut count.0,
             |level, _| Some(level.value as usize),
         )
         .of_resource(),
@@ -44,24 +43,7 @@ fn is_needed(
     count.is_changed() || (count.0.is_some() && !changed.is_empty())
 }
 
-/// All of a light's cascades. Equal bits are equal, so that NaN is the same as itself.
-#[derive(Clone)]
-struct Cascades(CascadeShadowConfig);
-
-impl PartialEq for Cascades {
-    fn eq(&self, other: &Self) -> bool {
-        let bits = |cascades: &CascadeShadowConfig| {
-            [cascades.overlap_proportion, cascades.minimum_distance].map(f32::to_bits)
-        };
-        let (a, b) = (&self.0, &other.0);
-        bits(a) == bits(b)
-            && a.bounds.len() == b.bounds.len()
-            && a.bounds.iter().zip(&b.bounds).all(|(a, b)| a.to_bits() == b.to_bits())
-    }
-}
-
-const CASCADES: Lens<CascadeShadowConfig, Cascades> =
-    Lens { read: |it| Cascades(it.clone()), write: |it, cascades| *it = cascades.0 };
+const BOUNDS: Field<CascadeShadowConfig, Vec<f32>> = Field(|cascades| &mut cascades.bounds);
 
 fn divide_cascades(
     world: &mut World,
@@ -72,10 +54,10 @@ fn divide_cascades(
     for light in lights {
         match count {
             // The app's own stay where they are invalid.
-            Some(count) => CASCADES.set(world, light, |authored| {
-                authored.map(|own| divide(own, count).unwrap_or_else(|| own.clone()))
+            Some(count) => BOUNDS.set(world, light, |authored| {
+                authored.map(|own| divide(&own, count).unwrap_or(own))
             }),
-            None => CASCADES.release(world, light),
+            None => BOUNDS.release(world, light),
         }
     }
 }

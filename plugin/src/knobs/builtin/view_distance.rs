@@ -24,12 +24,7 @@ pub(super) fn knob() -> FieldKnob {
         [25, 50, 75, 100].map(|percent| (f64::from(percent) / 100.0, format!("{percent}%")));
     FieldKnob::new(
         Knob::labelled("view_distance", levels),
-        KnobField::new(
-            |share: &ViewShare| share.0,
-            |share, value| share.0 = value,
-            |level, _| level.value as f32,
-        )
-        .added(),
+        KnobField::new(|share: &mut ViewShare| &mut share.0, |level, _| level.value as f32).added(),
     )
 }
 
