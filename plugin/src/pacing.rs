@@ -12,7 +12,8 @@ use bevy::reflect::Reflect;
 /// Maximum frame rate. Lower values save power in proportion and make motion less smooth.
 ///
 /// The app sleeps at the end of each frame, so a display with vertical synchronization shows such
-/// rates evenly only if they divide its own. Without effect in a browser, which paces frames itself.
+/// rates evenly only if they divide its own. Without effect in a browser, which paces frames
+/// itself.
 #[derive(Resource, Clone, Copy, Debug, Default, PartialEq, Reflect)]
 #[reflect(Resource, Default, Clone, Debug, PartialEq)]
 pub struct FrameRateLimit {

@@ -2,7 +2,7 @@
 //! the drivers that apply a level ([`KnobDriver`]).
 //!
 //! To add a knob, write a [`FieldKnob`] or a [`KnobDriver`] and register it with
-//! [`RegisterKnob::register_knob`]; the built-in ones are under `builtin/`, and listed in its `mod.rs`.
+//! [`RegisterKnob::register_knob`]; the built-in ones are listed in `builtin/mod.rs`.
 //! [`WarmKnobs`] shows all levels behind a loading screen, so that no later switch waits for a
 //! shader compiler.
 
