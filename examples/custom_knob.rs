@@ -8,7 +8,7 @@ use bevy::prelude::*;
 use bevy_frugal_gi::frontier::{
     CameraView, CostPoint, Frontier, FrontierPoint, SampleCamera, SampleRef, ViewDirection,
 };
-use bevy_frugal_gi::knobs::{Knob, KnobDriver, KnobLevels, KnobSpace, Level};
+use bevy_frugal_gi::knobs::{FieldKnob, Knob, KnobDriver, KnobField, KnobLevels, KnobSpace};
 use bevy_frugal_gi::prelude::*;
 use frugal_examples::{ExamplePlugin, caption};
 
@@ -17,7 +17,7 @@ mod marbles {
     use bevy::prelude::*;
 
     /// How many marbles lie around; on the camera that sees them.
-    #[derive(Component)]
+    #[derive(Component, Clone)]
     pub(super) struct Marbles(pub(super) usize);
 
     #[derive(Component)]
@@ -44,24 +44,12 @@ mod marbles {
 }
 use marbles::Marbles;
 
-/// The knob: a level is a number of marbles.
-struct MarblesKnob;
-
-impl KnobDriver for MarblesKnob {
-    fn knob(&self) -> Knob {
-        Knob::new("marbles", [0.0, 20.0, 80.0, 200.0])
-    }
-
-    fn apply(&self, world: &mut World, camera: Entity, level: &Level) {
-        // No camera gets marbles that the app has not given any.
-        if let Some(mut marbles) = world.get_mut::<Marbles>(camera) {
-            marbles.0 = level.value as usize;
-        }
-    }
-
-    fn is_applied(&self, world: &World, camera: Entity, level: &Level) -> bool {
-        world.get::<Marbles>(camera).is_none_or(|marbles| marbles.0 == level.value as usize)
-    }
+/// The knob: a level is a number of marbles, on a camera to which the app gave [`Marbles`].
+fn marbles_knob() -> FieldKnob {
+    FieldKnob::new(
+        Knob::new("marbles", [0.0, 20.0, 80.0, 200.0]),
+        KnobField::new(|marbles: &mut Marbles| &mut marbles.0, |level, _| level.value as usize),
+    )
 }
 
 /// One frontier for all views.
@@ -86,7 +74,7 @@ fn main() -> AppExit {
     App::new()
         .add_plugins((DefaultPlugins, FrugalGiPlugins, HudPlugin))
         .add_plugins(ExamplePlugin { title: "custom_knob" })
-        .register_knob(MarblesKnob)
+        .register_knob(marbles_knob())
         .insert_resource(GlobalAmbientLight::NONE)
         .add_systems(Startup, set_up)
         .add_systems(Update, (change_budget, marbles::lay_out))
@@ -105,7 +93,7 @@ fn set_up(
         cost: CostPoint::new(power, error),
     };
     let frontier = Frontier::from_points(points.into_iter().enumerate().map(point));
-    let space = KnobSpace::new(vec![MarblesKnob.knob()]).expect("a valid knob");
+    let space = KnobSpace::new(vec![marbles_knob().knob()]).expect("a valid knob");
     let view = Transform::from_xyz(0.0, 3.0, 5.5).looking_at(Vec3::ZERO, Vec3::Y);
     let source = FrontierSource::new(Everywhere { space, frontier });
     commands.spawn((

@@ -62,7 +62,7 @@ pub struct MapWhenWarm(Handle<FrontierMap>);
 /// rate only.
 pub fn control(app: &mut App, map: FrontierMap, cameras: &[Entity]) {
     let knobs = Arc::new(map.knobs.clone());
-    app.insert_resource(FrameRateLimit(Some(map.capture.frames_per_second)));
+    app.insert_resource(FrameRateLimit { hertz: Some(map.capture.frames_per_second) });
     let settings = map.settings();
     let map = app.world_mut().resource_mut::<Assets<FrontierMap>>().add(map);
     for camera in cameras {

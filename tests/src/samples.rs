@@ -167,26 +167,28 @@ mod own_knob {
     fn sample() {
         use bevy::core_pipeline::tonemapping::DebandDither;
         use bevy::prelude::*;
-        use bevy_frugal_gi::knobs::{Knob, KnobDriver, Level};
+        use bevy_frugal_gi::knobs::{FieldKnob, Knob, KnobField};
         use bevy_frugal_gi::prelude::*;
 
         /// Dithering against colour banding.
-        struct Dithering;
-
-        impl KnobDriver for Dithering {
-            fn knob(&self) -> Knob {
+        fn dithering() -> FieldKnob {
+            FieldKnob::new(
                 // Cheapest first. The label is read on the command line and in files.
-                Knob::labelled("dithering", [(0.0, "off"), (1.0, "on")])
-            }
-
-            fn apply(&self, world: &mut World, camera: Entity, level: &Level) {
-                let dither =
-                    if level.value > 0.0 { DebandDither::Enabled } else { DebandDither::Disabled };
-                world.entity_mut(camera).insert(dither);
-            }
+                Knob::labelled("dithering", [(0.0, "off"), (1.0, "on")]),
+                KnobField::new(
+                    |dither: &mut DebandDither| dither,
+                    |level, _| {
+                        if level.value > 0.0 {
+                            DebandDither::Enabled
+                        } else {
+                            DebandDither::Disabled
+                        }
+                    },
+                ),
+            )
         }
 
-        App::new().add_plugins((DefaultPlugins, FrugalGiPlugins)).register_knob(Dithering);
+        App::new().add_plugins((DefaultPlugins, FrugalGiPlugins)).register_knob(dithering());
     }
 }
 

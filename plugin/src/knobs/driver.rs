@@ -1,5 +1,6 @@
 //! Drivers, which apply a knob's level to the app's state, and the registry of all knobs.
 
+use std::collections::BTreeSet;
 use std::sync::Arc;
 
 use bevy::app::App;
@@ -59,7 +60,7 @@ pub trait KnobDriver: Send + Sync + 'static {
     }
 }
 
-/// A driver, with what it says of itself: asking it again would build its knob anew.
+/// A driver, with its name and scope, which are asked for once.
 #[derive(Clone)]
 pub(super) struct Registered {
     pub name: String,
@@ -70,7 +71,8 @@ pub(super) struct Registered {
 /// All knobs of the app, in the order of registration.
 #[derive(Resource, Clone, Default)]
 pub struct KnobRegistry {
-    drivers: Vec<Registered>,
+    /// Shared, so that systems can keep it while drivers have the world.
+    drivers: Arc<Vec<Registered>>,
     /// Number of additions and replacements.
     revision: u64,
 }
@@ -83,9 +85,10 @@ impl KnobRegistry {
             scope: driver.scope(),
             driver: Arc::new(driver),
         };
-        match self.drivers.iter_mut().find(|old| old.name == new.name) {
+        let drivers = Arc::make_mut(&mut self.drivers);
+        match drivers.iter_mut().find(|old| old.name == new.name) {
             Some(old) => *old = new,
-            None => self.drivers.push(new),
+            None => drivers.push(new),
         }
         self.revision += 1;
     }
@@ -149,5 +152,30 @@ impl RegisterKnob for App {
     fn register_knob(&mut self, driver: impl KnobDriver) -> &mut Self {
         self.world_mut().get_resource_or_init::<KnobRegistry>().add(driver);
         self
+    }
+}
+
+/// Names of the knobs that this app has registered. A map that sets other knobs is rejected
+/// ([`OffReason::UnknownKnobs`](crate::control::OffReason::UnknownKnobs)). Without this resource
+/// every map is accepted.
+#[derive(Resource, Clone, Debug, Default, PartialEq, Eq)]
+pub struct KnownKnobs(pub BTreeSet<String>);
+
+impl KnownKnobs {
+    /// The names of all knobs of `registry`.
+    pub fn of(registry: &KnobRegistry) -> Self {
+        Self(registry.names().map(str::to_owned).collect())
+    }
+
+    /// The first knob of `space` that this app has not registered; `None` when all are known.
+    pub fn first_unknown<'a>(&self, space: &'a KnobSpace) -> Option<&'a str> {
+        space.knobs().iter().map(|knob| knob.name.as_str()).find(|name| !self.0.contains(*name))
+    }
+}
+
+/// Adds the knobs that are registered while the app runs.
+pub(super) fn update_known(registry: Res<KnobRegistry>, known: Option<ResMut<KnownKnobs>>) {
+    if let Some(mut known) = known {
+        known.set_if_neq(KnownKnobs::of(&registry));
     }
 }

@@ -1,13 +1,8 @@
-//! Keeps the state of cameras and app as their settings say.
+//! Applies the settings of cameras, and releases what no settings contain any more.
 //!
-//! Every frame compares what was applied with what is there, which takes some nanoseconds a knob.
-//! Options:
-//! 1. Apply when settings change. A component that is added or overwritten later keeps another
-//!    level than the settings say, and so does a camera that was inactive.
-//! 2. Apply every level in every frame. Change detection would fire for every component.
-//! 3. Compare, and apply what differs.
-//!
-//! We use option 3. Nothing is allocated or written while nothing differs.
+//! Every frame compares what was applied with what is there, so that a component that the app adds
+//! or overwrites, and a camera that becomes active, get their levels. Nothing is allocated or
+//! written while nothing differs.
 
 use std::sync::Arc;
 
@@ -15,62 +10,23 @@ use bevy::camera::Camera;
 use bevy::ecs::prelude::*;
 use bevy::log::warn_once;
 
-use super::driver::Registered;
-use super::{KnobRegistry, KnobScope, KnobSettings, KnobSpace, KnownKnobs, Level};
-
-/// The values applied for a camera's settings. Written by [`KnobPlugin`](super::KnobPlugin).
-#[derive(Component, Clone, Debug, Default)]
-pub struct AppliedKnobs {
-    /// The knobs of `entries`.
-    space: Arc<KnobSpace>,
-    /// The registry's revision that `entries` refer to.
-    registry: u64,
-    entries: Vec<Entry>,
-}
-
-#[derive(Clone, Copy, Debug, PartialEq)]
-struct Entry {
-    /// Index in the registry; `None` if the app lacks the knob.
-    driver: Option<usize>,
-    scope: KnobScope,
-    value: Option<f64>,
-}
-
-impl AppliedKnobs {
-    /// The applied value of the knob called `name`, in the knob's unit; `None` if the camera's
-    /// settings do not contain it, or the app has not registered it. For a knob of [app
-    /// scope](KnobScope::App), the highest among the active cameras, which may be above this
-    /// camera's.
-    pub fn value(&self, name: &str) -> Option<f64> {
-        self.entries.get(self.space.index_of(name)?)?.value
-    }
-
-    /// Whether the entries refer to `space` and `registry`.
-    fn is_for(&self, space: &Arc<KnobSpace>, registry: &KnobRegistry) -> bool {
-        Arc::ptr_eq(&self.space, space) && self.registry == registry.revision()
-    }
-}
-
-/// A knob of app scope.
-struct AppKnob {
-    driver: usize,
-    /// The camera with the highest level, and that level's value.
-    wanted: Option<(Entity, f64)>,
-    /// The camera whose level was applied, and its value.
-    applied: Option<(Entity, f64)>,
-}
+use super::settings::AppliedKnob;
+use super::{AppliedKnobs, KnobRegistry, KnobScope, KnobSettings};
 
 /// What [`reconcile`] keeps from frame to frame.
 #[derive(Default)]
 pub(super) struct Reconciled {
     /// The active cameras of this frame.
     active: Vec<(Entity, KnobSettings)>,
-    app: Vec<AppKnob>,
+    /// The camera whose level was applied, and its value, for each knob of app scope; by the index
+    /// in the registry.
+    app: Vec<Option<(Entity, f64)>>,
+    /// The registry's revision that `app` refers to.
     registry: u64,
 }
 
-/// Whether a camera has settings, or had some in the last frame, or there is a new knob. An exclusive
-/// system waits for all others, so it does not run for nothing.
+/// Whether a camera has settings, or had some in the last frame, or there is a new knob. An
+/// exclusive system waits for all others, so it does not run for nothing.
 pub(super) fn is_needed(
     cameras: Query<(), Or<(With<KnobSettings>, With<AppliedKnobs>)>>,
     registry: Res<KnobRegistry>,
@@ -80,79 +36,66 @@ pub(super) fn is_needed(
     std::mem::replace(&mut *had_any, has_any) || has_any || registry.is_changed()
 }
 
-/// Applies what differs from the settings of active cameras, and releases what no settings contain
-/// any more.
 pub(super) fn reconcile(
     world: &mut World,
     cameras: &mut QueryState<(Entity, &KnobSettings, &Camera)>,
     abandoned: &mut QueryState<Entity, (With<AppliedKnobs>, Without<KnobSettings>)>,
     mut state: Local<Reconciled>,
 ) {
-    let state = &mut *state;
-    let released: Vec<Entity> = abandoned.iter(world).collect();
-    for camera in released {
-        release_camera(world, camera);
+    let registry = world.resource::<KnobRegistry>().clone();
+    let abandoned: Vec<Entity> = abandoned.iter(world).collect();
+    for camera in abandoned {
+        if let Some(applied) = world.entity_mut(camera).take::<AppliedKnobs>() {
+            release(world, &registry, camera, &applied, |_| true);
+        }
     }
     state.active.clear();
-    for (entity, settings, camera) in cameras.iter(world) {
-        if camera.is_active {
-            state.active.push((entity, settings.clone()));
-        }
+    let active = cameras.iter(world).filter(|(.., camera)| camera.is_active);
+    state.active.extend(active.map(|(entity, settings, _)| (entity, settings.clone())));
+    for (camera, settings) in &state.active {
+        reconcile_camera(world, &registry, *camera, settings);
     }
-    for (entity, settings) in &state.active {
-        if !is_camera_current(world, *entity, settings) {
-            apply_to_camera(world, *entity, settings);
-        }
-    }
-    reconcile_app(world, state);
+    reconcile_app(world, &registry, &mut state);
 }
 
-/// The level of the `knob`-th knob of `settings`; those beyond its last count as the last.
-fn level_of(settings: &KnobSettings, knob: usize) -> &Level {
-    let levels = &settings.space.knobs()[knob].levels;
-    &levels[settings.settings.level(knob).min(levels.len() - 1)]
-}
-
-fn is_camera_current(world: &World, camera: Entity, settings: &KnobSettings) -> bool {
-    let registry = world.resource::<KnobRegistry>();
-    let Some(applied) = world.get::<AppliedKnobs>(camera) else { return false };
-    applied.is_for(&settings.space, registry)
-        && applied.entries.iter().enumerate().all(|(knob, entry)| {
-            let Some(driver) = entry.driver else { return true };
-            let level = level_of(settings, knob);
-            entry.scope == KnobScope::App
-                || (entry.value == Some(level.value)
-                    && registry.drivers()[driver].driver.is_applied(world, camera, level))
-        })
-}
-
-fn apply_to_camera(world: &mut World, camera: Entity, settings: &KnobSettings) {
-    let registry = world.resource::<KnobRegistry>().clone();
-    let mut applied = world.get::<AppliedKnobs>(camera).cloned().unwrap_or_default();
-    if !applied.is_for(&settings.space, &registry) {
-        applied = adopt(world, camera, &applied, &settings.space, &registry);
-    }
-    for (knob, entry) in applied.entries.iter_mut().enumerate() {
-        let (Some(driver), KnobScope::Camera) = (entry.driver, entry.scope) else { continue };
-        let (level, driver) = (level_of(settings, knob), &registry.drivers()[driver].driver);
-        if entry.value != Some(level.value) || !driver.is_applied(world, camera, level) {
-            driver.apply(world, camera, level);
-            entry.value = Some(level.value);
-        }
-    }
-    if let Ok(mut camera) = world.get_entity_mut(camera) {
-        camera.insert(applied);
-    }
-}
-
-/// The entries of `old` for the knobs of `space`; the other knobs are released.
-fn adopt(
+/// Applies the knobs of camera scope.
+fn reconcile_camera(
     world: &mut World,
-    camera: Entity,
-    old: &AppliedKnobs,
-    space: &Arc<KnobSpace>,
     registry: &KnobRegistry,
-) -> AppliedKnobs {
+    camera: Entity,
+    settings: &KnobSettings,
+) {
+    let applied = world.get::<AppliedKnobs>(camera);
+    if !applied.is_some_and(|applied| {
+        Arc::ptr_eq(&applied.space, &settings.space) && applied.registry == registry.revision()
+    }) {
+        let old = applied.cloned().unwrap_or_default();
+        let new = adopt(registry, &old, settings);
+        release(world, registry, camera, &old, |name| new.space.index_of(name).is_none());
+        if let Ok(mut camera) = world.get_entity_mut(camera) {
+            camera.insert(new);
+        }
+    }
+    for knob in 0..settings.space.len() {
+        // A driver may have despawned the camera.
+        let Some(applied) = world.get::<AppliedKnobs>(camera) else { return };
+        let AppliedKnob { driver: Some(index), value } = applied.entries[knob] else { continue };
+        let (known, level) = (&registry.drivers()[index], settings.level(knob));
+        let is_current = value == Some(level.value);
+        if known.scope == KnobScope::App
+            || (is_current && known.driver.is_applied(world, camera, level))
+        {
+            continue;
+        }
+        known.driver.apply(world, camera, level);
+        if let Some(mut applied) = world.get_mut::<AppliedKnobs>(camera) {
+            AppliedKnobs::set_value(&mut applied, index, level.value);
+        }
+    }
+}
+
+/// The entries of `old` for the knobs of `settings`.
+fn adopt(registry: &KnobRegistry, old: &AppliedKnobs, settings: &KnobSettings) -> AppliedKnobs {
     // Another driver of the same name has applied nothing yet.
     let same_drivers = old.registry == registry.revision();
     let entry = |name: &str| {
@@ -160,103 +103,64 @@ fn adopt(
         if driver.is_none() {
             warn_once!("knob `{name}` is not registered in this app and is ignored");
         }
-        let scope = driver.map_or(KnobScope::Camera, |driver| registry.drivers()[driver].scope);
-        let value = old.value(name).filter(|_| same_drivers);
-        Entry { driver, scope, value }
+        AppliedKnob { driver, value: old.value(name).filter(|_| same_drivers) }
     };
-    let entries = space.knobs().iter().map(|knob| entry(&knob.name)).collect();
-    for (knob, entry) in old.space.knobs().iter().zip(&old.entries) {
-        if space.index_of(&knob.name).is_none() && entry.scope == KnobScope::Camera {
-            release(world, camera, registry, &knob.name, entry);
-        }
-    }
-    AppliedKnobs { space: Arc::clone(space), registry: registry.revision(), entries }
-}
-
-fn release(world: &mut World, camera: Entity, registry: &KnobRegistry, name: &str, entry: &Entry) {
-    if entry.value.is_some()
-        && let Some(driver) = registry.get(name)
-    {
-        driver.release(world, camera);
+    AppliedKnobs {
+        space: Arc::clone(&settings.space),
+        registry: registry.revision(),
+        entries: settings.space.knobs().iter().map(|knob| entry(&knob.name)).collect(),
     }
 }
 
-/// Restores what was authored of a camera without settings.
-fn release_camera(world: &mut World, camera: Entity) {
-    let registry = world.resource::<KnobRegistry>().clone();
-    let Some(applied) = world.entity_mut(camera).take::<AppliedKnobs>() else { return };
-    for (knob, entry) in applied.space.knobs().iter().zip(&applied.entries) {
-        if entry.scope == KnobScope::Camera {
-            release(world, camera, &registry, &knob.name, entry);
+/// Restores what was authored of the knobs of camera scope for whose name `is_released` is true.
+fn release(
+    world: &mut World,
+    registry: &KnobRegistry,
+    camera: Entity,
+    applied: &AppliedKnobs,
+    is_released: impl Fn(&str) -> bool,
+) {
+    for known in registry.drivers() {
+        if known.scope == KnobScope::Camera
+            && applied.value(&known.name).is_some()
+            && is_released(&known.name)
+        {
+            known.driver.release(world, camera);
         }
     }
 }
 
 /// Applies, for every knob of app scope, the highest level among the active cameras.
-fn reconcile_app(world: &mut World, state: &mut Reconciled) {
-    let Reconciled { active, app, registry: revision } = state;
-    let registry = world.resource::<KnobRegistry>();
-    if *revision != registry.revision() {
-        *revision = registry.revision();
-        let is_app = |(_, known): &(usize, &Registered)| known.scope == KnobScope::App;
-        let of_app = registry.drivers().iter().enumerate().filter(is_app);
-        *app = of_app.map(|(driver, _)| AppKnob { driver, wanted: None, applied: None }).collect();
-        let known = KnownKnobs::of(registry);
-        if world.get_resource::<KnownKnobs>().is_some_and(|old| *old != known) {
-            world.insert_resource(known);
+fn reconcile_app(world: &mut World, registry: &KnobRegistry, state: &mut Reconciled) {
+    if state.registry != registry.revision() {
+        state.registry = registry.revision();
+        state.app = vec![None; registry.drivers().len()];
+    }
+    for (index, known) in registry.drivers().iter().enumerate() {
+        if known.scope == KnobScope::Camera {
+            continue;
         }
-    }
-    for knob in app.iter_mut() {
-        knob.wanted = None;
-    }
-    for (camera, settings) in active.iter() {
-        let Some(applied) = world.get::<AppliedKnobs>(*camera) else { continue };
-        for (index, entry) in applied.entries.iter().enumerate() {
-            if entry.scope == KnobScope::Camera {
-                continue;
+        let applied = &mut state.app[index];
+        let wanted = state.active.iter().filter_map(|(camera, settings)| {
+            Some((*camera, settings.level(settings.space.index_of(&known.name)?)))
+        });
+        let wanted = wanted.reduce(|a, b| if b.1.value > a.1.value { b } else { a });
+        let Some((camera, level)) = wanted else {
+            if let Some((camera, _)) = applied.take() {
+                known.driver.release(world, camera);
             }
-            let value = level_of(settings, index).value;
-            let asked = app.iter_mut().find(|knob| Some(knob.driver) == entry.driver);
-            if let Some(knob) = asked
-                && knob.wanted.is_none_or(|(_, other)| value > other)
-            {
-                knob.wanted = Some((*camera, value));
-            }
-        }
-    }
-    for knob in app.iter_mut() {
-        reconcile_app_knob(world, active, knob);
-    }
-}
-
-fn reconcile_app_knob(world: &mut World, active: &[(Entity, KnobSettings)], knob: &mut AppKnob) {
-    let known = &world.resource::<KnobRegistry>().drivers()[knob.driver];
-    let Some((camera, value)) = knob.wanted else {
-        if let Some((camera, _)) = knob.applied.take() {
-            let driver = Arc::clone(&known.driver);
-            driver.release(world, camera);
-        }
-        return;
-    };
-    let level = active
-        .iter()
-        .find(|(entity, _)| *entity == camera)
-        .and_then(|(_, settings)| Some(level_of(settings, settings.space.index_of(&known.name)?)));
-    let Some(level) = level else { return };
-    if knob.applied.map(|(_, value)| value) != Some(value)
-        || !known.driver.is_applied(world, camera, level)
-    {
-        let driver = Arc::clone(&known.driver);
-        driver.apply(world, camera, level);
-    }
-    knob.applied = Some((camera, value));
-    for (camera, _) in active {
-        let Some(mut applied) = world.get_mut::<AppliedKnobs>(*camera) else { continue };
-        let entry = applied.entries.iter().position(|entry| entry.driver == Some(knob.driver));
-        if let Some(entry) = entry
-            && applied.entries[entry].value != Some(value)
+            continue;
+        };
+        if applied.is_none_or(|(_, value)| value != level.value)
+            || !known.driver.is_applied(world, camera, level)
         {
-            applied.entries[entry].value = Some(value);
+            known.driver.apply(world, camera, level);
+        }
+        *applied = Some((camera, level.value));
+        for (camera, _) in &state.active {
+            if let Some(mut applied) = world.get_mut::<AppliedKnobs>(*camera) {
+                AppliedKnobs::set_value(&mut applied, index, level.value);
+            }
         }
     }
 }

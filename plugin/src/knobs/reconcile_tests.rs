@@ -13,7 +13,9 @@ use bevy::render::camera::MipBias;
 
 use super::*;
 use crate::gi::FrugalGi;
-use crate::knobs::{Knob, KnobDriver, KnobLevels, KnobPlugin, RegisterKnob};
+use crate::knobs::{
+    Knob, KnobDriver, KnobLevels, KnobPlugin, KnobSpace, KnownKnobs, Level, RegisterKnob,
+};
 use crate::resolution::ResolutionScale;
 
 fn app() -> App {

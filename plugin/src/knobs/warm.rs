@@ -148,7 +148,7 @@ fn levels_to_show(space: &KnobSpace) -> Vec<KnobLevels> {
 }
 
 pub(super) fn build(app: &mut App) {
-    // Need to write the settings before they are applied, so that every frame shows one step.
+    // Before settings are applied, so that every frame shows one step.
     app.add_systems(
         PostUpdate,
         warm_knobs.before(KnobSystems::Apply).run_if(any_with_component::<WarmKnobs>),

@@ -1,112 +1,64 @@
 //! Number of cascades of directional lights. App scope.
 
 use bevy::app::{App, PostUpdate};
+use bevy::camera::CameraUpdateSystems;
 use bevy::ecs::prelude::*;
 use bevy::light::{CascadeShadowConfig, CascadeShadowConfigBuilder, DirectionalLight};
 
-use crate::knobs::{Knob, KnobDriver, KnobScope, KnobSystems, Level};
+use crate::knobs::overrides::Field;
+use crate::knobs::{FieldKnob, Knob, KnobField, KnobSystems};
 
 /// Number of cascades of every directional light, over the app's own shadow distance. Higher levels
 /// give sharper near shadows; each cascade renders the casters once more.
-pub(crate) struct ShadowCascades;
-
-/// The app's own cascades, whose distance each level divides again, and what was written last.
-#[derive(Component, Clone)]
-struct HeldCascades {
-    authored: CascadeShadowConfig,
-    written: CascadeShadowConfig,
+pub(super) fn knob() -> FieldKnob {
+    FieldKnob::new(
+        Knob::new("shadow_cascades", [1.0, 2.0, 3.0, 4.0]),
+        KnobField::new(
+            |count: &mut CascadeCount| &mut count.0,
+            |level, _| Some(level.value as usize),
+        )
+        .of_resource(),
+    )
 }
 
-/// Whether a light was added, or its cascades overwritten, since a level was applied.
-#[derive(Resource, Default)]
-struct CascadesDiffer(bool);
-
-impl KnobDriver for ShadowCascades {
-    fn knob(&self) -> Knob {
-        Knob::new("shadow_cascades", [1.0, 2.0, 3.0, 4.0])
-    }
-
-    fn scope(&self) -> KnobScope {
-        KnobScope::App
-    }
-
-    fn apply(&self, world: &mut World, _: Entity, level: &Level) {
-        world.insert_resource(CascadesDiffer(false));
-        let mut lights = world.query_filtered::<(Entity, &CascadeShadowConfig, Option<&HeldCascades>), With<DirectionalLight>>();
-        let divided: Vec<_> = lights
-            .iter(world)
-            .map(|(entity, current, held)| {
-                let authored = authored(current, held);
-                // Invalid ones are left to Bevy.
-                let written =
-                    divide(&authored, level.value as usize).unwrap_or_else(|| authored.clone());
-                let differs = !is_same(current, &written);
-                (entity, differs, HeldCascades { authored, written })
-            })
-            .collect();
-        for (entity, differs, held) in divided {
-            let mut light = world.entity_mut(entity);
-            if differs {
-                light.insert(held.written.clone());
-            }
-            light.insert(held);
-        }
-    }
-
-    fn is_applied(&self, world: &World, _: Entity, _: &Level) -> bool {
-        !world.get_resource::<CascadesDiffer>().is_some_and(|differ| differ.0)
-    }
-
-    fn release(&self, world: &mut World, _: Entity) {
-        let mut lights = world.query::<(Entity, &CascadeShadowConfig, &HeldCascades)>();
-        let authored: Vec<_> = lights
-            .iter(world)
-            .map(|(entity, current, held)| (entity, authored(current, Some(held))))
-            .collect();
-        for (entity, authored) in authored {
-            world.entity_mut(entity).insert(authored).remove::<HeldCascades>();
-        }
-    }
-}
-
-/// The app's own cascades of a light with `current` ones.
-fn authored(current: &CascadeShadowConfig, held: Option<&HeldCascades>) -> CascadeShadowConfig {
-    match held {
-        Some(held) if is_same(current, &held.written) => held.authored.clone(),
-        _ => current.clone(),
-    }
-}
-
-fn is_same(a: &CascadeShadowConfig, b: &CascadeShadowConfig) -> bool {
-    // Bits, so that NaN is the same as itself.
-    let bits = |cascades: &CascadeShadowConfig| {
-        [cascades.overlap_proportion, cascades.minimum_distance].map(f32::to_bits)
-    };
-    bits(a) == bits(b)
-        && a.bounds.len() == b.bounds.len()
-        && a.bounds.iter().zip(&b.bounds).all(|(a, b)| a.to_bits() == b.to_bits())
-}
+/// Number of cascades of every light; `None` leaves the app's own.
+#[derive(Resource, Clone, Copy, Default)]
+struct CascadeCount(Option<usize>);
 
 pub(super) fn build(app: &mut App) {
-    app.init_resource::<CascadesDiffer>().add_systems(
+    app.init_resource::<CascadeCount>().add_systems(
         PostUpdate,
-        watch_cascades.before(KnobSystems::Apply).run_if(any_match_filter::<ChangedCascades>),
+        divide_cascades.after(KnobSystems::Apply).before(CameraUpdateSystems).run_if(is_needed),
     );
 }
 
-/// Lights whose cascades are new.
-type ChangedCascades =
-    (With<DirectionalLight>, Or<(Added<DirectionalLight>, Changed<CascadeShadowConfig>)>);
+/// Whether another number is asked for, or a light has new cascades.
+fn is_needed(
+    count: Res<CascadeCount>,
+    changed: Query<
+        (),
+        (With<DirectionalLight>, Or<(Added<DirectionalLight>, Changed<CascadeShadowConfig>)>),
+    >,
+) -> bool {
+    count.is_changed() || (count.0.is_some() && !changed.is_empty())
+}
 
-fn watch_cascades(
-    lights: Query<(&CascadeShadowConfig, Option<&HeldCascades>), ChangedCascades>,
-    mut differ: ResMut<CascadesDiffer>,
+const BOUNDS: Field<CascadeShadowConfig, Vec<f32>> = Field(|cascades| &mut cascades.bounds);
+
+fn divide_cascades(
+    world: &mut World,
+    lights: &mut QueryState<Entity, (With<DirectionalLight>, With<CascadeShadowConfig>)>,
 ) {
-    let is_ours = |(current, held): (&CascadeShadowConfig, Option<&HeldCascades>)| {
-        held.is_some_and(|held| is_same(current, &held.written))
-    };
-    if !differ.0 && !lights.iter().all(is_ours) {
-        differ.0 = true;
+    let count = world.resource::<CascadeCount>().0;
+    let lights: Vec<Entity> = lights.iter(world).collect();
+    for light in lights {
+        match count {
+            // The app's own stay where they are invalid.
+            Some(count) => BOUNDS.set(world, light, |authored| {
+                authored.map(|own| divide(&own, count).unwrap_or(own))
+            }),
+            None => BOUNDS.release(world, light),
+        }
     }
 }
 

@@ -10,7 +10,7 @@ use bevy::ecs::prelude::*;
 use bevy::mesh::Mesh3d;
 use bevy::transform::components::GlobalTransform;
 
-use crate::knobs::{Knob, KnobDriver, Level};
+use crate::knobs::{FieldKnob, Knob, KnobField};
 
 /// A quarter, a half, three quarters or all of the distance to the camera's far plane. Lower levels
 /// leave out meshes whose bounds lie farther away, with their draws; fog hides where they end.
@@ -19,33 +19,18 @@ use crate::knobs::{Knob, KnobDriver, Level};
 /// Bevy does not cull by the far plane, so this does at every level but the last, which leaves
 /// Bevy's visibility as it is. Meshes with `NoFrustumCulling`, a sky dome for example, and those
 /// without bounds stay.
-pub(crate) struct ViewDistance;
+pub(super) fn knob() -> FieldKnob {
+    let levels =
+        [25, 50, 75, 100].map(|percent| (f64::from(percent) / 100.0, format!("{percent}%")));
+    FieldKnob::new(
+        Knob::labelled("view_distance", levels),
+        KnobField::new(|share: &mut ViewShare| &mut share.0, |level, _| level.value as f32).added(),
+    )
+}
 
 /// Share of the distance to the far plane, 0 to 1.
-#[derive(Component, Clone, Copy)]
+#[derive(Component, Clone, Copy, Default)]
 struct ViewShare(f32);
-
-impl KnobDriver for ViewDistance {
-    fn knob(&self) -> Knob {
-        Knob::labelled(
-            "view_distance",
-            [25, 50, 75, 100].map(|percent| (f64::from(percent) / 100.0, format!("{percent}%"))),
-        )
-    }
-
-    fn apply(&self, world: &mut World, camera: Entity, level: &Level) {
-        // Private, so that no app has authored or overwritten it.
-        if let Ok(mut camera) = world.get_entity_mut(camera) {
-            camera.insert(ViewShare(level.value as f32));
-        }
-    }
-
-    fn release(&self, world: &mut World, camera: Entity) {
-        if let Ok(mut camera) = world.get_entity_mut(camera) {
-            camera.remove::<ViewShare>();
-        }
-    }
-}
 
 pub(super) fn build(app: &mut App) {
     app.add_systems(
@@ -80,7 +65,7 @@ fn cull_by_distance(
             let Ok((place, bounds)) = meshes.get(*mesh) else { return true };
             let center = place.affine().transform_point3a(bounds.center);
             let nearest = eye.distance(center) - place.radius_vec3a(bounds.half_extents);
-            // What is not a number is left to Bevy.
+            // Meshes at NaN are left to Bevy.
             let is_beyond = nearest > distance;
             !is_beyond
         });
@@ -93,6 +78,7 @@ mod tests {
     use bevy::math::{Vec3, Vec3A};
 
     use super::*;
+    use crate::knobs::KnobDriver;
 
     fn seen(level: usize, far: f32, places: &[f32]) -> usize {
         let mut app = App::new();
@@ -113,8 +99,8 @@ mod tests {
         });
         let camera = (Camera::default(), lens, GlobalTransform::IDENTITY, visible);
         let camera = app.world_mut().spawn(camera).id();
-        let levels = ViewDistance.knob().levels;
-        ViewDistance.apply(app.world_mut(), camera, &levels[level]);
+        let levels = knob().knob().levels;
+        knob().apply(app.world_mut(), camera, &levels[level]);
         app.update();
         let visible = app.world().get::<VisibleEntities>(camera).expect("a list");
         assert!(visible.get(TypeId::of::<Mesh3d>()).contains(&dome), "a sky dome stays");
