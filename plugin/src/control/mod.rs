@@ -55,7 +55,7 @@ pub use divide::PowerDivision;
 pub use error_feedback::ErrorFeedback;
 pub use events::{BudgetStateChanged, MapRejected, SettingsSwitched};
 pub use filter::{SettingsFilter, TransitionTimes};
-pub(crate) use maps::frontier_in_play;
+pub use maps::frontier_in_play;
 pub use pace::ErrorPace;
 pub use plugin::{ControlPlugin, ControlSystems};
 pub use power_feedback::{FeedbackState, PowerFeedback};

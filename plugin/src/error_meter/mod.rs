@@ -112,7 +112,7 @@ impl Plugin for ErrorMeterPlugin {
     }
 
     fn finish(&self, app: &mut App) {
-        crate::atmosphere::finish(app);
+        crate::atmosphere::share_atmosphere(app);
         compare::finish(app);
     }
 }

@@ -5,7 +5,7 @@
 
 use std::path::{Path, PathBuf};
 
-use bevy_frugal_gi::recording::{CameraFileError, CameraSample, parse};
+use bevy_frugal_gi_tools::recording::{CameraFileError, CameraSample, parse};
 
 use super::TrackSample;
 use super::set::{sample, sampled};
@@ -116,7 +116,7 @@ fn pose_at(keys: &[(f64, CameraPose)], seconds: f64) -> CameraPose {
 
 #[cfg(test)]
 mod tests {
-    use bevy_frugal_gi::recording::to_text;
+    use bevy_frugal_gi_tools::recording::to_text;
     use glam::{Quat, Vec3};
 
     use super::*;

@@ -2,7 +2,7 @@
 
 use std::path::PathBuf;
 
-use bevy_frugal_gi::control_log::parse;
+use bevy_frugal_gi_tools::control_log::parse;
 
 use super::CliError;
 use super::arguments::write_report;

@@ -3,9 +3,9 @@
 use std::fs;
 use std::path::Path;
 
-use bevy_frugal_gi::control_log::{ControlSample, to_text};
 use bevy_frugal_gi::frontier::{Capture, CostPoint, Frontier, FrontierMap, FrontierPoint, Octree};
 use bevy_frugal_gi::knobs::{Knob, KnobLevels, KnobSpace};
+use bevy_frugal_gi_tools::control_log::{ControlSample, to_text};
 use frugal::table::{SweepFacts, SweepTable};
 use frugal_tests::map;
 

@@ -1,13 +1,9 @@
 //! A wipe between the current settings and the best ones, in the same image.
 //!
-//! Options for the second image:
-//! 1. The camera itself, by turns: its history would be lost with each turn.
-//! 2. A second camera in a viewport of the right part: passes that read neighbours differ at the
-//!    border, and moving the border resizes its textures, which drops the history.
-//! 3. A second camera that renders all of the view into an image, of which the right part is shown.
-//!
-//! We use option 3. It is a copy of the camera as far as the image goes, with what knobs took away. It
-//! has histories of its own, which go on for as long as the wipe is there.
+//! A second camera renders all of the view into an image, of which the right part is shown: in a
+//! viewport of the right part alone, passes that read neighbours would differ at the border. It is a
+//! copy of the camera as far as the image goes, with what knobs took away. It has histories of its own,
+//! which go on for as long as the wipe is there.
 
 use std::sync::Arc;
 
@@ -16,12 +12,11 @@ use bevy::ecs::entity::EntityCloner;
 use bevy::prelude::*;
 use bevy::render::render_resource::TextureFormat;
 
-use super::HudPart;
-use super::show::UiCamera;
-use crate::camera_copy::copy_looks;
-use crate::control::Selection;
-use crate::knobs::KnobSettings;
-use crate::resolution::ResolutionScale;
+use super::{HudPart, UiCamera};
+use bevy_frugal_gi::camera_copy::copy_looks;
+use bevy_frugal_gi::control::Selection;
+use bevy_frugal_gi::knobs::KnobSettings;
+use bevy_frugal_gi::resolution::ResolutionScale;
 
 const BORDER: Color = Color::srgb(1.0, 0.9, 0.2);
 

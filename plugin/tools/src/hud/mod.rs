@@ -2,12 +2,9 @@
 //! budget, predicted and metered power, error, settings, and the latest switches.
 //!
 //! Only reads: decisions, meters and messages. The text of a camera is plain functions of `Facts`
-//! (`text.rs`), its plot plain pixels of a `Plot` (`plot.rs`). Options for the plot:
-//! 1. Gizmos: cameras with gizmos of their own would show them, too, and they are drawn every frame.
-//! 2. A UI node for each point: a hundred entities that are laid out whenever the view changes.
-//! 3. An image of some kilobytes, drawn anew where the frontier, the points or the limits change.
-//!
-//! We use option 3. While hidden there are no entities, and one system reads one key.
+//! (`text.rs`), its plot plain pixels of a `Plot` (`plot.rs`): an image of some kilobytes, drawn anew
+//! where the frontier, the points or the limits change. While hidden there are no entities, and one
+//! system reads one key.
 
 mod log;
 mod panel;
@@ -16,16 +13,25 @@ mod show;
 mod text;
 mod wipe;
 
-use bevy::camera::visibility::VisibilitySystems;
+use bevy::camera::CameraOutputMode;
+use bevy::camera::visibility::{RenderLayers, VisibilitySystems};
+use bevy::ecs::system::SystemParam;
 use bevy::prelude::*;
+use bevy::render::render_resource::BlendState;
+use bevy_frugal_gi::camera_copy::share_atmosphere;
+use bevy_frugal_gi::control::{Selection, SettingsSwitched};
+use bevy_frugal_gi::knobs::KnobSettings;
 
 pub use wipe::HudWipe;
+use wipe::WipeCamera;
 
-/// The HUD: panels that show what the controller does. Needs the feature `hud`, and an app with
-/// Bevy's UI. Not part of [`FrugalGiPlugins`](crate::FrugalGiPlugins).
+/// Order of the HUD's own camera: after those of an app.
+const ORDER: isize = 10_000;
+
+/// The HUD: panels that show what the controller does. Needs an app with Bevy's UI.
 ///
-/// There is a panel for each camera with a [`Selection`](crate::control::Selection) or
-/// [`KnobSettings`](crate::knobs::KnobSettings), at the upper left corner of its viewport. Small
+/// There is a panel for each camera with a [`Selection`](bevy_frugal_gi::control::Selection) or
+/// [`KnobSettings`](bevy_frugal_gi::knobs::KnobSettings), at the upper left corner of its viewport. Small
 /// viewports get shorter text. See [`HudSettings`]. [`HudWipe`] shows the best settings beside the
 /// current ones.
 #[derive(Clone, Copy, Debug, Default)]
@@ -71,7 +77,7 @@ impl Plugin for HudPlugin {
         app.init_resource::<HudSettings>()
             .init_resource::<HudWipe>()
             .init_resource::<log::SwitchLog>()
-            .add_message::<crate::control::SettingsSwitched>()
+            .add_message::<SettingsSwitched>()
             .register_type::<HudSettings>()
             .register_type::<HudWipe>()
             .register_type::<HudPart>()
@@ -98,8 +104,42 @@ impl Plugin for HudPlugin {
     }
 
     fn finish(&self, app: &mut App) {
-        crate::atmosphere::finish(app);
+        share_atmosphere(app);
     }
+}
+
+/// A camera that has a panel.
+type HasPanel = (With<Camera>, Or<(With<Selection>, With<KnobSettings>)>, Without<WipeCamera>);
+
+/// The camera that draws the HUD.
+#[derive(SystemParam)]
+struct UiCamera<'w, 's> {
+    settings: Res<'w, HudSettings>,
+    own: Query<'w, 's, Entity, (With<HudPart>, With<Camera2d>)>,
+}
+
+impl UiCamera<'_, '_> {
+    /// The app's, or the HUD's own, or a new one.
+    fn get(&self, commands: &mut Commands) -> Entity {
+        let known = self.settings.camera.or_else(|| self.own.iter().next());
+        known.unwrap_or_else(|| spawn_camera(commands))
+    }
+}
+
+fn spawn_camera(commands: &mut Commands) -> Entity {
+    let output_mode = CameraOutputMode::Write {
+        blend_state: Some(BlendState::PREMULTIPLIED_ALPHA_BLENDING),
+        clear_color: ClearColorConfig::None,
+    };
+    let camera = Camera {
+        order: ORDER,
+        clear_color: ClearColorConfig::Custom(Color::NONE),
+        output_mode,
+        ..default()
+    };
+    // On no layer, so that it shows none of the app's sprites.
+    let layers = RenderLayers::none();
+    commands.spawn((Name::new("HUD"), HudPart, Camera2d, camera, Msaa::Off, layers)).id()
 }
 
 fn is_visible(settings: Res<HudSettings>) -> bool {

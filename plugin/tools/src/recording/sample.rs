@@ -3,7 +3,7 @@
 use bevy::math::{DQuat, Quat, Vec3};
 
 use super::InvalidSample;
-use crate::frontier::CameraView;
+use bevy_frugal_gi::frontier::CameraView;
 
 /// A camera's pose and view at one moment.
 #[derive(Clone, Copy, Debug, PartialEq)]

@@ -4,18 +4,17 @@ use std::sync::Arc;
 use std::time::Duration;
 
 use super::*;
-use crate::control::{Limit, OffReason};
-use crate::frontier::testing;
-use crate::power::MeterInfo;
-use crate::units::Joules;
+use crate::testing::{self, changed};
+use bevy_frugal_gi::control::{Limit, OffReason};
+use bevy_frugal_gi::power::MeterInfo;
+use bevy_frugal_gi::units::Joules;
 
 fn active(outcome: Outcome) -> Selection {
-    Selection {
-        status: ControlStatus::Active(outcome),
-        predicted: Some(CostPoint::new(2.0, 0.05)),
-        predicted_applied: Some(CostPoint::new(2.0, 0.05)),
-        ..Default::default()
-    }
+    changed(Selection::default(), |it| {
+        it.status = ControlStatus::Active(outcome);
+        it.predicted = Some(CostPoint::new(2.0, 0.05));
+        it.predicted_applied = it.predicted;
+    })
 }
 
 #[test]
@@ -30,8 +29,9 @@ fn a_summary_has_budget_outcome_and_cost() {
         facts.summary(Detail::Brief),
         "met\nbudget 7.50 W, error 0.0600\n2.00 W, error 0.0500"
     );
-    let selection =
-        Selection { predicted: Some(CostPoint::new(4.0, 0.0)), ..active(Outcome::Settling) };
+    let selection = changed(active(Outcome::Settling), |it| {
+        it.predicted = Some(CostPoint::new(4.0, 0.0));
+    });
     let facts = Facts { selection: Some(&selection), name: Some("left"), ..facts };
     let text = facts.summary(Detail::Medium);
     assert!(text.starts_with("left\nbudget"), "{text}");
@@ -47,14 +47,16 @@ fn cameras_without_a_map_or_a_meter_say_so() {
     assert!(Facts::default().summary(Detail::Full).contains("settings by hand"));
     assert!(outcome(&Selection::default()).starts_with("waiting for the map"));
     let off = ControlStatus::Off(OffReason::MapNotLoaded);
-    let text = outcome(&Selection { status: off, ..Default::default() });
+    let text = outcome(&changed(Selection::default(), |it| it.status = off));
     assert!(text.starts_with("off: map not loaded"), "{text}");
     assert_eq!(caption(None, PowerCorrection::default()), "no frontier");
     assert_eq!(caption(Some(&Frontier::default()), PowerCorrection::default()), "no frontier");
     assert_eq!(Facts::default().knobs(Detail::Full), "");
 
-    let metered =
-        |state, mean, info| power(&MeteredPower { state, mean, info, ..Default::default() });
+    let metered = |state, mean, info| {
+        let facts = |it: &mut MeteredPower| (it.state, it.mean, it.info) = (state, mean, info);
+        power(&changed(MeteredPower::default(), facts))
+    };
     assert_eq!(metered(MeterState::Starting, None, None), "not yet");
     let reason = format!("no counter{}\nsecond line", "!".repeat(99));
     let text = metered(MeterState::Unavailable { reason }, None, None);
@@ -146,19 +148,18 @@ fn numbers_at_extremes_stay_short() {
     }
     // Nothing that a camera may hold breaks the panel.
     for value in [f64::NAN, f64::INFINITY, -1.0, 0.0, 1e300] {
-        let selection = Selection {
-            predicted: Some(CostPoint::new(value, value)),
-            predicted_applied: Some(CostPoint::new(value, value)),
-            target: KnobLevels::from_bits(u128::MAX),
-            ..active(Outcome::Met)
-        };
+        let selection = changed(active(Outcome::Met), |it| {
+            it.predicted = Some(CostPoint::new(value, value));
+            it.predicted_applied = it.predicted;
+            it.target = KnobLevels::from_bits(u128::MAX);
+        });
         let settings = KnobSettings {
             space: Arc::new(testing::space()),
             settings: KnobLevels::from_bits(u128::MAX),
         };
         let (budget, metered) = (
             Budget::both(Watts(value), value),
-            MeteredPower { mean: Some(Watts(value)), ..Default::default() },
+            changed(MeteredPower::default(), |it| it.mean = Some(Watts(value))),
         );
         let facts = Facts {
             selection: Some(&selection),
@@ -195,7 +196,7 @@ fn every_currency_is_named_and_the_limit_that_binds() {
         .with_frame_time(Duration::from_millis(16))
         .with_battery_until(Duration::from_secs(7200))
         .with_headroom(0.3);
-    let selection = Selection { binding: Some(Limit::FrameTime), ..active(Outcome::Met) };
+    let selection = changed(active(Outcome::Met), |it| it.binding = Some(Limit::FrameTime));
     let facts = Facts { budget: Some(&budget), selection: Some(&selection), ..Default::default() };
     let text = facts.summary(Detail::Full);
     assert!(
@@ -210,7 +211,7 @@ fn every_currency_is_named_and_the_limit_that_binds() {
 #[test]
 fn knobs_have_level_label_and_target() {
     let at = |samples, scale| KnobLevels::default().with_level(0, samples).with_level(1, scale);
-    let selection = Selection { target: at(4, 1), ..active(Outcome::Settling) };
+    let selection = changed(active(Outcome::Settling), |it| it.target = at(4, 1));
     let settings = KnobSettings { space: Arc::new(testing::space()), settings: at(2, 1) };
     let facts =
         Facts { selection: Some(&selection), settings: Some(&settings), ..Default::default() };

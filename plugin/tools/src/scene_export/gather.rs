@@ -20,7 +20,7 @@ use image::ImageFormat;
 use super::description::{LightData, SceneData};
 use super::glb::{GeometryData, Instance, MaterialData, MeshData};
 use super::tour::Key;
-use crate::gi::{FrugalGi, RsmView};
+use bevy_frugal_gi::gi::{FrugalGi, RsmView};
 
 /// The lens of a camera without a perspective one, as Bevy's default: degrees and metres.
 const LENS: (f32, f32, f32) = (45.0, 0.1, 1000.0);
@@ -72,7 +72,7 @@ impl fmt::Display for LeftOut {
 
 /// The app's scene.
 #[derive(SystemParam)]
-pub(super) struct Shown<'w, 's> {
+pub(super) struct SceneQuery<'w, 's> {
     meshes: Res<'w, Assets<Mesh>>,
     materials: Res<'w, Assets<StandardMaterial>>,
     images: Res<'w, Assets<Image>>,
@@ -85,7 +85,7 @@ pub(super) struct Shown<'w, 's> {
     cameras: Query<'w, 's, View, (With<Camera3d>, Without<RsmView>)>,
 }
 
-impl Shown<'_, '_> {
+impl SceneQuery<'_, '_> {
     fn active(&self) -> impl Iterator<Item = QueryItem<'_, '_, View>> {
         self.cameras.iter().filter(|(_, camera, ..)| camera.is_active)
     }

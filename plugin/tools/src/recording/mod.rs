@@ -2,12 +2,13 @@
 //! occur.
 //!
 //! [`CameraRecorderPlugin`] writes the file, and `frugal precompute --cameras FILE` reads it. The
-//! plugin is not part of [`FrugalGiPlugins`](crate::FrugalGiPlugins): add it to the builds that are
+//! plugin is not part of [`FrugalGiPlugins`](bevy_frugal_gi::FrugalGiPlugins): add it to the builds that are
 //! used for recording.
 //!
 //! ```no_run
 //! use bevy::prelude::*;
 //! use bevy_frugal_gi::prelude::*;
+//! use bevy_frugal_gi_tools::{CameraRecorderPlugin, RecordCamera};
 //!
 //! App::new()
 //!     .add_plugins((DefaultPlugins, FrugalGiPlugins, CameraRecorderPlugin::new("cameras.txt")))

@@ -13,10 +13,11 @@ use bevy::time::TimeUpdateStrategy;
 
 use super::panel::Panel;
 use super::*;
-use crate::control::{Budget, ControlPlugin, FrontierMapHandle, Selection};
-use crate::frontier::{FrontierMap, FrontierMapPlugin, testing};
-use crate::knobs::{KnobLevels, KnobPlugin, KnobRegistry, KnobSettings};
-use crate::units::Watts;
+use crate::testing;
+use bevy_frugal_gi::control::{Budget, ControlPlugin, FrontierMapHandle, Selection};
+use bevy_frugal_gi::frontier::{FrontierMap, FrontierMapPlugin};
+use bevy_frugal_gi::knobs::{KnobLevels, KnobPlugin, KnobRegistry, KnobSettings};
+use bevy_frugal_gi::units::Watts;
 
 /// An app with a map whose look-ups along −Z find points at 6 W / 0.2, 7 W / 0.05 and 9 W / 0, and
 /// a camera with that view direction.
@@ -29,7 +30,7 @@ fn scene() -> (App, Entity) {
     app.insert_resource(TimeUpdateStrategy::ManualDuration(frame));
     app.finish();
     app.cleanup();
-    let map = app.world_mut().resource_mut::<Assets<FrontierMap>>().add(testing::map(1));
+    let map = app.world_mut().resource_mut::<Assets<FrontierMap>>().add(testing::map());
     let lens = Projection::Perspective(PerspectiveProjection::default());
     let controlled = (FrontierMapHandle(map), Budget::power(Watts(7.5)));
     let camera = app.world_mut().spawn((Camera::default(), lens, controlled)).id();
@@ -150,7 +151,7 @@ fn an_app_can_draw_it_by_a_camera_of_its_own() {
 struct Player;
 
 fn seconds(app: &mut App) -> Vec<Entity> {
-    let mut found = app.world_mut().query_filtered::<Entity, With<wipe::WipeCamera>>();
+    let mut found = app.world_mut().query_filtered::<Entity, With<WipeCamera>>();
     found.iter(app.world()).collect()
 }
 

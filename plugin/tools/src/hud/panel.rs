@@ -6,22 +6,21 @@ use bevy::ecs::system::SystemParam;
 use bevy::prelude::*;
 use bevy::render::render_resource::{Extent3d, TextureDimension, TextureFormat};
 
-use super::HudPart;
 use super::log::SwitchLog;
 use super::plot::{self, Plot};
-use super::show::HasPanel;
 use super::text::{Detail, Facts, caption};
-use crate::control::{
+use super::{HasPanel, HudPart};
+use bevy_frugal_gi::control::{
     AppBudget, Budget, FrontierMapHandle, FrontierSource, PowerCorrection, PowerFeedback,
     Selection, frontier_in_play,
 };
-use crate::error_meter::MeasuredError;
-use crate::frontier::{
+use bevy_frugal_gi::error_meter::MeasuredError;
+use bevy_frugal_gi::frontier::{
     CameraView, CostPoint, Frontier, FrontierMap, FrontierStore, KnobEffects, MapFit,
 };
-use crate::knobs::{KnobSettings, WarmKnobs};
-use crate::power::MeteredPower;
-use crate::units::Watts;
+use bevy_frugal_gi::knobs::{KnobSettings, WarmKnobs};
+use bevy_frugal_gi::power::MeteredPower;
+use bevy_frugal_gi::units::Watts;
 
 /// Space inside a panel's border, logical pixels.
 const PADDING: f32 = 6.0;
@@ -89,7 +88,7 @@ const EFFECTS_WIDTH: f32 = 840.0;
 
 /// A camera that has a panel.
 #[derive(QueryData)]
-pub(super) struct Shown {
+pub(super) struct PanelQuery {
     entity: Entity,
     name: Option<&'static Name>,
     camera: &'static Camera,
@@ -105,7 +104,7 @@ pub(super) struct Shown {
     measured: Option<&'static MeasuredError>,
 }
 
-impl ShownItem<'_, '_> {
+impl PanelQueryItem<'_, '_> {
     fn store<'a>(&'a self, maps: Option<&'a Assets<FrontierMap>>) -> Option<&'a dyn FrontierStore> {
         match (self.source, self.map) {
             (Some(source), _) => Some(source.store()),
@@ -191,7 +190,7 @@ fn corner_of(camera: &Camera) -> Vec2 {
 /// Writes every panel, where its content differs.
 pub(super) fn write(
     sources: Sources,
-    cameras: Query<Shown, HasPanel>,
+    cameras: Query<PanelQuery, HasPanel>,
     mut panels: Query<(Entity, &mut Panel)>,
     mut nodes: Query<&mut Node>,
     mut texts: Query<(&mut Text, &mut TextFont)>,

@@ -3,6 +3,7 @@
 //! ```no_run
 //! use bevy::prelude::*;
 //! use bevy_frugal_gi::prelude::*;
+//! use bevy_frugal_gi_tools::SceneExportPlugin;
 //!
 //! App::new()
 //!     .add_plugins((DefaultPlugins, FrugalGiPlugins, SceneExportPlugin::new("my.scene.ron")))
@@ -10,8 +11,7 @@
 //! ```
 //!
 //! Play, and close the window: `my.scene.ron` names the geometry (`my.glb` beside it), lights, lens,
-//! exposure, and the cameras' ways as paths. The plugin is not part of
-//! [`FrugalGiPlugins`](crate::FrugalGiPlugins), and needs the feature `scene-export`.
+//! exposure, and the cameras' ways as paths.
 //!
 //! Data flows from `gather` (the app's entities as plain data) to `glb` and `description` (bytes and
 //! text), which know no app.
@@ -29,7 +29,7 @@ use bevy::app::{AppExit, Last};
 use bevy::prelude::*;
 use bevy::window::ExitSystems;
 
-use gather::Shown;
+use gather::SceneQuery;
 use tour::Tour;
 
 /// Writes a scene file when the app ends, and on [`ExportScene`]. Both files are replaced, each as a
@@ -38,7 +38,7 @@ use tour::Tour;
 /// Exported are visible opaque and masked meshes with a [`StandardMaterial`] in their present place,
 /// with base color and its texture, roughness, metallic and emission; directional, point and spot
 /// lights; ambient light as a constant environment; lens and exposure of one camera, one with
-/// [`FrugalGi`](crate::gi::FrugalGi) if there is any; and the ways of all cameras as paths, that one's as
+/// [`FrugalGi`](bevy_frugal_gi::gi::FrugalGi) if there is any; and the ways of all cameras as paths, that one's as
 /// `tour`. Left out, and counted in the log: skinned and
 /// transparent meshes, other materials, and meshes that the CPU cannot read.
 #[derive(Clone, Debug)]
@@ -74,10 +74,10 @@ impl Plugin for SceneExportPlugin {
 }
 
 /// Greatest number of cameras whose ways are exported.
-const MOST_CAMERAS: usize = 16;
+const MAX_CAMERAS: usize = 16;
 
 /// Records the cameras' ways.
-fn follow(mut export: ResMut<Export>, shown: Shown, time: Option<Res<Time<Real>>>) {
+fn follow(mut export: ResMut<Export>, shown: SceneQuery, time: Option<Res<Time<Real>>>) {
     let Some(time) = time else {
         warn_once!(
             "SceneExportPlugin exports no ways of cameras: this app has no clock, add TimePlugin"
@@ -89,7 +89,7 @@ fn follow(mut export: ResMut<Export>, shown: Shown, time: Option<Res<Time<Real>>
         let known = tours.iter().position(|(known, _)| *known == camera);
         let index = match known {
             Some(index) => index,
-            None if tours.len() < MOST_CAMERAS => {
+            None if tours.len() < MAX_CAMERAS => {
                 tours.push((camera, Tour::default()));
                 tours.len() - 1
             }
@@ -103,7 +103,7 @@ fn export(
     mut asked: MessageReader<ExportScene>,
     mut ends: MessageReader<AppExit>,
     export: Res<Export>,
-    shown: Shown,
+    shown: SceneQuery,
 ) {
     if asked.read().count() + ends.read().count() == 0 {
         return;
@@ -114,7 +114,7 @@ fn export(
     }
 }
 
-fn write(export: &Export, shown: &Shown) -> io::Result<String> {
+fn write(export: &Export, shown: &SceneQuery) -> io::Result<String> {
     let geometry_file = glb_beside(&export.file);
     let (geometry, left_out) = shown.geometry();
     if geometry.instances.is_empty() {

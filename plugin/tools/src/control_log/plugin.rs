@@ -12,12 +12,12 @@ use bevy::time::Real;
 use super::ControlSample;
 use super::sample::status;
 use super::writer::{self, ControlWriter};
-use crate::control::{AppBudget, Budget, Selection, SettingsSwitched};
-use crate::error_meter::MeasuredError;
 use crate::file_thread::Sent;
-use crate::knobs::KnobSettings;
-use crate::power::{MeteredPower, Provenance};
-use crate::units::Watts;
+use bevy_frugal_gi::control::{AppBudget, Budget, Selection, SettingsSwitched};
+use bevy_frugal_gi::error_meter::MeasuredError;
+use bevy_frugal_gi::knobs::KnobSettings;
+use bevy_frugal_gi::power::{MeteredPower, Provenance};
+use bevy_frugal_gi::units::Watts;
 
 /// Writes what the controller does to a file: see [the module](super).
 ///
@@ -245,11 +245,12 @@ mod tests {
     use bevy::time::TimeUpdateStrategy;
 
     use super::*;
-    use crate::control::{ControlPlugin, FrontierMapHandle};
     use crate::control_log::parse;
-    use crate::frontier::{FrontierMap, FrontierMapPlugin, testing};
-    use crate::power::MeterInfo;
     use crate::recording::testing::{TestFolder, read};
+    use crate::testing::{self, changed};
+    use bevy_frugal_gi::control::{ControlPlugin, FrontierMapHandle};
+    use bevy_frugal_gi::frontier::{FrontierMap, FrontierMapPlugin};
+    use bevy_frugal_gi::power::MeterInfo;
 
     /// An app of 8 frames a second with a map whose look-ups along −Z find points at 6 W / 0.2, 7 W
     /// / 0.05 and 9 W / 0, and a camera with that view direction.
@@ -260,7 +261,7 @@ mod tests {
         app.insert_resource(TimeUpdateStrategy::ManualDuration(Duration::from_millis(125)));
         app.finish();
         app.cleanup();
-        let map = app.world_mut().resource_mut::<Assets<FrontierMap>>().add(testing::map(1));
+        let map = app.world_mut().resource_mut::<Assets<FrontierMap>>().add(testing::map());
         let lens = Projection::Perspective(PerspectiveProjection::default());
         let controlled = (FrontierMapHandle(map), Budget::power(Watts(7.5)));
         let camera = app.world_mut().spawn((Camera::default(), lens, controlled)).id();
@@ -284,12 +285,9 @@ mod tests {
             provenance: Provenance::Measured,
             description: String::new(),
         };
-        let metered = MeteredPower {
-            latest: Some(Watts(8.0)),
-            sample_count: 1,
-            info: Some(info),
-            ..MeteredPower::default()
-        };
+        let metered = changed(MeteredPower::default(), |it| {
+            (it.latest, it.sample_count, it.info) = (Some(Watts(8.0)), 1, Some(info));
+        });
         app.insert_resource(AppBudget { power: Some(Watts(50.0)) });
         app.world_mut().entity_mut(camera).insert(Budget::both(Watts(6.5), 0.1));
         for _ in 0..12 {
@@ -334,11 +332,9 @@ mod tests {
         let (mut app, camera) = app(plugin);
         for power in [f64::NAN, f64::INFINITY, -1.0, 0.0, 1e300] {
             app.world_mut().entity_mut(camera).insert(Budget::power(Watts(power)));
-            app.insert_resource(MeteredPower {
-                latest: Some(Watts(power)),
-                sample_count: 7,
-                ..MeteredPower::default()
-            });
+            app.insert_resource(changed(MeteredPower::default(), |it| {
+                (it.latest, it.sample_count) = (Some(Watts(power)), 7);
+            }));
             for _ in 0..4 {
                 app.update();
             }

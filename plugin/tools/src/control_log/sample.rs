@@ -1,6 +1,6 @@
 //! One line of the log.
 
-use crate::control::{ControlStatus, Outcome};
+use bevy_frugal_gi::control::{ControlStatus, Outcome};
 
 /// What the controller did with one camera at one moment.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -28,7 +28,7 @@ pub struct ControlSample {
     pub error_budget: Option<f64>,
     /// Predicted error of the applied settings, 1 − SSIM.
     pub predicted_error: Option<f64>,
-    /// What the camera's [`ErrorMeter`](crate::error_meter::ErrorMeter) measured since the last sample,
+    /// What the camera's [`ErrorMeter`](bevy_frugal_gi::error_meter::ErrorMeter) measured since the last sample,
     /// 1 − SSIM. `None` where it measured nothing since, and without one.
     pub measured_error: Option<f64>,
     /// Mean duration of the frames since the last sample, milliseconds.
@@ -51,5 +51,6 @@ pub(super) fn status(status: ControlStatus) -> String {
         ControlStatus::Active(Outcome::ErrorCannotBeMet) => "error-not-met".to_owned(),
         ControlStatus::Active(Outcome::LimitedByPower) => "limited-by-power".to_owned(),
         ControlStatus::Off(reason) => format!("off {reason:?}"),
+        status => format!("{status:?}"),
     }
 }

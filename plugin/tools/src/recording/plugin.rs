@@ -14,7 +14,7 @@ use bevy::transform::TransformSystems;
 use super::CameraSample;
 use super::writer::{self, CameraWriter};
 use crate::file_thread::Sent;
-use crate::frontier::CameraView;
+use bevy_frugal_gi::frontier::CameraView;
 
 /// Marks a camera whose path [`CameraRecorderPlugin`] records. An inactive camera is not recorded.
 #[derive(Component, Clone, Copy, Debug, Default, PartialEq, Eq, Reflect)]

@@ -1,13 +1,13 @@
 //! Writes what the controller does to a CSV file: budgets, predicted and metered power, error,
 //! settings and frame times, a few times a second.
 //!
-//! [`ControlLogPlugin`] writes the file, spreadsheets open it, and `frugal report FILE` plots it. The
-//! plugin is not part of [`FrugalGiPlugins`](crate::FrugalGiPlugins): add it to the builds whose
-//! budgets you want to look at.
+//! [`ControlLogPlugin`] writes the file, spreadsheets open it, and `frugal report FILE` plots it. Add it
+//! to the builds whose budgets you want to look at.
 //!
 //! ```no_run
 //! use bevy::prelude::*;
 //! use bevy_frugal_gi::prelude::*;
+//! use bevy_frugal_gi_tools::ControlLogPlugin;
 //!
 //! App::new()
 //!     .add_plugins((DefaultPlugins, FrugalGiPlugins, ControlLogPlugin::new("control.csv")))
@@ -31,7 +31,7 @@
 //! | `metered_w` | the meter's reading of the whole app, watts, once for every reading |
 //! | `meter` | name of the meter, and whether it measures or models |
 //! | `error_budget`, `predicted_error` | 1 − SSIM |
-//! | `measured_error` | what an [`ErrorMeter`](crate::error_meter::ErrorMeter) measured, once for every measurement, 1 − SSIM |
+//! | `measured_error` | what an [`ErrorMeter`](bevy_frugal_gi::error_meter::ErrorMeter) measured, once for every measurement, 1 − SSIM |
 //! | `frame_ms`, `longest_frame_ms` | mean and longest frame since the line before, milliseconds |
 //! | `switches` | number of changes of this camera's settings since the line before |
 //! | `settings` | every knob with its level |

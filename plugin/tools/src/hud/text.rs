@@ -5,14 +5,14 @@ use std::fmt::Debug;
 
 use bevy::math::Vec2;
 
-use crate::control::{
+use bevy_frugal_gi::control::{
     Budget, ControlStatus, FeedbackState, Outcome, PowerCorrection, PowerFeedback, Selection,
 };
-use crate::error_meter::MeasuredError;
-use crate::frontier::{CostPoint, Frontier, KnobEffects, MapFit};
-use crate::knobs::{Knob, KnobLevels, KnobSettings, KnobSpace};
-use crate::power::{MeterState, MeteredPower, Provenance};
-use crate::units::Watts;
+use bevy_frugal_gi::error_meter::MeasuredError;
+use bevy_frugal_gi::frontier::{CostPoint, Frontier, KnobEffects, MapFit};
+use bevy_frugal_gi::knobs::{Knob, KnobLevels, KnobSettings, KnobSpace};
+use bevy_frugal_gi::power::{MeterState, MeteredPower, Provenance};
+use bevy_frugal_gi::units::Watts;
 
 /// How much a panel shows.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
@@ -148,6 +148,7 @@ impl Facts<'_> {
             }
             ControlStatus::Active(Outcome::LimitedByPower) => "power met, error not".to_owned(),
             ControlStatus::Off(reason) => format!("off: {}", words(&reason)),
+            status => words(&status),
         }
     }
 
@@ -155,7 +156,7 @@ impl Facts<'_> {
     fn effect(&self, knob: usize, level: usize) -> String {
         let effect = self.effects.and_then(|(effects, rate)| effects.of(knob, level, rate));
         let seen = effect.filter(|effect| effect.power.0 >= 0.005 || effect.error >= 0.00005);
-        seen.map_or(String::new(), |CostPoint { power, error }| {
+        seen.map_or(String::new(), |CostPoint { power, error, .. }| {
             format!(" -{}, error +{}", watts(power), number(error, 4))
         })
     }
@@ -312,9 +313,9 @@ fn words(name: &impl Debug) -> String {
 
 /// The first line of a reason, at most 60 characters of it.
 fn shortened(reason: &str) -> String {
-    const MOST: usize = 60;
+    const MAX_CHARS: usize = 60;
     let line = reason.lines().next().unwrap_or_default();
-    let mut short: String = line.chars().take(MOST).collect();
+    let mut short: String = line.chars().take(MAX_CHARS).collect();
     if short.len() < line.len() {
         short += "...";
     }

@@ -5,7 +5,7 @@ use bevy::math::Vec3;
 /// Time between the first keys, seconds.
 const INTERVAL_SECONDS: f64 = 0.5;
 /// Greatest number of keys. A longer way has every second key dropped and the interval doubled.
-const MOST: usize = 600;
+const MAX_KEYS: usize = 600;
 
 /// A place at a time.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -46,7 +46,7 @@ impl Tour {
         if seconds - last.seconds < self.interval_seconds {
             return;
         }
-        if self.keys.len() == MOST {
+        if self.keys.len() == MAX_KEYS {
             let mut number = 0;
             self.keys.retain(|_| (number += 1, number % 2 == 1).1);
             self.interval_seconds *= 2.0;
@@ -80,7 +80,7 @@ mod tests {
             tour.push(7.0 + f64::from(frame) / 60.0, Vec3::X * frame as f32, Vec3::Z);
         }
         let keys = tour.keys();
-        assert!((300..=MOST).contains(&keys.len()), "{} keys", keys.len());
+        assert!((300..=MAX_KEYS).contains(&keys.len()), "{} keys", keys.len());
         assert_eq!(keys[0].position, Vec3::ZERO);
         assert!(keys[keys.len() - 1].seconds > 990.0, "{:?}", keys.last());
         assert!(keys.windows(2).all(|pair| pair[1].seconds - pair[0].seconds > 0.4));

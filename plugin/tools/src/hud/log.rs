@@ -7,11 +7,11 @@ use bevy::prelude::*;
 use bevy::time::Real;
 
 use super::text::switch_line;
-use crate::control::SettingsSwitched;
-use crate::knobs::{KnobLevels, KnobSettings, KnobSpace};
+use bevy_frugal_gi::control::SettingsSwitched;
+use bevy_frugal_gi::knobs::{KnobLevels, KnobSettings, KnobSpace};
 
 /// Most entries kept, of all cameras together.
-const MOST: usize = 64;
+const MAX_ENTRIES: usize = 64;
 
 /// A transition of settings, so far.
 struct Entry {
@@ -43,7 +43,7 @@ impl SwitchLog {
             last.to = to;
             return;
         }
-        if self.entries.len() == MOST {
+        if self.entries.len() == MAX_ENTRIES {
             self.entries.pop_front();
         }
         let space = Arc::clone(space);
@@ -85,7 +85,7 @@ pub(super) fn record(
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::frontier::testing;
+    use crate::testing;
 
     fn entity(number: u32) -> Entity {
         Entity::from_raw_u32(number).expect("an entity")
@@ -128,7 +128,7 @@ mod tests {
             let switch = SettingsSwitched { camera, from, to, target: to };
             log.add(&switch, &Arc::new(testing::space()), second as f64);
         }
-        assert_eq!(log.entries.len(), MOST);
+        assert_eq!(log.entries.len(), MAX_ENTRIES);
         let last = log.lines(camera, 9, 1).next().expect("a line");
         assert!(last.starts_with("999.0 s"), "{last}");
     }

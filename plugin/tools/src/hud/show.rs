@@ -2,24 +2,11 @@
 
 use std::collections::HashSet;
 
-use bevy::camera::CameraOutputMode;
-use bevy::camera::visibility::RenderLayers;
-use bevy::ecs::system::SystemParam;
 use bevy::prelude::*;
-use bevy::render::render_resource::BlendState;
 
 use super::panel::{Panel, spawn};
 use super::wipe::{WipeCamera, WipeNode};
-use super::{HudPart, HudSettings};
-use crate::control::Selection;
-use crate::knobs::KnobSettings;
-
-/// Order of the HUD's own camera: after those of an app.
-const ORDER: isize = 10_000;
-
-/// A camera that has a panel.
-pub(super) type HasPanel =
-    (With<Camera>, Or<(With<Selection>, With<KnobSettings>)>, Without<WipeCamera>);
+use super::{HasPanel, HudPart, HudSettings, UiCamera};
 
 /// Changes visibility where the key is pressed.
 pub(super) fn toggle(keys: Res<ButtonInput<KeyCode>>, mut settings: ResMut<HudSettings>) {
@@ -35,21 +22,6 @@ type HudOwn = (With<HudPart>, Without<WipeCamera>, Without<WipeNode>);
 pub(super) fn remove_panels(mut commands: Commands, parts: Query<Entity, HudOwn>) {
     for part in &parts {
         commands.entity(part).despawn();
-    }
-}
-
-/// The camera that draws the HUD.
-#[derive(SystemParam)]
-pub(super) struct UiCamera<'w, 's> {
-    settings: Res<'w, HudSettings>,
-    own: Query<'w, 's, Entity, (With<HudPart>, With<Camera2d>)>,
-}
-
-impl UiCamera<'_, '_> {
-    /// The app's, or the HUD's own, or a new one.
-    pub(super) fn get(&self, commands: &mut Commands) -> Entity {
-        let known = self.settings.camera.or_else(|| self.own.iter().next());
-        known.unwrap_or_else(|| spawn_camera(commands))
     }
 }
 
@@ -76,20 +48,4 @@ pub(super) fn spawn_panels(
         let drawn_by = *drawn_by.get_or_insert_with(|| ui_camera.get(&mut commands));
         spawn(&mut commands, images.as_deref_mut(), camera, drawn_by);
     }
-}
-
-fn spawn_camera(commands: &mut Commands) -> Entity {
-    let output_mode = CameraOutputMode::Write {
-        blend_state: Some(BlendState::PREMULTIPLIED_ALPHA_BLENDING),
-        clear_color: ClearColorConfig::None,
-    };
-    let camera = Camera {
-        order: ORDER,
-        clear_color: ClearColorConfig::Custom(Color::NONE),
-        output_mode,
-        ..default()
-    };
-    // On no layer, so that it shows none of the app's sprites.
-    let layers = RenderLayers::none();
-    commands.spawn((Name::new("HUD"), HudPart, Camera2d, camera, Msaa::Off, layers)).id()
 }
