@@ -1,5 +1,6 @@
 //! The power meter contract: cumulative energy with its provenance.
 
+use std::fmt;
 use std::time::Duration;
 
 use bevy::reflect::Reflect;
@@ -15,6 +16,15 @@ pub enum Provenance {
     Measured,
     /// Computed from another quantity by a model.
     Modelled,
+}
+
+impl fmt::Display for Provenance {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            Self::Measured => "measured",
+            Self::Modelled => "modelled",
+        })
+    }
 }
 
 /// A meter's name, provenance and coverage.

@@ -12,13 +12,12 @@
 //! [`FrugalGiPlugins`](bevy_frugal_gi::FrugalGiPlugins).
 
 pub mod control_log;
-mod file_thread;
 pub mod hud;
 pub mod recording;
+pub mod row_log;
 pub mod scene_export;
 #[cfg(test)]
 mod testing;
-mod text_lines;
 
 pub use control_log::ControlLogPlugin;
 pub use hud::{HudPart, HudPlugin, HudSettings, HudWipe};

@@ -55,8 +55,7 @@ const PLUGIN: &[&str] = &[
 ];
 
 /// The parts of the development tools.
-const PLUGIN_TOOLS: &[&str] =
-    &["file_thread", "text_lines", "recording", "control_log", "scene_export", "hud"];
+const PLUGIN_TOOLS: &[&str] = &["row_log", "recording", "control_log", "scene_export", "hud"];
 
 /// The tool's parts.
 const TOOL: &[&str] = &[

@@ -11,7 +11,7 @@ use bevy_frugal_gi::control::{
 use bevy_frugal_gi::error_meter::MeasuredError;
 use bevy_frugal_gi::frontier::{CostPoint, Frontier, KnobEffects, MapFit};
 use bevy_frugal_gi::knobs::{Knob, KnobLevels, KnobSettings, KnobSpace};
-use bevy_frugal_gi::power::{MeterState, MeteredPower, Provenance};
+use bevy_frugal_gi::power::{MeterState, MeteredPower};
 use bevy_frugal_gi::units::Watts;
 
 /// How much a panel shows.
@@ -265,11 +265,7 @@ fn cost(cost: CostPoint) -> String {
 fn power(metered: &MeteredPower) -> String {
     match (&metered.state, metered.mean, &metered.info) {
         (_, Some(mean), Some(info)) => {
-            let provenance = match info.provenance {
-                Provenance::Measured => "measured",
-                Provenance::Modelled => "modelled",
-            };
-            format!("{}, {provenance} ({})", watts(mean), info.name)
+            format!("{}, {} ({})", watts(mean), info.provenance, info.name)
         }
         (MeterState::Lost { reason }, ..) => format!("lost: {}", shortened(reason)),
         (MeterState::Unavailable { reason }, ..) => format!("unknown: {}", shortened(reason)),

@@ -6,7 +6,7 @@ use std::time::Duration;
 use super::*;
 use crate::testing::{self, changed};
 use bevy_frugal_gi::control::{Limit, OffReason};
-use bevy_frugal_gi::power::MeterInfo;
+use bevy_frugal_gi::power::{MeterInfo, Provenance};
 use bevy_frugal_gi::units::Joules;
 
 fn active(outcome: Outcome) -> Selection {

@@ -1,13 +1,10 @@
 //! Tests of the recorder in a Bevy app without a renderer.
 
-use std::path::Path;
-
 use bevy::camera::{OrthographicProjection, PerspectiveProjection};
 use bevy::time::TimeUpdateStrategy;
 
 use super::*;
-use crate::recording::parse;
-use crate::recording::testing::{TestFolder, read};
+use crate::row_log::rows_to_text;
 
 /// An app that samples its cameras every second frame.
 fn app_with(plugin: CameraRecorderPlugin) -> App {
@@ -39,10 +36,21 @@ fn run(app: &mut App, frames: usize) {
     (0..frames).for_each(|_| app.update());
 }
 
+/// A file that is not there yet, in a folder of its own.
+fn file() -> (tempfile::TempDir, PathBuf) {
+    let folder = tempfile::tempdir().expect("a folder");
+    let file = folder.path().join("cameras.txt");
+    (folder, file)
+}
+
+fn read(path: &Path) -> String {
+    std::fs::read_to_string(path).expect("a file")
+}
+
 /// Ends the app, and reads its recording.
 fn end(app: App, path: &Path) -> Vec<CameraSample> {
     drop(app);
-    parse(&read(path)).expect("a recording")
+    read_rows(&read(path)).expect("a recording")
 }
 
 fn recorder(app: &App) -> &CameraRecorder {
@@ -51,8 +59,7 @@ fn recorder(app: &App) -> &CameraRecorder {
 
 #[test]
 fn the_path_of_a_moving_camera_is_recorded() {
-    let folder = TestFolder::new();
-    let path = folder.file("cameras.txt");
+    let (_folder, path) = file();
     let mut app = app_with(CameraRecorderPlugin::new(&path));
     let camera = spawn_camera(&mut app, Transform::IDENTITY);
     let mut transforms = Vec::new();
@@ -67,17 +74,16 @@ fn the_path_of_a_moving_camera_is_recorded() {
     assert_eq!(samples.len(), 10);
     for (index, sample) in samples.iter().enumerate() {
         let transform = transforms[2 * index];
-        assert_eq!((sample.camera, sample.position), (0, transform.translation));
-        assert!(sample.rotation.angle_between(transform.rotation) < 1e-3);
-        assert_eq!((sample.vertical_fov, sample.aspect), (1.0, 1.5));
+        assert_eq!((sample.camera, sample.view().position), (0, transform.translation));
+        assert!(sample.view().rotation.angle_between(transform.rotation) < 1e-3);
+        assert_eq!((sample.vertical_fov_rad, sample.aspect), (1.0, 1.5));
         assert_eq!(sample.time_s - samples[0].time_s, 0.25 * index as f64);
     }
 }
 
 #[test]
 fn only_changes_of_the_view_are_recorded() {
-    let folder = TestFolder::new();
-    let path = folder.file("cameras.txt");
+    let (_folder, path) = file();
     let mut app = app_with(CameraRecorderPlugin {
         interval: Duration::ZERO,
         ..CameraRecorderPlugin::new(&path)
@@ -108,8 +114,7 @@ fn only_changes_of_the_view_are_recorded() {
 
 #[test]
 fn cameras_that_are_inactive_or_not_marked_are_left_out() {
-    let folder = TestFolder::new();
-    let path = folder.file("cameras.txt");
+    let (_folder, path) = file();
     let mut app = app_with(CameraRecorderPlugin::new(&path));
     let inactive = Camera { is_active: false, ..default() };
     app.world_mut().spawn((inactive, Transform::IDENTITY, RecordCamera));
@@ -122,8 +127,7 @@ fn cameras_that_are_inactive_or_not_marked_are_left_out() {
 
 #[test]
 fn each_camera_keeps_its_number_after_another_is_despawned() {
-    let folder = TestFolder::new();
-    let path = folder.file("cameras.txt");
+    let (_folder, path) = file();
     let mut app = app_with(CameraRecorderPlugin::new(&path));
     let first = spawn_camera(&mut app, Transform::from_xyz(1.0, 0.0, 0.0));
     // A child's position is in world space.
@@ -136,7 +140,7 @@ fn each_camera_keeps_its_number_after_another_is_despawned() {
     spawn_camera(&mut app, Transform::from_xyz(3.0, 0.0, 0.0));
     run(&mut app, 4);
     let mut seen: Vec<_> =
-        end(app, &path).iter().map(|sample| (sample.camera, sample.position.x)).collect();
+        end(app, &path).iter().map(|sample| (sample.camera, sample.x_m)).collect();
     seen[..2].sort_by(|a, b| a.1.total_cmp(&b.1));
     let numbers: Vec<_> = seen.iter().map(|(camera, _)| *camera).collect();
     assert_eq!(seen.iter().map(|(_, x)| *x).collect::<Vec<_>>(), [1.0, 12.0, 3.0]);
@@ -149,8 +153,7 @@ fn each_camera_keeps_its_number_after_another_is_despawned() {
 
 #[test]
 fn invalid_cameras_are_left_out_until_they_are_valid() {
-    let folder = TestFolder::new();
-    let path = folder.file("cameras.txt");
+    let (_folder, path) = file();
     let mut app = app_with(CameraRecorderPlugin {
         interval: Duration::ZERO,
         ..CameraRecorderPlugin::new(&path)
@@ -187,8 +190,7 @@ fn invalid_cameras_are_left_out_until_they_are_valid() {
 
 #[test]
 fn a_path_that_cannot_be_written_turns_the_recorder_off() {
-    let folder = TestFolder::new();
-    let file = folder.file("file");
+    let (_folder, file) = file();
     std::fs::write(&file, "no folder").expect("a file");
     for path in [file.join("cameras.txt"), file.clone(), PathBuf::new()] {
         let settings = CameraRecorderPlugin::new(path);
@@ -203,7 +205,6 @@ fn a_path_that_cannot_be_written_turns_the_recorder_off() {
             std::thread::yield_now();
         }
         run(&mut app, 3);
-        assert!(recorder(&app).writer.is_none());
         assert!(recorder(&app).samples() <= 1);
     }
     assert_eq!(read(&file), "no folder");
@@ -211,8 +212,7 @@ fn a_path_that_cannot_be_written_turns_the_recorder_off() {
 
 #[test]
 fn a_full_file_ends_the_recording_and_not_the_app() {
-    let folder = TestFolder::new();
-    let path = folder.file("cameras.txt");
+    let (_folder, path) = file();
     let settings = CameraRecorderPlugin::new(&path);
     let every = CameraRecorderPlugin {
         interval: Duration::ZERO,
@@ -231,9 +231,37 @@ fn a_full_file_ends_the_recording_and_not_the_app() {
 }
 
 #[test]
+fn later_runs_append_under_new_numbers_up_to_the_maximum_of_the_file() {
+    let (_folder, path) = file();
+    let play = || {
+        let mut app = app_with(CameraRecorderPlugin {
+            interval: Duration::ZERO,
+            min_distance: f32::NAN,
+            max_samples: 5,
+            ..CameraRecorderPlugin::new(&path)
+        });
+        spawn_camera(&mut app, Transform::IDENTITY);
+        run(&mut app, 3);
+        let samples = end(app, &path);
+        samples.iter().map(|sample| sample.camera).collect::<Vec<_>>()
+    };
+    assert_eq!(play(), [0, 0, 0]);
+    assert_eq!(play(), [0, 0, 0, 1, 1]);
+    assert_eq!(play(), [0, 0, 0, 1, 1]);
+    // A recording with a broken line is not continued.
+    let broken = format!("{}a,b\n", rows_to_text::<CameraSample>(&[]));
+    std::fs::write(&path, &broken).expect("a file");
+    let mut app = app_with(CameraRecorderPlugin::new(&path));
+    spawn_camera(&mut app, Transform::IDENTITY);
+    run(&mut app, 3);
+    assert!(!recorder(&app).is_recording());
+    drop(app);
+    assert_eq!(read(&path), broken);
+}
+
+#[test]
 fn without_a_clock_nothing_is_recorded_and_nothing_breaks() {
-    let folder = TestFolder::new();
-    let path = folder.file("cameras.txt");
+    let (_folder, path) = file();
     let mut app = App::new();
     app.add_plugins((TransformPlugin, CameraRecorderPlugin::new(&path)));
     app.finish();
@@ -246,8 +274,7 @@ fn without_a_clock_nothing_is_recorded_and_nothing_breaks() {
 
 #[test]
 fn an_endless_interval_gives_one_sample() {
-    let folder = TestFolder::new();
-    let path = folder.file("cameras.txt");
+    let (_folder, path) = file();
     let settings = CameraRecorderPlugin::new(&path);
     let mut app = app_with(CameraRecorderPlugin {
         interval: Duration::MAX,
