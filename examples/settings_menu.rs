@@ -5,10 +5,11 @@
 //! No controller runs: a preset holds at every view, so it needs more power than a budget for the
 //! same error.
 //!
-//! The presets are a file of the tool, by default `target/demo/presets.ron`:
+//! The presets are a file of the tool, by default `assets/presets/courtyard.ron`. `make demo` makes a map
+//! for this machine, and of that the tool writes its presets:
 //!
 //! ```sh
-//! frugal inspect target/demo/courtyard.pareto.ron --presets target/demo/presets.ron
+//! frugal inspect target/demo/courtyard.pareto.ron --presets presets.ron
 //! ```
 
 use std::collections::BTreeMap;
@@ -42,7 +43,7 @@ struct Preset {
 }
 
 fn main() -> AppExit {
-    run("target/demo/presets.ron", build)
+    run("assets/presets/courtyard.ron", build)
 }
 
 fn build(scene: &Path, presets: &Path) -> Result<App, String> {

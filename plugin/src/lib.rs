@@ -98,10 +98,9 @@ pub mod prelude {
     pub use crate::knobs::{KnobPlugin, KnobRegistry, KnobSettings, RegisterKnob, WarmKnobs};
     pub use crate::pacing::{FramePacingPlugin, FrameRateLimit};
     pub use crate::power::{
-        MeterChoice, MeterState, MeteredPower, POWER_DIAGNOSTIC, PowerPlugin, Provenance,
-        SamplerSettings,
+        MeterChoice, MeterState, MeteredPower, PowerPlugin, Provenance, SamplerSettings,
     };
     pub use crate::resolution::{ResolutionPlugin, ResolutionScale};
-    pub use crate::signals::{BatteryLevel, FrameTime, ThermalHeadroom};
+    pub use crate::signals::{BatteryLevel, BatterySettings, FrameTime, ThermalHeadroom};
     pub use crate::units::{Joules, Watts};
 }

@@ -21,7 +21,7 @@ use crate::frontier::{FrontierMap, MapFit};
 use crate::knobs::KnownKnobs;
 use crate::pacing::FrameWait;
 use crate::power::MeteredPower;
-use crate::signals::{BatteryLevel, FrameTime, ThermalHeadroom, read_battery};
+use crate::signals::{BatteryLevel, BatterySettings, FrameTime, ThermalHeadroom, read_battery};
 
 /// When the controller runs.
 #[derive(SystemSet, Clone, Copy, Debug, PartialEq, Eq, Hash)]
@@ -53,6 +53,7 @@ impl Plugin for ControlPlugin {
             .init_resource::<AppBudget>()
             .init_resource::<PowerFeedback>()
             .init_resource::<BatteryLevel>()
+            .init_resource::<BatterySettings>()
             .init_resource::<FrameTime>()
             .init_resource::<ThermalHeadroom>()
             .init_resource::<SignalModel>()
@@ -68,6 +69,7 @@ impl Plugin for ControlPlugin {
             .register_type::<ControlSettings>()
             .register_type::<ControlStatus>()
             .register_type::<BatteryLevel>()
+            .register_type::<BatterySettings>()
             .register_type::<ErrorFeedback>()
             .register_type::<ErrorPace>()
             .register_type::<FrameTime>()
