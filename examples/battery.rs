@@ -16,8 +16,8 @@ use bevy::anti_alias::smaa::Smaa;
 use bevy::pbr::ScreenSpaceAmbientOcclusion;
 use bevy::post_process::bloom::Bloom;
 use bevy::prelude::*;
-use bevy_frugal_gi::power::SimulatedDevice;
 use bevy_frugal_gi::prelude::*;
+use bevy_frugal_gi_tools::HudPlugin;
 use frugal::scene;
 use frugal_examples::{
     BudgetRange, ExamplePlugin, Tour, add_ui_camera, caption, control, read_map, run, travel,
@@ -25,6 +25,8 @@ use frugal_examples::{
 
 /// What the battery must last for at first, in seconds.
 const LASTS: f64 = 120.0;
+/// Power of the device without any work, in watts.
+const IDLE: f64 = 1.5;
 /// The other load, in watts.
 const OTHER_LOAD: f64 = 2.0;
 
@@ -57,12 +59,11 @@ fn build(scene: &Path, map: &Path) -> Result<App, String> {
         .id();
     frugal::stage::populate(app.world_mut(), &scene, camera).map_err(|error| error.to_string())?;
 
-    let device = SimulatedDevice { idle: Watts(1.5), gain: 1.15, ..default() };
     // Enough for the middle of the map's range.
-    let full = (device.idle.0 + BudgetRange::of(&map).power(0.5).0) * LASTS;
+    let full = (IDLE + BudgetRange::of(&map).power(0.5).0) * LASTS;
     control(&mut app, map, &[camera]);
-    app.insert_resource(Handheld { device, left: Joules(full), ..default() })
-        .insert_resource(BatteryLevel { is_automatic: false, ..default() })
+    app.insert_resource(Handheld { hunger: 1.15, left: Joules(full), ..default() })
+        .insert_resource(BatterySettings { enabled: false })
         .insert_resource(tour);
     app.world_mut().spawn((caption(""), Status));
     app.add_systems(Update, (travel, press, run_down, tell).chain());
@@ -72,7 +73,8 @@ fn build(scene: &Path, map: &Path) -> Result<App, String> {
 /// A device and its battery.
 #[derive(Resource, Default)]
 struct Handheld {
-    device: SimulatedDevice,
+    /// Power per watt that the map predicts.
+    hunger: f64,
     /// Energy left in the battery.
     left: Joules,
     /// Power drawn in this frame.
@@ -95,7 +97,7 @@ fn run_down(
     let handheld = &mut *handheld;
     let other = Watts(if handheld.has_other_load { OTHER_LOAD } else { 0.0 });
     let seconds = time.delta_secs_f64();
-    handheld.power = handheld.device.step(predicted.power, seconds) + other;
+    handheld.power = Watts(IDLE) + predicted.power * handheld.hunger + other;
     let drawn = handheld.power.0 * seconds;
     if !handheld.is_charging {
         handheld.left = Joules((handheld.left.0 - drawn).max(0.0));
@@ -115,7 +117,7 @@ fn press(keys: Res<ButtonInput<KeyCode>>, mut handheld: ResMut<Handheld>) {
             KeyCode::ArrowDown => handheld.end = handheld.end.map(|end| end.saturating_sub(step)),
             KeyCode::KeyL => handheld.has_other_load = !handheld.has_other_load,
             KeyCode::KeyC => handheld.is_charging = !handheld.is_charging,
-            KeyCode::KeyH => handheld.device.gain *= 1.4,
+            KeyCode::KeyH => handheld.hunger *= 1.4,
             _ => {}
         }
     }

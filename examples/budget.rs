@@ -18,6 +18,7 @@ use bevy::pbr::ScreenSpaceAmbientOcclusion;
 use bevy::post_process::bloom::Bloom;
 use bevy::prelude::*;
 use bevy_frugal_gi::prelude::*;
+use bevy_frugal_gi_tools::{ControlLogPlugin, HudPlugin, HudWipe};
 use frugal::scene;
 use frugal_examples::{
     BudgetRange, ExamplePlugin, Tour, add_ui_camera, caption, control, read_map, run, travel,

@@ -10,6 +10,7 @@ use bevy_frugal_gi::frontier::{
 };
 use bevy_frugal_gi::knobs::{FieldKnob, Knob, KnobDriver, KnobField, KnobLevels, KnobSpace};
 use bevy_frugal_gi::prelude::*;
+use bevy_frugal_gi_tools::HudPlugin;
 use frugal_examples::{ExamplePlugin, caption};
 
 /// Another crate's effect: it knows nothing of knobs.

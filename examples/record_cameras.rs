@@ -9,7 +9,7 @@ use std::path::Path;
 
 use bevy::prelude::*;
 use bevy_frugal_gi::prelude::*;
-use bevy_frugal_gi::recording::CameraRecorder;
+use bevy_frugal_gi_tools::{CameraRecorder, CameraRecorderPlugin, RecordCamera};
 use frugal::scene;
 use frugal_examples::{ExamplePlugin, Tour, run, travel};
 

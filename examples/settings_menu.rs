@@ -5,10 +5,11 @@
 //! No controller runs: a preset holds at every view, so it needs more power than a budget for the
 //! same error.
 //!
-//! The presets are a file of the tool, by default `target/demo/presets.ron`:
+//! The presets are a file of the tool, by default `assets/presets/courtyard.ron`. `make demo` makes a map
+//! for this machine, and of that the tool writes its presets:
 //!
 //! ```sh
-//! frugal inspect target/demo/courtyard.pareto.ron --presets target/demo/presets.ron
+//! frugal inspect target/demo/courtyard.pareto.ron --presets presets.ron
 //! ```
 
 use std::collections::BTreeMap;
@@ -21,6 +22,7 @@ use bevy::post_process::bloom::Bloom;
 use bevy::prelude::*;
 use bevy_frugal_gi::knobs::KnobLevels;
 use bevy_frugal_gi::prelude::*;
+use bevy_frugal_gi_tools::HudPlugin;
 use frugal::scene;
 use frugal_examples::{ExamplePlugin, Tour, add_ui_camera, caption, run, travel};
 use serde::Deserialize;
@@ -41,7 +43,7 @@ struct Preset {
 }
 
 fn main() -> AppExit {
-    run("target/demo/presets.ron", build)
+    run("assets/presets/courtyard.ron", build)
 }
 
 fn build(scene: &Path, presets: &Path) -> Result<App, String> {

@@ -3,7 +3,7 @@
 use bevy::camera::CameraOutputMode;
 use bevy::prelude::*;
 use bevy::render::render_resource::BlendState;
-use bevy_frugal_gi::prelude::HudSettings;
+use bevy_frugal_gi_tools::HudSettings;
 
 /// Adds a camera for the app's user interface and the HUD, which no other camera's resolution scale
 /// affects.

@@ -29,8 +29,9 @@ const OTHER_DIRECTION: f32 = 0.01;
 #[derive(Resource, Default)]
 struct WrittenAtmosphere(Option<GpuAtmosphere>);
 
-/// Adds the workaround, once for all plugins that call it. Called from `Plugin::finish`.
-pub(crate) fn finish(app: &mut App) {
+/// Lets several cameras be in one of Bevy's atmospheres, which otherwise ends an app with a second
+/// such camera. For `Plugin::finish` of a plugin that adds cameras; may be called by several.
+pub fn share_atmosphere(app: &mut App) {
     let Some(render_app) = app.get_sub_app_mut(RenderApp) else { return };
     if render_app.world().contains_resource::<WrittenAtmosphere>() {
         return;

@@ -1,12 +1,9 @@
-//! A copy of a camera, as far as its image goes: for pictures that are compared with the camera's own.
+//! A copy of a camera, as far as its image goes: for pictures that are compared with the camera's own,
+//! as the error meter and the HUD of `bevy_frugal_gi_tools` do.
 //!
-//! Options:
-//! 1. Everything but a list: an app's own components would be copied, and queries by them mean one
-//!    camera. What belongs to Bevy can be told from them by name only, and release builds drop names.
-//! 2. A list. A test names every component of Bevy's renderer that is neither on it nor left out for
-//!    a reason.
-//!
-//! We use option 2.
+//! What is copied is a list, not all but a list: an app's queries by its own components mean one
+//! camera. A test names every component of Bevy's renderer that is neither copied nor left out for a
+//! reason.
 
 use bevy::anti_alias::contrast_adaptive_sharpening::ContrastAdaptiveSharpening;
 use bevy::anti_alias::fxaa::Fxaa;
@@ -41,6 +38,7 @@ use bevy::render::camera::{CameraRenderGraph, MipBias, TemporalJitter};
 use bevy::render::occlusion_culling::OcclusionCulling;
 use bevy::render::view::{ColorGrading, Msaa, NoIndirectDrawing};
 
+pub use crate::atmosphere::share_atmosphere;
 use crate::gi::FrugalGi;
 use crate::knobs::allow_authored;
 
@@ -78,7 +76,7 @@ pub(crate) type ShowsWholeOnly = Or<(
 
 /// Gives `to` what rendering reads of `from`, and what knobs keep of the components that the app
 /// authored: they may have taken some away, or reduced them.
-pub(crate) fn copy_looks(world: &mut World, from: Entity, to: Entity) {
+pub fn copy_looks(world: &mut World, from: Entity, to: Entity) {
     if world.get_entity(from).is_err() || world.get_entity(to).is_err() {
         return;
     }

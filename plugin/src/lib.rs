@@ -30,27 +30,19 @@
 #![cfg_attr(not(feature = "inspect"), allow(dead_code, unreachable_pub, unused_imports))]
 
 mod atmosphere;
-mod camera_copy;
+pub mod camera_copy;
 pub mod control;
-pub mod control_log;
 mod cut;
 pub mod error_meter;
-mod file_thread;
 pub mod frontier;
 pub mod gi;
-#[cfg(feature = "hud")]
-pub mod hud;
 pub mod knobs;
 pub mod pacing;
 mod pipelines;
 pub mod power;
-pub mod recording;
 pub mod resolution;
-#[cfg(feature = "scene-export")]
-pub mod scene_export;
 mod schedule;
 pub mod signals;
-mod text_lines;
 
 use bevy::app::{PluginGroup, PluginGroupBuilder};
 pub use frugal_core::units;
@@ -68,10 +60,8 @@ pub use frugal_core::units;
 /// | [`ErrorMeterPlugin`](error_meter::ErrorMeterPlugin) | measures errors on cameras with [`ErrorMeter`](error_meter::ErrorMeter) |
 /// | [`PowerPlugin`](power::PowerPlugin) | meters power in the background |
 ///
-/// [`CameraRecorderPlugin`](recording::CameraRecorderPlugin) is not included: an app adds it to
-/// record its camera paths. Nor is [`ControlLogPlugin`](control_log::ControlLogPlugin), which writes
-/// what the controller does to a file, `HudPlugin`, with the feature `hud`, which shows it, or
-/// `SceneExportPlugin`, with the feature `scene-export`, which writes the app's scene for `frugal`.
+/// The crate `bevy_frugal_gi_tools` has more for development: a HUD, a log of the controller, a camera
+/// recorder, and a scene exporter for `frugal`.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct FrugalGiPlugins;
 
@@ -99,25 +89,18 @@ pub mod prelude {
         FrontierMapHandle, FrontierSource, KnobBounds, Limit, MapRejected, OffReason, Outcome,
         PowerFeedback, Selection, SettingsFilter, SettingsSwitched,
     };
-    pub use crate::control_log::ControlLogPlugin;
     pub use crate::error_meter::{ErrorMeter, ErrorMeterPlugin, ErrorProbe, MeasuredError};
     pub use crate::frontier::{FrontierMap, FrontierMapPlugin, FrontierStore, MapFit, ShownScene};
     pub use crate::gi::{
         CameraCut, FrugalGi, GI_DIAGNOSTICS, GiCounts, GiInterleave, GiLimits, GiOutput,
         GiPixelFraction, GiPlugin, GiRefresh, GiShading, GiVisibility, RsmView,
     };
-    #[cfg(feature = "hud")]
-    pub use crate::hud::{HudPart, HudPlugin, HudSettings, HudWipe};
     pub use crate::knobs::{KnobPlugin, KnobRegistry, KnobSettings, RegisterKnob, WarmKnobs};
     pub use crate::pacing::{FramePacingPlugin, FrameRateLimit};
     pub use crate::power::{
-        MeterChoice, MeterState, MeteredPower, POWER_DIAGNOSTIC, PowerPlugin, Provenance,
-        SamplerSettings,
+        MeterChoice, MeterState, MeteredPower, PowerPlugin, Provenance, SamplerSettings,
     };
-    pub use crate::recording::{CameraRecorder, CameraRecorderPlugin, RecordCamera};
     pub use crate::resolution::{ResolutionPlugin, ResolutionScale};
-    #[cfg(feature = "scene-export")]
-    pub use crate::scene_export::{ExportScene, SceneExportPlugin};
-    pub use crate::signals::{BatteryLevel, FrameTime, ThermalHeadroom};
+    pub use crate::signals::{BatteryLevel, BatterySettings, FrameTime, ThermalHeadroom};
     pub use crate::units::{Joules, Watts};
 }

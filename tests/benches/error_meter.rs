@@ -8,6 +8,8 @@
 //! 20 s at 60 frames per second. CPU time of all threads on a software adapter, else wall time. All
 //! rows measure at the same places, so that their mean errors compare.
 
+use std::time::Duration;
+
 use bevy::ecs::entity::Entity;
 use bevy::math::UVec2;
 use bevy_frugal_gi::error_meter::{ErrorMeter, MeasuredError};
@@ -57,7 +59,7 @@ impl Walk {
     fn reading(&mut self, meter: Option<(f32, u32)>) -> (f64, Option<f64>) {
         let mut camera = self.stage.world_mut().entity_mut(self.camera);
         if let Some((share, frames)) = meter {
-            camera.insert(ErrorMeter { share, frames, period_seconds: f32::MAX });
+            camera.insert(ErrorMeter { share, frames, period: Duration::MAX });
         }
         let path = &self.scene.paths["tour"];
         let mut milliseconds = 0.0;

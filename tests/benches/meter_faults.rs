@@ -159,10 +159,10 @@ fn tell(app: &mut App, reading: Option<(Watts, f64)>, is_lost: bool) {
     let mut metered = app.world_mut().get_resource_or_init::<MeteredPower>();
     if is_lost {
         metered.state = MeterState::Lost { reason: "frozen".into() };
-        (metered.latest, metered.mean, metered.interval_seconds) = (None, None, None);
+        (metered.latest, metered.mean, metered.interval) = (None, None, None);
     } else if let Some((watts, seconds)) = reading {
         (metered.latest, metered.mean) = (Some(watts), Some(watts));
-        metered.interval_seconds = Some(seconds);
+        metered.interval = Some(Duration::from_secs_f64(seconds));
         metered.sample_count += 1;
         metered.state = MeterState::Running;
         metered.info = Some(MeterInfo {

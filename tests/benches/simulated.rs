@@ -129,10 +129,10 @@ impl<'a> Simulated<'a> {
         let mut metered = self.app.world_mut().get_resource_or_init::<MeteredPower>();
         if is_lost {
             metered.state = MeterState::Lost { reason: "unplugged".into() };
-            (metered.latest, metered.mean, metered.interval_seconds) = (None, None, None);
+            (metered.latest, metered.mean, metered.interval) = (None, None, None);
         } else if let Some((watts, seconds)) = reading {
             (metered.latest, metered.mean) = (Some(watts), Some(watts));
-            metered.interval_seconds = Some(seconds);
+            metered.interval = Some(Duration::from_secs_f64(seconds));
             metered.sample_count += 1;
             metered.info = Some(MeterInfo {
                 name: "simulated".into(),

@@ -80,6 +80,7 @@ mod using_export {
     fn sample() {
         use bevy::prelude::*;
         use bevy_frugal_gi::prelude::*;
+        use bevy_frugal_gi_tools::SceneExportPlugin;
 
         App::new()
             .add_plugins((DefaultPlugins, FrugalGiPlugins, SceneExportPlugin::new("my.scene.ron")))
@@ -92,6 +93,7 @@ mod using_log {
     fn sample() {
         use bevy::prelude::*;
         use bevy_frugal_gi::prelude::*;
+        use bevy_frugal_gi_tools::ControlLogPlugin;
 
         App::new()
             .add_plugins((DefaultPlugins, FrugalGiPlugins, ControlLogPlugin::new("control.csv")))
@@ -118,6 +120,7 @@ mod using_cut {
 mod using_recording {
     use bevy::prelude::*;
     use bevy_frugal_gi::prelude::*;
+    use bevy_frugal_gi_tools::{CameraRecorderPlugin, RecordCamera};
 
     fn sample() {
         App::new()
@@ -137,6 +140,7 @@ mod using_recording {
 mod using_hud {
     use bevy::prelude::*;
     use bevy_frugal_gi::prelude::*;
+    use bevy_frugal_gi_tools::{HudPlugin, HudSettings};
 
     fn sample() {
         App::new()

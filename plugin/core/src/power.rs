@@ -1,5 +1,7 @@
 //! What a power figure is and where it comes from.
 
+use std::fmt;
+
 #[cfg(feature = "bevy")]
 use bevy_reflect::Reflect;
 use serde::{Deserialize, Serialize};
@@ -13,6 +15,15 @@ pub enum Provenance {
     Measured,
     /// Computed from another quantity by a model.
     Modelled,
+}
+
+impl fmt::Display for Provenance {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            Self::Measured => "measured",
+            Self::Modelled => "modelled",
+        })
+    }
 }
 
 /// A meter's name, provenance and coverage.

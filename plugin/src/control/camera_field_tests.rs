@@ -33,7 +33,7 @@ fn drawn(app: &App, camera: Entity) -> f64 {
 fn read(app: &mut App, watts: f64, seconds: f64) {
     let mut metered = app.world_mut().get_resource_or_init::<MeteredPower>();
     metered.latest = Some(Watts(watts));
-    metered.interval_seconds = Some(seconds);
+    metered.interval = Some(Duration::from_secs_f64(seconds));
     metered.sample_count += 1;
     metered.state = MeterState::Running;
     metered.info = Some(MeterInfo {
@@ -99,7 +99,7 @@ fn a_headroom_that_is_missing_is_the_last_one_and_then_none() {
 fn battery(app: &mut App, energy: Option<f64>) {
     let energy = energy.map(Joules);
     let power = energy.map(|_| Watts(10.0));
-    app.insert_resource(BatteryLevel { is_automatic: false, energy, power });
+    app.insert_resource(BatteryLevel { energy, power });
 }
 
 /// An app that has 6 W for an hour.
@@ -142,7 +142,6 @@ fn a_battery_budget_is_right_after_frames_without_a_prediction() {
         is_active(&mut app, false);
         for _ in 0..loading {
             app.insert_resource(BatteryLevel {
-                is_automatic: false,
                 energy: Some(Joules(9.0 * 3600.0)),
                 power: Some(Watts(5.0)),
             });
@@ -153,7 +152,6 @@ fn a_battery_budget_is_right_after_frames_without_a_prediction() {
             // The rest of the machine takes 2 W.
             let power = predicted(&app, camera).map_or(4.0, |watts| watts.0) + 2.0;
             app.insert_resource(BatteryLevel {
-                is_automatic: false,
                 energy: Some(Joules(9.0 * 3600.0)),
                 power: Some(Watts(power)),
             });
@@ -174,7 +172,7 @@ fn a_nights_fall_of_the_charge_is_no_power() {
         for _ in 0..seconds {
             energy -= predicted(app, camera).map_or(4.0, |watts| watts.0) + 2.0;
             let energy = Some(Joules(energy));
-            app.insert_resource(BatteryLevel { is_automatic: false, energy, power: None });
+            app.insert_resource(BatteryLevel { energy, power: None });
             run(app, 60);
         }
         drawn(app, camera)
@@ -190,7 +188,7 @@ fn a_nights_fall_of_the_charge_is_no_power() {
     for _ in 0..60 {
         energy -= drawn(&app, camera) + 2.0;
         let energy = Some(Joules(energy));
-        app.insert_resource(BatteryLevel { is_automatic: false, energy, power: None });
+        app.insert_resource(BatteryLevel { energy, power: None });
         run(&mut app, 60);
         assert!((drawn(&app, camera) - before).abs() < 1.2, "{} and {before}", drawn(&app, camera));
     }
@@ -205,7 +203,8 @@ fn a_frame_time_is_kept_on_a_device_that_takes_half_a_second() {
         while passed < 60.0 {
             frame(&mut app, seconds);
             if is_told {
-                app.world_mut().resource_mut::<FrameTime>().seconds = Some(seconds);
+                app.world_mut().resource_mut::<FrameTime>().work =
+                    Some(Duration::from_secs_f64(seconds));
             }
             app.update();
             passed += seconds;

@@ -56,7 +56,7 @@ fn read(app: &mut App, watts: Option<f64>) {
     *metered = MeteredPower {
         latest: watts.map(Watts),
         mean: watts.map(Watts),
-        interval_seconds: watts.map(|_| FRAME.as_secs_f64()),
+        interval: watts.map(|_| FRAME),
         sample_count: metered.sample_count + 1,
         info: Some(MeterInfo {
             name: "simulated".into(),
@@ -132,7 +132,7 @@ fn a_modelled_meter_other_than_the_maps_is_not_trusted() {
             let mut metered = app.world_mut().get_resource_or_init::<MeteredPower>();
             *metered = MeteredPower {
                 latest: Some(Watts(20.0)),
-                interval_seconds: Some(FRAME.as_secs_f64()),
+                interval: Some(FRAME),
                 sample_count: metered.sample_count + 1,
                 info: Some(MeterInfo {
                     name: name.into(),
@@ -185,7 +185,7 @@ fn limits_of_other_currencies_are_kept_and_named() {
         (0.0, 6.0, Some(Limit::Battery), cannot),
     ] {
         let energy = Some(Joules(joules));
-        app.insert_resource(BatteryLevel { is_automatic: false, energy, power: None });
+        app.insert_resource(BatteryLevel { energy, power: None });
         run(&mut app, 20);
         assert_eq!(named(&app, camera), (Some(watts), binding, status), "{joules} J");
     }

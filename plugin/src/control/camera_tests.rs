@@ -25,7 +25,7 @@ use crate::frontier::{
 };
 use crate::knobs::{KnobLevels, KnobSettings};
 use crate::power::{MeterInfo, MeterState, Provenance};
-use crate::signals::{BatteryLevel, ThermalHeadroom};
+use crate::signals::{BatteryLevel, BatterySettings, ThermalHeadroom};
 use crate::units::{Joules, Watts};
 
 const FRAME: Duration = Duration::from_millis(125);
@@ -40,6 +40,7 @@ fn app_with(files: Dir) -> App {
     app.register_asset_source(AssetSourceId::Default, AssetSourceBuilder::new(reader));
     app.add_plugins((MinimalPlugins, AssetPlugin::default(), FrontierMapPlugin, ControlPlugin));
     app.insert_resource(TimeUpdateStrategy::ManualDuration(FRAME)).init_resource::<Changes>();
+    app.insert_resource(BatterySettings { enabled: false });
     let count = |changed: Query<(), Changed<KnobSettings>>, mut changes: ResMut<Changes>| {
         changes.0 += changed.iter().count();
     };

@@ -83,7 +83,7 @@ pub(super) fn forget_changed_maps(
 /// The frontier that choices at a view are made from: over all views where the scene has left its
 /// map ([`PowerFeedback::has_left_map`](super::PowerFeedback::has_left_map)), since local ones say
 /// nothing of it then.
-pub(crate) fn frontier_in_play<'a>(
+pub fn frontier_in_play<'a>(
     store: &'a dyn FrontierStore,
     found: SampleRef<'a>,
     has_left_map: bool,

@@ -35,6 +35,6 @@ pub use frugal_core::control::{
     ErrorPace, ErrorPrice, Inputs, KnobBounds, Limit, MAX_OVER_MEAN, Outcome, PowerCorrection,
     PowerDivision, PowerModel, SettingsFilter, TransitionTimes, select,
 };
-pub(crate) use maps::frontier_in_play;
+pub use maps::frontier_in_play;
 pub use plugin::{ControlPlugin, ControlSystems};
 pub use power_feedback::{FeedbackState, PowerFeedback};

@@ -20,7 +20,7 @@ use crate::frontier::{FrontierMap, MapFit};
 use crate::knobs::KnownKnobs;
 use crate::pacing::FrameWait;
 use crate::power::MeteredPower;
-use crate::signals::{BatteryLevel, FrameTime, ThermalHeadroom, read_battery};
+use crate::signals::{BatteryLevel, BatterySettings, FrameTime, ThermalHeadroom, read_battery};
 
 /// When the controller runs.
 #[derive(SystemSet, Clone, Copy, Debug, PartialEq, Eq, Hash)]
@@ -52,6 +52,7 @@ impl Plugin for ControlPlugin {
             .init_resource::<AppBudget>()
             .init_resource::<PowerFeedback>()
             .init_resource::<BatteryLevel>()
+            .init_resource::<BatterySettings>()
             .init_resource::<FrameTime>()
             .init_resource::<ThermalHeadroom>()
             .init_resource::<SignalModel>()

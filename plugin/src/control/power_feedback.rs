@@ -124,10 +124,10 @@ impl FeedbackModel {
         });
         if let Some(metered) = trusted
             && metered.sample_count != self.seen
-            && let (Some(watts), Some(seconds)) = (metered.latest, metered.interval_seconds)
+            && let (Some(watts), Some(interval)) = (metered.latest, metered.interval)
         {
             self.seen = metered.sample_count;
-            self.model.read(watts, seconds);
+            self.model.read(watts, interval.as_secs_f64());
         }
         self.feedback(trusted, at_rate, count, feedback)
     }

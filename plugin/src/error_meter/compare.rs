@@ -63,7 +63,7 @@ pub(super) fn error(tile: &Tile, sums: &[u8]) -> Option<f64> {
 
 /// Uniforms of `compare.wgsl`.
 #[derive(Clone, Copy, Debug, ShaderType)]
-struct Part {
+struct ComparedPart {
     origin: Vec2,
     scale: Vec2,
     offset: Vec2,
@@ -88,7 +88,7 @@ impl FromWorld for ComparePipeline {
                 image(),
                 sampler(SamplerBindingType::Filtering),
                 image(),
-                uniform_buffer::<Part>(false),
+                uniform_buffer::<ComparedPart>(false),
                 storage_buffer_sized(false, None),
             ),
         );
@@ -118,7 +118,7 @@ pub(super) fn finish(app: &mut App) {
 }
 
 /// A camera's image: where it is in its texture, and how large.
-type Shown = (
+type ComparedView = (
     &'static MainEntity,
     &'static ViewTarget,
     &'static ExtractedCamera,
@@ -128,7 +128,7 @@ type Shown = (
 /// In a camera's view, once it is drawn: compares it with its probe, if that is due. The next camera
 /// of the same target may draw over it.
 fn compare(
-    view: ViewQuery<Shown>,
+    view: ViewQuery<ComparedView>,
     rendering: Query<(), With<ErrorProbe>>,
     probes: Query<(&Comparison, &ViewTarget)>,
     mut pipeline: ResMut<ComparePipeline>,
@@ -165,7 +165,7 @@ fn compare(
     // A scaled camera fills a texture of its own; others a part of the target's size.
     let viewport = extracted.viewport.as_ref().filter(|_| scaled.is_none());
     let origin = viewport.map_or(UVec2::ZERO, |viewport| viewport.physical_position);
-    let mut uniform = UniformBuffer::from(Part {
+    let mut uniform = UniformBuffer::from(ComparedPart {
         origin: origin.as_vec2(),
         scale: rendered.as_vec2() / tile.full.as_vec2(),
         offset: tile.offset.as_vec2(),

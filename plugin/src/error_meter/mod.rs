@@ -16,6 +16,8 @@ mod compare;
 mod probe;
 mod tile;
 
+use std::time::Duration;
+
 use bevy::app::{App, Plugin, PostUpdate};
 use bevy::asset::embedded_asset;
 use bevy::camera::CameraUpdateSystems;
@@ -41,11 +43,10 @@ const STRETCH: [f64; 2] = [0.25, 3.0];
 #[reflect(Component, Default, Clone, PartialEq)]
 #[require(MeasuredError, probe::MeterState)]
 pub struct ErrorMeter {
-    /// Mean of the seconds from the 64th measurement to the next, 0 or more; see
-    /// [`interval_seconds`](Self::interval_seconds). Default: 20. Lower values follow views faster;
-    /// higher values cost less: a measurement renders `frames` frames of its part of the image at
+    /// Mean time from the 64th measurement to the next; see [`interval`](Self::interval). Default:
+    /// 20 s. Lower values follow views faster; higher values cost less: a measurement renders `frames` frames of its part of the image at
     /// the best settings.
-    pub period_seconds: f32,
+    pub period: Duration,
     /// Share of the image's width and height that is measured, 0 to 1; rounded down to a part with
     /// the image's exact aspect ratio. Default: ¼. All of it where an effect of the camera needs all,
     /// such as bloom, depth of field, or automatic exposure. Its place changes from measurement to
@@ -60,19 +61,20 @@ pub struct ErrorMeter {
 
 impl Default for ErrorMeter {
     fn default() -> Self {
-        Self { period_seconds: 20.0, share: 0.25, frames: 4 }
+        Self { period: Duration::from_secs(20), share: 0.25, frames: 4 }
     }
 }
 
 impl ErrorMeter {
-    /// Seconds from measurement number `count` to the next. No fixed period, which would meet the
+    /// Time from measurement number `count` to the next. No fixed period, which would meet the
     /// same views of a round again and again: ½ to 1½ times a mean, by the golden ratio. The mean is
-    /// a quarter of `period_seconds` for 16 measurements, and then rises in proportion to their number,
-    /// up to three times `period_seconds`: the more are known, the less another one says.
-    pub fn interval_seconds(&self, count: u32) -> f64 {
+    /// a quarter of `period` for 16 measurements, and then rises in proportion to their number,
+    /// up to three times `period`: the more are known, the less another one says.
+    pub fn interval(&self, count: u32) -> Duration {
         let count = f64::from(count);
         let stretch = (count / STEADY).clamp(STRETCH[0], STRETCH[1]);
-        f64::from(self.period_seconds) * stretch * (0.5 + (0.618_033_988_749_895 * count).fract())
+        let share = stretch * (0.5 + (0.618_033_988_749_895 * count).fract());
+        Duration::try_from_secs_f64(self.period.as_secs_f64() * share).unwrap_or(Duration::MAX)
     }
 }
 
@@ -112,7 +114,7 @@ impl Plugin for ErrorMeterPlugin {
     }
 
     fn finish(&self, app: &mut App) {
-        crate::atmosphere::finish(app);
+        crate::atmosphere::share_atmosphere(app);
         compare::finish(app);
     }
 }

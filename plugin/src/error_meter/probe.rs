@@ -1,6 +1,7 @@
 //! The hidden camera that renders a part of a camera's view at the best settings.
 
 use std::sync::Arc;
+use std::time::Duration;
 
 use bevy::anti_alias::taa::TemporalAntiAliasing;
 use bevy::asset::{Assets, RenderAssetUsages};
@@ -27,7 +28,7 @@ use crate::knobs::{KnobLevels, KnobRegistry, KnobSettings};
 /// Frames after which a comparison without a result is given up: its pipeline compiles meanwhile.
 const PATIENCE_FRAMES: u32 = 240;
 /// Least frames that a probe renders: motion is known from the second on.
-const LEAST_FRAMES: u32 = 2;
+const MIN_FRAMES: u32 = 2;
 /// The same with temporal antialiasing: its jitter has gone round twice.
 const TEMPORAL_FRAMES: u32 = 16;
 /// Distance within which a probe's automatic exposure is where it belongs in one frame, f-stops.
@@ -45,8 +46,8 @@ pub struct ErrorProbe {
 /// An [`ErrorMeter`]'s state.
 #[derive(Component, Debug, Default)]
 pub(super) struct MeterState {
-    /// Since the last measurement began, seconds.
-    seconds: f32,
+    /// Since the last measurement began.
+    waited: Duration,
     /// Measurements begun.
     begun: u32,
     /// Where the camera was at the last measurement, and its settings: nothing new is to be
@@ -67,7 +68,7 @@ enum Phase {
 
 /// On the entity that reads sums back.
 #[derive(Component, Debug)]
-pub(super) struct Reading {
+pub(super) struct PendingReadback {
     camera: Entity,
     tile: Tile,
     /// Error of the frame that the camera's map predicted.
@@ -111,12 +112,11 @@ pub(super) fn drive(
     for (camera, meter, mut state, view, projection, knobs, selection, history) in &mut meters {
         let (is_temporal, is_exposed) = history;
         let state = state.bypass_change_detection();
-        state.seconds += time.delta_secs();
+        state.waited = state.waited.saturating_add(time.delta());
         let Ok(place) = transforms.compute_global_transform(camera) else { continue };
         match &mut state.phase {
             Phase::Waits => {
-                let is_due = state.begun == 0
-                    || f64::from(state.seconds) >= meter.interval_seconds(state.begun);
+                let is_due = state.begun == 0 || state.waited >= meter.interval(state.begun);
                 if !is_due {
                     continue;
                 }
@@ -168,7 +168,7 @@ pub(super) fn drive(
                     .id();
                 commands.queue(move |world: &mut World| copy_looks(world, camera, probe));
                 state.phase = Phase::Renders { probe, tile, frames: 0 };
-                state.seconds = 0.0;
+                state.waited = Duration::ZERO;
                 state.begun = state.begun.wrapping_add(1).max(1);
             }
             Phase::Renders { probe, tile, frames } => {
@@ -190,7 +190,7 @@ pub(super) fn drive(
                     }
                     adapt(&mut exposure, seconds);
                 }
-                let least = if is_temporal { TEMPORAL_FRAMES } else { LEAST_FRAMES };
+                let least = if is_temporal { TEMPORAL_FRAMES } else { MIN_FRAMES };
                 if *frames < meter.frames.max(least) {
                     continue;
                 }
@@ -203,7 +203,7 @@ pub(super) fn drive(
                 });
                 let predicted = selection.and_then(|selection| selection.predicted_applied);
                 let predicted = predicted.map(|cost| cost.error);
-                let reading = Reading { camera, tile: *tile, predicted };
+                let reading = PendingReadback { camera, tile: *tile, predicted };
                 let reader = commands.spawn((reading, Readback::buffer(sums))).observe(read).id();
                 state.last = Some((place, knobs.settings));
                 state.phase = Phase::Reads { probe: *probe, reader, frames: 0 };
@@ -243,11 +243,11 @@ fn best(registry: &KnobRegistry, knobs: &KnobSettings) -> KnobLevels {
 /// Takes account of sums that have arrived.
 fn read(
     sums: On<ReadbackComplete>,
-    readings: Query<&Reading>,
+    readings: Query<&PendingReadback>,
     mut meters: Query<(&mut MeterState, &mut MeasuredError, Option<&mut ErrorFeedback>)>,
     mut commands: Commands,
 ) {
-    let Ok(Reading { camera, tile, predicted }) = readings.get(sums.entity) else { return };
+    let Ok(PendingReadback { camera, tile, predicted }) = readings.get(sums.entity) else { return };
     // Nothing was compared yet: the pipeline compiles.
     let Some(error) = error(tile, &sums.data) else { return };
     commands.entity(sums.entity).try_despawn();
@@ -263,7 +263,7 @@ fn read(
 pub(super) fn stop(
     removed: On<Remove, ErrorMeter>,
     probes: Query<(Entity, &ErrorProbe)>,
-    readings: Query<(Entity, &Reading)>,
+    readings: Query<(Entity, &PendingReadback)>,
     mut commands: Commands,
 ) {
     let probes = probes.iter().filter(|(_, probe)| probe.camera == removed.entity);

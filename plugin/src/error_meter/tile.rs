@@ -5,7 +5,7 @@ use bevy::math::{UVec2, Vec2};
 /// Pixels of a window of SSIM along a side: a part must be wider.
 pub(super) const WINDOW: u32 = 11;
 /// Most windows along a side of a part; partial sums of more would not fit their buffer.
-const MOST_SIDE: u32 = 4096;
+const MAX_SIDE: u32 = 4096;
 
 /// A part of an image.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -33,7 +33,7 @@ impl Tile {
         let least = step.as_vec2().recip().max_element() * WINDOW as f32;
         let steps = ((share * common as f32) as u32).max(least.ceil() as u32).clamp(1, common);
         let size = step * steps;
-        if size.min_element() < WINDOW || size.max_element() > MOST_SIDE {
+        if size.min_element() < WINDOW || size.max_element() > MAX_SIDE {
             return None;
         }
         let place = (place(count) * (full - size + 1).as_vec2()).as_uvec2();

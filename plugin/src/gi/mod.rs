@@ -116,7 +116,7 @@ impl Plugin for GiPlugin {
     // The plugins above finish after this one.
     fn finish(&self, app: &mut App) {
         crate::pipelines::finish(app);
-        crate::atmosphere::finish(app);
+        crate::atmosphere::share_atmosphere(app);
         let Some(render_app) = app.get_sub_app_mut(RenderApp) else { return };
         // With or without global illumination, since every camera is deferred.
         render_app.add_systems(Render, masks::draw_once.in_set(RenderSystems::Specialize));

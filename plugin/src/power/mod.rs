@@ -9,7 +9,6 @@
 //! | `tracker` | the fault model, which judges the readings of every meter |
 //! | [`PowerSampler`] | the one thread that reads a meter |
 //! | [`PowerPlugin`] | the sampler in a Bevy app: [`MeteredPower`] and a diagnostic |
-//! | [`SimulatedDevice`], [`SimulatedMeter`] | a device with heat, throttling and a meter, in numbers |
 //!
 //! An unknown power is never reported as 0 W: a counter that is missing, unreadable or faulty gives
 //! a [`MeterError`] or a [`MeterState`] with the reason.
@@ -29,6 +28,7 @@ mod root;
 mod sampler;
 #[cfg(test)]
 mod scripted;
+#[cfg(any(test, feature = "inspect"))]
 mod simulated;
 mod sysfs;
 mod tracker;
@@ -42,12 +42,11 @@ pub use kind::OpenMeterError;
 pub use meter::{Count, MeterError, MeterInfo, PowerMeter, Provenance, Reading};
 #[cfg(feature = "nvml")]
 pub use nvml::{BoardChoice, NvmlMeter};
-pub use plugin::{
-    MeterChoice, MeterFactory, MeteredPower, POWER_DIAGNOSTIC, PowerPlugin, PowerSystems,
-};
+pub use plugin::{MeterChoice, MeterFactory, MeteredPower, PowerPlugin, PowerSystems};
 pub use sampler::{PowerSampler, SamplerSettings};
 #[cfg(test)]
 pub(crate) use scripted::ScriptedMeter;
+#[cfg(any(test, feature = "inspect"))]
 pub use simulated::{SimulatedDevice, SimulatedMeter};
 pub use tracker::{MeterState, PowerSnapshot};
 

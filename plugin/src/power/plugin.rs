@@ -3,6 +3,7 @@
 
 use std::fmt;
 use std::sync::Arc;
+use std::time::Duration;
 
 use bevy::diagnostic::{Diagnostic, DiagnosticPath, Diagnostics, RegisterDiagnostic};
 // The standard one panics in a browser.
@@ -16,10 +17,6 @@ use crate::power::{
     detect, open,
 };
 use crate::units::Watts;
-
-/// Diagnostic path of the metered power, in watts: one measurement per sampling interval, none
-/// while the meter is lost.
-pub const POWER_DIAGNOSTIC: DiagnosticPath = DiagnosticPath::const_new("frugal_gi/power/board");
 
 /// Opens a meter, on the sampling thread. An error makes [`MeteredPower::state`] `Unavailable` with
 /// its message, and it is called again after 5 s, 10 s, 20 s, and then every 40 s; never again after
@@ -53,7 +50,7 @@ impl fmt::Debug for MeterChoice {
     }
 }
 
-/// Meters the app's power in the background: [`MeteredPower`] and [`POWER_DIAGNOSTIC`].
+/// Meters the app's power in the background: [`MeteredPower`] and [`PowerPlugin::POWER`].
 ///
 /// Without a meter the app continues, with one warning and the reason in [`MeteredPower::state`].
 #[derive(Clone, Debug, Default)]
@@ -62,6 +59,12 @@ pub struct PowerPlugin {
     pub meter: MeterChoice,
     /// Sampling interval and smoothing.
     pub sampler: SamplerSettings,
+}
+
+impl PowerPlugin {
+    /// Diagnostic path of the metered power, in watts: one measurement per sampling interval, none
+    /// while the meter is lost.
+    pub const POWER: DiagnosticPath = DiagnosticPath::const_new("frugal_gi/power/board");
 }
 
 /// The app's metered power. Written in [`PowerSystems::Publish`], read-only for the app.
@@ -74,11 +77,10 @@ pub struct MeteredPower {
     pub latest: Option<Watts>,
     /// Smoothed power, in watts; finite, at least 0. `None` while unknown.
     pub mean: Option<Watts>,
-    /// Length of the interval that `latest` is the mean of, in seconds; above 0. `None` while
-    /// unknown.
-    pub interval_seconds: Option<f64>,
+    /// Length of the interval that `latest` is the mean of; above 0. `None` while unknown.
+    pub interval: Option<Duration>,
     /// When the reading that ends this interval was taken, on the monotonic clock. `None` while
-    /// unknown. See [`age_seconds`](Self::age_seconds).
+    /// unknown. See [`age`](Self::age).
     pub read_at: Option<Instant>,
     /// Number of intervals so far: another number is another reading.
     pub sample_count: u64,
@@ -89,10 +91,10 @@ pub struct MeteredPower {
 }
 
 impl MeteredPower {
-    /// Seconds since the reading that `latest` is of, at least 0; `None` while the power is unknown.
-    /// It grows beyond the interval where the meter updates more slowly than it is polled.
-    pub fn age_seconds(&self) -> Option<f64> {
-        self.read_at.map(|at| at.elapsed().as_secs_f64())
+    /// Time since the reading that `latest` is of; `None` while the power is unknown. It grows
+    /// beyond the interval where the meter updates more slowly than it is polled.
+    pub fn age(&self) -> Option<Duration> {
+        self.read_at.map(|at| at.elapsed())
     }
 }
 
@@ -118,7 +120,7 @@ impl Plugin for PowerPlugin {
         app.register_type::<MeteredPower>()
             .init_resource::<MeteredPower>()
             .insert_resource(PowerSettings(self.clone()))
-            .register_diagnostic(Diagnostic::new(POWER_DIAGNOSTIC).with_suffix(" W"))
+            .register_diagnostic(Diagnostic::new(Self::POWER).with_suffix(" W"))
             // Needs Startup and not build: the adapter is chosen only after all plugins are built.
             .add_systems(Startup, start_sampler)
             .add_systems(
@@ -179,7 +181,7 @@ fn publish_power(
 ) {
     let Some(snapshot) = sampler.0.snapshot_if_changed(&mut seen) else { return };
     if let (Some(latest), true) = (snapshot.latest, snapshot.sample_count > *sample_count) {
-        diagnostics.add_measurement(&POWER_DIAGNOSTIC, || latest.0);
+        diagnostics.add_measurement(&PowerPlugin::POWER, || latest.0);
     }
     *sample_count = snapshot.sample_count;
     if let MeterState::Lost { reason } | MeterState::Unavailable { reason } = &snapshot.state
@@ -195,7 +197,7 @@ fn publish_power(
     *metered = MeteredPower {
         latest: snapshot.latest,
         mean: snapshot.mean,
-        interval_seconds: snapshot.interval.map(|interval| interval.as_secs_f64()),
+        interval: snapshot.interval,
         read_at: sampler.0.read_at(&snapshot),
         sample_count: snapshot.sample_count,
         info: snapshot.info,
@@ -206,7 +208,6 @@ fn publish_power(
 #[cfg(test)]
 mod tests {
     use std::thread;
-    use std::time::Duration;
 
     use bevy::diagnostic::DiagnosticsStore;
 
@@ -246,12 +247,12 @@ mod tests {
             app_with(scripted((0..500).map(|index| Ok(Joules(f64::from(index)))).collect()));
         let power = run_until(&mut app, "power", |power| power.latest.is_some());
         assert_eq!(power.state, MeterState::Running);
-        let age = power.age_seconds().expect("an age");
-        assert!((0.0..20.0).contains(&age), "{age}");
+        let age = power.age().expect("an age");
+        assert!(age < Duration::from_secs(20), "{age:?}");
         assert_eq!(power.info.unwrap().name, ScriptedMeter::NAME);
         app.update();
         let diagnostics = app.world().resource::<DiagnosticsStore>();
-        let diagnostic = diagnostics.get(&POWER_DIAGNOSTIC).unwrap();
+        let diagnostic = diagnostics.get(&PowerPlugin::POWER).unwrap();
         assert!(diagnostic.value().unwrap() > 0.0);
         assert_eq!(diagnostic.suffix, " W");
     }
@@ -265,7 +266,7 @@ mod tests {
         assert!(
             app.world()
                 .resource::<DiagnosticsStore>()
-                .get(&POWER_DIAGNOSTIC)
+                .get(&PowerPlugin::POWER)
                 .unwrap()
                 .value()
                 .is_none()
@@ -278,7 +279,7 @@ mod tests {
         let mut app = app_with(scripted(vec![Ok(Joules(0.0)), Ok(Joules(1.0)), denied]));
         let power =
             run_until(&mut app, "loss", |power| matches!(power.state, MeterState::Lost { .. }));
-        assert_eq!((power.latest, power.mean, power.age_seconds()), (None, None, None));
+        assert_eq!((power.latest, power.mean, power.age()), (None, None, None));
     }
 
     #[test]

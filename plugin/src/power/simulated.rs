@@ -1,5 +1,5 @@
-//! A simulated device and its meter, for tests, examples and demonstrations on machines without
-//! one. Plain numbers: no clock of its own, no threads, deterministic.
+//! A simulated device and its meter, for tests. Plain numbers: no clock of its own, no threads,
+//! deterministic.
 //!
 //! Power = idle + gain × demand × clock², a frame's work being paced by the frame rate. Heat flows
 //! from the device to the room through a thermal resistance, and a governor lowers the clock while

@@ -10,7 +10,7 @@ impl SaidFaults {
     /// A fault is said again after it was gone for this long.
     const SILENCE: Duration = Duration::from_secs(600);
     /// As many different faults are remembered.
-    const MOST: usize = 16;
+    const MAX: usize = 16;
 
     /// Whether a fault that is there at a time is to be said.
     pub(crate) fn is_new(&mut self, reason: &str, now: Duration) -> bool {
@@ -21,7 +21,7 @@ impl SaidFaults {
             *at = now;
             return false;
         }
-        if self.0.len() == Self::MOST {
+        if self.0.len() == Self::MAX {
             self.0.remove(0);
         }
         self.0.push((text, now));
@@ -53,6 +53,6 @@ mod tests {
         for fault in 'a'..='z' {
             assert!(said.is_new(&fault.to_string(), later));
         }
-        assert!(said.0.len() <= SaidFaults::MOST);
+        assert!(said.0.len() <= SaidFaults::MAX);
     }
 }

@@ -7,7 +7,7 @@ use std::time::Duration;
 use bevy::ecs::change_detection::DetectChangesMut;
 use bevy::ecs::reflect::ReflectResource;
 use bevy::ecs::resource::Resource;
-use bevy::ecs::system::{Local, ResMut};
+use bevy::ecs::system::{Local, Res, ResMut};
 use bevy::log::warn_once;
 use bevy::prelude::ReflectDefault;
 use bevy::reflect::Reflect;
@@ -18,14 +18,26 @@ use crate::units::{Joules, Watts};
 /// Time between readings. A battery's driver may take some milliseconds, and hours pass anyway.
 const INTERVAL: Duration = Duration::from_secs(5);
 
+/// Whether the battery is read.
+#[derive(Resource, Clone, Copy, Debug, PartialEq, Eq, Reflect)]
+#[reflect(Resource, Default, Clone, Debug, PartialEq)]
+pub struct BatterySettings {
+    /// Whether this crate writes [`BatteryLevel`]. Set it to false to write it yourself. Default:
+    /// true.
+    pub enabled: bool,
+}
+
+impl Default for BatterySettings {
+    fn default() -> Self {
+        Self { enabled: true }
+    }
+}
+
 /// The battery's state, for budgets of battery time. On Linux, macOS and Windows it is read every five
 /// seconds while a camera has such a budget; elsewhere the app writes it.
-#[derive(Resource, Clone, Copy, Debug, PartialEq, Reflect)]
+#[derive(Resource, Clone, Copy, Debug, Default, PartialEq, Reflect)]
 #[reflect(Resource, Default, Clone, Debug, PartialEq)]
 pub struct BatteryLevel {
-    /// Whether this crate writes the other fields. Set it to false to write them yourself. Default:
-    /// true.
-    pub is_automatic: bool,
     /// Energy that is left, in joules (a watt-hour is 3600 J); finite, at least 0. `None`: there is no
     /// battery, or a charger feeds the machine; after ten seconds of it there is no limit. A number
     /// that is invalid is unknown: the last energy counts, less what was drawn since. Default: `None`.
@@ -33,12 +45,6 @@ pub struct BatteryLevel {
     /// Power that the battery gives, in watts; finite, at least 0. `None`: it is found by the fall
     /// of the energy. Default: `None`.
     pub power: Option<Watts>,
-}
-
-impl Default for BatteryLevel {
-    fn default() -> Self {
-        Self { is_automatic: true, energy: None, power: None }
-    }
 }
 
 impl BatteryLevel {
@@ -98,10 +104,11 @@ impl BatteryReader {
 
 /// Writes the level that was read, where a budget asks for it.
 pub(crate) fn read_battery(
+    settings: Res<BatterySettings>,
     mut level: ResMut<BatteryLevel>,
     mut reader: Local<Option<BatteryReader>>,
 ) {
-    if !level.is_automatic {
+    if !settings.enabled {
         *reader = None;
         return;
     }
@@ -111,7 +118,6 @@ pub(crate) fn read_battery(
     let Some(reader) = reader.as_ref() else { return };
     if let Some(read) = reader.levels.try_iter().last() {
         level.set_if_neq(BatteryLevel {
-            is_automatic: true,
             energy: read.map(|(energy, _)| energy),
             power: read.map(|(_, power)| power),
         });
@@ -126,7 +132,7 @@ mod tests {
     fn a_number_that_is_no_energy_is_unknown() {
         let of = |value| {
             let energy = Some(Joules(value));
-            BatteryLevel { energy, power: Some(Watts(value)), is_automatic: false }.valid()
+            BatteryLevel { energy, power: Some(Watts(value)) }.valid()
         };
         assert_eq!(of(0.0), (Some(Joules(0.0)), Some(Watts(0.0))));
         for odd in [f64::NAN, f64::INFINITY, -1.0] {

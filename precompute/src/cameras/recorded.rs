@@ -5,7 +5,9 @@
 
 use std::path::{Path, PathBuf};
 
-use bevy_frugal_gi::recording::{CameraFileError, CameraSample, parse};
+use bevy_frugal_gi::frontier::CameraView;
+use bevy_frugal_gi_tools::recording::CameraSample;
+use bevy_frugal_gi_tools::row_log::{RowLogError, read_rows};
 
 use super::TrackSample;
 use super::set::{sample, sampled};
@@ -36,7 +38,7 @@ pub(crate) enum RecordedError {
         /// The file.
         path: PathBuf,
         /// Line, field and remedy.
-        source: CameraFileError,
+        source: RowLogError,
     },
     /// The recording has no samples.
     #[error("{path}: no camera was recorded; let the app run for a while with the recorder", path = path.display())]
@@ -56,8 +58,8 @@ pub(crate) fn recorded(
 ) -> Result<Vec<Vec<TrackSample>>, RecordedError> {
     let text = std::fs::read_to_string(path)
         .map_err(|source| RecordedError::File { path: path.to_owned(), source })?;
-    let samples =
-        parse(&text).map_err(|source| RecordedError::Content { path: path.to_owned(), source })?;
+    let samples: Vec<CameraSample> = read_rows(&text)
+        .map_err(|source| RecordedError::Content { path: path.to_owned(), source })?;
     let mut cameras: Vec<u32> = samples.iter().map(|sample| sample.camera).collect();
     cameras.sort_unstable();
     cameras.dedup();
@@ -79,8 +81,10 @@ pub(crate) fn recorded(
 /// A camera's poses by the time since its first one, between which it moves evenly. A cut is two poses
 /// at one time. `interval`: seconds between samples of a camera in motion.
 fn keys(samples: &[&CameraSample], interval: f64) -> Vec<(f64, CameraPose)> {
-    let pose =
-        |sample: &CameraSample| CameraPose { position: sample.position, rotation: sample.rotation };
+    let pose = |sample: &CameraSample| {
+        let CameraView { position, rotation, .. } = sample.view();
+        CameraPose { position, rotation }
+    };
     let mut now = 0.0;
     let mut keys: Vec<(f64, CameraPose)> =
         samples.iter().take(1).map(|it| (0.0, pose(it))).collect();
@@ -116,32 +120,31 @@ fn pose_at(keys: &[(f64, CameraPose)], seconds: f64) -> CameraPose {
 
 #[cfg(test)]
 mod tests {
-    use bevy_frugal_gi::recording::to_text;
+    use bevy_frugal_gi_tools::row_log::rows_to_text;
     use glam::{Quat, Vec3};
 
     use super::*;
     use crate::cameras::stretches;
 
+    /// A sample at a place along x.
+    fn sample(time_s: f64, camera: u32, x: f32) -> CameraSample {
+        let (position, rotation) = (Vec3::new(x, 1.6, 0.0), Quat::IDENTITY);
+        let view = CameraView { position, rotation, vertical_fov: 1.0, aspect: 1.5 };
+        CameraSample::new(time_s, camera, &view)
+    }
+
     #[test]
     fn a_recording_is_a_track_for_each_camera() {
-        let sample = |time_s: f64, camera: u32, x: f32| CameraSample {
-            time_s,
-            camera,
-            position: Vec3::new(x, 1.6, 0.0),
-            rotation: Quat::IDENTITY,
-            vertical_fov: 1.0,
-            aspect: 1.5,
-        };
         let samples =
             [sample(0.0, 0, 0.0), sample(0.0, 1, 9.0), sample(0.5, 0, 1.0), sample(0.5, 0, 9.0)];
         let folder = tempfile::tempdir().expect("a folder");
         let file = folder.path().join("cameras.txt");
-        std::fs::write(&file, to_text(&samples)).expect("room");
+        std::fs::write(&file, rows_to_text(&samples)).expect("room");
         let tracks = recorded(&file, 10.0).expect("a recording");
         assert_eq!(tracks.iter().map(Vec::len).collect::<Vec<_>>(), [5, 1]);
         assert!((tracks[0][4].pose.position.x - 0.8).abs() < 1e-6, "{tracks:?}");
         assert!((tracks[0][4].velocity - Vec3::X * 2.0).length() < 1e-5, "{tracks:?}");
-        std::fs::write(&file, to_text(&[])).expect("room");
+        std::fs::write(&file, rows_to_text::<CameraSample>(&[])).expect("room");
         assert!(matches!(recorded(&file, 10.0), Err(RecordedError::Empty { .. })));
         std::fs::write(&file, "no recording\n").expect("room");
         assert!(recorded(&file, 10.0).expect_err("refused").to_string().contains("cameras.txt"));
@@ -151,18 +154,11 @@ mod tests {
 
     /// Time, and place along x.
     fn walk(places: &[(f64, f32)], fps: f64) -> Vec<TrackSample> {
-        let sample = |(time_s, x): &(f64, f32)| CameraSample {
-            time_s: *time_s,
-            camera: 0,
-            position: Vec3::new(*x, 1.6, 0.0),
-            rotation: Quat::IDENTITY,
-            vertical_fov: 1.0,
-            aspect: 1.5,
-        };
         let folder = tempfile::tempdir().expect("a folder");
         let file = folder.path().join("cameras.txt");
-        let samples: Vec<CameraSample> = places.iter().map(sample).collect();
-        std::fs::write(&file, to_text(&samples)).expect("room");
+        let samples: Vec<CameraSample> =
+            places.iter().map(|(time_s, x)| sample(*time_s, 0, *x)).collect();
+        std::fs::write(&file, rows_to_text(&samples)).expect("room");
         recorded(&file, fps).expect("a recording").remove(0)
     }
 

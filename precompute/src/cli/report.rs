@@ -2,7 +2,7 @@
 
 use std::path::PathBuf;
 
-use bevy_frugal_gi::control_log::parse;
+use bevy_frugal_gi_tools::row_log::read_rows;
 
 use super::CliError;
 use super::arguments::write_report;
@@ -23,8 +23,8 @@ pub(super) fn run(arguments: &Arguments) -> Result<(), CliError> {
     let path = &arguments.log;
     let text = std::fs::read_to_string(path)
         .map_err(|error| CliError::usage(format!("cannot read {}: {error}", path.display())))?;
-    let samples =
-        parse(&text).map_err(|error| CliError::usage(format!("{}: {error}", path.display())))?;
+    let samples = read_rows(&text)
+        .map_err(|error| CliError::usage(format!("{}: {error}", path.display())))?;
     let logs = cameras(&samples);
     if logs.is_empty() {
         return Err(CliError::usage(format!(

@@ -1,6 +1,6 @@
 //! A camera's samples in one run of an app, and what they say about its budget.
 
-use bevy_frugal_gi::control_log::ControlSample;
+use bevy_frugal_gi_tools::control_log::ControlSample;
 
 /// Length of the windows in which a power limit is judged, seconds.
 const WINDOW_SECONDS: f64 = 1.0;

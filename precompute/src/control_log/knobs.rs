@@ -1,6 +1,6 @@
 //! Changes of single knobs in a log.
 
-use bevy_frugal_gi::control_log::ControlSample;
+use bevy_frugal_gi_tools::control_log::ControlSample;
 
 /// A knob whose level changes in a log.
 #[derive(Clone, Debug, PartialEq)]

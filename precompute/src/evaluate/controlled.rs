@@ -104,7 +104,7 @@ impl Policy for Controller<'_> {
     fn observe(&mut self, cost: CostPoint) {
         let Some(meter) = &mut self.meter else { return };
         meter.seconds += self.dt;
-        if meter.seconds >= meter.settings.interval_seconds(meter.count)
+        if meter.seconds >= meter.settings.interval(meter.count).as_secs_f64()
             && let Some(predicted) = self.predicted
         {
             (meter.seconds, meter.count) = (0.0, meter.count + 1);

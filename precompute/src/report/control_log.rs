@@ -1,6 +1,6 @@
 //! The report of `frugal report`: what a controller did in an app.
 
-use bevy_frugal_gi::control_log::ControlSample;
+use bevy_frugal_gi_tools::control_log::ControlSample;
 
 use super::{Color, Curve, Report, ReportError, Section, curves};
 use crate::control_log::{CameraLog, changes};

@@ -1,5 +1,7 @@
 //! Errors measured in a running app, against those of whole images that the tool compares.
 
+use std::time::Duration;
+
 use bevy::asset::Assets;
 use bevy::camera::Camera;
 use bevy::ecs::entity::Entity;
@@ -34,7 +36,7 @@ fn stage() -> Stage {
 
 /// Measures again and again, in whole images.
 fn meter(share: f32) -> ErrorMeter {
-    ErrorMeter { period_seconds: 0.0, share, frames: 8 }
+    ErrorMeter { period: Duration::ZERO, share, frames: 8 }
 }
 
 fn measured(stage: &mut Stage, camera: Entity) -> MeasuredError {

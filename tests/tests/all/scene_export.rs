@@ -12,7 +12,7 @@ use bevy::pbr::{MeshMaterial3d, StandardMaterial};
 use bevy::prelude::{AlphaMode, Cuboid, Plane3d};
 use bevy::render::render_resource::{Extent3d, TextureDimension, TextureFormat};
 use bevy::transform::components::Transform;
-use bevy_frugal_gi::scene_export::{ExportScene, SceneExportPlugin};
+use bevy_frugal_gi_tools::scene_export::{ExportScene, SceneExportPlugin};
 use frugal::metrics::ssim;
 use frugal::scene::{self, AlphaMode as SceneAlpha, Light};
 use frugal::stage::Stage;

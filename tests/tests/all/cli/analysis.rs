@@ -3,9 +3,10 @@
 use std::fs;
 use std::path::Path;
 
-use bevy_frugal_gi::control_log::{ControlSample, to_text};
 use bevy_frugal_gi::frontier::{Capture, CostPoint, Frontier, FrontierMap, FrontierPoint, Octree};
 use bevy_frugal_gi::knobs::{Knob, KnobLevels, KnobSpace};
+use bevy_frugal_gi_tools::control_log::ControlSample;
+use bevy_frugal_gi_tools::row_log::rows_to_text;
 use frugal::table::{SweepFacts, SweepTable};
 use frugal_tests::map;
 
@@ -264,7 +265,8 @@ fn control_logs_are_plotted() {
         meter: "simulated (modelled)".into(),
         ..ControlSample::default()
     };
-    let text = to_text(&[sample(0.0, 4.0), sample(0.5, 6.5), sample(1.5, 4.0), sample(0.0, 3.0)]);
+    let text =
+        rows_to_text(&[sample(0.0, 4.0), sample(0.5, 6.5), sample(1.5, 4.0), sample(0.0, 3.0)]);
     write(folder.path(), "play.csv", &text);
     let output = run(folder.path(), &["report", "play.csv"]);
     let said = String::from_utf8_lossy(&output.stdout).into_owned();
@@ -278,7 +280,7 @@ fn control_logs_are_plotted() {
     write(folder.path(), "odd.csv", &text.replacen("5.0", "five", 1));
     let refused = run(folder.path(), &["report", "odd.csv", "-o", "none"]);
     assert_refused(&refused, &["odd.csv", "line 2", "power_budget_w", "five", "correct the line"]);
-    write(folder.path(), "empty.csv", &to_text(&[]));
+    write(folder.path(), "empty.csv", &rows_to_text::<ControlSample>(&[]));
     assert_refused(&run(folder.path(), &["report", "empty.csv"]), &["empty.csv", "no samples"]);
     assert_refused(&run(folder.path(), &["report", "missing.csv"]), &["missing.csv"]);
     let left = entries(folder.path());

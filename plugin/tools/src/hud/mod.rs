@@ -1,0 +1,150 @@
+//! A panel over the image for every controlled camera, for development: the frontier at its view,
+//! budget, predicted and metered power, error, settings, and the latest switches.
+//!
+//! Only reads: decisions, meters and messages. The text of a camera is plain functions of `Facts`
+//! (`text.rs`), its plot plain pixels of a `Plot` (`plot.rs`): an image of some kilobytes, drawn anew
+//! where the frontier, the points or the limits change. While hidden there are no entities, and one
+//! system reads one key.
+
+mod log;
+mod panel;
+mod plot;
+mod show;
+mod text;
+mod wipe;
+
+use bevy::camera::CameraOutputMode;
+use bevy::camera::visibility::{RenderLayers, VisibilitySystems};
+use bevy::ecs::system::SystemParam;
+use bevy::prelude::*;
+use bevy::render::render_resource::BlendState;
+use bevy_frugal_gi::camera_copy::share_atmosphere;
+use bevy_frugal_gi::control::{Selection, SettingsSwitched};
+use bevy_frugal_gi::knobs::KnobSettings;
+
+pub use wipe::HudWipe;
+use wipe::WipeCamera;
+
+/// Order of the HUD's own camera: after those of an app.
+const ORDER: isize = 10_000;
+
+/// The HUD: panels that show what the controller does. Needs an app with Bevy's UI.
+///
+/// There is a panel for each camera with a [`Selection`](bevy_frugal_gi::control::Selection) or
+/// [`KnobSettings`](bevy_frugal_gi::knobs::KnobSettings), at the upper left corner of its viewport. Small
+/// viewports get shorter text. See [`HudSettings`]. [`HudWipe`] shows the best settings beside the
+/// current ones.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct HudPlugin;
+
+/// Settings of the HUD, which the app may change at any time.
+#[derive(Resource, Clone, Debug, PartialEq, Reflect)]
+#[reflect(Resource, Default, Clone, Debug, PartialEq)]
+pub struct HudSettings {
+    /// Whether the panels are there. Hidden, they cost nothing. Default: true.
+    pub visible: bool,
+    /// The key that shows and hides them; `None` for none. Default: F3.
+    pub key: Option<KeyCode>,
+    /// The UI camera that draws them, not one whose image is scaled. `None`: one of the HUD's own,
+    /// over the primary window. It draws after the others, so that UI roots without a camera are
+    /// drawn by it while it is there. Default: `None`.
+    pub camera: Option<Entity>,
+}
+
+impl Default for HudSettings {
+    fn default() -> Self {
+        Self { visible: true, key: Some(KeyCode::F3), camera: None }
+    }
+}
+
+/// Marks what the HUD spawns: the roots of its panels, and its camera. Put `Without<HudPart>` on
+/// queries that mean the app's own cameras and nodes.
+#[derive(Component, Clone, Copy, Debug, Default, Reflect)]
+#[reflect(Component, Default, Clone, Debug)]
+pub struct HudPart;
+
+/// When the HUD is written.
+#[derive(SystemSet, Clone, Copy, Debug, PartialEq, Eq, Hash)]
+#[non_exhaustive]
+pub enum HudSystems {
+    /// In [`Update`]: the decisions shown are those of the frame before, whose settings this frame
+    /// shows.
+    Write,
+}
+
+impl Plugin for HudPlugin {
+    fn build(&self, app: &mut App) {
+        app.init_resource::<HudSettings>()
+            .init_resource::<HudWipe>()
+            .init_resource::<log::SwitchLog>()
+            .add_message::<SettingsSwitched>()
+            .register_type::<HudSettings>()
+            .register_type::<HudWipe>()
+            .register_type::<HudPart>()
+            .add_systems(
+                Update,
+                (
+                    show::toggle.run_if(resource_exists::<ButtonInput<KeyCode>>),
+                    show::remove_panels.run_if(resource_changed::<HudSettings>),
+                    (show::spawn_panels, log::record, panel::write).chain().run_if(is_visible),
+                    wipe::toggle.run_if(resource_exists::<ButtonInput<KeyCode>>),
+                    (wipe::spawn, wipe::retarget).chain().run_if(wipe::is_wanted),
+                )
+                    .chain()
+                    .in_set(HudSystems::Write),
+            )
+            // A view's frustum follows from its transform.
+            .add_systems(
+                PostUpdate,
+                wipe::follow
+                    .after(TransformSystems::Propagate)
+                    .before(VisibilitySystems::UpdateFrusta)
+                    .run_if(wipe::is_wanted),
+            );
+    }
+
+    fn finish(&self, app: &mut App) {
+        share_atmosphere(app);
+    }
+}
+
+/// A camera that has a panel.
+type HasPanel = (With<Camera>, Or<(With<Selection>, With<KnobSettings>)>, Without<WipeCamera>);
+
+/// The camera that draws the HUD.
+#[derive(SystemParam)]
+struct UiCamera<'w, 's> {
+    settings: Res<'w, HudSettings>,
+    own: Query<'w, 's, Entity, (With<HudPart>, With<Camera2d>)>,
+}
+
+impl UiCamera<'_, '_> {
+    /// The app's, or the HUD's own, or a new one.
+    fn get(&self, commands: &mut Commands) -> Entity {
+        let known = self.settings.camera.or_else(|| self.own.iter().next());
+        known.unwrap_or_else(|| spawn_camera(commands))
+    }
+}
+
+fn spawn_camera(commands: &mut Commands) -> Entity {
+    let output_mode = CameraOutputMode::Write {
+        blend_state: Some(BlendState::PREMULTIPLIED_ALPHA_BLENDING),
+        clear_color: ClearColorConfig::None,
+    };
+    let camera = Camera {
+        order: ORDER,
+        clear_color: ClearColorConfig::Custom(Color::NONE),
+        output_mode,
+        ..default()
+    };
+    // On no layer, so that it shows none of the app's sprites.
+    let layers = RenderLayers::none();
+    commands.spawn((Name::new("HUD"), HudPart, Camera2d, camera, Msaa::Off, layers)).id()
+}
+
+fn is_visible(settings: Res<HudSettings>) -> bool {
+    settings.visible
+}
+
+#[cfg(test)]
+mod tests;
