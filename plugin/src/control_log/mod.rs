@@ -1,7 +1,7 @@
 //! Writes what the controller does to a CSV file: budgets, predicted and metered power, error,
 //! settings and frame times, a few times a second.
 //!
-//! [`ControlLogPlugin`] writes the file, spreadsheets open it, and `frugal report FILE` plots it. The
+//! [`ControlLogPlugin`] writes the file, spreadsheets open it, and `frugal plot-log FILE` plots it. The
 //! plugin is not part of [`FrugalGiPlugins`](crate::FrugalGiPlugins): add it to the builds whose
 //! budgets you want to look at.
 //!

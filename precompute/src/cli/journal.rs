@@ -54,8 +54,6 @@ impl JournalUse {
         has_overwrite: true,
         place: Some("--output"),
     };
-    pub(super) const REGRET: Self = Self { command: "regret", place: None, ..Self::PRECOMPUTE };
-    pub(super) const DEMO: Self = Self { command: "demo", has_resume: false, ..Self::PRECOMPUTE };
     pub(super) const EVALUATE: Self = Self {
         command: "evaluate",
         has_resume: false,
@@ -173,7 +171,7 @@ pub(super) fn open_journal(
 ) -> Result<(Journal, Vec<String>), CliError> {
     let (journal, records) =
         Journal::open(path, header, existing).map_err(|error| of.refused(&error))?;
-    if existing == Existing::Resume && (of.has_resume || !records.is_empty()) {
+    if !records.is_empty() {
         eprintln!("resuming after {} records", records.len());
     }
     if journal.damaged() > 0 {
@@ -241,9 +239,7 @@ mod tests {
             JournalError::InUse { path: path() },
             JournalError::NoLocks { path: path() },
         ];
-        let all =
-            [JournalUse::PRECOMPUTE, JournalUse::REGRET, JournalUse::DEMO, JournalUse::EVALUATE];
-        for of in all {
+        for of in [JournalUse::PRECOMPUTE, JournalUse::EVALUATE] {
             let mut said: Vec<String> =
                 errors.iter().map(|error| of.refused(error).to_string()).collect();
             said.extend(errors.iter().map(|error| of.failed(error).to_string()));

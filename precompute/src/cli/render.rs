@@ -10,7 +10,8 @@ pub(super) struct Arguments {
     camera: CameraArguments,
     #[command(flatten)]
     image: ImageArguments,
-    /// `max`, `min`, or knob=level pairs; the other knobs are at their best
+    /// `max`, `min`, `default` (of the plugin's component), or knob=level pairs; the other knobs are at
+    /// their best
     #[arg(long, value_name = "SETTINGS", default_value = "max")]
     settings: String,
     /// Component of the light

@@ -5,15 +5,14 @@ use bevy_frugal_gi::frontier::{CostPoint, FrontierMap};
 use bevy_frugal_gi::knobs::{KnobLevels, KnobSpace};
 use bevy_frugal_gi::units::Watts;
 
-use super::baselines::{
-    Oracle, Reactive, best_constant, best_on, default_settings, ladder, oracle,
-};
+use super::baselines::{Oracle, Reactive, best_constant, best_on, ladder, oracle};
 use super::bootstrap::dominates;
 use super::runner::ELSEWHERE;
 use super::{
     BudgetRequest, Choice, Controlled, Controller, Fixed, FrameRecord, PathRecord, Policy, Pose,
     RESOLUTION_KNOB, ResolvedBudget, RunResult,
 };
+use crate::default_settings::default_settings;
 
 /// One budget on one path.
 #[derive(Clone, Debug, PartialEq)]

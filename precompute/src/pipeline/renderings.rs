@@ -1,7 +1,7 @@
 //! Renderings, requested in batches: journaled, answered from the journal where known, and
 //! distributed to shards.
 
-use std::collections::{BTreeMap, HashMap, HashSet};
+use std::collections::{HashMap, HashSet};
 use std::ops::ControlFlow;
 use std::time::{Duration, Instant};
 
@@ -297,12 +297,6 @@ impl<'a, M: Measure> Renderings<'a, M> {
         settings: KnobLevels,
     ) -> Option<CostPoint> {
         self.known.get(&(purpose, camera, settings)).copied()
-    }
-
-    /// All that is known at a camera, by settings.
-    pub(crate) fn at(&self, purpose: Purpose, camera: usize) -> BTreeMap<KnobLevels, CostPoint> {
-        let of_camera = self.known.iter().filter(|(of, _)| (of.0, of.1) == (purpose, camera));
-        of_camera.map(|((.., settings), cost)| (*settings, *cost)).collect()
     }
 
     /// Number of known renderings.

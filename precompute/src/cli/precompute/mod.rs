@@ -13,8 +13,8 @@ use super::journal::{JournalArguments, JournalUse, journal_path};
 use super::{CliError, inspect};
 use crate::report::{Report, map_section, search_section};
 
+pub(super) use arguments::SearchArguments;
 use arguments::shard;
-pub(super) use arguments::{SearchArguments, TrackArguments};
 pub(super) use outcome::print_outcome;
 pub(super) use search::{SearchPlan, Searched, open_stage, prices, search};
 

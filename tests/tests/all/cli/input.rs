@@ -197,16 +197,7 @@ fn options_that_would_be_ignored_are_refused() {
             &["--shard", "--time-limit"][..],
         ),
         (&["precompute", "a.scene.ron", "--resume", "--overwrite"], &["--resume", "--overwrite"]),
-        (&["demo", "a.scene.ron", "--shard", "0/2"], &["--shard"]),
         (&["inspect", "a.pareto.ron", "--any-device"], &["--compare"]),
-        (
-            &[
-                &["regret", "a.scene.ron", "--map", "a.pareto.ron"][..],
-                &["--searched", "0", "--renderings", "9"],
-            ]
-            .concat(),
-            &["--renderings", "--searched"],
-        ),
         (&[&["render", "a.scene.ron", "--meter", "work"][..], &AT].concat(), &["--meter"]),
         (&[&["reference", "a.scene.ron"][..], &AT, &direct].concat(), &["--bounces", "direct"]),
     ] {

@@ -1,7 +1,6 @@
 //! A search that was killed resumes from its journal, which nothing else takes or empties.
 
 use std::fs;
-use std::io::BufRead as _;
 use std::path::Path;
 use std::time::{Duration, Instant};
 
@@ -21,7 +20,6 @@ const SCENE: &str = r#"(geometry: Gltf("a.glb"), environment: Constant((900.0, 9
         (time: 0.3, position: (0.4, 0.3, 1.0), look_at: (0.4, 0.3, 0.0)),
     ] })"#;
 
-/// The same search by `precompute` and by `demo`, whose maps have one place.
 const SEARCH: [&str; 6] =
     ["--size", "32x32", "--levels", "0", "--knobs", "antialiasing,post_processing"];
 
@@ -77,22 +75,7 @@ fn a_killed_search_is_resumed() {
         let words = ["its seed is `0`, here it is `9`", "--overwrite"];
         assert_refused(&run(folder.path(), &precompute(more)), &words);
     }
-    let demo = [&["demo", "a.scene.ron", "-o", "."][..], &SEARCH].concat();
-    let other = run(folder.path(), &[&demo[..], &["--seed", "9"]].concat());
-    assert_refused(&other, &["its seed is `0`, here it is `9`", "--overwrite"]);
-    assert!(!stderr(&other).contains("--resume"), "the demo has none: {}", stderr(&other));
     assert!(fs::read(&journal).expect("still there") == bytes, "the journal was changed");
-
-    // The demo goes on by itself.
-    let mut child =
-        command(folder.path(), &demo).stdout(std::process::Stdio::null()).spawn().expect("starts");
-    let said = std::io::BufReader::new(child.stderr.take().expect("its messages"));
-    let told = said.lines().map_while(Result::ok).find(|line| line.starts_with("resuming after "));
-    child.kill().expect("can be killed");
-    child.wait().expect("ends");
-    assert!(told.is_some(), "the demo did not resume");
-    assert!(lines(&journal) >= kept, "the demo dropped records");
-    let kept = lines(&journal) - 1;
 
     let resumed = run(folder.path(), &precompute(&["--resume"]));
     let said = stderr(&resumed);
