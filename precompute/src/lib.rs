@@ -17,6 +17,7 @@ mod files;
 mod fit;
 mod inspect;
 mod journal;
+mod linalg;
 mod medoids;
 mod meters;
 pub mod metrics;

@@ -7,12 +7,15 @@ use std::time::{Duration, Instant};
 use bevy_frugal_gi::frontier::WorkPrices;
 use bevy_frugal_gi::units::Watts;
 
-use super::arguments::{CaptureArguments, check_outputs, duration, open_scene, write};
-use super::precompute::{open_stage, prices};
+use super::arguments::{CaptureArguments, check_outputs, duration, write};
+use super::input::{open_scene, stage_for};
 use super::{CliError, progress};
 use crate::cameras::{CameraMix, CameraSet, tracks_of};
-use crate::cost::{CostModel, CostReading, DeviceModel, FrameLayout, ReadingPlan, Work};
+use crate::cost::{
+    CostModel, CostReading, DeviceModel, FrameLayout, ReadingPlan, Work, work_prices,
+};
 use crate::pipeline::CLIP_FRAMES;
+use crate::stage::RemoteStage;
 use crate::table::Measure as _;
 
 #[derive(clap::Args, Debug)]
@@ -43,7 +46,8 @@ const FEWEST: usize = 40;
 pub(super) fn run(arguments: &Arguments) -> Result<(), CliError> {
     let (scene, _) = open_scene(&arguments.scene)?;
     check_outputs([Some(&arguments.output)])?;
-    let mut stage = open_stage(&scene, &arguments.scene, &arguments.capture, NonZeroUsize::MIN)?;
+    let request = stage_for(&scene, &arguments.capture)?;
+    let mut stage = RemoteStage::open(&scene, request, NonZeroUsize::MIN)?;
     let space = stage.space().clone();
     let bounds = scene.camera_bounds(stage.bounds());
     let fps = arguments.capture.image.fps;
@@ -98,7 +102,7 @@ pub(super) fn run(arguments: &Arguments) -> Result<(), CliError> {
         adapter: crate::stage::adapter().map_or_else(|| "none".to_owned(), |adapter| adapter.name),
         meter: stage.meter(),
         mean_absolute_error: quality.mean_absolute_error,
-        prices: WorkPrices { idle, ..prices(&model, &space, &layout, fps) },
+        prices: WorkPrices { idle, ..work_prices(&model, &space, &layout, fps) },
     };
     let text = ron::ser::to_string_pretty(&device, ron::ser::PrettyConfig::new())
         .map_err(CliError::failed)?;

@@ -1,15 +1,13 @@
 //! `frugal evaluate`: plays a path under budgets beside baselines.
 
 use std::ops::ControlFlow;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
 use bevy_frugal_gi::control::ControlSettings;
 use bevy_frugal_gi::frontier::{FrontierMap, SceneIdentity};
-use bevy_frugal_gi::knobs::did_you_mean;
 
-use super::arguments::{
-    WorkerArguments, check_outputs, check_report, json, open_scene, write, write_report,
-};
+use super::arguments::{WorkerArguments, check_outputs, check_report, json, write, write_report};
+use super::input::{open_scene, plan_path, read_map_of, stage_for_map};
 use super::journal::{JournalUse, journal_header, open_journal, rendered_by};
 use super::{CliError, progress};
 use crate::evaluate::{
@@ -19,8 +17,7 @@ use crate::evaluate::{
 };
 use crate::journal::{Existing, Journal, JournalHeader, hash};
 use crate::report::{captioned, evaluation_report};
-use crate::scene::SceneDescription;
-use crate::stage::{RemoteStage, StageRequest};
+use crate::stage::RemoteStage;
 
 #[derive(clap::Args, Debug)]
 pub(super) struct Arguments {
@@ -164,7 +161,7 @@ pub(super) fn run(arguments: &Arguments) -> Result<(), CliError> {
     let budgets = arguments.budgets()?;
     arguments.check(budgets.len())?;
     let (scene, name) = open_scene(&arguments.scene)?;
-    let map = read_map(&arguments.map, &scene, &name)?;
+    let map = read_map_of(&scene, &name, &arguments.map)?;
     let path = plan_path(&scene, &arguments.path, map.capture.frames_per_second)?;
     check_outputs([arguments.json.as_ref(), arguments.csv.as_ref()])?;
     check_report(arguments.report.as_ref())?;
@@ -178,8 +175,9 @@ pub(super) fn run(arguments: &Arguments) -> Result<(), CliError> {
     }
 
     let meter = arguments.meter.clone();
-    let workers = &arguments.workers;
-    let mut stage = open_stage(&scene, &arguments.scene, &map, &arguments.map, meter, workers)?;
+    let request = stage_for_map(&scene, &map, &arguments.map, meter)?;
+    let workers = arguments.workers.count(request.meter.as_deref())?;
+    let mut stage = RemoteStage::open(&scene, request, workers)?;
     let label = arguments.scene.display().to_string();
     if arguments.baselines == Baselines::Quick {
         let evaluation = play(&mut stage, &map, &label, &path, budgets[0], arguments.control())?;
@@ -334,85 +332,6 @@ fn record(
         record.table.rows()
     );
     Ok(record)
-}
-
-/// Reads a map and checks that it belongs to the scene.
-pub(super) fn read_map(
-    path: &Path,
-    scene: &SceneDescription,
-    name: &str,
-) -> Result<FrontierMap, CliError> {
-    let text = std::fs::read_to_string(path).map_err(|error| {
-        CliError::usage(format!(
-            "{}: cannot be read: {error}; give a map written by frugal precompute",
-            path.display()
-        ))
-    })?;
-    let map = FrontierMap::from_ron(&text)
-        .map_err(|error| CliError::usage(format!("{}: {error}", path.display())))?;
-    let identity = SceneIdentity { name: name.to_owned(), fingerprint: scene.fingerprint()? };
-    map.matches_scene(&identity)
-        .map_err(|error| CliError::usage(format!("{}: {error}", path.display())))?;
-    Ok(map)
-}
-
-pub(super) fn plan_path(
-    scene: &SceneDescription,
-    name: &str,
-    fps: f64,
-) -> Result<PathPlan, CliError> {
-    let Some(path) = scene.paths.get(name) else {
-        let known: Vec<_> = scene.paths.keys().map(String::as_str).collect();
-        let known = if known.is_empty() {
-            "it has none".to_owned()
-        } else {
-            let guess = did_you_mean(name, known.iter().copied());
-            format!("{guess}it has {}; name one of them with --path", known.join(", "))
-        };
-        return Err(CliError::usage(format!(
-            "{}: no path `{name}`: {known}",
-            scene.source.display()
-        )));
-    };
-    PathPlan::along(name, path, fps).map_err(CliError::usage)
-}
-
-/// Stages `scene` under the map's capture conditions.
-pub(super) fn open_stage(
-    scene: &SceneDescription,
-    scene_path: &Path,
-    map: &FrontierMap,
-    map_path: &Path,
-    meter: Option<String>,
-    workers: &WorkerArguments,
-) -> Result<RemoteStage, CliError> {
-    let here = crate::stage::every_knob()?;
-    for knob in map.knobs.knobs() {
-        let (path, name) = (map_path.display(), &knob.name);
-        match here.index_of(name).map(|index| &here.knobs()[index]) {
-            None => {
-                let guess = did_you_mean(name, here.knobs().iter().map(|knob| knob.name.as_str()));
-                return Err(CliError::usage(format!(
-                    "{path}: its knob `{name}` does not exist here: {guess}run frugal precompute again"
-                )));
-            }
-            Some(other) if other.levels != knob.levels => {
-                return Err(CliError::usage(format!(
-                    "{path}: its knob `{name}` has other levels here: run frugal precompute again"
-                )));
-            }
-            Some(_) => {}
-        }
-    }
-    let request = StageRequest {
-        scene: scene_path.to_owned(),
-        size: map.capture.size,
-        frames_per_second: map.capture.frames_per_second,
-        knobs: Some(map.knobs.knobs().iter().map(|knob| knob.name.clone()).collect()),
-        meter: meter.or_else(|| Some(map.meter.name.clone())),
-    };
-    let workers = workers.count(request.meter.as_deref())?;
-    Ok(RemoteStage::open(scene, request, workers)?)
 }
 
 /// Renders all runs.

@@ -8,6 +8,7 @@ mod calibrate;
 mod compare;
 mod error;
 mod evaluate;
+mod input;
 mod inspect;
 mod journal;
 mod merge;

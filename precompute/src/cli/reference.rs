@@ -4,7 +4,8 @@ use std::time::Instant;
 
 use glam::UVec2;
 
-use super::arguments::{CameraArguments, PictureArguments, open_scene, size, write};
+use super::arguments::{CameraArguments, PictureArguments, size, write};
+use super::input::open_scene;
 use super::{CliError, progress};
 use crate::metrics::tone;
 use crate::reference::{ReferenceError, ReferenceScene, Settings, Shading, View, Watch, render};

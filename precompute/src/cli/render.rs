@@ -1,7 +1,8 @@
 //! `frugal render`: one image.
 
 use super::CliError;
-use super::arguments::{CameraArguments, ImageArguments, PictureArguments, open_scene, write};
+use super::arguments::{CameraArguments, ImageArguments, PictureArguments, write};
+use super::input::open_scene;
 use crate::stage::{Component, Output, Stage, StageOptions};
 
 #[derive(clap::Args, Debug)]

@@ -42,7 +42,7 @@ const METER_FRAMES: f64 = 5.0;
 /// Frame rate at which the meter's cost is spread, hertz. Recorded paths have fewer frames a second.
 const METER_FPS: f64 = 60.0;
 /// Most walks along a path in that time.
-const MOST_WALKS: f64 = 400.0;
+const MAX_WALKS: f64 = 400.0;
 
 /// Settings to record for all runs: those of the map, the presets, and those with only the
 /// resolution or the share of GI pixels lowered.
@@ -158,7 +158,7 @@ pub(crate) fn judge(
 fn measured(record: &PathRecord, controller: Controller<'_>, best: Watts) -> Vec<FrameRecord> {
     let mut controller = controller.measuring();
     let seconds = 2.0 * record.path.poses().len() as f64 / record.path.fps();
-    let walks = (PLAYED_SECONDS / seconds).ceil().clamp(1.0, MOST_WALKS);
+    let walks = (PLAYED_SECONDS / seconds).ceil().clamp(1.0, MAX_WALKS);
     for _ in 0..walks as u32 {
         record.simulate_return(&mut controller);
     }

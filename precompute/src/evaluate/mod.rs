@@ -8,12 +8,12 @@
 //! | `budget` | `7W`, `60%`, `0.02`: reading budgets, resolving percentages |
 //! | `play` | one run along a path: frame renderer, policy, per-frame records |
 //! | `runner` | rendered runs under one budget: selection, order, reference images |
-//! | `record` | power and error of many settings at every frame of a path; policies are simulated from it without rendering |
-//! | `recording` | makes a record, with several renderers side by side |
+//! | `path_costs` | power and error of many settings at every frame of a path; policies are simulated from it without rendering |
+//! | `render_path` | makes such a record, with several renderers side by side |
 //! | `baselines`, `judge` | the baselines, and the comparison with them |
 //! | `controlled` | the plugin's controller as a policy |
 //! | `bootstrap` | statistical significance of differences |
-//! | `recorded` | a record read back, for benchmarks |
+//! | `for_benches` | a record read back, for benchmarks |
 //! | `resolution` | the baseline that scales resolution alone |
 //! | `result` | results, as JSON |
 //! | `table` | results as text, and per-frame CSV |
@@ -23,11 +23,11 @@ mod budget;
 mod controlled;
 #[cfg(test)]
 pub(crate) mod fake;
+mod for_benches;
 mod judge;
+mod path_costs;
 mod play;
-mod record;
-mod recorded;
-mod recording;
+mod render_path;
 mod resolution;
 mod result;
 mod runner;
@@ -35,13 +35,13 @@ mod table;
 
 pub(crate) use budget::{BudgetRequest, PowerBudget, ResolvedBudget, parse_error_budget};
 pub(crate) use controlled::Controller;
+pub use for_benches::{ReactiveLadder, RecordedPath};
 pub(crate) use judge::{Judged, judge, settings_to_record};
+pub(crate) use path_costs::{PathRecord, RecordError};
 pub(crate) use play::{
     Choice, Controlled, Fixed, FrameRecord, FrameRenderer, PathPlan, Policy, Pose, Progress,
     RenderedFrame,
 };
-pub(crate) use record::{PathRecord, RecordError};
-pub use recorded::{ReactiveLadder, RecordedPath};
 pub(crate) use resolution::RESOLUTION_KNOB;
 pub(crate) use result::{Drift, EvaluationResult, RunResult, SpotCheck};
 pub(crate) use runner::{Evaluation, EvaluationError, EvaluationPlan, evaluate};

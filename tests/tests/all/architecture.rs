@@ -65,6 +65,7 @@ const TOOL: &[&str] = &[
     "farthest",
     "medoids",
     "quantile",
+    "linalg",
     "scene",
     "metrics",
     "journal",

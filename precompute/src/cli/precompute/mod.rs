@@ -6,17 +6,19 @@ mod search;
 
 use std::path::PathBuf;
 
+use super::CliError;
 use super::arguments::{
-    CaptureArguments, WorkerArguments, check_outputs, check_report, open_scene, write, write_report,
+    CaptureArguments, WorkerArguments, check_outputs, check_report, write, write_report,
 };
+use super::input::{open_scene, stage_for};
 use super::journal::{JournalArguments, JournalUse, journal_path};
-use super::{CliError, inspect};
-use crate::report::{Report, map_section, search_section};
+use crate::report::{MapSummary, Report, map_section, search_section};
+use crate::stage::RemoteStage;
 
-pub(super) use arguments::SearchArguments;
+use arguments::SearchArguments;
 use arguments::shard;
-pub(super) use outcome::print_outcome;
-pub(super) use search::{SearchPlan, Searched, open_stage, prices, search};
+use outcome::print_outcome;
+use search::{SearchPlan, Searched, search};
 
 #[derive(clap::Args, Debug)]
 pub(super) struct Arguments {
@@ -66,14 +68,15 @@ pub(super) fn run(arguments: &Arguments) -> Result<(), CliError> {
         of: JournalUse::PRECOMPUTE,
     };
     plan.check_journal()?;
-    let mut stage = open_stage(&scene, &arguments.scene, &arguments.capture, workers)?;
+    let request = stage_for(&scene, &arguments.capture)?;
+    let mut stage = RemoteStage::open(&scene, request, workers)?;
     let searched = search(&mut stage, &plan)?;
     write(&output, searched.map.to_ron().map_err(CliError::failed)?.as_bytes())?;
     print_outcome(&searched);
     if let Some(folder) = &arguments.report {
         let mut report = Report::new(&format!("frugal precompute: {name}"));
         report.section(search_section(&searched.summary())?);
-        report.section(map_section(&inspect::summary(&searched.map))?);
+        report.section(map_section(&MapSummary::of(&searched.map))?);
         write_report(folder, &report.render())?;
     }
     // The run is complete: its journal is not needed.

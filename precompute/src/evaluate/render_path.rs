@@ -7,8 +7,8 @@ use std::sync::mpsc;
 use bevy_frugal_gi::frontier::CostPoint;
 use bevy_frugal_gi::knobs::{KnobLevels, KnobSpace};
 
+use super::path_costs::RecordError;
 use super::play::{Against, play};
-use super::record::RecordError;
 use super::{EvaluationError, Fixed, FrameRecord, FrameRenderer, PathPlan, PathRecord, Progress};
 use crate::journal::{Journal, JournalError};
 use crate::metrics::Reference;

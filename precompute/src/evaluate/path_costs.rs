@@ -12,7 +12,7 @@ use bevy_frugal_gi::frontier::CostPoint;
 use bevy_frugal_gi::knobs::{KnobLevels, KnobSpace};
 
 use super::play::{Against, play};
-use super::recording::read_line;
+use super::render_path::read_line;
 use super::{
     Choice, EvaluationError, Fixed, FrameRecord, FrameRenderer, PathPlan, Policy, Progress,
 };

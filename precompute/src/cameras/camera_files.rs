@@ -50,7 +50,7 @@ pub(crate) enum RecordedError {
 ///
 /// # Errors
 /// When the file cannot be read, is no recording, or is empty.
-pub(crate) fn recorded(
+pub(crate) fn recorded_tracks(
     path: &Path,
     frames_per_second: f64,
 ) -> Result<Vec<Vec<TrackSample>>, RecordedError> {
@@ -137,16 +137,18 @@ mod tests {
         let folder = tempfile::tempdir().expect("a folder");
         let file = folder.path().join("cameras.txt");
         std::fs::write(&file, to_text(&samples)).expect("room");
-        let tracks = recorded(&file, 10.0).expect("a recording");
+        let tracks = recorded_tracks(&file, 10.0).expect("a recording");
         assert_eq!(tracks.iter().map(Vec::len).collect::<Vec<_>>(), [5, 1]);
         assert!((tracks[0][4].pose.position.x - 0.8).abs() < 1e-6, "{tracks:?}");
         assert!((tracks[0][4].velocity - Vec3::X * 2.0).length() < 1e-5, "{tracks:?}");
         std::fs::write(&file, to_text(&[])).expect("room");
-        assert!(matches!(recorded(&file, 10.0), Err(RecordedError::Empty { .. })));
+        assert!(matches!(recorded_tracks(&file, 10.0), Err(RecordedError::Empty { .. })));
         std::fs::write(&file, "no recording\n").expect("room");
-        assert!(recorded(&file, 10.0).expect_err("refused").to_string().contains("cameras.txt"));
+        assert!(
+            recorded_tracks(&file, 10.0).expect_err("refused").to_string().contains("cameras.txt")
+        );
         let none = folder.path().join("none");
-        assert!(matches!(recorded(&none, 10.0), Err(RecordedError::File { .. })));
+        assert!(matches!(recorded_tracks(&none, 10.0), Err(RecordedError::File { .. })));
     }
 
     /// Time, and place along x.
@@ -163,7 +165,7 @@ mod tests {
         let file = folder.path().join("cameras.txt");
         let samples: Vec<CameraSample> = places.iter().map(sample).collect();
         std::fs::write(&file, to_text(&samples)).expect("room");
-        recorded(&file, fps).expect("a recording").remove(0)
+        recorded_tracks(&file, fps).expect("a recording").remove(0)
     }
 
     #[test]
