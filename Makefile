@@ -56,8 +56,10 @@ demo: build
 	mkdir -p "$(OUTPUT)"
 	scripts/run "$(FRUGAL)" precompute "$(SCENE)" --output "$(MAP)" --path tour --size $(SIZE) --fps $(FPS) \
 		--time-limit $(TIME_LIMIT) $(EXISTING) --report "$(OUTPUT)/search"
-	$(EVALUATE) --power-budget $(POWER_BUDGET) --json "$(OUTPUT)/evaluate-power.json" --report "$(OUTPUT)/power"
-	$(EVALUATE) --error-budget $(ERROR_BUDGET) --json "$(OUTPUT)/evaluate-error.json" --report "$(OUTPUT)/error"
+	$(EVALUATE) --record "$(OUTPUT)/tour.record" --power-budget $(POWER_BUDGET) --json "$(OUTPUT)/evaluate-power.json" --report "$(OUTPUT)/power"
+	$(EVALUATE) --record "$(OUTPUT)/tour.record" --error-budget $(ERROR_BUDGET) --json "$(OUTPUT)/evaluate-error.json" \
+		--report "$(OUTPUT)/error"
+	rm -f "$(OUTPUT)/tour.record"
 	@echo "Next: open $(OUTPUT)/power/report.html and $(OUTPUT)/error/report.html, then make run EXAMPLE=budget, or put the map into an app (docs/using.md)."
 
 test: setup

@@ -62,11 +62,6 @@ pub(super) struct WorkerArguments {
 }
 
 impl WorkerArguments {
-    /// Whether there is more than one.
-    pub(super) fn several(&self) -> bool {
-        self.workers.get() > 1
-    }
-
     /// The number, for a meter of this name.
     ///
     /// # Errors

@@ -120,7 +120,7 @@ fn constant<P: FrameRenderer>(
     on_frame: &mut dyn FnMut() -> ControlFlow<()>,
 ) -> Result<Vec<FrameRecord>, EvaluationError<P::Error>> {
     let run = space.describe(settings);
-    play(renderer, path, &run, &mut Fixed(settings), against, &mut |_, _| (), on_frame)
+    play(renderer, path, &run, &mut Fixed(settings), against, on_frame)
 }
 
 /// Exact bits, so that a resumed record is identical.

@@ -4,7 +4,7 @@
 //! | run | information used |
 //! |---|---|
 //! | `best-constant` | this path: the best constant settings for the budget |
-//! | `best-constant-elsewhere` | other cameras: the best constant settings there |
+//! | `trained-constant` | other cameras: the best constant settings there |
 //! | `oracle` | every frame in advance: a bound, not a method |
 //! | `oracle-filtered` | the same, through the controller's temporal filter |
 //! | `reactive` | meter readings of earlier frames |

@@ -183,10 +183,7 @@ fn options_that_would_be_ignored_are_refused() {
     };
     refused(&several, &["--csv", "frames.csv"]);
     refused(&several, &["--report", "report"]);
-    refused(&one, &["--record", "a.record"]);
-    refused(&one, &["--spot-checks", "1"]);
-    refused(&one, &["--spot-checks", "0"]);
-    refused(&one, &["--workers", "2", "--meter", "work"]);
+    refused(&one, &["--spot-checks", "2"]);
     refused(&none, &["--spot-checks", "2"]);
 
     let before = entries(folder.path());
