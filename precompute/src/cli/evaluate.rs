@@ -265,7 +265,7 @@ fn record(
     let scratch = tempfile::tempdir().map_err(CliError::failed)?;
     let file = kept.clone().unwrap_or_else(|| scratch.path().join("record"));
     let header = rendered_by(header, &map.knobs, &stage.meter())?;
-    let (mut journal, lines) = open_journal(&file, &header, Existing::Resume, of)?;
+    let (mut journal, lines) = open_journal(&file, &header, Existing::Resume, of, &[])?;
     let mut record = PathRecord::restore(path, &map.knobs, &lines);
     let settings = settings_to_record(map, baselines);
     let bar = progress::bar(0);

@@ -9,7 +9,7 @@ use bevy_frugal_gi::power::MeterInfo;
 use super::CliError;
 use crate::cost::is_work_meter;
 use crate::device;
-use crate::journal::{Existing, Journal, JournalError, JournalHeader, hash};
+use crate::journal::{Existing, Journal, JournalError, JournalHeader, hash, records_of};
 use crate::stage::adapter;
 
 /// What to do with the journal of an earlier run.
@@ -77,10 +77,10 @@ impl JournalUse {
     }
 
     /// This shard has rendered its share.
-    pub(super) fn needs_merge(self) -> CliError {
+    pub(super) fn needs_others(self) -> CliError {
         let again = self.going_on();
         CliError::failed(format!(
-            "this shard's share is rendered: merge the shards' journals with `frugal merge`; then, for every shard, {again}"
+            "this shard's share is rendered: once the other shards' journals, or what `frugal merge` made of them, are beside the map, {again}"
         ))
     }
 
@@ -102,7 +102,6 @@ impl JournalUse {
             JournalError::OtherRun { field, .. } => Some(format!("run with that {field}{resume}")),
             JournalError::NotAJournal { .. } => Some("move it away".to_owned()),
             JournalError::InUse { .. } => Some("wait until that has ended".to_owned()),
-            JournalError::NoLocks { .. } => Some("copy it to a local disk".to_owned()),
             JournalError::File(_) | JournalError::Header(_) => return error.to_string(),
         };
         let is_earlier =
@@ -123,6 +122,32 @@ pub(super) fn journal_path(map: &Path, shard: Option<(usize, usize)>) -> PathBuf
     }
     path.push(".journal");
     path.into()
+}
+
+/// Journals beside the map but its run's `own`: of other shards, and of the whole.
+pub(super) fn other_journals(map: &Path, own: &Path) -> Vec<PathBuf> {
+    let folder = map.parent().filter(|folder| !folder.as_os_str().is_empty());
+    let entries = std::fs::read_dir(folder.unwrap_or(Path::new("."))).into_iter().flatten();
+    let name = map.file_name().unwrap_or_default().to_string_lossy().into_owned();
+    let is_of_map = |path: &PathBuf| {
+        let file = path.file_name().unwrap_or_default().to_string_lossy();
+        whole_journal(&file).is_some_and(|whole| whole == format!("{name}.journal"))
+            && path.file_name() != own.file_name()
+    };
+    let mut found: Vec<PathBuf> =
+        entries.flatten().map(|entry| entry.path()).filter(is_of_map).collect();
+    found.sort();
+    found
+}
+
+/// The name of the whole run's journal from that of a shard's or its own.
+pub(super) fn whole_journal(name: &str) -> Option<String> {
+    let stem = name.strip_suffix(".journal")?;
+    let is_number = |text: &str| !text.is_empty() && text.bytes().all(|byte| byte.is_ascii_digit());
+    let of_shard = stem.rsplit_once('.').filter(|(_, shard)| {
+        shard.split_once("-of-").is_some_and(|(index, count)| is_number(index) && is_number(count))
+    });
+    Some(format!("{}.journal", of_shard.map_or(stem, |(map, _)| map)))
 }
 
 /// The part of a journal's header that is known before anything is rendered.
@@ -162,21 +187,28 @@ pub(super) fn rendered_by(
     Ok(header.with("metered device", device::stable_device(meter)))
 }
 
-/// The journal, and the records of an earlier run that is continued.
+/// The journal, and the records of an earlier run that is continued, with those of `others`.
 pub(super) fn open_journal(
     path: &Path,
     header: &JournalHeader,
     existing: Existing,
     of: JournalUse,
+    others: &[PathBuf],
 ) -> Result<(Journal, Vec<String>), CliError> {
-    let (journal, records) =
+    let (journal, mut records) =
         Journal::open(path, header, existing).map_err(|error| of.refused(&error))?;
+    for other in others.iter().filter(|_| existing == Existing::Resume) {
+        match records_of(other, header) {
+            Ok(more) => records.extend(more),
+            Err(error) => eprintln!("not read: {error}"),
+        }
+    }
     if !records.is_empty() {
         eprintln!("resuming after {} records", records.len());
     }
     if journal.damaged() > 0 {
         eprintln!(
-            "{}: {} lines from the first damaged one on are left out, and made anew",
+            "{}: {} damaged lines are left out, and made anew",
             path.display(),
             journal.damaged()
         );
@@ -218,13 +250,27 @@ mod tests {
                 Journal::open(&file, &there, Existing::Overwrite).expect("a journal");
             journal.append("m 1").expect("room");
             drop(journal);
-            let error = open_journal(&file, &here, Existing::Resume, JournalUse::PRECOMPUTE)
+            let error = open_journal(&file, &here, Existing::Resume, JournalUse::PRECOMPUTE, &[])
                 .expect_err("another machine")
                 .to_string();
             assert!(error.contains(&format!("its {field} is `PDP-11`, here it is ")), "{error}");
         }
         let work = format!("{:?}", header("work", "work of each frame at the prices of a device"));
         assert!(!work.contains("processor") && !work.contains("adapter"), "{work}");
+    }
+
+    #[test]
+    fn the_journals_of_a_map_s_shards_are_found() {
+        let folder = tempfile::tempdir().expect("a folder");
+        let ours = ["a.ron.0-of-4.journal", "a.ron.3-of-4.journal", "a.ron.journal"];
+        for name in ["a.ron", "b.ron.1-of-4.journal", "a.ron.x-of-4.journal"].iter().chain(&ours) {
+            std::fs::write(folder.path().join(name), "").expect("can be written");
+        }
+        let [map, own] = ["a.ron", "a.ron.3-of-4.journal"].map(|name| folder.path().join(name));
+        let found = other_journals(&map, &own);
+        assert_eq!(found, [ours[0], ours[2]].map(|name| folder.path().join(name)));
+        assert_eq!(whole_journal(ours[1]).as_deref(), Some("a.ron.journal"));
+        assert_eq!(whole_journal("a.scene.ron"), None);
     }
 
     #[test]
@@ -237,13 +283,12 @@ mod tests {
             JournalError::HasRecords { path: path(), records: 3 },
             JournalError::OtherRun { path: path(), field: text(), found: text(), expected: text() },
             JournalError::InUse { path: path() },
-            JournalError::NoLocks { path: path() },
         ];
         for of in [JournalUse::PRECOMPUTE, JournalUse::EVALUATE] {
             let mut said: Vec<String> =
                 errors.iter().map(|error| of.refused(error).to_string()).collect();
             said.extend(errors.iter().map(|error| of.failed(error).to_string()));
-            said.extend([of.interrupted().to_string(), of.needs_merge().to_string()]);
+            said.extend([of.interrupted().to_string(), of.needs_others().to_string()]);
             crate::cli::tests::assert_options_of(of.command, &said);
             // And every option that goes on or begins anew is named somewhere.
             let cli = crate::cli::Cli::command();

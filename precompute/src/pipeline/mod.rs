@@ -62,8 +62,8 @@ pub(crate) enum PipelineError<E> {
     #[error("interrupted")]
     Interrupted,
     /// This shard has rendered its share of the batch; other shards have not.
-    #[error("this shard's share is rendered: merge the shards' journals")]
-    NeedsMerge,
+    #[error("this shard's share is rendered, those of others are not")]
+    NeedsOthers,
     /// No camera in free space sees any geometry.
     #[error("no camera in free space sees the scene: check its bounds and paths")]
     NoCameras,

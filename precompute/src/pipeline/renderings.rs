@@ -166,7 +166,7 @@ impl<'a, M: Measure> Renderings<'a, M> {
     ///
     /// Every other job is rendered in reverse order, so that drift does not favour some settings.
     /// In a sharded run each shard renders every N-th job; if jobs of other shards are missing, the
-    /// run ends with [`PipelineError::NeedsMerge`].
+    /// run ends with [`PipelineError::NeedsOthers`].
     ///
     /// # Errors
     /// When rendering fails, the journal cannot be written, or the run is stopped.
@@ -222,7 +222,7 @@ impl<'a, M: Measure> Renderings<'a, M> {
         let measured = measure.measure_all(&batches, &mut keep);
         measured.map_err(PipelineError::Measure)?;
         failure?;
-        if is_missing { Err(PipelineError::NeedsMerge) } else { Ok(()) }
+        if is_missing { Err(PipelineError::NeedsOthers) } else { Ok(()) }
     }
 
     /// What of `jobs` is not known and this shard's to render, the purpose and number of the camera of

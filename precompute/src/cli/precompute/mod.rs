@@ -11,7 +11,7 @@ use super::arguments::{
     CaptureArguments, WorkerArguments, check_outputs, check_report, write, write_report,
 };
 use super::input::{open_scene, stage_for};
-use super::journal::{JournalArguments, JournalUse, journal_path};
+use super::journal::{JournalArguments, JournalUse, journal_path, other_journals};
 use crate::report::{MapSummary, Report, map_section, search_section};
 use crate::stage::RemoteStage;
 
@@ -32,8 +32,9 @@ pub(super) struct Arguments {
     capture: CaptureArguments,
     #[command(flatten)]
     search: SearchArguments,
-    /// Renders only every N-th job of each batch, beginning with the I-th: 0/4, 1/4, …; frugal
-    /// merge joins the journals. Without a time limit, which each shard would keep apart
+    /// Renders only every N-th job of each batch, beginning with the I-th: 0/4, 1/4, …; with --resume
+    /// a shard reads the others' journals beside the map. Without a time limit, which each shard would
+    /// keep apart
     #[arg(long, value_name = "I/N", value_parser = shard, conflicts_with = "time_limit")]
     shard: Option<(usize, usize)>,
     #[command(flatten)]
@@ -56,6 +57,7 @@ pub(super) fn run(arguments: &Arguments) -> Result<(), CliError> {
     arguments.search.check()?;
     let tracks = arguments.search.tracks.tracks(&scene, arguments.capture.image.fps)?;
     let workers = arguments.workers.count(arguments.capture.meter.as_deref())?;
+    let journal = journal_path(&output, arguments.shard);
     let plan = SearchPlan {
         scene: &scene,
         name: &name,
@@ -63,7 +65,8 @@ pub(super) fn run(arguments: &Arguments) -> Result<(), CliError> {
         capture: &arguments.capture,
         arguments: &arguments.search,
         shard: arguments.shard.unwrap_or((0, 1)),
-        journal: journal_path(&output, arguments.shard),
+        others: other_journals(&output, &journal),
+        journal,
         existing: arguments.journal.existing(),
         of: JournalUse::PRECOMPUTE,
     };
@@ -79,7 +82,9 @@ pub(super) fn run(arguments: &Arguments) -> Result<(), CliError> {
         report.section(map_section(&MapSummary::of(&searched.map))?);
         write_report(folder, &report.render())?;
     }
-    // The run is complete: its journal is not needed.
-    let _ = std::fs::remove_file(&plan.journal);
+    // The run is complete: its journal is not needed, but other shards read a shard's.
+    if arguments.shard.is_none() {
+        let _ = std::fs::remove_file(&plan.journal);
+    }
     Ok(())
 }

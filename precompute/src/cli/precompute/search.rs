@@ -51,6 +51,8 @@ pub(super) struct SearchPlan<'a> {
     /// The shard: its number, from 0, and the number of shards.
     pub shard: (usize, usize),
     pub journal: PathBuf,
+    /// Journals of the same run, which are read.
+    pub others: Vec<PathBuf>,
     pub existing: Existing,
     pub of: JournalUse,
 }
@@ -122,7 +124,7 @@ pub(super) fn search(stage: &mut RemoteStage, plan: &SearchPlan<'_>) -> Result<S
     let header = rendered_by(plan.header()?, &space, &stage.meter())?
         .with("set of cameras", format!("{:016x}", hash(&format!("{cameras:?}"))))
         .with("configuration", format!("{:016x}", hash(&format!("{config:?}"))));
-    let journal = open_journal(&plan.journal, &header, plan.existing, of)?;
+    let journal = open_journal(&plan.journal, &header, plan.existing, of, &plan.others)?;
     eprintln!(
         "{} knobs, {} combinations; {} training and {} calibration cameras; power by {}",
         space.len(),
@@ -191,7 +193,7 @@ fn cli_error(
     match error {
         PipelineError::Interrupted => of.interrupted(),
         PipelineError::Journal(error) => of.failed(&error),
-        PipelineError::NeedsMerge => of.needs_merge(),
+        PipelineError::NeedsOthers => of.needs_others(),
         PipelineError::NoCameras => CliError::usage(format!("{}: {error}", scene.source.display())),
         error => CliError::failed(error),
     }
