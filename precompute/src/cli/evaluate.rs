@@ -5,15 +5,15 @@ use std::path::PathBuf;
 
 use bevy_frugal_gi::control::ControlSettings;
 use bevy_frugal_gi::frontier::{FrontierMap, SceneIdentity};
-use indicatif::ProgressBar;
 
+use super::CliError;
 use super::arguments::{WorkerArguments, check_outputs, check_report, json, write, write_report};
 use super::input::{open_scene, plan_path, read_map_of, stage_for_map};
 use super::journal::{JournalUse, journal_header, open_journal, rendered_by};
-use super::{CliError, progress};
+use super::progress::Progress;
 use crate::evaluate::{
-    Baselines, BudgetRequest, EvaluationError, EvaluationResult, PathPlan, PathRecord, Policy,
-    PowerBudget, Progress, RecordError, Trial, frames_csv, parse_error_budget, pictures,
+    self, Baselines, BudgetRequest, EvaluationError, EvaluationResult, PathPlan, PathRecord,
+    Policy, PowerBudget, RecordError, Trial, frames_csv, parse_error_budget, pictures,
     play_for_real, settings_to_record, table,
 };
 use crate::journal::{Existing, Journal, JournalHeader, hash};
@@ -197,9 +197,9 @@ fn check(
     let mut policies: Vec<_> = results.iter().map(policy).collect();
     let (path, best) = (&trial.record.path, trial.map.knobs.highest());
     stage.warm()?;
-    let bar = progress::bar(0);
-    let played = play_for_real(stage, path, best, &mut policies, &mut of_frames(&bar));
-    bar.finish_and_clear();
+    let shown = Progress::new(0, "frames");
+    let played = play_for_real(stage, path, best, &mut policies, &mut of_frames(&shown));
+    drop(shown);
     let played = played.map_err(CliError::failed)?;
     for (result, run) in results.iter_mut().zip(&played.runs) {
         result.add_check(run, played.drift);
@@ -207,13 +207,11 @@ fn check(
     Ok(())
 }
 
-/// Shows the progress of frames on `bar`; breaks once the user has interrupted the command.
-fn of_frames(bar: &ProgressBar) -> impl FnMut(&Progress<'_>) -> ControlFlow<()> {
+/// Shows the progress of frames.
+fn of_frames(shown: &Progress) -> impl FnMut(&evaluate::Progress<'_>) -> ControlFlow<()> {
     |progress| {
-        bar.set_length(progress.frames_total as u64);
-        bar.set_position(progress.frames_done as u64);
-        bar.set_message(format!("frames, {}", progress.run));
-        if progress::interrupted() { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
+        let what = format!("frames, {}", progress.run);
+        shown.at(progress.frames_done, progress.frames_total, what)
     }
 }
 
@@ -236,10 +234,10 @@ fn outputs(
     }
     if let (Some(folder), [result]) = (&arguments.report, results) {
         let (path, frames) = (&trial.record.path, result.frames);
-        let shown = [frames / 4, frames / 2, 3 * frames / 4];
-        let bar = progress::bar(0);
-        let kept = pictures(stage, path, result, &shown, &mut of_frames(&bar));
-        bar.finish_and_clear();
+        let numbers = [frames / 4, frames / 2, 3 * frames / 4];
+        let shown = Progress::new(0, "frames");
+        let kept = pictures(stage, path, result, &numbers, &mut of_frames(&shown));
+        drop(shown);
         let kept = kept.map_err(CliError::failed)?;
         write_report(folder, &evaluation_report(result, &captioned(result, &kept), &[])?)?;
     }
@@ -268,13 +266,13 @@ fn record(
     let (mut journal, lines) = open_journal(&file, &header, Existing::Resume, of, &[])?;
     let mut record = PathRecord::restore(path, &map.knobs, &lines);
     let settings = settings_to_record(map, baselines);
-    let bar = progress::bar(0);
+    let shown = Progress::new(0, "frames");
     if settings.iter().any(|settings| record.table.column(*settings).is_none()) {
         stage.warm()?;
     }
-    let mut report = of_frames(&bar);
-    let recorded = record.extend(stage.processes(), &settings, &mut journal, &mut report);
-    bar.finish_and_clear();
+    let recorded =
+        record.extend(stage.processes(), &settings, &mut journal, &mut of_frames(&shown));
+    drop(shown);
     recorded.map_err(|error| match error {
         RecordError::Journal(error) => of.failed(&error),
         RecordError::Play(EvaluationError::Interrupted) if kept.is_none() => CliError::failed(

@@ -6,17 +6,18 @@ use std::path::PathBuf;
 use bevy_frugal_gi::frontier::{Bounds, Capture, FrontierMap, SceneIdentity};
 use bevy_frugal_gi::power::detect;
 
+use super::super::CliError;
 use super::super::arguments::CaptureArguments;
 use super::super::input::knobs;
 use super::super::journal::{JournalUse, journal_header, names_of, open_journal, rendered_by};
-use super::super::{CliError, progress};
+use super::super::progress::Progress;
 use super::SearchArguments;
 use crate::cameras::{CameraMix, CameraSet, MovingCamera, TrackSample};
 use crate::cost::FrameLayout;
 use crate::device;
 use crate::journal::{Existing, Journal, JournalHeader, hash};
 use crate::pipeline::{
-    CLIP_FRAMES, Extent, Outcome, PipelineError, Setup, Subject, map_of, run as run_pipeline,
+    self, CLIP_FRAMES, Extent, Outcome, PipelineError, Setup, Subject, map_of, run as run_pipeline,
 };
 use crate::report::SearchSummary;
 use crate::scene::{self, SceneDescription};
@@ -153,8 +154,10 @@ pub(super) fn search(stage: &mut RemoteStage, plan: &SearchPlan<'_>) -> Result<S
         idle,
         describe: &describe,
     };
-    let bar = progress::bar(0);
-    let mut report = progress::of_renderings(&bar);
+    let shown = Progress::new(0, "renderings");
+    let mut report = |progress: &pipeline::Progress<'_>| {
+        shown.at(progress.done, progress.total, format!("renderings, {}", progress.stage))
+    };
     let setup = Setup {
         measure: stage,
         journal,
@@ -165,7 +168,7 @@ pub(super) fn search(stage: &mut RemoteStage, plan: &SearchPlan<'_>) -> Result<S
         report: &mut report,
     };
     let outcome = run_pipeline(&subject, &config, setup);
-    bar.finish_and_clear();
+    drop(shown);
     let outcome = outcome.map_err(|error| cli_error(error, scene, of))?;
     let map = map_of(&outcome, &subject, &config, identity, capture, stage.meter());
     map.validate().map_err(CliError::failed)?;
