@@ -6,19 +6,11 @@ use std::time::{Duration, Instant};
 
 use bevy_frugal_gi::frontier::FrontierMap;
 
-use super::{assert_refused, command, run, stderr};
+use super::{assert_refused, command, run, stderr, tiny_scene};
 
 tests!(a_killed_search_is_resumed);
 
 const MAP: &str = "a.pareto.ron";
-
-/// One triangle without punctual lights: few views contain it, and a frame takes milliseconds.
-const SCENE: &str = r#"(geometry: Gltf("a.glb"), environment: Constant((900.0, 900.0, 900.0)), camera: (vertical_fov: 50.0),
-    bounds: (min: (0.1, 0.1, 0.8), max: (0.6, 0.5, 1.4)),
-    paths: { "tour": [
-        (time: 0.0, position: (0.3, 0.3, 1.0), look_at: (0.3, 0.3, 0.0)),
-        (time: 0.3, position: (0.4, 0.3, 1.0), look_at: (0.4, 0.3, 0.0)),
-    ] })"#;
 
 const SEARCH: [&str; 6] =
     ["--size", "32x32", "--levels", "0", "--knobs", "antialiasing,post_processing"];
@@ -33,9 +25,7 @@ fn lines(journal: &Path) -> usize {
 }
 
 fn a_killed_search_is_resumed() {
-    let folder = tempfile::tempdir().expect("a folder");
-    fs::write(folder.path().join("a.scene.ron"), SCENE).expect("can be written");
-    fs::write(folder.path().join("a.glb"), super::triangle()).expect("can be written");
+    let folder = tiny_scene();
     let journal = folder.path().join(format!("{MAP}.journal"));
     let mut child = command(folder.path(), &precompute(&[]))
         .stderr(std::process::Stdio::null())
