@@ -155,7 +155,7 @@ pub(super) fn run(arguments: &Arguments) -> Result<(), CliError> {
         record_header(&SceneIdentity { name, fingerprint: scene.fingerprint()? }, &map, &path);
     if let Some(file) = &kept {
         Journal::check(file, &header, Existing::Resume)
-            .map_err(|error| JournalUse::EVALUATE.refused(&error))?;
+            .map_err(|error| JournalUse::Evaluate.refused(&error))?;
     }
 
     let request = stage_for_map(&scene, &map, &arguments.map, arguments.meter.clone())?;
@@ -259,7 +259,7 @@ fn record(
     baselines: Baselines,
     kept: Option<PathBuf>,
 ) -> Result<PathRecord, CliError> {
-    let of = JournalUse::EVALUATE;
+    let of = JournalUse::Evaluate;
     let scratch = tempfile::tempdir().map_err(CliError::failed)?;
     let file = kept.clone().unwrap_or_else(|| scratch.path().join("record"));
     let header = rendered_by(header, &map.knobs, &stage.meter())?;

@@ -33,34 +33,17 @@ impl JournalArguments {
     }
 }
 
-/// A command's ways with its journal. All advice on journals is made from them, so that none names an
-/// option that the command lacks.
+/// A command with a journal. All advice on journals is made here, so that none names an option that the
+/// command lacks.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) struct JournalUse {
-    /// Its name.
-    command: &'static str,
-    /// Whether it has `--resume`; without it the same command goes on by itself.
-    has_resume: bool,
-    /// Whether it has `--overwrite`.
-    has_overwrite: bool,
-    /// The option that gives the journal another place.
-    place: Option<&'static str>,
+pub(super) enum JournalUse {
+    /// Has `--resume` and `--overwrite`.
+    Precompute,
+    /// Goes on by itself.
+    Evaluate,
 }
 
 impl JournalUse {
-    pub(super) const PRECOMPUTE: Self = Self {
-        command: "precompute",
-        has_resume: true,
-        has_overwrite: true,
-        place: Some("--output"),
-    };
-    pub(super) const EVALUATE: Self = Self {
-        command: "evaluate",
-        has_resume: false,
-        has_overwrite: false,
-        place: Some("--record"),
-    };
-
     /// The user stopped the run.
     pub(super) fn interrupted(self) -> CliError {
         CliError::failed(format!("interrupted: {}", self.going_on()))
@@ -85,32 +68,33 @@ impl JournalUse {
     }
 
     fn going_on(self) -> &'static str {
-        if self.has_resume {
-            "the same command with --resume continues"
-        } else {
-            "the same command continues"
+        match self {
+            Self::Precompute => "the same command with --resume continues",
+            Self::Evaluate => "the same command continues",
         }
     }
 
     fn with_advice(self, error: &JournalError) -> String {
-        let resume = if self.has_resume { " and --resume" } else { "" };
+        let is_precompute = self == Self::Precompute;
         let first = match error {
-            JournalError::HasRecords { .. } if self.has_resume => {
-                Some("add --resume to continue it".to_owned())
+            JournalError::HasRecords { .. } => {
+                is_precompute.then(|| "add --resume to continue it".to_owned())
             }
-            JournalError::HasRecords { .. } => None,
-            JournalError::OtherRun { field, .. } => Some(format!("run with that {field}{resume}")),
+            JournalError::OtherRun { field, .. } => {
+                let resume = if is_precompute { " and --resume" } else { "" };
+                Some(format!("run with that {field}{resume}"))
+            }
             JournalError::NotAJournal { .. } => Some("move it away".to_owned()),
             JournalError::InUse { .. } => Some("wait until that has ended".to_owned()),
             JournalError::File(_) | JournalError::Header(_) => return error.to_string(),
         };
         let is_earlier =
             matches!(error, JournalError::HasRecords { .. } | JournalError::OtherRun { .. });
-        let anew = (is_earlier && self.has_overwrite)
+        let anew = (is_earlier && is_precompute)
             .then(|| "add --overwrite to drop it and begin anew".to_owned());
-        let elsewhere = self.place.map(|place| format!("give another {place}"));
-        let ways: Vec<String> = [first, anew, elsewhere].into_iter().flatten().collect();
-        format!("{error}: {}", ways.join(", or "))
+        let place = if is_precompute { "--output" } else { "--record" };
+        let ways = [first, anew, Some(format!("give another {place}"))];
+        format!("{error}: {}", ways.into_iter().flatten().collect::<Vec<_>>().join(", or "))
     }
 }
 
@@ -250,7 +234,7 @@ mod tests {
                 Journal::open(&file, &there, Existing::Overwrite).expect("a journal");
             journal.append("m 1").expect("room");
             drop(journal);
-            let error = open_journal(&file, &here, Existing::Resume, JournalUse::PRECOMPUTE, &[])
+            let error = open_journal(&file, &here, Existing::Resume, JournalUse::Precompute, &[])
                 .expect_err("another machine")
                 .to_string();
             assert!(error.contains(&format!("its {field} is `PDP-11`, here it is ")), "{error}");
@@ -284,19 +268,21 @@ mod tests {
             JournalError::OtherRun { path: path(), field: text(), found: text(), expected: text() },
             JournalError::InUse { path: path() },
         ];
-        for of in [JournalUse::PRECOMPUTE, JournalUse::EVALUATE] {
+        for (of, name) in
+            [(JournalUse::Precompute, "precompute"), (JournalUse::Evaluate, "evaluate")]
+        {
             let mut said: Vec<String> =
                 errors.iter().map(|error| of.refused(error).to_string()).collect();
             said.extend(errors.iter().map(|error| of.failed(error).to_string()));
             said.extend([of.interrupted().to_string(), of.needs_others().to_string()]);
-            crate::cli::tests::assert_options_of(of.command, &said);
+            crate::cli::tests::assert_options_of(name, &said);
             // And every option that goes on or begins anew is named somewhere.
             let cli = crate::cli::Cli::command();
-            let command = cli.find_subcommand(of.command).expect("a command");
+            let command = cli.find_subcommand(name).expect("a command");
             for option in ["resume", "overwrite"] {
                 let is_there = command.get_arguments().any(|it| it.get_long() == Some(option));
                 let is_named = said.iter().any(|text| text.contains(&format!("--{option}")));
-                assert_eq!(is_there, is_named, "{}: --{option}", of.command);
+                assert_eq!(is_there, is_named, "{name}: --{option}");
             }
         }
     }

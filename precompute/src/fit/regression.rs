@@ -2,8 +2,7 @@
 //! (Rasmussen and Williams 2006, "Gaussian processes for machine learning", chapter 2).
 //!
 //! Views are alike where they show alike things ([view features](crate::view_features)), and where
-//! they are near each other. Logarithms of errors are predicted, with their uncertainty. On a level
-//! kept apart from the tuning see `docs/results-over-time.md`.
+//! they are near each other. Logarithms of errors are predicted, with their uncertainty.
 
 use super::smooth::Viewpoint;
 use crate::linalg::{cholesky, dot, inverse};

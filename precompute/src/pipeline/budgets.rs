@@ -39,8 +39,8 @@ pub(super) struct Evidence<'a> {
 /// Calibrates error budgets: by cameras of tracks where there are enough, since these are the views
 /// that users play, and by all else.
 ///
-/// Where there are enough, only cameras that have rendered the whole pool take part: errors that are
-/// completed go wrong together with the predictions that they are compared with.
+/// Where there are enough, only cameras that have rendered the whole pool take part: completed errors
+/// share the prediction's bias.
 pub(super) fn calibrated(
     subject: &Subject<'_>,
     cameras: &CameraSet,

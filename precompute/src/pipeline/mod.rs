@@ -239,8 +239,7 @@ fn propose_round(
     let Subject { space, layout, .. } = *subject;
     let cost = CostModel::fit(&readings(subject, table), subject.idle);
     // Alternates between all pilot cameras and each half of them, because the pool must suit
-    // different views. Rejected: rounds for one pilot at a time, rendered there alone at first. Whole
-    // searches gained nothing, and maps of short ones took 6 % more power.
+    // different views.
     let halves: [Vec<usize>; 3] =
         [(0..table.rows()).collect(), every_other(table.rows(), 0), every_other(table.rows(), 1)];
     let rows = &halves[round % 3];

@@ -68,7 +68,7 @@ pub(super) fn run(arguments: &Arguments) -> Result<(), CliError> {
         others: other_journals(&output, &journal),
         journal,
         existing: arguments.journal.existing(),
-        of: JournalUse::PRECOMPUTE,
+        of: JournalUse::Precompute,
     };
     plan.check_journal()?;
     let request = stage_for(&scene, &arguments.capture)?;
