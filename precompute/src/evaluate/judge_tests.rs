@@ -133,7 +133,7 @@ fn a_real_play_checks_the_record_and_finds_drift() {
     let trial = trial(&record, &map, Baselines::Quick);
     let budget = BudgetRequest { power: Some(PowerBudget::Share(0.6)), error: None };
     let mut result = trial.judge(&budget);
-    let mut renderer = Fake { drift: 0.1, ..Fake::default() };
+    let mut renderer = Fake { drift: 0.2, ..Fake::default() };
     let mut policies: Vec<Box<dyn Policy + '_>> = vec![Box::new(trial.controller(&result.budget))];
     let mut seen = 0;
     let real =
@@ -145,12 +145,12 @@ fn a_real_play_checks_the_record_and_finds_drift() {
         .unwrap();
     assert_eq!((renderer.runs.join(", ").as_str(), seen), ("maximum, frugal, maximum again", 30));
     result.add_check(&real.runs[0], real.drift);
-    assert!((result.drift.relative - 0.2 / (4.2 + ALONG)).abs() < 1e-9);
+    assert!((result.drift.relative - 0.4 / (4.2 + ALONG)).abs() < 1e-9);
     assert_eq!(result.drift.repeat_max_error, 0.0);
     assert!(result.warnings.last().unwrap().contains("the machine's"));
     let check = result.spot_check.unwrap();
     assert_eq!(check.recorded_mean_power_w, result.runs[0].mean_power_w);
-    assert!((check.mean_power_w.0 - 0.1 - check.recorded_mean_power_w.0).abs() < 1e-6, "{check:?}");
+    assert!((check.mean_power_w.0 - 0.2 - check.recorded_mean_power_w.0).abs() < 1e-6, "{check:?}");
 }
 
 #[test]

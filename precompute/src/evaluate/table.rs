@@ -92,9 +92,10 @@ pub(crate) fn table(result: &EvaluationResult) -> String {
         let _ =
             writeln!(text, "The frugal run is dominated by {}.", result.dominated_by.join(", "));
     }
-    for run in result.runs.iter().filter(|run| run.windows_over.is_some_and(|share| share > 0.0)) {
-        let share = 100.0 * run.windows_over.unwrap_or(0.0);
-        let _ = writeln!(text, "{}: over the power budget in {share:.1} % of seconds.", run.name);
+    if let Some(share) = result.runs.first().and_then(|run| run.windows_over) {
+        let percent = 100.0 * share;
+        let _ =
+            writeln!(text, "The frugal run is over the power budget in {percent:.1} % of seconds.");
     }
     for run in &result.runs {
         if let Some(note) = &run.note {
@@ -178,7 +179,7 @@ mod tests {
             lines[4..11].iter().map(|line| line.split_whitespace().count()).collect::<Vec<_>>(),
             [8; 7]
         );
-        assert!(lines[4].starts_with("frugal            1.2"), "{text}");
+        assert!(lines[4].starts_with("frugal             1.209     1.209"), "{text}");
         assert!(text.contains("resolution-only: no resolution meets the budget"), "{text}");
         assert!(text.contains("simulated from the record: 1.2"), "{text}");
         assert!(lines.iter().all(|line| line.trim_end() == *line));

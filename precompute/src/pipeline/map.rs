@@ -37,7 +37,7 @@ pub(crate) fn map_of(
         work_prices,
         knob_effects,
         knobs: space.clone(),
-        bounds: bounds.clone(),
+        bounds: *bounds,
         octree: outcome.fitted.octree.clone(),
     }
 }
