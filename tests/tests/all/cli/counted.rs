@@ -6,9 +6,13 @@ use std::process::Output;
 
 use bevy_frugal_gi::frontier::FrontierMap;
 
-use super::{run, stderr, tiny_scene};
+use super::{entries, folder, run, scene_with_map, stderr, tiny_scene};
 
-tests!(shards_and_their_merged_journals_make_the_same_map, prices_of_a_device_reprice_a_map);
+tests!(
+    shards_and_their_merged_journals_make_the_same_map,
+    prices_of_a_device_reprice_a_map,
+    a_quick_evaluation_is_checked_by_a_real_play,
+);
 
 const SEARCH: [&str; 10] = [
     "--size",
@@ -86,4 +90,24 @@ fn prices_of_a_device_reprice_a_map() {
         map.shared.points().iter().map(|point| point.cost.error).collect::<Vec<_>>()
     };
     assert_eq!(errors(&new), errors(&old), "errors stay");
+}
+
+fn a_quick_evaluation_is_checked_by_a_real_play() {
+    let folder = folder();
+    scene_with_map(folder.path());
+    let before = entries(folder.path());
+    let evaluate = ["evaluate", "a.scene.ron", "--map", "a.pareto.ron", "--meter", "work"];
+    let outputs = ["--error-budget", "0.02", "--json", "out.json", "--report", "page"];
+    let said = succeeds(&run(folder.path(), &[&evaluate[..], &outputs].concat()));
+    for words in ["The frugal run rendered: ", "trained-constant", "mid-min"] {
+        assert!(said.contains(words), "{words} in: {said}");
+    }
+    let json = fs::read_to_string(folder.path().join("out.json")).expect("a result");
+    assert!(json.contains("\"spot_check\"") && json.contains("\"repeat_mean_error\""), "{json}");
+    let page = fs::read_to_string(folder.path().join("page/report.html")).expect("a page");
+    // Three frames of each run; the knobs of the map have no resolution.
+    assert_eq!(page.matches("<img ").count(), 3 * 6, "{said}");
+    let mut after = entries(folder.path());
+    after.retain(|name| !["out.json", "page"].contains(&name.as_str()));
+    assert_eq!(after, before, "no record is left");
 }
