@@ -6,10 +6,10 @@ use std::process::Output;
 
 use bevy_frugal_gi::frontier::FrontierMap;
 
-use super::{entries, folder, run, scene_with_map, stderr, tiny_scene};
+use super::{assert_refused, entries, folder, run, scene_with_map, stderr, tiny_scene};
 
 tests!(
-    shards_and_their_merged_journals_make_the_same_map,
+    several_processes_shards_and_merged_journals_make_the_same_map,
     prices_of_a_device_reprice_a_map,
     a_quick_evaluation_is_checked_by_a_real_play,
 );
@@ -36,10 +36,15 @@ fn succeeds(output: &Output) -> String {
     String::from_utf8_lossy(&output.stdout).into_owned()
 }
 
-fn shards_and_their_merged_journals_make_the_same_map() {
+fn several_processes_shards_and_merged_journals_make_the_same_map() {
     let folder = tiny_scene();
     let read = |name: &str| fs::read(folder.path().join(name)).expect("a file");
+    // Processes would disturb what another meter reads.
+    let metered = ["precompute", "a.scene.ron", "--workers", "3"];
+    assert_refused(&run(folder.path(), &metered), &["--workers 3", "--meter work"]);
     succeeds(&precompute(folder.path(), "whole.pareto.ron", &[]));
+    succeeds(&precompute(folder.path(), "side.pareto.ron", &["--workers", "3"]));
+    assert!(read("side.pareto.ron") == read("whole.pareto.ron"), "another map");
     let journals = ["a.pareto.ron.0-of-2.journal", "a.pareto.ron.1-of-2.journal"];
     for shard in ["0/2", "1/2"] {
         let output = precompute(folder.path(), "a.pareto.ron", &["--shard", shard, "--resume"]);

@@ -7,7 +7,6 @@ use super::{AT, SCENE, assert_refused, entries, folder, run, scene_with_map, std
 tests!(
     unknown_knobs_and_meters_are_named,
     misspelt_knobs_and_levels_get_the_nearest_one,
-    several_processes_search_the_same_map,
     several_processes_record_the_same_path,
 );
 
@@ -42,24 +41,6 @@ fn misspelt_knobs_and_levels_get_the_nearest_one() {
     ] {
         assert_refused(&refused, &[&format!("did you mean `{name}`?")]);
     }
-}
-
-fn several_processes_search_the_same_map() {
-    let folder = folder();
-    write(folder.path(), "a.scene.ron", SCENE);
-    let precompute = |options: &[&str]| {
-        let small = ["--size", "32x18", "--levels", "0", "--training", "4"];
-        let knobs = ["--knobs", "antialiasing,post_processing"];
-        run(folder.path(), &[&["precompute", "a.scene.ron"][..], &small, &knobs, options].concat())
-    };
-    assert_refused(&precompute(&["--workers", "3"]), &["--workers 3", "--meter work"]);
-    let map = |workers: &str| {
-        let name = format!("{workers}.pareto.ron");
-        let done = precompute(&["--meter", "work", "--workers", workers, "-o", &name]);
-        assert!(done.status.success(), "{}", stderr(&done));
-        fs::read_to_string(folder.path().join(name)).expect("a map")
-    };
-    assert_eq!(map("3"), map("1"));
 }
 
 fn several_processes_record_the_same_path() {
